@@ -1,0 +1,20 @@
+//! Geometry values of the knee and algorithms on them.
+//!
+//! Units throughout: millimetre, radian. No file system, no clock, no terminal: codecs read bytes and write to `Write`.
+//! Surfaces are plain values ([`surface::TriMesh`], [`hex::HexMesh`]); queries on them are built once ([`query::SurfaceQuery`]).
+
+pub mod format;
+pub mod frame;
+pub mod hex;
+pub mod query;
+pub mod shapes;
+pub mod surface;
+pub mod topology;
+pub mod unit;
+
+/// A point in space [mm].
+pub type Point = nalgebra::Point3<f64>;
+/// A displacement [mm] or a direction [-].
+pub type Vector = nalgebra::Vector3<f64>;
+/// A rigid motion; translation in mm.
+pub type Isometry = nalgebra::Isometry3<f64>;

@@ -1,0 +1,1 @@
+//! The build of a knee model from a specimen: order, files, command line, report.

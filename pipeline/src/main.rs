@@ -1,0 +1,3 @@
+//! `build-model`.
+
+fn main() {}

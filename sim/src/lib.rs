@@ -1,0 +1,5 @@
+//! Knee mechanics without anatomy: a specification becomes an immutable model and a state.
+//!
+//! Units: mm, N, s, tonne, MPa, radian inside; the specification file is in mm, N, N/mm, degrees where its keys say so.
+
+pub mod spec;

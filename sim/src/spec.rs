@@ -1,0 +1,191 @@
+//! model.json (FORMAT 3): everything a simulation needs, as data.
+
+use meshes::frame::{AnatomicalFrame, Side};
+use serde::{Deserialize, Serialize};
+
+/// model.json. Mesh paths are relative to the file's folder.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ModelSpec {
+    /// "model/1".
+    pub schema: String,
+    /// Specimen name.
+    pub id: String,
+    /// Which knee.
+    pub side: Side,
+    /// The units of the numbers below.
+    pub units: Units,
+    /// Anatomical frames and the pose in CT.
+    pub frames: FramesSpec,
+    /// Rigid bodies and their meshes.
+    pub bodies: Vec<BodySpec>,
+    /// Cartilage contact.
+    pub contact: ContactSpec,
+    /// Ligament bundles.
+    pub bundles: Vec<BundleSpec>,
+    /// Ligament fibres, CT frame.
+    pub fibres: Vec<FibreSpec>,
+    /// Where the tabular law's last point lies, in multiples of the toe's end, by bundle where it differs.
+    #[serde(default)]
+    pub toe_end_multiple: std::collections::BTreeMap<String, f64>,
+    /// Steps a deck brought along, kept as they were read.
+    #[serde(default)]
+    pub protocols: Vec<serde_json::Value>,
+    /// Effects added by the discrepancy workflow.
+    #[serde(default)]
+    pub components: Vec<serde_json::Value>,
+    /// What could not be placed or is uncertain.
+    #[serde(default)]
+    pub warnings: Vec<String>,
+}
+
+/// Unit names, stated so that a reader need not guess.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Units {
+    /// "mm"
+    pub length: String,
+    /// "N"
+    pub force: String,
+    /// "MPa"
+    pub pressure: String,
+    /// "deg"
+    pub angle: String,
+}
+
+/// Frames as in 05-frames/frames.json.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FramesSpec {
+    /// The femur's.
+    pub femur: AnatomicalFrame,
+    /// The tibia's.
+    pub tibia: AnatomicalFrame,
+    /// Grood-Suntay pose in CT, clinical signs.
+    pub gs_ct_pose: PoseSpec,
+    /// The joint chain's axes as a deck gives them (their nodes are rounded); from the frames where absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub chain: Option<ChainSpec>,
+}
+
+/// Grood-Suntay coordinates, clinical signs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PoseSpec {
+    /// Flexion [deg].
+    pub fe_deg: f64,
+    /// Valgus [deg].
+    pub vv_deg: f64,
+    /// External [deg].
+    pub ie_deg: f64,
+    /// Lateral [mm].
+    pub ml_mm: f64,
+    /// Anterior [mm].
+    pub ap_mm: f64,
+    /// Superior [mm].
+    pub si_mm: f64,
+}
+
+/// The three cylindrical joints' axes in the CT pose: a point [mm] and a unit direction each.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ChainSpec {
+    /// Superior-inferior axis, fixed in the tibia.
+    pub si: AxisSpec,
+    /// Floating axis.
+    pub ap: AxisSpec,
+    /// Medial-lateral axis, fixed in the femur.
+    pub ml: AxisSpec,
+}
+
+/// An axis.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AxisSpec {
+    /// A point of it [mm].
+    pub point: meshes::Point,
+    /// Its unit direction.
+    pub direction: meshes::Vector,
+}
+
+/// A rigid body.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BodySpec {
+    /// "femur" (moves) or "tibia" (fixed, with the fibula).
+    pub name: String,
+    /// Bone surface (PLY).
+    pub bone: String,
+    /// Cartilage meshes (VTU) fixed to it.
+    pub cartilage: Vec<String>,
+    /// Mass for explicit dynamics [tonne].
+    pub mass_tonne: f64,
+    /// Rotary inertia for explicit dynamics [tonne mm2].
+    pub inertia_tonne_mm2: f64,
+}
+
+/// Rigid cartilage with tabular pressure-overclosure.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ContactSpec {
+    /// Table: overclosure [mm], ascending.
+    pub overclosure_mm: Vec<f64>,
+    /// Table: pressure [MPa]; the last slope is continued.
+    pub pressure_mpa: Vec<f64>,
+    /// Coulomb friction coefficient [-].
+    pub friction: f64,
+    /// Contact damping, fraction of critical [-].
+    pub damping: f64,
+    /// Which articular surfaces meet.
+    pub pairs: Vec<PairSpec>,
+}
+
+/// A contact pair: articular surfaces (PLY, triangles, outward normals, open patches).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PairSpec {
+    /// The femoral mesh.
+    pub femur: String,
+    /// The tibial mesh.
+    pub tibia: String,
+}
+
+/// A ligament's force law.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Law {
+    /// Quadratic toe, then linear [blankevoort1991].
+    Smooth,
+    /// Linear interpolation between the deck's points.
+    Tabular,
+}
+
+/// A ligament bundle.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BundleSpec {
+    /// Bundle name.
+    pub name: String,
+    /// Ratio of length to slack length in the CT pose [-].
+    pub reference_strain: f64,
+    /// Of the whole bundle [N/mm].
+    pub stiffness_n_per_mm: f64,
+    /// L_bundle: the length the slack length derives from [mm].
+    pub reference_length_mm: f64,
+    /// Toe strain [-].
+    pub toe_strain: f64,
+    /// Force law.
+    pub law: Law,
+}
+
+/// A straight fibre, CT frame.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FibreSpec {
+    /// Bundle name.
+    pub bundle: String,
+    /// Femoral end [mm].
+    pub femur: meshes::Point,
+    /// Tibial end [mm].
+    pub tibia: meshes::Point,
+}

@@ -1,0 +1,53 @@
+//! The stages of the build: one public function each, from values to values. None opens a file.
+//!
+//! Order: ingest, register, bones, cartilage, frames, attachments, hexmesh, overclosure, assemble.
+
+pub mod attachments;
+pub mod bones;
+pub mod cartilage;
+pub mod frames;
+pub mod hexmesh;
+pub mod ingest;
+pub mod overclosure;
+pub mod register;
+
+use serde::{Deserialize, Serialize};
+
+/// A value of each of the two bones.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct PerBone<T> {
+    /// The femur's.
+    pub femur: T,
+    /// The tibia-with-fibula's.
+    pub tibfib: T,
+}
+
+/// A value of each of the three cartilages.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct PerCartilage<T> {
+    /// The femur's.
+    pub femur: T,
+    /// The medial plateau's.
+    pub tibia_medial: T,
+    /// The lateral plateau's.
+    pub tibia_lateral: T,
+}
+
+impl<T> PerBone<T> {
+    /// The values with their names in files.
+    pub fn named(&self) -> [(&'static str, &T); 2] {
+        [("femur", &self.femur), ("tibfib", &self.tibfib)]
+    }
+}
+
+impl<T> PerCartilage<T> {
+    /// The values with their names in files.
+    pub fn named(&self) -> [(&'static str, &T); 3] {
+        [("femur", &self.femur), ("tibia_medial", &self.tibia_medial), ("tibia_lateral", &self.tibia_lateral)]
+    }
+}
+
+/// Why a stage cannot go on: what is wrong, what was expected, what to do, in words for the laboratory.
+#[derive(Debug, thiserror::Error, Clone, PartialEq, Eq)]
+#[error("{0}")]
+pub struct StageError(pub String);
