@@ -2,6 +2,7 @@
 //!
 //! Order: ingest, register, bones, cartilage, frames, attachments, hexmesh, overclosure, assemble.
 
+pub mod assemble;
 pub mod attachments;
 pub mod bones;
 pub mod cartilage;

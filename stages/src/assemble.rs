@@ -1,0 +1,225 @@
+//! Stage 9, assemble: everything a simulation needs, in one specification.
+
+use crate::attachments::Attachments;
+use crate::frames::Frames;
+use crate::ingest::Specimen;
+use crate::overclosure::Separated;
+use crate::{PerCartilage, StageError};
+use attachments::bundle::{BUNDLES, Bundle};
+use meshes::hex::HexMesh;
+use meshes::surface::TriMesh;
+use serde::{Deserialize, Serialize};
+use sim::spec::{BodySpec, BundleSpec, ContactSpec, FibreSpec, FramesSpec, Law, ModelSpec, PairSpec, PoseSpec, Units};
+
+/// Options of the stage.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct AssembleOptions {
+    /// Overclosures of the contact law, ascending [mm]; the published law of S192803 [andreassen2025].
+    pub overclosure_mm: Vec<f64>,
+    /// Pressures at them [MPa].
+    pub pressure_mpa: Vec<f64>,
+    /// Coulomb friction of cartilage on cartilage [-] [andreassen2025].
+    pub friction: f64,
+    /// Contact damping, fraction of critical [-] [andreassen2025].
+    pub contact_damping: f64,
+    /// Toe strain of every bundle [-] [blankevoort1991].
+    pub toe_strain: f64,
+    /// Force law of every bundle.
+    pub law: Law,
+    /// Mass of the moving body in explicit dynamics [tonne]; numerical, as in the published decks.
+    pub mass_tonne: f64,
+    /// Rotary inertia of the moving body in explicit dynamics [tonne mm2]; numerical, as in the published decks.
+    pub inertia_tonne_mm2: f64,
+}
+
+impl Default for AssembleOptions {
+    fn default() -> Self {
+        AssembleOptions {
+            overclosure_mm: vec![0.0, 0.05, 0.1, 0.2],
+            pressure_mpa: vec![0.0, 0.323_340_3, 0.646_680_6, 1.339_037_9],
+            friction: 0.03,
+            contact_damping: 0.001,
+            toe_strain: 0.03,
+            law: Law::Smooth,
+            mass_tonne: 1e-5,
+            inertia_tonne_mm2: 0.1,
+        }
+    }
+}
+
+/// The model specification and the contact surfaces it names.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Assembled {
+    /// model.json; mesh paths as the build lays its folders out, relative to 09-assemble.
+    pub spec: ModelSpec,
+    /// Articular faces as triangles, outward normals, open patches, CT frame.
+    pub contact: PerCartilage<TriMesh>,
+    /// What is odd but not fatal.
+    pub warnings: Vec<String>,
+    /// For metrics.json.
+    pub metrics: serde_json::Value,
+}
+
+/// Assembles the model.
+pub fn assemble(
+    specimen: &Specimen,
+    frames: &Frames,
+    attachments: &Attachments,
+    separated: &Separated,
+    options: &AssembleOptions,
+) -> Result<Assembled, StageError> {
+    check(specimen, options)?;
+    let contact = PerCartilage {
+        femur: articular_face(&separated.meshes.femur),
+        tibia_medial: articular_face(&separated.meshes.tibia_medial),
+        tibia_lateral: articular_face(&separated.meshes.tibia_lateral),
+    };
+    let (bundles, mut warnings) = bundles(specimen, attachments, options);
+    warnings.extend(attachments.warnings.iter().cloned());
+    let fibres = attachments
+        .fibres
+        .iter()
+        .map(|f| FibreSpec { bundle: f.bundle.clone(), femur: f.femur, tibia: f.tibia })
+        .collect::<Vec<_>>();
+    let metrics = serde_json::json!({
+        "bundles": bundles.len(),
+        "fibres": fibres.len(),
+        "contact_triangles": contact.named().map(|(name, m)| serde_json::json!({"mesh": name, "triangles": m.triangles.len()})),
+    });
+    let spec = ModelSpec {
+        schema: "model/1".into(),
+        id: specimen.identity.id.clone(),
+        side: specimen.identity.side,
+        units: Units { length: "mm".into(), force: "N".into(), pressure: "MPa".into(), angle: "deg".into() },
+        frames: frames_spec(frames),
+        bodies: bodies(options),
+        contact: contact_spec(options),
+        bundles,
+        fibres,
+        toe_end_multiple: Default::default(),
+        protocols: Vec::new(),
+        components: Vec::new(),
+        warnings: warnings.clone(),
+    };
+    Ok(Assembled { spec, contact, warnings, metrics })
+}
+
+fn check(specimen: &Specimen, options: &AssembleOptions) -> Result<(), StageError> {
+    if let Some(name) = specimen.ligaments.keys().find(|n| BUNDLES.iter().all(|b| b.name != **n)) {
+        let known = BUNDLES.iter().map(|b| b.name.as_str()).collect::<Vec<_>>().join(", ");
+        return Err(StageError(format!(
+            "specimen.toml [ligaments.{name}]: no such bundle; one of {known} was expected"
+        )));
+    }
+    let (x, p) = (&options.overclosure_mm, &options.pressure_mpa);
+    let ascending = x.windows(2).all(|w| w[0] < w[1]) && p.windows(2).all(|w| w[0] <= w[1]);
+    if x.len() < 2 || x.len() != p.len() || !ascending || x.iter().chain(p).any(|v| !v.is_finite()) {
+        return Err(StageError(
+            "assemble.overclosure_mm and assemble.pressure_mpa: two equally long ascending lists were expected".into(),
+        ));
+    }
+    Ok(())
+}
+
+/// The articular quadrilaterals, each split along its shorter diagonal.
+pub fn articular_face(mesh: &HexMesh) -> TriMesh {
+    let length = |a: u32, b: u32| (mesh.nodes[a as usize] - mesh.nodes[b as usize]).norm();
+    let triangles = mesh
+        .articular_quads
+        .iter()
+        .flat_map(
+            |&[a, b, c, d]| {
+                if length(a, c) <= length(b, d) { [[a, b, c], [a, c, d]] } else { [[a, b, d], [b, c, d]] }
+            },
+        )
+        .collect();
+    TriMesh { vertices: mesh.nodes.clone(), triangles }.submesh(|_| true).0
+}
+
+fn bundles(
+    specimen: &Specimen,
+    attachments: &Attachments,
+    options: &AssembleOptions,
+) -> (Vec<BundleSpec>, Vec<String>) {
+    let mut warnings = Vec::new();
+    let mut specs = Vec::new();
+    for bundle in BUNDLES.iter() {
+        let lengths: Vec<f64> =
+            attachments.fibres.iter().filter(|f| f.bundle == bundle.name).map(|f| (f.femur - f.tibia).norm()).collect();
+        if lengths.is_empty() {
+            warnings.push(format!("bundle {} is left out: it has no fibre", bundle.name));
+            continue;
+        }
+        specs.push(bundle_spec(bundle, &lengths, specimen, options));
+    }
+    (specs, warnings)
+}
+
+fn bundle_spec(bundle: &Bundle, lengths: &[f64], specimen: &Specimen, options: &AssembleOptions) -> BundleSpec {
+    let start = specimen.ligaments.get(&bundle.name).copied().unwrap_or_default();
+    BundleSpec {
+        name: bundle.name.clone(),
+        reference_strain: start.reference_strain.unwrap_or(bundle.reference_strain.middle()),
+        stiffness_n_per_mm: start.stiffness_n_per_mm.unwrap_or(bundle.stiffness_n_per_mm.middle()),
+        reference_length_mm: lengths.iter().sum::<f64>() / lengths.len() as f64,
+        toe_strain: options.toe_strain,
+        law: options.law,
+    }
+}
+
+fn frames_spec(frames: &Frames) -> FramesSpec {
+    let gs = &frames.gs_ct_pose;
+    FramesSpec {
+        femur: frames.femur,
+        tibia: frames.tibia,
+        gs_ct_pose: PoseSpec {
+            fe_deg: gs.fe_deg,
+            vv_deg: gs.vv_deg,
+            ie_deg: gs.ie_deg,
+            ml_mm: gs.ml_mm,
+            ap_mm: gs.ap_mm,
+            si_mm: gs.si_mm,
+        },
+        chain: None,
+    }
+}
+
+fn bodies(options: &AssembleOptions) -> Vec<BodySpec> {
+    let body = |name: &str, bone: &str, cartilage: &[&str]| BodySpec {
+        name: name.into(),
+        bone: format!("../03-bones/{bone}.ply"),
+        cartilage: cartilage.iter().map(|c| format!("../08-overclosure/{c}.vtu")).collect(),
+        mass_tonne: options.mass_tonne,
+        inertia_tonne_mm2: options.inertia_tonne_mm2,
+    };
+    vec![body("femur", "femur", &["femur"]), body("tibia", "tibfib", &["tibia_medial", "tibia_lateral"])]
+}
+
+fn contact_spec(options: &AssembleOptions) -> ContactSpec {
+    let pair = |tibia: &str| PairSpec { femur: "contact/femur.ply".into(), tibia: format!("contact/{tibia}.ply") };
+    ContactSpec {
+        overclosure_mm: options.overclosure_mm.clone(),
+        pressure_mpa: options.pressure_mpa.clone(),
+        friction: options.friction,
+        damping: options.contact_damping,
+        pairs: vec![pair("tibia_medial"), pair("tibia_lateral")],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use meshes::Point;
+
+    #[test]
+    fn the_articular_face_keeps_area_and_drops_other_nodes() {
+        let mut nodes: Vec<Point> = (0..4).map(|i| Point::new(f64::from(i % 2), f64::from(i / 2), -1.0)).collect();
+        nodes.extend((0..4).map(|i| Point::new(f64::from(i % 2), f64::from(i / 2), 0.0)));
+        let mesh = HexMesh { nodes, articular_quads: vec![[4, 5, 7, 6]], ..HexMesh::default() };
+        let face = articular_face(&mesh);
+        assert_eq!(face.vertices.len(), 4);
+        assert!((face.area() - 1.0).abs() < 1e-12);
+        assert!(face.triangle_normals().iter().all(|n| n.z > 0.99));
+    }
+}
