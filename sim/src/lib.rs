@@ -2,4 +2,8 @@
 //!
 //! Units: mm, N, s, tonne, MPa, radian inside; the specification file is in mm, N, N/mm, degrees where its keys say so.
 
+pub mod error;
+pub mod joint;
 pub mod spec;
+
+pub use error::SimError;
