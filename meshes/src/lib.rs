@@ -7,6 +7,7 @@ pub mod format;
 pub mod frame;
 pub mod hex;
 pub mod query;
+pub mod registration;
 pub mod render;
 pub mod shapes;
 pub mod surface;

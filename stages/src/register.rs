@@ -1,7 +1,13 @@
 //! Stage 2, register: each scan onto its CT bone.
 
+use crate::ingest::{NamedPoint, PointFrame, Specimen};
+use crate::{PerBone, StageError};
+use meshes::Point;
 use meshes::frame::{Ct, Pose, Scan};
+use meshes::registration::{bare, fit, icp, sample, start, target::Target};
+use meshes::surface::{ColouredMesh, TriMesh};
 use serde::{Deserialize, Serialize};
+use serde_json::json;
 
 /// How one scan came to lie on its CT bone, with its grade.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -20,4 +26,126 @@ pub struct BoneRegistration {
     pub residual_mm: Vec<f64>,
     /// Whether each scan vertex counts as bare bone.
     pub bare_bone: Vec<bool>,
+}
+
+/// Both bones' registrations.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Registration {
+    /// By bone.
+    pub bones: PerBone<BoneRegistration>,
+    /// What is odd but not fatal.
+    pub warnings: Vec<String>,
+    /// For metrics.json.
+    pub metrics: serde_json::Value,
+}
+
+/// How scans are registered.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RegisterOptions {
+    /// Seed of the search without landmarks [-].
+    pub seed: u64,
+    /// One of how many blocks of the scan is kept out of the fit to grade it [-].
+    pub held_out_of: usize,
+    /// Largest root mean square residual of bare bone that is believed [mm].
+    pub rms_limit_mm: f64,
+    /// Smallest share of bone-like scan on the bone that is believed [-].
+    pub inlier_limit: f64,
+    /// Largest predicted mean error that is believed [mm].
+    pub error_limit_mm: f64,
+}
+
+impl Default for RegisterOptions {
+    fn default() -> Self {
+        RegisterOptions { seed: 1, held_out_of: 10, rms_limit_mm: 0.5, inlier_limit: 0.8, error_limit_mm: 0.4 }
+    }
+}
+
+/// Registers each scan onto its CT bone.
+pub fn register(specimen: &Specimen, options: &RegisterOptions) -> Result<Registration, StageError> {
+    let mut warnings = Vec::new();
+    let mut one = |name: &str, ct, scan, frame| {
+        let pairs = landmark_pairs(&specimen.landmarks, frame);
+        register_bone(ct, scan, &pairs, options)
+            .map(|(bone, odd)| {
+                warnings.extend(odd.into_iter().map(|w| format!("{name}: {w}")));
+                bone
+            })
+            .map_err(|e| StageError(format!("{name}: {e}")))
+    };
+    let femur = one("femur", &specimen.ct.femur, &specimen.scans.femur, PointFrame::ScanFemur)?;
+    let tibfib = one("tibfib", &specimen.ct.tibfib, &specimen.scans.tibfib, PointFrame::ScanTibfib)?;
+    let figures = |b: &BoneRegistration| {
+        json!({"rms_bare_bone_mm": b.rms_bare_bone_mm, "inlier_fraction": b.inlier_fraction,
+               "held_out_rms_mm": b.held_out_rms_mm, "predicted_error_mm": b.predicted_error_mm})
+    };
+    let metrics = json!({"femur": figures(&femur), "tibfib": figures(&tibfib)});
+    Ok(Registration { bones: PerBone { femur, tibfib }, warnings, metrics })
+}
+
+/// Pairs (scan, CT) of the landmarks whose names stand in both frames.
+fn landmark_pairs(landmarks: &[NamedPoint], frame: PointFrame) -> Vec<(Point, Point)> {
+    landmarks
+        .iter()
+        .filter(|l| l.frame == frame)
+        .filter_map(|scan| {
+            let ct = landmarks.iter().find(|l| l.frame == PointFrame::Ct && l.name == scan.name)?;
+            Some((scan.point, ct.point))
+        })
+        .collect()
+}
+
+/// Registers one scan onto its CT bone; `pairs` are rough landmarks (scan, CT), perhaps none. Also gives warnings.
+pub fn register_bone(
+    ct: &TriMesh,
+    scan: &ColouredMesh,
+    pairs: &[(Point, Point)],
+    options: &RegisterOptions,
+) -> Result<(BoneRegistration, Vec<String>), StageError> {
+    let target = Target::new(ct, 6000)
+        .ok_or_else(|| StageError("the CT surface has no area or a coordinate that is not finite".into()))?;
+    let prepared = bare::prepare(scan);
+    let source = sample::spread(&scan.mesh, 4000);
+    if source.points.is_empty() || scan.mesh.vertices.iter().any(|p| !p.coords.iter().all(|x| x.is_finite())) {
+        return Err(StageError("the scan has no area or a coordinate that is not finite".into()));
+    }
+    let mut chosen = start::best(&target, &source, &start::from_landmarks(pairs));
+    if chosen.is_none_or(|s| s.agreement < 0.7) {
+        let searched = start::best(&target, &source, &start::search(&target, &source, options.seed));
+        chosen = [chosen, searched].into_iter().flatten().max_by(|a, b| a.agreement.total_cmp(&b.agreement));
+    }
+    let chosen = chosen.ok_or_else(|| StageError("the scan does not resemble the CT bone anywhere".into()))?;
+    let fine = start::thinned(&source, 1500);
+    let pose = icp::refine(&target, &fine, &chosen.pose, &[2.0, 1.5, 1.0, 0.8, 0.6, 0.5]);
+    let fitted = fit::fit(&target, &prepared, &pose, 3, options.held_out_of.max(2))
+        .ok_or_else(|| StageError("too little bare bone lies on the CT bone to fix the pose of the scan".into()))?;
+    believe(&fitted, options)?;
+    let registration = BoneRegistration {
+        ct_from_scan: Pose::assume(fitted.pose),
+        rms_bare_bone_mm: fitted.rms,
+        inlier_fraction: fitted.inlier_fraction,
+        held_out_rms_mm: fitted.held_out_rms,
+        predicted_error_mm: fitted.predicted_error,
+        residual_mm: fitted.classified.standing.iter().map(|s| s.residual.signum() * s.distance).collect(),
+        bare_bone: fitted.classified.bare,
+    };
+    Ok((registration, Vec::new()))
+}
+
+/// Refuses what cannot be trusted.
+fn believe(fitted: &fit::Fitted, options: &RegisterOptions) -> Result<(), StageError> {
+    let figures = format!(
+        "bare bone lies {:.2} mm (rms; kept out of the fit: {:.2}) from the CT bone, {:.0} % of the bone-like scan lies on it, predicted error {:.2} mm",
+        fitted.rms,
+        fitted.held_out_rms,
+        100.0 * fitted.inlier_fraction,
+        fitted.predicted_error
+    );
+    let trusted = fitted.held_out_rms < options.rms_limit_mm
+        && fitted.inlier_fraction > options.inlier_limit
+        && fitted.predicted_error < options.error_limit_mm;
+    if trusted {
+        return Ok(());
+    }
+    Err(StageError(format!("the scan does not fit the CT bone: {figures}; is it the same bone of the same knee?")))
 }
