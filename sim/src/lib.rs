@@ -2,8 +2,10 @@
 //!
 //! Units: mm, N, s, tonne, MPa, radian inside; the specification file is in mm, N, N/mm, degrees where its keys say so.
 
+pub mod deck;
 pub mod error;
 pub mod joint;
+pub mod laxity;
 pub mod spec;
 
 pub use error::SimError;

@@ -30,7 +30,7 @@ pub struct ModelSpec {
     pub toe_end_multiple: std::collections::BTreeMap<String, f64>,
     /// Steps a deck brought along, kept as they were read.
     #[serde(default)]
-    pub protocols: Vec<serde_json::Value>,
+    pub protocols: Vec<crate::deck::DeckProtocol>,
     /// Effects added by the discrepancy workflow.
     #[serde(default)]
     pub components: Vec<serde_json::Value>,

@@ -1,0 +1,252 @@
+//! The reader: every complaint names the row and the column.
+
+use super::{Branch, COORDINATES, LOAD_UNITS, LaxityTrial, TESTS, Test, VALUE_UNITS};
+use csv::StringRecord;
+use std::collections::{BTreeMap, BTreeSet};
+
+/// What is wrong with a laxity file, in words for the person who owns it.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{0}")]
+pub struct LaxityError(pub String);
+
+/// The trials of a file and what is odd but not fatal in it.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct LaxityTable {
+    /// The trials, in the order of the file.
+    pub trials: Vec<LaxityTrial>,
+    /// Odd but not fatal, with row and column.
+    pub warnings: Vec<String>,
+}
+
+/// Loads beyond these are taken for another unit: VV, IE [N m], ML, AP, SI [N].
+const LARGEST_LOAD: [f64; 5] = [150.0, 150.0, 2000.0, 2000.0, 5000.0];
+/// Coordinates beyond these are taken for another unit or frame: VV, IE [deg], ML, AP, SI [mm].
+const LARGEST_VALUE: [f64; 5] = [90.0, 120.0, 150.0, 150.0, 300.0];
+
+/// Reads a laxity CSV (FORMAT 2).
+///
+/// # Errors
+/// An unknown, missing or doubled column, a row of another length, a cell that is no finite number, an unknown test or
+/// branch, a doubled trial name, a value far outside what its unit allows. Row numbers count the header as row 1.
+pub fn read(bytes: &[u8]) -> Result<LaxityTable, LaxityError> {
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(bytes);
+    let header = reader.headers().map_err(|e| LaxityError(format!("row 1: {e}")))?.clone();
+    let columns = columns(&header)?;
+    let mut table = LaxityTable::default();
+    let mut names = BTreeSet::new();
+    for (i, record) in reader.records().enumerate() {
+        let record = record.map_err(|e| LaxityError(format!("row {}: {e}", i + 2)))?;
+        let row = Row { number: i + 2, columns: &columns, record: &record };
+        let trial = trial(&row, &mut table.warnings)?;
+        if !names.insert(trial.trial.clone()) {
+            return row.refuse("trial", &format!("\"{}\" stands in an earlier row; names must differ", trial.trial));
+        }
+        table.trials.push(trial);
+    }
+    if table.trials.is_empty() {
+        return Err(LaxityError("no trial below the header; expected one row per measured trial".into()));
+    }
+    Ok(table)
+}
+
+/// Column numbers by name; refuses what is unknown, missing or doubled.
+fn columns(header: &StringRecord) -> Result<BTreeMap<String, usize>, LaxityError> {
+    let required = required_columns();
+    let mut known: BTreeSet<String> = required.iter().cloned().collect();
+    known.extend(["branch", "order", "time_s", "flags"].map(String::from));
+    known.extend((0..5).map(|i| sd_column(i)));
+    let mut found = BTreeMap::new();
+    for (i, name) in header.iter().enumerate() {
+        let force = name.starts_with("force_") && name.ends_with("_n");
+        if !known.contains(name) && !force {
+            return Err(LaxityError(format!(
+                "row 1, column {}: unknown column \"{name}\"; expected one of {}",
+                i + 1,
+                known.iter().cloned().collect::<Vec<_>>().join(", ")
+            )));
+        }
+        if found.insert(name.to_owned(), i).is_some() {
+            return Err(LaxityError(format!("row 1, column {}: \"{name}\" stands there twice", i + 1)));
+        }
+    }
+    match required.iter().filter(|c| !found.contains_key(*c)).cloned().collect::<Vec<_>>() {
+        missing if missing.is_empty() => Ok(found),
+        missing => Err(LaxityError(format!("row 1: missing column {}", missing.join(", ")))),
+    }
+}
+
+/// `load_vv_nm` and its fellows.
+pub(super) fn load_column(i: usize) -> String {
+    format!("load_{}_{}", COORDINATES[i], LOAD_UNITS[i])
+}
+
+/// `vv_deg` and its fellows.
+pub(super) fn value_column(i: usize) -> String {
+    format!("{}_{}", COORDINATES[i], VALUE_UNITS[i])
+}
+
+/// `sd_vv_deg` and its fellows.
+pub(super) fn sd_column(i: usize) -> String {
+    format!("sd_{}", value_column(i))
+}
+
+/// The columns every laxity file has, in order.
+pub(super) fn required_columns() -> Vec<String> {
+    let mut names = vec!["trial".to_owned(), "test".to_owned(), "nominal_flexion_deg".to_owned()];
+    names.extend((0..5).map(load_column));
+    names.push("fe_deg".to_owned());
+    names.extend((0..5).map(value_column));
+    names
+}
+
+/// A row, its number in the file and the names of its cells.
+struct Row<'a> {
+    number: usize,
+    columns: &'a BTreeMap<String, usize>,
+    record: &'a StringRecord,
+}
+
+impl Row<'_> {
+    /// The cell's text; empty where the column is not there.
+    fn text(&self, column: &str) -> &str {
+        self.columns.get(column).and_then(|&i| self.record.get(i)).unwrap_or("")
+    }
+
+    fn refuse<T>(&self, column: &str, what: &str) -> Result<T, LaxityError> {
+        Err(LaxityError(format!("row {}, column \"{column}\": {what}", self.number)))
+    }
+
+    /// A finite number; `None` for an empty cell.
+    fn number(&self, column: &str) -> Result<Option<f64>, LaxityError> {
+        match self.text(column) {
+            "" => Ok(None),
+            text => match text.parse::<f64>() {
+                Ok(value) if value.is_finite() => Ok(Some(value)),
+                _ => self.refuse(column, &format!("\"{text}\" is not a finite number (decimal point, no unit)")),
+            },
+        }
+    }
+
+    /// A number no larger than `largest`, else it is taken for another unit.
+    fn bounded(&self, column: &str, largest: f64, unit: &str) -> Result<Option<f64>, LaxityError> {
+        match self.number(column)? {
+            Some(v) if v.abs() > largest => {
+                self.refuse(column, &format!("{v} {unit} is beyond {largest} {unit}; is it in another unit?"))
+            }
+            value => Ok(value),
+        }
+    }
+}
+
+/// One trial from one row.
+fn trial(row: &Row, warnings: &mut Vec<String>) -> Result<LaxityTrial, LaxityError> {
+    let name = row.text("trial").to_owned();
+    if name.is_empty() {
+        return row.refuse("trial", "empty; every trial needs a name");
+    }
+    let test = test(row)?;
+    let nominal = match row.bounded("nominal_flexion_deg", 180.0, "deg")? {
+        Some(value) => value,
+        None => return row.refuse("nominal_flexion_deg", "empty; expected degrees"),
+    };
+    let mut load = [0.0; 5];
+    let (mut measured, mut sd) = ([None; 5], [None; 5]);
+    for i in 0..5 {
+        let column = load_column(i);
+        let unit = if i < 2 { "N m" } else { "N" };
+        load[i] = match row.bounded(&column, LARGEST_LOAD[i], unit)? {
+            Some(value) => value,
+            None => {
+                warnings.push(format!("row {}, column \"{column}\": no load measured, taken as 0 {unit}", row.number));
+                0.0
+            }
+        };
+        measured[i] = row.bounded(&value_column(i), LARGEST_VALUE[i], VALUE_UNITS[i])?;
+        sd[i] = row.bounded(&sd_column(i), LARGEST_VALUE[i], VALUE_UNITS[i])?;
+        if sd[i].is_some_and(|v| v <= 0.0) {
+            return row.refuse(&sd_column(i), "a standard deviation must be above 0; leave the cell empty if unknown");
+        }
+    }
+    let fe_deg = flexion(row, nominal, warnings)?;
+    if !agrees(test, &load) {
+        warnings.push(format!(
+            "row {}: test \"{}\" but its load does not point that way; clinical signs expected (valgus, external, anterior +)",
+            row.number,
+            test.name()
+        ));
+    }
+    let (branch, order) = (branch(row)?, order(row)?);
+    Ok(LaxityTrial {
+        trial: name,
+        test,
+        nominal_flexion_deg: nominal,
+        load,
+        fe_deg,
+        measured,
+        sd,
+        branch,
+        order,
+        time_s: row.number("time_s")?,
+    })
+}
+
+fn test(row: &Row) -> Result<Test, LaxityError> {
+    let text = row.text("test");
+    match TESTS.iter().find(|(_, name)| *name == text) {
+        Some((test, _)) => Ok(*test),
+        None => row.refuse(
+            "test",
+            &format!("unknown test \"{text}\"; expected one of {}", TESTS.map(|(_, name)| name).join(", ")),
+        ),
+    }
+}
+
+fn branch(row: &Row) -> Result<Option<Branch>, LaxityError> {
+    match row.text("branch") {
+        "" => Ok(None),
+        "loading" => Ok(Some(Branch::Loading)),
+        "unloading" => Ok(Some(Branch::Unloading)),
+        text => row.refuse("branch", &format!("\"{text}\"; expected loading, unloading or nothing")),
+    }
+}
+
+fn order(row: &Row) -> Result<Option<i64>, LaxityError> {
+    match row.text("order") {
+        "" => Ok(None),
+        text => match text.parse() {
+            Ok(value) => Ok(Some(value)),
+            Err(_) => row.refuse("order", &format!("\"{text}\" is not a whole number")),
+        },
+    }
+}
+
+/// The prescribed flexion: as measured, else nominal with a warning.
+fn flexion(row: &Row, nominal: f64, warnings: &mut Vec<String>) -> Result<f64, LaxityError> {
+    let Some(fe) = row.bounded("fe_deg", 180.0, "deg")? else {
+        warnings.push(format!("row {}, column \"fe_deg\": not measured, nominal {nominal} deg taken", row.number));
+        return Ok(nominal);
+    };
+    if nominal.abs() >= 20.0 && (fe - nominal.to_radians()).abs() < 0.2 {
+        return row
+            .refuse("fe_deg", &format!("{fe} beside nominal {nominal} deg looks like radians; degrees expected"));
+    }
+    if (fe - nominal).abs() > 30.0 {
+        warnings.push(format!("row {}, column \"fe_deg\": {fe} deg is far from nominal {nominal} deg", row.number));
+    }
+    Ok(fe)
+}
+
+/// Whether the load of a test points where the test's name says, or is next to nothing.
+fn agrees(test: Test, load: &[f64; 5]) -> bool {
+    let along = match test {
+        Test::Anterior => load[3] / 10.0,
+        Test::Posterior => -load[3] / 10.0,
+        Test::Internal => -load[1],
+        Test::External => load[1],
+        Test::Varus => -load[0],
+        Test::Valgus => load[0],
+        Test::Neutral => 0.0,
+    };
+    along > -0.5
+}

@@ -1,0 +1,155 @@
+//! What a model answers, as CSV.
+
+use super::read::{load_column, required_columns, value_column};
+use super::{Branch, COORDINATES, LaxityTrial};
+use crate::spec::PoseSpec;
+use serde::{Deserialize, Serialize};
+use std::fmt::Write;
+
+/// What a model answers to a trial.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TrialResult {
+    /// The trial that was simulated.
+    pub trial: LaxityTrial,
+    /// The predicted pose, clinical signs.
+    pub pose: PoseSpec,
+    /// Force of each bundle [N], in the order of the model's bundles.
+    pub forces_n: Vec<f64>,
+    /// What is odd about the answer ("not converged", "dislocated"); empty when nothing is.
+    pub flags: Vec<String>,
+}
+
+impl TrialResult {
+    /// The predicted VV, IE [deg], ML, AP, SI [mm], in the order of [`COORDINATES`].
+    pub fn predicted(&self) -> [f64; 5] {
+        loaded(&self.pose)
+    }
+}
+
+/// VV, IE, ML, AP, SI of a pose.
+fn loaded(pose: &PoseSpec) -> [f64; 5] {
+    [pose.vv_deg, pose.ie_deg, pose.ml_mm, pose.ap_mm, pose.si_mm]
+}
+
+/// The results file of `simulate --trials`: the columns of laxity data with the predicted pose in place of the measured,
+/// then `force_BUNDLE_n` per bundle and `flags`. It reads back as laxity data.
+pub fn results_csv(bundles: &[String], results: &[TrialResult]) -> String {
+    let mut header = required_columns();
+    header.extend(["branch".to_owned(), "order".to_owned(), "time_s".to_owned()]);
+    header.extend(bundles.iter().map(|b| force_column(b)));
+    header.push("flags".to_owned());
+    let mut out = line(&header);
+    for r in results {
+        let t = &r.trial;
+        let mut cells = vec![t.trial.clone(), t.test.name().to_owned(), number(t.nominal_flexion_deg)];
+        cells.extend(t.load.iter().map(|v| number(*v)));
+        cells.push(number(r.pose.fe_deg));
+        cells.extend(r.predicted().iter().map(|v| number(*v)));
+        cells.push(match t.branch {
+            None => String::new(),
+            Some(Branch::Loading) => "loading".to_owned(),
+            Some(Branch::Unloading) => "unloading".to_owned(),
+        });
+        cells.push(t.order.map(|v| v.to_string()).unwrap_or_default());
+        cells.push(t.time_s.map(number).unwrap_or_default());
+        cells.extend(r.forces_n.iter().map(|v| number(*v)));
+        cells.push(r.flags.join("; "));
+        out += &line(&cells);
+    }
+    out
+}
+
+/// The file of a validation protocol: a row a step, `fe_deg,...,si_mm`, the loads, `force_BUNDLE_n` per bundle, `flags`.
+/// Each step is a result whose trial holds the loads.
+pub fn protocol_csv(bundles: &[String], steps: &[TrialResult]) -> String {
+    let mut header = vec!["fe_deg".to_owned()];
+    header.extend((0..COORDINATES.len()).map(value_column));
+    header.extend((0..COORDINATES.len()).map(load_column));
+    header.extend(bundles.iter().map(|b| force_column(b)));
+    header.extend(["flags".to_owned(), "step".to_owned()]);
+    let mut out = line(&header);
+    for r in steps {
+        let mut cells = vec![number(r.pose.fe_deg)];
+        cells.extend(r.predicted().iter().chain(&r.trial.load).chain(&r.forces_n).map(|v| number(*v)));
+        cells.extend([r.flags.join("; "), r.trial.trial.clone()]);
+        out += &line(&cells);
+    }
+    out
+}
+
+/// The force column of a bundle.
+fn force_column(bundle: &str) -> String {
+    format!("force_{bundle}_n")
+}
+
+/// Six decimals, never "-0"; empty when not finite.
+fn number(value: f64) -> String {
+    if !value.is_finite() {
+        return String::new();
+    }
+    let mut text = String::new();
+    let _ = write!(text, "{:.6}", if value.abs() < 5e-7 { 0.0 } else { value });
+    text
+}
+
+/// A CSV line; cells with commas, quotes or line ends are quoted.
+fn line(cells: &[String]) -> String {
+    let quoted: Vec<String> = cells
+        .iter()
+        .map(|c| if c.contains([',', '"', '\n', '\r']) { format!("\"{}\"", c.replace('"', "\"\"")) } else { c.clone() })
+        .collect();
+    quoted.join(",") + "\n"
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::read;
+    use super::*;
+
+    const HEADER: &str = "trial,test,nominal_flexion_deg,load_vv_nm,load_ie_nm,load_ml_n,load_ap_n,load_si_n,fe_deg,vv_deg,ie_deg,ml_mm,ap_mm,si_mm";
+
+    fn csv(row: &str) -> String {
+        format!("{HEADER}\n{row}\n")
+    }
+
+    fn error(text: &str) -> String {
+        read(text.as_bytes()).unwrap_err().0
+    }
+
+    #[test]
+    fn results_read_back_as_laxity_data() {
+        let table = read(csv("\"a, b\",anterior,30,0,0,0,44.5,20,21,1.5,-2,,4,-20").as_bytes()).unwrap();
+        assert_eq!(table.trials[0].measured, [Some(1.5), Some(-2.0), None, Some(4.0), Some(-20.0)]);
+        let pose = PoseSpec { fe_deg: 21.0, vv_deg: 0.25, ie_deg: -1.0, ml_mm: 2.0, ap_mm: 3.0, si_mm: -19.0 };
+        let result = TrialResult { trial: table.trials[0].clone(), pose, forces_n: vec![12.5], flags: vec![] };
+        let text = results_csv(&["ACL_AM".into()], &[result]);
+        assert!(text.lines().next().unwrap().contains("force_ACL_AM_n"));
+        let back = read(text.as_bytes()).unwrap();
+        assert_eq!(back.trials[0].measured, [Some(0.25), Some(-1.0), Some(2.0), Some(3.0), Some(-19.0)]);
+        assert_eq!(back.trials[0].trial, "a, b");
+        assert!(protocol_csv(&["ACL_AM".into()], &[]).starts_with("fe_deg,vv_deg,ie_deg,ml_mm,ap_mm,si_mm,"));
+    }
+
+    #[test]
+    fn complaints_name_row_and_column() {
+        assert!(error("").contains("missing column trial"));
+        assert!(error(HEADER).contains("no trial"));
+        assert!(error(&HEADER.replace("ml_mm", "ml_m")).contains("column 12: unknown column \"ml_m\""));
+        assert!(error(&HEADER.replace(",si_mm", "")).contains("missing column si_mm"));
+        assert!(error(&csv("a,anterior,30,0,0,0,44,20,21,1,2,x,4,5")).contains("row 2, column \"ml_mm\": \"x\""));
+        assert!(error(&csv("a,anterior,30,0,0,0,44,20,inf,1,2,3,4,5")).contains("column \"fe_deg\""));
+        assert!(error(&csv("a,foreward,30,0,0,0,44,20,21,1,2,3,4,5")).contains("unknown test \"foreward\""));
+        assert!(error(&csv("a,internal,30,0,-4000,0,0,20,21,1,2,3,4,5")).contains("another unit"));
+        assert!(error(&csv("a,internal,90,0,-4,0,0,20,1.5708,1,2,3,4,5")).contains("radians"));
+        assert!(error(&csv("a,internal,90,0,-4,0,0,20")).contains("row 2"));
+        let twice = "a,internal,90,0,-4,0,0,20,88,1,2,3,4,5";
+        assert!(error(&csv(&format!("{twice}\n{twice}"))).contains("row 3, column \"trial\""));
+    }
+
+    #[test]
+    fn a_load_against_its_test_is_a_warning() {
+        let table = read(csv("a,internal,90,0,4,0,0,20,88,1,2,3,4,5").as_bytes()).unwrap();
+        assert!(table.warnings[0].contains("does not point that way"), "{:?}", table.warnings);
+    }
+}
