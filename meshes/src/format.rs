@@ -1,10 +1,171 @@
-//! Codecs over bytes and `Write`: STL, PLY, OBJ, VTU. None opens a file.
+//! Codecs over bytes and `Write`: STL, PLY, OBJ (with MTL and textures), VTU. None opens a file.
+//!
+//! No reader panics, hangs, or allocates by what a header claims: counts are held against the bytes that are there.
 
+pub mod obj;
 pub mod ply;
 pub mod stl;
+mod texture;
 pub mod vtu;
+
+use crate::surface::ColouredMesh;
+use crate::{Point, Vector};
+use std::collections::BTreeMap;
 
 /// What a codec refuses, in words for the person who owns the file.
 #[derive(Debug, thiserror::Error, Clone, PartialEq, Eq)]
 #[error("{0}")]
 pub struct FormatError(pub String);
+
+/// A surface file's kind.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SurfaceFormat {
+    /// STL, binary or ASCII.
+    Stl,
+    /// PLY, ASCII or binary of either byte order.
+    Ply,
+    /// Wavefront OBJ.
+    Obj,
+}
+
+/// Reads a surface file, STL, PLY or OBJ, told apart by content and, where that does not decide, by the ending of `name`.
+///
+/// `name` is the file's path relative to the specimen; `files` holds the specimen's files by such paths and serves the
+/// material libraries and textures an OBJ names ([`companions`]). Positions as in the file. Errors name the line or element.
+pub fn read_surface(name: &str, bytes: &[u8], files: &BTreeMap<String, Vec<u8>>) -> Result<ColouredMesh, FormatError> {
+    match surface_format(name, bytes)? {
+        SurfaceFormat::Stl => Ok(ColouredMesh { mesh: stl::read(bytes)?, colours: Vec::new() }),
+        SurfaceFormat::Ply => ply::read(bytes),
+        SurfaceFormat::Obj => obj::read(name, bytes, files),
+    }
+}
+
+/// The kind of a surface file, by content first, then by the ending of its name.
+pub fn surface_format(name: &str, bytes: &[u8]) -> Result<SurfaceFormat, FormatError> {
+    let body = stl::text_start(bytes);
+    let refuse = |what: &str| Err(FormatError(format!("{what}; expected a surface as STL, PLY or OBJ")));
+    let starts = |word: &[u8]| body.len() >= word.len() && body[..word.len()].eq_ignore_ascii_case(word);
+    let extension = name.rsplit_once('.').map(|(_, e)| e.to_ascii_lowercase()).unwrap_or_default();
+    if bytes.is_empty() {
+        return refuse("the file is empty");
+    } else if starts(b"version https://git-lfs") {
+        return refuse("the file is a Git LFS pointer, not the data: fetch it with `git lfs pull`");
+    } else if starts(b"<!doctype") || starts(b"<html") {
+        return refuse("the file is a web page, perhaps an error page saved in place of the download");
+    } else if starts(b"PK\x03\x04") {
+        return refuse("the file is a zip archive (or 3MF): unpack or export it");
+    } else if starts(b"glTF") {
+        return refuse("the file is glTF: export it");
+    }
+    if starts(b"ply\n") || starts(b"ply\r") {
+        Ok(SurfaceFormat::Ply)
+    } else if stl::looks_binary(bytes) || stl::looks_ascii(bytes) {
+        Ok(SurfaceFormat::Stl)
+    } else {
+        match extension.as_str() {
+            "obj" => Ok(SurfaceFormat::Obj),
+            "stl" => Ok(SurfaceFormat::Stl),
+            "ply" => refuse("the file ends in .ply but does not begin with `ply`"),
+            _ => refuse(&format!("the ending `.{extension}` and the content are of no known kind")),
+        }
+    }
+}
+
+/// Paths of the files that the file `name` names and needs: an OBJ's material libraries, a material library's textures.
+/// Relative to the specimen, in order of appearance, each once; a path that would lead out of the specimen is left out.
+pub fn companions(name: &str, bytes: &[u8]) -> Vec<String> {
+    let lower = name.to_ascii_lowercase();
+    let named = if lower.ends_with(".obj") {
+        obj::material_libraries(bytes)
+    } else if lower.ends_with(".mtl") {
+        texture::Library::parse(bytes).textures()
+    } else {
+        Vec::new()
+    };
+    let mut paths: Vec<String> = Vec::new();
+    for path in named.iter().filter_map(|n| beside(name, n)) {
+        if !paths.contains(&path) {
+            paths.push(path);
+        }
+    }
+    paths
+}
+
+/// The path of `other`, as written inside the file `name`, relative to the specimen; `None` if absolute or outside.
+pub(crate) fn beside(name: &str, other: &str) -> Option<String> {
+    let other = other.replace('\\', "/");
+    if other.starts_with('/') || other.as_bytes().get(1) == Some(&b':') {
+        return None;
+    }
+    let mut parts: Vec<&str> = name.split('/').collect();
+    parts.pop();
+    for part in other.split('/') {
+        match part {
+            "" | "." => {}
+            ".." => {
+                parts.pop()?;
+            }
+            part => parts.push(part),
+        }
+    }
+    Some(parts.join("/"))
+}
+
+/// More corners than any real exporter writes; a polygon of more is refused, so that its cutting cannot take long.
+const POLYGON_LIMIT: usize = 256;
+
+/// Cuts a polygon (indices of `vertices`) into triangles that do not overlap, by clipping ears in the plane of its area
+/// vector; a convex one falls into a fan.
+pub(crate) fn cut_polygon(
+    vertices: &[Point],
+    polygon: &[u32],
+    triangles: &mut Vec<[u32; 3]>,
+) -> Result<(), FormatError> {
+    match *polygon {
+        [] | [_] | [_, _] => return Err(FormatError(format!("a face with {} corners", polygon.len()))),
+        [a, b, c] => {
+            triangles.push([a, b, c]);
+            return Ok(());
+        }
+        _ if polygon.len() > POLYGON_LIMIT => {
+            return Err(FormatError(format!("a face with {} corners, more than {POLYGON_LIMIT}", polygon.len())));
+        }
+        _ => {}
+    }
+    let at = |v: u32| vertices[v as usize];
+    let turn = |a: u32, b: u32, c: u32| (at(b) - at(a)).cross(&(at(c) - at(a)));
+    let normal: Vector = (1..polygon.len() - 1).map(|k| turn(polygon[0], polygon[k], polygon[k + 1])).sum();
+    let inside = |a, b, c, p| [(a, b), (b, c), (c, a)].iter().all(|&(s, e)| turn(s, e, p).dot(&normal) > 0.0);
+    let mut left = polygon.to_vec();
+    while left.len() > 3 {
+        let n = left.len();
+        let corner = |k: usize| (left[(k + n - 1) % n], left[k % n], left[(k + 1) % n]);
+        let ear = (1..=n).find(|&k| {
+            let (a, b, c) = corner(k);
+            turn(a, b, c).dot(&normal) > 0.0 && !left.iter().any(|&p| p != a && p != b && p != c && inside(a, b, c, p))
+        });
+        let k = ear.unwrap_or(1);
+        let (a, b, c) = corner(k);
+        triangles.push([a, b, c]);
+        left.remove(k % n);
+    }
+    triangles.push([left[0], left[1], left[2]]);
+    Ok(())
+}
+
+/// The index of the first vertex that is not a finite number, as an error.
+pub(crate) fn refuse_not_finite(vertices: &[Point]) -> Result<(), FormatError> {
+    match vertices.iter().position(|p| !p.coords.iter().all(|x| x.is_finite())) {
+        Some(v) => Err(FormatError(format!(
+            "vertex {} has a coordinate that is not a finite number ({} {} {}); expected mm: remove unmeasured points before export",
+            v + 1,
+            vertices[v].x,
+            vertices[v].y,
+            vertices[v].z
+        ))),
+        None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -2,6 +2,7 @@
 
 use crate::{Isometry, Point, Vector};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// An indexed triangle surface: vertices [mm], triangles counter-clockwise seen from outside.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -19,6 +20,37 @@ pub struct ColouredMesh {
     pub mesh: TriMesh,
     /// Red, green, blue per vertex; empty where the file has none.
     pub colours: Vec<[u8; 3]>,
+}
+
+impl ColouredMesh {
+    /// The scan with vertices of equal position (to the last bit) made one, in order of first appearance; their colour is
+    /// the mean. Triangles stay, also those that lose a corner by it.
+    pub fn welded(&self) -> ColouredMesh {
+        let mut index: BTreeMap<[u64; 3], u32> = BTreeMap::new();
+        let mut welded = ColouredMesh::default();
+        let mut sums: Vec<([u32; 3], u32)> = Vec::new();
+        let mut new_index = Vec::with_capacity(self.mesh.vertices.len());
+        for (v, p) in self.mesh.vertices.iter().enumerate() {
+            // Adding zero makes -0 and 0 one.
+            let key = [p.x, p.y, p.z].map(|x| (x + 0.0).to_bits());
+            let new = *index.entry(key).or_insert_with(|| {
+                welded.mesh.vertices.push(*p);
+                sums.push(([0; 3], 0));
+                (sums.len() - 1) as u32
+            });
+            new_index.push(new);
+            if let Some(colour) = self.colours.get(v) {
+                let (sum, count) = &mut sums[new as usize];
+                (0..3).for_each(|k| sum[k] += u32::from(colour[k]));
+                *count += 1;
+            }
+        }
+        welded.mesh.triangles = self.mesh.triangles.iter().map(|t| t.map(|v| new_index[v as usize])).collect();
+        if !self.colours.is_empty() {
+            welded.colours = sums.iter().map(|(s, n)| s.map(|x| ((x + n / 2) / (*n).max(1)) as u8)).collect();
+        }
+        welded
+    }
 }
 
 impl TriMesh {

@@ -1,43 +1,236 @@
 //! PLY: read with vertex colours, written little-endian with double coordinates and optional per-vertex scalars.
 
-use super::FormatError;
+use super::{FormatError, cut_polygon, refuse_not_finite};
 use crate::Point;
 use crate::surface::{ColouredMesh, TriMesh};
-use ply_rs_bw::parser::Parser;
-use ply_rs_bw::ply::{DefaultElement, Property};
-use std::io::{self, Cursor, Write};
+use ply_rs_bw::parser::{Parser, Reader};
+use ply_rs_bw::ply::{ElementDef, Encoding, Header, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType};
+use std::io::{self, Write};
 
-/// Reads a PLY surface with its colours.
+/// Reads a PLY surface, ASCII or binary of either byte order: `vertex` with x, y, z of any number type and, where there,
+/// red, green, blue (0..255, or 0..1 as floats); `face` with `vertex_indices` (or `vertex_index`) of any whole-number type.
+/// Polygons are cut into triangles; other elements and properties are passed over.
 pub fn read(bytes: &[u8]) -> Result<ColouredMesh, FormatError> {
-    let ply =
-        Parser::<DefaultElement>::new().read_ply(&mut Cursor::new(bytes)).map_err(|e| FormatError(e.to_string()))?;
+    let mut reader = Reader::new(bytes);
+    let header = Parser::<Row>::new().read_header(&mut reader).map_err(|e| FormatError(format!("PLY header: {e}")))?;
     let mut scan = ColouredMesh::default();
-    let number = |e: &DefaultElement, key: &str| match e.get(key) {
-        Some(Property::Float(v)) => Some(f64::from(*v)),
-        Some(Property::Double(v)) => Some(*v),
-        Some(Property::UChar(v)) => Some(f64::from(*v)),
-        _ => None,
-    };
-    for e in ply.payload.get("vertex").into_iter().flatten() {
-        let (Some(x), Some(y), Some(z)) = (number(e, "x"), number(e, "y"), number(e, "z")) else {
-            return Err(FormatError("vertex without x, y, z".into()));
-        };
-        scan.mesh.vertices.push(Point::new(x, y, z));
-        if let (Some(r), Some(g), Some(b)) = (number(e, "red"), number(e, "green"), number(e, "blue")) {
-            scan.colours.push([r as u8, g as u8, b as u8]);
+    let mut faces = Vec::new();
+    for (name, element) in &header.elements {
+        check_claim(element, &header, bytes.len())?;
+        match name.as_str() {
+            "vertex" => {
+                check_vertex(element)?;
+                let rows: Vec<Vertex> = rows(&mut reader, element, &header)?;
+                scan.mesh.vertices = rows.iter().map(|v| Point::from(v.position)).collect();
+                if ["red", "green", "blue"].iter().all(|c| has_colour(element, c)) {
+                    scan.colours = rows.iter().map(|v| v.colour).collect();
+                }
+            }
+            "face" => {
+                if !element.properties.keys().any(|k| is_corner_list(k)) {
+                    return Err(FormatError("the PLY's faces have no list `vertex_indices`".into()));
+                }
+                faces = rows::<Face>(&mut reader, element, &header)?;
+            }
+            "tristrips" => {
+                return Err(FormatError("the PLY holds triangle strips; export it with plain faces".into()));
+            }
+            _ => {
+                rows::<Row>(&mut reader, element, &header)?;
+            }
         }
     }
-    for e in ply.payload.get("face").into_iter().flatten() {
-        let list: Vec<u32> = match e.get("vertex_indices").or_else(|| e.get("vertex_index")) {
-            Some(Property::ListInt(v)) => v.iter().map(|&i| i as u32).collect(),
-            Some(Property::ListUInt(v)) => v.clone(),
-            _ => return Err(FormatError("face without vertex_indices".into())),
-        };
-        for k in 1..list.len().saturating_sub(1) {
-            scan.mesh.triangles.push([list[0], list[k], list[k + 1]]);
-        }
-    }
+    refuse_not_finite(&scan.mesh.vertices)?;
+    scan.mesh.triangles = triangles(&scan.mesh.vertices, &faces)?;
     Ok(scan)
+}
+
+fn rows<E: PropertyAccess>(
+    reader: &mut Reader<&[u8]>,
+    element: &ElementDef,
+    header: &Header,
+) -> Result<Vec<E>, FormatError> {
+    Parser::<E>::new().read_payload_for_element(reader, element, header).map_err(|e| {
+        let text: String = e.to_string().split_whitespace().collect::<Vec<_>>().join(" ").chars().take(300).collect();
+        FormatError(format!("PLY element `{}`: {text}", element.name))
+    })
+}
+
+/// A row takes at least a byte a property, so no honest count exceeds the bytes there are.
+fn check_claim(element: &ElementDef, header: &Header, bytes: usize) -> Result<(), FormatError> {
+    let row: usize = match header.encoding {
+        Encoding::Ascii => 2 * element.properties.len(),
+        _ => element.properties.values().map(|p| least_bytes(&p.data_type)).sum(),
+    };
+    if element.count > 0 && (row == 0 || element.count.saturating_mul(row) > bytes.saturating_add(row)) {
+        return Err(FormatError(format!(
+            "the PLY header counts {} of `{}`, at least {row} bytes each, but the file has {bytes}: it was cut short; export or copy it again",
+            element.count, element.name
+        )));
+    }
+    Ok(())
+}
+
+fn least_bytes(data_type: &PropertyType) -> usize {
+    let scalar = match data_type {
+        PropertyType::Scalar(s) | PropertyType::List(s, _) => s,
+    };
+    match scalar {
+        ScalarType::Char | ScalarType::UChar => 1,
+        ScalarType::Short | ScalarType::UShort => 2,
+        ScalarType::Int | ScalarType::UInt | ScalarType::Float => 4,
+        ScalarType::Double => 8,
+    }
+}
+
+fn check_vertex(element: &ElementDef) -> Result<(), FormatError> {
+    for key in ["x", "y", "z"] {
+        if !element.properties.contains_key(key) {
+            return Err(FormatError(format!("the PLY's vertices have no property `{key}`")));
+        }
+    }
+    Ok(())
+}
+
+fn has_colour(element: &ElementDef, name: &str) -> bool {
+    element.properties.keys().any(|k| k.strip_prefix("diffuse_").unwrap_or(k) == name)
+}
+
+fn is_corner_list(name: &str) -> bool {
+    name == "vertex_indices" || name == "vertex_index"
+}
+
+fn triangles(vertices: &[Point], faces: &[Face]) -> Result<Vec<[u32; 3]>, FormatError> {
+    let mut triangles = Vec::with_capacity(faces.len());
+    let mut polygon = Vec::new();
+    for (f, face) in faces.iter().enumerate() {
+        polygon.clear();
+        for &corner in &face.corners {
+            match u32::try_from(corner) {
+                Ok(v) if (v as usize) < vertices.len() => polygon.push(v),
+                _ => {
+                    return Err(FormatError(format!(
+                        "face {} names vertex {corner}, but vertices are numbered 0 to {}",
+                        f + 1,
+                        vertices.len() as i64 - 1
+                    )));
+                }
+            }
+        }
+        cut_polygon(vertices, &polygon, &mut triangles).map_err(|e| FormatError(format!("face {}: {e}", f + 1)))?;
+    }
+    Ok(triangles)
+}
+
+/// An element that keeps nothing.
+struct Row;
+
+impl PropertyAccess for Row {
+    fn new() -> Self {
+        Row
+    }
+}
+
+struct Vertex {
+    position: [f64; 3],
+    colour: [u8; 3],
+}
+
+impl Vertex {
+    fn set(&mut self, name: &str, value: f64, full: f64) -> PropertyAccessResult {
+        match name {
+            "x" => self.position[0] = value,
+            "y" => self.position[1] = value,
+            "z" => self.position[2] = value,
+            _ => {
+                let channel = match name.strip_prefix("diffuse_").unwrap_or(name) {
+                    "red" => 0,
+                    "green" => 1,
+                    "blue" => 2,
+                    _ => return PropertyAccessResult::Ignored,
+                };
+                self.colour[channel] = (value / full * 255.0).round().clamp(0.0, 255.0) as u8;
+            }
+        }
+        PropertyAccessResult::Set
+    }
+}
+
+impl PropertyAccess for Vertex {
+    fn new() -> Self {
+        Vertex { position: [f64::NAN; 3], colour: [0; 3] }
+    }
+    fn set_char(&mut self, name: &str, value: i8) -> PropertyAccessResult {
+        self.set(name, f64::from(value), 255.0)
+    }
+    fn set_uchar(&mut self, name: &str, value: u8) -> PropertyAccessResult {
+        self.set(name, f64::from(value), 255.0)
+    }
+    fn set_short(&mut self, name: &str, value: i16) -> PropertyAccessResult {
+        self.set(name, f64::from(value), 255.0)
+    }
+    fn set_ushort(&mut self, name: &str, value: u16) -> PropertyAccessResult {
+        self.set(name, f64::from(value), 65535.0)
+    }
+    fn set_int(&mut self, name: &str, value: i32) -> PropertyAccessResult {
+        self.set(name, f64::from(value), 255.0)
+    }
+    fn set_uint(&mut self, name: &str, value: u32) -> PropertyAccessResult {
+        self.set(name, f64::from(value), 255.0)
+    }
+    fn set_float(&mut self, name: &str, value: f32) -> PropertyAccessResult {
+        self.set(name, f64::from(value), 1.0)
+    }
+    fn set_double(&mut self, name: &str, value: f64) -> PropertyAccessResult {
+        self.set(name, value, 1.0)
+    }
+}
+
+struct Face {
+    corners: Vec<i64>,
+}
+
+impl Face {
+    fn set<T: Into<i64>>(&mut self, name: &str, value: Vec<T>) -> PropertyAccessResult {
+        if !is_corner_list(name) {
+            return PropertyAccessResult::Ignored;
+        }
+        self.corners = value.into_iter().map(Into::into).collect();
+        PropertyAccessResult::Set
+    }
+    fn refuse(name: &str) -> PropertyAccessResult {
+        if is_corner_list(name) { PropertyAccessResult::UnsupportedType } else { PropertyAccessResult::Ignored }
+    }
+}
+
+impl PropertyAccess for Face {
+    fn new() -> Self {
+        Face { corners: Vec::new() }
+    }
+    fn set_list_char(&mut self, name: &str, value: Vec<i8>) -> PropertyAccessResult {
+        self.set(name, value)
+    }
+    fn set_list_uchar(&mut self, name: &str, value: Vec<u8>) -> PropertyAccessResult {
+        self.set(name, value)
+    }
+    fn set_list_short(&mut self, name: &str, value: Vec<i16>) -> PropertyAccessResult {
+        self.set(name, value)
+    }
+    fn set_list_ushort(&mut self, name: &str, value: Vec<u16>) -> PropertyAccessResult {
+        self.set(name, value)
+    }
+    fn set_list_int(&mut self, name: &str, value: Vec<i32>) -> PropertyAccessResult {
+        self.set(name, value)
+    }
+    fn set_list_uint(&mut self, name: &str, value: Vec<u32>) -> PropertyAccessResult {
+        self.set(name, value)
+    }
+    fn set_list_float(&mut self, name: &str, _: Vec<f32>) -> PropertyAccessResult {
+        Face::refuse(name)
+    }
+    fn set_list_double(&mut self, name: &str, _: Vec<f64>) -> PropertyAccessResult {
+        Face::refuse(name)
+    }
 }
 
 /// Writes a surface with named per-vertex scalars (each as long as the vertices).

@@ -1,0 +1,179 @@
+//! Wavefront OBJ: positions, polygons, vertex colours, and colour from MTL materials and their textures.
+//!
+//! Own parser (tobj is the oracle of its tests): tobj reads positions as f32, gives no line in its errors, and refuses a
+//! file in which only some vertices are coloured.
+
+use super::texture::{Library, Paint};
+use super::{FormatError, beside, cut_polygon, refuse_not_finite};
+use crate::Point;
+use crate::surface::{ColouredMesh, TriMesh};
+use std::collections::BTreeMap;
+
+/// Reads an OBJ. Colours: of the vertices where each has one, else of the materials' textures at each vertex's texture
+/// coordinates (the mean over its seams), else none. Vertices that lie on each other become one where textures are used.
+pub fn read(name: &str, bytes: &[u8], files: &BTreeMap<String, Vec<u8>>) -> Result<ColouredMesh, FormatError> {
+    let obj = parse(bytes)?;
+    refuse_not_finite(&obj.positions)?;
+    let mut mesh = TriMesh { vertices: obj.positions.clone(), triangles: Vec::with_capacity(obj.faces.len()) };
+    for face in &obj.faces {
+        let polygon = &obj.corners[face.corners.clone()];
+        let polygon: Vec<u32> = polygon.iter().map(|c| c.0).collect();
+        cut_polygon(&mesh.vertices, &polygon, &mut mesh.triangles)
+            .map_err(|e| FormatError(format!("line {}: {e}", face.line)))?;
+    }
+    if !obj.colours.is_empty() && obj.colours.iter().all(Option::is_some) {
+        return Ok(ColouredMesh { mesh, colours: obj.colours.into_iter().flatten().collect() });
+    }
+    let colours = textured(name, &obj, files)?;
+    let scan = ColouredMesh { mesh, colours };
+    Ok(if scan.colours.is_empty() { scan } else { scan.welded() })
+}
+
+/// Material libraries an OBJ names, as written.
+pub(super) fn material_libraries(bytes: &[u8]) -> Vec<String> {
+    let mut names = Vec::new();
+    for line in bytes.split(|&b| b == b'\n') {
+        let line = String::from_utf8_lossy(line);
+        if let Some(("mtllib", rest)) = line.trim().split_once(char::is_whitespace) {
+            names.push(rest.trim().to_string());
+        }
+    }
+    names
+}
+
+struct ParsedFace {
+    corners: std::ops::Range<usize>,
+    material: Option<usize>,
+    line: usize,
+}
+
+#[derive(Default)]
+struct Parsed {
+    positions: Vec<Point>,
+    colours: Vec<Option<[u8; 3]>>,
+    texture_coordinates: Vec<[f64; 2]>,
+    /// Position and texture coordinate of each face's corners.
+    corners: Vec<(u32, Option<u32>)>,
+    faces: Vec<ParsedFace>,
+    materials: Vec<String>,
+    libraries: Vec<String>,
+}
+
+fn parse(bytes: &[u8]) -> Result<Parsed, FormatError> {
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    let mut obj = Parsed::default();
+    let mut material = None;
+    let mut held = String::new();
+    for (number, line) in bytes.split(|&b| b == b'\n').enumerate() {
+        let text = String::from_utf8_lossy(line);
+        let text = text.split('#').next().unwrap_or("").trim();
+        if let Some(start) = text.strip_suffix('\\') {
+            held.push_str(start);
+            held.push(' ');
+            continue;
+        }
+        held.push_str(text);
+        let whole = std::mem::take(&mut held);
+        let Some((keyword, rest)) = whole.split_once(char::is_whitespace) else {
+            continue;
+        };
+        let refuse = |what: String| FormatError(format!("line {}: {what}", number + 1));
+        match keyword {
+            "v" => obj.vertex(rest).ok_or_else(|| refuse(format!("expected `v x y z`, found `{}`", short(&whole))))?,
+            "vt" => match numbers(rest).as_deref() {
+                Some(&[u, v] | &[u, v, _]) => obj.texture_coordinates.push([u, v]),
+                Some(&[u]) => obj.texture_coordinates.push([u, 0.0]),
+                _ => return Err(refuse(format!("expected `vt u v`, found `{}`", short(&whole)))),
+            },
+            "f" => {
+                let start = obj.corners.len();
+                for word in rest.split_whitespace() {
+                    let corner = obj.corner(word).map_err(&refuse)?;
+                    obj.corners.push(corner);
+                }
+                obj.faces.push(ParsedFace { corners: start..obj.corners.len(), material, line: number + 1 });
+            }
+            "usemtl" => {
+                let known = obj.materials.iter().position(|m| m == rest.trim());
+                material = known.or_else(|| {
+                    obj.materials.push(rest.trim().to_string());
+                    Some(obj.materials.len() - 1)
+                });
+            }
+            "mtllib" => obj.libraries.push(rest.trim().to_string()),
+            _ => {}
+        }
+    }
+    if obj.positions.is_empty() {
+        return Err(FormatError("no line `v x y z`: this is no OBJ surface".into()));
+    }
+    Ok(obj)
+}
+
+fn short(line: &str) -> String {
+    line.chars().take(60).collect()
+}
+
+fn numbers(text: &str) -> Option<Vec<f64>> {
+    text.split_whitespace().map(|w| w.parse().ok()).collect()
+}
+
+impl Parsed {
+    fn vertex(&mut self, rest: &str) -> Option<()> {
+        let values = numbers(rest)?;
+        let (position, colour) = match *values.as_slice() {
+            [x, y, z] | [x, y, z, _] => ([x, y, z], None),
+            [x, y, z, r, g, b] | [x, y, z, r, g, b, _] => ([x, y, z], Some([r, g, b])),
+            _ => return None,
+        };
+        self.positions.push(Point::from(position));
+        self.colours.push(colour.map(|c| c.map(|x| (x * 255.0).round().clamp(0.0, 255.0) as u8)));
+        Some(())
+    }
+
+    fn corner(&self, word: &str) -> Result<(u32, Option<u32>), String> {
+        let mut parts = word.split('/');
+        let vertex = index(parts.next().unwrap_or(""), self.positions.len(), "vertex")?;
+        let texture = match parts.next() {
+            None | Some("") => None,
+            Some(part) => Some(index(part, self.texture_coordinates.len(), "texture coordinate")?),
+        };
+        Ok((vertex, texture))
+    }
+}
+
+/// OBJ counts from 1, or backwards from -1.
+fn index(word: &str, count: usize, what: &str) -> Result<u32, String> {
+    let value: i64 = word.parse().map_err(|_| format!("expected a {what} number, found `{}`", short(word)))?;
+    let zero_based = if value < 0 { count as i64 + value } else { value - 1 };
+    if value == 0 || zero_based < 0 || zero_based >= count as i64 {
+        return Err(format!("names {what} {value}, but {count} stand above it"));
+    }
+    u32::try_from(zero_based).map_err(|_| format!("{what} {value} is too large"))
+}
+
+/// Colours of the vertices from the materials; empty where no material has a paint that is there.
+fn textured(name: &str, obj: &Parsed, files: &BTreeMap<String, Vec<u8>>) -> Result<Vec<[u8; 3]>, FormatError> {
+    let mut paints: BTreeMap<String, Paint> = BTreeMap::new();
+    for library in obj.libraries.iter().filter_map(|l| beside(name, l)) {
+        if let Some(bytes) = files.get(&library) {
+            let used = |material: &str| obj.materials.iter().any(|m| m == material);
+            paints.extend(Library::parse(bytes).paints(&library, files, used)?);
+        }
+    }
+    let of_material: Vec<Option<&Paint>> = obj.materials.iter().map(|m| paints.get(m)).collect();
+    let mut sums = vec![([0.0; 3], 0u32); obj.positions.len()];
+    for face in &obj.faces {
+        let Some(paint) = face.material.and_then(|m| of_material[m]) else { continue };
+        for &(vertex, texture) in &obj.corners[face.corners.clone()] {
+            let Some(colour) = paint.at(texture.map(|t| obj.texture_coordinates[t as usize])) else { continue };
+            let (sum, count) = &mut sums[vertex as usize];
+            (0..3).for_each(|k| sum[k] += colour[k]);
+            *count += 1;
+        }
+    }
+    if sums.iter().all(|&(_, count)| count == 0) {
+        return Ok(Vec::new());
+    }
+    Ok(sums.iter().map(|&(sum, count)| sum.map(|x| (x / f64::from(count.max(1))).round() as u8)).collect())
+}
