@@ -5,11 +5,18 @@
 
 pub mod format;
 pub mod frame;
+mod halfedge;
 pub mod hex;
+pub mod holes;
+pub mod measure;
+pub mod plane;
 pub mod query;
 pub mod registration;
+pub mod remesh;
 pub mod render;
+pub mod repair;
 pub mod shapes;
+pub mod smooth;
 pub mod surface;
 pub mod topology;
 pub mod unit;

@@ -1,0 +1,64 @@
+//! Stage 3 on the shared specimens and on a real whole femur.
+
+#[path = "common/specimen.rs"]
+mod common;
+
+use common::{bytes, shared, specimen};
+use meshes::frame::Side;
+use meshes::surface::TriMesh;
+use meshes::topology::Topology;
+use meshes::{Isometry, Vector};
+use serde_json::Value;
+use stages::PerBone;
+use stages::bones::{BonesOptions, bones};
+
+fn assert_good(metrics: &Value, case: &str) {
+    for bone in ["femur", "tibfib"] {
+        let m = |key: &str| metrics[bone][key].as_f64().unwrap();
+        assert!(m("volume_change_percent").abs() < 0.5, "{case} {bone}: {metrics}");
+        assert!(m("surface_distance_p95_mm") < 0.2, "{case} {bone}: {metrics}");
+        assert!((1.3..1.7).contains(&m("edge_p50_mm")), "{case} {bone}: {metrics}");
+        assert!(m("edge_p01_mm") > 0.8 && m("edge_p99_mm") < 2.2, "{case} {bone}: {metrics}");
+        assert!(m("min_angle_deg") > 15.0, "{case} {bone}: {metrics}");
+    }
+}
+
+#[test]
+fn specimens_become_closed_even_surfaces_near_their_ct() {
+    for id in ["S192803", "S193761"] {
+        let Some(dir) = shared("bones of specimens", &format!("specimens/{id}")) else { return };
+        let made = bones(&specimen(&dir, Side::Left), &BonesOptions::default()).unwrap();
+        assert_good(&made.metrics, id);
+        for (_, surface) in made.surfaces.named() {
+            assert!(Topology::of(surface).is_closed());
+        }
+    }
+}
+
+#[test]
+fn a_whole_leg_is_cropped_alike_however_it_lies() {
+    let Some(dir) = shared("bones of z013", "femora/z013") else { return };
+    let read = |b: &str| meshes::format::ply::read(&bytes(&dir.join(format!("z013_{b}_L.ply")))).unwrap().mesh;
+    let ct = PerBone { femur: read("Femur"), tibfib: TriMesh::joined([&read("Tibia"), &read("Fibula")]) };
+    let pose = Isometry::new(Vector::new(30.0, -70.0, 500.0), Vector::new(0.8, -1.1, 0.4));
+    let moved = PerBone { femur: ct.femur.moved(&pose), tibfib: ct.tibfib.moved(&pose) };
+    let here = bones(&common::of(ct, PerBone::default(), Side::Left), &BonesOptions::default()).unwrap();
+    let there = bones(&common::of(moved, PerBone::default(), Side::Left), &BonesOptions::default()).unwrap();
+    assert_good(&here.metrics, "z013");
+    for bone in ["femur", "tibfib"] {
+        let volume = |b: &stages::bones::Bones| b.metrics[bone]["volume_mm3"].as_f64().unwrap();
+        assert!((volume(&here) / volume(&there) - 1.0).abs() < 1e-4);
+    }
+    assert_eq!(here.metrics["tibfib"]["bodies"], 2);
+    let length = |m: &TriMesh| {
+        let (lo, hi) = m.bounds().unwrap();
+        hi.z - lo.z
+    };
+    assert!((147.0..156.0).contains(&length(&here.surfaces.femur)), "{}", length(&here.surfaces.femur));
+}
+
+#[test]
+fn an_empty_bone_is_an_error_in_words() {
+    let none = common::of(PerBone::default(), PerBone::default(), Side::Left);
+    assert!(bones(&none, &BonesOptions::default()).unwrap_err().0.contains("no triangles"));
+}

@@ -1,0 +1,63 @@
+//! Specimens with truth for the geometry stages' tests.
+
+use meshes::format::{ply, stl};
+use meshes::frame::Side;
+use meshes::surface::{ColouredMesh, TriMesh};
+use stages::PerBone;
+use stages::ingest::{Identity, Specimen};
+use std::path::{Path, PathBuf};
+
+/// A path of the shared data, or `None` with a line said when it is absent (an error where it must be there).
+#[expect(clippy::print_stderr, reason = "a skipped test says so")]
+pub(crate) fn shared(test: &str, path: &str) -> Option<PathBuf> {
+    let full = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared").join(path);
+    if full.exists() {
+        return Some(full);
+    }
+    assert!(std::env::var("GENU_SHARED").as_deref() != Ok("required"), "{test}: {} is absent", full.display());
+    eprintln!("{test}: skipped, {} is absent", full.display());
+    None
+}
+
+#[expect(clippy::disallowed_methods, reason = "tests read the shared data")]
+pub(crate) fn bytes(path: &Path) -> Vec<u8> {
+    std::fs::read(path).unwrap()
+}
+
+pub(crate) fn surface(path: &Path) -> TriMesh {
+    stl::read(&bytes(path)).unwrap()
+}
+
+/// A specimen's surfaces, as they stand.
+pub(crate) fn specimen(dir: &Path, side: Side) -> Specimen {
+    let scan = |b: &str| ply::read(&bytes(&dir.join(format!("scans/{b}.ply")))).unwrap();
+    let ct = |b: &str| surface(&dir.join(format!("ct/{b}.stl")));
+    of(
+        PerBone { femur: ct("femur"), tibfib: ct("tibfib") },
+        PerBone { femur: scan("femur"), tibfib: scan("tibfib") },
+        side,
+    )
+}
+
+pub(crate) fn of(ct: PerBone<TriMesh>, scans: PerBone<ColouredMesh>, side: Side) -> Specimen {
+    Specimen {
+        identity: Identity {
+            id: "test".into(),
+            side,
+            sex: None,
+            age_years: None,
+            height_cm: None,
+            mass_kg: None,
+            provenance: None,
+            note: None,
+        },
+        ct,
+        scans,
+        landmarks: Vec::new(),
+        marks: Vec::new(),
+        given_fibres: Vec::new(),
+        ligaments: Default::default(),
+        warnings: Vec::new(),
+        metrics: serde_json::Value::Null,
+    }
+}
