@@ -1,4 +1,5 @@
 //! Ligament attachments: marks on a scan, sites on a bone, the literature atlas (Table 2 as data), bundles and fibres.
 
 pub mod bundle;
+pub mod marks;
 pub mod site;

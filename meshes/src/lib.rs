@@ -10,6 +10,7 @@ pub mod hex;
 pub mod holes;
 pub mod measure;
 pub mod plane;
+pub mod min_cut;
 pub mod query;
 pub mod registration;
 pub mod remesh;
