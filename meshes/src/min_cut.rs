@@ -133,9 +133,8 @@ mod tests {
         let edges: Vec<WeightedEdge> = (0..n as u32)
             .flat_map(|a| (a + 1..n as u32).map(move |b| (a, b, u64::from((a * 7 + b * 13 + a * b) % 11))))
             .collect();
-        let cost = |side: &dyn Fn(u32) -> bool| -> u64 {
-            edges.iter().filter(|e| side(e.0) != side(e.1)).map(|e| e.2).sum()
-        };
+        let cost =
+            |side: &dyn Fn(u32) -> bool| -> u64 { edges.iter().filter(|e| side(e.0) != side(e.1)).map(|e| e.2).sum() };
         let best = (0..1u32 << n)
             .filter(|mask| mask & 1 == 1 && mask >> (n - 1) == 0)
             .map(|mask| cost(&|v| mask >> v & 1 == 1))

@@ -192,7 +192,11 @@ fn joined(fragments: &[Vec<Point>], reach: f64) -> Vec<Vec<Point>> {
     }
     let mut members: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
     group.iter().enumerate().for_each(|(i, &g)| members.entry(g).or_default().push(i));
-    members.into_values().filter(|m| m.len() > 1).map(|m| m.iter().flat_map(|&i| fragments[i].clone()).collect()).collect()
+    members
+        .into_values()
+        .filter(|m| m.len() > 1)
+        .map(|m| m.iter().flat_map(|&i| fragments[i].clone()).collect())
+        .collect()
 }
 
 /// Cost of a millimetre in ink, beside ink and on bare bone, per millimetre of distance from the middle.
@@ -229,7 +233,13 @@ fn close_around(surface: &Inked, middle: &Point, cluster: &[Point]) -> Option<In
             let angle = (surface.point(a) - surface.point(b)).norm() / (0.5 + (between - centre).norm());
             let inked = surface.ink[a as usize] || surface.ink[b as usize];
             let beside = meets_ink(surface, a) || meets_ink(surface, b);
-            let cost = if inked { COST[0] } else if beside { COST[1] } else { COST[2] };
+            let cost = if inked {
+                COST[0]
+            } else if beside {
+                COST[1]
+            } else {
+                COST[2]
+            };
             edges.push((local[&a], local[&b], (1e6 * cost * angle) as u64 + 1));
             spans.push((local[&a], local[&b], angle, beside || inked));
         }

@@ -66,7 +66,8 @@ const NORMAL_RADIUS: f64 = 2.5;
 /// line on one side does not move the region's edge, which lies half that distance outside the interior.
 pub fn measure(surface: &Inked, normals: &[Vector], interior: &Interior, options: &MarkOptions) -> Option<Region> {
     let centre = mean(surface.mesh, &interior.vertices)?;
-    let radius = interior.vertices.iter().map(|&v| (surface.mesh.vertices[v as usize] - centre).norm()).fold(0.0, f64::max);
+    let radius =
+        interior.vertices.iter().map(|&v| (surface.mesh.vertices[v as usize] - centre).norm()).fold(0.0, f64::max);
     let patch = surface.patch(&interior.vertices, &centre, radius + MARGIN);
     let inside = filled(surface, &interior.vertices, &patch);
     let rim: Vec<u32> = inside
@@ -141,8 +142,7 @@ fn filled(surface: &Inked, vertices: &[u32], patch: &[u32]) -> Vec<u32> {
 /// Median distance from the inner edge of the line to bare bone outside it [mm].
 fn far_side(surface: &Inked, inside: &[u32], rim: &[u32], patch: &[u32]) -> Option<f64> {
     let ink = |v: u32| surface.ink[v as usize];
-    let outside: Vec<u32> =
-        patch.iter().copied().filter(|&v| !ink(v) && inside.binary_search(&v).is_err()).collect();
+    let outside: Vec<u32> = patch.iter().copied().filter(|&v| !ink(v) && inside.binary_search(&v).is_err()).collect();
     let mut widths: Vec<f64> = rim
         .iter()
         .filter(|&&v| surface.neighbours[v as usize].iter().any(|&w| ink(w)))
@@ -193,9 +193,7 @@ fn clipped(surface: &Inked, normals: &[Vector], depth: &BTreeMap<u32, f64>, leve
             }
         }
         let normal = smooth_normal(mesh, normals, &near, &polygon[0]);
-        pieces.extend(
-            polygon.windows(2).skip(1).map(|pair| Piece { corners: [polygon[0], pair[0], pair[1]], normal }),
-        );
+        pieces.extend(polygon.windows(2).skip(1).map(|pair| Piece { corners: [polygon[0], pair[0], pair[1]], normal }));
     }
     pieces
 }
