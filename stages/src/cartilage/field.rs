@@ -1,0 +1,132 @@
+//! The thickness field: what the scan has above each vertex of the bone.
+
+use super::CartilageOptions;
+use meshes::query::SurfaceQuery;
+use meshes::shapes::subdivided;
+use meshes::surface::TriMesh;
+use meshes::topology::vertex_neighbours;
+use meshes::{Point, Vector};
+use rayon::prelude::*;
+
+/// The bone's surface, fine, with what lies above each of its vertices.
+pub(super) struct Domain {
+    /// The bone, each triangle of the model's surface in four.
+    pub(super) bone: TriMesh,
+    /// Neighbours along edges.
+    pub(super) neighbours: Vec<Vec<u32>>,
+    /// Smooth unit normals.
+    pub(super) normals: Vec<Vector>,
+    /// Height at which cartilage begins above the bone; 0 without a cleft [mm].
+    pub(super) inner: Vec<f64>,
+    /// Height at which it ends [mm].
+    pub(super) outer: Vec<f64>,
+}
+
+impl Domain {
+    /// Looks from every vertex of `bone`; `None` for an empty surface.
+    pub(super) fn new(bone: &TriMesh, scan: &TriMesh, options: &CartilageOptions) -> Option<Domain> {
+        let walls = SurfaceQuery::new(scan)?;
+        let coarse = SurfaceQuery::new(bone)?;
+        let bone = subdivided(bone);
+        let neighbours = vertex_neighbours(&bone);
+        let normals = smooth_normals(&bone, &neighbours, 4);
+        let seen: Vec<Option<[f64; 2]>> = bone
+            .vertices
+            .par_iter()
+            .zip(&normals)
+            .map(|(p, n)| {
+                // the bone itself, met again (a notch's other wall, the fibula), ends what can be cartilage
+                let again = coarse.ray(&(p + n * 0.5), n, options.reach_mm).map_or(options.reach_mm, |h| h.distance);
+                extent(&walls, p, n, again.min(options.reach_mm), options.cleft_mm)
+            })
+            .collect();
+        let inner = filled(&seen.iter().map(|s| s.map(|x| x[0])).collect::<Vec<_>>(), &neighbours);
+        let outer = filled(&seen.iter().map(|s| s.map(|x| x[1])).collect::<Vec<_>>(), &neighbours);
+        Some(Domain { bone, neighbours, normals, inner, outer })
+    }
+
+    /// Thickness at a vertex [mm].
+    pub(super) fn thickness(&self, v: usize) -> f64 {
+        self.outer[v] - self.inner[v]
+    }
+}
+
+/// Where cartilage begins and ends above `p` along `n`; `None` where the scan has a hole.
+///
+/// Walls of the scan are counted from 1 mm inside the bone: one passed outward ends material, one passed inward begins it.
+fn extent(walls: &SurfaceQuery, p: &Point, n: &Vector, reach: f64, cleft: f64) -> Option<[f64; 2]> {
+    const INSIDE: f64 = 1.0;
+    let mut depth = 1;
+    let mut from = -INSIDE;
+    let mut begin = 0.0;
+    let mut end: Option<f64> = None;
+    for _ in 0..16 {
+        let Some(hit) = walls.ray(&(p + n * from), n, reach - from) else { break };
+        let height = from + hit.distance;
+        from = height + 1e-6;
+        if walls.normal(hit.triangle).dot(n) > 0.0 {
+            depth -= 1;
+            if depth == 0 {
+                end = Some(height);
+            }
+        } else {
+            depth += 1;
+            if depth == 1
+                && let Some(last) = end
+            {
+                if height - last > cleft {
+                    break;
+                }
+                // material below the cleft is bone, not cartilage, when it ends about where bone does
+                if last < 0.5 {
+                    begin = height.max(0.0);
+                }
+            }
+        }
+    }
+    end.map(|e| [if e > begin { begin } else { 0.0 }, e])
+}
+
+/// Values with gaps filled from around them, layer by layer, then relaxed.
+fn filled(values: &[Option<f64>], neighbours: &[Vec<u32>]) -> Vec<f64> {
+    let mut known: Vec<Option<f64>> = values.to_vec();
+    for _ in 0..40 {
+        let next: Vec<Option<f64>> = (0..known.len())
+            .map(|v| {
+                known[v].or_else(|| {
+                    let near: Vec<f64> = neighbours[v].iter().filter_map(|&w| known[w as usize]).collect();
+                    (!near.is_empty()).then(|| near.iter().sum::<f64>() / near.len() as f64)
+                })
+            })
+            .collect();
+        known = next;
+    }
+    let mut field: Vec<f64> = known.into_iter().map(|x| x.unwrap_or(0.0)).collect();
+    for _ in 0..40 {
+        field = (0..field.len())
+            .map(|v| if values[v].is_some() { field[v] } else { mean(&field, &neighbours[v], field[v]) })
+            .collect();
+    }
+    field
+}
+
+/// Mean of a field over neighbours.
+pub(super) fn mean(field: &[f64], neighbours: &[u32], own: f64) -> f64 {
+    if neighbours.is_empty() {
+        return own;
+    }
+    neighbours.iter().map(|&w| field[w as usize]).sum::<f64>() / neighbours.len() as f64
+}
+
+fn smooth_normals(mesh: &TriMesh, neighbours: &[Vec<u32>], rounds: usize) -> Vec<Vector> {
+    let mut normals = mesh.vertex_normals();
+    for _ in 0..rounds {
+        normals = (0..normals.len())
+            .map(|v| {
+                let sum: Vector = neighbours[v].iter().map(|&w| normals[w as usize]).sum();
+                (sum + normals[v]).try_normalize(1e-9).unwrap_or(normals[v])
+            })
+            .collect();
+    }
+    normals
+}

@@ -1,0 +1,120 @@
+//! Where cartilage is: patches of bone with clean rims.
+
+use super::CartilageOptions;
+use super::field::{Domain, mean};
+use meshes::Vector;
+use meshes::measure::percentile;
+use meshes::surface::TriMesh;
+use std::collections::BTreeMap;
+
+/// A patch of bone covered by cartilage.
+pub(super) struct Patch {
+    /// The covered bone, with a smooth rim.
+    pub(super) bone: TriMesh,
+    /// Unit normals of the bone at its vertices.
+    pub(super) normals: Vec<Vector>,
+    /// Height at which cartilage begins [mm].
+    pub(super) inner: Vec<f64>,
+    /// Height at which it ends [mm].
+    pub(super) outer: Vec<f64>,
+}
+
+/// The patches thicker than `least`, largest first.
+pub(super) fn patches(domain: &Domain, least: f64, options: &CartilageOptions) -> Vec<Patch> {
+    let count = domain.bone.vertices.len();
+    let mut level: Vec<f64> = (0..count).map(|v| (domain.thickness(v) - least).clamp(-least, least)).collect();
+    for _ in 0..options.rim_smoothing_rounds {
+        level = (0..count).map(|v| 0.5 * level[v] + 0.5 * mean(&level, &domain.neighbours[v], level[v])).collect();
+    }
+    let area = domain.bone.vertex_areas();
+    let tiny = 0.02 * least;
+    level.iter_mut().for_each(|x| *x = if x.abs() < tiny { tiny.copysign(*x) } else { *x });
+    // bare islands within cartilage are covered
+    for island in bodies(domain, |v| level[v as usize] < 0.0).into_iter().skip(1) {
+        if island.iter().map(|&v| area[v as usize]).sum::<f64>() < options.island_area_mm2 {
+            island.iter().for_each(|&v| level[v as usize] = least);
+        }
+    }
+    let covered = bodies(domain, |v| level[v as usize] > 0.0);
+    let mut found: Vec<(f64, Vec<u32>)> = covered
+        .into_iter()
+        .map(|body| (body.iter().map(|&v| area[v as usize]).sum::<f64>(), body))
+        .filter(|(size, body)| {
+            let mut thickness: Vec<f64> = body.iter().map(|&v| domain.thickness(v as usize)).collect();
+            *size >= options.least_area_mm2 && percentile(&mut thickness, 0.75) >= options.seed_thickness_mm
+        })
+        .collect();
+    found.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    found.into_iter().map(|(_, body)| cut(domain, &level, &body, least)).collect()
+}
+
+/// Connected sets of vertices for which `belongs` holds, most vertices first.
+fn bodies(domain: &Domain, belongs: impl Fn(u32) -> bool) -> Vec<Vec<u32>> {
+    let count = domain.bone.vertices.len();
+    let mut seen = vec![false; count];
+    let mut all = Vec::new();
+    for seed in 0..count as u32 {
+        if seen[seed as usize] || !belongs(seed) {
+            continue;
+        }
+        seen[seed as usize] = true;
+        let mut body = vec![seed];
+        let mut done = 0;
+        while let Some(&v) = body.get(done) {
+            done += 1;
+            for &w in &domain.neighbours[v as usize] {
+                if !seen[w as usize] && belongs(w) {
+                    seen[w as usize] = true;
+                    body.push(w);
+                }
+            }
+        }
+        all.push(body);
+    }
+    all.sort_by_key(|b| (std::cmp::Reverse(b.len()), b[0]));
+    all
+}
+
+/// The part of the bone on which `level` is positive about `body`, cut along its zero line.
+fn cut(domain: &Domain, level: &[f64], body: &[u32], least: f64) -> Patch {
+    let mut member = vec![false; level.len()];
+    body.iter().for_each(|&v| member[v as usize] = true);
+    let mut patch = Patch { bone: TriMesh::default(), normals: Vec::new(), inner: Vec::new(), outer: Vec::new() };
+    let mut index: BTreeMap<(u32, u32), u32> = BTreeMap::new();
+    for &t in &domain.bone.triangles {
+        let inside = t.map(|v| member[v as usize]);
+        let count = inside.iter().filter(|x| **x).count();
+        if count == 0 {
+            continue;
+        }
+        let odd = if count == 3 { 0 } else { (0..3).find(|&k| inside[k] == (count == 1)).unwrap_or(0) };
+        let [a, b, c] = [t[odd], t[(odd + 1) % 3], t[(odd + 2) % 3]];
+        let mut put = |p: u32, q: u32| {
+            *index.entry((p, q)).or_insert_with(|| {
+                add(&mut patch, domain, level, (p as usize, q as usize), least);
+                patch.bone.vertices.len() as u32 - 1
+            })
+        };
+        // a rim vertex is named (member, other), a whole one (v, v)
+        let faces = match count {
+            3 => vec![[put(a, a), put(b, b), put(c, c)]],
+            1 => vec![[put(a, a), put(a, b), put(a, c)]],
+            _ => {
+                let (ab, ac, b, c) = (put(b, a), put(c, a), put(b, b), put(c, c));
+                vec![[ab, b, c], [ab, c, ac]]
+            }
+        };
+        patch.bone.triangles.extend(faces);
+    }
+    patch
+}
+
+fn add(patch: &mut Patch, domain: &Domain, level: &[f64], (p, q): (usize, usize), least: f64) {
+    let s = if p == q { 0.0 } else { (level[p] / (level[p] - level[q])).clamp(0.15, 0.85) };
+    let (a, b) = (domain.bone.vertices[p], domain.bone.vertices[q]);
+    patch.bone.vertices.push(a + (b - a) * s);
+    let n = domain.normals[p] * (1.0 - s) + domain.normals[q] * s;
+    patch.normals.push(n.try_normalize(1e-9).unwrap_or(domain.normals[p]));
+    patch.inner.push(domain.inner[p]);
+    patch.outer.push(domain.outer[p].max(domain.inner[p] + 0.4 * least));
+}
