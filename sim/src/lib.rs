@@ -2,6 +2,7 @@
 //!
 //! Units: mm, N, s, tonne, MPa, radian inside; the specification file is in mm, N, N/mm, degrees where its keys say so.
 
+pub mod abaqus;
 pub mod deck;
 pub mod error;
 pub mod joint;

@@ -55,7 +55,7 @@ fn columns(header: &StringRecord) -> Result<BTreeMap<String, usize>, LaxityError
     let required = required_columns();
     let mut known: BTreeSet<String> = required.iter().cloned().collect();
     known.extend(["branch", "order", "time_s", "flags"].map(String::from));
-    known.extend((0..5).map(|i| sd_column(i)));
+    known.extend((0..5).map(sd_column));
     let mut found = BTreeMap::new();
     for (i, name) in header.iter().enumerate() {
         let force = name.starts_with("force_") && name.ends_with("_n");

@@ -1,0 +1,145 @@
+//! The published deck of Specimen 1 and what Abaqus answered to it.
+#![expect(clippy::disallowed_methods, reason = "reads ../shared where it is there")]
+#![expect(clippy::print_stdout, reason = "figures for the reader of the log")]
+
+mod common;
+
+use common::shared;
+use meshes::surface::TriMesh;
+use sim::abaqus::{ImportedDeck, MeshValue, import};
+use sim::deck::{ChainCoordinate, ControlKind};
+use sim::joint::{Joint, Six};
+use std::path::Path;
+
+const MAIN: &str = "S192803_MAIN_LAXITY_Anterior_30deg_10.inp";
+
+fn deck(dir: &Path, main: &str) -> ImportedDeck {
+    import(main, &mut |name: &str| std::fs::read(dir.join(name)).map_err(|e| e.to_string())).unwrap()
+}
+
+fn surface<'a>(deck: &'a ImportedDeck, path: &str) -> &'a TriMesh {
+    match &deck.meshes[path] {
+        MeshValue::Surface(m) => m,
+        other => panic!("{path}: {other:?}"),
+    }
+}
+
+#[test]
+fn the_published_deck_is_read_as_it_is_described() {
+    let Some(dir) = shared("published deck", "published/S192803/deck") else { return };
+    let deck = deck(&dir, MAIN);
+    let spec = &deck.spec;
+    assert_eq!((spec.id.as_str(), spec.side), ("S192803", meshes::frame::Side::Left));
+    assert_eq!((spec.bundles.len(), spec.fibres.len()), (14, 31));
+    let bundle = |name: &str| spec.bundles.iter().find(|b| b.name == name).unwrap();
+    assert_eq!(bundle("ACL_AM").reference_strain, 1.061052630287);
+    assert_eq!(bundle("ACL_AM").stiffness_n_per_mm, 63.986473003082);
+    assert_eq!(bundle("sMCL_P").reference_length_mm, 101.92526);
+    assert_eq!(bundle("PCL_PM").reference_length_mm, 30.928615);
+    assert_eq!((spec.toe_end_multiple["ACL_AM"], spec.toe_end_multiple["LCL"]), (50.0, 10.0));
+    let gs = spec.frames.gs_ct_pose;
+    let truth = [-6.12548473, 0.80496413, 2.17024262, 0.77235644, 0.37804099, -22.19989239];
+    for (ours, abaqus) in [gs.fe_deg, gs.vv_deg, gs.ie_deg, gs.ml_mm, gs.ap_mm, gs.si_mm].iter().zip(truth) {
+        assert!((ours - abaqus).abs() < 1e-4, "{ours} {abaqus}");
+    }
+    let contact = &spec.contact;
+    assert_eq!((contact.friction, contact.damping, contact.pairs.len()), (0.03, 0.001, 2));
+    assert!((contact.pressure_mpa[4] - 1.3390379).abs() < 1e-6);
+    let protocol = &spec.protocols[0];
+    assert_eq!(
+        protocol.steps.iter().map(|s| s.name.as_str()).collect::<Vec<_>>(),
+        ["OFFSET", "DISP_CONTROL", "LAXITY"]
+    );
+    assert_eq!(protocol.steps.iter().map(|s| s.contact).collect::<Vec<_>>(), [false, true, true]);
+    assert_eq!(protocol.quirks.len(), 5, "{:?}", protocol.quirks);
+    let find = |c: ChainCoordinate| protocol.steps[2].controls.iter().find(|x| x.coordinate == c).unwrap();
+    assert!((find(ChainCoordinate::Fe).at(1.5) + 0.0174 * 21.483299).abs() < 1e-12);
+    assert_eq!((find(ChainCoordinate::Ap).kind, find(ChainCoordinate::Ap).at(1.5)), (ControlKind::Load, 44.4822));
+    assert_eq!(find(ChainCoordinate::Si).at(0.0), -20.0);
+    let files = deck.files().unwrap();
+    let json = files.iter().find(|(path, _)| path == "model.json").unwrap();
+    let back: sim::spec::ModelSpec = serde_json::from_slice(&json.1).unwrap();
+    assert_eq!((back.fibres.len(), &back.protocols[0].name), (31, &protocol.name));
+    assert_eq!(files.len(), 9, "bones, cartilages, contact faces and the model");
+}
+
+#[test]
+fn the_decks_cartilage_gives_the_published_contact_faces() {
+    let Some(dir) = shared("contact faces", "published/S192803") else { return };
+    let deck = deck(&dir.join("deck"), MAIN);
+    for (ours, theirs) in
+        [("femur", "femur_cart"), ("tibia_medial", "tibia_cart_med"), ("tibia_lateral", "tibia_cart_lat")]
+    {
+        let mesh = surface(&deck, &format!("meshes/articular_{ours}.ply"));
+        let bytes = std::fs::read(dir.join(format!("geometry/{theirs}_articular_mri.ply"))).unwrap();
+        let published = meshes::format::ply::read(&bytes).unwrap().mesh;
+        println!(
+            "{ours}: {} triangles {:.0} mm2, published {} {:.0} mm2",
+            mesh.triangles.len(),
+            mesh.area(),
+            published.triangles.len(),
+            published.area()
+        );
+        assert!((mesh.area() / published.area() - 1.0).abs() < 0.1);
+        let query = meshes::query::SurfaceQuery::new(&published).unwrap();
+        let normals = mesh.triangle_normals();
+        let same = (0..mesh.triangles.len())
+            .filter(|&t| {
+                let [a, b, c] = mesh.corners(t);
+                let near = query.nearest(&(nalgebra::center(&nalgebra::center(&a, &b), &c)));
+                near.distance < 0.5 && normals[t].dot(&query.normal(near.triangle)) > 0.0
+            })
+            .count();
+        assert!(same as f64 > 0.9 * mesh.triangles.len() as f64, "{ours}: {same} of {}", mesh.triangles.len());
+    }
+    let MeshValue::Hex(hex) = &deck.meshes["meshes/cartilage_femur.vtu"] else { panic!("hexahedra expected") };
+    let inverted = (0..hex.elements.len()).filter(|&e| hex.scaled_jacobian(e) <= 0.0).count();
+    println!(
+        "femoral hexahedra {}, inverted {inverted}, articular quads {}",
+        hex.elements.len(),
+        hex.articular_quads.len()
+    );
+    assert!(inverted <= 1 && hex.articular_quads.len() > 4000);
+}
+
+#[test]
+fn every_published_trial_is_read() {
+    let Some(dir) = shared("all decks", "published/S192803/deck") else { return };
+    for main in
+        ["S192803_MAIN_TEST.inp", "S192803_MAIN_LAXITY_Passive_Flex.inp", "S192803_MAIN_LAXITY_Internal_90deg_20.inp"]
+    {
+        let deck = deck(&dir, main);
+        assert_eq!(deck.spec.protocols.len(), 1, "{main}");
+    }
+}
+
+/// A row of Abaqus' own trajectories as name and value.
+fn trajectories(dir: &Path) -> Vec<std::collections::BTreeMap<String, String>> {
+    let bytes = std::fs::read(dir.join("abaqus_trajectories.csv")).unwrap();
+    csv::Reader::from_reader(&bytes[..]).deserialize().map(Result::unwrap).collect()
+}
+
+#[test]
+fn chain_and_angles_are_those_of_abaqus() {
+    let Some(dir) = shared("chain", "published/S192803") else { return };
+    let spec = deck(&dir.join("deck"), MAIN).spec;
+    let joint = Joint::new(&spec.frames, spec.side).unwrap();
+    let (mut worst_gs, mut worst_node, mut frames) = (0.0_f64, 0.0_f64, 0);
+    for row in trajectories(&dir) {
+        let x = |k: &str| row[k].parse::<f64>().unwrap();
+        let deck_q = [x("q_FE_rad"), x("q_VV_rad"), x("q_IE_rad"), x("q_ML_mm"), x("q_AP_mm"), x("q_SI_mm")];
+        let q = Six::from_iterator(deck_q.iter().zip([-1.0, 1.0, -1.0, -1.0, 1.0, -1.0]).map(|(v, s)| v * s));
+        let gs = joint.grood_suntay(&q);
+        for (i, k) in ["GS_FE", "GS_VV", "GS_IE", "GS_ML", "GS_AP", "GS_SI"].iter().enumerate() {
+            let ours = if i < 3 { gs[i].to_degrees() } else { gs[i] };
+            worst_gs = worst_gs.max((ours - x(k)).abs());
+        }
+        let o = joint.pose(&q).femur * spec.frames.femur.origin;
+        let node = meshes::Point::new(x("femur_O_x"), x("femur_O_y"), x("femur_O_z"));
+        worst_node = worst_node.max((o - node).norm());
+        frames += 1;
+    }
+    println!("{frames} frames: Grood-Suntay within {worst_gs:.2e}, femoral origin within {worst_node:.2e} mm");
+    assert_eq!(frames, 228);
+    assert!(worst_node < 1e-4 && worst_gs < 1e-4, "{worst_node} {worst_gs}");
+}
