@@ -9,8 +9,8 @@ mod halfedge;
 pub mod hex;
 pub mod holes;
 pub mod measure;
-pub mod plane;
 pub mod min_cut;
+pub mod plane;
 pub mod query;
 pub mod registration;
 pub mod remesh;
@@ -19,6 +19,8 @@ pub mod repair;
 pub mod shapes;
 pub mod smooth;
 pub mod surface;
+pub mod surface_net;
+pub mod tidy;
 pub mod topology;
 pub mod unit;
 

@@ -1,6 +1,13 @@
 //! Stage 1, ingest: the specimen's files become checked values in mm.
 
+mod file;
+mod points;
+mod surfaces;
+
+pub use file::{OPTIONAL_PATHS, parse_specimen_file, paths_named_by, paths_named_in};
+
 use crate::{PerBone, StageError};
+use attachments::bundle::BUNDLES;
 use attachments::site::Fibre;
 use meshes::Point;
 use meshes::frame::Side;
@@ -144,5 +151,72 @@ pub struct Specimen {
     pub metrics: serde_json::Value,
 }
 
-#[doc(hidden)]
-pub type IngestResult = Result<Specimen, StageError>;
+/// What a specimen may look like.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct IngestOptions {
+    /// Smallest width of a bone, the middle one of its principal extents, that is taken for millimetres [mm]; a knee's is
+    /// 60 to 110 (epicondylar width 73 to 93 in the VSD femora, doi 10.1038/s41597-023-02669-z).
+    pub least_width_mm: f64,
+    /// Largest such width [mm].
+    pub greatest_width_mm: f64,
+}
+
+impl Default for IngestOptions {
+    fn default() -> Self {
+        IngestOptions { least_width_mm: 35.0, greatest_width_mm: 200.0 }
+    }
+}
+
+/// Turns the files of a specimen into checked values in mm.
+///
+/// Surfaces are welded, freed of triangles without area and turned outward; holes and loose pieces stay, counted.
+/// Anatomy (side, exchanged bones) is not looked at here but where frames are assigned.
+///
+/// # Errors
+/// A missing or unreadable file, an unknown key, name or unit: with file, line or element, what was expected, what to do.
+pub fn ingest(raw: &RawSpecimen, options: &IngestOptions) -> Result<Specimen, StageError> {
+    let file = parse_specimen_file(&raw.toml)?;
+    let mut warnings = Vec::new();
+    file::check_present(&file, raw)?;
+    let surface =
+        |key: &str, path: &str, warnings: &mut Vec<String>| surfaces::checked(key, path, &raw.files, options, warnings);
+    let (ct_femur, ct_femur_counts) = surface("ct.femur", &file.ct.femur, &mut warnings)?;
+    let (ct_tibfib, ct_tibfib_counts) = surface("ct.tibfib", &file.ct.tibfib, &mut warnings)?;
+    let (scan_femur, scan_femur_counts) = surface("scans.femur", &file.scans.femur, &mut warnings)?;
+    let (scan_tibfib, scan_tibfib_counts) = surface("scans.tibfib", &file.scans.tibfib, &mut warnings)?;
+    for (key, scan) in [("scans.femur", &scan_femur), ("scans.tibfib", &scan_tibfib)] {
+        if scan.colours.is_empty() {
+            warnings.push(format!("{key} has no colours: outlined attachment sites cannot be found on it"));
+        }
+    }
+    let landmarks = points::landmarks(&file, raw)?;
+    let marks = points::marks(&file, raw)?;
+    let given_fibres = points::fibres(&file, raw)?;
+    for bundle in BUNDLES.iter() {
+        let given = given_fibres.iter().filter(|f| f.bundle == bundle.name).count();
+        if given > 0 && given != bundle.fibres {
+            warnings
+                .push(format!("attachments.csv gives {} {given} fibres, Table 3 has {}", bundle.name, bundle.fibres));
+        }
+    }
+    let metrics = serde_json::json!({
+        "ct_femur": ct_femur_counts, "ct_tibfib": ct_tibfib_counts,
+        "scan_femur": scan_femur_counts, "scan_tibfib": scan_tibfib_counts,
+        "landmarks": landmarks.len(), "marks": marks.len(), "given_fibres": given_fibres.len(),
+    });
+    Ok(Specimen {
+        identity: file.specimen,
+        ct: PerBone { femur: ct_femur.mesh, tibfib: ct_tibfib.mesh },
+        scans: PerBone { femur: scan_femur, tibfib: scan_tibfib },
+        landmarks,
+        marks,
+        given_fibres,
+        ligaments: file.ligaments,
+        warnings,
+        metrics,
+    })
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,122 @@
+//! specimen.toml and the files it names.
+
+use super::{RawSpecimen, SpecimenFile};
+use crate::StageError;
+use attachments::bundle::BUNDLES;
+
+/// Files that count when they lie beside specimen.toml, named by `[points]` or not, in the order landmarks, marks,
+/// attachments. Who loads a specimen adds those that exist to [`RawSpecimen::files`].
+pub const OPTIONAL_PATHS: [&str; 3] = ["landmarks.csv", "marks.csv", "attachments.csv"];
+
+/// Parses and checks specimen.toml.
+///
+/// # Errors
+/// Bad TOML, an unknown key, an unknown bundle, a value out of range, a path out of the specimen: with the line or key.
+pub fn parse_specimen_file(text: &str) -> Result<SpecimenFile, StageError> {
+    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
+    let file: SpecimenFile = toml::from_str(text).map_err(|e| {
+        let place = match e.span() {
+            Some(span) => {
+                let before = text.get(..span.start).unwrap_or(text);
+                format!(", line {}", before.matches('\n').count() + 1)
+            }
+            None => String::new(),
+        };
+        StageError(format!("specimen.toml{place}: {}", e.message().trim().replace('\n', "; ")))
+    })?;
+    let refuse = |what: String| Err(StageError(format!("specimen.toml: {what}")));
+    if file.specimen.id.trim().is_empty() {
+        return refuse("specimen.id is empty; expected a name".into());
+    }
+    if let Some(provenance) = &file.specimen.provenance
+        && !["published", "synthetic", "own"].contains(&provenance.as_str())
+    {
+        return refuse(format!("specimen.provenance is \"{provenance}\"; expected published, synthetic or own"));
+    }
+    for (name, start) in &file.ligaments {
+        if !BUNDLES.iter().any(|b| b.name == *name) {
+            let known: Vec<&str> = BUNDLES.iter().map(|b| b.name.as_str()).collect();
+            return refuse(format!("[ligaments.{name}] names no bundle; expected one of {}", known.join(", ")));
+        }
+        for (key, value) in
+            [("reference_strain", start.reference_strain), ("stiffness_n_per_mm", start.stiffness_n_per_mm)]
+        {
+            if value.is_some_and(|v| !(v.is_finite() && v > 0.0)) {
+                return refuse(format!("ligaments.{name}.{key} must be a number above 0"));
+            }
+        }
+    }
+    for (key, path) in named(&file) {
+        check_path(&key, &path)?;
+    }
+    Ok(file)
+}
+
+/// Every path specimen.toml names, in its order, each once.
+///
+/// # Errors
+/// As [`parse_specimen_file`]. A path that is absolute or climbs out with `..` is refused: a specimen directory is a
+/// whole that can be copied, digested and built elsewhere, and a stranger's specimen must not make the program read other files.
+pub fn paths_named_by(toml: &str) -> Result<Vec<String>, StageError> {
+    let mut paths: Vec<String> = Vec::new();
+    for (_, path) in named(&parse_specimen_file(toml)?) {
+        if !paths.contains(&path) {
+            paths.push(path);
+        }
+    }
+    Ok(paths)
+}
+
+/// Paths of the files that a loaded file names in turn: an OBJ's material libraries, their textures.
+pub fn paths_named_in(path: &str, bytes: &[u8]) -> Vec<String> {
+    meshes::format::companions(path, bytes)
+}
+
+/// Refuses a specimen that lacks a file it names.
+pub(super) fn check_present(file: &SpecimenFile, raw: &RawSpecimen) -> Result<(), StageError> {
+    for (key, path) in named(file) {
+        if !raw.files.contains_key(&path) {
+            return Err(StageError(format!(
+                "specimen.toml: {key} names {path}, which is not there; put the file there or correct the path"
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// Keys and the paths they name.
+fn named(file: &SpecimenFile) -> Vec<(String, String)> {
+    let mut named = vec![
+        ("ct.femur".to_string(), file.ct.femur.clone()),
+        ("ct.tibfib".to_string(), file.ct.tibfib.clone()),
+        ("scans.femur".to_string(), file.scans.femur.clone()),
+        ("scans.tibfib".to_string(), file.scans.tibfib.clone()),
+    ];
+    let points = [
+        ("points.landmarks", &file.points.landmarks),
+        ("points.marks", &file.points.marks),
+        ("points.attachments", &file.points.attachments),
+    ];
+    named.extend(points.into_iter().filter_map(|(key, path)| Some((key.to_string(), path.clone()?))));
+    named.extend(file.laxity.iter().map(|(name, path)| (format!("laxity.{name}"), path.clone())));
+    named.extend(file.passive.iter().map(|(name, path)| (format!("passive.{name}"), path.clone())));
+    named
+}
+
+fn check_path(key: &str, path: &str) -> Result<(), StageError> {
+    let drive = path.as_bytes().get(1) == Some(&b':');
+    let wrong = if path.trim().is_empty() {
+        "is empty"
+    } else if path.starts_with('/') || path.starts_with('\\') || drive {
+        "is an absolute path"
+    } else if path.contains('\\') {
+        "has backslashes (write / in paths)"
+    } else if path.split('/').any(|part| part == "..") {
+        "leads out of the specimen directory"
+    } else {
+        return Ok(());
+    };
+    Err(StageError(format!(
+        "specimen.toml: {key} = \"{path}\" {wrong}; expected a path inside the specimen directory: copy the file there"
+    )))
+}

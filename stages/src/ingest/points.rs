@@ -1,0 +1,145 @@
+//! landmarks.csv, marks.csv, attachments.csv.
+
+use super::file::OPTIONAL_PATHS;
+use super::{NamedPoint, PointFrame, RawSpecimen, SpecimenFile};
+use crate::StageError;
+use attachments::bundle::{BUNDLES, LIGAMENTS};
+use attachments::site::{Fibre, Source};
+use meshes::Point;
+
+/// The landmarks; empty without a file.
+pub(super) fn landmarks(file: &SpecimenFile, raw: &RawSpecimen) -> Result<Vec<NamedPoint>, StageError> {
+    named_points(raw, file.points.landmarks.as_deref().unwrap_or(OPTIONAL_PATHS[0]), "name", |_| Ok(()))
+}
+
+/// The marks; empty without a file.
+pub(super) fn marks(file: &SpecimenFile, raw: &RawSpecimen) -> Result<Vec<NamedPoint>, StageError> {
+    named_points(raw, file.points.marks.as_deref().unwrap_or(OPTIONAL_PATHS[1]), "ligament", |name| {
+        if LIGAMENTS.contains(&name) {
+            Ok(())
+        } else {
+            Err(format!("no ligament is called `{name}`; expected one of {}", LIGAMENTS.join(", ")))
+        }
+    })
+}
+
+/// The fibres given by hand; empty without a file.
+pub(super) fn fibres(file: &SpecimenFile, raw: &RawSpecimen) -> Result<Vec<Fibre>, StageError> {
+    let path = file.points.attachments.as_deref().unwrap_or(OPTIONAL_PATHS[2]);
+    let columns =
+        ["bundle", "fibre", "femur_x_mm", "femur_y_mm", "femur_z_mm", "tibia_x_mm", "tibia_y_mm", "tibia_z_mm"];
+    let mut fibres: Vec<Fibre> = Vec::new();
+    for row in rows(raw, path, &columns)? {
+        let bundle = row.cells[0].clone();
+        if !BUNDLES.iter().any(|b| b.name == bundle) {
+            let known: Vec<&str> = BUNDLES.iter().map(|b| b.name.as_str()).collect();
+            return Err(row.refuse(&format!("no bundle is called `{bundle}`; expected one of {}", known.join(", "))));
+        }
+        let fibre = match row.cells[1].parse::<usize>() {
+            Ok(n) if (1..=1000).contains(&n) => n,
+            _ => return Err(row.refuse(&format!("fibre is `{}`; expected a number from 1", row.cells[1]))),
+        };
+        if fibres.iter().any(|f| f.bundle == bundle && f.fibre == fibre) {
+            return Err(row.refuse(&format!("fibre {fibre} of {bundle} stands twice")));
+        }
+        fibres.push(Fibre {
+            bundle,
+            fibre,
+            femur: row.point(2, &columns)?,
+            tibia: row.point(5, &columns)?,
+            source: Source::Given,
+        });
+    }
+    Ok(fibres)
+}
+
+fn named_points(
+    raw: &RawSpecimen,
+    path: &str,
+    name_column: &str,
+    check: impl Fn(&str) -> Result<(), String>,
+) -> Result<Vec<NamedPoint>, StageError> {
+    let columns = [name_column, "frame", "x_mm", "y_mm", "z_mm"];
+    let mut points: Vec<NamedPoint> = Vec::new();
+    for row in rows(raw, path, &columns)? {
+        let name = row.cells[0].clone();
+        if name.is_empty() {
+            return Err(row.refuse(&format!("{name_column} is empty")));
+        }
+        check(&name).map_err(|e| row.refuse(&e))?;
+        let frame = match row.cells[1].as_str() {
+            "ct" => PointFrame::Ct,
+            "scan_femur" => PointFrame::ScanFemur,
+            "scan_tibfib" => PointFrame::ScanTibfib,
+            other => return Err(row.refuse(&format!("frame is `{other}`; expected ct, scan_femur or scan_tibfib"))),
+        };
+        if points.iter().any(|p| p.name == name && p.frame == frame) {
+            return Err(row.refuse(&format!("{name} stands twice in frame {}; keep one", row.cells[1])));
+        }
+        points.push(NamedPoint { name, frame, point: row.point(2, &columns)? });
+    }
+    Ok(points)
+}
+
+/// A row's cells in the order of the columns asked for.
+struct Row<'a> {
+    path: &'a str,
+    line: u64,
+    cells: Vec<String>,
+}
+
+impl Row<'_> {
+    fn refuse(&self, what: &str) -> StageError {
+        StageError(format!("{}, line {}: {what}", self.path, self.line))
+    }
+
+    fn point(&self, at: usize, columns: &[&str]) -> Result<Point, StageError> {
+        let mut place = [0.0; 3];
+        for (k, value) in place.iter_mut().enumerate() {
+            let cell = &self.cells[at + k];
+            *value = match cell.parse::<f64>() {
+                Ok(x) if x.is_finite() => x,
+                _ => {
+                    let hint = if cell.contains(',') { "; write a decimal point, not a comma" } else { "" };
+                    return Err(self.refuse(&format!("{} is `{cell}`; expected a number in mm{hint}", columns[at + k])));
+                }
+            };
+        }
+        Ok(Point::from(place))
+    }
+}
+
+fn rows<'a>(raw: &RawSpecimen, path: &'a str, columns: &[&str]) -> Result<Vec<Row<'a>>, StageError> {
+    let Some(bytes) = raw.files.get(path) else { return Ok(Vec::new()) };
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    let expected = columns.join(",");
+    let text = std::str::from_utf8(bytes).map_err(|e| {
+        let line = bytes[..e.valid_up_to()].iter().filter(|&&b| b == b'\n').count() + 1;
+        StageError(format!("{path}, line {line}: not UTF-8 text; save the table as UTF-8 CSV with header {expected}"))
+    })?;
+    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).flexible(true).from_reader(text.as_bytes());
+    let header = reader.headers().map_err(|e| StageError(format!("{path}: {e}")))?.clone();
+    let refuse = |what: String| StageError(format!("{path}, line 1: {what}; expected the header {expected}"));
+    if header.len() == 1 && header.get(0).is_some_and(|h| h.contains(';') || h.contains('\t')) {
+        return Err(refuse("the columns are not separated by commas".into()));
+    }
+    if let Some(unknown) = header.iter().find(|h| !columns.contains(h)) {
+        return Err(refuse(format!("unknown column `{unknown}`")));
+    }
+    let mut place = Vec::new();
+    for column in columns {
+        place.push(header.iter().position(|h| h == *column).ok_or_else(|| refuse(format!("no column `{column}`")))?);
+    }
+    let mut rows = Vec::new();
+    for record in reader.records() {
+        let record = record.map_err(|e| StageError(format!("{path}: {e}")))?;
+        let line = record.position().map_or(0, csv::Position::line);
+        let mut row = Row { path, line, cells: Vec::new() };
+        if record.len() != header.len() {
+            return Err(row.refuse(&format!("{} cells; expected {} ({expected})", record.len(), header.len())));
+        }
+        row.cells = place.iter().map(|&k| record.get(k).unwrap_or("").to_string()).collect();
+        rows.push(row);
+    }
+    Ok(rows)
+}

@@ -1,0 +1,137 @@
+//! The surfaces: read, unit judged, put right, counted.
+
+use super::IngestOptions;
+use crate::StageError;
+use meshes::format::read_surface;
+use meshes::surface::{ColouredMesh, TriMesh};
+use meshes::tidy::tidy;
+use meshes::topology::Topology;
+use meshes::{Vector, format::companions};
+use std::collections::BTreeMap;
+
+/// The width knees have [mm], the middle principal extent of a bone, whole or cropped.
+const KNEE_WIDTH_MM: f64 = 85.0;
+/// Fewer triangles make no bone.
+const LEAST_TRIANGLES: usize = 100;
+
+/// Reads, checks and repairs the surface that `key` of specimen.toml names; and its counts for metrics.json.
+pub(super) fn checked(
+    key: &str,
+    path: &str,
+    files: &BTreeMap<String, Vec<u8>>,
+    options: &IngestOptions,
+    warnings: &mut Vec<String>,
+) -> Result<(ColouredMesh, serde_json::Value), StageError> {
+    let refuse = |what: String| StageError(format!("{path} ({key}): {what}"));
+    let Some(bytes) = files.get(path) else { return Err(refuse("the file is not there".into())) };
+    missing_companions(path, bytes, files, warnings);
+    let read = read_surface(path, bytes, files).map_err(|e| refuse(e.to_string()))?;
+    if read.mesh.triangles.len() < LEAST_TRIANGLES {
+        return Err(refuse(format!(
+            "{} vertices and {} triangles; expected the surface of a bone: export a triangle mesh, not points",
+            read.mesh.vertices.len(),
+            read.mesh.triangles.len()
+        )));
+    }
+    let (surface, repairs) = tidy(&read);
+    let width = middle_extent(&surface.mesh);
+    check_unit(width, options).map_err(refuse)?;
+    let topology = Topology::of(&surface.mesh);
+    let mut warn = |count: usize, what: &str| {
+        if count > 0 {
+            warnings.push(format!("{path}: {count} {what}"));
+        }
+    };
+    warn(repairs.degenerate_triangles, "triangles without area dropped");
+    warn(repairs.doubled_triangles, "doubled triangles dropped");
+    warn(repairs.turned_triangles, "triangles turned outward");
+    warn(repairs.cavities, "cavities inside the bone left as they are");
+    warn(topology.irregular_edges, "edges shared by more than two triangles, or by two turned alike");
+    if key.starts_with("ct.") {
+        warn(topology.boundary_edges, "open edges in a CT surface, which should be closed");
+    }
+    let bodies = if key == "ct.tibfib" { 2 } else { 1 };
+    if topology.components > bodies {
+        warn(topology.components - bodies, "loose pieces besides the bone");
+    }
+    if key.starts_with("scans.") && topology.boundary_edges == 0 {
+        warnings
+            .push(format!("{path}: the scan is closed: its holes may have been filled with surface nobody measured"));
+    }
+    let counts = serde_json::json!({
+        "vertices": surface.mesh.vertices.len(),
+        "triangles": surface.mesh.triangles.len(),
+        "width_mm": width,
+        "dropped_vertices": repairs.dropped_vertices,
+        "degenerate_triangles": repairs.degenerate_triangles,
+        "doubled_triangles": repairs.doubled_triangles,
+        "turned_triangles": repairs.turned_triangles,
+        "cavities": repairs.cavities,
+        "boundary_edges": topology.boundary_edges,
+        "irregular_edges": topology.irregular_edges,
+        "components": topology.components,
+        "coloured": !surface.colours.is_empty(),
+    });
+    Ok((surface, counts))
+}
+
+fn missing_companions(path: &str, bytes: &[u8], files: &BTreeMap<String, Vec<u8>>, warnings: &mut Vec<String>) {
+    let mut named: Vec<(String, String)> = companions(path, bytes).into_iter().map(|c| (path.to_string(), c)).collect();
+    let mut next = 0;
+    while let Some((by, companion)) = named.get(next).cloned() {
+        next += 1;
+        match files.get(&companion) {
+            Some(content) if next < 1000 => {
+                let more: Vec<_> =
+                    companions(&companion, content).into_iter().map(|c| (companion.clone(), c)).collect();
+                named.extend(more);
+            }
+            Some(_) => {}
+            None => warnings.push(format!("{by} names {companion}, which is not there: its colours are lost")),
+        }
+    }
+}
+
+/// The middle one of the three extents along the principal axes [mm]: as wide as the joint end, however long the shaft.
+fn middle_extent(mesh: &TriMesh) -> f64 {
+    let Some(centre) = mesh.centroid() else { return 0.0 };
+    let areas = mesh.vertex_areas();
+    let mut spread = nalgebra::Matrix3::zeros();
+    for (p, a) in mesh.vertices.iter().zip(&areas) {
+        let d = p - centre;
+        spread += d * d.transpose() * *a;
+    }
+    if !spread.iter().all(|x| x.is_finite()) {
+        return f64::INFINITY;
+    }
+    let axes = spread.symmetric_eigen().eigenvectors;
+    let mut extents: Vec<f64> = (0..3)
+        .map(|k| {
+            let axis: Vector = axes.column(k).into();
+            let (lo, hi) = mesh.vertices.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), p| {
+                let x = (p - centre).dot(&axis);
+                (lo.min(x), hi.max(x))
+            });
+            hi - lo
+        })
+        .collect();
+    extents.sort_by(f64::total_cmp);
+    extents[1]
+}
+
+fn check_unit(width: f64, options: &IngestOptions) -> Result<(), String> {
+    if (options.least_width_mm..=options.greatest_width_mm).contains(&width) {
+        return Ok(());
+    }
+    let units = [("metres", 1000.0), ("inches", 25.4), ("centimetres", 10.0), ("micrometres", 0.001)];
+    let unit = units.iter().find(|(_, mm)| (0.5..2.0).contains(&(width * mm / KNEE_WIDTH_MM)));
+    Err(match unit {
+        Some((name, mm)) => format!(
+            "the bone is {width:.3} wide, which is a knee in {name}; expected millimetres: multiply the coordinates by {mm} (export in mm)"
+        ),
+        None => format!(
+            "the bone is {width:.3} wide; expected a knee in millimetres, {} to {}: check the unit and that the file holds this bone alone",
+            options.least_width_mm, options.greatest_width_mm
+        ),
+    })
+}

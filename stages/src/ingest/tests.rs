@@ -1,0 +1,123 @@
+use super::*;
+use meshes::format::{ply, stl};
+use meshes::shapes::icosphere;
+
+const TOML: &str = "[specimen]\nid = \"T1\"\nside = \"left\"\n\n[ct]\nfemur = \"ct/femur.stl\"\ntibfib = \"ct/tibfib.stl\"\n\n[scans]\nfemur = \"scans/femur.ply\"\ntibfib = \"scans/tibfib.ply\"\n\n[points]\nlandmarks = \"landmarks.csv\"\nmarks = \"marks.csv\"\n";
+
+fn ball(radius: f64) -> TriMesh {
+    icosphere(radius, 3)
+}
+
+fn stl_of(mesh: &TriMesh) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    stl::write(&mut bytes, mesh).unwrap();
+    bytes
+}
+
+fn raw() -> RawSpecimen {
+    let mesh = ball(42.0);
+    let scan = ColouredMesh { colours: vec![[1, 2, 3]; mesh.vertices.len()], mesh: mesh.clone() };
+    let mut coloured = Vec::new();
+    ply::write_coloured(&mut coloured, &scan).unwrap();
+    let files = [
+        ("ct/femur.stl", stl_of(&mesh)),
+        ("ct/tibfib.stl", stl_of(&mesh)),
+        ("scans/femur.ply", coloured.clone()),
+        ("scans/tibfib.ply", coloured),
+        ("landmarks.csv", b"name,frame,x_mm,y_mm,z_mm\na,ct,1,2,3\na,scan_femur,1,2,3\n".to_vec()),
+        ("marks.csv", b"frame,ligament,x_mm,y_mm,z_mm\nscan_femur,ACL,1,2,3\n".to_vec()),
+    ];
+    RawSpecimen { toml: TOML.into(), files: files.map(|(n, b)| (n.to_string(), b)).into() }
+}
+
+fn refusal(raw: &RawSpecimen) -> String {
+    ingest(raw, &IngestOptions::default()).unwrap_err().0
+}
+
+fn with_file(name: &str, bytes: &[u8]) -> RawSpecimen {
+    let mut raw = raw();
+    raw.files.insert(name.into(), bytes.to_vec());
+    raw
+}
+
+#[test]
+fn a_sound_specimen_passes_and_names_its_files() {
+    let specimen = ingest(&raw(), &IngestOptions::default()).unwrap();
+    assert_eq!(specimen.landmarks.len(), 2);
+    assert_eq!(specimen.marks[0].name, "ACL");
+    assert_eq!(specimen.marks[0].frame, PointFrame::ScanFemur);
+    assert_eq!(specimen.scans.femur.colours.len(), specimen.scans.femur.mesh.vertices.len());
+    let mut paths = paths_named_by(TOML).unwrap();
+    paths.sort();
+    assert_eq!(paths, raw().files.into_keys().collect::<Vec<_>>());
+}
+
+#[test]
+fn a_wrong_specimen_file_is_refused_with_key_and_line() {
+    let cases = [
+        (TOML.replace("side = ", "siide = "), "specimen.toml, line 3: unknown field `siide`"),
+        (TOML.replace("\"left\"", "\"middle\""), "specimen.toml, line 3: unknown variant `middle`"),
+        (TOML.replace("tibfib = \"ct/", "# "), "missing field `tibfib`"),
+        (TOML.replace("ct/femur.stl", "/data/femur.stl"), "ct.femur = \"/data/femur.stl\" is an absolute path"),
+        (TOML.replace("ct/femur.stl", "../femur.stl"), "leads out of the specimen directory"),
+        (TOML.replace("ct/femur.stl", "ct/femur2.stl"), "ct.femur names ct/femur2.stl, which is not there"),
+        (format!("{TOML}[ligaments.ACLX]\n"), "[ligaments.ACLX] names no bundle; expected one of ACL_AM"),
+        (format!("{TOML}[ligaments.ACL_AM]\nreference_strain = -1.0\n"), "must be a number above 0"),
+        ("[specimen".into(), "specimen.toml, line 1"),
+    ];
+    for (toml, expected) in cases {
+        let said = refusal(&RawSpecimen { toml, ..raw() });
+        assert!(said.contains(expected), "{said}");
+    }
+}
+
+#[test]
+fn wrong_points_are_refused_with_file_and_line() {
+    let header = "name,frame,x_mm,y_mm,z_mm\n";
+    let cases = [
+        (format!("{header}a,ct,1,2,3\nb,scan,1,2,3\n"), "landmarks.csv, line 3: frame is `scan`"),
+        (format!("{header}a,ct,1,2,x\n"), "landmarks.csv, line 2: z_mm is `x`; expected a number in mm"),
+        (format!("{header}a,ct,1,2,nan\n"), "line 2: z_mm is `nan`"),
+        (format!("{header}a,ct,1,2\n"), "line 2: 4 cells; expected 5"),
+        (format!("{header}a,ct,1,2,3\na,ct,1,2,3\n"), "line 3: a stands twice in frame ct"),
+        ("name;frame;x_mm;y_mm;z_mm\n".into(), "not separated by commas"),
+        ("name,frame,x,y_mm,z_mm\n".into(), "unknown column `x`"),
+        ("name,frame,x_mm,y_mm\n".into(), "no column `z_mm`"),
+    ];
+    for (text, expected) in cases {
+        let said = refusal(&with_file("landmarks.csv", text.as_bytes()));
+        assert!(said.contains(expected), "{said}");
+    }
+    let said = refusal(&with_file("marks.csv", b"ligament,frame,x_mm,y_mm,z_mm\nMCL,scan_femur,1,2,3\n"));
+    assert!(said.contains("marks.csv, line 2: no ligament is called `MCL`; expected one of ACL"), "{said}");
+    let head = "bundle,fibre,femur_x_mm,femur_y_mm,femur_z_mm,tibia_x_mm,tibia_y_mm,tibia_z_mm\n";
+    let fibres = with_file("attachments.csv", format!("{head}LCL,1,1,2,3,4,5,6\n").as_bytes());
+    let specimen = ingest(&fibres, &IngestOptions::default()).unwrap();
+    assert_eq!(specimen.given_fibres[0].tibia, Point::new(4.0, 5.0, 6.0));
+    assert!(specimen.warnings.iter().any(|w| w.contains("gives LCL 1 fibres")));
+    let said = refusal(&with_file("attachments.csv", format!("{head}LCL,0,1,2,3,4,5,6\n").as_bytes()));
+    assert!(said.contains("line 2: fibre is `0`"), "{said}");
+}
+
+#[test]
+fn a_knee_in_another_unit_is_recognised() {
+    for (radius, unit) in [(0.042, "metres"), (4.2, "centimetres"), (1.65, "inches"), (42000.0, "micrometres")] {
+        let said = refusal(&with_file("ct/femur.stl", &stl_of(&ball(radius))));
+        assert!(said.contains(&format!("a knee in {unit}; expected millimetres: multiply")), "{said}");
+    }
+    assert!(refusal(&with_file("ct/femur.stl", &stl_of(&ball(900.0)))).contains("check the unit"));
+}
+
+#[test]
+fn wrong_surfaces_are_refused_or_put_right_and_counted() {
+    assert!(refusal(&with_file("ct/femur.stl", b"")).contains("ct/femur.stl (ct.femur): the file is empty"));
+    let few = TriMesh { triangles: vec![[0, 1, 2]], ..ball(42.0) };
+    assert!(refusal(&with_file("ct/femur.stl", &stl_of(&few))).contains("3 vertices and 1 triangles"));
+    let mut open = ball(42.0).flipped();
+    open.triangles.truncate(1200);
+    let specimen = ingest(&with_file("ct/femur.stl", &stl_of(&open)), &IngestOptions::default()).unwrap();
+    assert!(specimen.ct.femur.volume() > 0.0);
+    assert_eq!(specimen.metrics["ct_femur"]["turned_triangles"], 1200);
+    assert!(specimen.metrics["ct_femur"]["boundary_edges"].as_u64() > Some(0));
+    assert!(specimen.warnings.iter().any(|w| w.contains("open edges in a CT surface")));
+}
