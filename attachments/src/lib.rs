@@ -1,5 +1,7 @@
 //! Ligament attachments: marks on a scan, sites on a bone, the literature atlas (Table 2 as data), bundles and fibres.
 
 pub mod bundle;
+pub mod layout;
 pub mod marks;
+pub mod naming;
 pub mod site;

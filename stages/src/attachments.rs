@@ -1,6 +1,19 @@
 //! Stage 6, attachments: marked, literature and given sites; fibres.
 
-use attachments::site::{Fibre, Site};
+mod fibres;
+mod marked;
+
+use crate::bones::Bones;
+use crate::frames::Frames;
+use crate::ingest::Specimen;
+use crate::register::Registration;
+use crate::{PerBone, StageError};
+use attachments::bundle::LIGAMENTS;
+use attachments::marks::MarkOptions;
+use attachments::site::{Bone, Fibre, Site, Source};
+use meshes::Point;
+use meshes::frame::AnatomicalFrame;
+use meshes::query::SurfaceQuery;
 use serde::{Deserialize, Serialize};
 
 /// Sites and fibres, CT frame.
@@ -14,4 +27,92 @@ pub struct Attachments {
     pub warnings: Vec<String>,
     /// For metrics.json.
     pub metrics: serde_json::Value,
+}
+
+/// How sites are found and fibres laid.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct AttachmentsOptions {
+    /// How outlines are found on a scan.
+    pub marks: MarkOptions,
+    /// How far from the middle of its outline a rough point may lie [mm]; the format allows 4, ours adds half as much.
+    pub mark_reach_mm: f64,
+    /// How far off the scan a rough point is taken for an error of frame or unit [mm]. Ours.
+    pub mark_off_bone_mm: f64,
+    /// How far from its usual place an outline keeps its name, in epicondylar widths [-]. Ours: half the distance between sites.
+    pub place_reach: f64,
+    /// Share of a region's major axis over which fibres are spread [-]; the rest is the line drawn around the fibres. Ours.
+    pub span: f64,
+    /// How deep a fibre may run in bone without a warning [mm]. Ours.
+    pub crossing_limit_mm: f64,
+}
+
+impl Default for AttachmentsOptions {
+    fn default() -> Self {
+        AttachmentsOptions {
+            marks: MarkOptions::default(),
+            mark_reach_mm: 6.0,
+            mark_off_bone_mm: 15.0,
+            place_reach: 0.2,
+            span: 0.8,
+            crossing_limit_mm: 2.0,
+        }
+    }
+}
+
+/// A bone as this stage sees it.
+struct Side<'a> {
+    bone: Bone,
+    name: &'static str,
+    query: &'a SurfaceQuery,
+    frame: &'a AnatomicalFrame,
+    /// The other bone's surface, to tell whose a point in CT is.
+    other: &'a SurfaceQuery,
+}
+
+impl Side<'_> {
+    fn holds(&self, p: &Point) -> bool {
+        self.query.nearest(p).distance <= self.other.nearest(p).distance
+    }
+}
+
+/// Places every ligament's sites and lays Table 3's fibres between them.
+///
+/// Order of belief: fibres given by hand, outlines on the scans, the literature. Source: [andreassen2025, sec. 2.4.4].
+pub fn attachments(
+    specimen: &Specimen,
+    registration: &Registration,
+    bones: &Bones,
+    frames: &Frames,
+    options: &AttachmentsOptions,
+) -> Result<Attachments, StageError> {
+    let query = |bone: &'static str, mesh| {
+        SurfaceQuery::new(mesh).ok_or_else(|| {
+            StageError(format!("the {bone}'s surface has no triangles, expected a closed bone; look at stage bones"))
+        })
+    };
+    let (femur, tibfib) = (query("femur", &bones.surfaces.femur)?, query("tibfib", &bones.surfaces.tibfib)?);
+    let sides = PerBone {
+        femur: Side { bone: Bone::Femur, name: "femur", query: &femur, frame: &frames.femur, other: &tibfib },
+        tibfib: Side { bone: Bone::Tibfib, name: "tibfib", query: &tibfib, frame: &frames.tibia, other: &femur },
+    };
+    let width = (frames.epicondyles[0] - frames.epicondyles[1]).norm();
+    let mut warnings = Vec::new();
+    let mut sites = Vec::new();
+    for (side, scan, pose) in [
+        (&sides.femur, &specimen.scans.femur, &registration.bones.femur.ct_from_scan),
+        (&sides.tibfib, &specimen.scans.tibfib, &registration.bones.tibfib.ct_from_scan),
+    ] {
+        let scan = marked::MarkedScan { scan, pose };
+        sites.extend(marked::sites(side, &scan, &specimen.marks, width, options, &mut warnings)?);
+    }
+    let fibres = fibres::lay(&sides, &mut sites, &specimen.given_fibres, options, &mut warnings);
+    let rank = |s: &Site| (LIGAMENTS.iter().position(|l| *l == s.ligament), s.bone);
+    sites.sort_by_key(rank);
+    let count = |source: Source| sites.iter().filter(|s| s.source == source).count();
+    let metrics = serde_json::json!({
+        "sites_marked": count(Source::Marked), "sites_literature": count(Source::Literature),
+        "sites_given": count(Source::Given), "fibres": fibres.len(),
+    });
+    Ok(Attachments { sites, fibres, warnings, metrics })
 }

@@ -1,0 +1,129 @@
+//! Sites outlined on one scan, named and carried onto the bone.
+
+use super::{AttachmentsOptions, Side};
+use crate::StageError;
+use crate::ingest::{NamedPoint, PointFrame};
+use attachments::bundle::LIGAMENTS;
+use attachments::marks::find_outlines;
+use attachments::marks::project::{Footprint, project};
+use attachments::naming::{Place, assign, usual_places};
+use attachments::site::{Bone, Site, Source};
+use meshes::Point;
+use meshes::frame::{Ct, Pose, Scan};
+use meshes::query::SurfaceQuery;
+use meshes::surface::ColouredMesh;
+
+pub(super) struct MarkedScan<'a> {
+    pub(super) scan: &'a ColouredMesh,
+    pub(super) pose: &'a Pose<Scan, Ct>,
+}
+
+/// The sites of `side` that are outlined, and those of rough points without an outline.
+pub(super) fn sites(
+    side: &Side,
+    scan: &MarkedScan,
+    marks: &[NamedPoint],
+    width: f64,
+    options: &AttachmentsOptions,
+    warnings: &mut Vec<String>,
+) -> Result<Vec<Site>, StageError> {
+    if scan.scan.colours.is_empty() {
+        warnings.push(format!("the {}'s scan has no colours: no outlines can be found on it", side.name));
+    }
+    let regions = find_outlines(scan.scan, &options.marks);
+    let footprints: Vec<Footprint> = regions.iter().map(|r| project(r, scan.pose.motion(), side.query)).collect();
+    let points = rough_points(side, scan, marks, options)?;
+    let centroids: Vec<Point> = footprints.iter().map(|f| f.centroid).collect();
+    let mut names: Vec<Option<String>> = assign(&centroids, &points, options.mark_reach_mm)
+        .into_iter()
+        .map(|p| p.map(|p| points[p].name.clone()))
+        .collect();
+    let mut found = Vec::new();
+    for place in points.iter().filter(|p| !names.contains(&Some(p.name.clone())) && is_ligament(&p.name)) {
+        let nearest = side.query.nearest(&place.point);
+        warnings.push(format!(
+            "{} on the {}: no outline within {} mm of the point given in marks.csv, the point itself is the site",
+            place.name, side.name, options.mark_reach_mm
+        ));
+        found.push(point_site(side.bone, &place.name, nearest.point, nearest.distance));
+    }
+    let usual: Vec<Place> = usual_places(side.bone, side.frame, width)
+        .into_iter()
+        .filter(|p| points.iter().all(|q| q.name != p.name))
+        .collect();
+    name_by_place(&centroids, &mut names, &usual, options.place_reach * width);
+    for (k, (name, footprint)) in names.into_iter().zip(footprints).enumerate() {
+        let c = footprint.centroid;
+        if regions[k].gap_fraction > 0.0 {
+            let percent = 100.0 * regions[k].gap_fraction;
+            let whose = name.as_deref().unwrap_or("without a name");
+            warnings.push(format!("outline {whose} on the {} is broken: {percent:.0} % of it was bridged", side.name));
+        }
+        match name {
+            Some(ligament) if is_ligament(&ligament) => found.push(Site {
+                ligament,
+                bone: side.bone,
+                centroid: c,
+                area_mm2: footprint.area_mm2,
+                source: Source::Marked,
+                projection_mm: footprint.projection_mm,
+                region: footprint.points,
+            }),
+            Some(_) => {}
+            None => warnings.push(format!(
+                "an outline on the {} at CT ({:.1}, {:.1}, {:.1}) mm is none that is expected there and is left out; name it in marks.csv",
+                side.name, c.x, c.y, c.z
+            )),
+        }
+    }
+    Ok(found)
+}
+
+fn is_ligament(name: &str) -> bool {
+    LIGAMENTS.contains(&name)
+}
+
+fn point_site(bone: Bone, ligament: &str, centroid: Point, projection_mm: f64) -> Site {
+    let ligament = ligament.to_owned();
+    Site { ligament, bone, centroid, area_mm2: 0.0, source: Source::Marked, projection_mm, region: vec![centroid] }
+}
+
+/// The rows of marks.csv for this bone, CT frame.
+fn rough_points(
+    side: &Side,
+    scan: &MarkedScan,
+    marks: &[NamedPoint],
+    options: &AttachmentsOptions,
+) -> Result<Vec<Place>, StageError> {
+    let own = if side.bone == Bone::Femur { PointFrame::ScanFemur } else { PointFrame::ScanTibfib };
+    let Some(surface) = SurfaceQuery::new(&scan.scan.mesh) else { return Ok(Vec::new()) };
+    let mut places = Vec::new();
+    for (row, mark) in marks.iter().enumerate() {
+        let (point, off) = if mark.frame == own {
+            (scan.pose.point(&mark.point), surface.nearest(&mark.point).distance)
+        } else if mark.frame == PointFrame::Ct && side.holds(&mark.point) {
+            (mark.point, side.query.nearest(&mark.point).distance)
+        } else {
+            continue;
+        };
+        if off > options.mark_off_bone_mm {
+            let (line, limit) = (row + 2, options.mark_off_bone_mm);
+            return Err(StageError(format!(
+                "marks.csv line {line}: {} lies {off:.1} mm off the {}, expected within {limit} mm; check its frame, unit and coordinates",
+                mark.name, side.name
+            )));
+        }
+        let name = if mark.name == "MCL" { "sMCL".to_owned() } else { mark.name.clone() };
+        places.push(Place { name, point });
+    }
+    Ok(places)
+}
+
+/// Names outlines that no rough point has named by their usual place.
+fn name_by_place(centroids: &[Point], names: &mut [Option<String>], places: &[Place], reach: f64) {
+    let open: Vec<usize> = (0..names.len()).filter(|&i| names[i].is_none()).collect();
+    let rest: Vec<Point> = open.iter().map(|&i| centroids[i]).collect();
+    for (i, place) in open.into_iter().zip(assign(&rest, places, reach)) {
+        names[i] = place.map(|p| places[p].name.clone());
+    }
+}

@@ -1,0 +1,290 @@
+//! Stage 6 on the shared specimens, with their true registration and frames.
+
+use attachments::site::Source;
+use meshes::format::{ply, stl};
+use meshes::frame::{AnatomicalFrame, Pose, Side};
+use meshes::surface::{ColouredMesh, TriMesh};
+use meshes::{Isometry, Point, Vector};
+use nalgebra::{Matrix4, Rotation3, Translation3, UnitQuaternion};
+use serde_json::Value;
+use stages::PerBone;
+use stages::attachments::{Attachments, AttachmentsOptions, attachments};
+use stages::bones::Bones;
+use stages::frames::{Frames, GroodSuntayPose};
+use stages::ingest::{Identity, NamedPoint, PointFrame, Specimen};
+use stages::register::{BoneRegistration, Registration};
+use std::path::PathBuf;
+
+#[expect(clippy::disallowed_methods, reason = "reads the shared test data")]
+fn shared(test: &str, path: &str) -> Option<Vec<u8>> {
+    let read = std::fs::read(PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared").join(path)).ok();
+    if read.is_none() {
+        assert!(std::env::var("GENU_SHARED").as_deref() != Ok("required"), "{test}: {path} is required");
+        println!("{test}: skipped, {path} is absent");
+    }
+    read
+}
+
+struct Knee {
+    specimen: Specimen,
+    registration: Registration,
+    bones: Bones,
+    frames: Frames,
+    truth: Value,
+}
+
+impl Knee {
+    fn attach(&self) -> Attachments {
+        attachments(&self.specimen, &self.registration, &self.bones, &self.frames, &AttachmentsOptions::default())
+            .unwrap()
+    }
+}
+
+fn vector(v: &Value) -> Vector {
+    Vector::from_fn(|k, _| v[k].as_f64().unwrap())
+}
+
+fn pose(value: &Value) -> Isometry {
+    let m = Matrix4::from_fn(|r, c| value[r][c].as_f64().unwrap());
+    let rotation = Rotation3::from_matrix(&m.fixed_view::<3, 3>(0, 0).into_owned());
+    Isometry::from_parts(
+        Translation3::new(m[(0, 3)], m[(1, 3)], m[(2, 3)]),
+        UnitQuaternion::from_rotation_matrix(&rotation),
+    )
+}
+
+fn registered(value: &Value) -> BoneRegistration {
+    BoneRegistration {
+        ct_from_scan: Pose::assume(pose(value)),
+        rms_bare_bone_mm: 0.1,
+        inlier_fraction: 1.0,
+        held_out_rms_mm: 0.1,
+        predicted_error_mm: 0.1,
+        residual_mm: Vec::new(),
+        bare_bone: Vec::new(),
+    }
+}
+
+fn frame(v: &Value) -> AnatomicalFrame {
+    AnatomicalFrame {
+        origin: vector(&v["origin"]).into(),
+        medial: vector(&v["medial"]),
+        anterior: vector(&v["anterior"]),
+        superior: vector(&v["superior"]),
+    }
+}
+
+fn marks(text: &str) -> Vec<NamedPoint> {
+    let row = |line: &str| {
+        let cells: Vec<&str> = line.split(',').collect();
+        let frame = if cells[1] == "scan_femur" { PointFrame::ScanFemur } else { PointFrame::ScanTibfib };
+        let point = Point::from_slice(&[2, 3, 4].map(|k| cells[k].trim().parse().unwrap()));
+        NamedPoint { name: cells[0].to_owned(), frame, point }
+    };
+    text.lines().skip(1).filter(|l| !l.trim().is_empty()).map(row).collect()
+}
+
+fn knee(test: &str, id: &str) -> Option<Knee> {
+    let read = |path: &str| shared(test, &format!("specimens/{id}/{path}"));
+    let truth: Value = serde_json::from_slice(&read("truth/truth.json")?).unwrap();
+    let scan = |bone: &str| Some(ply::read(&read(&format!("scans/{bone}.ply"))?).unwrap());
+    let ct = |bone: &str| Some(stl::read(&read(&format!("ct/{bone}.stl"))?).unwrap());
+    let surfaces = PerBone { femur: ct("femur")?, tibfib: ct("tibfib")? };
+    let femur = frame(&truth["frames_ct"]["femur"]);
+    let identity = Identity {
+        id: id.to_owned(),
+        side: Side::Left,
+        sex: None,
+        age_years: None,
+        height_cm: None,
+        mass_kg: None,
+        provenance: None,
+        note: None,
+    };
+    let specimen = Specimen {
+        identity,
+        ct: surfaces.clone(),
+        scans: PerBone { femur: scan("femur")?, tibfib: scan("tibfib")? },
+        landmarks: Vec::new(),
+        marks: marks(std::str::from_utf8(&read("marks.csv")?).unwrap()),
+        given_fibres: Vec::new(),
+        ligaments: Default::default(),
+        warnings: Vec::new(),
+        metrics: Value::Null,
+    };
+    let to_ct = &truth["scan_to_ct"];
+    let registration = Registration {
+        bones: PerBone { femur: registered(&to_ct["femur"]), tibfib: registered(&to_ct["tibfib"]) },
+        warnings: Vec::new(),
+        metrics: Value::Null,
+    };
+    let frames = Frames {
+        epicondyles: [femur.origin + 44.0 * femur.medial, femur.origin - 44.0 * femur.medial],
+        condylar_axis: (femur.origin, femur.medial),
+        condylar_radius_mm: 20.0,
+        condylar_angle_deg: 0.0,
+        tibia: frame(&truth["frames_ct"]["tibia"]),
+        femur,
+        gs_ct_pose: GroodSuntayPose { fe_deg: 0.0, vv_deg: 0.0, ie_deg: 0.0, ml_mm: 0.0, ap_mm: 0.0, si_mm: 0.0 },
+        warnings: Vec::new(),
+        metrics: Value::Null,
+    };
+    let bones = Bones { surfaces, warnings: Vec::new(), metrics: Value::Null };
+    Some(Knee { specimen, registration, bones, frames, truth })
+}
+
+fn check_marked(knee: &Knee, result: &Attachments) {
+    for (key, site) in knee.truth["sites_ct"].as_object().unwrap().iter().filter(|(_, s)| s["marked"] == true) {
+        let centre = Point::from(vector(&site["centroid"]));
+        let named = |s: &&attachments::site::Site| {
+            let bone = if s.bone == attachments::site::Bone::Femur { "femur" } else { "tibfib" };
+            format!("{}@{bone}", s.ligament) == *key
+        };
+        let own = result.sites.iter().find(named).unwrap_or_else(|| panic!("{key} has no site"));
+        assert_eq!(own.source, Source::Marked, "{key}");
+        let error = (own.centroid - centre).norm();
+        assert!(error < 1.2, "{key}: {error:.2} mm");
+        assert!(own.projection_mm < 0.5, "{key}: projected over {} mm", own.projection_mm);
+    }
+}
+
+#[test]
+fn outlines_are_named_with_and_without_rough_points() {
+    for id in ["S192803", "S193761"] {
+        let Some(mut knee) = knee("outlines_are_named_with_and_without_rough_points", id) else { return };
+        let with = knee.attach();
+        check_marked(&knee, &with);
+        knee.specimen.marks.clear();
+        let without = knee.attach();
+        check_marked(&knee, &without);
+        assert_eq!(with.sites, without.sites);
+        println!("{id}: {:#?}", with.warnings);
+    }
+}
+
+fn mirrored(mesh: &TriMesh) -> TriMesh {
+    let vertices = mesh.vertices.iter().map(|p| Point::new(-p.x, p.y, p.z)).collect();
+    TriMesh { vertices, triangles: mesh.triangles.clone() }.flipped()
+}
+
+/// The other leg's knee: every x turned over, in CT and in the scans.
+fn other_side(knee: &mut Knee) {
+    let turn = |v: &Vector| Vector::new(-v.x, v.y, v.z);
+    let specimen = &mut knee.specimen;
+    for (scan, bone) in [
+        (&mut specimen.scans.femur, &mut knee.registration.bones.femur),
+        (&mut specimen.scans.tibfib, &mut knee.registration.bones.tibfib),
+    ] {
+        scan.mesh = mirrored(&scan.mesh);
+        let old = bone.ct_from_scan.motion();
+        let flip = nalgebra::Matrix3::from_diagonal(&Vector::new(-1.0, 1.0, 1.0));
+        let matrix = flip * old.rotation.to_rotation_matrix().matrix() * flip;
+        let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix(&matrix));
+        let shift = turn(&old.translation.vector);
+        bone.ct_from_scan = Pose::assume(Isometry::from_parts(shift.into(), rotation));
+    }
+    knee.bones.surfaces =
+        PerBone { femur: mirrored(&knee.bones.surfaces.femur), tibfib: mirrored(&knee.bones.surfaces.tibfib) };
+    for frame in [&mut knee.frames.femur, &mut knee.frames.tibia] {
+        frame.origin = turn(&frame.origin.coords).into();
+        (frame.medial, frame.anterior, frame.superior) =
+            (turn(&frame.medial), turn(&frame.anterior), turn(&frame.superior));
+    }
+    knee.frames.epicondyles = knee.frames.epicondyles.map(|p| turn(&p.coords).into());
+    knee.specimen.marks.clear();
+}
+
+#[test]
+fn a_right_knee_mirrors_the_left() {
+    let Some(mut knee) = knee("a_right_knee_mirrors_the_left", "S192803") else { return };
+    let left = knee.attach();
+    other_side(&mut knee);
+    let right = knee.attach();
+    assert_eq!(left.fibres.len(), right.fibres.len());
+    for (l, r) in left.sites.iter().zip(&right.sites) {
+        let turned = Point::new(-r.centroid.x, r.centroid.y, r.centroid.z);
+        assert!((l.centroid - turned).norm() < 1e-3, "{}: {} and {}", l.ligament, l.centroid, turned);
+    }
+    // The points that stand for a region are thinned to 1 mm in the order of the triangles' corners, which turning over changes.
+    for (l, r) in left.fibres.iter().zip(&right.fibres) {
+        assert_eq!((&l.bundle, l.fibre), (&r.bundle, r.fibre));
+        let turned = Point::new(-r.femur.x, r.femur.y, r.femur.z);
+        assert!((l.femur - turned).norm() < 0.5, "{} {}: {} and {}", l.bundle, l.fibre, l.femur, turned);
+    }
+}
+
+#[test]
+fn moving_ct_and_scan_moves_the_sites() {
+    let Some(mut knee) = knee("moving_ct_and_scan_moves_the_sites", "S193761") else { return };
+    let before = knee.attach();
+    let ct = Isometry::new(Vector::new(30.0, -200.0, 55.0), Vector::new(0.4, -1.1, 0.7));
+    let scanner = Isometry::new(Vector::new(-80.0, 20.0, 5.0), Vector::new(-0.9, 0.3, 1.4));
+    let specimen = &mut knee.specimen;
+    specimen.marks.clear();
+    specimen.scans.femur.mesh = specimen.scans.femur.mesh.moved(&scanner);
+    specimen.scans.tibfib.mesh = specimen.scans.tibfib.mesh.moved(&scanner);
+    for bone in [&mut knee.registration.bones.femur, &mut knee.registration.bones.tibfib] {
+        bone.ct_from_scan = Pose::assume(ct * bone.ct_from_scan.motion() * scanner.inverse());
+    }
+    knee.bones.surfaces =
+        PerBone { femur: knee.bones.surfaces.femur.moved(&ct), tibfib: knee.bones.surfaces.tibfib.moved(&ct) };
+    for frame in [&mut knee.frames.femur, &mut knee.frames.tibia] {
+        frame.origin = ct * frame.origin;
+        (frame.medial, frame.anterior, frame.superior) = (ct * frame.medial, ct * frame.anterior, ct * frame.superior);
+    }
+    let after = knee.attach();
+    assert_eq!(before.sites.len(), after.sites.len());
+    for (b, a) in before.sites.iter().zip(&after.sites) {
+        assert!((ct * b.centroid - a.centroid).norm() < 1e-6, "{}", b.ligament);
+        assert!((b.area_mm2 - a.area_mm2).abs() < 1e-6 * b.area_mm2, "{}", b.ligament);
+    }
+    for (b, a) in before.fibres.iter().zip(&after.fibres) {
+        assert!((ct * b.tibia - a.tibia).norm() < 1e-5, "{}", b.bundle);
+    }
+}
+
+fn recoloured(scan: &ColouredMesh, shade: impl Fn([u8; 3]) -> [u8; 3]) -> ColouredMesh {
+    ColouredMesh { mesh: scan.mesh.clone(), colours: scan.colours.iter().map(|c| shade(*c)).collect() }
+}
+
+#[test]
+fn exposure_and_brown_bone_do_not_move_the_sites() {
+    let Some(mut knee) = knee("exposure_and_brown_bone_do_not_move_the_sites", "S192803") else { return };
+    let scans = knee.specimen.scans.clone();
+    for gain in [[0.6, 0.6, 0.6], [1.1, 1.1, 1.1], [0.6, 0.45, 0.35]] {
+        let shade = |c: [u8; 3]| std::array::from_fn(|k| (f64::from(c[k]) * gain[k]).min(255.0) as u8);
+        knee.specimen.scans.femur = recoloured(&scans.femur, shade);
+        knee.specimen.scans.tibfib = recoloured(&scans.tibfib, shade);
+        check_marked(&knee, &knee.attach());
+    }
+}
+
+#[test]
+fn without_colours_there_are_no_marked_sites_but_a_warning() {
+    let Some(mut knee) = knee("without_colours_there_are_no_marked_sites_but_a_warning", "S192803") else { return };
+    knee.specimen.scans.femur.colours.clear();
+    knee.specimen.scans.tibfib.colours.clear();
+    knee.specimen.marks.clear();
+    let result = knee.attach();
+    assert!(result.sites.iter().all(|s| s.source == Source::Literature));
+    assert!(result.warnings.iter().any(|w| w.contains("no colours")));
+}
+
+#[test]
+fn a_mark_off_the_bone_is_refused_and_one_without_outline_is_a_point() {
+    let Some(mut knee) = knee("a_mark_off_the_bone_is_refused_and_one_without_outline_is_a_point", "S192803") else {
+        return;
+    };
+    let first = knee.specimen.marks[0].point;
+    let middle = knee.specimen.scans.femur.mesh.centroid().unwrap();
+    knee.specimen.marks[0].point = first + (first - middle).normalize() * 400.0;
+    let run = |k: &Knee| attachments(&k.specimen, &k.registration, &k.bones, &k.frames, &AttachmentsOptions::default());
+    let error = run(&knee).unwrap_err().to_string();
+    assert!(error.contains("marks.csv line 2") && error.contains("ACL"), "{error}");
+    knee.specimen.marks[0].point = first;
+    knee.specimen.scans.femur.colours.iter_mut().for_each(|c| *c = [222, 200, 165]);
+    let result = knee.attach();
+    let acl = result.sites.iter().find(|s| s.ligament == "ACL").unwrap();
+    assert_eq!((acl.source, acl.area_mm2), (Source::Marked, 0.0));
+    assert!(result.warnings.iter().any(|w| w.contains("no outline within")));
+}
