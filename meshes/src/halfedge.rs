@@ -28,7 +28,7 @@ pub(crate) fn next(h: u32) -> u32 {
 
 /// The previous half-edge of the same triangle.
 pub(crate) fn prev(h: u32) -> u32 {
-    if h % 3 == 0 { h + 2 } else { h - 1 }
+    if h.is_multiple_of(3) { h + 2 } else { h - 1 }
 }
 
 impl HalfEdges {

@@ -139,9 +139,8 @@ fn split_fans(mesh: &mut TriMesh) {
             corners[triangle[k] as usize].push((t as u32, k as u32));
         }
     }
-    for v in 0..corners.len() {
+    for (v, list) in corners.iter().enumerate() {
         // fans: triangles about v joined where one enters by the vertex the other leaves by
-        let list = &corners[v];
         let ends: Vec<(u32, u32)> = list
             .iter()
             .map(|&(t, k)| {

@@ -6,7 +6,7 @@ mod solid;
 
 use crate::bones::Bones;
 use crate::ingest::Specimen;
-use crate::register::{BoneRegistration, Registration};
+use crate::register::Registration;
 use crate::{PerCartilage, StageError};
 use field::Domain;
 use meshes::measure::percentile;
@@ -102,10 +102,11 @@ pub fn cartilage(
         let scan = fits[k].ct_from_scan.mesh(&scans[k].mesh);
         let domain = Domain::new(surfaces[k], &scan, options)
             .ok_or_else(|| StageError(format!("cartilage: the bone or the scan of the {name} has no triangles")))?;
-        let sd = bare_noise(fits[k]);
-        noise.push(sd);
-        let least = options.least_thickness_mm.max(options.least_thickness_sd * sd);
-        let patches = region::patches(&domain, least, options);
+        noise.push(domain.bare_sd);
+        let least = options.least_thickness_mm.max(options.least_thickness_sd * domain.bare_sd);
+        // plateaus face the femur; what else lies on the tibia (the fibula, a stump) does not
+        let facing = (name == "tibfib").then(|| towards_femur(bones)).flatten();
+        let patches = region::patches(&domain, least, facing, options);
         if patches.len() < count {
             return Err(StageError(format!(
                 "cartilage: {} found on the {name}, expected {count}: no further patch of at least {} mm2 lies {least:.2} mm \
@@ -146,16 +147,9 @@ fn check(options: &CartilageOptions) -> Result<(), StageError> {
     Ok(())
 }
 
-/// Robust standard deviation of the scan about the bone where bone is bare [mm].
-fn bare_noise(fit: &BoneRegistration) -> f64 {
-    let mut size: Vec<f64> = fit
-        .residual_mm
-        .iter()
-        .zip(&fit.bare_bone)
-        .filter(|(r, bare)| **bare && r.is_finite())
-        .map(|(r, _)| r.abs())
-        .collect();
-    1.4826 * percentile(&mut size, 0.5)
+/// From the tibia's centroid to the femur's, unit.
+fn towards_femur(bones: &Bones) -> Option<Vector> {
+    (bones.surfaces.femur.centroid()? - bones.surfaces.tibfib.centroid()?).try_normalize(1e-9)
 }
 
 /// Lateral, as far as it tells two plateaus apart: the shaft's far half holds the fibula, so its centre lies lateral.

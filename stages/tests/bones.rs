@@ -1,5 +1,7 @@
 //! Stage 3 on the shared specimens and on a real whole femur.
 
+#![expect(clippy::unwrap_used, reason = "a test may fail by panicking")]
+
 #[path = "common/specimen.rs"]
 mod common;
 

@@ -1,6 +1,7 @@
 //! The thickness field: what the scan has above each vertex of the bone.
 
 use super::CartilageOptions;
+use meshes::measure::percentile;
 use meshes::query::SurfaceQuery;
 use meshes::shapes::subdivided;
 use meshes::surface::TriMesh;
@@ -16,10 +17,12 @@ pub(super) struct Domain {
     pub(super) neighbours: Vec<Vec<u32>>,
     /// Smooth unit normals.
     pub(super) normals: Vec<Vector>,
-    /// Height at which cartilage begins above the bone; 0 without a cleft [mm].
+    /// Height at which cartilage begins above the bone's surface: the bone's own error there, or the top of a cleft [mm].
     pub(super) inner: Vec<f64>,
     /// Height at which it ends [mm].
     pub(super) outer: Vec<f64>,
+    /// Robust standard deviation of the scan about the corrected bone where bone is bare [mm].
+    pub(super) bare_sd: f64,
 }
 
 impl Domain {
@@ -40,9 +43,11 @@ impl Domain {
                 extent(&walls, p, n, again.min(options.reach_mm), options.cleft_mm)
             })
             .collect();
-        let inner = filled(&seen.iter().map(|s| s.map(|x| x[0])).collect::<Vec<_>>(), &neighbours);
+        let cleft = filled(&seen.iter().map(|s| s.map(|x| x[0])).collect::<Vec<_>>(), &neighbours);
         let outer = filled(&seen.iter().map(|s| s.map(|x| x[1])).collect::<Vec<_>>(), &neighbours);
-        Some(Domain { bone, neighbours, normals, inner, outer })
+        let (error, bare_sd) = bone_error(&seen, &neighbours, options.least_thickness_mm);
+        let inner = cleft.iter().zip(&error).map(|(c, e)| if *c > 0.0 { c.max(*e) } else { *e }).collect();
+        Some(Domain { bone, neighbours, normals, inner, outer, bare_sd })
     }
 
     /// Thickness at a vertex [mm].
@@ -78,13 +83,41 @@ fn extent(walls: &SurfaceQuery, p: &Point, n: &Vector, reach: f64, cleft: f64) -
                     break;
                 }
                 // material below the cleft is bone, not cartilage, when it ends about where bone does
-                if last < 0.5 {
+                if last < 0.8 {
                     begin = height.max(0.0);
                 }
             }
         }
     }
     end.map(|e| [if e > begin { begin } else { 0.0 }, e])
+}
+
+/// How high the true bone lies above the surface of CT, and the spread about that on bare bone [mm].
+///
+/// Where bone is bare the scan is the better measure of it. Its height there, a smooth error of segmentation, is carried in
+/// under the cartilage over about the correlation length of such errors, and to the bone's median farther in.
+fn bone_error(seen: &[Option<[f64; 2]>], neighbours: &[Vec<u32>], least: f64) -> (Vec<f64>, f64) {
+    let height = |v: usize| seen[v].map(|x| x[1]);
+    let mut near: Vec<f64> = (0..seen.len()).filter_map(height).filter(|h| h.abs() < 2.0 * least).collect();
+    let bias = percentile(&mut near, 0.5);
+    let thin = |v: usize| height(v).is_some_and(|h| (h - bias).abs() < 0.8 * least);
+    // a rim belongs to the cartilage: bare vertices have bare ones two edges around them
+    let mut bare: Vec<bool> = (0..seen.len()).map(thin).collect();
+    for _ in 0..2 {
+        bare = (0..bare.len()).map(|v| bare[v] && neighbours[v].iter().all(|&w| bare[w as usize])).collect();
+    }
+    let start: Vec<f64> = (0..seen.len()).map(|v| height(v).filter(|_| bare[v]).unwrap_or(bias)).collect();
+    let mut error = start.clone();
+    for _ in 0..60 {
+        error = (0..error.len())
+            .map(|v| {
+                let around = mean(&error, &neighbours[v], error[v]);
+                if bare[v] { 0.15 * start[v] + 0.85 * around } else { 0.01 * bias + 0.99 * around }
+            })
+            .collect();
+    }
+    let mut spread: Vec<f64> = (0..seen.len()).filter(|&v| bare[v]).map(|v| (start[v] - error[v]).abs()).collect();
+    (error, 1.4826 * percentile(&mut spread, 0.5))
 }
 
 /// Values with gaps filled from around them, layer by layer, then relaxed.

@@ -19,10 +19,13 @@ pub(super) struct Patch {
     pub(super) outer: Vec<f64>,
 }
 
-/// The patches thicker than `least`, largest first.
-pub(super) fn patches(domain: &Domain, least: f64, options: &CartilageOptions) -> Vec<Patch> {
+/// The patches thicker than `least`, largest first; with `facing`, only on bone whose normal lies within 84 degrees of it.
+pub(super) fn patches(domain: &Domain, least: f64, facing: Option<Vector>, options: &CartilageOptions) -> Vec<Patch> {
     let count = domain.bone.vertices.len();
-    let mut level: Vec<f64> = (0..count).map(|v| (domain.thickness(v) - least).clamp(-least, least)).collect();
+    let turned_away = |v: usize| facing.is_some_and(|f| domain.normals[v].dot(&f) < 0.1);
+    let mut level: Vec<f64> = (0..count)
+        .map(|v| if turned_away(v) { -least } else { (domain.thickness(v) - least).clamp(-least, least) })
+        .collect();
     for _ in 0..options.rim_smoothing_rounds {
         level = (0..count).map(|v| 0.5 * level[v] + 0.5 * mean(&level, &domain.neighbours[v], level[v])).collect();
     }

@@ -24,14 +24,10 @@ pub(crate) fn bytes(path: &Path) -> Vec<u8> {
     std::fs::read(path).unwrap()
 }
 
-pub(crate) fn surface(path: &Path) -> TriMesh {
-    stl::read(&bytes(path)).unwrap()
-}
-
 /// A specimen's surfaces, as they stand.
 pub(crate) fn specimen(dir: &Path, side: Side) -> Specimen {
     let scan = |b: &str| ply::read(&bytes(&dir.join(format!("scans/{b}.ply")))).unwrap();
-    let ct = |b: &str| surface(&dir.join(format!("ct/{b}.stl")));
+    let ct = |b: &str| stl::read(&bytes(&dir.join(format!("ct/{b}.stl")))).unwrap();
     of(
         PerBone { femur: ct("femur"), tibfib: ct("tibfib") },
         PerBone { femur: scan("femur"), tibfib: scan("tibfib") },
