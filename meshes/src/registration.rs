@@ -4,6 +4,7 @@
 //! [`bare`] says which of the scan is bare bone, [`fit`] fits and grades on that alone.
 
 pub mod bare;
+pub mod correlated;
 pub mod features;
 pub mod fit;
 pub mod icp;

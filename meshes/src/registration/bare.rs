@@ -64,7 +64,7 @@ pub fn faces_inward(surface: &crate::surface::TriMesh) -> bool {
 /// Tells bare bone from the rest under a pose.
 ///
 /// Bone spreads about zero residual to both sides; what covers it lies outside only, so the spread is taken from the
-/// inner side. Vertices well outside, with a margin of 2 mm, are covered; where colours tell covered from bare, colours decide too.
+/// inner side. Vertices well outside, with a margin of 1.5 mm, are covered; where colours tell covered from bare, colours decide too.
 pub fn classify(target: &Target, scan: &Scan, pose: &Isometry) -> Classified {
     let vertices = &scan.mesh.mesh.vertices;
     let standing: Vec<Standing> = (0..vertices.len())
@@ -80,7 +80,7 @@ pub fn classify(target: &Target, scan: &Scan, pose: &Isometry) -> Classified {
     let lift = (4.0 * spread).clamp(0.4, 1.0);
     let raised: Vec<bool> = standing.iter().zip(&seen).map(|(s, seen)| *seen && s.residual > lift).collect();
     let off: Vec<Point> = (0..vertices.len()).filter(|&i| raised[i]).map(|i| vertices[i]).collect();
-    let mut covered = within(vertices, &off, 2.0);
+    let mut covered = within(vertices, &off, 1.5);
     if let Some(by_colour) = covered_by_colour(&scan.mesh.colours, &seen, &raised) {
         covered.iter_mut().zip(by_colour).for_each(|(c, k)| *c |= k);
     }

@@ -1,11 +1,12 @@
 //! The last fit, on bare bone alone, and its grade by points it has not seen.
 
 use super::bare::{Classified, Scan, classify};
-use super::rigid::{PlaneEquations, plane_row};
+use super::correlated::{Covariance, Equation, solve};
+use super::rigid::PlaneEquations;
 use super::sample::{farthest, systematic};
-use super::target::Target;
+use super::target::{Target, nearest_in, spread_of, tree_of};
 use crate::{Isometry, Point, Vector};
-use nalgebra::{Matrix3, Matrix6, Vector6};
+use nalgebra::{Matrix3, Matrix6};
 
 /// A pose with its grade.
 pub struct Fitted {
@@ -19,45 +20,96 @@ pub struct Fitted {
     pub held_out_rms: f64,
     /// Area share of bone-like vertices within reach of the bone.
     pub inlier_fraction: f64,
-    /// Predicted mean error over the scan's vertices [mm].
+    /// Predicted mean error over the scan's vertices [mm]: the covariance of the fit, scaled by the held-out residuals.
     pub predicted_error: f64,
+    /// How the residuals vary along the surface.
+    pub noise: Covariance,
 }
 
-/// Fits to bare bone with `held_out` of each so many blocks kept out, `rounds` times anew telling bare bone from the rest;
-/// `None` where bare bone does not fix the pose.
-pub fn fit(target: &Target, scan: &Scan, start: &Isometry, rounds: usize, held_out: usize) -> Option<Fitted> {
+/// Where a scan fits worst.
+pub struct WorstPlace {
+    /// Centre of the block, scan frame [mm].
+    pub point: Point,
+    /// Mean residual there [mm].
+    pub residual: f64,
+    /// 0, 1, 2: the third of the scan nearest its border, midway, farthest.
+    pub third: usize,
+}
+
+impl Fitted {
+    /// The block of bone-like scan with the largest mean residual; `None` without bone-like scan.
+    pub fn worst_place(&self, scan: &Scan) -> Option<WorstPlace> {
+        let vertices = &scan.mesh.mesh.vertices;
+        let blocks = blocks_of(scan, 12.0);
+        let mut sums = vec![(0.0, 0.0, Vector::zeros()); blocks.iter().max().map_or(0, |b| *b as usize + 1)];
+        for i in (0..vertices.len()).filter(|&i| self.classified.bone_like[i]) {
+            let sum = &mut sums[blocks[i] as usize];
+            sum.0 += scan.areas[i];
+            sum.1 += scan.areas[i] * self.classified.standing[i].residual;
+            sum.2 += scan.areas[i] * vertices[i].coords;
+        }
+        let worst =
+            sums.iter().filter(|s| s.0 > 20.0).max_by(|a, b| (a.1 / a.0).abs().total_cmp(&(b.1 / b.0).abs()))?;
+        let point = Point::from(worst.2 / worst.0);
+        let border: Vec<Point> = (0..vertices.len()).filter(|&i| scan.at_border[i]).map(|i| vertices[i]).collect();
+        let away = spread_of(vertices).0 - spread_of(&border).0;
+        let heights = vertices.iter().map(|p| p.coords.dot(&away));
+        let (low, high) = heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
+        let share = (point.coords.dot(&away) - low) / (high - low).max(f64::MIN_POSITIVE);
+        Some(WorstPlace { point, residual: worst.1 / worst.0, third: ((3.0 * share) as usize).min(2) })
+    }
+}
+
+/// Fits to bare bone with one of each `held_out` blocks kept out: by robust least squares, then, bare bone told anew, by
+/// generalised least squares for correlated residuals; `None` where bare bone does not fix the pose.
+pub fn fit(target: &Target, scan: &Scan, start: &Isometry, held_out: usize) -> Option<Fitted> {
     let vertices = &scan.mesh.mesh.vertices;
-    let (_, blocks) = blocks_of(scan, 12.0);
+    let blocks = blocks_of(scan, 12.0);
     let kept_out = |i: usize| blocks[i] as usize % held_out == held_out - 1;
+    let centre = spread_of(vertices).0;
     let mut pose = *start;
     let mut classified = classify(target, scan, &pose);
-    let mut information = Information::new(target.centre);
-    for _ in 0..rounds {
-        information = Information::new(target.centre);
-        for (i, vertex) in vertices.iter().enumerate().filter(|(i, _)| classified.bare[*i] && !kept_out(*i)) {
-            let s = &classified.standing[i];
-            let weight = scan.areas[i] * (1.0 - (s.residual / (4.0 * classified.spread)).powi(2)).max(0.0).powi(2);
-            information.add(&(pose * vertex), &s.normal, s.residual, weight, blocks[i]);
-        }
-        pose = information.equations.solve()? * pose;
-        classified = classify(target, scan, &pose);
+    let mut plain = PlaneEquations::about(pose * centre);
+    for e in equations(scan, &classified, &pose, |i| !kept_out(i)) {
+        let weight = e.weight * (1.0 - (e.residual / (4.0 * classified.spread)).powi(2)).max(0.0).powi(2);
+        plain.add(&e.point, &e.normal, e.residual, weight);
     }
+    pose = plain.solve()? * pose;
+    classified = classify(target, scan, &pose);
+    let about = pose * centre;
+    let solution = solve(&equations(scan, &classified, &pose, |i| !kept_out(i)), &about, 4.0)?;
+    pose = solution.step * pose;
+    classified = classify(target, scan, &pose);
     let (rms, held_out_rms) = (rms(scan, &classified, |i| !kept_out(i)), rms(scan, &classified, kept_out));
-    let predicted_error = information.mean_error(&pose, vertices)?;
+    let expected = solution.noise.correlated + solution.noise.white;
+    let scale = (held_out_rms * held_out_rms / expected.max(1e-12)).clamp(1.0, 10.0);
+    let scale = if scale.is_finite() { scale } else { 1.0 };
+    let predicted_error = mean_displacement(&(solution.covariance * scale), &pose, vertices, &about);
     let inlier_fraction = inlier_fraction(scan, &classified);
-    Some(Fitted { pose, classified, rms, held_out_rms, inlier_fraction, predicted_error })
+    Some(Fitted { pose, classified, rms, held_out_rms, inlier_fraction, predicted_error, noise: solution.noise })
 }
 
-/// Blocks of about `size` [mm] over the scan: centres, and the block of each vertex.
-fn blocks_of(scan: &Scan, size: f64) -> (Vec<Point>, Vec<u32>) {
+fn equations(scan: &Scan, classified: &Classified, pose: &Isometry, of: impl Fn(usize) -> bool) -> Vec<Equation> {
+    (0..scan.areas.len())
+        .filter(|&i| classified.bare[i] && of(i))
+        .map(|i| Equation {
+            point: pose * scan.mesh.mesh.vertices[i],
+            normal: classified.standing[i].normal,
+            residual: classified.standing[i].residual,
+            weight: scan.areas[i],
+        })
+        .collect()
+}
+
+/// The block, of about `size` [mm], of each vertex.
+fn blocks_of(scan: &Scan, size: f64) -> Vec<u32> {
     let vertices = &scan.mesh.mesh.vertices;
     let (centres, _) = farthest(vertices, 4000, size);
     let centres: Vec<Point> = centres.into_iter().map(|i| vertices[i]).collect();
-    let Some(tree) = super::target::tree_of(&centres) else {
-        return (centres, vec![0; vertices.len()]);
-    };
-    let block = vertices.iter().map(|p| super::target::nearest_in(&tree, p).0 as u32).collect();
-    (centres, block)
+    match tree_of(&centres) {
+        Some(tree) => vertices.iter().map(|p| nearest_in(&tree, p).0 as u32).collect(),
+        None => vec![0; vertices.len()],
+    }
 }
 
 fn rms(scan: &Scan, classified: &Classified, of: impl Fn(usize) -> bool) -> f64 {
@@ -72,33 +124,6 @@ fn rms(scan: &Scan, classified: &Classified, of: impl Fn(usize) -> bool) -> f64 
 fn inlier_fraction(scan: &Scan, classified: &Classified) -> f64 {
     let total = |flags: &[bool]| scan.areas.iter().zip(flags).filter(|(_, f)| **f).map(|(a, _)| a).sum::<f64>();
     total(&classified.bare) / total(&classified.bone_like).max(f64::MIN_POSITIVE)
-}
-
-/// Equations with the part of each block kept apart, so that residuals within a block may be correlated.
-struct Information {
-    equations: PlaneEquations,
-    scores: std::collections::BTreeMap<u32, Vector6<f64>>,
-}
-
-impl Information {
-    fn new(centre: Point) -> Information {
-        Information { equations: PlaneEquations::about(centre), scores: std::collections::BTreeMap::new() }
-    }
-
-    fn add(&mut self, p: &Point, n: &Vector, residual: f64, weight: f64, block: u32) {
-        self.equations.add(p, n, residual, weight);
-        let row = plane_row(p, n, &self.equations.centre);
-        *self.scores.entry(block).or_insert_with(Vector6::zeros) += weight * residual * row;
-    }
-
-    /// Mean error over the scan predicted by the block-wise sandwich covariance [liang1986].
-    fn mean_error(&self, pose: &Isometry, vertices: &[Point]) -> Option<f64> {
-        let inverse = self.equations.matrix.try_inverse()?;
-        let middle: Matrix6<f64> = self.scores.values().map(|g| g * g.transpose()).sum();
-        let n = self.scores.len() as f64;
-        let covariance = inverse * middle * inverse * (n / (n - 6.0).max(1.0));
-        Some(mean_displacement(&covariance, pose, vertices, &self.equations.centre))
-    }
 }
 
 /// Mean over the vertices of the root mean square displacement under a pose covariance, times 0.92 (mean over rms of a
