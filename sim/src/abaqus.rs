@@ -5,6 +5,7 @@
 
 mod bodies;
 mod contact;
+mod export;
 pub mod expression;
 mod import;
 pub mod keyword;
@@ -12,6 +13,7 @@ mod ligaments;
 pub mod model;
 mod steps;
 
+pub use export::{ExportedDeck, export};
 pub use import::{ImportedDeck, MeshValue, TetMesh, import};
 
 /// What is wrong with a deck: file, line, what was expected.

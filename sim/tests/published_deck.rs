@@ -6,7 +6,7 @@ mod common;
 
 use common::shared;
 use meshes::surface::TriMesh;
-use sim::abaqus::{ImportedDeck, MeshValue, import};
+use sim::abaqus::{ImportedDeck, MeshValue, export, import};
 use sim::deck::{ChainCoordinate, ControlKind};
 use sim::joint::{Joint, Six};
 use std::path::Path;
@@ -142,4 +142,46 @@ fn chain_and_angles_are_those_of_abaqus() {
     println!("{frames} frames: Grood-Suntay within {worst_gs:.2e}, femoral origin within {worst_node:.2e} mm");
     assert_eq!(frames, 228);
     assert!(worst_node < 1e-4 && worst_gs < 1e-4, "{worst_node} {worst_gs}");
+}
+
+#[test]
+fn an_exported_deck_reads_back_as_the_same_model() {
+    let Some(dir) = shared("round trip", "published/S192803/deck") else { return };
+    let first = deck(&dir, MAIN);
+    let exported = export(&first.spec, &first.meshes).unwrap();
+    assert!(exported.warnings.is_empty(), "{:?}", exported.warnings);
+    let files: std::collections::BTreeMap<_, _> = exported.files.into_iter().collect();
+    let read =
+        &mut |name: &str| files.get(name).map(|t| t.clone().into_bytes()).ok_or_else(|| "no such file".to_owned());
+    let second = import(&exported.mains[0], read).unwrap();
+    assert_eq!(first.meshes.keys().collect::<Vec<_>>(), second.meshes.keys().collect::<Vec<_>>());
+    for (path, mesh) in &first.meshes {
+        assert!(*mesh == second.meshes[path], "{path} differs");
+    }
+    let [a, b] = [&first.spec, &second.spec].map(|s| serde_json::to_value(s).unwrap());
+    let mut worst = 0.0;
+    same("", &a, &b, &mut worst);
+    println!("round trip: largest relative difference {worst:.1e}");
+}
+
+/// Equal but for numbers within 1e-9.
+fn same(at: &str, a: &serde_json::Value, b: &serde_json::Value, worst: &mut f64) {
+    use serde_json::Value;
+    match (a, b) {
+        (Value::Object(x), Value::Object(y)) => {
+            assert_eq!(x.keys().collect::<Vec<_>>(), y.keys().collect::<Vec<_>>(), "{at}");
+            x.iter().filter(|(k, _)| *k != "warnings").for_each(|(k, v)| same(&format!("{at}/{k}"), v, &y[k], worst));
+        }
+        (Value::Array(x), Value::Array(y)) => {
+            assert_eq!(x.len(), y.len(), "{at}");
+            x.iter().zip(y).enumerate().for_each(|(i, (v, w))| same(&format!("{at}/{i}"), v, w, worst));
+        }
+        (Value::Number(x), Value::Number(y)) => {
+            let (x, y) = (x.as_f64().unwrap(), y.as_f64().unwrap());
+            let off = (x - y).abs() / x.abs().max(y.abs()).max(1e-6);
+            *worst = worst.max(off);
+            assert!(off < 1e-9, "{at}: {x} {y}");
+        }
+        _ => assert_eq!(a, b, "{at}"),
+    }
 }

@@ -208,6 +208,8 @@ fn element_set<'a>(model: &'a DeckModel, surface: &'a str) -> &'a str {
 
 fn cartilage_name(set: &str, femur: bool) -> String {
     let part = match (femur, set.contains("med"), set.contains("lat")) {
+        (true, true, _) => "femur_medial",
+        (true, _, true) => "femur_lateral",
         (true, ..) => "femur",
         (_, true, _) => "tibia_medial",
         (_, _, true) => "tibia_lateral",
