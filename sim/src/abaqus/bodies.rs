@@ -8,7 +8,10 @@ use std::collections::BTreeMap;
 
 /// Groups of nodes that move as one.
 #[derive(Default)]
-pub(super) struct Groups(BTreeMap<u64, u64>);
+pub(super) struct Groups {
+    up: BTreeMap<u64, u64>,
+    size: BTreeMap<u64, u64>,
+}
 
 impl Groups {
     /// Ties nodes by rigid bodies, beams and beam connectors.
@@ -36,7 +39,7 @@ impl Groups {
 
     /// The node that stands for the group of `node`.
     pub(super) fn root(&self, mut node: u64) -> u64 {
-        while let Some(&up) = self.0.get(&node) {
+        while let Some(&up) = self.up.get(&node) {
             node = up;
         }
         node
@@ -44,9 +47,14 @@ impl Groups {
 
     fn join(&mut self, a: u64, b: u64) {
         let (a, b) = (self.root(a), self.root(b));
-        if a != b {
-            self.0.insert(a, b);
+        if a == b {
+            return;
         }
+        let size = |root: u64| self.size.get(&root).copied().unwrap_or(1);
+        let (small, large, total) =
+            if size(a) > size(b) { (b, a, size(a) + size(b)) } else { (a, b, size(a) + size(b)) };
+        self.up.insert(small, large);
+        self.size.insert(large, total);
     }
 }
 

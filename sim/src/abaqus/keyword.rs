@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 
 /// Includes nest no deeper than this.
 const DEEPEST_INCLUDE: usize = 16;
-/// All files of a deck together are no larger than this [bytes], a file included twice counted twice.
+/// All files of a deck together are no larger than this [bytes]; each inclusion counts, with 4096 on top.
 const LARGEST_DECK: usize = 512 << 20;
 
 /// Hands over the bytes of a file by the name the deck gives it, or says why not.
@@ -113,7 +113,7 @@ impl Reader<'_, '_> {
             return Err(refuse(format!("INCLUDE nested more than {DEEPEST_INCLUDE} deep")));
         }
         let bytes = (self.read)(name).map_err(|e| refuse(format!("cannot read \"{name}\": {e}")))?;
-        self.size += bytes.len() + 64;
+        self.size += bytes.len() + 4096;
         if self.size > LARGEST_DECK {
             return Err(refuse(format!("the deck's files exceed {} MB together", LARGEST_DECK >> 20)));
         }

@@ -5,8 +5,8 @@ use super::keyword::{Block, DeckText};
 use meshes::Point;
 use std::collections::BTreeMap;
 
-/// A generated set is no larger than this.
-const LARGEST_SET: u64 = 5_000_000;
+/// All sets of a deck together list no more members than this.
+const MOST_MEMBERS: u64 = 20_000_000;
 
 /// An element.
 #[derive(Clone, Debug, PartialEq)]
@@ -96,6 +96,8 @@ pub struct DeckModel {
     pub pairs: Vec<Pair>,
     /// Nodes held in all directions.
     pub fixed: Vec<u64>,
+    /// Members listed in sets so far.
+    listed: u64,
     /// Keywords that were passed over.
     pub ignored: BTreeMap<String, usize>,
 }
@@ -171,13 +173,13 @@ impl DeckModel {
         let wanted = node_count(&kind);
         let mut row: Vec<u64> = Vec::new();
         let last = block.data.last().map_or(0, |(line, _)| *line);
-        for (line, cells) in block.rows() {
+        for ((line, cells), (_, text)) in block.rows().zip(&block.data) {
             for cell in &cells {
                 row.push(label(deck, block, line, Some(cell))?);
             }
             let continues = match wanted {
                 Some(n) => row.len() < n + 1,
-                None => block.data.iter().any(|(l, t)| *l == line && t.trim_end().ends_with(',')) && line != last,
+                None => text.ends_with(','),
             };
             if continues && line != last {
                 continue;
@@ -211,9 +213,8 @@ impl DeckModel {
                 let first = label(deck, block, line, cells.first())?;
                 let last = label(deck, block, line, cells.get(1))?;
                 let step = cells.get(2).map_or(Ok(1), |c| label(deck, block, line, Some(c)))?.max(1);
-                if last < first || (last - first) / step + members.len() as u64 > LARGEST_SET {
-                    return Err(deck.error(block, line, format!("{first} to {last} is no sensible range of labels")));
-                }
+                let count = last.checked_sub(first).map_or(u64::MAX, |span| span / step);
+                self.count(deck, block, line, count)?;
                 members.extend((first..=last).step_by(step as usize));
                 continue;
             }
@@ -221,15 +222,15 @@ impl DeckModel {
                 match cell.parse::<u64>() {
                     Ok(id) => members.push(id),
                     Err(_) if nodes => {
+                        let size = self.nsets.get(&cell.to_lowercase()).map_or(0, Vec::len);
+                        self.count(deck, block, line, size as u64)?;
                         members.extend(self.nsets.get(&cell.to_lowercase()).into_iter().flatten().copied());
                     }
                     Err(_) => {
                         let set = self.elsets.get(&cell.to_lowercase()).cloned().unwrap_or_default();
+                        self.count(deck, block, line, set.len() as u64)?;
                         self.elsets.entry(name.clone()).or_default().extend(set);
                     }
-                }
-                if members.len() as u64 > LARGEST_SET {
-                    return Err(deck.error(block, line, "set too large"));
                 }
             }
         }
@@ -239,6 +240,15 @@ impl DeckModel {
         } else {
             let known: Vec<usize> = members.iter().filter_map(|id| self.labels.get(id).copied()).collect();
             self.elsets.entry(name).or_default().extend(known);
+        }
+        Ok(())
+    }
+
+    /// Counts members listed in sets; refuses what no deck needs.
+    fn count(&mut self, deck: &DeckText, block: &Block, line: usize, more: u64) -> Result<(), DeckError> {
+        self.listed = self.listed.saturating_add(more);
+        if self.listed > MOST_MEMBERS {
+            return Err(deck.error(block, line, format!("the deck's sets list more than {MOST_MEMBERS} members")));
         }
         Ok(())
     }
