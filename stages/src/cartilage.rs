@@ -9,6 +9,7 @@ use crate::ingest::Specimen;
 use crate::register::Registration;
 use crate::{PerCartilage, StageError};
 use field::Domain;
+use meshes::frame::Side;
 use meshes::measure::percentile;
 use meshes::surface::TriMesh;
 use meshes::{Point, Vector};
@@ -124,7 +125,9 @@ pub fn cartilage(
     }
     let [femur, first, second]: [(CartilageSolid, Point); 3] =
         made.try_into().map_err(|_| StageError("cartilage: not three solids".into()))?;
-    let lateral = lateral(specimen, bones, &first.1, &second.1);
+    let lateral = lateral(specimen.identity.side, bones, &femur.0.solid, &first.1, &second.1).ok_or_else(|| {
+        StageError("cartilage: medial and lateral cannot be told: check that both bones are of one knee".into())
+    })?;
     let turned = (first.1 - second.1).dot(&lateral) > 0.0;
     let (medial, outer) = if turned { (second.0, first.0) } else { (first.0, second.0) };
     let solids = PerCartilage { femur: femur.0, tibia_medial: medial, tibia_lateral: outer };
@@ -152,25 +155,24 @@ fn towards_femur(bones: &Bones) -> Option<Vector> {
     (bones.surfaces.femur.centroid()? - bones.surfaces.tibfib.centroid()?).try_normalize(1e-9)
 }
 
-/// Lateral, as far as it tells two plateaus apart: the shaft's far half holds the fibula, so its centre lies lateral.
-fn lateral(_specimen: &Specimen, bones: &Bones, first: &Point, second: &Point) -> Vector {
-    let across = first - second;
+/// Lateral, as far as it tells two plateaus with centres `first` and `second` apart; needs no fibula.
+///
+/// Forwards is where the femoral cartilage crosses the plane between the plateaus: the trochlea does, behind it lies the notch.
+/// Up is from tibia to femur; the declared side then says which way is lateral.
+fn lateral(side: Side, bones: &Bones, femoral: &TriMesh, first: &Point, second: &Point) -> Option<Vector> {
+    let across = (first - second).try_normalize(1e-9)?;
     let middle = nalgebra::center(first, second);
-    let bone = &bones.surfaces.tibfib;
-    let away = bone.centroid().map_or(Vector::zeros(), |c| c - middle);
-    let away = (away - across * (away.dot(&across) / across.norm_squared().max(1e-12))).normalize();
-    let depth = |p: &Vector| (p - middle.coords).dot(&away);
-    let deepest = bone.vertices.iter().map(|p| depth(&p.coords)).fold(0.0, f64::max);
-    let (mut sum, mut weight) = (Vector::zeros(), 0.0);
-    for t in 0..bone.triangles.len() {
-        let c = bone.corners(t).iter().map(|p| p.coords).sum::<Vector>() / 3.0;
-        if depth(&c) > 0.4 * deepest {
-            let area = bone.area_vector(t).norm();
-            sum += (c - middle.coords) * area;
-            weight += area;
-        }
-    }
-    if weight > 0.0 && sum.dot(&across) < 0.0 { -across } else { across }
+    let superior = towards_femur(bones)?;
+    let whole = femoral.centroid()?;
+    let halfway = (first - second).norm() / 4.0;
+    let between = |t: usize| femoral.corners(t).iter().all(|p| (p - middle).dot(&across).abs() < halfway);
+    let forwards = femoral.submesh(between).0.centroid()? - whole;
+    let flat = forwards - across * forwards.dot(&across);
+    let anterior = (flat - superior * flat.dot(&superior)).try_normalize(1e-6)?;
+    Some(match side {
+        Side::Right => anterior.cross(&superior),
+        Side::Left => superior.cross(&anterior),
+    })
 }
 
 fn grades(part: &CartilageSolid) -> serde_json::Value {
