@@ -10,6 +10,7 @@ pub mod frames;
 pub mod hexmesh;
 pub mod ingest;
 pub mod overclosure;
+pub mod phantom;
 pub mod register;
 
 use serde::{Deserialize, Serialize};
