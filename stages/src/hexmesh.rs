@@ -1,8 +1,48 @@
 //! Stage 7, hexmesh: cartilage solids become hexahedra.
 
-use crate::PerCartilage;
+use crate::cartilage::{Cartilage, CartilageSolid};
+use crate::{PerCartilage, StageError};
 use meshes::hex::HexMesh;
+use meshes::parametrise::{Flat, flatten};
+use meshes::quad::{Outline, QuadGrid, Raster, quads_within};
+use meshes::query::SurfaceQuery;
+use meshes::surface::TriMesh;
+use meshes::sweep::{Columns, Faces};
+use meshes::{Point, Vector};
 use serde::{Deserialize, Serialize};
+
+mod faces;
+
+/// How the solids are meshed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct HexmeshOptions {
+    /// Wanted edge in the plane of the sheet [mm]; 0.5 to 1 in use.
+    pub edge_length_mm: f64,
+    /// Elements through the thickness [-].
+    pub layers: usize,
+    /// The mesh ends where the cartilage is thinner than this [mm].
+    pub min_thickness_mm: f64,
+    /// Columns found longer than this are misses [mm].
+    pub max_thickness_mm: f64,
+    /// Spots too thin to mesh, of at most this area, are meshed over [mm2]; larger ones stay holes.
+    pub filled_hole_mm2: f64,
+}
+
+impl Default for HexmeshOptions {
+    fn default() -> Self {
+        HexmeshOptions {
+            edge_length_mm: 0.9,
+            layers: 3,
+            min_thickness_mm: 0.35,
+            max_thickness_mm: 10.0,
+            filled_hole_mm2: 12.0,
+        }
+    }
+}
+
+/// Heights may differ from their surroundings' median by this and two fifths of it [mm].
+const OUTLIER_MM: f64 = 0.4;
 
 /// The three hexahedral cartilages, CT frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -13,4 +53,243 @@ pub struct HexCartilage {
     pub warnings: Vec<String>,
     /// For metrics.json: by cartilage name `elements`, `scaled_jacobian_min|p05|mean`, `inverted`.
     pub metrics: serde_json::Value,
+}
+
+/// Meshes the three solids. Errors name the cartilage.
+pub fn hexmesh(cartilage: &Cartilage, options: &HexmeshOptions) -> Result<HexCartilage, StageError> {
+    check(options)?;
+    let one = |name: &str, solid: &CartilageSolid| {
+        mesh_solid(solid, options).map_err(|e| StageError(format!("cartilage {name}: {e}")))
+    };
+    let solids = &cartilage.solids;
+    let (femur, (medial, lateral)) = rayon::join(
+        || one("femur", &solids.femur),
+        || rayon::join(|| one("tibia_medial", &solids.tibia_medial), || one("tibia_lateral", &solids.tibia_lateral)),
+    );
+    let meshed = PerCartilage { femur: femur?, tibia_medial: medial?, tibia_lateral: lateral? };
+    let mut warnings = Vec::new();
+    let mut metrics = serde_json::Map::new();
+    for (name, (mesh, notes)) in meshed.named() {
+        warnings.extend(notes.iter().map(|n| format!("cartilage {name}: {n}")));
+        metrics.insert(name.into(), quality(mesh));
+    }
+    let meshes = PerCartilage {
+        femur: meshed.femur.0,
+        tibia_medial: meshed.tibia_medial.0,
+        tibia_lateral: meshed.tibia_lateral.0,
+    };
+    Ok(HexCartilage { meshes, warnings, metrics: metrics.into() })
+}
+
+/// Counts and shape figures of a mesh, for metrics.json.
+pub fn quality(mesh: &HexMesh) -> serde_json::Value {
+    let mut shape: Vec<f64> = (0..mesh.elements.len()).map(|e| mesh.scaled_jacobian(e)).collect();
+    let mean = shape.iter().sum::<f64>() / shape.len().max(1) as f64;
+    shape.sort_by(f64::total_cmp);
+    let volume: f64 = (0..mesh.elements.len()).map(|e| mesh.element_volume(e)).sum();
+    let mut edges: Vec<f64> = mesh
+        .bony_quads
+        .iter()
+        .chain(&mesh.articular_quads)
+        .flat_map(|q| (0..4).map(|k| (mesh.nodes[q[k] as usize] - mesh.nodes[q[(k + 1) % 4] as usize]).norm()))
+        .collect();
+    edges.sort_by(f64::total_cmp);
+    let at = |list: &[f64], share: f64| list.get((share * list.len() as f64) as usize).or(list.last()).copied();
+    serde_json::json!({
+        "elements": shape.len(),
+        "scaled_jacobian_min": shape.first(),
+        "scaled_jacobian_p05": at(&shape, 0.05),
+        "scaled_jacobian_mean": mean,
+        "inverted": shape.iter().filter(|s| **s <= 0.0).count(),
+        "edge_min_mm": edges.first(),
+        "edge_median_mm": at(&edges, 0.5),
+        "edge_max_mm": edges.last(),
+        "volume_mm3": volume,
+    })
+}
+
+fn check(options: &HexmeshOptions) -> Result<(), StageError> {
+    let edge = options.edge_length_mm;
+    if !(0.2..=3.0).contains(&edge) {
+        return Err(StageError(format!("edge_length_mm is {edge}, expected 0.2 to 3")));
+    }
+    if !(1..=10).contains(&options.layers) {
+        return Err(StageError(format!("layers is {}, expected 1 to 10", options.layers)));
+    }
+    let positive = [options.min_thickness_mm, options.max_thickness_mm, options.filled_hole_mm2];
+    if positive.iter().any(|x| !x.is_finite() || *x < 0.0) || options.max_thickness_mm <= options.min_thickness_mm {
+        return Err(StageError("thickness and hole limits must be finite, not negative, and max above min".into()));
+    }
+    Ok(())
+}
+
+/// The mesh of one solid and what was odd about it.
+fn mesh_solid(solid: &CartilageSolid, options: &HexmeshOptions) -> Result<(HexMesh, Vec<String>), StageError> {
+    let mut notes = Vec::new();
+    let sheet = faces::split(solid, &mut notes)?;
+    let queries = SurfaceQuery::new(&sheet.bony).zip(SurfaceQuery::new(&sheet.articular));
+    let (bony, articular) = queries.ok_or_else(|| StageError("a face of the solid cannot be searched".into()))?;
+    let faces = Faces { bony: &bony, articular: &articular };
+    let (flat, grid) = plan(&sheet, options, &mut notes)?;
+    let mut columns = raise(&sheet.bony, &flat, &grid, &faces, options)?;
+    columns.relax(&faces, 3);
+    columns.optimise(&faces, options.edge_length_mm, 30);
+    let raised = thicken(&mut columns, 0.5 * options.min_thickness_mm);
+    if raised > 0 {
+        notes.push(format!("{raised} columns were thinner than half the minimum thickness and were raised to it"));
+    }
+    let mesh = columns.hexahedra(options.layers);
+    let inverted = (0..mesh.elements.len()).filter(|&e| mesh.scaled_jacobian(e) <= 0.0).count();
+    if inverted > 0 {
+        notes.push(format!("{inverted} of {} elements are inverted", mesh.elements.len()));
+    }
+    Ok((mesh, notes))
+}
+
+/// Lays the bony face flat and covers it with quadrilaterals wherever the cartilage is thick enough.
+fn plan(
+    sheet: &faces::Sheet,
+    options: &HexmeshOptions,
+    notes: &mut Vec<String>,
+) -> Result<(Vec<Flat>, QuadGrid), StageError> {
+    let edge = options.edge_length_mm;
+    let flat = flatten(&sheet.bony).ok_or_else(|| StageError("the bony face cannot be laid flat".into()))?;
+    let angle = outline(sheet, &flat, options)?.0.main_angle();
+    let turn = nalgebra::Rotation2::new(-angle);
+    let flat: Vec<Flat> = flat.iter().map(|p| turn * p).collect();
+    let (outline, holes) = outline(sheet, &flat, options)?;
+    if holes > 0 {
+        notes.push(format!("{holes} thin spots of at most {} mm2 meshed over", options.filled_hole_mm2));
+    }
+    let grid = quads_within(&outline, edge);
+    if grid.quads.is_empty() {
+        let area = sheet.bony.area();
+        return Err(StageError(format!(
+            "no element of {edge} mm fits: bony face {area:.0} mm2, min_thickness_mm {}; check the solid",
+            options.min_thickness_mm
+        )));
+    }
+    Ok((flat, grid))
+}
+
+fn outline(sheet: &faces::Sheet, flat: &[Flat], options: &HexmeshOptions) -> Result<(Outline, usize), StageError> {
+    let edge = options.edge_length_mm;
+    let raster = Raster::around(flat, edge / 5.0, 3.0 * edge)
+        .ok_or_else(|| StageError("the flattened bony face is unreasonably large for this edge length".into()))?;
+    let mut thickness = vec![-1.0; raster.len()];
+    for t in &sheet.bony.triangles {
+        raster.paint(&mut thickness, &t.map(|v| flat[v as usize]), t.map(|v| sheet.thickness_mm[v as usize]));
+    }
+    let thick: Vec<bool> = thickness.iter().map(|t| *t >= options.min_thickness_mm).collect();
+    let (inside, holes) = raster.holes_filled(&thick, options.filled_hole_mm2);
+    Ok((Outline::new(raster, &inside, 1.3 * edge, 0.2 * edge, 0.6 * edge), holes))
+}
+
+/// Stands a column on each node of the grid: up the smoothed normal of the bony face to the articular face.
+fn raise(
+    sheet: &TriMesh,
+    flat: &[Flat],
+    grid: &QuadGrid,
+    faces: &Faces,
+    options: &HexmeshOptions,
+) -> Result<Columns, StageError> {
+    let plane = TriMesh {
+        vertices: flat.iter().map(|p| Point::new(p.x, p.y, 0.0)).collect(),
+        triangles: sheet.triangles.clone(),
+    };
+    let plane = SurfaceQuery::new(&plane).ok_or_else(|| StageError("the flattened face cannot be searched".into()))?;
+    let bony: Vec<Point> = grid
+        .nodes
+        .iter()
+        .map(|p| {
+            let near = plane.nearest(&Point::new(p.x, p.y, 0.0));
+            let corners = sheet.corners(near.triangle as usize);
+            Point::from((0..3).map(|k| near.barycentric[k] * corners[k].coords).sum::<Vector>())
+        })
+        .collect();
+    let neighbours = meshes::quad::grid::neighbours(bony.len(), &grid.quads);
+    let mut up: Vec<Vector> = bony.iter().map(|p| faces.bony.smooth_normal(&faces.bony.nearest(p))).collect();
+    for _ in 0..20 {
+        up = smoothed(&up, &neighbours, |v| v.try_normalize(0.0).unwrap_or_else(Vector::zeros));
+    }
+    let found: Vec<Option<f64>> =
+        bony.iter().zip(&up).map(|(p, n)| height_above(p, n, faces.articular, options.max_thickness_mm)).collect();
+    let found = without_outliers(found, &neighbours);
+    let height = fill_gaps(&found, &neighbours, options.min_thickness_mm);
+    let articular = (0..bony.len())
+        .map(|n| {
+            let head = bony[n] + up[n] * height[n];
+            if found[n].is_some() { head } else { faces.articular.nearest(&head).point }
+        })
+        .collect();
+    Ok(Columns { bony, articular, quads: grid.quads.clone(), on_outline: grid.on_outline.clone() })
+}
+
+/// Distance [mm] from `foot` along `up` to the first part of the articular face that looks that way, within `reach`.
+fn height_above(foot: &Point, up: &Vector, articular: &SurfaceQuery, reach: f64) -> Option<f64> {
+    let mut height = 0.02;
+    while let Some(hit) = articular.ray(&(foot + up * height), up, reach - height) {
+        height += hit.distance;
+        if articular.normal(hit.triangle).dot(up) > 0.1 {
+            return Some(height);
+        }
+        height += 0.02;
+    }
+    None
+}
+
+fn smoothed(values: &[Vector], neighbours: &[Vec<u32>], finish: impl Fn(Vector) -> Vector) -> Vec<Vector> {
+    let mean = |(n, list): (usize, &Vec<u32>)| {
+        finish(values[n] + list.iter().map(|&m| values[m as usize]).sum::<Vector>() / list.len().max(1) as f64)
+    };
+    neighbours.iter().enumerate().map(mean).collect()
+}
+
+/// Heights far from the median of their surroundings count as misses: a ray through a crack or onto a stray bit.
+fn without_outliers(found: Vec<Option<f64>>, neighbours: &[Vec<u32>]) -> Vec<Option<f64>> {
+    let plausible = |n: usize| {
+        let two_rings = neighbours[n].iter().flat_map(|&m| neighbours[m as usize].iter());
+        let mut around: Vec<f64> = two_rings.filter_map(|&m| found[m as usize]).collect();
+        around.sort_by(f64::total_cmp);
+        let median = around.get(around.len() / 2).copied().unwrap_or(0.0);
+        found[n].filter(|h| (h - median).abs() <= OUTLIER_MM + 0.4 * median)
+    };
+    (0..found.len()).map(plausible).collect()
+}
+
+/// Heights where rays missed: from neighbours that have one, ring by ring.
+fn fill_gaps(found: &[Option<f64>], neighbours: &[Vec<u32>], least: f64) -> Vec<f64> {
+    let mut known = found.to_vec();
+    loop {
+        let guess = |n: usize| {
+            let around: Vec<f64> = neighbours[n].iter().filter_map(|&m| known[m as usize]).collect();
+            (!around.is_empty()).then(|| around.iter().sum::<f64>() / around.len() as f64)
+        };
+        let next: Vec<Option<f64>> = (0..known.len()).map(|n| known[n].or_else(|| guess(n))).collect();
+        let same = next == known;
+        known = next;
+        if same {
+            return known.into_iter().map(|h| h.unwrap_or(least)).collect();
+        }
+    }
+}
+
+/// Raises columns lower than `least` [mm] along the normal of the quadrilaterals at their feet; returns how many.
+fn thicken(columns: &mut Columns, least: f64) -> usize {
+    let mut up = vec![Vector::zeros(); columns.bony.len()];
+    for quad in &columns.quads {
+        let [a, b, c, d] = quad.map(|v| columns.bony[v as usize]);
+        let normal = (c - a).cross(&(d - b));
+        quad.iter().for_each(|&v| up[v as usize] += normal);
+    }
+    let mut count = 0;
+    for (n, up) in up.iter().enumerate() {
+        let up = up.try_normalize(0.0).unwrap_or_else(Vector::zeros);
+        let height = (columns.articular[n] - columns.bony[n]).dot(&up);
+        if height < least {
+            columns.articular[n] += up * (least - height);
+            count += 1;
+        }
+    }
+    count
 }
