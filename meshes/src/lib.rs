@@ -5,6 +5,8 @@
 
 pub mod format;
 pub mod frame;
+pub mod gap;
+pub mod grnn;
 mod halfedge;
 pub mod hex;
 pub mod holes;
