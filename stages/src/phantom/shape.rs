@@ -161,7 +161,8 @@ pub(super) fn femur_cover(p: &Point, normal: &Vector) -> (f64, Cover) {
     let arc = (angle + 22.0).min(218.0 - angle).to_radians() * r;
     let narrow = 11.0 + 0.17 * (angle + 22.0).clamp(0.0, 80.0);
     let trochlea = (narrow - (p.x - 1.0).abs()).min((92.0 - angle).to_radians() * r);
-    let condyles = (12.0 - (p.x + 23.5).abs()).max(11.5 - (p.x - 23.0).abs());
+    let band = (12.0 - (p.x + 23.5).abs()).max(11.5 - (p.x - 23.0).abs());
+    let condyles = band.min((angle - 50.0).to_radians() * r);
     let facing = 14.0 * (normal.dot(&radial) / r - 0.35);
     (arc.min(trochlea.max(condyles)).min(facing), Cover::Femur)
 }
