@@ -8,5 +8,6 @@ pub mod error;
 pub mod joint;
 pub mod laxity;
 pub mod spec;
+pub mod vtk;
 
 pub use error::SimError;

@@ -258,3 +258,28 @@ fn imported_ligaments_pull_as_in_abaqus_at_rest() {
     );
     assert!(frames > 0 && worst < 0.05 && at_knee < 0.3, "{frames} frames, {worst} N, {at_knee} N");
 }
+
+#[test]
+fn vtk_files_hold_every_surface_and_fibre() {
+    let Some(dir) = shared("vtk", "published/S192803/deck") else { return };
+    let deck = deck(&dir, MAIN);
+    let files = sim::vtk::export(&deck.spec, &deck.meshes, &meshes::Isometry::identity(), &[]);
+    let names: Vec<&str> = files.iter().map(|(n, _)| n.as_str()).collect();
+    assert_eq!(
+        names,
+        [
+            "femur.vtp",
+            "tibfib.vtp",
+            "articular_femur.vtp",
+            "articular_tibia_medial.vtp",
+            "articular_tibia_lateral.vtp",
+            "fibres.vtp",
+        ]
+    );
+    assert!(files[5].1.contains("NumberOfLines=\"31\""));
+    if let Ok(out) = std::env::var("GENU_VTK_OUT") {
+        files
+            .iter()
+            .for_each(|(name, text)| std::fs::write(Path::new(&out).join(name), text).expect("a writable folder"));
+    }
+}
