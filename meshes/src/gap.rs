@@ -51,10 +51,17 @@ impl ContactFace {
     pub fn gap(&self, p: &Point) -> Option<Gap> {
         let near = self.query.nearest(p);
         let normal = self.query.smooth_normal(&near);
-        if near.distance > RIM_REACH && self.is_rim(near.triangle, near.barycentric) {
-            return None;
-        }
         let offset = p - near.point;
+        if self.is_rim(near.triangle, near.barycentric) {
+            if near.distance > RIM_REACH {
+                return None;
+            }
+            // Beside the rim, only how far it is behind counts, not how far aside.
+            let height = offset.dot(&normal);
+            if height < 0.0 {
+                return Some(Gap { gap: height, away: normal });
+            }
+        }
         let behind = offset.dot(&normal) < 0.0;
         let away = match offset.try_normalize(1e-3) {
             Some(direction) if behind => -direction,

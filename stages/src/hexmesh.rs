@@ -293,3 +293,6 @@ fn thicken(columns: &mut Columns, least: f64) -> usize {
     }
     count
 }
+
+#[cfg(test)]
+mod tests;

@@ -170,8 +170,12 @@ impl Raster {
         (part, sizes)
     }
 
-    /// Euclidean distance [mm] from each pixel to the nearest of `set` [felzenszwalb2012]; infinite for an empty set.
+    /// Euclidean distance [mm] from each pixel to the nearest of `set` [felzenszwalb2012]; the
+    /// raster's extent for an empty set.
     fn distance_to(&self, set: &[bool]) -> Vec<f64> {
+        if !set.contains(&true) {
+            return vec![(self.width + self.height) as f64 * self.pitch; self.len()];
+        }
         let mut map: Vec<f64> = set.iter().map(|s| if *s { 0.0 } else { f64::INFINITY }).collect();
         for row in map.chunks_mut(self.width) {
             lower_envelope(row);
