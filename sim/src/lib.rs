@@ -3,10 +3,12 @@
 //! Units: mm, N, s, tonne, MPa, radian inside; the specification file is in mm, N, N/mm, degrees where its keys say so.
 
 pub mod abaqus;
+pub mod contact;
 pub mod deck;
 pub mod error;
 pub mod joint;
 pub mod laxity;
+pub mod ligament;
 pub mod spec;
 pub mod vtk;
 

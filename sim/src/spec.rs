@@ -176,6 +176,14 @@ pub struct BundleSpec {
     pub toe_strain: f64,
     /// Force law.
     pub law: Law,
+    /// Dashpot of each fibre, also when slack [N s/mm]; 0.05 in the published decks.
+    #[serde(default = "fibre_damping")]
+    pub damping_n_s_per_mm: f64,
+}
+
+/// The published decks' dashpot of a fibre [N s/mm].
+pub fn fibre_damping() -> f64 {
+    0.05
 }
 
 /// A straight fibre, CT frame.

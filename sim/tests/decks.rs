@@ -28,6 +28,7 @@ fn knee() -> (ModelSpec, BTreeMap<String, MeshValue>) {
         reference_length_mm: 39.3,
         toe_strain: 0.03,
         law,
+        damping_n_s_per_mm: sim::spec::fibre_damping(),
     };
     let fibre = |name: &str, x: f64| FibreSpec {
         bundle: name.into(),

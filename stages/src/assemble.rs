@@ -164,6 +164,7 @@ fn bundle_spec(bundle: &Bundle, lengths: &[f64], specimen: &Specimen, options: &
         stiffness_n_per_mm: start.stiffness_n_per_mm.unwrap_or(bundle.stiffness_n_per_mm.middle()),
         reference_length_mm: lengths.iter().sum::<f64>() / lengths.len() as f64,
         toe_strain: options.toe_strain,
+        damping_n_s_per_mm: sim::spec::fibre_damping(),
         law: options.law,
     }
 }

@@ -125,6 +125,7 @@ fn bundle(
         stiffness_n_per_mm: near(k, stated("K2")).unwrap_or(k),
         reference_length_mm: near(length, stated("L")).unwrap_or(length),
         toe_strain,
+        damping_n_s_per_mm: crate::spec::fibre_damping(),
         law: if table.iter().filter(|p| p[1] > d0 && p[1] < d0 + 1.999 * toe).count() <= 3 {
             Law::Tabular
         } else {

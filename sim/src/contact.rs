@@ -1,0 +1,298 @@
+//! Contact of rigid cartilages by a pressure-overclosure law, the mean of both passes.
+//!
+//! A pass sums over the nodes of one surface: pressure at the node's overclosure into the other surface's distance field, times its tributary
+//! area, along the field's gradient. The force is the gradient of an energy; the tangent is exact. Nodes denser than
+//! [`ContactOptions::spacing_mm`] are merged, area kept.
+
+pub mod field;
+pub mod friction;
+pub mod law;
+mod nodes;
+
+use crate::error::SimError;
+use crate::joint::{Pose, Screw, Six, comes_first};
+use crate::spec::ModelSpec;
+use field::Field;
+pub use friction::{FrictionState, Patches};
+use law::PressureLaw;
+use meshes::surface::TriMesh;
+use meshes::{Isometry, Vector};
+use nalgebra::{Matrix3, Matrix6};
+use nodes::Nodes;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// How contact is computed.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ContactOptions {
+    /// Nodes nearer to each other than this are merged into one of their common area [mm]; 0 keeps all. Measured: docs/verification.md.
+    pub spacing_mm: f64,
+}
+
+impl Default for ContactOptions {
+    fn default() -> Self {
+        ContactOptions { spacing_mm: 0.8 }
+    }
+}
+
+/// Surfaces that may touch, ready for evaluation.
+#[derive(Clone, Debug)]
+pub struct Contact {
+    pub(crate) pairs: Vec<Pair>,
+    pub(crate) law: PressureLaw,
+    /// Coulomb coefficient [-].
+    pub friction: f64,
+    /// Contact damping, fraction of critical [-].
+    pub damping: f64,
+}
+
+/// A femoral and a tibial articular surface.
+#[derive(Clone, Debug)]
+pub(crate) struct Pair {
+    pub(crate) femur: Arc<Side>,
+    pub(crate) tibia: Arc<Side>,
+}
+
+/// One surface: its nodes and its field.
+#[derive(Clone, Debug)]
+pub(crate) struct Side {
+    pub(crate) nodes: Nodes,
+    pub(crate) field: Field,
+}
+
+/// Energy, generalised gradient and Hessian of the contact, and each pair's share.
+#[derive(Clone, Debug, Default)]
+pub struct ContactResponse {
+    /// Stored energy [N mm].
+    pub energy: f64,
+    /// Its derivative by each coordinate [N mm, N].
+    pub gradient: Six,
+    /// Its second derivative.
+    pub hessian: Matrix6<f64>,
+    /// Force on the femur and its moment about the CT origin, a pair each [N, N mm].
+    pub wrench: Vec<(Vector, Vector)>,
+    /// Contact area (mean of both passes), a pair each [mm2].
+    pub area: Vec<f64>,
+    /// Deepest overclosure [mm].
+    pub deepest: f64,
+}
+
+/// Sums over a pass in the field's frame.
+#[derive(Clone, Copy, Debug, Default)]
+struct Sums {
+    energy: f64,
+    force: Vector,
+    virial: Matrix3<f64>,
+    stiffness: Matrix6<f64>,
+    area: f64,
+    deepest: f64,
+}
+
+impl Contact {
+    /// Compiles the contact of a specification; `surfaces` by the names used in `contact.pairs`.
+    ///
+    /// Errors: a missing, inconsistent or inside-out surface, a bad table.
+    pub fn new(
+        spec: &ModelSpec,
+        surfaces: &BTreeMap<String, TriMesh>,
+        options: &ContactOptions,
+    ) -> Result<Contact, SimError> {
+        let law = PressureLaw::new(&spec.contact.overclosure_mm, &spec.contact.pressure_mpa)?;
+        for (key, x) in [("friction", spec.contact.friction), ("damping", spec.contact.damping)] {
+            if !(0.0..10.0).contains(&x) {
+                return Err(SimError::Spec(format!("contact.{key} is {x}, expected 0 to 10")));
+            }
+        }
+        let mut sides: BTreeMap<(String, bool), Arc<Side>> = BTreeMap::new();
+        let mut pairs = Vec::new();
+        for pair in &spec.contact.pairs {
+            let mut both = Vec::new();
+            for (name, moves) in [(&pair.femur, true), (&pair.tibia, false)] {
+                let key = (name.clone(), moves);
+                if !sides.contains_key(&key) {
+                    let frame = field::bone_frame(if moves { &spec.frames.femur } else { &spec.frames.tibia });
+                    sides.insert(key.clone(), Arc::new(side(name, surfaces, frame, options)?));
+                }
+                both.push(sides[&key].clone());
+            }
+            pairs.push(Pair { femur: both[0].clone(), tibia: both[1].clone() });
+        }
+        Ok(Contact { pairs, law, friction: spec.contact.friction, damping: spec.contact.damping })
+    }
+
+    /// Energy, gradient and Hessian at a pose.
+    pub fn evaluate(&self, pose: &Pose) -> ContactResponse {
+        let mut out = ContactResponse::default();
+        for pair in &self.pairs {
+            let mut wrench = (Vector::zeros(), Vector::zeros());
+            let mut area = 0.0;
+            for tibial_nodes in [true, false] {
+                let (nodes, field) = if tibial_nodes {
+                    (&pair.tibia.nodes, &pair.femur.field)
+                } else {
+                    (&pair.femur.nodes, &pair.tibia.field)
+                };
+                let ct_from_field = if tibial_nodes {
+                    pose.femur * field.local_from_ct.inverse()
+                } else {
+                    field.local_from_ct.inverse()
+                };
+                let field_from_nodes =
+                    ct_from_field.inverse() * if tibial_nodes { Isometry::identity() } else { pose.femur };
+                let sums = self.sum(nodes, field, &field_from_nodes);
+                accumulate(&mut out, &sums, &local_screws(pose, &ct_from_field), tibial_nodes);
+                // force on the femur, CT frame: nodes push what carries the field the other way
+                let turn = ct_from_field.rotation;
+                let side = if tibial_nodes { -0.5 } else { 0.5 };
+                let force = turn * sums.force * side;
+                let moment = moment(&sums.virial);
+                wrench.0 += force;
+                wrench.1 += turn * moment * side + ct_from_field.translation.vector.cross(&force);
+                area += 0.5 * sums.area;
+                out.deepest = out.deepest.max(sums.deepest);
+            }
+            out.wrench.push(wrench);
+            out.area.push(area);
+        }
+        out
+    }
+
+    /// Sums over the nodes that overclose.
+    fn sum(&self, nodes: &Nodes, field: &Field, to_field: &Isometry) -> Sums {
+        let mut sums = Sums::default();
+        let (highest, mut stiffness) = (-self.law.start(), [0.0; 21]);
+        nodes.for_each_near(field, to_field, -highest, |p, area| {
+            let Some(s) = field.sample(p, highest) else { return };
+            let (e, pressure, slope) = self.law.at(-s.distance);
+            let g = s.gradient;
+            let f = pressure * area;
+            sums.energy += e * area;
+            sums.area += area;
+            sums.deepest = sums.deepest.max(-s.distance);
+            for a in 0..3 {
+                sums.force[a] += f * g[a];
+                for b in 0..3 {
+                    sums.virial[(b, a)] += p[b] * f * g[a];
+                }
+            }
+            let (k, h) = (slope * area, s.hessian);
+            let t = [
+                k * g[0] * g[0] - f * h[0],
+                k * g[0] * g[1] - f * h[1],
+                k * g[0] * g[2] - f * h[2],
+                k * g[1] * g[1] - f * h[3],
+                k * g[1] * g[2] - f * h[4],
+                k * g[2] * g[2] - f * h[5],
+            ];
+            add_stiffness(&mut stiffness, &t, p);
+        });
+        let mut n = 0;
+        for i in 0..6 {
+            for j in i..6 {
+                sums.stiffness[(i, j)] = stiffness[n];
+                sums.stiffness[(j, i)] = stiffness[n];
+                n += 1;
+            }
+        }
+        sums
+    }
+}
+
+/// Adds `B' T B` with `B = [I, -p x]`, upper triangle by rows; `t` is symmetric (xx, xy, xz, yy, yz, zz).
+#[inline]
+fn add_stiffness(k: &mut [f64; 21], t: &[f64; 6], p: &[f64; 3]) {
+    let [x, y, z] = *p;
+    let rows = [[t[0], t[1], t[2]], [t[1], t[3], t[4]], [t[2], t[4], t[5]]];
+    // column c of -[p]x is e_c x p: C = T (-[p]x)
+    let c: [[f64; 3]; 3] = std::array::from_fn(|i| {
+        let r = rows[i];
+        [r[2] * y - r[1] * z, r[0] * z - r[2] * x, r[1] * x - r[0] * y]
+    });
+    let d = |a: usize, b: usize| match a {
+        0 => c[2][b] * y - c[1][b] * z,
+        1 => c[0][b] * z - c[2][b] * x,
+        _ => c[1][b] * x - c[0][b] * y,
+    };
+    let add = [
+        t[0],
+        t[1],
+        t[2],
+        c[0][0],
+        c[0][1],
+        c[0][2], //
+        t[3],
+        t[4],
+        c[1][0],
+        c[1][1],
+        c[1][2], //
+        t[5],
+        c[2][0],
+        c[2][1],
+        c[2][2], //
+        d(0, 0),
+        d(0, 1),
+        d(0, 2),
+        d(1, 1),
+        d(1, 2),
+        d(2, 2),
+    ];
+    for (k, a) in k.iter_mut().zip(add) {
+        *k += a;
+    }
+}
+
+/// The femur's velocity fields in a frame.
+fn local_screws(pose: &Pose, ct_from_local: &Isometry) -> [Screw; 6] {
+    let (turn, o) = (ct_from_local.rotation.inverse(), ct_from_local.translation.vector);
+    pose.screws.map(|s| Screw { angular: turn * s.angular, linear: turn * s.at(&o) })
+}
+
+/// Adds a pass to the response. The nodes' motion relative to the field is the femur's (femoral nodes) or its reverse (tibial nodes).
+fn accumulate(out: &mut ContactResponse, sums: &Sums, screws: &[Screw; 6], tibial_nodes: bool) {
+    let sign = if tibial_nodes { -1.0 } else { 1.0 };
+    let (v, moment) = (&sums.virial, moment(&sums.virial));
+    out.energy += 0.5 * sums.energy;
+    let twist: [Six; 6] =
+        screws.map(|s| Six::new(s.linear.x, s.linear.y, s.linear.z, s.angular.x, s.angular.y, s.angular.z));
+    for j in 0..6 {
+        out.gradient[j] -= 0.5 * sign * (screws[j].linear.dot(&sums.force) + screws[j].angular.dot(&moment));
+        let kt = sums.stiffness * twist[j];
+        for k in 0..6 {
+            let (first, last) = if comes_first(j, k) { (j, k) } else { (k, j) };
+            // second derivative of the nodes' path: for femoral nodes first x (last x p), for tibial nodes last x (first x p)
+            let (a, b) = if tibial_nodes { (&screws[last], &screws[first]) } else { (&screws[first], &screws[last]) };
+            let second = work_of_second(a, b, &sums.force, v);
+            out.hessian[(j, k)] += 0.5 * (twist[k].dot(&kt) - second);
+        }
+    }
+}
+
+/// Sum over nodes of `p x f` from the virial `sum p f'`.
+fn moment(virial: &Matrix3<f64>) -> Vector {
+    let v = virial;
+    Vector::new(v[(1, 2)] - v[(2, 1)], v[(2, 0)] - v[(0, 2)], v[(0, 1)] - v[(1, 0)])
+}
+
+/// Sum over nodes of `f . (a.angular x (b.angular x p + b.linear))`, from the total force and the virial `sum p f'`.
+fn work_of_second(a: &Screw, b: &Screw, force: &Vector, virial: &Matrix3<f64>) -> f64 {
+    let turn = a.angular.cross_matrix() * b.angular.cross_matrix();
+    // sum f_i (turn p)_i = sum turn_ij p_j f_i = sum turn_ij virial_ji
+    (turn * virial).trace() + force.dot(&a.angular.cross(&b.linear))
+}
+
+/// Nodes and field of one surface.
+fn side(
+    name: &str,
+    surfaces: &BTreeMap<String, TriMesh>,
+    frame: Isometry,
+    options: &ContactOptions,
+) -> Result<Side, SimError> {
+    let mesh = surfaces.get(name).ok_or_else(|| SimError::Spec(format!("contact.pairs: no surface {name}")))?;
+    let field = Field::new(mesh, frame, name)?;
+    Ok(Side { nodes: Nodes::new(mesh, &frame, options.spacing_mm), field })
+}
+
+#[cfg(test)]
+mod tests;

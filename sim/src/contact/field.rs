@@ -1,0 +1,273 @@
+//! Distance field of an articular surface: sampled once on a grid fixed in the bone's frame, then interpolated by quadratic B-splines, so that
+//! value, gradient and curvature cost the same wherever the point lies, and the force is the gradient of an energy.
+//!
+//! The distance is signed by the surface's outward normals. Beyond the rim of an open patch a point is pushed out of contact over
+//! [`RIM`] mm: nothing behind or beside the patch is ever in contact.
+
+use crate::error::SimError;
+use meshes::surface::TriMesh;
+use meshes::topology::Topology;
+use meshes::{Isometry, Point, Vector};
+use nalgebra::Matrix3;
+use rayon::prelude::*;
+use std::collections::BTreeSet;
+
+/// Grid spacing [mm].
+const SPACING: f64 = 0.75;
+/// Grid nodes along an edge of a block that is sampled as a whole.
+const BLOCK: usize = 4;
+/// Depth [mm] below and height above the surface to which the distance is sampled exactly.
+const BAND: [f64; 2] = [5.0, 2.5];
+/// Breadth of the fading beyond a rim [mm].
+const RIM: f64 = 1.0;
+/// More grid nodes than this are refused: a surface of absurd size.
+const MOST_NODES: usize = 60_000_000;
+
+/// The sampled distance.
+#[derive(Clone, Debug)]
+pub struct Field {
+    /// Grid coordinates (local, mm) from CT coordinates in the CT pose.
+    pub local_from_ct: Isometry,
+    low: [i64; 3],
+    size: [usize; 3],
+    coefficients: Vec<f32>,
+}
+
+/// Distance, gradient, second derivatives (xx, xy, xz, yy, yz, zz).
+#[derive(Clone, Copy, Debug)]
+pub struct Sample {
+    /// Signed distance [mm], positive outside.
+    pub distance: f64,
+    /// Its gradient [-], grid frame.
+    pub gradient: [f64; 3],
+    /// Its second derivatives [1/mm], grid frame.
+    pub hessian: [f64; 6],
+}
+
+impl Field {
+    /// Samples the distance from `surface` (CT coordinates) on a grid fixed in `local_from_ct`.
+    pub fn new(surface: &TriMesh, local_from_ct: Isometry, name: &str) -> Result<Field, SimError> {
+        let local = surface.moved(&local_from_ct);
+        let exact = Exact::new(&local, name)?;
+        let (lo, hi) = local.bounds().ok_or_else(|| SimError::Spec(format!("surface {name} is empty")))?;
+        let pad = BAND[1] + SPACING * (BLOCK as f64 + 2.0);
+        let low: [i64; 3] = std::array::from_fn(|k| ((lo[k] - pad) / SPACING).floor() as i64);
+        let blocks: [usize; 3] =
+            std::array::from_fn(|k| (((hi[k] + pad) / SPACING).ceil() as i64 - low[k]) as usize / BLOCK + 1);
+        let size = blocks.map(|b| b * BLOCK);
+        if size.iter().try_fold(1usize, |a, b| a.checked_mul(*b)).is_none_or(|n| n > MOST_NODES) {
+            return Err(SimError::Spec(format!("surface {name} is {:.0} mm across; is it in mm?", (hi - lo).norm())));
+        }
+        let mut field = Field { local_from_ct, low, size, coefficients: Vec::new() };
+        let samples = field.sample_blocks(&exact, blocks);
+        field.coefficients = field.prefiltered(&samples);
+        Ok(field)
+    }
+
+    /// Exact distances in the blocks near the surface, that of the block's centre in the others.
+    fn sample_blocks(&self, exact: &Exact, blocks: [usize; 3]) -> Vec<f32> {
+        let [nx, ny, nz] = self.size;
+        let node = |i: usize, j: usize, k: usize| {
+            let at = |a: usize, i: f64| (self.low[a] as f64 + i) * SPACING;
+            Point::new(at(0, i as f64), at(1, j as f64), at(2, k as f64))
+        };
+        let reach = SPACING * BLOCK as f64 * 3f64.sqrt() / 2.0 + 2.0 * SPACING;
+        let slabs: Vec<Vec<f32>> = (0..blocks[2])
+            .into_par_iter()
+            .map(|bz| {
+                let mut slab = vec![0f32; nx * ny * BLOCK];
+                for by in 0..blocks[1] {
+                    for bx in 0..blocks[0] {
+                        let corner = [bx * BLOCK, by * BLOCK, bz * BLOCK];
+                        let half = Vector::repeat((BLOCK as f64 - 1.0) / 2.0 * SPACING);
+                        let centre = exact.distance(&(node(corner[0], corner[1], corner[2]) + half));
+                        let near = centre > -BAND[0] - reach && centre < BAND[1] + reach;
+                        for n in 0..BLOCK.pow(3) {
+                            let (i, j, k) = (n % BLOCK, n / BLOCK % BLOCK, n / BLOCK / BLOCK);
+                            let p = node(corner[0] + i, corner[1] + j, corner[2] + k);
+                            let d = if near { exact.distance(&p) } else { centre };
+                            slab[(k * ny + corner[1] + j) * nx + corner[0] + i] = d as f32;
+                        }
+                    }
+                }
+                slab
+            })
+            .collect();
+        debug_assert_eq!(slabs.iter().map(Vec::len).sum::<usize>(), nx * ny * nz);
+        slabs.concat()
+    }
+
+    /// Spline coefficients by local quasi-interpolation, of third order: `c = s - (second differences) / 8`.
+    fn prefiltered(&self, samples: &[f32]) -> Vec<f32> {
+        let [nx, ny, nz] = self.size;
+        let mut coefficients = samples.to_vec();
+        for k in 1..nz - 1 {
+            for j in 1..ny - 1 {
+                for i in 1..nx - 1 {
+                    let at = (k * ny + j) * nx + i;
+                    let s = |o: usize| samples[at + o] + samples[at - o] - 2.0 * samples[at];
+                    coefficients[at] = samples[at] - (s(1) + s(nx) + s(nx * ny)) / 8.0;
+                }
+            }
+        }
+        coefficients
+    }
+
+    /// The grid cell of a local point and its offset from the nearest node; `None` outside.
+    #[inline]
+    fn cell(&self, p: &[f64; 3]) -> Option<(usize, [f64; 3])> {
+        let mut index = [0usize; 3];
+        let mut offset = [0.0; 3];
+        for a in 0..3 {
+            let x = p[a] * (1.0 / SPACING) - self.low[a] as f64;
+            if !(x > 1.0 && x < (self.size[a] - 2) as f64) {
+                return None;
+            }
+            index[a] = (x + 0.5) as usize;
+            offset[a] = x - index[a] as f64;
+        }
+        Some(((index[2] * self.size[1] + index[1]) * self.size[0] + index[0], offset))
+    }
+
+    /// Coefficient nearest to a local point: the distance to about a grid spacing; large outside the grid.
+    #[inline]
+    pub fn rough(&self, p: &[f64; 3]) -> f64 {
+        self.cell(p).map_or(1e3, |(at, _)| f64::from(self.coefficients[at]))
+    }
+
+    /// Distance and derivatives at a local point; `None` where it is above `highest` or off the grid.
+    #[inline]
+    pub fn sample(&self, p: &[f64; 3], highest: f64) -> Option<Sample> {
+        let (at, offset) = self.cell(p)?;
+        let [nx, ny, _] = self.size;
+        let [(wx, dx), (wy, dy), (wz, dz)] = offset.map(weights);
+        // rows along x are contracted first, then along y, then along z
+        let mut plane = [[0.0; 6]; 3];
+        for (k, slot) in plane.iter_mut().enumerate() {
+            for j in 0..3 {
+                let start = at + k * nx * ny + j * nx - nx * ny - nx - 1;
+                let row = &self.coefficients[start..start + 3];
+                let (a, b, c) = (f64::from(row[0]), f64::from(row[1]), f64::from(row[2]));
+                let (v, d, s) = (a * wx[0] + b * wx[1] + c * wx[2], a * dx[0] + b * dx[1] + c * dx[2], a - 2.0 * b + c);
+                slot[0] += v * wy[j];
+                slot[1] += d * wy[j];
+                slot[2] += s * wy[j];
+                slot[3] += v * dy[j];
+                slot[4] += d * dy[j];
+                slot[5] += v * CURVE[j];
+            }
+        }
+        let z = |n: usize, w: &[f64; 3]| plane[0][n] * w[0] + plane[1][n] * w[1] + plane[2][n] * w[2];
+        let distance = z(0, &wz);
+        if distance > highest {
+            return None;
+        }
+        let (g, h) = (1.0 / SPACING, 1.0 / (SPACING * SPACING));
+        Some(Sample {
+            distance,
+            gradient: [z(1, &wz) * g, z(3, &wz) * g, z(0, &dz) * g],
+            hessian: [z(2, &wz) * h, z(4, &wz) * h, z(1, &dz) * h, z(5, &wz) * h, z(3, &dz) * h, z(0, &CURVE) * h],
+        })
+    }
+}
+
+/// Second derivative of the spline's three weights.
+const CURVE: [f64; 3] = [1.0, -2.0, 1.0];
+
+/// Weights of the three nodes around offset `t` in [-1/2, 1/2], and their derivatives.
+#[inline]
+fn weights(t: f64) -> ([f64; 3], [f64; 3]) {
+    let (a, b) = (0.5 - t, 0.5 + t);
+    ([a * a / 2.0, 0.75 - t * t, b * b / 2.0], [-a, -2.0 * t, b])
+}
+
+/// Exact signed distance from a triangle surface, with the rim's fading.
+struct Exact {
+    query: meshes::query::SurfaceQuery,
+    triangles: Vec<[u32; 3]>,
+    face: Vec<Vector>,
+    vertex: Vec<Vector>,
+    rim: BTreeSet<(u32, u32)>,
+    rim_vertex: Vec<bool>,
+}
+
+impl Exact {
+    fn new(mesh: &TriMesh, name: &str) -> Result<Exact, SimError> {
+        check(mesh, name)?;
+        let query = meshes::query::SurfaceQuery::new(mesh)
+            .ok_or_else(|| SimError::Spec(format!("surface {name} has no triangles")))?;
+        let face = mesh.triangle_normals();
+        let mut vertex = vec![Vector::zeros(); mesh.vertices.len()];
+        let mut count = std::collections::BTreeMap::new();
+        for (t, triangle) in mesh.triangles.iter().enumerate() {
+            let p = mesh.corners(t);
+            for k in 0..3 {
+                let (u, v) = (p[(k + 1) % 3] - p[k], p[(k + 2) % 3] - p[k]);
+                vertex[triangle[k] as usize] += face[t] * u.angle(&v);
+                let (a, b) = (triangle[k], triangle[(k + 1) % 3]);
+                *count.entry((a.min(b), a.max(b))).or_insert(0) += 1;
+            }
+        }
+        let rim: BTreeSet<(u32, u32)> = count.into_iter().filter(|&(_, n)| n == 1).map(|(e, _)| e).collect();
+        let mut rim_vertex = vec![false; mesh.vertices.len()];
+        rim.iter().for_each(|&(a, b)| (rim_vertex[a as usize], rim_vertex[b as usize]) = (true, true));
+        vertex.iter_mut().for_each(|n| *n = n.try_normalize(0.0).unwrap_or_default());
+        Ok(Exact { query, triangles: mesh.triangles.clone(), face, vertex, rim, rim_vertex })
+    }
+
+    fn distance(&self, p: &Point) -> f64 {
+        let near = self.query.nearest(p);
+        let t = near.triangle as usize;
+        let corner = self.triangles[t];
+        let on: Vec<usize> = (0..3).filter(|&k| near.barycentric[k] > 1e-9).collect();
+        let v = p - near.point;
+        let (normal, at_rim) = match on.as_slice() {
+            [k] => (self.vertex[corner[*k] as usize], self.rim_vertex[corner[*k] as usize]),
+            [j, k] => {
+                let (a, b) = (corner[*j].min(corner[*k]), corner[*j].max(corner[*k]));
+                let rim = self.rim.contains(&(a, b));
+                (if rim { self.face[t] } else { self.vertex[a as usize] + self.vertex[b as usize] }, rim)
+            }
+            _ => (self.face[t], false),
+        };
+        let height = v.dot(&normal);
+        if height >= 0.0 {
+            return near.distance;
+        }
+        if !at_rim {
+            return -near.distance;
+        }
+        let beyond = (v - normal * height).norm();
+        height * (1.0 - beyond / RIM).max(0.0) + beyond
+    }
+}
+
+/// Refuses surfaces that cannot carry contact.
+fn check(mesh: &TriMesh, name: &str) -> Result<(), SimError> {
+    let fault = |m: String| Err(SimError::Spec(format!("surface {name}: {m}")));
+    if let Some(i) = mesh.vertices.iter().position(|p| !p.coords.iter().all(|x| x.abs() < 1e6)) {
+        return fault(format!("vertex {i} is not finite"));
+    }
+    if let Some(t) = mesh.triangles.iter().position(|t| t.iter().any(|&v| v as usize >= mesh.vertices.len())) {
+        return fault(format!("triangle {t} names a vertex that is not there"));
+    }
+    let topology = Topology::of(mesh);
+    if topology.irregular_edges > 0 {
+        return fault(format!(
+            "{} edges join triangles turned opposite ways; orient the surface outwards",
+            topology.irregular_edges
+        ));
+    }
+    if topology.boundary_edges == 0 && mesh.volume() < 0.0 {
+        return fault("closed but inside out; turn its triangles over".into());
+    }
+    Ok(())
+}
+
+/// Frame whose axes are (medial or lateral, anterior, superior), right-handed, origin in the bone's frame: the grid moves with the bone.
+pub fn bone_frame(frame: &meshes::frame::AnatomicalFrame) -> Isometry {
+    let first = frame.anterior.cross(&frame.superior);
+    let rows = Matrix3::from_rows(&[first.transpose(), frame.anterior.transpose(), frame.superior.transpose()]);
+    let turn = nalgebra::UnitQuaternion::from_rotation_matrix(&nalgebra::Rotation3::from_matrix(&rows));
+    Isometry::from_parts((-(turn * frame.origin.coords)).into(), turn)
+}

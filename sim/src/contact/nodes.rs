@@ -1,0 +1,89 @@
+//! Nodes of a surface with their tributary areas, in clusters that are passed over as a whole where they are far off.
+
+use super::field::Field;
+use meshes::surface::TriMesh;
+use meshes::{Isometry, Point};
+use std::collections::BTreeMap;
+
+/// Edge of a cluster's cell [mm].
+const CLUSTER: f64 = 4.0;
+
+/// Nodes, sorted by cluster, CT coordinates.
+#[derive(Clone, Debug)]
+pub(crate) struct Nodes {
+    position: Vec<[f64; 3]>,
+    area: Vec<f64>,
+    clusters: Vec<Cluster>,
+}
+
+#[derive(Clone, Debug)]
+struct Cluster {
+    centre: [f64; 3],
+    radius: f64,
+    range: std::ops::Range<usize>,
+}
+
+impl Nodes {
+    /// The nodes of `mesh`, merged within cells of `spacing` of the bone's frame.
+    pub(crate) fn new(mesh: &TriMesh, frame: &Isometry, spacing: f64) -> Nodes {
+        let areas = mesh.vertex_areas();
+        let mut merged: BTreeMap<[i64; 4], (f64, [f64; 3])> = BTreeMap::new();
+        for (i, p) in mesh.vertices.iter().enumerate() {
+            let local = frame * p;
+            let key = if spacing > 0.0 {
+                let k = local.coords.map(|x| (x / spacing).floor() as i64);
+                [k.x, k.y, k.z, 0]
+            } else {
+                [0, 0, 0, i as i64]
+            };
+            let slot = merged.entry(key).or_insert((0.0, [0.0; 3]));
+            slot.0 += areas[i];
+            (0..3).for_each(|a| slot.1[a] += areas[i] * p[a]);
+        }
+        let mut cells: BTreeMap<[i64; 3], Vec<(f64, Point)>> = BTreeMap::new();
+        for (area, sum) in merged.into_values().filter(|(a, _)| *a > 0.0) {
+            let p = Point::new(sum[0] / area, sum[1] / area, sum[2] / area);
+            let k = (frame * p).coords.map(|x| (x / CLUSTER).floor() as i64);
+            cells.entry([k.x, k.y, k.z]).or_default().push((area, p));
+        }
+        let mut nodes = Nodes { position: Vec::new(), area: Vec::new(), clusters: Vec::new() };
+        for cell in cells.into_values() {
+            let start = nodes.position.len();
+            let centre = cell.iter().map(|(_, p)| p.coords).sum::<meshes::Vector>() / cell.len() as f64;
+            let radius = cell.iter().map(|(_, p)| (p.coords - centre).norm()).fold(0.0, f64::max);
+            for (area, p) in &cell {
+                nodes.position.push([p.x, p.y, p.z]);
+                nodes.area.push(*area);
+            }
+            let range = start..nodes.position.len();
+            nodes.clusters.push(Cluster { centre: [centre.x, centre.y, centre.z], radius, range });
+        }
+        nodes
+    }
+
+    /// Calls `visit` with the field's coordinates and the area of each node that may be nearer than `-overclosure` to the surface.
+    #[inline]
+    pub(crate) fn for_each_near(
+        &self,
+        field: &Field,
+        to_field: &Isometry,
+        overclosure: f64,
+        mut visit: impl FnMut(&[f64; 3], f64),
+    ) {
+        let r = to_field.rotation.to_rotation_matrix();
+        let (m, t) = (r.matrix(), to_field.translation.vector);
+        let map = |p: &[f64; 3]| -> [f64; 3] {
+            std::array::from_fn(|i| m[(i, 0)] * p[0] + m[(i, 1)] * p[1] + m[(i, 2)] * p[2] + t[i])
+        };
+        // the coefficient at the nearest node is within a spacing and a half of the distance
+        let slack = 1.2 - overclosure;
+        for c in &self.clusters {
+            if field.rough(&map(&c.centre)) > c.radius + slack {
+                continue;
+            }
+            for i in c.range.clone() {
+                visit(&map(&self.position[i]), self.area[i]);
+            }
+        }
+    }
+}

@@ -1,0 +1,129 @@
+use super::*;
+use crate::joint::Joint;
+use crate::spec::{AxisSpec, ChainSpec, FramesSpec};
+use meshes::frame::{AnatomicalFrame, Side as Knee};
+use meshes::shapes::icosphere;
+
+fn frame() -> AnatomicalFrame {
+    let (medial, anterior) = (-Vector::x(), -Vector::y());
+    AnatomicalFrame { origin: meshes::Point::origin(), medial, anterior, superior: Vector::z() }
+}
+
+fn joint() -> Joint {
+    let axis = |direction| AxisSpec { point: meshes::Point::origin(), direction };
+    let chain = ChainSpec { si: axis(Vector::z()), ap: axis(Vector::y()), ml: axis(Vector::x()) };
+    let frames = FramesSpec { femur: frame(), tibia: frame(), gs_ct_pose: Default::default(), chain: Some(chain) };
+    Joint::new(&frames, Knee::Left).unwrap()
+}
+
+/// A flat open patch of the tibia, z = 0, facing up.
+fn plate(half: i32) -> TriMesh {
+    let n = 2 * half + 1;
+    let mut mesh = TriMesh::default();
+    for j in 0..n {
+        for i in 0..n {
+            mesh.vertices.push(meshes::Point::new(f64::from(i - half) * 0.5, f64::from(j - half) * 0.5, 0.0));
+        }
+    }
+    for j in 0..n - 1 {
+        for i in 0..n - 1 {
+            let a = (j * n + i) as u32;
+            mesh.triangles.push([a, a + 1, a + n as u32 + 1]);
+            mesh.triangles.push([a, a + n as u32 + 1, a + n as u32]);
+        }
+    }
+    mesh
+}
+
+/// A sphere of 20 mm on a plate, elastic foundation of 5 MPa/mm, friction 0.1, 0.3 mm deep.
+fn sphere_on_plate(spacing_mm: f64) -> Contact {
+    let sphere = icosphere(20.0, 5).moved(&Isometry::translation(0.0, 0.0, 19.7));
+    let side = |mesh: &TriMesh, name: &str| {
+        let at = field::bone_frame(&frame());
+        Arc::new(Side { nodes: Nodes::new(mesh, &at, spacing_mm), field: Field::new(mesh, at, name).unwrap() })
+    };
+    let pair = Pair { femur: side(&sphere, "sphere"), tibia: side(&plate(24), "plate") };
+    let law = PressureLaw::new(&[0.0, 1.0], &[0.0, 5.0]).unwrap();
+    Contact { pairs: vec![pair], law, friction: 0.1, damping: 0.0 }
+}
+
+#[test]
+fn a_sphere_on_an_elastic_foundation_presses_as_in_closed_form() {
+    let contact = sphere_on_plate(0.0);
+    let out = contact.evaluate(&joint().pose(&Six::zeros()));
+    // F = pi k R d^2 to first order in d / R
+    let exact = std::f64::consts::PI * 5.0 * 20.0 * 0.3f64.powi(2);
+    assert!((out.wrench[0].0.z / exact - 1.0).abs() < 0.03, "{} {exact}", out.wrench[0].0.z);
+    assert!(out.wrench[0].0.xy().norm() < 0.1);
+}
+
+#[test]
+fn gradient_and_hessian_match_finite_differences_of_the_energy() {
+    let (joint, contact) = (joint(), sphere_on_plate(0.8));
+    let q = Six::new(0.2, -0.03, 0.1, 0.4, 0.7, 0.1);
+    let at = |q: &Six| contact.evaluate(&joint.pose(q));
+    let here = at(&q);
+    for j in 0..6 {
+        let mut h = Six::zeros();
+        h[j] = if j < 3 { 1e-5 } else { 1e-4 };
+        let (up, down) = (at(&(q + h)), at(&(q - h)));
+        let slope = (up.energy - down.energy) / (2.0 * h[j]);
+        assert!((slope - here.gradient[j]).abs() < 2e-4 * here.gradient.amax(), "{j} {slope} {}", here.gradient[j]);
+        let curve = (up.gradient - down.gradient) / (2.0 * h[j]);
+        let miss = (curve - here.hessian.column(j)).amax();
+        assert!(miss < 0.02 * here.hessian.column(j).amax(), "{j} {curve} {}", here.hessian.column(j));
+    }
+    let pose = joint.pose(&q);
+    let (force, moment) = here.wrench[0];
+    for j in 0..6 {
+        let work = pose.screws[j].linear.dot(&force) + pose.screws[j].angular.dot(&moment);
+        assert!((work + here.gradient[j]).abs() < 1e-6 * here.gradient.amax().max(1.0), "{j} {work}");
+    }
+}
+
+#[test]
+fn friction_slides_at_the_coulomb_limit_and_sticks_below_it() {
+    let (joint, contact) = (joint(), sphere_on_plate(0.8));
+    let pose = joint.pose(&Six::zeros());
+    let normal = contact.evaluate(&pose).wrench[0].0.z;
+    let patches = contact.patches(&pose, &FrictionState::default(), 0.01);
+    let drag = |step: f64| {
+        let mut g = Six::zeros();
+        patches.add(&Six::new(0.0, 0.0, 0.0, 0.0, step, 0.0), &mut 0.0, &mut g, &mut Matrix6::zeros());
+        g[crate::joint::AP]
+    };
+    assert!((drag(1.0) / (0.1 * normal) - 1.0).abs() < 0.02, "{} {normal}", drag(1.0));
+    assert!((drag(0.001) / drag(1.0) - 0.1).abs() < 0.01);
+    let held = patches.after(&Six::new(0.0, 0.0, 0.0, 0.0, 1.0, 0.0));
+    let again = contact.patches(&pose, &held, 0.01);
+    let mut g = Six::zeros();
+    again.add(&Six::zeros(), &mut 0.0, &mut g, &mut Matrix6::zeros());
+    assert!((g[crate::joint::AP] - drag(1.0)).abs() < 1e-6);
+}
+
+#[test]
+fn nothing_beyond_the_rim_is_in_contact() {
+    let (joint, contact) = (joint(), sphere_on_plate(0.0));
+    let out = contact.evaluate(&joint.pose(&Six::new(0.0, 0.0, 0.0, 30.0, 0.0, 0.0)));
+    assert_eq!(out.energy, 0.0);
+}
+
+#[test]
+fn deep_overclosure_does_not_flip() {
+    let (joint, contact) = (joint(), sphere_on_plate(0.8));
+    let force = |depth: f64| contact.evaluate(&joint.pose(&Six::new(0.0, 0.0, 0.0, 0.0, 0.0, depth))).wrench[0].0.z;
+    assert!(force(1.5) > force(1.0) && force(1.0) > force(0.3) && force(3.0) > force(1.5));
+}
+
+#[test]
+fn an_inside_out_or_broken_surface_is_refused() {
+    let at = field::bone_frame(&frame());
+    let fault = |mesh: &TriMesh| Field::new(mesh, at, "s").unwrap_err().to_string();
+    assert!(fault(&icosphere(5.0, 2).flipped()).contains("inside out"));
+    let mut twisted = plate(4);
+    twisted.triangles[0].swap(0, 1);
+    assert!(fault(&twisted).contains("opposite"));
+    let mut nan = plate(4);
+    nan.vertices[3].x = f64::NAN;
+    assert!(fault(&nan).contains("vertex 3"));
+}

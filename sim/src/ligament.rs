@@ -1,0 +1,281 @@
+//! Ligament fibres: straight, tension only, toe then linear [blankevoort1991], with a dashpot.
+//!
+//! The stretch of fibre i is measured from the CT pose: `x = (l_i - l_i,CT) + L_bundle - L0`, `L0 = L_bundle / e`; so every fibre of a bundle has
+//! the same strain in the CT pose, whatever its own length. A bundle's force is shared equally by its fibres.
+
+use crate::error::SimError;
+use crate::joint::{Pose, Six, comes_first};
+use crate::spec::{BundleSpec, Law, ModelSpec};
+use meshes::Vector;
+use nalgebra::Matrix6;
+
+/// Where the tabular law's last point lies unless the specification says otherwise, in multiples of the toe's end.
+const TABLE_END: f64 = 10.0;
+
+/// A bundle's force law, shared by its fibres.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Bundle {
+    /// Bundle name.
+    pub name: String,
+    /// Ratio of length to slack length in the CT pose [-].
+    pub reference_strain: f64,
+    /// Of the whole bundle [N/mm].
+    pub stiffness: f64,
+    /// Length the slack length derives from [mm].
+    pub reference_length: f64,
+    /// Toe strain [-].
+    pub toe_strain: f64,
+    /// Smooth, or interpolated in the deck's table.
+    pub law: Law,
+    /// Multiple of the toe strain beyond which the tabular force stays constant [-].
+    pub table_end: f64,
+    /// Number of fibres.
+    pub fibres: usize,
+    /// Dashpot of each fibre [N s/mm].
+    pub damping: f64,
+}
+
+/// A fibre: ends in the CT pose [mm].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Fibre {
+    /// Index of its bundle.
+    pub bundle: usize,
+    /// Femoral end.
+    pub femur: Vector,
+    /// Tibial end.
+    pub tibia: Vector,
+    /// Length in the CT pose.
+    pub initial_length: f64,
+}
+
+/// A force law at one stretch, for one fibre.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Response {
+    /// Strain energy [N mm].
+    pub energy: f64,
+    /// Tension [N].
+    pub force: f64,
+    /// Derivative of the tension by the stretch [N/mm].
+    pub stiffness: f64,
+}
+
+/// Length of a fibre and how it changes.
+#[derive(Clone, Copy, Debug)]
+pub struct Line {
+    /// Length [mm].
+    pub length: f64,
+    /// Unit vector from the tibial to the femoral end.
+    pub direction: Vector,
+    /// Femoral end [mm].
+    pub femur: Vector,
+    /// Derivative of the length by each coordinate.
+    pub gradient: Six,
+}
+
+impl Bundle {
+    /// Slack length `L0` [mm].
+    pub fn slack_length(&self) -> f64 {
+        self.reference_length / self.reference_strain
+    }
+
+    /// Tension, energy and stiffness of one fibre at stretch `x` [mm].
+    pub fn response(&self, x: f64) -> Response {
+        let share = 1.0 / self.fibres as f64;
+        let toe = self.toe_strain * self.slack_length();
+        let r = match self.law {
+            Law::Smooth => smooth(self.stiffness, toe, x),
+            Law::Tabular => tabular(self.stiffness, toe, self.table_end, x),
+        };
+        Response { energy: r.energy * share, force: r.force * share, stiffness: r.stiffness * share }
+    }
+
+    /// Stretch in the CT pose [mm], negative when slack.
+    pub fn initial_stretch(&self) -> f64 {
+        self.reference_length - self.slack_length()
+    }
+
+    /// Derivatives of one fibre's tension at length increase `u` [mm] by reference strain [N] and by stiffness [mm].
+    pub fn parameter_derivatives(&self, u: f64) -> [f64; 2] {
+        let x = u + self.initial_stretch();
+        let (slack, e) = (self.slack_length(), self.reference_strain);
+        let r = self.response(x);
+        // the force is K toe f(x / toe): of degree one in (x, toe), so dF/dtoe = (F - x dF/dx) / toe
+        let toe = self.toe_strain * slack;
+        let by_slack = -r.stiffness + self.toe_strain * (r.force - x * r.stiffness) / toe;
+        [by_slack * -slack / e, r.force / self.stiffness]
+    }
+}
+
+/// Quadratic up to twice the toe, then linear.
+fn smooth(k: f64, toe: f64, x: f64) -> Response {
+    if x <= 0.0 {
+        Response::default()
+    } else if x <= 2.0 * toe {
+        let c = k / (4.0 * toe);
+        Response { energy: c * x.powi(3) / 3.0, force: c * x * x, stiffness: 2.0 * c * x }
+    } else {
+        let (y, a) = (x - 2.0 * toe, k * toe);
+        Response { energy: a * toe * 2.0 / 3.0 + a * y + k * y * y / 2.0, force: a + k * y, stiffness: k }
+    }
+}
+
+/// Linear between the smooth law's values at 0, 0.5, 1, 1.5, 2, 4 and `end` toes; constant beyond.
+fn tabular(k: f64, toe: f64, end: f64, x: f64) -> Response {
+    let table = [(0.0, 0.0), (0.5, 0.0625), (1.0, 0.25), (1.5, 0.5625), (2.0, 1.0), (4.0, 3.0), (end, end - 1.0)];
+    if x <= 0.0 {
+        return Response::default();
+    }
+    let mut energy = 0.0;
+    for pair in table.windows(2) {
+        let [(x0, f0), (x1, f1)] = [pair[0], pair[1]].map(|(s, f)| (s * toe, f * k * toe));
+        if x <= x1 {
+            let slope = (f1 - f0) / (x1 - x0);
+            let force = f0 + slope * (x - x0);
+            return Response { energy: energy + (x - x0) * (f0 + force) / 2.0, force, stiffness: slope };
+        }
+        energy += (x1 - x0) * (f0 + f1) / 2.0;
+    }
+    let force = (end - 1.0) * k * toe;
+    Response { energy: energy + force * (x - end * toe), force, stiffness: 0.0 }
+}
+
+impl Fibre {
+    /// The fibre at a pose of the femur.
+    pub fn line(&self, pose: &Pose) -> Line {
+        let femur = (pose.femur * meshes::Point::from(self.femur)).coords;
+        let v = femur - self.tibia;
+        let length = v.norm().max(1e-9);
+        let direction = v / length;
+        let gradient = Six::from_fn(|j, _| direction.dot(&pose.screws[j].at(&femur)));
+        Line { length, direction, femur, gradient }
+    }
+}
+
+/// Adds `force x second derivative of the length + stiffness x gradient x gradient` to a Hessian.
+pub fn add_hessian(hessian: &mut Matrix6<f64>, line: &Line, pose: &Pose, force: f64, stiffness: f64) {
+    let v: [Vector; 6] = std::array::from_fn(|j| pose.screws[j].at(&line.femur));
+    for j in 0..6 {
+        for k in j..6 {
+            let (first, last) = if comes_first(j, k) { (j, k) } else { (k, j) };
+            let second = line.direction.dot(&pose.screws[first].angular.cross(&v[last]));
+            let across = (v[j].dot(&v[k]) - line.gradient[j] * line.gradient[k]) / line.length;
+            let h = force * (across + second) + stiffness * line.gradient[j] * line.gradient[k];
+            hessian[(j, k)] += h;
+            if j != k {
+                hessian[(k, j)] += h;
+            }
+        }
+    }
+}
+
+/// Bundles and fibres of a specification.
+///
+/// Errors: a number out of range, a fibre of no bundle, a bundle without fibres, a fibre without length.
+pub fn compile(spec: &ModelSpec) -> Result<(Vec<Bundle>, Vec<Fibre>), SimError> {
+    let mut bundles: Vec<Bundle> = spec.bundles.iter().map(|b| bundle(spec, b)).collect::<Result<_, _>>()?;
+    let mut fibres = Vec::with_capacity(spec.fibres.len());
+    for (i, f) in spec.fibres.iter().enumerate() {
+        let Some(bundle) = bundles.iter().position(|b| b.name == f.bundle) else {
+            return Err(SimError::Spec(format!("fibres[{i}]: no bundle is named {:?}", f.bundle)));
+        };
+        let initial_length = (f.femur - f.tibia).norm();
+        if !(initial_length > 1e-3 && initial_length < 1e4) {
+            return Err(SimError::Spec(format!("fibres[{i}] of {}: length {initial_length} mm", f.bundle)));
+        }
+        bundles[bundle].fibres += 1;
+        fibres.push(Fibre { bundle, femur: f.femur.coords, tibia: f.tibia.coords, initial_length });
+    }
+    match bundles.iter().find(|b| b.fibres == 0) {
+        Some(b) => Err(SimError::Spec(format!("bundle {} has no fibres", b.name))),
+        None => Ok((bundles, fibres)),
+    }
+}
+
+/// One bundle, its numbers checked.
+fn bundle(spec: &ModelSpec, b: &BundleSpec) -> Result<Bundle, SimError> {
+    let table_end = spec.toe_end_multiple.get(&b.name).copied().unwrap_or(TABLE_END);
+    for (key, value, least) in [
+        ("reference_strain", b.reference_strain, 0.05),
+        ("stiffness_n_per_mm", b.stiffness_n_per_mm, 0.0),
+        ("reference_length_mm", b.reference_length_mm, 1e-3),
+        ("toe_strain", b.toe_strain, 1e-6),
+        ("toe_end_multiple", table_end, 4.001),
+        ("damping_n_s_per_mm", b.damping_n_s_per_mm, 0.0),
+    ] {
+        if !(value >= least && value.is_finite()) {
+            return Err(SimError::Spec(format!("bundle {}: {key} is {value}, expected at least {least}", b.name)));
+        }
+    }
+    Ok(Bundle {
+        name: b.name.clone(),
+        reference_strain: b.reference_strain,
+        stiffness: b.stiffness_n_per_mm.max(1e-12),
+        reference_length: b.reference_length_mm,
+        toe_strain: b.toe_strain,
+        law: b.law,
+        table_end,
+        fibres: 0,
+        damping: b.damping_n_s_per_mm,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn bundle(law: Law) -> Bundle {
+        Bundle {
+            name: "B".into(),
+            reference_strain: 1.05,
+            stiffness: 80.0,
+            reference_length: 34.0,
+            toe_strain: 0.03,
+            law,
+            table_end: 10.0,
+            fibres: 2,
+            damping: 0.05,
+        }
+    }
+
+    #[test]
+    fn force_is_the_slope_of_energy_and_stiffness_that_of_force() {
+        for law in [Law::Smooth, Law::Tabular] {
+            let b = bundle(law);
+            for x in [-1.0, 0.3, 0.8, 1.2, 1.7, 2.4, 5.0, 20.0] {
+                let (lo, hi, r) = (b.response(x - 1e-6), b.response(x + 1e-6), b.response(x));
+                let slope = (hi.energy - lo.energy) / 2e-6;
+                assert!((slope - r.force).abs() < 1e-6 + 1e-8 * r.force, "{law:?} {x} {slope} {}", r.force);
+                assert!(((hi.force - lo.force) / 2e-6 - r.stiffness).abs() < 1e-5);
+            }
+        }
+    }
+
+    #[test]
+    fn parameters_move_the_force_as_finite_differences_say() {
+        for law in [Law::Smooth, Law::Tabular] {
+            for u in [-0.5, 0.4, 3.0] {
+                let b = bundle(law);
+                let force = |b: &Bundle| b.response(u + b.initial_stretch()).force;
+                let [de, dk] = b.parameter_derivatives(u);
+                let with = |e: f64, k: f64| Bundle { reference_strain: e, stiffness: k, ..b.clone() };
+                let e = (force(&with(1.05 + 1e-6, 80.0)) - force(&with(1.05 - 1e-6, 80.0))) / 2e-6;
+                let k = (force(&with(1.05, 80.0 + 1e-4)) - force(&with(1.05, 80.0 - 1e-4))) / 2e-4;
+                assert!(
+                    (e - de).abs() < 1e-5 * de.abs().max(1.0) && (k - dk).abs() < 1e-8,
+                    "{law:?} {u}: {e} {de} {k} {dk}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn the_table_runs_above_the_parabola_and_meets_it_at_the_points() {
+        let (s, t) = (bundle(Law::Smooth), bundle(Law::Tabular));
+        let toe = 0.03 * s.slack_length();
+        for m in [0.5, 1.0, 1.5, 2.0, 4.0, 9.0] {
+            assert!((s.response(m * toe).force - t.response(m * toe).force).abs() < 1e-9);
+        }
+        assert!(t.response(0.25 * toe).force > s.response(0.25 * toe).force);
+        assert_eq!(t.response(30.0 * toe).force, t.response(10.0 * toe).force);
+    }
+}
