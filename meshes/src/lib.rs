@@ -20,6 +20,7 @@ pub mod registration;
 pub mod remesh;
 pub mod render;
 pub mod repair;
+pub mod section;
 pub mod shapes;
 pub mod smooth;
 pub mod surface;

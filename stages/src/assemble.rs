@@ -75,8 +75,7 @@ pub fn assemble(
         tibia_medial: articular_face(&separated.meshes.tibia_medial),
         tibia_lateral: articular_face(&separated.meshes.tibia_lateral),
     };
-    let (bundles, mut warnings) = bundles(specimen, attachments, options);
-    warnings.extend(attachments.warnings.iter().cloned());
+    let (bundles, warnings) = bundles(specimen, attachments, options);
     let fibres = attachments
         .fibres
         .iter()
@@ -100,7 +99,7 @@ pub fn assemble(
         toe_end_multiple: Default::default(),
         protocols: Vec::new(),
         components: Vec::new(),
-        warnings: warnings.clone(),
+        warnings: warnings.iter().chain(&attachments.warnings).cloned().collect(),
     };
     Ok(Assembled { spec, contact, warnings, metrics })
 }

@@ -1,7 +1,17 @@
 //! Stage 5, frames: transepicondylar and tibial frames, Grood-Suntay pose in CT.
 
-use meshes::frame::AnatomicalFrame;
+use crate::StageError;
+use crate::anatomy::{RoughAxes, Shaft, rough_axes};
+use crate::bones::Bones;
+use crate::condyles::{Cylinder, Directions, condylar_cylinder, epicondyles, plateau_centres};
+use crate::ingest::{PointFrame, Specimen};
+use meshes::frame::{AnatomicalFrame, Side};
+use meshes::surface::TriMesh;
+use meshes::{Point, Vector};
 use serde::{Deserialize, Serialize};
+use serde_json::json;
+use sim::joint::{AP, FE, IE, Joint, ML, SI, VV};
+use sim::spec::{FramesSpec, PoseSpec};
 
 /// Grood-Suntay coordinates in clinical signs.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -25,20 +35,244 @@ pub struct GroodSuntayPose {
 pub struct Frames {
     /// The femur's: medial along the transepicondylar axis, origin on it.
     pub femur: AnatomicalFrame,
-    /// The tibia's, after [groodsuntay1983].
+    /// The tibia's, after [grood1983].
     pub tibia: AnatomicalFrame,
     /// The pose in CT.
     pub gs_ct_pose: GroodSuntayPose,
     /// A point [mm] and the unit direction (medial) of the axis of the cylinder fitted to the posterior condyles.
-    pub condylar_axis: (meshes::Point, meshes::Vector),
+    pub condylar_axis: (Point, Vector),
     /// Its radius [mm].
     pub condylar_radius_mm: f64,
     /// Angle between it and the transepicondylar axis, in the axial plane [deg].
     pub condylar_angle_deg: f64,
     /// Epicondyles used, medial then lateral [mm].
-    pub epicondyles: [meshes::Point; 2],
+    pub epicondyles: [Point; 2],
     /// What is odd but not fatal.
     pub warnings: Vec<String>,
     /// For metrics.json.
     pub metrics: serde_json::Value,
+}
+
+/// How frames are assigned.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct FramesOptions {
+    /// Angle from the femoral shaft to the mechanical axis in the coronal plane, used where no femoral head centre is given
+    /// [deg]; about 6 in the mean [yoshioka1987].
+    pub valgus_deg: f64,
+    /// Angles between condylar and transepicondylar axis in the axial plane outside which a warning is given [deg]: 3.7 (sd 1.5) either way.
+    pub condylar_angle_range_deg: [f64; 2],
+    /// Distance of a given landmark from what the bone shows beyond which a warning is given [mm].
+    pub landmark_limit_mm: f64,
+}
+
+impl Default for FramesOptions {
+    fn default() -> Self {
+        FramesOptions { valgus_deg: 6.0, condylar_angle_range_deg: [0.8, 6.5], landmark_limit_mm: 12.0 }
+    }
+}
+
+/// Assigns the anatomical frames from the bones' shapes, and from landmarks where they are given.
+///
+/// Femur: medial along the transepicondylar axis, origin midway between the epicondyles; superior towards the centre of the
+/// femoral head (else along the shaft, turned by the mean valgus), made square to it. Tibia [grood1983]: superior along the shaft
+/// (towards the middle of the plateaus from the ankle where that is given); medial along the line of the plateaus' centres, made
+/// square to it; origin midway between them.
+///
+/// # Errors
+/// Bones in which no shaft, condyles or plateaus are found, with what to do.
+pub fn frames(specimen: &Specimen, bones: &Bones, options: &FramesOptions) -> Result<Frames, StageError> {
+    let (femur, tibfib) = (&bones.surfaces.femur, &bones.surfaces.tibfib);
+    let side = specimen.identity.side;
+    let rough = rough_axes(femur, tibfib, side)?;
+    let mut warnings = Vec::new();
+    for (name, shaft) in [("femur", &rough.femur_shaft), ("tibia", &rough.tibia_shaft)] {
+        if shaft.sections < 5 {
+            warnings.push(format!(
+                "the {name}'s shaft is too short for its axis to be found well ({} whole sections)",
+                shaft.sections
+            ));
+        }
+    }
+    let mark = |name: &str| landmark(specimen, name);
+    let (femoral, cylinder, ends) = femoral_frame(femur, &rough, side, &mark, options, &mut warnings)?;
+    let tibial = tibial_frame(tibfib, &rough, side, &mark, options, &mut warnings)?;
+    let gs_ct_pose = grood_suntay(&femoral, &tibial, side)?;
+    let angle = axial_angle_deg(&cylinder.direction, &femoral);
+    let [least, most] = options.condylar_angle_range_deg;
+    if !(least..=most).contains(&angle.abs()) {
+        warnings.push(format!(
+            "the condylar axis lies {:.1} deg from the transepicondylar axis in the axial plane, outside {least} to {most} deg: look at the epicondyles in the report, or give epicondyle_medial and epicondyle_lateral in landmarks.csv",
+            angle.abs()
+        ));
+    }
+    let metrics = json!({
+        "gs_ct_pose": gs_ct_pose,
+        "angle_to_tea_axial_deg": angle.abs(),
+        "condylar_radius_mm": cylinder.radius,
+        "condylar_rms_mm": cylinder.rms,
+        "epicondylar_width_mm": (ends[0] - ends[1]).norm(),
+        "femur_shaft_sections": rough.femur_shaft.sections,
+        "tibia_shaft_sections": rough.tibia_shaft.sections,
+    });
+    Ok(Frames {
+        femur: femoral,
+        tibia: tibial,
+        gs_ct_pose,
+        condylar_axis: (cylinder.point, cylinder.direction),
+        condylar_radius_mm: cylinder.radius,
+        condylar_angle_deg: angle.abs(),
+        epicondyles: ends,
+        warnings,
+        metrics,
+    })
+}
+
+/// Grood-Suntay coordinates of a tibia under a femur, clinical signs [grood1983].
+///
+/// # Errors
+/// Frames whose femoral and tibial axes are nearly parallel.
+pub fn grood_suntay(
+    femur: &AnatomicalFrame,
+    tibia: &AnatomicalFrame,
+    side: Side,
+) -> Result<GroodSuntayPose, StageError> {
+    let spec = FramesSpec { femur: *femur, tibia: *tibia, gs_ct_pose: PoseSpec::default(), chain: None };
+    let q = Joint::new(&spec, side).map_err(|e| StageError(e.to_string()))?.ct_pose();
+    Ok(GroodSuntayPose {
+        fe_deg: q[FE].to_degrees(),
+        vv_deg: q[VV].to_degrees(),
+        ie_deg: q[IE].to_degrees(),
+        ml_mm: q[ML],
+        ap_mm: q[AP],
+        si_mm: q[SI],
+    })
+}
+
+fn landmark(specimen: &Specimen, name: &str) -> Option<Point> {
+    specimen.landmarks.iter().find(|l| l.frame == PointFrame::Ct && l.name == name).map(|l| l.point)
+}
+
+fn femoral_frame(
+    femur: &TriMesh,
+    rough: &RoughAxes,
+    side: Side,
+    mark: &dyn Fn(&str) -> Option<Point>,
+    options: &FramesOptions,
+    warnings: &mut Vec<String>,
+) -> Result<(AnatomicalFrame, Cylinder, [Point; 2]), StageError> {
+    let along = match mark("femoral_head_center") {
+        Some(head) => (head - rough.joint).normalize(),
+        None => from_shaft(rough, options.valgus_deg),
+    };
+    let like = Directions { medial: -rough.lateral, anterior: rough.anterior, superior: rough.superior };
+    let unclear = || {
+        StageError("no pair of condyles was found on the femur: a distal femur with both condyles was expected".into())
+    };
+    let mut d = Directions::with_medial(&like.medial, &along, &like).ok_or_else(unclear)?;
+    let mut cylinder = condylar_cylinder(femur, &d, &rough.joint).ok_or_else(unclear)?.0;
+    for _ in 0..8 {
+        d = Directions::with_medial(&cylinder.direction, &along, &like).ok_or_else(unclear)?;
+        cylinder = condylar_cylinder(femur, &d, &rough.joint).ok_or_else(unclear)?.0;
+    }
+    let found = epicondyles(femur, &cylinder, &d).ok_or_else(unclear)?;
+    let ends = match (mark("epicondyle_medial"), mark("epicondyle_lateral")) {
+        (Some(medial), Some(lateral)) => {
+            for (name, given, seen) in [("medial", medial, found[0]), ("lateral", lateral, found[1])] {
+                let apart = (given - seen).norm();
+                if apart > options.landmark_limit_mm {
+                    warnings.push(format!("landmark epicondyle_{name} lies {apart:.0} mm from the epicondyle that the bone shows; the landmark is used"));
+                }
+            }
+            [medial, lateral]
+        }
+        (None, None) => found,
+        _ => {
+            warnings.push("of the epicondyles only one is given as a landmark; both are taken from the bone".into());
+            found
+        }
+    };
+    let origin = nalgebra::center(&ends[0], &ends[1]);
+    let superior = mark("femoral_head_center").map_or(along, |head| head - origin);
+    let frame = square(origin, &(ends[0] - ends[1]), &superior, side).ok_or_else(|| {
+        StageError("the transepicondylar axis and the femur's long axis are parallel: check the landmarks epicondyle_* and femoral_head_center".into())
+    })?;
+    Ok((frame, cylinder, ends))
+}
+
+/// The femoral shaft's direction turned in the coronal plane, its upper end medially.
+fn from_shaft(rough: &RoughAxes, valgus_deg: f64) -> Vector {
+    let shaft = rough.femur_shaft.direction;
+    let medial = -(rough.lateral - shaft * rough.lateral.dot(&shaft)).normalize();
+    let (sin, cos) = valgus_deg.to_radians().sin_cos();
+    shaft * cos + medial * sin
+}
+
+fn tibial_frame(
+    tibfib: &TriMesh,
+    rough: &RoughAxes,
+    side: Side,
+    mark: &dyn Fn(&str) -> Option<Point>,
+    options: &FramesOptions,
+    warnings: &mut Vec<String>,
+) -> Result<AnatomicalFrame, StageError> {
+    let d = Directions { medial: -rough.lateral, anterior: rough.anterior, superior: rough.superior };
+    let [medial, lateral] = plateau_centres(tibfib, &d, &rough.joint).ok_or_else(|| {
+        StageError("no pair of plateaus was found on the tibia: a proximal tibia was expected".into())
+    })?;
+    let origin = nalgebra::center(&medial, &lateral);
+    let distal = mark("tibial_shaft_distal");
+    if let Some(p) = distal
+        && rough.tibia_shaft.sections >= 5
+        && off_line(&p, &rough.tibia_shaft) > options.landmark_limit_mm
+    {
+        warnings.push(format!(
+            "landmark tibial_shaft_distal lies {:.0} mm from the shaft's axis; the shaft is used",
+            off_line(&p, &rough.tibia_shaft)
+        ));
+    }
+    let superior = match (mark("ankle_center"), distal) {
+        (Some(ankle), _) => origin - ankle,
+        (None, Some(p)) if rough.tibia_shaft.sections < 5 => origin - p,
+        _ => rough.superior,
+    };
+    // Grood and Suntay keep the long axis and turn the mediolateral one.
+    let up = superior.try_normalize(1e-6).filter(|u| u.dot(&rough.superior) > 0.5).ok_or_else(|| {
+        StageError(
+            "landmark ankle_center or tibial_shaft_distal does not lie below the knee: check its frame and sign".into(),
+        )
+    })?;
+    let across = medial - lateral;
+    square_about(origin, &(across - up * across.dot(&up)), &up, side)
+        .ok_or_else(|| StageError("the plateaus lie one above the other: check the tibia's surface".into()))
+}
+
+fn off_line(p: &Point, shaft: &Shaft) -> f64 {
+    let x = p - shaft.point;
+    (x - shaft.direction * x.dot(&shaft.direction)).norm()
+}
+
+/// The frame with exactly `medial`, superior as near as can be.
+fn square(origin: Point, medial: &Vector, superior: &Vector, side: Side) -> Option<AnatomicalFrame> {
+    let medial = medial.try_normalize(1e-6)?;
+    let superior = (superior - medial * superior.dot(&medial)).try_normalize(1e-6)?;
+    Some(AnatomicalFrame { origin, medial, anterior: forwards(&medial, &superior, side), superior })
+}
+
+/// The frame with exactly `superior` (unit) and `medial` square to it.
+fn square_about(origin: Point, medial: &Vector, superior: &Vector, side: Side) -> Option<AnatomicalFrame> {
+    let medial = medial.try_normalize(1e-6)?;
+    Some(AnatomicalFrame { origin, medial, anterior: forwards(&medial, superior, side), superior: *superior })
+}
+
+fn forwards(medial: &Vector, superior: &Vector, side: Side) -> Vector {
+    match side {
+        Side::Left => superior.cross(medial),
+        Side::Right => medial.cross(superior),
+    }
+}
+
+/// Angle between `axis` and the frame's medial axis seen from above [deg], positive where the frame's is turned forwards medially.
+fn axial_angle_deg(axis: &Vector, frame: &AnatomicalFrame) -> f64 {
+    -axis.dot(&frame.anterior).atan2(axis.dot(&frame.medial)).to_degrees()
 }

@@ -2,10 +2,12 @@
 //!
 //! Order: ingest, register, bones, cartilage, frames, attachments, hexmesh, overclosure, assemble.
 
+pub mod anatomy;
 pub mod assemble;
 pub mod attachments;
 pub mod bones;
 pub mod cartilage;
+pub mod condyles;
 pub mod frames;
 pub mod hexmesh;
 pub mod ingest;
