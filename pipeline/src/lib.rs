@@ -1,1 +1,15 @@
-//! The build of a knee model from a specimen: order, files, command line, report.
+//! The build of a knee model from a specimen: the order of the work, files, command line, report.
+
+pub mod build;
+pub mod cli;
+pub mod error;
+pub mod inspect;
+pub mod model_file;
+pub mod options;
+pub mod phantom;
+pub mod progress;
+pub mod report;
+pub mod run;
+pub mod run_log;
+pub mod show;
+pub mod store;

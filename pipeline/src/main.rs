@@ -1,3 +1,7 @@
-//! `build-model`.
+//! `build-model`: see [`genu::cli`].
 
-fn main() {}
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    genu::cli::main()
+}

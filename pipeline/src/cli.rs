@@ -1,0 +1,164 @@
+//! The command line: what may be asked, and who answers.
+#![expect(clippy::print_stdout, clippy::print_stderr, reason = "the command line talks to the person at it")]
+
+use crate::error::BuildError;
+use crate::model_file::Format;
+use crate::options::{Override, parse_override};
+use crate::{inspect, model_file, phantom, report, run};
+use clap::{Args, Parser, Subcommand};
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Turns what a laboratory measures of a knee into a model of that knee.
+#[derive(Parser)]
+#[command(name = "build-model", version, args_conflicts_with_subcommands = true, arg_required_else_help = true)]
+struct Cli {
+    #[command(subcommand)]
+    verb: Option<Verb>,
+    #[command(flatten)]
+    build: Option<BuildArgs>,
+}
+
+/// `build-model DIR`.
+#[derive(Args, Clone, Debug)]
+pub struct BuildArgs {
+    /// The specimen's folder, which holds specimen.toml
+    pub dir: PathBuf,
+    /// Where the build goes [default: DIR/build]
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+    /// Run this stage and those after it, even if nothing changed
+    #[arg(long, value_name = "STAGE", value_parser = stage_name)]
+    pub from: Option<String>,
+    /// Stop after this stage
+    #[arg(long, value_name = "STAGE", value_parser = stage_name)]
+    pub to: Option<String>,
+    /// Run every stage, even if nothing changed
+    #[arg(long)]
+    pub force: bool,
+    /// Override an option; may be given more than once
+    #[arg(long = "set", value_name = "stage.key=value", value_parser = parse_override)]
+    pub overrides: Vec<Override>,
+    /// Threads; the result does not depend on it [default: all]
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub jobs: Option<u16>,
+    /// Seed of whatever is random
+    #[arg(long)]
+    pub seed: Option<u64>,
+    /// Print nothing but errors
+    #[arg(long)]
+    pub quiet: bool,
+    /// Print the log as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Subcommand)]
+enum Verb {
+    /// Tell what each stage made: metrics, warnings, files, time
+    Inspect {
+        /// The specimen's or the build's folder
+        dir: PathBuf,
+        /// One stage only, in full
+        #[arg(value_parser = stage_name)]
+        stage: Option<String>,
+        /// Print as JSON
+        #[arg(long)]
+        json: bool,
+    },
+    /// Write a synthetic specimen with known truth
+    Phantom {
+        /// Which one; an unknown name lists those there are
+        id: String,
+        /// A new or empty folder
+        dir: PathBuf,
+        /// Seed of its noise
+        #[arg(long, default_value_t = 1)]
+        seed: u64,
+        /// Build its model at once
+        #[arg(long)]
+        build: bool,
+    },
+    /// Turn a published Abaqus knee deck into a model
+    ImportAbaqus {
+        /// The main input file
+        deck: PathBuf,
+        /// Folder for model.json and its meshes
+        #[arg(long)]
+        out: PathBuf,
+    },
+    /// Write a model as another program reads it
+    Export {
+        /// model.json, or the folder of a build
+        model: PathBuf,
+        /// For which program
+        #[arg(long)]
+        format: Format,
+        /// Folder for the files
+        #[arg(long)]
+        out: PathBuf,
+    },
+    /// Write report.html of a build again
+    Report {
+        /// The specimen's or the build's folder
+        dir: PathBuf,
+    },
+}
+
+fn stage_name(name: &str) -> Result<String, String> {
+    if crate::run_log::STAGES.iter().any(|(_, s)| *s == name) {
+        Ok(name.to_string())
+    } else {
+        Err(format!("no such stage; one of {} was expected", crate::run_log::STAGES.map(|(_, s)| s).join(", ")))
+    }
+}
+
+/// Runs the command line. Exit status 0 done, 1 the input is at fault, 2 wrong use.
+pub fn main() -> ExitCode {
+    std::panic::set_hook(Box::new(|info| {
+        eprintln!("build-model: internal error, please report it: {info}");
+    }));
+    match std::panic::catch_unwind(|| answer(Cli::parse())) {
+        Ok(Ok(())) => ExitCode::SUCCESS,
+        Ok(Err(error)) => {
+            eprintln!("build-model: {error}");
+            ExitCode::from(if matches!(error, BuildError::Usage(_)) { 2 } else { 1 })
+        }
+        Err(_) => ExitCode::from(1),
+    }
+}
+
+fn answer(cli: Cli) -> Result<(), BuildError> {
+    let text = match (cli.verb, cli.build) {
+        (Some(Verb::Inspect { dir, stage, json }), _) => inspect::inspect(&dir, stage.as_deref(), json)?,
+        (Some(Verb::Phantom { id, dir, seed, build }), _) => {
+            let wrote = phantom::write(&id, seed, &dir)?;
+            if build { run::run(&BuildArgs::of(dir))? } else { wrote }
+        }
+        (Some(Verb::ImportAbaqus { deck, out }), _) => model_file::import_abaqus(&deck, &out)?,
+        (Some(Verb::Export { model, format, out }), _) => model_file::export(&model, format, &out)?,
+        (Some(Verb::Report { dir }), _) => report::rewrite(&dir)?,
+        (None, Some(build)) => run::run(&build)?,
+        (None, None) => return Err(BuildError::Usage("a specimen folder was expected; see --help".into())),
+    };
+    print!("{text}");
+    Ok(())
+}
+
+impl BuildArgs {
+    /// A build of `dir` with nothing special.
+    pub fn of(dir: PathBuf) -> BuildArgs {
+        BuildArgs {
+            dir,
+            out: None,
+            from: None,
+            to: None,
+            force: false,
+            overrides: Vec::new(),
+            jobs: None,
+            seed: None,
+            quiet: false,
+            json: false,
+        }
+    }
+}

@@ -1,0 +1,33 @@
+//! What stops a command, in one sentence for the person at the keyboard.
+
+/// The input, the data or the disk is at fault (exit status 1).
+#[derive(Debug, thiserror::Error)]
+pub enum BuildError {
+    /// A stage cannot go on.
+    #[error("{stage}: {message}")]
+    Stage {
+        /// Its name.
+        stage: &'static str,
+        /// Why, and what to do.
+        message: String,
+    },
+    /// A file cannot be read or written.
+    #[error("{0}")]
+    File(String),
+    /// A value of an options table is wrong.
+    #[error("{0}")]
+    Option(String),
+    /// The command line is wrong (exit status 2).
+    #[error("{0}")]
+    Usage(String),
+    /// Not an error: the stage named by `--to` is done.
+    #[error("reached the last stage asked for")]
+    Reached,
+}
+
+impl BuildError {
+    /// An error of `stage`.
+    pub fn stage(stage: &'static str, message: impl ToString) -> BuildError {
+        BuildError::Stage { stage, message: message.to_string() }
+    }
+}

@@ -1,0 +1,125 @@
+//! `inspect`: what each stage made.
+
+use crate::error::BuildError;
+use crate::run_log::{Record, STAGES, folder_name};
+use crate::store;
+use std::fmt::Write;
+use std::path::{Path, PathBuf};
+
+/// What the stages of a build made, or one stage in full.
+pub fn inspect(dir: &Path, stage: Option<&str>, json: bool) -> Result<String, BuildError> {
+    let build = build_folder(dir)?;
+    let records = records(&build)?;
+    let Some(stage) = stage else {
+        return Ok(if json { as_json(&records) } else { table(&records) });
+    };
+    let record = records.iter().find(|r| r.stage == stage).ok_or_else(|| {
+        BuildError::File(format!("{}: stage {stage} has not been run; run build-model first", build.display()))
+    })?;
+    if json {
+        return Ok(as_json(std::slice::from_ref(record)));
+    }
+    let mut text = table(std::slice::from_ref(record));
+    let _ = writeln!(text, "\nfiles in {}:", build.join(folder_name(stage)).display());
+    for name in store::list(&build.join(folder_name(stage))) {
+        let _ = writeln!(text, "  {name}");
+    }
+    let metrics = serde_json::to_string_pretty(&record.metrics).unwrap_or_default();
+    let _ = writeln!(text, "\nmetrics:\n{metrics}");
+    Ok(text)
+}
+
+/// The build folder of `dir`, which is one or holds one.
+pub fn build_folder(dir: &Path) -> Result<PathBuf, BuildError> {
+    [dir.join("build"), dir.to_path_buf()].into_iter().find(|d| store::exists(&d.join("log.jsonl"))).ok_or_else(|| {
+        BuildError::File(format!(
+            "no build in {}: no log.jsonl there or in build/; run build-model first",
+            dir.display()
+        ))
+    })
+}
+
+/// The lines of a build's log.
+pub fn records(build: &Path) -> Result<Vec<Record>, BuildError> {
+    let path = build.join("log.jsonl");
+    store::read_text(&path)?
+        .lines()
+        .enumerate()
+        .map(|(i, line)| {
+            serde_json::from_str(line)
+                .map_err(|e| BuildError::File(format!("{} line {}: {e}; run build-model again", path.display(), i + 1)))
+        })
+        .collect()
+}
+
+/// A line a stage, then what it warns of.
+pub fn table(records: &[Record]) -> String {
+    let mut text = format!("{:3} {:12} {:>8} {:>9}  metrics\n", "", "stage", "seconds", "MiB");
+    for r in records {
+        let number = STAGES.iter().find(|(_, s)| *s == r.stage).map_or("", |(n, _)| n);
+        let state = if r.cached { " (unchanged)" } else { "" };
+        let _ = writeln!(
+            text,
+            "{number:3} {:12} {:8.2} {:9.0}  {}{state}",
+            r.stage,
+            r.seconds,
+            r.peak_memory_mib,
+            brief(&r.stage, &r.metrics)
+        );
+    }
+    for r in records {
+        for warning in &r.warnings {
+            let _ = writeln!(text, "warning: {}: {warning}", r.stage);
+        }
+    }
+    text
+}
+
+/// The log as one JSON array.
+pub fn as_json(records: &[Record]) -> String {
+    let mut text = serde_json::to_string_pretty(records).unwrap_or_default();
+    text.push('\n');
+    text
+}
+
+/// Which figures tell most about a stage, by the end of their names.
+const TELLING: [(&str, &[&str]); 9] = [
+    ("ingest", &["triangles", "landmarks", "marks"]),
+    ("register", &["predicted_error_mm"]),
+    ("bones", &["edge_p50_mm", "volume_change_percent"]),
+    ("cartilage", &["volume_mm3"]),
+    ("frames", &["angle_to_tea_axial_deg", "fe_deg", "vv_deg", "ie_deg"]),
+    ("attachments", &["sites_marked", "sites_literature", "sites_given", "fibres"]),
+    ("hexmesh", &["elements", "scaled_jacobian_min"]),
+    ("overclosure", &["max_overclosure_before_mm", "gap_min_mm", "iterations"]),
+    ("assemble", &["bundles", "fibres"]),
+];
+
+/// The telling figures of a stage, on one line.
+fn brief(stage: &str, metrics: &serde_json::Value) -> String {
+    let mut all = Vec::new();
+    numbers("", metrics, &mut all);
+    let telling = TELLING.iter().find(|(s, _)| *s == stage).map_or(&[][..], |(_, ends)| ends);
+    let ends_so = |name: &str| telling.iter().any(|end| name.rsplit('.').next() == Some(end));
+    all.into_iter()
+        .filter(|(name, _)| ends_so(name))
+        .map(|(name, value)| format!("{name} {value}"))
+        .collect::<Vec<_>>()
+        .join(", ")
+}
+
+fn numbers(prefix: &str, value: &serde_json::Value, parts: &mut Vec<(String, String)>) {
+    match value {
+        serde_json::Value::Object(map) => {
+            for (key, value) in map {
+                let name = if prefix.is_empty() { key.clone() } else { format!("{prefix}.{key}") };
+                numbers(&name, value, parts);
+            }
+        }
+        serde_json::Value::Number(n) => {
+            let short = n.as_f64().map(|x| if x.fract() == 0.0 { format!("{x}") } else { format!("{x:.3}") });
+            parts.push((prefix.to_string(), short.unwrap_or_default()));
+        }
+        _ => {}
+    }
+}

@@ -1,0 +1,125 @@
+//! Options: the defaults of the program, overridden by specimen.toml, overridden by `--set stage.key=value`.
+
+use crate::error::BuildError;
+use serde::{Deserialize, Serialize};
+use stages::assemble::AssembleOptions;
+use stages::attachments::AttachmentsOptions;
+use stages::bones::BonesOptions;
+use stages::cartilage::CartilageOptions;
+use stages::frames::FramesOptions;
+use stages::hexmesh::HexmeshOptions;
+use stages::ingest::IngestOptions;
+use stages::overclosure::OverclosureOptions;
+use stages::register::RegisterOptions;
+use std::collections::BTreeMap;
+use toml::{Table, Value};
+
+/// Every option of every stage.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct BuildOptions {
+    /// Stage 1.
+    pub ingest: IngestOptions,
+    /// Stage 2.
+    pub register: RegisterOptions,
+    /// Stage 3.
+    pub bones: BonesOptions,
+    /// Stage 4.
+    pub cartilage: CartilageOptions,
+    /// Stage 5.
+    pub frames: FramesOptions,
+    /// Stage 6.
+    pub attachments: AttachmentsOptions,
+    /// Stage 7.
+    pub hexmesh: HexmeshOptions,
+    /// Stage 8.
+    pub overclosure: OverclosureOptions,
+    /// Stage 9.
+    pub assemble: AssembleOptions,
+}
+
+/// A `--set stage.key=value`.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Override {
+    stage: String,
+    key: String,
+    value: Value,
+}
+
+/// Reads `stage.key=value`; the value in TOML's words, or a bare word for a string.
+pub fn parse_override(text: &str) -> Result<Override, String> {
+    let (path, value) = text.split_once('=').ok_or("stage.key=value was expected")?;
+    let (stage, key) = path.trim().split_once('.').ok_or("stage.key=value was expected: no dot before the =")?;
+    let value = value.trim();
+    let parsed = format!("value = {value}").parse::<Table>().ok().and_then(|mut t| t.remove("value"));
+    Ok(Override {
+        stage: stage.trim().into(),
+        key: key.trim().into(),
+        value: parsed.unwrap_or_else(|| Value::String(value.into())),
+    })
+}
+
+/// The options in force, and whether every name in them is known.
+pub fn resolve(
+    specimen: &BTreeMap<String, Table>,
+    overrides: &[Override],
+    seed: Option<u64>,
+) -> Result<BuildOptions, BuildError> {
+    let wrong = BuildError::Option;
+    let mut table = Table::try_from(BuildOptions::default()).map_err(|e| wrong(e.to_string()))?;
+    if let Some(seed) = seed {
+        for stage in table.iter_mut().filter_map(|(_, v)| v.as_table_mut()).filter(|t| t.contains_key("seed")) {
+            stage.insert("seed".into(), Value::Integer(seed as i64));
+        }
+    }
+    let from_file = specimen
+        .iter()
+        .flat_map(|(stage, t)| t.iter().map(move |(k, v)| (stage.as_str(), k, v, "specimen.toml [options]")));
+    let from_line = overrides.iter().map(|o| (o.stage.as_str(), &o.key, &o.value, "--set"));
+    for (stage, key, value, place) in from_file.chain(from_line) {
+        let wrong = if place == "--set" { BuildError::Usage } else { BuildError::Option };
+        let known = table.keys().cloned().collect::<Vec<_>>().join(", ");
+        let Some(Value::Table(options)) = table.get_mut(stage) else {
+            return Err(wrong(format!("{place}: no stage {stage}; one of {known} was expected")));
+        };
+        options.insert(key.clone(), like(options.get(key), value));
+        let keys = options.keys().cloned().collect::<Vec<_>>();
+        check(stage, options).map_err(|e| wrong(format!("{place} {stage}.{key}: {e}; known: {}", keys.join(", "))))?;
+    }
+    table.try_into().map_err(|e: toml::de::Error| wrong(e.message().to_string()))
+}
+
+/// An integer given where the default is a float is that float.
+fn like(default: Option<&Value>, value: &Value) -> Value {
+    match (default, value) {
+        (Some(Value::Float(_)), Value::Integer(i)) => Value::Float(*i as f64),
+        _ => value.clone(),
+    }
+}
+
+fn check(stage: &str, options: &Table) -> Result<(), String> {
+    let one: Table = [(stage.to_string(), Value::Table(options.clone()))].into_iter().collect();
+    one.try_into::<BuildOptions>().map(|_| ()).map_err(|e| e.message().to_string())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn overrides_win_and_unknown_names_are_named() {
+        let set = |s: &str| parse_override(s).unwrap();
+        let options =
+            resolve(&BTreeMap::new(), &[set("assemble.friction=0"), set("assemble.law=tabular")], None).unwrap();
+        assert!(options.assemble.friction.abs() < f64::EPSILON);
+        assert_eq!(options.assemble.law, sim::spec::Law::Tabular);
+        for (text, named) in [
+            ("assemble.frction=1", "frction"),
+            ("asemble.friction=1", "asemble"),
+            ("assemble.friction=\"a\"", "friction"),
+        ] {
+            let error = resolve(&BTreeMap::new(), &[set(text)], None).unwrap_err().to_string();
+            assert!(error.contains(named), "{error}");
+        }
+    }
+}

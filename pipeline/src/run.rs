@@ -1,0 +1,82 @@
+//! One run of the build: read, resolve, lock, build, report.
+
+use crate::build::build_model;
+use crate::cli::BuildArgs;
+use crate::error::BuildError;
+use crate::options::{BuildOptions, resolve};
+use crate::progress::Progress;
+use crate::run_log::{Range, Record, RunLog, STAGES, folder_name, hash};
+use crate::store::{self, BuildFolder};
+use crate::{inspect, report};
+use stages::ingest::{RawSpecimen, SpecimenFile};
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::path::Path;
+
+/// Builds a specimen's model; gives the words to print.
+pub fn run(args: &BuildArgs) -> Result<String, BuildError> {
+    check_range(args)?;
+    if let Some(jobs) = args.jobs {
+        // A second call in one process keeps the first pool; results do not depend on it.
+        let _ = rayon::ThreadPoolBuilder::new().num_threads(jobs.into()).build_global();
+    }
+    let raw = store::read_specimen(&args.dir)?;
+    let file = stages::ingest::parse_specimen_file(&raw.toml).map_err(|e| BuildError::stage("ingest", e))?;
+    let options = resolve(&file.options, &args.overrides, args.seed)?;
+    let out = args.out.clone().unwrap_or_else(|| args.dir.join("build"));
+    let folder = BuildFolder::open(&out)?;
+    folder.write_file("run.toml", run_toml(&raw, &file, &options)?.as_bytes())?;
+    let range = Range { from: args.from.clone(), to: args.to.clone(), force: args.force };
+    let mut log = RunLog::new(&folder, range, Progress::new(args.quiet));
+    match build_model(&raw, &options, &mut log) {
+        Ok(_) | Err(BuildError::Reached) => {}
+        Err(error) => return Err(error),
+    }
+    let records = std::mem::take(&mut log.records);
+    drop(log);
+    folder.write_file("report.html", report::page(&folder, &records)?.as_bytes())?;
+    Ok(if args.json {
+        inspect::as_json(&records)
+    } else if args.quiet {
+        String::new()
+    } else {
+        closing_words(&out, &records)
+    })
+}
+
+fn check_range(args: &BuildArgs) -> Result<(), BuildError> {
+    let place = |name: &Option<String>| name.as_ref().and_then(|n| STAGES.iter().position(|(_, s)| s == n));
+    match (place(&args.from), place(&args.to)) {
+        (Some(from), Some(to)) if from > to => Err(BuildError::Usage(format!(
+            "--from {} comes after --to {}; stages are {}",
+            STAGES[from].1,
+            STAGES[to].1,
+            STAGES.map(|(_, s)| s).join(", ")
+        ))),
+        _ => Ok(()),
+    }
+}
+
+/// run.toml: resolved options, program version, digest of every input.
+fn run_toml(raw: &RawSpecimen, file: &SpecimenFile, options: &BuildOptions) -> Result<String, BuildError> {
+    let mut inputs: BTreeMap<&str, String> =
+        raw.files.iter().map(|(name, bytes)| (name.as_str(), hash(bytes))).collect();
+    inputs.insert("specimen.toml", hash(raw.toml.as_bytes()));
+    let table = serde_json::json!({
+        "program": {"version": env!("CARGO_PKG_VERSION"), "code": env!("GENU_CODE_DIGEST")},
+        "specimen": {"id": file.specimen.id},
+        "inputs": inputs,
+        "options": options,
+    });
+    toml::to_string(&table).map_err(|e| BuildError::File(format!("run.toml: {e}")))
+}
+
+fn closing_words(out: &Path, records: &[Record]) -> String {
+    let mut text = inspect::table(records);
+    let last = records.last().map(|r| folder_name(&r.stage)).unwrap_or_default();
+    let _ = writeln!(text, "\nLook at {}", out.join("report.html").display());
+    if last == "09-assemble" {
+        let _ = writeln!(text, "The model is {}", out.join(last).join("model.json").display());
+    }
+    text
+}

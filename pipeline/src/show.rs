@@ -1,0 +1,176 @@
+//! What each stage leaves in its folder, in formats that ParaView, MeshLab and a text editor open.
+
+use crate::run_log::json;
+use meshes::format::{ply, vtu};
+use meshes::hex::HexMesh;
+use meshes::surface::{ColouredMesh, TriMesh};
+use serde_json::{Value, json as object};
+use stages::assemble::Assembled;
+use stages::attachments::Attachments;
+use stages::bones::Bones;
+use stages::cartilage::Cartilage;
+use stages::frames::Frames;
+use stages::hexmesh::HexCartilage;
+use stages::ingest::Specimen;
+use stages::overclosure::Separated;
+use stages::register::Registration;
+use std::io;
+
+/// Files by name, to be written to the stage's folder.
+pub type Files = io::Result<Vec<(String, Vec<u8>)>>;
+
+/// What every stage's value tells of itself.
+pub trait Reported {
+    /// For metrics.json.
+    fn metrics(&self) -> Value;
+    /// What is odd but not fatal.
+    fn warnings(&self) -> &[String];
+}
+
+macro_rules! reported {
+    ($($type:ty),*) => {$(
+        impl Reported for $type {
+            fn metrics(&self) -> Value {
+                self.metrics.clone()
+            }
+            fn warnings(&self) -> &[String] {
+                &self.warnings
+            }
+        }
+    )*};
+}
+reported!(Specimen, Registration, Bones, Cartilage, Frames, Attachments, HexCartilage, Separated, Assembled);
+
+/// 01-ingest: the surfaces as the program understood them, the points, who it is.
+pub fn specimen(s: &Specimen) -> Files {
+    let mut files = vec![("identity.json".into(), json(&s.identity))];
+    for (name, mesh) in s.ct.named() {
+        files.push((format!("ct_{name}.ply"), surface(mesh, &[])?));
+    }
+    for (name, scan) in s.scans.named() {
+        files.push((format!("scan_{name}.ply"), scan_bytes(scan)?));
+    }
+    files.push(("points.json".into(), json(&object!({"landmarks": s.landmarks, "marks": s.marks}))));
+    Ok(files)
+}
+
+/// 02-register: transforms.json, and each scan on its bone with its distance to it (the residual map).
+pub fn registration(s: &Specimen, r: &Registration) -> Files {
+    let mut transforms = serde_json::Map::new();
+    let mut files = Vec::new();
+    for ((name, bone), (_, scan)) in r.bones.named().into_iter().zip(s.scans.named()) {
+        let matrix = bone.ct_from_scan.motion().to_homogeneous();
+        let rows: Vec<Vec<f64>> = matrix.row_iter().map(|row| row.iter().copied().collect()).collect();
+        transforms.insert(
+            name.into(),
+            object!({
+                "ct_from_scan": rows,
+                "rms_bare_bone_mm": bone.rms_bare_bone_mm,
+                "inlier_fraction": bone.inlier_fraction,
+                "held_out_rms_mm": bone.held_out_rms_mm,
+                "predicted_error_mm": bone.predicted_error_mm,
+            }),
+        );
+        let bare: Vec<f64> = bone.bare_bone.iter().map(|b| f64::from(u8::from(*b))).collect();
+        let moved = bone.ct_from_scan.mesh(&scan.mesh);
+        let scalars: [(&str, &[f64]); 2] = [("residual_mm", &bone.residual_mm), ("bare_bone", &bare)];
+        files.push((format!("{name}_residual.ply"), surface(&moved, &scalars)?));
+    }
+    files.push(("transforms.json".into(), json(&transforms)));
+    Ok(files)
+}
+
+/// 03-bones: the rigid surfaces.
+pub fn bones(b: &Bones) -> Files {
+    b.surfaces.named().into_iter().map(|(name, mesh)| Ok((format!("{name}.ply"), surface(mesh, &[])?))).collect()
+}
+
+/// 04-cartilage: closed solids with thickness.
+pub fn cartilage(c: &Cartilage) -> Files {
+    c.solids
+        .named()
+        .into_iter()
+        .map(|(name, s)| Ok((format!("{name}.ply"), surface(&s.solid, &[("thickness_mm", &s.thickness_mm)])?)))
+        .collect()
+}
+
+/// 05-frames: frames.json.
+pub fn frames(f: &Frames) -> Files {
+    let value = object!({
+        "femur": f.femur,
+        "tibia": f.tibia,
+        "gs_ct_pose": f.gs_ct_pose,
+        "epicondyles": {"medial": f.epicondyles[0], "lateral": f.epicondyles[1]},
+        "condylar_axis": {"point": f.condylar_axis.0, "direction": f.condylar_axis.1, "radius_mm": f.condylar_radius_mm,
+                          "angle_to_tea_axial_deg": f.condylar_angle_deg},
+    });
+    Ok(vec![("frames.json".into(), json(&value))])
+}
+
+/// 06-attachments: sites.json, fibres.csv.
+pub fn attachments(a: &Attachments) -> Files {
+    let sites: Vec<Value> = a
+        .sites
+        .iter()
+        .map(|s| {
+            object!({"ligament": s.ligament, "bone": s.bone, "centroid": s.centroid, "area_mm2": s.area_mm2,
+                     "source": s.source, "projection_mm": s.projection_mm, "region": s.region})
+        })
+        .collect();
+    let mut out = csv::Writer::from_writer(Vec::new());
+    let header = "bundle,fibre,femur_x_mm,femur_y_mm,femur_z_mm,tibia_x_mm,tibia_y_mm,tibia_z_mm,source";
+    out.write_record(header.split(','))?;
+    for f in &a.fibres {
+        let mut row = vec![f.bundle.clone(), f.fibre.to_string()];
+        row.extend(f.femur.iter().chain(f.tibia.iter()).map(|x| format!("{x:.4}")));
+        row.push(serde_json::to_value(f.source)?.as_str().unwrap_or_default().into());
+        out.write_record(&row)?;
+    }
+    let table = out.into_inner().map_err(|e| io::Error::other(e.to_string()))?;
+    Ok(vec![("sites.json".into(), json(&sites)), ("fibres.csv".into(), table)])
+}
+
+/// 07-hexmesh: hexahedra with their scaled Jacobian.
+pub fn hexmesh(h: &HexCartilage) -> Files {
+    hexes(h.meshes.named())
+}
+
+/// 08-overclosure: hexahedra with their scaled Jacobian.
+pub fn overclosure(s: &Separated) -> Files {
+    hexes(s.meshes.named())
+}
+
+/// 09-assemble: model.json and the contact surfaces it names.
+pub fn assembled(a: &Assembled) -> Files {
+    let mut files = vec![("model.json".into(), json(&a.spec))];
+    for (name, mesh) in a.contact.named() {
+        files.push((format!("contact/{name}.ply"), surface(mesh, &[])?));
+    }
+    Ok(files)
+}
+
+fn hexes(meshes: [(&'static str, &HexMesh); 3]) -> Files {
+    meshes
+        .into_iter()
+        .map(|(name, mesh)| {
+            let mut bytes = Vec::new();
+            vtu::write_hex(&mut bytes, mesh)?;
+            Ok((format!("{name}.vtu"), bytes))
+        })
+        .collect()
+}
+
+fn surface(mesh: &TriMesh, scalars: &[(&str, &[f64])]) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    ply::write(&mut bytes, mesh, scalars)?;
+    Ok(bytes)
+}
+
+fn scan_bytes(scan: &ColouredMesh) -> io::Result<Vec<u8>> {
+    if scan.colours.is_empty() {
+        return surface(&scan.mesh, &[]);
+    }
+    let mut bytes = Vec::new();
+    ply::write_coloured(&mut bytes, scan)?;
+    Ok(bytes)
+}

@@ -1,0 +1,243 @@
+//! The one door to the file system.
+#![expect(clippy::disallowed_methods, reason = "the one door to the file system")]
+
+use crate::error::BuildError;
+use stages::ingest::RawSpecimen;
+use std::collections::BTreeMap;
+use std::fs::{self, File};
+use std::io::{Read, Write};
+use std::path::{Component, Path, PathBuf};
+
+/// The largest file that is read [bytes]: ten times the largest scan in use.
+const LARGEST_FILE: u64 = 2 << 30;
+
+/// Reads a file whole; refuses one beyond [`LARGEST_FILE`].
+pub fn read(path: &Path) -> Result<Vec<u8>, BuildError> {
+    let wrong = |why: String| BuildError::File(format!("cannot read {}: {why}", path.display()));
+    let file = File::open(path).map_err(|e| wrong(words(&e)))?;
+    let metadata = file.metadata().map_err(|e| wrong(words(&e)))?;
+    if metadata.is_dir() {
+        return Err(wrong("it is a folder, a file was expected".into()));
+    }
+    let mut bytes = Vec::new();
+    file.take(LARGEST_FILE + 1).read_to_end(&mut bytes).map_err(|e| wrong(words(&e)))?;
+    if bytes.len() as u64 > LARGEST_FILE {
+        return Err(wrong(format!("it is larger than {} GiB; is it the right file?", LARGEST_FILE >> 30)));
+    }
+    Ok(bytes)
+}
+
+/// Reads a UTF-8 file.
+pub fn read_text(path: &Path) -> Result<String, BuildError> {
+    String::from_utf8(read(path)?).map_err(|e| {
+        BuildError::File(format!("{}: not UTF-8 at byte {}", path.display(), e.utf8_error().valid_up_to()))
+    })
+}
+
+/// Reads the file called `name` in `folder`, whatever the case of its letters, as Abaqus on Windows would.
+pub fn read_beside(folder: &Path, name: &str) -> Result<Vec<u8>, BuildError> {
+    let name = name.replace('\\', "/");
+    let exact = folder.join(&name);
+    let place = if exact.exists() {
+        exact
+    } else {
+        let parent = exact.parent().unwrap_or(folder).to_path_buf();
+        let last = exact.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+        list(&parent).into_iter().find(|n| n.eq_ignore_ascii_case(&last)).map_or(exact, |n| parent.join(n))
+    };
+    read(&place)
+}
+
+/// The first of `paths` that is a file; the last where none is.
+pub fn first_that_exists(paths: &[PathBuf]) -> PathBuf {
+    paths.iter().find(|p| p.is_file()).or(paths.last()).cloned().unwrap_or_default()
+}
+
+/// Reads specimen.toml and every file it names that is there, relative to `folder`.
+pub fn read_specimen(folder: &Path) -> Result<RawSpecimen, BuildError> {
+    if !folder.is_dir() {
+        return Err(BuildError::File(format!(
+            "{} is not a specimen folder: no such folder; give the folder that holds specimen.toml",
+            folder.display()
+        )));
+    }
+    let toml = read_text(&folder.join("specimen.toml"))?;
+    let mut files: BTreeMap<String, Vec<u8>> = BTreeMap::new();
+    let mut wanted = stages::ingest::paths_named_by(&toml).map_err(|e| BuildError::stage("ingest", e))?;
+    wanted.extend(stages::ingest::OPTIONAL_PATHS.map(String::from));
+    while let Some(path) = wanted.pop() {
+        // What is missing is told by ingest, which knows who names it and whether it matters.
+        let Some(place) = inside(folder, &path).filter(|p| p.exists() && !files.contains_key(&path)) else { continue };
+        let bytes = read(&place)?;
+        wanted.extend(stages::ingest::paths_named_in(&path, &bytes));
+        files.insert(path, bytes);
+    }
+    Ok(RawSpecimen { toml, files })
+}
+
+/// `folder/path`, unless `path` leads out of the folder.
+fn inside(folder: &Path, path: &str) -> Option<PathBuf> {
+    let within = Path::new(path).components().all(|c| matches!(c, Component::Normal(_) | Component::CurDir));
+    within.then(|| folder.join(path))
+}
+
+/// A build's folder, locked against a second writer while the value lives.
+pub struct BuildFolder {
+    root: PathBuf,
+    _lock: File,
+}
+
+impl BuildFolder {
+    /// Opens or makes the folder, takes its lock, and sweeps what an interrupted build left behind.
+    pub fn open(root: &Path) -> Result<BuildFolder, BuildError> {
+        let wrong = |e: std::io::Error| BuildError::File(format!("cannot write to {}: {}", root.display(), words(&e)));
+        fs::create_dir_all(root).map_err(wrong)?;
+        let lock = File::options().create(true).truncate(false).write(true).open(root.join(".lock")).map_err(wrong)?;
+        lock.try_lock().map_err(|_| {
+            BuildError::File(format!("another build-model is at work in {}; wait for it or give --out", root.display()))
+        })?;
+        for entry in fs::read_dir(root).map_err(wrong)?.flatten() {
+            if entry.file_name().to_string_lossy().starts_with(".tmp-") {
+                remove(&entry.path());
+            }
+        }
+        Ok(BuildFolder { root: root.to_path_buf(), _lock: lock })
+    }
+
+    /// The folder.
+    pub fn path(&self) -> &Path {
+        &self.root
+    }
+
+    /// Writes a file whole or not at all.
+    pub fn write_file(&self, name: &str, bytes: &[u8]) -> Result<(), BuildError> {
+        let temporary = self.root.join(format!(".tmp-{name}"));
+        let result = fs::write(&temporary, bytes).and_then(|()| fs::rename(&temporary, self.root.join(name)));
+        result.map_err(|e| {
+            remove(&temporary);
+            BuildError::File(format!("cannot write {}: {}", self.root.join(name).display(), words(&e)))
+        })
+    }
+
+    /// Replaces the folder `name` by one with `files` in it, whole or not at all.
+    pub fn write_folder(&self, name: &str, files: &[(String, Vec<u8>)]) -> Result<(), BuildError> {
+        let temporary = self.root.join(format!(".tmp-{name}"));
+        let target = self.root.join(name);
+        let result = fill(&temporary, files).and_then(|()| {
+            let old = self.root.join(format!(".tmp-{name}-old"));
+            if target.exists() {
+                fs::rename(&target, &old)?;
+            }
+            fs::rename(&temporary, &target)?;
+            remove(&old);
+            Ok(())
+        });
+        result.map_err(|e| {
+            remove(&temporary);
+            BuildError::File(format!("cannot write {}: {}", target.display(), words(&e)))
+        })
+    }
+
+    /// The files of the folder `name`, by path below it; `None` where it cannot be read.
+    pub fn read_folder(&self, name: &str) -> Option<BTreeMap<String, Vec<u8>>> {
+        let mut files = BTreeMap::new();
+        gather(&self.root.join(name), "", &mut files)?;
+        Some(files)
+    }
+
+    /// A file of the build; `None` where it cannot be read.
+    pub fn read_file(&self, name: &str) -> Option<Vec<u8>> {
+        fs::read(self.root.join(name)).ok()
+    }
+}
+
+fn fill(folder: &Path, files: &[(String, Vec<u8>)]) -> std::io::Result<()> {
+    remove(folder);
+    fs::create_dir_all(folder)?;
+    for (name, bytes) in files {
+        let path = folder.join(name);
+        if let Some(parent) = path.parent() {
+            fs::create_dir_all(parent)?;
+        }
+        let mut file = File::create(&path)?;
+        file.write_all(bytes)?;
+        file.flush()?;
+    }
+    Ok(())
+}
+
+fn gather(folder: &Path, prefix: &str, files: &mut BTreeMap<String, Vec<u8>>) -> Option<()> {
+    for entry in fs::read_dir(folder).ok()? {
+        let entry = entry.ok()?;
+        let name = format!("{prefix}{}", entry.file_name().to_string_lossy());
+        if entry.file_type().ok()?.is_dir() {
+            gather(&entry.path(), &format!("{name}/"), files)?;
+        } else {
+            files.insert(name, fs::read(entry.path()).ok()?);
+        }
+    }
+    Some(())
+}
+
+/// Writes files below `folder`, making folders as needed (for commands whose output is not a build).
+pub fn write_all(folder: &Path, files: &[(String, Vec<u8>)]) -> Result<(), BuildError> {
+    for (name, bytes) in files {
+        write(&folder.join(name), bytes)?;
+    }
+    Ok(())
+}
+
+/// Writes one file whole or not at all, making its folder as needed.
+pub fn write(path: &Path, bytes: &[u8]) -> Result<(), BuildError> {
+    let wrong = |e: std::io::Error| BuildError::File(format!("cannot write {}: {}", path.display(), words(&e)));
+    let parent = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    fs::create_dir_all(parent).map_err(wrong)?;
+    let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    let temporary = parent.join(format!(".tmp-{name}"));
+    fs::write(&temporary, bytes).and_then(|()| fs::rename(&temporary, path)).map_err(|e| {
+        remove(&temporary);
+        wrong(e)
+    })
+}
+
+/// Whether a path exists.
+pub fn exists(path: &Path) -> bool {
+    path.exists()
+}
+
+/// Names in a folder, ascending; empty where it cannot be read.
+pub fn list(folder: &Path) -> Vec<String> {
+    let mut names: Vec<String> = fs::read_dir(folder)
+        .into_iter()
+        .flatten()
+        .flatten()
+        .map(|e| e.file_name().to_string_lossy().into_owned())
+        .collect();
+    names.sort();
+    names
+}
+
+/// Sets the process' peak memory back to what it uses now, where the system allows it.
+pub fn reset_peak_memory() {
+    let _ = fs::write("/proc/self/clear_refs", "5");
+}
+
+/// The process' peak memory since the last reset [MiB], where the system tells it.
+pub fn peak_memory_mib() -> Option<f64> {
+    let status = fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find(|l| l.starts_with("VmHWM:"))?;
+    line.split_whitespace().nth(1)?.parse::<f64>().ok().map(|kib| kib / 1024.0)
+}
+
+fn remove(path: &Path) {
+    let _ = if path.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) };
+}
+
+fn words(e: &std::io::Error) -> String {
+    match e.kind() {
+        std::io::ErrorKind::NotFound => "no such file".into(),
+        std::io::ErrorKind::PermissionDenied => "no permission".into(),
+        std::io::ErrorKind::StorageFull => "the disk is full; free some space or give --out on another disk".into(),
+        _ => e.to_string(),
+    }
+}

@@ -1,0 +1,91 @@
+//! What the whole-path tests share: a synthetic specimen, the program, and the shared data where it is.
+#![allow(dead_code, reason = "each test binary uses its part")]
+#![expect(clippy::disallowed_methods, reason = "tests prepare and look at files")]
+
+use assert_cmd::Command;
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use tempfile::TempDir;
+
+/// The program.
+pub(crate) fn build_model() -> Command {
+    Command::cargo_bin("build-model").expect("the program is built with the tests")
+}
+
+/// A phantom in a folder of its own.
+pub(crate) fn phantom(id: &str) -> TempDir {
+    let folder = TempDir::new().unwrap();
+    let files = stages::phantom::phantom(id, 1).unwrap().files;
+    for (name, bytes) in files {
+        let path = folder.path().join(name);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(path, bytes).unwrap();
+    }
+    folder
+}
+
+/// Every file below `folder` by path, without what tells the time.
+pub(crate) fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    let mut found = BTreeMap::new();
+    gather(folder, "", &mut found);
+    found.remove("log.jsonl");
+    found
+}
+
+fn gather(folder: &Path, prefix: &str, found: &mut BTreeMap<String, Vec<u8>>) {
+    for entry in fs::read_dir(folder).unwrap() {
+        let entry = entry.unwrap();
+        let name = format!("{prefix}{}", entry.file_name().to_string_lossy());
+        if entry.file_type().unwrap().is_dir() {
+            gather(&entry.path(), &format!("{name}/"), found);
+        } else {
+            found.insert(name, fs::read(entry.path()).unwrap());
+        }
+    }
+}
+
+/// Names of the files that differ.
+pub(crate) fn differing(a: &BTreeMap<String, Vec<u8>>, b: &BTreeMap<String, Vec<u8>>) -> Vec<String> {
+    a.keys().chain(b.keys()).filter(|name| a.get(*name) != b.get(*name)).cloned().collect()
+}
+
+/// A path below `../shared`; `None`, with a word on why, where it is not there and need not be.
+pub(crate) fn shared(test: &str, path: &str) -> Option<PathBuf> {
+    let full = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared").join(path);
+    if full.exists() {
+        return Some(full);
+    }
+    assert!(std::env::var("GENU_SHARED").as_deref() != Ok("required"), "{test}: {} is missing", full.display());
+    eprintln!("{test}: skipped, {} is not there", full.display());
+    None
+}
+
+/// The text of a file.
+pub(crate) fn text(path: &Path) -> String {
+    String::from_utf8(fs::read(path).unwrap_or_else(|e| panic!("{}: {e}", path.display()))).unwrap()
+}
+
+/// A JSON file.
+pub(crate) fn json(path: &Path) -> serde_json::Value {
+    serde_json::from_str(&text(path)).unwrap()
+}
+
+/// Writes a file.
+pub(crate) fn write(path: &Path, bytes: impl AsRef<[u8]>) {
+    fs::write(path, bytes).unwrap();
+}
+
+/// Reads a file.
+pub(crate) fn read(path: &Path) -> Vec<u8> {
+    fs::read(path).unwrap()
+}
+
+/// Copies a folder.
+pub(crate) fn copy(from: &Path, to: &Path) {
+    for (name, bytes) in files(from) {
+        let path = to.join(name);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(path, bytes).unwrap();
+    }
+}
