@@ -45,7 +45,8 @@ pub static BUNDLES: LazyLock<Vec<Bundle>> = LazyLock::new(|| {
     struct Table {
         bundle: Vec<Bundle>,
     }
-    let table: Table = toml::from_str(include_str!("table3.toml")).expect("the table shipped with the program parses");
+    let table: Table =
+        toml::from_str(include_str!("../../data/table3.toml")).expect("the table shipped with the program parses");
     table.bundle
 });
 

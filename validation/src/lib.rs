@@ -1,0 +1,18 @@
+//! Experiments on a knee model: residual and cost, calibration of ligaments to laxity, the validation protocols, comparison.
+//!
+//! Pure: values in, values out, no files, no clock. Angles are degrees and moments N m here, since these are the units of what
+//! was measured; the solver's own units stay in `sim`.
+
+pub mod cost;
+pub mod descent;
+pub mod design;
+pub mod error;
+pub mod experiment;
+pub mod levenberg;
+pub mod simplex;
+pub mod swarm;
+pub mod targets;
+#[cfg(test)]
+mod toy;
+
+pub use error::ValidationError;

@@ -1,0 +1,151 @@
+//! Rows that cannot be what they say.
+
+use super::{Targets, column, primary};
+use sim::laxity::{LaxityTrial, Test};
+use sim::spec::PoseSpec;
+use std::collections::BTreeMap;
+
+/// Two rows of one condition may differ by this many times their noise (times the root of 2) before they are refused: repeats
+/// scatter, and laboratories understate their noise.
+const REFUSE: f64 = 10.0;
+/// And before a warning.
+const WARN: f64 = 5.0;
+/// Differences up to these are never refused: VV, IE [deg], ML, AP, SI [mm].
+const HARMLESS: [f64; 5] = [5.0, 5.0, 5.0, 5.0, 5.0];
+/// Loads within these (or 3 %) are one load: VV, IE [N m], ML, AP, SI [N].
+const SAME_LOAD: [f64; 5] = [0.3, 0.3, 5.0, 5.0, 10.0];
+/// Flexions within this are one flexion [deg].
+const SAME_FLEXION: f64 = 2.0;
+
+/// Trials flexed beyond what the model is made for.
+pub(super) fn beyond_flexion(targets: &Targets, limits: [f64; 2]) -> Vec<String> {
+    let beyond = |t: &&(&LaxityTrial, usize)| !(limits[0]..=limits[1]).contains(&t.0.fe_deg);
+    let rows: Vec<(&LaxityTrial, usize)> = targets.trials.iter().zip(targets.rows.iter().copied()).collect();
+    rows.iter()
+        .filter(beyond)
+        .map(|(t, row)| {
+            format!(
+                "row {row} ({}): fe_deg {} is beyond the model, which is made for {} to {} deg (option targets.flexion_deg)",
+                t.trial, t.fe_deg, limits[0], limits[1]
+            )
+        })
+        .collect()
+}
+
+/// Columns that look like radians, metres or centimetres.
+pub(super) fn other_units(targets: &Targets, ct: &PoseSpec) -> Vec<String> {
+    let mut out = Vec::new();
+    for (c, test, least) in [(1, [Test::Internal, Test::External], 2.0), (0, [Test::Varus, Test::Valgus], 4.0)] {
+        let rows = loaded(targets, c, &test, least);
+        // both ways under load within 0.7: no knee is that stiff (10 deg and more are usual), but 0.35 rad is 20 deg
+        if rows.len() >= 2 && rows.iter().all(|r| r.1.abs() < 0.7) {
+            let names: Vec<String> = rows.iter().map(|r| format!("row {}: {}", r.0, r.1)).collect();
+            out.push(format!(
+                "{} stays within 0.7 deg under {least} N m and more ({}): is it in radians? degrees expected",
+                column(c),
+                names.join(", ")
+            ));
+        }
+    }
+    let ap = loaded(targets, 3, &[Test::Anterior, Test::Posterior], 40.0);
+    if ap.len() >= 2 && ap.iter().all(|r| r.1.abs() < 0.05) {
+        out.push(format!("ap_mm stays within 0.05 mm under 40 N and more (row {} on): is it in metres?", ap[0].0));
+    }
+    let si: Vec<(usize, f64)> = measured(targets, 4);
+    let ratio = |v: f64| v / ct.si_mm;
+    if ct.si_mm.abs() > 5.0 && si.len() >= 2 && si.iter().all(|(_, v)| ratio(*v).abs() < 0.2) {
+        let (row, value) = si[0];
+        out.push(format!(
+            "row {row} on: si_mm is {value}, the model's in CT {:.1} mm: is it in centimetres or metres, or counted from another origin?",
+            ct.si_mm
+        ));
+    }
+    out
+}
+
+/// Row and measured value of a coordinate, of the tests under at least this load.
+fn loaded(targets: &Targets, c: usize, tests: &[Test], least: f64) -> Vec<(usize, f64)> {
+    let rows = targets.trials.iter().zip(&targets.rows);
+    rows.filter(|(t, _)| tests.contains(&t.test) && t.load[c].abs() >= least)
+        .filter_map(|(t, &row)| t.measured[c].map(|v| (row, v)))
+        .collect()
+}
+
+/// Row and value of a coordinate where measured.
+fn measured(targets: &Targets, c: usize) -> Vec<(usize, f64)> {
+    targets.trials.iter().zip(&targets.rows).filter_map(|(t, &row)| t.measured[c].map(|v| (row, v))).collect()
+}
+
+/// Rows of one test, flexion, load and branch whose answers differ beyond all noise; smaller differences are warned of.
+pub(super) fn contradictions(targets: &mut Targets) -> Vec<String> {
+    let mut faults = Vec::new();
+    for i in 0..targets.trials.len() {
+        for j in i + 1..targets.trials.len() {
+            let (a, b) = (&targets.trials[i], &targets.trials[j]);
+            if !is_repeat(a, b) {
+                continue;
+            }
+            for (c, harmless) in HARMLESS.iter().enumerate() {
+                let (Some(x), Some(y)) = (a.measured[c], b.measured[c]) else { continue };
+                let sd = targets.noise[i][c].hypot(targets.noise[j][c]);
+                let gap = (x - y).abs();
+                let text = format!(
+                    "rows {} and {} ({}, {}) repeat one load but differ by {gap:.2} in {}, {:.0} times their noise of {sd:.2}",
+                    targets.rows[i],
+                    targets.rows[j],
+                    a.trial,
+                    b.trial,
+                    column(c),
+                    gap / sd
+                );
+                if gap > (REFUSE * sd).max(*harmless) {
+                    faults.push(format!("{text}: one of them is wrong; correct or remove it"));
+                } else if gap > WARN * sd {
+                    targets.warnings.push(text);
+                }
+            }
+        }
+    }
+    faults
+}
+
+/// Whether two rows measured the same thing.
+fn is_repeat(a: &LaxityTrial, b: &LaxityTrial) -> bool {
+    let same = |c: usize| {
+        let (x, y) = (a.load[c], b.load[c]);
+        (x - y).abs() <= SAME_LOAD[c].min(0.5 * x.abs().max(y.abs())).max(0.03 * x.abs().max(y.abs())).max(1e-9)
+            || x.abs().max(y.abs()) < SAME_LOAD[c]
+    };
+    a.test == b.test
+        && a.branch == b.branch
+        && (a.nominal_flexion_deg - b.nominal_flexion_deg).abs() < 0.5
+        && (a.fe_deg - b.fe_deg).abs() < SAME_FLEXION
+        && (0..5).all(same)
+}
+
+/// Warns of groups whose knee moves against the load, as with a wrong sign.
+pub(super) fn against_the_load(targets: &mut Targets) {
+    type Condition = Vec<(f64, f64, f64, usize)>;
+    let mut by_coordinate: BTreeMap<(usize, i64), Condition> = BTreeMap::new();
+    for ((t, row), noise) in targets.trials.iter().zip(&targets.rows).zip(&targets.noise) {
+        let Some(c) = primary(t.test) else { continue };
+        let Some(value) = t.measured[c] else { continue };
+        let key = (c, t.nominal_flexion_deg.round() as i64);
+        by_coordinate.entry(key).or_default().push((t.load[c], value, noise[c], *row));
+    }
+    for ((c, flexion), rows) in by_coordinate {
+        let least = rows.iter().fold(rows[0], |a, b| if b.0 < a.0 { *b } else { a });
+        let most = rows.iter().fold(rows[0], |a, b| if b.0 > a.0 { *b } else { a });
+        let fall = least.1 - most.1;
+        if most.0 > least.0 && fall > WARN * least.2.hypot(most.2) {
+            targets.warnings.push(format!(
+                "rows {} and {}: at {flexion} deg {} falls by {fall:.1} while its load grows from {} to {}; is a sign wrong?",
+                least.3,
+                most.3,
+                column(c),
+                least.0,
+                most.0
+            ));
+        }
+    }
+}
