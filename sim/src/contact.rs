@@ -46,6 +46,8 @@ pub struct Contact {
     pub friction: f64,
     /// Contact damping, fraction of critical [-].
     pub damping: f64,
+    /// Factor on every pressure [-].
+    pub scale: f64,
 }
 
 /// A femoral and a tibial articular surface.
@@ -119,7 +121,7 @@ impl Contact {
             }
             pairs.push(Pair { femur: both[0].clone(), tibia: both[1].clone() });
         }
-        Ok(Contact { pairs, law, friction: spec.contact.friction, damping: spec.contact.damping })
+        Ok(Contact { pairs, law, friction: spec.contact.friction, damping: spec.contact.damping, scale: 1.0 })
     }
 
     /// Energy, gradient and Hessian at a pose.
@@ -167,8 +169,9 @@ impl Contact {
             let Some(s) = field.sample(p, highest) else { return };
             let (e, pressure, slope) = self.law.at(-s.distance);
             let g = s.gradient;
-            let f = pressure * area;
-            sums.energy += e * area;
+            let force_area = area * self.scale;
+            let f = pressure * force_area;
+            sums.energy += e * force_area;
             sums.area += area;
             sums.deepest = sums.deepest.max(-s.distance);
             for a in 0..3 {
@@ -177,7 +180,7 @@ impl Contact {
                     sums.virial[(b, a)] += p[b] * f * g[a];
                 }
             }
-            let (k, h) = (slope * area, s.hessian);
+            let (k, h) = (slope * force_area, s.hessian);
             let t = [
                 k * g[0] * g[0] - f * h[0],
                 k * g[0] * g[1] - f * h[1],

@@ -9,7 +9,9 @@ pub mod error;
 pub mod joint;
 pub mod laxity;
 pub mod ligament;
+pub mod model;
 pub mod spec;
 pub mod vtk;
 
 pub use error::SimError;
+pub use model::{Model, compile};

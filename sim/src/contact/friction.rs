@@ -100,7 +100,7 @@ impl Contact {
             if let Some(s) = field.sample(p, -start) {
                 let (_, pressure, _) = self.law.at(-s.distance);
                 let side = if tibial { -0.5 } else { 0.5 };
-                let f = ct_from_field.rotation * Vector::from(s.gradient) * (side * pressure * area);
+                let f = ct_from_field.rotation * Vector::from(s.gradient) * (side * pressure * area * self.scale);
                 visit((ct_from_field * meshes::Point::from(*p)).coords, f);
             }
         });

@@ -1,0 +1,243 @@
+//! A specification compiled once into an immutable model: the joint chain, the fibres, the contact, and their total energy,
+//! generalised gradient and tangent over the chain's coordinates.
+//!
+//! A model with other ligament parameters, without some bundles or with a scaled contact law shares the contact fields of the first.
+
+mod check;
+
+use crate::abaqus::MeshValue;
+use crate::contact::{Contact, ContactOptions, ContactResponse};
+use crate::error::SimError;
+use crate::joint::{Joint, Pose, Six};
+use crate::ligament::{self, Bundle, Fibre, Line, Response};
+use crate::spec::ModelSpec;
+use nalgebra::Matrix6;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// A compiled knee. Cloning it is cheap: contact surfaces are shared.
+#[derive(Clone, Debug)]
+pub struct Model {
+    /// Specimen name.
+    pub id: String,
+    /// The joint chain.
+    pub joint: Joint,
+    /// Ligament bundles in the order of the specification.
+    pub bundles: Vec<Bundle>,
+    /// Their fibres.
+    pub fibres: Vec<Fibre>,
+    /// Cartilage contact.
+    pub contact: Contact,
+    /// The femur's mass [tonne] and rotary inertia [tonne mm2] for explicit dynamics.
+    pub femur_mass: (f64, f64),
+    /// Which bundles are cut.
+    removed: Vec<bool>,
+}
+
+/// What a calibration may change of a bundle.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct BundleParameters {
+    /// Ratio of length to slack length in the CT pose [-].
+    pub reference_strain: f64,
+    /// Of the whole bundle [N/mm].
+    pub stiffness_n_per_mm: f64,
+    /// Toe strain [-].
+    pub toe_strain: f64,
+}
+
+/// A fibre at a pose.
+#[derive(Clone, Copy, Debug)]
+pub struct FibreState {
+    /// Its line.
+    pub line: Line,
+    /// Its tension, energy and stiffness.
+    pub response: Response,
+}
+
+/// Energy of ligaments and contact at a pose, with derivatives by the coordinates (order of [`crate::joint`]).
+#[derive(Clone, Debug)]
+pub struct Evaluation {
+    /// The pose.
+    pub pose: Pose,
+    /// Energy [N mm].
+    pub energy: f64,
+    /// Its gradient [N mm, N].
+    pub gradient: Six,
+    /// Its second derivative.
+    pub hessian: Matrix6<f64>,
+    /// Every fibre, slack where its bundle is cut.
+    pub fibres: Vec<FibreState>,
+    /// The contact's share.
+    pub contact: ContactResponse,
+}
+
+/// Compiles a specification; `meshes` by the paths it names (bones may be absent, contact surfaces may not).
+///
+/// Errors: what is not finite, zero masses, a missing, empty, open (bones) or inside-out surface, a fibre without bundle, bad frames.
+pub fn compile(spec: &ModelSpec, meshes: &BTreeMap<String, MeshValue>) -> Result<Model, SimError> {
+    compile_with(spec, meshes, &ContactOptions::default())
+}
+
+/// [`compile`] with contact options.
+pub fn compile_with(
+    spec: &ModelSpec,
+    meshes: &BTreeMap<String, MeshValue>,
+    options: &ContactOptions,
+) -> Result<Model, SimError> {
+    let femur_mass = check::bodies(spec, meshes)?;
+    let surfaces = check::contact_surfaces(spec, meshes)?;
+    let joint = Joint::new(&spec.frames, spec.side)?;
+    let (bundles, fibres) = ligament::compile(spec)?;
+    let contact = Contact::new(spec, &surfaces, options)?;
+    let removed = vec![false; bundles.len()];
+    Ok(Model { id: spec.id.clone(), joint, bundles, fibres, contact, femur_mass, removed })
+}
+
+impl Model {
+    /// Bundle names, in the order of every list of forces.
+    pub fn bundle_names(&self) -> Vec<String> {
+        self.bundles.iter().map(|b| b.name.clone()).collect()
+    }
+
+    /// The model with bundles cut: each name is a bundle's, or a ligament's ("ACL" cuts ACL_AM and ACL_PL).
+    ///
+    /// Errors: a name that fits no bundle.
+    pub fn without(&self, names: &[String]) -> Result<Model, SimError> {
+        let mut model = self.clone();
+        for name in names {
+            let fits = |b: &Bundle| b.name == *name || b.name.strip_prefix(name).is_some_and(|r| r.starts_with('_'));
+            let mut found = false;
+            for (bundle, removed) in self.bundles.iter().zip(&mut model.removed) {
+                if fits(bundle) {
+                    (*removed, found) = (true, true);
+                }
+            }
+            if !found {
+                let known = self.bundle_names().join(", ");
+                return Err(SimError::Input(format!("no bundle is named {name:?}; the model has {known}")));
+            }
+        }
+        Ok(model)
+    }
+
+    /// Whether a bundle is cut.
+    pub fn is_removed(&self, bundle: usize) -> bool {
+        self.removed[bundle]
+    }
+
+    /// The parameters of every bundle.
+    pub fn parameters(&self) -> Vec<BundleParameters> {
+        let of = |b: &Bundle| BundleParameters {
+            reference_strain: b.reference_strain,
+            stiffness_n_per_mm: b.stiffness,
+            toe_strain: b.toe_strain,
+        };
+        self.bundles.iter().map(of).collect()
+    }
+
+    /// The model with other ligament parameters, one set a bundle; contact is shared.
+    ///
+    /// Errors: a number out of range, another number of sets than bundles.
+    pub fn with_parameters(&self, parameters: &[BundleParameters]) -> Result<Model, SimError> {
+        if parameters.len() != self.bundles.len() {
+            return Err(SimError::Input(format!(
+                "{} sets of parameters for {} bundles",
+                parameters.len(),
+                self.bundles.len()
+            )));
+        }
+        let mut model = self.clone();
+        for (bundle, p) in model.bundles.iter_mut().zip(parameters) {
+            let ok = p.reference_strain >= 0.05 && p.stiffness_n_per_mm >= 0.0 && p.toe_strain >= 1e-6;
+            if !(ok && [p.reference_strain, p.stiffness_n_per_mm, p.toe_strain].iter().all(|x| x.is_finite())) {
+                return Err(SimError::Input(format!("bundle {}: parameters {p:?} are out of range", bundle.name)));
+            }
+            bundle.reference_strain = p.reference_strain;
+            bundle.stiffness = p.stiffness_n_per_mm.max(1e-12);
+            bundle.toe_strain = p.toe_strain;
+        }
+        Ok(model)
+    }
+
+    /// The model with contact pressures multiplied by `scale` [-].
+    pub fn with_contact_scale(&self, scale: f64) -> Result<Model, SimError> {
+        if !(scale > 0.0 && scale.is_finite()) {
+            return Err(SimError::Input(format!("contact scale {scale}, expected above 0")));
+        }
+        let mut model = self.clone();
+        model.contact.scale *= scale;
+        Ok(model)
+    }
+
+    /// The model with another friction coefficient [-].
+    pub fn with_friction(&self, friction: f64) -> Result<Model, SimError> {
+        if !(0.0..10.0).contains(&friction) {
+            return Err(SimError::Input(format!("friction {friction}, expected 0 to 10")));
+        }
+        let mut model = self.clone();
+        model.contact.friction = friction;
+        Ok(model)
+    }
+
+    /// The model with a fibre's ends moved in the CT pose; the bundle's reference length stays.
+    pub fn with_fibre_ends(&self, fibre: usize, femur: meshes::Point, tibia: meshes::Point) -> Result<Model, SimError> {
+        let length = (femur - tibia).norm();
+        if fibre >= self.fibres.len() || !(length > 1e-3 && length < 1e4) {
+            return Err(SimError::Input(format!("fibre {fibre} of {}, length {length} mm", self.fibres.len())));
+        }
+        let mut model = self.clone();
+        let f = &mut model.fibres[fibre];
+        *f = Fibre { bundle: f.bundle, femur: femur.coords, tibia: tibia.coords, initial_length: length };
+        Ok(model)
+    }
+
+    /// Stretch of a fibre of length `length` [mm].
+    pub(crate) fn stretch(&self, fibre: &Fibre, length: f64) -> f64 {
+        length - fibre.initial_length + self.bundles[fibre.bundle].initial_stretch()
+    }
+
+    /// Every fibre at a pose.
+    pub fn fibre_states(&self, pose: &Pose) -> Vec<FibreState> {
+        self.fibres
+            .iter()
+            .map(|fibre| {
+                let line = fibre.line(pose);
+                let response = if self.removed[fibre.bundle] {
+                    Response::default()
+                } else {
+                    self.bundles[fibre.bundle].response(self.stretch(fibre, line.length))
+                };
+                FibreState { line, response }
+            })
+            .collect()
+    }
+
+    /// Tension of each bundle [N], the sum over its fibres.
+    pub fn bundle_forces(&self, fibres: &[FibreState]) -> Vec<f64> {
+        let mut forces = vec![0.0; self.bundles.len()];
+        for (fibre, state) in self.fibres.iter().zip(fibres) {
+            forces[fibre.bundle] += state.response.force;
+        }
+        forces
+    }
+
+    /// Energy, gradient and tangent of ligaments and contact at coordinates `q`.
+    pub fn evaluate(&self, q: &Six) -> Evaluation {
+        self.evaluate_parts(q, true)
+    }
+
+    /// [`Model::evaluate`], with or without contact.
+    pub fn evaluate_parts(&self, q: &Six, with_contact: bool) -> Evaluation {
+        let pose = self.joint.pose(q);
+        let contact = if with_contact { self.contact.evaluate(&pose) } else { ContactResponse::default() };
+        let (mut energy, mut gradient, mut hessian) = (contact.energy, contact.gradient, contact.hessian);
+        let fibres = self.fibre_states(&pose);
+        for FibreState { line, response } in fibres.iter().filter(|s| s.response.energy > 0.0) {
+            energy += response.energy;
+            gradient += line.gradient * response.force;
+            ligament::add_hessian(&mut hessian, line, &pose, response.force, response.stiffness);
+        }
+        Evaluation { pose, energy, gradient, hessian, fibres, contact }
+    }
+}
