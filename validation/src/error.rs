@@ -15,6 +15,9 @@ pub enum ValidationError {
     /// A checkpoint does not belong to this calibration.
     #[error("checkpoint: {0}")]
     Checkpoint(String),
+    /// Whoever watched asked to stop.
+    #[error("stopped; run it again to go on from here")]
+    Stopped,
     /// The solver could not answer.
     #[error(transparent)]
     Sim(#[from] sim::SimError),

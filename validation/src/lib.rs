@@ -3,12 +3,18 @@
 //! Pure: values in, values out, no files, no clock. Angles are degrees and moments N m here, since these are the units of what
 //! was measured; the solver's own units stay in `sim`.
 
+pub mod calibrate;
 pub mod cost;
 pub mod descent;
 pub mod design;
 pub mod error;
 pub mod experiment;
+pub mod gradient;
 pub mod levenberg;
+pub mod options;
+pub mod posterior;
+pub mod problem;
+pub mod recipe;
 pub mod simplex;
 pub mod swarm;
 pub mod targets;

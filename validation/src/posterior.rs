@@ -1,0 +1,211 @@
+//! What the data determine: intervals of parameters and bundle forces, and how much narrower they are than the ranges alone would have
+//! them.
+
+use crate::calibrate::Probes;
+use crate::cost::FAILED;
+use crate::design::{Design, Kind};
+use crate::gradient::{Gradient, normal, prior_point};
+use crate::options::GradientOptions;
+use crate::problem::{Problem, View};
+use nalgebra::DVector;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// Points of the posterior and of the prior, unit coordinates.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Found {
+    /// Samples of the posterior.
+    pub samples: Vec<Vec<f64>>,
+    /// Points spread evenly over the ranges.
+    pub prior: Vec<Vec<f64>>,
+    /// Factor of the noise, a coordinate each [-].
+    pub noise_scale: [f64; 5],
+    /// What other starts found, lowest cost first.
+    pub rivals: Vec<(f64, Vec<f64>)>,
+    /// What is odd.
+    pub warnings: Vec<String>,
+}
+
+/// A design variable after a calibration.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ParameterEstimate {
+    /// The n of X_n.
+    pub number: u32,
+    /// Its bundle, or the ligament that shares it.
+    pub bundle: String,
+    /// Which number of the bundle.
+    pub kind: Kind,
+    /// The value chosen [- or N/mm].
+    pub value: f64,
+    /// Lower end of its interval.
+    pub lower: f64,
+    /// Upper end of its interval.
+    pub upper: f64,
+    /// The range it was sought in.
+    pub range: [f64; 2],
+    /// Share of the range's variance that the data removed, 0 (only the range is known) to 1 (determined) [-].
+    pub determined: f64,
+}
+
+/// A bundle's force in a probe trial after a calibration.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ForceEstimate {
+    /// The trial.
+    pub trial: String,
+    /// Index of the bundle.
+    pub bundle: usize,
+    /// At the values chosen [N]; `None` where the trial has no answer there.
+    pub value_n: Option<f64>,
+    /// Lower end of its interval [N].
+    pub lower_n: f64,
+    /// Upper end of its interval [N].
+    pub upper_n: f64,
+    /// Share of the variance that parameters spread over their ranges would give, which the data removed, 0 to 1 [-].
+    pub determined: f64,
+}
+
+/// The samples of a gradient calibration; those stuck far above the best fit are left out.
+pub fn of_gradient(g: &Gradient, problem: &Problem, wanted: usize) -> Found {
+    let n = problem.experiment.design.len();
+    let best = g.best.as_ref().map_or(0.0, |b| b.half_sum);
+    // twice the least sum of a sample exceeds the fit's by a sum of as many squared normals as there are numbers measured, give or take
+    let measured = problem.targets.trials.iter().flat_map(|t| t.measured).flatten().count() as f64;
+    let limit = best + 0.5 * (measured + 4.0 * (6.0 * measured).sqrt());
+    let kept: Vec<Vec<f64>> = g.samples.iter().filter(|f| f.half_sum <= limit).map(|f| f.point.clone()).collect();
+    let mut warnings = Vec::new();
+    if kept.len() * 10 < wanted * 7 {
+        warnings
+            .push(format!("{} of {wanted} samples of the posterior ended near a fit; intervals are rough", kept.len()));
+    }
+    let mut rivals: Vec<(f64, Vec<f64>)> = g.starts.iter().flatten().map(|f| (f.cost, f.point.clone())).collect();
+    rivals.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let prior = (0..wanted).map(|s| prior_point(g.seed, s, n)).collect();
+    Found { samples: kept, prior, noise_scale: g.noise_scale, rivals, warnings }
+}
+
+/// Laplace's approximation [tierney1986] at the point of lowest cost: a normal posterior from the solver's derivatives there, cut off at the
+/// ranges.
+pub fn of_recipe(
+    problem: &Problem,
+    point: &[f64],
+    rivals: Vec<(f64, Vec<f64>)>,
+    options: &GradientOptions,
+    seed: u64,
+) -> Found {
+    let n = point.len();
+    let predicted = problem.experiment.predictions(&problem.experiment.design.at(point));
+    let noise_scale =
+        if options.scale_noise { problem.misses(&predicted, &[1.0; 5], options.robust) } else { [1.0; 5] };
+    let view = View { noise_scale, ..View::plain(problem.targets.trials.len(), n) };
+    let prior: Vec<Vec<f64>> = (0..options.samples).map(|s| prior_point(seed, s, n)).collect();
+    let rivals = rivals.into_iter().filter(|r| r.0 < FAILED).collect();
+    let chol = problem.least_squares(point, &view).and_then(|e| {
+        let hessian = e.residuals.jacobian.tr_mul(&e.residuals.jacobian);
+        hessian.cholesky()
+    });
+    let Some(chol) = chol else {
+        let warnings = vec!["the solver has no derivatives at the best point: no intervals".to_owned()];
+        return Found { samples: vec![], prior, noise_scale, rivals, warnings };
+    };
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    random.set_stream(u64::MAX);
+    let upper = chol.l().transpose();
+    let draw = |random: &mut ChaCha8Rng| -> Vec<f64> {
+        let z = DVector::from_fn(n, |_, _| normal(random));
+        let step = upper.solve_upper_triangular(&z).unwrap_or_else(|| DVector::zeros(n));
+        point.iter().zip(step.iter()).map(|(x, d)| reflect(x + d)).collect()
+    };
+    let samples = (0..options.samples).map(|_| draw(&mut random)).collect();
+    Found { samples, prior, noise_scale, rivals, warnings: vec![] }
+}
+
+/// A coordinate mirrored at the walls of 0 to 1.
+fn reflect(x: f64) -> f64 {
+    let y = x.rem_euclid(2.0);
+    if y > 1.0 { 2.0 - y } else { y }
+}
+
+/// Every design variable with its interval of probability `interval`.
+pub fn parameters(design: &Design, point: &[f64], found: &Found, interval: f64) -> Vec<ParameterEstimate> {
+    let values = design.at(point);
+    let of = |k: usize| {
+        let v = &design.variables[k];
+        let units: Vec<f64> = found.samples.iter().map(|s| s[k]).collect();
+        let (low, high) = ends(&units, interval).unwrap_or((0.0, 1.0));
+        let determined = if units.len() < 2 { 0.0 } else { (1.0 - 12.0 * variance(&units)).clamp(0.0, 1.0) };
+        ParameterEstimate {
+            number: v.number,
+            bundle: v.bundle(),
+            kind: v.kind,
+            value: values[k],
+            lower: (v.lower + low * v.width()).min(values[k]),
+            upper: (v.lower + high * v.width()).max(values[k]),
+            range: [v.lower, v.upper],
+            determined,
+        }
+    };
+    (0..design.len()).map(of).collect()
+}
+
+/// Bundle forces in the probe trials with their intervals of probability `interval`; bundles slack at every sample and point are left out.
+pub fn forces(probes: &Probes, design: &Design, point: &[f64], found: &Found, interval: f64) -> Vec<ForceEstimate> {
+    let at = |p: &Vec<f64>| -> Vec<Option<Vec<f64>>> {
+        probes.experiment.answers(&design.at(p), false).into_iter().map(|a| a.ok().map(|a| a.forces_n)).collect()
+    };
+    let best = at(&point.to_vec());
+    let after: Vec<_> = found.samples.par_iter().map(at).collect();
+    let before: Vec<_> = found.prior.par_iter().map(at).collect();
+    let bundles = best.iter().chain(after.iter().flatten()).flatten().map(Vec::len).max().unwrap_or(0);
+    let mut out = Vec::new();
+    for (i, name) in probes.names.iter().enumerate() {
+        for bundle in 0..bundles {
+            let of = |all: &[Vec<Option<Vec<f64>>>]| -> Vec<f64> {
+                all.iter().filter_map(|a| a.get(i)?.as_ref()?.get(bundle).copied()).collect()
+            };
+            let (posterior, prior) = (of(&after), of(&before));
+            let value_n = best.get(i).and_then(|f| f.as_ref()?.get(bundle).copied());
+            let here = value_n.unwrap_or(0.0);
+            let (lower_n, upper_n) = ends(&posterior, interval).unwrap_or((here, here));
+            if here.max(upper_n) < 1.0 {
+                continue;
+            }
+            let (a, b) = (variance(&posterior), variance(&prior));
+            let determined = if posterior.len() < 2 || b <= 0.0 { 0.0 } else { (1.0 - a / b).clamp(0.0, 1.0) };
+            out.push(ForceEstimate {
+                trial: name.clone(),
+                bundle,
+                value_n,
+                lower_n: lower_n.min(here),
+                upper_n: upper_n.max(here),
+                determined,
+            });
+        }
+    }
+    out
+}
+
+/// Ends of the interval that holds the middle `share` of the values, by linear interpolation; `None` of fewer than two.
+pub fn ends(values: &[f64], share: f64) -> Option<(f64, f64)> {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let last = sorted.len().checked_sub(1).filter(|l| *l > 0)? as f64;
+    let at = |p: f64| {
+        // places (k + 1/2) / n, as the percentile of the cost
+        let x = (p * (last + 1.0) - 0.5).clamp(0.0, last);
+        let (k, t) = (x.floor() as usize, x.fract());
+        sorted[k] + t * (sorted[(k + 1).min(sorted.len() - 1)] - sorted[k])
+    };
+    Some((at(0.5 - 0.5 * share), at(0.5 + 0.5 * share)))
+}
+
+/// Variance of values; 0 of fewer than two.
+fn variance(values: &[f64]) -> f64 {
+    let n = values.len() as f64;
+    if n < 2.0 {
+        return 0.0;
+    }
+    let mean = values.iter().sum::<f64>() / n;
+    values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0)
+}
