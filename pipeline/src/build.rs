@@ -46,7 +46,7 @@ pub fn build_model(raw: &RawSpecimen, o: &BuildOptions, log: &mut RunLog) -> Res
         "attachments",
         &[s, r, b, c, f],
         &o.attachments,
-        || attachments(&specimen, &registration, &bones, &frames, &o.attachments),
+        || attachments(&specimen, &registration, &bones, &cartilage, &frames, &o.attachments),
         show::attachments,
     )?;
     let a = attachments.digest.as_str();

@@ -4,11 +4,13 @@ mod fibres;
 mod marked;
 
 use crate::bones::Bones;
+use crate::cartilage::Cartilage;
 use crate::frames::Frames;
 use crate::ingest::Specimen;
 use crate::register::Registration;
 use crate::{PerBone, StageError};
-use attachments::bundle::LIGAMENTS;
+use attachments::atlas::{Anatomy, place};
+use attachments::bundle::{BUNDLES, LIGAMENTS};
 use attachments::marks::MarkOptions;
 use attachments::site::{Bone, Fibre, Site, Source};
 use meshes::Point;
@@ -43,6 +45,8 @@ pub struct AttachmentsOptions {
     pub place_reach: f64,
     /// Share of a region's major axis over which fibres are spread [-]; the rest is the line drawn around the fibres. Ours.
     pub span: f64,
+    /// Distance that literature sites keep from cartilage [mm]. Ours.
+    pub cartilage_clearance_mm: f64,
     /// How deep a fibre may run in bone without a warning [mm]. Ours.
     pub crossing_limit_mm: f64,
 }
@@ -55,6 +59,7 @@ impl Default for AttachmentsOptions {
             mark_off_bone_mm: 15.0,
             place_reach: 0.2,
             span: 0.8,
+            cartilage_clearance_mm: 1.0,
             crossing_limit_mm: 2.0,
         }
     }
@@ -83,6 +88,7 @@ pub fn attachments(
     specimen: &Specimen,
     registration: &Registration,
     bones: &Bones,
+    cartilage: &Cartilage,
     frames: &Frames,
     options: &AttachmentsOptions,
 ) -> Result<Attachments, StageError> {
@@ -106,6 +112,7 @@ pub fn attachments(
         let scan = marked::MarkedScan { scan, pose };
         sites.extend(marked::sites(side, &scan, &specimen.marks, width, options, &mut warnings)?);
     }
+    sites.extend(literature(specimen, bones, cartilage, frames, &sites, options));
     let fibres = fibres::lay(&sides, &mut sites, &specimen.given_fibres, options, &mut warnings);
     let rank = |s: &Site| (LIGAMENTS.iter().position(|l| *l == s.ligament), s.bone);
     sites.sort_by_key(rank);
@@ -115,4 +122,32 @@ pub fn attachments(
         "sites_given": count(Source::Given), "fibres": fibres.len(),
     });
     Ok(Attachments { sites, fibres, warnings, metrics })
+}
+
+/// Sites by the literature where nothing was marked, of ligaments that are not given by hand in full.
+fn literature(
+    specimen: &Specimen,
+    bones: &Bones,
+    cartilage: &Cartilage,
+    frames: &Frames,
+    marked: &[Site],
+    options: &AttachmentsOptions,
+) -> Vec<Site> {
+    let anatomy = Anatomy {
+        femur: &bones.surfaces.femur,
+        tibfib: &bones.surfaces.tibfib,
+        femur_frame: &frames.femur,
+        tibia_frame: &frames.tibia,
+        epicondyles: frames.epicondyles,
+    };
+    let queries: Vec<SurfaceQuery> =
+        cartilage.solids.named().into_iter().filter_map(|(_, s)| SurfaceQuery::new(&s.solid)).collect();
+    let covers: Vec<&SurfaceQuery> = queries.iter().collect();
+    let given = |bundle: &str| specimen.given_fibres.iter().any(|f| f.bundle == bundle);
+    let wanted = LIGAMENTS.iter().filter(|l| BUNDLES.iter().any(|b| b.ligament == **l && !given(&b.name)));
+    wanted
+        .flat_map(|ligament| [(*ligament, Bone::Femur), (*ligament, Bone::Tibfib)])
+        .filter(|(l, b)| !marked.iter().any(|s| s.ligament == *l && s.bone == *b))
+        .filter_map(|(l, b)| place(&anatomy, l, b, &covers, options.cartilage_clearance_mm))
+        .collect()
 }

@@ -1,18 +1,20 @@
 //! Stage 6 on the shared specimens, with their true registration and frames.
 
-use attachments::site::Source;
+use attachments::site::{Bone, Source};
 use meshes::format::{ply, stl};
 use meshes::frame::{AnatomicalFrame, Pose, Side};
+use meshes::query::SurfaceQuery;
 use meshes::surface::{ColouredMesh, TriMesh};
 use meshes::{Isometry, Point, Vector};
 use nalgebra::{Matrix4, Rotation3, Translation3, UnitQuaternion};
 use serde_json::Value;
-use stages::PerBone;
 use stages::attachments::{Attachments, AttachmentsOptions, attachments};
 use stages::bones::Bones;
+use stages::cartilage::{Cartilage, CartilageSolid};
 use stages::frames::{Frames, GroodSuntayPose};
 use stages::ingest::{Identity, NamedPoint, PointFrame, Specimen};
 use stages::register::{BoneRegistration, Registration};
+use stages::{PerBone, PerCartilage, StageError};
 use std::path::PathBuf;
 
 #[expect(clippy::disallowed_methods, reason = "reads the shared test data")]
@@ -29,14 +31,19 @@ struct Knee {
     specimen: Specimen,
     registration: Registration,
     bones: Bones,
+    cartilage: Cartilage,
     frames: Frames,
     truth: Value,
 }
 
 impl Knee {
     fn attach(&self) -> Attachments {
-        attachments(&self.specimen, &self.registration, &self.bones, &self.frames, &AttachmentsOptions::default())
-            .unwrap()
+        self.attempt().unwrap()
+    }
+
+    fn attempt(&self) -> Result<Attachments, StageError> {
+        let (bones, frames, options) = (&self.bones, &self.frames, AttachmentsOptions::default());
+        attachments(&self.specimen, &self.registration, bones, &self.cartilage, frames, &options)
     }
 }
 
@@ -130,7 +137,18 @@ fn knee(test: &str, id: &str) -> Option<Knee> {
         metrics: Value::Null,
     };
     let bones = Bones { surfaces, warnings: Vec::new(), metrics: Value::Null };
-    Some(Knee { specimen, registration, bones, frames, truth })
+    let solid = |name: &str| {
+        let solid = stl::read(&read(&format!("truth/{name}.stl"))?).unwrap();
+        let (articular, thickness_mm) = (vec![true; solid.triangles.len()], vec![0.0; solid.vertices.len()]);
+        Some(CartilageSolid { solid, articular, thickness_mm })
+    };
+    let solids = PerCartilage {
+        femur: solid("femur")?,
+        tibia_medial: solid("tibfib_medial")?,
+        tibia_lateral: solid("tibfib_lateral")?,
+    };
+    let cartilage = Cartilage { solids, warnings: Vec::new(), metrics: Value::Null };
+    Some(Knee { specimen, registration, bones, cartilage, frames, truth })
 }
 
 fn check_marked(knee: &Knee, result: &Attachments) {
@@ -185,6 +203,10 @@ fn other_side(knee: &mut Knee) {
     }
     knee.bones.surfaces =
         PerBone { femur: mirrored(&knee.bones.surfaces.femur), tibfib: mirrored(&knee.bones.surfaces.tibfib) };
+    let solids = &mut knee.cartilage.solids;
+    for cartilage in [&mut solids.femur, &mut solids.tibia_medial, &mut solids.tibia_lateral] {
+        cartilage.solid = mirrored(&cartilage.solid);
+    }
     for frame in [&mut knee.frames.femur, &mut knee.frames.tibia] {
         frame.origin = turn(&frame.origin.coords).into();
         (frame.medial, frame.anterior, frame.superior) =
@@ -228,6 +250,11 @@ fn moving_ct_and_scan_moves_the_sites() {
     }
     knee.bones.surfaces =
         PerBone { femur: knee.bones.surfaces.femur.moved(&ct), tibfib: knee.bones.surfaces.tibfib.moved(&ct) };
+    let solids = &mut knee.cartilage.solids;
+    for cartilage in [&mut solids.femur, &mut solids.tibia_medial, &mut solids.tibia_lateral] {
+        cartilage.solid = cartilage.solid.moved(&ct);
+    }
+    knee.frames.epicondyles = knee.frames.epicondyles.map(|p| ct * p);
     for frame in [&mut knee.frames.femur, &mut knee.frames.tibia] {
         frame.origin = ct * frame.origin;
         (frame.medial, frame.anterior, frame.superior) = (ct * frame.medial, ct * frame.anterior, ct * frame.superior);
@@ -271,6 +298,29 @@ fn without_colours_there_are_no_marked_sites_but_a_warning() {
 }
 
 #[test]
+fn literature_sites_lie_on_the_bone_outside_cartilage() {
+    for id in ["S192803", "S193761"] {
+        let Some(knee) = knee("literature_sites_lie_on_the_bone_outside_cartilage", id) else {
+            return;
+        };
+        let result = knee.attach();
+        let solids = knee.cartilage.solids.named().map(|(_, c)| SurfaceQuery::new(&c.solid).unwrap());
+        let mut count = 0;
+        for site in result.sites.iter().filter(|s| s.source == Source::Literature) {
+            let (name, bone) = match site.bone {
+                Bone::Femur => ("femur", &knee.bones.surfaces.femur),
+                Bone::Tibfib => ("tibfib", &knee.bones.surfaces.tibfib),
+            };
+            assert!(SurfaceQuery::new(bone).unwrap().nearest(&site.centroid).distance < 1e-6, "{id} {}", site.ligament);
+            let nearest = solids.iter().map(|c| c.nearest(&site.centroid).distance).fold(f64::INFINITY, f64::min);
+            assert!(nearest >= 1.0 - 1e-9, "{id} {} on {name}: {nearest} mm from cartilage", site.ligament);
+            count += 1;
+        }
+        assert_eq!(count, 12, "{id}");
+    }
+}
+
+#[test]
 fn a_mark_off_the_bone_is_refused_and_one_without_outline_is_a_point() {
     let Some(mut knee) = knee("a_mark_off_the_bone_is_refused_and_one_without_outline_is_a_point", "S192803") else {
         return;
@@ -278,8 +328,7 @@ fn a_mark_off_the_bone_is_refused_and_one_without_outline_is_a_point() {
     let first = knee.specimen.marks[0].point;
     let middle = knee.specimen.scans.femur.mesh.centroid().unwrap();
     knee.specimen.marks[0].point = first + (first - middle).normalize() * 400.0;
-    let run = |k: &Knee| attachments(&k.specimen, &k.registration, &k.bones, &k.frames, &AttachmentsOptions::default());
-    let error = run(&knee).unwrap_err().to_string();
+    let error = knee.attempt().unwrap_err().to_string();
     assert!(error.contains("marks.csv line 2") && error.contains("ACL"), "{error}");
     knee.specimen.marks[0].point = first;
     knee.specimen.scans.femur.colours.iter_mut().for_each(|c| *c = [222, 200, 165]);
