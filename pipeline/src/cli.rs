@@ -4,7 +4,8 @@
 use crate::error::BuildError;
 use crate::model_file::Format;
 use crate::options::{Override, parse_override};
-use crate::{inspect, model_file, phantom, report, run};
+use crate::simulate::SimulateArgs;
+use crate::{inspect, model_file, phantom, report, run, simulate};
 use clap::{Args, Parser, Subcommand};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -98,6 +99,8 @@ enum Verb {
         #[arg(long)]
         out: PathBuf,
     },
+    /// Predict what a model does under the loads of laxity trials or of a protocol
+    Simulate(SimulateArgs),
     /// Write report.html of a build again
     Report {
         /// The specimen's or the build's folder
@@ -137,6 +140,7 @@ fn answer(cli: Cli) -> Result<(), BuildError> {
         }
         (Some(Verb::ImportAbaqus { deck, out }), _) => model_file::import_abaqus(&deck, &out)?,
         (Some(Verb::Export { model, format, out }), _) => model_file::export(&model, format, &out)?,
+        (Some(Verb::Simulate(args)), _) => simulate::simulate(&args)?,
         (Some(Verb::Report { dir }), _) => report::rewrite(&dir)?,
         (None, Some(build)) => run::run(&build)?,
         (None, None) => return Err(BuildError::Usage("a specimen folder was expected; see --help".into())),

@@ -12,4 +12,5 @@ pub mod report;
 pub mod run;
 pub mod run_log;
 pub mod show;
+pub mod simulate;
 pub mod store;

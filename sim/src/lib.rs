@@ -10,7 +10,11 @@ pub mod joint;
 pub mod laxity;
 pub mod ligament;
 pub mod model;
+pub mod protocols;
+pub mod quasistatic;
+pub mod sensitivity;
 pub mod spec;
+pub mod trials;
 pub mod vtk;
 
 pub use error::SimError;

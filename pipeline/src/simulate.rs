@@ -1,0 +1,119 @@
+//! `simulate`: what a model answers to laxity trials or to a protocol.
+
+use crate::error::BuildError;
+use crate::{model_file, store};
+use clap::Args;
+use rayon::prelude::*;
+use sim::Model;
+use sim::laxity::{self, TrialResult};
+use sim::protocols::{self, Protocol, ProtocolOptions};
+use sim::trials::{TrialOptions, solve_trial};
+use std::path::{Path, PathBuf};
+
+/// `build-model simulate`.
+#[derive(Args, Clone, Debug)]
+#[command(group(clap::ArgGroup::new("what").required(true).args(["trials", "protocol"])))]
+pub struct SimulateArgs {
+    /// model.json, or the folder of a build
+    pub model: PathBuf,
+    /// Laxity trials (CSV); each is simulated
+    #[arg(long, value_name = "LAXITY.csv")]
+    pub trials: Option<PathBuf>,
+    /// A validation protocol
+    #[arg(long)]
+    pub protocol: Option<ProtocolName>,
+    /// Cut a bundle or a ligament ("ACL" is both its bundles); may be given more than once
+    #[arg(long, value_name = "LIGAMENT", value_delimiter = ',')]
+    pub without: Vec<String>,
+    /// Where the predicted poses and ligament forces go
+    #[arg(long, value_name = "RESULTS.csv")]
+    pub out: PathBuf,
+    /// How equilibrium is found
+    #[arg(long, default_value = "quasistatic")]
+    pub solver: Solver,
+    /// Passive flexion ends here [deg]
+    #[arg(long, value_name = "DEG", default_value_t = 90.0)]
+    pub to_flexion: f64,
+    /// Joint compression in a protocol [N]
+    #[arg(long, value_name = "N", default_value_t = 20.0)]
+    pub compression: f64,
+    /// Threads; the result does not depend on it [default: all]
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub jobs: Option<u16>,
+}
+
+/// A protocol's name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum ProtocolName {
+    /// 133 N forwards and backwards at 30, 60, 90 deg
+    ApLaxity,
+    /// No load but a small compression, 0 to 90 deg
+    PassiveFlexion,
+    /// 8 N m valgus with 4 N m internal at 30 deg
+    PivotShift,
+}
+
+/// A solver's name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Solver {
+    /// Equilibrium along the path of loading
+    Quasistatic,
+}
+
+/// Runs the trials or the protocol and writes the results; gives the words to print.
+pub fn simulate(args: &SimulateArgs) -> Result<String, BuildError> {
+    if let Some(jobs) = args.jobs {
+        // A second call in one process keeps the first pool; results do not depend on it.
+        let _ = rayon::ThreadPoolBuilder::new().num_threads(jobs.into()).build_global();
+    }
+    let (trials, mut text) = match &args.trials {
+        Some(path) => read_trials(path)?,
+        None => (Vec::new(), String::new()),
+    };
+    let loaded = model_file::load(&args.model)?;
+    let fault = |e: sim::SimError| BuildError::File(format!("{}: {e}", args.model.display()));
+    let model = sim::compile(&loaded.spec, &loaded.meshes).map_err(fault)?;
+    let model = model.without(&args.without).map_err(|e| BuildError::Usage(format!("--without: {e}")))?;
+    let names = model.bundle_names();
+    let (results, csv) = match args.protocol {
+        Some(protocol) => {
+            let results = run_protocol(&model, protocol, args).map_err(fault)?;
+            let csv = laxity::protocol_csv(&names, &results);
+            (results, csv)
+        }
+        None => {
+            let options = TrialOptions::default();
+            let each = trials.par_iter().map(|t| solve_trial(&model, t, &options).map(|a| a.result(t)));
+            let results = each.collect::<Result<Vec<TrialResult>, _>>().map_err(fault)?;
+            let csv = laxity::results_csv(&names, &results);
+            (results, csv)
+        }
+    };
+    store::write(&args.out, csv.as_bytes())?;
+    for r in results.iter().filter(|r| !r.flags.is_empty()) {
+        text += &format!("warning: {}: {}\n", r.trial.trial, r.flags.join("; "));
+    }
+    Ok(text + &format!("{} rows in {}\n", results.len(), args.out.display()))
+}
+
+fn run_protocol(model: &Model, protocol: ProtocolName, args: &SimulateArgs) -> Result<Vec<TrialResult>, sim::SimError> {
+    let options = ProtocolOptions {
+        to_flexion_deg: args.to_flexion,
+        compression_n: args.compression,
+        ..ProtocolOptions::default()
+    };
+    let protocol = match protocol {
+        ProtocolName::ApLaxity => Protocol::ApLaxity,
+        ProtocolName::PassiveFlexion => Protocol::PassiveFlexion,
+        ProtocolName::PivotShift => Protocol::PivotShift,
+    };
+    protocols::run(model, protocol, &options)
+}
+
+/// The trials of a file, and its warnings.
+fn read_trials(path: &Path) -> Result<(Vec<laxity::LaxityTrial>, String), BuildError> {
+    let bytes = store::read(path)?;
+    let table = laxity::read(&bytes).map_err(|e| BuildError::File(format!("{}: {e}", path.display())))?;
+    let text = table.warnings.iter().map(|w| format!("warning: {}: {w}\n", path.display())).collect();
+    Ok((table.trials, text))
+}

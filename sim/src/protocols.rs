@@ -1,0 +1,187 @@
+//! The paper's validation protocols [andreassen2025, section 2.6] on a model: AP laxity, passive flexion, pivot shift.
+//!
+//! Each gives rows in the order of time; a row's trial holds the loads acting there and names the step.
+
+use crate::error::SimError;
+use crate::joint::{FE, Six};
+use crate::laxity::{LaxityTrial, Test, TrialResult};
+use crate::model::Model;
+use crate::quasistatic::Phase;
+use crate::trials::{Path, TrialOptions, chain_flexion, generalised};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// A protocol.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Protocol {
+    /// Settle, flex and load forwards, then from forwards to backwards and back.
+    ApLaxity,
+    /// Flexion without load.
+    PassiveFlexion,
+    /// Valgus with internal moment.
+    PivotShift,
+}
+
+/// The protocols' numbers.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ProtocolOptions {
+    /// Joint compression throughout [N]; as in the published calibration decks (the published tables: most likely 150).
+    pub compression_n: f64,
+    /// AP laxity: flexions [deg]; [andreassen2025, section 2.6.2].
+    pub ap_flexions_deg: Vec<f64>,
+    /// AP laxity: load either way [N]; [andreassen2025, section 2.6.2].
+    pub ap_load_n: f64,
+    /// AP laxity: rows of each way of the third step [-].
+    pub ap_rows: usize,
+    /// AP laxity: duration of each way [s].
+    pub ap_way_s: f64,
+    /// Passive flexion: first flexion [deg]; [andreassen2025, section 2.6.3].
+    pub from_flexion_deg: f64,
+    /// Passive flexion: last flexion [deg]; [andreassen2025, section 2.6.3].
+    pub to_flexion_deg: f64,
+    /// Passive flexion: flexion between rows [deg].
+    pub every_deg: f64,
+    /// Passive flexion: rate [deg/s]; that of the published deck.
+    pub rate_deg_per_s: f64,
+    /// Pivot shift: flexion [deg]; [andreassen2025, section 2.6.4].
+    pub pivot_flexion_deg: f64,
+    /// Pivot shift: valgus moment [N m]; [andreassen2025, section 2.6.4].
+    pub pivot_valgus_nm: f64,
+    /// Pivot shift: internal moment [N m]; [andreassen2025, section 2.6.4].
+    pub pivot_internal_nm: f64,
+    /// Path and solver.
+    pub trials: TrialOptions,
+}
+
+impl Default for ProtocolOptions {
+    fn default() -> Self {
+        ProtocolOptions {
+            compression_n: 20.0,
+            ap_flexions_deg: vec![30.0, 60.0, 90.0],
+            ap_load_n: 133.0,
+            ap_rows: 8,
+            ap_way_s: 0.9,
+            from_flexion_deg: 0.0,
+            to_flexion_deg: 90.0,
+            every_deg: 5.0,
+            rate_deg_per_s: 90.0,
+            pivot_flexion_deg: 30.0,
+            pivot_valgus_nm: 8.0,
+            pivot_internal_nm: 4.0,
+            trials: TrialOptions::default(),
+        }
+    }
+}
+
+/// Runs a protocol; a row a step.
+///
+/// Errors: options out of range, a solver that finds no equilibrium.
+pub fn run(model: &Model, protocol: Protocol, options: &ProtocolOptions) -> Result<Vec<TrialResult>, SimError> {
+    options.trials.check()?;
+    check(options)?;
+    match protocol {
+        Protocol::ApLaxity => {
+            let each = options.ap_flexions_deg.par_iter().map(|fe| ap_laxity(model, *fe, options));
+            Ok(each.collect::<Result<Vec<_>, _>>()?.concat())
+        }
+        Protocol::PassiveFlexion => passive_flexion(model, options),
+        Protocol::PivotShift => pivot_shift(model, options),
+    }
+}
+
+/// Refuses numbers that mean nothing.
+fn check(o: &ProtocolOptions) -> Result<(), SimError> {
+    let fault = |m: String| Err(SimError::Input(format!("protocol: {m}")));
+    for (key, x, least, most) in [
+        ("compression_n", o.compression_n, 0.0, 5000.0),
+        ("ap_load_n", o.ap_load_n, 0.0, 2000.0),
+        ("ap_way_s", o.ap_way_s, 1e-3, 1e6),
+        ("ap_rows", o.ap_rows as f64, 1.0, 1e4),
+        ("every_deg", o.every_deg, 0.01, 180.0),
+        ("rate_deg_per_s", o.rate_deg_per_s, 1e-6, 1e6),
+        ("pivot_valgus_nm", o.pivot_valgus_nm, -150.0, 150.0),
+        ("pivot_internal_nm", o.pivot_internal_nm, -150.0, 150.0),
+    ] {
+        if !(x >= least && x <= most) {
+            return fault(format!("{key} is {x}, expected {least} to {most}"));
+        }
+    }
+    if !(o.to_flexion_deg >= o.from_flexion_deg) {
+        return fault(format!("flexion from {} to {} deg; it must rise", o.from_flexion_deg, o.to_flexion_deg));
+    }
+    Ok(())
+}
+
+/// A row: where the path stands.
+fn row(path: &mut Path, step: String, test: Test, fe_deg: f64, load: [f64; 5]) -> Result<TrialResult, SimError> {
+    let trial = LaxityTrial {
+        trial: step,
+        test,
+        nominal_flexion_deg: fe_deg,
+        load,
+        fe_deg,
+        measured: [None; 5],
+        sd: [None; 5],
+        branch: None,
+        order: None,
+        time_s: None,
+    };
+    Ok(path.rest()?.result(&trial))
+}
+
+fn ap_laxity(model: &Model, fe_deg: f64, o: &ProtocolOptions) -> Result<Vec<TrialResult>, SimError> {
+    let flexion = chain_flexion(model, fe_deg, &o.trials)?;
+    let at = |ap: f64| [0.0, 0.0, 0.0, ap, o.compression_n];
+    let test = |ap: f64| if ap >= 0.0 { Test::Anterior } else { Test::Posterior };
+    let mut path = Path::settled(model, o.compression_n, &o.trials)?;
+    path.load(flexion, &generalised(&at(o.ap_load_n)))?;
+    let name = |what: &str, ap: f64| format!("{fe_deg} deg {what} {ap:+.1} N");
+    let mut rows = vec![row(&mut path, name("load", o.ap_load_n), Test::Anterior, fe_deg, at(o.ap_load_n))?];
+    for (what, from) in [("backwards", 1.0), ("forwards", -1.0)] {
+        for k in 1..=o.ap_rows {
+            let ap = o.ap_load_n * from * (1.0 - 2.0 * k as f64 / o.ap_rows as f64);
+            let flow = Some((o.ap_way_s / o.ap_rows as f64, o.trials.flowing()));
+            path.follow(&Phase { flexion, load: generalised(&at(ap)), load_from: 0.0, flow, steps: 2 })?;
+            rows.push(row(&mut path, name(what, ap), test(ap), fe_deg, at(ap))?);
+        }
+    }
+    Ok(rows)
+}
+
+fn passive_flexion(model: &Model, o: &ProtocolOptions) -> Result<Vec<TrialResult>, SimError> {
+    let load = [0.0, 0.0, 0.0, 0.0, o.compression_n];
+    let count = ((o.to_flexion_deg - o.from_flexion_deg) / o.every_deg - 1e-9).ceil().max(0.0) as usize;
+    let mut path = Path::settled(model, o.compression_n, &o.trials)?;
+    let mut rows = Vec::with_capacity(count + 1);
+    let mut last = model.joint.ct_pose()[FE].to_degrees();
+    for k in 0..=count {
+        let fe_deg = (o.from_flexion_deg + k as f64 * o.every_deg).min(o.to_flexion_deg);
+        let flexion = chain_flexion(model, fe_deg, &o.trials)?;
+        let seconds = ((fe_deg - last).abs() / o.rate_deg_per_s).max(1e-3);
+        let steps = ((fe_deg - last).abs() / 3.0).ceil().max(1.0) as usize;
+        let flow = Some((seconds, o.trials.flowing()));
+        path.follow(&Phase { flexion, load: generalised(&load), load_from: 0.0, flow, steps })?;
+        rows.push(row(&mut path, format!("{fe_deg} deg"), Test::Neutral, fe_deg, load)?);
+        last = fe_deg;
+    }
+    Ok(rows)
+}
+
+fn pivot_shift(model: &Model, o: &ProtocolOptions) -> Result<Vec<TrialResult>, SimError> {
+    let fe_deg = o.pivot_flexion_deg;
+    let flexion = chain_flexion(model, fe_deg, &o.trials)?;
+    let full = [o.pivot_valgus_nm, -o.pivot_internal_nm, 0.0, 0.0, o.compression_n];
+    let none = [0.0, 0.0, 0.0, 0.0, o.compression_n];
+    // without the moments, then with both ramped up together while flexing, as in the two-step simulation
+    let unloaded = |load: &Six, step: &str, test: Test, acting: [f64; 5]| -> Result<TrialResult, SimError> {
+        let mut path = Path::settled(model, o.compression_n, &o.trials)?;
+        path.load(flexion, load)?;
+        row(&mut path, format!("{fe_deg} deg {step}"), test, fe_deg, acting)
+    };
+    Ok(vec![
+        unloaded(&generalised(&none), "compressed", Test::Neutral, none)?,
+        unloaded(&generalised(&full), "pivot shift", Test::Valgus, full)?,
+    ])
+}

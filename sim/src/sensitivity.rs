@@ -1,0 +1,183 @@
+//! Sensitivities of an equilibrium by the implicit function theorem: how pose and bundle forces move with each parameter.
+//!
+//! At rest `r(q, p) = dE/dq - f + friction = 0` over the five free coordinates, so `dq/dp = -H^-1 dr/dp` with the exact tangent H of ligaments
+//! and contact. Friction's forces are held as they are (they depend on the path, not on the parameter at its end); flexion is prescribed.
+
+use crate::error::SimError;
+use crate::joint::{FE, FREE, Six};
+use crate::model::Model;
+use crate::trials::Answer;
+use nalgebra::{DMatrix, Matrix3, Matrix5, SymmetricEigen, Vector3, Vector5};
+use serde::{Deserialize, Serialize};
+
+/// Which end of a fibre.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum End {
+    /// On the femur.
+    Femur,
+    /// On the tibia.
+    Tibia,
+}
+
+/// A number of the model or of the trial.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Parameter {
+    /// Reference strain of a bundle, by index [-].
+    ReferenceStrain(usize),
+    /// Stiffness of a bundle, by index [N/mm].
+    Stiffness(usize),
+    /// A CT coordinate (0, 1, 2) of a fibre's end in the CT pose [mm]; the bundle's reference length stays.
+    Attachment(usize, End, usize),
+    /// A load, by its index in [`crate::laxity::COORDINATES`] [N m, N].
+    Load(usize),
+    /// Flexion [deg].
+    Flexion,
+    /// Factor on every contact pressure, 1 as the model is [-].
+    ContactScale,
+}
+
+/// Derivatives of an answer, a column a parameter, per unit of the parameter.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sensitivities {
+    /// Of VV, IE [deg], ML, AP, SI [mm]: 5 rows.
+    pub pose: DMatrix<f64>,
+    /// Of the bundle forces [N]: a row a bundle.
+    pub forces_n: DMatrix<f64>,
+    /// Least eigenvalue of the tangent over the free coordinates, angles times 30 mm [N/mm]; not above 0 where the pose is not stable.
+    pub least_stiffness: f64,
+}
+
+/// Every parameter of a model: strains and stiffnesses of the bundles, attachments, loads, flexion, contact scale.
+pub fn all_parameters(model: &Model) -> Vec<Parameter> {
+    let mut out: Vec<Parameter> =
+        (0..model.bundles.len()).flat_map(|b| [Parameter::ReferenceStrain(b), Parameter::Stiffness(b)]).collect();
+    for fibre in 0..model.fibres.len() {
+        for end in [End::Femur, End::Tibia] {
+            out.extend((0..3).map(|axis| Parameter::Attachment(fibre, end, axis)));
+        }
+    }
+    out.extend((0..5).map(Parameter::Load));
+    out.extend([Parameter::Flexion, Parameter::ContactScale]);
+    out
+}
+
+/// Tangent stiffness of the free coordinates VV, IE [N mm/rad], ML, AP, SI [N/mm] at an answer, flexion prescribed.
+pub fn tangent(answer: &Answer) -> Matrix5<f64> {
+    let h = &answer.evaluation.hessian;
+    Matrix5::from_fn(|i, j| 0.5 * (h[(FREE[i], FREE[j])] + h[(FREE[j], FREE[i])]))
+}
+
+/// Derivatives of pose and bundle forces by `parameters`.
+///
+/// Errors: a singular tangent (a pose that no load or ligament holds), a parameter the model does not have.
+pub fn sensitivities(model: &Model, answer: &Answer, parameters: &[Parameter]) -> Result<Sensitivities, SimError> {
+    let stiffness = tangent(answer);
+    let arm = |i: usize| if i < 2 { 1.0 / 30.0 } else { 1.0 };
+    let scaled = Matrix5::from_fn(|i, j| stiffness[(i, j)] * arm(i) * arm(j));
+    let eigen = SymmetricEigen::new(scaled);
+    let least = eigen.eigenvalues.min();
+    if eigen.eigenvalues.iter().any(|e| !(e.abs() > 1e-6)) {
+        return Err(SimError::Solver("the tangent is singular: nothing holds the knee in one direction".into()));
+    }
+    let inverse = eigen.eigenvectors
+        * Matrix5::from_diagonal(&eigen.eigenvalues.map(|e| 1.0 / e))
+        * eigen.eigenvectors.transpose();
+    let by_gs = model.joint.grood_suntay_derivative(&answer.state.q);
+    let states = &answer.evaluation.fibres;
+    let mut pose = DMatrix::zeros(5, parameters.len());
+    let mut forces = DMatrix::zeros(model.bundles.len(), parameters.len());
+    for (column, parameter) in parameters.iter().enumerate() {
+        let direct = direct(model, answer, *parameter)?;
+        let residual = Vector5::from_fn(|i, _| direct.residual[FREE[i]] * arm(i));
+        let moved = inverse * -residual;
+        let mut dq = Six::zeros();
+        dq[FE] = direct.flexion;
+        (0..5).for_each(|i| dq[FREE[i]] = moved[i] * arm(i));
+        let gs = by_gs * dq;
+        for i in 0..5 {
+            pose[(i, column)] = if i < 2 { gs[FREE[i]].to_degrees() } else { gs[FREE[i]] };
+        }
+        for (fibre, state) in model.fibres.iter().zip(states) {
+            forces[(fibre.bundle, column)] += state.response.stiffness * state.line.gradient.dot(&dq);
+        }
+        if let Some((bundle, force)) = direct.force {
+            forces[(bundle, column)] += force;
+        }
+    }
+    Ok(Sensitivities { pose, forces_n: forces, least_stiffness: least })
+}
+
+/// What a parameter changes while the free coordinates stay.
+#[derive(Default)]
+struct Direct {
+    residual: Six,
+    /// Change of the prescribed flexion [rad].
+    flexion: f64,
+    /// Bundle and change of its force [N].
+    force: Option<(usize, f64)>,
+}
+
+fn direct(model: &Model, answer: &Answer, parameter: Parameter) -> Result<Direct, SimError> {
+    let unknown = || SimError::Input(format!("the model has no parameter {parameter:?}"));
+    match parameter {
+        Parameter::ReferenceStrain(b) if b < model.bundles.len() => Ok(law(model, answer, b, 0)),
+        Parameter::Stiffness(b) if b < model.bundles.len() => Ok(law(model, answer, b, 1)),
+        Parameter::Attachment(fibre, end, axis) if fibre < model.fibres.len() && axis < 3 => {
+            Ok(attachment(model, answer, fibre, end, axis))
+        }
+        Parameter::Load(c) if c < 5 => {
+            let mut residual = Six::zeros();
+            residual[FREE[c]] = if c < 2 { -1e3 } else { -1.0 };
+            Ok(Direct { residual, ..Direct::default() })
+        }
+        Parameter::Flexion => {
+            let flexion = 1f64.to_radians();
+            let residual: Six = answer.evaluation.hessian.column(FE) * flexion;
+            Ok(Direct { residual, flexion, force: None })
+        }
+        Parameter::ContactScale => Ok(Direct { residual: answer.evaluation.contact.gradient, ..Direct::default() }),
+        _ => Err(unknown()),
+    }
+}
+
+/// A bundle's reference strain (0) or stiffness (1).
+fn law(model: &Model, answer: &Answer, bundle: usize, which: usize) -> Direct {
+    let (mut residual, mut force) = (Six::zeros(), 0.0);
+    if !model.is_removed(bundle) {
+        let fibres = model.fibres.iter().zip(&answer.evaluation.fibres).filter(|(f, _)| f.bundle == bundle);
+        for (fibre, state) in fibres {
+            let longer = state.line.length - fibre.initial_length;
+            let change = model.bundles[bundle].parameter_derivatives(longer)[which];
+            residual += state.line.gradient * change;
+            force += change;
+        }
+    }
+    Direct { residual, flexion: 0.0, force: Some((bundle, force)) }
+}
+
+/// A coordinate of a fibre's end in the CT pose.
+fn attachment(model: &Model, answer: &Answer, fibre: usize, end: End, axis: usize) -> Direct {
+    let (f, state) = (&model.fibres[fibre], &answer.evaluation.fibres[fibre]);
+    let (line, response) = (&state.line, &state.response);
+    let pose = &answer.evaluation.pose;
+    let unit = Vector3::ith(axis, 1.0);
+    let initial = (f.femur - f.tibia) / f.initial_length;
+    // displacement of the end, and change of the length in the CT pose
+    let (moved, side) = match end {
+        End::Femur => (pose.femur.rotation * unit, 1.0),
+        End::Tibia => (unit, -1.0),
+    };
+    let stretch = side * (line.direction.dot(&moved) - initial.dot(&unit));
+    let across = (Matrix3::identity() - line.direction * line.direction.transpose()) * moved * (side / line.length);
+    let mut residual = line.gradient * (response.stiffness * stretch);
+    for j in 0..6 {
+        let screw = &pose.screws[j];
+        let mut turned = across.dot(&screw.at(&line.femur));
+        if end == End::Femur {
+            turned += line.direction.dot(&screw.angular.cross(&moved));
+        }
+        residual[j] += response.force * turned;
+    }
+    Direct { residual, flexion: 0.0, force: Some((f.bundle, response.stiffness * stretch)) }
+}

@@ -1,0 +1,249 @@
+//! Laxity trials: what a model answers to the loads of a trial, along the path of loading.
+//!
+//! The path is the paper's [andreassen2025, section 2.4.5]: settle in the CT pose under the trial's compression with heavy damping, then flex
+//! and load, then hold. Loads begin to change a third into the flexing, as in the published decks. Signs are clinical, whatever the side.
+
+use crate::error::SimError;
+use crate::joint::{AP, FE, IE, ML, SI, Six, VV};
+use crate::laxity::{LaxityTrial, TrialResult};
+use crate::model::{Evaluation, Model};
+use crate::quasistatic::{Dashpots, Goal, Phase, Solved, SolverOptions, State, follow, increment};
+use crate::spec::PoseSpec;
+use serde::{Deserialize, Serialize};
+
+/// Flag of an answer whose femur has left the plateau.
+pub const DISLOCATED: &str = "dislocated";
+
+/// The path of a trial and how it is solved.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct TrialOptions {
+    /// Settling under compression [s]; [andreassen2025]'s test deck.
+    pub settle_s: f64,
+    /// Dashpots on each translation [N s/mm] and rotation [N mm s/rad] while settling; [andreassen2025, section 2.4.5].
+    pub settle_damping: f64,
+    /// Flexing and loading [s]; the published decks'.
+    pub load_s: f64,
+    /// Loads begin to change at this fraction of the flexing [-]; the published decks'.
+    pub load_from: f64,
+    /// Holding [s]; the published decks'.
+    pub hold_s: f64,
+    /// Dashpots on each translation [N s/mm] and rotation [N mm s/rad] after settling; the published decks'.
+    pub damping: f64,
+    /// Increments of settling, loading, holding [-]; figures: docs/theory/solver.md.
+    pub increments: [usize; 3],
+    /// Flexion a model is asked for at most [deg]; ours, beyond any knee.
+    pub flexion_deg: [f64; 2],
+    /// ML, AP or SI further than this from the CT pose is a dislocation [mm]; ours.
+    pub dislocation_mm: [f64; 3],
+    /// The solver's.
+    pub solver: SolverOptions,
+}
+
+impl Default for TrialOptions {
+    fn default() -> Self {
+        TrialOptions {
+            settle_s: 3.0,
+            settle_damping: 100.0,
+            load_s: 0.9,
+            load_from: 1.0 / 3.0,
+            hold_s: 0.6,
+            damping: 0.01,
+            increments: [3, 18, 4],
+            flexion_deg: [-30.0, 160.0],
+            dislocation_mm: [20.0, 30.0, 20.0],
+            solver: SolverOptions::default(),
+        }
+    }
+}
+
+impl TrialOptions {
+    /// Refuses options that mean nothing.
+    pub fn check(&self) -> Result<(), SimError> {
+        let fault =
+            |key: &str, x: f64, what: &str| Err(SimError::Input(format!("trials.{key} is {x}, expected {what}")));
+        let times = [("settle_s", self.settle_s), ("load_s", self.load_s), ("hold_s", self.hold_s)];
+        if let Some((key, x)) = times.into_iter().find(|(_, x)| !(1e-3..1e6).contains(x)) {
+            return fault(key, x, "0.001 to 1e6");
+        }
+        if let Some(x) = [self.settle_damping, self.damping].into_iter().find(|x| !(0.0..1e9).contains(x)) {
+            return fault("damping", x, "0 to 1e9");
+        }
+        if !(0.0..1.0).contains(&self.load_from) {
+            return fault("load_from", self.load_from, "0 to below 1");
+        }
+        if let Some(n) = self.increments.iter().find(|n| !(1..=100_000).contains(*n)) {
+            return fault("increments", *n as f64, "1 to 100000");
+        }
+        self.solver.check()
+    }
+
+    /// Dashpots after settling: the fibres' and the joint's small one.
+    pub(crate) fn flowing(&self) -> Dashpots {
+        Dashpots { fibres: true, translation: self.damping, rotation: self.damping }
+    }
+}
+
+/// An answer: the state at the end of a path and what follows from it.
+#[derive(Clone, Debug)]
+pub struct Answer {
+    /// Coordinates, friction held.
+    pub state: State,
+    /// Energy, gradient and tangent of ligaments and contact there; fibres and contact.
+    pub evaluation: Evaluation,
+    /// Grood-Suntay pose, clinical signs.
+    pub pose: PoseSpec,
+    /// Force of each bundle [N], in the order of the model's bundles.
+    pub forces_n: Vec<f64>,
+    /// What is odd ("dislocated"); empty when nothing is.
+    pub flags: Vec<String>,
+    /// Evaluations of the model it took.
+    pub evaluations: usize,
+}
+
+impl Answer {
+    /// The answer as a row of results.
+    pub fn result(&self, trial: &LaxityTrial) -> TrialResult {
+        TrialResult {
+            trial: trial.clone(),
+            pose: self.pose,
+            forces_n: self.forces_n.clone(),
+            flags: self.flags.clone(),
+        }
+    }
+
+    /// Predicted VV, IE [deg], ML, AP, SI [mm].
+    pub fn predicted(&self) -> [f64; 5] {
+        let p = &self.pose;
+        [p.vv_deg, p.ie_deg, p.ml_mm, p.ap_mm, p.si_mm]
+    }
+}
+
+/// Loads of a trial [VV, IE N m; ML, AP, SI N] as generalised forces [N mm, N].
+pub fn generalised(load: &[f64; 5]) -> Six {
+    let [vv, ie, ml, ap, si] = *load;
+    Six::new(0.0, vv * 1e3, ie * 1e3, ml, ap, si)
+}
+
+/// Grood-Suntay coordinates [rad, mm] as a pose in degrees.
+pub fn pose_spec(gs: &Six) -> PoseSpec {
+    PoseSpec {
+        fe_deg: gs[FE].to_degrees(),
+        vv_deg: gs[VV].to_degrees(),
+        ie_deg: gs[IE].to_degrees(),
+        ml_mm: gs[ML],
+        ap_mm: gs[AP],
+        si_mm: gs[SI],
+    }
+}
+
+/// The chain's flexion for a Grood-Suntay flexion [deg].
+///
+/// Errors: a flexion that is not finite or beyond [`TrialOptions::flexion_deg`].
+pub fn chain_flexion(model: &Model, fe_deg: f64, options: &TrialOptions) -> Result<f64, SimError> {
+    let [least, most] = options.flexion_deg;
+    if !(fe_deg >= least && fe_deg <= most) {
+        return Err(SimError::Input(format!("flexion {fe_deg} deg is impossible; expected {least} to {most}")));
+    }
+    Ok(fe_deg.to_radians() - model.joint.ct_pose()[FE])
+}
+
+/// Solves a trial: settle, flex and load, hold, and the equilibrium at the end.
+///
+/// Errors: loads or flexion out of range, a solver that finds no equilibrium; each names the trial.
+pub fn solve_trial(model: &Model, trial: &LaxityTrial, options: &TrialOptions) -> Result<Answer, SimError> {
+    let named = |e: SimError| match e {
+        SimError::Input(m) => SimError::Input(format!("trial {}: {m}", trial.trial)),
+        SimError::Solver(m) => SimError::Solver(format!("trial {}: {m}", trial.trial)),
+        other => other,
+    };
+    solve(model, trial.fe_deg, &trial.load, options).map_err(named)
+}
+
+/// [`solve_trial`] without a trial's name: flexion [deg], loads [N m, N].
+pub fn solve(model: &Model, fe_deg: f64, load: &[f64; 5], options: &TrialOptions) -> Result<Answer, SimError> {
+    options.check()?;
+    let flexion = chain_flexion(model, fe_deg, options)?;
+    let mut path = Path::settled(model, load[4], options)?;
+    path.load(flexion, &generalised(load))?;
+    path.rest()
+}
+
+/// A path under way.
+pub(crate) struct Path<'a> {
+    model: &'a Model,
+    options: &'a TrialOptions,
+    state: State,
+    load: Six,
+    evaluations: usize,
+}
+
+impl<'a> Path<'a> {
+    /// The CT pose settled under a compression [N].
+    pub(crate) fn settled(model: &'a Model, compression: f64, options: &'a TrialOptions) -> Result<Path<'a>, SimError> {
+        let mut path = Path { model, options, state: State::default(), load: Six::zeros(), evaluations: 0 };
+        let damping = options.settle_damping;
+        let heavy = Dashpots { fibres: true, translation: damping, rotation: damping };
+        let load = generalised(&[0.0, 0.0, 0.0, 0.0, compression]);
+        path.follow(&Phase {
+            flexion: 0.0,
+            load,
+            load_from: 0.0,
+            flow: Some((options.settle_s, heavy)),
+            steps: options.increments[0],
+        })?;
+        Ok(path)
+    }
+
+    /// Flexes and loads, then holds.
+    pub(crate) fn load(&mut self, flexion: f64, load: &Six) -> Result<(), SimError> {
+        let o = self.options;
+        let phase = Phase {
+            flexion,
+            load: *load,
+            load_from: o.load_from,
+            flow: Some((o.load_s, o.flowing())),
+            steps: o.increments[1],
+        };
+        self.follow(&phase)?;
+        self.follow(&Phase { load_from: 0.0, flow: Some((o.hold_s, o.flowing())), steps: o.increments[2], ..phase })
+    }
+
+    /// Follows a phase.
+    pub(crate) fn follow(&mut self, phase: &Phase) -> Result<(), SimError> {
+        let mut count = 0;
+        let mut observe = |_: f64, s: &Solved| count += s.evaluations;
+        self.state = follow(self.model, &self.state, &self.load, phase, &self.options.solver, &mut observe)?;
+        self.load = phase.load;
+        self.evaluations += count;
+        Ok(())
+    }
+
+    /// The equilibrium where the path stands; the path goes on from there.
+    pub(crate) fn rest(&mut self) -> Result<Answer, SimError> {
+        let goal = Goal { flexion: self.state.q[FE], load: self.load, flow: None };
+        let solved = increment(self.model, &self.state, &goal, &self.options.solver, true)?;
+        self.evaluations += solved.evaluations;
+        self.state = solved.state.clone();
+        let gs = self.model.joint.grood_suntay(&solved.state.q);
+        let forces_n = self.model.bundle_forces(&solved.evaluation.fibres);
+        let flags = flags(self.model, &gs, &solved.evaluation, self.options);
+        let evaluations = self.evaluations;
+        Ok(Answer {
+            state: solved.state,
+            evaluation: solved.evaluation,
+            pose: pose_spec(&gs),
+            forces_n,
+            flags,
+            evaluations,
+        })
+    }
+}
+
+/// What is odd about an answer: no cartilage bears load although the knee was pressed together or pulled tight, or it lies far off.
+fn flags(model: &Model, gs: &Six, evaluation: &Evaluation, options: &TrialOptions) -> Vec<String> {
+    let ct = model.joint.ct_pose();
+    let far = [ML, AP, SI].into_iter().zip(options.dislocation_mm).any(|(c, most)| (gs[c] - ct[c]).abs() > most);
+    let apart = evaluation.contact.area.iter().all(|a| *a == 0.0);
+    if far || apart { vec![DISLOCATED.to_owned()] } else { Vec::new() }
+}
