@@ -8,6 +8,7 @@ pub mod field;
 pub mod friction;
 pub mod law;
 mod nodes;
+pub mod press;
 
 use crate::error::SimError;
 use crate::joint::{Pose, Screw, Six, comes_first};

@@ -6,6 +6,7 @@
 //! along the floating axis; FE, ML about and along the femoral axis. Grood-Suntay angles are the chain's angles plus the CT pose's;
 //! Grood-Suntay translations are projections on the axes, the chain's are components along them.
 
+use crate::deck::ChainCoordinate;
 use crate::error::SimError;
 use crate::spec::{AxisSpec, ChainSpec, FramesSpec};
 use meshes::frame::{AnatomicalFrame, Side};
@@ -112,6 +113,25 @@ impl Joint {
     /// Tibial, floating and femoral axis in the CT pose, turned superior, posterior, lateral.
     pub fn axes(&self) -> &[AxisSpec; 3] {
         &self.axes
+    }
+
+    /// Origin of the femoral frame in the CT pose [mm].
+    pub fn femur_origin(&self) -> Point {
+        self.femur.origin
+    }
+
+    /// The coordinate a deck's chain coordinate is, and its sign; `chain` holds the axes as the deck turns them.
+    pub fn from_chain(&self, coordinate: ChainCoordinate, chain: Option<&ChainSpec>) -> (usize, f64) {
+        let (index, axis, given) = match coordinate {
+            ChainCoordinate::Ie => (IE, 0, chain.map(|c| c.si)),
+            ChainCoordinate::Si => (SI, 0, chain.map(|c| c.si)),
+            ChainCoordinate::Vv => (VV, 1, chain.map(|c| c.ap)),
+            ChainCoordinate::Ap => (AP, 1, chain.map(|c| c.ap)),
+            ChainCoordinate::Fe => (FE, 2, chain.map(|c| c.ml)),
+            ChainCoordinate::Ml => (ML, 2, chain.map(|c| c.ml)),
+        };
+        let turned = given.is_some_and(|g| g.direction.dot(&self.axes[axis].direction) < 0.0);
+        (index, if turned { -self.sign[index] } else { self.sign[index] })
     }
 
     /// Position of the femur and its velocity fields at `q`.

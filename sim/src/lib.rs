@@ -6,6 +6,7 @@ pub mod abaqus;
 pub mod contact;
 pub mod deck;
 pub mod error;
+pub mod explicit;
 pub mod joint;
 pub mod laxity;
 pub mod ligament;

@@ -2,23 +2,32 @@
 //! over a small slip and slides at the Coulomb limit. Over an increment it derives from a convex potential of the increment (the limit
 //! and the patch are those at its start), so an equilibrium with friction is a minimum as well.
 
-use super::{Contact, field::Field, nodes::Nodes};
+use super::Contact;
+use super::press::{Key, Spot};
 use crate::joint::{Pose, Screw, Six};
-use meshes::{Isometry, Vector};
+use meshes::Vector;
 use nalgebra::{Matrix3, Matrix6};
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// Edge of a patch on the tibia [mm].
-const PATCH: f64 = 4.0;
-
 /// Tangential force held by each patch, by pair and cell of the tibial frame.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(from = "Vec<(Key, Vector)>", into = "Vec<(Key, Vector)>")]
 pub struct FrictionState {
     held: BTreeMap<Key, Vector>,
 }
 
-/// Pair and cell of a patch.
-type Key = (usize, i64, i64);
+impl From<Vec<(Key, Vector)>> for FrictionState {
+    fn from(held: Vec<(Key, Vector)>) -> Self {
+        FrictionState { held: held.into_iter().collect() }
+    }
+}
+
+impl From<FrictionState> for Vec<(Key, Vector)> {
+    fn from(state: FrictionState) -> Self {
+        state.held.into_iter().collect()
+    }
+}
 
 /// The patches in contact at the start of an increment.
 #[derive(Clone, Debug, Default)]
@@ -40,70 +49,28 @@ struct Patch {
 impl Contact {
     /// Patches at a pose, with the tangential forces `state` holds; stick stiffness reaches the limit within `slip` [mm].
     pub fn patches(&self, pose: &Pose, state: &FrictionState, slip: f64) -> Patches {
-        let mut found: BTreeMap<Key, (f64, Vector, Vector)> = BTreeMap::new();
         if self.friction == 0.0 {
             return Patches::default();
         }
-        for (n, pair) in self.pairs.iter().enumerate() {
-            let tibia = &pair.tibia.field;
-            let to_tibia = |ct: Vector| tibia.local_from_ct * meshes::Point::from(ct);
-            for tibial in [true, false] {
-                let (nodes, field) =
-                    if tibial { (&pair.tibia.nodes, &pair.femur.field) } else { (&pair.femur.nodes, tibia) };
-                self.pressures(nodes, field, pose, tibial, |p, f| {
-                    let local = to_tibia(p);
-                    let cell = |x: f64| (x / PATCH).floor() as i64;
-                    let slot = found.entry((n, cell(local.x), cell(local.y))).or_default();
-                    slot.0 += f.norm();
-                    slot.1 += p * f.norm();
-                    slot.2 += f;
-                });
-            }
+        self.patches_of(&self.press(pose).spots, &pose.screws, state, slip)
+    }
+
+    /// [`Contact::patches`] where the contact's forces are known.
+    pub fn patches_of(&self, spots: &[Spot], screws: &[Screw; 6], state: &FrictionState, slip: f64) -> Patches {
+        if self.friction == 0.0 {
+            return Patches::default();
         }
-        let patches = found.into_iter().filter(|(_, v)| v.0 > 1e-6);
-        let patches = patches.map(|(key, (total, moment, force))| {
-            self.patch(key, state, &pose.screws, (total, moment / total, force), slip)
-        });
-        Patches { patches: patches.collect() }
+        Patches { patches: spots.iter().map(|spot| self.patch(spot, state, screws, slip)).collect() }
     }
 
-    fn patch(
-        &self,
-        key: Key,
-        state: &FrictionState,
-        screws: &[Screw; 6],
-        (total, centre, force): (f64, Vector, Vector),
-        slip: f64,
-    ) -> Patch {
-        let normal = force.try_normalize(0.0).unwrap_or_else(Vector::z);
+    fn patch(&self, spot: &Spot, state: &FrictionState, screws: &[Screw; 6], slip: f64) -> Patch {
+        let normal = spot.normal();
         let across = Matrix3::identity() - normal * normal.transpose();
-        let limit = self.friction * total;
-        let held = across * state.held.get(&key).copied().unwrap_or_default();
+        let limit = self.friction * spot.total;
+        let held = across * state.held.get(&spot.key).copied().unwrap_or_default();
         let held = if held.norm() > limit { held * (limit / held.norm()) } else { held };
-        Patch { key, normal, limit, stick: limit / slip, held, velocity: screws.map(|s| across * s.at(&centre)) }
-    }
-
-    /// Calls `visit` with the CT position of each node in contact and the force of its pass (halved) on the femur.
-    fn pressures(
-        &self,
-        nodes: &Nodes,
-        field: &Field,
-        pose: &Pose,
-        tibial: bool,
-        mut visit: impl FnMut(Vector, Vector),
-    ) {
-        let ct_from_field =
-            if tibial { pose.femur * field.local_from_ct.inverse() } else { field.local_from_ct.inverse() };
-        let to_field = ct_from_field.inverse() * if tibial { Isometry::identity() } else { pose.femur };
-        let start = self.law.start();
-        nodes.for_each_near(field, &to_field, start, |p, area| {
-            if let Some(s) = field.sample(p, -start) {
-                let (_, pressure, _) = self.law.at(-s.distance);
-                let side = if tibial { -0.5 } else { 0.5 };
-                let f = ct_from_field.rotation * Vector::from(s.gradient) * (side * pressure * area * self.scale);
-                visit((ct_from_field * meshes::Point::from(*p)).coords, f);
-            }
-        });
+        let velocity = screws.map(|s| across * s.at(&spot.centre));
+        Patch { key: spot.key, normal, limit, stick: limit / slip, held, velocity }
     }
 }
 

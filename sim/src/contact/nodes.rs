@@ -82,7 +82,10 @@ impl Nodes {
                 continue;
             }
             for i in c.range.clone() {
-                visit(&map(&self.position[i]), self.area[i]);
+                let p = map(&self.position[i]);
+                if field.rough(&p) <= slack {
+                    visit(&p, self.area[i]);
+                }
             }
         }
     }

@@ -1,0 +1,142 @@
+//! The paper's steps of a trial [andreassen2025, sec. 2.4.5] and a deck's own, as programs.
+
+use super::program::{Course, Drive, Program, Step};
+use crate::deck::{Control, ControlKind, Curve, DeckProtocol};
+use crate::error::SimError;
+use crate::joint::{AP, FE, Joint, SI, Six};
+use crate::spec::ChainSpec;
+use serde::{Deserialize, Serialize};
+
+/// How a trial is laid out in time.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct TrialSteps {
+    /// Duration of the settling step, in which the compression is ramped up [s].
+    pub settle_s: f64,
+    /// Dashpots along the coordinates while settling [N s/mm, N mm s/rad]; the paper's 100.
+    pub settle_damping: f64,
+    /// Duration of the loading step [s].
+    pub load_s: f64,
+    /// Dashpots while loading and after [N s/mm, N mm s/rad]; the paper's 0.01.
+    pub load_damping: f64,
+    /// When flexion starts and is reached, in fractions of the loading step [-].
+    pub flex: [f64; 2],
+    /// When loads start and are reached, in fractions of the loading step [-]; the paper holds the last 0.3.
+    pub load: [f64; 2],
+    /// Whether ramps are fifth-order steps, as the decks' loads are, or straight.
+    pub smooth: bool,
+}
+
+impl Default for TrialSteps {
+    fn default() -> Self {
+        TrialSteps {
+            settle_s: 0.5,
+            settle_damping: 100.0,
+            load_s: 1.5,
+            load_damping: 0.01,
+            flex: [0.0, 0.6],
+            load: [0.2, 0.6],
+            smooth: true,
+        }
+    }
+}
+
+impl TrialSteps {
+    /// Settle, then load: flexion and loads (conjugate to the coordinates, N mm and N; that of flexion is not used) from the CT pose.
+    ///
+    /// Errors: loads that are not finite, a flexion no knee has, fractions out of order.
+    pub fn program(&self, joint: &Joint, flexion_deg: f64, load: &Six) -> Result<Program, SimError> {
+        if !load.iter().all(|x| x.abs() < 1e7) {
+            return Err(SimError::Input(format!("loads {:?} are not finite", load.as_slice())));
+        }
+        if !(-60.0..=180.0).contains(&flexion_deg) {
+            return Err(SimError::Input(format!("flexion of {flexion_deg} deg, expected -60 to 180")));
+        }
+        for (key, [from, to]) in [("flex", self.flex), ("load", self.load)] {
+            if !(0.0 <= from && from < to && to <= 1.0) {
+                return Err(SimError::Input(format!("steps.{key} is [{from}, {to}], expected 0 <= from < to <= 1")));
+            }
+        }
+        let turn = flexion_deg.to_radians() - joint.ct_pose()[FE];
+        let curve = self.curve();
+        let ramp = |values, part: [f64; 2], length: f64| Course::ramp(values, part.map(|x| x * length), curve);
+        let mut settle = self.step("settle", self.settle_s, self.settle_damping);
+        settle.drive[SI] = Drive::Load(ramp([0.0, load[SI]], [0.0, 0.6], self.settle_s));
+        let mut push = self.step("load", self.load_s, self.load_damping);
+        push.drive[FE] = Drive::Motion(ramp([0.0, turn], self.flex, self.load_s));
+        for c in crate::joint::FREE {
+            push.drive[c] = Drive::Load(ramp([0.0, load[c]], self.load, self.load_s));
+        }
+        push.drive[SI] = Drive::Load(Course::constant(load[SI]));
+        Ok(Program { steps: vec![settle, push] })
+    }
+
+    /// A further step that takes the AP load from `from` to `from - 2 amplitude` and back [N], `load` held in the other coordinates.
+    pub fn ap_cycle(&self, load: &Six, amplitude: f64) -> Step {
+        let mut step = self.step("ap-cycle", 2.0 * self.load_s, self.load_damping);
+        for c in crate::joint::FREE {
+            step.drive[c] = Drive::Load(Course::constant(load[c]));
+        }
+        let t = step.duration_s;
+        let points = vec![[0.0, 0.0], [0.4 * t, 1.0], [0.5 * t, 1.0], [0.9 * t, 0.0], [t, 0.0]];
+        let amplitude_course = crate::deck::Amplitude { name: String::new(), curve: self.curve(), points };
+        step.drive[AP] = Drive::Load(Course {
+            base: load[AP],
+            magnitude: -2.0 * amplitude,
+            amplitude: Some(amplitude_course),
+            lost: 0.0,
+        });
+        step
+    }
+
+    fn curve(&self) -> Curve {
+        if self.smooth { Curve::SmoothStep } else { Curve::Linear { smooth: 0.0 } }
+    }
+
+    /// A step with contact that holds flexion and leaves the rest free.
+    fn step(&self, name: &str, duration_s: f64, damping: f64) -> Step {
+        let mut drive = std::array::from_fn(|_| Drive::Load(Course::constant(0.0)));
+        drive[FE] = Drive::Motion(Course::constant(0.0));
+        let damping = Six::repeat(damping);
+        Step { name: name.into(), duration_s, increment_s: None, contact: true, drive, damping, fail: Vec::new() }
+    }
+}
+
+/// A deck's own steps, with its quirks: its signs, degree factor, flexion base, lost half increments. `chain` is the specification's.
+///
+/// Fixed increments become the longest ones: where the decks' are not stable in [`super::Control::Stable`], shorter ones are taken.
+pub fn deck_program(joint: &Joint, chain: Option<&ChainSpec>, protocol: &DeckProtocol) -> Program {
+    let steps = protocol.steps.iter().map(|deck| {
+        let mut drive: [Drive; 6] = std::array::from_fn(|_| Drive::Load(Course::constant(0.0)));
+        // a motion outdoes a load on the same coordinate
+        let ordered = [ControlKind::Load, ControlKind::Motion];
+        for control in ordered.iter().flat_map(|k| deck.controls.iter().filter(move |c| c.kind == *k)) {
+            let (coordinate, sign) = joint.from_chain(control.coordinate, chain);
+            let increment = deck.increment_s.filter(|_| protocol.lost_half_increment);
+            drive[coordinate] = imposed(control, sign, increment);
+        }
+        Step {
+            name: deck.name.clone(),
+            duration_s: deck.duration_s,
+            increment_s: deck.increment_s,
+            contact: deck.contact,
+            drive,
+            damping: Six::zeros(),
+            fail: Vec::new(),
+        }
+    });
+    Program { steps: steps.collect() }
+}
+
+/// A deck's control in clinical sign.
+fn imposed(control: &Control, sign: f64, increment: Option<f64>) -> Drive {
+    let amplitude = control.amplitude.clone();
+    let mut course = Course { base: 0.0, magnitude: sign * control.magnitude, amplitude, lost: 0.0 };
+    if control.kind == ControlKind::Load {
+        return Drive::Load(course);
+    }
+    if let (Some(increment), Some(amplitude)) = (increment, &course.amplitude) {
+        course.lost = amplitude.at(0.5 * increment) - amplitude.at(0.0);
+    }
+    Drive::Motion(course)
+}

@@ -1,0 +1,135 @@
+//! Test rigs: a left knee's frames with axes along the coordinates, and what a test hangs on them.
+
+use meshes::frame::{AnatomicalFrame, Side};
+use meshes::surface::TriMesh;
+use meshes::{Point, Vector};
+use sim::abaqus::MeshValue;
+use sim::explicit::{Course, Drive, Program, Step};
+use sim::joint::Six;
+use sim::spec::*;
+use sim::{Model, compile};
+use std::collections::BTreeMap;
+
+/// Mass [tonne] and inertia [tonne mm2] of the femur.
+pub(crate) const MASS: f64 = 2e-4;
+pub(crate) const INERTIA: f64 = 0.5;
+
+/// A model to be: fibres of the same kind, and contact surfaces.
+pub(crate) struct Rig {
+    pub(crate) spec: ModelSpec,
+    pub(crate) meshes: BTreeMap<String, MeshValue>,
+}
+
+impl Rig {
+    /// Femur and tibia without anything between them; all axes through the origin.
+    pub(crate) fn new() -> Rig {
+        let frame = AnatomicalFrame {
+            origin: Point::origin(),
+            medial: -Vector::x(),
+            anterior: -Vector::y(),
+            superior: Vector::z(),
+        };
+        let body = |name: &str| BodySpec {
+            name: name.into(),
+            bone: format!("{name}.ply"),
+            cartilage: Vec::new(),
+            mass_tonne: MASS,
+            inertia_tonne_mm2: INERTIA,
+        };
+        let spec = ModelSpec {
+            schema: "model/1".into(),
+            id: "rig".into(),
+            side: Side::Left,
+            units: Units { length: "mm".into(), force: "N".into(), pressure: "MPa".into(), angle: "deg".into() },
+            frames: FramesSpec { femur: frame, tibia: frame, gs_ct_pose: PoseSpec::default(), chain: None },
+            bodies: vec![body("femur"), body("tibia")],
+            contact: ContactSpec {
+                overclosure_mm: vec![0.0, 1.0],
+                pressure_mpa: vec![0.0, 5.0],
+                friction: 0.0,
+                damping: 0.0,
+                pairs: Vec::new(),
+            },
+            bundles: Vec::new(),
+            fibres: Vec::new(),
+            toe_end_multiple: BTreeMap::new(),
+            protocols: Vec::new(),
+            components: Vec::new(),
+            warnings: Vec::new(),
+        };
+        Rig { spec, meshes: BTreeMap::new() }
+    }
+
+    /// A fibre of its own bundle: a spring of `stiffness` with a toe so small that it is linear, stretched by `stretch` in the CT pose.
+    pub(crate) fn spring(mut self, ends: [Point; 2], stiffness: f64, stretch: f64) -> Rig {
+        let [femur, tibia] = ends;
+        let length = (femur - tibia).norm();
+        let name = format!("spring{}", self.spec.bundles.len());
+        self.spec.bundles.push(BundleSpec {
+            name: name.clone(),
+            reference_strain: length / (length - stretch),
+            stiffness_n_per_mm: stiffness,
+            reference_length_mm: length,
+            toe_strain: 1e-6,
+            law: Law::Smooth,
+            damping_n_s_per_mm: 0.0,
+        });
+        self.spec.fibres.push(FibreSpec { bundle: name, femur, tibia });
+        self
+    }
+
+    /// A contact pair.
+    pub(crate) fn pair(mut self, femur: TriMesh, tibia: TriMesh) -> Rig {
+        let n = self.spec.contact.pairs.len();
+        let names = [format!("femur{n}"), format!("tibia{n}")];
+        self.meshes.insert(names[0].clone(), MeshValue::Surface(femur));
+        self.meshes.insert(names[1].clone(), MeshValue::Surface(tibia));
+        self.spec.contact.pairs.push(PairSpec { femur: names[0].clone(), tibia: names[1].clone() });
+        self
+    }
+
+    pub(crate) fn compiled(&self) -> Model {
+        compile(&self.spec, &self.meshes).unwrap()
+    }
+}
+
+/// A step in which the coordinates of `held` stay where they are and the rest are under constant loads.
+pub(crate) fn step(duration_s: f64, held: &[usize], load: Six) -> Step {
+    let drive = std::array::from_fn(|c| {
+        if held.contains(&c) { Drive::Motion(Course::constant(0.0)) } else { Drive::Load(Course::constant(load[c])) }
+    });
+    Step {
+        name: "step".into(),
+        duration_s,
+        increment_s: None,
+        contact: true,
+        drive,
+        damping: Six::zeros(),
+        fail: Vec::new(),
+    }
+}
+
+pub(crate) fn program(steps: impl IntoIterator<Item = Step>) -> Program {
+    Program { steps: steps.into_iter().collect() }
+}
+
+/// A flat square patch, `cells` wide, facing up or down.
+pub(crate) fn plate(half: f64, cells: usize, up: bool) -> TriMesh {
+    let mut mesh = TriMesh::default();
+    let n = cells + 1;
+    for j in 0..n {
+        for i in 0..n {
+            let at = |k: usize| (2.0 * k as f64 / cells as f64 - 1.0) * half;
+            mesh.vertices.push(Point::new(at(i), at(j), 0.0));
+        }
+    }
+    for j in 0..cells {
+        for i in 0..cells {
+            let a = (j * n + i) as u32;
+            let m = n as u32;
+            mesh.triangles.push([a, a + 1, a + m + 1]);
+            mesh.triangles.push([a, a + m + 1, a + m]);
+        }
+    }
+    if up { mesh } else { mesh.flipped() }
+}
