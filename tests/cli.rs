@@ -1,4 +1,5 @@
 //! The command line: verbs, exit statuses, words.
+#![allow(clippy::unwrap_used, reason = "tests")]
 
 mod common;
 

@@ -1,4 +1,5 @@
 //! Bad input: one clear sentence on standard error, exit status 1, nothing left that a later run trusts.
+#![allow(clippy::unwrap_used, reason = "tests")]
 #![expect(clippy::disallowed_methods, reason = "tests prepare broken files")]
 
 mod common;

@@ -1,4 +1,5 @@
 //! The same bytes on any number of threads, after any interruption; only what changed runs again.
+#![allow(clippy::unwrap_used, reason = "tests")]
 #![expect(clippy::disallowed_methods, reason = "tests look at what a build left")]
 
 mod common;

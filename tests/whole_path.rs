@@ -1,4 +1,5 @@
 //! The main job on every specimen there is: each figure against the truth, at the limits of the main job.
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests")]
 #![expect(clippy::disallowed_methods, reason = "tests look at what a build left")]
 
 mod common;

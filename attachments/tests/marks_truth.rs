@@ -1,4 +1,5 @@
 //! Outlines on the shared specimens' scans against their truth.
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests")]
 
 use attachments::marks::{MarkOptions, find_outlines, project::project};
 use meshes::format::{ply, stl};

@@ -29,7 +29,7 @@ const CORNERS: [[usize; 4]; 8] =
 pub const FACES: [[usize; 4]; 6] = [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]];
 
 impl HexMesh {
-    /// Smallest corner scaled Jacobian of element `e` [-]: 1 for a cube, <= 0 inverted [knupp2006].
+    /// Smallest corner scaled Jacobian of element `e` [-]: 1 for a cube, <= 0 inverted [stimpson2007].
     pub fn scaled_jacobian(&self, e: usize) -> f64 {
         let p = self.elements[e].map(|n| self.nodes[n as usize]);
         CORNERS

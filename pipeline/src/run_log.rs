@@ -120,10 +120,10 @@ impl<'a> RunLog<'a> {
         }
         self.forced |= self.range.from.as_deref() == Some(stage);
         let key = key(stage, inputs, options)?;
-        if !self.forced {
-            if let Some(kept) = self.take_up::<T>(stage, &key)? {
-                return Ok(kept);
-            }
+        if !self.forced
+            && let Some(kept) = self.take_up::<T>(stage, &key)?
+        {
+            return Ok(kept);
         }
         self.progress.start(stage);
         store::reset_peak_memory();

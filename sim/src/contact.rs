@@ -163,6 +163,7 @@ impl Contact {
     }
 
     /// Sums over the nodes that overclose.
+    #[expect(clippy::needless_range_loop, reason = "indices of matrices")]
     fn sum(&self, nodes: &Nodes, field: &Field, to_field: &Isometry) -> Sums {
         let mut sums = Sums::default();
         let (highest, mut stiffness) = (-self.law.start(), [0.0; 21]);
@@ -254,6 +255,7 @@ fn local_screws(pose: &Pose, ct_from_local: &Isometry) -> [Screw; 6] {
 }
 
 /// Adds a pass to the response. The nodes' motion relative to the field is the femur's (femoral nodes) or its reverse (tibial nodes).
+#[expect(clippy::needless_range_loop, reason = "indices of matrices")]
 fn accumulate(out: &mut ContactResponse, sums: &Sums, screws: &[Screw; 6], tibial_nodes: bool) {
     let sign = if tibial_nodes { -1.0 } else { 1.0 };
     let (v, moment) = (&sums.virial, moment(&sums.virial));

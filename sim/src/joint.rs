@@ -90,7 +90,8 @@ impl Joint {
         let mut axes = [chain.si, chain.ap, chain.ml];
         for (axis, (way, name)) in axes.iter_mut().zip(towards.iter().zip(["si", "ap", "ml"])) {
             let d = axis.direction;
-            if !((d.norm() - 1.0).abs() < 1e-3) || !axis.point.coords.iter().all(|x| x.is_finite()) {
+            let unit = (d.norm() - 1.0).abs() < 1e-3;
+            if !unit || !axis.point.coords.iter().all(|x| x.is_finite()) {
                 return Err(SimError::Spec(format!(
                     "frames.chain.{name}: direction of length {}, expected 1",
                     d.norm()
@@ -240,7 +241,8 @@ fn cylinder(axis: &AxisSpec, angle: f64, shift: f64) -> Isometry {
 fn chain_of_frames(femur: &AnatomicalFrame, tibia: &AnatomicalFrame) -> Result<ChainSpec, SimError> {
     let (si, ml) = (tibia.superior, -femur.medial);
     let cross = ml.cross(&si);
-    if !(cross.norm() > 0.1) {
+    let apart = cross.norm() > 0.1;
+    if !apart {
         return Err(SimError::Spec(
             "frames: the femoral medial-lateral axis is nearly parallel to the tibial superior axis; check both frames"
                 .into(),
@@ -260,7 +262,8 @@ fn chain_of_frames(femur: &AnatomicalFrame, tibia: &AnatomicalFrame) -> Result<C
 fn check_frame(name: &str, frame: &AnatomicalFrame) -> Result<(), SimError> {
     let m = axes_matrix(frame);
     let off = (m.transpose() * m - Matrix3::identity()).amax();
-    if !(off < 1e-3) || !frame.origin.coords.iter().all(|x| x.is_finite()) {
+    let right_angled = off < 1e-3;
+    if !right_angled || !frame.origin.coords.iter().all(|x| x.is_finite()) {
         return Err(SimError::Spec(format!(
             "frames.{name}: axes are not orthonormal (off by {off:.3e}, at most 1e-3)"
         )));

@@ -1,4 +1,5 @@
 //! Stage 6 on the shared specimens, with their true registration and frames.
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests")]
 
 use attachments::site::{Bone, Source};
 use meshes::format::{ply, stl};

@@ -1,4 +1,5 @@
 //! Frames: laws on phantoms, then published axes and raters' epicondyles.
+#![allow(clippy::unwrap_used, reason = "tests")]
 #![expect(clippy::disallowed_methods, reason = "reads ../shared where it is there")]
 
 #[path = "common/specimen.rs"]

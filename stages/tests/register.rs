@@ -1,4 +1,5 @@
 //! Registration against specimens with truth.
+#![allow(clippy::unwrap_used, clippy::print_stderr, reason = "tests")]
 
 use meshes::surface::{ColouredMesh, TriMesh};
 use meshes::{Isometry, Point, Vector};

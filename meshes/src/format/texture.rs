@@ -92,8 +92,7 @@ fn without_options(rest: &str) -> String {
     let mut rest = rest.trim();
     while rest.starts_with('-') {
         let Some((_, mut tail)) = rest.split_once(char::is_whitespace) else { break };
-        loop {
-            let Some((word, after)) = tail.trim_start().split_once(char::is_whitespace) else { break };
+        while let Some((word, after)) = tail.trim_start().split_once(char::is_whitespace) {
             if word.parse::<f64>().is_err() && word != "on" && word != "off" {
                 break;
             }
