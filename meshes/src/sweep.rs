@@ -32,6 +32,8 @@ const GOOD: f64 = 0.6;
 const BAD_WEIGHT: f64 = 20.0;
 /// Weight of in-plane edges outside the wanted range.
 const LENGTH_WEIGHT: f64 = 4.0;
+/// Weight of in-plane edges outside the range that must not be left.
+const LIMIT_WEIGHT: f64 = 60.0;
 /// Weight of columns of the outline leaving it.
 const STAY_WEIGHT: f64 = 0.15;
 
@@ -58,15 +60,19 @@ impl Columns {
         mesh
     }
 
-    /// Evens out both faces: nodes off the outline towards the mean of their neighbours, back onto their face; `sweeps` times.
+    /// Evens out both faces: nodes off the outline towards the mean of their neighbours, far ones weighing more, back onto
+    /// their face; `sweeps` times.
     pub fn relax(&mut self, faces: &Faces, sweeps: usize) {
         let neighbours = neighbours(self.bony.len(), &self.quads);
         for _ in 0..sweeps {
             for (nodes, query) in [(&mut self.bony, faces.bony), (&mut self.articular, faces.articular)] {
                 let old = nodes.clone();
                 for (n, list) in neighbours.iter().enumerate().filter(|(n, _)| !self.on_outline[*n]) {
-                    let mean = list.iter().map(|&m| old[m as usize].coords).sum::<Vector>() / list.len() as f64;
-                    nodes[n] = query.nearest(&Point::from(0.5 * (old[n].coords + mean))).point;
+                    // Long edges pull more, so that lengths even out.
+                    let pull = |m: u32| (old[m as usize] - old[n]) * (old[m as usize] - old[n]).norm_squared();
+                    let weight: f64 = list.iter().map(|&m| (old[m as usize] - old[n]).norm_squared()).sum();
+                    let step = list.iter().map(|&m| pull(m)).sum::<Vector>() / weight.max(f64::MIN_POSITIVE);
+                    nodes[n] = query.nearest(&(old[n] + step * 0.5)).point;
                 }
             }
         }
@@ -75,7 +81,7 @@ impl Columns {
     /// Moves nodes along their faces wherever that lowers a cost of the shape of the elements around them.
     ///
     /// The cost is the sum over element corners of (1 - s)^2 with s the scaled Jacobian, with a steep part for bad corners, and a part
-    /// for in-plane edges outside 0.6 to 1.25 `edge` [mm]. Pattern search node by node in a fixed order: four directions,
+    /// for in-plane edges outside 0.6 to 1.25 `edge` [mm], steep outside 0.5 to 1.28. Pattern search node by node in a fixed order: four directions,
     /// the step halved where none helps. Columns of the outline are held near it. At most `sweeps` sweeps.
     pub fn optimise(&mut self, faces: &Faces, edge: f64, sweeps: usize) {
         let around = self.quads_around();
@@ -202,7 +208,8 @@ impl Search<'_> {
                 }
             }
             let length = (quad(4 * side, k + 1) - p[4 * side + k]).norm() / self.edge;
-            sum += LENGTH_WEIGHT * ((0.6 - length).max(0.0).powi(2) + (length - 1.25).max(0.0).powi(2));
+            let outside = |low: f64, high: f64| (low - length).max(0.0).powi(2) + (length - high).max(0.0).powi(2);
+            sum += LENGTH_WEIGHT * outside(0.6, 1.25) + LIMIT_WEIGHT * outside(0.5, 1.28);
         }
         sum
     }

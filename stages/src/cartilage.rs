@@ -46,6 +46,10 @@ pub struct CartilageOptions {
     pub least_thickness_mm: f64,
     /// The same as a multiple of the noise on bare bone, where that is more [-]; our own choice.
     pub least_thickness_sd: f64,
+    /// The same for the rim of what is cartilage without doubt [mm]; our own trials.
+    pub rim_thickness_mm: f64,
+    /// How many vertices wide such a rim is looked for, edges of about 0.7 mm [-]; our own trials.
+    pub rim_rings: usize,
     /// Thickness a patch must reach over a quarter of its area to be cartilage at all [mm]; our own choice.
     pub seed_thickness_mm: f64,
     /// Largest thickness looked for [mm]; patellar cartilage, the thickest, stays below.
@@ -67,6 +71,8 @@ impl Default for CartilageOptions {
         CartilageOptions {
             least_thickness_mm: 0.5,
             least_thickness_sd: 4.0,
+            rim_thickness_mm: 0.3,
+            rim_rings: 3,
             seed_thickness_mm: 1.0,
             reach_mm: 9.0,
             cleft_mm: 1.5,

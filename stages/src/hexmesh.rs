@@ -44,6 +44,10 @@ impl Default for HexmeshOptions {
 /// Heights may differ from their surroundings' median by this and two fifths of it [mm].
 const OUTLIER_MM: f64 = 0.4;
 
+/// Sweeps that even out edge lengths, and sweeps of the search for better shapes, at most.
+const RELAX_SWEEPS: usize = 12;
+const SHAPE_SWEEPS: usize = 40;
+
 /// The three hexahedral cartilages, CT frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct HexCartilage {
@@ -132,8 +136,8 @@ fn mesh_solid(solid: &CartilageSolid, options: &HexmeshOptions) -> Result<(HexMe
     let faces = Faces { bony: &bony, articular: &articular };
     let (flat, grid) = plan(&sheet, options, &mut notes)?;
     let mut columns = raise(&sheet.bony, &flat, &grid, &faces, options)?;
-    columns.relax(&faces, 3);
-    columns.optimise(&faces, options.edge_length_mm, 30);
+    columns.relax(&faces, RELAX_SWEEPS);
+    columns.optimise(&faces, options.edge_length_mm, SHAPE_SWEEPS);
     let raised = thicken(&mut columns, 0.5 * options.min_thickness_mm);
     if raised > 0 {
         notes.push(format!("{raised} columns were thinner than half the minimum thickness and were raised to it"));

@@ -26,6 +26,7 @@ pub(super) fn patches(domain: &Domain, least: f64, facing: Option<Vector>, optio
     let mut level: Vec<f64> = (0..count)
         .map(|v| if turned_away(v) { -least } else { (domain.thickness(v) - least).clamp(-least, least) })
         .collect();
+    grow(domain, &mut level, least, facing, options);
     for _ in 0..options.rim_smoothing_rounds {
         level = (0..count).map(|v| 0.5 * level[v] + 0.5 * mean(&level, &domain.neighbours[v], level[v])).collect();
     }
@@ -49,6 +50,21 @@ pub(super) fn patches(domain: &Domain, least: f64, facing: Option<Vector>, optio
         .collect();
     found.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
     found.into_iter().map(|(_, body)| cut(domain, &level, &body, least)).collect()
+}
+
+/// Lowers the threshold to that of the rim near what is cartilage without doubt: a rim thins out, a lone sheet of the same
+/// thickness may be an error of CT.
+fn grow(domain: &Domain, level: &mut [f64], least: f64, facing: Option<Vector>, options: &CartilageOptions) {
+    let rim = options.rim_thickness_mm.max(options.least_thickness_sd * domain.bare_sd).min(least);
+    let mut near: Vec<bool> = level.iter().map(|l| *l > 0.0).collect();
+    for _ in 0..options.rim_rings {
+        near = (0..near.len()).map(|v| near[v] || domain.neighbours[v].iter().any(|&w| near[w as usize])).collect();
+    }
+    for v in (0..level.len()).filter(|&v| near[v]) {
+        if !facing.is_some_and(|f| domain.normals[v].dot(&f) < 0.1) {
+            level[v] = (domain.thickness(v) - rim).clamp(-least, least);
+        }
+    }
 }
 
 /// Connected sets of vertices for which `belongs` holds, most vertices first.

@@ -80,7 +80,7 @@ pub(super) fn femur(p: &Point) -> f64 {
     );
     let epicondyles = join(
         join(
-            ellipsoid(p, [-35.5, 1.0, 2.0], [9.0, 12.0, 12.0]),
+            ellipsoid(p, [-35.5, 1.0, 2.0], [10.0, 12.0, 12.0]),
             ellipsoid(p, [-35.0, -8.0, 14.0], [6.5, 7.0, 8.0]),
             6.0,
         ),
@@ -102,11 +102,11 @@ pub(super) fn femur(p: &Point) -> f64 {
 const TIBIA_SHAFT: [[f64; 5]; 7] = [
     [-110.0, 14.5, 16.5, 0.0, 5.0],
     [-75.0, 15.5, 17.5, 0.0, 5.0],
-    [-50.0, 18.5, 19.0, -0.5, 4.0],
-    [-34.0, 24.0, 21.5, 0.0, 2.0],
-    [-20.0, 32.0, 24.0, 0.0, 0.0],
-    [-9.0, 37.0, 25.5, 0.0, -1.0],
-    [6.0, 38.5, 26.0, 0.0, -1.0],
+    [-50.0, 17.5, 19.0, 0.5, 4.0],
+    [-34.0, 22.0, 21.5, 1.5, 2.0],
+    [-20.0, 29.0, 24.0, 2.0, 0.0],
+    [-9.0, 34.5, 25.5, 1.5, -1.0],
+    [6.0, 37.0, 26.0, 0.5, -1.0],
 ];
 
 fn bump(p: &Point, centre: [f64; 2], width: [f64; 2]) -> f64 {
@@ -120,7 +120,7 @@ fn plateau(p: &Point) -> f64 {
         + 0.9 * bump(p, [21.0, -2.0], [14.0, 11.0])
         + 7.0 * bump(p, [-5.0, -1.0], [5.0, 9.0])
         + 6.2 * bump(p, [5.5, -4.0], [5.0, 8.0])
-        - 8.0 * bump(p, [0.0, -25.0], [8.0, 9.0])
+        - 10.0 * bump(p, [0.0, -26.0], [9.0, 10.0])
         - 1.5 * bump(p, [0.0, 17.0], [9.0, 7.0])
 }
 
@@ -164,7 +164,8 @@ pub(super) fn femur_cover(p: &Point, normal: &Vector) -> (f64, Cover) {
     let band = (12.0 - (p.x + 23.5).abs()).max(11.5 - (p.x - 23.0).abs());
     let condyles = band.min((angle - 50.0).to_radians() * r);
     let facing = 14.0 * (normal.dot(&radial) / r - 0.35);
-    (arc.min(trochlea.max(condyles)).min(facing), Cover::Femur)
+    // The trochlea widens into the condyles without a corner.
+    (arc.min(-join(-trochlea, -condyles, 9.0)).min(facing), Cover::Femur)
 }
 
 /// As [`femur_cover`], for the tibia.
