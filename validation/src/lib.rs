@@ -9,16 +9,21 @@ pub mod descent;
 pub mod design;
 pub mod error;
 pub mod experiment;
+pub mod figures;
 pub mod gradient;
 pub mod levenberg;
+pub mod ligaments;
 pub mod options;
 pub mod posterior;
 pub mod problem;
+pub mod published;
 pub mod recipe;
 pub mod simplex;
 pub mod swarm;
+pub mod tables;
 pub mod targets;
 #[cfg(test)]
 mod toy;
+pub mod validate;
 
 pub use error::ValidationError;

@@ -1,0 +1,199 @@
+//! The paper's Tables 4 to 7 for the specimen at hand, with the published values beside where it is one of the paper's, and compare.csv.
+
+use crate::design::Design;
+use crate::ligaments::GROUPS;
+use crate::published;
+use crate::validate::{Difference, Source};
+use sim::laxity::Test;
+use sim::spec::PoseSpec;
+
+/// A table as text.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Table {
+    /// The name of its files, without ending.
+    pub name: String,
+    /// What it shows.
+    pub title: String,
+    /// Column names.
+    pub header: Vec<String>,
+    /// Cells.
+    pub rows: Vec<Vec<String>>,
+}
+
+impl Table {
+    fn new(name: &str, title: &str, header: &[&str]) -> Table {
+        let header = header.iter().map(|h| (*h).to_owned()).collect();
+        Table { name: name.into(), title: title.into(), header, rows: vec![] }
+    }
+
+    /// As CSV.
+    pub fn csv(&self) -> String {
+        let line = |cells: &[String]| {
+            let quoted: Vec<String> = cells
+                .iter()
+                .map(|c| if c.contains([',', '"']) { format!("\"{}\"", c.replace('"', "\"\"")) } else { c.clone() })
+                .collect();
+            quoted.join(",") + "\n"
+        };
+        line(&self.header) + &self.rows.iter().map(|r| line(r)).collect::<String>()
+    }
+
+    /// As Markdown.
+    pub fn markdown(&self) -> String {
+        let line = |cells: &[String]| format!("| {} |\n", cells.join(" | "));
+        let rule = format!("|{}\n", "---|".repeat(self.header.len()));
+        format!(
+            "## {}\n\n{}{rule}{}",
+            self.title,
+            line(&self.header),
+            self.rows.iter().map(|r| line(r)).collect::<String>()
+        )
+    }
+}
+
+/// Tables 4 to 7.
+pub fn tables(specimen: &str, sources: &[Source]) -> Vec<Table> {
+    vec![table4(specimen, sources), table5(specimen, sources), table6(specimen, sources), table7(specimen, sources)]
+}
+
+/// All tables and the differences on one page.
+pub fn page(specimen: &str, tables: &[Table], differences: &Table) -> String {
+    let whose = published::title(specimen).map_or(String::new(), |t| {
+        format!(
+            "{specimen} is {t} of the paper [andreassen2025]; rows of origin \"published\" are its figures. They were most likely computed under 150 N of compression at 30.9, 60.8 and 90.7 deg.\n\n"
+        )
+    });
+    let all: Vec<String> = tables.iter().chain([differences]).map(Table::markdown).collect();
+    format!("# {specimen}: calibrated models compared\n\n{whose}{}", all.join("\n"))
+}
+
+/// compare.csv.
+pub fn differences(all: &[Difference]) -> Table {
+    let header = ["source_a", "source_b", "protocol", "quantity", "unit", "rmsd", "count", "published", "note"];
+    let mut out = Table::new("compare", "Differences between models (root mean square)", &header);
+    for d in all {
+        let published = d.published.map_or(String::new(), |p| format!("{p:.2}"));
+        let texts = [&d.a, &d.b, &d.protocol, &d.quantity, &d.unit];
+        let mut row: Vec<String> = texts.iter().map(|t| (*t).clone()).collect();
+        row.extend([format!("{:.4}", d.rmsd), d.count.to_string(), published, d.note.clone()]);
+        out.rows.push(row);
+    }
+    out
+}
+
+fn table4(specimen: &str, sources: &[Source]) -> Table {
+    let mut out = Table::new("table4", "Table 4: ligament parameters", &["design_variable", "bundle", "kind"]);
+    for s in sources {
+        out.header.push(s.name.clone());
+        if published::parameters(specimen, &s.name).is_some() {
+            out.header.push(format!("{}_published", s.name));
+        }
+    }
+    for v in Design::table3().variables {
+        let mut row = vec![format!("X{}", v.number), v.bundle(), v.kind.name().to_owned()];
+        for s in sources {
+            let value = s.parameters.iter().find(|(n, _)| *n == v.number);
+            row.push(value.map_or(String::new(), |(n, x)| decimals(*n, *x)));
+            if let Some(p) = published::parameters(specimen, &s.name) {
+                row.push(decimals(v.number, p[v.number as usize - 1]));
+            }
+        }
+        out.rows.push(row);
+    }
+    out
+}
+
+/// Strains with three decimals, stiffnesses with two.
+fn decimals(number: u32, value: f64) -> String {
+    if number <= 14 { format!("{value:.3}") } else { format!("{value:.2}") }
+}
+
+/// A force; below 5 N a dash, as in the paper.
+fn force(f: f64) -> String {
+    if f < 5.0 { "-".into() } else { format!("{f:.1}") }
+}
+
+fn table5(specimen: &str, sources: &[Source]) -> Table {
+    let mut header = vec!["test", "flexion_deg", "source", "origin"];
+    header.extend(GROUPS.iter().map(|(g, _)| *g));
+    let title = "Table 5: ligament forces under the anterior and posterior load (N; below 5 N \"-\")";
+    let mut out = Table::new("table5", title, &header);
+    let mut flexions: Vec<f64> = sources.iter().flat_map(Source::ap_flexions).collect();
+    flexions.sort_by(f64::total_cmp);
+    flexions.dedup_by(|a, b| (*a - *b).abs() < 0.5);
+    for test in [Test::Anterior, Test::Posterior] {
+        for &fe in &flexions {
+            for s in sources {
+                let begin =
+                    |origin: &str| vec![test.name().to_owned(), format!("{fe:.0}"), s.name.clone(), origin.to_owned()];
+                if let Some(r) = s.ap_end(test, fe) {
+                    let mut row = begin("computed");
+                    row.extend(s.groups(r).iter().map(|f| force(*f)));
+                    out.rows.push(row);
+                }
+                if let Some(p) = published::ap_forces(specimen, &s.name, test, fe) {
+                    let mut row = begin("published");
+                    row.extend(GROUPS.iter().map(|(g, _)| force(p.forces_n.get(*g).copied().unwrap_or(0.0))));
+                    out.rows.push(row);
+                }
+            }
+        }
+    }
+    out
+}
+
+/// A row of Tables 6 and 7 for each source and state of the ACL: computed, then published.
+fn pivot_rows(
+    specimen: &str,
+    sources: &[Source],
+    computed: &dyn Fn(&Source, &sim::laxity::TrialResult) -> Vec<String>,
+    known: &dyn Fn(&published::PivotShift) -> Vec<String>,
+) -> Vec<Vec<String>> {
+    let mut rows = Vec::new();
+    for acl in [true, false] {
+        for s in sources {
+            let begin = |origin: &str, dislocated: bool| {
+                let acl = if acl { "intact" } else { "none" };
+                vec![
+                    acl.to_owned(),
+                    s.name.clone(),
+                    origin.to_owned(),
+                    if dislocated { "yes".into() } else { String::new() },
+                ]
+            };
+            if let Some(r) = s.pivot_end(acl) {
+                let mut row = begin("computed", Source::is_dislocated(r));
+                row.extend(computed(s, r));
+                rows.push(row);
+            }
+            if let Some(p) = published::pivot_shift(specimen, &s.name, acl) {
+                let mut row = begin("published", p.dislocated);
+                row.extend(known(p));
+                rows.push(row);
+            }
+        }
+    }
+    rows
+}
+
+fn table6(specimen: &str, sources: &[Source]) -> Table {
+    let header = ["acl", "source", "origin", "dislocated", "fe_deg", "vv_deg", "ie_deg", "ml_mm", "ap_mm", "si_mm"];
+    let mut out = Table::new("table6", "Table 6: kinematics of the simulated pivot shift", &header);
+    let six =
+        |p: &PoseSpec| [p.fe_deg, p.vv_deg, p.ie_deg, p.ml_mm, p.ap_mm, p.si_mm].map(|x| format!("{x:.1}")).to_vec();
+    let known = |p: &published::PivotShift| p.pose.map(|x| format!("{x:.1}")).to_vec();
+    out.rows = pivot_rows(specimen, sources, &|_, r| six(&r.pose), &known);
+    out
+}
+
+fn table7(specimen: &str, sources: &[Source]) -> Table {
+    let mut header = vec!["acl", "source", "origin", "dislocated"];
+    header.extend(GROUPS.iter().map(|(g, _)| *g));
+    let mut out = Table::new("table7", "Table 7: ligament forces in the simulated pivot shift (N)", &header);
+    let known = |p: &published::PivotShift| {
+        GROUPS.iter().map(|(g, _)| format!("{:.1}", p.forces_n.get(*g).copied().unwrap_or(0.0))).collect()
+    };
+    let computed = |s: &Source, r: &sim::laxity::TrialResult| s.groups(r).map(|f| format!("{f:.1}")).to_vec();
+    out.rows = pivot_rows(specimen, sources, &computed, &known);
+    out
+}

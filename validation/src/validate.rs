@@ -1,0 +1,302 @@
+//! The comparison of models of one knee, calibrated from different sources: AP laxity, passive flexion, pivot shift with and without ACL
+//! [andreassen2025, section 2.6].
+
+use crate::design::{Design, Kind};
+use crate::ligaments::group_forces;
+use crate::published;
+use serde::{Deserialize, Serialize};
+use sim::laxity::{COORDINATES, Test, TrialResult, VALUE_UNITS};
+use sim::spec::{ModelSpec, PoseSpec};
+
+/// A calibrated model and what it answers to the protocols.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Source {
+    /// Its name: that of the data it was calibrated to.
+    pub name: String,
+    /// Bundle names, in the order of the forces.
+    pub bundles: Vec<String>,
+    /// Values of the design variables X1 to X26 that it has, by number.
+    pub parameters: Vec<(u32, f64)>,
+    /// AP laxity, all steps.
+    pub ap_laxity: Vec<TrialResult>,
+    /// Passive flexion, a step an angle.
+    pub passive_flexion: Vec<TrialResult>,
+    /// Pivot shift, all steps; the last is the end.
+    pub pivot_shift: Vec<TrialResult>,
+    /// The same without ACL.
+    pub pivot_shift_no_acl: Vec<TrialResult>,
+}
+
+impl Source {
+    /// A source without protocols yet.
+    pub fn new(name: &str, spec: &ModelSpec) -> Source {
+        let design = Design::of_model(spec).unwrap_or(Design { variables: vec![] });
+        let values = design.values(spec);
+        Source {
+            name: name.to_owned(),
+            bundles: spec.bundles.iter().map(|b| b.name.clone()).collect(),
+            parameters: design.variables.iter().map(|v| v.number).zip(values).collect(),
+            ap_laxity: vec![],
+            passive_flexion: vec![],
+            pivot_shift: vec![],
+            pivot_shift_no_acl: vec![],
+        }
+    }
+
+    /// The answer under the full anterior or posterior load at a flexion; of equals the first.
+    pub fn ap_end(&self, test: Test, flexion_deg: f64) -> Option<&TrialResult> {
+        let sign = if test == Test::Posterior { -1.0 } else { 1.0 };
+        let there = |r: &&TrialResult| (r.pose.fe_deg - flexion_deg).abs() < 1.5 && r.trial.load[3] * sign > 0.0;
+        let mut found: Option<&TrialResult> = None;
+        for r in self.ap_laxity.iter().filter(there) {
+            if found.is_none_or(|f| r.trial.load[3].abs() > f.trial.load[3].abs() + 1e-9) {
+                found = Some(r);
+            }
+        }
+        found
+    }
+
+    /// The flexions of its AP tests [deg], ascending.
+    pub fn ap_flexions(&self) -> Vec<f64> {
+        let mut all: Vec<f64> = self.ap_laxity.iter().map(|r| r.trial.nominal_flexion_deg).collect();
+        all.sort_by(f64::total_cmp);
+        all.dedup_by(|a, b| (*a - *b).abs() < 0.5);
+        all
+    }
+
+    /// Force of each of the paper's ligaments [N].
+    pub fn groups(&self, result: &TrialResult) -> [f64; 9] {
+        group_forces(&self.bundles, &result.forces_n)
+    }
+
+    /// The end of the pivot shift, with or without ACL.
+    pub fn pivot_end(&self, acl: bool) -> Option<&TrialResult> {
+        if acl { self.pivot_shift.last() } else { self.pivot_shift_no_acl.last() }
+    }
+
+    /// True where a result says that the femur left the plateau.
+    pub fn is_dislocated(result: &TrialResult) -> bool {
+        result.flags.iter().any(|f| f.contains("dislocat"))
+    }
+}
+
+/// How far two sources differ in a quantity.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Difference {
+    /// The one.
+    pub a: String,
+    /// The other: a source, or measured passive flexion.
+    pub b: String,
+    /// What was simulated.
+    pub protocol: String,
+    /// What is compared.
+    pub quantity: String,
+    /// Its unit.
+    pub unit: String,
+    /// Root mean square difference; of one number its size.
+    pub rmsd: f64,
+    /// Numbers compared.
+    pub count: usize,
+    /// The paper's figure for it.
+    pub published: Option<f64>,
+    /// Why not to rely on it; empty where nothing is known against it.
+    pub note: String,
+}
+
+/// Measured passive flexion of one origin.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Passive {
+    /// Its name in specimen.toml.
+    pub name: String,
+    /// Poses.
+    pub poses: Vec<PoseSpec>,
+}
+
+/// Every difference between every two sources, and of each source from measured passive flexion.
+pub fn compare(specimen: &str, sources: &[Source], measured: &[Passive]) -> Vec<Difference> {
+    let mut out = Vec::new();
+    for (i, a) in sources.iter().enumerate() {
+        for b in &sources[i + 1..] {
+            Pair { specimen, a, b }.all(&mut out);
+        }
+        for m in measured {
+            against_measured(a, m, &mut out);
+        }
+    }
+    out
+}
+
+/// Two sources of one specimen.
+struct Pair<'a> {
+    specimen: &'a str,
+    a: &'a Source,
+    b: &'a Source,
+}
+
+impl Pair<'_> {
+    /// The published figures, where these are the paper's two models.
+    fn published(&self) -> Option<&'static published::Rmsd> {
+        let names = [self.a.name.as_str(), self.b.name.as_str()];
+        (names.contains(&"kla") && names.contains(&"rks")).then(|| published::rmsd(self.specimen)).flatten()
+    }
+
+    fn push(
+        &self,
+        out: &mut Vec<Difference>,
+        what: (&str, &str, &str),
+        d: &[f64],
+        published: Option<f64>,
+    ) -> Option<usize> {
+        let d: Vec<f64> = d.iter().copied().filter(|x| x.is_finite()).collect();
+        if d.is_empty() {
+            return None;
+        }
+        let rmsd = (d.iter().map(|x| x * x).sum::<f64>() / d.len() as f64).sqrt();
+        let (protocol, quantity, unit) = (what.0.into(), what.1.into(), what.2.into());
+        let (a, b) = (self.a.name.clone(), self.b.name.clone());
+        out.push(Difference { a, b, protocol, quantity, unit, rmsd, count: d.len(), published, note: String::new() });
+        Some(out.len() - 1)
+    }
+
+    fn all(&self, out: &mut Vec<Difference>) {
+        self.ap_laxity(out);
+        self.passive(out);
+        self.pivot(out, true);
+        self.pivot(out, false);
+        self.parameters(out);
+    }
+
+    fn ap_laxity(&self, out: &mut Vec<Difference>) {
+        let known = self.published();
+        let mut forces = Vec::new();
+        for (test, figure) in
+            [(Test::Anterior, known.map(|k| k.anterior_ap_mm)), (Test::Posterior, known.map(|k| k.posterior_ap_mm))]
+        {
+            let mut d: [Vec<f64>; 5] = Default::default();
+            for fe in self.a.ap_flexions() {
+                let (Some(a), Some(b)) = (self.a.ap_end(test, fe), self.b.ap_end(test, fe)) else { continue };
+                let (x, y) = (a.predicted(), b.predicted());
+                (0..5).for_each(|c| d[c].push(x[c] - y[c]));
+                forces.extend(self.a.groups(a).iter().zip(self.b.groups(b)).map(|(f, g)| f - g));
+            }
+            for c in [3, 0, 1, 2, 4] {
+                let quantity = format!("{}_{}", test.name(), COORDINATES[c]);
+                self.push(out, ("ap_laxity", &quantity, VALUE_UNITS[c]), &d[c], figure.filter(|_| c == 3));
+            }
+        }
+        self.push(out, ("ap_laxity", "ligament_forces", "n"), &forces, known.map(|k| k.ap_forces_n));
+    }
+
+    fn passive(&self, out: &mut Vec<Difference>) {
+        let known = self.published();
+        let figures =
+            known.map(|k| [Some(k.passive_vv_deg), Some(k.passive_ie_deg), None, Some(k.passive_ap_mm), None]);
+        let curve: Vec<PoseSpec> = self.b.passive_flexion.iter().map(|r| r.pose).collect();
+        let d = along(&self.a.passive_flexion, &curve);
+        for c in 0..5 {
+            let figure = figures.and_then(|f| f[c]);
+            self.push(out, ("passive_flexion", COORDINATES[c], VALUE_UNITS[c]), &d[c], figure);
+        }
+    }
+
+    fn pivot(&self, out: &mut Vec<Difference>, acl: bool) {
+        let (Some(a), Some(b)) = (self.a.pivot_end(acl), self.b.pivot_end(acl)) else { return };
+        let protocol = if acl { "pivot_shift" } else { "pivot_shift_no_acl" };
+        let known = |s: &Source| published::pivot_shift(self.specimen, &s.name, acl);
+        let first = out.len();
+        let (x, y) = (a.predicted(), b.predicted());
+        for c in 0..5 {
+            let figure = known(self.a).zip(known(self.b)).map(|(p, q)| (p.pose[c + 1] - q.pose[c + 1]).abs());
+            self.push(out, (protocol, COORDINATES[c], VALUE_UNITS[c]), &[x[c] - y[c]], figure);
+        }
+        let d: Vec<f64> = self.a.groups(a).iter().zip(self.b.groups(b)).map(|(f, g)| f - g).collect();
+        let figure = known(self.a).zip(known(self.b)).map(|(p, q)| {
+            let of = |p: &published::PivotShift, g: &str| p.forces_n.get(g).copied().unwrap_or(0.0);
+            let d = crate::ligaments::GROUPS.map(|(g, _)| of(p, g) - of(q, g));
+            (d.iter().map(|x| x * x).sum::<f64>() / 9.0).sqrt()
+        });
+        self.push(out, (protocol, "ligament_forces", "n"), &d, figure);
+        if Source::is_dislocated(a) || Source::is_dislocated(b) {
+            out[first..].iter_mut().for_each(|d| d.note = "dislocated: unreliable".into());
+        }
+    }
+
+    /// Mean size of the difference in percent of the mean of both, as the paper compares parameters.
+    fn parameters(&self, out: &mut Vec<Difference>) {
+        let (p, q) =
+            (published::parameters(self.specimen, &self.a.name), published::parameters(self.specimen, &self.b.name));
+        let percent = |x: f64, y: f64| 200.0 * (x - y).abs() / (x + y).abs();
+        for (kind, name) in [(Kind::ReferenceStrain, "reference_strain"), (Kind::StiffnessNPerMm, "stiffness")] {
+            let of_kind = |n: u32| (n <= 14) == (kind == Kind::ReferenceStrain);
+            let mut d = Vec::new();
+            let mut known = Vec::new();
+            for &(n, x) in self.a.parameters.iter().filter(|(n, _)| of_kind(*n)) {
+                if let Some((_, y)) = self.b.parameters.iter().find(|(m, _)| *m == n) {
+                    d.push(percent(x, *y));
+                }
+                if let (Some(p), Some(q)) = (p, q) {
+                    known.push(percent(p[n as usize - 1], q[n as usize - 1]));
+                }
+            }
+            let mean = |v: &[f64]| (!v.is_empty()).then(|| v.iter().sum::<f64>() / v.len() as f64);
+            if let Some(value) = mean(&d) {
+                if let Some(k) = self.push(out, ("parameters", name, "percent"), &[value], mean(&known)) {
+                    out[k].count = d.len();
+                    out[k].note = "mean size".into();
+                }
+            }
+        }
+    }
+}
+
+/// Differences of a source's passive flexion from a measured one.
+fn against_measured(a: &Source, m: &Passive, out: &mut Vec<Difference>) {
+    let d = along(&a.passive_flexion, &m.poses);
+    for c in 0..5 {
+        let count = d[c].len();
+        if count > 0 {
+            out.push(Difference {
+                a: a.name.clone(),
+                b: format!("measured {}", m.name),
+                protocol: "passive_flexion".into(),
+                quantity: COORDINATES[c].into(),
+                unit: VALUE_UNITS[c].into(),
+                rmsd: (d[c].iter().map(|x| x * x).sum::<f64>() / count as f64).sqrt(),
+                count,
+                published: None,
+                note: String::new(),
+            });
+        }
+    }
+}
+
+/// Differences of results from a curve interpolated at their flexion, a coordinate each; flexions beyond the curve are left out.
+fn along(results: &[TrialResult], curve: &[PoseSpec]) -> [Vec<f64>; 5] {
+    let mut sorted: Vec<&PoseSpec> = curve.iter().filter(|p| p.fe_deg.is_finite()).collect();
+    sorted.sort_by(|a, b| a.fe_deg.total_cmp(&b.fe_deg));
+    let five = |p: &PoseSpec| [p.vv_deg, p.ie_deg, p.ml_mm, p.ap_mm, p.si_mm];
+    let mut out: [Vec<f64>; 5] = Default::default();
+    for r in results {
+        let fe = r.pose.fe_deg;
+        let k = sorted.partition_point(|p| p.fe_deg < fe);
+        let near = |k: usize| sorted.get(k).filter(|p| (p.fe_deg - fe).abs() < 0.5);
+        let there = match (k.checked_sub(1).and_then(|j| sorted.get(j)), sorted.get(k)) {
+            (Some(a), Some(b)) => {
+                let t = (fe - a.fe_deg) / (b.fe_deg - a.fe_deg).max(1e-9);
+                let (x, y) = (five(a), five(b));
+                Some(std::array::from_fn::<f64, 5, _>(|c| x[c] + t * (y[c] - x[c])))
+            }
+            (None, _) => near(0).map(|p| five(p)),
+            (_, None) => near(sorted.len().saturating_sub(1)).map(|p| five(p)),
+        };
+        if let Some(there) = there {
+            let here = r.predicted();
+            (0..5).for_each(|c| out[c].push(here[c] - there[c]));
+        }
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,104 @@
+use super::*;
+use crate::figures;
+use crate::tables;
+use crate::toy;
+use sim::laxity::LaxityTrial;
+
+fn result(test: Test, fe: f64, load: [f64; 5], pose: [f64; 5], acl: f64) -> TrialResult {
+    let trial = LaxityTrial { test, load, nominal_flexion_deg: fe, fe_deg: fe, ..toy::trials()[0].clone() };
+    let [vv_deg, ie_deg, ml_mm, ap_mm, si_mm] = pose;
+    let pose = PoseSpec { fe_deg: fe, vv_deg, ie_deg, ml_mm, ap_mm, si_mm };
+    TrialResult { trial, pose, forces_n: vec![0.6 * acl, 0.4 * acl, 3.0], flags: vec![] }
+}
+
+/// A source whose AP is `ap` further than another's.
+fn source(name: &str, ap: f64) -> Source {
+    let mut s = Source {
+        name: name.into(),
+        bundles: ["ACL_AM", "ACL_PL", "LCL"].map(String::from).to_vec(),
+        parameters: vec![(1, 1.1 + 0.01 * ap), (15, 80.0 + ap)],
+        ap_laxity: vec![],
+        passive_flexion: vec![],
+        pivot_shift: vec![],
+        pivot_shift_no_acl: vec![],
+    };
+    for fe in [30.0, 60.0, 90.0] {
+        for load in [66.0, 133.0, -133.0, 133.0] {
+            let test = if load > 0.0 { Test::Anterior } else { Test::Posterior };
+            let at = [0.0, 0.0, 0.0, load / 20.0 + ap, -20.0];
+            s.ap_laxity.push(result(test, fe, [0.0, 0.0, 0.0, load, 20.0], at, load.max(0.0) + 10.0 * ap));
+        }
+    }
+    for k in 0..=18 {
+        let fe = 5.0 * f64::from(k);
+        s.passive_flexion.push(result(Test::Neutral, fe, [0.0; 5], [0.1 * ap, 0.2 * fe, 0.0, ap, -20.0], 0.0));
+    }
+    s.pivot_shift.push(result(Test::Valgus, 30.0, [8.0, -4.0, 0.0, 0.0, 20.0], [ap; 5], 50.0));
+    s.pivot_shift_no_acl.push(result(Test::Valgus, 30.0, [8.0, -4.0, 0.0, 0.0, 20.0], [2.0 * ap; 5], 0.0));
+    s.pivot_shift_no_acl[0].flags.push("dislocated: medial femur off its plateau".into());
+    s
+}
+
+fn find<'a>(all: &'a [Difference], protocol: &str, quantity: &str) -> &'a Difference {
+    all.iter().find(|d| d.protocol == protocol && d.quantity == quantity).unwrap()
+}
+
+#[test]
+fn differences_of_known_sources() {
+    let all = compare("S192803", &[source("kla", 0.0), source("rks", 2.0)], &[]);
+    let ap = find(&all, "ap_laxity", "anterior_ap");
+    assert!((ap.rmsd - 2.0).abs() < 1e-12 && ap.count == 3 && ap.published == Some(2.38));
+    assert!((find(&all, "ap_laxity", "ligament_forces").rmsd - (20.0_f64.powi(2) / 9.0).sqrt()).abs() < 1e-12);
+    assert!((find(&all, "passive_flexion", "ap").rmsd - 2.0).abs() < 1e-12);
+    assert_eq!(find(&all, "passive_flexion", "ie").rmsd, 0.0);
+    assert_eq!(find(&all, "pivot_shift", "ie").published, Some(1.6999999999999993));
+    assert!(find(&all, "pivot_shift_no_acl", "ie").note.contains("dislocated"));
+    assert!((find(&all, "parameters", "stiffness").rmsd - 200.0 * 2.0 / 162.0).abs() < 1e-9);
+    assert!(compare("X", &[source("kla", 0.0), source("rks", 2.0)], &[]).iter().all(|d| d.published.is_none()));
+}
+
+#[test]
+fn measured_passive_flexion_is_compared_where_it_overlaps() {
+    let poses =
+        [10.0, 20.0].map(|fe_deg| PoseSpec { fe_deg, ie_deg: 0.2 * fe_deg + 1.0, ..PoseSpec::default() }).to_vec();
+    let measured = [Passive { name: "rks".into(), poses }];
+    let all = compare("X", &[source("kla", 0.0)], &measured);
+    let ie = all.iter().find(|d| d.quantity == "ie" && d.b == "measured rks").unwrap();
+    assert!((ie.rmsd - 1.0).abs() < 1e-12 && ie.count == 3, "{ie:?}");
+}
+
+#[test]
+fn tables_have_a_row_a_test_and_the_papers_values_beside() {
+    let sources = [source("kla", 0.0), source("rks", 2.0)];
+    let of = |id: &str| tables::tables(id, &sources);
+    let t = of("S193761");
+    assert_eq!(t.iter().map(|t| t.rows.len()).collect::<Vec<_>>(), [26, 24, 8, 8]);
+    assert_eq!(of("own").iter().map(|t| t.rows.len()).collect::<Vec<_>>(), [26, 12, 4, 4]);
+    assert!(t[0].csv().starts_with("design_variable,bundle,kind,kla,kla_published,rks,rks_published\nX1,ACL_AM,reference_strain,1.100,1.160,1.120,1.140\n"));
+    assert!(t[1].csv().contains("anterior,30,kla,computed,133.0,-,-"), "{}", t[1].csv());
+    assert!(t[1].csv().contains("anterior,30,rks,published,246.9,-,60.1"));
+    let page = tables::page("S193761", &t, &tables::differences(&compare("S193761", &sources, &[])));
+    assert!(page.contains("Specimen 2") && page.matches("\n## ").count() == 5);
+    assert!(page.lines().filter(|l| l.starts_with('|')).all(|l| l.ends_with('|')));
+}
+
+#[test]
+fn figures_are_drawn_with_every_source() {
+    let sources = [source("kla", 0.0), source("rks", 2.0)];
+    let measured = [Passive { name: "rks".into(), poses: vec![PoseSpec::default(); 3] }];
+    let trials = toy::trials();
+    let ct = PoseSpec { si_mm: -20.0, ..PoseSpec::default() };
+    let mut spread = trials.clone();
+    spread.iter_mut().enumerate().for_each(|(i, t)| t.measured = [Some(i as f64); 5]);
+    let cost = crate::cost::CostFunction::new(&spread, &ct, &crate::cost::CostOptions::default()).unwrap();
+    let predicted = vec![Some([1.0; 5]); trials.len()];
+    for (svg, words) in [
+        (figures::figure5(&[("kla".into(), trials)]), "AP load"),
+        (figures::figure6("kla", &cost, &predicted), "anterior 30 deg, 5 trials: AP (100)"),
+        (figures::figure7(&sources), "rks posterior"),
+        (figures::figure8(&sources, &measured), "rks experiment"),
+    ] {
+        assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>") && svg.contains(words), "{words}");
+    }
+    assert!(figures::figure8(&[], &[]).contains("</svg>"));
+}
