@@ -1,23 +1,33 @@
 //! The page that shows the order of the work. It calls; it never computes.
 
+use crate::calibrate::{self, calibrate_all};
 use crate::error::BuildError;
+use crate::model_file::LoadedModel;
 use crate::options::BuildOptions;
-use crate::run_log::{Kept, RunLog};
+use crate::run_log::{RunLog, hash};
 use crate::show;
+use crate::validate::{self, read_passive, validate_all};
+use sim::abaqus::MeshValue;
+use sim::laxity::LaxityTrial;
 use stages::StageError;
 use stages::anatomy::check_anatomy;
 use stages::assemble::{Assembled, assemble};
 use stages::attachments::attachments;
+use stages::bones::Bones;
 use stages::bones::bones;
 use stages::cartilage::cartilage;
 use stages::frames::frames;
 use stages::hexmesh::hexmesh;
+use stages::ingest::parse_specimen_file;
 use stages::ingest::{RawSpecimen, Specimen, ingest};
 use stages::overclosure::overclosure;
 use stages::register::register;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+use validation::validate::Passive;
 
 /// Builds the knee of one specimen.
-pub fn build_model(raw: &RawSpecimen, o: &BuildOptions, log: &mut RunLog) -> Result<Kept<Assembled>, BuildError> {
+pub fn build_model(raw: &RawSpecimen, o: &BuildOptions, log: &mut RunLog) -> Result<(), BuildError> {
     let raw_digest = digest(raw);
     let specimen =
         log.stage("ingest", &[&raw_digest], &o.ingest, || ingest(raw, &o.ingest).and_then(checked), show::specimen)?;
@@ -54,13 +64,74 @@ pub fn build_model(raw: &RawSpecimen, o: &BuildOptions, log: &mut RunLog) -> Res
     let h = hexes.digest.as_str();
     let separated =
         log.stage("overclosure", &[h], &o.overclosure, || overclosure(&hexes, &o.overclosure), show::overclosure)?;
-    log.stage(
+    let assembled = log.stage(
         "assemble",
         &[s, f, a, &separated.digest],
         &o.assemble,
         || assemble(&specimen, &frames, &attachments, &separated, &o.assemble),
         show::assembled,
-    )
+    )?;
+    let measured = measured(raw)?;
+    if measured.laxity.is_empty() {
+        return Ok(());
+    }
+    let m = assembled.digest.as_str();
+    let model = loaded(&assembled, &bones);
+    let folder = log.folder();
+    let calibration = log.stage(
+        "calibrate",
+        &[m, b, &measured.digest],
+        &o.calibrate,
+        || calibrate_all(&model, &measured.laxity, &o.calibrate, folder),
+        calibrate::show,
+    )?;
+    log.stage(
+        "validate",
+        &[m, b, &calibration.digest, &measured.digest],
+        &o.validate,
+        || validate_all(&model.meshes, &calibration, &measured.passive, &o.validate),
+        |v| validate::show(v, Some(&calibration)),
+    )?;
+    Ok(())
+}
+
+/// What was measured of the knee's motion.
+struct Measured {
+    laxity: BTreeMap<String, Vec<LaxityTrial>>,
+    passive: Vec<Passive>,
+    digest: String,
+}
+
+/// Reads laxity and passive flexion.
+fn measured(raw: &RawSpecimen) -> Result<Measured, BuildError> {
+    let file = parse_specimen_file(&raw.toml).map_err(|e| BuildError::stage("ingest", e))?;
+    let mut out = Measured { laxity: BTreeMap::new(), passive: vec![], digest: String::new() };
+    let mut digests = String::new();
+    let mut bytes = |table: &str, name: &str, path: &str| {
+        let found = raw.files.get(path).ok_or_else(|| {
+            BuildError::File(format!("specimen.toml [{table}] {name}: no file {path} in the specimen's folder"))
+        })?;
+        digests += &format!("{table} {name} {}\n", hash(found));
+        Ok::<&Vec<u8>, BuildError>(found)
+    };
+    for (name, path) in &file.laxity {
+        let (trials, _) = calibrate::read_laxity(path, bytes("laxity", name, path)?)?;
+        out.laxity.insert(name.clone(), trials);
+    }
+    for (name, path) in &file.passive {
+        out.passive.push(read_passive(name, path, bytes("passive", name, path)?)?);
+    }
+    out.digest = hash(digests.as_bytes());
+    Ok(out)
+}
+
+/// The assembled model as it would be read back.
+fn loaded(assembled: &Assembled, bones: &Bones) -> LoadedModel {
+    let contact = assembled.contact.named().map(|(name, mesh)| (format!("contact/{name}.ply"), mesh));
+    let bones = bones.surfaces.named().map(|(name, mesh)| (format!("../03-bones/{name}.ply"), mesh));
+    let meshes =
+        contact.into_iter().chain(bones).map(|(name, mesh)| (name, MeshValue::Surface(mesh.clone()))).collect();
+    LoadedModel { spec: assembled.spec.clone(), meshes, folder: PathBuf::from("09-assemble") }
 }
 
 /// The specimen, unless its bones are plainly not what it says.

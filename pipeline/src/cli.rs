@@ -1,11 +1,13 @@
 //! The command line: what may be asked, and who answers.
 #![expect(clippy::print_stdout, clippy::print_stderr, reason = "the command line talks to the person at it")]
 
+use crate::calibrate::CalibrateArgs;
 use crate::error::BuildError;
 use crate::model_file::Format;
 use crate::options::{Override, parse_override};
 use crate::simulate::SimulateArgs;
-use crate::{inspect, model_file, phantom, report, run, simulate};
+use crate::validate::ValidateArgs;
+use crate::{calibrate, inspect, model_file, phantom, report, run, simulate, validate};
 use clap::{Args, Parser, Subcommand};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -101,6 +103,10 @@ enum Verb {
     },
     /// Predict what a model does under the loads of laxity trials or of a protocol
     Simulate(SimulateArgs),
+    /// Find the ligament parameters with which a model answers as the knee did
+    Calibrate(CalibrateArgs),
+    /// Run the validation protocols on models of one knee and compare them
+    Validate(ValidateArgs),
     /// Write report.html of a build again
     Report {
         /// The specimen's or the build's folder
@@ -141,6 +147,8 @@ fn answer(cli: Cli) -> Result<(), BuildError> {
         (Some(Verb::ImportAbaqus { deck, out }), _) => model_file::import_abaqus(&deck, &out)?,
         (Some(Verb::Export { model, format, out }), _) => model_file::export(&model, format, &out)?,
         (Some(Verb::Simulate(args)), _) => simulate::simulate(&args)?,
+        (Some(Verb::Calibrate(args)), _) => calibrate::calibrate(&args)?,
+        (Some(Verb::Validate(args)), _) => validate::validate(&args)?,
         (Some(Verb::Report { dir }), _) => report::rewrite(&dir)?,
         (None, Some(build)) => run::run(&build)?,
         (None, None) => return Err(BuildError::Usage("a specimen folder was expected; see --help".into())),

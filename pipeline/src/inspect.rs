@@ -83,7 +83,7 @@ pub fn as_json(records: &[Record]) -> String {
 }
 
 /// Which figures tell most about a stage, by the end of their names.
-const TELLING: [(&str, &[&str]); 9] = [
+const TELLING: [(&str, &[&str]); 11] = [
     ("ingest", &["triangles", "landmarks", "marks"]),
     ("register", &["predicted_error_mm"]),
     ("bones", &["edge_p50_mm", "volume_change_percent"]),
@@ -93,6 +93,8 @@ const TELLING: [(&str, &[&str]); 9] = [
     ("hexmesh", &["elements", "scaled_jacobian_min"]),
     ("overclosure", &["max_overclosure_before_mm", "gap_min_mm", "iterations"]),
     ("assemble", &["bundles", "fibres"]),
+    ("calibrate", &["trials", "cost", "parameters_determined"]),
+    ("validate", &["anterior_ap", "posterior_ap"]),
 ];
 
 /// The telling figures of a stage, on one line.

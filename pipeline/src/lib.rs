@@ -1,6 +1,7 @@
 //! The build of a knee model from a specimen: the order of the work, files, command line, report.
 
 pub mod build;
+pub mod calibrate;
 pub mod cli;
 pub mod error;
 pub mod inspect;
@@ -14,3 +15,4 @@ pub mod run_log;
 pub mod show;
 pub mod simulate;
 pub mod store;
+pub mod validate;

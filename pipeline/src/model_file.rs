@@ -1,11 +1,12 @@
 //! model.json and the meshes it names, in and out.
 
 use crate::error::BuildError;
+use crate::run_log::json;
 use crate::store;
 use sim::abaqus::MeshValue;
 use sim::spec::ModelSpec;
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Component, Path, PathBuf};
 
 /// A model with the surfaces it names, by the paths it names them.
 pub struct LoadedModel {
@@ -13,6 +14,8 @@ pub struct LoadedModel {
     pub spec: ModelSpec,
     /// Its surfaces. Volume meshes are not read: contact and bones are surfaces.
     pub meshes: BTreeMap<String, MeshValue>,
+    /// Its folder, absolute.
+    pub folder: PathBuf,
 }
 
 /// Reads `path` (or the model.json in it, or the assembled model of a build) and the surfaces it names.
@@ -46,7 +49,54 @@ pub fn load(path: &Path) -> Result<LoadedModel, BuildError> {
             .map_err(|e| BuildError::File(format!("{}: {e}", place.display())))?;
         meshes.insert(name.clone(), MeshValue::Surface(read.mesh));
     }
-    Ok(LoadedModel { spec, meshes })
+    let folder = store::absolute(folder)?;
+    Ok(LoadedModel { spec, meshes, folder })
+}
+
+/// The specification as it reads from the folder `to`, when its mesh paths are relative to the folder `from`; both absolute.
+pub fn moved(spec: &ModelSpec, from: &Path, to: &Path) -> ModelSpec {
+    let mut out = spec.clone();
+    let place = |name: &mut String| *name = between(to, &from.join(&*name));
+    out.bodies.iter_mut().flat_map(|b| std::iter::once(&mut b.bone).chain(&mut b.cartilage)).for_each(place);
+    out.contact.pairs.iter_mut().flat_map(|p| [&mut p.femur, &mut p.tibia]).for_each(place);
+    out
+}
+
+/// The path of `file` from the folder `from`, with forward slashes.
+fn between(from: &Path, file: &Path) -> String {
+    let plain = |path: &Path| {
+        let mut parts: Vec<String> = Vec::new();
+        for c in path.components() {
+            match c {
+                Component::ParentDir => {
+                    parts.pop();
+                }
+                Component::CurDir => {}
+                other => parts.push(other.as_os_str().to_string_lossy().into_owned()),
+            }
+        }
+        parts
+    };
+    let (from, file) = (plain(from), plain(file));
+    let shared = from.iter().zip(&file).take_while(|(a, b)| a == b).count();
+    let up = std::iter::repeat_n("..".to_owned(), from.len() - shared);
+    up.chain(file[shared..].iter().cloned()).collect::<Vec<_>>().join("/")
+}
+
+/// Digest of a model and the surfaces it names.
+pub fn digest(model: &LoadedModel) -> String {
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(&json(&model.spec));
+    for (name, mesh) in &model.meshes {
+        hasher.update(name.as_bytes());
+        if let MeshValue::Surface(mesh) = mesh {
+            let numbers = mesh.vertices.iter().flat_map(|p| p.coords.iter().copied().collect::<Vec<f64>>());
+            numbers.for_each(|x| {
+                hasher.update(&x.to_le_bytes());
+            });
+        }
+    }
+    hasher.finalize().to_hex().to_string()
 }
 
 /// `import-abaqus`: a deck becomes a model in `out`.

@@ -2,6 +2,7 @@
 
 use crate::error::BuildError;
 use serde::{Deserialize, Serialize};
+use sim::protocols::ProtocolOptions;
 use stages::assemble::AssembleOptions;
 use stages::attachments::AttachmentsOptions;
 use stages::bones::BonesOptions;
@@ -13,6 +14,7 @@ use stages::overclosure::OverclosureOptions;
 use stages::register::RegisterOptions;
 use std::collections::BTreeMap;
 use toml::{Table, Value};
+use validation::options::CalibrateOptions;
 
 /// Every option of every stage.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -36,6 +38,10 @@ pub struct BuildOptions {
     pub overclosure: OverclosureOptions,
     /// Stage 9.
     pub assemble: AssembleOptions,
+    /// Stage 10.
+    pub calibrate: CalibrateOptions,
+    /// Stage 11.
+    pub validate: ProtocolOptions,
 }
 
 /// A `--set stage.key=value`.
@@ -82,17 +88,36 @@ pub fn resolve(
         let Some(Value::Table(options)) = table.get_mut(stage) else {
             return Err(wrong(format!("{place}: no stage {stage}; one of {known} was expected")));
         };
-        options.insert(key.clone(), like(options.get(key), value));
+        place_at(options, key, value);
         let keys = options.keys().cloned().collect::<Vec<_>>();
         check(stage, options).map_err(|e| wrong(format!("{place} {stage}.{key}: {e}; known: {}", keys.join(", "))))?;
     }
     table.try_into().map_err(|e: toml::de::Error| wrong(e.message().to_string()))
 }
 
+/// Puts a value at a key, which may lead into tables by dots; a table is merged with the one there.
+fn place_at(options: &mut Table, key: &str, value: &Value) {
+    if let Some((first, rest)) = key.split_once('.').filter(|_| !options.contains_key(key))
+        && let Some(Value::Table(inner)) = options.get_mut(first)
+    {
+        return place_at(inner, rest, value);
+    }
+    match (options.get_mut(key), value) {
+        (Some(Value::Table(old)), Value::Table(new)) => new.iter().for_each(|(k, v)| place_at(old, k, v)),
+        (old, _) => {
+            let new = like(old.as_deref(), value);
+            options.insert(key.to_owned(), new);
+        }
+    }
+}
+
 /// An integer given where the default is a float is that float.
 fn like(default: Option<&Value>, value: &Value) -> Value {
     match (default, value) {
         (Some(Value::Float(_)), Value::Integer(i)) => Value::Float(*i as f64),
+        (Some(Value::Array(old)), Value::Array(new)) => {
+            Value::Array(new.iter().enumerate().map(|(i, v)| like(old.get(i).or(old.first()), v)).collect())
+        }
         _ => value.clone(),
     }
 }
@@ -113,7 +138,17 @@ mod tests {
             resolve(&BTreeMap::new(), &[set("assemble.friction=0"), set("assemble.law=tabular")], None).unwrap();
         assert!(options.assemble.friction.abs() < f64::EPSILON);
         assert_eq!(options.assemble.law, sim::spec::Law::Tabular);
+        let line = [
+            set("calibrate.gradient.starts=3"),
+            set("calibrate.ranges={X3 = [0.8, 1]}"),
+            set("validate.ap_flexions_deg=[20]"),
+        ];
+        let options = resolve(&BTreeMap::new(), &line, Some(5)).unwrap();
+        assert_eq!((options.calibrate.gradient.starts, options.calibrate.seed), (3, 5));
+        assert_eq!(options.calibrate.ranges["X3"], [0.8, 1.0]);
+        assert_eq!(options.validate.ap_flexions_deg, [20.0]);
         for (text, named) in [
+            ("calibrate.gradient.strts=1", "strts"),
             ("assemble.frction=1", "frction"),
             ("asemble.friction=1", "asemble"),
             ("assemble.friction=\"a\"", "friction"),

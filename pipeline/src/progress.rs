@@ -41,6 +41,37 @@ impl Progress {
     }
 }
 
+/// A bar over one search, with the time left, or nothing.
+pub struct Searching {
+    bar: ProgressBar,
+}
+
+impl Searching {
+    /// A bar, hidden when `quiet` or when standard error is not a terminal.
+    pub fn new(quiet: bool, what: &str) -> Searching {
+        let visible = !quiet && std::io::stderr().is_terminal();
+        let target = if visible { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
+        let bar = ProgressBar::with_draw_target(Some(1000), target);
+        if let Ok(style) = ProgressStyle::with_template("{prefix} {bar:20} {msg} {elapsed}, {eta} left") {
+            bar.set_style(style);
+        }
+        bar.set_prefix(what.to_string());
+        Searching { bar }
+    }
+
+    /// A share of the work is done, 0 to 1.
+    pub fn show(&self, share: f64, message: &str) {
+        self.bar.set_position((share * 1000.0) as u64);
+        self.bar.set_message(message.to_string());
+    }
+}
+
+impl Drop for Searching {
+    fn drop(&mut self) {
+        self.bar.finish_and_clear();
+    }
+}
+
 impl Drop for Progress {
     fn drop(&mut self) {
         self.bar.finish_and_clear();

@@ -73,10 +73,12 @@ fn run_toml(raw: &RawSpecimen, file: &SpecimenFile, options: &BuildOptions) -> R
 
 fn closing_words(out: &Path, records: &[Record]) -> String {
     let mut text = inspect::table(records);
-    let last = records.last().map(|r| folder_name(&r.stage)).unwrap_or_default();
     let _ = writeln!(text, "\nLook at {}", out.join("report.html").display());
-    if last == "09-assemble" {
-        let _ = writeln!(text, "The model is {}", out.join(last).join("model.json").display());
+    if records.iter().any(|r| r.stage == "assemble") {
+        let _ = writeln!(text, "The model is {}", out.join(folder_name("assemble")).join("model.json").display());
+    }
+    if records.iter().any(|r| r.stage == "calibrate") {
+        let _ = writeln!(text, "Calibrated models are in {}", out.join(folder_name("calibrate")).display());
     }
     text
 }

@@ -11,7 +11,7 @@ use std::ops::Deref;
 use std::time::Instant;
 
 /// The stages in order, with their numbers in folder names.
-pub const STAGES: [(&str, &str); 9] = [
+pub const STAGES: [(&str, &str); 11] = [
     ("01", "ingest"),
     ("02", "register"),
     ("03", "bones"),
@@ -21,6 +21,8 @@ pub const STAGES: [(&str, &str); 9] = [
     ("07", "hexmesh"),
     ("08", "overclosure"),
     ("09", "assemble"),
+    ("10", "calibrate"),
+    ("11", "validate"),
 ];
 
 /// A stage's value with the digest by which later stages know it.
@@ -103,6 +105,11 @@ impl<'a> RunLog<'a> {
             .map(|r| (r.stage.clone(), r))
             .collect();
         RunLog { folder, forced: range.force, range, progress, earlier, records: Vec::new() }
+    }
+
+    /// The build's folder.
+    pub fn folder(&self) -> &'a BuildFolder {
+        self.folder
     }
 
     /// Runs or takes up a stage. `inputs` are the digests of what it depends on, `options` its resolved options.

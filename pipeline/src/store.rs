@@ -200,6 +200,24 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<(), BuildError> {
     })
 }
 
+/// The path without links and dots; its folder must exist.
+pub fn absolute(path: &Path) -> Result<PathBuf, BuildError> {
+    let path = if path.as_os_str().is_empty() { Path::new(".") } else { path };
+    path.canonicalize().map_err(|e| BuildError::File(format!("cannot read {}: {}", path.display(), words(&e))))
+}
+
+/// Makes a folder and those above it; gives it without links and dots.
+pub fn make_folder(path: &Path) -> Result<PathBuf, BuildError> {
+    fs::create_dir_all(path)
+        .map_err(|e| BuildError::File(format!("cannot write to {}: {}", path.display(), words(&e))))?;
+    absolute(path)
+}
+
+/// Removes a file where there is one.
+pub fn discard(path: &Path) {
+    remove(path);
+}
+
 /// Whether a path exists.
 pub fn exists(path: &Path) -> bool {
     path.exists()

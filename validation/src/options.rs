@@ -2,6 +2,7 @@
 
 use crate::cost::CostOptions;
 use crate::error::ValidationError;
+use crate::knee::SearchOptions;
 use crate::targets::TargetOptions;
 use serde::{Deserialize, Serialize};
 use sim::laxity::Test;
@@ -34,6 +35,8 @@ pub struct CalibrateOptions {
     pub loads: Vec<LoadPrior>,
     /// The paper's recipe.
     pub swarm: SwarmOptions,
+    /// How answers are sought on the way.
+    pub search: SearchOptions,
     /// The faster way.
     pub gradient: GradientOptions,
     /// Seed of every random number.

@@ -5,7 +5,10 @@ use crate::design::{Design, Kind};
 use crate::ligaments::group_forces;
 use crate::published;
 use serde::{Deserialize, Serialize};
+use sim::SimError;
 use sim::laxity::{COORDINATES, Test, TrialResult, VALUE_UNITS};
+use sim::model::Model;
+use sim::protocols::{Protocol, ProtocolOptions, run};
 use sim::spec::{ModelSpec, PoseSpec};
 
 /// A calibrated model and what it answers to the protocols.
@@ -42,6 +45,57 @@ impl Source {
             pivot_shift: vec![],
             pivot_shift_no_acl: vec![],
         }
+    }
+
+    /// A model's answers to the protocols, and what is odd about them.
+    ///
+    /// # Errors
+    /// Options out of range; no equilibrium, other than without ACL, which is told as a warning.
+    pub fn simulated(
+        name: &str,
+        spec: &ModelSpec,
+        model: &Model,
+        options: &ProtocolOptions,
+    ) -> Result<(Source, Vec<String>), SimError> {
+        let mut warnings = Vec::new();
+        let without = model.without(&["ACL".to_owned()]);
+        let (pairs, rest) = rayon::join(
+            || [Protocol::ApLaxity, Protocol::PivotShift].map(|p| run(model, p, options)),
+            || {
+                (
+                    run(model, Protocol::PassiveFlexion, options),
+                    without.and_then(|m| run(&m, Protocol::PivotShift, options)),
+                )
+            },
+        );
+        let [ap_laxity, pivot_shift] = pairs;
+        let pivot_shift_no_acl = rest.1.unwrap_or_else(|e| {
+            warnings.push(format!("{name}: no pivot shift without ACL: {e}"));
+            vec![]
+        });
+        let source = Source {
+            ap_laxity: ap_laxity?,
+            passive_flexion: rest.0?,
+            pivot_shift: pivot_shift?,
+            pivot_shift_no_acl,
+            ..Source::new(name, spec)
+        };
+        for (protocol, rows) in source.protocols() {
+            if rows.iter().any(Source::is_dislocated) {
+                warnings.push(format!("{name}: {protocol}: the femur leaves the plateau; its rows are unreliable"));
+            }
+        }
+        Ok((source, warnings))
+    }
+
+    /// Every protocol with its rows.
+    pub fn protocols(&self) -> [(&'static str, &[TrialResult]); 4] {
+        [
+            ("ap_laxity", &self.ap_laxity),
+            ("passive_flexion", &self.passive_flexion),
+            ("pivot_shift", &self.pivot_shift),
+            ("pivot_shift_no_acl", &self.pivot_shift_no_acl),
+        ]
     }
 
     /// The answer under the full anterior or posterior load at a flexion; of equals the first.
@@ -240,11 +294,10 @@ impl Pair<'_> {
                 }
             }
             let mean = |v: &[f64]| (!v.is_empty()).then(|| v.iter().sum::<f64>() / v.len() as f64);
-            if let Some(value) = mean(&d) {
-                if let Some(k) = self.push(out, ("parameters", name, "percent"), &[value], mean(&known)) {
-                    out[k].count = d.len();
-                    out[k].note = "mean size".into();
-                }
+            let value = mean(&d).unwrap_or(f64::NAN);
+            if let Some(k) = self.push(out, ("parameters", name, "percent"), &[value], mean(&known)) {
+                out[k].count = d.len();
+                out[k].note = "mean size".into();
             }
         }
     }

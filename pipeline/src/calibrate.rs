@@ -1,0 +1,220 @@
+//! `calibrate`, and stage 10: ligament parameters from laxity data.
+
+use crate::error::BuildError;
+use crate::model_file::{self, LoadedModel};
+use crate::options::{Override, parse_override, resolve};
+use crate::progress::Searching;
+use crate::run_log::json;
+use crate::show::{Files, Reported};
+use crate::store::{self, BuildFolder};
+use clap::Args;
+use serde::{Deserialize, Serialize};
+use sim::laxity::{self, LaxityTrial};
+use std::collections::BTreeMap;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+use validation::calibrate::Checkpoint;
+use validation::knee::Knee;
+use validation::options::{CalibrateOptions, Method};
+use validation::reports;
+use validation::session::{Outcome, Session};
+
+/// The file in which an interrupted calibration is kept.
+const CHECKPOINT: &str = "checkpoint.cbor";
+/// A checkpoint is written no more often than this.
+const CHECKPOINT_EVERY: Duration = Duration::from_secs(1);
+
+/// `build-model calibrate`.
+#[derive(Args, Clone, Debug)]
+pub struct CalibrateArgs {
+    /// model.json, or the folder of a build
+    pub model: PathBuf,
+    /// Measured laxity (CSV)
+    #[arg(long, value_name = "LAXITY.csv")]
+    pub targets: PathBuf,
+    /// Folder for model.json, parameters.csv, history.csv and more
+    #[arg(long)]
+    pub out: PathBuf,
+    /// gradient: least squares with the solver's derivatives; swarm-simplex: the paper's recipe [default: gradient]
+    #[arg(long)]
+    pub method: Option<MethodName>,
+    /// Override an option; may be given more than once
+    #[arg(long = "set", value_name = "calibrate.key=value", value_parser = parse_override)]
+    pub overrides: Vec<Override>,
+    /// Seed of whatever is random
+    #[arg(long)]
+    pub seed: Option<u64>,
+    /// Threads; the result does not depend on it [default: all]
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub jobs: Option<u16>,
+    /// Begin anew even if an interrupted calibration can be taken up
+    #[arg(long)]
+    pub force: bool,
+    /// Print nothing but errors
+    #[arg(long)]
+    pub quiet: bool,
+    /// Print the figures as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// A method's name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum MethodName {
+    /// Least squares with the solver's derivatives, from many starts
+    Gradient,
+    /// Particle swarm, then simplex
+    SwarmSimplex,
+}
+
+/// Runs `calibrate`; gives the words to print.
+pub fn calibrate(args: &CalibrateArgs) -> Result<String, BuildError> {
+    if let Some(jobs) = args.jobs {
+        // A second call in one process keeps the first pool; results do not depend on it.
+        let _ = rayon::ThreadPoolBuilder::new().num_threads(jobs.into()).build_global();
+    }
+    let mut options = resolve(&BTreeMap::new(), &args.overrides, args.seed)?.calibrate;
+    match args.method {
+        Some(MethodName::Gradient) => options.method = Method::Gradient,
+        Some(MethodName::SwarmSimplex) => options.method = Method::SwarmSimplex,
+        None => {}
+    }
+    let (trials, mut text) = read_laxity(&args.targets.display().to_string(), &store::read(&args.targets)?)?;
+    let model = model_file::load(&args.model)?;
+    let out = store::make_folder(&args.out)?;
+    let kept = out.join(CHECKPOINT);
+    if args.force {
+        store::discard(&kept);
+    }
+    let saved = if store::exists(&kept) { Some(store::read(&kept)?) } else { None };
+    let what = args.targets.display().to_string();
+    let mut keep = |bytes: &[u8]| store::write(&kept, bytes);
+    let outcome = run(&model, &trials, &options, &what, Watch { saved, keep: &mut keep, quiet: args.quiet })?;
+    let spec = model_file::moved(&outcome.spec, &model.folder, &out);
+    let mut files =
+        vec![("model.json".to_owned(), json(&spec)), ("metrics.json".to_owned(), json(&reports::metrics(&outcome)))];
+    files.extend(reports::files(&outcome, &options.cost));
+    store::write_all(&out, &files)?;
+    store::discard(&kept);
+    if args.quiet {
+        return Ok(String::new());
+    }
+    if args.json {
+        return Ok(String::from_utf8_lossy(&json(&reports::metrics(&outcome))).into_owned());
+    }
+    text.extend(outcome.warnings.iter().map(|w| format!("warning: {w}\n")));
+    Ok(text + &reports::words(&outcome) + &format!("The model is {}\n", out.join("model.json").display()))
+}
+
+/// Reads measured laxity; the warnings as lines.
+pub fn read_laxity(name: &str, bytes: &[u8]) -> Result<(Vec<LaxityTrial>, String), BuildError> {
+    let table = laxity::read(bytes).map_err(|e| BuildError::File(format!("{name}: {e}")))?;
+    let text = table.warnings.iter().map(|w| format!("warning: {name}: {w}\n")).collect();
+    Ok((table.trials, text))
+}
+
+/// Where a calibration is taken up from and kept, and who sees it.
+pub struct Watch<'a> {
+    /// An interrupted one.
+    pub saved: Option<Vec<u8>>,
+    /// Keeps it.
+    pub keep: &'a mut dyn FnMut(&[u8]) -> Result<(), BuildError>,
+    /// No progress on the terminal.
+    pub quiet: bool,
+}
+
+/// Calibrates a model to trials; `what` names them.
+pub fn run(
+    model: &LoadedModel,
+    trials: &[LaxityTrial],
+    options: &CalibrateOptions,
+    what: &str,
+    watch: Watch,
+) -> Result<Outcome, BuildError> {
+    let fault = |e: validation::ValidationError| BuildError::File(format!("{what}: {e}"));
+    let session = Session::new(&model.spec, &model_file::digest(model), trials, options).map_err(fault)?;
+    let checkpoint = session.begin(watch.saved.as_deref()).map_err(fault)?;
+    let knee = Knee::new(model.spec.clone(), &model.meshes, &options.search)
+        .map_err(|e| BuildError::File(format!("{}: {e}", model.folder.display())))?;
+    let bar = Searching::new(watch.quiet, what);
+    let (mut last, mut failed) = (Instant::now(), None);
+    let mut see = |c: &Checkpoint| {
+        let p = c.progress();
+        bar.show(p.share, &format!("{}, best cost {:.1}", p.phase, p.lowest_cost));
+        if last.elapsed() > CHECKPOINT_EVERY {
+            last = Instant::now();
+            if let Err(e) = (watch.keep)(&c.to_bytes()) {
+                failed = Some(e);
+                return ControlFlow::Break(());
+            }
+        }
+        ControlFlow::Continue(())
+    };
+    let outcome = session.run(&knee, checkpoint, &mut see);
+    match (failed, outcome) {
+        (Some(e), _) => Err(e),
+        (None, outcome) => outcome.map_err(fault),
+    }
+}
+
+/// The calibrated models of a build, by source.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Calibration {
+    /// In the order of their names.
+    pub sources: BTreeMap<String, Outcome>,
+    /// The options of the cost.
+    pub options: CalibrateOptions,
+    /// What is odd but not fatal.
+    pub warnings: Vec<String>,
+    /// For metrics.json.
+    pub metrics: serde_json::Value,
+}
+
+impl Reported for Calibration {
+    fn metrics(&self) -> serde_json::Value {
+        self.metrics.clone()
+    }
+    fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+}
+
+/// Stage 10: a calibrated model for every set of measured trials; interrupted ones are kept in `folder`.
+pub fn calibrate_all(
+    model: &LoadedModel,
+    laxity: &BTreeMap<String, Vec<LaxityTrial>>,
+    options: &CalibrateOptions,
+    folder: &BuildFolder,
+) -> Result<Calibration, BuildError> {
+    let (mut sources, mut warnings, mut metrics) = (BTreeMap::new(), Vec::new(), serde_json::Map::new());
+    for (name, trials) in laxity {
+        let file = format!(".calibrate-{name}.cbor");
+        // one of another calibration is no use here: stages are keyed
+        let saved = folder.read_file(&file).filter(|bytes| {
+            let session = Session::new(&model.spec, &model_file::digest(model), trials, options);
+            session.is_ok_and(|s| s.begin(Some(bytes)).is_ok())
+        });
+        let mut keep = |bytes: &[u8]| folder.write_file(&file, bytes);
+        let watch = Watch { saved, keep: &mut keep, quiet: true };
+        let outcome = run(model, trials, options, &format!("laxity.{name}"), watch)?;
+        store::discard(&folder.path().join(&file));
+        warnings.extend(outcome.warnings.iter().map(|w| format!("{name}: {w}")));
+        metrics.insert(name.clone(), reports::metrics(&outcome));
+        sources.insert(name.clone(), outcome);
+    }
+    Ok(Calibration { sources, options: options.clone(), warnings, metrics: metrics.into() })
+}
+
+/// 10-calibrate: a folder a source.
+pub fn show(c: &Calibration) -> Files {
+    let mut files = Vec::new();
+    for (name, outcome) in &c.sources {
+        let spec = model_file::moved(&outcome.spec, Path::new("/09-assemble"), &Path::new("/10-calibrate").join(name));
+        files.push((format!("{name}/model.json"), json(&spec)));
+        files.extend(
+            reports::files(outcome, &c.options.cost).into_iter().map(|(f, bytes)| (format!("{name}/{f}"), bytes)),
+        );
+    }
+    Ok(files)
+}

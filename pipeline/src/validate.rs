@@ -1,0 +1,209 @@
+//! `validate`, and stage 11: the protocols on calibrated models of one knee, and their comparison.
+
+use crate::calibrate::Calibration;
+use crate::error::BuildError;
+use crate::model_file;
+use crate::options::{Override, parse_override, resolve};
+use crate::show::{Files, Reported};
+use crate::store;
+use clap::Args;
+use serde::{Deserialize, Serialize};
+use sim::abaqus::MeshValue;
+use sim::laxity::protocol_csv;
+use sim::protocols::ProtocolOptions;
+use sim::spec::ModelSpec;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use validation::cost::CostFunction;
+use validation::validate::{Difference, Passive, Source, compare};
+use validation::{figures, tables};
+
+/// `build-model validate`.
+#[derive(Args, Clone, Debug)]
+pub struct ValidateArgs {
+    /// model.json of every model, or its folder; a model is called by its folder's name, or by NAME=MODEL
+    #[arg(required = true, value_name = "[NAME=]MODEL.json")]
+    pub models: Vec<String>,
+    /// Folder for the results
+    #[arg(long)]
+    pub out: PathBuf,
+    /// Measured passive flexion (CSV); may be given more than once
+    #[arg(long, value_name = "NAME=PASSIVE.csv", value_parser = named)]
+    pub passive: Vec<(String, PathBuf)>,
+    /// Override an option; may be given more than once
+    #[arg(long = "set", value_name = "validate.key=value", value_parser = parse_override)]
+    pub overrides: Vec<Override>,
+    /// Threads; the result does not depend on it [default: all]
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub jobs: Option<u16>,
+}
+
+fn named(text: &str) -> Result<(String, PathBuf), String> {
+    let (name, path) = text.split_once('=').ok_or("NAME=FILE was expected")?;
+    Ok((name.trim().to_owned(), PathBuf::from(path)))
+}
+
+/// Runs `validate`; gives the words to print.
+pub fn validate(args: &ValidateArgs) -> Result<String, BuildError> {
+    if let Some(jobs) = args.jobs {
+        // A second call in one process keeps the first pool; results do not depend on it.
+        let _ = rayon::ThreadPoolBuilder::new().num_threads(jobs.into()).build_global();
+    }
+    let options = resolve(&BTreeMap::new(), &args.overrides, None)?.validate;
+    let passive = args
+        .passive
+        .iter()
+        .map(|(name, path)| read_passive(name, &path.display().to_string(), &store::read(path)?))
+        .collect::<Result<Vec<_>, _>>()?;
+    let mut models = Vec::new();
+    for text in &args.models {
+        let (name, path) = name_of(text);
+        if models.iter().any(|(n, _): &(String, _)| *n == name) {
+            return Err(BuildError::Usage(format!("two models are called {name}; give NAME=MODEL.json")));
+        }
+        models.push((name, model_file::load(&path)?));
+    }
+    let ids: Vec<&str> = models.iter().map(|(_, m)| m.spec.id.as_str()).collect();
+    if ids.windows(2).any(|w| w[0] != w[1]) {
+        return Err(BuildError::Usage(format!("models of different knees ({}) cannot be compared", ids.join(", "))));
+    }
+    let specimen = ids.first().map(|id| (*id).to_owned()).unwrap_or_default();
+    let mut warnings = Vec::new();
+    let mut sources = Vec::new();
+    for (name, model) in &models {
+        sources.push(source(name, &model.spec, &model.meshes, &options, &mut warnings)?);
+    }
+    let validation = Validation::new(specimen, sources, passive, warnings);
+    let files = show(&validation, None).map_err(|e| BuildError::File(e.to_string()))?;
+    store::write_all(&store::make_folder(&args.out)?, &files)?;
+    let text: String = validation.warnings.iter().map(|w| format!("warning: {w}\n")).collect();
+    Ok(text + &words(&validation) + &format!("Results are in {}\n", args.out.display()))
+}
+
+/// `NAME=PATH`, or a path whose last folder is the name.
+fn name_of(text: &str) -> (String, PathBuf) {
+    if let Some((name, path)) = text.split_once('=') {
+        return (name.trim().to_owned(), PathBuf::from(path));
+    }
+    let path = Path::new(text);
+    let is_file = path.extension().is_some_and(|e| e == "json");
+    let folder =
+        store::absolute(path).ok().and_then(|p| if is_file { p.parent().map(Path::to_path_buf) } else { Some(p) });
+    let stem = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+    let folder = folder.and_then(|f| f.file_name().map(|n| n.to_string_lossy().into_owned()));
+    (if is_file && stem != "model" { stem } else { folder.unwrap_or(stem) }, path.to_path_buf())
+}
+
+/// Measured passive flexion under its name.
+pub fn read_passive(name: &str, file: &str, bytes: &[u8]) -> Result<Passive, BuildError> {
+    let poses = validation::passive::read(bytes).map_err(|e| BuildError::File(format!("{file}: {e}")))?;
+    Ok(Passive { name: name.to_owned(), poses })
+}
+
+/// A model's answers to the protocols.
+fn source(
+    name: &str,
+    spec: &ModelSpec,
+    meshes: &BTreeMap<String, MeshValue>,
+    options: &ProtocolOptions,
+    warnings: &mut Vec<String>,
+) -> Result<Source, BuildError> {
+    let fault = |e: sim::SimError| BuildError::File(format!("{name}: {e}"));
+    let model = sim::compile(spec, meshes).map_err(fault)?;
+    let (source, told) = Source::simulated(name, spec, &model, options).map_err(fault)?;
+    warnings.extend(told);
+    Ok(source)
+}
+
+/// The validation of a build.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Validation {
+    /// Whose knee.
+    pub specimen: String,
+    /// A calibrated model each, in the order of their names.
+    pub sources: Vec<Source>,
+    /// Measured passive flexion.
+    pub passive: Vec<Passive>,
+    /// How far they differ.
+    pub differences: Vec<Difference>,
+    /// What is odd but not fatal.
+    pub warnings: Vec<String>,
+    /// For metrics.json.
+    pub metrics: serde_json::Value,
+}
+
+impl Reported for Validation {
+    fn metrics(&self) -> serde_json::Value {
+        self.metrics.clone()
+    }
+    fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+}
+
+impl Validation {
+    fn new(specimen: String, sources: Vec<Source>, passive: Vec<Passive>, warnings: Vec<String>) -> Validation {
+        let differences = compare(&specimen, &sources, &passive);
+        let mut metrics = serde_json::Map::new();
+        for d in &differences {
+            let pair = metrics.entry(format!("{} {}", d.a, d.b)).or_insert_with(|| serde_json::json!({}));
+            if let Some(map) = pair.as_object_mut() {
+                map.insert(format!("{}.{}", d.protocol, d.quantity), d.rmsd.into());
+            }
+        }
+        Validation { specimen, sources, passive, differences, warnings, metrics: metrics.into() }
+    }
+}
+
+/// Stage 11.
+pub fn validate_all(
+    meshes: &BTreeMap<String, MeshValue>,
+    calibration: &Calibration,
+    passive: &[Passive],
+    options: &ProtocolOptions,
+) -> Result<Validation, BuildError> {
+    let (mut sources, mut warnings, mut specimen) = (Vec::new(), Vec::new(), String::new());
+    for (name, outcome) in &calibration.sources {
+        specimen.clone_from(&outcome.spec.id);
+        sources.push(source(name, &outcome.spec, meshes, options, &mut warnings)?);
+    }
+    Ok(Validation::new(specimen, sources, passive.to_vec(), warnings))
+}
+
+/// 11-validate: a folder a source, the comparison, tables and figures; figures 5 and 6 where the targets are at hand.
+pub fn show(v: &Validation, calibration: Option<&Calibration>) -> Files {
+    let mut files: Vec<(String, String)> = Vec::new();
+    for s in &v.sources {
+        for (name, rows) in s.protocols() {
+            files.push((format!("{}/{name}.csv", s.name), protocol_csv(&s.bundles, rows)));
+        }
+    }
+    let all = tables::tables(&v.specimen, &v.sources);
+    let differences = tables::differences(&v.differences);
+    files.extend(all.iter().chain([&differences]).map(|t| (format!("{}.csv", t.name), t.csv())));
+    files.push(("tables.md".into(), tables::page(&v.specimen, &all, &differences)));
+    files.push(("figure7.svg".into(), figures::figure7(&v.sources)));
+    files.push(("figure8.svg".into(), figures::figure8(&v.sources, &v.passive)));
+    if let Some(c) = calibration {
+        let targets: Vec<_> = c.sources.iter().map(|(n, o)| (n.clone(), o.trials.clone())).collect();
+        files.push(("figure5.svg".into(), figures::figure5(&targets)));
+        for (name, o) in &c.sources {
+            if let Ok(cost) = CostFunction::new(&o.trials, &o.spec.frames.gs_ct_pose, &c.options.cost) {
+                files.push((format!("figure6_{name}.svg"), figures::figure6(name, &cost, &o.found.predicted)));
+            }
+        }
+    }
+    Ok(files.into_iter().map(|(name, text)| (name, text.into_bytes())).collect())
+}
+
+/// The differences, for the terminal.
+fn words(v: &Validation) -> String {
+    let mut text = String::new();
+    for d in v.differences.iter().filter(|d| !d.quantity.ends_with("_si") && !d.quantity.ends_with("_ml")) {
+        let published = d.published.map_or(String::new(), |p| format!(" (published {p:.2})"));
+        let note = if d.note.is_empty() { String::new() } else { format!(" [{}]", d.note) };
+        text +=
+            &format!("{} - {}: {} {} {:.2} {}{published}{note}\n", d.a, d.b, d.protocol, d.quantity, d.rmsd, d.unit);
+    }
+    text
+}

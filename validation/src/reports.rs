@@ -1,0 +1,170 @@
+//! What a calibration leaves behind, as CSV and as figures for metrics.json.
+
+use crate::calibrate::Calibrated;
+use crate::cost::{CostFunction, CostOptions, residual};
+use crate::figures::{figure5, figure6};
+use crate::session::Outcome;
+use serde_json::{Value, json};
+use sim::laxity::{COORDINATES, VALUE_UNITS};
+use std::fmt::Write;
+
+/// Every file, by name, but model.json: tables, and figures 5 and 6 for these targets.
+pub fn files(outcome: &Outcome, cost: &CostOptions) -> Vec<(String, Vec<u8>)> {
+    let figure6 = CostFunction::new(&outcome.trials, &outcome.spec.frames.gs_ct_pose, cost)
+        .map(|c| figure6("calibrated", &c, &outcome.found.predicted))
+        .unwrap_or_default();
+    let bundles: Vec<String> = outcome.spec.bundles.iter().map(|b| b.name.clone()).collect();
+    [
+        ("parameters.csv", parameters(&outcome.found)),
+        ("history.csv", history(&outcome.found.history)),
+        ("forces.csv", forces(&outcome.found, &bundles)),
+        ("fit.csv", fit(outcome)),
+        ("starts.csv", points(&outcome.found, true)),
+        ("samples.csv", points(&outcome.found, false)),
+        ("figure5.svg", figure5(&[("targets".to_owned(), outcome.trials.clone())])),
+        ("figure6.svg", figure6),
+    ]
+    .map(|(name, text)| (name.to_owned(), text.into_bytes()))
+    .to_vec()
+}
+
+/// parameters.csv: `lower` and `upper` are the ends of the interval, `range_lower` and `range_upper` those of the range sought in.
+pub fn parameters(found: &Calibrated) -> String {
+    let mut out = "design_variable,bundle,kind,value,lower,upper,range_lower,range_upper,determined\n".to_owned();
+    for p in &found.parameters {
+        let _ = writeln!(
+            out,
+            "X{},{},{},{:.6},{:.6},{:.6},{},{},{:.3}",
+            p.number,
+            p.bundle,
+            p.kind.name(),
+            p.value,
+            p.lower,
+            p.upper,
+            p.range[0],
+            p.range[1],
+            p.determined
+        );
+    }
+    out
+}
+
+/// history.csv: cost of every evaluation and the best so far.
+pub fn history(costs: &[f64]) -> String {
+    let (mut out, mut best) = ("evaluation,cost,best_cost\n".to_owned(), f64::INFINITY);
+    for (i, cost) in costs.iter().enumerate() {
+        best = best.min(*cost);
+        let _ = writeln!(out, "{},{cost:.6},{best:.6}", i + 1);
+    }
+    out
+}
+
+/// forces.csv: bundle forces in the AP tests with their intervals.
+fn forces(found: &Calibrated, bundles: &[String]) -> String {
+    let mut out = "trial,bundle,value_n,lower_n,upper_n,determined\n".to_owned();
+    for f in &found.forces {
+        let name = bundles.get(f.bundle).map_or("", String::as_str);
+        let value = f.value_n.map_or(String::new(), |v| format!("{v:.3}"));
+        let _ = writeln!(out, "{},{name},{value},{:.3},{:.3},{:.3}", f.trial, f.lower_n, f.upper_n, f.determined);
+    }
+    out
+}
+
+/// fit.csv: measured, predicted and their difference, a row a trial.
+fn fit(outcome: &Outcome) -> String {
+    let mut out = "trial,test,nominal_flexion_deg,fe_deg".to_owned();
+    for c in 0..5 {
+        let name = format!("{}_{}", COORDINATES[c], VALUE_UNITS[c]);
+        let _ = write!(out, ",measured_{name},predicted_{name},residual_{name}");
+    }
+    out.push('\n');
+    for (t, p) in outcome.trials.iter().zip(&outcome.found.predicted) {
+        let name = if t.trial.contains([',', '"']) {
+            format!("\"{}\"", t.trial.replace('"', "\"\""))
+        } else {
+            t.trial.clone()
+        };
+        let _ = write!(out, "{name},{},{},{}", t.test.name(), t.nominal_flexion_deg, t.fe_deg);
+        let residuals = p.as_ref().map(|p| residual(t, p));
+        for c in 0..5 {
+            let cell = |v: Option<f64>| v.map_or(String::new(), |v| format!("{v:.4}"));
+            let _ = write!(
+                out,
+                ",{},{},{}",
+                cell(t.measured[c]),
+                cell(p.map(|p| p[c])),
+                cell(residuals.and_then(|r| r[c]))
+            );
+        }
+        out.push('\n');
+    }
+    out
+}
+
+/// starts.csv and samples.csv: design values found from different starts (with their cost), or samples of the posterior.
+fn points(found: &Calibrated, starts: bool) -> String {
+    let mut out = if starts { "cost,".to_owned() } else { String::new() };
+    let names: Vec<String> = found.parameters.iter().map(|p| format!("X{}", p.number)).collect();
+    out += &names.join(",");
+    out.push('\n');
+    let row = |values: &[f64]| values.iter().map(|v| format!("{v:.6}")).collect::<Vec<_>>().join(",") + "\n";
+    if starts {
+        found.rivals.iter().for_each(|(cost, p)| out += &format!("{cost:.6},{}", row(p)));
+    } else {
+        found.samples.iter().for_each(|p| out += &row(p));
+    }
+    out
+}
+
+/// The figures of a calibration.
+pub fn metrics(outcome: &Outcome) -> Value {
+    let found = &outcome.found;
+    let by_coordinate = |v: [Option<f64>; 5]| -> Value {
+        let named = (0..5).filter_map(|c| v[c].map(|x| (format!("{}_{}", COORDINATES[c], VALUE_UNITS[c]), json!(x))));
+        Value::Object(named.collect())
+    };
+    let ranges: Vec<f64> = found.parameters.iter().map(|p| p.determined).collect();
+    json!({
+        "method": found.method,
+        "trials": outcome.trials.len(),
+        "evaluations": found.history.len(),
+        "cost": found.cost,
+        "lowest_cost": found.lowest_cost.0,
+        "rms": by_coordinate(found.rms),
+        "noise_scale": by_coordinate(found.noise_scale.map(Some)),
+        "parameters_determined": ranges.iter().filter(|d| **d > 0.5).count(),
+        "samples": found.samples.len(),
+    })
+}
+
+/// What was found, for the terminal.
+pub fn words(outcome: &Outcome) -> String {
+    let found = &outcome.found;
+    let mut text = format!(
+        "{} trials, {} evaluations; cost {:.1}, lowest met {:.1}\n",
+        outcome.trials.len(),
+        found.history.len(),
+        found.cost,
+        found.lowest_cost.0
+    );
+    for c in 0..5 {
+        if let Some(rms) = found.rms[c] {
+            let unit = VALUE_UNITS[c];
+            let _ = writeln!(text, "  {} misses by {rms:.2} {unit} (root mean square)", COORDINATES[c]);
+        }
+    }
+    for p in &found.parameters {
+        let _ = writeln!(
+            text,
+            "  X{:<2} {:7} {:18} {:8.3}  {:8.3} to {:8.3}  {:3.0} % by the data",
+            p.number,
+            p.bundle,
+            p.kind.name(),
+            p.value,
+            p.lower,
+            p.upper,
+            100.0 * p.determined
+        );
+    }
+    text
+}
