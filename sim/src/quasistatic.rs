@@ -18,7 +18,7 @@ const ARM: f64 = 30.0;
 /// Furthest a coordinate may move in one Newton step [mm, or rad times [`ARM`]].
 const LONGEST_STEP: f64 = 2.0;
 /// An increment is halved this often at most.
-const MOST_HALVINGS: u32 = 6;
+const MOST_HALVINGS: i32 = 6;
 
 /// How increments are solved.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -30,13 +30,21 @@ pub struct SolverOptions {
     pub step_on_the_way_mm: f64,
     /// The same at the end of the path.
     pub step_at_the_end_mm: f64,
+    /// Furthest an increment with dashpots may end from the extrapolated motion [mm, or rad times 30 mm] before it is halved.
+    pub departure_mm: f64,
     /// Most Newton steps of an increment before it is halved [-].
     pub iterations: usize,
 }
 
 impl Default for SolverOptions {
     fn default() -> Self {
-        SolverOptions { slip_mm: 0.02, step_on_the_way_mm: 5e-3, step_at_the_end_mm: 1e-7, iterations: 40 }
+        SolverOptions {
+            slip_mm: 0.02,
+            step_on_the_way_mm: 5e-3,
+            step_at_the_end_mm: 1e-7,
+            departure_mm: 2.0,
+            iterations: 40,
+        }
     }
 }
 
@@ -47,9 +55,10 @@ impl SolverOptions {
             ("slip_mm", self.slip_mm),
             ("step_on_the_way_mm", self.step_on_the_way_mm),
             ("step_at_the_end_mm", self.step_at_the_end_mm),
+            ("departure_mm", self.departure_mm),
         ];
-        if let Some((key, x)) = lengths.into_iter().find(|(_, x)| !(1e-12..=1.0).contains(x)) {
-            return Err(SimError::Input(format!("solver.{key} is {x}, expected 1e-12 to 1 mm")));
+        if let Some((key, x)) = lengths.into_iter().find(|(_, x)| !(1e-12..=100.0).contains(x)) {
+            return Err(SimError::Input(format!("solver.{key} is {x}, expected 1e-12 to 100 mm")));
         }
         if !(5..=100_000).contains(&self.iterations) {
             return Err(SimError::Input(format!("solver.iterations is {}, expected 5 to 100000", self.iterations)));
@@ -123,6 +132,8 @@ pub struct Solved {
     pub state: State,
     /// Energy and derivatives there, without friction.
     pub evaluation: Evaluation,
+    /// Distance of its end from the extrapolated motion [mm, angles times 30 mm]; 0 without dashpots.
+    pub departure: f64,
     /// Evaluations of the model it took.
     pub evaluations: usize,
 }
@@ -187,13 +198,20 @@ pub fn increment(
     }
     start[FE] = goal.flexion;
     let tolerance = if end { options.step_at_the_end_mm } else { options.step_on_the_way_mm };
+    let predicted = start;
     let (value, q, evaluations) = minimise(&problem, start, tolerance, options.iterations)?;
     let step = q - from.q;
     let (mut friction_gradient, mut unused) = (Six::zeros(), (0.0, Matrix6::zeros()));
     problem.patches.add(&step, &mut unused.0, &mut friction_gradient, &mut unused.1);
     let rate = goal.flow.map_or(Six::zeros(), |(seconds, _)| step / seconds);
     let state = State { q, friction: problem.patches.after(&step), friction_gradient, rate };
-    Ok(Solved { state, evaluation: value.evaluation, evaluations })
+    let departure = if goal.flow.is_some() { distance(&(q - predicted)) } else { 0.0 };
+    Ok(Solved { state, evaluation: value.evaluation, departure, evaluations })
+}
+
+/// Size of a change of the coordinates [mm], angles times [`ARM`].
+fn distance(step: &Six) -> f64 {
+    (0..6).map(|c| step[c] * if c < 3 { ARM } else { 1.0 }).map(|x| x * x).sum::<f64>().sqrt()
 }
 
 /// Resistance of all dashpots at a pose [N s/mm and its like].
@@ -298,7 +316,8 @@ fn trust_step(eigen: &SymmetricEigen<f64, nalgebra::U5>, gradient: &Vector5<f64>
     eigen.eigenvectors * at(high)
 }
 
-/// Follows a phase of a path; `observe` sees every increment.
+/// Follows a phase of a path; `observe` sees every increment. Increments with dashpots are shortened where the motion departs from its
+/// extrapolation by more than [`SolverOptions::departure_mm`], as in a snap, and lengthened where it does not.
 ///
 /// Errors: as [`increment`], after halving increments in vain.
 pub fn follow(
@@ -310,10 +329,11 @@ pub fn follow(
     observe: &mut dyn FnMut(f64, &Solved),
 ) -> Result<State, SimError> {
     let mut state = from.clone();
-    let steps = phase.steps.max(1);
-    let (flexion, mut done, mut size) = (from.q[FE], 0.0, 1.0 / steps as f64);
+    let longest = 1.0 / phase.steps.max(1) as f64;
+    let shortest = longest * 0.5f64.powi(MOST_HALVINGS);
+    let (flexion, mut done, mut size) = (from.q[FE], 0.0, longest);
     while done < 1.0 - 1e-9 {
-        let next = (done + size).min(1.0);
+        let next = if done + size > 1.0 - 1e-9 { 1.0 } else { done + size };
         let x = ((next - phase.load_from) / (1.0 - phase.load_from).max(1e-9)).clamp(0.0, 1.0);
         let share = x * x * x * (10.0 - 15.0 * x + 6.0 * x * x);
         let goal = Goal {
@@ -322,14 +342,15 @@ pub fn follow(
             flow: phase.flow.map(|(seconds, dashpots)| (seconds * (next - done), dashpots)),
         };
         match increment(model, &state, &goal, options, false) {
-            Ok(solved) => {
+            Ok(solved) if solved.departure <= options.departure_mm || size <= shortest => {
                 observe(next, &solved);
+                let growth = if solved.departure < 0.3 * options.departure_mm { 2.0 } else { 1.0 };
                 state = solved.state;
                 done = next;
-                size = (2.0 * size).min(1.0 / steps as f64);
+                size = (growth * size).min(longest);
             }
-            Err(SimError::Solver(_)) if size * steps as f64 > 0.5f64.powi(MOST_HALVINGS as i32) => size *= 0.5,
-            Err(error) => return Err(error),
+            Err(error) if !matches!(error, SimError::Solver(_)) || size <= shortest => return Err(error),
+            _ => size = (0.5 * size).max(shortest),
         }
     }
     Ok(state)
