@@ -3,11 +3,10 @@
 use crate::error::BuildError;
 use crate::{model_file, store};
 use clap::Args;
-use rayon::prelude::*;
 use sim::Model;
 use sim::laxity::{self, TrialResult};
 use sim::protocols::{self, Protocol, ProtocolOptions};
-use sim::trials::{TrialOptions, solve_trial};
+use sim::trials::{TrialOptions, solve_trials};
 use std::path::{Path, PathBuf};
 
 /// `build-model simulate`.
@@ -83,7 +82,8 @@ pub fn simulate(args: &SimulateArgs) -> Result<String, BuildError> {
         }
         None => {
             let options = TrialOptions::default();
-            let each = trials.par_iter().map(|t| solve_trial(&model, t, &options).map(|a| a.result(t)));
+            let answers = solve_trials(&model, &trials, &options);
+            let each = answers.into_iter().zip(&trials).map(|(answer, t)| answer.map(|a| a.result(t)));
             let results = each.collect::<Result<Vec<TrialResult>, _>>().map_err(fault)?;
             let csv = laxity::results_csv(&names, &results);
             (results, csv)

@@ -40,9 +40,9 @@ impl Default for SolverOptions {
     fn default() -> Self {
         SolverOptions {
             slip_mm: 0.02,
-            step_on_the_way_mm: 5e-3,
+            step_on_the_way_mm: 5e-2,
             step_at_the_end_mm: 1e-7,
-            departure_mm: 2.0,
+            departure_mm: 5.0,
             iterations: 40,
         }
     }
@@ -130,7 +130,7 @@ pub struct Phase {
 pub struct Solved {
     /// The state at its end.
     pub state: State,
-    /// Energy and derivatives there, without friction.
+    /// Energy and derivatives there, without friction; on the way those before the last, short, Newton step.
     pub evaluation: Evaluation,
     /// Distance of its end from the extrapolated motion [mm, angles times 30 mm]; 0 without dashpots.
     pub departure: f64,
@@ -199,7 +199,7 @@ pub fn increment(
     start[FE] = goal.flexion;
     let tolerance = if end { options.step_at_the_end_mm } else { options.step_on_the_way_mm };
     let predicted = start;
-    let (value, q, evaluations) = minimise(&problem, start, tolerance, options.iterations)?;
+    let (value, q, evaluations) = minimise(&problem, start, (tolerance, end), options.iterations)?;
     let step = q - from.q;
     let (mut friction_gradient, mut unused) = (Six::zeros(), (0.0, Matrix6::zeros()));
     problem.patches.add(&step, &mut unused.0, &mut friction_gradient, &mut unused.1);
@@ -229,11 +229,11 @@ fn damping(model: &Model, pose: &crate::joint::Pose, dashpots: &Dashpots) -> Mat
     c
 }
 
-/// Newton's method in a trust region; the exact step by the eigenvectors of the scaled Hessian.
+/// Newton's method in a trust region until steps are shorter than `tolerance`; the last is taken without looking where it led unless `checked`; the exact step by the eigenvectors of the scaled Hessian.
 fn minimise(
     problem: &Increment,
     start: Six,
-    tolerance: f64,
+    (tolerance, checked): (f64, bool),
     iterations: usize,
 ) -> Result<(Value, Six, usize), SimError> {
     let (mut q, mut value) = (start, problem.at(&start));
@@ -245,6 +245,9 @@ fn minimise(
         let length = step.norm();
         let expected = -(gradient.dot(&step) + 0.5 * step.dot(&(hessian * step)));
         let next = q + unscaled(&step);
+        if !checked && length < tolerance && length < radius {
+            return Ok((value, next, evaluations));
+        }
         let tried = problem.at(&next);
         let gained = value.objective - tried.objective;
         // below this the objective's digits do not tell; the gradient does
@@ -328,7 +331,7 @@ pub fn follow(
     options: &SolverOptions,
     observe: &mut dyn FnMut(f64, &Solved),
 ) -> Result<State, SimError> {
-    let mut state = from.clone();
+    let mut state = State { rate: Six::zeros(), ..from.clone() };
     let longest = 1.0 / phase.steps.max(1) as f64;
     let shortest = longest * 0.5f64.powi(MOST_HALVINGS);
     let (flexion, mut done, mut size) = (from.q[FE], 0.0, longest);

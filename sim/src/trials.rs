@@ -9,6 +9,7 @@ use crate::laxity::{LaxityTrial, TrialResult};
 use crate::model::{Evaluation, Model};
 use crate::quasistatic::{Dashpots, Goal, Phase, Solved, SolverOptions, State, follow, increment};
 use crate::spec::PoseSpec;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// Flag of an answer whose femur has left the plateau.
@@ -49,7 +50,7 @@ impl Default for TrialOptions {
             load_from: 1.0 / 3.0,
             hold_s: 0.6,
             damping: 0.01,
-            increments: [3, 18, 4],
+            increments: [1, 12, 2],
             flexion_deg: [-30.0, 160.0],
             dislocation_mm: [20.0, 30.0, 20.0],
             solver: SolverOptions::default(),
@@ -152,19 +153,56 @@ pub fn chain_flexion(model: &Model, fe_deg: f64, options: &TrialOptions) -> Resu
 ///
 /// Errors: loads or flexion out of range, a solver that finds no equilibrium; each names the trial.
 pub fn solve_trial(model: &Model, trial: &LaxityTrial, options: &TrialOptions) -> Result<Answer, SimError> {
-    let named = |e: SimError| match e {
+    solve(model, trial.fe_deg, &trial.load, options).map_err(|e| named(e, trial))
+}
+
+/// Solves trials in parallel, in order; those of one compression share its settling. The same answers as [`solve_trial`]'s.
+pub fn solve_trials(model: &Model, trials: &[LaxityTrial], options: &TrialOptions) -> Vec<Result<Answer, SimError>> {
+    let mut compressions: Vec<f64> = trials.iter().map(|t| t.load[4]).collect();
+    compressions.sort_by(f64::total_cmp);
+    compressions.dedup_by(|a, b| a.to_bits() == b.to_bits());
+    let settled: Vec<Result<State, SimError>> = compressions.par_iter().map(|c| settle(model, *c, options)).collect();
+    let answer = |trial: &LaxityTrial| {
+        let at = compressions.binary_search_by(|c| c.total_cmp(&trial.load[4])).unwrap_or_default();
+        let state = settled[at].as_ref().map_err(Clone::clone)?;
+        solve_from(model, state, trial.fe_deg, &trial.load, options)
+    };
+    trials.par_iter().map(|trial| answer(trial).map_err(|e| named(e, trial))).collect()
+}
+
+fn named(error: SimError, trial: &LaxityTrial) -> SimError {
+    match error {
         SimError::Input(m) => SimError::Input(format!("trial {}: {m}", trial.trial)),
         SimError::Solver(m) => SimError::Solver(format!("trial {}: {m}", trial.trial)),
         other => other,
-    };
-    solve(model, trial.fe_deg, &trial.load, options).map_err(named)
+    }
 }
 
 /// [`solve_trial`] without a trial's name: flexion [deg], loads [N m, N].
 pub fn solve(model: &Model, fe_deg: f64, load: &[f64; 5], options: &TrialOptions) -> Result<Answer, SimError> {
+    solve_from(model, &settle(model, load[4], options)?, fe_deg, load, options)
+}
+
+/// The CT pose settled under a compression [N]: where every trial of that compression begins.
+///
+/// Errors: options or a load out of range, a solver that cannot go on.
+pub fn settle(model: &Model, compression: f64, options: &TrialOptions) -> Result<State, SimError> {
+    options.check()?;
+    Ok(Path::settled(model, compression, options)?.state)
+}
+
+/// [`solve`] from the state that [`settle`] gives for the trial's compression.
+pub fn solve_from(
+    model: &Model,
+    settled: &State,
+    fe_deg: f64,
+    load: &[f64; 5],
+    options: &TrialOptions,
+) -> Result<Answer, SimError> {
     options.check()?;
     let flexion = chain_flexion(model, fe_deg, options)?;
-    let mut path = Path::settled(model, load[4], options)?;
+    let compression = generalised(&[0.0, 0.0, 0.0, 0.0, load[4]]);
+    let mut path = Path { model, options, state: settled.clone(), load: compression, evaluations: 0 };
     path.load(flexion, &generalised(load))?;
     path.rest()
 }

@@ -141,13 +141,26 @@ impl Field {
         let (at, offset) = self.cell(p)?;
         let [nx, ny, _] = self.size;
         let [(wx, dx), (wy, dy), (wz, dz)] = offset.map(weights);
-        // rows along x are contracted first, then along y, then along z
+        let row = |j: usize, k: usize| {
+            let start = at + k * nx * ny + j * nx - nx * ny - nx - 1;
+            let row = &self.coefficients[start..start + 3];
+            [f64::from(row[0]), f64::from(row[1]), f64::from(row[2])]
+        };
+        // rows along x are contracted first, then along y, then along z; the distance alone tells whether the rest is wanted
+        let mut distance = 0.0;
+        for k in 0..3 {
+            for j in 0..3 {
+                let [a, b, c] = row(j, k);
+                distance += (a * wx[0] + b * wx[1] + c * wx[2]) * (wy[j] * wz[k]);
+            }
+        }
+        if distance > highest {
+            return None;
+        }
         let mut plane = [[0.0; 6]; 3];
         for (k, slot) in plane.iter_mut().enumerate() {
             for j in 0..3 {
-                let start = at + k * nx * ny + j * nx - nx * ny - nx - 1;
-                let row = &self.coefficients[start..start + 3];
-                let (a, b, c) = (f64::from(row[0]), f64::from(row[1]), f64::from(row[2]));
+                let [a, b, c] = row(j, k);
                 let (v, d, s) = (a * wx[0] + b * wx[1] + c * wx[2], a * dx[0] + b * dx[1] + c * dx[2], a - 2.0 * b + c);
                 slot[0] += v * wy[j];
                 slot[1] += d * wy[j];
@@ -158,10 +171,6 @@ impl Field {
             }
         }
         let z = |n: usize, w: &[f64; 3]| plane[0][n] * w[0] + plane[1][n] * w[1] + plane[2][n] * w[2];
-        let distance = z(0, &wz);
-        if distance > highest {
-            return None;
-        }
         let (g, h) = (1.0 / SPACING, 1.0 / (SPACING * SPACING));
         Some(Sample {
             distance,
