@@ -9,6 +9,7 @@ pub mod friction;
 pub mod law;
 mod nodes;
 pub mod press;
+mod rim;
 
 use crate::error::SimError;
 use crate::joint::{Pose, Screw, Six, comes_first};

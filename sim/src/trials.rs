@@ -35,8 +35,10 @@ pub struct TrialOptions {
     pub increments: [usize; 3],
     /// Flexion a model is asked for at most [deg]; ours, beyond any knee.
     pub flexion_deg: [f64; 2],
-    /// ML, AP or SI further than this from the CT pose is a dislocation [mm]; ours.
-    pub dislocation_mm: [f64; 3],
+    /// ML or SI further than this from the CT pose is a dislocation [mm]; the joint limits of the cost.
+    pub dislocation_mm: f64,
+    /// A centre of pressure nearer than this to the front, back or side of its tibial patch is a dislocation [mm]; ours.
+    pub rim_mm: f64,
     /// The solver's.
     pub solver: SolverOptions,
 }
@@ -52,7 +54,8 @@ impl Default for TrialOptions {
             damping: 0.01,
             increments: [1, 12, 2],
             flexion_deg: [-30.0, 160.0],
-            dislocation_mm: [20.0, 30.0, 20.0],
+            dislocation_mm: 20.0,
+            rim_mm: 0.5,
             solver: SolverOptions::default(),
         }
     }
@@ -278,10 +281,11 @@ impl<'a> Path<'a> {
     }
 }
 
-/// What is odd about an answer: no cartilage bears load although the knee was pressed together or pulled tight, or it lies far off.
+/// What is odd about an answer: no cartilage bears load, pressure at a plateau's rim, or a joint limit passed.
 fn flags(model: &Model, gs: &Six, evaluation: &Evaluation, options: &TrialOptions) -> Vec<String> {
     let ct = model.joint.ct_pose();
-    let far = [ML, AP, SI].into_iter().zip(options.dislocation_mm).any(|(c, most)| (gs[c] - ct[c]).abs() > most);
-    let apart = evaluation.contact.area.iter().all(|a| *a == 0.0);
-    if far || apart { vec![DISLOCATED.to_owned()] } else { Vec::new() }
+    let far = [ML, SI].into_iter().any(|c| (gs[c] - ct[c]).abs() > options.dislocation_mm);
+    let inside = model.contact.inside_rim(&evaluation.pose);
+    let off = inside.is_empty() || inside.iter().any(|x| *x < options.rim_mm);
+    if far || off { vec![DISLOCATED.to_owned()] } else { Vec::new() }
 }

@@ -61,6 +61,12 @@ impl Nodes {
         nodes
     }
 
+    /// Least and greatest coordinates in another frame.
+    pub(crate) fn extent(&self, to: &Isometry) -> (Point, Point) {
+        let empty = (Point::from([f64::INFINITY; 3]), Point::from([f64::NEG_INFINITY; 3]));
+        self.position.iter().map(|p| to * Point::from(*p)).fold(empty, |(low, high), p| (low.inf(&p), high.sup(&p)))
+    }
+
     /// Calls `visit` with the field's coordinates and the area of each node that may be nearer than `-overclosure` to the surface.
     #[inline]
     pub(crate) fn for_each_near(
