@@ -3,8 +3,10 @@
 use crate::error::BuildError;
 use crate::{model_file, store};
 use clap::Args;
+use rayon::prelude::*;
 use sim::Model;
-use sim::laxity::{self, TrialResult};
+use sim::explicit::{ExplicitOptions, TrialSteps, explicit_trial, unobserved};
+use sim::laxity::{self, LaxityTrial, TrialResult};
 use sim::protocols::{self, Protocol, ProtocolOptions};
 use sim::trials::{TrialOptions, solve_trials};
 use std::path::{Path, PathBuf};
@@ -57,6 +59,8 @@ pub enum ProtocolName {
 pub enum Solver {
     /// Equilibrium along the path of loading
     Quasistatic,
+    /// Explicit dynamics through the paper's steps, to rest; trials only
+    Explicit,
 }
 
 /// Runs the trials or the protocol and writes the results; gives the words to print.
@@ -75,16 +79,16 @@ pub fn simulate(args: &SimulateArgs) -> Result<String, BuildError> {
     let model = model.without(&args.without).map_err(|e| BuildError::Usage(format!("--without: {e}")))?;
     let names = model.bundle_names();
     let (results, csv) = match args.protocol {
+        Some(_) if args.solver == Solver::Explicit => {
+            return Err(BuildError::Usage("--solver explicit runs --trials; protocols are quasi-static".into()));
+        }
         Some(protocol) => {
             let results = run_protocol(&model, protocol, args).map_err(fault)?;
             let csv = laxity::protocol_csv(&names, &results);
             (results, csv)
         }
         None => {
-            let options = TrialOptions::default();
-            let answers = solve_trials(&model, &trials, &options);
-            let each = answers.into_iter().zip(&trials).map(|(answer, t)| answer.map(|a| a.result(t)));
-            let results = each.collect::<Result<Vec<TrialResult>, _>>().map_err(fault)?;
+            let results = answers(&model, &trials, args.solver).map_err(fault)?;
             let csv = laxity::results_csv(&names, &results);
             (results, csv)
         }
@@ -94,6 +98,21 @@ pub fn simulate(args: &SimulateArgs) -> Result<String, BuildError> {
         text += &format!("warning: {}: {}\n", r.trial.trial, r.flags.join("; "));
     }
     Ok(text + &format!("{} rows in {}\n", results.len(), args.out.display()))
+}
+
+/// The answers to all trials.
+fn answers(model: &Model, trials: &[LaxityTrial], solver: Solver) -> Result<Vec<TrialResult>, sim::SimError> {
+    match solver {
+        Solver::Quasistatic => {
+            let answers = solve_trials(model, trials, &TrialOptions::default());
+            answers.into_iter().zip(trials).map(|(answer, t)| answer.map(|a| a.result(t))).collect()
+        }
+        Solver::Explicit => {
+            let (steps, options) = (TrialSteps::default(), ExplicitOptions::default());
+            let each = trials.par_iter().map(|t| explicit_trial(model, t, &steps, &options, &mut unobserved));
+            each.collect()
+        }
+    }
 }
 
 fn run_protocol(model: &Model, protocol: ProtocolName, args: &SimulateArgs) -> Result<Vec<TrialResult>, sim::SimError> {

@@ -18,7 +18,7 @@ pub use energy::Energies;
 pub use options::{Control, ExplicitOptions};
 pub use program::{Course, Drive, Program, Step};
 pub use state::ExplicitState;
-pub use trial::{TrialSteps, deck_program};
+pub use trial::{TrialSteps, deck_program, explicit_trial};
 
 use crate::error::SimError;
 use crate::joint::{Pose, Six};

@@ -282,7 +282,7 @@ impl<'a> Path<'a> {
 }
 
 /// What is odd about an answer: no cartilage bears load, pressure at a plateau's rim, or a joint limit passed.
-fn flags(model: &Model, gs: &Six, evaluation: &Evaluation, options: &TrialOptions) -> Vec<String> {
+pub(crate) fn flags(model: &Model, gs: &Six, evaluation: &Evaluation, options: &TrialOptions) -> Vec<String> {
     let ct = model.joint.ct_pose();
     let far = [ML, SI].into_iter().any(|c| (gs[c] - ct[c]).abs() > options.dislocation_mm);
     let inside = model.contact.inside_rim(&evaluation.pose);

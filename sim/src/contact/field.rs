@@ -138,6 +138,12 @@ impl Field {
     /// Distance and derivatives at a local point; `None` where it is above `highest` or off the grid.
     #[inline]
     pub fn sample(&self, p: &[f64; 3], highest: f64) -> Option<Sample> {
+        self.sample_to::<true>(p, highest)
+    }
+
+    /// [`Field::sample`], second derivatives only where `CURVED`.
+    #[inline]
+    pub(crate) fn sample_to<const CURVED: bool>(&self, p: &[f64; 3], highest: f64) -> Option<Sample> {
         let (at, offset) = self.cell(p)?;
         let [nx, ny, _] = self.size;
         let [(wx, dx), (wy, dy), (wz, dz)] = offset.map(weights);
@@ -164,19 +170,22 @@ impl Field {
                 let (v, d, s) = (a * wx[0] + b * wx[1] + c * wx[2], a * dx[0] + b * dx[1] + c * dx[2], a - 2.0 * b + c);
                 slot[0] += v * wy[j];
                 slot[1] += d * wy[j];
-                slot[2] += s * wy[j];
                 slot[3] += v * dy[j];
-                slot[4] += d * dy[j];
-                slot[5] += v * CURVE[j];
+                if CURVED {
+                    slot[2] += s * wy[j];
+                    slot[4] += d * dy[j];
+                    slot[5] += v * CURVE[j];
+                }
             }
         }
         let z = |n: usize, w: &[f64; 3]| plane[0][n] * w[0] + plane[1][n] * w[1] + plane[2][n] * w[2];
         let (g, h) = (1.0 / SPACING, 1.0 / (SPACING * SPACING));
-        Some(Sample {
-            distance,
-            gradient: [z(1, &wz) * g, z(3, &wz) * g, z(0, &dz) * g],
-            hessian: [z(2, &wz) * h, z(4, &wz) * h, z(1, &dz) * h, z(5, &wz) * h, z(3, &dz) * h, z(0, &CURVE) * h],
-        })
+        let hessian = if CURVED {
+            [z(2, &wz) * h, z(4, &wz) * h, z(1, &dz) * h, z(5, &wz) * h, z(3, &dz) * h, z(0, &CURVE) * h]
+        } else {
+            [0.0; 6]
+        };
+        Some(Sample { distance, gradient: [z(1, &wz) * g, z(3, &wz) * g, z(0, &dz) * g], hessian })
     }
 }
 

@@ -89,7 +89,7 @@ impl Contact {
         let side = if tibial { -0.5 } else { 0.5 };
         let mut last = Spot::default();
         nodes.for_each_near(field, &to_field, start, |p, area| {
-            let Some(s) = field.sample(p, -start) else { return };
+            let Some(s) = field.sample_to::<false>(p, -start) else { return };
             let (energy, pressure, slope) = self.law.at(-s.distance);
             let weight = 0.5 * area * self.scale;
             let force = turn * Vector::from(s.gradient) * (2.0 * side * pressure * weight);

@@ -23,7 +23,8 @@ pub struct ExplicitOptions {
     pub longest_increment_s: f64,
     /// Fraction of the stable increment that is taken [-].
     pub safety: f64,
-    /// Factor on the femur's mass and inertia [-]: they are numerical, end states are the physics. Measured: docs/verification.md.
+    /// Factor on the femur's mass and inertia [-]: they are numerical, end states are the physics; 5 halves
+    /// the time and moves end states by less than 0.1 mm. Measured: docs/verification.md.
     pub mass_scale: f64,
     /// Slip over which a contact patch reaches its Coulomb limit [mm]; as in the quasi-static solver.
     pub slip_mm: f64,
@@ -35,7 +36,7 @@ impl Default for ExplicitOptions {
             control: Control::Stable,
             longest_increment_s: 1e-3,
             safety: 0.7,
-            mass_scale: 5.0,
+            mass_scale: 1.0,
             slip_mm: 0.02,
         }
     }

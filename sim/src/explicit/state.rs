@@ -50,9 +50,14 @@ impl ExplicitState {
         ExplicitState { q, rate, momentum, ..ExplicitState::default() }
     }
 
-    /// The same place moving the other way.
+    /// The same place at the start of a program.
+    pub fn restarted(&self) -> Self {
+        ExplicitState { step: 0, time_s: 0.0, step_start: None, ..self.clone() }
+    }
+
+    /// The same place at the start of a program, moving the other way.
     pub fn reversed(&self) -> Self {
-        ExplicitState { rate: -self.rate, momentum: -self.momentum, ..self.clone() }
+        ExplicitState { rate: -self.rate, momentum: -self.momentum, ..self.restarted() }
     }
 
     /// Angular (about the femur's centre) and linear momentum at the last half increment [tonne mm2/s, tonne mm/s].

@@ -1,37 +1,49 @@
 //! The paper's steps of a trial [andreassen2025, sec. 2.4.5] and a deck's own, as programs.
 
+use super::options::ExplicitOptions;
 use super::program::{Course, Drive, Program, Step};
+use super::state::ExplicitState;
+use super::{Observer, run};
 use crate::deck::{Control, ControlKind, Curve, DeckProtocol};
 use crate::error::SimError;
 use crate::joint::{AP, FE, Joint, SI, Six};
+use crate::laxity::{LaxityTrial, TrialResult};
+use crate::model::Model;
 use crate::spec::ChainSpec;
+use crate::trials;
 use serde::{Deserialize, Serialize};
+
+/// Faster than this a trial's end state is not at rest [mm/s, rad/s]: a hundredth of a millimetre takes a second.
+const MOVING: f64 = 0.01;
 
 /// How a trial is laid out in time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct TrialSteps {
-    /// Duration of the settling step, in which the compression is ramped up [s].
+    /// Duration of the settling step, in which the compression is ramped up [s]; the test deck's.
     pub settle_s: f64,
     /// Dashpots along the coordinates while settling [N s/mm, N mm s/rad]; the paper's 100.
     pub settle_damping: f64,
-    /// Duration of the loading step [s].
+    /// Longest increment while settling [s]: under heavy dashpots longer ones are stable.
+    pub settle_increment_s: f64,
+    /// Duration of the loading step [s]; the published decks'.
     pub load_s: f64,
-    /// Dashpots while loading and after [N s/mm, N mm s/rad]; the paper's 0.01.
+    /// Dashpots while loading and after [N s/mm, N mm s/rad]; the published decks' 0.01.
     pub load_damping: f64,
-    /// When flexion starts and is reached, in fractions of the loading step [-].
+    /// When flexion starts and is reached, in fractions of the loading step [-]; as in the published decks.
     pub flex: [f64; 2],
-    /// When loads start and are reached, in fractions of the loading step [-]; the paper holds the last 0.3.
+    /// When loads start and are reached, in fractions of the loading step [-]; as in the published decks; the paper holds the last 0.3.
     pub load: [f64; 2],
-    /// Whether ramps are fifth-order steps, as the decks' loads are, or straight.
+    /// Whether loads follow a fifth-order step, as the decks' do, or a straight ramp. Flexion's is straight.
     pub smooth: bool,
 }
 
 impl Default for TrialSteps {
     fn default() -> Self {
         TrialSteps {
-            settle_s: 0.5,
+            settle_s: 3.0,
             settle_damping: 100.0,
+            settle_increment_s: 3e-3,
             load_s: 1.5,
             load_damping: 0.01,
             flex: [0.0, 0.6],
@@ -49,8 +61,8 @@ impl TrialSteps {
         if !load.iter().all(|x| x.abs() < 1e7) {
             return Err(SimError::Input(format!("loads {:?} are not finite", load.as_slice())));
         }
-        if !(-60.0..=180.0).contains(&flexion_deg) {
-            return Err(SimError::Input(format!("flexion of {flexion_deg} deg, expected -60 to 180")));
+        if !(-30.0..=160.0).contains(&flexion_deg) {
+            return Err(SimError::Input(format!("flexion {flexion_deg} deg is impossible; expected -30 to 160")));
         }
         for (key, [from, to]) in [("flex", self.flex), ("load", self.load)] {
             if !(0.0 <= from && from < to && to <= 1.0) {
@@ -58,14 +70,14 @@ impl TrialSteps {
             }
         }
         let turn = flexion_deg.to_radians() - joint.ct_pose()[FE];
-        let curve = self.curve();
-        let ramp = |values, part: [f64; 2], length: f64| Course::ramp(values, part.map(|x| x * length), curve);
         let mut settle = self.step("settle", self.settle_s, self.settle_damping);
-        settle.drive[SI] = Drive::Load(ramp([0.0, load[SI]], [0.0, 0.6], self.settle_s));
+        settle.increment_s = Some(self.settle_increment_s);
+        settle.drive[SI] = Drive::Load(Course::ramp([0.0, load[SI]], [0.0, self.settle_s], self.curve()));
         let mut push = self.step("load", self.load_s, self.load_damping);
-        push.drive[FE] = Drive::Motion(ramp([0.0, turn], self.flex, self.load_s));
+        let during = |part: [f64; 2]| part.map(|x| x * self.load_s);
+        push.drive[FE] = Drive::Motion(Course::ramp([0.0, turn], during(self.flex), Curve::Linear { smooth: 0.0 }));
         for c in crate::joint::FREE {
-            push.drive[c] = Drive::Load(ramp([0.0, load[c]], self.load, self.load_s));
+            push.drive[c] = Drive::Load(Course::ramp([0.0, load[c]], during(self.load), self.curve()));
         }
         push.drive[SI] = Drive::Load(Course::constant(load[SI]));
         Ok(Program { steps: vec![settle, push] })
@@ -100,6 +112,34 @@ impl TrialSteps {
         let damping = Six::repeat(damping);
         Step { name: name.into(), duration_s, increment_s: None, contact: true, drive, damping, fail: Vec::new() }
     }
+}
+
+/// Runs a trial through the paper's steps to rest.
+///
+/// Errors: as [`run`] and [`TrialSteps::program`], with the trial's name.
+pub fn explicit_trial(
+    model: &Model,
+    trial: &LaxityTrial,
+    steps: &TrialSteps,
+    options: &ExplicitOptions,
+    observer: &mut Observer,
+) -> Result<TrialResult, SimError> {
+    let named = |e: SimError| match e {
+        SimError::Input(m) => SimError::Input(format!("trial {}: {m}", trial.trial)),
+        SimError::Solver(m) => SimError::Solver(format!("trial {}: {m}", trial.trial)),
+        other => other,
+    };
+    let program = steps.program(&model.joint, trial.fe_deg, &trials::generalised(&trial.load)).map_err(named)?;
+    let mut state = ExplicitState::at_rest();
+    run(model, &program, options, &mut state, observer).map_err(named)?;
+    let gs = model.joint.grood_suntay(&state.q);
+    let evaluation = model.evaluate(&state.q);
+    let mut flags = trials::flags(model, &gs, &evaluation, &trials::TrialOptions::default());
+    if state.rate.amax() > MOVING {
+        flags.push("still moving".to_owned());
+    }
+    let forces_n = model.bundle_forces(&evaluation.fibres);
+    Ok(TrialResult { trial: trial.clone(), pose: trials::pose_spec(&gs), forces_n, flags })
 }
 
 /// A deck's own steps, with its quirks: its signs, degree factor, flexion base, lost half increments. `chain` is the specification's.

@@ -10,9 +10,10 @@ use sim::spec::*;
 use sim::{Model, compile};
 use std::collections::BTreeMap;
 
-/// Mass [tonne] and inertia [tonne mm2] of the femur.
+/// Mass of the femur [tonne].
 pub(crate) const MASS: f64 = 2e-4;
-pub(crate) const INERTIA: f64 = 0.5;
+/// Its inertia [tonne mm2].
+const INERTIA: f64 = 0.5;
 
 /// A model to be: fibres of the same kind, and contact surfaces.
 pub(crate) struct Rig {
@@ -86,6 +87,58 @@ impl Rig {
         self.meshes.insert(names[1].clone(), MeshValue::Surface(tibia));
         self.spec.contact.pairs.push(PairSpec { femur: names[0].clone(), tibia: names[1].clone() });
         self
+    }
+
+    /// Two condyles of 20 mm on flat plateaus, two collaterals and two crossing cruciates, with dashpots and friction.
+    pub(crate) fn knee() -> Rig {
+        let mut rig = Rig::new();
+        for (x, depth) in [(-22.0, 0.05), (22.0, 0.03)] {
+            // off the round numbers, so that no node lies on a border of the contact's cells
+            let at = |z: f64| meshes::Isometry::translation(x + 0.0713, 0.0437, z + 0.0137);
+            let ball = meshes::shapes::icosphere(20.0, 4).moved(&at(20.0 - depth));
+            rig = rig.pair(ball, plate(18.0, 36, true).moved(&at(0.0)));
+        }
+        let p = Point::new;
+        for (femur, tibia, stiffness, stretch) in [
+            (p(-45.0, 3.0, 20.0), p(-35.0, -4.0, -30.0), 60.0, 0.8),
+            (p(44.0, 6.0, 21.0), p(40.0, 15.0, -20.0), 50.0, 0.6),
+            (p(8.0, 8.0, 22.0), p(-4.0, -12.0, 1.0), 90.0, 0.3),
+            (p(-8.0, 1.0, 18.0), p(2.0, 18.0, -6.0), 80.0, 0.4),
+        ] {
+            rig = rig.spring([femur, tibia], stiffness, stretch);
+        }
+        rig.spec.bundles.iter_mut().for_each(|b| (b.toe_strain, b.damping_n_s_per_mm) = (0.03, 0.2));
+        rig.spec.contact.friction = 0.03;
+        rig.spec.contact.damping = 0.001;
+        rig
+    }
+
+    /// The same with every point mapped; `side` says which knee it then is.
+    pub(crate) fn mapped(&self, side: Side, point: impl Fn(Point) -> Point) -> Rig {
+        let mut rig = Rig { spec: self.spec.clone(), meshes: BTreeMap::new() };
+        let origin = point(Point::origin());
+        let vector = |v: Vector| point(Point::from(v)) - origin;
+        let turned = side != self.spec.side;
+        rig.spec.side = side;
+        for frame in [&mut rig.spec.frames.femur, &mut rig.spec.frames.tibia] {
+            *frame = AnatomicalFrame {
+                origin: point(frame.origin),
+                medial: vector(frame.medial),
+                anterior: vector(frame.anterior),
+                superior: vector(frame.superior),
+            };
+        }
+        for f in &mut rig.spec.fibres {
+            (f.femur, f.tibia) = (point(f.femur), point(f.tibia));
+        }
+        for (name, mesh) in &self.meshes {
+            let MeshValue::Surface(mesh) = mesh else { continue };
+            let mut mesh = mesh.clone();
+            mesh.vertices.iter_mut().for_each(|v| *v = point(*v));
+            let mesh = if turned { mesh.flipped() } else { mesh };
+            rig.meshes.insert(name.clone(), MeshValue::Surface(mesh));
+        }
+        rig
     }
 
     pub(crate) fn compiled(&self) -> Model {

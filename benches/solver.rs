@@ -1,0 +1,99 @@
+//! Times of the solvers on one thread: `cargo bench --bench solver [MODEL.json [TRIALS.csv]]`.
+//!
+//! Without a model, the published knee of `../shared` with its full meshes, and its measured trials. Wall clock; run it on a quiet machine.
+#![expect(clippy::print_stdout, reason = "a benchmark prints")]
+
+use genu::model_file;
+use sim::Model;
+use sim::explicit::{ExplicitOptions, ExplicitState, Progress, TrialSteps, explicit_trial, run, unobserved};
+use sim::laxity::LaxityTrial;
+use sim::trials::{TrialOptions, generalised, solve_trial};
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Increments of an explicit run that is timed.
+const INCREMENTS: usize = 2000;
+
+fn main() -> Result<(), String> {
+    let shared = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared");
+    let given: Vec<PathBuf> = std::env::args().skip(1).filter(|a| !a.starts_with('-')).map(PathBuf::from).collect();
+    let (model, triangles) = match given.first() {
+        Some(path) => compiled(path)?,
+        None => {
+            let deck = shared.join("published/S192803/deck/S192803_MAIN_LAXITY_Anterior_30deg_10.inp");
+            if !deck.exists() {
+                println!("bench solver: skipped, {} is not there; name a model.json", deck.display());
+                return Ok(());
+            }
+            let out = std::env::temp_dir().join(format!("genu-bench-{}", std::process::id()));
+            model_file::import_abaqus(&deck, &out).map_err(|e| e.to_string())?;
+            compiled(&out)?
+        }
+    };
+    let trials = given.get(1).cloned().unwrap_or_else(|| shared.join("specimens/S192803/laxity/kla.csv"));
+    let bytes = genu::store::read(&trials).map_err(|e| e.to_string())?;
+    let trials = sim::laxity::read(&bytes).map_err(|e| e.to_string())?.trials;
+    println!("{}: {triangles} contact triangles, {} trials, one thread", model.id, trials.len());
+    quasi_static(&model, &trials)?;
+    explicit(&model, &trials)
+}
+
+/// The model and the number of its contact triangles.
+fn compiled(path: &Path) -> Result<(Model, usize), String> {
+    let loaded = model_file::load(path).map_err(|e| e.to_string())?;
+    let start = Instant::now();
+    let model = sim::compile(&loaded.spec, &loaded.meshes).map_err(|e| e.to_string())?;
+    println!("compile                       {:9.1} ms", 1e3 * start.elapsed().as_secs_f64());
+    let pairs = &loaded.spec.contact.pairs;
+    let names: std::collections::BTreeSet<&String> = pairs.iter().flat_map(|p| [&p.femur, &p.tibia]).collect();
+    let count = |name: &&String| match &loaded.meshes[*name] {
+        sim::abaqus::MeshValue::Surface(mesh) => mesh.triangles.len(),
+        _ => 0,
+    };
+    Ok((model, names.iter().map(count).sum()))
+}
+
+/// Times of `work` over the trials [ms], sorted.
+fn times(trials: &[LaxityTrial], mut work: impl FnMut(&LaxityTrial) -> Result<(), String>) -> Result<Vec<f64>, String> {
+    let mut times = Vec::new();
+    for trial in trials {
+        let start = Instant::now();
+        work(trial)?;
+        times.push(1e3 * start.elapsed().as_secs_f64());
+    }
+    times.sort_by(f64::total_cmp);
+    Ok(times)
+}
+
+fn quasi_static(model: &Model, trials: &[LaxityTrial]) -> Result<(), String> {
+    let options = TrialOptions::default();
+    let t = times(trials, |t| solve_trial(model, t, &options).map(|_| ()).map_err(|e| e.to_string()))?;
+    println!("quasi-static trial, median    {:9.1} ms   goal 10", t[t.len() / 2]);
+    println!("quasi-static trial, slowest   {:9.1} ms", t[t.len() - 1]);
+    Ok(())
+}
+
+fn explicit(model: &Model, trials: &[LaxityTrial]) -> Result<(), String> {
+    let (steps, options) = (TrialSteps::default(), ExplicitOptions::default());
+    let some: Vec<LaxityTrial> = trials.iter().step_by(6).cloned().collect();
+    let first = |trial: &LaxityTrial| -> Result<(), String> {
+        let program = steps.program(&model.joint, trial.fe_deg, &generalised(&trial.load)).map_err(|e| e.to_string())?;
+        let program = sim::explicit::Program { steps: program.steps[1..].to_vec() };
+        let mut stop = |p: &Progress| {
+            if p.state.increments == INCREMENTS { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        };
+        match run(model, &program, &options, &mut ExplicitState::at_rest(), &mut stop) {
+            Err(sim::SimError::Cancelled { .. }) => Ok(()),
+            other => Err(format!("ended before {INCREMENTS} increments: {other:?}")),
+        }
+    };
+    let t = times(&some, first)?;
+    println!("explicit, {INCREMENTS} increments     {:9.1} ms   goal 200", t[t.len() / 2]);
+    let whole = |t: &LaxityTrial| {
+        explicit_trial(model, t, &steps, &options, &mut unobserved).map(|_| ()).map_err(|e| e.to_string())
+    };
+    let t = times(&some, whole)?;
+    println!("explicit trial, median        {:9.1} ms", t[t.len() / 2]);
+    Ok(())
+}

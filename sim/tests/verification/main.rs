@@ -1,0 +1,20 @@
+//! Explicit dynamics against closed answers, the laws it keeps, its orders of convergence: docs/verification.md holds the figures printed here.
+#![expect(clippy::print_stdout, reason = "figures for the reader of the log")]
+#![expect(clippy::unwrap_used, reason = "a test's helpers")]
+
+mod closed;
+mod convergence;
+mod laws;
+mod rig;
+
+use sim::explicit::{Control, ExplicitOptions};
+
+/// Fixed increments and the specification's own masses.
+fn fixed(increment_s: f64) -> ExplicitOptions {
+    ExplicitOptions {
+        control: Control::Fixed,
+        longest_increment_s: increment_s,
+        mass_scale: 1.0,
+        ..ExplicitOptions::default()
+    }
+}
