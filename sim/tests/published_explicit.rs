@@ -23,8 +23,7 @@ fn deck(test: &str, trial: &str) -> Option<(ImportedDeck, Model)> {
 
 /// The quasi-static answer on a path fine enough to resolve friction's history.
 fn quasi_static(model: &Model, fe_deg: f64, load: &[f64; 5]) -> Six {
-    let mut options = TrialOptions::default();
-    options.increments = options.increments.map(|n| 8 * n);
+    let mut options = TrialOptions { increments: [24, 144, 32], ..TrialOptions::default() };
     options.solver.step_on_the_way_mm = 1e-5;
     model.joint.grood_suntay(&solve(model, fe_deg, load, &options).unwrap().state.q)
 }
