@@ -6,6 +6,7 @@
 pub mod bare;
 pub mod correlated;
 pub mod features;
+pub mod field;
 pub mod fit;
 pub mod icp;
 pub mod rigid;

@@ -67,10 +67,14 @@ pub fn faces_inward(surface: &crate::surface::TriMesh) -> bool {
 /// inner side. Vertices well outside, with a margin of 1.5 mm, are covered; where colours tell covered from bare, colours decide too.
 pub fn classify(target: &Target, scan: &Scan, pose: &Isometry) -> Classified {
     let vertices = &scan.mesh.mesh.vertices;
-    let standing: Vec<Standing> = (0..vertices.len())
-        .into_par_iter()
-        .map(|i| standing(target, &(pose * vertices[i]), &(pose * scan.normals[i])))
-        .collect();
+    let standing =
+        (0..vertices.len()).into_par_iter().map(|i| standing(target, &(pose * vertices[i]), &(pose * scan.normals[i])));
+    tell(scan, standing.collect())
+}
+
+/// As [`classify`], where it is known how the vertices stand.
+pub fn tell(scan: &Scan, standing: Vec<Standing>) -> Classified {
+    let vertices = &scan.mesh.mesh.vertices;
     let seen: Vec<bool> = standing
         .iter()
         .zip(&scan.at_border)

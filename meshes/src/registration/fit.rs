@@ -1,12 +1,17 @@
 //! The last fit, on bare bone alone, and its grade by points it has not seen.
 
-use super::bare::{Classified, Scan, classify};
-use super::correlated::{Covariance, Equation, solve};
-use super::rigid::PlaneEquations;
+use super::bare::{Classified, Scan, classify, tell};
+use super::correlated::{Equation, patches, solve};
+use super::field::Covariance;
+use super::icp::Standing;
+use super::rigid::{PlaneEquations, plane_row};
 use super::sample::{farthest, systematic};
 use super::target::{Target, nearest_in, spread_of, tree_of};
 use crate::{Isometry, Point, Vector};
-use nalgebra::{Matrix3, Matrix6};
+use nalgebra::{Matrix3, Matrix6, Vector6};
+
+/// Spacing of the patches over which residuals are averaged [mm].
+const PATCH: f64 = 2.0;
 
 /// A pose with its grade.
 pub struct Fitted {
@@ -60,36 +65,68 @@ impl Fitted {
     }
 }
 
-/// Fits to bare bone with one of each `held_out` blocks kept out: by robust least squares, then, bare bone told anew, by
-/// generalised least squares for correlated residuals; `None` where bare bone does not fix the pose.
+/// Fits to bare bone with one of each `held_out` blocks kept out, by robust least squares; then, bare bone told anew, by
+/// generalised least squares for correlated residuals: without those blocks for the grade, with them for the pose.
+/// `None` where bare bone does not fix the pose.
 pub fn fit(target: &Target, scan: &Scan, start: &Isometry, held_out: usize) -> Option<Fitted> {
     let vertices = &scan.mesh.mesh.vertices;
     let blocks = blocks_of(scan, 12.0);
+    let patches = patches(vertices, PATCH);
     let kept_out = |i: usize| blocks[i] as usize % held_out == held_out - 1;
     let centre = spread_of(vertices).0;
     let mut pose = *start;
     let mut classified = classify(target, scan, &pose);
     let mut plain = PlaneEquations::about(pose * centre);
-    for e in equations(scan, &classified, &pose, |i| !kept_out(i)) {
+    for e in equations(scan, &classified, &pose, &patches, |i| !kept_out(i)) {
         let weight = e.weight * (1.0 - (e.residual / (4.0 * classified.spread)).powi(2)).max(0.0).powi(2);
         plain.add(&e.point, &e.normal, e.residual, weight);
     }
-    pose = plain.solve()? * pose;
-    classified = classify(target, scan, &pose);
+    let step = plain.solve()?;
+    classified = tell(scan, stepped(scan, &classified, &pose, &step));
+    pose = step * pose;
     let about = pose * centre;
-    let solution = solve(&equations(scan, &classified, &pose, |i| !kept_out(i)), &about, 4.0)?;
+    let mut all = equations(scan, &classified, &pose, &patches, |i| !kept_out(i));
+    let held = equations(scan, &classified, &pose, &patches, kept_out);
+    let graded = solve(&all, &about, None)?;
+    let held_out_rms = rms_after(&graded.unknowns, &held, &about);
+    all.extend(held);
+    let solution = solve(&all, &about, Some(graded.noise))?;
     pose = solution.step * pose;
     classified = classify(target, scan, &pose);
-    let (rms, held_out_rms) = (rms(scan, &classified, |i| !kept_out(i)), rms(scan, &classified, kept_out));
-    let expected = solution.noise.correlated + solution.noise.white;
-    let scale = (held_out_rms * held_out_rms / expected.max(1e-12)).clamp(1.0, 10.0);
+    let rms = rms(scan, &classified);
+    let scale = (held_out_rms / rms.max(1e-9)).powi(2).clamp(1.0, 10.0);
     let scale = if scale.is_finite() { scale } else { 1.0 };
     let predicted_error = mean_displacement(&(solution.covariance * scale), &pose, vertices, &about);
     let inlier_fraction = inlier_fraction(scan, &classified);
     Some(Fitted { pose, classified, rms, held_out_rms, inlier_fraction, predicted_error, noise: solution.noise })
 }
 
-fn equations(scan: &Scan, classified: &Classified, pose: &Isometry, of: impl Fn(usize) -> bool) -> Vec<Equation> {
+/// How the vertices stand after a step of a few tenths of a mm: each moves along the normal at its foot, which is exact to
+/// the second order in the step.
+fn stepped(scan: &Scan, classified: &Classified, pose: &Isometry, step: &Isometry) -> Vec<Standing> {
+    let vertices = scan.mesh.mesh.vertices.iter();
+    vertices
+        .zip(&classified.standing)
+        .map(|(p, at)| {
+            let p = pose * p;
+            let residual = at.residual + (step * p - p).dot(&at.normal);
+            Standing {
+                residual,
+                distance: (at.distance + residual.abs() - at.residual.abs()).max(residual.abs()),
+                ..*at
+            }
+        })
+        .collect()
+}
+
+/// The equation of each bare vertex among those that are asked for.
+fn equations(
+    scan: &Scan,
+    classified: &Classified,
+    pose: &Isometry,
+    patches: &[u32],
+    of: impl Fn(usize) -> bool,
+) -> Vec<Equation> {
     (0..scan.areas.len())
         .filter(|&i| classified.bare[i] && of(i))
         .map(|i| Equation {
@@ -97,6 +134,7 @@ fn equations(scan: &Scan, classified: &Classified, pose: &Isometry, of: impl Fn(
             normal: classified.standing[i].normal,
             residual: classified.standing[i].residual,
             weight: scan.areas[i],
+            patch: patches[i],
         })
         .collect()
 }
@@ -112,9 +150,19 @@ fn blocks_of(scan: &Scan, size: f64) -> Vec<u32> {
     }
 }
 
-fn rms(scan: &Scan, classified: &Classified, of: impl Fn(usize) -> bool) -> f64 {
+/// Root mean square residual of equations after a small motion of these unknowns [mm]; no number without equations.
+fn rms_after(unknowns: &Vector6<f64>, equations: &[Equation], centre: &Point) -> f64 {
     let (mut sum, mut weight) = (0.0, 0.0);
-    for i in (0..scan.areas.len()).filter(|&i| classified.bare[i] && of(i)) {
+    for e in equations {
+        sum += e.weight * (e.residual + plane_row(&e.point, &e.normal, centre).dot(unknowns)).powi(2);
+        weight += e.weight;
+    }
+    if weight > 0.0 { (sum / weight).sqrt() } else { f64::NAN }
+}
+
+fn rms(scan: &Scan, classified: &Classified) -> f64 {
+    let (mut sum, mut weight) = (0.0, 0.0);
+    for i in (0..scan.areas.len()).filter(|&i| classified.bare[i]) {
         sum += scan.areas[i] * classified.standing[i].residual.powi(2);
         weight += scan.areas[i];
     }
