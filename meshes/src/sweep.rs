@@ -26,6 +26,8 @@ pub struct Faces<'a> {
     pub articular: &'a SurfaceQuery,
 }
 
+/// Evening out makes no corner worse than this scaled Jacobian.
+const LEAST_RELAXED: f64 = 0.4;
 /// A corner's share of the cost begins to weigh below this scaled Jacobian.
 const GOOD: f64 = 0.6;
 /// Weight of that part.
@@ -64,25 +66,48 @@ impl Columns {
     /// their face; `sweeps` times.
     pub fn relax(&mut self, faces: &Faces, sweeps: usize) {
         let neighbours = neighbours(self.bony.len(), &self.quads);
+        let around = self.quads_around();
+        let inner: Vec<usize> = (0..self.bony.len()).filter(|n| !self.on_outline[*n]).collect();
         for _ in 0..sweeps {
-            for (nodes, query) in [(&mut self.bony, faces.bony), (&mut self.articular, faces.articular)] {
-                let old = nodes.clone();
-                for (n, list) in neighbours.iter().enumerate().filter(|(n, _)| !self.on_outline[*n]) {
-                    // Long edges pull more, so that lengths even out.
-                    let pull = |m: u32| (old[m as usize] - old[n]) * (old[m as usize] - old[n]).norm_squared();
-                    let weight: f64 = list.iter().map(|&m| (old[m as usize] - old[n]).norm_squared()).sum();
-                    let step = list.iter().map(|&m| pull(m)).sum::<Vector>() / weight.max(f64::MIN_POSITIVE);
-                    nodes[n] = query.nearest(&(old[n] + step * 0.5)).point;
+            for (side, query) in [faces.bony, faces.articular].into_iter().enumerate() {
+                for &n in &inner {
+                    let nodes = if side == 0 { &self.bony } else { &self.articular };
+                    let place = query.nearest(&(nodes[n] + pull(nodes, n, &neighbours[n]) * 0.5)).point;
+                    // At a notch of the outline the mean of the neighbours may lie beyond it.
+                    let before = self.worst(&around[n], (n, side), &nodes[n]);
+                    if self.worst(&around[n], (n, side), &place) >= before.min(LEAST_RELAXED) {
+                        *self.node_mut(n, side) = place;
+                    }
                 }
             }
         }
+    }
+
+    /// The least scaled Jacobian at a corner of `quads` with node `v` of one face at `place`.
+    fn worst(&self, quads: &[u32], (v, side): (usize, usize), place: &Point) -> f64 {
+        quads.iter().flat_map(|&q| corner_shapes(&self.corners(q, (v, side), place))).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Corners of the column of quadrilateral `q`, bony ones first, with node `v` of one face at `place`.
+    fn corners(&self, q: u32, (v, side): (usize, usize), place: &Point) -> [Point; 8] {
+        let quad = self.quads[q as usize].map(|c| c as usize);
+        std::array::from_fn(|k| {
+            let (c, face) = (quad[k % 4], k / 4);
+            if c == v && face == side {
+                *place
+            } else if face == 0 {
+                self.bony[c]
+            } else {
+                self.articular[c]
+            }
+        })
     }
 
     /// Moves nodes along their faces wherever that lowers a cost of the shape of the elements around them.
     ///
     /// The cost is the sum over element corners of (1 - s)^2 with s the scaled Jacobian, with a steep part for bad corners, and a part
     /// for in-plane edges outside 0.6 to 1.25 `edge` [mm], steep outside 0.5 to 1.28. Pattern search node by node in a fixed order: four directions,
-    /// the step halved where none helps. Columns of the outline are held near it. At most `sweeps` sweeps.
+    /// the step halved where none helps; badly shaped columns also move whole. Columns of the outline are held near it. At most `sweeps` sweeps.
     pub fn optimise(&mut self, faces: &Faces, edge: f64, sweeps: usize) {
         let around = self.quads_around();
         let neighbours = neighbours(self.bony.len(), &self.quads);
@@ -104,9 +129,41 @@ impl Columns {
                     next[v] = true;
                     neighbours[v].iter().for_each(|&m| next[m as usize] = true);
                 }
+                if self.worst(&around[v], (v, 0), &self.bony[v]) < GOOD
+                    && self.shift(v, &around[v], [home[0][v], home[1][v]], edge, faces)
+                {
+                    step[v] = step[v].max(0.05 * edge);
+                    step[n + v] = step[n + v].max(0.05 * edge);
+                    next[v] = true;
+                    neighbours[v].iter().for_each(|&m| next[m as usize] = true);
+                }
             }
             active = next;
         }
+    }
+
+    /// Moves a whole column where that lowers the cost: where both its ends are badly placed, moving one twists it.
+    fn shift(&mut self, v: usize, around: &[u32], home: [Point; 2], edge: f64, faces: &Faces) -> bool {
+        let cost = |columns: &Columns| -> f64 {
+            let ends = [columns.bony[v], columns.articular[v]];
+            (0..2).map(|side| Search { columns, around, edge, home: home[side] }.cost(v, side, &ends[side])).sum()
+        };
+        let [x, y] = Search { columns: self, around, edge, home: home[0] }.directions(v, 0);
+        let (here, before) = ([self.bony[v], self.articular[v]], cost(self));
+        let mut best = (before - 1e-6, here);
+        for size in [0.3, 0.1] {
+            for direction in [x, -x, y, -y, (x + y) * 0.7, (x - y) * 0.7, (y - x) * 0.7, -(x + y) * 0.7] {
+                let by = direction * (size * edge);
+                self.bony[v] = faces.bony.nearest(&(here[0] + by)).point;
+                self.articular[v] = faces.articular.nearest(&(here[1] + by)).point;
+                let new = cost(self);
+                if new < best.0 {
+                    best = (new, [self.bony[v], self.articular[v]]);
+                }
+            }
+        }
+        [self.bony[v], self.articular[v]] = best.1;
+        best.0 < before - 1e-6
     }
 
     fn node_mut(&mut self, v: usize, side: usize) -> &mut Point {
@@ -120,6 +177,28 @@ impl Columns {
         }
         around
     }
+}
+
+/// From a node towards its neighbours, far ones weighing more, so that lengths even out [mm].
+fn pull(nodes: &[Point], n: usize, neighbours: &[u32]) -> Vector {
+    let (mut sum, mut weights) = (Vector::zeros(), 0.0);
+    for &m in neighbours {
+        let edge = nodes[m as usize] - nodes[n];
+        sum += edge * edge.norm_squared();
+        weights += edge.norm_squared();
+    }
+    if weights > 0.0 { sum / weights } else { sum }
+}
+
+/// Scaled Jacobians at the corners of a column, bony ones first.
+fn corner_shapes(p: &[Point; 8]) -> [f64; 8] {
+    std::array::from_fn(|c| {
+        let (k, base) = (c % 4, c / 4 * 4);
+        let up = p[k + 4] - p[k];
+        let (next, last) = (p[base + (k + 1) % 4] - p[c], p[base + (k + 3) % 4] - p[c]);
+        let lengths = (next.norm_squared() * last.norm_squared()).sqrt() * up.norm();
+        if lengths > 0.0 { next.cross(&last).dot(&up) / lengths } else { -1.0 }
+    })
 }
 
 /// The search for a better place of one node.
@@ -177,13 +256,7 @@ impl Search<'_> {
         let columns = self.columns;
         let mut sum = 0.0;
         for &q in self.around {
-            let quad = columns.quads[q as usize];
-            let mut p = [Point::origin(); 8];
-            for k in 0..4 {
-                let c = quad[k] as usize;
-                p[k] = if c == v && side == 0 { *place } else { columns.bony[c] };
-                p[k + 4] = if c == v && side == 1 { *place } else { columns.articular[c] };
-            }
+            let p = columns.corners(q, (v, side), place);
             sum += self.shape_cost(&p, side);
         }
         if columns.on_outline[v] {
@@ -194,20 +267,14 @@ impl Search<'_> {
 
     fn shape_cost(&self, p: &[Point; 8], side: usize) -> f64 {
         let mut sum = 0.0;
-        let quad = |base: usize, k: usize| p[base + k % 4];
-        for k in 0..4 {
-            let up = p[k + 4] - p[k];
-            let height = up.norm().max(f64::MIN_POSITIVE);
-            for base in [0, 4] {
-                let (next, last) = (quad(base, k + 1) - p[base + k], quad(base, k + 3) - p[base + k]);
-                let lengths = (next.norm_squared() * last.norm_squared()).sqrt() * height;
-                let s = if lengths > 0.0 { next.cross(&last).dot(&up) / lengths } else { -1.0 };
-                sum += (1.0 - s).powi(2);
-                if s < GOOD {
-                    sum += BAD_WEIGHT * (GOOD - s).powi(2);
-                }
+        for s in corner_shapes(p) {
+            sum += (1.0 - s).powi(2);
+            if s < GOOD {
+                sum += BAD_WEIGHT * (GOOD - s).powi(2);
             }
-            let length = (quad(4 * side, k + 1) - p[4 * side + k]).norm() / self.edge;
+        }
+        for k in 0..4 {
+            let length = (p[4 * side + (k + 1) % 4] - p[4 * side + k]).norm() / self.edge;
             let outside = |low: f64, high: f64| (low - length).max(0.0).powi(2) + (length - high).max(0.0).powi(2);
             sum += LENGTH_WEIGHT * outside(0.6, 1.25) + LIMIT_WEIGHT * outside(0.5, 1.28);
         }

@@ -44,6 +44,8 @@ impl Default for HexmeshOptions {
 /// Heights may differ from their surroundings' median by this and two fifths of it [mm].
 const OUTLIER_MM: f64 = 0.4;
 
+/// Outlines are smoothed over at least this, so that no rim has notches that elements cannot follow [mm].
+const LEAST_SMOOTHING_MM: f64 = 0.5;
 /// Sweeps that even out edge lengths, and sweeps of the search for better shapes, at most.
 const RELAX_SWEEPS: usize = 12;
 const SHAPE_SWEEPS: usize = 40;
@@ -186,7 +188,7 @@ fn outline(sheet: &faces::Sheet, flat: &[Flat], options: &HexmeshOptions) -> Res
     }
     let thick: Vec<bool> = thickness.iter().map(|t| *t >= options.min_thickness_mm).collect();
     let (inside, holes) = raster.holes_filled(&thick, options.filled_hole_mm2);
-    Ok((Outline::new(raster, &inside, 1.3 * edge, 0.2 * edge, 0.6 * edge), holes))
+    Ok((Outline::new(raster, &inside, 1.3 * edge, 0.2 * edge, (0.6 * edge).max(LEAST_SMOOTHING_MM)), holes))
 }
 
 /// Stands a column on each node of the grid: up the smoothed normal of the bony face to the articular face.

@@ -26,7 +26,10 @@ pub struct OverclosureOptions {
     pub momentum: f64,
     /// Iterations at most [-].
     pub max_iterations: usize,
-    /// Bony faces move with their cartilage by no more than this [mm]; beyond it the cartilage gets thinner.
+    /// While cartilages overlap by no more than this at first [mm], bony faces stay and the cartilage gets thinner: so much
+    /// the errors of CT and registration explain, our own choice.
+    pub bony_stays_to_mm: f64,
+    /// From deeper starts bony faces move with their cartilage by no more than this [mm]; beyond it the cartilage gets thinner.
     pub max_bony_lift_mm: f64,
 }
 
@@ -40,7 +43,8 @@ impl Default for OverclosureOptions {
             least_spread_mm: 0.8,
             momentum: 0.2,
             max_iterations: 40,
-            max_bony_lift_mm: 0.5,
+            bony_stays_to_mm: 0.5,
+            max_bony_lift_mm: 2.0,
         }
     }
 }
@@ -60,22 +64,30 @@ pub struct Separated {
 const MARGIN_MM: f64 = 0.02;
 /// Nodes with gaps above this take no part [mm].
 const NEAR_MM: f64 = 12.0;
+/// The first spread over the depth of the overlap, where that is less than the spread told [-].
+const SPREAD_BY_DEPTH: f64 = 8.0;
+/// A lift off the bone above this is told [mm].
+const NOTABLE_LIFT_MM: f64 = 0.05;
 /// An overclosure that remains above this is an error [mm].
 const REMAINING_MM: f64 = 0.05;
 
 /// Pushes femoral and tibial cartilage apart until every gap is at least `gap_mm`, either way a quadrilateral is split.
 ///
 /// Method: kernel regression of the displacements wanted at the articular nodes [andreassen2024]. Ours differs: a column of
-/// nodes moves as its articular node, so that elements are carried rather than squeezed, and its foot by no more than
-/// `max_bony_lift_mm`; and gaps are also kept at the middles of edges and diagonals. Connectivity is unchanged.
+/// nodes moves with its articular node, its foot stays on the bone from starts shallower than `bony_stays_to_mm`, and
+/// lifts by `max_bony_lift_mm` at most from deeper ones; the spread starts with the depth; and gaps are also kept at the middles of edges and diagonals. Connectivity is unchanged.
 pub fn overclosure(hexes: &HexCartilage, options: &OverclosureOptions) -> Result<Separated, StageError> {
     check(options)?;
     let mut knee = Knee::new(hexes, options)?;
     let before = knee.measure()?;
     let mut gaps = before.clone();
-    let (mut spread, mut iterations) = (options.spread_mm, 0);
+    let depth = -smallest(&before);
+    let lift = if depth > options.bony_stays_to_mm { options.max_bony_lift_mm } else { 0.0 };
+    // A shallow overlap is a small patch: a wide field would move what is far from it.
+    let start = options.spread_mm.min(SPREAD_BY_DEPTH * depth).max(options.least_spread_mm);
+    let (mut spread, mut iterations) = (start, 0);
     while smallest(&gaps) < options.gap_mm && iterations < options.max_iterations {
-        knee.step(&gaps, spread, options);
+        knee.step(&gaps, spread, lift, options);
         spread = (spread * options.spread_reduction).max(options.least_spread_mm);
         gaps = knee.measure()?;
         iterations += 1;
@@ -85,7 +97,7 @@ pub fn overclosure(hexes: &HexCartilage, options: &OverclosureOptions) -> Result
 
 fn check(options: &OverclosureOptions) -> Result<(), StageError> {
     let o = options;
-    let lengths = [o.gap_mm, o.max_bony_lift_mm];
+    let lengths = [o.gap_mm, o.max_bony_lift_mm, o.bony_stays_to_mm];
     let good = lengths.iter().all(|x| x.is_finite() && *x >= 0.0)
         && (0.0..=1.0).contains(&o.femur_share)
         && (0.05..=100.0).contains(&o.spread_mm)
@@ -150,7 +162,7 @@ impl Knee {
         Ok(all)
     }
 
-    fn step(&mut self, gaps: &[Measured], spread: f64, options: &OverclosureOptions) {
+    fn step(&mut self, gaps: &[Measured], spread: f64, lift: f64, options: &OverclosureOptions) {
         // Nodes that need no move hold the field back; other probes speak only where a gap lacks.
         let sample = |m: &Measured| {
             let lack = (options.gap_mm + MARGIN_MM - m.gap).max(0.0);
@@ -159,9 +171,9 @@ impl Knee {
         };
         let samples: Vec<(Point, Vector)> = gaps.iter().filter_map(sample).collect();
         let share = options.femur_share;
-        self.femur.step(&samples, -share, spread, options);
+        self.femur.step(&samples, -share, [spread, lift], options);
         for tibia in &mut self.tibiae {
-            tibia.step(&samples, 1.0 - share, spread, options);
+            tibia.step(&samples, 1.0 - share, [spread, lift], options);
         }
     }
 }
@@ -213,7 +225,13 @@ impl Body {
     }
 
     /// Moves every column by `share` of the field of the samples, and of the last step.
-    fn step(&mut self, samples: &[(Point, Vector)], share: f64, spread: f64, options: &OverclosureOptions) {
+    fn step(
+        &mut self,
+        samples: &[(Point, Vector)],
+        share: f64,
+        [spread, lift]: [f64; 2],
+        options: &OverclosureOptions,
+    ) {
         let heads: Vec<Point> = self.articular.iter().map(|&n| self.nodes[n as usize]).collect();
         let field = grnn::displacements(samples, spread, &heads);
         for (c, column) in self.columns.iter().enumerate() {
@@ -222,7 +240,7 @@ impl Body {
             self.moved[c] += step;
             let head = self.moved[c];
             let size = head.norm();
-            let foot = if size > options.max_bony_lift_mm { head * (options.max_bony_lift_mm / size) } else { head };
+            let foot = if size > lift { head * (lift / size) } else { head };
             let top = (column.len() - 1).max(1) as f64;
             for (k, &n) in column.iter().enumerate() {
                 self.nodes[n as usize] = self.start[n as usize] + foot + (head - foot) * (k as f64 / top);
@@ -260,6 +278,12 @@ fn report(
     let bodies = [&knee.femur, &knee.tibiae[0], &knee.tibiae[1]];
     let largest = bodies.iter().map(|b| b.largest(|c| c[c.len() - 1])).fold(0.0, f64::max);
     let lift = bodies.iter().map(|b| b.largest(|c| c[0])).fold(0.0, f64::max);
+    if lift > NOTABLE_LIFT_MM {
+        warnings.push(format!(
+            "cartilage was lifted off its bone by up to {lift:.2} mm to separate cartilages {:.2} mm deep in each other: check the registration, or lower max_bony_lift_mm to thin it instead",
+            -before
+        ));
+    }
     let moved = |mesh: &HexMesh, body: &Body| HexMesh { nodes: body.nodes.clone(), ..mesh.clone() };
     let meshes = PerCartilage {
         femur: moved(&hexes.meshes.femur, &knee.femur),

@@ -169,21 +169,45 @@ impl Squares {
     }
 }
 
-/// Each node towards the mean of its neighbours; those of the outline along it.
+/// Smoothing makes no corner worse than this sine.
+const LEAST_SINE: f64 = 0.4;
+
+/// Each node towards the mean of its neighbours; those of the outline along it. No corner is turned over by it: at a sharp
+/// notch of the outline the feet of neighbours may change places.
 fn smooth(grid: &mut QuadGrid, outline: &Outline) {
     let neighbours = neighbours(grid.nodes.len(), &grid.quads);
+    let mut around = vec![Vec::new(); grid.nodes.len()];
+    for q in &grid.quads {
+        q.iter().for_each(|&n| around[n as usize].push(*q));
+    }
     for _ in 0..SWEEPS {
-        let old = grid.nodes.clone();
         for (n, list) in neighbours.iter().enumerate() {
             let edge = grid.on_outline[n];
             // Along the outline, the inner neighbour's foot counts as much as both neighbours on the outline together.
             let weight = |m: u32| if edge && !grid.on_outline[m as usize] { 2.0 } else { 1.0 };
             let total: f64 = list.iter().map(|&m| weight(m)).sum();
-            let mean = list.iter().map(|&m| old[m as usize].coords * weight(m)).sum::<Vector2<f64>>() / total;
-            let moved = Flat::from(0.4 * old[n].coords + 0.6 * mean);
-            grid.nodes[n] = if edge { outline.foot(&moved) } else { moved };
+            let mean = list.iter().map(|&m| grid.nodes[m as usize].coords * weight(m)).sum::<Vector2<f64>>() / total;
+            let moved = Flat::from(0.4 * grid.nodes[n].coords + 0.6 * mean);
+            let place = if edge { outline.foot(&moved) } else { moved };
+            let here = grid.nodes[n];
+            let before = least_sine(&grid.nodes, &around[n]);
+            grid.nodes[n] = place;
+            if least_sine(&grid.nodes, &around[n]) < before.min(LEAST_SINE) {
+                grid.nodes[n] = here;
+            }
         }
     }
+}
+
+/// The least sine of a corner of `quads`; negative where one is turned over.
+fn least_sine(nodes: &[Flat], quads: &[[u32; 4]]) -> f64 {
+    let corner = |q: &[u32; 4], k: usize| {
+        let [last, here, next] = [k + 3, k, k + 1].map(|i| nodes[q[i % 4] as usize]);
+        let (a, b) = (next - here, last - here);
+        let lengths = (a.norm_squared() * b.norm_squared()).sqrt();
+        if lengths > 0.0 { a.perp(&b) / lengths } else { -1.0 }
+    };
+    quads.iter().flat_map(|q| (0..4).map(move |k| corner(q, k))).fold(f64::INFINITY, f64::min)
 }
 
 /// Neighbours of each node along edges, each list ascending.

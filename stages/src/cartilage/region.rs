@@ -52,17 +52,23 @@ pub(super) fn patches(domain: &Domain, least: f64, facing: Option<Vector>, optio
     found.into_iter().map(|(_, body)| cut(domain, &level, &body, least)).collect()
 }
 
-/// Lowers the threshold to that of the rim near what is cartilage without doubt: a rim thins out, a lone sheet of the same
+/// Lowers the threshold, by less the farther out, to that of the rim near what is cartilage without doubt: a rim thins out, a lone sheet of the same
 /// thickness may be an error of CT.
 fn grow(domain: &Domain, level: &mut [f64], least: f64, facing: Option<Vector>, options: &CartilageOptions) {
     let rim = options.rim_thickness_mm.max(options.least_thickness_sd * domain.bare_sd).min(least);
-    let mut near: Vec<bool> = level.iter().map(|l| *l > 0.0).collect();
-    for _ in 0..options.rim_rings {
-        near = (0..near.len()).map(|v| near[v] || domain.neighbours[v].iter().any(|&w| near[w as usize])).collect();
+    let rings = options.rim_rings + 1;
+    let mut ring: Vec<usize> = level.iter().map(|l| if *l > 0.0 { 0 } else { rings }).collect();
+    for k in 1..rings {
+        for v in 0..ring.len() {
+            if ring[v] == rings && domain.neighbours[v].iter().any(|&w| ring[w as usize] == k - 1) {
+                ring[v] = k;
+            }
+        }
     }
-    for v in (0..level.len()).filter(|&v| near[v]) {
+    for v in (0..level.len()).filter(|&v| ring[v] < rings) {
         if !facing.is_some_and(|f| domain.normals[v].dot(&f) < 0.1) {
-            level[v] = (domain.thickness(v) - rim).clamp(-least, least);
+            let lowered = rim + (least - rim) * ring[v] as f64 / rings as f64;
+            level[v] = (domain.thickness(v) - lowered).clamp(-least, least);
         }
     }
 }

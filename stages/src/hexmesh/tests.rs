@@ -164,18 +164,18 @@ fn bad_solids_and_options_are_refused() {
 
 #[test]
 fn overlapping_cartilages_come_apart_and_keep_their_shape() {
-    for (depth, bony, volume_limit) in [(0.2, 0.5, 0.005), (3.0, 5.0, 0.05)] {
+    // These plates are small: bony faces that stay cost 2 % here, under 0.5 % of a knee's.
+    for (depth, lift, volume_limit) in [(0.2, 0.0, 0.03), (3.0, 2.0, 0.05)] {
         let hexes = hexmesh(&knee(-depth), &HexmeshOptions::default()).unwrap();
-        let options = OverclosureOptions { max_bony_lift_mm: bony, ..Default::default() };
-        let apart = overclosure(&hexes, &options).unwrap();
+        let apart = overclosure(&hexes, &OverclosureOptions::default()).unwrap();
         let m = &apart.metrics;
-        assert!(apart.warnings.is_empty(), "{:?}", apart.warnings);
+        assert_eq!(apart.warnings.len(), usize::from(lift > 0.0), "{:?}", apart.warnings);
         assert!((figure(m, "max_overclosure_before_mm") - depth).abs() < 0.05, "{m}");
         assert_eq!(figure(m, "max_overclosure_after_mm"), 0.0);
         assert!(figure(m, "gap_min_mm") >= 0.05);
         assert!(figure(m, "iterations") <= 10.0, "{m}");
         assert!(figure(m, "volume_change_mean") < volume_limit, "{m}");
-        assert!(figure(m, "largest_bony_lift_mm") <= bony);
+        assert!(figure(m, "largest_bony_lift_mm") <= lift + 1e-9, "{m}");
         for ((name, before), (_, after)) in hexes.meshes.named().into_iter().zip(apart.meshes.named()) {
             assert_eq!(before.elements, after.elements);
             let fall = figure(&hexes.metrics[name], "scaled_jacobian_min") - figure(&m[name], "scaled_jacobian_min");
@@ -187,7 +187,11 @@ fn overlapping_cartilages_come_apart_and_keep_their_shape() {
 #[test]
 fn the_foot_of_a_column_lifts_no_further_than_told() {
     let hexes = hexmesh(&knee(-0.4), &HexmeshOptions::default()).unwrap();
-    let apart = overclosure(&hexes, &OverclosureOptions { max_bony_lift_mm: 0.05, ..Default::default() }).unwrap();
+    let apart = overclosure(
+        &hexes,
+        &OverclosureOptions { bony_stays_to_mm: 0.0, max_bony_lift_mm: 0.05, ..Default::default() },
+    )
+    .unwrap();
     assert!(figure(&apart.metrics, "largest_bony_lift_mm") <= 0.05 + 1e-9);
     assert!(figure(&apart.metrics, "gap_min_mm") >= 0.05);
 }
