@@ -1,7 +1,9 @@
 //! The command line: what may be asked, and who answers.
 #![expect(clippy::print_stdout, clippy::print_stderr, reason = "the command line talks to the person at it")]
 
+use crate::blind::{self, BlindVerb};
 use crate::calibrate::CalibrateArgs;
+use crate::diagnose::{self, DiagnoseArgs};
 use crate::error::BuildError;
 use crate::model_file::Format;
 use crate::options::{Override, parse_override};
@@ -107,6 +109,11 @@ enum Verb {
     Calibrate(CalibrateArgs),
     /// Run the validation protocols on models of one knee and compare them
     Validate(ValidateArgs),
+    /// Find the effect that a model lacks, by measured laxity
+    Diagnose(DiagnoseArgs),
+    /// Make data with hidden effects, answer them, score the answers
+    #[command(subcommand)]
+    Blind(BlindVerb),
     /// Write report.html of a build again
     Report {
         /// The specimen's or the build's folder
@@ -149,6 +156,8 @@ fn answer(cli: Cli) -> Result<(), BuildError> {
         (Some(Verb::Simulate(args)), _) => simulate::simulate(&args)?,
         (Some(Verb::Calibrate(args)), _) => calibrate::calibrate(&args)?,
         (Some(Verb::Validate(args)), _) => validate::validate(&args)?,
+        (Some(Verb::Diagnose(args)), _) => diagnose::run(&args)?,
+        (Some(Verb::Blind(verb)), _) => blind::run(&verb)?,
         (Some(Verb::Report { dir }), _) => report::rewrite(&dir)?,
         (None, Some(build)) => run::run(&build)?,
         (None, None) => return Err(BuildError::Usage("a specimen folder was expected; see --help".into())),

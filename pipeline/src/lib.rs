@@ -1,8 +1,10 @@
 //! The build of a knee model from a specimen: the order of the work, files, command line, report.
 
+pub mod blind;
 pub mod build;
 pub mod calibrate;
 pub mod cli;
+pub mod diagnose;
 pub mod error;
 pub mod inspect;
 pub mod model_file;

@@ -1,0 +1,163 @@
+//! Effects that can be hidden, in forms of their own: not the catalogue's.
+
+use crate::pose::{Five, about, pose};
+use crate::rest::Asked;
+use nalgebra::Vector3;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// A hidden effect: its name, and its parameters under the names of the catalogue, in clinical signs.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Hidden {
+    /// Its name; names that begin with `x_` stand in no catalogue.
+    pub effect: String,
+    /// Values.
+    pub parameters: BTreeMap<String, f64>,
+}
+
+/// What may be hidden: name, parameter, typical size, whether only positive.
+pub const KINDS: [(&str, &[(&str, f64, bool)]); 16] = [
+    ("femur_frame", &[("vv_deg", 3.5, false), ("ie_deg", 5.0, false)]),
+    ("tibia_frame", &[("vv_deg", 3.5, false), ("ie_deg", 5.0, false)]),
+    ("flexion_offset", &[("fe_deg", 5.0, false)]),
+    ("origin_shift", &[("ml_mm", 2.0, false), ("ap_mm", 2.0, false), ("si_mm", 1.0, false)]),
+    ("load_misalign", &[("arm_mm", 18.0, false)]),
+    ("load_bias", &[("ap_n", 25.0, false), ("ie_nm", 0.4, false)]),
+    ("load_gain", &[("gain", 0.25, false)]),
+    ("joint_compression", &[("si_n", 150.0, true)]),
+    ("quad_passive", &[("force_n", 100.0, true)]),
+    ("ham_tone", &[("med_n", 90.0, true), ("lat_n", 60.0, true)]),
+    ("gastroc_tone", &[("force_n", 100.0, true)]),
+    ("itb", &[("force_n", 90.0, true)]),
+    ("meniscus", &[("k", 15.0, true)]),
+    ("capsule_envelope", &[("ap", 8.0, true), ("ie", 18_000.0, true), ("vv", 50_000.0, true)]),
+    ("extra_bundle", &[("k", 60.0, true)]),
+    ("x_one_sided_stop", &[("k", 40.0, true)]),
+];
+
+/// More that no catalogue has.
+pub const UNKNOWN: [&str; 3] = ["x_one_sided_stop", "x_screw_home", "x_adhesion"];
+
+impl Hidden {
+    fn value(&self, key: &str) -> f64 {
+        self.parameters.get(key).copied().unwrap_or(0.0)
+    }
+
+    /// What it changes of the load or flexion that the knee truly gets.
+    pub(crate) fn true_load(&self, asked: &Asked) -> Asked {
+        let mut out = *asked;
+        match self.effect.as_str() {
+            "flexion_offset" => out.flexion += self.value("fe_deg").to_radians(),
+            "load_misalign" => out.load[1] += self.value("arm_mm") * asked.load[3],
+            "load_bias" => {
+                out.load[3] += self.value("ap_n");
+                out.load[1] += 1000.0 * self.value("ie_nm");
+            }
+            "load_gain" => out.load.iter_mut().for_each(|l| *l *= 1.0 + self.value("gain")),
+            "joint_compression" => out.load[4] += self.value("si_n"),
+            _ => {}
+        }
+        out
+    }
+
+    /// What is read of a true reading FE, VV, IE [rad], ML, AP, SI [mm].
+    pub(crate) fn misread(&self, true_reading: &[f64; 6]) -> [f64; 6] {
+        let mut out = *true_reading;
+        match self.effect.as_str() {
+            "origin_shift" => {
+                out[3] += self.value("ml_mm");
+                out[4] += self.value("ap_mm");
+                out[5] += self.value("si_mm");
+            }
+            "flexion_offset" => out[0] -= self.value("fe_deg").to_radians(),
+            "femur_frame" | "tibia_frame" => {
+                let mut p = pose(true_reading[0], &crate::pose::components(true_reading));
+                // landmarks moved: one turn about one slanted axis
+                let turn =
+                    about(Vector3::new(0.0, self.value("vv_deg").to_radians(), self.value("ie_deg").to_radians()), 1.0);
+                if self.effect == "femur_frame" {
+                    p.turn = turn.transpose() * p.turn;
+                    p.origin = turn.transpose() * p.origin;
+                } else {
+                    p.turn *= turn;
+                }
+                out = crate::pose::read(&p);
+            }
+            _ => {}
+        }
+        out
+    }
+
+    /// Energy that it adds at components `c`, and its slope, by differences.
+    pub(crate) fn energy(&self, asked: &Asked, c: &Five, neutral: &Five) -> (f64, Five) {
+        let at = |c: &Five| self.stored(asked, c, neutral);
+        let slope = std::array::from_fn(|j| {
+            let h = if j < 2 { 1e-5 } else { 1e-4 };
+            let (mut up, mut down) = (*c, *c);
+            up[j] += h;
+            down[j] -= h;
+            (at(&up) - at(&down)) / (2.0 * h)
+        });
+        (at(c), slope)
+    }
+
+    fn stored(&self, asked: &Asked, c: &Five, neutral: &Five) -> f64 {
+        let p = pose(asked.flexion, c);
+        let d: Five = std::array::from_fn(|j| c[j] - neutral[j]);
+        let tibial = |x: f64, y: f64, z: f64| p.turn * Vector3::new(x, y, z) + p.origin;
+        let length = |femur: Vector3<f64>, tibia: Vector3<f64>| (femur - tibia).norm();
+        // a pull that grows a little with length, as a muscle's tone does
+        let tone = |force: f64, l: f64, usual: f64| force * (l + 0.5 * (l - usual).powi(2) * 0.008);
+        match self.effect.as_str() {
+            "quad_passive" => {
+                let turn = asked.flexion * 0.75 + 0.5;
+                let patella = Vector3::new(0.0, 45.0 * turn.cos(), 45.0 * (0.5 - turn.sin()) + 5.0);
+                self.value("force_n") * length(patella, tibial(-3.0, 33.0, -32.0))
+            }
+            "ham_tone" => {
+                let ischium = Vector3::new(25.0, -45.0, 370.0);
+                tone(self.value("med_n"), length(ischium, tibial(24.0, -12.0, -25.0)), 400.0)
+                    + tone(self.value("lat_n"), length(ischium, tibial(-36.0, -18.0, -20.0)), 400.0)
+            }
+            "gastroc_tone" => {
+                let heads = [22.0, -20.0].map(|x| length(Vector3::new(x, -24.0, 12.0), tibial(0.0, -45.0, -360.0)));
+                self.value("force_n") * 0.5 * (heads[0] + heads[1])
+            }
+            "itb" => tone(self.value("force_n"), length(Vector3::new(-50.0, 5.0, 330.0), tibial(-32.0, 20.0, -15.0)), 350.0),
+            "meniscus" => self.springs(&d),
+            "capsule_envelope" => {
+                let hard = |a: f64, x: f64, scale: f64| 0.5 * a * x * x * (1.0 + 0.3 * (x / scale).powi(2));
+                hard(self.value("ap"), d[3], 8.0)
+                    + hard(self.value("ie"), d[1], 0.25)
+                    + hard(self.value("vv"), d[0], 0.1)
+            }
+            "extra_bundle" => {
+                let (femur, tibia) = (Vector3::new(-40.0, -6.0, 8.0), tibial(-31.0, 7.0, -12.0));
+                let stretch = length(femur, tibia) - 38.0;
+                0.5 * self.value("k") * stretch.max(0.0).powi(2)
+            }
+            "x_one_sided_stop" => 0.5 * self.value("k") * (d[3].abs() - 3.0).max(0.0).powi(2) * f64::from(d[3] > 0.0),
+            "x_screw_home" => -900.0 * self.value("k") / 40.0 * c[1] * (-(asked.flexion / 0.35).powi(2)).exp(),
+            "x_adhesion" => {
+                let l = length(Vector3::new(5.0, 15.0, -5.0), tibial(-8.0, 22.0, 3.0));
+                0.5 * self.value("k") * (l - 14.0).max(0.0).powi(2)
+            }
+            _ => 0.0,
+        }
+    }
+
+    /// Ten springs on the rim of each compartment, each resisting what slides outward past a millimetre.
+    fn springs(&self, d: &Five) -> f64 {
+        let mut sum = 0.0;
+        for side in [22.0, -22.0] {
+            for k in 0..10 {
+                let angle = 2.0 * std::f64::consts::PI * k as f64 / 10.0;
+                let (x, y) = (side + 18.0 * angle.cos(), 18.0 * angle.sin());
+                let moved = [-d[2] - d[1] * y, d[3] + d[1] * x];
+                let out = (moved[0] * angle.cos() + moved[1] * angle.sin() - 1.0).max(0.0);
+                sum += 0.5 * 0.2 * self.value("k") * out * out;
+            }
+        }
+        sum
+    }
+}

@@ -1,0 +1,258 @@
+//! The laboratory's knee: bones' frames, fibres of its own, cartilage as it lies.
+
+use crate::BenchError;
+use crate::pose::{Five, Pose, pose, read};
+use meshes::Point;
+use meshes::frame::AnatomicalFrame;
+use meshes::query::SurfaceQuery;
+use meshes::surface::TriMesh;
+use nalgebra::{Matrix3, Vector3};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+/// A bundle as a model describes it.
+#[derive(Clone, Debug)]
+pub struct BundleInput {
+    /// Its name.
+    pub name: String,
+    /// Reference strain [-].
+    pub reference_strain: f64,
+    /// Stiffness [N/mm].
+    pub stiffness: f64,
+    /// Length its slack length derives from [mm].
+    pub reference_length: f64,
+    /// Femoral and tibial ends of its fibres, CT pose [mm].
+    pub fibres: Vec<(Point, Point)>,
+}
+
+/// What a knee is made from.
+#[derive(Clone, Debug)]
+pub struct KneeInput {
+    /// Anatomical frames, CT pose.
+    pub frames: (AnatomicalFrame, AnatomicalFrame),
+    /// Bundles.
+    pub bundles: Vec<BundleInput>,
+    /// Femoral articular surface and the tibial ones, outward normals, CT pose.
+    pub femur: TriMesh,
+    /// The tibial surfaces.
+    pub tibia: Vec<TriMesh>,
+    /// Slope of the pressure-overclosure law [MPa/mm].
+    pub contact_slope: f64,
+}
+
+struct Fibre {
+    bundle: usize,
+    /// In the femur's frame.
+    femur: Vector3<f64>,
+    /// In the tibia's.
+    tibia: Vector3<f64>,
+    initial: f64,
+}
+
+/// Strain, stiffness of a bundle and its share of fibres.
+#[derive(Clone, Debug)]
+pub(crate) struct Bundle {
+    pub(crate) name: String,
+    pub(crate) strain: f64,
+    pub(crate) stiffness: f64,
+    length: f64,
+    count: f64,
+}
+
+/// A knee that can be put to tests.
+pub struct Knee {
+    pub(crate) bundles: Vec<Bundle>,
+    fibres: Vec<Fibre>,
+    contact: Contact,
+    pub(crate) contact_scale: f64,
+    /// The CT pose, as read.
+    pub(crate) ct: [f64; 6],
+}
+
+struct Contact {
+    femur: SurfaceQuery,
+    /// Nodes in the tibia's frame and their areas.
+    nodes: Vec<(Vector3<f64>, f64)>,
+    slope: f64,
+}
+
+fn axes(f: &AnatomicalFrame) -> Matrix3<f64> {
+    Matrix3::from_columns(&[f.medial, f.anterior, f.superior])
+}
+
+/// A point of the CT in a frame.
+fn local(f: &AnatomicalFrame, p: &Point) -> Vector3<f64> {
+    axes(f).transpose() * (p - f.origin)
+}
+
+/// Deepest overclosure that still counts as contact [mm]: beyond lies the other side.
+const DEEPEST: f64 = 6.0;
+
+impl Knee {
+    /// A knee with strains, stiffnesses, contact and attachments drawn about the given ones.
+    ///
+    /// Errors: an empty surface, a bundle without fibres.
+    pub fn drawn(input: &KneeInput, seed: u64) -> Result<Knee, BenchError> {
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let (femur, tibia) = &input.frames;
+        let (mut bundles, mut fibres) = (Vec::new(), Vec::new());
+        let mut shared: Option<f64> = None;
+        for b in &input.bundles {
+            if b.fibres.is_empty() {
+                return Err(BenchError::Knee(format!("bundle {} has no fibres", b.name)));
+            }
+            let mut stretch = (0.15 * normal(&mut random)).exp();
+            if b.name.starts_with("sMCL") {
+                stretch = *shared.get_or_insert(stretch);
+            }
+            let count = 5 + (random.random::<f64>() * 3.0) as usize;
+            bundles.push(Bundle {
+                name: b.name.clone(),
+                strain: b.reference_strain + 0.022 * normal(&mut random),
+                stiffness: b.stiffness * stretch,
+                length: b.reference_length,
+                count: count as f64,
+            });
+            for k in 0..count {
+                let along = k as f64 / (count - 1) as f64 * (b.fibres.len() - 1) as f64;
+                let (low, part) = (along.floor() as usize, along.fract());
+                let high = (low + 1).min(b.fibres.len() - 1);
+                let mut end = |i: usize, f: &AnatomicalFrame| {
+                    let pick = |n: usize| if i == 0 { b.fibres[n].0 } else { b.fibres[n].1 };
+                    let middle = local(f, &pick(low)) * (1.0 - part) + local(f, &pick(high)) * part;
+                    middle + Vector3::from_fn(|_, _| 0.6 * normal(&mut random))
+                };
+                let (f, t) = (end(0, femur), end(1, tibia));
+                fibres.push(Fibre { bundle: bundles.len() - 1, femur: f, tibia: t, initial: 0.0 });
+            }
+        }
+        let ct = Pose {
+            turn: axes(femur).transpose() * axes(tibia),
+            origin: axes(femur).transpose() * (tibia.origin - femur.origin),
+        };
+        for f in &mut fibres {
+            f.initial = (ct.turn * f.tibia + ct.origin - f.femur).norm();
+        }
+        let contact = Contact::new(input)?;
+        let contact_scale = (0.2 * normal(&mut random)).exp();
+        Ok(Knee { bundles, fibres, contact, contact_scale, ct: read(&ct) })
+    }
+
+    /// Energy of ligaments and contact [N mm], and its slope by the five components.
+    pub(crate) fn energy(&self, flexion: f64, c: &Five) -> (f64, Five) {
+        let p = pose(flexion, c);
+        let moves = moves(flexion, c, &p);
+        let (mut energy, mut slope) = (0.0, [0.0; 5]);
+        for f in &self.fibres {
+            let b = &self.bundles[f.bundle];
+            let arm = p.turn * f.tibia;
+            let way = arm + p.origin - f.femur;
+            let length = way.norm().max(1e-9);
+            let slack = b.length / b.strain;
+            let (e, force) = toe(length - f.initial + b.length - slack, slack, b.stiffness / b.count);
+            energy += e;
+            for (s, (turning, shift)) in slope.iter_mut().zip(&moves) {
+                *s += force * way.dot(&(turning.cross(&arm) + shift)) / length;
+            }
+        }
+        for (node, area) in &self.contact.nodes {
+            let arm = p.turn * node;
+            let at = Point::from(arm + p.origin);
+            let near = self.contact.femur.nearest(&at);
+            let normal = self.contact.femur.smooth_normal(&near);
+            let depth = -(at - near.point).dot(&normal);
+            // beyond the rim the nearest point lies sideways: no contact there
+            if depth <= 0.0 || near.distance > DEEPEST || depth < 0.7 * near.distance {
+                continue;
+            }
+            let depth = near.distance;
+            let out = if depth > 1e-9 { (near.point - at) / depth } else { normal };
+            let k = self.contact.slope * self.contact_scale * area;
+            energy += k * (0.4 * depth * depth + 0.07 * depth.powi(3));
+            let force = k * (0.8 * depth + 0.21 * depth * depth);
+            for (s, (turning, shift)) in slope.iter_mut().zip(&moves) {
+                *s -= force * out.dot(&(turning.cross(&arm) + shift));
+            }
+        }
+        (energy, slope)
+    }
+}
+
+/// Turning and shift of the tibia for each component.
+pub(crate) fn moves(flexion: f64, c: &Five, p: &Pose) -> [(Vector3<f64>, Vector3<f64>); 5] {
+    let floating = Vector3::new(0.0, flexion.cos(), -flexion.sin());
+    let long: Vector3<f64> = p.turn.column(2).into();
+    // turning about the floating axis carries the tibial axis, along which SI is measured
+    [
+        (floating, floating.cross(&long) * c[4]),
+        (long, Vector3::zeros()),
+        (Vector3::zeros(), -Vector3::x()),
+        (Vector3::zeros(), floating),
+        (Vector3::zeros(), long),
+    ]
+}
+
+/// Energy and force of a fibre with an exponential toe that meets the line of slope `k` whose root is a strain of 0.03.
+fn toe(x: f64, slack: f64, k: f64) -> (f64, f64) {
+    const SHARP: f64 = 3.0;
+    let end = 0.03 * slack / (1.0 - (1.0 - (-SHARP).exp()) / SHARP);
+    if x <= 0.0 {
+        return (0.0, 0.0);
+    }
+    let scale = k * end / (SHARP * SHARP.exp());
+    if x <= end {
+        let grown = (SHARP * x / end).exp();
+        (scale * (end / SHARP * (grown - 1.0) - x), scale * (grown - 1.0))
+    } else {
+        let at_end = (scale * (end / SHARP * (SHARP.exp() - 1.0) - end), scale * (SHARP.exp() - 1.0));
+        let y = x - end;
+        (at_end.0 + at_end.1 * y + 0.5 * k * y * y, at_end.1 + k * y)
+    }
+}
+
+impl Contact {
+    fn new(input: &KneeInput) -> Result<Contact, BenchError> {
+        let (femur, tibia) = &input.frames;
+        let to_femur = |p: &Point| Point::from(local(femur, p));
+        let mut mesh = input.femur.clone();
+        mesh.vertices.iter_mut().for_each(|p| *p = to_femur(p));
+        // the frame may be left-handed in a right knee: keep normals outward
+        if axes(femur).determinant() < 0.0 {
+            mesh = mesh.flipped();
+        }
+        let femur = SurfaceQuery::new(&mesh)
+            .ok_or_else(|| BenchError::Knee("the femoral surface is empty".to_owned()))?;
+        let mut nodes = Vec::new();
+        for part in &input.tibia {
+            let normals: Vec<f64> = part.vertex_areas();
+            nodes.extend(part.vertices.iter().zip(normals).map(|(p, a)| (local(tibia, p), a)));
+        }
+        if nodes.is_empty() {
+            return Err(BenchError::Knee("the tibial surfaces are empty".into()));
+        }
+        Ok(Contact { femur, nodes, slope: input.contact_slope })
+    }
+}
+
+/// A standard normal number [box1958].
+pub(crate) fn normal(random: &mut ChaCha8Rng) -> f64 {
+    let (u, v): (f64, f64) = (random.random(), random.random());
+    (-2.0 * (1.0 - u).max(1e-300).ln()).sqrt() * (2.0 * std::f64::consts::PI * v).cos()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_toe_joins_smoothly_and_its_force_is_the_slope_of_its_energy() {
+        for x in [0.2, 1.0, 1.3, 1.31, 3.0] {
+            let (up, down) = (toe(x + 1e-6, 30.0, 50.0), toe(x - 1e-6, 30.0, 50.0));
+            let force = toe(x, 30.0, 50.0).1;
+            assert!(((up.0 - down.0) / 2e-6 - force).abs() < 1e-4 * force.max(1.0), "{x}");
+            assert!(up.1 >= down.1);
+        }
+        // far out: the line with its root at a strain of 0.03
+        assert!((toe(5.0, 30.0, 50.0).1 - 50.0 * (5.0 - 0.9)).abs() < 1e-6);
+    }
+}

@@ -1,0 +1,207 @@
+//! A day in the laboratory: trials done, effects hidden, noise added, the truth put in an envelope.
+
+use crate::BenchError;
+use crate::hidden::{Hidden, KINDS, UNKNOWN};
+use crate::knee::{Knee, KneeInput, normal};
+use crate::rest::{Asked, rest};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// A trial to be done.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Planned {
+    /// Data set.
+    pub source: String,
+    /// Condition: trials of one share their repositioning.
+    pub condition: String,
+    /// Recorded flexion [deg].
+    pub flexion_deg: f64,
+    /// Recorded loads VV, IE [N m], ML, AP, SI [N].
+    pub load: [f64; 5],
+    /// Tracking noise VV, IE [deg], ML, AP, SI [mm].
+    pub sd: [f64; 5],
+}
+
+/// The truth of a case.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Truth {
+    /// The case's name.
+    pub case: String,
+    /// "null", the effect's name, "compound" or "unknown".
+    pub kind: String,
+    /// Effect, scope and parameters.
+    pub effects: Vec<(String, String, BTreeMap<String, f64>)>,
+    /// Reference strain and stiffness of each bundle.
+    pub ligaments: BTreeMap<String, [f64; 2]>,
+    /// Factor on the contact's stiffness.
+    pub contact_scale: f64,
+    /// What the effects change of the readings without noise: a row a trial, VV, IE [deg], ML, AP, SI [mm].
+    pub signature: Vec<[f64; 5]>,
+    /// Root mean square of it in noises, and the evidence an analysis can expect (filled in by the scorer).
+    pub strength: Strength,
+}
+
+/// How plain the effects are.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Strength {
+    /// Root mean square signature over noise [-].
+    pub raw_rms_sd: f64,
+    /// Half the squared signature that ligaments cannot absorb, under the analysis' own scatter [-].
+    #[serde(default)]
+    pub expected_evidence: f64,
+}
+
+/// Measured poses of a case, in the order of the plan: VV, IE [deg], ML, AP, SI [mm].
+#[derive(Clone, Debug)]
+pub struct Case {
+    /// The readings.
+    pub readings: Vec<[f64; 5]>,
+    /// The truth.
+    pub truth: Truth,
+}
+
+/// What a case is to be: drawn from a number so that kinds take turns.
+pub fn kinds(count: usize) -> Vec<String> {
+    let singles: Vec<&str> = KINDS.iter().map(|k| k.0).filter(|k| !k.starts_with("x_")).collect();
+    (0..count)
+        .map(|k| match k % 6 {
+            0 | 3 => "null".to_owned(),
+            4 if k % 12 == 4 => "compound".to_owned(),
+            4 => "unknown".to_owned(),
+            _ => singles[(k / 6 * 3 + k % 6) % singles.len()].to_owned(),
+        })
+        .collect()
+}
+
+/// Makes a case.
+///
+/// Errors: an unknown kind, a plan without trials, a knee without surfaces.
+pub fn make(input: &KneeInput, plan: &[Planned], name: &str, kind: &str, seed: u64) -> Result<Case, BenchError> {
+    if plan.is_empty() {
+        return Err(BenchError::Plan("no trials".into()));
+    }
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let knee = Knee::drawn(input, seed ^ 0x9e37_79b9)?;
+    let mut sources: Vec<String> = Vec::new();
+    for p in plan {
+        if !sources.contains(&p.source) {
+            sources.push(p.source.clone());
+        }
+    }
+    let effects = effects(kind, &sources, &mut random)?;
+    let with = simulate(&knee, plan, &effects, &mut random, true);
+    let mut quiet = ChaCha8Rng::seed_from_u64(seed);
+    let clean = |effects: &[(Hidden, String)], r: &mut ChaCha8Rng| simulate(&knee, plan, effects, r, false);
+    let signature: Vec<[f64; 5]> = if effects.is_empty() {
+        vec![[0.0; 5]; plan.len()]
+    } else {
+        let (a, b) = (clean(&effects, &mut quiet), clean(&[], &mut quiet));
+        a.iter().zip(&b).map(|(x, y)| std::array::from_fn(|c| x[c] - y[c])).collect()
+    };
+    let squares: f64 = signature.iter().zip(plan).map(|(s, p)| (0..5).map(|c| (s[c] / p.sd[c]).powi(2)).sum::<f64>()).sum();
+    let truth = Truth {
+        case: name.to_owned(),
+        kind: kind.to_owned(),
+        effects: effects.iter().map(|(h, s)| (h.effect.clone(), s.clone(), h.parameters.clone())).collect(),
+        ligaments: knee.bundles.iter().map(|b| (b.name.clone(), [b.strain, b.stiffness])).collect(),
+        contact_scale: knee.contact_scale,
+        signature,
+        strength: Strength { raw_rms_sd: (squares / (5 * plan.len()) as f64).sqrt(), expected_evidence: 0.0 },
+    };
+    Ok(Case { readings: noisy(with, plan, &mut random), truth })
+}
+
+fn effects(kind: &str, sources: &[String], random: &mut ChaCha8Rng) -> Result<Vec<(Hidden, String)>, BenchError> {
+    let singles: Vec<&str> = KINDS.iter().map(|k| k.0).filter(|k| !k.starts_with("x_")).collect();
+    let names: Vec<String> = match kind {
+        "null" => vec![],
+        "unknown" => vec![UNKNOWN[(random.random::<f64>() * UNKNOWN.len() as f64) as usize].to_owned()],
+        "compound" => {
+            let first = (random.random::<f64>() * singles.len() as f64) as usize;
+            let second = (first + 1 + (random.random::<f64>() * (singles.len() - 1) as f64) as usize) % singles.len();
+            vec![singles[first].to_owned(), singles[second].to_owned()]
+        }
+        other => vec![other.to_owned()],
+    };
+    names
+        .into_iter()
+        .map(|effect| {
+            let fallback: &[(&str, f64, bool)] = &[("k", 40.0, true)];
+            let known = KINDS.iter().find(|k| k.0 == effect).map(|k| k.1);
+            let keys = match known {
+                Some(keys) => keys,
+                None if effect.starts_with("x_") => fallback,
+                None => return Err(BenchError::Plan(format!("no effect is called {effect}"))),
+            };
+            let parameters = keys
+                .iter()
+                .map(|(key, size, positive)| {
+                    let sign = if *positive || random.random::<bool>() { 1.0 } else { -1.0 };
+                    ((*key).to_owned(), sign * size * (0.6 + 0.8 * random.random::<f64>()))
+                })
+                .collect();
+            let tissue = ["meniscus", "capsule_envelope", "extra_bundle"].contains(&effect.as_str());
+            let places = sources.len() as f64 + 1.0;
+            let place = (random.random::<f64>() * places) as usize;
+            let scope = if tissue { None } else { sources.get(place) };
+            Ok((Hidden { effect, parameters }, scope.cloned().unwrap_or_else(|| "both".into())))
+        })
+        .collect()
+}
+
+/// Readings VV, IE [deg], ML, AP, SI [mm], without tracking noise.
+fn simulate(
+    knee: &Knee,
+    plan: &[Planned],
+    effects: &[(Hidden, String)],
+    random: &mut ChaCha8Rng,
+    load_noise: bool,
+) -> Vec<[f64; 5]> {
+    let noise: Vec<[f64; 5]> = plan
+        .iter()
+        .map(|_| {
+            let size = if load_noise { 1.0 } else { 0.0 };
+            [100.0, 100.0, 2.0, 2.0, 2.0].map(|s| size * s * normal(random))
+        })
+        .collect();
+    plan.par_iter()
+        .zip(&noise)
+        .map(|(p, noise)| {
+            let here: Vec<Hidden> =
+                effects.iter().filter(|(_, s)| s == "both" || *s == p.source).map(|(h, _)| h.clone()).collect();
+            let recorded = p.flexion_deg.to_radians();
+            let load = [1000.0, 1000.0, 1.0, 1.0, 1.0];
+            let mut asked =
+                Asked { flexion: recorded, load: std::array::from_fn(|j| p.load[j] * load[j]) };
+            for h in &here {
+                asked = h.true_load(&asked);
+            }
+            (0..5).for_each(|j| asked.load[j] += noise[j]);
+            let misread = |r: &[f64; 6]| here.iter().fold(*r, |r, h| h.misread(&r));
+            let mut seen = misread(&rest(knee, &here, &asked));
+            // the flexion that is recorded is the one that is read
+            if (seen[0] - recorded).abs() > 1e-6 {
+                asked.flexion += recorded - seen[0];
+                seen = misread(&rest(knee, &here, &asked));
+            }
+            [seen[1].to_degrees(), seen[2].to_degrees(), seen[3], seen[4], seen[5]]
+        })
+        .collect()
+}
+
+/// Tracking noise, correlated within a condition, with an outlier in a hundred.
+fn noisy(mut readings: Vec<[f64; 5]>, plan: &[Planned], random: &mut ChaCha8Rng) -> Vec<[f64; 5]> {
+    let mut shared: BTreeMap<(String, String), [f64; 5]> = BTreeMap::new();
+    for (r, p) in readings.iter_mut().zip(plan) {
+        let key = (p.source.clone(), p.condition.clone());
+        let common = *shared.entry(key).or_insert_with(|| std::array::from_fn(|_| normal(random)));
+        let outlier = if random.random::<f64>() < 0.01 { 4.0 } else { 1.0 };
+        for c in 0..5 {
+            r[c] += p.sd[c] * (0.4 * common[c] + outlier * normal(random));
+        }
+    }
+    readings
+}

@@ -1,0 +1,23 @@
+//! An independent laboratory: laxity data of a knee in which an effect is hidden, with sealed truth.
+//!
+//! Nothing here knows the simulator or the catalogue: another contact law on one pass of unmerged nodes, five to seven jittered fibres a bundle
+//! with an exponential toe, equilibrium by minimising energy, effects in other forms than the catalogue's, ligaments drawn more widely than the
+//! diagnosis supposes, noise that is correlated within a condition, and outliers.
+
+pub mod hidden;
+pub mod knee;
+pub mod laboratory;
+mod pose;
+mod rest;
+pub mod score;
+
+/// Why the laboratory cannot work.
+#[derive(Debug, thiserror::Error, Clone, PartialEq)]
+pub enum BenchError {
+    /// The knee is at fault.
+    #[error("knee: {0}")]
+    Knee(String),
+    /// The plan is at fault.
+    #[error("plan: {0}")]
+    Plan(String),
+}

@@ -1,0 +1,140 @@
+//! Scoring: answers against sealed truths, with intervals.
+
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// What an answer said, reduced to what is scored.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Said {
+    /// The verdict's name.
+    pub verdict: String,
+    /// Each rival answer's effects with their scopes, best first.
+    pub answers: Vec<Vec<(String, String)>>,
+    /// Value and standard deviation of the first answer's parameters, by effect and key.
+    pub sizes: BTreeMap<(String, String), (f64, f64)>,
+    /// Share of the gap closed.
+    pub closed: f64,
+}
+
+/// A share of cases.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Share {
+    /// Hits.
+    pub hits: usize,
+    /// Cases.
+    pub of: usize,
+}
+
+impl Share {
+    fn count(&mut self, hit: bool) {
+        self.of += 1;
+        self.hits += usize::from(hit);
+    }
+
+    /// 95 % interval [wilson1927].
+    pub fn interval(&self) -> (f64, f64) {
+        if self.of == 0 {
+            return (0.0, 1.0);
+        }
+        let (n, z) = (self.of as f64, 1.96f64);
+        let p = self.hits as f64 / n;
+        let middle = p + z * z / (2.0 * n);
+        let half = z * (p * (1.0 - p) / n + z * z / (4.0 * n * n)).sqrt();
+        let scale = 1.0 + z * z / n;
+        (((middle - half) / scale).max(0.0), ((middle + half) / scale).min(1.0))
+    }
+}
+
+/// A table of scores.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Score {
+    /// Shares by what they are of.
+    pub shares: BTreeMap<String, Share>,
+    /// Relative errors of sizes.
+    pub size_errors: Vec<f64>,
+    /// Shares of the gap closed, strong effects.
+    pub closed: Vec<f64>,
+    /// Cases that went wrong.
+    pub failures: Vec<String>,
+}
+
+/// Strata of expected evidence: strong from 10, moderate from 3.
+fn stratum(evidence: f64) -> &'static str {
+    if evidence >= 10.0 {
+        "strong"
+    } else if evidence >= 3.0 {
+        "moderate"
+    } else {
+        "weak"
+    }
+}
+
+/// Scores answers against truths.
+pub fn score(cases: &[(crate::laboratory::Truth, Said)]) -> Score {
+    let mut out = Score::default();
+    for (truth, said) in cases {
+        one(&mut out, truth, said);
+    }
+    out
+}
+
+fn one(out: &mut Score, truth: &crate::laboratory::Truth, said: &Said) {
+    let mut hit = |key: String, ok: bool| out.shares.entry(key).or_default().count(ok);
+    let first: Vec<&String> = said.answers.first().map(|a| a.iter().map(|e| &e.0).collect()).unwrap_or_default();
+    let has = |e: &String| said.answers.iter().flatten().any(|a| a.0 == *e);
+    let sure = said.verdict == "decisive";
+    let mut wrong = false;
+    match truth.kind.as_str() {
+        "null" => {
+            wrong = said.verdict != "none";
+            hit("null: alarmed".into(), wrong);
+        }
+        "unknown" => {
+            hit("not in the catalogue: flagged".into(), said.verdict == "unnamed");
+            hit("not in the catalogue: misnamed".into(), sure);
+        }
+        "compound" => {
+            let right = truth.effects.iter().filter(|e| has(&e.0)).count();
+            hit("compound: one right".into(), right >= 1);
+            hit("compound: both right".into(), right >= 2);
+        }
+        _ => {
+            let Some((effect, scope, parameters)) = truth.effects.first() else { return };
+            let s = stratum(truth.strength.expected_evidence);
+            let named = first.contains(&effect);
+            wrong = sure && !named;
+            hit(format!("{s}: named first"), named);
+            hit(format!("{s}: in the reported set"), has(effect));
+            hit(format!("{s}: confidently wrong"), wrong);
+            if named {
+                let right = said.answers[0].iter().any(|a| a.0 == *effect && a.1 == *scope);
+                hit(format!("{s}: scope right"), right);
+                for (key, true_value) in parameters {
+                    if let Some((value, sd)) = said.sizes.get(&(effect.clone(), key.clone())) {
+                        out.size_errors.push((value - true_value).abs() / true_value.abs().max(1e-9));
+                        hit(format!("{s}: 90 % interval covers"), (value - true_value).abs() <= 1.645 * sd);
+                    }
+                }
+                if s == "strong" {
+                    out.closed.push(said.closed);
+                }
+            }
+        }
+    }
+    if wrong {
+        out.failures.push(format!("{}: {} answered {} {:?}", truth.case, truth.kind, said.verdict, said.answers.first()));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn intervals_hold_the_share_and_widen_for_few() {
+        let few = Share { hits: 3, of: 4 };
+        let many = Share { hits: 300, of: 400 };
+        assert!(few.interval().0 < 0.75 && few.interval().1 > 0.75);
+        assert!(many.interval().1 - many.interval().0 < few.interval().1 - few.interval().0);
+    }
+}

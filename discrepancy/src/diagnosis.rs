@@ -1,0 +1,431 @@
+//! The diagnosis: where, which, added, shrunk, next; and the verdict in words.
+
+use crate::catalogue::Catalogue;
+use crate::component::{Component, augmented, components};
+use crate::error::DiscrepancyError;
+use crate::fit::Fit;
+use crate::held_out::{HeldOut, closed, held_out};
+use crate::map::{Cell, map};
+use crate::next_test::{NextTest, next_tests};
+use crate::problem::{Candidate, Problem, Scope};
+use crate::search::{DiagnosisOptions, Search, Searcher, log_prior};
+use crate::trial::Source;
+use crate::wildcard::{Wildcard, wildcard};
+use serde::{Deserialize, Serialize};
+use sim::Model;
+use sim::laxity::{COORDINATES, VALUE_UNITS};
+use sim::spec::ModelSpec;
+use std::collections::BTreeMap;
+
+/// How sure the answer is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// One answer, weight 0.95 and more, and it predicts trials it has not seen.
+    Decisive,
+    /// One answer, weight 0.75 and more.
+    Probable,
+    /// One of several.
+    OneOf,
+    /// Something is missing that the catalogue does not have.
+    Unnamed,
+    /// Nothing beyond noise and floor.
+    None,
+}
+
+/// A parameter's value.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Value {
+    /// Most probable.
+    pub value: f64,
+    /// Standard deviation.
+    pub sd: f64,
+    /// Unit.
+    pub unit: String,
+}
+
+/// An effect in an answer.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Named {
+    /// Its name.
+    pub effect: String,
+    /// A data set, or "both".
+    pub scope: String,
+    /// The structure it is about, where it may be about several.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub variant: Option<String>,
+    /// Its parameters.
+    pub parameters: BTreeMap<String, Value>,
+}
+
+/// An answer: one effect, or several that act together.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Answer {
+    /// Its effects.
+    pub effects: Vec<Named>,
+    /// Share of belief [-].
+    pub weight: f64,
+    /// Log Bayes factor against nothing missing [-].
+    pub log_bayes_factor: f64,
+    /// Gain of the held-out log score over nothing missing [-].
+    pub held_out_gain: f64,
+}
+
+/// The gap on held-out trials.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Gap {
+    /// Mean whitened square of the error with ligaments alone recalibrated [-].
+    pub before: f64,
+    /// With the effect too [-].
+    pub after: f64,
+    /// What noise and floor leave [-].
+    pub floor: f64,
+    /// Share of the gap that is closed [-].
+    pub closed: f64,
+    /// Root mean square errors before, by coordinate.
+    pub rmse_before: BTreeMap<String, f64>,
+    /// And after.
+    pub rmse_after: BTreeMap<String, f64>,
+}
+
+/// The same with an effect that should not help.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Control {
+    /// Which.
+    pub effect: String,
+    /// Share of the gap that it closes [-].
+    pub closed: f64,
+}
+
+/// Held-out trials and control.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GapReport {
+    /// The answer's.
+    pub held_out: Gap,
+    /// The control's.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub control: Option<Control>,
+}
+
+/// An effect that these data cannot test.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NotTestable {
+    /// Its name.
+    pub effect: String,
+    /// Why.
+    pub why: String,
+}
+
+/// What the ligaments had taken up.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Absorbed {
+    /// Bundle or ligament.
+    pub bundle: String,
+    /// "reference_strain" or "stiffness_n_per_mm".
+    pub parameter: String,
+    /// Of the model as given.
+    pub given: f64,
+    /// Recalibrated without the effect.
+    pub without: f64,
+    /// Recalibrated with it.
+    pub with: f64,
+    /// Standard deviation with it.
+    pub sd: f64,
+}
+
+/// diagnosis.json.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Diagnosis {
+    /// "diagnosis/1".
+    pub schema: String,
+    /// How sure.
+    pub verdict: Verdict,
+    /// Rival answers, best first; empty for none and unnamed.
+    pub answers: Vec<Answer>,
+    /// In words.
+    pub description: String,
+    /// Component files written.
+    pub added: Vec<String>,
+    /// How far the gap shrinks.
+    pub gap: GapReport,
+    /// Where the model disagrees, with ligaments recalibrated.
+    pub map: Vec<Cell>,
+    /// And with the answer added.
+    pub map_after: Vec<Cell>,
+    /// What could not be tested.
+    pub not_testable: Vec<NotTestable>,
+    /// Which test would tell the rivals apart.
+    pub next_tests: Vec<NextTest>,
+    /// What the ligaments had taken up.
+    pub ligaments: Vec<Absorbed>,
+    /// Log Bayes factor that an effect needs here [-].
+    pub threshold: f64,
+    /// Log Bayes factor of a smooth nameless field beside the best answer [-].
+    pub wildcard: f64,
+    /// Whitened sum of squares of nothing missing and of the best hypothesis, over the number of readings [-].
+    pub misfit: [f64; 2],
+    /// The best hypothesis' effects, whether named or not.
+    pub best: Vec<Named>,
+}
+
+/// The diagnosis with what is needed to add its answer.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// The report.
+    pub diagnosis: Diagnosis,
+    /// The components of the first answer; none where nothing is named.
+    pub components: Vec<Component>,
+    /// The model with them and the ligaments recalibrated beside them.
+    pub model: Option<ModelSpec>,
+}
+
+/// Diagnoses a model against data.
+///
+/// Errors: data or model at fault.
+pub fn diagnose(
+    model: &Model,
+    spec: &ModelSpec,
+    sources: &[Source],
+    catalogue: &Catalogue,
+    options: &DiagnosisOptions,
+) -> Result<Outcome, DiscrepancyError> {
+    let mut problem = Problem::new(model, spec, sources, catalogue)?;
+    problem.present = crate::component::present(spec, &problem.sources, &Catalogue::shipped())?;
+    conclude(&problem, spec, options)
+}
+
+fn conclude(problem: &Problem, spec: &ModelSpec, options: &DiagnosisOptions) -> Result<Outcome, DiscrepancyError> {
+    let searcher = Searcher { problem, options };
+    let search = searcher.search()?;
+    let best = search.rivals.first().unwrap_or(&search.base);
+    let is_named = searcher.gain(best, &search.base) >= search.threshold && !best.hypothesis.is_empty();
+    let believed = if is_named { best } else { &search.base };
+    let wild = wildcard(problem, &search, believed)?;
+    let rivals = weights(&searcher, &search, believed);
+    let before = held_out(&searcher, &search, &search.base, options.folds, options.folds)?;
+    let after = if is_named {
+        held_out(&searcher, &search, best, options.folds, options.folds)?
+    } else {
+        before.clone()
+    };
+    let gain = after.density.iter().sum::<f64>() - before.density.iter().sum::<f64>();
+    let verdict = verdict(&searcher, is_named, &wild, &rivals, believed, gain);
+    let answers = if matches!(verdict, Verdict::None | Verdict::Unnamed) {
+        vec![]
+    } else {
+        answers(problem, &searcher, &search, &rivals, gain)
+    };
+    let shown = if answers.is_empty() { &search.base } else { best };
+    let shrunk = if answers.is_empty() { &before } else { &after };
+    let control = if answers.is_empty() { None } else { control(&searcher, &search, best, &before)? };
+    let rival_fits: Vec<(&Fit, f64)> = rivals.iter().map(|(f, w)| (*f, *w)).collect();
+    let mut diagnosis = Diagnosis {
+        schema: "diagnosis/1".into(),
+        verdict,
+        answers,
+        description: String::new(),
+        added: vec![],
+        gap: GapReport { held_out: gap(&before, shrunk), control },
+        map: map(problem, &search, &search.base)?,
+        map_after: map(problem, &search, shown)?,
+        not_testable: not_testable(problem),
+        next_tests: next_tests(problem, &rival_fits)?,
+        ligaments: absorbed(problem, &search.base, shown),
+        threshold: search.threshold,
+        wildcard: wild.log_bayes_factor,
+        misfit: [&search.base, best].map(|f| searcher.total(f) / f.residual.len() as f64),
+        best: crate::diagnosis::named(problem, best),
+    };
+    diagnosis.description = crate::words::description(problem, &diagnosis, &wild, &search);
+    let mut outcome = Outcome { diagnosis, components: vec![], model: None };
+    if let Some(first) = outcome.diagnosis.answers.first() {
+        outcome.components = components(problem, best, first.log_bayes_factor);
+        outcome.model = Some(augmented(problem, spec, best, &outcome.components)?);
+    }
+    Ok(outcome)
+}
+
+/// Weight of each rival: evidence and prior, tempered where the best leaves more than it should.
+fn weights<'a>(searcher: &Searcher, search: &'a Search, best: &Fit) -> Vec<(&'a Fit, f64)> {
+    let n = search.readings.rows.len() as f64;
+    let temper = (searcher.total(best) / n).max(1.0) * 1.5;
+    let top = searcher.gain(best, &search.base);
+    let mut out: Vec<(&Fit, f64)> =
+        search.rivals.iter().map(|f| (f, ((searcher.gain(f, &search.base) - top) / temper).exp())).collect();
+    let sum: f64 = out.iter().map(|(_, w)| w).sum::<f64>() + (-top / temper).exp();
+    out.iter_mut().for_each(|(_, w)| *w /= sum);
+    out
+}
+
+fn verdict(
+    searcher: &Searcher,
+    named: bool,
+    wild: &Wildcard,
+    rivals: &[(&Fit, f64)],
+    best: &Fit,
+    gain: f64,
+) -> Verdict {
+    let readings = best.residual.len() as f64;
+    let excess = searcher.total(best) - readings;
+    let poor = excess > 2.5 * (2.0 * readings).sqrt();
+    if searcher.options.wildcard && poor && wild.log_bayes_factor > 8.0 {
+        return Verdict::Unnamed;
+    }
+    if !named {
+        return Verdict::None;
+    }
+    let weight = by_names(rivals).first().map_or(0.0, |g| g.1);
+    if weight >= 0.95 && gain > 0.0 {
+        Verdict::Decisive
+    } else if weight >= 0.75 {
+        Verdict::Probable
+    } else {
+        Verdict::OneOf
+    }
+}
+
+/// Rivals with the same effects and scopes are one answer: its best fit and the sum of weights.
+fn by_names<'a>(rivals: &[(&'a Fit, f64)]) -> Vec<(&'a Fit, f64)> {
+    let mut out: Vec<(Vec<(String, Scope)>, &Fit, f64)> = Vec::new();
+    for (fit, weight) in rivals {
+        let mut key: Vec<(String, Scope)> = fit.hypothesis.iter().map(|c| (c.name(), c.scope)).collect();
+        key.sort();
+        match out.iter_mut().find(|(k, _, _)| *k == key) {
+            Some(one) => one.2 += weight,
+            None => out.push((key, fit, *weight)),
+        }
+    }
+    let mut out: Vec<(&Fit, f64)> = out.into_iter().map(|(_, f, w)| (f, w)).collect();
+    out.sort_by(|a, b| b.1.total_cmp(&a.1));
+    out
+}
+
+/// The smallest set of answers with 95 % of the belief.
+fn answers(problem: &Problem, searcher: &Searcher, search: &Search, rivals: &[(&Fit, f64)], gain: f64) -> Vec<Answer> {
+    let mut out = Vec::new();
+    let mut sum = 0.0;
+    for (k, (fit, weight)) in by_names(rivals).into_iter().enumerate() {
+        if sum >= 0.95 && k > 0 {
+            break;
+        }
+        sum += weight;
+        out.push(Answer {
+            effects: named(problem, fit),
+            weight,
+            log_bayes_factor: searcher.gain(fit, &search.base),
+            held_out_gain: if k == 0 { gain } else { 0.0 },
+        });
+    }
+    out
+}
+
+/// The effects of a fit with their sizes.
+pub fn named(problem: &Problem, fit: &Fit) -> Vec<Named> {
+    let values = fit.parameters(problem.nuisances());
+    fit.hypothesis
+        .iter()
+        .zip(values)
+        .map(|(c, values)| Named {
+            effect: c.name(),
+            scope: scope_name(problem, c),
+            variant: c.effect.variants.get(c.variant).cloned(),
+            parameters: c
+                .effect
+                .parameter
+                .iter()
+                .zip(values)
+                .map(|(p, (value, sd))| (p.key.clone(), Value { value, sd, unit: p.unit.clone() }))
+                .collect(),
+        })
+        .collect()
+}
+
+/// "both", or the data set's name.
+pub fn scope_name(problem: &Problem, candidate: &Candidate) -> String {
+    match candidate.scope {
+        Scope::Only(s) => problem.sources[s].clone(),
+        Scope::Both if problem.sources.len() == 1 => problem.sources[0].clone(),
+        Scope::Both => "both".into(),
+    }
+}
+
+fn gap(before: &HeldOut, after: &HeldOut) -> Gap {
+    let by = |r: &[f64; 5]| {
+        (0..5).map(|c| (format!("{}_{}", COORDINATES[c], VALUE_UNITS[c]), r[c])).collect::<BTreeMap<_, _>>()
+    };
+    Gap {
+        before: before.score,
+        after: after.score,
+        floor: after.floor.min(after.score),
+        closed: closed(before, after),
+        rmse_before: by(&before.rmse),
+        rmse_after: by(&after.rmse),
+    }
+}
+
+/// The candidate of as many parameters that the screen likes least.
+fn control(
+    searcher: &Searcher,
+    search: &Search,
+    best: &Fit,
+    before: &HeldOut,
+) -> Result<Option<Control>, DiscrepancyError> {
+    let size: usize = best.hypothesis.iter().map(Candidate::size).sum();
+    let worst = search.screened.iter().rev().find(|(c, _)| c.size() >= size.min(3));
+    let Some((candidate, _)) = worst else { return Ok(None) };
+    let mut start = search.base.unknowns.clone();
+    start.extend(vec![0.1; candidate.size()]);
+    let hypothesis = [candidate.clone()];
+    let fit =
+        searcher.fit(&hypothesis, &start, &search.base.coordinates(), &search.covariance, &search.readings, 5)?;
+    let after = held_out(searcher, search, &fit, searcher.options.folds, searcher.options.folds)?;
+    Ok(Some(Control { effect: candidate.name(), closed: closed(before, &after) }))
+}
+
+/// Effects that these data cannot test.
+pub fn not_testable(problem: &Problem) -> Vec<NotTestable> {
+    let why = |e: &crate::catalogue::Effect| {
+        e.untestable(&problem.trials).map(|why| NotTestable { effect: e.id.clone(), why })
+    };
+    problem.catalogue.effect.iter().filter_map(why).collect()
+}
+
+fn absorbed(problem: &Problem, base: &Fit, with: &Fit) -> Vec<Absorbed> {
+    let given = problem.model.parameters();
+    problem
+        .design
+        .variables
+        .iter()
+        .enumerate()
+        .filter_map(|(k, v)| {
+            let bundle = problem.model.bundles.iter().position(|b| Some(&b.name) == v.bundles.first())?;
+            let strain = v.kind == validation::design::Kind::ReferenceStrain;
+            let start = if strain { given[bundle].reference_strain } else { given[bundle].stiffness_n_per_mm };
+            let [width, ratio, _] = crate::problem::PRIOR;
+            let at = |x: f64| if strain { start + width * x } else { start * (ratio * x).exp() };
+            let spread = with.posterior[(k, k)].max(0.0).sqrt();
+            Some(Absorbed {
+                bundle: v.bundle(),
+                parameter: v.kind.name().into(),
+                given: start,
+                without: at(base.unknowns[k]),
+                with: at(with.unknowns[k]),
+                sd: if strain { width * spread } else { start * ratio * spread },
+            })
+        })
+        .collect()
+}
+
+/// Log prior odds of an answer, for the atlas.
+pub fn prior_of(candidate: &Candidate, problem: &Problem) -> f64 {
+    log_prior(candidate, problem.sources.len())
+}

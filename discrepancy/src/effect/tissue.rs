@@ -1,0 +1,170 @@
+//! Tissues the model lacks, has elsewhere, or has too much of.
+
+use super::Situation;
+use super::lines::{line, point};
+use nalgebra::Vector3;
+use sim::joint::{AP, IE, Six, VV};
+use sim::ligament::Fibre;
+
+/// A meniscus' lever about the tibial axis, and the play before it resists [mm].
+const MENISCUS: (f64, f64) = (22.0, 1.5);
+
+/// Wedges at the two compartments that resist sliding from the unloaded pose; `k` [N/mm].
+pub(super) fn meniscus(here: &Situation, k: f64) -> Six {
+    let (lever, play) = MENISCUS;
+    let d = here.q - here.trial.neutral;
+    let ramp = |x: f64| x.signum() * (x.abs() - play).max(0.0);
+    let (medial, lateral) = (ramp(d[AP] + lever * d[IE]), ramp(d[AP] - lever * d[IE]));
+    let mut out = Six::zeros();
+    out[AP] = -k * (medial + lateral);
+    out[IE] = -k * lever * (medial - lateral);
+    out
+}
+
+/// Springs about the unloaded pose in AP [N/mm], IE and VV [N mm/rad].
+pub(super) fn capsule(here: &Situation, v: &[f64]) -> Six {
+    let d = here.q - here.trial.neutral;
+    let mut out = Six::zeros();
+    for (j, a) in [(AP, v[0]), (IE, v[1]), (VV, v[2])] {
+        out[j] = -a * d[j];
+    }
+    out
+}
+
+/// Femoral and tibial ends of the library's lines: anterolateral, meniscofemoral, fabellofibular, medial retinaculum, popliteus
+/// [medial, anterior, superior, mm].
+const EXTRA: [([f64; 3], [f64; 3]); 5] = [
+    ([-42.0, -5.0, 5.0], [-33.0, 5.0, -10.0]),
+    ([8.0, -5.0, -5.0], [-15.0, -20.0, 0.0]),
+    ([-22.0, -28.0, 12.0], [-40.0, -22.0, -15.0]),
+    ([42.0, 0.0, 0.0], [20.0, 25.0, -12.0]),
+    ([-40.0, 3.0, -8.0], [-5.0, -22.0, -28.0]),
+];
+
+/// A tension-only spring of `k` [N/mm], strained by `strain` [%] in the CT pose.
+pub(super) fn extra_bundle(here: &Situation, which: usize, k: f64, strain: f64) -> Six {
+    let Some((femur, tibia)) = EXTRA.get(which) else { return Six::zeros() };
+    let (line, initial) = line(here, *femur, *tibia);
+    let slack = initial / (1.0 + 0.01 * strain).max(0.5);
+    -line.gradient * (k * (line.length - slack).max(0.0))
+}
+
+/// Whether a bundle belongs to a structure.
+fn belongs(bundle: &str, structure: &str) -> bool {
+    bundle.strip_prefix(structure).is_some_and(|rest| rest.is_empty() || rest.starts_with('_'))
+}
+
+/// The structures of `structure_loss` and `attachment`, in the catalogue's order.
+const STRUCTURES: [&str; 9] = ["ACL", "PCL", "LCL", "sMCL", "dMCL", "ALS", "PFL", "POL", "PCAP"];
+
+/// Fibres of a structure with the share of their load that is lost.
+pub(super) fn loss(here: &Situation, structure: usize, share: f64) -> Six {
+    let states = here.model.fibre_states(&here.pose);
+    let mut out = Six::zeros();
+    for (fibre, state) in here.model.fibres.iter().zip(&states) {
+        if belongs(&here.model.bundles[fibre.bundle].name, STRUCTURES[structure.min(8)]) {
+            out += state.line.gradient * (state.response.force * share.min(1.0));
+        }
+    }
+    out
+}
+
+/// Pull of all fibres.
+pub(super) fn all_fibres(here: &Situation) -> Six {
+    let states = here.model.fibre_states(&here.pose);
+    states.iter().fold(Six::zeros(), |sum, s| sum - s.line.gradient * s.response.force)
+}
+
+/// Change of all pulls when every reference strain changes by `change`.
+pub(super) fn strain_change(here: &Situation, change: f64) -> Six {
+    let states = here.model.fibre_states(&here.pose);
+    let mut out = Six::zeros();
+    for (fibre, state) in here.model.fibres.iter().zip(&states) {
+        let bundle = &here.model.bundles[fibre.bundle];
+        let u = state.line.length - fibre.initial_length;
+        let mut other = bundle.clone();
+        other.reference_strain += change;
+        let more = other.response(u + other.initial_stretch()).force - state.response.force;
+        out -= state.line.gradient * more;
+    }
+    out
+}
+
+/// A structure's sites moved: femoral anterior and superior, tibial anterior [mm].
+pub(super) fn attachment(here: &Situation, structure: usize, v: &[f64]) -> Six {
+    let (femur, tibia) = (&here.place.femur, &here.place.tibia);
+    let femoral = femur.anterior * v[0] + femur.superior * v[1];
+    let tibial = tibia.anterior * v[2];
+    let mut out = Six::zeros();
+    for fibre in &here.model.fibres {
+        let bundle = &here.model.bundles[fibre.bundle];
+        if !belongs(&bundle.name, STRUCTURES[structure.min(8)]) {
+            continue;
+        }
+        let moved = moved_fibre(fibre, &femoral, &tibial);
+        out += fibre_pull(here, &moved) - fibre_pull(here, fibre);
+    }
+    out
+}
+
+/// The fibre with its ends moved in the CT pose; its strain there stays.
+pub(crate) fn moved_fibre(fibre: &Fibre, femoral: &Vector3<f64>, tibial: &Vector3<f64>) -> Fibre {
+    let (femur, tibia) = (fibre.femur + femoral, fibre.tibia + tibial);
+    Fibre { bundle: fibre.bundle, femur, tibia, initial_length: (femur - tibia).norm() }
+}
+
+/// Generalised force of a fibre.
+pub(crate) fn fibre_pull(here: &Situation, fibre: &Fibre) -> Six {
+    let bundle = &here.model.bundles[fibre.bundle];
+    let line = fibre.line(&here.pose);
+    let force = bundle.response(line.length - fibre.initial_length + bundle.initial_stretch()).force;
+    -line.gradient * force
+}
+
+/// Force of fibres that are longer than straight by `longer(fibre, q)`: minus the slope of the energy that this adds.
+fn wrapped(here: &Situation, structure: &str, longer: &dyn Fn(&Fibre, &Situation) -> f64) -> Six {
+    let energy = |at: &Situation| -> f64 {
+        let fibres = at.model.fibres.iter().filter(|f| belongs(&at.model.bundles[f.bundle].name, structure));
+        fibres
+            .map(|f| {
+                let bundle = &at.model.bundles[f.bundle];
+                let x = f.line(&at.pose).length - f.initial_length + bundle.initial_stretch();
+                bundle.response(x + longer(f, at)).energy - bundle.response(x).energy
+            })
+            .sum()
+    };
+    Six::from_fn(|j, _| {
+        let h = if j <= IE { 1e-5 } else { 1e-3 };
+        let side = |s: f64| {
+            let mut q = here.q;
+            q[j] += s * h;
+            energy(&here.place.situation(here.model, here.trial, here.load, &q))
+        };
+        -(side(1.0) - side(-1.0)) / (2.0 * h)
+    })
+}
+
+/// The superficial MCL over the tibial rim: longer by h^2/2 (1/a + 1/b), where the rim stands `offset` proud of the line of the CT pose.
+pub(super) fn mcl_wrap(here: &Situation, offset: f64) -> Six {
+    let tibia = &here.place.tibia;
+    let rim = point(tibia, [0.0, 0.0, -5.0]);
+    wrapped(here, "sMCL", &|fibre, at| {
+        let line = fibre.line(&at.pose);
+        let crossing = |femur: &Vector3<f64>| {
+            let (up, way) = (tibia.superior, femur - fibre.tibia);
+            let part = ((rim - fibre.tibia).dot(&up) / way.dot(&up)).clamp(0.2, 0.95);
+            (tibia.medial.dot(&(way * part + fibre.tibia)), part)
+        };
+        let ((now, part), (then, _)) = (crossing(&line.femur), crossing(&fibre.femur));
+        let h = (offset - (now - then)).max(0.0).min(20.0);
+        0.5 * h * h * (1.0 / (part * line.length) + 1.0 / ((1.0 - part) * line.length))
+    })
+}
+
+/// The posterior capsule over the condyles, out of touch from 30 deg on.
+pub(super) fn pcap_wrap(here: &Situation, offset: f64) -> Six {
+    wrapped(here, "PCAP", &|fibre, at| {
+        let h = (offset * (1.0 - at.flexion.to_degrees() / 30.0).clamp(0.0, 1.3)).max(0.0);
+        2.0 * h * h / fibre.line(&at.pose).length
+    })
+}

@@ -1,0 +1,213 @@
+//! The most probable ligaments, contact and effects under a hypothesis, and the evidence for it (Laplace's approximation).
+
+use crate::covariance::{Readings, Whitening};
+use crate::error::DiscrepancyError;
+use crate::problem::{Candidate, Linear, Problem};
+use nalgebra::{Cholesky, DMatrix, DVector};
+use sim::joint::Six;
+use validation::levenberg::box_step;
+
+/// Bounds of the unknowns, in units of their prior.
+const REACH: f64 = 8.0;
+
+/// A fitted hypothesis.
+#[derive(Clone, Debug)]
+pub struct Fit {
+    /// The hypothesis.
+    pub hypothesis: Vec<Candidate>,
+    /// The unknowns.
+    pub unknowns: Vec<f64>,
+    /// Predictions and derivatives there.
+    pub linear: Linear,
+    /// Measured minus predicted, of the readings fitted.
+    pub residual: DVector<f64>,
+    /// Whitened sum of squares of the residual.
+    pub misfit: f64,
+    /// Log of the evidence, up to a constant common to all hypotheses fitted to the same readings.
+    pub log_evidence: f64,
+    /// Posterior covariance of the unknowns.
+    pub posterior: DMatrix<f64>,
+}
+
+/// What is fitted to.
+#[derive(Clone, Copy)]
+pub struct Data<'a> {
+    /// The question.
+    pub problem: &'a Problem,
+    /// The readings.
+    pub readings: &'a Readings,
+    /// Their scatter.
+    pub whitening: &'a Whitening,
+    /// Most Gauss-Newton steps of a fit.
+    pub steps: usize,
+    /// Whether ligaments and contact are held (for comparison only).
+    pub frozen: bool,
+}
+
+/// Slope and curvature of minus the log prior: normal for ligaments and contact, Student's t with four degrees for effects.
+fn prior(k: usize, nuisances: usize, x: f64) -> (f64, f64, f64) {
+    if k < nuisances {
+        (0.5 * x * x, x, 1.0)
+    } else {
+        // relative to a normal density at its mode, so that the normalisations of all unknowns agree
+        let at_zero = -(0.375f64 * (2.0 * std::f64::consts::PI).sqrt()).ln();
+        let spread = 1.0 + x * x / 4.0;
+        (2.5 * spread.ln() + at_zero, 1.25 * x / spread, 1.25 / spread)
+    }
+}
+
+/// Whether each unknown may not be negative.
+fn one_sided(hypothesis: &[Candidate], nuisances: usize) -> Vec<bool> {
+    let mut out = vec![false; nuisances];
+    for c in hypothesis {
+        out.extend(c.effect.parameter.iter().map(|p| p.one_sided));
+    }
+    out
+}
+
+struct State {
+    unknowns: Vec<f64>,
+    linear: Linear,
+    residual: DVector<f64>,
+    white: DVector<f64>,
+    slope: DMatrix<f64>,
+    cost: f64,
+}
+
+impl Data<'_> {
+    fn state(&self, hypothesis: &[Candidate], unknowns: Vec<f64>, starts: &[Six]) -> Result<State, DiscrepancyError> {
+        let linear = self.problem.linear(hypothesis, &unknowns, starts)?;
+        let residual = &self.readings.measured - self.readings.pick(&linear.value);
+        let white = self.whitening.white_vector(&residual);
+        let slope = self.whitening.white(&self.readings.rows_of(&linear.slope));
+        let n = self.problem.nuisances();
+        let prior: f64 = unknowns.iter().enumerate().map(|(k, x)| prior(k, n, *x).0).sum();
+        let cost = 0.5 * white.norm_squared() + prior;
+        let cost = if cost.is_finite() { cost } else { f64::INFINITY };
+        Ok(State { unknowns, linear, residual, white, slope, cost })
+    }
+
+    /// The most probable unknowns under a hypothesis, from a start.
+    ///
+    /// Errors: a model that cannot be evaluated.
+    pub fn fit(&self, hypothesis: &[Candidate], start: &[f64], starts: &[Six]) -> Result<Fit, DiscrepancyError> {
+        let n = self.problem.nuisances();
+        let sided = one_sided(hypothesis, n);
+        let clamp = |k: usize, x: f64| x.clamp(if sided[k] { 0.0 } else { -REACH }, REACH);
+        let unknowns = start.iter().enumerate().map(|(k, x)| clamp(k, *x)).collect();
+        let mut here = self.state(hypothesis, unknowns, starts)?;
+        let mut damping = 1e-3;
+        for _ in 0..self.steps {
+            let (hessian, gradient) = self.quadratic(&here, n);
+            let mut damped = hessian.clone();
+            for k in 0..damped.nrows() {
+                damped[(k, k)] *= 1.0 + damping;
+            }
+            if self.frozen {
+                (0..n).for_each(|k| damped[(k, k)] += 1e12);
+            }
+            let unit: Vec<f64> = here.unknowns.iter().enumerate().map(|(k, x)| to_unit(sided[k], *x)).collect();
+            let widths = DVector::from_iterator(unit.len(), sided.iter().map(|s| width(*s)));
+            let scaled = DMatrix::from_fn(unit.len(), unit.len(), |a, b| damped[(a, b)] * widths[a] * widths[b]);
+            let step = box_step(&scaled, &gradient.component_mul(&widths), &unit, 0.2).component_mul(&widths);
+            let promised = -(gradient.dot(&step) + 0.5 * step.dot(&(&hessian * &step)));
+            if promised < 0.05 {
+                break;
+            }
+            let next: Vec<f64> = here.unknowns.iter().enumerate().map(|(k, x)| clamp(k, x + step[k])).collect();
+            let starts: Vec<Six> = here.linear.rests.iter().map(|r| r.q).collect();
+            let tried = self.state(hypothesis, next, &starts)?;
+            if tried.cost < here.cost {
+                let gain = (here.cost - tried.cost) / promised;
+                damping = if gain > 0.5 { damping * 0.2 } else { damping * 2.0 };
+                let small = here.cost - tried.cost < 0.05;
+                here = tried;
+                if small {
+                    break;
+                }
+            } else {
+                damping = (damping * 10.0).max(1e-2);
+                if damping > 1e4 {
+                    break;
+                }
+            }
+        }
+        Ok(self.conclude(hypothesis, here, &sided))
+    }
+
+    fn quadratic(&self, here: &State, n: usize) -> (DMatrix<f64>, DVector<f64>) {
+        let mut hessian = here.slope.tr_mul(&here.slope);
+        let mut gradient = -here.slope.tr_mul(&here.white);
+        for (k, x) in here.unknowns.iter().enumerate() {
+            let (_, slope, curvature) = prior(k, n, *x);
+            hessian[(k, k)] += curvature;
+            gradient[k] += slope;
+        }
+        (hessian, gradient)
+    }
+
+    fn conclude(&self, hypothesis: &[Candidate], here: State, sided: &[bool]) -> Fit {
+        let n = self.problem.nuisances();
+        let (hessian, _) = self.quadratic(&here, n);
+        let (log_determinant, posterior) = match Cholesky::new(hessian) {
+            Some(c) => (2.0 * c.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>(), c.inverse()),
+            None => (f64::INFINITY, DMatrix::identity(here.unknowns.len(), here.unknowns.len())),
+        };
+        let mut log_evidence = -here.cost - 0.5 * log_determinant;
+        for k in (0..sided.len()).filter(|&k| sided[k]) {
+            let sd = posterior[(k, k)].sqrt().max(1e-9);
+            log_evidence += (2.0 * normal_below(here.unknowns[k] / sd)).ln();
+        }
+        Fit {
+            hypothesis: hypothesis.to_vec(),
+            misfit: here.white.norm_squared(),
+            unknowns: here.unknowns,
+            linear: here.linear,
+            residual: here.residual,
+            log_evidence,
+            posterior,
+        }
+    }
+}
+
+impl Fit {
+    /// Coordinates of the rests.
+    pub fn coordinates(&self) -> Vec<Six> {
+        self.linear.rests.iter().map(|r| r.q).collect()
+    }
+
+    /// Value and standard deviation of the hypothesis' parameters in the catalogue's units, an effect a list.
+    pub fn parameters(&self, nuisances: usize) -> Vec<Vec<(f64, f64)>> {
+        let mut at = nuisances;
+        self.hypothesis
+            .iter()
+            .map(|c| {
+                c.effect
+                    .parameter
+                    .iter()
+                    .map(|p| {
+                        at += 1;
+                        (p.sd * self.unknowns[at - 1], p.sd * self.posterior[(at - 1, at - 1)].sqrt())
+                    })
+                    .collect()
+            })
+            .collect()
+    }
+}
+
+fn width(sided: bool) -> f64 {
+    if sided { REACH } else { 2.0 * REACH }
+}
+
+fn to_unit(sided: bool, x: f64) -> f64 {
+    if sided { x / REACH } else { (x + REACH) / (2.0 * REACH) }
+}
+
+/// The standard normal distribution function [abramowitz1964, 7.1.26].
+pub fn normal_below(x: f64) -> f64 {
+    let z = x.abs() / std::f64::consts::SQRT_2;
+    let t = 1.0 / (1.0 + 0.327_591_1 * z);
+    let poly = ((((1.061_405_429 * t - 1.453_152_027) * t + 1.421_413_741) * t - 0.284_496_736) * t + 0.254_829_592) * t;
+    let erf = 1.0 - poly * (-z * z).exp();
+    (if x >= 0.0 { 0.5 * (1.0 + erf) } else { 0.5 * (1.0 - erf) }).max(1e-300)
+}

@@ -1,0 +1,25 @@
+//! Where a model and measured data disagree, which missing effect explains it, and what happens when it is added.
+//!
+//! Pure: values in, values out. The method is told in docs/discrepancy.md.
+
+pub mod atlas;
+pub mod catalogue;
+pub mod component;
+pub mod covariance;
+pub mod diagnosis;
+pub mod effect;
+pub mod equilibrium;
+pub mod error;
+pub mod fit;
+pub mod held_out;
+pub mod map;
+pub mod next_test;
+pub mod page;
+pub mod problem;
+pub mod screen;
+pub mod search;
+pub mod trial;
+pub mod wildcard;
+mod words;
+
+pub use error::DiscrepancyError;

@@ -1,0 +1,99 @@
+//! Where model and data disagree: standardised mean residuals by data set, test, flexion, sign of the load and coordinate.
+
+use crate::covariance::{Whitening, normal};
+use crate::error::DiscrepancyError;
+use crate::fit::Fit;
+use crate::problem::Problem;
+use crate::screen::Marginal;
+use crate::search::Search;
+use nalgebra::{DMatrix, DVector};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
+use sim::laxity::COORDINATES;
+use std::collections::BTreeMap;
+
+/// A cell of the map.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Cell {
+    /// Data set.
+    pub source: String,
+    /// Test.
+    pub test: String,
+    /// Flexion it is filed under [deg].
+    pub nominal_flexion_deg: f64,
+    /// Sign of the tested load: -1, 0 or 1.
+    pub load_sign: i8,
+    /// Coordinate: vv, ie, ml, ap or si.
+    pub dof: String,
+    /// Mean residual over its standard deviation when nothing is missing [-].
+    pub z: f64,
+    /// Mean of measured minus predicted [deg or mm].
+    pub mean: f64,
+    /// Whether it is beyond what any cell of the map reaches in 95 % of simulated nulls.
+    pub significant: bool,
+}
+
+/// The map of a fit. Residuals are those left after the fit; their scatter is corrected for what the fit took up.
+///
+/// Errors: a covariance that is not positive definite.
+pub fn map(problem: &Problem, search: &Search, fit: &Fit) -> Result<Vec<Cell>, DiscrepancyError> {
+    let marginal = Marginal::new(fit, &search.readings, &search.covariance)?;
+    let block = search.readings.block_of(&search.covariance);
+    // residual after the fit = block C0^-1 (residual before): its covariance is block C0^-1 block
+    let inner = marginal.whitening.white(&block);
+    let left = inner.tr_mul(&inner);
+    let members = members(problem, search);
+    let weights = DMatrix::from_fn(members.len(), search.readings.rows.len(), |m, r| {
+        if members[m].1.contains(&r) { 1.0 / members[m].1.len() as f64 } else { 0.0 }
+    });
+    let means = &weights * &fit.residual;
+    let spread = &weights * left * weights.transpose();
+    let sd: Vec<f64> = (0..members.len()).map(|m| spread[(m, m)].max(1e-12).sqrt()).collect();
+    let limit = limit(&spread, &sd);
+    Ok(members
+        .iter()
+        .enumerate()
+        .map(|(m, ((source, test, flexion, sign, c), _))| {
+            let z = means[m] / sd[m];
+            Cell {
+                source: problem.sources[*source].clone(),
+                test: test.name().to_owned(),
+                nominal_flexion_deg: *flexion as f64,
+                load_sign: *sign,
+                dof: COORDINATES[*c].to_owned(),
+                z,
+                mean: means[m],
+                significant: z.abs() > limit,
+            }
+        })
+        .collect())
+}
+
+type Key = (usize, sim::laxity::Test, i64, i8, usize);
+
+fn members(problem: &Problem, search: &Search) -> Vec<(Key, Vec<usize>)> {
+    let mut out: BTreeMap<Key, Vec<usize>> = BTreeMap::new();
+    for (r, &(i, c)) in search.readings.rows.iter().enumerate() {
+        let t = &problem.trials[i];
+        let load = validation::targets::primary(t.test).map_or(0.0, |p| t.load[p + 1]);
+        let sign = if load.abs() < 1e-6 { 0 } else { load.signum() as i8 };
+        out.entry((t.source, t.test, t.nominal.round() as i64, sign, c)).or_default().push(r);
+    }
+    out.into_iter().collect()
+}
+
+/// What the largest of all cells stays below in 95 % of nulls.
+fn limit(spread: &DMatrix<f64>, sd: &[f64]) -> f64 {
+    let n = sd.len();
+    let scaled = DMatrix::from_fn(n, n, |a, b| {
+        spread[(a, b)] / (sd[a] * sd[b]) * if a == b { 1.0 + 1e-6 } else { 1.0 }
+    });
+    let Ok(lower) = Whitening::new(scaled).map(|w| w.lower()) else { return 4.0 };
+    let mut random = ChaCha8Rng::seed_from_u64(7);
+    let mut largest: Vec<f64> = (0..200)
+        .map(|_| (&lower * DVector::from_fn(n, |_, _| normal(&mut random))).amax())
+        .collect();
+    largest.sort_by(f64::total_cmp);
+    largest[190]
+}

@@ -1,0 +1,393 @@
+//! The question: a model, trials, and what may differ; predictions and their derivatives at any answer.
+//!
+//! Unknowns stand in units of their prior: ligament strains (0.03) and log stiffnesses (0.2), the log of the contact's scale (0.3), then the
+//! parameters of the effects.
+
+use crate::catalogue::{Catalogue, Effect};
+use crate::effect::{Active, Place};
+use crate::equilibrium::{Bench, Rest};
+use crate::error::DiscrepancyError;
+use crate::trial::{PER_UNIT, Source, Trial, trials};
+use nalgebra::DMatrix;
+use rayon::prelude::*;
+use sim::Model;
+use sim::joint::{AP, FREE, IE, ML, SI, Six, VV};
+use sim::model::BundleParameters;
+use sim::spec::ModelSpec;
+use validation::design::{Design, Kind};
+
+/// Prior standard deviations: reference strain [-], log of stiffness [-], log of the contact's scale [-].
+pub const PRIOR: [f64; 3] = [0.03, 0.2, 0.3];
+/// Coordinates of a reading.
+const READ: [usize; 5] = [VV, IE, ML, AP, SI];
+
+/// Where an effect acts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Scope {
+    /// In every data set.
+    Both,
+    /// In one.
+    Only(usize),
+}
+
+impl Scope {
+    /// Whether it acts in a data set.
+    pub fn covers(self, source: usize) -> bool {
+        self == Scope::Both || self == Scope::Only(source)
+    }
+}
+
+/// An effect with a scope: what can be named.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Candidate {
+    /// The effect.
+    pub effect: Effect,
+    /// Which of its variants.
+    pub variant: usize,
+    /// Where it acts.
+    pub scope: Scope,
+}
+
+impl Candidate {
+    /// Name in answers.
+    pub fn name(&self) -> String {
+        self.effect.name(self.variant)
+    }
+
+    /// The effect at work with values in units of its priors.
+    pub fn active(&self, scaled: &[f64]) -> Active {
+        let values = self.effect.parameter.iter().zip(scaled).map(|(p, x)| p.sd * x).collect();
+        Active::new(&self.effect, self.variant, values).expect("candidates come from implemented effects")
+    }
+
+    /// Number of parameters.
+    pub fn size(&self) -> usize {
+        self.effect.parameter.len()
+    }
+}
+
+/// A model, data and a catalogue.
+#[derive(Clone, Debug)]
+pub struct Problem {
+    /// The model as given.
+    pub model: Model,
+    /// Frames.
+    pub place: Place,
+    /// Ligament unknowns.
+    pub design: Design,
+    /// Names of the data sets.
+    pub sources: Vec<String>,
+    /// Trials of all of them.
+    pub trials: Vec<Trial>,
+    /// What may be named.
+    pub catalogue: Catalogue,
+    /// Effects the model has already, with the scope of each.
+    pub present: Vec<(Active, Scope)>,
+    bundles: Vec<Vec<usize>>,
+}
+
+/// Predictions and derivatives at an answer.
+#[derive(Clone, Debug)]
+pub struct Linear {
+    /// Five readings a trial [deg, mm].
+    pub value: Vec<f64>,
+    /// Derivatives by the unknowns: a row a reading.
+    pub slope: DMatrix<f64>,
+    /// Where each trial rests.
+    pub rests: Vec<Rest>,
+}
+
+impl Problem {
+    /// Sets the question up and finds the unloaded pose of every trial.
+    ///
+    /// Errors: what the data or the model lack.
+    pub fn new(
+        model: &Model,
+        spec: &ModelSpec,
+        sources: &[Source],
+        catalogue: &Catalogue,
+    ) -> Result<Problem, DiscrepancyError> {
+        let design = Design::of_model(spec)?;
+        let place = Place { femur: spec.frames.femur, tibia: spec.frames.tibia };
+        let index = |name: &String| model.bundles.iter().position(|b| b.name == *name);
+        let bundles = design.variables.iter().map(|v| v.bundles.iter().filter_map(index).collect()).collect();
+        let mut problem = Problem {
+            model: model.clone(),
+            place,
+            design,
+            sources: sources.iter().map(|s| s.name.clone()).collect(),
+            trials: trials(sources)?,
+            catalogue: catalogue.clone(),
+            present: vec![],
+            bundles,
+        };
+        let neutral: Vec<Six> = problem
+            .trials
+            .par_iter()
+            .map(|t| Bench { model: &problem.model, effects: &[], place: &problem.place }.neutral(t).q)
+            .collect();
+        for (t, q) in problem.trials.iter_mut().zip(neutral) {
+            t.neutral = q;
+        }
+        Ok(problem)
+    }
+
+    /// Number of ligament and contact unknowns.
+    pub fn nuisances(&self) -> usize {
+        self.design.variables.len() + 1
+    }
+
+    /// Every testable effect, variant and scope.
+    pub fn candidates(&self) -> Vec<Candidate> {
+        let mut scopes: Vec<Scope> = vec![Scope::Both];
+        if self.sources.len() > 1 {
+            scopes.extend((0..self.sources.len()).map(Scope::Only));
+        }
+        let mut out = Vec::new();
+        for effect in &self.catalogue.effect {
+            if effect.parameter.is_empty() || effect.untestable(&self.trials).is_some() {
+                continue;
+            }
+            for variant in 0..effect.variants.len().max(1) {
+                for &scope in &scopes {
+                    out.push(Candidate { effect: effect.clone(), variant, scope });
+                }
+            }
+        }
+        out
+    }
+
+    /// The model with other ligaments and contact.
+    pub fn model_at(&self, unknowns: &[f64]) -> Result<Model, DiscrepancyError> {
+        let mut parameters: Vec<BundleParameters> = self.model.parameters();
+        for (k, v) in self.design.variables.iter().enumerate() {
+            for &b in &self.bundles[k] {
+                match v.kind {
+                    Kind::ReferenceStrain => parameters[b].reference_strain += PRIOR[0] * unknowns[k],
+                    Kind::StiffnessNPerMm => parameters[b].stiffness_n_per_mm *= (PRIOR[1] * unknowns[k]).exp(),
+                }
+            }
+        }
+        let contact = (PRIOR[2] * unknowns[self.design.variables.len()]).exp();
+        Ok(self.model.with_parameters(&parameters)?.with_contact_scale(contact)?)
+    }
+
+    /// The effects at work in a data set: those the model has, then the hypothesis'.
+    pub fn effects_in(&self, source: usize, hypothesis: &[Candidate], unknowns: &[f64]) -> Vec<Active> {
+        let mut out: Vec<Active> =
+            self.present.iter().filter(|(_, s)| s.covers(source)).map(|(a, _)| a.clone()).collect();
+        let mut at = self.nuisances();
+        for candidate in hypothesis {
+            let values = &unknowns[at..at + candidate.size()];
+            if candidate.scope.covers(source) {
+                out.push(candidate.active(values));
+            }
+            at += candidate.size();
+        }
+        out
+    }
+
+    /// Rests of all trials at an answer; from nearby poses, or the whole way where `starts` is empty.
+    pub fn rests(&self, hypothesis: &[Candidate], unknowns: &[f64], starts: &[Six]) -> Result<Vec<Rest>, DiscrepancyError> {
+        let model = self.model_at(unknowns)?;
+        let effects: Vec<Vec<Active>> =
+            (0..self.sources.len()).map(|s| self.effects_in(s, hypothesis, unknowns)).collect();
+        Ok((0..self.trials.len())
+            .into_par_iter()
+            .map(|i| {
+                let trial = &self.trials[i];
+                let bench = Bench { model: &model, effects: &effects[trial.source], place: &self.place };
+                match starts.get(i) {
+                    Some(q) => bench.settle(trial, q),
+                    None => bench.walk(trial),
+                }
+            })
+            .collect())
+    }
+
+    /// Predictions and derivatives by all unknowns of a hypothesis.
+    pub fn linear(
+        &self,
+        hypothesis: &[Candidate],
+        unknowns: &[f64],
+        starts: &[Six],
+    ) -> Result<Linear, DiscrepancyError> {
+        let rests = self.rests(hypothesis, unknowns, starts)?;
+        self.linear_at(hypothesis, unknowns, rests)
+    }
+
+    /// [`Problem::linear`] where the rests are known.
+    pub fn linear_at(
+        &self,
+        hypothesis: &[Candidate],
+        unknowns: &[f64],
+        rests: Vec<Rest>,
+    ) -> Result<Linear, DiscrepancyError> {
+        let model = self.model_at(unknowns)?;
+        let (n, m) = (self.trials.len(), unknowns.len());
+        let rows: Vec<Vec<[f64; 5]>> = (0..n)
+            .into_par_iter()
+            .map(|i| {
+                let trial = &self.trials[i];
+                let effects = self.effects_in(trial.source, hypothesis, unknowns);
+                let slopes = Slopes::new(Bench { model: &model, effects: &effects, place: &self.place }, trial, &rests[i]);
+                let mut columns = slopes.ligaments(self);
+                columns.push(slopes.contact());
+                let mut at = self.nuisances();
+                for candidate in hypothesis {
+                    let scaled = &unknowns[at..at + candidate.size()];
+                    at += candidate.size();
+                    columns.extend(slopes.candidate(candidate, scaled, candidate.scope.covers(trial.source)));
+                }
+                columns
+            })
+            .collect();
+        let slope = DMatrix::from_fn(5 * n, m, |r, c| rows[r / 5][c][r % 5]);
+        let value = rests.iter().flat_map(reading).collect();
+        Ok(Linear { value, slope, rests })
+    }
+}
+
+/// Readings VV, IE [deg], ML, AP, SI [mm] of a rest.
+pub fn reading(rest: &Rest) -> [f64; 5] {
+    std::array::from_fn(|c| rest.observed[READ[c]] / PER_UNIT[c])
+}
+
+/// Derivatives of a trial's reading at its rest.
+pub struct Slopes<'a> {
+    bench: Bench<'a>,
+    trial: &'a Trial,
+    rest: &'a Rest,
+    /// Of the reading by what is out of balance.
+    answer: Option<nalgebra::Matrix6<f64>>,
+}
+
+impl<'a> Slopes<'a> {
+    /// Prepares the derivatives of `trial` at `rest`.
+    pub fn new(bench: Bench<'a>, trial: &'a Trial, rest: &'a Rest) -> Slopes<'a> {
+        let reading = bench.observe_derivative(trial, &rest.q);
+        let answer = rest.tangent.try_inverse().map(|inverse| reading * inverse);
+        Slopes { bench, trial, rest, answer }
+    }
+
+    /// Change of the reading [deg, mm] when the balance changes by `miss` (flexion's row: the read flexion) and the reading itself by `direct`.
+    pub fn by(&self, miss: &Six, direct: &Six) -> [f64; 5] {
+        let Some(answer) = &self.answer else { return [0.0; 5] };
+        let moved = direct - answer * miss;
+        std::array::from_fn(|c| moved[READ[c]] / PER_UNIT[c])
+    }
+
+    /// By the ligament unknowns.
+    pub fn ligaments(&self, problem: &Problem) -> Vec<[f64; 5]> {
+        let model = self.bench.model;
+        let states = model.fibre_states(&model.joint.pose(&self.rest.q));
+        let mut by_bundle = vec![[Six::zeros(); 2]; model.bundles.len()];
+        for (fibre, state) in model.fibres.iter().zip(&states) {
+            let bundle = &model.bundles[fibre.bundle];
+            let [strain, stiffness] = bundle.parameter_derivatives(state.line.length - fibre.initial_length);
+            by_bundle[fibre.bundle][0] += state.line.gradient * (strain * PRIOR[0]);
+            by_bundle[fibre.bundle][1] += state.line.gradient * (stiffness * bundle.stiffness * PRIOR[1]);
+        }
+        problem
+            .design
+            .variables
+            .iter()
+            .enumerate()
+            .map(|(k, v)| {
+                let which = usize::from(v.kind == Kind::StiffnessNPerMm);
+                let miss = problem.bundles[k].iter().fold(Six::zeros(), |s, &b| s + by_bundle[b][which]);
+                self.by(&balanced(miss), &Six::zeros())
+            })
+            .collect()
+    }
+
+    /// By the contact's scale.
+    pub fn contact(&self) -> [f64; 5] {
+        let model = self.bench.model;
+        let force = model.contact.evaluate(&model.joint.pose(&self.rest.q)).gradient;
+        self.by(&balanced(force * PRIOR[2]), &Six::zeros())
+    }
+
+    /// By each load: VV, IE [N mm], ML, AP, SI [N].
+    pub fn loads(&self) -> [[f64; 5]; 5] {
+        FREE.map(|j| {
+            let mut miss = Six::zeros();
+            miss[j] = -1.0;
+            self.by(&miss, &Six::zeros())
+        })
+    }
+
+    /// By each end of each fibre moved along the axes [per mm].
+    pub fn attachments(&self) -> Vec<[f64; 5]> {
+        let model = self.bench.model;
+        let here = self.bench.place.situation(model, self.trial, &self.trial.load, &self.rest.q);
+        let mut out = Vec::with_capacity(6 * model.fibres.len());
+        for fibre in &model.fibres {
+            for k in 0..6 {
+                let mut ends = [nalgebra::Vector3::zeros(); 2];
+                let h = 0.05;
+                ends[k / 3][k % 3] = h;
+                let pull = |s: f64| {
+                    let moved = crate::effect::moved_fibre(fibre, &(ends[0] * s), &(ends[1] * s));
+                    crate::effect::fibre_pull(&here, &moved)
+                };
+                out.push(self.by(&balanced((pull(-1.0) - pull(1.0)) / (2.0 * h)), &Six::zeros()));
+            }
+        }
+        out
+    }
+
+    /// By the scaled parameters of a candidate at `scaled`; zero where it does not act.
+    pub fn candidate(&self, candidate: &Candidate, scaled: &[f64], acts: bool) -> Vec<[f64; 5]> {
+        if !acts {
+            return vec![[0.0; 5]; candidate.size()];
+        }
+        let (trial, q) = (self.trial, &self.rest.q);
+        let here = self.bench.place.situation(self.bench.model, trial, &trial.load, q);
+        let gs = self.bench.model.joint.grood_suntay(q);
+        (0..candidate.size())
+            .map(|k| {
+                let flat = candidate.active(scaled).has_no_slope_at_zero() && scaled[k] < 0.3;
+                let h = if flat { 1.0 } else { 1e-3 };
+                let at = |s: f64| {
+                    let mut moved = scaled.to_vec();
+                    moved[k] += s * h;
+                    candidate.active(&moved)
+                };
+                let (up, down) = (at(1.0), at(if flat { 0.0 } else { -1.0 }));
+                let width = if flat { h } else { 2.0 * h };
+                if up.has_reading() {
+                    let place = self.bench.place;
+                    let direct = (up.read(&gs, trial, place) - down.read(&gs, trial, place)) / width;
+                    let mut miss = Six::zeros();
+                    miss[0] = direct[0];
+                    self.by(&miss, &direct)
+                } else {
+                    let push = (up.force(&here) - down.force(&here)) / width;
+                    self.by(&balanced(-push), &Six::zeros())
+                }
+            })
+            .collect()
+    }
+}
+
+/// A change of the generalised forces alone: read flexion stays.
+fn balanced(mut miss: Six) -> Six {
+    miss[0] = 0.0;
+    miss
+}
+
+/// The largest fraction of rests without balance that a diagnosis bears.
+pub const UNBALANCED: f64 = 0.2;
+
+/// Index in a reading of the coordinate a load acts on.
+pub fn reading_index(coordinate: usize) -> usize {
+    match coordinate {
+        VV => 0,
+        IE => 1,
+        ML => 2,
+        AP => 3,
+        SI => 4,
+        _ => 0,
+    }
+}

@@ -1,0 +1,102 @@
+//! The linear screen: what each candidate could explain, ligaments and contact marginalised, in closed form.
+
+use crate::covariance::{Readings, Whitening};
+use crate::equilibrium::Bench;
+use crate::error::DiscrepancyError;
+use crate::fit::Fit;
+use crate::problem::{Candidate, Problem, Slopes};
+use nalgebra::{Cholesky, DMatrix, DVector};
+use rayon::prelude::*;
+
+/// Derivatives of all readings (five a trial) by the scaled parameters of each candidate, at a fit.
+///
+/// Errors: a model that cannot be evaluated.
+pub fn signatures(problem: &Problem, at: &Fit, candidates: &[Candidate]) -> Result<Vec<DMatrix<f64>>, DiscrepancyError> {
+    let model = problem.model_at(&at.unknowns)?;
+    // a candidate's columns do not depend on its scope but for the rows that it leaves zero
+    let mut kinds: Vec<&Candidate> = Vec::new();
+    let kind_of: Vec<usize> = candidates
+        .iter()
+        .map(|c| {
+            let same = |k: &&Candidate| k.effect.id == c.effect.id && k.variant == c.variant;
+            kinds.iter().position(same).unwrap_or_else(|| {
+                kinds.push(c);
+                kinds.len() - 1
+            })
+        })
+        .collect();
+    let columns: Vec<Vec<Vec<[f64; 5]>>> = problem
+        .trials
+        .par_iter()
+        .zip(&at.linear.rests)
+        .map(|(trial, rest)| {
+            let effects = problem.effects_in(trial.source, &at.hypothesis, &at.unknowns);
+            let slopes = Slopes::new(Bench { model: &model, effects: &effects, place: &problem.place }, trial, rest);
+            kinds.iter().map(|c| slopes.candidate(c, &vec![0.0; c.size()], true)).collect()
+        })
+        .collect();
+    let rows = 5 * problem.trials.len();
+    Ok(candidates
+        .iter()
+        .zip(&kind_of)
+        .map(|(c, &kind)| {
+            DMatrix::from_fn(rows, c.size(), |r, k| {
+                let acts = c.scope.covers(problem.trials[r / 5].source);
+                if acts { columns[r / 5][kind][k][r % 5] } else { 0.0 }
+            })
+        })
+        .collect())
+}
+
+/// The readings' distribution when nothing is missing: residual before the fit of the ligaments, and its scatter with theirs.
+#[derive(Clone, Debug)]
+pub struct Marginal {
+    /// Whitened residual.
+    pub white: DVector<f64>,
+    /// The scatter, ligaments and whatever else the fit had free marginalised.
+    pub whitening: Whitening,
+}
+
+impl Marginal {
+    /// At a fit.
+    ///
+    /// Errors: a covariance that is not positive definite.
+    pub fn new(fit: &Fit, readings: &Readings, covariance: &DMatrix<f64>) -> Result<Marginal, DiscrepancyError> {
+        let slope = readings.rows_of(&fit.linear.slope);
+        let whitening = Whitening::new(readings.block_of(covariance) + &slope * slope.transpose())?;
+        let before = &fit.residual + slope * DVector::from_column_slice(&fit.unknowns);
+        Ok(Marginal { white: whitening.white_vector(&before), whitening })
+    }
+}
+
+/// A candidate in the screen's coordinates.
+#[derive(Clone, Debug)]
+pub struct Score {
+    /// Whitened signature.
+    pub white: DMatrix<f64>,
+    /// Of `I + white' white / width^-2`: its factor.
+    factor: Cholesky<f64, nalgebra::Dyn>,
+    width: f64,
+}
+
+impl Score {
+    /// A signature whose parameters have standard deviation `width` (in units of the catalogue's).
+    pub fn new(signature: &DMatrix<f64>, readings: &Readings, marginal: &Marginal, width: f64) -> Option<Score> {
+        let white = marginal.whitening.white(&readings.rows_of(signature)) * width;
+        let n = white.ncols();
+        let factor = Cholesky::new(DMatrix::identity(n, n) + white.tr_mul(&white))?;
+        Some(Score { white, factor, width })
+    }
+
+    /// Log Bayes factor of the candidate against nothing, for a whitened residual.
+    pub fn log_bayes_factor(&self, white: &DVector<f64>) -> f64 {
+        let b = self.white.tr_mul(white);
+        let log_determinant: f64 = self.factor.l_dirty().diagonal().iter().map(|x| 2.0 * x.ln()).sum();
+        0.5 * (b.dot(&self.factor.solve(&b)) - log_determinant)
+    }
+
+    /// Most probable parameters, in units of the catalogue's standard deviations.
+    pub fn estimate(&self, white: &DVector<f64>) -> DVector<f64> {
+        self.factor.solve(&self.white.tr_mul(white)) * self.width
+    }
+}

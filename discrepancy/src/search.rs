@@ -1,0 +1,343 @@
+//! The search for what is missing: baseline, screen, joint refits, one effect after another.
+
+use crate::covariance::{Floor, Readings, Whitening, covariance, normal, remainders};
+use crate::error::DiscrepancyError;
+use crate::fit::{Data, Fit};
+use crate::problem::{Candidate, Problem, Scope};
+use crate::screen::{Marginal, Score, signatures};
+use nalgebra::{DMatrix, DVector};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// How a diagnosis is made.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct DiagnosisOptions {
+    /// The declared scatter.
+    pub floor: Floor,
+    /// Most effects that act together [-].
+    pub most_effects: usize,
+    /// Candidates that are refitted at each step [-].
+    pub shortlist: usize,
+    /// Simulated nulls behind the threshold [-].
+    pub nulls: usize,
+    /// Least log Bayes factor of a named effect, whatever the nulls say [-].
+    pub least_evidence: f64,
+    /// Least gain of log evidence by a further effect beside others [-].
+    pub least_further: f64,
+    /// Draws of the prior behind the scatter of what is not linear [-].
+    pub draws: usize,
+    /// Seed of the simulated nulls.
+    pub seed: u64,
+    /// Ligaments held at the model's own (for comparison only).
+    pub frozen_ligaments: bool,
+    /// Whether an answer outside the catalogue is allowed.
+    pub wildcard: bool,
+    /// Folds of the held-out score [-].
+    pub folds: usize,
+}
+
+impl Default for DiagnosisOptions {
+    fn default() -> Self {
+        DiagnosisOptions {
+            floor: Floor::default(),
+            most_effects: 3,
+            shortlist: 9,
+            nulls: 400,
+            least_evidence: 4.0,
+            least_further: 12.0,
+            draws: 8,
+            seed: 1,
+            frozen_ligaments: false,
+            wildcard: true,
+            folds: 4,
+        }
+    }
+}
+
+/// What the search found.
+#[derive(Clone, Debug)]
+pub struct Search {
+    /// Readings fitted.
+    pub readings: Readings,
+    /// Their scatter, five a trial, at the best hypothesis.
+    pub covariance: DMatrix<f64>,
+    /// Nothing missing.
+    pub base: Fit,
+    /// Hypotheses refitted, best first by evidence and prior.
+    pub rivals: Vec<Fit>,
+    /// Least gain of log evidence for an effect: what 95 % of simulated nulls stay below.
+    pub threshold: f64,
+    /// The screen at the baseline: candidate and log Bayes factor, best first.
+    pub screened: Vec<(Candidate, f64)>,
+}
+
+/// Where a search starts.
+struct Start {
+    /// The model as given.
+    zero: Fit,
+    /// With its ligaments fitted.
+    base: Fit,
+    /// Scatter of what is not linear.
+    extra: DMatrix<f64>,
+    /// All scatter, at the model as given.
+    cov: DMatrix<f64>,
+}
+
+/// Log prior of a candidate among those of its effect: tissues are rarely in one data set only, variants share.
+pub fn log_prior(candidate: &Candidate, sources: usize) -> f64 {
+    let variants = -(candidate.effect.variants.len().max(1) as f64).ln();
+    if sources < 2 {
+        return variants;
+    }
+    let shared = match candidate.effect.family {
+        'T' => 0.9,
+        'H' => 0.6,
+        _ => 0.4,
+    };
+    let part = if candidate.scope == Scope::Both { shared } else { (1.0 - shared) / sources as f64 };
+    variants + f64::ln(part)
+}
+
+/// Log evidence with the prior of its effects.
+pub fn weighed(fit: &Fit, sources: usize) -> f64 {
+    fit.log_evidence + fit.hypothesis.iter().map(|c| log_prior(c, sources)).sum::<f64>()
+}
+
+/// A problem with the options of its diagnosis.
+#[derive(Clone, Copy)]
+pub struct Searcher<'a> {
+    /// The question.
+    pub problem: &'a Problem,
+    /// How.
+    pub options: &'a DiagnosisOptions,
+}
+
+impl Searcher<'_> {
+    /// Runs the search.
+    ///
+    /// Errors: a model that cannot be evaluated, data without information.
+    pub fn search(&self) -> Result<Search, DiscrepancyError> {
+        let readings = Readings::of(self.problem, &|_| true);
+        let Start { zero, base, extra, cov } = self.baseline(&readings)?;
+        let (mut base, mut cov) = (base, cov);
+        let candidates = self.problem.candidates();
+        let (list, threshold) = self.screen(&base, &readings, &cov, &candidates)?;
+        let (plain, _) = self.screen(&zero, &readings, &cov, &candidates)?;
+        let screened: Vec<(Candidate, f64)> =
+            list.iter().map(|(l, k, _)| (candidates[*k].clone(), *l)).collect();
+        let mut rivals = Vec::new();
+        if list.first().is_some_and(|l| l.0 > 0.0) || self.is_poor(&base) {
+            // a large effect bends the ligaments of the baseline: screen and start from the model's own, too
+            rivals = self.refits(&base, &readings, &cov, &candidates, &list)?;
+            rivals.extend(self.refits(&zero, &readings, &cov, &candidates, &plain)?);
+            self.sort(&mut rivals);
+            (base, rivals, cov) = self.again(base, rivals, &readings, &extra)?;
+        }
+        for _ in 1..self.options.most_effects {
+            let Some(best) = rivals.first().cloned() else { break };
+            if self.gain(&best, &base) < threshold || !self.is_poor(&best) {
+                break;
+            }
+            let before = self.log(&best);
+            let (list, _) = self.screen(&best, &readings, &cov, &candidates)?;
+            rivals.extend(self.refits(&best, &readings, &cov, &candidates, &list)?);
+            self.sort(&mut rivals);
+            if self.log(&rivals[0]) < before + threshold.max(self.options.least_further) {
+                rivals.retain(|f| f.hypothesis.len() == best.hypothesis.len());
+                break;
+            }
+            (base, rivals, cov) = self.again(base, rivals, &readings, &extra)?;
+        }
+        Ok(Search { readings, covariance: cov, base, rivals, threshold, screened })
+    }
+
+    fn log(&self, fit: &Fit) -> f64 {
+        weighed(fit, self.problem.sources.len())
+    }
+
+    /// Whether a fit leaves more than noise and floor do, by one standard deviation of their sum of squares.
+    pub fn is_poor(&self, fit: &Fit) -> bool {
+        let n = fit.residual.len() as f64;
+        self.total(fit) > n + (2.0 * n).sqrt()
+    }
+
+    /// Misfit and cost of the ligaments: about the number of readings when the hypothesis is true.
+    pub fn total(&self, fit: &Fit) -> f64 {
+        fit.misfit + fit.unknowns[..self.problem.nuisances()].iter().map(|x| x * x).sum::<f64>()
+    }
+
+    /// Gain of evidence over nothing missing.
+    pub fn gain(&self, fit: &Fit, base: &Fit) -> f64 {
+        self.log(fit) - base.log_evidence
+    }
+
+    fn sort(&self, fits: &mut Vec<Fit>) {
+        fits.sort_by(|a, b| self.log(b).total_cmp(&self.log(a)));
+        let mut seen: Vec<Vec<(String, usize, Scope)>> = Vec::new();
+        fits.retain(|f| {
+            let mut key: Vec<_> = f.hypothesis.iter().map(|c| (c.effect.id.clone(), c.variant, c.scope)).collect();
+            key.sort();
+            let new = !seen.contains(&key);
+            seen.push(key);
+            new
+        });
+    }
+
+    /// Nothing missing: the model as given, and with its ligaments fitted.
+    fn baseline(&self, readings: &Readings) -> Result<Start, DiscrepancyError> {
+        let x = vec![0.0; self.problem.nuisances()];
+        let linear = self.problem.linear(&[], &x, &[])?;
+        let lost = linear.rests.iter().filter(|r| !r.balanced).count();
+        if lost as f64 > crate::problem::UNBALANCED * linear.rests.len() as f64 {
+            return Err(DiscrepancyError::Model(format!(
+                "{lost} of {} trials find no equilibrium; simulate them first and look at the flags",
+                linear.rests.len()
+            )));
+        }
+        let extra = remainders(self.problem, &linear, self.options.draws)? * self.options.floor.nonlinear.powi(2);
+        let cov = covariance(self.problem, &[], &x, &linear.rests, &self.options.floor)? + &extra;
+        let starts: Vec<_> = linear.rests.iter().map(|r| r.q).collect();
+        let base = self.fit(&[], &x, &starts, &cov, readings, 10)?;
+        let zero = Fit {
+            hypothesis: vec![],
+            residual: &readings.measured - readings.pick(&linear.value),
+            misfit: 0.0,
+            log_evidence: 0.0,
+            posterior: DMatrix::identity(x.len(), x.len()),
+            unknowns: x,
+            linear,
+        };
+        Ok(Start { zero, base, extra, cov })
+    }
+
+    fn scatter(&self, at: &Fit, extra: &DMatrix<f64>) -> Result<DMatrix<f64>, DiscrepancyError> {
+        let floor = &self.options.floor;
+        Ok(covariance(self.problem, &at.hypothesis, &at.unknowns, &at.linear.rests, floor)? + extra)
+    }
+
+    /// Fits a hypothesis to some readings.
+    ///
+    /// Errors: a model that cannot be evaluated.
+    pub fn fit(
+        &self,
+        hypothesis: &[Candidate],
+        start: &[f64],
+        starts: &[sim::joint::Six],
+        cov: &DMatrix<f64>,
+        readings: &Readings,
+        steps: usize,
+    ) -> Result<Fit, DiscrepancyError> {
+        let whitening = Whitening::new(readings.block_of(cov))?;
+        let frozen = self.options.frozen_ligaments;
+        Data { problem: self.problem, readings, whitening: &whitening, steps, frozen }.fit(hypothesis, start, starts)
+    }
+
+    /// Log Bayes factor and estimate of every candidate beside what a fit has already, best first; and the threshold by simulated nulls.
+    #[expect(clippy::type_complexity, reason = "a list and a number")]
+    fn screen(
+        &self,
+        at: &Fit,
+        readings: &Readings,
+        cov: &DMatrix<f64>,
+        candidates: &[Candidate],
+    ) -> Result<(Vec<(f64, usize, DVector<f64>)>, f64), DiscrepancyError> {
+        let signatures = signatures(self.problem, at, candidates)?;
+        let marginal = Marginal::new(at, readings, cov)?;
+        let sources = self.problem.sources.len();
+        let taken = |c: &Candidate| at.hypothesis.iter().any(|h| h.effect.id == c.effect.id && h.scope == c.scope);
+        let scores: Vec<(usize, Score, f64)> = candidates
+            .iter()
+            .enumerate()
+            .filter(|(_, c)| !taken(c))
+            .filter_map(|(k, c)| {
+                Some((k, Score::new(&signatures[k], readings, &marginal, 2.0)?, log_prior(c, sources)))
+            })
+            .collect();
+        let mut random = ChaCha8Rng::seed_from_u64(self.options.seed);
+        let nulls: Vec<DVector<f64>> = (0..self.options.nulls)
+            .map(|_| DVector::from_fn(readings.rows.len(), |_, _| normal(&mut random)))
+            .collect();
+        let mut largest: Vec<f64> = nulls
+            .par_iter()
+            .map(|d| scores.iter().map(|(_, s, p)| s.log_bayes_factor(d) + p).fold(f64::NEG_INFINITY, f64::max))
+            .collect();
+        largest.sort_by(f64::total_cmp);
+        let place = (largest.len() as f64 * 0.95) as usize;
+        let threshold = largest.get(place).copied().unwrap_or(0.0).max(self.options.least_evidence);
+        let mut list: Vec<(f64, usize, DVector<f64>)> = scores
+            .iter()
+            .map(|(k, s, p)| (s.log_bayes_factor(&marginal.white) + p, *k, s.estimate(&marginal.white)))
+            .collect();
+        list.sort_by(|a, b| b.0.total_cmp(&a.0));
+        Ok((list, threshold))
+    }
+
+    /// Joint refits of a fit with the best of the screen: two scopes or variants of an effect at most.
+    fn refits(
+        &self,
+        at: &Fit,
+        readings: &Readings,
+        cov: &DMatrix<f64>,
+        candidates: &[Candidate],
+        list: &[(f64, usize, DVector<f64>)],
+    ) -> Result<Vec<Fit>, DiscrepancyError> {
+        let mut chosen: Vec<&(f64, usize, DVector<f64>)> = Vec::new();
+        for item in list {
+            let id = &candidates[item.1].effect.id;
+            if chosen.iter().filter(|c| candidates[c.1].effect.id == *id).count() < 2 {
+                chosen.push(item);
+            }
+            if chosen.len() >= self.options.shortlist {
+                break;
+            }
+        }
+        let mut fits: Vec<Fit> = chosen
+            .par_iter()
+            .map(|(_, k, estimate)| {
+                let mut hypothesis = at.hypothesis.clone();
+                hypothesis.push(candidates[*k].clone());
+                let mut start = at.unknowns.clone();
+                let flat = candidates[*k].active(&vec![0.0; estimate.len()]).has_no_slope_at_zero();
+                start.extend(estimate.iter().map(|x| x.clamp(if flat { 0.5 } else { -3.0 }, 3.0)));
+                self.fit(&hypothesis, &start, &at.coordinates(), cov, readings, 5)
+            })
+            .collect::<Result<_, _>>()?;
+        self.sort(&mut fits);
+        Ok(fits)
+    }
+
+    /// The best again with the scatter at the best, and nothing missing from its ligaments.
+    fn again(
+        &self,
+        base: Fit,
+        rivals: Vec<Fit>,
+        readings: &Readings,
+        extra: &DMatrix<f64>,
+    ) -> Result<(Fit, Vec<Fit>, DMatrix<f64>), DiscrepancyError> {
+        let best = &rivals[0];
+        let cov = self.scatter(best, extra)?;
+        let from_best = &best.unknowns[..self.problem.nuisances()];
+        let bases: Vec<Fit> = [(&base.unknowns[..], &base), (from_best, best)]
+            .par_iter()
+            .map(|(x, f)| self.fit(&[], x, &f.coordinates(), &cov, readings, 8))
+            .collect::<Result<_, _>>()?;
+        let base = bases.into_iter().reduce(|a, b| if b.log_evidence > a.log_evidence { b } else { a }).unwrap_or(base);
+        // each from where it stands, and the first from the model's own ligaments: two valleys
+        let few: Vec<(&Fit, bool)> = rivals.iter().take(6).map(|f| (f, false)).chain(rivals.iter().take(3).map(|f| (f, true))).collect();
+        let mut fits: Vec<Fit> = few
+            .par_iter()
+            .map(|(f, anew)| {
+                let mut start = f.unknowns.clone();
+                if *anew {
+                    start[..self.problem.nuisances()].fill(0.0);
+                }
+                self.fit(&f.hypothesis, &start, &f.coordinates(), &cov, readings, 8)
+            })
+            .collect::<Result<_, _>>()?;
+        self.sort(&mut fits);
+        Ok((base, fits, cov))
+    }
+}

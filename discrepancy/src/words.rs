@@ -1,0 +1,104 @@
+//! The verdict in sentences for a researcher who has read no manual.
+
+use crate::diagnosis::{Answer, Diagnosis, Verdict};
+use crate::map::Cell;
+use crate::problem::Problem;
+use crate::search::Search;
+use crate::wildcard::Wildcard;
+use std::fmt::Write;
+
+/// The description of a diagnosis.
+pub(crate) fn description(problem: &Problem, d: &Diagnosis, wild: &Wildcard, search: &Search) -> String {
+    let mut out = String::new();
+    match d.verdict {
+        Verdict::None => {
+            out += "No disagreement beyond measurement noise and the declared floor of the model.";
+            if let Some((c, l)) = search.screened.first() {
+                let _ = write!(out, " The nearest effect, {}, changes the log odds by {l:.1} only.", c.effect.title);
+            }
+        }
+        Verdict::Unnamed => {
+            out += "Something is missing that the catalogue does not have. ";
+            out += &wild.words(problem);
+            let near: Vec<&str> = search.screened.iter().take(3).map(|(c, _)| c.effect.title.as_str()).collect();
+            let _ = write!(out, " Its nearest relatives in the catalogue: {}.", near.join(", "));
+        }
+        _ => {
+            let how = match d.verdict {
+                Verdict::Decisive => "The data say clearly",
+                Verdict::Probable => "Probable",
+                _ => "One of several, the first",
+            };
+            if let Some(a) = d.answers.first() {
+                let _ = write!(out, "{how}: {}.", answer(problem, a));
+            }
+            for rival in d.answers.iter().skip(1) {
+                let _ = write!(out, " Or: {} (weight {:.2}).", answer(problem, rival), rival.weight);
+            }
+            let g = &d.gap.held_out;
+            let _ = write!(
+                out,
+                " On trials that no calibration had seen the error falls from {:.2} to {:.2} (noise {:.2}), {:.0} % of the gap.",
+                g.before,
+                g.after,
+                g.floor,
+                100.0 * g.closed
+            );
+        }
+    }
+    out += &worst(&d.map);
+    out += &shifts(d);
+    out += " This is a hypothesis to be checked at the bench, not a finding.";
+    out
+}
+
+fn answer(problem: &Problem, a: &Answer) -> String {
+    let one = |e: &crate::diagnosis::Named| {
+        let title = problem.catalogue.find(&e.effect).map_or(e.effect.clone(), |(f, _)| f.title.clone());
+        let sizes: Vec<String> = e
+            .parameters
+            .iter()
+            .map(|(k, v)| {
+                format!(
+                    "{k} {:.3} {} (90 % {:.3} to {:.3})",
+                    v.value,
+                    v.unit,
+                    v.value - 1.645 * v.sd,
+                    v.value + 1.645 * v.sd
+                )
+            })
+            .collect();
+        let about = e.variant.as_ref().map(|v| format!(" of {v}")).unwrap_or_default();
+        let place = if e.scope == "both" { "in all data sets".to_owned() } else { format!("in {}", e.scope) };
+        format!("{title}{about} {place}, {}", sizes.join(", "))
+    };
+    a.effects.iter().map(one).collect::<Vec<_>>().join("; together with ")
+}
+
+fn worst(map: &[Cell]) -> String {
+    let mut cells: Vec<&Cell> = map.iter().filter(|c| c.significant).collect();
+    cells.sort_by(|a, b| b.z.abs().total_cmp(&a.z.abs()));
+    if cells.is_empty() {
+        return String::new();
+    }
+    let list: Vec<String> = cells
+        .iter()
+        .take(3)
+        .map(|c| format!("{} of {} {} at {} deg ({:+.1} sd)", c.dof, c.source, c.test, c.nominal_flexion_deg, c.z))
+        .collect();
+    format!(" With ligaments alone recalibrated the model misses most in {}.", list.join(", "))
+}
+
+fn shifts(d: &Diagnosis) -> String {
+    let mut list: Vec<_> = d.ligaments.iter().filter(|l| (l.with - l.without).abs() > l.sd).collect();
+    list.sort_by(|a, b| ((b.with - b.without) / b.sd).abs().total_cmp(&((a.with - a.without) / a.sd).abs()));
+    if d.answers.is_empty() || list.is_empty() {
+        return String::new();
+    }
+    let told: Vec<String> = list
+        .iter()
+        .take(3)
+        .map(|l| format!("{} {} {:.3} to {:.3}", l.bundle, l.parameter.replace('_', " "), l.without, l.with))
+        .collect();
+    format!(" The ligaments had taken up part of it: with the effect {}.", told.join(", "))
+}

@@ -1,0 +1,272 @@
+//! `blind`: data with hidden effects from an independent laboratory, answers to them, and their scores.
+
+use crate::error::BuildError;
+use crate::{diagnose, model_file, store};
+use blindbench::knee::{BundleInput, KneeInput};
+use blindbench::laboratory::{Planned, Truth, kinds, make};
+use blindbench::score::{Said, Score, score};
+use clap::{Args, Subcommand};
+use discrepancy::diagnosis::Diagnosis;
+use sim::abaqus::MeshValue;
+use sim::laxity::{LaxityTrial, TrialResult, results_csv};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// `build-model blind`.
+#[derive(Subcommand, Clone, Debug)]
+pub enum BlindVerb {
+    /// Make cases: a folder each, its truth sealed beside it
+    Make(MakeArgs),
+    /// Diagnose every case of a bench, without its truths
+    Answer(AnswerArgs),
+    /// Open the truths and score the answers
+    Score(ScoreArgs),
+}
+
+/// `blind make`.
+#[derive(Args, Clone, Debug)]
+pub struct MakeArgs {
+    /// model.json of the knee that is copied into the laboratory
+    pub model: PathBuf,
+    /// A protocol: loads, flexions and noise of its trials; measured poses are not looked at
+    #[arg(long, value_name = "NAME=LAXITY.csv", required = true, value_parser = diagnose::named_file)]
+    pub like: Vec<(String, PathBuf)>,
+    /// A new folder for the cases
+    #[arg(long)]
+    pub out: PathBuf,
+    /// How many
+    #[arg(long, default_value_t = 12, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    pub count: u32,
+    /// Seed of the first
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Only this kind: null, compound, unknown, or an effect's name
+    #[arg(long)]
+    pub kind: Option<String>,
+}
+
+/// `blind answer`.
+#[derive(Args, Clone, Debug)]
+pub struct AnswerArgs {
+    /// model.json that is diagnosed
+    pub model: PathBuf,
+    /// The bench's folder
+    pub bench: PathBuf,
+    /// Where the answers go, a folder a case
+    #[arg(long)]
+    pub out: PathBuf,
+    /// Options of the diagnosis (TOML): floors, ablations
+    #[arg(long, value_name = "OPTIONS.toml")]
+    pub options: Option<PathBuf>,
+}
+
+/// `blind score`.
+#[derive(Args, Clone, Debug)]
+pub struct ScoreArgs {
+    /// The model that was diagnosed
+    pub model: PathBuf,
+    /// The bench's folder
+    pub bench: PathBuf,
+    /// The answers' folder
+    pub answers: PathBuf,
+}
+
+/// Runs a verb of the bench; gives the words to print.
+pub fn run(verb: &BlindVerb) -> Result<String, BuildError> {
+    match verb {
+        BlindVerb::Make(args) => make_cases(args),
+        BlindVerb::Answer(args) => answer(args),
+        BlindVerb::Score(args) => score_answers(args),
+    }
+}
+
+fn make_cases(args: &MakeArgs) -> Result<String, BuildError> {
+    let loaded = model_file::load(&args.model)?;
+    let input = knee(&loaded)?;
+    let (sources, _) = diagnose::sources(&args.like)?;
+    let plan: Vec<Planned> = sources.iter().flat_map(|s| s.trials.iter().map(|t| planned(&s.name, t))).collect();
+    let kinds = match &args.kind {
+        Some(kind) => vec![kind.clone(); args.count as usize],
+        None => kinds(args.count as usize),
+    };
+    let mut seals = BTreeMap::new();
+    for (k, kind) in kinds.iter().enumerate() {
+        let name = format!("case_{:04}", k + 1);
+        let case = make(&input, &plan, &name, kind, args.seed.wrapping_mul(1_000_003).wrapping_add(k as u64))
+            .map_err(|e| BuildError::File(e.to_string()))?;
+        let mut readings = case.readings.iter();
+        for source in &sources {
+            let results: Vec<TrialResult> =
+                source.trials.iter().zip(readings.by_ref()).map(|(t, r)| result(t, r)).collect();
+            store::write(&args.out.join(&name).join(format!("{}.csv", source.name)), results_csv(&[], &results).as_bytes())?;
+        }
+        let truth = serde_json::to_vec_pretty(&case.truth).map_err(|e| BuildError::File(e.to_string()))?;
+        seals.insert(name.clone(), crate::run_log::hash(&truth));
+        store::write(&args.out.join(format!("{name}.truth.json")), &truth)?;
+    }
+    let names: Vec<&String> = sources.iter().map(|s| &s.name).collect();
+    let manifest = serde_json::json!({"schema": "bench/1", "sources": names, "seals": seals});
+    let text = serde_json::to_vec_pretty(&manifest).map_err(|e| BuildError::File(e.to_string()))?;
+    store::write(&args.out.join("bench.json"), &text)?;
+    Ok(format!("{} cases in {}\n", kinds.len(), args.out.display()))
+}
+
+fn planned(source: &str, t: &LaxityTrial) -> Planned {
+    Planned {
+        source: source.to_owned(),
+        condition: format!("{} {}", t.test.name(), t.nominal_flexion_deg),
+        flexion_deg: t.fe_deg,
+        load: t.load,
+        sd: std::array::from_fn(|c| t.sd[c].unwrap_or(discrepancy::trial::USUAL_NOISE[c])),
+    }
+}
+
+/// A trial with another measurement.
+fn result(t: &LaxityTrial, r: &[f64; 5]) -> TrialResult {
+    let pose = sim::spec::PoseSpec {
+        fe_deg: t.fe_deg,
+        vv_deg: r[0],
+        ie_deg: r[1],
+        ml_mm: r[2],
+        ap_mm: r[3],
+        si_mm: r[4],
+    };
+    TrialResult { trial: t.clone(), pose, forces_n: vec![], flags: vec![] }
+}
+
+/// The model as the laboratory sees it: geometry and numbers, none of its code.
+fn knee(loaded: &model_file::LoadedModel) -> Result<KneeInput, BuildError> {
+    let spec = &loaded.spec;
+    let surface = |name: &String| match loaded.meshes.get(name) {
+        Some(MeshValue::Surface(mesh)) => Ok(mesh.clone()),
+        _ => Err(BuildError::File(format!("the model's surface {name} is missing"))),
+    };
+    let bundles = spec
+        .bundles
+        .iter()
+        .map(|b| BundleInput {
+            name: b.name.clone(),
+            reference_strain: b.reference_strain,
+            stiffness: b.stiffness_n_per_mm,
+            reference_length: b.reference_length_mm,
+            fibres: spec.fibres.iter().filter(|f| f.bundle == b.name).map(|f| (f.femur, f.tibia)).collect(),
+        })
+        .collect();
+    let (x, p) = (&spec.contact.overclosure_mm, &spec.contact.pressure_mpa);
+    let slope = match (x.as_slice(), p.as_slice()) {
+        ([.., x0, x1], [.., p0, p1]) if x1 > x0 => (p1 - p0) / (x1 - x0),
+        _ => return Err(BuildError::File("the model's contact table has fewer than two points".into())),
+    };
+    let femur = spec.contact.pairs.first().map(|p| surface(&p.femur));
+    Ok(KneeInput {
+        frames: (spec.frames.femur, spec.frames.tibia),
+        bundles,
+        femur: femur.unwrap_or_else(|| Err(BuildError::File("the model has no contact pair".into())))?,
+        tibia: spec.contact.pairs.iter().map(|p| surface(&p.tibia)).collect::<Result<_, _>>()?,
+        contact_slope: slope,
+    })
+}
+
+/// Cases and data sets of a bench.
+fn bench(folder: &Path) -> Result<(Vec<String>, Vec<String>, serde_json::Value), BuildError> {
+    let path = folder.join("bench.json");
+    let value: serde_json::Value = serde_json::from_str(&store::read_text(&path)?)
+        .map_err(|e| BuildError::File(format!("{}: {e}", path.display())))?;
+    let cases = value["seals"].as_object().map(|o| o.keys().cloned().collect()).unwrap_or_default();
+    let list = value["sources"].as_array().cloned().unwrap_or_default();
+    let sources = list.iter().filter_map(|s| s.as_str().map(str::to_owned)).collect();
+    Ok((cases, sources, value))
+}
+
+fn answer(args: &AnswerArgs) -> Result<String, BuildError> {
+    let (cases, sources, _) = bench(&args.bench)?;
+    for case in &cases {
+        let folder = args.bench.join(case);
+        let measured = sources.iter().map(|s| (s.clone(), folder.join(format!("{s}.csv")))).collect();
+        diagnose::run(&diagnose::DiagnoseArgs {
+            model: args.model.clone(),
+            measured,
+            out: args.out.join(case),
+            atlas: false,
+            without_effect: vec![],
+            options: args.options.clone(),
+            jobs: None,
+        })?;
+    }
+    Ok(format!("{} answers in {}\n", cases.len(), args.out.display()))
+}
+
+fn score_answers(args: &ScoreArgs) -> Result<String, BuildError> {
+    let (cases, sources, manifest) = bench(&args.bench)?;
+    let loaded = model_file::load(&args.model)?;
+    let model = sim::compile(&loaded.spec, &loaded.meshes).map_err(|e| BuildError::File(e.to_string()))?;
+    let mut pairs = Vec::new();
+    for case in &cases {
+        let bytes = store::read(&args.bench.join(format!("{case}.truth.json")))?;
+        if manifest["seals"][case].as_str() != Some(crate::run_log::hash(&bytes).as_str()) {
+            return Err(BuildError::File(format!("{case}.truth.json: its seal is broken (bench.json holds another digest)")));
+        }
+        let parse = |e: serde_json::Error| BuildError::File(format!("{case}: {e}"));
+        let mut truth: Truth = serde_json::from_slice(&bytes).map_err(parse)?;
+        let said = store::read(&args.answers.join(case).join("diagnosis.json"))?;
+        let diagnosis: Diagnosis = serde_json::from_slice(&said).map_err(parse)?;
+        let measured: Vec<(String, PathBuf)> =
+            sources.iter().map(|s| (s.clone(), args.bench.join(case).join(format!("{s}.csv")))).collect();
+        let (data, _) = diagnose::sources(&measured)?;
+        truth.strength.expected_evidence =
+            discrepancy::atlas::expected_evidence(&model, &loaded.spec, &data, &truth.signature)
+                .map_err(|e| BuildError::File(format!("{case}: {e}")))?;
+        pairs.push((truth, reduced(&diagnosis)));
+    }
+    let result = score(&pairs);
+    let json = serde_json::to_vec_pretty(&result).map_err(|e| BuildError::File(e.to_string()))?;
+    store::write(&args.answers.join("score.json"), &json)?;
+    Ok(table(&result))
+}
+
+fn reduced(d: &Diagnosis) -> Said {
+    let verdict = serde_json::to_value(d.verdict).ok().and_then(|v| v.as_str().map(str::to_owned));
+    let mut sizes = BTreeMap::new();
+    for e in d.answers.first().map(|a| a.effects.as_slice()).unwrap_or_default() {
+        for (key, v) in &e.parameters {
+            sizes.insert((e.effect.clone(), key.clone()), (v.value, v.sd));
+        }
+    }
+    let names = |a: &discrepancy::diagnosis::Answer| {
+        a.effects.iter().map(|e| (e.effect.clone(), e.scope.clone())).collect()
+    };
+    Said {
+        verdict: verdict.unwrap_or_default(),
+        answers: d.answers.iter().map(names).collect(),
+        sizes,
+        closed: d.gap.held_out.closed,
+    }
+}
+
+fn table(s: &Score) -> String {
+    let mut out = String::new();
+    for (name, share) in &s.shares {
+        let (low, high) = share.interval();
+        out += &format!(
+            "{name:<36} {:>4} of {:<4} {:>5.1} % (95 %: {:.1} to {:.1})\n",
+            share.hits,
+            share.of,
+            100.0 * share.hits as f64 / share.of.max(1) as f64,
+            100.0 * low,
+            100.0 * high
+        );
+    }
+    let middle = |v: &[f64], part: f64| {
+        let mut v = v.to_vec();
+        v.sort_by(f64::total_cmp);
+        v.get(((v.len() as f64 - 1.0) * part).max(0.0) as usize).copied().unwrap_or(f64::NAN)
+    };
+    out += &format!(
+        "size error: median {:.2}; gap closed (strong): median {:.2}, lower quartile {:.2}\n",
+        middle(&s.size_errors, 0.5),
+        middle(&s.closed, 0.5),
+        middle(&s.closed, 0.25)
+    );
+    out.extend(s.failures.iter().map(|f| format!("failed: {f}\n")));
+    out
+}
