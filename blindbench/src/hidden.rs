@@ -123,7 +123,9 @@ impl Hidden {
                 let heads = [22.0, -20.0].map(|x| length(Vector3::new(x, -24.0, 12.0), tibial(0.0, -45.0, -360.0)));
                 self.value("force_n") * 0.5 * (heads[0] + heads[1])
             }
-            "itb" => tone(self.value("force_n"), length(Vector3::new(-50.0, 5.0, 330.0), tibial(-32.0, 20.0, -15.0)), 350.0),
+            "itb" => {
+                tone(self.value("force_n"), length(Vector3::new(-50.0, 5.0, 330.0), tibial(-32.0, 20.0, -15.0)), 350.0)
+            }
             "meniscus" => self.springs(&d),
             "capsule_envelope" => {
                 let hard = |a: f64, x: f64, scale: f64| 0.5 * a * x * x * (1.0 + 0.3 * (x / scale).powi(2));

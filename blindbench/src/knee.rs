@@ -138,8 +138,15 @@ impl Knee {
         Ok(Knee { bundles, fibres, contact, contact_scale, ct: read(&ct) })
     }
 
-    /// Energy of ligaments and contact [N mm], and its slope by the five components.
-    pub(crate) fn energy(&self, flexion: f64, c: &Five) -> (f64, Five) {
+    /// The nodes that may come into contact near a pose: within 7 mm of the femur.
+    pub(crate) fn near(&self, flexion: f64, c: &Five) -> Vec<usize> {
+        let p = pose(flexion, c);
+        let distance = |v: &Vector3<f64>| self.contact.femur.nearest(&Point::from(p.turn * v + p.origin)).distance;
+        (0..self.contact.nodes.len()).filter(|&k| distance(&self.contact.nodes[k].0) < 7.0).collect()
+    }
+
+    /// Energy of ligaments and of the contact at nodes `near` [N mm], and its slope by the five components.
+    pub(crate) fn energy(&self, flexion: f64, c: &Five, near: &[usize]) -> (f64, Five) {
         let p = pose(flexion, c);
         let moves = moves(flexion, c, &p);
         let (mut energy, mut slope) = (0.0, [0.0; 5]);
@@ -155,7 +162,7 @@ impl Knee {
                 *s += force * way.dot(&(turning.cross(&arm) + shift)) / length;
             }
         }
-        for (node, area) in &self.contact.nodes {
+        for (node, area) in near.iter().map(|&k| &self.contact.nodes[k]) {
             let arm = p.turn * node;
             let at = Point::from(arm + p.origin);
             let near = self.contact.femur.nearest(&at);
@@ -220,8 +227,8 @@ impl Contact {
         if axes(femur).determinant() < 0.0 {
             mesh = mesh.flipped();
         }
-        let femur = SurfaceQuery::new(&mesh)
-            .ok_or_else(|| BenchError::Knee("the femoral surface is empty".to_owned()))?;
+        let femur =
+            SurfaceQuery::new(&mesh).ok_or_else(|| BenchError::Knee("the femoral surface is empty".to_owned()))?;
         let mut nodes = Vec::new();
         for part in &input.tibia {
             let normals: Vec<f64> = part.vertex_areas();

@@ -101,7 +101,8 @@ pub fn make(input: &KneeInput, plan: &[Planned], name: &str, kind: &str, seed: u
         let (a, b) = (clean(&effects, &mut quiet), clean(&[], &mut quiet));
         a.iter().zip(&b).map(|(x, y)| std::array::from_fn(|c| x[c] - y[c])).collect()
     };
-    let squares: f64 = signature.iter().zip(plan).map(|(s, p)| (0..5).map(|c| (s[c] / p.sd[c]).powi(2)).sum::<f64>()).sum();
+    let squares: f64 =
+        signature.iter().zip(plan).map(|(s, p)| (0..5).map(|c| (s[c] / p.sd[c]).powi(2)).sum::<f64>()).sum();
     let truth = Truth {
         case: name.to_owned(),
         kind: kind.to_owned(),
@@ -174,8 +175,7 @@ fn simulate(
                 effects.iter().filter(|(_, s)| s == "both" || *s == p.source).map(|(h, _)| h.clone()).collect();
             let recorded = p.flexion_deg.to_radians();
             let load = [1000.0, 1000.0, 1.0, 1.0, 1.0];
-            let mut asked =
-                Asked { flexion: recorded, load: std::array::from_fn(|j| p.load[j] * load[j]) };
+            let mut asked = Asked { flexion: recorded, load: std::array::from_fn(|j| p.load[j] * load[j]) };
             for h in &here {
                 asked = h.true_load(&asked);
             }

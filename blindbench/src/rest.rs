@@ -19,7 +19,7 @@ pub(crate) struct Asked {
 pub(crate) fn rest(knee: &Knee, hidden: &[Hidden], asked: &Asked) -> [f64; 6] {
     let mut at = components(&knee.ct);
     let squeeze = [0.0, 0.0, 0.0, 0.0, asked.load[4]];
-    let steps = ((asked.flexion - knee.ct[0]).abs() / 0.12).ceil().max(1.0) as usize;
+    let steps = ((asked.flexion - knee.ct[0]).abs() / 0.1).ceil().max(1.0) as usize;
     for k in 0..=steps {
         let flexion = knee.ct[0] + (asked.flexion - knee.ct[0]) * k as f64 / steps as f64;
         at = least(knee, &[], &Asked { flexion, load: squeeze }, &squeeze, at, &at);
@@ -34,10 +34,11 @@ pub(crate) fn rest(knee: &Knee, hidden: &[Hidden], asked: &Asked) -> [f64; 6] {
 
 /// Least energy near `start`.
 fn least(knee: &Knee, hidden: &[Hidden], asked: &Asked, load: &Five, start: Five, neutral: &Five) -> Five {
+    let near = knee.near(asked.flexion, &start);
     let scale = [1.0 / LEVER, 1.0 / LEVER, 1.0, 1.0, 1.0];
     let evaluate = |y: &Vector5<f64>| {
         let c: Five = std::array::from_fn(|j| y[j] * scale[j]);
-        let (mut energy, mut slope) = knee.energy(asked.flexion, &c);
+        let (mut energy, mut slope) = knee.energy(asked.flexion, &c, &near);
         for j in 0..5 {
             energy -= load[j] * c[j];
             slope[j] -= load[j];

@@ -122,7 +122,13 @@ fn one(out: &mut Score, truth: &crate::laboratory::Truth, said: &Said) {
         }
     }
     if wrong {
-        out.failures.push(format!("{}: {} answered {} {:?}", truth.case, truth.kind, said.verdict, said.answers.first()));
+        out.failures.push(format!(
+            "{}: {} answered {} {:?}",
+            truth.case,
+            truth.kind,
+            said.verdict,
+            said.answers.first()
+        ));
     }
 }
 

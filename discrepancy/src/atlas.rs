@@ -67,9 +67,8 @@ pub fn atlas(
     let signatures = signatures(&problem, &fit, &candidates)?;
     let plain = Whitening::new(readings.block_of(&cov))?;
     let marginal = Marginal::new(&fit, &readings, &cov)?;
-    let white = |w: &Whitening| -> Vec<DMatrix<f64>> {
-        signatures.iter().map(|s| w.white(&readings.rows_of(s))).collect()
-    };
+    let white =
+        |w: &Whitening| -> Vec<DMatrix<f64>> { signatures.iter().map(|s| w.white(&readings.rows_of(s))).collect() };
     let (raw, kept) = (white(&plain), white(&marginal.whitening));
     let mut effects: Vec<AtlasRow> =
         (0..candidates.len()).map(|k| row(&problem, &candidates, (&raw, &kept), k)).collect();

@@ -43,6 +43,9 @@ pub struct Effect {
     /// The column the data must have: "branch", "order" or "time".
     #[serde(default)]
     pub needs: Option<String>,
+    /// Whether it is anatomy that cannot differ between data sets of one specimen.
+    #[serde(default)]
+    pub one_knee: bool,
     /// Structures it may be about.
     #[serde(default)]
     pub variants: Vec<String>,
@@ -110,8 +113,12 @@ impl Effect {
                 let has = |s: f64| trials.iter().any(|t| t.branch == Some(s));
                 (!(has(1.0) && has(-1.0))).then(|| "no unloading branch in the data (column branch)".to_owned())
             }
-            Some("order") => trials.iter().all(|t| t.order.is_none()).then(|| "no order of testing (column order)".into()),
-            Some("time") => trials.iter().all(|t| t.time.is_none()).then(|| "no time of testing (column time_s)".into()),
+            Some("order") => {
+                trials.iter().all(|t| t.order.is_none()).then(|| "no order of testing (column order)".into())
+            }
+            Some("time") => {
+                trials.iter().all(|t| t.time.is_none()).then(|| "no time of testing (column time_s)".into())
+            }
             _ if self.id == "cartilage_law" => Some("free in every comparison, so never a verdict".into()),
             _ if self.id == "tracking_noise_scale" => Some("a variance: read it from the spread of residuals".into()),
             _ => None,

@@ -144,8 +144,7 @@ pub fn covariance(
             let pose = model.joint.pose(&rests[i].q);
             let compartments = model.contact.evaluate(&pose).wrench;
             let push = |(f, m): &(meshes::Vector, meshes::Vector)| {
-                let mut miss =
-                    Six::from_fn(|j, _| -(f.dot(&pose.screws[j].linear) + m.dot(&pose.screws[j].angular)));
+                let mut miss = Six::from_fn(|j, _| -(f.dot(&pose.screws[j].linear) + m.dot(&pose.screws[j].angular)));
                 miss[0] = 0.0;
                 slopes.by(&miss, &Six::zeros())
             };
@@ -169,7 +168,8 @@ pub fn covariance(
 fn assemble(problem: &Problem, scatter: &[Scatter], floor: &Floor) -> DMatrix<f64> {
     let n = problem.trials.len();
     let fibre = floor.attachment_mm.powi(2);
-    let loads: [f64; 5] = [1000.0 * floor.moment_nm, 1000.0 * floor.moment_nm, floor.force_n, floor.force_n, floor.force_n];
+    let loads: [f64; 5] =
+        [1000.0 * floor.moment_nm, 1000.0 * floor.moment_nm, floor.force_n, floor.force_n, floor.force_n];
     let tilt = (1000.0 * floor.tilt_nm_per_rad).powi(2);
     let range = floor.contact_range_deg.max(1.0).to_radians();
     let mut out = DMatrix::zeros(5 * n, 5 * n);

@@ -8,7 +8,7 @@ use crate::held_out::{HeldOut, closed, held_out};
 use crate::map::{Cell, map};
 use crate::next_test::{NextTest, next_tests};
 use crate::problem::{Candidate, Problem, Scope};
-use crate::search::{DiagnosisOptions, Search, Searcher, log_prior};
+use crate::search::{DiagnosisOptions, Search, Searcher};
 use crate::trial::Source;
 use crate::wildcard::{Wildcard, wildcard};
 use serde::{Deserialize, Serialize};
@@ -212,11 +212,8 @@ fn conclude(problem: &Problem, spec: &ModelSpec, options: &DiagnosisOptions) -> 
     let wild = wildcard(problem, &search, believed)?;
     let rivals = weights(&searcher, &search, believed);
     let before = held_out(&searcher, &search, &search.base, options.folds, options.folds)?;
-    let after = if is_named {
-        held_out(&searcher, &search, best, options.folds, options.folds)?
-    } else {
-        before.clone()
-    };
+    let after =
+        if is_named { held_out(&searcher, &search, best, options.folds, options.folds)? } else { before.clone() };
     let gain = after.density.iter().sum::<f64>() - before.density.iter().sum::<f64>();
     let verdict = verdict(&searcher, is_named, &wild, &rivals, believed, gain);
     let answers = if matches!(verdict, Verdict::None | Verdict::Unnamed) {
@@ -284,7 +281,9 @@ fn verdict(
         return Verdict::None;
     }
     let weight = by_names(rivals).first().map_or(0.0, |g| g.1);
-    if weight >= 0.95 && gain > 0.0 {
+    // a named effect that leaves much is not the whole truth
+    let rests = excess < 0.25 * readings;
+    if weight >= 0.95 && gain > 0.0 && rests {
         Verdict::Decisive
     } else if weight >= 0.75 {
         Verdict::Probable
@@ -385,8 +384,7 @@ fn control(
     let mut start = search.base.unknowns.clone();
     start.extend(vec![0.1; candidate.size()]);
     let hypothesis = [candidate.clone()];
-    let fit =
-        searcher.fit(&hypothesis, &start, &search.base.coordinates(), &search.covariance, &search.readings, 5)?;
+    let fit = searcher.fit(&hypothesis, &start, &search.base.coordinates(), &search.covariance, &search.readings, 5)?;
     let after = held_out(searcher, search, &fit, searcher.options.folds, searcher.options.folds)?;
     Ok(Some(Control { effect: candidate.name(), closed: closed(before, &after) }))
 }
@@ -423,9 +421,4 @@ fn absorbed(problem: &Problem, base: &Fit, with: &Fit) -> Vec<Absorbed> {
             })
         })
         .collect()
-}
-
-/// Log prior odds of an answer, for the atlas.
-pub fn prior_of(candidate: &Candidate, problem: &Problem) -> f64 {
-    log_prior(candidate, problem.sources.len())
 }

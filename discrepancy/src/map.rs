@@ -86,14 +86,12 @@ fn members(problem: &Problem, search: &Search) -> Vec<(Key, Vec<usize>)> {
 /// What the largest of all cells stays below in 95 % of nulls.
 fn limit(spread: &DMatrix<f64>, sd: &[f64]) -> f64 {
     let n = sd.len();
-    let scaled = DMatrix::from_fn(n, n, |a, b| {
-        spread[(a, b)] / (sd[a] * sd[b]) * if a == b { 1.0 + 1e-6 } else { 1.0 }
-    });
+    let scaled =
+        DMatrix::from_fn(n, n, |a, b| spread[(a, b)] / (sd[a] * sd[b]) * if a == b { 1.0 + 1e-6 } else { 1.0 });
     let Ok(lower) = Whitening::new(scaled).map(|w| w.lower()) else { return 4.0 };
     let mut random = ChaCha8Rng::seed_from_u64(7);
-    let mut largest: Vec<f64> = (0..200)
-        .map(|_| (&lower * DVector::from_fn(n, |_, _| normal(&mut random))).amax())
-        .collect();
+    let mut largest: Vec<f64> =
+        (0..200).map(|_| (&lower * DVector::from_fn(n, |_, _| normal(&mut random))).amax()).collect();
     largest.sort_by(f64::total_cmp);
     largest[190]
 }

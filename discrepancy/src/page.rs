@@ -118,7 +118,9 @@ fn bars(out: &mut String, d: &Diagnosis) {
     let g = &d.gap.held_out;
     *out += "<h2>Shrink: error on trials that no calibration had seen</h2><p class=\"note\">Mean square over scatter; whole conditions left out in turn.</p><table>";
     let widest = g.before.max(g.after).max(1e-9);
-    for (name, value) in [("ligaments recalibrated", g.before), ("with the answer", g.after), ("noise and floor", g.floor)] {
+    for (name, value) in
+        [("ligaments recalibrated", g.before), ("with the answer", g.after), ("noise and floor", g.floor)]
+    {
         let _ = write!(
             out,
             "<tr><td>{name}</td><td style=\"text-align:left\"><span class=\"bar\" style=\"width:{:.1}em\"></span> {value:.2}</td></tr>",

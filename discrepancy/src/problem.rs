@@ -149,7 +149,7 @@ impl Problem {
                 continue;
             }
             for variant in 0..effect.variants.len().max(1) {
-                for &scope in &scopes {
+                for &scope in scopes.iter().filter(|s| !effect.one_knee || **s == Scope::Both) {
                     out.push(Candidate { effect: effect.clone(), variant, scope });
                 }
             }
@@ -188,7 +188,12 @@ impl Problem {
     }
 
     /// Rests of all trials at an answer; from nearby poses, or the whole way where `starts` is empty.
-    pub fn rests(&self, hypothesis: &[Candidate], unknowns: &[f64], starts: &[Six]) -> Result<Vec<Rest>, DiscrepancyError> {
+    pub fn rests(
+        &self,
+        hypothesis: &[Candidate],
+        unknowns: &[f64],
+        starts: &[Six],
+    ) -> Result<Vec<Rest>, DiscrepancyError> {
         let model = self.model_at(unknowns)?;
         let effects: Vec<Vec<Active>> =
             (0..self.sources.len()).map(|s| self.effects_in(s, hypothesis, unknowns)).collect();
@@ -230,7 +235,8 @@ impl Problem {
             .map(|i| {
                 let trial = &self.trials[i];
                 let effects = self.effects_in(trial.source, hypothesis, unknowns);
-                let slopes = Slopes::new(Bench { model: &model, effects: &effects, place: &self.place }, trial, &rests[i]);
+                let slopes =
+                    Slopes::new(Bench { model: &model, effects: &effects, place: &self.place }, trial, &rests[i]);
                 let mut columns = slopes.ligaments(self);
                 columns.push(slopes.contact());
                 let mut at = self.nuisances();
@@ -379,15 +385,3 @@ fn balanced(mut miss: Six) -> Six {
 
 /// The largest fraction of rests without balance that a diagnosis bears.
 pub const UNBALANCED: f64 = 0.2;
-
-/// Index in a reading of the coordinate a load acts on.
-pub fn reading_index(coordinate: usize) -> usize {
-    match coordinate {
-        VV => 0,
-        IE => 1,
-        ML => 2,
-        AP => 3,
-        SI => 4,
-        _ => 0,
-    }
-}

@@ -11,7 +11,11 @@ use rayon::prelude::*;
 /// Derivatives of all readings (five a trial) by the scaled parameters of each candidate, at a fit.
 ///
 /// Errors: a model that cannot be evaluated.
-pub fn signatures(problem: &Problem, at: &Fit, candidates: &[Candidate]) -> Result<Vec<DMatrix<f64>>, DiscrepancyError> {
+pub fn signatures(
+    problem: &Problem,
+    at: &Fit,
+    candidates: &[Candidate],
+) -> Result<Vec<DMatrix<f64>>, DiscrepancyError> {
     let model = problem.model_at(&at.unknowns)?;
     // a candidate's columns do not depend on its scope but for the rows that it leaves zero
     let mut kinds: Vec<&Candidate> = Vec::new();
@@ -98,5 +102,29 @@ impl Score {
     /// Most probable parameters, in units of the catalogue's standard deviations.
     pub fn estimate(&self, white: &DVector<f64>) -> DVector<f64> {
         self.factor.solve(&self.white.tr_mul(white)) * self.width
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_bayes_factor_is_the_ratio_of_two_normal_densities() {
+        let n = 6;
+        let scatter = DMatrix::from_fn(n, n, |a, b| if a == b { 2.0 } else { 0.3 });
+        let signature = DMatrix::from_fn(5 * n, 2, |r, k| if r % 5 == 0 { ((r + 3 * k) as f64).sin() } else { 0.0 });
+        let readings = Readings { rows: (0..n).map(|i| (i, 0)).collect(), measured: DVector::zeros(n) };
+        let residual = DVector::from_fn(n, |r, _| (r as f64 * 1.7).cos());
+        let density = |c: &DMatrix<f64>| {
+            let w = Whitening::new(c.clone()).unwrap();
+            -0.5 * (w.white_vector(&residual).norm_squared() + w.log_determinant())
+        };
+        let whitening = Whitening::new(scatter.clone()).unwrap();
+        let marginal = Marginal { white: whitening.white_vector(&residual), whitening };
+        let score = Score::new(&signature, &readings, &marginal, 1.5).unwrap();
+        let s = readings.rows_of(&signature) * 1.5;
+        let direct = density(&(&scatter + &s * s.transpose())) - density(&scatter);
+        assert!((score.log_bayes_factor(&marginal.white) - direct).abs() < 1e-10);
     }
 }

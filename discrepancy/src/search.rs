@@ -25,7 +25,7 @@ pub struct DiagnosisOptions {
     pub nulls: usize,
     /// Least log Bayes factor of a named effect, whatever the nulls say [-].
     pub least_evidence: f64,
-    /// Least gain of log evidence by a further effect beside others [-].
+    /// Least gain of log evidence by a further effect beside others, and no less than 3 % of theirs [-].
     pub least_further: f64,
     /// Draws of the prior behind the scatter of what is not linear [-].
     pub draws: usize,
@@ -126,8 +126,7 @@ impl Searcher<'_> {
         let candidates = self.problem.candidates();
         let (list, threshold) = self.screen(&base, &readings, &cov, &candidates)?;
         let (plain, _) = self.screen(&zero, &readings, &cov, &candidates)?;
-        let screened: Vec<(Candidate, f64)> =
-            list.iter().map(|(l, k, _)| (candidates[*k].clone(), *l)).collect();
+        let screened: Vec<(Candidate, f64)> = list.iter().map(|(l, k, _)| (candidates[*k].clone(), *l)).collect();
         let mut rivals = Vec::new();
         if list.first().is_some_and(|l| l.0 > 0.0) || self.is_poor(&base) {
             // a large effect bends the ligaments of the baseline: screen and start from the model's own, too
@@ -142,10 +141,11 @@ impl Searcher<'_> {
                 break;
             }
             let before = self.log(&best);
+            let least = threshold.max(self.options.least_further).max(0.03 * self.gain(&best, &base));
             let (list, _) = self.screen(&best, &readings, &cov, &candidates)?;
             rivals.extend(self.refits(&best, &readings, &cov, &candidates, &list)?);
             self.sort(&mut rivals);
-            if self.log(&rivals[0]) < before + threshold.max(self.options.least_further) {
+            if self.log(&rivals[0]) < before + least {
                 rivals.retain(|f| f.hypothesis.len() == best.hypothesis.len());
                 break;
             }
@@ -326,7 +326,8 @@ impl Searcher<'_> {
             .collect::<Result<_, _>>()?;
         let base = bases.into_iter().reduce(|a, b| if b.log_evidence > a.log_evidence { b } else { a }).unwrap_or(base);
         // each from where it stands, and the first from the model's own ligaments: two valleys
-        let few: Vec<(&Fit, bool)> = rivals.iter().take(6).map(|f| (f, false)).chain(rivals.iter().take(3).map(|f| (f, true))).collect();
+        let few: Vec<(&Fit, bool)> =
+            rivals.iter().take(6).map(|f| (f, false)).chain(rivals.iter().take(3).map(|f| (f, true))).collect();
         let mut fits: Vec<Fit> = few
             .par_iter()
             .map(|(f, anew)| {

@@ -83,9 +83,7 @@ pub fn wildcard(problem: &Problem, search: &Search, fit: &Fit) -> Result<Wildcar
             Some((log_density(&whitening, &white) - alone, whitening.solve(&residual)))
         })
         .collect();
-    let best = (0..kinds.len())
-        .filter_map(|k| tried[k].as_ref().map(|t| (k, t.0)))
-        .max_by(|a, b| a.1.total_cmp(&b.1));
+    let best = (0..kinds.len()).filter_map(|k| tried[k].as_ref().map(|t| (k, t.0))).max_by(|a, b| a.1.total_cmp(&b.1));
     let Some((k, log_bayes_factor)) = best else {
         return Ok(Wildcard { log_bayes_factor: 0.0, is_force: true, scope: Scope::Both, mean: vec![] });
     };
@@ -128,9 +126,7 @@ fn kernel(field: &[DMatrix<f64>], responses: &[[[f64; 5]; 5]], is_force: bool, s
     DMatrix::from_fn(5 * n, 5 * n, |r, s| {
         let (i, c, k, d) = (r / 5, r % 5, s / 5, s % 5);
         if is_force {
-            let at = |l: usize| {
-                (size * FORCES[l]).powi(2) * field[l][(i, k)] * responses[i][l][c] * responses[k][l][d]
-            };
+            let at = |l: usize| (size * FORCES[l]).powi(2) * field[l][(i, k)] * responses[i][l][c] * responses[k][l][d];
             (0..5).map(at).sum()
         } else if c == d {
             (size * READINGS[c]).powi(2) * field[c][(i, k)]
@@ -175,7 +171,8 @@ fn mean(
 impl Wildcard {
     /// In words: which coordinate, at which flexion, at which load, where, and how large.
     pub fn words(&self, problem: &Problem) -> String {
-        const NAMES: [&str; 5] = ["varus-valgus", "internal-external rotation", "medial-lateral", "anterior-posterior", "axial"];
+        const NAMES: [&str; 5] =
+            ["varus-valgus", "internal-external rotation", "medial-lateral", "anterior-posterior", "axial"];
         let scale = if self.is_force { FORCES } else { READINGS };
         let mean = |keep: &dyn Fn(usize) -> bool, c: usize| {
             let values: Vec<f64> = (0..self.mean.len()).filter(|&i| keep(i)).map(|i| self.mean[i][c]).collect();

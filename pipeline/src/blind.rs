@@ -98,7 +98,10 @@ fn make_cases(args: &MakeArgs) -> Result<String, BuildError> {
         for source in &sources {
             let results: Vec<TrialResult> =
                 source.trials.iter().zip(readings.by_ref()).map(|(t, r)| result(t, r)).collect();
-            store::write(&args.out.join(&name).join(format!("{}.csv", source.name)), results_csv(&[], &results).as_bytes())?;
+            store::write(
+                &args.out.join(&name).join(format!("{}.csv", source.name)),
+                results_csv(&[], &results).as_bytes(),
+            )?;
         }
         let truth = serde_json::to_vec_pretty(&case.truth).map_err(|e| BuildError::File(e.to_string()))?;
         seals.insert(name.clone(), crate::run_log::hash(&truth));
@@ -123,14 +126,8 @@ fn planned(source: &str, t: &LaxityTrial) -> Planned {
 
 /// A trial with another measurement.
 fn result(t: &LaxityTrial, r: &[f64; 5]) -> TrialResult {
-    let pose = sim::spec::PoseSpec {
-        fe_deg: t.fe_deg,
-        vv_deg: r[0],
-        ie_deg: r[1],
-        ml_mm: r[2],
-        ap_mm: r[3],
-        si_mm: r[4],
-    };
+    let pose =
+        sim::spec::PoseSpec { fe_deg: t.fe_deg, vv_deg: r[0], ie_deg: r[1], ml_mm: r[2], ap_mm: r[3], si_mm: r[4] };
     TrialResult { trial: t.clone(), pose, forces_n: vec![], flags: vec![] }
 }
 
@@ -204,7 +201,9 @@ fn score_answers(args: &ScoreArgs) -> Result<String, BuildError> {
     for case in &cases {
         let bytes = store::read(&args.bench.join(format!("{case}.truth.json")))?;
         if manifest["seals"][case].as_str() != Some(crate::run_log::hash(&bytes).as_str()) {
-            return Err(BuildError::File(format!("{case}.truth.json: its seal is broken (bench.json holds another digest)")));
+            return Err(BuildError::File(format!(
+                "{case}.truth.json: its seal is broken (bench.json holds another digest)"
+            )));
         }
         let parse = |e: serde_json::Error| BuildError::File(format!("{case}: {e}"));
         let mut truth: Truth = serde_json::from_slice(&bytes).map_err(parse)?;
@@ -232,9 +231,8 @@ fn reduced(d: &Diagnosis) -> Said {
             sizes.insert((e.effect.clone(), key.clone()), (v.value, v.sd));
         }
     }
-    let names = |a: &discrepancy::diagnosis::Answer| {
-        a.effects.iter().map(|e| (e.effect.clone(), e.scope.clone())).collect()
-    };
+    let names =
+        |a: &discrepancy::diagnosis::Answer| a.effects.iter().map(|e| (e.effect.clone(), e.scope.clone())).collect();
     Said {
         verdict: verdict.unwrap_or_default(),
         answers: d.answers.iter().map(names).collect(),

@@ -57,8 +57,8 @@ pub fn run(args: &DiagnoseArgs) -> Result<String, BuildError> {
     let catalogue = catalogue(&args.without_effect)?;
     let options = options(args.options.as_deref())?;
     if args.atlas {
-        let atlas = discrepancy::atlas::atlas(&model, &loaded.spec, &sources, &catalogue, &options)
-            .map_err(|e| fault(&e))?;
+        let atlas =
+            discrepancy::atlas::atlas(&model, &loaded.spec, &sources, &catalogue, &options).map_err(|e| fault(&e))?;
         let json = as_json(&atlas)?;
         let page = discrepancy::atlas::page(&loaded.spec.id, &atlas);
         store::write_all(&args.out, &[("atlas.json".into(), json), ("atlas.html".into(), page.clone().into_bytes())])?;
@@ -82,8 +82,8 @@ pub fn sources(measured: &[(String, PathBuf)]) -> Result<(Vec<Source>, String), 
         if sources.iter().any(|s| s.name == *name) {
             return Err(BuildError::Usage(format!("--measured {name} is given twice; names must differ")));
         }
-        let table = sim::laxity::read(&store::read(path)?)
-            .map_err(|e| BuildError::File(format!("{}: {e}", path.display())))?;
+        let table =
+            sim::laxity::read(&store::read(path)?).map_err(|e| BuildError::File(format!("{}: {e}", path.display())))?;
         text.extend(table.warnings.iter().map(|w| format!("warning: {}: {w}\n", path.display())));
         sources.push(Source { name: name.clone(), trials: table.trials });
     }

@@ -83,6 +83,15 @@ fn between(from: &Path, file: &Path) -> String {
     up.chain(file[shared..].iter().cloned()).collect::<Vec<_>>().join("/")
 }
 
+/// A warning for a verb that leaves a model's added effects out; empty where there are none.
+pub fn left_out(spec: &ModelSpec, verb: &str) -> String {
+    let names: Vec<&str> = spec.components.iter().filter_map(|c| c["effect"].as_str()).collect();
+    if names.is_empty() {
+        return String::new();
+    }
+    format!("warning: {verb} leaves out what was added to the model: {} (diagnose takes it in)\n", names.join(", "))
+}
+
 /// Digest of a model and the surfaces it names.
 pub fn digest(model: &LoadedModel) -> String {
     let mut hasher = blake3::Hasher::new();
@@ -131,6 +140,7 @@ pub enum Format {
 /// `export`: a model as other programs read it, in `out`.
 pub fn export(model: &Path, format: Format, out: &Path) -> Result<String, BuildError> {
     let loaded = load(model)?;
+    let left_out = left_out(&loaded.spec, "export");
     let (files, warnings) = match format {
         Format::Abaqus => {
             let deck = sim::abaqus::export(&loaded.spec, &loaded.meshes)
@@ -142,7 +152,7 @@ pub fn export(model: &Path, format: Format, out: &Path) -> Result<String, BuildE
     let files: Vec<(String, Vec<u8>)> = files.into_iter().map(|(name, text)| (name, text.into_bytes())).collect();
     store::write_all(out, &files)?;
     let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
-    Ok(format!("{}{} in {}\n", warned(&warnings), names.join(", "), out.display()))
+    Ok(format!("{left_out}{}{} in {}\n", warned(&warnings), names.join(", "), out.display()))
 }
 
 fn warned(warnings: &[String]) -> String {

@@ -74,6 +74,7 @@ pub fn simulate(args: &SimulateArgs) -> Result<String, BuildError> {
         None => (Vec::new(), String::new()),
     };
     let loaded = model_file::load(&args.model)?;
+    text += &model_file::left_out(&loaded.spec, "simulate");
     let fault = |e: sim::SimError| BuildError::File(format!("{}: {e}", args.model.display()));
     let model = sim::compile(&loaded.spec, &loaded.meshes).map_err(fault)?;
     let model = model.without(&args.without).map_err(|e| BuildError::Usage(format!("--without: {e}")))?;
