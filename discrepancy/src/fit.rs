@@ -94,8 +94,9 @@ impl Data<'_> {
         let n = self.problem.nuisances();
         let sided = one_sided(hypothesis, n);
         let clamp = |k: usize, x: f64| x.clamp(if sided[k] { 0.0 } else { -REACH }, REACH);
-        let unknowns = start.iter().enumerate().map(|(k, x)| clamp(k, *x)).collect();
-        let mut here = self.state(hypothesis, unknowns, starts)?;
+        let unknowns: Vec<f64> = start.iter().enumerate().map(|(k, x)| clamp(k, *x)).collect();
+        let starts: Vec<Six> = self.problem.nearer(hypothesis, &unknowns, starts)?.into_iter().map(|r| r.q).collect();
+        let mut here = self.state(hypothesis, unknowns, &starts)?;
         let mut damping = 1e-3;
         for _ in 0..self.steps {
             let (hessian, gradient) = self.quadratic(&here, n);

@@ -189,7 +189,7 @@ impl Searcher<'_> {
     /// Nothing missing: the model as given, and with its ligaments fitted.
     fn baseline(&self, readings: &Readings) -> Result<Start, DiscrepancyError> {
         let x = vec![0.0; self.problem.nuisances()];
-        let linear = self.problem.linear(&[], &x, &[])?;
+        let linear = self.problem.linear_at(&[], &x, self.problem.nearer(&[], &x, &[])?)?;
         let lost = linear.rests.iter().filter(|r| !r.balanced).count();
         if lost as f64 > crate::problem::UNBALANCED * linear.rests.len() as f64 {
             return Err(DiscrepancyError::Model(format!(
