@@ -94,10 +94,10 @@ fn a_pendulum_has_its_period() {
 
 #[test]
 fn a_block_sinks_into_an_elastic_foundation_and_bounces_on_it() {
-    let model = all_nodes(&Rig::new().pair(plate(50.0, 100, false), plate(60.0, 120, true)));
-    let stiffness = 5.0 * 100.0 * 100.0;
-    let at_rest = rest(&model, step(0.5, &[FE, VV, IE, ML, AP], load(SI, 5000.0)));
-    let miss = at_rest.q[SI] / (5000.0 / stiffness) - 1.0;
+    let model = all_nodes(&Rig::new().pair(plate(25.0, 100, false), plate(30.0, 120, true)));
+    let stiffness = 5.0 * 50.0 * 50.0;
+    let at_rest = rest(&model, step(0.5, &[FE, VV, IE, ML, AP], load(SI, 1250.0)));
+    let miss = at_rest.q[SI] / (1250.0 / stiffness) - 1.0;
     // let go 0.05 mm deeper, the way after a quarter of the period is the equilibrium's
     let mut q = at_rest.q;
     q[SI] += 0.05;
@@ -108,7 +108,7 @@ fn a_block_sinks_into_an_elastic_foundation_and_bounces_on_it() {
         track.push((p.state.time_s, p.state.q[SI] - at_rest.q[SI]));
         ControlFlow::Continue(())
     };
-    let bounce = step(2.0 * period, &[FE, VV, IE, ML, AP], load(SI, 5000.0));
+    let bounce = step(2.0 * period, &[FE, VV, IE, ML, AP], load(SI, 1250.0));
     run(&model, &program([bounce]), &fixed(period / 400.0), &mut state, &mut observer).unwrap();
     let falls: Vec<f64> = track
         .windows(2)
@@ -119,7 +119,7 @@ fn a_block_sinks_into_an_elastic_foundation_and_bounces_on_it() {
     println!(
         "block: {:.5} mm for {:.5}, off by {:.2} %; period off by {:.2} %",
         at_rest.q[SI],
-        5000.0 / stiffness,
+        1250.0 / stiffness,
         100.0 * miss,
         100.0 * late
     );
