@@ -108,7 +108,7 @@ fn check(o: &ProtocolOptions) -> Result<(), SimError> {
             return fault(format!("{key} is {x}, expected {least} to {most}"));
         }
     }
-    if !(o.to_flexion_deg >= o.from_flexion_deg) {
+    if o.to_flexion_deg.is_nan() || o.from_flexion_deg.is_nan() || o.to_flexion_deg < o.from_flexion_deg {
         return fault(format!("flexion from {} to {} deg; it must rise", o.from_flexion_deg, o.to_flexion_deg));
     }
     Ok(())
@@ -152,6 +152,8 @@ fn ap_laxity(model: &Model, fe_deg: f64, o: &ProtocolOptions) -> Result<Vec<Tria
 
 fn passive_flexion(model: &Model, o: &ProtocolOptions) -> Result<Vec<TrialResult>, SimError> {
     let load = [0.0, 0.0, 0.0, 0.0, o.compression_n];
+    chain_flexion(model, o.from_flexion_deg, &o.trials)?;
+    chain_flexion(model, o.to_flexion_deg, &o.trials)?;
     let count = ((o.to_flexion_deg - o.from_flexion_deg) / o.every_deg - 1e-9).ceil().max(0.0) as usize;
     let mut path = Path::settled(model, o.compression_n, &o.trials)?;
     let mut rows = Vec::with_capacity(count + 1);

@@ -77,7 +77,7 @@ pub fn sensitivities(model: &Model, answer: &Answer, parameters: &[Parameter]) -
     let scaled = Matrix5::from_fn(|i, j| stiffness[(i, j)] * arm(i) * arm(j));
     let eigen = SymmetricEigen::new(scaled);
     let least = eigen.eigenvalues.min();
-    if eigen.eigenvalues.iter().any(|e| !(e.abs() > 1e-6)) {
+    if eigen.eigenvalues.iter().any(|e| e.is_nan() || e.abs() < 1e-6) {
         return Err(SimError::Solver("the tangent is singular: nothing holds the knee in one direction".into()));
     }
     let inverse = eigen.eigenvectors

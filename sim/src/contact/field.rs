@@ -154,10 +154,10 @@ impl Field {
         };
         // rows along x are contracted first, then along y, then along z; the distance alone tells whether the rest is wanted
         let mut distance = 0.0;
-        for k in 0..3 {
-            for j in 0..3 {
+        for (k, z) in wz.iter().enumerate() {
+            for (j, y) in wy.iter().enumerate() {
                 let [a, b, c] = row(j, k);
-                distance += (a * wx[0] + b * wx[1] + c * wx[2]) * (wy[j] * wz[k]);
+                distance += (a * wx[0] + b * wx[1] + c * wx[2]) * (y * z);
             }
         }
         if distance > highest {
