@@ -64,6 +64,8 @@ pub struct Probes<'a> {
     pub experiment: Experiment<'a>,
     /// Their names.
     pub names: &'a [String],
+    /// The targets as `simulate` answers them; the search may be coarser.
+    pub in_full: Experiment<'a>,
 }
 
 /// What a calibration found.
@@ -242,15 +244,16 @@ fn finish(checkpoint: &Checkpoint, problem: &Problem, probes: &Probes) -> Result
             (lowest.clone(), point.clone(), posterior::of_gradient(g, problem, o.gradient.samples))
         }
     };
+    let (lowest, point) = judged(problem, probes, &checkpoint.state, o, (lowest, point));
     let values = design.at(&point);
-    let predicted = problem.experiment.predictions(&values);
+    let predicted = probes.in_full.predictions(&values);
     let history = match &checkpoint.state {
         State::Recipe(r) => r.history.clone(),
         State::Gradient(g) => g.history.clone(),
     };
     Ok(Calibrated {
         method: o.method,
-        cost: problem.value(&point),
+        cost: problem.cost.cost(&predicted).value,
         lowest_cost: (lowest.0, design.at(&lowest.1)),
         parameters: posterior::parameters(design, &point, &found, o.gradient.interval),
         forces: posterior::forces(probes, design, &point, &found, o.gradient.interval),
@@ -263,6 +266,32 @@ fn finish(checkpoint: &Checkpoint, problem: &Problem, probes: &Probes) -> Result
         warnings: found.warnings,
         values,
     })
+}
+
+/// The lowest cost as the model in full has it, among the three lowest met, and the point chosen.
+fn judged(
+    problem: &Problem,
+    probes: &Probes,
+    state: &State,
+    options: &CalibrateOptions,
+    (lowest, point): ((f64, Vec<f64>), Vec<f64>),
+) -> ((f64, Vec<f64>), Vec<f64>) {
+    let mut candidates = match state {
+        State::Recipe(_) => vec![lowest.clone()],
+        State::Gradient(g) => g.candidates(),
+    };
+    candidates.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let design = problem.experiment.design;
+    let in_full = |p: &Vec<f64>| problem.cost.cost(&probes.in_full.predictions(&design.at(p))).value;
+    let best = candidates
+        .into_iter()
+        .take(3)
+        .map(|(_, p)| (in_full(&p), p))
+        .reduce(|a, b| if b.0 < a.0 { b } else { a })
+        .unwrap_or(lowest);
+    let by_cost = options.method == Method::SwarmSimplex || options.gradient.choice == Choice::LowestCost;
+    let point = if by_cost { best.1.clone() } else { point };
+    (best, point)
 }
 
 /// Root mean square of predicted minus measured, a coordinate each.

@@ -3,6 +3,7 @@
 //! X1 to X14 are reference strains [-], X15 to X26 stiffnesses [N/mm]; X18 is shared by the three fibres of the superficial MCL.
 
 use crate::error::ValidationError;
+use crate::frames::{self, FrameOptions, Terms};
 use serde::{Deserialize, Serialize};
 use sim::spec::{BundleSpec, ModelSpec};
 use std::collections::BTreeMap;
@@ -16,6 +17,10 @@ pub enum Kind {
     ReferenceStrain,
     /// Of the whole bundle [N/mm].
     StiffnessNPerMm,
+    /// Turn of an anatomical frame about an axis of its own [deg].
+    FrameTurnDeg,
+    /// Shift of an anatomical frame along an axis of its own [mm].
+    FrameShiftMm,
 }
 
 impl Kind {
@@ -24,6 +29,8 @@ impl Kind {
         match self {
             Kind::ReferenceStrain => "reference_strain",
             Kind::StiffnessNPerMm => "stiffness_n_per_mm",
+            Kind::FrameTurnDeg => "frame_turn_deg",
+            Kind::FrameShiftMm => "frame_shift_mm",
         }
     }
 }
@@ -35,7 +42,7 @@ pub struct Variable {
     pub number: u32,
     /// Reference strain or stiffness.
     pub kind: Kind,
-    /// The bundles that share it.
+    /// The bundles that share it; of a frame the bone and the axis.
     pub bundles: Vec<String>,
     /// Smallest value [- or N/mm].
     pub lower: f64,
@@ -50,6 +57,11 @@ impl Variable {
             [one] => one.clone(),
             several => several.first().map_or(String::new(), |b| b.split('_').next().unwrap_or(b).to_owned()),
         }
+    }
+
+    /// True of a turn or shift of a frame.
+    pub fn is_of_frames(&self) -> bool {
+        matches!(self.kind, Kind::FrameTurnDeg | Kind::FrameShiftMm)
     }
 
     /// Width of the range.
@@ -129,6 +141,26 @@ impl Design {
         Ok(design)
     }
 
+    /// The same and the frames' variables.
+    #[must_use]
+    pub fn with_frames(&self, options: &FrameOptions) -> Design {
+        let mut out = self.clone();
+        out.variables.extend(frames::variables(options));
+        out
+    }
+
+    /// Turns and shifts of the frames among the values; `None` where frames are no variables.
+    pub fn frame_terms(&self, values: &[f64]) -> Option<Terms> {
+        let mut terms = [0.0; 12];
+        let mut found = false;
+        for (v, x) in self.variables.iter().zip(values).filter(|(v, _)| v.is_of_frames()) {
+            if let Some(t) = terms.get_mut((v.number - frames::FIRST) as usize) {
+                (*t, found) = (*x, true);
+            }
+        }
+        found.then_some(terms)
+    }
+
     /// Number of variables.
     pub fn len(&self) -> usize {
         self.variables.len()
@@ -139,29 +171,36 @@ impl Design {
         self.variables.is_empty()
     }
 
-    /// The variables' values in a model; of a shared variable the mean over its bundles.
+    /// The variables' values in a model; of a shared variable the mean over its bundles, of a frame's 0.
     pub fn values(&self, spec: &ModelSpec) -> Vec<f64> {
         let mean = |v: &Variable| {
             let of = |b: &BundleSpec| match v.kind {
                 Kind::ReferenceStrain => b.reference_strain,
-                Kind::StiffnessNPerMm => b.stiffness_n_per_mm,
+                _ => b.stiffness_n_per_mm,
             };
+            if v.is_of_frames() {
+                return 0.0;
+            }
             let all: Vec<f64> = spec.bundles.iter().filter(|b| v.bundles.contains(&b.name)).map(of).collect();
             all.iter().sum::<f64>() / all.len() as f64
         };
         self.variables.iter().map(mean).collect()
     }
 
-    /// The model with these values.
+    /// The model with these values; frames that cannot be turned stay.
     pub fn apply(&self, spec: &ModelSpec, values: &[f64]) -> ModelSpec {
         let mut out = spec.clone();
         for (v, &x) in self.variables.iter().zip(values) {
             for b in out.bundles.iter_mut().filter(|b| v.bundles.contains(&b.name)) {
                 match v.kind {
                     Kind::ReferenceStrain => b.reference_strain = x,
-                    Kind::StiffnessNPerMm => b.stiffness_n_per_mm = x,
+                    _ => b.stiffness_n_per_mm = x,
                 }
             }
+        }
+        if let Some(frames) = self.frame_terms(values).and_then(|t| frames::corrected(&spec.frames, spec.side, &t).ok())
+        {
+            out.frames = frames;
         }
         out
     }
@@ -192,7 +231,11 @@ impl Design {
                     "ranges.{name}: no such design variable; expected X1 to X26 or a name such as LCL.reference_strain"
                 )));
             };
-            let least = if v.kind == Kind::ReferenceStrain { 0.05 } else { 0.0 };
+            let least = match v.kind {
+                Kind::ReferenceStrain => 0.05,
+                Kind::StiffnessNPerMm => 0.0,
+                Kind::FrameTurnDeg | Kind::FrameShiftMm => f64::NEG_INFINITY,
+            };
             if !(lower.is_finite() && upper.is_finite() && lower >= least && lower < upper) {
                 return Err(ValidationError::Option(format!(
                     "ranges.{name}: [{lower}, {upper}], expected {least} <= lower < upper"

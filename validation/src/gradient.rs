@@ -2,13 +2,13 @@
 //! posterior; a state that advances a chunk at a time and can be saved between chunks.
 //!
 //! Samples by randomised maximum likelihood [oliver1996]: each is the fit to measurements shifted by their noise, under a prior centred
-//! at a random point of the ranges, begun there. For a linear model and a normal prior these are exact samples; here a parameter that the
+//! at a random point of the ranges, begun where a linear model would have it. For a linear model and a normal prior these are exact samples; here a parameter that the
 //! data do not touch keeps its random start, so that its interval is the range's own.
 
 use crate::cost::FAILED;
 use crate::descent::{Trust, descend as descend_on_cost};
 use crate::error::ValidationError;
-use crate::levenberg::{Stop, descend};
+use crate::levenberg::{Stop, box_step, descend};
 use crate::options::GradientOptions;
 use crate::problem::{Problem, View};
 use crate::swarm::latin_hypercube;
@@ -104,10 +104,15 @@ impl Gradient {
         work(self.starts.len(), rest, self.drawn) / work(options.starts, 1, options.samples).max(1.0)
     }
 
+    /// Costs met, and where.
+    pub fn candidates(&self) -> Vec<(f64, Vec<f64>)> {
+        let fits = self.starts.iter().flatten().chain(&self.best).map(|f| (f.cost, f.point.clone()));
+        fits.chain(self.descents.iter().cloned()).collect()
+    }
+
     /// The lowest cost found and where.
     pub fn lowest_cost(&self) -> Option<(f64, Vec<f64>)> {
-        let fits = self.starts.iter().flatten().chain(&self.best).map(|f| (f.cost, f.point.clone()));
-        fits.chain(self.descents.iter().cloned()).reduce(|a, b| if b.0 < a.0 { b } else { a })
+        self.candidates().into_iter().reduce(|a, b| if b.0 < a.0 { b } else { a })
     }
 
     /// A chunk of starts, a round of noise scaling, the descents on the cost, or a chunk of samples.
@@ -177,7 +182,7 @@ impl Gradient {
         let predicted = problem.experiment.predictions(&problem.experiment.design.at(&best.point));
         self.history.push(best.cost);
         self.noise_scale = problem.misses(&predicted, &self.noise_scale, options.robust);
-        let stop = Stop { evaluations: options.evaluations, fall: 1e-4 };
+        let stop = Stop { evaluations: 2 * options.evaluations, fall: 1e-3 };
         let (fitted, costs) = fit(problem, &self.view(problem), &best.point, stop);
         self.history.extend(costs);
         self.best = fitted.or(Some(best));
@@ -201,7 +206,7 @@ impl Gradient {
     fn advance_samples(&mut self, problem: &Problem, options: &GradientOptions) {
         let chunk = self.drawn..options.samples.min(self.drawn + CHUNK);
         self.drawn = chunk.end;
-        let plain = self.view(problem);
+        let (plain, best) = (self.view(problem), self.best.clone());
         let stop = Stop { evaluations: options.sample_evaluations, fall: 1e-2 };
         let drawn: Vec<Option<Fit>> = chunk
             .into_par_iter()
@@ -211,11 +216,22 @@ impl Gradient {
                 let middle = point(&mut random, self.start.len());
                 let shift = plain.shift.iter().map(|_| std::array::from_fn(|_| normal(&mut random))).collect();
                 let view = View { shift, middle: middle.clone(), ..plain.clone() };
-                fit(problem, &view, &middle, stop).0
+                let start = near(problem, &view, best.as_ref()).unwrap_or(middle);
+                fit(problem, &view, &start, stop).0
             })
             .collect();
         self.samples.extend(drawn.into_iter().flatten());
     }
+}
+
+/// Where a sample would lie if the model were linear about the best fit: there its search begins. What the data do not touch is at once where the
+/// sample's prior has it.
+fn near(problem: &Problem, view: &View, best: Option<&Fit>) -> Option<Vec<f64>> {
+    let point = &best?.point;
+    let r = problem.least_squares(point, view)?.residuals;
+    let (hessian, gradient) = (r.jacobian.tr_mul(&r.jacobian), r.jacobian.tr_mul(&r.value));
+    let step = box_step(&hessian, &gradient, point, f64::INFINITY);
+    Some(point.iter().zip(step.iter()).map(|(x, d)| (x + d).clamp(0.0, 1.0)).collect())
 }
 
 /// A least-squares fit and the costs met on the way.

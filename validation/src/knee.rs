@@ -5,17 +5,23 @@
 
 use crate::design::{Design, Kind};
 use crate::experiment::{Answer, Slopes};
+use crate::frames::{FIRST, Terms, corrected};
+use nalgebra::{Matrix5, Vector5};
 use serde::{Deserialize, Serialize};
 use sim::SimError;
 use sim::abaqus::MeshValue;
 use sim::contact::ContactOptions;
+use sim::joint::{FE, FREE, Joint};
 use sim::laxity::LaxityTrial;
 use sim::model::{BundleParameters, Model, compile_with};
 use sim::quasistatic::SolverOptions;
 use sim::sensitivity::{Parameter, sensitivities};
 use sim::spec::ModelSpec;
-use sim::trials::{TrialOptions, solve_trial};
+use sim::trials::{TrialOptions, chain_flexion, generalised, pose_spec, solve_trial};
 use std::collections::BTreeMap;
+
+/// Step of the derivatives by frames [deg or mm].
+const FRAME_STEP: f64 = 0.05;
 
 /// How answers are sought during a search.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -34,7 +40,7 @@ pub struct SearchOptions {
 impl Default for SearchOptions {
     fn default() -> Self {
         SearchOptions {
-            contact_spacing_mm: 2.0,
+            contact_spacing_mm: 2.2,
             increments: [1, 4, 1],
             step_on_the_way_mm: 0.1,
             step_at_the_end_mm: 1e-4,
@@ -89,7 +95,10 @@ impl Knee {
         design: &'a Design,
         trials: &'a [LaxityTrial],
     ) -> impl Fn(&[f64], usize, bool) -> Result<Answer, SimError> + Sync + 'a {
-        move |values, i, slopes| answer(&self.search, &self.search_options, (design, values), trial(trials, i)?, slopes)
+        move |values, i, slopes| {
+            let (model, options, trial) = (&self.search, &self.search_options, trial(trials, i)?);
+            Question { model, spec: &self.spec, options, design, trial }.answer(values, slopes)
+        }
     }
 
     /// Answers to trials by their index, as `simulate` gives them.
@@ -98,7 +107,10 @@ impl Knee {
         design: &'a Design,
         trials: &'a [LaxityTrial],
     ) -> impl Fn(&[f64], usize, bool) -> Result<Answer, SimError> + Sync + 'a {
-        move |values, i, slopes| answer(&self.model, &self.options, (design, values), trial(trials, i)?, slopes)
+        move |values, i, slopes| {
+            let (model, options, trial) = (&self.model, &self.options, trial(trials, i)?);
+            Question { model, spec: &self.spec, options, design, trial }.answer(values, slopes)
+        }
     }
 }
 
@@ -106,52 +118,114 @@ fn trial(trials: &[LaxityTrial], i: usize) -> Result<&LaxityTrial, SimError> {
     trials.get(i).ok_or_else(|| SimError::Input(format!("no trial {i} of {}", trials.len())))
 }
 
-/// The model at design values.
+/// The model at design values: ligament parameters, and the joint's frames where they are among the variables.
 ///
 /// # Errors
 /// A value out of range.
-pub fn model_at(model: &Model, design: &Design, values: &[f64]) -> Result<Model, SimError> {
+pub fn model_at(
+    model: &Model,
+    spec: &ModelSpec,
+    design: &Design,
+    values: &[f64],
+) -> Result<(Model, Option<Terms>), SimError> {
     let mut parameters: Vec<BundleParameters> = model.parameters();
     for (v, &x) in design.variables.iter().zip(values) {
         for (p, _) in parameters.iter_mut().zip(&model.bundles).filter(|(_, b)| v.bundles.contains(&b.name)) {
             match v.kind {
                 Kind::ReferenceStrain => p.reference_strain = x,
-                Kind::StiffnessNPerMm => p.stiffness_n_per_mm = x,
+                _ => p.stiffness_n_per_mm = x,
             }
         }
     }
-    model.with_parameters(&parameters)
-}
-
-fn answer(
-    model: &Model,
-    options: &TrialOptions,
-    (design, values): (&Design, &[f64]),
-    trial: &LaxityTrial,
-    slopes: bool,
-) -> Result<Answer, SimError> {
-    let model = model_at(model, design, values)?;
-    let found = solve_trial(&model, trial, options)?;
-    let slopes = if slopes { Some(slopes_of(&model, design, &found)?) } else { None };
-    Ok(Answer { predicted: found.predicted(), forces_n: found.forces_n, flags: found.flags, slopes })
-}
-
-/// Derivatives by design variables: of a shared one the sum over its bundles.
-fn slopes_of(model: &Model, design: &Design, found: &sim::trials::Answer) -> Result<Slopes, SimError> {
-    let bundles = model.bundles.len();
-    let all: Vec<Parameter> =
-        (0..bundles).map(Parameter::ReferenceStrain).chain((0..bundles).map(Parameter::Stiffness)).collect();
-    let s = sensitivities(model, found, &all)?;
-    let mut out = Slopes { predicted: vec![], forces_n: vec![] };
-    for v in &design.variables {
-        let (mut pose, mut forces) = ([0.0; 5], vec![0.0; bundles]);
-        for b in (0..bundles).filter(|&b| v.bundles.contains(&model.bundles[b].name)) {
-            let column = if v.kind == Kind::ReferenceStrain { b } else { bundles + b };
-            pose.iter_mut().zip(s.pose.column(column).iter()).for_each(|(x, d)| *x += d);
-            forces.iter_mut().zip(s.forces_n.column(column).iter()).for_each(|(x, d)| *x += d);
-        }
-        out.predicted.push(pose);
-        out.forces_n.push(forces);
+    let mut model = model.with_parameters(&parameters)?;
+    let terms = design.frame_terms(values);
+    if let Some(t) = &terms {
+        model.joint = joint_with(spec, t)?;
     }
-    Ok(out)
+    Ok((model, terms))
+}
+
+/// The joint in frames turned and shifted.
+fn joint_with(spec: &ModelSpec, terms: &Terms) -> Result<Joint, SimError> {
+    Joint::new(&corrected(&spec.frames, spec.side, terms)?, spec.side)
+}
+
+/// What is asked of a solver.
+struct Question<'a> {
+    model: &'a Model,
+    spec: &'a ModelSpec,
+    options: &'a TrialOptions,
+    design: &'a Design,
+    trial: &'a LaxityTrial,
+}
+
+impl Question<'_> {
+    fn answer(&self, values: &[f64], slopes: bool) -> Result<Answer, SimError> {
+        let (model, terms) = model_at(self.model, self.spec, self.design, values)?;
+        let found = solve_trial(&model, self.trial, self.options)?;
+        let slopes = if slopes { Some(self.slopes(&model, terms, &found)?) } else { None };
+        Ok(Answer { predicted: found.predicted(), forces_n: found.forces_n, flags: found.flags, slopes })
+    }
+
+    /// Derivatives by design variables: of a shared one the sum over its bundles.
+    fn slopes(&self, model: &Model, terms: Option<Terms>, found: &sim::trials::Answer) -> Result<Slopes, SimError> {
+        let bundles = model.bundles.len();
+        let all: Vec<Parameter> =
+            (0..bundles).map(Parameter::ReferenceStrain).chain((0..bundles).map(Parameter::Stiffness)).collect();
+        let s = sensitivities(model, found, &all)?;
+        let mut out = Slopes { predicted: vec![], forces_n: vec![] };
+        for v in &self.design.variables {
+            if let Some(t) = terms.filter(|_| v.is_of_frames()) {
+                let (pose, forces) = self.frame_slope(model, found, &t, (v.number - FIRST) as usize)?;
+                out.predicted.push(pose);
+                out.forces_n.push(forces);
+                continue;
+            }
+            let (mut pose, mut forces) = ([0.0; 5], vec![0.0; bundles]);
+            for b in (0..bundles).filter(|&b| v.bundles.contains(&model.bundles[b].name)) {
+                let column = if v.kind == Kind::ReferenceStrain { b } else { bundles + b };
+                pose.iter_mut().zip(s.pose.column(column).iter()).for_each(|(x, d)| *x += d);
+                forces.iter_mut().zip(s.forces_n.column(column).iter()).for_each(|(x, d)| *x += d);
+            }
+            out.predicted.push(pose);
+            out.forces_n.push(forces);
+        }
+        Ok(out)
+    }
+
+    /// Derivative by a frame's turn or shift [per deg, per mm]: the same bones in the other frames, flexed to the trial's flexion and brought back
+    /// to equilibrium by one Newton step; friction's forces stay.
+    fn frame_slope(
+        &self,
+        model: &Model,
+        found: &sim::trials::Answer,
+        terms: &Terms,
+        term: usize,
+    ) -> Result<([f64; 5], Vec<f64>), SimError> {
+        let step = FRAME_STEP;
+        let mut moved = *terms;
+        moved[term] += step;
+        let mut other = model.clone();
+        other.joint = joint_with(self.spec, &moved)?;
+        let place = model.joint.pose(&found.state.q).femur;
+        let mut q = other.joint.coordinates(&other.joint.grood_suntay_of(&place))?;
+        q[FE] = chain_flexion(&other, self.trial.fe_deg, self.options)?;
+        let e = other.evaluate(&q);
+        let load = generalised(&self.trial.load);
+        let rest = found.evaluation.gradient + found.state.friction_gradient - load;
+        let pull = e.gradient + found.state.friction_gradient - load;
+        let residual = Vector5::from_fn(|i, _| pull[FREE[i]] - rest[FREE[i]]);
+        let tangent = Matrix5::from_fn(|i, j| 0.5 * (e.hessian[(FREE[i], FREE[j])] + e.hessian[(FREE[j], FREE[i])]));
+        let singular = || SimError::Solver("the tangent is singular: nothing holds the knee in one direction".into());
+        let back = tangent.lu().solve(&-residual).ok_or_else(singular)?;
+        (0..5).for_each(|i| q[FREE[i]] += back[i]);
+        let pose = pose_spec(&other.joint.grood_suntay(&q));
+        let now = [pose.vv_deg, pose.ie_deg, pose.ml_mm, pose.ap_mm, pose.si_mm];
+        let before = found.predicted();
+        let forces = other.bundle_forces(&other.fibre_states(&other.joint.pose(&q)));
+        Ok((
+            std::array::from_fn(|c| (now[c] - before[c]) / step),
+            forces.iter().zip(&found.forces_n).map(|(a, b)| (a - b) / step).collect(),
+        ))
+    }
 }

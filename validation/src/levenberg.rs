@@ -46,10 +46,9 @@ pub fn descend(start: &[f64], evaluate: &dyn Fn(&[f64]) -> Option<Residuals>, st
     while evaluations < stop.evaluations {
         let hessian = here.jacobian.tr_mul(&here.jacobian);
         let gradient = here.jacobian.tr_mul(&here.value);
-        let scale = (hessian.trace() / point.len() as f64).max(1e-12);
         let mut damped = hessian.clone();
         for k in 0..point.len() {
-            damped[(k, k)] += damping * scale;
+            damped[(k, k)] += damping * hessian[(k, k)].max(1e-12);
         }
         let step = box_step(&damped, &gradient, &point, f64::INFINITY);
         let promised = -(gradient.dot(&step) + 0.5 * step.dot(&(&hessian * &step)));

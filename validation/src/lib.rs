@@ -10,6 +10,7 @@ pub mod design;
 pub mod error;
 pub mod experiment;
 pub mod figures;
+pub mod frames;
 pub mod gradient;
 pub mod knee;
 pub mod levenberg;

@@ -2,6 +2,7 @@
 
 use crate::cost::CostOptions;
 use crate::error::ValidationError;
+use crate::frames::FrameOptions;
 use crate::knee::SearchOptions;
 use crate::targets::TargetOptions;
 use serde::{Deserialize, Serialize};
@@ -35,6 +36,8 @@ pub struct CalibrateOptions {
     pub loads: Vec<LoadPrior>,
     /// The paper's recipe.
     pub swarm: SwarmOptions,
+    /// How far the frames of the measurements may stand from the model's; the paper's recipe and imported decks take them as given.
+    pub frames: FrameOptions,
     /// How answers are sought on the way.
     pub search: SearchOptions,
     /// The faster way.
@@ -134,14 +137,14 @@ impl Default for GradientOptions {
     fn default() -> Self {
         GradientOptions {
             starts: 8,
-            evaluations: 30,
+            evaluations: 14,
             descents: 2,
-            descent_evaluations: 40,
+            descent_evaluations: 20,
             choice: Choice::MostProbable,
             scale_noise: true,
             robust: 3.0,
-            samples: 64,
-            sample_evaluations: 12,
+            samples: 48,
+            sample_evaluations: 8,
             interval: 0.9,
         }
     }
@@ -168,6 +171,13 @@ impl CalibrateOptions {
         };
         between("swarm.simplex_size", self.swarm.simplex_size, 0.0, 0.5)?;
         between("gradient.interval", self.gradient.interval, 0.0, 1.0)?;
+        for (name, sd) in
+            [("frames.turn_sd_deg", self.frames.turn_sd_deg), ("frames.shift_sd_mm", self.frames.shift_sd_mm)]
+        {
+            if !(0.0..=20.0).contains(&sd) {
+                return Err(ValidationError::Option(format!("{name} is {sd}, expected 0 to 20")));
+            }
+        }
         between("gradient.robust", self.gradient.robust, 0.0, f64::INFINITY)?;
         for (i, p) in self.loads.iter().enumerate() {
             between(&format!("loads[{i}].sd_n"), p.sd_n, 0.0, f64::INFINITY)?;

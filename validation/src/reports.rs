@@ -3,6 +3,7 @@
 use crate::calibrate::Calibrated;
 use crate::cost::{CostFunction, CostOptions, residual};
 use crate::figures::{figure5, figure6};
+use crate::frames::FIRST;
 use crate::session::Outcome;
 use serde_json::{Value, json};
 use sim::laxity::{COORDINATES, VALUE_UNITS};
@@ -17,6 +18,7 @@ pub fn files(outcome: &Outcome, cost: &CostOptions) -> Vec<(String, Vec<u8>)> {
     [
         ("parameters.csv", parameters(&outcome.found)),
         ("history.csv", history(&outcome.found.history)),
+        ("frames.csv", frames(&outcome.found)),
         ("forces.csv", forces(&outcome.found, &bundles)),
         ("fit.csv", fit(outcome)),
         ("starts.csv", points(&outcome.found, true)),
@@ -31,7 +33,7 @@ pub fn files(outcome: &Outcome, cost: &CostOptions) -> Vec<(String, Vec<u8>)> {
 /// parameters.csv: `lower` and `upper` are the ends of the interval, `range_lower` and `range_upper` those of the range sought in.
 pub fn parameters(found: &Calibrated) -> String {
     let mut out = "design_variable,bundle,kind,value,lower,upper,range_lower,range_upper,determined\n".to_owned();
-    for p in &found.parameters {
+    for p in found.parameters.iter().filter(|p| p.number < FIRST) {
         let _ = writeln!(
             out,
             "X{},{},{},{:.6},{:.6},{:.6},{},{},{:.3}",
@@ -44,6 +46,20 @@ pub fn parameters(found: &Calibrated) -> String {
             p.range[0],
             p.range[1],
             p.determined
+        );
+    }
+    out
+}
+
+/// frames.csv: turns and shifts of the frames, where they were sought.
+fn frames(found: &Calibrated) -> String {
+    let mut out = "frame,kind,value,lower,upper,range_lower,range_upper,determined\n".to_owned();
+    for p in found.parameters.iter().filter(|p| p.number >= FIRST) {
+        let (kind, range) = (p.kind.name(), p.range);
+        let _ = writeln!(
+            out,
+            "{},{kind},{:.4},{:.4},{:.4},{:.3},{:.3},{:.3}",
+            p.bundle, p.value, p.lower, p.upper, range[0], range[1], p.determined
         );
     }
     out
@@ -123,7 +139,7 @@ pub fn metrics(outcome: &Outcome) -> Value {
         let named = (0..5).filter_map(|c| v[c].map(|x| (format!("{}_{}", COORDINATES[c], VALUE_UNITS[c]), json!(x))));
         Value::Object(named.collect())
     };
-    let ranges: Vec<f64> = found.parameters.iter().map(|p| p.determined).collect();
+    let ranges: Vec<f64> = found.parameters.iter().filter(|p| p.number < FIRST).map(|p| p.determined).collect();
     json!({
         "method": found.method,
         "trials": outcome.trials.len(),
@@ -153,7 +169,7 @@ pub fn words(outcome: &Outcome) -> String {
             let _ = writeln!(text, "  {} misses by {rms:.2} {unit} (root mean square)", COORDINATES[c]);
         }
     }
-    for p in &found.parameters {
+    for p in found.parameters.iter().filter(|p| p.number < FIRST) {
         let _ = writeln!(
             text,
             "  X{:<2} {:7} {:18} {:8.3}  {:8.3} to {:8.3}  {:3.0} % by the data",

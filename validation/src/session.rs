@@ -2,11 +2,13 @@
 
 use crate::calibrate::{Calibrated, Checkpoint, Identity, Probes, calibrate};
 use crate::cost::CostFunction;
-use crate::design::Design;
+use crate::design::{Design, Kind};
 use crate::error::ValidationError;
 use crate::experiment::Experiment;
+use crate::frames::FIRST;
 use crate::knee::Knee;
-use crate::options::CalibrateOptions;
+use crate::options::{CalibrateOptions, Method};
+use crate::posterior::ParameterEstimate;
 use crate::problem::Problem;
 use crate::targets::{Targets, targets};
 use serde::{Deserialize, Serialize};
@@ -75,7 +77,11 @@ impl Session {
     ) -> Result<Session, ValidationError> {
         options.check()?;
         let ct: &PoseSpec = &spec.frames.gs_ct_pose;
-        let design = Design::of_model(spec)?.with_ranges(&options.ranges)?;
+        let mut design = Design::of_model(spec)?;
+        if options.method == Method::Gradient && spec.frames.chain.is_none() {
+            design = design.with_frames(&options.frames);
+        }
+        let design = design.with_ranges(&options.ranges)?;
         let targets = targets(measured, ct, &options.cost, &options.targets)?;
         let cost = CostFunction::new(&targets.trials, ct, &options.cost)?;
         let identity = Identity {
@@ -117,10 +123,28 @@ impl Session {
         let simulate_probes = knee.searching(&self.design, &self.probes);
         let names: Vec<String> = self.probes.iter().map(|t| t.trial.clone()).collect();
         let experiment = Experiment { design: &self.design, simulate: &simulate_probes, trials: self.probes.len() };
-        let found = calibrate(&mut checkpoint, &problem, &Probes { experiment, names: &names }, watch)?;
+        let in_full = knee.simulating(&self.design, &self.targets.trials);
+        let in_full = Experiment { simulate: &in_full, ..problem.experiment };
+        let found = calibrate(&mut checkpoint, &problem, &Probes { experiment, names: &names, in_full }, watch)?;
         let mut warnings = self.targets.warnings.clone();
         warnings.extend(found.warnings.iter().cloned());
+        warnings.extend(off(&found.parameters));
         let spec = self.design.apply(&knee.spec, &found.values);
         Ok(Outcome { found, spec, trials: self.targets.trials.clone(), warnings })
     }
+}
+
+/// What is told of frames that stand off by more than a standard deviation.
+fn off(parameters: &[ParameterEstimate]) -> Vec<String> {
+    let far = |p: &&ParameterEstimate| p.number >= FIRST && p.value.abs() > p.range[1] / 3f64.sqrt();
+    let words = |p: ParameterEstimate| {
+        let turn = p.kind == Kind::FrameTurnDeg;
+        let (way, unit) = if turn { ("turned about", "deg") } else { ("shifted along", "mm") };
+        let (bone, axis) = p.bundle.split_once('.').unwrap_or((p.bundle.as_str(), ""));
+        format!(
+            "the {bone}'s frame fits the measured motion {way} its {axis} axis by {:.1} {unit} ({:.1} to {:.1})",
+            p.value, p.lower, p.upper
+        )
+    };
+    parameters.iter().filter(far).cloned().map(words).collect()
 }

@@ -72,7 +72,7 @@ impl Bench {
         let bundles = ["A".to_owned(), "B".to_owned()];
         let problem = Problem::new(experiment, &self.targets, cost, &bundles, options).unwrap();
         let names = ["first".to_owned()];
-        let probes = Probes { experiment: Experiment { trials: 1, ..experiment }, names: &names };
+        let probes = Probes { experiment: Experiment { trials: 1, ..experiment }, names: &names, in_full: experiment };
         calibrate(&mut checkpoint, &problem, &probes, watch)
     }
 }
