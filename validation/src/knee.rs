@@ -52,6 +52,7 @@ impl SearchOptions {
     fn trials(&self) -> TrialOptions {
         let solver = SolverOptions {
             step_on_the_way_mm: self.step_on_the_way_mm,
+            departure_mm: 100.0,
             step_at_the_end_mm: self.step_at_the_end_mm,
             ..SolverOptions::default()
         };

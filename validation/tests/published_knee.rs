@@ -1,0 +1,127 @@
+//! Calibration of the published deck of Specimen 1 to its KLA trials, beside the published evaluations.
+#![expect(clippy::disallowed_methods, reason = "reads ../shared where it is there")]
+#![expect(clippy::print_stdout, reason = "figures for the reader of the log")]
+
+mod common;
+
+use sim::laxity::{LaxityTrial, Test};
+use std::collections::BTreeMap;
+use std::ops::ControlFlow;
+use validation::cost::{CostFunction, CostOptions};
+use validation::design::{Design, Kind};
+use validation::experiment::Experiment;
+use validation::knee::{Knee, SearchOptions};
+use validation::options::CalibrateOptions;
+use validation::session::Session;
+
+type Row = BTreeMap<String, String>;
+
+fn rows(test: &str, path: &str) -> Option<Vec<Row>> {
+    let text = std::fs::read_to_string(common::shared(test, path)?).expect("readable");
+    let mut lines = text.lines();
+    let header: Vec<&str> = lines.next()?.split(',').collect();
+    Some(lines.map(|l| header.iter().zip(l.split(',')).map(|(h, c)| ((*h).into(), c.into())).collect()).collect())
+}
+
+fn number(row: &Row, key: &str) -> f64 {
+    row[key].parse().unwrap_or_else(|_| panic!("{key}: {:?}", row[key]))
+}
+
+fn knee(test: &str) -> Option<Knee> {
+    let dir = common::shared(test, "published/S192803/deck")?;
+    let read = &mut |name: &str| std::fs::read(dir.join(name)).map_err(|e| e.to_string());
+    let deck = sim::abaqus::import("S192803_MAIN_LAXITY_Anterior_30deg_10.inp", read).expect("the deck is read");
+    Some(Knee::new(deck.spec, &deck.meshes, &SearchOptions::default()).expect("a model"))
+}
+
+/// The deck's 31 KLA trials at the flexion they end in.
+fn trials(test: &str) -> Option<Vec<LaxityTrial>> {
+    let all = rows(test, "published/S192803/laxity_targets.csv")?;
+    let trial = |r: &Row| {
+        let fe = r["trial"].split('_').find_map(|p| p.strip_suffix("deg")?.parse().ok()).unwrap_or(0.0);
+        let test = match r["type"].as_str() {
+            _ if fe == 0.0 => Test::Neutral,
+            "Anterior" => Test::Anterior,
+            "Internal" => Test::Internal,
+            _ => Test::External,
+        };
+        let load = [
+            -number(r, "deck_load_VV") / 1e3,
+            number(r, "deck_load_IE") / 1e3,
+            -number(r, "deck_load_ML"),
+            number(r, "deck_load_AP"),
+            -number(r, "deck_load_SI"),
+        ];
+        LaxityTrial {
+            trial: r["trial"].clone(),
+            test,
+            nominal_flexion_deg: fe,
+            load,
+            fe_deg: number(r, "deck_final_GS_FE_deg"),
+            measured: ["VV", "IE", "ML", "AP", "SI"].map(|c| Some(number(r, &format!("exp_GS_{c}")))),
+            sd: [None; 5],
+            branch: None,
+            order: None,
+            time_s: None,
+        }
+    };
+    Some(all.iter().filter(|r| r["source"] == "KLA_MRI").map(trial).collect())
+}
+
+/// Design values of a published evaluation.
+fn published(row: &Row, design: &Design) -> Vec<f64> {
+    let names = [
+        ("ACL_AM", "ACLam"),
+        ("ACL_PL", "ACLpl"),
+        ("sMCL_A", "MCLA"),
+        ("sMCL_M", "MCLM"),
+        ("sMCL_P", "MCLP"),
+        ("PCL_AL", "PCLal"),
+        ("PCL_PM", "PCLpm"),
+        ("PCAP_M", "PCAPM"),
+        ("PCAP_L", "PCAPL"),
+    ];
+    let of = |v: &validation::design::Variable| {
+        let bundle = v.bundles[0].as_str();
+        let name = names.iter().find(|n| n.0 == bundle).map_or(bundle, |n| n.1);
+        match v.kind {
+            Kind::ReferenceStrain => number(row, &format!("{name}_EREF")),
+            _ if name == "MCLA" => number(row, "MCL_K2"),
+            _ => number(row, &format!("{name}_K2")),
+        }
+    };
+    design.variables.iter().map(of).collect()
+}
+
+#[test]
+fn least_squares_beat_the_best_published_evaluation() {
+    let test = "least_squares_beat_the_best_published_evaluation";
+    let (Some(knee), Some(trials)) = (knee(test), trials(test)) else { return };
+    let evaluations = rows(test, "published/S192803/abaqus_evaluations.csv").expect("beside the deck");
+    assert_eq!((trials.len(), evaluations.len()), (31, 108));
+    let table3 = Design::of_model(&knee.spec).expect("bundles of Table 3");
+    let points: Vec<Vec<f64>> = evaluations.iter().map(|r| published(r, &table3)).collect();
+    let design = table3.widened(&points);
+    let cost = CostFunction::new(&trials, &knee.spec.frames.gs_ct_pose, &CostOptions::default()).expect("a cost");
+    let best = evaluations.iter().position(|r| r["row"] == "208").expect("row 208");
+    let in_full = knee.simulating(&design, &trials);
+    let in_full = Experiment { design: &design, simulate: &in_full, trials: trials.len() };
+    let searched = knee.searching(&design, &trials);
+    let searched = Experiment { simulate: &searched, ..in_full };
+    let theirs = cost.cost(&in_full.predictions(&points[best])).value;
+    let coarse = cost.cost(&searched.predictions(&points[best])).value;
+    assert!((coarse - theirs).abs() < 0.05 * theirs, "the search sees {coarse}, simulate {theirs}");
+
+    let ranges = design.variables.iter().map(|v| (format!("X{}", v.number), [v.lower, v.upper])).collect();
+    let mut options = CalibrateOptions { ranges, ..CalibrateOptions::default() };
+    (options.gradient.starts, options.gradient.descents, options.gradient.samples) = (3, 1, 0);
+    let session = Session::new(&knee.spec, "deck", &trials, &options).expect("usable targets");
+    let begin = session.begin(None).expect("a beginning");
+    let found = session.run(&knee, begin, &mut |_| ControlFlow::Continue(())).expect("a fit").found;
+    println!(
+        "row 208 costs {theirs:.1} by our solver; least squares reach {:.1} in {} evaluations",
+        found.lowest_cost.0,
+        found.history.len()
+    );
+    assert!(found.lowest_cost.0 <= theirs, "{} against {theirs}", found.lowest_cost.0);
+}
