@@ -2,10 +2,10 @@
 
 use crate::ingest::{NamedPoint, PointFrame, Specimen};
 use crate::{PerBone, StageError};
-use meshes::Point;
 use meshes::frame::{Ct, Pose, Scan};
 use meshes::registration::{bare, fit, icp, sample, start, target::Target};
 use meshes::surface::{ColouredMesh, TriMesh};
+use meshes::{Isometry, Point};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
@@ -132,7 +132,7 @@ pub fn register_bone(
     let chosen = chosen.ok_or_else(|| StageError("the scan does not resemble the CT bone anywhere".into()))?;
     let fine = start::thinned(&source, 1500);
     let pose = icp::refine(&target, &fine, &chosen.pose, &[2.0, 1.5, 1.0, 0.8, 0.6, 0.5]);
-    let fitted = fit::fit(&target, &prepared, &pose, options.held_out_of.max(2))
+    let fitted = settled(&target, &prepared, &fine.points, &pose, options.held_out_of.max(2))
         .ok_or_else(|| StageError("too little bare bone lies on the CT bone to fix the pose of the scan".into()))?;
     believe(&fitted, &prepared, options)?;
     Ok(BoneRegistration {
@@ -146,9 +146,32 @@ pub fn register_bone(
     })
 }
 
+/// Fits again from where a fit ended, at most ten times, until it moves the scan's `points` by less than 0.3 mm in the mean: a
+/// scan that is mostly cartilage may start a few mm off.
+fn settled(
+    target: &Target,
+    scan: &bare::Scan,
+    points: &[Point],
+    start: &Isometry,
+    held_out: usize,
+) -> Option<fit::Fitted> {
+    let mut fitted = fit::fit(target, scan, start, held_out)?;
+    let mut before = *start;
+    for _ in 0..9 {
+        let moved: f64 = points.iter().map(|p| (fitted.pose * p - before * p).norm()).sum();
+        if moved < 0.3 * points.len() as f64 {
+            break;
+        }
+        before = fitted.pose;
+        fitted = fit::fit(target, scan, &before, held_out)?;
+    }
+    Some(fitted)
+}
+
 /// Refuses what cannot be trusted.
 fn believe(fitted: &fit::Fitted, scan: &bare::Scan, options: &RegisterOptions) -> Result<(), StageError> {
     let trusted = fitted.held_out_rms < options.rms_limit_mm
+        && fitted.rms < options.rms_limit_mm
         && fitted.inlier_fraction > options.inlier_limit
         && fitted.predicted_error < options.error_limit_mm;
     if trusted {

@@ -93,6 +93,17 @@ fn forty_percent_missing_no_colours_and_two_bad_landmarks_do_no_harm() {
 }
 
 #[test]
+fn condyles_alone_mostly_covered_by_cartilage_are_laid_right() {
+    let Some(dir) = shared("register condyles", "specimens/S193761") else { return };
+    let case = case(&dir, "femur");
+    let up = case.truth.rotation.inverse() * Vector::new(0.12, 0.39, -0.91);
+    let part = part(&case.scan, &up, 0.4);
+    let result = found(&case, &part, &case.pairs);
+    let (error, _) = apart(result.ct_from_scan.motion(), &case.truth, &part.mesh);
+    assert!(error < 0.2, "{error} mm");
+}
+
+#[test]
 fn scans_in_any_pose_are_laid_right_without_landmarks() {
     for (id, bone) in [("S192803", "tibfib"), ("S193761", "femur")] {
         let Some(dir) = shared("register any pose", &format!("specimens/{id}")) else { return };
