@@ -15,8 +15,11 @@ pub struct Hidden {
     pub parameters: BTreeMap<String, f64>,
 }
 
+/// A parameter: its key, a typical size, whether only positive.
+pub type Size = (&'static str, f64, bool);
+
 /// What may be hidden: name, parameter, typical size, whether only positive.
-pub const KINDS: [(&str, &[(&str, f64, bool)]); 16] = [
+pub const KINDS: [(&str, &[Size]); 16] = [
     ("femur_frame", &[("vv_deg", 3.5, false), ("ie_deg", 5.0, false)]),
     ("tibia_frame", &[("vv_deg", 3.5, false), ("ie_deg", 5.0, false)]),
     ("flexion_offset", &[("fe_deg", 5.0, false)]),

@@ -152,7 +152,7 @@ pub fn covariance(
             Scatter {
                 loads: slopes.loads(),
                 attachments: slopes.attachments(),
-                compartments: compartments.iter().map(push).collect(),
+                compartments: modes(&compartments.iter().map(push).collect::<Vec<_>>()),
                 pressed,
                 tilt: {
                     let mut miss = Six::zeros();
@@ -163,6 +163,18 @@ pub fn covariance(
         })
         .collect();
     Ok(assemble(problem, &scatter, floor))
+}
+
+/// Part of the contact's share that all compartments have in common: more would hide joint compression, and the contact's scale is free anyway.
+const COMMON: f64 = 0.2;
+
+/// Responses to each compartment's force as deviations from their mean, and a little of the mean.
+fn modes(each: &[[f64; 5]]) -> Vec<[f64; 5]> {
+    let n = each.len().max(1) as f64;
+    let mean: [f64; 5] = std::array::from_fn(|c| each.iter().map(|p| p[c]).sum::<f64>() / n);
+    let mut out: Vec<[f64; 5]> = each.iter().map(|p| std::array::from_fn(|c| p[c] - mean[c])).collect();
+    out.push(mean.map(|m| COMMON * n * m));
+    out
 }
 
 fn assemble(problem: &Problem, scatter: &[Scatter], floor: &Floor) -> DMatrix<f64> {

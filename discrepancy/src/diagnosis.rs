@@ -294,7 +294,8 @@ fn verdict(
 
 /// Rivals with the same effects and scopes are one answer: its best fit and the sum of weights.
 fn by_names<'a>(rivals: &[(&'a Fit, f64)]) -> Vec<(&'a Fit, f64)> {
-    let mut out: Vec<(Vec<(String, Scope)>, &Fit, f64)> = Vec::new();
+    type Key = Vec<(String, Scope)>;
+    let mut out: Vec<(Key, &Fit, f64)> = Vec::new();
     for (fit, weight) in rivals {
         let mut key: Vec<(String, Scope)> = fit.hypothesis.iter().map(|c| (c.name(), c.scope)).collect();
         key.sort();

@@ -36,7 +36,7 @@ pub fn next_tests(problem: &Problem, rivals: &[(&Fit, f64)]) -> Result<Vec<NextT
         return Ok(vec![]);
     }
     let plans = plans(problem);
-    let predicted: Vec<Vec<(DVector<f64>, DMatrix<f64>)>> =
+    let predicted: Vec<Vec<Forecast>> =
         few.iter().map(|(fit, _)| predictions(problem, fit, &plans)).collect::<Result<_, _>>()?;
     let mut out = Vec::new();
     for (t, plan) in plans.iter().enumerate() {
@@ -114,12 +114,11 @@ fn plans(problem: &Problem) -> Vec<Trial> {
     out
 }
 
+/// A prediction with its scatter.
+type Forecast = (DVector<f64>, DMatrix<f64>);
+
 /// Predictions of a fit with their posterior scatter.
-fn predictions(
-    problem: &Problem,
-    fit: &Fit,
-    plans: &[Trial],
-) -> Result<Vec<(DVector<f64>, DMatrix<f64>)>, DiscrepancyError> {
+fn predictions(problem: &Problem, fit: &Fit, plans: &[Trial]) -> Result<Vec<Forecast>, DiscrepancyError> {
     let model = problem.model_at(&fit.unknowns)?;
     Ok(plans
         .par_iter()

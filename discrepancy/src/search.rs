@@ -221,6 +221,7 @@ impl Searcher<'_> {
     /// Fits a hypothesis to some readings.
     ///
     /// Errors: a model that cannot be evaluated.
+    #[expect(clippy::too_many_arguments, reason = "a hypothesis, where from, to what, how far")]
     pub fn fit(
         &self,
         hypothesis: &[Candidate],

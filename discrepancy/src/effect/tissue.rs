@@ -156,7 +156,7 @@ pub(super) fn mcl_wrap(here: &Situation, offset: f64) -> Six {
             (tibia.medial.dot(&(way * part + fibre.tibia)), part)
         };
         let ((now, part), (then, _)) = (crossing(&line.femur), crossing(&fibre.femur));
-        let h = (offset - (now - then)).max(0.0).min(20.0);
+        let h = (offset - (now - then)).clamp(0.0, 20.0);
         0.5 * h * h * (1.0 / (part * line.length) + 1.0 / ((1.0 - part) * line.length))
     })
 }
