@@ -109,7 +109,8 @@ impl Problem {
         sources: &[Source],
         catalogue: &Catalogue,
     ) -> Result<Problem, DiscrepancyError> {
-        let design = Design::of_model(spec)?;
+        let mut design = Design::of_model(spec)?;
+        design.variables.retain(|v| matches!(v.kind, Kind::ReferenceStrain | Kind::StiffnessNPerMm));
         let place = Place { femur: spec.frames.femur, tibia: spec.frames.tibia };
         let index = |name: &String| model.bundles.iter().position(|b| b.name == *name);
         let bundles = design.variables.iter().map(|v| v.bundles.iter().filter_map(index).collect()).collect();
@@ -169,6 +170,8 @@ impl Problem {
                 match v.kind {
                     Kind::ReferenceStrain => parameters[b].reference_strain += PRIOR[0] * unknowns[k],
                     Kind::StiffnessNPerMm => parameters[b].stiffness_n_per_mm *= (PRIOR[1] * unknowns[k]).exp(),
+                    // frames are effects here, not unknowns
+                    Kind::FrameTurnDeg | Kind::FrameShiftMm => {}
                 }
             }
         }
