@@ -1,4 +1,5 @@
 //! The quasi-static solver on the published deck of Specimen 1.
+#![allow(clippy::unwrap_used, reason = "tests")]
 #![expect(clippy::disallowed_methods, reason = "reads ../shared where it is there")]
 #![expect(clippy::print_stdout, reason = "figures for the reader of the log")]
 

@@ -1,7 +1,7 @@
 //! What the whole-path tests share: a synthetic specimen, the program, and the shared data where it is.
 #![allow(dead_code, reason = "each test binary uses its part")]
 #![expect(clippy::disallowed_methods, reason = "tests prepare and look at files")]
-#![allow(clippy::print_stderr, reason = "a skipped test says so")]
+#![allow(clippy::print_stderr, clippy::unwrap_used, reason = "tests")]
 
 use assert_cmd::Command;
 use std::collections::BTreeMap;
