@@ -143,10 +143,14 @@ fn hexahedra(out: &Path) {
             assert!(figure("inverted") < 0.5, "{stage} {name}");
             assert!(figure("scaled_jacobian_min") >= 0.15, "{stage} {name} {}", figure("scaled_jacobian_min"));
             assert!(figure("scaled_jacobian_mean") >= 0.85, "{stage} {name} {}", figure("scaled_jacobian_mean"));
+            let (least, most) = (figure("edge_min_mm"), figure("edge_max_mm"));
+            assert!(least >= 0.4 && most <= 1.2, "{stage} {name}: edges {least:.2} to {most:.2} mm");
         }
     }
     let metrics = json(&out.join("08-overclosure/metrics.json"));
     assert!(metrics["gap_min_mm"].as_f64().unwrap() >= 0.0);
+    let change = metrics["volume_change_mean"].as_f64().unwrap();
+    assert!(change < 0.005, "elements changed by {:.2} % of their volume in the mean", 100.0 * change);
 }
 
 fn model(out: &Path) {
