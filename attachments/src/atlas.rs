@@ -106,6 +106,9 @@ pub static ATLAS: LazyLock<Vec<Rule>> = LazyLock::new(|| {
 /// Epicondylar width that the atlas' lengths are meant for [mm]. Ours.
 pub const WIDTH_MM: f64 = 82.0;
 
+/// A rule that leads farther from the bone than this leads to where there is none, at the atlas' size [mm]. Ours.
+const OFF_BONE_MM: f64 = 12.0;
+
 /// The ligament's site on `bone` by the literature, on the surface and at least `clearance_mm` from `cartilage` (surfaces that cover
 /// bone); `None` where the bone lacks what the rule refers to (no fibula, a shaft cut short), or no rule exists.
 pub fn place(
@@ -124,7 +127,11 @@ pub fn place(
     let query = SurfaceQuery::new(mesh)?;
     let rough = found(anatomy, &rule.at, scale)?;
     let covered = |p: &Point| cartilage.iter().any(|c| c.nearest(p).distance < clearance_mm);
-    let mut centroid = query.nearest(&rough).point;
+    let nearest = query.nearest(&rough);
+    if nearest.distance > OFF_BONE_MM * scale {
+        return None;
+    }
+    let mut centroid = nearest.point;
     if covered(&centroid) {
         let free = mesh.vertices.iter().filter(|p| (*p - centroid).norm() < 25.0 && !covered(p));
         centroid = *free.min_by(|a, b| (*a - centroid).norm().total_cmp(&(*b - centroid).norm()))?;

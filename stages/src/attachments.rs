@@ -12,6 +12,7 @@ use crate::{PerBone, StageError};
 use attachments::atlas::{Anatomy, place};
 use attachments::bundle::{BUNDLES, LIGAMENTS};
 use attachments::marks::MarkOptions;
+use attachments::naming::Place;
 use attachments::site::{Bone, Fibre, Site, Source};
 use meshes::Point;
 use meshes::frame::AnatomicalFrame;
@@ -39,8 +40,15 @@ pub struct AttachmentsOptions {
     pub marks: MarkOptions,
     /// How far from the middle of its outline a rough point may lie [mm]; the format allows 4, ours adds half as much.
     pub mark_reach_mm: f64,
-    /// How far off the scan a rough point is taken for an error of frame or unit [mm]. Ours.
+    /// How far off the CT bone a rough point may lie before the bone counts as missing there [mm]: the format's 4 mm.
+    pub mark_off_site_mm: f64,
+    /// How far off the scan a rough point is taken for an error of frame or unit, if most of the bone's are [mm]. Ours.
     pub mark_off_bone_mm: f64,
+    /// How far off the scan a single rough point is taken for an error [mm]: no bone that may be missing is longer. Ours.
+    pub mark_lost_mm: f64,
+    /// How far from a mark whose bone is missing the literature's site may lie and still stand for it [mm]; farther, the mark contradicts
+    /// it and the ligament is left out. Ours: the literature's largest error.
+    pub literature_reach_mm: f64,
     /// How far from its usual place an outline keeps its name, in epicondylar widths [-]. Ours: half the distance between sites.
     pub place_reach: f64,
     /// Share of a region's major axis over which fibres are spread [-]; the rest is the line drawn around the fibres. Ours.
@@ -56,7 +64,10 @@ impl Default for AttachmentsOptions {
         AttachmentsOptions {
             marks: MarkOptions::default(),
             mark_reach_mm: 6.0,
+            mark_off_site_mm: 4.0,
             mark_off_bone_mm: 15.0,
+            mark_lost_mm: 120.0,
+            literature_reach_mm: 15.0,
             place_reach: 0.2,
             span: 0.8,
             cartilage_clearance_mm: 1.0,
@@ -105,14 +116,23 @@ pub fn attachments(
     let width = (frames.epicondyles[0] - frames.epicondyles[1]).norm();
     let mut warnings = Vec::new();
     let mut sites = Vec::new();
+    let mut beyond = Vec::new();
     for (side, scan, pose) in [
         (&sides.femur, &specimen.scans.femur, &registration.bones.femur.ct_from_scan),
         (&sides.tibfib, &specimen.scans.tibfib, &registration.bones.tibfib.ct_from_scan),
     ] {
         let scan = marked::MarkedScan { scan, pose };
-        sites.extend(marked::sites(side, &scan, &specimen.marks, width, options, &mut warnings)?);
+        let marked = marked::sites(side, &scan, &specimen.marks, width, options, &mut warnings)?;
+        sites.extend(marked.sites);
+        beyond.extend(marked.beyond.into_iter().map(|place| (side.bone, place)));
     }
-    sites.extend(literature(specimen, bones, cartilage, frames, &sites, options));
+    let contradicted = |site: &Site| {
+        let same = |(bone, place): &&(Bone, Place)| *bone == site.bone && place.name == site.ligament;
+        let mark = beyond.iter().find(same);
+        mark.is_some_and(|(_, place)| (place.point - site.centroid).norm() > options.literature_reach_mm)
+    };
+    let literature = literature(specimen, bones, cartilage, frames, &sites, options);
+    sites.extend(literature.into_iter().filter(|site| !contradicted(site)));
     let fibres = fibres::lay(&sides, &mut sites, &specimen.given_fibres, options, &mut warnings);
     let rank = |s: &Site| (LIGAMENTS.iter().position(|l| *l == s.ligament), s.bone);
     sites.sort_by_key(rank);

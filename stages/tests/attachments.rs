@@ -338,3 +338,37 @@ fn a_mark_off_the_bone_is_refused_and_one_without_outline_is_a_point() {
     assert_eq!((acl.source, acl.area_mm2), (Source::Marked, 0.0));
     assert!(result.warnings.iter().any(|w| w.contains("no outline within")));
 }
+
+#[test]
+fn a_mark_whose_bone_is_missing_gives_way_to_the_literature_or_leaves_its_bundles_out() {
+    let name = "a_mark_whose_bone_is_missing_gives_way_to_the_literature_or_leaves_its_bundles_out";
+    let Some(mut knee) = knee(name, "S192803") else { return };
+    knee.specimen.scans.tibfib.colours.iter_mut().for_each(|c| *c = [222, 200, 165]);
+    let tibia = knee.frames.tibia;
+    let to_scan = knee.registration.bones.tibfib.ct_from_scan.motion().inverse();
+    let lateral = to_scan * (-tibia.medial);
+    let mark = |knee: &Knee, name: &str| {
+        let is = |m: &&NamedPoint| m.name == name && m.frame == PointFrame::ScanTibfib;
+        knee.specimen.marks.iter().position(|m| is(&m)).unwrap()
+    };
+    let (smcl, acl) = (mark(&knee, "sMCL"), mark(&knee, "ACL"));
+    // 30 mm off the bone: nothing that the literature knows is near; 6 mm: its own place of the ligament is.
+    knee.specimen.marks[smcl].point -= 30.0 * lateral;
+    knee.specimen.marks[acl].point += 6.0 * (to_scan * tibia.superior);
+    let result = knee.attach();
+    let tibial = |l: &str| result.sites.iter().find(|s| s.ligament == l && s.bone == Bone::Tibfib);
+    assert!(tibial("sMCL").is_none());
+    for bundle in ["sMCL_A", "sMCL_M", "sMCL_P"] {
+        assert!(result.fibres.iter().all(|f| f.bundle != bundle));
+        assert!(result.warnings.iter().any(|w| w.contains(bundle) && w.contains("left out")), "{:?}", result.warnings);
+    }
+    assert_eq!(tibial("ACL").unwrap().source, Source::Literature);
+    assert_eq!(result.warnings.iter().filter(|w| w.contains("the bone is missing there")).count(), 2);
+    // Most of a bone's marks astray is no missing bone.
+    knee.specimen
+        .marks
+        .iter_mut()
+        .filter(|m| m.frame == PointFrame::ScanTibfib)
+        .for_each(|m| m.point += 90.0 * lateral);
+    assert!(knee.attempt().is_err());
+}

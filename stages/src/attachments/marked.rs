@@ -18,6 +18,15 @@ pub(super) struct MarkedScan<'a> {
     pub(super) pose: &'a Pose<Scan, Ct>,
 }
 
+/// What the marks of one bone come to.
+#[derive(Default)]
+pub(super) struct Marked {
+    /// Sites outlined, and those of rough points without an outline.
+    pub(super) sites: Vec<Site>,
+    /// Marks whose bone is missing: ligament and place, CT frame.
+    pub(super) beyond: Vec<Place>,
+}
+
 /// The sites of `side` that are outlined, and those of rough points without an outline.
 pub(super) fn sites(
     side: &Side,
@@ -26,26 +35,27 @@ pub(super) fn sites(
     width: f64,
     options: &AttachmentsOptions,
     warnings: &mut Vec<String>,
-) -> Result<Vec<Site>, StageError> {
+) -> Result<Marked, StageError> {
     if scan.scan.colours.is_empty() {
         warnings.push(format!("the {}'s scan has no colours: no outlines can be found on it", side.name));
     }
     let regions = find_outlines(scan.scan, &options.marks);
     let footprints: Vec<Footprint> = regions.iter().map(|r| project(r, scan.pose.motion(), side.query)).collect();
-    let points = rough_points(side, scan, marks, options)?;
+    let (points, beyond) = rough_points(side, scan, marks, options)?;
+    warnings.extend(beyond.iter().map(|place| refusal(side, place, options)));
     let centroids: Vec<Point> = footprints.iter().map(|f| f.centroid).collect();
     let mut names: Vec<Option<String>> = assign(&centroids, &points, options.mark_reach_mm)
         .into_iter()
         .map(|p| p.map(|p| points[p].name.clone()))
         .collect();
-    let mut found = Vec::new();
+    let mut found = Marked { sites: Vec::new(), beyond };
     for place in points.iter().filter(|p| !names.contains(&Some(p.name.clone())) && is_ligament(&p.name)) {
         let nearest = side.query.nearest(&place.point);
         warnings.push(format!(
-            "{} on the {}: no outline within {} mm of the point given in marks.csv, the point itself is the site",
+            "{} on the {}: no outline within {} mm of the point given in marks.csv, the point itself is the site, as rough as it is",
             place.name, side.name, options.mark_reach_mm
         ));
-        found.push(point_site(side.bone, &place.name, nearest.point, nearest.distance));
+        found.sites.push(point_site(side.bone, &place.name, nearest.point, nearest.distance));
     }
     let usual: Vec<Place> = usual_places(side.bone, side.frame, width)
         .into_iter()
@@ -60,7 +70,7 @@ pub(super) fn sites(
             warnings.push(format!("outline {whose} on the {} is broken: {percent:.0} % of it was bridged", side.name));
         }
         match name {
-            Some(ligament) if is_ligament(&ligament) => found.push(Site {
+            Some(ligament) if is_ligament(&ligament) => found.sites.push(Site {
                 ligament,
                 bone: side.bone,
                 centroid: c,
@@ -88,16 +98,28 @@ fn point_site(bone: Bone, ligament: &str, centroid: Point, projection_mm: f64) -
     Site { ligament, bone, centroid, area_mm2: 0.0, source: Source::Marked, projection_mm, region: vec![centroid] }
 }
 
-/// The rows of marks.csv for this bone, CT frame.
+fn refusal(side: &Side, place: &Place, options: &AttachmentsOptions) -> String {
+    format!(
+        "{} on the {}: the point given in marks.csv lies {:.1} mm off the bone, more than {} mm: it is not used, the bone is missing there (a shaft cut short, no fibula)",
+        place.name,
+        side.name,
+        side.query.nearest(&place.point).distance,
+        options.mark_off_site_mm
+    )
+}
+
+/// The rows of marks.csv for this bone, CT frame: those on it, and those whose bone is missing.
+///
+/// A row far off the bone is an error of frame or unit if it lies farther than any cut reaches, or if most rows are off.
 fn rough_points(
     side: &Side,
     scan: &MarkedScan,
     marks: &[NamedPoint],
     options: &AttachmentsOptions,
-) -> Result<Vec<Place>, StageError> {
+) -> Result<(Vec<Place>, Vec<Place>), StageError> {
     let own = if side.bone == Bone::Femur { PointFrame::ScanFemur } else { PointFrame::ScanTibfib };
-    let Some(surface) = SurfaceQuery::new(&scan.scan.mesh) else { return Ok(Vec::new()) };
-    let mut places = Vec::new();
+    let Some(surface) = SurfaceQuery::new(&scan.scan.mesh) else { return Ok((Vec::new(), Vec::new())) };
+    let mut rows: Vec<(usize, f64, Place)> = Vec::new();
     for (row, mark) in marks.iter().enumerate() {
         let (point, off) = if mark.frame == own {
             (scan.pose.point(&mark.point), surface.nearest(&mark.point).distance)
@@ -106,17 +128,19 @@ fn rough_points(
         } else {
             continue;
         };
-        if off > options.mark_off_bone_mm {
-            let (line, limit) = (row + 2, options.mark_off_bone_mm);
-            return Err(StageError(format!(
-                "marks.csv line {line}: {} lies {off:.1} mm off the {}, expected within {limit} mm; check its frame, unit and coordinates",
-                mark.name, side.name
-            )));
-        }
         let name = if mark.name == "MCL" { "sMCL".to_owned() } else { mark.name.clone() };
-        places.push(Place { name, point });
+        rows.push((row + 2, off, Place { name, point }));
     }
-    Ok(places)
+    let far: Vec<&(usize, f64, Place)> = rows.iter().filter(|r| r.1 > options.mark_off_bone_mm).collect();
+    let lost = far.iter().find(|r| r.1 > options.mark_lost_mm || 2 * far.len() > rows.len());
+    if let Some((line, off, place)) = lost {
+        return Err(StageError(format!(
+            "marks.csv line {line}: {} lies {off:.1} mm off the {}, expected within {} mm; check its frame, unit and coordinates",
+            place.name, side.name, options.mark_off_bone_mm
+        )));
+    }
+    let there = |p: &Point| side.query.nearest(p).distance <= options.mark_off_site_mm;
+    Ok(rows.into_iter().map(|r| r.2).partition(|place| there(&place.point)))
 }
 
 /// Names outlines that no rough point has named by their usual place.
