@@ -2,11 +2,12 @@
 //!
 //! A pass sums over the nodes of one surface: pressure at the node's overclosure into the other surface's distance field, times its tributary
 //! area, along the field's gradient. The force is the gradient of an energy; the tangent is exact. Nodes denser than
-//! [`ContactOptions::spacing_mm`] are merged, area kept.
+//! [`ContactOptions::spacing_mm`] are merged, area kept. Nodes that may touch are listed and the list is kept while the bones move little ([`Nearby`]).
 
 pub mod field;
 pub mod friction;
 pub mod law;
+mod near;
 mod nodes;
 pub mod press;
 mod rim;
@@ -20,6 +21,8 @@ use law::PressureLaw;
 use meshes::surface::TriMesh;
 use meshes::{Isometry, Vector};
 use nalgebra::{Matrix3, Matrix6};
+use near::Kept;
+pub use near::Nearby;
 use nodes::Nodes;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -64,6 +67,26 @@ pub(crate) struct Pair {
 pub(crate) struct Side {
     pub(crate) nodes: Nodes,
     pub(crate) field: Field,
+}
+
+/// One pass of a pair at a pose: `nodes` into `field`.
+struct Pass<'a> {
+    pair: usize,
+    /// Whether the nodes are the tibia's.
+    tibial: bool,
+    nodes: &'a Nodes,
+    field: &'a Field,
+    /// The pair's tibial field.
+    tibia: &'a Field,
+    ct_from_field: Isometry,
+    field_from_nodes: Isometry,
+}
+
+impl Pass<'_> {
+    /// The mean of both passes, as a force on the femur: a half, with its sign.
+    fn side(&self) -> f64 {
+        if self.tibial { -0.5 } else { 0.5 }
+    }
 }
 
 /// Energy, generalised gradient and Hessian of the contact, and each pair's share.
@@ -128,48 +151,56 @@ impl Contact {
 
     /// Energy, gradient and Hessian at a pose.
     pub fn evaluate(&self, pose: &Pose) -> ContactResponse {
+        self.evaluate_near(pose, &mut Nearby::once())
+    }
+
+    /// [`Contact::evaluate`], quicker where `near` holds the lists of a pose close by.
+    pub fn evaluate_near(&self, pose: &Pose, near: &mut Nearby) -> ContactResponse {
         let mut out = ContactResponse::default();
-        for pair in &self.pairs {
-            let mut wrench = (Vector::zeros(), Vector::zeros());
-            let mut area = 0.0;
-            for tibial_nodes in [true, false] {
-                let (nodes, field) = if tibial_nodes {
-                    (&pair.tibia.nodes, &pair.femur.field)
-                } else {
-                    (&pair.femur.nodes, &pair.tibia.field)
-                };
-                let ct_from_field = if tibial_nodes {
-                    pose.femur * field.local_from_ct.inverse()
-                } else {
-                    field.local_from_ct.inverse()
-                };
-                let field_from_nodes =
-                    ct_from_field.inverse() * if tibial_nodes { Isometry::identity() } else { pose.femur };
-                let sums = self.sum(nodes, field, &field_from_nodes);
-                accumulate(&mut out, &sums, &local_screws(pose, &ct_from_field), tibial_nodes);
-                // force on the femur, CT frame: nodes push what carries the field the other way
-                let turn = ct_from_field.rotation;
-                let side = if tibial_nodes { -0.5 } else { 0.5 };
-                let force = turn * sums.force * side;
-                let moment = moment(&sums.virial);
-                wrench.0 += force;
-                wrench.1 += turn * moment * side + ct_from_field.translation.vector.cross(&force);
-                area += 0.5 * sums.area;
-                out.deepest = out.deepest.max(sums.deepest);
+        for (n, pass) in self.passes(pose).enumerate() {
+            let sums = self.sum(&pass, near.pass(n));
+            let Pass { ct_from_field, tibial, .. } = pass;
+            accumulate(&mut out, &sums, &local_screws(pose, &ct_from_field), tibial);
+            // force on the femur, CT frame: nodes push what carries the field the other way
+            let turn = ct_from_field.rotation;
+            let force = turn * sums.force * pass.side();
+            let moment = turn * moment(&sums.virial) * pass.side() + ct_from_field.translation.vector.cross(&force);
+            if tibial {
+                out.wrench.push((force, moment));
+                out.area.push(0.5 * sums.area);
+            } else if let (Some(wrench), Some(area)) = (out.wrench.last_mut(), out.area.last_mut()) {
+                (wrench.0, wrench.1, *area) = (wrench.0 + force, wrench.1 + moment, *area + 0.5 * sums.area);
             }
-            out.wrench.push(wrench);
-            out.area.push(area);
+            out.deepest = out.deepest.max(sums.deepest);
         }
         out
     }
 
+    /// Both passes of every pair, that of the tibial nodes first.
+    fn passes<'a>(&'a self, pose: &'a Pose) -> impl Iterator<Item = Pass<'a>> {
+        self.pairs.iter().enumerate().flat_map(move |(n, pair)| {
+            [true, false].map(|tibial| {
+                let (nodes, field) = if tibial {
+                    (&pair.tibia.nodes, &pair.femur.field)
+                } else {
+                    (&pair.femur.nodes, &pair.tibia.field)
+                };
+                let own = field.local_from_ct.inverse();
+                let ct_from_field = if tibial { pose.femur * own } else { own };
+                let inverse = ct_from_field.inverse();
+                let field_from_nodes = if tibial { inverse } else { inverse * pose.femur };
+                Pass { pair: n, tibial, nodes, field, tibia: &pair.tibia.field, ct_from_field, field_from_nodes }
+            })
+        })
+    }
+
     /// Sums over the nodes that overclose.
     #[expect(clippy::needless_range_loop, reason = "indices of matrices")]
-    fn sum(&self, nodes: &Nodes, field: &Field, to_field: &Isometry) -> Sums {
+    fn sum(&self, pass: &Pass, near: &mut Kept) -> Sums {
         let mut sums = Sums::default();
-        let (highest, mut stiffness) = (-self.law.start(), [0.0; 21]);
-        nodes.for_each_near(field, to_field, -highest, |p, area| {
-            let Some(s) = field.sample(p, highest) else { return };
+        let (start, mut stiffness) = (self.law.start(), [0.0; 21]);
+        near.for_each((pass.nodes, pass.field), &pass.field_from_nodes, start, |p, area| {
+            let Some(s) = pass.field.sample::<true>(p, -start) else { return };
             let (e, pressure, slope) = self.law.at(-s.distance);
             let g = s.gradient;
             let force_area = area * self.scale;

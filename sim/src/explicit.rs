@@ -20,6 +20,7 @@ pub use program::{Course, Drive, Program, Step};
 pub use state::ExplicitState;
 pub use trial::{TrialSteps, deck_program, explicit_trial};
 
+use crate::contact::Nearby;
 use crate::error::SimError;
 use crate::joint::{Pose, Six};
 use crate::model::{FibreState, Model};
@@ -71,6 +72,7 @@ pub fn run(
     options.check()?;
     program.check(options)?;
     let total: f64 = program.steps.iter().map(|s| s.duration_s).sum();
+    let mut near = Nearby::default();
     while let Some(step) = program.steps.get(state.step) {
         let earlier = &program.steps[..state.step];
         let cut = failed(model, &program.steps[..=state.step])?;
@@ -79,7 +81,7 @@ pub fn run(
         let stepper = Stepper::new(&cut, step, options);
         let before: f64 = earlier.iter().map(|s| s.duration_s).sum();
         while state.time_s < step.duration_s {
-            let done = stepper.advance(state)?;
+            let done = stepper.advance(state, &mut near)?;
             let (increment_s, drive) = (done.increment_s, done.drive);
             let fraction = (before + state.time_s) / total;
             let progress = Progress { step: &step.name, fraction, increment_s, drive, state };
@@ -87,7 +89,7 @@ pub fn run(
                 return Err(SimError::Cancelled { time: before + state.time_s });
             }
         }
-        stepper.close(state)?;
+        stepper.close(state, &mut near)?;
         state.end();
     }
     Ok(())

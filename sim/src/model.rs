@@ -6,7 +6,7 @@
 mod check;
 
 use crate::abaqus::MeshValue;
-use crate::contact::{Contact, ContactOptions, ContactResponse};
+use crate::contact::{Contact, ContactOptions, ContactResponse, Nearby};
 use crate::error::SimError;
 use crate::joint::{Joint, Pose, Six};
 use crate::ligament::{self, Bundle, Fibre, Line, Response};
@@ -231,6 +231,17 @@ impl Model {
     pub fn evaluate_parts(&self, q: &Six, with_contact: bool) -> Evaluation {
         let pose = self.joint.pose(q);
         let contact = if with_contact { self.contact.evaluate(&pose) } else { ContactResponse::default() };
+        self.evaluation(pose, contact)
+    }
+
+    /// [`Model::evaluate`], quicker where `near` holds the lists of a pose close by.
+    pub fn evaluate_near(&self, q: &Six, near: &mut Nearby) -> Evaluation {
+        let pose = self.joint.pose(q);
+        let contact = self.contact.evaluate_near(&pose, near);
+        self.evaluation(pose, contact)
+    }
+
+    fn evaluation(&self, pose: Pose, contact: ContactResponse) -> Evaluation {
         let (mut energy, mut gradient, mut hessian) = (contact.energy, contact.gradient, contact.hessian);
         let fibres = self.fibre_states(&pose);
         for FibreState { line, response } in fibres.iter().filter(|s| s.response.energy > 0.0) {

@@ -6,7 +6,7 @@
 //! of the coordinates (flexion's share given) [ortiz1999]. It is found by Newton's method with the exact tangent in a trust region, so that
 //! a snap is followed downhill to the branch the damped motion would reach. Without dashpots an increment ends in equilibrium.
 
-use crate::contact::{FrictionState, Patches};
+use crate::contact::{FrictionState, Nearby, Patches};
 use crate::error::SimError;
 use crate::joint::{FE, FREE, Six};
 use crate::model::{Evaluation, Model};
@@ -156,8 +156,8 @@ struct Value {
 }
 
 impl Increment<'_> {
-    fn at(&self, q: &Six) -> Value {
-        let evaluation = self.model.evaluate(q);
+    fn at(&self, q: &Six, near: &mut Nearby) -> Value {
+        let evaluation = self.model.evaluate_near(q, near);
         let step = q - self.from.q;
         let mut objective = evaluation.energy - self.load.dot(&step);
         let mut gradient = evaluation.gradient - self.load;
@@ -183,6 +183,18 @@ pub fn increment(
     options: &SolverOptions,
     end: bool,
 ) -> Result<Solved, SimError> {
+    increment_near(model, from, goal, options, end, &mut Nearby::default())
+}
+
+/// [`increment`] with the contact's lists of the increment before.
+pub(crate) fn increment_near(
+    model: &Model,
+    from: &State,
+    goal: &Goal,
+    options: &SolverOptions,
+    end: bool,
+    near: &mut Nearby,
+) -> Result<Solved, SimError> {
     let mut load = goal.load;
     load[FE] = 0.0;
     if !(load.iter().all(|x| x.is_finite()) && goal.flexion.is_finite()) {
@@ -190,7 +202,7 @@ pub fn increment(
     }
     let pose = model.joint.pose(&from.q);
     let viscous = goal.flow.map(|(seconds, dashpots)| damping(model, &pose, &dashpots) / seconds);
-    let patches = model.contact.patches(&pose, &from.friction, options.slip_mm);
+    let patches = model.contact.patches(&pose, &from.friction, options.slip_mm, near);
     let problem = Increment { model, from, load, viscous, patches };
     let mut start = from.q;
     if let Some((seconds, _)) = goal.flow {
@@ -199,7 +211,7 @@ pub fn increment(
     start[FE] = goal.flexion;
     let tolerance = if end { options.step_at_the_end_mm } else { options.step_on_the_way_mm };
     let predicted = start;
-    let (value, q, evaluations) = minimise(&problem, start, (tolerance, end), options.iterations)?;
+    let (value, q, evaluations) = minimise(&problem, start, (tolerance, end), options.iterations, near)?;
     let step = q - from.q;
     let (mut friction_gradient, mut unused) = (Six::zeros(), (0.0, Matrix6::zeros()));
     problem.patches.add(&step, &mut unused.0, &mut friction_gradient, &mut unused.1);
@@ -235,8 +247,9 @@ fn minimise(
     start: Six,
     (tolerance, checked): (f64, bool),
     iterations: usize,
+    near: &mut Nearby,
 ) -> Result<(Value, Six, usize), SimError> {
-    let (mut q, mut value) = (start, problem.at(&start));
+    let (mut q, mut value) = (start, problem.at(&start, near));
     let mut radius = LONGEST_STEP;
     for evaluations in 1..=iterations {
         let (gradient, hessian) = scaled(&value);
@@ -248,7 +261,7 @@ fn minimise(
         if !checked && length < tolerance && length < radius {
             return Ok((value, next, evaluations));
         }
-        let tried = problem.at(&next);
+        let tried = problem.at(&next, near);
         let gained = value.objective - tried.objective;
         // below this the objective's digits do not tell; the gradient does
         let noise = 1e-12 * (1.0 + value.objective.abs());
@@ -319,7 +332,7 @@ fn trust_step(eigen: &SymmetricEigen<f64, nalgebra::U5>, gradient: &Vector5<f64>
     eigen.eigenvectors * at(high)
 }
 
-/// Follows a phase of a path; `observe` sees every increment. Increments with dashpots are shortened where the motion departs from its
+/// Follows a phase of a path; `observe` sees every increment, `near` is kept along the path. Increments with dashpots are shortened where the motion departs from its
 /// extrapolation by more than [`SolverOptions::departure_mm`], as in a snap, and lengthened where it does not.
 ///
 /// Errors: as [`increment`], after halving increments in vain.
@@ -328,7 +341,7 @@ pub fn follow(
     from: &State,
     load: &Six,
     phase: &Phase,
-    options: &SolverOptions,
+    (options, near): (&SolverOptions, &mut Nearby),
     observe: &mut dyn FnMut(f64, &Solved),
 ) -> Result<State, SimError> {
     let mut state = State { rate: Six::zeros(), ..from.clone() };
@@ -344,7 +357,7 @@ pub fn follow(
             load: load + (phase.load - load) * share,
             flow: phase.flow.map(|(seconds, dashpots)| (seconds * (next - done), dashpots)),
         };
-        match increment(model, &state, &goal, options, false) {
+        match increment_near(model, &state, &goal, options, false, near) {
             Ok(solved) if solved.departure <= options.departure_mm || size <= shortest => {
                 observe(next, &solved);
                 let growth = if solved.departure < 0.3 * options.departure_mm { 2.0 } else { 1.0 };

@@ -3,11 +3,12 @@
 //! The path is the paper's [andreassen2025, section 2.4.5]: settle in the CT pose under the trial's compression with heavy damping, then flex
 //! and load, then hold. Loads begin to change a third into the flexing, as in the published decks. Signs are clinical, whatever the side.
 
+use crate::contact::Nearby;
 use crate::error::SimError;
 use crate::joint::{AP, FE, IE, ML, SI, Six, VV};
 use crate::laxity::{LaxityTrial, TrialResult};
 use crate::model::{Evaluation, Model};
-use crate::quasistatic::{Dashpots, Goal, Phase, Solved, SolverOptions, State, follow, increment};
+use crate::quasistatic::{Dashpots, Goal, Phase, Solved, SolverOptions, State, follow, increment_near};
 use crate::spec::PoseSpec;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -205,7 +206,8 @@ pub fn solve_from(
     options.check()?;
     let flexion = chain_flexion(model, fe_deg, options)?;
     let compression = generalised(&[0.0, 0.0, 0.0, 0.0, load[4]]);
-    let mut path = Path { model, options, state: settled.clone(), load: compression, evaluations: 0 };
+    let mut path = Path::at(model, options, settled.clone());
+    path.load = compression;
     path.load(flexion, &generalised(load))?;
     path.rest()
 }
@@ -217,12 +219,18 @@ pub(crate) struct Path<'a> {
     state: State,
     load: Six,
     evaluations: usize,
+    near: Nearby,
 }
 
 impl<'a> Path<'a> {
+    /// At a state without load.
+    fn at(model: &'a Model, options: &'a TrialOptions, state: State) -> Path<'a> {
+        Path { model, options, state, load: Six::zeros(), evaluations: 0, near: Nearby::default() }
+    }
+
     /// The CT pose settled under a compression [N].
     pub(crate) fn settled(model: &'a Model, compression: f64, options: &'a TrialOptions) -> Result<Path<'a>, SimError> {
-        let mut path = Path { model, options, state: State::default(), load: Six::zeros(), evaluations: 0 };
+        let mut path = Path::at(model, options, State::default());
         let damping = options.settle_damping;
         let heavy = Dashpots { fibres: true, translation: damping, rotation: damping };
         let load = generalised(&[0.0, 0.0, 0.0, 0.0, compression]);
@@ -254,7 +262,8 @@ impl<'a> Path<'a> {
     pub(crate) fn follow(&mut self, phase: &Phase) -> Result<(), SimError> {
         let mut count = 0;
         let mut observe = |_: f64, s: &Solved| count += s.evaluations;
-        self.state = follow(self.model, &self.state, &self.load, phase, &self.options.solver, &mut observe)?;
+        self.state =
+            follow(self.model, &self.state, &self.load, phase, (&self.options.solver, &mut self.near), &mut observe)?;
         self.load = phase.load;
         self.evaluations += count;
         Ok(())
@@ -263,7 +272,7 @@ impl<'a> Path<'a> {
     /// The equilibrium where the path stands; the path goes on from there.
     pub(crate) fn rest(&mut self) -> Result<Answer, SimError> {
         let goal = Goal { flexion: self.state.q[FE], load: self.load, flow: None };
-        let solved = increment(self.model, &self.state, &goal, &self.options.solver, true)?;
+        let solved = increment_near(self.model, &self.state, &goal, &self.options.solver, true, &mut self.near)?;
         self.evaluations += solved.evaluations;
         self.state = solved.state.clone();
         let gs = self.model.joint.grood_suntay(&solved.state.q);

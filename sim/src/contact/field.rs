@@ -20,6 +20,8 @@ const BLOCK: usize = 4;
 const BAND: [f64; 2] = [5.0, 2.5];
 /// Breadth of the fading beyond a rim [mm].
 const RIM: f64 = 1.0;
+/// Motion over which the bound of a grid node's gradients holds [grid spacings].
+const AROUND: usize = 1;
 /// More grid nodes than this are refused: a surface of absurd size.
 const MOST_NODES: usize = 60_000_000;
 
@@ -31,6 +33,8 @@ pub struct Field {
     low: [i64; 3],
     size: [usize; 3],
     coefficients: Vec<f32>,
+    /// Bound of the gradient within a spacing of what lies nearest to each grid node [-].
+    steepest: Vec<f32>,
 }
 
 /// Distance, gradient, second derivatives (xx, xy, xz, yy, yz, zz).
@@ -58,9 +62,10 @@ impl Field {
         if size.iter().try_fold(1usize, |a, b| a.checked_mul(*b)).is_none_or(|n| n > MOST_NODES) {
             return Err(SimError::Spec(format!("surface {name} is {:.0} mm across; is it in mm?", (hi - lo).norm())));
         }
-        let mut field = Field { local_from_ct, low, size, coefficients: Vec::new() };
+        let mut field = Field { local_from_ct, low, size, coefficients: Vec::new(), steepest: Vec::new() };
         let samples = field.sample_blocks(&exact, blocks);
         field.coefficients = field.prefiltered(&samples);
+        field.steepest = field.steepness();
         Ok(field)
     }
 
@@ -113,6 +118,47 @@ impl Field {
         coefficients
     }
 
+    /// Bounds of the gradient: the spline's is a mean of differences of neighbouring coefficients, of those that it spans.
+    fn steepness(&self) -> Vec<f32> {
+        let [nx, ny, _] = self.size;
+        let mut squares = vec![0f32; self.coefficients.len()];
+        for (axis, stride) in [1, nx, nx * ny].into_iter().enumerate() {
+            let next = self.coefficients.iter().skip(stride).chain(std::iter::repeat(&f32::NAN));
+            let difference =
+                |(a, b): (&f32, &f32)| if b.is_nan() { 0.0 } else { ((b - a) * (1.0 / SPACING) as f32).abs() };
+            let mut most: Vec<f32> = self.coefficients.iter().zip(next).map(difference).collect();
+            for (along, stride) in [1, nx, nx * ny].into_iter().enumerate() {
+                let (before, after) = (1 + AROUND, AROUND + usize::from(along != axis));
+                most = largest(&most, before * stride, after * stride, stride);
+            }
+            squares.iter_mut().zip(&most).for_each(|(s, m)| *s += m * m);
+        }
+        squares.iter().map(|s| s.sqrt() * 1.0001 + 1e-6).collect()
+    }
+
+    /// Motion without which a local point cannot come deeper than `start` [mm], if it is less than [`AROUND`] spacings.
+    pub(super) fn clearance(&self, p: &[f64; 3], start: f64) -> f64 {
+        let Some((at, offset)) = self.cell(p) else { return f64::INFINITY };
+        let [(wx, _), (wy, _), (wz, _)] = offset.map(weights);
+        let mut distance = 0.0;
+        for (k, z) in wz.iter().enumerate() {
+            for (j, y) in wy.iter().enumerate() {
+                let [a, b, c] = self.row(at, j, k);
+                distance += (a * wx[0] + b * wx[1] + c * wx[2]) * (y * z);
+            }
+        }
+        (distance + start).max(0.0) / f64::from(self.steepest[at])
+    }
+
+    /// Three coefficients along x, at `j`, `k` of the 27 around a cell's node.
+    #[inline]
+    fn row(&self, at: usize, j: usize, k: usize) -> [f64; 3] {
+        let [nx, ny, _] = self.size;
+        let start = at + k * nx * ny + j * nx - nx * ny - nx - 1;
+        let row = &self.coefficients[start..start + 3];
+        [f64::from(row[0]), f64::from(row[1]), f64::from(row[2])]
+    }
+
     /// The grid cell of a local point and its offset from the nearest node; `None` outside.
     #[inline]
     fn cell(&self, p: &[f64; 3]) -> Option<(usize, [f64; 3])> {
@@ -135,38 +181,16 @@ impl Field {
         self.cell(p).map_or(1e3, |(at, _)| f64::from(self.coefficients[at]))
     }
 
-    /// Distance and derivatives at a local point; `None` where it is above `highest` or off the grid.
+    /// Distance and derivatives, the second ones where `CURVED`, at a local point; `None` where it is above `highest` or off the grid.
     #[inline]
-    pub fn sample(&self, p: &[f64; 3], highest: f64) -> Option<Sample> {
-        self.sample_to::<true>(p, highest)
-    }
-
-    /// [`Field::sample`], second derivatives only where `CURVED`.
-    #[inline]
-    pub(crate) fn sample_to<const CURVED: bool>(&self, p: &[f64; 3], highest: f64) -> Option<Sample> {
+    pub(crate) fn sample<const CURVED: bool>(&self, p: &[f64; 3], highest: f64) -> Option<Sample> {
         let (at, offset) = self.cell(p)?;
-        let [nx, ny, _] = self.size;
         let [(wx, dx), (wy, dy), (wz, dz)] = offset.map(weights);
-        let row = |j: usize, k: usize| {
-            let start = at + k * nx * ny + j * nx - nx * ny - nx - 1;
-            let row = &self.coefficients[start..start + 3];
-            [f64::from(row[0]), f64::from(row[1]), f64::from(row[2])]
-        };
-        // rows along x are contracted first, then along y, then along z; the distance alone tells whether the rest is wanted
-        let mut distance = 0.0;
-        for (k, z) in wz.iter().enumerate() {
-            for (j, y) in wy.iter().enumerate() {
-                let [a, b, c] = row(j, k);
-                distance += (a * wx[0] + b * wx[1] + c * wx[2]) * (y * z);
-            }
-        }
-        if distance > highest {
-            return None;
-        }
+        // rows along x are contracted first, then along y, then along z
         let mut plane = [[0.0; 6]; 3];
         for (k, slot) in plane.iter_mut().enumerate() {
             for j in 0..3 {
-                let [a, b, c] = row(j, k);
+                let [a, b, c] = self.row(at, j, k);
                 let (v, d, s) = (a * wx[0] + b * wx[1] + c * wx[2], a * dx[0] + b * dx[1] + c * dx[2], a - 2.0 * b + c);
                 slot[0] += v * wy[j];
                 slot[1] += d * wy[j];
@@ -179,6 +203,10 @@ impl Field {
             }
         }
         let z = |n: usize, w: &[f64; 3]| plane[0][n] * w[0] + plane[1][n] * w[1] + plane[2][n] * w[2];
+        let distance = z(0, &wz);
+        if distance > highest {
+            return None;
+        }
         let (g, h) = (1.0 / SPACING, 1.0 / (SPACING * SPACING));
         let hessian = if CURVED {
             [z(2, &wz) * h, z(4, &wz) * h, z(1, &dz) * h, z(5, &wz) * h, z(3, &dz) * h, z(0, &CURVE) * h]
@@ -187,6 +215,18 @@ impl Field {
         };
         Some(Sample { distance, gradient: [z(1, &wz) * g, z(3, &wz) * g, z(0, &dz) * g], hessian })
     }
+}
+
+/// The largest of the values within `before` and `after` of each, `stride` apart.
+fn largest(values: &[f32], before: usize, after: usize, stride: usize) -> Vec<f32> {
+    let mut out = values.to_vec();
+    for shift in (stride..=before).step_by(stride) {
+        out.iter_mut().skip(shift).zip(values).for_each(|(o, v)| *o = o.max(*v));
+    }
+    for shift in (stride..=after).step_by(stride) {
+        out.iter_mut().zip(&values[shift.min(values.len())..]).for_each(|(o, v)| *o = o.max(*v));
+    }
+    out
 }
 
 /// Second derivative of the spline's three weights.

@@ -2,8 +2,8 @@
 //! over a small slip and slides at the Coulomb limit. Over an increment it derives from a convex potential of the increment (the limit
 //! and the patch are those at its start), so an equilibrium with friction is a minimum as well.
 
-use super::Contact;
 use super::press::{Key, Spot};
+use super::{Contact, Nearby};
 use crate::joint::{Pose, Screw, Six};
 use meshes::Vector;
 use nalgebra::{Matrix3, Matrix6};
@@ -48,11 +48,11 @@ struct Patch {
 
 impl Contact {
     /// Patches at a pose, with the tangential forces `state` holds; stick stiffness reaches the limit within `slip` [mm].
-    pub fn patches(&self, pose: &Pose, state: &FrictionState, slip: f64) -> Patches {
+    pub fn patches(&self, pose: &Pose, state: &FrictionState, slip: f64, near: &mut Nearby) -> Patches {
         if self.friction == 0.0 {
             return Patches::default();
         }
-        self.patches_of(&self.press(pose).spots, &pose.screws, state, slip)
+        self.patches_of(&self.press_near(pose, near).spots, &pose.screws, state, slip)
     }
 
     /// [`Contact::patches`] where the contact's forces are known.

@@ -1,6 +1,5 @@
 //! Nodes of a surface with their tributary areas, in clusters that are passed over as a whole where they are far off.
 
-use super::field::Field;
 use meshes::surface::TriMesh;
 use meshes::{Isometry, Point};
 use std::collections::BTreeMap;
@@ -11,16 +10,18 @@ const CLUSTER: f64 = 4.0;
 /// Nodes, sorted by cluster, CT coordinates.
 #[derive(Clone, Debug)]
 pub(crate) struct Nodes {
-    position: Vec<[f64; 3]>,
-    area: Vec<f64>,
-    clusters: Vec<Cluster>,
+    pub(super) position: Vec<[f64; 3]>,
+    pub(super) area: Vec<f64>,
+    pub(super) clusters: Vec<Cluster>,
+    /// Least and greatest coordinates.
+    pub(super) extent: [[f64; 3]; 2],
 }
 
 #[derive(Clone, Debug)]
-struct Cluster {
-    centre: [f64; 3],
-    radius: f64,
-    range: std::ops::Range<usize>,
+pub(super) struct Cluster {
+    pub(super) centre: [f64; 3],
+    pub(super) radius: f64,
+    pub(super) range: std::ops::Range<usize>,
 }
 
 impl Nodes {
@@ -46,13 +47,18 @@ impl Nodes {
             let k = (frame * p).coords.map(|x| (x / CLUSTER).floor() as i64);
             cells.entry([k.x, k.y, k.z]).or_default().push((area, p));
         }
-        let mut nodes = Nodes { position: Vec::new(), area: Vec::new(), clusters: Vec::new() };
+        let extent = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
+        let mut nodes = Nodes { position: Vec::new(), area: Vec::new(), clusters: Vec::new(), extent };
         for cell in cells.into_values() {
             let start = nodes.position.len();
             let centre = cell.iter().map(|(_, p)| p.coords).sum::<meshes::Vector>() / cell.len() as f64;
             let radius = cell.iter().map(|(_, p)| (p.coords - centre).norm()).fold(0.0, f64::max);
             for (area, p) in &cell {
                 nodes.position.push([p.x, p.y, p.z]);
+                for a in 0..3 {
+                    nodes.extent[0][a] = nodes.extent[0][a].min(p[a]);
+                    nodes.extent[1][a] = nodes.extent[1][a].max(p[a]);
+                }
                 nodes.area.push(*area);
             }
             let range = start..nodes.position.len();
@@ -62,37 +68,8 @@ impl Nodes {
     }
 
     /// Least and greatest coordinates in another frame.
-    pub(crate) fn extent(&self, to: &Isometry) -> (Point, Point) {
+    pub(crate) fn extent_in(&self, to: &Isometry) -> (Point, Point) {
         let empty = (Point::from([f64::INFINITY; 3]), Point::from([f64::NEG_INFINITY; 3]));
         self.position.iter().map(|p| to * Point::from(*p)).fold(empty, |(low, high), p| (low.inf(&p), high.sup(&p)))
-    }
-
-    /// Calls `visit` with the field's coordinates and the area of each node that may be nearer than `-overclosure` to the surface.
-    #[inline]
-    pub(crate) fn for_each_near(
-        &self,
-        field: &Field,
-        to_field: &Isometry,
-        overclosure: f64,
-        mut visit: impl FnMut(&[f64; 3], f64),
-    ) {
-        let r = to_field.rotation.to_rotation_matrix();
-        let (m, t) = (r.matrix(), to_field.translation.vector);
-        let map = |p: &[f64; 3]| -> [f64; 3] {
-            std::array::from_fn(|i| m[(i, 0)] * p[0] + m[(i, 1)] * p[1] + m[(i, 2)] * p[2] + t[i])
-        };
-        // the coefficient at the nearest node is within a spacing and a half of the distance
-        let slack = 1.2 - overclosure;
-        for c in &self.clusters {
-            if field.rough(&map(&c.centre)) > c.radius + slack {
-                continue;
-            }
-            for i in c.range.clone() {
-                let p = map(&self.position[i]);
-                if field.rough(&p) <= slack {
-                    visit(&p, self.area[i]);
-                }
-            }
-        }
     }
 }

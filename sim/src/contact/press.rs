@@ -1,9 +1,8 @@
 //! Contact forces alone, in one pass over the nodes: what explicit dynamics and friction need, without the tangent.
 
-use super::{Contact, field::Field, nodes::Nodes};
+use super::{Contact, Kept, Nearby, Pass};
 use crate::joint::Pose;
-use meshes::{Isometry, Point, Vector};
-use std::collections::BTreeMap;
+use meshes::{Isometry, Vector};
 
 /// Edge of a patch on the tibia [mm].
 const PATCH: f64 = 4.0;
@@ -38,6 +37,8 @@ pub struct Spot {
     pub centre: Vector,
     /// Force on the femur [N].
     pub force: Vector,
+    /// Its moment about the CT origin [N mm].
+    moment: Vector,
     /// Stiffness along the force [N/mm].
     pub stiffness: f64,
 }
@@ -47,6 +48,7 @@ impl Spot {
         self.total += other.total;
         self.centre += other.centre;
         self.force += other.force;
+        self.moment += other.moment;
         self.stiffness += other.stiffness;
     }
 
@@ -59,64 +61,73 @@ impl Spot {
 impl Contact {
     /// Energy and forces at a pose.
     pub fn press(&self, pose: &Pose) -> Press {
+        self.press_near(pose, &mut Nearby::once())
+    }
+
+    /// [`Contact::press`], quicker where `near` holds the lists of a pose close by.
+    pub fn press_near(&self, pose: &Pose, near: &mut Nearby) -> Press {
         let mut out = Press::default();
-        let mut spots: BTreeMap<Key, Spot> = BTreeMap::new();
-        for (n, pair) in self.pairs.iter().enumerate() {
-            let tibia = &pair.tibia.field;
-            self.pass((n, true), (&pair.tibia.nodes, &pair.femur.field), tibia, pose, (&mut out, &mut spots));
-            self.pass((n, false), (&pair.femur.nodes, tibia), tibia, pose, (&mut out, &mut spots));
+        for (n, pass) in self.passes(pose).enumerate() {
+            self.add(&pass, near.pass(n), &mut out);
         }
-        out.spots = spots.into_values().filter(|s| s.total > 1e-6).collect();
+        out.spots.retain(|s| s.total > 1e-6);
         out.spots.iter_mut().for_each(|s| s.centre /= s.total);
         out
     }
 
-    /// One pass of a pair: `nodes` into `field`, cells counted in the frame of `tibia`.
-    fn pass(
-        &self,
-        (pair, tibial): (usize, bool),
-        (nodes, field): (&Nodes, &Field),
-        tibia: &Field,
-        pose: &Pose,
-        (out, spots): (&mut Press, &mut BTreeMap<Key, Spot>),
-    ) {
-        let own = field.local_from_ct.inverse();
-        let ct_from_field = if tibial { pose.femur * own } else { own };
-        let to_field = ct_from_field.inverse() * if tibial { Isometry::identity() } else { pose.femur };
-        let tibia_from_field = tibia.local_from_ct * ct_from_field;
-        let turn = ct_from_field.rotation.to_rotation_matrix();
-        let start = self.law.start();
-        let side = if tibial { -0.5 } else { 0.5 };
-        let mut last = Spot::default();
-        nodes.for_each_near(field, &to_field, start, |p, area| {
-            let Some(s) = field.sample_to::<false>(p, -start) else { return };
+    /// Adds a pass; cells are counted in the frame of the tibia.
+    fn add(&self, pass: &Pass, near: &mut Kept, out: &mut Press) {
+        let tibia_from_field = pass.tibia.local_from_ct * pass.ct_from_field;
+        let (turn, shift) = (tibia_from_field.rotation.to_rotation_matrix(), tibia_from_field.translation.vector);
+        let (start, side) = (self.law.start(), 2.0 * pass.side());
+        let mut run = Spot::default();
+        near.for_each((pass.nodes, pass.field), &pass.field_from_nodes, start, |p, area| {
+            let Some(s) = pass.field.sample::<false>(p, -start) else { return };
             let (energy, pressure, slope) = self.law.at(-s.distance);
             let weight = 0.5 * area * self.scale;
-            let force = turn * Vector::from(s.gradient) * (2.0 * side * pressure * weight);
-            let point = Point::from(*p);
-            let (ct, local) = ((ct_from_field * point).coords, tibia_from_field * point);
-            let cell = |x: f64| (x / PATCH).floor() as i64;
+            let (p, force) = (Vector::from(*p), Vector::from(s.gradient) * (side * pressure * weight));
             let total = force.norm();
             out.energy += energy * weight;
-            out.force += force;
-            out.moment += ct.cross(&force);
             out.area += 0.5 * area;
             out.deepest = out.deepest.max(-s.distance);
-            let key = (pair, cell(local.x), cell(local.y));
-            let here = Spot { key, total, centre: ct * total, force, stiffness: slope * weight };
-            if last.key == key {
-                last.add(&here);
-            } else {
-                flush(spots, &last);
-                last = here;
+            let cell =
+                |a: usize| below((turn[(a, 0)] * p.x + turn[(a, 1)] * p.y + turn[(a, 2)] * p.z + shift[a]) / PATCH);
+            let key = (pass.pair, cell(0), cell(1));
+            if run.key != key {
+                out.flush(&run, &pass.ct_from_field);
+                run = Spot { key, ..Spot::default() };
             }
+            run.add(&Spot { key, total, centre: p * total, force, moment: p.cross(&force), stiffness: slope * weight });
         });
-        flush(spots, &last);
+        out.flush(&run, &pass.ct_from_field);
     }
 }
 
-fn flush(spots: &mut BTreeMap<Key, Spot>, spot: &Spot) {
-    if spot.total > 0.0 {
-        spots.entry(spot.key).or_insert(Spot { key: spot.key, ..Spot::default() }).add(spot);
+/// The largest whole number that is not above `x`, for numbers of a patch's size.
+#[inline]
+fn below(x: f64) -> i64 {
+    let cut = x as i64;
+    cut - i64::from(cut as f64 > x)
+}
+
+impl Press {
+    /// Adds a run of nodes of one patch, given in a field's frame.
+    fn flush(&mut self, run: &Spot, ct_from_field: &Isometry) {
+        if run.total <= 0.0 {
+            return;
+        }
+        let (turn, shift) = (ct_from_field.rotation, ct_from_field.translation.vector);
+        let force = turn * run.force;
+        let moment = turn * run.moment + shift.cross(&force);
+        self.force += force;
+        self.moment += moment;
+        let at = match self.spots.binary_search_by_key(&run.key, |s| s.key) {
+            Ok(at) => at,
+            Err(at) => {
+                self.spots.insert(at, Spot { key: run.key, ..Spot::default() });
+                at
+            }
+        };
+        self.spots[at].add(&Spot { centre: turn * run.centre + shift * run.total, force, moment, ..*run });
     }
 }

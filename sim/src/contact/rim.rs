@@ -19,7 +19,7 @@ impl Contact {
             if sum.0 > 0.0 {
                 let to_tibia = &pair.tibia.field.local_from_ct;
                 let centre = to_tibia * Point::from(sum.1 / sum.0);
-                let (low, high) = pair.tibia.nodes.extent(to_tibia);
+                let (low, high) = pair.tibia.nodes.extent_in(to_tibia);
                 let inside = (0..2).map(|a| (centre[a] - low[a]).min(high[a] - centre[a]));
                 out.push(inside.fold(f64::INFINITY, f64::min));
             }

@@ -86,7 +86,7 @@ fn friction_slides_at_the_coulomb_limit_and_sticks_below_it() {
     let (joint, contact) = (joint(), sphere_on_plate(0.8));
     let pose = joint.pose(&Six::zeros());
     let normal = contact.evaluate(&pose).wrench[0].0.z;
-    let patches = contact.patches(&pose, &FrictionState::default(), 0.01);
+    let patches = contact.patches(&pose, &FrictionState::default(), 0.01, &mut Nearby::default());
     let drag = |step: f64| {
         let mut g = Six::zeros();
         patches.add(&Six::new(0.0, 0.0, 0.0, 0.0, step, 0.0), &mut 0.0, &mut g, &mut Matrix6::zeros());
@@ -95,10 +95,38 @@ fn friction_slides_at_the_coulomb_limit_and_sticks_below_it() {
     assert!((drag(1.0) / (0.1 * normal) - 1.0).abs() < 0.02, "{} {normal}", drag(1.0));
     assert!((drag(0.001) / drag(1.0) - 0.1).abs() < 0.01);
     let held = patches.after(&Six::new(0.0, 0.0, 0.0, 0.0, 1.0, 0.0));
-    let again = contact.patches(&pose, &held, 0.01);
+    let again = contact.patches(&pose, &held, 0.01, &mut Nearby::default());
     let mut g = Six::zeros();
     again.add(&Six::zeros(), &mut 0.0, &mut g, &mut Matrix6::zeros());
     assert!((g[crate::joint::AP] - drag(1.0)).abs() < 1e-6);
+}
+
+#[test]
+fn lists_kept_from_pose_to_pose_change_no_byte() {
+    let (joint, contact) = (joint(), sphere_on_plate(0.8));
+    let (mut near, mut touching) = (Nearby::default(), 0);
+    for k in 0..400 {
+        // over the rim and back, with steps from 0.01 to 2 mm
+        let t = f64::from(k) * 0.05;
+        let q = Six::new(
+            0.3 * t.sin(),
+            0.1 * (1.7 * t).cos(),
+            t.cos(),
+            11.0 * (0.9 * t).sin(),
+            9.0 * (1.3 * t).cos(),
+            0.8 * (7.0 * t).sin(),
+        );
+        let pose = joint.pose(&q);
+        let (kept, fresh) = (contact.evaluate_near(&pose, &mut near), contact.evaluate(&pose));
+        assert_eq!((kept.energy, kept.gradient, kept.hessian), (fresh.energy, fresh.gradient, fresh.hessian), "{k}");
+        let (kept, fresh) = (contact.press_near(&pose, &mut near), contact.press(&pose));
+        assert_eq!(
+            (kept.energy, kept.force, kept.moment, kept.area),
+            (fresh.energy, fresh.force, fresh.moment, fresh.area)
+        );
+        touching += usize::from(fresh.energy > 0.0);
+    }
+    assert!((100..390).contains(&touching), "{touching}");
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use super::options::ExplicitOptions;
 use super::state::ExplicitState;
-use crate::contact::FrictionState;
+use crate::contact::{FrictionState, Nearby};
 use crate::joint::{Pose, Six};
 use crate::model::Model;
 use meshes::Vector;
@@ -26,11 +26,11 @@ pub(super) struct Forces {
     pub(super) held: FrictionState,
 }
 
-/// Forces where `state` stands.
+/// Forces where `state` stands; with contact where its lists are given.
 pub(super) fn at(
     model: &Model,
     pose: &Pose,
-    contact: bool,
+    near: Option<&mut Nearby>,
     options: &ExplicitOptions,
     state: &ExplicitState,
 ) -> Forces {
@@ -53,15 +53,21 @@ pub(super) fn at(
         add_outer(&mut out.damping, &g, model.bundles[fibre.bundle].damping);
         add_outer(&mut out.stiffness, &g, r.stiffness);
     }
-    if contact {
-        add_contact(model, pose, options, state, &mut out);
+    if let Some(near) = near {
+        add_contact(model, (pose, near), options, state, &mut out);
     }
     out
 }
 
 /// Adds what the cartilages do.
-fn add_contact(model: &Model, pose: &Pose, options: &ExplicitOptions, state: &ExplicitState, out: &mut Forces) {
-    let press = model.contact.press(pose);
+fn add_contact(
+    model: &Model,
+    (pose, near): (&Pose, &mut Nearby),
+    options: &ExplicitOptions,
+    state: &ExplicitState,
+    out: &mut Forces,
+) {
+    let press = model.contact.press_near(pose, near);
     out.contact = press.energy;
     out.elastic += Six::from_fn(|j, _| {
         let s = &pose.screws[j];

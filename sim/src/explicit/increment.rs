@@ -4,7 +4,7 @@ use super::forces::{self, Forces};
 use super::options::{Control, ExplicitOptions};
 use super::program::{Drive, Step};
 use super::state::ExplicitState;
-use crate::contact::FrictionState;
+use crate::contact::{FrictionState, Nearby};
 use crate::error::SimError;
 use crate::joint::{Joint, Pose, Six};
 use crate::model::Model;
@@ -69,8 +69,8 @@ impl<'a> Stepper<'a> {
     }
 
     /// One increment: forces here, rates at the middle, coordinates at the end.
-    pub(super) fn advance(&self, state: &mut ExplicitState) -> Result<Done, SimError> {
-        let node = self.node(state, None)?;
+    pub(super) fn advance(&self, state: &mut ExplicitState, near: &mut Nearby) -> Result<Done, SimError> {
+        let node = self.node(state, None, near)?;
         let Node { length, rate, momentum, drive, held, ends } = node;
         state.friction = held;
         state.last_step = rate * length;
@@ -83,8 +83,8 @@ impl<'a> Stepper<'a> {
     }
 
     /// End of the step: velocities are brought to its last node by half a kick, so that the next step starts from there.
-    pub(super) fn close(&self, state: &mut ExplicitState) -> Result<(), SimError> {
-        let node = self.node(state, Some(state.last_increment_s))?;
+    pub(super) fn close(&self, state: &mut ExplicitState, near: &mut Nearby) -> Result<(), SimError> {
+        let node = self.node(state, Some(state.last_increment_s), near)?;
         state.friction = node.held;
         state.momentum = 0.5 * (state.momentum + node.momentum);
         state.rate = 0.5 * (state.rate + node.rate);
@@ -97,10 +97,10 @@ impl<'a> Stepper<'a> {
     }
 
     /// Forces at the node of time where `state` stands, booked, and the next half increment's rates.
-    fn node(&self, state: &mut ExplicitState, length: Option<f64>) -> Result<Node, SimError> {
+    fn node(&self, state: &mut ExplicitState, length: Option<f64>, near: &mut Nearby) -> Result<Node, SimError> {
         let pose = self.model.joint.pose(&state.q);
         let here = twists(self.model, &pose);
-        let forces = forces::at(self.model, &pose, self.step.contact, self.options, state);
+        let forces = forces::at(self.model, &pose, self.step.contact.then_some(near), self.options, state);
         let mass = here.transpose() * self.mass_matrix() * here;
         let matrix = forces.damping + Matrix6::from_diagonal(&self.step.damping);
         let (length, ends) = match length {

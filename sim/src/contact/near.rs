@@ -1,0 +1,133 @@
+//! Nodes that may touch, kept from pose to pose while the bones move little. What is left out would add nothing, so that results do not depend
+//! on what was kept.
+
+use super::{field::Field, nodes::Nodes};
+use meshes::Isometry;
+
+/// Motion over which a list of nodes holds [mm]; less than the field's grid spacing, over which its clearances hold.
+const REACH: f64 = 0.4;
+/// The same of nodes far from the other surface [mm].
+const FAR: f64 = 0.8;
+
+/// Lists of nodes near contact, one a pass. It belongs to one contact (and its copies with other parameters).
+#[derive(Clone, Debug, Default)]
+pub struct Nearby {
+    passes: Vec<Kept>,
+    once: bool,
+}
+
+/// The list of a pass.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Kept {
+    listed_at: Option<Isometry>,
+    extent: [[f64; 3]; 2],
+    nodes: Vec<Candidate>,
+    once: bool,
+}
+
+#[derive(Clone, Copy, Debug)]
+struct Candidate {
+    position: [f64; 3],
+    area: f64,
+    /// Motion without which it cannot touch [mm].
+    clear: f64,
+}
+
+impl Nearby {
+    /// Lists for one pose only, which are quicker made.
+    pub(super) fn once() -> Nearby {
+        Nearby { once: true, ..Nearby::default() }
+    }
+
+    /// The list of the `n`-th pass.
+    pub(super) fn pass(&mut self, n: usize) -> &mut Kept {
+        if self.passes.len() <= n {
+            self.passes.resize_with(n + 1, || Kept { once: self.once, ..Kept::default() });
+        }
+        &mut self.passes[n]
+    }
+}
+
+/// A motion as a matrix and a shift.
+type Affine = ([[f64; 3]; 3], [f64; 3]);
+
+fn affine(m: &Isometry) -> Affine {
+    let r = m.rotation.to_rotation_matrix();
+    let (r, t) = (r.matrix(), m.translation.vector);
+    (std::array::from_fn(|i| std::array::from_fn(|j| r[(i, j)])), [t.x, t.y, t.z])
+}
+
+#[inline]
+fn map((m, t): &Affine, p: &[f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|i| m[i][0] * p[0] + m[i][1] * p[1] + m[i][2] * p[2] + t[i])
+}
+
+impl Kept {
+    /// Calls `visit` with the field's coordinates and the area of each node that may overclose by more than `start`, in the order of the nodes.
+    #[inline]
+    pub(super) fn for_each(
+        &mut self,
+        (nodes, field): (&Nodes, &Field),
+        to_field: &Isometry,
+        start: f64,
+        mut visit: impl FnMut(&[f64; 3], f64),
+    ) {
+        let now = affine(to_field);
+        let moved = match self.moved(nodes, &now) {
+            Some(moved) => moved,
+            None => {
+                self.list((nodes, field), (to_field, &now), start);
+                0.0
+            }
+        };
+        for node in self.nodes.iter().filter(|n| n.clear <= moved) {
+            visit(&map(&now, &node.position), node.area);
+        }
+    }
+
+    /// The furthest a listed node can have moved since the list was made [mm]; `None` where the list holds no more.
+    fn moved(&self, nodes: &Nodes, now: &Affine) -> Option<f64> {
+        let then = affine(&self.listed_at?);
+        let change: Affine = (
+            std::array::from_fn(|i| std::array::from_fn(|j| now.0[i][j] - then.0[i][j])),
+            std::array::from_fn(|i| now.1[i] - then.1[i]),
+        );
+        // the displacement is affine in the node's place: it is longest at a corner
+        let furthest = |extent: &[[f64; 3]; 2]| {
+            let corners = (0..8).map(|c| std::array::from_fn(|a| extent[c >> a & 1][a]));
+            corners.map(|p| map(&change, &p).iter().map(|x| x * x).sum::<f64>()).fold(0.0, f64::max).sqrt()
+        };
+        let near = furthest(&self.extent);
+        (near <= REACH && furthest(&nodes.extent) <= FAR).then_some(near + 1e-9)
+    }
+
+    /// Lists the nodes that a motion of [`REACH`] may bring into contact.
+    fn list(&mut self, (nodes, field): (&Nodes, &Field), (at, affine): (&Isometry, &Affine), start: f64) {
+        self.listed_at = Some(*at);
+        self.extent = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
+        self.nodes.clear();
+        // the coefficient at the nearest grid node is within a spacing and a half of the distance
+        let slack = 1.2 - start;
+        let (reach, far) = if self.once { (0.0, 0.0) } else { (REACH, FAR) };
+        for cluster in &nodes.clusters {
+            if field.rough(&map(affine, &cluster.centre)) > cluster.radius + slack + far {
+                continue;
+            }
+            for i in cluster.range.clone() {
+                let position = nodes.position[i];
+                for (a, x) in position.iter().enumerate() {
+                    self.extent[0][a] = self.extent[0][a].min(*x);
+                    self.extent[1][a] = self.extent[1][a].max(*x);
+                }
+                let p = map(affine, &position);
+                if field.rough(&p) > slack + reach {
+                    continue;
+                }
+                let clear = if self.once { 0.0 } else { field.clearance(&p, start) };
+                if clear <= reach {
+                    self.nodes.push(Candidate { position, area: nodes.area[i], clear });
+                }
+            }
+        }
+    }
+}
