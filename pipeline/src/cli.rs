@@ -114,10 +114,13 @@ enum Verb {
     /// Make data with hidden effects, answer them, score the answers
     #[command(subcommand)]
     Blind(BlindVerb),
-    /// Write report.html of a build again
+    /// Write report.html of a build again, or compare.html of two
     Report {
         /// The specimen's or the build's folder
         dir: PathBuf,
+        /// Another build to show beside it, in compare.html of the first
+        #[arg(long, value_name = "OTHER")]
+        compare: Option<PathBuf>,
     },
 }
 
@@ -158,7 +161,7 @@ fn answer(cli: Cli) -> Result<(), BuildError> {
         (Some(Verb::Validate(args)), _) => validate::validate(&args)?,
         (Some(Verb::Diagnose(args)), _) => diagnose::run(&args)?,
         (Some(Verb::Blind(verb)), _) => blind::run(&verb)?,
-        (Some(Verb::Report { dir }), _) => report::rewrite(&dir)?,
+        (Some(Verb::Report { dir, compare }), _) => report::rewrite(&dir, compare.as_deref())?,
         (None, Some(build)) => run::run(&build)?,
         (None, None) => return Err(BuildError::Usage("a specimen folder was expected; see --help".into())),
     };

@@ -1,95 +1,131 @@
-//! report.html: one self-contained page with what the build made, to look at.
+//! report.html: one self-contained page with what the build made, to look at and to turn about; and two builds side by side.
 
 use crate::error::BuildError;
 use crate::inspect;
-use crate::run_log::{Record, STAGES, folder_name};
-use crate::store::BuildFolder;
-use base64::Engine;
-use std::fmt::Write;
+use crate::run_log::{Record, STAGES};
+use crate::store::{self, BuildFolder};
+use plotly::Plot;
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
 use std::path::Path;
 
+mod body;
+mod charts;
+mod compare;
+mod geometry;
+mod motion;
 mod pictures;
+mod scenes;
+mod values;
+mod verdict;
 
-const STYLE: &str = "body{font:16px/1.5 system-ui,sans-serif;max-width:72rem;margin:2rem auto;padding:0 1rem;color:#222}\
-h1{margin-bottom:0}h2{margin-top:2.5rem;border-bottom:1px solid #ddd}figure{display:inline-block;margin:0 1rem 1rem 0;vertical-align:top}\
-figcaption{max-width:26rem;font-size:.9rem;color:#555}img{border:1px solid #eee}table{border-collapse:collapse}\
-td,th{padding:.15rem .8rem .15rem 0;text-align:left;vertical-align:top;font-size:.9rem}.warn{background:#fff3cd;padding:.3rem .6rem;margin:.3rem 0}\
-.synthetic{background:#e2e9f7;padding:.3rem .6rem}";
+use body::{Body, escaped};
 
-/// Writes the report of the build in or below `dir` again.
-pub fn rewrite(dir: &Path) -> Result<String, BuildError> {
+/// What stopped a build; kept as failure.json until a build goes through.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Failure {
+    /// The stage.
+    pub stage: String,
+    /// Why, and what to do.
+    pub message: String,
+}
+
+/// Writes the report of the build in or below `dir` again, or with `other` the comparison of the two builds.
+pub fn rewrite(dir: &Path, other: Option<&Path>) -> Result<String, BuildError> {
     let build = inspect::build_folder(dir)?;
     let folder = BuildFolder::open(&build)?;
     let records = inspect::records(&build)?;
-    folder.write_file("report.html", page(&folder, &records)?.as_bytes())?;
-    Ok(format!("{}\n", build.join("report.html").display()))
+    let name = match other {
+        None => {
+            folder.write_file("report.html", page(&folder, &records, failure(&build).as_ref())?.as_bytes())?;
+            "report.html"
+        }
+        Some(other) => {
+            let other = inspect::build_folder(other)?;
+            let second = BuildFolder::open(&other)?;
+            let page = compare::page([(&folder, &records), (&second, &inspect::records(&other)?)], [&build, &other])?;
+            folder.write_file("compare.html", page.as_bytes())?;
+            "compare.html"
+        }
+    };
+    Ok(format!("{}\n", build.join(name).display()))
+}
+
+/// What stopped the build in `build`, if anything did.
+pub fn failure(build: &Path) -> Option<Failure> {
+    let path = build.join("failure.json");
+    if !store::exists(&path) {
+        return None;
+    }
+    serde_json::from_str(&store::read_text(&path).ok()?).ok()
 }
 
 /// The page. It holds no times, so that the same build gives the same bytes.
-pub fn page(folder: &BuildFolder, records: &[Record]) -> Result<String, BuildError> {
-    let values = pictures::Values::read(folder);
-    let mut html = String::new();
-    let (id, synthetic) = values.identity();
-    let id = escaped(&id);
-    let _ = write!(
-        html,
-        "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\">\
-         <title>{id}</title><style>{STYLE}</style><h1>{id}</h1><p>From raw measurements to an assembled knee model, stage by stage.</p>"
+pub fn page(folder: &BuildFolder, records: &[Record], failure: Option<&Failure>) -> Result<String, BuildError> {
+    let mut body = Body::new(folder, records, "a", true);
+    let (id, synthetic) = body.identity();
+    let mut html = head(&id);
+    html += &format!(
+        "<header><h1>{}</h1><p>From raw measurements to a model of the knee, stage by stage.</p>",
+        escaped(&id)
     );
     if synthetic {
         html += "<p class=\"synthetic\">This knee is synthetic: made by the program, not measured.</p>";
     }
+    html += "</header>";
+    html += &body.verdict(failure);
+    html += &contents(records, failure);
+    html += "<main id=\"stages\">";
     for record in records {
-        let number = STAGES.iter().find(|(_, s)| *s == record.stage).map_or("", |(n, _)| n);
-        let _ = write!(html, "<h2>{number} {}</h2>", record.stage);
-        for warning in &record.warnings {
-            let _ = write!(html, "<p class=\"warn\">{}</p>", escaped(warning));
-        }
-        for picture in values.pictures(&record.stage) {
-            let _ = write!(
-                html,
-                "<figure><img alt=\"{0}\" width=\"{1}\" src=\"data:image/png;base64,{2}\"><figcaption>{0}</figcaption></figure>",
-                escaped(&picture.caption),
-                picture.width,
-                base64::engine::general_purpose::STANDARD.encode(&picture.png)
-            );
-        }
-        html += &metrics_table(record);
+        html += &format!("<section id=\"{}\"><h2>{}</h2>", record.stage, heading(&record.stage));
+        html += &body.stage(record);
+        html += "</section>";
     }
-    html += "</html>\n";
-    Ok(html)
+    if let Some(failure) = failure.filter(|f| records.iter().all(|r| r.stage != f.stage)) {
+        html += &body.failed(failure);
+    }
+    html += &body.diagnosis();
+    html += "</main>";
+    Ok(html + &foot(json!({"a": body.data()})))
 }
 
-fn metrics_table(record: &Record) -> String {
-    let mut rows = Vec::new();
-    flatten("", &record.metrics, &mut rows);
-    let mut html = format!(
-        "<details><summary>{} figures; artifacts in <code>{}</code></summary><table>",
-        rows.len(),
-        folder_name(&record.stage)
-    );
-    for (name, value) in rows {
-        let _ = write!(html, "<tr><td>{}</td><td>{}</td></tr>", escaped(&name), escaped(&value));
-    }
-    html + "</table></details>"
+/// `04 cartilage`.
+fn heading(stage: &str) -> String {
+    let number = STAGES.iter().find(|(_, s)| *s == stage).map_or("", |(n, _)| n);
+    format!("{number} {stage}")
 }
 
-fn flatten(prefix: &str, value: &serde_json::Value, rows: &mut Vec<(String, String)>) {
-    let join = |key: &str| if prefix.is_empty() { key.to_string() } else { format!("{prefix}.{key}") };
-    match value {
-        serde_json::Value::Object(map) => map.iter().for_each(|(k, v)| flatten(&join(k), v, rows)),
-        serde_json::Value::Array(items) if items.len() <= 6 => {
-            items.iter().enumerate().for_each(|(i, v)| flatten(&join(&i.to_string()), v, rows));
-        }
-        serde_json::Value::Array(items) => rows.push((prefix.into(), format!("{} values", items.len()))),
-        serde_json::Value::Number(n) => {
-            let x = n.as_f64().unwrap_or(f64::NAN);
-            rows.push((prefix.into(), if x.fract() == 0.0 { format!("{x}") } else { format!("{x:.4}") }));
-        }
-        other => rows.push((prefix.into(), other.to_string().trim_matches('"').to_string())),
-    }
+fn contents(records: &[Record], failure: Option<&Failure>) -> String {
+    let stages = records.iter().map(|r| r.stage.as_str()).chain(failure.map(|f| f.stage.as_str()));
+    let mut links: Vec<String> =
+        stages.map(|s| format!("<li><a href=\"#{0}\">{1}</a></li>", escaped(s), escaped(&heading(s)))).collect();
+    links.dedup();
+    format!("<nav aria-label=\"Stages\"><ul>{}</ul></nav>", links.concat())
 }
 
-fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+fn head(title: &str) -> String {
+    format!(
+        "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\">\
+         <link rel=\"icon\" href=\"data:,\"><title>{}</title><style>{}</style></head><body><a class=\"skip\" href=\"#stages\">To the stages</a>",
+        escaped(title),
+        include_str!("report/style.css")
+    )
+}
+
+/// The data, plotly.js and what draws with it. A page without JavaScript shows the still pictures.
+fn foot(data: Value) -> String {
+    // a `</` inside a string would end the script
+    let data = data.to_string().replace("</", "<\\/");
+    format!(
+        "<script type=\"application/json\" id=\"data\">{data}</script>{}<script>{}</script></body></html>\n",
+        plotly_js(),
+        include_str!("report/viewer.js")
+    )
+}
+
+/// The script element of plotly.js alone: the crate's sources also hold MathJax, for which the report has no use.
+fn plotly_js() -> String {
+    let sources = Plot::offline_js_sources();
+    let end = sources.find("</script>").map_or(sources.len(), |at| at + "</script>".len());
+    sources[..end].to_owned()
 }

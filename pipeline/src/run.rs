@@ -5,7 +5,8 @@ use crate::cli::BuildArgs;
 use crate::error::BuildError;
 use crate::options::{BuildOptions, resolve};
 use crate::progress::Progress;
-use crate::run_log::{Range, Record, RunLog, STAGES, folder_name, hash};
+use crate::report::Failure;
+use crate::run_log::{Range, Record, RunLog, STAGES, folder_name, hash, json};
 use crate::store::{self, BuildFolder};
 use crate::{inspect, report};
 use stages::ingest::{RawSpecimen, SpecimenFile};
@@ -28,13 +29,21 @@ pub fn run(args: &BuildArgs) -> Result<String, BuildError> {
     folder.write_file("run.toml", run_toml(&raw, &file, &options)?.as_bytes())?;
     let range = Range { from: args.from.clone(), to: args.to.clone(), force: args.force };
     let mut log = RunLog::new(&folder, range, Progress::new(args.quiet));
-    match build_model(&raw, &options, &mut log) {
-        Ok(_) | Err(BuildError::Reached) => {}
-        Err(error) => return Err(error),
-    }
+    let stopped = match build_model(&raw, &options, &mut log) {
+        Ok(_) | Err(BuildError::Reached) => None,
+        Err(error) => Some(error),
+    };
     let records = std::mem::take(&mut log.records);
     drop(log);
-    folder.write_file("report.html", report::page(&folder, &records)?.as_bytes())?;
+    let failure = stopped.as_ref().map(failure);
+    match &failure {
+        Some(failure) => folder.write_file("failure.json", &json(failure))?,
+        None => store::discard(&out.join("failure.json")),
+    }
+    folder.write_file("report.html", report::page(&folder, &records, failure.as_ref())?.as_bytes())?;
+    if let Some(error) = stopped {
+        return Err(error);
+    }
     Ok(if args.json {
         inspect::as_json(&records)
     } else if args.quiet {
@@ -42,6 +51,14 @@ pub fn run(args: &BuildArgs) -> Result<String, BuildError> {
     } else {
         closing_words(&out, &records)
     })
+}
+
+/// What is kept of the error that stopped a build.
+fn failure(error: &BuildError) -> Failure {
+    match error {
+        BuildError::Stage { stage, message } => Failure { stage: (*stage).to_owned(), message: message.clone() },
+        other => Failure { stage: "input".into(), message: other.to_string() },
+    }
 }
 
 fn check_range(args: &BuildArgs) -> Result<(), BuildError> {

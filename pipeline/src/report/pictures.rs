@@ -1,22 +1,13 @@
-//! The pictures of the report, drawn from the values that the stages left.
+//! The still pictures of the report, for print and where 3D is not to be had.
 
-use crate::run_log::{folder_name, value_name};
-use crate::store::BuildFolder;
+use super::values::Values;
 use image::ImageEncoder;
 use meshes::frame::AnatomicalFrame;
 use meshes::hex::{FACES, HexMesh};
 use meshes::render::{Painted, View, ball, colour, render, tube};
 use meshes::surface::TriMesh;
 use meshes::{Point, Vector};
-use serde::de::DeserializeOwned;
 use stages::attachments::Attachments;
-use stages::bones::Bones;
-use stages::cartilage::Cartilage;
-use stages::frames::Frames;
-use stages::hexmesh::HexCartilage;
-use stages::ingest::Specimen;
-use stages::overclosure::Separated;
-use stages::register::Registration;
 
 const BONE: [u8; 3] = [225, 213, 190];
 const SIZE: (usize, usize) = (420, 420);
@@ -31,45 +22,7 @@ pub(super) struct Figure {
     pub(super) caption: String,
 }
 
-/// The values of the finished stages.
-pub(super) struct Values {
-    specimen: Option<Specimen>,
-    registration: Option<Registration>,
-    bones: Option<Bones>,
-    cartilage: Option<Cartilage>,
-    frames: Option<Frames>,
-    attachments: Option<Attachments>,
-    hexes: Option<HexCartilage>,
-    separated: Option<Separated>,
-}
-
-fn value<T: DeserializeOwned>(folder: &BuildFolder, stage: &str) -> Option<T> {
-    let bytes = folder.read_file(&format!("{}/{}", folder_name(stage), value_name()))?;
-    ciborium::from_reader(bytes.as_slice()).ok()
-}
-
 impl Values {
-    /// Whatever is there.
-    pub(super) fn read(folder: &BuildFolder) -> Values {
-        Values {
-            specimen: value(folder, "ingest"),
-            registration: value(folder, "register"),
-            bones: value(folder, "bones"),
-            cartilage: value(folder, "cartilage"),
-            frames: value(folder, "frames"),
-            attachments: value(folder, "attachments"),
-            hexes: value(folder, "hexmesh"),
-            separated: value(folder, "overclosure"),
-        }
-    }
-
-    /// Name, and whether the knee is synthetic.
-    pub(super) fn identity(&self) -> (String, bool) {
-        self.specimen.as_ref().map_or(("a knee".into(), false), |s| {
-            (s.identity.id.clone(), s.identity.provenance.as_deref() == Some("synthetic"))
-        })
-    }
-
     /// The pictures of a stage; none where what they need is not there.
     pub(super) fn pictures(&self, stage: &str) -> Vec<Figure> {
         let figures = match stage {

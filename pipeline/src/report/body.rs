@@ -1,0 +1,280 @@
+//! The parts of the report: verdict, a stage, what failed, the diagnosis.
+
+use super::Failure;
+use super::charts::{self, Chart};
+use super::geometry::Pool;
+use super::motion::{self, Motion};
+use super::scenes::{self, Scene};
+use super::values::Values;
+use super::verdict::{self, Check};
+use crate::run_log::{Record, folder_name};
+use crate::store::BuildFolder;
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use serde_json::{Map, Value, json};
+use std::fmt::Write;
+
+/// A build's part of a page, and the data that its scenes and charts draw.
+pub(super) struct Body<'a> {
+    pub(super) values: Values,
+    folder: &'a BuildFolder,
+    warnings: Vec<(String, String)>,
+    /// Its key in the page's data.
+    key: &'static str,
+    /// With still pictures.
+    stills: bool,
+    pool: Pool,
+    scenes: Vec<Scene>,
+    charts: Map<String, Value>,
+    motions: Vec<Motion>,
+}
+
+impl<'a> Body<'a> {
+    /// A body of the build in `folder`.
+    pub(super) fn new(folder: &'a BuildFolder, records: &[Record], key: &'static str, stills: bool) -> Body<'a> {
+        let stages: Vec<&str> = records.iter().map(|r| r.stage.as_str()).collect();
+        let values = Values::read(folder, &stages);
+        let pool = Pool::new(values.frames.as_ref());
+        let motions = motion::motions(&values, &pool);
+        let warnings = records.iter().flat_map(|r| r.warnings.iter().map(|w| (r.stage.clone(), w.clone()))).collect();
+        Body { values, folder, warnings, key, stills, pool, scenes: vec![], charts: Map::new(), motions }
+    }
+
+    /// Name, and whether the knee is synthetic.
+    pub(super) fn identity(&self) -> (String, bool) {
+        self.values.identity()
+    }
+
+    /// The verdict, the questions and the warnings.
+    pub(super) fn verdict(&self, failure: Option<&Failure>) -> String {
+        let checks = verdict::checks(&self.values);
+        let bad = checks.iter().filter(|c| c.good == Some(false)).count();
+        let count = self.warnings.len();
+        let (class, words) = match failure {
+            Some(f) => ("failed", format!("The build stopped at {}.", super::heading(&f.stage))),
+            None if bad + count > 0 => (
+                "look",
+                format!(
+                    "Built. {bad} of {} answers below {} outside the bounds; {count} warnings.",
+                    checks.len(),
+                    if bad == 1 { "is" } else { "are" }
+                ),
+            ),
+            None => (
+                "good",
+                format!("Built. All of the {} answers below are within bounds, and there is no warning.", checks.len()),
+            ),
+        };
+        let mut html = format!("<p class=\"verdict {class}\" id=\"verdict\"><strong>{}</strong></p>", escaped(&words));
+        if let Some(f) = failure {
+            let _ = write!(html, "<p class=\"failure\">{}</p>", escaped(&f.message));
+        }
+        html += &questions(&checks);
+        if count > 0 {
+            let _ = write!(html, "<details open><summary>{count} warnings</summary>");
+            for (stage, warning) in &self.warnings {
+                let _ = write!(
+                    html,
+                    "<p class=\"warn\"><a href=\"#{0}\">{0}</a>: {1}</p>",
+                    escaped(stage),
+                    escaped(warning)
+                );
+            }
+            html += "</details>";
+        }
+        html
+    }
+
+    /// A stage's warnings, scenes, charts, tables and figures.
+    pub(super) fn stage(&mut self, record: &Record) -> String {
+        let mut html = String::new();
+        for warning in &record.warnings {
+            let _ = write!(html, "<p class=\"warn\">{}</p>", escaped(warning));
+        }
+        html += &self.scenes(&record.stage);
+        html += &self.charts(&record.stage);
+        if record.stage == "validate" {
+            html += &self.paper();
+        }
+        html + &metrics_table(record)
+    }
+
+    /// The scenes of a stage with their stills.
+    pub(super) fn scenes(&mut self, stage: &str) -> String {
+        let warnings: Vec<String> = self.warnings.iter().filter(|(s, _)| s == stage).map(|(_, w)| w.clone()).collect();
+        let mut new = scenes::scenes(stage, &warnings, &self.values, &mut self.pool);
+        if stage == "assemble" {
+            new.extend(scenes::knee(&self.values, &mut self.pool, !self.motions.is_empty()));
+        }
+        let mut html = String::new();
+        for scene in new {
+            let stills: String =
+                if self.stills { self.values.pictures(stage).iter().map(still).collect() } else { String::new() };
+            let _ = write!(
+                html,
+                "<figure data-scene=\"{0}/{1}\" id=\"scene-{0}-{1}\"><h3>{2}</h3><div class=\"still\">{stills}</div><figcaption id=\"text-{0}-{1}\">{3}</figcaption></figure>",
+                self.key,
+                scene.id,
+                escaped(&scene.title),
+                escaped(&scene.text)
+            );
+            self.scenes.push(scene);
+        }
+        html
+    }
+
+    /// The charts of a stage.
+    pub(super) fn charts(&mut self, stage: &str) -> String {
+        let all = charts::charts(stage, &self.values);
+        if all.is_empty() {
+            return String::new();
+        }
+        let mut html = "<div class=\"charts\">".to_owned();
+        for Chart { id, title, text, plot } in all {
+            let _ = write!(
+                html,
+                "<figure><h3>{0}</h3><div class=\"chart\" role=\"img\" aria-label=\"{0}. {1}\" data-chart=\"{2}/{3}\"></div><figcaption>{1}</figcaption></figure>",
+                escaped(&title),
+                escaped(&text),
+                self.key,
+                escaped(&id)
+            );
+            self.charts.insert(id, serde_json::from_str(&plot).unwrap_or_default());
+        }
+        html + "</div>"
+    }
+
+    /// The paper's tables and figures for this knee.
+    fn paper(&self) -> String {
+        let Some(v) = &self.values.validation else { return String::new() };
+        let mut html = String::new();
+        let files = self.folder.read_folder(&folder_name("validate")).unwrap_or_default();
+        for (name, bytes) in files.iter().filter(|(name, _)| name.ends_with(".svg")) {
+            let title = name.trim_end_matches(".svg").replace('_', ", ").replace("figure", "Figure ");
+            let _ = write!(
+                html,
+                "<figure><h3>{0}</h3><img class=\"paper\" alt=\"{0} of the paper, drawn for this knee; the tables below hold its numbers\" src=\"data:image/svg+xml;base64,{1}\"></figure>",
+                escaped(&title),
+                STANDARD.encode(bytes)
+            );
+        }
+        let tables = validation::tables::tables(&v.specimen, &v.sources);
+        for t in tables.iter().chain([&validation::tables::differences(&v.differences)]) {
+            let row = |cells: &[String], tag: &str| {
+                cells.iter().map(|c| format!("<{tag}>{}</{tag}>", escaped(c))).collect::<String>()
+            };
+            let rows: String = t.rows.iter().map(|r| format!("<tr>{}</tr>", row(r, "td"))).collect();
+            let _ = write!(
+                html,
+                "<details><summary>{}</summary><div class=\"wide\"><table><thead><tr>{}</tr></thead><tbody>{rows}</tbody></table></div></details>",
+                escaped(&t.title),
+                row(&t.header, "th")
+            );
+        }
+        html
+    }
+
+    /// What stopped the build: the message, the places it names on what the stage was given.
+    pub(super) fn failed(&mut self, failure: &Failure) -> String {
+        let mut html = format!(
+            "<section id=\"{0}\"><h2>{1}: stopped here</h2><p class=\"failure\">{2}</p>",
+            escaped(&failure.stage),
+            escaped(&super::heading(&failure.stage)),
+            escaped(&failure.message)
+        );
+        if let Some(scene) = scenes::failed(failure, &self.values, &mut self.pool) {
+            let _ = write!(
+                html,
+                "<figure data-scene=\"{0}/{1}\" id=\"scene-{0}-{1}\"><h3>{2}</h3><div class=\"still\"></div><figcaption id=\"text-{0}-{1}\">{3}</figcaption></figure>",
+                self.key,
+                scene.id,
+                escaped(&scene.title),
+                escaped(&scene.text)
+            );
+            self.scenes.push(scene);
+        }
+        html + "</section>"
+    }
+
+    /// The diagnosis, where one was made in the build's folder.
+    pub(super) fn diagnosis(&self) -> String {
+        let Some(bytes) = self.folder.read_file("12-diagnose/report.html") else { return String::new() };
+        let page = String::from_utf8_lossy(&bytes).replace('&', "&amp;").replace('"', "&quot;");
+        format!(
+            "<section id=\"diagnose\"><h2>12 diagnose</h2><iframe title=\"What is missing: residual maps and gap bars\" srcdoc=\"{page}\"></iframe></section>"
+        )
+    }
+
+    /// What the page's scenes and charts draw.
+    pub(super) fn data(self) -> Value {
+        json!({"meshes": self.pool.json(), "scenes": self.scenes, "charts": self.charts, "motions": self.motions})
+    }
+}
+
+fn questions(checks: &[Check]) -> String {
+    if checks.is_empty() {
+        return String::new();
+    }
+    let rows: String = checks
+        .iter()
+        .map(|c| {
+            let sign = match c.good {
+                Some(true) => "yes",
+                Some(false) => "<strong>look</strong>",
+                None => "",
+            };
+            format!(
+                "<tr><th scope=\"row\"><a href=\"#{}\">{}</a></th><td>{sign}</td><td>{}</td></tr>",
+                c.stage,
+                escaped(c.question),
+                escaped(&c.answer)
+            )
+        })
+        .collect();
+    format!("<table id=\"questions\"><tbody>{rows}</tbody></table>")
+}
+
+fn still(picture: &super::pictures::Figure) -> String {
+    format!(
+        "<figure><img alt=\"{0}\" width=\"{1}\" src=\"data:image/png;base64,{2}\"><figcaption>{0}</figcaption></figure>",
+        escaped(&picture.caption),
+        picture.width,
+        STANDARD.encode(&picture.png)
+    )
+}
+
+fn metrics_table(record: &Record) -> String {
+    let mut rows = Vec::new();
+    flatten("", &record.metrics, &mut rows);
+    let mut html = format!(
+        "<details><summary>{} figures; artifacts in <code>{}</code></summary><table>",
+        rows.len(),
+        folder_name(&record.stage)
+    );
+    for (name, value) in rows {
+        let _ = write!(html, "<tr><td>{}</td><td>{}</td></tr>", escaped(&name), escaped(&value));
+    }
+    html + "</table></details>"
+}
+
+/// The numbers and words of a value by their paths.
+pub(super) fn flatten(prefix: &str, value: &Value, rows: &mut Vec<(String, String)>) {
+    let join = |key: &str| if prefix.is_empty() { key.to_string() } else { format!("{prefix}.{key}") };
+    match value {
+        Value::Object(map) => map.iter().for_each(|(k, v)| flatten(&join(k), v, rows)),
+        Value::Array(items) if items.len() <= 6 => {
+            items.iter().enumerate().for_each(|(i, v)| flatten(&join(&i.to_string()), v, rows));
+        }
+        Value::Array(items) => rows.push((prefix.into(), format!("{} values", items.len()))),
+        Value::Number(n) => {
+            let x = n.as_f64().unwrap_or(f64::NAN);
+            rows.push((prefix.into(), if x.fract() == 0.0 { format!("{x}") } else { format!("{x:.4}") }));
+        }
+        other => rows.push((prefix.into(), other.to_string().trim_matches('"').to_string())),
+    }
+}
+
+/// Text for HTML.
+pub(super) fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
+}

@@ -1,0 +1,176 @@
+//! Charts of the report: calibration history, parameters with intervals, force and displacement over measured points.
+
+use super::values::Values;
+use plotly::common::{DashType, ErrorData, ErrorType, Line, Marker, MarkerSymbol, Mode, Title};
+use plotly::layout::{Axis, AxisType};
+use plotly::{Layout, Plot, Scatter};
+use sim::laxity::{LaxityTrial, Test};
+use validation::session::Outcome;
+
+/// A chart with its words.
+pub(super) struct Chart {
+    pub(super) id: String,
+    pub(super) title: String,
+    /// Its text alternative.
+    pub(super) text: String,
+    /// What plotly.js draws.
+    pub(super) plot: String,
+}
+
+const COLOURS: [&str; 8] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7b3fa0", "#555555"];
+
+/// The charts of a stage.
+pub(super) fn charts(stage: &str, v: &Values) -> Vec<Chart> {
+    let (Some(c), "calibrate") = (&v.calibration, stage) else { return vec![] };
+    let mut out = vec![history(c.sources.iter())];
+    for (name, outcome) in &c.sources {
+        out.extend(answers(name, outcome));
+    }
+    for (name, outcome) in &c.sources {
+        out.push(parameters(name, outcome, "reference strain"));
+        out.push(parameters(name, outcome, "stiffness"));
+    }
+    out
+}
+
+fn layout(x: &str, y: &str) -> Layout {
+    let axis = |title: &str| Axis::new().title(Title::from(title)).zero_line(true).show_line(true);
+    Layout::new().x_axis(axis(x)).y_axis(axis(y)).height(360)
+}
+
+fn history<'a>(sources: impl Iterator<Item = (&'a String, &'a Outcome)>) -> Chart {
+    let mut plot = Plot::new();
+    let mut text = String::new();
+    for ((name, outcome), colour) in sources.zip(COLOURS) {
+        let mut best = f64::INFINITY;
+        let costs: Vec<f64> = outcome
+            .found
+            .history
+            .iter()
+            .map(|c| {
+                best = best.min(*c);
+                best
+            })
+            .collect();
+        text += &format!(" {name}: {} evaluations, lowest cost {best:.1}.", costs.len());
+        let at: Vec<usize> = (1..=costs.len()).collect();
+        plot.add_trace(Scatter::new(at, costs).mode(Mode::Lines).name(name).line(Line::new().color(colour)));
+    }
+    let mut layout = layout("evaluation", "best cost");
+    if let Some(axis) = Some(Axis::new().title(Title::from("best cost")).type_(AxisType::Log).show_line(true)) {
+        layout = layout.y_axis(axis);
+    }
+    plot.set_layout(layout);
+    Chart {
+        id: "history".into(),
+        title: "Calibration history".into(),
+        text: format!("Best cost by evaluation.{text}"),
+        plot: plot.to_json(),
+    }
+}
+
+/// Parameters of one kind with the ends of their intervals; the range sought in is grey.
+fn parameters(name: &str, outcome: &Outcome, kind: &str) -> Chart {
+    let all: Vec<_> = outcome
+        .found
+        .parameters
+        .iter()
+        .filter(|p| p.number < validation::frames::FIRST && is_kind(p.kind.name(), kind))
+        .collect();
+    let labels: Vec<String> = all.iter().map(|p| format!("X{} {}", p.number, p.bundle)).collect();
+    let mut plot = Plot::new();
+    for (p, label) in all.iter().zip(&labels) {
+        let range = Scatter::new(vec![label.clone(); 2], p.range.to_vec()).mode(Mode::Lines).show_legend(false);
+        plot.add_trace(range.line(Line::new().color("#dddddd").width(9.0)).name("range sought in"));
+    }
+    let values: Vec<f64> = all.iter().map(|p| p.value).collect();
+    let error = ErrorData::new(ErrorType::Data)
+        .array(all.iter().map(|p| (p.upper - p.value).max(0.0)).collect())
+        .array_minus(all.iter().map(|p| (p.value - p.lower).max(0.0)).collect())
+        .symmetric(false);
+    let marker = Marker::new().color(COLOURS[0]).size(8);
+    plot.add_trace(Scatter::new(labels, values).mode(Mode::Markers).name(name).marker(marker).error_y(error));
+    let unit = if kind == "stiffness" { "stiffness [N/mm]" } else { "reference strain [-]" };
+    plot.set_layout(layout("", unit).show_legend(false));
+    let determined = all.iter().filter(|p| p.determined > 0.5).count();
+    Chart {
+        id: format!("parameters-{name}-{}", kind.replace(' ', "-")),
+        title: format!("{name}: {kind}"),
+        text: format!(
+            "Values of {} parameters with their intervals inside the range they were sought in (grey); the data determine {determined} of them by more than half.",
+            all.len()
+        ),
+        plot: plot.to_json(),
+    }
+}
+
+fn is_kind(name: &str, kind: &str) -> bool {
+    name.replace('_', " ").contains(kind)
+}
+
+/// Load over displacement: measured points and predicted lines, a chart for each of AP, IE and VV.
+fn answers(name: &str, outcome: &Outcome) -> Vec<Chart> {
+    let kinds = [
+        ("AP", [Test::Anterior, Test::Posterior], 3, "anterior of the tibia [mm]", "anterior force [N]"),
+        ("IE", [Test::Internal, Test::External], 1, "external rotation [deg]", "external moment [N m]"),
+        ("VV", [Test::Varus, Test::Valgus], 0, "valgus rotation [deg]", "valgus moment [N m]"),
+    ];
+    kinds
+        .into_iter()
+        .filter_map(|(what, tests, c, x, y)| {
+            let of_kind: Vec<(&LaxityTrial, Option<[f64; 5]>)> = outcome
+                .trials
+                .iter()
+                .zip(&outcome.found.predicted)
+                .filter(|(t, _)| tests.contains(&t.test) && t.measured[c].is_some())
+                .map(|(t, p)| (t, *p))
+                .collect();
+            (!of_kind.is_empty()).then(|| {
+                let (plot, miss) = answer(&of_kind, c);
+                let mut plot = plot;
+                plot.set_layout(layout(x, y));
+                Chart {
+                    id: format!("answer-{name}-{what}"),
+                    title: format!("{name}: {what} laxity, predicted over measured"),
+                    text: format!("{} trials: measured points and the calibrated model's answers joined by lines, a colour a flexion. Root mean square miss {miss:.2} {}.", of_kind.len(), if c == 3 { "mm" } else { "deg" }),
+                    plot: plot.to_json(),
+                }
+            })
+        })
+        .collect()
+}
+
+fn answer(trials: &[(&LaxityTrial, Option<[f64; 5]>)], c: usize) -> (Plot, f64) {
+    let mut flexions: Vec<f64> = trials.iter().map(|(t, _)| t.nominal_flexion_deg).collect();
+    flexions.sort_by(f64::total_cmp);
+    flexions.dedup();
+    let mut plot = Plot::new();
+    let (mut sum, mut count) = (0.0, 0.0);
+    for (flexion, colour) in flexions.iter().zip(COLOURS.iter().cycle()) {
+        let mut rows: Vec<_> = trials.iter().filter(|(t, _)| t.nominal_flexion_deg == *flexion).collect();
+        rows.sort_by(|a, b| a.0.load[c].total_cmp(&b.0.load[c]));
+        let load: Vec<f64> = rows.iter().map(|(t, _)| t.load[c]).collect();
+        let measured: Vec<f64> = rows.iter().filter_map(|(t, _)| t.measured[c]).collect();
+        let marker = Marker::new().color(*colour).size(9).symbol(MarkerSymbol::CircleOpen);
+        plot.add_trace(
+            Scatter::new(measured, load).mode(Mode::Markers).name(format!("{flexion:.0} deg measured")).marker(marker),
+        );
+        let answered: Vec<_> = rows.iter().filter_map(|(t, p)| p.map(|p| (p[c], t.load[c], t.measured[c]))).collect();
+        answered.iter().filter_map(|(p, _, m)| m.map(|m| (p - m).powi(2))).for_each(|d| {
+            sum += d;
+            count += 1.0;
+        });
+        let (x, y) = answered.iter().map(|(p, l, _)| (*p, *l)).unzip();
+        let line = Line::new().color(*colour).dash(DashType::Solid);
+        let marker = Marker::new().color(*colour).size(5);
+        plot.add_trace(
+            Scatter::new(x, y)
+                .mode(Mode::LinesMarkers)
+                .name(format!("{flexion:.0} deg predicted"))
+                .line(line)
+                .marker(marker),
+        );
+    }
+    let miss = if count > 0.0 { f64::sqrt(sum / count) } else { f64::NAN };
+    (plot, miss)
+}

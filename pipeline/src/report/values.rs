@@ -1,0 +1,65 @@
+//! What the finished stages of a build left, read back for the report.
+
+use crate::calibrate::Calibration;
+use crate::run_log::{folder_name, value_name};
+use crate::store::BuildFolder;
+use crate::validate::Validation;
+use serde::de::DeserializeOwned;
+use stages::assemble::Assembled;
+use stages::attachments::Attachments;
+use stages::bones::Bones;
+use stages::cartilage::Cartilage;
+use stages::frames::Frames;
+use stages::hexmesh::HexCartilage;
+use stages::ingest::Specimen;
+use stages::overclosure::Separated;
+use stages::register::Registration;
+
+/// The values of the finished stages.
+pub(super) struct Values {
+    pub(super) specimen: Option<Specimen>,
+    pub(super) registration: Option<Registration>,
+    pub(super) bones: Option<Bones>,
+    pub(super) cartilage: Option<Cartilage>,
+    pub(super) frames: Option<Frames>,
+    pub(super) attachments: Option<Attachments>,
+    pub(super) hexes: Option<HexCartilage>,
+    pub(super) separated: Option<Separated>,
+    pub(super) assembled: Option<Assembled>,
+    pub(super) calibration: Option<Calibration>,
+    pub(super) validation: Option<Validation>,
+}
+
+impl Values {
+    /// The values of the stages in `stages`; a stage that is not there, or was kept by another version, gives none.
+    pub(super) fn read(folder: &BuildFolder, stages: &[&str]) -> Values {
+        Values {
+            specimen: value(folder, "ingest", stages),
+            registration: value(folder, "register", stages),
+            bones: value(folder, "bones", stages),
+            cartilage: value(folder, "cartilage", stages),
+            frames: value(folder, "frames", stages),
+            attachments: value(folder, "attachments", stages),
+            hexes: value(folder, "hexmesh", stages),
+            separated: value(folder, "overclosure", stages),
+            assembled: value(folder, "assemble", stages),
+            calibration: value(folder, "calibrate", stages),
+            validation: value(folder, "validate", stages),
+        }
+    }
+
+    /// Name, and whether the knee is synthetic.
+    pub(super) fn identity(&self) -> (String, bool) {
+        self.specimen.as_ref().map_or(("a knee".into(), false), |s| {
+            (s.identity.id.clone(), s.identity.provenance.as_deref() == Some("synthetic"))
+        })
+    }
+}
+
+fn value<T: DeserializeOwned>(folder: &BuildFolder, stage: &str, stages: &[&str]) -> Option<T> {
+    if !stages.contains(&stage) {
+        return None;
+    }
+    let bytes = folder.read_file(&format!("{}/{}", folder_name(stage), value_name()))?;
+    ciborium::from_reader(bytes.as_slice()).ok()
+}

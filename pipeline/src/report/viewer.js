@@ -1,0 +1,397 @@
+// Draws the report's scenes and charts with plotly.js: turning, zooming, hiding layers, cutting with a plane, moving the knee.
+"use strict";
+(() => {
+  const data = JSON.parse(document.getElementById("data").textContent);
+  const MOST_LIVE = 3; // browsers give a page only so many WebGL contexts
+  const SCALES = {
+    distance: [[0, "#2166ac"], [0.25, "#f7f7f7"], [0.6, "#f4a582"], [1, "#b2182b"]],
+    mask: [[0, "#e1d5be"], [1, "#1f4fd8"]],
+    thickness: "Viridis",
+    quality: [[0, "#440154"], [0.3, "#b2182b"], [0.5, "#fdae61"], [0.75, "#a6d96a"], [1, "#1a9850"]],
+    gap: [[0, "#7f0000"], [0.49, "#fc8d59"], [0.5, "#f7f7f7"], [0.75, "#92c5de"], [1, "#2166ac"]],
+    force: [[0, "#9aa0a6"], [0.02, "#2c7bb6"], [0.5, "#fdae61"], [1, "#d7191c"]],
+  };
+  const AXES = ["x", "y", "z"];
+  const PLANES = ["left to right", "back to front", "bottom to top"];
+  // x is the patient's right, y forwards, z up
+  const VIEWS = {
+    front: { eye: [0, 1, 0], up: [0, 0, 1] },
+    behind: { eye: [0, -1, 0], up: [0, 0, 1] },
+    "patient's right": { eye: [1, 0, 0], up: [0, 0, 1] },
+    "patient's left": { eye: [-1, 0, 0], up: [0, 0, 1] },
+    above: { eye: [0, 0, 1], up: [0, 1, 0] },
+    below: { eye: [0, 0, -1], up: [0, 1, 0] },
+  };
+  const DISTANCE = 1.9;
+  const opened = [];
+
+  const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
+  const element = (name, attributes = {}, text = "") => {
+    const e = document.createElement(name);
+    for (const [key, value] of Object.entries(attributes)) e.setAttribute(key, value);
+    e.textContent = text;
+    return e;
+  };
+
+  // ---- geometry
+
+  const unpacked = new Map();
+  function surface(pool, name) {
+    const key = pool + "/" + name;
+    if (!unpacked.has(key)) {
+      const m = data[pool].meshes[name];
+      const steps = new Uint16Array(bytes(m.corners).buffer);
+      const indices = new (m.wide ? Uint32Array : Uint16Array)(bytes(m.triangles).buffer);
+      const every3 = (from, k, value) => from.filter((_, n) => n % 3 === k).map(value);
+      const [x, y, z] = [0, 1, 2].map((k) => Float32Array.from(every3(steps, k, (s) => s), (s) => m.low[k] + m.step[k] * s));
+      const [i, j, k] = [0, 1, 2].map((c) => Uint32Array.from(every3(indices, c, (s) => s)));
+      unpacked.set(key, { x, y, z, i, j, k });
+    }
+    return unpacked.get(key);
+  }
+
+  function moved(s, m) {
+    const out = { x: new Float32Array(s.x.length), y: new Float32Array(s.x.length), z: new Float32Array(s.x.length) };
+    for (let n = 0; n < s.x.length; n++) {
+      AXES.forEach((axis, r) => {
+        out[axis][n] = m[4 * r] * s.x[n] + m[4 * r + 1] * s.y[n] + m[4 * r + 2] * s.z[n] + m[4 * r + 3];
+      });
+    }
+    return out;
+  }
+
+  const apply = (p, m) => [0, 1, 2].map((r) => m[4 * r] * p[0] + m[4 * r + 1] * p[1] + m[4 * r + 2] * p[2] + m[4 * r + 3]);
+
+  // ends of lines, broken after every second; with a number a line where there are any
+  function segments(lines, m, force) {
+    const out = { x: [], y: [], z: [], color: [] };
+    for (let n = 0; n < lines.length; n += 2) {
+      const ends = [m ? apply(lines[n], m) : lines[n], lines[n + 1]];
+      AXES.forEach((axis, k) => out[axis].push(ends[0][k], ends[1][k], null));
+      const f = force ? force[n / 2] : 0;
+      out.color.push(f, f, f);
+    }
+    return out;
+  }
+
+  function trace(pool, layer, motion) {
+    const common = { name: layer.name, visible: layer.on, showlegend: false, hoverinfo: layer.labels ? "text" : "skip", opacity: layer.opacity };
+    if (layer.mesh) {
+      const out = { ...common, type: "mesh3d", ...surface(pool, layer.mesh), lighting: { ambient: 0.6, diffuse: 0.6, specular: 0.1, roughness: 0.7 }, lightposition: { x: 3000, y: 6000, z: 6000 } };
+      if (!layer.scalar) return { ...out, color: layer.colour };
+      const { low, high } = layer.scalar;
+      const scale = SCALES[layer.scalar.scale];
+      const bar = { title: { text: layer.scalar.title, side: "right" }, thickness: 12, len: 0.7, x: 1, xanchor: "right" };
+      return {
+        ...out, intensity: Float32Array.from(bytes(layer.scalar.values), (b) => low + ((high - low) * b) / 255),
+        intensitymode: layer.scalar.cells ? "cell" : "vertex", flatshading: layer.scalar.cells,
+        cmin: low, cmax: high, colorscale: scale, showscale: true, colorbar: bar,
+      };
+    }
+    if (layer.lines) {
+      const { color, ...xyz } = segments(layer.lines);
+      const line = { color: layer.colour, width: 6 };
+      if (layer.moves === "fibres" && motion) {
+        Object.assign(line, { color, colorscale: SCALES.force, cmin: 0, cmax: mostForce(motion), showscale: true, colorbar: { title: { text: "force of a fibre, N", side: "right" }, thickness: 12, len: 0.7, x: 1, xanchor: "right" } });
+      }
+      return { ...common, type: "scatter3d", mode: "lines", ...xyz, line, connectgaps: false };
+    }
+    const [x, y, z] = [0, 1, 2].map((k) => layer.points.map((p) => p[k]));
+    return { ...common, type: "scatter3d", mode: "markers", x, y, z, text: layer.labels, marker: { color: layer.colour, size: layer.labels ? 6 : 2 } };
+  }
+
+  const mostForce = (motion) => Math.max(1, ...motion.flatMap((m) => m.steps.flatMap((s) => s.force)));
+
+  function bounds(traces, motion) {
+    const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
+    const grow = (k, v) => { if (v !== null) { low[k] = Math.min(low[k], v); high[k] = Math.max(high[k], v); } };
+    for (const t of traces) AXES.forEach((axis, k) => t[axis].forEach((v) => grow(k, v)));
+    if (motion) {
+      const corners = [0, 1, 2, 3, 4, 5, 6, 7].map((n) => [0, 1, 2].map((k) => ((n >> k) & 1 ? high[k] : low[k])));
+      // the far end of a long bone may leave the picture; a third of its reach does not
+      const reach = motion.flatMap((m) => m.steps).flatMap((s) => corners.map((c) => apply(c, s.femur)));
+      for (const p of reach) p.forEach((v, k) => grow(k, Math.max(low[k] - 60, Math.min(high[k] + 60, v))));
+    }
+    return { low: low.map((v) => v - 1), high: high.map((v) => v + 1) };
+  }
+
+  // ---- a scene
+
+  class View {
+    constructor(figure) {
+      this.figure = figure;
+      [this.pool, this.id] = figure.dataset.scene.split("/");
+      this.scene = data[this.pool].scenes.find((s) => s.id === this.id);
+      this.motion = this.scene.moves ? data[this.pool].motions : null;
+      this.traces = this.scene.layers.map((l) => trace(this.pool, l, this.motion));
+      this.box = bounds(this.traces, this.motion);
+      this.size = Math.max(...AXES.map((_, k) => this.box.high[k] - this.box.low[k]));
+      const shown = bounds(this.traces.filter((t) => t.visible), null);
+      this.focus = {
+        middle: [0, 1, 2].map((k) => (1.35 * ((shown.low[k] + shown.high[k]) - (this.box.low[k] + this.box.high[k]))) / (2 * this.size)),
+        share: Math.max(...AXES.map((_, k) => shown.high[k] - shown.low[k])) / this.size,
+      };
+      this.cut = { axis: -1, share: 0.5, far: false };
+      this.look(this.scene.from);
+      this.queue = Promise.resolve();
+      this.build();
+    }
+
+    build() {
+      this.frame = element("div", { class: "view", role: "application", tabindex: "0", "aria-label": `${this.scene.title}: 3D view. Arrow keys turn it, plus and minus zoom, 0 turns it back.`, "aria-describedby": `text-${this.pool}-${this.id}` });
+      this.plot = element("div", { class: "plot" });
+      this.frame.append(this.plot);
+      this.tools = element("div", { class: "tools" });
+      this.figure.querySelector(".still").after(this.tools, this.frame);
+      this.figure.classList.add("live");
+      this.buttons();
+      this.layers();
+      this.plane();
+      if (this.motion) this.slider();
+      this.frame.addEventListener("keydown", (e) => this.key(e));
+      // the page scrolls under the wheel until the view is chosen
+      this.frame.addEventListener("wheel", (e) => { if (!this.frame.contains(document.activeElement)) e.stopPropagation(); }, { capture: true });
+      this.frame.addEventListener("pointerdown", () => this.frame.focus({ preventScroll: true }));
+      const axis = (k) => ({ visible: false, showspikes: false, autorange: false, range: [this.box.low[k], this.box.high[k]] });
+      const layout = {
+        margin: { l: 0, r: 0, t: 0, b: 0 }, paper_bgcolor: "#ffffff", uirevision: "kept",
+        scene: { xaxis: axis(0), yaxis: axis(1), zaxis: axis(2), aspectmode: "manual", aspectratio: this.ratio(), camera: this.camera(), dragmode: "orbit" },
+      };
+      this.queue = Plotly.newPlot(this.plot, this.traces, layout, { responsive: true, displaylogo: false, displayModeBar: false, scrollZoom: true }).then(() => {
+        this.plot.on("plotly_relayout", (e) => { if (e["scene.camera"]) this.took(e["scene.camera"]); });
+        const canvas = this.plot.querySelector("canvas");
+        if (canvas) canvas.setAttribute("aria-hidden", "true");
+        this.figure.dataset.ready = "yes";
+        if (this.motion) this.move();
+      }, () => this.close("This browser cannot draw in 3D; the still pictures show the same."));
+    }
+
+    // one change at a time; of changes of a kind that wait only the last is made
+    later(kind, change) {
+      this.waiting = this.waiting || {};
+      const first = !(kind in this.waiting);
+      this.waiting[kind] = change;
+      if (!first) return;
+      this.figure.dataset.busy = "yes";
+      this.queue = this.queue.then(() => {
+        const last = this.waiting[kind];
+        delete this.waiting[kind];
+        return this.closed ? null : last();
+      });
+      const mine = this.queue;
+      mine.then(() => { if (this.queue === mine) delete this.figure.dataset.busy; });
+    }
+
+    // -- camera: eye and middle are kept for the uncut box; plotly's are for the box that the cut leaves
+
+    look(name) {
+      const v = VIEWS[name];
+      this.middle = [...this.focus.middle];
+      this.eye = v.eye.map((c, k) => this.middle[k] + c * DISTANCE * Math.max(0.3, this.focus.share));
+      this.up = [...v.up];
+    }
+
+    range() {
+      const { low, high } = this.box, c = this.cut;
+      return [0, 1, 2].map((k) => {
+        if (k !== c.axis) return [low[k], high[k]];
+        const at = low[k] + Math.min(0.99, Math.max(0.01, c.share)) * (high[k] - low[k]);
+        return c.far ? [at, high[k]] : [low[k], at];
+      });
+    }
+
+    ratio() {
+      const r = this.range().map(([a, b]) => (1.35 * (b - a)) / this.size);
+      return { x: r[0], y: r[1], z: r[2] };
+    }
+
+    shift() {
+      return this.range().map(([a, b], k) => (1.35 * ((a + b) / 2 - (this.box.low[k] + this.box.high[k]) / 2)) / this.size);
+    }
+
+    camera() {
+      const s = this.shift();
+      const vector = (v) => ({ x: v[0], y: v[1], z: v[2] });
+      return { eye: vector(this.eye.map((c, k) => c - s[k])), center: vector(this.middle.map((c, k) => c - s[k])), up: vector(this.up) };
+    }
+
+    took(camera) {
+      const s = this.shift();
+      const list = (v) => [v.x, v.y, v.z];
+      this.eye = list(camera.eye).map((c, k) => c + s[k]);
+      this.middle = list(camera.center).map((c, k) => c + s[k]);
+      this.up = list(camera.up);
+    }
+
+    aim() {
+      this.later("aim", () => Plotly.relayout(this.plot, { "scene.camera": this.camera() }));
+    }
+
+    turn(right, up) {
+      const d = this.eye.map((c, k) => c - this.middle[k]);
+      const about = (v, axis, angle) => {
+        const [c, s] = [Math.cos(angle), Math.sin(angle)], n = Math.hypot(...axis), u = axis.map((a) => a / n);
+        const dot = v[0] * u[0] + v[1] * u[1] + v[2] * u[2];
+        const cross = [u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]];
+        return v.map((a, k) => a * c + cross[k] * s + u[k] * dot * (1 - c));
+      };
+      const side = [this.up[1] * d[2] - this.up[2] * d[1], this.up[2] * d[0] - this.up[0] * d[2], this.up[0] * d[1] - this.up[1] * d[0]];
+      const turned = about(about(d, this.up, -right), side, -up);
+      this.up = about(this.up, side, -up);
+      this.eye = turned.map((c, k) => c + this.middle[k]);
+      this.aim();
+    }
+
+    zoom(factor) {
+      this.eye = this.eye.map((c, k) => this.middle[k] + (c - this.middle[k]) * factor);
+      this.aim();
+    }
+
+    key(e) {
+      const step = 0.12;
+      const does = {
+        ArrowLeft: () => this.turn(-step, 0), ArrowRight: () => this.turn(step, 0), ArrowUp: () => this.turn(0, step), ArrowDown: () => this.turn(0, -step),
+        "+": () => this.zoom(0.9), "=": () => this.zoom(0.9), "-": () => this.zoom(1.1), 0: () => { this.look(this.scene.from); this.aim(); },
+      }[e.key];
+      if (does) { e.preventDefault(); does(); }
+    }
+
+    // -- controls
+
+    buttons() {
+      const group = element("div", { role: "group", "aria-label": "Look from" });
+      for (const name of Object.keys(VIEWS)) {
+        const b = element("button", { type: "button" }, name);
+        b.addEventListener("click", () => { this.look(name); this.aim(); });
+        group.append(b);
+      }
+      const still = element("button", { type: "button", class: "shut" }, "Still pictures");
+      still.addEventListener("click", () => { this.close(""); this.figure.dataset.shut = "yes"; });
+      group.append(still);
+      this.tools.append(group);
+    }
+
+    layers() {
+      const set = element("fieldset", { class: "layers" });
+      set.append(element("legend", {}, "Layers"));
+      this.boxes = this.scene.layers.map((layer, n) => {
+        const label = element("label");
+        const box = element("input", { type: "checkbox" });
+        box.checked = layer.on;
+        box.addEventListener("change", () => this.show(n, box.checked));
+        label.append(box, " " + layer.name);
+        set.append(label);
+        return box;
+      });
+      this.tools.append(set);
+    }
+
+    show(n, on) {
+      const kind = this.scene.layers[n].one_of;
+      this.scene.layers.forEach((l, m) => { if (on && kind && m !== n && l.one_of === kind) this.boxes[m].checked = false; });
+      this.later("layers", () => Plotly.restyle(this.plot, { visible: this.boxes.map((b) => b.checked) }));
+    }
+
+    plane() {
+      const set = element("fieldset", { class: "cut" });
+      set.append(element("legend", {}, "Cut with a plane"));
+      const which = element("select", { "aria-label": "Direction of the cut" });
+      ["no cut", ...PLANES].forEach((words, k) => which.append(element("option", { value: k - 1 }, words)));
+      const where = element("input", { type: "range", min: 0, max: 100, value: 50, "aria-label": "Place of the cut, per cent of the way", disabled: "" });
+      const far = element("input", { type: "checkbox" });
+      const label = element("label");
+      label.append(far, " other half");
+      const change = () => {
+        this.cut = { axis: Number(which.value), share: where.value / 100, far: far.checked };
+        where.disabled = this.cut.axis < 0;
+        const r = this.range();
+        this.later("cut", () => Plotly.relayout(this.plot, {
+          "scene.xaxis.range": r[0], "scene.yaxis.range": r[1], "scene.zaxis.range": r[2], "scene.aspectratio": this.ratio(), "scene.camera": this.camera(),
+        }));
+      };
+      [which, where, far].forEach((c) => c.addEventListener("input", change));
+      set.append(which, where, label);
+      this.tools.append(set);
+    }
+
+    slider() {
+      const set = element("fieldset", { class: "motion" });
+      set.append(element("legend", {}, "Motion"));
+      this.which = element("select", { "aria-label": "Which motion" });
+      this.motion.forEach((m, n) => this.which.append(element("option", { value: n }, m.name)));
+      this.at = element("input", { type: "range", min: 0, value: 0, "aria-label": "Step of the motion" });
+      this.step = element("p", { class: "step", "aria-live": "polite" });
+      this.which.addEventListener("input", () => { this.at.value = 0; this.move(); });
+      this.at.addEventListener("input", () => this.move());
+      set.append(this.which, this.at);
+      this.tools.append(set, this.step);
+    }
+
+    move() {
+      const motion = this.motion[Number(this.which.value)];
+      this.at.max = motion.steps.length - 1;
+      const step = motion.steps[Number(this.at.value)];
+      this.step.textContent = step.label;
+      this.at.setAttribute("aria-valuetext", step.label);
+      const change = { x: [], y: [], z: [] }, which = [], colours = [];
+      this.scene.layers.forEach((layer, n) => {
+        if (!layer.moves) return;
+        const at = layer.moves === "femur" ? moved(surface(this.pool, layer.mesh), step.femur) : segments(layer.lines, step.femur, step.force);
+        AXES.forEach((axis) => change[axis].push(at[axis]));
+        which.push(n);
+        colours.push(at.color || layer.colour);
+      });
+      this.later("move", () => Plotly.restyle(this.plot, { ...change, "line.color": colours }, which));
+    }
+
+    close(words) {
+      this.closed = true;
+      Plotly.purge(this.plot);
+      this.tools.remove();
+      this.frame.remove();
+      this.figure.classList.remove("live");
+      delete this.figure.dataset.ready;
+      opened.splice(opened.indexOf(this), 1);
+      if (words) this.figure.querySelector(":scope > figcaption").append(" " + words);
+      this.figure.querySelector(".open").hidden = false;
+    }
+  }
+
+  function open(figure) {
+    if (opened.some((v) => v.figure === figure)) return;
+    while (opened.length >= MOST_LIVE) opened[0].close("");
+    figure.querySelector(".open").hidden = true;
+    opened.push(new View(figure));
+  }
+
+  // ---- charts
+
+  function draw(chart) {
+    if (chart.dataset.ready) return;
+    chart.dataset.ready = "yes";
+    const [pool, id] = chart.dataset.chart.split("/");
+    const plot = data[pool].charts[id];
+    const axis = (a) => ({ ...a, automargin: true });
+    const layout = { ...plot.layout, xaxis: axis(plot.layout.xaxis), yaxis: axis(plot.layout.yaxis), margin: { l: 60, r: 10, t: 10, b: 60 }, paper_bgcolor: "#fff", plot_bgcolor: "#fff", height: undefined };
+    Plotly.newPlot(chart, plot.data, layout, { responsive: true, displaylogo: false, displayModeBar: false });
+  }
+
+  // ---- the page
+
+  const seen = new IntersectionObserver((entries) => {
+    for (const e of entries) {
+      const on = e.isIntersecting, at = e.target;
+      if (at.dataset.chart) { if (on) draw(at); continue; }
+      clearTimeout(at.waits);
+      if (on && !at.dataset.shut) at.waits = setTimeout(() => open(at), 150);
+    }
+  }, { rootMargin: "50px" });
+  document.querySelectorAll("[data-scene]").forEach((figure) => {
+    const button = element("button", { type: "button", class: "open" }, "Show in 3D");
+    button.addEventListener("click", () => { delete figure.dataset.shut; open(figure); });
+    figure.querySelector(".still").after(button);
+    seen.observe(figure);
+  });
+  document.querySelectorAll("[data-chart]").forEach((chart) => seen.observe(chart));
+  window.addEventListener("beforeprint", () => document.querySelectorAll("[data-chart]").forEach(draw));
+})();

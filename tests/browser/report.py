@@ -1,0 +1,242 @@
+"""Opens a report in headless Chromium without network and uses it: every section, layers, cut, slider, keys.
+
+usage: report.py REPORT.html SCREENSHOTS_FOLDER
+Needs chromium and chromedriver on the path; nothing beyond Python's own library. Ends with status 1 and a line for each fault.
+"""
+
+import base64
+import contextlib
+import json
+import pathlib
+import struct
+import subprocess
+import sys
+import time
+import urllib.request
+import zlib
+
+PORT = 9517
+
+
+class Browser:
+    """A WebDriver session [https://www.w3.org/TR/webdriver2/]."""
+
+    def __init__(self):
+        self.driver = subprocess.Popen(["chromedriver", f"--port={PORT}"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        flags = ["--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--window-size=1300,1000", "--hide-scrollbars",
+                 "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--host-resolver-rules=MAP * ~NOTFOUND"]
+        wanted = {"browserName": "chrome", "goog:chromeOptions": {"args": flags}, "goog:loggingPrefs": {"browser": "ALL", "performance": "ALL"}}
+        for attempt in range(100):
+            with contextlib.suppress(OSError):
+                self.session = self.ask("", {"capabilities": {"alwaysMatch": wanted}}, "")["sessionId"]
+                return
+            time.sleep(0.2)
+        raise SystemExit("chromedriver does not answer")
+
+    def ask(self, path, body, session=None):
+        base = f"http://127.0.0.1:{PORT}/session" + (f"/{self.session}" if session is None else session)
+        data = None if body is None else json.dumps(body).encode()
+        request = urllib.request.Request(base + path, data, {"Content-Type": "application/json"})
+        with urllib.request.urlopen(request, timeout=120) as answer:
+            return json.load(answer)["value"]
+
+    def run(self, script, *arguments):
+        return self.ask("/execute/sync", {"script": script, "args": list(arguments)})
+
+    def picture(self):
+        return base64.b64decode(self.ask("/screenshot", None))
+
+    def log(self, kind):
+        return self.ask("/se/log", {"type": kind})
+
+    def press(self, key):
+        actions = [{"type": "keyDown", "value": key}, {"type": "keyUp", "value": key}]
+        self.ask("/actions", {"actions": [{"type": "key", "id": "keyboard", "actions": actions}]})
+
+    def close(self):
+        with contextlib.suppress(OSError):
+            urllib.request.urlopen(urllib.request.Request(f"http://127.0.0.1:{PORT}/session/{self.session}", method="DELETE"), timeout=20)
+        self.driver.terminate()
+        self.driver.wait()
+
+
+def pixels(png):
+    """Width, height and rows of RGB(A) of an 8-bit PNG."""
+    at, header, packed = 8, None, b""
+    while at < len(png):
+        size, kind = struct.unpack(">I4s", png[at : at + 8])
+        body = png[at + 8 : at + 8 + size]
+        header = body if kind == b"IHDR" else header
+        packed += body if kind == b"IDAT" else b""
+        at += size + 12
+    width, height, _, colour = struct.unpack(">IIBB", header[:10])
+    step = {2: 3, 6: 4}[colour]
+    raw, rows, before = zlib.decompress(packed), [], bytearray(width * step)
+    for y in range(height):
+        start = y * (width * step + 1)
+        way, row = raw[start], bytearray(raw[start + 1 : start + 1 + width * step])
+        for i in range(len(row)):
+            left = row[i - step] if i >= step else 0
+            up, corner = before[i], before[i - step] if i >= step else 0
+            if way == 1:
+                row[i] = (row[i] + left) & 255
+            elif way == 2:
+                row[i] = (row[i] + up) & 255
+            elif way == 3:
+                row[i] = (row[i] + (left + up) // 2) & 255
+            elif way == 4:
+                guess = left + up - corner
+                near = min((abs(guess - left), 0, left), (abs(guess - up), 1, up), (abs(guess - corner), 2, corner))
+                row[i] = (row[i] + near[2]) & 255
+        rows.append(row)
+        before = row
+    return width, height, step, rows
+
+
+def colours(png):
+    """How many different colours a picture has, and which share of it is not white."""
+    width, height, step, rows = pixels(png)
+    seen, inked = set(), 0
+    for row in rows:
+        for x in range(width):
+            c = bytes(row[x * step : x * step + 3])
+            seen.add(c)
+            inked += c != b"\xff\xff\xff"
+    return len(seen), inked / (width * height)
+
+
+class Check:
+    """Uses the page and keeps what is wrong."""
+
+    def __init__(self, browser, folder):
+        self.browser, self.folder, self.faults = browser, folder, []
+
+    def expect(self, holds, words):
+        if not holds:
+            self.faults.append(words)
+
+    def wait(self, script, *arguments, seconds=60):
+        end = time.time() + seconds
+        while time.time() < end:
+            if self.browser.run(script, *arguments):
+                return True
+            time.sleep(0.1)
+        return False
+
+    def settle(self):
+        self.wait("return !document.querySelector('[data-busy]')")
+        self.browser.run("return new Promise(r => setTimeout(() => requestAnimationFrame(() => requestAnimationFrame(r)), 60))")
+
+    def view(self, scene):
+        """A small picture of the scene's 3D view alone."""
+        self.settle()
+        clip = self.browser.run("const r=document.querySelector(`[data-scene='${arguments[0]}'] .plot`).getBoundingClientRect(); return {x: r.x + scrollX, y: r.y + scrollY, width: r.width, height: r.height, scale: 0.3}", scene)
+        return base64.b64decode(self.browser.ask("/goog/cdp/execute", {"cmd": "Page.captureScreenshot", "params": {"clip": clip, "captureBeyondViewport": True}})["data"])
+
+    def scene(self, scene):
+        words = self.browser.run("const f=document.querySelector(`[data-scene='${arguments[0]}']`); f.scrollIntoView(); return f.querySelector(':scope > figcaption').textContent.trim()", scene)
+        self.expect(len(words) > 40, f"{scene}: no text alternative")
+        ready = self.wait("return document.querySelector(`[data-scene='${arguments[0]}']`).dataset.ready === 'yes'", scene)
+        self.expect(ready, f"{scene}: no 3D view after 60 s")
+        if not ready:
+            return
+        label = self.browser.run("const v=document.querySelector(`[data-scene='${arguments[0]}'] .view`); return (v.getAttribute('aria-label') || '') + v.tabIndex", scene)
+        self.expect("Arrow keys" in label and label.endswith("0"), f"{scene}: not for the keyboard: {label}")
+        first = self.view(scene)
+        count, share = colours(first)
+        self.expect(count > 20 and share > 0.01, f"{scene}: blank ({count} colours, {share:.3f} inked)")
+        (self.folder / f"{scene.replace('/', '-')}.png").write_bytes(self.browser.picture())
+        self.layers(scene, first)
+        self.keys(scene)
+
+    def layers(self, scene, first):
+        count = self.browser.run(f"const all=document.querySelectorAll(`[data-scene='${{arguments[0]}}'] .layers input:checked`); all.forEach(b => b.click()); return all.length", scene)
+        self.expect(count > 0, f"{scene}: no layers")
+        hidden = self.view(scene)
+        self.expect(colours(hidden)[1] < colours(first)[1] * 0.9, f"{scene}: hiding the layers changes nothing")
+        self.browser.run("document.querySelectorAll(`[data-scene='${arguments[0]}'] .layers input`).forEach((b, n) => { if (arguments[1].includes(n)) b.click(); })", scene, self.on_at_first(scene))
+        cut = "const s=document.querySelector(`[data-scene='${arguments[0]}'] .cut select`); s.value=arguments[1]; s.dispatchEvent(new Event('input'))"
+        before = colours(self.view(scene))[1]
+        self.expect(abs(before - colours(first)[1]) < 0.02, f"{scene}: shown again, the layers are not as before")
+        self.browser.run(cut, scene, "0")
+        self.expect(colours(self.view(scene))[1] < before * 0.95, f"{scene}: the plane cuts nothing")
+        self.browser.run(cut, scene, "-1")
+
+    def on_at_first(self, scene):
+        return self.browser.run("const d=JSON.parse(document.getElementById('data').textContent), [pool,id]=arguments[0].split('/'); return d[pool].scenes.find(s => s.id === id).layers.flatMap((l, n) => l.on ? [n] : [])", scene)
+
+    def keys(self, scene):
+        still = self.view(scene)
+        self.browser.run("document.querySelector(`[data-scene='${arguments[0]}'] .view`).focus({preventScroll: true})", scene)
+        for _ in range(4):
+            self.browser.press("\ue014")
+        self.expect(self.view(scene) != still, f"{scene}: the arrow keys do not turn it")
+        self.browser.press("0")
+
+    def slider(self, scene):
+        motions = self.browser.run("const s=document.querySelector(`[data-scene='${arguments[0]}'] .motion select`); return s ? s.options.length : 0", scene)
+        if not motions:
+            return False
+        seen = set()
+        move = "const f=document.querySelector(`[data-scene='${arguments[0]}']`), s=f.querySelector('.motion select'), r=f.querySelector('.motion input'); s.value=arguments[1]; s.dispatchEvent(new Event('input')); r.value=Math.round(arguments[2]*r.max); r.dispatchEvent(new Event('input')); return f.querySelector('.step').textContent"
+        places = [(0, 0), (0, 0.5)] + [(motion, 1) for motion in range(motions)]
+        for motion, share in places:
+            words = self.browser.run(move, scene, str(motion), share)
+            self.expect("flexion" in words, f"{scene}: no words on the step: {words}")
+            seen.add(self.view(scene))
+        self.expect(len(seen) == len(places), f"{scene}: the slider moves nothing ({len(seen)} pictures of {len(places)})")
+        self.browser.run(move, scene, "0", 0.6)
+        self.settle()
+        (self.folder / f"{scene.replace('/', '-')}-moved.png").write_bytes(self.browser.picture())
+        return True
+
+    def charts(self):
+        for chart in self.browser.run("return [...document.querySelectorAll('[data-chart]')].map(c => c.dataset.chart)"):
+            self.browser.run("document.querySelector(`[data-chart='${arguments[0]}']`).scrollIntoView()", chart)
+            drawn = self.wait("return !!document.querySelector(`[data-chart='${arguments[0]}'] .plot-container path.js-line, [data-chart='${arguments[0]}'] .plot-container path.point`)", chart, seconds=20)
+            self.expect(drawn, f"{chart}: no chart")
+        if self.browser.run("return !!document.querySelector('[data-chart]')"):
+            self.browser.run("document.querySelector('.charts').scrollIntoView()")
+            self.settle()
+            (self.folder / "charts.png").write_bytes(self.browser.picture())
+
+
+def main():
+    page, folder = pathlib.Path(sys.argv[1]).resolve(), pathlib.Path(sys.argv[2])
+    folder.mkdir(parents=True, exist_ok=True)
+    browser = Browser()
+    try:
+        check = Check(browser, folder)
+        browser.ask("/url", {"url": page.as_uri()})
+        check.expect(browser.run("return !!document.querySelector('.verdict')"), "no verdict")
+        first = browser.run("return document.body.textContent.search(/Built|stopped/) < document.body.textContent.indexOf('01 ingest')")
+        check.expect(first, "the verdict does not come first")
+        (folder / "top.png").write_bytes(browser.picture())
+        for link in browser.run("return [...document.querySelectorAll('nav a')].map(a => a.getAttribute('href'))"):
+            there = browser.run("document.querySelector(`nav a[href='${arguments[0]}']`).click(); return !!document.getElementById(arguments[0].slice(1))", link)
+            check.expect(there, f"nothing at {link}")
+        scenes = browser.run("return [...document.querySelectorAll('[data-scene]')].map(f => f.dataset.scene)")
+        check.expect(len(scenes) > 0, "no scenes")
+        moved = False
+        for scene in scenes:
+            check.scene(scene)
+            moved = check.slider(scene) or moved
+        check.charts()
+        unnamed = browser.run("return [...document.querySelectorAll('img')].filter(i => !i.alt).length")
+        check.expect(unnamed == 0, f"{unnamed} pictures without words")
+        for entry in browser.log("browser"):
+            check.expect(entry["level"] != "SEVERE", f"console: {entry['message']}")
+        for entry in browser.log("performance"):
+            message = json.loads(entry["message"])["message"]
+            if message["method"] == "Network.requestWillBeSent":
+                url = message["params"]["request"]["url"]
+                check.expect(url.startswith(("file:", "data:", "blob:")), f"asks the network for {url}")
+        print(f"{page.name}: {len(scenes)} scenes, {'with' if moved else 'without'} motion, {len(check.faults)} faults")
+    finally:
+        browser.close()
+    for fault in check.faults:
+        print("fault:", fault)
+    sys.exit(1 if check.faults else 0)
+
+
+main()

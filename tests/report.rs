@@ -1,0 +1,98 @@
+//! The report: self-contained, small, the same bytes again; of a failed build; of two builds; in a browser.
+#![allow(clippy::unwrap_used, clippy::print_stderr, reason = "tests")]
+#![expect(clippy::disallowed_methods, reason = "tests look at files and run a browser")]
+
+mod common;
+
+use common::{build_model, phantom, text};
+use std::path::Path;
+use std::process::Command;
+use std::sync::OnceLock;
+use tempfile::TempDir;
+
+/// One built phantom for all.
+fn built() -> &'static Path {
+    static BUILT: OnceLock<TempDir> = OnceLock::new();
+    BUILT
+        .get_or_init(|| {
+            let folder = phantom("S192803-phantom");
+            build_model().arg(folder.path()).arg("--quiet").assert().success();
+            folder
+        })
+        .path()
+}
+
+/// What is between the end of the styles and the data: the words of the page.
+fn words(page: &str) -> &str {
+    let from = page.find("</style>").unwrap();
+    &page[from..page.find("<script").unwrap()]
+}
+
+#[test]
+fn report_is_one_small_file_with_the_verdict_first() {
+    let page = text(&built().join("build/report.html"));
+    assert!(page.len() < 15 << 20, "{} bytes", page.len());
+    let words = words(&page);
+    for outside in ["src=\"http", "href=\"http", "url(http", "@import"] {
+        assert!(!words.contains(outside), "{outside}");
+    }
+    let verdict = words.find("id=\"verdict\"").unwrap();
+    assert!(verdict < words.find("id=\"ingest\"").unwrap());
+    for stage in ["register", "bones", "cartilage", "frames", "attachments", "hexmesh", "overclosure", "knee"] {
+        assert!(words.contains(&format!("data-scene=\"a/{stage}\"")), "{stage}");
+        assert!(words.contains(&format!("<figcaption id=\"text-a-{stage}\">")), "{stage}");
+    }
+    assert!(words.contains("This knee is synthetic"));
+}
+
+#[test]
+fn report_again_gives_the_same_bytes() {
+    let path = built().join("build/report.html");
+    let first = text(&path);
+    build_model().arg("report").arg(built()).assert().success();
+    assert!(text(&path) == first);
+}
+
+#[test]
+fn report_of_a_failed_build_says_what_and_where() {
+    let folder = phantom("S192803-phantom");
+    let run = build_model().arg(folder.path()).args(["--quiet", "--set", "cartilage.edge_mm=-1"]).assert().code(1);
+    let said = String::from_utf8_lossy(&run.get_output().stderr).into_owned();
+    let page = text(&folder.path().join("build/report.html"));
+    let words = words(&page);
+    assert!(words.contains("The build stopped at 04 cartilage."), "{said}");
+    assert!(words.contains("04 cartilage: stopped here"));
+    assert!(words.contains("data-scene=\"a/failed\""));
+    assert!(said.contains("edge_mm") && words.contains("edge_mm"));
+    build_model().arg(folder.path()).args(["--quiet", "--to", "cartilage"]).assert().success();
+    assert!(!text(&folder.path().join("build/report.html")).contains("stopped at"));
+    assert!(!folder.path().join("build/failure.json").exists());
+}
+
+#[test]
+fn two_builds_stand_side_by_side() {
+    let other = phantom("S193761-phantom");
+    build_model().arg(other.path()).args(["--quiet", "--to", "bones"]).assert().success();
+    build_model().arg("report").arg(built()).arg("--compare").arg(other.path()).assert().success();
+    let page = text(&built().join("build/compare.html"));
+    assert!(page.len() < 15 << 20, "{} bytes", page.len());
+    let words = words(&page);
+    assert!(words.contains("data-scene=\"a/bones\"") && words.contains("data-scene=\"b/bones\""));
+    assert!(words.contains("This build has not come so far."));
+    assert!(words.contains("right less left"));
+}
+
+#[test]
+fn report_works_in_a_browser() {
+    let there = |program: &str| Command::new(program).arg("--version").output().is_ok_and(|o| o.status.success());
+    let missing: Vec<&str> = ["chromium", "chromedriver", "python3"].into_iter().filter(|p| !there(p)).collect();
+    if !missing.is_empty() {
+        eprintln!("report_works_in_a_browser: skipped, {} not there", missing.join(", "));
+        return;
+    }
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/browser/report.py");
+    let shots = TempDir::new().unwrap();
+    let run =
+        Command::new("python3").arg(script).arg(built().join("build/report.html")).arg(shots.path()).output().unwrap();
+    assert!(run.status.success(), "{}{}", String::from_utf8_lossy(&run.stdout), String::from_utf8_lossy(&run.stderr));
+}
