@@ -20,10 +20,14 @@ pub struct Gap {
     pub gap: f64,
     /// Unit direction away from the face.
     pub away: Vector,
+    /// The quadrilateral that is nearest.
+    pub quad: usize,
 }
 
 /// Beyond the rim, points farther than this are not over the face [mm].
 const RIM_REACH: f64 = 0.3;
+/// Both ways of splitting a quadrilateral.
+const TRIANGLES_A_QUAD: usize = 4;
 
 impl ContactFace {
     /// The face made of `quads` with outward normals; `None` when empty.
@@ -52,6 +56,7 @@ impl ContactFace {
         let near = self.query.nearest(p);
         let normal = self.query.smooth_normal(&near);
         let offset = p - near.point;
+        let quad = near.triangle as usize / TRIANGLES_A_QUAD;
         if self.is_rim(near.triangle, near.barycentric) {
             if near.distance > RIM_REACH {
                 return None;
@@ -59,7 +64,7 @@ impl ContactFace {
             // Beside the rim, only how far it is behind counts, not how far aside.
             let height = offset.dot(&normal);
             if height < 0.0 {
-                return Some(Gap { gap: height, away: normal });
+                return Some(Gap { gap: height, away: normal, quad });
             }
         }
         let behind = offset.dot(&normal) < 0.0;
@@ -68,7 +73,7 @@ impl ContactFace {
             Some(direction) => direction,
             None => normal,
         };
-        Some(Gap { gap: if behind { -near.distance } else { near.distance }, away })
+        Some(Gap { gap: if behind { -near.distance } else { near.distance }, away, quad })
     }
 
     fn is_rim(&self, triangle: u32, barycentric: [f64; 3]) -> bool {

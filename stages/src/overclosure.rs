@@ -1,5 +1,7 @@
 //! Stage 8, overclosure: femoral and tibial cartilage pushed apart until no gap is below the wanted one.
 
+mod feet;
+
 use crate::hexmesh::{HexCartilage, quality};
 use crate::{PerCartilage, StageError};
 use meshes::gap::{ContactFace, probes};
@@ -14,9 +16,11 @@ use serde::{Deserialize, Serialize};
 pub struct OverclosureOptions {
     /// Gap wanted everywhere between femoral and tibial cartilage [mm].
     pub gap_mm: f64,
-    /// Share of the move that the femur takes [-]; the tibia takes the rest [andreassen2024].
+    /// Share of the move that the femur takes where both cartilages are equally thick [-]; elsewhere the thicker takes more, in
+    /// proportion; the tibia takes the rest. [andreassen2024] shares evenly.
     pub femur_share: f64,
-    /// Standard deviation of the kernel at the first iteration [mm]; [andreassen2024] starts near 10.
+    /// Standard deviation of the kernel at the first iteration [mm]: about an element's edge, so that only what overlaps moves;
+    /// [andreassen2024] starts near 10.
     pub spread_mm: f64,
     /// Factor on the spread from one iteration to the next [-].
     pub spread_reduction: f64,
@@ -26,10 +30,13 @@ pub struct OverclosureOptions {
     pub momentum: f64,
     /// Iterations at most [-].
     pub max_iterations: usize,
-    /// While cartilages overlap by no more than this at first [mm], bony faces stay and the cartilage gets thinner: so much
-    /// the errors of CT and registration explain, our own choice.
-    pub bony_stays_to_mm: f64,
-    /// From deeper starts bony faces move with their cartilage by no more than this [mm]; beyond it the cartilage gets thinner.
+    /// Bony faces stay, and the cartilage gets thinner, while that changes the elements' volumes by no more than this in the mean [-]. Ours.
+    pub volume_change_max: f64,
+    /// Bony faces stay while that takes no more than this from any cartilage's least scaled Jacobian [-]. Ours.
+    pub scaled_jacobian_fall_max: f64,
+    /// Share of its height that a column keeps at least; beyond it the foot gives way [-]. Ours.
+    pub height_kept: f64,
+    /// Where bony faces cannot stay they move with their cartilage by no more than this [mm]; beyond it the cartilage gets thinner.
     pub max_bony_lift_mm: f64,
 }
 
@@ -38,12 +45,14 @@ impl Default for OverclosureOptions {
         OverclosureOptions {
             gap_mm: 0.05,
             femur_share: 0.5,
-            spread_mm: 6.0,
-            spread_reduction: 0.65,
+            spread_mm: 1.0,
+            spread_reduction: 0.8,
             least_spread_mm: 0.8,
-            momentum: 0.2,
+            momentum: 0.1,
             max_iterations: 40,
-            bony_stays_to_mm: 0.5,
+            volume_change_max: 0.028,
+            scaled_jacobian_fall_max: 0.04,
+            height_kept: 0.3,
             max_bony_lift_mm: 2.0,
         }
     }
@@ -62,10 +71,12 @@ pub struct Separated {
 
 /// Aimed for beyond the wanted gap, so that the last hundredths need no iterations of their own [mm].
 const MARGIN_MM: f64 = 0.02;
+/// Kernels tried where the one told cannot keep bony faces in place, in its widths [-].
+const WIDER: [f64; 2] = [3.0, 6.0];
+/// Iterations that a wider kernel gets to separate the cartilages.
+const WIDER_ITERATIONS: usize = 10;
 /// Nodes with gaps above this take no part [mm].
 const NEAR_MM: f64 = 12.0;
-/// The first spread over the depth of the overlap, where that is less than the spread told [-].
-const SPREAD_BY_DEPTH: f64 = 8.0;
 /// A lift off the bone above this is told [mm].
 const NOTABLE_LIFT_MM: f64 = 0.05;
 /// An overclosure that remains above this is an error [mm].
@@ -73,36 +84,69 @@ const REMAINING_MM: f64 = 0.05;
 
 /// Pushes femoral and tibial cartilage apart until every gap is at least `gap_mm`, either way a quadrilateral is split.
 ///
-/// Method: kernel regression of the displacements wanted at the articular nodes [andreassen2024]. Ours differs: a column of
-/// nodes moves with its articular node, its foot stays on the bone from starts shallower than `bony_stays_to_mm`, and
-/// lifts by `max_bony_lift_mm` at most from deeper ones; the spread starts with the depth; and gaps are also kept at the middles of edges and diagonals. Connectivity is unchanged.
+/// Method: kernel regression of the displacements wanted at the articular nodes [andreassen2024]. Ours differs: the kernel is as
+/// narrow as an element, a column of nodes moves with its articular node, its foot stays on the bone wherever that is possible
+/// ([`feet`]), and gaps are also kept at the middles of edges and diagonals. Connectivity is unchanged.
 pub fn overclosure(hexes: &HexCartilage, options: &OverclosureOptions) -> Result<Separated, StageError> {
     check(options)?;
-    let mut knee = Knee::new(hexes, options)?;
-    let before = knee.measure()?;
-    let mut gaps = before.clone();
-    let depth = -smallest(&before);
-    let lift = if depth > options.bony_stays_to_mm { options.max_bony_lift_mm } else { 0.0 };
-    // A shallow overlap is a small patch: a wide field would move what is far from it.
-    let start = options.spread_mm.min(SPREAD_BY_DEPTH * depth).max(options.least_spread_mm);
-    let (mut spread, mut iterations) = (start, 0);
+    let knee = Knee::new(hexes)?;
+    let before = knee.measure(options)?;
+    let mut best = trial(knee, before.clone(), hexes, options.spread_mm, options)?;
+    for wider in WIDER {
+        // What narrow kernels tear at a rim, wide ones keep whole.
+        if best.lift == 0.0 && best.good {
+            break;
+        }
+        let few =
+            OverclosureOptions { max_iterations: options.max_iterations.min(WIDER_ITERATIONS), ..options.clone() };
+        let other = trial(Knee::new(hexes)?, before.clone(), hexes, wider * options.spread_mm, &few)?;
+        if (!other.good, other.lift) < (!best.good, best.lift) {
+            best = other;
+        }
+    }
+    report(hexes, best, smallest(&before), options)
+}
+
+/// The knee as one kernel's width has separated it.
+struct Trial {
+    knee: Knee,
+    meshes: PerCartilage<HexMesh>,
+    /// Most that bony faces may lift [mm], and whether volumes and shapes are within bounds then.
+    lift: f64,
+    good: bool,
+    gap: f64,
+    iterations: usize,
+}
+
+fn trial(
+    mut knee: Knee,
+    mut gaps: Vec<Measured>,
+    hexes: &HexCartilage,
+    start_mm: f64,
+    options: &OverclosureOptions,
+) -> Result<Trial, StageError> {
+    let (mut spread, mut iterations) = (start_mm.max(options.least_spread_mm), 0);
     while smallest(&gaps) < options.gap_mm && iterations < options.max_iterations {
-        knee.step(&gaps, spread, lift, options);
+        knee.step(&gaps, spread, options);
         spread = (spread * options.spread_reduction).max(options.least_spread_mm);
-        gaps = knee.measure()?;
+        gaps = knee.measure(options)?;
         iterations += 1;
     }
-    report(hexes, knee, [smallest(&before), smallest(&gaps)], iterations, options)
+    let (lift, good) = feet::least_lift(&knee, hexes, options);
+    let meshes = feet::placed(&knee, hexes, lift, options);
+    let gap = smallest(&gaps);
+    Ok(Trial { knee, meshes, lift, good: good && gap >= options.gap_mm, gap, iterations })
 }
 
 fn check(options: &OverclosureOptions) -> Result<(), StageError> {
     let o = options;
-    let lengths = [o.gap_mm, o.max_bony_lift_mm, o.bony_stays_to_mm];
+    let lengths = [o.gap_mm, o.max_bony_lift_mm, o.volume_change_max, o.scaled_jacobian_fall_max];
     let good = lengths.iter().all(|x| x.is_finite() && *x >= 0.0)
         && (0.0..=1.0).contains(&o.femur_share)
         && (0.05..=100.0).contains(&o.spread_mm)
         && (0.05..=100.0).contains(&o.least_spread_mm)
         && (0.0..=1.0).contains(&o.spread_reduction)
+        && (0.0..=1.0).contains(&o.height_kept)
         && (0.0..1.0).contains(&o.momentum);
     let what = "overclosure options: lengths must not be negative, shares and momentum 0 to 1, spreads 0.05 to 100 mm";
     good.then_some(()).ok_or_else(|| StageError(what.into()))
@@ -116,6 +160,8 @@ struct Measured {
     away: Vector,
     of_tibia: bool,
     is_node: bool,
+    /// Share of the move that the femur takes here.
+    femur_share: f64,
 }
 
 /// One cartilage on its way.
@@ -125,6 +171,8 @@ struct Body {
     quads: Vec<[u32; 4]>,
     probes: Vec<(u32, u32)>,
     articular: Vec<u32>,
+    /// Height of the column below each articular node at the start [mm]; 0 elsewhere.
+    thickness: Vec<f64>,
     /// For each articular node its column, from foot to head.
     columns: Vec<Vec<u32>>,
     /// Displacement of each column so far, and in the last step [mm].
@@ -138,7 +186,7 @@ struct Knee {
 }
 
 impl Knee {
-    fn new(hexes: &HexCartilage, _: &OverclosureOptions) -> Result<Knee, StageError> {
+    fn new(hexes: &HexCartilage) -> Result<Knee, StageError> {
         let body = |name: &str, mesh: &HexMesh| {
             Body::new(mesh).ok_or_else(|| {
                 StageError(format!("cartilage {name}: elements do not form columns from bony to articular face"))
@@ -152,28 +200,29 @@ impl Knee {
     }
 
     /// Gaps of every probe near the other side: the tibiae's to the femur, the femur's to each tibia.
-    fn measure(&self) -> Result<Vec<Measured>, StageError> {
+    fn measure(&self, options: &OverclosureOptions) -> Result<Vec<Measured>, StageError> {
         let femur = self.femur.face()?;
+        let share = options.femur_share;
         let mut all = Vec::new();
         for tibia in &self.tibiae {
-            all.extend(tibia.gaps_to(&femur, true));
-            all.extend(self.femur.gaps_to(&tibia.face()?, false));
+            all.extend(tibia.gaps_to(&self.femur, &femur, share, true));
+            all.extend(self.femur.gaps_to(tibia, &tibia.face()?, share, false));
         }
         Ok(all)
     }
 
-    fn step(&mut self, gaps: &[Measured], spread: f64, lift: f64, options: &OverclosureOptions) {
+    fn step(&mut self, gaps: &[Measured], spread: f64, options: &OverclosureOptions) {
         // Nodes that need no move hold the field back; other probes speak only where a gap lacks.
-        let sample = |m: &Measured| {
+        let sample = |m: &Measured, share: f64| {
             let lack = (options.gap_mm + MARGIN_MM - m.gap).max(0.0);
             let push = m.away * if m.of_tibia { lack } else { -lack };
-            (m.is_node || lack > 0.0).then_some((m.place, push))
+            (m.is_node || lack > 0.0).then_some((m.place, push * share))
         };
-        let samples: Vec<(Point, Vector)> = gaps.iter().filter_map(sample).collect();
-        let share = options.femur_share;
-        self.femur.step(&samples, -share, [spread, lift], options);
+        let of_femur: Vec<(Point, Vector)> = gaps.iter().filter_map(|m| sample(m, -m.femur_share)).collect();
+        let of_tibia: Vec<(Point, Vector)> = gaps.iter().filter_map(|m| sample(m, 1.0 - m.femur_share)).collect();
+        self.femur.step(&of_femur, spread, options.momentum);
         for tibia in &mut self.tibiae {
-            tibia.step(&samples, 1.0 - share, [spread, lift], options);
+            tibia.step(&of_tibia, spread, options.momentum);
         }
     }
 }
@@ -199,12 +248,18 @@ impl Body {
         };
         let columns: Vec<Vec<u32>> = mesh.articular_nodes.iter().map(column).collect::<Option<_>>()?;
         let still = vec![Vector::zeros(); columns.len()];
+        let mut thickness = vec![0.0; mesh.nodes.len()];
+        for column in &columns {
+            let (foot, head) = (*column.first()? as usize, *column.last()? as usize);
+            thickness[head] = (mesh.nodes[head] - mesh.nodes[foot]).norm();
+        }
         Some(Body {
             nodes: mesh.nodes.clone(),
             start: mesh.nodes.clone(),
             quads: mesh.articular_quads.clone(),
             probes: probes(&mesh.articular_quads),
             articular: mesh.articular_nodes.clone(),
+            thickness,
             columns,
             moved: still.clone(),
             last: still,
@@ -215,42 +270,30 @@ impl Body {
         ContactFace::new(&self.nodes, &self.quads).ok_or_else(|| StageError("an articular face is empty".into()))
     }
 
-    fn gaps_to(&self, face: &ContactFace, of_tibia: bool) -> Vec<Measured> {
+    fn gaps_to(&self, other: &Body, face: &ContactFace, femur_share: f64, of_tibia: bool) -> Vec<Measured> {
         let measure = |&(a, b): &(u32, u32)| {
             let place = nalgebra::center(&self.nodes[a as usize], &self.nodes[b as usize]);
             let gap = face.gap(&place).filter(|g| g.gap < NEAR_MM)?;
-            Some(Measured { place, gap: gap.gap, away: gap.away, of_tibia, is_node: a == b })
+            let own = f64::midpoint(self.thickness[a as usize], self.thickness[b as usize]);
+            let across = other.quads[gap.quad].iter().map(|&n| other.thickness[n as usize]).sum::<f64>() / 4.0;
+            let [femur, tibia] = if of_tibia { [across, own] } else { [own, across] };
+            let [femur, tibia] = [femur_share * femur, (1.0 - femur_share) * tibia];
+            let femur_share = femur / (femur + tibia).max(f64::MIN_POSITIVE);
+            Some(Measured { place, gap: gap.gap, away: gap.away, of_tibia, is_node: a == b, femur_share })
         };
         self.probes.par_iter().filter_map(measure).collect()
     }
 
-    /// Moves every column by `share` of the field of the samples, and of the last step.
-    fn step(
-        &mut self,
-        samples: &[(Point, Vector)],
-        share: f64,
-        [spread, lift]: [f64; 2],
-        options: &OverclosureOptions,
-    ) {
+    /// Moves every articular node by the field of the samples, and by `momentum` of the last step.
+    fn step(&mut self, samples: &[(Point, Vector)], spread: f64, momentum: f64) {
         let heads: Vec<Point> = self.articular.iter().map(|&n| self.nodes[n as usize]).collect();
         let field = grnn::displacements(samples, spread, &heads);
-        for (c, column) in self.columns.iter().enumerate() {
-            let step = field[c] * share + self.last[c] * options.momentum;
+        for (c, &n) in self.articular.iter().enumerate() {
+            let step = field[c] + self.last[c] * momentum;
             self.last[c] = step;
             self.moved[c] += step;
-            let head = self.moved[c];
-            let size = head.norm();
-            let foot = if size > lift { head * (lift / size) } else { head };
-            let top = (column.len() - 1).max(1) as f64;
-            for (k, &n) in column.iter().enumerate() {
-                self.nodes[n as usize] = self.start[n as usize] + foot + (head - foot) * (k as f64 / top);
-            }
+            self.nodes[n as usize] = self.start[n as usize] + self.moved[c];
         }
-    }
-
-    fn largest(&self, which: impl Fn(&Vec<u32>) -> u32) -> f64 {
-        let move_of = |c: &Vec<u32>| (self.nodes[which(c) as usize] - self.start[which(c) as usize]).norm();
-        self.columns.iter().map(move_of).fold(0.0, f64::max)
     }
 }
 
@@ -260,11 +303,11 @@ fn smallest(gaps: &[Measured]) -> f64 {
 
 fn report(
     hexes: &HexCartilage,
-    knee: Knee,
-    [before, after]: [f64; 2],
-    iterations: usize,
+    trial: Trial,
+    before: f64,
     options: &OverclosureOptions,
 ) -> Result<Separated, StageError> {
+    let Trial { knee, meshes, gap: after, iterations, .. } = trial;
     if after < -REMAINING_MM {
         return Err(StageError(format!(
             "cartilages still overlap by {:.3} mm after {iterations} iterations (at first {:.3} mm): check that the bones lie in one frame, or raise max_iterations or spread_mm",
@@ -275,30 +318,25 @@ fn report(
     if after < options.gap_mm {
         warnings.push(format!("smallest gap {after:.3} mm after {iterations} iterations, wanted {}", options.gap_mm));
     }
-    let bodies = [&knee.femur, &knee.tibiae[0], &knee.tibiae[1]];
-    let largest = bodies.iter().map(|b| b.largest(|c| c[c.len() - 1])).fold(0.0, f64::max);
-    let lift = bodies.iter().map(|b| b.largest(|c| c[0])).fold(0.0, f64::max);
+    let largest = feet::moves(&meshes, hexes, |m| &m.articular_nodes).into_iter().fold(0.0, f64::max);
+    let lifts = feet::moves(&meshes, hexes, |m| &m.bony_nodes);
+    let lift = lifts.iter().copied().fold(0.0, f64::max);
     if lift > NOTABLE_LIFT_MM {
+        let lifted = lifts.iter().filter(|l| **l > NOTABLE_LIFT_MM).count();
         warnings.push(format!(
-            "cartilage was lifted off its bone by up to {lift:.2} mm to separate cartilages {:.2} mm deep in each other: check the registration, or lower max_bony_lift_mm to thin it instead",
-            -before
+            "cartilage was lifted off its bone by up to {lift:.2} mm, at {lifted} of {} bony nodes, to separate cartilages {:.2} mm deep in each other: thinning alone would change its elements by more than {:.1} % or spoil them; check the registration",
+            lifts.len(),
+            -before,
+            100.0 * options.volume_change_max
         ));
     }
-    let moved = |mesh: &HexMesh, body: &Body| HexMesh { nodes: body.nodes.clone(), ..mesh.clone() };
-    let meshes = PerCartilage {
-        femur: moved(&hexes.meshes.femur, &knee.femur),
-        tibia_medial: moved(&hexes.meshes.tibia_medial, &knee.tibiae[0]),
-        tibia_lateral: moved(&hexes.meshes.tibia_lateral, &knee.tibiae[1]),
-    };
     let mut metrics = serde_json::Map::new();
-    let mut changes = Vec::new();
-    for ((name, mesh), (_, old)) in meshes.named().into_iter().zip(hexes.meshes.named()) {
+    for (name, mesh) in meshes.named() {
         let inverted = (0..mesh.elements.len()).filter(|&e| mesh.scaled_jacobian(e) <= 0.0).count();
         if inverted > 0 {
             warnings.push(format!("cartilage {name}: {inverted} of {} elements are inverted", mesh.elements.len()));
         }
         metrics.insert(name.into(), quality(mesh));
-        changes.extend((0..mesh.elements.len()).map(|e| (mesh.element_volume(e) / old.element_volume(e) - 1.0).abs()));
     }
     // No probe of one cartilage near the other: no gap to tell.
     let told = |gap: f64| gap.is_finite().then_some(gap);
@@ -308,6 +346,7 @@ fn report(
     metrics.insert("iterations".into(), iterations.into());
     metrics.insert("largest_move_mm".into(), largest.into());
     metrics.insert("largest_bony_lift_mm".into(), lift.into());
-    metrics.insert("volume_change_mean".into(), (changes.iter().sum::<f64>() / changes.len().max(1) as f64).into());
+    metrics.insert("volume_change_mean".into(), feet::volume_change(&meshes, hexes).into());
+    metrics.insert("largest_thinning".into(), feet::largest_thinning(&knee, &meshes).into());
     Ok(Separated { meshes, warnings, metrics: metrics.into() })
 }
