@@ -5,7 +5,7 @@ use crate::{model_file, store};
 use clap::Args;
 use rayon::prelude::*;
 use sim::Model;
-use sim::explicit::{ExplicitOptions, TrialSteps, explicit_trial, unobserved};
+use sim::explicit::{ExplicitOptions, TrialSteps, explicit_protocol, explicit_trial, unobserved};
 use sim::laxity::{self, LaxityTrial, TrialResult};
 use sim::protocols::{self, Protocol, ProtocolOptions};
 use sim::trials::{TrialOptions, solve_trials};
@@ -59,7 +59,7 @@ pub enum ProtocolName {
 pub enum Solver {
     /// Equilibrium along the path of loading
     Quasistatic,
-    /// Explicit dynamics through the paper's steps, to rest; trials only
+    /// Explicit dynamics through the paper's steps, to rest at each row
     Explicit,
 }
 
@@ -80,9 +80,6 @@ pub fn simulate(args: &SimulateArgs) -> Result<String, BuildError> {
     let model = model.without(&args.without).map_err(|e| BuildError::Usage(format!("--without: {e}")))?;
     let names = model.bundle_names();
     let (results, csv) = match args.protocol {
-        Some(_) if args.solver == Solver::Explicit => {
-            return Err(BuildError::Usage("--solver explicit runs --trials; protocols are quasi-static".into()));
-        }
         Some(protocol) => {
             let results = run_protocol(&model, protocol, args).map_err(fault)?;
             let csv = laxity::protocol_csv(&names, &results);
@@ -127,7 +124,12 @@ fn run_protocol(model: &Model, protocol: ProtocolName, args: &SimulateArgs) -> R
         ProtocolName::PassiveFlexion => Protocol::PassiveFlexion,
         ProtocolName::PivotShift => Protocol::PivotShift,
     };
-    protocols::run(model, protocol, &options)
+    match args.solver {
+        Solver::Quasistatic => protocols::run(model, protocol, &options),
+        Solver::Explicit => {
+            explicit_protocol(model, protocol, &options, &TrialSteps::default(), &ExplicitOptions::default())
+        }
+    }
 }
 
 /// The trials of a file, and its warnings.

@@ -19,3 +19,14 @@ pub enum SimError {
         time: f64,
     },
 }
+
+impl SimError {
+    /// The same, with the trial it is about.
+    pub(crate) fn of_trial(self, trial: &str) -> SimError {
+        match self {
+            SimError::Input(m) => SimError::Input(format!("trial {trial}: {m}")),
+            SimError::Solver(m) => SimError::Solver(format!("trial {trial}: {m}")),
+            other => other,
+        }
+    }
+}

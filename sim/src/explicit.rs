@@ -11,12 +11,14 @@ mod forces;
 mod increment;
 mod options;
 pub mod program;
+pub mod protocol;
 mod state;
 pub mod trial;
 
 pub use energy::Energies;
 pub use options::{Control, ExplicitOptions};
 pub use program::{Course, Drive, Program, Step};
+pub use protocol::explicit_protocol;
 pub use state::ExplicitState;
 pub use trial::{TrialSteps, deck_program, explicit_trial};
 

@@ -3,7 +3,7 @@
 //! Each gives rows in the order of time; a row's trial holds the loads acting there and names the step.
 
 use crate::error::SimError;
-use crate::joint::{FE, Six};
+use crate::joint::FE;
 use crate::laxity::{LaxityTrial, Test, TrialResult};
 use crate::model::Model;
 use crate::quasistatic::Phase;
@@ -75,20 +75,60 @@ impl Default for ProtocolOptions {
     }
 }
 
-/// Runs a protocol; a row a step.
+/// Part of a path, with a row at its end: the loads and the flexion that its trial names.
+#[derive(Clone, Debug)]
+pub(crate) struct Leg {
+    pub(crate) trial: LaxityTrial,
+    /// Time to go there [s] and increments; `None`: flexed and loaded as a laxity trial is.
+    pub(crate) going: Option<(f64, usize)>,
+}
+
+/// Runs a protocol by the quasi-static solver; a row a step.
 ///
 /// Errors: options out of range, a solver that finds no equilibrium.
 pub fn run(model: &Model, protocol: Protocol, options: &ProtocolOptions) -> Result<Vec<TrialResult>, SimError> {
-    options.trials.check()?;
-    check(options)?;
-    match protocol {
-        Protocol::ApLaxity => {
-            let each = options.ap_flexions_deg.par_iter().map(|fe| ap_laxity(model, *fe, options));
-            Ok(each.collect::<Result<Vec<_>, _>>()?.concat())
+    let paths = paths(model, protocol, options)?;
+    let each = paths.par_iter().map(|legs| quasi_static(model, legs, options));
+    Ok(each.collect::<Result<Vec<_>, _>>()?.concat())
+}
+
+/// The paths of a protocol; each starts in the CT pose, settled under compression.
+///
+/// Errors: options out of range.
+pub(crate) fn paths(model: &Model, protocol: Protocol, o: &ProtocolOptions) -> Result<Vec<Vec<Leg>>, SimError> {
+    o.trials.check()?;
+    check(o)?;
+    let paths = match protocol {
+        Protocol::ApLaxity => o.ap_flexions_deg.iter().map(|fe| ap_laxity(*fe, o)).collect(),
+        Protocol::PassiveFlexion => {
+            chain_flexion(model, o.from_flexion_deg, &o.trials)?;
+            chain_flexion(model, o.to_flexion_deg, &o.trials)?;
+            vec![passive_flexion(model, o)]
         }
-        Protocol::PassiveFlexion => passive_flexion(model, options),
-        Protocol::PivotShift => pivot_shift(model, options),
+        Protocol::PivotShift => pivot_shift(o),
+    };
+    for leg in paths.iter().flatten() {
+        chain_flexion(model, leg.trial.fe_deg, &o.trials)?;
     }
+    Ok(paths)
+}
+
+fn quasi_static(model: &Model, legs: &[Leg], o: &ProtocolOptions) -> Result<Vec<TrialResult>, SimError> {
+    let mut path = Path::settled(model, o.compression_n, &o.trials)?;
+    let mut rows = Vec::with_capacity(legs.len());
+    for leg in legs {
+        let flexion = chain_flexion(model, leg.trial.fe_deg, &o.trials)?;
+        let load = generalised(&leg.trial.load);
+        match leg.going {
+            None => path.load(flexion, &load)?,
+            Some((seconds, steps)) => {
+                let flow = Some((seconds, o.trials.flowing()));
+                path.follow(&Phase { flexion, load, load_from: 0.0, flow, steps })?;
+            }
+        }
+        rows.push(path.rest()?.result(&leg.trial));
+    }
+    Ok(rows)
 }
 
 /// Refuses numbers that mean nothing.
@@ -114,8 +154,7 @@ fn check(o: &ProtocolOptions) -> Result<(), SimError> {
     Ok(())
 }
 
-/// A row: where the path stands.
-fn row(path: &mut Path, step: String, test: Test, fe_deg: f64, load: [f64; 5]) -> Result<TrialResult, SimError> {
+fn leg(step: String, test: Test, fe_deg: f64, load: [f64; 5], going: Option<(f64, usize)>) -> Leg {
     let trial = LaxityTrial {
         trial: step,
         test,
@@ -128,62 +167,44 @@ fn row(path: &mut Path, step: String, test: Test, fe_deg: f64, load: [f64; 5]) -
         order: None,
         time_s: None,
     };
-    Ok(path.rest()?.result(&trial))
+    Leg { trial, going }
 }
 
-fn ap_laxity(model: &Model, fe_deg: f64, o: &ProtocolOptions) -> Result<Vec<TrialResult>, SimError> {
-    let flexion = chain_flexion(model, fe_deg, &o.trials)?;
+fn ap_laxity(fe_deg: f64, o: &ProtocolOptions) -> Vec<Leg> {
     let at = |ap: f64| [0.0, 0.0, 0.0, ap, o.compression_n];
     let test = |ap: f64| if ap >= 0.0 { Test::Anterior } else { Test::Posterior };
-    let mut path = Path::settled(model, o.compression_n, &o.trials)?;
-    path.load(flexion, &generalised(&at(o.ap_load_n)))?;
     let name = |what: &str, ap: f64| format!("{fe_deg} deg {what} {ap:+.1} N");
-    let mut rows = vec![row(&mut path, name("load", o.ap_load_n), Test::Anterior, fe_deg, at(o.ap_load_n))?];
+    let mut legs = vec![leg(name("load", o.ap_load_n), Test::Anterior, fe_deg, at(o.ap_load_n), None)];
     for (what, from) in [("backwards", 1.0), ("forwards", -1.0)] {
         for k in 1..=o.ap_rows {
             let ap = o.ap_load_n * from * (1.0 - 2.0 * k as f64 / o.ap_rows as f64);
-            let flow = Some((o.ap_way_s / o.ap_rows as f64, o.trials.flowing()));
-            path.follow(&Phase { flexion, load: generalised(&at(ap)), load_from: 0.0, flow, steps: 2 })?;
-            rows.push(row(&mut path, name(what, ap), test(ap), fe_deg, at(ap))?);
+            legs.push(leg(name(what, ap), test(ap), fe_deg, at(ap), Some((o.ap_way_s / o.ap_rows as f64, 2))));
         }
     }
-    Ok(rows)
+    legs
 }
 
-fn passive_flexion(model: &Model, o: &ProtocolOptions) -> Result<Vec<TrialResult>, SimError> {
+fn passive_flexion(model: &Model, o: &ProtocolOptions) -> Vec<Leg> {
     let load = [0.0, 0.0, 0.0, 0.0, o.compression_n];
-    chain_flexion(model, o.from_flexion_deg, &o.trials)?;
-    chain_flexion(model, o.to_flexion_deg, &o.trials)?;
     let count = ((o.to_flexion_deg - o.from_flexion_deg) / o.every_deg - 1e-9).ceil().max(0.0) as usize;
-    let mut path = Path::settled(model, o.compression_n, &o.trials)?;
-    let mut rows = Vec::with_capacity(count + 1);
     let mut last = model.joint.ct_pose()[FE].to_degrees();
-    for k in 0..=count {
+    let each = (0..=count).map(|k| {
         let fe_deg = (o.from_flexion_deg + k as f64 * o.every_deg).min(o.to_flexion_deg);
-        let flexion = chain_flexion(model, fe_deg, &o.trials)?;
         let seconds = ((fe_deg - last).abs() / o.rate_deg_per_s).max(1e-3);
         let steps = ((fe_deg - last).abs() / 3.0).ceil().max(1.0) as usize;
-        let flow = Some((seconds, o.trials.flowing()));
-        path.follow(&Phase { flexion, load: generalised(&load), load_from: 0.0, flow, steps })?;
-        rows.push(row(&mut path, format!("{fe_deg} deg"), Test::Neutral, fe_deg, load)?);
         last = fe_deg;
-    }
-    Ok(rows)
+        leg(format!("{fe_deg} deg"), Test::Neutral, fe_deg, load, Some((seconds, steps)))
+    });
+    each.collect()
 }
 
-fn pivot_shift(model: &Model, o: &ProtocolOptions) -> Result<Vec<TrialResult>, SimError> {
+/// Without the moments, then with both ramped up together while flexing, as in the two-step simulation.
+fn pivot_shift(o: &ProtocolOptions) -> Vec<Vec<Leg>> {
     let fe_deg = o.pivot_flexion_deg;
-    let flexion = chain_flexion(model, fe_deg, &o.trials)?;
     let full = [o.pivot_valgus_nm, -o.pivot_internal_nm, 0.0, 0.0, o.compression_n];
     let none = [0.0, 0.0, 0.0, 0.0, o.compression_n];
-    // without the moments, then with both ramped up together while flexing, as in the two-step simulation
-    let unloaded = |load: &Six, step: &str, test: Test, acting: [f64; 5]| -> Result<TrialResult, SimError> {
-        let mut path = Path::settled(model, o.compression_n, &o.trials)?;
-        path.load(flexion, load)?;
-        row(&mut path, format!("{fe_deg} deg {step}"), test, fe_deg, acting)
-    };
-    Ok(vec![
-        unloaded(&generalised(&none), "compressed", Test::Neutral, none)?,
-        unloaded(&generalised(&full), "pivot shift", Test::Valgus, full)?,
-    ])
+    vec![
+        vec![leg(format!("{fe_deg} deg compressed"), Test::Neutral, fe_deg, none, None)],
+        vec![leg(format!("{fe_deg} deg pivot shift"), Test::Valgus, fe_deg, full, None)],
+    ]
 }

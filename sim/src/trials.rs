@@ -38,6 +38,8 @@ pub struct TrialOptions {
     pub flexion_deg: [f64; 2],
     /// ML or SI further than this from the CT pose is a dislocation [mm]; the joint limits of the cost.
     pub dislocation_mm: f64,
+    /// AP further than this from the CT pose is a dislocation [mm]; ours: three quarters of the depth of a plateau (38 mm in Specimen 1).
+    pub dislocation_ap_mm: f64,
     /// A centre of pressure nearer than this to the front, back or side of its tibial patch is a dislocation [mm]; ours.
     pub rim_mm: f64,
     /// The solver's.
@@ -56,7 +58,8 @@ impl Default for TrialOptions {
             increments: [1, 12, 2],
             flexion_deg: [-30.0, 160.0],
             dislocation_mm: 20.0,
-            rim_mm: 0.5,
+            dislocation_ap_mm: 28.0,
+            rim_mm: 1.0,
             solver: SolverOptions::default(),
         }
     }
@@ -157,7 +160,7 @@ pub fn chain_flexion(model: &Model, fe_deg: f64, options: &TrialOptions) -> Resu
 ///
 /// Errors: loads or flexion out of range, a solver that finds no equilibrium; each names the trial.
 pub fn solve_trial(model: &Model, trial: &LaxityTrial, options: &TrialOptions) -> Result<Answer, SimError> {
-    solve(model, trial.fe_deg, &trial.load, options).map_err(|e| named(e, trial))
+    solve(model, trial.fe_deg, &trial.load, options).map_err(|e| e.of_trial(&trial.trial))
 }
 
 /// Solves trials in parallel, in order; those of one compression share its settling. The same answers as [`solve_trial`]'s.
@@ -171,15 +174,7 @@ pub fn solve_trials(model: &Model, trials: &[LaxityTrial], options: &TrialOption
         let state = settled[at].as_ref().map_err(Clone::clone)?;
         solve_from(model, state, trial.fe_deg, &trial.load, options)
     };
-    trials.par_iter().map(|trial| answer(trial).map_err(|e| named(e, trial))).collect()
-}
-
-fn named(error: SimError, trial: &LaxityTrial) -> SimError {
-    match error {
-        SimError::Input(m) => SimError::Input(format!("trial {}: {m}", trial.trial)),
-        SimError::Solver(m) => SimError::Solver(format!("trial {}: {m}", trial.trial)),
-        other => other,
-    }
+    trials.par_iter().map(|trial| answer(trial).map_err(|e| e.of_trial(&trial.trial))).collect()
 }
 
 /// [`solve_trial`] without a trial's name: flexion [deg], loads [N m, N].
@@ -293,7 +288,8 @@ impl<'a> Path<'a> {
 /// What is odd about an answer: no cartilage bears load, pressure at a plateau's rim, or a joint limit passed.
 pub(crate) fn flags(model: &Model, gs: &Six, evaluation: &Evaluation, options: &TrialOptions) -> Vec<String> {
     let ct = model.joint.ct_pose();
-    let far = [ML, SI].into_iter().any(|c| (gs[c] - ct[c]).abs() > options.dislocation_mm);
+    let limits = [(ML, options.dislocation_mm), (SI, options.dislocation_mm), (AP, options.dislocation_ap_mm)];
+    let far = limits.into_iter().any(|(c, limit)| (gs[c] - ct[c]).abs() > limit);
     let inside = model.contact.inside_rim(&evaluation.pose);
     let off = inside.is_empty() || inside.iter().any(|x| *x < options.rim_mm);
     if far || off { vec![DISLOCATED.to_owned()] } else { Vec::new() }

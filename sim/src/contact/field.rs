@@ -22,6 +22,8 @@ const BAND: [f64; 2] = [5.0, 2.5];
 const RIM: f64 = 1.0;
 /// Motion over which the bound of a grid node's gradients holds [grid spacings].
 const AROUND: usize = 1;
+/// Nodes around a block whose least coefficient is known with the block's.
+const WINDOW: usize = 8;
 /// More grid nodes than this are refused: a surface of absurd size.
 const MOST_NODES: usize = 60_000_000;
 
@@ -35,6 +37,8 @@ pub struct Field {
     coefficients: Vec<f32>,
     /// Bound of the gradient within a spacing of what lies nearest to each grid node [-].
     steepest: Vec<f32>,
+    /// Least coefficient in and around each block.
+    lowest: Vec<f32>,
 }
 
 /// Distance, gradient, second derivatives (xx, xy, xz, yy, yz, zz).
@@ -62,10 +66,12 @@ impl Field {
         if size.iter().try_fold(1usize, |a, b| a.checked_mul(*b)).is_none_or(|n| n > MOST_NODES) {
             return Err(SimError::Spec(format!("surface {name} is {:.0} mm across; is it in mm?", (hi - lo).norm())));
         }
-        let mut field = Field { local_from_ct, low, size, coefficients: Vec::new(), steepest: Vec::new() };
+        let mut field =
+            Field { local_from_ct, low, size, coefficients: Vec::new(), steepest: Vec::new(), lowest: Vec::new() };
         let samples = field.sample_blocks(&exact, blocks);
         field.coefficients = field.prefiltered(&samples);
         field.steepest = field.steepness();
+        field.lowest = field.lowest_around();
         Ok(field)
     }
 
@@ -136,9 +142,17 @@ impl Field {
         squares.iter().map(|s| s.sqrt() * 1.0001 + 1e-6).collect()
     }
 
-    /// Motion without which a local point cannot come deeper than `start` [mm], if it is less than [`AROUND`] spacings.
-    pub(super) fn clearance(&self, p: &[f64; 3], start: f64) -> f64 {
+    /// Lower bound of the motion [mm] without which a local point cannot come deeper than `start`; holds below [`AROUND`] spacings, and is
+    /// exact in distance where it is below `reach`.
+    #[inline]
+    pub(super) fn clearance(&self, p: &[f64; 3], start: f64, reach: f64) -> f64 {
         let Some((at, offset)) = self.cell(p) else { return f64::INFINITY };
+        let steepest = f64::from(self.steepest[at]);
+        // half a difference along each axis, at most, between the spline and the coefficient at the nearest node
+        let rough = (f64::from(self.coefficients[at]) + start) / steepest - 0.5 * 3f64.sqrt() * SPACING;
+        if rough > reach {
+            return rough;
+        }
         let [(wx, _), (wy, _), (wz, _)] = offset.map(weights);
         let mut distance = 0.0;
         for (k, z) in wz.iter().enumerate() {
@@ -147,7 +161,44 @@ impl Field {
                 distance += (a * wx[0] + b * wx[1] + c * wx[2]) * (y * z);
             }
         }
-        (distance + start).max(0.0) / f64::from(self.steepest[at])
+        (distance + start).max(0.0) / steepest
+    }
+
+    /// Whether any point within `radius` of a local point may be deeper than `start`.
+    pub(super) fn touches(&self, p: &[f64; 3], radius: f64, start: f64) -> bool {
+        let Some((at, _)) = self.cell(p) else { return false };
+        let [nx, ny, nz] = self.size;
+        if radius > SPACING * (WINDOW - 2) as f64 {
+            return true;
+        }
+        let (i, j, k) = (at % nx / BLOCK, at / nx % ny / BLOCK, at / nx / ny / BLOCK);
+        debug_assert!(k < nz / BLOCK);
+        self.lowest[(k * (ny / BLOCK) + j) * (nx / BLOCK) + i] < -start as f32
+    }
+
+    /// Of each block the least coefficient in it and up to [`WINDOW`] nodes around it.
+    fn lowest_around(&self) -> Vec<f32> {
+        let (mut values, mut size) = (self.coefficients.clone(), self.size);
+        for axis in 0..3 {
+            let mut shrunk = size;
+            shrunk[axis] /= BLOCK;
+            let stride: usize = size[..axis].iter().product();
+            let mut out = Vec::with_capacity(shrunk.iter().product());
+            for k in 0..shrunk[2] {
+                for j in 0..shrunk[1] {
+                    for i in 0..shrunk[0] {
+                        let mut at = [i, j, k];
+                        let from = (at[axis] * BLOCK).saturating_sub(WINDOW);
+                        let to = (at[axis] * BLOCK + BLOCK + WINDOW).min(size[axis]);
+                        at[axis] = 0;
+                        let first = (at[2] * size[1] + at[1]) * size[0] + at[0];
+                        out.push((from..to).fold(f32::INFINITY, |m, n| m.min(values[first + n * stride])));
+                    }
+                }
+            }
+            (values, size) = (out, shrunk);
+        }
+        values
     }
 
     /// Three coefficients along x, at `j`, `k` of the 27 around a cell's node.
@@ -173,12 +224,6 @@ impl Field {
             offset[a] = x - index[a] as f64;
         }
         Some(((index[2] * self.size[1] + index[1]) * self.size[0] + index[0], offset))
-    }
-
-    /// Coefficient nearest to a local point: the distance to about a grid spacing; large outside the grid.
-    #[inline]
-    pub fn rough(&self, p: &[f64; 3]) -> f64 {
-        self.cell(p).map_or(1e3, |(at, _)| f64::from(self.coefficients[at]))
     }
 
     /// Distance and derivatives, the second ones where `CURVED`, at a local point; `None` where it is above `highest` or off the grid.

@@ -5,7 +5,7 @@ use super::{field::Field, nodes::Nodes};
 use meshes::Isometry;
 
 /// Motion over which a list of nodes holds [mm]; less than the field's grid spacing, over which its clearances hold.
-const REACH: f64 = 0.4;
+const REACH: f64 = 0.5;
 /// The same of nodes far from the other surface [mm].
 const FAR: f64 = 0.8;
 
@@ -106,11 +106,9 @@ impl Kept {
         self.listed_at = Some(*at);
         self.extent = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
         self.nodes.clear();
-        // the coefficient at the nearest grid node is within a spacing and a half of the distance
-        let slack = 1.2 - start;
         let (reach, far) = if self.once { (0.0, 0.0) } else { (REACH, FAR) };
         for cluster in &nodes.clusters {
-            if field.rough(&map(affine, &cluster.centre)) > cluster.radius + slack + far {
+            if !field.touches(&map(affine, &cluster.centre), cluster.radius + far, start) {
                 continue;
             }
             for i in cluster.range.clone() {
@@ -120,10 +118,7 @@ impl Kept {
                     self.extent[1][a] = self.extent[1][a].max(*x);
                 }
                 let p = map(affine, &position);
-                if field.rough(&p) > slack + reach {
-                    continue;
-                }
-                let clear = if self.once { 0.0 } else { field.clearance(&p, start) };
+                let clear = field.clearance(&p, start, reach);
                 if clear <= reach {
                     self.nodes.push(Candidate { position, area: nodes.area[i], clear });
                 }

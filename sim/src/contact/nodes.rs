@@ -51,7 +51,9 @@ impl Nodes {
         let mut nodes = Nodes { position: Vec::new(), area: Vec::new(), clusters: Vec::new(), extent };
         for cell in cells.into_values() {
             let start = nodes.position.len();
-            let centre = cell.iter().map(|(_, p)| p.coords).sum::<meshes::Vector>() / cell.len() as f64;
+            let low = cell.iter().fold(cell[0].1, |m, (_, p)| m.inf(p));
+            let high = cell.iter().fold(cell[0].1, |m, (_, p)| m.sup(p));
+            let centre = nalgebra::center(&low, &high).coords;
             let radius = cell.iter().map(|(_, p)| (p.coords - centre).norm()).fold(0.0, f64::max);
             for (area, p) in &cell {
                 nodes.position.push([p.x, p.y, p.z]);

@@ -101,12 +101,12 @@ impl TrialSteps {
         step
     }
 
-    fn curve(&self) -> Curve {
+    pub(super) fn curve(&self) -> Curve {
         if self.smooth { Curve::SmoothStep } else { Curve::Linear { smooth: 0.0 } }
     }
 
     /// A step with contact that holds flexion and leaves the rest free.
-    fn step(&self, name: &str, duration_s: f64, damping: f64) -> Step {
+    pub(super) fn step(&self, name: &str, duration_s: f64, damping: f64) -> Step {
         let mut drive = std::array::from_fn(|_| Drive::Load(Course::constant(0.0)));
         drive[FE] = Drive::Motion(Course::constant(0.0));
         let damping = Six::repeat(damping);
@@ -124,14 +124,15 @@ pub fn explicit_trial(
     options: &ExplicitOptions,
     observer: &mut Observer,
 ) -> Result<TrialResult, SimError> {
-    let named = |e: SimError| match e {
-        SimError::Input(m) => SimError::Input(format!("trial {}: {m}", trial.trial)),
-        SimError::Solver(m) => SimError::Solver(format!("trial {}: {m}", trial.trial)),
-        other => other,
-    };
+    let named = |e: SimError| e.of_trial(&trial.trial);
     let program = steps.program(&model.joint, trial.fe_deg, &trials::generalised(&trial.load)).map_err(named)?;
     let mut state = ExplicitState::at_rest();
     run(model, &program, options, &mut state, observer).map_err(named)?;
+    Ok(result(model, trial, &state))
+}
+
+/// What a trial or a protocol's row tells where a run stands.
+pub(super) fn result(model: &Model, trial: &LaxityTrial, state: &ExplicitState) -> TrialResult {
     let gs = model.joint.grood_suntay(&state.q);
     let evaluation = model.evaluate(&state.q);
     let mut flags = trials::flags(model, &gs, &evaluation, &trials::TrialOptions::default());
@@ -139,7 +140,7 @@ pub fn explicit_trial(
         flags.push("still moving".to_owned());
     }
     let forces_n = model.bundle_forces(&evaluation.fibres);
-    Ok(TrialResult { trial: trial.clone(), pose: trials::pose_spec(&gs), forces_n, flags })
+    TrialResult { trial: trial.clone(), pose: trials::pose_spec(&gs), forces_n, flags }
 }
 
 /// A deck's own steps, with its quirks: its signs, degree factor, flexion base, lost half increments. `chain` is the specification's.

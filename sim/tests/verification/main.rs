@@ -1,10 +1,12 @@
-//! Explicit dynamics against closed answers, the laws it keeps, its orders of convergence: docs/verification.md holds the figures printed here.
+//! The solvers against closed answers, the laws they keep, their orders of convergence: docs/verification.md holds the figures printed here.
 #![expect(clippy::print_stdout, reason = "figures for the reader of the log")]
 #![expect(clippy::unwrap_used, reason = "a test's helpers")]
 
 mod closed;
 mod convergence;
+mod faults;
 mod laws;
+mod quasistatic;
 mod rig;
 
 use sim::explicit::{Control, ExplicitOptions};

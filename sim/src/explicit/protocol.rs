@@ -1,0 +1,75 @@
+//! The validation protocols [andreassen2025, section 2.6] by explicit dynamics.
+
+use super::options::ExplicitOptions;
+use super::program::{Course, Drive, Step};
+use super::state::ExplicitState;
+use super::trial::{TrialSteps, result};
+use super::{run, unobserved};
+use crate::deck::Curve;
+use crate::error::SimError;
+use crate::joint::{FE, FREE, Six};
+use crate::laxity::TrialResult;
+use crate::model::Model;
+use crate::protocols::{Leg, Protocol, ProtocolOptions, paths};
+use crate::trials::{chain_flexion, generalised};
+use rayon::prelude::*;
+
+/// Rest of a protocol's row after its loads are reached [s]: what the fibres' dashpots need to die away.
+const REST: f64 = 0.6;
+
+/// Runs a protocol to rest at each of its rows, which are those of [`crate::protocols::run`].
+///
+/// Errors: as [`run`], with the row's name.
+pub fn explicit_protocol(
+    model: &Model,
+    protocol: Protocol,
+    numbers: &ProtocolOptions,
+    steps: &TrialSteps,
+    options: &ExplicitOptions,
+) -> Result<Vec<TrialResult>, SimError> {
+    let paths = paths(model, protocol, numbers)?;
+    let each = paths.par_iter().map(|legs| follow(model, legs, numbers, steps, options));
+    Ok(each.collect::<Result<Vec<_>, _>>()?.concat())
+}
+
+/// One path: the paper's settling, then its legs.
+fn follow(
+    model: &Model,
+    legs: &[Leg],
+    numbers: &ProtocolOptions,
+    steps: &TrialSteps,
+    options: &ExplicitOptions,
+) -> Result<Vec<TrialResult>, SimError> {
+    let mut state = ExplicitState::at_rest();
+    let mut load = generalised(&[0.0, 0.0, 0.0, 0.0, numbers.compression_n]);
+    let mut rows = Vec::with_capacity(legs.len());
+    for (n, leg) in legs.iter().enumerate() {
+        let trial = &leg.trial;
+        let next = generalised(&trial.load);
+        let mut program = steps.program(&model.joint, trial.fe_deg, &next)?;
+        if let Some((seconds, _)) = leg.going {
+            let flexion = chain_flexion(model, trial.fe_deg, &numbers.trials)?;
+            // the first leg follows the settling, which holds the CT pose
+            program.steps[1] = ramp(steps, flexion - state.q[FE], [&load, &next], seconds);
+        }
+        if n > 0 {
+            program.steps.remove(0);
+        }
+        state = state.restarted();
+        run(model, &program, options, &mut state, &mut unobserved).map_err(|e| e.of_trial(&trial.trial))?;
+        rows.push(result(model, trial, &state));
+        load = next;
+    }
+    Ok(rows)
+}
+
+/// Flexion and loads go straight to where they shall be within `seconds` and stay.
+fn ramp(steps: &TrialSteps, turn: f64, [from, to]: [&Six; 2], seconds: f64) -> Step {
+    let mut step = steps.step("ramp", seconds + REST, steps.load_damping);
+    let straight = Curve::Linear { smooth: 0.0 };
+    step.drive[FE] = Drive::Motion(Course::ramp([0.0, turn], [0.0, seconds], straight));
+    for c in FREE {
+        step.drive[c] = Drive::Load(Course::ramp([from[c], to[c]], [0.0, seconds], steps.curve()));
+    }
+    step
+}

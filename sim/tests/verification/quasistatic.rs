@@ -1,0 +1,116 @@
+//! Laws and orders of convergence of the quasi-static solver, on the same rig as explicit dynamics.
+use crate::rig::{Rig, plate};
+use meshes::frame::Side;
+use meshes::shapes::icosphere;
+use meshes::{Isometry, Point, Vector};
+use sim::Model;
+use sim::contact::{ContactOptions, Nearby};
+use sim::joint::{FREE, Six};
+use sim::model::compile_with;
+use sim::quasistatic::{Dashpots, Phase, SolverOptions, State, follow};
+use sim::trials::{Answer, TrialOptions, generalised, solve};
+
+/// VV, IE [N m], ML, AP, SI [N].
+const LOAD: [f64; 5] = [0.8, -0.5, 0.0, 40.0, 30.0];
+
+fn answer(model: &Model) -> Answer {
+    solve(model, 20.0, &LOAD, &TrialOptions::default()).unwrap()
+}
+
+/// A difference of coordinates [mm], angles times 30 mm.
+fn size(step: &Six) -> f64 {
+    step.component_mul(&Six::new(30.0, 30.0, 30.0, 1.0, 1.0, 1.0)).norm()
+}
+
+#[test]
+fn left_and_right_rest_alike_and_the_ct_frame_does_not_matter() {
+    let rig = Rig::knee();
+    let here = answer(&rig.compiled()).state.q;
+    let mirrored = rig.mapped(Side::Right, |p| Point::new(-p.x, p.y, p.z)).compiled();
+    let mirror = (answer(&mirrored).state.q - here).amax();
+    let motion = Isometry::new(Vector::new(120.0, -340.0, 55.0), Vector::new(0.4, -1.1, 2.0));
+    let frame = (answer(&rig.mapped(Side::Left, |p| motion * p).compiled()).state.q - here).amax();
+    println!("quasi-static: mirror {mirror:.1e}; moved CT frame {frame:.1e} mm or rad");
+    // the fields hold distances in single precision, and friction remembers
+    assert!(mirror < 1e-4 && frame < 1e-4 && here.amax() > 0.3);
+}
+
+#[test]
+fn at_rest_the_forces_on_the_femur_balance_its_load() {
+    let model = Rig::knee().compiled();
+    let answer = answer(&model);
+    let pose = &answer.evaluation.pose;
+    // fibres and contact as forces at their points, and what friction holds, against the load
+    let mut left = -generalised(&LOAD) + answer.state.friction_gradient;
+    for fibre in model.fibre_states(pose) {
+        let pull = -fibre.line.direction * fibre.response.force;
+        left -= Six::from_fn(|j, _| pose.screws[j].at(&fibre.line.femur).dot(&pull));
+    }
+    for (force, moment) in &answer.evaluation.contact.wrench {
+        left -= Six::from_fn(|j, _| pose.screws[j].linear.dot(force) + pose.screws[j].angular.dot(moment));
+    }
+    let miss = FREE.iter().map(|&c| left[c].abs() / if c < 3 { 30.0 } else { 1.0 }).fold(0.0, f64::max);
+    println!("quasi-static: forces balance to {miss:.1e} N");
+    assert!(miss < 1e-5, "{left}");
+}
+
+/// Follows a load put on with dashpots, then taken off.
+fn way(model: &Model, steps: usize, back: bool) -> Six {
+    let dashpots = Dashpots { fibres: true, translation: 0.2, rotation: 20.0 };
+    let options =
+        SolverOptions { step_on_the_way_mm: 1e-9, departure_mm: 50.0, iterations: 200, ..SolverOptions::default() };
+    let rest = generalised(&[0.0, 0.0, 0.0, 0.0, 30.0]);
+    let (on, mut near) = (generalised(&LOAD), Nearby::default());
+    let mut go = |from: &State, load: &Six, goal: &Six, seconds: f64, flexion: f64| {
+        let phase = Phase { flexion, load: *goal, load_from: 0.0, flow: Some((seconds, dashpots)), steps };
+        follow(model, from, load, &phase, (&options, &mut near), &mut |_, _| {}).unwrap()
+    };
+    let start = go(&State::default(), &rest, &rest, 30.0, 0.0);
+    let there = go(&start, &rest, &on, 0.02, 0.2);
+    if !back {
+        return there.q;
+    }
+    let off = go(&there, &on, &rest, 0.02, 0.0);
+    let again = go(&off, &rest, &rest, 30.0, 0.0);
+    assert!(size(&(there.q - start.q)) > 1.0);
+    again.q - start.q
+}
+
+#[test]
+fn a_frictionless_path_returns() {
+    let model = Rig::knee().compiled().with_friction(0.0).unwrap();
+    let miss = size(&way(&model, 32, true));
+    println!("quasi-static: load put on and taken off without friction, {miss:.1e} mm from the start");
+    assert!(miss < 1e-6);
+}
+
+#[test]
+fn halving_the_increment_halves_the_error_of_a_path() {
+    // implicit Euler is of first order; the ends at rest are those of any increment
+    let model = Rig::knee().compiled().with_friction(0.0).unwrap();
+    let q = [16, 32, 64, 128].map(|steps| way(&model, steps, false));
+    let gap: Vec<f64> = q.windows(2).map(|w| size(&(w[1] - w[0]))).collect();
+    let order = [(gap[0] / gap[1]).log2(), (gap[1] / gap[2]).log2()];
+    println!("quasi-static: halved increments move the pose under way by {gap:.5?} mm, orders {order:.2?}");
+    assert!(order.iter().all(|o| (o - 1.0).abs() < 0.3));
+}
+
+#[test]
+fn resting_poses_converge_as_both_contact_meshes_are_refined() {
+    let at_rest = |levels: u32, cells: usize| {
+        let knee = Rig::knee();
+        let mut rig = Rig::new();
+        for (x, depth) in [(-22.0, 0.05), (22.0, 0.03)] {
+            let at = |z: f64| Isometry::translation(x + 0.0713, 0.0437, z + 0.0137);
+            let ball = icosphere(20.0, levels).moved(&at(20.0 - depth));
+            rig = rig.pair(ball, plate(18.0, cells, true).moved(&at(0.0)));
+        }
+        (rig.spec.bundles, rig.spec.fibres) = (knee.spec.bundles, knee.spec.fibres);
+        answer(&compile_with(&rig.spec, &rig.meshes, &ContactOptions { spacing_mm: 0.0 }).unwrap()).state.q
+    };
+    let q = [(3, 24), (4, 48), (5, 96)].map(|(levels, cells)| at_rest(levels, cells));
+    let gap: Vec<f64> = q.windows(2).map(|w| size(&(w[1] - w[0]))).collect();
+    let order = (gap[0] / gap[1]).log2();
+    println!("quasi-static: refined meshes move the end by {gap:.4?} mm, order {order:.2}");
+    assert!(gap[1] < 0.05 && order > 1.0);
+}

@@ -1,0 +1,72 @@
+//! `simulate` on a whole model: both solvers, trials and protocols, faults.
+#![allow(clippy::unwrap_used, reason = "tests")]
+#![expect(clippy::disallowed_methods, reason = "looks at what the program wrote")]
+
+mod common;
+
+use common::{build_model, shared};
+use predicates::str::contains;
+use std::path::Path;
+use tempfile::TempDir;
+
+/// The published knee, imported.
+fn imported(test: &str) -> Option<TempDir> {
+    let deck = shared(test, "published/S192803/deck")?.join("S192803_MAIN_LAXITY_Anterior_30deg_10.inp");
+    let folder = TempDir::new().unwrap();
+    build_model().arg("import-abaqus").arg(deck).arg("--out").arg(folder.path().join("m")).assert().success();
+    Some(folder)
+}
+
+/// Columns of a results file.
+fn columns(path: &Path, names: &[&str]) -> Vec<Vec<String>> {
+    let text = std::fs::read_to_string(path).unwrap();
+    let mut lines = text.lines();
+    let header: Vec<&str> = lines.next().unwrap().split(',').collect();
+    let at: Vec<usize> = names.iter().map(|n| header.iter().position(|h| h == n).unwrap()).collect();
+    lines.map(|l| at.iter().map(|&i| l.split(',').nth(i).unwrap().to_owned()).collect()).collect()
+}
+
+#[test]
+fn both_solvers_run_a_protocol_and_agree_and_a_dislocated_knee_is_told() {
+    let Some(folder) = imported("protocols by both solvers") else { return };
+    let run = |solver: &str, out: &str, more: &[&str]| {
+        let out = folder.path().join(out);
+        let mut command = build_model();
+        command.arg("simulate").arg(folder.path().join("m")).args(["--protocol", "pivot-shift", "--solver", solver]);
+        command.args(more).arg("--out").arg(&out).assert().success();
+        columns(&out, &["trial", "vv_deg", "ie_deg", "ml_mm", "ap_mm", "si_mm", "flags"])
+    };
+    let (rest, moving) = (run("quasistatic", "q.csv", &[]), run("explicit", "e.csv", &[]));
+    assert_eq!(rest.len(), 2);
+    for (a, b) in rest.iter().zip(&moving) {
+        assert_eq!((&a[0], &a[6], &b[6]), (&b[0], &String::new(), &String::new()));
+        for k in 1..6 {
+            let (x, y): (f64, f64) = (a[k].parse().unwrap(), b[k].parse().unwrap());
+            assert!((x - y).abs() < 0.15, "{}: {x} {y}", a[0]);
+        }
+    }
+    let loose = run("quasistatic", "d.csv", &["--without", "ACL"]);
+    assert!(loose[0][4].parse::<f64>().unwrap() > 25.0 && loose[0][6] == "dislocated", "{loose:?}");
+}
+
+#[test]
+fn a_model_cut_short_is_one_clear_error() {
+    let Some(folder) = imported("a model cut short") else { return };
+    let model = folder.path().join("m/model.json");
+    let whole = std::fs::read(&model).unwrap();
+    let refused = |words: &str| {
+        let mut command = build_model();
+        command.arg("simulate").arg(&model).args(["--protocol", "pivot-shift", "--out"]);
+        let assert = command.arg(folder.path().join("x.csv")).assert().code(1).stderr(contains(words));
+        assert!(String::from_utf8_lossy(&assert.get_output().stderr).lines().count() <= 3);
+    };
+    std::fs::write(&model, &whole[..whole.len() / 2]).unwrap();
+    refused("model.json");
+    std::fs::write(&model, b"").unwrap();
+    refused("model.json");
+    std::fs::write(&model, &whole).unwrap();
+    let mesh = folder.path().join("m/meshes/articular_femur.ply");
+    let bytes = std::fs::read(&mesh).unwrap();
+    std::fs::write(&mesh, &bytes[..bytes.len() / 2]).unwrap();
+    refused("articular_femur");
+}
