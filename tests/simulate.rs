@@ -33,20 +33,21 @@ fn both_solvers_run_a_protocol_and_agree_and_a_dislocated_knee_is_told() {
         let out = folder.path().join(out);
         let mut command = build_model();
         command.arg("simulate").arg(folder.path().join("m")).args(["--protocol", "pivot-shift", "--solver", solver]);
-        command.args(more).arg("--out").arg(&out).assert().success();
-        columns(&out, &["trial", "vv_deg", "ie_deg", "ml_mm", "ap_mm", "si_mm", "flags"])
+        let printed = command.args(more).arg("--out").arg(&out).assert().success().get_output().stdout.clone();
+        let rows = columns(&out, &["step", "vv_deg", "ie_deg", "ml_mm", "ap_mm", "si_mm"]);
+        (rows, String::from_utf8(printed).unwrap())
     };
-    let (rest, moving) = (run("quasistatic", "q.csv", &[]), run("explicit", "e.csv", &[]));
-    assert_eq!(rest.len(), 2);
+    let ((rest, quiet), (moving, still)) = (run("quasistatic", "q.csv", &[]), run("explicit", "e.csv", &[]));
+    assert!(rest.len() == 2 && !quiet.contains("dislocated") && !still.contains("dislocated"));
     for (a, b) in rest.iter().zip(&moving) {
-        assert_eq!((&a[0], &a[6], &b[6]), (&b[0], &String::new(), &String::new()));
+        assert_eq!(a[0], b[0]);
         for k in 1..6 {
             let (x, y): (f64, f64) = (a[k].parse().unwrap(), b[k].parse().unwrap());
-            assert!((x - y).abs() < 0.15, "{}: {x} {y}", a[0]);
+            assert!((x - y).abs() < 0.1, "{}: {x} {y}", a[0]);
         }
     }
-    let loose = run("quasistatic", "d.csv", &["--without", "ACL"]);
-    assert!(loose[0][4].parse::<f64>().unwrap() > 25.0 && loose[0][6] == "dislocated", "{loose:?}");
+    let (loose, told) = run("quasistatic", "d.csv", &["--without", "ACL"]);
+    assert!(loose[0][4].parse::<f64>().unwrap() > 25.0 && told.contains("30 deg compressed: dislocated"), "{told}");
 }
 
 #[test]
