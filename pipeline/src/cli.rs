@@ -5,7 +5,7 @@ use crate::blind::{self, BlindVerb};
 use crate::calibrate::CalibrateArgs;
 use crate::diagnose::{self, DiagnoseArgs};
 use crate::error::BuildError;
-use crate::model_file::Format;
+use crate::exports::{self, Format};
 use crate::options::{Override, parse_override};
 use crate::simulate::SimulateArgs;
 use crate::validate::ValidateArgs;
@@ -99,6 +99,9 @@ enum Verb {
         /// For which program
         #[arg(long)]
         format: Format,
+        /// Poses for a time series (results of simulate or a protocol; with --format vtk)
+        #[arg(long, value_name = "RESULTS.csv")]
+        poses: Option<PathBuf>,
         /// Folder for the files
         #[arg(long)]
         out: PathBuf,
@@ -155,7 +158,9 @@ fn answer(cli: Cli) -> Result<(), BuildError> {
             if build { run::run(&BuildArgs::of(dir))? } else { wrote }
         }
         (Some(Verb::ImportAbaqus { deck, out }), _) => model_file::import_abaqus(&deck, &out)?,
-        (Some(Verb::Export { model, format, out }), _) => model_file::export(&model, format, &out)?,
+        (Some(Verb::Export { model, format, poses, out }), _) => {
+            exports::export(&model, format, poses.as_deref(), &out)?
+        }
         (Some(Verb::Simulate(args)), _) => simulate::simulate(&args)?,
         (Some(Verb::Calibrate(args)), _) => calibrate::calibrate(&args)?,
         (Some(Verb::Validate(args)), _) => validate::validate(&args)?,

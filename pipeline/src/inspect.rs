@@ -1,6 +1,7 @@
 //! `inspect`: what each stage made.
 
 use crate::error::BuildError;
+use crate::report::{self, Failure};
 use crate::run_log::{Record, STAGES, folder_name};
 use crate::store;
 use std::fmt::Write;
@@ -10,23 +11,82 @@ use std::path::{Path, PathBuf};
 pub fn inspect(dir: &Path, stage: Option<&str>, json: bool) -> Result<String, BuildError> {
     let build = build_folder(dir)?;
     let records = records(&build)?;
+    let failure = report::failure(&build);
     let Some(stage) = stage else {
-        return Ok(if json { as_json(&records) } else { table(&records) });
+        return Ok(if json {
+            facts(&build, &records, failure.as_ref())
+        } else {
+            overview(&build, &records, failure.as_ref())
+        });
     };
     let record = records.iter().find(|r| r.stage == stage).ok_or_else(|| {
         BuildError::File(format!("{}: stage {stage} has not been run; run build-model first", build.display()))
     })?;
     if json {
-        return Ok(as_json(std::slice::from_ref(record)));
+        return Ok(facts(&build, std::slice::from_ref(record), failure.as_ref().filter(|f| f.stage == stage)));
     }
     let mut text = table(std::slice::from_ref(record));
     let _ = writeln!(text, "\nfiles in {}:", build.join(folder_name(stage)).display());
-    for name in store::list(&build.join(folder_name(stage))) {
-        let _ = writeln!(text, "  {name}");
+    for (name, bytes) in store::sizes(&build.join(folder_name(stage))) {
+        let _ = writeln!(text, "  {:>10}  {name}", size(bytes));
     }
     let metrics = serde_json::to_string_pretty(&record.metrics).unwrap_or_default();
     let _ = writeln!(text, "\nmetrics:\n{metrics}");
     Ok(text)
+}
+
+/// The table, the files, what it all took, and what stopped the build.
+fn overview(build: &Path, records: &[Record], failure: Option<&Failure>) -> String {
+    let mut text = table(records);
+    let _ = writeln!(text, "\nfiles in {}:", build.display());
+    let mut all = 0;
+    for r in records {
+        let files = store::sizes(&build.join(folder_name(&r.stage)));
+        let sum: u64 = files.iter().map(|f| f.1).sum();
+        all += sum;
+        let _ = writeln!(text, "  {:16} {:3} files {:>10}", folder_name(&r.stage), files.len(), size(sum));
+    }
+    let seconds: f64 = records.iter().map(|r| r.seconds).sum();
+    let memory = records.iter().map(|r| r.peak_memory_mib).fold(0.0, f64::max);
+    let _ = writeln!(
+        text,
+        "{} stages, {seconds:.1} s, at most {memory:.0} MiB of memory, {} on disk",
+        records.len(),
+        size(all)
+    );
+    if let Some(f) = failure {
+        let _ = writeln!(text, "stopped at {}: {}", f.stage, f.message);
+    }
+    text
+}
+
+/// Bytes for a reader.
+fn size(bytes: u64) -> String {
+    match bytes {
+        0..1024 => format!("{bytes} B"),
+        1024..1_048_576 => format!("{:.1} KiB", bytes as f64 / 1024.0),
+        _ => format!("{:.1} MiB", bytes as f64 / 1_048_576.0),
+    }
+}
+
+/// The log as one JSON array, every stage with its folder and files; what stopped the build as a last element `{"failed": {...}}`.
+fn facts(build: &Path, records: &[Record], failure: Option<&Failure>) -> String {
+    let mut all: Vec<serde_json::Value> = records
+        .iter()
+        .map(|r| {
+            let files = store::sizes(&build.join(folder_name(&r.stage)));
+            let files: Vec<_> =
+                files.iter().map(|(name, bytes)| serde_json::json!({"name": name, "bytes": bytes})).collect();
+            let mut value = serde_json::to_value(r).unwrap_or_default();
+            value["folder"] = folder_name(&r.stage).into();
+            value["files"] = files.into();
+            value
+        })
+        .collect();
+    all.extend(failure.map(|f| serde_json::json!({"failed": f})));
+    let mut text = serde_json::to_string_pretty(&all).unwrap_or_default();
+    text.push('\n');
+    text
 }
 
 /// The build folder of `dir`, which is one or holds one.

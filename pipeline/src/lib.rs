@@ -6,6 +6,7 @@ pub mod calibrate;
 pub mod cli;
 pub mod diagnose;
 pub mod error;
+pub mod exports;
 pub mod inspect;
 pub mod model_file;
 pub mod options;

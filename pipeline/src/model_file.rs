@@ -128,33 +128,6 @@ pub fn import_abaqus(deck: &Path, out: &Path) -> Result<String, BuildError> {
     Ok(text)
 }
 
-/// What a model can be exported as.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum Format {
-    /// An Abaqus/Explicit deck.
-    Abaqus,
-    /// VTK PolyData for ParaView.
-    Vtk,
-}
-
-/// `export`: a model as other programs read it, in `out`.
-pub fn export(model: &Path, format: Format, out: &Path) -> Result<String, BuildError> {
-    let loaded = load(model)?;
-    let left_out = left_out(&loaded.spec, "export");
-    let (files, warnings) = match format {
-        Format::Abaqus => {
-            let deck = sim::abaqus::export(&loaded.spec, &loaded.meshes)
-                .map_err(|e| BuildError::File(format!("{}: {e}", model.display())))?;
-            (deck.files, deck.warnings)
-        }
-        Format::Vtk => (sim::vtk::export(&loaded.spec, &loaded.meshes, &meshes::Isometry::identity(), &[]), Vec::new()),
-    };
-    let files: Vec<(String, Vec<u8>)> = files.into_iter().map(|(name, text)| (name, text.into_bytes())).collect();
-    store::write_all(out, &files)?;
-    let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
-    Ok(format!("{left_out}{}{} in {}\n", warned(&warnings), names.join(", "), out.display()))
-}
-
 fn warned(warnings: &[String]) -> String {
     warnings.iter().map(|w| format!("warning: {w}\n")).collect()
 }

@@ -10,11 +10,13 @@ use serde_json::{Value, json};
 use std::path::Path;
 
 mod body;
+mod cartilage_scenes;
 mod charts;
 mod compare;
 mod geometry;
 mod motion;
 mod pictures;
+mod scene;
 mod scenes;
 mod values;
 mod verdict;

@@ -235,6 +235,23 @@ pub fn list(folder: &Path) -> Vec<String> {
     names
 }
 
+/// Files below a folder with their sizes in bytes, by their paths from it, ascending; empty where it cannot be read.
+pub fn sizes(folder: &Path) -> Vec<(String, u64)> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        match entry.metadata() {
+            Ok(data) if data.is_dir() => {
+                found.extend(sizes(&entry.path()).into_iter().map(|(inner, bytes)| (format!("{name}/{inner}"), bytes)));
+            }
+            Ok(data) => found.push((name, data.len())),
+            Err(_) => {}
+        }
+    }
+    found.sort();
+    found
+}
+
 /// Sets the process' peak memory back to what it uses now, where the system allows it.
 pub fn reset_peak_memory() {
     let _ = fs::write("/proc/self/clear_refs", "5");

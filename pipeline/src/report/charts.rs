@@ -56,10 +56,8 @@ fn history<'a>(sources: impl Iterator<Item = (&'a String, &'a Outcome)>) -> Char
         let at: Vec<usize> = (1..=costs.len()).collect();
         plot.add_trace(Scatter::new(at, costs).mode(Mode::Lines).name(name).line(Line::new().color(colour)));
     }
-    let mut layout = layout("evaluation", "best cost");
-    if let Some(axis) = Some(Axis::new().title(Title::from("best cost")).type_(AxisType::Log).show_line(true)) {
-        layout = layout.y_axis(axis);
-    }
+    let cost = Axis::new().title(Title::from("best cost")).type_(AxisType::Log).show_line(true);
+    let layout = layout("evaluation", "best cost").y_axis(cost);
     plot.set_layout(layout);
     Chart {
         id: "history".into(),
@@ -126,8 +124,7 @@ fn answers(name: &str, outcome: &Outcome) -> Vec<Chart> {
                 .map(|(t, p)| (t, *p))
                 .collect();
             (!of_kind.is_empty()).then(|| {
-                let (plot, miss) = answer(&of_kind, c);
-                let mut plot = plot;
+                let (mut plot, miss) = answer(&of_kind, c);
                 plot.set_layout(layout(x, y));
                 Chart {
                     id: format!("answer-{name}-{what}"),

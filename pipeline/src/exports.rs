@@ -1,0 +1,180 @@
+//! `export`: a model as other programs read it.
+
+use crate::error::BuildError;
+use crate::model_file::{LoadedModel, left_out, load};
+use crate::store;
+use meshes::surface::TriMesh;
+use meshes::{Isometry, Vector};
+use sim::abaqus::MeshValue;
+use std::path::Path;
+
+mod febio;
+mod gltf;
+mod opensim;
+mod series;
+
+/// What a model can be exported as.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum Format {
+    /// An Abaqus/Explicit deck.
+    Abaqus,
+    /// A FEBio model, format version 4.0.
+    Febio,
+    /// An OpenSim model (.osim) with its geometry, for OpenSim 4.6.
+    Opensim,
+    /// VTK: PolyData for ParaView, or with --poses a time series (.pvd, .vtu).
+    Vtk,
+    /// The surfaces as STL.
+    Stl,
+    /// The surfaces as PLY.
+    Ply,
+    /// Surfaces and fibres as one binary glTF.
+    Glb,
+}
+
+/// A file name and what is in it.
+type File = (String, Vec<u8>);
+
+/// `export`: a model as other programs read it, in `out`; `poses` (results of `simulate`) make a time series of VTK files.
+pub fn export(model: &Path, format: Format, poses: Option<&Path>, out: &Path) -> Result<String, BuildError> {
+    if poses.is_some() && format != Format::Vtk {
+        return Err(BuildError::Usage("--poses goes with --format vtk".into()));
+    }
+    let loaded = load(model)?;
+    let mut text = left_out(&loaded.spec, "export");
+    let (files, warnings) = match (format, poses) {
+        (Format::Abaqus, _) => {
+            let deck = sim::abaqus::export(&loaded.spec, &loaded.meshes)
+                .map_err(|e| BuildError::File(format!("{}: {e}", model.display())))?;
+            (texts(deck.files), deck.warnings)
+        }
+        (Format::Febio, _) => (febio::files(&loaded)?, febio::warnings(&loaded)),
+        (Format::Opensim, _) => (opensim::files(&loaded)?, opensim::warnings(&loaded)),
+        (Format::Vtk, None) => {
+            (texts(sim::vtk::export(&loaded.spec, &loaded.meshes, &Isometry::identity(), &[])), Vec::new())
+        }
+        (Format::Vtk, Some(poses)) => (series::files(&loaded, poses, &store::read(poses)?)?, Vec::new()),
+        (Format::Stl, _) => (surfaces(&loaded, "stl")?, Vec::new()),
+        (Format::Ply, _) => (surfaces(&loaded, "ply")?, Vec::new()),
+        (Format::Glb, _) => (vec![("model.glb".to_owned(), gltf::glb(&loaded))], Vec::new()),
+    };
+    store::write_all(out, &files)?;
+    text.extend(warnings.iter().map(|w| format!("warning: {w}\n")));
+    let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
+    Ok(format!("{text}{} in {}\n", names.join(", "), out.display()))
+}
+
+fn texts(files: Vec<(String, String)>) -> Vec<File> {
+    files.into_iter().map(|(name, text)| (name, text.into_bytes())).collect()
+}
+
+/// A surface of the model: its name, whether it moves with the femur, whether it is a bone.
+struct Named<'a> {
+    name: String,
+    mesh: &'a TriMesh,
+    femur: bool,
+    bone: bool,
+}
+
+/// Bones, then contact faces, each once: `femur_bone`, `tibia_bone`, `femur_contact`, `tibia_contact_1`, ...
+fn named(model: &LoadedModel) -> Vec<Named<'_>> {
+    let surface = |path: &String| match model.meshes.get(path) {
+        Some(MeshValue::Surface(mesh)) => Some(mesh),
+        _ => None,
+    };
+    let mut out = Vec::new();
+    for body in &model.spec.bodies {
+        if let Some(mesh) = surface(&body.bone) {
+            out.push(Named { name: format!("{}_bone", body.name), mesh, femur: body.name == "femur", bone: true });
+        }
+    }
+    let mut done: Vec<&String> = Vec::new();
+    for (path, femur) in model.spec.contact.pairs.iter().flat_map(|p| [(&p.femur, true), (&p.tibia, false)]) {
+        let (Some(mesh), false) = (surface(path), done.contains(&path)) else { continue };
+        done.push(path);
+        let stem = if femur { "femur_contact" } else { "tibia_contact" };
+        let number = out.iter().filter(|n| n.name.starts_with(stem)).count() + 1;
+        out.push(Named { name: format!("{stem}_{number}"), mesh, femur, bone: false });
+    }
+    out
+}
+
+/// The name that [`named`] gives to the contact face at `path`.
+fn contact_name(model: &LoadedModel, path: &str, femur: bool) -> String {
+    let mut done: Vec<&String> = Vec::new();
+    for p in &model.spec.contact.pairs {
+        let own = if femur { &p.femur } else { &p.tibia };
+        if !done.contains(&own) {
+            done.push(own);
+        }
+    }
+    let number = done.iter().position(|p| *p == path).map_or(0, |n| n + 1);
+    format!("{}_contact_{number}", if femur { "femur" } else { "tibia" })
+}
+
+fn surfaces(model: &LoadedModel, ending: &str) -> Result<Vec<File>, BuildError> {
+    named(model)
+        .into_iter()
+        .map(|n| {
+            let mut bytes = Vec::new();
+            let wrote = match ending {
+                "stl" => meshes::format::stl::write(&mut bytes, n.mesh),
+                _ => meshes::format::ply::write(&mut bytes, n.mesh, &[]),
+            };
+            wrote.map_err(|e| BuildError::File(format!("{}: {e}", n.name)))?;
+            Ok((format!("{}.{ending}", n.name), bytes))
+        })
+        .collect()
+}
+
+/// An open face made a closed solid: the face, the same `depth` mm behind it turned over, and walls along the border.
+fn thickened(face: &TriMesh, depth: f64) -> TriMesh {
+    let normals = face.vertex_normals();
+    let n = face.vertices.len() as u32;
+    let mut vertices = face.vertices.clone();
+    vertices.extend(face.vertices.iter().zip(&normals).map(|(p, normal): (_, &Vector)| p - normal * depth));
+    let mut triangles = face.triangles.clone();
+    triangles.extend(face.triangles.iter().map(|&[a, b, c]| [a + n, c + n, b + n]));
+    let directed: std::collections::BTreeSet<(u32, u32)> =
+        face.triangles.iter().flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)]).collect();
+    for &(a, b) in directed.iter().filter(|(a, b)| !directed.contains(&(*b, *a))) {
+        triangles.extend([[b, a, a + n], [b, a + n, b + n]]);
+    }
+    TriMesh { vertices, triangles }
+}
+
+/// Pressure per overclosure by which the model continues its contact table [MPa/mm]: the slope of the table's end.
+fn contact_stiffness(model: &LoadedModel) -> f64 {
+    let (d, p) = (&model.spec.contact.overclosure_mm, &model.spec.contact.pressure_mpa);
+    match (d.as_slice(), p.as_slice()) {
+        ([.., d0, d1], [.., p0, p1]) if d1 > d0 => (p1 - p0) / (d1 - d0),
+        _ => 0.0,
+    }
+}
+
+/// How far the contact table bends from the straight line of its end's slope, as a sentence; none where it is straight.
+fn bent(model: &LoadedModel) -> Option<String> {
+    let (c, k) = (&model.spec.contact, contact_stiffness(model));
+    let most = c.overclosure_mm.iter().zip(&c.pressure_mpa).filter(|(d, _)| **d > 0.0);
+    let most = most.map(|(d, p)| (p / (k * d) - 1.0).abs()).fold(0.0, f64::max);
+    (most > 1e-6)
+        .then(|| format!("contact is linear there: {k:.3} MPa/mm, up to {:.1} % off the model's table", 100.0 * most))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use meshes::shapes::icosphere;
+    use meshes::topology::Topology;
+
+    #[test]
+    fn a_thickened_cap_is_closed_and_turned_outwards() {
+        let ball = icosphere(20.0, 4);
+        let (half, _) = ball.submesh(|t| ball.corners(t).iter().all(|p| p.z > 0.0));
+        assert!(!Topology::of(&half).is_closed());
+        let solid = thickened(&half, 2.0);
+        assert!(Topology::of(&solid).is_closed());
+        let expected = half.area() * 2.0 * 0.9;
+        assert!((solid.volume() / expected - 1.0).abs() < 0.1, "{} {expected}", solid.volume());
+    }
+}

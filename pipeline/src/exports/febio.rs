@@ -1,0 +1,183 @@
+//! FEBio, format version 4.0 [https://help.febio.org]: rigid bones and cartilage faces, fibres as nonlinear springs, sliding contact by penalty. mm, N, MPa.
+//!
+//! The tibia is fixed. The femur does not turn and 20 N of compression press it on, a start on which loads of one's own are put.
+
+use super::{File, bent, contact_name, contact_stiffness, named};
+use crate::error::BuildError;
+use crate::model_file::LoadedModel;
+use meshes::Point;
+use sim::spec::{BundleSpec, Law};
+use std::fmt::Write;
+
+/// Compression that presses the femur on [N].
+const COMPRESSION_N: f64 = 20.0;
+
+/// What the file does otherwise than the model.
+pub(super) fn warnings(model: &LoadedModel) -> Vec<String> {
+    let mut out: Vec<String> = bent(model).into_iter().collect();
+    out.push("bones are rigid shells; contact is FEBio's sliding-elastic by penalty, without friction; not run here, as FEBio is not at hand".into());
+    if model.spec.bundles.iter().any(|b| b.law == Law::Tabular) {
+        out.push("tabular ligaments get the smooth law they were sampled from".into());
+    }
+    out
+}
+
+/// model.feb.
+pub(super) fn files(model: &LoadedModel) -> Result<Vec<File>, BuildError> {
+    let mut mesh = String::new();
+    let mut domains = String::new();
+    let (mut node, mut element) = (0, 0);
+    for n in named(model) {
+        let first: usize = node;
+        let _ = writeln!(mesh, "<Nodes name=\"{}\">", n.name);
+        for p in &n.mesh.vertices {
+            node += 1;
+            let _ = writeln!(mesh, "<node id=\"{node}\">{}</node>", place(p));
+        }
+        let _ = writeln!(mesh, "</Nodes>\n<Elements type=\"tri3\" name=\"{}_part\">", n.name);
+        let start = element;
+        for t in &n.mesh.triangles {
+            element += 1;
+            let [a, b, c] = t.map(|v| v as usize + first + 1);
+            let _ = writeln!(mesh, "<elem id=\"{element}\">{a},{b},{c}</elem>");
+        }
+        let _ = writeln!(mesh, "</Elements>\n<Surface name=\"{}_surface\">", n.name);
+        for (k, t) in n.mesh.triangles.iter().enumerate() {
+            let [a, b, c] = t.map(|v| v as usize + first + 1);
+            let _ = writeln!(mesh, "<tri3 id=\"{}\">{a},{b},{c}</tri3>", start + k + 1);
+        }
+        mesh += "</Surface>\n";
+        let material = if n.femur { "femur" } else { "tibia" };
+        let _ = writeln!(
+            domains,
+            "<ShellDomain name=\"{}_part\" mat=\"{material}\"><shell_thickness>0.01</shell_thickness></ShellDomain>",
+            n.name
+        );
+    }
+    let fibres = fibres(model, node)?;
+    mesh += &fibres.mesh;
+    for pair in &model.spec.contact.pairs {
+        let (f, t) = (contact_name(model, &pair.femur, true), contact_name(model, &pair.tibia, false));
+        let _ = writeln!(
+            mesh,
+            "<SurfacePair name=\"{f}_on_{t}\"><primary>{f}_surface</primary><secondary>{t}_surface</secondary></SurfacePair>"
+        );
+    }
+    let text = format!(
+        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<febio_spec version=\"4.0\">\n<Module type=\"solid\"/>\n\
+         <Control><analysis>STATIC</analysis><time_steps>20</time_steps><step_size>0.05</step_size><solver type=\"solid\"><symmetric_stiffness>0</symmetric_stiffness></solver></Control>\n\
+         <Globals><Constants><T>0</T><R>0</R><Fc>0</Fc></Constants></Globals>\n\
+         <Material>{}</Material>\n<Mesh>\n{mesh}</Mesh>\n<MeshDomains>\n{domains}</MeshDomains>\n\
+         <Boundary>{}</Boundary>\n<Rigid>{}</Rigid>\n<Contact>{}</Contact>\n<Discrete>{}</Discrete>\n<LoadData>\n{}</LoadData>\n\
+         <Output><plotfile type=\"febio\"><var type=\"displacement\"/><var type=\"contact pressure\"/></plotfile>\
+         <logfile><rigid_body_data data=\"x;y;z;qx;qy;qz;qw;Fx;Fy;Fz;Mx;My;Mz\"/></logfile></Output>\n</febio_spec>\n",
+        materials(model),
+        fibres.boundary,
+        rigid(model),
+        contact(model),
+        fibres.discrete,
+        fibres.curves
+    );
+    Ok(vec![("model.feb".into(), text.into_bytes())])
+}
+
+fn materials(model: &LoadedModel) -> String {
+    let middle = |femur: bool| if femur { model.spec.frames.femur.origin } else { model.spec.frames.tibia.origin };
+    [(1, "femur", true), (2, "tibia", false)]
+        .map(|(id, name, femur)| {
+            format!("<material id=\"{id}\" name=\"{name}\" type=\"rigid body\"><density>1e-9</density><center_of_mass>{}</center_of_mass></material>", place(&middle(femur)))
+        })
+        .concat()
+}
+
+/// The tibia is fixed, the femur pressed on by the compression and kept from turning: FEBio's rigid joints are left to whoever loads it otherwise.
+fn rigid(model: &LoadedModel) -> String {
+    let down = -model.spec.frames.tibia.superior * COMPRESSION_N;
+    let fixed = "<rigid_bc name=\"tibia fixed\" type=\"rigid_fixed\"><rb>tibia</rb><Rx_dof>1</Rx_dof><Ry_dof>1</Ry_dof><Rz_dof>1</Rz_dof><Ru_dof>1</Ru_dof><Rv_dof>1</Rv_dof><Rw_dof>1</Rw_dof></rigid_bc>\
+                 <rigid_bc name=\"femur does not turn\" type=\"rigid_fixed\"><rb>femur</rb><Rx_dof>0</Rx_dof><Ry_dof>0</Ry_dof><Rz_dof>0</Rz_dof><Ru_dof>1</Ru_dof><Rv_dof>1</Rv_dof><Rw_dof>1</Rw_dof></rigid_bc>";
+    let loads: String = [("Rx", down.x), ("Ry", down.y), ("Rz", down.z)]
+        .map(|(dof, n)| {
+            format!("<rigid_load name=\"compression {dof}\" type=\"rigid_force\"><rb>femur</rb><dof>{dof}</dof><value lc=\"1\">{n:.6}</value><load_type>0</load_type><relative>0</relative></rigid_load>")
+        })
+        .concat();
+    fixed.to_owned() + &loads
+}
+
+fn contact(model: &LoadedModel) -> String {
+    let pairs = model.spec.contact.pairs.iter().map(|pair| {
+        let name = format!("{}_on_{}", contact_name(model, &pair.femur, true), contact_name(model, &pair.tibia, false));
+        format!(
+            "<contact name=\"{name}\" type=\"sliding-elastic\" surface_pair=\"{name}\"><laugon>PENALTY</laugon><penalty>{:.6}</penalty><auto_penalty>0</auto_penalty><two_pass>1</two_pass><search_radius>5</search_radius><symmetric_stiffness>0</symmetric_stiffness></contact>",
+            contact_stiffness(model)
+        )
+    });
+    pairs.collect()
+}
+
+/// What the fibres are in each section of the file.
+struct Fibres {
+    mesh: String,
+    boundary: String,
+    discrete: String,
+    curves: String,
+}
+
+/// Every fibre a spring between two nodes of its own that move with the bones; a fibre's curve is force over lengthening from the CT pose.
+fn fibres(model: &LoadedModel, nodes: usize) -> Result<Fibres, BuildError> {
+    let all = &model.spec.fibres;
+    let mut out = Fibres { mesh: "<Nodes name=\"fibre_ends\">\n".into(), boundary: String::new(), discrete: String::new(), curves: "<load_controller id=\"1\" type=\"loadcurve\"><interpolate>LINEAR</interpolate><points><pt>0,0</pt><pt>1,1</pt></points></load_controller>\n".into() };
+    for (k, p) in all.iter().flat_map(|f| [&f.femur, &f.tibia]).enumerate() {
+        let _ = writeln!(out.mesh, "<node id=\"{}\">{}</node>", nodes + k + 1, place(p));
+    }
+    out.mesh += "</Nodes>\n";
+    for (bone, offset) in [("femur", 1), ("tibia", 2)] {
+        let ids: Vec<String> = (0..all.len()).map(|k| (nodes + 2 * k + offset).to_string()).collect();
+        let _ = writeln!(out.mesh, "<NodeSet name=\"fibre_ends_{bone}\">{}</NodeSet>", ids.join(","));
+        let _ = write!(
+            out.boundary,
+            "<bc name=\"fibres on {bone}\" type=\"rigid\" node_set=\"fibre_ends_{bone}\"><rb>{bone}</rb></bc>"
+        );
+    }
+    for (k, fibre) in all.iter().enumerate() {
+        let Some(bundle) = model.spec.bundles.iter().find(|b| b.name == fibre.bundle) else {
+            return Err(BuildError::File(format!(
+                "a fibre is of the bundle {}, which the model does not have",
+                fibre.bundle
+            )));
+        };
+        let count = all.iter().filter(|f| f.bundle == fibre.bundle).count() as f64;
+        let name = format!("{}_{}", bundle.name, k + 1);
+        let _ = writeln!(
+            out.mesh,
+            "<DiscreteSet name=\"{name}\"><delem>{},{}</delem></DiscreteSet>",
+            nodes + 2 * k + 1,
+            nodes + 2 * k + 2
+        );
+        let points: String = curve(bundle, count).iter().map(|(x, f)| format!("<pt>{x:.6},{f:.6}</pt>")).collect();
+        let _ = writeln!(
+            out.discrete,
+            "<discrete_material id=\"{0}\" name=\"{name}\" type=\"nonlinear spring\"><scale>1</scale><measure>elongation</measure><force type=\"point\"><interpolate>LINEAR</interpolate><extend>EXTRAPOLATE</extend><points>{points}</points></force></discrete_material><discrete dmat=\"{0}\" discrete_set=\"{name}\"/>",
+            k + 1
+        );
+    }
+    Ok(out)
+}
+
+/// Force of a fibre over its lengthening from the CT pose: quadratic toe by 20 chords, then straight.
+fn curve(bundle: &BundleSpec, count: f64) -> Vec<(f64, f64)> {
+    let slack = bundle.reference_length_mm / bundle.reference_strain;
+    let (toe, first) = (bundle.toe_strain * slack, slack - bundle.reference_length_mm);
+    let k = bundle.stiffness_n_per_mm / count;
+    let mut points = vec![(first - 100.0, 0.0)];
+    points.extend((0..=20).map(|n| {
+        let x = 2.0 * toe * f64::from(n) / 20.0;
+        (first + x, k * x * x / (4.0 * toe))
+    }));
+    let x = 2.0 * toe + 50.0;
+    points.push((first + x, k * (x - toe)));
+    points
+}
+
+fn place(p: &Point) -> String {
+    format!("{:.6},{:.6},{:.6}", p.x, p.y, p.z)
+}

@@ -1,0 +1,117 @@
+//! What a scene of the report is made of.
+
+use super::geometry::{Pool, rounded};
+use meshes::Point;
+use serde::Serialize;
+
+/// A scene: what it shows, in words and in layers.
+#[derive(Serialize)]
+pub(super) struct Scene {
+    pub(super) id: String,
+    pub(super) title: String,
+    /// Its text alternative: what it shows, the figures, what to look for.
+    pub(super) text: String,
+    /// Where the eye is at first: front, behind, above, below.
+    pub(super) from: &'static str,
+    pub(super) layers: Vec<Layer>,
+    /// True where a slider moves it.
+    pub(super) moves: bool,
+}
+
+/// A part of a scene that can be hidden.
+#[derive(Serialize, Default)]
+pub(super) struct Layer {
+    pub(super) name: String,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) mesh: Option<String>,
+    pub(super) colour: &'static str,
+    pub(super) opacity: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) scalar: Option<Scalar>,
+    /// Ends of lines, two points each, or points; mm.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(super) lines: Vec<[f64; 3]>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(super) points: Vec<[f64; 3]>,
+    /// Words at the points.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub(super) labels: Vec<String>,
+    /// Shown at first.
+    pub(super) on: bool,
+    /// Of the layers with the same word one is shown at a time.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) one_of: Option<&'static str>,
+    /// Moves with the femur: the whole of it, or ("fibres") the first end of each line.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(super) moves: Option<&'static str>,
+}
+
+/// Values by which a surface is coloured.
+#[derive(Serialize, Clone)]
+pub(super) struct Scalar {
+    pub(super) values: String,
+    pub(super) low: f64,
+    pub(super) high: f64,
+    pub(super) title: &'static str,
+    pub(super) scale: &'static str,
+    /// One a triangle, not a corner.
+    pub(super) cells: bool,
+}
+
+pub(super) fn at(pool: &Pool, p: &Point) -> [f64; 3] {
+    let p = pool.point(p);
+    [p.x, p.y, p.z].map(|x| rounded(x, 100.0))
+}
+
+pub(super) fn plain(name: &str) -> &str {
+    match name {
+        "tibia_medial" => "medial tibia",
+        "tibia_lateral" => "lateral tibia",
+        other => other,
+    }
+}
+
+pub(super) fn word(source: attachments::site::Source) -> &'static str {
+    match source {
+        attachments::site::Source::Marked => "marked",
+        attachments::site::Source::Literature => "literature",
+        attachments::site::Source::Given => "given",
+    }
+}
+
+pub(super) fn named_places(name: &str, places: &[Point], pool: &Pool) -> Layer {
+    Layer {
+        name: name.into(),
+        colour: "#c8102e",
+        points: places.iter().map(|p| at(pool, p)).collect(),
+        labels: places.iter().map(|p| format!("({:.1}, {:.1}, {:.1}) in CT", p.x, p.y, p.z)).collect(),
+        opacity: 1.0,
+        on: true,
+        ..Layer::default()
+    }
+}
+
+/// Points written as `(x, y, z)`.
+pub(super) fn places(text: &str) -> Vec<Point> {
+    text.split('(')
+        .skip(1)
+        .filter_map(|rest| {
+            let inside = rest.split_once(')')?.0;
+            let numbers: Vec<f64> = inside.split(',').map(|n| n.trim().parse().ok()).collect::<Option<_>>()?;
+            match numbers[..] {
+                [x, y, z] if [x, y, z].iter().all(|n: &f64| n.is_finite()) => Some(Point::new(x, y, z)),
+                _ => None,
+            }
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_are_read_from_a_message() {
+        assert_eq!(places("edge at (1.5, -2, 3) and (a, b, c), (1, 2)"), vec![Point::new(1.5, -2.0, 3.0)]);
+    }
+}

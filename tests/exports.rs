@@ -1,0 +1,130 @@
+//! Exports, opened again by programs that are not ours.
+#![allow(clippy::unwrap_used, clippy::print_stderr, clippy::print_stdout, reason = "tests")]
+#![expect(clippy::disallowed_methods, reason = "tests look at files and run other programs")]
+
+mod common;
+
+use common::{build_model, json, phantom, write};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::OnceLock;
+use tempfile::TempDir;
+
+/// A phantom's model with its ligaments tightened and its contact without friction, so that it stands in equilibrium without a calibration.
+fn model() -> &'static Path {
+    static MODEL: OnceLock<TempDir> = OnceLock::new();
+    let folder = MODEL.get_or_init(|| {
+        let folder = phantom("S192803-phantom");
+        build_model().arg(folder.path()).arg("--quiet").assert().success();
+        let path = folder.path().join("build/09-assemble/model.json");
+        let mut model = json(&path);
+        model["contact"]["friction"] = 0.0.into();
+        for bundle in model["bundles"].as_array_mut().unwrap() {
+            bundle["reference_strain"] = 1.03.into();
+        }
+        write(&path, serde_json::to_vec(&model).unwrap());
+        folder
+    });
+    static PATH: OnceLock<PathBuf> = OnceLock::new();
+    PATH.get_or_init(|| folder.path().join("build/09-assemble/model.json"))
+}
+
+/// The Python that has the readers: `GENU_PYTHON`, or python3.
+fn python() -> String {
+    std::env::var("GENU_PYTHON").unwrap_or_else(|_| "python3".into())
+}
+
+/// Runs a script of tests/exports; false, with a word on why, where a reader is not installed.
+fn reads(test: &str, script: &str, arguments: &[&str]) -> bool {
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/exports").join(script);
+    let Ok(run) = Command::new(python()).arg(script).args(arguments).output() else {
+        eprintln!("{test}: skipped, {} is not there", python());
+        return false;
+    };
+    let (said, faults) = (String::from_utf8_lossy(&run.stdout), String::from_utf8_lossy(&run.stderr));
+    print!("{said}");
+    if run.status.code() == Some(77) {
+        eprintln!("{test}: skipped, {said}");
+        return false;
+    }
+    assert!(run.status.success(), "{said}{faults}");
+    true
+}
+
+fn exported(format: &str, more: &[&str]) -> TempDir {
+    let out = TempDir::new().unwrap();
+    build_model()
+        .arg("export")
+        .arg(model())
+        .args(["--format", format])
+        .args(more)
+        .arg("--out")
+        .arg(out.path())
+        .assert()
+        .success();
+    out
+}
+
+/// Passive flexion of the model.
+fn flexion() -> &'static Path {
+    static DONE: OnceLock<(TempDir, PathBuf)> = OnceLock::new();
+    let (_, path) = DONE.get_or_init(|| {
+        let folder = TempDir::new().unwrap();
+        let path = folder.path().join("flexion.csv");
+        build_model()
+            .arg("simulate")
+            .arg(model())
+            .args(["--protocol", "passive-flexion", "--out"])
+            .arg(&path)
+            .assert()
+            .success();
+        (folder, path)
+    });
+    path
+}
+
+#[test]
+fn surfaces_are_read_by_trimesh() {
+    for format in ["stl", "ply", "glb"] {
+        let out = exported(format, &[]);
+        reads("surfaces_are_read_by_trimesh", "formats.py", &[format, &out.path().display().to_string()]);
+    }
+}
+
+#[test]
+fn a_time_series_is_read_by_meshio() {
+    let out = exported("vtk", &["--poses", &flexion().display().to_string()]);
+    assert_eq!(std::fs::read_dir(out.path()).unwrap().count(), 20);
+    reads("a_time_series_is_read_by_meshio", "formats.py", &["vtk", &out.path().display().to_string()]);
+}
+
+#[test]
+fn a_febio_file_is_well_formed_and_every_name_in_it_defined() {
+    let out = exported("febio", &[]);
+    reads("a_febio_file", "formats.py", &["febio", &out.path().display().to_string()]);
+}
+
+#[test]
+fn opensim_finds_the_same_equilibrium() {
+    let out = exported("opensim", &[]);
+    let folder = out.path().display().to_string();
+    if !reads("opensim_finds_the_same_equilibrium", "formats.py", &["opensim", &folder]) {
+        return;
+    }
+    let (spec, poses) = (model().display().to_string(), flexion().display().to_string());
+    reads("opensim_finds_the_same_equilibrium", "opensim_statics.py", &[&folder, &spec, &poses, "4"]);
+}
+
+#[test]
+fn poses_go_with_vtk_alone_and_bad_ones_are_told() {
+    let folder = TempDir::new().unwrap();
+    let bad = folder.path().join("bad.csv");
+    write(&bad, "fe_deg,vv_deg\n1,2\n");
+    let run = |format: &str| {
+        let mut run = build_model();
+        run.arg("export").arg(model()).args(["--format", format, "--poses"]).arg(&bad).arg("--out").arg(folder.path());
+        run
+    };
+    run("vtk").assert().code(1).stderr(predicates::str::contains("no column ie_deg"));
+    run("stl").assert().code(2);
+}

@@ -1,0 +1,109 @@
+"""Reads what `export` wrote with programs that are not ours: `formats.py FORMAT FOLDER`. Ends with status 1 where something is wrong, 77 where a reader is not installed."""
+
+import pathlib
+import sys
+import xml.etree.ElementTree as xml
+
+
+def missing(name):
+    print(f"{name} is not installed")
+    sys.exit(77)
+
+
+def surfaces(folder, ending):
+    try:
+        import trimesh
+    except ImportError:
+        missing("trimesh")
+    found = {p.stem: trimesh.load(p, process=ending == "stl", force="mesh") for p in sorted(folder.glob(f"*.{ending}"))}
+    assert {"femur_bone", "tibia_bone", "femur_contact_1", "tibia_contact_1", "tibia_contact_2"} <= set(found), found
+    for name, mesh in found.items():
+        assert len(mesh.faces) > 500, name
+        if name.endswith("bone"):
+            assert mesh.is_watertight and mesh.volume > 1e4, (name, mesh.volume)
+    print(f"{ending}: {len(found)} surfaces read by trimesh {trimesh.__version__}")
+
+
+def glb(folder):
+    try:
+        import trimesh
+    except ImportError:
+        missing("trimesh")
+    scene = trimesh.load(folder / "model.glb")
+    names = set(scene.geometry)
+    assert {"femur_bone", "tibia_bone", "femur_contact_1", "fibres"} <= names, names
+    size = scene.bounds[1] - scene.bounds[0]
+    assert 0.05 < size.max() < 1.0, f"not metres: {size}"
+    print(f"glb: {len(names)} nodes read by trimesh {trimesh.__version__}, {size.max():.3f} m tall")
+
+
+def vtk(folder):
+    try:
+        import meshio
+    except ImportError:
+        missing("meshio")
+    collection = xml.parse(folder / "model.pvd").getroot()
+    files = [d.get("file") for d in collection.iter("DataSet")]
+    assert len(files) > 1
+    first = None
+    for name in files:
+        mesh = meshio.read(folder / name)
+        kinds = {c.type: len(c.data) for c in mesh.cells}
+        assert kinds.get("line", 0) == 30 and kinds.get("triangle", 0) > 1000, kinds
+        assert "force_n" in mesh.cell_data and "part" in mesh.cell_data
+        first = mesh.points if first is None else first
+    assert abs(mesh.points - first).max() > 1.0, "nothing moves"
+    print(f"vtk: {len(files)} steps of {kinds} read by meshio {meshio.__version__}")
+
+
+def febio(folder):
+    root = xml.parse(folder / "model.feb").getroot()
+    assert root.tag == "febio_spec" and root.get("version") == "4.0"
+    # the sections of format 4.0 in the order in which FEBio writes them [https://help.febio.org]
+    order = ["Module", "Control", "Globals", "Material", "Mesh", "MeshDomains", "Boundary", "Rigid", "Contact", "Discrete", "LoadData", "Output"]
+    assert [s.tag for s in root] == order, [s.tag for s in root]
+    mesh = root.find("Mesh")
+    nodes = [int(n.get("id")) for n in mesh.iter("node")]
+    assert nodes == list(range(1, len(nodes) + 1)), "node ids"
+    elements = [e for part in mesh.findall("Elements") for e in part]
+    assert [int(e.get("id")) for e in elements] == list(range(1, len(elements) + 1)), "element ids"
+    assert all(1 <= int(n) <= len(nodes) for e in elements for n in e.text.split(","))
+    parts, domains = {e.get("name") for e in mesh.findall("Elements")}, {d.get("name") for d in root.find("MeshDomains")}
+    assert parts == domains, (parts, domains)
+    materials = {m.get("name") for m in root.find("Material")}
+    assert {d.get("mat") for d in root.find("MeshDomains")} <= materials
+    surfaces, pairs = {s.get("name") for s in mesh.findall("Surface")}, mesh.findall("SurfacePair")
+    assert all(p.find(k).text in surfaces for p in pairs for k in ("primary", "secondary"))
+    assert {c.get("surface_pair") for c in root.find("Contact")} == {p.get("name") for p in pairs}
+    sets = {s.get("name") for s in mesh.findall("DiscreteSet")}
+    assert {d.get("discrete_set") for d in root.find("Discrete").findall("discrete")} == sets
+    for m in root.find("Discrete").findall("discrete_material"):
+        x, f = zip(*(tuple(map(float, p.text.split(","))) for p in m.iter("pt")))
+        assert all(a < b for a, b in zip(x, x[1:])) and all(a <= b for a, b in zip(f, f[1:])), m.get("name")
+    assert {b.get("node_set") for b in root.find("Boundary")} <= {s.get("name") for s in mesh.findall("NodeSet")}
+    print(f"febio: {len(nodes)} nodes, {len(elements)} elements, {len(sets)} springs, {len(pairs)} contact pairs; every name is defined")
+
+
+def opensim(folder):
+    try:
+        import opensim as osim
+    except ImportError:
+        missing("opensim")
+    import os
+
+    os.chdir(folder)
+    osim.Logger.setLevelString("Error")
+    model = osim.Model("model.osim")
+    state = model.initSystem()
+    forces = [model.getForceSet().get(i).getConcreteClassName() for i in range(model.getForceSet().getSize())]
+    assert model.getNumCoordinates() == 6 and forces.count("Blankevoort1991Ligament") == 30 and forces.count("ElasticFoundationForce") == 2, forces
+    model.realizeDynamics(state)
+    print(f"opensim: loaded by {osim.GetVersion()}: {model.getNumBodies()} bodies, 6 coordinates, {len(forces)} forces")
+
+
+if __name__ == "__main__":
+    what, where = sys.argv[1], pathlib.Path(sys.argv[2])
+    if what in ("stl", "ply"):
+        surfaces(where, what)
+    else:
+        {"glb": glb, "vtk": vtk, "febio": febio, "opensim": opensim}[what](where)
