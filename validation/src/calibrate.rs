@@ -64,8 +64,6 @@ pub struct Probes<'a> {
     pub experiment: Experiment<'a>,
     /// Their names.
     pub names: &'a [String],
-    /// The targets as `simulate` answers them; the search may be coarser.
-    pub in_full: Experiment<'a>,
 }
 
 /// What a calibration found.
@@ -167,7 +165,7 @@ impl Checkpoint {
                 lowest_cost: r.best().map_or(f64::INFINITY, |b| b.0),
             },
             State::Gradient(g) => Progress {
-                phase: g.phase(&o.gradient),
+                phase: g.phase(),
                 share: g.share(&o.gradient),
                 evaluations: g.history.len(),
                 lowest_cost: g.lowest_cost().map_or(f64::INFINITY, |b| b.0),
@@ -238,15 +236,15 @@ fn finish(checkpoint: &Checkpoint, problem: &Problem, probes: &Probes) -> Result
             (best.clone(), best.1, found)
         }
         State::Gradient(g) => {
-            let best = g.best.as_ref().ok_or_else(|| no_answer(problem, &checkpoint.identity.start))?;
+            let best = g.best().ok_or_else(|| no_answer(problem, &checkpoint.identity.start))?;
             let lowest = g.lowest_cost().unwrap_or((best.cost, best.point.clone()));
             let point = if o.gradient.choice == Choice::LowestCost { &lowest.1 } else { &best.point };
             (lowest.clone(), point.clone(), posterior::of_gradient(g, problem, o.gradient.samples))
         }
     };
-    let (lowest, point) = judged(problem, probes, &checkpoint.state, o, (lowest, point));
+    let (lowest, point) = judged(problem, &checkpoint.state, o, (lowest, point));
     let values = design.at(&point);
-    let predicted = probes.in_full.predictions(&values);
+    let predicted = problem.in_full.predictions(&values);
     let history = match &checkpoint.state {
         State::Recipe(r) => r.history.clone(),
         State::Gradient(g) => g.history.clone(),
@@ -271,7 +269,6 @@ fn finish(checkpoint: &Checkpoint, problem: &Problem, probes: &Probes) -> Result
 /// The lowest cost as the model in full has it, among the three lowest met, and the point chosen.
 fn judged(
     problem: &Problem,
-    probes: &Probes,
     state: &State,
     options: &CalibrateOptions,
     (lowest, point): ((f64, Vec<f64>), Vec<f64>),
@@ -282,7 +279,7 @@ fn judged(
     };
     candidates.sort_by(|a, b| a.0.total_cmp(&b.0));
     let design = problem.experiment.design;
-    let in_full = |p: &Vec<f64>| problem.cost.cost(&probes.in_full.predictions(&design.at(p))).value;
+    let in_full = |p: &Vec<f64>| problem.cost.cost(&problem.in_full.predictions(&design.at(p))).value;
     let best = candidates
         .into_iter()
         .take(3)

@@ -27,8 +27,8 @@ pub struct Slopes {
     pub forces_n: Vec<Vec<f64>>,
 }
 
-/// Answers one trial, by its index, at design values; the last argument asks for derivatives.
-pub type Simulate<'a> = dyn Fn(&[f64], usize, bool) -> Result<Answer, SimError> + Sync + 'a;
+/// Answers every trial at design values, in order; the last argument asks for derivatives.
+pub type Simulate<'a> = dyn Fn(&[f64], bool) -> Vec<Result<Answer, SimError>> + Sync + 'a;
 
 /// A number of trials of one model.
 #[derive(Clone, Copy)]
@@ -42,9 +42,9 @@ pub struct Experiment<'a> {
 }
 
 impl Experiment<'_> {
-    /// Answers to all trials, in order; trials in parallel.
+    /// Answers to all trials, in order.
     pub fn answers(&self, values: &[f64], slopes: bool) -> Vec<Result<Answer, SimError>> {
-        (0..self.trials).into_par_iter().map(|i| (self.simulate)(values, i, slopes)).collect()
+        (self.simulate)(values, slopes)
     }
 
     /// Predictions of all trials; `None` where the solver has none.
@@ -88,29 +88,28 @@ pub fn with_differences<'a>(
     simulate: &'a Simulate<'a>,
     design: &'a Design,
     step: f64,
-) -> impl Fn(&[f64], usize, bool) -> Result<Answer, SimError> + Sync + 'a {
-    move |values, trial, slopes| {
-        let mut answer = simulate(values, trial, false)?;
+) -> impl Fn(&[f64], bool) -> Vec<Result<Answer, SimError>> + Sync + 'a {
+    move |values, slopes| {
+        let answers = simulate(values, false);
         if !slopes {
-            return Ok(answer);
+            return answers;
         }
-        let both: Vec<(Answer, Answer, f64)> = (0..values.len())
-            .into_par_iter()
-            .map(|j| {
-                let h = step * design.variables[j].width();
-                let at = |sign: f64| {
-                    let mut moved = values.to_vec();
-                    moved[j] += sign * h;
-                    simulate(&moved, trial, false)
-                };
-                Ok((at(1.0)?, at(-1.0)?, 2.0 * h))
-            })
-            .collect::<Result<_, SimError>>()?;
-        let predicted = both.iter().map(|(a, b, h)| std::array::from_fn(|c| (a.predicted[c] - b.predicted[c]) / h));
-        let force = |(a, b, h): &(Answer, Answer, f64)| {
-            a.forces_n.iter().zip(&b.forces_n).map(|(x, y)| (x - y) / h).collect::<Vec<f64>>()
+        let widths: Vec<f64> = design.variables.iter().map(|v| 2.0 * step * v.width()).collect();
+        let moved = |j: usize, sign: f64| {
+            let mut moved = values.to_vec();
+            moved[j] += sign * 0.5 * widths[j];
+            simulate(&moved, false)
         };
-        answer.slopes = Some(Slopes { predicted: predicted.collect(), forces_n: both.iter().map(force).collect() });
-        Ok(answer)
+        let sides: Vec<_> = (0..values.len()).into_par_iter().map(|j| (moved(j, 1.0), moved(j, -1.0))).collect();
+        let with_slopes = |(i, answer): (usize, Result<Answer, SimError>)| {
+            let mut slopes = Slopes { predicted: vec![], forces_n: vec![] };
+            for ((up, down), h) in sides.iter().zip(&widths) {
+                let (a, b) = (up[i].as_ref().map_err(Clone::clone)?, down[i].as_ref().map_err(Clone::clone)?);
+                slopes.predicted.push(std::array::from_fn(|c| (a.predicted[c] - b.predicted[c]) / h));
+                slopes.forces_n.push(a.forces_n.iter().zip(&b.forces_n).map(|(x, y)| (x - y) / h).collect());
+            }
+            Ok(Answer { slopes: Some(slopes), ..answer? })
+        };
+        answers.into_iter().enumerate().map(with_slopes).collect()
     }
 }

@@ -20,8 +20,12 @@ use std::sync::Mutex;
 
 /// Fits a chunk: a fixed number, so that saved states and histories do not depend on the number of threads.
 const CHUNK: usize = 8;
-/// Rounds of noise scaling.
-const ROUNDS: usize = 3;
+/// Samples taken up as starts once more.
+const TAKEN_UP: usize = 2;
+/// Relative change of the noise beyond which modes are fitted again [-].
+const RESCALED: f64 = 0.1;
+/// Modes less likely than the best by this much (natural logarithm) are not sampled.
+const UNLIKELY: f64 = 6.0;
 
 /// A fit: where a start led.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -34,6 +38,29 @@ pub struct Fit {
     pub cost: f64,
 }
 
+/// A fit of the model in full.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Mode {
+    /// The fit.
+    pub fit: Fit,
+    /// What the model in full predicts more there than the search [deg, mm], a trial each.
+    pub correction: Vec<[f64; 5]>,
+}
+
+/// What is done next.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum Stage {
+    Starts,
+    Finals,
+    Modes,
+    Rescale,
+    Samples,
+    TakeUp,
+    Descents,
+    Finished,
+}
+
 /// Between two chunks.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Gradient {
@@ -42,21 +69,18 @@ pub struct Gradient {
     pub seed: u64,
     /// Least-squares fits of the starts, in their order; `None` where a start has no answer.
     pub starts: Vec<Option<Fit>>,
+    stage: Stage,
     /// Factor of the noise, a coordinate each [-].
     pub noise_scale: [f64; 5],
-    /// Rounds of noise scaling done.
-    rounds: usize,
-    /// The most probable point.
-    pub best: Option<Fit>,
-    /// Descents on the cost done so far.
+    /// Fits of the model in full, the most probable first.
+    pub modes: Vec<Mode>,
+    /// Descents on the cost.
     pub descents: Vec<(f64, Vec<f64>)>,
-    descents_done: bool,
     /// Samples of the posterior.
     pub samples: Vec<Fit>,
     drawn: usize,
     /// The cost of every evaluation, in order.
     pub history: Vec<f64>,
-    finished: bool,
 }
 
 impl Gradient {
@@ -66,47 +90,64 @@ impl Gradient {
             start: start.to_vec(),
             seed,
             starts: vec![],
+            stage: Stage::Starts,
             noise_scale: [1.0; 5],
-            rounds: 0,
-            best: None,
+            modes: vec![],
             descents: vec![],
-            descents_done: false,
             samples: vec![],
             drawn: 0,
             history: vec![],
-            finished: false,
         }
     }
 
     /// True when there is nothing left to do.
     pub fn is_finished(&self) -> bool {
-        self.finished
+        self.stage == Stage::Finished
     }
 
     /// What it is doing.
-    pub fn phase(&self, options: &GradientOptions) -> &'static str {
-        if self.starts.len() < options.starts {
-            "starts"
-        } else if !self.descents_done {
-            "refining"
-        } else {
-            "sampling"
+    pub fn phase(&self) -> &'static str {
+        match self.stage {
+            Stage::Starts => "starts",
+            Stage::Samples => "sampling",
+            _ => "refining",
         }
     }
 
     /// Share of the work done, 0 to 1, by count of fits.
     pub fn share(&self, options: &GradientOptions) -> f64 {
-        let work = |starts: usize, rest: usize, samples: usize| {
-            (starts * options.evaluations + rest * options.descent_evaluations + samples * options.sample_evaluations)
-                as f64
-        };
-        let rest = if self.descents_done { 1 } else { 0 };
-        work(self.starts.len(), rest, self.drawn) / work(options.starts, 1, options.samples).max(1.0)
+        let o = options;
+        // a fit of the model in full takes about five times one of the search
+        let work = [
+            (Stage::Starts, o.starts * o.first_evaluations, self.starts.len(), o.starts),
+            (Stage::Finals, o.finalists * o.evaluations, 0, 1),
+            (Stage::Modes, 6 * o.modes * o.evaluations, 0, 1),
+            (Stage::Rescale, 5 * o.evaluations, 0, 1),
+            (Stage::Samples, o.samples * o.sample_evaluations, self.drawn, o.samples),
+            (Stage::TakeUp, 5 * TAKEN_UP.min(o.samples) * o.evaluations, 0, 1),
+            (Stage::Descents, o.descents * o.descent_evaluations, 0, 1),
+        ];
+        let (mut done, mut all) = (0.0, 0.0);
+        for (stage, effort, drawn, of) in work {
+            all += effort as f64;
+            if stage < self.stage {
+                done += effort as f64;
+            } else if stage == self.stage {
+                done += effort as f64 * drawn as f64 / of.max(1) as f64;
+            }
+        }
+        done / all.max(1.0)
+    }
+
+    /// The most probable point.
+    pub fn best(&self) -> Option<&Fit> {
+        self.modes.first().map(|m| &m.fit)
     }
 
     /// Costs met, and where.
     pub fn candidates(&self) -> Vec<(f64, Vec<f64>)> {
-        let fits = self.starts.iter().flatten().chain(&self.best).map(|f| (f.cost, f.point.clone()));
+        let fits =
+            self.starts.iter().flatten().chain(self.modes.iter().map(|m| &m.fit)).map(|f| (f.cost, f.point.clone()));
         fits.chain(self.descents.iter().cloned()).collect()
     }
 
@@ -115,32 +156,32 @@ impl Gradient {
         self.candidates().into_iter().reduce(|a, b| if b.0 < a.0 { b } else { a })
     }
 
-    /// A chunk of starts, a round of noise scaling, the descents on the cost, or a chunk of samples.
+    /// A chunk of starts, the best of them fitted to the end, those fitted in full, the noise scaled, a chunk of samples, the best of those fitted
+    /// in full, or the descents on the cost.
     ///
     /// # Errors
     /// No start has an answer.
     pub fn advance(&mut self, problem: &Problem, options: &GradientOptions) -> Result<(), ValidationError> {
-        if self.starts.len() < options.starts {
-            self.advance_starts(problem, options);
-        } else if self.rounds == 0 {
-            self.best =
-                self.starts.iter().flatten().cloned().reduce(|a, b| if b.half_sum < a.half_sum { b } else { a });
-            if self.best.is_none() {
-                return Err(ValidationError::Model(format!(
-                    "the solver has no answer to all trials at any of {} starts: {}",
-                    options.starts,
-                    self.complaint(problem)
-                )));
+        match self.stage {
+            Stage::Starts => self.advance_starts(problem, options),
+            Stage::Finals => self.advance_finals(problem, options),
+            Stage::Modes => {
+                let points = self.ranked().into_iter().take(options.modes).map(|i| self.point_of(i)).collect();
+                self.add_modes(points, problem, options);
+                if self.modes.is_empty() {
+                    return Err(ValidationError::Model(format!(
+                        "the solver has no answer to all trials at any of {} starts: {}",
+                        options.starts,
+                        self.complaint(problem)
+                    )));
+                }
+                self.stage = Stage::Rescale;
             }
-            self.rounds = 1;
-        } else if options.scale_noise && self.rounds < ROUNDS {
-            self.rescale(problem, options);
-        } else if !self.descents_done {
-            self.advance_descents(problem, options);
-        } else if self.drawn < options.samples {
-            self.advance_samples(problem, options);
-        } else {
-            self.finished = true;
+            Stage::Rescale => self.rescale(problem, options),
+            Stage::Samples => self.advance_samples(problem, options),
+            Stage::TakeUp => self.take_up(problem, options),
+            Stage::Descents => self.advance_descents(problem, options),
+            Stage::Finished => {}
         }
         Ok(())
     }
@@ -154,10 +195,24 @@ impl Gradient {
         })
     }
 
-    /// The view of the measurements as they are, with the noise as scaled so far.
+    /// The view of the measurements as they are, with the noise as scaled so far, the search corrected as at the most probable point.
     fn view(&self, problem: &Problem) -> View {
         let plain = View::plain(problem.targets.trials.len(), self.start.len());
-        View { noise_scale: self.noise_scale, ..plain }
+        let correction = self.modes.first().map_or(plain.correction, |m| m.correction.clone());
+        View { noise_scale: self.noise_scale, correction, ..plain }
+    }
+
+    /// Indices of the starts that have an answer, the best first.
+    fn ranked(&self) -> Vec<usize> {
+        let mut order: Vec<usize> = (0..self.starts.len()).filter(|&i| self.starts[i].is_some()).collect();
+        let sum = |i: &usize| self.starts[*i].as_ref().map_or(f64::INFINITY, |f| f.half_sum);
+        order.sort_by(|a, b| sum(a).total_cmp(&sum(b)));
+        order
+    }
+
+    /// Where a start led.
+    fn point_of(&self, start: usize) -> Vec<f64> {
+        self.starts[start].as_ref().map_or_else(|| self.start.clone(), |f| f.point.clone())
     }
 
     fn advance_starts(&mut self, problem: &Problem, options: &GradientOptions) {
@@ -167,46 +222,73 @@ impl Gradient {
         let from = self.starts.len();
         let chunk = &points[from..options.starts.min(from + CHUNK)];
         let view = self.view(problem);
-        let stop = Stop { evaluations: options.evaluations, fall: 1e-3 };
+        let stop = Stop { evaluations: options.first_evaluations, fall: 1e-3 };
         let fits: Vec<(Option<Fit>, Vec<f64>)> = chunk.par_iter().map(|p| fit(problem, &view, p, stop)).collect();
         for (fit, costs) in fits {
             self.history.extend(costs);
             self.starts.push(fit);
         }
+        if self.starts.len() >= options.starts {
+            self.stage = Stage::Finals;
+        }
     }
 
-    /// Scales the noise of each coordinate by how much the best fit misses, then fits again from there.
+    /// Fits the best of the starts to the end, then scales the noise by how much the best of them misses.
+    fn advance_finals(&mut self, problem: &Problem, options: &GradientOptions) {
+        self.stage = Stage::Modes;
+        let mut order = self.ranked();
+        order.truncate(options.finalists);
+        let view = self.view(problem);
+        let stop = Stop { evaluations: options.evaluations, fall: 1e-3 };
+        let fits: Vec<(Option<Fit>, Vec<f64>)> =
+            order.par_iter().map(|&i| fit(problem, &view, &self.point_of(i), stop)).collect();
+        for (i, (fit, costs)) in order.into_iter().zip(fits) {
+            self.history.extend(costs);
+            self.starts[i] = fit.or(self.starts[i].take());
+        }
+        if let Some(&best) = self.ranked().first() {
+            self.scale_noise(&self.point_of(best), problem, options);
+        }
+    }
+
+    /// Scales the noise of each coordinate by how much the model in full misses.
+    fn scale_noise(&mut self, point: &[f64], problem: &Problem, options: &GradientOptions) {
+        let predicted = problem.in_full.predictions(&problem.experiment.design.at(point));
+        self.history.push(problem.cost.cost(&predicted).value);
+        if options.scale_noise {
+            self.noise_scale = problem.misses(&predicted, &self.noise_scale, options.robust);
+        }
+    }
+
+    /// Fits the model in full from these points, among the modes found before.
+    fn add_modes(&mut self, points: Vec<Vec<f64>>, problem: &Problem, options: &GradientOptions) {
+        let view = View { correction: vec![], ..self.view(problem) };
+        let found: Vec<(Option<Mode>, Vec<f64>)> =
+            points.par_iter().map(|p| mode(problem, &view, p, options)).collect();
+        for (mode, costs) in found {
+            self.history.extend(costs);
+            self.modes.extend(mode);
+        }
+        self.modes.sort_by(|a, b| a.fit.half_sum.total_cmp(&b.fit.half_sum));
+    }
+
+    /// Scales the noise as the best mode misses, and fits the modes again where that changed.
     fn rescale(&mut self, problem: &Problem, options: &GradientOptions) {
-        self.rounds += 1;
-        let Some(best) = self.best.clone() else { return };
-        let predicted = problem.experiment.predictions(&problem.experiment.design.at(&best.point));
-        self.history.push(best.cost);
-        self.noise_scale = problem.misses(&predicted, &self.noise_scale, options.robust);
-        let stop = Stop { evaluations: 2 * options.evaluations, fall: 1e-3 };
-        let (fitted, costs) = fit(problem, &self.view(problem), &best.point, stop);
-        self.history.extend(costs);
-        self.best = fitted.or(Some(best));
-    }
-
-    fn advance_descents(&mut self, problem: &Problem, options: &GradientOptions) {
-        self.descents_done = true;
-        let mut from: Vec<&Fit> = self.starts.iter().flatten().collect();
-        from.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-        let first = self.best.iter().chain(from).take(options.descents).map(|f| f.point.clone());
-        let trust = Trust { radius: 0.2, least: 1e-3, evaluations: options.descent_evaluations };
-        let points: Vec<Vec<f64>> = first.collect();
-        let found: Vec<_> =
-            points.par_iter().map(|p| descend_on_cost(&problem.experiment, &problem.cost, p, trust)).collect();
-        for f in found.into_iter().flatten() {
-            self.history.extend(f.history);
-            self.descents.push((f.cost, f.point));
+        self.stage = Stage::Samples;
+        let Some(best) = self.best().cloned() else { return };
+        let before = self.noise_scale;
+        self.scale_noise(&best.point, problem, options);
+        if before.iter().zip(&self.noise_scale).any(|(a, b)| (a / b - 1.0).abs() > RESCALED) {
+            let likely = |m: &Mode| m.fit.half_sum < best.half_sum + 2.0 * UNLIKELY;
+            let points = self.modes.drain(..).filter(likely).map(|m| m.fit.point).collect();
+            self.add_modes(points, problem, options);
         }
     }
 
     fn advance_samples(&mut self, problem: &Problem, options: &GradientOptions) {
         let chunk = self.drawn..options.samples.min(self.drawn + CHUNK);
         self.drawn = chunk.end;
-        let (plain, best) = (self.view(problem), self.best.clone());
+        let (plain, limit) = (self.view(problem), self.limit(problem));
         let stop = Stop { evaluations: options.sample_evaluations, fall: 1e-2 };
         let drawn: Vec<Option<Fit>> = chunk
             .into_par_iter()
@@ -215,19 +297,98 @@ impl Gradient {
                 random.set_stream(1 + s as u64);
                 let middle = point(&mut random, self.start.len());
                 let shift = plain.shift.iter().map(|_| std::array::from_fn(|_| normal(&mut random))).collect();
-                let view = View { shift, middle: middle.clone(), ..plain.clone() };
-                let start = near(problem, &view, best.as_ref()).unwrap_or(middle);
-                fit(problem, &view, &start, stop).0
+                let mode = self.mode_of((s as f64 + 0.5) / options.samples as f64)?;
+                let view = View { shift, middle: middle.clone(), correction: mode.correction.clone(), ..plain.clone() };
+                let start = near(problem, &view, &mode.fit.point).unwrap_or(middle);
+                let first = fit(problem, &view, &start, stop).0;
+                if first.as_ref().is_some_and(|f| f.half_sum <= limit) {
+                    return first;
+                }
+                // stuck: once more from the mode itself
+                let second = fit(problem, &view, &mode.fit.point, stop).0;
+                first.into_iter().chain(second).reduce(|a, b| if b.half_sum < a.half_sum { b } else { a })
             })
             .collect();
         self.samples.extend(drawn.into_iter().flatten());
+        if self.drawn >= options.samples {
+            self.stage = Stage::TakeUp;
+        }
     }
+
+    /// The half sum of squares above which a sample has not come near a fit: a sample's exceeds the best fit's by half a sum of as many squared
+    /// normals as there are numbers measured, give or take.
+    pub fn limit(&self, problem: &Problem) -> f64 {
+        let measured = problem.targets.trials.iter().flat_map(|t| t.measured).flatten().count() as f64;
+        self.best().map_or(0.0, |b| b.half_sum) + 0.5 * (measured + 4.0 * (6.0 * measured).sqrt())
+    }
+
+    /// The mode whose samples hold this place, 0 to 1: modes share the samples by their probability.
+    fn mode_of(&self, place: f64) -> Option<&Mode> {
+        let best = self.best()?.half_sum;
+        let weight = |m: &Mode| {
+            let below = m.fit.half_sum - best;
+            if below < UNLIKELY { (-below).exp() } else { 0.0 }
+        };
+        let all: f64 = self.modes.iter().map(weight).sum();
+        let mut sum = 0.0;
+        self.modes.iter().find(|m| {
+            sum += weight(m) / all;
+            sum >= place
+        })
+    }
+
+    /// Fits the model in full from the samples that fit the measurements best.
+    fn take_up(&mut self, problem: &Problem, options: &GradientOptions) {
+        self.stage = Stage::Descents;
+        let view = self.view(problem);
+        let half_sum =
+            |f: &Fit| problem.least_squares(&f.point, &view).map(|e| (e.residuals.half_sum(), f.point.clone()));
+        let mut sums: Vec<(f64, Vec<f64>)> = self.samples.par_iter().filter_map(half_sum).collect();
+        sums.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let points = sums.into_iter().take(TAKEN_UP).map(|s| s.1).collect();
+        self.add_modes(points, problem, options);
+    }
+
+    fn advance_descents(&mut self, problem: &Problem, options: &GradientOptions) {
+        self.stage = Stage::Finished;
+        let mut from: Vec<(f64, Vec<f64>)> = self.candidates();
+        from.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let trust = Trust { radius: 0.2, least: 1e-3, evaluations: options.descent_evaluations };
+        let points: Vec<Vec<f64>> = from.into_iter().take(options.descents).map(|f| f.1).collect();
+        let found: Vec<_> =
+            points.par_iter().map(|p| descend_on_cost(&problem.experiment, &problem.cost, p, trust)).collect();
+        for f in found.into_iter().flatten() {
+            self.history.extend(f.history);
+            self.descents.push((f.cost, f.point));
+        }
+    }
+}
+
+/// A fit of the model in full: first of the search, corrected by what the model in full predicts more at the start, then of that model itself.
+fn mode(problem: &Problem, view: &View, start: &[f64], options: &GradientOptions) -> (Option<Mode>, Vec<f64>) {
+    let stop = Stop { evaluations: options.evaluations, fall: 1e-3 };
+    let corrected = View { correction: correction(problem, start), ..view.clone() };
+    let (near, mut costs) = fit(problem, &corrected, start, stop);
+    let point = near.map_or_else(|| start.to_vec(), |f| f.point);
+    let (fitted, more) = fit(problem, &View { in_full: true, ..view.clone() }, &point, stop);
+    costs.extend(more);
+    (fitted.map(|fit| Mode { correction: correction(problem, &fit.point), fit }), costs)
+}
+
+/// What the model in full predicts more than the search; 0 where either has no answer.
+fn correction(problem: &Problem, point: &[f64]) -> Vec<[f64; 5]> {
+    let values = problem.experiment.design.at(point);
+    let (full, seen) = (problem.in_full.predictions(&values), problem.experiment.predictions(&values));
+    let more = |(full, seen): (&Option<[f64; 5]>, &Option<[f64; 5]>)| match (full, seen) {
+        (Some(a), Some(b)) => std::array::from_fn(|c| a[c] - b[c]),
+        _ => [0.0; 5],
+    };
+    full.iter().zip(&seen).map(more).collect()
 }
 
 /// Where a sample would lie if the model were linear about the best fit: there its search begins. What the data do not touch is at once where the
 /// sample's prior has it.
-fn near(problem: &Problem, view: &View, best: Option<&Fit>) -> Option<Vec<f64>> {
-    let point = &best?.point;
+fn near(problem: &Problem, view: &View, point: &[f64]) -> Option<Vec<f64>> {
     let r = problem.least_squares(point, view)?.residuals;
     let (hessian, gradient) = (r.jacobian.tr_mul(&r.jacobian), r.jacobian.tr_mul(&r.value));
     let step = box_step(&hessian, &gradient, point, f64::INFINITY);

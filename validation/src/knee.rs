@@ -6,18 +6,19 @@
 use crate::design::{Design, Kind};
 use crate::experiment::{Answer, Slopes};
 use crate::frames::{FIRST, Terms, corrected};
-use nalgebra::{Matrix5, Vector5};
+use nalgebra::{Matrix5, Matrix6, Vector5};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use sim::SimError;
 use sim::abaqus::MeshValue;
 use sim::contact::ContactOptions;
-use sim::joint::{FE, FREE, Joint};
+use sim::joint::{FE, FREE, Joint, Pose};
 use sim::laxity::LaxityTrial;
 use sim::model::{BundleParameters, Model, compile_with};
 use sim::quasistatic::SolverOptions;
 use sim::sensitivity::{Parameter, sensitivities};
 use sim::spec::ModelSpec;
-use sim::trials::{TrialOptions, chain_flexion, generalised, pose_spec, solve_trial};
+use sim::trials::{TrialOptions, chain_flexion, pose_spec, solve_trials};
 use std::collections::BTreeMap;
 
 /// Step of the derivatives by frames [deg or mm].
@@ -90,33 +91,26 @@ impl Knee {
         Ok(Knee { search: compile_with(&spec, meshes, &coarse)?, spec, model, options, search_options })
     }
 
-    /// Answers to trials by their index, as fast as the search needs them.
+    /// Answers to trials, as fast as the search needs them.
     pub fn searching<'a>(
         &'a self,
         design: &'a Design,
         trials: &'a [LaxityTrial],
-    ) -> impl Fn(&[f64], usize, bool) -> Result<Answer, SimError> + Sync + 'a {
-        move |values, i, slopes| {
-            let (model, options, trial) = (&self.search, &self.search_options, trial(trials, i)?);
-            Question { model, spec: &self.spec, options, design, trial }.answer(values, slopes)
-        }
+    ) -> impl Fn(&[f64], bool) -> Vec<Result<Answer, SimError>> + Sync + 'a {
+        let questions =
+            Questions { model: &self.search, spec: &self.spec, options: &self.search_options, design, trials };
+        move |values, slopes| questions.answers(values, slopes)
     }
 
-    /// Answers to trials by their index, as `simulate` gives them.
+    /// Answers to trials, as `simulate` gives them.
     pub fn simulating<'a>(
         &'a self,
         design: &'a Design,
         trials: &'a [LaxityTrial],
-    ) -> impl Fn(&[f64], usize, bool) -> Result<Answer, SimError> + Sync + 'a {
-        move |values, i, slopes| {
-            let (model, options, trial) = (&self.model, &self.options, trial(trials, i)?);
-            Question { model, spec: &self.spec, options, design, trial }.answer(values, slopes)
-        }
+    ) -> impl Fn(&[f64], bool) -> Vec<Result<Answer, SimError>> + Sync + 'a {
+        let questions = Questions { model: &self.model, spec: &self.spec, options: &self.options, design, trials };
+        move |values, slopes| questions.answers(values, slopes)
     }
-}
-
-fn trial(trials: &[LaxityTrial], i: usize) -> Result<&LaxityTrial, SimError> {
-    trials.get(i).ok_or_else(|| SimError::Input(format!("no trial {i} of {}", trials.len())))
 }
 
 /// The model at design values: ligament parameters, and the joint's frames where they are among the variables.
@@ -152,24 +146,38 @@ fn joint_with(spec: &ModelSpec, terms: &Terms) -> Result<Joint, SimError> {
 }
 
 /// What is asked of a solver.
-struct Question<'a> {
+struct Questions<'a> {
     model: &'a Model,
     spec: &'a ModelSpec,
     options: &'a TrialOptions,
     design: &'a Design,
-    trial: &'a LaxityTrial,
+    trials: &'a [LaxityTrial],
 }
 
-impl Question<'_> {
-    fn answer(&self, values: &[f64], slopes: bool) -> Result<Answer, SimError> {
-        let (model, terms) = model_at(self.model, self.spec, self.design, values)?;
-        let found = solve_trial(&model, self.trial, self.options)?;
-        let slopes = if slopes { Some(self.slopes(&model, terms, &found)?) } else { None };
-        Ok(Answer { predicted: found.predicted(), forces_n: found.forces_n, flags: found.flags, slopes })
+impl Questions<'_> {
+    /// Answers at design values, in order; trials in parallel, after what those of one compression share.
+    fn answers(&self, values: &[f64], slopes: bool) -> Vec<Result<Answer, SimError>> {
+        let (model, terms) = match model_at(self.model, self.spec, self.design, values) {
+            Ok(found) => found,
+            Err(e) => return self.trials.iter().map(|_| Err(e.clone())).collect(),
+        };
+        let found = solve_trials(&model, self.trials, self.options);
+        let answer = |(found, trial): (Result<sim::trials::Answer, SimError>, &LaxityTrial)| {
+            let found = found?;
+            let slopes = if slopes { Some(self.slopes(&model, terms, &found, trial)?) } else { None };
+            Ok(Answer { predicted: found.predicted(), forces_n: found.forces_n, flags: found.flags, slopes })
+        };
+        found.into_par_iter().zip(self.trials).map(answer).collect()
     }
 
     /// Derivatives by design variables: of a shared one the sum over its bundles.
-    fn slopes(&self, model: &Model, terms: Option<Terms>, found: &sim::trials::Answer) -> Result<Slopes, SimError> {
+    fn slopes(
+        &self,
+        model: &Model,
+        terms: Option<Terms>,
+        found: &sim::trials::Answer,
+        trial: &LaxityTrial,
+    ) -> Result<Slopes, SimError> {
         let bundles = model.bundles.len();
         let all: Vec<Parameter> =
             (0..bundles).map(Parameter::ReferenceStrain).chain((0..bundles).map(Parameter::Stiffness)).collect();
@@ -177,7 +185,7 @@ impl Question<'_> {
         let mut out = Slopes { predicted: vec![], forces_n: vec![] };
         for v in &self.design.variables {
             if let Some(t) = terms.filter(|_| v.is_of_frames()) {
-                let (pose, forces) = self.frame_slope(model, found, &t, (v.number - FIRST) as usize)?;
+                let (pose, forces) = self.frame_slope(model, (found, trial), &t, (v.number - FIRST) as usize)?;
                 out.predicted.push(pose);
                 out.forces_n.push(forces);
                 continue;
@@ -195,11 +203,11 @@ impl Question<'_> {
     }
 
     /// Derivative by a frame's turn or shift [per deg, per mm]: the same bones in the other frames, flexed to the trial's flexion and brought back
-    /// to equilibrium by one Newton step; friction's forces stay.
+    /// to equilibrium by one Newton step; forces there by the tangent at the answer, friction's stay.
     fn frame_slope(
         &self,
         model: &Model,
-        found: &sim::trials::Answer,
+        (found, trial): (&sim::trials::Answer, &LaxityTrial),
         terms: &Terms,
         term: usize,
     ) -> Result<([f64; 5], Vec<f64>), SimError> {
@@ -210,14 +218,17 @@ impl Question<'_> {
         other.joint = joint_with(self.spec, &moved)?;
         let place = model.joint.pose(&found.state.q).femur;
         let mut q = other.joint.coordinates(&other.joint.grood_suntay_of(&place))?;
-        q[FE] = chain_flexion(&other, self.trial.fe_deg, self.options)?;
-        let e = other.evaluate(&q);
-        let load = generalised(&self.trial.load);
-        let rest = found.evaluation.gradient + found.state.friction_gradient - load;
-        let pull = e.gradient + found.state.friction_gradient - load;
-        let residual = Vector5::from_fn(|i, _| pull[FREE[i]] - rest[FREE[i]]);
-        let tangent = Matrix5::from_fn(|i, j| 0.5 * (e.hessian[(FREE[i], FREE[j])] + e.hessian[(FREE[j], FREE[i])]));
+        q[FE] = chain_flexion(&other, trial.fe_deg, self.options)?;
         let singular = || SimError::Solver("the tangent is singular: nothing holds the knee in one direction".into());
+        // the pull there in the coordinates of the frames as they are, then as a wrench, then in the other frames' coordinates
+        let there = other.joint.pose(&q);
+        let same = model.joint.coordinates(&model.joint.grood_suntay_of(&there.femur))?;
+        let hessian = &found.evaluation.hessian;
+        let pull = found.evaluation.gradient + hessian * (same - found.state.q);
+        let wrench = screws(&model.joint.pose(&same)).transpose().lu().solve(&pull).ok_or_else(singular)?;
+        let residual = screws(&there).transpose() * wrench - found.evaluation.gradient;
+        let residual = Vector5::from_fn(|i, _| residual[FREE[i]]);
+        let tangent = Matrix5::from_fn(|i, j| 0.5 * (hessian[(FREE[i], FREE[j])] + hessian[(FREE[j], FREE[i])]));
         let back = tangent.lu().solve(&-residual).ok_or_else(singular)?;
         (0..5).for_each(|i| q[FREE[i]] += back[i]);
         let pose = pose_spec(&other.joint.grood_suntay(&q));
@@ -229,4 +240,9 @@ impl Question<'_> {
             forces.iter().zip(&found.forces_n).map(|(a, b)| (a - b) / step).collect(),
         ))
     }
+}
+
+/// Velocities of the femur by the coordinates, a column each: angular, then linear.
+fn screws(pose: &Pose) -> Matrix6<f64> {
+    Matrix6::from_fn(|i, j| if i < 3 { pose.screws[j].angular[i] } else { pose.screws[j].linear[i - 3] })
 }

@@ -21,6 +21,7 @@ pub mod posterior;
 pub mod problem;
 pub mod published;
 pub mod recipe;
+pub mod rehearsal;
 pub mod reports;
 pub mod session;
 pub mod simplex;

@@ -113,7 +113,13 @@ pub enum Choice {
 pub struct GradientOptions {
     /// Starts: the model's own values, then points of a Latin hypercube [-]; Theodorakos and Andersen 2024 show why one will not do.
     pub starts: usize,
-    /// Most evaluations a start [-]; ours.
+    /// Most evaluations of each start [-]; ours.
+    pub first_evaluations: usize,
+    /// Starts fitted to the end, the best so far [-]; ours.
+    pub finalists: usize,
+    /// Of those, fitted to the end with the model in full, not the search's [-]; ours.
+    pub modes: usize,
+    /// Most evaluations of a fit to the end [-]; ours.
     pub evaluations: usize,
     /// Least-squares results refined on the cost [-]; 0 leaves it out.
     pub descents: usize,
@@ -136,7 +142,10 @@ pub struct GradientOptions {
 impl Default for GradientOptions {
     fn default() -> Self {
         GradientOptions {
-            starts: 8,
+            starts: 24,
+            first_evaluations: 6,
+            finalists: 6,
+            modes: 3,
             evaluations: 14,
             descents: 2,
             descent_evaluations: 20,
@@ -144,7 +153,7 @@ impl Default for GradientOptions {
             scale_noise: true,
             robust: 3.0,
             samples: 48,
-            sample_evaluations: 8,
+            sample_evaluations: 20,
             interval: 0.9,
         }
     }
@@ -163,6 +172,9 @@ impl CalibrateOptions {
         least("swarm.particles", self.swarm.particles, 2)?;
         least("swarm.swarm_evaluations", self.swarm.swarm_evaluations, self.swarm.particles)?;
         least("gradient.starts", self.gradient.starts, 1)?;
+        least("gradient.first_evaluations", self.gradient.first_evaluations, 2)?;
+        least("gradient.finalists", self.gradient.finalists, 1)?;
+        least("gradient.modes", self.gradient.modes, 1)?;
         least("gradient.evaluations", self.gradient.evaluations, 2)?;
         least("gradient.sample_evaluations", self.gradient.sample_evaluations, 1)?;
         let between = |name: &str, value: f64, low: f64, high: f64| match value > low && value < high {

@@ -66,13 +66,21 @@ pub struct ForceEstimate {
     pub determined: f64,
 }
 
+/// A force whose interval reaches no further than this from its value is called determined [N].
+pub const FORCE_DETERMINED_N: f64 = 15.0;
+
+impl ForceEstimate {
+    /// Whether there is an interval, and it stays within [`FORCE_DETERMINED_N`] of the value.
+    pub fn is_determined(&self) -> bool {
+        let near = |end: f64| self.value_n.is_some_and(|v| (end - v).abs() <= FORCE_DETERMINED_N);
+        self.determined > 0.0 && near(self.lower_n) && near(self.upper_n)
+    }
+}
+
 /// The samples of a gradient calibration; those stuck far above the best fit are left out.
 pub fn of_gradient(g: &Gradient, problem: &Problem, wanted: usize) -> Found {
     let n = problem.experiment.design.len();
-    let best = g.best.as_ref().map_or(0.0, |b| b.half_sum);
-    // twice the least sum of a sample exceeds the fit's by a sum of as many squared normals as there are numbers measured, give or take
-    let measured = problem.targets.trials.iter().flat_map(|t| t.measured).flatten().count() as f64;
-    let limit = best + 0.5 * (measured + 4.0 * (6.0 * measured).sqrt());
+    let limit = g.limit(problem);
     let kept: Vec<Vec<f64>> = g.samples.iter().filter(|f| f.half_sum <= limit).map(|f| f.point.clone()).collect();
     let mut warnings = Vec::new();
     if kept.len() * 10 < wanted * 7 {

@@ -14,8 +14,10 @@ const UNIFORM_SD: f64 = 0.288_675_134_594_812_9;
 
 /// Trials, what was measured, the cost.
 pub struct Problem<'a> {
-    /// The solver and the design variables.
+    /// The solver as the search has it, and the design variables.
     pub experiment: Experiment<'a>,
+    /// The solver as `simulate` has it; the search may be coarser.
+    pub in_full: Experiment<'a>,
     /// What was measured.
     pub targets: &'a Targets,
     /// The cost.
@@ -44,22 +46,33 @@ pub struct View {
     pub shift: Vec<[f64; 5]>,
     /// Middle of the prior, unit coordinates.
     pub middle: Vec<f64>,
+    /// What the model in full predicts more than the search at the best point so far [deg, mm], a trial each: added to the search's predictions.
+    pub correction: Vec<[f64; 5]>,
+    /// Whether the model in full is asked, not the search's; the correction is then left out.
+    pub in_full: bool,
 }
 
 impl View {
     /// The measurements as they are, the prior in the middle of its ranges.
     pub fn plain(trials: usize, variables: usize) -> View {
-        View { noise_scale: [1.0; 5], shift: vec![[0.0; 5]; trials], middle: vec![0.5; variables] }
+        let none = vec![[0.0; 5]; trials];
+        View {
+            noise_scale: [1.0; 5],
+            shift: none.clone(),
+            middle: vec![0.5; variables],
+            correction: none,
+            in_full: false,
+        }
     }
 }
 
 impl<'a> Problem<'a> {
-    /// A problem; `bundles` are the names in the order of the solver's forces.
+    /// A problem for a solver as the search has it and in full; `bundles` are the names in the order of the solver's forces.
     ///
     /// # Errors
     /// A load belief about a bundle the model does not have.
     pub fn new(
-        experiment: Experiment<'a>,
+        (experiment, in_full): (Experiment<'a>, Experiment<'a>),
         targets: &'a Targets,
         cost: CostFunction,
         bundles: &[String],
@@ -75,7 +88,7 @@ impl<'a> Problem<'a> {
             .iter()
             .map(|p| Ok((p, p.bundles.iter().map(index).collect::<Result<Vec<usize>, _>>()?)))
             .collect::<Result<_, ValidationError>>()?;
-        Ok(Problem { experiment, targets, cost, loads, robust: options.gradient.robust })
+        Ok(Problem { experiment, in_full, targets, cost, loads, robust: options.gradient.robust })
     }
 
     /// The cost at unit coordinates, load beliefs included; 1e10 when a trial has no answer.
@@ -117,7 +130,13 @@ impl<'a> Problem<'a> {
     /// Residuals in standard deviations at unit coordinates, with derivatives, and the cost; `None` when a trial has no answer.
     pub fn least_squares(&self, unit: &[f64], view: &View) -> Option<Evaluation> {
         let design = self.experiment.design;
-        let answers = self.experiment.answers(&design.at(unit), true);
+        let experiment = if view.in_full { self.in_full } else { self.experiment };
+        let mut answers = experiment.answers(&design.at(unit), true);
+        for (answer, more) in answers.iter_mut().zip(&view.correction).filter(|_| !view.in_full) {
+            if let Ok(a) = answer {
+                a.predicted.iter_mut().zip(more).for_each(|(p, m)| *p += m);
+            }
+        }
         let cost = self.value_of(&answers);
         let (n, widths) = (unit.len(), design.variables.iter().map(crate::design::Variable::width).collect::<Vec<_>>());
         let mut rows: Vec<(f64, DVector<f64>)> = Vec::new();

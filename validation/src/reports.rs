@@ -75,13 +75,14 @@ pub fn history(costs: &[f64]) -> String {
     out
 }
 
-/// forces.csv: bundle forces in the AP tests with their intervals.
+/// forces.csv: bundle forces in the AP tests with their intervals, and whether those stay within 15 N of the value.
 fn forces(found: &Calibrated, bundles: &[String]) -> String {
-    let mut out = "trial,bundle,value_n,lower_n,upper_n,determined\n".to_owned();
+    let mut out = "trial,bundle,value_n,lower_n,upper_n,determined,within_15_n\n".to_owned();
     for f in &found.forces {
         let name = bundles.get(f.bundle).map_or("", String::as_str);
         let value = f.value_n.map_or(String::new(), |v| format!("{v:.3}"));
-        let _ = writeln!(out, "{},{name},{value},{:.3},{:.3},{:.3}", f.trial, f.lower_n, f.upper_n, f.determined);
+        let (trial, within) = (&f.trial, f.is_determined());
+        let _ = writeln!(out, "{trial},{name},{value},{:.3},{:.3},{:.3},{within}", f.lower_n, f.upper_n, f.determined);
     }
     out
 }

@@ -115,17 +115,17 @@ impl Session {
         mut checkpoint: Checkpoint,
         watch: &mut dyn FnMut(&Checkpoint) -> ControlFlow<()>,
     ) -> Result<Outcome, ValidationError> {
-        let simulate = knee.searching(&self.design, &self.targets.trials);
-        let experiment = Experiment { design: &self.design, simulate: &simulate, trials: self.targets.trials.len() };
+        let search = knee.searching(&self.design, &self.targets.trials);
+        let search = Experiment { design: &self.design, simulate: &search, trials: self.targets.trials.len() };
+        let in_full = knee.simulating(&self.design, &self.targets.trials);
+        let in_full = Experiment { simulate: &in_full, ..search };
         let bundles = knee.model.bundle_names();
         let options = &self.identity.options;
-        let problem = Problem::new(experiment, &self.targets, self.cost.clone(), &bundles, options)?;
-        let simulate_probes = knee.searching(&self.design, &self.probes);
+        let problem = Problem::new((search, in_full), &self.targets, self.cost.clone(), &bundles, options)?;
         let names: Vec<String> = self.probes.iter().map(|t| t.trial.clone()).collect();
-        let experiment = Experiment { design: &self.design, simulate: &simulate_probes, trials: self.probes.len() };
-        let in_full = knee.simulating(&self.design, &self.targets.trials);
-        let in_full = Experiment { simulate: &in_full, ..problem.experiment };
-        let found = calibrate(&mut checkpoint, &problem, &Probes { experiment, names: &names, in_full }, watch)?;
+        let probed = knee.simulating(&self.design, &self.probes);
+        let experiment = Experiment { design: &self.design, simulate: &probed, trials: self.probes.len() };
+        let found = calibrate(&mut checkpoint, &problem, &Probes { experiment, names: &names }, watch)?;
         let mut warnings = self.targets.warnings.clone();
         warnings.extend(found.warnings.iter().cloned());
         warnings.extend(off(&found.parameters));

@@ -36,6 +36,11 @@ fn trial(test: Test, fe: f64, load: [f64; 5], k: i32) -> LaxityTrial {
     }
 }
 
+/// The answers to all trials.
+pub(crate) fn answers(design: &Design, trials: &[LaxityTrial], values: &[f64]) -> Vec<Result<Answer, SimError>> {
+    (0..trials.len()).map(|i| answer(design, trials, values, i)).collect()
+}
+
 /// The answer: each coordinate a mildly curved mixture of the variables, scaled by the load; half of the mixtures do not know half of
 /// the variables.
 pub(crate) fn answer(design: &Design, trials: &[LaxityTrial], values: &[f64], i: usize) -> Result<Answer, SimError> {

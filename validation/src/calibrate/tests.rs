@@ -64,15 +64,15 @@ impl Bench {
         options: &CalibrateOptions,
         watch: &mut dyn FnMut(&Checkpoint) -> ControlFlow<()>,
     ) -> Run {
-        let simulate = |v: &[f64], i: usize, _: bool| -> Result<Answer, SimError> {
-            toy::answer(&self.design, &self.targets.trials, v, i)
+        let simulate = |v: &[f64], _: bool| -> Vec<Result<Answer, SimError>> {
+            toy::answers(&self.design, &self.targets.trials, v)
         };
         let experiment = Experiment { design: &self.design, simulate: &simulate, trials: self.targets.trials.len() };
         let cost = CostFunction::new(&self.targets.trials, &self.ct, &options.cost).unwrap();
         let bundles = ["A".to_owned(), "B".to_owned()];
-        let problem = Problem::new(experiment, &self.targets, cost, &bundles, options).unwrap();
+        let problem = Problem::new((experiment, experiment), &self.targets, cost, &bundles, options).unwrap();
         let names = ["first".to_owned()];
-        let probes = Probes { experiment: Experiment { trials: 1, ..experiment }, names: &names, in_full: experiment };
+        let probes = Probes { experiment: Experiment { trials: 1, ..experiment }, names: &names };
         calibrate(&mut checkpoint, &problem, &probes, watch)
     }
 }
@@ -196,8 +196,8 @@ fn a_belief_about_a_force_is_heard() {
     }
     let unknown = LoadPrior { bundles: vec!["Z".into()], ..belief };
     let o = CalibrateOptions { loads: vec![unknown], ..quick(Method::Gradient) };
-    let simulate = |v: &[f64], i: usize, _: bool| toy::answer(&b.design, &b.targets.trials, v, i);
+    let simulate = |v: &[f64], _: bool| toy::answers(&b.design, &b.targets.trials, v);
     let experiment = Experiment { design: &b.design, simulate: &simulate, trials: b.targets.trials.len() };
     let cost = CostFunction::new(&b.targets.trials, &b.ct, &o.cost).unwrap();
-    assert!(Problem::new(experiment, &b.targets, cost, &["A".to_owned()], &o).is_err());
+    assert!(Problem::new((experiment, experiment), &b.targets, cost, &["A".to_owned()], &o).is_err());
 }

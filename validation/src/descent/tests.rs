@@ -15,7 +15,7 @@ fn the_descent_reaches_the_truth_and_stays_in_the_box() {
     for (i, t) in trials.iter_mut().enumerate() {
         t.measured = toy::answer(&design, &blank, &design.at(&truth), i).unwrap().predicted.map(Some);
     }
-    let simulate = |values: &[f64], i: usize, _: bool| toy::answer(&design, &blank, values, i);
+    let simulate = |values: &[f64], _: bool| toy::answers(&design, &blank, values);
     let experiment = Experiment { design: &design, simulate: &simulate, trials: trials.len() };
     let cost = CostFunction::new(&trials, &CT, &CostOptions::default()).unwrap();
     let trust = Trust { radius: 0.2, least: 1e-5, evaluations: 60 };
@@ -29,9 +29,10 @@ fn the_descent_reaches_the_truth_and_stays_in_the_box() {
 fn the_toys_slopes_are_those_of_differences() {
     let (design, trials) = (Design::table3(), toy::trials());
     let values = design.at(&[0.4; 26]);
-    let simulate = |values: &[f64], i: usize, _: bool| toy::answer(&design, &trials, values, i);
+    let simulate = |values: &[f64], _: bool| toy::answers(&design, &trials, values);
     let differences = crate::experiment::with_differences(&simulate, &design, 1e-5);
-    let (exact, near) = (simulate(&values, 7, true).unwrap(), differences(&values, 7, true).unwrap());
+    let (exact, near) =
+        (simulate(&values, true).swap_remove(7).unwrap(), differences(&values, true).swap_remove(7).unwrap());
     for (a, b) in exact.slopes.unwrap().predicted.iter().zip(near.slopes.unwrap().predicted) {
         assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-6 * a.abs().max(1.0)));
     }
