@@ -22,6 +22,9 @@ pub struct BoneRegistration {
     pub held_out_rms_mm: f64,
     /// Predicted mean error of the registration over the scan's vertices [mm].
     pub predicted_error_mm: f64,
+    /// How far bare bone lies outside the CT bone all over [mm], where that is too much for chance: the bone was segmented too
+    /// small, or too large where it is negative.
+    pub level_mm: f64,
     /// Signed distance of each scan vertex to the CT bone [mm], the residual map.
     pub residual_mm: Vec<f64>,
     /// Whether each scan vertex counts as bare bone.
@@ -80,6 +83,10 @@ pub fn register(specimen: &Specimen, options: &RegisterOptions) -> Result<Regist
         let pairs = landmark_pairs(&specimen.landmarks, frame);
         let points: Vec<(Point, Point)> = pairs.iter().map(|p| (p.1, p.2)).collect();
         let bone = register_bone(ct, scan, &points, options).map_err(|e| StageError(format!("{name}: {e}")))?;
+        if bone.level_mm != 0.0 {
+            let (by, size) = (bone.level_mm.abs(), if bone.level_mm > 0.0 { "small" } else { "large" });
+            warnings.push(format!("{name}: the CT bone is about {by:.2} mm too {size} all over: look at the threshold it was segmented with"));
+        }
         for (landmark, from, to) in &pairs {
             let apart = (bone.ct_from_scan.point(from) - to).norm();
             if apart > options.landmark_limit_mm {
@@ -92,7 +99,7 @@ pub fn register(specimen: &Specimen, options: &RegisterOptions) -> Result<Regist
     let tibfib = one("tibfib", &specimen.ct.tibfib, &specimen.scans.tibfib, PointFrame::ScanTibfib)?;
     let figures = |b: &BoneRegistration| {
         json!({"rms_bare_bone_mm": b.rms_bare_bone_mm, "inlier_fraction": b.inlier_fraction,
-               "held_out_rms_mm": b.held_out_rms_mm, "predicted_error_mm": b.predicted_error_mm})
+               "held_out_rms_mm": b.held_out_rms_mm, "predicted_error_mm": b.predicted_error_mm, "level_mm": b.level_mm})
     };
     let metrics = json!({"femur": figures(&femur), "tibfib": figures(&tibfib)});
     Ok(Registration { bones: PerBone { femur, tibfib }, warnings, metrics })
@@ -141,6 +148,7 @@ pub fn register_bone(
         inlier_fraction: fitted.inlier_fraction,
         held_out_rms_mm: fitted.held_out_rms,
         predicted_error_mm: fitted.predicted_error,
+        level_mm: fitted.classified.level,
         residual_mm: fitted.classified.standing.iter().map(|s| s.residual.signum() * s.distance).collect(),
         bare_bone: fitted.classified.bare,
     })

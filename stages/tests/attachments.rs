@@ -68,6 +68,7 @@ fn registered(value: &Value) -> BoneRegistration {
         inlier_fraction: 1.0,
         held_out_rms_mm: 0.1,
         predicted_error_mm: 0.1,
+        level_mm: 0.0,
         residual_mm: Vec::new(),
         bare_bone: Vec::new(),
     }

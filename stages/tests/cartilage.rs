@@ -41,6 +41,7 @@ fn true_registration(dir: &Path, specimen: &Specimen) -> Registration {
             inlier_fraction: 1.0,
             held_out_rms_mm: 0.1,
             predicted_error_mm: 0.0,
+            level_mm: 0.0,
             bare_bone: residual_mm.iter().map(|r| r.abs() < 0.4).collect(),
             residual_mm,
         }

@@ -47,6 +47,7 @@ fn truth_is_found_with_and_without_landmarks_and_the_error_is_foreseen() {
                 let foreseen = result.predicted_error_mm;
                 assert!(error < 2.0 * foreseen && foreseen < 2.0 * error, "{id} {bone}: {error}, foreseen {foreseen}");
                 assert!(result.held_out_rms_mm < 0.2 && result.inlier_fraction > 0.95);
+                assert_eq!(result.level_mm, 0.0);
                 assert_eq!(result.residual_mm.len(), case.scan.mesh.vertices.len());
                 assert_eq!(result.bare_bone.len(), case.scan.mesh.vertices.len());
             }
@@ -89,6 +90,20 @@ fn forty_percent_missing_no_colours_and_two_bad_landmarks_do_no_harm() {
         let result = found(&case, &part, pairs);
         let (error, angle) = apart(result.ct_from_scan.motion(), &case.truth, &part.mesh);
         assert!(error < 0.2 && angle < 0.5, "{direction:?}: {error} mm, {angle} deg");
+    }
+}
+
+#[test]
+fn a_bone_segmented_too_small_or_too_large_is_laid_right_and_told() {
+    let Some(dir) = shared("register level", "specimens/S192803") else { return };
+    for (bone, offset) in [("femur", -0.3), ("tibfib", 0.3)] {
+        let mut case = case(&dir, bone);
+        let normals = case.ct.vertex_normals();
+        case.ct.vertices.iter_mut().zip(normals).for_each(|(p, n)| *p += n * offset);
+        let result = found(&case, &case.scan, &case.pairs);
+        let (error, angle) = apart(result.ct_from_scan.motion(), &case.truth, &case.scan.mesh);
+        assert!(error < 0.1 && angle < 0.15, "{bone} {offset}: {error} mm, {angle} deg");
+        assert!((result.level_mm + offset).abs() < 0.06, "{bone} {offset}: level {}", result.level_mm);
     }
 }
 

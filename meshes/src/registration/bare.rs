@@ -27,6 +27,8 @@ pub struct Classified {
     pub bare: Vec<bool>,
     /// Bare bone or what should be: seen well, and not covered by anything.
     pub bone_like: Vec<bool>,
+    /// How far bare bone lies outside the bone as a whole [mm], as where a segmentation made it too small; 0 where chance may be why.
+    pub level: f64,
     /// Robust standard deviation of the residual about bare bone [mm].
     pub spread: f64,
 }
@@ -63,8 +65,8 @@ pub fn faces_inward(surface: &crate::surface::TriMesh) -> bool {
 
 /// Tells bare bone from the rest under a pose.
 ///
-/// Bone spreads about zero residual to both sides; what covers it lies outside only, so the spread is taken from the
-/// inner side. Vertices well outside, with a margin of 1.5 mm, are covered; where colours tell covered from bare, colours decide too.
+/// Bone spreads to both sides of its level, zero or what a segmentation's bias makes of it; what covers it lies outside only,
+/// so the spread is taken from the inner side. Vertices well outside, with a margin of 1.5 mm, are covered; where colours tell covered from bare, colours decide too.
 pub fn classify(target: &Target, scan: &Scan, pose: &Isometry) -> Classified {
     let vertices = &scan.mesh.mesh.vertices;
     let standing =
@@ -80,9 +82,10 @@ pub fn tell(scan: &Scan, standing: Vec<Standing>) -> Classified {
         .zip(&scan.at_border)
         .map(|(s, border)| !border && s.facing > 0.8 && s.distance < 10.0 && s.residual.abs() > 0.9 * s.distance)
         .collect();
-    let spread = inner_spread(&standing, &seen);
+    let level = level(&standing, &seen);
+    let spread = inner_spread(&standing, &seen, level);
     let lift = (4.0 * spread).clamp(0.4, 1.0);
-    let raised: Vec<bool> = standing.iter().zip(&seen).map(|(s, seen)| *seen && s.residual > lift).collect();
+    let raised: Vec<bool> = standing.iter().zip(&seen).map(|(s, seen)| *seen && s.residual - level > lift).collect();
     let off: Vec<Point> = (0..vertices.len()).filter(|&i| raised[i]).map(|i| vertices[i]).collect();
     let mut covered = within(vertices, &off, 1.5);
     if let Some(by_colour) = covered_by_colour(&scan.mesh.colours, &seen, &raised) {
@@ -90,14 +93,45 @@ pub fn tell(scan: &Scan, standing: Vec<Standing>) -> Classified {
     }
     let bone_like: Vec<bool> = (0..vertices.len()).map(|i| seen[i] && !covered[i]).collect();
     let reach = (4.0 * spread).min(1.5);
-    let bare = (0..vertices.len()).map(|i| bone_like[i] && standing[i].residual.abs() < reach).collect();
-    Classified { standing, bare, bone_like, spread }
+    let bare = (0..vertices.len()).map(|i| bone_like[i] && (standing[i].residual - level).abs() < reach).collect();
+    Classified { standing, bare, bone_like, level, spread }
 }
 
-/// Robust standard deviation of the residuals about zero, from the inner side alone [mm].
-fn inner_spread(standing: &[Standing], seen: &[bool]) -> f64 {
-    let mut inner: Vec<f64> =
-        standing.iter().zip(seen).filter(|(s, seen)| **seen && s.residual < 0.0).map(|(s, _)| -s.residual).collect();
+/// Residuals looked at for a level [mm], the width of the peak that bare bone makes among them, and the share of them it holds.
+const NEAR: f64 = 1.2;
+const PEAK: f64 = 0.4;
+const PEAK_SHARE: f64 = 0.5;
+/// Levels that correlated errors of a segmentation may have by chance [mm].
+const CHANCE: f64 = 0.15;
+
+/// The median of the densest residuals, where they stand out and it is not chance [mm].
+fn level(standing: &[Standing], seen: &[bool]) -> f64 {
+    let near = standing.iter().zip(seen).filter(|(s, seen)| **seen && s.residual.abs() < NEAR);
+    let mut near: Vec<f64> = near.map(|(s, _)| s.residual).collect();
+    near.sort_by(f64::total_cmp);
+    let (mut from, mut best) = (0, 0..0);
+    for (to, residual) in near.iter().enumerate() {
+        while residual - near[from] > PEAK {
+            from += 1;
+        }
+        if to + 1 - from > best.len() {
+            best = from..to + 1;
+        }
+    }
+    if (best.len() as f64) < PEAK_SHARE * near.len() as f64 {
+        return 0.0;
+    }
+    near.get(best.start + best.len() / 2).copied().filter(|m| m.abs() > CHANCE).unwrap_or(0.0)
+}
+
+/// Robust standard deviation of the residuals about their level, from the inner side alone [mm].
+fn inner_spread(standing: &[Standing], seen: &[bool], level: f64) -> f64 {
+    let mut inner: Vec<f64> = standing
+        .iter()
+        .zip(seen)
+        .filter(|(s, seen)| **seen && s.residual < level)
+        .map(|(s, _)| level - s.residual)
+        .collect();
     if inner.is_empty() {
         return 1.0;
     }

@@ -1,6 +1,8 @@
 //! A Gaussian field along a surface, seen at places: whitened by the nearest places before each, its covariance by likelihood.
 
+use super::target::tree_of;
 use crate::Point;
+use kiddo::{ImmutableKdTree, SquaredEuclidean};
 use nalgebra::{Matrix6, SVector, Vector6};
 
 /// How fast the correlation of a field falls with distance: Matern's functions of half-integer order [matern1986].
@@ -61,39 +63,59 @@ pub struct Whitened {
 const NEIGHBOURS: usize = 24;
 
 fn correlation(smoothness: Smoothness, t: f64) -> f64 {
-    let (a, p) = match smoothness {
+    match smoothness {
         Smoothness::Once => {
             let a = 3f64.sqrt() * t;
-            (a, 1.0 + a)
+            (1.0 + a) * (-a).exp()
         }
         Smoothness::Twice => {
             let a = 5f64.sqrt() * t;
-            (a, 1.0 + a + a * a / 3.0)
+            (1.0 + a + a * a / 3.0) * (-a).exp()
         }
         Smoothness::Thrice => {
             let a = 7f64.sqrt() * t;
-            (a, 1.0 + a + 0.4 * a * a + a * a * a / 15.0)
+            (1.0 + a + 0.4 * a * a + a * a * a / 15.0) * (-a).exp()
         }
-    };
-    p * (-a).exp()
+    }
+}
+
+/// The nearest places before the `i`-th among those of a tree; `None` where it does not tell enough of them.
+fn earlier(tree: &ImmutableKdTree<f64, 3>, places: &[Place], i: usize) -> Option<Vec<u32>> {
+    let p = &places[i].point;
+    let many = std::num::NonZero::new(4 * NEIGHBOURS)?;
+    let found = tree.query(&[p.x, p.y, p.z]).nearest_n::<SquaredEuclidean<f64>>(many).execute();
+    let near: Vec<u32> = found.into_iter().map(|f| f.item as u32).filter(|&j| (j as usize) < i).collect();
+    (near.len() >= NEIGHBOURS).then(|| nearest_of(places, i, near.into_iter()))
+}
+
+/// The nearest [`NEIGHBOURS`] of some places to the `i`-th, nearest first.
+fn nearest_of(places: &[Place], i: usize, of: impl Iterator<Item = u32>) -> Vec<u32> {
+    let mut near: Vec<(f64, u32)> =
+        of.map(|j| ((places[j as usize].point - places[i].point).norm_squared(), j)).collect();
+    if near.len() > NEIGHBOURS {
+        near.select_nth_unstable_by(NEIGHBOURS - 1, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+        near.truncate(NEIGHBOURS);
+    }
+    near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    near.into_iter().map(|(_, j)| j).collect()
 }
 
 impl Order {
     /// Finds the neighbours of places that are ordered far apart first (as `sample::farthest` does), which makes few of
     /// them enough [guinness2018].
     pub fn new(places: &[Place]) -> Order {
-        let before = (0..places.len())
-            .map(|i| {
-                let mut near: Vec<(f64, u32)> =
-                    (0..i).map(|j| ((places[j].point - places[i].point).norm_squared(), j as u32)).collect();
-                if near.len() > NEIGHBOURS {
-                    near.select_nth_unstable_by(NEIGHBOURS - 1, |a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-                    near.truncate(NEIGHBOURS);
-                }
-                near.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-                near.into_iter().map(|(_, j)| j).collect()
-            })
-            .collect();
+        let mut before = Vec::with_capacity(places.len());
+        // Trees over twice as many places each time: at least half of those in one come before the place that asks.
+        let mut tree = None;
+        let mut held = 0;
+        for i in 0..places.len() {
+            if i >= held {
+                held = (2 * held).max(4 * NEIGHBOURS).min(places.len());
+                tree = tree_of(&places[..held].iter().map(|p| p.point).collect::<Vec<_>>());
+            }
+            let from_tree = tree.as_ref().and_then(|tree| earlier(tree, places, i));
+            before.push(from_tree.unwrap_or_else(|| nearest_of(places, i, 0..i as u32)));
+        }
         Order { before }
     }
 
@@ -157,25 +179,28 @@ impl Order {
             cost
         };
         judge(Covariance { correlated: 0.0, length: 1.0, smoothness: Smoothness::Once, white: 1.0 });
-        for smoothness in [Smoothness::Twice, Smoothness::Once, Smoothness::Thrice] {
-            let mut at = [6f64.ln(), 0.1f64.ln()];
+        let mut at = [6f64.ln(), 0.1f64.ln()];
+        for (smoothness, first) in [(Smoothness::Twice, 0.8), (Smoothness::Once, 0.4), (Smoothness::Thrice, 0.4)] {
             let mut noise = |at: [f64; 2]| {
                 judge(Covariance { correlated: 1.0, length: at[0].exp(), smoothness, white: at[1].exp() })
             };
-            let mut here = noise(at);
-            let mut step = 0.8;
+            let (mut here, mut cost, mut step) = (at, noise(at), first);
             while step > 0.15 {
                 let tries = [(0, step), (0, -step), (1, 2.0 * step), (1, -2.0 * step)];
                 let better = tries.into_iter().find_map(|(k, by)| {
-                    let mut there = at;
+                    let mut there = here;
                     there[k] = (there[k] + by).clamp([0.0, -9.0][k], [4.0, 5.0][k]);
-                    let cost = noise(there);
-                    (cost < here - 1e-9).then_some((there, cost))
+                    let less = noise(there);
+                    (less < cost - 1e-9).then_some((there, less))
                 });
                 match better {
-                    Some((there, cost)) => (at, here) = (there, cost),
+                    Some(found) => (here, cost) = found,
                     None => step *= 0.5,
                 }
+            }
+            // The others begin where the first of them ended.
+            if smoothness == Smoothness::Twice {
+                at = here;
             }
         }
         best.1

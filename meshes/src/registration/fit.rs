@@ -19,7 +19,7 @@ pub struct Fitted {
     pub pose: Isometry,
     /// The scan under that pose.
     pub classified: Classified,
-    /// Root mean square residual of bare bone that was fitted [mm].
+    /// Root mean square residual, from its level, of bare bone that was fitted [mm].
     pub rms: f64,
     /// Root mean square residual of bare bone that was kept out [mm].
     pub held_out_rms: f64,
@@ -119,7 +119,7 @@ fn stepped(scan: &Scan, classified: &Classified, pose: &Isometry, step: &Isometr
         .collect()
 }
 
-/// The equation of each bare vertex among those that are asked for.
+/// The equation of each bare vertex among those that are asked for; residuals are from the level of bare bone.
 fn equations(
     scan: &Scan,
     classified: &Classified,
@@ -132,7 +132,7 @@ fn equations(
         .map(|i| Equation {
             point: pose * scan.mesh.mesh.vertices[i],
             normal: classified.standing[i].normal,
-            residual: classified.standing[i].residual,
+            residual: classified.standing[i].residual - classified.level,
             weight: scan.areas[i],
             patch: patches[i],
         })
@@ -163,7 +163,7 @@ fn rms_after(unknowns: &Vector6<f64>, equations: &[Equation], centre: &Point) ->
 fn rms(scan: &Scan, classified: &Classified) -> f64 {
     let (mut sum, mut weight) = (0.0, 0.0);
     for i in (0..scan.areas.len()).filter(|&i| classified.bare[i]) {
-        sum += scan.areas[i] * classified.standing[i].residual.powi(2);
+        sum += scan.areas[i] * (classified.standing[i].residual - classified.level).powi(2);
         weight += scan.areas[i];
     }
     if weight > 0.0 { (sum / weight).sqrt() } else { f64::NAN }
