@@ -2,6 +2,7 @@
 //!
 //! No reader panics, hangs, or allocates by what a header claims: counts are held against the bytes that are there.
 
+mod detail;
 pub mod obj;
 pub mod ply;
 pub mod stl;

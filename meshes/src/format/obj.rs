@@ -3,6 +3,7 @@
 //! Own parser (tobj is the oracle of its tests): tobj reads positions as f32, gives no line in its errors, and refuses a
 //! file in which only some vertices are coloured.
 
+use super::detail::{Patch, refined};
 use super::texture::{Library, Paint};
 use super::{FormatError, beside, cut_polygon, refuse_not_finite};
 use crate::Point;
@@ -10,22 +11,25 @@ use crate::surface::{ColouredMesh, TriMesh};
 use std::collections::BTreeMap;
 
 /// Reads an OBJ. Colours: of the vertices where each has one, else of the materials' textures at each vertex's texture
-/// coordinates (the mean over its seams), else none. Vertices that lie on each other become one where textures are used.
+/// coordinates (the mean over its seams), else none. Where a texture is used, triangles are cut finer until their corners can
+/// hold it, and vertices that lie on each other become one.
 pub fn read(name: &str, bytes: &[u8], files: &BTreeMap<String, Vec<u8>>) -> Result<ColouredMesh, FormatError> {
     let obj = parse(bytes)?;
     refuse_not_finite(&obj.positions)?;
     let mut mesh = TriMesh { vertices: obj.positions.clone(), triangles: Vec::with_capacity(obj.faces.len()) };
-    for face in &obj.faces {
+    let mut face_of = Vec::with_capacity(obj.faces.len());
+    for (k, face) in obj.faces.iter().enumerate() {
         let polygon = &obj.corners[face.corners.clone()];
         let polygon: Vec<u32> = polygon.iter().map(|c| c.0).collect();
         cut_polygon(&mesh.vertices, &polygon, &mut mesh.triangles)
             .map_err(|e| FormatError(format!("line {}: {e}", face.line)))?;
+        face_of.resize(mesh.triangles.len(), k);
     }
     if !obj.colours.is_empty() && obj.colours.iter().all(Option::is_some) {
         return Ok(ColouredMesh { mesh, colours: obj.colours.into_iter().flatten().collect() });
     }
-    let colours = textured(name, &obj, files)?;
-    let scan = ColouredMesh { mesh, colours };
+    let paints = paints(name, &obj, files)?;
+    let scan = textured(&obj, mesh, &face_of, &paints);
     Ok(if scan.colours.is_empty() { scan } else { scan.welded() })
 }
 
@@ -152,28 +156,47 @@ fn index(word: &str, count: usize, what: &str) -> Result<u32, String> {
     u32::try_from(zero_based).map_err(|_| format!("{what} {value} is too large"))
 }
 
-/// Colours of the vertices from the materials; empty where no material has a paint that is there.
-fn textured(name: &str, obj: &Parsed, files: &BTreeMap<String, Vec<u8>>) -> Result<Vec<[u8; 3]>, FormatError> {
-    let mut paints: BTreeMap<String, Paint> = BTreeMap::new();
+/// The paints of the materials that are there, by name.
+fn paints(name: &str, obj: &Parsed, files: &BTreeMap<String, Vec<u8>>) -> Result<BTreeMap<String, Paint>, FormatError> {
+    let mut paints = BTreeMap::new();
     for library in obj.libraries.iter().filter_map(|l| beside(name, l)) {
         if let Some(bytes) = files.get(&library) {
             let used = |material: &str| obj.materials.iter().any(|m| m == material);
             paints.extend(Library::parse(bytes).paints(&library, files, used)?);
         }
     }
+    Ok(paints)
+}
+
+/// The surface with the colours of its materials; without colours where no material has a paint that is there.
+fn textured(obj: &Parsed, mesh: TriMesh, face_of: &[usize], paints: &BTreeMap<String, Paint>) -> ColouredMesh {
     let of_material: Vec<Option<&Paint>> = obj.materials.iter().map(|m| paints.get(m)).collect();
-    let mut sums = vec![([0.0; 3], 0u32); obj.positions.len()];
-    for face in &obj.faces {
-        let Some(paint) = face.material.and_then(|m| of_material[m]) else { continue };
-        for &(vertex, texture) in &obj.corners[face.corners.clone()] {
-            let Some(colour) = paint.at(texture.map(|t| obj.texture_coordinates[t as usize])) else { continue };
-            let (sum, count) = &mut sums[vertex as usize];
-            (0..3).for_each(|k| sum[k] += colour[k]);
-            *count += 1;
-        }
+    let patch = |(corners, &face): (&[u32; 3], &usize)| {
+        let face = &obj.faces[face];
+        let named = &obj.corners[face.corners.clone()];
+        let uv = |v: u32| obj.texture_coordinates.get(named.iter().find(|c| c.0 == v)?.1? as usize).copied();
+        let paint = face.material.and_then(|m| of_material[m]);
+        Patch { corners: *corners, uv: corners.map(uv), material: face.material, paint }
+    };
+    let patches: Vec<Patch> = mesh.triangles.iter().zip(face_of).map(patch).collect();
+    let mut vertices = mesh.vertices;
+    let patches = refined(&mut vertices, patches);
+    let mut sums = vec![([0.0; 3], 0u32); vertices.len()];
+    let corner = |p: &Patch, k: usize| (p.corners[k], p.material, p.uv[k].map(|uv| uv.map(f64::to_bits)));
+    let mut corners: Vec<_> = patches.iter().flat_map(|p| [0, 1, 2].map(|k| corner(p, k))).collect();
+    corners.sort_unstable();
+    corners.dedup();
+    for (vertex, material, uv) in corners {
+        let paint = material.and_then(|m| of_material[m]);
+        let Some(colour) = paint.and_then(|p| p.at(uv.map(|uv| uv.map(f64::from_bits)))) else { continue };
+        let (sum, count) = &mut sums[vertex as usize];
+        (0..3).for_each(|k| sum[k] += colour[k]);
+        *count += 1;
     }
+    let mesh = TriMesh { vertices, triangles: patches.iter().map(|p| p.corners).collect() };
     if sums.iter().all(|&(_, count)| count == 0) {
-        return Ok(Vec::new());
+        return ColouredMesh { mesh, colours: Vec::new() };
     }
-    Ok(sums.iter().map(|&(sum, count)| sum.map(|x| (x / f64::from(count.max(1))).round() as u8)).collect())
+    let mean = |(sum, count): ([f64; 3], u32)| sum.map(|x| (x / f64::from(count.max(1))).round() as u8);
+    ColouredMesh { mesh, colours: sums.into_iter().map(mean).collect() }
 }

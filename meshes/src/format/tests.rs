@@ -251,8 +251,8 @@ fn obj_colours_come_from_vertices_or_textures() {
     let scan = read_surface("scans/a.obj", OBJ.as_bytes(), &files).unwrap();
     // Quadrants of the texture: red bottom left, green bottom right, blue top right, white top left; the sides are grey.
     let mixed = |c: [f64; 3], faces: f64| c.map(|x| ((x + faces * 127.5) / (1.0 + faces)).round() as u8);
-    assert_eq!(scan.colours[0], mixed([255.0, 0.0, 0.0], 2.0));
-    assert_eq!(scan.colours[2], mixed([0.0, 0.0, 255.0], 2.0));
+    assert_eq!(scan.colours[0], mixed([255.0, 0.0, 0.0], 1.0));
+    assert_eq!(scan.colours[2], mixed([0.0, 0.0, 255.0], 1.0));
     assert_eq!(scan.colours[4], [128, 128, 128]);
 }
 
@@ -274,6 +274,35 @@ fn textured_files() -> BTreeMap<String, Vec<u8>> {
         ("scans/skin/my look.mtl".to_string(), library.as_bytes().to_vec()),
         ("scans/wood grain.png".to_string(), png.into_inner()),
     ])
+}
+
+#[test]
+fn a_fine_texture_on_coarse_triangles_keeps_its_detail_and_the_surface_its_shape() {
+    // A board of 20 x 10 mm, two triangles, folded along a seam between materials of one texture with a black stripe 1 mm wide.
+    let mut image = image::RgbImage::from_pixel(100, 100, image::Rgb([220, 200, 170]));
+    (0..100).for_each(|x| (45..55).for_each(|y| image.put_pixel(x, y, image::Rgb([20, 20, 20]))));
+    let mut png = Cursor::new(Vec::new());
+    image.write_to(&mut png, image::ImageFormat::Png).unwrap();
+    let files = BTreeMap::from([
+        ("m.mtl".to_string(), b"newmtl skin\nmap_Kd t.png\nnewmtl grey\nKd 0.5 0.5 0.5\n".to_vec()),
+        ("t.png".to_string(), png.into_inner()),
+    ]);
+    let text = "mtllib m.mtl\nv 0 0 0\nv 20 0 0\nv 20 10 0\nv 0 10 0\nv 20 0 9\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n\
+                usemtl skin\nf 1/1 2/2 3/3 4/4\nusemtl grey\nf 1 5 2\n";
+    let scan = read_surface("a.obj", text.as_bytes(), &files).unwrap();
+    let topology = crate::topology::Topology::of(&scan.mesh);
+    assert_eq!((topology.components, topology.irregular_edges, topology.euler_characteristic), (1, 0, 1));
+    assert!((scan.mesh.area() - 200.0 - 90.0).abs() < 1e-9);
+    let dark = |t: &usize| scan.mesh.triangles[*t].iter().all(|&v| scan.colours[v as usize][0] < 120);
+    let skin = (0..scan.mesh.triangles.len()).filter(|&t| scan.mesh.corners(t).iter().all(|p| p.z == 0.0));
+    let stripe: f64 = skin.filter(dark).map(|t| scan.mesh.area_vector(t).norm()).sum();
+    assert!((5.0..25.0).contains(&stripe), "the stripe covers 20 mm2, {stripe}");
+    let longest =
+        (0..scan.mesh.triangles.len()).filter(|t| scan.mesh.corners(*t).iter().all(|p| p.z == 0.0)).flat_map(|t| {
+            let [a, b, c] = scan.mesh.corners(t);
+            [(a - b).norm(), (b - c).norm(), (c - a).norm()]
+        });
+    assert!(longest.fold(0.0, f64::max) < 0.81);
 }
 
 #[test]

@@ -133,6 +133,14 @@ impl Paint {
             Paint::Texture(image) => uv.filter(|c| c.iter().all(|x| x.is_finite())).map(|c| sample(image, c)),
         }
     }
+
+    /// How many texels lie between two texture coordinates; none for a plain colour.
+    pub(super) fn texels(&self, [u, v]: [f64; 2], [s, t]: [f64; 2]) -> f64 {
+        match self {
+            Paint::Plain(_) => 0.0,
+            Paint::Texture(image) => ((u - s) * f64::from(image.width())).hypot((v - t) * f64::from(image.height())),
+        }
+    }
 }
 
 fn sample(image: &RgbImage, [u, v]: [f64; 2]) -> [f64; 3] {
