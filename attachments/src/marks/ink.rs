@@ -10,6 +10,8 @@ const INK_MIN: f64 = 0.45;
 const SURELY_INK: f64 = 0.6;
 /// A neighbourhood darker than this share of the whole scan's colour (a clamp, a burnt cut end) is not taken for bone [-].
 const DARKEST_BONE: f64 = 0.6;
+/// One brighter than this share of it is cartilage, beside which brown bone is not ink [-].
+const BRIGHTEST_BONE: f64 = 1.25;
 
 /// Whether each vertex carries ink.
 ///
@@ -37,7 +39,7 @@ pub fn reflectance(scan: &ColouredMesh, radius: f64) -> Vec<f64> {
         .map(|c| {
             let near = points.iter().zip(&scan.colours).filter(|(p, _)| (*p - c).norm_squared() < radius * radius);
             let local = median_colour(near.map(|(_, colour)| colour));
-            std::array::from_fn(|k| local[k].max(DARKEST_BONE * whole[k]))
+            std::array::from_fn(|k| local[k].clamp(DARKEST_BONE * whole[k], BRIGHTEST_BONE * whole[k]))
         })
         .collect();
     points.iter().zip(&scan.colours).map(|(p, colour)| relative(colour, &blend(p, &centres, &bones, radius))).collect()
