@@ -1,6 +1,5 @@
 //! The report: self-contained, small, the same bytes again; of a failed build; of two builds; in a browser.
 #![allow(clippy::unwrap_used, clippy::print_stderr, reason = "tests")]
-#![expect(clippy::disallowed_methods, reason = "tests look at files and run a browser")]
 
 mod common;
 
