@@ -3,6 +3,8 @@
 //! No reader panics, hangs, or allocates by what a header claims: counts are held against the bytes that are there.
 
 mod detail;
+pub mod dicom;
+pub mod nifti;
 pub mod obj;
 pub mod ply;
 pub mod stl;

@@ -29,6 +29,7 @@ pub mod sweep;
 pub mod tidy;
 pub mod topology;
 pub mod unit;
+pub mod volume;
 
 /// A point in space [mm].
 pub type Point = nalgebra::Point3<f64>;

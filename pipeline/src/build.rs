@@ -19,15 +19,18 @@ use stages::cartilage::cartilage;
 use stages::frames::frames;
 use stages::hexmesh::hexmesh;
 use stages::ingest::parse_specimen_file;
-use stages::ingest::{RawSpecimen, Specimen, ingest};
+use stages::ingest::{CtPaths, RawSpecimen, Specimen, ingest};
 use stages::overclosure::overclosure;
 use stages::register::register;
+use stages::segment::{segment_specimen, with_surfaces};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use validation::validate::Passive;
 
 /// Builds the knee of one specimen.
 pub fn build_model(raw: &RawSpecimen, o: &BuildOptions, log: &mut RunLog) -> Result<(), BuildError> {
+    let segmented = segmented(raw, o, log)?;
+    let raw = segmented.as_ref().unwrap_or(raw);
     let raw_digest = digest(raw);
     let specimen =
         log.stage("ingest", &[&raw_digest], &o.ingest, || ingest(raw, &o.ingest).and_then(checked), show::specimen)?;
@@ -95,6 +98,18 @@ pub fn build_model(raw: &RawSpecimen, o: &BuildOptions, log: &mut RunLog) -> Res
     Ok(())
 }
 
+/// The specimen with the surfaces found in its CT volume; `None` where it has surfaces.
+fn segmented(raw: &RawSpecimen, o: &BuildOptions, log: &mut RunLog) -> Result<Option<RawSpecimen>, BuildError> {
+    let ct = parse_specimen_file(&raw.toml).map_err(|e| BuildError::stage("ingest", e))?.ct;
+    if ct.volume.is_none() {
+        return Ok(None);
+    }
+    let picture = picture_digest(&ct, raw);
+    let found =
+        log.stage("segment", &[&picture], &o.segment, || segment_specimen(&ct, raw, &o.segment), show::segmented)?;
+    with_surfaces(&ct, raw, &found).map(Some).map_err(|e| BuildError::stage("segment", e))
+}
+
 /// What was measured of the knee's motion.
 struct Measured {
     laxity: BTreeMap<String, Vec<LaxityTrial>>,
@@ -137,6 +152,20 @@ fn loaded(assembled: &Assembled, bones: &Bones) -> LoadedModel {
 /// The specimen, unless its bones are plainly not what it says.
 fn checked(specimen: Specimen) -> Result<Specimen, StageError> {
     check_anatomy(&specimen).map(|_| specimen)
+}
+
+/// One digest of the CT volume and label map.
+fn picture_digest(ct: &CtPaths, raw: &RawSpecimen) -> String {
+    let volume = ct.volume.as_deref().unwrap_or_default().trim_end_matches('/');
+    let folder = format!("{volume}/");
+    let shown = |name: &str| name == volume || name.starts_with(&folder) || Some(name) == ct.labels.as_deref();
+    let of_files: Vec<String> = raw
+        .files
+        .iter()
+        .filter(|(name, _)| shown(name))
+        .map(|(name, bytes)| format!("{name} {}", hash(bytes)))
+        .collect();
+    hash(format!("{ct:?}\n{}", of_files.join("\n")).as_bytes())
 }
 
 /// One digest of the specimen's description and every file it names.

@@ -80,6 +80,9 @@ enum Verb {
         /// Seed of its noise
         #[arg(long, default_value_t = 1)]
         seed: u64,
+        /// Write a CT volume in place of the CT surfaces
+        #[arg(long)]
+        volume: bool,
         /// Build its model at once
         #[arg(long)]
         build: bool,
@@ -153,8 +156,8 @@ pub fn main() -> ExitCode {
 fn answer(cli: Cli) -> Result<(), BuildError> {
     let text = match (cli.verb, cli.build) {
         (Some(Verb::Inspect { dir, stage, json }), _) => inspect::inspect(&dir, stage.as_deref(), json)?,
-        (Some(Verb::Phantom { id, dir, seed, build }), _) => {
-            let wrote = phantom::write(&id, seed, &dir)?;
+        (Some(Verb::Phantom { id, dir, seed, volume, build }), _) => {
+            let wrote = phantom::write(&id, seed, volume, &dir)?;
             if build { run::run(&BuildArgs::of(dir))? } else { wrote }
         }
         (Some(Verb::ImportAbaqus { deck, out }), _) => model_file::import_abaqus(&deck, &out)?,

@@ -143,7 +143,8 @@ pub fn as_json(records: &[Record]) -> String {
 }
 
 /// Which figures tell most about a stage, by the end of their names.
-const TELLING: [(&str, &[&str]); 11] = [
+const TELLING: [(&str, &[&str]); 12] = [
+    ("segment", &["threshold", "femur_volume_mm3", "tibfib_volume_mm3"]),
     ("ingest", &["triangles", "landmarks", "marks"]),
     ("register", &["predicted_error_mm"]),
     ("bones", &["edge_p50_mm", "volume_change_percent"]),

@@ -12,6 +12,7 @@ use stages::hexmesh::HexmeshOptions;
 use stages::ingest::IngestOptions;
 use stages::overclosure::OverclosureOptions;
 use stages::register::RegisterOptions;
+use stages::segment::SegmentOptions;
 use std::collections::BTreeMap;
 use toml::{Table, Value};
 use validation::options::CalibrateOptions;
@@ -20,6 +21,8 @@ use validation::options::CalibrateOptions;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct BuildOptions {
+    /// Stage 0.
+    pub segment: SegmentOptions,
     /// Stage 1.
     pub ingest: IngestOptions,
     /// Stage 2.

@@ -23,6 +23,9 @@ pub fn run(args: &BuildArgs) -> Result<String, BuildError> {
     }
     let raw = store::read_specimen(&args.dir)?;
     let file = stages::ingest::parse_specimen_file(&raw.toml).map_err(|e| BuildError::stage("ingest", e))?;
+    if args.to.as_deref() == Some("segment") && file.ct.volume.is_none() {
+        return Err(BuildError::Usage("--to segment: the specimen has surfaces and no CT volume ([ct] volume)".into()));
+    }
     let options = resolve(&file.options, &args.overrides, args.seed)?;
     let out = args.out.clone().unwrap_or_else(|| args.dir.join("build"));
     let folder = BuildFolder::open(&out)?;

@@ -11,7 +11,8 @@ use std::ops::Deref;
 use std::time::Instant;
 
 /// The stages in order, with their numbers in folder names.
-pub const STAGES: [(&str, &str); 11] = [
+pub const STAGES: [(&str, &str); 12] = [
+    ("00", "segment"),
     ("01", "ingest"),
     ("02", "register"),
     ("03", "bones"),

@@ -1,7 +1,7 @@
 //! What each stage leaves in its folder, in formats that ParaView, MeshLab and a text editor open.
 
 use crate::run_log::json;
-use meshes::format::{ply, vtu};
+use meshes::format::{nifti, ply, stl, vtu};
 use meshes::hex::HexMesh;
 use meshes::surface::{ColouredMesh, TriMesh};
 use serde_json::{Value, json as object};
@@ -14,6 +14,7 @@ use stages::hexmesh::HexCartilage;
 use stages::ingest::Specimen;
 use stages::overclosure::Separated;
 use stages::register::Registration;
+use stages::segment::Segmented;
 use std::io;
 
 /// Files by name, to be written to the stage's folder.
@@ -39,7 +40,22 @@ macro_rules! reported {
         }
     )*};
 }
-reported!(Specimen, Registration, Bones, Cartilage, Frames, Attachments, HexCartilage, Separated, Assembled);
+reported!(Segmented, Specimen, Registration, Bones, Cartilage, Frames, Attachments, HexCartilage, Separated, Assembled);
+
+/// 00-segment: the bones' surfaces, and the label map for 3D Slicer or ITK-SNAP.
+pub fn segmented(s: &Segmented) -> Files {
+    let mut files = Vec::new();
+    let bones = [("femur", Some(&s.femur)), ("tibfib", Some(&s.tibfib)), ("patella", s.patella.as_ref())];
+    for (name, mesh) in bones.into_iter().filter_map(|(name, mesh)| Some((name, mesh?))) {
+        let mut bytes = Vec::new();
+        stl::write(&mut bytes, mesh)?;
+        files.push((format!("{name}.stl"), bytes));
+    }
+    let mut labels = Vec::new();
+    nifti::write_labels(&mut labels, &s.labels)?;
+    files.push(("labels.nii.gz".into(), labels));
+    Ok(files)
+}
 
 /// 01-ingest: the surfaces as the program understood them, the points, who it is.
 pub fn specimen(s: &Specimen) -> Files {

@@ -64,15 +64,43 @@ pub fn read_specimen(folder: &Path) -> Result<RawSpecimen, BuildError> {
     let toml = read_text(&folder.join("specimen.toml"))?;
     let mut files: BTreeMap<String, Vec<u8>> = BTreeMap::new();
     let mut wanted = stages::ingest::paths_named_by(&toml).map_err(|e| BuildError::stage("ingest", e))?;
+    let volume = stages::ingest::parse_specimen_file(&toml).ok().and_then(|file| file.ct.volume);
     wanted.extend(stages::ingest::OPTIONAL_PATHS.map(String::from));
     while let Some(path) = wanted.pop() {
         // What is missing is told by ingest, which knows who names it and whether it matters.
         let Some(place) = inside(folder, &path).filter(|p| p.exists() && !files.contains_key(&path)) else { continue };
+        if Some(&path) == volume.as_ref() && place.is_dir() {
+            wanted.extend(series(&place, &path)?);
+            continue;
+        }
         let bytes = read(&place)?;
         wanted.extend(stages::ingest::paths_named_in(&path, &bytes));
         files.insert(path, bytes);
     }
     Ok(RawSpecimen { toml, files })
+}
+
+/// The paths of the files in a folder and the folders in it, as DICOM series lie: at most four deep and 20,000.
+fn series(folder: &Path, name: &str) -> Result<Vec<String>, BuildError> {
+    let mut found = Vec::new();
+    let mut open = vec![(folder.to_path_buf(), name.trim_end_matches('/').to_string(), 0)];
+    while let Some((place, name, depth)) = open.pop() {
+        for entry in list(&place).into_iter().filter(|n| !n.starts_with('.')) {
+            let (place, name) = (place.join(&entry), format!("{name}/{entry}"));
+            if !place.is_dir() {
+                found.push(name);
+            } else if depth < 4 {
+                open.push((place, name, depth + 1));
+            }
+        }
+        if found.len() > 20_000 {
+            return Err(BuildError::File(format!(
+                "{}: more than 20000 files; expected the folder of one DICOM series",
+                folder.display()
+            )));
+        }
+    }
+    Ok(found)
 }
 
 /// `folder/path`, unless `path` leads out of the folder.

@@ -21,8 +21,8 @@ use std::collections::BTreeMap;
 pub struct SpecimenFile {
     /// Who.
     pub specimen: Identity,
-    /// Paths of the CT surfaces.
-    pub ct: PerBonePath,
+    /// Paths of the CT surfaces, or of the CT volume.
+    pub ct: CtPaths,
     /// Paths of the scans.
     pub scans: PerBonePath,
     /// Paths of marked points.
@@ -41,6 +41,31 @@ pub struct SpecimenFile {
     #[serde(default)]
     pub options: BTreeMap<String, toml::Table>,
 }
+
+/// Paths of what CT gave, relative to the specimen: both surfaces, or a volume.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct CtPaths {
+    /// The femur's surface.
+    pub femur: Option<String>,
+    /// The tibia-with-fibula's surface.
+    pub tibfib: Option<String>,
+    /// A CT volume of the knee: a NIfTI file, or a folder with a DICOM series.
+    pub volume: Option<String>,
+    /// A label map of the volume, made or mended by hand (NIfTI).
+    pub labels: Option<String>,
+}
+
+impl CtPaths {
+    /// Keys and paths of the two surfaces: given, or those stage 0 finds in the volume.
+    pub fn surfaces(&self) -> PerBone<String> {
+        let path = |given: &Option<String>, found: &str| given.clone().unwrap_or_else(|| found.to_string());
+        PerBone { femur: path(&self.femur, SEGMENTED[0]), tibfib: path(&self.tibfib, SEGMENTED[1]) }
+    }
+}
+
+/// Where the surfaces that stage 0 found stand among a specimen's files: femur, tibia-with-fibula.
+pub const SEGMENTED: [&str; 2] = ["00-segment/femur.stl", "00-segment/tibfib.stl"];
 
 /// Paths of the two bones' files, relative to the specimen.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -181,8 +206,9 @@ pub fn ingest(raw: &RawSpecimen, options: &IngestOptions) -> Result<Specimen, St
     file::check_present(&file, raw)?;
     let surface =
         |key: &str, path: &str, warnings: &mut Vec<String>| surfaces::checked(key, path, &raw.files, options, warnings);
-    let (ct_femur, ct_femur_counts) = surface("ct.femur", &file.ct.femur, &mut warnings)?;
-    let (ct_tibfib, ct_tibfib_counts) = surface("ct.tibfib", &file.ct.tibfib, &mut warnings)?;
+    let ct = file.ct.surfaces();
+    let (ct_femur, ct_femur_counts) = surface("ct.femur", &ct.femur, &mut warnings)?;
+    let (ct_tibfib, ct_tibfib_counts) = surface("ct.tibfib", &ct.tibfib, &mut warnings)?;
     let (scan_femur, scan_femur_counts) = surface("scans.femur", &file.scans.femur, &mut warnings)?;
     let (scan_tibfib, scan_tibfib_counts) = surface("scans.tibfib", &file.scans.tibfib, &mut warnings)?;
     for (key, scan) in [("scans.femur", &scan_femur), ("scans.tibfib", &scan_tibfib)] {

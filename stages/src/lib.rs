@@ -14,6 +14,7 @@ pub mod ingest;
 pub mod overclosure;
 pub mod phantom;
 pub mod register;
+pub mod segment;
 
 use serde::{Deserialize, Serialize};
 

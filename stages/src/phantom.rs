@@ -5,6 +5,7 @@ mod bone;
 mod files;
 mod shape;
 mod site;
+pub mod volume;
 
 use crate::StageError;
 use meshes::frame::Side;
@@ -45,6 +46,18 @@ const RECIPES: [Recipe; 3] = [
 /// # Errors
 /// An unknown id, with those known.
 pub fn phantom(id: &str, seed: u64) -> Result<PhantomSpecimen, StageError> {
+    made(id, seed, false)
+}
+
+/// As [`phantom`], with a CT volume ([`volume`]) in place of the CT surfaces, which then lie in `truth/`; with a patella.
+///
+/// # Errors
+/// An unknown id, with those known.
+pub fn phantom_volume(id: &str, seed: u64) -> Result<PhantomSpecimen, StageError> {
+    made(id, seed, true)
+}
+
+fn made(id: &str, seed: u64, as_volume: bool) -> Result<PhantomSpecimen, StageError> {
     let Some(recipe) = RECIPES.iter().find(|r| r.id == id) else {
         return Err(StageError(format!("no phantom is called {id}; expected one of {}", PHANTOMS.join(", "))));
     };
@@ -57,7 +70,10 @@ pub fn phantom(id: &str, seed: u64) -> Result<PhantomSpecimen, StageError> {
     femur.ct_from_knee = place;
     tibfib.ct_from_knee = place * joint;
     let measured = [bone::measure(&femur, &mut rng), bone::measure(&tibfib, &mut rng)];
-    let files = files::specimen(recipe, [&femur, &tibfib], &measured, &mut rng)?;
+    let mut files = files::specimen(recipe, [&femur, &tibfib], &measured, &mut rng)?;
+    if as_volume {
+        files::with_volume(&mut files, [&femur, &tibfib], seed)?;
+    }
     Ok(PhantomSpecimen { id: id.into(), files })
 }
 

@@ -1,6 +1,6 @@
 //! specimen.toml and the files it names.
 
-use super::{RawSpecimen, SpecimenFile};
+use super::{CtPaths, RawSpecimen, SEGMENTED, SpecimenFile};
 use crate::StageError;
 use attachments::bundle::BUNDLES;
 
@@ -28,6 +28,7 @@ pub fn parse_specimen_file(text: &str) -> Result<SpecimenFile, StageError> {
     if file.specimen.id.trim().is_empty() {
         return refuse("specimen.id is empty; expected a name".into());
     }
+    check_ct(&file.ct)?;
     if let Some(provenance) = &file.specimen.provenance
         && !["published", "synthetic", "own"].contains(&provenance.as_str())
     {
@@ -52,6 +53,20 @@ pub fn parse_specimen_file(text: &str) -> Result<SpecimenFile, StageError> {
     Ok(file)
 }
 
+fn check_ct(ct: &CtPaths) -> Result<(), StageError> {
+    let wrong = match (&ct.femur, &ct.tibfib, &ct.volume, &ct.labels) {
+        (Some(_), Some(_), None, None) | (None, None, Some(_), _) => return Ok(()),
+        (None, Some(_), None, _) => "femur is missing",
+        (Some(_), None, None, _) => "tibfib is missing",
+        (_, _, Some(_), _) => "surfaces and a volume are both given",
+        (_, _, None, Some(_)) => "labels without their volume",
+        (None, None, None, None) => "it names nothing",
+    };
+    Err(StageError(format!(
+        "specimen.toml: [ct]: {wrong}; expected femur and tibfib (surfaces), or volume (and labels, if there are any)"
+    )))
+}
+
 /// Every path specimen.toml names, in its order, each once.
 ///
 /// # Errors
@@ -74,7 +89,11 @@ pub fn paths_named_in(path: &str, bytes: &[u8]) -> Vec<String> {
 
 /// Refuses a specimen that lacks a file it names.
 pub(super) fn check_present(file: &SpecimenFile, raw: &RawSpecimen) -> Result<(), StageError> {
+    let segmented = SEGMENTED.iter().all(|path| raw.files.contains_key(*path));
     for (key, path) in named(file) {
+        if segmented && ["ct.volume", "ct.labels"].contains(&key.as_str()) {
+            continue;
+        }
         if !raw.files.contains_key(&path) {
             return Err(StageError(format!(
                 "specimen.toml: {key} names {path}, which is not there; put the file there or correct the path"
@@ -86,12 +105,16 @@ pub(super) fn check_present(file: &SpecimenFile, raw: &RawSpecimen) -> Result<()
 
 /// Keys and the paths they name.
 fn named(file: &SpecimenFile) -> Vec<(String, String)> {
-    let mut named = vec![
-        ("ct.femur".to_string(), file.ct.femur.clone()),
-        ("ct.tibfib".to_string(), file.ct.tibfib.clone()),
-        ("scans.femur".to_string(), file.scans.femur.clone()),
-        ("scans.tibfib".to_string(), file.scans.tibfib.clone()),
+    let mut named = Vec::new();
+    let scans = [("scans.femur", &file.scans.femur), ("scans.tibfib", &file.scans.tibfib)];
+    let ct = [
+        ("ct.femur", &file.ct.femur),
+        ("ct.tibfib", &file.ct.tibfib),
+        ("ct.volume", &file.ct.volume),
+        ("ct.labels", &file.ct.labels),
     ];
+    named.extend(ct.into_iter().filter_map(|(key, path)| Some((key.to_string(), path.clone()?))));
+    named.extend(scans.into_iter().map(|(key, path)| (key.to_string(), path.clone())));
     let points = [
         ("points.landmarks", &file.points.landmarks),
         ("points.marks", &file.points.marks),

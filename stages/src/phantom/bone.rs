@@ -118,6 +118,11 @@ impl Solid {
         (0..self.shape.len()).min_by(|&a, &b| far(&self.shape[a]).total_cmp(&far(&self.shape[b]))).unwrap_or(0)
     }
 
+    /// The bone's surface as it is, CT frame.
+    pub(super) fn in_ct(&self) -> TriMesh {
+        self.coarse.moved(&self.ct_from_knee)
+    }
+
     fn outer(&self) -> TriMesh {
         let lifted = (0..self.shape.len()).map(|v| self.bone.vertices[v] + self.normals[v] * self.thickness[v]);
         TriMesh { vertices: lifted.collect(), triangles: self.bone.triangles.clone() }
@@ -262,7 +267,7 @@ pub(super) fn contact(femur: &Solid, tibfib: &Solid) -> Isometry {
     motion
 }
 
-fn normal_deviate(rng: &mut ChaCha8Rng) -> f64 {
+pub(super) fn normal_deviate(rng: &mut ChaCha8Rng) -> f64 {
     let (u, v): (f64, f64) = (rng.random_range(1e-12..1.0), rng.random_range(0.0..1.0));
     (-2.0 * u.ln()).sqrt() * (std::f64::consts::TAU * v).cos()
 }

@@ -2,9 +2,10 @@
 
 use super::bone::{CT_NOISE, Measured, SCAN_NOISE, Solid};
 use super::shape::{self, Cover};
+use super::volume::{Scanner, ct_volume};
 use super::{Recipe, unit_cube};
 use crate::StageError;
-use meshes::format::{ply, stl};
+use meshes::format::{nifti, ply, stl};
 use meshes::frame::Side;
 use meshes::surface::TriMesh;
 use meshes::{Isometry, Point, Vector};
@@ -41,6 +42,33 @@ pub(super) fn specimen(
     let truth = serde_json::to_vec_pretty(&truth(recipe, bones, measured)).map_err(|e| fail(&e))?;
     files.push(("truth/truth.json".into(), truth));
     Ok(files)
+}
+
+/// Puts a CT volume in place of the CT surfaces; the true surfaces, and a patella's, go to `truth/`.
+pub(super) fn with_volume(files: &mut Files, bones: [&Solid; 2], seed: u64) -> Result<(), StageError> {
+    let [femur, tibfib] = bones.map(Solid::in_ct);
+    let patella = shape::patella();
+    let place = |p: &Point| bones[0].ct_from_knee * bones[0].knee(p);
+    let mut patella = TriMesh { vertices: patella.vertices.iter().map(place).collect(), triangles: patella.triangles };
+    if patella.volume() < 0.0 {
+        patella = patella.flipped();
+    }
+    let fail = |e: &dyn std::fmt::Display| StageError(format!("phantom: {e}"));
+    let volume = ct_volume(&[&femur, &tibfib, &patella], &Scanner::default(), seed)
+        .ok_or_else(|| fail(&"the picture came out empty"))?;
+    let mut bytes = Vec::new();
+    nifti::write(&mut bytes, &volume).map_err(|e| fail(&e))?;
+    files.retain(|(name, _)| !name.starts_with("ct/"));
+    files.push(("ct/knee.nii.gz".into(), bytes));
+    for (name, mesh) in [("femur", &femur), ("tibfib", &tibfib), ("patella", &patella)] {
+        files.push((format!("truth/ct_{name}.stl"), stl_bytes(mesh).map_err(|e| fail(&e))?));
+    }
+    if let Some((_, bytes)) = files.iter_mut().find(|(name, _)| name == "specimen.toml") {
+        let text = String::from_utf8_lossy(bytes);
+        let surfaces = "femur = \"ct/femur.stl\"\ntibfib = \"ct/tibfib.stl\"";
+        *bytes = text.replace(surfaces, "volume = \"ct/knee.nii.gz\"").into_bytes();
+    }
+    Ok(())
 }
 
 fn cover_name(cover: Cover) -> &'static str {

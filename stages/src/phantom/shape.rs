@@ -3,6 +3,8 @@
 //! Coordinates of a bone: lateral, anterior, superior [mm], for a knee 88 mm wide. The femur's origin is the middle of the
 //! epicondylar axis, the tibia's the middle of the plateaus. The dimensions are those of anatomy books for a large male knee.
 
+use meshes::shapes::icosphere;
+use meshes::surface::TriMesh;
 use meshes::{Point, Vector};
 
 /// Height of the femur's cut [mm].
@@ -141,6 +143,16 @@ pub(super) fn tibfib(p: &Point) -> f64 {
     let shaft = (p.coords - axis).norm() - 6.8;
     let fibula = join(head, shaft, 8.0);
     meet(join(tibia, fibula, 3.0), TIBIA_CUT - p.z, 1.0)
+}
+
+/// The patella, before the trochlea, its cartilage's thickness away from the femur's.
+pub(super) fn patella() -> TriMesh {
+    let mut mesh = icosphere(1.0, 4);
+    // The femur's front at this height; the groove is shallow enough for an ellipsoid to clear it.
+    let front = (0..120).map(|k| 60.0 - 0.25 * f64::from(k)).find(|&y| femur(&Point::new(12.0, y, 14.0)) < 0.0);
+    let centre = Vector::new(1.0, front.unwrap_or(45.0) + 5.0 + 9.0, 14.0);
+    mesh.vertices.iter_mut().for_each(|p| *p = Point::from(centre + Vector::new(21.0 * p.x, 9.0 * p.y, 20.0 * p.z)));
+    mesh
 }
 
 /// Which cartilage.
