@@ -84,7 +84,7 @@ fn earlier(tree: &ImmutableKdTree<f64, 3>, places: &[Place], i: usize) -> Option
     let p = &places[i].point;
     let many = std::num::NonZero::new(4 * NEIGHBOURS)?;
     let found = tree.query(&[p.x, p.y, p.z]).nearest_n::<SquaredEuclidean<f64>>(many).execute();
-    let near: Vec<u32> = found.into_iter().map(|f| f.item as u32).filter(|&j| (j as usize) < i).collect();
+    let near: Vec<u32> = found.into_iter().map(|f| f.item).filter(|&j| (j as usize) < i).collect();
     (near.len() >= NEIGHBOURS).then(|| nearest_of(places, i, near.into_iter()))
 }
 
