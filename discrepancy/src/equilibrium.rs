@@ -16,6 +16,9 @@ const BALANCED: [f64; 6] = [0.0, 0.5, 0.5, 0.01, 0.01, 0.01];
 /// Flexion agrees within this [rad].
 const SAME_FLEXION: f64 = 1e-8;
 
+/// Force at which a spring that holds the measured pose gives way by the noise [N]; moments by a lever of 20 mm.
+const HOLD: f64 = 100.0;
+
 /// A resting pose.
 #[derive(Clone, Debug)]
 pub struct Rest {
@@ -27,6 +30,8 @@ pub struct Rest {
     pub tangent: Matrix6<f64>,
     /// Whether the balance was reached.
     pub balanced: bool,
+    /// What is out of balance there; nearly nothing where the balance was reached.
+    pub miss: Six,
 }
 
 /// The knee that a trial is put to.
@@ -75,6 +80,31 @@ impl Bench<'_> {
         self.walk(&unloaded)
     }
 
+    /// The pose next to the measured one, `measured`, held there by springs that give way by about the measurement's noise: what is then out of
+    /// balance is what the model lacks in that trial, however far it would move the knee.
+    pub fn held(&self, trial: &Trial, measured: &Six) -> Rest {
+        let springs: [f64; 6] = std::array::from_fn(|j| match j {
+            FE => 0.0,
+            VV | IE => HOLD * 20.0 / trial.sd[j - 1].to_radians(),
+            _ => HOLD / trial.sd[j - 1],
+        });
+        let mut q = *measured;
+        let mut state = self.balance(trial, &trial.load, trial.flexion, &q);
+        for _ in 0..12 {
+            let mut pulled = Balance { miss: state.miss, tangent: state.tangent, observed: state.observed };
+            for &j in &FREE {
+                pulled.miss[j] += springs[j] * (q[j] - measured[j]);
+                pulled.tangent[(j, j)] += springs[j];
+            }
+            if pulled.size() < 1.0 {
+                break;
+            }
+            q += limited(&pulled.step(), 0.25);
+            state = self.balance(trial, &trial.load, trial.flexion, &q);
+        }
+        Rest { q, observed: state.observed, tangent: state.tangent, balanced: true, miss: state.miss }
+    }
+
     fn settle_with(&self, trial: &Trial, load: &Six, flexion: f64, start: &Six) -> Rest {
         let mut q = *start;
         let mut trust = 1.0;
@@ -93,7 +123,7 @@ impl Bench<'_> {
             q += step;
             state = self.balance(trial, load, flexion, &q);
         }
-        Rest { q, observed: state.observed, tangent: state.tangent, balanced }
+        Rest { q, observed: state.observed, tangent: state.tangent, balanced, miss: state.miss }
     }
 
     fn balance(&self, trial: &Trial, load: &Six, flexion: f64, q: &Six) -> Balance {

@@ -83,8 +83,8 @@ pub struct Problem {
     pub catalogue: Catalogue,
     /// Effects the model has already, with the scope of each.
     pub present: Vec<(Active, Scope)>,
-    /// Each trial's measured pose, where the chain reaches it: a start on the branch that the knee took.
-    measured: Vec<Option<Six>>,
+    /// The pose next to each trial's measured one, where the chain reaches it: a start on the branch that the knee took.
+    held: Vec<Option<Rest>>,
     bundles: Vec<Vec<usize>>,
 }
 
@@ -122,7 +122,7 @@ impl Problem {
             trials: trials(sources)?,
             catalogue: catalogue.clone(),
             present: vec![],
-            measured: vec![],
+            held: vec![],
             bundles,
         };
         let neutral: Vec<Six> = problem
@@ -133,8 +133,36 @@ impl Problem {
         for (t, q) in problem.trials.iter_mut().zip(neutral) {
             t.neutral = q;
         }
-        problem.measured = problem.trials.iter().map(|t| measured_pose(model, t)).collect();
+        problem.hold();
         Ok(problem)
+    }
+
+    /// Finds the poses next to the measured ones.
+    fn hold(&mut self) {
+        let bench = Bench { model: &self.model, effects: &[], place: &self.place };
+        let near = |t: &Trial| measured_pose(&self.model, t).map(|q| bench.held(t, &q));
+        self.held = self.trials.par_iter().map(near).collect();
+    }
+
+    /// Predictions and derivatives of the model as given, linear about the measured poses instead of its own: an effect that moves the knee far is
+    /// seen there as a force, undistorted.
+    ///
+    /// Errors: a model that cannot be evaluated.
+    pub fn linear_held(&self) -> Result<Linear, DiscrepancyError> {
+        let unknowns = vec![0.0; self.nuisances()];
+        let own = |i: usize| Bench { model: &self.model, effects: &[], place: &self.place }.neutral(&self.trials[i]);
+        let rests: Vec<Rest> = (0..self.trials.len())
+            .into_par_iter()
+            .map(|i| self.held[i].clone().unwrap_or_else(|| own(i)))
+            .collect();
+        let mut linear = self.linear_at(&[], &unknowns, rests)?;
+        for (i, rest) in linear.rests.iter().enumerate() {
+            let effects = self.effects_in(self.trials[i].source, &[], &unknowns);
+            let bench = Bench { model: &self.model, effects: &effects, place: &self.place };
+            let moved = Slopes::new(bench, &self.trials[i], rest).by(&rest.miss, &Six::zeros());
+            (0..5).for_each(|c| linear.value[5 * i + c] += moved[c]);
+        }
+        Ok(linear)
     }
 
     /// Number of ligament and contact unknowns.
@@ -242,10 +270,10 @@ impl Problem {
                     Some(q) => bench.settle(trial, q),
                     None => bench.walk(trial),
                 };
-                match &self.measured[i] {
-                    Some(q) if miss(i, &first) > 16.0 => {
-                        let second = bench.settle(trial, q);
-                        let better = second.balanced && miss(i, &second) < 0.5 * miss(i, &first);
+                match &self.held[i] {
+                    Some(held) if miss(i, &first) > 16.0 => {
+                        let second = bench.settle(trial, &held.q);
+                        let better = second.balanced >= first.balanced && miss(i, &second) < 0.5 * miss(i, &first);
                         if better { second } else { first }
                     }
                     _ => first,

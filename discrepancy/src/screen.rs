@@ -57,6 +57,8 @@ pub fn signatures(
 pub struct Marginal {
     /// Whitened residual.
     pub white: DVector<f64>,
+    /// The residual as it is.
+    pub before: DVector<f64>,
     /// The scatter, ligaments and whatever else the fit had free marginalised.
     pub whitening: Whitening,
 }
@@ -69,7 +71,13 @@ impl Marginal {
         let slope = readings.rows_of(&fit.linear.slope);
         let whitening = Whitening::new(readings.block_of(covariance) + &slope * slope.transpose())?;
         let before = &fit.residual + slope * DVector::from_column_slice(&fit.unknowns);
-        Ok(Marginal { white: whitening.white_vector(&before), whitening })
+        Ok(Marginal { white: whitening.white_vector(&before), before, whitening })
+    }
+
+    /// The most probable unknowns of the fit beside `size` of a candidate, whose signature is given.
+    pub fn beside(&self, fit: &Fit, readings: &Readings, signature: &DMatrix<f64>, size: &DVector<f64>) -> DVector<f64> {
+        let left = &self.before - readings.rows_of(signature) * size;
+        readings.rows_of(&fit.linear.slope).tr_mul(&self.whitening.solve(&left))
     }
 }
 
@@ -121,7 +129,7 @@ mod tests {
             -0.5 * (w.white_vector(&residual).norm_squared() + w.log_determinant())
         };
         let whitening = Whitening::new(scatter.clone()).unwrap();
-        let marginal = Marginal { white: whitening.white_vector(&residual), whitening };
+        let marginal = Marginal { white: whitening.white_vector(&residual), before: residual.clone(), whitening };
         let score = Score::new(&signature, &readings, &marginal, 1.5).unwrap();
         let s = readings.rows_of(&signature) * 1.5;
         let direct = density(&(&scatter + &s * s.transpose())) - density(&scatter);

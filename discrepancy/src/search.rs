@@ -74,10 +74,20 @@ pub struct Search {
     pub screened: Vec<(Candidate, f64)>,
 }
 
+/// A candidate in a screen: its log Bayes factor, its place in the list of candidates, its size, and where the ligaments would go beside it.
+struct Screened {
+    gain: f64,
+    candidate: usize,
+    size: DVector<f64>,
+    beside: DVector<f64>,
+}
+
 /// Where a search starts.
 struct Start {
     /// The model as given.
     zero: Fit,
+    /// The same, linear about the measured poses.
+    held: Fit,
     /// With its ligaments fitted.
     base: Fit,
     /// Scatter of what is not linear.
@@ -121,17 +131,22 @@ impl Searcher<'_> {
     /// Errors: a model that cannot be evaluated, data without information.
     pub fn search(&self) -> Result<Search, DiscrepancyError> {
         let readings = Readings::of(self.problem, &|_| true);
-        let Start { zero, base, extra, cov } = self.baseline(&readings)?;
+        let Start { zero, held, base, extra, cov } = self.baseline(&readings)?;
         let (mut base, mut cov) = (base, cov);
         let candidates = self.problem.candidates();
         let (list, threshold) = self.screen(&base, &readings, &cov, &candidates)?;
-        let (plain, _) = self.screen(&zero, &readings, &cov, &candidates)?;
-        let screened: Vec<(Candidate, f64)> = list.iter().map(|(l, k, _)| (candidates[*k].clone(), *l)).collect();
+        let screened: Vec<(Candidate, f64)> =
+            list.iter().map(|l| (candidates[l.candidate].clone(), l.gain)).collect();
         let mut rivals = Vec::new();
-        if list.first().is_some_and(|l| l.0 > 0.0) || self.is_poor(&base) {
-            // a large effect bends the ligaments of the baseline: screen and start from the model's own, too
-            rivals = self.refits(&base, &readings, &cov, &candidates, &list)?;
-            rivals.extend(self.refits(&zero, &readings, &cov, &candidates, &plain)?);
+        let near = self.scatter(&held, &extra)?;
+        let (forces, _) = self.screen(&held, &readings, &near, &candidates)?;
+        if list.first().is_some_and(|l| l.gain > 0.0) || self.is_poor(&base) {
+            // a large effect bends the ligaments of the baseline and the poses: screen and start from the model's own and at the measured, too
+            let (plain, _) = self.screen(&zero, &readings, &cov, &candidates)?;
+            let (most, few) = (self.options.shortlist, self.options.shortlist / 2);
+            rivals = self.refits(&base, &readings, &cov, &candidates, (&list, most))?;
+            rivals.extend(self.refits(&zero, &readings, &cov, &candidates, (&plain, few))?);
+            rivals.extend(self.refits(&held, &readings, &cov, &candidates, (&forces, most))?);
             self.sort(&mut rivals);
             (base, rivals, cov) = self.again(base, rivals, &readings, &extra)?;
         }
@@ -143,7 +158,7 @@ impl Searcher<'_> {
             let before = self.log(&best);
             let least = threshold.max(self.options.least_further).max(0.03 * self.gain(&best, &base));
             let (list, _) = self.screen(&best, &readings, &cov, &candidates)?;
-            rivals.extend(self.refits(&best, &readings, &cov, &candidates, &list)?);
+            rivals.extend(self.refits(&best, &readings, &cov, &candidates, (&list, self.options.shortlist))?);
             self.sort(&mut rivals);
             if self.log(&rivals[0]) < before + least {
                 rivals.retain(|f| f.hypothesis.len() == best.hypothesis.len());
@@ -210,7 +225,9 @@ impl Searcher<'_> {
             unknowns: x,
             linear,
         };
-        Ok(Start { zero, base, extra, cov })
+        let linear = self.problem.linear_held()?;
+        let held = Fit { residual: &readings.measured - readings.pick(&linear.value), linear, ..zero.clone() };
+        Ok(Start { zero, held, base, extra, cov })
     }
 
     fn scatter(&self, at: &Fit, extra: &DMatrix<f64>) -> Result<DMatrix<f64>, DiscrepancyError> {
@@ -237,14 +254,13 @@ impl Searcher<'_> {
     }
 
     /// Log Bayes factor and estimate of every candidate beside what a fit has already, best first; and the threshold by simulated nulls.
-    #[expect(clippy::type_complexity, reason = "a list and a number")]
     fn screen(
         &self,
         at: &Fit,
         readings: &Readings,
         cov: &DMatrix<f64>,
         candidates: &[Candidate],
-    ) -> Result<(Vec<(f64, usize, DVector<f64>)>, f64), DiscrepancyError> {
+    ) -> Result<(Vec<Screened>, f64), DiscrepancyError> {
         let signatures = signatures(self.problem, at, candidates)?;
         let marginal = Marginal::new(at, readings, cov)?;
         let sources = self.problem.sources.len();
@@ -268,11 +284,15 @@ impl Searcher<'_> {
         largest.sort_by(f64::total_cmp);
         let place = (largest.len() as f64 * 0.95) as usize;
         let threshold = largest.get(place).copied().unwrap_or(0.0).max(self.options.least_evidence);
-        let mut list: Vec<(f64, usize, DVector<f64>)> = scores
+        let mut list: Vec<Screened> = scores
             .iter()
-            .map(|(k, s, p)| (s.log_bayes_factor(&marginal.white) + p, *k, s.estimate(&marginal.white)))
+            .map(|(k, s, p)| {
+                let size = s.estimate(&marginal.white);
+                let beside = marginal.beside(at, readings, &signatures[*k], &size);
+                Screened { gain: s.log_bayes_factor(&marginal.white) + p, candidate: *k, size, beside }
+            })
             .collect();
-        list.sort_by(|a, b| b.0.total_cmp(&a.0));
+        list.sort_by(|a, b| b.gain.total_cmp(&a.gain));
         Ok((list, threshold))
     }
 
@@ -283,27 +303,29 @@ impl Searcher<'_> {
         readings: &Readings,
         cov: &DMatrix<f64>,
         candidates: &[Candidate],
-        list: &[(f64, usize, DVector<f64>)],
+        (list, most): (&[Screened], usize),
     ) -> Result<Vec<Fit>, DiscrepancyError> {
-        let mut chosen: Vec<&(f64, usize, DVector<f64>)> = Vec::new();
+        let mut chosen: Vec<&Screened> = Vec::new();
         for item in list {
-            let id = &candidates[item.1].effect.id;
-            if chosen.iter().filter(|c| candidates[c.1].effect.id == *id).count() < 2 {
+            let id = &candidates[item.candidate].effect.id;
+            if chosen.iter().filter(|c| candidates[c.candidate].effect.id == *id).count() < 2 {
                 chosen.push(item);
             }
-            if chosen.len() >= self.options.shortlist {
+            if chosen.len() >= most {
                 break;
             }
         }
         let mut fits: Vec<Fit> = chosen
             .par_iter()
-            .map(|(_, k, estimate)| {
+            .map(|item| {
+                let candidate = &candidates[item.candidate];
                 let mut hypothesis = at.hypothesis.clone();
-                hypothesis.push(candidates[*k].clone());
-                let mut start = at.unknowns.clone();
-                let flat = candidates[*k].active(&vec![0.0; estimate.len()]).has_no_slope_at_zero();
-                start.extend(estimate.iter().map(|x| x.clamp(if flat { 0.5 } else { -3.0 }, 3.0)));
-                self.fit(&hypothesis, &start, &at.coordinates(), cov, readings, 5)
+                hypothesis.push(candidate.clone());
+                let beside = item.beside.iter().zip(&at.unknowns);
+                let mut start: Vec<f64> = beside.map(|(x, own)| x.clamp(own - 1.5, own + 1.5)).collect();
+                let flat = candidate.active(&vec![0.0; item.size.len()]).has_no_slope_at_zero();
+                start.extend(item.size.iter().map(|x| x.clamp(if flat { 0.5 } else { -3.0 }, 3.0)));
+                self.fit(&hypothesis, &start, &at.coordinates(), cov, readings, 6)
             })
             .collect::<Result<_, _>>()?;
         self.sort(&mut fits);

@@ -6,27 +6,41 @@ use nalgebra::Vector3;
 use sim::joint::{AP, IE, Six, VV};
 use sim::ligament::Fibre;
 
-/// A meniscus' lever about the tibial axis, and the play before it resists [mm].
-const MENISCUS: (f64, f64) = (22.0, 1.5);
+/// A meniscus' lever about the tibial axis [mm].
+const LEVER: f64 = 22.0;
+/// Play before it resists: about the unloaded pose, and about the reference pose, where the condyles' rollback comes first [mm].
+const PLAY: [f64; 2] = [1.5, 5.0];
 
-/// Wedges at the two compartments that resist sliding from the unloaded pose; `k` [N/mm].
-pub(super) fn meniscus(here: &Situation, k: f64) -> Six {
-    let (lever, play) = MENISCUS;
-    let d = here.q - here.trial.neutral;
-    let ramp = |x: f64| x.signum() * (x.abs() - play).max(0.0);
-    let (medial, lateral) = (ramp(d[AP] + lever * d[IE]), ramp(d[AP] - lever * d[IE]));
+/// How far the knee is from where a tissue is at rest: the unloaded pose of its flexion, or (`about` 1) the pose of the reference.
+fn away(here: &Situation, about: usize) -> Six {
+    if about == 0 { here.q - here.trial.neutral } else { here.q }
+}
+
+/// Wedges at the two compartments that resist sliding; `v`: k [N/mm], further play [mm].
+pub(super) fn meniscus(here: &Situation, about: usize, v: &[f64]) -> Six {
+    let d = away(here, about);
+    let play = (PLAY[about.min(1)] + v[1]).max(0.0);
+    // a millimetre of onset, so that the slope is continuous
+    let ramp = |x: f64| {
+        let over = x.abs() - play;
+        x.signum() * if over <= 0.0 { 0.0 } else if over < 1.0 { 0.5 * over * over } else { over - 0.5 }
+    };
+    let (medial, lateral) = (ramp(d[AP] + LEVER * d[IE]), ramp(d[AP] - LEVER * d[IE]));
     let mut out = Six::zeros();
-    out[AP] = -k * (medial + lateral);
-    out[IE] = -k * lever * (medial - lateral);
+    out[AP] = -v[0] * (medial + lateral);
+    out[IE] = -v[0] * LEVER * (medial - lateral);
     out
 }
 
-/// Springs about the unloaded pose in AP [N/mm], IE and VV [N mm/rad].
-pub(super) fn capsule(here: &Situation, v: &[f64]) -> Six {
-    let d = here.q - here.trial.neutral;
+/// Motions at which a capsule of hardening 1 is twice as stiff: AP [mm], IE, VV [rad].
+const HARD: [f64; 3] = [10.0, 0.3, 0.15];
+
+/// Springs in AP [N/mm], IE and VV [N mm/rad], and their common hardening [-].
+pub(super) fn capsule(here: &Situation, about: usize, v: &[f64]) -> Six {
+    let d = away(here, about);
     let mut out = Six::zeros();
-    for (j, a) in [(AP, v[0]), (IE, v[1]), (VV, v[2])] {
-        out[j] = -a * d[j];
+    for (k, j) in [AP, IE, VV].into_iter().enumerate() {
+        out[j] = -v[k] * d[j] * (1.0 + v[3].max(0.0) * (d[j] / HARD[k]).powi(2));
     }
     out
 }
@@ -41,12 +55,15 @@ const EXTRA: [([f64; 3], [f64; 3]); 5] = [
     ([-40.0, 3.0, -8.0], [-5.0, -22.0, -28.0]),
 ];
 
-/// A tension-only spring of `k` [N/mm], strained by `strain` [%] in the CT pose.
-pub(super) fn extra_bundle(here: &Situation, which: usize, k: f64, strain: f64) -> Six {
+/// A tension-only spring; `v`: stiffness [N/mm], strain in the CT pose [%], femoral anterior and superior and tibial anterior shift of its ends
+/// from the library's [mm].
+pub(super) fn extra_bundle(here: &Situation, which: usize, v: &[f64]) -> Six {
     let Some((femur, tibia)) = EXTRA.get(which) else { return Six::zeros() };
-    let (line, initial) = line(here, *femur, *tibia);
-    let slack = initial / (1.0 + 0.01 * strain).max(0.5);
-    -line.gradient * (k * (line.length - slack).max(0.0))
+    let femur = [femur[0], femur[1] + v[2], femur[2] + v[3]];
+    let tibia = [tibia[0], tibia[1] + v[4], tibia[2]];
+    let (line, initial) = line(here, femur, tibia);
+    let slack = initial / (1.0 + 0.01 * v[1]).max(0.5);
+    -line.gradient * (v[0] * (line.length - slack).max(0.0))
 }
 
 /// Whether a bundle belongs to a structure.
