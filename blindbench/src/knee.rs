@@ -9,6 +9,7 @@ use meshes::surface::TriMesh;
 use nalgebra::{Matrix3, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use std::collections::BTreeMap;
 
 /// A bundle as a model describes it.
 #[derive(Clone, Debug)]
@@ -87,6 +88,10 @@ fn local(f: &AnatomicalFrame, p: &Point) -> Vector3<f64> {
 
 /// Deepest overclosure that still counts as contact [mm]: beyond lies the other side.
 const DEEPEST: f64 = 6.0;
+/// Nodes further from the femur than this take no part in a search for a rest [mm].
+const REACH: f64 = 5.0;
+/// Nodes within a cell of this edge are one [mm].
+const CELL: f64 = 1.2;
 
 impl Knee {
     /// A knee with strains, stiffnesses, contact and attachments drawn about the given ones.
@@ -138,15 +143,21 @@ impl Knee {
         Ok(Knee { bundles, fibres, contact, contact_scale, ct: read(&ct) })
     }
 
-    /// The nodes that may come into contact near a pose: within 7 mm of the femur.
-    pub(crate) fn near(&self, flexion: f64, c: &Five) -> Vec<usize> {
+    /// The nodes that may come into contact near a pose, and how far each is from the femur.
+    pub(crate) fn near(&self, flexion: f64, c: &Five) -> Vec<(usize, f64)> {
         let p = pose(flexion, c);
-        let distance = |v: &Vector3<f64>| self.contact.femur.nearest(&Point::from(p.turn * v + p.origin)).distance;
-        (0..self.contact.nodes.len()).filter(|&k| distance(&self.contact.nodes[k].0) < 7.0).collect()
+        let at = |k: usize| Point::from(p.turn * self.contact.nodes[k].0 + p.origin);
+        let all = (0..self.contact.nodes.len()).map(|k| {
+            let (point, near) = (at(k), self.contact.femur.nearest(&at(k)));
+            let outside = (point - near.point).dot(&self.contact.femur.smooth_normal(&near)) > 0.0;
+            (k, if outside { near.distance } else { 0.0 })
+        });
+        all.filter(|(_, d)| *d < REACH).collect()
     }
 
-    /// Energy of ligaments and of the contact at nodes `near` [N mm], and its slope by the five components.
-    pub(crate) fn energy(&self, flexion: f64, c: &Five, near: &[usize]) -> (f64, Five) {
+    /// Energy of ligaments and of the contact at nodes `near` [N mm], and its slope by the five components; no node has moved further than `moved`
+    /// [mm] since they were listed.
+    pub(crate) fn energy(&self, flexion: f64, c: &Five, near: &[(usize, f64)], moved: f64) -> (f64, Five) {
         let p = pose(flexion, c);
         let moves = moves(flexion, c, &p);
         let (mut energy, mut slope) = (0.0, [0.0; 5]);
@@ -162,7 +173,7 @@ impl Knee {
                 *s += force * way.dot(&(turning.cross(&arm) + shift)) / length;
             }
         }
-        for (node, area) in near.iter().map(|&k| &self.contact.nodes[k]) {
+        for (node, area) in near.iter().filter(|n| n.1 <= moved).map(|n| &self.contact.nodes[n.0]) {
             let arm = p.turn * node;
             let at = Point::from(arm + p.origin);
             let near = self.contact.femur.nearest(&at);
@@ -229,11 +240,17 @@ impl Contact {
         }
         let femur =
             SurfaceQuery::new(&mesh).ok_or_else(|| BenchError::Knee("the femoral surface is empty".to_owned()))?;
-        let mut nodes = Vec::new();
-        for part in &input.tibia {
-            let normals: Vec<f64> = part.vertex_areas();
-            nodes.extend(part.vertices.iter().zip(normals).map(|(p, a)| (local(tibia, p), a)));
+        let mut cells: BTreeMap<[i64; 4], (Vector3<f64>, f64)> = BTreeMap::new();
+        for (n, part) in input.tibia.iter().enumerate() {
+            for (p, area) in part.vertices.iter().zip(part.vertex_areas()) {
+                let place = local(tibia, p);
+                let [i, j, k] = [place.x, place.y, place.z].map(|x| (x / CELL).floor() as i64);
+                let cell = cells.entry([n as i64, i, j, k]).or_insert((Vector3::zeros(), 0.0));
+                *cell = (cell.0 + place * area, cell.1 + area);
+            }
         }
+        let nodes: Vec<(Vector3<f64>, f64)> =
+            cells.into_values().filter(|c| c.1 > 0.0).map(|(sum, area)| (sum / area, area)).collect();
         if nodes.is_empty() {
             return Err(BenchError::Knee("the tibial surfaces are empty".into()));
         }

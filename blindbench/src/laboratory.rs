@@ -3,7 +3,7 @@
 use crate::BenchError;
 use crate::hidden::{Hidden, KINDS, UNKNOWN};
 use crate::knee::{Knee, KneeInput, normal};
-use crate::rest::{Asked, rest};
+use crate::rest::{Asked, Path, rest};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -168,6 +168,9 @@ fn simulate(
             [100.0, 100.0, 2.0, 2.0, 2.0].map(|s| size * s * normal(random))
         })
         .collect();
+    let last = plan.iter().map(|p| p.flexion_deg).fold(0.0, f64::max).to_radians();
+    let compression = plan.iter().map(|p| p.load[4]).sum::<f64>() / plan.len() as f64;
+    let path = Path::new(knee, last, compression);
     plan.par_iter()
         .zip(&noise)
         .map(|(p, noise)| {
@@ -181,11 +184,11 @@ fn simulate(
             }
             (0..5).for_each(|j| asked.load[j] += noise[j]);
             let misread = |r: &[f64; 6]| here.iter().fold(*r, |r, h| h.misread(&r));
-            let mut seen = misread(&rest(knee, &here, &asked));
+            let mut seen = misread(&rest(knee, &here, &asked, &path));
             // the flexion that is recorded is the one that is read
             if (seen[0] - recorded).abs() > 1e-6 {
                 asked.flexion += recorded - seen[0];
-                seen = misread(&rest(knee, &here, &asked));
+                seen = misread(&rest(knee, &here, &asked, &path));
             }
             [seen[1].to_degrees(), seen[2].to_degrees(), seen[3], seen[4], seen[5]]
         })

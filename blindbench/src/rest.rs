@@ -15,21 +15,41 @@ pub(crate) struct Asked {
     pub(crate) load: Five,
 }
 
-/// Rest under a load with an effect, from the CT pose by compression, flexion, load; as read, and the components.
-pub(crate) fn rest(knee: &Knee, hidden: &[Hidden], asked: &Asked) -> [f64; 6] {
-    let mut at = components(&knee.ct);
-    let squeeze = [0.0, 0.0, 0.0, 0.0, asked.load[4]];
-    let steps = ((asked.flexion - knee.ct[0]).abs() / 0.1).ceil().max(1.0) as usize;
-    for k in 0..=steps {
-        let flexion = knee.ct[0] + (asked.flexion - knee.ct[0]) * k as f64 / steps as f64;
-        at = least(knee, &[], &Asked { flexion, load: squeeze }, &squeeze, at, &at);
+/// Unloaded rests along flexion, from which trials start: flexion [rad] and components.
+pub(crate) struct Path(Vec<(f64, Five)>);
+
+impl Path {
+    /// Flexes the knee from the CT pose to `last` under a compression [N], a step a tenth of a radian.
+    pub(crate) fn new(knee: &Knee, last: f64, compression: f64) -> Path {
+        let squeeze = [0.0, 0.0, 0.0, 0.0, compression];
+        let steps = ((last - knee.ct[0]).abs() / 0.1).ceil().max(1.0) as usize;
+        let mut at = components(&knee.ct);
+        let each = (0..=steps).map(|k| {
+            let flexion = knee.ct[0] + (last - knee.ct[0]) * k as f64 / steps as f64;
+            at = least(knee, &[], &Asked { flexion, load: squeeze }, &squeeze, at, &at);
+            (flexion, at)
+        });
+        Path(each.collect())
     }
-    let neutral = at;
+
+    fn start(&self, flexion: f64) -> Five {
+        let near = self.0.iter().min_by(|a, b| (a.0 - flexion).abs().total_cmp(&(b.0 - flexion).abs()));
+        near.map_or([0.0; 5], |n| n.1)
+    }
+}
+
+/// Rest under a load with an effect, from the path by compression and load; as read.
+pub(crate) fn rest(knee: &Knee, hidden: &[Hidden], asked: &Asked, path: &Path) -> [f64; 6] {
+    let squeeze = [0.0, 0.0, 0.0, 0.0, asked.load[4]];
+    let flexion = asked.flexion;
+    let at = path.start(flexion);
+    let neutral = least(knee, &[], &Asked { flexion, load: squeeze }, &squeeze, at, &at);
+    let mut at = neutral;
     for part in [0.34, 0.67, 1.0] {
         let load = std::array::from_fn(|j| squeeze[j] + (asked.load[j] - squeeze[j]) * part);
-        at = least(knee, hidden, &Asked { flexion: asked.flexion, load }, &load, at, &neutral);
+        at = least(knee, hidden, &Asked { flexion, load }, &load, at, &neutral);
     }
-    read(&pose(asked.flexion, &at))
+    read(&pose(flexion, &at))
 }
 
 /// Least energy near `start`.
@@ -38,7 +58,7 @@ fn least(knee: &Knee, hidden: &[Hidden], asked: &Asked, load: &Five, start: Five
     let scale = [1.0 / LEVER, 1.0 / LEVER, 1.0, 1.0, 1.0];
     let evaluate = |y: &Vector5<f64>| {
         let c: Five = std::array::from_fn(|j| y[j] * scale[j]);
-        let (mut energy, mut slope) = knee.energy(asked.flexion, &c, &near);
+        let (mut energy, mut slope) = knee.energy(asked.flexion, &c, &near, moved(&start, &c));
         for j in 0..5 {
             energy -= load[j] * c[j];
             slope[j] -= load[j];
@@ -86,4 +106,12 @@ fn least(knee: &Knee, hidden: &[Hidden], asked: &Asked, load: &Five, start: Five
         }
     }
     std::array::from_fn(|j| y[j] * scale[j])
+}
+
+/// The furthest that a node of the plateaus can have moved between two poses of one flexion [mm].
+fn moved(a: &Five, b: &Five) -> f64 {
+    let turned: f64 = (0..2).map(|j| (a[j] - b[j]).abs()).sum();
+    let shifted: f64 = (2..5).map(|j| (a[j] - b[j]).abs()).sum();
+    // nodes lie within 60 mm of the tibia's axis and origin; the long axis carries SI along when it turns
+    shifted + turned * (60.0 + a[4].abs())
 }

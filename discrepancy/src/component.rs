@@ -116,7 +116,7 @@ pub fn augmented(
         bundle.reference_strain = p.reference_strain;
         bundle.stiffness_n_per_mm = p.stiffness_n_per_mm;
     }
-    let scale = (crate::problem::PRIOR[2] * fit.unknowns[problem.nuisances() - 1]).exp();
+    let scale = (crate::problem::PRIOR[2] * fit.unknowns[problem.design.variables.len()]).exp();
     out.contact.pressure_mpa.iter_mut().for_each(|p| *p *= scale);
     for c in components {
         let value = serde_json::to_value(c).map_err(|e| DiscrepancyError::Component(e.to_string()))?;

@@ -9,6 +9,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use sim::contact::Nearby;
 use sim::joint::{Six, VV};
 
 /// Scatter that is not in the files. Every number is one standard deviation.
@@ -28,6 +29,8 @@ pub struct Floor {
     pub contact_share: f64,
     /// Flexion over which that difference changes [deg].
     pub contact_range_deg: f64,
+    /// Share, in common to all trials, that the model's own contact may have in the truth beside that of the diagnosis ([`crate::rim`]) [-].
+    pub contact_law: f64,
     /// Share of the contact force that facets and friction of the contact may add to a trial across it, by a lever of 20 mm for moments [-].
     pub roughness: f64,
     /// Resistance to tilt that the rims of the contact may add or lack, alike at all flexions [N m/rad]. Measured: docs/discrepancy.md.
@@ -43,11 +46,12 @@ impl Default for Floor {
             moment_nm: 0.1,
             repositioning: 0.4,
             attachment_mm: 0.4,
-            contact_share: 0.25,
+            contact_share: 0.06,
             contact_range_deg: 25.0,
-            roughness: 0.008,
-            tilt_nm_per_rad: 15.0,
-            nonlinear: 0.25,
+            contact_law: 0.3,
+            roughness: 0.005,
+            tilt_nm_per_rad: 6.0,
+            nonlinear: 0.15,
         }
     }
 }
@@ -61,6 +65,7 @@ impl Floor {
             repositioning: 0.0,
             attachment_mm: 0.0,
             contact_share: 0.0,
+            contact_law: 0.0,
             roughness: 0.0,
             tilt_nm_per_rad: 0.0,
             nonlinear: 0.0,
@@ -118,6 +123,8 @@ struct Scatter {
     compartments: Vec<[f64; 5]>,
     /// Contact force [N].
     pressed: f64,
+    /// By the model's own contact in place of that of the diagnosis.
+    own_contact: [f64; 5],
     /// By a resistance to tilt [per N mm/rad].
     tilt: [f64; 5],
 }
@@ -142,7 +149,7 @@ pub fn covariance(
             let bench = Bench { model: &model, effects: &effects, place: &problem.place };
             let slopes = Slopes::new(bench, trial, &rests[i]);
             let pose = model.joint.pose(&rests[i].q);
-            let compartments = model.contact.evaluate(&pose).wrench;
+            let compartments = model.contact_near(&pose, &mut Nearby::default()).wrench;
             let push = |(f, m): &(meshes::Vector, meshes::Vector)| {
                 let mut miss = Six::from_fn(|j, _| -(f.dot(&pose.screws[j].linear) + m.dot(&pose.screws[j].angular)));
                 miss[0] = 0.0;
@@ -154,6 +161,7 @@ pub fn covariance(
                 attachments: slopes.attachments(),
                 compartments: modes(&compartments.iter().map(push).collect::<Vec<_>>()),
                 pressed,
+                own_contact: slopes.own_contact(),
                 tilt: {
                     let mut miss = Six::zeros();
                     miss[VV] = rests[i].q[VV] - trial.neutral[VV];
@@ -183,6 +191,7 @@ fn assemble(problem: &Problem, scatter: &[Scatter], floor: &Floor) -> DMatrix<f6
     let loads: [f64; 5] =
         [1000.0 * floor.moment_nm, 1000.0 * floor.moment_nm, floor.force_n, floor.force_n, floor.force_n];
     let tilt = (1000.0 * floor.tilt_nm_per_rad).powi(2);
+    let law = floor.contact_law.powi(2);
     let range = floor.contact_range_deg.max(1.0).to_radians();
     let mut out = DMatrix::zeros(5 * n, 5 * n);
     for i in 0..n {
@@ -196,7 +205,8 @@ fn assemble(problem: &Problem, scatter: &[Scatter], floor: &Floor) -> DMatrix<f6
                     let sum = |x: &[[f64; 5]], y: &[[f64; 5]]| x.iter().zip(y).map(|(u, v)| u[c] * v[d]).sum::<f64>();
                     let mut v = fibre * sum(&a.attachments, &b.attachments)
                         + contact * sum(&a.compartments, &b.compartments)
-                        + tilt * a.tilt[c] * b.tilt[d];
+                        + tilt * a.tilt[c] * b.tilt[d]
+                        + law * a.own_contact[c] * b.own_contact[d];
                     if ti.condition == tk.condition && c == d {
                         v += floor.repositioning.powi(2) * ti.sd[c] * tk.sd[c];
                     }

@@ -5,7 +5,7 @@ use crate::component::{Component, augmented, components};
 use crate::error::DiscrepancyError;
 use crate::fit::Fit;
 use crate::held_out::{HeldOut, closed, held_out};
-use crate::map::{Cell, map};
+use crate::map::{Cell, map, map_left_out};
 use crate::next_test::{NextTest, next_tests};
 use crate::problem::{Candidate, Problem, Scope};
 use crate::search::{DiagnosisOptions, Search, Searcher};
@@ -161,6 +161,8 @@ pub struct Diagnosis {
     pub map: Vec<Cell>,
     /// And with the answer added.
     pub map_after: Vec<Cell>,
+    /// Where predictions of each condition by all others fail, with ligaments recalibrated.
+    pub map_left_out: Vec<Cell>,
     /// What could not be tested.
     pub not_testable: Vec<NotTestable>,
     /// Which test would tell the rivals apart.
@@ -215,7 +217,7 @@ fn conclude(problem: &Problem, spec: &ModelSpec, options: &DiagnosisOptions) -> 
     let after =
         if is_named { held_out(&searcher, &search, best, options.folds, options.folds)? } else { before.clone() };
     let gain = after.density.iter().sum::<f64>() - before.density.iter().sum::<f64>();
-    let verdict = verdict(&searcher, is_named, &wild, &rivals, believed, gain);
+    let verdict = verdict(&searcher, is_named, &wild, &rivals, (believed, &search.base), gain);
     let answers = if matches!(verdict, Verdict::None | Verdict::Unnamed) {
         vec![]
     } else {
@@ -234,6 +236,7 @@ fn conclude(problem: &Problem, spec: &ModelSpec, options: &DiagnosisOptions) -> 
         gap: GapReport { held_out: gap(&before, shrunk), control },
         map: map(problem, &search, &search.base)?,
         map_after: map(problem, &search, shown)?,
+        map_left_out: map_left_out(problem, &search, &search.base)?,
         not_testable: not_testable(problem),
         next_tests: next_tests(problem, &rival_fits)?,
         ligaments: absorbed(problem, &search.base, shown),
@@ -263,18 +266,23 @@ fn weights<'a>(searcher: &Searcher, search: &'a Search, best: &Fit) -> Vec<(&'a 
     out
 }
 
+/// Share of the excess that a named effect may leave where a nameless field explains still more [-].
+const NEARLY_ALL: f64 = 0.2;
+
 fn verdict(
     searcher: &Searcher,
     named: bool,
     wild: &Wildcard,
     rivals: &[(&Fit, f64)],
-    best: &Fit,
+    (best, base): (&Fit, &Fit),
     gain: f64,
 ) -> Verdict {
     let readings = best.residual.len() as f64;
     let excess = searcher.total(best) - readings;
     let poor = excess > 2.5 * (2.0 * readings).sqrt();
-    if searcher.options.wildcard && poor && wild.log_bayes_factor > 8.0 {
+    // an effect that explains nearly all is named, though its form differs in detail
+    let left = excess / (searcher.total(base) - readings).max(1e-9);
+    if searcher.options.wildcard && poor && wild.log_bayes_factor > 8.0 && !(named && left < NEARLY_ALL) {
         return Verdict::Unnamed;
     }
     if !named {
@@ -283,13 +291,30 @@ fn verdict(
     let weight = by_names(rivals).first().map_or(0.0, |g| g.1);
     // a named effect that leaves much is not the whole truth
     let rests = excess < 0.25 * readings;
-    if weight >= 0.95 && gain > 0.0 && rests {
+    if weight >= 0.95 && gain > 0.0 && rests && holds(searcher, base, rivals) {
         Verdict::Decisive
     } else if weight >= 0.75 {
         Verdict::Probable
     } else {
         Verdict::OneOf
     }
+}
+
+/// Whether the first answer stays the first, and above the threshold, with priors half and twice as wide and noise of 0.7 and 1.5 of the stated.
+fn holds(searcher: &Searcher, base: &Fit, rivals: &[(&Fit, f64)]) -> bool {
+    let n = searcher.problem.nuisances();
+    let Some((first, _)) = rivals.first() else { return true };
+    let names = |f: &Fit| f.hypothesis.iter().map(|c| (c.name(), c.scope)).collect::<Vec<_>>();
+    let score = |f: &Fit, wide: f64, noise: f64| {
+        let heavy = |x: f64| 2.5 * (1.0 + x * x / 4.0).ln();
+        let prior: f64 = f.unknowns[n..].iter().map(|x| heavy(*x) - heavy(x / wide) - wide.ln()).sum();
+        searcher.gain(f, base) / (noise * noise) + prior
+    };
+    [(0.5, 1.0), (2.0, 1.0), (1.0, 0.7), (1.0, 1.5)].iter().all(|&(wide, noise)| {
+        let own = score(first, wide, noise);
+        own > searcher.options.least_evidence
+            && rivals.iter().all(|(f, _)| names(f) == names(first) || score(f, wide, noise) < own)
+    })
 }
 
 /// Rivals with the same effects and scopes are one answer: its best fit and the sum of weights.
@@ -314,7 +339,9 @@ fn answers(problem: &Problem, searcher: &Searcher, search: &Search, rivals: &[(&
     let mut out = Vec::new();
     let mut sum = 0.0;
     for (k, (fit, weight)) in by_names(rivals).into_iter().enumerate() {
-        if sum >= 0.95 && k > 0 {
+        // all that the data cannot tell from the first by log odds of 3 stay in
+        let close = out.first().is_some_and(|a: &Answer| weight > 0.05 * a.weight);
+        if sum >= 0.95 && k > 0 && !close {
             break;
         }
         sum += weight;

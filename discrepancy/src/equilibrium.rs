@@ -7,6 +7,7 @@ use crate::effect::{Active, Place};
 use crate::trial::Trial;
 use nalgebra::{Matrix5, Matrix6, SMatrix, Vector5};
 use sim::Model;
+use sim::contact::Nearby;
 use sim::joint::{AP, FE, FREE, IE, ML, SI, Six, VV};
 
 /// Largest Newton step: rotations [rad], translations [mm].
@@ -88,8 +89,8 @@ impl Bench<'_> {
             VV | IE => HOLD * 20.0 / trial.sd[j - 1].to_radians(),
             _ => HOLD / trial.sd[j - 1],
         });
-        let mut q = *measured;
-        let mut state = self.balance(trial, &trial.load, trial.flexion, &q);
+        let (mut q, mut near) = (*measured, Nearby::default());
+        let mut state = self.balance(trial, (&trial.load, trial.flexion), &q, &mut near);
         for _ in 0..12 {
             let mut pulled = Balance { miss: state.miss, tangent: state.tangent, observed: state.observed };
             for &j in &FREE {
@@ -100,16 +101,16 @@ impl Bench<'_> {
                 break;
             }
             q += limited(&pulled.step(), 0.25);
-            state = self.balance(trial, &trial.load, trial.flexion, &q);
+            state = self.balance(trial, (&trial.load, trial.flexion), &q, &mut near);
         }
         Rest { q, observed: state.observed, tangent: state.tangent, balanced: true, miss: state.miss }
     }
 
     fn settle_with(&self, trial: &Trial, load: &Six, flexion: f64, start: &Six) -> Rest {
-        let mut q = *start;
+        let (mut q, mut near) = (*start, Nearby::default());
         let mut trust = 1.0;
         let mut before = f64::INFINITY;
-        let mut state = self.balance(trial, load, flexion, &q);
+        let mut state = self.balance(trial, (load, flexion), &q, &mut near);
         let mut balanced = false;
         for _ in 0..60 {
             let size = state.size();
@@ -121,13 +122,13 @@ impl Bench<'_> {
             before = size;
             let step = limited(&state.step(), trust);
             q += step;
-            state = self.balance(trial, load, flexion, &q);
+            state = self.balance(trial, (load, flexion), &q, &mut near);
         }
         Rest { q, observed: state.observed, tangent: state.tangent, balanced, miss: state.miss }
     }
 
-    fn balance(&self, trial: &Trial, load: &Six, flexion: f64, q: &Six) -> Balance {
-        let at = self.model.evaluate(q);
+    fn balance(&self, trial: &Trial, (load, flexion): (&Six, f64), q: &Six, near: &mut Nearby) -> Balance {
+        let at = self.model.evaluate_near(q, near);
         let extra = self.effects_at(trial, load, q);
         let observed = self.observe(trial, q);
         let mut tangent = at.hessian;

@@ -10,6 +10,11 @@ use validation::levenberg::box_step;
 /// Bounds of the unknowns, in units of their prior.
 const REACH: f64 = 8.0;
 
+/// Below this log Bayes factor of its own size, an effect's evidence is looked into.
+const DOUBTFUL: f64 = 15.0;
+/// Evidence that may come on top of it, since Laplace's approximation is one.
+const SLACK: f64 = 3.0;
+
 /// A fitted hypothesis.
 #[derive(Clone, Debug)]
 pub struct Fit {
@@ -175,6 +180,27 @@ impl Fit {
     /// Coordinates of the rests.
     pub fn coordinates(&self) -> Vec<Six> {
         self.linear.rests.iter().map(|r| r.q).collect()
+    }
+
+    /// Log Bayes factor of the last `count` unknowns against zero by their own distribution alone (Savage and Dickey's ratio [dickey1971]): what is
+    /// claimed for an effect whose size is nearly nothing is owed to another valley of the ligaments, not to it.
+    pub fn own_evidence(&self, count: usize) -> f64 {
+        let first = self.unknowns.len() - count;
+        let block = self.posterior.view((first, first), (count, count)).into_owned();
+        let size = DVector::from_column_slice(&self.unknowns[first..]);
+        match Cholesky::new(block) {
+            Some(c) => 0.5 * size.dot(&c.solve(&size)) + c.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>(),
+            None => 0.0,
+        }
+    }
+
+    /// The fit with no more evidence beyond `without` than its last `count` unknowns can have earned.
+    pub fn earned(mut self, without: f64, count: usize) -> Fit {
+        let own = self.own_evidence(count);
+        if own < DOUBTFUL {
+            self.log_evidence = self.log_evidence.min(without + own.max(0.0) + SLACK);
+        }
+        self
     }
 
     /// Value and standard deviation of the hypothesis' parameters in the catalogue's units, an effect a list.

@@ -43,15 +43,50 @@ pub fn map(problem: &Problem, search: &Search, fit: &Fit) -> Result<Vec<Cell>, D
     // residual after the fit = block C0^-1 (residual before): its covariance is block C0^-1 block
     let inner = marginal.whitening.white(&block);
     let left = inner.tr_mul(&inner);
+    Ok(cells(problem, search, &fit.residual, &left))
+}
+
+/// The map of predictions of each condition by the rest: the gaps that a calibration to the condition itself would have hidden. Linear about the
+/// fit.
+///
+/// Errors: a covariance that is not positive definite.
+pub fn map_left_out(problem: &Problem, search: &Search, fit: &Fit) -> Result<Vec<Cell>, DiscrepancyError> {
+    let marginal = Marginal::new(fit, &search.readings, &search.covariance)?;
+    let rows = &search.readings.rows;
+    let half = marginal.whitening.white(&DMatrix::identity(rows.len(), rows.len()));
+    let inverse = half.tr_mul(&half);
+    let solved = &inverse * &marginal.before;
+    let mut of: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+    for (r, &(i, _)) in rows.iter().enumerate() {
+        of.entry(problem.trials[i].condition).or_default().push(r);
+    }
+    // errors of prediction: the inverse's own block, inverted, times what is solved
+    let mut turn = DMatrix::zeros(rows.len(), rows.len());
+    for members in of.values() {
+        let n = members.len();
+        let block = DMatrix::from_fn(n, n, |a, b| inverse[(members[a], members[b])]);
+        let block = block.try_inverse().unwrap_or_else(|| DMatrix::identity(n, n));
+        for a in 0..n {
+            for b in 0..n {
+                turn[(members[a], members[b])] = block[(a, b)];
+            }
+        }
+    }
+    let spread = &turn * inverse * &turn;
+    Ok(cells(problem, search, &(turn * solved), &spread))
+}
+
+/// Means of errors by cell, and whether they are beyond what `spread`, their covariance when nothing is missing, allows.
+fn cells(problem: &Problem, search: &Search, errors: &DVector<f64>, spread: &DMatrix<f64>) -> Vec<Cell> {
     let members = members(problem, search);
     let weights = DMatrix::from_fn(members.len(), search.readings.rows.len(), |m, r| {
         if members[m].1.contains(&r) { 1.0 / members[m].1.len() as f64 } else { 0.0 }
     });
-    let means = &weights * &fit.residual;
-    let spread = &weights * left * weights.transpose();
+    let means = &weights * errors;
+    let spread = &weights * spread * weights.transpose();
     let sd: Vec<f64> = (0..members.len()).map(|m| spread[(m, m)].max(1e-12).sqrt()).collect();
     let limit = limit(&spread, &sd);
-    Ok(members
+    members
         .iter()
         .enumerate()
         .map(|(m, ((source, test, flexion, sign, c), _))| {
@@ -67,7 +102,7 @@ pub fn map(problem: &Problem, search: &Search, fit: &Fit) -> Result<Vec<Cell>, D
                 significant: z.abs() > limit,
             }
         })
-        .collect())
+        .collect()
 }
 
 type Key = (usize, sim::laxity::Test, i64, i8, usize);

@@ -26,9 +26,10 @@ pub fn page(model: &str, d: &Diagnosis) -> String {
     };
     let _ = write!(out, "<div class=\"verdict\"><b>{title}.</b> {}</div>", escape(&d.description));
     answers(&mut out, d);
-    out += "<h2>Where: measured minus predicted, in standard deviations</h2><p class=\"note\">Left: ligaments recalibrated, nothing added. Right: with the answer added. Bold: larger than any cell in 95 % of simulated data without an effect.</p><div style=\"display:flex;gap:2em;flex-wrap:wrap\">";
+    out += "<h2>Where: measured minus predicted, in standard deviations</h2><p class=\"note\">Left: ligaments recalibrated, nothing added. Middle: with the answer added. Right: each condition predicted from all others, nothing added. Bold: larger than any cell in 95 % of simulated data without an effect.</p><div style=\"display:flex;gap:2em;flex-wrap:wrap\">";
     grid(&mut out, "before", &d.map);
     grid(&mut out, "after", &d.map_after);
+    grid(&mut out, "each condition predicted by the others, before", &d.map_left_out);
     out += "</div>";
     bars(&mut out, d);
     ligaments(&mut out, d);

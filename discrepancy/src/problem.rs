@@ -11,6 +11,7 @@ use crate::trial::{PER_UNIT, Source, Trial, trials};
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 use sim::Model;
+use sim::contact::Nearby;
 use sim::joint::{AP, FREE, IE, ML, SI, Six, VV};
 use sim::model::BundleParameters;
 use sim::spec::ModelSpec;
@@ -115,7 +116,8 @@ impl Problem {
         let index = |name: &String| model.bundles.iter().position(|b| b.name == *name);
         let bundles = design.variables.iter().map(|v| v.bundles.iter().filter_map(index).collect()).collect();
         let mut problem = Problem {
-            model: model.clone(),
+            // where the model brings a second contact, the diagnosis works with that one
+            model: model.with_second_share(1.0)?,
             place,
             design,
             sources: sources.iter().map(|s| s.name.clone()).collect(),
@@ -151,10 +153,8 @@ impl Problem {
     pub fn linear_held(&self) -> Result<Linear, DiscrepancyError> {
         let unknowns = vec![0.0; self.nuisances()];
         let own = |i: usize| Bench { model: &self.model, effects: &[], place: &self.place }.neutral(&self.trials[i]);
-        let rests: Vec<Rest> = (0..self.trials.len())
-            .into_par_iter()
-            .map(|i| self.held[i].clone().unwrap_or_else(|| own(i)))
-            .collect();
+        let rests: Vec<Rest> =
+            (0..self.trials.len()).into_par_iter().map(|i| self.held[i].clone().unwrap_or_else(|| own(i))).collect();
         let mut linear = self.linear_at(&[], &unknowns, rests)?;
         for (i, rest) in linear.rests.iter().enumerate() {
             let effects = self.effects_in(self.trials[i].source, &[], &unknowns);
@@ -289,7 +289,7 @@ impl Problem {
         unknowns: &[f64],
         starts: &[Six],
     ) -> Result<Linear, DiscrepancyError> {
-        let rests = self.rests(hypothesis, unknowns, starts)?;
+        let rests = self.nearer(hypothesis, unknowns, starts)?;
         self.linear_at(hypothesis, unknowns, rests)
     }
 
@@ -394,8 +394,19 @@ impl<'a> Slopes<'a> {
     /// By the contact's scale.
     pub fn contact(&self) -> [f64; 5] {
         let model = self.bench.model;
-        let force = model.contact.evaluate(&model.joint.pose(&self.rest.q)).gradient;
+        let force = model.contact_near(&model.joint.pose(&self.rest.q), &mut Nearby::default()).gradient;
         self.by(&balanced(force * PRIOR[2]), &Six::zeros())
+    }
+
+    /// By the model's own contact in place of the second; nothing where there is none.
+    pub fn own_contact(&self) -> [f64; 5] {
+        let model = self.bench.model;
+        if !model.has_second_contact() {
+            return [0.0; 5];
+        }
+        let pose = model.joint.pose(&self.rest.q);
+        let second = model.contact_near(&pose, &mut Nearby::default()).gradient;
+        self.by(&balanced(model.contact.evaluate(&pose).gradient - second), &Six::zeros())
     }
 
     /// By each load: VV, IE [N mm], ML, AP, SI [N].

@@ -75,7 +75,13 @@ impl Marginal {
     }
 
     /// The most probable unknowns of the fit beside `size` of a candidate, whose signature is given.
-    pub fn beside(&self, fit: &Fit, readings: &Readings, signature: &DMatrix<f64>, size: &DVector<f64>) -> DVector<f64> {
+    pub fn beside(
+        &self,
+        fit: &Fit,
+        readings: &Readings,
+        signature: &DMatrix<f64>,
+        size: &DVector<f64>,
+    ) -> DVector<f64> {
         let left = &self.before - readings.rows_of(signature) * size;
         readings.rows_of(&fit.linear.slope).tr_mul(&self.whitening.solve(&left))
     }

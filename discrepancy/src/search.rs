@@ -135,8 +135,7 @@ impl Searcher<'_> {
         let (mut base, mut cov) = (base, cov);
         let candidates = self.problem.candidates();
         let (list, threshold) = self.screen(&base, &readings, &cov, &candidates)?;
-        let screened: Vec<(Candidate, f64)> =
-            list.iter().map(|l| (candidates[l.candidate].clone(), l.gain)).collect();
+        let screened: Vec<(Candidate, f64)> = list.iter().map(|l| (candidates[l.candidate].clone(), l.gain)).collect();
         let mut rivals = Vec::new();
         let near = self.scatter(&held, &extra)?;
         let (forces, _) = self.screen(&held, &readings, &near, &candidates)?;
@@ -144,9 +143,10 @@ impl Searcher<'_> {
             // a large effect bends the ligaments of the baseline and the poses: screen and start from the model's own and at the measured, too
             let (plain, _) = self.screen(&zero, &readings, &cov, &candidates)?;
             let (most, few) = (self.options.shortlist, self.options.shortlist / 2);
-            rivals = self.refits(&base, &readings, &cov, &candidates, (&list, most))?;
-            rivals.extend(self.refits(&zero, &readings, &cov, &candidates, (&plain, few))?);
-            rivals.extend(self.refits(&held, &readings, &cov, &candidates, (&forces, most))?);
+            let none = base.log_evidence;
+            rivals = self.refits(&base, (&readings, &cov), &candidates, (&list, most), none)?;
+            rivals.extend(self.refits(&zero, (&readings, &cov), &candidates, (&plain, few), none)?);
+            rivals.extend(self.refits(&held, (&readings, &cov), &candidates, (&forces, most), none)?);
             self.sort(&mut rivals);
             (base, rivals, cov) = self.again(base, rivals, &readings, &extra)?;
         }
@@ -158,7 +158,8 @@ impl Searcher<'_> {
             let before = self.log(&best);
             let least = threshold.max(self.options.least_further).max(0.03 * self.gain(&best, &base));
             let (list, _) = self.screen(&best, &readings, &cov, &candidates)?;
-            rivals.extend(self.refits(&best, &readings, &cov, &candidates, (&list, self.options.shortlist))?);
+            let fewer = self.options.shortlist.saturating_sub(2).max(1);
+            rivals.extend(self.refits(&best, (&readings, &cov), &candidates, (&list, fewer), best.log_evidence)?);
             self.sort(&mut rivals);
             if self.log(&rivals[0]) < before + least {
                 rivals.retain(|f| f.hypothesis.len() == best.hypothesis.len());
@@ -300,10 +301,10 @@ impl Searcher<'_> {
     fn refits(
         &self,
         at: &Fit,
-        readings: &Readings,
-        cov: &DMatrix<f64>,
+        (readings, cov): (&Readings, &DMatrix<f64>),
         candidates: &[Candidate],
         (list, most): (&[Screened], usize),
+        without: f64,
     ) -> Result<Vec<Fit>, DiscrepancyError> {
         let mut chosen: Vec<&Screened> = Vec::new();
         for item in list {
@@ -325,9 +326,11 @@ impl Searcher<'_> {
                 let mut start: Vec<f64> = beside.map(|(x, own)| x.clamp(own - 1.5, own + 1.5)).collect();
                 let flat = candidate.active(&vec![0.0; item.size.len()]).has_no_slope_at_zero();
                 start.extend(item.size.iter().map(|x| x.clamp(if flat { 0.5 } else { -3.0 }, 3.0)));
-                self.fit(&hypothesis, &start, &at.coordinates(), cov, readings, 6)
+                Ok(self
+                    .fit(&hypothesis, &start, &at.coordinates(), cov, readings, 6)?
+                    .earned(without, candidate.size()))
             })
-            .collect::<Result<_, _>>()?;
+            .collect::<Result<_, DiscrepancyError>>()?;
         self.sort(&mut fits);
         Ok(fits)
     }
@@ -358,9 +361,11 @@ impl Searcher<'_> {
                 if *anew {
                     start[..self.problem.nuisances()].fill(0.0);
                 }
-                self.fit(&f.hypothesis, &start, &f.coordinates(), &cov, readings, 8)
+                let size = f.hypothesis.iter().map(Candidate::size).sum();
+                let fit = self.fit(&f.hypothesis, &start, &f.coordinates(), &cov, readings, 8)?;
+                Ok(fit.earned(base.log_evidence, size))
             })
-            .collect::<Result<_, _>>()?;
+            .collect::<Result<_, DiscrepancyError>>()?;
         self.sort(&mut fits);
         Ok((base, fits, cov))
     }

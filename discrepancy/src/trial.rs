@@ -48,6 +48,41 @@ pub struct Trial {
     pub neutral: Six,
 }
 
+impl Trial {
+    /// A trial by itself: no data set, no noise of its own, no history.
+    pub fn alone(t: &LaxityTrial) -> Trial {
+        Trial {
+            source: 0,
+            name: t.trial.clone(),
+            test: t.test,
+            nominal: t.nominal_flexion_deg,
+            load: generalised(t),
+            flexion: t.fe_deg.to_radians(),
+            measured: t.measured,
+            sd: USUAL_NOISE,
+            condition: 0,
+            branch: t.branch.map(sign),
+            order: None,
+            time: None,
+            neutral: Six::zeros(),
+        }
+    }
+}
+
+/// Its loads as generalised forces [N mm, N].
+fn generalised(t: &LaxityTrial) -> Six {
+    let mut load = Six::zeros();
+    for (c, l) in t.load.iter().enumerate() {
+        load[c + 1] = if c < 2 { l * 1000.0 } else { *l };
+    }
+    load[FE] = 0.0;
+    load
+}
+
+fn sign(branch: Branch) -> f64 {
+    if branch == Branch::Loading { 1.0 } else { -1.0 }
+}
+
 /// Measurement noise where a file gives none: VV, IE [deg], ML, AP, SI [mm].
 pub const USUAL_NOISE: [f64; 5] = [0.5, 0.5, 0.4, 0.4, 0.4];
 
@@ -68,11 +103,6 @@ pub fn trials(sources: &[Source]) -> Result<Vec<Trial>, DiscrepancyError> {
             if t.measured.iter().all(Option::is_none) {
                 continue;
             }
-            let mut load = Six::zeros();
-            for (c, l) in t.load.iter().enumerate() {
-                load[c + 1] = if c < 2 { l * 1000.0 } else { *l };
-            }
-            load[FE] = 0.0;
             let sd: [f64; 5] = std::array::from_fn(|c| t.sd[c].unwrap_or(USUAL_NOISE[c]));
             if let Some(c) = (0..5).find(|&c| !(sd[c] > 0.0 && sd[c].is_finite())) {
                 return Err(DiscrepancyError::Data(format!(
@@ -90,12 +120,12 @@ pub fn trials(sources: &[Source]) -> Result<Vec<Trial>, DiscrepancyError> {
                 name: t.trial.clone(),
                 test: t.test,
                 nominal: t.nominal_flexion_deg,
-                load,
+                load: generalised(t),
                 flexion: t.fe_deg.to_radians(),
                 measured: t.measured,
                 sd,
                 condition: *conditions.entry(key).or_insert(next),
-                branch: t.branch.map(|b| if b == Branch::Loading { 1.0 } else { -1.0 }),
+                branch: t.branch.map(sign),
                 order: place(t.order.map(|o| o as f64), orders.clone()),
                 time: place(t.time_s, times.clone()),
                 neutral: Six::zeros(),

@@ -22,6 +22,7 @@ pub mod render;
 pub mod repair;
 pub mod section;
 pub mod shapes;
+pub mod skirt;
 pub mod smooth;
 pub mod surface;
 pub mod surface_net;

@@ -196,7 +196,7 @@ fn answer(args: &AnswerArgs) -> Result<String, BuildError> {
 fn score_answers(args: &ScoreArgs) -> Result<String, BuildError> {
     let (cases, sources, manifest) = bench(&args.bench)?;
     let loaded = model_file::load(&args.model)?;
-    let model = sim::compile(&loaded.spec, &loaded.meshes).map_err(|e| BuildError::File(e.to_string()))?;
+    let model = diagnose::prepared(&loaded).map_err(|e| BuildError::File(e.to_string()))?;
     let mut pairs = Vec::new();
     for case in &cases {
         let bytes = store::read(&args.bench.join(format!("{case}.truth.json")))?;

@@ -82,6 +82,7 @@ pub fn calibrate(args: &CalibrateArgs) -> Result<String, BuildError> {
     }
     let (trials, mut text) = read_laxity(&args.targets.display().to_string(), &store::read(&args.targets)?)?;
     let model = model_file::load(&args.model)?;
+    let trials = without_components(&model, &args.targets, trials, &mut text)?;
     let out = store::make_folder(&args.out)?;
     let kept = out.join(CHECKPOINT);
     if args.force {
@@ -105,6 +106,23 @@ pub fn calibrate(args: &CalibrateArgs) -> Result<String, BuildError> {
     }
     text.extend(outcome.warnings.iter().map(|w| format!("warning: {w}\n")));
     Ok(text + &reports::words(&outcome) + &format!("The model is {}\n", out.join("model.json").display()))
+}
+
+/// The targets with what the model's components do to them taken off; the data set is called as its file.
+fn without_components(
+    model: &LoadedModel,
+    targets: &Path,
+    trials: Vec<LaxityTrial>,
+    text: &mut String,
+) -> Result<Vec<LaxityTrial>, BuildError> {
+    if model.spec.components.is_empty() {
+        return Ok(trials);
+    }
+    let name = targets.file_stem().map(|s| s.to_string_lossy().into_owned());
+    *text += &model_file::taken_in(&model.spec, name.as_deref())?;
+    let fault = |e: &dyn std::fmt::Display| BuildError::File(format!("{}: {e}", model.folder.display()));
+    let knee = sim::compile(&model.spec, &model.meshes).map_err(|e| fault(&e))?;
+    discrepancy::predict::taken_off(&knee, &model.spec, name.as_deref(), &trials).map_err(|e| fault(&e))
 }
 
 /// Reads measured laxity; the warnings as lines.

@@ -53,7 +53,7 @@ pub fn run(args: &DiagnoseArgs) -> Result<String, BuildError> {
     let (sources, mut text) = sources(&args.measured)?;
     let loaded = model_file::load(&args.model)?;
     let fault = |e: &dyn std::fmt::Display| BuildError::File(format!("{}: {e}", args.model.display()));
-    let model = sim::compile(&loaded.spec, &loaded.meshes).map_err(|e| fault(&e))?;
+    let model = prepared(&loaded).map_err(|e| fault(&e))?;
     let catalogue = catalogue(&args.without_effect)?;
     let options = options(args.options.as_deref())?;
     if args.atlas {
@@ -73,6 +73,12 @@ pub fn run(args: &DiagnoseArgs) -> Result<String, BuildError> {
         args.out.join("report.html").display()
     );
     Ok(text)
+}
+
+/// The model of a file, compiled for a diagnosis.
+pub fn prepared(loaded: &model_file::LoadedModel) -> Result<sim::Model, discrepancy::DiscrepancyError> {
+    let model = sim::compile(&loaded.spec, &loaded.meshes)?;
+    discrepancy::rim::prepared(&model, &loaded.spec, &loaded.meshes)
 }
 
 /// Reads the data sets; names must differ.

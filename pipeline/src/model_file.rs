@@ -92,6 +92,23 @@ pub fn left_out(spec: &ModelSpec, verb: &str) -> String {
     format!("warning: {verb} leaves out what was added to the model: {} (diagnose takes it in)\n", names.join(", "))
 }
 
+/// What a verb takes into its predictions of a model's added effects, and what it leaves out; empty where there are none.
+pub fn taken_in(spec: &ModelSpec, data_set: Option<&str>) -> Result<String, BuildError> {
+    let acting = discrepancy::predict::acting(spec, data_set).map_err(|e| BuildError::File(e.to_string()))?;
+    let mut text = String::new();
+    for (c, _) in &acting {
+        let note = if c.kept == "session" { " (it belongs to the session, not to the knee)" } else { "" };
+        text += &format!("with {} of {}{note}\n", c.effect, c.scope);
+    }
+    if acting.len() < spec.components.len() {
+        let left = spec.components.len() - acting.len();
+        text += &format!(
+            "{left} added effects do not act here: they belong to an apparatus or to another data set, or have no size\n"
+        );
+    }
+    Ok(text)
+}
+
 /// Digest of a model and the surfaces it names.
 pub fn digest(model: &LoadedModel) -> String {
     let mut hasher = blake3::Hasher::new();

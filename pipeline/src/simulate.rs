@@ -26,6 +26,9 @@ pub struct SimulateArgs {
     /// Cut a bundle or a ligament ("ACL" is both its bundles); may be given more than once
     #[arg(long, value_name = "LIGAMENT", value_delimiter = ',')]
     pub without: Vec<String>,
+    /// Predict what the apparatus of this data set would read, with what diagnose added to it; otherwise what belongs to the knee alone
+    #[arg(long, value_name = "NAME")]
+    pub read_as: Option<String>,
     /// Where the predicted poses and ligament forces go
     #[arg(long, value_name = "RESULTS.csv")]
     pub out: PathBuf,
@@ -74,22 +77,20 @@ pub fn simulate(args: &SimulateArgs) -> Result<String, BuildError> {
         None => (Vec::new(), String::new()),
     };
     let loaded = model_file::load(&args.model)?;
-    text += &model_file::left_out(&loaded.spec, "simulate");
+    text += &model_file::taken_in(&loaded.spec, args.read_as.as_deref())?;
     let fault = |e: sim::SimError| BuildError::File(format!("{}: {e}", args.model.display()));
     let model = sim::compile(&loaded.spec, &loaded.meshes).map_err(fault)?;
     let model = model.without(&args.without).map_err(|e| BuildError::Usage(format!("--without: {e}")))?;
     let names = model.bundle_names();
-    let (results, csv) = match args.protocol {
-        Some(protocol) => {
-            let results = run_protocol(&model, protocol, args).map_err(fault)?;
-            let csv = laxity::protocol_csv(&names, &results);
-            (results, csv)
-        }
-        None => {
-            let results = answers(&model, &trials, args.solver).map_err(fault)?;
-            let csv = laxity::results_csv(&names, &results);
-            (results, csv)
-        }
+    let mut results = match args.protocol {
+        Some(protocol) => run_protocol(&model, protocol, args).map_err(fault)?,
+        None => answers(&model, &trials, args.solver).map_err(fault)?,
+    };
+    discrepancy::predict::apply(&model, &loaded.spec, args.read_as.as_deref(), &mut results)
+        .map_err(|e| BuildError::File(format!("{}: {e}", args.model.display())))?;
+    let csv = match args.protocol {
+        Some(_) => laxity::protocol_csv(&names, &results),
+        None => laxity::results_csv(&names, &results),
     };
     store::write(&args.out, csv.as_bytes())?;
     for r in results.iter().filter(|r| !r.flags.is_empty()) {

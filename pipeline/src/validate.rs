@@ -110,8 +110,15 @@ fn source(
 ) -> Result<Source, BuildError> {
     let fault = |e: sim::SimError| BuildError::File(format!("{name}: {e}"));
     let model = sim::compile(spec, meshes).map_err(fault)?;
-    let (source, told) = Source::simulated(name, spec, &model, options).map_err(fault)?;
+    let (mut source, told) = Source::simulated(name, spec, &model, options).map_err(fault)?;
     warnings.extend(told);
+    // what was added to the knee; nothing of an apparatus
+    for rows in [&mut source.ap_laxity, &mut source.passive_flexion, &mut source.pivot_shift] {
+        discrepancy::predict::apply(&model, spec, None, rows).map_err(|e| BuildError::File(format!("{name}: {e}")))?;
+    }
+    let cut = model.without(&["ACL".to_owned()]).unwrap_or_else(|_| model.clone());
+    discrepancy::predict::apply(&cut, spec, None, &mut source.pivot_shift_no_acl)
+        .map_err(|e| BuildError::File(format!("{name}: {e}")))?;
     Ok(source)
 }
 

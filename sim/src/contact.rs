@@ -53,6 +53,8 @@ pub struct Contact {
     pub damping: f64,
     /// Factor on every pressure [-].
     pub scale: f64,
+    /// Only the tibia's nodes are passed over, in full.
+    pub(crate) tibial_only: bool,
 }
 
 /// A femoral and a tibial articular surface.
@@ -74,6 +76,8 @@ struct Pass<'a> {
     pair: usize,
     /// Whether the nodes are the tibia's.
     tibial: bool,
+    /// Its share in the contact [-].
+    share: f64,
     nodes: &'a Nodes,
     field: &'a Field,
     /// The pair's tibial field.
@@ -83,9 +87,9 @@ struct Pass<'a> {
 }
 
 impl Pass<'_> {
-    /// The mean of both passes, as a force on the femur: a half, with its sign.
+    /// Its share as a force on the femur, with its sign.
     fn side(&self) -> f64 {
-        if self.tibial { -0.5 } else { 0.5 }
+        if self.tibial { -self.share } else { self.share }
     }
 }
 
@@ -104,6 +108,22 @@ pub struct ContactResponse {
     pub area: Vec<f64>,
     /// Deepest overclosure [mm].
     pub deepest: f64,
+}
+
+impl ContactResponse {
+    /// The mean with another, whose share is `share`.
+    pub(crate) fn blended(mut self, other: &ContactResponse, share: f64) -> ContactResponse {
+        let own = 1.0 - share;
+        self.energy = own * self.energy + share * other.energy;
+        self.gradient = self.gradient * own + other.gradient * share;
+        self.hessian = self.hessian * own + other.hessian * share;
+        for ((force, moment), (f, m)) in self.wrench.iter_mut().zip(&other.wrench) {
+            (*force, *moment) = (*force * own + f * share, *moment * own + m * share);
+        }
+        self.area.iter_mut().zip(&other.area).for_each(|(a, b)| *a = own * *a + share * b);
+        self.deepest = self.deepest.max(other.deepest);
+        self
+    }
 }
 
 /// Sums over a pass in the field's frame.
@@ -146,7 +166,14 @@ impl Contact {
             }
             pairs.push(Pair { femur: both[0].clone(), tibia: both[1].clone() });
         }
-        Ok(Contact { pairs, law, friction: spec.contact.friction, damping: spec.contact.damping, scale: 1.0 })
+        Ok(Contact {
+            pairs,
+            law,
+            friction: spec.contact.friction,
+            damping: spec.contact.damping,
+            scale: 1.0,
+            tibial_only: false,
+        })
     }
 
     /// Energy, gradient and Hessian at a pose.
@@ -156,20 +183,25 @@ impl Contact {
 
     /// [`Contact::evaluate`], quicker where `near` holds the lists of a pose close by.
     pub fn evaluate_near(&self, pose: &Pose, near: &mut Nearby) -> ContactResponse {
+        self.evaluate_from(pose, near, 0)
+    }
+
+    /// [`Contact::evaluate_near`] with the lists of `near` from `first` on.
+    pub(crate) fn evaluate_from(&self, pose: &Pose, near: &mut Nearby, first: usize) -> ContactResponse {
         let mut out = ContactResponse::default();
         for (n, pass) in self.passes(pose).enumerate() {
-            let sums = self.sum(&pass, near.pass(n));
-            let Pass { ct_from_field, tibial, .. } = pass;
-            accumulate(&mut out, &sums, &local_screws(pose, &ct_from_field), tibial);
+            let sums = self.sum(&pass, near.pass(first + n));
+            let Pass { ct_from_field, tibial, share, .. } = pass;
+            accumulate(&mut out, &sums, &local_screws(pose, &ct_from_field), (tibial, share));
             // force on the femur, CT frame: nodes push what carries the field the other way
             let turn = ct_from_field.rotation;
             let force = turn * sums.force * pass.side();
             let moment = turn * moment(&sums.virial) * pass.side() + ct_from_field.translation.vector.cross(&force);
             if tibial {
                 out.wrench.push((force, moment));
-                out.area.push(0.5 * sums.area);
+                out.area.push(share * sums.area);
             } else if let (Some(wrench), Some(area)) = (out.wrench.last_mut(), out.area.last_mut()) {
-                (wrench.0, wrench.1, *area) = (wrench.0 + force, wrench.1 + moment, *area + 0.5 * sums.area);
+                (wrench.0, wrench.1, *area) = (wrench.0 + force, wrench.1 + moment, *area + share * sums.area);
             }
             out.deepest = out.deepest.max(sums.deepest);
         }
@@ -179,7 +211,9 @@ impl Contact {
     /// Both passes of every pair, that of the tibial nodes first.
     fn passes<'a>(&'a self, pose: &'a Pose) -> impl Iterator<Item = Pass<'a>> {
         self.pairs.iter().enumerate().flat_map(move |(n, pair)| {
-            [true, false].map(|tibial| {
+            let sides: &[bool] = if self.tibial_only { &[true] } else { &[true, false] };
+            let share = 1.0 / sides.len() as f64;
+            sides.iter().map(move |&tibial| {
                 let (nodes, field) = if tibial {
                     (&pair.tibia.nodes, &pair.femur.field)
                 } else {
@@ -189,7 +223,7 @@ impl Contact {
                 let ct_from_field = if tibial { pose.femur * own } else { own };
                 let inverse = ct_from_field.inverse();
                 let field_from_nodes = if tibial { inverse } else { inverse * pose.femur };
-                Pass { pair: n, tibial, nodes, field, tibia: &pair.tibia.field, ct_from_field, field_from_nodes }
+                Pass { pair: n, tibial, share, nodes, field, tibia: &pair.tibia.field, ct_from_field, field_from_nodes }
             })
         })
     }
@@ -288,21 +322,21 @@ fn local_screws(pose: &Pose, ct_from_local: &Isometry) -> [Screw; 6] {
 
 /// Adds a pass to the response. The nodes' motion relative to the field is the femur's (femoral nodes) or its reverse (tibial nodes).
 #[expect(clippy::needless_range_loop, reason = "indices of matrices")]
-fn accumulate(out: &mut ContactResponse, sums: &Sums, screws: &[Screw; 6], tibial_nodes: bool) {
+fn accumulate(out: &mut ContactResponse, sums: &Sums, screws: &[Screw; 6], (tibial_nodes, share): (bool, f64)) {
     let sign = if tibial_nodes { -1.0 } else { 1.0 };
     let (v, moment) = (&sums.virial, moment(&sums.virial));
-    out.energy += 0.5 * sums.energy;
+    out.energy += share * sums.energy;
     let twist: [Six; 6] =
         screws.map(|s| Six::new(s.linear.x, s.linear.y, s.linear.z, s.angular.x, s.angular.y, s.angular.z));
     for j in 0..6 {
-        out.gradient[j] -= 0.5 * sign * (screws[j].linear.dot(&sums.force) + screws[j].angular.dot(&moment));
+        out.gradient[j] -= share * sign * (screws[j].linear.dot(&sums.force) + screws[j].angular.dot(&moment));
         let kt = sums.stiffness * twist[j];
         for k in 0..6 {
             let (first, last) = if comes_first(j, k) { (j, k) } else { (k, j) };
             // second derivative of the nodes' path: for femoral nodes first x (last x p), for tibial nodes last x (first x p)
             let (a, b) = if tibial_nodes { (&screws[last], &screws[first]) } else { (&screws[first], &screws[last]) };
             let second = work_of_second(a, b, &sums.force, v);
-            out.hessian[(j, k)] += 0.5 * (twist[k].dot(&kt) - second);
+            out.hessian[(j, k)] += share * (twist[k].dot(&kt) - second);
         }
     }
 }

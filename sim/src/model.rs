@@ -32,6 +32,8 @@ pub struct Model {
     pub femur_mass: (f64, f64),
     /// Which bundles are cut.
     removed: Vec<bool>,
+    /// Another contact of the same cartilage, and its share [-].
+    second: Option<(Contact, f64)>,
 }
 
 /// What a calibration may change of a bundle.
@@ -91,7 +93,7 @@ pub fn compile_with(
     let (bundles, fibres) = ligament::compile(spec)?;
     let contact = Contact::new(spec, &surfaces, options)?;
     let removed = vec![false; bundles.len()];
-    Ok(Model { id: spec.id.clone(), joint, bundles, fibres, contact, femur_mass, removed })
+    Ok(Model { id: spec.id.clone(), joint, bundles, fibres, contact, femur_mass, removed, second: None })
 }
 
 impl Model {
@@ -167,7 +169,50 @@ impl Model {
         }
         let mut model = self.clone();
         model.contact.scale *= scale;
+        if let Some((second, _)) = &mut model.second {
+            second.scale *= scale;
+        }
         Ok(model)
+    }
+
+    /// The model with a second contact of the same cartilage beside its own, of no share yet: one pass over the tibia's nodes of `other`. Where
+    /// contact laws differ, as past a rim, the truth may lie between. Explicit dynamics and friction know the first alone.
+    pub fn with_second_contact(&self, other: &Model) -> Model {
+        let mut model = self.clone();
+        model.second = Some((Contact { tibial_only: true, ..other.contact.clone() }, 0.0));
+        model
+    }
+
+    /// Whether there is a second contact.
+    pub fn has_second_contact(&self) -> bool {
+        self.second.is_some()
+    }
+
+    /// The model with a share of its second contact [-]; without one, the model itself.
+    ///
+    /// Errors: a share outside 0 to 1.
+    pub fn with_second_share(&self, share: f64) -> Result<Model, SimError> {
+        if !(0.0..=1.0).contains(&share) {
+            return Err(SimError::Input(format!("share {share} of the second contact, expected 0 to 1")));
+        }
+        let mut model = self.clone();
+        if let Some((_, own)) = &mut model.second {
+            *own = share;
+        }
+        Ok(model)
+    }
+
+    /// The contact at a pose, the second's share included.
+    pub fn contact_near(&self, pose: &Pose, near: &mut Nearby) -> ContactResponse {
+        let passes = 2 * self.contact.pairs.len();
+        match &self.second {
+            Some((second, share)) if *share >= 1.0 => second.evaluate_from(pose, near, passes),
+            Some((second, share)) if *share > 0.0 => {
+                let first = self.contact.evaluate_near(pose, near);
+                first.blended(&second.evaluate_from(pose, near, passes), *share)
+            }
+            _ => self.contact.evaluate_near(pose, near),
+        }
     }
 
     /// The model with another friction coefficient [-].
@@ -230,14 +275,15 @@ impl Model {
     /// [`Model::evaluate`], with or without contact.
     pub fn evaluate_parts(&self, q: &Six, with_contact: bool) -> Evaluation {
         let pose = self.joint.pose(q);
-        let contact = if with_contact { self.contact.evaluate(&pose) } else { ContactResponse::default() };
+        let mut once = Nearby::once();
+        let contact = if with_contact { self.contact_near(&pose, &mut once) } else { ContactResponse::default() };
         self.evaluation(pose, contact)
     }
 
     /// [`Model::evaluate`], quicker where `near` holds the lists of a pose close by.
     pub fn evaluate_near(&self, q: &Six, near: &mut Nearby) -> Evaluation {
         let pose = self.joint.pose(q);
-        let contact = self.contact.evaluate_near(&pose, near);
+        let contact = self.contact_near(&pose, near);
         self.evaluation(pose, contact)
     }
 

@@ -3,32 +3,37 @@
 use super::Situation;
 use super::lines::{line, point};
 use nalgebra::Vector3;
-use sim::joint::{AP, IE, Six, VV};
+use sim::joint::{AP, IE, ML, Six, VV};
 use sim::ligament::Fibre;
 
 /// A meniscus' lever about the tibial axis [mm].
 const LEVER: f64 = 22.0;
 /// Play before it resists: about the unloaded pose, and about the reference pose, where the condyles' rollback comes first [mm].
 const PLAY: [f64; 2] = [1.5, 5.0];
+/// Overrun at which a meniscus of hardening 1 is twice as stiff [mm].
+const OVERRUN: f64 = 4.0;
 
 /// How far the knee is from where a tissue is at rest: the unloaded pose of its flexion, or (`about` 1) the pose of the reference.
 fn away(here: &Situation, about: usize) -> Six {
     if about == 0 { here.q - here.trial.neutral } else { here.q }
 }
 
-/// Wedges at the two compartments that resist sliding; `v`: k [N/mm], further play [mm].
+/// Wedges round the two compartments that resist sliding on the plateau; `v`: k [N/mm], further play [mm], hardening [-], further lever [mm].
 pub(super) fn meniscus(here: &Situation, about: usize, v: &[f64]) -> Six {
     let d = away(here, about);
-    let play = (PLAY[about.min(1)] + v[1]).max(0.0);
-    // a millimetre of onset, so that the slope is continuous
-    let ramp = |x: f64| {
-        let over = x.abs() - play;
-        x.signum() * if over <= 0.0 { 0.0 } else if over < 1.0 { 0.5 * over * over } else { over - 0.5 }
-    };
-    let (medial, lateral) = (ramp(d[AP] + LEVER * d[IE]), ramp(d[AP] - LEVER * d[IE]));
+    let (play, lever) = ((PLAY[about.min(1)] + v[1]).max(0.0), (LEVER + v[3]).max(0.0));
     let mut out = Six::zeros();
-    out[AP] = -v[0] * (medial + lateral);
-    out[IE] = -v[0] * LEVER * (medial - lateral);
+    for arm in [lever, -lever] {
+        let (across, along) = (d[ML], d[AP] + arm * d[IE]);
+        let size = across.hypot(along);
+        let over = (size - play).max(0.0);
+        // a millimetre of onset, so that the slope is continuous
+        let ramp = if over < 1.0 { 0.5 * over * over } else { over - 0.5 };
+        let force = v[0] * ramp * (1.0 + v[2].max(0.0) * over / OVERRUN) / size.max(1e-9);
+        out[ML] -= force * across;
+        out[AP] -= force * along;
+        out[IE] -= force * along * arm;
+    }
     out
 }
 
@@ -55,12 +60,12 @@ const EXTRA: [([f64; 3], [f64; 3]); 5] = [
     ([-40.0, 3.0, -8.0], [-5.0, -22.0, -28.0]),
 ];
 
-/// A tension-only spring; `v`: stiffness [N/mm], strain in the CT pose [%], femoral anterior and superior and tibial anterior shift of its ends
-/// from the library's [mm].
+/// A tension-only spring; `v`: stiffness [N/mm], strain in the CT pose [%], femoral anterior and superior, tibial medial and anterior shift of its
+/// ends from the library's [mm].
 pub(super) fn extra_bundle(here: &Situation, which: usize, v: &[f64]) -> Six {
     let Some((femur, tibia)) = EXTRA.get(which) else { return Six::zeros() };
     let femur = [femur[0], femur[1] + v[2], femur[2] + v[3]];
-    let tibia = [tibia[0], tibia[1] + v[4], tibia[2]];
+    let tibia = [tibia[0] + v[4], tibia[1] + v[5], tibia[2]];
     let (line, initial) = line(here, femur, tibia);
     let slack = initial / (1.0 + 0.01 * v[1]).max(0.5);
     -line.gradient * (v[0] * (line.length - slack).max(0.0))

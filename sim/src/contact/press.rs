@@ -79,16 +79,16 @@ impl Contact {
     fn add(&self, pass: &Pass, near: &mut Kept, out: &mut Press) {
         let tibia_from_field = pass.tibia.local_from_ct * pass.ct_from_field;
         let (turn, shift) = (tibia_from_field.rotation.to_rotation_matrix(), tibia_from_field.translation.vector);
-        let (start, side) = (self.law.start(), 2.0 * pass.side());
+        let (start, side) = (self.law.start(), pass.side().signum());
         let mut run = Spot::default();
         near.for_each((pass.nodes, pass.field), &pass.field_from_nodes, start, |p, area| {
             let Some(s) = pass.field.sample::<false>(p, -start) else { return };
             let (energy, pressure, slope) = self.law.at(-s.distance);
-            let weight = 0.5 * area * self.scale;
+            let weight = pass.share * area * self.scale;
             let (p, force) = (Vector::from(*p), Vector::from(s.gradient) * (side * pressure * weight));
             let total = force.norm();
             out.energy += energy * weight;
-            out.area += 0.5 * area;
+            out.area += pass.share * area;
             out.deepest = out.deepest.max(-s.distance);
             let cell =
                 |a: usize| below((turn[(a, 0)] * p.x + turn[(a, 1)] * p.y + turn[(a, 2)] * p.z + shift[a]) / PATCH);

@@ -44,7 +44,7 @@ fn sphere_on_plate(spacing_mm: f64) -> Contact {
     };
     let pair = Pair { femur: side(&sphere, "sphere"), tibia: side(&plate(24), "plate") };
     let law = PressureLaw::new(&[0.0, 1.0], &[0.0, 5.0]).unwrap();
-    Contact { pairs: vec![pair], law, friction: 0.1, damping: 0.0, scale: 1.0 }
+    Contact { pairs: vec![pair], law, friction: 0.1, damping: 0.0, scale: 1.0, tibial_only: false }
 }
 
 #[test]
