@@ -66,9 +66,9 @@ pub fn map_left_out(problem: &Problem, search: &Search, fit: &Fit) -> Result<Vec
         let n = members.len();
         let block = DMatrix::from_fn(n, n, |a, b| inverse[(members[a], members[b])]);
         let block = block.try_inverse().unwrap_or_else(|| DMatrix::identity(n, n));
-        for a in 0..n {
-            for b in 0..n {
-                turn[(members[a], members[b])] = block[(a, b)];
+        for (a, &row) in members.iter().enumerate() {
+            for (b, &column) in members.iter().enumerate() {
+                turn[(row, column)] = block[(a, b)];
             }
         }
     }

@@ -273,7 +273,8 @@ impl Problem {
                 match &self.held[i] {
                     Some(held) if miss(i, &first) > 16.0 => {
                         let second = bench.settle(trial, &held.q);
-                        let better = second.balanced >= first.balanced && miss(i, &second) < 0.5 * miss(i, &first);
+                        let settled = second.balanced || !first.balanced;
+                        let better = settled && miss(i, &second) < 0.5 * miss(i, &first);
                         if better { second } else { first }
                     }
                     _ => first,

@@ -81,7 +81,7 @@ mod tests {
         let triangles = quads
             .flat_map(|(i, j)| [[at(i, j), at(i + 1, j), at(i + 1, j + 1)], [at(i, j), at(i + 1, j + 1), at(i, j + 1)]])
             .collect();
-        let square = TriMesh { vertices, triangles, ..TriMesh::default() };
+        let square = TriMesh { vertices, triangles };
         let grown = skirted(&square, 2.0);
         let topology = Topology::of(&grown);
         assert_eq!((topology.irregular_edges, topology.components), (0, 1));
