@@ -1,29 +1,53 @@
-//! From laxity data to compared models, on the specimen with synthetic measurements: figures within their bands.
+//! From laxity data to compared models, on both published specimens: figures within their bands.
 
 mod common;
 
 use common::{build_model, json, shared, text};
+use std::path::Path;
 use tempfile::TempDir;
 
-/// Figures of a source that must hold: coordinate, most it may miss by [deg or mm].
-const BANDS: [(&str, f64); 5] = [("vv_deg", 1.5), ("ie_deg", 3.0), ("ml_mm", 1.5), ("ap_mm", 1.5), ("si_mm", 1.0)];
+/// Most that a source's model may miss a coordinate by, root mean square over the trials: VV, IE [deg], ML, AP, SI [mm].
+type Band = (&'static str, [f64; 5]);
 
-#[test]
-fn a_build_goes_on_to_calibrated_models_where_laxity_was_measured() {
-    let Some(specimen) = shared("a_build_goes_on", "specimens/S193761") else { return };
+const COORDINATES: [&str; 5] = ["vv_deg", "ie_deg", "ml_mm", "ap_mm", "si_mm"];
+
+/// S193761's data are another simulator's. Two simulators of one knee differ in nine trials of ten by less than 1.6 mm AP and 3.9 deg IE (a static
+/// against Abaqus's model of S192803), so by 1.0 mm and 2.4 deg root mean square; for the others no such figure is known, and twice the noise of KLA (0.5
+/// deg, 0.4 mm) stands.
+const SYNTHETIC: [Band; 2] = [("kla", [1.0, 2.4, 0.8, 1.0, 0.8]), ("rks", [1.0, 2.4, 0.8, 1.0, 0.8])];
+
+/// S192803's data are measured. The published calibration, simulated again with what was published of the model, misses by this much; a calibration
+/// that misses by more has failed.
+const MEASURED: [Band; 2] = [("kla", [4.5, 6.8, 2.9, 3.8, 2.4]), ("rks", [7.9, 11.9, 3.3, 4.3, 2.1])];
+
+/// Builds a specimen to the end, with fewer starts and samples than usual.
+fn built(specimen: &Path) -> TempDir {
     let out = TempDir::new().unwrap();
     let mut command = build_model();
-    command.arg(&specimen).arg("--out").arg(out.path()).arg("--quiet");
-    for set in ["gradient.starts=5", "gradient.descents=1", "gradient.samples=12"] {
-        command.args(["--set", &format!("calibrate.{set}")]);
+    command.arg(specimen).arg("--out").arg(out.path()).arg("--quiet");
+    for set in ["starts=8", "finalists=3", "modes=1", "descents=1", "samples=8", "sample_evaluations=10"] {
+        command.args(["--set", &format!("calibrate.gradient.{set}")]);
     }
     command.assert().success();
-    let metrics = json(&out.path().join("10-calibrate/metrics.json"));
-    for source in ["kla", "rks"] {
-        for (coordinate, most) in BANDS {
+    out
+}
+
+fn check_bands(out: &Path, bands: [Band; 2]) {
+    let metrics = json(&out.join("10-calibrate/metrics.json"));
+    for (source, band) in bands {
+        for (coordinate, most) in COORDINATES.iter().zip(band) {
             let rms = metrics[source]["rms"][coordinate].as_f64().unwrap();
             assert!(rms < most, "{source} misses {coordinate} by {rms:.2}, band {most}");
         }
+    }
+}
+
+#[test]
+fn synthetic_data_are_met_and_every_file_is_there() {
+    let Some(specimen) = shared("synthetic_data_are_met", "specimens/S193761") else { return };
+    let out = built(&specimen);
+    check_bands(out.path(), SYNTHETIC);
+    for source in ["kla", "rks"] {
         let parameters = text(&out.path().join(format!("10-calibrate/{source}/parameters.csv")));
         assert!(parameters.starts_with("design_variable,bundle,kind,value,lower,upper"));
         assert_eq!(parameters.lines().count(), 27);
@@ -43,4 +67,11 @@ fn a_build_goes_on_to_calibrated_models_where_laxity_was_measured() {
     for file in ["table4.csv", "table5.csv", "table6.csv", "table7.csv", "tables.md", "figure5.svg", "figure7.svg"] {
         assert!(!text(&out.path().join("11-validate").join(file)).is_empty(), "{file}");
     }
+}
+
+#[test]
+fn measured_data_are_met_as_well_as_by_the_published_calibration() {
+    let Some(specimen) = shared("measured_data_are_met", "specimens/S192803") else { return };
+    let out = built(&specimen);
+    check_bands(out.path(), MEASURED);
 }

@@ -80,12 +80,12 @@ pub fn build_model(raw: &RawSpecimen, o: &BuildOptions, log: &mut RunLog) -> Res
     }
     let m = assembled.digest.as_str();
     let model = loaded(&assembled, &bones);
-    let folder = log.folder();
+    let (folder, tell) = (log.folder(), log.teller());
     let calibration = log.stage(
         "calibrate",
         &[m, b, &measured.digest],
         &o.calibrate,
-        || calibrate_all(&model, &measured.laxity, &o.calibrate, folder),
+        || calibrate_all(&model, &measured.laxity, &o.calibrate, folder, &tell),
         calibrate::show,
     )?;
     log.stage(

@@ -91,7 +91,10 @@ pub fn calibrate(args: &CalibrateArgs) -> Result<String, BuildError> {
     let saved = if store::exists(&kept) { Some(store::read(&kept)?) } else { None };
     let what = args.targets.display().to_string();
     let mut keep = |bytes: &[u8]| store::write(&kept, bytes);
-    let outcome = run(&model, &trials, &options, &what, Watch { saved, keep: &mut keep, quiet: args.quiet })?;
+    let bar = Searching::new(args.quiet, &what);
+    let tell = |share: f64, words: &str| bar.show(share, words);
+    let outcome = run(&model, &trials, &options, &what, Watch { saved, keep: &mut keep, tell: &tell })?;
+    drop(bar);
     let spec = model_file::moved(&outcome.spec, &model.folder, &out);
     let mut files =
         vec![("model.json".to_owned(), json(&spec)), ("metrics.json".to_owned(), json(&reports::metrics(&outcome)))];
@@ -138,8 +141,8 @@ pub struct Watch<'a> {
     pub saved: Option<Vec<u8>>,
     /// Keeps it.
     pub keep: &'a mut dyn FnMut(&[u8]) -> Result<(), BuildError>,
-    /// No progress on the terminal.
-    pub quiet: bool,
+    /// Told the share of the work done, 0 to 1, and what is going on.
+    pub tell: &'a dyn Fn(f64, &str),
 }
 
 /// Calibrates a model to trials; `what` names them.
@@ -155,11 +158,10 @@ pub fn run(
     let checkpoint = session.begin(watch.saved.as_deref()).map_err(fault)?;
     let knee = Knee::new(model.spec.clone(), &model.meshes, &options.search)
         .map_err(|e| BuildError::File(format!("{}: {e}", model.folder.display())))?;
-    let bar = Searching::new(watch.quiet, what);
     let (mut last, mut failed) = (Instant::now(), None);
     let mut see = |c: &Checkpoint| {
         let p = c.progress();
-        bar.show(p.share, &format!("{}, best cost {:.1}", p.phase, p.lowest_cost));
+        (watch.tell)(p.share, &format!("{}, best cost {:.1}", p.phase, p.lowest_cost));
         if last.elapsed() > CHECKPOINT_EVERY {
             last = Instant::now();
             if let Err(e) = (watch.keep)(&c.to_bytes()) {
@@ -198,12 +200,13 @@ impl Reported for Calibration {
     }
 }
 
-/// Stage 10: a calibrated model for every set of measured trials; interrupted ones are kept in `folder`.
+/// Stage 10: a calibrated model for every set of measured trials; interrupted ones are kept in `folder`, `tell` hears how far it is.
 pub fn calibrate_all(
     model: &LoadedModel,
     laxity: &BTreeMap<String, Vec<LaxityTrial>>,
     options: &CalibrateOptions,
     folder: &BuildFolder,
+    tell: &dyn Fn(&str),
 ) -> Result<Calibration, BuildError> {
     let (mut sources, mut warnings, mut metrics) = (BTreeMap::new(), Vec::new(), serde_json::Map::new());
     for (name, trials) in laxity {
@@ -214,7 +217,13 @@ pub fn calibrate_all(
             session.is_ok_and(|s| s.begin(Some(bytes)).is_ok())
         });
         let mut keep = |bytes: &[u8]| folder.write_file(&file, bytes);
-        let watch = Watch { saved, keep: &mut keep, quiet: true };
+        let begun = Instant::now();
+        let tell = |share: f64, words: &str| {
+            let left = begun.elapsed().as_secs_f64() * (1.0 / share.max(1e-3) - 1.0);
+            let left = if share > 0.02 { format!(", about {left:.0} s left") } else { String::new() };
+            tell(&format!("calibrate {name}: {:.0} %, {words}{left}", 100.0 * share));
+        };
+        let watch = Watch { saved, keep: &mut keep, tell: &tell };
         let outcome = run(model, trials, options, &format!("laxity.{name}"), watch)?;
         store::discard(&folder.path().join(&file));
         warnings.extend(outcome.warnings.iter().map(|w| format!("{name}: {w}")));

@@ -33,6 +33,12 @@ impl Progress {
         self.bar.println(line);
     }
 
+    /// Tells how far a long stage has come, beside the bar.
+    pub fn teller(&self) -> impl Fn(&str) + use<> {
+        let bar = self.bar.clone();
+        move |words| bar.set_message(words.to_string())
+    }
+
     /// A stage is done.
     pub fn done(&self, record: &Record) {
         self.bar.inc(1);

@@ -113,6 +113,11 @@ impl<'a> RunLog<'a> {
         self.folder
     }
 
+    /// Tells how far a long stage has come.
+    pub fn teller(&self) -> impl Fn(&str) + use<> {
+        self.progress.teller()
+    }
+
     /// Runs or takes up a stage. `inputs` are the digests of what it depends on, `options` its resolved options.
     /// `show` gives what people may look at.
     pub fn stage<T: Value, O: Serialize, E: ToString>(
