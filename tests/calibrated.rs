@@ -1,5 +1,7 @@
 //! From laxity data to compared models, on both published specimens: figures within their bands.
 
+#![allow(clippy::unwrap_used, reason = "tests")]
+
 mod common;
 
 use common::{build_model, json, shared, text};
