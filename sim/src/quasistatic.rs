@@ -40,7 +40,7 @@ impl Default for SolverOptions {
     fn default() -> Self {
         SolverOptions {
             slip_mm: 0.02,
-            step_on_the_way_mm: 5e-2,
+            step_on_the_way_mm: 1e-2,
             step_at_the_end_mm: 1e-7,
             departure_mm: 5.0,
             iterations: 40,

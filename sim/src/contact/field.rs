@@ -37,6 +37,8 @@ pub struct Field {
     coefficients: Vec<f32>,
     /// Bound of the gradient within a spacing of what lies nearest to each grid node [-].
     steepest: Vec<f32>,
+    /// Around each grid node, the least coefficient that a point within a spacing of what lies nearest to it depends on.
+    floor: Vec<f32>,
     /// Least coefficient in and around each block.
     lowest: Vec<f32>,
 }
@@ -66,11 +68,19 @@ impl Field {
         if size.iter().try_fold(1usize, |a, b| a.checked_mul(*b)).is_none_or(|n| n > MOST_NODES) {
             return Err(SimError::Spec(format!("surface {name} is {:.0} mm across; is it in mm?", (hi - lo).norm())));
         }
-        let mut field =
-            Field { local_from_ct, low, size, coefficients: Vec::new(), steepest: Vec::new(), lowest: Vec::new() };
+        let mut field = Field {
+            local_from_ct,
+            low,
+            size,
+            coefficients: Vec::new(),
+            steepest: Vec::new(),
+            floor: Vec::new(),
+            lowest: Vec::new(),
+        };
         let samples = field.sample_blocks(&exact, blocks);
         field.coefficients = field.prefiltered(&samples);
         field.steepest = field.steepness();
+        field.floor = field.floors();
         field.lowest = field.lowest_around();
         Ok(field)
     }
@@ -142,11 +152,23 @@ impl Field {
         squares.iter().map(|s| s.sqrt() * 1.0001 + 1e-6).collect()
     }
 
+    /// The least coefficients around the grid nodes, as far as a point within [`AROUND`] spacings reaches.
+    fn floors(&self) -> Vec<f32> {
+        let mut turned: Vec<f32> = self.coefficients.iter().map(|c| -c).collect();
+        for stride in [1, self.size[0], self.size[0] * self.size[1]] {
+            turned = largest(&turned, (1 + AROUND) * stride, (1 + AROUND) * stride, stride);
+        }
+        turned.iter().map(|c| -c).collect()
+    }
+
     /// Lower bound of the motion [mm] without which a local point cannot come deeper than `start`; holds below [`AROUND`] spacings, and is
     /// exact in distance where it is below `reach`.
     #[inline]
     pub(super) fn clearance(&self, p: &[f64; 3], start: f64, reach: f64) -> f64 {
         let Some((at, offset)) = self.cell(p) else { return f64::INFINITY };
+        if f64::from(self.floor[at]) > -start {
+            return f64::INFINITY;
+        }
         let steepest = f64::from(self.steepest[at]);
         // half a difference along each axis, at most, between the spline and the coefficient at the nearest node
         let rough = (f64::from(self.coefficients[at]) + start) / steepest - 0.5 * 3f64.sqrt() * SPACING;
