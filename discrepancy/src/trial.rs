@@ -117,18 +117,11 @@ pub fn trials(sources: &[Source]) -> Result<Vec<Trial>, DiscrepancyError> {
             let key = (s, t.test, t.nominal_flexion_deg.round() as i64);
             out.push(Trial {
                 source: s,
-                name: t.trial.clone(),
-                test: t.test,
-                nominal: t.nominal_flexion_deg,
-                load: generalised(t),
-                flexion: t.fe_deg.to_radians(),
-                measured: t.measured,
                 sd,
                 condition: *conditions.entry(key).or_insert(next),
-                branch: t.branch.map(sign),
                 order: place(t.order.map(|o| o as f64), orders.clone()),
                 time: place(t.time_s, times.clone()),
-                neutral: Six::zeros(),
+                ..Trial::alone(t)
             });
         }
     }
