@@ -4,6 +4,7 @@
 //! area, along the field's gradient. The force is the gradient of an energy; the tangent is exact. Nodes denser than
 //! [`ContactOptions::spacing_mm`] are merged, area kept. Nodes that may touch are listed and the list is kept while the bones move little ([`Nearby`]).
 
+mod cells;
 pub mod field;
 pub mod friction;
 pub mod law;

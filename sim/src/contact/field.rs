@@ -4,6 +4,7 @@
 //! The distance is signed by the surface's outward normals. Beyond the rim of an open patch a point is pushed out of contact over
 //! [`RIM`] mm: nothing behind or beside the patch is ever in contact.
 
+use super::cells::Cells;
 use crate::error::SimError;
 use meshes::surface::TriMesh;
 use meshes::topology::Topology;
@@ -20,10 +21,8 @@ const BLOCK: usize = 4;
 const BAND: [f64; 2] = [5.0, 2.5];
 /// Breadth of the fading beyond a rim [mm].
 const RIM: f64 = 1.0;
-/// Motion over which the bound of a grid node's gradients holds [grid spacings].
-const AROUND: usize = 1;
-/// Nodes around a block whose least coefficient is known with the block's.
-const WINDOW: usize = 8;
+/// Numbers between this and twice as much have a spacing of 1.
+const WHOLE: f64 = 4503599627370496.0;
 /// More grid nodes than this are refused: a surface of absurd size.
 const MOST_NODES: usize = 60_000_000;
 
@@ -32,15 +31,14 @@ const MOST_NODES: usize = 60_000_000;
 pub struct Field {
     /// Grid coordinates (local, mm) from CT coordinates in the CT pose.
     pub local_from_ct: Isometry,
-    low: [i64; 3],
+    /// First node [grid spacings].
+    low: [f64; 3],
     size: [usize; 3],
+    /// Last node but one, counted from the first.
+    high: [f64; 3],
     coefficients: Vec<f32>,
-    /// Bound of the gradient within a spacing of what lies nearest to each grid node [-].
-    steepest: Vec<f32>,
-    /// Around each grid node, the least coefficient that a point within a spacing of what lies nearest to it depends on.
-    floor: Vec<f32>,
-    /// Least coefficient in and around each block.
-    lowest: Vec<f32>,
+    /// How far the points nearest to each grid node are from contact.
+    cells: Cells,
 }
 
 /// Distance, gradient, second derivatives (xx, xy, xz, yy, yz, zz).
@@ -61,9 +59,9 @@ impl Field {
         let exact = Exact::new(&local, name)?;
         let (lo, hi) = local.bounds().ok_or_else(|| SimError::Spec(format!("surface {name} is empty")))?;
         let pad = BAND[1] + SPACING * (BLOCK as f64 + 2.0);
-        let low: [i64; 3] = std::array::from_fn(|k| ((lo[k] - pad) / SPACING).floor() as i64);
+        let low: [f64; 3] = std::array::from_fn(|k| ((lo[k] - pad) / SPACING).floor());
         let blocks: [usize; 3] =
-            std::array::from_fn(|k| (((hi[k] + pad) / SPACING).ceil() as i64 - low[k]) as usize / BLOCK + 1);
+            std::array::from_fn(|k| (((hi[k] + pad) / SPACING).ceil() - low[k]) as usize / BLOCK + 1);
         let size = blocks.map(|b| b * BLOCK);
         if size.iter().try_fold(1usize, |a, b| a.checked_mul(*b)).is_none_or(|n| n > MOST_NODES) {
             return Err(SimError::Spec(format!("surface {name} is {:.0} mm across; is it in mm?", (hi - lo).norm())));
@@ -72,16 +70,13 @@ impl Field {
             local_from_ct,
             low,
             size,
+            high: size.map(|n| n as f64 - 2.0),
             coefficients: Vec::new(),
-            steepest: Vec::new(),
-            floor: Vec::new(),
-            lowest: Vec::new(),
+            cells: Cells::default(),
         };
         let samples = field.sample_blocks(&exact, blocks);
         field.coefficients = field.prefiltered(&samples);
-        field.steepest = field.steepness();
-        field.floor = field.floors();
-        field.lowest = field.lowest_around();
+        field.cells = Cells::new(&field.coefficients, field.size, SPACING);
         Ok(field)
     }
 
@@ -89,7 +84,7 @@ impl Field {
     fn sample_blocks(&self, exact: &Exact, blocks: [usize; 3]) -> Vec<f32> {
         let [nx, ny, nz] = self.size;
         let node = |i: usize, j: usize, k: usize| {
-            let at = |a: usize, i: f64| (self.low[a] as f64 + i) * SPACING;
+            let at = |a: usize, i: f64| (self.low[a] + i) * SPACING;
             Point::new(at(0, i as f64), at(1, j as f64), at(2, k as f64))
         };
         let reach = SPACING * BLOCK as f64 * 3f64.sqrt() / 2.0 + 2.0 * SPACING;
@@ -134,93 +129,16 @@ impl Field {
         coefficients
     }
 
-    /// Bounds of the gradient: the spline's is a mean of differences of neighbouring coefficients, of those that it spans.
-    fn steepness(&self) -> Vec<f32> {
-        let [nx, ny, _] = self.size;
-        let mut squares = vec![0f32; self.coefficients.len()];
-        for (axis, stride) in [1, nx, nx * ny].into_iter().enumerate() {
-            let next = self.coefficients.iter().skip(stride).chain(std::iter::repeat(&f32::NAN));
-            let difference =
-                |(a, b): (&f32, &f32)| if b.is_nan() { 0.0 } else { ((b - a) * (1.0 / SPACING) as f32).abs() };
-            let mut most: Vec<f32> = self.coefficients.iter().zip(next).map(difference).collect();
-            for (along, stride) in [1, nx, nx * ny].into_iter().enumerate() {
-                let (before, after) = (1 + AROUND, AROUND + usize::from(along != axis));
-                most = largest(&most, before * stride, after * stride, stride);
-            }
-            squares.iter_mut().zip(&most).for_each(|(s, m)| *s += m * m);
-        }
-        squares.iter().map(|s| s.sqrt() * 1.0001 + 1e-6).collect()
-    }
-
-    /// The least coefficients around the grid nodes, as far as a point within [`AROUND`] spacings reaches.
-    fn floors(&self) -> Vec<f32> {
-        let mut turned: Vec<f32> = self.coefficients.iter().map(|c| -c).collect();
-        for stride in [1, self.size[0], self.size[0] * self.size[1]] {
-            turned = largest(&turned, (1 + AROUND) * stride, (1 + AROUND) * stride, stride);
-        }
-        turned.iter().map(|c| -c).collect()
-    }
-
-    /// Lower bound of the motion [mm] without which a local point cannot come deeper than `start`; holds below [`AROUND`] spacings, and is
-    /// exact in distance where it is below `reach`.
+    /// Lower bound of the distance [mm] from a local point to anything deeper than `start`.
     #[inline]
-    pub(super) fn clearance(&self, p: &[f64; 3], start: f64, reach: f64) -> f64 {
-        let Some((at, offset)) = self.cell(p) else { return f64::INFINITY };
-        if f64::from(self.floor[at]) > -start {
-            return f64::INFINITY;
-        }
-        let steepest = f64::from(self.steepest[at]);
-        // half a difference along each axis, at most, between the spline and the coefficient at the nearest node
-        let rough = (f64::from(self.coefficients[at]) + start) / steepest - 0.5 * 3f64.sqrt() * SPACING;
-        if rough > reach {
-            return rough;
-        }
-        let [(wx, _), (wy, _), (wz, _)] = offset.map(weights);
-        let mut distance = 0.0;
-        for (k, z) in wz.iter().enumerate() {
-            for (j, y) in wy.iter().enumerate() {
-                let [a, b, c] = self.row(at, j, k);
-                distance += (a * wx[0] + b * wx[1] + c * wx[2]) * (y * z);
-            }
-        }
-        (distance + start).max(0.0) / steepest
+    pub(super) fn apart(&self, p: &[f64; 3], start: f64) -> f64 {
+        self.cell(p).map_or(f64::INFINITY, |(at, _)| self.cells.apart(at, start))
     }
 
-    /// Whether any point within `radius` of a local point may be deeper than `start`.
-    pub(super) fn touches(&self, p: &[f64; 3], radius: f64, start: f64) -> bool {
-        let Some((at, _)) = self.cell(p) else { return false };
-        let [nx, ny, nz] = self.size;
-        if radius > SPACING * (WINDOW - 2) as f64 {
-            return true;
-        }
-        let (i, j, k) = (at % nx / BLOCK, at / nx % ny / BLOCK, at / nx / ny / BLOCK);
-        debug_assert!(k < nz / BLOCK);
-        self.lowest[(k * (ny / BLOCK) + j) * (nx / BLOCK) + i] < -start as f32
-    }
-
-    /// Of each block the least coefficient in it and up to [`WINDOW`] nodes around it.
-    fn lowest_around(&self) -> Vec<f32> {
-        let (mut values, mut size) = (self.coefficients.clone(), self.size);
-        for axis in 0..3 {
-            let mut shrunk = size;
-            shrunk[axis] /= BLOCK;
-            let stride: usize = size[..axis].iter().product();
-            let mut out = Vec::with_capacity(shrunk.iter().product());
-            for k in 0..shrunk[2] {
-                for j in 0..shrunk[1] {
-                    for i in 0..shrunk[0] {
-                        let mut at = [i, j, k];
-                        let from = (at[axis] * BLOCK).saturating_sub(WINDOW);
-                        let to = (at[axis] * BLOCK + BLOCK + WINDOW).min(size[axis]);
-                        at[axis] = 0;
-                        let first = (at[2] * size[1] + at[1]) * size[0] + at[0];
-                        out.push((from..to).fold(f32::INFINITY, |m, n| m.min(values[first + n * stride])));
-                    }
-                }
-            }
-            (values, size) = (out, shrunk);
-        }
-        values
+    /// Lower bound of the motion [mm] without which a local point cannot come deeper than `start`; holds for motions of less than a spacing.
+    #[inline]
+    pub(super) fn clearance(&self, p: &[f64; 3], start: f64) -> f64 {
+        self.cell(p).map_or(f64::INFINITY, |(at, offset)| self.cells.clearance(at, &offset, start))
     }
 
     /// Three coefficients along x, at `j`, `k` of the 27 around a cell's node.
@@ -238,12 +156,14 @@ impl Field {
         let mut index = [0usize; 3];
         let mut offset = [0.0; 3];
         for a in 0..3 {
-            let x = p[a] * (1.0 / SPACING) - self.low[a] as f64;
-            if !(x > 1.0 && x < (self.size[a] - 2) as f64) {
+            let x = p[a] * (1.0 / SPACING) - self.low[a];
+            if !(x > 1.0 && x < self.high[a]) {
                 return None;
             }
-            index[a] = (x + 0.5) as usize;
-            offset[a] = x - index[a] as f64;
+            // the sum is rounded to a whole number, which its last bits hold
+            let rounded = x + WHOLE;
+            index[a] = rounded.to_bits() as u32 as usize;
+            offset[a] = x - (rounded - WHOLE);
         }
         Some(((index[2] * self.size[1] + index[1]) * self.size[0] + index[0], offset))
     }
@@ -282,18 +202,6 @@ impl Field {
         };
         Some(Sample { distance, gradient: [z(1, &wz) * g, z(3, &wz) * g, z(0, &dz) * g], hessian })
     }
-}
-
-/// The largest of the values within `before` and `after` of each, `stride` apart.
-fn largest(values: &[f32], before: usize, after: usize, stride: usize) -> Vec<f32> {
-    let mut out = values.to_vec();
-    for shift in (stride..=before).step_by(stride) {
-        out.iter_mut().skip(shift).zip(values).for_each(|(o, v)| *o = o.max(*v));
-    }
-    for shift in (stride..=after).step_by(stride) {
-        out.iter_mut().zip(&values[shift.min(values.len())..]).for_each(|(o, v)| *o = o.max(*v));
-    }
-    out
 }
 
 /// Second derivative of the spline's three weights.

@@ -108,17 +108,16 @@ impl Kept {
         self.nodes.clear();
         let (reach, far) = if self.once { (0.0, 0.0) } else { (REACH, FAR) };
         for cluster in &nodes.clusters {
-            if !field.touches(&map(affine, &cluster.centre), cluster.radius + far, start) {
+            if field.apart(&map(affine, &cluster.centre), start) > cluster.radius + far {
                 continue;
+            }
+            for a in 0..3 {
+                self.extent[0][a] = self.extent[0][a].min(cluster.centre[a] - cluster.radius);
+                self.extent[1][a] = self.extent[1][a].max(cluster.centre[a] + cluster.radius);
             }
             for i in cluster.range.clone() {
                 let position = nodes.position[i];
-                for (a, x) in position.iter().enumerate() {
-                    self.extent[0][a] = self.extent[0][a].min(*x);
-                    self.extent[1][a] = self.extent[1][a].max(*x);
-                }
-                let p = map(affine, &position);
-                let clear = field.clearance(&p, start, reach);
+                let clear = field.clearance(&map(affine, &position), start);
                 if clear <= reach {
                     self.nodes.push(Candidate { position, area: nodes.area[i], clear });
                 }

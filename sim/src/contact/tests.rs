@@ -130,6 +130,29 @@ fn lists_kept_from_pose_to_pose_change_no_byte() {
 }
 
 #[test]
+fn nodes_passed_over_touch_nothing() {
+    let (joint, contact) = (joint(), sphere_on_plate(0.8));
+    let mut touching = 0;
+    for k in 0..200 {
+        let t = f64::from(k) * 0.1;
+        let q = Six::new(0.3 * t.sin(), 0.1 * t.cos(), t.cos(), 11.0 * (0.9 * t).sin(), 9.0 * (1.3 * t).cos(), t.sin());
+        let pose = joint.pose(&q);
+        let mut every = 0.0;
+        for pass in contact.passes(&pose) {
+            for (p, area) in pass.nodes.position.iter().zip(&pass.nodes.area) {
+                let p = pass.field_from_nodes * meshes::Point::from(*p);
+                let sample = pass.field.sample::<false>(&[p.x, p.y, p.z], 0.0);
+                every += sample.map_or(0.0, |s| pass.share * area * contact.law.at(-s.distance).0);
+            }
+        }
+        let listed = contact.press(&pose).energy;
+        assert!((listed - every).abs() <= 1e-9 * every, "{k}: {listed} of {every}");
+        touching += usize::from(every > 0.0);
+    }
+    assert!((50..195).contains(&touching), "{touching}");
+}
+
+#[test]
 fn nothing_beyond_the_rim_is_in_contact() {
     let (joint, contact) = (joint(), sphere_on_plate(0.0));
     let out = contact.evaluate(&joint.pose(&Six::new(0.0, 0.0, 0.0, 30.0, 0.0, 0.0)));
