@@ -9,7 +9,7 @@ use crate::exports::{self, Format};
 use crate::options::{Override, parse_override};
 use crate::simulate::SimulateArgs;
 use crate::validate::ValidateArgs;
-use crate::{calibrate, inspect, model_file, phantom, report, run, simulate, validate};
+use crate::{calibrate, fetch, inspect, model_file, phantom, report, run, simulate, validate};
 use clap::{Args, Parser, Subcommand};
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -87,6 +87,19 @@ enum Verb {
         #[arg(long)]
         build: bool,
     },
+    /// Download a published data set, with checksums and licence notice
+    Fetch {
+        /// Which one; an unknown name lists those there are
+        id: String,
+        /// Where it goes; what is there already is not fetched again
+        dir: PathBuf,
+        /// A server that holds the records in place of their own
+        #[arg(long, value_name = "URL")]
+        mirror: Option<String>,
+        /// Longest that one answer of the server may take [s]; what was cut off goes on where it was
+        #[arg(long, value_name = "SECONDS", default_value_t = 600)]
+        patience: u64,
+    },
     /// Turn a published Abaqus knee deck into a model
     ImportAbaqus {
         /// The main input file
@@ -160,6 +173,7 @@ fn answer(cli: Cli) -> Result<(), BuildError> {
             let wrote = phantom::write(&id, seed, volume, &dir)?;
             if build { run::run(&BuildArgs::of(dir))? } else { wrote }
         }
+        (Some(Verb::Fetch { id, dir, mirror, patience }), _) => fetch::fetch(&id, &dir, mirror.as_deref(), patience)?,
         (Some(Verb::ImportAbaqus { deck, out }), _) => model_file::import_abaqus(&deck, &out)?,
         (Some(Verb::Export { model, format, poses, out }), _) => {
             exports::export(&model, format, poses.as_deref(), &out)?

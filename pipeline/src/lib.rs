@@ -7,6 +7,7 @@ pub mod cli;
 pub mod diagnose;
 pub mod error;
 pub mod exports;
+pub mod fetch;
 pub mod inspect;
 pub mod model_file;
 pub mod options;

@@ -1,6 +1,8 @@
 //! The one door to the file system.
 #![expect(clippy::disallowed_methods, reason = "the one door to the file system")]
 
+pub mod part;
+
 use crate::error::BuildError;
 use stages::ingest::RawSpecimen;
 use std::collections::BTreeMap;
@@ -287,8 +289,17 @@ pub fn reset_peak_memory() {
 
 /// The process' peak memory since the last reset [MiB], where the system tells it.
 pub fn peak_memory_mib() -> Option<f64> {
+    status_mib("VmHWM:")
+}
+
+/// The process' memory now [MiB], where the system tells it.
+pub fn memory_mib() -> Option<f64> {
+    status_mib("VmRSS:")
+}
+
+fn status_mib(key: &str) -> Option<f64> {
     let status = fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find(|l| l.starts_with("VmHWM:"))?;
+    let line = status.lines().find(|l| l.starts_with(key))?;
     line.split_whitespace().nth(1)?.parse::<f64>().ok().map(|kib| kib / 1024.0)
 }
 
