@@ -62,6 +62,7 @@ pub fn flat_faces(mesh: &TriMesh, tolerance: f64, min_area: f64) -> Vec<u32> {
     let mut tried = vec![false; mesh.triangles.len()];
     let mut label = vec![0; mesh.triangles.len()];
     let mut count = 0;
+    let mut seen = Seen { stamp: vec![0; mesh.triangles.len()], now: 0 };
     for seed in order {
         if tried[seed] || areas[seed] <= 0.0 {
             continue;
@@ -70,7 +71,7 @@ pub fn flat_faces(mesh: &TriMesh, tolerance: f64, min_area: f64) -> Vec<u32> {
         let mut face = vec![seed];
         // grow, fit, grow again: the seed's own plane is as noisy as the seed
         for _ in 0..3 {
-            face = grown(mesh, &neighbours, &normals, seed, plane, tolerance);
+            face = grown((mesh, &neighbours, &normals), seed, plane, tolerance, &mut seen);
             let (mut n, mut c, mut a) = (Vector::zeros(), Vector::zeros(), 0.0);
             for &t in &face {
                 n += normals[t] * areas[t];
@@ -111,26 +112,34 @@ fn triangle_neighbours(mesh: &TriMesh) -> Vec<Vec<u32>> {
     neighbours
 }
 
+/// Which triangles a face has met, told apart from earlier faces by a number, so that nothing is cleared between them.
+struct Seen {
+    stamp: Vec<u32>,
+    now: u32,
+}
+
 fn grown(
-    mesh: &TriMesh,
-    neighbours: &[Vec<u32>],
-    normals: &[Vector],
+    (mesh, neighbours, normals): (&TriMesh, &[Vec<u32>], &[Vector]),
     seed: usize,
     (origin, normal): (Point, Vector),
     tolerance: f64,
+    seen: &mut Seen,
 ) -> Vec<usize> {
+    let least = 20f64.to_radians().cos();
     let flat = |t: usize| {
-        normals[t].dot(&normal) > 20f64.to_radians().cos()
-            && mesh.corners(t).iter().all(|p| (p - origin).dot(&normal).abs() < tolerance)
+        normals[t].dot(&normal) > least && mesh.corners(t).iter().all(|p| (p - origin).dot(&normal).abs() < tolerance)
     };
-    let mut seen = std::collections::BTreeSet::from([seed]);
+    seen.now += 1;
+    seen.stamp[seed] = seen.now;
     let mut face = vec![seed];
     let mut done = 0;
     while let Some(&t) = face.get(done) {
         done += 1;
         for &u in &neighbours[t] {
-            if flat(u as usize) && seen.insert(u as usize) {
-                face.push(u as usize);
+            let u = u as usize;
+            if seen.stamp[u] != seen.now && flat(u) {
+                seen.stamp[u] = seen.now;
+                face.push(u);
             }
         }
     }

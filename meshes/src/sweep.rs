@@ -1,5 +1,7 @@
 //! Columns of hexahedra between a bony and an articular face, and the improvement of their shape.
 
+mod fold;
+
 use crate::hex::HexMesh;
 use crate::quad::grid::neighbours;
 use crate::query::SurfaceQuery;

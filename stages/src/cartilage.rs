@@ -1,6 +1,7 @@
 //! Stage 4, cartilage: registered scan minus CT bone, made usable.
 
 mod field;
+mod parting;
 mod region;
 mod solid;
 
@@ -113,7 +114,13 @@ pub fn cartilage(
         let least = options.least_thickness_mm.max(options.least_thickness_sd * domain.bare_sd);
         // plateaus face the femur; what else lies on the tibia (the fibula, a stump) does not
         let facing = (name == "tibfib").then(|| towards_femur(bones)).flatten();
-        let patches = region::patches(&domain, least, facing, options);
+        let (patches, parted) = region::patches(&domain, least, facing, options);
+        if parted {
+            warnings.push(
+                "tibfib: the cartilages of both plateaus had run together and were parted where they are thinnest"
+                    .to_owned(),
+            );
+        }
         if patches.len() < count {
             return Err(StageError(format!(
                 "cartilage: {} found on the {name}, expected {count}: no further patch of at least {} mm2 lies {least:.2} mm \

@@ -49,6 +49,9 @@ const LEAST_SMOOTHING_MM: f64 = 0.5;
 /// Sweeps that even out edge lengths, and sweeps of the search for better shapes, at most.
 const RELAX_SWEEPS: usize = 12;
 const SHAPE_SWEEPS: usize = 40;
+/// A quadrilateral with a scaled Jacobian below the first, its opposite nodes within the second of an edge, has folded shut [-].
+const FOLDED: f64 = 0.3;
+const FOLD_WIDTH: f64 = 0.4;
 
 /// The three hexahedral cartilages, CT frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -139,7 +142,11 @@ fn mesh_solid(solid: &CartilageSolid, options: &HexmeshOptions) -> Result<(HexMe
     let (flat, grid) = plan(&sheet, options, &mut notes)?;
     let mut columns = raise(&sheet.bony, &flat, &grid, &faces, options)?;
     columns.relax(&faces, RELAX_SWEEPS);
-    columns.optimise(&faces, options.edge_length_mm, SHAPE_SWEEPS);
+    let edge = options.edge_length_mm;
+    columns.optimise(&faces, edge, SHAPE_SWEEPS);
+    if columns.collapse_folded(FOLDED, FOLD_WIDTH * edge) > 0 {
+        columns.optimise(&faces, edge, SHAPE_SWEEPS);
+    }
     let raised = thicken(&mut columns, 0.5 * options.min_thickness_mm);
     if raised > 0 {
         notes.push(format!("{raised} columns were thinner than half the minimum thickness and were raised to it"));

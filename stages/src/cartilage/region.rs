@@ -2,6 +2,7 @@
 
 use super::CartilageOptions;
 use super::field::{Domain, mean};
+use super::parting::part;
 use meshes::Vector;
 use meshes::measure::percentile;
 use meshes::surface::TriMesh;
@@ -19,8 +20,14 @@ pub(super) struct Patch {
     pub(super) outer: Vec<f64>,
 }
 
-/// The patches thicker than `least`, largest first; with `facing`, only on bone whose normal lies within 84 degrees of it.
-pub(super) fn patches(domain: &Domain, least: f64, facing: Option<Vector>, options: &CartilageOptions) -> Vec<Patch> {
+/// The patches thicker than `least`, largest first, and whether the largest had to be parted; with `facing`, only on bone whose normal
+/// lies within 84 degrees of it, and the largest parted in two where two have run together.
+pub(super) fn patches(
+    domain: &Domain,
+    least: f64,
+    facing: Option<Vector>,
+    options: &CartilageOptions,
+) -> (Vec<Patch>, bool) {
     let count = domain.bone.vertices.len();
     let turned_away = |v: usize| facing.is_some_and(|f| domain.normals[v].dot(&f) < 0.1);
     let mut level: Vec<f64> = (0..count)
@@ -39,8 +46,17 @@ pub(super) fn patches(domain: &Domain, least: f64, facing: Option<Vector>, optio
             island.iter().for_each(|&v| level[v as usize] = least);
         }
     }
-    let covered = bodies(domain, |v| level[v as usize] > 0.0);
-    let mut found: Vec<(f64, Vec<u32>)> = covered
+    let mut found = covers(domain, &level, &area, options);
+    let parted = facing.is_some() && part(domain, &mut level, &found, least, options);
+    if parted {
+        found = covers(domain, &level, &area, options);
+    }
+    (found.into_iter().map(|(_, body)| cut(domain, &level, &body, least)).collect(), parted)
+}
+
+/// Bodies of covered vertices with their areas, largest first, that are large and thick enough to be cartilage.
+fn covers(domain: &Domain, level: &[f64], area: &[f64], options: &CartilageOptions) -> Vec<(f64, Vec<u32>)> {
+    let mut found: Vec<(f64, Vec<u32>)> = bodies(domain, |v| level[v as usize] > 0.0)
         .into_iter()
         .map(|body| (body.iter().map(|&v| area[v as usize]).sum::<f64>(), body))
         .filter(|(size, body)| {
@@ -49,7 +65,7 @@ pub(super) fn patches(domain: &Domain, least: f64, facing: Option<Vector>, optio
         })
         .collect();
     found.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-    found.into_iter().map(|(_, body)| cut(domain, &level, &body, least)).collect()
+    found
 }
 
 /// Lowers the threshold, by less the farther out, to that of the rim near what is cartilage without doubt: a rim thins out, a lone sheet of the same
@@ -74,7 +90,7 @@ fn grow(domain: &Domain, level: &mut [f64], least: f64, facing: Option<Vector>, 
 }
 
 /// Connected sets of vertices for which `belongs` holds, most vertices first.
-fn bodies(domain: &Domain, belongs: impl Fn(u32) -> bool) -> Vec<Vec<u32>> {
+pub(super) fn bodies(domain: &Domain, belongs: impl Fn(u32) -> bool) -> Vec<Vec<u32>> {
     let count = domain.bone.vertices.len();
     let mut seen = vec![false; count];
     let mut all = Vec::new();
