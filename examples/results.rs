@@ -7,6 +7,8 @@
 use genu::cli::BuildArgs;
 use genu::error::BuildError;
 use genu::{calibrate, model_file, run, store};
+use sim::laxity::Test;
+use sim::protocols::ProtocolOptions;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -15,6 +17,7 @@ use validation::knee::Knee;
 use validation::options::CalibrateOptions;
 use validation::published;
 use validation::rehearsal::{Rehearsal, rehearse};
+use validation::validate::{Source, compare};
 
 /// What the published calibration of S192803 misses by when simulated again with a model rebuilt from what was published: VV, IE [deg], ML, AP, SI
 /// [mm].
@@ -54,13 +57,17 @@ fn page(specimens: &Path, builds: &Path, sets: u64) -> Result<String, BuildError
         run::run(&BuildArgs { out: Some(out.clone()), quiet: true, ..BuildArgs::of(specimens.join(id)) })?;
         let _ = writeln!(text, "\n## {id}\n");
         text += &fit(id, &out)?;
-        text += &compared(&out)?;
+        text += &measured(&specimens.join(id))?;
+        text += &compared(id, &out)?;
+        text += &determined(&out)?;
         if id == "S193761" {
             text += &coverage(&out)?;
             text += &forces(&out)?;
         }
     }
-    text += &rehearsals(&builds.join("S193761"), &specimens.join("S193761/laxity/kla.csv"), sets)?;
+    if sets > 0 {
+        text += &rehearsals(&builds.join("S193761"), &specimens.join("S193761/laxity/kla.csv"), sets)?;
+    }
     Ok(text)
 }
 
@@ -98,17 +105,67 @@ fn fit(id: &str, out: &Path) -> Result<String, BuildError> {
     Ok(text)
 }
 
-/// KLA against RKS.
-fn compared(out: &Path) -> Result<String, BuildError> {
-    let mut text = "\nThe KLA-calibrated against the RKS-calibrated model, root mean square difference:\n\n\
-        | protocol | quantity | ours | published |\n|---|---|---|---|\n"
+/// How far the data themselves are apart: means over the anterior trials.
+fn measured(specimen: &Path) -> Result<String, BuildError> {
+    let mut text = "\nThe measurements themselves, means over the trials under anterior load:\n\n\
+        | data | nominal flexion deg | trials | VV deg | IE deg |\n|---|---|---|---|---|\n"
+        .to_owned();
+    for source in ["kla", "rks"] {
+        let path = specimen.join(format!("laxity/{source}.csv"));
+        let (trials, _) = calibrate::read_laxity(&path.display().to_string(), &store::read(&path)?)?;
+        for flexion in [30.0, 90.0] {
+            let of: Vec<[Option<f64>; 5]> = trials
+                .iter()
+                .filter(|t| t.test == Test::Anterior && (t.nominal_flexion_deg - flexion).abs() < 0.5)
+                .map(|t| t.measured)
+                .collect();
+            let mean = |c: usize| of.iter().filter_map(|m| m[c]).sum::<f64>() / of.len().max(1) as f64;
+            let _ = writeln!(text, "| {source} | {flexion} | {} | {:.1} | {:.1} |", of.len(), mean(0), mean(1));
+        }
+    }
+    Ok(text)
+}
+
+/// KLA against RKS: each in the frames that its data speak of, and both in the frames found on the bones.
+fn compared(id: &str, out: &Path) -> Result<String, BuildError> {
+    let base = model_file::load(&out.join("09-assemble"))?;
+    let design = Design::of_model(&base.spec).map_err(|e| BuildError::File(e.to_string()))?;
+    let mut sources = Vec::new();
+    for name in ["kla", "rks"] {
+        let calibrated = model_file::load(&out.join("10-calibrate").join(name))?;
+        let spec = design.apply(&base.spec, &design.values(&calibrated.spec));
+        let fault = |e: sim::SimError| BuildError::File(format!("{id} {name}: {e}"));
+        let model = sim::compile(&spec, &base.meshes).map_err(fault)?;
+        sources.push(Source::simulated(name, &spec, &model, &ProtocolOptions::default()).map_err(fault)?.0);
+    }
+    let common = compare(id, &sources, &[]);
+    let mut text = "\nThe KLA-calibrated against the RKS-calibrated model, root mean square difference; each in the frames that were found with its ligaments (the \
+        build's compare.csv), and the same ligaments in the frames found on the bones, common to both:\n\n\
+        | protocol | quantity | own frames | common frames | published |\n|---|---|---|---|---|\n"
         .to_owned();
     for r in rows(out.join("11-validate/compare.csv"))? {
         let [a, b, protocol, quantity, unit, ours, _, theirs, ..] = r.as_slice() else { continue };
         if (a.as_str(), b.as_str()) == ("kla", "rks") {
             let ours: f64 = ours.parse().unwrap_or(f64::NAN);
-            let _ = writeln!(text, "| {protocol} | {quantity} ({unit}) | {ours:.2} | {theirs} |");
+            let same = common.iter().find(|d| (&d.protocol, &d.quantity) == (protocol, quantity));
+            let same = same.map_or("-".to_owned(), |d| format!("{:.2}", d.rmsd));
+            let _ = writeln!(text, "| {protocol} | {quantity} ({unit}) | {ours:.2} | {same} | {theirs} |");
         }
+    }
+    Ok(text)
+}
+
+/// How many bundle forces under the AP tests the data determine.
+fn determined(out: &Path) -> Result<String, BuildError> {
+    let mut text = "\nBundle forces under the AP tests whose 90 % interval stays within 15 N of the value:".to_owned();
+    for (source, end) in [("kla", ";"), ("rks", ".\n")] {
+        let all = rows(out.join(format!("10-calibrate/{source}/forces.csv")))?;
+        let known = all.iter().filter(|r| r.last().is_some_and(|c| c == "true")).count();
+        let loaded = |r: &&Vec<String>| r.get(2).and_then(|c| c.parse::<f64>().ok()).is_some_and(|v| v > 15.0);
+        let which = all.iter().filter(loaded);
+        let (strong, sure) =
+            which.fold((0, 0), |(n, k), r| (n + 1, k + usize::from(r.last().is_some_and(|c| c == "true"))));
+        let _ = write!(text, " {source} {known} of {} ({sure} of the {strong} above 15 N){end}", all.len());
     }
     Ok(text)
 }

@@ -36,7 +36,7 @@ pub struct CalibrateArgs {
     /// Folder for model.json, parameters.csv, history.csv and more
     #[arg(long)]
     pub out: PathBuf,
-    /// gradient: least squares with the solver's derivatives; swarm-simplex: the paper's recipe [default: gradient]
+    /// gradient: least squares with the solver's derivatives; swarm-simplex: the paper's recipe; descent: its cost by derivatives [default: gradient]
     #[arg(long)]
     pub method: Option<MethodName>,
     /// Override an option; may be given more than once
@@ -66,6 +66,8 @@ pub enum MethodName {
     Gradient,
     /// Particle swarm, then simplex
     SwarmSimplex,
+    /// Descents on the recipe's cost, with the solver's derivatives
+    Descent,
 }
 
 /// Runs `calibrate`; gives the words to print.
@@ -78,6 +80,7 @@ pub fn calibrate(args: &CalibrateArgs) -> Result<String, BuildError> {
     match args.method {
         Some(MethodName::Gradient) => options.method = Method::Gradient,
         Some(MethodName::SwarmSimplex) => options.method = Method::SwarmSimplex,
+        Some(MethodName::Descent) => options.method = Method::Descent,
         None => {}
     }
     let (trials, mut text) = read_laxity(&args.targets.display().to_string(), &store::read(&args.targets)?)?;

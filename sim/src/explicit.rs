@@ -98,7 +98,7 @@ pub fn run(
 }
 
 /// The model with every bundle cut that has failed by the last of `steps`.
-fn failed(model: &Model, steps: &[Step]) -> Result<Model, SimError> {
+pub(crate) fn failed(model: &Model, steps: &[Step]) -> Result<Model, SimError> {
     let names: Vec<String> = steps.iter().flat_map(|s| s.fail.iter().cloned()).collect();
     if names.is_empty() { Ok(model.clone()) } else { model.without(&names) }
 }

@@ -15,6 +15,7 @@ pub mod protocols;
 pub mod quasistatic;
 pub mod sensitivity;
 pub mod spec;
+pub mod steps;
 pub mod trials;
 pub mod vtk;
 

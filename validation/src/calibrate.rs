@@ -6,6 +6,7 @@ use crate::design::Design;
 use crate::error::ValidationError;
 use crate::experiment::Experiment;
 use crate::gradient::Gradient;
+use crate::hops::Hops;
 use crate::options::{CalibrateOptions, Choice, Method};
 use crate::posterior::{self, ForceEstimate, ParameterEstimate};
 use crate::problem::Problem;
@@ -36,12 +37,13 @@ pub struct Checkpoint {
     state: State,
 }
 
-/// Either method between two steps.
+/// A method between two steps.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 enum State {
     Recipe(Recipe),
     Gradient(Gradient),
+    Descent(Hops),
 }
 
 /// How far a calibration has come.
@@ -109,6 +111,7 @@ impl Checkpoint {
         let state = match o.method {
             Method::SwarmSimplex => State::Recipe(Recipe::new(&start, &o.swarm, o.seed)),
             Method::Gradient => State::Gradient(Gradient::new(&start, o.seed)),
+            Method::Descent => State::Descent(Hops::new(&start, o.seed)),
         };
         Ok(Checkpoint { identity, state })
     }
@@ -151,6 +154,7 @@ impl Checkpoint {
         match &self.state {
             State::Recipe(r) => r.is_finished(),
             State::Gradient(g) => g.is_finished(),
+            State::Descent(h) => h.is_finished(&self.identity.options.descent),
         }
     }
 
@@ -170,6 +174,12 @@ impl Checkpoint {
                 evaluations: g.history.len(),
                 lowest_cost: g.lowest_cost().map_or(f64::INFINITY, |b| b.0),
             },
+            State::Descent(h) => Progress {
+                phase: "descents",
+                share: h.share(&o.descent),
+                evaluations: h.history.len(),
+                lowest_cost: h.best().first().map_or(f64::INFINITY, |b| b.0),
+            },
         }
     }
 
@@ -188,6 +198,10 @@ impl Checkpoint {
                 }
             }
             State::Gradient(g) => g.advance(problem, &o.gradient),
+            State::Descent(h) => {
+                h.advance(problem, &o.descent);
+                Ok(())
+            }
         }
     }
 }
@@ -235,6 +249,11 @@ fn finish(checkpoint: &Checkpoint, problem: &Problem, probes: &Probes) -> Result
             let found = posterior::of_recipe(problem, &best.1, r.rivals(), &o.gradient, o.seed);
             (best.clone(), best.1, found)
         }
+        State::Descent(h) => {
+            let best = h.best().first().ok_or_else(|| no_answer(problem, &checkpoint.identity.start))?;
+            let found = posterior::of_recipe(problem, &best.1, h.starts.clone(), &o.gradient, o.seed);
+            (best.clone(), best.1.clone(), found)
+        }
         State::Gradient(g) => {
             let best = g.best().ok_or_else(|| no_answer(problem, &checkpoint.identity.start))?;
             let lowest = g.lowest_cost().unwrap_or((best.cost, best.point.clone()));
@@ -248,6 +267,7 @@ fn finish(checkpoint: &Checkpoint, problem: &Problem, probes: &Probes) -> Result
     let history = match &checkpoint.state {
         State::Recipe(r) => r.history.clone(),
         State::Gradient(g) => g.history.clone(),
+        State::Descent(h) => h.history.clone(),
     };
     Ok(Calibrated {
         method: o.method,
@@ -276,6 +296,7 @@ fn judged(
     let mut candidates = match state {
         State::Recipe(_) => vec![lowest.clone()],
         State::Gradient(g) => g.candidates(),
+        State::Descent(h) => h.best().to_vec(),
     };
     candidates.sort_by(|a, b| a.0.total_cmp(&b.0));
     let design = problem.experiment.design;
@@ -286,7 +307,7 @@ fn judged(
         .map(|(_, p)| (in_full(&p), p))
         .reduce(|a, b| if b.0 < a.0 { b } else { a })
         .unwrap_or(lowest);
-    let by_cost = options.method == Method::SwarmSimplex || options.gradient.choice == Choice::LowestCost;
+    let by_cost = options.method != Method::Gradient || options.gradient.choice == Choice::LowestCost;
     let point = if by_cost { best.1.clone() } else { point };
     (best, point)
 }

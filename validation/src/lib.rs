@@ -12,6 +12,7 @@ pub mod experiment;
 pub mod figures;
 pub mod frames;
 pub mod gradient;
+pub mod hops;
 pub mod knee;
 pub mod levenberg;
 pub mod ligaments;

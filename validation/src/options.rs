@@ -18,6 +18,8 @@ pub enum Method {
     Gradient,
     /// Particle swarm, then simplex: the paper's recipe.
     SwarmSimplex,
+    /// Descents on the cost with the solver's derivatives, from many starts and from points about the best: the recipe's question, answered sooner.
+    Descent,
 }
 
 /// Options of a calibration.
@@ -42,6 +44,8 @@ pub struct CalibrateOptions {
     pub search: SearchOptions,
     /// The faster way.
     pub gradient: GradientOptions,
+    /// Descents on the cost.
+    pub descent: HopOptions,
     /// Seed of every random number.
     pub seed: u64,
 }
@@ -159,6 +163,43 @@ impl Default for GradientOptions {
     }
 }
 
+/// Descents on the cost.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct HopOptions {
+    /// Starts: the model's own values, then points of a Latin hypercube [-].
+    pub starts: usize,
+    /// Most evaluations of a descent from a start [-]; ours.
+    pub first_evaluations: usize,
+    /// Starts descended from once more, the best so far [-]; ours.
+    pub finalists: usize,
+    /// Most evaluations of those descents [-]; ours.
+    pub evaluations: usize,
+    /// Descents from points about the best [-]; ours.
+    pub hops: usize,
+    /// Most evaluations of a hop's descent [-]; ours.
+    pub hop_evaluations: usize,
+    /// Furthest a hop moves a variable, in widths of its range [-]; ours.
+    pub hop_size: f64,
+    /// Share of the variables that a hop moves [-]; ours.
+    pub hop_share: f64,
+}
+
+impl Default for HopOptions {
+    fn default() -> Self {
+        HopOptions {
+            starts: 16,
+            first_evaluations: 8,
+            finalists: 4,
+            evaluations: 12,
+            hops: 32,
+            hop_evaluations: 8,
+            hop_size: 0.3,
+            hop_share: 0.4,
+        }
+    }
+}
+
 impl CalibrateOptions {
     /// Refuses options that mean nothing.
     ///
@@ -177,12 +218,23 @@ impl CalibrateOptions {
         least("gradient.modes", self.gradient.modes, 1)?;
         least("gradient.evaluations", self.gradient.evaluations, 2)?;
         least("gradient.sample_evaluations", self.gradient.sample_evaluations, 1)?;
+        least("descent.starts", self.descent.starts, 1)?;
+        least("descent.first_evaluations", self.descent.first_evaluations, 2)?;
+        least("descent.finalists", self.descent.finalists, 1)?;
+        least("descent.evaluations", self.descent.evaluations, 2)?;
+        least("descent.hop_evaluations", self.descent.hop_evaluations, 2)?;
+        if self.method == Method::Descent && !self.loads.is_empty() {
+            let what = "loads are not heard by the method descent: take gradient or swarm-simplex, or leave them out";
+            return Err(ValidationError::Option(what.into()));
+        }
         let between = |name: &str, value: f64, low: f64, high: f64| match value > low && value < high {
             true => Ok(()),
             false => Err(ValidationError::Option(format!("{name} is {value}, expected between {low} and {high}"))),
         };
         between("swarm.simplex_size", self.swarm.simplex_size, 0.0, 0.5)?;
         between("gradient.interval", self.gradient.interval, 0.0, 1.0)?;
+        between("descent.hop_size", self.descent.hop_size, 0.0, 1.0)?;
+        between("descent.hop_share", self.descent.hop_share, 0.0, 1.0)?;
         for (name, sd) in
             [("frames.turn_sd_deg", self.frames.turn_sd_deg), ("frames.shift_sd_mm", self.frames.shift_sd_mm)]
         {

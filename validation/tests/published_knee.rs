@@ -11,7 +11,7 @@ use validation::cost::{CostFunction, CostOptions};
 use validation::design::{Design, Kind};
 use validation::experiment::Experiment;
 use validation::knee::{Knee, SearchOptions};
-use validation::options::CalibrateOptions;
+use validation::options::{CalibrateOptions, Method};
 use validation::session::Session;
 
 type Row = BTreeMap<String, String>;
@@ -124,4 +124,12 @@ fn least_squares_beat_the_best_published_evaluation() {
         found.history.len()
     );
     assert!(found.lowest_cost.0 <= theirs, "{} against {theirs}", found.lowest_cost.0);
+
+    (options.method, options.gradient.samples) = (Method::Descent, 1);
+    (options.descent.starts, options.descent.finalists, options.descent.hops) = (4, 2, 8);
+    let session = Session::new(&knee.spec, "deck", &trials, &options).expect("usable targets");
+    let begin = session.begin(None).expect("a beginning");
+    let lowered = session.run(&knee, begin, &mut |_| ControlFlow::Continue(())).expect("a descent").found;
+    println!("descents on the cost reach {:.1} in {} evaluations", lowered.cost, lowered.history.len());
+    assert!(lowered.cost < 0.7 * theirs, "{} against {theirs}", lowered.cost);
 }

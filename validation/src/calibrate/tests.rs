@@ -86,7 +86,7 @@ fn go_on(_: &Checkpoint) -> ControlFlow<()> {
 #[test]
 fn interrupted_and_resumed_gives_the_same_bytes() {
     let b = bench(&truth(1), 1.0, 1);
-    for method in [Method::SwarmSimplex, Method::Gradient] {
+    for method in [Method::SwarmSimplex, Method::Gradient, Method::Descent] {
         let mut o = quick(method);
         (o.gradient.starts, o.gradient.samples) = (10, 12);
         let whole = b.run(&o, &mut go_on).unwrap();
@@ -126,7 +126,7 @@ fn a_checkpoint_of_another_calibration_is_refused_by_what_differs() {
 #[test]
 fn any_number_of_threads_gives_the_same_answer() {
     let b = bench(&truth(3), 1.0, 3);
-    for method in [Method::SwarmSimplex, Method::Gradient] {
+    for method in [Method::SwarmSimplex, Method::Gradient, Method::Descent] {
         let mut o = quick(method);
         (o.gradient.starts, o.gradient.samples) = (4, 8);
         let on = |threads: usize| {
@@ -151,6 +151,23 @@ fn without_noise_the_fit_is_close_and_the_progress_grows() {
     assert!(shares.windows(2).all(|w| w[0] <= w[1]) && shares.last().is_some_and(|s| *s > 0.99), "{shares:?}");
     assert!(found.lowest_cost.0 <= found.cost);
     assert!(found.history.iter().all(|h| *h >= found.lowest_cost.0));
+}
+
+#[test]
+fn descents_on_the_cost_end_no_higher_than_the_recipe() {
+    let b = bench(&truth(6), 1.0, 6);
+    let mut shares = vec![];
+    let found = b
+        .run(&quick(Method::Descent), &mut |c| {
+            shares.push(c.progress().share);
+            ControlFlow::Continue(())
+        })
+        .unwrap();
+    let recipe = b.run(&CalibrateOptions { method: Method::SwarmSimplex, ..Default::default() }, &mut go_on).unwrap();
+    assert!(found.cost <= recipe.cost, "{} against {}", found.cost, recipe.cost);
+    assert!(found.cost == found.lowest_cost.0 && found.history.iter().all(|h| *h >= found.cost));
+    assert!(found.history.len() < 500 && recipe.history.len() > 1000);
+    assert!(shares.windows(2).all(|w| w[0] < w[1]) && shares.last() == Some(&1.0), "{shares:?}");
 }
 
 #[test]
@@ -194,6 +211,8 @@ fn a_belief_about_a_force_is_heard() {
         let force = |c: &Calibrated| c.forces.iter().find(|f| f.bundle == 0).and_then(|f| f.value_n).unwrap();
         assert!((force(&told) - 20.0).abs() < (force(&plain) - 20.0).abs(), "{} {}", force(&told), force(&plain));
     }
+    let deaf = CalibrateOptions { loads: vec![belief.clone()], ..quick(Method::Descent) };
+    assert!(deaf.check().unwrap_err().to_string().contains("not heard"));
     let unknown = LoadPrior { bundles: vec!["Z".into()], ..belief };
     let o = CalibrateOptions { loads: vec![unknown], ..quick(Method::Gradient) };
     let simulate = |v: &[f64], _: bool| toy::answers(&b.design, &b.targets.trials, v);
