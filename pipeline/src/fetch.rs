@@ -1,7 +1,6 @@
 //! `fetch`: the published data sets from their public records.
 
 mod download;
-mod md5;
 mod place;
 mod record;
 

@@ -1,10 +1,10 @@
 //! Downloads that end in a whole file or an error.
 
-use super::md5::Md5;
 use super::record::RecordFile;
 use crate::error::BuildError;
 use crate::store;
 use crate::store::part::{PartFile, pieces};
+use md5::{Digest, Md5};
 use std::io::Read;
 use std::path::Path;
 use std::time::Duration;
@@ -27,6 +27,11 @@ pub(super) fn agent(patience: u64) -> Agent {
         .user_agent(concat!("build-model/", env!("CARGO_PKG_VERSION")))
         .build()
         .into()
+}
+
+/// The sum as records write it. MD5 tells damage, not forgery.
+fn hex(sum: Md5) -> String {
+    sum.finalize().iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 fn wait(attempt: u32) {
@@ -61,8 +66,8 @@ pub(super) fn text(agent: &Agent, url: &str) -> Result<Vec<u8>, BuildError> {
 pub(super) fn file(agent: &Agent, file: &RecordFile, url: &str, target: &Path) -> Result<bool, BuildError> {
     if store::exists(target) {
         let mut sum = Md5::new();
-        pieces(target, |part| sum.add(part))?;
-        if sum.hex() == file.md5 {
+        pieces(target, |part| sum.update(part))?;
+        if hex(sum) == file.md5 {
             return Ok(false);
         }
         // Damaged since, or of an older record: it must not pass for the record's file, whatever comes of the download.
@@ -78,8 +83,8 @@ pub(super) fn file(agent: &Agent, file: &RecordFile, url: &str, target: &Path) -
         }
         complete(agent, file.size, url, &mut part).map_err(wrong)?;
         let mut sum = Md5::new();
-        part.each(|piece| sum.add(piece))?;
-        let found = sum.hex();
+        part.each(|piece| sum.update(piece))?;
+        let found = hex(sum);
         if found == file.md5 {
             part.finish()?;
             return Ok(true);
