@@ -15,7 +15,7 @@ mod rim;
 
 use crate::error::SimError;
 use crate::joint::{Pose, Screw, Six, comes_first};
-use crate::spec::ModelSpec;
+use crate::spec::{ContactSpec, FramesSpec, ModelSpec};
 use field::Field;
 pub use friction::{FrictionState, Patches};
 use law::PressureLaw;
@@ -147,34 +147,44 @@ impl Contact {
         surfaces: &BTreeMap<String, TriMesh>,
         options: &ContactOptions,
     ) -> Result<Contact, SimError> {
-        let law = PressureLaw::new(&spec.contact.overclosure_mm, &spec.contact.pressure_mpa)?;
-        for (key, x) in [("friction", spec.contact.friction), ("damping", spec.contact.damping)] {
+        Contact::between(&spec.frames, &spec.contact, surfaces, options)
+    }
+
+    /// [`Contact::new`] of what it needs of a specification.
+    pub fn between(
+        frames: &FramesSpec,
+        spec: &ContactSpec,
+        surfaces: &BTreeMap<String, TriMesh>,
+        options: &ContactOptions,
+    ) -> Result<Contact, SimError> {
+        let law = PressureLaw::new(&spec.overclosure_mm, &spec.pressure_mpa)?;
+        for (key, x) in [("friction", spec.friction), ("damping", spec.damping)] {
             if !(0.0..10.0).contains(&x) {
                 return Err(SimError::Spec(format!("contact.{key} is {x}, expected 0 to 10")));
             }
         }
         let mut sides: BTreeMap<(String, bool), Arc<Side>> = BTreeMap::new();
         let mut pairs = Vec::new();
-        for pair in &spec.contact.pairs {
+        for pair in &spec.pairs {
             let mut both = Vec::new();
             for (name, moves) in [(&pair.femur, true), (&pair.tibia, false)] {
                 let key = (name.clone(), moves);
                 if !sides.contains_key(&key) {
-                    let frame = field::bone_frame(if moves { &spec.frames.femur } else { &spec.frames.tibia });
+                    let frame = field::bone_frame(if moves { &frames.femur } else { &frames.tibia });
                     sides.insert(key.clone(), Arc::new(side(name, surfaces, frame, options)?));
                 }
                 both.push(sides[&key].clone());
             }
             pairs.push(Pair { femur: both[0].clone(), tibia: both[1].clone() });
         }
-        Ok(Contact {
-            pairs,
-            law,
-            friction: spec.contact.friction,
-            damping: spec.contact.damping,
-            scale: 1.0,
-            tibial_only: false,
-        })
+        Ok(Contact { pairs, law, friction: spec.friction, damping: spec.damping, scale: 1.0, tibial_only: false })
+    }
+
+    /// The same surfaces under another pressure-overclosure law.
+    ///
+    /// Errors: a bad table.
+    pub fn with_law(&self, overclosure_mm: &[f64], pressure_mpa: &[f64]) -> Result<Contact, SimError> {
+        Ok(Contact { law: PressureLaw::new(overclosure_mm, pressure_mpa)?, ..self.clone() })
     }
 
     /// Energy, gradient and Hessian at a pose.
