@@ -11,11 +11,12 @@ use sim::abaqus::MeshValue;
 use sim::laxity::LaxityTrial;
 use stages::StageError;
 use stages::anatomy::check_anatomy;
-use stages::assemble::{Assembled, assemble};
+use stages::assemble::{AssembleOptions, Assembled, assemble};
 use stages::attachments::attachments;
 use stages::bones::Bones;
 use stages::bones::bones;
 use stages::cartilage::cartilage;
+use stages::contact_law::{ContactLaw, contact_law};
 use stages::frames::frames;
 use stages::hexmesh::hexmesh;
 use stages::ingest::parse_specimen_file;
@@ -67,11 +68,22 @@ pub fn build_model(raw: &RawSpecimen, o: &BuildOptions, log: &mut RunLog) -> Res
     let h = hexes.digest.as_str();
     let separated =
         log.stage("overclosure", &[h], &o.overclosure, || overclosure(&hexes, &o.overclosure), show::overclosure)?;
+    let law = match o.contact_law.fit {
+        true => Some(log.stage(
+            "contact-law",
+            &[s, f, &separated.digest],
+            &o.contact_law,
+            || contact_law(&specimen, &frames, &separated, &o.contact_law),
+            show::contact_law,
+        )?),
+        false => None,
+    };
+    let fitted = assemble_options(&o.assemble, law.as_deref());
     let assembled = log.stage(
         "assemble",
         &[s, f, a, &separated.digest],
-        &o.assemble,
-        || assemble(&specimen, &frames, &attachments, &separated, &o.assemble),
+        &fitted,
+        || assemble(&specimen, &frames, &attachments, &separated, &fitted),
         show::assembled,
     )?;
     let measured = measured(raw)?;
@@ -96,6 +108,15 @@ pub fn build_model(raw: &RawSpecimen, o: &BuildOptions, log: &mut RunLog) -> Res
         |v| validate::show(v, Some(&calibration)),
     )?;
     Ok(())
+}
+
+/// The options of `assemble` with the fitted law in place of theirs.
+fn assemble_options(given: &AssembleOptions, law: Option<&ContactLaw>) -> AssembleOptions {
+    let mut options = given.clone();
+    if let Some(law) = law {
+        (options.overclosure_mm, options.pressure_mpa) = (law.overclosure_mm.clone(), law.pressure_mpa.clone());
+    }
+    options
 }
 
 /// The specimen with the surfaces found in its CT volume; `None` where it has surfaces.

@@ -143,7 +143,7 @@ pub fn as_json(records: &[Record]) -> String {
 }
 
 /// Which figures tell most about a stage, by the end of their names.
-const TELLING: [(&str, &[&str]); 12] = [
+const TELLING: [(&str, &[&str]); 13] = [
     ("segment", &["threshold", "femur_volume_mm3", "tibfib_volume_mm3"]),
     ("ingest", &["triangles", "landmarks", "marks"]),
     ("register", &["predicted_error_mm"]),
@@ -152,6 +152,7 @@ const TELLING: [(&str, &[&str]); 12] = [
     ("frames", &["angle_to_tea_axial_deg", "fe_deg", "vv_deg", "ie_deg"]),
     ("attachments", &["sites_marked", "sites_literature", "sites_given", "fibres"]),
     ("hexmesh", &["elements", "scaled_jacobian_min"]),
+    ("contact-law", &["fit_error_percent", "fit_rms_percent", "area_error_percent"]),
     ("overclosure", &["max_overclosure_before_mm", "gap_min_mm", "iterations"]),
     ("assemble", &["bundles", "fibres"]),
     ("calibrate", &["trials", "cost", "parameters_determined"]),

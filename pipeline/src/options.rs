@@ -7,6 +7,7 @@ use stages::assemble::AssembleOptions;
 use stages::attachments::AttachmentsOptions;
 use stages::bones::BonesOptions;
 use stages::cartilage::CartilageOptions;
+use stages::contact_law::ContactLawOptions;
 use stages::frames::FramesOptions;
 use stages::hexmesh::HexmeshOptions;
 use stages::ingest::IngestOptions;
@@ -39,6 +40,9 @@ pub struct BuildOptions {
     pub hexmesh: HexmeshOptions,
     /// Stage 8.
     pub overclosure: OverclosureOptions,
+    /// Stage 8b, which runs where its `fit` is true.
+    #[serde(rename = "contact-law")]
+    pub contact_law: ContactLawOptions,
     /// Stage 9.
     pub assemble: AssembleOptions,
     /// Stage 10.

@@ -14,6 +14,7 @@ mod cartilage_scenes;
 mod charts;
 mod compare;
 mod geometry;
+mod law_charts;
 mod motion;
 mod pictures;
 mod scene;

@@ -27,6 +27,9 @@ pub fn run(args: &BuildArgs) -> Result<String, BuildError> {
         return Err(BuildError::Usage("--to segment: the specimen has surfaces and no CT volume ([ct] volume)".into()));
     }
     let options = resolve(&file.options, &args.overrides, args.seed)?;
+    if args.to.as_deref() == Some("contact-law") && !options.contact_law.fit {
+        return Err(BuildError::Usage("--to contact-law: the stage runs only with --set contact-law.fit=true".into()));
+    }
     let out = args.out.clone().unwrap_or_else(|| args.dir.join("build"));
     let folder = BuildFolder::open(&out)?;
     folder.write_file("run.toml", run_toml(&raw, &file, &options)?.as_bytes())?;

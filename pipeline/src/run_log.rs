@@ -11,7 +11,7 @@ use std::ops::Deref;
 use std::time::Instant;
 
 /// The stages in order, with their numbers in folder names.
-pub const STAGES: [(&str, &str); 12] = [
+pub const STAGES: [(&str, &str); 13] = [
     ("00", "segment"),
     ("01", "ingest"),
     ("02", "register"),
@@ -21,6 +21,7 @@ pub const STAGES: [(&str, &str); 12] = [
     ("06", "attachments"),
     ("07", "hexmesh"),
     ("08", "overclosure"),
+    ("08b", "contact-law"),
     ("09", "assemble"),
     ("10", "calibrate"),
     ("11", "validate"),

@@ -168,7 +168,7 @@ fn bundle_spec(bundle: &Bundle, lengths: &[f64], specimen: &Specimen, options: &
     }
 }
 
-fn frames_spec(frames: &Frames) -> FramesSpec {
+pub(crate) fn frames_spec(frames: &Frames) -> FramesSpec {
     let gs = &frames.gs_ct_pose;
     FramesSpec {
         femur: frames.femur,

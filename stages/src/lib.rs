@@ -1,6 +1,6 @@
 //! The stages of the build: one public function each, from values to values. None opens a file.
 //!
-//! Order: ingest, register, bones, cartilage, frames, attachments, hexmesh, overclosure, assemble.
+//! Order: ingest, register, bones, cartilage, frames, attachments, hexmesh, overclosure, contact-law (optional), assemble.
 
 pub mod anatomy;
 pub mod assemble;
@@ -8,6 +8,7 @@ pub mod attachments;
 pub mod bones;
 pub mod cartilage;
 pub mod condyles;
+pub mod contact_law;
 pub mod frames;
 pub mod hexmesh;
 pub mod ingest;

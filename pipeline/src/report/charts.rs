@@ -1,5 +1,6 @@
 //! Charts of the report: calibration history, parameters with intervals, force and displacement over measured points.
 
+use super::law_charts;
 use super::values::Values;
 use plotly::common::{DashType, ErrorData, ErrorType, Line, Marker, MarkerSymbol, Mode, Title};
 use plotly::layout::{Axis, AxisType};
@@ -17,10 +18,14 @@ pub(super) struct Chart {
     pub(super) plot: String,
 }
 
-const COLOURS: [&str; 8] = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7b3fa0", "#555555"];
+pub(super) const COLOURS: [&str; 8] =
+    ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7b3fa0", "#555555"];
 
 /// The charts of a stage.
 pub(super) fn charts(stage: &str, v: &Values) -> Vec<Chart> {
+    if let (Some(law), "contact-law") = (&v.contact_law, stage) {
+        return law_charts::charts(law);
+    }
     let (Some(c), "calibrate") = (&v.calibration, stage) else { return vec![] };
     let mut out = vec![history(c.sources.iter())];
     for (name, outcome) in &c.sources {
@@ -33,7 +38,7 @@ pub(super) fn charts(stage: &str, v: &Values) -> Vec<Chart> {
     out
 }
 
-fn layout(x: &str, y: &str) -> Layout {
+pub(super) fn layout(x: &str, y: &str) -> Layout {
     let axis = |title: &str| Axis::new().title(Title::from(title)).zero_line(true).show_line(true);
     Layout::new().x_axis(axis(x)).y_axis(axis(y)).height(360)
 }

@@ -9,6 +9,7 @@ use stages::assemble::Assembled;
 use stages::attachments::Attachments;
 use stages::bones::Bones;
 use stages::cartilage::Cartilage;
+use stages::contact_law::ContactLaw;
 use stages::frames::Frames;
 use stages::hexmesh::HexCartilage;
 use stages::ingest::Specimen;
@@ -25,6 +26,7 @@ pub(super) struct Values {
     pub(super) attachments: Option<Attachments>,
     pub(super) hexes: Option<HexCartilage>,
     pub(super) separated: Option<Separated>,
+    pub(super) contact_law: Option<ContactLaw>,
     pub(super) assembled: Option<Assembled>,
     pub(super) calibration: Option<Calibration>,
     pub(super) validation: Option<Validation>,
@@ -42,6 +44,7 @@ impl Values {
             attachments: value(folder, "attachments", stages),
             hexes: value(folder, "hexmesh", stages),
             separated: value(folder, "overclosure", stages),
+            contact_law: value(folder, "contact-law", stages),
             assembled: value(folder, "assemble", stages),
             calibration: value(folder, "calibrate", stages),
             validation: value(folder, "validate", stages),

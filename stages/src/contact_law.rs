@@ -1,0 +1,234 @@
+//! Stage 8b, contact-law (optional): the rigid contact law fitted to a deformable model of the knee's own cartilage.
+
+mod fit;
+mod loading;
+mod pose;
+
+use crate::frames::Frames;
+use crate::ingest::Specimen;
+use crate::overclosure::Separated;
+use crate::{PerCartilage, StageError};
+pub use fit::{Fitted, RigidCurve};
+pub use loading::Curve;
+use meshes::hex::HexMesh;
+use serde::{Deserialize, Serialize};
+use sim::SimError;
+use sim::deformable::{Law, Material};
+
+/// The published law of S192803 [mm, MPa] [andreassen2025].
+pub const PUBLISHED: ([f64; 4], [f64; 4]) = ([0.0, 0.05, 0.1, 0.2], [0.0, 0.323_340_3, 0.646_680_6, 1.339_037_9]);
+
+/// How the law is fitted.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct ContactLawOptions {
+    /// Whether the stage runs; otherwise the law of `assemble` stands.
+    pub fit: bool,
+    /// How cartilage's stress follows from strain.
+    pub law: Law,
+    /// Young's modulus of cartilage [MPa] [andreassen2025].
+    pub youngs_modulus_mpa: f64,
+    /// Its Poisson's ratio [-] [andreassen2025].
+    pub poissons_ratio: f64,
+    /// Flexions at which the knee is pressed [deg].
+    pub flexions_deg: Vec<f64>,
+    /// Force up to which it is pressed [N].
+    pub force_n: f64,
+    /// Levels on the way there, about.
+    pub levels: usize,
+    /// Forces below this do not count in the fit [N].
+    pub least_force_n: f64,
+    /// Overclosures of the law, ascending from 0 [mm]; the published ones.
+    pub overclosure_mm: Vec<f64>,
+    /// Weight of the contact area at equal force beside the force at equal approach [-].
+    pub area_weight: f64,
+    /// Coulomb friction [-] [andreassen2025].
+    pub friction: f64,
+    /// Penalty: pressure over penetration [MPa/mm].
+    pub penalty_mpa_per_mm: f64,
+    /// Hourglass stiffness, the kappa of [flanagan1981] [-].
+    pub hourglass_stiffness: f64,
+    /// Whether stress and pressure of every level are kept for files, or only those of the last level of each flexion.
+    pub all_fields: bool,
+}
+
+impl Default for ContactLawOptions {
+    fn default() -> Self {
+        ContactLawOptions {
+            fit: false,
+            law: Law::Linear,
+            youngs_modulus_mpa: 12.0,
+            poissons_ratio: 0.45,
+            flexions_deg: vec![0.0, 45.0, 90.0],
+            force_n: 1000.0,
+            levels: 12,
+            least_force_n: 50.0,
+            overclosure_mm: PUBLISHED.0.to_vec(),
+            area_weight: 0.1,
+            friction: 0.03,
+            penalty_mpa_per_mm: 300.0,
+            hourglass_stiffness: 0.05,
+            all_fields: false,
+        }
+    }
+}
+
+/// Stress and pressure of the cartilages at a level, as they lie then (CT frame, the tibia's).
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Snapshot {
+    /// Flexion [deg].
+    pub flexion_deg: f64,
+    /// The level's number within its flexion.
+    pub level: usize,
+    /// Force [N].
+    pub force_n: f64,
+    /// By cartilage.
+    pub fields: PerCartilage<SolidFields>,
+}
+
+/// Fields of one cartilage.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct SolidFields {
+    /// Node places [mm].
+    pub places: Vec<[f32; 3]>,
+    /// Cauchy stress of each element, xx, xy, xz, yy, yz, zz [MPa].
+    pub stress_mpa: Vec<[f32; 6]>,
+    /// Contact pressure at each node [MPa].
+    pub contact_pressure_mpa: Vec<f32>,
+}
+
+/// The fitted law and what it was fitted to.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct ContactLaw {
+    /// Overclosures [mm], ascending from 0.
+    pub overclosure_mm: Vec<f64>,
+    /// Pressures at them [MPa].
+    pub pressure_mpa: Vec<f64>,
+    /// Largest difference of the rigid law's force from the deformable model's, from `least_force_n` up [%].
+    pub fit_error_percent: f64,
+    /// Its root mean square [%].
+    pub fit_rms_percent: f64,
+    /// Root mean square difference of contact area at equal force [%].
+    pub area_error_percent: f64,
+    /// The deformable model, a curve a flexion.
+    pub curves: Vec<Curve>,
+    /// The rigid law at the same approaches: fitted, and published.
+    pub rigid: Vec<RigidCurve>,
+    /// Fields for files.
+    pub snapshots: Vec<Snapshot>,
+    /// The meshes that the fields belong to.
+    pub meshes: PerCartilage<HexMesh>,
+    /// What is odd but not fatal.
+    pub warnings: Vec<String>,
+    /// For metrics.json.
+    pub metrics: serde_json::Value,
+}
+
+impl ContactLawOptions {
+    fn material(&self) -> Material {
+        Material {
+            law: self.law,
+            youngs_modulus_mpa: self.youngs_modulus_mpa,
+            poissons_ratio: self.poissons_ratio,
+            ..Material::cartilage()
+        }
+    }
+}
+
+/// Presses the femoral onto the tibial cartilage along the tibia's axis at each flexion, and fits the pressures of the rigid law to force
+/// against approach and to contact area.
+///
+/// # Errors
+/// Options out of range; cartilages that do not meet; what the deformable solver refuses.
+pub fn contact_law(
+    specimen: &Specimen,
+    frames: &Frames,
+    separated: &Separated,
+    options: &ContactLawOptions,
+) -> Result<ContactLaw, StageError> {
+    check(options)?;
+    let rigid = pose::Rigid::new(specimen.identity.side, frames, separated, options)?;
+    let (mut curves, mut poses, mut snapshots, mut warnings) = (vec![], vec![], vec![], vec![]);
+    for &flexion in &options.flexions_deg {
+        let pose = rigid.pose(flexion, options)?;
+        let pressed = loading::press(&rigid, &pose, separated, options)?;
+        warnings.extend(pressed.warnings);
+        snapshots.extend(pressed.snapshots);
+        curves.push(pressed.curve);
+        poses.push(pose);
+    }
+    let fitted = fit::fit(&rigid, &poses, &curves, options)?;
+    if fitted.worst_percent > 10.0 {
+        warnings.push(format!(
+            "the fitted law misses the deformable model's force by up to {:.1} %: one law does not serve all flexions",
+            fitted.worst_percent
+        ));
+    }
+    let metrics = metrics(&curves, &fitted, options);
+    Ok(ContactLaw {
+        overclosure_mm: options.overclosure_mm.clone(),
+        pressure_mpa: fitted.pressure_mpa,
+        fit_error_percent: fitted.worst_percent,
+        fit_rms_percent: fitted.rms_percent,
+        area_error_percent: fitted.area_percent,
+        curves,
+        rigid: fitted.curves,
+        snapshots,
+        meshes: separated.meshes.clone(),
+        warnings,
+        metrics,
+    })
+}
+
+fn metrics(curves: &[Curve], fitted: &Fitted, o: &ContactLawOptions) -> serde_json::Value {
+    let flexions: Vec<serde_json::Value> = curves
+        .iter()
+        .map(|c| {
+            // shares of energies say nothing while hardly anything touches
+            let told = || c.levels.iter().filter(|l| l.force_n >= o.least_force_n);
+            let most = |f: fn(&sim::deformable::press::Level) -> f64| told().map(f).fold(0.0, f64::max);
+            serde_json::json!({
+                "flexion_deg": c.flexion_deg,
+                "levels": c.levels.len(),
+                "force_max_n": most(|l| l.force_n),
+                "peak_pressure_mpa": most(|l| l.peak_pressure_mpa),
+                "kinetic_share_max": most(|l| l.kinetic_share_under_way),
+                "kinetic_share_at_rest_max": most(|l| l.kinetic_share),
+                "hourglass_share_max": most(|l| l.hourglass_share),
+                "energy_balance_error": c.energy_balance_error,
+                "increments": c.levels.iter().map(|l| l.increments).sum::<usize>(),
+                "mass_factor_max": c.masses.largest_factor,
+                "mass_used_over_true": c.masses.used_tonne / c.masses.true_tonne,
+            })
+        })
+        .collect();
+    serde_json::json!({
+        "pressure_mpa": fitted.pressure_mpa,
+        "fit_error_percent": fitted.worst_percent,
+        "fit_rms_percent": fitted.rms_percent,
+        "area_error_percent": fitted.area_percent,
+        "flexions": flexions,
+    })
+}
+
+fn check(o: &ContactLawOptions) -> Result<(), StageError> {
+    let x = &o.overclosure_mm;
+    if x.len() < 2 || x[0] != 0.0 || x.windows(2).any(|w| w[0].is_nan() || w[1].is_nan() || w[0] >= w[1]) || x.len() > 6
+    {
+        return Err(StageError("overclosure_mm: two to six ascending overclosures from 0 were expected".into()));
+    }
+    if o.flexions_deg.is_empty() || o.flexions_deg.iter().any(|f| !(-15.0..=130.0).contains(f)) {
+        return Err(StageError("flexions_deg: at least one flexion, each from -15 to 130 deg, was expected".into()));
+    }
+    if !(10.0..=5000.0).contains(&o.force_n) || !(3..=100).contains(&o.levels) {
+        return Err(StageError("force_n 10 to 5000 and levels 3 to 100 were expected".into()));
+    }
+    if !(0.0..o.force_n).contains(&o.least_force_n) || !(0.0..=10.0).contains(&o.area_weight) {
+        return Err(StageError("least_force_n 0 to force_n and area_weight 0 to 10 were expected".into()));
+    }
+    Ok(())
+}
+
+fn fault(e: SimError) -> StageError {
+    StageError(e.to_string())
+}
