@@ -3,6 +3,8 @@
 use super::*;
 use sim::deformable::{Ramp, State, compile};
 
+type Change = Box<dyn Fn(&mut Assembly)>;
+
 fn refused(change: impl Fn(&mut Assembly)) -> String {
     let mut assembly = under_plate(solid(block([2, 2, 2], [2.0; 3]), material(Law::Linear, 12.0, 0.45)), 2.1, 1.0, 2.0);
     change(&mut assembly);
@@ -11,7 +13,7 @@ fn refused(change: impl Fn(&mut Assembly)) -> String {
 
 #[test]
 fn bad_input_is_named() {
-    let cases: [(&str, Box<dyn Fn(&mut Assembly)>); 12] = [
+    let cases: [(&str, Change); 12] = [
         ("element 3 is inverted", Box::new(|a| a.solids[0].mesh.elements[3].rotate_left(4))),
         ("element 0 has no thickness", Box::new(|a| a.solids[0].mesh.nodes.iter_mut().for_each(|p| p.z = 0.0))),
         ("fixed to nothing", Box::new(|a| a.solids[0].mesh.bony_nodes.clear())),
