@@ -192,7 +192,7 @@ impl Default for HopOptions {
             first_evaluations: 8,
             finalists: 4,
             evaluations: 12,
-            hops: 32,
+            hops: 24,
             hop_evaluations: 8,
             hop_size: 0.3,
             hop_share: 0.4,

@@ -166,7 +166,7 @@ fn descents_on_the_cost_end_no_higher_than_the_recipe() {
     let recipe = b.run(&CalibrateOptions { method: Method::SwarmSimplex, ..Default::default() }, &mut go_on).unwrap();
     assert!(found.cost <= recipe.cost, "{} against {}", found.cost, recipe.cost);
     assert!(found.cost == found.lowest_cost.0 && found.history.iter().all(|h| *h >= found.cost));
-    assert!(found.history.len() < 500 && recipe.history.len() > 1000);
+    assert!(found.history.len() < 400 && recipe.history.len() > 1000);
     assert!(shares.windows(2).all(|w| w[0] < w[1]) && shares.last() == Some(&1.0), "{shares:?}");
 }
 
