@@ -100,6 +100,13 @@ fn a_febio_file_is_well_formed_and_every_name_in_it_defined() {
 }
 
 #[test]
+fn an_abaqus_deck_is_read_by_meshio() {
+    let out = exported("abaqus", &[]);
+    let spec = model().display().to_string();
+    reads("an_abaqus_deck_is_read_by_meshio", "formats.py", &["abaqus", &out.path().display().to_string(), &spec]);
+}
+
+#[test]
 fn opensim_finds_the_same_equilibrium() {
     let out = exported("opensim", &[]);
     let folder = out.path().display().to_string();

@@ -69,6 +69,23 @@ fn report_of_a_failed_build_says_what_and_where() {
 }
 
 #[test]
+fn report_of_a_failed_mesh_shows_its_elements() {
+    let folder = phantom("S192803-phantom");
+    let set = ["--quiet", "--set", "hexmesh.least_scaled_jacobian=0.9"];
+    let run = build_model().arg(folder.path()).args(set).assert().code(1);
+    let said = String::from_utf8_lossy(&run.get_output().stderr).into_owned();
+    let number = said.split("element ").nth(1).unwrap().split(' ').next().unwrap();
+    assert!(number.parse::<u32>().is_ok(), "{said}");
+    let page = text(&folder.path().join("build/report.html"));
+    assert!(words(&page).contains("07 hexmesh: stopped here"));
+    assert!(words(&page).contains("data-scene=\"a/failed\""));
+    // The scene draws them where they are, each with its number.
+    let data = &page[page.find("id=\"data\"").unwrap()..];
+    assert_eq!(data.matches("in CT\"").count(), 20, "elements in the scene");
+    assert!(data.contains(&format!("\"element {number} (")), "{said}");
+}
+
+#[test]
 fn two_builds_stand_side_by_side() {
     let other = phantom("S193761-phantom");
     build_model().arg(other.path()).args(["--quiet", "--to", "bones"]).assert().success();

@@ -37,7 +37,7 @@ pub(crate) fn section(knees: &[(&Knee, Built)]) -> Result<Section, String> {
 }
 
 fn made(specimen: &Specimen) -> Result<Frames, String> {
-    let bones = Bones { surfaces: specimen.ct.clone(), warnings: Vec::new(), metrics: Value::Null };
+    let bones = Bones { surfaces: specimen.ct.clone(), patella: None, warnings: Vec::new(), metrics: Value::Null };
     frames(specimen, &bones, &FramesOptions::default()).map_err(|e| e.to_string())
 }
 

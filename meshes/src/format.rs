@@ -38,7 +38,7 @@ pub enum SurfaceFormat {
 pub fn read_surface(name: &str, bytes: &[u8], files: &BTreeMap<String, Vec<u8>>) -> Result<ColouredMesh, FormatError> {
     match surface_format(name, bytes)? {
         SurfaceFormat::Stl => Ok(ColouredMesh { mesh: stl::read(bytes)?, colours: Vec::new() }),
-        SurfaceFormat::Ply => ply::read(bytes),
+        SurfaceFormat::Ply => ply::read_textured(name, bytes, files),
         SurfaceFormat::Obj => obj::read(name, bytes, files),
     }
 }
@@ -74,7 +74,7 @@ pub fn surface_format(name: &str, bytes: &[u8]) -> Result<SurfaceFormat, FormatE
     }
 }
 
-/// Paths of the files that the file `name` names and needs: an OBJ's material libraries, a material library's textures.
+/// Paths of the files that the file `name` names and needs: an OBJ's material libraries, a material library's and a PLY's textures.
 /// Relative to the specimen, in order of appearance, each once; a path that would lead out of the specimen is left out.
 pub fn companions(name: &str, bytes: &[u8]) -> Vec<String> {
     let lower = name.to_ascii_lowercase();
@@ -82,6 +82,8 @@ pub fn companions(name: &str, bytes: &[u8]) -> Vec<String> {
         obj::material_libraries(bytes)
     } else if lower.ends_with(".mtl") {
         texture::Library::parse(bytes).textures()
+    } else if lower.ends_with(".ply") {
+        ply::textures(bytes)
     } else {
         Vec::new()
     };

@@ -30,6 +30,8 @@ use validation::validate::Passive;
 
 /// Builds the knee of one specimen.
 pub fn build_model(raw: &RawSpecimen, o: &BuildOptions, log: &mut RunLog) -> Result<(), BuildError> {
+    // A table that cannot be read is told before hours are spent on what it is for.
+    let measured = measured(raw)?;
     let segmented = segmented(raw, o, log)?;
     let raw = segmented.as_ref().unwrap_or(raw);
     let raw_digest = digest(raw);
@@ -86,7 +88,6 @@ pub fn build_model(raw: &RawSpecimen, o: &BuildOptions, log: &mut RunLog) -> Res
         || assemble(&specimen, &frames, &attachments, &separated, &fitted),
         show::assembled,
     )?;
-    let measured = measured(raw)?;
     if measured.laxity.is_empty() {
         return Ok(());
     }
@@ -164,9 +165,15 @@ fn measured(raw: &RawSpecimen) -> Result<Measured, BuildError> {
 /// The assembled model as it would be read back.
 fn loaded(assembled: &Assembled, bones: &Bones) -> LoadedModel {
     let contact = assembled.contact.named().map(|(name, mesh)| (format!("contact/{name}.ply"), mesh));
+    let patella = bones.patella.as_ref();
     let bones = bones.surfaces.named().map(|(name, mesh)| (format!("../03-bones/{name}.ply"), mesh));
-    let meshes =
-        contact.into_iter().chain(bones).map(|(name, mesh)| (name, MeshValue::Surface(mesh.clone()))).collect();
+    let patella = patella.map(|mesh| ("../03-bones/patella.ply".to_string(), mesh));
+    let meshes = contact
+        .into_iter()
+        .chain(bones)
+        .chain(patella)
+        .map(|(name, mesh)| (name, MeshValue::Surface(mesh.clone())))
+        .collect();
     LoadedModel { spec: assembled.spec.clone(), meshes, folder: PathBuf::from("09-assemble") }
 }
 

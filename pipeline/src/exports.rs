@@ -83,7 +83,7 @@ fn named(model: &LoadedModel) -> Vec<Named<'_>> {
         _ => None,
     };
     let mut out = Vec::new();
-    for body in &model.spec.bodies {
+    for body in model.spec.bodies.iter().filter(|b| b.acts()) {
         if let Some(mesh) = surface(&body.bone) {
             out.push(Named { name: format!("{}_bone", body.name), mesh, femur: body.name == "femur", bone: true });
         }
@@ -113,8 +113,15 @@ fn contact_name(model: &LoadedModel, path: &str, femur: bool) -> String {
 }
 
 fn surfaces(model: &LoadedModel, ending: &str) -> Result<Vec<File>, BuildError> {
+    let carried = model.spec.bodies.iter().filter(|b| !b.acts()).filter_map(|b| match model.meshes.get(&b.bone) {
+        Some(MeshValue::Surface(mesh)) => {
+            Some(Named { name: format!("{}_bone", b.name), mesh, femur: false, bone: true })
+        }
+        _ => None,
+    });
     named(model)
         .into_iter()
+        .chain(carried)
         .map(|n| {
             let mut bytes = Vec::new();
             let wrote = match ending {

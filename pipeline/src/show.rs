@@ -80,6 +80,12 @@ pub fn specimen(s: &Specimen) -> Files {
     for (name, scan) in s.scans.named() {
         files.push((format!("scan_{name}.ply"), scan_bytes(scan)?));
     }
+    if let Some(patella) = &s.patella {
+        files.push(("ct_patella.ply".into(), surface(&patella.ct, &[])?));
+        if let Some(scan) = &patella.scan {
+            files.push(("scan_patella.ply".into(), scan_bytes(scan)?));
+        }
+    }
     files.push(("points.json".into(), json(&object!({"landmarks": s.landmarks, "marks": s.marks}))));
     Ok(files)
 }
@@ -88,7 +94,9 @@ pub fn specimen(s: &Specimen) -> Files {
 pub fn registration(s: &Specimen, r: &Registration) -> Files {
     let mut transforms = serde_json::Map::new();
     let mut files = Vec::new();
-    for ((name, bone), (_, scan)) in r.bones.named().into_iter().zip(s.scans.named()) {
+    let patella = r.patella.as_ref().zip(s.patella.as_ref().and_then(|p| p.scan.as_ref()));
+    let bones = r.bones.named().into_iter().zip(s.scans.named()).map(|((name, bone), (_, scan))| (name, bone, scan));
+    for (name, bone, scan) in bones.chain(patella.map(|(bone, scan)| ("patella", bone, scan))) {
         let matrix = bone.ct_from_scan.motion().to_homogeneous();
         let rows: Vec<Vec<f64>> = matrix.row_iter().map(|row| row.iter().copied().collect()).collect();
         transforms.insert(
@@ -112,7 +120,8 @@ pub fn registration(s: &Specimen, r: &Registration) -> Files {
 
 /// 03-bones: the rigid surfaces.
 pub fn bones(b: &Bones) -> Files {
-    b.surfaces.named().into_iter().map(|(name, mesh)| Ok((format!("{name}.ply"), surface(mesh, &[])?))).collect()
+    let bones = b.surfaces.named().into_iter().chain(b.patella.as_ref().map(|mesh| ("patella", mesh)));
+    bones.map(|(name, mesh)| Ok((format!("{name}.ply"), surface(mesh, &[])?))).collect()
 }
 
 /// 04-cartilage: closed solids with thickness.

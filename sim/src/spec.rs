@@ -112,7 +112,7 @@ pub struct AxisSpec {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BodySpec {
-    /// "femur" (moves) or "tibia" (fixed, with the fibula).
+    /// "femur" (moves), "tibia" (fixed, with the fibula), or "patella" (carried along where CT shows it; no solver knows it).
     pub name: String,
     /// Bone surface (PLY).
     pub bone: String,
@@ -122,6 +122,13 @@ pub struct BodySpec {
     pub mass_tonne: f64,
     /// Rotary inertia for explicit dynamics [tonne mm2].
     pub inertia_tonne_mm2: f64,
+}
+
+impl BodySpec {
+    /// Whether simulations know it.
+    pub fn acts(&self) -> bool {
+        self.name != "patella"
+    }
 }
 
 /// Rigid cartilage with tabular pressure-overclosure.

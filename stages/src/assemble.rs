@@ -92,7 +92,7 @@ pub fn assemble(
         side: specimen.identity.side,
         units: Units { length: "mm".into(), force: "N".into(), pressure: "MPa".into(), angle: "deg".into() },
         frames: frames_spec(frames),
-        bodies: bodies(options),
+        bodies: bodies(specimen.patella.is_some(), options),
         contact: contact_spec(options),
         bundles,
         fibres,
@@ -185,7 +185,7 @@ pub(crate) fn frames_spec(frames: &Frames) -> FramesSpec {
     }
 }
 
-fn bodies(options: &AssembleOptions) -> Vec<BodySpec> {
+fn bodies(patella: bool, options: &AssembleOptions) -> Vec<BodySpec> {
     let body = |name: &str, bone: &str, cartilage: &[&str]| BodySpec {
         name: name.into(),
         bone: format!("../03-bones/{bone}.ply"),
@@ -193,7 +193,10 @@ fn bodies(options: &AssembleOptions) -> Vec<BodySpec> {
         mass_tonne: options.mass_tonne,
         inertia_tonne_mm2: options.inertia_tonne_mm2,
     };
-    vec![body("femur", "femur", &["femur"]), body("tibia", "tibfib", &["tibia_medial", "tibia_lateral"])]
+    let mut bodies =
+        vec![body("femur", "femur", &["femur"]), body("tibia", "tibfib", &["tibia_medial", "tibia_lateral"])];
+    bodies.extend(patella.then(|| body("patella", "patella", &[])));
+    bodies
 }
 
 fn contact_spec(options: &AssembleOptions) -> ContactSpec {

@@ -19,6 +19,9 @@ use serde::{Deserialize, Serialize};
 pub struct Bones {
     /// The surfaces.
     pub surfaces: PerBone<TriMesh>,
+    /// The patella, where CT shows one.
+    #[serde(default)]
+    pub patella: Option<TriMesh>,
     /// What is odd but not fatal.
     pub warnings: Vec<String>,
     /// For metrics.json.
@@ -68,13 +71,16 @@ pub fn bones(specimen: &Specimen, options: &BonesOptions) -> Result<Bones, Stage
     let (femur, tibfib) = (&specimen.ct.femur, &specimen.ct.tibfib);
     let far = || StageError("bones: a CT surface has no triangles".into());
     let towards = (femur.centroid().ok_or_else(far)?, tibfib.centroid().ok_or_else(far)?);
-    let (f, femur_metrics) = bone("femur", femur, &towards.1, options, &mut warnings)?;
-    let (t, tibfib_metrics) = bone("tibfib", tibfib, &towards.0, options, &mut warnings)?;
-    Ok(Bones {
-        surfaces: PerBone { femur: f, tibfib: t },
-        warnings,
-        metrics: serde_json::json!({ "femur": femur_metrics, "tibfib": tibfib_metrics }),
-    })
+    let (f, femur_metrics) = bone("femur", femur, Some(&towards.1), options, &mut warnings)?;
+    let (t, tibfib_metrics) = bone("tibfib", tibfib, Some(&towards.0), options, &mut warnings)?;
+    let mut metrics = serde_json::json!({ "femur": femur_metrics, "tibfib": tibfib_metrics });
+    let mut patella = None;
+    if let Some(given) = &specimen.patella {
+        let (mesh, figures) = bone("patella", &given.ct, None, options, &mut warnings)?;
+        metrics["patella"] = figures;
+        patella = Some(mesh);
+    }
+    Ok(Bones { surfaces: PerBone { femur: f, tibfib: t }, patella, warnings, metrics })
 }
 
 fn check(options: &BonesOptions) -> Result<(), StageError> {
@@ -91,10 +97,11 @@ fn check(options: &BonesOptions) -> Result<(), StageError> {
     Ok(())
 }
 
+/// One bone's surface, cropped towards the `other` bone's middle where one is given.
 fn bone(
     name: &str,
     ct: &TriMesh,
-    other: &Point,
+    other: Option<&Point>,
     options: &BonesOptions,
     warnings: &mut Vec<String>,
 ) -> Result<(TriMesh, serde_json::Value), StageError> {
@@ -105,7 +112,7 @@ fn bone(
             "bones: the CT surface of the {name} encloses no volume, expected a closed bone: check the file {name} in [ct]"
         )));
     }
-    let whole = cropped(&solid.mesh, other, options);
+    let whole = other.map_or_else(|| solid.mesh.clone(), |other| cropped(&solid.mesh, other, options));
     let labels = flat_faces(&whole, options.flat_tolerance_mm, 60.0);
     let mut smooth = whole.clone();
     taubin(

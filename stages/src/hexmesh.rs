@@ -25,6 +25,9 @@ pub struct HexmeshOptions {
     pub min_thickness_mm: f64,
     /// Columns found longer than this are misses [mm].
     pub max_thickness_mm: f64,
+    /// The build stops where more than a hundredth of a cartilage's elements have this scaled Jacobian or less [-]; 0 is inverted
+    /// [stimpson2007].
+    pub least_scaled_jacobian: f64,
     /// Spots too thin to mesh, of at most this area, are meshed over [mm2]; larger ones stay holes.
     pub filled_hole_mm2: f64,
 }
@@ -36,6 +39,7 @@ impl Default for HexmeshOptions {
             layers: 3,
             min_thickness_mm: 0.35,
             max_thickness_mm: 10.0,
+            least_scaled_jacobian: 0.0,
             filled_hole_mm2: 12.0,
         }
     }
@@ -126,6 +130,12 @@ fn check(options: &HexmeshOptions) -> Result<(), StageError> {
         return Err(StageError(format!("layers is {}, expected 1 to 10", options.layers)));
     }
     let positive = [options.min_thickness_mm, options.max_thickness_mm, options.filled_hole_mm2];
+    if !(-1.0..1.0).contains(&options.least_scaled_jacobian) {
+        return Err(StageError(format!(
+            "least_scaled_jacobian is {}, expected -1 to 1",
+            options.least_scaled_jacobian
+        )));
+    }
     if positive.iter().any(|x| !x.is_finite() || *x < 0.0) || options.max_thickness_mm <= options.min_thickness_mm {
         return Err(StageError("thickness and hole limits must be finite, not negative, and max above min".into()));
     }
@@ -156,7 +166,39 @@ fn mesh_solid(solid: &CartilageSolid, options: &HexmeshOptions) -> Result<(HexMe
     if inverted > 0 {
         notes.push(format!("{inverted} of {} elements are inverted", mesh.elements.len()));
     }
+    refuse_bad(&mesh, options)?;
     Ok((mesh, notes))
+}
+
+/// Elements that an error names.
+const NAMED_ELEMENTS: usize = 20;
+
+/// Refuses a mesh with too many bad elements; names the worst by number and place.
+fn refuse_bad(mesh: &HexMesh, options: &HexmeshOptions) -> Result<(), StageError> {
+    let quality = |e: usize| mesh.scaled_jacobian(e);
+    let mut bad: Vec<(f64, usize)> = (0..mesh.elements.len())
+        .map(|e| (quality(e), e))
+        .filter(|(q, _)| q.is_nan() || *q <= options.least_scaled_jacobian)
+        .collect();
+    if 100 * bad.len() <= mesh.elements.len() {
+        return Ok(());
+    }
+    bad.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    let named: Vec<String> = bad
+        .iter()
+        .take(NAMED_ELEMENTS)
+        .map(|&(q, e)| {
+            let middle = mesh.elements[e].iter().map(|&n| mesh.nodes[n as usize].coords).sum::<Vector>() / 8.0;
+            format!("element {} at ({:.1}, {:.1}, {:.1}) {q:.2}", e + 1, middle.x, middle.y, middle.z)
+        })
+        .collect();
+    Err(StageError(format!(
+        "{} of {} elements have a scaled Jacobian of {} or less, expected at most a hundredth; the worst: {}; look at the solid there, or change hexmesh.edge_length_mm or min_thickness_mm",
+        bad.len(),
+        mesh.elements.len(),
+        options.least_scaled_jacobian,
+        named.join(", ")
+    )))
 }
 
 /// Lays the bony face flat and covers it with quadrilaterals wherever the cartilage is thick enough.

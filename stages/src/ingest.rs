@@ -1,6 +1,7 @@
 //! Stage 1, ingest: the specimen's files become checked values in mm.
 
 mod file;
+mod merge;
 mod points;
 mod surfaces;
 
@@ -24,7 +25,7 @@ pub struct SpecimenFile {
     /// Paths of the CT surfaces, or of the CT volume.
     pub ct: CtPaths,
     /// Paths of the scans.
-    pub scans: PerBonePath,
+    pub scans: ScanPaths,
     /// Paths of marked points.
     #[serde(default)]
     pub points: PointPaths,
@@ -50,6 +51,8 @@ pub struct CtPaths {
     pub femur: Option<String>,
     /// The tibia-with-fibula's surface.
     pub tibfib: Option<String>,
+    /// The patella's surface, if it is to be carried along.
+    pub patella: Option<String>,
     /// A CT volume of the knee: a NIfTI file, or a folder with a DICOM series.
     pub volume: Option<String>,
     /// A label map of the volume, made or mended by hand (NIfTI).
@@ -67,14 +70,41 @@ impl CtPaths {
 /// Where the surfaces that stage 0 found stand among a specimen's files: femur, tibia-with-fibula.
 pub const SEGMENTED: [&str; 2] = ["00-segment/femur.stl", "00-segment/tibfib.stl"];
 
-/// Paths of the two bones' files, relative to the specimen.
+/// Where the surface of the patella that stage 0 found stands among a specimen's files.
+pub const SEGMENTED_PATELLA: &str = "00-segment/patella.stl";
+
+/// Paths of the scans, relative to the specimen.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct PerBonePath {
-    /// The femur's.
-    pub femur: String,
-    /// The tibia-with-fibula's.
-    pub tibfib: String,
+pub struct ScanPaths {
+    /// The femur's: one, or several that overlap.
+    pub femur: Pieces,
+    /// The tibia-with-fibula's: one, or several that overlap.
+    pub tibfib: Pieces,
+    /// The patella's.
+    pub patella: Option<String>,
+    /// The knee's with its capsule on: checks the registration, nothing else.
+    pub capsule: Option<String>,
+}
+
+/// A bone's scan, or several that overlap; points of the scan's frame are of the first one's.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged, expecting = "expected a path, or a list of paths of scans that overlap")]
+pub enum Pieces {
+    /// All in one.
+    One(String),
+    /// Several, each in a frame of its own.
+    Several(Vec<String>),
+}
+
+impl Pieces {
+    /// The paths.
+    pub fn paths(&self) -> &[String] {
+        match self {
+            Pieces::One(path) => std::slice::from_ref(path),
+            Pieces::Several(paths) => paths,
+        }
+    }
 }
 
 /// Paths of the optional point files.
@@ -162,6 +192,12 @@ pub struct Specimen {
     pub ct: PerBone<TriMesh>,
     /// Scans, each in its scanner's frame.
     pub scans: PerBone<ColouredMesh>,
+    /// The patella, if there is one.
+    #[serde(default)]
+    pub patella: Option<Patella>,
+    /// The scan with the capsule on, in its scanner's frame, if there is one.
+    #[serde(default)]
+    pub capsule: Option<TriMesh>,
     /// Landmarks, any frame.
     pub landmarks: Vec<NamedPoint>,
     /// Marked sites.
@@ -174,6 +210,15 @@ pub struct Specimen {
     pub warnings: Vec<String>,
     /// Counts for metrics.json.
     pub metrics: serde_json::Value,
+}
+
+/// A patella: carried along, without a part in any simulation.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Patella {
+    /// Its CT surface, CT frame.
+    pub ct: TriMesh,
+    /// Its scan, in the scanner's frame, if there is one.
+    pub scan: Option<ColouredMesh>,
 }
 
 /// What a specimen may look like.
@@ -209,8 +254,15 @@ pub fn ingest(raw: &RawSpecimen, options: &IngestOptions) -> Result<Specimen, St
     let ct = file.ct.surfaces();
     let (ct_femur, ct_femur_counts) = surface("ct.femur", &ct.femur, &mut warnings)?;
     let (ct_tibfib, ct_tibfib_counts) = surface("ct.tibfib", &ct.tibfib, &mut warnings)?;
-    let (scan_femur, scan_femur_counts) = surface("scans.femur", &file.scans.femur, &mut warnings)?;
-    let (scan_tibfib, scan_tibfib_counts) = surface("scans.tibfib", &file.scans.tibfib, &mut warnings)?;
+    let (scan_femur, scan_femur_counts) =
+        merge::scan("scans.femur", &file.scans.femur, &ct_femur.mesh, &mut warnings, &surface)?;
+    let (scan_tibfib, scan_tibfib_counts) =
+        merge::scan("scans.tibfib", &file.scans.tibfib, &ct_tibfib.mesh, &mut warnings, &surface)?;
+    let patella = patella(&file, raw, &mut warnings, &surface)?;
+    let capsule = match &file.scans.capsule {
+        Some(path) => Some(surface("scans.capsule", path, &mut warnings)?.0.mesh),
+        None => None,
+    };
     for (key, scan) in [("scans.femur", &scan_femur), ("scans.tibfib", &scan_tibfib)] {
         if scan.colours.is_empty() {
             warnings.push(format!("{key} has no colours: outlined attachment sites cannot be found on it"));
@@ -235,6 +287,8 @@ pub fn ingest(raw: &RawSpecimen, options: &IngestOptions) -> Result<Specimen, St
         identity: file.specimen,
         ct: PerBone { femur: ct_femur.mesh, tibfib: ct_tibfib.mesh },
         scans: PerBone { femur: scan_femur, tibfib: scan_tibfib },
+        patella,
+        capsule,
         landmarks,
         marks,
         given_fibres,
@@ -242,6 +296,31 @@ pub fn ingest(raw: &RawSpecimen, options: &IngestOptions) -> Result<Specimen, St
         warnings,
         metrics,
     })
+}
+
+/// Reads a surface by key and path, with its counts.
+type Read<'a> = dyn Fn(&str, &str, &mut Vec<String>) -> Result<(ColouredMesh, serde_json::Value), StageError> + 'a;
+
+/// The patella that specimen.toml names, or that stage 0 found.
+fn patella(
+    file: &SpecimenFile,
+    raw: &RawSpecimen,
+    warnings: &mut Vec<String>,
+    surface: &Read,
+) -> Result<Option<Patella>, StageError> {
+    let found = raw.files.contains_key(SEGMENTED_PATELLA).then_some(SEGMENTED_PATELLA);
+    let Some(path) = file.ct.patella.as_deref().or(found) else {
+        if file.scans.patella.is_some() {
+            warnings.push("scans.patella is left out: CT shows no patella to lay it on; name one as ct.patella".into());
+        }
+        return Ok(None);
+    };
+    let ct = surface("ct.patella", path, warnings)?.0.mesh;
+    let scan = match &file.scans.patella {
+        Some(path) => Some(surface("scans.patella", path, warnings)?.0),
+        None => None,
+    };
+    Ok(Some(Patella { ct, scan }))
 }
 
 #[cfg(test)]

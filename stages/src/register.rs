@@ -1,6 +1,8 @@
 //! Stage 2, register: each scan onto its CT bone.
 
-use crate::ingest::{NamedPoint, PointFrame, Specimen};
+mod capsule;
+
+use crate::ingest::{NamedPoint, Patella, PointFrame, Specimen};
 use crate::{PerBone, StageError};
 use meshes::frame::{Ct, Pose, Scan};
 use meshes::registration::{bare, fit, icp, sample, start, target::Target};
@@ -36,6 +38,9 @@ pub struct BoneRegistration {
 pub struct Registration {
     /// By bone.
     pub bones: PerBone<BoneRegistration>,
+    /// The patella's, where it was scanned.
+    #[serde(default)]
+    pub patella: Option<BoneRegistration>,
     /// What is odd but not fatal.
     pub warnings: Vec<String>,
     /// For metrics.json.
@@ -101,8 +106,42 @@ pub fn register(specimen: &Specimen, options: &RegisterOptions) -> Result<Regist
         json!({"rms_bare_bone_mm": b.rms_bare_bone_mm, "inlier_fraction": b.inlier_fraction,
                "held_out_rms_mm": b.held_out_rms_mm, "predicted_error_mm": b.predicted_error_mm, "level_mm": b.level_mm})
     };
-    let metrics = json!({"femur": figures(&femur), "tibfib": figures(&tibfib)});
-    Ok(Registration { bones: PerBone { femur, tibfib }, warnings, metrics })
+    let mut metrics = json!({"femur": figures(&femur), "tibfib": figures(&tibfib)});
+    let patella = specimen.patella.as_ref().and_then(|p| patella(p, options, &mut warnings));
+    if let Some(patella) = &patella {
+        metrics["patella"] = figures(patella);
+    }
+    let bones = PerBone { femur, tibfib };
+    if let Some(scan) = &specimen.capsule {
+        metrics["capsule"] = capsule::check(scan, specimen, &bones, options.seed, &mut warnings);
+    }
+    Ok(Registration { bones, patella, warnings, metrics })
+}
+
+/// The patella's scan on its CT surface; a warning where it does not fit, since no simulation needs it.
+fn patella(patella: &Patella, options: &RegisterOptions, warnings: &mut Vec<String>) -> Option<BoneRegistration> {
+    match register_bone(&patella.ct, patella.scan.as_ref()?, &[], options) {
+        Ok(found) => Some(found),
+        Err(e) => {
+            warnings.push(format!("patella: its scan is left out: {e}"));
+            None
+        }
+    }
+}
+
+/// A start from landmark pairs (scan, CT), else from a search over the whole bone.
+pub(crate) fn rough(
+    target: &Target,
+    source: &sample::Samples,
+    pairs: &[(Point, Point)],
+    seed: u64,
+) -> Option<start::Start> {
+    let chosen = start::best(target, source, &start::from_landmarks(pairs));
+    if chosen.is_some_and(|s| s.agreement >= 0.7) {
+        return chosen;
+    }
+    let searched = start::best(target, source, &start::search(target, source, seed));
+    [chosen, searched].into_iter().flatten().max_by(|a, b| a.agreement.total_cmp(&b.agreement))
 }
 
 /// Names and places (scan, CT) of the landmarks that stand in both frames.
@@ -131,12 +170,8 @@ pub fn register_bone(
     if source.points.is_empty() || scan.mesh.vertices.iter().any(|p| !p.coords.iter().all(|x| x.is_finite())) {
         return Err(StageError("the scan has no area or a coordinate that is not finite".into()));
     }
-    let mut chosen = start::best(&target, &source, &start::from_landmarks(pairs));
-    if chosen.is_none_or(|s| s.agreement < 0.7) {
-        let searched = start::best(&target, &source, &start::search(&target, &source, options.seed));
-        chosen = [chosen, searched].into_iter().flatten().max_by(|a, b| a.agreement.total_cmp(&b.agreement));
-    }
-    let chosen = chosen.ok_or_else(|| StageError("the scan does not resemble the CT bone anywhere".into()))?;
+    let chosen = rough(&target, &source, pairs, options.seed)
+        .ok_or_else(|| StageError("the scan does not resemble the CT bone anywhere".into()))?;
     let fine = start::thinned(&source, 1500);
     let pose = icp::refine(&target, &fine, &chosen.pose, &[2.0, 1.5, 1.0, 0.8, 0.6, 0.5]);
     let fitted = settled(&target, &prepared, &fine.points, &pose, options.held_out_of.max(2))

@@ -114,6 +114,8 @@ fn knee(test: &str, id: &str) -> Option<Knee> {
         identity,
         ct: surfaces.clone(),
         scans: PerBone { femur: scan("femur")?, tibfib: scan("tibfib")? },
+        patella: None,
+        capsule: None,
         landmarks: Vec::new(),
         marks: marks(std::str::from_utf8(&read("marks.csv")?).unwrap()),
         given_fibres: Vec::new(),
@@ -124,6 +126,7 @@ fn knee(test: &str, id: &str) -> Option<Knee> {
     let to_ct = &truth["scan_to_ct"];
     let registration = Registration {
         bones: PerBone { femur: registered(&to_ct["femur"]), tibfib: registered(&to_ct["tibfib"]) },
+        patella: None,
         warnings: Vec::new(),
         metrics: Value::Null,
     };
@@ -138,7 +141,7 @@ fn knee(test: &str, id: &str) -> Option<Knee> {
         warnings: Vec::new(),
         metrics: Value::Null,
     };
-    let bones = Bones { surfaces, warnings: Vec::new(), metrics: Value::Null };
+    let bones = Bones { surfaces, patella: None, warnings: Vec::new(), metrics: Value::Null };
     let solid = |name: &str| {
         let solid = stl::read(&read(&format!("truth/{name}.stl"))?).unwrap();
         let (articular, thickness_mm) = (vec![true; solid.triangles.len()], vec![0.0; solid.vertices.len()]);

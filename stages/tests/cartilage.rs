@@ -51,6 +51,7 @@ fn true_registration(dir: &Path, specimen: &Specimen) -> Registration {
             femur: one("femur", &specimen.ct.femur, &specimen.scans.femur.mesh),
             tibfib: one("tibfib", &specimen.ct.tibfib, &specimen.scans.tibfib.mesh),
         },
+        patella: None,
         warnings: Vec::new(),
         metrics: serde_json::Value::Null,
     }

@@ -32,7 +32,8 @@ fn phantom(id: &str) -> Specimen {
 }
 
 fn of(specimen: &Specimen) -> Frames {
-    let bones = Bones { surfaces: specimen.ct.clone(), warnings: Vec::new(), metrics: serde_json::Value::Null };
+    let bones =
+        Bones { surfaces: specimen.ct.clone(), patella: None, warnings: Vec::new(), metrics: serde_json::Value::Null };
     frames(specimen, &bones, &FramesOptions::default()).unwrap()
 }
 

@@ -84,6 +84,51 @@ def febio(folder):
     print(f"febio: {len(nodes)} nodes, {len(elements)} elements, {len(sets)} springs, {len(pairs)} contact pairs; every name is defined")
 
 
+def abaqus(folder):
+    """The geometry and fibres of the deck by meshio, which needs telling what connectors and masses are and that nodes may stand in several blocks
+    (CalculiX 2.20 knows no rigid triangles and no connectors, so it cannot read a knee deck)."""
+    try:
+        import meshio
+        from meshio.abaqus import _abaqus
+        import numpy as np
+    except ImportError:
+        missing("meshio")
+    import json
+    import tempfile
+
+    _abaqus.abaqus_to_meshio_type.update({"MASS": "vertex", "ROTARYI": "vertex", "CONN3D2": "line"})
+    (main,) = [p for p in folder.glob("*.inp") if "*STEP" in p.read_text()]
+    included = [line.split("=")[1] for line in main.read_text().splitlines() if line.startswith("*INCLUDE") and "contact" not in line]
+    blocks = [("*" + b).splitlines() for name in included for b in (folder / name).read_text().replace("\n**", "\n#").split("\n*")]
+    blocks = [[line.lstrip("*") if k else "*" + line.lstrip("*") for k, line in enumerate(b) if not line.startswith("#")] for b in blocks]
+    nodes = [line for b in blocks if b[0].upper().startswith("*NODE") for line in b[1:] if line]
+    elements = ["\n".join(b) for b in blocks if b[0].upper().startswith("*ELEMENT")]
+    with tempfile.NamedTemporaryFile("w", suffix=".inp") as deck:
+        deck.write("*HEADING\none block of nodes\n*NODE\n" + "\n".join(nodes) + "\n" + "\n".join(elements) + "\n")
+        deck.flush()
+        mesh = meshio.read(deck.name)
+    triangles = np.concatenate([c.data for c in mesh.cells if c.type == "triangle"])
+    model_path = pathlib.Path(sys.argv[3])
+    model = json.loads(model_path.read_text())
+    paths = [b["bone"] for b in model["bodies"]] + sorted({p[k] for p in model["contact"]["pairs"] for k in ("femur", "tibia")})
+    surfaces = [meshio.read(model_path.parent / p) for p in paths]
+    assert len(triangles) == sum(len(s.cells_dict["triangle"]) for s in surfaces), len(triangles)
+
+    def area(points, faces):
+        a, b, c = (points[faces[:, k]] for k in range(3))
+        return 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
+
+    ours = sum(area(s.points, s.cells_dict["triangle"]) for s in surfaces)
+    theirs = area(mesh.points, triangles)
+    assert abs(theirs / ours - 1) < 1e-9, (theirs, ours)
+    lines = np.concatenate([c.data for c in mesh.cells if c.type == "line"])
+    ends = {tuple(np.round(mesh.points[line].ravel(), 6)) for line in lines}
+    fibres = [tuple(np.round([*f["femur"], *f["tibia"]], 6)) for f in model["fibres"]]
+    lost = [f for f in fibres if f not in ends and f[3:] + f[:3] not in ends]
+    assert not lost, lost
+    print(f"abaqus: {len(mesh.points)} nodes, {len(triangles)} rigid triangles, {len(lines)} connectors read by meshio {meshio.__version__}; {len(fibres)} fibres where the model has them")
+
+
 def opensim(folder):
     try:
         import opensim as osim
@@ -106,4 +151,4 @@ if __name__ == "__main__":
     if what in ("stl", "ply"):
         surfaces(where, what)
     else:
-        {"glb": glb, "vtk": vtk, "febio": febio, "opensim": opensim}[what](where)
+        {"glb": glb, "vtk": vtk, "febio": febio, "abaqus": abaqus, "opensim": opensim}[what](where)

@@ -2,6 +2,7 @@
 
 use super::texture::Paint;
 use crate::Point;
+use crate::surface::{ColouredMesh, TriMesh};
 use std::collections::BTreeMap;
 
 /// A triangle with the texture coordinates of its corners.
@@ -21,9 +22,37 @@ const FEWEST_TEXELS: f64 = 2.0;
 const MOST_TRIANGLES: usize = 1_000_000;
 const ROUNDS: usize = 6;
 
+/// The surface with the colours of its paints, finer where their textures ask for it: at each vertex the mean over its seams; without
+/// colours where no paint is there.
+pub(super) fn painted(mut vertices: Vec<Point>, patches: Vec<Patch>) -> ColouredMesh {
+    let patches = refined(&mut vertices, patches);
+    let mut sums = vec![([0.0; 3], 0u32); vertices.len()];
+    let corner = |i: usize, k: usize| {
+        let p = &patches[i];
+        (p.corners[k], p.material, p.uv[k].map(|uv| uv.map(f64::to_bits)), i)
+    };
+    let mut corners: Vec<_> = (0..patches.len()).flat_map(|i| [0, 1, 2].map(|k| corner(i, k))).collect();
+    corners.sort_unstable();
+    corners.dedup_by_key(|c| (c.0, c.1, c.2));
+    for (vertex, _, uv, patch) in corners {
+        let Some(colour) = patches[patch].paint.and_then(|p| p.at(uv.map(|uv| uv.map(f64::from_bits)))) else {
+            continue;
+        };
+        let (sum, count) = &mut sums[vertex as usize];
+        (0..3).for_each(|k| sum[k] += colour[k]);
+        *count += 1;
+    }
+    let mesh = TriMesh { vertices, triangles: patches.iter().map(|p| p.corners).collect() };
+    if sums.iter().all(|&(_, count)| count == 0) {
+        return ColouredMesh { mesh, colours: Vec::new() };
+    }
+    let mean = |(sum, count): ([f64; 3], u32)| sum.map(|x| (x / f64::from(count.max(1))).round() as u8);
+    ColouredMesh { mesh, colours: sums.into_iter().map(mean).collect() }
+}
+
 /// Halves edges, wherever two triangles share one in both, until the colours at the corners tell what the texture does. The
 /// shape stays: new points lie on old edges.
-pub(super) fn refined<'a>(positions: &mut Vec<Point>, mut patches: Vec<Patch<'a>>) -> Vec<Patch<'a>> {
+fn refined<'a>(positions: &mut Vec<Point>, mut patches: Vec<Patch<'a>>) -> Vec<Patch<'a>> {
     for _ in 0..ROUNDS {
         if patches.len() > MOST_TRIANGLES {
             break;

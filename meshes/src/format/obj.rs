@@ -3,7 +3,7 @@
 //! Own parser (tobj is the oracle of its tests): tobj reads positions as f32, gives no line in its errors, and refuses a
 //! file in which only some vertices are coloured.
 
-use super::detail::{Patch, refined};
+use super::detail::{Patch, painted};
 use super::texture::{Library, Paint};
 use super::{FormatError, beside, cut_polygon, refuse_not_finite};
 use crate::Point;
@@ -179,24 +179,5 @@ fn textured(obj: &Parsed, mesh: TriMesh, face_of: &[usize], paints: &BTreeMap<St
         Patch { corners: *corners, uv: corners.map(uv), material: face.material, paint }
     };
     let patches: Vec<Patch> = mesh.triangles.iter().zip(face_of).map(patch).collect();
-    let mut vertices = mesh.vertices;
-    let patches = refined(&mut vertices, patches);
-    let mut sums = vec![([0.0; 3], 0u32); vertices.len()];
-    let corner = |p: &Patch, k: usize| (p.corners[k], p.material, p.uv[k].map(|uv| uv.map(f64::to_bits)));
-    let mut corners: Vec<_> = patches.iter().flat_map(|p| [0, 1, 2].map(|k| corner(p, k))).collect();
-    corners.sort_unstable();
-    corners.dedup();
-    for (vertex, material, uv) in corners {
-        let paint = material.and_then(|m| of_material[m]);
-        let Some(colour) = paint.and_then(|p| p.at(uv.map(|uv| uv.map(f64::from_bits)))) else { continue };
-        let (sum, count) = &mut sums[vertex as usize];
-        (0..3).for_each(|k| sum[k] += colour[k]);
-        *count += 1;
-    }
-    let mesh = TriMesh { vertices, triangles: patches.iter().map(|p| p.corners).collect() };
-    if sums.iter().all(|&(_, count)| count == 0) {
-        return ColouredMesh { mesh, colours: Vec::new() };
-    }
-    let mean = |(sum, count): ([f64; 3], u32)| sum.map(|x| (x / f64::from(count.max(1))).round() as u8);
-    ColouredMesh { mesh, colours: sums.into_iter().map(mean).collect() }
+    painted(mesh.vertices, patches)
 }

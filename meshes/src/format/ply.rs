@@ -1,36 +1,80 @@
-//! PLY: read with vertex colours, written little-endian with double coordinates and optional per-vertex scalars.
+//! PLY: read with vertex colours or a texture, written little-endian with double coordinates and optional per-vertex scalars.
 
-use super::{FormatError, cut_polygon, refuse_not_finite};
+use super::detail::{Patch, painted};
+use super::texture::{Paint, texture};
+use super::{FormatError, beside, cut_polygon, refuse_not_finite};
 use crate::Point;
 use crate::surface::{ColouredMesh, TriMesh};
 use ply_rs_bw::parser::{Parser, Reader};
 use ply_rs_bw::ply::{ElementDef, Encoding, Header, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType};
+use std::collections::BTreeMap;
 use std::io::{self, Write};
+
+/// Reads a PLY surface as [`read`] does. Where it names textures (`comment TextureFile NAME`) that are among `files`, and its faces have a
+/// list `texcoord` or its vertices texture coordinates, the colours are the textures', and triangles are cut finer until their corners
+/// can hold them.
+pub fn read_textured(name: &str, bytes: &[u8], files: &BTreeMap<String, Vec<u8>>) -> Result<ColouredMesh, FormatError> {
+    let parsed = parse(bytes)?;
+    let mut paints = Vec::new();
+    for path in textures(bytes).iter().filter_map(|t| beside(name, t)) {
+        paints.push(texture(&path, files)?);
+    }
+    let scan = parsed.surface()?;
+    if paints.iter().all(Option::is_none) || !parsed.has_places() {
+        return Ok(scan);
+    }
+    let painted = painted(scan.mesh.vertices.clone(), parsed.patches(&scan, &paints));
+    Ok(if painted.colours.is_empty() { scan } else { painted.welded() })
+}
+
+/// Textures that a PLY names, as written.
+pub(super) fn textures(bytes: &[u8]) -> Vec<String> {
+    let mut names = Vec::new();
+    for line in bytes.split(|&b| b == b'\n').take(1000) {
+        let line = String::from_utf8_lossy(line);
+        let line = line.trim();
+        if line == "end_header" {
+            break;
+        }
+        if let Some(name) = line.strip_prefix("comment TextureFile") {
+            names.push(name.trim().to_string());
+        }
+    }
+    names
+}
 
 /// Reads a PLY surface, ASCII or binary of either byte order: `vertex` with x, y, z of any number type and, where there,
 /// red, green, blue (0..255, or 0..1 as floats); `face` with `vertex_indices` (or `vertex_index`) of any whole-number type.
 /// Polygons are cut into triangles; other elements and properties are passed over.
 pub fn read(bytes: &[u8]) -> Result<ColouredMesh, FormatError> {
+    parse(bytes)?.surface()
+}
+
+/// What a PLY holds.
+#[derive(Default)]
+struct Parsed {
+    vertices: Vec<Vertex>,
+    coloured: bool,
+    faces: Vec<Face>,
+}
+
+fn parse(bytes: &[u8]) -> Result<Parsed, FormatError> {
     let mut reader = Reader::new(bytes);
     let header = Parser::<Row>::new().read_header(&mut reader).map_err(|e| FormatError(format!("PLY header: {e}")))?;
-    let mut scan = ColouredMesh::default();
-    let mut faces = Vec::new();
+    let mut parsed = Parsed::default();
     for (name, element) in &header.elements {
         check_claim(element, &header, bytes.len())?;
         match name.as_str() {
             "vertex" => {
                 check_vertex(element)?;
-                let rows: Vec<Vertex> = rows(&mut reader, element, &header)?;
-                scan.mesh.vertices = rows.iter().map(|v| Point::from(v.position)).collect();
-                if ["red", "green", "blue"].iter().all(|c| has_colour(element, c)) {
-                    scan.colours = rows.iter().map(|v| v.colour).collect();
-                }
+                parsed.vertices = rows(&mut reader, element, &header)?;
+                parsed.coloured = ["red", "green", "blue"].iter().all(|c| has_colour(element, c));
             }
             "face" => {
                 if !element.properties.keys().any(|k| is_corner_list(k)) {
                     return Err(FormatError("the PLY's faces have no list `vertex_indices`".into()));
                 }
-                faces = rows::<Face>(&mut reader, element, &header)?;
+                parsed.faces = rows::<Face>(&mut reader, element, &header)?;
             }
             "tristrips" => {
                 return Err(FormatError("the PLY holds triangle strips; export it with plain faces".into()));
@@ -40,9 +84,46 @@ pub fn read(bytes: &[u8]) -> Result<ColouredMesh, FormatError> {
             }
         }
     }
-    refuse_not_finite(&scan.mesh.vertices)?;
-    scan.mesh.triangles = triangles(&scan.mesh.vertices, &faces)?;
-    Ok(scan)
+    Ok(parsed)
+}
+
+impl Parsed {
+    fn surface(&self) -> Result<ColouredMesh, FormatError> {
+        let vertices: Vec<Point> = self.vertices.iter().map(|v| Point::from(v.position)).collect();
+        refuse_not_finite(&vertices)?;
+        let triangles = triangles(&vertices, &self.faces)?;
+        let colours = if self.coloured { self.vertices.iter().map(|v| v.colour).collect() } else { Vec::new() };
+        Ok(ColouredMesh { mesh: TriMesh { vertices, triangles }, colours })
+    }
+
+    /// Whether anything has texture coordinates.
+    fn has_places(&self) -> bool {
+        self.faces.iter().any(|f| !f.texture.is_empty()) || self.vertices.iter().any(|v| v.texture.is_some())
+    }
+
+    /// The surface's triangles with their places on the textures; a face's own before its vertices'.
+    fn patches<'a>(&self, scan: &ColouredMesh, paints: &'a [Option<Paint>]) -> Vec<Patch<'a>> {
+        // Each face gave two triangles fewer than it has corners.
+        let owners = self.faces.iter().flat_map(|f| std::iter::repeat_n(f, f.corners.len().saturating_sub(2)));
+        let place = |face: &Face, v: u32| {
+            let own = face.corners.iter().position(|c| *c == i64::from(v)).and_then(|k| {
+                let [s, t] = face.texture.get(2 * k..2 * k + 2)? else { return None };
+                Some([*s, *t])
+            });
+            own.or(self.vertices.get(v as usize).and_then(|v| v.texture))
+        };
+        scan.mesh
+            .triangles
+            .iter()
+            .zip(owners)
+            .map(|(corners, face)| Patch {
+                corners: *corners,
+                uv: corners.map(|v| place(face, v)),
+                material: Some(face.number),
+                paint: paints.get(face.number).and_then(Option::as_ref),
+            })
+            .collect()
+    }
 }
 
 fn rows<E: PropertyAccess>(
@@ -134,6 +215,7 @@ impl PropertyAccess for Row {
 struct Vertex {
     position: [f64; 3],
     colour: [u8; 3],
+    texture: Option<[f64; 2]>,
 }
 
 impl Vertex {
@@ -142,6 +224,8 @@ impl Vertex {
             "x" => self.position[0] = value,
             "y" => self.position[1] = value,
             "z" => self.position[2] = value,
+            "s" | "u" | "texture_u" => self.texture.get_or_insert([0.0; 2])[0] = value,
+            "t" | "v" | "texture_v" => self.texture.get_or_insert([0.0; 2])[1] = value,
             _ => {
                 let channel = match name.strip_prefix("diffuse_").unwrap_or(name) {
                     "red" => 0,
@@ -158,7 +242,7 @@ impl Vertex {
 
 impl PropertyAccess for Vertex {
     fn new() -> Self {
-        Vertex { position: [f64::NAN; 3], colour: [0; 3] }
+        Vertex { position: [f64::NAN; 3], colour: [0; 3], texture: None }
     }
     fn set_char(&mut self, name: &str, value: i8) -> PropertyAccessResult {
         self.set(name, f64::from(value), 255.0)
@@ -188,6 +272,10 @@ impl PropertyAccess for Vertex {
 
 struct Face {
     corners: Vec<i64>,
+    /// Two a corner.
+    texture: Vec<f64>,
+    /// Which texture.
+    number: usize,
 }
 
 impl Face {
@@ -198,14 +286,28 @@ impl Face {
         self.corners = value.into_iter().map(Into::into).collect();
         PropertyAccessResult::Set
     }
-    fn refuse(name: &str) -> PropertyAccessResult {
-        if is_corner_list(name) { PropertyAccessResult::UnsupportedType } else { PropertyAccessResult::Ignored }
+    fn places<T: Into<f64>>(&mut self, name: &str, value: Vec<T>) -> PropertyAccessResult {
+        if is_corner_list(name) {
+            return PropertyAccessResult::UnsupportedType;
+        }
+        if name != "texcoord" {
+            return PropertyAccessResult::Ignored;
+        }
+        self.texture = value.into_iter().map(Into::into).collect();
+        PropertyAccessResult::Set
+    }
+    fn number(&mut self, name: &str, value: i64) -> PropertyAccessResult {
+        if name != "texnumber" {
+            return PropertyAccessResult::Ignored;
+        }
+        self.number = usize::try_from(value).unwrap_or(usize::MAX);
+        PropertyAccessResult::Set
     }
 }
 
 impl PropertyAccess for Face {
     fn new() -> Self {
-        Face { corners: Vec::new() }
+        Face { corners: Vec::new(), texture: Vec::new(), number: 0 }
     }
     fn set_list_char(&mut self, name: &str, value: Vec<i8>) -> PropertyAccessResult {
         self.set(name, value)
@@ -225,11 +327,17 @@ impl PropertyAccess for Face {
     fn set_list_uint(&mut self, name: &str, value: Vec<u32>) -> PropertyAccessResult {
         self.set(name, value)
     }
-    fn set_list_float(&mut self, name: &str, _: Vec<f32>) -> PropertyAccessResult {
-        Face::refuse(name)
+    fn set_list_float(&mut self, name: &str, value: Vec<f32>) -> PropertyAccessResult {
+        self.places(name, value)
     }
-    fn set_list_double(&mut self, name: &str, _: Vec<f64>) -> PropertyAccessResult {
-        Face::refuse(name)
+    fn set_list_double(&mut self, name: &str, value: Vec<f64>) -> PropertyAccessResult {
+        self.places(name, value)
+    }
+    fn set_uchar(&mut self, name: &str, value: u8) -> PropertyAccessResult {
+        self.number(name, value.into())
+    }
+    fn set_int(&mut self, name: &str, value: i32) -> PropertyAccessResult {
+        self.number(name, value.into())
     }
 }
 

@@ -87,6 +87,11 @@ impl Library {
     }
 }
 
+/// A texture by its path among `files`; `None` where it is not there.
+pub(super) fn texture(path: &str, files: &BTreeMap<String, Vec<u8>>) -> Result<Option<Paint>, FormatError> {
+    files.get(path).map(|bytes| decode(path, bytes).map(Paint::Texture)).transpose()
+}
+
 /// The file name of a `map_Kd` line: what follows its options (`-s 1 1 1`, `-clamp on`, ...); it may hold spaces.
 fn without_options(rest: &str) -> String {
     let mut rest = rest.trim();

@@ -93,17 +93,30 @@ pub(super) fn named_places(name: &str, places: &[Point], pool: &Pool) -> Layer {
 
 /// Points written as `(x, y, z)`.
 pub(super) fn places(text: &str) -> Vec<Point> {
-    text.split('(')
-        .skip(1)
-        .filter_map(|rest| {
-            let inside = rest.split_once(')')?.0;
+    named_in(text).into_iter().map(|(_, p)| p).collect()
+}
+
+/// Points written as `(x, y, z)`, each with the `element N at` before it, or nothing.
+pub(super) fn named_in(text: &str) -> Vec<(String, Point)> {
+    let mut before = "";
+    let mut found = Vec::new();
+    for part in text.split('(') {
+        let place = part.split_once(')').and_then(|(inside, _)| {
             let numbers: Vec<f64> = inside.split(',').map(|n| n.trim().parse().ok()).collect::<Option<_>>()?;
             match numbers[..] {
                 [x, y, z] if [x, y, z].iter().all(|n: &f64| n.is_finite()) => Some(Point::new(x, y, z)),
                 _ => None,
             }
-        })
-        .collect()
+        });
+        let words: Vec<&str> = before.split_whitespace().rev().take(3).collect();
+        let name = match words[..] {
+            ["at", number, "element"] => format!("element {number}"),
+            _ => String::new(),
+        };
+        found.extend(place.map(|p| (name, p)));
+        before = part;
+    }
+    found
 }
 
 #[cfg(test)]
@@ -113,5 +126,10 @@ mod tests {
     #[test]
     fn places_are_read_from_a_message() {
         assert_eq!(places("edge at (1.5, -2, 3) and (a, b, c), (1, 2)"), vec![Point::new(1.5, -2.0, 3.0)]);
+        let named = named_in("the worst: element 12 at (1, 2, 3) 0.1, element 7 at (4, 5, 6) 0.2");
+        assert_eq!(
+            named,
+            vec![("element 12".into(), Point::new(1.0, 2.0, 3.0)), ("element 7".into(), Point::new(4.0, 5.0, 6.0))]
+        );
     }
 }

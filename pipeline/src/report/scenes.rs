@@ -2,7 +2,7 @@
 
 use super::cartilage_scenes::{cartilage, hexahedra, overclosure};
 use super::geometry::{Pool, packed_values, thinned};
-use super::scene::{Layer, Scalar, Scene, at, named_places, places, plain, word};
+use super::scene::{Layer, Scalar, Scene, at, named_in, named_places, places, plain, word};
 use super::values::Values;
 use meshes::Point;
 use meshes::frame::AnatomicalFrame;
@@ -35,7 +35,9 @@ fn registration(v: &Values, pool: &mut Pool) -> Option<Scene> {
     let (registration, specimen) = (v.registration.as_ref()?, v.specimen.as_ref()?);
     let mut layers = Vec::new();
     let mut words = String::new();
-    for ((name, bone), (_, scan)) in registration.bones.named().into_iter().zip(specimen.scans.named()) {
+    let patella = registration.patella.as_ref().zip(specimen.patella.as_ref().and_then(|p| p.scan.as_ref()));
+    let bones = registration.bones.named().into_iter().zip(specimen.scans.named()).map(|((n, b), (_, s))| (n, b, s));
+    for (name, bone, scan) in bones.chain(patella.map(|(bone, scan)| ("patella", bone, scan))) {
         let bare: Vec<f64> = bone.bare_bone.iter().map(|b| f64::from(u8::from(*b))).collect();
         let (mesh, means) = thinned(&bone.ct_from_scan.mesh(&scan.mesh), &[&bone.residual_mm, &bare], SCAN_MM);
         let key = format!("scan {name}");
@@ -58,7 +60,7 @@ fn registration(v: &Values, pool: &mut Pool) -> Option<Scene> {
                     cells: false,
                 }),
                 on: scale == "distance",
-                one_of: Some(if name == "femur" { "femur" } else { "tibfib" }),
+                one_of: Some(name),
                 ..Layer::default()
             });
         }
@@ -95,10 +97,12 @@ fn registration(v: &Values, pool: &mut Pool) -> Option<Scene> {
 
 pub(super) fn bone_layers(v: &Values, pool: &mut Pool, opacity: f64) -> Vec<Layer> {
     let Some(bones) = &v.bones else { return vec![] };
+    let patella = bones.patella.as_ref().map(|mesh| ("patella", mesh));
     bones
         .surfaces
         .named()
         .into_iter()
+        .chain(patella)
         .map(|(name, mesh)| {
             let key = format!("bone {name}");
             pool.keep(&key, &thinned(mesh, &[], CONTEXT_MM).0);
@@ -338,10 +342,15 @@ pub(super) fn failed(failure: &super::Failure, v: &Values, pool: &mut Pool) -> O
             ..Layer::default()
         });
     }
-    let named = places(&failure.message);
+    let named = named_in(&failure.message);
     let count = named.len();
     if count > 0 {
-        layers.push(named_places("places that the message names", &named, pool));
+        let points: Vec<Point> = named.iter().map(|n| n.1).collect();
+        let mut layer = named_places("places that the message names", &points, pool);
+        for (label, (name, _)) in layer.labels.iter_mut().zip(&named).filter(|(_, (name, _))| !name.is_empty()) {
+            *label = format!("{name} {label}");
+        }
+        layers.push(layer);
     }
     Some(Scene {
         id: "failed".into(),

@@ -1,6 +1,6 @@
 //! specimen.toml and the files it names.
 
-use super::{CtPaths, RawSpecimen, SEGMENTED, SpecimenFile};
+use super::{CtPaths, Pieces, RawSpecimen, SEGMENTED, SpecimenFile};
 use crate::StageError;
 use attachments::bundle::BUNDLES;
 
@@ -33,6 +33,11 @@ pub fn parse_specimen_file(text: &str) -> Result<SpecimenFile, StageError> {
         && !["published", "synthetic", "own"].contains(&provenance.as_str())
     {
         return refuse(format!("specimen.provenance is \"{provenance}\"; expected published, synthetic or own"));
+    }
+    for (key, pieces) in [("femur", &file.scans.femur), ("tibfib", &file.scans.tibfib)] {
+        if pieces.paths().is_empty() || pieces.paths().len() > 50 {
+            return refuse(format!("scans.{key} lists {} paths; expected 1 to 50", pieces.paths().len()));
+        }
     }
     for (name, start) in &file.ligaments {
         if !BUNDLES.iter().any(|b| b.name == *name) {
@@ -107,14 +112,20 @@ pub(super) fn check_present(file: &SpecimenFile, raw: &RawSpecimen) -> Result<()
 fn named(file: &SpecimenFile) -> Vec<(String, String)> {
     let mut named = Vec::new();
     let scans = [("scans.femur", &file.scans.femur), ("scans.tibfib", &file.scans.tibfib)];
+    let more = [("scans.patella", &file.scans.patella), ("scans.capsule", &file.scans.capsule)];
     let ct = [
         ("ct.femur", &file.ct.femur),
         ("ct.tibfib", &file.ct.tibfib),
+        ("ct.patella", &file.ct.patella),
         ("ct.volume", &file.ct.volume),
         ("ct.labels", &file.ct.labels),
     ];
     named.extend(ct.into_iter().filter_map(|(key, path)| Some((key.to_string(), path.clone()?))));
-    named.extend(scans.into_iter().map(|(key, path)| (key.to_string(), path.clone())));
+    let each = |(key, pieces): (&str, &Pieces)| {
+        pieces.paths().iter().map(|path| (key.to_string(), path.clone())).collect::<Vec<_>>()
+    };
+    named.extend(scans.into_iter().flat_map(each));
+    named.extend(more.into_iter().filter_map(|(key, path)| Some((key.to_string(), path.clone()?))));
     let points = [
         ("points.landmarks", &file.points.landmarks),
         ("points.marks", &file.points.marks),

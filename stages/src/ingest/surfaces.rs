@@ -5,12 +5,14 @@ use crate::StageError;
 use meshes::format::read_surface;
 use meshes::surface::{ColouredMesh, TriMesh};
 use meshes::tidy::tidy;
-use meshes::topology::Topology;
-use meshes::{Vector, format::companions};
+use meshes::topology::{Topology, vertex_neighbours};
+use meshes::{Point, Vector, format::companions};
 use std::collections::BTreeMap;
 
 /// The width knees have [mm], the middle principal extent of a bone, whole or cropped.
 const KNEE_WIDTH_MM: f64 = 85.0;
+/// Less is noise [mm].
+const SPIKE_MM: f64 = 1.0;
 /// Fewer triangles make no bone.
 const LEAST_TRIANGLES: usize = 100;
 
@@ -35,7 +37,14 @@ pub(super) fn checked(
     }
     let (surface, repairs) = tidy(&read);
     let width = middle_extent(&surface.mesh);
-    check_unit(width, options).map_err(refuse)?;
+    // A patella is half as wide as a knee.
+    check_unit(if key.ends_with("patella") { 2.0 * width } else { width }, options).map_err(refuse)?;
+    if let Some((count, first)) = spikes(&surface.mesh) {
+        warnings.push(format!(
+            "{path}: {count} vertices stand far off all their neighbours, the first at ({:.1}, {:.1}, {:.1}): damaged or stray points",
+            first.x, first.y, first.z
+        ));
+    }
     let topology = Topology::of(&surface.mesh);
     let mut warn = |count: usize, what: &str| {
         if count > 0 {
@@ -73,6 +82,23 @@ pub(super) fn checked(
         "coloured": !surface.colours.is_empty(),
     });
     Ok((surface, counts))
+}
+
+/// Vertices farther from the middle of their neighbours than one and a half times these spread, and than [`SPIKE_MM`]: how many, and
+/// the first. No measured surface has such.
+fn spikes(mesh: &TriMesh) -> Option<(usize, Point)> {
+    let neighbours = vertex_neighbours(mesh);
+    let far = |v: usize| {
+        let around = &neighbours[v];
+        let middle = Point::from(
+            around.iter().map(|&w| mesh.vertices[w as usize].coords).sum::<Vector>() / around.len().max(1) as f64,
+        );
+        let spread = around.iter().map(|&w| (mesh.vertices[w as usize] - middle).norm()).fold(0.0, f64::max);
+        let off = (mesh.vertices[v] - middle).norm();
+        around.len() >= 4 && off > SPIKE_MM && off > 1.5 * spread
+    };
+    let found: Vec<usize> = (0..mesh.vertices.len()).filter(|&v| far(v)).collect();
+    found.first().map(|&v| (found.len(), mesh.vertices[v]))
 }
 
 fn missing_companions(path: &str, bytes: &[u8], files: &BTreeMap<String, Vec<u8>>, warnings: &mut Vec<String>) {

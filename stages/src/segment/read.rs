@@ -2,7 +2,7 @@
 
 use super::{SegmentOptions, Segmented, segment};
 use crate::StageError;
-use crate::ingest::{CtPaths, RawSpecimen, SEGMENTED};
+use crate::ingest::{CtPaths, RawSpecimen, SEGMENTED, SEGMENTED_PATELLA};
 use meshes::format::{dicom, nifti, stl};
 use meshes::volume::Volume;
 
@@ -63,10 +63,11 @@ pub fn with_surfaces(ct: &CtPaths, raw: &RawSpecimen, found: &Segmented) -> Resu
     let volume = |name: &str| name == path || name.starts_with(&folder) || Some(name) == ct.labels.as_deref();
     let mut files: std::collections::BTreeMap<String, Vec<u8>> =
         raw.files.iter().filter(|(name, _)| !volume(name)).map(|(name, bytes)| (name.clone(), bytes.clone())).collect();
-    for (name, mesh) in SEGMENTED.iter().zip([&found.femur, &found.tibfib]) {
+    let bones = SEGMENTED.into_iter().zip([&found.femur, &found.tibfib]);
+    for (name, mesh) in bones.chain(found.patella.as_ref().map(|mesh| (SEGMENTED_PATELLA, mesh))) {
         let mut bytes = Vec::new();
         stl::write(&mut bytes, mesh).map_err(|e| StageError(e.to_string()))?;
-        files.insert((*name).into(), bytes);
+        files.insert(name.into(), bytes);
     }
     Ok(RawSpecimen { toml: raw.toml.clone(), files })
 }

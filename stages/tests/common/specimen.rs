@@ -49,6 +49,8 @@ pub(crate) fn of(ct: PerBone<TriMesh>, scans: PerBone<ColouredMesh>, side: Side)
         },
         ct,
         scans,
+        patella: None,
+        capsule: None,
         landmarks: Vec::new(),
         marks: Vec::new(),
         given_fibres: Vec::new(),

@@ -47,7 +47,7 @@ pub(super) fn geometry(
         node(&mut out, label, origin);
     }
     let mut labels = Labels { next: 1_000_001 };
-    for body in &spec.bodies {
+    for body in spec.bodies.iter().filter(|b| b.acts()) {
         let femur = body.name == "femur";
         let (reference, upper) = if femur { (FEMUR, "FEMUR") } else { (TIBIA, "TIBIA") };
         let bone = meshes.get(&body.bone).ok_or_else(|| missing(&body.bone))?;
