@@ -56,7 +56,7 @@ mod tests {
         // 5 x 5 nodes, flat; an inner node is drawn onto the one across its quadrilateral, which lies on the outline.
         let at = |k: u32, z: f64| Point::new(f64::from(k % 5), f64::from(k / 5), z);
         let quads: Vec<[u32; 4]> = (0..16).map(|k| k / 4 * 5 + k % 4).map(|a| [a, a + 1, a + 6, a + 5]).collect();
-        let outline = |k: u32| k % 5 == 0 || k % 5 == 4 || k < 5 || k >= 20;
+        let outline = |k: u32| k.is_multiple_of(5) || k % 5 == 4 || !(5..20).contains(&k);
         let mut columns = Columns {
             bony: (0..25).map(|k| at(k, 0.0)).collect(),
             articular: (0..25).map(|k| at(k, 2.0)).collect(),
