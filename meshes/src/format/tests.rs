@@ -277,6 +277,33 @@ fn textured_files() -> BTreeMap<String, Vec<u8>> {
 }
 
 #[test]
+fn a_textured_ply_reads_as_the_obj_of_the_same_surface() {
+    let mut files = textured_files();
+    files.insert("m.mtl".into(), b"newmtl skin\nmap_Kd scans/wood grain.png\n".to_vec());
+    let obj = "mtllib m.mtl\nv 0 0 0\nv 20 0 0\nv 20 10 0\nv 0 10 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nusemtl skin\nf 1/1 2/2 3/3 4/4\n";
+    let right = read_surface("a.obj", obj.as_bytes(), &files).unwrap();
+    assert!(right.colours.len() > 8);
+    let ply = |vertex: &str, face: &str, rows: [&str; 4], end: &str| {
+        let rows: String =
+            ["0 0 0", "20 0 0", "20 10 0", "0 10 0"].iter().zip(rows).map(|(p, r)| format!("{p} {r}\n")).collect();
+        format!(
+            "ply\nformat ascii 1.0\ncomment TextureFile wood grain.png\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n{vertex}element face 1\nproperty list uchar int vertex_indices\n{face}end_header\n{rows}4 0 1 2 3{end}\n"
+        )
+    };
+    let plain = "property uchar red\nproperty uchar green\nproperty uchar blue\n";
+    let by_face = ply(plain, "property list uchar float texcoord\n", ["9 9 9"; 4], " 8 0 0 1 0 1 1 0 1");
+    let by_vertex = ply("property float s\nproperty float t\n", "", ["0 0", "1 0", "1 1", "0 1"], "");
+    for text in [&by_face, &by_vertex] {
+        assert_eq!(companions("scans/a.ply", text.as_bytes()), ["scans/wood grain.png"]);
+        assert_eq!(read_surface("scans/a.ply", text.as_bytes(), &files).unwrap(), right);
+    }
+    // Without the picture, or with too few places, the vertices' own colours stay.
+    assert_eq!(read_any("a.ply", by_face.as_bytes()).unwrap().colours, [[9; 3]; 4]);
+    let short = by_face.replace(" 8 0 0 1 0 1 1 0 1", " 1 0");
+    assert!(read_surface("scans/a.ply", short.as_bytes(), &files).is_ok());
+}
+
+#[test]
 fn a_fine_texture_on_coarse_triangles_keeps_its_detail_and_the_surface_its_shape() {
     // A board of 20 x 10 mm, two triangles, folded along a seam between materials of one texture with a black stripe 1 mm wide.
     let mut image = image::RgbImage::from_pixel(100, 100, image::Rgb([220, 200, 170]));
