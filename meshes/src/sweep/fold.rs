@@ -64,9 +64,11 @@ mod tests {
             on_outline: (0..25).map(outline).collect(),
         };
         assert_eq!(columns.clone().collapse_folded(0.1, 0.3), 0);
+        // The outline and the inner node beside it leave room for the quadrilaterals that take the place.
         for nodes in [&mut columns.bony, &mut columns.articular] {
-            nodes[7].x = 1.05;
-            nodes[7].y = 0.05;
+            for (k, x, y) in [(7, 1.05, 0.05), (2, 2.0, -0.5), (6, 0.75, 1.0)] {
+                (nodes[k].x, nodes[k].y) = (x, y);
+            }
         }
         assert_eq!(columns.collapse_folded(0.1, 0.3), 1);
         assert_eq!((columns.quads.len(), columns.bony.len()), (15, 24));
