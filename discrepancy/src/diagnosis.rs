@@ -217,7 +217,8 @@ fn conclude(problem: &Problem, spec: &ModelSpec, options: &DiagnosisOptions) -> 
     let after =
         if is_named { held_out(&searcher, &search, best, options.folds, options.folds)? } else { before.clone() };
     let gain = after.density.iter().sum::<f64>() - before.density.iter().sum::<f64>();
-    let verdict = verdict(&searcher, is_named, &wild, &rivals, (believed, &search.base), gain);
+    let shrinks = (gain, closed(&before, &after));
+    let verdict = verdict(&searcher, is_named, &wild, &rivals, (believed, &search.base), shrinks);
     let answers = if matches!(verdict, Verdict::None | Verdict::Unnamed) {
         vec![]
     } else {
@@ -268,6 +269,10 @@ fn weights<'a>(searcher: &Searcher, search: &'a Search, best: &Fit) -> Vec<(&'a 
 
 /// Share of the excess that a named effect may leave where a nameless field explains still more [-].
 const NEARLY_ALL: f64 = 0.2;
+/// Share of the held-out gap that a named effect must close where the rest stays significant; closing less, it is not what is missing [-].
+const LEAST_CLOSED: f64 = 0.3;
+/// Standard deviations of the sum of squares from which something is missing though no effect explains it [-].
+const BEYOND_DOUBT: f64 = 6.0;
 
 fn verdict(
     searcher: &Searcher,
@@ -275,14 +280,17 @@ fn verdict(
     wild: &Wildcard,
     rivals: &[(&Fit, f64)],
     (best, base): (&Fit, &Fit),
-    gain: f64,
+    (gain, closes): (f64, f64),
 ) -> Verdict {
     let readings = best.residual.len() as f64;
     let excess = searcher.total(best) - readings;
-    let poor = excess > 2.5 * (2.0 * readings).sqrt();
+    let deviations = excess / (2.0 * readings).sqrt();
+    let poor = deviations > 2.5;
     // an effect that explains nearly all is named, though its form differs in detail
     let left = excess / (searcher.total(base) - readings).max(1e-9);
-    if searcher.options.wildcard && poor && wild.log_bayes_factor > 8.0 && !(named && left < NEARLY_ALL) {
+    let nameless = wild.log_bayes_factor > 8.0 && !(named && left < NEARLY_ALL);
+    let beside = if named { closes < LEAST_CLOSED } else { deviations > BEYOND_DOUBT };
+    if searcher.options.wildcard && poor && (nameless || beside) {
         return Verdict::Unnamed;
     }
     if !named {

@@ -12,9 +12,14 @@ pub(crate) fn description(problem: &Problem, d: &Diagnosis, wild: &Wildcard, sea
     let mut out = String::new();
     match d.verdict {
         Verdict::None => {
-            out += "No disagreement beyond measurement noise and the declared floor of the model.";
+            out += if d.map.iter().any(|c| c.significant) {
+                "The model disagrees with the data in places, but no effect of the catalogue explains it better than chance would."
+            } else {
+                "No disagreement beyond measurement noise and the declared floor of the model."
+            };
             if let Some((c, l)) = search.screened.first() {
-                let _ = write!(out, " The nearest effect, {}, changes the log odds by {l:.1} only.", c.effect.title);
+                let fate = if *l > d.threshold { "in the linear screen, and less once refitted" } else { "only" };
+                let _ = write!(out, " The nearest effect, {}, changes the log odds by {l:.1} {fate}.", c.effect.title);
             }
         }
         Verdict::Unnamed => {
