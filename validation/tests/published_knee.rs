@@ -93,27 +93,51 @@ fn published(row: &Row, design: &Design) -> Vec<f64> {
     design.variables.iter().map(of).collect()
 }
 
+/// Table 3's ranges widened to hold every published evaluation, as options of a calibration; with row 208's values.
+fn hull(knee: &Knee, evaluations: &[Row]) -> (CalibrateOptions, Design, Vec<f64>) {
+    let table3 = Design::of_model(&knee.spec).expect("bundles of Table 3");
+    let points: Vec<Vec<f64>> = evaluations.iter().map(|r| published(r, &table3)).collect();
+    let design = table3.widened(&points);
+    let best = evaluations.iter().position(|r| r["row"] == "208").expect("row 208");
+    let ranges = design.variables.iter().map(|v| (format!("X{}", v.number), [v.lower, v.upper])).collect();
+    (CalibrateOptions { ranges, ..CalibrateOptions::default() }, design, points[best].clone())
+}
+
+/// The paper's recipe, and descents on its cost by default options, timed: run alone, with `--ignored --nocapture`.
+#[test]
+#[ignore = "two calibrations in full, to be timed on an idle machine"]
+#[expect(clippy::disallowed_methods, reason = "it tells how long a calibration takes")]
+fn calibrations_in_full() {
+    let test = "calibrations_in_full";
+    let (Some(knee), Some(trials)) = (knee(test), trials(test)) else { return };
+    let evaluations = rows(test, "published/S192803/abaqus_evaluations.csv").expect("beside the deck");
+    for method in [Method::Descent, Method::SwarmSimplex] {
+        let options = CalibrateOptions { method, ..hull(&knee, &evaluations).0 };
+        let start = std::time::Instant::now();
+        let session = Session::new(&knee.spec, "deck", &trials, &options).expect("usable targets");
+        let begin = session.begin(None).expect("a beginning");
+        let found = session.run(&knee, begin, &mut |_| ControlFlow::Continue(())).expect("a fit").found;
+        let seconds = start.elapsed().as_secs_f64();
+        println!("{method:?}: {:.1} in {} evaluations, {seconds:.1} s", found.cost, found.history.len());
+    }
+}
+
 #[test]
 fn least_squares_beat_the_best_published_evaluation() {
     let test = "least_squares_beat_the_best_published_evaluation";
     let (Some(knee), Some(trials)) = (knee(test), trials(test)) else { return };
     let evaluations = rows(test, "published/S192803/abaqus_evaluations.csv").expect("beside the deck");
     assert_eq!((trials.len(), evaluations.len()), (31, 108));
-    let table3 = Design::of_model(&knee.spec).expect("bundles of Table 3");
-    let points: Vec<Vec<f64>> = evaluations.iter().map(|r| published(r, &table3)).collect();
-    let design = table3.widened(&points);
+    let (mut options, design, best) = hull(&knee, &evaluations);
     let cost = CostFunction::new(&trials, &knee.spec.frames.gs_ct_pose, &CostOptions::default()).expect("a cost");
-    let best = evaluations.iter().position(|r| r["row"] == "208").expect("row 208");
     let in_full = knee.simulating(&design, &trials);
     let in_full = Experiment { design: &design, simulate: &in_full, trials: trials.len() };
     let searched = knee.searching(&design, &trials);
     let searched = Experiment { simulate: &searched, ..in_full };
-    let theirs = cost.cost(&in_full.predictions(&points[best])).value;
-    let coarse = cost.cost(&searched.predictions(&points[best])).value;
+    let theirs = cost.cost(&in_full.predictions(&best)).value;
+    let coarse = cost.cost(&searched.predictions(&best)).value;
     assert!((coarse - theirs).abs() < 0.05 * theirs, "the search sees {coarse}, simulate {theirs}");
 
-    let ranges = design.variables.iter().map(|v| (format!("X{}", v.number), [v.lower, v.upper])).collect();
-    let mut options = CalibrateOptions { ranges, ..CalibrateOptions::default() };
     (options.gradient.starts, options.gradient.descents, options.gradient.samples) = (3, 1, 0);
     let session = Session::new(&knee.spec, "deck", &trials, &options).expect("usable targets");
     let begin = session.begin(None).expect("a beginning");
