@@ -64,6 +64,8 @@ pub struct Progress {
 pub struct Probes<'a> {
     /// The solver for these trials.
     pub experiment: Experiment<'a>,
+    /// The same as the search asks it.
+    pub search: Experiment<'a>,
     /// Their names.
     pub names: &'a [String],
 }

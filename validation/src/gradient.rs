@@ -22,8 +22,8 @@ use std::sync::Mutex;
 const CHUNK: usize = 8;
 /// Samples taken up as starts once more.
 const TAKEN_UP: usize = 2;
-/// Relative change of the noise beyond which modes are fitted again [-].
-const RESCALED: f64 = 0.1;
+/// Fits no further apart than this in any coordinate are the same, in widths of the ranges [-].
+const SAME: f64 = 0.05;
 /// Modes less likely than the best by this much (natural logarithm) are not sampled.
 const UNLIKELY: f64 = 6.0;
 
@@ -38,7 +38,7 @@ pub struct Fit {
     pub cost: f64,
 }
 
-/// A fit of the model in full.
+/// A fit with what corrects the search there.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Mode {
     /// The fit.
@@ -72,7 +72,7 @@ pub struct Gradient {
     stage: Stage,
     /// Factor of the noise, a coordinate each [-].
     pub noise_scale: [f64; 5],
-    /// Fits of the model in full, the most probable first.
+    /// Fits that the search is corrected by, the most probable first; of the model in full once the noise is scaled.
     pub modes: Vec<Mode>,
     /// Descents on the cost.
     pub descents: Vec<(f64, Vec<f64>)>,
@@ -121,10 +121,10 @@ impl Gradient {
         let work = [
             (Stage::Starts, o.starts * o.first_evaluations, self.starts.len(), o.starts),
             (Stage::Finals, o.finalists * o.evaluations, 0, 1),
-            (Stage::Modes, 6 * o.modes * o.evaluations, 0, 1),
-            (Stage::Rescale, 5 * o.evaluations, 0, 1),
+            (Stage::Modes, 2 * o.modes * o.evaluations, 0, 1),
+            (Stage::Rescale, 6 * o.modes * o.evaluations, 0, 1),
             (Stage::Samples, o.samples * o.sample_evaluations, self.drawn, o.samples),
-            (Stage::TakeUp, 5 * TAKEN_UP.min(o.samples) * o.evaluations, 0, 1),
+            (Stage::TakeUp, TAKEN_UP.min(o.samples) * o.evaluations, 0, 1),
             (Stage::Descents, o.descents * o.descent_evaluations, 0, 1),
         ];
         let (mut done, mut all) = (0.0, 0.0);
@@ -167,7 +167,7 @@ impl Gradient {
             Stage::Finals => self.advance_finals(problem, options),
             Stage::Modes => {
                 let points = self.ranked().into_iter().take(options.modes).map(|i| self.point_of(i)).collect();
-                self.add_modes(points, problem, options);
+                self.add_modes(points, problem, options, Depth::Corrected);
                 if self.modes.is_empty() {
                     return Err(ValidationError::Model(format!(
                         "the solver has no answer to all trials at any of {} starts: {}",
@@ -260,11 +260,11 @@ impl Gradient {
         }
     }
 
-    /// Fits the model in full from these points, among the modes found before.
-    fn add_modes(&mut self, points: Vec<Vec<f64>>, problem: &Problem, options: &GradientOptions) {
+    /// Fits from these points, among the modes found before.
+    fn add_modes(&mut self, points: Vec<Vec<f64>>, problem: &Problem, options: &GradientOptions, depth: Depth) {
         let view = View { correction: vec![], ..self.view(problem) };
         let found: Vec<(Option<Mode>, Vec<f64>)> =
-            points.par_iter().map(|p| mode(problem, &view, p, options)).collect();
+            points.par_iter().map(|p| mode(problem, &view, p, options, depth)).collect();
         for (mode, costs) in found {
             self.history.extend(costs);
             self.modes.extend(mode);
@@ -272,16 +272,17 @@ impl Gradient {
         self.modes.sort_by(|a, b| a.fit.half_sum.total_cmp(&b.fit.half_sum));
     }
 
-    /// Scales the noise as the best mode misses, and fits the modes again where that changed.
+    /// Scales the noise as the best mode misses, and fits the likely modes again, now by the model in full.
     fn rescale(&mut self, problem: &Problem, options: &GradientOptions) {
         self.stage = Stage::Samples;
         let Some(best) = self.best().cloned() else { return };
-        let before = self.noise_scale;
         self.scale_noise(&best.point, problem, options);
-        if before.iter().zip(&self.noise_scale).any(|(a, b)| (a / b - 1.0).abs() > RESCALED) {
-            let likely = |m: &Mode| m.fit.half_sum < best.half_sum + 2.0 * UNLIKELY;
-            let points = self.modes.drain(..).filter(likely).map(|m| m.fit.point).collect();
-            self.add_modes(points, problem, options);
+        let likely = |m: &Mode| m.fit.half_sum < best.half_sum + 2.0 * UNLIKELY;
+        let before = std::mem::take(&mut self.modes);
+        let points = before.iter().filter(|m| likely(m)).map(|m| m.fit.point.clone()).collect();
+        self.add_modes(points, problem, options, Depth::InFull);
+        if self.modes.is_empty() {
+            self.modes = before;
         }
     }
 
@@ -337,16 +338,29 @@ impl Gradient {
         })
     }
 
-    /// Fits the model in full from the samples that fit the measurements best.
+    /// Fits once more from the samples that fit the measurements best: by the search, and in full where that leads to another likely mode.
     fn take_up(&mut self, problem: &Problem, options: &GradientOptions) {
         self.stage = Stage::Descents;
-        let view = self.view(problem);
+        let (view, stop) = (self.view(problem), Stop { evaluations: options.evaluations, fall: 1e-3 });
         let half_sum =
             |f: &Fit| problem.least_squares(&f.point, &view).map(|e| (e.residuals.half_sum(), f.point.clone()));
         let mut sums: Vec<(f64, Vec<f64>)> = self.samples.par_iter().filter_map(half_sum).collect();
         sums.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let points = sums.into_iter().take(TAKEN_UP).map(|s| s.1).collect();
-        self.add_modes(points, problem, options);
+        sums.truncate(TAKEN_UP);
+        let fits: Vec<(Option<Fit>, Vec<f64>)> = sums.par_iter().map(|s| fit(problem, &view, &s.1, stop)).collect();
+        let mut points = Vec::new();
+        for (fit, costs) in fits {
+            self.history.extend(costs);
+            points.extend(fit.filter(|f| self.is_another(f)).map(|f| f.point));
+        }
+        self.add_modes(points, problem, options, Depth::InFull);
+    }
+
+    /// Whether a fit is likely and none of the modes.
+    fn is_another(&self, fit: &Fit) -> bool {
+        let apart = |m: &Mode| m.fit.point.iter().zip(&fit.point).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        let best = self.best().map_or(f64::INFINITY, |b| b.half_sum);
+        fit.half_sum < best + UNLIKELY && self.modes.iter().all(|m| apart(m) > SAME)
     }
 
     fn advance_descents(&mut self, problem: &Problem, options: &GradientOptions) {
@@ -364,13 +378,32 @@ impl Gradient {
     }
 }
 
-/// A fit of the model in full: first of the search, corrected by what the model in full predicts more at the start, then of that model itself.
-fn mode(problem: &Problem, view: &View, start: &[f64], options: &GradientOptions) -> (Option<Mode>, Vec<f64>) {
+/// By which model a mode is fitted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Depth {
+    /// The search, corrected twice by what the model in full predicts more.
+    Corrected,
+    /// That once, then the model in full.
+    InFull,
+}
+
+/// A fit of the search corrected by what the model in full predicts more at the start, then of that again or of the model in full.
+fn mode(
+    problem: &Problem,
+    view: &View,
+    start: &[f64],
+    options: &GradientOptions,
+    depth: Depth,
+) -> (Option<Mode>, Vec<f64>) {
     let stop = Stop { evaluations: options.evaluations, fall: 1e-3 };
-    let corrected = View { correction: correction(problem, start), ..view.clone() };
-    let (near, mut costs) = fit(problem, &corrected, start, stop);
+    let corrected = |point: &[f64]| View { correction: correction(problem, point), ..view.clone() };
+    let (near, mut costs) = fit(problem, &corrected(start), start, stop);
     let point = near.map_or_else(|| start.to_vec(), |f| f.point);
-    let (fitted, more) = fit(problem, &View { in_full: true, ..view.clone() }, &point, stop);
+    let then = match depth {
+        Depth::Corrected => corrected(&point),
+        Depth::InFull => View { in_full: true, ..view.clone() },
+    };
+    let (fitted, more) = fit(problem, &then, &point, stop);
     costs.extend(more);
     (fitted.map(|fit| Mode { correction: correction(problem, &fit.point), fit }), costs)
 }

@@ -4,6 +4,7 @@
 use crate::calibrate::Probes;
 use crate::cost::FAILED;
 use crate::design::{Design, Kind};
+use crate::experiment::Experiment;
 use crate::gradient::{Gradient, normal, prior_point};
 use crate::options::GradientOptions;
 use crate::problem::{Problem, View};
@@ -159,12 +160,13 @@ pub fn parameters(design: &Design, point: &[f64], found: &Found, interval: f64) 
 
 /// Bundle forces in the probe trials with their intervals of probability `interval`; bundles slack at every sample and point are left out.
 pub fn forces(probes: &Probes, design: &Design, point: &[f64], found: &Found, interval: f64) -> Vec<ForceEstimate> {
-    let at = |p: &Vec<f64>| -> Vec<Option<Vec<f64>>> {
-        probes.experiment.answers(&design.at(p), false).into_iter().map(|a| a.ok().map(|a| a.forces_n)).collect()
+    let at = |experiment: &Experiment, p: &[f64]| -> Vec<Option<Vec<f64>>> {
+        experiment.answers(&design.at(p), false).into_iter().map(|a| a.ok().map(|a| a.forces_n)).collect()
     };
-    let best = at(&point.to_vec());
-    let after: Vec<_> = found.samples.par_iter().map(at).collect();
-    let before: Vec<_> = found.prior.par_iter().map(at).collect();
+    let best = at(&probes.experiment, point);
+    let after: Vec<_> = found.samples.par_iter().map(|p| at(&probes.experiment, p)).collect();
+    // only their variance is used
+    let before: Vec<_> = found.prior.par_iter().map(|p| at(&probes.search, p)).collect();
     let bundles = best.iter().chain(after.iter().flatten()).flatten().map(Vec::len).max().unwrap_or(0);
     let mut out = Vec::new();
     for (i, name) in probes.names.iter().enumerate() {

@@ -125,7 +125,9 @@ impl Session {
         let names: Vec<String> = self.probes.iter().map(|t| t.trial.clone()).collect();
         let probed = knee.simulating(&self.design, &self.probes);
         let experiment = Experiment { design: &self.design, simulate: &probed, trials: self.probes.len() };
-        let found = calibrate(&mut checkpoint, &problem, &Probes { experiment, names: &names }, watch)?;
+        let searched = knee.searching(&self.design, &self.probes);
+        let probes = Probes { experiment, search: Experiment { simulate: &searched, ..experiment }, names: &names };
+        let found = calibrate(&mut checkpoint, &problem, &probes, watch)?;
         let mut warnings = self.targets.warnings.clone();
         warnings.extend(found.warnings.iter().cloned());
         warnings.extend(off(&found.parameters));

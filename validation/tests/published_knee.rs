@@ -106,7 +106,6 @@ fn hull(knee: &Knee, evaluations: &[Row]) -> (CalibrateOptions, Design, Vec<f64>
 /// The paper's recipe, and descents on its cost by default options, timed: run alone, with `--ignored --nocapture`.
 #[test]
 #[ignore = "two calibrations in full, to be timed on an idle machine"]
-#[expect(clippy::disallowed_methods, reason = "it tells how long a calibration takes")]
 fn calibrations_in_full() {
     let test = "calibrations_in_full";
     let (Some(knee), Some(trials)) = (knee(test), trials(test)) else { return };

@@ -72,7 +72,8 @@ impl Bench {
         let bundles = ["A".to_owned(), "B".to_owned()];
         let problem = Problem::new((experiment, experiment), &self.targets, cost, &bundles, options).unwrap();
         let names = ["first".to_owned()];
-        let probes = Probes { experiment: Experiment { trials: 1, ..experiment }, names: &names };
+        let experiment = Experiment { trials: 1, ..experiment };
+        let probes = Probes { experiment, search: experiment, names: &names };
         calibrate(&mut checkpoint, &problem, &probes, watch)
     }
 }
