@@ -157,7 +157,12 @@ fn file(mut stream: TcpStream, fault: Fault, range: Option<usize>, nth: usize) -
 }
 
 fn fetch(server: &Server, dir: &Path) -> (Option<i32>, String) {
-    let out = build_model()
+    let mut command = build_model();
+    // the server is on this machine: no proxy of the environment stands between
+    for name in ["ALL_PROXY", "HTTP_PROXY", "HTTPS_PROXY", "all_proxy", "http_proxy", "https_proxy"] {
+        command.env_remove(name);
+    }
+    let out = command
         .args(["fetch", "S192803"])
         .arg(dir)
         .args(["--mirror", &server.address, "--patience", "2"])

@@ -110,5 +110,11 @@ fn report_works_in_a_browser() {
     let shots = TempDir::new().unwrap();
     let run =
         Command::new("python3").arg(script).arg(built().join("build/report.html")).arg(shots.path()).output().unwrap();
-    assert!(run.status.success(), "{}{}", String::from_utf8_lossy(&run.stdout), String::from_utf8_lossy(&run.stderr));
+    let said = [run.stdout, run.stderr].concat();
+    let said = String::from_utf8_lossy(&said);
+    if run.status.code() == Some(77) {
+        eprintln!("report_works_in_a_browser: skipped, {said}");
+        return;
+    }
+    assert!(run.status.success(), "{said}");
 }

@@ -1,43 +1,70 @@
 """Opens a report in headless Chromium without network and uses it: every section, layers, cut, slider, keys.
 
 usage: report.py REPORT.html SCREENSHOTS_FOLDER
-Needs chromium and chromedriver on the path; nothing beyond Python's own library. Ends with status 1 and a line for each fault.
+Needs chromium and chromedriver on the path; nothing beyond Python's own library. Ends with status 1 and a line for each fault,
+and with status 77 and the reason where chromium cannot be started.
 """
 
 import base64
 import contextlib
 import json
 import pathlib
+import socket
 import struct
 import subprocess
 import sys
 import time
+import urllib.error
 import urllib.request
 import zlib
 
-PORT = 9517
+# chromedriver is on this machine: no proxy of the environment stands between
+DIRECT = urllib.request.build_opener(urllib.request.ProxyHandler({}))
+
+
+class NoBrowser(Exception):
+    """Chromium does not start here."""
+
+
+def free_port():
+    with socket.socket() as place:
+        place.bind(("127.0.0.1", 0))
+        return place.getsockname()[1]
 
 
 class Browser:
     """A WebDriver session [https://www.w3.org/TR/webdriver2/]."""
 
     def __init__(self):
-        self.driver = subprocess.Popen(["chromedriver", f"--port={PORT}"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-        flags = ["--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--window-size=1300,1000", "--hide-scrollbars",
+        self.port = free_port()
+        self.driver = subprocess.Popen(["chromedriver", f"--port={self.port}"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        flags = ["--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--window-size=1300,1000", "--hide-scrollbars", "--no-proxy-server",
                  "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--host-resolver-rules=MAP * ~NOTFOUND"]
         wanted = {"browserName": "chrome", "goog:chromeOptions": {"args": flags}, "goog:loggingPrefs": {"browser": "ALL", "performance": "ALL"}}
-        for attempt in range(100):
-            with contextlib.suppress(OSError):
+        self.start(wanted)
+
+    def start(self, wanted, seconds=60):
+        """Asks for a session until chromedriver answers and chromium starts."""
+        end, why = time.time() + seconds, ""
+        while time.time() < end and self.driver.poll() is None:
+            try:
                 self.session = self.ask("", {"capabilities": {"alwaysMatch": wanted}}, "")["sessionId"]
                 return
+            except urllib.error.HTTPError as error:
+                with contextlib.suppress(ValueError, KeyError, OSError):
+                    why = json.load(error)["value"]["message"].splitlines()[0]
+            except OSError as error:
+                why = str(error)
             time.sleep(0.2)
-        raise SystemExit("chromedriver does not answer")
+        self.driver.kill()
+        self.driver.wait()
+        raise NoBrowser(why or f"chromedriver ended with status {self.driver.returncode}")
 
     def ask(self, path, body, session=None):
-        base = f"http://127.0.0.1:{PORT}/session" + (f"/{self.session}" if session is None else session)
+        base = f"http://127.0.0.1:{self.port}/session" + (f"/{self.session}" if session is None else session)
         data = None if body is None else json.dumps(body).encode()
         request = urllib.request.Request(base + path, data, {"Content-Type": "application/json"})
-        with urllib.request.urlopen(request, timeout=120) as answer:
+        with DIRECT.open(request, timeout=120) as answer:
             return json.load(answer)["value"]
 
     def run(self, script, *arguments):
@@ -55,7 +82,7 @@ class Browser:
 
     def close(self):
         with contextlib.suppress(OSError):
-            urllib.request.urlopen(urllib.request.Request(f"http://127.0.0.1:{PORT}/session/{self.session}", method="DELETE"), timeout=20)
+            DIRECT.open(urllib.request.Request(f"http://127.0.0.1:{self.port}/session/{self.session}", method="DELETE"), timeout=20)
         self.driver.terminate()
         self.driver.wait()
 
@@ -219,7 +246,11 @@ class Check:
 def main():
     page, folder = pathlib.Path(sys.argv[1]).resolve(), pathlib.Path(sys.argv[2])
     folder.mkdir(parents=True, exist_ok=True)
-    browser = Browser()
+    try:
+        browser = Browser()
+    except NoBrowser as reason:
+        print(f"chromium cannot be started: {reason}")
+        sys.exit(77)
     try:
         check = Check(browser, folder)
         browser.ask("/url", {"url": page.as_uri()})
