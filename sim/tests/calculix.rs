@@ -1,7 +1,7 @@
 //! Deformable contact beside CalculiX (C3D8R, surface-to-surface penalty and mortar contact, neo-Hookean in both): two layers, and the plateau of a built knee.
 //!
 //! `GENU_BUILD=DIR/build cargo test --release -p sim --test calculix -- --ignored --nocapture` with `ccx` of calculix-ccx on the path;
-//! without GENU_BUILD the layers alone.
+//! without GENU_BUILD the layers alone; GENU_FINE=2 halves the layers' elements.
 #![expect(clippy::print_stdout, reason = "figures for the reader of the log")]
 #![expect(clippy::disallowed_methods, reason = "files of CalculiX")]
 #![allow(clippy::unwrap_used, reason = "tests")]
@@ -67,10 +67,10 @@ fn grid(n: [usize; 3], place: impl Fn(f64, f64, f64) -> [f64; 3]) -> HexMesh {
     mesh
 }
 
-/// A flat layer and one that bulges towards it with a radius of 20 mm.
-fn layers() -> Case {
-    let lower = grid([12, 12, 3], |s, t, u| [12.0 * s - 6.0, 12.0 * t - 6.0, 2.0 * u]);
-    let upper = grid([9, 9, 3], |s, t, u| {
+/// A flat layer and one that bulges towards it with a radius of 20 mm, elements `fine` times as many along every edge.
+fn layers(fine: usize) -> Case {
+    let lower = grid([12 * fine, 12 * fine, 3 * fine], |s, t, u| [12.0 * s - 6.0, 12.0 * t - 6.0, 2.0 * u]);
+    let upper = grid([9 * fine, 9 * fine, 3 * fine], |s, t, u| {
         let (x, y) = (8.0 * s - 4.0, 4.0 - 8.0 * t);
         let z = 2.0 + (x * x + y * y) / 40.0;
         [x + 0.13, y + 0.07, z + 2.0 * (1.0 - u)]
@@ -264,7 +264,8 @@ fn calculix(case: &Case, mortar: bool, folder: &Path) -> Answer {
 fn beside_calculix() {
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("calculix");
     std::fs::create_dir_all(&folder).unwrap();
-    let mut cases = vec![layers()];
+    let fine = std::env::var("GENU_FINE").ok().and_then(|n| n.parse().ok()).unwrap_or(1);
+    let mut cases = vec![layers(fine)];
     cases.extend(std::env::var("GENU_BUILD").ok().map(|build| plateau(Path::new(&build))));
     for case in cases {
         let elements = case.lower.elements.len() + case.upper.elements.len();

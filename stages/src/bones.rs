@@ -71,8 +71,13 @@ pub fn bones(specimen: &Specimen, options: &BonesOptions) -> Result<Bones, Stage
     let (femur, tibfib) = (&specimen.ct.femur, &specimen.ct.tibfib);
     let far = || StageError("bones: a CT surface has no triangles".into());
     let towards = (femur.centroid().ok_or_else(far)?, tibfib.centroid().ok_or_else(far)?);
-    let (f, femur_metrics) = bone("femur", femur, Some(&towards.1), options, &mut warnings)?;
-    let (t, tibfib_metrics) = bone("tibfib", tibfib, Some(&towards.0), options, &mut warnings)?;
+    let one = |name, mesh, towards| {
+        let mut warnings = Vec::new();
+        bone(name, mesh, Some(towards), options, &mut warnings).map(|made| (made, warnings))
+    };
+    let (f, t) = rayon::join(|| one("femur", femur, &towards.1), || one("tibfib", tibfib, &towards.0));
+    let (((f, femur_metrics), first), ((t, tibfib_metrics), second)) = (f?, t?);
+    warnings.extend(first.into_iter().chain(second));
     let mut metrics = serde_json::json!({ "femur": femur_metrics, "tibfib": tibfib_metrics });
     let mut patella = None;
     if let Some(given) = &specimen.patella {

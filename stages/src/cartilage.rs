@@ -7,12 +7,12 @@ mod solid;
 
 use crate::bones::Bones;
 use crate::ingest::Specimen;
-use crate::register::Registration;
+use crate::register::{BoneRegistration, Registration};
 use crate::{PerCartilage, StageError};
 use field::Domain;
 use meshes::frame::Side;
 use meshes::measure::percentile;
-use meshes::surface::TriMesh;
+use meshes::surface::{ColouredMesh, TriMesh};
 use meshes::{Point, Vector};
 use region::Patch;
 use serde::{Deserialize, Serialize};
@@ -100,42 +100,19 @@ pub fn cartilage(
     options: &CartilageOptions,
 ) -> Result<Cartilage, StageError> {
     check(options)?;
-    let mut warnings = Vec::new();
-    let scans = [&specimen.scans.femur, &specimen.scans.tibfib];
-    let fits = [&registration.bones.femur, &registration.bones.tibfib];
-    let surfaces = [&bones.surfaces.femur, &bones.surfaces.tibfib];
-    let mut made = Vec::new();
-    let mut noise = Vec::new();
-    for (k, (name, count)) in [("femur", 1), ("tibfib", 2)].into_iter().enumerate() {
-        let scan = fits[k].ct_from_scan.mesh(&scans[k].mesh);
-        let domain = Domain::new(surfaces[k], &scan, options)
-            .ok_or_else(|| StageError(format!("cartilage: the bone or the scan of the {name} has no triangles")))?;
-        noise.push(domain.bare_sd);
-        let least = options.least_thickness_mm.max(options.least_thickness_sd * domain.bare_sd);
-        // plateaus face the femur; what else lies on the tibia (the fibula, a stump) does not
-        let facing = (name == "tibfib").then(|| towards_femur(bones)).flatten();
-        let (patches, parted) = region::patches(&domain, least, facing, options);
-        if parted {
-            warnings.push(
-                "tibfib: the cartilages of both plateaus had run together and were parted where they are thinnest"
-                    .to_owned(),
-            );
-        }
-        if patches.len() < count {
-            return Err(StageError(format!(
-                "cartilage: {} found on the {name}, expected {count}: no further patch of at least {} mm2 lies {least:.2} mm \
-                 or more above the bone; check the registration and that the scan shows cartilage",
-                patches.len(),
-                options.least_area_mm2
-            )));
-        }
-        if patches.len() > count {
-            warnings.push(format!("{name}: {} smaller patches above the bone left out", patches.len() - count));
-        }
-        for patch in &patches[..count] {
-            made.push((solid::solid(name, patch, &scan, options)?, patch.centre()));
-        }
-    }
+    let of = |scan, fit, bone, told| of_bone(scan, fit, bone, told, options);
+    let (femur, tibfib) = rayon::join(
+        || of(&specimen.scans.femur, &registration.bones.femur, &bones.surfaces.femur, ("femur", 1, None)),
+        || {
+            // plateaus face the femur; what else lies on the tibia (the fibula, a stump) does not
+            let facing = towards_femur(bones);
+            of(&specimen.scans.tibfib, &registration.bones.tibfib, &bones.surfaces.tibfib, ("tibfib", 2, facing))
+        },
+    );
+    let (femur, tibfib) = (femur?, tibfib?);
+    let noise = [femur.bare_sd, tibfib.bare_sd];
+    let warnings: Vec<String> = femur.warnings.into_iter().chain(tibfib.warnings).collect();
+    let made: Vec<(CartilageSolid, Point)> = femur.solids.into_iter().chain(tibfib.solids).collect();
     let [femur, first, second]: [(CartilageSolid, Point); 3] =
         made.try_into().map_err(|_| StageError("cartilage: not three solids".into()))?;
     let lateral = lateral(specimen.identity.side, bones, &femur.0.solid, &first.1, &second.1).ok_or_else(|| {
@@ -148,6 +125,49 @@ pub fn cartilage(
         solids.named().map(|(name, s)| (name.to_string(), grades(s))).into_iter().collect();
     metrics.insert("bare_bone_sd_mm".into(), serde_json::json!({ "femur": noise[0], "tibfib": noise[1] }));
     Ok(Cartilage { solids, warnings, metrics: metrics.into() })
+}
+
+/// Cartilages of a bone.
+struct Made {
+    /// Each with its middle, the largest first.
+    solids: Vec<(CartilageSolid, Point)>,
+    /// Scatter of the scan about bare bone [mm].
+    bare_sd: f64,
+    warnings: Vec<String>,
+}
+
+/// The `count` largest cartilages of a bone called `name`; `facing` is a direction that theirs look in.
+fn of_bone(
+    scan: &ColouredMesh,
+    fit: &BoneRegistration,
+    bone: &TriMesh,
+    (name, count, facing): (&'static str, usize, Option<Vector>),
+    options: &CartilageOptions,
+) -> Result<Made, StageError> {
+    let mut warnings = Vec::new();
+    let scan = fit.ct_from_scan.mesh(&scan.mesh);
+    let domain = Domain::new(bone, &scan, options)
+        .ok_or_else(|| StageError(format!("cartilage: the bone or the scan of the {name} has no triangles")))?;
+    let least = options.least_thickness_mm.max(options.least_thickness_sd * domain.bare_sd);
+    let (patches, parted) = region::patches(&domain, least, facing, options);
+    if parted {
+        let what = "the cartilages of both plateaus had run together and were parted where they are thinnest";
+        warnings.push(format!("{name}: {what}"));
+    }
+    if patches.len() < count {
+        return Err(StageError(format!(
+            "cartilage: {} found on the {name}, expected {count}: no further patch of at least {} mm2 lies {least:.2} mm \
+             or more above the bone; check the registration and that the scan shows cartilage",
+            patches.len(),
+            options.least_area_mm2
+        )));
+    }
+    if patches.len() > count {
+        warnings.push(format!("{name}: {} smaller patches above the bone left out", patches.len() - count));
+    }
+    let solid = |p: &_| Ok((solid::solid(name, p, &scan, options)?, p.centre()));
+    let solids = patches[..count].iter().map(solid).collect::<Result<_, StageError>>()?;
+    Ok(Made { solids, bare_sd: domain.bare_sd, warnings })
 }
 
 fn check(options: &CartilageOptions) -> Result<(), StageError> {

@@ -83,8 +83,8 @@ impl Default for RegisterOptions {
 ///
 /// Errors say which bone, by what figures, and where the scan fits worst.
 pub fn register(specimen: &Specimen, options: &RegisterOptions) -> Result<Registration, StageError> {
-    let mut warnings = Vec::new();
-    let mut one = |name: &str, ct, scan, frame| {
+    let one = |name: &str, ct, scan, frame| {
+        let mut warnings = Vec::new();
         let pairs = landmark_pairs(&specimen.landmarks, frame);
         let points: Vec<(Point, Point)> = pairs.iter().map(|p| (p.1, p.2)).collect();
         let bone = register_bone(ct, scan, &points, options).map_err(|e| StageError(format!("{name}: {e}")))?;
@@ -98,10 +98,14 @@ pub fn register(specimen: &Specimen, options: &RegisterOptions) -> Result<Regist
                 warnings.push(format!("{name}: landmark {landmark} of scan and CT lie {apart:.1} mm apart after registration: misplaced in one of them"));
             }
         }
-        Ok::<_, StageError>(bone)
+        Ok::<_, StageError>((bone, warnings))
     };
-    let femur = one("femur", &specimen.ct.femur, &specimen.scans.femur, PointFrame::ScanFemur)?;
-    let tibfib = one("tibfib", &specimen.ct.tibfib, &specimen.scans.tibfib, PointFrame::ScanTibfib)?;
+    let (femur, tibfib) = rayon::join(
+        || one("femur", &specimen.ct.femur, &specimen.scans.femur, PointFrame::ScanFemur),
+        || one("tibfib", &specimen.ct.tibfib, &specimen.scans.tibfib, PointFrame::ScanTibfib),
+    );
+    let ((femur, mut warnings), (tibfib, more)) = (femur?, tibfib?);
+    warnings.extend(more);
     let figures = |b: &BoneRegistration| {
         json!({"rms_bare_bone_mm": b.rms_bare_bone_mm, "inlier_fraction": b.inlier_fraction,
                "held_out_rms_mm": b.held_out_rms_mm, "predicted_error_mm": b.predicted_error_mm, "level_mm": b.level_mm})
