@@ -76,10 +76,16 @@ pub fn kinds(count: usize) -> Vec<String> {
         .collect()
 }
 
-/// Makes a case.
+/// Makes a case of a kind; `size` is a factor on the sizes of its effects.
 ///
 /// Errors: an unknown kind, a plan without trials, a knee without surfaces.
-pub fn make(input: &KneeInput, plan: &[Planned], name: &str, kind: &str, seed: u64) -> Result<Case, BenchError> {
+pub fn make(
+    input: &KneeInput,
+    plan: &[Planned],
+    name: &str,
+    (kind, size): (&str, f64),
+    seed: u64,
+) -> Result<Case, BenchError> {
     if plan.is_empty() {
         return Err(BenchError::Plan("no trials".into()));
     }
@@ -91,10 +97,11 @@ pub fn make(input: &KneeInput, plan: &[Planned], name: &str, kind: &str, seed: u
             sources.push(p.source.clone());
         }
     }
-    let effects = effects(kind, &sources, &mut random)?;
-    let with = simulate(&knee, plan, &effects, &mut random, true);
+    let effects = effects((kind, size), &sources, &mut random)?;
+    let path = path(&knee, plan);
+    let with = simulate((&knee, &path), plan, &effects, &mut random, true);
     let mut quiet = ChaCha8Rng::seed_from_u64(seed);
-    let clean = |effects: &[(Hidden, String)], r: &mut ChaCha8Rng| simulate(&knee, plan, effects, r, false);
+    let clean = |effects: &[(Hidden, String)], r: &mut ChaCha8Rng| simulate((&knee, &path), plan, effects, r, false);
     let signature: Vec<[f64; 5]> = if effects.is_empty() {
         vec![[0.0; 5]; plan.len()]
     } else {
@@ -115,7 +122,11 @@ pub fn make(input: &KneeInput, plan: &[Planned], name: &str, kind: &str, seed: u
     Ok(Case { readings: noisy(with, plan, &mut random), truth })
 }
 
-fn effects(kind: &str, sources: &[String], random: &mut ChaCha8Rng) -> Result<Vec<(Hidden, String)>, BenchError> {
+fn effects(
+    (kind, factor): (&str, f64),
+    sources: &[String],
+    random: &mut ChaCha8Rng,
+) -> Result<Vec<(Hidden, String)>, BenchError> {
     let singles: Vec<&str> = KINDS.iter().map(|k| k.0).filter(|k| !k.starts_with("x_")).collect();
     let names: Vec<String> = match kind {
         "null" => vec![],
@@ -141,7 +152,7 @@ fn effects(kind: &str, sources: &[String], random: &mut ChaCha8Rng) -> Result<Ve
                 .iter()
                 .map(|(key, size, positive)| {
                     let sign = if *positive || random.random::<bool>() { 1.0 } else { -1.0 };
-                    ((*key).to_owned(), sign * size * (0.6 + 0.8 * random.random::<f64>()))
+                    ((*key).to_owned(), sign * factor * size * (0.6 + 0.8 * random.random::<f64>()))
                 })
                 .collect();
             let tissue = ["meniscus", "capsule_envelope", "extra_bundle"].contains(&effect.as_str());
@@ -153,9 +164,16 @@ fn effects(kind: &str, sources: &[String], random: &mut ChaCha8Rng) -> Result<Ve
         .collect()
 }
 
+/// Unloaded rests up to the plan's deepest flexion.
+fn path(knee: &Knee, plan: &[Planned]) -> Path {
+    let last = plan.iter().map(|p| p.flexion_deg).fold(0.0, f64::max).to_radians();
+    let compression = plan.iter().map(|p| p.load[4]).sum::<f64>() / plan.len() as f64;
+    Path::new(knee, last, compression)
+}
+
 /// Readings VV, IE [deg], ML, AP, SI [mm], without tracking noise.
 fn simulate(
-    knee: &Knee,
+    (knee, path): (&Knee, &Path),
     plan: &[Planned],
     effects: &[(Hidden, String)],
     random: &mut ChaCha8Rng,
@@ -168,9 +186,6 @@ fn simulate(
             [100.0, 100.0, 2.0, 2.0, 2.0].map(|s| size * s * normal(random))
         })
         .collect();
-    let last = plan.iter().map(|p| p.flexion_deg).fold(0.0, f64::max).to_radians();
-    let compression = plan.iter().map(|p| p.load[4]).sum::<f64>() / plan.len() as f64;
-    let path = Path::new(knee, last, compression);
     plan.par_iter()
         .zip(&noise)
         .map(|(p, noise)| {
@@ -184,11 +199,11 @@ fn simulate(
             }
             (0..5).for_each(|j| asked.load[j] += noise[j]);
             let misread = |r: &[f64; 6]| here.iter().fold(*r, |r, h| h.misread(&r));
-            let mut seen = misread(&rest(knee, &here, &asked, &path));
+            let mut seen = misread(&rest(knee, &here, &asked, path));
             // the flexion that is recorded is the one that is read
             if (seen[0] - recorded).abs() > 1e-6 {
                 asked.flexion += recorded - seen[0];
-                seen = misread(&rest(knee, &here, &asked, &path));
+                seen = misread(&rest(knee, &here, &asked, path));
             }
             [seen[1].to_degrees(), seen[2].to_degrees(), seen[3], seen[4], seen[5]]
         })

@@ -26,7 +26,7 @@ impl Path {
         let mut at = components(&knee.ct);
         let each = (0..=steps).map(|k| {
             let flexion = knee.ct[0] + (last - knee.ct[0]) * k as f64 / steps as f64;
-            at = least(knee, &[], &Asked { flexion, load: squeeze }, &squeeze, at, &at);
+            at = least(knee, &[], &Asked { flexion, load: squeeze }, at, &at, &mut soft());
             (flexion, at)
         });
         Path(each.collect())
@@ -43,25 +43,39 @@ pub(crate) fn rest(knee: &Knee, hidden: &[Hidden], asked: &Asked, path: &Path) -
     let squeeze = [0.0, 0.0, 0.0, 0.0, asked.load[4]];
     let flexion = asked.flexion;
     let at = path.start(flexion);
-    let neutral = least(knee, &[], &Asked { flexion, load: squeeze }, &squeeze, at, &at);
+    // what is learnt of the stiffness on the way serves the next step
+    let mut inverse = soft();
+    let neutral = least(knee, &[], &Asked { flexion, load: squeeze }, at, &at, &mut inverse);
     let mut at = neutral;
     for part in [0.34, 0.67, 1.0] {
         let load = std::array::from_fn(|j| squeeze[j] + (asked.load[j] - squeeze[j]) * part);
-        at = least(knee, hidden, &Asked { flexion, load }, &load, at, &neutral);
+        at = least(knee, hidden, &Asked { flexion, load }, at, &neutral, &mut inverse);
     }
     read(&pose(flexion, &at))
 }
 
-/// Least energy near `start`.
-fn least(knee: &Knee, hidden: &[Hidden], asked: &Asked, load: &Five, start: Five, neutral: &Five) -> Five {
+/// A first guess of the inverse stiffness.
+fn soft() -> Matrix5<f64> {
+    Matrix5::identity() * 0.005
+}
+
+/// Least energy near `start`, with a guess of the inverse stiffness that is bettered.
+fn least(
+    knee: &Knee,
+    hidden: &[Hidden],
+    asked: &Asked,
+    start: Five,
+    neutral: &Five,
+    inverse: &mut Matrix5<f64>,
+) -> Five {
     let near = knee.near(asked.flexion, &start);
     let scale = [1.0 / LEVER, 1.0 / LEVER, 1.0, 1.0, 1.0];
     let evaluate = |y: &Vector5<f64>| {
         let c: Five = std::array::from_fn(|j| y[j] * scale[j]);
         let (mut energy, mut slope) = knee.energy(asked.flexion, &c, &near, moved(&start, &c));
         for j in 0..5 {
-            energy -= load[j] * c[j];
-            slope[j] -= load[j];
+            energy -= asked.load[j] * c[j];
+            slope[j] -= asked.load[j];
         }
         for h in hidden {
             let (e, s) = h.energy(asked, &c, neutral);
@@ -72,15 +86,14 @@ fn least(knee: &Knee, hidden: &[Hidden], asked: &Asked, load: &Five, start: Five
     };
     let mut y = Vector5::from_fn(|j, _| start[j] / scale[j]);
     let (mut energy, mut slope) = evaluate(&y);
-    let mut inverse = Matrix5::identity() * 0.005;
     for _ in 0..80 {
         if slope.amax() < 0.05 {
             break;
         }
-        let mut way = -(inverse * slope);
+        let mut way = -(*inverse * slope);
         if way.dot(&slope) >= 0.0 {
-            inverse = Matrix5::identity() * 0.005;
-            way = -(inverse * slope);
+            *inverse = soft();
+            way = -(*inverse * slope);
         }
         let longest = way.amax();
         if longest > 1.5 {
@@ -98,7 +111,7 @@ fn least(knee: &Knee, hidden: &[Hidden], asked: &Asked, load: &Five, start: Five
         let curve = step.dot(&change);
         if curve > 1e-12 {
             let (r, i) = (1.0 / curve, Matrix5::identity());
-            inverse = (i - step * change.transpose() * r) * inverse * (i - change * step.transpose() * r)
+            *inverse = (i - step * change.transpose() * r) * *inverse * (i - change * step.transpose() * r)
                 + step * step.transpose() * r;
         }
         if step.amax() < 1e-6 {

@@ -69,6 +69,23 @@ fn stratum(evidence: f64) -> &'static str {
     }
 }
 
+/// Family of an effect: misreadings, loads, tissues, muscles, history.
+fn family(effect: &str) -> char {
+    match effect {
+        "femur_frame" | "tibia_frame" | "flexion_offset" | "origin_shift" => 'M',
+        "load_bias"
+        | "load_gain"
+        | "load_misalign"
+        | "joint_compression"
+        | "apparatus_compliance"
+        | "cuff_softening"
+        | "gravity" => 'L',
+        "quad_passive" | "ham_tone" | "gastroc_tone" | "itb" | "guarding_reflex" => 'U',
+        "friction" | "viscoelastic" | "preconditioning" | "drift" => 'H',
+        _ => 'T',
+    }
+}
+
 /// Scores answers against truths.
 pub fn score(cases: &[(crate::laboratory::Truth, Said)]) -> Score {
     let mut out = Score::default();
@@ -104,7 +121,10 @@ fn one(out: &mut Score, truth: &crate::laboratory::Truth, said: &Said) {
             let named = first.contains(&effect);
             wrong = sure && !named;
             hit(format!("{s}: named first"), named);
-            hit(format!("{s}: in the reported set"), has(effect));
+            hit(format!("{s}: family first"), first.iter().any(|e| family(e) == family(effect)));
+            if !said.answers.is_empty() {
+                hit(format!("{s}: in the set, where one is reported"), has(effect));
+            }
             hit(format!("{s}: confidently wrong"), wrong);
             if named {
                 let right = said.answers[0].iter().any(|a| a.0 == *effect && a.1 == *scope);

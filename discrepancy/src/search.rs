@@ -1,9 +1,10 @@
 //! The search for what is missing: baseline, screen, joint refits, one effect after another.
 
-use crate::covariance::{Floor, Readings, Whitening, covariance, normal, remainders};
+use crate::covariance::{Floor, Readings, covariance, normal, remainders};
 use crate::error::DiscrepancyError;
 use crate::fit::{Data, Fit};
 use crate::problem::{Candidate, Problem, Scope};
+use crate::robust::Mixture;
 use crate::screen::{Marginal, Score, signatures};
 use nalgebra::{DMatrix, DVector};
 use rand::SeedableRng;
@@ -35,6 +36,8 @@ pub struct DiagnosisOptions {
     pub frozen_ligaments: bool,
     /// Whether an answer outside the catalogue is allowed.
     pub wildcard: bool,
+    /// Whether rivals are ranked by the error that they leave, in noises, instead of by evidence (for comparison only).
+    pub by_error: bool,
     /// Folds of the held-out score [-].
     pub folds: usize,
 }
@@ -52,6 +55,7 @@ impl Default for DiagnosisOptions {
             seed: 1,
             frozen_ligaments: false,
             wildcard: true,
+            by_error: false,
             folds: 4,
         }
     }
@@ -171,6 +175,11 @@ impl Searcher<'_> {
     }
 
     fn log(&self, fit: &Fit) -> f64 {
+        if self.options.by_error {
+            let noises =
+                self.problem.trials.iter().flat_map(|t| (0..5).filter(|c| t.measured[*c].is_some()).map(|c| t.sd[c]));
+            return -0.5 * fit.residual.iter().zip(noises).map(|(r, sd)| (r / sd).powi(2)).sum::<f64>();
+        }
         weighed(fit, self.problem.sources.len())
     }
 
@@ -187,7 +196,7 @@ impl Searcher<'_> {
 
     /// Gain of evidence over nothing missing.
     pub fn gain(&self, fit: &Fit, base: &Fit) -> f64 {
-        self.log(fit) - base.log_evidence
+        self.log(fit) - self.log(base)
     }
 
     fn sort(&self, fits: &mut Vec<Fit>) {
@@ -221,6 +230,7 @@ impl Searcher<'_> {
             hypothesis: vec![],
             residual: &readings.measured - readings.pick(&linear.value),
             misfit: 0.0,
+            odd: vec![],
             log_evidence: 0.0,
             posterior: DMatrix::identity(x.len(), x.len()),
             unknowns: x,
@@ -249,9 +259,20 @@ impl Searcher<'_> {
         readings: &Readings,
         steps: usize,
     ) -> Result<Fit, DiscrepancyError> {
-        let whitening = Whitening::new(readings.block_of(cov))?;
+        let mixture = Mixture::new(readings, readings.block_of(cov), &self.problem.trials)?;
+        self.fit_to(hypothesis, start, starts, (readings, &mixture), steps)
+    }
+
+    fn fit_to(
+        &self,
+        hypothesis: &[Candidate],
+        start: &[f64],
+        starts: &[sim::joint::Six],
+        (readings, mixture): (&Readings, &Mixture),
+        steps: usize,
+    ) -> Result<Fit, DiscrepancyError> {
         let frozen = self.options.frozen_ligaments;
-        Data { problem: self.problem, readings, whitening: &whitening, steps, frozen }.fit(hypothesis, start, starts)
+        Data { problem: self.problem, readings, mixture, steps, frozen }.fit(hypothesis, start, starts)
     }
 
     /// Log Bayes factor and estimate of every candidate beside what a fit has already, best first; and the threshold by simulated nulls.
@@ -316,6 +337,7 @@ impl Searcher<'_> {
                 break;
             }
         }
+        let mixture = Mixture::new(readings, readings.block_of(cov), &self.problem.trials)?;
         let mut fits: Vec<Fit> = chosen
             .par_iter()
             .map(|item| {
@@ -327,7 +349,7 @@ impl Searcher<'_> {
                 let flat = candidate.active(&vec![0.0; item.size.len()]).has_no_slope_at_zero();
                 start.extend(item.size.iter().map(|x| x.clamp(if flat { 0.5 } else { -3.0 }, 3.0)));
                 Ok(self
-                    .fit(&hypothesis, &start, &at.coordinates(), cov, readings, 6)?
+                    .fit_to(&hypothesis, &start, &at.coordinates(), (readings, &mixture), 6)?
                     .earned(without, candidate.size()))
             })
             .collect::<Result<_, DiscrepancyError>>()?;
@@ -345,10 +367,12 @@ impl Searcher<'_> {
     ) -> Result<(Fit, Vec<Fit>, DMatrix<f64>), DiscrepancyError> {
         let best = &rivals[0];
         let cov = self.scatter(best, extra)?;
+        let mixture = Mixture::new(readings, readings.block_of(&cov), &self.problem.trials)?;
         let from_best = &best.unknowns[..self.problem.nuisances()];
-        let bases: Vec<Fit> = [(&base.unknowns[..], &base), (from_best, best)]
+        let given = vec![0.0; self.problem.nuisances()];
+        let bases: Vec<Fit> = [(&base.unknowns[..], &base), (from_best, best), (&given[..], best)]
             .par_iter()
-            .map(|(x, f)| self.fit(&[], x, &f.coordinates(), &cov, readings, 8))
+            .map(|(x, f)| self.fit_to(&[], x, &f.coordinates(), (readings, &mixture), 8))
             .collect::<Result<_, _>>()?;
         let base = bases.into_iter().reduce(|a, b| if b.log_evidence > a.log_evidence { b } else { a }).unwrap_or(base);
         // each from where it stands, and the first from the model's own ligaments: two valleys
@@ -362,7 +386,7 @@ impl Searcher<'_> {
                     start[..self.problem.nuisances()].fill(0.0);
                 }
                 let size = f.hypothesis.iter().map(Candidate::size).sum();
-                let fit = self.fit(&f.hypothesis, &start, &f.coordinates(), &cov, readings, 8)?;
+                let fit = self.fit_to(&f.hypothesis, &start, &f.coordinates(), (readings, &mixture), 8)?;
                 Ok(fit.earned(base.log_evidence, size))
             })
             .collect::<Result<_, DiscrepancyError>>()?;

@@ -6,7 +6,9 @@ use blindbench::knee::{BundleInput, KneeInput};
 use blindbench::laboratory::{Planned, Truth, kinds, make};
 use blindbench::score::{Said, Score, score};
 use clap::{Args, Subcommand};
+use discrepancy::covariance::Floor;
 use discrepancy::diagnosis::Diagnosis;
+use discrepancy::search::DiagnosisOptions;
 use sim::abaqus::MeshValue;
 use sim::laxity::{LaxityTrial, TrialResult, results_csv};
 use std::collections::BTreeMap;
@@ -43,6 +45,9 @@ pub struct MakeArgs {
     /// Only this kind: null, compound, unknown, or an effect's name
     #[arg(long)]
     pub kind: Option<String>,
+    /// Factor on the sizes of effects: below 1 for weak ones
+    #[arg(long, default_value_t = 1.0)]
+    pub size: f64,
 }
 
 /// `blind answer`.
@@ -52,12 +57,41 @@ pub struct AnswerArgs {
     pub model: PathBuf,
     /// The bench's folder
     pub bench: PathBuf,
-    /// Where the answers go, a folder a case
+    /// Where the answers go, a folder a case; answers that are there already are kept
     #[arg(long)]
     pub out: PathBuf,
-    /// Options of the diagnosis (TOML): floors, ablations
+    /// Options of the diagnosis (TOML)
     #[arg(long, value_name = "OPTIONS.toml")]
     pub options: Option<PathBuf>,
+    /// A part of the method taken away, to see what it is worth: into a folder of its own
+    #[arg(long, value_enum)]
+    pub ablation: Option<Ablation>,
+}
+
+/// A part of the method taken away.
+#[derive(clap::ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ablation {
+    /// Ligaments and contact held at the model's own, instead of marginalised
+    FrozenLigaments,
+    /// Tracking noise alone, no declared floor
+    NoFloor,
+    /// An answer outside the catalogue is not allowed
+    NoWildcard,
+    /// Rivals ranked by the error that they leave, not by evidence
+    ByError,
+}
+
+impl Ablation {
+    fn options(self) -> DiagnosisOptions {
+        let mut out = DiagnosisOptions::default();
+        match self {
+            Ablation::FrozenLigaments => out.frozen_ligaments = true,
+            Ablation::NoFloor => out.floor = Floor::none(),
+            Ablation::NoWildcard => out.wildcard = false,
+            Ablation::ByError => out.by_error = true,
+        }
+        out
+    }
 }
 
 /// `blind score`.
@@ -67,8 +101,9 @@ pub struct ScoreArgs {
     pub model: PathBuf,
     /// The bench's folder
     pub bench: PathBuf,
-    /// The answers' folder
-    pub answers: PathBuf,
+    /// Folders of answers: one, or several to compare (ablations). Cases without an answer are left out
+    #[arg(required = true)]
+    pub answers: Vec<PathBuf>,
 }
 
 /// Runs a verb of the bench; gives the words to print.
@@ -92,8 +127,8 @@ fn make_cases(args: &MakeArgs) -> Result<String, BuildError> {
     let mut seals = BTreeMap::new();
     for (k, kind) in kinds.iter().enumerate() {
         let name = format!("case_{:04}", k + 1);
-        let case = make(&input, &plan, &name, kind, args.seed.wrapping_mul(1_000_003).wrapping_add(k as u64))
-            .map_err(|e| BuildError::File(e.to_string()))?;
+        let seed = args.seed.wrapping_mul(1_000_003).wrapping_add(k as u64);
+        let case = make(&input, &plan, &name, (kind, args.size), seed).map_err(|e| BuildError::File(e.to_string()))?;
         let mut readings = case.readings.iter();
         for source in &sources {
             let results: Vec<TrialResult> =
@@ -106,11 +141,12 @@ fn make_cases(args: &MakeArgs) -> Result<String, BuildError> {
         let truth = serde_json::to_vec_pretty(&case.truth).map_err(|e| BuildError::File(e.to_string()))?;
         seals.insert(name.clone(), crate::run_log::hash(&truth));
         store::write(&args.out.join(format!("{name}.truth.json")), &truth)?;
+        // after every case, so that a bench that is stopped can be answered and scored as far as it came
+        let names: Vec<&String> = sources.iter().map(|s| &s.name).collect();
+        let manifest = serde_json::json!({"schema": "bench/1", "sources": names, "seals": seals});
+        let text = serde_json::to_vec_pretty(&manifest).map_err(|e| BuildError::File(e.to_string()))?;
+        store::write(&args.out.join("bench.json"), &text)?;
     }
-    let names: Vec<&String> = sources.iter().map(|s| &s.name).collect();
-    let manifest = serde_json::json!({"schema": "bench/1", "sources": names, "seals": seals});
-    let text = serde_json::to_vec_pretty(&manifest).map_err(|e| BuildError::File(e.to_string()))?;
-    store::write(&args.out.join("bench.json"), &text)?;
     Ok(format!("{} cases in {}\n", kinds.len(), args.out.display()))
 }
 
@@ -177,50 +213,76 @@ fn bench(folder: &Path) -> Result<(Vec<String>, Vec<String>, serde_json::Value),
 
 fn answer(args: &AnswerArgs) -> Result<String, BuildError> {
     let (cases, sources, _) = bench(&args.bench)?;
+    let options = match (args.ablation, &args.options) {
+        (Some(_), Some(_)) => return Err(BuildError::Usage("--ablation and --options cannot be joined".into())),
+        (Some(ablation), None) => ablation.options(),
+        (None, path) => diagnose::options(path.as_deref())?,
+    };
+    let mut kept = 0;
     for case in &cases {
+        let out = args.out.join(case);
+        if store::exists(&out.join("diagnosis.json")) {
+            kept += 1;
+            continue;
+        }
         let folder = args.bench.join(case);
         let measured = sources.iter().map(|s| (s.clone(), folder.join(format!("{s}.csv")))).collect();
-        diagnose::run(&diagnose::DiagnoseArgs {
+        let question = diagnose::DiagnoseArgs {
             model: args.model.clone(),
             measured,
-            out: args.out.join(case),
+            out,
             atlas: false,
             without_effect: vec![],
-            options: args.options.clone(),
+            options: None,
             jobs: None,
-        })?;
+        };
+        diagnose::run_with(&question, &options)?;
     }
-    Ok(format!("{} answers in {}\n", cases.len(), args.out.display()))
+    Ok(format!("{} answers in {}, {kept} of them there before\n", cases.len(), args.out.display()))
 }
 
 fn score_answers(args: &ScoreArgs) -> Result<String, BuildError> {
     let (cases, sources, manifest) = bench(&args.bench)?;
     let loaded = model_file::load(&args.model)?;
     let model = diagnose::prepared(&loaded).map_err(|e| BuildError::File(e.to_string()))?;
-    let mut pairs = Vec::new();
-    for case in &cases {
+    let mut truths = BTreeMap::new();
+    for case in cases.iter().filter(|c| args.answers.iter().any(|a| store::exists(&a.join(c).join("diagnosis.json")))) {
         let bytes = store::read(&args.bench.join(format!("{case}.truth.json")))?;
         if manifest["seals"][case].as_str() != Some(crate::run_log::hash(&bytes).as_str()) {
             return Err(BuildError::File(format!(
                 "{case}.truth.json: its seal is broken (bench.json holds another digest)"
             )));
         }
-        let parse = |e: serde_json::Error| BuildError::File(format!("{case}: {e}"));
-        let mut truth: Truth = serde_json::from_slice(&bytes).map_err(parse)?;
-        let said = store::read(&args.answers.join(case).join("diagnosis.json"))?;
-        let diagnosis: Diagnosis = serde_json::from_slice(&said).map_err(parse)?;
-        let measured: Vec<(String, PathBuf)> =
-            sources.iter().map(|s| (s.clone(), args.bench.join(case).join(format!("{s}.csv")))).collect();
-        let (data, _) = diagnose::sources(&measured)?;
-        truth.strength.expected_evidence =
-            discrepancy::atlas::expected_evidence(&model, &loaded.spec, &data, &truth.signature)
-                .map_err(|e| BuildError::File(format!("{case}: {e}")))?;
-        pairs.push((truth, reduced(&diagnosis)));
+        let mut truth: Truth = serde_json::from_slice(&bytes).map_err(|e| BuildError::File(format!("{case}: {e}")))?;
+        truth.case.clone_from(case);
+        if !truth.effects.is_empty() {
+            let measured: Vec<(String, PathBuf)> =
+                sources.iter().map(|s| (s.clone(), args.bench.join(case).join(format!("{s}.csv")))).collect();
+            let (data, _) = diagnose::sources(&measured)?;
+            truth.strength.expected_evidence =
+                discrepancy::atlas::expected_evidence(&model, &loaded.spec, &data, &truth.signature)
+                    .map_err(|e| BuildError::File(format!("{case}: {e}")))?;
+        }
+        truths.insert(case, truth);
     }
-    let result = score(&pairs);
-    let json = serde_json::to_vec_pretty(&result).map_err(|e| BuildError::File(e.to_string()))?;
-    store::write(&args.answers.join("score.json"), &json)?;
-    Ok(table(&result))
+    let mut text = String::new();
+    for answers in &args.answers {
+        let mut pairs = Vec::new();
+        for (case, truth) in &truths {
+            let path = answers.join(case).join("diagnosis.json");
+            if store::exists(&path) {
+                let diagnosis: Diagnosis = serde_json::from_slice(&store::read(&path)?)
+                    .map_err(|e| BuildError::File(format!("{}: {e}", path.display())))?;
+                pairs.push((truth.clone(), reduced(&diagnosis)));
+            }
+        }
+        let result = score(&pairs);
+        let json = serde_json::to_vec_pretty(&result).map_err(|e| BuildError::File(e.to_string()))?;
+        store::write(&answers.join("score.json"), &json)?;
+        text +=
+            &format!("{}: {} of {} cases answered\n{}", answers.display(), pairs.len(), cases.len(), table(&result));
+    }
+    Ok(text)
 }
 
 fn reduced(d: &Diagnosis) -> Said {

@@ -46,6 +46,11 @@ pub fn named_file(text: &str) -> Result<(String, PathBuf), String> {
 
 /// Diagnoses and writes; gives the words to print.
 pub fn run(args: &DiagnoseArgs) -> Result<String, BuildError> {
+    run_with(args, &options(args.options.as_deref())?)
+}
+
+/// [`run`] with options already read.
+pub fn run_with(args: &DiagnoseArgs, options: &DiagnosisOptions) -> Result<String, BuildError> {
     if let Some(jobs) = args.jobs {
         // A second call in one process keeps the first pool; results do not depend on it.
         let _ = rayon::ThreadPoolBuilder::new().num_threads(jobs.into()).build_global();
@@ -55,16 +60,15 @@ pub fn run(args: &DiagnoseArgs) -> Result<String, BuildError> {
     let fault = |e: &dyn std::fmt::Display| BuildError::File(format!("{}: {e}", args.model.display()));
     let model = prepared(&loaded).map_err(|e| fault(&e))?;
     let catalogue = catalogue(&args.without_effect)?;
-    let options = options(args.options.as_deref())?;
     if args.atlas {
         let atlas =
-            discrepancy::atlas::atlas(&model, &loaded.spec, &sources, &catalogue, &options).map_err(|e| fault(&e))?;
+            discrepancy::atlas::atlas(&model, &loaded.spec, &sources, &catalogue, options).map_err(|e| fault(&e))?;
         let json = as_json(&atlas)?;
         let page = discrepancy::atlas::page(&loaded.spec.id, &atlas);
         store::write_all(&args.out, &[("atlas.json".into(), json), ("atlas.html".into(), page.clone().into_bytes())])?;
         return Ok(text + &discrepancy::atlas::table(&atlas));
     }
-    let outcome = diagnose(&model, &loaded.spec, &sources, &catalogue, &options).map_err(|e| fault(&e))?;
+    let outcome = diagnose(&model, &loaded.spec, &sources, &catalogue, options).map_err(|e| fault(&e))?;
     write(args, &loaded, &outcome)?;
     text += &format!(
         "{:?}: {}\nLook at {}\n",
@@ -111,7 +115,8 @@ fn catalogue(without: &[String]) -> Result<Catalogue, BuildError> {
     Ok(catalogue.without(&names))
 }
 
-fn options(path: Option<&Path>) -> Result<DiagnosisOptions, BuildError> {
+/// Options of a file; the usual ones without.
+pub fn options(path: Option<&Path>) -> Result<DiagnosisOptions, BuildError> {
     let Some(path) = path else { return Ok(DiagnosisOptions::default()) };
     toml::from_str(&store::read_text(path)?).map_err(|e| BuildError::Option(format!("{}: {e}", path.display())))
 }
