@@ -46,6 +46,9 @@ pub struct Effect {
     /// Whether it is anatomy that cannot differ between data sets of one specimen.
     #[serde(default)]
     pub one_knee: bool,
+    /// Relative error of its size owed to a form and lines that are not this knee's own, one standard deviation [-].
+    #[serde(default)]
+    pub form_share: f64,
     /// Structures it may be about.
     #[serde(default)]
     pub variants: Vec<String>,

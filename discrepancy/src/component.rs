@@ -59,10 +59,10 @@ impl Component {
     }
 }
 
-/// The components of a fit.
-pub fn components(problem: &Problem, fit: &Fit, log_bayes_factor: f64) -> Vec<Component> {
+/// The components of a fit; `temper` as in [`named`].
+pub fn components(problem: &Problem, fit: &Fit, temper: f64, log_bayes_factor: f64) -> Vec<Component> {
     let kept = fit.hypothesis.iter().map(|c| c.effect.kept.clone());
-    named(problem, fit)
+    named(problem, fit, temper)
         .into_iter()
         .zip(kept)
         .map(|(Named { effect, scope, variant, parameters }, kept)| Component {

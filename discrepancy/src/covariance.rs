@@ -287,6 +287,11 @@ impl Whitening {
         self.0.solve(v)
     }
 
+    /// The inverse of the covariance.
+    pub fn inverse(&self) -> DMatrix<f64> {
+        self.0.inverse()
+    }
+
     /// Log of the determinant.
     pub fn log_determinant(&self) -> f64 {
         2.0 * self.0.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>()

@@ -244,21 +244,26 @@ fn conclude(problem: &Problem, spec: &ModelSpec, options: &DiagnosisOptions) -> 
         threshold: search.threshold,
         wildcard: wild.log_bayes_factor,
         misfit: [&search.base, best].map(|f| searcher.total(f) / f.residual.len() as f64),
-        best: crate::diagnosis::named(problem, best),
+        best: named(problem, best, temper(&searcher, believed)),
     };
     diagnosis.description = crate::words::description(problem, &diagnosis, &wild, &search);
     let mut outcome = Outcome { diagnosis, components: vec![], model: None };
     if let Some(first) = outcome.diagnosis.answers.first() {
-        outcome.components = components(problem, best, first.log_bayes_factor);
+        outcome.components = components(problem, best, temper(&searcher, best), first.log_bayes_factor);
         outcome.model = Some(augmented(problem, spec, best, &outcome.components)?);
     }
     Ok(outcome)
 }
 
+/// How many times less loud the data speak than their declared scatter says: the floor is known no better than this, and a misfit shows that it is
+/// too narrow. It tempers the weights of names and widens the intervals of sizes alike.
+fn temper(searcher: &Searcher, fit: &Fit) -> f64 {
+    1.5 * (searcher.total(fit) / fit.residual.len() as f64).max(1.0)
+}
+
 /// Weight of each rival: evidence and prior, tempered where the best leaves more than it should.
 fn weights<'a>(searcher: &Searcher, search: &'a Search, best: &Fit) -> Vec<(&'a Fit, f64)> {
-    let n = search.readings.rows.len() as f64;
-    let temper = (searcher.total(best) / n).max(1.0) * 1.5;
+    let temper = temper(searcher, best);
     let top = searcher.gain(best, &search.base);
     let mut out: Vec<(&Fit, f64)> =
         search.rivals.iter().map(|f| (f, ((searcher.gain(f, &search.base) - top) / temper).exp())).collect();
@@ -269,6 +274,8 @@ fn weights<'a>(searcher: &Searcher, search: &'a Search, best: &Fit) -> Vec<(&'a 
 
 /// Share of the excess that a named effect may leave where a nameless field explains still more [-].
 const NEARLY_ALL: f64 = 0.2;
+/// Size of an effect, in standard deviations of its prior, that is no longer the effect of that name [-].
+const BEYOND_BELIEF: f64 = 5.0;
 /// Share of the held-out gap that a named effect must close where the rest stays significant; closing less, it is not what is missing [-].
 const LEAST_CLOSED: f64 = 0.3;
 /// Standard deviations of the sum of squares from which something is missing though no effect explains it [-].
@@ -288,7 +295,10 @@ fn verdict(
     let poor = deviations > 2.5;
     // an effect that explains nearly all is named, though its form differs in detail
     let left = excess / (searcher.total(base) - readings).max(1e-9);
-    let nameless = wild.log_bayes_factor > 8.0 && !(named && left < NEARLY_ALL);
+    // nor is one whose size nobody would expect, where a nameless field explains more
+    let sizes = &best.unknowns[searcher.problem.nuisances()..];
+    let fitting = named && left < NEARLY_ALL && sizes.iter().all(|x| x.abs() < BEYOND_BELIEF);
+    let nameless = wild.log_bayes_factor > 8.0 && !fitting;
     let beside = if named { closes < LEAST_CLOSED } else { deviations > BEYOND_DOUBT };
     if searcher.options.wildcard && poor && (nameless || beside) {
         return Verdict::Unnamed;
@@ -354,7 +364,7 @@ fn answers(problem: &Problem, searcher: &Searcher, search: &Search, rivals: &[(&
         }
         sum += weight;
         out.push(Answer {
-            effects: named(problem, fit),
+            effects: named(problem, fit, temper(searcher, fit)),
             weight,
             log_bayes_factor: searcher.gain(fit, &search.base),
             held_out_gain: if k == 0 { gain } else { 0.0 },
@@ -363,9 +373,9 @@ fn answers(problem: &Problem, searcher: &Searcher, search: &Search, rivals: &[(&
     out
 }
 
-/// The effects of a fit with their sizes.
-pub fn named(problem: &Problem, fit: &Fit) -> Vec<Named> {
-    let values = fit.parameters(problem.nuisances());
+/// The effects of a fit with their sizes, as sure as data that speak `temper` times less loud make them.
+pub fn named(problem: &Problem, fit: &Fit, temper: f64) -> Vec<Named> {
+    let values = fit.parameters(problem.nuisances(), temper);
     fit.hypothesis
         .iter()
         .zip(values)

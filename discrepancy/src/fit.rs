@@ -1,8 +1,9 @@
 //! The most probable ligaments, contact and effects under a hypothesis, and the evidence for it (Laplace's approximation).
 
-use crate::covariance::{Readings, Whitening};
+use crate::covariance::Readings;
 use crate::error::DiscrepancyError;
 use crate::problem::{Candidate, Linear, Problem};
+use crate::robust::{Mixture, Weighed};
 use nalgebra::{Cholesky, DMatrix, DVector};
 use sim::joint::Six;
 use validation::levenberg::box_step;
@@ -26,8 +27,10 @@ pub struct Fit {
     pub linear: Linear,
     /// Measured minus predicted, of the readings fitted.
     pub residual: DVector<f64>,
-    /// Whitened sum of squares of the residual.
+    /// Whitened sum of squares of the residual; an odd trial's limited to what it costs.
     pub misfit: f64,
+    /// Trials that it does not explain, set aside ([`crate::robust`]).
+    pub odd: Vec<usize>,
     /// Log of the evidence, up to a constant common to all hypotheses fitted to the same readings.
     pub log_evidence: f64,
     /// Posterior covariance of the unknowns.
@@ -42,7 +45,7 @@ pub struct Data<'a> {
     /// The readings.
     pub readings: &'a Readings,
     /// Their scatter.
-    pub whitening: &'a Whitening,
+    pub mixture: &'a Mixture,
     /// Most Gauss-Newton steps of a fit.
     pub steps: usize,
     /// Whether ligaments and contact are held (for comparison only).
@@ -76,6 +79,7 @@ struct State {
     residual: DVector<f64>,
     white: DVector<f64>,
     slope: DMatrix<f64>,
+    weighed: Weighed,
     cost: f64,
 }
 
@@ -83,13 +87,15 @@ impl Data<'_> {
     fn state(&self, hypothesis: &[Candidate], unknowns: Vec<f64>, starts: &[Six]) -> Result<State, DiscrepancyError> {
         let linear = self.problem.linear(hypothesis, &unknowns, starts)?;
         let residual = &self.readings.measured - self.readings.pick(&linear.value);
-        let white = self.whitening.white_vector(&residual);
-        let slope = self.whitening.white(&self.readings.rows_of(&linear.slope));
+        let weighed = self.mixture.weigh(&residual);
+        let whitening = weighed.whitening.as_ref().unwrap_or(self.mixture.plain());
+        let white = whitening.white_vector(&residual);
+        let slope = whitening.white(&self.readings.rows_of(&linear.slope));
         let n = self.problem.nuisances();
         let prior: f64 = unknowns.iter().enumerate().map(|(k, x)| prior(k, n, *x).0).sum();
-        let cost = 0.5 * white.norm_squared() + prior;
+        let cost = weighed.cost + prior;
         let cost = if cost.is_finite() { cost } else { f64::INFINITY };
-        Ok(State { unknowns, linear, residual, white, slope, cost })
+        Ok(State { unknowns, linear, residual, white, slope, weighed, cost })
     }
 
     /// The most probable unknowns under a hypothesis, from a start.
@@ -166,7 +172,8 @@ impl Data<'_> {
         }
         Fit {
             hypothesis: hypothesis.to_vec(),
-            misfit: here.white.norm_squared(),
+            misfit: 2.0 * here.weighed.cost,
+            odd: here.weighed.odd,
             unknowns: here.unknowns,
             linear: here.linear,
             residual: here.residual,
@@ -203,8 +210,21 @@ impl Fit {
         self
     }
 
-    /// Value and standard deviation of the hypothesis' parameters in the catalogue's units, an effect a list.
-    pub fn parameters(&self, nuisances: usize) -> Vec<Vec<(f64, f64)>> {
+    /// The posterior covariance if the data spoke `temper` times less loud: as loud as they speak where names are weighed.
+    pub fn tempered(&self, nuisances: usize, temper: f64) -> DMatrix<f64> {
+        let inverse = Cholesky::new(self.posterior.clone()).map(|c| c.inverse());
+        let Some(mut curvature) = inverse else { return self.posterior.clone() };
+        curvature /= temper;
+        for (k, x) in self.unknowns.iter().enumerate() {
+            curvature[(k, k)] += prior(k, nuisances, *x).2 * (1.0 - 1.0 / temper);
+        }
+        Cholesky::new(curvature).map_or_else(|| self.posterior.clone(), |c| c.inverse())
+    }
+
+    /// Value and standard deviation of the hypothesis' parameters in the catalogue's units, an effect a list. The standard deviation holds what the
+    /// data leave open, spoken `temper` times less loud, and the effect's share for a form that is not the knee's own.
+    pub fn parameters(&self, nuisances: usize, temper: f64) -> Vec<Vec<(f64, f64)>> {
+        let posterior = self.tempered(nuisances, temper);
         let mut at = nuisances;
         self.hypothesis
             .iter()
@@ -214,7 +234,9 @@ impl Fit {
                     .iter()
                     .map(|p| {
                         at += 1;
-                        (p.sd * self.unknowns[at - 1], p.sd * self.posterior[(at - 1, at - 1)].sqrt())
+                        let value = p.sd * self.unknowns[at - 1];
+                        let open = p.sd * posterior[(at - 1, at - 1)].sqrt();
+                        (value, open.hypot(c.effect.form_share * value))
                     })
                     .collect()
             })

@@ -4,6 +4,7 @@ use crate::covariance::{Readings, Whitening};
 use crate::error::DiscrepancyError;
 use crate::fit::Fit;
 use crate::problem::Problem;
+use crate::robust::Mixture;
 use crate::search::{Search, Searcher};
 use nalgebra::DMatrix;
 use rayon::prelude::*;
@@ -70,18 +71,18 @@ fn part(problem: &Problem, fit: &Fit, unseen: &Readings, cov: &DMatrix<f64>) -> 
     debug_assert!(fit.linear.value.len() == 5 * problem.trials.len());
     let error = &unseen.measured - unseen.pick(&fit.linear.value);
     let block = unseen.block_of(cov);
-    let scatter = Whitening::new(block.clone())?;
+    let mixture = Mixture::new(unseen, block.clone(), &problem.trials)?;
+    let scatter: &Whitening = mixture.plain();
     let slope = unseen.rows_of(&fit.linear.slope);
     let spread = &slope * &fit.posterior * slope.transpose();
     let half = scatter.white(&spread);
     let expected = unseen.rows.len() as f64 + scatter.white(&half.transpose()).trace();
-    let predictive = Whitening::new(block + spread)?;
-    let white = predictive.white_vector(&error);
+    let predictive = Mixture::new(unseen, block + spread, &problem.trials)?;
     let mut out = Part {
-        squares: scatter.white_vector(&error).norm_squared(),
+        squares: 2.0 * mixture.weigh(&error).cost,
         expected,
         count: unseen.rows.len() as f64,
-        density: -0.5 * (white.norm_squared() + predictive.log_determinant()),
+        density: -predictive.weigh(&error).cost - 0.5 * predictive.plain().log_determinant(),
         ..Part::default()
     };
     for (&(_, c), e) in unseen.rows.iter().zip(error.iter()) {

@@ -18,6 +18,7 @@ pub mod page;
 pub mod predict;
 pub mod problem;
 pub mod rim;
+pub mod robust;
 pub mod screen;
 pub mod search;
 pub mod trial;

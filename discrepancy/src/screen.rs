@@ -69,7 +69,8 @@ impl Marginal {
     /// Errors: a covariance that is not positive definite.
     pub fn new(fit: &Fit, readings: &Readings, covariance: &DMatrix<f64>) -> Result<Marginal, DiscrepancyError> {
         let slope = readings.rows_of(&fit.linear.slope);
-        let whitening = Whitening::new(readings.block_of(covariance) + &slope * slope.transpose())?;
+        let covariance = crate::robust::widened(covariance, &fit.odd);
+        let whitening = Whitening::new(readings.block_of(&covariance) + &slope * slope.transpose())?;
         let before = &fit.residual + slope * DVector::from_column_slice(&fit.unknowns);
         Ok(Marginal { white: whitening.white_vector(&before), before, whitening })
     }

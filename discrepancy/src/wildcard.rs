@@ -54,7 +54,7 @@ fn responses(problem: &Problem, fit: &Fit) -> Result<Vec<[[f64; 5]; 5]>, Discrep
 pub fn wildcard(problem: &Problem, search: &Search, fit: &Fit) -> Result<Wildcard, DiscrepancyError> {
     let responses = responses(problem, fit)?;
     let readings = &search.readings;
-    let base = readings.block_of(&search.covariance);
+    let base = readings.block_of(&crate::robust::widened(&search.covariance, &fit.odd));
     let marginal = Marginal::new(fit, readings, &search.covariance)?;
     let slope = readings.rows_of(&fit.linear.slope);
     let scatter = base + &slope * slope.transpose();

@@ -51,6 +51,7 @@ pub(crate) fn description(problem: &Problem, d: &Diagnosis, wild: &Wildcard, sea
             );
         }
     }
+    out += &set_aside(problem, search);
     out += &worst(&d.map);
     out += &shifts(d);
     out += " This is a hypothesis to be checked at the bench, not a finding.";
@@ -78,6 +79,18 @@ fn answer(problem: &Problem, a: &Answer) -> String {
         format!("{title}{about} {place}, {}", sizes.join(", "))
     };
     a.effects.iter().map(one).collect::<Vec<_>>().join("; together with ")
+}
+
+/// Trials that neither nothing missing nor the best hypothesis explains.
+fn set_aside(problem: &Problem, search: &Search) -> String {
+    let best = search.rivals.first().unwrap_or(&search.base);
+    let odd: Vec<String> = best
+        .odd
+        .iter()
+        .filter(|i| search.base.odd.contains(i))
+        .map(|&i| format!("{} {}", problem.sources[problem.trials[i].source], problem.trials[i].name))
+        .collect();
+    if odd.is_empty() { String::new() } else { format!(" Set aside as outliers: {}.", odd.join(", ")) }
 }
 
 fn worst(map: &[Cell]) -> String {
