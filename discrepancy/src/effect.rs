@@ -65,7 +65,7 @@ enum Kind {
     FlexionOffset,
     OriginShift,
     LoadBias,
-    LoadGain,
+    LoadGain(usize),
     LoadMisalign,
     JointCompression,
     Gravity,
@@ -101,7 +101,7 @@ impl Active {
             "flexion_offset" => FlexionOffset,
             "origin_shift" => OriginShift,
             "load_bias" => LoadBias,
-            "load_gain" => LoadGain,
+            "load_gain" => LoadGain(variant),
             "load_misalign" => LoadMisalign,
             "joint_compression" => JointCompression,
             "gravity" => Gravity,
@@ -163,7 +163,11 @@ impl Active {
         let mut out = Six::zeros();
         match self.kind {
             Kind::LoadBias => (out[AP], out[IE]) = (v[0], v[1] * 1000.0),
-            Kind::LoadGain => out = here.load * v[0],
+            Kind::LoadGain(0) => out = here.load * v[0],
+            Kind::LoadGain(axis) => {
+                let j = [VV, IE, AP][axis - 1];
+                out[j] = here.load[j] * v[0];
+            }
             Kind::LoadMisalign => out[IE] = here.load[AP] * v[0],
             Kind::JointCompression => out[SI] = v[0],
             Kind::Gravity => (out[AP], out[VV]) = (-v[0] * here.flexion.sin(), v[1] * 1000.0),

@@ -290,7 +290,7 @@ impl Searcher<'_> {
         let scores: Vec<(usize, Score, f64)> = candidates
             .iter()
             .enumerate()
-            .filter(|(_, c)| !taken(c))
+            .filter(|(k, c)| !taken(c) && self.is_felt(c, &signatures[*k]))
             .filter_map(|(k, c)| {
                 Some((k, Score::new(&signatures[k], readings, &marginal, 2.0)?, log_prior(c, sources)))
             })
@@ -316,6 +316,15 @@ impl Searcher<'_> {
             .collect();
         list.sort_by(|a, b| b.gain.total_cmp(&a.gain));
         Ok((list, threshold))
+    }
+
+    /// Whether a candidate of all data sets is felt in each: else it says no more than one of fewer. Anatomy is in all, felt or not.
+    fn is_felt(&self, candidate: &Candidate, signature: &DMatrix<f64>) -> bool {
+        let trials = &self.problem.trials;
+        let felt = |source: usize| {
+            (0..signature.nrows()).any(|r| trials[r / 5].source == source && signature.row(r).iter().any(|v| *v != 0.0))
+        };
+        candidate.effect.one_knee || candidate.scope != Scope::Both || (0..self.problem.sources.len()).all(felt)
     }
 
     /// Joint refits of a fit with the best of the screen: two scopes or variants of an effect at most.

@@ -1,6 +1,6 @@
 //! The verdict in sentences for a researcher who has read no manual.
 
-use crate::diagnosis::{Answer, Diagnosis, Verdict};
+use crate::diagnosis::{Answer, Diagnosis, Named, Verdict};
 use crate::map::Cell;
 use crate::problem::Problem;
 use crate::search::Search;
@@ -27,6 +27,7 @@ pub(crate) fn description(problem: &Problem, d: &Diagnosis, wild: &Wildcard, sea
             out += &wild.words(problem);
             let near: Vec<&str> = search.screened.iter().take(3).map(|(c, _)| c.effect.title.as_str()).collect();
             let _ = write!(out, " Its nearest relatives in the catalogue: {}.", near.join(", "));
+            out += &not_enough(problem, d);
         }
         _ => {
             let how = match d.verdict {
@@ -59,7 +60,7 @@ pub(crate) fn description(problem: &Problem, d: &Diagnosis, wild: &Wildcard, sea
 }
 
 fn answer(problem: &Problem, a: &Answer) -> String {
-    let one = |e: &crate::diagnosis::Named| {
+    let one = |e: &Named| {
         let title = problem.catalogue.find(&e.effect).map_or(e.effect.clone(), |(f, _)| f.title.clone());
         let sizes: Vec<String> = e
             .parameters
@@ -79,6 +80,26 @@ fn answer(problem: &Problem, a: &Answer) -> String {
         format!("{title}{about} {place}, {}", sizes.join(", "))
     };
     a.effects.iter().map(one).collect::<Vec<_>>().join("; together with ")
+}
+
+/// What the best of the catalogue would explain, where that is not enough for a name.
+fn not_enough(problem: &Problem, d: &Diagnosis) -> String {
+    let [before, after] = d.misfit;
+    if d.best.is_empty() || before <= 1.0 {
+        return String::new();
+    }
+    let title = |e: &Named| {
+        let title = problem.catalogue.find(&e.effect).map_or(e.effect.clone(), |(f, _)| f.title.clone());
+        let place = if e.scope == "both" { "all data sets" } else { &e.scope };
+        format!("{title} in {place}")
+    };
+    let names: Vec<String> = d.best.iter().map(title).collect();
+    format!(
+        " The best that it has, {}, would explain {:.0} % of the misfit and leave {:.1} times what noise and floor allow: not enough for a name.",
+        names.join(" with "),
+        100.0 * ((before - after) / (before - 1.0)).clamp(0.0, 1.0),
+        after
+    )
 }
 
 /// Trials that neither nothing missing nor the best hypothesis explains.
