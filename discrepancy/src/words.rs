@@ -31,9 +31,9 @@ pub(crate) fn description(problem: &Problem, d: &Diagnosis, wild: &Wildcard, sea
         }
         _ => {
             let how = match d.verdict {
-                Verdict::Decisive => "The data say clearly",
+                Verdict::Decisive => "These data single out one answer",
                 Verdict::Probable => "Probable",
-                _ => "One of several, the first",
+                _ => "One of several, the likeliest",
             };
             if let Some(a) = d.answers.first() {
                 let _ = write!(out, "{how}: {}.", answer(problem, a));
@@ -61,25 +61,36 @@ pub(crate) fn description(problem: &Problem, d: &Diagnosis, wild: &Wildcard, sea
 
 fn answer(problem: &Problem, a: &Answer) -> String {
     let one = |e: &Named| {
-        let title = problem.catalogue.find(&e.effect).map_or(e.effect.clone(), |(f, _)| f.title.clone());
+        let found = problem.catalogue.find(&e.effect).ok().map(|(f, _)| f);
+        let title = found.map_or(e.effect.clone(), |f| f.title.clone());
         let sizes: Vec<String> = e
             .parameters
             .iter()
             .map(|(k, v)| {
-                format!(
-                    "{k} {:.3} {} (90 % {:.3} to {:.3})",
-                    v.value,
-                    v.unit,
-                    v.value - 1.645 * v.sd,
-                    v.value + 1.645 * v.sd
-                )
+                let one_sided = found.is_some_and(|f| f.parameter.iter().any(|p| p.key == *k && p.one_sided));
+                let (low, high) = (v.value - 1.645 * v.sd, v.value + 1.645 * v.sd);
+                let low = if one_sided { low.max(0.0) } else { low };
+                format!("{k} {} {} (90 % {} to {})", figures(v.value), v.unit, figures(low), figures(high))
             })
             .collect();
-        let about = e.variant.as_ref().map(|v| format!(" of {v}")).unwrap_or_default();
+        let about = e
+            .variant
+            .as_ref()
+            .map_or(String::new(), |v| if v.starts_with("about ") { format!(" {v}") } else { format!(" of {v}") });
         let place = if e.scope == "both" { "in all data sets".to_owned() } else { format!("in {}", e.scope) };
         format!("{title}{about} {place}, {}", sizes.join(", "))
     };
     a.effects.iter().map(one).collect::<Vec<_>>().join("; together with ")
+}
+
+/// A number to three figures or so.
+fn figures(x: f64) -> String {
+    match x.abs() {
+        a if a >= 100.0 => format!("{x:.0}"),
+        a if a >= 10.0 => format!("{x:.1}"),
+        a if a >= 1.0 => format!("{x:.2}"),
+        _ => format!("{x:.3}"),
+    }
 }
 
 /// What the best of the catalogue would explain, where that is not enough for a name.

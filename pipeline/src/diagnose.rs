@@ -70,12 +70,7 @@ pub fn run_with(args: &DiagnoseArgs, options: &DiagnosisOptions) -> Result<Strin
     }
     let outcome = diagnose(&model, &loaded.spec, &sources, &catalogue, options).map_err(|e| fault(&e))?;
     write(args, &loaded, &outcome)?;
-    text += &format!(
-        "{:?}: {}\nLook at {}\n",
-        outcome.diagnosis.verdict,
-        outcome.diagnosis.description,
-        args.out.join("report.html").display()
-    );
+    text += &format!("{}\nLook at {}\n", outcome.diagnosis.description, args.out.join("report.html").display());
     Ok(text)
 }
 
