@@ -22,6 +22,8 @@ use std::sync::Mutex;
 const CHUNK: usize = 8;
 /// Samples taken up as starts once more.
 const TAKEN_UP: usize = 2;
+/// By how much the corrected search may misjudge a mode against the best (natural logarithm); 16 seen.
+const MISJUDGED: f64 = 30.0;
 /// Fits no further apart than this in any coordinate are the same, in widths of the ranges [-].
 const SAME: f64 = 0.05;
 /// Modes less likely than the best by this much (natural logarithm) are not sampled.
@@ -277,7 +279,7 @@ impl Gradient {
         self.stage = Stage::Samples;
         let Some(best) = self.best().cloned() else { return };
         self.scale_noise(&best.point, problem, options);
-        let likely = |m: &Mode| m.fit.half_sum < best.half_sum + 2.0 * UNLIKELY;
+        let likely = |m: &Mode| m.fit.half_sum < best.half_sum + MISJUDGED;
         let before = std::mem::take(&mut self.modes);
         let points = before.iter().filter(|m| likely(m)).map(|m| m.fit.point.clone()).collect();
         self.add_modes(points, problem, options, Depth::InFull);
