@@ -113,11 +113,11 @@ fn opensim_finds_the_same_equilibrium() {
     if !reads("opensim_finds_the_same_equilibrium", "formats.py", &["opensim", &folder]) {
         return;
     }
-    // beyond, this unloaded knee is slack: at 60 deg the two stand 0.203 deg apart, 0.003 beyond the limit
+    // at 60 deg this unloaded, slack knee is nearly free to turn, and the two stand 0.203 deg apart (docs/export.md)
     let folder_of_poses = TempDir::new().unwrap();
-    let poses = flexed_to("45", folder_of_poses.path()).display().to_string();
+    let poses = flexed_to("55", folder_of_poses.path()).display().to_string();
     let spec = model().display().to_string();
-    reads("opensim_finds_the_same_equilibrium", "opensim_statics.py", &[&folder, &spec, &poses, "4"]);
+    reads("opensim_finds_the_same_equilibrium", "opensim_statics.py", &[&folder, &spec, &poses, "6"]);
 }
 
 #[test]

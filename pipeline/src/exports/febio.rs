@@ -24,29 +24,27 @@ pub(super) fn warnings(model: &LoadedModel) -> Vec<String> {
 
 /// model.feb.
 pub(super) fn files(model: &LoadedModel) -> Result<Vec<File>, BuildError> {
-    let mut mesh = String::new();
+    let (mut nodes, mut elements, mut surfaces) = (String::new(), String::new(), String::new());
     let mut domains = String::new();
     let (mut node, mut element) = (0, 0);
     for n in named(model) {
         let first: usize = node;
-        let _ = writeln!(mesh, "<Nodes name=\"{}\">", n.name);
+        let _ = writeln!(nodes, "<Nodes name=\"{}\">", n.name);
         for p in &n.mesh.vertices {
             node += 1;
-            let _ = writeln!(mesh, "<node id=\"{node}\">{}</node>", place(p));
+            let _ = writeln!(nodes, "<node id=\"{node}\">{}</node>", place(p));
         }
-        let _ = writeln!(mesh, "</Nodes>\n<Elements type=\"tri3\" name=\"{}_part\">", n.name);
-        let start = element;
+        nodes += "</Nodes>\n";
+        let _ = writeln!(elements, "<Elements type=\"tri3\" name=\"{}_part\">", n.name);
+        let _ = writeln!(surfaces, "<Surface name=\"{}_surface\">", n.name);
         for t in &n.mesh.triangles {
             element += 1;
             let [a, b, c] = t.map(|v| v as usize + first + 1);
-            let _ = writeln!(mesh, "<elem id=\"{element}\">{a},{b},{c}</elem>");
+            let _ = writeln!(elements, "<elem id=\"{element}\">{a},{b},{c}</elem>");
+            let _ = writeln!(surfaces, "<tri3 id=\"{element}\">{a},{b},{c}</tri3>");
         }
-        let _ = writeln!(mesh, "</Elements>\n<Surface name=\"{}_surface\">", n.name);
-        for (k, t) in n.mesh.triangles.iter().enumerate() {
-            let [a, b, c] = t.map(|v| v as usize + first + 1);
-            let _ = writeln!(mesh, "<tri3 id=\"{}\">{a},{b},{c}</tri3>", start + k + 1);
-        }
-        mesh += "</Surface>\n";
+        elements += "</Elements>\n";
+        surfaces += "</Surface>\n";
         let material = if n.femur { "femur" } else { "tibia" };
         let _ = writeln!(
             domains,
@@ -55,23 +53,25 @@ pub(super) fn files(model: &LoadedModel) -> Result<Vec<File>, BuildError> {
         );
     }
     let fibres = fibres(model, node)?;
-    mesh += &fibres.mesh;
+    let mut pairs = String::new();
     for pair in &model.spec.contact.pairs {
         let (f, t) = (contact_name(model, &pair.femur, true), contact_name(model, &pair.tibia, false));
         let _ = writeln!(
-            mesh,
+            pairs,
             "<SurfacePair name=\"{f}_on_{t}\"><primary>{f}_surface</primary><secondary>{t}_surface</secondary></SurfacePair>"
         );
     }
     let text = format!(
         "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<febio_spec version=\"4.0\">\n<Module type=\"solid\"/>\n\
-         <Control><analysis>STATIC</analysis><time_steps>20</time_steps><step_size>0.05</step_size><solver type=\"solid\"><symmetric_stiffness>0</symmetric_stiffness></solver></Control>\n\
+         <Control><analysis>STATIC</analysis><time_steps>20</time_steps><step_size>0.05</step_size><solver type=\"solid\"><symmetric_stiffness>non-symmetric</symmetric_stiffness></solver></Control>\n\
          <Globals><Constants><T>0</T><R>0</R><Fc>0</Fc></Constants></Globals>\n\
-         <Material>{}</Material>\n<Mesh>\n{mesh}</Mesh>\n<MeshDomains>\n{domains}</MeshDomains>\n\
+         <Material>{}</Material>\n<Mesh>\n{nodes}{}{elements}{surfaces}{}{pairs}</Mesh>\n<MeshDomains>\n{domains}</MeshDomains>\n\
          <Boundary>{}</Boundary>\n<Rigid>{}</Rigid>\n<Contact>{}</Contact>\n<Discrete>{}</Discrete>\n<LoadData>\n{}</LoadData>\n\
-         <Output><plotfile type=\"febio\"><var type=\"displacement\"/><var type=\"contact pressure\"/></plotfile>\
-         <logfile><rigid_body_data data=\"x;y;z;qx;qy;qz;qw;Fx;Fy;Fz;Mx;My;Mz\"/></logfile></Output>\n</febio_spec>\n",
+         <Output><logfile><rigid_body_data data=\"x;y;z;qx;qy;qz;qw;Fx;Fy;Fz;Mx;My;Mz\"/></logfile>\
+         <plotfile type=\"febio\"><var type=\"displacement\"/><var type=\"contact pressure\"/></plotfile></Output>\n</febio_spec>\n",
         materials(model),
+        fibres.nodes,
+        fibres.sets,
         fibres.boundary,
         rigid(model),
         contact(model),
@@ -116,7 +116,8 @@ fn contact(model: &LoadedModel) -> String {
 
 /// What the fibres are in each section of the file.
 struct Fibres {
-    mesh: String,
+    nodes: String,
+    sets: String,
     boundary: String,
     discrete: String,
     curves: String,
@@ -125,19 +126,20 @@ struct Fibres {
 /// Every fibre a spring between two nodes of its own that move with the bones; a fibre's curve is force over lengthening from the CT pose.
 fn fibres(model: &LoadedModel, nodes: usize) -> Result<Fibres, BuildError> {
     let all = &model.spec.fibres;
-    let mut out = Fibres { mesh: "<Nodes name=\"fibre_ends\">\n".into(), boundary: String::new(), discrete: String::new(), curves: "<load_controller id=\"1\" type=\"loadcurve\"><interpolate>LINEAR</interpolate><points><pt>0,0</pt><pt>1,1</pt></points></load_controller>\n".into() };
+    let mut out = Fibres { nodes: "<Nodes name=\"fibre_ends\">\n".into(), sets: String::new(), boundary: String::new(), discrete: String::new(), curves: "<load_controller id=\"1\" type=\"loadcurve\"><interpolate>LINEAR</interpolate><points><pt>0,0</pt><pt>1,1</pt></points></load_controller>\n".into() };
     for (k, p) in all.iter().flat_map(|f| [&f.femur, &f.tibia]).enumerate() {
-        let _ = writeln!(out.mesh, "<node id=\"{}\">{}</node>", nodes + k + 1, place(p));
+        let _ = writeln!(out.nodes, "<node id=\"{}\">{}</node>", nodes + k + 1, place(p));
     }
-    out.mesh += "</Nodes>\n";
+    out.nodes += "</Nodes>\n";
     for (bone, offset) in [("femur", 1), ("tibia", 2)] {
         let ids: Vec<String> = (0..all.len()).map(|k| (nodes + 2 * k + offset).to_string()).collect();
-        let _ = writeln!(out.mesh, "<NodeSet name=\"fibre_ends_{bone}\">{}</NodeSet>", ids.join(","));
+        let _ = writeln!(out.sets, "<NodeSet name=\"fibre_ends_{bone}\">{}</NodeSet>", ids.join(","));
         let _ = write!(
             out.boundary,
             "<bc name=\"fibres on {bone}\" type=\"rigid\" node_set=\"fibre_ends_{bone}\"><rb>{bone}</rb></bc>"
         );
     }
+    let mut springs = String::new();
     for (k, fibre) in all.iter().enumerate() {
         let Some(bundle) = model.spec.bundles.iter().find(|b| b.name == fibre.bundle) else {
             return Err(BuildError::File(format!(
@@ -148,7 +150,7 @@ fn fibres(model: &LoadedModel, nodes: usize) -> Result<Fibres, BuildError> {
         let count = all.iter().filter(|f| f.bundle == fibre.bundle).count() as f64;
         let name = format!("{}_{}", bundle.name, k + 1);
         let _ = writeln!(
-            out.mesh,
+            out.sets,
             "<DiscreteSet name=\"{name}\"><delem>{},{}</delem></DiscreteSet>",
             nodes + 2 * k + 1,
             nodes + 2 * k + 2
@@ -156,10 +158,12 @@ fn fibres(model: &LoadedModel, nodes: usize) -> Result<Fibres, BuildError> {
         let points: String = curve(bundle, count).iter().map(|(x, f)| format!("<pt>{x:.6},{f:.6}</pt>")).collect();
         let _ = writeln!(
             out.discrete,
-            "<discrete_material id=\"{0}\" name=\"{name}\" type=\"nonlinear spring\"><scale>1</scale><measure>elongation</measure><force type=\"point\"><interpolate>LINEAR</interpolate><extend>EXTRAPOLATE</extend><points>{points}</points></force></discrete_material><discrete dmat=\"{0}\" discrete_set=\"{name}\"/>",
+            "<discrete_material id=\"{0}\" name=\"{name}\" type=\"nonlinear spring\"><scale>1</scale><measure>elongation</measure><force type=\"point\"><interpolate>LINEAR</interpolate><extend>EXTRAPOLATE</extend><points>{points}</points></force></discrete_material>",
             k + 1
         );
+        let _ = writeln!(springs, "<discrete dmat=\"{}\" discrete_set=\"{name}\"/>", k + 1);
     }
+    out.discrete += &springs;
     Ok(out)
 }
 

@@ -200,9 +200,19 @@ impl<'a> Body<'a> {
     /// The diagnosis, where one was made in the build's folder.
     pub(super) fn diagnosis(&self) -> String {
         let Some(bytes) = self.folder.read_file("12-diagnose/report.html") else { return String::new() };
-        let page = String::from_utf8_lossy(&bytes).replace('&', "&amp;").replace('"', "&quot;");
+        let page = String::from_utf8_lossy(&bytes);
+        let between = |from: &str, to: &str| {
+            let rest = page.split_once(from).map_or("", |(_, rest)| rest);
+            rest.split_once(to).map_or(rest, |(inside, _)| inside).to_owned()
+        };
+        // a tree of its own, so that neither page's style reaches the other; its headings stand below the section's
+        let (style, body) = (between("<style>", "</style>"), between("<body>", "</body>"));
+        let style = style.replace("h2{", "h4{").replace("h1{", "h3{");
+        let body = [("<h2>", "<h4>"), ("</h2>", "</h4>"), ("<h1>", "<h3>"), ("</h1>", "</h3>")]
+            .iter()
+            .fold(body, |text, (from, to)| text.replace(from, to));
         format!(
-            "<section id=\"diagnose\"><h2>12 diagnose</h2><iframe title=\"What is missing: residual maps and gap bars\" srcdoc=\"{page}\"></iframe></section>"
+            "<section id=\"diagnose\"><h2>12 diagnose</h2><div class=\"diagnosis\"><template shadowrootmode=\"open\"><style>{style}</style>{body}</template></div></section>"
         )
     }
 

@@ -6,6 +6,7 @@ use super::scene::{Layer, Scalar, Scene, at, named_in, named_places, places, pla
 use super::values::Values;
 use meshes::Point;
 use meshes::frame::AnatomicalFrame;
+use stages::ingest::Specimen;
 
 const BONE: &str = "#e1d5be";
 /// Edge of the cubes in which corners are drawn together: of bones that are there to see the rest by, and of scans [mm].
@@ -71,18 +72,7 @@ fn registration(v: &Values, pool: &mut Pool) -> Option<Scene> {
             bone.predicted_error_mm
         );
     }
-    for (name, mesh) in specimen.ct.named() {
-        let key = format!("ct {name}");
-        pool.keep(&key, &thinned(mesh, &[], CONTEXT_MM).0);
-        layers.push(Layer {
-            name: format!("{name}: CT bone"),
-            mesh: Some(key),
-            colour: BONE,
-            opacity: 1.0,
-            on: false,
-            ..Layer::default()
-        });
-    }
+    layers.extend(ct_layers(specimen, pool, 1.0, false));
     Some(Scene {
         id: "register".into(),
         title: "Scans on their bones".into(),
@@ -93,6 +83,20 @@ fn registration(v: &Values, pool: &mut Pool) -> Option<Scene> {
         layers,
         moves: false,
     })
+}
+
+/// The CT bones, a layer each.
+fn ct_layers(specimen: &Specimen, pool: &mut Pool, opacity: f64, on: bool) -> Vec<Layer> {
+    specimen
+        .ct
+        .named()
+        .into_iter()
+        .map(|(name, mesh)| {
+            let key = format!("ct {name}");
+            pool.keep(&key, &thinned(mesh, &[], CONTEXT_MM).0);
+            Layer { name: format!("{name}: CT bone"), mesh: Some(key), colour: BONE, opacity, on, ..Layer::default() }
+        })
+        .collect()
 }
 
 pub(super) fn bone_layers(v: &Values, pool: &mut Pool, opacity: f64) -> Vec<Layer> {
@@ -317,18 +321,7 @@ pub(super) fn knee(v: &Values, pool: &mut Pool, moves: bool) -> Option<Scene> {
 pub(super) fn failed(failure: &super::Failure, v: &Values, pool: &mut Pool) -> Option<Scene> {
     let mut layers = bone_layers(v, pool, 0.6);
     if layers.is_empty() {
-        for (name, mesh) in v.specimen.as_ref()?.ct.named() {
-            let key = format!("ct {name}");
-            pool.keep(&key, &thinned(mesh, &[], CONTEXT_MM).0);
-            layers.push(Layer {
-                name: format!("{name}: CT bone"),
-                mesh: Some(key),
-                colour: BONE,
-                opacity: 0.6,
-                on: true,
-                ..Layer::default()
-            });
-        }
+        layers.extend(ct_layers(v.specimen.as_ref()?, pool, 0.6, true));
     }
     for (name, s) in v.cartilage.iter().flat_map(|c| c.solids.named()) {
         let key = format!("cartilage {name}");

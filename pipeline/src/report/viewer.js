@@ -374,6 +374,14 @@
     const axis = (a) => ({ ...a, automargin: true });
     const layout = { ...plot.layout, xaxis: axis(plot.layout.xaxis), yaxis: axis(plot.layout.yaxis), margin: { l: 60, r: 10, t: 10, b: 60 }, paper_bgcolor: "#fff", plot_bgcolor: "#fff", height: undefined };
     Plotly.newPlot(chart, plot.data, layout, { responsive: true, displaylogo: false, displayModeBar: false });
+    // on paper a chart takes the room there is, whole
+    const shape = () => chart.querySelectorAll(".main-svg").forEach((svg) => {
+      const [width, height] = [svg.getAttribute("width"), svg.getAttribute("height")];
+      svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
+      chart.style.setProperty("--shape", `${width} / ${height}`);
+    });
+    shape();
+    chart.on("plotly_afterplot", shape);
   }
 
   // ---- the page
