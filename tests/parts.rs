@@ -116,7 +116,7 @@ fn a_capsule_scan_checks_and_changes_nothing() {
     assert_eq!(with, without);
     for bone in ["femur", "tibfib"] {
         let median = metrics["capsule"][bone]["median_to_scan_mm"].as_f64().unwrap();
-        assert!(median < 0.5, "{bone}: {median}");
+        assert!(median < 0.1, "{bone}: {median}");
     }
 }
 

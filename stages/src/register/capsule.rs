@@ -9,6 +9,7 @@ use meshes::registration::icp::{refine, standing};
 use meshes::registration::sample::{Samples, spread};
 use meshes::registration::target::Target;
 use meshes::surface::TriMesh;
+use nalgebra::Matrix3;
 use serde_json::{Value, json};
 
 /// Samples of the capsule scan.
@@ -31,10 +32,13 @@ pub(super) fn check(
 ) -> Value {
     let samples = spread(scan, SAMPLES);
     let mut figures = serde_json::Map::new();
-    for (((name, bone), (_, ct)), (_, own)) in
-        bones.named().into_iter().zip(specimen.ct.named()).zip(specimen.scans.named())
-    {
-        let found = one(&samples, ct, &bone.ct_from_scan.mesh(&own.mesh), seed);
+    let targets: Vec<Option<Target>> = specimen.ct.named().into_iter().map(|(_, ct)| Target::new(ct, 6000)).collect();
+    // where one bone shows too little to be found, the knee lies not far from how it lay in CT: the other's pose
+    let starts: Vec<Isometry> =
+        targets.iter().flatten().filter_map(|target| Some(rough(target, &samples, &[], seed)?.pose)).collect();
+    for (((name, bone), target), (_, own)) in bones.named().into_iter().zip(&targets).zip(specimen.scans.named()) {
+        let own = SurfaceQuery::new(&bone.ct_from_scan.mesh(&own.mesh));
+        let found = target.as_ref().zip(own).and_then(|(target, own)| one(&samples, target, &own, &starts));
         match &found {
             None => warnings.push(format!("{name}: the capsule scan shows too little of it for a check")),
             Some(f) if f.median > MOST_APART_MM => warnings.push(format!(
@@ -49,23 +53,61 @@ pub(super) fn check(
     figures.into()
 }
 
+/// Widths of the weights by which a pose is refined [mm].
+const SCALES_MM: [f64; 11] = [4.0, 3.0, 2.0, 1.5, 1.0, 0.8, 0.6, 0.5, 0.4, 0.3, 0.3];
+/// A pose is left by turns this large [deg], in so many rounds at most.
+const TURN_DEG: f64 = 4.0;
+const ROUNDS: usize = 3;
+
 struct Found {
     share: f64,
     median: f64,
 }
 
-fn one(samples: &Samples, ct: &TriMesh, own: &TriMesh, seed: u64) -> Option<Found> {
-    let target = Target::new(ct, 6000)?;
-    let start = rough(&target, samples, &[], seed)?.pose;
-    let pose = refine(&target, samples, &start, &[4.0, 3.0, 2.0, 1.5, 1.0, 0.8, 0.6, 0.5, 0.4, 0.3, 0.3]);
-    let query = SurfaceQuery::new(own)?;
-    let apart: Vec<f64> =
-        (0..samples.points.len()).filter_map(|k| distance(&target, &query, samples, &pose, k)).collect();
+fn one(samples: &Samples, target: &Target, own: &SurfaceQuery, starts: &[Isometry]) -> Option<Found> {
+    let pose = settled(target, samples, starts)?;
+    let apart: Vec<f64> = (0..samples.points.len()).filter_map(|k| distance(target, own, samples, &pose, k)).collect();
     let share = apart.len() as f64 / samples.points.len().max(1) as f64;
     let mut sizes: Vec<f64> = apart.iter().map(|d| d.abs()).collect();
     sizes.sort_by(f64::total_cmp);
     let median = *sizes.get(sizes.len() / 2)?;
     (share >= LEAST_SHARE).then_some(Found { share, median })
+}
+
+/// The pose with most of the scan on the bone. A shaft that shows alone lets the scan turn and slip along it, so a pose is left by turns
+/// about the bone's principal axes, both ways, and taken up again where they end on more of it.
+fn settled(target: &Target, samples: &Samples, starts: &[Isometry]) -> Option<Isometry> {
+    let from_centre = target.samples.points.iter().map(|p| p - target.centre);
+    let axes = from_centre.map(|d| d * d.transpose()).sum::<Matrix3<f64>>().symmetric_eigen().eigenvectors;
+    let about = target.centre.coords;
+    let taken_up = |start: &Isometry| {
+        let pose = refine(target, samples, start, &SCALES_MM);
+        (pose, on_bone(target, samples, &pose))
+    };
+    let (mut best, mut most) = starts.iter().map(taken_up).max_by(|a, b| a.1.total_cmp(&b.1))?;
+    for _ in 0..ROUNDS {
+        let (from, before) = (best, most);
+        for (k, sign) in (0..6).map(|n| (n / 2, if n % 2 == 0 { 1.0 } else { -1.0 })) {
+            let turn = Isometry::new(about, axes.column(k) * (sign * TURN_DEG.to_radians()));
+            let (pose, here) = taken_up(&(turn * Isometry::translation(-about.x, -about.y, -about.z) * from));
+            if here > most {
+                (best, most) = (pose, here);
+            }
+        }
+        if most < 1.01 * before {
+            break;
+        }
+    }
+    Some(best)
+}
+
+/// How many samples lie on the bone, each by Tukey's weight [tukey1974].
+fn on_bone(target: &Target, samples: &Samples, pose: &Isometry) -> f64 {
+    let weight = |(p, n)| {
+        let at = standing(target, &(pose * p), &(pose * n));
+        if at.facing > 0.7 { (1.0 - (at.distance / SCALES_MM[10]).powi(2)).max(0.0).powi(2) } else { 0.0 }
+    };
+    samples.points.iter().zip(&samples.normals).map(weight).sum()
 }
 
 /// Signed distance of a sample on bare bone to the bone's own scan.
