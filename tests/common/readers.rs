@@ -107,8 +107,13 @@ fn none() -> BTreeMap<String, Vec<u8>> {
 
 /// An OBJ, its MTL and a texture, where `bytes` stands for the one of that ending.
 fn textured(ending: &str, bytes: &[u8]) -> bool {
-    let mut files: BTreeMap<String, Vec<u8>> =
-        [("m.mtl".to_string(), MTL.to_vec()), ("t.png".into(), png()), ("m.obj".into(), OBJ.to_vec())].into();
+    let mut files: BTreeMap<String, Vec<u8>> = [
+        ("m.ply".to_string(), PLY.to_vec()),
+        ("m.mtl".into(), MTL.to_vec()),
+        ("t.png".into(), png()),
+        ("m.obj".into(), OBJ.to_vec()),
+    ]
+    .into();
     for (name, content) in &mut files {
         if name.ends_with(ending) {
             *content = bytes.to_vec();
@@ -117,10 +122,14 @@ fn textured(ending: &str, bytes: &[u8]) -> bool {
     let obj = files["m.obj"].clone();
     let mtl = files["m.mtl"].clone();
     let _ = (meshes::format::companions("m.obj", &obj), meshes::format::companions("m.mtl", &mtl));
+    if ending == ".ply" {
+        return read_surface("m.ply", bytes, &files).is_ok();
+    }
     read_surface("m.obj", &obj, &files).is_ok()
 }
 
 const OBJ: &[u8] = b"mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0.5\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvn 0 0 1\nusemtl a\nf 1/1/1 2/2/1 3/3/1\nf -4/1 -2/3 -1/4\ng x\nusemtl b\nf 1 2 4 3\n";
+const PLY: &[u8] = b"ply\nformat ascii 1.0\ncomment TextureFile t.png\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\nproperty float s\nproperty float t\nelement face 2\nproperty list uchar int vertex_indices\nproperty list uchar float texcoord\nproperty int texnumber\nend_header\n0 0 0 0 0\n1 0 0 1 0\n1 1 0 1 1\n0 1 0 0 1\n3 0 1 2 6 0 0 1 0 1 1 0\n3 0 2 3 0 0\n";
 const MTL: &[u8] = b"newmtl a\nKd 1 0.5 0.25\nmap_Kd t.png\nnewmtl b\nKd 0 0 1\n";
 
 /// A grey-level PNG of 4 x 4.
@@ -249,6 +258,7 @@ pub(crate) fn readers() -> Vec<Reader> {
             corpus: [plain_ply, vec![ascii_ply]].concat(),
             read: |b| read_surface("a.ply", b, &none()).is_ok(),
         },
+        Reader { name: "textured", corpus: vec![PLY.to_vec()], read: |b| textured(".ply", b) },
         Reader { name: "obj", corpus: vec![OBJ.to_vec()], read: |b| textured(".obj", b) },
         Reader { name: "mtl", corpus: vec![MTL.to_vec()], read: |b| textured(".mtl", b) },
         Reader { name: "image", corpus: vec![png(), jpeg()], read: |b| textured(".png", b) },
