@@ -75,6 +75,7 @@ fn family(effect: &str) -> char {
         "femur_frame" | "tibia_frame" | "flexion_offset" | "origin_shift" => 'M',
         "load_bias"
         | "load_gain"
+        | "load_sign"
         | "load_misalign"
         | "joint_compression"
         | "apparatus_compliance"

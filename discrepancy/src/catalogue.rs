@@ -18,6 +18,9 @@ pub struct Parameter {
     /// Whether negative values mean nothing.
     #[serde(default)]
     pub one_sided: bool,
+    /// Size below which it is not this effect [unit].
+    #[serde(default)]
+    pub least: f64,
 }
 
 /// An effect a model may lack.

@@ -278,6 +278,8 @@ const NEARLY_ALL: f64 = 0.2;
 const BEYOND_BELIEF: f64 = 5.0;
 /// Share of the held-out gap that a named effect must close where the rest stays significant; closing less, it is not what is missing [-].
 const LEAST_CLOSED: f64 = 0.3;
+/// And that a decisive answer must close [-]: leaving more than it closes, it is at most part of what is missing.
+const MOSTLY: f64 = 0.5;
 /// Standard deviations of the sum of squares from which something is missing though no effect explains it [-].
 const BEYOND_DOUBT: f64 = 6.0;
 
@@ -309,7 +311,7 @@ fn verdict(
     let weight = by_names(rivals).first().map_or(0.0, |g| g.1);
     // a named effect that leaves much is not the whole truth
     let rests = excess < 0.25 * readings;
-    if weight >= 0.95 && gain > 0.0 && rests && holds(searcher, base, rivals) {
+    if weight >= 0.95 && gain > 0.0 && closes >= MOSTLY && rests && holds(searcher, base, rivals) {
         Verdict::Decisive
     } else if weight >= 0.75 {
         Verdict::Probable

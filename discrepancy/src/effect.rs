@@ -65,7 +65,8 @@ enum Kind {
     FlexionOffset,
     OriginShift,
     LoadBias,
-    LoadGain(usize),
+    LoadGain,
+    LoadSign(usize),
     LoadMisalign,
     JointCompression,
     Gravity,
@@ -101,7 +102,8 @@ impl Active {
             "flexion_offset" => FlexionOffset,
             "origin_shift" => OriginShift,
             "load_bias" => LoadBias,
-            "load_gain" => LoadGain(variant),
+            "load_gain" => LoadGain,
+            "load_sign" => LoadSign(variant),
             "load_misalign" => LoadMisalign,
             "joint_compression" => JointCompression,
             "gravity" => Gravity,
@@ -163,10 +165,10 @@ impl Active {
         let mut out = Six::zeros();
         match self.kind {
             Kind::LoadBias => (out[AP], out[IE]) = (v[0], v[1] * 1000.0),
-            Kind::LoadGain(0) => out = here.load * v[0],
-            Kind::LoadGain(axis) => {
-                let j = [VV, IE, AP][axis - 1];
-                out[j] = here.load[j] * v[0];
+            Kind::LoadGain => out = here.load * v[0],
+            Kind::LoadSign(axis) => {
+                let j = [VV, IE, AP][axis.min(2)];
+                out[j] = -2.0 * v[0] * here.load[j];
             }
             Kind::LoadMisalign => out[IE] = here.load[AP] * v[0],
             Kind::JointCompression => out[SI] = v[0],

@@ -61,6 +61,11 @@ impl Candidate {
         Active::new(&self.effect, self.variant, values).expect("candidates come from implemented effects")
     }
 
+    /// Whether values in units of its priors are as large as the effect must be to deserve its name.
+    pub fn is_large_enough(&self, scaled: &[f64]) -> bool {
+        self.effect.parameter.iter().zip(scaled).all(|(p, x)| p.sd * x.abs() >= p.least)
+    }
+
     /// Number of parameters.
     pub fn size(&self) -> usize {
         self.effect.parameter.len()

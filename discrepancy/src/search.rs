@@ -295,13 +295,16 @@ impl Searcher<'_> {
                 Some((k, Score::new(&signatures[k], readings, &marginal, 2.0)?, log_prior(c, sources)))
             })
             .collect();
+        // noise alone never makes an effect that is large or nothing
+        let large: Vec<&(usize, Score, f64)> =
+            scores.iter().filter(|s| candidates[s.0].is_large_enough(&[0.0; 8])).collect();
         let mut random = ChaCha8Rng::seed_from_u64(self.options.seed);
         let nulls: Vec<DVector<f64>> = (0..self.options.nulls)
             .map(|_| DVector::from_fn(readings.rows.len(), |_, _| normal(&mut random)))
             .collect();
         let mut largest: Vec<f64> = nulls
             .par_iter()
-            .map(|d| scores.iter().map(|(_, s, p)| s.log_bayes_factor(d) + p).fold(f64::NEG_INFINITY, f64::max))
+            .map(|d| large.iter().map(|(_, s, p)| s.log_bayes_factor(d) + p).fold(f64::NEG_INFINITY, f64::max))
             .collect();
         largest.sort_by(f64::total_cmp);
         let place = (largest.len() as f64 * 0.95) as usize;
@@ -316,6 +319,16 @@ impl Searcher<'_> {
             .collect();
         list.sort_by(|a, b| b.gain.total_cmp(&a.gain));
         Ok((list, threshold))
+    }
+
+    /// Whether every effect of a fit is as large as its name asks.
+    fn deserves_its_names(&self, fit: &Fit) -> bool {
+        let mut at = self.problem.nuisances();
+        fit.hypothesis.iter().all(|c| {
+            let values = &fit.unknowns[at..at + c.size()];
+            at += c.size();
+            c.is_large_enough(values)
+        })
     }
 
     /// Whether a candidate of all data sets is felt in each: else it says no more than one of fewer. Anatomy is in all, felt or not.
@@ -339,6 +352,11 @@ impl Searcher<'_> {
         let mut chosen: Vec<&Screened> = Vec::new();
         for item in list {
             let id = &candidates[item.candidate].effect.id;
+            // half the way on a straight line may be the whole on a bent one
+            let doubled: Vec<f64> = item.size.iter().map(|x| 2.0 * x).collect();
+            if !candidates[item.candidate].is_large_enough(&doubled) {
+                continue;
+            }
             if chosen.iter().filter(|c| candidates[c.candidate].effect.id == *id).count() < 2 {
                 chosen.push(item);
             }
@@ -362,6 +380,7 @@ impl Searcher<'_> {
                     .earned(without, candidate.size()))
             })
             .collect::<Result<_, DiscrepancyError>>()?;
+        fits.retain(|f| self.deserves_its_names(f));
         self.sort(&mut fits);
         Ok(fits)
     }
@@ -374,7 +393,10 @@ impl Searcher<'_> {
         readings: &Readings,
         extra: &DMatrix<f64>,
     ) -> Result<(Fit, Vec<Fit>, DMatrix<f64>), DiscrepancyError> {
-        let best = &rivals[0];
+        let Some(best) = rivals.first() else {
+            let cov = self.scatter(&base, extra)?;
+            return Ok((base, rivals, cov));
+        };
         let cov = self.scatter(best, extra)?;
         let mixture = Mixture::new(readings, readings.block_of(&cov), &self.problem.trials)?;
         let from_best = &best.unknowns[..self.problem.nuisances()];
@@ -399,6 +421,7 @@ impl Searcher<'_> {
                 Ok(fit.earned(base.log_evidence, size))
             })
             .collect::<Result<_, DiscrepancyError>>()?;
+        fits.retain(|f| self.deserves_its_names(f));
         self.sort(&mut fits);
         Ok((base, fits, cov))
     }

@@ -308,7 +308,7 @@ fn table(s: &Score) -> String {
     for (name, share) in &s.shares {
         let (low, high) = share.interval();
         out += &format!(
-            "{name:<36} {:>4} of {:<4} {:>5.1} % (95 %: {:.1} to {:.1})\n",
+            "{name:<44} {:>4} of {:<4} {:>5.1} % (95 %: {:.1} to {:.1})\n",
             share.hits,
             share.of,
             100.0 * share.hits as f64 / share.of.max(1) as f64,
