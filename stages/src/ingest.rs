@@ -269,6 +269,7 @@ pub fn ingest(raw: &RawSpecimen, options: &IngestOptions) -> Result<Specimen, St
         }
     }
     let landmarks = points::landmarks(&file, raw)?;
+    warnings.extend(points::missing(&file, raw, &landmarks));
     let marks = points::marks(&file, raw)?;
     let given_fibres = points::fibres(&file, raw)?;
     for bundle in BUNDLES.iter() {

@@ -12,6 +12,14 @@ pub(super) fn landmarks(file: &SpecimenFile, raw: &RawSpecimen) -> Result<Vec<Na
     named_points(raw, file.points.landmarks.as_deref().unwrap_or(OPTIONAL_PATHS[0]), "name", |_| Ok(()))
 }
 
+/// What is said where a file of landmarks lacks the one that frames build on: it may have been cut short.
+pub(super) fn missing(file: &SpecimenFile, raw: &RawSpecimen, landmarks: &[NamedPoint]) -> Option<String> {
+    let path = file.points.landmarks.as_deref().unwrap_or(OPTIONAL_PATHS[0]);
+    let given = landmarks.iter().any(|l| l.frame == PointFrame::Ct && l.name == "femoral_head_center");
+    let what = "the femur's superior axis is found from its shape, which is rougher";
+    (raw.files.contains_key(path) && !given).then(|| format!("{path} gives no femoral_head_center in frame ct: {what}"))
+}
+
 /// The marks; empty without a file.
 pub(super) fn marks(file: &SpecimenFile, raw: &RawSpecimen) -> Result<Vec<NamedPoint>, StageError> {
     named_points(raw, file.points.marks.as_deref().unwrap_or(OPTIONAL_PATHS[1]), "ligament", |name| {

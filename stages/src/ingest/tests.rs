@@ -53,6 +53,21 @@ fn a_sound_specimen_passes_and_names_its_files() {
 }
 
 #[test]
+fn a_table_of_landmarks_without_the_femoral_head_is_told() {
+    let told = |text: &str| {
+        let specimen = ingest(&with_file("landmarks.csv", text.as_bytes()), &IngestOptions::default()).unwrap();
+        specimen.warnings.iter().any(|w| w.contains("landmarks.csv gives no femoral_head_center"))
+    };
+    let table = "name,frame,x_mm,y_mm,z_mm\na,ct,1,2,3\n";
+    assert!(told(table));
+    assert!(!told(&format!("{table}femoral_head_center,ct,0,0,400\n")));
+    let mut none = raw();
+    none.toml = none.toml.replace("landmarks = \"landmarks.csv\"\n", "");
+    none.files.remove("landmarks.csv");
+    assert!(ingest(&none, &IngestOptions::default()).unwrap().warnings.iter().all(|w| !w.contains("femoral_head")));
+}
+
+#[test]
 fn a_wrong_specimen_file_is_refused_with_key_and_line() {
     let cases = [
         (TOML.replace("side = ", "siide = "), "specimen.toml, line 3: unknown field `siide`"),
