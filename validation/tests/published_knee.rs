@@ -115,7 +115,16 @@ fn calibrations_in_full() {
         let start = std::time::Instant::now();
         let session = Session::new(&knee.spec, "deck", &trials, &options).expect("usable targets");
         let begin = session.begin(None).expect("a beginning");
-        let found = session.run(&knee, begin, &mut |_| ControlFlow::Continue(())).expect("a fit").found;
+        let mut lowest = f64::INFINITY;
+        let watch = &mut |state: &validation::calibrate::Checkpoint| {
+            let now = state.progress();
+            if now.lowest_cost < 0.99 * lowest {
+                lowest = now.lowest_cost;
+                println!("  {lowest:.1} after {} evaluations, {:.1} s", now.evaluations, start.elapsed().as_secs_f64());
+            }
+            ControlFlow::Continue(())
+        };
+        let found = session.run(&knee, begin, watch).expect("a fit").found;
         let seconds = start.elapsed().as_secs_f64();
         println!("{method:?}: {:.1} in {} evaluations, {seconds:.1} s", found.cost, found.history.len());
     }
