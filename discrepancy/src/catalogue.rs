@@ -21,6 +21,9 @@ pub struct Parameter {
     /// Size below which it is not this effect [unit].
     #[serde(default)]
     pub least: f64,
+    /// Whether it shapes the effect and is nothing by itself.
+    #[serde(default)]
+    pub shape: bool,
 }
 
 /// An effect a model may lack.

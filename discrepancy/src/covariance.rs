@@ -9,6 +9,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use sim::Model;
 use sim::contact::Nearby;
 use sim::joint::{Six, VV};
 
@@ -35,6 +36,10 @@ pub struct Floor {
     pub roughness: f64,
     /// Resistance to tilt that the rims of the contact may add or lack, alike at all flexions [N m/rad]. Measured: docs/discrepancy.md.
     pub tilt_nm_per_rad: f64,
+    /// Exponent of the contact's force over that of the model's law, in common to all trials [-]: pressure that grows otherwise than in proportion.
+    pub contact_exponent: f64,
+    /// Half width of the ligaments' toe over the model's, in common to all fibres [-]; the line beyond stays where it is.
+    pub toe_share: f64,
     /// Part of what is not linear in the ligaments, over their prior, that stays as scatter [-].
     pub nonlinear: f64,
 }
@@ -51,6 +56,8 @@ impl Default for Floor {
             contact_law: 0.3,
             roughness: 0.005,
             tilt_nm_per_rad: 6.0,
+            contact_exponent: 0.15,
+            toe_share: 0.3,
             nonlinear: 0.15,
         }
     }
@@ -68,6 +75,8 @@ impl Floor {
             contact_law: 0.0,
             roughness: 0.0,
             tilt_nm_per_rad: 0.0,
+            contact_exponent: 0.0,
+            toe_share: 0.0,
             nonlinear: 0.0,
             ..Floor::default()
         }
@@ -127,6 +136,32 @@ struct Scatter {
     own_contact: [f64; 5],
     /// By a resistance to tilt [per N mm/rad].
     tilt: [f64; 5],
+    /// By the exponent of the contact's law and by the width of the ligaments' toe, as shares.
+    laws: [[f64; 5]; 2],
+}
+
+/// Contact force at which another exponent of its law changes nothing [N]; the law's scale is free beside it.
+const REFERENCE: f64 = 100.0;
+
+/// What a fibre of stiffness `k` at stretch `x` gains in tension when its toe, which ends at `2 toe`, becomes wider by a share of itself about the line's
+/// root, which stays.
+fn wider(k: f64, toe: f64, x: f64) -> f64 {
+    let s = x / (2.0 * toe);
+    if s > 0.0 && s < 1.0 { k * toe * s * (1.0 - s) } else { 0.0 }
+}
+
+/// The same for all fibres, as generalised forces.
+fn wider_toe(model: &Model, pose: &sim::joint::Pose) -> Six {
+    let states = model.fibre_states(pose);
+    model.fibres.iter().zip(&states).filter(|(_, s)| s.response.force > 0.0).fold(
+        Six::zeros(),
+        |sum, (fibre, state)| {
+            let b = &model.bundles[fibre.bundle];
+            let stretch = state.line.length - fibre.initial_length + b.initial_stretch();
+            let gain = wider(b.stiffness / b.fibres as f64, b.toe_strain * b.slack_length(), stretch);
+            sum + state.line.gradient * gain
+        },
+    )
 }
 
 /// Covariance of all readings (five a trial) about the predictions at an answer.
@@ -155,6 +190,15 @@ pub fn covariance(
                 miss[0] = 0.0;
                 slopes.by(&miss, &Six::zeros())
             };
+            let steeper: Vec<_> = compartments
+                .iter()
+                .map(|(f, m)| {
+                    let more = (f.norm() / REFERENCE).max(1e-6).ln();
+                    push(&(f * more, m * more))
+                })
+                .collect();
+            let mut toe = wider_toe(&model, &pose);
+            toe[0] = 0.0;
             let pressed = compartments.iter().map(|(f, _)| f.norm()).sum();
             Scatter {
                 loads: slopes.loads(),
@@ -162,6 +206,7 @@ pub fn covariance(
                 compartments: modes(&compartments.iter().map(push).collect::<Vec<_>>()),
                 pressed,
                 own_contact: slopes.own_contact(),
+                laws: [std::array::from_fn(|c| steeper.iter().map(|p| p[c]).sum()), slopes.by(&toe, &Six::zeros())],
                 tilt: {
                     let mut miss = Six::zeros();
                     miss[VV] = rests[i].q[VV] - trial.neutral[VV];
@@ -192,6 +237,7 @@ fn assemble(problem: &Problem, scatter: &[Scatter], floor: &Floor) -> DMatrix<f6
         [1000.0 * floor.moment_nm, 1000.0 * floor.moment_nm, floor.force_n, floor.force_n, floor.force_n];
     let tilt = (1000.0 * floor.tilt_nm_per_rad).powi(2);
     let law = floor.contact_law.powi(2);
+    let laws = [floor.contact_exponent.powi(2), floor.toe_share.powi(2)];
     let range = floor.contact_range_deg.max(1.0).to_radians();
     let mut out = DMatrix::zeros(5 * n, 5 * n);
     for i in 0..n {
@@ -206,7 +252,8 @@ fn assemble(problem: &Problem, scatter: &[Scatter], floor: &Floor) -> DMatrix<f6
                     let mut v = fibre * sum(&a.attachments, &b.attachments)
                         + contact * sum(&a.compartments, &b.compartments)
                         + tilt * a.tilt[c] * b.tilt[d]
-                        + law * a.own_contact[c] * b.own_contact[d];
+                        + law * a.own_contact[c] * b.own_contact[d]
+                        + (0..2).map(|l| laws[l] * a.laws[l][c] * b.laws[l][d]).sum::<f64>();
                     if ti.condition == tk.condition && c == d {
                         v += floor.repositioning.powi(2) * ti.sd[c] * tk.sd[c];
                     }
@@ -300,5 +347,25 @@ impl Whitening {
     /// The lower factor.
     pub fn lower(&self) -> DMatrix<f64> {
         self.0.l()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_wider_toe_gains_what_the_parabola_about_the_same_root_does() {
+        // a toe of half width `w` about the root at 1: a parabola that meets the line `k (x - 1)` at `1 + w`
+        let (k, toe) = (50.0, 1.0);
+        let force = |w: f64, x: f64| match x - toe + w {
+            u if u <= 0.0 => 0.0,
+            u if u >= 2.0 * w => k * (x - toe),
+            u => k * u * u / (4.0 * w),
+        };
+        for x in [-0.5, 0.2, 0.7, 1.0, 1.6, 1.95, 2.3] {
+            let slope = (force(toe + 1e-5, x) - force(toe - 1e-5, x)) / 2e-5 * toe;
+            assert!((slope - wider(k, toe, x)).abs() < 1e-3, "{x}: {slope}");
+        }
     }
 }

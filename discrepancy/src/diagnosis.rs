@@ -10,28 +10,16 @@ use crate::next_test::{NextTest, next_tests};
 use crate::problem::{Candidate, Problem, Scope};
 use crate::search::{DiagnosisOptions, Search, Searcher};
 use crate::trial::Source;
-use crate::wildcard::{Wildcard, wildcard};
+use crate::verdict::{Candidature, by_names, temper, verdict, weights};
+use crate::wildcard::wildcard;
+
 use serde::{Deserialize, Serialize};
 use sim::Model;
 use sim::laxity::{COORDINATES, VALUE_UNITS};
 use sim::spec::ModelSpec;
 use std::collections::BTreeMap;
 
-/// How sure the answer is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Verdict {
-    /// One answer, weight 0.95 and more, and it predicts trials it has not seen.
-    Decisive,
-    /// One answer, weight 0.75 and more.
-    Probable,
-    /// One of several.
-    OneOf,
-    /// Something is missing that the catalogue does not have.
-    Unnamed,
-    /// Nothing beyond noise and floor.
-    None,
-}
+pub use crate::verdict::Verdict;
 
 /// A parameter's value.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -209,7 +197,7 @@ fn conclude(problem: &Problem, spec: &ModelSpec, options: &DiagnosisOptions) -> 
     let searcher = Searcher { problem, options };
     let search = searcher.search()?;
     let best = search.rivals.first().unwrap_or(&search.base);
-    let is_named = searcher.gain(best, &search.base) >= search.threshold && !best.hypothesis.is_empty();
+    let is_named = !best.hypothesis.is_empty() && is_believed(&searcher, &search, best);
     let believed = if is_named { best } else { &search.base };
     let wild = wildcard(problem, &search, believed)?;
     let rivals = weights(&searcher, &search, believed);
@@ -217,8 +205,15 @@ fn conclude(problem: &Problem, spec: &ModelSpec, options: &DiagnosisOptions) -> 
     let after =
         if is_named { held_out(&searcher, &search, best, options.folds, options.folds)? } else { before.clone() };
     let gain = after.density.iter().sum::<f64>() - before.density.iter().sum::<f64>();
-    let shrinks = (gain, closed(&before, &after));
-    let verdict = verdict(&searcher, is_named, &wild, &rivals, (believed, &search.base), shrinks);
+    let of = Candidature {
+        believed,
+        base: &search.base,
+        is_named,
+        wild: wild.log_bayes_factor,
+        gain,
+        closes: closed(&before, &after),
+    };
+    let verdict = verdict(&searcher, &rivals, &of);
     let answers = if matches!(verdict, Verdict::None | Verdict::Unnamed) {
         vec![]
     } else {
@@ -241,7 +236,7 @@ fn conclude(problem: &Problem, spec: &ModelSpec, options: &DiagnosisOptions) -> 
         not_testable: not_testable(problem),
         next_tests: next_tests(problem, &rival_fits)?,
         ligaments: absorbed(problem, &search.base, shown),
-        threshold: search.threshold,
+        threshold: search.threshold * temper(&searcher, best),
         wildcard: wild.log_bayes_factor,
         misfit: [&search.base, best].map(|f| searcher.total(f) / f.residual.len() as f64),
         best: named(problem, best, temper(&searcher, believed)),
@@ -255,103 +250,9 @@ fn conclude(problem: &Problem, spec: &ModelSpec, options: &DiagnosisOptions) -> 
     Ok(outcome)
 }
 
-/// How many times less loud the data speak than their declared scatter says: the floor is known no better than this, and a misfit shows that it is
-/// too narrow. It tempers the weights of names and widens the intervals of sizes alike.
-fn temper(searcher: &Searcher, fit: &Fit) -> f64 {
-    1.5 * (searcher.total(fit) / fit.residual.len() as f64).max(1.0)
-}
-
-/// Weight of each rival: evidence and prior, tempered where the best leaves more than it should.
-fn weights<'a>(searcher: &Searcher, search: &'a Search, best: &Fit) -> Vec<(&'a Fit, f64)> {
-    let temper = temper(searcher, best);
-    let top = searcher.gain(best, &search.base);
-    let mut out: Vec<(&Fit, f64)> =
-        search.rivals.iter().map(|f| (f, ((searcher.gain(f, &search.base) - top) / temper).exp())).collect();
-    let sum: f64 = out.iter().map(|(_, w)| w).sum::<f64>() + (-top / temper).exp();
-    out.iter_mut().for_each(|(_, w)| *w /= sum);
-    out
-}
-
-/// Share of the excess that a named effect may leave where a nameless field explains still more [-].
-const NEARLY_ALL: f64 = 0.2;
-/// Size of an effect, in standard deviations of its prior, that is no longer the effect of that name [-].
-const BEYOND_BELIEF: f64 = 5.0;
-/// Share of the held-out gap that a named effect must close where the rest stays significant; closing less, it is not what is missing [-].
-const LEAST_CLOSED: f64 = 0.3;
-/// And that a decisive answer must close [-]: leaving more than it closes, it is at most part of what is missing.
-const MOSTLY: f64 = 0.5;
-/// Standard deviations of the sum of squares from which something is missing though no effect explains it [-].
-const BEYOND_DOUBT: f64 = 6.0;
-
-fn verdict(
-    searcher: &Searcher,
-    named: bool,
-    wild: &Wildcard,
-    rivals: &[(&Fit, f64)],
-    (best, base): (&Fit, &Fit),
-    (gain, closes): (f64, f64),
-) -> Verdict {
-    let readings = best.residual.len() as f64;
-    let excess = searcher.total(best) - readings;
-    let deviations = excess / (2.0 * readings).sqrt();
-    let poor = deviations > 2.5;
-    // an effect that explains nearly all is named, though its form differs in detail
-    let left = excess / (searcher.total(base) - readings).max(1e-9);
-    // nor is one whose size nobody would expect, where a nameless field explains more
-    let sizes = &best.unknowns[searcher.problem.nuisances()..];
-    let fitting = named && left < NEARLY_ALL && sizes.iter().all(|x| x.abs() < BEYOND_BELIEF);
-    let nameless = wild.log_bayes_factor > 8.0 && !fitting;
-    let beside = if named { closes < LEAST_CLOSED } else { deviations > BEYOND_DOUBT };
-    if searcher.options.wildcard && poor && (nameless || beside) {
-        return Verdict::Unnamed;
-    }
-    if !named {
-        return Verdict::None;
-    }
-    let weight = by_names(rivals).first().map_or(0.0, |g| g.1);
-    // a named effect that leaves much is not the whole truth
-    let rests = excess < 0.25 * readings;
-    if weight >= 0.95 && gain > 0.0 && closes >= MOSTLY && rests && holds(searcher, base, rivals) {
-        Verdict::Decisive
-    } else if weight >= 0.75 {
-        Verdict::Probable
-    } else {
-        Verdict::OneOf
-    }
-}
-
-/// Whether the first answer stays the first, and above the threshold, with priors half and twice as wide and noise of 0.7 and 1.5 of the stated.
-fn holds(searcher: &Searcher, base: &Fit, rivals: &[(&Fit, f64)]) -> bool {
-    let n = searcher.problem.nuisances();
-    let Some((first, _)) = rivals.first() else { return true };
-    let names = |f: &Fit| f.hypothesis.iter().map(|c| (c.name(), c.scope)).collect::<Vec<_>>();
-    let score = |f: &Fit, wide: f64, noise: f64| {
-        let heavy = |x: f64| 2.5 * (1.0 + x * x / 4.0).ln();
-        let prior: f64 = f.unknowns[n..].iter().map(|x| heavy(*x) - heavy(x / wide) - wide.ln()).sum();
-        searcher.gain(f, base) / (noise * noise) + prior
-    };
-    [(0.5, 1.0), (2.0, 1.0), (1.0, 0.7), (1.0, 1.5)].iter().all(|&(wide, noise)| {
-        let own = score(first, wide, noise);
-        own > searcher.options.least_evidence
-            && rivals.iter().all(|(f, _)| names(f) == names(first) || score(f, wide, noise) < own)
-    })
-}
-
-/// Rivals with the same effects and scopes are one answer: its best fit and the sum of weights.
-fn by_names<'a>(rivals: &[(&'a Fit, f64)]) -> Vec<(&'a Fit, f64)> {
-    type Key = Vec<(String, Scope)>;
-    let mut out: Vec<(Key, &Fit, f64)> = Vec::new();
-    for (fit, weight) in rivals {
-        let mut key: Vec<(String, Scope)> = fit.hypothesis.iter().map(|c| (c.name(), c.scope)).collect();
-        key.sort();
-        match out.iter_mut().find(|(k, _, _)| *k == key) {
-            Some(one) => one.2 += weight,
-            None => out.push((key, fit, *weight)),
-        }
-    }
-    let mut out: Vec<(&Fit, f64)> = out.into_iter().map(|(_, f, w)| (f, w)).collect();
-    out.sort_by(|a, b| b.1.total_cmp(&a.1));
-    out
+/// Whether an effect's evidence, as loud as the data may speak, passes the threshold.
+fn is_believed(searcher: &Searcher, search: &Search, best: &Fit) -> bool {
+    searcher.gain(best, &search.base) >= search.threshold * temper(searcher, best)
 }
 
 /// The smallest set of answers with 95 % of the belief.

@@ -84,12 +84,24 @@ impl Bench<'_> {
     /// The pose next to the measured one, `measured`, held there by springs that give way by about the measurement's noise: what is then out of
     /// balance is what the model lacks in that trial, however far it would move the knee.
     pub fn held(&self, trial: &Trial, measured: &Six) -> Rest {
+        self.held_by(trial, measured, measured, HOLD)
+    }
+
+    /// The rest that is reached when those springs are let go little by little: on the branch of the measured pose, where a loaded knee has several.
+    pub fn released(&self, trial: &Trial, measured: &Six) -> Rest {
+        let parts = [1.0, 0.3, 0.1, 0.03, 0.01];
+        let q = parts.iter().fold(*measured, |q, part| self.held_by(trial, measured, &q, HOLD * part).q);
+        self.settle(trial, &q)
+    }
+
+    /// Held by springs of a force `hold` at the noise [N], from `start`.
+    fn held_by(&self, trial: &Trial, measured: &Six, start: &Six, hold: f64) -> Rest {
         let springs: [f64; 6] = std::array::from_fn(|j| match j {
             FE => 0.0,
-            VV | IE => HOLD * 20.0 / trial.sd[j - 1].to_radians(),
-            _ => HOLD / trial.sd[j - 1],
+            VV | IE => hold * 20.0 / trial.sd[j - 1].to_radians(),
+            _ => hold / trial.sd[j - 1],
         });
-        let (mut q, mut near) = (*measured, Nearby::default());
+        let (mut q, mut near) = (*start, Nearby::default());
         let mut state = self.balance(trial, (&trial.load, trial.flexion), &q, &mut near);
         for _ in 0..12 {
             let mut pulled = Balance { miss: state.miss, tangent: state.tangent, observed: state.observed };

@@ -31,7 +31,7 @@ pub struct Fit {
     pub misfit: f64,
     /// Trials that it does not explain, set aside ([`crate::robust`]).
     pub odd: Vec<usize>,
-    /// Log of the evidence, up to a constant common to all hypotheses fitted to the same readings.
+    /// Log of the evidence, the scatter it was weighed with included; up to a constant common to all hypotheses fitted to the same readings.
     pub log_evidence: f64,
     /// Posterior covariance of the unknowns.
     pub posterior: DMatrix<f64>,
@@ -165,7 +165,7 @@ impl Data<'_> {
             Some(c) => (2.0 * c.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>(), c.inverse()),
             None => (f64::INFINITY, DMatrix::identity(here.unknowns.len(), here.unknowns.len())),
         };
-        let mut log_evidence = -here.cost - 0.5 * log_determinant;
+        let mut log_evidence = -here.cost - 0.5 * (log_determinant + self.mixture.plain().log_determinant());
         for k in (0..sided.len()).filter(|&k| sided[k]) {
             let sd = posterior[(k, k)].sqrt().max(1e-9);
             log_evidence += (2.0 * normal_below(here.unknowns[k] / sd)).ln();

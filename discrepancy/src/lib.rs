@@ -22,6 +22,7 @@ pub mod robust;
 pub mod screen;
 pub mod search;
 pub mod trial;
+mod verdict;
 pub mod wildcard;
 mod words;
 

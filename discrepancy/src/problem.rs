@@ -22,6 +22,9 @@ pub const PRIOR: [f64; 3] = [0.03, 0.2, 0.3];
 /// Coordinates of a reading.
 const READ: [usize; 5] = [VV, IE, ML, AP, SI];
 
+/// Sum of squares, in noises, from which a trial's rest is taken for lost.
+const LOST: f64 = 400.0;
+
 /// Where an effect acts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Scope {
@@ -275,15 +278,16 @@ impl Problem {
                     Some(q) => bench.settle(trial, q),
                     None => bench.walk(trial),
                 };
-                match &self.held[i] {
-                    Some(held) if miss(i, &first) > 16.0 => {
-                        let second = bench.settle(trial, &held.q);
-                        let settled = second.balanced || !first.balanced;
-                        let better = settled && miss(i, &second) < 0.5 * miss(i, &first);
-                        if better { second } else { first }
-                    }
-                    _ => first,
+                if miss(i, &first) <= 16.0 {
+                    return first;
                 }
+                // the second is taken where it is much nearer; a knee that left the joint altogether may find back from the measured pose, let go slowly
+                let nearer = |a: Rest, b: Rest| {
+                    if (b.balanced || !a.balanced) && miss(i, &b) < 0.5 * miss(i, &a) { b } else { a }
+                };
+                let Some(held) = &self.held[i] else { return first };
+                let second = nearer(first, bench.settle(trial, &held.q));
+                if miss(i, &second) > LOST { nearer(second, bench.released(trial, &held.q)) } else { second }
             })
             .collect())
     }
