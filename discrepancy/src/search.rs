@@ -153,6 +153,11 @@ impl Searcher<'_> {
             rivals.extend(self.refits(&held, (&readings, &cov), &candidates, (&forces, most), none)?);
             self.sort(&mut rivals);
             (base, rivals, cov) = self.again(base, rivals, &readings, &extra)?;
+            if self.is_poor(rivals.first().unwrap_or(&base)) {
+                rivals.extend(self.shaped(&zero, (&readings, &cov), &candidates, &rivals, base.log_evidence)?);
+                self.sort(&mut rivals);
+                (base, rivals, cov) = self.again(base, rivals, &readings, &extra)?;
+            }
         }
         for _ in 1..self.options.most_effects {
             let Some(best) = rivals.first().cloned() else { break };
@@ -382,6 +387,34 @@ impl Searcher<'_> {
             .collect::<Result<_, DiscrepancyError>>()?;
         fits.retain(|f| self.deserves_its_names(f));
         self.sort(&mut fits);
+        Ok(fits)
+    }
+
+    /// Refits, from a typical size, of effects whose shape is free: a screen about one shape cannot judge those.
+    fn shaped(
+        &self,
+        at: &Fit,
+        (readings, cov): (&Readings, &DMatrix<f64>),
+        candidates: &[Candidate],
+        tried: &[Fit],
+        without: f64,
+    ) -> Result<Vec<Fit>, DiscrepancyError> {
+        let is_tried = |c: &Candidate| tried.iter().any(|f| f.hypothesis == [c.clone()]);
+        let left: Vec<&Candidate> = candidates
+            .iter()
+            .filter(|c| c.scope == Scope::Both && c.effect.parameter.iter().any(|p| p.shape) && !is_tried(c))
+            .collect();
+        let mixture = Mixture::new(readings, readings.block_of(cov), &self.problem.trials)?;
+        let fits: Vec<Fit> = left
+            .par_iter()
+            .map(|c| {
+                let mut start = at.unknowns.clone();
+                start.extend(c.effect.parameter.iter().map(|p| if p.shape { 0.0 } else { 1.0 }));
+                let hypothesis = [(*c).clone()];
+                let fit = self.fit_to(&hypothesis, &start, &at.coordinates(), (readings, &mixture), 8)?;
+                Ok(fit.earned(without, c.size()))
+            })
+            .collect::<Result<_, DiscrepancyError>>()?;
         Ok(fits)
     }
 
