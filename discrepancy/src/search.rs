@@ -418,19 +418,7 @@ impl Searcher<'_> {
         Ok(fits)
     }
 
-    /// A fit again, weighed with the scatter where it stands: what a knee may differ by depends on how firmly it is held there.
-    fn in_its_own_scatter(
-        &self,
-        fit: &Fit,
-        start: &[f64],
-        readings: &Readings,
-        extra: &DMatrix<f64>,
-    ) -> Result<Fit, DiscrepancyError> {
-        let cov = self.scatter(fit, extra)?;
-        self.fit(&fit.hypothesis, start, &fit.coordinates(), &cov, readings, 8)
-    }
-
-    /// The best again, each in its own scatter, and nothing missing from the best's ligaments.
+    /// The best again with the scatter at the best, and nothing missing from its ligaments.
     fn again(
         &self,
         base: Fit,
@@ -451,7 +439,6 @@ impl Searcher<'_> {
             .map(|(x, f)| self.fit_to(&[], x, &f.coordinates(), (readings, &mixture), 8))
             .collect::<Result<_, _>>()?;
         let base = bases.into_iter().reduce(|a, b| if b.log_evidence > a.log_evidence { b } else { a }).unwrap_or(base);
-        let base = self.in_its_own_scatter(&base, &base.unknowns, readings, extra)?;
         // each from where it stands, and the first from the model's own ligaments: two valleys
         let few: Vec<(&Fit, bool)> =
             rivals.iter().take(6).map(|f| (f, false)).chain(rivals.iter().take(3).map(|f| (f, true))).collect();
@@ -463,13 +450,12 @@ impl Searcher<'_> {
                     start[..self.problem.nuisances()].fill(0.0);
                 }
                 let size = f.hypothesis.iter().map(Candidate::size).sum();
-                let fit = self.in_its_own_scatter(f, &start, readings, extra)?;
+                let fit = self.fit_to(&f.hypothesis, &start, &f.coordinates(), (readings, &mixture), 8)?;
                 Ok(fit.earned(base.log_evidence, size))
             })
             .collect::<Result<_, DiscrepancyError>>()?;
         fits.retain(|f| self.deserves_its_names(f));
         self.sort(&mut fits);
-        let cov = self.scatter(fits.first().unwrap_or(&base), extra)?;
         Ok((base, fits, cov))
     }
 }
