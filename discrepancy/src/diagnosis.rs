@@ -157,7 +157,7 @@ pub struct Diagnosis {
     pub next_tests: Vec<NextTest>,
     /// What the ligaments had taken up.
     pub ligaments: Vec<Absorbed>,
-    /// Log Bayes factor that an effect needs here [-].
+    /// Log Bayes factor that an answer needs here: what simulated nulls stay below, tempered [-].
     pub threshold: f64,
     /// Log Bayes factor of a smooth nameless field beside the best answer [-].
     pub wildcard: f64,

@@ -141,9 +141,10 @@ impl Searcher<'_> {
         let (list, threshold) = self.screen(&base, &readings, &cov, &candidates)?;
         let screened: Vec<(Candidate, f64)> = list.iter().map(|l| (candidates[l.candidate].clone(), l.gain)).collect();
         let mut rivals = Vec::new();
-        let near = self.scatter(&held, &extra)?;
-        let (forces, _) = self.screen(&held, &readings, &near, &candidates)?;
-        if list.first().is_some_and(|l| l.gain > 0.0) || self.is_poor(&base) {
+        let promising = list.first().is_some_and(|l| l.gain > 0.5 * self.options.least_evidence);
+        if promising || self.is_poor(&base) {
+            let near = self.scatter(&held, &extra)?;
+            let (forces, _) = self.screen(&held, &readings, &near, &candidates)?;
             // a large effect bends the ligaments of the baseline and the poses: screen and start from the model's own and at the measured, too
             let (plain, _) = self.screen(&zero, &readings, &cov, &candidates)?;
             let (most, few) = (self.options.shortlist, self.options.shortlist / 2);
