@@ -17,7 +17,9 @@ pub(crate) fn section(knees: &[(&Knee, Built)]) -> Section {
     let mut page = Section::new(
         "Cartilage",
         "Own registration. Thickness: volume over the bony face's area, alike for both. Distance of the solid: the larger of both \
-         ways' p95; of the articular face: from the true one, which is what looks away from the bone and lies 0.3 mm off it. Rim: from ours to the true one. False sheet: bony face more than 2 mm from any true cartilage. \
+         ways' p95; of the articular face: from the true one, which is what looks away from the bone and lies 0.3 mm off it. Rim: from the foot of our wall to the \
+         edge of what the true solid has 0.3 mm off the bone, so that a wall that stands steep or overhangs counts with its height. Outline over the bone: where the cartilage ends seen \
+         along the bone's normal, told alike for both solids, projected onto the bone; the larger of both ways. False sheet: bony face more than 2 mm from any true cartilage. \
          Segmentation errors: both CT bones 0.3 mm too large or too small, or off by a smooth error (sd 0.15 mm, 15 mm long, at most 0.3 mm).",
     );
     for (knee, built) in knees {
@@ -126,6 +128,8 @@ fn one(page: &mut Section, case: &str, s: &Solids) {
     let face = articular.map_or(f64::NAN, |to| p95(&s.truth, &to, |t| s.faces.outer[t]));
     let bodies = Topology::of(&s.part.solid).components;
     let rim = rim_distances(s);
+    let [ours, theirs] = outline_distances(s);
+    let mean = |of: &[f64]| of.iter().sum::<f64>() / of.len().max(1) as f64;
     let bony = (0..s.part.solid.triangles.len()).filter(|&t| !s.part.articular[t]);
     let far = bony.filter(|&t| s.to_truth.nearest(&middle(&s.part.solid, t)).distance > 2.0);
     let sheet: f64 = far.map(|t| s.part.solid.area_vector(t).norm()).sum();
@@ -135,8 +139,14 @@ fn one(page: &mut Section, case: &str, s: &Solids) {
         ("p95 distance, whole solid [mm]".into(), 0.45, solid),
         ("p95 distance, articular face [mm]".into(), 0.25, face),
         ("bodies beside each cartilage's one".into(), 0.0, bodies as f64 - 1.0),
-        ("rim, mean distance [mm]".into(), 1.0, rim.iter().sum::<f64>() / rim.len().max(1) as f64),
+        ("rim, mean distance [mm]".into(), 1.0, mean(&rim)),
         ("rim, p95 distance [mm]".into(), 1.0, percentile(&mut rim.clone(), 0.95)),
+        ("outline over the bone, mean distance [mm]".into(), 1.0, mean(&ours).max(mean(&theirs))),
+        (
+            "outline over the bone, p95 distance [mm]".into(),
+            1.0,
+            percentile(&mut ours.clone(), 0.95).max(percentile(&mut theirs.clone(), 0.95)),
+        ),
         ("false sheet [mm2]".into(), 5.0, sheet),
     ] {
         page.add(&format!("{what}{}", s.off), Limit::Most(most), case, value);
@@ -161,8 +171,8 @@ fn p95(mesh: &TriMesh, to: &SurfaceQuery, of: impl Fn(usize) -> bool) -> f64 {
     f64::NAN
 }
 
-/// Middles of the edges between triangles of two kinds.
-fn rim(mesh: &TriMesh, kind: &[bool]) -> Vec<Point> {
+/// Edges between triangles of two kinds.
+fn between(mesh: &TriMesh, kind: &[bool]) -> Vec<[Point; 2]> {
     let mut sides: BTreeMap<(u32, u32), [bool; 2]> = BTreeMap::new();
     for (triangle, kind) in mesh.triangles.iter().zip(kind) {
         for k in 0..3 {
@@ -171,7 +181,40 @@ fn rim(mesh: &TriMesh, kind: &[bool]) -> Vec<Point> {
         }
     }
     let between = sides.iter().filter(|(_, s)| s[0] && s[1]);
-    between.map(|((p, q), _)| nalgebra::center(&mesh.vertices[*p as usize], &mesh.vertices[*q as usize])).collect()
+    between.map(|((p, q), _)| [*p, *q].map(|v| mesh.vertices[v as usize])).collect()
+}
+
+/// Middles of the edges between triangles of two kinds.
+fn rim(mesh: &TriMesh, kind: &[bool]) -> Vec<Point> {
+    between(mesh, kind).iter().map(|[p, q]| nalgebra::center(p, q)).collect()
+}
+
+/// Folds of an underside that look away from the bone are smaller than this [mm2].
+const FOLD_MM2: f64 = 20.0;
+
+/// Where a solid ends over its bone: points of the bone below the edge of what looks away from it, 0.2 mm apart or so.
+fn outline(solid: &TriMesh, bone: &SurfaceQuery) -> Vec<Point> {
+    let away = |t: usize| bone.smooth_normal(&bone.nearest(&middle(solid, t))).dot(&solid.area_vector(t)) > 0.0;
+    let mut kind: Vec<bool> = (0..solid.triangles.len()).map(away).collect();
+    for side in [true, false] {
+        let of: Vec<usize> = (0..kind.len()).filter(|&t| kind[t] == side).collect();
+        let part = Topology::of(&solid.submesh(|t| kind[t] == side).0).component_of_triangle;
+        let mut area = vec![0.0; part.iter().max().map_or(0, |m| *m as usize + 1)];
+        of.iter().zip(&part).for_each(|(&t, &p)| area[p as usize] += solid.area_vector(t).norm() / 2.0);
+        of.iter().zip(&part).filter(|(_, p)| area[**p as usize] < FOLD_MM2).for_each(|(&t, _)| kind[t] = !side);
+    }
+    let along = [0.1, 0.3, 0.5, 0.7, 0.9];
+    let points = between(solid, &kind).into_iter().flat_map(|[p, q]| along.map(|s| p + (q - p) * s));
+    points.map(|p| bone.nearest(&p).point).collect()
+}
+
+/// Distances between our outline and the true one, each from the other [mm].
+fn outline_distances(s: &Solids) -> [Vec<f64>; 2] {
+    let lines = [outline(&s.part.solid, &s.to_bone), outline(&s.truth, &s.to_bone)];
+    [0, 1].map(|k| {
+        let nearest = |p: &Point| lines[1 - k].iter().map(|q| (p - q).norm_squared()).fold(f64::INFINITY, f64::min);
+        lines[k].iter().map(|p| nearest(p).sqrt()).collect()
+    })
 }
 
 /// Distances from our rim to the true one [mm].
