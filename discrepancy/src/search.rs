@@ -141,7 +141,7 @@ impl Searcher<'_> {
         let (list, threshold) = self.screen(&base, &readings, &cov, &candidates)?;
         let screened: Vec<(Candidate, f64)> = list.iter().map(|l| (candidates[l.candidate].clone(), l.gain)).collect();
         let mut rivals = Vec::new();
-        let promising = list.first().is_some_and(|l| l.gain > 0.5 * self.options.least_evidence);
+        let promising = list.first().is_some_and(|l| l.gain > 0.0);
         if promising || self.is_poor(&base) {
             let near = self.scatter(&held, &extra)?;
             let (forces, _) = self.screen(&held, &readings, &near, &candidates)?;

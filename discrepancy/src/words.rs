@@ -25,7 +25,12 @@ pub(crate) fn description(problem: &Problem, d: &Diagnosis, wild: &Wildcard, sea
         Verdict::Unnamed => {
             out += "Something is missing that the catalogue does not have. ";
             out += &wild.words(problem);
-            let near: Vec<&str> = search.screened.iter().take(3).map(|(c, _)| c.effect.title.as_str()).collect();
+            let mut near: Vec<&str> = Vec::new();
+            for (c, _) in &search.screened {
+                if near.len() < 3 && !near.contains(&c.effect.title.as_str()) {
+                    near.push(&c.effect.title);
+                }
+            }
             let _ = write!(out, " Its nearest relatives in the catalogue: {}.", near.join(", "));
             out += &not_enough(problem, d);
         }
