@@ -12,7 +12,6 @@ use crate::search::{DiagnosisOptions, Search, Searcher};
 use crate::trial::Source;
 use crate::verdict::{Candidature, by_names, temper, verdict, weights};
 use crate::wildcard::wildcard;
-
 use serde::{Deserialize, Serialize};
 use sim::Model;
 use sim::laxity::{COORDINATES, VALUE_UNITS};

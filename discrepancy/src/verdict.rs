@@ -22,7 +22,7 @@ pub enum Verdict {
 }
 
 /// How many times less loud the data speak than their declared scatter says: the floor is known no better than this, and a misfit shows that it is
-/// too narrow. It tempers the weights of names and widens the intervals of sizes alike.
+/// too narrow. It raises the threshold of a name, tempers the weights of names and widens the intervals of sizes alike.
 pub(crate) fn temper(searcher: &Searcher, fit: &Fit) -> f64 {
     1.5 * (searcher.total(fit) / fit.residual.len() as f64).max(1.0)
 }
@@ -73,8 +73,8 @@ pub(crate) fn verdict(searcher: &Searcher, rivals: &[(&Fit, f64)], of: &Candidat
     let poor = deviations > 2.5;
     let left = excess / (searcher.total(of.base) - readings).max(1e-9);
     let n = searcher.problem.nuisances();
-    // the first effect, which explains most, may leave what its form in this knee differs in detail by; frames and loads have one form.
-    // Nor is it one whose size nobody would expect
+    // the first effect, which explains most, may leave as much as its form in this knee may differ by (frames and loads have one form),
+    // unless its size is one that nobody would expect
     let share = of.believed.hypothesis.first().map_or(0.0, |c| c.effect.form_share);
     let fitting = of.is_named && left < share && of.believed.unknowns[n..].iter().all(|x| x.abs() < BEYOND_BELIEF);
     let nameless = of.wild > NAMELESS && !fitting;
