@@ -5,6 +5,7 @@
 
 use crate::StageError;
 use crate::ingest::Specimen;
+use crate::plateaus::plateau_normal;
 use meshes::frame::Side;
 use meshes::query::SurfaceQuery;
 use meshes::section::{Outline, section};
@@ -73,9 +74,14 @@ pub struct AnatomyReport {
 pub fn rough_axes(femur: &TriMesh, tibfib: &TriMesh, side: Side) -> Result<RoughAxes, StageError> {
     let joint = joint_point(femur, tibfib)?;
     let femur_shaft = shaft(femur, &joint, "femur")?;
-    let tibia_shaft = shaft(tibfib, &joint, "tibia")?;
+    let mut tibia_shaft = shaft(tibfib, &joint, "tibia")?;
     let (across, forwards, protrusion) = condyle_directions(femur, &femur_shaft)
         .ok_or_else(|| StageError("no condyles found on the femur: its joint end has no area".into()))?;
+    if tibia_shaft.sections < LEAST_SECTIONS
+        && let Some(up) = up_from_plateaus(tibfib, &joint, &-tibia_shaft.direction, &forwards)
+    {
+        tibia_shaft.direction = -up;
+    }
     let superior = -tibia_shaft.direction;
     // Flexion turns about the mediolateral axis, so that one is shared; forwards follows from it.
     let across = (across - superior * across.dot(&superior)).try_normalize(1e-6).ok_or_else(|| {
@@ -89,6 +95,14 @@ pub fn rough_axes(femur: &TriMesh, tibfib: &TriMesh, side: Side) -> Result<Rough
     };
     let fibula = fibula_direction(tibfib, &tibia_shaft);
     Ok(RoughAxes { superior, anterior, lateral, joint, femur_shaft, tibia_shaft, fibula, protrusion })
+}
+
+/// The tibial shaft's direction from the plateaus alone, turned forwards by their mean slope.
+fn up_from_plateaus(tibfib: &TriMesh, joint: &Point, superior: &Vector, forwards: &Vector) -> Option<Vector> {
+    let normal = plateau_normal(tibfib, superior, joint)?;
+    let forwards = (forwards - normal * forwards.dot(&normal)).try_normalize(1e-6)?;
+    let (sin, cos) = SLOPE_DEG.to_radians().sin_cos();
+    Some(normal * cos + forwards * sin)
 }
 
 /// Which knee the bones look like, by the side on which the fibula lies; `None` where that cannot be told.
@@ -197,6 +211,10 @@ fn along_the_walls(bone: &TriMesh, joint: &Point, away: &Vector) -> Vector {
 }
 
 const SECTION_STEP_MM: f64 = 3.0;
+/// Whole sections from which on a shaft shows its axis.
+pub(crate) const LEAST_SECTIONS: usize = 5;
+/// Backward slope of the tibial plateaus [deg]: means of 3.7 to 7.0, medial and lateral, men and women [hashemi2008].
+const SLOPE_DEG: f64 = 5.5;
 
 fn refit(bone: &TriMesh, joint: &Point, line: &Shaft) -> Shaft {
     let d = line.direction;
@@ -219,7 +237,7 @@ fn refit(bone: &TriMesh, joint: &Point, line: &Shaft) -> Shaft {
     for share in [0.5, 0.65, 0.8] {
         let part: Vec<&&(f64, Outline)> = whole.iter().filter(|s| s.1.area < share * widest).collect();
         let (Some(first), Some(last)) = (part.first(), part.last()) else { continue };
-        if part.len() >= 5 {
+        if part.len() >= LEAST_SECTIONS {
             let centroids: Vec<Point> = part.iter().map(|s| s.1.centroid).collect();
             let (point, direction) = fitted_line(&centroids, &d);
             return Shaft { point, direction, sections: part.len(), size_mm: size, range_mm: [first.0, last.0] };

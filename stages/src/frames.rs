@@ -1,10 +1,11 @@
 //! Stage 5, frames: transepicondylar and tibial frames, Grood-Suntay pose in CT.
 
 use crate::StageError;
-use crate::anatomy::{RoughAxes, Shaft, rough_axes};
+use crate::anatomy::{LEAST_SECTIONS, RoughAxes, Shaft, rough_axes};
 use crate::bones::Bones;
-use crate::condyles::{Cylinder, Directions, condylar_cylinder, epicondyles, plateau_centres};
+use crate::condyles::{Cylinder, Directions, condylar_cylinder, epicondyles};
 use crate::ingest::{PointFrame, Specimen};
+use crate::plateaus::plateau_centres;
 use meshes::frame::{AnatomicalFrame, Side};
 use meshes::surface::TriMesh;
 use meshes::{Point, Vector};
@@ -86,10 +87,11 @@ pub fn frames(specimen: &Specimen, bones: &Bones, options: &FramesOptions) -> Re
     let side = specimen.identity.side;
     let rough = rough_axes(femur, tibfib, side)?;
     let mut warnings = Vec::new();
-    for (name, shaft) in [("femur", &rough.femur_shaft), ("tibia", &rough.tibia_shaft)] {
-        if shaft.sections < 5 {
+    let plateaus = "; where no landmark tells, it is taken from the plateaus";
+    for (name, shaft, instead) in [("femur", &rough.femur_shaft, ""), ("tibia", &rough.tibia_shaft, plateaus)] {
+        if shaft.sections < LEAST_SECTIONS {
             warnings.push(format!(
-                "the {name}'s shaft is too short for its axis to be found well ({} whole sections)",
+                "the {name}'s shaft is too short for its axis to be found well ({} whole sections){instead}",
                 shaft.sections
             ));
         }
@@ -223,7 +225,7 @@ fn tibial_frame(
     let origin = nalgebra::center(&medial, &lateral);
     let distal = mark("tibial_shaft_distal");
     if let Some(p) = distal
-        && rough.tibia_shaft.sections >= 5
+        && rough.tibia_shaft.sections >= LEAST_SECTIONS
         && off_line(&p, &rough.tibia_shaft) > options.landmark_limit_mm
     {
         warnings.push(format!(
@@ -233,7 +235,7 @@ fn tibial_frame(
     }
     let superior = match (mark("ankle_center"), distal) {
         (Some(ankle), _) => origin - ankle,
-        (None, Some(p)) if rough.tibia_shaft.sections < 5 => origin - p,
+        (None, Some(p)) if rough.tibia_shaft.sections < LEAST_SECTIONS => origin - p,
         _ => rough.superior,
     };
     // Grood and Suntay keep the long axis and turn the mediolateral one.

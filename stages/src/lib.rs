@@ -14,6 +14,7 @@ pub mod hexmesh;
 pub mod ingest;
 pub mod overclosure;
 pub mod phantom;
+pub mod plateaus;
 pub mod register;
 pub mod segment;
 

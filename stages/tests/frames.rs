@@ -213,3 +213,31 @@ fn epicondyles_agree_with_five_raters_on_a_whole_and_a_cropped_femur() {
     }
     assert!(degrees(&whole, &cropped) < 1.5, "{}", degrees(&whole, &cropped));
 }
+
+/// Tibiae cut this far below the joint show no shaft.
+const SHORT_MM: f64 = 38.0;
+
+fn cut_short_shows_the_same_frame(name: &str, specimen: &Specimen, slants_deg: &[f64]) {
+    let whole = of(specimen);
+    let f = whole.tibia;
+    for slant in slants_deg {
+        let normal = f.superior + f.anterior * slant.to_radians().tan();
+        let mut short = specimen.clone();
+        short.ct.tibfib = clipped(&specimen.ct.tibfib, &(f.origin - f.superior * SHORT_MM), &normal.normalize());
+        let found = of(&short);
+        assert!(
+            found.warnings.iter().any(|w| w.contains("the tibia's shaft is too short")),
+            "{name}: {:?}",
+            found.warnings
+        );
+        let (medial, superior) = (degrees(&f.medial, &found.tibia.medial), degrees(&f.superior, &found.tibia.superior));
+        assert!(medial < 6.0 && superior < 7.0, "{name}, slant {slant}: medial {medial} superior {superior} deg");
+    }
+}
+
+#[test]
+fn a_tibia_without_a_shaft_takes_its_way_up_from_the_plateaus() {
+    cut_short_shows_the_same_frame("right-phantom", &bare(phantom("right-phantom")), &[-20.0]);
+    let Some(dir) = shared("a tibia without a shaft", "specimens/S193761") else { return };
+    cut_short_shows_the_same_frame("S193761", &common::specimen(&dir, Side::Left), &[20.0]);
+}
