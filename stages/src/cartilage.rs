@@ -47,7 +47,7 @@ pub struct CartilageOptions {
     pub least_thickness_mm: f64,
     /// The same as a multiple of the noise on bare bone, where that is more [-]; our own choice.
     pub least_thickness_sd: f64,
-    /// The same for the rim of what is cartilage without doubt [mm]; our own trials.
+    /// The same for the rim of what is cartilage without doubt; half of it where the scan itself steps down from the rim [mm]; our own trials.
     pub rim_thickness_mm: f64,
     /// How many vertices wide such a rim is looked for, edges of about 0.7 mm [-]; our own trials.
     pub rim_rings: usize,

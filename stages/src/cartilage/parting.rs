@@ -100,6 +100,7 @@ mod tests {
             inner: vec![0.0; bone.vertices.len()],
             outer,
             bare_sd: 0.0,
+            thin_rim: vec![false; bone.vertices.len()],
             bone,
         }
     }

@@ -81,10 +81,14 @@ fn grow(domain: &Domain, level: &mut [f64], least: f64, facing: Option<Vector>, 
             }
         }
     }
-    for v in (0..level.len()).filter(|&v| ring[v] < rings) {
-        if !facing.is_some_and(|f| domain.normals[v].dot(&f) < 0.1) {
-            let lowered = rim + (least - rim) * ring[v] as f64 / rings as f64;
-            level[v] = (domain.thickness(v) - lowered).clamp(-least, least);
+    for v in (0..level.len()).filter(|&v| !facing.is_some_and(|f| domain.normals[v].dot(&f) < 0.1)) {
+        let above = |height: f64| (domain.thickness(v) - height).clamp(-least, least);
+        if ring[v] < rings {
+            level[v] = above(rim + (least - rim) * ring[v] as f64 / rings as f64);
+        }
+        // where the scan itself steps down, half the step is the place to cut
+        if domain.thin_rim[v] {
+            level[v] = level[v].max(above(0.5 * rim));
         }
     }
 }
