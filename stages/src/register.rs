@@ -7,7 +7,9 @@ use crate::{PerBone, StageError};
 use meshes::frame::{Ct, Pose, Scan};
 use meshes::registration::{bare, fit, icp, sample, start, target::Target};
 use meshes::surface::{ColouredMesh, TriMesh};
-use meshes::{Isometry, Point};
+use meshes::{Isometry, Point, Vector};
+use nalgebra::{Matrix3, SymmetricEigen};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 
@@ -178,9 +180,11 @@ pub fn register_bone(
         .ok_or_else(|| StageError("the scan does not resemble the CT bone anywhere".into()))?;
     let fine = start::thinned(&source, 1500);
     let pose = icp::refine(&target, &fine, &chosen.pose, &[2.0, 1.5, 1.0, 0.8, 0.6, 0.5]);
-    let fitted = settled(&target, &prepared, &fine.points, &pose, options.held_out_of.max(2))
+    let mut fitted = settled(&target, &prepared, &fine.points, &pose, options.held_out_of.max(2))
         .ok_or_else(|| StageError("too little bare bone lies on the CT bone to fix the pose of the scan".into()))?;
-    believe(&fitted, &prepared, options)?;
+    if let Err(refused) = believe(&fitted, &prepared, options) {
+        fitted = turned(&target, &prepared, &fine.points, &fitted, options).ok_or(refused)?;
+    }
     Ok(BoneRegistration {
         ct_from_scan: Pose::assume(fitted.pose),
         rms_bare_bone_mm: fitted.rms,
@@ -213,6 +217,37 @@ fn settled(
         fitted = fit::fit(target, scan, &before, held_out)?;
     }
     Some(fitted)
+}
+
+/// Turns about a scan's principal axes from which a fit is tried again [deg].
+const TURN_DEG: f64 = 5.0;
+
+/// The best believable fit from poses turned off one that was refused though the scan lies near the bone: where much of the scan is
+/// missing, cartilage alone can hold it turned by some degrees.
+fn turned(
+    target: &Target,
+    scan: &bare::Scan,
+    points: &[Point],
+    refused: &fit::Fitted,
+    options: &RegisterOptions,
+) -> Option<fit::Fitted> {
+    if refused.inlier_fraction <= options.inlier_limit {
+        return None;
+    }
+    let centre = Point::from(points.iter().fold(Vector::zeros(), |s, p| s + p.coords) / points.len().max(1) as f64);
+    let spread = points.iter().fold(Matrix3::zeros(), |s, p| s + (p - centre) * (p - centre).transpose());
+    let axes = SymmetricEigen::new(spread).eigenvectors;
+    let about = |k: usize| {
+        let turn = Isometry::rotation(axes.column(k % 3) * if k < 3 { 1.0 } else { -1.0 } * TURN_DEG.to_radians());
+        let pose = refused.pose
+            * (Isometry::translation(centre.x, centre.y, centre.z)
+                * turn
+                * Isometry::translation(-centre.x, -centre.y, -centre.z));
+        settled(target, scan, points, &pose, options.held_out_of.max(2))
+    };
+    let fits: Vec<fit::Fitted> = (0..6).into_par_iter().filter_map(about).collect();
+    let believed = fits.into_iter().filter(|f| believe(f, scan, options).is_ok());
+    believed.min_by(|a, b| a.held_out_rms.total_cmp(&b.held_out_rms))
 }
 
 /// Refuses what cannot be trusted.
