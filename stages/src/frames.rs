@@ -65,11 +65,19 @@ pub struct FramesOptions {
     pub condylar_angle_range_deg: [f64; 2],
     /// Distance of a given landmark from what the bone shows beyond which a warning is given [mm].
     pub landmark_limit_mm: f64,
+    /// Varus-valgus and internal-external rotation of the CT pose beyond which a warning is given [deg]: a knee at rest is not turned so far; our
+    /// own choice.
+    pub ct_rotation_limit_deg: [f64; 2],
 }
 
 impl Default for FramesOptions {
     fn default() -> Self {
-        FramesOptions { valgus_deg: 6.0, condylar_angle_range_deg: [0.8, 6.5], landmark_limit_mm: 12.0 }
+        FramesOptions {
+            valgus_deg: 6.0,
+            condylar_angle_range_deg: [0.8, 6.5],
+            landmark_limit_mm: 12.0,
+            ct_rotation_limit_deg: [10.0, 18.0],
+        }
     }
 }
 
@@ -106,6 +114,13 @@ pub fn frames(specimen: &Specimen, bones: &Bones, options: &FramesOptions) -> Re
         warnings.push(format!(
             "the condylar axis lies {:.1} deg from the transepicondylar axis in the axial plane, outside {least} to {most} deg: look at the epicondyles in the report, or give epicondyle_medial and epicondyle_lateral in landmarks.csv",
             angle.abs()
+        ));
+    }
+    let [vv, ie] = options.ct_rotation_limit_deg;
+    if gs_ct_pose.vv_deg.abs() > vv || gs_ct_pose.ie_deg.abs() > ie {
+        warnings.push(format!(
+            "in the CT pose the tibia stands at {:.0} deg of varus-valgus and {:.0} deg of internal-external rotation, more than {vv} and {ie} deg: an axis of one bone may be wrong; look at both frames in the report",
+            gs_ct_pose.vv_deg, gs_ct_pose.ie_deg
         ));
     }
     let metrics = json!({

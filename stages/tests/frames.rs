@@ -214,6 +214,18 @@ fn epicondyles_agree_with_five_raters_on_a_whole_and_a_cropped_femur() {
     assert!(degrees(&whole, &cropped) < 1.5, "{}", degrees(&whole, &cropped));
 }
 
+#[test]
+fn a_tibia_turned_as_no_knee_at_rest_is_warned_of() {
+    let told = |s: &Specimen| of(s).warnings.iter().any(|w| w.contains("an axis of one bone may be wrong"));
+    let plain = bare(phantom("right-phantom"));
+    assert!(!told(&plain));
+    let f = of(&plain).tibia;
+    let mut turned = plain;
+    let turn = nalgebra::Rotation3::new(f.superior * 30f64.to_radians());
+    turned.ct.tibfib.vertices.iter_mut().for_each(|p| *p = f.origin + turn * (*p - f.origin));
+    assert!(told(&turned));
+}
+
 /// Tibiae cut this far below the joint show no shaft.
 const SHORT_MM: f64 = 38.0;
 
