@@ -287,9 +287,22 @@ impl Problem {
                 };
                 let Some(held) = &self.held[i] else { return first };
                 let second = nearer(first, bench.settle(trial, &held.q));
-                if miss(i, &second) > LOST { nearer(second, bench.released(trial, &held.q)) } else { second }
+                if miss(i, &second) <= LOST {
+                    return second;
+                }
+                let third = nearer(second, bench.released(trial, &held.q));
+                if miss(i, &third) > LOST { self.imagined(bench, trial, held) } else { third }
             })
             .collect())
+    }
+
+    /// Where a trial that finds no rest near the measured pose would rest if the knee were as stiff there as the model as given is at that pose: what
+    /// is out of balance there counts, no matter how far it would throw the knee.
+    fn imagined(&self, bench: Bench, trial: &Trial, held: &Rest) -> Rest {
+        let mut rest = Rest { tangent: held.tangent, ..bench.held(trial, &held.q) };
+        let moved = Slopes::new(bench, trial, &rest).by(&rest.miss, &Six::zeros());
+        READ.iter().zip(moved).zip(PER_UNIT).for_each(|((&j, m), unit)| rest.observed[j] += m * unit);
+        rest
     }
 
     /// Predictions and derivatives by all unknowns of a hypothesis.

@@ -162,12 +162,15 @@ impl Searcher<'_> {
         }
         for _ in 1..self.options.most_effects {
             let Some(best) = rivals.first().cloned() else { break };
-            if self.gain(&best, &base) < threshold || !self.is_poor(&best) {
+            if self.gain(&best, &base) < threshold {
                 break;
             }
             let before = self.log(&best);
             let least = threshold.max(self.options.least_further).max(0.03 * self.gain(&best, &base));
             let (list, _) = self.screen(&best, &readings, &cov, &candidates)?;
+            if !self.is_poor(&best) && list.first().is_none_or(|l| l.gain < least) {
+                break;
+            }
             let fewer = self.options.shortlist.saturating_sub(2).max(1);
             rivals.extend(self.refits(&best, (&readings, &cov), &candidates, (&list, fewer), best.log_evidence)?);
             self.sort(&mut rivals);

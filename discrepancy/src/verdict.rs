@@ -40,6 +40,8 @@ pub(crate) fn weights<'a>(searcher: &Searcher, search: &'a Search, best: &Fit) -
 
 /// Log Bayes factor from which a nameless field explains more than the answer does [-].
 const NAMELESS: f64 = 8.0;
+/// Standard deviations of the sum of squares from which an answer leaves too much [-].
+const POOR: f64 = 2.5;
 /// Size of an effect, in standard deviations of its prior, that is no longer the effect of that name [-].
 const BEYOND_BELIEF: f64 = 5.0;
 /// Share of the held-out gap that a named effect must close where the rest stays significant; closing less, it is not what is missing [-].
@@ -65,33 +67,82 @@ pub(crate) struct Candidature<'a> {
     pub closes: f64,
 }
 
+/// What a verdict rests on.
+#[derive(Clone, Copy, Debug)]
+struct Grounds {
+    /// Readings [-].
+    readings: f64,
+    /// Sum of squares beyond their number that the answer leaves [-].
+    excess: f64,
+    /// The same over what is left when nothing is missing [-].
+    left: f64,
+    /// Whether the evidence passes the threshold.
+    is_named: bool,
+    /// How much the first effect may leave for its form in this knee; 0 where its size is one that nobody would expect [-].
+    form_share: f64,
+    /// Log Bayes factor of a nameless field beside it [-].
+    wild: f64,
+    /// Its gain of the held-out log score [-].
+    gain: f64,
+    /// Share of the held-out gap that it closes [-].
+    closes: f64,
+    /// Weight of the answer among its rivals [-].
+    weight: f64,
+}
+
+impl Grounds {
+    fn new(searcher: &Searcher, rivals: &[(&Fit, f64)], of: &Candidature) -> Grounds {
+        let readings = of.believed.residual.len() as f64;
+        let excess = searcher.total(of.believed) - readings;
+        let n = searcher.problem.nuisances();
+        let is_expected = of.believed.unknowns[n..].iter().all(|x| x.abs() < BEYOND_BELIEF);
+        // of the first effect, which explains most; frames and loads have one form
+        let share = of.believed.hypothesis.first().map_or(0.0, |c| c.effect.form_share);
+        Grounds {
+            readings,
+            excess,
+            left: excess / (searcher.total(of.base) - readings).max(1e-9),
+            is_named: of.is_named,
+            form_share: if is_expected { share } else { 0.0 },
+            wild: of.wild,
+            gain: of.gain,
+            closes: of.closes,
+            weight: by_names(rivals).first().map_or(0.0, |g| g.1),
+        }
+    }
+
+    /// Whether something is missing that the answer is not.
+    fn is_nameless(&self) -> bool {
+        let deviations = self.excess / (2.0 * self.readings).sqrt();
+        let fitting = self.is_named && self.left < self.form_share;
+        let nameless = self.wild > NAMELESS && !fitting;
+        let beside = if self.is_named { self.closes < LEAST_CLOSED } else { deviations > BEYOND_DOUBT };
+        deviations > POOR && (nameless || beside)
+    }
+
+    /// Whether it may be decisive: a named effect that leaves much is not the whole truth. A field weighs only where it is asked for.
+    fn may_decide(&self, wildcard: bool) -> bool {
+        let rests = self.excess < 0.25 * self.readings && !(wildcard && self.wild > NAMELESS);
+        self.weight >= 0.95 && self.gain > 0.0 && self.closes >= MOSTLY && rests
+    }
+}
+
 /// How sure the answer is.
 pub(crate) fn verdict(searcher: &Searcher, rivals: &[(&Fit, f64)], of: &Candidature) -> Verdict {
-    let readings = of.believed.residual.len() as f64;
-    let excess = searcher.total(of.believed) - readings;
-    let deviations = excess / (2.0 * readings).sqrt();
-    let poor = deviations > 2.5;
-    let left = excess / (searcher.total(of.base) - readings).max(1e-9);
-    let n = searcher.problem.nuisances();
-    // the first effect, which explains most, may leave as much as its form in this knee may differ by (frames and loads have one form),
-    // unless its size is one that nobody would expect
-    let share = of.believed.hypothesis.first().map_or(0.0, |c| c.effect.form_share);
-    let fitting = of.is_named && left < share && of.believed.unknowns[n..].iter().all(|x| x.abs() < BEYOND_BELIEF);
-    let nameless = of.wild > NAMELESS && !fitting;
-    let beside = if of.is_named { of.closes < LEAST_CLOSED } else { deviations > BEYOND_DOUBT };
-    if searcher.options.wildcard && poor && (nameless || beside) {
-        return Verdict::Unnamed;
-    }
-    if !of.is_named {
-        return Verdict::None;
-    }
-    let weight = by_names(rivals).first().map_or(0.0, |g| g.1);
-    // a named effect that leaves much is not the whole truth
-    let rests = excess < 0.25 * readings && !(searcher.options.wildcard && of.wild > NAMELESS);
-    let shrinks = of.gain > 0.0 && of.closes >= MOSTLY;
-    if weight >= 0.95 && shrinks && rests && is_sized(searcher, of.believed) && holds(searcher, of.base, rivals) {
+    let grounds = Grounds::new(searcher, rivals, of);
+    let stands = || is_sized(searcher, of.believed) && holds(searcher, of.base, rivals);
+    judge(&grounds, searcher.options.wildcard, stands)
+}
+
+/// The rules; `stands` tells whether the answer keeps its size and its place under other priors and noise.
+fn judge(grounds: &Grounds, wildcard: bool, stands: impl FnOnce() -> bool) -> Verdict {
+    if wildcard && grounds.is_nameless() {
+        Verdict::Unnamed
+    } else if !grounds.is_named {
+        Verdict::None
+    } else if grounds.may_decide(wildcard) && stands() {
         Verdict::Decisive
-    } else if weight >= 0.75 {
+    } else if grounds.weight >= 0.75 {
         Verdict::Probable
     } else {
         Verdict::OneOf
@@ -139,4 +190,67 @@ pub(crate) fn by_names<'a>(rivals: &[(&'a Fit, f64)]) -> Vec<(&'a Fit, f64)> {
     let mut out: Vec<(&Fit, f64)> = out.into_iter().map(|(_, f, w)| (f, w)).collect();
     out.sort_by(|a, b| b.1.total_cmp(&a.1));
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A clean answer: it leaves what noise does, and closes the gap.
+    const CLEAN: Grounds = Grounds {
+        readings: 280.0,
+        excess: 0.0,
+        left: 0.0,
+        is_named: true,
+        form_share: 0.0,
+        wild: 0.0,
+        gain: 50.0,
+        closes: 0.9,
+        weight: 0.99,
+    };
+
+    fn judged(grounds: Grounds) -> Verdict {
+        judge(&grounds, true, || true)
+    }
+
+    #[test]
+    fn a_clean_answer_is_as_sure_as_its_weight() {
+        assert_eq!(judged(CLEAN), Verdict::Decisive);
+        assert_eq!(judged(Grounds { weight: 0.9, ..CLEAN }), Verdict::Probable);
+        assert_eq!(judged(Grounds { weight: 0.5, ..CLEAN }), Verdict::OneOf);
+        assert_eq!(judged(Grounds { is_named: false, ..CLEAN }), Verdict::None);
+    }
+
+    #[test]
+    fn no_answer_decides_that_predicts_no_better_closes_little_leaves_much_or_does_not_stand() {
+        for doubtful in [
+            Grounds { gain: -1.0, ..CLEAN },
+            Grounds { closes: 0.4, ..CLEAN },
+            Grounds { excess: 80.0, ..CLEAN },
+            Grounds { wild: 9.0, ..CLEAN },
+        ] {
+            assert_eq!(judged(doubtful), Verdict::Probable, "{doubtful:?}");
+        }
+        assert_eq!(judge(&CLEAN, true, || false), Verdict::Probable);
+    }
+
+    #[test]
+    fn what_leaves_too_much_beside_a_better_field_is_unnamed_but_for_a_form_that_may_differ() {
+        let poor = Grounds { excess: 100.0, left: 0.1, wild: 20.0, ..CLEAN };
+        assert_eq!(judged(poor), Verdict::Unnamed);
+        assert_ne!(judged(Grounds { form_share: 0.2, ..poor }), Verdict::Unnamed);
+        assert_eq!(judged(Grounds { form_share: 0.05, ..poor }), Verdict::Unnamed);
+        // the field alone says nothing while the sum of squares does not
+        assert_ne!(judged(Grounds { excess: 20.0, ..poor }), Verdict::Unnamed);
+        // without the field nothing is outside the catalogue
+        assert_ne!(judge(&poor, false, || true), Verdict::Unnamed);
+    }
+
+    #[test]
+    fn what_no_effect_explains_is_unnamed_only_beyond_doubt() {
+        let nothing = Grounds { is_named: false, ..CLEAN };
+        assert_eq!(judged(Grounds { excess: 70.0, ..nothing }), Verdict::None);
+        assert_eq!(judged(Grounds { excess: 110.0, ..nothing }), Verdict::Unnamed);
+        assert_eq!(judged(Grounds { excess: 110.0, closes: 0.2, ..CLEAN }), Verdict::Unnamed);
+    }
 }

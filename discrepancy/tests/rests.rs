@@ -1,0 +1,75 @@
+//! Where trials rest that a hypothesis throws out of the joint.
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+mod common;
+
+use common::shared;
+use discrepancy::catalogue::Catalogue;
+use discrepancy::equilibrium::{Bench, Rest};
+use discrepancy::problem::{Problem, reading};
+use discrepancy::trial::Source;
+use validation::design::Kind;
+
+/// The published deck under 10 N m of varus and of valgus at 60 and 90 deg, measured where the deck itself rests.
+fn problem() -> Option<Problem> {
+    let folder = shared("rests", "published/S192803/deck")?;
+    #[expect(clippy::disallowed_methods, reason = "published data")]
+    let mut read = |name: &str| std::fs::read(folder.join(name)).map_err(|e| e.to_string());
+    let deck = sim::abaqus::import("S192803_MAIN_LAXITY_Anterior_0deg_0.inp", &mut read).unwrap();
+    let model = sim::compile(&deck.spec, &deck.meshes).unwrap();
+    let at = |measured: &[[f64; 5]]| {
+        let mut text = "trial,test,nominal_flexion_deg,load_vv_nm,load_ie_nm,load_ml_n,load_ap_n,load_si_n,\
+                        fe_deg,vv_deg,ie_deg,ml_mm,ap_mm,si_mm\n"
+            .to_owned();
+        for ((name, flexion, moment), m) in TRIALS.iter().zip(measured) {
+            let [vv, ie, ml, ap, si] = m;
+            text += &format!("{name},varus,{flexion},{moment},0,0,0,50,{flexion},{vv},{ie},{ml},{ap},{si}\n");
+        }
+        let trials = sim::laxity::read(text.as_bytes()).unwrap().trials;
+        Problem::new(&model, &deck.spec, &[Source { name: "rks".into(), trials }], &Catalogue::shipped()).unwrap()
+    };
+    let anywhere = at(&[[0.0; 5]; 4]);
+    let own = Bench { model: &anywhere.model, effects: &[], place: &anywhere.place };
+    let rests: Vec<Rest> = anywhere.trials.iter().map(|t| own.walk(t)).collect();
+    assert!(rests.iter().all(|r| r.balanced));
+    Some(at(&rests.iter().map(reading).collect::<Vec<_>>()))
+}
+
+/// Name, flexion [deg], varus moment [N m].
+const TRIALS: [(&str, f64, f64); 4] = [("a", 90.0, -10.0), ("b", 90.0, 10.0), ("c", 60.0, -10.0), ("d", 60.0, 10.0)];
+
+/// Varus of each trial over the measured one [deg].
+fn off(problem: &Problem, rests: &[Rest]) -> Vec<f64> {
+    let measured = problem.trials.iter().map(|t| t.measured[0].unwrap());
+    measured.zip(rests).map(|(m, r)| (reading(r)[0] - m).abs()).collect()
+}
+
+/// The unknowns with all reference strains off by so many standard deviations of their prior.
+fn loosened(problem: &Problem, by: f64) -> Vec<f64> {
+    let own = problem.design.variables.iter().map(|v| if v.kind == Kind::ReferenceStrain { by } else { 0.0 });
+    own.chain([0.0]).collect()
+}
+
+#[test]
+fn a_knee_thrown_out_of_the_joint_is_led_back() {
+    let Some(problem) = problem() else { return };
+    let x = loosened(&problem, -1.0);
+    let alone = problem.rests(&[], &x, &[]).unwrap();
+    let led = problem.nearer(&[], &x, &[]).unwrap();
+    assert!(off(&problem, &alone)[0] > 20.0 && off(&problem, &led)[0] < 6.0);
+    assert!(led[0].balanced && led[0].miss.amax() < 0.5);
+}
+
+#[test]
+fn where_no_rest_is_near_what_is_out_of_balance_counts_and_grows_with_its_cause() {
+    let Some(problem) = problem() else { return };
+    let mut before = 0.0;
+    for by in [-2.0, -3.0, -4.0, -6.0] {
+        let x = loosened(&problem, by);
+        assert!(off(&problem, &problem.rests(&[], &x, &[]).unwrap())[0] > 40.0);
+        let led = problem.nearer(&[], &x, &[]).unwrap();
+        let now = off(&problem, &led)[0];
+        assert!(led[0].miss.norm() > 1000.0 && now > before && now < 10.0, "{by}: {now}, {before}");
+        before = now;
+    }
+}
