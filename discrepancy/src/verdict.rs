@@ -78,7 +78,7 @@ struct Grounds {
     left: f64,
     /// Whether the evidence passes the threshold.
     is_named: bool,
-    /// How much the first effect may leave for its form in this knee; 0 where its size is one that nobody would expect [-].
+    /// How much a single effect may leave for its form in this knee; 0 where its size is one that nobody would expect [-].
     form_share: f64,
     /// Log Bayes factor of a nameless field beside it [-].
     wild: f64,
@@ -96,8 +96,8 @@ impl Grounds {
         let excess = searcher.total(of.believed) - readings;
         let n = searcher.problem.nuisances();
         let is_expected = of.believed.unknowns[n..].iter().all(|x| x.abs() < BEYOND_BELIEF);
-        // of the first effect, which explains most; frames and loads have one form
-        let share = of.believed.hypothesis.first().map_or(0.0, |c| c.effect.form_share);
+        // frames and loads have one form; what the form of a first effect leaves, further ones have taken up
+        let share = if let [only] = &of.believed.hypothesis[..] { only.effect.form_share } else { 0.0 };
         Grounds {
             readings,
             excess,
