@@ -78,8 +78,10 @@ struct Grounds {
     left: f64,
     /// Whether the evidence passes the threshold.
     is_named: bool,
-    /// How much a single effect may leave for its form in this knee; 0 where its size is one that nobody would expect [-].
+    /// How much a single effect may leave for its form in this knee [-].
     form_share: f64,
+    /// Whether every effect has a size that somebody would expect.
+    is_expected: bool,
     /// Log Bayes factor of a nameless field beside it [-].
     wild: f64,
     /// Its gain of the held-out log score [-].
@@ -103,7 +105,8 @@ impl Grounds {
             excess,
             left: excess / (searcher.total(of.base) - readings).max(1e-9),
             is_named: of.is_named,
-            form_share: if is_expected { share } else { 0.0 },
+            form_share: share,
+            is_expected,
             wild: of.wild,
             gain: of.gain,
             closes: of.closes,
@@ -114,10 +117,12 @@ impl Grounds {
     /// Whether something is missing that the answer is not.
     fn is_nameless(&self) -> bool {
         let deviations = self.excess / (2.0 * self.readings).sqrt();
-        let fitting = self.is_named && self.left < self.form_share;
+        let fitting = self.is_named && self.is_expected && self.left < self.form_share;
         let nameless = self.wild > NAMELESS && !fitting;
         let beside = if self.is_named { self.closes < LEAST_CLOSED } else { deviations > BEYOND_DOUBT };
-        deviations > POOR && (nameless || beside)
+        // a size that nobody would expect needs no misfit to be doubted
+        let strange = self.is_named && !self.is_expected && self.wild > NAMELESS;
+        strange || deviations > POOR && (nameless || beside)
     }
 
     /// Whether it may be decisive: a named effect that leaves much is not the whole truth. A field weighs only where it is asked for.
@@ -203,6 +208,7 @@ mod tests {
         left: 0.0,
         is_named: true,
         form_share: 0.0,
+        is_expected: true,
         wild: 0.0,
         gain: 50.0,
         closes: 0.9,
@@ -240,10 +246,18 @@ mod tests {
         assert_eq!(judged(poor), Verdict::Unnamed);
         assert_ne!(judged(Grounds { form_share: 0.2, ..poor }), Verdict::Unnamed);
         assert_eq!(judged(Grounds { form_share: 0.05, ..poor }), Verdict::Unnamed);
+        assert_eq!(judged(Grounds { form_share: 0.2, is_expected: false, ..poor }), Verdict::Unnamed);
         // the field alone says nothing while the sum of squares does not
         assert_ne!(judged(Grounds { excess: 20.0, ..poor }), Verdict::Unnamed);
         // without the field nothing is outside the catalogue
         assert_ne!(judge(&poor, false, || true), Verdict::Unnamed);
+    }
+
+    #[test]
+    fn a_size_that_nobody_would_expect_is_no_name_where_a_field_explains_more() {
+        let strange = Grounds { is_expected: false, ..CLEAN };
+        assert_eq!(judged(Grounds { wild: 9.0, ..strange }), Verdict::Unnamed);
+        assert_eq!(judged(strange), Verdict::Decisive);
     }
 
     #[test]
