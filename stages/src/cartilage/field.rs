@@ -47,7 +47,10 @@ impl Domain {
             .collect();
         let cleft = filled(&seen.iter().map(|s| s.map(|x| x[0])).collect::<Vec<_>>(), &neighbours);
         let outer = filled(&seen.iter().map(|s| s.map(|x| x[1])).collect::<Vec<_>>(), &neighbours);
-        let thin_rim = thin_rim(&outer, &neighbours, options);
+        let none = vec![false; bone.vertices.len()];
+        let noise = bone_error(&seen, &neighbours, &none, options.least_thickness_mm).1;
+        let is_clear = STEP * options.rim_thickness_mm > STEP_SD * noise;
+        let thin_rim = if is_clear { thin_rim(&outer, &neighbours, options) } else { none };
         let (error, bare_sd) = bone_error(&seen, &neighbours, &thin_rim, options.least_thickness_mm);
         let inner = cleft.iter().zip(&error).map(|(c, e)| if *c > 0.0 { c.max(*e) } else { *e }).collect();
         Some(Domain { bone, neighbours, normals, inner, outer, bare_sd, thin_rim })
@@ -95,10 +98,15 @@ fn extent(walls: &SurfaceQuery, p: &Point, n: &Vector, reach: f64, cleft: f64) -
     end.map(|e| [if e > begin { begin } else { 0.0 }, e])
 }
 
+/// Fall of the scan from a thin rim, as a share of a rim's thickness; errors of CT do not fall so steeply.
+const STEP: f64 = 2.0 / 3.0;
+/// How many robust standard deviations of bare bone such a fall must be [-]: coarse triangles and smoothed surfaces fall as much at their edges. Our own
+/// choice: bare bone of fine scans spreads by 0.02 mm, of coarse triangles and surfaces like those of MRI by 0.035.
+const STEP_SD: f64 = 8.0;
 /// How far a thin rim reaches from cartilage, and how far beyond it the bone it steps down to is looked for, edges of about 0.7 mm.
 const THIN_RIM: usize = 5;
 
-/// Vertices next to cartilage from which the scan steps down by two thirds of a rim's thickness or more: errors of CT do not fall so steeply.
+/// Vertices next to cartilage from which the scan steps down by [`STEP`] of a rim's thickness or more.
 fn thin_rim(outer: &[f64], neighbours: &[Vec<u32>], options: &CartilageOptions) -> Vec<bool> {
     let count = outer.len();
     let bias = bias(outer.iter().copied(), options.least_thickness_mm);
@@ -107,7 +115,7 @@ fn thin_rim(outer: &[f64], neighbours: &[Vec<u32>], options: &CartilageOptions) 
         low = (0..count).map(|v| neighbours[v].iter().map(|&w| low[w as usize]).fold(low[v], f64::min)).collect();
     }
     let thick: Vec<bool> = outer.iter().map(|h| h - bias > options.least_thickness_mm).collect();
-    let steps = |v: usize| outer[v] - low[v] > options.rim_thickness_mm * 2.0 / 3.0;
+    let steps = |v: usize| outer[v] - low[v] > options.rim_thickness_mm * STEP;
     let mut rim = thick.clone();
     for _ in 0..THIN_RIM {
         rim = (0..count).map(|v| rim[v] || steps(v) && neighbours[v].iter().any(|&w| rim[w as usize])).collect();
