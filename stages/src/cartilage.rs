@@ -4,6 +4,7 @@ mod field;
 mod parting;
 mod region;
 mod solid;
+mod thin_rim;
 
 use crate::bones::Bones;
 use crate::ingest::Specimen;
@@ -11,7 +12,7 @@ use crate::register::{BoneRegistration, Registration};
 use crate::{PerCartilage, StageError};
 use field::Domain;
 use meshes::frame::Side;
-use meshes::measure::percentile;
+use meshes::measure::{edge_quality, percentile};
 use meshes::surface::{ColouredMesh, TriMesh};
 use meshes::{Point, Vector};
 use region::Patch;
@@ -100,15 +101,26 @@ pub fn cartilage(
     options: &CartilageOptions,
 ) -> Result<Cartilage, StageError> {
     check(options)?;
-    let of = |scan, fit, bone, told| of_bone(scan, fit, bone, told, options);
-    let (femur, tibfib) = rayon::join(
-        || of(&specimen.scans.femur, &registration.bones.femur, &bones.surfaces.femur, ("femur", 1, None)),
-        || {
-            // plateaus face the femur; what else lies on the tibia (the fibula, a stump) does not
-            let facing = towards_femur(bones);
-            of(&specimen.scans.tibfib, &registration.bones.tibfib, &bones.surfaces.tibfib, ("tibfib", 2, facing))
-        },
-    );
+    let femur = Covered {
+        name: "femur",
+        count: 1,
+        facing: None,
+        scan: &specimen.scans.femur,
+        ct: &specimen.ct.femur,
+        fit: &registration.bones.femur,
+        bone: &bones.surfaces.femur,
+    };
+    let tibfib = Covered {
+        name: "tibfib",
+        count: 2,
+        // plateaus face the femur; what else lies on the tibia (the fibula, a stump) does not
+        facing: towards_femur(bones),
+        scan: &specimen.scans.tibfib,
+        ct: &specimen.ct.tibfib,
+        fit: &registration.bones.tibfib,
+        bone: &bones.surfaces.tibfib,
+    };
+    let (femur, tibfib) = rayon::join(|| of_bone(&femur, options), || of_bone(&tibfib, options));
     let (femur, tibfib) = (femur?, tibfib?);
     let noise = [femur.bare_sd, tibfib.bare_sd];
     let warnings: Vec<String> = femur.warnings.into_iter().chain(tibfib.warnings).collect();
@@ -136,17 +148,28 @@ struct Made {
     warnings: Vec<String>,
 }
 
-/// The `count` largest cartilages of a bone called `name`; `facing` is a direction that theirs look in.
-fn of_bone(
-    scan: &ColouredMesh,
-    fit: &BoneRegistration,
-    bone: &TriMesh,
-    (name, count, facing): (&'static str, usize, Option<Vector>),
-    options: &CartilageOptions,
-) -> Result<Made, StageError> {
+/// A bone with its cartilages.
+struct Covered<'a> {
+    name: &'static str,
+    /// How many cartilages it has.
+    count: usize,
+    /// The direction that theirs look in.
+    facing: Option<Vector>,
+    scan: &'a ColouredMesh,
+    /// As CT gave it.
+    ct: &'a TriMesh,
+    fit: &'a BoneRegistration,
+    /// As the model has it.
+    bone: &'a TriMesh,
+}
+
+/// The largest cartilages of a bone.
+fn of_bone(of: &Covered, options: &CartilageOptions) -> Result<Made, StageError> {
+    let Covered { name, count, facing, .. } = *of;
     let mut warnings = Vec::new();
-    let scan = fit.ct_from_scan.mesh(&scan.mesh);
-    let domain = Domain::new(bone, &scan, options)
+    let scan = of.fit.ct_from_scan.mesh(&of.scan.mesh);
+    let edge_mm = edge_quality(of.ct).edge_p50_mm;
+    let domain = Domain::new(of.bone, &scan, edge_mm, options)
         .ok_or_else(|| StageError(format!("cartilage: the bone or the scan of the {name} has no triangles")))?;
     let least = options.least_thickness_mm.max(options.least_thickness_sd * domain.bare_sd);
     let (patches, parted) = region::patches(&domain, least, facing, options);
@@ -213,7 +236,7 @@ fn grades(part: &CartilageSolid) -> serde_json::Value {
     let weight = bony.0.vertex_areas();
     let mut thickness: Vec<f64> = bony.1.iter().map(|&v| part.thickness_mm[v as usize]).collect();
     let mean = thickness.iter().zip(&weight).map(|(t, w)| t * w).sum::<f64>() / weight.iter().sum::<f64>().max(1e-12);
-    let quality = meshes::measure::edge_quality(&part.solid);
+    let quality = edge_quality(&part.solid);
     serde_json::json!({
         "volume_mm3": part.solid.volume(),
         "thickness_mean_mm": mean,

@@ -1,6 +1,6 @@
 //! The thickness field: what the scan has above each vertex of the bone.
 
-use super::CartilageOptions;
+use super::{CartilageOptions, thin_rim};
 use meshes::measure::percentile;
 use meshes::query::SurfaceQuery;
 use meshes::shapes::subdivided;
@@ -28,8 +28,8 @@ pub(super) struct Domain {
 }
 
 impl Domain {
-    /// Looks from every vertex of `bone`; `None` for an empty surface.
-    pub(super) fn new(bone: &TriMesh, scan: &TriMesh, options: &CartilageOptions) -> Option<Domain> {
+    /// Looks from every vertex of `bone`, made from a surface of CT whose edges are `ct_edge_mm` long in the median; `None` for an empty surface.
+    pub(super) fn new(bone: &TriMesh, scan: &TriMesh, ct_edge_mm: f64, options: &CartilageOptions) -> Option<Domain> {
         let walls = SurfaceQuery::new(scan)?;
         let coarse = SurfaceQuery::new(bone)?;
         let bone = subdivided(bone);
@@ -47,10 +47,12 @@ impl Domain {
             .collect();
         let cleft = filled(&seen.iter().map(|s| s.map(|x| x[0])).collect::<Vec<_>>(), &neighbours);
         let outer = filled(&seen.iter().map(|s| s.map(|x| x[1])).collect::<Vec<_>>(), &neighbours);
-        let none = vec![false; bone.vertices.len()];
-        let noise = bone_error(&seen, &neighbours, &none, options.least_thickness_mm).1;
-        let is_clear = STEP * options.rim_thickness_mm > STEP_SD * noise;
-        let thin_rim = if is_clear { thin_rim(&outer, &neighbours, options) } else { none };
+        let thin_rim = if ct_edge_mm > thin_rim::RESOLVED_MM {
+            vec![false; bone.vertices.len()]
+        } else {
+            let tops: Vec<Point> = (0..outer.len()).map(|v| bone.vertices[v] + normals[v] * outer[v]).collect();
+            thin_rim::thin_rim(&outer, &thin_rim::feet(scan, &walls, &tops), &neighbours, options)
+        };
         let (error, bare_sd) = bone_error(&seen, &neighbours, &thin_rim, options.least_thickness_mm);
         let inner = cleft.iter().zip(&error).map(|(c, e)| if *c > 0.0 { c.max(*e) } else { *e }).collect();
         Some(Domain { bone, neighbours, normals, inner, outer, bare_sd, thin_rim })
@@ -98,33 +100,8 @@ fn extent(walls: &SurfaceQuery, p: &Point, n: &Vector, reach: f64, cleft: f64) -
     end.map(|e| [if e > begin { begin } else { 0.0 }, e])
 }
 
-/// Fall of the scan from a thin rim, as a share of a rim's thickness; errors of CT do not fall so steeply.
-const STEP: f64 = 2.0 / 3.0;
-/// How many robust standard deviations of bare bone such a fall must be [-]: coarse triangles and smoothed surfaces fall as much at their edges. Our own
-/// choice: bare bone of fine scans spreads by 0.02 mm, of coarse triangles and surfaces like those of MRI by 0.035.
-const STEP_SD: f64 = 8.0;
-/// How far a thin rim reaches from cartilage, and how far beyond it the bone it steps down to is looked for, edges of about 0.7 mm.
-const THIN_RIM: usize = 5;
-
-/// Vertices next to cartilage from which the scan steps down by [`STEP`] of a rim's thickness or more.
-fn thin_rim(outer: &[f64], neighbours: &[Vec<u32>], options: &CartilageOptions) -> Vec<bool> {
-    let count = outer.len();
-    let bias = bias(outer.iter().copied(), options.least_thickness_mm);
-    let mut low: Vec<f64> = (0..count).map(|v| 0.5 * outer[v] + 0.5 * mean(outer, &neighbours[v], outer[v])).collect();
-    for _ in 0..THIN_RIM {
-        low = (0..count).map(|v| neighbours[v].iter().map(|&w| low[w as usize]).fold(low[v], f64::min)).collect();
-    }
-    let thick: Vec<bool> = outer.iter().map(|h| h - bias > options.least_thickness_mm).collect();
-    let steps = |v: usize| outer[v] - low[v] > options.rim_thickness_mm * STEP;
-    let mut rim = thick.clone();
-    for _ in 0..THIN_RIM {
-        rim = (0..count).map(|v| rim[v] || steps(v) && neighbours[v].iter().any(|&w| rim[w as usize])).collect();
-    }
-    (0..count).map(|v| rim[v] && !thick[v]).collect()
-}
-
 /// Median height of the scan where it lies close to the bone, so is bone [mm].
-fn bias(heights: impl Iterator<Item = f64>, least: f64) -> f64 {
+pub(super) fn bias(heights: impl Iterator<Item = f64>, least: f64) -> f64 {
     percentile(&mut heights.filter(|h| h.abs() < 2.0 * least).collect::<Vec<_>>(), 0.5)
 }
 
@@ -186,7 +163,8 @@ pub(super) fn mean(field: &[f64], neighbours: &[u32], own: f64) -> f64 {
     neighbours.iter().map(|&w| field[w as usize]).sum::<f64>() / neighbours.len() as f64
 }
 
-fn smooth_normals(mesh: &TriMesh, neighbours: &[Vec<u32>], rounds: usize) -> Vec<Vector> {
+/// Unit normals at vertices, averaged with their neighbours' in `rounds`.
+pub(super) fn smooth_normals(mesh: &TriMesh, neighbours: &[Vec<u32>], rounds: usize) -> Vec<Vector> {
     let mut normals = mesh.vertex_normals();
     for _ in 0..rounds {
         normals = (0..normals.len())
@@ -197,49 +175,4 @@ fn smooth_normals(mesh: &TriMesh, neighbours: &[Vec<u32>], rounds: usize) -> Vec
             .collect();
     }
     normals
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Heights on a grid of 0.7 mm: 2 mm of cartilage up to x = 0, a rim 0.35 mm thick up to `width`, bare bone, on a CT that errs by 0.2 mm in waves of 40 mm.
-    fn heights(width: f64) -> (Vec<f64>, Vec<Vec<u32>>, Vec<f64>) {
-        const SIDE: usize = 60;
-        let x: Vec<f64> = (0..SIDE * SIDE).map(|v| 0.7 * ((v % SIDE) as f64 - 29.5)).collect();
-        let height = |(v, x): (usize, &f64)| {
-            let error = 0.2 * (std::f64::consts::TAU * (x + 0.7 * (v / SIDE) as f64) / 40.0).sin();
-            let cartilage = [(0.0, 2.0), (width, 0.35), (f64::INFINITY, 0.0)];
-            error + cartilage.iter().find(|(end, _)| x < end).map_or(0.0, |(_, height)| *height)
-        };
-        let beside = |v: usize| {
-            let (row, column) = (v / SIDE, v % SIDE);
-            let all = [
-                (column > 0, v.wrapping_sub(1)),
-                (column + 1 < SIDE, v + 1),
-                (row > 0, v.wrapping_sub(SIDE)),
-                (row + 1 < SIDE, v + SIDE),
-            ];
-            all.iter().filter(|(there, _)| *there).map(|(_, w)| *w as u32).collect()
-        };
-        (x.iter().enumerate().map(height).collect(), (0..SIDE * SIDE).map(beside).collect(), x)
-    }
-
-    #[test]
-    fn a_rim_that_the_scan_steps_down_from_is_found_and_a_wave_of_ct_is_none() {
-        let options = CartilageOptions::default();
-        for width in [0.0, 2.0, 3.0] {
-            let (outer, neighbours, x) = heights(width);
-            let found = thin_rim(&outer, &neighbours, &options);
-            for v in 0..x.len() {
-                assert!(!found[v] || (0.0..width).contains(&x[v]), "{width}: {} at {}", outer[v], x[v]);
-                assert!(
-                    found[v] || outer[v] > 0.5 || !(0.0..width).contains(&x[v]),
-                    "{width}: {} at {}",
-                    outer[v],
-                    x[v]
-                );
-            }
-        }
-    }
 }
