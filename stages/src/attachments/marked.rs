@@ -100,7 +100,7 @@ fn point_site(bone: Bone, ligament: &str, centroid: Point, projection_mm: f64) -
 
 fn refusal(side: &Side, place: &Place, options: &AttachmentsOptions) -> String {
     format!(
-        "{} on the {}: the point given in marks.csv lies {:.1} mm off the bone, more than {} mm: it is not used, the bone is missing there (a shaft cut short, no fibula)",
+        "{} on the {}: the point given in marks.csv lies {:.1} mm off the bone, more than {} mm: it is not used; either the bone is missing there (a shaft cut short, no fibula) or the point is off: check its coordinates, and that scan and CT are of one size",
         place.name,
         side.name,
         side.query.nearest(&place.point).distance,
