@@ -1,5 +1,7 @@
 //! The search for what is missing: baseline, screen, joint refits, one effect after another.
 
+mod refit;
+
 use crate::covariance::{Floor, Readings, covariance, normal, remainders};
 use crate::error::DiscrepancyError;
 use crate::fit::{Data, Fit};
@@ -50,7 +52,7 @@ impl Default for DiagnosisOptions {
             shortlist: 9,
             nulls: 400,
             least_evidence: 4.0,
-            least_further: 12.0,
+            least_further: 8.0,
             draws: 8,
             seed: 1,
             frozen_ligaments: false,
@@ -179,6 +181,9 @@ impl Searcher<'_> {
                 break;
             }
             (base, rivals, cov) = self.again(base, rivals, &readings, &extra)?;
+        }
+        if rivals.first().is_some_and(|best| self.gain(best, &base) >= threshold) {
+            self.weigh_in_own_scatter(&mut rivals, &readings, &extra)?;
         }
         Ok(Search { readings, covariance: cov, base, rivals, threshold, screened })
     }
@@ -347,119 +352,5 @@ impl Searcher<'_> {
             (0..signature.nrows()).any(|r| trials[r / 5].source == source && signature.row(r).iter().any(|v| *v != 0.0))
         };
         candidate.effect.one_knee || candidate.scope != Scope::Both || (0..self.problem.sources.len()).all(felt)
-    }
-
-    /// Joint refits of a fit with the best of the screen: two scopes or variants of an effect at most.
-    fn refits(
-        &self,
-        at: &Fit,
-        (readings, cov): (&Readings, &DMatrix<f64>),
-        candidates: &[Candidate],
-        (list, most): (&[Screened], usize),
-        without: f64,
-    ) -> Result<Vec<Fit>, DiscrepancyError> {
-        let mut chosen: Vec<&Screened> = Vec::new();
-        for item in list {
-            let id = &candidates[item.candidate].effect.id;
-            // half the way on a straight line may be the whole on a bent one
-            let doubled: Vec<f64> = item.size.iter().map(|x| 2.0 * x).collect();
-            if !candidates[item.candidate].is_large_enough(&doubled) {
-                continue;
-            }
-            if chosen.iter().filter(|c| candidates[c.candidate].effect.id == *id).count() < 2 {
-                chosen.push(item);
-            }
-            if chosen.len() >= most {
-                break;
-            }
-        }
-        let mixture = Mixture::new(readings, readings.block_of(cov), &self.problem.trials)?;
-        let mut fits: Vec<Fit> = chosen
-            .par_iter()
-            .map(|item| {
-                let candidate = &candidates[item.candidate];
-                let mut hypothesis = at.hypothesis.clone();
-                hypothesis.push(candidate.clone());
-                let beside = item.beside.iter().zip(&at.unknowns);
-                let mut start: Vec<f64> = beside.map(|(x, own)| x.clamp(own - 1.5, own + 1.5)).collect();
-                let flat = candidate.active(&vec![0.0; item.size.len()]).has_no_slope_at_zero();
-                start.extend(item.size.iter().map(|x| x.clamp(if flat { 0.5 } else { -3.0 }, 3.0)));
-                Ok(self
-                    .fit_to(&hypothesis, &start, &at.coordinates(), (readings, &mixture), 6)?
-                    .earned(without, candidate.size()))
-            })
-            .collect::<Result<_, DiscrepancyError>>()?;
-        fits.retain(|f| self.deserves_its_names(f));
-        self.sort(&mut fits);
-        Ok(fits)
-    }
-
-    /// Refits, from a typical size, of effects whose shape is free: a screen about one shape cannot judge those.
-    fn shaped(
-        &self,
-        at: &Fit,
-        (readings, cov): (&Readings, &DMatrix<f64>),
-        candidates: &[Candidate],
-        tried: &[Fit],
-        without: f64,
-    ) -> Result<Vec<Fit>, DiscrepancyError> {
-        let is_tried = |c: &Candidate| tried.iter().any(|f| f.hypothesis == [c.clone()]);
-        let left: Vec<&Candidate> = candidates
-            .iter()
-            .filter(|c| c.scope == Scope::Both && c.effect.parameter.iter().any(|p| p.shape) && !is_tried(c))
-            .collect();
-        let mixture = Mixture::new(readings, readings.block_of(cov), &self.problem.trials)?;
-        let fits: Vec<Fit> = left
-            .par_iter()
-            .map(|c| {
-                let mut start = at.unknowns.clone();
-                start.extend(c.effect.parameter.iter().map(|p| if p.shape { 0.0 } else { 1.0 }));
-                let hypothesis = [(*c).clone()];
-                let fit = self.fit_to(&hypothesis, &start, &at.coordinates(), (readings, &mixture), 8)?;
-                Ok(fit.earned(without, c.size()))
-            })
-            .collect::<Result<_, DiscrepancyError>>()?;
-        Ok(fits)
-    }
-
-    /// The best again with the scatter at the best, and nothing missing from its ligaments.
-    fn again(
-        &self,
-        base: Fit,
-        rivals: Vec<Fit>,
-        readings: &Readings,
-        extra: &DMatrix<f64>,
-    ) -> Result<(Fit, Vec<Fit>, DMatrix<f64>), DiscrepancyError> {
-        let Some(best) = rivals.first() else {
-            let cov = self.scatter(&base, extra)?;
-            return Ok((base, rivals, cov));
-        };
-        let cov = self.scatter(best, extra)?;
-        let mixture = Mixture::new(readings, readings.block_of(&cov), &self.problem.trials)?;
-        let from_best = &best.unknowns[..self.problem.nuisances()];
-        let given = vec![0.0; self.problem.nuisances()];
-        let bases: Vec<Fit> = [(&base.unknowns[..], &base), (from_best, best), (&given[..], best)]
-            .par_iter()
-            .map(|(x, f)| self.fit_to(&[], x, &f.coordinates(), (readings, &mixture), 8))
-            .collect::<Result<_, _>>()?;
-        let base = bases.into_iter().reduce(|a, b| if b.log_evidence > a.log_evidence { b } else { a }).unwrap_or(base);
-        // each from where it stands, and the first from the model's own ligaments: two valleys
-        let few: Vec<(&Fit, bool)> =
-            rivals.iter().take(6).map(|f| (f, false)).chain(rivals.iter().take(3).map(|f| (f, true))).collect();
-        let mut fits: Vec<Fit> = few
-            .par_iter()
-            .map(|(f, anew)| {
-                let mut start = f.unknowns.clone();
-                if *anew {
-                    start[..self.problem.nuisances()].fill(0.0);
-                }
-                let size = f.hypothesis.iter().map(Candidate::size).sum();
-                let fit = self.fit_to(&f.hypothesis, &start, &f.coordinates(), (readings, &mixture), 8)?;
-                Ok(fit.earned(base.log_evidence, size))
-            })
-            .collect::<Result<_, DiscrepancyError>>()?;
-        fits.retain(|f| self.deserves_its_names(f));
-        self.sort(&mut fits);
-        Ok((base, fits, cov))
     }
 }

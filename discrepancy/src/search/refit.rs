@@ -1,0 +1,184 @@
+//! Joint refits of hypotheses: from a screen, from a typical size, in the scatter at the best, and each in its own.
+
+use super::{Screened, Searcher};
+use crate::covariance::Readings;
+use crate::error::DiscrepancyError;
+use crate::fit::Fit;
+use crate::problem::{Candidate, Scope};
+use crate::robust::Mixture;
+use nalgebra::DMatrix;
+use rayon::prelude::*;
+
+/// How many of the best are weighed in their own scatter, too [-].
+const OWN_SCATTER: usize = 5;
+
+/// By how much hypotheses of log evidence `common`, the best first, are lifted towards the best by what they have in their `own` scatter; never past it.
+fn lifts(common: &[f64], own: &[f64]) -> Vec<f64> {
+    let (Some(best), Some(top)) = (common.first(), own.first()) else { return Vec::new() };
+    let lift = |(x, o): (&f64, &f64)| if o.is_finite() { (best + (o - top).min(0.0) - x).max(0.0) } else { 0.0 };
+    common.iter().zip(own).map(lift).collect()
+}
+
+impl Searcher<'_> {
+    /// Joint refits of a fit with the best of the screen: two scopes or variants of an effect at most.
+    pub(super) fn refits(
+        &self,
+        at: &Fit,
+        (readings, cov): (&Readings, &DMatrix<f64>),
+        candidates: &[Candidate],
+        (list, most): (&[Screened], usize),
+        without: f64,
+    ) -> Result<Vec<Fit>, DiscrepancyError> {
+        let mut chosen: Vec<&Screened> = Vec::new();
+        for item in list {
+            let id = &candidates[item.candidate].effect.id;
+            // half the way on a straight line may be the whole on a bent one
+            let doubled: Vec<f64> = item.size.iter().map(|x| 2.0 * x).collect();
+            if !candidates[item.candidate].is_large_enough(&doubled) {
+                continue;
+            }
+            if chosen.iter().filter(|c| candidates[c.candidate].effect.id == *id).count() < 2 {
+                chosen.push(item);
+            }
+            if chosen.len() >= most {
+                break;
+            }
+        }
+        let mixture = Mixture::new(readings, readings.block_of(cov), &self.problem.trials)?;
+        let mut fits: Vec<Fit> = chosen
+            .par_iter()
+            .map(|item| {
+                let candidate = &candidates[item.candidate];
+                let mut hypothesis = at.hypothesis.clone();
+                hypothesis.push(candidate.clone());
+                let beside = item.beside.iter().zip(&at.unknowns);
+                let mut start: Vec<f64> = beside.map(|(x, own)| x.clamp(own - 1.5, own + 1.5)).collect();
+                let flat = candidate.active(&vec![0.0; item.size.len()]).has_no_slope_at_zero();
+                start.extend(item.size.iter().map(|x| x.clamp(if flat { 0.5 } else { -3.0 }, 3.0)));
+                Ok(self
+                    .fit_to(&hypothesis, &start, &at.coordinates(), (readings, &mixture), 6)?
+                    .earned(without, candidate.size()))
+            })
+            .collect::<Result<_, DiscrepancyError>>()?;
+        fits.retain(|f| self.deserves_its_names(f));
+        self.sort(&mut fits);
+        Ok(fits)
+    }
+
+    /// Refits, from a typical size, of effects whose shape is free: a screen about one shape cannot judge those.
+    pub(super) fn shaped(
+        &self,
+        at: &Fit,
+        (readings, cov): (&Readings, &DMatrix<f64>),
+        candidates: &[Candidate],
+        tried: &[Fit],
+        without: f64,
+    ) -> Result<Vec<Fit>, DiscrepancyError> {
+        let is_tried = |c: &Candidate| tried.iter().any(|f| f.hypothesis == [c.clone()]);
+        let left: Vec<&Candidate> = candidates
+            .iter()
+            .filter(|c| c.scope == Scope::Both && c.effect.parameter.iter().any(|p| p.shape) && !is_tried(c))
+            .collect();
+        let mixture = Mixture::new(readings, readings.block_of(cov), &self.problem.trials)?;
+        let fits: Vec<Fit> = left
+            .par_iter()
+            .map(|c| {
+                let mut start = at.unknowns.clone();
+                start.extend(c.effect.parameter.iter().map(|p| if p.shape { 0.0 } else { 1.0 }));
+                let hypothesis = [(*c).clone()];
+                let fit = self.fit_to(&hypothesis, &start, &at.coordinates(), (readings, &mixture), 8)?;
+                Ok(fit.earned(without, c.size()))
+            })
+            .collect::<Result<_, DiscrepancyError>>()?;
+        Ok(fits)
+    }
+
+    /// Lifts rivals that come closer to the best where each is weighed in the scatter at its own fit: the scatter at the best favours the best, by
+    /// many nats where trials lie near a fold. The best stays the best, for a threshold is passed in one scatter.
+    pub(super) fn weigh_in_own_scatter(
+        &self,
+        rivals: &mut Vec<Fit>,
+        readings: &Readings,
+        extra: &DMatrix<f64>,
+    ) -> Result<(), DiscrepancyError> {
+        if self.options.by_error {
+            return Ok(());
+        }
+        // the scatter moves with the fit and the fit with the scatter: the mean of two rounds
+        let own = |fit: &Fit| -> Result<f64, DiscrepancyError> {
+            let mut fit = fit.clone();
+            let mut sum = 0.0;
+            for _ in 0..2 {
+                let scatter = self.scatter(&fit, extra)?;
+                let mixture = Mixture::new(readings, readings.block_of(&scatter), &self.problem.trials)?;
+                fit = self.fit_to(&fit.hypothesis, &fit.unknowns, &fit.coordinates(), (readings, &mixture), 8)?;
+                sum += 0.5 * self.log(&fit);
+            }
+            Ok(sum)
+        };
+        let in_own: Vec<f64> = rivals.par_iter().take(OWN_SCATTER).map(own).collect::<Result<_, _>>()?;
+        let in_common: Vec<f64> = rivals.iter().map(|f| self.log(f)).collect();
+        for (fit, by) in rivals.iter_mut().zip(lifts(&in_common, &in_own)) {
+            fit.log_evidence += by;
+        }
+        self.sort(rivals);
+        Ok(())
+    }
+
+    /// The best again with the scatter at the best, and nothing missing from its ligaments.
+    pub(super) fn again(
+        &self,
+        base: Fit,
+        rivals: Vec<Fit>,
+        readings: &Readings,
+        extra: &DMatrix<f64>,
+    ) -> Result<(Fit, Vec<Fit>, DMatrix<f64>), DiscrepancyError> {
+        let Some(best) = rivals.first() else {
+            let cov = self.scatter(&base, extra)?;
+            return Ok((base, rivals, cov));
+        };
+        let cov = self.scatter(best, extra)?;
+        let mixture = Mixture::new(readings, readings.block_of(&cov), &self.problem.trials)?;
+        let from_best = &best.unknowns[..self.problem.nuisances()];
+        let given = vec![0.0; self.problem.nuisances()];
+        let bases: Vec<Fit> = [(&base.unknowns[..], &base), (from_best, best), (&given[..], best)]
+            .par_iter()
+            .map(|(x, f)| self.fit_to(&[], x, &f.coordinates(), (readings, &mixture), 8))
+            .collect::<Result<_, _>>()?;
+        let base = bases.into_iter().reduce(|a, b| if b.log_evidence > a.log_evidence { b } else { a }).unwrap_or(base);
+        // each from where it stands, and the first from the model's own ligaments: two valleys
+        let few: Vec<(&Fit, bool)> =
+            rivals.iter().take(6).map(|f| (f, false)).chain(rivals.iter().take(3).map(|f| (f, true))).collect();
+        let mut fits: Vec<Fit> = few
+            .par_iter()
+            .map(|(f, anew)| {
+                let mut start = f.unknowns.clone();
+                if *anew {
+                    start[..self.problem.nuisances()].fill(0.0);
+                }
+                let size = f.hypothesis.iter().map(Candidate::size).sum();
+                let fit = self.fit_to(&f.hypothesis, &start, &f.coordinates(), (readings, &mixture), 8)?;
+                Ok(fit.earned(base.log_evidence, size))
+            })
+            .collect::<Result<_, DiscrepancyError>>()?;
+        fits.retain(|f| self.deserves_its_names(f));
+        self.sort(&mut fits);
+        Ok((base, fits, cov))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_rival_is_lifted_as_far_as_its_own_scatter_brings_it_and_never_past_the_best() {
+        // the best, one that its own scatter prefers, one as far in it, one farther, one that could not be weighed
+        let common = [10.0, 2.0, 5.0, 8.0, 7.0, 1.0];
+        let own = [30.0, 33.0, 25.0, 20.0, f64::NEG_INFINITY];
+        assert_eq!(lifts(&common, &own), [0.0, 8.0, 0.0, 0.0, 0.0]);
+        // a best that its own scatter does not bear is no better than its rivals
+        assert_eq!(lifts(&[10.0, 2.0], &[f64::NEG_INFINITY, 3.0]), [0.0, 8.0]);
+        assert!(lifts(&[], &[]).is_empty());
+    }
+}
