@@ -28,8 +28,10 @@ pub struct DiagnosisOptions {
     pub nulls: usize,
     /// Least log Bayes factor of a named effect, whatever the nulls say [-].
     pub least_evidence: f64,
-    /// Least gain of log evidence by a further effect beside others, and no less than 3 % of theirs [-].
+    /// Least gain of log evidence by a further effect beside others that leave too much, and no less than 3 % of theirs [-]: there a little more is a patch.
     pub least_further: f64,
+    /// The same beside others that leave no more than they should [-].
+    pub least_beside: f64,
     /// Draws of the prior behind the scatter of what is not linear [-].
     pub draws: usize,
     /// Seed of the simulated nulls.
@@ -52,7 +54,8 @@ impl Default for DiagnosisOptions {
             shortlist: 9,
             nulls: 400,
             least_evidence: 4.0,
-            least_further: 8.0,
+            least_further: 12.0,
+            least_beside: 8.0,
             draws: 8,
             seed: 1,
             frozen_ligaments: false,
@@ -168,7 +171,9 @@ impl Searcher<'_> {
                 break;
             }
             let before = self.log(&best);
-            let least = threshold.max(self.options.least_further).max(0.03 * self.gain(&best, &base));
+            let options = self.options;
+            let added = if self.is_poor(&best) { options.least_further } else { options.least_beside };
+            let least = threshold.max(added).max(0.03 * self.gain(&best, &base));
             let (list, _) = self.screen(&best, &readings, &cov, &candidates)?;
             if !self.is_poor(&best) && list.first().is_none_or(|l| l.gain < least) {
                 break;
