@@ -114,7 +114,9 @@ impl Searcher<'_> {
                 fit = self.fit_to(&fit.hypothesis, &fit.unknowns, &fit.coordinates(), (readings, &mixture), 8)?;
                 sum += 0.5 * self.log(&fit);
             }
-            Ok(sum)
+            let size = fit.hypothesis.iter().map(Candidate::size).sum();
+            // what has no size there is the scatter's merit, not the effect's
+            Ok(if fit.own_evidence(size) > 0.0 { sum } else { f64::NEG_INFINITY })
         };
         let in_own: Vec<f64> = rivals.par_iter().take(OWN_SCATTER).map(own).collect::<Result<_, _>>()?;
         let in_common: Vec<f64> = rivals.iter().map(|f| self.log(f)).collect();
