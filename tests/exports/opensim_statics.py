@@ -1,8 +1,8 @@
 """Loads an exported OpenSim model, finds its equilibrium under given loads, and compares it with the poses and ligament forces of ours.
 
-usage: opensim_statics.py EXPORT_FOLDER MODEL.json RESULTS.csv [MOST_TRIALS]
+usage: opensim_statics.py EXPORT_FOLDER MODEL.json RESULTS.csv [LEAST_TRIALS]
 RESULTS.csv is what `simulate --trials` wrote. Needs `pip install opensim==4.6`. Ends with status 1 where a pose differs by more than 0.2 mm or 0.2 deg,
-or a bundle's force by more than 3 % of itself and 1 N.
+or a bundle's force by more than 3 % of itself and 1 N, or where fewer trials than LEAST_TRIALS have a pose and no flag.
 """
 
 import csv
@@ -86,19 +86,20 @@ class Knee:
         size = np.array([1.0, 1.0, 50.0, 50.0, 50.0])
         miss = self.needed(q)[free] - load
         slope = np.empty((5, 5))
-        for k, f in enumerate(free):
-            e = np.zeros(6)
-            e[f] = step[k]
-            slope[:, k] = (self.needed(q + e)[free] - self.needed(q)[free]) / step[k]
-        for _ in range(40):
-            if np.abs(miss / size).max() < 1e-3:
+        for turn in range(60):
+            if np.abs(miss / size).max() < 1e-4:
                 break
+            # the slope is taken anew now and then, and learns from each step between (Broyden's method)
+            if turn % 12 == 0:
+                for k, f in enumerate(free):
+                    e = np.zeros(6)
+                    e[f] = step[k]
+                    slope[:, k] = (self.needed(q + e)[free] - self.needed(q)[free]) / step[k]
             move = -np.linalg.lstsq(slope, miss, rcond=None)[0]
             move *= min(1.0, 1.0 / np.abs(move / np.array([0.02, 0.02, 5e-4, 5e-4, 5e-4])).max())
             q = q.copy()
             q[free] += move
             then = self.needed(q)[free] - load
-            # the slope learns from each step (Broyden's method)
             slope += np.outer(then - miss - slope @ move, move) / (move @ move)
             miss = then
         return q, np.abs(miss / size).max()
@@ -116,11 +117,12 @@ class Knee:
 
 def main():
     folder, model, results = (os.path.abspath(p) for p in sys.argv[1:4])
-    most = int(sys.argv[4]) if len(sys.argv) > 4 else 1000
+    least = int(sys.argv[4]) if len(sys.argv) > 4 else 1
     opensim.Logger.setLevelString("Error")
     frames = json.load(open(model))["frames"]
     rows = [r for r in csv.DictReader(open(results)) if all(r[p] for p in POSE) and not r.get("flags")]
-    rows = rows[:: max(1, len(rows) // most)][:most]
+    if len(rows) < least:
+        sys.exit(f"{len(rows)} trials of {results} have a pose and no flag, expected {least} or more")
     knee = Knee(folder, frames)
     bundles = [c[6:-2] for c in rows[0] if c.startswith("force_")]
     worst, worst_force, worst_held, bad = np.zeros(5), 0.0, 0.0, 0
