@@ -82,7 +82,7 @@ fn loaded(folder: &Path) -> PathBuf {
     let mut trials = "trial,test,nominal_flexion_deg,load_vv_nm,load_ie_nm,load_ml_n,load_ap_n,load_si_n,\
         fe_deg,vv_deg,ie_deg,ml_mm,ap_mm,si_mm\n"
         .to_string();
-    for flexion in [0, 20, 40, 60, 90] {
+    for flexion in [20, 40, 60, 90] {
         for (test, anterior, external, pressed) in
             [("neutral", 0, 0, 100), ("anterior", 60, 0, 50), ("internal", 0, -3, 50)]
         {

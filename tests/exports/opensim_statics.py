@@ -86,11 +86,11 @@ class Knee:
         size = np.array([1.0, 1.0, 50.0, 50.0, 50.0])
         miss = self.needed(q)[free] - load
         slope = np.empty((5, 5))
-        for turn in range(60):
-            if np.abs(miss / size).max() < 1e-4:
+        for turn in range(96):
+            if np.abs(miss / size).max() < 1e-6:
                 break
             # the slope is taken anew now and then, and learns from each step between (Broyden's method)
-            if turn % 12 == 0:
+            if turn % 8 == 0:
                 for k, f in enumerate(free):
                     e = np.zeros(6)
                     e[f] = step[k]
@@ -138,7 +138,7 @@ def main():
         off = np.abs(knee.pose(q) - ours)[1:]
         forces = knee.forces(q)
         share = max(max(0.0, abs(forces.get(b, 0.0) - float(row[f"force_{b}_n"])) - 1.0) / max(float(row[f"force_{b}_n"]), 1e-9) if abs(forces.get(b, 0.0) - float(row[f"force_{b}_n"])) > 1.0 else 0.0 for b in bundles)
-        good = left < 2e-3 and (off <= LIMIT).all() and share <= 0.03
+        good = left < 1e-5 and (off <= LIMIT).all() and share <= 0.03
         bad += not good
         worst, worst_force = np.maximum(worst, off), max(worst_force, share)
         print(f"{(row.get('trial') or row.get('step') or ''):>24}: off by", " ".join(f"{x:.3f}" for x in off), f"deg deg mm mm mm, forces {100 * share:.1f} %, unbalanced {left:.1e}{'' if good else '  <-'}")
