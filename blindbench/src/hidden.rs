@@ -41,6 +41,15 @@ pub const KINDS: [(&str, &[Size]); 16] = [
 /// More that no catalogue has.
 pub const UNKNOWN: [&str; 3] = ["x_one_sided_stop", "x_screw_home", "x_adhesion"];
 
+/// The tibial tuberosity: lateral, anterior, superior [mm].
+const TUBEROSITY: [f64; 3] = [-3.0, 33.0, -32.0];
+
+/// Where the patellar tendon leaves the patella, which rolls round the trochlea as the knee flexes [mm].
+fn patella(flexion: f64) -> Vector3<f64> {
+    let rolled = 0.09 + 1.17 * flexion;
+    Vector3::new(0.0, 8.0 + 42.0 * rolled.cos(), 10.0 - 42.0 * rolled.sin())
+}
+
 impl Hidden {
     fn value(&self, key: &str) -> f64 {
         self.parameters.get(key).copied().unwrap_or(0.0)
@@ -107,28 +116,26 @@ impl Hidden {
     fn stored(&self, asked: &Asked, c: &Five, neutral: &Five) -> f64 {
         let p = pose(asked.flexion, c);
         let d: Five = std::array::from_fn(|j| c[j] - neutral[j]);
-        let tibial = |x: f64, y: f64, z: f64| p.turn * Vector3::new(x, y, z) + p.origin;
+        let tibial = |[x, y, z]: [f64; 3]| p.turn * Vector3::new(x, y, z) + p.origin;
         let length = |femur: Vector3<f64>, tibia: Vector3<f64>| (femur - tibia).norm();
         // a pull that grows a little with length, as a muscle's tone does
         let tone = |force: f64, l: f64, usual: f64| force * (l + 0.5 * (l - usual).powi(2) * 0.008);
         match self.effect.as_str() {
-            "quad_passive" => {
-                let turn = asked.flexion * 0.75 + 0.5;
-                let patella = Vector3::new(0.0, 45.0 * turn.cos(), 45.0 * (0.5 - turn.sin()) + 5.0);
-                self.value("force_n") * length(patella, tibial(-3.0, 33.0, -32.0))
-            }
+            "quad_passive" => self.value("force_n") * length(patella(asked.flexion), tibial(TUBEROSITY)),
             "ham_tone" => {
                 let ischium = Vector3::new(25.0, -45.0, 370.0);
-                tone(self.value("med_n"), length(ischium, tibial(24.0, -12.0, -25.0)), 400.0)
-                    + tone(self.value("lat_n"), length(ischium, tibial(-36.0, -18.0, -20.0)), 400.0)
+                tone(self.value("med_n"), length(ischium, tibial([24.0, -12.0, -25.0])), 400.0)
+                    + tone(self.value("lat_n"), length(ischium, tibial([-36.0, -18.0, -20.0])), 400.0)
             }
             "gastroc_tone" => {
-                let heads = [22.0, -20.0].map(|x| length(Vector3::new(x, -24.0, 12.0), tibial(0.0, -45.0, -360.0)));
+                let heads = [22.0, -20.0].map(|x| length(Vector3::new(x, -24.0, 12.0), tibial([0.0, -45.0, -360.0])));
                 self.value("force_n") * 0.5 * (heads[0] + heads[1])
             }
-            "itb" => {
-                tone(self.value("force_n"), length(Vector3::new(-50.0, 5.0, 330.0), tibial(-32.0, 20.0, -15.0)), 350.0)
-            }
+            "itb" => tone(
+                self.value("force_n"),
+                length(Vector3::new(-50.0, 5.0, 330.0), tibial([-32.0, 20.0, -15.0])),
+                350.0,
+            ),
             "meniscus" => self.springs(&d),
             "capsule_envelope" => {
                 let hard = |a: f64, x: f64, scale: f64| 0.5 * a * x * x * (1.0 + 0.3 * (x / scale).powi(2));
@@ -137,14 +144,14 @@ impl Hidden {
                     + hard(self.value("vv"), d[0], 0.1)
             }
             "extra_bundle" => {
-                let (femur, tibia) = (Vector3::new(-40.0, -6.0, 8.0), tibial(-31.0, 7.0, -12.0));
+                let (femur, tibia) = (Vector3::new(-40.0, -6.0, 8.0), tibial([-31.0, 7.0, -12.0]));
                 let stretch = length(femur, tibia) - 38.0;
                 0.5 * self.value("k") * stretch.max(0.0).powi(2)
             }
             "x_one_sided_stop" => 0.5 * self.value("k") * (d[3].abs() - 3.0).max(0.0).powi(2) * f64::from(d[3] > 0.0),
             "x_screw_home" => -900.0 * self.value("k") / 40.0 * c[1] * (-(asked.flexion / 0.35).powi(2)).exp(),
             "x_adhesion" => {
-                let l = length(Vector3::new(5.0, 15.0, -5.0), tibial(-8.0, 22.0, 3.0));
+                let l = length(Vector3::new(5.0, 15.0, -5.0), tibial([-8.0, 22.0, 3.0]));
                 0.5 * self.value("k") * (l - 14.0).max(0.0).powi(2)
             }
             _ => 0.0,
@@ -164,5 +171,22 @@ impl Hidden {
             }
         }
         sum
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_patellar_tendon_pulls_forward_near_extension_and_backward_in_deep_flexion() {
+        // against the shaft of the tibia, as measured in knees [riener1999]
+        for (flexion, angle) in [(0.0, 20.0), (30.0, 11.0), (60.0, 1.0), (90.0, -8.0f64)] {
+            let flexion = f64::to_radians(flexion);
+            let p = pose(flexion, &[0.0, 0.0, 0.0, 0.0, -21.0]);
+            let pull = p.turn.transpose() * (patella(flexion) - p.origin) - Vector3::from(TUBEROSITY);
+            let is = pull.y.atan2(pull.z).to_degrees();
+            assert!((is - angle).abs() < 5.0, "{is} against {angle} deg");
+        }
     }
 }
