@@ -38,16 +38,20 @@ pub(crate) fn weights<'a>(searcher: &Searcher, search: &'a Search, best: &Fit) -
     out
 }
 
-/// Log Bayes factor from which a nameless field explains more than the answer does [-].
-const NAMELESS: f64 = 8.0;
-/// Standard deviations of the sum of squares from which an answer leaves too much [-].
-const POOR: f64 = 2.5;
+/// Log Bayes factor, and standard deviations of the sum of squares left, from which a nameless field explains more than a named answer does: one thing
+/// missing in ten is in nobody's catalogue, and 5 nats as loud as the data may speak are odds of 28 [-].
+const NAMELESS: [f64; 2] = [5.0, 1.8];
+/// The same beside no name at all, where noise alone would do [-].
+const NAMELESS_ALONE: [f64; 2] = [8.0, 2.5];
 /// Size of an effect, in standard deviations of its prior, that is no longer the effect of that name [-].
 const BEYOND_BELIEF: f64 = 5.0;
 /// Share of the held-out gap that a named effect must close where the rest stays significant; closing less, it is not what is missing [-].
 const LEAST_CLOSED: f64 = 0.3;
 /// And that a decisive answer must close [-]: leaving more than it closes, it is at most part of what is missing.
 const MOSTLY: f64 = 0.5;
+/// Log Bayes factor that a decisive answer must have [-]: the nearest kin of the catalogue differ by a tenth of what they explain, and a tenth of this
+/// tells an unknown one of that kind apart by odds of 20.
+const DECIDED: f64 = 30.0;
 /// Standard deviations of the sum of squares from which something is missing though no effect explains it [-].
 const BEYOND_DOUBT: f64 = 4.0;
 
@@ -90,6 +94,8 @@ struct Grounds {
     closes: f64,
     /// Weight of the answer among its rivals [-].
     weight: f64,
+    /// Its log Bayes factor against nothing missing [-].
+    evidence: f64,
 }
 
 impl Grounds {
@@ -111,24 +117,26 @@ impl Grounds {
             gain: of.gain,
             closes: of.closes,
             weight: by_names(rivals).first().map_or(0.0, |g| g.1),
+            evidence: searcher.gain(of.believed, of.base),
         }
     }
 
     /// Whether something is missing that the answer is not.
     fn is_nameless(&self) -> bool {
         let deviations = self.excess / (2.0 * self.readings).sqrt();
+        let [field, poor] = if self.is_named { NAMELESS } else { NAMELESS_ALONE };
         let fitting = self.is_named && self.is_expected && self.left < self.form_share;
-        let nameless = self.wild > NAMELESS && !fitting;
+        let nameless = self.wild > field && !fitting;
         let beside = if self.is_named { self.closes < LEAST_CLOSED } else { deviations > BEYOND_DOUBT };
         // a size that nobody would expect needs no misfit to be doubted
-        let strange = self.is_named && !self.is_expected && self.wild > NAMELESS;
-        strange || deviations > POOR && (nameless || beside)
+        let strange = self.is_named && !self.is_expected && self.wild > field;
+        strange || deviations > poor && (nameless || beside)
     }
 
     /// Whether it may be decisive: a named effect that leaves much is not the whole truth. A field weighs only where it is asked for.
     fn may_decide(&self, wildcard: bool) -> bool {
-        let rests = self.excess < 0.25 * self.readings && !(wildcard && self.wild > NAMELESS);
-        self.weight >= 0.95 && self.gain > 0.0 && self.closes >= MOSTLY && rests
+        let rests = self.excess < 0.25 * self.readings && !(wildcard && self.wild > NAMELESS[0]);
+        self.weight >= 0.95 && self.evidence >= DECIDED && self.gain > 0.0 && self.closes >= MOSTLY && rests
     }
 }
 
@@ -213,6 +221,7 @@ mod tests {
         gain: 50.0,
         closes: 0.9,
         weight: 0.99,
+        evidence: 60.0,
     };
 
     fn judged(grounds: Grounds) -> Verdict {
@@ -233,7 +242,8 @@ mod tests {
             Grounds { gain: -1.0, ..CLEAN },
             Grounds { closes: 0.4, ..CLEAN },
             Grounds { excess: 80.0, ..CLEAN },
-            Grounds { wild: 9.0, ..CLEAN },
+            Grounds { wild: 5.5, ..CLEAN },
+            Grounds { evidence: 25.0, ..CLEAN },
         ] {
             assert_eq!(judged(doubtful), Verdict::Probable, "{doubtful:?}");
         }
@@ -251,6 +261,16 @@ mod tests {
         assert_ne!(judged(Grounds { excess: 20.0, ..poor }), Verdict::Unnamed);
         // without the field nothing is outside the catalogue
         assert_ne!(judge(&poor, false, || true), Verdict::Unnamed);
+    }
+
+    #[test]
+    fn a_name_is_doubted_sooner_than_noise_alone() {
+        let doubtful = Grounds { excess: 48.0, left: 0.4, wild: 6.0, ..CLEAN };
+        assert_eq!(judged(doubtful), Verdict::Unnamed);
+        assert_eq!(judged(Grounds { is_named: false, ..doubtful }), Verdict::None);
+        assert_ne!(judged(Grounds { wild: 4.0, ..doubtful }), Verdict::Unnamed);
+        assert_ne!(judged(Grounds { excess: 30.0, ..doubtful }), Verdict::Unnamed);
+        assert_ne!(judged(Grounds { left: 0.1, form_share: 0.15, ..doubtful }), Verdict::Unnamed);
     }
 
     #[test]
