@@ -32,6 +32,14 @@ pub struct Value {
     pub unit: String,
 }
 
+impl Value {
+    /// Its 90 % interval; from nothing where negative values mean nothing.
+    pub fn interval(&self, one_sided: bool) -> (f64, f64) {
+        let (low, high) = (self.value - 1.645 * self.sd, self.value + 1.645 * self.sd);
+        (if one_sided { low.max(0.0) } else { low }, high)
+    }
+}
+
 /// An effect in an answer.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

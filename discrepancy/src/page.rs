@@ -1,6 +1,7 @@
 //! The page: one self-contained file that opens offline.
 
-use crate::diagnosis::{Diagnosis, Verdict};
+use crate::catalogue::Catalogue;
+use crate::diagnosis::{Diagnosis, Named, Verdict};
 use crate::map::Cell;
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -9,7 +10,7 @@ const STYLE: &str = "body{font:15px/1.5 system-ui,sans-serif;max-width:70em;marg
 h1{font-size:1.4em}h2{font-size:1.1em;margin-top:2em}table{border-collapse:collapse;font-size:.9em}\
 td,th{border:1px solid #ccc;padding:.2em .5em;text-align:right}th{background:#f4f4f4}td:first-child,th:first-child{text-align:left}\
 .verdict{border-left:6px solid #2a6;padding:.5em 1em;background:#f6faf8}.bar{height:1.1em;background:#478;display:inline-block}\
-.note{color:#666;font-size:.9em}";
+.note{color:#666;font-size:.9em}.gap{border:0;background:none;padding:.2em}.words td,.words th{text-align:left;vertical-align:top}";
 
 /// The page of a diagnosis of `model`.
 pub fn page(model: &str, d: &Diagnosis) -> String {
@@ -17,20 +18,10 @@ pub fn page(model: &str, d: &Diagnosis) -> String {
         "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>What is missing: {0}</title><style>{STYLE}</style><body><h1>What is missing: {0}</h1>",
         escape(model)
     );
-    let title = match d.verdict {
-        Verdict::Decisive => "Decisive",
-        Verdict::Probable => "Probable",
-        Verdict::OneOf => "One of several",
-        Verdict::Unnamed => "Something without a name in the catalogue",
-        Verdict::None => "Nothing beyond noise",
-    };
-    let _ = write!(out, "<div class=\"verdict\"><b>{title}.</b> {}</div>", escape(&d.description));
+    let _ = write!(out, "<div class=\"verdict\">{}</div>", escape(&d.description));
     answers(&mut out, d);
-    out += "<h2>Where: measured minus predicted, in standard deviations</h2><p class=\"note\">Left: ligaments recalibrated, nothing added. Middle: with the answer added. Right: each condition predicted from all others, nothing added. Bold: larger than any cell in 95 % of simulated data without an effect.</p><div style=\"display:flex;gap:2em;flex-wrap:wrap\">";
-    grid(&mut out, "before", &d.map);
-    grid(&mut out, "after", &d.map_after);
-    grid(&mut out, "each condition predicted by the others, before", &d.map_left_out);
-    out += "</div>";
+    meanings(&mut out, d);
+    maps(&mut out, d);
     bars(&mut out, d);
     ligaments(&mut out, d);
     next(&mut out, d);
@@ -46,6 +37,17 @@ pub fn page(model: &str, d: &Diagnosis) -> String {
     out
 }
 
+/// A number to three figures or so.
+pub(crate) fn figures(x: f64) -> String {
+    match x.abs() {
+        a if a >= 100.0 => format!("{x:.0}"),
+        a if a >= 10.0 => format!("{x:.1}"),
+        0.0 => "0".into(),
+        a if a >= 1.0 => format!("{x:.2}"),
+        _ => format!("{x:.3}"),
+    }
+}
+
 fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }
@@ -54,7 +56,8 @@ fn answers(out: &mut String, d: &Diagnosis) {
     if d.answers.is_empty() {
         return;
     }
-    *out += "<h2>Which: the answers</h2><table><tr><th>effect</th><th>where</th><th>size</th><th>weight</th><th>log Bayes factor</th><th>held-out gain</th></tr>";
+    let catalogue = Catalogue::shipped();
+    *out += "<h2>Which: the answers</h2><table><tr><th>effect</th><th>where</th><th>size (90 % interval)</th><th>weight</th><th>log Bayes factor</th><th>held-out gain</th></tr>";
     for a in &d.answers {
         let names: Vec<String> = a
             .effects
@@ -62,12 +65,7 @@ fn answers(out: &mut String, d: &Diagnosis) {
             .map(|e| format!("{}{}", e.effect, e.variant.as_ref().map(|v| format!(" ({v})")).unwrap_or_default()))
             .collect();
         let places: Vec<&str> = a.effects.iter().map(|e| e.scope.as_str()).collect();
-        let sizes: Vec<String> = a
-            .effects
-            .iter()
-            .flat_map(|e| &e.parameters)
-            .map(|(k, v)| format!("{k} {:.3} &plusmn; {:.3} {}", v.value, v.sd, escape(&v.unit)))
-            .collect();
+        let sizes: Vec<String> = a.effects.iter().flat_map(|e| sizes(&catalogue, e)).map(|t| escape(&t)).collect();
         let _ = write!(
             out,
             "<tr><td>{}</td><td>{}</td><td>{}</td><td>{:.2}</td><td>{:.1}</td><td>{:.1}</td></tr>",
@@ -82,37 +80,93 @@ fn answers(out: &mut String, d: &Diagnosis) {
     *out += "</table>";
 }
 
-fn grid(out: &mut String, title: &str, cells: &[Cell]) {
-    let mut rows: BTreeMap<(String, String, i64, i8), BTreeMap<String, &Cell>> = BTreeMap::new();
-    for c in cells {
-        let key = (c.source.clone(), c.test.clone(), c.nominal_flexion_deg.round() as i64, c.load_sign);
-        rows.entry(key).or_default().insert(c.dof.clone(), c);
+/// Each parameter of an effect with its 90 % interval.
+fn sizes(catalogue: &Catalogue, e: &Named) -> Vec<String> {
+    let found = catalogue.find(&e.effect).ok().map(|(f, _)| f);
+    let one = |(k, v): (&String, &crate::diagnosis::Value)| {
+        let one_sided = found.is_some_and(|f| f.parameter.iter().any(|p| p.key == *k && p.one_sided));
+        let (low, high) = v.interval(one_sided);
+        let unit = if v.unit == "-" { String::new() } else { format!(" {}", v.unit) };
+        format!("{k} {}{unit} ({} to {})", figures(v.value), figures(low), figures(high))
+    };
+    e.parameters.iter().map(one).collect()
+}
+
+/// What the answers mean in plain words, for the joint, and how to check them at the bench; where nothing is named, what came nearest.
+fn meanings(out: &mut String, d: &Diagnosis) {
+    let unnamed = d.verdict == Verdict::Unnamed;
+    let named: Vec<&Named> = d.answers.iter().flat_map(|a| &a.effects).collect();
+    let effects = if unnamed { d.best.iter().collect() } else { named };
+    if effects.is_empty() {
+        return;
     }
-    let _ = write!(out, "<table><tr><th>{title}</th><th>VV</th><th>IE</th><th>ML</th><th>AP</th><th>SI</th></tr>");
+    *out += if unnamed { "<h2>What came nearest</h2>" } else { "<h2>What that means</h2>" };
+    *out += "<table class=\"words\"><tr><th>effect</th><th>in plain words</th><th>for the joint</th><th>to check at the bench</th></tr>";
+    let catalogue = Catalogue::shipped();
+    let mut told: Vec<&str> = Vec::new();
+    for e in effects {
+        let Ok((found, _)) = catalogue.find(&e.effect) else { continue };
+        if told.contains(&found.id.as_str()) {
+            continue;
+        }
+        let cells = [&found.title, &found.words, &found.clinical, &found.bench].map(|t| escape(t));
+        let _ = write!(out, "<tr><td>{}</td></tr>", cells.join("</td><td>"));
+        if let Some(e) = catalogue.effect.iter().find(|e| e.id == found.id) {
+            told.push(&e.id);
+        }
+    }
+    *out += "</table>";
+}
+
+const COORDINATES: [&str; 5] = ["vv", "ie", "ml", "ap", "si"];
+
+/// The residual maps side by side: a row a condition.
+fn maps(out: &mut String, d: &Diagnosis) {
+    let maps = [
+        ("ligaments recalibrated", &d.map),
+        ("with the answer", &d.map_after),
+        ("each condition from all others", &d.map_left_out),
+    ];
+    let mut rows: BTreeMap<Condition, BTreeMap<(usize, &str), &Cell>> = BTreeMap::new();
+    for (k, (_, cells)) in maps.iter().enumerate() {
+        for c in *cells {
+            let key = (c.source.clone(), c.test.clone(), c.nominal_flexion_deg.round() as i64, c.load_sign);
+            rows.entry(key).or_default().insert((k, &c.dof), c);
+        }
+    }
+    *out += "<h2>Where: measured minus predicted, in standard deviations</h2><p class=\"note\">Nothing is added in the first map and in the third, which predicts each condition by a calibration to all others: gaps that a calibration hides. Bold: larger than any cell in 95 % of simulated data without an effect.</p><table><tr><th></th>";
+    for (title, _) in maps {
+        let _ = write!(out, "<th class=\"gap\"></th><th colspan=\"5\">{title}</th>");
+    }
+    *out += "</tr><tr><th>condition</th>";
+    for _ in maps {
+        *out += "<th class=\"gap\"></th><th>VV</th><th>IE</th><th>ML</th><th>AP</th><th>SI</th>";
+    }
+    *out += "</tr>";
     for ((source, test, flexion, sign), by) in &rows {
-        let load = match sign {
-            0 => " unloaded",
-            _ => "",
-        };
+        let load = if *sign == 0 { " unloaded" } else { "" };
         let _ = write!(out, "<tr><td>{} {test} {flexion}&deg;{load}</td>", escape(source));
-        for dof in ["vv", "ie", "ml", "ap", "si"] {
-            match by.get(dof) {
-                Some(c) => {
-                    let depth = (c.z.abs() / 6.0).min(1.0) * 0.75;
-                    let hue = if c.z > 0.0 { "200,60,40" } else { "40,90,190" };
-                    let weight = if c.significant { "bold" } else { "normal" };
-                    let _ = write!(
-                        out,
-                        "<td style=\"background:rgba({hue},{depth:.2});font-weight:{weight}\">{:+.1}</td>",
-                        c.z
-                    );
-                }
-                None => *out += "<td></td>",
-            }
+        for k in 0..maps.len() {
+            *out += "<td class=\"gap\"></td>";
+            COORDINATES.iter().for_each(|dof| cell(out, by.get(&(k, *dof)).copied()));
         }
         *out += "</tr>";
     }
     *out += "</table>";
+}
+
+/// Data set, test, flexion [deg], sign of the load.
+type Condition = (String, String, i64, i8);
+
+fn cell(out: &mut String, cell: Option<&Cell>) {
+    let Some(c) = cell else {
+        *out += "<td></td>";
+        return;
+    };
+    let depth = (c.z.abs() / 6.0).min(1.0) * 0.75;
+    let hue = if c.z > 0.0 { "200,60,40" } else { "40,90,190" };
+    let weight = if c.significant { "bold" } else { "normal" };
+    let _ = write!(out, "<td style=\"background:rgba({hue},{depth:.2});font-weight:{weight}\">{:+.1}</td>", c.z);
 }
 
 fn bars(out: &mut String, d: &Diagnosis) {
@@ -152,7 +206,7 @@ fn ligaments(out: &mut String, d: &Diagnosis) {
             out,
             "<tr><td>{} {}</td><td>{:.3}</td><td>{:.3}</td><td>{:.3}</td><td>{:.3}</td></tr>",
             escape(&l.bundle),
-            l.parameter.replace('_', " "),
+            crate::words::parameter(&l.parameter),
             l.given,
             l.without,
             l.with,

@@ -2,6 +2,7 @@
 
 use crate::diagnosis::{Answer, Diagnosis, Named, Verdict};
 use crate::map::Cell;
+use crate::page::figures;
 use crate::problem::Problem;
 use crate::search::Search;
 use crate::wildcard::Wildcard;
@@ -36,7 +37,7 @@ pub(crate) fn description(problem: &Problem, d: &Diagnosis, wild: &Wildcard, sea
         }
         _ => {
             let how = match d.verdict {
-                Verdict::Decisive => "These data single out one answer",
+                Verdict::Decisive => "Decisive",
                 Verdict::Probable => "Probable",
                 _ => "One of several, the likeliest",
             };
@@ -73,9 +74,9 @@ fn answer(problem: &Problem, a: &Answer) -> String {
             .iter()
             .map(|(k, v)| {
                 let one_sided = found.is_some_and(|f| f.parameter.iter().any(|p| p.key == *k && p.one_sided));
-                let (low, high) = (v.value - 1.645 * v.sd, v.value + 1.645 * v.sd);
-                let low = if one_sided { low.max(0.0) } else { low };
-                format!("{k} {} {} (90 % {} to {})", figures(v.value), v.unit, figures(low), figures(high))
+                let (low, high) = v.interval(one_sided);
+                let unit = if v.unit == "-" { String::new() } else { format!(" {}", v.unit) };
+                format!("{k} {}{unit} (90 % {} to {})", figures(v.value), figures(low), figures(high))
             })
             .collect();
         let about = e
@@ -88,13 +89,12 @@ fn answer(problem: &Problem, a: &Answer) -> String {
     a.effects.iter().map(one).collect::<Vec<_>>().join("; together with ")
 }
 
-/// A number to three figures or so.
-fn figures(x: f64) -> String {
-    match x.abs() {
-        a if a >= 100.0 => format!("{x:.0}"),
-        a if a >= 10.0 => format!("{x:.1}"),
-        a if a >= 1.0 => format!("{x:.2}"),
-        _ => format!("{x:.3}"),
+/// A ligament's parameter in words, with its unit.
+pub(crate) fn parameter(name: &str) -> &str {
+    match name {
+        "reference_strain" => "reference strain",
+        "stiffness_n_per_mm" => "stiffness [N/mm]",
+        other => other,
     }
 }
 
@@ -153,7 +153,10 @@ fn shifts(d: &Diagnosis) -> String {
     let told: Vec<String> = list
         .iter()
         .take(3)
-        .map(|l| format!("{} {} {:.3} to {:.3}", l.bundle, l.parameter.replace('_', " "), l.without, l.with))
+        .map(|l| {
+            let (without, with) = (figures(l.without), figures(l.with));
+            format!("{} {} {without} to {with}", l.bundle, parameter(&l.parameter))
+        })
         .collect();
     format!(" The ligaments had taken up part of it: with the effect {}.", told.join(", "))
 }

@@ -1,0 +1,130 @@
+//! A hidden effect is found, named, sized, added, and taken in by the other verbs; nothing is named where nothing is hidden.
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+mod common;
+
+use common::{build_model, json, shared, text};
+use std::path::{Path, PathBuf};
+use tempfile::TempDir;
+
+/// The published deck imported, in a folder.
+fn deck(test: &str) -> Option<TempDir> {
+    let deck = shared(test, "published/S192803/deck/S192803_MAIN_LAXITY_Anterior_30deg_0.inp")?;
+    let folder = TempDir::new().unwrap();
+    build_model().arg("import-abaqus").arg(deck).arg("--out").arg(folder.path().join("m")).assert().success();
+    Some(folder)
+}
+
+/// `kla=...` and `rks=...` of a set.
+fn measured(case: &Path) -> [String; 4] {
+    let set = |name: &str| format!("{name}={}", case.join(format!("{name}.csv")).display());
+    ["--measured".into(), set("kla"), "--measured".into(), set("rks")]
+}
+
+fn diagnose(folder: &Path, case: &Path, out: &str, more: &[&str]) -> PathBuf {
+    let out = folder.join(out);
+    build_model()
+        .arg("diagnose")
+        .arg(folder.join("m/model.json"))
+        .args(measured(case))
+        .arg("--out")
+        .arg(&out)
+        .args(more)
+        .assert()
+        .success();
+    out
+}
+
+#[test]
+fn an_eccentric_load_is_named_sized_added_and_acts_where_it_was_found() {
+    let Some(case) = shared("diagnose", "blind/case_008") else { return };
+    let Some(folder) = deck("diagnose") else { return };
+    let truth = json(&case.with_file_name("case_008.truth.json"));
+    let out = diagnose(folder.path(), &case, "found", &[]);
+    let told = json(&out.join("diagnosis.json"));
+    let first = &told["answers"][0]["effects"][0];
+    assert_eq!((first["effect"].as_str(), first["scope"].as_str()), (Some("load_misalign"), Some("rks")));
+    let arm = &first["parameters"]["arm_mm"];
+    let (value, sd) = (arm["value"].as_f64().unwrap(), arm["sd"].as_f64().unwrap());
+    let hidden = truth["effects"][0][2]["arm_mm"].as_f64().unwrap();
+    assert!((value - hidden).abs() < 1.645 * sd && sd < 0.25 * hidden.abs(), "{value} +- {sd} against {hidden}");
+    assert!(told["gap"]["held_out"]["closed"].as_f64().unwrap() > 0.75);
+    // the page says what it means and how to check it
+    let page = text(&out.join("report.html"));
+    let words = "Mark the line of the force on the tibia; measure its distance from the shaft's axis.";
+    assert!(page.contains(words) && page.contains("with the answer"), "{page}");
+    // what was added is felt by the apparatus it belongs to alone
+    let poses = |read_as: Option<&str>| {
+        let csv = folder.path().join(format!("{}.csv", read_as.unwrap_or("knee")));
+        let mut command = build_model();
+        command.arg("simulate").arg(out.join("model.json")).arg("--trials").arg(case.join("rks.csv"));
+        command.args(read_as.map(|name| ["--read-as", name]).into_iter().flatten()).arg("--out").arg(&csv);
+        command.assert().success();
+        text(&csv)
+    };
+    let knee = poses(None);
+    assert_ne!(poses(Some("rks")), knee);
+    assert_eq!(poses(Some("kla")), knee);
+}
+
+#[test]
+fn nothing_is_named_where_nothing_is_hidden_whatever_the_number_of_threads() {
+    let Some(case) = shared("diagnose", "blind/case_003") else { return };
+    let Some(folder) = deck("diagnose") else { return };
+    let [one, two] = ["1", "2"].map(|jobs| diagnose(folder.path(), &case, jobs, &["--jobs", jobs]));
+    assert_eq!(common::differing(&common::files(&one), &common::files(&two)), Vec::<String>::new());
+    let told = json(&one.join("diagnosis.json"));
+    assert_eq!(told["verdict"], "none");
+    assert!(told["answers"].as_array().unwrap().is_empty() && !one.join("components").exists());
+    // friction needs both branches of a load, which these data do not have
+    let untested = told["not_testable"].as_array().unwrap();
+    assert!(untested.iter().any(|n| n["effect"] == "friction"));
+}
+
+#[test]
+fn an_effect_struck_from_the_catalogue_is_unnamed_and_an_unknown_one_is_refused() {
+    let Some(case) = shared("diagnose", "blind/case_008") else { return };
+    let Some(folder) = deck("diagnose") else { return };
+    let out = diagnose(folder.path(), &case, "struck", &["--without-effect", "load_misalign"]);
+    let told = json(&out.join("diagnosis.json"));
+    assert_eq!(told["verdict"], "unnamed");
+    assert!(told["description"].as_str().unwrap().contains("nearest relatives"));
+    assert!(text(&out.join("report.html")).contains("What came nearest"));
+    let refused = build_model()
+        .arg("diagnose")
+        .arg(folder.path().join("m/model.json"))
+        .args(measured(&case))
+        .args(["--without-effect", "no_such", "--out"])
+        .arg(folder.path().join("none"))
+        .assert()
+        .failure();
+    let said = String::from_utf8(refused.get_output().stderr.clone()).unwrap();
+    assert!(said.contains("no_such") && said.contains("load_misalign"), "{said}");
+    assert!(!folder.path().join("none").exists());
+}
+
+#[test]
+fn a_sealed_set_is_made_answered_and_scored_and_a_broken_seal_is_refused() {
+    let Some(case) = shared("diagnose", "blind/case_001") else { return };
+    let Some(folder) = deck("diagnose") else { return };
+    let [bench, answers, model] = ["bench", "answers", "m/model.json"].map(|name| folder.path().join(name));
+    let like = ["kla", "rks"].map(|name| format!("{name}={}", case.join(format!("{name}.csv")).display()));
+    let mut make = build_model();
+    make.args(["blind", "make"]).arg(&model).args(["--like", &like[0], "--like", &like[1], "--out"]).arg(&bench);
+    make.args(["--kind", "origin_shift", "--count", "1", "--seed", "5"]).assert().success();
+    build_model().args(["blind", "answer"]).arg(&model).arg(&bench).arg("--out").arg(&answers).assert().success();
+    let score = || {
+        let mut command = build_model();
+        command.args(["blind", "score"]).arg(&model).arg(&bench).arg(&answers);
+        command
+    };
+    let told = score().assert().success();
+    let told = String::from_utf8(told.get_output().stdout.clone()).unwrap();
+    let line = told.lines().find(|l| l.starts_with("strong: named first")).unwrap();
+    assert!(line.contains("1 of 1"), "{told}");
+    let truth = bench.join("case_0001.truth.json");
+    common::write(&truth, text(&truth).replace("origin_shift", "femur_frame"));
+    let broken = score().assert().failure();
+    let said = String::from_utf8(broken.get_output().stderr.clone()).unwrap();
+    assert!(said.contains("case_0001"), "{said}");
+}
