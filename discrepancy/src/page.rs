@@ -111,9 +111,7 @@ fn meanings(out: &mut String, d: &Diagnosis) {
         }
         let cells = [&found.title, &found.words, &found.clinical, &found.bench].map(|t| escape(t));
         let _ = write!(out, "<tr><td>{}</td></tr>", cells.join("</td><td>"));
-        if let Some(e) = catalogue.effect.iter().find(|e| e.id == found.id) {
-            told.push(&e.id);
-        }
+        told.push(&found.id);
     }
     *out += "</table>";
 }
