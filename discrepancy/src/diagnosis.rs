@@ -6,6 +6,7 @@ use crate::error::DiscrepancyError;
 use crate::fit::Fit;
 use crate::held_out::{HeldOut, closed, held_out};
 use crate::map::{Cell, map, map_left_out};
+use crate::missable::{Missable, missable};
 use crate::next_test::{NextTest, next_tests};
 use crate::problem::{Candidate, Problem, Scope};
 use crate::search::{DiagnosisOptions, Search, Searcher};
@@ -160,6 +161,9 @@ pub struct Diagnosis {
     pub map_left_out: Vec<Cell>,
     /// What could not be tested.
     pub not_testable: Vec<NotTestable>,
+    /// Where nothing is named: sizes of effects that would more often have been missed than named.
+    #[serde(default)]
+    pub missable: Vec<Missable>,
     /// Which test would tell the rivals apart.
     pub next_tests: Vec<NextTest>,
     /// What the ligaments had taken up.
@@ -229,6 +233,8 @@ fn conclude(problem: &Problem, spec: &ModelSpec, options: &DiagnosisOptions) -> 
     let shown = if answers.is_empty() { &search.base } else { best };
     let shrunk = if answers.is_empty() { &before } else { &after };
     let control = if answers.is_empty() { None } else { control(&searcher, &search, best, &before)? };
+    let threshold = search.threshold * temper(&searcher, best);
+    let missable = if verdict == Verdict::None { missable(problem, &search, threshold)? } else { vec![] };
     let rival_fits: Vec<(&Fit, f64)> = rivals.iter().map(|(f, w)| (*f, *w)).collect();
     let mut diagnosis = Diagnosis {
         schema: "diagnosis/1".into(),
@@ -241,9 +247,10 @@ fn conclude(problem: &Problem, spec: &ModelSpec, options: &DiagnosisOptions) -> 
         map_after: map(problem, &search, shown)?,
         map_left_out: map_left_out(problem, &search, &search.base)?,
         not_testable: not_testable(problem),
+        missable,
         next_tests: next_tests(problem, &rival_fits)?,
         ligaments: absorbed(problem, &search.base, shown),
-        threshold: search.threshold * temper(&searcher, best),
+        threshold,
         wildcard: wild.log_bayes_factor,
         misfit: [&search.base, best].map(|f| searcher.total(f) / f.residual.len() as f64),
         best: named(problem, best, temper(&searcher, believed)),

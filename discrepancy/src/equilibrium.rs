@@ -94,13 +94,16 @@ impl Bench<'_> {
         self.settle(trial, &q)
     }
 
+    /// A tangent as stiff, in every direction, as springs that give way by some ten noises under the force that holds a pose: where a knee is about to
+    /// leave the joint its own may be next to nothing, or negative, and a force out of balance would move it anywhere.
+    pub fn stiffened(&self, trial: &Trial, tangent: &Matrix6<f64>) -> Matrix6<f64> {
+        let springs = springs(trial, 0.1 * HOLD);
+        Matrix6::from_fn(|j, k| tangent[(j, k)] + if j == k { springs[j] } else { 0.0 })
+    }
+
     /// Held by springs of a force `hold` at the noise [N], from `start`.
     fn held_by(&self, trial: &Trial, measured: &Six, start: &Six, hold: f64) -> Rest {
-        let springs: [f64; 6] = std::array::from_fn(|j| match j {
-            FE => 0.0,
-            VV | IE => hold * 20.0 / trial.sd[j - 1].to_radians(),
-            _ => hold / trial.sd[j - 1],
-        });
+        let springs = springs(trial, hold);
         let (mut q, mut near) = (*start, Nearby::default());
         let mut state = self.balance(trial, (&trial.load, trial.flexion), &q, &mut near);
         for _ in 0..12 {
@@ -268,4 +271,13 @@ pub fn reading_by_balance(rest: &Rest, reading: &Matrix6<f64>) -> Option<SMatrix
     let inverse = rest.tangent.try_inverse()?;
     let all = reading * inverse;
     Some(SMatrix::from_fn(|a, b| all[([VV, IE, ML, AP, SI][a], b)]))
+}
+
+/// Springs that give way by a noise of the trial under a force `hold` [N], rotations by a lever of 20 mm.
+fn springs(trial: &Trial, hold: f64) -> [f64; 6] {
+    std::array::from_fn(|j| match j {
+        FE => 0.0,
+        VV | IE => hold * 20.0 / trial.sd[j - 1].to_radians(),
+        _ => hold / trial.sd[j - 1],
+    })
 }

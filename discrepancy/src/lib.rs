@@ -13,6 +13,7 @@ pub mod error;
 pub mod fit;
 pub mod held_out;
 pub mod map;
+pub mod missable;
 pub mod next_test;
 pub mod page;
 pub mod predict;

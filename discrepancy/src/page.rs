@@ -3,6 +3,9 @@
 use crate::catalogue::Catalogue;
 use crate::diagnosis::{Diagnosis, Named, Verdict};
 use crate::map::Cell;
+use crate::missable::Missable;
+use crate::words::{sizes, with_unit};
+use sim::laxity::COORDINATES;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
@@ -25,6 +28,7 @@ pub fn page(model: &str, d: &Diagnosis) -> String {
     bars(&mut out, d);
     ligaments(&mut out, d);
     next(&mut out, d);
+    missed(&mut out, d);
     out += "<h2>What could not be tested</h2><ul>";
     for n in &d.not_testable {
         let _ = write!(out, "<li>{}: {}</li>", escape(&n.effect), escape(&n.why));
@@ -35,17 +39,6 @@ pub fn page(model: &str, d: &Diagnosis) -> String {
         d.threshold, d.wildcard
     );
     out
-}
-
-/// A number to three figures or so.
-pub(crate) fn figures(x: f64) -> String {
-    match x.abs() {
-        a if a >= 100.0 => format!("{x:.0}"),
-        a if a >= 10.0 => format!("{x:.1}"),
-        0.0 => "0".into(),
-        a if a >= 1.0 => format!("{x:.2}"),
-        _ => format!("{x:.3}"),
-    }
 }
 
 fn escape(text: &str) -> String {
@@ -65,7 +58,7 @@ fn answers(out: &mut String, d: &Diagnosis) {
             .map(|e| format!("{}{}", e.effect, e.variant.as_ref().map(|v| format!(" ({v})")).unwrap_or_default()))
             .collect();
         let places: Vec<&str> = a.effects.iter().map(|e| e.scope.as_str()).collect();
-        let sizes: Vec<String> = a.effects.iter().flat_map(|e| sizes(&catalogue, e)).map(|t| escape(&t)).collect();
+        let sizes: Vec<String> = a.effects.iter().flat_map(|e| sizes(&catalogue, e, "")).map(|t| escape(&t)).collect();
         let _ = write!(
             out,
             "<tr><td>{}</td><td>{}</td><td>{}</td><td>{:.2}</td><td>{:.1}</td><td>{:.1}</td></tr>",
@@ -78,18 +71,6 @@ fn answers(out: &mut String, d: &Diagnosis) {
         );
     }
     *out += "</table>";
-}
-
-/// Each parameter of an effect with its 90 % interval.
-fn sizes(catalogue: &Catalogue, e: &Named) -> Vec<String> {
-    let found = catalogue.find(&e.effect).ok().map(|(f, _)| f);
-    let one = |(k, v): (&String, &crate::diagnosis::Value)| {
-        let one_sided = found.is_some_and(|f| f.parameter.iter().any(|p| p.key == *k && p.one_sided));
-        let (low, high) = v.interval(one_sided);
-        let unit = if v.unit == "-" { String::new() } else { format!(" {}", v.unit) };
-        format!("{k} {}{unit} ({} to {})", figures(v.value), figures(low), figures(high))
-    };
-    e.parameters.iter().map(one).collect()
 }
 
 /// What the answers mean in plain words, for the joint, and how to check them at the bench; where nothing is named, what came nearest.
@@ -115,8 +96,6 @@ fn meanings(out: &mut String, d: &Diagnosis) {
     }
     *out += "</table>";
 }
-
-const COORDINATES: [&str; 5] = ["vv", "ie", "ml", "ap", "si"];
 
 /// The residual maps side by side: a row a condition.
 fn maps(out: &mut String, d: &Diagnosis) {
@@ -229,6 +208,40 @@ fn next(out: &mut String, d: &Diagnosis) {
             escape(&t.source),
             t.expected_gain
         );
+    }
+    *out += "</table>";
+}
+
+/// Where nothing is named: the sizes that would have been missed, a row an effect, a column a scope.
+fn missed(out: &mut String, d: &Diagnosis) {
+    if d.missable.is_empty() {
+        return;
+    }
+    let mut scopes: Vec<&str> = Vec::new();
+    let mut rows: Vec<(&Missable, BTreeMap<&str, Vec<String>>)> = Vec::new();
+    for m in &d.missable {
+        if !scopes.contains(&m.scope.as_str()) {
+            scopes.push(&m.scope);
+        }
+        if !rows.last().is_some_and(|(r, _)| r.effect == m.effect && r.variant == m.variant) {
+            rows.push((m, BTreeMap::new()));
+        }
+        let size = format!("{} {}", m.parameter, with_unit(m.size, &m.unit));
+        rows.last_mut().expect("pushed above").1.entry(&m.scope).or_default().push(size);
+    }
+    *out += "<h2>What would have been missed</h2><p class=\"note\">Half of such data would have revealed an effect of this size, were it alone; ligaments and contact recalibrated, linear.</p><table class=\"words\"><tr><th>effect</th>";
+    for s in &scopes {
+        let _ = write!(out, "<th>{}</th>", escape(s));
+    }
+    *out += "</tr>";
+    for (m, by) in &rows {
+        let about = m.variant.as_ref().map(|v| format!(" ({v})")).unwrap_or_default();
+        let _ = write!(out, "<tr><td>{}</td>", escape(&format!("{}{about}", m.effect)));
+        for s in &scopes {
+            let cell = by.get(s).map_or(String::new(), |sizes| sizes.join("<br>"));
+            let _ = write!(out, "<td>{}</td>", cell);
+        }
+        *out += "</tr>";
     }
     *out += "</table>";
 }

@@ -296,10 +296,11 @@ impl Problem {
             .collect())
     }
 
-    /// Where a trial that finds no rest near the measured pose would rest if the knee were as stiff there as the model as given is at that pose: what
+    /// Where a trial that finds no rest near the measured pose would rest if the knee were as stiff there as the model as given is at that pose, and no less stiff than it takes to stay: what
     /// is out of balance there counts, no matter how far it would throw the knee.
     fn imagined(&self, bench: Bench, trial: &Trial, held: &Rest) -> Rest {
-        let mut rest = Rest { tangent: held.tangent, ..bench.held(trial, &held.q) };
+        let tangent = bench.stiffened(trial, &held.tangent);
+        let mut rest = Rest { tangent, ..bench.held(trial, &held.q) };
         let moved = Slopes::new(bench, trial, &rest).by(&rest.miss, &Six::zeros());
         READ.iter().zip(moved).zip(PER_UNIT).for_each(|((&j, m), unit)| rest.observed[j] += m * unit);
         rest

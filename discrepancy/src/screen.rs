@@ -88,6 +88,9 @@ impl Marginal {
     }
 }
 
+/// Size, in standard deviations of its prior, from which "would have been missed below" says nothing [-].
+const LARGE: f64 = 20.0;
+
 /// A candidate in the screen's coordinates.
 #[derive(Clone, Debug)]
 pub struct Score {
@@ -110,8 +113,24 @@ impl Score {
     /// Log Bayes factor of the candidate against nothing, for a whitened residual.
     pub fn log_bayes_factor(&self, white: &DVector<f64>) -> f64 {
         let b = self.white.tr_mul(white);
-        let log_determinant: f64 = self.factor.l_dirty().diagonal().iter().map(|x| 2.0 * x.ln()).sum();
-        0.5 * (b.dot(&self.factor.solve(&b)) - log_determinant)
+        0.5 * b.dot(&self.factor.solve(&b)) - self.occam()
+    }
+
+    /// Size of parameter `k` alone, in units of the catalogue's standard deviations, whose expected log Bayes factor is `evidence`; none where it
+    /// moves next to nothing.
+    pub fn size_for(&self, k: usize, evidence: f64) -> Option<f64> {
+        let mut unit = DVector::zeros(self.white.ncols());
+        unit[k] = 1.0 / self.width;
+        // a whitened residual that is the signature itself: what it earns grows with the square of its size
+        let b = self.white.tr_mul(&(&self.white * &unit));
+        let square = 0.5 * b.dot(&self.factor.solve(&b));
+        let size = ((evidence + self.occam()) / square).sqrt();
+        (size.is_finite() && size < LARGE).then_some(size)
+    }
+
+    /// Price of its free parameters [nats].
+    fn occam(&self) -> f64 {
+        self.factor.l_dirty().diagonal().iter().map(|x| x.ln()).sum()
     }
 
     /// Most probable parameters, in units of the catalogue's standard deviations.
@@ -141,5 +160,23 @@ mod tests {
         let s = readings.rows_of(&signature) * 1.5;
         let direct = density(&(&scatter + &s * s.transpose())) - density(&scatter);
         assert!((score.log_bayes_factor(&marginal.white) - direct).abs() < 1e-10);
+    }
+
+    #[test]
+    fn the_size_for_an_evidence_earns_it() {
+        let n = 40;
+        let signature = DMatrix::from_fn(5 * n, 2, |r, k| if r % 5 == 0 { ((r + 3 * k) as f64).sin() } else { 0.0 });
+        let readings = Readings { rows: (0..n).map(|i| (i, 0)).collect(), measured: DVector::zeros(n) };
+        let whitening = Whitening::new(DMatrix::identity(n, n) * 0.5).unwrap();
+        let marginal = Marginal { white: DVector::zeros(n), before: DVector::zeros(n), whitening };
+        for width in [1.0, 2.0] {
+            let score = Score::new(&signature, &readings, &marginal, width).unwrap();
+            let size = score.size_for(1, 6.0).unwrap();
+            let residual = marginal.whitening.white_vector(&(readings.rows_of(&signature).column(1) * size));
+            assert!((score.log_bayes_factor(&residual) - 6.0).abs() < 1e-9);
+        }
+        // what moves nothing has no size
+        let nothing = Score::new(&DMatrix::zeros(5 * n, 1), &readings, &marginal, 1.0).unwrap();
+        assert_eq!(nothing.size_for(0, 6.0), None);
     }
 }

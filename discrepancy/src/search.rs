@@ -14,6 +14,9 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+/// Most rounds in which effects of an answer are exchanged [-].
+const EXCHANGES: usize = 3;
+
 /// How a diagnosis is made.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
@@ -179,13 +182,27 @@ impl Searcher<'_> {
                 break;
             }
             let fewer = self.options.shortlist.saturating_sub(2).max(1);
-            rivals.extend(self.refits(&best, (&readings, &cov), &candidates, (&list, fewer), best.log_evidence)?);
+            let mut further =
+                self.refits(&best, (&readings, &cov), &candidates, (&list, fewer), best.log_evidence)?;
+            if self.is_poor(further.first().unwrap_or(&best)) {
+                further.extend(self.shaped(&best, (&readings, &cov), &candidates, &[], best.log_evidence)?);
+            }
+            rivals.extend(further);
             self.sort(&mut rivals);
             if self.log(&rivals[0]) < before + least {
                 rivals.retain(|f| f.hypothesis.len() == best.hypothesis.len());
                 break;
             }
             (base, rivals, cov) = self.again(base, rivals, &readings, &extra)?;
+            for _ in 0..EXCHANGES {
+                let Some(best) = rivals.first().cloned() else { break };
+                rivals.extend(self.exchanged(&best, (&readings, &cov), &candidates)?);
+                self.sort(&mut rivals);
+                if self.log(&rivals[0]) < self.log(&best) + 1.0 {
+                    break;
+                }
+                (base, rivals, cov) = self.again(base, rivals, &readings, &extra)?;
+            }
         }
         if rivals.first().is_some_and(|best| self.gain(best, &base) >= threshold) {
             self.weigh_in_own_scatter(&mut rivals, &readings, &extra)?;

@@ -1,8 +1,8 @@
 //! The verdict in sentences for a researcher who has read no manual.
 
+use crate::catalogue::Catalogue;
 use crate::diagnosis::{Answer, Diagnosis, Named, Verdict};
 use crate::map::Cell;
-use crate::page::figures;
 use crate::problem::Problem;
 use crate::search::Search;
 use crate::wildcard::Wildcard;
@@ -18,10 +18,8 @@ pub(crate) fn description(problem: &Problem, d: &Diagnosis, wild: &Wildcard, sea
             } else {
                 "No disagreement beyond measurement noise and the declared floor of the model."
             };
-            if let Some((c, l)) = search.screened.first() {
-                let fate = if *l > d.threshold { "in the linear screen, and less once refitted" } else { "only" };
-                let _ = write!(out, " The nearest effect, {}, changes the log odds by {l:.1} {fate}.", c.effect.title);
-            }
+            out += &nearest(problem, d, search);
+            out += " Effects smaller than those of the table would more often have been missed than named.";
         }
         Verdict::Unnamed => {
             out += "Something is missing that the catalogue does not have. ";
@@ -65,28 +63,65 @@ pub(crate) fn description(problem: &Problem, d: &Diagnosis, wild: &Wildcard, sea
     out
 }
 
+/// What came nearest where nothing is named, refitted where the screen asked for it.
+fn nearest(problem: &Problem, d: &Diagnosis, search: &Search) -> String {
+    let sources = problem.sources.len();
+    let earned = |f: &crate::fit::Fit| crate::search::weighed(f, sources) - crate::search::weighed(&search.base, sources);
+    let asked = format!("{:.1} are asked for", d.threshold);
+    match (search.rivals.first(), search.screened.first()) {
+        (Some(best), _) if !d.best.is_empty() => {
+            let names: Vec<String> = d.best.iter().map(|e| named(&problem.catalogue, e)).collect();
+            let earned = earned(best);
+            format!(" The nearest, {}, changes the log odds by {earned:.1}; {asked}.", names.join("; together with "))
+        }
+        (_, Some((c, gain))) => {
+            format!(" The nearest effect, {}, changes the log odds by {gain:.1} only; {asked}.", c.effect.title)
+        }
+        _ => String::new(),
+    }
+}
+
 fn answer(problem: &Problem, a: &Answer) -> String {
-    let one = |e: &Named| {
-        let found = problem.catalogue.find(&e.effect).ok().map(|(f, _)| f);
-        let title = found.map_or(e.effect.clone(), |f| f.title.clone());
-        let sizes: Vec<String> = e
-            .parameters
-            .iter()
-            .map(|(k, v)| {
-                let one_sided = found.is_some_and(|f| f.parameter.iter().any(|p| p.key == *k && p.one_sided));
-                let (low, high) = v.interval(one_sided);
-                let unit = if v.unit == "-" { String::new() } else { format!(" {}", v.unit) };
-                format!("{k} {}{unit} (90 % {} to {})", figures(v.value), figures(low), figures(high))
-            })
-            .collect();
-        let about = e
-            .variant
-            .as_ref()
-            .map_or(String::new(), |v| if v.starts_with("about ") { format!(" {v}") } else { format!(" of {v}") });
-        let place = if e.scope == "both" { "in all data sets".to_owned() } else { format!("in {}", e.scope) };
-        format!("{title}{about} {place}, {}", sizes.join(", "))
+    a.effects.iter().map(|e| named(&problem.catalogue, e)).collect::<Vec<_>>().join("; together with ")
+}
+
+/// An effect in words: its title, where, and its sizes.
+fn named(catalogue: &Catalogue, e: &Named) -> String {
+    let title = catalogue.find(&e.effect).map_or(e.effect.clone(), |(f, _)| f.title.clone());
+    let about = e
+        .variant
+        .as_ref()
+        .map_or(String::new(), |v| if v.starts_with("about ") { format!(" {v}") } else { format!(" of {v}") });
+    let place = if e.scope == "both" { "in all data sets".to_owned() } else { format!("in {}", e.scope) };
+    format!("{title}{about} {place}, {}", sizes(catalogue, e, "90 % ").join(", "))
+}
+
+/// Each parameter of an effect with its 90 % interval, told as such by `label`.
+pub(crate) fn sizes(catalogue: &Catalogue, e: &Named, label: &str) -> Vec<String> {
+    let found = catalogue.find(&e.effect).ok().map(|(f, _)| f);
+    let one = |(k, v): (&String, &crate::diagnosis::Value)| {
+        let one_sided = found.is_some_and(|f| f.parameter.iter().any(|p| p.key == *k && p.one_sided));
+        let (low, high) = v.interval(one_sided);
+        let size = with_unit(v.value, &v.unit);
+        format!("{k} {size} ({label}{} to {})", figures(low), figures(high))
     };
-    a.effects.iter().map(one).collect::<Vec<_>>().join("; together with ")
+    e.parameters.iter().map(one).collect()
+}
+
+/// A number with its unit.
+pub(crate) fn with_unit(x: f64, unit: &str) -> String {
+    if unit == "-" { figures(x) } else { format!("{} {unit}", figures(x)) }
+}
+
+/// A number to three figures or so.
+pub(crate) fn figures(x: f64) -> String {
+    match x.abs() {
+        a if a >= 100.0 => format!("{x:.0}"),
+        a if a >= 10.0 => format!("{x:.1}"),
+        0.0 => "0".into(),
+        a if a >= 1.0 => format!("{x:.2}"),
+        _ => format!("{x:.3}"),
+    }
 }
 
 /// A ligament's parameter in words, with its unit.
@@ -154,8 +189,9 @@ fn shifts(d: &Diagnosis) -> String {
         .iter()
         .take(3)
         .map(|l| {
-            let (without, with) = (figures(l.without), figures(l.with));
-            format!("{} {} {without} to {with}", l.bundle, parameter(&l.parameter))
+            // a reference strain moves by thousandths
+            let places = if l.parameter == "reference_strain" { 3 } else { 1 };
+            format!("{} {} {:.places$} to {:.places$}", l.bundle, parameter(&l.parameter), l.without, l.with)
         })
         .collect();
     format!(" The ligaments had taken up part of it: with the effect {}.", told.join(", "))

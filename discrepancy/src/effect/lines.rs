@@ -5,7 +5,7 @@
 use super::Situation;
 use meshes::Vector;
 use meshes::frame::AnatomicalFrame;
-use sim::joint::Six;
+use sim::joint::{FE, Six};
 use sim::ligament::{Fibre, Line};
 
 /// A point of a frame, CT pose.
@@ -44,12 +44,22 @@ pub(super) fn iliotibial(here: &Situation) -> Six {
     pull(here, [-55.0, 10.0, 350.0], [-30.0, 18.0, -18.0])
 }
 
-/// The patellar tendon at the tuberosity: 20 deg forward of the shaft in extension, 8 deg backward at 90 deg of flexion [riener1999].
+/// The tibial tuberosity, and the length of the tendon from it to the patella's apex [mm].
+const TUBEROSITY: [f64; 3] = [-5.0, 32.0, -30.0];
+const TENDON: f64 = 45.0;
+
+/// The patellar tendon: from the patella, which follows the femur's groove, to the tuberosity. In the unloaded pose it points 20 deg forward of the
+/// tibia's shaft in extension and 8 deg backward of it at 90 deg of flexion [riener1999].
 pub(super) fn patellar_tendon(here: &Situation) -> Six {
     let tibia = &here.place.tibia;
     let angle = (20.0 - 28.0 * here.flexion.to_degrees() / 90.0).to_radians();
-    let on_tibia = tibia.superior * angle.cos() + tibia.anterior * angle.sin();
-    let at = point(tibia, [0.0, 32.0, -30.0]);
-    // the femur feels the reaction along the same line
-    Six::from_fn(|j, _| -on_tibia.dot(&here.pose.screws[j].at(&at)))
+    let way = tibia.superior * angle.cos() + tibia.anterior * angle.sin();
+    let tuberosity = point(tibia, TUBEROSITY);
+    let mut unloaded = here.trial.neutral;
+    unloaded[FE] = here.q[FE];
+    let unloaded = here.model.joint.pose(&unloaded).femur;
+    let apex = unloaded.inverse_transform_point(&(tuberosity + way * TENDON).into()).coords;
+    let femur = &here.place.femur;
+    let apex = apex - femur.medial * femur.medial.dot(&(apex - femur.origin.coords));
+    -Fibre { bundle: 0, femur: apex, tibia: tuberosity, initial_length: TENDON }.line(&here.pose).gradient
 }

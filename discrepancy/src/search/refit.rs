@@ -19,6 +19,16 @@ fn lifts(common: &[f64], own: &[f64]) -> Vec<f64> {
     common.iter().zip(own).map(lift).collect()
 }
 
+/// A fit's hypothesis and unknowns without its effect `k`.
+fn without(fit: &Fit, k: usize, nuisances: usize) -> (Vec<Candidate>, Vec<f64>) {
+    let first = nuisances + fit.hypothesis[..k].iter().map(Candidate::size).sum::<usize>();
+    let mut unknowns = fit.unknowns.clone();
+    unknowns.drain(first..first + fit.hypothesis[k].size());
+    let mut hypothesis = fit.hypothesis.clone();
+    hypothesis.remove(k);
+    (hypothesis, unknowns)
+}
+
 impl Searcher<'_> {
     /// Joint refits of a fit with the best of the screen: two scopes or variants of an effect at most.
     pub(super) fn refits(
@@ -65,7 +75,7 @@ impl Searcher<'_> {
         Ok(fits)
     }
 
-    /// Refits, from a typical size, of effects whose shape is free: a screen about one shape cannot judge those.
+    /// Refits, from a typical size, of effects whose shape is free beside what a fit has already: a screen about one shape cannot judge those.
     pub(super) fn shaped(
         &self,
         at: &Fit,
@@ -74,10 +84,11 @@ impl Searcher<'_> {
         tried: &[Fit],
         without: f64,
     ) -> Result<Vec<Fit>, DiscrepancyError> {
-        let is_tried = |c: &Candidate| tried.iter().any(|f| f.hypothesis == [c.clone()]);
+        let beside = |c: &Candidate| [&at.hypothesis[..], &[c.clone()]].concat();
         let left: Vec<&Candidate> = candidates
             .iter()
-            .filter(|c| c.scope == Scope::Both && c.effect.parameter.iter().any(|p| p.shape) && !is_tried(c))
+            .filter(|c| c.scope == Scope::Both && c.effect.parameter.iter().any(|p| p.shape))
+            .filter(|c| !at.hypothesis.contains(c) && tried.iter().all(|f| f.hypothesis != beside(c)))
             .collect();
         let mixture = Mixture::new(readings, readings.block_of(cov), &self.problem.trials)?;
         let fits: Vec<Fit> = left
@@ -85,12 +96,34 @@ impl Searcher<'_> {
             .map(|c| {
                 let mut start = at.unknowns.clone();
                 start.extend(c.effect.parameter.iter().map(|p| if p.shape { 0.0 } else { 1.0 }));
-                let hypothesis = [(*c).clone()];
-                let fit = self.fit_to(&hypothesis, &start, &at.coordinates(), (readings, &mixture), 8)?;
+                let fit = self.fit_to(&beside(c), &start, &at.coordinates(), (readings, &mixture), 8)?;
                 Ok(fit.earned(without, c.size()))
             })
             .collect::<Result<_, DiscrepancyError>>()?;
         Ok(fits)
+    }
+
+    /// Answers of as many effects with one exchanged for another: what was found first may only have stood in for what came later.
+    pub(super) fn exchanged(
+        &self,
+        best: &Fit,
+        (readings, cov): (&Readings, &DMatrix<f64>),
+        candidates: &[Candidate],
+    ) -> Result<Vec<Fit>, DiscrepancyError> {
+        let mixture = Mixture::new(readings, readings.block_of(cov), &self.problem.trials)?;
+        let mut out = Vec::new();
+        for k in 0..best.hypothesis.len() {
+            let (hypothesis, start) = without(best, k, self.problem.nuisances());
+            let at = self.fit_to(&hypothesis, &start, &best.coordinates(), (readings, &mixture), 8)?;
+            let (list, _) = self.screen(&at, readings, cov, candidates)?;
+            let mut fits =
+                self.refits(&at, (readings, cov), candidates, (&list, self.options.shortlist / 2), at.log_evidence)?;
+            if self.is_poor(&at) {
+                fits.extend(self.shaped(&at, (readings, cov), candidates, &fits, at.log_evidence)?);
+            }
+            out.extend(fits);
+        }
+        Ok(out)
     }
 
     /// Lifts rivals that come closer to the best where each is weighed in the scatter at its own fit: the scatter at the best favours the best, by

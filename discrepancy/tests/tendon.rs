@@ -1,0 +1,54 @@
+//! How the patellar tendon pulls, on the published deck.
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+mod common;
+
+use common::shared;
+use discrepancy::catalogue::Catalogue;
+use discrepancy::effect::Active;
+use discrepancy::problem::Problem;
+use discrepancy::trial::Source;
+use sim::joint::{AP, IE, ML, SI};
+
+const FLEXIONS: [f64; 4] = [0.0, 30.0, 60.0, 90.0];
+
+fn problem() -> Option<Problem> {
+    let folder = shared("tendon", "published/S192803/deck")?;
+    #[expect(clippy::disallowed_methods, reason = "published data")]
+    let mut read = |name: &str| std::fs::read(folder.join(name)).map_err(|e| e.to_string());
+    let deck = sim::abaqus::import("S192803_MAIN_LAXITY_Anterior_0deg_0.inp", &mut read).unwrap();
+    let model = sim::compile(&deck.spec, &deck.meshes).unwrap();
+    let mut text = "trial,test,nominal_flexion_deg,load_vv_nm,load_ie_nm,load_ml_n,load_ap_n,load_si_n,\
+                    fe_deg,vv_deg,ie_deg,ml_mm,ap_mm,si_mm\n"
+        .to_owned();
+    for f in FLEXIONS {
+        text += &format!("at_{f},neutral,{f},0,0,0,0,50,{f},0,0,0,0,-21\n");
+    }
+    let trials = sim::laxity::read(text.as_bytes()).unwrap().trials;
+    Some(Problem::new(&model, &deck.spec, &[Source { name: "rks".into(), trials }], &Catalogue::shipped()).unwrap())
+}
+
+#[test]
+fn it_pulls_forward_near_extension_backward_in_flexion_and_back_into_the_groove() {
+    let Some(problem) = problem() else { return };
+    let catalogue = Catalogue::shipped();
+    let (effect, variant) = catalogue.find("quad_passive").unwrap();
+    let tendon = Active::new(effect, variant, vec![100.0]).unwrap();
+    for (trial, flexion) in problem.trials.iter().zip(FLEXIONS) {
+        let force = |q: &sim::joint::Six| {
+            tendon.force(&problem.place.situation(&problem.model, trial, &trial.load, q))
+        };
+        let at_rest = force(&trial.neutral);
+        // against the shaft, [riener1999]: 20 deg forward in extension, 8 deg backward at 90 deg
+        let forward = 100.0 * (20.0 - 28.0 * flexion / 90.0).to_radians().sin();
+        assert!((at_rest[AP] - forward).abs() < 4.0, "{flexion} deg: {} N, {forward} N", at_rest[AP]);
+        assert!(at_rest[SI] > 85.0, "{flexion} deg: {} N up", at_rest[SI]);
+        // a tibia that has slipped aside, or turned, is drawn back
+        for (k, by, stiffness) in [(ML, 2.0, 100.0 / 45.0), (IE, 0.05, 100.0 * 32.0 * 32.0 / 45.0)] {
+            let mut moved = trial.neutral;
+            moved[k] += by;
+            let back = (at_rest[k] - force(&moved)[k]) / by;
+            assert!(back > 0.5 * stiffness && back < 2.0 * stiffness, "{flexion} deg, coordinate {k}: {back}");
+        }
+    }
+}
