@@ -9,7 +9,7 @@ use sim::joint::Six;
 use validation::levenberg::box_step;
 
 /// Bounds of the unknowns, in units of their prior.
-const REACH: f64 = 8.0;
+pub(crate) const REACH: f64 = 8.0;
 
 /// Below this log Bayes factor of its own size, an effect's evidence is looked into.
 const DOUBTFUL: f64 = 15.0;

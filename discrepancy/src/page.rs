@@ -235,7 +235,8 @@ fn missed(out: &mut String, d: &Diagnosis) {
     }
     *out += "</tr>";
     for (m, by) in &rows {
-        let about = m.variant.as_ref().map(|v| format!(" ({v})")).unwrap_or_default();
+        let told = |v: &&String| !m.effect.ends_with(v.as_str());
+        let about = m.variant.as_ref().filter(told).map(|v| format!(" ({v})")).unwrap_or_default();
         let _ = write!(out, "<tr><td>{}</td>", escape(&format!("{}{about}", m.effect)));
         for s in &scopes {
             let cell = by.get(s).map_or(String::new(), |sizes| sizes.join("<br>"));

@@ -3,7 +3,7 @@
 use crate::covariance::{Readings, Whitening};
 use crate::equilibrium::Bench;
 use crate::error::DiscrepancyError;
-use crate::fit::Fit;
+use crate::fit::{Fit, REACH};
 use crate::problem::{Candidate, Problem, Slopes};
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rayon::prelude::*;
@@ -88,9 +88,6 @@ impl Marginal {
     }
 }
 
-/// Size, in standard deviations of its prior, from which "would have been missed below" says nothing [-].
-const LARGE: f64 = 20.0;
-
 /// A candidate in the screen's coordinates.
 #[derive(Clone, Debug)]
 pub struct Score {
@@ -116,8 +113,8 @@ impl Score {
         0.5 * b.dot(&self.factor.solve(&b)) - self.occam()
     }
 
-    /// Size of parameter `k` alone, in units of the catalogue's standard deviations, whose expected log Bayes factor is `evidence`; none where it
-    /// moves next to nothing.
+    /// Size of parameter `k` alone, in units of the catalogue's standard deviations, whose expected log Bayes factor is `evidence`; none beyond
+    /// what a fit would reach.
     pub fn size_for(&self, k: usize, evidence: f64) -> Option<f64> {
         let mut unit = DVector::zeros(self.white.ncols());
         unit[k] = 1.0 / self.width;
@@ -125,7 +122,7 @@ impl Score {
         let b = self.white.tr_mul(&(&self.white * &unit));
         let square = 0.5 * b.dot(&self.factor.solve(&b));
         let size = ((evidence + self.occam()) / square).sqrt();
-        (size.is_finite() && size < LARGE).then_some(size)
+        (size.is_finite() && size < REACH).then_some(size)
     }
 
     /// Price of its free parameters [nats].

@@ -45,9 +45,8 @@ const NAMELESS: [f64; 2] = [5.0, 1.8];
 const NAMELESS_ALONE: [f64; 2] = [8.0, 2.5];
 /// Size of an effect, in standard deviations of its prior, that is no longer the effect of that name [-].
 const BEYOND_BELIEF: f64 = 5.0;
-/// Share of the held-out gap that a named effect must close where the rest stays significant; closing less, it is not what is missing [-].
-const LEAST_CLOSED: f64 = 0.3;
-/// And that a decisive answer must close [-]: leaving more than it closes, it is at most part of what is missing.
+/// Share of the held-out gap that a decisive answer must close, and every answer whose rest stays significant [-]: leaving more than it closes, it
+/// is at most part of what is missing.
 const MOSTLY: f64 = 0.5;
 /// Log Bayes factor that a decisive answer must have [-]: the nearest kin of the catalogue differ by a tenth of what they explain, and a tenth of this
 /// tells an unknown one of that kind apart by odds of 20.
@@ -127,7 +126,7 @@ impl Grounds {
         let [field, poor] = if self.is_named { NAMELESS } else { NAMELESS_ALONE };
         let fitting = self.is_named && self.is_expected && self.left < self.form_share;
         let nameless = self.wild > field && !fitting;
-        let beside = if self.is_named { self.closes < LEAST_CLOSED } else { deviations > BEYOND_DOUBT };
+        let beside = if self.is_named { self.closes < MOSTLY } else { deviations > BEYOND_DOUBT };
         // a size that nobody would expect needs no misfit to be doubted
         let strange = self.is_named && !self.is_expected && self.wild > field;
         strange || deviations > poor && (nameless || beside)

@@ -12,6 +12,11 @@ use validation::design::Kind;
 
 /// The published deck under 10 N m of varus and of valgus at 60 and 90 deg, measured where the deck itself rests.
 fn problem() -> Option<Problem> {
+    problem_off(0.0)
+}
+
+/// The same, measured `varus` degrees from where the deck rests.
+fn problem_off(varus: f64) -> Option<Problem> {
     let folder = shared("rests", "published/S192803/deck")?;
     #[expect(clippy::disallowed_methods, reason = "published data")]
     let mut read = |name: &str| std::fs::read(folder.join(name)).map_err(|e| e.to_string());
@@ -32,7 +37,12 @@ fn problem() -> Option<Problem> {
     let own = Bench { model: &anywhere.model, effects: &[], place: &anywhere.place };
     let rests: Vec<Rest> = anywhere.trials.iter().map(|t| own.walk(t)).collect();
     assert!(rests.iter().all(|r| r.balanced));
-    Some(at(&rests.iter().map(reading).collect::<Vec<_>>()))
+    let moved = |r: &Rest| {
+        let mut out = reading(r);
+        out[0] += varus;
+        out
+    };
+    Some(at(&rests.iter().map(moved).collect::<Vec<_>>()))
 }
 
 /// Name, flexion [deg], varus moment [N m].
@@ -72,4 +82,20 @@ fn where_no_rest_is_near_what_is_out_of_balance_counts_and_grows_with_its_cause(
         assert!(led[0].miss.norm() > 1000.0 && now > before && now < 10.0, "{by}: {now}, {before}");
         before = now;
     }
+}
+
+#[test]
+fn on_the_brink_a_tenth_of_a_degree_changes_little() {
+    // measured there, the stiffness of trial b as given passes through nothing on its way to negative
+    let away: Option<Vec<f64>> = [5.6, 5.7, 5.8, 5.9, 6.0]
+        .iter()
+        .map(|varus| {
+            let problem = problem_off(*varus)?;
+            let led = problem.nearer(&[], &loosened(&problem, -6.0), &[]).unwrap();
+            assert!(led[1].miss.norm() > 1000.0, "no rest is near");
+            Some(off(&problem, &led)[1])
+        })
+        .collect();
+    let Some(away) = away else { return };
+    assert!(away.windows(2).all(|w| (w[0] - w[1]).abs() < 1.0), "{away:?}");
 }

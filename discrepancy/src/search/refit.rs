@@ -84,7 +84,7 @@ impl Searcher<'_> {
         tried: &[Fit],
         without: f64,
     ) -> Result<Vec<Fit>, DiscrepancyError> {
-        let beside = |c: &Candidate| [&at.hypothesis[..], &[c.clone()]].concat();
+        let beside = |c: &Candidate| [&at.hypothesis[..], std::slice::from_ref(c)].concat();
         let left: Vec<&Candidate> = candidates
             .iter()
             .filter(|c| c.scope == Scope::Both && c.effect.parameter.iter().any(|p| p.shape))
