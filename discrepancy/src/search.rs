@@ -16,6 +16,9 @@ use serde::{Deserialize, Serialize};
 
 /// Most rounds in which effects of an answer are exchanged [-].
 const EXCHANGES: usize = 3;
+/// Sum of squares, over what it should be, that an answer may leave for that to be worth the time, and for shapes beside it [-]: beyond, no further
+/// effect makes it a name.
+const HOPELESS: [f64; 2] = [3.0, 10.0];
 
 /// How a diagnosis is made.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -184,7 +187,8 @@ impl Searcher<'_> {
             let fewer = self.options.shortlist.saturating_sub(2).max(1);
             let mut further =
                 self.refits(&best, (&readings, &cov), &candidates, (&list, fewer), best.log_evidence)?;
-            if self.is_poor(further.first().unwrap_or(&best)) {
+            let near = further.first().unwrap_or(&best);
+            if self.is_poor(near) && self.leaves(near) < HOPELESS[1] {
                 further.extend(self.shaped(&best, (&readings, &cov), &candidates, &[], best.log_evidence)?);
             }
             rivals.extend(further);
@@ -196,6 +200,9 @@ impl Searcher<'_> {
             (base, rivals, cov) = self.again(base, rivals, &readings, &extra)?;
             for _ in 0..EXCHANGES {
                 let Some(best) = rivals.first().cloned() else { break };
+                if self.leaves(&best) > HOPELESS[0] {
+                    break;
+                }
                 rivals.extend(self.exchanged(&best, (&readings, &cov), &candidates)?);
                 self.sort(&mut rivals);
                 if self.log(&rivals[0]) < self.log(&best) + 1.0 {
@@ -228,6 +235,11 @@ impl Searcher<'_> {
     /// Misfit and cost of the ligaments: about the number of readings when the hypothesis is true.
     pub fn total(&self, fit: &Fit) -> f64 {
         fit.misfit + fit.unknowns[..self.problem.nuisances()].iter().map(|x| x * x).sum::<f64>()
+    }
+
+    /// The same over the number of readings.
+    fn leaves(&self, fit: &Fit) -> f64 {
+        self.total(fit) / fit.residual.len() as f64
     }
 
     /// Gain of evidence over nothing missing.
