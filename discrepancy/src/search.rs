@@ -185,8 +185,7 @@ impl Searcher<'_> {
                 break;
             }
             let fewer = self.options.shortlist.saturating_sub(2).max(1);
-            let mut further =
-                self.refits(&best, (&readings, &cov), &candidates, (&list, fewer), best.log_evidence)?;
+            let mut further = self.refits(&best, (&readings, &cov), &candidates, (&list, fewer), best.log_evidence)?;
             let near = further.first().unwrap_or(&best);
             if self.is_poor(near) && self.leaves(near) < HOPELESS[1] {
                 further.extend(self.shaped(&best, (&readings, &cov), &candidates, &[], best.log_evidence)?);

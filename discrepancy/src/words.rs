@@ -66,7 +66,8 @@ pub(crate) fn description(problem: &Problem, d: &Diagnosis, wild: &Wildcard, sea
 /// What came nearest where nothing is named, refitted where the screen asked for it.
 fn nearest(problem: &Problem, d: &Diagnosis, search: &Search) -> String {
     let sources = problem.sources.len();
-    let earned = |f: &crate::fit::Fit| crate::search::weighed(f, sources) - crate::search::weighed(&search.base, sources);
+    let earned =
+        |f: &crate::fit::Fit| crate::search::weighed(f, sources) - crate::search::weighed(&search.base, sources);
     let asked = format!("{:.1} are asked for", d.threshold);
     match (search.rivals.first(), search.screened.first()) {
         (Some(best), _) if !d.best.is_empty() => {

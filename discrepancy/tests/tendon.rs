@@ -35,9 +35,7 @@ fn it_pulls_forward_near_extension_backward_in_flexion_and_back_into_the_groove(
     let (effect, variant) = catalogue.find("quad_passive").unwrap();
     let tendon = Active::new(effect, variant, vec![100.0]).unwrap();
     for (trial, flexion) in problem.trials.iter().zip(FLEXIONS) {
-        let force = |q: &sim::joint::Six| {
-            tendon.force(&problem.place.situation(&problem.model, trial, &trial.load, q))
-        };
+        let force = |q: &sim::joint::Six| tendon.force(&problem.place.situation(&problem.model, trial, &trial.load, q));
         let at_rest = force(&trial.neutral);
         // against the shaft, [riener1999]: 20 deg forward in extension, 8 deg backward at 90 deg
         let forward = 100.0 * (20.0 - 28.0 * flexion / 90.0).to_radians().sin();
