@@ -1,6 +1,7 @@
 //! The search for what is missing: baseline, screen, joint refits, one effect after another.
 
 mod refit;
+mod steps;
 
 use crate::covariance::{Floor, Readings, covariance, normal, remainders};
 use crate::error::DiscrepancyError;
@@ -13,12 +14,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-
-/// Most rounds in which effects of an answer are exchanged [-].
-const EXCHANGES: usize = 3;
-/// Sum of squares, over what it should be, that an answer may leave for that to be worth the time, and for shapes beside it [-]: beyond, no further
-/// effect makes it a name.
-const HOPELESS: [f64; 2] = [3.0, 10.0];
+use steps::{Found, Given};
 
 /// How a diagnosis is made.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -146,72 +142,23 @@ impl Searcher<'_> {
     /// Errors: a model that cannot be evaluated, data without information.
     pub fn search(&self) -> Result<Search, DiscrepancyError> {
         let readings = Readings::of(self.problem, &|_| true);
-        let Start { zero, held, base, extra, cov } = self.baseline(&readings)?;
-        let (mut base, mut cov) = (base, cov);
+        let start = self.baseline(&readings)?;
         let candidates = self.problem.candidates();
-        let (list, threshold) = self.screen(&base, &readings, &cov, &candidates)?;
+        let (list, threshold) = self.screen(&start.base, &readings, &start.cov, &candidates)?;
         let screened: Vec<(Candidate, f64)> = list.iter().map(|l| (candidates[l.candidate].clone(), l.gain)).collect();
-        let mut rivals = Vec::new();
-        let promising = list.first().is_some_and(|l| l.gain > 0.0);
-        if promising || self.is_poor(&base) {
-            let near = self.scatter(&held, &extra)?;
-            let (forces, _) = self.screen(&held, &readings, &near, &candidates)?;
-            // a large effect bends the ligaments of the baseline and the poses: screen and start from the model's own and at the measured, too
-            let (plain, _) = self.screen(&zero, &readings, &cov, &candidates)?;
-            let (most, few) = (self.options.shortlist, self.options.shortlist / 2);
-            let none = base.log_evidence;
-            rivals = self.refits(&base, (&readings, &cov), &candidates, (&list, most), none)?;
-            rivals.extend(self.refits(&zero, (&readings, &cov), &candidates, (&plain, few), none)?);
-            rivals.extend(self.refits(&held, (&readings, &cov), &candidates, (&forces, most), none)?);
-            self.sort(&mut rivals);
-            (base, rivals, cov) = self.again(base, rivals, &readings, &extra)?;
-            if self.is_poor(rivals.first().unwrap_or(&base)) {
-                rivals.extend(self.shaped(&zero, (&readings, &cov), &candidates, &rivals, base.log_evidence)?);
-                self.sort(&mut rivals);
-                (base, rivals, cov) = self.again(base, rivals, &readings, &extra)?;
-            }
-        }
+        let given = Given { readings: &readings, candidates: &candidates, extra: &start.extra, threshold };
+        let mut found = self.singles(&start, given, &list)?;
         for _ in 1..self.options.most_effects {
-            let Some(best) = rivals.first().cloned() else { break };
-            if self.gain(&best, &base) < threshold {
+            let more;
+            (found, more) = self.another(found, given)?;
+            if !more {
                 break;
             }
-            let before = self.log(&best);
-            let options = self.options;
-            let added = if self.is_poor(&best) { options.least_further } else { options.least_beside };
-            let least = threshold.max(added).max(0.03 * self.gain(&best, &base));
-            let (list, _) = self.screen(&best, &readings, &cov, &candidates)?;
-            if !self.is_poor(&best) && list.first().is_none_or(|l| l.gain < least) {
-                break;
-            }
-            let fewer = self.options.shortlist.saturating_sub(2).max(1);
-            let mut further = self.refits(&best, (&readings, &cov), &candidates, (&list, fewer), best.log_evidence)?;
-            let near = further.first().unwrap_or(&best);
-            if self.is_poor(near) && self.leaves(near) < HOPELESS[1] {
-                further.extend(self.shaped(&best, (&readings, &cov), &candidates, &[], best.log_evidence)?);
-            }
-            rivals.extend(further);
-            self.sort(&mut rivals);
-            if self.log(&rivals[0]) < before + least {
-                rivals.retain(|f| f.hypothesis.len() == best.hypothesis.len());
-                break;
-            }
-            (base, rivals, cov) = self.again(base, rivals, &readings, &extra)?;
-            for _ in 0..EXCHANGES {
-                let Some(best) = rivals.first().cloned() else { break };
-                if self.leaves(&best) > HOPELESS[0] {
-                    break;
-                }
-                rivals.extend(self.exchanged(&best, (&readings, &cov), &candidates)?);
-                self.sort(&mut rivals);
-                if self.log(&rivals[0]) < self.log(&best) + 1.0 {
-                    break;
-                }
-                (base, rivals, cov) = self.again(base, rivals, &readings, &extra)?;
-            }
+            found = self.exchange(found, given)?;
         }
+        let Found { base, mut rivals, cov } = found;
         if rivals.first().is_some_and(|best| self.gain(best, &base) >= threshold) {
-            self.weigh_in_own_scatter(&mut rivals, &readings, &extra)?;
+            self.weigh_in_own_scatter(&mut rivals, &readings, &start.extra)?;
         }
         Ok(Search { readings, covariance: cov, base, rivals, threshold, screened })
     }

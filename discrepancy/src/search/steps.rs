@@ -1,0 +1,120 @@
+//! The steps of a search: single effects, one more beside the best, one exchanged for another.
+
+use super::{Screened, Searcher, Start};
+use crate::covariance::Readings;
+use crate::error::DiscrepancyError;
+use crate::fit::Fit;
+use crate::problem::Candidate;
+use nalgebra::DMatrix;
+
+/// Most rounds in which effects of an answer are exchanged [-].
+const EXCHANGES: usize = 3;
+/// Sum of squares, over what it should be, that an answer may leave for that to be worth the time, and for shapes beside it [-]: beyond, no further
+/// effect makes it a name.
+const HOPELESS: [f64; 2] = [3.0, 10.0];
+
+/// What every step works with.
+#[derive(Clone, Copy)]
+pub(super) struct Given<'a> {
+    /// Readings fitted.
+    pub readings: &'a Readings,
+    /// All that could be named.
+    pub candidates: &'a [Candidate],
+    /// Scatter of what is not linear.
+    pub extra: &'a DMatrix<f64>,
+    /// Least gain of log evidence for an effect.
+    pub threshold: f64,
+}
+
+/// What was found so far.
+pub(super) struct Found {
+    /// Nothing missing.
+    pub base: Fit,
+    /// Hypotheses refitted, best first.
+    pub rivals: Vec<Fit>,
+    /// The scatter at the best.
+    pub cov: DMatrix<f64>,
+}
+
+impl Searcher<'_> {
+    /// The best single effects, refitted; none where neither screen nor misfit asks for any.
+    pub(super) fn singles(&self, start: &Start, given: Given, list: &[Screened]) -> Result<Found, DiscrepancyError> {
+        let Start { zero, held, base, extra, cov } = start;
+        let (readings, candidates) = (given.readings, given.candidates);
+        let mut found = Found { base: base.clone(), rivals: vec![], cov: cov.clone() };
+        if list.first().is_none_or(|l| l.gain <= 0.0) && !self.is_poor(base) {
+            return Ok(found);
+        }
+        let near = self.scatter(held, extra)?;
+        let (forces, _) = self.screen(held, readings, &near, candidates)?;
+        // a large effect bends the ligaments of the baseline and the poses: screen and start from the model's own and at the measured, too
+        let (plain, _) = self.screen(zero, readings, cov, candidates)?;
+        let (most, few) = (self.options.shortlist, self.options.shortlist / 2);
+        let none = base.log_evidence;
+        found.rivals = self.refits(base, (readings, cov), candidates, (list, most), none)?;
+        found.rivals.extend(self.refits(zero, (readings, cov), candidates, (&plain, few), none)?);
+        found.rivals.extend(self.refits(held, (readings, cov), candidates, (&forces, most), none)?);
+        found = self.renewed(found, given)?;
+        if self.is_poor(found.rivals.first().unwrap_or(&found.base)) {
+            let none = found.base.log_evidence;
+            let shaped = self.shaped(zero, (readings, &found.cov), candidates, &found.rivals, none)?;
+            found.rivals.extend(shaped);
+            found = self.renewed(found, given)?;
+        }
+        Ok(found)
+    }
+
+    /// One more effect beside the best, and whether one earns its place.
+    pub(super) fn another(&self, mut found: Found, given: Given) -> Result<(Found, bool), DiscrepancyError> {
+        let data = (given.readings, &found.cov);
+        let Some(best) = found.rivals.first().cloned() else { return Ok((found, false)) };
+        if self.gain(&best, &found.base) < given.threshold {
+            return Ok((found, false));
+        }
+        let options = self.options;
+        let added = if self.is_poor(&best) { options.least_further } else { options.least_beside };
+        let least = given.threshold.max(added).max(0.03 * self.gain(&best, &found.base));
+        let (list, _) = self.screen(&best, given.readings, &found.cov, given.candidates)?;
+        if !self.is_poor(&best) && list.first().is_none_or(|l| l.gain < least) {
+            return Ok((found, false));
+        }
+        let fewer = options.shortlist.saturating_sub(2).max(1);
+        let mut further = self.refits(&best, data, given.candidates, (&list, fewer), best.log_evidence)?;
+        let near = further.first().unwrap_or(&best);
+        if self.is_poor(near) && self.leaves(near) < HOPELESS[1] {
+            further.extend(self.shaped(&best, data, given.candidates, &[], best.log_evidence)?);
+        }
+        found.rivals.extend(further);
+        self.sort(&mut found.rivals);
+        if self.log(&found.rivals[0]) < self.log(&best) + least {
+            found.rivals.retain(|f| f.hypothesis.len() == best.hypothesis.len());
+            return Ok((found, false));
+        }
+        Ok((self.renewed(found, given)?, true))
+    }
+
+    /// Effects of the best exchanged for others as long as that finds better.
+    pub(super) fn exchange(&self, mut found: Found, given: Given) -> Result<Found, DiscrepancyError> {
+        for _ in 0..EXCHANGES {
+            let Some(best) = found.rivals.first().cloned() else { break };
+            if self.leaves(&best) > HOPELESS[0] {
+                break;
+            }
+            let exchanged = self.exchanged(&best, (given.readings, &found.cov), given.candidates)?;
+            found.rivals.extend(exchanged);
+            self.sort(&mut found.rivals);
+            if self.log(&found.rivals[0]) < self.log(&best) + 1.0 {
+                break;
+            }
+            found = self.renewed(found, given)?;
+        }
+        Ok(found)
+    }
+
+    /// The best again with the scatter at the best.
+    fn renewed(&self, mut found: Found, given: Given) -> Result<Found, DiscrepancyError> {
+        self.sort(&mut found.rivals);
+        let (base, rivals, cov) = self.again(found.base, found.rivals, given.readings, given.extra)?;
+        Ok(Found { base, rivals, cov })
+    }
+}
