@@ -2,6 +2,7 @@
 
 use crate::pose::{Five, about, pose};
 use crate::rest::Asked;
+use crate::unknown;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -9,7 +10,7 @@ use std::collections::BTreeMap;
 /// A hidden effect: its name, and its parameters under the names of the catalogue, in clinical signs.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Hidden {
-    /// Its name; names that begin with `x_` stand in no catalogue.
+    /// Its name; names that begin with `x_` stand in no catalogue ([`crate::unknown`]).
     pub effect: String,
     /// Values.
     pub parameters: BTreeMap<String, f64>,
@@ -19,7 +20,7 @@ pub struct Hidden {
 pub type Size = (&'static str, f64, bool);
 
 /// What may be hidden: name, parameter, typical size, whether only positive.
-pub const KINDS: [(&str, &[Size]); 16] = [
+pub const KINDS: [(&str, &[Size]); 15] = [
     ("femur_frame", &[("vv_deg", 3.5, false), ("ie_deg", 5.0, false)]),
     ("tibia_frame", &[("vv_deg", 3.5, false), ("ie_deg", 5.0, false)]),
     ("flexion_offset", &[("fe_deg", 5.0, false)]),
@@ -35,11 +36,7 @@ pub const KINDS: [(&str, &[Size]); 16] = [
     ("meniscus", &[("k", 15.0, true)]),
     ("capsule_envelope", &[("ap", 8.0, true), ("ie", 18_000.0, true), ("vv", 50_000.0, true)]),
     ("extra_bundle", &[("k", 60.0, true)]),
-    ("x_one_sided_stop", &[("k", 40.0, true)]),
 ];
-
-/// More that no catalogue has.
-pub const UNKNOWN: [&str; 3] = ["x_one_sided_stop", "x_screw_home", "x_adhesion"];
 
 /// The tibial tuberosity: lateral, anterior, superior [mm].
 const TUBEROSITY: [f64; 3] = [-3.0, 33.0, -32.0];
@@ -51,7 +48,7 @@ fn patella(flexion: f64) -> Vector3<f64> {
 }
 
 impl Hidden {
-    fn value(&self, key: &str) -> f64 {
+    pub(crate) fn value(&self, key: &str) -> f64 {
         self.parameters.get(key).copied().unwrap_or(0.0)
     }
 
@@ -73,8 +70,8 @@ impl Hidden {
     }
 
     /// What is read of a true reading FE, VV, IE [rad], ML, AP, SI [mm].
-    pub(crate) fn misread(&self, true_reading: &[f64; 6]) -> [f64; 6] {
-        let mut out = *true_reading;
+    pub(crate) fn misread(&self, asked: &Asked, true_reading: &[f64; 6]) -> [f64; 6] {
+        let mut out = unknown::misread(self, asked, true_reading);
         match self.effect.as_str() {
             "origin_shift" => {
                 out[3] += self.value("ml_mm");
@@ -148,13 +145,7 @@ impl Hidden {
                 let stretch = length(femur, tibia) - 38.0;
                 0.5 * self.value("k") * stretch.max(0.0).powi(2)
             }
-            "x_one_sided_stop" => 0.5 * self.value("k") * (d[3].abs() - 3.0).max(0.0).powi(2) * f64::from(d[3] > 0.0),
-            "x_screw_home" => -900.0 * self.value("k") / 40.0 * c[1] * (-(asked.flexion / 0.35).powi(2)).exp(),
-            "x_adhesion" => {
-                let l = length(Vector3::new(5.0, 15.0, -5.0), tibial([-8.0, 22.0, 3.0]));
-                0.5 * self.value("k") * (l - 14.0).max(0.0).powi(2)
-            }
-            _ => 0.0,
+            _ => unknown::stored(self, asked, (&p, c, &d)),
         }
     }
 

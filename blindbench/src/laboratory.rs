@@ -1,9 +1,10 @@
 //! A day in the laboratory: trials done, effects hidden, noise added, the truth put in an envelope.
 
 use crate::BenchError;
-use crate::hidden::{Hidden, KINDS, UNKNOWN};
+use crate::hidden::{Hidden, KINDS};
 use crate::knee::{Knee, KneeInput, normal};
 use crate::rest::{Asked, Path, rest};
+use crate::unknown::{self, UNKNOWN};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -65,16 +66,18 @@ pub struct Case {
 
 /// What a case is to be: drawn from a number so that kinds take turns.
 pub fn kinds(count: usize) -> Vec<String> {
-    let singles: Vec<&str> = KINDS.iter().map(|k| k.0).filter(|k| !k.starts_with("x_")).collect();
     (0..count)
         .map(|k| match k % 6 {
             0 | 3 => "null".to_owned(),
             4 if k % 12 == 4 => "compound".to_owned(),
             4 => "unknown".to_owned(),
-            _ => singles[(k / 6 * 3 + k % 6) % singles.len()].to_owned(),
+            _ => KINDS[(k / 6 * 3 + k % 6) % KINDS.len()].0.to_owned(),
         })
         .collect()
 }
+
+/// Tells the knee's draws from the laboratory's.
+const DRAWN: u64 = 0x9e37_79b9;
 
 /// Makes a case of a kind; `size` is a factor on the sizes of its effects.
 ///
@@ -90,7 +93,7 @@ pub fn make(
         return Err(BenchError::Plan("no trials".into()));
     }
     let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let knee = Knee::drawn(input, seed ^ 0x9e37_79b9)?;
+    let knee = Knee::drawn(input, seed ^ DRAWN)?;
     let mut sources: Vec<String> = Vec::new();
     for p in plan {
         if !sources.contains(&p.source) {
@@ -99,13 +102,18 @@ pub fn make(
     }
     let effects = effects((kind, size), &sources, &mut random)?;
     let path = path(&knee, plan);
-    let with = simulate((&knee, &path), plan, &effects, &mut random, true);
+    let share: f64 = effects.iter().filter(|(h, _)| h.effect == "x_ct_scale").map(|(h, _)| h.value("share")).sum();
+    let subject = if share == 0.0 { None } else { Some(Knee::drawn(&unknown::true_size(input, share), seed ^ DRAWN)?) };
+    let subject = subject.as_ref().unwrap_or(&knee);
+    let with = simulate((subject, &path), plan, &effects, &mut random, true);
     let mut quiet = ChaCha8Rng::seed_from_u64(seed);
-    let clean = |effects: &[(Hidden, String)], r: &mut ChaCha8Rng| simulate((&knee, &path), plan, effects, r, false);
+    let clean = |knee: &Knee, effects: &[(Hidden, String)], r: &mut ChaCha8Rng| {
+        simulate((knee, &path), plan, effects, r, false)
+    };
     let signature: Vec<[f64; 5]> = if effects.is_empty() {
         vec![[0.0; 5]; plan.len()]
     } else {
-        let (a, b) = (clean(&effects, &mut quiet), clean(&[], &mut quiet));
+        let (a, b) = (clean(subject, &effects, &mut quiet), clean(&knee, &[], &mut quiet));
         a.iter().zip(&b).map(|(x, y)| std::array::from_fn(|c| x[c] - y[c])).collect()
     };
     let squares: f64 =
@@ -127,26 +135,23 @@ fn effects(
     sources: &[String],
     random: &mut ChaCha8Rng,
 ) -> Result<Vec<(Hidden, String)>, BenchError> {
-    let singles: Vec<&str> = KINDS.iter().map(|k| k.0).filter(|k| !k.starts_with("x_")).collect();
     let names: Vec<String> = match kind {
         "null" => vec![],
-        "unknown" => vec![UNKNOWN[(random.random::<f64>() * UNKNOWN.len() as f64) as usize].to_owned()],
+        "unknown" => vec![UNKNOWN[(random.random::<f64>() * UNKNOWN.len() as f64) as usize].0.to_owned()],
         "compound" => {
-            let first = (random.random::<f64>() * singles.len() as f64) as usize;
-            let second = (first + 1 + (random.random::<f64>() * (singles.len() - 1) as f64) as usize) % singles.len();
-            vec![singles[first].to_owned(), singles[second].to_owned()]
+            let first = (random.random::<f64>() * KINDS.len() as f64) as usize;
+            let second = (first + 1 + (random.random::<f64>() * (KINDS.len() - 1) as f64) as usize) % KINDS.len();
+            vec![KINDS[first].0.to_owned(), KINDS[second].0.to_owned()]
         }
         other => vec![other.to_owned()],
     };
     names
         .into_iter()
         .map(|effect| {
-            let fallback: &[(&str, f64, bool)] = &[("k", 40.0, true)];
-            let known = KINDS.iter().find(|k| k.0 == effect).map(|k| k.1);
-            let keys = match known {
-                Some(keys) => keys,
-                None if effect.starts_with("x_") => fallback,
-                None => return Err(BenchError::Plan(format!("no effect is called {effect}"))),
+            let tissue = ["meniscus", "capsule_envelope", "extra_bundle"].contains(&effect.as_str());
+            let known = KINDS.iter().map(|k| (k.0, k.1, tissue)).chain(UNKNOWN).find(|k| k.0 == effect);
+            let Some((_, keys, of_the_knee)) = known else {
+                return Err(BenchError::Plan(format!("no effect is called {effect}")));
             };
             let parameters = keys
                 .iter()
@@ -155,10 +160,9 @@ fn effects(
                     ((*key).to_owned(), sign * factor * size * (0.6 + 0.8 * random.random::<f64>()))
                 })
                 .collect();
-            let tissue = ["meniscus", "capsule_envelope", "extra_bundle"].contains(&effect.as_str());
             let places = sources.len() as f64 + 1.0;
             let place = (random.random::<f64>() * places) as usize;
-            let scope = if tissue { None } else { sources.get(place) };
+            let scope = if of_the_knee { None } else { sources.get(place) };
             Ok((Hidden { effect, parameters }, scope.cloned().unwrap_or_else(|| "both".into())))
         })
         .collect()
@@ -186,7 +190,8 @@ fn simulate(
             [100.0, 100.0, 2.0, 2.0, 2.0].map(|s| size * s * normal(random))
         })
         .collect();
-    plan.par_iter()
+    let mut out: Vec<[f64; 5]> = plan
+        .par_iter()
         .zip(&noise)
         .map(|(p, noise)| {
             let here: Vec<Hidden> =
@@ -198,7 +203,8 @@ fn simulate(
                 asked = h.true_load(&asked);
             }
             (0..5).for_each(|j| asked.load[j] += noise[j]);
-            let misread = |r: &[f64; 6]| here.iter().fold(*r, |r, h| h.misread(&r));
+            let loaded = asked;
+            let misread = |r: &[f64; 6]| here.iter().fold(*r, |r, h| h.misread(&loaded, &r));
             let mut seen = misread(&rest(knee, &here, &asked, path));
             // the flexion that is recorded is the one that is read
             if (seen[0] - recorded).abs() > 1e-6 {
@@ -207,7 +213,14 @@ fn simulate(
             }
             [seen[1].to_degrees(), seen[2].to_degrees(), seen[3], seen[4], seen[5]]
         })
-        .collect()
+        .collect();
+    for (hidden, scope) in effects {
+        let places: Vec<usize> = (0..plan.len()).filter(|&i| scope == "both" || *scope == plan[i].source).collect();
+        if let Some((a, b)) = unknown::swapped(hidden, places.len()) {
+            out.swap(places[a], places[b]);
+        }
+    }
+    out
 }
 
 /// Tracking noise, correlated within a condition, with an outlier in a hundred.

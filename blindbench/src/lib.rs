@@ -10,6 +10,7 @@ pub mod laboratory;
 mod pose;
 mod rest;
 pub mod score;
+pub mod unknown;
 
 /// Why the laboratory cannot work.
 #[derive(Debug, thiserror::Error, Clone, PartialEq)]
