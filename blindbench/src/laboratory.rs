@@ -53,6 +53,9 @@ pub struct Strength {
     /// Half the squared signature that ligaments cannot absorb, under the analysis' own scatter [-].
     #[serde(default)]
     pub expected_evidence: f64,
+    /// The same with trials that jump to another branch set aside [-].
+    #[serde(default)]
+    pub settled_evidence: f64,
 }
 
 /// Measured poses of a case, in the order of the plan: VV, IE [deg], ML, AP, SI [mm].
@@ -125,7 +128,7 @@ pub fn make(
         ligaments: knee.bundles.iter().map(|b| (b.name.clone(), [b.strain, b.stiffness])).collect(),
         contact_scale: knee.contact_scale,
         signature,
-        strength: Strength { raw_rms_sd: (squares / (5 * plan.len()) as f64).sqrt(), expected_evidence: 0.0 },
+        strength: Strength { raw_rms_sd: (squares / (5 * plan.len()) as f64).sqrt(), ..Strength::default() },
     };
     Ok(Case { readings: noisy(with, plan, &mut random), truth })
 }

@@ -14,6 +14,8 @@ pub struct Said {
     pub sizes: BTreeMap<(String, String), (f64, f64)>,
     /// Share of the gap closed.
     pub closed: f64,
+    /// Effects that it was not allowed to name.
+    pub without: Vec<String>,
 }
 
 /// A share of cases.
@@ -69,6 +71,15 @@ fn stratum(evidence: f64) -> &'static str {
     }
 }
 
+/// Evidence that is left where trials that jump are set aside.
+fn settled(evidence: f64) -> &'static str {
+    match evidence {
+        e if e < 10.0 => "below 10 without jumps",
+        e if e < 20.0 => "10 to 20 without jumps",
+        _ => "from 20 without jumps",
+    }
+}
+
 /// Family of an effect: misreadings, loads, tissues, muscles, history.
 fn family(effect: &str) -> char {
     match effect {
@@ -119,9 +130,15 @@ fn one(out: &mut Score, truth: &crate::laboratory::Truth, said: &Said) {
         _ => {
             let Some((effect, scope, parameters)) = truth.effects.first() else { return };
             let s = stratum(truth.strength.expected_evidence);
+            if said.without.contains(effect) {
+                hit(format!("{s}, struck from the catalogue: flagged"), said.verdict == "unnamed");
+                hit(format!("{s}, struck from the catalogue: misnamed"), sure);
+                return;
+            }
             let named = first.contains(&effect);
             wrong = sure && !named;
             hit(format!("{s}: named first"), named);
+            hit(format!("{s}, {}: named first", settled(truth.strength.settled_evidence)), named);
             hit(format!("{s}: family first"), first.iter().any(|e| family(e) == family(effect)));
             if !said.answers.is_empty() {
                 hit(format!("{s}: in the set, where one is reported"), has(effect));
@@ -156,6 +173,29 @@ fn one(out: &mut Score, truth: &crate::laboratory::Truth, said: &Said) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::laboratory::{Strength, Truth};
+
+    #[test]
+    fn an_effect_that_may_not_be_named_is_to_be_flagged() {
+        let truth = Truth {
+            case: "a".into(),
+            kind: "itb".into(),
+            effects: vec![("itb".into(), "kla".into(), BTreeMap::new())],
+            ligaments: BTreeMap::new(),
+            contact_scale: 1.0,
+            signature: vec![],
+            strength: Strength { expected_evidence: 30.0, settled_evidence: 12.0, ..Strength::default() },
+        };
+        let unnamed = Said { verdict: "unnamed".into(), ..Said::default() };
+        let struck = Said { without: vec!["itb".into()], ..unnamed.clone() };
+        let score = score(&[(truth.clone(), struck), (truth, unnamed)]);
+        let share = |key: &str| score.shares.get(key).copied();
+        assert_eq!(share("strong, struck from the catalogue: flagged"), Some(Share { hits: 1, of: 1 }));
+        assert_eq!(share("strong, struck from the catalogue: misnamed"), Some(Share { hits: 0, of: 1 }));
+        // the same answer where the name was free is a miss
+        assert_eq!(share("strong: named first"), Some(Share { hits: 0, of: 1 }));
+        assert_eq!(share("strong, 10 to 20 without jumps: named first"), Some(Share { hits: 0, of: 1 }));
+    }
 
     #[test]
     fn intervals_hold_the_share_and_widen_for_few() {

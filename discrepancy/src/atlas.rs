@@ -7,6 +7,7 @@ use crate::diagnosis::{NotTestable, not_testable, scope_name};
 use crate::error::DiscrepancyError;
 use crate::fit::Fit;
 use crate::problem::{Candidate, Problem};
+use crate::robust::Mixture;
 use crate::screen::{Marginal, signatures};
 use crate::search::DiagnosisOptions;
 use crate::trial::Source;
@@ -96,16 +97,25 @@ fn before_data(problem: &Problem, options: &DiagnosisOptions) -> Result<(Fit, DM
     Ok((fit, cov))
 }
 
-/// Evidence that an analysis with this model can expect from a known signature (a row a trial, VV, IE [deg], ML, AP, SI [mm]): half its square
-/// under the scatter with ligaments and contact marginalised.
+/// Evidence that an analysis can expect from a known signature [nats].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Promise {
+    /// Half the signature's square under the scatter with ligaments and contact marginalised.
+    pub all: f64,
+    /// The same with trials that jump set aside, as the analysis sets them aside ([`crate::robust`]): an effect may throw a knee on the brink far, but so may
+    /// much else, and the analysis takes whichever branch is nearer.
+    pub settled: f64,
+}
+
+/// What an analysis with this model can expect from a known signature (a row a trial, VV, IE [deg], ML, AP, SI [mm]).
 ///
 /// Errors: data or model at fault, another number of rows than trials.
-pub fn expected_evidence(
+pub fn promise(
     model: &Model,
     spec: &ModelSpec,
     sources: &[Source],
     signature: &[[f64; 5]],
-) -> Result<f64, DiscrepancyError> {
+) -> Result<Promise, DiscrepancyError> {
     let problem = Problem::new(model, spec, sources, &Catalogue::shipped())?;
     if signature.len() != problem.trials.len() {
         return Err(DiscrepancyError::Data(format!(
@@ -116,9 +126,13 @@ pub fn expected_evidence(
     }
     let (fit, cov) = before_data(&problem, &DiagnosisOptions::default())?;
     let readings = Readings::of(&problem, &|_| true);
-    let marginal = Marginal::new(&fit, &readings, &cov)?;
+    let slope = readings.rows_of(&fit.linear.slope);
+    let mixture = Mixture::new(&readings, readings.block_of(&cov) + &slope * slope.transpose(), &problem.trials)?;
     let all: Vec<f64> = signature.iter().flatten().copied().collect();
-    Ok(0.5 * marginal.whitening.white_vector(&readings.pick(&all)).norm_squared())
+    let signature = readings.pick(&all);
+    let half = |w: &Whitening| 0.5 * w.white_vector(&signature).norm_squared();
+    let all = half(mixture.plain());
+    Ok(Promise { all, settled: mixture.weigh(&signature).whitening.as_ref().map_or(all, half) })
 }
 
 fn row(

@@ -161,6 +161,9 @@ pub struct Diagnosis {
     pub map_left_out: Vec<Cell>,
     /// What could not be tested.
     pub not_testable: Vec<NotTestable>,
+    /// Effects of the shipped catalogue that were left out of it.
+    #[serde(default)]
+    pub without: Vec<String>,
     /// Where nothing is named: sizes of effects that would more often have been missed than named.
     #[serde(default)]
     pub missable: Vec<Missable>,
@@ -247,6 +250,7 @@ fn conclude(problem: &Problem, spec: &ModelSpec, options: &DiagnosisOptions) -> 
         map_after: map(problem, &search, shown)?,
         map_left_out: map_left_out(problem, &search, &search.base)?,
         not_testable: not_testable(problem),
+        without: left_out(&problem.catalogue),
         missable,
         next_tests: next_tests(problem, &rival_fits)?,
         ligaments: absorbed(problem, &search.base, shown),
@@ -255,13 +259,21 @@ fn conclude(problem: &Problem, spec: &ModelSpec, options: &DiagnosisOptions) -> 
         misfit: [&search.base, best].map(|f| searcher.total(f) / f.residual.len() as f64),
         best: named(problem, best, temper(&searcher, believed)),
     };
-    diagnosis.description = crate::words::description(problem, &diagnosis, &wild, &search);
+    // what is told in words is all that is missing, not what the best answer leaves
+    let told = if verdict == Verdict::Unnamed { wildcard(problem, &search, &search.base)? } else { wild };
+    diagnosis.description = crate::words::description(problem, &diagnosis, &told, &search);
     let mut outcome = Outcome { diagnosis, components: vec![], model: None };
     if let Some(first) = outcome.diagnosis.answers.first() {
         outcome.components = components(problem, best, temper(&searcher, best), first.log_bayes_factor);
         outcome.model = Some(augmented(problem, spec, best, &outcome.components)?);
     }
     Ok(outcome)
+}
+
+/// Effects of the shipped catalogue that another one has not.
+fn left_out(catalogue: &Catalogue) -> Vec<String> {
+    let has = |id: &String| catalogue.effect.iter().any(|e| e.id == *id);
+    Catalogue::shipped().effect.into_iter().map(|e| e.id).filter(|id| !has(id)).collect()
 }
 
 /// Whether an effect's evidence, as loud as the data may speak, passes the threshold.

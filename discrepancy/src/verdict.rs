@@ -38,11 +38,13 @@ pub(crate) fn weights<'a>(searcher: &Searcher, search: &'a Search, best: &Fit) -
     out
 }
 
-/// Log Bayes factor, and standard deviations of the sum of squares left, from which a nameless field explains more than a named answer does: one thing
-/// missing in ten is in nobody's catalogue, and 5 nats as loud as the data may speak are odds of 28 [-].
-const NAMELESS: [f64; 2] = [5.0, 1.8];
-/// The same beside no name at all, where noise alone would do [-].
-const NAMELESS_ALONE: [f64; 2] = [8.0, 2.5];
+/// Log Bayes factor from which a field of no name is believed beside a named answer: one thing missing in ten is in nobody's catalogue, and 5 nats as
+/// loud as the data may speak are odds of 28, three to one for the field [-].
+const NAMELESS: f64 = 5.0;
+/// The same beside no name at all, where noise alone would do: as much as a name must have earned [-].
+const NAMELESS_ALONE: f64 = 6.0;
+/// Standard deviations of the sum of squares from which an answer leaves more than noise does [-].
+const POOR: f64 = 1.8;
 /// Size of an effect, in standard deviations of its prior, that is no longer the effect of that name [-].
 const BEYOND_BELIEF: f64 = 5.0;
 /// Share of the held-out gap that a decisive answer must close, and every answer whose rest stays significant [-]: leaving more than it closes, it
@@ -77,8 +79,6 @@ struct Grounds {
     readings: f64,
     /// Sum of squares beyond their number that the answer leaves [-].
     excess: f64,
-    /// The same over what is left when nothing is missing [-].
-    left: f64,
     /// Whether the evidence passes the threshold.
     is_named: bool,
     /// How much a single effect may leave for its form in this knee [-].
@@ -108,7 +108,6 @@ impl Grounds {
         Grounds {
             readings,
             excess,
-            left: excess / (searcher.total(of.base) - readings).max(1e-9),
             is_named: of.is_named,
             form_share: share,
             is_expected,
@@ -123,18 +122,17 @@ impl Grounds {
     /// Whether something is missing that the answer is not.
     fn is_nameless(&self) -> bool {
         let deviations = self.excess / (2.0 * self.readings).sqrt();
-        let [field, poor] = if self.is_named { NAMELESS } else { NAMELESS_ALONE };
-        let fitting = self.is_named && self.is_expected && self.left < self.form_share;
-        let nameless = self.wild > field && !fitting;
-        let beside = if self.is_named { self.closes < MOSTLY } else { deviations > BEYOND_DOUBT };
-        // a size that nobody would expect needs no misfit to be doubted
-        let strange = self.is_named && !self.is_expected && self.wild > field;
-        strange || deviations > poor && (nameless || beside)
+        if !self.is_named {
+            return self.wild > NAMELESS_ALONE || deviations > BEYOND_DOUBT;
+        }
+        // what a form that differs by a share leaves of what it explains; a size that nobody would expect is no matter of form
+        let form = if self.is_expected { self.form_share.powi(2) * self.evidence } else { 0.0 };
+        self.wild > NAMELESS.max(form) || deviations > POOR && self.closes < MOSTLY
     }
 
     /// Whether it may be decisive: a named effect that leaves much is not the whole truth. A field weighs only where it is asked for.
     fn may_decide(&self, wildcard: bool) -> bool {
-        let rests = self.excess < 0.25 * self.readings && !(wildcard && self.wild > NAMELESS[0]);
+        let rests = self.excess < 0.25 * self.readings && !(wildcard && self.wild > NAMELESS);
         self.weight >= 0.95 && self.evidence >= DECIDED && self.gain > 0.0 && self.closes >= MOSTLY && rests
     }
 }
@@ -212,7 +210,6 @@ mod tests {
     const CLEAN: Grounds = Grounds {
         readings: 280.0,
         excess: 0.0,
-        left: 0.0,
         is_named: true,
         form_share: 0.0,
         is_expected: true,
@@ -241,7 +238,6 @@ mod tests {
             Grounds { gain: -1.0, ..CLEAN },
             Grounds { closes: 0.4, ..CLEAN },
             Grounds { excess: 80.0, ..CLEAN },
-            Grounds { wild: 5.5, ..CLEAN },
             Grounds { evidence: 25.0, ..CLEAN },
         ] {
             assert_eq!(judged(doubtful), Verdict::Probable, "{doubtful:?}");
@@ -250,33 +246,24 @@ mod tests {
     }
 
     #[test]
-    fn what_leaves_too_much_beside_a_better_field_is_unnamed_but_for_a_form_that_may_differ() {
-        let poor = Grounds { excess: 100.0, left: 0.1, wild: 20.0, ..CLEAN };
-        assert_eq!(judged(poor), Verdict::Unnamed);
-        assert_ne!(judged(Grounds { form_share: 0.2, ..poor }), Verdict::Unnamed);
-        assert_eq!(judged(Grounds { form_share: 0.05, ..poor }), Verdict::Unnamed);
-        assert_eq!(judged(Grounds { form_share: 0.2, is_expected: false, ..poor }), Verdict::Unnamed);
-        // the field alone says nothing while the sum of squares does not
-        assert_ne!(judged(Grounds { excess: 20.0, ..poor }), Verdict::Unnamed);
+    fn a_name_beside_which_a_field_explains_more_is_none_but_for_a_form_that_may_differ() {
+        let beside = Grounds { wild: 5.5, ..CLEAN };
+        assert_eq!(judged(beside), Verdict::Unnamed);
+        assert_eq!(judged(Grounds { wild: 4.5, ..CLEAN }), Verdict::Decisive);
+        // a form that differs by a fifth leaves a twenty-fifth of what it explains; so large a field is not decisive
+        let formed = Grounds { form_share: 0.2, evidence: 200.0, ..beside };
+        assert_eq!(judged(formed), Verdict::Probable);
+        assert_eq!(judged(Grounds { evidence: 100.0, ..formed }), Verdict::Unnamed);
+        assert_eq!(judged(Grounds { is_expected: false, ..formed }), Verdict::Unnamed);
         // without the field nothing is outside the catalogue
-        assert_ne!(judge(&poor, false, || true), Verdict::Unnamed);
+        assert_ne!(judge(&beside, false, || true), Verdict::Unnamed);
     }
 
     #[test]
-    fn a_name_is_doubted_sooner_than_noise_alone() {
-        let doubtful = Grounds { excess: 48.0, left: 0.4, wild: 6.0, ..CLEAN };
-        assert_eq!(judged(doubtful), Verdict::Unnamed);
-        assert_eq!(judged(Grounds { is_named: false, ..doubtful }), Verdict::None);
-        assert_ne!(judged(Grounds { wild: 4.0, ..doubtful }), Verdict::Unnamed);
-        assert_ne!(judged(Grounds { excess: 30.0, ..doubtful }), Verdict::Unnamed);
-        assert_ne!(judged(Grounds { left: 0.1, form_share: 0.15, ..doubtful }), Verdict::Unnamed);
-    }
-
-    #[test]
-    fn a_size_that_nobody_would_expect_is_no_name_where_a_field_explains_more() {
-        let strange = Grounds { is_expected: false, ..CLEAN };
-        assert_eq!(judged(Grounds { wild: 9.0, ..strange }), Verdict::Unnamed);
-        assert_eq!(judged(strange), Verdict::Decisive);
+    fn a_field_alone_must_earn_as_much_as_a_name() {
+        let nothing = Grounds { is_named: false, ..CLEAN };
+        assert_eq!(judged(Grounds { wild: 5.5, ..nothing }), Verdict::None);
+        assert_eq!(judged(Grounds { wild: 6.5, ..nothing }), Verdict::Unnamed);
     }
 
     #[test]

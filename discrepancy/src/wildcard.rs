@@ -1,7 +1,7 @@
 //! Candidate zero: a smooth field of generalised forces, or of misreadings, of no name. Where it explains more than any named effect, the answer is
 //! outside the catalogue.
 
-use crate::covariance::Whitening;
+use crate::covariance::Readings;
 use crate::equilibrium::Bench;
 use crate::error::DiscrepancyError;
 use crate::fit::Fit;
@@ -21,13 +21,45 @@ const RANGES: (f64, [f64; 5]) = (0.52, [0.05, 0.17, 4.0, 5.0, 4.0]);
 /// Coordinates of a reading.
 const READ: [usize; 5] = [VV, IE, ML, AP, SI];
 
+/// Sizes of a field over those amplitudes [-].
+const SIZES: [f64; 3] = [0.3, 1.0, 3.0];
+/// Loads that count as one: VV, IE [N mm], ML, AP, SI [N].
+const LOADS: [f64; 5] = [5000.0, 4000.0, 100.0, 100.0, 100.0];
+/// Share of a field's largest component below which its components are left out [-].
+const SMALL: f64 = 1e-4;
+
+/// What a field follows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Course {
+    /// Nothing: the same in every trial.
+    Constant,
+    /// Flexion.
+    Flexion,
+    /// Flexion and the motion from the unloaded pose.
+    Motion,
+    /// The load along its coordinate.
+    Load,
+}
+
+/// A kind of field.
+#[derive(Clone, Copy, Debug)]
+struct Kind {
+    is_force: bool,
+    course: Course,
+    scope: Scope,
+    /// The only coordinate that it has; all of them otherwise.
+    only: Option<usize>,
+}
+
 /// What the wildcard explains beyond a fit.
 #[derive(Clone, Debug)]
 pub struct Wildcard {
-    /// Log Bayes factor of the best field against the fit alone.
+    /// Log Bayes factor of a field of unknown kind against the fit alone.
     pub log_bayes_factor: f64,
-    /// Whether it is a field of forces (or of misreadings).
+    /// Whether the best kind is a field of forces (or of misreadings).
     pub is_force: bool,
+    /// What it follows.
+    pub course: Course,
     /// Where it acts.
     pub scope: Scope,
     /// Its mean: generalised force [N mm, N] or misreading [deg, mm], five a trial.
@@ -48,124 +80,141 @@ fn responses(problem: &Problem, fit: &Fit) -> Result<Vec<[[f64; 5]; 5]>, Discrep
         .collect())
 }
 
-/// The best field beside a fit of the search.
+/// All kinds of field, each as likely as another.
+fn kinds(sources: usize) -> Vec<Kind> {
+    let scopes: Vec<Scope> =
+        std::iter::once(Scope::Both).chain((0..if sources > 1 { sources } else { 0 }).map(Scope::Only)).collect();
+    let mut out = Vec::new();
+    for is_force in [true, false] {
+        for course in [Course::Constant, Course::Flexion, Course::Motion, Course::Load] {
+            // a misreading that follows the motion would be the motion itself
+            if !is_force && course == Course::Motion {
+                continue;
+            }
+            for &scope in &scopes {
+                for only in std::iter::once(None).chain((0..5).map(Some)) {
+                    out.push(Kind { is_force, course, scope, only });
+                }
+            }
+        }
+    }
+    out
+}
+
+/// Fields beside a fit of the search: what they explain together, each kind and size as likely as another, and the mean of the best.
 ///
 /// Errors: a model that cannot be evaluated.
 pub fn wildcard(problem: &Problem, search: &Search, fit: &Fit) -> Result<Wildcard, DiscrepancyError> {
     let responses = responses(problem, fit)?;
-    let readings = &search.readings;
-    let base = readings.block_of(&crate::robust::widened(&search.covariance, &fit.odd));
-    let marginal = Marginal::new(fit, readings, &search.covariance)?;
-    let slope = readings.rows_of(&fit.linear.slope);
-    let scatter = base + &slope * slope.transpose();
-    let residual = &fit.residual + &slope * DVector::from_column_slice(&fit.unknowns);
-    let alone = log_density(&marginal.whitening, &marginal.white);
-    let mut scopes = vec![Scope::Both];
-    if problem.sources.len() > 1 {
-        scopes.extend((0..problem.sources.len()).map(Scope::Only));
-    }
-    let mut kinds = Vec::new();
-    for is_force in [true, false] {
-        for &scope in &scopes {
-            for size in [0.5, 2.0] {
-                kinds.push((is_force, scope, size));
-            }
-        }
-    }
-    let tried: Vec<Option<(f64, DVector<f64>)>> = kinds
+    let marginal = Marginal::new(fit, &search.readings, &search.covariance)?;
+    let kinds = kinds(problem.sources.len());
+    let gains: Vec<[f64; 3]> = kinds
         .par_iter()
-        .map(|&(is_force, scope, size)| {
-            let field = field(problem, fit, scope, is_force);
-            let kernel = kernel(&field, &responses, is_force, size);
-            let added = readings.block_of(&kernel);
-            let whitening = Whitening::new(&scatter + &added).ok()?;
-            let white = whitening.white_vector(&residual);
-            Some((log_density(&whitening, &white) - alone, whitening.solve(&residual)))
+        .map(|kind| {
+            let parts = parts(problem, fit, kind);
+            Spectrum::new(&marginal, &search.readings, &signature(&parts, &responses, kind)).gains()
         })
         .collect();
-    let best = (0..kinds.len()).filter_map(|k| tried[k].as_ref().map(|t| (k, t.0))).max_by(|a, b| a.1.total_cmp(&b.1));
-    let Some((k, log_bayes_factor)) = best else {
-        return Ok(Wildcard { log_bayes_factor: 0.0, is_force: true, scope: Scope::Both, mean: vec![] });
-    };
-    let (is_force, scope, size) = kinds[k];
-    let solved = tried[k].as_ref().map(|t| t.1.clone()).unwrap_or_else(|| DVector::zeros(readings.rows.len()));
-    let field = field(problem, fit, scope, is_force);
-    let mean = mean(problem, search, &field, &responses, (is_force, size), &solved);
-    Ok(Wildcard { log_bayes_factor: log_bayes_factor - (kinds.len() as f64).ln(), is_force, scope, mean })
-}
-
-fn log_density(whitening: &Whitening, white: &DVector<f64>) -> f64 {
-    -0.5 * (white.norm_squared() + whitening.log_determinant())
-}
-
-/// Correlation of the field between trials, a matrix a coordinate.
-fn field(problem: &Problem, fit: &Fit, scope: Scope, is_force: bool) -> Vec<DMatrix<f64>> {
-    let n = problem.trials.len();
-    let acts: Vec<bool> = problem.trials.iter().map(|t| scope.covers(t.source)).collect();
-    (0..5)
-        .map(|c| {
-            let moved = |i: usize| fit.linear.rests[i].q[READ[c]] - problem.trials[i].neutral[READ[c]];
-            DMatrix::from_fn(n, n, |i, k| {
-                if !acts[i] || !acts[k] {
-                    return 0.0;
-                }
-                let (a, b) = (&problem.trials[i], &problem.trials[k]);
-                let mut d = ((a.flexion - b.flexion) / RANGES.0).powi(2);
-                if is_force {
-                    d += ((moved(i) - moved(k)) / RANGES.1[c]).powi(2);
-                }
-                (-0.5 * d).exp()
-            })
-        })
-        .collect()
-}
-
-/// Covariance of the readings under a field, five a trial.
-fn kernel(field: &[DMatrix<f64>], responses: &[[[f64; 5]; 5]], is_force: bool, size: f64) -> DMatrix<f64> {
-    let n = responses.len();
-    DMatrix::from_fn(5 * n, 5 * n, |r, s| {
-        let (i, c, k, d) = (r / 5, r % 5, s / 5, s % 5);
-        if is_force {
-            let at = |l: usize| (size * FORCES[l]).powi(2) * field[l][(i, k)] * responses[i][l][c] * responses[k][l][d];
-            (0..5).map(at).sum()
-        } else if c == d {
-            (size * READINGS[c]).powi(2) * field[c][(i, k)]
-        } else {
-            0.0
-        }
+    let flat: Vec<f64> = gains.iter().flatten().copied().collect();
+    let k = (0..flat.len()).max_by(|&a, &b| flat[a].total_cmp(&flat[b])).unwrap_or(0);
+    let kind = &kinds[k / SIZES.len()];
+    let mean = flat.iter().map(|g| (g - flat[k]).exp()).sum::<f64>() / flat.len() as f64;
+    let parts = parts(problem, fit, kind);
+    let spectrum = Spectrum::new(&marginal, &search.readings, &signature(&parts, &responses, kind));
+    Ok(Wildcard {
+        log_bayes_factor: flat[k] + mean.ln(),
+        is_force: kind.is_force,
+        course: kind.course,
+        scope: kind.scope,
+        mean: at_trials(&parts, &spectrum.weights(SIZES[k % SIZES.len()]), problem.trials.len()),
     })
 }
 
-/// The field's mean at every trial.
-fn mean(
-    problem: &Problem,
-    search: &Search,
-    field: &[DMatrix<f64>],
-    responses: &[[[f64; 5]; 5]],
-    (is_force, size): (bool, f64),
-    solved: &DVector<f64>,
-) -> Vec<[f64; 5]> {
-    (0..problem.trials.len())
-        .map(|i| {
-            std::array::from_fn(|l| {
-                search
-                    .readings
-                    .rows
-                    .iter()
-                    .zip(solved.iter())
-                    .map(|(&(k, d), s)| {
-                        if is_force {
-                            (size * FORCES[l]).powi(2) * field[l][(i, k)] * responses[k][l][d] * s
-                        } else if d == l {
-                            (size * READINGS[l]).powi(2) * field[l][(i, k)] * s
-                        } else {
-                            0.0
-                        }
-                    })
-                    .sum()
-            })
+/// Independent components of a field of amplitude 1: coordinate and a value a trial.
+fn parts(problem: &Problem, fit: &Fit, kind: &Kind) -> Vec<(usize, Vec<f64>)> {
+    let n = problem.trials.len();
+    let acts = |i: usize| kind.scope.covers(problem.trials[i].source);
+    let amplitudes = if kind.is_force { FORCES } else { READINGS };
+    let mut out = Vec::new();
+    for c in (0..5).filter(|c| kind.only.is_none_or(|o| o == *c)) {
+        let column = |value: &dyn Fn(usize) -> f64| -> Vec<f64> {
+            (0..n).map(|i| if acts(i) { amplitudes[c] * value(i) } else { 0.0 }).collect()
+        };
+        match kind.course {
+            Course::Constant => out.push((c, column(&|_| 1.0))),
+            Course::Load => out.push((c, column(&|i| problem.trials[i].load[READ[c]] / LOADS[c]))),
+            Course::Flexion | Course::Motion => {
+                let moved = |i: usize| fit.linear.rests[i].q[READ[c]] - problem.trials[i].neutral[READ[c]];
+                let correlation = DMatrix::from_fn(n, n, |i, k| {
+                    let mut d = ((problem.trials[i].flexion - problem.trials[k].flexion) / RANGES.0).powi(2);
+                    if kind.course == Course::Motion {
+                        d += ((moved(i) - moved(k)) / RANGES.1[c]).powi(2);
+                    }
+                    if acts(i) && acts(k) { (-0.5 * d).exp() } else { 0.0 }
+                });
+                let eigen = correlation.symmetric_eigen();
+                let largest = eigen.eigenvalues.max();
+                for (value, vector) in eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()) {
+                    if *value > SMALL * largest {
+                        out.push((c, column(&|i| value.sqrt() * vector[i])));
+                    }
+                }
+            }
+        }
+    }
+    out
+}
+
+/// What the components change of the readings: a column a component, five rows a trial.
+fn signature(parts: &[(usize, Vec<f64>)], responses: &[[[f64; 5]; 5]], kind: &Kind) -> DMatrix<f64> {
+    DMatrix::from_fn(5 * responses.len(), parts.len(), |r, k| {
+        let ((i, d), (c, values)) = ((r / 5, r % 5), &parts[k]);
+        let by = if kind.is_force { responses[i][*c][d] } else { f64::from(u8::from(d == *c)) };
+        values[i] * by
+    })
+}
+
+/// A field in the directions in which its components are told apart.
+struct Spectrum {
+    values: DVector<f64>,
+    vectors: DMatrix<f64>,
+    /// The residual along each.
+    along: DVector<f64>,
+}
+
+impl Spectrum {
+    fn new(marginal: &Marginal, readings: &Readings, signature: &DMatrix<f64>) -> Spectrum {
+        let white = marginal.whitening.white(&readings.rows_of(signature));
+        let eigen = white.tr_mul(&white).symmetric_eigen();
+        let along = eigen.eigenvectors.tr_mul(&white.tr_mul(&marginal.white));
+        Spectrum { values: eigen.eigenvalues, vectors: eigen.eigenvectors, along }
+    }
+
+    /// Log Bayes factor of each size.
+    fn gains(&self) -> [f64; 3] {
+        SIZES.map(|size| {
+            let of = |(value, along): (&f64, &f64)| {
+                let spread = 1.0 + size * size * value.max(0.0);
+                0.5 * (size * size * along * along / spread - spread.ln())
+            };
+            self.values.iter().zip(self.along.iter()).map(of).sum()
         })
-        .collect()
+    }
+
+    /// Most probable weights of the components at a size.
+    fn weights(&self, size: f64) -> DVector<f64> {
+        let part = |value: f64, along: f64| size * size * along / (1.0 + size * size * value.max(0.0));
+        &self.vectors * self.values.zip_map(&self.along, part)
+    }
+}
+
+/// A field's value at every trial.
+fn at_trials(parts: &[(usize, Vec<f64>)], weights: &DVector<f64>, trials: usize) -> Vec<[f64; 5]> {
+    let mut out = vec![[0.0; 5]; trials];
+    for ((c, values), weight) in parts.iter().zip(weights.iter()) {
+        values.iter().zip(&mut out).for_each(|(v, at)| at[*c] += v * weight);
+    }
+    out
 }
 
 impl Wildcard {
@@ -212,11 +261,24 @@ impl Wildcard {
             (false, false) => (1.0, "mm"),
         };
         let kind = if self.is_force { "acts like a force on the tibia" } else { "acts like a misreading" };
-        format!(
-            "It {kind} in {} {place}: {:+.1} {unit} at 0 to 45 deg, {:+.1} {unit} beyond; it {profile} and {load}.",
-            NAMES[c],
-            near * per,
-            far * per
-        )
+        let start = format!("It {kind} in {} {place}", NAMES[c]);
+        match self.course {
+            Course::Constant => {
+                format!("{start}: {:+.1} {unit}, the same at all flexions and loads.", mean(&acts, c) * per)
+            }
+            Course::Load => {
+                let load = |i: usize| problem.trials[i].load[READ[c]] / LOADS[c];
+                let most =
+                    (0..self.mean.len()).filter(|&i| acts(i)).max_by(|&a, &b| load(a).abs().total_cmp(&load(b).abs()));
+                let by = most.filter(|&i| load(i) != 0.0).map_or(0.0, |i| self.mean[i][c] / load(i));
+                let (size, unit_load) = if c < 2 { (LOADS[c] * 1e-3, "N m") } else { (LOADS[c], "N") };
+                format!("{start}: {:+.1} {unit} for every {size:.0} {unit_load} of load along it.", by * per)
+            }
+            Course::Flexion | Course::Motion => format!(
+                "{start}: {:+.1} {unit} at 0 to 45 deg, {:+.1} {unit} beyond; it {profile} and {load}.",
+                near * per,
+                far * per
+            ),
+        }
     }
 }

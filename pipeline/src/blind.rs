@@ -66,6 +66,9 @@ pub struct AnswerArgs {
     /// A part of the method taken away, to see what it is worth: into a folder of its own
     #[arg(long, value_enum)]
     pub ablation: Option<Ablation>,
+    /// Strike from the catalogue what is hidden in each case, and answer cases of a single effect alone: the truth is opened for its name, no more
+    #[arg(long)]
+    pub struck: bool,
 }
 
 /// A part of the method taken away.
@@ -218,11 +221,16 @@ fn answer(args: &AnswerArgs) -> Result<String, BuildError> {
         (Some(ablation), None) => ablation.options(),
         (None, path) => diagnose::options(path.as_deref())?,
     };
-    let mut kept = 0;
+    let (mut kept, mut passed) = (0, 0);
     for case in &cases {
         let out = args.out.join(case);
         if store::exists(&out.join("diagnosis.json")) {
             kept += 1;
+            continue;
+        }
+        let without_effect = if args.struck { hidden_alone(&args.bench, case)? } else { vec![] };
+        if args.struck && without_effect.is_empty() {
+            passed += 1;
             continue;
         }
         let folder = args.bench.join(case);
@@ -232,13 +240,25 @@ fn answer(args: &AnswerArgs) -> Result<String, BuildError> {
             measured,
             out,
             atlas: false,
-            without_effect: vec![],
+            without_effect,
             options: None,
             jobs: None,
         };
         diagnose::run_with(&question, &options)?;
     }
-    Ok(format!("{} answers in {}, {kept} of them there before\n", cases.len(), args.out.display()))
+    let answers = cases.len() - passed;
+    Ok(format!("{answers} answers in {}, {kept} of them there before\n", args.out.display()))
+}
+
+/// The name of a case's effect, where the catalogue has it and nothing else is hidden.
+fn hidden_alone(bench: &Path, case: &str) -> Result<Vec<String>, BuildError> {
+    let truth: Truth = serde_json::from_slice(&store::read(&bench.join(format!("{case}.truth.json")))?)
+        .map_err(|e| BuildError::File(format!("{case}: {e}")))?;
+    let known = |e: &String| discrepancy::catalogue::Catalogue::shipped().effect.iter().any(|c| c.id == *e);
+    Ok(match &truth.effects[..] {
+        [(effect, _, _)] if known(effect) => vec![effect.clone()],
+        _ => vec![],
+    })
 }
 
 fn score_answers(args: &ScoreArgs) -> Result<String, BuildError> {
@@ -259,9 +279,10 @@ fn score_answers(args: &ScoreArgs) -> Result<String, BuildError> {
             let measured: Vec<(String, PathBuf)> =
                 sources.iter().map(|s| (s.clone(), args.bench.join(case).join(format!("{s}.csv")))).collect();
             let (data, _) = diagnose::sources(&measured)?;
-            truth.strength.expected_evidence =
-                discrepancy::atlas::expected_evidence(&model, &loaded.spec, &data, &truth.signature)
-                    .map_err(|e| BuildError::File(format!("{case}: {e}")))?;
+            let promise = discrepancy::atlas::promise(&model, &loaded.spec, &data, &truth.signature)
+                .map_err(|e| BuildError::File(format!("{case}: {e}")))?;
+            truth.strength.expected_evidence = promise.all;
+            truth.strength.settled_evidence = promise.settled;
         }
         truths.insert(case, truth);
     }
@@ -300,6 +321,7 @@ fn reduced(d: &Diagnosis) -> Said {
         answers: d.answers.iter().map(names).collect(),
         sizes,
         closed: d.gap.held_out.closed,
+        without: d.without.clone(),
     }
 }
 
