@@ -43,6 +43,8 @@ pub(crate) fn weights<'a>(searcher: &Searcher, search: &'a Search, best: &Fit) -
 const NAMELESS: f64 = 5.0;
 /// The same beside no name at all, where noise alone would do: as much as a name must have earned [-].
 const NAMELESS_ALONE: f64 = 6.0;
+/// Log Bayes factor of the field beside a name from which the name is no longer the likelier of the two; a decisive one must be [-].
+const LIKELIER: f64 = 3.3;
 /// Standard deviations of the sum of squares from which an answer leaves more than noise does [-].
 const POOR: f64 = 1.8;
 /// Size of an effect, in standard deviations of its prior, that is no longer the effect of that name [-].
@@ -132,7 +134,7 @@ impl Grounds {
 
     /// Whether it may be decisive: a named effect that leaves much is not the whole truth. A field weighs only where it is asked for.
     fn may_decide(&self, wildcard: bool) -> bool {
-        let rests = self.excess < 0.25 * self.readings && !(wildcard && self.wild > NAMELESS);
+        let rests = self.excess < 0.25 * self.readings && !(wildcard && self.wild > LIKELIER);
         self.weight >= 0.95 && self.evidence >= DECIDED && self.gain > 0.0 && self.closes >= MOSTLY && rests
     }
 }
@@ -249,7 +251,8 @@ mod tests {
     fn a_name_beside_which_a_field_explains_more_is_none_but_for_a_form_that_may_differ() {
         let beside = Grounds { wild: 5.5, ..CLEAN };
         assert_eq!(judged(beside), Verdict::Unnamed);
-        assert_eq!(judged(Grounds { wild: 4.5, ..CLEAN }), Verdict::Decisive);
+        assert_eq!(judged(Grounds { wild: 4.5, ..CLEAN }), Verdict::Probable);
+        assert_eq!(judged(Grounds { wild: 3.0, ..CLEAN }), Verdict::Decisive);
         // a form that differs by a fifth leaves a twenty-fifth of what it explains; so large a field is not decisive
         let formed = Grounds { form_share: 0.2, evidence: 200.0, ..beside };
         assert_eq!(judged(formed), Verdict::Probable);
