@@ -122,6 +122,22 @@ fn a_sealed_set_is_made_answered_and_scored_and_a_broken_seal_is_refused() {
     let told = String::from_utf8(told.get_output().stdout.clone()).unwrap();
     let line = told.lines().find(|l| l.starts_with("strong: named first")).unwrap();
     assert!(line.contains("1 of 1"), "{told}");
+    // the same case with its effect struck counts as what is not in the catalogue
+    let struck = folder.path().join("struck");
+    build_model()
+        .args(["blind", "answer"])
+        .arg(&model)
+        .arg(&bench)
+        .arg("--struck")
+        .arg("--out")
+        .arg(&struck)
+        .assert()
+        .success();
+    assert_eq!(json(&struck.join("case_0001/diagnosis.json"))["without"], serde_json::json!(["origin_shift"]));
+    let told = score().arg(&struck).assert().success();
+    let told = String::from_utf8(told.get_output().stdout.clone()).unwrap();
+    let line = told.lines().find(|l| l.starts_with("strong, struck from the catalogue: flagged")).unwrap();
+    assert!(line.contains("of 1"), "{told}");
     let truth = bench.join("case_0001.truth.json");
     common::write(&truth, text(&truth).replace("origin_shift", "femur_frame"));
     let broken = score().assert().failure();
