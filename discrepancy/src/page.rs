@@ -35,7 +35,7 @@ pub fn page(model: &str, d: &Diagnosis) -> String {
     }
     let _ = write!(
         out,
-        "</ul><p class=\"note\">An effect was named from a log Bayes factor of {:.1} on (what 95 % of simulated data without an effect stay below, and half as much again or more, since the scatter itself is known no better). A smooth field of no name beside the answer: log Bayes factor {:.1}. M and L effects belong to the apparatus and are left out of predictions about the joint; T belongs to the specimen; U to the session.</p></body></html>",
+        "</ul><p class=\"note\">An effect was named from a log Bayes factor of {:.1} on (what 95 % of simulated data without an effect stay below, and half as much again or more, since the scatter itself is known no better). Fields of no name (forces or misreadings: constant, by flexion, by motion, by load) beside the answer, or beside nothing where nothing is named: log Bayes factor {:.1}. M and L effects belong to the apparatus and are left out of predictions about the joint; T belongs to the specimen; U to the session.</p></body></html>",
         d.threshold, d.wildcard
     );
     out

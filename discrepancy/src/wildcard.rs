@@ -282,3 +282,52 @@ impl Wildcard {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::covariance::Whitening;
+
+    /// Readings of `n` rows with a scatter of two in each, and a residual.
+    fn marginal(residual: &DVector<f64>) -> (Marginal, Readings) {
+        let n = residual.len();
+        let whitening = Whitening::new(DMatrix::identity(n, n) * 4.0).unwrap();
+        let readings = Readings { rows: (0..n).map(|r| (r / 5, r % 5)).collect(), measured: residual.clone() };
+        (Marginal { white: whitening.white_vector(residual), before: residual.clone(), whitening }, readings)
+    }
+
+    #[test]
+    fn a_field_gains_what_the_densities_with_and_without_its_covariance_differ_by() {
+        let residual = DVector::from_fn(20, |r, _| (r as f64 * 1.3).sin() * 3.0);
+        let signature = DMatrix::from_fn(20, 3, |r, k| ((r * (k + 2)) as f64 * 0.4).cos());
+        let (marginal, readings) = marginal(&residual);
+        let gains = Spectrum::new(&marginal, &readings, &signature).gains();
+        let density = |size: f64| {
+            let scatter = DMatrix::identity(20, 20) * 4.0 + &signature * signature.transpose() * (size * size);
+            let w = Whitening::new(scatter).unwrap();
+            -0.5 * (w.white_vector(&residual).norm_squared() + w.log_determinant())
+        };
+        for (gain, size) in gains.iter().zip(SIZES) {
+            assert!((gain - (density(size) - density(0.0))).abs() < 1e-9, "{size}: {gain}");
+        }
+    }
+
+    #[test]
+    fn a_field_that_is_there_is_found_at_its_size_and_one_that_is_not_loses() {
+        let signature = DMatrix::from_fn(60, 1, |r, _| if r % 5 == 3 { 2.0 } else { 0.0 });
+        let (there, readings) = marginal(&(signature.column(0) * 5.0));
+        let found = Spectrum::new(&there, &readings, &signature);
+        assert!(found.gains()[2] > 30.0, "{:?}", found.gains());
+        assert!((found.weights(3.0)[0] - 5.0).abs() < 0.1, "{}", found.weights(3.0));
+        let (nothing, readings) = marginal(&DVector::zeros(60));
+        assert!(Spectrum::new(&nothing, &readings, &signature).gains().iter().all(|g| *g < 0.0));
+    }
+
+    #[test]
+    fn fields_act_in_all_data_sets_or_in_one_and_misreadings_follow_no_motion() {
+        let two = kinds(2);
+        assert_eq!(two.len(), (4 + 3) * 3 * 6);
+        assert!(two.iter().all(|k| k.is_force || k.course != Course::Motion));
+        assert!(kinds(1).iter().all(|k| k.scope == Scope::Both));
+    }
+}

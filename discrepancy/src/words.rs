@@ -146,12 +146,16 @@ fn not_enough(problem: &Problem, d: &Diagnosis) -> String {
         format!("{title} in {place}")
     };
     let names: Vec<String> = d.best.iter().map(title).collect();
-    format!(
-        " The best that it has, {}, would explain {:.0} % of the misfit and leave {:.1} times what noise and floor allow: not enough for a name.",
-        names.join(" with "),
-        100.0 * ((before - after) / (before - 1.0)).clamp(0.0, 1.0),
-        after
-    )
+    let explains = 100.0 * ((before - after) / (before - 1.0)).clamp(0.0, 1.0);
+    let best = format!(" The best that it has, {}, would explain {explains:.0} % of the misfit", names.join(" with "));
+    if after > 1.1 {
+        format!("{best} and leave {after:.1} times what noise and floor allow: not enough for a name.")
+    } else {
+        format!(
+            "{best}, but fields of no name earn a log Bayes factor of {:.1} there: not enough for a name.",
+            d.wildcard
+        )
+    }
 }
 
 /// Trials that neither nothing missing nor the best hypothesis explains.
