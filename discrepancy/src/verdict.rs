@@ -38,11 +38,9 @@ pub(crate) fn weights<'a>(searcher: &Searcher, search: &'a Search, best: &Fit) -
     out
 }
 
-/// Log Bayes factor from which a field of no name is believed beside a named answer: one thing missing in ten is in nobody's catalogue, and 5 nats as
-/// loud as the data may speak are odds of 28, three to one for the field [-].
-const NAMELESS: f64 = 5.0;
-/// The same beside no name at all, where noise alone would do: as much as a name must have earned [-].
-const NAMELESS_ALONE: f64 = 6.0;
+/// Log Bayes factor from which fields of no name are believed, beside a named answer or alone: as much as a name must have earned. One thing missing in ten
+/// is in nobody's catalogue, and 6 nats as loud as the data may speak are odds of 55, six to one for the field [-].
+const NAMELESS: f64 = 6.0;
 /// Log Bayes factor of the field beside a name from which the name is no longer the likelier of the two; a decisive one must be [-].
 const LIKELIER: f64 = 3.3;
 /// Standard deviations of the sum of squares from which an answer leaves more than noise does [-].
@@ -125,7 +123,7 @@ impl Grounds {
     fn is_nameless(&self) -> bool {
         let deviations = self.excess / (2.0 * self.readings).sqrt();
         if !self.is_named {
-            return self.wild > NAMELESS_ALONE || deviations > BEYOND_DOUBT;
+            return self.wild > NAMELESS || deviations > BEYOND_DOUBT;
         }
         // what a form that differs by a share leaves of what it explains; a size that nobody would expect is no matter of form
         let form = if self.is_expected { self.form_share.powi(2) * self.evidence } else { 0.0 };
@@ -249,9 +247,9 @@ mod tests {
 
     #[test]
     fn a_name_beside_which_a_field_explains_more_is_none_but_for_a_form_that_may_differ() {
-        let beside = Grounds { wild: 5.5, ..CLEAN };
+        let beside = Grounds { wild: 6.5, ..CLEAN };
         assert_eq!(judged(beside), Verdict::Unnamed);
-        assert_eq!(judged(Grounds { wild: 4.5, ..CLEAN }), Verdict::Probable);
+        assert_eq!(judged(Grounds { wild: 5.5, ..CLEAN }), Verdict::Probable);
         assert_eq!(judged(Grounds { wild: 3.0, ..CLEAN }), Verdict::Decisive);
         // a form that differs by a fifth leaves a twenty-fifth of what it explains; so large a field is not decisive
         let formed = Grounds { form_share: 0.2, evidence: 200.0, ..beside };
