@@ -17,7 +17,7 @@ pub const UNKNOWN: [(&str, &[Size], bool); 8] = [
     ("x_ct_scale", &[("share", 0.03, false)], true),
     // VV, IE or ML by the rounded number
     ("x_turned_channel", &[("channel", 2.0, true)], false),
-    // places of the two among the trials of a data set, as shares
+    // places of the two among the trials of their scope, as shares
     ("x_swapped_trials", &[("one", 0.3, true), ("other", 0.7, true)], false),
 ];
 
@@ -82,7 +82,7 @@ pub(crate) fn true_size(input: &KneeInput, share: f64) -> KneeInput {
     out
 }
 
-/// Places, among `count` trials of a data set, of the two whose readings changed places.
+/// Places, among `count` trials of its scope, of the two whose readings changed places.
 pub(crate) fn swapped(hidden: &Hidden, count: usize) -> Option<(usize, usize)> {
     if hidden.effect != "x_swapped_trials" || count < 2 {
         return None;

@@ -1,5 +1,5 @@
-//! Candidate zero: a smooth field of generalised forces, or of misreadings, of no name. Where it explains more than any named effect, the answer is
-//! outside the catalogue.
+//! Candidate zero: fields of generalised forces, or of misreadings, of no name, from the same in every trial to smooth in flexion and motion. Where they
+//! explain what a named effect leaves, the answer is outside the catalogue.
 
 use crate::covariance::Readings;
 use crate::equilibrium::Bench;
