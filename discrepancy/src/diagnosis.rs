@@ -202,8 +202,9 @@ pub fn diagnose(
     catalogue: &Catalogue,
     options: &DiagnosisOptions,
 ) -> Result<Outcome, DiscrepancyError> {
-    let mut problem = Problem::new(model, spec, sources, catalogue)?;
-    problem.present = crate::component::present(spec, &problem.sources, &Catalogue::shipped())?;
+    let problem = Problem::new(model, spec, sources, catalogue)?;
+    let present = crate::component::present(spec, &problem.sources, &Catalogue::shipped())?;
+    let problem = if present.is_empty() { problem } else { problem.with_present(present) };
     conclude(&problem, spec, options)
 }
 

@@ -19,6 +19,8 @@ const SAME_FLEXION: f64 = 1e-8;
 
 /// Force at which a spring that holds the measured pose gives way by the noise [N]; moments by a lever of 20 mm.
 const HOLD: f64 = 100.0;
+/// Stiffness of a knee on the brink, over that of those springs, that counts as enough to stay [-].
+const LEAST: f64 = 0.1;
 
 /// A resting pose.
 #[derive(Clone, Debug)]
@@ -81,36 +83,50 @@ impl Bench<'_> {
         self.walk(&unloaded)
     }
 
-    /// The pose next to the measured one, `measured`, held there by springs that give way by about the measurement's noise: what is then out of
-    /// balance is what the model lacks in that trial, however far it would move the knee.
-    pub fn held(&self, trial: &Trial, measured: &Six) -> Rest {
-        self.held_by(trial, measured, measured, HOLD)
+    /// The pose from `start` that reads next to what was `measured` (Grood-Suntay coordinates [rad, mm]), held there by springs that give way by about
+    /// the measurement's noise: what is then out of balance is what the model lacks in that trial, however far it would move the knee.
+    pub fn held(&self, trial: &Trial, measured: &Six, start: &Six) -> Rest {
+        self.held_by(trial, measured, start, HOLD)
     }
 
     /// The rest that is reached when those springs are let go little by little: on the branch of the measured pose, where a loaded knee has several.
-    pub fn released(&self, trial: &Trial, measured: &Six) -> Rest {
+    pub fn released(&self, trial: &Trial, measured: &Six, start: &Six) -> Rest {
         let parts = [1.0, 0.3, 0.1, 0.03, 0.01];
-        let q = parts.iter().fold(*measured, |q, part| self.held_by(trial, measured, &q, HOLD * part).q);
+        let q = parts.iter().fold(*start, |q, part| self.held_by(trial, measured, &q, HOLD * part).q);
         self.settle(trial, &q)
     }
 
-    /// A tangent as stiff, in every direction, as springs that give way by some ten noises under the force that holds a pose: where a knee is about to
-    /// leave the joint its own may be next to nothing, or negative, and a force out of balance would move it anywhere.
+    /// A tangent no less stiff, in any direction, than springs that give way by some ten noises under the force that holds a pose: where a knee is about
+    /// to leave the joint its own may be next to nothing, or negative, and a force out of balance would move it anywhere.
     pub fn stiffened(&self, trial: &Trial, tangent: &Matrix6<f64>) -> Matrix6<f64> {
-        let springs = springs(trial, 0.1 * HOLD);
-        Matrix6::from_fn(|j, k| tangent[(j, k)] + if j == k { springs[j] } else { 0.0 })
+        let springs = springs(trial, HOLD);
+        let unit: [f64; 5] = FREE.map(|j| springs[j].sqrt());
+        let block = Matrix5::from_fn(|a, b| tangent[(FREE[a], FREE[b])] / (unit[a] * unit[b]));
+        let eigen = ((block + block.transpose()) * 0.5).symmetric_eigen();
+        let lacking = eigen.eigenvalues.map(|own| (LEAST - own).max(0.0));
+        let added = eigen.eigenvectors * Matrix5::from_diagonal(&lacking) * eigen.eigenvectors.transpose();
+        let mut out = *tangent;
+        for (a, &j) in FREE.iter().enumerate() {
+            for (b, &k) in FREE.iter().enumerate() {
+                out[(j, k)] += added[(a, b)] * unit[a] * unit[b];
+            }
+        }
+        out
     }
 
-    /// Held by springs of a force `hold` at the noise [N], from `start`.
+    /// Held by springs of a force `hold` at the noise [N], from `start`. The springs act on what is read: an effect that misreads moves where they hold.
     fn held_by(&self, trial: &Trial, measured: &Six, start: &Six, hold: f64) -> Rest {
-        let springs = springs(trial, hold);
+        let springs = Matrix6::from_diagonal(&Six::from(springs(trial, hold)));
         let (mut q, mut near) = (*start, Nearby::default());
         let mut state = self.balance(trial, (&trial.load, trial.flexion), &q, &mut near);
         for _ in 0..12 {
+            let by = self.observe_derivative(trial, &q);
+            let pull = by.transpose() * springs;
+            let (force, stiffness) = (pull * (state.observed - measured), pull * by);
             let mut pulled = Balance { miss: state.miss, tangent: state.tangent, observed: state.observed };
             for &j in &FREE {
-                pulled.miss[j] += springs[j] * (q[j] - measured[j]);
-                pulled.tangent[(j, j)] += springs[j];
+                pulled.miss[j] += force[j];
+                (0..6).for_each(|k| pulled.tangent[(j, k)] += stiffness[(j, k)]);
             }
             if pulled.size() < 1.0 {
                 break;

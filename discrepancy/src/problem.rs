@@ -22,8 +22,8 @@ pub const PRIOR: [f64; 3] = [0.03, 0.2, 0.3];
 /// Coordinates of a reading.
 const READ: [usize; 5] = [VV, IE, ML, AP, SI];
 
-/// Sum of squares, in noises, from which a trial's rest is taken for lost.
-const LOST: f64 = 400.0;
+/// Sum of squares, in noises, from which a trial's rest is taken for lost: nothing that scatters takes a knee that stays where it is six noises away.
+const LOST: f64 = 36.0;
 
 /// Where an effect acts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -147,10 +147,33 @@ impl Problem {
         Ok(problem)
     }
 
+    /// The same question of a model that has effects already.
+    pub fn with_present(mut self, present: Vec<(Active, Scope)>) -> Problem {
+        self.present = present;
+        self.hold();
+        self
+    }
+
+    /// Grood-Suntay coordinates that a trial read [rad, mm]; what was not measured is taken from the unloaded pose.
+    fn measured(&self, trial: &Trial) -> Six {
+        let mut gs = self.model.joint.grood_suntay(&trial.neutral);
+        gs[0] = trial.flexion;
+        for (c, value) in trial.measured.iter().enumerate() {
+            if let Some(v) = value {
+                gs[READ[c]] = v * PER_UNIT[c];
+            }
+        }
+        gs
+    }
+
     /// Finds the poses next to the measured ones.
     fn hold(&mut self) {
-        let bench = Bench { model: &self.model, effects: &[], place: &self.place };
-        let near = |t: &Trial| measured_pose(&self.model, t).map(|q| bench.held(t, &q));
+        let near = |t: &Trial| {
+            let effects = self.effects_in(t.source, &[], &[]);
+            let bench = Bench { model: &self.model, effects: &effects, place: &self.place };
+            let measured = self.measured(t);
+            self.model.joint.coordinates(&measured).ok().map(|q| bench.held(t, &measured, &q))
+        };
         self.held = self.trials.par_iter().map(near).collect();
     }
 
@@ -290,7 +313,7 @@ impl Problem {
                 if miss(i, &second) <= LOST {
                     return second;
                 }
-                let third = nearer(second, bench.released(trial, &held.q));
+                let third = nearer(second, bench.released(trial, &self.measured(trial), &held.q));
                 if miss(i, &third) > LOST { self.imagined(bench, trial, held) } else { third }
             })
             .collect())
@@ -300,7 +323,7 @@ impl Problem {
     /// is out of balance there counts, no matter how far it would throw the knee.
     fn imagined(&self, bench: Bench, trial: &Trial, held: &Rest) -> Rest {
         let tangent = bench.stiffened(trial, &held.tangent);
-        let mut rest = Rest { tangent, ..bench.held(trial, &held.q) };
+        let mut rest = Rest { tangent, ..bench.held(trial, &self.measured(trial), &held.q) };
         let moved = Slopes::new(bench, trial, &rest).by(&rest.miss, &Six::zeros());
         READ.iter().zip(moved).zip(PER_UNIT).for_each(|((&j, m), unit)| rest.observed[j] += m * unit);
         rest
@@ -348,18 +371,6 @@ impl Problem {
         let value = rests.iter().flat_map(reading).collect();
         Ok(Linear { value, slope, rests })
     }
-}
-
-/// Chain coordinates of a trial's measured pose; what was not measured is taken from the unloaded pose.
-fn measured_pose(model: &Model, trial: &Trial) -> Option<Six> {
-    let mut gs = model.joint.grood_suntay(&trial.neutral);
-    gs[0] = trial.flexion;
-    for (c, value) in trial.measured.iter().enumerate() {
-        if let Some(v) = value {
-            gs[READ[c]] = v * PER_UNIT[c];
-        }
-    }
-    model.joint.coordinates(&gs).ok()
 }
 
 /// Readings VV, IE [deg], ML, AP, SI [mm] of a rest.

@@ -39,8 +39,8 @@ pub(crate) fn weights<'a>(searcher: &Searcher, search: &'a Search, best: &Fit) -
 }
 
 /// Log Bayes factor from which fields of no name are believed, beside a named answer or alone: as much as a name must have earned. One thing missing in ten
-/// is in nobody's catalogue, and 6 nats as loud as the data may speak are odds of 55, six to one for the field [-].
-const NAMELESS: f64 = 6.0;
+/// is in nobody's catalogue, and 4.5 nats as loud as the data may speak are odds of 20, two to one for the field [-].
+const NAMELESS: f64 = 4.5;
 /// Log Bayes factor of the field beside a name from which the name is no longer the likelier of the two; a decisive one must be [-].
 const LIKELIER: f64 = 3.3;
 /// Standard deviations of the sum of squares from which an answer leaves more than noise does [-].
@@ -247,9 +247,9 @@ mod tests {
 
     #[test]
     fn a_name_beside_which_a_field_explains_more_is_none_but_for_a_form_that_may_differ() {
-        let beside = Grounds { wild: 6.5, ..CLEAN };
+        let beside = Grounds { wild: 5.0, ..CLEAN };
         assert_eq!(judged(beside), Verdict::Unnamed);
-        assert_eq!(judged(Grounds { wild: 5.5, ..CLEAN }), Verdict::Probable);
+        assert_eq!(judged(Grounds { wild: 4.0, ..CLEAN }), Verdict::Probable);
         assert_eq!(judged(Grounds { wild: 3.0, ..CLEAN }), Verdict::Decisive);
         // a form that differs by a fifth leaves a twenty-fifth of what it explains; so large a field is not decisive
         let formed = Grounds { form_share: 0.2, evidence: 200.0, ..beside };
@@ -263,8 +263,8 @@ mod tests {
     #[test]
     fn a_field_alone_must_earn_as_much_as_a_name() {
         let nothing = Grounds { is_named: false, ..CLEAN };
-        assert_eq!(judged(Grounds { wild: 5.5, ..nothing }), Verdict::None);
-        assert_eq!(judged(Grounds { wild: 6.5, ..nothing }), Verdict::Unnamed);
+        assert_eq!(judged(Grounds { wild: 4.0, ..nothing }), Verdict::None);
+        assert_eq!(judged(Grounds { wild: 5.0, ..nothing }), Verdict::Unnamed);
     }
 
     #[test]

@@ -5,9 +5,11 @@ mod common;
 
 use common::shared;
 use discrepancy::catalogue::Catalogue;
+use discrepancy::effect::Active;
 use discrepancy::equilibrium::{Bench, Rest};
 use discrepancy::problem::{Problem, reading};
 use discrepancy::trial::Source;
+use nalgebra::Matrix6;
 use validation::design::Kind;
 
 /// The published deck under 10 N m of varus and of valgus at 60 and 90 deg, measured where the deck itself rests.
@@ -63,7 +65,7 @@ fn loosened(problem: &Problem, by: f64) -> Vec<f64> {
 #[test]
 fn a_knee_thrown_out_of_the_joint_is_led_back() {
     let Some(problem) = problem() else { return };
-    let x = loosened(&problem, -1.0);
+    let x = loosened(&problem, -0.8);
     let alone = problem.rests(&[], &x, &[]).unwrap();
     let led = problem.nearer(&[], &x, &[]).unwrap();
     assert!(off(&problem, &alone)[0] > 20.0 && off(&problem, &led)[0] < 6.0);
@@ -98,4 +100,42 @@ fn on_the_brink_a_tenth_of_a_degree_changes_little() {
         .collect();
     let Some(away) = away else { return };
     assert!(away.windows(2).all(|w| (w[0] - w[1]).abs() < 1.0), "{away:?}");
+}
+
+#[test]
+fn springs_hold_what_is_read_however_much_it_misreads() {
+    let Some(problem) = problem() else { return };
+    let catalogue = Catalogue::shipped();
+    let turned = catalogue.effect.iter().find(|e| e.id == "tibia_frame").unwrap();
+    let effects = [Active::new(turned, 0, vec![3.0, -2.0]).unwrap()];
+    let bench = Bench { model: &problem.model, effects: &effects, place: &problem.place };
+    for trial in &problem.trials {
+        let rest = bench.settle(trial, &trial.neutral);
+        if !rest.balanced {
+            continue;
+        }
+        // measured where a knee whose frame is turned reads: nothing pulls, from wherever the pose is sought
+        let sought = problem.model.joint.coordinates(&rest.observed).unwrap();
+        assert!((sought - rest.q)[1].abs().to_degrees() > 1.0, "the frame turns what is read");
+        let held = bench.held(trial, &rest.observed, &sought);
+        assert!((held.q - rest.q).amax() < 0.02 && held.miss.amax() < 20.0, "{}: {}", trial.name, held.miss);
+    }
+}
+
+#[test]
+fn on_the_brink_a_knee_is_as_stiff_as_it_takes_to_stay_and_elsewhere_as_it_is() {
+    let Some(problem) = problem() else { return };
+    let bench = Bench { model: &problem.model, effects: &[], place: &problem.place };
+    let trial = &problem.trials[0];
+    let nothing = Matrix6::zeros();
+    let least = bench.stiffened(trial, &nothing);
+    assert!((1..6).all(|j| least[(j, j)] > 0.0) && least.row(0).amax() == 0.0);
+    // a knee that would leave in one direction is held in that one
+    let stiff = least * 3.0;
+    assert!((bench.stiffened(trial, &stiff) - stiff).amax() < 1e-9 * stiff.amax());
+    let mut brink = stiff;
+    brink[(4, 4)] = -stiff[(4, 4)];
+    let held = bench.stiffened(trial, &brink);
+    assert!((held[(4, 4)] - least[(4, 4)]).abs() < 1e-9 * least[(4, 4)]);
+    assert!((1..6).filter(|j| *j != 4).all(|j| (held[(j, j)] - stiff[(j, j)]).abs() < 1e-9 * stiff[(j, j)]));
 }
