@@ -205,6 +205,9 @@ pub fn diagnose(
     let problem = Problem::new(model, spec, sources, catalogue)?;
     let present = crate::component::present(spec, &problem.sources, &Catalogue::shipped())?;
     let problem = if present.is_empty() { problem } else { problem.with_present(present) };
+    let problem = problem.with_far_rests(true);
+    let little = problem.fits_little(&Searcher { problem: &problem, options }.recalibrated()?.linear.rests);
+    let problem = problem.with_far_rests(little);
     conclude(&problem, spec, options)
 }
 

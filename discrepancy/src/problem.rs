@@ -24,6 +24,10 @@ const READ: [usize; 5] = [VV, IE, ML, AP, SI];
 
 /// Sum of squares, in noises, from which a trial's rest is taken for lost: nothing that scatters takes a knee that stays where it is six noises away.
 const LOST: f64 = 36.0;
+/// The same where the model fits so little of the data that branches are not the matter: there rests count as they are, as far as they can be told.
+const FAR: f64 = 400.0;
+/// Most trials, as a share, that may be lost beside recalibrated ligaments for that [-].
+const MOST_LOST: f64 = 0.2;
 
 /// Where an effect acts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -95,6 +99,8 @@ pub struct Problem {
     /// The pose next to each trial's measured one, where the chain reaches it: a start on the branch that the knee took.
     held: Vec<Option<Rest>>,
     bundles: Vec<Vec<usize>>,
+    /// Sum of squares from which a trial's rest is taken for lost.
+    lost: f64,
 }
 
 /// Predictions and derivatives at an answer.
@@ -134,6 +140,7 @@ impl Problem {
             present: vec![],
             held: vec![],
             bundles,
+            lost: LOST,
         };
         let neutral: Vec<Six> = problem
             .trials
@@ -287,11 +294,7 @@ impl Problem {
         let model = self.model_at(unknowns)?;
         let effects: Vec<Vec<Active>> =
             (0..self.sources.len()).map(|s| self.effects_in(s, hypothesis, unknowns)).collect();
-        let miss = |i: usize, rest: &Rest| {
-            let (there, t) = (reading(rest), &self.trials[i]);
-            let one = |c: usize| t.measured[c].map_or(0.0, |m| ((there[c] - m) / (t.sd[c] + 0.5)).powi(2));
-            (0..5).map(one).sum::<f64>()
-        };
+        let miss = |i: usize, rest: &Rest| self.off(i, rest);
         Ok((0..self.trials.len())
             .into_par_iter()
             .map(|i| {
@@ -310,13 +313,31 @@ impl Problem {
                 };
                 let Some(held) = &self.held[i] else { return first };
                 let second = nearer(first, bench.settle(trial, &held.q));
-                if miss(i, &second) <= LOST {
+                if miss(i, &second) <= self.lost {
                     return second;
                 }
                 let third = nearer(second, bench.released(trial, &self.measured(trial), &held.q));
-                if miss(i, &third) > LOST { self.imagined(bench, trial, held) } else { third }
+                if miss(i, &third) > self.lost { self.imagined(bench, trial, held) } else { third }
             })
             .collect())
+    }
+
+    /// How far a rest of trial `i` is from what was measured: sum of squares in noises, half a degree or millimetre added to each.
+    fn off(&self, i: usize, rest: &Rest) -> f64 {
+        let (there, t) = (reading(rest), &self.trials[i]);
+        (0..5).map(|c| t.measured[c].map_or(0.0, |m| ((there[c] - m) / (t.sd[c] + 0.5)).powi(2))).sum()
+    }
+
+    /// Whether trials count as lost only far from what was measured.
+    pub fn with_far_rests(mut self, far: bool) -> Problem {
+        self.lost = if far { FAR } else { LOST };
+        self
+    }
+
+    /// Whether so many of these rests are lost that the model fits little.
+    pub fn fits_little(&self, rests: &[Rest]) -> bool {
+        let lost = rests.iter().enumerate().filter(|(i, r)| self.off(*i, r) > LOST).count();
+        lost as f64 > MOST_LOST * rests.len() as f64
     }
 
     /// Where a trial that finds no rest near the measured pose would rest if the knee were as stiff there as the model as given is at that pose, and no less stiff than it takes to stay: what

@@ -205,6 +205,13 @@ impl Searcher<'_> {
         });
     }
 
+    /// The model with its ligaments fitted, nothing missing.
+    ///
+    /// Errors: a model that cannot be evaluated.
+    pub fn recalibrated(&self) -> Result<Fit, DiscrepancyError> {
+        Ok(self.baseline(&Readings::of(self.problem, &|_| true))?.base)
+    }
+
     /// Nothing missing: the model as given, and with its ligaments fitted.
     fn baseline(&self, readings: &Readings) -> Result<Start, DiscrepancyError> {
         let x = vec![0.0; self.problem.nuisances()];
