@@ -47,9 +47,10 @@ const LIKELIER: f64 = 3.3;
 const POOR: f64 = 1.8;
 /// Size of an effect, in standard deviations of its prior, that is no longer the effect of that name [-].
 const BEYOND_BELIEF: f64 = 5.0;
-/// Share of the held-out gap that a decisive answer must close, and every answer whose rest stays significant [-]: leaving more than it closes, it
-/// is at most part of what is missing.
+/// Share of the held-out gap that a decisive answer must close [-].
 const MOSTLY: f64 = 0.5;
+/// Share of the held-out gap that an answer must close whose rest stays significant [-]: else it is at most part of what is missing, or stands in for it.
+const NEARLY: f64 = 0.9;
 /// Log Bayes factor that a decisive answer must have [-]: the nearest kin of the catalogue differ by a tenth of what they explain, and a tenth of this
 /// tells an unknown one of that kind apart by odds of 20.
 const DECIDED: f64 = 30.0;
@@ -127,7 +128,7 @@ impl Grounds {
         }
         // what a form that differs by a share leaves of what it explains; a size that nobody would expect is no matter of form
         let form = if self.is_expected { self.form_share.powi(2) * self.evidence } else { 0.0 };
-        self.wild > NAMELESS.max(form) || deviations > POOR && self.closes < MOSTLY
+        self.wild > NAMELESS.max(form) || deviations > POOR && self.closes < NEARLY
     }
 
     /// Whether it may be decisive: a named effect that leaves much is not the whole truth. A field weighs only where it is asked for.
@@ -256,6 +257,11 @@ mod tests {
         assert_eq!(judged(formed), Verdict::Probable);
         assert_eq!(judged(Grounds { evidence: 100.0, ..formed }), Verdict::Unnamed);
         assert_eq!(judged(Grounds { is_expected: false, ..formed }), Verdict::Unnamed);
+        // what stands in for the truth closes much and leaves much; the truth leaves little
+        let standing_in = Grounds { excess: 56.0, closes: 0.82, ..CLEAN };
+        assert_eq!(judged(standing_in), Verdict::Unnamed);
+        assert_ne!(judged(Grounds { closes: 0.95, ..standing_in }), Verdict::Unnamed);
+        assert_ne!(judged(Grounds { excess: 30.0, ..standing_in }), Verdict::Unnamed);
         // without the field nothing is outside the catalogue
         assert_ne!(judge(&beside, false, || true), Verdict::Unnamed);
     }
