@@ -81,6 +81,41 @@ fn nothing_is_named_where_nothing_is_hidden_whatever_the_number_of_threads() {
     assert!(untested.iter().any(|n| n["effect"] == "friction"));
 }
 
+/// A set with the readings of two trials of a file exchanged; recorded loads and flexion stay.
+fn exchanged(case: &Path, to: &Path, file: &str, [one, other]: [&str; 2]) {
+    std::fs::create_dir_all(to).unwrap();
+    for name in ["kla.csv", "rks.csv"] {
+        std::fs::copy(case.join(name), to.join(name)).unwrap();
+    }
+    let all = text(&case.join(file));
+    let header: Vec<&str> = all.lines().next().unwrap().split(',').collect();
+    let first = header.iter().position(|h| *h == "vv_deg").unwrap();
+    let mut rows: Vec<Vec<&str>> = all.lines().map(|l| l.split(',').collect()).collect();
+    let place = |name: &str| rows.iter().position(|r| r[0] == name).unwrap();
+    let (a, b) = (place(one), place(other));
+    for c in first..first + 5 {
+        (rows[a][c], rows[b][c]) = (rows[b][c], rows[a][c]);
+    }
+    let lines: Vec<String> = rows.iter().map(|r| r.join(",")).collect();
+    std::fs::write(to.join(file), lines.join("\n") + "\n").unwrap();
+}
+
+#[test]
+fn records_that_were_mixed_up_are_told_by_name() {
+    let Some(case) = shared("diagnose", "blind/case_003") else { return };
+    let Some(folder) = deck("diagnose") else { return };
+    let mixed = folder.path().join("mixed");
+    let two = ["posterior_30deg_203.5", "external_60deg_7.5"];
+    exchanged(&case, &mixed, "rks.csv", two);
+    let told = json(&diagnose(folder.path(), &mixed, "told", &[]).join("diagnosis.json"));
+    assert_eq!(told["verdict"], "unnamed");
+    let mut names: Vec<&str> =
+        told["exchanged"]["trials"].as_array().unwrap().iter().map(|t| t.as_str().unwrap()).collect();
+    names.sort_unstable();
+    assert_eq!(names, ["rks external_60deg_7.5", "rks posterior_30deg_203.5"]);
+    assert!(told["description"].as_str().unwrap().contains("may have been exchanged"));
+}
+
 #[test]
 fn an_effect_struck_from_the_catalogue_is_unnamed_and_an_unknown_one_is_refused() {
     let Some(case) = shared("diagnose", "blind/case_008") else { return };

@@ -3,6 +3,7 @@
 use crate::catalogue::Catalogue;
 use crate::component::{Component, augmented, components};
 use crate::error::DiscrepancyError;
+use crate::exchange::{Exchange, exchange};
 use crate::fit::Fit;
 use crate::held_out::{HeldOut, closed, held_out};
 use crate::map::{Cell, map, map_left_out};
@@ -119,6 +120,16 @@ pub struct NotTestable {
     pub why: String,
 }
 
+/// Two trials that may have been mixed up.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Exchanged {
+    /// Data set and name of each.
+    pub trials: [String; 2],
+    /// Log Bayes factor against the records as they are [-].
+    pub log_bayes_factor: f64,
+}
+
 /// What the ligaments had taken up.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -175,6 +186,9 @@ pub struct Diagnosis {
     pub threshold: f64,
     /// Log Bayes factor of a smooth nameless field beside the best answer [-].
     pub wildcard: f64,
+    /// Two trials whose readings fit each other's place, where there are such.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub exchanged: Option<Exchanged>,
     /// Whitened sum of squares of nothing missing and of the best hypothesis, over the number of readings [-].
     pub misfit: [f64; 2],
     /// The best hypothesis' effects, whether named or not.
@@ -218,6 +232,8 @@ fn conclude(problem: &Problem, spec: &ModelSpec, options: &DiagnosisOptions) -> 
     let is_named = !best.hypothesis.is_empty() && is_believed(&searcher, &search, best);
     let believed = if is_named { best } else { &search.base };
     let wild = wildcard(problem, &search, believed)?;
+    let alone = if is_named { wildcard(problem, &search, &search.base)? } else { wild.clone() };
+    let exchange = exchange(problem, &search, believed)?;
     let rivals = weights(&searcher, &search, believed);
     let before = held_out(&searcher, &search, &search.base, options.folds, options.folds)?;
     let after =
@@ -228,6 +244,8 @@ fn conclude(problem: &Problem, spec: &ModelSpec, options: &DiagnosisOptions) -> 
         base: &search.base,
         is_named,
         wild: wild.log_bayes_factor,
+        alone: alone.log_bayes_factor,
+        exchanged: exchange.map_or(f64::NEG_INFINITY, |e| e.log_bayes_factor),
         gain,
         closes: closed(&before, &after),
     };
@@ -260,11 +278,12 @@ fn conclude(problem: &Problem, spec: &ModelSpec, options: &DiagnosisOptions) -> 
         ligaments: absorbed(problem, &search.base, shown),
         threshold,
         wildcard: wild.log_bayes_factor,
+        exchanged: exchange.and_then(|e| told_exchange(problem, e)),
         misfit: [&search.base, best].map(|f| searcher.total(f) / f.residual.len() as f64),
         best: named(problem, best, temper(&searcher, believed)),
     };
     // what is told in words is all that is missing, not what the best answer leaves
-    let told = if verdict == Verdict::Unnamed { wildcard(problem, &search, &search.base)? } else { wild };
+    let told = if verdict == Verdict::Unnamed { alone } else { wild };
     diagnosis.description = crate::words::description(problem, &diagnosis, &told, &search);
     let mut outcome = Outcome { diagnosis, components: vec![], model: None };
     if let Some(first) = outcome.diagnosis.answers.first() {
@@ -272,6 +291,14 @@ fn conclude(problem: &Problem, spec: &ModelSpec, options: &DiagnosisOptions) -> 
         outcome.model = Some(augmented(problem, spec, best, &outcome.components)?);
     }
     Ok(outcome)
+}
+
+/// The exchange with the names of its trials, where it is to be believed.
+fn told_exchange(problem: &Problem, exchange: Exchange) -> Option<Exchanged> {
+    let name = |i: usize| format!("{} {}", problem.sources[problem.trials[i].source], problem.trials[i].name);
+    let trials = exchange.trials.map(name);
+    let log_bayes_factor = exchange.log_bayes_factor;
+    (log_bayes_factor > crate::verdict::MIXED_UP).then_some(Exchanged { trials, log_bayes_factor })
 }
 
 /// Effects of the shipped catalogue that another one has not.

@@ -10,6 +10,7 @@ pub mod diagnosis;
 pub mod effect;
 pub mod equilibrium;
 pub mod error;
+pub mod exchange;
 pub mod fit;
 pub mod held_out;
 pub mod map;

@@ -38,9 +38,14 @@ pub(crate) fn weights<'a>(searcher: &Searcher, search: &'a Search, best: &Fit) -
     out
 }
 
-/// Log Bayes factor from which fields of no name are believed, beside a named answer or alone: as much as a name must have earned. One thing missing in ten
-/// is in nobody's catalogue, and 4.5 nats as loud as the data may speak are odds of 20, two to one for the field [-].
-const NAMELESS: f64 = 4.5;
+/// Log Bayes factor from which fields of no name are believed where nothing is named, times what the data leave over what they should where that is
+/// more: as much as a name must have earned [-].
+const NAMELESS: f64 = 3.0;
+/// The same beside a name [-]: one thing missing in ten is in nobody's catalogue, and 4.5 nats as loud as the data may speak are odds of 20, two to one
+/// for the field.
+const BESIDE: f64 = 4.5;
+/// By how much a field in place of the name must do better than the name does to be the likelier of the two: by those ten to one [-].
+const AHEAD: f64 = 2.3;
 /// Log Bayes factor of the field beside a name from which the name is no longer the likelier of the two; a decisive one must be [-].
 const LIKELIER: f64 = 3.3;
 /// Standard deviations of the sum of squares from which an answer leaves more than noise does [-].
@@ -54,6 +59,8 @@ const NEARLY: f64 = 0.9;
 /// Log Bayes factor that a decisive answer must have [-]: the nearest kin of the catalogue differ by a tenth of what they explain, and a tenth of this
 /// tells an unknown one of that kind apart by odds of 20.
 const DECIDED: f64 = 30.0;
+/// Log Bayes factor from which two trials are taken to be exchanged [-].
+pub(crate) const MIXED_UP: f64 = 4.5;
 /// Standard deviations of the sum of squares from which something is missing though no effect explains it [-].
 const BEYOND_DOUBT: f64 = 4.0;
 
@@ -67,6 +74,10 @@ pub(crate) struct Candidature<'a> {
     pub is_named: bool,
     /// Log Bayes factor of a nameless field beside it [-].
     pub wild: f64,
+    /// Log Bayes factor of a nameless field without it, against nothing missing [-].
+    pub alone: f64,
+    /// Log Bayes factor of two trials exchanged beside it [-].
+    pub exchanged: f64,
     /// Its gain of the held-out log score [-].
     pub gain: f64,
     /// Share of the held-out gap that it closes [-].
@@ -88,6 +99,10 @@ struct Grounds {
     is_expected: bool,
     /// Log Bayes factor of a nameless field beside it [-].
     wild: f64,
+    /// Log Bayes factor of a nameless field without it, against nothing missing [-].
+    alone: f64,
+    /// Log Bayes factor of two trials exchanged beside it [-].
+    exchanged: f64,
     /// Its gain of the held-out log score [-].
     gain: f64,
     /// Share of the held-out gap that it closes [-].
@@ -113,6 +128,8 @@ impl Grounds {
             form_share: share,
             is_expected,
             wild: of.wild,
+            alone: of.alone,
+            exchanged: of.exchanged,
             gain: of.gain,
             closes: of.closes,
             weight: by_names(rivals).first().map_or(0.0, |g| g.1),
@@ -124,11 +141,15 @@ impl Grounds {
     fn is_nameless(&self) -> bool {
         let deviations = self.excess / (2.0 * self.readings).sqrt();
         if !self.is_named {
-            return self.wild > NAMELESS || deviations > BEYOND_DOUBT;
+            let loud = (1.0 + self.excess / self.readings).max(1.0);
+            return self.wild > NAMELESS * loud || self.exchanged > MIXED_UP || deviations > BEYOND_DOUBT;
         }
         // what a form that differs by a share leaves of what it explains; a size that nobody would expect is no matter of form
         let form = if self.is_expected { self.form_share.powi(2) * self.evidence } else { 0.0 };
-        self.wild > NAMELESS.max(form) || deviations > POOR && self.closes < NEARLY
+        // two records mixed up beside a name leave it its name; a name that has earned less than they would is owed to them
+        let mixed = self.exchanged > MIXED_UP.max(self.evidence);
+        let nameless = self.wild > BESIDE.max(form) || self.alone - self.evidence > AHEAD.max(form);
+        nameless || mixed || deviations > POOR && self.closes < NEARLY
     }
 
     /// Whether it may be decisive: a named effect that leaves much is not the whole truth. A field weighs only where it is asked for.
@@ -215,6 +236,8 @@ mod tests {
         form_share: 0.0,
         is_expected: true,
         wild: 0.0,
+        alone: 0.0,
+        exchanged: f64::NEG_INFINITY,
         gain: 50.0,
         closes: 0.9,
         weight: 0.99,
@@ -269,8 +292,26 @@ mod tests {
     #[test]
     fn a_field_alone_must_earn_as_much_as_a_name() {
         let nothing = Grounds { is_named: false, ..CLEAN };
-        assert_eq!(judged(Grounds { wild: 4.0, ..nothing }), Verdict::None);
-        assert_eq!(judged(Grounds { wild: 5.0, ..nothing }), Verdict::Unnamed);
+        assert_eq!(judged(Grounds { wild: 2.5, ..nothing }), Verdict::None);
+        assert_eq!(judged(Grounds { wild: 3.5, ..nothing }), Verdict::Unnamed);
+        // where nothing missing leaves more than it should, the data speak less loud
+        assert_eq!(judged(Grounds { wild: 3.5, excess: 70.0, ..nothing }), Verdict::None);
+    }
+
+    #[test]
+    fn a_name_in_whose_place_a_field_does_better_is_none_but_for_a_form_that_may_differ() {
+        assert_eq!(judged(Grounds { alone: 64.0, ..CLEAN }), Verdict::Unnamed);
+        assert_eq!(judged(Grounds { alone: 61.0, ..CLEAN }), Verdict::Decisive);
+        assert_eq!(judged(Grounds { alone: 62.5, form_share: 0.3, ..CLEAN }), Verdict::Decisive);
+    }
+
+    #[test]
+    fn two_records_mixed_up_are_no_effect_of_the_catalogue_and_take_no_name_that_has_earned_more() {
+        let nothing = Grounds { is_named: false, ..CLEAN };
+        assert_eq!(judged(Grounds { exchanged: 6.0, ..nothing }), Verdict::Unnamed);
+        assert_eq!(judged(Grounds { exchanged: 4.0, ..nothing }), Verdict::None);
+        assert_eq!(judged(Grounds { exchanged: 20.0, ..CLEAN }), Verdict::Decisive);
+        assert_eq!(judged(Grounds { exchanged: 20.0, evidence: 8.0, ..CLEAN }), Verdict::Unnamed);
     }
 
     #[test]

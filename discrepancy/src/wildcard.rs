@@ -1,5 +1,8 @@
-//! Candidate zero: fields of generalised forces, or of misreadings, of no name, from the same in every trial to smooth in flexion and motion. Where they
+//! Candidate zero: fields of generalised forces, or of misreadings, of no name, from the same in every trial to smooth in flexion and motion, along the
+//! load or across it. Where they
 //! explain what a named effect leaves, the answer is outside the catalogue.
+
+mod words;
 
 use crate::covariance::Readings;
 use crate::equilibrium::Bench;
@@ -10,7 +13,7 @@ use crate::screen::Marginal;
 use crate::search::Search;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
-use sim::joint::{AP, IE, ML, SI, VV};
+use sim::joint::{AP, FE, IE, ML, SI, Six, VV};
 
 /// Amplitudes of the force field: VV, IE [N mm], ML, AP, SI [N].
 const FORCES: [f64; 5] = [3000.0, 1000.0, 20.0, 20.0, 40.0];
@@ -18,6 +21,10 @@ const FORCES: [f64; 5] = [3000.0, 1000.0, 20.0, 20.0, 40.0];
 const READINGS: [f64; 5] = [2.0, 2.0, 2.0, 2.0, 2.0];
 /// Over which flexion [rad] and over which motion (rotations [rad], translations [mm]) the field changes.
 const RANGES: (f64, [f64; 5]) = (0.52, [0.05, 0.17, 4.0, 5.0, 4.0]);
+/// Amplitude of a misread flexion [deg].
+const FLEXION: f64 = 3.0;
+/// The coordinate of a misread flexion, after the five of a reading.
+const BENT: usize = 5;
 /// Coordinates of a reading.
 const READ: [usize; 5] = [VV, IE, ML, AP, SI];
 
@@ -39,6 +46,10 @@ pub enum Course {
     Motion,
     /// The load along its coordinate.
     Load,
+    /// The load along another.
+    Across(usize),
+    /// The motion from the unloaded pose along its coordinate, in proportion: a reading of another scale.
+    Scale,
 }
 
 /// A kind of field.
@@ -47,8 +58,30 @@ struct Kind {
     is_force: bool,
     course: Course,
     scope: Scope,
-    /// The only coordinate that it has; all of them otherwise.
+    /// The only coordinate that it has (five of a reading, and flexion for misreadings); the five otherwise.
     only: Option<usize>,
+}
+
+impl Kind {
+    /// Whether what it follows is anywhere: without load along an axis nothing follows that.
+    fn is_felt(&self, problem: &Problem) -> bool {
+        let axis = match self.course {
+            Course::Load => self.only,
+            Course::Across(d) => Some(d),
+            _ => None,
+        };
+        let loaded = |d: usize| problem.trials.iter().any(|t| self.scope.covers(t.source) && t.load[READ[d]] != 0.0);
+        axis.is_none_or(loaded)
+    }
+
+    /// Size of the field in coordinate `c`: force [N mm, N] or misreading [deg, mm].
+    fn amplitude(&self, c: usize) -> f64 {
+        match (self.is_force, c) {
+            (true, _) => FORCES[c],
+            (false, BENT) => FLEXION,
+            (false, _) => READINGS[c],
+        }
+    }
 }
 
 /// What the wildcard explains beyond a fit.
@@ -62,12 +95,30 @@ pub struct Wildcard {
     pub course: Course,
     /// Where it acts.
     pub scope: Scope,
-    /// Its mean: generalised force [N mm, N] or misreading [deg, mm], five a trial.
-    pub mean: Vec<[f64; 5]>,
+    /// Its mean: generalised force [N mm, N] or misreading [deg, mm] in the five coordinates of a reading, then misread flexion [deg]; six a trial.
+    pub mean: Vec<[f64; 6]>,
 }
 
-/// Responses of all readings to loads: five by five a trial.
-fn responses(problem: &Problem, fit: &Fit) -> Result<Vec<[[f64; 5]; 5]>, DiscrepancyError> {
+/// What moves a trial's readings: five loads, and a misread flexion.
+#[derive(Clone, Copy, Debug)]
+struct Response {
+    loads: [[f64; 5]; 5],
+    flexion: [f64; 5],
+}
+
+impl Response {
+    /// Change of reading `d` by one unit of a field in coordinate `c`.
+    fn by(&self, is_force: bool, c: usize, d: usize) -> f64 {
+        match (is_force, c) {
+            (true, _) => self.loads[c][d],
+            (false, BENT) => self.flexion[d],
+            (false, _) => f64::from(u8::from(d == c)),
+        }
+    }
+}
+
+/// Responses of all readings.
+fn responses(problem: &Problem, fit: &Fit) -> Result<Vec<Response>, DiscrepancyError> {
     let model = problem.model_at(&fit.unknowns)?;
     Ok(problem
         .trials
@@ -75,30 +126,32 @@ fn responses(problem: &Problem, fit: &Fit) -> Result<Vec<[[f64; 5]; 5]>, Discrep
         .zip(&fit.linear.rests)
         .map(|(trial, rest)| {
             let effects = problem.effects_in(trial.source, &fit.hypothesis, &fit.unknowns);
-            Slopes::new(Bench { model: &model, effects: &effects, place: &problem.place }, trial, rest).loads()
+            let slopes = Slopes::new(Bench { model: &model, effects: &effects, place: &problem.place }, trial, rest);
+            let mut bent = Six::zeros();
+            bent[FE] = 1f64.to_radians();
+            Response { loads: slopes.loads(), flexion: slopes.by(&bent, &Six::zeros()) }
         })
         .collect())
 }
 
 /// All kinds of field, each as likely as another.
 fn kinds(sources: usize) -> Vec<Kind> {
+    use Course::{Across, Constant, Flexion, Load, Motion, Scale};
     let scopes: Vec<Scope> =
         std::iter::once(Scope::Both).chain((0..if sources > 1 { sources } else { 0 }).map(Scope::Only)).collect();
-    let mut out = Vec::new();
-    for is_force in [true, false] {
-        for course in [Course::Constant, Course::Flexion, Course::Motion, Course::Load] {
-            // a misreading that follows the motion would be the motion itself
-            if !is_force && course == Course::Motion {
-                continue;
-            }
-            for &scope in &scopes {
-                for only in std::iter::once(None).chain((0..5).map(Some)) {
-                    out.push(Kind { is_force, course, scope, only });
-                }
-            }
-        }
+    let mut shapes: Vec<(bool, Course, Option<usize>)> = Vec::new();
+    for only in std::iter::once(None).chain((0..5).map(Some)) {
+        // a misreading that follows the motion in any way would be the motion itself; in proportion it is a scale
+        shapes.extend([Constant, Flexion, Motion, Load].map(|course| (true, course, only)));
+        shapes.extend([Constant, Flexion, Scale, Load].map(|course| (false, course, only)));
     }
-    out
+    shapes.extend([Constant, Flexion].map(|course| (false, course, Some(BENT))));
+    for (c, d) in (0..5).flat_map(|c| (0..5).filter(move |d| *d != c).map(move |d| (c, d))) {
+        shapes.extend([true, false].map(|is_force| (is_force, Across(d), Some(c))));
+    }
+    let kind =
+        |scope: Scope, (is_force, course, only): (bool, Course, Option<usize>)| Kind { is_force, course, scope, only };
+    scopes.iter().flat_map(|&scope| shapes.iter().map(move |&shape| kind(scope, shape))).collect()
 }
 
 /// Fields beside a fit of the search: what they explain together, each kind and size as likely as another, and the mean of the best.
@@ -107,7 +160,7 @@ fn kinds(sources: usize) -> Vec<Kind> {
 pub fn wildcard(problem: &Problem, search: &Search, fit: &Fit) -> Result<Wildcard, DiscrepancyError> {
     let responses = responses(problem, fit)?;
     let marginal = Marginal::new(fit, &search.readings, &search.covariance)?;
-    let kinds = kinds(problem.sources.len());
+    let kinds: Vec<Kind> = kinds(problem.sources.len()).into_iter().filter(|k| k.is_felt(problem)).collect();
     let gains: Vec<[f64; 3]> = kinds
         .par_iter()
         .map(|kind| {
@@ -134,17 +187,20 @@ pub fn wildcard(problem: &Problem, search: &Search, fit: &Fit) -> Result<Wildcar
 fn parts(problem: &Problem, fit: &Fit, kind: &Kind) -> Vec<(usize, Vec<f64>)> {
     let n = problem.trials.len();
     let acts = |i: usize| kind.scope.covers(problem.trials[i].source);
-    let amplitudes = if kind.is_force { FORCES } else { READINGS };
     let mut out = Vec::new();
-    for c in (0..5).filter(|c| kind.only.is_none_or(|o| o == *c)) {
+    for c in kind.only.map_or(0..5, |c| c..c + 1) {
+        let amplitude = kind.amplitude(c);
         let column = |value: &dyn Fn(usize) -> f64| -> Vec<f64> {
-            (0..n).map(|i| if acts(i) { amplitudes[c] * value(i) } else { 0.0 }).collect()
+            (0..n).map(|i| if acts(i) { amplitude * value(i) } else { 0.0 }).collect()
         };
+        let load = |i: usize, d: usize| problem.trials[i].load[READ[d]] / LOADS[d];
+        let moved = |i: usize| fit.linear.rests[i].q[READ[c]] - problem.trials[i].neutral[READ[c]];
         match kind.course {
             Course::Constant => out.push((c, column(&|_| 1.0))),
-            Course::Load => out.push((c, column(&|i| problem.trials[i].load[READ[c]] / LOADS[c]))),
+            Course::Load => out.push((c, column(&|i| load(i, c)))),
+            Course::Across(d) => out.push((c, column(&|i| load(i, d)))),
+            Course::Scale => out.push((c, column(&|i| moved(i) / RANGES.1[c]))),
             Course::Flexion | Course::Motion => {
-                let moved = |i: usize| fit.linear.rests[i].q[READ[c]] - problem.trials[i].neutral[READ[c]];
                 let correlation = DMatrix::from_fn(n, n, |i, k| {
                     let mut d = ((problem.trials[i].flexion - problem.trials[k].flexion) / RANGES.0).powi(2);
                     if kind.course == Course::Motion {
@@ -166,11 +222,10 @@ fn parts(problem: &Problem, fit: &Fit, kind: &Kind) -> Vec<(usize, Vec<f64>)> {
 }
 
 /// What the components change of the readings: a column a component, five rows a trial.
-fn signature(parts: &[(usize, Vec<f64>)], responses: &[[[f64; 5]; 5]], kind: &Kind) -> DMatrix<f64> {
+fn signature(parts: &[(usize, Vec<f64>)], responses: &[Response], kind: &Kind) -> DMatrix<f64> {
     DMatrix::from_fn(5 * responses.len(), parts.len(), |r, k| {
         let ((i, d), (c, values)) = ((r / 5, r % 5), &parts[k]);
-        let by = if kind.is_force { responses[i][*c][d] } else { f64::from(u8::from(d == *c)) };
-        values[i] * by
+        values[i] * responses[i].by(kind.is_force, *c, d)
     })
 }
 
@@ -209,78 +264,12 @@ impl Spectrum {
 }
 
 /// A field's value at every trial.
-fn at_trials(parts: &[(usize, Vec<f64>)], weights: &DVector<f64>, trials: usize) -> Vec<[f64; 5]> {
-    let mut out = vec![[0.0; 5]; trials];
+fn at_trials(parts: &[(usize, Vec<f64>)], weights: &DVector<f64>, trials: usize) -> Vec<[f64; 6]> {
+    let mut out = vec![[0.0; 6]; trials];
     for ((c, values), weight) in parts.iter().zip(weights.iter()) {
         values.iter().zip(&mut out).for_each(|(v, at)| at[*c] += v * weight);
     }
     out
-}
-
-impl Wildcard {
-    /// In words: which coordinate, at which flexion, at which load, where, and how large.
-    pub fn words(&self, problem: &Problem) -> String {
-        const NAMES: [&str; 5] =
-            ["varus-valgus", "internal-external rotation", "medial-lateral", "anterior-posterior", "axial"];
-        let scale = if self.is_force { FORCES } else { READINGS };
-        let mean = |keep: &dyn Fn(usize) -> bool, c: usize| {
-            let values: Vec<f64> = (0..self.mean.len()).filter(|&i| keep(i)).map(|i| self.mean[i][c]).collect();
-            values.iter().sum::<f64>() / values.len().max(1) as f64
-        };
-        let size = |c: usize| {
-            let acting: Vec<f64> = (0..self.mean.len())
-                .filter(|&i| self.scope.covers(problem.trials[i].source))
-                .map(|i| (self.mean[i][c] / scale[c]).powi(2))
-                .collect();
-            acting.iter().sum::<f64>()
-        };
-        let c = (0..5).max_by(|&a, &b| size(a).total_cmp(&size(b))).unwrap_or(3);
-        let acts = |i: usize| self.scope.covers(problem.trials[i].source);
-        let bent = |i: usize| problem.trials[i].nominal > 45.0;
-        let pushed = |i: usize| problem.trials[i].load[READ[c]].abs() > 1e-6;
-        let (near, far) = (mean(&|i| acts(i) && !bent(i), c), mean(&|i| acts(i) && bent(i), c));
-        let (at_rest, loaded) = (mean(&|i| acts(i) && !pushed(i), c), mean(&|i| acts(i) && pushed(i), c));
-        let profile = if near * far < 0.0 {
-            "changes sign with flexion"
-        } else if near.abs() > 2.0 * far.abs() {
-            "is largest near extension"
-        } else if far.abs() > 2.0 * near.abs() {
-            "is largest in flexion"
-        } else {
-            "is much the same at all flexions"
-        };
-        let load = if at_rest.abs() > 0.5 * loaded.abs() { "is there without load" } else { "comes with load" };
-        let place = match self.scope {
-            Scope::Both => "in every data set".to_owned(),
-            Scope::Only(s) => format!("in {} only", problem.sources[s]),
-        };
-        let (per, unit) = match (self.is_force, c < 2) {
-            (true, true) => (1e-3, "N m"),
-            (true, false) => (1.0, "N"),
-            (false, true) => (1.0, "deg"),
-            (false, false) => (1.0, "mm"),
-        };
-        let kind = if self.is_force { "acts like a force on the tibia" } else { "acts like a misreading" };
-        let start = format!("It {kind} in {} {place}", NAMES[c]);
-        match self.course {
-            Course::Constant => {
-                format!("{start}: {:+.1} {unit}, the same at all flexions and loads.", mean(&acts, c) * per)
-            }
-            Course::Load => {
-                let load = |i: usize| problem.trials[i].load[READ[c]] / LOADS[c];
-                let most =
-                    (0..self.mean.len()).filter(|&i| acts(i)).max_by(|&a, &b| load(a).abs().total_cmp(&load(b).abs()));
-                let by = most.filter(|&i| load(i) != 0.0).map_or(0.0, |i| self.mean[i][c] / load(i));
-                let (size, unit_load) = if c < 2 { (LOADS[c] * 1e-3, "N m") } else { (LOADS[c], "N") };
-                format!("{start}: {:+.1} {unit} for every {size:.0} {unit_load} of load along it.", by * per)
-            }
-            Course::Flexion | Course::Motion => format!(
-                "{start}: {:+.1} {unit} at 0 to 45 deg, {:+.1} {unit} beyond; it {profile} and {load}.",
-                near * per,
-                far * per
-            ),
-        }
-    }
 }
 
 #[cfg(test)]
@@ -326,8 +315,10 @@ mod tests {
     #[test]
     fn fields_act_in_all_data_sets_or_in_one_and_misreadings_follow_no_motion() {
         let two = kinds(2);
-        assert_eq!(two.len(), (4 + 3) * 3 * 6);
+        // eight courses in one coordinate or all five, misread flexion two ways, loads across: twenty pairs, as forces and as misreadings
+        assert_eq!(two.len(), 3 * (8 * 6 + 2 + 2 * 20));
         assert!(two.iter().all(|k| k.is_force || k.course != Course::Motion));
+        assert!(two.iter().all(|k| k.only != Some(BENT) || !k.is_force));
         assert!(kinds(1).iter().all(|k| k.scope == Scope::Both));
     }
 }

@@ -21,18 +21,10 @@ pub(crate) fn description(problem: &Problem, d: &Diagnosis, wild: &Wildcard, sea
             out += &nearest(problem, d, search);
             out += " Effects smaller than those of the table would more often have been missed than named.";
         }
-        Verdict::Unnamed => {
-            out += "Something is missing that the catalogue does not have. ";
-            out += &wild.words(problem);
-            let mut near: Vec<&str> = Vec::new();
-            for (c, _) in &search.screened {
-                if near.len() < 3 && !near.contains(&c.effect.title.as_str()) {
-                    near.push(&c.effect.title);
-                }
-            }
-            let _ = write!(out, " Its nearest relatives in the catalogue: {}.", near.join(", "));
-            out += &not_enough(problem, d);
+        Verdict::Unnamed if d.exchanged.as_ref().is_some_and(|e| e.log_bayes_factor > wild.log_bayes_factor) => {
+            out += "What disagrees is nothing that the catalogue has.";
         }
+        Verdict::Unnamed => out += &unnamed(problem, d, wild, search),
         _ => {
             let how = match d.verdict {
                 Verdict::Decisive => "Decisive",
@@ -56,11 +48,26 @@ pub(crate) fn description(problem: &Problem, d: &Diagnosis, wild: &Wildcard, sea
             );
         }
     }
+    out += &mixed_up(d);
     out += &set_aside(problem, search);
     out += &worst(&d.map);
     out += &shifts(d);
     out += " This is a hypothesis to be checked at the bench, not a finding.";
     out
+}
+
+/// What is missing where no effect of the catalogue is it.
+fn unnamed(problem: &Problem, d: &Diagnosis, wild: &Wildcard, search: &Search) -> String {
+    let mut out = String::from("Something is missing that the catalogue does not have. ");
+    out += &wild.words(problem);
+    let mut near: Vec<&str> = Vec::new();
+    for (c, _) in &search.screened {
+        if near.len() < 3 && !near.contains(&c.effect.title.as_str()) {
+            near.push(&c.effect.title);
+        }
+    }
+    let _ = write!(out, " Its nearest relatives in the catalogue: {}.", near.join(", "));
+    out + &not_enough(problem, d)
 }
 
 /// What came nearest where nothing is named, refitted where the screen asked for it.
@@ -156,6 +163,15 @@ fn not_enough(problem: &Problem, d: &Diagnosis) -> String {
             d.wildcard
         )
     }
+}
+
+/// Two trials whose records may have been mixed up.
+fn mixed_up(d: &Diagnosis) -> String {
+    d.exchanged.as_ref().map_or(String::new(), |e| {
+        let [one, other] = &e.trials;
+        let odds = e.log_bayes_factor;
+        format!(" The readings of {one} and of {other} fit each other's place (log odds {odds:.1}): they may have been exchanged.")
+    })
 }
 
 /// Trials that neither nothing missing nor the best hypothesis explains.

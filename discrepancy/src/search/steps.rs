@@ -13,6 +13,9 @@ const EXCHANGES: usize = 3;
 /// effect makes it a name.
 const HOPELESS: [f64; 2] = [3.0, 10.0];
 
+/// Nats that a refit may have more than the screen that proposed it [-].
+const OVERTAKEN: f64 = 10.0;
+
 /// What every step works with.
 #[derive(Clone, Copy)]
 pub(super) struct Given<'a> {
@@ -27,6 +30,7 @@ pub(super) struct Given<'a> {
 }
 
 /// What was found so far.
+#[derive(Clone)]
 pub(super) struct Found {
     /// Nothing missing.
     pub base: Fit,
@@ -61,11 +65,26 @@ impl Searcher<'_> {
             found.rivals.extend(shaped);
             found = self.renewed(found, given)?;
         }
-        Ok(found)
+        self.screened_again(found, given)
+    }
+
+    /// Single effects that a screen about the ligaments and in the scatter of the end asks for beside those that the first ones did.
+    fn screened_again(&self, mut found: Found, given: Given) -> Result<Found, DiscrepancyError> {
+        let Some(best) = found.rivals.first() else { return Ok(found) };
+        let (gain, data) = (self.gain(best, &found.base), (given.readings, &found.cov));
+        let (mut list, _) = self.screen(&found.base, given.readings, &found.cov, given.candidates)?;
+        let known = |c: &Candidate| found.rivals.iter().any(|f| f.hypothesis == std::slice::from_ref(c));
+        list.retain(|l| l.gain > (gain - OVERTAKEN).max(0.0) && !known(&given.candidates[l.candidate]));
+        let few = self.options.shortlist / 2;
+        let more = self.refits(&found.base, data, given.candidates, (&list, few), found.base.log_evidence)?;
+        found.rivals.extend(more);
+        self.sort(&mut found.rivals);
+        let first = &found.rivals[0];
+        if self.gain(first, &found.base) > gain + 1.0 { self.renewed(found, given) } else { Ok(found) }
     }
 
     /// One more effect beside the best, and whether one earns its place.
-    pub(super) fn another(&self, mut found: Found, given: Given) -> Result<(Found, bool), DiscrepancyError> {
+    pub(super) fn another(&self, found: Found, given: Given) -> Result<(Found, bool), DiscrepancyError> {
         let data = (given.readings, &found.cov);
         let Some(best) = found.rivals.first().cloned() else { return Ok((found, false)) };
         if self.gain(&best, &found.base) < given.threshold {
@@ -84,13 +103,26 @@ impl Searcher<'_> {
         if self.is_poor(near) && self.leaves(near) < HOPELESS[1] {
             further.extend(self.shaped(&best, data, given.candidates, &[], best.log_evidence)?);
         }
-        found.rivals.extend(further);
-        self.sort(&mut found.rivals);
-        if self.log(&found.rivals[0]) < self.log(&best) + least {
-            found.rivals.retain(|f| f.hypothesis.len() == best.hypothesis.len());
+        let mut more = found.clone();
+        more.rivals.extend(further);
+        self.sort(&mut more.rivals);
+        if self.log(&more.rivals[0]) < self.log(&best) + least {
             return Ok((found, false));
         }
-        Ok((self.renewed(found, given)?, true))
+        // what a further effect earns must be there in its own scatter, too
+        let more = self.renewed(more, given)?;
+        let without = self.in_scatter(&best, given.readings, &more.cov)?;
+        if more.rivals.first().is_some_and(|f| self.log(f) >= self.log(&without) + least) {
+            return Ok((more, true));
+        }
+        let fewer: Vec<Fit> = std::iter::once(without).chain(found.rivals.into_iter().skip(1)).collect();
+        let (base, rivals, cov) = self.again(more.base, fewer, given.readings, given.extra)?;
+        Ok((Found { base, rivals, cov }, false))
+    }
+
+    /// A fit again in another scatter.
+    fn in_scatter(&self, fit: &Fit, readings: &Readings, cov: &DMatrix<f64>) -> Result<Fit, DiscrepancyError> {
+        self.fit(&fit.hypothesis, &fit.unknowns, &fit.coordinates(), cov, readings, 8)
     }
 
     /// Effects of the best exchanged for others as long as that finds better.

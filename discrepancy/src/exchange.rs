@@ -1,0 +1,85 @@
+//! Two trials whose readings fit each other's place: records that were mixed up, which no effect of the knee or the apparatus explains.
+
+use crate::covariance::Readings;
+use crate::equilibrium::Bench;
+use crate::error::DiscrepancyError;
+use crate::fit::Fit;
+use crate::problem::{Problem, reading};
+use crate::robust::Mixture;
+use crate::search::Search;
+use nalgebra::DVector;
+
+/// Two trials exchanged.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Exchange {
+    /// The two, by index.
+    pub trials: [usize; 2],
+    /// Log Bayes factor against the records as they are, each pair as likely as another [-].
+    pub log_bayes_factor: f64,
+}
+
+/// The exchange that a fit of the search gains most from, where it sets a trial aside.
+///
+/// Errors: a covariance that is not positive definite.
+pub fn exchange(problem: &Problem, search: &Search, fit: &Fit) -> Result<Option<Exchange>, DiscrepancyError> {
+    let readings = &search.readings;
+    let mixture = Mixture::new(readings, readings.block_of(&search.covariance), &problem.trials)?;
+    let rows = rows(readings, problem.trials.len());
+    let predicted = predicted(problem, readings, fit)?;
+    let now = mixture.weigh(&fit.residual).cost;
+    let pairs = (problem.trials.len() * problem.trials.len().saturating_sub(1)) as f64 / 2.0;
+    let others = |one: usize| (0..problem.trials.len()).map(move |other| [one, other]);
+    let gains = fit.odd.iter().flat_map(|&one| others(one)).filter_map(|trials| {
+        let exchanged = changed(readings, &rows, trials)? - &predicted;
+        Some(Exchange { trials, log_bayes_factor: now - mixture.weigh(&exchanged).cost - pairs.ln() })
+    });
+    Ok(gains.max_by(|a, b| a.log_bayes_factor.total_cmp(&b.log_bayes_factor)))
+}
+
+/// What the fit predicts. Trials set aside may have been taken next to their measured pose, where the knee does not stay: those go the whole way.
+fn predicted(problem: &Problem, readings: &Readings, fit: &Fit) -> Result<DVector<f64>, DiscrepancyError> {
+    let mut out = &readings.measured - &fit.residual;
+    let model = problem.model_at(&fit.unknowns)?;
+    for &i in &fit.odd {
+        let trial = &problem.trials[i];
+        let effects = problem.effects_in(trial.source, &fit.hypothesis, &fit.unknowns);
+        let there = reading(&Bench { model: &model, effects: &effects, place: &problem.place }.walk(trial));
+        readings.rows.iter().enumerate().filter(|(_, r)| r.0 == i).for_each(|(row, r)| out[row] = there[r.1]);
+    }
+    Ok(out)
+}
+
+/// Rows and coordinates of each trial.
+fn rows(readings: &Readings, trials: usize) -> Vec<Vec<(usize, usize)>> {
+    let mut out = vec![Vec::new(); trials];
+    readings.rows.iter().enumerate().for_each(|(row, &(trial, c))| out[trial].push((row, c)));
+    out
+}
+
+/// What was measured with two trials exchanged; none where they are one, or have not read the same coordinates.
+fn changed(readings: &Readings, rows: &[Vec<(usize, usize)>], [one, other]: [usize; 2]) -> Option<DVector<f64>> {
+    let alike = rows[one].iter().map(|r| r.1).eq(rows[other].iter().map(|r| r.1));
+    if one == other || !alike {
+        return None;
+    }
+    let mut out = readings.measured.clone();
+    rows[one].iter().zip(&rows[other]).for_each(|(a, b)| out.swap_rows(a.0, b.0));
+    Some(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_trials_change_places_where_they_read_the_same() {
+        let readings = Readings {
+            rows: vec![(0, 1), (0, 3), (1, 1), (1, 3), (2, 1)],
+            measured: DVector::from_vec(vec![1.0, 2.0, 3.0, 4.0, 5.0]),
+        };
+        let rows = rows(&readings, 3);
+        assert_eq!(changed(&readings, &rows, [0, 1]).unwrap().as_slice(), [3.0, 4.0, 1.0, 2.0, 5.0]);
+        assert_eq!(changed(&readings, &rows, [0, 0]), None);
+        assert_eq!(changed(&readings, &rows, [0, 2]), None);
+    }
+}

@@ -1,0 +1,98 @@
+//! A field in words: which coordinate, at which flexion, at which load, where, and how large.
+
+use super::{BENT, Course, FLEXION, FORCES, LOADS, READ, READINGS, Wildcard};
+use crate::problem::{Problem, Scope};
+
+/// Names of the coordinates of a field, misread flexion last.
+const NAMES: [&str; 6] =
+    ["varus-valgus", "internal-external rotation", "medial-lateral", "anterior-posterior", "axial", "flexion"];
+
+impl Wildcard {
+    /// In words.
+    pub fn words(&self, problem: &Problem) -> String {
+        let acts = |i: usize| self.scope.covers(problem.trials[i].source);
+        let place = match self.scope {
+            Scope::Both => "in every data set".to_owned(),
+            Scope::Only(s) => format!("in {} only", problem.sources[s]),
+        };
+        let c = self.largest(&acts);
+        let (per, unit) = unit(self.is_force, c);
+        let kind = if self.is_force { "acts like a force on the tibia" } else { "acts like a misreading" };
+        let start = format!("It {kind} in {} {place}", NAMES[c]);
+        match self.course {
+            Course::Constant => {
+                let mean = self.mean_of(&acts, c) * per;
+                format!("{start}: {mean:+.1} {unit}, the same at all flexions and loads.")
+            }
+            Course::Load => format!("{start}: {} along it.", self.per_load(problem, &acts, (c, c))),
+            Course::Across(d) => format!("{start}: {} in {}.", self.per_load(problem, &acts, (c, d)), NAMES[d]),
+            Course::Scale => {
+                let most = (0..self.mean.len()).filter(|&i| acts(i)).map(|i| self.mean[i][c].abs()).fold(0.0, f64::max);
+                format!("{start}: in proportion to the motion, up to {:.1} {unit} where that is largest.", most * per)
+            }
+            Course::Flexion | Course::Motion => self.by_flexion(problem, &acts, c, &start),
+        }
+    }
+
+    /// The coordinate in which it is largest, over the trials that `acts` wants.
+    fn largest(&self, acts: &dyn Fn(usize) -> bool) -> usize {
+        let amplitude = |c: usize| match (self.is_force, c) {
+            (_, BENT) => FLEXION,
+            (true, _) => FORCES[c],
+            (false, _) => READINGS[c],
+        };
+        let trials = || (0..self.mean.len()).filter(|&i| acts(i));
+        let size = |c: usize| trials().map(|i| (self.mean[i][c] / amplitude(c)).powi(2)).sum::<f64>();
+        (0..=BENT).max_by(|&a, &b| size(a).total_cmp(&size(b))).unwrap_or(BENT)
+    }
+
+    /// Mean of coordinate `c` over some trials.
+    fn mean_of(&self, keep: &dyn Fn(usize) -> bool, c: usize) -> f64 {
+        let values: Vec<f64> = (0..self.mean.len()).filter(|&i| keep(i)).map(|i| self.mean[i][c]).collect();
+        values.iter().sum::<f64>() / values.len().max(1) as f64
+    }
+
+    /// What coordinate `c` has for every unit of load along `d`.
+    fn per_load(&self, problem: &Problem, acts: &dyn Fn(usize) -> bool, (c, d): (usize, usize)) -> String {
+        let load = |i: usize| problem.trials[i].load[READ[d]] / LOADS[d];
+        let most = (0..self.mean.len()).filter(|&i| acts(i)).max_by(|&a, &b| load(a).abs().total_cmp(&load(b).abs()));
+        let by = most.filter(|&i| load(i) != 0.0).map_or(0.0, |i| self.mean[i][c] / load(i));
+        let (per, own) = unit(self.is_force, c);
+        let (size, loads) = unit(true, d);
+        format!("{:+.1} {own} for every {:.0} {loads} of load", by * per, LOADS[d] * size)
+    }
+
+    fn by_flexion(&self, problem: &Problem, acts: &dyn Fn(usize) -> bool, c: usize, start: &str) -> String {
+        let bent = |i: usize| problem.trials[i].nominal > 45.0;
+        let pushed = |i: usize| READ.get(c).is_some_and(|&j| problem.trials[i].load[j].abs() > 1e-6);
+        let mean = |keep: &dyn Fn(usize) -> bool| self.mean_of(&|i| acts(i) && keep(i), c);
+        let (near, far) = (mean(&|i| !bent(i)), mean(&|i| bent(i)));
+        let profile = if near * far < 0.0 {
+            "changes sign with flexion"
+        } else if near.abs() > 2.0 * far.abs() {
+            "is largest near extension"
+        } else if far.abs() > 2.0 * near.abs() {
+            "is largest in flexion"
+        } else {
+            "is much the same at all flexions"
+        };
+        let (at_rest, loaded) = (mean(&|i| !pushed(i)), mean(&|i| pushed(i)));
+        let load = if at_rest.abs() > 0.5 * loaded.abs() { "is there without load" } else { "comes with load" };
+        let (per, unit) = unit(self.is_force, c);
+        format!(
+            "{start}: {:+.1} {unit} at 0 to 45 deg, {:+.1} {unit} beyond; it {profile} and {load}.",
+            near * per,
+            far * per
+        )
+    }
+}
+
+/// Factor and unit in which coordinate `c` is told.
+fn unit(is_force: bool, c: usize) -> (f64, &'static str) {
+    match (is_force, c) {
+        (true, 0 | 1) => (1e-3, "N m"),
+        (true, _) => (1.0, "N"),
+        (false, 0 | 1 | BENT) => (1.0, "deg"),
+        (false, _) => (1.0, "mm"),
+    }
+}
