@@ -233,7 +233,8 @@ fn conclude(problem: &Problem, spec: &ModelSpec, options: &DiagnosisOptions) -> 
     let believed = if is_named { best } else { &search.base };
     let wild = wildcard(problem, &search, believed)?;
     let alone = if is_named { wildcard(problem, &search, &search.base)? } else { wild.clone() };
-    let exchange = exchange(problem, &search, believed)?;
+    let leaves = searcher.total(believed) / believed.residual.len() as f64;
+    let exchange = exchange(problem, &search, believed, leaves.max(1.0))?;
     let rivals = weights(&searcher, &search, believed);
     let before = held_out(&searcher, &search, &search.base, options.folds, options.folds)?;
     let after =

@@ -14,14 +14,20 @@ use nalgebra::DVector;
 pub struct Exchange {
     /// The two, by index.
     pub trials: [usize; 2],
-    /// Log Bayes factor against the records as they are, each pair as likely as another [-].
+    /// Log Bayes factor against the records as they are, as loud as the data may speak, each pair as likely as another [-].
     pub log_bayes_factor: f64,
 }
 
-/// The exchange that a fit of the search gains most from, where it sets a trial aside.
+/// The exchange that a fit of the search gains most from, where it sets a trial aside and would set neither aside after. A fit that leaves `loud` times
+/// what it should lets the data speak as much less loud: where nothing fits, some pair always fits better than another.
 ///
 /// Errors: a covariance that is not positive definite.
-pub fn exchange(problem: &Problem, search: &Search, fit: &Fit) -> Result<Option<Exchange>, DiscrepancyError> {
+pub fn exchange(
+    problem: &Problem,
+    search: &Search,
+    fit: &Fit,
+    loud: f64,
+) -> Result<Option<Exchange>, DiscrepancyError> {
     let readings = &search.readings;
     let mixture = Mixture::new(readings, readings.block_of(&search.covariance), &problem.trials)?;
     let rows = rows(readings, problem.trials.len());
@@ -30,8 +36,9 @@ pub fn exchange(problem: &Problem, search: &Search, fit: &Fit) -> Result<Option<
     let pairs = (problem.trials.len() * problem.trials.len().saturating_sub(1)) as f64 / 2.0;
     let others = |one: usize| (0..problem.trials.len()).map(move |other| [one, other]);
     let gains = fit.odd.iter().flat_map(|&one| others(one)).filter_map(|trials| {
-        let exchanged = changed(readings, &rows, trials)? - &predicted;
-        Some(Exchange { trials, log_bayes_factor: now - mixture.weigh(&exchanged).cost - pairs.ln() })
+        let exchanged = mixture.weigh(&(changed(readings, &rows, trials)? - &predicted));
+        let fits = trials.iter().all(|t| !exchanged.odd.contains(t));
+        fits.then_some(Exchange { trials, log_bayes_factor: (now - exchanged.cost) / loud - pairs.ln() })
     });
     Ok(gains.max_by(|a, b| a.log_bayes_factor.total_cmp(&b.log_bayes_factor)))
 }
