@@ -1,6 +1,5 @@
 //! Candidate zero: fields of generalised forces, or of misreadings, of no name, from the same in every trial to smooth in flexion and motion, along the
-//! load or across it. Where they
-//! explain what a named effect leaves, the answer is outside the catalogue.
+//! load or across it. Where they explain what a named effect leaves, or more than it does, the answer is outside the catalogue.
 
 mod words;
 
