@@ -72,14 +72,14 @@ impl Kind {
         let loaded = |d: usize| problem.trials.iter().any(|t| self.scope.covers(t.source) && t.load[READ[d]] != 0.0);
         axis.is_none_or(loaded)
     }
+}
 
-    /// Size of the field in coordinate `c`: force [N mm, N] or misreading [deg, mm].
-    fn amplitude(&self, c: usize) -> f64 {
-        match (self.is_force, c) {
-            (true, _) => FORCES[c],
-            (false, BENT) => FLEXION,
-            (false, _) => READINGS[c],
-        }
+/// Size of a field in coordinate `c`: force [N mm, N] or misreading [deg, mm].
+fn amplitude(is_force: bool, c: usize) -> f64 {
+    match (is_force, c) {
+        (_, BENT) => FLEXION,
+        (true, _) => FORCES[c],
+        (false, _) => READINGS[c],
     }
 }
 
@@ -188,7 +188,7 @@ fn parts(problem: &Problem, fit: &Fit, kind: &Kind) -> Vec<(usize, Vec<f64>)> {
     let acts = |i: usize| kind.scope.covers(problem.trials[i].source);
     let mut out = Vec::new();
     for c in kind.only.map_or(0..5, |c| c..c + 1) {
-        let amplitude = kind.amplitude(c);
+        let amplitude = amplitude(kind.is_force, c);
         let column = |value: &dyn Fn(usize) -> f64| -> Vec<f64> {
             (0..n).map(|i| if acts(i) { amplitude * value(i) } else { 0.0 }).collect()
         };

@@ -1,6 +1,6 @@
 //! A field in words: which coordinate, at which flexion, at which load, where, and how large.
 
-use super::{BENT, Course, FLEXION, FORCES, LOADS, READ, READINGS, Wildcard};
+use super::{BENT, Course, LOADS, READ, Wildcard, amplitude};
 use crate::problem::{Problem, Scope};
 
 /// Names of the coordinates of a field, misread flexion last.
@@ -36,13 +36,8 @@ impl Wildcard {
 
     /// The coordinate in which it is largest, over the trials that `acts` wants.
     fn largest(&self, acts: &dyn Fn(usize) -> bool) -> usize {
-        let amplitude = |c: usize| match (self.is_force, c) {
-            (_, BENT) => FLEXION,
-            (true, _) => FORCES[c],
-            (false, _) => READINGS[c],
-        };
         let trials = || (0..self.mean.len()).filter(|&i| acts(i));
-        let size = |c: usize| trials().map(|i| (self.mean[i][c] / amplitude(c)).powi(2)).sum::<f64>();
+        let size = |c: usize| trials().map(|i| (self.mean[i][c] / amplitude(self.is_force, c)).powi(2)).sum::<f64>();
         (0..=BENT).max_by(|&a, &b| size(a).total_cmp(&size(b))).unwrap_or(BENT)
     }
 
