@@ -118,9 +118,13 @@ fn one(out: &mut Score, truth: &crate::laboratory::Truth, said: &Said) {
             wrong = said.verdict != "none";
             hit("null: alarmed".into(), wrong);
         }
-        "unknown" => {
-            hit("not in the catalogue: flagged".into(), said.verdict == "unnamed");
+        // drawn among all of them, or made by its own name: no catalogue has it
+        kind if kind == "unknown" || kind.starts_with("x_") => {
+            let flagged = said.verdict == "unnamed";
+            hit("not in the catalogue: flagged".into(), flagged);
             hit("not in the catalogue: misnamed".into(), sure);
+            hit(format!("{}, not in the catalogue: flagged", stratum(truth.strength.expected_evidence)), flagged);
+            wrong = sure;
         }
         "compound" => {
             let right = truth.effects.iter().filter(|e| has(&e.0)).count();
@@ -195,6 +199,31 @@ mod tests {
         // the same answer where the name was free is a miss
         assert_eq!(share("strong: named first"), Some(Share { hits: 0, of: 1 }));
         assert_eq!(share("strong, 10 to 20 without jumps: named first"), Some(Share { hits: 0, of: 1 }));
+    }
+
+    #[test]
+    fn what_no_catalogue_has_is_to_be_flagged_however_it_was_asked_for() {
+        let strength = |e: f64| Strength { expected_evidence: e, ..Strength::default() };
+        let truth = |kind: &str, evidence: f64| Truth {
+            case: "a".into(),
+            kind: kind.into(),
+            effects: vec![("x_adhesion".into(), "kla".into(), BTreeMap::new())],
+            ligaments: BTreeMap::new(),
+            contact_scale: 1.0,
+            signature: vec![],
+            strength: strength(evidence),
+        };
+        let said = |verdict: &str| Said { verdict: verdict.into(), ..Said::default() };
+        let score = score(&[
+            (truth("unknown", 30.0), said("unnamed")),
+            (truth("x_adhesion", 30.0), said("none")),
+            (truth("x_adhesion", 2.0), said("decisive")),
+        ]);
+        let share = |key: &str| score.shares.get(key).copied();
+        assert_eq!(share("not in the catalogue: flagged"), Some(Share { hits: 1, of: 3 }));
+        assert_eq!(share("strong, not in the catalogue: flagged"), Some(Share { hits: 1, of: 2 }));
+        assert_eq!(share("not in the catalogue: misnamed"), Some(Share { hits: 1, of: 3 }));
+        assert_eq!(share("strong: named first"), None);
     }
 
     #[test]
