@@ -21,6 +21,9 @@ pub struct Parameter {
     /// Size below which it is not this effect [unit].
     #[serde(default)]
     pub least: f64,
+    /// Size beyond which no knee has it [unit].
+    #[serde(default)]
+    pub most: Option<f64>,
     /// Whether it shapes the effect and is nothing by itself.
     #[serde(default)]
     pub shape: bool,

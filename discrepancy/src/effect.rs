@@ -172,7 +172,7 @@ impl Active {
             }
             Kind::LoadMisalign => out[IE] = here.load[AP] * v[0],
             Kind::JointCompression => out[SI] = v[0],
-            Kind::Gravity => (out[AP], out[VV]) = (-v[0] * here.flexion.sin(), v[1] * 1000.0),
+            Kind::Gravity => (out[AP], out[VV]) = (-v[0] * here.flexion.sin(), v[0] * v[1]),
             Kind::Drift => {
                 let t = here.trial.time.unwrap_or(0.0);
                 (out[AP], out[IE]) = (v[0] * t, v[1] * 1000.0 * t);

@@ -73,6 +73,11 @@ impl Candidate {
         self.effect.parameter.iter().zip(scaled).all(|(p, x)| p.sd * x.abs() >= p.least)
     }
 
+    /// Whether values in units of its priors are no larger than the effect can be.
+    pub fn is_small_enough(&self, scaled: &[f64]) -> bool {
+        self.effect.parameter.iter().zip(scaled).all(|(p, x)| p.most.is_none_or(|most| p.sd * x.abs() <= most))
+    }
+
     /// Number of parameters.
     pub fn size(&self) -> usize {
         self.effect.parameter.len()

@@ -322,13 +322,13 @@ impl Searcher<'_> {
         Ok((list, threshold))
     }
 
-    /// Whether every effect of a fit is as large as its name asks.
+    /// Whether every effect of a fit is as large as its name asks, and no larger than it allows.
     fn deserves_its_names(&self, fit: &Fit) -> bool {
         let mut at = self.problem.nuisances();
         fit.hypothesis.iter().all(|c| {
             let values = &fit.unknowns[at..at + c.size()];
             at += c.size();
-            c.is_large_enough(values)
+            c.is_large_enough(values) && c.is_small_enough(values)
         })
     }
 

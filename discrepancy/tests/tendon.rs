@@ -1,4 +1,4 @@
-//! How the patellar tendon pulls, on the published deck.
+//! How the patellar tendon and the weight of the shank pull, on the published deck.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 mod common;
@@ -8,7 +8,7 @@ use discrepancy::catalogue::Catalogue;
 use discrepancy::effect::Active;
 use discrepancy::problem::Problem;
 use discrepancy::trial::Source;
-use sim::joint::{AP, IE, ML, SI};
+use sim::joint::{AP, IE, ML, SI, VV};
 
 const FLEXIONS: [f64; 4] = [0.0, 30.0, 60.0, 90.0];
 
@@ -49,4 +49,34 @@ fn it_pulls_forward_near_extension_backward_in_flexion_and_back_into_the_groove(
             assert!(back > 0.5 * stiffness && back < 2.0 * stiffness, "{flexion} deg, coordinate {k}: {back}");
         }
     }
+}
+
+#[test]
+fn the_weight_of_the_shank_pulls_with_the_sine_of_flexion_and_turns_by_its_lever_alone() {
+    let Some(problem) = problem() else { return };
+    let catalogue = Catalogue::shipped();
+    let (effect, variant) = catalogue.find("gravity").unwrap();
+    for (trial, flexion) in problem.trials.iter().zip(FLEXIONS) {
+        let force = |weight: f64, lever: f64| {
+            let gravity = Active::new(effect, variant, vec![weight, lever]).unwrap();
+            gravity.force(&problem.place.situation(&problem.model, trial, &trial.load, &trial.neutral))
+        };
+        let pulled = force(12.0, 70.0);
+        assert!((pulled[AP] + 12.0 * flexion.to_radians().sin()).abs() < 1e-3, "{flexion} deg: {}", pulled[AP]);
+        assert!((pulled[VV] - 840.0).abs() < 1e-9, "{flexion} deg: {} N mm", pulled[VV]);
+        // no weight, no moment
+        assert_eq!(force(0.0, 70.0).norm(), 0.0);
+    }
+}
+
+#[test]
+fn a_weight_that_no_shank_has_is_none() {
+    let Some(problem) = problem() else { return };
+    let gravity = problem.candidates().into_iter().find(|c| c.effect.id == "gravity").unwrap();
+    let sd = gravity.effect.parameter[0].sd;
+    assert!(gravity.is_small_enough(&[45.0 / sd, 1.0]));
+    assert!(!gravity.is_small_enough(&[80.0 / sd, 0.0]));
+    // other sizes have no end: a laboratory may be off by any flexion
+    let offset = problem.candidates().into_iter().find(|c| c.effect.id == "flexion_offset").unwrap();
+    assert!(offset.is_small_enough(&[8.0]));
 }
