@@ -231,8 +231,9 @@ fn conclude(problem: &Problem, spec: &ModelSpec, options: &DiagnosisOptions) -> 
     let best = search.rivals.first().unwrap_or(&search.base);
     let is_named = !best.hypothesis.is_empty() && is_believed(&searcher, &search, best);
     let believed = if is_named { best } else { &search.base };
-    let wild = wildcard(problem, &search, believed)?;
-    let alone = if is_named { wildcard(problem, &search, &search.base)? } else { wild.clone() };
+    let data = (&search.readings, &search.covariance);
+    let wild = wildcard(problem, data, believed)?;
+    let alone = if is_named { wildcard(problem, data, &search.base)? } else { wild.clone() };
     let leaves = searcher.total(believed) / believed.residual.len() as f64;
     let exchange = exchange(problem, &search, believed, leaves.max(1.0))?;
     let rivals = weights(&searcher, &search, believed);

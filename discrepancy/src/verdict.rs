@@ -1,7 +1,7 @@
 //! How sure an answer is: weights of rivals, what a name must have earned, and what it may leave.
 
 use crate::fit::Fit;
-use crate::problem::Scope;
+use crate::problem::{Candidate, Scope};
 use crate::search::{Search, Searcher};
 use serde::{Deserialize, Serialize};
 
@@ -93,10 +93,8 @@ struct Grounds {
     excess: f64,
     /// Whether the evidence passes the threshold.
     is_named: bool,
-    /// How much a single effect may leave for its form in this knee [-].
-    form_share: f64,
-    /// Whether every effect has a size that somebody would expect.
-    is_expected: bool,
+    /// What it may leave for its form in this knee [nats].
+    form: f64,
     /// Log Bayes factor of a nameless field beside it [-].
     wild: f64,
     /// Log Bayes factor of a nameless field without it, against nothing missing [-].
@@ -113,27 +111,38 @@ struct Grounds {
     evidence: f64,
 }
 
+/// What the form of an answer's effects, of `sizes` in units of their priors, may leave of what it explains [nats]: the square of the share by which
+/// the form may differ. Frames and loads have one form; what the form of a first effect leaves, further ones have taken up; a size that nobody would
+/// expect is no matter of form.
+fn left_by_form(hypothesis: &[Candidate], sizes: &[f64], evidence: f64) -> f64 {
+    let [only] = hypothesis else { return 0.0 };
+    let is_expected = sizes.iter().all(|x| x.abs() < BEYOND_BELIEF);
+    if is_expected { only.effect.form_share.powi(2) * evidence } else { 0.0 }
+}
+
+/// Whether a field of no name beside an answer takes its name.
+pub(crate) fn takes_the_name(field: f64, fit: &Fit, nuisances: usize, evidence: f64) -> bool {
+    field > BESIDE.max(left_by_form(&fit.hypothesis, &fit.unknowns[nuisances..], evidence))
+}
+
 impl Grounds {
     fn new(searcher: &Searcher, rivals: &[(&Fit, f64)], of: &Candidature) -> Grounds {
         let readings = of.believed.residual.len() as f64;
         let excess = searcher.total(of.believed) - readings;
-        let n = searcher.problem.nuisances();
-        let is_expected = of.believed.unknowns[n..].iter().all(|x| x.abs() < BEYOND_BELIEF);
-        // frames and loads have one form; what the form of a first effect leaves, further ones have taken up
-        let share = if let [only] = &of.believed.hypothesis[..] { only.effect.form_share } else { 0.0 };
+        let evidence = searcher.gain(of.believed, of.base);
+        let sizes = &of.believed.unknowns[searcher.problem.nuisances()..];
         Grounds {
             readings,
             excess,
             is_named: of.is_named,
-            form_share: share,
-            is_expected,
+            form: left_by_form(&of.believed.hypothesis, sizes, evidence),
             wild: of.wild,
             alone: of.alone,
             exchanged: of.exchanged,
             gain: of.gain,
             closes: of.closes,
             weight: by_names(rivals).first().map_or(0.0, |g| g.1),
-            evidence: searcher.gain(of.believed, of.base),
+            evidence,
         }
     }
 
@@ -144,11 +153,9 @@ impl Grounds {
             let loud = (1.0 + self.excess / self.readings).max(1.0);
             return self.wild > NAMELESS * loud || self.exchanged > MIXED_UP || deviations > BEYOND_DOUBT;
         }
-        // what a form that differs by a share leaves of what it explains; a size that nobody would expect is no matter of form
-        let form = if self.is_expected { self.form_share.powi(2) * self.evidence } else { 0.0 };
         // two records mixed up beside a name leave it its name; a name that has earned less than they would is owed to them
         let mixed = self.exchanged > MIXED_UP.max(self.evidence);
-        let nameless = self.wild > BESIDE.max(form) || self.alone - self.evidence > AHEAD.max(form);
+        let nameless = self.wild > BESIDE.max(self.form) || self.alone - self.evidence > AHEAD.max(self.form);
         nameless || mixed || deviations > POOR && self.closes < NEARLY
     }
 
@@ -227,14 +234,14 @@ pub(crate) fn by_names<'a>(rivals: &[(&'a Fit, f64)]) -> Vec<(&'a Fit, f64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::catalogue::Catalogue;
 
     /// A clean answer: it leaves what noise does, and closes the gap.
     const CLEAN: Grounds = Grounds {
         readings: 280.0,
         excess: 0.0,
         is_named: true,
-        form_share: 0.0,
-        is_expected: true,
+        form: 0.0,
         wild: 0.0,
         alone: 0.0,
         exchanged: f64::NEG_INFINITY,
@@ -243,6 +250,19 @@ mod tests {
         weight: 0.99,
         evidence: 60.0,
     };
+
+    #[test]
+    fn a_form_leaves_the_square_of_its_share_to_one_effect_of_a_size_that_somebody_would_expect() {
+        let candidate = |id: &str| {
+            let effect = Catalogue::shipped().effect.into_iter().find(|e| e.id == id).unwrap();
+            Candidate { effect, variant: 0, scope: Scope::Both }
+        };
+        let (band, frame) = (candidate("itb"), candidate("femur_frame"));
+        assert!((left_by_form(std::slice::from_ref(&band), &[1.2], 200.0) - 0.15f64.powi(2) * 200.0).abs() < 1e-12);
+        assert_eq!(left_by_form(std::slice::from_ref(&band), &[6.0], 200.0), 0.0);
+        assert_eq!(left_by_form(std::slice::from_ref(&frame), &[1.2, 0.3], 200.0), 0.0);
+        assert_eq!(left_by_form(&[band, frame], &[1.2, 1.2, 0.3], 200.0), 0.0);
+    }
 
     fn judged(grounds: Grounds) -> Verdict {
         judge(&grounds, true, || true)
@@ -275,11 +295,10 @@ mod tests {
         assert_eq!(judged(beside), Verdict::Unnamed);
         assert_eq!(judged(Grounds { wild: 4.0, ..CLEAN }), Verdict::Probable);
         assert_eq!(judged(Grounds { wild: 3.0, ..CLEAN }), Verdict::Decisive);
-        // a form that differs by a fifth leaves a twenty-fifth of what it explains; so large a field is not decisive
-        let formed = Grounds { form_share: 0.2, evidence: 200.0, ..beside };
+        // so large a field is not decisive
+        let formed = Grounds { form: 8.0, ..beside };
         assert_eq!(judged(formed), Verdict::Probable);
-        assert_eq!(judged(Grounds { evidence: 100.0, ..formed }), Verdict::Unnamed);
-        assert_eq!(judged(Grounds { is_expected: false, ..formed }), Verdict::Unnamed);
+        assert_eq!(judged(Grounds { form: 4.0, ..formed }), Verdict::Unnamed);
         // what stands in for the truth closes much and leaves much; the truth leaves little
         let standing_in = Grounds { excess: 56.0, closes: 0.82, ..CLEAN };
         assert_eq!(judged(standing_in), Verdict::Unnamed);
@@ -302,7 +321,7 @@ mod tests {
     fn a_name_in_whose_place_a_field_does_better_is_none_but_for_a_form_that_may_differ() {
         assert_eq!(judged(Grounds { alone: 64.0, ..CLEAN }), Verdict::Unnamed);
         assert_eq!(judged(Grounds { alone: 61.0, ..CLEAN }), Verdict::Decisive);
-        assert_eq!(judged(Grounds { alone: 62.5, form_share: 0.3, ..CLEAN }), Verdict::Decisive);
+        assert_eq!(judged(Grounds { alone: 62.5, form: 5.0, ..CLEAN }), Verdict::Decisive);
     }
 
     #[test]

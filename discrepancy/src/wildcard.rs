@@ -9,7 +9,6 @@ use crate::error::DiscrepancyError;
 use crate::fit::Fit;
 use crate::problem::{Problem, Scope, Slopes};
 use crate::screen::Marginal;
-use crate::search::Search;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use sim::joint::{AP, FE, IE, ML, SI, Six, VV};
@@ -153,18 +152,22 @@ fn kinds(sources: usize) -> Vec<Kind> {
     scopes.iter().flat_map(|&scope| shapes.iter().map(move |&shape| kind(scope, shape))).collect()
 }
 
-/// Fields beside a fit of the search: what they explain together, each kind and size as likely as another, and the mean of the best.
+/// Fields beside a fit to some readings of some scatter: what they explain together, each kind and size as likely as another, and the mean of the best.
 ///
 /// Errors: a model that cannot be evaluated.
-pub fn wildcard(problem: &Problem, search: &Search, fit: &Fit) -> Result<Wildcard, DiscrepancyError> {
+pub fn wildcard(
+    problem: &Problem,
+    (readings, covariance): (&Readings, &DMatrix<f64>),
+    fit: &Fit,
+) -> Result<Wildcard, DiscrepancyError> {
     let responses = responses(problem, fit)?;
-    let marginal = Marginal::new(fit, &search.readings, &search.covariance)?;
+    let marginal = Marginal::new(fit, readings, covariance)?;
     let kinds: Vec<Kind> = kinds(problem.sources.len()).into_iter().filter(|k| k.is_felt(problem)).collect();
     let gains: Vec<[f64; 3]> = kinds
         .par_iter()
         .map(|kind| {
             let parts = parts(problem, fit, kind);
-            Spectrum::new(&marginal, &search.readings, &signature(&parts, &responses, kind)).gains()
+            Spectrum::new(&marginal, readings, &signature(&parts, &responses, kind)).gains()
         })
         .collect();
     let flat: Vec<f64> = gains.iter().flatten().copied().collect();
@@ -172,7 +175,7 @@ pub fn wildcard(problem: &Problem, search: &Search, fit: &Fit) -> Result<Wildcar
     let kind = &kinds[k / SIZES.len()];
     let mean = flat.iter().map(|g| (g - flat[k]).exp()).sum::<f64>() / flat.len() as f64;
     let parts = parts(problem, fit, kind);
-    let spectrum = Spectrum::new(&marginal, &search.readings, &signature(&parts, &responses, kind));
+    let spectrum = Spectrum::new(&marginal, readings, &signature(&parts, &responses, kind));
     Ok(Wildcard {
         log_bayes_factor: flat[k] + mean.ln(),
         is_force: kind.is_force,

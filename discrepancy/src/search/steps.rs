@@ -5,6 +5,8 @@ use crate::covariance::Readings;
 use crate::error::DiscrepancyError;
 use crate::fit::Fit;
 use crate::problem::Candidate;
+use crate::verdict::takes_the_name;
+use crate::wildcard::wildcard;
 use nalgebra::DMatrix;
 
 /// Most rounds in which effects of an answer are exchanged [-].
@@ -90,14 +92,12 @@ impl Searcher<'_> {
         if self.gain(&best, &found.base) < given.threshold {
             return Ok((found, false));
         }
-        let options = self.options;
-        let added = if self.is_poor(&best) { options.least_further } else { options.least_beside };
-        let least = given.threshold.max(added).max(0.03 * self.gain(&best, &found.base));
+        let (least, is_asked) = self.least_beside(&best, &found, given)?;
         let (list, _) = self.screen(&best, given.readings, &found.cov, given.candidates)?;
-        if !self.is_poor(&best) && list.first().is_none_or(|l| l.gain < least) {
+        if !is_asked && !self.is_poor(&best) && list.first().is_none_or(|l| l.gain < least) {
             return Ok((found, false));
         }
-        let fewer = options.shortlist.saturating_sub(2).max(1);
+        let fewer = self.options.shortlist.saturating_sub(2).max(1);
         let mut further = self.refits(&best, data, given.candidates, (&list, fewer), best.log_evidence)?;
         let near = further.first().unwrap_or(&best);
         if self.is_poor(near) && self.leaves(near) < HOPELESS[1] {
@@ -118,6 +118,21 @@ impl Searcher<'_> {
         let fewer: Vec<Fit> = std::iter::once(without).chain(found.rivals.into_iter().skip(1)).collect();
         let (base, rivals, cov) = self.again(more.base, fewer, given.readings, given.extra)?;
         Ok((Found { base, rivals, cov }, false))
+    }
+
+    /// What a further effect must add to the best, and whether fields ask for one: where fields of no name beside it would take its name, an effect that
+    /// explains as much as they do is the likelier of the two.
+    fn least_beside(&self, best: &Fit, found: &Found, given: Given) -> Result<(f64, bool), DiscrepancyError> {
+        let options = self.options;
+        let added = if self.is_poor(best) { options.least_further } else { options.least_beside };
+        let evidence = self.gain(best, &found.base);
+        let usual = given.threshold.max(added).max(0.03 * evidence);
+        if !options.wildcard {
+            return Ok((usual, false));
+        }
+        let field = wildcard(self.problem, (given.readings, &found.cov), best)?.log_bayes_factor;
+        let is_asked = takes_the_name(field, best, self.problem.nuisances(), evidence);
+        Ok((if is_asked { usual.min(field) } else { usual }, is_asked))
     }
 
     /// A fit again in another scatter.
