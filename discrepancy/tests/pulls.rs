@@ -13,7 +13,7 @@ use sim::joint::{AP, IE, ML, SI, VV};
 const FLEXIONS: [f64; 4] = [0.0, 30.0, 60.0, 90.0];
 
 fn problem() -> Option<Problem> {
-    let folder = shared("tendon", "published/S192803/deck")?;
+    let folder = shared("pulls", "published/S192803/deck")?;
     #[expect(clippy::disallowed_methods, reason = "published data")]
     let mut read = |name: &str| std::fs::read(folder.join(name)).map_err(|e| e.to_string());
     let deck = sim::abaqus::import("S192803_MAIN_LAXITY_Anterior_0deg_0.inp", &mut read).unwrap();
