@@ -1,9 +1,11 @@
 //! How far readings may lie from predictions when nothing is missing: measurement, load, repositioning, attachments, and the declared floor of
 //! the contact model.
 
-use crate::equilibrium::Bench;
+use crate::equilibrium::{Bench, Rest};
 use crate::error::DiscrepancyError;
-use crate::problem::{Candidate, Linear, Problem, Slopes};
+use crate::problem::{Candidate, Linear, Problem};
+use crate::slopes::Slopes;
+use crate::trial::Trial;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -11,7 +13,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use sim::Model;
 use sim::contact::Nearby;
-use sim::joint::{Six, VV};
+use sim::joint::{Pose, Six, VV};
 
 /// Scatter that is not in the files. Every number is one standard deviation.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -151,7 +153,7 @@ fn wider(k: f64, toe: f64, x: f64) -> f64 {
 }
 
 /// The same for all fibres, as generalised forces.
-fn wider_toe(model: &Model, pose: &sim::joint::Pose) -> Six {
+fn wider_toe(model: &Model, pose: &Pose) -> Six {
     let states = model.fibre_states(pose);
     model.fibres.iter().zip(&states).filter(|(_, s)| s.response.force > 0.0).fold(
         Six::zeros(),
@@ -171,51 +173,57 @@ pub fn covariance(
     problem: &Problem,
     hypothesis: &[Candidate],
     unknowns: &[f64],
-    rests: &[crate::equilibrium::Rest],
+    rests: &[Rest],
     floor: &Floor,
 ) -> Result<DMatrix<f64>, DiscrepancyError> {
     let model = problem.model_at(unknowns)?;
-    let n = problem.trials.len();
-    let scatter: Vec<Scatter> = (0..n)
-        .into_par_iter()
-        .map(|i| {
-            let trial = &problem.trials[i];
+    let trials = problem.unloaded_at(&problem.trials, &model, hypothesis);
+    let scatter: Vec<Scatter> = trials
+        .par_iter()
+        .zip(rests)
+        .map(|(trial, rest)| {
             let effects = problem.effects_in(trial.source, hypothesis, unknowns);
             let bench = Bench { model: &model, effects: &effects, place: &problem.place };
-            let slopes = Slopes::new(bench, trial, &rests[i]);
-            let pose = model.joint.pose(&rests[i].q);
-            let compartments = model.contact_near(&pose, &mut Nearby::default()).wrench;
-            let push = |(f, m): &(meshes::Vector, meshes::Vector)| {
-                let mut miss = Six::from_fn(|j, _| -(f.dot(&pose.screws[j].linear) + m.dot(&pose.screws[j].angular)));
-                miss[0] = 0.0;
-                slopes.by(&miss, &Six::zeros())
-            };
-            let steeper: Vec<_> = compartments
-                .iter()
-                .map(|(f, m)| {
-                    let more = (f.norm() / REFERENCE).max(1e-6).ln();
-                    push(&(f * more, m * more))
-                })
-                .collect();
-            let mut toe = wider_toe(&model, &pose);
-            toe[0] = 0.0;
-            let pressed = compartments.iter().map(|(f, _)| f.norm()).sum();
-            Scatter {
-                loads: slopes.loads(),
-                attachments: slopes.attachments(),
-                compartments: modes(&compartments.iter().map(push).collect::<Vec<_>>()),
-                pressed,
-                own_contact: slopes.own_contact(),
-                laws: [std::array::from_fn(|c| steeper.iter().map(|p| p[c]).sum()), slopes.by(&toe, &Six::zeros())],
-                tilt: {
-                    let mut miss = Six::zeros();
-                    miss[VV] = rests[i].q[VV] - trial.neutral[VV];
-                    slopes.by(&miss, &Six::zeros())
-                },
-            }
+            scatter_of(bench, trial, rest)
         })
         .collect();
     Ok(assemble(problem, &scatter, floor))
+}
+
+/// Derivatives that the scatter needs, of a trial at its rest.
+fn scatter_of(bench: Bench, trial: &Trial, rest: &Rest) -> Scatter {
+    let slopes = Slopes::new(bench, trial, rest);
+    let model = bench.model;
+    let forces = |q: &Six| {
+        let pose = model.joint.pose(q);
+        (model.contact_near(&pose, &mut Nearby::default()).wrench, pose)
+    };
+    let pushed = |(f, m): &(meshes::Vector, meshes::Vector), pose: &Pose| {
+        Six::from_fn(|j, _| -(f.dot(&pose.screws[j].linear) + m.dot(&pose.screws[j].angular)))
+    };
+    let compartments = slopes.of_the_knee(|q| {
+        let (wrench, pose) = forces(q);
+        wrench.iter().map(|w| pushed(w, &pose)).collect()
+    });
+    let laws = slopes.of_the_knee(|q| {
+        let (wrench, pose) = forces(q);
+        let steeper = |(f, m): &(meshes::Vector, meshes::Vector)| {
+            let more = (f.norm() / REFERENCE).max(1e-6).ln();
+            pushed(&(f * more, m * more), &pose)
+        };
+        vec![wrench.iter().map(steeper).sum(), wider_toe(model, &pose)]
+    });
+    let mut tilted = Six::zeros();
+    tilted[VV] = rest.q[VV] - trial.neutral[VV];
+    Scatter {
+        loads: slopes.loads(),
+        attachments: slopes.attachments(),
+        compartments: modes(&compartments),
+        pressed: forces(&rest.q).0.iter().map(|(f, _)| f.norm()).sum(),
+        own_contact: slopes.own_contact(),
+        tilt: slopes.by(&tilted, &Six::zeros()),
+        laws: [laws[0], laws[1]],
+    }
 }
 
 /// Part of the contact's share that all compartments have in common: more would hide joint compression, and the contact's scale is free anyway.

@@ -154,6 +154,11 @@ impl Active {
         matches!(self.kind, FemurFrame | TibiaFrame | FlexionOffset | OriginShift | Compliance | CuffSoftening)
     }
 
+    /// Whether it departs from the unloaded pose of each flexion, wherever the knee's ligaments put that.
+    pub fn is_about_unloaded(&self) -> bool {
+        matches!(self.kind, Kind::Meniscus(0) | Kind::Capsule(0))
+    }
+
     /// Whether its parameters must be stepped far to be felt (no slope at zero).
     pub fn has_no_slope_at_zero(&self) -> bool {
         matches!(self.kind, Kind::MclWrap | Kind::PcapWrap)

@@ -77,10 +77,12 @@ impl Bench<'_> {
 
     /// Only compression and flexion: the pose from which the trial's load departs.
     pub fn neutral(&self, trial: &Trial) -> Rest {
-        let mut unloaded = trial.clone();
-        unloaded.load = Six::zeros();
-        unloaded.load[SI] = trial.load[SI];
-        self.walk(&unloaded)
+        self.walk(&unloaded(trial))
+    }
+
+    /// The same from nearby coordinates.
+    pub fn neutral_near(&self, trial: &Trial, start: &Six) -> Rest {
+        self.settle(&unloaded(trial), start)
     }
 
     /// The pose from `start` that reads next to what was `measured` (Grood-Suntay coordinates [rad, mm]), held there by springs that give way by about
@@ -224,6 +226,13 @@ impl Bench<'_> {
         }
         out
     }
+}
+
+/// A trial with its compression alone.
+fn unloaded(trial: &Trial) -> Trial {
+    let mut load = Six::zeros();
+    load[SI] = trial.load[SI];
+    Trial { load, ..trial.clone() }
 }
 
 /// Balance at a pose.

@@ -23,6 +23,7 @@ pub mod rim;
 pub mod robust;
 pub mod screen;
 pub mod search;
+pub mod slopes;
 pub mod trial;
 mod verdict;
 pub mod wildcard;

@@ -4,7 +4,8 @@ use crate::covariance::Whitening;
 use crate::equilibrium::Bench;
 use crate::error::DiscrepancyError;
 use crate::fit::Fit;
-use crate::problem::{Problem, Slopes, reading};
+use crate::problem::{Problem, reading};
+use crate::slopes::Slopes;
 use crate::trial::{Trial, USUAL_NOISE};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -120,7 +121,8 @@ type Forecast = (DVector<f64>, DMatrix<f64>);
 /// Predictions of a fit with their posterior scatter.
 fn predictions(problem: &Problem, fit: &Fit, plans: &[Trial]) -> Result<Vec<Forecast>, DiscrepancyError> {
     let model = problem.model_at(&fit.unknowns)?;
-    Ok(plans
+    Ok(problem
+        .unloaded_at(plans, &model, &fit.hypothesis)
         .par_iter()
         .map(|plan| {
             let effects = problem.effects_in(plan.source, &fit.hypothesis, &fit.unknowns);

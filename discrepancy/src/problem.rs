@@ -7,20 +7,19 @@ use crate::catalogue::{Catalogue, Effect};
 use crate::effect::{Active, Place};
 use crate::equilibrium::{Bench, Rest};
 use crate::error::DiscrepancyError;
-use crate::trial::{PER_UNIT, Source, Trial, trials};
+use crate::slopes::Slopes;
+use crate::trial::{PER_UNIT, READ, Source, Trial, trials};
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 use sim::Model;
-use sim::contact::Nearby;
-use sim::joint::{AP, FREE, IE, ML, SI, Six, VV};
+use sim::joint::Six;
 use sim::model::BundleParameters;
 use sim::spec::ModelSpec;
+use std::borrow::Cow;
 use validation::design::{Design, Kind};
 
 /// Prior standard deviations: reference strain [-], log of stiffness [-], log of the contact's scale [-].
 pub const PRIOR: [f64; 3] = [0.03, 0.2, 0.3];
-/// Coordinates of a reading.
-const READ: [usize; 5] = [VV, IE, ML, AP, SI];
 
 /// Sum of squares, in noises, from which a trial's rest is taken for lost: nothing that scatters takes a knee that stays where it is six noises away.
 const LOST: f64 = 36.0;
@@ -106,6 +105,23 @@ pub struct Problem {
     bundles: Vec<Vec<usize>>,
     /// Sum of squares from which a trial's rest is taken for lost.
     lost: f64,
+}
+
+/// The knee of a hypothesis.
+struct Knee<'a> {
+    /// The model with its ligaments.
+    model: Model,
+    /// What acts in each data set.
+    effects: Vec<Vec<Active>>,
+    /// The trials with its unloaded poses.
+    trials: Cow<'a, [Trial]>,
+    place: &'a Place,
+}
+
+impl Knee<'_> {
+    fn bench(&self, trial: &Trial) -> Bench<'_> {
+        Bench { model: &self.model, effects: &self.effects[trial.source], place: self.place }
+    }
 }
 
 /// Predictions and derivatives at an answer.
@@ -208,6 +224,11 @@ impl Problem {
         Ok(linear)
     }
 
+    /// The bundles that ligament unknown `k` is about.
+    pub(crate) fn bundles_of(&self, k: usize) -> &[usize] {
+        &self.bundles[k]
+    }
+
     /// Number of ligament and contact unknowns.
     pub fn nuisances(&self) -> usize {
         self.design.variables.len() + 1
@@ -265,6 +286,28 @@ impl Problem {
         out
     }
 
+    /// Trials with the unloaded poses of a model's ligaments, where a hypothesis or the model has an effect that departs from them.
+    pub fn unloaded_at<'a>(&self, trials: &'a [Trial], model: &Model, hypothesis: &[Candidate]) -> Cow<'a, [Trial]> {
+        let departs = self.present.iter().any(|(a, _)| a.is_about_unloaded())
+            || hypothesis.iter().any(|c| c.active(&vec![0.0; c.size()]).is_about_unloaded());
+        if !departs {
+            return Cow::Borrowed(trials);
+        }
+        let plain = Bench { model, effects: &[], place: &self.place };
+        let moved = |t: &Trial| {
+            let rest = plain.neutral_near(t, &t.neutral);
+            Trial { neutral: if rest.balanced { rest.q } else { t.neutral }, ..t.clone() }
+        };
+        Cow::Owned(trials.par_iter().map(moved).collect())
+    }
+
+    fn knee(&self, hypothesis: &[Candidate], unknowns: &[f64]) -> Result<Knee<'_>, DiscrepancyError> {
+        let model = self.model_at(unknowns)?;
+        let effects = (0..self.sources.len()).map(|s| self.effects_in(s, hypothesis, unknowns)).collect();
+        let trials = self.unloaded_at(&self.trials, &model, hypothesis);
+        Ok(Knee { model, effects, trials, place: &self.place })
+    }
+
     /// Rests of all trials at an answer; from nearby poses, or the whole way where `starts` is empty.
     pub fn rests(
         &self,
@@ -272,20 +315,12 @@ impl Problem {
         unknowns: &[f64],
         starts: &[Six],
     ) -> Result<Vec<Rest>, DiscrepancyError> {
-        let model = self.model_at(unknowns)?;
-        let effects: Vec<Vec<Active>> =
-            (0..self.sources.len()).map(|s| self.effects_in(s, hypothesis, unknowns)).collect();
-        Ok((0..self.trials.len())
-            .into_par_iter()
-            .map(|i| {
-                let trial = &self.trials[i];
-                let bench = Bench { model: &model, effects: &effects[trial.source], place: &self.place };
-                match starts.get(i) {
-                    Some(q) => bench.settle(trial, q),
-                    None => bench.walk(trial),
-                }
-            })
-            .collect())
+        let knee = self.knee(hypothesis, unknowns)?;
+        let rest = |(i, trial): (usize, &Trial)| match starts.get(i) {
+            Some(q) => knee.bench(trial).settle(trial, q),
+            None => knee.bench(trial).walk(trial),
+        };
+        Ok(knee.trials.par_iter().enumerate().map(rest).collect())
     }
 
     /// Rests from nearby poses; where that ends far from the measurement, also from the measured pose, and the nearer of the two: a loaded knee
@@ -296,35 +331,33 @@ impl Problem {
         unknowns: &[f64],
         starts: &[Six],
     ) -> Result<Vec<Rest>, DiscrepancyError> {
-        let model = self.model_at(unknowns)?;
-        let effects: Vec<Vec<Active>> =
-            (0..self.sources.len()).map(|s| self.effects_in(s, hypothesis, unknowns)).collect();
+        Ok(self.nearer_in(&self.knee(hypothesis, unknowns)?, starts))
+    }
+
+    fn nearer_in(&self, knee: &Knee, starts: &[Six]) -> Vec<Rest> {
         let miss = |i: usize, rest: &Rest| self.off(i, rest);
-        Ok((0..self.trials.len())
-            .into_par_iter()
-            .map(|i| {
-                let trial = &self.trials[i];
-                let bench = Bench { model: &model, effects: &effects[trial.source], place: &self.place };
-                let first = match starts.get(i) {
-                    Some(q) => bench.settle(trial, q),
-                    None => bench.walk(trial),
-                };
-                if miss(i, &first) <= 16.0 {
-                    return first;
-                }
-                // the second is taken where it is much nearer; a knee that left the joint altogether may find back from the measured pose, let go slowly
-                let nearer = |a: Rest, b: Rest| {
-                    if (b.balanced || !a.balanced) && miss(i, &b) < 0.5 * miss(i, &a) { b } else { a }
-                };
-                let Some(held) = &self.held[i] else { return first };
-                let second = nearer(first, bench.settle(trial, &held.q));
-                if miss(i, &second) <= self.lost {
-                    return second;
-                }
-                let third = nearer(second, bench.released(trial, &self.measured(trial), &held.q));
-                if miss(i, &third) > self.lost { self.imagined(bench, trial, held) } else { third }
-            })
-            .collect())
+        let near = |(i, trial): (usize, &Trial)| {
+            let bench = knee.bench(trial);
+            let first = match starts.get(i) {
+                Some(q) => bench.settle(trial, q),
+                None => bench.walk(trial),
+            };
+            if miss(i, &first) <= 16.0 {
+                return first;
+            }
+            // the second is taken where it is much nearer; a knee that left the joint altogether may find back from the measured pose, let go slowly
+            let nearer = |a: Rest, b: Rest| {
+                if (b.balanced || !a.balanced) && miss(i, &b) < 0.5 * miss(i, &a) { b } else { a }
+            };
+            let Some(held) = &self.held[i] else { return first };
+            let second = nearer(first, bench.settle(trial, &held.q));
+            if miss(i, &second) <= self.lost {
+                return second;
+            }
+            let third = nearer(second, bench.released(trial, &self.measured(trial), &held.q));
+            if miss(i, &third) > self.lost { self.imagined(bench, trial, held) } else { third }
+        };
+        knee.trials.par_iter().enumerate().map(near).collect()
     }
 
     /// How far a rest of trial `i` is from what was measured: sum of squares in noises, half a degree or millimetre added to each.
@@ -362,8 +395,9 @@ impl Problem {
         unknowns: &[f64],
         starts: &[Six],
     ) -> Result<Linear, DiscrepancyError> {
-        let rests = self.nearer(hypothesis, unknowns, starts)?;
-        self.linear_at(hypothesis, unknowns, rests)
+        let knee = self.knee(hypothesis, unknowns)?;
+        let rests = self.nearer_in(&knee, starts);
+        Ok(self.linear_in(&knee, hypothesis, unknowns, rests))
     }
 
     /// [`Problem::linear`] where the rests are known.
@@ -373,170 +407,32 @@ impl Problem {
         unknowns: &[f64],
         rests: Vec<Rest>,
     ) -> Result<Linear, DiscrepancyError> {
-        let model = self.model_at(unknowns)?;
-        let (n, m) = (self.trials.len(), unknowns.len());
-        let rows: Vec<Vec<[f64; 5]>> = (0..n)
-            .into_par_iter()
-            .map(|i| {
-                let trial = &self.trials[i];
-                let effects = self.effects_in(trial.source, hypothesis, unknowns);
-                let slopes =
-                    Slopes::new(Bench { model: &model, effects: &effects, place: &self.place }, trial, &rests[i]);
-                let mut columns = slopes.ligaments(self);
-                columns.push(slopes.contact());
-                let mut at = self.nuisances();
-                for candidate in hypothesis {
-                    let scaled = &unknowns[at..at + candidate.size()];
-                    at += candidate.size();
-                    columns.extend(slopes.candidate(candidate, scaled, candidate.scope.covers(trial.source)));
-                }
-                columns
-            })
-            .collect();
-        let slope = DMatrix::from_fn(5 * n, m, |r, c| rows[r / 5][c][r % 5]);
+        Ok(self.linear_in(&self.knee(hypothesis, unknowns)?, hypothesis, unknowns, rests))
+    }
+
+    fn linear_in(&self, knee: &Knee, hypothesis: &[Candidate], unknowns: &[f64], rests: Vec<Rest>) -> Linear {
+        let by_unknowns = |(trial, rest): (&Trial, &Rest)| {
+            let slopes = Slopes::new(knee.bench(trial), trial, rest);
+            let mut columns = slopes.ligaments(self);
+            columns.push(slopes.contact());
+            let mut at = self.nuisances();
+            for candidate in hypothesis {
+                let scaled = &unknowns[at..at + candidate.size()];
+                at += candidate.size();
+                columns.extend(slopes.candidate(candidate, scaled, candidate.scope.covers(trial.source)));
+            }
+            columns
+        };
+        let rows: Vec<Vec<[f64; 5]>> = knee.trials.par_iter().zip(&rests).map(by_unknowns).collect();
+        let slope = DMatrix::from_fn(5 * rows.len(), unknowns.len(), |r, c| rows[r / 5][c][r % 5]);
         let value = rests.iter().flat_map(reading).collect();
-        Ok(Linear { value, slope, rests })
+        Linear { value, slope, rests }
     }
 }
 
 /// Readings VV, IE [deg], ML, AP, SI [mm] of a rest.
 pub fn reading(rest: &Rest) -> [f64; 5] {
     std::array::from_fn(|c| rest.observed[READ[c]] / PER_UNIT[c])
-}
-
-/// Derivatives of a trial's reading at its rest.
-pub struct Slopes<'a> {
-    bench: Bench<'a>,
-    trial: &'a Trial,
-    rest: &'a Rest,
-    /// Of the reading by what is out of balance.
-    answer: Option<nalgebra::Matrix6<f64>>,
-}
-
-impl<'a> Slopes<'a> {
-    /// Prepares the derivatives of `trial` at `rest`.
-    pub fn new(bench: Bench<'a>, trial: &'a Trial, rest: &'a Rest) -> Slopes<'a> {
-        let reading = bench.observe_derivative(trial, &rest.q);
-        let answer = rest.tangent.try_inverse().map(|inverse| reading * inverse);
-        Slopes { bench, trial, rest, answer }
-    }
-
-    /// Change of the reading [deg, mm] when the balance changes by `miss` (flexion's row: the read flexion) and the reading itself by `direct`.
-    pub fn by(&self, miss: &Six, direct: &Six) -> [f64; 5] {
-        let Some(answer) = &self.answer else { return [0.0; 5] };
-        let moved = direct - answer * miss;
-        std::array::from_fn(|c| moved[READ[c]] / PER_UNIT[c])
-    }
-
-    /// By the ligament unknowns.
-    pub fn ligaments(&self, problem: &Problem) -> Vec<[f64; 5]> {
-        let model = self.bench.model;
-        let states = model.fibre_states(&model.joint.pose(&self.rest.q));
-        let mut by_bundle = vec![[Six::zeros(); 2]; model.bundles.len()];
-        for (fibre, state) in model.fibres.iter().zip(&states) {
-            let bundle = &model.bundles[fibre.bundle];
-            let [strain, stiffness] = bundle.parameter_derivatives(state.line.length - fibre.initial_length);
-            by_bundle[fibre.bundle][0] += state.line.gradient * (strain * PRIOR[0]);
-            by_bundle[fibre.bundle][1] += state.line.gradient * (stiffness * bundle.stiffness * PRIOR[1]);
-        }
-        problem
-            .design
-            .variables
-            .iter()
-            .enumerate()
-            .map(|(k, v)| {
-                let which = usize::from(v.kind == Kind::StiffnessNPerMm);
-                let miss = problem.bundles[k].iter().fold(Six::zeros(), |s, &b| s + by_bundle[b][which]);
-                self.by(&balanced(miss), &Six::zeros())
-            })
-            .collect()
-    }
-
-    /// By the contact's scale.
-    pub fn contact(&self) -> [f64; 5] {
-        let model = self.bench.model;
-        let force = model.contact_near(&model.joint.pose(&self.rest.q), &mut Nearby::default()).gradient;
-        self.by(&balanced(force * PRIOR[2]), &Six::zeros())
-    }
-
-    /// By the model's own contact in place of the second; nothing where there is none.
-    pub fn own_contact(&self) -> [f64; 5] {
-        let model = self.bench.model;
-        if !model.has_second_contact() {
-            return [0.0; 5];
-        }
-        let pose = model.joint.pose(&self.rest.q);
-        let second = model.contact_near(&pose, &mut Nearby::default()).gradient;
-        self.by(&balanced(model.contact.evaluate(&pose).gradient - second), &Six::zeros())
-    }
-
-    /// By each load: VV, IE [N mm], ML, AP, SI [N].
-    pub fn loads(&self) -> [[f64; 5]; 5] {
-        FREE.map(|j| {
-            let mut miss = Six::zeros();
-            miss[j] = -1.0;
-            self.by(&miss, &Six::zeros())
-        })
-    }
-
-    /// By each end of each fibre moved along the axes [per mm].
-    pub fn attachments(&self) -> Vec<[f64; 5]> {
-        let model = self.bench.model;
-        let here = self.bench.place.situation(model, self.trial, &self.trial.load, &self.rest.q);
-        let mut out = Vec::with_capacity(6 * model.fibres.len());
-        for fibre in &model.fibres {
-            for k in 0..6 {
-                let mut ends = [nalgebra::Vector3::zeros(); 2];
-                let h = 0.05;
-                ends[k / 3][k % 3] = h;
-                let pull = |s: f64| {
-                    let moved = crate::effect::moved_fibre(fibre, &(ends[0] * s), &(ends[1] * s));
-                    crate::effect::fibre_pull(&here, &moved)
-                };
-                out.push(self.by(&balanced((pull(-1.0) - pull(1.0)) / (2.0 * h)), &Six::zeros()));
-            }
-        }
-        out
-    }
-
-    /// By the scaled parameters of a candidate at `scaled`; zero where it does not act.
-    pub fn candidate(&self, candidate: &Candidate, scaled: &[f64], acts: bool) -> Vec<[f64; 5]> {
-        if !acts {
-            return vec![[0.0; 5]; candidate.size()];
-        }
-        let (trial, q) = (self.trial, &self.rest.q);
-        let here = self.bench.place.situation(self.bench.model, trial, &trial.load, q);
-        let gs = self.bench.model.joint.grood_suntay(q);
-        (0..candidate.size())
-            .map(|k| {
-                let flat = candidate.active(scaled).has_no_slope_at_zero() && scaled[k] < 0.3;
-                let h = if flat { 1.0 } else { 1e-3 };
-                let at = |s: f64| {
-                    let mut moved = scaled.to_vec();
-                    moved[k] += s * h;
-                    candidate.active(&moved)
-                };
-                let (up, down) = (at(1.0), at(if flat { 0.0 } else { -1.0 }));
-                let width = if flat { h } else { 2.0 * h };
-                if up.has_reading() {
-                    let place = self.bench.place;
-                    let direct = (up.read(&gs, trial, place) - down.read(&gs, trial, place)) / width;
-                    let mut miss = Six::zeros();
-                    miss[0] = direct[0];
-                    self.by(&miss, &direct)
-                } else {
-                    let push = (up.force(&here) - down.force(&here)) / width;
-                    self.by(&balanced(-push), &Six::zeros())
-                }
-            })
-            .collect()
-    }
-}
-
-/// A change of the generalised forces alone: read flexion stays.
-fn balanced(mut miss: Six) -> Six {
-    miss[0] = 0.0;
-    miss
 }
 
 /// The largest fraction of rests without balance that a diagnosis bears.

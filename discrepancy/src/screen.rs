@@ -4,7 +4,8 @@ use crate::covariance::{Readings, Whitening};
 use crate::equilibrium::Bench;
 use crate::error::DiscrepancyError;
 use crate::fit::{Fit, REACH};
-use crate::problem::{Candidate, Problem, Slopes};
+use crate::problem::{Candidate, Problem};
+use crate::slopes::Slopes;
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rayon::prelude::*;
 
@@ -29,8 +30,8 @@ pub fn signatures(
             })
         })
         .collect();
-    let columns: Vec<Vec<Vec<[f64; 5]>>> = problem
-        .trials
+    let trials = problem.unloaded_at(&problem.trials, &model, &at.hypothesis);
+    let columns: Vec<Vec<Vec<[f64; 5]>>> = trials
         .par_iter()
         .zip(&at.linear.rests)
         .map(|(trial, rest)| {

@@ -1,9 +1,12 @@
 //! Measured trials in the solver's units, with what belongs together.
 
 use crate::error::DiscrepancyError;
-use sim::joint::{FE, Six};
+use sim::joint::{AP, FE, IE, ML, SI, Six, VV};
 use sim::laxity::{Branch, LaxityTrial, Test};
 use std::collections::BTreeMap;
+
+/// Coordinates of a reading.
+pub(crate) const READ: [usize; 5] = [VV, IE, ML, AP, SI];
 
 /// Turns of a degree into radians and back, by coordinate of a reading (VV, IE, ML, AP, SI).
 pub const PER_UNIT: [f64; 5] = [std::f64::consts::PI / 180.0, std::f64::consts::PI / 180.0, 1.0, 1.0, 1.0];

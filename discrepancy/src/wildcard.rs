@@ -7,11 +7,13 @@ use crate::covariance::Readings;
 use crate::equilibrium::Bench;
 use crate::error::DiscrepancyError;
 use crate::fit::Fit;
-use crate::problem::{Problem, Scope, Slopes};
+use crate::problem::{Problem, Scope};
 use crate::screen::Marginal;
+use crate::slopes::Slopes;
+use crate::trial::READ;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
-use sim::joint::{AP, FE, IE, ML, SI, Six, VV};
+use sim::joint::{FE, Six};
 
 /// Amplitudes of the force field: VV, IE [N mm], ML, AP, SI [N].
 const FORCES: [f64; 5] = [3000.0, 1000.0, 20.0, 20.0, 40.0];
@@ -23,8 +25,6 @@ const RANGES: (f64, [f64; 5]) = (0.52, [0.05, 0.17, 4.0, 5.0, 4.0]);
 const FLEXION: f64 = 3.0;
 /// The coordinate of a misread flexion, after the five of a reading.
 const BENT: usize = 5;
-/// Coordinates of a reading.
-const READ: [usize; 5] = [VV, IE, ML, AP, SI];
 
 /// Sizes of a field over those amplitudes [-].
 const SIZES: [f64; 3] = [0.3, 1.0, 3.0];

@@ -3,29 +3,16 @@
 
 mod common;
 
-use common::shared;
+use common::deck;
 use discrepancy::catalogue::Catalogue;
 use discrepancy::effect::Active;
 use discrepancy::problem::Problem;
-use discrepancy::trial::Source;
 use sim::joint::{AP, IE, ML, SI, VV};
 
 const FLEXIONS: [f64; 4] = [0.0, 30.0, 60.0, 90.0];
 
 fn problem() -> Option<Problem> {
-    let folder = shared("pulls", "published/S192803/deck")?;
-    #[expect(clippy::disallowed_methods, reason = "published data")]
-    let mut read = |name: &str| std::fs::read(folder.join(name)).map_err(|e| e.to_string());
-    let deck = sim::abaqus::import("S192803_MAIN_LAXITY_Anterior_0deg_0.inp", &mut read).unwrap();
-    let model = sim::compile(&deck.spec, &deck.meshes).unwrap();
-    let mut text = "trial,test,nominal_flexion_deg,load_vv_nm,load_ie_nm,load_ml_n,load_ap_n,load_si_n,\
-                    fe_deg,vv_deg,ie_deg,ml_mm,ap_mm,si_mm\n"
-        .to_owned();
-    for f in FLEXIONS {
-        text += &format!("at_{f},neutral,{f},0,0,0,0,50,{f},0,0,0,0,-21\n");
-    }
-    let trials = sim::laxity::read(text.as_bytes()).unwrap().trials;
-    Some(Problem::new(&model, &deck.spec, &[Source { name: "rks".into(), trials }], &Catalogue::shipped()).unwrap())
+    deck("pulls", &FLEXIONS.map(|f| ("unloaded", "neutral", f, [0.0; 4], [0.0, 0.0, 0.0, 0.0, -21.0])))
 }
 
 #[test]

@@ -3,12 +3,11 @@
 
 mod common;
 
-use common::shared;
+use common::{Asked, deck};
 use discrepancy::catalogue::Catalogue;
 use discrepancy::effect::Active;
 use discrepancy::equilibrium::{Bench, Rest};
 use discrepancy::problem::{Problem, reading};
-use discrepancy::trial::Source;
 use nalgebra::Matrix6;
 use validation::design::Kind;
 
@@ -19,23 +18,15 @@ fn problem() -> Option<Problem> {
 
 /// The same, measured `varus` degrees from where the deck rests.
 fn problem_off(varus: f64) -> Option<Problem> {
-    let folder = shared("rests", "published/S192803/deck")?;
-    #[expect(clippy::disallowed_methods, reason = "published data")]
-    let mut read = |name: &str| std::fs::read(folder.join(name)).map_err(|e| e.to_string());
-    let deck = sim::abaqus::import("S192803_MAIN_LAXITY_Anterior_0deg_0.inp", &mut read).unwrap();
-    let model = sim::compile(&deck.spec, &deck.meshes).unwrap();
     let at = |measured: &[[f64; 5]]| {
-        let mut text = "trial,test,nominal_flexion_deg,load_vv_nm,load_ie_nm,load_ml_n,load_ap_n,load_si_n,\
-                        fe_deg,vv_deg,ie_deg,ml_mm,ap_mm,si_mm\n"
-            .to_owned();
-        for ((name, flexion, moment), m) in TRIALS.iter().zip(measured) {
-            let [vv, ie, ml, ap, si] = m;
-            text += &format!("{name},varus,{flexion},{moment},0,0,0,50,{flexion},{vv},{ie},{ml},{ap},{si}\n");
-        }
-        let trials = sim::laxity::read(text.as_bytes()).unwrap().trials;
-        Problem::new(&model, &deck.spec, &[Source { name: "rks".into(), trials }], &Catalogue::shipped()).unwrap()
+        let asked: Vec<Asked> = TRIALS
+            .iter()
+            .zip(measured)
+            .map(|(&(name, flexion, moment), &m)| (name, "varus", flexion, [moment, 0.0, 0.0, 0.0], m))
+            .collect();
+        deck("rests", &asked)
     };
-    let anywhere = at(&[[0.0; 5]; 4]);
+    let anywhere = at(&[[0.0; 5]; 4])?;
     let own = Bench { model: &anywhere.model, effects: &[], place: &anywhere.place };
     let rests: Vec<Rest> = anywhere.trials.iter().map(|t| own.walk(t)).collect();
     assert!(rests.iter().all(|r| r.balanced));
@@ -44,7 +35,7 @@ fn problem_off(varus: f64) -> Option<Problem> {
         out[0] += varus;
         out
     };
-    Some(at(&rests.iter().map(moved).collect::<Vec<_>>()))
+    at(&rests.iter().map(moved).collect::<Vec<_>>())
 }
 
 /// Name, flexion [deg], varus moment [N m].
