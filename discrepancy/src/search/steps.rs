@@ -4,10 +4,10 @@ use super::{Screened, Searcher, Start};
 use crate::covariance::Readings;
 use crate::error::DiscrepancyError;
 use crate::fit::Fit;
-use crate::problem::Candidate;
+use crate::problem::{Candidate, Linear};
 use crate::verdict::takes_the_name;
 use crate::wildcard::wildcard;
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 
 /// Most rounds in which effects of an answer are exchanged [-].
 const EXCHANGES: usize = 3;
@@ -70,19 +70,39 @@ impl Searcher<'_> {
         self.screened_again(found, given)
     }
 
-    /// Single effects that a screen about the ligaments and in the scatter of the end asks for beside those that the first ones did.
+    /// Single effects that screens about the ligaments and in the scatter of the end ask for beside those that the first ones did: about nothing missing,
+    /// and about the rests of the best, where what imitates it is seen as it is.
     fn screened_again(&self, mut found: Found, given: Given) -> Result<Found, DiscrepancyError> {
-        let Some(best) = found.rivals.first() else { return Ok(found) };
-        let (gain, data) = (self.gain(best, &found.base), (given.readings, &found.cov));
-        let (mut list, _) = self.screen(&found.base, given.readings, &found.cov, given.candidates)?;
-        let known = |c: &Candidate| found.rivals.iter().any(|f| f.hypothesis == std::slice::from_ref(c));
-        list.retain(|l| l.gain > (gain - OVERTAKEN).max(0.0) && !known(&given.candidates[l.candidate]));
-        let few = self.options.shortlist / 2;
-        let more = self.refits(&found.base, data, given.candidates, (&list, few), found.base.log_evidence)?;
-        found.rivals.extend(more);
-        self.sort(&mut found.rivals);
+        let Some(best) = found.rivals.first().cloned() else { return Ok(found) };
+        let (gain, few) = (self.gain(&best, &found.base), self.options.shortlist / 2);
+        for at in [found.base.clone(), self.stripped(&best, given.readings)] {
+            let data = (given.readings, &found.cov);
+            let (mut list, _) = self.screen(&at, given.readings, &found.cov, given.candidates)?;
+            let known = |l: &Screened| {
+                let same = |f: &&Fit| f.hypothesis == std::slice::from_ref(&given.candidates[l.candidate]);
+                found.rivals.iter().find(same).is_some_and(|f| self.gain(f, &found.base) > l.gain - OVERTAKEN)
+            };
+            list.retain(|l| l.gain > (gain - OVERTAKEN).max(0.0) && !known(l));
+            let more = self.refits(&at, data, given.candidates, (&list, few), found.base.log_evidence)?;
+            found.rivals.extend(more);
+            self.sort(&mut found.rivals);
+        }
         let first = &found.rivals[0];
         if self.gain(first, &found.base) > gain + 1.0 { self.renewed(found, given) } else { Ok(found) }
+    }
+
+    /// Nothing missing, linear about the rests and the ligaments of a fit with an effect.
+    fn stripped(&self, fit: &Fit, readings: &Readings) -> Fit {
+        let (n, m) = (self.problem.nuisances(), fit.unknowns.len());
+        let effect = fit.linear.slope.columns(n, m - n) * DVector::from_column_slice(&fit.unknowns[n..]);
+        Fit {
+            hypothesis: vec![],
+            unknowns: fit.unknowns[..n].to_vec(),
+            linear: Linear { slope: fit.linear.slope.columns(0, n).into_owned(), ..fit.linear.clone() },
+            residual: &fit.residual + readings.pick(effect.as_slice()),
+            posterior: fit.posterior.view((0, 0), (n, n)).into_owned(),
+            ..fit.clone()
+        }
     }
 
     /// One more effect beside the best, and whether one earns its place.
