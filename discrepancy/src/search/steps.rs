@@ -5,9 +5,10 @@ use crate::covariance::Readings;
 use crate::error::DiscrepancyError;
 use crate::fit::Fit;
 use crate::problem::{Candidate, Linear};
-use crate::verdict::takes_the_name;
+use crate::verdict::{LIKELIER, takes_the_name};
 use crate::wildcard::wildcard;
 use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
 
 /// Most rounds in which effects of an answer are exchanged [-].
 const EXCHANGES: usize = 3;
@@ -17,6 +18,16 @@ const HOPELESS: [f64; 2] = [3.0, 10.0];
 
 /// Nats that a refit may have more than the screen that proposed it [-].
 const OVERTAKEN: f64 = 10.0;
+
+/// How far behind the best, in its scatter, a rival may be to be weighed in its own against it [nats], and how many are.
+const CLOSE: f64 = 5.0;
+const MOST_CLOSE: usize = 6;
+
+/// The rival that is the likelier by most, where one is: by the mean of what it is ahead of the best in the scatter at the best and in that at its own fit.
+fn likelier(in_common: &[f64], in_own: &[f64]) -> Option<usize> {
+    let mean = in_common.iter().zip(in_own).map(|(common, own)| 0.5 * (common + own)).enumerate();
+    mean.filter(|(_, by)| *by > LIKELIER).max_by(|a, b| a.1.total_cmp(&b.1)).map(|(k, _)| k)
+}
 
 /// What every step works with.
 #[derive(Clone, Copy)]
@@ -67,7 +78,8 @@ impl Searcher<'_> {
             found.rivals.extend(shaped);
             found = self.renewed(found, given)?;
         }
-        self.screened_again(found, given)
+        let found = self.screened_again(found, given)?;
+        self.fairly(found, given)
     }
 
     /// Single effects that screens about the ligaments and in the scatter of the end ask for beside those that the first ones did: about nothing missing,
@@ -89,6 +101,33 @@ impl Searcher<'_> {
         }
         let first = &found.rivals[0];
         if self.gain(first, &found.base) > gain + 1.0 { self.renewed(found, given) } else { Ok(found) }
+    }
+
+    /// The same with a rival in the place of the best where it is the likelier by the mean of both scatters: that at the best favours the best.
+    fn fairly(&self, mut found: Found, given: Given) -> Result<Found, DiscrepancyError> {
+        let Some(best) = found.rivals.first() else { return Ok(found) };
+        if self.options.by_error || self.gain(best, &found.base) < given.threshold {
+            return Ok(found);
+        }
+        let behind = |f: &Fit| self.log(f) - self.log(best);
+        let near: Vec<&Fit> = found.rivals[1..].iter().filter(|f| behind(f) > -CLOSE).take(MOST_CLOSE).collect();
+        let in_own: Vec<f64> = near
+            .par_iter()
+            .map(|f| self.ahead_in_own_scatter(f, best, given))
+            .collect::<Result<_, DiscrepancyError>>()?;
+        let in_common: Vec<f64> = near.iter().map(|f| behind(f)).collect();
+        let Some(k) = likelier(&in_common, &in_own) else { return Ok(found) };
+        let taken = found.rivals.remove(k + 1);
+        found.rivals.insert(0, taken);
+        let (base, rivals, cov) = self.again(found.base, found.rivals, given.readings, given.extra)?;
+        Ok(Found { base, rivals, cov })
+    }
+
+    /// By how much a fit is ahead of another in its own scatter.
+    fn ahead_in_own_scatter(&self, fit: &Fit, other: &Fit, given: Given) -> Result<f64, DiscrepancyError> {
+        let cov = self.scatter(fit, given.extra)?;
+        let [own, against] = [fit, other].map(|f| self.in_scatter(f, given.readings, &cov));
+        Ok(self.log(&own?) - self.log(&against?))
     }
 
     /// Nothing missing, linear about the rests and the ligaments of a fit with an effect.
@@ -183,5 +222,19 @@ impl Searcher<'_> {
         self.sort(&mut found.rivals);
         let (base, rivals, cov) = self.again(found.base, found.rivals, given.readings, given.extra)?;
         Ok(Found { base, rivals, cov })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_rival_takes_the_place_of_the_best_where_both_scatters_together_prefer_it_clearly() {
+        assert_eq!(likelier(&[-3.2, -1.0], &[13.5, 14.0]), Some(1));
+        // what its own scatter alone prefers by as much as the other does the best, or a little more, stays behind
+        assert_eq!(likelier(&[-3.2, -2.6], &[3.2, 6.9]), None);
+        assert_eq!(likelier(&[-1.0], &[f64::NAN]), None);
+        assert_eq!(likelier(&[], &[]), None);
     }
 }
