@@ -27,6 +27,9 @@ pub struct Parameter {
     /// Whether it shapes the effect and is nothing by itself.
     #[serde(default)]
     pub shape: bool,
+    /// Where fits of it start, in units of `sd`: 1 for sizes and 0 for shapes unless told; a shape is screened there, too.
+    #[serde(default)]
+    pub from: Option<f64>,
 }
 
 /// An effect a model may lack.

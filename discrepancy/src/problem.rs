@@ -77,6 +77,16 @@ impl Candidate {
         self.effect.parameter.iter().zip(scaled).all(|(p, x)| p.most.is_none_or(|most| p.sd * x.abs() <= most))
     }
 
+    /// No effect, with the shape from which fits of it start, in units of its priors.
+    pub fn nothing(&self) -> Vec<f64> {
+        self.effect.parameter.iter().map(|p| if p.shape { p.from.unwrap_or(0.0) } else { 0.0 }).collect()
+    }
+
+    /// The size and the shape from which fits of it start, in units of its priors.
+    pub fn typical(&self) -> Vec<f64> {
+        self.effect.parameter.iter().map(|p| p.from.unwrap_or(if p.shape { 0.0 } else { 1.0 })).collect()
+    }
+
     /// Number of parameters.
     pub fn size(&self) -> usize {
         self.effect.parameter.len()

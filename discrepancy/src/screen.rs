@@ -37,7 +37,7 @@ pub fn signatures(
         .map(|(trial, rest)| {
             let effects = problem.effects_in(trial.source, &at.hypothesis, &at.unknowns);
             let slopes = Slopes::new(Bench { model: &model, effects: &effects, place: &problem.place }, trial, rest);
-            kinds.iter().map(|c| slopes.candidate(c, &vec![0.0; c.size()], true)).collect()
+            kinds.iter().map(|c| slopes.candidate(c, &c.nothing(), true)).collect()
         })
         .collect();
     let rows = 5 * problem.trials.len();

@@ -64,7 +64,8 @@ impl Searcher<'_> {
                 let beside = item.beside.iter().zip(&at.unknowns);
                 let mut start: Vec<f64> = beside.map(|(x, own)| x.clamp(own - 1.5, own + 1.5)).collect();
                 let flat = candidate.active(&vec![0.0; item.size.len()]).has_no_slope_at_zero();
-                start.extend(item.size.iter().map(|x| x.clamp(if flat { 0.5 } else { -3.0 }, 3.0)));
+                let sizes = item.size.iter().map(|x| x.clamp(if flat { 0.5 } else { -3.0 }, 3.0));
+                start.extend(sizes.zip(candidate.nothing()).map(|(x, shape)| x + shape));
                 Ok(self
                     .fit_to(&hypothesis, &start, &at.coordinates(), (readings, &mixture), 6)?
                     .earned(without, candidate.size()))
@@ -95,7 +96,7 @@ impl Searcher<'_> {
             .par_iter()
             .map(|c| {
                 let mut start = at.unknowns.clone();
-                start.extend(c.effect.parameter.iter().map(|p| if p.shape { 0.0 } else { 1.0 }));
+                start.extend(c.typical());
                 let fit = self.fit_to(&beside(c), &start, &at.coordinates(), (readings, &mixture), 8)?;
                 Ok(fit.earned(without, c.size()))
             })
