@@ -2,12 +2,14 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 mod common;
+#[path = "common/deck.rs"]
+mod deck;
 
-use common::deck;
+use deck::deck;
 use discrepancy::catalogue::Catalogue;
 use discrepancy::effect::Active;
 use discrepancy::problem::Problem;
-use sim::joint::{AP, IE, ML, SI, VV};
+use sim::joint::{AP, IE, ML, SI, Six, VV};
 
 const FLEXIONS: [f64; 4] = [0.0, 30.0, 60.0, 90.0];
 
@@ -66,4 +68,21 @@ fn a_weight_that_no_shank_has_is_none() {
     // other sizes have no end: a laboratory may be off by any flexion
     let offset = problem.candidates().into_iter().find(|c| c.effect.id == "flexion_offset").unwrap();
     assert!(offset.is_small_enough(&[8.0]));
+}
+
+#[test]
+fn a_missing_structure_is_taut_in_the_ct_pose_where_its_fits_start() {
+    let Some(problem) = problem() else { return };
+    let trial = &problem.trials[0];
+    let here = problem.place.situation(&problem.model, trial, &trial.load, &Six::zeros());
+    let lines: Vec<_> = problem.candidates().into_iter().filter(|c| c.effect.id == "extra_bundle").collect();
+    assert!(lines.iter().map(|c| c.variant).max() == Some(4));
+    for line in lines {
+        assert!(line.active(&line.typical()).force(&here).norm() > 10.0, "variant {}", line.variant);
+        // screened there it is felt, though it is nothing
+        let mut little = line.nothing();
+        assert_eq!(line.active(&little).force(&here).norm(), 0.0);
+        little[0] = 1e-3;
+        assert!(line.active(&little).force(&here).norm() > 0.0, "variant {}", line.variant);
+    }
 }

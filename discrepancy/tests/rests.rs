@@ -2,8 +2,10 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 mod common;
+#[path = "common/deck.rs"]
+mod deck;
 
-use common::{Asked, deck};
+use deck::{Asked, deck};
 use discrepancy::catalogue::Catalogue;
 use discrepancy::effect::Active;
 use discrepancy::equilibrium::{Bench, Rest};

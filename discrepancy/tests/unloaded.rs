@@ -2,8 +2,10 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 mod common;
+#[path = "common/deck.rs"]
+mod deck;
 
-use common::{Asked, deck};
+use deck::{Asked, deck};
 use discrepancy::problem::{Candidate, Problem, Scope};
 
 /// A stiff capsule, and menisci without play, as large as the tests need them; of variants, those about the unloaded pose.
