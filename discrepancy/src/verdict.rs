@@ -46,7 +46,8 @@ const NAMELESS: f64 = 3.0;
 const BESIDE: f64 = 4.5;
 /// By how much a field in place of the name must do better than the name does to be the likelier of the two: by those ten to one [-].
 const AHEAD: f64 = 2.3;
-/// Log Bayes factor of the field beside a name from which the name is no longer the likelier of the two; a decisive one must be [-].
+/// Log Bayes factor of the field beside a name from which the name is no longer the likelier of the two; a decisive one must be [-]. By as much in the mean
+/// of both scatters a rival takes the place of the best.
 pub(crate) const LIKELIER: f64 = 3.3;
 /// Standard deviations of the sum of squares from which an answer leaves more than noise does [-].
 const POOR: f64 = 1.8;

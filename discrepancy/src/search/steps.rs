@@ -19,8 +19,9 @@ const HOPELESS: [f64; 2] = [3.0, 10.0];
 /// Nats that a refit may have more than the screen that proposed it [-].
 const OVERTAKEN: f64 = 10.0;
 
-/// How far behind the best, in its scatter, a rival may be to be weighed in its own against it [nats], and how many are.
+/// How far behind the best, in its scatter, a rival may be to be weighed in its own against it [nats].
 const CLOSE: f64 = 5.0;
+/// How many rivals are, at most [-].
 const MOST_CLOSE: usize = 6;
 
 /// The rival that is the likelier by most, where one is: by the mean of what it is ahead of the best in the scatter at the best and in that at its own fit.
