@@ -149,7 +149,8 @@ impl Hidden {
         }
     }
 
-    /// Ten springs on the rim of each compartment, each resisting what slides outward past a millimetre.
+    /// Ten springs on the rim of each compartment, each resisting what slides outward past a millimetre; the half of them that a slide
+    /// presses make up the stiffness of the compartment, as `k` is meant: their squared cosines sum to 2.5.
     fn springs(&self, d: &Five) -> f64 {
         let mut sum = 0.0;
         for side in [22.0, -22.0] {
@@ -158,7 +159,7 @@ impl Hidden {
                 let (x, y) = (side + 18.0 * angle.cos(), 18.0 * angle.sin());
                 let moved = [-d[2] - d[1] * y, d[3] + d[1] * x];
                 let out = (moved[0] * angle.cos() + moved[1] * angle.sin() - 1.0).max(0.0);
-                sum += 0.5 * 0.2 * self.value("k") * out * out;
+                sum += 0.5 * self.value("k") / 2.5 * out * out;
             }
         }
         sum
@@ -168,6 +169,16 @@ impl Hidden {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_compartment_of_the_menisci_is_as_stiff_as_told() {
+        let hidden = Hidden { effect: "meniscus".into(), parameters: [("k".to_string(), 12.0)].into() };
+        let slid = |ap: f64| hidden.springs(&[0.0, 0.0, 0.0, ap, 0.0]);
+        for ap in [-8.0, 8.0] {
+            let stiffness = slid(ap + 1.0) - 2.0 * slid(ap) + slid(ap - 1.0);
+            assert!((stiffness - 24.0).abs() < 1e-9, "two compartments of 12 N/mm, and {stiffness}");
+        }
+    }
 
     #[test]
     fn the_patellar_tendon_pulls_forward_near_extension_and_backward_in_deep_flexion() {
