@@ -22,7 +22,7 @@ fn it_pulls_forward_near_extension_backward_in_flexion_and_back_into_the_groove(
     let Some(problem) = problem() else { return };
     let catalogue = Catalogue::shipped();
     let (effect, variant) = catalogue.find("quad_passive").unwrap();
-    let tendon = Active::new(effect, variant, vec![100.0]).unwrap();
+    let tendon = Active::new(effect, variant, vec![100.0, 0.0]).unwrap();
     for (trial, flexion) in problem.trials.iter().zip(FLEXIONS) {
         let force = |q: &sim::joint::Six| tendon.force(&problem.place.situation(&problem.model, trial, &trial.load, q));
         let at_rest = force(&trial.neutral);

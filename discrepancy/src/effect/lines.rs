@@ -49,10 +49,10 @@ const TUBEROSITY: [f64; 3] = [-5.0, 32.0, -30.0];
 const TENDON: f64 = 45.0;
 
 /// The patellar tendon: from the patella, which follows the femur's groove, to the tuberosity. In the unloaded pose it points 20 deg forward of the
-/// tibia's shaft in extension and 8 deg backward of it at 90 deg of flexion [riener1999].
-pub(super) fn patellar_tendon(here: &Situation) -> Six {
+/// tibia's shaft in extension and 8 deg backward of it at 90 deg of flexion [riener1999; defrate2007], and `further` deg more forward in this knee.
+pub(super) fn patellar_tendon(here: &Situation, further: f64) -> Six {
     let tibia = &here.place.tibia;
-    let angle = (20.0 - 28.0 * here.flexion.to_degrees() / 90.0).to_radians();
+    let angle = (20.0 - 28.0 * here.flexion.to_degrees() / 90.0 + further).to_radians();
     let way = tibia.superior * angle.cos() + tibia.anterior * angle.sin();
     let tuberosity = point(tibia, TUBEROSITY);
     let mut unloaded = here.trial.neutral;
