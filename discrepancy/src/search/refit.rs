@@ -12,10 +12,14 @@ use rayon::prelude::*;
 /// How many of the best are weighed in their own scatter, too [-].
 const OWN_SCATTER: usize = 5;
 
-/// By how much hypotheses of log evidence `common`, the best first, are lifted towards the best by what they have in their `own` scatter; never past it.
+/// How far short of the best a lifted rival stays at least [nats]: more than rounding takes, less than anything means.
+const SHORT: f64 = 1e-6;
+
+/// By how much hypotheses of log evidence `common`, the best first, are lifted towards the best by what they have in their `own` scatter; never past it,
+/// nor by rounding.
 fn lifts(common: &[f64], own: &[f64]) -> Vec<f64> {
     let (Some(best), Some(top)) = (common.first(), own.first()) else { return Vec::new() };
-    let lift = |(x, o): (&f64, &f64)| if o.is_finite() { (best + (o - top).min(0.0) - x).max(0.0) } else { 0.0 };
+    let lift = |(x, o): (&f64, &f64)| if o.is_finite() { (best + (o - top).min(-SHORT) - x).max(0.0) } else { 0.0 };
     common.iter().zip(own).map(lift).collect()
 }
 
@@ -212,9 +216,17 @@ mod tests {
         // the best, one that its own scatter prefers, one as far in it, one farther, one that could not be weighed
         let common = [10.0, 2.0, 5.0, 8.0, 7.0, 1.0];
         let own = [30.0, 33.0, 25.0, 20.0, f64::NEG_INFINITY];
-        assert_eq!(lifts(&common, &own), [0.0, 8.0, 0.0, 0.0, 0.0]);
+        let near = |got: &[f64], asked: &[f64]| {
+            got.len() == asked.len() && got.iter().zip(asked).all(|(g, a)| (g - a).abs() < 2e-6)
+        };
+        assert!(near(&lifts(&common, &own), &[0.0, 8.0, 0.0, 0.0, 0.0]));
+        // what its own scatter prefers stays behind the best however the two round
+        for k in 1..2000 {
+            let (best, rival) = (60.0 + 1.0 / f64::from(k), 55.0 - 1.0 / f64::from(k * k + 1));
+            assert!(rival + lifts(&[best, rival], &[1.0, 3.0])[1] < best);
+        }
         // a best that its own scatter does not bear is no better than its rivals
-        assert_eq!(lifts(&[10.0, 2.0], &[f64::NEG_INFINITY, 3.0]), [0.0, 8.0]);
+        assert!(near(&lifts(&[10.0, 2.0], &[f64::NEG_INFINITY, 3.0]), &[0.0, 8.0]));
         assert!(lifts(&[], &[]).is_empty());
     }
 }
