@@ -30,6 +30,15 @@ fn it_pulls_forward_near_extension_backward_in_flexion_and_back_into_the_groove(
         let forward = 100.0 * (20.0 - 28.0 * flexion / 90.0).to_radians().sin();
         assert!((at_rest[AP] - forward).abs() < 4.0, "{flexion} deg: {} N, {forward} N", at_rest[AP]);
         assert!(at_rest[SI] > 85.0, "{flexion} deg: {} N up", at_rest[SI]);
+        // in a knee whose tendon stands 6 deg further forward
+        let other = tendon.with(&[100.0, 6.0]).force(&problem.place.situation(
+            &problem.model,
+            trial,
+            &trial.load,
+            &trial.neutral,
+        ));
+        let turned = (other[AP].atan2(other[SI]) - at_rest[AP].atan2(at_rest[SI])).to_degrees();
+        assert!((turned - 6.0).abs() < 0.5, "{flexion} deg: {turned} deg further forward");
         // a tibia that has slipped aside, or turned, is drawn back
         for (k, by, stiffness) in [(ML, 2.0, 100.0 / 45.0), (IE, 0.05, 100.0 * 32.0 * 32.0 / 45.0)] {
             let mut moved = trial.neutral;
