@@ -5,10 +5,10 @@ mod common;
 #[path = "common/deck.rs"]
 mod deck;
 
-use deck::deck;
+use deck::{deck, question};
 use discrepancy::catalogue::Catalogue;
 use discrepancy::effect::Active;
-use discrepancy::problem::Problem;
+use discrepancy::problem::{Problem, Scope};
 use sim::joint::{AP, IE, ML, SI, Six, VV};
 
 const FLEXIONS: [f64; 4] = [0.0, 30.0, 60.0, 90.0];
@@ -94,4 +94,17 @@ fn a_missing_structure_is_taut_in_the_ct_pose_where_its_fits_start() {
         little[0] = 1e-3;
         assert!(line.active(&little).force(&here).norm() > 0.0, "variant {}", line.variant);
     }
+}
+
+#[test]
+fn menisci_are_of_the_knee_and_a_bias_of_a_laboratory() {
+    let asked = FLEXIONS.map(|f| ("unloaded", "neutral", f, [0.0; 4], [0.0, 0.0, 0.0, 0.0, -21.0]));
+    let Some(problem) = question("pulls", &[("kla", &asked), ("rks", &asked)]) else { return };
+    let scopes = |id: &str| -> Vec<Scope> {
+        problem.candidates().iter().filter(|c| c.effect.id == id && c.variant == 0).map(|c| c.scope).collect()
+    };
+    assert_eq!(scopes("meniscus"), [Scope::Both]);
+    assert_eq!(scopes("load_bias"), [Scope::Both, Scope::Only(0), Scope::Only(1)]);
+    // skin and capsule may have been taken off between two tests
+    assert_eq!(scopes("capsule_envelope").len(), 3);
 }

@@ -9,19 +9,31 @@ use discrepancy::trial::Source;
 pub(crate) type Asked<'a> = (&'a str, &'a str, f64, [f64; 4], [f64; 5]);
 
 /// The question of the published deck under these trials; `None` where the deck is not there.
-#[expect(clippy::unwrap_used, reason = "tests")]
 pub(crate) fn deck(test: &str, trials: &[Asked]) -> Option<Problem> {
+    question(test, &[("rks", trials)])
+}
+
+/// The question of the published deck under the trials of several data sets.
+#[expect(clippy::unwrap_used, reason = "tests")]
+pub(crate) fn question(test: &str, sources: &[(&str, &[Asked])]) -> Option<Problem> {
     let folder = shared(test, "published/S192803/deck")?;
     #[expect(clippy::disallowed_methods, reason = "published data")]
     let mut read = |name: &str| std::fs::read(folder.join(name)).map_err(|e| e.to_string());
     let deck = sim::abaqus::import("S192803_MAIN_LAXITY_Anterior_0deg_0.inp", &mut read).unwrap();
     let model = sim::compile(&deck.spec, &deck.meshes).unwrap();
+    let sources: Vec<Source> = sources.iter().map(|(name, trials)| source(name, trials)).collect();
+    Some(Problem::new(&model, &deck.spec, &sources, &Catalogue::shipped()).unwrap())
+}
+
+/// A data set, as a file of these trials is read.
+#[expect(clippy::unwrap_used, reason = "tests")]
+fn source(name: &str, trials: &[Asked]) -> Source {
     let mut text = "trial,test,nominal_flexion_deg,load_vv_nm,load_ie_nm,load_ml_n,load_ap_n,load_si_n,\
                     fe_deg,vv_deg,ie_deg,ml_mm,ap_mm,si_mm\n"
         .to_owned();
-    for (k, (name, test, flexion, [lvv, lie, lml, lap], [vv, ie, ml, ap, si])) in trials.iter().enumerate() {
-        text += &format!("{name}_{k},{test},{flexion},{lvv},{lie},{lml},{lap},50,{flexion},{vv},{ie},{ml},{ap},{si}\n");
+    for (k, (trial, test, flexion, [lvv, lie, lml, lap], [vv, ie, ml, ap, si])) in trials.iter().enumerate() {
+        text +=
+            &format!("{trial}_{k},{test},{flexion},{lvv},{lie},{lml},{lap},50,{flexion},{vv},{ie},{ml},{ap},{si}\n");
     }
-    let trials = sim::laxity::read(text.as_bytes()).unwrap().trials;
-    Some(Problem::new(&model, &deck.spec, &[Source { name: "rks".into(), trials }], &Catalogue::shipped()).unwrap())
+    Source { name: name.into(), trials: sim::laxity::read(text.as_bytes()).unwrap().trials }
 }
