@@ -13,7 +13,7 @@ use crate::problem::{Candidate, Problem, Scope};
 use crate::search::{DiagnosisOptions, Search, Searcher};
 use crate::trial::Source;
 use crate::verdict::{Candidature, by_names, temper, verdict, weights};
-use crate::wildcard::wildcard;
+use crate::wildcard::{Wildcard, wildcard};
 use serde::{Deserialize, Serialize};
 use sim::Model;
 use sim::laxity::{COORDINATES, VALUE_UNITS};
@@ -233,7 +233,8 @@ fn conclude(problem: &Problem, spec: &ModelSpec, options: &DiagnosisOptions) -> 
     let believed = if is_named { best } else { &search.base };
     let data = (&search.readings, &search.covariance);
     let wild = wildcard(problem, data, believed)?;
-    let alone = if is_named { wildcard(problem, data, &search.base)? } else { wild.clone() };
+    let (alone, alone_gain) =
+        if is_named { in_place(&searcher, &search, best)? } else { (wild.clone(), wild.log_bayes_factor) };
     let leaves = searcher.total(believed) / believed.residual.len() as f64;
     let exchange = exchange(problem, &search, believed, leaves.max(1.0))?;
     let rivals = weights(&searcher, &search, believed);
@@ -246,7 +247,7 @@ fn conclude(problem: &Problem, spec: &ModelSpec, options: &DiagnosisOptions) -> 
         base: &search.base,
         is_named,
         wild: wild.log_bayes_factor,
-        alone: alone.log_bayes_factor,
+        alone: alone_gain,
         exchanged: exchange.map_or(f64::NEG_INFINITY, |e| e.log_bayes_factor),
         gain,
         closes: closed(&before, &after),
@@ -293,6 +294,16 @@ fn conclude(problem: &Problem, spec: &ModelSpec, options: &DiagnosisOptions) -> 
         outcome.model = Some(augmented(problem, spec, best, &outcome.components)?);
     }
     Ok(outcome)
+}
+
+/// A field of no name in the place of an answer and its log Bayes factor against nothing missing: linear about nothing missing, or about the rests of the
+/// answer with its effects taken out, whichever explains more. A field that moves the knee far is seen as it is from the latter alone.
+fn in_place(searcher: &Searcher, search: &Search, best: &Fit) -> Result<(Wildcard, f64), DiscrepancyError> {
+    let data = (&search.readings, &search.covariance);
+    let far = wildcard(searcher.problem, data, &search.base)?;
+    let near = wildcard(searcher.problem, data, &searcher.stripped(best, &search.readings))?;
+    let gains = [far.log_bayes_factor, near.log_evidence - search.base.log_evidence];
+    Ok(if gains[1] > gains[0] { (near, gains[1]) } else { (far, gains[0]) })
 }
 
 /// The exchange with the names of its trials, where it is to be believed.

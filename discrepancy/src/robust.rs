@@ -133,6 +133,11 @@ impl Mixture {
     }
 }
 
+/// What it costs to set trials aside, before their scatter is the wider [nats].
+pub fn price(odd: usize) -> f64 {
+    -SHARE.ln() * odd as f64
+}
+
 /// A covariance of five readings a trial, with odd trials wide.
 pub fn widened(covariance: &DMatrix<f64>, odd: &[usize]) -> DMatrix<f64> {
     let mut out = covariance.clone();

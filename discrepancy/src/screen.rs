@@ -76,6 +76,11 @@ impl Marginal {
         Ok(Marginal { white: whitening.white_vector(&before), before, whitening })
     }
 
+    /// Log density of the readings, up to a constant common to all of the same readings.
+    pub fn log_density(&self) -> f64 {
+        -0.5 * (self.white.norm_squared() + self.whitening.log_determinant())
+    }
+
     /// The most probable unknowns of the fit beside `size` of a candidate, whose signature is given.
     pub fn beside(
         &self,

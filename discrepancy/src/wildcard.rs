@@ -8,6 +8,7 @@ use crate::equilibrium::Bench;
 use crate::error::DiscrepancyError;
 use crate::fit::Fit;
 use crate::problem::{Problem, Scope};
+use crate::robust::price;
 use crate::screen::Marginal;
 use crate::slopes::Slopes;
 use crate::trial::READ;
@@ -87,6 +88,8 @@ fn amplitude(is_force: bool, c: usize) -> f64 {
 pub struct Wildcard {
     /// Log Bayes factor of a field of unknown kind against the fit alone.
     pub log_bayes_factor: f64,
+    /// Log evidence of the fit and a field of unknown kind, on the scale of [`Fit::log_evidence`]; linear about the fit.
+    pub log_evidence: f64,
     /// Whether the best kind is a field of forces (or of misreadings).
     pub is_force: bool,
     /// What it follows.
@@ -176,8 +179,10 @@ pub fn wildcard(
     let mean = flat.iter().map(|g| (g - flat[k]).exp()).sum::<f64>() / flat.len() as f64;
     let parts = parts(problem, fit, kind);
     let spectrum = Spectrum::new(&marginal, readings, &signature(&parts, &responses, kind));
+    let log_bayes_factor = flat[k] + mean.ln();
     Ok(Wildcard {
-        log_bayes_factor: flat[k] + mean.ln(),
+        log_bayes_factor,
+        log_evidence: log_bayes_factor + marginal.log_density() - price(fit.odd.len()),
         is_force: kind.is_force,
         course: kind.course,
         scope: kind.scope,

@@ -132,7 +132,7 @@ impl Searcher<'_> {
     }
 
     /// Nothing missing, linear about the rests and the ligaments of a fit with an effect.
-    fn stripped(&self, fit: &Fit, readings: &Readings) -> Fit {
+    pub fn stripped(&self, fit: &Fit, readings: &Readings) -> Fit {
         let (n, m) = (self.problem.nuisances(), fit.unknowns.len());
         let effect = fit.linear.slope.columns(n, m - n) * DVector::from_column_slice(&fit.unknowns[n..]);
         Fit {
