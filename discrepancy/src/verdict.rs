@@ -1,5 +1,6 @@
 //! How sure an answer is: weights of rivals, what a name must have earned, and what it may leave.
 
+use crate::catalogue::Effect;
 use crate::fit::Fit;
 use crate::problem::{Candidate, Scope};
 use crate::search::{Search, Searcher};
@@ -60,6 +61,8 @@ const NEARLY: f64 = 0.9;
 /// Log Bayes factor that a decisive answer must have [-]: the nearest kin of the catalogue differ by a tenth of what they explain, and a tenth of this
 /// tells an unknown one of that kind apart by odds of 20.
 const DECIDED: f64 = 30.0;
+/// Share of its standard deviation below which a part of an effect is nothing [-]: it was pressed against its bound.
+const NOTHING: f64 = 0.1;
 /// Log Bayes factor from which two trials are taken to be exchanged [-].
 pub(crate) const MIXED_UP: f64 = 4.5;
 /// Standard deviations of the sum of squares from which something is missing though no effect explains it [-].
@@ -189,13 +192,18 @@ fn judge(grounds: &Grounds, wildcard: bool, stands: impl FnOnce() -> bool) -> Ve
     }
 }
 
-/// Whether each effect has a size that its 90 % interval keeps from nothing.
+/// Whether each effect of an answer is there, and whole.
 fn is_sized(searcher: &Searcher, fit: &Fit) -> bool {
     let values = fit.parameters(searcher.problem.nuisances(), temper(searcher, fit));
-    fit.hypothesis.iter().zip(values).all(|(c, values)| {
-        let mut sizes = c.effect.parameter.iter().zip(values).filter(|(p, _)| !p.shape);
-        sizes.any(|(_, (value, sd))| value.abs() > 1.645 * sd)
-    })
+    fit.hypothesis.iter().zip(values).all(|(c, values)| is_whole(&c.effect, &values))
+}
+
+/// Whether an effect of these sizes (values and standard deviations) is kept from nothing by a 90 % interval, and no part of it that has a sign is nothing:
+/// half of an effect may be all of one that has another name (hamstrings on the lateral side alone pull as the iliotibial band does).
+fn is_whole(effect: &Effect, values: &[(f64, f64)]) -> bool {
+    let sizes = || effect.parameter.iter().zip(values).filter(|(p, _)| !p.shape);
+    let is_there = sizes().any(|(_, (value, sd))| value.abs() > 1.645 * sd);
+    is_there && sizes().all(|(p, (value, sd))| !p.one_sided || *value > NOTHING * sd)
 }
 
 /// Whether the first answer stays the first, and above the threshold, with priors half and twice as wide and noise of 0.7 and 1.5 of the stated.
@@ -263,6 +271,20 @@ mod tests {
         assert_eq!(left_by_form(std::slice::from_ref(&band), &[6.0], 200.0), 0.0);
         assert_eq!(left_by_form(std::slice::from_ref(&frame), &[1.2, 0.3], 200.0), 0.0);
         assert_eq!(left_by_form(&[band, frame], &[1.2, 1.2, 0.3], 200.0), 0.0);
+    }
+
+    #[test]
+    fn half_of_an_effect_is_not_decisive() {
+        let effect = |id: &str| Catalogue::shipped().effect.into_iter().find(|e| e.id == id).unwrap();
+        let hamstrings = effect("ham_tone");
+        assert!(is_whole(&hamstrings, &[(60.0, 12.0), (40.0, 12.0)]));
+        // a part may be small, not nothing; one of them is well told
+        assert!(is_whole(&hamstrings, &[(60.0, 12.0), (8.0, 12.0)]));
+        assert!(!is_whole(&hamstrings, &[(0.0, 6.0), (75.0, 13.0)]));
+        assert!(!is_whole(&hamstrings, &[(15.0, 12.0), (8.0, 12.0)]));
+        // a frame turned about one axis alone is a whole one, and shapes are no parts
+        assert!(is_whole(&effect("femur_frame"), &[(0.0, 0.5), (5.0, 0.5)]));
+        assert!(is_whole(&effect("meniscus"), &[(15.0, 3.0), (0.0, 2.0), (0.0, 1.0), (0.0, 8.0)]));
     }
 
     fn judged(grounds: Grounds) -> Verdict {
