@@ -297,7 +297,8 @@ fn conclude(problem: &Problem, spec: &ModelSpec, options: &DiagnosisOptions) -> 
 }
 
 /// A field of no name in the place of an answer and its log Bayes factor against nothing missing: linear about nothing missing, or about the rests of the
-/// answer with its effects taken out, whichever explains more. A field that moves the knee far is seen as it is from the latter alone.
+/// answer with its effects taken out, whichever explains more. A field that moves the knee far is seen as it is from the latter alone. The former is told
+/// against nothing missing in the same linear terms, since that fit's own evidence may lie nats off them; the latter can only be told against it.
 fn in_place(searcher: &Searcher, search: &Search, best: &Fit) -> Result<(Wildcard, f64), DiscrepancyError> {
     let data = (&search.readings, &search.covariance);
     let far = wildcard(searcher.problem, data, &search.base)?;
