@@ -68,16 +68,17 @@ pub(crate) fn misread(hidden: &Hidden, asked: &Asked, reading: &[f64; 6]) -> [f6
     out
 }
 
-/// The knee's surfaces and attachments as large as they truly are, where the CT's scale is wrong by a share; frames stay.
+/// The knee as large as it truly is, where the CT's scale is wrong by a share: surfaces, attachments, and how far apart the bones stood in the CT.
 pub(crate) fn true_size(input: &KneeInput, share: f64) -> KneeInput {
     let mut out = input.clone();
-    let grown = |p: &Point, about: &Point| about + (p - about) * (1.0 + share);
-    let (femur, tibia) = (input.frames.0.origin, input.frames.1.origin);
-    out.femur.vertices.iter_mut().for_each(|p| *p = grown(p, &femur));
-    out.tibia.iter_mut().flat_map(|t| &mut t.vertices).for_each(|p| *p = grown(p, &tibia));
-    for (f, t) in out.bundles.iter_mut().flat_map(|b| &mut b.fibres) {
-        *f = grown(f, &femur);
-        *t = grown(t, &tibia);
+    let about = input.frames.0.origin;
+    let grow = |p: &mut Point| *p = about + (*p - about) * (1.0 + share);
+    grow(&mut out.frames.1.origin);
+    out.femur.vertices.iter_mut().for_each(grow);
+    out.tibia.iter_mut().flat_map(|t| &mut t.vertices).for_each(grow);
+    for bundle in &mut out.bundles {
+        bundle.reference_length *= 1.0 + share;
+        bundle.fibres.iter_mut().flat_map(|(f, t)| [f, t]).for_each(grow);
     }
     out
 }
@@ -95,7 +96,10 @@ pub(crate) fn swapped(hidden: &Hidden, count: usize) -> Option<(usize, usize)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::knee::BundleInput;
     use crate::pose::pose;
+    use meshes::frame::AnatomicalFrame;
+    use meshes::surface::TriMesh;
     use std::collections::BTreeMap;
 
     fn hidden(effect: &str, parameters: &[(&str, f64)]) -> Hidden {
@@ -129,6 +133,41 @@ mod tests {
             (0..6).map(|k| (seen[k] - reading[k]).abs()).fold(0.0, f64::max)
         };
         assert!(apart(&rest) < 1e-9 && apart(&Asked { load: [0.0, 0.0, 0.0, -100.0, 0.0], ..rest }) > 0.01);
+    }
+
+    #[test]
+    fn a_ct_of_a_wrong_scale_has_all_lengths_wrong() {
+        let frame = |z: f64| AnatomicalFrame {
+            origin: Point::new(3.0, -2.0, z),
+            medial: Vector3::x(),
+            anterior: Vector3::y(),
+            superior: Vector3::z(),
+        };
+        let ends = (Point::new(5.0, 1.0, 20.0), Point::new(-4.0, 2.0, -15.0));
+        let bundle = BundleInput {
+            name: "ACL".into(),
+            reference_strain: 1.0,
+            stiffness: 100.0,
+            reference_length: 30.0,
+            fibres: vec![ends],
+        };
+        let input = KneeInput {
+            frames: (frame(10.0), frame(-12.0)),
+            femur: TriMesh { vertices: vec![Point::new(1.0, 2.0, 3.0)], triangles: vec![] },
+            tibia: vec![],
+            bundles: vec![bundle],
+            contact_slope: 1.0,
+        };
+        let large = true_size(&input, 0.04);
+        assert!((large.bundles[0].reference_length - 31.2).abs() < 1e-9);
+        let points = |k: &KneeInput| {
+            let (f, t) = k.bundles[0].fibres[0];
+            [k.frames.0.origin, k.frames.1.origin, k.femur.vertices[0], f, t]
+        };
+        let (then, now) = (points(&input), points(&large));
+        for (i, j) in (0..5).flat_map(|i| (0..i).map(move |j| (i, j))) {
+            assert!(((now[i] - now[j]).norm() - 1.04 * (then[i] - then[j]).norm()).abs() < 1e-9, "{i} {j}");
+        }
     }
 
     #[test]

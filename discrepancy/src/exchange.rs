@@ -1,7 +1,6 @@
 //! Two trials whose readings fit each other's place: records that were mixed up, which no effect of the knee or the apparatus explains.
 
 use crate::covariance::Readings;
-use crate::equilibrium::Bench;
 use crate::error::DiscrepancyError;
 use crate::fit::Fit;
 use crate::problem::{Problem, reading};
@@ -31,29 +30,49 @@ pub fn exchange(
     let readings = &search.readings;
     let mixture = Mixture::new(readings, readings.block_of(&search.covariance), &problem.trials)?;
     let rows = rows(readings, problem.trials.len());
+    if fit.odd.is_empty() {
+        return Ok(None);
+    }
     let predicted = predicted(problem, readings, fit)?;
     let now = mixture.weigh(&fit.residual).cost;
     let pairs = (problem.trials.len() * problem.trials.len().saturating_sub(1)) as f64 / 2.0;
     let others = |one: usize| (0..problem.trials.len()).map(move |other| [one, other]);
     let gains = fit.odd.iter().flat_map(|&one| others(one)).filter_map(|trials| {
-        let exchanged = mixture.weigh(&(changed(readings, &rows, trials)? - &predicted));
+        let measured = changed(readings, &rows, trials)?;
+        let [mut rest, there] = [&predicted.0, &predicted.1].map(|p| &measured - p);
+        trials.iter().for_each(|&t| take_the_nearer(&mut rest, &there, &rows[t], &problem.trials[t].sd));
+        let exchanged = mixture.weigh(&rest);
         let fits = trials.iter().all(|t| !exchanged.odd.contains(t));
         fits.then_some(Exchange { trials, log_bayes_factor: (now - exchanged.cost) / loud - pairs.ln() })
     });
     Ok(gains.max_by(|a, b| a.log_bayes_factor.total_cmp(&b.log_bayes_factor)))
 }
 
-/// What the fit predicts. Trials set aside may have been taken next to their measured pose, where the knee does not stay: those go the whole way.
-fn predicted(problem: &Problem, readings: &Readings, fit: &Fit) -> Result<DVector<f64>, DiscrepancyError> {
-    let mut out = &readings.measured - &fit.residual;
-    let model = problem.model_at(&fit.unknowns)?;
-    for &i in &fit.odd {
-        let trial = &problem.trials[i];
-        let effects = problem.effects_in(trial.source, &fit.hypothesis, &fit.unknowns);
-        let there = reading(&Bench { model: &model, effects: &effects, place: &problem.place }.walk(trial));
-        readings.rows.iter().enumerate().filter(|(_, r)| r.0 == i).for_each(|(row, r)| out[row] = there[r.1]);
+/// What the fit predicts, and what it does where every trial goes the whole way from the unloaded knee. Trials set aside may have been taken next to their
+/// measured pose, where the knee does not stay: those go the whole way in both.
+fn predicted(
+    problem: &Problem,
+    readings: &Readings,
+    fit: &Fit,
+) -> Result<(DVector<f64>, DVector<f64>), DiscrepancyError> {
+    let mut here = &readings.measured - &fit.residual;
+    let walked = problem.rests(&fit.hypothesis, &fit.unknowns, &[])?;
+    let there: Vec<f64> = walked.iter().flat_map(reading).collect();
+    let there = readings.pick(&there);
+    for (row, (trial, _)) in readings.rows.iter().enumerate() {
+        if fit.odd.contains(trial) {
+            here[row] = there[row];
+        }
     }
-    Ok(out)
+    Ok((here, there))
+}
+
+/// Another residual of a trial's rows where it is the smaller in noises: what a trial rests at next to one measured pose is not where it does next to another.
+fn take_the_nearer(residual: &mut DVector<f64>, other: &DVector<f64>, rows: &[(usize, usize)], sd: &[f64; 5]) {
+    let size = |of: &DVector<f64>| rows.iter().map(|&(row, c)| (of[row] / sd[c]).powi(2)).sum::<f64>();
+    if size(other) < size(residual) {
+        rows.iter().for_each(|&(row, _)| residual[row] = other[row]);
+    }
 }
 
 /// Rows and coordinates of each trial.
@@ -77,6 +96,16 @@ fn changed(readings: &Readings, rows: &[Vec<(usize, usize)>], [one, other]: [usi
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn of_two_rests_that_nearer_in_noises_counts() {
+        let mut residual = DVector::from_vec(vec![1.0, 6.0, 3.0]);
+        let other = DVector::from_vec(vec![4.0, 0.5, 9.0]);
+        take_the_nearer(&mut residual, &other, &[(0, 0), (1, 3)], &[2.0, 1.0, 1.0, 1.0, 1.0]);
+        assert_eq!(residual.as_slice(), [4.0, 0.5, 3.0]);
+        take_the_nearer(&mut residual, &DVector::from_vec(vec![9.0, 9.0, 9.0]), &[(0, 0)], &[2.0; 5]);
+        assert_eq!(residual.as_slice(), [4.0, 0.5, 3.0]);
+    }
 
     #[test]
     fn two_trials_change_places_where_they_read_the_same() {

@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Rotation3, Vector3};
 use sim::joint::{AP, FE, IE, ML, SI, Six, VV};
 
 /// The Grood-Suntay pose read when the femur's (or the tibia's) frame is turned by `vv` about its anterior and `ie` about its superior axis [rad].
-pub(super) fn turned(gs: &Six, vv: f64, ie: f64, femur: bool) -> Six {
+pub(crate) fn turned(gs: &Six, vv: f64, ie: f64, femur: bool) -> Six {
     let (r, t) = matrix(gs);
     let turn = rotation(Vector3::y(), vv) * rotation(Vector3::z(), ie);
     if femur { coordinates(&(turn.transpose() * r), &(turn.transpose() * t)) } else { coordinates(&(r * turn), &t) }

@@ -1,7 +1,10 @@
 //! A field in words: which coordinate, at which flexion, at which load, where, and how large.
 
-use super::{BENT, Course, LOADS, READ, Wildcard, amplitude};
+use super::Wildcard;
+use super::kinds::{BENT, Bone, Course, LOADS, amplitude};
+use super::suspects::SHARE;
 use crate::problem::{Problem, Scope};
+use crate::trial::READ;
 
 /// Names of the coordinates of a field, misread flexion last.
 const NAMES: [&str; 6] =
@@ -16,22 +19,57 @@ impl Wildcard {
             Scope::Only(s) => format!("in {} only", problem.sources[s]),
         };
         let c = self.largest(&acts);
-        let (per, unit) = unit(self.is_force, c);
         let kind = if self.is_force { "acts like a force on the tibia" } else { "acts like a misreading" };
         let start = format!("It {kind} in {} {place}", NAMES[c]);
         match self.course {
             Course::Constant => {
+                let (per, unit) = unit(self.is_force, c);
                 let mean = self.mean_of(&acts, c) * per;
                 format!("{start}: {mean:+.1} {unit}, the same at all flexions and loads.")
             }
             Course::Load => format!("{start}: {} along it.", self.per_load(problem, &acts, (c, c))),
             Course::Across(d) => format!("{start}: {} in {}.", self.per_load(problem, &acts, (c, d)), NAMES[d]),
             Course::Scale => {
-                let most = (0..self.mean.len()).filter(|&i| acts(i)).map(|i| self.mean[i][c].abs()).fold(0.0, f64::max);
-                format!("{start}: in proportion to the motion, up to {:.1} {unit} where that is largest.", most * per)
+                let most = self.farthest(&acts, c);
+                format!("{start}: in proportion to the motion, {most} where that is farthest.")
             }
             Course::Flexion | Course::Motion => self.by_flexion(problem, &acts, c, &start),
+            _ => self.suspect((&start, &place), &self.farthest(&acts, c), NAMES[c]),
         }
+    }
+
+    /// A suspect, `most` of which is felt in a coordinate.
+    fn suspect(&self, (start, place): (&str, &str), most: &str, coordinate: &str) -> String {
+        match self.course {
+            Course::Stop { sign, from } => {
+                let way = if sign > 0.0 { "positive" } else { "negative" };
+                format!("{start}: up to {most} beyond {:.0} % of the farthest motion the {way} way.", 100.0 * from)
+            }
+            Course::Near { bent: false } => format!("{start}: {most} at extension, nothing beyond 45 deg."),
+            Course::Near { bent: true } => format!("{start}: {most} at deep flexion, nothing up to 45 deg."),
+            Course::Larger { apart } => {
+                let what = if apart { "the scale of the CT were another" } else { "the bones were of another size" };
+                format!("It acts as if {what} than the model has it: by {:+.1} %.", 100.0 * SHARE * self.amount)
+            }
+            Course::Impinging(from) => {
+                format!(
+                    "It acts as if the cruciates pressed on each other where their lines are nearer than {from} mm."
+                )
+            }
+            Course::Sway(bone) => {
+                let bone = if bone == Bone::Femur { "femur" } else { "tibia" };
+                let sways = format!("the {bone}'s tracker swayed with the size of the load {place}");
+                format!("It acts as if {sways}: up to {most} in {coordinate}.")
+            }
+            _ => start.to_owned(),
+        }
+    }
+
+    /// The value of coordinate `c` that is farthest from nothing, with its unit.
+    fn farthest(&self, acts: &dyn Fn(usize) -> bool, c: usize) -> String {
+        let (per, unit) = unit(self.is_force, c);
+        let values = (0..self.mean.len()).filter(|&i| acts(i)).map(|i| self.mean[i][c]);
+        format!("{:+.1} {unit}", values.fold(0.0, |a: f64, b| if b.abs() > a.abs() { b } else { a }) * per)
     }
 
     /// The coordinate in which it is largest, over the trials that `acts` wants.

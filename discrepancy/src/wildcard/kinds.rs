@@ -1,0 +1,182 @@
+//! Kinds of field: what one follows, in which coordinates, where.
+
+use crate::problem::{Problem, Scope};
+use crate::trial::READ;
+
+/// Amplitudes of the force field: VV, IE [N mm], ML, AP, SI [N].
+const FORCES: [f64; 5] = [3000.0, 1000.0, 20.0, 20.0, 40.0];
+/// Amplitudes of misreadings: VV, IE [deg], ML, AP, SI [mm].
+const READINGS: [f64; 5] = [2.0, 2.0, 2.0, 2.0, 2.0];
+/// Amplitude of a misread flexion [deg].
+const FLEXION: f64 = 3.0;
+/// The coordinate of a misread flexion, after the five of a reading.
+pub(super) const BENT: usize = 5;
+/// Loads that count as one: VV, IE [N mm], ML, AP, SI [N].
+pub(super) const LOADS: [f64; 5] = [5000.0, 4000.0, 100.0, 100.0, 100.0];
+/// Shares of the farthest motion from which a stop resists [-].
+const STOPS: [f64; 2] = [0.25, 0.6];
+
+/// Distances of the cruciates' lines from which they press on each other [mm]: round cords of 39 and 58 mm^2 would touch at 8 mm [siebold2015; harner1995],
+/// flat ones that meet edge on, and lines that are not in the middle, earlier.
+const CORDS: [f64; 3] = [8.0, 11.0, 14.0];
+/// The flexion that is neither near extension nor deep [rad].
+pub(super) const MIDDLE: f64 = std::f64::consts::FRAC_PI_4;
+
+/// A bone's frame of reference.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Bone {
+    /// The femur's.
+    Femur,
+    /// The tibia's.
+    Tibia,
+}
+
+/// What a field follows.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Course {
+    /// Nothing: the same in every trial.
+    Constant,
+    /// Flexion.
+    Flexion,
+    /// Flexion and the motion from the unloaded pose.
+    Motion,
+    /// The load along its coordinate.
+    Load,
+    /// The load along another.
+    Across(usize),
+    /// The motion from the unloaded pose along its coordinate, in proportion: a reading of another scale.
+    Scale,
+    /// The motion from the unloaded pose one way (`sign`), beyond a share of the farthest that way: a one-sided stop.
+    Stop {
+        /// +1 or -1.
+        sign: f64,
+        /// Of the farthest motion [-].
+        from: f64,
+    },
+    /// Nearness to extension (largest there, nothing from [`MIDDLE`] on), or to deep flexion (nothing up to there).
+    Near {
+        /// Whether to deep flexion.
+        bent: bool,
+    },
+    /// How bones larger than their surfaces would pull and press; `apart` where they would stand farther apart in the CT, too, as in one of a wrong scale.
+    Larger {
+        /// Whether all lengths of the CT would be larger.
+        apart: bool,
+    },
+    /// How the cruciates would press on each other from this distance of their lines on [mm].
+    Impinging(f64),
+    /// The size of the load, whichever way that points: a tracker that sways with its bone's frame of reference.
+    Sway(Bone),
+}
+
+/// Groups of courses: smooth fields, then suspects.
+const GROUPS: usize = 6;
+
+impl Course {
+    /// Which group it is of: 0 smooth fields; stops, profiles, swaying trackers, larger bones, impinging cruciates.
+    fn group(self) -> usize {
+        match self {
+            Course::Stop { .. } => 1,
+            Course::Near { .. } => 2,
+            Course::Sway(_) => 3,
+            Course::Larger { .. } => 4,
+            Course::Impinging(_) => 5,
+            _ => 0,
+        }
+    }
+}
+
+/// A kind of field.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Kind {
+    pub is_force: bool,
+    pub course: Course,
+    pub scope: Scope,
+    /// The only coordinate that it has (five of a reading, and flexion for misreadings); the five otherwise.
+    pub only: Option<usize>,
+}
+
+impl Kind {
+    /// Whether what it follows is anywhere: without load along an axis nothing follows that.
+    pub(super) fn is_felt(&self, problem: &Problem) -> bool {
+        let axis = match self.course {
+            Course::Load => self.only,
+            Course::Across(d) => Some(d),
+            _ => None,
+        };
+        let loaded = |d: usize| problem.trials.iter().any(|t| self.scope.covers(t.source) && t.load[READ[d]] != 0.0);
+        axis.is_none_or(loaded)
+    }
+}
+
+/// Size of a field in coordinate `c`: force [N mm, N] or misreading [deg, mm].
+pub(super) fn amplitude(is_force: bool, c: usize) -> f64 {
+    match (is_force, c) {
+        (_, BENT) => FLEXION,
+        (true, _) => FORCES[c],
+        (false, _) => READINGS[c],
+    }
+}
+
+/// All kinds of field, each as likely as another.
+pub(super) fn kinds(sources: usize) -> Vec<Kind> {
+    use Course::{Across, Constant, Flexion, Impinging, Larger, Load, Motion, Near, Scale, Stop, Sway};
+    let scopes: Vec<Scope> =
+        std::iter::once(Scope::Both).chain((0..if sources > 1 { sources } else { 0 }).map(Scope::Only)).collect();
+    let mut shapes: Vec<(bool, Course, Option<usize>)> = Vec::new();
+    for only in std::iter::once(None).chain((0..5).map(Some)) {
+        // a misreading that follows the motion in any way would be the motion itself; in proportion it is a scale
+        shapes.extend([Constant, Flexion, Motion, Load].map(|course| (true, course, only)));
+        shapes.extend([Constant, Flexion, Scale, Load].map(|course| (false, course, only)));
+    }
+    shapes.extend([Constant, Flexion].map(|course| (false, course, Some(BENT))));
+    for (c, d) in (0..5).flat_map(|c| (0..5).filter(move |d| *d != c).map(move |d| (c, d))) {
+        shapes.extend([true, false].map(|is_force| (is_force, Across(d), Some(c))));
+    }
+    for c in 0..5 {
+        shapes.extend(STOPS.iter().flat_map(|&from| [-1.0, 1.0].map(|sign| (true, Stop { sign, from }, Some(c)))));
+    }
+    shapes.extend((0..5).flat_map(|c| [false, true].map(|bent| (true, Near { bent }, Some(c)))));
+    shapes.extend([Bone::Femur, Bone::Tibia].map(|bone| (false, Sway(bone), None)));
+    let kind = |scope: Scope, (is_force, course, only)| Kind { is_force, course, scope, only };
+    let mut out: Vec<Kind> =
+        scopes.iter().flat_map(|&scope| shapes.iter().map(move |&shape| kind(scope, shape))).collect();
+    // of the knee, thus of all data sets
+    out.extend([false, true].map(|apart| kind(Scope::Both, (true, Larger { apart }, None))));
+    out.extend(CORDS.map(|from| kind(Scope::Both, (true, Impinging(from), None))));
+    out
+}
+
+/// How likely each kind is before any data: smooth fields are half of what is nameless, each group of suspects as likely as another.
+pub(super) fn shares(kinds: &[Kind]) -> Vec<f64> {
+    let groups: Vec<usize> = kinds.iter().map(|k| k.course.group()).collect();
+    let in_group = |g: usize| groups.iter().filter(|&&other| other == g).count() as f64;
+    let suspects: Vec<usize> = (1..GROUPS).filter(|&g| groups.contains(&g)).collect();
+    let share = |g: usize| {
+        if suspects.is_empty() {
+            1.0
+        } else if g == 0 {
+            0.5
+        } else {
+            0.5 / suspects.len() as f64
+        }
+    };
+    groups.iter().map(|&g| share(g) / in_group(g)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn fields_act_in_all_data_sets_or_in_one_and_misreadings_follow_no_motion() {
+        let two = kinds(2);
+        // eight courses in one coordinate or all five, misread flexion two ways, loads across: twenty pairs, as forces and as misreadings; two stops
+        // each way and two ends of flexion in each coordinate; two bones whose tracker sways; larger bones two ways, cruciates of three sizes
+        assert_eq!(two.len(), 3 * (8 * 6 + 2 + 2 * 20 + 4 * 5 + 2 * 5 + 2) + 2 + 3);
+        assert!((shares(&two).iter().sum::<f64>() - 1.0).abs() < 1e-9);
+        assert!(two.iter().all(|k| k.is_force || k.course != Course::Motion));
+        assert!(two.iter().all(|k| k.only != Some(BENT) || !k.is_force));
+        assert!(kinds(1).iter().all(|k| k.scope == Scope::Both));
+    }
+}

@@ -1,0 +1,81 @@
+//! Components of a field: its value in every trial.
+
+use super::kinds::{BENT, Bone, Course, Kind, LOADS, MIDDLE, amplitude};
+use super::suspects::{acting, impinging, larger, swayed};
+use crate::fit::Fit;
+use crate::problem::Problem;
+use crate::trial::{PER_UNIT, READ};
+use nalgebra::DMatrix;
+use sim::joint::FE;
+
+/// Over which flexion [rad] and over which motion (rotations [rad], translations [mm]) the field changes.
+const RANGES: (f64, [f64; 5]) = (0.52, [0.05, 0.17, 4.0, 5.0, 4.0]);
+/// Share of a field's largest component below which its components are left out [-].
+const SMALL: f64 = 1e-4;
+/// A component: its value in every trial, in the five coordinates of a reading and misread flexion [N mm, N, or deg, mm].
+pub(super) type Part = Vec<[f64; 6]>;
+
+/// Independent components of a field of amplitude 1.
+pub(super) fn parts(problem: &Problem, fit: &Fit, kind: &Kind) -> Vec<Part> {
+    match kind.course {
+        Course::Larger { apart } => acting(problem, fit, kind, &|here| larger(here, apart)),
+        Course::Impinging(from) => acting(problem, fit, kind, &|here| impinging(here, from)),
+        Course::Sway(bone) => sways(problem, fit, kind, bone),
+        _ => kind.only.map_or(0..5, |c| c..c + 1).flat_map(|c| along(problem, fit, kind, c)).collect(),
+    }
+}
+
+/// Those in coordinate `c`.
+fn along(problem: &Problem, fit: &Fit, kind: &Kind, c: usize) -> Vec<Part> {
+    let n = problem.trials.len();
+    let acts = |i: usize| kind.scope.covers(problem.trials[i].source);
+    let amplitude = amplitude(kind.is_force, c);
+    let column = |value: &dyn Fn(usize) -> f64| -> Part {
+        let at = |i: usize| if acts(i) { amplitude * value(i) } else { 0.0 };
+        (0..n).map(|i| std::array::from_fn(|k| if k == c { at(i) } else { 0.0 })).collect()
+    };
+    let load = |i: usize, d: usize| problem.trials[i].load[READ[d]] / LOADS[d];
+    let moved = |i: usize| fit.linear.rests[i].q[READ[c]] - problem.trials[i].neutral[READ[c]];
+    match kind.course {
+        Course::Constant => vec![column(&|_| 1.0)],
+        Course::Load => vec![column(&|i| load(i, c))],
+        Course::Across(d) => vec![column(&|i| load(i, d))],
+        Course::Scale => vec![column(&|i| moved(i) / RANGES.1[c])],
+        Course::Stop { sign, from } => {
+            let farthest = (0..n).filter(|&i| acts(i)).map(|i| sign * moved(i)).fold(0.0, f64::max);
+            vec![column(&|i| -sign * (sign * moved(i) - from * farthest).max(0.0) / (0.5 * RANGES.1[c]))]
+        }
+        Course::Near { bent } => {
+            let to = |i: usize| (problem.trials[i].flexion / MIDDLE - 1.0) * if bent { 1.0 } else { -1.0 };
+            vec![column(&|i| to(i).max(0.0))]
+        }
+        Course::Flexion | Course::Motion => {
+            let correlation = DMatrix::from_fn(n, n, |i, k| {
+                let mut d = ((problem.trials[i].flexion - problem.trials[k].flexion) / RANGES.0).powi(2);
+                if kind.course == Course::Motion {
+                    d += ((moved(i) - moved(k)) / RANGES.1[c]).powi(2);
+                }
+                if acts(i) && acts(k) { (-0.5 * d).exp() } else { 0.0 }
+            });
+            let eigen = correlation.symmetric_eigen();
+            let least = SMALL * eigen.eigenvalues.max();
+            let pairs = eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()).filter(|(v, _)| **v > least);
+            pairs.map(|(value, vector)| column(&|i| value.sqrt() * vector[i])).collect()
+        }
+        Course::Sway(_) | Course::Larger { .. } | Course::Impinging(_) => vec![],
+    }
+}
+
+/// A bone's frame turned with the size of the load, an axis a component.
+fn sways(problem: &Problem, fit: &Fit, kind: &Kind, bone: Bone) -> Vec<Part> {
+    let misread = |i: usize, axis: usize| -> [f64; 6] {
+        let trial = &problem.trials[i];
+        if !kind.scope.covers(trial.source) {
+            return [0.0; 6];
+        }
+        let gs = problem.model.joint.grood_suntay(&fit.linear.rests[i].q);
+        let by = swayed(&gs, &trial.load, bone)[axis];
+        std::array::from_fn(|c| if c == BENT { by[FE].to_degrees() } else { by[READ[c]] / PER_UNIT[c] })
+    };
+    (0..3).map(|axis| (0..problem.trials.len()).map(|i| misread(i, axis)).collect()).collect()
+}
