@@ -38,31 +38,44 @@ impl Wildcard {
         }
     }
 
-    /// A suspect, `most` of which is felt in a coordinate.
+    /// A suspect, `most` of which is felt in a coordinate, and how to check it at the bench.
     fn suspect(&self, (start, place): (&str, &str), most: &str, coordinate: &str) -> String {
-        match self.course {
+        let (what, check) = match self.course {
             Course::Stop { sign, from } => {
                 let way = if sign > 0.0 { "positive" } else { "negative" };
-                format!("{start}: up to {most} beyond {:.0} % of the farthest motion the {way} way.", 100.0 * from)
+                let share = 100.0 * from;
+                let stops = format!("{start}: up to {most} beyond {share:.0} % of the farthest motion the {way} way");
+                (stops, "look for what the knee or the apparatus runs against")
             }
-            Course::Near { bent: false } => format!("{start}: {most} at extension, nothing beyond 45 deg."),
-            Course::Near { bent: true } => format!("{start}: {most} at deep flexion, nothing up to 45 deg."),
+            Course::Near { bent: false } => (
+                format!("{start}: {most} at extension, nothing beyond 45 deg"),
+                "move the detached knee by hand through its last degrees of extension",
+            ),
+            Course::Near { bent: true } => (
+                format!("{start}: {most} at deep flexion, nothing up to 45 deg"),
+                "move the detached knee by hand through its last degrees of flexion",
+            ),
             Course::Larger { apart } => {
                 let what = if apart { "the scale of the CT were another" } else { "the bones were of another size" };
-                format!("It acts as if {what} than the model has it: by {:+.1} %.", 100.0 * SHARE * self.amount)
+                let share = 100.0 * SHARE * self.amount;
+                let larger = format!("It acts as if {what} than the model has it: by {share:+.1} %");
+                (larger, "measure on the specimen a length that the CT shows")
             }
-            Course::Impinging(from) => {
+            Course::Impinging(from) => (
                 format!(
-                    "It acts as if the cruciates pressed on each other where their lines are nearer than {from} mm."
-                )
-            }
+                    "It acts as if the cruciates pressed on each other where their lines are nearer than {from} mm"
+                ),
+                "watch them through the notch while the unloaded knee is turned",
+            ),
             Course::Sway(bone) => {
                 let bone = if bone == Bone::Femur { "femur" } else { "tibia" };
                 let sways = format!("the {bone}'s tracker swayed with the size of the load {place}");
-                format!("It acts as if {sways}: up to {most} in {coordinate}.")
+                let felt = format!("It acts as if {sways}: up to {most} in {coordinate}");
+                (felt, "track the bone by a second tracker, fixed elsewhere on it, under load")
             }
-            _ => start.to_owned(),
-        }
+            _ => return start.to_owned(),
+        };
+        format!("{what}. To check it, {check}.")
     }
 
     /// The value of coordinate `c` that is farthest from nothing, with its unit.
