@@ -27,12 +27,12 @@ pub fn exchange(
     fit: &Fit,
     loud: f64,
 ) -> Result<Option<Exchange>, DiscrepancyError> {
-    let readings = &search.readings;
-    let mixture = Mixture::new(readings, readings.block_of(&search.covariance), &problem.trials)?;
-    let rows = rows(readings, problem.trials.len());
     if fit.odd.is_empty() {
         return Ok(None);
     }
+    let readings = &search.readings;
+    let mixture = Mixture::new(readings, readings.block_of(&search.covariance), &problem.trials)?;
+    let rows = rows(readings, problem.trials.len());
     let predicted = predicted(problem, readings, fit)?;
     let now = mixture.weigh(&fit.residual).cost;
     let pairs = (problem.trials.len() * problem.trials.len().saturating_sub(1)) as f64 / 2.0;

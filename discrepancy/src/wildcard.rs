@@ -26,6 +26,7 @@ use parts::{Part, parts};
 
 /// Sizes of a field over those amplitudes [-].
 const SIZES: [f64; 3] = [0.3, 1.0, 3.0];
+
 /// What the wildcard explains beyond a fit.
 #[derive(Clone, Debug)]
 pub struct Wildcard {
@@ -80,7 +81,7 @@ fn responses(problem: &Problem, fit: &Fit) -> Result<Vec<Response>, DiscrepancyE
         .collect())
 }
 
-/// Fields beside a fit to some readings of some scatter: what they explain together, each kind and size as likely as another, and the mean of the best.
+/// Fields beside a fit to some readings of some scatter: what they explain together, each size as likely as another, and the mean of the likeliest.
 ///
 /// Errors: a model that cannot be evaluated.
 pub fn wildcard(

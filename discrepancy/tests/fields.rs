@@ -1,11 +1,14 @@
 //! Fields of no name weighed against names: on one scale, and at the poses at which the names are.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
+#[path = "common/asked.rs"]
+mod asked;
 mod common;
 #[path = "common/deck.rs"]
 mod deck;
 
-use deck::{Asked, deck};
+use asked::asked;
+use deck::deck;
 use discrepancy::problem::{Candidate, Problem, Scope, reading};
 use discrepancy::search::{DiagnosisOptions, Search, Searcher};
 use discrepancy::wildcard::{Wildcard, wildcard};
@@ -21,13 +24,9 @@ const TRIALS: [(&str, f64, [f64; 4]); 8] = [
     ("varus", 30.0, [-6.0, 0.0, 0.0, 0.0]),
 ];
 
-fn asked(measured: &[[f64; 5]]) -> Vec<Asked<'static>> {
-    TRIALS.iter().zip(measured).map(|((test, flexion, load), m)| ("t", *test, *flexion, *load, *m)).collect()
-}
-
 /// A question whose knee has so much of an unrecorded compression [of its prior], and readings a little off.
 fn compressed(size: f64) -> Option<Problem> {
-    let problem = deck("fields", &asked(&[[0.0, 0.0, 0.0, 0.0, -21.0]; 8]))?;
+    let problem = deck("fields", &asked(&TRIALS, &[[0.0, 0.0, 0.0, 0.0, -21.0]; 8]))?;
     let is_it = |c: &Candidate| c.effect.id == "joint_compression" && c.scope == Scope::Both;
     let press = problem.candidates().into_iter().find(is_it).unwrap();
     let unknowns = [vec![0.0; problem.nuisances()], vec![size; press.size()]].concat();
@@ -40,7 +39,7 @@ fn compressed(size: f64) -> Option<Problem> {
             std::array::from_fn(|c| read[c] + 0.2 * (5.0 * i as f64 + 1.3 * c as f64).sin())
         })
         .collect();
-    deck("fields", &asked(&measured))
+    deck("fields", &asked(&TRIALS, &measured))
 }
 
 fn searched(problem: &Problem, options: &DiagnosisOptions) -> (Search, Wildcard) {

@@ -1,11 +1,14 @@
 //! What is in no catalogue, told as what it is: bones of another size, swaying trackers, impinging cruciates, a moment near extension.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
+#[path = "common/asked.rs"]
+mod asked;
 mod common;
 #[path = "common/deck.rs"]
 mod deck;
 
-use deck::{Asked, deck};
+use asked::asked;
+use deck::deck;
 use discrepancy::problem::{Problem, reading};
 use discrepancy::search::{DiagnosisOptions, Searcher};
 use discrepancy::wildcard::suspects::{SHARE, SWAY, impinging, larger, swayed};
@@ -27,12 +30,8 @@ const TRIALS: [(&str, f64, [f64; 4]); 12] = [
     ("varus", 30.0, [-6.0, 0.0, 0.0, 0.0]),
 ];
 
-fn asked(measured: &[[f64; 5]]) -> Vec<Asked<'static>> {
-    TRIALS.iter().zip(measured).map(|((test, flexion, load), m)| ("t", *test, *flexion, *load, *m)).collect()
-}
-
 fn problem() -> Option<Problem> {
-    deck("suspects", &asked(&[[0.0, 0.0, 0.0, 0.0, -21.0]; 12]))
+    deck("suspects", &asked(&TRIALS, &[[0.0, 0.0, 0.0, 0.0, -21.0]; 12]))
 }
 
 /// The question of the same knee whose readings are what `misread` makes of the model's, and a little off.
@@ -53,7 +52,7 @@ fn measured(problem: &Problem, loads: &dyn Fn(usize) -> Six, misread: &dyn Fn(us
             })
         })
         .collect();
-    deck("suspects", &asked(&readings)).unwrap()
+    deck("suspects", &asked(&TRIALS, &readings)).unwrap()
 }
 
 fn told(problem: &Problem) -> (Wildcard, String) {

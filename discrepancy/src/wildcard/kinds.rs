@@ -15,7 +15,6 @@ pub(super) const BENT: usize = 5;
 pub(super) const LOADS: [f64; 5] = [5000.0, 4000.0, 100.0, 100.0, 100.0];
 /// Shares of the farthest motion from which a stop resists [-].
 const STOPS: [f64; 2] = [0.25, 0.6];
-
 /// Distances of the cruciates' lines from which they press on each other [mm]: round cords of 39 and 58 mm^2 would touch at 8 mm [siebold2015; harner1995],
 /// flat ones that meet edge on, and lines that are not in the middle, earlier.
 const CORDS: [f64; 3] = [8.0, 11.0, 14.0];
@@ -118,7 +117,7 @@ pub(super) fn amplitude(is_force: bool, c: usize) -> f64 {
     }
 }
 
-/// All kinds of field, each as likely as another.
+/// All kinds of field; [`shares`] tells how likely each is.
 pub(super) fn kinds(sources: usize) -> Vec<Kind> {
     use Course::{Across, Constant, Flexion, Impinging, Larger, Load, Motion, Near, Scale, Stop, Sway};
     let scopes: Vec<Scope> =

@@ -12,10 +12,11 @@ use sim::joint::FE;
 const RANGES: (f64, [f64; 5]) = (0.52, [0.05, 0.17, 4.0, 5.0, 4.0]);
 /// Share of a field's largest component below which its components are left out [-].
 const SMALL: f64 = 1e-4;
+
 /// A component: its value in every trial, in the five coordinates of a reading and misread flexion [N mm, N, or deg, mm].
 pub(super) type Part = Vec<[f64; 6]>;
 
-/// Independent components of a field of amplitude 1.
+/// Independent components of a field of amplitude 1; none where the model has nothing of what it is about.
 pub(super) fn parts(problem: &Problem, fit: &Fit, kind: &Kind) -> Vec<Part> {
     match kind.course {
         Course::Larger { apart } => acting(problem, fit, kind, &|here| larger(here, apart)),

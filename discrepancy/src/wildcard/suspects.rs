@@ -26,6 +26,7 @@ pub(super) fn acting(
     kind: &Kind,
     force: &(dyn Fn(&Situation) -> Six + Sync),
 ) -> Vec<Part> {
+    // a fit whose model cannot be made has been told of before its fields are asked for
     let Ok(model) = problem.model_at(&fit.unknowns) else { return vec![] };
     let at = |(trial, rest): (&crate::trial::Trial, &crate::equilibrium::Rest)| -> [f64; 6] {
         if !kind.scope.covers(trial.source) {
@@ -37,8 +38,8 @@ pub(super) fn acting(
     vec![problem.trials.par_iter().zip(&fit.linear.rests).map(at).collect()]
 }
 
-/// What bones larger by [`SHARE`] would add to the generalised force [N mm, N]: ends of fibres and surfaces about the frames' origins; reference strains stay those of the CT pose, where the
-/// bones stand as they do or, `apart`, farther apart by the same share.
+/// What bones larger by [`SHARE`] would add to the generalised force [N mm, N]: ends of fibres and surfaces grow about the frames' origins; reference
+/// strains stay those of the CT pose, where the bones stand as they do or, `apart`, farther apart by the same share.
 pub fn larger(here: &Situation, apart: bool) -> Six {
     let h = 0.2 * SHARE;
     (force_of_larger(here, apart, h) - force_of_larger(here, apart, -h)) * (SHARE / (2.0 * h))
@@ -77,7 +78,7 @@ pub fn swayed(gs: &Six, load: &Six, bone: Bone) -> [Six; 3] {
     [by(&|x| turned(gs, x, 0.0, is_femur)), by(&|x| turned(gs, 0.0, x, is_femur)), by(&|x| gs + flexed * x)]
 }
 
-/// What cruciates would add to the generalised force that press on each other where their lines are nearer than `from` [mm].
+/// What cruciates would add to the generalised force [N mm, N] that press on each other where their lines are nearer than `from` [mm].
 pub fn impinging(here: &Situation, from: f64) -> Six {
     let Some(now) = between(here) else { return Six::zeros() };
     let over = (from - now).max(0.0);
