@@ -173,6 +173,9 @@ fn a_sealed_set_is_made_answered_and_scored_and_a_broken_seal_is_refused() {
     let told = String::from_utf8(told.get_output().stdout.clone()).unwrap();
     let line = told.lines().find(|l| l.starts_with("strong, struck from the catalogue: flagged")).unwrap();
     assert!(line.contains("of 1"), "{told}");
+    // and, beside the answer that named it, as what nothing else comes near
+    let line = told.lines().find(|l| l.starts_with("struck, none does nearly as well")).unwrap();
+    assert!(line.contains("of 1"), "{told}");
     let truth = bench.join("case_0001.truth.json");
     common::write(&truth, text(&truth).replace("origin_shift", "femur_frame"));
     let broken = score().assert().failure();

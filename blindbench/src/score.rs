@@ -16,6 +16,20 @@ pub struct Said {
     pub closed: f64,
     /// Effects that it was not allowed to name.
     pub without: Vec<String>,
+    /// Log Bayes factor of each rival answer [nats].
+    pub evidence: Vec<f64>,
+    /// Log Bayes factor of the best that was found, whether it is an answer or not [nats].
+    pub best: Option<f64>,
+}
+
+impl Said {
+    /// By how much a hidden effect's own name explains more [nats], where it may be named (`whole`), than the best that was found without it does; none
+    /// where it is in no answer even then.
+    fn loses(&self, whole: &Said, effect: &str) -> Option<f64> {
+        let named = whole.answers.iter().zip(&whole.evidence).filter(|(a, _)| a.iter().any(|e| e.0 == effect));
+        let own = named.map(|(_, e)| *e).max_by(f64::total_cmp)?;
+        Some(own - self.best?.max(0.0))
+    }
 }
 
 /// A share of cases.
@@ -98,13 +112,30 @@ fn family(effect: &str) -> char {
     }
 }
 
-/// Scores answers against truths.
-pub fn score(cases: &[(crate::laboratory::Truth, Said)]) -> Score {
+/// Scores answers against truths; of cases whose effect was struck from the catalogue also by what the catalogue lost with it, where `whole` has an
+/// answer that might name it.
+pub fn score(cases: &[(crate::laboratory::Truth, Said)], whole: &BTreeMap<String, Said>) -> Score {
     let mut out = Score::default();
     for (truth, said) in cases {
         one(&mut out, truth, said);
+        let hidden = truth.effects.first().filter(|e| said.without.contains(&e.0) && said.best.is_some());
+        if let (Some((effect, _, _)), Some(whole)) = (hidden, whole.get(&truth.case)) {
+            let lost = lost(said.loses(whole, effect));
+            let share = out.shares.entry(format!("struck, {lost}: flagged")).or_default();
+            share.count(said.verdict == "unnamed");
+        }
     }
     out
+}
+
+/// What a catalogue lost with a name: strong evidence starts at 10.
+fn lost(nats: Option<f64>) -> &'static str {
+    match nats {
+        None => "not found by its own name either",
+        Some(e) if e < 2.3 => "another does as well (to 2.3 nats)",
+        Some(e) if e < 10.0 => "another does nearly as well (to 10)",
+        Some(_) => "none does nearly as well (from 10)",
+    }
 }
 
 fn one(out: &mut Score, truth: &crate::laboratory::Truth, said: &Said) {
@@ -192,7 +223,7 @@ mod tests {
         };
         let unnamed = Said { verdict: "unnamed".into(), ..Said::default() };
         let struck = Said { without: vec!["itb".into()], ..unnamed.clone() };
-        let score = score(&[(truth.clone(), struck), (truth, unnamed)]);
+        let score = score(&[(truth.clone(), struck), (truth, unnamed)], &BTreeMap::new());
         let share = |key: &str| score.shares.get(key).copied();
         assert_eq!(share("strong, struck from the catalogue: flagged"), Some(Share { hits: 1, of: 1 }));
         assert_eq!(share("strong, struck from the catalogue: misnamed"), Some(Share { hits: 0, of: 1 }));
@@ -214,16 +245,58 @@ mod tests {
             strength: strength(evidence),
         };
         let said = |verdict: &str| Said { verdict: verdict.into(), ..Said::default() };
-        let score = score(&[
-            (truth("unknown", 30.0), said("unnamed")),
-            (truth("x_adhesion", 30.0), said("none")),
-            (truth("x_adhesion", 2.0), said("decisive")),
-        ]);
+        let score = score(
+            &[
+                (truth("unknown", 30.0), said("unnamed")),
+                (truth("x_adhesion", 30.0), said("none")),
+                (truth("x_adhesion", 2.0), said("decisive")),
+            ],
+            &BTreeMap::new(),
+        );
         let share = |key: &str| score.shares.get(key).copied();
         assert_eq!(share("not in the catalogue: flagged"), Some(Share { hits: 1, of: 3 }));
         assert_eq!(share("strong, not in the catalogue: flagged"), Some(Share { hits: 1, of: 2 }));
         assert_eq!(share("not in the catalogue: misnamed"), Some(Share { hits: 1, of: 3 }));
         assert_eq!(share("strong: named first"), None);
+    }
+
+    #[test]
+    fn a_struck_effect_counts_by_what_the_catalogue_lost_with_it() {
+        let truth = |case: &str| Truth {
+            case: case.into(),
+            kind: "itb".into(),
+            effects: vec![("itb".into(), "kla".into(), BTreeMap::new())],
+            ligaments: BTreeMap::new(),
+            contact_scale: 1.0,
+            signature: vec![],
+            strength: Strength::default(),
+        };
+        let struck = |verdict: &str, best: f64| Said {
+            verdict: verdict.into(),
+            without: vec!["itb".into()],
+            best: Some(best),
+            ..Said::default()
+        };
+        let name = |effect: &str| vec![(effect.to_owned(), "kla".to_owned())];
+        let whole = |own: f64| Said {
+            answers: vec![name("ham_tone"), name("itb")],
+            evidence: vec![own + 1.0, own],
+            ..Said::default()
+        };
+        let silent = Said { verdict: "none".into(), ..Said::default() };
+        let wholes = [("a", whole(30.0)), ("b", whole(30.0)), ("c", whole(9.0)), ("d", silent)];
+        let wholes = wholes.into_iter().map(|(case, said)| (case.to_owned(), said)).collect();
+        let answers = [struck("unnamed", 12.0), struck("probable", 25.0), struck("none", -3.0), struck("none", -3.0)];
+        let cases: Vec<_> =
+            ["a", "b", "c", "d", "e"].into_iter().map(truth).zip(answers.iter().cloned().cycle()).collect();
+        let score = score(&cases, &wholes);
+        let share = |key: &str| score.shares.get(&format!("struck, {key}: flagged")).copied();
+        assert_eq!(share("none does nearly as well (from 10)"), Some(Share { hits: 1, of: 1 }));
+        // 5 nats of the name; 9 of it, since what explains less than nothing is no rival
+        assert_eq!(share("another does nearly as well (to 10)"), Some(Share { hits: 0, of: 2 }));
+        assert_eq!(share("not found by its own name either"), Some(Share { hits: 0, of: 1 }));
+        // nobody has answered e with the whole catalogue
+        assert_eq!(score.shares.keys().filter(|k| k.starts_with("struck, ")).count(), 3);
     }
 
     #[test]

@@ -193,6 +193,9 @@ pub struct Diagnosis {
     pub misfit: [f64; 2],
     /// The best hypothesis' effects, whether named or not.
     pub best: Vec<Named>,
+    /// Its log Bayes factor against nothing missing [-]; answers of earlier versions have none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub best_log_bayes_factor: Option<f64>,
 }
 
 /// The diagnosis with what is needed to add its answer.
@@ -284,6 +287,7 @@ fn conclude(problem: &Problem, spec: &ModelSpec, options: &DiagnosisOptions) -> 
         exchanged: exchange.and_then(|e| told_exchange(problem, e)),
         misfit: [&search.base, best].map(|f| searcher.total(f) / f.residual.len() as f64),
         best: named(problem, best, temper(&searcher, believed)),
+        best_log_bayes_factor: Some(searcher.gain(best, &search.base)),
     };
     // what is told in words is all that is missing, not what the best answer leaves
     let told = if verdict == Verdict::Unnamed { alone } else { wild };
@@ -404,7 +408,8 @@ fn control(
     let mut start = search.base.unknowns.clone();
     start.extend(vec![0.1; candidate.size()]);
     let hypothesis = [candidate.clone()];
-    let fit = searcher.fit(&hypothesis, &start, &search.base.coordinates(), &search.covariance, &search.readings, 5)?;
+    let fit =
+        searcher.fit(&hypothesis, &start, &search.base.coordinates(), &search.covariance, &search.readings, 10)?;
     let after = held_out(searcher, search, &fit, searcher.options.folds, searcher.options.folds)?;
     Ok(Some(Control { effect: candidate.name(), closed: closed(before, &after) }))
 }

@@ -262,10 +262,39 @@ fn hidden_alone(bench: &Path, case: &str) -> Result<Vec<String>, BuildError> {
 }
 
 fn score_answers(args: &ScoreArgs) -> Result<String, BuildError> {
+    let truths = opened(args)?;
+    let mut folders = Vec::new();
+    // the first answer to each case that was free to name anything
+    let mut whole: BTreeMap<String, Said> = BTreeMap::new();
+    for answers in &args.answers {
+        let mut pairs = Vec::new();
+        for truth in &truths {
+            let Some(said) = said(answers, &truth.case)? else { continue };
+            if said.without.is_empty() {
+                whole.entry(truth.case.clone()).or_insert_with(|| said.clone());
+            }
+            pairs.push((truth.clone(), said));
+        }
+        folders.push((answers, pairs));
+    }
+    let (cases, _, _) = bench(&args.bench)?;
+    let mut text = String::new();
+    for (answers, pairs) in folders {
+        let result = score(&pairs, &whole);
+        let json = serde_json::to_vec_pretty(&result).map_err(|e| BuildError::File(e.to_string()))?;
+        store::write(&answers.join("score.json"), &json)?;
+        text +=
+            &format!("{}: {} of {} cases answered\n{}", answers.display(), pairs.len(), cases.len(), table(&result));
+    }
+    Ok(text)
+}
+
+/// Truths of the cases that have an answer, their seals checked, with what they promise to an analysis.
+fn opened(args: &ScoreArgs) -> Result<Vec<Truth>, BuildError> {
     let (cases, sources, manifest) = bench(&args.bench)?;
     let loaded = model_file::load(&args.model)?;
     let model = diagnose::prepared(&loaded).map_err(|e| BuildError::File(e.to_string()))?;
-    let mut truths = BTreeMap::new();
+    let mut truths = Vec::new();
     for case in cases.iter().filter(|c| args.answers.iter().any(|a| store::exists(&a.join(c).join("diagnosis.json")))) {
         let bytes = store::read(&args.bench.join(format!("{case}.truth.json")))?;
         if manifest["seals"][case].as_str() != Some(crate::run_log::hash(&bytes).as_str()) {
@@ -284,26 +313,20 @@ fn score_answers(args: &ScoreArgs) -> Result<String, BuildError> {
             truth.strength.expected_evidence = promise.all;
             truth.strength.settled_evidence = promise.settled;
         }
-        truths.insert(case, truth);
+        truths.push(truth);
     }
-    let mut text = String::new();
-    for answers in &args.answers {
-        let mut pairs = Vec::new();
-        for (case, truth) in &truths {
-            let path = answers.join(case).join("diagnosis.json");
-            if store::exists(&path) {
-                let diagnosis: Diagnosis = serde_json::from_slice(&store::read(&path)?)
-                    .map_err(|e| BuildError::File(format!("{}: {e}", path.display())))?;
-                pairs.push((truth.clone(), reduced(&diagnosis)));
-            }
-        }
-        let result = score(&pairs);
-        let json = serde_json::to_vec_pretty(&result).map_err(|e| BuildError::File(e.to_string()))?;
-        store::write(&answers.join("score.json"), &json)?;
-        text +=
-            &format!("{}: {} of {} cases answered\n{}", answers.display(), pairs.len(), cases.len(), table(&result));
+    Ok(truths)
+}
+
+/// What a folder's answer to a case said, where there is one.
+fn said(answers: &Path, case: &str) -> Result<Option<Said>, BuildError> {
+    let path = answers.join(case).join("diagnosis.json");
+    if !store::exists(&path) {
+        return Ok(None);
     }
-    Ok(text)
+    let diagnosis: Diagnosis = serde_json::from_slice(&store::read(&path)?)
+        .map_err(|e| BuildError::File(format!("{}: {e}", path.display())))?;
+    Ok(Some(reduced(&diagnosis)))
 }
 
 fn reduced(d: &Diagnosis) -> Said {
@@ -322,6 +345,8 @@ fn reduced(d: &Diagnosis) -> Said {
         sizes,
         closed: d.gap.held_out.closed,
         without: d.without.clone(),
+        evidence: d.answers.iter().map(|a| a.log_bayes_factor).collect(),
+        best: d.best_log_bayes_factor,
     }
 }
 
