@@ -11,6 +11,12 @@ use validation::levenberg::box_step;
 /// Bounds of the unknowns, in units of their prior.
 pub(crate) const REACH: f64 = 8.0;
 
+/// A fit ends where a step promises or gains less than this [nats].
+const SMALL: f64 = 0.05;
+
+/// Cost of a fit, over the number of readings, from which it explains little [nats]: twice what noise leaves.
+const LITTLE: f64 = 1.0;
+
 /// Below this log Bayes factor of its own size, an effect's evidence is looked into.
 const DOUBTFUL: f64 = 15.0;
 /// Evidence that may come on top of it, since Laplace's approximation is one.
@@ -46,7 +52,7 @@ pub struct Data<'a> {
     pub readings: &'a Readings,
     /// Their scatter.
     pub mixture: &'a Mixture,
-    /// Most Gauss-Newton steps of a fit.
+    /// Most evaluations of a fit's steps.
     pub steps: usize,
     /// Whether ligaments and contact are held (for comparison only).
     pub frozen: bool,
@@ -73,6 +79,20 @@ fn one_sided(hypothesis: &[Candidate], nuisances: usize) -> Vec<bool> {
     out
 }
 
+/// How trials that no hypothesis explains are weighed.
+#[derive(Clone, Copy)]
+enum Weighing {
+    /// Set aside at a price ([`crate::robust`]).
+    Mixed,
+    /// Like all others.
+    All,
+}
+
+/// An unknown within its bounds.
+fn clamp(sided: bool, x: f64) -> f64 {
+    x.clamp(if sided { 0.0 } else { -REACH }, REACH)
+}
+
 struct State {
     unknowns: Vec<f64>,
     linear: Linear,
@@ -84,10 +104,18 @@ struct State {
 }
 
 impl Data<'_> {
-    fn state(&self, hypothesis: &[Candidate], unknowns: Vec<f64>, starts: &[Six]) -> Result<State, DiscrepancyError> {
+    fn state(
+        &self,
+        (hypothesis, weighing): (&[Candidate], Weighing),
+        unknowns: Vec<f64>,
+        starts: &[Six],
+    ) -> Result<State, DiscrepancyError> {
         let linear = self.problem.linear(hypothesis, &unknowns, starts)?;
         let residual = &self.readings.measured - self.readings.pick(&linear.value);
-        let weighed = self.mixture.weigh(&residual);
+        let weighed = match weighing {
+            Weighing::Mixed => self.mixture.weigh(&residual),
+            Weighing::All => self.mixture.weigh_all(&residual),
+        };
         let whitening = weighed.whitening.as_ref().unwrap_or(self.mixture.plain());
         let white = whitening.white_vector(&residual);
         let slope = whitening.white(&self.readings.rows_of(&linear.slope));
@@ -98,53 +126,89 @@ impl Data<'_> {
         Ok(State { unknowns, linear, residual, white, slope, weighed, cost })
     }
 
-    /// The most probable unknowns under a hypothesis, from a start.
+    /// The most probable unknowns under a hypothesis, from a start. A trial that was set aside on the way pulls no more: from where such a fit ends, all
+    /// trials are fitted once, and then as before; the better of the two ends counts. Not where a fit explains little, and its valley is no matter.
     ///
     /// Errors: a model that cannot be evaluated.
     pub fn fit(&self, hypothesis: &[Candidate], start: &[f64], starts: &[Six]) -> Result<Fit, DiscrepancyError> {
-        let n = self.problem.nuisances();
-        let sided = one_sided(hypothesis, n);
-        let clamp = |k: usize, x: f64| x.clamp(if sided[k] { 0.0 } else { -REACH }, REACH);
-        let unknowns: Vec<f64> = start.iter().enumerate().map(|(k, x)| clamp(k, *x)).collect();
+        let sided = one_sided(hypothesis, self.problem.nuisances());
+        let unknowns: Vec<f64> = start.iter().enumerate().map(|(k, x)| clamp(sided[k], *x)).collect();
         let starts: Vec<Six> = self.problem.nearer(hypothesis, &unknowns, starts)?.into_iter().map(|r| r.q).collect();
-        let mut here = self.state(hypothesis, unknowns, &starts)?;
+        let first = self.descend((hypothesis, Weighing::Mixed), unknowns, &starts)?;
+        let explains_little = first.cost > LITTLE * self.readings.rows.len() as f64;
+        if first.weighed.odd.is_empty() || explains_little {
+            return Ok(self.conclude(hypothesis, first, &sided));
+        }
+        let rests = |state: &State| -> Vec<Six> { state.linear.rests.iter().map(|r| r.q).collect() };
+        let all = self.descend((hypothesis, Weighing::All), first.unknowns.clone(), &rests(&first))?;
+        let second = self.descend((hypothesis, Weighing::Mixed), all.unknowns.clone(), &rests(&all))?;
+        let [first, second] = [first, second].map(|state| self.conclude(hypothesis, state, &sided));
+        Ok(if second.log_evidence > first.log_evidence { second } else { first })
+    }
+
+    /// Gauss and Newton's steps from a state, damped.
+    fn descend(
+        &self,
+        question: (&[Candidate], Weighing),
+        unknowns: Vec<f64>,
+        starts: &[Six],
+    ) -> Result<State, DiscrepancyError> {
+        let sided = one_sided(question.0, self.problem.nuisances());
+        let mut here = self.state(question, unknowns, starts)?;
         let mut damping = 1e-3;
-        for _ in 0..self.steps {
-            let (hessian, gradient) = self.quadratic(&here, n);
-            let mut damped = hessian.clone();
-            for k in 0..damped.nrows() {
-                damped[(k, k)] *= 1.0 + damping;
-            }
-            if self.frozen {
-                (0..n).for_each(|k| damped[(k, k)] += 1e12);
-            }
-            let unit: Vec<f64> = here.unknowns.iter().enumerate().map(|(k, x)| to_unit(sided[k], *x)).collect();
-            let widths = DVector::from_iterator(unit.len(), sided.iter().map(|s| width(*s)));
-            let scaled = DMatrix::from_fn(unit.len(), unit.len(), |a, b| damped[(a, b)] * widths[a] * widths[b]);
-            let step = box_step(&scaled, &gradient.component_mul(&widths), &unit, 0.2).component_mul(&widths);
-            let promised = -(gradient.dot(&step) + 0.5 * step.dot(&(&hessian * &step)));
-            if promised < 0.05 {
-                break;
-            }
-            let next: Vec<f64> = here.unknowns.iter().enumerate().map(|(k, x)| clamp(k, x + step[k])).collect();
-            let starts: Vec<Six> = here.linear.rests.iter().map(|r| r.q).collect();
-            let tried = self.state(hypothesis, next, &starts)?;
-            if tried.cost < here.cost {
-                let gain = (here.cost - tried.cost) / promised;
-                damping = if gain > 0.5 { damping * 0.2 } else { damping * 2.0 };
-                let small = here.cost - tried.cost < 0.05;
-                here = tried;
-                if small {
+        let mut tries = 0;
+        while tries < self.steps {
+            let Some((step, slope, promised)) = self.step(&here, &sided, damping) else { break };
+            let mut share = 1.0;
+            let next = loop {
+                let to =
+                    here.unknowns.iter().zip(step.iter()).enumerate().map(|(k, (x, s))| clamp(sided[k], x + share * s));
+                let starts: Vec<Six> = here.linear.rests.iter().map(|r| r.q).collect();
+                let tried = self.state(question, to.collect(), &starts)?;
+                tries += 1;
+                if tried.cost < here.cost || share < 1.0 || tries == self.steps {
+                    break tried;
+                }
+                // where one soft trial bends the way, the least of the parabola through both ends lies before the end
+                let least = 0.5 * slope / (tried.cost - here.cost + slope);
+                share = if least.is_nan() { 0.1 } else { least.clamp(0.1, 0.5) };
+            };
+            let gain = here.cost - next.cost;
+            if gain > 0.0 {
+                damping *= if share == 1.0 && gain > 0.5 * promised { 0.2 } else { 2.0 };
+                here = next;
+                if gain < SMALL {
                     break;
                 }
             } else {
-                damping = (damping * 10.0).max(1e-2);
+                damping = (damping * 10.0).max(0.1);
                 if damping > 1e4 {
                     break;
                 }
             }
         }
-        Ok(self.conclude(hypothesis, here, &sided))
+        Ok(here)
+    }
+
+    /// A step from a state to the least of a quadratic form within bounds, how fast the cost falls at its beginning, and by how much it should fall; none
+    /// where that is next to nothing.
+    fn step(&self, here: &State, sided: &[bool], damping: f64) -> Option<(DVector<f64>, f64, f64)> {
+        let n = self.problem.nuisances();
+        let (hessian, gradient) = self.quadratic(here, n);
+        let mut damped = hessian.clone();
+        for k in 0..damped.nrows() {
+            damped[(k, k)] *= 1.0 + damping;
+        }
+        if self.frozen {
+            (0..n).for_each(|k| damped[(k, k)] += 1e12);
+        }
+        let unit: Vec<f64> = here.unknowns.iter().enumerate().map(|(k, x)| to_unit(sided[k], *x)).collect();
+        let widths = DVector::from_iterator(unit.len(), sided.iter().map(|s| width(*s)));
+        let scaled = DMatrix::from_fn(unit.len(), unit.len(), |a, b| damped[(a, b)] * widths[a] * widths[b]);
+        let step = box_step(&scaled, &gradient.component_mul(&widths), &unit, 0.2).component_mul(&widths);
+        let slope = -gradient.dot(&step);
+        let promised = slope - 0.5 * step.dot(&(&hessian * &step));
+        (promised >= SMALL).then_some((step, slope, promised))
     }
 
     fn quadratic(&self, here: &State, n: usize) -> (DMatrix<f64>, DVector<f64>) {

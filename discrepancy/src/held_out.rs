@@ -42,7 +42,7 @@ pub fn held_out(
                 return Ok(Part::default());
             }
             let start = fit.coordinates();
-            let again = searcher.fit(&fit.hypothesis, &fit.unknowns, &start, &search.covariance, &seen, 5)?;
+            let again = searcher.fit(&fit.hypothesis, &fit.unknowns, &start, &search.covariance, &seen, 10)?;
             part(problem, &again, &unseen, &search.covariance)
         })
         .collect::<Result<_, DiscrepancyError>>()?;

@@ -71,10 +71,15 @@ impl Mixture {
         &self.plain
     }
 
+    /// Weighs a residual with no trial set aside.
+    pub fn weigh_all(&self, residual: &DVector<f64>) -> Weighed {
+        Weighed { odd: vec![], whitening: None, cost: 0.5 * self.plain.white_vector(residual).norm_squared() }
+    }
+
     /// Weighs a residual: trials are set aside one after another, each that lowers the cost most, while it falls.
     pub fn weigh(&self, residual: &DVector<f64>) -> Weighed {
-        let plain = 0.5 * self.plain.white_vector(residual).norm_squared();
-        let mut out = Weighed { odd: vec![], whitening: None, cost: plain };
+        let mut out = self.weigh_all(residual);
+        let plain = out.cost;
         let mut chosen: Vec<&Group> = Vec::new();
         let mut inverse: Option<DMatrix<f64>> = None;
         let most = (MOST * self.groups.len() as f64) as usize;

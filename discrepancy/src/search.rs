@@ -68,6 +68,11 @@ impl Default for DiagnosisOptions {
     }
 }
 
+/// Most evaluations of a fit: enough that it ends by itself; a screen's first guess may stop at fewer, held-out folds start next to where they end.
+pub const TRIES: usize = 20;
+/// Of a first guess.
+pub(crate) const FEW: usize = 12;
+
 /// What the search found.
 #[derive(Clone, Debug)]
 pub struct Search {
@@ -226,7 +231,7 @@ impl Searcher<'_> {
         let extra = remainders(self.problem, &linear, self.options.draws)? * self.options.floor.nonlinear.powi(2);
         let cov = covariance(self.problem, &[], &x, &linear.rests, &self.options.floor)? + &extra;
         let starts: Vec<_> = linear.rests.iter().map(|r| r.q).collect();
-        let base = self.fit(&[], &x, &starts, &cov, readings, 10)?;
+        let base = self.fit(&[], &x, &starts, &cov, readings, TRIES)?;
         let zero = Fit {
             hypothesis: vec![],
             residual: &readings.measured - readings.pick(&linear.value),

@@ -68,7 +68,9 @@ fn where_the_name_stands_a_field_that_does_the_same_earns_nearly_as_much() {
     let near = wildcard(&problem, (&search.readings, &search.covariance), &stripped).unwrap();
     let named = best.log_evidence - search.base.log_evidence;
     let gains = [far.log_bayes_factor, near.log_evidence - search.base.log_evidence];
-    // one kind of some hundred is the name's own; about the knee that nothing presses it would not do as well
-    assert!(gains[1] < named && gains[1] > named - 6.0, "{named}, {gains:?}");
+    // half of what is nameless are smooth fields, one of ninety kinds is the name's own, in one of three sizes; a nat for priors of other forms. About
+    // the knee that nothing presses it would not do as well
+    let price = (2.0f64 * 90.0 * 3.0).ln() + 1.0;
+    assert!(gains[1] < named && gains[1] > named - price, "{named}, {gains:?}");
     assert!(gains[1] > gains[0] + 2.0, "{named}, {gains:?}");
 }

@@ -1,6 +1,6 @@
 //! Joint refits of hypotheses: from a screen, from a typical size, in the scatter at the best, and each in its own.
 
-use super::{Screened, Searcher};
+use super::{FEW, Screened, Searcher, TRIES};
 use crate::covariance::Readings;
 use crate::error::DiscrepancyError;
 use crate::fit::Fit;
@@ -11,6 +11,9 @@ use rayon::prelude::*;
 
 /// How many of the best are weighed in their own scatter, too [-].
 const OWN_SCATTER: usize = 5;
+
+/// From how many rivals' ligaments nothing missing is fitted, too [-].
+const OTHERS: usize = 3;
 
 /// How far short of the best a lifted rival stays at least [nats]: more than rounding takes, less than anything means.
 const SHORT: f64 = 1e-6;
@@ -71,7 +74,7 @@ impl Searcher<'_> {
                 let sizes = item.size.iter().map(|x| x.clamp(if flat { 0.5 } else { -3.0 }, 3.0));
                 start.extend(sizes.zip(candidate.nothing()).map(|(x, shape)| x + shape));
                 Ok(self
-                    .fit_to(&hypothesis, &start, &at.coordinates(), (readings, &mixture), 6)?
+                    .fit_to(&hypothesis, &start, &at.coordinates(), (readings, &mixture), FEW)?
                     .earned(without, candidate.size()))
             })
             .collect::<Result<_, DiscrepancyError>>()?;
@@ -101,7 +104,7 @@ impl Searcher<'_> {
             .map(|c| {
                 let mut start = at.unknowns.clone();
                 start.extend(c.typical());
-                let fit = self.fit_to(&beside(c), &start, &at.coordinates(), (readings, &mixture), 8)?;
+                let fit = self.fit_to(&beside(c), &start, &at.coordinates(), (readings, &mixture), TRIES)?;
                 Ok(fit.earned(without, c.size()))
             })
             .collect::<Result<_, DiscrepancyError>>()?;
@@ -119,7 +122,7 @@ impl Searcher<'_> {
         let mut out = Vec::new();
         for k in 0..best.hypothesis.len() {
             let (hypothesis, start) = without(best, k, self.problem.nuisances());
-            let at = self.fit_to(&hypothesis, &start, &best.coordinates(), (readings, &mixture), 8)?;
+            let at = self.fit_to(&hypothesis, &start, &best.coordinates(), (readings, &mixture), TRIES)?;
             let (list, _) = self.screen(&at, readings, cov, candidates)?;
             let mut fits =
                 self.refits(&at, (readings, cov), candidates, (&list, self.options.shortlist / 2), at.log_evidence)?;
@@ -149,7 +152,7 @@ impl Searcher<'_> {
             for _ in 0..2 {
                 let scatter = self.scatter(&fit, extra)?;
                 let mixture = Mixture::new(readings, readings.block_of(&scatter), &self.problem.trials)?;
-                fit = self.fit_to(&fit.hypothesis, &fit.unknowns, &fit.coordinates(), (readings, &mixture), 8)?;
+                fit = self.fit_to(&fit.hypothesis, &fit.unknowns, &fit.coordinates(), (readings, &mixture), TRIES)?;
                 sum += 0.5 * self.log(&fit);
             }
             let size = fit.hypothesis.iter().map(Candidate::size).sum();
@@ -179,11 +182,14 @@ impl Searcher<'_> {
         };
         let cov = self.scatter(best, extra)?;
         let mixture = Mixture::new(readings, readings.block_of(&cov), &self.problem.trials)?;
-        let from_best = &best.unknowns[..self.problem.nuisances()];
-        let given = vec![0.0; self.problem.nuisances()];
-        let bases: Vec<Fit> = [(&base.unknowns[..], &base), (from_best, best), (&given[..], best)]
+        let n = self.problem.nuisances();
+        let given = vec![0.0; n];
+        // nothing missing is given every chance that its rivals have: their ligaments, too
+        let mut starts: Vec<(&[f64], &Fit)> = vec![(&base.unknowns, &base), (&given, best)];
+        starts.extend(rivals.iter().take(OTHERS).map(|f| (&f.unknowns[..n], f)));
+        let bases: Vec<Fit> = starts
             .par_iter()
-            .map(|(x, f)| self.fit_to(&[], x, &f.coordinates(), (readings, &mixture), 8))
+            .map(|(x, f)| self.fit_to(&[], x, &f.coordinates(), (readings, &mixture), TRIES))
             .collect::<Result<_, _>>()?;
         let base = bases.into_iter().reduce(|a, b| if b.log_evidence > a.log_evidence { b } else { a }).unwrap_or(base);
         // each from where it stands, and the first from the model's own ligaments: two valleys
@@ -197,7 +203,7 @@ impl Searcher<'_> {
                     start[..self.problem.nuisances()].fill(0.0);
                 }
                 let size = f.hypothesis.iter().map(Candidate::size).sum();
-                let fit = self.fit_to(&f.hypothesis, &start, &f.coordinates(), (readings, &mixture), 8)?;
+                let fit = self.fit_to(&f.hypothesis, &start, &f.coordinates(), (readings, &mixture), TRIES)?;
                 Ok(fit.earned(base.log_evidence, size))
             })
             .collect::<Result<_, DiscrepancyError>>()?;

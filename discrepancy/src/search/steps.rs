@@ -1,6 +1,6 @@
 //! The steps of a search: single effects, one more beside the best, one exchanged for another.
 
-use super::{Screened, Searcher, Start};
+use super::{Screened, Searcher, Start, TRIES};
 use crate::covariance::Readings;
 use crate::error::DiscrepancyError;
 use crate::fit::Fit;
@@ -197,7 +197,7 @@ impl Searcher<'_> {
 
     /// A fit again in another scatter.
     fn in_scatter(&self, fit: &Fit, readings: &Readings, cov: &DMatrix<f64>) -> Result<Fit, DiscrepancyError> {
-        self.fit(&fit.hypothesis, &fit.unknowns, &fit.coordinates(), cov, readings, 8)
+        self.fit(&fit.hypothesis, &fit.unknowns, &fit.coordinates(), cov, readings, TRIES)
     }
 
     /// Effects of the best exchanged for others as long as that finds better.
