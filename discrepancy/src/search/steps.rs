@@ -55,14 +55,12 @@ pub(super) struct Found {
 }
 
 impl Searcher<'_> {
-    /// The best single effects, refitted; none where neither screen nor misfit asks for any.
+    /// The best single effects, refitted. A linear screen about well fitted ligaments promises little of what they have taken up, so that nothing is left
+    /// out for its sake.
     pub(super) fn singles(&self, start: &Start, given: Given, list: &[Screened]) -> Result<Found, DiscrepancyError> {
         let Start { zero, held, base, extra, cov } = start;
         let (readings, candidates) = (given.readings, given.candidates);
         let mut found = Found { base: base.clone(), rivals: vec![], cov: cov.clone() };
-        if list.first().is_none_or(|l| l.gain <= 0.0) && !self.is_poor(base) {
-            return Ok(found);
-        }
         let near = self.scatter(held, extra)?;
         let (forces, _) = self.screen(held, readings, &near, candidates)?;
         // a large effect bends the ligaments of the baseline and the poses: screen and start from the model's own and at the measured, too
