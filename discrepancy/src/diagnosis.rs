@@ -224,7 +224,7 @@ pub fn diagnose(
     let problem = if present.is_empty() { problem } else { problem.with_present(present) };
     let problem = problem.with_far_rests(true);
     let little = problem.fits_little(&Searcher { problem: &problem, options }.recalibrated()?.linear.rests);
-    let problem = problem.with_far_rests(little);
+    let problem = if little { problem.with_rests_as_they_are() } else { problem.with_far_rests(false) };
     conclude(&problem, spec, options)
 }
 

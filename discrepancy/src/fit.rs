@@ -14,8 +14,10 @@ pub(crate) const REACH: f64 = 8.0;
 /// A fit ends where a step promises or gains less than this [nats].
 const SMALL: f64 = 0.05;
 
-/// Cost of a fit, over the number of readings, from which it explains little [nats]: twice what noise leaves.
+/// Cost of a fit, over the number of readings, from which it explains little [nats]: twice what noise leaves. Which of its valleys it lies in is no matter.
 const LITTLE: f64 = 1.0;
+/// Most evaluations of a fit's steps where it still explains little.
+const TRIES_OF_LITTLE: usize = 12;
 
 /// Below this log Bayes factor of its own size, an effect's evidence is looked into.
 const DOUBTFUL: f64 = 15.0;
@@ -127,7 +129,7 @@ impl Data<'_> {
     }
 
     /// The most probable unknowns under a hypothesis, from a start. A trial that was set aside on the way pulls no more: from where such a fit ends, all
-    /// trials are fitted once, and then as before; the better of the two ends counts. Not where a fit explains little, and its valley is no matter.
+    /// trials are fitted once, and then as before; the better of the two ends counts. Not where a fit explains little.
     ///
     /// Errors: a model that cannot be evaluated.
     pub fn fit(&self, hypothesis: &[Candidate], start: &[f64], starts: &[Six]) -> Result<Fit, DiscrepancyError> {
@@ -135,8 +137,7 @@ impl Data<'_> {
         let unknowns: Vec<f64> = start.iter().enumerate().map(|(k, x)| clamp(sided[k], *x)).collect();
         let starts: Vec<Six> = self.problem.nearer(hypothesis, &unknowns, starts)?.into_iter().map(|r| r.q).collect();
         let first = self.descend((hypothesis, Weighing::Mixed), unknowns, &starts)?;
-        let explains_little = first.cost > LITTLE * self.readings.rows.len() as f64;
-        if first.weighed.odd.is_empty() || explains_little {
+        if first.weighed.odd.is_empty() || self.explains_little(&first) {
             return Ok(self.conclude(hypothesis, first, &sided));
         }
         let rests = |state: &State| -> Vec<Six> { state.linear.rests.iter().map(|r| r.q).collect() };
@@ -157,7 +158,7 @@ impl Data<'_> {
         let mut here = self.state(question, unknowns, starts)?;
         let mut damping = 1e-3;
         let mut tries = 0;
-        while tries < self.steps {
+        while tries < self.steps && (tries < TRIES_OF_LITTLE || !self.explains_little(&here)) {
             let Some((step, slope, promised)) = self.step(&here, &sided, damping) else { break };
             let mut share = 1.0;
             let next = loop {
@@ -188,6 +189,10 @@ impl Data<'_> {
             }
         }
         Ok(here)
+    }
+
+    fn explains_little(&self, state: &State) -> bool {
+        state.cost > LITTLE * self.readings.rows.len() as f64
     }
 
     /// A step from a state to the least of a quadratic form within bounds, how fast the cost falls at its beginning, and by how much it should fall; none
@@ -248,6 +253,11 @@ impl Data<'_> {
 }
 
 impl Fit {
+    /// Whether more than twice of what noise leaves is left.
+    pub fn explains_little(&self) -> bool {
+        0.5 * self.misfit > LITTLE * self.residual.len() as f64
+    }
+
     /// Coordinates of the rests.
     pub fn coordinates(&self) -> Vec<Six> {
         self.linear.rests.iter().map(|r| r.q).collect()

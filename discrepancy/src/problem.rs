@@ -21,6 +21,8 @@ use validation::design::{Design, Kind};
 /// Prior standard deviations: reference strain [-], log of stiffness [-], log of the contact's scale [-].
 pub const PRIOR: [f64; 3] = [0.03, 0.2, 0.3];
 
+/// Sum of squares, in noises, up to which a trial's rest is near enough to what was measured that no other is looked for.
+const NEAR: f64 = 16.0;
 /// Sum of squares, in noises, from which a trial's rest is taken for lost: nothing that scatters takes a knee that stays where it is six noises away.
 const LOST: f64 = 36.0;
 /// The same where the model fits so little of the data that branches are not the matter: there rests count as they are, as far as they can be told.
@@ -115,6 +117,8 @@ pub struct Problem {
     bundles: Vec<Vec<usize>>,
     /// Sum of squares from which a trial's rest is taken for lost.
     lost: f64,
+    /// Whether no other rests are looked for where many trials are lost.
+    as_they_are: bool,
 }
 
 /// The knee of a hypothesis.
@@ -172,6 +176,7 @@ impl Problem {
             held: vec![],
             bundles,
             lost: LOST,
+            as_they_are: false,
         };
         let neutral: Vec<Six> = problem
             .trials
@@ -345,29 +350,36 @@ impl Problem {
     }
 
     fn nearer_in(&self, knee: &Knee, starts: &[Six]) -> Vec<Rest> {
-        let miss = |i: usize, rest: &Rest| self.off(i, rest);
-        let near = |(i, trial): (usize, &Trial)| {
-            let bench = knee.bench(trial);
-            let first = match starts.get(i) {
-                Some(q) => bench.settle(trial, q),
-                None => bench.walk(trial),
-            };
-            if miss(i, &first) <= 16.0 {
-                return first;
-            }
-            // the second is taken where it is much nearer; a knee that left the joint altogether may find back from the measured pose, let go slowly
-            let nearer = |a: Rest, b: Rest| {
-                if (b.balanced || !a.balanced) && miss(i, &b) < 0.5 * miss(i, &a) { b } else { a }
-            };
-            let Some(held) = &self.held[i] else { return first };
-            let second = nearer(first, bench.settle(trial, &held.q));
-            if miss(i, &second) <= self.lost {
-                return second;
-            }
-            let third = nearer(second, bench.released(trial, &self.measured(trial), &held.q));
-            if miss(i, &third) > self.lost { self.imagined(bench, trial, held) } else { third }
+        let first = |(i, trial): (usize, &Trial)| match starts.get(i) {
+            Some(q) => knee.bench(trial).settle(trial, q),
+            None => knee.bench(trial).walk(trial),
         };
-        knee.trials.par_iter().enumerate().map(near).collect()
+        let first: Vec<Rest> = knee.trials.par_iter().enumerate().map(first).collect();
+        // where a hypothesis explains little of data that the model fits little of, rests count as they are: looking for others would be most of the work
+        let as_they_are = self.as_they_are && self.fits_little(&first);
+        let near = if as_they_are { self.lost } else { NEAR };
+        let nearer = |(i, first): (usize, Rest)| {
+            if self.off(i, &first) > near { self.next_to(i, knee, first, as_they_are) } else { first }
+        };
+        first.into_par_iter().enumerate().map(nearer).collect()
+    }
+
+    /// The rest of trial `i` next to the measured pose, where that is much nearer than `first`; a knee that left the joint altogether may find back from the
+    /// measured pose, let go slowly, where there is time for that.
+    fn next_to(&self, i: usize, knee: &Knee, first: Rest, quickly: bool) -> Rest {
+        let (trial, miss) = (&knee.trials[i], |rest: &Rest| self.off(i, rest));
+        let bench = knee.bench(trial);
+        let nearer = |a: Rest, b: Rest| if (b.balanced || !a.balanced) && miss(&b) < 0.5 * miss(&a) { b } else { a };
+        let Some(held) = &self.held[i] else { return first };
+        let second = nearer(first, bench.settle(trial, &held.q));
+        if miss(&second) <= self.lost {
+            return second;
+        }
+        if quickly {
+            return self.imagined(bench, trial, held);
+        }
+        let third = nearer(second, bench.released(trial, &self.measured(trial), &held.q));
+        if miss(&third) > self.lost { self.imagined(bench, trial, held) } else { third }
     }
 
     /// How far a rest of trial `i` is from what was measured: sum of squares in noises, half a degree or millimetre added to each.
@@ -379,6 +391,12 @@ impl Problem {
     /// Whether trials count as lost only far from what was measured.
     pub fn with_far_rests(mut self, far: bool) -> Problem {
         self.lost = if far { FAR } else { LOST };
+        self
+    }
+
+    /// Rests count as they are wherever a hypothesis leaves so many of them lost.
+    pub fn with_rests_as_they_are(mut self) -> Problem {
+        self.as_they_are = true;
         self
     }
 

@@ -14,7 +14,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use steps::{Found, Given};
+use steps::{Found, Given, HOPELESS};
 
 /// How a diagnosis is made.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -162,7 +162,8 @@ impl Searcher<'_> {
             found = self.exchange(found, given)?;
         }
         let Found { base, mut rivals, cov } = found;
-        if rivals.first().is_some_and(|best| self.gain(best, &base) >= threshold) {
+        let is_hopeful = |best: &Fit| self.gain(best, &base) >= threshold && self.leaves(best) < HOPELESS[1];
+        if rivals.first().is_some_and(is_hopeful) {
             self.weigh_in_own_scatter(&mut rivals, &readings, &start.extra)?;
         }
         Ok(Search { readings, covariance: cov, base, rivals, threshold, screened })

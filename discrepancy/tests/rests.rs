@@ -66,6 +66,20 @@ fn a_knee_thrown_out_of_the_joint_is_led_back() {
 }
 
 #[test]
+fn where_a_model_fits_little_rests_count_as_they_are_and_else_as_ever() {
+    let coordinates = |rests: &[Rest]| rests.iter().map(|r| r.q).collect::<Vec<_>>();
+    let x = |problem: &Problem| loosened(problem, 0.3);
+    let Some(far) = problem_off(10.0) else { return };
+    let far = far.with_far_rests(true).with_rests_as_they_are();
+    let (led, alone) = (far.nearer(&[], &x(&far), &[]).unwrap(), far.rests(&[], &x(&far), &[]).unwrap());
+    assert!(far.fits_little(&alone) && coordinates(&led) == coordinates(&alone));
+    let Some(near) = problem() else { return };
+    let as_ever = near.nearer(&[], &x(&near), &[]).unwrap();
+    let near = near.with_rests_as_they_are();
+    assert!(coordinates(&near.nearer(&[], &x(&near), &[]).unwrap()) == coordinates(&as_ever));
+}
+
+#[test]
 fn where_no_rest_is_near_what_is_out_of_balance_counts_and_grows_with_its_cause() {
     let Some(problem) = problem() else { return };
     let mut before = 0.0;

@@ -184,9 +184,10 @@ impl Searcher<'_> {
         let mixture = Mixture::new(readings, readings.block_of(&cov), &self.problem.trials)?;
         let n = self.problem.nuisances();
         let given = vec![0.0; n];
-        // nothing missing is given every chance that its rivals have: their ligaments, too
+        // nothing missing is given every chance that its rivals have: their ligaments, too; the best's where it explains little
+        let others = if base.explains_little() { 1 } else { OTHERS };
         let mut starts: Vec<(&[f64], &Fit)> = vec![(&base.unknowns, &base), (&given, best)];
-        starts.extend(rivals.iter().take(OTHERS).map(|f| (&f.unknowns[..n], f)));
+        starts.extend(rivals.iter().take(others).map(|f| (&f.unknowns[..n], f)));
         let bases: Vec<Fit> = starts
             .par_iter()
             .map(|(x, f)| self.fit_to(&[], x, &f.coordinates(), (readings, &mixture), TRIES))

@@ -12,9 +12,9 @@ use rayon::prelude::*;
 
 /// Most rounds in which effects of an answer are exchanged [-].
 const EXCHANGES: usize = 3;
-/// Sum of squares, over what it should be, that an answer may leave for that to be worth the time, and for shapes beside it [-]: beyond, no further
-/// effect makes it a name.
-const HOPELESS: [f64; 2] = [3.0, 10.0];
+/// Sum of squares, over what it should be, that an answer may leave for that to be worth the time, and for shapes beside it or scatters of its rivals' own
+/// [-]: beyond, no further effect makes it a name.
+pub(super) const HOPELESS: [f64; 2] = [3.0, 10.0];
 
 /// Nats that a refit may have more than the screen that proposed it [-].
 const OVERTAKEN: f64 = 10.0;
