@@ -14,6 +14,7 @@ use crate::trial::Source;
 use nalgebra::{Cholesky, DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 use sim::Model;
+use sim::joint::Six;
 use sim::spec::ModelSpec;
 use std::fmt::Write;
 
@@ -81,7 +82,8 @@ pub fn atlas(
 fn before_data(problem: &Problem, options: &DiagnosisOptions) -> Result<(Fit, DMatrix<f64>), DiscrepancyError> {
     let unknowns = vec![0.0; problem.nuisances()];
     let linear = problem.linear(&[], &unknowns, &[])?;
-    let extra = remainders(problem, &linear, options.draws)? * options.floor.nonlinear.powi(2);
+    let starts: Vec<Six> = linear.rests.iter().map(|r| r.q).collect();
+    let extra = remainders(problem, &starts, options.draws)? * options.floor.nonlinear.powi(2);
     let cov = covariance(problem, &[], &unknowns, &linear.rests, &options.floor)? + extra;
     let readings = Readings::of(problem, &|_| true);
     let fit = Fit {

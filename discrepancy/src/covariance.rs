@@ -3,7 +3,7 @@
 
 use crate::equilibrium::{Bench, Rest};
 use crate::error::DiscrepancyError;
-use crate::problem::{Candidate, Linear, Problem};
+use crate::problem::{Candidate, Problem};
 use crate::slopes::Slopes;
 use crate::trial::Trial;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
@@ -282,12 +282,15 @@ fn assemble(problem: &Problem, scatter: &[Scatter], floor: &Floor) -> DMatrix<f6
     out
 }
 
-/// What linear prediction misses over the prior of ligaments and contact: mean square of the remainders, a block a trial.
+/// What linear prediction misses over the prior of ligaments and contact: mean square of the remainders, a block a trial. It is of the model as given
+/// alone, about its own rests from the poses `starts`: a pose that the model does not rest in is no prediction, and how far it is from one is no scatter.
 ///
 /// Errors: a model that cannot be evaluated.
-pub fn remainders(problem: &Problem, linear: &Linear, draws: usize) -> Result<DMatrix<f64>, DiscrepancyError> {
+pub fn remainders(problem: &Problem, starts: &[Six], draws: usize) -> Result<DMatrix<f64>, DiscrepancyError> {
     let mut random = ChaCha8Rng::seed_from_u64(20_251);
     let (n, m) = (problem.trials.len(), problem.nuisances());
+    let given = vec![0.0; m];
+    let linear = problem.linear_at(&[], &given, problem.rests(&[], &given, starts)?)?;
     let starts: Vec<Six> = linear.rests.iter().map(|r| r.q).collect();
     let mut out = DMatrix::zeros(5 * n, 5 * n);
     for _ in 0..draws {

@@ -186,6 +186,9 @@ pub struct Diagnosis {
     pub threshold: f64,
     /// Log Bayes factor of a smooth nameless field beside the best answer [-].
     pub wildcard: f64,
+    /// Log Bayes factor of a nameless field in the place of the best answer, against nothing missing [-]; answers of earlier versions have none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub wildcard_alone: Option<f64>,
     /// Two trials whose readings fit each other's place, where there are such.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exchanged: Option<Exchanged>,
@@ -284,6 +287,7 @@ fn conclude(problem: &Problem, spec: &ModelSpec, options: &DiagnosisOptions) -> 
         ligaments: absorbed(problem, &search.base, shown),
         threshold,
         wildcard: wild.log_bayes_factor,
+        wildcard_alone: Some(alone_gain),
         exchanged: exchange.and_then(|e| told_exchange(problem, e)),
         misfit: [&search.base, best].map(|f| searcher.total(f) / f.residual.len() as f64),
         best: named(problem, best, temper(&searcher, believed)),

@@ -115,10 +115,19 @@ pub struct Problem {
     /// The pose next to each trial's measured one, where the chain reaches it: a start on the branch that the knee took.
     held: Vec<Option<Rest>>,
     bundles: Vec<Vec<usize>>,
-    /// Sum of squares from which a trial's rest is taken for lost.
-    lost: f64,
-    /// Whether no other rests are looked for where many trials are lost.
-    as_they_are: bool,
+    /// From where on rests are taken for lost.
+    lost: Lost,
+}
+
+/// From where on a trial's rest is taken for lost.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Lost {
+    /// From [`LOST`] on; there other rests are looked for.
+    Near,
+    /// From [`FAR`] on.
+    Far,
+    /// Where a hypothesis fits little, from [`FAR`] on, and no other rests are looked for; from [`LOST`] on elsewhere.
+    FarWhereLittleFits,
 }
 
 /// The knee of a hypothesis.
@@ -175,8 +184,7 @@ impl Problem {
             present: vec![],
             held: vec![],
             bundles,
-            lost: LOST,
-            as_they_are: false,
+            lost: Lost::Near,
         };
         let neutral: Vec<Six> = problem
             .trials
@@ -356,30 +364,31 @@ impl Problem {
         };
         let first: Vec<Rest> = knee.trials.par_iter().enumerate().map(first).collect();
         // where a hypothesis explains little of data that the model fits little of, rests count as they are: looking for others would be most of the work
-        let as_they_are = self.as_they_are && self.fits_little(&first);
-        let near = if as_they_are { self.lost } else { NEAR };
+        let as_they_are = self.lost == Lost::FarWhereLittleFits && self.fits_little(&first);
+        let lost = if as_they_are || self.lost == Lost::Far { FAR } else { LOST };
+        let near = if as_they_are { FAR } else { NEAR };
         let nearer = |(i, first): (usize, Rest)| {
-            if self.off(i, &first) > near { self.next_to(i, knee, first, as_they_are) } else { first }
+            if self.off(i, &first) > near { self.next_to(i, knee, first, (lost, as_they_are)) } else { first }
         };
         first.into_par_iter().enumerate().map(nearer).collect()
     }
 
     /// The rest of trial `i` next to the measured pose, where that is much nearer than `first`; a knee that left the joint altogether may find back from the
     /// measured pose, let go slowly, where there is time for that.
-    fn next_to(&self, i: usize, knee: &Knee, first: Rest, quickly: bool) -> Rest {
+    fn next_to(&self, i: usize, knee: &Knee, first: Rest, (lost, quickly): (f64, bool)) -> Rest {
         let (trial, miss) = (&knee.trials[i], |rest: &Rest| self.off(i, rest));
         let bench = knee.bench(trial);
         let nearer = |a: Rest, b: Rest| if (b.balanced || !a.balanced) && miss(&b) < 0.5 * miss(&a) { b } else { a };
         let Some(held) = &self.held[i] else { return first };
         let second = nearer(first, bench.settle(trial, &held.q));
-        if miss(&second) <= self.lost {
+        if miss(&second) <= lost {
             return second;
         }
         if quickly {
             return self.imagined(bench, trial, held);
         }
         let third = nearer(second, bench.released(trial, &self.measured(trial), &held.q));
-        if miss(&third) > self.lost { self.imagined(bench, trial, held) } else { third }
+        if miss(&third) > lost { self.imagined(bench, trial, held) } else { third }
     }
 
     /// How far a rest of trial `i` is from what was measured: sum of squares in noises, half a degree or millimetre added to each.
@@ -390,13 +399,13 @@ impl Problem {
 
     /// Whether trials count as lost only far from what was measured.
     pub fn with_far_rests(mut self, far: bool) -> Problem {
-        self.lost = if far { FAR } else { LOST };
+        self.lost = if far { Lost::Far } else { Lost::Near };
         self
     }
 
-    /// Rests count as they are wherever a hypothesis leaves so many of them lost.
+    /// Rests count as they are wherever a hypothesis leaves so many of them lost, and only there.
     pub fn with_rests_as_they_are(mut self) -> Problem {
-        self.as_they_are = true;
+        self.lost = Lost::FarWhereLittleFits;
         self
     }
 

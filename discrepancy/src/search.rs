@@ -229,9 +229,9 @@ impl Searcher<'_> {
                 linear.rests.len()
             )));
         }
-        let extra = remainders(self.problem, &linear, self.options.draws)? * self.options.floor.nonlinear.powi(2);
-        let cov = covariance(self.problem, &[], &x, &linear.rests, &self.options.floor)? + &extra;
         let starts: Vec<_> = linear.rests.iter().map(|r| r.q).collect();
+        let extra = remainders(self.problem, &starts, self.options.draws)? * self.options.floor.nonlinear.powi(2);
+        let cov = covariance(self.problem, &[], &x, &linear.rests, &self.options.floor)? + &extra;
         let base = self.fit(&[], &x, &starts, &cov, readings, TRIES)?;
         let zero = Fit {
             hypothesis: vec![],

@@ -7,13 +7,15 @@ mod deck;
 
 use deck::{Asked, deck};
 use discrepancy::catalogue::Catalogue;
+use discrepancy::covariance::remainders;
 use discrepancy::effect::Active;
 use discrepancy::equilibrium::{Bench, Rest};
 use discrepancy::problem::{Problem, reading};
 use nalgebra::Matrix6;
+use sim::joint::Six;
 use validation::design::Kind;
 
-/// The published deck under 10 N m of varus and of valgus at 60 and 90 deg, measured where the deck itself rests.
+/// The published deck under 10 N m of varus and of valgus at 30, 60 and 90 deg, measured where the deck itself rests.
 fn problem() -> Option<Problem> {
     problem_off(0.0)
 }
@@ -28,7 +30,7 @@ fn problem_off(varus: f64) -> Option<Problem> {
             .collect();
         deck("rests", &asked)
     };
-    let anywhere = at(&[[0.0; 5]; 4])?;
+    let anywhere = at(&[[0.0; 5]; TRIALS.len()])?;
     let own = Bench { model: &anywhere.model, effects: &[], place: &anywhere.place };
     let rests: Vec<Rest> = anywhere.trials.iter().map(|t| own.walk(t)).collect();
     assert!(rests.iter().all(|r| r.balanced));
@@ -41,7 +43,14 @@ fn problem_off(varus: f64) -> Option<Problem> {
 }
 
 /// Name, flexion [deg], varus moment [N m].
-const TRIALS: [(&str, f64, f64); 4] = [("a", 90.0, -10.0), ("b", 90.0, 10.0), ("c", 60.0, -10.0), ("d", 60.0, 10.0)];
+const TRIALS: [(&str, f64, f64); 6] = [
+    ("a", 90.0, -10.0),
+    ("b", 90.0, 10.0),
+    ("c", 60.0, -10.0),
+    ("d", 60.0, 10.0),
+    ("e", 30.0, -10.0),
+    ("f", 30.0, 10.0),
+];
 
 /// Varus of each trial over the measured one [deg].
 fn off(problem: &Problem, rests: &[Rest]) -> Vec<f64> {
@@ -77,6 +86,35 @@ fn where_a_model_fits_little_rests_count_as_they_are_and_else_as_ever() {
     let as_ever = near.nearer(&[], &x(&near), &[]).unwrap();
     let near = near.with_rests_as_they_are();
     assert!(coordinates(&near.nearer(&[], &x(&near), &[]).unwrap()) == coordinates(&as_ever));
+}
+
+#[test]
+fn what_fits_much_is_led_back_also_where_the_model_as_given_fits_little() {
+    let Some(problem) = problem() else { return };
+    let x = loosened(&problem, -0.7);
+    let led =
+        |problem: &Problem| -> Vec<Six> { problem.nearer(&[], &x, &[]).unwrap().into_iter().map(|r| r.q).collect() };
+    let as_ever = led(&problem);
+    let far = problem.with_far_rests(true);
+    assert!((led(&far)[0] - as_ever[0]).amax() > 0.02, "a trial is left where it ends, some noises away");
+    assert!(led(&far.with_rests_as_they_are()) == as_ever);
+}
+
+#[test]
+fn how_far_from_any_rest_a_trial_was_measured_is_no_scatter() {
+    let scatter = |varus: f64| -> Option<Vec<f64>> {
+        let problem = problem_off(varus)?;
+        let given = vec![0.0; problem.nuisances()];
+        let near = problem.nearer(&[], &given, &[]).unwrap();
+        // nothing rests next to what was measured so far off
+        assert!(varus == 0.0 || near[2..].iter().all(|r| r.miss.norm() > 1000.0));
+        let starts: Vec<Six> = near.iter().map(|r| r.q).collect();
+        let left = remainders(&problem, &starts, 8).unwrap();
+        // 60 and 30 deg: one rest each
+        Some((10..30).map(|r| left[(r, r)].sqrt()).collect())
+    };
+    let (Some(at_rest), Some(off)) = (scatter(0.0), scatter(8.0)) else { return };
+    assert!(at_rest.iter().zip(&off).all(|(a, b)| (a - b).abs() < 0.01 + 0.1 * a), "{at_rest:?} {off:?}");
 }
 
 #[test]
