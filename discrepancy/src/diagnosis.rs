@@ -254,6 +254,7 @@ fn conclude(problem: &Problem, spec: &ModelSpec, options: &DiagnosisOptions) -> 
         is_named,
         wild: wild.log_bayes_factor,
         alone: alone_gain,
+        names: nameable(problem),
         exchanged: exchange.map_or(f64::NEG_INFINITY, |e| e.log_bayes_factor),
         gain,
         closes: closed(&before, &after),
@@ -313,6 +314,13 @@ fn in_place(searcher: &Searcher, search: &Search, best: &Fit) -> Result<(Wildcar
     let near = wildcard(searcher.problem, data, &searcher.stripped(best, &search.readings))?;
     let gains = [far.log_bayes_factor, near.log_evidence - search.base.log_evidence];
     Ok(if gains[1] > gains[0] { (near, gains[1]) } else { (far, gains[0]) })
+}
+
+/// How many effects the data could name.
+fn nameable(problem: &Problem) -> usize {
+    let mut ids: Vec<String> = problem.candidates().into_iter().map(|c| c.effect.id).collect();
+    ids.dedup();
+    ids.len()
 }
 
 /// The exchange with the names of its trials, where it is to be believed.

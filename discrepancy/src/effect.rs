@@ -4,6 +4,7 @@ mod lines;
 mod reading;
 mod tissue;
 
+pub(crate) use lines::pull;
 pub(crate) use reading::turned;
 pub(crate) use tissue::{fibre_pull, moved_fibre};
 

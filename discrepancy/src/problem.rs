@@ -316,12 +316,18 @@ impl Problem {
         if !departs {
             return Cow::Borrowed(trials);
         }
+        let moved = |(t, neutral): (&Trial, Six)| Trial { neutral, ..t.clone() };
+        Cow::Owned(trials.iter().zip(self.neutrals(trials, model)).map(moved).collect())
+    }
+
+    /// Unloaded poses of a model's ligaments, next to those of the trials; where it finds none, those [rad, mm].
+    pub fn neutrals(&self, trials: &[Trial], model: &Model) -> Vec<Six> {
         let plain = Bench { model, effects: &[], place: &self.place };
         let moved = |t: &Trial| {
             let rest = plain.neutral_near(t, &t.neutral);
-            Trial { neutral: if rest.balanced { rest.q } else { t.neutral }, ..t.clone() }
+            if rest.balanced { rest.q } else { t.neutral }
         };
-        Cow::Owned(trials.par_iter().map(moved).collect())
+        trials.par_iter().map(moved).collect()
     }
 
     fn knee(&self, hypothesis: &[Candidate], unknowns: &[f64]) -> Result<Knee<'_>, DiscrepancyError> {

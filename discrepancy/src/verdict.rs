@@ -44,8 +44,9 @@ pub(crate) fn weights<'a>(searcher: &Searcher, search: &'a Search, best: &Fit) -
 const NAMELESS: f64 = 3.0;
 /// The same beside a name [-]: one thing missing in ten is in nobody's catalogue, and 4.5 nats as loud as the data may speak are odds of 20, two to one
 /// for the field.
-const BESIDE: f64 = 4.5;
-/// By how much a field in place of the name must do better than the name does to be the likelier of the two: by those ten to one [-].
+pub(crate) const BESIDE: f64 = 4.5;
+/// By how much a field in place of the name must do better than the name does to be the likelier of the two: by those ten to one [-]. What a field earns is
+/// a mean over all of its kinds; what an answer earns is its own, and each of its effects is one of all that could have been named.
 const AHEAD: f64 = 2.3;
 /// Log Bayes factor of the field beside a name from which the name is no longer the likelier of the two; a decisive one must be [-]. By as much in the mean
 /// of both scatters a rival takes the place of the best.
@@ -80,6 +81,8 @@ pub(crate) struct Candidature<'a> {
     pub wild: f64,
     /// Log Bayes factor of a nameless field without it, against nothing missing [-].
     pub alone: f64,
+    /// Effects that could be named [-].
+    pub names: usize,
     /// Log Bayes factor of two trials exchanged beside it [-].
     pub exchanged: f64,
     /// Its gain of the held-out log score [-].
@@ -103,6 +106,8 @@ struct Grounds {
     wild: f64,
     /// Log Bayes factor of a nameless field without it, against nothing missing [-].
     alone: f64,
+    /// What its effects were chosen among [nats].
+    choice: f64,
     /// Log Bayes factor of two trials exchanged beside it [-].
     exchanged: f64,
     /// Its gain of the held-out log score [-].
@@ -142,6 +147,7 @@ impl Grounds {
             form: left_by_form(&of.believed.hypothesis, sizes, evidence),
             wild: of.wild,
             alone: of.alone,
+            choice: of.believed.hypothesis.len() as f64 * (of.names.max(1) as f64).ln(),
             exchanged: of.exchanged,
             gain: of.gain,
             closes: of.closes,
@@ -159,7 +165,8 @@ impl Grounds {
         }
         // two records mixed up beside a name leave it its name; a name that has earned less than they would is owed to them
         let mixed = self.exchanged > MIXED_UP.max(self.evidence);
-        let nameless = self.wild > BESIDE.max(self.form) || self.alone - self.evidence > AHEAD.max(self.form);
+        let in_place = self.alone - self.evidence > AHEAD.max(self.form) - self.choice;
+        let nameless = self.wild > BESIDE.max(self.form) || in_place;
         nameless || mixed || deviations > POOR && self.closes < NEARLY
     }
 
@@ -253,6 +260,7 @@ mod tests {
         form: 0.0,
         wild: 0.0,
         alone: 0.0,
+        choice: 0.0,
         exchanged: f64::NEG_INFINITY,
         gain: 50.0,
         closes: 0.9,
@@ -329,6 +337,17 @@ mod tests {
         assert_ne!(judged(Grounds { excess: 30.0, ..standing_in }), Verdict::Unnamed);
         // without the field nothing is outside the catalogue
         assert_ne!(judge(&beside, false, || true), Verdict::Unnamed);
+    }
+
+    #[test]
+    fn what_a_name_was_chosen_among_counts_as_what_a_field_was_chosen_among_does() {
+        // one of 25 names; a field's kinds are in its mean already
+        let one = Grounds { choice: 25f64.ln(), ..CLEAN };
+        assert_eq!(judged(Grounds { alone: 58.9, ..one }), Verdict::Decisive);
+        assert_eq!(judged(Grounds { alone: 59.3, ..one }), Verdict::Unnamed);
+        // two names are a choice among as many pairs
+        let two = Grounds { choice: 2.0 * 25f64.ln(), ..CLEAN };
+        assert_eq!(judged(Grounds { alone: 56.0, ..two }), Verdict::Unnamed);
     }
 
     #[test]

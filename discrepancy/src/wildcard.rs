@@ -1,7 +1,7 @@
 //! Candidate zero: fields of generalised forces, or of misreadings, of no name, from the same in every trial to smooth in flexion and motion, along the
 //! load or across it; and suspects that are no effects of the catalogue: one-sided stops, forces near extension or in flexion alone, trackers that sway,
-//! bones of another size, cruciates that press on each other. Where they explain what a named effect leaves, or more than it does, the answer is outside
-//! the catalogue.
+//! bones of another size, cruciates that press on each other, pulls along lines of no name. What the catalogue has a name for is not
+//! nameless. Where they explain what a named effect leaves, or more than it does, the answer is outside the catalogue.
 
 mod kinds;
 mod parts;
@@ -40,8 +40,8 @@ pub struct Wildcard {
     pub course: Course,
     /// Where it acts.
     pub scope: Scope,
-    /// Weight of its first component [-].
-    pub amount: f64,
+    /// Weights of its components [-].
+    pub amounts: Vec<f64>,
     /// Its mean: generalised force [N mm, N] or misreading [deg, mm] in the five coordinates of a reading, then misread flexion [deg]; six a trial.
     pub mean: Vec<[f64; 6]>,
 }
@@ -91,11 +91,13 @@ pub fn wildcard(
 ) -> Result<Wildcard, DiscrepancyError> {
     let responses = responses(problem, fit)?;
     let marginal = Marginal::new(fit, readings, covariance)?;
-    let kinds: Vec<Kind> = kinds(problem.sources.len()).into_iter().filter(|k| k.is_felt(problem)).collect();
+    let is_one = |k: &Kind| k.is_felt(problem) && !k.has_a_name(&problem.catalogue);
+    let kinds: Vec<Kind> = kinds(problem.sources.len()).into_iter().filter(is_one).collect();
+    let unloaded = problem.neutrals(&problem.trials, &problem.model_at(&fit.unknowns)?);
     let gains: Vec<[f64; 3]> = kinds
         .par_iter()
         .map(|kind| {
-            let of = parts(problem, fit, kind);
+            let of = parts(problem, (fit, &unloaded), kind);
             Spectrum::new(&marginal, readings, &signature(&of, &responses, kind.is_force)).gains()
         })
         .collect();
@@ -105,7 +107,7 @@ pub fn wildcard(
     let k = (0..flat.len()).max_by(|&a, &b| flat[a].total_cmp(&flat[b])).unwrap_or(0);
     let kind = &kinds[k / SIZES.len()];
     let all = flat.iter().map(|g| (g - flat[k]).exp()).sum::<f64>();
-    let of = parts(problem, fit, kind);
+    let of = parts(problem, (fit, &unloaded), kind);
     let spectrum = Spectrum::new(&marginal, readings, &signature(&of, &responses, kind.is_force));
     let weights = spectrum.weights(SIZES[k % SIZES.len()]);
     let log_bayes_factor = flat[k] + all.ln();
@@ -115,7 +117,7 @@ pub fn wildcard(
         is_force: kind.is_force,
         course: kind.course,
         scope: kind.scope,
-        amount: weights.iter().next().copied().unwrap_or(0.0),
+        amounts: weights.iter().copied().collect(),
         mean: at_trials(&of, &weights, problem.trials.len()),
     })
 }

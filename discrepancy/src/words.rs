@@ -5,6 +5,7 @@ use crate::diagnosis::{Answer, Diagnosis, Named, Verdict};
 use crate::map::Cell;
 use crate::problem::Problem;
 use crate::search::Search;
+use crate::verdict::BESIDE;
 use crate::wildcard::Wildcard;
 use std::fmt::Write;
 
@@ -156,12 +157,17 @@ fn not_enough(problem: &Problem, d: &Diagnosis) -> String {
     let explains = 100.0 * ((before - after) / (before - 1.0)).clamp(0.0, 1.0);
     let best = format!(" The best that it has, {}, would explain {explains:.0} % of the misfit", names.join(" with "));
     if after > 1.1 {
-        format!("{best} and leave {after:.1} times what noise and floor allow: not enough for a name.")
-    } else {
-        format!(
+        return format!("{best} and leave {after:.1} times what noise and floor allow: not enough for a name.");
+    }
+    match (d.wildcard_alone, d.best_log_bayes_factor) {
+        (Some(alone), Some(own)) if d.wildcard <= BESIDE => format!(
+            "{best} with a log Bayes factor of {own:.1}; what has no name explains as much, with {alone:.1}, though it was chosen among more: not enough for \
+             a name."
+        ),
+        _ => format!(
             "{best}, but fields of no name earn a log Bayes factor of {:.1} there: not enough for a name.",
             d.wildcard
-        )
+        ),
     }
 }
 

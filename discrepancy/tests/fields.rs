@@ -65,6 +65,10 @@ fn where_the_name_stands_a_field_that_does_the_same_earns_nearly_as_much() {
     assert_eq!(best.hypothesis[0].effect.id, "joint_compression");
     let searcher = Searcher { problem: &problem, options: &options };
     let stripped = searcher.stripped(best, &search.readings);
+    // what the catalogue has a name for is not nameless
+    let with_names = wildcard(&problem, (&search.readings, &search.covariance), &stripped).unwrap();
+    let mut problem = problem.clone();
+    problem.catalogue = problem.catalogue.without(&["joint_compression"]);
     let near = wildcard(&problem, (&search.readings, &search.covariance), &stripped).unwrap();
     let named = best.log_evidence - search.base.log_evidence;
     let gains = [far.log_bayes_factor, near.log_evidence - search.base.log_evidence];
@@ -73,4 +77,5 @@ fn where_the_name_stands_a_field_that_does_the_same_earns_nearly_as_much() {
     let price = (2.0f64 * 90.0 * 3.0).ln() + 1.0;
     assert!(gains[1] < named && gains[1] > named - price, "{named}, {gains:?}");
     assert!(gains[1] > gains[0] + 2.0, "{named}, {gains:?}");
+    assert!(with_names.log_evidence < near.log_evidence - 1.0, "{} {}", with_names.log_evidence, near.log_evidence);
 }

@@ -21,7 +21,7 @@ pub(super) fn line(here: &Situation, femur: [f64; 3], tibia: [f64; 3]) -> (Line,
 }
 
 /// A pull between two points.
-fn pull(here: &Situation, femur: [f64; 3], tibia: [f64; 3]) -> Six {
+pub(crate) fn pull(here: &Situation, femur: [f64; 3], tibia: [f64; 3]) -> Six {
     -line(here, femur, tibia).0.gradient
 }
 

@@ -1,5 +1,6 @@
 //! Kinds of field: what one follows, in which coordinates, where.
 
+use crate::catalogue::Catalogue;
 use crate::problem::{Problem, Scope};
 use crate::trial::READ;
 
@@ -9,6 +10,12 @@ const FORCES: [f64; 5] = [3000.0, 1000.0, 20.0, 20.0, 40.0];
 const READINGS: [f64; 5] = [2.0, 2.0, 2.0, 2.0, 2.0];
 /// Amplitude of a misread flexion [deg].
 const FLEXION: f64 = 3.0;
+/// Coordinates of a field.
+const VV: usize = 0;
+const IE: usize = 1;
+const ML: usize = 2;
+const AP: usize = 3;
+const SI: usize = 4;
 /// The coordinate of a misread flexion, after the five of a reading.
 pub(super) const BENT: usize = 5;
 /// Loads that count as one: VV, IE [N mm], ML, AP, SI [N].
@@ -52,6 +59,8 @@ pub enum Course {
         /// Of the farthest motion [-].
         from: f64,
     },
+    /// A pull along a line past the knee, toward the far end of the thigh (femur) or of the shank.
+    Pull(Bone),
     /// Nearness to extension (largest there, nothing from [`MIDDLE`] on), or to deep flexion (nothing up to there).
     Near {
         /// Whether to deep flexion.
@@ -69,10 +78,10 @@ pub enum Course {
 }
 
 /// Groups of courses: smooth fields, then suspects.
-const GROUPS: usize = 6;
+const GROUPS: usize = 7;
 
 impl Course {
-    /// Which group it is of: 0 smooth fields; stops, profiles, swaying trackers, larger bones, impinging cruciates.
+    /// Which group it is of: 0 smooth fields; stops, profiles, swaying trackers, larger bones, impinging cruciates, pulls.
     fn group(self) -> usize {
         match self {
             Course::Stop { .. } => 1,
@@ -80,6 +89,7 @@ impl Course {
             Course::Sway(_) => 3,
             Course::Larger { .. } => 4,
             Course::Impinging(_) => 5,
+            Course::Pull(_) => 6,
             _ => 0,
         }
     }
@@ -106,6 +116,21 @@ impl Kind {
         let loaded = |d: usize| problem.trials.iter().any(|t| self.scope.covers(t.source) && t.load[READ[d]] != 0.0);
         axis.is_none_or(loaded)
     }
+
+    /// Whether an effect of the catalogue does just this: what has a name there is not nameless.
+    pub(super) fn has_a_name(&self, catalogue: &Catalogue) -> bool {
+        let name = match (self.is_force, self.course, self.only) {
+            (true, Course::Constant, Some(IE | AP)) => "load_bias",
+            (true, Course::Constant, Some(SI)) => "joint_compression",
+            (true, Course::Across(AP), Some(IE)) => "load_misalign",
+            (false, Course::Constant, Some(VV | IE)) => "tibia_frame",
+            (false, Course::Constant, Some(ML | AP | SI)) => "origin_shift",
+            (false, Course::Constant, Some(BENT)) => "flexion_offset",
+            (false, Course::Load, Some(VV | IE | AP)) => "apparatus_compliance",
+            _ => return false,
+        };
+        catalogue.effect.iter().any(|e| e.id == name)
+    }
 }
 
 /// Size of a field in coordinate `c`: force [N mm, N] or misreading [deg, mm].
@@ -119,7 +144,7 @@ pub(super) fn amplitude(is_force: bool, c: usize) -> f64 {
 
 /// All kinds of field; [`shares`] tells how likely each is.
 pub(super) fn kinds(sources: usize) -> Vec<Kind> {
-    use Course::{Across, Constant, Flexion, Impinging, Larger, Load, Motion, Near, Scale, Stop, Sway};
+    use Course::{Across, Constant, Flexion, Impinging, Larger, Load, Motion, Near, Pull, Scale, Stop, Sway};
     let scopes: Vec<Scope> =
         std::iter::once(Scope::Both).chain((0..if sources > 1 { sources } else { 0 }).map(Scope::Only)).collect();
     let mut shapes: Vec<(bool, Course, Option<usize>)> = Vec::new();
@@ -137,6 +162,7 @@ pub(super) fn kinds(sources: usize) -> Vec<Kind> {
     }
     shapes.extend((0..5).flat_map(|c| [false, true].map(|bent| (true, Near { bent }, Some(c)))));
     shapes.extend([Bone::Femur, Bone::Tibia].map(|bone| (false, Sway(bone), None)));
+    shapes.extend([Bone::Femur, Bone::Tibia].map(|bone| (true, Pull(bone), None)));
     let kind = |scope: Scope, (is_force, course, only)| Kind { is_force, course, scope, only };
     let mut out: Vec<Kind> =
         scopes.iter().flat_map(|&scope| shapes.iter().map(move |&shape| kind(scope, shape))).collect();
@@ -171,11 +197,27 @@ mod tests {
     fn fields_act_in_all_data_sets_or_in_one_and_misreadings_follow_no_motion() {
         let two = kinds(2);
         // eight courses in one coordinate or all five, misread flexion two ways, loads across: twenty pairs, as forces and as misreadings; two stops
-        // each way and two ends of flexion in each coordinate; two bones whose tracker sways; larger bones two ways, cruciates of three sizes
-        assert_eq!(two.len(), 3 * (8 * 6 + 2 + 2 * 20 + 4 * 5 + 2 * 5 + 2) + 2 + 3);
+        // each way and two ends of flexion in each coordinate; two bones whose tracker sways, two along which something pulls; larger bones two ways,
+        // cruciates of three sizes
+        assert_eq!(two.len(), 3 * (8 * 6 + 2 + 2 * 20 + 4 * 5 + 2 * 5 + 2 + 2) + 2 + 3);
         assert!((shares(&two).iter().sum::<f64>() - 1.0).abs() < 1e-9);
         assert!(two.iter().all(|k| k.is_force || k.course != Course::Motion));
         assert!(two.iter().all(|k| k.only != Some(BENT) || !k.is_force));
         assert!(kinds(1).iter().all(|k| k.scope == Scope::Both));
+    }
+
+    #[test]
+    fn what_the_catalogue_has_a_name_for_is_not_nameless() {
+        let all = kinds(1);
+        let named = |catalogue: &Catalogue| all.iter().filter(|k| k.has_a_name(catalogue)).count();
+        let shipped = Catalogue::shipped();
+        // constant loads of three axes, one load across, six constant misreadings, three in proportion to the load
+        assert_eq!(named(&shipped), 3 + 1 + 6 + 3);
+        for (struck, kinds) in [("load_bias", 2), ("joint_compression", 1), ("load_misalign", 1), ("tibia_frame", 2)] {
+            assert_eq!(named(&shipped.without(&[struck])), 13 - kinds, "{struck}");
+        }
+        for (struck, kinds) in [("origin_shift", 3), ("flexion_offset", 1), ("apparatus_compliance", 3), ("itb", 0)] {
+            assert_eq!(named(&shipped.without(&[struck])), 13 - kinds, "{struck}");
+        }
     }
 }

@@ -1,12 +1,12 @@
 //! Components of a field: its value in every trial.
 
 use super::kinds::{BENT, Bone, Course, Kind, LOADS, MIDDLE, amplitude};
-use super::suspects::{acting, impinging, larger, swayed};
+use super::suspects::{acting, impinging, larger, pulls, swayed};
 use crate::fit::Fit;
 use crate::problem::Problem;
 use crate::trial::{PER_UNIT, READ};
 use nalgebra::DMatrix;
-use sim::joint::FE;
+use sim::joint::{FE, Six};
 
 /// Over which flexion [rad] and over which motion (rotations [rad], translations [mm]) the field changes.
 const RANGES: (f64, [f64; 5]) = (0.52, [0.05, 0.17, 4.0, 5.0, 4.0]);
@@ -16,18 +16,20 @@ const SMALL: f64 = 1e-4;
 /// A component: its value in every trial, in the five coordinates of a reading and misread flexion [N mm, N, or deg, mm].
 pub(super) type Part = Vec<[f64; 6]>;
 
-/// Independent components of a field of amplitude 1; none where the model has nothing of what it is about.
-pub(super) fn parts(problem: &Problem, fit: &Fit, kind: &Kind) -> Vec<Part> {
+/// Independent components of a field of amplitude 1 about a fit, whose ligaments leave the knee at the poses `unloaded`; none where the model has nothing of
+/// what it is about.
+pub(super) fn parts(problem: &Problem, (fit, unloaded): (&Fit, &[Six]), kind: &Kind) -> Vec<Part> {
     match kind.course {
-        Course::Larger { apart } => acting(problem, fit, kind, &|here| larger(here, apart)),
-        Course::Impinging(from) => acting(problem, fit, kind, &|here| impinging(here, from)),
+        Course::Larger { apart } => acting(problem, fit, kind, &|here| vec![larger(here, apart)]),
+        Course::Impinging(from) => acting(problem, fit, kind, &|here| vec![impinging(here, from)]),
+        Course::Pull(bone) => acting(problem, fit, kind, &|here| pulls(here, bone).to_vec()),
         Course::Sway(bone) => sways(problem, fit, kind, bone),
-        _ => kind.only.map_or(0..5, |c| c..c + 1).flat_map(|c| along(problem, fit, kind, c)).collect(),
+        _ => kind.only.map_or(0..5, |c| c..c + 1).flat_map(|c| along(problem, (fit, unloaded), kind, c)).collect(),
     }
 }
 
 /// Those in coordinate `c`.
-fn along(problem: &Problem, fit: &Fit, kind: &Kind, c: usize) -> Vec<Part> {
+fn along(problem: &Problem, (fit, unloaded): (&Fit, &[Six]), kind: &Kind, c: usize) -> Vec<Part> {
     let n = problem.trials.len();
     let acts = |i: usize| kind.scope.covers(problem.trials[i].source);
     let amplitude = amplitude(kind.is_force, c);
@@ -36,7 +38,7 @@ fn along(problem: &Problem, fit: &Fit, kind: &Kind, c: usize) -> Vec<Part> {
         (0..n).map(|i| std::array::from_fn(|k| if k == c { at(i) } else { 0.0 })).collect()
     };
     let load = |i: usize, d: usize| problem.trials[i].load[READ[d]] / LOADS[d];
-    let moved = |i: usize| fit.linear.rests[i].q[READ[c]] - problem.trials[i].neutral[READ[c]];
+    let moved = |i: usize| fit.linear.rests[i].q[READ[c]] - unloaded[i][READ[c]];
     match kind.course {
         Course::Constant => vec![column(&|_| 1.0)],
         Course::Load => vec![column(&|i| load(i, c))],
@@ -63,7 +65,7 @@ fn along(problem: &Problem, fit: &Fit, kind: &Kind, c: usize) -> Vec<Part> {
             let pairs = eigen.eigenvalues.iter().zip(eigen.eigenvectors.column_iter()).filter(|(v, _)| **v > least);
             pairs.map(|(value, vector)| column(&|i| value.sqrt() * vector[i])).collect()
         }
-        Course::Sway(_) | Course::Larger { .. } | Course::Impinging(_) => vec![],
+        Course::Sway(_) | Course::Larger { .. } | Course::Impinging(_) | Course::Pull(_) => vec![],
     }
 }
 

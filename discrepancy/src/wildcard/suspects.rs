@@ -1,8 +1,9 @@
-//! Suspects that are no effects of the catalogue: bones of another size than in the CT, cruciates that press on each other, trackers that sway with the load.
+//! Suspects that are no effects of the catalogue: bones of another size than in the CT, cruciates that press on each other, trackers that sway with the load,
+//! pulls along lines of no name.
 
 use super::kinds::{Bone, Kind, LOADS};
 use super::parts::Part;
-use crate::effect::{Situation, fibre_pull, turned};
+use crate::effect::{Situation, fibre_pull, pull, turned};
 use crate::fit::Fit;
 use crate::problem::Problem;
 use crate::trial::READ;
@@ -16,26 +17,29 @@ use sim::ligament::Fibre;
 pub const SHARE: f64 = 0.02;
 /// Turn of a swaying frame under a load that counts as one [deg].
 pub const SWAY: f64 = 2.0;
+/// A pull along a line of no name [N], and how far from the middle its line may pass [mm].
+pub(super) const PULL: f64 = 60.0;
+pub(super) const BESIDE: f64 = 25.0;
 /// Stiffness of cruciates that press on each other [N/mm].
 const CORD: f64 = 30.0;
 
-/// The generalised force of a suspect in the trials of a fit where it acts.
+/// The generalised forces of a suspect, a component each, in the trials of a fit where it acts.
 pub(super) fn acting(
     problem: &Problem,
     fit: &Fit,
     kind: &Kind,
-    force: &(dyn Fn(&Situation) -> Six + Sync),
+    forces: &(dyn Fn(&Situation) -> Vec<Six> + Sync),
 ) -> Vec<Part> {
     // a fit whose model cannot be made has been told of before its fields are asked for
     let Ok(model) = problem.model_at(&fit.unknowns) else { return vec![] };
-    let at = |(trial, rest): (&crate::trial::Trial, &crate::equilibrium::Rest)| -> [f64; 6] {
-        if !kind.scope.covers(trial.source) {
-            return [0.0; 6];
-        }
-        let force = force(&problem.place.situation(&model, trial, &trial.load, &rest.q));
-        std::array::from_fn(|c| READ.get(c).map_or(0.0, |&j| force[j]))
+    let at = |(trial, rest): (&crate::trial::Trial, &crate::equilibrium::Rest)| -> Vec<[f64; 6]> {
+        let acts = if kind.scope.covers(trial.source) { 1.0 } else { 0.0 };
+        let forces = forces(&problem.place.situation(&model, trial, &trial.load, &rest.q));
+        forces.iter().map(|f| std::array::from_fn(|c| READ.get(c).map_or(0.0, |&j| acts * f[j]))).collect()
     };
-    vec![problem.trials.par_iter().zip(&fit.linear.rests).map(at).collect()]
+    let each: Vec<Vec<[f64; 6]>> = problem.trials.par_iter().zip(&fit.linear.rests).map(at).collect();
+    let components = each.first().map_or(0, Vec::len);
+    (0..components).map(|k| each.iter().map(|forces| forces[k]).collect()).collect()
 }
 
 /// What bones larger by [`SHARE`] would add to the generalised force [N mm, N]: ends of fibres and surfaces grow about the frames' origins; reference
@@ -76,6 +80,18 @@ pub fn swayed(gs: &Six, load: &Six, bone: Bone) -> [Six; 3] {
     let mut flexed = Six::zeros();
     flexed[FE] = 1.0;
     [by(&|x| turned(gs, x, 0.0, is_femur)), by(&|x| turned(gs, 0.0, x, is_femur)), by(&|x| gs + flexed * x)]
+}
+
+/// The generalised force [N mm, N] of a pull of [`PULL`] along a line of no name past the knee: from the tibia toward the far end of the thigh (`bone` femur),
+/// or from the femur toward the far end of the shank; through the middle, and what [`BESIDE`] medially and anteriorly make of it.
+pub fn pulls(here: &Situation, bone: Bone) -> [Six; 3] {
+    let along = |medial: f64, anterior: f64| match bone {
+        Bone::Femur => pull(here, [medial, anterior - 15.0, 350.0], [medial, anterior, -25.0]),
+        Bone::Tibia => pull(here, [medial, anterior - 15.0, 10.0], [medial, anterior - 30.0, -370.0]),
+    };
+    let middle = along(0.0, 0.0) * PULL;
+    let beside = |medial: f64, anterior: f64| (along(medial, anterior) - along(-medial, -anterior)) * (0.5 * PULL);
+    [middle, beside(BESIDE, 0.0), beside(0.0, BESIDE)]
 }
 
 /// What cruciates would add to the generalised force [N mm, N] that press on each other where their lines are nearer than `from` [mm].

@@ -2,7 +2,7 @@
 
 use super::Wildcard;
 use super::kinds::{BENT, Bone, Course, LOADS, amplitude};
-use super::suspects::SHARE;
+use super::suspects::{BESIDE, PULL, SHARE};
 use crate::problem::{Problem, Scope};
 use crate::trial::READ;
 
@@ -47,6 +47,10 @@ impl Wildcard {
                 let stops = format!("{start}: up to {most} beyond {share:.0} % of the farthest motion the {way} way");
                 (stops, "look for what the knee or the apparatus runs against")
             }
+            Course::Pull(bone) => {
+                let pulled = format!("It acts as if something of no name {} {place}", self.pull(bone));
+                (pulled, "look for a strap, a cable or a tissue along such a line, and let it go")
+            }
             Course::Near { bent: false } => (
                 format!("{start}: {most} at extension, nothing beyond 45 deg"),
                 "move the detached knee by hand through its last degrees of extension",
@@ -57,7 +61,7 @@ impl Wildcard {
             ),
             Course::Larger { apart } => {
                 let what = if apart { "the scale of the CT were another" } else { "the bones were of another size" };
-                let share = 100.0 * SHARE * self.amount;
+                let share = 100.0 * SHARE * self.amounts[0];
                 let larger = format!("It acts as if {what} than the model has it: by {share:+.1} %");
                 (larger, "measure on the specimen a length that the CT shows")
             }
@@ -76,6 +80,19 @@ impl Wildcard {
             _ => return start.to_owned(),
         };
         format!("{what}. To check it, {check}.")
+    }
+
+    /// How a pull pulls, or pushes, and where its line passes.
+    fn pull(&self, bone: Bone) -> String {
+        let [size, medial, anterior] = [0, 1, 2].map(|k| self.amounts.get(k).copied().unwrap_or(0.0));
+        let way = if size < 0.0 { "pushed" } else { "pulled" };
+        let (what, whither) = if bone == Bone::Femur { ("tibia", "thigh") } else { ("femur", "shank") };
+        let passes = [medial, anterior].map(|by| BESIDE * by / size);
+        let force = PULL * size.abs();
+        format!(
+            "{way} the {what} along the {whither} with {force:.0} N, {:+.0} mm medially and {:+.0} mm anteriorly of its middle",
+            passes[0], passes[1]
+        )
     }
 
     /// The value of coordinate `c` that is farthest from nothing, with its unit.
