@@ -175,7 +175,7 @@ fn a_tracker_that_sways_is_told_as_one() {
 fn a_moment_near_extension_is_told_as_one() {
     let Some(problem) = problem() else { return };
     let flexions: Vec<f64> = problem.trials.iter().map(|t| t.flexion.to_degrees()).collect();
-    let home = |i: usize| Six::new(0.0, 0.0, 2500.0 * (1.0 - flexions[i] / 30.0).max(0.0), 0.0, 0.0, 0.0);
+    let home = |i: usize| Six::new(0.0, 0.0, 2500.0 * (1.0 - flexions[i] / 45.0).max(0.0), 0.0, 0.0, 0.0);
     let turned = measured(&problem, &home, &|_, _| Six::zeros());
     let (field, words) = told(&turned);
     assert_eq!(field.course, Course::Near { bent: false }, "{words}");
