@@ -160,7 +160,7 @@ fn not_enough(problem: &Problem, d: &Diagnosis) -> String {
         return format!("{best} and leave {after:.1} times what noise and floor allow: not enough for a name.");
     }
     match (d.wildcard_alone, d.best_log_bayes_factor) {
-        (Some(alone), Some(own)) if d.wildcard <= BESIDE => format!(
+        (Some(alone), Some(own)) if d.wildcard <= BESIDE && d.exchanged.is_none() => format!(
             "{best} with a log Bayes factor of {own:.1}; what has no name explains as much, with {alone:.1}, though it was chosen among more: not enough for \
              a name."
         ),

@@ -61,7 +61,7 @@ impl Wildcard {
             ),
             Course::Larger { apart } => {
                 let what = if apart { "the scale of the CT were another" } else { "the bones were of another size" };
-                let share = 100.0 * SHARE * self.amounts[0];
+                let share = 100.0 * SHARE * self.amounts.first().copied().unwrap_or(0.0);
                 let larger = format!("It acts as if {what} than the model has it: by {share:+.1} %");
                 (larger, "measure on the specimen a length that the CT shows")
             }
