@@ -18,6 +18,7 @@ pub mod levenberg;
 pub mod ligaments;
 pub mod options;
 pub mod passive;
+pub mod plot;
 pub mod posterior;
 pub mod problem;
 pub mod published;
