@@ -53,6 +53,18 @@ fn an_eccentric_load_is_named_sized_added_and_acts_where_it_was_found() {
     let page = text(&out.join("report.html"));
     let words = "Mark the line of the force on the tibia; measure its distance from the shaft's axis.";
     assert!(page.contains(words) && page.contains("with the answer"), "{page}");
+    assert!(page.contains("<svg") && page.contains("What the ligaments carry"));
+    curves_come_nearer(&told);
+    // the component and the model that carries it tell what they were found with
+    let provenance = &told["provenance"];
+    let file = |name: &str| blake3::hash(&common::read(&case.join(format!("{name}.csv")))).to_hex().to_string();
+    assert_eq!(
+        (provenance["data"]["kla"].as_str(), provenance["data"]["rks"].as_str()),
+        (Some(&*file("kla")), Some(&*file("rks")))
+    );
+    assert_eq!(json(&out.join("model.json"))["components"][0]["provenance"], *provenance);
+    assert!(text(&out.join("components/load_misalign-1.toml")).contains(provenance["model"].as_str().unwrap()));
+    assert!(!told["ligament_forces"].as_array().unwrap().is_empty());
     // what was added is felt by the apparatus it belongs to alone
     let poses = |read_as: Option<&str>| {
         let csv = folder.path().join(format!("{}.csv", read_as.unwrap_or("knee")));
@@ -67,6 +79,19 @@ fn an_eccentric_load_is_named_sized_added_and_acts_where_it_was_found() {
     assert_eq!(poses(Some("kla")), knee);
 }
 
+/// Three curves through the worst places, by load, on which the answer is nearer to what was measured than recalibrated ligaments are.
+fn curves_come_nearer(told: &serde_json::Value) {
+    let curves = told["curves"].as_array().unwrap();
+    assert_eq!(curves.len(), 3);
+    for curve in curves {
+        let points = curve["points"].as_array().unwrap();
+        let of = |p: &serde_json::Value, key: &str| p[key].as_f64().unwrap();
+        assert!(points.len() > 1 && points.windows(2).all(|p| of(&p[0], "load") <= of(&p[1], "load")), "{curve}");
+        let miss = |key: &str| points.iter().map(|p| (of(p, key) - of(p, "measured")).powi(2)).sum::<f64>();
+        assert!(miss("with") < 0.5 * miss("without"), "{curve}");
+    }
+}
+
 #[test]
 fn nothing_is_named_where_nothing_is_hidden_whatever_the_number_of_threads() {
     let Some(case) = shared("diagnose", "blind/case_003") else { return };
@@ -79,6 +104,20 @@ fn nothing_is_named_where_nothing_is_hidden_whatever_the_number_of_threads() {
     // friction needs both branches of a load, which these data do not have
     let untested = told["not_testable"].as_array().unwrap();
     assert!(untested.iter().any(|n| n["effect"] == "friction"));
+}
+
+#[test]
+fn every_rival_tells_what_it_gains_itself_on_held_out_trials() {
+    let Some(case) = shared("diagnose", "blind/case_009") else { return };
+    let Some(folder) = deck("diagnose") else { return };
+    let told = json(&diagnose(folder.path(), &case, "rivals", &[]).join("diagnosis.json"));
+    let answers = told["answers"].as_array().unwrap();
+    assert!(answers.len() > 1, "a load bias of 27 N has rivals: {answers:?}");
+    let gains: Vec<f64> = answers.iter().map(|a| a["held_out_gain"].as_f64().unwrap()).collect();
+    for (k, gain) in gains.iter().enumerate() {
+        let own = gains[..k].iter().all(|other| (other - gain).abs() > 1e-6);
+        assert!(own && gain.abs() > 1e-6, "answer {k} of {gains:?}");
+    }
 }
 
 /// A set with the readings of two trials of a file exchanged; recorded loads and flexion stay.

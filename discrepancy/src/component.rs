@@ -10,6 +10,20 @@ use serde::{Deserialize, Serialize};
 use sim::spec::ModelSpec;
 use std::collections::BTreeMap;
 
+/// What an answer was found with: the same model, data, catalogue and program find it again.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Provenance {
+    /// Version of the program.
+    pub program: String,
+    /// Version of the catalogue.
+    pub catalogue: String,
+    /// Digest of the model and its surfaces, before anything was added.
+    pub model: String,
+    /// Digest of each data set's file.
+    pub data: BTreeMap<String, String>,
+}
+
 /// A component (components/NAME-1.toml, and an entry of `components` in model.json).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -31,8 +45,14 @@ pub struct Component {
     pub catalogue: String,
     /// Log Bayes factor of the answer it came with.
     pub log_bayes_factor: f64,
+    /// Share of the gap on held-out trials that the answer closes [-]; components of earlier versions have none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub closed: Option<f64>,
     /// Values.
     pub parameters: BTreeMap<String, Value>,
+    /// What it was found with; components of earlier versions have none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub provenance: Option<Provenance>,
 }
 
 impl Component {
@@ -59,8 +79,8 @@ impl Component {
     }
 }
 
-/// The components of a fit; `temper` as in [`named`].
-pub fn components(problem: &Problem, fit: &Fit, temper: f64, log_bayes_factor: f64) -> Vec<Component> {
+/// The components of a fit that `closed` this share of the held-out gap; `temper` as in [`named`].
+pub fn components(problem: &Problem, fit: &Fit, temper: f64, (log_bayes_factor, closed): (f64, f64)) -> Vec<Component> {
     let kept = fit.hypothesis.iter().map(|c| c.effect.kept.clone());
     named(problem, fit, temper)
         .into_iter()
@@ -74,7 +94,9 @@ pub fn components(problem: &Problem, fit: &Fit, temper: f64, log_bayes_factor: f
             status: "proposed".into(),
             catalogue: problem.catalogue.version.clone(),
             log_bayes_factor,
+            closed: Some(closed),
             parameters,
+            provenance: None,
         })
         .collect()
 }

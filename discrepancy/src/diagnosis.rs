@@ -1,7 +1,9 @@
 //! The diagnosis: where, which, added, shrunk, next; and the verdict in words.
 
+use crate::carried::{Carried, carried};
 use crate::catalogue::Catalogue;
-use crate::component::{Component, augmented, components};
+use crate::component::{Component, Provenance, augmented, components};
+use crate::curves::{Curve, curves};
 use crate::error::DiscrepancyError;
 use crate::exchange::{Exchange, exchange};
 use crate::fit::Fit;
@@ -170,6 +172,9 @@ pub struct Diagnosis {
     pub map_after: Vec<Cell>,
     /// Where predictions of each condition by all others fail, with ligaments recalibrated.
     pub map_left_out: Vec<Cell>,
+    /// Load against displacement where the model disagrees most; answers of earlier versions have none.
+    #[serde(default)]
+    pub curves: Vec<Curve>,
     /// What could not be tested.
     pub not_testable: Vec<NotTestable>,
     /// Effects of the shipped catalogue that were left out of it.
@@ -182,6 +187,9 @@ pub struct Diagnosis {
     pub next_tests: Vec<NextTest>,
     /// What the ligaments had taken up.
     pub ligaments: Vec<Absorbed>,
+    /// What ligaments carry with ligaments alone recalibrated and with the answer, where there is one; answers of earlier versions have none.
+    #[serde(default)]
+    pub ligament_forces: Vec<Carried>,
     /// Log Bayes factor that an answer needs here: what simulated nulls stay below, tempered [-].
     pub threshold: f64,
     /// Log Bayes factor of a smooth nameless field beside the best answer [-].
@@ -199,6 +207,9 @@ pub struct Diagnosis {
     /// Its log Bayes factor against nothing missing [-]; answers of earlier versions have none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub best_log_bayes_factor: Option<f64>,
+    /// What it was found with, where the caller told.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub provenance: Option<Provenance>,
 }
 
 /// The diagnosis with what is needed to add its answer.
@@ -210,6 +221,41 @@ pub struct Outcome {
     pub components: Vec<Component>,
     /// The model with them and the ligaments recalibrated beside them.
     pub model: Option<ModelSpec>,
+}
+
+impl Outcome {
+    /// Adds the first answer, `best`, to the model of `spec`, and what ligaments carry then against `base`; nothing where nothing is named.
+    fn add(
+        &mut self,
+        problem: &Problem,
+        spec: &ModelSpec,
+        [base, best]: [&Fit; 2],
+        temper: f64,
+    ) -> Result<(), DiscrepancyError> {
+        let Some(first) = self.diagnosis.answers.first() else { return Ok(()) };
+        let earned = (first.log_bayes_factor, self.diagnosis.gap.held_out.closed);
+        self.components = components(problem, best, temper, earned);
+        let model = augmented(problem, spec, best, &self.components)?;
+        let knees = [problem.model_at(&base.unknowns)?, problem.model_at(&best.unknowns)?];
+        self.diagnosis.ligament_forces = carried([(&knees[0], spec), (&knees[1], &model)])?;
+        self.model = Some(model);
+        Ok(())
+    }
+
+    /// The same with what it was found with, in the report, the components and the model that carries them.
+    ///
+    /// Errors: none of its own.
+    pub fn with_provenance(mut self, provenance: &Provenance) -> Result<Outcome, DiscrepancyError> {
+        self.diagnosis.provenance = Some(provenance.clone());
+        self.components.iter_mut().for_each(|c| c.provenance = Some(provenance.clone()));
+        if let Some(model) = &mut self.model {
+            let first = model.components.len() - self.components.len();
+            for (value, c) in model.components[first..].iter_mut().zip(&self.components) {
+                *value = serde_json::to_value(c).map_err(|e| DiscrepancyError::Component(e.to_string()))?;
+            }
+        }
+        Ok(self)
+    }
 }
 
 /// Diagnoses a model against data.
@@ -247,7 +293,7 @@ fn conclude(problem: &Problem, spec: &ModelSpec, options: &DiagnosisOptions) -> 
     let before = held_out(&searcher, &search, &search.base, options.folds, options.folds)?;
     let after =
         if is_named { held_out(&searcher, &search, best, options.folds, options.folds)? } else { before.clone() };
-    let gain = after.density.iter().sum::<f64>() - before.density.iter().sum::<f64>();
+    let gain = after.gain_over(&before);
     let of = Candidature {
         believed,
         base: &search.base,
@@ -263,7 +309,7 @@ fn conclude(problem: &Problem, spec: &ModelSpec, options: &DiagnosisOptions) -> 
     let answers = if matches!(verdict, Verdict::None | Verdict::Unnamed) {
         vec![]
     } else {
-        answers(problem, &searcher, &search, &rivals, gain)
+        answers(problem, &searcher, &search, &rivals, (&before, gain))?
     };
     let shown = if answers.is_empty() { &search.base } else { best };
     let shrunk = if answers.is_empty() { &before } else { &after };
@@ -271,21 +317,25 @@ fn conclude(problem: &Problem, spec: &ModelSpec, options: &DiagnosisOptions) -> 
     let threshold = search.threshold * temper(&searcher, best);
     let missable = if verdict == Verdict::None { missable(problem, &search, threshold)? } else { vec![] };
     let rival_fits: Vec<(&Fit, f64)> = rivals.iter().map(|(f, w)| (*f, *w)).collect();
-    let mut diagnosis = Diagnosis {
+    let residuals = map(problem, &search, &search.base)?;
+    let drawn = curves(problem, &residuals, &search.given, &search.base, (!answers.is_empty()).then_some(best));
+    let diagnosis = Diagnosis {
         schema: "diagnosis/1".into(),
         verdict,
         answers,
         description: String::new(),
         added: vec![],
         gap: GapReport { held_out: gap(&before, shrunk), control },
-        map: map(problem, &search, &search.base)?,
+        map: residuals,
         map_after: map(problem, &search, shown)?,
         map_left_out: map_left_out(problem, &search, &search.base)?,
+        curves: drawn,
         not_testable: not_testable(problem),
         without: left_out(&problem.catalogue),
         missable,
         next_tests: next_tests(problem, &rival_fits)?,
         ligaments: absorbed(problem, &search.base, shown),
+        ligament_forces: vec![],
         threshold,
         wildcard: wild.log_bayes_factor,
         wildcard_alone: Some(alone_gain),
@@ -293,15 +343,13 @@ fn conclude(problem: &Problem, spec: &ModelSpec, options: &DiagnosisOptions) -> 
         misfit: [&search.base, best].map(|f| searcher.total(f) / f.residual.len() as f64),
         best: named(problem, best, temper(&searcher, believed)),
         best_log_bayes_factor: Some(searcher.gain(best, &search.base)),
+        provenance: None,
     };
+    let mut outcome = Outcome { diagnosis, components: vec![], model: None };
+    outcome.add(problem, spec, [&search.base, best], temper(&searcher, best))?;
     // what is told in words is all that is missing, not what the best answer leaves
     let told = if verdict == Verdict::Unnamed { alone } else { wild };
-    diagnosis.description = crate::words::description(problem, &diagnosis, &told, &search);
-    let mut outcome = Outcome { diagnosis, components: vec![], model: None };
-    if let Some(first) = outcome.diagnosis.answers.first() {
-        outcome.components = components(problem, best, temper(&searcher, best), first.log_bayes_factor);
-        outcome.model = Some(augmented(problem, spec, best, &outcome.components)?);
-    }
+    outcome.diagnosis.description = crate::words::description(problem, &outcome.diagnosis, &told, &search);
     Ok(outcome)
 }
 
@@ -342,8 +390,16 @@ fn is_believed(searcher: &Searcher, search: &Search, best: &Fit) -> bool {
     searcher.gain(best, &search.base) >= search.threshold * temper(searcher, best)
 }
 
-/// The smallest set of answers with 95 % of the belief.
-fn answers(problem: &Problem, searcher: &Searcher, search: &Search, rivals: &[(&Fit, f64)], gain: f64) -> Vec<Answer> {
+/// The smallest set of answers with 95 % of the belief; the first gains `gain` over `before` on held-out trials, what the others gain is found here.
+///
+/// Errors: a model that cannot be evaluated.
+fn answers(
+    problem: &Problem,
+    searcher: &Searcher,
+    search: &Search,
+    rivals: &[(&Fit, f64)],
+    (before, gain): (&HeldOut, f64),
+) -> Result<Vec<Answer>, DiscrepancyError> {
     let mut out = Vec::new();
     let mut sum = 0.0;
     for (k, (fit, weight)) in by_names(rivals).into_iter().enumerate() {
@@ -353,14 +409,17 @@ fn answers(problem: &Problem, searcher: &Searcher, search: &Search, rivals: &[(&
             break;
         }
         sum += weight;
+        let folds = searcher.options.folds;
+        let held_out_gain =
+            if k == 0 { gain } else { held_out(searcher, search, fit, folds, folds)?.gain_over(before) };
         out.push(Answer {
             effects: named(problem, fit, temper(searcher, fit)),
             weight,
             log_bayes_factor: searcher.gain(fit, &search.base),
-            held_out_gain: if k == 0 { gain } else { 0.0 },
+            held_out_gain,
         });
     }
-    out
+    Ok(out)
 }
 
 /// The effects of a fit with their sizes, as sure as data that speak `temper` times less loud make them.

@@ -22,6 +22,13 @@ pub struct HeldOut {
     pub rmse: [f64; 5],
 }
 
+impl HeldOut {
+    /// Gain of the log predictive density over another fit of the same folds.
+    pub fn gain_over(&self, other: &HeldOut) -> f64 {
+        self.density.iter().sum::<f64>() - other.density.iter().sum::<f64>()
+    }
+}
+
 /// Scores of a fit, over `folds` folds of conditions; `which` are the folds used.
 ///
 /// Errors: a model that cannot be evaluated.

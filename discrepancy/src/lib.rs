@@ -3,9 +3,11 @@
 //! Pure: values in, values out. The method is told in docs/discrepancy.md.
 
 pub mod atlas;
+pub mod carried;
 pub mod catalogue;
 pub mod component;
 pub mod covariance;
+pub mod curves;
 pub mod diagnosis;
 pub mod effect;
 pub mod equilibrium;

@@ -1,5 +1,6 @@
 //! The page: one self-contained file that opens offline.
 
+use crate::carried::Carried;
 use crate::catalogue::Catalogue;
 use crate::diagnosis::{Diagnosis, Named, Verdict};
 use crate::map::Cell;
@@ -26,7 +27,9 @@ pub fn page(model: &str, d: &Diagnosis) -> String {
     meanings(&mut out, d);
     maps(&mut out, d);
     bars(&mut out, d);
+    curves(&mut out, d);
     ligaments(&mut out, d);
+    forces(&mut out, d);
     next(&mut out, d);
     missed(&mut out, d);
     out += "<h2>What could not be tested</h2><ul>";
@@ -35,10 +38,27 @@ pub fn page(model: &str, d: &Diagnosis) -> String {
     }
     let _ = write!(
         out,
-        "</ul><p class=\"note\">An effect was named from a log Bayes factor of {:.1} on (what 95 % of simulated data without an effect stay below, and half as much again or more, since the scatter itself is known no better). Fields of no name (forces or misreadings: constant, by flexion, by motion, by load) beside the answer, or beside nothing where nothing is named: log Bayes factor {:.1}. M and L effects belong to the apparatus and are left out of predictions about the joint; T belongs to the specimen; U to the session.</p></body></html>",
-        d.threshold, d.wildcard
+        "</ul>{}<p class=\"note\">An effect was named from a log Bayes factor of {:.1} on (what 95 % of simulated data without an effect stay below, and half as much again or more, since the scatter itself is known no better). Fields of no name (forces or misreadings: constant, by flexion, by motion, by load) beside the answer, or beside nothing where nothing is named: log Bayes factor {:.1}. M and L effects belong to the apparatus and are left out of predictions about the joint; T belongs to the specimen; U to the session.</p></body></html>",
+        provenance(d),
+        d.threshold,
+        d.wildcard
     );
     out
+}
+
+/// What the page was made from, for whoever wants the same bytes again.
+fn provenance(d: &Diagnosis) -> String {
+    let Some(p) = &d.provenance else { return String::new() };
+    let mut out = format!(
+        "<h2>What this was found with</h2><table class=\"words\"><tr><td>program</td><td>{}</td></tr><tr><td>catalogue</td><td>{}</td></tr><tr><td>model</td><td>{}</td></tr>",
+        escape(&p.program),
+        escape(&p.catalogue),
+        escape(&p.model)
+    );
+    for (name, digest) in &p.data {
+        let _ = write!(out, "<tr><td>data: {}</td><td>{}</td></tr>", escape(name), escape(digest));
+    }
+    out + "</table><p class=\"note\">Digests are BLAKE3, of the model with its surfaces and of each data file.</p>"
 }
 
 fn escape(text: &str) -> String {
@@ -174,6 +194,48 @@ fn bars(out: &mut String, d: &Diagnosis) {
         let _ = write!(out, " As a control, {} closes {:.0} %.", escape(&c.effect), 100.0 * c.closed);
     }
     *out += "</p>";
+}
+
+/// The worst places as curves.
+fn curves(out: &mut String, d: &Diagnosis) {
+    let picture = crate::curves::picture(&d.curves);
+    if !picture.is_empty() {
+        *out += "<h2>Load and displacement where the model disagrees most</h2><p class=\"note\">Bars: one standard deviation of the measurement. Signs: valgus, external, lateral, anterior, superior of the tibia.</p>";
+        *out += &picture;
+    }
+}
+
+/// What each ligament carries in each test: before and after.
+fn forces(out: &mut String, d: &Diagnosis) {
+    if d.ligament_forces.is_empty() {
+        return;
+    }
+    let mut tests: Vec<&str> = Vec::new();
+    let mut rows: BTreeMap<&str, BTreeMap<&str, &Carried>> = BTreeMap::new();
+    for c in &d.ligament_forces {
+        if !tests.contains(&c.test.as_str()) {
+            tests.push(&c.test);
+        }
+        rows.entry(&c.ligament).or_default().insert(&c.test, c);
+    }
+    *out += "<h2>What the ligaments carry [N]: recalibrated, with the answer</h2><p class=\"note\">Under 20 N of compression, without friction. Effects of the specimen and of the session act here, those of an apparatus do not. Below 5 N left out.</p><table><tr><th>ligament</th>";
+    for test in &tests {
+        let _ = write!(out, "<th colspan=\"2\">{}</th>", escape(test));
+    }
+    *out += "</tr>";
+    for (ligament, by) in &rows {
+        let _ = write!(out, "<tr><td>{}</td>", escape(ligament));
+        for test in &tests {
+            match by.get(test) {
+                Some(c) => {
+                    let _ = write!(out, "<td>{:.0}</td><td>{:.0}</td>", c.without_n, c.with_n);
+                }
+                None => *out += "<td></td><td></td>",
+            }
+        }
+        *out += "</tr>";
+    }
+    *out += "</table>";
 }
 
 fn ligaments(out: &mut String, d: &Diagnosis) {

@@ -80,6 +80,8 @@ pub struct Search {
     pub readings: Readings,
     /// Their scatter, five a trial, at the best hypothesis.
     pub covariance: DMatrix<f64>,
+    /// Readings of the model as given, five a trial [deg, mm].
+    pub given: Vec<f64>,
     /// Nothing missing.
     pub base: Fit,
     /// Hypotheses refitted, best first by evidence and prior.
@@ -166,7 +168,8 @@ impl Searcher<'_> {
         if rivals.first().is_some_and(is_hopeful) {
             self.weigh_in_own_scatter(&mut rivals, &readings, &start.extra)?;
         }
-        Ok(Search { readings, covariance: cov, base, rivals, threshold, screened })
+        let given = start.zero.linear.value;
+        Ok(Search { readings, covariance: cov, given, base, rivals, threshold, screened })
     }
 
     fn log(&self, fit: &Fit) -> f64 {

@@ -1,5 +1,6 @@
 //! The verdict in sentences for a researcher who has read no manual.
 
+use crate::carried::Carried;
 use crate::catalogue::Catalogue;
 use crate::diagnosis::{Answer, Diagnosis, Named, Verdict};
 use crate::map::Cell;
@@ -53,6 +54,7 @@ pub(crate) fn description(problem: &Problem, d: &Diagnosis, wild: &Wildcard, sea
     out += &set_aside(problem, search);
     out += &worst(&d.map);
     out += &shifts(d);
+    out += &unburdened(d);
     out += " This is a hypothesis to be checked at the bench, not a finding.";
     out
 }
@@ -201,9 +203,27 @@ fn worst(map: &[Cell]) -> String {
     let list: Vec<String> = cells
         .iter()
         .take(3)
-        .map(|c| format!("{} of {} {} at {} deg ({:+.1} sd)", c.dof, c.source, c.test, c.nominal_flexion_deg, c.z))
+        .map(|c| {
+            let load = if c.load_sign == 0 { ", unloaded" } else { "" };
+            format!("{} of {} {} at {} deg{load} ({:+.1} sd)", c.dof, c.source, c.test, c.nominal_flexion_deg, c.z)
+        })
         .collect();
     format!(" With ligaments alone recalibrated the model misses most in {}.", list.join(", "))
+}
+
+/// Change of a ligament's force that is worth a sentence [N].
+const TOLD: f64 = 10.0;
+
+/// The ligament force that the answer changes most.
+fn unburdened(d: &Diagnosis) -> String {
+    let by = |c: &&Carried| (c.with_n - c.without_n).abs();
+    let most = d.ligament_forces.iter().max_by(|a, b| by(a).total_cmp(&by(b))).filter(|c| by(c) >= TOLD);
+    most.map_or(String::new(), |c| {
+        format!(
+            " Under {}, {} carries {:.0} N by the answer, {:.0} N without it.",
+            c.test, c.ligament, c.with_n, c.without_n
+        )
+    })
 }
 
 fn shifts(d: &Diagnosis) -> String {

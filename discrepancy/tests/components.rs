@@ -4,6 +4,7 @@
 mod common;
 
 use common::shared;
+use discrepancy::carried::carried;
 use discrepancy::component::Component;
 use discrepancy::diagnosis::Value;
 use discrepancy::predict::{acting, apply, taken_off};
@@ -32,7 +33,9 @@ fn component(effect: &str, kept: &str, scope: &str, values: &[(&str, f64)]) -> s
         status: "proposed".into(),
         catalogue: "1".into(),
         log_bayes_factor: 10.0,
+        closed: None,
         parameters,
+        provenance: None,
     })
     .unwrap()
 }
@@ -78,4 +81,23 @@ fn what_belongs_to_an_apparatus_stays_with_it() {
         trials().into_iter().map(|trial| TrialResult { trial, pose, forces_n: vec![], flags: vec![] }).collect();
     apply(&model, &spec, Some("kla"), &mut out).unwrap();
     assert!((out[0].pose.ap_mm - pose.ap_mm - 2.0).abs() < 1e-9, "{:?}", out[0].pose);
+}
+
+#[test]
+fn hamstrings_take_load_off_the_acl_and_what_belongs_to_an_apparatus_off_none() {
+    let Some((spec, model)) = deck() else { return };
+    let with = |effect: &str, kept: &str, values: &[(&str, f64)]| {
+        let mut other = spec.clone();
+        other.components = vec![component(effect, kept, "both", values)];
+        carried([(&model, &spec), (&model, &other)]).unwrap()
+    };
+    let pulled = with("ham_tone", "session", &[("med_n", 80.0), ("lat_n", 80.0)]);
+    let acl: Vec<_> = pulled.iter().filter(|c| c.ligament == "ACL" && c.test.contains("forward")).collect();
+    assert_eq!(acl.len(), 3, "{pulled:?}");
+    assert!(acl.iter().all(|c| c.with_n < c.without_n - 20.0), "{acl:?}");
+    for same in
+        [with("load_bias", "apparatus", &[("ap_n", 60.0), ("ie_nm", 0.0)]), carried([(&model, &spec); 2]).unwrap()]
+    {
+        assert!(same.len() > 4 && same.iter().all(|c| c.with_n == c.without_n), "{same:?}");
+    }
 }

@@ -1,9 +1,11 @@
 //! `diagnose`: which effect a model lacks, judged by measured laxity.
 
 use crate::error::BuildError;
+use crate::run_log::hash;
 use crate::{model_file, store};
 use clap::Args;
 use discrepancy::catalogue::Catalogue;
+use discrepancy::component::Provenance;
 use discrepancy::diagnosis::{Outcome, diagnose};
 use discrepancy::search::DiagnosisOptions;
 use discrepancy::trial::Source;
@@ -60,6 +62,7 @@ pub fn run_with(args: &DiagnoseArgs, options: &DiagnosisOptions) -> Result<Strin
     let fault = |e: &dyn std::fmt::Display| BuildError::File(format!("{}: {e}", args.model.display()));
     let model = prepared(&loaded).map_err(|e| fault(&e))?;
     let catalogue = catalogue(&args.without_effect)?;
+    let provenance = provenance(args, &loaded, &catalogue)?;
     if args.atlas {
         let atlas =
             discrepancy::atlas::atlas(&model, &loaded.spec, &sources, &catalogue, options).map_err(|e| fault(&e))?;
@@ -68,10 +71,27 @@ pub fn run_with(args: &DiagnoseArgs, options: &DiagnosisOptions) -> Result<Strin
         store::write_all(&args.out, &[("atlas.json".into(), json), ("atlas.html".into(), page.clone().into_bytes())])?;
         return Ok(text + &discrepancy::atlas::table(&atlas));
     }
-    let outcome = diagnose(&model, &loaded.spec, &sources, &catalogue, options).map_err(|e| fault(&e))?;
+    let outcome = diagnose(&model, &loaded.spec, &sources, &catalogue, options)
+        .and_then(|o| o.with_provenance(&provenance))
+        .map_err(|e| fault(&e))?;
     write(args, &loaded, &outcome)?;
     text += &format!("{}\nLook at {}\n", outcome.diagnosis.description, args.out.join("report.html").display());
     Ok(text)
+}
+
+/// What an answer is found with.
+fn provenance(
+    args: &DiagnoseArgs,
+    loaded: &model_file::LoadedModel,
+    catalogue: &Catalogue,
+) -> Result<Provenance, BuildError> {
+    let digest = |(name, path): &(String, PathBuf)| Ok((name.clone(), hash(&store::read(path)?)));
+    Ok(Provenance {
+        program: env!("CARGO_PKG_VERSION").into(),
+        catalogue: catalogue.version.clone(),
+        model: model_file::digest(loaded),
+        data: args.measured.iter().map(digest).collect::<Result<_, BuildError>>()?,
+    })
 }
 
 /// The model of a file, compiled for a diagnosis.
