@@ -190,13 +190,14 @@ impl Active {
                 out[AP] = -s * v[0] * way(here.load[AP]);
                 out[IE] = -s * v[1] * 1000.0 * way(here.load[IE]);
             }
-            Kind::Quadriceps => out = patellar_tendon(here, v[1]) * v[0],
+            Kind::Quadriceps => out = patellar_tendon(here, v[1], v[2]) * v[0],
             Kind::Hamstrings => out = hamstring(here, true) * v[0] + hamstring(here, false) * v[1],
             Kind::Gastrocnemius => out = gastrocnemius(here) * v[0],
             Kind::Iliotibial => out = iliotibial(here) * v[0],
             Kind::Guarding => {
                 let over = (here.load[AP].abs() - 40.0).max(0.0) * v[0];
-                out = (patellar_tendon(here, 0.0) + hamstring(here, true) * 0.5 + hamstring(here, false) * 0.5) * over;
+                out = (patellar_tendon(here, 0.0, 0.0) + hamstring(here, true) * 0.5 + hamstring(here, false) * 0.5)
+                    * over;
             }
             Kind::Meniscus(about) => out = tissue::meniscus(here, about, v),
             Kind::Capsule(about) => out = tissue::capsule(here, about, v),

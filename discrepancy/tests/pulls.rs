@@ -22,7 +22,7 @@ fn it_pulls_forward_near_extension_backward_in_flexion_and_back_into_the_groove(
     let Some(problem) = problem() else { return };
     let catalogue = Catalogue::shipped();
     let (effect, variant) = catalogue.find("quad_passive").unwrap();
-    let tendon = Active::new(effect, variant, vec![100.0, 0.0]).unwrap();
+    let tendon = Active::new(effect, variant, vec![100.0, 0.0, 0.0]).unwrap();
     for (trial, flexion) in problem.trials.iter().zip(FLEXIONS) {
         let force = |q: &sim::joint::Six| tendon.force(&problem.place.situation(&problem.model, trial, &trial.load, q));
         let at_rest = force(&trial.neutral);
@@ -31,7 +31,7 @@ fn it_pulls_forward_near_extension_backward_in_flexion_and_back_into_the_groove(
         assert!((at_rest[AP] - forward).abs() < 4.0, "{flexion} deg: {} N, {forward} N", at_rest[AP]);
         assert!(at_rest[SI] > 85.0, "{flexion} deg: {} N up", at_rest[SI]);
         // in a knee whose tendon stands 6 deg further forward
-        let other = tendon.with(&[100.0, 6.0]).force(&problem.place.situation(
+        let other = tendon.with(&[100.0, 6.0, 0.0]).force(&problem.place.situation(
             &problem.model,
             trial,
             &trial.load,
@@ -46,6 +46,23 @@ fn it_pulls_forward_near_extension_backward_in_flexion_and_back_into_the_groove(
             let back = (at_rest[k] - force(&moved)[k]) / by;
             assert!(back > 0.5 * stiffness && back < 2.0 * stiffness, "{flexion} deg, coordinate {k}: {back}");
         }
+    }
+}
+
+#[test]
+fn below_the_groove_it_hardly_turns_the_tibia_and_beside_it_to_the_other_side() {
+    let Some(problem) = problem() else { return };
+    let catalogue = Catalogue::shipped();
+    let (effect, variant) = catalogue.find("quad_passive").unwrap();
+    for (trial, flexion) in problem.trials.iter().zip(FLEXIONS) {
+        let turns = |lateral: f64| {
+            let tendon = Active::new(effect, variant, vec![100.0, 0.0, lateral]).unwrap();
+            tendon.force(&problem.place.situation(&problem.model, trial, &trial.load, &trial.neutral))[IE]
+        };
+        let beside = [-8.0, 8.0].map(|lateral| turns(lateral) - turns(0.0));
+        // drawn back to the groove by 8 of 45 mm, at 32 mm in front of the axis: 569 N mm, and the forward part of the pull on a lever of 8 mm
+        assert!(beside[0] * beside[1] < 0.0, "{flexion} deg: {beside:?} N mm");
+        assert!(beside.iter().all(|m| (300.0..1100.0).contains(&m.abs())), "{flexion} deg: {beside:?} N mm");
     }
 }
 

@@ -45,16 +45,19 @@ pub(super) fn iliotibial(here: &Situation) -> Six {
 }
 
 /// The tibial tuberosity, and the length of the tendon from it to the patella's apex [mm].
-const TUBEROSITY: [f64; 3] = [-5.0, 32.0, -30.0];
+const TUBEROSITY: [f64; 3] = [-2.5, 32.0, -30.0];
 const TENDON: f64 = 45.0;
 
 /// The patellar tendon: from the patella, which follows the femur's groove, to the tuberosity. In the unloaded pose it points 20 deg forward of the
-/// tibia's shaft in extension and 8 deg backward of it at 90 deg of flexion [riener1999; defrate2007], and `further` deg more forward in this knee.
-pub(super) fn patellar_tendon(here: &Situation, further: f64) -> Six {
+/// tibia's shaft in extension and 8 deg backward of it at 90 deg of flexion [riener1999; defrate2007], and `further` deg more forward in this knee. The
+/// tuberosity lies lateral of the groove by 11 mm in extension and 0.29 mm less for every degree of flexion [suomalainen2018], 2.5 mm in the mean of 0 to
+/// 90 deg, and `lateral` mm more in this knee: some 5 mm from knee to knee [schoettle2006].
+pub(super) fn patellar_tendon(here: &Situation, further: f64, lateral: f64) -> Six {
     let tibia = &here.place.tibia;
     let angle = (20.0 - 28.0 * here.flexion.to_degrees() / 90.0 + further).to_radians();
     let way = tibia.superior * angle.cos() + tibia.anterior * angle.sin();
-    let tuberosity = point(tibia, TUBEROSITY);
+    let [medial, anterior, superior] = TUBEROSITY;
+    let tuberosity = point(tibia, [medial - lateral, anterior, superior]);
     let mut unloaded = here.trial.neutral;
     unloaded[FE] = here.q[FE];
     let unloaded = here.model.joint.pose(&unloaded).femur;
