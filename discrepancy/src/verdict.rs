@@ -45,6 +45,9 @@ const NAMELESS: f64 = 3.0;
 /// The same beside a name [-]: one thing missing in ten is in nobody's catalogue, and 4.5 nats as loud as the data may speak are odds of 20, two to one
 /// for the field.
 pub(crate) const BESIDE: f64 = 4.5;
+/// Share of what an answer has earned that a field beside it may earn without taking its name [-]: the nearest kin of the catalogue differ by a tenth of what
+/// they explain, of which a field, one among many, finds about half. What earns less is another thing that is missing, too.
+const ANOTHER: f64 = 0.05;
 /// By how much a field in place of the name must do better than the name does to be the likelier of the two: by those ten to one [-]. What a field earns is
 /// a mean over all of its kinds; what an answer earns is its own, and each of its effects is one of all that could have been named.
 const AHEAD: f64 = 2.3;
@@ -102,6 +105,8 @@ struct Grounds {
     is_named: bool,
     /// What it may leave for its form in this knee [nats].
     form: f64,
+    /// Whether its effects are of sizes that somebody would expect.
+    is_expected: bool,
     /// Log Bayes factor of a nameless field beside it [-].
     wild: f64,
     /// Log Bayes factor of a nameless field without it, against nothing missing [-].
@@ -125,12 +130,16 @@ struct Grounds {
 /// expect is no matter of form.
 fn left_by_form(hypothesis: &[Candidate], sizes: &[f64], evidence: f64) -> f64 {
     let [only] = hypothesis else { return 0.0 };
-    let is_expected = sizes.iter().all(|x| x.abs() < BEYOND_BELIEF);
-    if is_expected { only.effect.form_share.powi(2) * evidence } else { 0.0 }
+    if are_expected(sizes) { only.effect.form_share.powi(2) * evidence } else { 0.0 }
 }
 
-/// Whether a field of no name beside an answer takes its name.
-pub(crate) fn takes_the_name(field: f64, fit: &Fit, nuisances: usize, evidence: f64) -> bool {
+/// Whether sizes, in standard deviations of their priors, are such as somebody would expect.
+fn are_expected(sizes: &[f64]) -> bool {
+    sizes.iter().all(|x| x.abs() < BEYOND_BELIEF)
+}
+
+/// Whether a field of no name beside an answer asks for a further effect.
+pub(crate) fn asks_for_more(field: f64, fit: &Fit, nuisances: usize, evidence: f64) -> bool {
     field > BESIDE.max(left_by_form(&fit.hypothesis, &fit.unknowns[nuisances..], evidence))
 }
 
@@ -145,6 +154,7 @@ impl Grounds {
             excess,
             is_named: of.is_named,
             form: left_by_form(&of.believed.hypothesis, sizes, evidence),
+            is_expected: are_expected(sizes),
             wild: of.wild,
             alone: of.alone,
             choice: of.believed.hypothesis.len() as f64 * (of.names.max(1) as f64).ln(),
@@ -166,7 +176,8 @@ impl Grounds {
         // two records mixed up beside a name leave it its name; a name that has earned less than they would is owed to them
         let mixed = self.exchanged > MIXED_UP.max(self.evidence);
         let in_place = self.alone - self.evidence > AHEAD.max(self.form) - self.choice;
-        let nameless = self.wild > BESIDE.max(self.form) || in_place;
+        let another = if self.is_expected { ANOTHER * self.evidence } else { 0.0 };
+        let nameless = self.wild > BESIDE.max(self.form).max(another) || in_place;
         nameless || mixed || deviations > POOR && self.closes < NEARLY
     }
 
@@ -258,6 +269,7 @@ mod tests {
         excess: 0.0,
         is_named: true,
         form: 0.0,
+        is_expected: true,
         wild: 0.0,
         alone: 0.0,
         choice: 0.0,
@@ -337,6 +349,16 @@ mod tests {
         assert_ne!(judged(Grounds { excess: 30.0, ..standing_in }), Verdict::Unnamed);
         // without the field nothing is outside the catalogue
         assert_ne!(judge(&beside, false, || true), Verdict::Unnamed);
+    }
+
+    #[test]
+    fn a_field_that_earns_little_of_what_the_name_does_is_another_thing_that_is_missing() {
+        let strong = Grounds { evidence: 300.0, wild: 12.0, ..CLEAN };
+        assert_eq!(judged(strong), Verdict::Probable);
+        // as much as kin would leave, or beside a size that nobody would expect, it takes the name
+        assert_eq!(judged(Grounds { wild: 16.0, ..strong }), Verdict::Unnamed);
+        assert_eq!(judged(Grounds { is_expected: false, ..strong }), Verdict::Unnamed);
+        assert_eq!(judged(Grounds { evidence: 80.0, wild: 5.0, ..CLEAN }), Verdict::Unnamed);
     }
 
     #[test]

@@ -48,6 +48,13 @@ pub(crate) fn description(problem: &Problem, d: &Diagnosis, wild: &Wildcard, sea
                 g.floor,
                 100.0 * g.closed
             );
+            if d.wildcard > BESIDE {
+                let (what, gain) = (wild.words(problem), d.wildcard);
+                let _ = write!(
+                    out,
+                    " Something else may be missing beside it. {what} That earns a log Bayes factor of {gain:.1}."
+                );
+            }
         }
     }
     out += &mixed_up(d);

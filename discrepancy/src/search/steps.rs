@@ -5,7 +5,7 @@ use crate::covariance::Readings;
 use crate::error::DiscrepancyError;
 use crate::fit::Fit;
 use crate::problem::{Candidate, Linear};
-use crate::verdict::{LIKELIER, takes_the_name};
+use crate::verdict::{LIKELIER, asks_for_more};
 use crate::wildcard::wildcard;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -189,7 +189,7 @@ impl Searcher<'_> {
             return Ok((usual, false));
         }
         let field = wildcard(self.problem, (given.readings, &found.cov), best)?.log_bayes_factor;
-        let is_asked = takes_the_name(field, best, self.problem.nuisances(), evidence);
+        let is_asked = asks_for_more(field, best, self.problem.nuisances(), evidence);
         Ok((if is_asked { usual.min(field) } else { usual }, is_asked))
     }
 
