@@ -13,7 +13,7 @@ use sim::spec::ModelSpec;
 use validation::ligaments::{GROUPS, group_forces};
 
 /// Forces below this in every knee are left out [N].
-const LEAST: f64 = 5.0;
+pub(crate) const LEAST: f64 = 5.0;
 
 /// What a ligament carries in a test.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -30,7 +30,7 @@ pub struct Carried {
 }
 
 /// Ligament forces under the paper's anterior drawers and pivot shift; `knees` are the model with its ligaments recalibrated alone and with the answer,
-/// each with its specification, whose components act as far as they belong to the knee. A test in which either knee finds no rest is left out.
+/// each with its specification, whose components act as in any prediction of the knee alone ([`acting`]): not those of an apparatus or of one data set. A test in which either knee finds no rest is left out.
 ///
 /// Errors: a component that cannot be read.
 pub fn carried(knees: [(&Model, &ModelSpec); 2]) -> Result<Vec<Carried>, DiscrepancyError> {

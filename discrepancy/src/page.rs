@@ -7,6 +7,7 @@ use crate::map::Cell;
 use crate::missable::Missable;
 use crate::words::{sizes, with_unit};
 use sim::laxity::COORDINATES;
+use sim::protocols::ProtocolOptions;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
@@ -218,7 +219,12 @@ fn forces(out: &mut String, d: &Diagnosis) {
         }
         rows.entry(&c.ligament).or_default().insert(&c.test, c);
     }
-    *out += "<h2>What the ligaments carry [N]: recalibrated, with the answer</h2><p class=\"note\">Under 20 N of compression, without friction. Effects of the specimen and of the session act here, those of an apparatus do not. Below 5 N left out.</p><table><tr><th>ligament</th>";
+    let _ = write!(
+        out,
+        "<h2>What the ligaments carry [N]: recalibrated, with the answer</h2><p class=\"note\">Under {:.0} N of compression, without friction. Effects of the specimen and of the session act here where they are in all data sets; those of an apparatus or of one data set alone do not. Below {:.0} N left out.</p><table><tr><th>ligament</th>",
+        ProtocolOptions::default().compression_n,
+        crate::carried::LEAST
+    );
     for test in &tests {
         let _ = write!(out, "<th colspan=\"2\">{}</th>", escape(test));
     }

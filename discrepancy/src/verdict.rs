@@ -47,7 +47,7 @@ const NAMELESS: f64 = 3.0;
 pub(crate) const BESIDE: f64 = 4.5;
 /// Share of what an answer has earned that a field beside it may earn without taking its name [-]: the nearest kin of the catalogue differ by a tenth of what
 /// they explain, of which a field, one among many, finds about half. What earns less is another thing that is missing, too.
-const ANOTHER: f64 = 0.05;
+pub(crate) const ANOTHER: f64 = 0.05;
 /// By how much a field in place of the name must do better than the name does to be the likelier of the two: by those ten to one [-]. What a field earns is
 /// a mean over all of its kinds; what an answer earns is its own, and each of its effects is one of all that could have been named.
 const AHEAD: f64 = 2.3;
