@@ -266,9 +266,13 @@ impl Fit {
     /// Log Bayes factor of the last `count` unknowns against zero by their own distribution alone (Savage and Dickey's ratio [dickey1971]): what is
     /// claimed for an effect whose size is nearly nothing is owed to another valley of the ligaments, not to it.
     pub fn own_evidence(&self, count: usize) -> f64 {
-        let first = self.unknowns.len() - count;
+        self.own_evidence_of(self.unknowns.len() - count, count)
+    }
+
+    /// The same of `count` unknowns from `first` on.
+    pub fn own_evidence_of(&self, first: usize, count: usize) -> f64 {
         let block = self.posterior.view((first, first), (count, count)).into_owned();
-        let size = DVector::from_column_slice(&self.unknowns[first..]);
+        let size = DVector::from_column_slice(&self.unknowns[first..first + count]);
         match Cholesky::new(block) {
             Some(c) => 0.5 * size.dot(&c.solve(&size)) + c.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>(),
             None => 0.0,

@@ -95,6 +95,19 @@ impl Candidate {
     }
 }
 
+/// Each of several candidates with its own of values that stand one candidate's after the other's.
+pub fn sized<'a>(
+    candidates: impl IntoIterator<Item = &'a Candidate>,
+    values: &'a [f64],
+) -> impl Iterator<Item = (&'a Candidate, &'a [f64])> {
+    let mut left = values;
+    candidates.into_iter().map(move |c| {
+        let (own, others) = left.split_at(c.size());
+        left = others;
+        (c, own)
+    })
+}
+
 /// A model, data and a catalogue.
 #[derive(Clone, Debug)]
 pub struct Problem {
@@ -298,14 +311,9 @@ impl Problem {
     pub fn effects_in(&self, source: usize, hypothesis: &[Candidate], unknowns: &[f64]) -> Vec<Active> {
         let mut out: Vec<Active> =
             self.present.iter().filter(|(_, s)| s.covers(source)).map(|(a, _)| a.clone()).collect();
-        let mut at = self.nuisances();
-        for candidate in hypothesis {
-            let values = &unknowns[at..at + candidate.size()];
-            if candidate.scope.covers(source) {
-                out.push(candidate.active(values));
-            }
-            at += candidate.size();
-        }
+        let values = unknowns.get(self.nuisances()..).unwrap_or_default();
+        let acting = sized(hypothesis, values).filter(|(c, _)| c.scope.covers(source));
+        out.extend(acting.map(|(c, values)| c.active(values)));
         out
     }
 

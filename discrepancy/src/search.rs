@@ -1,12 +1,13 @@
 //! The search for what is missing: baseline, screen, joint refits, one effect after another.
 
+mod pairs;
 mod refit;
 mod steps;
 
 use crate::covariance::{Floor, Readings, covariance, normal, remainders};
 use crate::error::DiscrepancyError;
 use crate::fit::{Data, Fit};
-use crate::problem::{Candidate, Problem, Scope};
+use crate::problem::{Candidate, Problem, Scope, sized};
 use crate::robust::Mixture;
 use crate::screen::{Marginal, Score, signatures};
 use nalgebra::{DMatrix, DVector};
@@ -30,7 +31,8 @@ pub struct DiagnosisOptions {
     pub nulls: usize,
     /// Least log Bayes factor of a named effect, whatever the nulls say [-].
     pub least_evidence: f64,
-    /// Least gain of log evidence by a further effect beside others that leave too much, and no less than 3 % of theirs [-]: there a little more is a patch.
+    /// Least gain of log evidence by a further effect beside others that leave too much, and no less than what their form may leave of theirs [-]: there a
+    /// little more is a patch.
     pub least_further: f64,
     /// The same beside others that leave no more than they should [-].
     pub least_beside: f64,
@@ -72,6 +74,8 @@ impl Default for DiagnosisOptions {
 pub const TRIES: usize = 20;
 /// Of a first guess.
 pub(crate) const FEW: usize = 12;
+/// Standard deviation of effects in screens, in units of the catalogue's: their priors have heavy tails.
+const WIDTH: f64 = 2.0;
 
 /// What the search found.
 #[derive(Clone, Debug)]
@@ -92,10 +96,11 @@ pub struct Search {
     pub screened: Vec<(Candidate, f64)>,
 }
 
-/// A candidate in a screen: its log Bayes factor, its place in the list of candidates, its size, and where the ligaments would go beside it.
+/// A candidate in a screen, or two that act together: the log Bayes factor, places in the list of candidates, sizes, and where the ligaments would go beside
+/// them.
 struct Screened {
     gain: f64,
-    candidate: usize,
+    candidates: Vec<usize>,
     size: DVector<f64>,
     beside: DVector<f64>,
 }
@@ -152,12 +157,13 @@ impl Searcher<'_> {
         let start = self.baseline(&readings)?;
         let candidates = self.problem.candidates();
         let (list, threshold) = self.screen(&start.base, &readings, &start.cov, &candidates)?;
-        let screened: Vec<(Candidate, f64)> = list.iter().map(|l| (candidates[l.candidate].clone(), l.gain)).collect();
+        let screened: Vec<(Candidate, f64)> =
+            list.iter().map(|l| (candidates[l.candidates[0]].clone(), l.gain)).collect();
         let given = Given { readings: &readings, candidates: &candidates, extra: &start.extra, threshold };
         let mut found = self.singles(&start, given, &list)?;
         for _ in 1..self.options.most_effects {
             let more;
-            (found, more) = self.another(found, given)?;
+            (found, more) = self.another(&start, found, given)?;
             if !more {
                 break;
             }
@@ -295,16 +301,7 @@ impl Searcher<'_> {
     ) -> Result<(Vec<Screened>, f64), DiscrepancyError> {
         let signatures = signatures(self.problem, at, candidates)?;
         let marginal = Marginal::new(at, readings, cov)?;
-        let sources = self.problem.sources.len();
-        let taken = |c: &Candidate| at.hypothesis.iter().any(|h| h.effect.id == c.effect.id && h.scope == c.scope);
-        let scores: Vec<(usize, Score, f64)> = candidates
-            .iter()
-            .enumerate()
-            .filter(|(k, c)| !taken(c) && self.is_felt(c, &signatures[*k]))
-            .filter_map(|(k, c)| {
-                Some((k, Score::new(&signatures[k], readings, &marginal, 2.0)?, log_prior(c, sources)))
-            })
-            .collect();
+        let scores = self.scores(at, (readings, &marginal), candidates, &signatures);
         // noise alone never makes an effect that is large or nothing
         let large: Vec<&(usize, Score, f64)> =
             scores.iter().filter(|s| candidates[s.0].is_large_enough(&[0.0; 8])).collect();
@@ -324,21 +321,32 @@ impl Searcher<'_> {
             .map(|(k, s, p)| {
                 let size = s.estimate(&marginal.white);
                 let beside = marginal.beside(at, readings, &signatures[*k], &size);
-                Screened { gain: s.log_bayes_factor(&marginal.white) + p, candidate: *k, size, beside }
+                Screened { gain: s.log_bayes_factor(&marginal.white) + p, candidates: vec![*k], size, beside }
             })
             .collect();
         list.sort_by(|a, b| b.gain.total_cmp(&a.gain));
         Ok((list, threshold))
     }
 
+    /// Candidates that a fit has not and that are felt, each with its score and its log prior.
+    fn scores(
+        &self,
+        at: &Fit,
+        (readings, marginal): (&Readings, &Marginal),
+        candidates: &[Candidate],
+        signatures: &[DMatrix<f64>],
+    ) -> Vec<(usize, Score, f64)> {
+        let sources = self.problem.sources.len();
+        let taken = |c: &Candidate| at.hypothesis.iter().any(|h| h.effect.id == c.effect.id && h.scope == c.scope);
+        let open = candidates.iter().enumerate().filter(|(k, c)| !taken(c) && self.is_felt(c, &signatures[*k]));
+        let score = |k: usize| Score::new(&signatures[k], readings, marginal, WIDTH);
+        open.filter_map(|(k, c)| Some((k, score(k)?, log_prior(c, sources)))).collect()
+    }
+
     /// Whether every effect of a fit is as large as its name asks, and no larger than it allows.
     fn deserves_its_names(&self, fit: &Fit) -> bool {
-        let mut at = self.problem.nuisances();
-        fit.hypothesis.iter().all(|c| {
-            let values = &fit.unknowns[at..at + c.size()];
-            at += c.size();
-            c.is_large_enough(values) && c.is_small_enough(values)
-        })
+        let values = &fit.unknowns[self.problem.nuisances()..];
+        sized(&fit.hypothesis, values).all(|(c, of)| c.is_large_enough(of) && c.is_small_enough(of))
     }
 
     /// Whether a candidate of all data sets is felt in each: else it says no more than one of fewer. Anatomy is in all, felt or not.

@@ -4,7 +4,7 @@ use super::{FEW, Screened, Searcher, TRIES};
 use crate::covariance::Readings;
 use crate::error::DiscrepancyError;
 use crate::fit::Fit;
-use crate::problem::{Candidate, Scope};
+use crate::problem::{Candidate, Scope, sized};
 use crate::robust::Mixture;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
@@ -26,6 +26,41 @@ fn lifts(common: &[f64], own: &[f64]) -> Vec<f64> {
     common.iter().zip(own).map(lift).collect()
 }
 
+/// The best of a screen that are as large as their names ask: two scopes or variants of an effect, or of a pair, at most.
+fn proposed<'a>(list: &'a [Screened], candidates: &[Candidate], most: usize) -> Vec<&'a Screened> {
+    let mut chosen: Vec<&Screened> = Vec::new();
+    let ids =
+        |of: &Screened| -> Vec<&str> { of.candidates.iter().map(|k| candidates[*k].effect.id.as_str()).collect() };
+    for item in list {
+        // half the way on a straight line may be the whole on a bent one
+        let doubled: Vec<f64> = item.size.iter().map(|x| 2.0 * x).collect();
+        let of = item.candidates.iter().map(|k| &candidates[*k]);
+        let is_large_enough = sized(of, &doubled).all(|(c, size)| c.is_large_enough(size));
+        if is_large_enough && chosen.iter().filter(|c| ids(c) == ids(item)).count() < 2 {
+            chosen.push(item);
+        }
+        if chosen.len() >= most {
+            break;
+        }
+    }
+    chosen
+}
+
+/// Where a refit of a fit with a proposal starts: its hypothesis and unknowns.
+fn start_with(at: &Fit, item: &Screened, candidates: &[Candidate]) -> (Vec<Candidate>, Vec<f64>) {
+    let mut hypothesis = at.hypothesis.clone();
+    let beside = item.beside.iter().zip(&at.unknowns);
+    let mut start: Vec<f64> = beside.map(|(x, own)| x.clamp(own - 1.5, own + 1.5)).collect();
+    for (candidate, size) in sized(item.candidates.iter().map(|k| &candidates[*k]), item.size.as_slice()) {
+        let nothing = candidate.nothing();
+        let flat = candidate.active(&vec![0.0; nothing.len()]).has_no_slope_at_zero();
+        let size = size.iter().map(|x| x.clamp(if flat { 0.5 } else { -3.0 }, 3.0));
+        start.extend(size.zip(nothing).map(|(x, shape)| x + shape));
+        hypothesis.push(candidate.clone());
+    }
+    (hypothesis, start)
+}
+
 /// A fit's hypothesis and unknowns without its effect `k`.
 fn without(fit: &Fit, k: usize, nuisances: usize) -> (Vec<Candidate>, Vec<f64>) {
     let first = nuisances + fit.hypothesis[..k].iter().map(Candidate::size).sum::<usize>();
@@ -37,7 +72,7 @@ fn without(fit: &Fit, k: usize, nuisances: usize) -> (Vec<Candidate>, Vec<f64>) 
 }
 
 impl Searcher<'_> {
-    /// Joint refits of a fit with the best of the screen: two scopes or variants of an effect at most.
+    /// Joint refits of a fit with the best of a screen.
     pub(super) fn refits(
         &self,
         at: &Fit,
@@ -46,38 +81,14 @@ impl Searcher<'_> {
         (list, most): (&[Screened], usize),
         without: f64,
     ) -> Result<Vec<Fit>, DiscrepancyError> {
-        let mut chosen: Vec<&Screened> = Vec::new();
-        for item in list {
-            let id = &candidates[item.candidate].effect.id;
-            // half the way on a straight line may be the whole on a bent one
-            let doubled: Vec<f64> = item.size.iter().map(|x| 2.0 * x).collect();
-            if !candidates[item.candidate].is_large_enough(&doubled) {
-                continue;
-            }
-            if chosen.iter().filter(|c| candidates[c.candidate].effect.id == *id).count() < 2 {
-                chosen.push(item);
-            }
-            if chosen.len() >= most {
-                break;
-            }
-        }
         let mixture = Mixture::new(readings, readings.block_of(cov), &self.problem.trials)?;
-        let mut fits: Vec<Fit> = chosen
-            .par_iter()
-            .map(|item| {
-                let candidate = &candidates[item.candidate];
-                let mut hypothesis = at.hypothesis.clone();
-                hypothesis.push(candidate.clone());
-                let beside = item.beside.iter().zip(&at.unknowns);
-                let mut start: Vec<f64> = beside.map(|(x, own)| x.clamp(own - 1.5, own + 1.5)).collect();
-                let flat = candidate.active(&vec![0.0; item.size.len()]).has_no_slope_at_zero();
-                let sizes = item.size.iter().map(|x| x.clamp(if flat { 0.5 } else { -3.0 }, 3.0));
-                start.extend(sizes.zip(candidate.nothing()).map(|(x, shape)| x + shape));
-                Ok(self
-                    .fit_to(&hypothesis, &start, &at.coordinates(), (readings, &mixture), FEW)?
-                    .earned(without, candidate.size()))
-            })
-            .collect::<Result<_, DiscrepancyError>>()?;
+        let refit = |item: &&Screened| -> Result<Fit, DiscrepancyError> {
+            let (hypothesis, start) = start_with(at, item, candidates);
+            let fit = self.fit_to(&hypothesis, &start, &at.coordinates(), (readings, &mixture), FEW)?;
+            Ok(fit.earned(without, item.size.len()))
+        };
+        let mut fits: Vec<Fit> =
+            proposed(list, candidates, most).par_iter().map(refit).collect::<Result<_, DiscrepancyError>>()?;
         fits.retain(|f| self.deserves_its_names(f));
         self.sort(&mut fits);
         Ok(fits)

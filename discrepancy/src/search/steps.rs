@@ -30,6 +30,12 @@ fn likelier(in_common: &[f64], in_own: &[f64]) -> Option<usize> {
     mean.filter(|(_, by)| *by > LIKELIER).max_by(|a, b| a.1.total_cmp(&b.1)).map(|(k, _)| k)
 }
 
+/// What the forms of effects, which need not be this knee's, may leave of what they explain [nats]: as much as that whose form may differ most. Frames and
+/// loads have one form.
+fn left_by_forms(hypothesis: &[Candidate], evidence: f64) -> f64 {
+    hypothesis.iter().map(|c| c.effect.form_share).fold(0.0, f64::max).powi(2) * evidence
+}
+
 /// What every step works with.
 #[derive(Clone, Copy)]
 pub(super) struct Given<'a> {
@@ -90,7 +96,7 @@ impl Searcher<'_> {
             let data = (given.readings, &found.cov);
             let (mut list, _) = self.screen(&at, given.readings, &found.cov, given.candidates)?;
             let known = |l: &Screened| {
-                let same = |f: &&Fit| f.hypothesis == std::slice::from_ref(&given.candidates[l.candidate]);
+                let same = |f: &&Fit| f.hypothesis == std::slice::from_ref(&given.candidates[l.candidates[0]]);
                 found.rivals.iter().find(same).is_some_and(|f| self.gain(f, &found.base) > l.gain - OVERTAKEN)
             };
             list.retain(|l| l.gain > (gain - OVERTAKEN).max(0.0) && !known(l));
@@ -143,26 +149,23 @@ impl Searcher<'_> {
         }
     }
 
-    /// One more effect beside the best, and whether one earns its place.
-    pub(super) fn another(&self, found: Found, given: Given) -> Result<(Found, bool), DiscrepancyError> {
-        let data = (given.readings, &found.cov);
+    /// One more effect beside the best, or two in its place, and whether that earns its place.
+    pub(super) fn another(&self, start: &Start, found: Found, given: Given) -> Result<(Found, bool), DiscrepancyError> {
         let Some(best) = found.rivals.first().cloned() else { return Ok((found, false)) };
-        if self.gain(&best, &found.base) < given.threshold {
-            return Ok((found, false));
-        }
-        let (least, is_asked) = self.least_beside(&best, &found, given)?;
-        let (list, _) = self.screen(&best, given.readings, &found.cov, given.candidates)?;
-        if !is_asked && !self.is_poor(&best) && list.first().is_none_or(|l| l.gain < least) {
-            return Ok((found, false));
-        }
-        let fewer = self.options.shortlist.saturating_sub(2).max(1);
-        let mut further = self.refits(&best, data, given.candidates, (&list, fewer), best.log_evidence)?;
-        let near = further.first().unwrap_or(&best);
-        if self.is_poor(near) && self.leaves(near) < HOPELESS[1] {
-            further.extend(self.shaped(&best, data, given.candidates, &[], best.log_evidence)?);
-        }
+        let short = (given.threshold - self.gain(&best, &found.base)).max(0.0);
+        // two effects of which neither alone is worth its name must be worth that of one, and more
+        let (least, is_asked) = if short > 0.0 {
+            (self.options.least_beside + short, false)
+        } else {
+            self.least_beside(&best, &found, given)?
+        };
         let mut more = found.clone();
-        more.rivals.extend(further);
+        if best.hypothesis.len() == 1 && self.leaves(&best) < HOPELESS[1] {
+            more.rivals.extend(self.paired(start, &found, given, least)?);
+        }
+        if short == 0.0 {
+            more.rivals.extend(self.further(&best, &found, given, (least, is_asked))?);
+        }
         self.sort(&mut more.rivals);
         if self.log(&more.rivals[0]) < self.log(&best) + least {
             return Ok((found, false));
@@ -178,13 +181,35 @@ impl Searcher<'_> {
         Ok((Found { base, rivals, cov }, false))
     }
 
+    /// The best with one more effect each, where the screen beside it promises `least`, much is left, or fields ask for one.
+    fn further(
+        &self,
+        best: &Fit,
+        found: &Found,
+        given: Given,
+        (least, is_asked): (f64, bool),
+    ) -> Result<Vec<Fit>, DiscrepancyError> {
+        let data = (given.readings, &found.cov);
+        let (list, _) = self.screen(best, given.readings, &found.cov, given.candidates)?;
+        if !is_asked && !self.is_poor(best) && list.first().is_none_or(|l| l.gain < least) {
+            return Ok(vec![]);
+        }
+        let fewer = self.options.shortlist.saturating_sub(2).max(1);
+        let mut further = self.refits(best, data, given.candidates, (&list, fewer), best.log_evidence)?;
+        let near = further.first().unwrap_or(best);
+        if self.is_poor(near) && self.leaves(near) < HOPELESS[1] {
+            further.extend(self.shaped(best, data, given.candidates, &[], best.log_evidence)?);
+        }
+        Ok(further)
+    }
+
     /// What a further effect must add to the best, and whether fields ask for one: where fields of no name beside it would take its name, an effect that
     /// explains as much as they do is the likelier of the two.
     fn least_beside(&self, best: &Fit, found: &Found, given: Given) -> Result<(f64, bool), DiscrepancyError> {
         let options = self.options;
         let added = if self.is_poor(best) { options.least_further } else { options.least_beside };
         let evidence = self.gain(best, &found.base);
-        let usual = given.threshold.max(added).max(0.03 * evidence);
+        let usual = given.threshold.max(added).max(left_by_forms(&best.hypothesis, evidence));
         if !options.wildcard {
             return Ok((usual, false));
         }
@@ -227,6 +252,19 @@ impl Searcher<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::catalogue::Catalogue;
+    use crate::problem::Scope;
+
+    #[test]
+    fn a_further_effect_must_earn_what_a_form_may_leave_and_a_frame_leaves_nothing() {
+        let of = |id: &str| {
+            let effect = Catalogue::shipped().effect.into_iter().find(|e| e.id == id).unwrap();
+            Candidate { effect, variant: 0, scope: Scope::Both }
+        };
+        assert_eq!(left_by_forms(&[of("femur_frame"), of("load_gain")], 5000.0), 0.0);
+        assert!((left_by_forms(&[of("femur_frame"), of("meniscus")], 500.0) - 20.0).abs() < 1e-9);
+        assert_eq!(left_by_forms(&[], 500.0), 0.0);
+    }
 
     #[test]
     fn a_rival_takes_the_place_of_the_best_where_both_scatters_together_prefer_it_clearly() {
