@@ -57,8 +57,7 @@ fn found(hidden: &[(&str, &str, &[f64])]) -> Option<Vec<(String, String)>> {
 
 #[test]
 fn both_frames_turned_in_one_data_set_are_found() {
-    let hidden: [(&str, &str, &[f64]); 2] =
-        [("femur_frame", "kla", &[1.2, 1.0]), ("tibia_frame", "kla", &[-1.1, 1.1])];
+    let hidden: [(&str, &str, &[f64]); 2] = [("femur_frame", "kla", &[1.2, 1.0]), ("tibia_frame", "kla", &[-1.1, 1.1])];
     let Some(named) = found(&hidden) else { return };
     let asked = hidden.map(|(id, scope, _)| (id.to_owned(), scope.to_owned()));
     assert_eq!(named, asked);

@@ -4,7 +4,7 @@ use super::steps::{Found, Given};
 use super::{Screened, Searcher, Start, WIDTH};
 use crate::error::DiscrepancyError;
 use crate::fit::Fit;
-use crate::problem::Candidate;
+use crate::problem::{Candidate, sized};
 use crate::screen::{Marginal, Score, signatures};
 use nalgebra::{Cholesky, DMatrix, DVector};
 
@@ -30,56 +30,69 @@ fn together(products: &DMatrix<f64>, along: &DVector<f64>, columns: &[usize]) ->
     Some((0.5 * slope.dot(&size) - occam, size))
 }
 
+/// Whitened signatures side by side.
+struct Stack {
+    /// Where each begins, and where the last ends.
+    first: Vec<usize>,
+    /// Products of all columns with each other.
+    products: DMatrix<f64>,
+    /// And with the residual.
+    along: DVector<f64>,
+}
+
+impl Stack {
+    fn new(scores: &[(usize, Score, f64)], residual: &DVector<f64>) -> Stack {
+        let mut first = vec![0];
+        scores.iter().for_each(|(_, s, _)| first.push(first[first.len() - 1] + s.white.ncols()));
+        let mut white = DMatrix::zeros(residual.len(), first[scores.len()]);
+        for (k, (_, s, _)) in scores.iter().enumerate() {
+            white.columns_mut(first[k], s.white.ncols()).copy_from(&s.white);
+        }
+        Stack { first, products: white.tr_mul(&white), along: white.tr_mul(residual) }
+    }
+
+    /// Log Bayes factor of two together, and their sizes.
+    fn of(&self, a: usize, b: usize) -> Option<(f64, DVector<f64>)> {
+        let columns: Vec<usize> = [a, b].iter().flat_map(|&k| self.first[k]..self.first[k + 1]).collect();
+        together(&self.products, &self.along, &columns)
+    }
+}
+
 impl Searcher<'_> {
-    /// The best pairs of candidates about a fit, in closed form: those that promise `least` more than either of the two alone.
+    /// The best pairs of candidates about a fit, in closed form: those that promise `least` more than any of them alone.
     fn pairs(&self, at: &Fit, given: Given, cov: &DMatrix<f64>, least: f64) -> Result<Vec<Screened>, DiscrepancyError> {
         let (readings, candidates) = (given.readings, given.candidates);
         let signatures = signatures(self.problem, at, candidates)?;
         let marginal = Marginal::new(at, readings, cov)?;
         let scores = self.scores(at, (readings, &marginal), candidates, &signatures);
-        let mut first = vec![0];
-        for (_, s, _) in &scores {
-            first.push(first[first.len() - 1] + s.white.ncols());
-        }
-        let mut white = DMatrix::zeros(readings.rows.len(), first[scores.len()]);
-        for (k, (_, s, _)) in scores.iter().enumerate() {
-            white.columns_mut(first[k], s.white.ncols()).copy_from(&s.white);
-        }
-        let (products, along) = (white.tr_mul(&white), white.tr_mul(&marginal.white));
+        let stack = Stack::new(&scores, &marginal.white);
         let alone = |(_, s, prior): &(usize, Score, f64)| s.log_bayes_factor(&marginal.white) + prior;
-        let singles: Vec<f64> = scores.iter().map(alone).collect();
-        let best = singles.iter().copied().fold(0.0, f64::max);
-        let mut list = Vec::new();
+        let best = scores.iter().map(alone).fold(0.0, f64::max);
+        let mut list: Vec<(f64, [usize; 2], DVector<f64>)> = Vec::new();
         for a in 0..scores.len() {
             for b in a + 1..scores.len() {
-                let of = [&candidates[scores[a].0], &candidates[scores[b].0]];
-                if of[0].effect.id == of[1].effect.id {
+                let [one, other] = [&candidates[scores[a].0], &candidates[scores[b].0]];
+                if one.effect.id == other.effect.id {
                     continue;
                 }
-                let columns: Vec<usize> = (first[a]..first[a + 1]).chain(first[b]..first[b + 1]).collect();
-                let Some((gain, size)) = together(&products, &along, &columns) else { continue };
+                let Some((gain, size)) = stack.of(a, b) else { continue };
                 let gain = gain + scores[a].2 + scores[b].2;
-                let (of_a, of_b) = size.as_slice().split_at(of[0].size());
-                if gain > best + least && can_be(of[0], of_a) && can_be(of[1], of_b) {
-                    list.push((gain, [a, b], size * WIDTH));
+                if gain > best + least && sized([one, other], size.as_slice()).all(|(c, of)| can_be(c, of)) {
+                    list.push((gain, [scores[a].0, scores[b].0], size * WIDTH));
                 }
             }
         }
         list.sort_by(|x, y| y.0.total_cmp(&x.0));
         list.truncate(8 * PAIRS);
-        let screened = |(gain, [a, b], size): (f64, [usize; 2], DVector<f64>)| {
-            let places = vec![scores[a].0, scores[b].0];
-            let [of_a, of_b] = [&signatures[places[0]], &signatures[places[1]]];
-            let mut both = DMatrix::zeros(of_a.nrows(), size.len());
-            both.columns_mut(0, of_a.ncols()).copy_from(of_a);
-            both.columns_mut(of_a.ncols(), of_b.ncols()).copy_from(of_b);
-            let beside = marginal.beside(at, readings, &both, &size);
-            Screened { gain, candidates: places, size, beside }
+        let screened = |(gain, places, size): (f64, [usize; 2], DVector<f64>)| {
+            let both = places.map(|k| signatures[k].column_iter()).into_iter().flatten().collect::<Vec<_>>();
+            let beside = marginal.beside(at, readings, &DMatrix::from_columns(&both), &size);
+            Screened { gain, candidates: places.to_vec(), size, beside }
         };
         Ok(list.into_iter().map(screened).collect())
     }
 
-    /// Refits of the best pairs that the screens of a search ask for, where they promise `least` more than single effects do.
+    /// Refits of the best pairs that the screens of a search ask for, where they promise half of `least` more than single effects do: screens are linear.
     pub(super) fn paired(
         &self,
         start: &Start,
@@ -90,7 +103,7 @@ impl Searcher<'_> {
         let near = self.scatter(&start.held, given.extra)?;
         let mut out: Vec<Fit> = Vec::new();
         for (at, cov) in [(&found.base, &found.cov), (&start.zero, &start.cov), (&start.held, &near)] {
-            let list = self.pairs(at, given, cov, least)?;
+            let list = self.pairs(at, given, cov, 0.5 * least)?;
             let data = (given.readings, &found.cov);
             out.extend(self.refits(at, data, given.candidates, (&list, PAIRS), found.base.log_evidence)?);
         }

@@ -115,7 +115,7 @@ impl Searcher<'_> {
             .map(|c| {
                 let mut start = at.unknowns.clone();
                 start.extend(c.typical());
-                let fit = self.fit_to(&beside(c), &start, &at.coordinates(), (readings, &mixture), TRIES)?;
+                let fit = self.fit_to(&beside(c), &start, &at.coordinates(), (readings, &mixture), FEW)?;
                 Ok(fit.earned(without, c.size()))
             })
             .collect::<Result<_, DiscrepancyError>>()?;

@@ -30,6 +30,12 @@ fn likelier(in_common: &[f64], in_own: &[f64]) -> Option<usize> {
     mean.filter(|(_, by)| *by > LIKELIER).max_by(|a, b| a.1.total_cmp(&b.1)).map(|(k, _)| k)
 }
 
+/// What a further effect is worth that is ahead by so much in the scatter at the best and in that at its own fit: the mean, since each favours its own, where
+/// it is ahead by `least` in both.
+fn worth(in_common: f64, in_own: f64, least: f64) -> Option<f64> {
+    (in_common >= least && in_own >= least).then_some(0.5 * (in_common + in_own))
+}
+
 /// What the forms of effects, which need not be this knee's, may leave of what they explain [nats]: as much as that whose form may differ most. Frames and
 /// loads have one form.
 fn left_by_forms(hypothesis: &[Candidate], evidence: f64) -> f64 {
@@ -167,18 +173,39 @@ impl Searcher<'_> {
             more.rivals.extend(self.further(&best, &found, given, (least, is_asked))?);
         }
         self.sort(&mut more.rivals);
-        if self.log(&more.rivals[0]) < self.log(&best) + least {
-            return Ok((found, false));
-        }
-        // what a further effect earns must be there in its own scatter, too
-        let more = self.renewed(more, given)?;
+        let Some(k) = self.worth_more(&more.rivals, &best, given, least)? else { return Ok((found, false)) };
+        let taken = more.rivals.remove(k);
+        more.rivals.insert(0, taken);
+        let (base, rivals, cov) = self.again(more.base, more.rivals, given.readings, given.extra)?;
+        let more = Found { base, rivals, cov };
         let without = self.in_scatter(&best, given.readings, &more.cov)?;
-        if more.rivals.first().is_some_and(|f| self.log(f) >= self.log(&without) + least) {
+        let is_longer = |f: &Fit| f.hypothesis.len() > best.hypothesis.len();
+        if more.rivals.first().is_some_and(|f| is_longer(f) && self.log(f) >= self.log(&without) + least) {
             return Ok((more, true));
         }
         let fewer: Vec<Fit> = std::iter::once(without).chain(found.rivals.into_iter().skip(1)).collect();
         let (base, rivals, cov) = self.again(more.base, fewer, given.readings, given.extra)?;
         Ok((Found { base, rivals, cov }, false))
+    }
+
+    /// Which of some fits, sorted, has an effect more than the best and is worth it by most.
+    fn worth_more(
+        &self,
+        fits: &[Fit],
+        best: &Fit,
+        given: Given,
+        least: f64,
+    ) -> Result<Option<usize>, DiscrepancyError> {
+        let in_common = |k: usize| self.log(&fits[k]) - self.log(best);
+        let is_longer = |k: &usize| fits[*k].hypothesis.len() > best.hypothesis.len();
+        let longer = (0..fits.len()).filter(is_longer);
+        let near: Vec<usize> = longer.filter(|&k| in_common(k) >= least).take(MOST_CLOSE).collect();
+        let in_own: Vec<f64> = near
+            .par_iter()
+            .map(|&k| self.ahead_in_own_scatter(&fits[k], best, given))
+            .collect::<Result<_, DiscrepancyError>>()?;
+        let worth = near.iter().zip(&in_own).filter_map(|(&k, own)| Some((k, worth(in_common(k), *own, least)?)));
+        Ok(worth.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(k, _)| k))
     }
 
     /// The best with one more effect each, where the screen beside it promises `least`, much is left, or fields ask for one.
@@ -233,10 +260,16 @@ impl Searcher<'_> {
             let exchanged = self.exchanged(&best, (given.readings, &found.cov), given.candidates)?;
             found.rivals.extend(exchanged);
             self.sort(&mut found.rivals);
-            if self.log(&found.rivals[0]) < self.log(&best) + 1.0 {
+            let first = &found.rivals[0];
+            if self.log(first) < self.log(&best) + 1.0 {
                 break;
             }
+            // the same effects in a better valley are no exchange
+            let is_exchanged = first.hypothesis.iter().any(|c| !best.hypothesis.contains(c));
             found = self.renewed(found, given)?;
+            if !is_exchanged {
+                break;
+            }
         }
         Ok(found)
     }
@@ -264,6 +297,15 @@ mod tests {
         assert_eq!(left_by_forms(&[of("femur_frame"), of("load_gain")], 5000.0), 0.0);
         assert!((left_by_forms(&[of("femur_frame"), of("meniscus")], 500.0) - 20.0).abs() < 1e-9);
         assert_eq!(left_by_forms(&[], 500.0), 0.0);
+    }
+
+    #[test]
+    fn a_further_effect_must_be_worth_it_in_both_scatters_and_counts_by_their_mean() {
+        assert_eq!(worth(7.0, 10.0, 6.0), Some(8.5));
+        // one of them alone is not enough
+        assert_eq!(worth(5.0, 30.0, 6.0), None);
+        assert_eq!(worth(30.0, 5.0, 6.0), None);
+        assert_eq!(worth(30.0, f64::NAN, 6.0), None);
     }
 
     #[test]
