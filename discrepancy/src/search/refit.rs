@@ -122,22 +122,28 @@ impl Searcher<'_> {
         Ok(fits)
     }
 
-    /// Answers of as many effects with one exchanged for another: what was found first may only have stood in for what came later.
+    /// Answers of as many effects with one exchanged for another: what was found first may only have stood in for what came later. Free shapes are tried
+    /// where what the screens ask for still leaves too much. What was `asked` for beside the same effects before is not asked for again.
     pub(super) fn exchanged(
         &self,
         best: &Fit,
         (readings, cov): (&Readings, &DMatrix<f64>),
         candidates: &[Candidate],
+        asked: &mut Vec<Vec<Candidate>>,
     ) -> Result<Vec<Fit>, DiscrepancyError> {
         let mixture = Mixture::new(readings, readings.block_of(cov), &self.problem.trials)?;
         let mut out = Vec::new();
         for k in 0..best.hypothesis.len() {
             let (hypothesis, start) = without(best, k, self.problem.nuisances());
+            if asked.iter().any(|a| a.len() == hypothesis.len() && hypothesis.iter().all(|c| a.contains(c))) {
+                continue;
+            }
+            asked.push(hypothesis.clone());
             let at = self.fit_to(&hypothesis, &start, &best.coordinates(), (readings, &mixture), TRIES)?;
             let (list, _) = self.screen(&at, readings, cov, candidates)?;
             let mut fits =
                 self.refits(&at, (readings, cov), candidates, (&list, self.options.shortlist / 2), at.log_evidence)?;
-            if self.is_poor(&at) {
+            if self.is_poor(fits.first().unwrap_or(&at)) {
                 fits.extend(self.shaped(&at, (readings, cov), candidates, &fits, at.log_evidence)?);
             }
             out.extend(fits);

@@ -252,12 +252,13 @@ impl Searcher<'_> {
 
     /// Effects of the best exchanged for others as long as that finds better.
     pub(super) fn exchange(&self, mut found: Found, given: Given) -> Result<Found, DiscrepancyError> {
+        let mut asked = Vec::new();
         for _ in 0..EXCHANGES {
             let Some(best) = found.rivals.first().cloned() else { break };
             if self.leaves(&best) > HOPELESS[0] {
                 break;
             }
-            let exchanged = self.exchanged(&best, (given.readings, &found.cov), given.candidates)?;
+            let exchanged = self.exchanged(&best, (given.readings, &found.cov), given.candidates, &mut asked)?;
             found.rivals.extend(exchanged);
             self.sort(&mut found.rivals);
             let first = &found.rivals[0];
