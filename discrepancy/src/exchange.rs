@@ -13,12 +13,14 @@ use nalgebra::DVector;
 pub struct Exchange {
     /// The two, by index.
     pub trials: [usize; 2],
-    /// Log Bayes factor against the records as they are, as loud as the data may speak, each pair as likely as another [-].
+    /// Log Bayes factor against the records as they are, of one condition also against one of the two alone in the other's place (a load that was not
+    /// reached), as loud as the data may speak, each pair as likely as another [-].
     pub log_bayes_factor: f64,
 }
 
-/// The exchange that a fit of the search gains most from, where it sets a trial aside and would set neither aside after. A fit that leaves `loud` times
-/// what it should lets the data speak as much less loud: where nothing fits, some pair always fits better than another.
+/// The exchange that a fit of the search gains most from, where it sets a trial aside and would set neither aside after. Of one condition both records must
+/// ask for it: one that reads what another load asks for, while the record of that load fits its own place, is a load that was not reached, or an outlier.
+/// A fit that leaves `loud` times what it should lets the data speak as much less loud: where nothing fits, some pair always fits better than another.
 ///
 /// Errors: a covariance that is not positive definite.
 pub fn exchange(
@@ -43,7 +45,11 @@ pub fn exchange(
         trials.iter().for_each(|&t| take_the_nearer(&mut rest, &there, &rows[t], &problem.trials[t].sd));
         let exchanged = mixture.weigh(&rest);
         let fits = trials.iter().all(|t| !exchanged.odd.contains(t));
-        fits.then_some(Exchange { trials, log_bayes_factor: (now - exchanged.cost) / loud - pairs.ln() })
+        let alone = |record| mixture.weigh(&moved(&rest, &fit.residual, &rows, trials, record)).cost;
+        let [one, other] = trials.map(|t| problem.trials[t].condition);
+        let alone = if one == other { Some([alone(0), alone(1)]) } else { None };
+        let log_bayes_factor = odds(exchanged.cost, now, alone, loud, pairs);
+        fits.then_some(Exchange { trials, log_bayes_factor })
     });
     Ok(gains.max_by(|a, b| a.log_bayes_factor.total_cmp(&b.log_bayes_factor)))
 }
@@ -65,6 +71,29 @@ fn predicted(
         }
     }
     Ok((here, there))
+}
+
+/// Log odds of an exchange of one of so many `pairs` by what the records cost exchanged, as they are, and with either alone in the other's place where that
+/// may be.
+fn odds(exchanged: f64, as_they_are: f64, alone: Option<[f64; 2]>, loud: f64, pairs: f64) -> f64 {
+    // of a pair either may be the one: twice as many ways
+    let either = alone.into_iter().flatten().map(|cost| (cost - exchanged) / loud + f64::ln(2.0));
+    either.fold((as_they_are - exchanged) / loud - pairs.ln(), f64::min)
+}
+
+/// What is left where of two exchanged records, whose residuals are `exchanged`, the one alone is in the other's place: the other leaves in its own what it
+/// did as things were.
+fn moved(
+    exchanged: &DVector<f64>,
+    as_they_are: &DVector<f64>,
+    rows: &[Vec<(usize, usize)>],
+    trials: [usize; 2],
+    record: usize,
+) -> DVector<f64> {
+    let [own, taken] = [trials[record], trials[1 - record]];
+    let mut out = as_they_are.clone();
+    rows[own].iter().zip(&rows[taken]).for_each(|(to, from)| out[to.0] = exchanged[from.0]);
+    out
 }
 
 /// Another residual of a trial's rows where it is the smaller in noises: what a trial rests at next to one measured pose is not where it does next to another.
@@ -105,6 +134,28 @@ mod tests {
         assert_eq!(residual.as_slice(), [4.0, 0.5, 3.0]);
         take_the_nearer(&mut residual, &DVector::from_vec(vec![9.0, 9.0, 9.0]), &[(0, 0)], &[2.0; 5]);
         assert_eq!(residual.as_slice(), [4.0, 0.5, 3.0]);
+    }
+
+    #[test]
+    fn an_exchange_must_be_likelier_than_either_record_alone_in_the_others_place() {
+        // both records ask for it
+        assert!((odds(10.0, 40.0, Some([28.0, 26.0]), 1.0, 100.0) - (16.0 + f64::ln(2.0))).abs() < 1e-12);
+        // one that lies where the other should, which fits where it is
+        assert!(odds(10.0, 25.0, Some([9.0, 30.0]), 1.0, 100.0) < 0.0);
+        assert!((odds(10.0, 25.0, None, 1.0, 100.0) - (15.0 - f64::ln(100.0))).abs() < 1e-12);
+        // against the records as they are a choice of pairs is paid for
+        assert!((odds(10.0, 16.0, Some([40.0, 40.0]), 1.0, 100.0) - (6.0 - f64::ln(100.0))).abs() < 1e-12);
+        assert!((odds(10.0, 40.0, Some([50.0, 50.0]), 2.0, 100.0) - (15.0 - f64::ln(100.0))).abs() < 1e-12);
+    }
+
+    #[test]
+    fn a_record_alone_in_the_others_place_leaves_the_other_in_its_own() {
+        let rows = [vec![(0, 0), (1, 3)], vec![(2, 0), (3, 3)]];
+        let exchanged = DVector::from_vec(vec![1.0, 2.0, 3.0, 4.0]);
+        let as_they_are = DVector::from_vec(vec![10.0, 20.0, 30.0, 40.0]);
+        // the first record's residual in the second's place stands in the second's rows
+        assert_eq!(moved(&exchanged, &as_they_are, &rows, [0, 1], 0).as_slice(), [3.0, 4.0, 30.0, 40.0]);
+        assert_eq!(moved(&exchanged, &as_they_are, &rows, [0, 1], 1).as_slice(), [10.0, 20.0, 1.0, 2.0]);
     }
 
     #[test]
