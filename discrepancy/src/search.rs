@@ -57,7 +57,7 @@ impl Default for DiagnosisOptions {
             most_effects: 3,
             shortlist: 9,
             nulls: 400,
-            least_evidence: 2.5,
+            least_evidence: 3.3,
             least_further: 8.0,
             least_beside: 6.0,
             draws: 8,
