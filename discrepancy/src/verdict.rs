@@ -39,12 +39,9 @@ pub(crate) fn weights<'a>(searcher: &Searcher, search: &'a Search, best: &Fit) -
     out
 }
 
-/// Log Bayes factor from which fields of no name are believed where nothing is named, times what the data leave over what they should where that is
-/// more: as much as a name must have earned [-].
-const NAMELESS: f64 = 3.0;
-/// The same beside a name [-]: one thing missing in ten is in nobody's catalogue, and 4.5 nats as loud as the data may speak are odds of 20, two to one
-/// for the field.
-pub(crate) const BESIDE: f64 = 4.5;
+/// Log Bayes factor from which fields of no name are believed [-], where nothing is named times what the data leave over what they should where that is
+/// more: one thing missing in ten is in nobody's catalogue, and 4.5 nats as loud as the data may speak are odds of 20, two to one for the field.
+pub(crate) const NAMELESS: f64 = 4.5;
 /// Share of what an answer has earned that a field beside it may earn without taking its name [-]: the nearest kin of the catalogue differ by a tenth of what
 /// they explain, of which a field, one among many, finds about half. What earns less is another thing that is missing, too.
 pub(crate) const ANOTHER: f64 = 0.05;
@@ -140,7 +137,7 @@ fn are_expected(sizes: &[f64]) -> bool {
 
 /// Whether a field of no name beside an answer asks for a further effect.
 pub(crate) fn asks_for_more(field: f64, fit: &Fit, nuisances: usize, evidence: f64) -> bool {
-    field > BESIDE.max(left_by_form(&fit.hypothesis, &fit.unknowns[nuisances..], evidence))
+    field > NAMELESS.max(left_by_form(&fit.hypothesis, &fit.unknowns[nuisances..], evidence))
 }
 
 impl Grounds {
@@ -177,7 +174,7 @@ impl Grounds {
         let mixed = self.exchanged > MIXED_UP.max(self.evidence);
         let in_place = self.alone - self.evidence > AHEAD.max(self.form) - self.choice;
         let another = if self.is_expected { ANOTHER * self.evidence } else { 0.0 };
-        let nameless = self.wild > BESIDE.max(self.form).max(another) || in_place;
+        let nameless = self.wild > NAMELESS.max(self.form).max(another) || in_place;
         nameless || mixed || deviations > POOR && self.closes < NEARLY
     }
 
@@ -373,12 +370,12 @@ mod tests {
     }
 
     #[test]
-    fn a_field_alone_must_earn_as_much_as_a_name() {
+    fn a_field_alone_must_earn_as_much_as_beside_a_name() {
         let nothing = Grounds { is_named: false, ..CLEAN };
-        assert_eq!(judged(Grounds { wild: 2.5, ..nothing }), Verdict::None);
-        assert_eq!(judged(Grounds { wild: 3.5, ..nothing }), Verdict::Unnamed);
+        assert_eq!(judged(Grounds { wild: 4.4, ..nothing }), Verdict::None);
+        assert_eq!(judged(Grounds { wild: 4.6, ..nothing }), Verdict::Unnamed);
         // where nothing missing leaves more than it should, the data speak less loud
-        assert_eq!(judged(Grounds { wild: 3.5, excess: 70.0, ..nothing }), Verdict::None);
+        assert_eq!(judged(Grounds { wild: 4.6, excess: 70.0, ..nothing }), Verdict::None);
     }
 
     #[test]

@@ -6,7 +6,7 @@ use crate::diagnosis::{Answer, Diagnosis, Named, Verdict};
 use crate::map::Cell;
 use crate::problem::Problem;
 use crate::search::Search;
-use crate::verdict::{ANOTHER, BESIDE};
+use crate::verdict::{ANOTHER, NAMELESS};
 use crate::wildcard::Wildcard;
 use std::fmt::Write;
 
@@ -48,7 +48,7 @@ pub(crate) fn description(problem: &Problem, d: &Diagnosis, wild: &Wildcard, sea
                 g.floor,
                 100.0 * g.closed
             );
-            if d.wildcard > BESIDE {
+            if d.wildcard > NAMELESS {
                 let (what, gain) = (wild.words(problem), d.wildcard);
                 let _ = write!(
                     out,
@@ -169,7 +169,7 @@ fn not_enough(problem: &Problem, d: &Diagnosis) -> String {
         return format!("{best} and leave {after:.1} times what noise and floor allow: not enough for a name.");
     }
     match (d.wildcard_alone, d.best_log_bayes_factor) {
-        (Some(alone), Some(own)) if d.wildcard <= BESIDE.max(ANOTHER * own) && d.exchanged.is_none() => format!(
+        (Some(alone), Some(own)) if d.wildcard <= NAMELESS.max(ANOTHER * own) && d.exchanged.is_none() => format!(
             "{best} with a log Bayes factor of {own:.1}; what has no name explains as much, with {alone:.1}, though it was chosen among more: not enough for \
              a name."
         ),
