@@ -44,12 +44,13 @@ pub fn exchange(
         let [mut rest, there] = [&predicted.0, &predicted.1].map(|p| &measured - p);
         trials.iter().for_each(|&t| take_the_nearer(&mut rest, &there, &rows[t], &problem.trials[t].sd));
         let exchanged = mixture.weigh(&rest);
-        let fits = trials.iter().all(|t| !exchanged.odd.contains(t));
+        if trials.iter().any(|t| exchanged.odd.contains(t)) {
+            return None;
+        }
         let alone = |record| mixture.weigh(&moved(&rest, &fit.residual, &rows, trials, record)).cost;
         let [one, other] = trials.map(|t| problem.trials[t].condition);
-        let alone = if one == other { Some([alone(0), alone(1)]) } else { None };
-        let log_bayes_factor = odds(exchanged.cost, now, alone, loud, pairs);
-        fits.then_some(Exchange { trials, log_bayes_factor })
+        let alone = (one == other).then(|| [alone(0), alone(1)]);
+        Some(Exchange { trials, log_bayes_factor: odds(exchanged.cost, now, alone, loud, pairs) })
     });
     Ok(gains.max_by(|a, b| a.log_bayes_factor.total_cmp(&b.log_bayes_factor)))
 }
