@@ -70,7 +70,7 @@ fn compiled(path: &Path) -> Result<(Model, usize), String> {
     let pairs = &loaded.spec.contact.pairs;
     let names: std::collections::BTreeSet<&String> = pairs.iter().flat_map(|p| [&p.femur, &p.tibia]).collect();
     let count = |name: &&String| match &loaded.meshes[*name] {
-        sim::abaqus::MeshValue::Surface(mesh) => mesh.triangles.len(),
+        sim::mesh::MeshValue::Surface(mesh) => mesh.triangles.len(),
         _ => 0,
     };
     Ok((model, names.iter().map(count).sum()))

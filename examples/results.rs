@@ -4,6 +4,12 @@
 //! (what is there and unchanged is taken up), REHEARSALS is how many data sets are simulated and calibrated (8).
 #![expect(clippy::print_stderr, reason = "says how far it is")]
 
+use calibration::design::Design;
+use calibration::knee::Knee;
+use calibration::options::CalibrateOptions;
+use calibration::published;
+use calibration::rehearsal::{Rehearsal, rehearse};
+use calibration::validate::{Source, compare};
 use genu::cli::BuildArgs;
 use genu::error::BuildError;
 use genu::{calibrate, model_file, run, store};
@@ -12,12 +18,6 @@ use sim::protocols::ProtocolOptions;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use validation::design::Design;
-use validation::knee::Knee;
-use validation::options::CalibrateOptions;
-use validation::published;
-use validation::rehearsal::{Rehearsal, rehearse};
-use validation::validate::{Source, compare};
 
 /// What the published calibration of S192803 misses by when simulated again with a model rebuilt from what was published: VV, IE [deg], ML, AP, SI
 /// [mm].

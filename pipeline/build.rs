@@ -3,21 +3,31 @@
 
 use std::path::{Path, PathBuf};
 
-const SOURCES: [&str; 6] = ["meshes/src", "attachments/src", "sim/src", "stages/src", "pipeline/src", "Cargo.lock"];
-
 fn main() {
     let mut hasher = blake3::Hasher::new();
-    for root in SOURCES {
-        println!("cargo:rerun-if-changed={root}");
-        let mut files = Vec::new();
-        collect(Path::new(root), &mut files);
-        files.sort();
-        for file in files {
-            hasher.update(file.to_string_lossy().as_bytes());
-            hasher.update(&std::fs::read(&file).expect("a source that was just listed can be read"));
-        }
+    let mut files = Vec::new();
+    for root in roots() {
+        println!("cargo:rerun-if-changed={}", root.display());
+        collect(&root, &mut files);
+    }
+    files.sort();
+    for file in files {
+        hasher.update(file.to_string_lossy().as_bytes());
+        hasher.update(&std::fs::read(&file).expect("a source that was just listed can be read"));
     }
     println!("cargo:rustc-env=GENU_CODE_DIGEST={}", hasher.finalize().to_hex());
+}
+
+/// What the program is made of: `src` and `data` of every crate of the workspace, and the locked dependencies.
+fn roots() -> Vec<PathBuf> {
+    let mut roots = vec![PathBuf::from("Cargo.lock"), PathBuf::from("data")];
+    for folder in std::fs::read_dir(".").expect("the workspace can be listed").flatten() {
+        let crate_of_ours = folder.path().join("Cargo.toml").exists() || folder.file_name() == "pipeline";
+        let parts = ["src", "data"].map(|part| folder.path().join(part));
+        roots.extend(parts.into_iter().filter(|part| crate_of_ours && part.exists()));
+    }
+    roots.sort();
+    roots
 }
 
 fn collect(path: &Path, files: &mut Vec<PathBuf>) {

@@ -8,15 +8,16 @@ use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
 /// Folder of each crate and which of ours it may use.
-const ARROWS: [(&str, &[&str]); 8] = [
+const ARROWS: [(&str, &[&str]); 9] = [
     ("meshes", &[]),
     ("attachments", &["meshes"]),
     ("sim", &["meshes"]),
+    ("decks", &["meshes", "sim"]),
     ("stages", &["meshes", "attachments", "sim"]),
-    ("validation", &["meshes", "sim"]),
-    ("discrepancy", &["meshes", "sim", "validation"]),
+    ("calibration", &["meshes", "sim", "decks"]),
+    ("diagnosis", &["meshes", "sim", "decks", "calibration"]),
     ("blindbench", &["meshes"]),
-    (".", &["meshes", "attachments", "sim", "stages", "validation", "discrepancy", "blindbench"]),
+    (".", &["meshes", "attachments", "sim", "decks", "stages", "calibration", "diagnosis", "blindbench"]),
 ];
 
 const LONGEST_FILE: usize = 600;

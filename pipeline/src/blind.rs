@@ -6,11 +6,11 @@ use blindbench::knee::{BundleInput, KneeInput};
 use blindbench::laboratory::{Planned, Truth, kinds, make};
 use blindbench::score::{Said, Score, score};
 use clap::{Args, Subcommand};
-use discrepancy::covariance::Floor;
-use discrepancy::diagnosis::Diagnosis;
-use discrepancy::search::DiagnosisOptions;
-use sim::abaqus::MeshValue;
+use diagnosis::covariance::Floor;
+use diagnosis::diagnosis::Diagnosis;
+use diagnosis::search::DiagnosisOptions;
 use sim::laxity::{LaxityTrial, TrialResult, results_csv};
+use sim::mesh::MeshValue;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -159,7 +159,7 @@ fn planned(source: &str, t: &LaxityTrial) -> Planned {
         condition: format!("{} {}", t.test.name(), t.nominal_flexion_deg),
         flexion_deg: t.fe_deg,
         load: t.load,
-        sd: std::array::from_fn(|c| t.sd[c].unwrap_or(discrepancy::trial::USUAL_NOISE[c])),
+        sd: std::array::from_fn(|c| t.sd[c].unwrap_or(diagnosis::trial::USUAL_NOISE[c])),
     }
 }
 
@@ -254,7 +254,7 @@ fn answer(args: &AnswerArgs) -> Result<String, BuildError> {
 fn hidden_alone(bench: &Path, case: &str) -> Result<Vec<String>, BuildError> {
     let truth: Truth = serde_json::from_slice(&store::read(&bench.join(format!("{case}.truth.json")))?)
         .map_err(|e| BuildError::File(format!("{case}: {e}")))?;
-    let known = |e: &String| discrepancy::catalogue::Catalogue::shipped().effect.iter().any(|c| c.id == *e);
+    let known = |e: &String| diagnosis::catalogue::Catalogue::shipped().effect.iter().any(|c| c.id == *e);
     Ok(match &truth.effects[..] {
         [(effect, _, _)] if known(effect) => vec![effect.clone()],
         _ => vec![],
@@ -308,7 +308,7 @@ fn opened(args: &ScoreArgs) -> Result<Vec<Truth>, BuildError> {
             let measured: Vec<(String, PathBuf)> =
                 sources.iter().map(|s| (s.clone(), args.bench.join(case).join(format!("{s}.csv")))).collect();
             let (data, _) = diagnose::sources(&measured)?;
-            let promise = discrepancy::atlas::promise(&model, &loaded.spec, &data, &truth.signature)
+            let promise = diagnosis::atlas::promise(&model, &loaded.spec, &data, &truth.signature)
                 .map_err(|e| BuildError::File(format!("{case}: {e}")))?;
             truth.strength.expected_evidence = promise.all;
             truth.strength.settled_evidence = promise.settled;
@@ -338,7 +338,7 @@ fn reduced(d: &Diagnosis) -> Said {
         }
     }
     let names =
-        |a: &discrepancy::diagnosis::Answer| a.effects.iter().map(|e| (e.effect.clone(), e.scope.clone())).collect();
+        |a: &diagnosis::diagnosis::Answer| a.effects.iter().map(|e| (e.effect.clone(), e.scope.clone())).collect();
     Said {
         verdict: verdict.unwrap_or_default(),
         answers: d.answers.iter().map(names).collect(),

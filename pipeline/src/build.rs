@@ -7,8 +7,9 @@ use crate::options::BuildOptions;
 use crate::run_log::{RunLog, hash};
 use crate::show;
 use crate::validate::{self, read_passive, validate_all};
-use sim::abaqus::MeshValue;
+use calibration::validate::Passive;
 use sim::laxity::LaxityTrial;
+use sim::mesh::MeshValue;
 use stages::StageError;
 use stages::anatomy::check_anatomy;
 use stages::assemble::{AssembleOptions, Assembled, assemble};
@@ -26,7 +27,6 @@ use stages::register::register;
 use stages::segment::{segment_specimen, with_surfaces};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
-use validation::validate::Passive;
 
 /// Builds the knee of one specimen.
 pub fn build_model(raw: &RawSpecimen, o: &BuildOptions, log: &mut RunLog) -> Result<(), BuildError> {

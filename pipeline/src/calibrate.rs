@@ -7,6 +7,11 @@ use crate::progress::Searching;
 use crate::run_log::json;
 use crate::show::{Files, Reported};
 use crate::store::{self, BuildFolder};
+use calibration::calibrate::Checkpoint;
+use calibration::knee::Knee;
+use calibration::options::{CalibrateOptions, Method};
+use calibration::reports;
+use calibration::session::{Outcome, Session};
 use clap::Args;
 use serde::{Deserialize, Serialize};
 use sim::laxity::{self, LaxityTrial};
@@ -14,11 +19,6 @@ use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
-use validation::calibrate::Checkpoint;
-use validation::knee::Knee;
-use validation::options::{CalibrateOptions, Method};
-use validation::reports;
-use validation::session::{Outcome, Session};
 
 /// The file in which an interrupted calibration is kept.
 const CHECKPOINT: &str = "checkpoint.cbor";
@@ -128,7 +128,7 @@ fn without_components(
     *text += &model_file::taken_in(&model.spec, name.as_deref())?;
     let fault = |e: &dyn std::fmt::Display| BuildError::File(format!("{}: {e}", model.folder.display()));
     let knee = sim::compile(&model.spec, &model.meshes).map_err(|e| fault(&e))?;
-    discrepancy::predict::taken_off(&knee, &model.spec, name.as_deref(), &trials).map_err(|e| fault(&e))
+    diagnosis::predict::taken_off(&knee, &model.spec, name.as_deref(), &trials).map_err(|e| fault(&e))
 }
 
 /// Reads measured laxity; the warnings as lines.
@@ -156,7 +156,7 @@ pub fn run(
     what: &str,
     watch: Watch,
 ) -> Result<Outcome, BuildError> {
-    let fault = |e: validation::ValidationError| BuildError::File(format!("{what}: {e}"));
+    let fault = |e: calibration::CalibrationError| BuildError::File(format!("{what}: {e}"));
     let session = Session::new(&model.spec, &model_file::digest(model), trials, options).map_err(fault)?;
     let checkpoint = session.begin(watch.saved.as_deref()).map_err(fault)?;
     let knee = Knee::new(model.spec.clone(), &model.meshes, &options.search)

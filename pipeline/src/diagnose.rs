@@ -4,11 +4,11 @@ use crate::error::BuildError;
 use crate::run_log::hash;
 use crate::{model_file, store};
 use clap::Args;
-use discrepancy::catalogue::Catalogue;
-use discrepancy::component::Provenance;
-use discrepancy::diagnosis::{Outcome, diagnose};
-use discrepancy::search::DiagnosisOptions;
-use discrepancy::trial::Source;
+use diagnosis::catalogue::Catalogue;
+use diagnosis::component::Provenance;
+use diagnosis::diagnosis::{Outcome, diagnose};
+use diagnosis::search::DiagnosisOptions;
+use diagnosis::trial::Source;
 use std::path::{Path, PathBuf};
 
 /// `build-model diagnose`.
@@ -65,11 +65,11 @@ pub fn run_with(args: &DiagnoseArgs, options: &DiagnosisOptions) -> Result<Strin
     let provenance = provenance(args, &loaded, &catalogue)?;
     if args.atlas {
         let atlas =
-            discrepancy::atlas::atlas(&model, &loaded.spec, &sources, &catalogue, options).map_err(|e| fault(&e))?;
+            diagnosis::atlas::atlas(&model, &loaded.spec, &sources, &catalogue, options).map_err(|e| fault(&e))?;
         let json = as_json(&atlas)?;
-        let page = discrepancy::atlas::page(&loaded.spec.id, &atlas);
+        let page = diagnosis::atlas::page(&loaded.spec.id, &atlas);
         store::write_all(&args.out, &[("atlas.json".into(), json), ("atlas.html".into(), page.clone().into_bytes())])?;
-        return Ok(text + &discrepancy::atlas::table(&atlas));
+        return Ok(text + &diagnosis::atlas::table(&atlas));
     }
     let outcome = diagnose(&model, &loaded.spec, &sources, &catalogue, options)
         .and_then(|o| o.with_provenance(&provenance))
@@ -95,9 +95,9 @@ fn provenance(
 }
 
 /// The model of a file, compiled for a diagnosis.
-pub fn prepared(loaded: &model_file::LoadedModel) -> Result<sim::Model, discrepancy::DiscrepancyError> {
+pub fn prepared(loaded: &model_file::LoadedModel) -> Result<sim::Model, diagnosis::DiagnosisError> {
     let model = sim::compile(&loaded.spec, &loaded.meshes)?;
-    discrepancy::rim::prepared(&model, &loaded.spec, &loaded.meshes)
+    diagnosis::rim::prepared(&model, &loaded.spec, &loaded.meshes)
 }
 
 /// Reads the data sets; names must differ.
@@ -152,7 +152,7 @@ fn write(args: &DiagnoseArgs, loaded: &model_file::LoadedModel, outcome: &Outcom
     let out = store::make_folder(&args.out)?;
     let spec = model_file::moved(&spec, &loaded.folder, &out);
     files.push(("model.json".into(), as_json(&spec)?));
-    files.push(("report.html".into(), discrepancy::page::page(&loaded.spec.id, &diagnosis).into_bytes()));
+    files.push(("report.html".into(), diagnosis::page::page(&loaded.spec.id, &diagnosis).into_bytes()));
     files.push(("diagnosis.json".into(), as_json(&diagnosis)?));
     store::write_all(&out, &files)
 }

@@ -5,7 +5,7 @@ use crate::model_file::{LoadedModel, left_out, load};
 use crate::store;
 use meshes::surface::TriMesh;
 use meshes::{Isometry, Vector};
-use sim::abaqus::MeshValue;
+use sim::mesh::MeshValue;
 use std::path::Path;
 
 mod febio;
@@ -44,7 +44,7 @@ pub fn export(model: &Path, format: Format, poses: Option<&Path>, out: &Path) ->
     let mut text = left_out(&loaded.spec, "export");
     let (files, warnings) = match (format, poses) {
         (Format::Abaqus, _) => {
-            let deck = sim::abaqus::export(&loaded.spec, &loaded.meshes)
+            let deck = decks::export(&loaded.spec, &loaded.meshes)
                 .map_err(|e| BuildError::File(format!("{}: {e}", model.display())))?;
             (texts(deck.files), deck.warnings)
         }

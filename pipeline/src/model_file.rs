@@ -3,7 +3,7 @@
 use crate::error::BuildError;
 use crate::run_log::json;
 use crate::store;
-use sim::abaqus::MeshValue;
+use sim::mesh::MeshValue;
 use sim::spec::ModelSpec;
 use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
@@ -94,7 +94,7 @@ pub fn left_out(spec: &ModelSpec, verb: &str) -> String {
 
 /// What a verb takes into its predictions of a model's added effects, and what it leaves out; empty where there are none.
 pub fn taken_in(spec: &ModelSpec, data_set: Option<&str>) -> Result<String, BuildError> {
-    let acting = discrepancy::predict::acting(spec, data_set).map_err(|e| BuildError::File(e.to_string()))?;
+    let acting = diagnosis::predict::acting(spec, data_set).map_err(|e| BuildError::File(e.to_string()))?;
     let mut text = String::new();
     for (c, _) in &acting {
         let note = if c.kept == "session" { " (it belongs to the session, not to the knee)" } else { "" };
@@ -130,7 +130,7 @@ pub fn import_abaqus(deck: &Path, out: &Path) -> Result<String, BuildError> {
     let folder = deck.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let main = deck.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     let mut read = |name: &str| store::read_beside(folder, name).map_err(|e| e.to_string());
-    let imported = sim::abaqus::import(&main, &mut read).map_err(|e| BuildError::File(e.to_string()))?;
+    let imported = decks::import(&main, &mut read).map_err(|e| BuildError::File(e.to_string()))?;
     let files = imported.files().map_err(|e| BuildError::File(e.to_string()))?;
     store::write_all(out, &files)?;
     let mut text = warned(&imported.warnings);

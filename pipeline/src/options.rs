@@ -1,6 +1,7 @@
 //! Options: the defaults of the program, overridden by specimen.toml, overridden by `--set stage.key=value`.
 
 use crate::error::BuildError;
+use calibration::options::CalibrateOptions;
 use serde::{Deserialize, Serialize};
 use sim::protocols::ProtocolOptions;
 use stages::assemble::AssembleOptions;
@@ -16,7 +17,6 @@ use stages::register::RegisterOptions;
 use stages::segment::SegmentOptions;
 use std::collections::BTreeMap;
 use toml::{Table, Value};
-use validation::options::CalibrateOptions;
 
 /// Every option of every stage.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

@@ -86,7 +86,7 @@ pub fn simulate(args: &SimulateArgs) -> Result<String, BuildError> {
         Some(protocol) => run_protocol(&model, protocol, args).map_err(fault)?,
         None => answers(&model, &trials, args.solver).map_err(fault)?,
     };
-    discrepancy::predict::apply(&model, &loaded.spec, args.read_as.as_deref(), &mut results)
+    diagnosis::predict::apply(&model, &loaded.spec, args.read_as.as_deref(), &mut results)
         .map_err(|e| BuildError::File(format!("{}: {e}", args.model.display())))?;
     let csv = match args.protocol {
         Some(_) => laxity::protocol_csv(&names, &results),

@@ -6,17 +6,17 @@ use crate::model_file;
 use crate::options::{Override, parse_override, resolve};
 use crate::show::{Files, Reported};
 use crate::store;
+use calibration::cost::CostFunction;
+use calibration::validate::{Difference, Passive, Source, compare};
+use calibration::{figures, tables};
 use clap::Args;
 use serde::{Deserialize, Serialize};
-use sim::abaqus::MeshValue;
 use sim::laxity::protocol_csv;
+use sim::mesh::MeshValue;
 use sim::protocols::ProtocolOptions;
 use sim::spec::ModelSpec;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use validation::cost::CostFunction;
-use validation::validate::{Difference, Passive, Source, compare};
-use validation::{figures, tables};
 
 /// `build-model validate`.
 #[derive(Args, Clone, Debug)]
@@ -96,7 +96,7 @@ fn name_of(text: &str) -> (String, PathBuf) {
 
 /// Measured passive flexion under its name.
 pub fn read_passive(name: &str, file: &str, bytes: &[u8]) -> Result<Passive, BuildError> {
-    let poses = validation::passive::read(bytes).map_err(|e| BuildError::File(format!("{file}: {e}")))?;
+    let poses = calibration::passive::read(bytes).map_err(|e| BuildError::File(format!("{file}: {e}")))?;
     Ok(Passive { name: name.to_owned(), poses })
 }
 
@@ -114,10 +114,10 @@ fn source(
     warnings.extend(told);
     // what was added to the knee; nothing of an apparatus
     for rows in [&mut source.ap_laxity, &mut source.passive_flexion, &mut source.pivot_shift] {
-        discrepancy::predict::apply(&model, spec, None, rows).map_err(|e| BuildError::File(format!("{name}: {e}")))?;
+        diagnosis::predict::apply(&model, spec, None, rows).map_err(|e| BuildError::File(format!("{name}: {e}")))?;
     }
     let cut = model.without(&["ACL".to_owned()]).unwrap_or_else(|_| model.clone());
-    discrepancy::predict::apply(&cut, spec, None, &mut source.pivot_shift_no_acl)
+    diagnosis::predict::apply(&cut, spec, None, &mut source.pivot_shift_no_acl)
         .map_err(|e| BuildError::File(format!("{name}: {e}")))?;
     Ok(source)
 }

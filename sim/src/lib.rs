@@ -2,7 +2,6 @@
 //!
 //! Units: mm, N, s, tonne, MPa, radian inside; the specification file is in mm, N, N/mm, degrees where its keys say so.
 
-pub mod abaqus;
 pub mod contact;
 pub mod deck;
 pub mod deformable;
@@ -11,6 +10,7 @@ pub mod explicit;
 pub mod joint;
 pub mod laxity;
 pub mod ligament;
+pub mod mesh;
 pub mod model;
 pub mod protocols;
 pub mod quasistatic;

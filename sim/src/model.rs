@@ -5,11 +5,11 @@
 
 mod check;
 
-use crate::abaqus::MeshValue;
 use crate::contact::{Contact, ContactOptions, ContactResponse, Nearby};
 use crate::error::SimError;
 use crate::joint::{Joint, Pose, Six};
 use crate::ligament::{self, Bundle, Fibre, Line, Response};
+use crate::mesh::MeshValue;
 use crate::spec::ModelSpec;
 use nalgebra::Matrix6;
 use serde::{Deserialize, Serialize};

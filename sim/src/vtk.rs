@@ -1,6 +1,6 @@
 //! A model as VTK files for ParaView: surfaces and fibres at a pose, with what they carry.
 
-use crate::abaqus::MeshValue;
+use crate::mesh::MeshValue;
 use crate::spec::ModelSpec;
 use meshes::surface::TriMesh;
 use meshes::{Isometry, Point};

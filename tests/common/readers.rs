@@ -275,7 +275,7 @@ pub(crate) fn readers() -> Vec<Reader> {
                 let mut give = |name: &str| {
                     if name == "main.inp" { Ok(b.to_vec()) } else { Err("not there".to_string()) }
                 };
-                sim::abaqus::import("main.inp", &mut give).is_ok()
+                decks::import("main.inp", &mut give).is_ok()
             },
         },
         Reader {
@@ -286,7 +286,7 @@ pub(crate) fn readers() -> Vec<Reader> {
         Reader {
             name: "passive",
             corpus: vec![include_bytes!("../corpus/passive.csv").to_vec()],
-            read: |b| validation::passive::read(b).is_ok(),
+            read: |b| calibration::passive::read(b).is_ok(),
         },
         Reader { name: "points", corpus: vec![POINTS.to_vec()], read: points },
         Reader {

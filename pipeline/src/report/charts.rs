@@ -2,11 +2,11 @@
 
 use super::law_charts;
 use super::values::Values;
+use calibration::session::Outcome;
 use plotly::common::{DashType, ErrorData, ErrorType, Line, Marker, MarkerSymbol, Mode, Title};
 use plotly::layout::{Axis, AxisType};
 use plotly::{Layout, Plot, Scatter};
 use sim::laxity::{LaxityTrial, Test};
-use validation::session::Outcome;
 
 /// A chart with its words.
 pub(super) struct Chart {
@@ -78,7 +78,7 @@ fn parameters(name: &str, outcome: &Outcome, kind: &str) -> Chart {
         .found
         .parameters
         .iter()
-        .filter(|p| p.number < validation::frames::FIRST && is_kind(p.kind.name(), kind))
+        .filter(|p| p.number < calibration::frames::FIRST && is_kind(p.kind.name(), kind))
         .collect();
     let labels: Vec<String> = all.iter().map(|p| format!("X{} {}", p.number, p.bundle)).collect();
     let mut plot = Plot::new();

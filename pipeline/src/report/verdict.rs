@@ -84,7 +84,7 @@ fn calibration(v: &Values) -> Vec<Check> {
         let rms: Vec<String> =
             found.rms.iter().zip(units).filter_map(|(r, u)| r.map(|r| format!("{r:.1} {u}"))).collect();
         let worst = found.noise_scale.iter().copied().fold(0.0, f64::max);
-        let ligaments: Vec<_> = found.parameters.iter().filter(|p| p.number < validation::frames::FIRST).collect();
+        let ligaments: Vec<_> = found.parameters.iter().filter(|p| p.number < calibration::frames::FIRST).collect();
         let determined = ligaments.iter().filter(|p| p.determined > 0.5).count();
         out.push(Check {
             question: "Does the model answer as the knee did?",

@@ -1,7 +1,7 @@
 //! What must hold of a specification and its meshes before a model can be made of them.
 
-use crate::abaqus::MeshValue;
 use crate::error::SimError;
+use crate::mesh::MeshValue;
 use crate::spec::ModelSpec;
 use meshes::surface::TriMesh;
 use meshes::topology::Topology;

@@ -1,7 +1,7 @@
 //! Specifications of which no model can be made: one clear error each.
 use crate::rig::{Rig, plate};
 use meshes::shapes::icosphere;
-use sim::abaqus::MeshValue;
+use sim::mesh::MeshValue;
 
 /// The error of a rig that was spoilt.
 fn error(spoil: impl FnOnce(&mut Rig)) -> String {

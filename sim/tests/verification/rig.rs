@@ -3,9 +3,9 @@
 use meshes::frame::{AnatomicalFrame, Side};
 use meshes::surface::TriMesh;
 use meshes::{Point, Vector};
-use sim::abaqus::MeshValue;
 use sim::explicit::{Course, Drive, Program, Step};
 use sim::joint::Six;
+use sim::mesh::MeshValue;
 use sim::spec::*;
 use sim::{Model, compile};
 use std::collections::BTreeMap;

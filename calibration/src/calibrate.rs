@@ -1,0 +1,332 @@
+//! A calibration from beginning to end: either method as a state that advances a step at a time, is saved between steps, and goes on
+//! from where it was saved to the same bytes.
+
+use crate::cost::FAILED;
+use crate::design::Design;
+use crate::error::CalibrationError;
+use crate::experiment::Experiment;
+use crate::gradient::Gradient;
+use crate::hops::Hops;
+use crate::options::{CalibrateOptions, Choice, Method};
+use crate::posterior::{self, ForceEstimate, ParameterEstimate};
+use crate::problem::Problem;
+use crate::recipe::Recipe;
+use serde::{Deserialize, Serialize};
+use sim::laxity::LaxityTrial;
+use std::ops::ControlFlow;
+
+/// Everything that decides the answer of a calibration; a checkpoint of another one is refused.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Identity {
+    /// Digest of the model.
+    pub model: String,
+    /// The design variables and their ranges.
+    pub design: Design,
+    /// Where it starts [- or N/mm].
+    pub start: Vec<f64>,
+    /// The targets.
+    pub trials: Vec<LaxityTrial>,
+    /// The options.
+    pub options: CalibrateOptions,
+}
+
+/// A calibration between two steps.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Checkpoint {
+    identity: Identity,
+    state: State,
+}
+
+/// A method between two steps.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum State {
+    Recipe(Recipe),
+    Gradient(Gradient),
+    Descent(Hops),
+}
+
+/// How far a calibration has come.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Progress {
+    /// What it is doing.
+    pub phase: &'static str,
+    /// Share of the work done, 0 to 1, by count of fits or evaluations.
+    pub share: f64,
+    /// Evaluations of all trials so far.
+    pub evaluations: usize,
+    /// The lowest cost so far; infinite before the first.
+    pub lowest_cost: f64,
+}
+
+/// A trial whose bundle forces are estimated, beside the targets.
+#[derive(Clone, Copy)]
+pub struct Probes<'a> {
+    /// The solver for these trials.
+    pub experiment: Experiment<'a>,
+    /// The same as the search asks it.
+    pub search: Experiment<'a>,
+    /// Their names.
+    pub names: &'a [String],
+}
+
+/// What a calibration found.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Calibrated {
+    /// How.
+    pub method: Method,
+    /// The design values chosen, in the order of the design.
+    pub values: Vec<f64>,
+    /// Their cost.
+    pub cost: f64,
+    /// The lowest cost met on the way, and where; differs from the above where the most probable values were chosen.
+    pub lowest_cost: (f64, Vec<f64>),
+    /// Every design variable with its interval.
+    pub parameters: Vec<ParameterEstimate>,
+    /// Bundle forces in the probe trials, with their intervals.
+    pub forces: Vec<ForceEstimate>,
+    /// Standard deviation that the best fit misses by, over the noise stated, a coordinate each (VV, IE, ML, AP, SI) [-]; 1 where it fits.
+    pub noise_scale: [f64; 5],
+    /// Root mean square of predicted minus measured, a coordinate each [deg or mm]; `None` where nothing was measured.
+    pub rms: [Option<f64>; 5],
+    /// Predictions at the chosen values, a trial each [deg, mm].
+    pub predicted: Vec<Option<[f64; 5]>>,
+    /// Values found from different starts, with their cost, lowest first: what one start alone would have reported.
+    pub rivals: Vec<(f64, Vec<f64>)>,
+    /// Samples of the posterior, design values.
+    pub samples: Vec<Vec<f64>>,
+    /// The cost of every evaluation, in order.
+    pub history: Vec<f64>,
+    /// What is odd but not fatal.
+    pub warnings: Vec<String>,
+}
+
+impl Checkpoint {
+    /// The beginning of a calibration.
+    ///
+    /// # Errors
+    /// Options out of range.
+    pub fn new(identity: Identity) -> Result<Checkpoint, CalibrationError> {
+        let o = &identity.options;
+        o.check()?;
+        let start = identity.design.unit(&identity.start);
+        let state = match o.method {
+            Method::SwarmSimplex => State::Recipe(Recipe::new(&start, &o.swarm, o.seed)),
+            Method::Gradient => State::Gradient(Gradient::new(&start, o.seed)),
+            Method::Descent => State::Descent(Hops::new(&start, o.seed)),
+        };
+        Ok(Checkpoint { identity, state })
+    }
+
+    /// A checkpoint as bytes.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        // writing to memory cannot fail
+        let _ = ciborium::into_writer(self, &mut bytes);
+        bytes
+    }
+
+    /// The checkpoint in `bytes`, if it is one of this calibration.
+    ///
+    /// # Errors
+    /// Not a checkpoint, or one of other data, options or model: which.
+    pub fn from_bytes(bytes: &[u8], identity: &Identity) -> Result<Checkpoint, CalibrationError> {
+        let refuse = |what: &str| {
+            Err(CalibrationError::Checkpoint(format!("{what}; remove it to begin anew, or give another folder")))
+        };
+        let Ok(kept) = ciborium::from_reader::<Checkpoint, _>(bytes) else {
+            return refuse("not readable, or written by another version of the program");
+        };
+        let theirs = &kept.identity;
+        for (same, what) in [
+            (theirs.model == identity.model, "model"),
+            (theirs.trials == identity.trials, "targets"),
+            (theirs.design == identity.design && theirs.start == identity.start, "ranges or start"),
+            (theirs.options == identity.options, "options"),
+        ] {
+            if !same {
+                return refuse(&format!("it belongs to a calibration with other {what}"));
+            }
+        }
+        Ok(kept)
+    }
+
+    /// True when there is nothing left to do.
+    pub fn is_finished(&self) -> bool {
+        match &self.state {
+            State::Recipe(r) => r.is_finished(),
+            State::Gradient(g) => g.is_finished(),
+            State::Descent(h) => h.is_finished(&self.identity.options.descent),
+        }
+    }
+
+    /// How far it has come.
+    pub fn progress(&self) -> Progress {
+        let o = &self.identity.options;
+        match &self.state {
+            State::Recipe(r) => Progress {
+                phase: if r.history.len() == r.swarm_evaluations { "swarm" } else { "simplex" },
+                share: share(r.history.len(), o.swarm.swarm_evaluations + o.swarm.simplex_evaluations),
+                evaluations: r.history.len(),
+                lowest_cost: r.best().map_or(f64::INFINITY, |b| b.0),
+            },
+            State::Gradient(g) => Progress {
+                phase: g.phase(),
+                share: g.share(&o.gradient),
+                evaluations: g.history.len(),
+                lowest_cost: g.lowest_cost().map_or(f64::INFINITY, |b| b.0),
+            },
+            State::Descent(h) => Progress {
+                phase: "descents",
+                share: h.share(&o.descent),
+                evaluations: h.history.len(),
+                lowest_cost: h.best().first().map_or(f64::INFINITY, |b| b.0),
+            },
+        }
+    }
+
+    /// One step: a generation, an iteration, a chunk of fits.
+    ///
+    /// # Errors
+    /// No start has an answer.
+    pub fn advance(&mut self, problem: &Problem) -> Result<(), CalibrationError> {
+        let o = &self.identity.options;
+        match &mut self.state {
+            State::Recipe(r) => {
+                r.advance(problem, &o.swarm);
+                match r.best() {
+                    Some((cost, _)) if cost >= FAILED => Err(no_answer(problem, &self.identity.start)),
+                    _ => Ok(()),
+                }
+            }
+            State::Gradient(g) => g.advance(problem, &o.gradient),
+            State::Descent(h) => {
+                h.advance(problem, &o.descent);
+                Ok(())
+            }
+        }
+    }
+}
+
+fn share(done: usize, of: usize) -> f64 {
+    (done as f64 / of.max(1) as f64).min(1.0)
+}
+
+/// Why no point has an answer, in the solver's words at the start.
+fn no_answer(problem: &Problem, start: &[f64]) -> CalibrationError {
+    let answers = problem.experiment.answers(start, false);
+    let first = answers.iter().enumerate().find_map(|(i, a)| a.as_ref().err().map(|e| (i, e.to_string())));
+    let why = first.map_or("some trial has no answer at every point tried".to_owned(), |(i, e)| {
+        format!("row {} ({}): {e}", problem.targets.rows[i], problem.targets.trials[i].trial)
+    });
+    CalibrationError::Model(format!("no point has an answer to every trial: {why}"))
+}
+
+/// Runs a calibration to its end from wherever it is. `watch` sees it between steps and may stop it.
+///
+/// # Errors
+/// No start has an answer; stopped by `watch`.
+pub fn calibrate(
+    checkpoint: &mut Checkpoint,
+    problem: &Problem,
+    probes: &Probes,
+    watch: &mut dyn FnMut(&Checkpoint) -> ControlFlow<()>,
+) -> Result<Calibrated, CalibrationError> {
+    while !checkpoint.is_finished() {
+        checkpoint.advance(problem)?;
+        if watch(checkpoint).is_break() {
+            return Err(CalibrationError::Stopped);
+        }
+    }
+    finish(checkpoint, problem, probes)
+}
+
+/// The answer of a finished calibration.
+fn finish(checkpoint: &Checkpoint, problem: &Problem, probes: &Probes) -> Result<Calibrated, CalibrationError> {
+    let o = &checkpoint.identity.options;
+    let design = problem.experiment.design;
+    let (lowest, point, found) = match &checkpoint.state {
+        State::Recipe(r) => {
+            let best = r.best().ok_or_else(|| no_answer(problem, &checkpoint.identity.start))?;
+            let found = posterior::of_recipe(problem, &best.1, r.rivals(), &o.gradient, o.seed);
+            (best.clone(), best.1, found)
+        }
+        State::Descent(h) => {
+            let best = h.best().first().ok_or_else(|| no_answer(problem, &checkpoint.identity.start))?;
+            let found = posterior::of_recipe(problem, &best.1, h.starts.clone(), &o.gradient, o.seed);
+            (best.clone(), best.1.clone(), found)
+        }
+        State::Gradient(g) => {
+            let best = g.best().ok_or_else(|| no_answer(problem, &checkpoint.identity.start))?;
+            let lowest = g.lowest_cost().unwrap_or((best.cost, best.point.clone()));
+            let point = if o.gradient.choice == Choice::LowestCost { &lowest.1 } else { &best.point };
+            (lowest.clone(), point.clone(), posterior::of_gradient(g, problem, o.gradient.samples))
+        }
+    };
+    let (lowest, point) = judged(problem, &checkpoint.state, o, (lowest, point));
+    let values = design.at(&point);
+    let predicted = problem.in_full.predictions(&values);
+    let history = match &checkpoint.state {
+        State::Recipe(r) => r.history.clone(),
+        State::Gradient(g) => g.history.clone(),
+        State::Descent(h) => h.history.clone(),
+    };
+    Ok(Calibrated {
+        method: o.method,
+        cost: problem.cost.cost(&predicted).value,
+        lowest_cost: (lowest.0, design.at(&lowest.1)),
+        parameters: posterior::parameters(design, &point, &found, o.gradient.interval),
+        forces: posterior::forces(probes, design, &point, &found, o.gradient.interval),
+        noise_scale: found.noise_scale,
+        rms: rms(problem, &predicted),
+        predicted,
+        rivals: found.rivals.iter().map(|(c, p)| (*c, design.at(p))).collect(),
+        samples: found.samples.iter().map(|p| design.at(p)).collect(),
+        history,
+        warnings: found.warnings,
+        values,
+    })
+}
+
+/// The lowest cost as the model in full has it, among the three lowest met, and the point chosen.
+fn judged(
+    problem: &Problem,
+    state: &State,
+    options: &CalibrateOptions,
+    (lowest, point): ((f64, Vec<f64>), Vec<f64>),
+) -> ((f64, Vec<f64>), Vec<f64>) {
+    let mut candidates = match state {
+        State::Recipe(_) => vec![lowest.clone()],
+        State::Gradient(g) => g.candidates(),
+        State::Descent(h) => h.best().to_vec(),
+    };
+    candidates.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let design = problem.experiment.design;
+    let in_full = |p: &Vec<f64>| problem.cost.cost(&problem.in_full.predictions(&design.at(p))).value;
+    let best = candidates
+        .into_iter()
+        .take(3)
+        .map(|(_, p)| (in_full(&p), p))
+        .reduce(|a, b| if b.0 < a.0 { b } else { a })
+        .unwrap_or(lowest);
+    let by_cost = options.method != Method::Gradient || options.gradient.choice == Choice::LowestCost;
+    let point = if by_cost { best.1.clone() } else { point };
+    (best, point)
+}
+
+/// Root mean square of predicted minus measured, a coordinate each.
+fn rms(problem: &Problem, predicted: &[Option<[f64; 5]>]) -> [Option<f64>; 5] {
+    std::array::from_fn(|c| {
+        let of: Vec<f64> = problem
+            .targets
+            .trials
+            .iter()
+            .zip(predicted)
+            .filter_map(|(t, p)| p.as_ref().and_then(|p| crate::cost::residual(t, p)[c]))
+            .collect();
+        (!of.is_empty()).then(|| (of.iter().map(|r| r * r).sum::<f64>() / of.len() as f64).sqrt())
+    })
+}
+
+#[cfg(test)]
+mod tests;

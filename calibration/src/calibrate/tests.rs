@@ -1,0 +1,223 @@
+use super::*;
+use crate::cost::CostFunction;
+use crate::experiment::Answer;
+use crate::options::LoadPrior;
+use crate::targets::{TargetOptions, Targets, targets};
+use crate::toy;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use sim::SimError;
+use sim::spec::PoseSpec;
+
+/// A knee whose measured values are its own answers at `truth` (unit coordinates), with noise.
+struct Bench {
+    design: Design,
+    targets: Targets,
+    ct: PoseSpec,
+}
+
+fn bench(truth: &[f64], noise: f64, seed: u64) -> Bench {
+    let (design, mut trials) = (Design::table3(), toy::trials());
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let sd = [0.5, 0.5, 0.4, 0.4, 0.4];
+    for i in 0..trials.len() {
+        let p = toy::answer(&design, &trials, &design.at(truth), i).unwrap().predicted;
+        for c in 0..5 {
+            trials[i].measured[c] = Some(p[c] + noise * sd[c] * crate::gradient::normal(&mut random));
+        }
+    }
+    let ct = PoseSpec { si_mm: -20.0, ..PoseSpec::default() };
+    let o = CalibrateOptions::default();
+    let targets = targets(&trials, &ct, &o.cost, &TargetOptions::default()).unwrap();
+    Bench { design, targets, ct }
+}
+
+fn truth(seed: u64) -> Vec<f64> {
+    let mut random = ChaCha8Rng::seed_from_u64(1000 + seed);
+    (0..26).map(|_| random.random_range(0.0..1.0)).collect()
+}
+
+fn quick(method: Method) -> CalibrateOptions {
+    let mut o = CalibrateOptions { method, ..CalibrateOptions::default() };
+    (o.swarm.swarm_evaluations, o.swarm.simplex_evaluations) = (100, 60);
+    o
+}
+
+impl Bench {
+    fn identity(&self, options: &CalibrateOptions) -> Identity {
+        Identity {
+            model: "toy".into(),
+            start: self.design.at(&[0.5; 26]),
+            design: self.design.clone(),
+            trials: self.targets.trials.clone(),
+            options: options.clone(),
+        }
+    }
+
+    fn run(&self, options: &CalibrateOptions, watch: &mut dyn FnMut(&Checkpoint) -> ControlFlow<()>) -> Run {
+        self.resume(Checkpoint::new(self.identity(options)).unwrap(), options, watch)
+    }
+
+    fn resume(
+        &self,
+        mut checkpoint: Checkpoint,
+        options: &CalibrateOptions,
+        watch: &mut dyn FnMut(&Checkpoint) -> ControlFlow<()>,
+    ) -> Run {
+        let simulate = |v: &[f64], _: bool| -> Vec<Result<Answer, SimError>> {
+            toy::answers(&self.design, &self.targets.trials, v)
+        };
+        let experiment = Experiment { design: &self.design, simulate: &simulate, trials: self.targets.trials.len() };
+        let cost = CostFunction::new(&self.targets.trials, &self.ct, &options.cost).unwrap();
+        let bundles = ["A".to_owned(), "B".to_owned()];
+        let problem = Problem::new((experiment, experiment), &self.targets, cost, &bundles, options).unwrap();
+        let names = ["first".to_owned()];
+        let experiment = Experiment { trials: 1, ..experiment };
+        let probes = Probes { experiment, search: experiment, names: &names };
+        calibrate(&mut checkpoint, &problem, &probes, watch)
+    }
+}
+
+type Run = Result<Calibrated, CalibrationError>;
+
+fn go_on(_: &Checkpoint) -> ControlFlow<()> {
+    ControlFlow::Continue(())
+}
+
+#[test]
+fn interrupted_and_resumed_gives_the_same_bytes() {
+    let b = bench(&truth(1), 1.0, 1);
+    for method in [Method::SwarmSimplex, Method::Gradient, Method::Descent] {
+        let mut o = quick(method);
+        (o.gradient.starts, o.gradient.samples) = (10, 12);
+        let whole = b.run(&o, &mut go_on).unwrap();
+        for stop_at in [1, 3, 5, 8] {
+            let mut steps = 0;
+            let mut kept = vec![];
+            let stopped = b.run(&o, &mut |c| {
+                steps += 1;
+                kept = c.to_bytes();
+                if steps == stop_at { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+            });
+            if stopped.is_ok() {
+                break;
+            }
+            assert_eq!(stopped.unwrap_err(), CalibrationError::Stopped);
+            let back = Checkpoint::from_bytes(&kept, &b.identity(&o)).unwrap();
+            assert_eq!(
+                serde_json::to_vec(&b.resume(back, &o, &mut go_on).unwrap()).unwrap(),
+                serde_json::to_vec(&whole).unwrap()
+            );
+        }
+    }
+}
+
+#[test]
+fn a_checkpoint_of_another_calibration_is_refused_by_what_differs() {
+    let b = bench(&truth(1), 1.0, 1);
+    let o = quick(Method::Gradient);
+    let bytes = Checkpoint::new(b.identity(&o)).unwrap().to_bytes();
+    let other = CalibrateOptions { seed: 9, ..o.clone() };
+    let refusal = |identity: &Identity| Checkpoint::from_bytes(&bytes, identity).unwrap_err().to_string();
+    assert!(refusal(&b.identity(&other)).contains("other options"));
+    assert!(refusal(&bench(&truth(2), 1.0, 2).identity(&o)).contains("other targets"));
+    assert!(Checkpoint::from_bytes(&bytes[..bytes.len() / 2], &b.identity(&o)).is_err());
+}
+
+#[test]
+fn any_number_of_threads_gives_the_same_answer() {
+    let b = bench(&truth(3), 1.0, 3);
+    for method in [Method::SwarmSimplex, Method::Gradient, Method::Descent] {
+        let mut o = quick(method);
+        (o.gradient.starts, o.gradient.samples) = (4, 8);
+        let on = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+            pool.install(|| b.run(&o, &mut go_on).unwrap())
+        };
+        assert_eq!(on(1), on(3));
+    }
+}
+
+#[test]
+fn without_noise_the_fit_is_close_and_the_progress_grows() {
+    let b = bench(&truth(4), 0.0, 4);
+    let mut shares = vec![];
+    let found = b
+        .run(&quick(Method::Gradient), &mut |c| {
+            shares.push(c.progress().share);
+            ControlFlow::Continue(())
+        })
+        .unwrap();
+    assert!(found.rms.iter().all(|r| r.unwrap() < 0.25), "{:?}", found.rms);
+    assert!(shares.windows(2).all(|w| w[0] <= w[1]) && shares.last().is_some_and(|s| *s > 0.99), "{shares:?}");
+    assert!(found.lowest_cost.0 <= found.cost);
+    assert!(found.history.iter().all(|h| *h >= found.lowest_cost.0));
+}
+
+#[test]
+fn descents_on_the_cost_end_no_higher_than_the_recipe() {
+    let b = bench(&truth(6), 1.0, 6);
+    let mut shares = vec![];
+    let found = b
+        .run(&quick(Method::Descent), &mut |c| {
+            shares.push(c.progress().share);
+            ControlFlow::Continue(())
+        })
+        .unwrap();
+    let recipe = b.run(&CalibrateOptions { method: Method::SwarmSimplex, ..Default::default() }, &mut go_on).unwrap();
+    assert!(found.cost <= recipe.cost, "{} against {}", found.cost, recipe.cost);
+    assert!(found.cost == found.lowest_cost.0 && found.history.iter().all(|h| *h >= found.cost));
+    assert!(found.history.len() < 400 && recipe.history.len() > 1000);
+    assert!(shares.windows(2).all(|w| w[0] < w[1]) && shares.last() == Some(&1.0), "{shares:?}");
+}
+
+#[test]
+fn ninety_percent_intervals_cover_the_truth_about_as_often_as_they_say() {
+    let (mut inside, mut all, mut tight) = (0, 0, 0);
+    for seed in 0..12 {
+        let truth = truth(seed);
+        let b = bench(&truth, 1.0, seed);
+        let mut o = quick(Method::Gradient);
+        o.gradient.descents = 0;
+        let found = b.run(&o, &mut go_on).unwrap();
+        for (p, t) in found.parameters.iter().zip(b.design.at(&truth)) {
+            all += 1;
+            inside += usize::from(p.lower <= t && t <= p.upper);
+            tight += usize::from(p.determined > 0.5);
+        }
+    }
+    let share = inside as f64 / all as f64;
+    assert!((0.85..=0.95).contains(&share), "{share}");
+    assert!(tight > all / 10 && tight < all, "{tight} of {all}");
+}
+
+#[test]
+fn a_belief_about_a_force_is_heard() {
+    let mut t = truth(5);
+    t[0] = 0.9;
+    let b = bench(&t, 1.0, 5);
+    let plain = b.run(&quick(Method::Gradient), &mut go_on).unwrap();
+    let belief = LoadPrior {
+        bundles: vec!["A".into()],
+        test: None,
+        nominal_flexion_deg: None,
+        mean_n: Some(20.0),
+        most_n: None,
+        sd_n: 1.0,
+        weight: 50.0,
+    };
+    for method in [Method::Gradient, Method::SwarmSimplex] {
+        let o = CalibrateOptions { loads: vec![belief.clone()], ..quick(method) };
+        let told = b.run(&o, &mut go_on).unwrap();
+        let force = |c: &Calibrated| c.forces.iter().find(|f| f.bundle == 0).and_then(|f| f.value_n).unwrap();
+        assert!((force(&told) - 20.0).abs() < (force(&plain) - 20.0).abs(), "{} {}", force(&told), force(&plain));
+    }
+    let deaf = CalibrateOptions { loads: vec![belief.clone()], ..quick(Method::Descent) };
+    assert!(deaf.check().unwrap_err().to_string().contains("not heard"));
+    let unknown = LoadPrior { bundles: vec!["Z".into()], ..belief };
+    let o = CalibrateOptions { loads: vec![unknown], ..quick(Method::Gradient) };
+    let simulate = |v: &[f64], _: bool| toy::answers(&b.design, &b.targets.trials, v);
+    let experiment = Experiment { design: &b.design, simulate: &simulate, trials: b.targets.trials.len() };
+    let cost = CostFunction::new(&b.targets.trials, &b.ct, &o.cost).unwrap();
+    assert!(Problem::new((experiment, experiment), &b.targets, cost, &["A".to_owned()], &o).is_err());
+}

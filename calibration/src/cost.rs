@@ -1,0 +1,258 @@
+//! The one definition of residual and cost [andreassen2025, section 2.5]; a worked example stands in docs/theory/cost.md.
+//!
+//! Residual of a trial and coordinate: predicted minus measured [deg or mm], in the order of [`sim::laxity::COORDINATES`].
+//! Cost: trials are grouped by test and nominal flexion; of a group and coordinate, the 75th percentile over its trials of the
+//! absolute error, divided by the coordinate's range over all measured trials, times a weight; summed; squared where a
+//! trial reaches a joint limit in ML or SI.
+
+use crate::error::CalibrationError;
+use serde::{Deserialize, Serialize};
+use sim::laxity::{COORDINATES, LaxityTrial, Test, VALUE_UNITS};
+use sim::spec::PoseSpec;
+use std::collections::BTreeMap;
+
+/// Cost of an evaluation in which a trial has no answer, as in the published logs [-].
+pub const FAILED: f64 = 1e10;
+/// Coordinates with a joint limit: ML and SI.
+const LIMITED: [usize; 2] = [2, 4];
+
+/// How the cost is counted.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CostOptions {
+    /// Weights [-] of the five coordinates (VV, IE, ML, AP, SI) by test; the published scripts' [andreassen2025, figure 6].
+    pub weights: BTreeMap<Test, [f64; 5]>,
+    /// Percentile of a group's errors [%]; [andreassen2025, section 2.5].
+    pub percentile: f64,
+    /// ML or SI further than this from the CT pose is a joint limit [mm]; ours, the paper gives no number.
+    pub limit_mm: f64,
+}
+
+impl Default for CostOptions {
+    fn default() -> Self {
+        let weights = BTreeMap::from([
+            (Test::Anterior, [0.0, 50.0, 0.0, 100.0, 0.0]),
+            (Test::Posterior, [0.0, 50.0, 0.0, 100.0, 0.0]),
+            (Test::Internal, [0.0, 100.0, 0.0, 50.0, 0.0]),
+            (Test::External, [0.0, 100.0, 0.0, 50.0, 0.0]),
+            (Test::Varus, [100.0, 50.0, 0.0, 0.0, 0.0]),
+            (Test::Valgus, [100.0, 50.0, 0.0, 0.0, 0.0]),
+            (Test::Neutral, [100.0, 100.0, 0.0, 100.0, 0.0]),
+        ]);
+        CostOptions { weights, percentile: 75.0, limit_mm: 20.0 }
+    }
+}
+
+impl CostOptions {
+    /// Weights of a test's coordinates; zero where none are given.
+    pub fn weights_of(&self, test: Test) -> [f64; 5] {
+        self.weights.get(&test).copied().unwrap_or([0.0; 5])
+    }
+}
+
+/// A group of trials and a coordinate that counts.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Term {
+    /// What the group tests.
+    pub test: Test,
+    /// The flexion it is filed under [deg].
+    pub nominal_flexion_deg: f64,
+    /// Index of the coordinate.
+    pub coordinate: usize,
+    /// Its weight [-].
+    pub weight: f64,
+    /// The coordinate's range over all measured trials [deg or mm].
+    pub range: f64,
+    /// Indices of the group's trials in which the coordinate is measured.
+    pub trials: Vec<usize>,
+}
+
+/// The cost of one set of trials, ready for predictions.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CostFunction {
+    /// What is summed.
+    pub terms: Vec<Term>,
+    measured: Vec<[Option<f64>; 5]>,
+    ct: [f64; 5],
+    percentile: f64,
+    limit_mm: f64,
+}
+
+/// A cost and what it is made of.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Cost {
+    /// The cost [-].
+    pub value: f64,
+    /// The sum of the terms, before the penalty [-].
+    pub sum: f64,
+    /// Error of each term: the percentile over its trials [deg or mm].
+    pub errors: Vec<f64>,
+    /// Indices of the trials at a joint limit.
+    pub at_limit: Vec<usize>,
+    /// Indices of the trials without an answer.
+    pub unanswered: Vec<usize>,
+}
+
+/// Residual of a trial: predicted minus measured [deg, mm]; `None` where not measured.
+pub fn residual(trial: &LaxityTrial, predicted: &[f64; 5]) -> [Option<f64>; 5] {
+    std::array::from_fn(|i| trial.measured[i].map(|m| predicted[i] - m))
+}
+
+/// The p-th percentile by linear interpolation between the sorted values x_k at 100 (k - 1/2) / n, clamped at the ends: MATLAB's
+/// `prctile`, since the published calibration ran there. Returns the value and each input's share in it (shares sum to 1).
+pub fn percentile(values: &[f64], p: f64) -> (f64, Vec<f64>) {
+    let n = values.len();
+    let mut share = vec![0.0; n];
+    if n == 0 {
+        return (0.0, share);
+    }
+    let mut order: Vec<usize> = (0..n).collect();
+    order.sort_by(|&a, &b| values[a].total_cmp(&values[b]));
+    let place = (p / 100.0 * n as f64 - 0.5).clamp(0.0, (n - 1) as f64);
+    let below = place.floor() as usize;
+    let above = (below + 1).min(n - 1);
+    let t = place - below as f64;
+    share[order[below]] += 1.0 - t;
+    share[order[above]] += t;
+    (values[order[below]] * (1.0 - t) + values[order[above]] * t, share)
+}
+
+impl CostFunction {
+    /// The cost of these trials for a model whose CT pose is `ct`.
+    ///
+    /// # Errors
+    /// Options out of range; no coordinate with a weight is measured; a weighted coordinate does not vary over the trials.
+    pub fn new(trials: &[LaxityTrial], ct: &PoseSpec, options: &CostOptions) -> Result<CostFunction, CalibrationError> {
+        check(options)?;
+        let mut groups: BTreeMap<(Test, i64), Vec<usize>> = BTreeMap::new();
+        for (i, t) in trials.iter().enumerate() {
+            groups.entry((t.test, (t.nominal_flexion_deg * 10.0).round() as i64)).or_default().push(i);
+        }
+        let mut terms = Vec::new();
+        for ((test, _), members) in &groups {
+            let weights = options.weights_of(*test);
+            for coordinate in (0..5).filter(|&c| weights[c] > 0.0) {
+                let trials_of: Vec<usize> =
+                    members.iter().copied().filter(|&i| trials[i].measured[coordinate].is_some()).collect();
+                if let Some(&first) = trials_of.first() {
+                    terms.push(Term {
+                        test: *test,
+                        nominal_flexion_deg: trials[first].nominal_flexion_deg,
+                        coordinate,
+                        weight: weights[coordinate],
+                        range: range(trials, coordinate)?,
+                        trials: trials_of,
+                    });
+                }
+            }
+        }
+        if terms.is_empty() {
+            return Err(CalibrationError::Targets("no coordinate with a weight is measured in any trial".into()));
+        }
+        Ok(CostFunction {
+            terms,
+            measured: trials.iter().map(|t| t.measured).collect(),
+            ct: [ct.vv_deg, ct.ie_deg, ct.ml_mm, ct.ap_mm, ct.si_mm],
+            percentile: options.percentile,
+            limit_mm: options.limit_mm,
+        })
+    }
+
+    /// The cost of these predictions, one a trial (VV, IE [deg], ML, AP, SI [mm]); `None` is a trial without an answer.
+    pub fn cost(&self, predicted: &[Option<[f64; 5]>]) -> Cost {
+        self.with_slopes(predicted).0
+    }
+
+    /// The cost, and its derivative by each prediction: of a percentile that of the trials it lies between.
+    pub fn with_slopes(&self, predicted: &[Option<[f64; 5]>]) -> (Cost, Vec<[f64; 5]>) {
+        let mut slopes = vec![[0.0; 5]; predicted.len()];
+        let unanswered: Vec<usize> = (0..predicted.len()).filter(|&i| predicted[i].is_none()).collect();
+        if !unanswered.is_empty() {
+            let cost = Cost { value: FAILED, sum: FAILED, errors: vec![], at_limit: vec![], unanswered };
+            return (cost, slopes);
+        }
+        let beyond = |p: &[f64; 5]| LIMITED.iter().any(|&c| (p[c] - self.ct[c]).abs() >= self.limit_mm);
+        let at_limit: Vec<usize> = (0..predicted.len()).filter(|&i| predicted[i].is_some_and(|p| beyond(&p))).collect();
+        let (mut sum, mut errors) = (0.0, Vec::with_capacity(self.terms.len()));
+        for term in &self.terms {
+            let signed: Vec<f64> = term.trials.iter().map(|&i| self.error(predicted, i, term.coordinate)).collect();
+            let absolute: Vec<f64> = signed.iter().map(|e| e.abs()).collect();
+            let (error, share) = percentile(&absolute, self.percentile);
+            let scale = term.weight / term.range;
+            sum += scale * error;
+            errors.push(error);
+            for ((&i, e), s) in term.trials.iter().zip(&signed).zip(&share) {
+                slopes[i][term.coordinate] += scale * s * e.signum();
+            }
+        }
+        // squaring must not make a cost below 1 smaller
+        let value = if at_limit.is_empty() { sum } else { sum * sum.max(1.0) };
+        if !at_limit.is_empty() {
+            let factor = if sum > 1.0 { 2.0 * sum } else { 1.0 };
+            slopes.iter_mut().flatten().for_each(|s| *s *= factor);
+        }
+        (Cost { value, sum, errors, at_limit, unanswered }, slopes)
+    }
+
+    /// Of each trial and coordinate: the weight of its absolute error when the percentile's share is spread over the group's sorted errors as a
+    /// bell of standard deviation `spread` percent, its signed error, and the coordinate's range. For reweighted least squares.
+    pub fn spread_weights(&self, predicted: &[Option<[f64; 5]>], spread: f64) -> Vec<[(f64, f64, f64); 5]> {
+        let mut out = vec![[(0.0, 0.0, 1.0); 5]; predicted.len()];
+        for term in &self.terms {
+            let n = term.trials.len();
+            let errors: Vec<f64> = term.trials.iter().map(|&i| self.error(predicted, i, term.coordinate)).collect();
+            let mut order: Vec<usize> = (0..n).collect();
+            order.sort_by(|&a, &b| errors[a].abs().total_cmp(&errors[b].abs()));
+            let bell = |k: usize| {
+                let place = 100.0 * (k as f64 + 0.5) / n as f64;
+                let ends = (50.0 / n as f64, 100.0 - 50.0 / n as f64);
+                (-0.5 * ((place - self.percentile.clamp(ends.0, ends.1)) / spread).powi(2)).exp()
+            };
+            let total: f64 = (0..n).map(bell).sum::<f64>().max(1e-300);
+            for (k, &m) in order.iter().enumerate() {
+                let weight = term.weight / term.range * bell(k) / total;
+                out[term.trials[m]][term.coordinate] = (weight, errors[m], term.range);
+            }
+        }
+        out
+    }
+
+    /// Predicted minus measured; zero where either is missing.
+    fn error(&self, predicted: &[Option<[f64; 5]>], trial: usize, coordinate: usize) -> f64 {
+        match (predicted[trial], self.measured[trial][coordinate]) {
+            (Some(p), Some(m)) => p[coordinate] - m,
+            _ => 0.0,
+        }
+    }
+}
+
+/// Largest minus smallest measured value of a coordinate.
+fn range(trials: &[LaxityTrial], coordinate: usize) -> Result<f64, CalibrationError> {
+    let values = trials.iter().filter_map(|t| t.measured[coordinate]);
+    let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
+    if high > low {
+        return Ok(high - low);
+    }
+    Err(CalibrationError::Targets(format!(
+        "{}_{} is {low} in every trial that has it; its errors cannot be divided by its range: give trials in which it varies",
+        COORDINATES[coordinate], VALUE_UNITS[coordinate]
+    )))
+}
+
+/// Refuses options that mean nothing.
+fn check(options: &CostOptions) -> Result<(), CalibrationError> {
+    let refuse = |text: String| Err(CalibrationError::Option(text));
+    if !(0.0..=100.0).contains(&options.percentile) {
+        return refuse(format!("cost.percentile is {}, expected 0 to 100", options.percentile));
+    }
+    if options.limit_mm.is_nan() || options.limit_mm <= 0.0 {
+        return refuse(format!("cost.limit_mm is {}, expected above 0", options.limit_mm));
+    }
+    match options.weights.values().flatten().find(|w| !(**w >= 0.0 && w.is_finite())) {
+        Some(w) => refuse(format!("cost.weights: {w}, expected 0 or more")),
+        None => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,254 @@
+//! Options of a calibration, as in `[options.calibrate]` of specimen.toml.
+
+use crate::cost::CostOptions;
+use crate::error::CalibrationError;
+use crate::frames::FrameOptions;
+use crate::knee::SearchOptions;
+use crate::targets::TargetOptions;
+use serde::{Deserialize, Serialize};
+use sim::laxity::Test;
+use std::collections::BTreeMap;
+
+/// How the parameters are found.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Method {
+    /// Least squares with the solver's derivatives from many starts, then descent on the cost.
+    #[default]
+    Gradient,
+    /// Particle swarm, then simplex: the paper's recipe.
+    SwarmSimplex,
+    /// Descents on the cost with the solver's derivatives, from many starts and from points about the best: the recipe's question, answered sooner.
+    Descent,
+}
+
+/// Options of a calibration.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CalibrateOptions {
+    /// How.
+    pub method: Method,
+    /// Which trials, and what makes them usable.
+    pub targets: TargetOptions,
+    /// How the cost is counted.
+    pub cost: CostOptions,
+    /// Ranges instead of Table 3's [- or N/mm], by name ("X3" or "LCL.reference_strain").
+    pub ranges: BTreeMap<String, [f64; 2]>,
+    /// What is believed of ligament loads; none by default.
+    pub loads: Vec<LoadPrior>,
+    /// The paper's recipe.
+    pub swarm: SwarmOptions,
+    /// How far the frames of the measurements may stand from the model's; the paper's recipe and imported decks take them as given.
+    pub frames: FrameOptions,
+    /// How answers are sought on the way.
+    pub search: SearchOptions,
+    /// The faster way.
+    pub gradient: GradientOptions,
+    /// Descents on the cost.
+    pub descent: HopOptions,
+    /// Seed of every random number.
+    pub seed: u64,
+}
+
+/// A belief about a bundle's force [andreassen2025, discussion]: near `mean_n`, or no more than `most_n`, with a standard deviation. It
+/// joins the least squares as a residual, and the cost as `weight` times its size.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LoadPrior {
+    /// Bundles whose forces are summed, by name.
+    pub bundles: Vec<String>,
+    /// In which test; in every one where absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub test: Option<Test>,
+    /// At which nominal flexion [deg]; at every one where absent.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub nominal_flexion_deg: Option<f64>,
+    /// Expected force [N].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mean_n: Option<f64>,
+    /// Force beyond which it counts [N].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub most_n: Option<f64>,
+    /// Standard deviation [N].
+    pub sd_n: f64,
+    /// Weight in the cost of one standard deviation, averaged over the trials it applies to [-].
+    #[serde(default = "load_weight")]
+    pub weight: f64,
+}
+
+fn load_weight() -> f64 {
+    50.0
+}
+
+/// The paper's recipe [andreassen2025, section 2.5].
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct SwarmOptions {
+    /// Particles [-]; ours, the paper gives none.
+    pub particles: usize,
+    /// Evaluations by the swarm [-]; about 750 [andreassen2025, section 2.5].
+    pub swarm_evaluations: usize,
+    /// Evaluations by the simplex [-]; about 500 [andreassen2025, section 2.5].
+    pub simplex_evaluations: usize,
+    /// First edge of the simplex, in widths of the ranges [-]; ours.
+    pub simplex_size: f64,
+}
+
+impl Default for SwarmOptions {
+    fn default() -> Self {
+        SwarmOptions { particles: 25, swarm_evaluations: 750, simplex_evaluations: 500, simplex_size: 0.1 }
+    }
+}
+
+/// Which point becomes the calibrated model.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Choice {
+    /// The most probable parameters: least squares under the prior.
+    #[default]
+    MostProbable,
+    /// The lowest cost of [`CostOptions`].
+    LowestCost,
+}
+
+/// The gradient-based way.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct GradientOptions {
+    /// Starts: the model's own values, then points of a Latin hypercube [-]; Theodorakos and Andersen 2024 show why one will not do.
+    pub starts: usize,
+    /// Most evaluations of each start [-]; ours.
+    pub first_evaluations: usize,
+    /// Starts fitted to the end, the best so far [-]; ours.
+    pub finalists: usize,
+    /// Of those, fitted to the end with the model in full, not the search's [-]; ours.
+    pub modes: usize,
+    /// Most evaluations of a fit to the end [-]; ours.
+    pub evaluations: usize,
+    /// Least-squares results refined on the cost [-]; 0 leaves it out.
+    pub descents: usize,
+    /// Most evaluations of a descent on the cost [-]; ours.
+    pub descent_evaluations: usize,
+    /// Which point becomes the calibrated model.
+    pub choice: Choice,
+    /// Whether noise is scaled up, a coordinate each, where the best fit misses the measurements by more [-].
+    pub scale_noise: bool,
+    /// Residuals beyond this many standard deviations count linearly, not squared [huber1964] [-].
+    pub robust: f64,
+    /// Samples of the posterior [-]; 0 leaves it out.
+    pub samples: usize,
+    /// Evaluations a sample [-]; ours.
+    pub sample_evaluations: usize,
+    /// Probability of the intervals [-].
+    pub interval: f64,
+}
+
+impl Default for GradientOptions {
+    fn default() -> Self {
+        GradientOptions {
+            starts: 24,
+            first_evaluations: 6,
+            finalists: 6,
+            modes: 3,
+            evaluations: 14,
+            descents: 2,
+            descent_evaluations: 20,
+            choice: Choice::MostProbable,
+            scale_noise: true,
+            robust: 3.0,
+            samples: 48,
+            sample_evaluations: 20,
+            interval: 0.9,
+        }
+    }
+}
+
+/// Descents on the cost.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct HopOptions {
+    /// Starts: the model's own values, then points of a Latin hypercube [-].
+    pub starts: usize,
+    /// Most evaluations of a descent from a start [-]; ours.
+    pub first_evaluations: usize,
+    /// Starts descended from once more, the best so far [-]; ours.
+    pub finalists: usize,
+    /// Most evaluations of those descents [-]; ours.
+    pub evaluations: usize,
+    /// Descents from points about the best [-]; ours.
+    pub hops: usize,
+    /// Most evaluations of a hop's descent [-]; ours.
+    pub hop_evaluations: usize,
+    /// Furthest a hop moves a variable, in widths of its range [-]; ours.
+    pub hop_size: f64,
+    /// Share of the variables that a hop moves [-]; ours.
+    pub hop_share: f64,
+}
+
+impl Default for HopOptions {
+    fn default() -> Self {
+        HopOptions {
+            starts: 16,
+            first_evaluations: 8,
+            finalists: 4,
+            evaluations: 12,
+            hops: 24,
+            hop_evaluations: 8,
+            hop_size: 0.3,
+            hop_share: 0.4,
+        }
+    }
+}
+
+impl CalibrateOptions {
+    /// Refuses options that mean nothing.
+    ///
+    /// # Errors
+    /// The option's name, its value and what is expected.
+    pub fn check(&self) -> Result<(), CalibrationError> {
+        let least = |name: &str, value: usize, least: usize| match value >= least {
+            true => Ok(()),
+            false => Err(CalibrationError::Option(format!("{name} is {value}, expected at least {least}"))),
+        };
+        least("swarm.particles", self.swarm.particles, 2)?;
+        least("swarm.swarm_evaluations", self.swarm.swarm_evaluations, self.swarm.particles)?;
+        least("gradient.starts", self.gradient.starts, 1)?;
+        least("gradient.first_evaluations", self.gradient.first_evaluations, 2)?;
+        least("gradient.finalists", self.gradient.finalists, 1)?;
+        least("gradient.modes", self.gradient.modes, 1)?;
+        least("gradient.evaluations", self.gradient.evaluations, 2)?;
+        least("gradient.sample_evaluations", self.gradient.sample_evaluations, 1)?;
+        least("descent.starts", self.descent.starts, 1)?;
+        least("descent.first_evaluations", self.descent.first_evaluations, 2)?;
+        least("descent.finalists", self.descent.finalists, 1)?;
+        least("descent.evaluations", self.descent.evaluations, 2)?;
+        least("descent.hop_evaluations", self.descent.hop_evaluations, 2)?;
+        if self.method == Method::Descent && !self.loads.is_empty() {
+            let what = "loads are not heard by the method descent: take gradient or swarm-simplex, or leave them out";
+            return Err(CalibrationError::Option(what.into()));
+        }
+        let between = |name: &str, value: f64, low: f64, high: f64| match value > low && value < high {
+            true => Ok(()),
+            false => Err(CalibrationError::Option(format!("{name} is {value}, expected between {low} and {high}"))),
+        };
+        between("swarm.simplex_size", self.swarm.simplex_size, 0.0, 0.5)?;
+        between("gradient.interval", self.gradient.interval, 0.0, 1.0)?;
+        between("descent.hop_size", self.descent.hop_size, 0.0, 1.0)?;
+        between("descent.hop_share", self.descent.hop_share, 0.0, 1.0)?;
+        for (name, sd) in
+            [("frames.turn_sd_deg", self.frames.turn_sd_deg), ("frames.shift_sd_mm", self.frames.shift_sd_mm)]
+        {
+            if !(0.0..=20.0).contains(&sd) {
+                return Err(CalibrationError::Option(format!("{name} is {sd}, expected 0 to 20")));
+            }
+        }
+        between("gradient.robust", self.gradient.robust, 0.0, f64::INFINITY)?;
+        for (i, p) in self.loads.iter().enumerate() {
+            between(&format!("loads[{i}].sd_n"), p.sd_n, 0.0, f64::INFINITY)?;
+            if p.mean_n.is_some() == p.most_n.is_some() {
+                return Err(CalibrationError::Option(format!("loads[{i}]: give either mean_n or most_n")));
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,216 @@
+//! A calibration's question: trials, what was measured, the cost, and the least-squares form of it.
+
+use crate::cost::{Cost, CostFunction, FAILED};
+use crate::error::CalibrationError;
+use crate::experiment::{Answer, Experiment};
+use crate::levenberg::Residuals;
+use crate::options::{CalibrateOptions, LoadPrior};
+use crate::targets::Targets;
+use nalgebra::{DMatrix, DVector};
+use sim::SimError;
+
+/// Standard deviation of a number spread evenly over a unit width: the prior of Table 3's ranges.
+const UNIFORM_SD: f64 = 0.288_675_134_594_812_9;
+
+/// Trials, what was measured, the cost.
+pub struct Problem<'a> {
+    /// The solver as the search has it, and the design variables.
+    pub experiment: Experiment<'a>,
+    /// The solver as `simulate` has it; the search may be coarser.
+    pub in_full: Experiment<'a>,
+    /// What was measured.
+    pub targets: &'a Targets,
+    /// The cost.
+    pub cost: CostFunction,
+    /// What is believed of ligament loads, with the indices of their bundles.
+    loads: Vec<(&'a LoadPrior, Vec<usize>)>,
+    /// Residuals beyond this many standard deviations count linearly.
+    robust: f64,
+}
+
+/// What a least-squares evaluation found.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Evaluation {
+    /// Residuals and derivatives by unit coordinates: five a trial, then load beliefs, then the prior.
+    pub residuals: Residuals,
+    /// The cost at the same point.
+    pub cost: f64,
+}
+
+/// What the measurements are taken to be in a least-squares fit.
+#[derive(Clone, Debug, PartialEq)]
+pub struct View {
+    /// Factor of the noise, a coordinate each [-].
+    pub noise_scale: [f64; 5],
+    /// Shift of each measurement, in its scaled noise [-]; zero but for samples.
+    pub shift: Vec<[f64; 5]>,
+    /// Middle of the prior, unit coordinates.
+    pub middle: Vec<f64>,
+    /// What the model in full predicts more than the search at the best point so far [deg, mm], a trial each: added to the search's predictions.
+    pub correction: Vec<[f64; 5]>,
+    /// Whether the model in full is asked, not the search's; the correction is then left out.
+    pub in_full: bool,
+}
+
+impl View {
+    /// The measurements as they are, the prior in the middle of its ranges.
+    pub fn plain(trials: usize, variables: usize) -> View {
+        let none = vec![[0.0; 5]; trials];
+        View {
+            noise_scale: [1.0; 5],
+            shift: none.clone(),
+            middle: vec![0.5; variables],
+            correction: none,
+            in_full: false,
+        }
+    }
+}
+
+impl<'a> Problem<'a> {
+    /// A problem for a solver as the search has it and in full; `bundles` are the names in the order of the solver's forces.
+    ///
+    /// # Errors
+    /// A load belief about a bundle the model does not have.
+    pub fn new(
+        (experiment, in_full): (Experiment<'a>, Experiment<'a>),
+        targets: &'a Targets,
+        cost: CostFunction,
+        bundles: &[String],
+        options: &'a CalibrateOptions,
+    ) -> Result<Problem<'a>, CalibrationError> {
+        let index = |name: &String| {
+            bundles.iter().position(|b| b == name).ok_or_else(|| {
+                CalibrationError::Option(format!("loads: no bundle {name}; the model has {}", bundles.join(", ")))
+            })
+        };
+        let loads = options
+            .loads
+            .iter()
+            .map(|p| Ok((p, p.bundles.iter().map(index).collect::<Result<Vec<usize>, _>>()?)))
+            .collect::<Result<_, CalibrationError>>()?;
+        Ok(Problem { experiment, in_full, targets, cost, loads, robust: options.gradient.robust })
+    }
+
+    /// The cost at unit coordinates, load beliefs included; 1e10 when a trial has no answer.
+    pub fn value(&self, unit: &[f64]) -> f64 {
+        let answers = self.experiment.answers(&self.experiment.design.at(unit), false);
+        self.value_of(&answers)
+    }
+
+    /// The cost of these answers, load beliefs included.
+    fn value_of(&self, answers: &[Result<Answer, SimError>]) -> f64 {
+        let cost = self.cost_of(answers).value;
+        if cost >= FAILED {
+            return FAILED;
+        }
+        cost + self.loads.iter().map(|(p, index)| self.load_cost(p, index, answers)).sum::<f64>()
+    }
+
+    /// The cost alone.
+    pub fn cost_of(&self, answers: &[Result<Answer, SimError>]) -> Cost {
+        let predicted: Vec<Option<[f64; 5]>> = answers.iter().map(|a| a.as_ref().ok().map(|a| a.predicted)).collect();
+        self.cost.cost(&predicted)
+    }
+
+    /// Weight times the mean size of a belief's residual over its trials.
+    fn load_cost(&self, p: &LoadPrior, index: &[usize], answers: &[Result<Answer, SimError>]) -> f64 {
+        let of: Vec<f64> = (0..answers.len())
+            .filter(|&i| self.applies(p, i))
+            .filter_map(|i| answers[i].as_ref().ok().map(|a| load_residual(p, total(&a.forces_n, index)).0.abs()))
+            .collect();
+        p.weight * of.iter().sum::<f64>() / of.len().max(1) as f64
+    }
+
+    fn applies(&self, p: &LoadPrior, trial: usize) -> bool {
+        let t = &self.targets.trials[trial];
+        p.test.is_none_or(|test| test == t.test)
+            && p.nominal_flexion_deg.is_none_or(|fe| (fe - t.nominal_flexion_deg).abs() < 0.5)
+    }
+
+    /// Residuals in standard deviations at unit coordinates, with derivatives, and the cost; `None` when a trial has no answer.
+    pub fn least_squares(&self, unit: &[f64], view: &View) -> Option<Evaluation> {
+        let design = self.experiment.design;
+        let experiment = if view.in_full { self.in_full } else { self.experiment };
+        let mut answers = experiment.answers(&design.at(unit), true);
+        for (answer, more) in answers.iter_mut().zip(&view.correction).filter(|_| !view.in_full) {
+            if let Ok(a) = answer {
+                a.predicted.iter_mut().zip(more).for_each(|(p, m)| *p += m);
+            }
+        }
+        let cost = self.value_of(&answers);
+        let (n, widths) = (unit.len(), design.variables.iter().map(crate::design::Variable::width).collect::<Vec<_>>());
+        let mut rows: Vec<(f64, DVector<f64>)> = Vec::new();
+        for (i, answer) in answers.iter().enumerate() {
+            let (answer, t) = (answer.as_ref().ok()?, &self.targets.trials[i]);
+            let slopes = answer.slopes.as_ref()?;
+            let residual = crate::cost::residual(t, &answer.predicted);
+            for (c, r) in residual.iter().enumerate() {
+                let Some(r) = r else { continue };
+                let sd = self.targets.noise[i][c] * view.noise_scale[c];
+                let by = DVector::from_fn(n, |k, _| slopes.predicted[k][c] * widths[k] / sd);
+                rows.push(huber(r / sd - view.shift[i][c], by, self.robust));
+            }
+            for (p, index) in self.loads.iter().filter(|(p, _)| self.applies(p, i)) {
+                let (value, slope) = load_residual(p, total(&answer.forces_n, index));
+                let by = DVector::from_fn(n, |k, _| slope * total(&slopes.forces_n[k], index) * widths[k]);
+                rows.push((value, by));
+            }
+        }
+        for (k, x) in unit.iter().enumerate() {
+            let by = DVector::from_fn(n, |j, _| if j == k { 1.0 / UNIFORM_SD } else { 0.0 });
+            rows.push(((x - view.middle[k]) / UNIFORM_SD, by));
+        }
+        let value = DVector::from_iterator(rows.len(), rows.iter().map(|r| r.0));
+        let jacobian = DMatrix::from_fn(rows.len(), n, |i, k| rows[i].1[k]);
+        let finite = value.iter().chain(jacobian.iter()).all(|x| x.is_finite());
+        finite.then_some(Evaluation { residuals: Residuals { value, jacobian }, cost })
+    }
+
+    /// By how much predictions miss the measurements in standard deviations, a coordinate each, and no less than 1: root mean square of residuals
+    /// cut off at `robust` times the scale so far, each coordinate giving up its share of the variables the data determine.
+    pub fn misses(&self, predicted: &[Option<[f64; 5]>], so_far: &[f64; 5], robust: f64) -> [f64; 5] {
+        let z = self.standardised(predicted);
+        let all = z.iter().flatten().flatten().count().max(1) as f64;
+        // the data determine about half of the variables
+        let spent = (0.5 * self.experiment.design.len() as f64 / all).min(0.5);
+        std::array::from_fn(|c| {
+            let of: Vec<f64> = z.iter().filter_map(|z| z[c]).collect();
+            let most = robust * so_far[c];
+            let mean = of.iter().map(|z| z.abs().min(most).powi(2)).sum::<f64>() / of.len().max(1) as f64;
+            (mean / (1.0 - spent)).sqrt().max(1.0)
+        })
+    }
+
+    /// Predicted minus measured in standard deviations (unscaled), a trial each.
+    pub fn standardised(&self, predicted: &[Option<[f64; 5]>]) -> Vec<[Option<f64>; 5]> {
+        let of = |i: usize| {
+            let Some(p) = &predicted[i] else { return [None; 5] };
+            let r = crate::cost::residual(&self.targets.trials[i], p);
+            std::array::from_fn(|c| r[c].map(|r| r / self.targets.noise[i][c]))
+        };
+        (0..predicted.len()).map(of).collect()
+    }
+}
+
+/// Sum of some of the numbers.
+fn total(values: &[f64], index: &[usize]) -> f64 {
+    index.iter().filter_map(|&k| values.get(k)).sum()
+}
+
+/// A belief's residual [-] at a force, and its slope [1/N].
+fn load_residual(p: &LoadPrior, force: f64) -> (f64, f64) {
+    match (p.mean_n, p.most_n) {
+        (Some(mean), _) => ((force - mean) / p.sd_n, 1.0 / p.sd_n),
+        (None, Some(most)) if force > most => ((force - most) / p.sd_n, 1.0 / p.sd_n),
+        _ => (0.0, 0.0),
+    }
+}
+
+/// A residual whose square is Huber's loss [huber1964]: itself up to `k`, beyond that `sqrt(2 k |z| - k^2)`.
+fn huber(z: f64, by: DVector<f64>, k: f64) -> (f64, DVector<f64>) {
+    if z.abs() <= k {
+        return (z, by);
+    }
+    let r = (2.0 * k * z.abs() - k * k).sqrt();
+    (r * z.signum(), by * (k / r))
+}

@@ -1,0 +1,221 @@
+//! Calibration targets from laxity data: which trials, and which of them can be used.
+//!
+//! Complaints name the row of the file (the header is row 1) and the trial. Row numbers are places in the slice given, plus two.
+
+mod doubt;
+
+use crate::cost::CostOptions;
+use crate::error::CalibrationError;
+use serde::{Deserialize, Serialize};
+use sim::laxity::{Branch, COORDINATES, LaxityTrial, Test, VALUE_UNITS};
+use sim::spec::PoseSpec;
+use std::collections::BTreeMap;
+
+/// Which trials of a laxity file are targets.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum TargetSet {
+    /// Every trial.
+    #[default]
+    All,
+    /// Anterior, internal and external at 30 and 90 deg, all loads, and neutral at 0: 31 trials of the published data [andreassen2025, figure 5].
+    Kla,
+    /// AP, IE and VV at 0, 30, 60 and 90 deg, the largest load of each, and neutral: 25 trials [andreassen2025, figure 5].
+    Rks,
+}
+
+/// What makes a trial usable.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct TargetOptions {
+    /// Which trials.
+    pub set: TargetSet,
+    /// Flexion the model is made for [deg], least and most; the published models are run from -6 to 91, ours reach the rim of the cartilage beyond 120.
+    pub flexion_deg: [f64; 2],
+    /// Measurement noise where the file gives none: VV, IE [deg], ML, AP, SI [mm], one standard deviation; the published data's.
+    pub noise: [f64; 5],
+    /// Fewest trials that can be calibrated to [-]; ranges need two.
+    pub fewest: usize,
+}
+
+impl Default for TargetOptions {
+    fn default() -> Self {
+        let noise = [0.5, 0.5, 0.4, 0.4, 0.4];
+        TargetOptions { set: TargetSet::All, flexion_deg: [-20.0, 120.0], noise, fewest: 2 }
+    }
+}
+
+/// Trials to calibrate to.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Targets {
+    /// The trials, in the order of the file.
+    pub trials: Vec<LaxityTrial>,
+    /// Row of each in the file.
+    pub rows: Vec<usize>,
+    /// Measurement noise of each: VV, IE [deg], ML, AP, SI [mm], one standard deviation.
+    pub noise: Vec<[f64; 5]>,
+    /// What is odd but not fatal, by row.
+    pub warnings: Vec<String>,
+}
+
+/// The usable trials of a set.
+///
+/// # Errors
+/// By row: too few trials, rows that contradict each other beyond all noise, values in another unit, flexion beyond the
+/// model; all that is wrong is listed, a line each. A trial without a coordinate that counts is left out with a warning.
+pub fn targets(
+    measured: &[LaxityTrial],
+    ct: &PoseSpec,
+    cost: &CostOptions,
+    options: &TargetOptions,
+) -> Result<Targets, CalibrationError> {
+    check(options)?;
+    let mut out = Targets { trials: vec![], rows: vec![], noise: vec![], warnings: vec![] };
+    for i in of_set(measured, options.set, &mut out.warnings) {
+        let t = &measured[i];
+        let row = i + 2;
+        if !is_usable(t, row, cost, &mut out.warnings) {
+            continue;
+        }
+        out.noise.push(std::array::from_fn(|c| t.sd[c].unwrap_or(options.noise[c])));
+        out.trials.push(t.clone());
+        out.rows.push(row);
+    }
+    let mut faults = doubt::beyond_flexion(&out, options.flexion_deg);
+    faults.extend(doubt::other_units(&out, ct));
+    faults.extend(doubt::contradictions(&mut out));
+    doubt::against_the_load(&mut out);
+    if out.trials.len() < options.fewest.max(2) {
+        let have: Vec<String> =
+            out.trials.iter().zip(&out.rows).map(|(t, r)| format!("row {r} ({})", t.trial)).collect();
+        faults.insert(
+            0,
+            format!(
+                "{} usable trial{} [{}], at least {} are needed: errors are divided by the range over the trials",
+                have.len(),
+                if have.len() == 1 { "" } else { "s" },
+                have.join(", "),
+                options.fewest.max(2)
+            ),
+        );
+    }
+    if faults.is_empty() { Ok(out) } else { Err(CalibrationError::Targets(faults.join("\n"))) }
+}
+
+/// Refuses options that mean nothing.
+fn check(options: &TargetOptions) -> Result<(), CalibrationError> {
+    if options.flexion_deg[0].is_nan()
+        || options.flexion_deg[1].is_nan()
+        || options.flexion_deg[0] >= options.flexion_deg[1]
+    {
+        return Err(CalibrationError::Option(format!(
+            "targets.flexion_deg is {:?}, expected least < most",
+            options.flexion_deg
+        )));
+    }
+    match options.noise.iter().find(|n| !(**n > 0.0 && n.is_finite())) {
+        Some(n) => Err(CalibrationError::Option(format!("targets.noise: {n}, expected above 0"))),
+        None => Ok(()),
+    }
+}
+
+/// Indices of the set's trials; warns of conditions of the set that are not there.
+fn of_set(measured: &[LaxityTrial], set: TargetSet, warnings: &mut Vec<String>) -> Vec<usize> {
+    use Test::{Anterior, External, Internal, Neutral, Posterior, Valgus, Varus};
+    let (tests, flexions, name): (&[Test], &[f64], &str) = match set {
+        TargetSet::All => return (0..measured.len()).collect(),
+        TargetSet::Kla => (&[Anterior, Internal, External], &[30.0, 90.0], "KLA"),
+        TargetSet::Rks => (&[Anterior, Posterior, Internal, External, Varus, Valgus], &[0.0, 30.0, 60.0, 90.0], "RKS"),
+    };
+    let at = |t: &LaxityTrial, fe: f64| (t.nominal_flexion_deg - fe).abs() < 0.5;
+    let mut chosen = Vec::new();
+    let mut missing = Vec::new();
+    let mut take = |test: Test, fe: f64, largest: bool| {
+        let mut of: Vec<usize> = (0..measured.len())
+            .filter(|&i| measured[i].test == test && at(&measured[i], fe))
+            .filter(|&i| measured[i].branch != Some(Branch::Unloading))
+            .collect();
+        if of.is_empty() {
+            missing.push(format!("{} at {fe} deg", test.name()));
+        }
+        if largest {
+            let most = of.iter().map(|&i| primary_load(&measured[i])).fold(0.0, f64::max);
+            of.retain(|&i| primary_load(&measured[i]) > 0.97 * most);
+        }
+        chosen.extend(of);
+    };
+    for &test in tests {
+        flexions.iter().for_each(|&fe| take(test, fe, set == TargetSet::Rks));
+    }
+    take(Neutral, 0.0, false);
+    if !missing.is_empty() {
+        warnings.push(format!("the {name} set has no {}", missing.join(", ")));
+    }
+    chosen.sort_unstable();
+    chosen
+}
+
+/// Index of the coordinate a test is about.
+pub fn primary(test: Test) -> Option<usize> {
+    match test {
+        Test::Varus | Test::Valgus => Some(0),
+        Test::Internal | Test::External => Some(1),
+        Test::Anterior | Test::Posterior => Some(3),
+        Test::Neutral => None,
+    }
+}
+
+/// Size of the load a test is about [N m or N].
+fn primary_load(t: &LaxityTrial) -> f64 {
+    primary(t.test).map_or(0.0, |c| t.load[c].abs())
+}
+
+/// Whether a trial has a coordinate that counts; warns of those it lacks.
+fn is_usable(t: &LaxityTrial, row: usize, cost: &CostOptions, warnings: &mut Vec<String>) -> bool {
+    let weights = cost.weights_of(t.test);
+    let counts: Vec<usize> = (0..5).filter(|&c| weights[c] > 0.0).collect();
+    let names = |which: &[usize]| which.iter().map(|&c| column(c)).collect::<Vec<_>>().join(", ");
+    let missing: Vec<usize> = counts.iter().copied().filter(|&c| t.measured[c].is_none()).collect();
+    if missing.len() == counts.len() {
+        warnings.push(format!("row {row} ({}): left out, {} not measured", t.trial, names(&counts)));
+        return false;
+    }
+    if !missing.is_empty() {
+        warnings.push(format!("row {row} ({}): {} not measured, counts without", t.trial, names(&missing)));
+    }
+    true
+}
+
+/// `ap_mm` and its fellows.
+fn column(c: usize) -> String {
+    format!("{}_{}", COORDINATES[c], VALUE_UNITS[c])
+}
+
+impl Targets {
+    /// The trials without those of the given groups (test, nominal flexion), and those alone: to hold out whole conditions.
+    pub fn split(&self, held_out: &[(Test, f64)]) -> (Targets, Targets) {
+        let is_out = |t: &LaxityTrial| {
+            held_out.iter().any(|(test, fe)| *test == t.test && (t.nominal_flexion_deg - fe).abs() < 0.5)
+        };
+        let (mut kept, mut out) = (self.clone(), self.clone());
+        for (part, wanted) in [(&mut kept, false), (&mut out, true)] {
+            let keep: Vec<usize> = (0..self.trials.len()).filter(|&i| is_out(&self.trials[i]) == wanted).collect();
+            part.trials = keep.iter().map(|&i| self.trials[i].clone()).collect();
+            part.rows = keep.iter().map(|&i| self.rows[i]).collect();
+            part.noise = keep.iter().map(|&i| self.noise[i]).collect();
+        }
+        (kept, out)
+    }
+
+    /// Number of trials of each group.
+    pub fn groups(&self) -> BTreeMap<(Test, i64), usize> {
+        let mut out = BTreeMap::new();
+        for t in &self.trials {
+            *out.entry((t.test, t.nominal_flexion_deg.round() as i64)).or_insert(0) += 1;
+        }
+        out
+    }
+}
+
+#[cfg(test)]
+mod tests;

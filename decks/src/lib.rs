@@ -1,0 +1,36 @@
+//! Abaqus knee decks: a tolerant keyword reader, and the model a published deck holds.
+//!
+//! Only the caller opens files: an INCLUDE is asked for through a callback. Keywords, set names and parameters are
+//! matched without regard to case, as Abaqus does.
+
+mod bodies;
+mod contact;
+mod export;
+pub mod expression;
+mod import;
+pub mod keyword;
+mod ligaments;
+pub mod model;
+mod steps;
+
+pub use export::{ExportedDeck, export};
+pub use import::{ImportedDeck, import};
+
+/// What is wrong with a deck: file, line, what was expected.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{file}:{line}: {message}")]
+pub struct DeckError {
+    /// The file; empty when the deck as a whole is at fault.
+    pub file: String,
+    /// Line in it, from 1; 0 when the deck as a whole is at fault.
+    pub line: usize,
+    /// What is wrong, what was expected, what to do.
+    pub message: String,
+}
+
+impl DeckError {
+    /// A fault of the deck as a whole.
+    fn whole(message: impl Into<String>) -> DeckError {
+        DeckError { file: "deck".into(), line: 0, message: message.into() }
+    }
+}

@@ -1,0 +1,155 @@
+//! Decks made here: a right knee with both laws goes out and comes back; mutated decks are refused, never a panic.
+
+use decks::{ImportedDeck, export, import};
+use meshes::frame::{AnatomicalFrame, Side};
+use meshes::shapes::icosphere;
+use meshes::{Isometry, Point, Vector};
+use proptest::prelude::*;
+use sim::joint::{Joint, Six};
+use sim::mesh::MeshValue;
+use sim::spec::*;
+use std::collections::BTreeMap;
+
+fn knee() -> (ModelSpec, BTreeMap<String, MeshValue>) {
+    let frame = |z: f64| AnatomicalFrame {
+        origin: Point::new(0.5, 0.25, z),
+        medial: Vector::new(1.0, 0.0, 0.0),
+        anterior: Vector::new(0.0, -1.0, 0.0),
+        superior: Vector::new(0.0, 0.0, 1.0),
+    };
+    let mut frames =
+        FramesSpec { femur: frame(20.0), tibia: frame(-20.0), gs_ct_pose: PoseSpec::default(), chain: None };
+    // A right knee in LPS: medial is +x, anterior -y, superior +z, a left-handed set.
+    frames.tibia.anterior = Vector::new(0.0, -(0.1_f64.cos()), 0.1_f64.sin());
+    frames.tibia.superior = Vector::new(0.0, 0.1_f64.sin(), 0.1_f64.cos());
+    let bundle = |name: &str, law| BundleSpec {
+        name: name.into(),
+        reference_strain: 1.037,
+        stiffness_n_per_mm: 91.7,
+        reference_length_mm: 39.3,
+        toe_strain: 0.03,
+        law,
+        damping_n_s_per_mm: sim::spec::fibre_damping(),
+    };
+    let fibre = |name: &str, x: f64| FibreSpec {
+        bundle: name.into(),
+        femur: Point::new(x, 1.0 / 3.0, 19.0),
+        tibia: Point::new(x, 0.7, -21.1),
+    };
+    let ball = |z: f64, r: f64| MeshValue::Surface(icosphere(r, 1).moved(&Isometry::translation(0.0, 0.0, z)));
+    let patch = |z: f64| {
+        let ball = icosphere(10.0, 1);
+        let (part, _) = ball.submesh(|t| ball.triangle_normals()[t].z * z < -0.5 * z.abs());
+        MeshValue::Surface(part.moved(&Isometry::translation(0.0, 0.0, z)))
+    };
+    let body = |name: &str, bone: &str| BodySpec {
+        name: name.into(),
+        bone: bone.into(),
+        cartilage: vec![],
+        mass_tonne: 1e-5,
+        inertia_tonne_mm2: 0.1,
+    };
+    let meshes = BTreeMap::from([
+        ("meshes/femur.ply".to_owned(), ball(20.0, 15.0)),
+        ("meshes/tibfib.ply".to_owned(), ball(-20.0, 15.0)),
+        ("meshes/articular_femur.ply".to_owned(), patch(10.0)),
+        ("meshes/articular_tibia_medial.ply".to_owned(), patch(-10.0)),
+    ]);
+    let pair =
+        PairSpec { femur: "meshes/articular_femur.ply".into(), tibia: "meshes/articular_tibia_medial.ply".into() };
+    let spec = ModelSpec {
+        schema: "model/1".into(),
+        id: "made".into(),
+        side: Side::Right,
+        units: Units { length: "mm".into(), force: "N".into(), pressure: "MPa".into(), angle: "deg".into() },
+        frames,
+        bodies: vec![body("femur", "meshes/femur.ply"), body("tibia", "meshes/tibfib.ply")],
+        contact: ContactSpec {
+            overclosure_mm: vec![0.0, 0.05, 0.2],
+            pressure_mpa: vec![0.0, 0.3, 1.3],
+            friction: 0.03,
+            damping: 0.001,
+            pairs: vec![pair],
+        },
+        bundles: vec![bundle("LCL", Law::Smooth), bundle("sMCL_A", Law::Tabular)],
+        fibres: vec![fibre("LCL", -30.0), fibre("LCL", -31.0), fibre("sMCL_A", 30.0)],
+        toe_end_multiple: BTreeMap::new(),
+        protocols: vec![],
+        components: vec![],
+        warnings: vec![],
+    };
+    (spec, meshes)
+}
+
+fn read_back(files: &BTreeMap<String, String>, main: &str) -> Result<ImportedDeck, decks::DeckError> {
+    import(main, &mut |name: &str| {
+        files.get(name).map(|t| t.clone().into_bytes()).ok_or_else(|| "no such file".to_owned())
+    })
+}
+
+#[test]
+fn a_right_knee_with_both_laws_goes_out_and_comes_back() {
+    let (spec, meshes) = knee();
+    let out = export(&spec, &meshes).unwrap();
+    let back = read_back(&out.files.into_iter().collect(), &out.mains[0]).unwrap();
+    assert_eq!((back.spec.side, back.spec.bundles, &back.spec.fibres), (Side::Right, spec.bundles, &spec.fibres));
+    assert_eq!((back.spec.contact, back.spec.bodies), (spec.contact, spec.bodies));
+    assert!(back.meshes == meshes, "meshes differ");
+    assert_eq!(back.spec.protocols[0].steps.len(), 2);
+    let q = Six::new(0.5, 0.1, -0.2, 1.0, 2.0, 3.0);
+    let [ours, theirs] = [&spec.frames, &back.spec.frames].map(|f| Joint::new(f, Side::Right).unwrap());
+    assert!((ours.grood_suntay(&q) - theirs.grood_suntay(&q)).amax() < 1e-9);
+    assert!((ours.pose(&q).femur * Point::origin() - theirs.pose(&q).femur * Point::origin()).norm() < 1e-9);
+}
+
+#[test]
+fn absurd_sets_and_circles_are_refused() {
+    let circle = BTreeMap::from([("a".to_owned(), "*INCLUDE, INPUT=a\n".to_owned())]);
+    assert!(read_back(&circle, "a").unwrap_err().message.contains("leads back"));
+    for text in ["*NSET, NSET=x, GENERATE\n1, 18446744073709551615, 1\n".to_owned(), {
+        let double = "*ELSET, ELSET=x\nx, x\n".repeat(60);
+        format!("*NODE\n1, 0, 0, 0\n*ELEMENT, TYPE=MASS, ELSET=x\n1, 1\n{double}")
+    }] {
+        let error = read_back(&BTreeMap::from([("a".to_owned(), text)]), "a").unwrap_err();
+        assert!(error.message.contains("more than"), "{error}");
+    }
+    // Includes that fan out are stopped by the size of the whole.
+    let mut files = BTreeMap::new();
+    for k in 0..15 {
+        files.insert(format!("f{k}"), format!("*INCLUDE, INPUT=f{}\n", k + 1).repeat(100));
+    }
+    files.insert("f15".into(), "** end\n".into());
+    assert!(read_back(&files, "f0").unwrap_err().message.contains("MB together"));
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 300, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn mutated_decks_never_panic(file in 0..5_usize, edits in prop::collection::vec((any::<prop::sample::Index>(), 0..8_u8, any::<u8>()), 1..6)) {
+        let (spec, meshes) = knee();
+        let out = export(&spec, &meshes).unwrap();
+        let mut files: BTreeMap<String, String> = out.files.iter().cloned().collect();
+        let name = out.files[file].0.clone();
+        let mut lines: Vec<String> = files[&name].lines().map(str::to_owned).collect();
+        for (place, kind, byte) in edits {
+            let i = place.index(lines.len());
+            match kind {
+                0 => { lines.remove(i); }
+                1 => lines.insert(i, lines[i].clone()),
+                2 => lines[i] = lines[i].replace(',', ""),
+                3 => lines[i] = lines[i].replace(char::is_numeric, &(byte % 10).to_string()),
+                4 => lines[i] = lines[i].chars().rev().collect(),
+                5 => lines[i] = format!("{}{}", char::from(byte), lines[i]),
+                6 => lines.truncate(i + 1),
+                _ => lines[i] = "*INCLUDE, INPUT=geometry.inp".into(),
+            }
+            if lines.is_empty() { lines.push(String::new()); }
+        }
+        files.insert(name, lines.join("\n"));
+        match read_back(&files, &out.mains[0]) {
+            Ok(deck) => prop_assert!(serde_json::to_string(&deck.spec).is_ok()),
+            Err(error) => prop_assert!(!error.message.is_empty()),
+        }
+    }
+}

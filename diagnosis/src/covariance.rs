@@ -1,0 +1,382 @@
+//! How far readings may lie from predictions when nothing is missing: measurement, load, repositioning, attachments, and the declared floor of
+//! the contact model.
+
+use crate::equilibrium::{Bench, Rest};
+use crate::error::DiagnosisError;
+use crate::problem::{Candidate, Problem};
+use crate::slopes::Slopes;
+use crate::trial::Trial;
+use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use sim::Model;
+use sim::contact::Nearby;
+use sim::joint::{Pose, Six, VV};
+
+/// Scatter that is not in the files. Every number is one standard deviation.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Floor {
+    /// Recorded forces [N]; millimetres in a slack zone.
+    pub force_n: f64,
+    /// Recorded moments [N m].
+    pub moment_nm: f64,
+    /// Repositioning of the knee between conditions, in measurement noises [-].
+    pub repositioning: f64,
+    /// Each end of each fibre, along each axis [mm].
+    pub attachment_mm: f64,
+    /// Share of a compartment's contact force by which another mesh of the same cartilage differs: one part constant, one smooth over flexion [-].
+    /// Measured: docs/discrepancy.md.
+    pub contact_share: f64,
+    /// Flexion over which that difference changes [deg].
+    pub contact_range_deg: f64,
+    /// Share, in common to all trials, that the model's own contact may have in the truth beside that of the diagnosis ([`crate::rim`]) [-].
+    pub contact_law: f64,
+    /// Share of the contact force that facets and friction of the contact may add to a trial across it, by a lever of 20 mm for moments [-].
+    pub roughness: f64,
+    /// Resistance to tilt that the rims of the contact may add or lack, alike at all flexions [N m/rad]. Measured: docs/discrepancy.md.
+    pub tilt_nm_per_rad: f64,
+    /// Exponent of the contact's force over that of the model's law, in common to all trials [-]: pressure that grows otherwise than in proportion.
+    pub contact_exponent: f64,
+    /// Half width of the ligaments' toe over the model's, in common to all fibres [-]; the line beyond stays where it is.
+    pub toe_share: f64,
+    /// Part of what is not linear in the ligaments, over their prior, that stays as scatter [-].
+    pub nonlinear: f64,
+}
+
+impl Default for Floor {
+    fn default() -> Self {
+        Floor {
+            force_n: 2.0,
+            moment_nm: 0.1,
+            repositioning: 0.4,
+            attachment_mm: 0.4,
+            contact_share: 0.06,
+            contact_range_deg: 25.0,
+            contact_law: 0.3,
+            roughness: 0.005,
+            tilt_nm_per_rad: 6.0,
+            contact_exponent: 0.15,
+            toe_share: 0.3,
+            nonlinear: 0.15,
+        }
+    }
+}
+
+impl Floor {
+    /// No floor beyond what the files say: for comparison only.
+    pub fn none() -> Floor {
+        Floor {
+            force_n: 0.0,
+            moment_nm: 0.0,
+            repositioning: 0.0,
+            attachment_mm: 0.0,
+            contact_share: 0.0,
+            contact_law: 0.0,
+            roughness: 0.0,
+            tilt_nm_per_rad: 0.0,
+            contact_exponent: 0.0,
+            toe_share: 0.0,
+            nonlinear: 0.0,
+            ..Floor::default()
+        }
+    }
+}
+
+/// The readings that were measured, as (trial, coordinate), and their values [deg, mm].
+#[derive(Clone, Debug)]
+pub struct Readings {
+    /// Trial and coordinate of each.
+    pub rows: Vec<(usize, usize)>,
+    /// Measured values.
+    pub measured: DVector<f64>,
+}
+
+impl Readings {
+    /// Of the trials that `keep` wants.
+    pub fn of(problem: &Problem, keep: &dyn Fn(usize) -> bool) -> Readings {
+        let mut rows = Vec::new();
+        let mut measured = Vec::new();
+        for (i, t) in problem.trials.iter().enumerate().filter(|(i, _)| keep(*i)) {
+            for (c, value) in t.measured.iter().enumerate() {
+                if let Some(v) = value {
+                    rows.push((i, c));
+                    measured.push(*v);
+                }
+            }
+        }
+        Readings { rows, measured: DVector::from_vec(measured) }
+    }
+
+    /// These entries of a list of five a trial.
+    pub fn pick(&self, all: &[f64]) -> DVector<f64> {
+        DVector::from_iterator(self.rows.len(), self.rows.iter().map(|(i, c)| all[5 * i + c]))
+    }
+
+    /// These rows of a matrix of five a trial.
+    pub fn rows_of(&self, all: &DMatrix<f64>) -> DMatrix<f64> {
+        DMatrix::from_fn(self.rows.len(), all.ncols(), |r, k| all[(5 * self.rows[r].0 + self.rows[r].1, k)])
+    }
+
+    /// These rows and columns of a square matrix.
+    pub fn block_of(&self, all: &DMatrix<f64>) -> DMatrix<f64> {
+        let at = |r: usize| 5 * self.rows[r].0 + self.rows[r].1;
+        DMatrix::from_fn(self.rows.len(), self.rows.len(), |r, k| all[(at(r), at(k))])
+    }
+}
+
+/// Derivatives that the scatter needs, of one trial.
+struct Scatter {
+    loads: [[f64; 5]; 5],
+    attachments: Vec<[f64; 5]>,
+    compartments: Vec<[f64; 5]>,
+    /// Contact force [N].
+    pressed: f64,
+    /// By the model's own contact in place of that of the diagnosis.
+    own_contact: [f64; 5],
+    /// By a resistance to tilt [per N mm/rad].
+    tilt: [f64; 5],
+    /// By the exponent of the contact's law and by the width of the ligaments' toe, as shares.
+    laws: [[f64; 5]; 2],
+}
+
+/// Contact force at which another exponent of its law changes nothing [N]; the law's scale is free beside it.
+const REFERENCE: f64 = 100.0;
+
+/// What a fibre of stiffness `k` at stretch `x` gains in tension when its toe, which ends at `2 toe`, becomes wider by a share of itself about the line's
+/// root, which stays.
+fn wider(k: f64, toe: f64, x: f64) -> f64 {
+    let s = x / (2.0 * toe);
+    if s > 0.0 && s < 1.0 { k * toe * s * (1.0 - s) } else { 0.0 }
+}
+
+/// The same for all fibres, as generalised forces.
+fn wider_toe(model: &Model, pose: &Pose) -> Six {
+    let states = model.fibre_states(pose);
+    model.fibres.iter().zip(&states).filter(|(_, s)| s.response.force > 0.0).fold(
+        Six::zeros(),
+        |sum, (fibre, state)| {
+            let b = &model.bundles[fibre.bundle];
+            let stretch = state.line.length - fibre.initial_length + b.initial_stretch();
+            let gain = wider(b.stiffness / b.fibres as f64, b.toe_strain * b.slack_length(), stretch);
+            sum + state.line.gradient * gain
+        },
+    )
+}
+
+/// Covariance of all readings (five a trial) about the predictions at an answer.
+///
+/// Errors: a model that cannot be evaluated there.
+pub fn covariance(
+    problem: &Problem,
+    hypothesis: &[Candidate],
+    unknowns: &[f64],
+    rests: &[Rest],
+    floor: &Floor,
+) -> Result<DMatrix<f64>, DiagnosisError> {
+    let model = problem.model_at(unknowns)?;
+    let trials = problem.unloaded_at(&problem.trials, &model, hypothesis);
+    let scatter: Vec<Scatter> = trials
+        .par_iter()
+        .zip(rests)
+        .map(|(trial, rest)| {
+            let effects = problem.effects_in(trial.source, hypothesis, unknowns);
+            let bench = Bench { model: &model, effects: &effects, place: &problem.place };
+            scatter_of(bench, trial, rest)
+        })
+        .collect();
+    Ok(assemble(problem, &scatter, floor))
+}
+
+/// Derivatives that the scatter needs, of a trial at its rest.
+fn scatter_of(bench: Bench, trial: &Trial, rest: &Rest) -> Scatter {
+    let slopes = Slopes::new(bench, trial, rest);
+    let model = bench.model;
+    let forces = |q: &Six| {
+        let pose = model.joint.pose(q);
+        (model.contact_near(&pose, &mut Nearby::default()).wrench, pose)
+    };
+    let pushed = |(f, m): &(meshes::Vector, meshes::Vector), pose: &Pose| {
+        Six::from_fn(|j, _| -(f.dot(&pose.screws[j].linear) + m.dot(&pose.screws[j].angular)))
+    };
+    let compartments = slopes.of_the_knee(|q| {
+        let (wrench, pose) = forces(q);
+        wrench.iter().map(|w| pushed(w, &pose)).collect()
+    });
+    let laws = slopes.of_the_knee(|q| {
+        let (wrench, pose) = forces(q);
+        let steeper = |(f, m): &(meshes::Vector, meshes::Vector)| {
+            let more = (f.norm() / REFERENCE).max(1e-6).ln();
+            pushed(&(f * more, m * more), &pose)
+        };
+        vec![wrench.iter().map(steeper).sum(), wider_toe(model, &pose)]
+    });
+    let mut tilted = Six::zeros();
+    tilted[VV] = rest.q[VV] - trial.neutral[VV];
+    Scatter {
+        loads: slopes.loads(),
+        attachments: slopes.attachments(),
+        compartments: modes(&compartments),
+        pressed: forces(&rest.q).0.iter().map(|(f, _)| f.norm()).sum(),
+        own_contact: slopes.own_contact(),
+        tilt: slopes.by(&tilted, &Six::zeros()),
+        laws: [laws[0], laws[1]],
+    }
+}
+
+/// Part of the contact's share that all compartments have in common: more would hide joint compression, and the contact's scale is free anyway.
+const COMMON: f64 = 0.2;
+
+/// Responses to each compartment's force as deviations from their mean, and a little of the mean.
+fn modes(each: &[[f64; 5]]) -> Vec<[f64; 5]> {
+    let n = each.len().max(1) as f64;
+    let mean: [f64; 5] = std::array::from_fn(|c| each.iter().map(|p| p[c]).sum::<f64>() / n);
+    let mut out: Vec<[f64; 5]> = each.iter().map(|p| std::array::from_fn(|c| p[c] - mean[c])).collect();
+    out.push(mean.map(|m| COMMON * n * m));
+    out
+}
+
+fn assemble(problem: &Problem, scatter: &[Scatter], floor: &Floor) -> DMatrix<f64> {
+    let n = problem.trials.len();
+    let fibre = floor.attachment_mm.powi(2);
+    let loads: [f64; 5] =
+        [1000.0 * floor.moment_nm, 1000.0 * floor.moment_nm, floor.force_n, floor.force_n, floor.force_n];
+    let tilt = (1000.0 * floor.tilt_nm_per_rad).powi(2);
+    let law = floor.contact_law.powi(2);
+    let laws = [floor.contact_exponent.powi(2), floor.toe_share.powi(2)];
+    let range = floor.contact_range_deg.max(1.0).to_radians();
+    let mut out = DMatrix::zeros(5 * n, 5 * n);
+    for i in 0..n {
+        for k in 0..=i {
+            let (a, b) = (&scatter[i], &scatter[k]);
+            let (ti, tk) = (&problem.trials[i], &problem.trials[k]);
+            let near = (-0.5 * ((ti.flexion - tk.flexion) / range).powi(2)).exp();
+            let contact = (1.0 + near) * floor.contact_share.powi(2);
+            for c in 0..5 {
+                for d in 0..5 {
+                    let sum = |x: &[[f64; 5]], y: &[[f64; 5]]| x.iter().zip(y).map(|(u, v)| u[c] * v[d]).sum::<f64>();
+                    let mut v = fibre * sum(&a.attachments, &b.attachments)
+                        + contact * sum(&a.compartments, &b.compartments)
+                        + tilt * a.tilt[c] * b.tilt[d]
+                        + law * a.own_contact[c] * b.own_contact[d]
+                        + (0..2).map(|l| laws[l] * a.laws[l][c] * b.laws[l][d]).sum::<f64>();
+                    if ti.condition == tk.condition && c == d {
+                        v += floor.repositioning.powi(2) * ti.sd[c] * tk.sd[c];
+                    }
+                    if i == k {
+                        let rough = |l: usize| floor.roughness * a.pressed * [20.0, 20.0, 1.0, 1.0, 0.0][l];
+                        let size = |l: usize| loads[l].powi(2) + rough(l).powi(2);
+                        v += (0..5).map(|l| size(l) * a.loads[l][c] * a.loads[l][d]).sum::<f64>();
+                        if c == d {
+                            v += ti.sd[c].powi(2);
+                        }
+                    }
+                    out[(5 * i + c, 5 * k + d)] = v;
+                    out[(5 * k + d, 5 * i + c)] = v;
+                }
+            }
+        }
+    }
+    out
+}
+
+/// What linear prediction misses over the prior of ligaments and contact: mean square of the remainders, a block a trial. It is of the model as given
+/// alone, about its own rests from the poses `starts`: a pose that the model does not rest in is no prediction, and how far it is from one is no scatter.
+///
+/// Errors: a model that cannot be evaluated.
+pub fn remainders(problem: &Problem, starts: &[Six], draws: usize) -> Result<DMatrix<f64>, DiagnosisError> {
+    let mut random = ChaCha8Rng::seed_from_u64(20_251);
+    let (n, m) = (problem.trials.len(), problem.nuisances());
+    let given = vec![0.0; m];
+    let linear = problem.linear_at(&[], &given, problem.rests(&[], &given, starts)?)?;
+    let starts: Vec<Six> = linear.rests.iter().map(|r| r.q).collect();
+    let mut out = DMatrix::zeros(5 * n, 5 * n);
+    for _ in 0..draws {
+        let x: Vec<f64> = (0..m).map(|_| normal(&mut random)).collect();
+        let rests = problem.rests(&[], &x, &starts)?;
+        let first = &linear.slope * DVector::from_column_slice(&x);
+        for (i, rest) in rests.iter().enumerate() {
+            let there = crate::problem::reading(rest);
+            let left: [f64; 5] = std::array::from_fn(|c| there[c] - linear.value[5 * i + c] - first[5 * i + c]);
+            for c in 0..5 {
+                for d in 0..5 {
+                    out[(5 * i + c, 5 * i + d)] += left[c] * left[d] / draws as f64;
+                }
+            }
+        }
+    }
+    Ok(out)
+}
+
+/// A standard normal number [box1958].
+pub fn normal(random: &mut ChaCha8Rng) -> f64 {
+    let (u, v): (f64, f64) = (random.random(), random.random());
+    (-2.0 * (1.0 - u).max(1e-300).ln()).sqrt() * (2.0 * std::f64::consts::PI * v).cos()
+}
+
+/// A covariance in Cholesky's form.
+#[derive(Clone, Debug)]
+pub struct Whitening(Cholesky<f64, Dyn>);
+
+impl Whitening {
+    /// Factorises.
+    ///
+    /// Errors: a matrix that is not positive definite.
+    pub fn new(covariance: DMatrix<f64>) -> Result<Whitening, DiagnosisError> {
+        Cholesky::new(covariance)
+            .map(Whitening)
+            .ok_or_else(|| DiagnosisError::Data("the readings' covariance is not positive definite".into()))
+    }
+
+    /// Whitens the columns.
+    pub fn white(&self, m: &DMatrix<f64>) -> DMatrix<f64> {
+        self.0.l_dirty().solve_lower_triangular(m).unwrap_or_else(|| m.clone())
+    }
+
+    /// Whitens a vector.
+    pub fn white_vector(&self, v: &DVector<f64>) -> DVector<f64> {
+        self.0.l_dirty().solve_lower_triangular(v).unwrap_or_else(|| v.clone())
+    }
+
+    /// The inverse times a vector.
+    pub fn solve(&self, v: &DVector<f64>) -> DVector<f64> {
+        self.0.solve(v)
+    }
+
+    /// The inverse of the covariance.
+    pub fn inverse(&self) -> DMatrix<f64> {
+        self.0.inverse()
+    }
+
+    /// Log of the determinant.
+    pub fn log_determinant(&self) -> f64 {
+        2.0 * self.0.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>()
+    }
+
+    /// The lower factor.
+    pub fn lower(&self) -> DMatrix<f64> {
+        self.0.l()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_wider_toe_gains_what_the_parabola_about_the_same_root_does() {
+        // a toe of half width `w` about the root at 1: a parabola that meets the line `k (x - 1)` at `1 + w`
+        let (k, toe) = (50.0, 1.0);
+        let force = |w: f64, x: f64| match x - toe + w {
+            u if u <= 0.0 => 0.0,
+            u if u >= 2.0 * w => k * (x - toe),
+            u => k * u * u / (4.0 * w),
+        };
+        for x in [-0.5, 0.2, 0.7, 1.0, 1.6, 1.95, 2.3] {
+            let slope = (force(toe + 1e-5, x) - force(toe - 1e-5, x)) / 2e-5 * toe;
+            assert!((slope - wider(k, toe, x)).abs() < 1e-3, "{x}: {slope}");
+        }
+    }
+}

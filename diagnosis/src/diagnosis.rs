@@ -1,0 +1,520 @@
+//! The diagnosis: where, which, added, shrunk, next; and the verdict in words.
+
+use crate::carried::{Carried, carried};
+use crate::catalogue::Catalogue;
+use crate::component::{Component, Provenance, augmented, components};
+use crate::curves::{Curve, curves};
+use crate::error::DiagnosisError;
+use crate::exchange::{Exchange, exchange};
+use crate::fit::Fit;
+use crate::held_out::{HeldOut, closed, held_out};
+use crate::map::{Cell, map, map_left_out};
+use crate::missable::{Missable, missable};
+use crate::next_test::{NextTest, next_tests};
+use crate::problem::{Candidate, Problem, Scope};
+use crate::search::{DiagnosisOptions, Search, Searcher};
+use crate::trial::Source;
+use crate::verdict::{Candidature, by_names, temper, verdict, weights};
+use crate::wildcard::{Wildcard, wildcard};
+use serde::{Deserialize, Serialize};
+use sim::Model;
+use sim::laxity::{COORDINATES, VALUE_UNITS};
+use sim::spec::ModelSpec;
+use std::collections::BTreeMap;
+
+pub use crate::verdict::Verdict;
+
+/// A parameter's value.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Value {
+    /// Most probable.
+    pub value: f64,
+    /// Standard deviation.
+    pub sd: f64,
+    /// Unit.
+    pub unit: String,
+}
+
+impl Value {
+    /// Its 90 % interval; from nothing where negative values mean nothing.
+    pub fn interval(&self, one_sided: bool) -> (f64, f64) {
+        let (low, high) = (self.value - 1.645 * self.sd, self.value + 1.645 * self.sd);
+        (if one_sided { low.max(0.0) } else { low }, high)
+    }
+}
+
+/// An effect in an answer.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Named {
+    /// Its name.
+    pub effect: String,
+    /// A data set, or "both".
+    pub scope: String,
+    /// The structure it is about, where it may be about several.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub variant: Option<String>,
+    /// Its parameters.
+    pub parameters: BTreeMap<String, Value>,
+}
+
+/// An answer: one effect, or several that act together.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Answer {
+    /// Its effects.
+    pub effects: Vec<Named>,
+    /// Share of belief [-].
+    pub weight: f64,
+    /// Log Bayes factor against nothing missing [-].
+    pub log_bayes_factor: f64,
+    /// Gain of the held-out log score over nothing missing [-].
+    pub held_out_gain: f64,
+}
+
+/// The gap on held-out trials.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Gap {
+    /// Mean whitened square of the error with ligaments alone recalibrated [-].
+    pub before: f64,
+    /// With the effect too [-].
+    pub after: f64,
+    /// What noise and floor leave [-].
+    pub floor: f64,
+    /// Share of the gap that is closed [-].
+    pub closed: f64,
+    /// Root mean square errors before, by coordinate.
+    pub rmse_before: BTreeMap<String, f64>,
+    /// And after.
+    pub rmse_after: BTreeMap<String, f64>,
+}
+
+/// The same with an effect that should not help.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Control {
+    /// Which.
+    pub effect: String,
+    /// Share of the gap that it closes [-].
+    pub closed: f64,
+}
+
+/// Held-out trials and control.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GapReport {
+    /// The answer's.
+    pub held_out: Gap,
+    /// The control's.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub control: Option<Control>,
+}
+
+/// An effect that these data cannot test.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NotTestable {
+    /// Its name.
+    pub effect: String,
+    /// Why.
+    pub why: String,
+}
+
+/// Two trials that may have been mixed up.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Exchanged {
+    /// Data set and name of each.
+    pub trials: [String; 2],
+    /// Log Bayes factor against the records as they are [-].
+    pub log_bayes_factor: f64,
+}
+
+/// What the ligaments had taken up.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Absorbed {
+    /// Bundle or ligament.
+    pub bundle: String,
+    /// "reference_strain" or "stiffness_n_per_mm".
+    pub parameter: String,
+    /// Of the model as given.
+    pub given: f64,
+    /// Recalibrated without the effect.
+    pub without: f64,
+    /// Recalibrated with it.
+    pub with: f64,
+    /// Standard deviation with it.
+    pub sd: f64,
+}
+
+/// diagnosis.json.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Diagnosis {
+    /// "diagnosis/1".
+    pub schema: String,
+    /// How sure.
+    pub verdict: Verdict,
+    /// Rival answers, best first; empty for none and unnamed.
+    pub answers: Vec<Answer>,
+    /// In words.
+    pub description: String,
+    /// Component files written.
+    pub added: Vec<String>,
+    /// How far the gap shrinks.
+    pub gap: GapReport,
+    /// Where the model disagrees, with ligaments recalibrated.
+    pub map: Vec<Cell>,
+    /// And with the answer added.
+    pub map_after: Vec<Cell>,
+    /// Where predictions of each condition by all others fail, with ligaments recalibrated.
+    pub map_left_out: Vec<Cell>,
+    /// Load against displacement where the model disagrees most; answers of earlier versions have none.
+    #[serde(default)]
+    pub curves: Vec<Curve>,
+    /// What could not be tested.
+    pub not_testable: Vec<NotTestable>,
+    /// Effects of the shipped catalogue that were left out of it.
+    #[serde(default)]
+    pub without: Vec<String>,
+    /// Where nothing is named: sizes of effects that would more often have been missed than named.
+    #[serde(default)]
+    pub missable: Vec<Missable>,
+    /// Which test would tell the rivals apart.
+    pub next_tests: Vec<NextTest>,
+    /// What the ligaments had taken up.
+    pub ligaments: Vec<Absorbed>,
+    /// What ligaments carry with ligaments alone recalibrated and with the answer, where there is one; answers of earlier versions have none.
+    #[serde(default)]
+    pub ligament_forces: Vec<Carried>,
+    /// Log Bayes factor that an answer needs here: what simulated nulls stay below, tempered [-].
+    pub threshold: f64,
+    /// Log Bayes factor of a smooth nameless field beside the best answer [-].
+    pub wildcard: f64,
+    /// Log Bayes factor of a nameless field in the place of the best answer, against nothing missing [-]; answers of earlier versions have none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub wildcard_alone: Option<f64>,
+    /// Two trials whose readings fit each other's place, where there are such.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub exchanged: Option<Exchanged>,
+    /// Whitened sum of squares of nothing missing and of the best hypothesis, over the number of readings [-].
+    pub misfit: [f64; 2],
+    /// The best hypothesis' effects, whether named or not.
+    pub best: Vec<Named>,
+    /// Its log Bayes factor against nothing missing [-]; answers of earlier versions have none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub best_log_bayes_factor: Option<f64>,
+    /// What it was found with, where the caller told.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub provenance: Option<Provenance>,
+}
+
+/// The diagnosis with what is needed to add its answer.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// The report.
+    pub diagnosis: Diagnosis,
+    /// The components of the first answer; none where nothing is named.
+    pub components: Vec<Component>,
+    /// The model with them and the ligaments recalibrated beside them.
+    pub model: Option<ModelSpec>,
+}
+
+impl Outcome {
+    /// Adds the first answer, `best`, to the model of `spec`, and what ligaments carry then against `base`; nothing where nothing is named.
+    fn add(
+        &mut self,
+        problem: &Problem,
+        spec: &ModelSpec,
+        [base, best]: [&Fit; 2],
+        temper: f64,
+    ) -> Result<(), DiagnosisError> {
+        let Some(first) = self.diagnosis.answers.first() else { return Ok(()) };
+        let earned = (first.log_bayes_factor, self.diagnosis.gap.held_out.closed);
+        self.components = components(problem, best, temper, earned);
+        let model = augmented(problem, spec, best, &self.components)?;
+        let knees = [problem.model_at(&base.unknowns)?, problem.model_at(&best.unknowns)?];
+        self.diagnosis.ligament_forces = carried([(&knees[0], spec), (&knees[1], &model)])?;
+        self.model = Some(model);
+        Ok(())
+    }
+
+    /// The same with what it was found with, in the report, the components and the model that carries them.
+    ///
+    /// Errors: none of its own.
+    pub fn with_provenance(mut self, provenance: &Provenance) -> Result<Outcome, DiagnosisError> {
+        self.diagnosis.provenance = Some(provenance.clone());
+        self.components.iter_mut().for_each(|c| c.provenance = Some(provenance.clone()));
+        if let Some(model) = &mut self.model {
+            let first = model.components.len() - self.components.len();
+            for (value, c) in model.components[first..].iter_mut().zip(&self.components) {
+                *value = serde_json::to_value(c).map_err(|e| DiagnosisError::Component(e.to_string()))?;
+            }
+        }
+        Ok(self)
+    }
+}
+
+/// Diagnoses a model against data.
+///
+/// Errors: data or model at fault.
+pub fn diagnose(
+    model: &Model,
+    spec: &ModelSpec,
+    sources: &[Source],
+    catalogue: &Catalogue,
+    options: &DiagnosisOptions,
+) -> Result<Outcome, DiagnosisError> {
+    let problem = Problem::new(model, spec, sources, catalogue)?;
+    let present = crate::component::present(spec, &problem.sources, &Catalogue::shipped())?;
+    let problem = if present.is_empty() { problem } else { problem.with_present(present) };
+    let problem = problem.with_far_rests(true);
+    let little = problem.fits_little(&Searcher { problem: &problem, options }.recalibrated()?.linear.rests);
+    let problem = if little { problem.with_rests_as_they_are() } else { problem.with_far_rests(false) };
+    conclude(&problem, spec, options)
+}
+
+fn conclude(problem: &Problem, spec: &ModelSpec, options: &DiagnosisOptions) -> Result<Outcome, DiagnosisError> {
+    let searcher = Searcher { problem, options };
+    let search = searcher.search()?;
+    let best = search.rivals.first().unwrap_or(&search.base);
+    let is_named = !best.hypothesis.is_empty() && is_believed(&searcher, &search, best);
+    let believed = if is_named { best } else { &search.base };
+    let data = (&search.readings, &search.covariance);
+    let wild = wildcard(problem, data, believed)?;
+    let (alone, alone_gain) =
+        if is_named { in_place(&searcher, &search, best)? } else { (wild.clone(), wild.log_bayes_factor) };
+    let leaves = searcher.total(believed) / believed.residual.len() as f64;
+    let exchange = exchange(problem, &search, believed, leaves.max(1.0))?;
+    let rivals = weights(&searcher, &search, believed);
+    let before = held_out(&searcher, &search, &search.base, options.folds, options.folds)?;
+    let after =
+        if is_named { held_out(&searcher, &search, best, options.folds, options.folds)? } else { before.clone() };
+    let gain = after.gain_over(&before);
+    let of = Candidature {
+        believed,
+        base: &search.base,
+        is_named,
+        wild: wild.log_bayes_factor,
+        alone: alone_gain,
+        names: nameable(problem),
+        exchanged: exchange.map_or(f64::NEG_INFINITY, |e| e.log_bayes_factor),
+        gain,
+        closes: closed(&before, &after),
+    };
+    let verdict = verdict(&searcher, &rivals, &of);
+    let answers = if matches!(verdict, Verdict::None | Verdict::Unnamed) {
+        vec![]
+    } else {
+        answers(problem, &searcher, &search, &rivals, (&before, gain))?
+    };
+    let shown = if answers.is_empty() { &search.base } else { best };
+    let shrunk = if answers.is_empty() { &before } else { &after };
+    let control = if answers.is_empty() { None } else { control(&searcher, &search, best, &before)? };
+    let threshold = search.threshold * temper(&searcher, best);
+    let missable = if verdict == Verdict::None { missable(problem, &search, threshold)? } else { vec![] };
+    let rival_fits: Vec<(&Fit, f64)> = rivals.iter().map(|(f, w)| (*f, *w)).collect();
+    let residuals = map(problem, &search, &search.base)?;
+    let drawn = curves(problem, &residuals, &search.given, &search.base, (!answers.is_empty()).then_some(best));
+    let diagnosis = Diagnosis {
+        schema: "diagnosis/1".into(),
+        verdict,
+        answers,
+        description: String::new(),
+        added: vec![],
+        gap: GapReport { held_out: gap(&before, shrunk), control },
+        map: residuals,
+        map_after: map(problem, &search, shown)?,
+        map_left_out: map_left_out(problem, &search, &search.base)?,
+        curves: drawn,
+        not_testable: not_testable(problem),
+        without: left_out(&problem.catalogue),
+        missable,
+        next_tests: next_tests(problem, &rival_fits)?,
+        ligaments: absorbed(problem, &search.base, shown),
+        ligament_forces: vec![],
+        threshold,
+        wildcard: wild.log_bayes_factor,
+        wildcard_alone: Some(alone_gain),
+        exchanged: exchange.and_then(|e| told_exchange(problem, e)),
+        misfit: [&search.base, best].map(|f| searcher.total(f) / f.residual.len() as f64),
+        best: named(problem, best, temper(&searcher, believed)),
+        best_log_bayes_factor: Some(searcher.gain(best, &search.base)),
+        provenance: None,
+    };
+    let mut outcome = Outcome { diagnosis, components: vec![], model: None };
+    outcome.add(problem, spec, [&search.base, best], temper(&searcher, best))?;
+    // what is told in words is all that is missing, not what the best answer leaves
+    let told = if verdict == Verdict::Unnamed { alone } else { wild };
+    outcome.diagnosis.description = crate::words::description(problem, &outcome.diagnosis, &told, &search);
+    Ok(outcome)
+}
+
+/// A field of no name in the place of an answer and its log Bayes factor against nothing missing: linear about nothing missing, or about the rests of the
+/// answer with its effects taken out, whichever explains more. A field that moves the knee far is seen as it is from the latter alone. The former is told
+/// against nothing missing in the same linear terms, since that fit's own evidence may lie nats off them; the latter can only be told against it.
+fn in_place(searcher: &Searcher, search: &Search, best: &Fit) -> Result<(Wildcard, f64), DiagnosisError> {
+    let data = (&search.readings, &search.covariance);
+    let far = wildcard(searcher.problem, data, &search.base)?;
+    let near = wildcard(searcher.problem, data, &searcher.stripped(best, &search.readings))?;
+    let gains = [far.log_bayes_factor, near.log_evidence - search.base.log_evidence];
+    Ok(if gains[1] > gains[0] { (near, gains[1]) } else { (far, gains[0]) })
+}
+
+/// How many effects the data could name.
+fn nameable(problem: &Problem) -> usize {
+    let mut ids: Vec<String> = problem.candidates().into_iter().map(|c| c.effect.id).collect();
+    ids.dedup();
+    ids.len()
+}
+
+/// The exchange with the names of its trials, where it is to be believed.
+fn told_exchange(problem: &Problem, exchange: Exchange) -> Option<Exchanged> {
+    let name = |i: usize| format!("{} {}", problem.sources[problem.trials[i].source], problem.trials[i].name);
+    let trials = exchange.trials.map(name);
+    let log_bayes_factor = exchange.log_bayes_factor;
+    (log_bayes_factor > crate::verdict::MIXED_UP).then_some(Exchanged { trials, log_bayes_factor })
+}
+
+/// Effects of the shipped catalogue that another one has not.
+fn left_out(catalogue: &Catalogue) -> Vec<String> {
+    let has = |id: &String| catalogue.effect.iter().any(|e| e.id == *id);
+    Catalogue::shipped().effect.into_iter().map(|e| e.id).filter(|id| !has(id)).collect()
+}
+
+/// Whether an effect's evidence, as loud as the data may speak, passes the threshold.
+fn is_believed(searcher: &Searcher, search: &Search, best: &Fit) -> bool {
+    searcher.gain(best, &search.base) >= search.threshold * temper(searcher, best)
+}
+
+/// The smallest set of answers with 95 % of the belief; the first gains `gain` over `before` on held-out trials, what the others gain is found here.
+///
+/// Errors: a model that cannot be evaluated.
+fn answers(
+    problem: &Problem,
+    searcher: &Searcher,
+    search: &Search,
+    rivals: &[(&Fit, f64)],
+    (before, gain): (&HeldOut, f64),
+) -> Result<Vec<Answer>, DiagnosisError> {
+    let mut out = Vec::new();
+    let mut sum = 0.0;
+    for (k, (fit, weight)) in by_names(rivals).into_iter().enumerate() {
+        // all that the data cannot tell from the first by log odds of 3 stay in
+        let close = out.first().is_some_and(|a: &Answer| weight > 0.05 * a.weight);
+        if sum >= 0.95 && k > 0 && !close {
+            break;
+        }
+        sum += weight;
+        let folds = searcher.options.folds;
+        let held_out_gain =
+            if k == 0 { gain } else { held_out(searcher, search, fit, folds, folds)?.gain_over(before) };
+        out.push(Answer {
+            effects: named(problem, fit, temper(searcher, fit)),
+            weight,
+            log_bayes_factor: searcher.gain(fit, &search.base),
+            held_out_gain,
+        });
+    }
+    Ok(out)
+}
+
+/// The effects of a fit with their sizes, as sure as data that speak `temper` times less loud make them.
+pub fn named(problem: &Problem, fit: &Fit, temper: f64) -> Vec<Named> {
+    let values = fit.parameters(problem.nuisances(), temper);
+    fit.hypothesis
+        .iter()
+        .zip(values)
+        .map(|(c, values)| Named {
+            effect: c.name(),
+            scope: scope_name(problem, c),
+            variant: c.effect.variants.get(c.variant).cloned(),
+            parameters: c
+                .effect
+                .parameter
+                .iter()
+                .zip(values)
+                .map(|(p, (value, sd))| (p.key.clone(), Value { value, sd, unit: p.unit.clone() }))
+                .collect(),
+        })
+        .collect()
+}
+
+/// "both", or the data set's name.
+pub fn scope_name(problem: &Problem, candidate: &Candidate) -> String {
+    match candidate.scope {
+        Scope::Only(s) => problem.sources[s].clone(),
+        Scope::Both if problem.sources.len() == 1 => problem.sources[0].clone(),
+        Scope::Both => "both".into(),
+    }
+}
+
+fn gap(before: &HeldOut, after: &HeldOut) -> Gap {
+    let by = |r: &[f64; 5]| {
+        (0..5).map(|c| (format!("{}_{}", COORDINATES[c], VALUE_UNITS[c]), r[c])).collect::<BTreeMap<_, _>>()
+    };
+    Gap {
+        before: before.score,
+        after: after.score,
+        floor: after.floor.min(after.score),
+        closed: closed(before, after),
+        rmse_before: by(&before.rmse),
+        rmse_after: by(&after.rmse),
+    }
+}
+
+/// The candidate of as many parameters that the screen likes least.
+fn control(
+    searcher: &Searcher,
+    search: &Search,
+    best: &Fit,
+    before: &HeldOut,
+) -> Result<Option<Control>, DiagnosisError> {
+    let size: usize = best.hypothesis.iter().map(Candidate::size).sum();
+    let worst = search.screened.iter().rev().find(|(c, _)| c.size() >= size.min(3));
+    let Some((candidate, _)) = worst else { return Ok(None) };
+    let mut start = search.base.unknowns.clone();
+    start.extend(vec![0.1; candidate.size()]);
+    let hypothesis = [candidate.clone()];
+    let fit =
+        searcher.fit(&hypothesis, &start, &search.base.coordinates(), &search.covariance, &search.readings, 10)?;
+    let after = held_out(searcher, search, &fit, searcher.options.folds, searcher.options.folds)?;
+    Ok(Some(Control { effect: candidate.name(), closed: closed(before, &after) }))
+}
+
+/// Effects that these data cannot test.
+pub fn not_testable(problem: &Problem) -> Vec<NotTestable> {
+    let why = |e: &crate::catalogue::Effect| {
+        e.untestable(&problem.trials).map(|why| NotTestable { effect: e.id.clone(), why })
+    };
+    problem.catalogue.effect.iter().filter_map(why).collect()
+}
+
+fn absorbed(problem: &Problem, base: &Fit, with: &Fit) -> Vec<Absorbed> {
+    let given = problem.model.parameters();
+    problem
+        .design
+        .variables
+        .iter()
+        .enumerate()
+        .filter_map(|(k, v)| {
+            let bundle = problem.model.bundles.iter().position(|b| Some(&b.name) == v.bundles.first())?;
+            let strain = v.kind == calibration::design::Kind::ReferenceStrain;
+            let start = if strain { given[bundle].reference_strain } else { given[bundle].stiffness_n_per_mm };
+            let [width, ratio, _] = crate::problem::PRIOR;
+            let at = |x: f64| if strain { start + width * x } else { start * (ratio * x).exp() };
+            let spread = with.posterior[(k, k)].max(0.0).sqrt();
+            Some(Absorbed {
+                bundle: v.bundle(),
+                parameter: v.kind.name().into(),
+                given: start,
+                without: at(base.unknowns[k]),
+                with: at(with.unknowns[k]),
+                sd: if strain { width * spread } else { start * ratio * spread },
+            })
+        })
+        .collect()
+}

@@ -1,0 +1,341 @@
+//! The most probable ligaments, contact and effects under a hypothesis, and the evidence for it (Laplace's approximation).
+
+use crate::covariance::Readings;
+use crate::error::DiagnosisError;
+use crate::problem::{Candidate, Linear, Problem};
+use crate::robust::{Mixture, Weighed};
+use calibration::levenberg::box_step;
+use nalgebra::{Cholesky, DMatrix, DVector};
+use sim::joint::Six;
+
+/// Bounds of the unknowns, in units of their prior.
+pub(crate) const REACH: f64 = 8.0;
+
+/// A fit ends where a step promises or gains less than this [nats].
+const SMALL: f64 = 0.05;
+
+/// Cost of a fit, over the number of readings, from which it explains little [nats]: twice what noise leaves. Which of its valleys it lies in is no matter.
+const LITTLE: f64 = 1.0;
+/// Most evaluations of a fit's steps where it still explains little.
+const TRIES_OF_LITTLE: usize = 12;
+
+/// Below this log Bayes factor of its own size, an effect's evidence is looked into.
+const DOUBTFUL: f64 = 15.0;
+/// Evidence that may come on top of it, since Laplace's approximation is one.
+const SLACK: f64 = 3.0;
+
+/// A fitted hypothesis.
+#[derive(Clone, Debug)]
+pub struct Fit {
+    /// The hypothesis.
+    pub hypothesis: Vec<Candidate>,
+    /// The unknowns.
+    pub unknowns: Vec<f64>,
+    /// Predictions and derivatives there.
+    pub linear: Linear,
+    /// Measured minus predicted, of the readings fitted.
+    pub residual: DVector<f64>,
+    /// Whitened sum of squares of the residual; an odd trial's limited to what it costs.
+    pub misfit: f64,
+    /// Trials that it does not explain, set aside ([`crate::robust`]).
+    pub odd: Vec<usize>,
+    /// Log of the evidence, the scatter it was weighed with included; up to a constant common to all hypotheses fitted to the same readings.
+    pub log_evidence: f64,
+    /// Posterior covariance of the unknowns.
+    pub posterior: DMatrix<f64>,
+}
+
+/// What is fitted to.
+#[derive(Clone, Copy)]
+pub struct Data<'a> {
+    /// The question.
+    pub problem: &'a Problem,
+    /// The readings.
+    pub readings: &'a Readings,
+    /// Their scatter.
+    pub mixture: &'a Mixture,
+    /// Most evaluations of a fit's steps.
+    pub steps: usize,
+    /// Whether ligaments and contact are held (for comparison only).
+    pub frozen: bool,
+}
+
+/// Slope and curvature of minus the log prior: normal for ligaments and contact, Student's t with four degrees for effects.
+fn prior(k: usize, nuisances: usize, x: f64) -> (f64, f64, f64) {
+    if k < nuisances {
+        (0.5 * x * x, x, 1.0)
+    } else {
+        // relative to a normal density at its mode, so that the normalisations of all unknowns agree
+        let at_zero = -(0.375f64 * (2.0 * std::f64::consts::PI).sqrt()).ln();
+        let spread = 1.0 + x * x / 4.0;
+        (2.5 * spread.ln() + at_zero, 1.25 * x / spread, 1.25 / spread)
+    }
+}
+
+/// Whether each unknown may not be negative.
+fn one_sided(hypothesis: &[Candidate], nuisances: usize) -> Vec<bool> {
+    let mut out = vec![false; nuisances];
+    for c in hypothesis {
+        out.extend(c.effect.parameter.iter().map(|p| p.one_sided));
+    }
+    out
+}
+
+/// How trials that no hypothesis explains are weighed.
+#[derive(Clone, Copy)]
+enum Weighing {
+    /// Set aside at a price ([`crate::robust`]).
+    Mixed,
+    /// Like all others.
+    All,
+}
+
+/// An unknown within its bounds.
+fn clamp(sided: bool, x: f64) -> f64 {
+    x.clamp(if sided { 0.0 } else { -REACH }, REACH)
+}
+
+struct State {
+    unknowns: Vec<f64>,
+    linear: Linear,
+    residual: DVector<f64>,
+    white: DVector<f64>,
+    slope: DMatrix<f64>,
+    weighed: Weighed,
+    cost: f64,
+}
+
+impl Data<'_> {
+    fn state(
+        &self,
+        (hypothesis, weighing): (&[Candidate], Weighing),
+        unknowns: Vec<f64>,
+        starts: &[Six],
+    ) -> Result<State, DiagnosisError> {
+        let linear = self.problem.linear(hypothesis, &unknowns, starts)?;
+        let residual = &self.readings.measured - self.readings.pick(&linear.value);
+        let weighed = match weighing {
+            Weighing::Mixed => self.mixture.weigh(&residual),
+            Weighing::All => self.mixture.weigh_all(&residual),
+        };
+        let whitening = weighed.whitening.as_ref().unwrap_or(self.mixture.plain());
+        let white = whitening.white_vector(&residual);
+        let slope = whitening.white(&self.readings.rows_of(&linear.slope));
+        let n = self.problem.nuisances();
+        let prior: f64 = unknowns.iter().enumerate().map(|(k, x)| prior(k, n, *x).0).sum();
+        let cost = weighed.cost + prior;
+        let cost = if cost.is_finite() { cost } else { f64::INFINITY };
+        Ok(State { unknowns, linear, residual, white, slope, weighed, cost })
+    }
+
+    /// The most probable unknowns under a hypothesis, from a start. A trial that was set aside on the way pulls no more: from where such a fit ends, all
+    /// trials are fitted once, and then as before; the better of the two ends counts. Not where a fit explains little.
+    ///
+    /// Errors: a model that cannot be evaluated.
+    pub fn fit(&self, hypothesis: &[Candidate], start: &[f64], starts: &[Six]) -> Result<Fit, DiagnosisError> {
+        let sided = one_sided(hypothesis, self.problem.nuisances());
+        let unknowns: Vec<f64> = start.iter().enumerate().map(|(k, x)| clamp(sided[k], *x)).collect();
+        let starts: Vec<Six> = self.problem.nearer(hypothesis, &unknowns, starts)?.into_iter().map(|r| r.q).collect();
+        let first = self.descend((hypothesis, Weighing::Mixed), unknowns, &starts)?;
+        if first.weighed.odd.is_empty() || self.explains_little(&first) {
+            return Ok(self.conclude(hypothesis, first, &sided));
+        }
+        let rests = |state: &State| -> Vec<Six> { state.linear.rests.iter().map(|r| r.q).collect() };
+        let all = self.descend((hypothesis, Weighing::All), first.unknowns.clone(), &rests(&first))?;
+        let second = self.descend((hypothesis, Weighing::Mixed), all.unknowns.clone(), &rests(&all))?;
+        let [first, second] = [first, second].map(|state| self.conclude(hypothesis, state, &sided));
+        Ok(if second.log_evidence > first.log_evidence { second } else { first })
+    }
+
+    /// Gauss and Newton's steps from a state, damped.
+    fn descend(
+        &self,
+        question: (&[Candidate], Weighing),
+        unknowns: Vec<f64>,
+        starts: &[Six],
+    ) -> Result<State, DiagnosisError> {
+        let sided = one_sided(question.0, self.problem.nuisances());
+        let mut here = self.state(question, unknowns, starts)?;
+        let mut damping = 1e-3;
+        let mut tries = 0;
+        while tries < self.steps && (tries < TRIES_OF_LITTLE || !self.explains_little(&here)) {
+            let Some((step, slope, promised)) = self.step(&here, &sided, damping) else { break };
+            let mut share = 1.0;
+            let next = loop {
+                let to =
+                    here.unknowns.iter().zip(step.iter()).enumerate().map(|(k, (x, s))| clamp(sided[k], x + share * s));
+                let starts: Vec<Six> = here.linear.rests.iter().map(|r| r.q).collect();
+                let tried = self.state(question, to.collect(), &starts)?;
+                tries += 1;
+                if tried.cost < here.cost || share < 1.0 || tries == self.steps {
+                    break tried;
+                }
+                // where one soft trial bends the way, the least of the parabola through both ends lies before the end
+                let least = 0.5 * slope / (tried.cost - here.cost + slope);
+                share = if least.is_nan() { 0.1 } else { least.clamp(0.1, 0.5) };
+            };
+            let gain = here.cost - next.cost;
+            if gain > 0.0 {
+                damping *= if share == 1.0 && gain > 0.5 * promised { 0.2 } else { 2.0 };
+                here = next;
+                if gain < SMALL {
+                    break;
+                }
+            } else {
+                damping = (damping * 10.0).max(0.1);
+                if damping > 1e4 {
+                    break;
+                }
+            }
+        }
+        Ok(here)
+    }
+
+    fn explains_little(&self, state: &State) -> bool {
+        state.cost > LITTLE * self.readings.rows.len() as f64
+    }
+
+    /// A step from a state to the least of a quadratic form within bounds, how fast the cost falls at its beginning, and by how much it should fall; none
+    /// where that is next to nothing.
+    fn step(&self, here: &State, sided: &[bool], damping: f64) -> Option<(DVector<f64>, f64, f64)> {
+        let n = self.problem.nuisances();
+        let (hessian, gradient) = self.quadratic(here, n);
+        let mut damped = hessian.clone();
+        for k in 0..damped.nrows() {
+            damped[(k, k)] *= 1.0 + damping;
+        }
+        if self.frozen {
+            (0..n).for_each(|k| damped[(k, k)] += 1e12);
+        }
+        let unit: Vec<f64> = here.unknowns.iter().enumerate().map(|(k, x)| to_unit(sided[k], *x)).collect();
+        let widths = DVector::from_iterator(unit.len(), sided.iter().map(|s| width(*s)));
+        let scaled = DMatrix::from_fn(unit.len(), unit.len(), |a, b| damped[(a, b)] * widths[a] * widths[b]);
+        let step = box_step(&scaled, &gradient.component_mul(&widths), &unit, 0.2).component_mul(&widths);
+        let slope = -gradient.dot(&step);
+        let promised = slope - 0.5 * step.dot(&(&hessian * &step));
+        (promised >= SMALL).then_some((step, slope, promised))
+    }
+
+    fn quadratic(&self, here: &State, n: usize) -> (DMatrix<f64>, DVector<f64>) {
+        let mut hessian = here.slope.tr_mul(&here.slope);
+        let mut gradient = -here.slope.tr_mul(&here.white);
+        for (k, x) in here.unknowns.iter().enumerate() {
+            let (_, slope, curvature) = prior(k, n, *x);
+            hessian[(k, k)] += curvature;
+            gradient[k] += slope;
+        }
+        (hessian, gradient)
+    }
+
+    fn conclude(&self, hypothesis: &[Candidate], here: State, sided: &[bool]) -> Fit {
+        let n = self.problem.nuisances();
+        let (hessian, _) = self.quadratic(&here, n);
+        let (log_determinant, posterior) = match Cholesky::new(hessian) {
+            Some(c) => (2.0 * c.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>(), c.inverse()),
+            None => (f64::INFINITY, DMatrix::identity(here.unknowns.len(), here.unknowns.len())),
+        };
+        let mut log_evidence = -here.cost - 0.5 * (log_determinant + self.mixture.plain().log_determinant());
+        for k in (0..sided.len()).filter(|&k| sided[k]) {
+            let sd = posterior[(k, k)].sqrt().max(1e-9);
+            log_evidence += (2.0 * normal_below(here.unknowns[k] / sd)).ln();
+        }
+        Fit {
+            hypothesis: hypothesis.to_vec(),
+            misfit: 2.0 * here.weighed.cost,
+            odd: here.weighed.odd,
+            unknowns: here.unknowns,
+            linear: here.linear,
+            residual: here.residual,
+            log_evidence,
+            posterior,
+        }
+    }
+}
+
+impl Fit {
+    /// Whether more than twice of what noise leaves is left.
+    pub fn explains_little(&self) -> bool {
+        0.5 * self.misfit > LITTLE * self.residual.len() as f64
+    }
+
+    /// Coordinates of the rests.
+    pub fn coordinates(&self) -> Vec<Six> {
+        self.linear.rests.iter().map(|r| r.q).collect()
+    }
+
+    /// Log Bayes factor of the last `count` unknowns against zero by their own distribution alone (Savage and Dickey's ratio [dickey1971]): what is
+    /// claimed for an effect whose size is nearly nothing is owed to another valley of the ligaments, not to it.
+    pub fn own_evidence(&self, count: usize) -> f64 {
+        self.own_evidence_of(self.unknowns.len() - count, count)
+    }
+
+    /// The same of `count` unknowns from `first` on.
+    pub fn own_evidence_of(&self, first: usize, count: usize) -> f64 {
+        let block = self.posterior.view((first, first), (count, count)).into_owned();
+        let size = DVector::from_column_slice(&self.unknowns[first..first + count]);
+        match Cholesky::new(block) {
+            Some(c) => 0.5 * size.dot(&c.solve(&size)) + c.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>(),
+            None => 0.0,
+        }
+    }
+
+    /// The fit with no more evidence beyond `without` than its last `count` unknowns can have earned.
+    pub fn earned(mut self, without: f64, count: usize) -> Fit {
+        let own = self.own_evidence(count);
+        if own < DOUBTFUL {
+            self.log_evidence = self.log_evidence.min(without + own.max(0.0) + SLACK);
+        }
+        self
+    }
+
+    /// The posterior covariance if the data spoke `temper` times less loud: as loud as they speak where names are weighed.
+    pub fn tempered(&self, nuisances: usize, temper: f64) -> DMatrix<f64> {
+        let inverse = Cholesky::new(self.posterior.clone()).map(|c| c.inverse());
+        let Some(mut curvature) = inverse else { return self.posterior.clone() };
+        curvature /= temper;
+        for (k, x) in self.unknowns.iter().enumerate() {
+            curvature[(k, k)] += prior(k, nuisances, *x).2 * (1.0 - 1.0 / temper);
+        }
+        Cholesky::new(curvature).map_or_else(|| self.posterior.clone(), |c| c.inverse())
+    }
+
+    /// Value and standard deviation of the hypothesis' parameters in the catalogue's units, an effect a list. The standard deviation holds what the
+    /// data leave open, spoken `temper` times less loud, and the effect's share for a form that is not the knee's own.
+    pub fn parameters(&self, nuisances: usize, temper: f64) -> Vec<Vec<(f64, f64)>> {
+        let posterior = self.tempered(nuisances, temper);
+        let mut at = nuisances;
+        self.hypothesis
+            .iter()
+            .map(|c| {
+                c.effect
+                    .parameter
+                    .iter()
+                    .map(|p| {
+                        at += 1;
+                        let value = p.sd * self.unknowns[at - 1];
+                        let open = p.sd * posterior[(at - 1, at - 1)].sqrt();
+                        (value, open.hypot(c.effect.form_share * value))
+                    })
+                    .collect()
+            })
+            .collect()
+    }
+}
+
+fn width(sided: bool) -> f64 {
+    if sided { REACH } else { 2.0 * REACH }
+}
+
+fn to_unit(sided: bool, x: f64) -> f64 {
+    if sided { x / REACH } else { (x + REACH) / (2.0 * REACH) }
+}
+
+/// The standard normal distribution function [abramowitz1964, 7.1.26].
+pub fn normal_below(x: f64) -> f64 {
+    let z = x.abs() / std::f64::consts::SQRT_2;
+    let t = 1.0 / (1.0 + 0.327_591_1 * z);
+    let poly =
+        ((((1.061_405_429 * t - 1.453_152_027) * t + 1.421_413_741) * t - 0.284_496_736) * t + 0.254_829_592) * t;
+    let erf = 1.0 - poly * (-z * z).exp();
+    (if x >= 0.0 { 0.5 * (1.0 + erf) } else { 0.5 * (1.0 - erf) }).max(1e-300)
+}

@@ -1,0 +1,34 @@
+//! Where a model and measured data disagree, which missing effect explains it, and what happens when it is added.
+//!
+//! Pure: values in, values out. The method is told in docs/discrepancy.md.
+
+pub mod atlas;
+pub mod carried;
+pub mod catalogue;
+pub mod component;
+pub mod covariance;
+pub mod curves;
+pub mod diagnosis;
+pub mod effect;
+pub mod equilibrium;
+pub mod error;
+pub mod exchange;
+pub mod fit;
+pub mod held_out;
+pub mod map;
+pub mod missable;
+pub mod next_test;
+pub mod page;
+pub mod predict;
+pub mod problem;
+pub mod rim;
+pub mod robust;
+pub mod screen;
+pub mod search;
+pub mod slopes;
+pub mod trial;
+mod verdict;
+pub mod wildcard;
+mod words;
+
+pub use error::DiagnosisError;

@@ -1,0 +1,63 @@
+//! What a diagnosis that names nothing would have missed: the sizes of effects that half of such data would reveal.
+
+use crate::diagnosis::scope_name;
+use crate::error::DiagnosisError;
+use crate::problem::{Candidate, Problem};
+use crate::screen::{Marginal, Score, signatures};
+use crate::search::{Search, log_prior};
+use serde::{Deserialize, Serialize};
+
+/// A size below which an effect would more often have been missed than named.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Missable {
+    /// The effect.
+    pub effect: String,
+    /// The structure it is about, where it may be about several.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub variant: Option<String>,
+    /// A data set, or "both".
+    pub scope: String,
+    /// Its parameter, the others being nothing.
+    pub parameter: String,
+    /// The size.
+    pub size: f64,
+    /// Its unit.
+    pub unit: String,
+}
+
+/// Sizes, parameter by parameter, whose expected log Bayes factor just reaches `threshold`: linear about nothing missing, ligaments and contact
+/// marginalised. Shapes, and effects without a slope at nothing, have none.
+///
+/// Errors: a model that cannot be evaluated.
+pub fn missable(problem: &Problem, search: &Search, threshold: f64) -> Result<Vec<Missable>, DiagnosisError> {
+    let candidates = problem.candidates();
+    let signatures = signatures(problem, &search.base, &candidates)?;
+    let marginal = Marginal::new(&search.base, &search.readings, &search.covariance)?;
+    let mut out = Vec::new();
+    for (c, signature) in candidates.iter().zip(&signatures) {
+        let Some(score) = Score::new(signature, &search.readings, &marginal, 1.0) else { continue };
+        if c.active(&vec![0.0; c.size()]).has_no_slope_at_zero() {
+            continue;
+        }
+        let needed = threshold - log_prior(c, problem.sources.len());
+        let parameters = c.effect.parameter.iter().enumerate().filter(|(_, p)| !p.shape);
+        out.extend(parameters.filter_map(|(k, p)| {
+            let size = (p.sd * score.size_for(k, needed)?).max(p.least);
+            // a structure cannot be lost more than once
+            (p.key != "loss" || size <= 1.0).then(|| row(problem, c, &p.key, size, &p.unit))
+        }));
+    }
+    Ok(out)
+}
+
+fn row(problem: &Problem, c: &Candidate, parameter: &str, size: f64, unit: &str) -> Missable {
+    Missable {
+        effect: c.name(),
+        variant: c.effect.variants.get(c.variant).cloned(),
+        scope: scope_name(problem, c),
+        parameter: parameter.into(),
+        size,
+        unit: unit.into(),
+    }
+}

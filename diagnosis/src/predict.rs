@@ -1,0 +1,96 @@
+//! What the components of a model do to its predictions: simulate, calibrate and validate add it to what the solver finds.
+//!
+//! An apparatus' component acts only where that apparatus' data set is asked for; a specimen's and a session's act wherever their scope allows.
+
+use crate::catalogue::Catalogue;
+use crate::component::Component;
+use crate::effect::{Active, Place};
+use crate::equilibrium::Bench;
+use crate::error::DiagnosisError;
+use crate::problem::reading;
+use crate::trial::Trial;
+use rayon::prelude::*;
+use sim::Model;
+use sim::laxity::{LaxityTrial, TrialResult};
+use sim::spec::ModelSpec;
+
+/// The components that act in a prediction: of a data set, or (`None`) of the knee itself. Those of no size are left out.
+///
+/// Errors: a component that cannot be read.
+pub fn acting(spec: &ModelSpec, data_set: Option<&str>) -> Result<Vec<(Component, Active)>, DiagnosisError> {
+    let catalogue = Catalogue::shipped();
+    let mut out = Vec::new();
+    for (k, value) in spec.components.iter().enumerate() {
+        let component: Component = serde_json::from_value(value.clone())
+            .map_err(|e| DiagnosisError::Component(format!("components[{k}] of the model: {e}")))?;
+        let active = component.active(&catalogue)?;
+        let here = component.scope == "both" || data_set == Some(component.scope.as_str());
+        let kept = data_set.is_some() || component.kept != "apparatus";
+        if here && kept && active.values.iter().any(|v| *v != 0.0) {
+            out.push((component, active));
+        }
+    }
+    Ok(out)
+}
+
+/// How far the effects move the reading of each trial: VV, IE [deg], ML, AP, SI [mm]. Without friction, at the model's rest.
+pub fn displacements(model: &Model, spec: &ModelSpec, effects: &[Active], trials: &[LaxityTrial]) -> Vec<[f64; 5]> {
+    if effects.is_empty() {
+        return vec![[0.0; 5]; trials.len()];
+    }
+    let place = Place { femur: spec.frames.femur, tibia: spec.frames.tibia };
+    trials
+        .par_iter()
+        .map(|t| {
+            let mut trial = Trial::alone(t);
+            let plain = Bench { model, effects: &[], place: &place };
+            trial.neutral = plain.neutral(&trial).q;
+            let without = plain.walk(&trial);
+            let with = Bench { effects, ..plain }.settle(&trial, &without.q);
+            let (a, b) = (reading(&without), reading(&with));
+            std::array::from_fn(|c| b[c] - a[c])
+        })
+        .collect()
+}
+
+/// Moves predicted poses by what the components do.
+///
+/// Errors: a component that cannot be read.
+pub fn apply(
+    model: &Model,
+    spec: &ModelSpec,
+    data_set: Option<&str>,
+    results: &mut [TrialResult],
+) -> Result<(), DiagnosisError> {
+    let effects: Vec<Active> = acting(spec, data_set)?.into_iter().map(|(_, a)| a).collect();
+    if effects.is_empty() {
+        return Ok(());
+    }
+    let trials: Vec<LaxityTrial> = results.iter().map(|r| r.trial.clone()).collect();
+    for (r, d) in results.iter_mut().zip(displacements(model, spec, &effects, &trials)) {
+        let p = &mut r.pose;
+        for (value, by) in [&mut p.vv_deg, &mut p.ie_deg, &mut p.ml_mm, &mut p.ap_mm, &mut p.si_mm].into_iter().zip(d) {
+            *value += by;
+        }
+    }
+    Ok(())
+}
+
+/// Measurements with what the components do taken off, for a calibration that knows the solver alone.
+///
+/// Errors: a component that cannot be read.
+pub fn taken_off(
+    model: &Model,
+    spec: &ModelSpec,
+    data_set: Option<&str>,
+    trials: &[LaxityTrial],
+) -> Result<Vec<LaxityTrial>, DiagnosisError> {
+    let effects: Vec<Active> = acting(spec, data_set)?.into_iter().map(|(_, a)| a).collect();
+    let mut out = trials.to_vec();
+    if !effects.is_empty() {
+        for (t, d) in out.iter_mut().zip(displacements(model, spec, &effects, trials)) {
+            t.measured.iter_mut().zip(d).for_each(|(m, by)| *m = m.map(|m| m - by));
+        }
+    }
+    Ok(out)
+}

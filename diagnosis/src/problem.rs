@@ -1,0 +1,485 @@
+//! The question: a model, trials, and what may differ; predictions and their derivatives at any answer.
+//!
+//! Unknowns stand in units of their prior: ligament strains (0.03) and log stiffnesses (0.2), the log of the contact's scale (0.3), then the
+//! parameters of the effects.
+
+use crate::catalogue::{Catalogue, Effect};
+use crate::effect::{Active, Place};
+use crate::equilibrium::{Bench, Rest};
+use crate::error::DiagnosisError;
+use crate::slopes::Slopes;
+use crate::trial::{PER_UNIT, READ, Source, Trial, trials};
+use calibration::design::{Design, Kind};
+use nalgebra::DMatrix;
+use rayon::prelude::*;
+use sim::Model;
+use sim::joint::Six;
+use sim::model::BundleParameters;
+use sim::spec::ModelSpec;
+use std::borrow::Cow;
+
+/// Prior standard deviations: reference strain [-], log of stiffness [-], log of the contact's scale [-].
+pub const PRIOR: [f64; 3] = [0.03, 0.2, 0.3];
+
+/// Sum of squares, in noises, up to which a trial's rest is near enough to what was measured that no other is looked for.
+const NEAR: f64 = 16.0;
+/// Sum of squares, in noises, from which a trial's rest is taken for lost: nothing that scatters takes a knee that stays where it is six noises away.
+const LOST: f64 = 36.0;
+/// The same where the model fits so little of the data that branches are not the matter: there rests count as they are, as far as they can be told.
+const FAR: f64 = 400.0;
+/// Most trials, as a share, that may be lost beside recalibrated ligaments for that [-].
+const MOST_LOST: f64 = 0.2;
+
+/// Where an effect acts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Scope {
+    /// In every data set.
+    Both,
+    /// In one.
+    Only(usize),
+}
+
+impl Scope {
+    /// Whether it acts in a data set.
+    pub fn covers(self, source: usize) -> bool {
+        self == Scope::Both || self == Scope::Only(source)
+    }
+}
+
+/// An effect with a scope: what can be named.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Candidate {
+    /// The effect.
+    pub effect: Effect,
+    /// Which of its variants.
+    pub variant: usize,
+    /// Where it acts.
+    pub scope: Scope,
+}
+
+impl Candidate {
+    /// Name in answers.
+    pub fn name(&self) -> String {
+        self.effect.name(self.variant)
+    }
+
+    /// The effect at work with values in units of its priors.
+    pub fn active(&self, scaled: &[f64]) -> Active {
+        let values = self.effect.parameter.iter().zip(scaled).map(|(p, x)| p.sd * x).collect();
+        Active::new(&self.effect, self.variant, values).expect("candidates come from implemented effects")
+    }
+
+    /// Whether values in units of its priors are as large as the effect must be to deserve its name.
+    pub fn is_large_enough(&self, scaled: &[f64]) -> bool {
+        self.effect.parameter.iter().zip(scaled).all(|(p, x)| p.sd * x.abs() >= p.least)
+    }
+
+    /// Whether values in units of its priors are no larger than the effect can be.
+    pub fn is_small_enough(&self, scaled: &[f64]) -> bool {
+        self.effect.parameter.iter().zip(scaled).all(|(p, x)| p.most.is_none_or(|most| p.sd * x.abs() <= most))
+    }
+
+    /// No effect, with the shape from which fits of it start, in units of its priors.
+    pub fn nothing(&self) -> Vec<f64> {
+        self.effect.parameter.iter().map(|p| if p.shape { p.from.unwrap_or(0.0) } else { 0.0 }).collect()
+    }
+
+    /// The size and the shape from which fits of it start, in units of its priors.
+    pub fn typical(&self) -> Vec<f64> {
+        self.effect.parameter.iter().map(|p| p.from.unwrap_or(if p.shape { 0.0 } else { 1.0 })).collect()
+    }
+
+    /// Number of parameters.
+    pub fn size(&self) -> usize {
+        self.effect.parameter.len()
+    }
+}
+
+/// Each of several candidates with its own of values that stand one candidate's after the other's.
+pub fn sized<'a>(
+    candidates: impl IntoIterator<Item = &'a Candidate>,
+    values: &'a [f64],
+) -> impl Iterator<Item = (&'a Candidate, &'a [f64])> {
+    let mut left = values;
+    candidates.into_iter().map(move |c| {
+        let (own, others) = left.split_at(c.size());
+        left = others;
+        (c, own)
+    })
+}
+
+/// A model, data and a catalogue.
+#[derive(Clone, Debug)]
+pub struct Problem {
+    /// The model as given.
+    pub model: Model,
+    /// Frames.
+    pub place: Place,
+    /// Ligament unknowns.
+    pub design: Design,
+    /// Names of the data sets.
+    pub sources: Vec<String>,
+    /// Trials of all of them.
+    pub trials: Vec<Trial>,
+    /// What may be named.
+    pub catalogue: Catalogue,
+    /// Effects the model has already, with the scope of each.
+    pub present: Vec<(Active, Scope)>,
+    /// The pose next to each trial's measured one, where the chain reaches it: a start on the branch that the knee took.
+    held: Vec<Option<Rest>>,
+    bundles: Vec<Vec<usize>>,
+    /// From where on rests are taken for lost.
+    lost: Lost,
+}
+
+/// From where on a trial's rest is taken for lost.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Lost {
+    /// From [`LOST`] on; there other rests are looked for.
+    Near,
+    /// From [`FAR`] on.
+    Far,
+    /// Where a hypothesis fits little, from [`FAR`] on, and no other rests are looked for; from [`LOST`] on elsewhere.
+    FarWhereLittleFits,
+}
+
+/// The knee of a hypothesis.
+struct Knee<'a> {
+    /// The model with its ligaments.
+    model: Model,
+    /// What acts in each data set.
+    effects: Vec<Vec<Active>>,
+    /// The trials with its unloaded poses.
+    trials: Cow<'a, [Trial]>,
+    place: &'a Place,
+}
+
+impl Knee<'_> {
+    fn bench(&self, trial: &Trial) -> Bench<'_> {
+        Bench { model: &self.model, effects: &self.effects[trial.source], place: self.place }
+    }
+}
+
+/// Predictions and derivatives at an answer.
+#[derive(Clone, Debug)]
+pub struct Linear {
+    /// Five readings a trial [deg, mm].
+    pub value: Vec<f64>,
+    /// Derivatives by the unknowns: a row a reading.
+    pub slope: DMatrix<f64>,
+    /// Where each trial rests.
+    pub rests: Vec<Rest>,
+}
+
+impl Problem {
+    /// Sets the question up and finds the unloaded pose of every trial.
+    ///
+    /// Errors: what the data or the model lack.
+    pub fn new(
+        model: &Model,
+        spec: &ModelSpec,
+        sources: &[Source],
+        catalogue: &Catalogue,
+    ) -> Result<Problem, DiagnosisError> {
+        let mut design = Design::of_model(spec)?;
+        design.variables.retain(|v| matches!(v.kind, Kind::ReferenceStrain | Kind::StiffnessNPerMm));
+        let place = Place { femur: spec.frames.femur, tibia: spec.frames.tibia };
+        let index = |name: &String| model.bundles.iter().position(|b| b.name == *name);
+        let bundles = design.variables.iter().map(|v| v.bundles.iter().filter_map(index).collect()).collect();
+        let mut problem = Problem {
+            // where the model brings a second contact, the diagnosis works with that one
+            model: model.with_second_share(1.0)?,
+            place,
+            design,
+            sources: sources.iter().map(|s| s.name.clone()).collect(),
+            trials: trials(sources)?,
+            catalogue: catalogue.clone(),
+            present: vec![],
+            held: vec![],
+            bundles,
+            lost: Lost::Near,
+        };
+        let neutral: Vec<Six> = problem
+            .trials
+            .par_iter()
+            .map(|t| Bench { model: &problem.model, effects: &[], place: &problem.place }.neutral(t).q)
+            .collect();
+        for (t, q) in problem.trials.iter_mut().zip(neutral) {
+            t.neutral = q;
+        }
+        problem.hold();
+        Ok(problem)
+    }
+
+    /// The same question of a model that has effects already.
+    pub fn with_present(mut self, present: Vec<(Active, Scope)>) -> Problem {
+        self.present = present;
+        self.hold();
+        self
+    }
+
+    /// Grood-Suntay coordinates that a trial read [rad, mm]; what was not measured is taken from the unloaded pose.
+    fn measured(&self, trial: &Trial) -> Six {
+        let mut gs = self.model.joint.grood_suntay(&trial.neutral);
+        gs[0] = trial.flexion;
+        for (c, value) in trial.measured.iter().enumerate() {
+            if let Some(v) = value {
+                gs[READ[c]] = v * PER_UNIT[c];
+            }
+        }
+        gs
+    }
+
+    /// Finds the poses next to the measured ones.
+    fn hold(&mut self) {
+        let near = |t: &Trial| {
+            let effects = self.effects_in(t.source, &[], &[]);
+            let bench = Bench { model: &self.model, effects: &effects, place: &self.place };
+            let measured = self.measured(t);
+            self.model.joint.coordinates(&measured).ok().map(|q| bench.held(t, &measured, &q))
+        };
+        self.held = self.trials.par_iter().map(near).collect();
+    }
+
+    /// Predictions and derivatives of the model as given, linear about the measured poses instead of its own: an effect that moves the knee far is
+    /// seen there as a force, undistorted.
+    ///
+    /// Errors: a model that cannot be evaluated.
+    pub fn linear_held(&self) -> Result<Linear, DiagnosisError> {
+        let unknowns = vec![0.0; self.nuisances()];
+        let own = |i: usize| Bench { model: &self.model, effects: &[], place: &self.place }.neutral(&self.trials[i]);
+        let rests: Vec<Rest> =
+            (0..self.trials.len()).into_par_iter().map(|i| self.held[i].clone().unwrap_or_else(|| own(i))).collect();
+        let mut linear = self.linear_at(&[], &unknowns, rests)?;
+        for (i, rest) in linear.rests.iter().enumerate() {
+            let effects = self.effects_in(self.trials[i].source, &[], &unknowns);
+            let bench = Bench { model: &self.model, effects: &effects, place: &self.place };
+            let moved = Slopes::new(bench, &self.trials[i], rest).by(&rest.miss, &Six::zeros());
+            (0..5).for_each(|c| linear.value[5 * i + c] += moved[c]);
+        }
+        Ok(linear)
+    }
+
+    /// The bundles that ligament unknown `k` is about.
+    pub(crate) fn bundles_of(&self, k: usize) -> &[usize] {
+        &self.bundles[k]
+    }
+
+    /// Number of ligament and contact unknowns.
+    pub fn nuisances(&self) -> usize {
+        self.design.variables.len() + 1
+    }
+
+    /// Every testable effect, variant and scope.
+    pub fn candidates(&self) -> Vec<Candidate> {
+        let mut scopes: Vec<Scope> = vec![Scope::Both];
+        if self.sources.len() > 1 {
+            scopes.extend((0..self.sources.len()).map(Scope::Only));
+        }
+        let mut out = Vec::new();
+        for effect in &self.catalogue.effect {
+            if effect.parameter.is_empty() || effect.untestable(&self.trials).is_some() {
+                continue;
+            }
+            for variant in 0..effect.variants.len().max(1) {
+                for &scope in scopes.iter().filter(|s| !effect.one_knee || **s == Scope::Both) {
+                    out.push(Candidate { effect: effect.clone(), variant, scope });
+                }
+            }
+        }
+        out
+    }
+
+    /// The model with other ligaments and contact.
+    pub fn model_at(&self, unknowns: &[f64]) -> Result<Model, DiagnosisError> {
+        let mut parameters: Vec<BundleParameters> = self.model.parameters();
+        for (k, v) in self.design.variables.iter().enumerate() {
+            for &b in &self.bundles[k] {
+                match v.kind {
+                    Kind::ReferenceStrain => parameters[b].reference_strain += PRIOR[0] * unknowns[k],
+                    Kind::StiffnessNPerMm => parameters[b].stiffness_n_per_mm *= (PRIOR[1] * unknowns[k]).exp(),
+                    // frames are effects here, not unknowns
+                    Kind::FrameTurnDeg | Kind::FrameShiftMm => {}
+                }
+            }
+        }
+        let contact = (PRIOR[2] * unknowns[self.design.variables.len()]).exp();
+        Ok(self.model.with_parameters(&parameters)?.with_contact_scale(contact)?)
+    }
+
+    /// The effects at work in a data set: those the model has, then the hypothesis'.
+    pub fn effects_in(&self, source: usize, hypothesis: &[Candidate], unknowns: &[f64]) -> Vec<Active> {
+        let mut out: Vec<Active> =
+            self.present.iter().filter(|(_, s)| s.covers(source)).map(|(a, _)| a.clone()).collect();
+        let values = unknowns.get(self.nuisances()..).unwrap_or_default();
+        let acting = sized(hypothesis, values).filter(|(c, _)| c.scope.covers(source));
+        out.extend(acting.map(|(c, values)| c.active(values)));
+        out
+    }
+
+    /// Trials with the unloaded poses of a model's ligaments, where a hypothesis or the model has an effect that departs from them.
+    pub fn unloaded_at<'a>(&self, trials: &'a [Trial], model: &Model, hypothesis: &[Candidate]) -> Cow<'a, [Trial]> {
+        let departs = self.present.iter().any(|(a, _)| a.is_about_unloaded())
+            || hypothesis.iter().any(|c| c.active(&vec![0.0; c.size()]).is_about_unloaded());
+        if !departs {
+            return Cow::Borrowed(trials);
+        }
+        let moved = |(t, neutral): (&Trial, Six)| Trial { neutral, ..t.clone() };
+        Cow::Owned(trials.iter().zip(self.neutrals(trials, model)).map(moved).collect())
+    }
+
+    /// Unloaded poses of a model's ligaments, next to those of the trials; where it finds none, those [rad, mm].
+    pub fn neutrals(&self, trials: &[Trial], model: &Model) -> Vec<Six> {
+        let plain = Bench { model, effects: &[], place: &self.place };
+        let moved = |t: &Trial| {
+            let rest = plain.neutral_near(t, &t.neutral);
+            if rest.balanced { rest.q } else { t.neutral }
+        };
+        trials.par_iter().map(moved).collect()
+    }
+
+    fn knee(&self, hypothesis: &[Candidate], unknowns: &[f64]) -> Result<Knee<'_>, DiagnosisError> {
+        let model = self.model_at(unknowns)?;
+        let effects = (0..self.sources.len()).map(|s| self.effects_in(s, hypothesis, unknowns)).collect();
+        let trials = self.unloaded_at(&self.trials, &model, hypothesis);
+        Ok(Knee { model, effects, trials, place: &self.place })
+    }
+
+    /// Rests of all trials at an answer; from nearby poses, or the whole way where `starts` is empty.
+    pub fn rests(
+        &self,
+        hypothesis: &[Candidate],
+        unknowns: &[f64],
+        starts: &[Six],
+    ) -> Result<Vec<Rest>, DiagnosisError> {
+        let knee = self.knee(hypothesis, unknowns)?;
+        let rest = |(i, trial): (usize, &Trial)| match starts.get(i) {
+            Some(q) => knee.bench(trial).settle(trial, q),
+            None => knee.bench(trial).walk(trial),
+        };
+        Ok(knee.trials.par_iter().enumerate().map(rest).collect())
+    }
+
+    /// Rests from nearby poses; where that ends far from the measurement, also from the measured pose, and the nearer of the two: a loaded knee
+    /// has several stable branches, and the one it took is not for the parameters to explain.
+    pub fn nearer(
+        &self,
+        hypothesis: &[Candidate],
+        unknowns: &[f64],
+        starts: &[Six],
+    ) -> Result<Vec<Rest>, DiagnosisError> {
+        Ok(self.nearer_in(&self.knee(hypothesis, unknowns)?, starts))
+    }
+
+    fn nearer_in(&self, knee: &Knee, starts: &[Six]) -> Vec<Rest> {
+        let first = |(i, trial): (usize, &Trial)| match starts.get(i) {
+            Some(q) => knee.bench(trial).settle(trial, q),
+            None => knee.bench(trial).walk(trial),
+        };
+        let first: Vec<Rest> = knee.trials.par_iter().enumerate().map(first).collect();
+        // where a hypothesis explains little of data that the model fits little of, rests count as they are: looking for others would be most of the work
+        let as_they_are = self.lost == Lost::FarWhereLittleFits && self.fits_little(&first);
+        let lost = if as_they_are || self.lost == Lost::Far { FAR } else { LOST };
+        let near = if as_they_are { FAR } else { NEAR };
+        let nearer = |(i, first): (usize, Rest)| {
+            if self.off(i, &first) > near { self.next_to(i, knee, first, (lost, as_they_are)) } else { first }
+        };
+        first.into_par_iter().enumerate().map(nearer).collect()
+    }
+
+    /// The rest of trial `i` next to the measured pose, where that is much nearer than `first`; a knee that left the joint altogether may find back from the
+    /// measured pose, let go slowly, where there is time for that.
+    fn next_to(&self, i: usize, knee: &Knee, first: Rest, (lost, quickly): (f64, bool)) -> Rest {
+        let (trial, miss) = (&knee.trials[i], |rest: &Rest| self.off(i, rest));
+        let bench = knee.bench(trial);
+        let nearer = |a: Rest, b: Rest| if (b.balanced || !a.balanced) && miss(&b) < 0.5 * miss(&a) { b } else { a };
+        let Some(held) = &self.held[i] else { return first };
+        let second = nearer(first, bench.settle(trial, &held.q));
+        if miss(&second) <= lost {
+            return second;
+        }
+        if quickly {
+            return self.imagined(bench, trial, held);
+        }
+        let third = nearer(second, bench.released(trial, &self.measured(trial), &held.q));
+        if miss(&third) > lost { self.imagined(bench, trial, held) } else { third }
+    }
+
+    /// How far a rest of trial `i` is from what was measured: sum of squares in noises, half a degree or millimetre added to each.
+    fn off(&self, i: usize, rest: &Rest) -> f64 {
+        let (there, t) = (reading(rest), &self.trials[i]);
+        (0..5).map(|c| t.measured[c].map_or(0.0, |m| ((there[c] - m) / (t.sd[c] + 0.5)).powi(2))).sum()
+    }
+
+    /// Whether trials count as lost only far from what was measured.
+    pub fn with_far_rests(mut self, far: bool) -> Problem {
+        self.lost = if far { Lost::Far } else { Lost::Near };
+        self
+    }
+
+    /// Rests count as they are wherever a hypothesis leaves so many of them lost, and only there.
+    pub fn with_rests_as_they_are(mut self) -> Problem {
+        self.lost = Lost::FarWhereLittleFits;
+        self
+    }
+
+    /// Whether so many of these rests are lost that the model fits little.
+    pub fn fits_little(&self, rests: &[Rest]) -> bool {
+        let lost = rests.iter().enumerate().filter(|(i, r)| self.off(*i, r) > LOST).count();
+        lost as f64 > MOST_LOST * rests.len() as f64
+    }
+
+    /// Where a trial that finds no rest near the measured pose would rest if the knee were as stiff there as the model as given is at that pose, and no less stiff than it takes to stay: what
+    /// is out of balance there counts, no matter how far it would throw the knee.
+    fn imagined(&self, bench: Bench, trial: &Trial, held: &Rest) -> Rest {
+        let tangent = bench.stiffened(trial, &held.tangent);
+        let mut rest = Rest { tangent, ..bench.held(trial, &self.measured(trial), &held.q) };
+        let moved = Slopes::new(bench, trial, &rest).by(&rest.miss, &Six::zeros());
+        READ.iter().zip(moved).zip(PER_UNIT).for_each(|((&j, m), unit)| rest.observed[j] += m * unit);
+        rest
+    }
+
+    /// Predictions and derivatives by all unknowns of a hypothesis.
+    pub fn linear(&self, hypothesis: &[Candidate], unknowns: &[f64], starts: &[Six]) -> Result<Linear, DiagnosisError> {
+        let knee = self.knee(hypothesis, unknowns)?;
+        let rests = self.nearer_in(&knee, starts);
+        Ok(self.linear_in(&knee, hypothesis, unknowns, rests))
+    }
+
+    /// [`Problem::linear`] where the rests are known.
+    pub fn linear_at(
+        &self,
+        hypothesis: &[Candidate],
+        unknowns: &[f64],
+        rests: Vec<Rest>,
+    ) -> Result<Linear, DiagnosisError> {
+        Ok(self.linear_in(&self.knee(hypothesis, unknowns)?, hypothesis, unknowns, rests))
+    }
+
+    fn linear_in(&self, knee: &Knee, hypothesis: &[Candidate], unknowns: &[f64], rests: Vec<Rest>) -> Linear {
+        let by_unknowns = |(trial, rest): (&Trial, &Rest)| {
+            let slopes = Slopes::new(knee.bench(trial), trial, rest);
+            let mut columns = slopes.ligaments(self);
+            columns.push(slopes.contact());
+            let mut at = self.nuisances();
+            for candidate in hypothesis {
+                let scaled = &unknowns[at..at + candidate.size()];
+                at += candidate.size();
+                columns.extend(slopes.candidate(candidate, scaled, candidate.scope.covers(trial.source)));
+            }
+            columns
+        };
+        let rows: Vec<Vec<[f64; 5]>> = knee.trials.par_iter().zip(&rests).map(by_unknowns).collect();
+        let slope = DMatrix::from_fn(5 * rows.len(), unknowns.len(), |r, c| rows[r / 5][c][r % 5]);
+        let value = rests.iter().flat_map(reading).collect();
+        Linear { value, slope, rests }
+    }
+}
+
+/// Readings VV, IE [deg], ML, AP, SI [mm] of a rest.
+pub fn reading(rest: &Rest) -> [f64; 5] {
+    std::array::from_fn(|c| rest.observed[READ[c]] / PER_UNIT[c])
+}
+
+/// The largest fraction of rests without balance that a diagnosis bears.
+pub const UNBALANCED: f64 = 0.2;

@@ -1,0 +1,178 @@
+//! Derivatives of a trial's reading at its rest.
+
+use crate::effect::{Active, fibre_pull, moved_fibre};
+use crate::equilibrium::{Bench, Rest};
+use crate::problem::{Candidate, PRIOR, Problem};
+use crate::trial::{PER_UNIT, READ, Trial};
+use calibration::design::Kind;
+use nalgebra::{Matrix6, Vector3};
+use sim::contact::Nearby;
+use sim::joint::{FREE, Six};
+use sim::ligament::Fibre;
+
+/// Derivatives of a trial's reading at its rest.
+pub struct Slopes<'a> {
+    bench: Bench<'a>,
+    trial: &'a Trial,
+    rest: &'a Rest,
+    /// Of the reading by what is out of balance.
+    answer: Option<Matrix6<f64>>,
+    /// The unloaded pose, where an effect departs from it.
+    root: Option<Root>,
+}
+
+/// The unloaded pose that an effect departs from: what moves that pose moves the effect with it.
+struct Root {
+    /// Its chain coordinates [rad, mm].
+    q: Six,
+    /// What is out of balance under load by what is out of balance there.
+    lever: Matrix6<f64>,
+}
+
+impl Root {
+    /// Of a trial at `rest`; none where no effect departs from the unloaded pose or nothing holds the knee in it.
+    fn new(bench: &Bench, trial: &Trial, rest: &Rest) -> Option<Root> {
+        let departing: Vec<Active> = bench.effects.iter().filter(|e| e.is_about_unloaded()).cloned().collect();
+        if departing.is_empty() {
+            return None;
+        }
+        let plain = Bench { effects: &[], ..*bench };
+        let inverse = plain.neutral_near(trial, &trial.neutral).tangent.try_inverse()?;
+        let holds = Bench { effects: &departing, ..*bench }.effects_tangent(trial, &trial.load, &rest.q);
+        Some(Root { q: trial.neutral, lever: holds * inverse })
+    }
+}
+
+impl<'a> Slopes<'a> {
+    /// Prepares the derivatives of `trial` at `rest`.
+    pub fn new(bench: Bench<'a>, trial: &'a Trial, rest: &'a Rest) -> Slopes<'a> {
+        let reading = bench.observe_derivative(trial, &rest.q);
+        let answer = rest.tangent.try_inverse().map(|inverse| reading * inverse);
+        Slopes { bench, trial, rest, answer, root: Root::new(&bench, trial, rest) }
+    }
+
+    /// Change of the reading [deg, mm] by changes of the knee itself that put `out_of_balance` what it tells at a pose: under load, and unloaded where an
+    /// effect departs from there.
+    pub fn of_the_knee(&self, out_of_balance: impl Fn(&Six) -> Vec<Six>) -> Vec<[f64; 5]> {
+        let loaded = out_of_balance(&self.rest.q);
+        let unloaded = self.root.as_ref().map(|root| (out_of_balance(&root.q), root.lever));
+        let by = |k: usize, miss: Six| {
+            let moved = unloaded.as_ref().map_or(Six::zeros(), |(there, lever)| lever * balanced(there[k]));
+            self.by(&balanced(miss - moved), &Six::zeros())
+        };
+        loaded.into_iter().enumerate().map(|(k, miss)| by(k, miss)).collect()
+    }
+
+    /// Change of the reading [deg, mm] when the balance changes by `miss` (flexion's row: the read flexion) and the reading itself by `direct`.
+    pub fn by(&self, miss: &Six, direct: &Six) -> [f64; 5] {
+        let Some(answer) = &self.answer else { return [0.0; 5] };
+        let moved = direct - answer * miss;
+        std::array::from_fn(|c| moved[READ[c]] / PER_UNIT[c])
+    }
+
+    /// By the ligament unknowns.
+    pub fn ligaments(&self, problem: &Problem) -> Vec<[f64; 5]> {
+        let model = self.bench.model;
+        self.of_the_knee(|q| {
+            let states = model.fibre_states(&model.joint.pose(q));
+            let mut by_bundle = vec![[Six::zeros(); 2]; model.bundles.len()];
+            for (fibre, state) in model.fibres.iter().zip(&states) {
+                let bundle = &model.bundles[fibre.bundle];
+                let [strain, stiffness] = bundle.parameter_derivatives(state.line.length - fibre.initial_length);
+                by_bundle[fibre.bundle][0] += state.line.gradient * (strain * PRIOR[0]);
+                by_bundle[fibre.bundle][1] += state.line.gradient * (stiffness * bundle.stiffness * PRIOR[1]);
+            }
+            let variables = problem.design.variables.iter().enumerate();
+            variables
+                .map(|(k, v)| {
+                    let which = usize::from(v.kind == Kind::StiffnessNPerMm);
+                    problem.bundles_of(k).iter().fold(Six::zeros(), |s, &b| s + by_bundle[b][which])
+                })
+                .collect()
+        })
+    }
+
+    /// By the contact's scale.
+    pub fn contact(&self) -> [f64; 5] {
+        let model = self.bench.model;
+        let force = |q: &Six| model.contact_near(&model.joint.pose(q), &mut Nearby::default()).gradient;
+        self.of_the_knee(|q| vec![force(q) * PRIOR[2]])[0]
+    }
+
+    /// By the model's own contact in place of the second; nothing where there is none.
+    pub fn own_contact(&self) -> [f64; 5] {
+        let model = self.bench.model;
+        if !model.has_second_contact() {
+            return [0.0; 5];
+        }
+        let differs = |q: &Six| {
+            let pose = model.joint.pose(q);
+            model.contact.evaluate(&pose).gradient - model.contact_near(&pose, &mut Nearby::default()).gradient
+        };
+        self.of_the_knee(|q| vec![differs(q)])[0]
+    }
+
+    /// By each load: VV, IE [N mm], ML, AP, SI [N].
+    pub fn loads(&self) -> [[f64; 5]; 5] {
+        FREE.map(|j| {
+            let mut miss = Six::zeros();
+            miss[j] = -1.0;
+            self.by(&miss, &Six::zeros())
+        })
+    }
+
+    /// By each end of each fibre moved along the axes [per mm].
+    pub fn attachments(&self) -> Vec<[f64; 5]> {
+        let model = self.bench.model;
+        let h = 0.05;
+        self.of_the_knee(|q| {
+            let here = self.bench.place.situation(model, self.trial, &self.trial.load, q);
+            let by = |fibre: &Fibre, k: usize| {
+                let mut ends = [Vector3::zeros(); 2];
+                ends[k / 3][k % 3] = h;
+                let pull = |s: f64| fibre_pull(&here, &moved_fibre(fibre, &(ends[0] * s), &(ends[1] * s)));
+                (pull(-1.0) - pull(1.0)) / (2.0 * h)
+            };
+            model.fibres.iter().flat_map(|fibre| (0..6).map(move |k| (fibre, k))).map(|(f, k)| by(f, k)).collect()
+        })
+    }
+
+    /// By the scaled parameters of a candidate at `scaled`; zero where it does not act.
+    pub fn candidate(&self, candidate: &Candidate, scaled: &[f64], acts: bool) -> Vec<[f64; 5]> {
+        if !acts {
+            return vec![[0.0; 5]; candidate.size()];
+        }
+        let (trial, q) = (self.trial, &self.rest.q);
+        let here = self.bench.place.situation(self.bench.model, trial, &trial.load, q);
+        let gs = self.bench.model.joint.grood_suntay(q);
+        (0..candidate.size())
+            .map(|k| {
+                let flat = candidate.active(scaled).has_no_slope_at_zero() && scaled[k] < 0.3;
+                let h = if flat { 1.0 } else { 1e-3 };
+                let at = |s: f64| {
+                    let mut moved = scaled.to_vec();
+                    moved[k] += s * h;
+                    candidate.active(&moved)
+                };
+                let (up, down) = (at(1.0), at(if flat { 0.0 } else { -1.0 }));
+                let width = if flat { h } else { 2.0 * h };
+                if up.has_reading() {
+                    let place = self.bench.place;
+                    let direct = (up.read(&gs, trial, place) - down.read(&gs, trial, place)) / width;
+                    let mut miss = Six::zeros();
+                    miss[0] = direct[0];
+                    self.by(&miss, &direct)
+                } else {
+                    let push = (up.force(&here) - down.force(&here)) / width;
+                    self.by(&balanced(-push), &Six::zeros())
+                }
+            })
+            .collect()
+    }
+}
+
+/// A change of the generalised forces alone: read flexion stays.
+fn balanced(mut miss: Six) -> Six {
+    miss[0] = 0.0;
+    miss
+}

@@ -1,0 +1,138 @@
+//! Measured trials in the solver's units, with what belongs together.
+
+use crate::error::DiagnosisError;
+use sim::joint::{AP, FE, IE, ML, SI, Six, VV};
+use sim::laxity::{Branch, LaxityTrial, Test};
+use std::collections::BTreeMap;
+
+/// Coordinates of a reading.
+pub(crate) const READ: [usize; 5] = [VV, IE, ML, AP, SI];
+
+/// Turns of a degree into radians and back, by coordinate of a reading (VV, IE, ML, AP, SI).
+pub const PER_UNIT: [f64; 5] = [std::f64::consts::PI / 180.0, std::f64::consts::PI / 180.0, 1.0, 1.0, 1.0];
+
+/// A data set: the trials of one apparatus.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Source {
+    /// Its name: kla, rks, ...
+    pub name: String,
+    /// Its trials, as read.
+    pub trials: Vec<LaxityTrial>,
+}
+
+/// A trial as the solver sees it.
+#[derive(Clone, Debug)]
+pub struct Trial {
+    /// Index of its data set.
+    pub source: usize,
+    /// Its name in the file.
+    pub name: String,
+    /// What it tests.
+    pub test: Test,
+    /// The flexion it is filed under [deg].
+    pub nominal: f64,
+    /// Recorded load on the tibia [N mm, N].
+    pub load: Six,
+    /// Recorded flexion [rad].
+    pub flexion: f64,
+    /// Measured VV, IE [deg], ML, AP, SI [mm].
+    pub measured: [Option<f64>; 5],
+    /// Measurement noise, same units.
+    pub sd: [f64; 5],
+    /// Index of its condition: data set, test and nominal flexion.
+    pub condition: usize,
+    /// +1 loading, -1 unloading, where known.
+    pub branch: Option<f64>,
+    /// Place in the order of testing, from 0 to 1, where known.
+    pub order: Option<f64>,
+    /// Time of testing, from 0 to 1, where known.
+    pub time: Option<f64>,
+    /// The unloaded pose at its flexion, chain coordinates; set once for the model as given.
+    pub neutral: Six,
+}
+
+impl Trial {
+    /// A trial by itself: no data set, no noise of its own, no history.
+    pub fn alone(t: &LaxityTrial) -> Trial {
+        Trial {
+            source: 0,
+            name: t.trial.clone(),
+            test: t.test,
+            nominal: t.nominal_flexion_deg,
+            load: generalised(t),
+            flexion: t.fe_deg.to_radians(),
+            measured: t.measured,
+            sd: USUAL_NOISE,
+            condition: 0,
+            branch: t.branch.map(sign),
+            order: None,
+            time: None,
+            neutral: Six::zeros(),
+        }
+    }
+}
+
+/// Its loads as generalised forces [N mm, N].
+fn generalised(t: &LaxityTrial) -> Six {
+    let mut load = Six::zeros();
+    for (c, l) in t.load.iter().enumerate() {
+        load[c + 1] = if c < 2 { l * 1000.0 } else { *l };
+    }
+    load[FE] = 0.0;
+    load
+}
+
+fn sign(branch: Branch) -> f64 {
+    if branch == Branch::Loading { 1.0 } else { -1.0 }
+}
+
+/// Measurement noise where a file gives none: VV, IE [deg], ML, AP, SI [mm].
+pub const USUAL_NOISE: [f64; 5] = [0.5, 0.5, 0.4, 0.4, 0.4];
+
+/// All trials of all data sets, in the order given.
+///
+/// Errors: no data set, fewer than four trials in all, a noise of zero.
+pub fn trials(sources: &[Source]) -> Result<Vec<Trial>, DiagnosisError> {
+    let mut out = Vec::new();
+    let mut conditions: BTreeMap<(usize, Test, i64), usize> = BTreeMap::new();
+    for (s, source) in sources.iter().enumerate() {
+        let place = |value: Option<f64>, all: Vec<f64>| {
+            let (low, high) = all.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), &v| (l.min(v), h.max(v)));
+            value.filter(|_| high > low).map(|v| (v - low) / (high - low))
+        };
+        let orders: Vec<f64> = source.trials.iter().filter_map(|t| t.order.map(|o| o as f64)).collect();
+        let times: Vec<f64> = source.trials.iter().filter_map(|t| t.time_s).collect();
+        for t in &source.trials {
+            if t.measured.iter().all(Option::is_none) {
+                continue;
+            }
+            let sd: [f64; 5] = std::array::from_fn(|c| t.sd[c].unwrap_or(USUAL_NOISE[c]));
+            if let Some(c) = (0..5).find(|&c| !(sd[c] > 0.0 && sd[c].is_finite())) {
+                return Err(DiagnosisError::Data(format!(
+                    "{} trial {}: measurement noise of {} is {}, expected above 0",
+                    source.name,
+                    t.trial,
+                    sim::laxity::COORDINATES[c],
+                    sd[c]
+                )));
+            }
+            let next = conditions.len();
+            let key = (s, t.test, t.nominal_flexion_deg.round() as i64);
+            out.push(Trial {
+                source: s,
+                sd,
+                condition: *conditions.entry(key).or_insert(next),
+                order: place(t.order.map(|o| o as f64), orders.clone()),
+                time: place(t.time_s, times.clone()),
+                ..Trial::alone(t)
+            });
+        }
+    }
+    if out.len() < 4 {
+        return Err(DiagnosisError::Data(format!(
+            "{} trials with a measured coordinate in all data sets, at least 4 are needed",
+            out.len()
+        )));
+    }
+    Ok(out)
+}

@@ -1,0 +1,186 @@
+//! Where trials rest that a hypothesis throws out of the joint.
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+mod common;
+#[path = "common/deck.rs"]
+mod deck;
+
+use calibration::design::Kind;
+use deck::{Asked, deck};
+use diagnosis::catalogue::Catalogue;
+use diagnosis::covariance::remainders;
+use diagnosis::effect::Active;
+use diagnosis::equilibrium::{Bench, Rest};
+use diagnosis::problem::{Problem, reading};
+use nalgebra::Matrix6;
+use sim::joint::Six;
+
+/// The published deck under 10 N m of varus and of valgus at 30, 60 and 90 deg, measured where the deck itself rests.
+fn problem() -> Option<Problem> {
+    problem_off(0.0)
+}
+
+/// The same, measured `varus` degrees from where the deck rests.
+fn problem_off(varus: f64) -> Option<Problem> {
+    let at = |measured: &[[f64; 5]]| {
+        let asked: Vec<Asked> = TRIALS
+            .iter()
+            .zip(measured)
+            .map(|(&(name, flexion, moment), &m)| (name, "varus", flexion, [moment, 0.0, 0.0, 0.0], m))
+            .collect();
+        deck("rests", &asked)
+    };
+    let anywhere = at(&[[0.0; 5]; TRIALS.len()])?;
+    let own = Bench { model: &anywhere.model, effects: &[], place: &anywhere.place };
+    let rests: Vec<Rest> = anywhere.trials.iter().map(|t| own.walk(t)).collect();
+    assert!(rests.iter().all(|r| r.balanced));
+    let moved = |r: &Rest| {
+        let mut out = reading(r);
+        out[0] += varus;
+        out
+    };
+    at(&rests.iter().map(moved).collect::<Vec<_>>())
+}
+
+/// Name, flexion [deg], varus moment [N m].
+const TRIALS: [(&str, f64, f64); 6] = [
+    ("a", 90.0, -10.0),
+    ("b", 90.0, 10.0),
+    ("c", 60.0, -10.0),
+    ("d", 60.0, 10.0),
+    ("e", 30.0, -10.0),
+    ("f", 30.0, 10.0),
+];
+
+/// Varus of each trial over the measured one [deg].
+fn off(problem: &Problem, rests: &[Rest]) -> Vec<f64> {
+    let measured = problem.trials.iter().map(|t| t.measured[0].unwrap());
+    measured.zip(rests).map(|(m, r)| (reading(r)[0] - m).abs()).collect()
+}
+
+/// The unknowns with all reference strains off by so many standard deviations of their prior.
+fn loosened(problem: &Problem, by: f64) -> Vec<f64> {
+    let own = problem.design.variables.iter().map(|v| if v.kind == Kind::ReferenceStrain { by } else { 0.0 });
+    own.chain([0.0]).collect()
+}
+
+#[test]
+fn a_knee_thrown_out_of_the_joint_is_led_back() {
+    let Some(problem) = problem() else { return };
+    let x = loosened(&problem, -0.8);
+    let alone = problem.rests(&[], &x, &[]).unwrap();
+    let led = problem.nearer(&[], &x, &[]).unwrap();
+    assert!(off(&problem, &alone)[0] > 20.0 && off(&problem, &led)[0] < 6.0);
+    assert!(led[0].balanced && led[0].miss.amax() < 0.5);
+}
+
+#[test]
+fn where_a_model_fits_little_rests_count_as_they_are_and_else_as_ever() {
+    let coordinates = |rests: &[Rest]| rests.iter().map(|r| r.q).collect::<Vec<_>>();
+    let x = |problem: &Problem| loosened(problem, 0.3);
+    let Some(far) = problem_off(10.0) else { return };
+    let far = far.with_far_rests(true).with_rests_as_they_are();
+    let (led, alone) = (far.nearer(&[], &x(&far), &[]).unwrap(), far.rests(&[], &x(&far), &[]).unwrap());
+    assert!(far.fits_little(&alone) && coordinates(&led) == coordinates(&alone));
+    let Some(near) = problem() else { return };
+    let as_ever = near.nearer(&[], &x(&near), &[]).unwrap();
+    let near = near.with_rests_as_they_are();
+    assert!(coordinates(&near.nearer(&[], &x(&near), &[]).unwrap()) == coordinates(&as_ever));
+}
+
+#[test]
+fn what_fits_much_is_led_back_also_where_the_model_as_given_fits_little() {
+    let Some(problem) = problem() else { return };
+    let x = loosened(&problem, -0.7);
+    let led =
+        |problem: &Problem| -> Vec<Six> { problem.nearer(&[], &x, &[]).unwrap().into_iter().map(|r| r.q).collect() };
+    let as_ever = led(&problem);
+    let far = problem.with_far_rests(true);
+    assert!((led(&far)[0] - as_ever[0]).amax() > 0.02, "a trial is left where it ends, some noises away");
+    assert!(led(&far.with_rests_as_they_are()) == as_ever);
+}
+
+#[test]
+fn how_far_from_any_rest_a_trial_was_measured_is_no_scatter() {
+    let scatter = |varus: f64| -> Option<Vec<f64>> {
+        let problem = problem_off(varus)?;
+        let given = vec![0.0; problem.nuisances()];
+        let near = problem.nearer(&[], &given, &[]).unwrap();
+        // nothing rests next to what was measured so far off
+        assert!(varus == 0.0 || near[2..].iter().all(|r| r.miss.norm() > 1000.0));
+        let starts: Vec<Six> = near.iter().map(|r| r.q).collect();
+        let left = remainders(&problem, &starts, 8).unwrap();
+        // 60 and 30 deg: one rest each
+        Some((10..30).map(|r| left[(r, r)].sqrt()).collect())
+    };
+    let (Some(at_rest), Some(off)) = (scatter(0.0), scatter(8.0)) else { return };
+    assert!(at_rest.iter().zip(&off).all(|(a, b)| (a - b).abs() < 0.01 + 0.1 * a), "{at_rest:?} {off:?}");
+}
+
+#[test]
+fn where_no_rest_is_near_what_is_out_of_balance_counts_and_grows_with_its_cause() {
+    let Some(problem) = problem() else { return };
+    let mut before = 0.0;
+    for by in [-2.0, -3.0, -4.0, -6.0] {
+        let x = loosened(&problem, by);
+        assert!(off(&problem, &problem.rests(&[], &x, &[]).unwrap())[0] > 40.0);
+        let led = problem.nearer(&[], &x, &[]).unwrap();
+        let now = off(&problem, &led)[0];
+        assert!(led[0].miss.norm() > 1000.0 && now > before && now < 10.0, "{by}: {now}, {before}");
+        before = now;
+    }
+}
+
+#[test]
+fn on_the_brink_a_tenth_of_a_degree_changes_little() {
+    // measured there, the stiffness of trial b as given passes through nothing on its way to negative
+    let away: Option<Vec<f64>> = [5.6, 5.7, 5.8, 5.9, 6.0]
+        .iter()
+        .map(|varus| {
+            let problem = problem_off(*varus)?;
+            let led = problem.nearer(&[], &loosened(&problem, -6.0), &[]).unwrap();
+            assert!(led[1].miss.norm() > 1000.0, "no rest is near");
+            Some(off(&problem, &led)[1])
+        })
+        .collect();
+    let Some(away) = away else { return };
+    assert!(away.windows(2).all(|w| (w[0] - w[1]).abs() < 1.0), "{away:?}");
+}
+
+#[test]
+fn springs_hold_what_is_read_however_much_it_misreads() {
+    let Some(problem) = problem() else { return };
+    let catalogue = Catalogue::shipped();
+    let turned = catalogue.effect.iter().find(|e| e.id == "tibia_frame").unwrap();
+    let effects = [Active::new(turned, 0, vec![3.0, -2.0]).unwrap()];
+    let bench = Bench { model: &problem.model, effects: &effects, place: &problem.place };
+    for trial in &problem.trials {
+        let rest = bench.settle(trial, &trial.neutral);
+        if !rest.balanced {
+            continue;
+        }
+        // measured where a knee whose frame is turned reads: nothing pulls, from wherever the pose is sought
+        let sought = problem.model.joint.coordinates(&rest.observed).unwrap();
+        assert!((sought - rest.q)[1].abs().to_degrees() > 1.0, "the frame turns what is read");
+        let held = bench.held(trial, &rest.observed, &sought);
+        assert!((held.q - rest.q).amax() < 0.02 && held.miss.amax() < 20.0, "{}: {}", trial.name, held.miss);
+    }
+}
+
+#[test]
+fn on_the_brink_a_knee_is_as_stiff_as_it_takes_to_stay_and_elsewhere_as_it_is() {
+    let Some(problem) = problem() else { return };
+    let bench = Bench { model: &problem.model, effects: &[], place: &problem.place };
+    let trial = &problem.trials[0];
+    let nothing = Matrix6::zeros();
+    let least = bench.stiffened(trial, &nothing);
+    assert!((1..6).all(|j| least[(j, j)] > 0.0) && least.row(0).amax() == 0.0);
+    // a knee that would leave in one direction is held in that one
+    let stiff = least * 3.0;
+    assert!((bench.stiffened(trial, &stiff) - stiff).amax() < 1e-9 * stiff.amax());
+    let mut brink = stiff;
+    brink[(4, 4)] = -stiff[(4, 4)];
+    let held = bench.stiffened(trial, &brink);
+    assert!((held[(4, 4)] - least[(4, 4)]).abs() < 1e-9 * least[(4, 4)]);
+    assert!((1..6).filter(|j| *j != 4).all(|j| (held[(j, j)] - stiff[(j, j)]).abs() < 1e-9 * stiff[(j, j)]));
+}
