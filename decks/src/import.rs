@@ -6,10 +6,10 @@ use super::keyword::{ReadFile, read_blocks};
 use super::ligaments::{Ligaments, ligaments};
 use super::model::{DeckModel, Interaction};
 use super::{DeckError, steps};
+use meshes::Vector;
 use meshes::frame::{AnatomicalFrame, Side};
 use meshes::query::SurfaceQuery;
 use meshes::surface::TriMesh;
-use meshes::Vector;
 use sim::joint::Joint;
 use sim::mesh::{MeshValue, TetMesh};
 use sim::spec::{BodySpec, ContactSpec, FramesSpec, ModelSpec, PairSpec, PoseSpec, Units};
@@ -59,6 +59,7 @@ pub fn import(main: &str, read: &mut ReadFile) -> Result<ImportedDeck, DeckError
         toe_end_multiple,
         protocols: protocol.into_iter().collect(),
         components: Vec::new(),
+        uncertainty: None,
         warnings: Vec::new(),
     };
     let across = fibre_sides(&spec.fibres)?;

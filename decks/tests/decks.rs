@@ -76,6 +76,7 @@ fn knee() -> (ModelSpec, BTreeMap<String, MeshValue>) {
         toe_end_multiple: BTreeMap::new(),
         protocols: vec![],
         components: vec![],
+        uncertainty: None,
         warnings: vec![],
     };
     (spec, meshes)

@@ -18,6 +18,7 @@ pub mod sensitivity;
 pub mod spec;
 pub mod steps;
 pub mod trials;
+pub mod uncertainty;
 pub mod vtk;
 
 pub use error::SimError;

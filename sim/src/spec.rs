@@ -34,7 +34,10 @@ pub struct ModelSpec {
     /// Effects added by the discrepancy workflow.
     #[serde(default)]
     pub components: Vec<serde_json::Value>,
-    /// What could not be placed or is uncertain.
+    /// What the build does not know, as standard deviations; absent: the defaults of [`crate::uncertainty::Uncertainty::of_deck`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub uncertainty: Option<crate::uncertainty::Uncertainty>,
+    /// What could not be placed.
     #[serde(default)]
     pub warnings: Vec<String>,
 }

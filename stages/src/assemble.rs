@@ -99,6 +99,7 @@ pub fn assemble(
         toe_end_multiple: Default::default(),
         protocols: Vec::new(),
         components: Vec::new(),
+        uncertainty: None,
         warnings: warnings.iter().chain(&attachments.warnings).cloned().collect(),
     };
     Ok(Assembled { spec, contact, warnings, metrics })

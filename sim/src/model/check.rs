@@ -12,6 +12,9 @@ pub(super) fn bodies(spec: &ModelSpec, meshes: &BTreeMap<String, MeshValue>) -> 
     if spec.schema != "model/1" {
         return Err(SimError::Spec(format!("schema {:?}, expected \"model/1\"", spec.schema)));
     }
+    if let Some(u) = &spec.uncertainty {
+        u.check().map_err(SimError::Spec)?;
+    }
     for body in &spec.bodies {
         for (key, value) in [("mass_tonne", body.mass_tonne), ("inertia_tonne_mm2", body.inertia_tonne_mm2)] {
             if !(value > 0.0 && value.is_finite()) {

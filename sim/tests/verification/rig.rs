@@ -56,6 +56,7 @@ impl Rig {
             toe_end_multiple: BTreeMap::new(),
             protocols: Vec::new(),
             components: Vec::new(),
+            uncertainty: None,
             warnings: Vec::new(),
         };
         Rig { spec, meshes: BTreeMap::new() }
