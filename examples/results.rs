@@ -7,9 +7,7 @@
 use calibration::design::Design;
 use calibration::knee::Knee;
 use calibration::options::CalibrateOptions;
-use calibration::published;
 use calibration::rehearsal::{Rehearsal, rehearse};
-use calibration::validate::{Source, compare};
 use genu::cli::BuildArgs;
 use genu::error::BuildError;
 use genu::{calibrate, model_file, run, store};
@@ -18,6 +16,8 @@ use sim::protocols::ProtocolOptions;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use validation::published;
+use validation::validate::{Source, compare};
 
 /// What the published calibration of S192803 misses by when simulated again with a model rebuilt from what was published: VV, IE [deg], ML, AP, SI
 /// [mm].

@@ -8,16 +8,18 @@ use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
 /// Folder of each crate and which of ours it may use.
-const ARROWS: [(&str, &[&str]); 9] = [
+const ARROWS: [(&str, &[&str]); 10] = [
     ("meshes", &[]),
     ("attachments", &["meshes"]),
     ("sim", &["meshes"]),
     ("decks", &["meshes", "sim"]),
     ("stages", &["meshes", "attachments", "sim"]),
     ("calibration", &["meshes", "sim", "decks"]),
-    ("diagnosis", &["meshes", "sim", "decks", "calibration"]),
+    ("validation", &["attachments", "sim", "calibration"]),
+    // of validation, diagnosis uses the plotting alone
+    ("diagnosis", &["meshes", "attachments", "sim", "decks", "calibration", "validation"]),
     ("blindbench", &["meshes"]),
-    (".", &["meshes", "attachments", "sim", "decks", "stages", "calibration", "diagnosis", "blindbench"]),
+    (".", &["meshes", "attachments", "sim", "decks", "stages", "calibration", "validation", "diagnosis", "blindbench"]),
 ];
 
 const LONGEST_FILE: usize = 600;

@@ -2,6 +2,7 @@
 
 pub mod atlas;
 pub mod bundle;
+pub mod groups;
 pub mod layout;
 pub mod marks;
 pub mod naming;

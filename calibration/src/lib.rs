@@ -1,4 +1,4 @@
-//! Experiments on a knee model: residual and cost, calibration of ligaments to laxity, the validation protocols, comparison.
+//! Experiments on a knee model: residual and cost, calibration of ligaments to laxity.
 //!
 //! Pure: values in, values out, no files, no clock. Angles are degrees and moments N m here, since these are the units of what
 //! was measured; the solver's own units stay in `sim`.
@@ -9,29 +9,22 @@ pub mod descent;
 pub mod design;
 pub mod error;
 pub mod experiment;
-pub mod figures;
 pub mod frames;
 pub mod gradient;
 pub mod hops;
 pub mod knee;
 pub mod levenberg;
-pub mod ligaments;
 pub mod options;
-pub mod passive;
-pub mod plot;
 pub mod posterior;
 pub mod problem;
-pub mod published;
 pub mod recipe;
 pub mod rehearsal;
 pub mod reports;
 pub mod session;
 pub mod simplex;
 pub mod swarm;
-pub mod tables;
 pub mod targets;
 #[cfg(test)]
 mod toy;
-pub mod validate;
 
 pub use error::CalibrationError;

@@ -1,19 +1,15 @@
-//! What a calibration leaves behind, as CSV and as figures for metrics.json.
+//! What a calibration leaves behind, as CSV and as numbers for metrics.json.
 
 use crate::calibrate::Calibrated;
-use crate::cost::{CostFunction, CostOptions, residual};
-use crate::figures::{figure5, figure6};
+use crate::cost::residual;
 use crate::frames::FIRST;
 use crate::session::Outcome;
 use serde_json::{Value, json};
 use sim::laxity::{COORDINATES, VALUE_UNITS};
 use std::fmt::Write;
 
-/// Every file, by name, but model.json: tables, and figures 5 and 6 for these targets.
-pub fn files(outcome: &Outcome, cost: &CostOptions) -> Vec<(String, Vec<u8>)> {
-    let figure6 = CostFunction::new(&outcome.trials, &outcome.spec.frames.gs_ct_pose, cost)
-        .map(|c| figure6("calibrated", &c, &outcome.found.predicted))
-        .unwrap_or_default();
+/// Its tables, by name.
+pub fn files(outcome: &Outcome) -> Vec<(String, Vec<u8>)> {
     let bundles: Vec<String> = outcome.spec.bundles.iter().map(|b| b.name.clone()).collect();
     [
         ("parameters.csv", parameters(&outcome.found)),
@@ -23,8 +19,6 @@ pub fn files(outcome: &Outcome, cost: &CostOptions) -> Vec<(String, Vec<u8>)> {
         ("fit.csv", fit(outcome)),
         ("starts.csv", points(&outcome.found, true)),
         ("samples.csv", points(&outcome.found, false)),
-        ("figure5.svg", figure5(&[("targets".to_owned(), outcome.trials.clone())])),
-        ("figure6.svg", figure6),
     ]
     .map(|(name, text)| (name.to_owned(), text.into_bytes()))
     .to_vec()

@@ -5,7 +5,7 @@ use crate::equilibrium::Bench;
 use crate::error::DiagnosisError;
 use crate::predict::acting;
 use crate::trial::Trial;
-use calibration::ligaments::{GROUPS, group_forces};
+use attachments::groups::{GROUPS, group_forces};
 use serde::{Deserialize, Serialize};
 use sim::Model;
 use sim::laxity::{LaxityTrial, Test};

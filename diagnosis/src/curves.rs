@@ -4,10 +4,10 @@ use crate::fit::Fit;
 use crate::map::Cell;
 use crate::problem::Problem;
 use crate::trial::Trial;
-use calibration::plot::{INK, Series, colour, draw, panel};
 use calibration::targets::primary;
 use serde::{Deserialize, Serialize};
 use sim::laxity::{COORDINATES, LOAD_UNITS, VALUE_UNITS};
+use validation::plot::{INK, Series, colour, draw, panel};
 
 /// How many are told.
 const MOST: usize = 3;

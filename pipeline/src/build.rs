@@ -7,7 +7,6 @@ use crate::options::BuildOptions;
 use crate::run_log::{RunLog, hash};
 use crate::show;
 use crate::validate::{self, read_passive, validate_all};
-use calibration::validate::Passive;
 use sim::laxity::LaxityTrial;
 use sim::mesh::MeshValue;
 use stages::StageError;
@@ -27,6 +26,7 @@ use stages::register::register;
 use stages::segment::{segment_specimen, with_surfaces};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use validation::validate::Passive;
 
 /// Builds the knee of one specimen.
 pub fn build_model(raw: &RawSpecimen, o: &BuildOptions, log: &mut RunLog) -> Result<(), BuildError> {

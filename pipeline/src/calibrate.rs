@@ -8,6 +8,7 @@ use crate::run_log::json;
 use crate::show::{Files, Reported};
 use crate::store::{self, BuildFolder};
 use calibration::calibrate::Checkpoint;
+use calibration::cost::{CostFunction, CostOptions};
 use calibration::knee::Knee;
 use calibration::options::{CalibrateOptions, Method};
 use calibration::reports;
@@ -19,6 +20,7 @@ use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
+use validation::figures::{figure5, figure6};
 
 /// The file in which an interrupted calibration is kept.
 const CHECKPOINT: &str = "checkpoint.cbor";
@@ -101,7 +103,7 @@ pub fn calibrate(args: &CalibrateArgs) -> Result<String, BuildError> {
     let spec = model_file::moved(&outcome.spec, &model.folder, &out);
     let mut files =
         vec![("model.json".to_owned(), json(&spec)), ("metrics.json".to_owned(), json(&reports::metrics(&outcome)))];
-    files.extend(reports::files(&outcome, &options.cost));
+    files.extend(files_of(&outcome, &options.cost));
     store::write_all(&out, &files)?;
     store::discard(&kept);
     if args.quiet {
@@ -236,15 +238,25 @@ pub fn calibrate_all(
     Ok(Calibration { sources, options: options.clone(), warnings, metrics: metrics.into() })
 }
 
+/// Tables of a calibration, and figures 5 and 6 for its targets.
+fn files_of(outcome: &Outcome, cost: &CostOptions) -> Vec<(String, Vec<u8>)> {
+    let figure6 = CostFunction::new(&outcome.trials, &outcome.spec.frames.gs_ct_pose, cost)
+        .map(|c| figure6("calibrated", &c, &outcome.found.predicted))
+        .unwrap_or_default();
+    let figure5 = figure5(&[("targets".to_owned(), outcome.trials.clone())]);
+    let figures = [("figure5.svg", figure5), ("figure6.svg", figure6)];
+    let mut files = reports::files(outcome);
+    files.extend(figures.map(|(name, text)| (name.to_owned(), text.into_bytes())));
+    files
+}
+
 /// 10-calibrate: a folder a source.
 pub fn show(c: &Calibration) -> Files {
     let mut files = Vec::new();
     for (name, outcome) in &c.sources {
         let spec = model_file::moved(&outcome.spec, Path::new("/09-assemble"), &Path::new("/10-calibrate").join(name));
         files.push((format!("{name}/model.json"), json(&spec)));
-        files.extend(
-            reports::files(outcome, &c.options.cost).into_iter().map(|(f, bytes)| (format!("{name}/{f}"), bytes)),
-        );
+        files.extend(files_of(outcome, &c.options.cost).into_iter().map(|(f, bytes)| (format!("{name}/{f}"), bytes)));
     }
     Ok(files)
 }

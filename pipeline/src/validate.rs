@@ -7,8 +7,6 @@ use crate::options::{Override, parse_override, resolve};
 use crate::show::{Files, Reported};
 use crate::store;
 use calibration::cost::CostFunction;
-use calibration::validate::{Difference, Passive, Source, compare};
-use calibration::{figures, tables};
 use clap::Args;
 use serde::{Deserialize, Serialize};
 use sim::laxity::protocol_csv;
@@ -17,6 +15,8 @@ use sim::protocols::ProtocolOptions;
 use sim::spec::ModelSpec;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use validation::validate::{Difference, Passive, Source, compare};
+use validation::{figures, tables};
 
 /// `build-model validate`.
 #[derive(Args, Clone, Debug)]
@@ -96,7 +96,7 @@ fn name_of(text: &str) -> (String, PathBuf) {
 
 /// Measured passive flexion under its name.
 pub fn read_passive(name: &str, file: &str, bytes: &[u8]) -> Result<Passive, BuildError> {
-    let poses = calibration::passive::read(bytes).map_err(|e| BuildError::File(format!("{file}: {e}")))?;
+    let poses = validation::passive::read(bytes).map_err(|e| BuildError::File(format!("{file}: {e}")))?;
     Ok(Passive { name: name.to_owned(), poses })
 }
 

@@ -286,7 +286,7 @@ pub(crate) fn readers() -> Vec<Reader> {
         Reader {
             name: "passive",
             corpus: vec![include_bytes!("../corpus/passive.csv").to_vec()],
-            read: |b| calibration::passive::read(b).is_ok(),
+            read: |b| validation::passive::read(b).is_ok(),
         },
         Reader { name: "points", corpus: vec![POINTS.to_vec()], read: points },
         Reader {

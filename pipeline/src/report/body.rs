@@ -159,8 +159,8 @@ impl<'a> Body<'a> {
                 STANDARD.encode(bytes)
             );
         }
-        let tables = calibration::tables::tables(&v.specimen, &v.sources);
-        for t in tables.iter().chain([&calibration::tables::differences(&v.differences)]) {
+        let tables = validation::tables::tables(&v.specimen, &v.sources);
+        for t in tables.iter().chain([&validation::tables::differences(&v.differences)]) {
             let row = |cells: &[String], tag: &str| {
                 cells.iter().map(|c| format!("<{tag}>{}</{tag}>", escaped(c))).collect::<String>()
             };

@@ -1,9 +1,9 @@
 //! The paper's Figures 5 to 8 for the specimen at hand, as SVG.
 
-use crate::cost::CostFunction;
 use crate::plot::{Series, colour, draw, panel};
-use crate::targets::primary;
 use crate::validate::{Passive, Source};
+use calibration::cost::CostFunction;
+use calibration::targets::primary;
 use plotters::prelude::*;
 use sim::laxity::{COORDINATES, LaxityTrial, Test};
 

@@ -1,9 +1,9 @@
 //! The comparison of models of one knee, calibrated from different sources: AP laxity, passive flexion, pivot shift with and without ACL
 //! [andreassen2025, section 2.6].
 
-use crate::design::{Design, Kind};
-use crate::ligaments::group_forces;
 use crate::published;
+use attachments::groups::group_forces;
+use calibration::design::{Design, Kind};
 use serde::{Deserialize, Serialize};
 use sim::SimError;
 use sim::laxity::{COORDINATES, Test, TrialResult, VALUE_UNITS};
@@ -267,7 +267,7 @@ impl Pair<'_> {
         let d: Vec<f64> = self.a.groups(a).iter().zip(self.b.groups(b)).map(|(f, g)| f - g).collect();
         let figure = known(self.a).zip(known(self.b)).map(|(p, q)| {
             let of = |p: &published::PivotShift, g: &str| p.forces_n.get(g).copied().unwrap_or(0.0);
-            let d = crate::ligaments::GROUPS.map(|(g, _)| of(p, g) - of(q, g));
+            let d = attachments::groups::GROUPS.map(|(g, _)| of(p, g) - of(q, g));
             (d.iter().map(|x| x * x).sum::<f64>() / 9.0).sqrt()
         });
         self.push(out, (protocol, "ligament_forces", "n"), &d, figure);

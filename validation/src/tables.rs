@@ -1,9 +1,9 @@
 //! The paper's Tables 4 to 7 for the specimen at hand, with the published values beside where it is one of the paper's, and compare.csv.
 
-use crate::design::Design;
-use crate::ligaments::GROUPS;
 use crate::published;
 use crate::validate::{Difference, Source};
+use attachments::groups::GROUPS;
+use calibration::design::Design;
 use sim::laxity::Test;
 use sim::spec::PoseSpec;
 

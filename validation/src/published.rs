@@ -116,7 +116,7 @@ pub fn rmsd(specimen: &str) -> Option<&'static Rmsd> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ligaments::GROUPS;
+    use attachments::groups::GROUPS;
 
     #[test]
     fn every_cell_of_the_tables_is_there() {

@@ -1,6 +1,6 @@
 //! Measured passive flexion: `fe_deg,vv_deg,ie_deg,ml_mm,ap_mm,si_mm`, clinical signs.
 
-use crate::error::CalibrationError;
+use calibration::CalibrationError;
 use sim::spec::PoseSpec;
 
 /// The columns, in order.

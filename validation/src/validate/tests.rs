@@ -1,11 +1,27 @@
 use super::*;
 use crate::figures;
 use crate::tables;
-use crate::toy;
 use sim::laxity::LaxityTrial;
 
+/// Five anterior trials at 30 deg.
+fn trials() -> Vec<LaxityTrial> {
+    let trial = |k: u32| LaxityTrial {
+        trial: format!("anterior_30_{k}"),
+        test: Test::Anterior,
+        nominal_flexion_deg: 30.0,
+        load: [0.0, 0.0, 0.0, 45.0 * f64::from(k), 20.0],
+        fe_deg: 30.0,
+        measured: [Some(0.0); 5],
+        sd: [None; 5],
+        branch: None,
+        order: None,
+        time_s: None,
+    };
+    (0..5).map(trial).collect()
+}
+
 fn result(test: Test, fe: f64, load: [f64; 5], pose: [f64; 5], acl: f64) -> TrialResult {
-    let trial = LaxityTrial { test, load, nominal_flexion_deg: fe, fe_deg: fe, ..toy::trials()[0].clone() };
+    let trial = LaxityTrial { test, load, nominal_flexion_deg: fe, fe_deg: fe, ..trials()[0].clone() };
     let [vv_deg, ie_deg, ml_mm, ap_mm, si_mm] = pose;
     let pose = PoseSpec { fe_deg: fe, vv_deg, ie_deg, ml_mm, ap_mm, si_mm };
     TrialResult { trial, pose, forces_n: vec![0.6 * acl, 0.4 * acl, 3.0], flags: vec![] }
@@ -86,11 +102,11 @@ fn tables_have_a_row_a_test_and_the_papers_values_beside() {
 fn figures_are_drawn_with_every_source() {
     let sources = [source("kla", 0.0), source("rks", 2.0)];
     let measured = [Passive { name: "rks".into(), poses: vec![PoseSpec::default(); 3] }];
-    let trials = toy::trials();
+    let trials = trials();
     let ct = PoseSpec { si_mm: -20.0, ..PoseSpec::default() };
     let mut spread = trials.clone();
     spread.iter_mut().enumerate().for_each(|(i, t)| t.measured = [Some(i as f64); 5]);
-    let cost = crate::cost::CostFunction::new(&spread, &ct, &crate::cost::CostOptions::default()).unwrap();
+    let cost = calibration::cost::CostFunction::new(&spread, &ct, &calibration::cost::CostOptions::default()).unwrap();
     let predicted = vec![Some([1.0; 5]); trials.len()];
     for (svg, words) in [
         (figures::figure5(&[("kla".into(), trials)]), "AP load"),
