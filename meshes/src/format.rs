@@ -1,14 +1,19 @@
-//! Codecs over bytes and `Write`: STL, PLY, OBJ (with MTL and textures), VTU. None opens a file.
+//! Codecs over bytes and `Write`: STL, PLY, OBJ (with MTL and textures), VTU; NIfTI, NRRD, MetaImage, DICOM. None opens a file.
 //!
 //! No reader panics, hangs, or allocates by what a header claims: counts are held against the bytes that are there.
 
 mod detail;
 pub mod dicom;
+mod metaimage;
 pub mod nifti;
+mod nrrd;
 pub mod obj;
+pub mod picture;
 pub mod ply;
+mod raw;
 pub mod stl;
 mod texture;
+pub mod vtk;
 pub mod vtu;
 
 use crate::surface::ColouredMesh;
@@ -29,24 +34,41 @@ pub enum SurfaceFormat {
     Ply,
     /// Wavefront OBJ.
     Obj,
+    /// VTK, legacy or XML.
+    Vtk,
 }
 
-/// Reads a surface file, STL, PLY or OBJ, told apart by content and, where that does not decide, by the ending of `name`.
+/// Reads a surface file, STL, PLY, OBJ or VTK, told apart by content and, where that does not decide, by the ending of `name`.
 ///
 /// `name` is the file's path relative to the specimen; `files` holds the specimen's files by such paths and serves the
-/// material libraries and textures an OBJ names ([`companions`]). Positions as in the file. Errors name the line or element.
+/// material libraries and textures an OBJ names ([`companions`]). Positions as in the file, but where 3D Slicer
+/// has written that they are in RAS: those are turned to LPS. Errors name the line or element.
 pub fn read_surface(name: &str, bytes: &[u8], files: &BTreeMap<String, Vec<u8>>) -> Result<ColouredMesh, FormatError> {
-    match surface_format(name, bytes)? {
-        SurfaceFormat::Stl => Ok(ColouredMesh { mesh: stl::read(bytes)?, colours: Vec::new() }),
-        SurfaceFormat::Ply => ply::read_textured(name, bytes, files),
-        SurfaceFormat::Obj => obj::read(name, bytes, files),
+    let bare = |mesh| ColouredMesh { mesh, colours: Vec::new() };
+    let mut read = match surface_format(name, bytes)? {
+        SurfaceFormat::Stl => bare(stl::read(bytes)?),
+        SurfaceFormat::Ply => ply::read_textured(name, bytes, files)?,
+        SurfaceFormat::Obj => obj::read(name, bytes, files)?,
+        SurfaceFormat::Vtk => bare(vtk::read(bytes)?),
+    };
+    if says_ras(bytes) {
+        read.mesh.vertices.iter_mut().for_each(|p| *p = Point::new(-p.x, -p.y, p.z));
     }
+    Ok(read)
+}
+
+/// Bytes in which a header says its frame: an STL's 80, a PLY's or VTK's comment.
+const SPACE_WITHIN: usize = 500;
+
+/// Whether 3D Slicer says in the file's header that it is in RAS; it writes `SPACE=RAS` or `SPACE=LPS`.
+fn says_ras(bytes: &[u8]) -> bool {
+    bytes[..bytes.len().min(SPACE_WITHIN)].windows(9).any(|w| w == b"SPACE=RAS")
 }
 
 /// The kind of a surface file, by content first, then by the ending of its name.
 pub fn surface_format(name: &str, bytes: &[u8]) -> Result<SurfaceFormat, FormatError> {
     let body = stl::text_start(bytes);
-    let refuse = |what: &str| Err(FormatError(format!("{what}; expected a surface as STL, PLY or OBJ")));
+    let refuse = |what: &str| Err(FormatError(format!("{what}; expected a surface as STL, PLY, OBJ or VTK")));
     let starts = |word: &[u8]| body.len() >= word.len() && body[..word.len()].eq_ignore_ascii_case(word);
     let extension = name.rsplit_once('.').map(|(_, e)| e.to_ascii_lowercase()).unwrap_or_default();
     if bytes.is_empty() {
@@ -62,6 +84,8 @@ pub fn surface_format(name: &str, bytes: &[u8]) -> Result<SurfaceFormat, FormatE
     }
     if starts(b"ply\n") || starts(b"ply\r") {
         Ok(SurfaceFormat::Ply)
+    } else if vtk::looks_legacy(body) || vtk::looks_xml(body) {
+        Ok(SurfaceFormat::Vtk)
     } else if stl::looks_binary(bytes) || stl::looks_ascii(bytes) {
         Ok(SurfaceFormat::Stl)
     } else {
@@ -74,7 +98,8 @@ pub fn surface_format(name: &str, bytes: &[u8]) -> Result<SurfaceFormat, FormatE
     }
 }
 
-/// Paths of the files that the file `name` names and needs: an OBJ's material libraries, a material library's and a PLY's textures.
+/// Paths of the files that the file `name` names and needs: an OBJ's material libraries, a material library's and a PLY's textures,
+/// a detached header's voxels.
 /// Relative to the specimen, in order of appearance, each once; a path that would lead out of the specimen is left out.
 pub fn companions(name: &str, bytes: &[u8]) -> Vec<String> {
     let lower = name.to_ascii_lowercase();
@@ -85,7 +110,7 @@ pub fn companions(name: &str, bytes: &[u8]) -> Vec<String> {
     } else if lower.ends_with(".ply") {
         ply::textures(bytes)
     } else {
-        Vec::new()
+        picture::data_file(bytes).into_iter().collect()
     };
     let mut paths: Vec<String> = Vec::new();
     for path in named.iter().filter_map(|n| beside(name, n)) {

@@ -1,6 +1,8 @@
-//! A CT series as DICOM writes it: one file a slice [dicom2024].
+//! A CT series as DICOM writes it: one file a slice, or one enhanced file [dicom2024]. Plain, deflated, or packed by run lengths, JPEG
+//! or JPEG 2000.
 
 mod element;
+mod frames;
 mod rle;
 mod slice;
 
@@ -53,10 +55,11 @@ pub fn read_series(files: &[(&str, &[u8])]) -> Result<Series, FormatError> {
             strangers.push(name);
             continue;
         }
-        match slice::read(name, bytes).map_err(|e| FormatError(format!("{name}: {}", e.0)))? {
-            Some(slice) => slices.push(slice),
-            None => strangers.push(name),
+        let read = slice::read(name, bytes).map_err(|e| FormatError(format!("{name}: {}", e.0)))?;
+        if read.is_empty() {
+            strangers.push(name);
         }
+        slices.extend(read);
     }
     if !strangers.is_empty() {
         warnings.push(format!(

@@ -1,9 +1,11 @@
-//! NIfTI-1, one file, plain or gzipped [cox2004].
+//! NIfTI-1 and -2, one file, plain or gzipped [cox2004].
 //!
 //! Our frame of a volume is the patient's as in DICOM (left, posterior, superior); NIfTI's (right, anterior, superior) is turned into
-//! it and back. The placement is the sform where there is one, else the qform, else the spacing alone.
+//! it and back. The placement is the sform where there is one, else the qform, else the spacing alone. Where they contradict each
+//! other in size or handedness the picture is refused.
 
 use super::FormatError;
+use super::raw::{Number, Raw, broken, count, placed, refuse, take};
 use crate::volume::{Grid, Labels, Volume};
 use crate::{Point, Vector};
 use flate2::Compression;
@@ -12,41 +14,23 @@ use flate2::write::GzEncoder;
 use nalgebra::Matrix3;
 use std::io::{self, Read, Write};
 
-/// Length of the header.
+/// Length of a NIfTI-1 header, and of a NIfTI-2 header.
 const HEADER: usize = 348;
-/// Most voxels of a volume: 1000 slices of 1024 x 1024.
-pub const MOST_VOXELS: usize = 1 << 30;
-
-fn refuse<T>(what: impl Into<String>) -> Result<T, FormatError> {
-    Err(FormatError(what.into()))
-}
+const HEADER_2: usize = 540;
+/// Voxel sizes of one file may differ by this share [-]: single precision, and millimetres written with three digits.
+const SAME_SIZE: f64 = 0.01;
+pub use super::raw::MOST_VOXELS;
 
 /// Reads a CT volume: one value a voxel, slope and intercept applied.
 ///
 /// Memory is bounded by the data present: a header that claims more is refused after what is there.
 pub fn read(bytes: &[u8]) -> Result<Volume, FormatError> {
-    let (header, data) = open(bytes)?;
-    let (slope, intercept) = header.scale;
-    let values = header.values(&data, |_, x| Ok((x * slope + intercept) as f32))?;
-    Ok(Volume { grid: header.grid, values })
+    open(bytes)?.volume()
 }
 
 /// Reads a label map: whole numbers from 0 to 255.
 pub fn read_labels(bytes: &[u8]) -> Result<Labels, FormatError> {
-    let (header, data) = open(bytes)?;
-    let (slope, intercept) = header.scale;
-    let label = |i: usize, x: f64| {
-        let label = x * slope + intercept;
-        if label.fract() != 0.0 || !(0.0..256.0).contains(&label) {
-            return refuse(format!(
-                "voxel {:?} has the value {label}; expected a label map: whole numbers from 0 to 255",
-                header.grid.voxel(i)
-            ));
-        }
-        Ok(label as u8)
-    };
-    let values = header.values(&data, label)?;
-    Ok(Labels { grid: header.grid, values })
+    open(bytes)?.labels()
 }
 
 /// Writes a volume gzipped, in whole numbers of 16 bits where all values are such, else in f32.
@@ -73,105 +57,163 @@ pub fn write_labels(out: impl Write, labels: &Labels) -> io::Result<()> {
     gz.finish().map(|_| ())
 }
 
+/// What a header says, of either version.
 struct Header {
-    grid: Grid,
-    datatype: i16,
     big: bool,
+    dims: Vec<i64>,
+    datatype: i16,
+    /// Sizes of a voxel; the first is the handedness of the qform.
+    pixdim: [f64; 4],
+    /// Byte at which the voxels start.
+    start: f64,
     scale: (f64, f64),
+    units: u8,
+    qform: bool,
+    sform: bool,
+    quaternion: [f64; 3],
+    offset: [f64; 3],
+    rows: [f64; 12],
 }
 
-/// The header and the bytes of the voxels.
-fn open(bytes: &[u8]) -> Result<(Header, Vec<u8>), FormatError> {
+fn open(bytes: &[u8]) -> Result<Raw, FormatError> {
     if bytes.is_empty() {
         return refuse("the file is empty");
     }
     let zipped = bytes.starts_with(&[0x1f, 0x8b]);
     let mut source: Box<dyn Read + '_> = if zipped { Box::new(MultiGzDecoder::new(bytes)) } else { Box::new(bytes) };
-    let mut head = Vec::with_capacity(HEADER);
-    let broken = |e: io::Error| FormatError(format!("the file cannot be unpacked: {e}; it is damaged or cut short"));
+    let mut head = Vec::with_capacity(HEADER_2);
     source.by_ref().take(HEADER as u64).read_to_end(&mut head).map_err(broken)?;
-    let (header, start, size) = parse(&head)?;
-    let skipped =
-        io::copy(&mut source.by_ref().take(start.saturating_sub(HEADER as u64)), &mut io::sink()).map_err(broken)?;
-    let mut data = Vec::new();
-    // Not by what the header claims: the list grows by what is there.
-    // One byte more, so that a packed file's end is read and its checksum held against the data.
-    source.take(size as u64 + 1).read_to_end(&mut data).map_err(broken)?;
-    let whole = data.len().min(size);
-    if data.len() < size || skipped + (HEADER as u64) < start {
+    if is_second(&head) {
+        source.by_ref().take((HEADER_2 - HEADER) as u64).read_to_end(&mut head).map_err(broken)?;
+    }
+    let header = parse(&head)?;
+    let Some(number) = number_of(header.datatype) else {
         return refuse(format!(
-            "the header announces {:?} voxels, {size} bytes, but only {} are there; the file is cut short or its header wrong",
-            header.grid.size,
-            data.len()
+            "voxels are of NIfTI type {}; expected whole numbers or reals of one channel",
+            header.datatype
+        ));
+    };
+    let axes = header.dims[0];
+    let rest = header.dims.get(4..=axes.clamp(3, 7) as usize).unwrap_or_default();
+    if !(3..=7).contains(&axes) || header.dims[1..4].iter().any(|n| *n < 1) || rest.iter().any(|n| *n != 1) {
+        return refuse(format!(
+            "the volume has axes {axes} and sizes {:?}; expected one volume of three axes",
+            &header.dims[1..]
         ));
     }
-    data.truncate(whole);
-    Ok((header, data))
+    let size = [1, 2, 3].map(|k| usize::try_from(header.dims[k]).unwrap_or(usize::MAX));
+    let bytes_there = count(size)? * number.bytes();
+    if !(0.0..=1e6).contains(&header.start) {
+        return refuse(format!(
+            "the header says that voxels start at byte {}; expected {}",
+            header.start,
+            head.len() + 4
+        ));
+    }
+    let skip = (header.start as u64).saturating_sub(head.len() as u64);
+    let skipped = io::copy(&mut source.by_ref().take(skip), &mut io::sink()).map_err(broken)?;
+    if skipped < skip {
+        return refuse("the file ends before its voxels begin; it is cut short");
+    }
+    let grid = Grid { size, ..placement(&header)? };
+    let data = take(source, bytes_there, size)?;
+    Ok(Raw { grid, number, big: header.big, scale: header.scale, data })
 }
 
-/// The header, where the voxels start, how many bytes they take.
-fn parse(head: &[u8]) -> Result<(Header, u64, usize), FormatError> {
+fn is_second(head: &[u8]) -> bool {
+    head.len() >= 4 && (i32::from_le_bytes(four(head, 0)) == 540 || i32::from_be_bytes(four(head, 0)) == 540)
+}
+
+/// Reads the header's fields.
+fn parse(head: &[u8]) -> Result<Header, FormatError> {
     if head.len() < HEADER {
         return refuse("the file is shorter than a NIfTI header of 348 bytes");
     }
     let big = match (i32::from_le_bytes(four(head, 0)), i32::from_be_bytes(four(head, 0))) {
-        (348, _) => false,
-        (_, 348) => true,
-        (540, _) | (_, 540) => return refuse("NIfTI-2 is not read; export NIfTI-1 (.nii or .nii.gz)"),
+        (348 | 540, _) => false,
+        (_, 348 | 540) => true,
         _ => return refuse("no NIfTI header; expected a volume as .nii or .nii.gz"),
     };
-    match &head[344..348] {
-        b"n+1\0" => {}
-        b"ni1\0" => {
+    let second = is_second(head);
+    let magic = if second { &head[4..8] } else { &head[344..348] };
+    match magic {
+        b"n+1\0" | b"n+2\0" => {}
+        b"ni1\0" | b"ni2\0" => {
             return refuse("a NIfTI header without its voxels (.hdr and .img); export one file, .nii or .nii.gz");
         }
-        _ => return refuse("no NIfTI-1 header (its last bytes are not n+1); expected a volume as .nii or .nii.gz"),
+        _ => return refuse("no NIfTI header (its magic is not n+1 or n+2); expected a volume as .nii or .nii.gz"),
     }
+    if !second {
+        return Ok(first(head, big));
+    }
+    if head.len() < HEADER_2 {
+        return refuse("the file is shorter than a NIfTI-2 header of 540 bytes");
+    }
+    Ok(self::second(head, big))
+}
+
+/// The fields of a NIfTI-1 header.
+fn first(head: &[u8], big: bool) -> Header {
     let word = |at: usize| if big { i16::from_be_bytes(two(head, at)) } else { i16::from_le_bytes(two(head, at)) };
     let real = |at: usize| {
         f64::from(if big { f32::from_be_bytes(four(head, at)) } else { f32::from_le_bytes(four(head, at)) })
     };
-    let axes = word(40);
-    let dims: Vec<i16> = (0..7).map(|k| word(42 + 2 * k)).collect();
-    if !(3..=7).contains(&axes) || dims[..3].iter().any(|n| *n < 1) || dims[3..axes as usize].iter().any(|n| *n != 1) {
-        return refuse(format!("the volume has axes {axes} and sizes {dims:?}; expected one volume of three axes"));
+    Header {
+        big,
+        dims: (0..8).map(|k| i64::from(word(40 + 2 * k))).collect(),
+        datatype: word(70),
+        pixdim: [0, 1, 2, 3].map(|k| real(76 + 4 * k)),
+        start: real(108),
+        scale: scale(real(112), real(116)),
+        units: head[123] & 7,
+        qform: word(252) > 0,
+        sform: word(254) > 0,
+        quaternion: [256, 260, 264].map(real),
+        offset: [268, 272, 276].map(real),
+        rows: std::array::from_fn(|k| real(280 + 4 * k)),
     }
-    let size = [0, 1, 2].map(|k| dims[k] as usize);
-    let datatype = word(70);
-    let Some(bytes) = bytes_of(datatype) else {
-        return refuse(format!("voxels are of NIfTI type {datatype}; expected whole numbers or reals of one channel"));
-    };
-    let count = size.iter().product::<usize>();
-    if count > MOST_VOXELS {
-        return refuse(format!(
-            "the header announces {size:?} voxels, more than {MOST_VOXELS}; crop the picture to the knee"
-        ));
-    }
-    let start = real(108);
-    if !(0.0..=1e6).contains(&start) {
-        return refuse(format!("the header says that voxels start at byte {start}; expected 352"));
-    }
-    let scale = match (real(112), real(116)) {
-        (slope, intercept) if slope != 0.0 && slope.is_finite() && intercept.is_finite() => (slope, intercept),
-        _ => (1.0, 0.0),
-    };
-    let unit = match head[123] & 7 {
-        1 => 1000.0,
-        3 => 0.001,
-        _ => 1.0,
-    };
-    let grid = Grid { size, ..placement(unit, &word, &real)? };
-    Ok((Header { grid, datatype, big, scale }, (start as u64).max(HEADER as u64), count * bytes))
 }
 
-fn bytes_of(datatype: i16) -> Option<usize> {
-    match datatype {
-        2 | 256 => Some(1),
-        4 | 512 => Some(2),
-        8 | 16 | 768 => Some(4),
-        64 | 1024 | 1280 => Some(8),
-        _ => None,
+/// The fields of a NIfTI-2 header.
+fn second(head: &[u8], big: bool) -> Header {
+    let eight = |at: usize| -> [u8; 8] { std::array::from_fn(|k| head[at + k]) };
+    let real = |at: usize| if big { f64::from_be_bytes(eight(at)) } else { f64::from_le_bytes(eight(at)) };
+    let long = |at: usize| if big { i64::from_be_bytes(eight(at)) } else { i64::from_le_bytes(eight(at)) };
+    let int = |at: usize| if big { i32::from_be_bytes(four(head, at)) } else { i32::from_le_bytes(four(head, at)) };
+    Header {
+        big,
+        dims: (0..8).map(|k| long(16 + 8 * k)).collect(),
+        datatype: if big { i16::from_be_bytes(two(head, 12)) } else { i16::from_le_bytes(two(head, 12)) },
+        pixdim: [0, 1, 2, 3].map(|k| real(104 + 8 * k)),
+        start: long(168) as f64,
+        scale: scale(real(176), real(184)),
+        units: (int(500) & 7) as u8,
+        qform: int(344) > 0,
+        sform: int(348) > 0,
+        quaternion: [352, 360, 368].map(real),
+        offset: [376, 384, 392].map(real),
+        rows: std::array::from_fn(|k| real(400 + 8 * k)),
     }
+}
+
+fn scale(slope: f64, intercept: f64) -> (f64, f64) {
+    if slope != 0.0 && slope.is_finite() && intercept.is_finite() { (slope, intercept) } else { (1.0, 0.0) }
+}
+
+fn number_of(datatype: i16) -> Option<Number> {
+    Some(match datatype {
+        2 => Number::U8,
+        256 => Number::I8,
+        4 => Number::I16,
+        512 => Number::U16,
+        8 => Number::I32,
+        768 => Number::U32,
+        16 => Number::F32,
+        64 => Number::F64,
+        1024 => Number::I64,
+        1280 => Number::U64,
+        _ => return None,
+    })
 }
 
 fn two(bytes: &[u8], at: usize) -> [u8; 2] {
@@ -182,66 +224,58 @@ fn four(bytes: &[u8], at: usize) -> [u8; 4] {
     [bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]]
 }
 
-/// Origin and axes in our frame, from sform, qform or spacing.
-fn placement(mm: f64, word: &impl Fn(usize) -> i16, real: &impl Fn(usize) -> f64) -> Result<Grid, FormatError> {
-    let pixel = [1, 2, 3].map(|k| real(76 + 4 * k));
-    let (axes, origin) = if word(254) > 0 {
-        let row = |r: usize, c: usize| real(280 + 16 * r + 4 * c);
-        (Matrix3::from_fn(row), Vector::from_fn(|r, _| row(r, 3)))
-    } else if word(252) > 0 {
-        let [b, c, d] = [256, 260, 264].map(real);
-        let a = (1.0 - b * b - c * c - d * d).max(0.0).sqrt();
-        let turn = nalgebra::UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(a, b, c, d));
-        let flip = if real(76) < 0.0 { -1.0 } else { 1.0 };
-        let scale = Vector::new(pixel[0], pixel[1], flip * pixel[2]);
-        (turn.to_rotation_matrix().matrix() * Matrix3::from_diagonal(&scale), Vector::from([268, 272, 276].map(real)))
-    } else {
-        (Matrix3::from_diagonal(&Vector::from(pixel)), Vector::zeros())
+/// Origin and axes in our frame, from sform, qform or spacing; refused where the header says two things.
+fn placement(header: &Header) -> Result<Grid, FormatError> {
+    let mm = match header.units {
+        1 => 1000.0,
+        3 => 0.001,
+        _ => 1.0,
+    };
+    let pixel = Vector::from_fn(|k, _| header.pixdim[k + 1]);
+    let sform = header.sform.then(|| Matrix3::from_fn(|r, c| header.rows[4 * r + c]));
+    let qform = header.qform.then(|| qform(header, &pixel));
+    if let Some(axes) = &sform {
+        agree(axes, &pixel, qform.as_ref())?;
+    }
+    let (axes, origin) = match (sform, qform) {
+        (Some(axes), _) => (axes, Vector::from_fn(|r, _| header.rows[4 * r + 3])),
+        (None, Some(axes)) => (axes, Vector::from(header.offset)),
+        (None, None) => (Matrix3::from_diagonal(&pixel), Vector::zeros()),
     };
     let turned = Matrix3::from_diagonal(&Vector::new(-mm, -mm, mm));
-    let (axes, origin) = (turned * axes, turned * origin);
-    if !axes.iter().chain(origin.iter()).all(|x| x.is_finite() && x.abs() < 1e6) || axes.determinant().abs() < 1e-9 {
-        return refuse("the header places the voxels nowhere: its axes are flat or not finite; export the volume anew");
-    }
-    Ok(Grid { size: [0; 3], origin: Point::from(origin), axes })
+    placed(Grid { size: [0; 3], origin: Point::from(turned * origin), axes: turned * axes })
 }
 
-impl Header {
-    /// What `value` makes of the voxels' numbers as they are in the file.
-    fn values<T>(
-        &self,
-        data: &[u8],
-        value: impl Fn(usize, f64) -> Result<T, FormatError>,
-    ) -> Result<Vec<T>, FormatError> {
-        macro_rules! numbers {
-            ($type:ty) => {{
-                const N: usize = size_of::<$type>();
-                let one = |(i, b): (usize, &[u8])| {
-                    let mut bytes = [0; N];
-                    bytes.copy_from_slice(b);
-                    let x =
-                        (if self.big { <$type>::from_be_bytes(bytes) } else { <$type>::from_le_bytes(bytes) }) as f64;
-                    if x.is_finite() {
-                        value(i, x)
-                    } else {
-                        refuse(format!("voxel {:?} is not a finite number", self.grid.voxel(i)))
-                    }
-                };
-                data.chunks_exact(N).enumerate().map(one).collect()
-            }};
-        }
-        match self.datatype {
-            2 => numbers!(u8),
-            256 => numbers!(i8),
-            4 => numbers!(i16),
-            512 => numbers!(u16),
-            8 => numbers!(i32),
-            768 => numbers!(u32),
-            16 => numbers!(f32),
-            64 => numbers!(f64),
-            1024 => numbers!(i64),
-            _ => numbers!(u64),
-        }
+fn qform(header: &Header, pixel: &Vector) -> Matrix3<f64> {
+    let [b, c, d] = header.quaternion;
+    let a = (1.0 - b * b - c * c - d * d).max(0.0).sqrt();
+    let turn = nalgebra::UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(a, b, c, d));
+    let flip = if header.pixdim[0] < 0.0 { -1.0 } else { 1.0 };
+    turn.to_rotation_matrix().matrix() * Matrix3::from_diagonal(&Vector::new(pixel.x, pixel.y, flip * pixel.z))
+}
+
+/// Refuses a header whose two placements, or placement and voxel sizes, are not of one picture.
+fn agree(sform: &Matrix3<f64>, pixel: &Vector, qform: Option<&Matrix3<f64>>) -> Result<(), FormatError> {
+    let sizes = Vector::from_fn(|k, _| sform.column(k).norm());
+    // A sheared stack may give the distance between its slices square to them.
+    let square = sform.determinant().abs() / (sizes.x * sizes.y).max(1e-12);
+    let near = |a: f64, b: f64| (a - b).abs() <= SAME_SIZE * a.abs().max(b.abs());
+    let same = (0..3).all(|k| near(sizes[k], pixel[k]) || k == 2 && near(square, pixel[k]));
+    let by = if qform.is_some() { "qform" } else { "pixdim" };
+    if !same {
+        return refuse(format!(
+            "the header gives voxels of {:.4} x {:.4} x {:.4} mm by its sform and {:.4} x {:.4} x {:.4} mm by its {by}; one of them is wrong and the knee would come out of another size: export the picture anew from its program",
+            sizes.x, sizes.y, sizes.z, pixel.x, pixel.y, pixel.z
+        ));
+    }
+    let hand = |m: &Matrix3<f64>| if m.determinant() > 0.0 { "right-handed" } else { "left-handed" };
+    match qform {
+        Some(q) if hand(q) != hand(sform) => refuse(format!(
+            "the header's sform is {} and its qform {}; one of them mirrors the knee: export the picture anew from its program",
+            hand(sform),
+            hand(q)
+        )),
+        _ => Ok(()),
     }
 }
 
@@ -355,7 +389,7 @@ mod tests {
         let mut lie = bytes.clone();
         lie[42..44].copy_from_slice(&30000i16.to_le_bytes());
         lie[44..46].copy_from_slice(&30000i16.to_le_bytes());
-        assert!(read(&lie).unwrap_err().0.contains("more than"));
+        assert!(read(&lie).unwrap_err().0.contains("expected 1 to"));
         lie[44..46].copy_from_slice(&300i16.to_le_bytes());
         assert!(read(&lie).unwrap_err().0.contains("only"));
         for n in 0..bytes.len() {
@@ -366,5 +400,31 @@ mod tests {
         for n in 0..packed.len() {
             assert!(read(&packed[..n]).is_err(), "{n} of {}", packed.len());
         }
+    }
+
+    #[test]
+    fn a_header_that_says_two_things_is_refused_with_both() {
+        let good = plain(&volume());
+        assert!(read(&good).is_ok());
+        // pixdim a third too large beside an sform
+        let mut bytes = good.clone();
+        bytes[80..84].copy_from_slice(&1f32.to_le_bytes());
+        let told = read(&bytes).unwrap_err().0;
+        assert!(told.contains("sform") && told.contains("pixdim") && told.contains("0.7500"), "{told}");
+        // the same with a qform
+        bytes[252] = 1;
+        let told = read(&bytes).unwrap_err().0;
+        assert!(told.contains("sform") && told.contains("qform"), "{told}");
+        // right size, other hand: our own sform is left-handed or right-handed, the qform's sign turns it
+        let mut bytes = good.clone();
+        bytes[252] = 1;
+        let sign = |b: &mut Vec<u8>, s: f32| b[76..80].copy_from_slice(&s.to_le_bytes());
+        sign(&mut bytes, 1.0);
+        let one = read(&bytes).is_ok();
+        sign(&mut bytes, -1.0);
+        let other = read(&bytes);
+        assert!(one != other.is_ok());
+        let told = if one { other.unwrap_err().0 } else { String::new() };
+        assert!(!one || told.contains("mirrors"), "{told}");
     }
 }

@@ -10,8 +10,18 @@ use std::io::Read;
 pub(super) struct Syntax {
     pub explicit: bool,
     pub big: bool,
-    /// Pixels are packed by run lengths.
-    pub packed: bool,
+    /// How pixels are packed.
+    pub packing: Packing,
+}
+
+/// How pixels are packed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Packing {
+    None,
+    Runs,
+    /// JPEG: baseline, extended or lossless.
+    Jpeg,
+    Jpeg2000,
 }
 
 /// Deepest nesting of sequences that is followed.
@@ -38,8 +48,30 @@ pub(super) struct Reader<'a> {
 pub(super) struct Element<'a> {
     pub tag: u32,
     pub value: Option<&'a [u8]>,
-    /// Pixel data in fragments.
+    /// A sequence's items and what delimits them.
+    pub sequence: Option<&'a [u8]>,
+    /// Pixel data in fragments, the table of offsets first.
     pub fragments: Vec<&'a [u8]>,
+}
+
+/// The bodies of a sequence's items.
+pub(super) fn items(sequence: &[u8], syntax: Syntax) -> Result<Vec<&[u8]>, FormatError> {
+    let mut reader = Reader { bytes: sequence, at: 0, syntax };
+    let mut items = Vec::new();
+    while reader.at < sequence.len() {
+        let (tag, length) = (reader.tag()?, reader.u32()?);
+        match tag {
+            ITEM if length != OPEN => items.push(reader.take(length as usize)?),
+            ITEM => {
+                let start = reader.at;
+                while reader.element(1)?.tag != ITEM_END {}
+                items.push(&sequence[start..reader.at - 8]);
+            }
+            SEQUENCE_END => break,
+            _ => return Err(FormatError(format!("byte {}: no item of a sequence; the file is damaged", reader.at))),
+        }
+    }
+    Ok(items)
 }
 
 impl<'a> Reader<'a> {
@@ -83,18 +115,20 @@ impl<'a> Reader<'a> {
             return Ok(Element {
                 tag,
                 value: Some(self.take(length.min(OPEN - 1) as usize * usize::from(length != OPEN))?),
+                sequence: None,
                 fragments: vec![],
             });
         }
         let (sequence, length) = self.length()?;
         if tag == 0x7FE0_0010 && length == OPEN {
-            return Ok(Element { tag, value: None, fragments: self.fragments()? });
+            return Ok(Element { tag, value: None, sequence: None, fragments: self.fragments()? });
         }
         if sequence || length == OPEN {
+            let start = self.at;
             self.pass_sequence(length, depth + 1)?;
-            return Ok(Element { tag, value: None, fragments: vec![] });
+            return Ok(Element { tag, value: None, sequence: self.bytes.get(start..self.at), fragments: vec![] });
         }
-        Ok(Element { tag, value: Some(self.take(length as usize)?), fragments: vec![] })
+        Ok(Element { tag, value: Some(self.take(length as usize)?), sequence: None, fragments: vec![] })
     }
 
     /// Whether a sequence follows, and the length.
@@ -137,15 +171,13 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// The fragments of packed pixels, without the table of offsets.
+    /// The fragments of packed pixels, the table of offsets first.
     fn fragments(&mut self) -> Result<Vec<&'a [u8]>, FormatError> {
         let mut fragments = Vec::new();
         loop {
             let (tag, length) = (self.tag()?, self.u32()?);
             match tag {
-                SEQUENCE_END => {
-                    return Ok(if fragments.is_empty() { fragments } else { fragments.split_off(1) });
-                }
+                SEQUENCE_END => return Ok(fragments),
                 ITEM if length != OPEN => fragments.push(self.take(length as usize)?),
                 _ => return Err(FormatError(format!("byte {}: no fragment of pixels; the file is damaged", self.at))),
             }
@@ -155,7 +187,7 @@ impl<'a> Reader<'a> {
 
 /// The elements after the file's own header, and how they are written.
 pub(super) fn data(bytes: &[u8]) -> Result<(Cow<'_, [u8]>, Syntax), FormatError> {
-    let plain = Syntax { explicit: true, big: false, packed: false };
+    let plain = Syntax { explicit: true, big: false, packing: Packing::None };
     let mut reader = Reader { bytes, at: 132, syntax: plain };
     let mut name = String::new();
     loop {
@@ -173,7 +205,11 @@ pub(super) fn data(bytes: &[u8]) -> Result<(Cow<'_, [u8]>, Syntax), FormatError>
         "1.2.840.10008.1.2" => Syntax { explicit: false, ..plain },
         "1.2.840.10008.1.2.1" => plain,
         "1.2.840.10008.1.2.2" => Syntax { big: true, ..plain },
-        "1.2.840.10008.1.2.5" => Syntax { packed: true, ..plain },
+        "1.2.840.10008.1.2.5" => Syntax { packing: Packing::Runs, ..plain },
+        "1.2.840.10008.1.2.4.50" | "1.2.840.10008.1.2.4.51" | "1.2.840.10008.1.2.4.57" | "1.2.840.10008.1.2.4.70" => {
+            Syntax { packing: Packing::Jpeg, ..plain }
+        }
+        "1.2.840.10008.1.2.4.90" | "1.2.840.10008.1.2.4.91" => Syntax { packing: Packing::Jpeg2000, ..plain },
         "1.2.840.10008.1.2.1.99" => {
             // Slices are small; what unpacks to more is none.
             let mut unpacked = Vec::new();
@@ -188,8 +224,15 @@ pub(super) fn data(bytes: &[u8]) -> Result<(Cow<'_, [u8]>, Syntax), FormatError>
             ));
         }
         other => {
+            let kind = match other {
+                "1.2.840.10008.1.2.4.80" | "1.2.840.10008.1.2.4.81" => "JPEG-LS",
+                "1.2.840.10008.1.2.4.201" | "1.2.840.10008.1.2.4.202" | "1.2.840.10008.1.2.4.203" => {
+                    "high-throughput JPEG 2000"
+                }
+                _ => "a way of which no one here knows",
+            };
             return Err(FormatError(format!(
-                "pixels are compressed in a way that is not read (transfer syntax {other}); export uncompressed DICOM, or convert it (gdcmconv --raw, dcmdjpeg)"
+                "pixels are compressed by {kind}, which is not read (transfer syntax {other}); export uncompressed DICOM, or convert it (gdcmconv --raw, dcmdjpeg)"
             )));
         }
     };

@@ -1,8 +1,8 @@
-//! One slice.
+//! One slice, or the frames of a file that holds several.
 
 use super::super::FormatError;
-use super::element::{Element, Reader, Syntax, data, text};
-use super::{point, refuse, rle};
+use super::element::{Element, Packing, Reader, Syntax, data, items, text};
+use super::{frames, point, refuse};
 use crate::{Point, Vector};
 use std::borrow::Cow;
 
@@ -35,7 +35,7 @@ struct Bits {
 }
 
 /// The values of a header that matter, as they come.
-#[derive(Default)]
+#[derive(Clone, Default)]
 struct Found {
     series: String,
     kind: String,
@@ -46,51 +46,82 @@ struct Found {
     frames: String,
     slope: Option<f64>,
     intercept: Option<f64>,
+    /// Photometric interpretation.
+    shades: String,
+    /// What is said of each frame of an enhanced file.
+    each: Vec<Found>,
 }
+
+/// What holds for all frames of an enhanced file, and for each.
+const SHARED_GROUPS: u32 = 0x5200_9229;
+const FRAME_GROUPS: u32 = 0x5200_9230;
+/// Deepest nesting of functional groups.
+const DEEPEST_GROUP: usize = 4;
+/// Most frames of one file.
+const MOST_FRAMES: usize = 20_000;
 
 const SHORTS: [u32; 7] = [0x0028_0010, 0x0028_0011, 0x0028_0100, 0x0028_0101, 0x0028_0102, 0x0028_0103, 0x0028_0002];
 
-/// Reads a slice; `None` for a DICOM file that is no picture.
-pub(super) fn read<'a>(name: &'a str, bytes: &'a [u8]) -> Result<Option<Slice<'a>>, FormatError> {
+/// Reads the slices of a file; none for a DICOM file that is no picture.
+pub(super) fn read<'a>(name: &'a str, bytes: &'a [u8]) -> Result<Vec<Slice<'a>>, FormatError> {
     let (data, syntax) = data(bytes)?;
-    // A deflated slice's own bytes live only here, so its pixels are copied out.
-    let borrowed = match data {
-        Cow::Borrowed(b) => b,
-        Cow::Owned(ref b) => {
-            let Some((found, pixels, big)) = elements(b, syntax)? else { return Ok(None) };
-            return slice(name, found, Cow::Owned(pixels.into_owned()), big).map(Some);
+    match data {
+        Cow::Borrowed(own) => slices(name, own, syntax),
+        // A deflated slice's own bytes live only here, so its pixels are copied out.
+        Cow::Owned(own) => {
+            let made = slices(name, &own, syntax)?;
+            Ok(made.into_iter().map(|s| s.owned(name)).collect())
         }
-    };
-    let Some((found, pixels, big)) = elements(borrowed, syntax)? else { return Ok(None) };
-    slice(name, found, pixels, big).map(Some)
+    }
 }
 
-/// Header values, pixels as numbers one after the other, whether big-endian.
-type Elements<'a> = (Found, Cow<'a, [u8]>, bool);
-
-fn elements(bytes: &[u8], syntax: Syntax) -> Result<Option<Elements<'_>>, FormatError> {
+fn slices<'a>(name: &'a str, bytes: &'a [u8], syntax: Syntax) -> Result<Vec<Slice<'a>>, FormatError> {
     let mut reader = Reader { bytes, at: 0, syntax };
     let mut found = Found::default();
+    let mut shared = Vec::new();
     let pixels = loop {
         match reader.next()? {
             Some(element) if element.tag == 0x7FE0_0010 => break element,
+            Some(Element { tag: SHARED_GROUPS, sequence: Some(own), .. }) => shared = items(own, syntax)?,
+            Some(Element { tag: FRAME_GROUPS, sequence: Some(own), .. }) => {
+                for item in items(own, syntax)?.into_iter().take(MOST_FRAMES) {
+                    let mut each = Found::default();
+                    each.take_groups(item, syntax, 0)?;
+                    found.each.push(each);
+                }
+            }
             Some(Element { tag, value: Some(value), .. }) => found.take(tag, value, syntax.big),
             Some(_) => {}
-            None => return Ok(None),
+            None => return Ok(Vec::new()),
         }
     };
-    let Element { value, fragments, .. } = pixels;
-    let pixels = match value {
-        Some(plain) if !syntax.packed => Cow::Borrowed(plain),
-        None if syntax.packed => {
-            let (rows, columns, bits) = (found.short(0)?, found.short(1)?, found.short(2)?);
-            let packed = fragments.concat();
-            Cow::Owned(rle::unpacked(&packed, usize::from(rows) * usize::from(columns), usize::from(bits) / 8)?)
-        }
-        _ => return refuse("the pixels are not written as the file says; it is damaged"),
+    for item in shared {
+        found.take_groups(item, syntax, 0)?;
+    }
+    let count = match found.frames.parse::<usize>() {
+        Ok(n) if (1..=MOST_FRAMES).contains(&n) => n,
+        Err(_) if found.frames.is_empty() => 1,
+        _ => return refuse(format!("{} frames in one file; expected 1 to {MOST_FRAMES}", found.frames)),
     };
-    // Unpacked runs are little-endian whatever the file is.
-    Ok(Some((found, pixels, syntax.big && !syntax.packed)))
+    if count > 1 && found.each.len() != count {
+        return refuse(format!(
+            "{count} frames in one file, of which {} have a place; expected enhanced CT, or one file a slice",
+            found.each.len()
+        ));
+    }
+    let (rows, columns, bits) = (found.short(0)?, found.short(1)?, found.short(2)?);
+    let shape = frames::Shape { rows: rows.into(), columns: columns.into(), bytes: usize::from(bits).div_ceil(8) };
+    let parts = frames::frames(pixels, syntax.packing, &shape, count)?;
+    // Unpacked pixels are little-endian whatever the file is.
+    let big = syntax.big && syntax.packing == Packing::None;
+    let one = |(k, own): (usize, Cow<'a, [u8]>)| {
+        let whole = match found.each.get(k) {
+            Some(each) => found.with(each),
+            None => found.clone(),
+        };
+        slice(name, whole, own, big)
+    };
+    parts.into_iter().enumerate().map(one).collect()
 }
 
 impl Found {
@@ -103,6 +134,7 @@ impl Found {
             0x0020_0037 => self.orientation = numbers(),
             0x0028_0030 => self.pixel = numbers(),
             0x0028_0008 => self.frames = text(value),
+            0x0028_0004 => self.shades = text(value),
             0x0028_1052 => self.intercept = numbers().first().copied(),
             0x0028_1053 => self.slope = numbers().first().copied(),
             _ => {
@@ -111,6 +143,37 @@ impl Found {
                         Some(if big { u16::from_be_bytes([*a, *b]) } else { u16::from_le_bytes([*a, *b]) });
                 }
             }
+        }
+    }
+
+    /// Takes the elements of a functional group and of the groups in it.
+    fn take_groups(&mut self, bytes: &[u8], syntax: Syntax, depth: usize) -> Result<(), FormatError> {
+        let mut reader = Reader { bytes, at: 0, syntax };
+        while let Some(element) = reader.next()? {
+            match element {
+                Element { sequence: Some(own), .. } if depth < DEEPEST_GROUP => {
+                    for item in items(own, syntax)? {
+                        self.take_groups(item, syntax, depth + 1)?;
+                    }
+                }
+                Element { tag, value: Some(value), .. } => self.take(tag, value, syntax.big),
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
+    /// What holds for all frames, and for one.
+    fn with(&self, each: &Found) -> Found {
+        let either = |own: &Vec<f64>, all: &Vec<f64>| if own.is_empty() { all.clone() } else { own.clone() };
+        Found {
+            position: either(&each.position, &self.position),
+            orientation: either(&each.orientation, &self.orientation),
+            pixel: either(&each.pixel, &self.pixel),
+            slope: each.slope.or(self.slope),
+            intercept: each.intercept.or(self.intercept),
+            each: Vec::new(),
+            ..self.clone()
         }
     }
 
@@ -124,14 +187,11 @@ fn slice<'a>(name: &'a str, found: Found, pixels: Cow<'a, [u8]>, big: bool) -> R
     if !["", "CT"].contains(&found.kind.as_str()) {
         return refuse(format!("a picture of kind {}; expected CT", found.kind));
     }
-    if !["", "1"].contains(&found.frames.as_str()) {
-        return refuse(format!(
-            "{} frames in one file; expected one file a slice: export classic CT, not enhanced",
-            found.frames
-        ));
-    }
     if found.short(6).unwrap_or(1) != 1 {
         return refuse("a picture in colour; expected CT");
+    }
+    if found.shades == "PALETTE COLOR" {
+        return refuse("a picture with a palette; expected CT");
     }
     let (rows, columns) = (usize::from(found.short(0)?), usize::from(found.short(1)?));
     let allocated = found.short(2)?;
@@ -173,6 +233,24 @@ fn slice<'a>(name: &'a str, found: Found, pixels: Cow<'a, [u8]>, big: bool) -> R
 }
 
 impl Slice<'_> {
+    /// The slice with pixels of its own.
+    fn owned(self, name: &str) -> Slice<'_> {
+        Slice {
+            name,
+            position: self.position,
+            along_row: self.along_row,
+            along_column: self.along_column,
+            pixel: self.pixel,
+            rows: self.rows,
+            columns: self.columns,
+            series: self.series,
+            slope: self.slope,
+            intercept: self.intercept,
+            bits: self.bits,
+            pixels: Cow::Owned(self.pixels.into_owned()),
+        }
+    }
+
     pub(super) fn normal(&self) -> Vector {
         self.along_row.cross(&self.along_column).normalize()
     }

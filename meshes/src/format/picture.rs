@@ -1,0 +1,132 @@
+//! Pictures of voxels, CT volumes and label maps: NIfTI-1 and -2, NRRD, MetaImage, told apart by content.
+
+use super::raw::refuse;
+use super::{FormatError, metaimage, nifti, nrrd};
+use crate::volume::{Labels, Volume};
+use std::collections::BTreeMap;
+
+/// A segment of 3D Slicer.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Segment {
+    /// Its name.
+    pub name: String,
+    /// Its label, in its layer.
+    pub label: u8,
+    /// Its layer; segments that overlap lie in several.
+    pub layer: usize,
+}
+
+/// A label map with the names that its file gives the labels.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LabelMap {
+    /// The labels.
+    pub labels: Labels,
+    /// Names and labels, in the file's order; empty where the file has none.
+    pub names: Vec<(String, u8)>,
+    /// Voxels that lay in several segments and stay in the first [-].
+    pub overlapping: usize,
+}
+
+/// Reads a volume. `files` holds the specimen's files by path and serves a detached header's data file.
+///
+/// # Errors
+/// What the format's reader refuses; a file of no known kind.
+pub fn read_volume(name: &str, bytes: &[u8], files: &BTreeMap<String, Vec<u8>>) -> Result<Volume, FormatError> {
+    if nrrd::looks_nrrd(bytes) {
+        let mut read = nrrd::read(name, bytes, files)?;
+        return match read.layers.len() {
+            1 => read.layers.remove(0).volume(),
+            n => refuse(format!("the file has {n} layers; expected one volume")),
+        };
+    }
+    if metaimage::looks_metaimage(bytes) {
+        return metaimage::read(name, bytes, files)?.volume();
+    }
+    known(bytes)?;
+    nifti::read(bytes)
+}
+
+/// Reads a label map, with its segments' names where it has them; `files` as for [`read_volume`].
+///
+/// Segments of several layers get labels of their own, from 1 on, in the file's order.
+///
+/// # Errors
+/// As [`read_volume`]; values that are no labels.
+pub fn read_labels(name: &str, bytes: &[u8], files: &BTreeMap<String, Vec<u8>>) -> Result<LabelMap, FormatError> {
+    let whole = |labels| LabelMap { labels, names: Vec::new(), overlapping: 0 };
+    if nrrd::looks_nrrd(bytes) {
+        let mut read = nrrd::read(name, bytes, files)?;
+        if read.layers.len() > 1 {
+            return merged(read);
+        }
+        let names = read.segments.into_iter().map(|s| (s.name, s.label)).collect();
+        return Ok(LabelMap { names, ..whole(read.layers.remove(0).labels()?) });
+    }
+    if metaimage::looks_metaimage(bytes) {
+        return metaimage::read(name, bytes, files)?.labels().map(whole);
+    }
+    known(bytes)?;
+    nifti::read_labels(bytes).map(whole)
+}
+
+/// The data file that a picture's header names.
+pub(super) fn data_file(bytes: &[u8]) -> Option<String> {
+    if nrrd::looks_nrrd(bytes) {
+        nrrd::data_file(bytes)
+    } else if metaimage::looks_metaimage(bytes) {
+        metaimage::data_file(bytes)
+    } else {
+        None
+    }
+}
+
+/// Refuses what is plainly no picture, with what it seems to be.
+fn known(bytes: &[u8]) -> Result<(), FormatError> {
+    let expected = "expected NIfTI (.nii, .nii.gz), NRRD (.nrrd, .nhdr, .seg.nrrd) or MetaImage (.mha, .mhd)";
+    if bytes.is_empty() {
+        return refuse(format!("the file is empty; {expected}"));
+    }
+    if bytes.starts_with(b"version https://git-lfs") {
+        return refuse("the file is a Git LFS pointer, not the data: fetch it with `git lfs pull`");
+    }
+    if bytes.starts_with(b"PK\x03\x04") {
+        return refuse(format!("the file is a zip archive; {expected}: unpack it"));
+    }
+    if bytes.starts_with(b"\x89HDF") {
+        return refuse(format!("the file is HDF5 (MINC, or a program's own); {expected}: export it"));
+    }
+    Ok(())
+}
+
+/// Layers made one label map.
+fn merged(read: nrrd::Nrrd) -> Result<LabelMap, FormatError> {
+    let mut layers = Vec::new();
+    for raw in read.layers {
+        layers.push(raw.labels()?);
+    }
+    let Some(first) = layers.first() else { return refuse("the file has no layer") };
+    let mut labels = Labels { grid: first.grid.clone(), values: vec![0; first.values.len()] };
+    let (mut names, mut overlapping) = (Vec::new(), 0);
+    for (k, segment) in read.segments.iter().enumerate().take(255) {
+        let Some(layer) = layers.get(segment.layer) else {
+            return refuse(format!("segment {} lies in layer {}, which is not there", segment.name, segment.layer));
+        };
+        let own = k as u8 + 1;
+        for (value, seen) in labels.values.iter_mut().zip(&layer.values).filter(|(_, s)| **s == segment.label) {
+            debug_assert!(*seen == segment.label);
+            if *value == 0 {
+                *value = own;
+            } else {
+                overlapping += 1;
+            }
+        }
+        names.push((segment.name.clone(), own));
+    }
+    if names.is_empty() {
+        return refuse("the file has several layers and names no segments; expected one label map");
+    }
+    Ok(LabelMap { labels, names, overlapping })
+}
+
+#[cfg(test)]
+mod tests;
