@@ -5,6 +5,7 @@ pub mod components;
 pub mod distance;
 pub mod fill;
 pub mod histogram;
+pub mod outline;
 pub mod watershed;
 
 use crate::{Point, Vector};

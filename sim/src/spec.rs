@@ -115,7 +115,8 @@ pub struct AxisSpec {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct BodySpec {
-    /// "femur" (moves), "tibia" (fixed, with the fibula), or "patella" (carried along where CT shows it; no solver knows it).
+    /// "femur" (moves), "tibia" (fixed, with the fibula), or what is carried along and no solver knows: "patella",
+    /// "patellar_cartilage", "meniscus_medial", "meniscus_lateral".
     pub name: String,
     /// Bone surface (PLY).
     pub bone: String,
@@ -130,7 +131,7 @@ pub struct BodySpec {
 impl BodySpec {
     /// Whether simulations know it.
     pub fn acts(&self) -> bool {
-        self.name != "patella"
+        !["patella", "patellar_cartilage", "meniscus_medial", "meniscus_lateral"].contains(&self.name.as_str())
     }
 }
 

@@ -17,7 +17,8 @@ pub fn export(
     force_n: &[f64],
 ) -> Vec<(String, String)> {
     let mut files = Vec::new();
-    let bones = spec.bodies.iter().filter(|b| b.acts()).map(|b| (&b.bone, b.name == "femur"));
+    // The patella goes with the femur, as menisci stay with the tibia: no solver moves either.
+    let bones = spec.bodies.iter().map(|b| (&b.bone, b.name == "femur" || b.name.starts_with("patella")));
     let faces = spec.contact.pairs.iter().flat_map(|p| [(&p.femur, true), (&p.tibia, false)]);
     let mut done: Vec<&String> = Vec::new();
     for (path, moves) in bones.chain(faces) {
