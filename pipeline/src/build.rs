@@ -15,14 +15,14 @@ use stages::assemble::{AssembleOptions, Assembled, assemble};
 use stages::attachments::attachments;
 use stages::bones::Bones;
 use stages::bones::bones;
-use stages::cartilage::cartilage;
+use stages::cartilage::{Cartilage, cartilage};
 use stages::contact_law::{ContactLaw, contact_law};
 use stages::frames::frames;
 use stages::hexmesh::hexmesh;
-use stages::ingest::parse_specimen_file;
 use stages::ingest::{CtPaths, RawSpecimen, Specimen, ingest};
+use stages::ingest::{parse_specimen_file, paths_named_in};
 use stages::overclosure::overclosure;
-use stages::register::register;
+use stages::register::{Registration, register};
 use stages::segment::{segment_specimen, with_surfaces};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -38,21 +38,27 @@ pub fn build_model(raw: &RawSpecimen, o: &BuildOptions, log: &mut RunLog) -> Res
     let specimen =
         log.stage("ingest", &[&raw_digest], &o.ingest, || ingest(raw, &o.ingest).and_then(checked), show::specimen)?;
     let s = specimen.digest.as_str();
-    let registration = log.stage(
-        "register",
-        &[s],
-        &o.register,
-        || register(&specimen, &o.register),
-        |r| show::registration(&specimen, r),
-    )?;
-    let r = registration.digest.as_str();
+    // Cartilage of MRI that lies where its bones lie needs no registration.
+    let registered = match specimen.mri.as_ref().is_some_and(|m| m.in_ct) {
+        true => None,
+        false => Some(log.stage(
+            "register",
+            &[s],
+            &o.register,
+            || register(&specimen, &o.register),
+            |r| show::registration(&specimen, r),
+        )?),
+    };
+    let r = registered.as_ref().map_or("left out", |r| r.digest.as_str());
+    let left_out = Registration::left_out();
+    let registration: &Registration = registered.as_deref().unwrap_or(&left_out);
     let bones = log.stage("bones", &[s], &o.bones, || bones(&specimen, &o.bones), show::bones)?;
     let b = bones.digest.as_str();
     let cartilage = log.stage(
         "cartilage",
         &[s, r, b],
         &o.cartilage,
-        || cartilage(&specimen, &registration, &bones, &o.cartilage),
+        || cartilage(&specimen, registration, &bones, &o.cartilage),
         show::cartilage,
     )?;
     let c = cartilage.digest.as_str();
@@ -62,7 +68,7 @@ pub fn build_model(raw: &RawSpecimen, o: &BuildOptions, log: &mut RunLog) -> Res
         "attachments",
         &[s, r, b, c, f],
         &o.attachments,
-        || attachments(&specimen, &registration, &bones, &cartilage, &frames, &o.attachments),
+        || attachments(&specimen, registration, &bones, &cartilage, &frames, &o.attachments),
         show::attachments,
     )?;
     let a = attachments.digest.as_str();
@@ -92,7 +98,7 @@ pub fn build_model(raw: &RawSpecimen, o: &BuildOptions, log: &mut RunLog) -> Res
         return Ok(());
     }
     let m = assembled.digest.as_str();
-    let model = loaded(&assembled, &bones);
+    let model = loaded(&assembled, &bones, &cartilage);
     let (folder, tell) = (log.folder(), log.teller());
     let calibration = log.stage(
         "calibrate",
@@ -163,13 +169,15 @@ fn measured(raw: &RawSpecimen) -> Result<Measured, BuildError> {
 }
 
 /// The assembled model as it would be read back.
-fn loaded(assembled: &Assembled, bones: &Bones) -> LoadedModel {
+fn loaded(assembled: &Assembled, bones: &Bones, cartilage: &Cartilage) -> LoadedModel {
     let contact = assembled.contact.named().map(|(name, mesh)| (format!("contact/{name}.ply"), mesh));
     let patella = bones.patella.as_ref();
     let bones = bones.surfaces.named().map(|(name, mesh)| (format!("../03-bones/{name}.ply"), mesh));
     let patella = patella.map(|mesh| ("../03-bones/patella.ply".to_string(), mesh));
+    let carried = cartilage.bodies.iter().map(|(name, mesh)| (format!("../04-cartilage/{name}.ply"), mesh));
     let meshes = contact
         .into_iter()
+        .chain(carried)
         .chain(bones)
         .chain(patella)
         .map(|(name, mesh)| (name, MeshValue::Surface(mesh.clone())))
@@ -186,7 +194,15 @@ fn checked(specimen: Specimen) -> Result<Specimen, StageError> {
 fn picture_digest(ct: &CtPaths, raw: &RawSpecimen) -> String {
     let volume = ct.volume.as_deref().unwrap_or_default().trim_end_matches('/');
     let folder = format!("{volume}/");
-    let shown = |name: &str| name == volume || name.starts_with(&folder) || Some(name) == ct.labels.as_deref();
+    let named = [Some(volume), ct.labels.as_deref()];
+    let beside: Vec<String> = named
+        .into_iter()
+        .flatten()
+        .flat_map(|name| raw.files.get(name).map(|bytes| paths_named_in(name, bytes)).unwrap_or_default())
+        .collect();
+    let shown = |name: &str| {
+        named.contains(&Some(name)) || name.starts_with(&folder) || beside.iter().any(|other| other == name)
+    };
     let of_files: Vec<String> = raw
         .files
         .iter()

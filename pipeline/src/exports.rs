@@ -58,6 +58,15 @@ pub fn export(model: &Path, format: Format, poses: Option<&Path>, out: &Path) ->
         (Format::Ply, _) => (surfaces(&loaded, "ply")?, Vec::new()),
         (Format::Glb, _) => (vec![("model.glb".to_owned(), gltf::glb(&loaded))], Vec::new()),
     };
+    let mut files = files;
+    let mut warnings = warnings;
+    if [Format::Abaqus, Format::Febio, Format::Opensim].contains(&format) {
+        let beside = carried(&loaded)?;
+        if !beside.is_empty() {
+            warnings.push("patella and menisci lie in carried/ as surfaces in the model's frame; no contact or ligament of the model knows them".into());
+        }
+        files.extend(beside);
+    }
     store::write_all(out, &files)?;
     text.extend(warnings.iter().map(|w| format!("warning: {w}\n")));
     let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
@@ -112,10 +121,27 @@ fn contact_name(model: &LoadedModel, path: &str, femur: bool) -> String {
     format!("{}_contact_{number}", if femur { "femur" } else { "tibia" })
 }
 
+/// Bodies that no solver knows, as STL: patella, its cartilage, menisci.
+fn carried(model: &LoadedModel) -> Result<Vec<File>, BuildError> {
+    let bodies = model.spec.bodies.iter().filter(|b| !b.acts());
+    bodies
+        .filter_map(|b| match model.meshes.get(&b.bone) {
+            Some(MeshValue::Surface(mesh)) => Some((&b.name, mesh)),
+            _ => None,
+        })
+        .map(|(name, mesh)| {
+            let mut bytes = Vec::new();
+            meshes::format::stl::write(&mut bytes, mesh).map_err(|e| BuildError::File(format!("{name}: {e}")))?;
+            Ok((format!("carried/{name}.stl"), bytes))
+        })
+        .collect()
+}
+
 fn surfaces(model: &LoadedModel, ending: &str) -> Result<Vec<File>, BuildError> {
     let carried = model.spec.bodies.iter().filter(|b| !b.acts()).filter_map(|b| match model.meshes.get(&b.bone) {
         Some(MeshValue::Surface(mesh)) => {
-            Some(Named { name: format!("{}_bone", b.name), mesh, femur: false, bone: true })
+            let name = if b.name == "patella" { "patella_bone".to_string() } else { b.name.clone() };
+            Some(Named { name, mesh, femur: false, bone: true })
         }
         _ => None,
     });

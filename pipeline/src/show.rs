@@ -77,8 +77,12 @@ pub fn specimen(s: &Specimen) -> Files {
     for (name, mesh) in s.ct.named() {
         files.push((format!("ct_{name}.ply"), surface(mesh, &[])?));
     }
+    let shown = if s.mri.is_some() { "mri" } else { "scan" };
     for (name, scan) in s.scans.named() {
-        files.push((format!("scan_{name}.ply"), scan_bytes(scan)?));
+        files.push((format!("{shown}_{name}.ply"), scan_bytes(scan)?));
+    }
+    for (name, cover) in s.mri.iter().flat_map(|m| m.covers.named()) {
+        files.push((format!("mri_cartilage_{name}.ply"), surface(cover, &[])?));
     }
     if let Some(patella) = &s.patella {
         files.push(("ct_patella.ply".into(), surface(&patella.ct, &[])?));
@@ -124,13 +128,13 @@ pub fn bones(b: &Bones) -> Files {
     bones.map(|(name, mesh)| Ok((format!("{name}.ply"), surface(mesh, &[])?))).collect()
 }
 
-/// 04-cartilage: closed solids with thickness.
+/// 04-cartilage: closed solids with thickness; menisci and what else MRI shows.
 pub fn cartilage(c: &Cartilage) -> Files {
-    c.solids
-        .named()
-        .into_iter()
-        .map(|(name, s)| Ok((format!("{name}.ply"), surface(&s.solid, &[("thickness_mm", &s.thickness_mm)])?)))
-        .collect()
+    let solids = c.solids.named().into_iter();
+    let solids =
+        solids.map(|(name, s)| Ok((format!("{name}.ply"), surface(&s.solid, &[("thickness_mm", &s.thickness_mm)])?)));
+    let carried = c.bodies.iter().map(|(name, mesh)| Ok((format!("{name}.ply"), surface(mesh, &[])?)));
+    solids.chain(carried).collect()
 }
 
 /// 05-frames: frames.json.

@@ -92,7 +92,7 @@ pub fn assemble(
         side: specimen.identity.side,
         units: Units { length: "mm".into(), force: "N".into(), pressure: "MPa".into(), angle: "deg".into() },
         frames: frames_spec(frames),
-        bodies: bodies(specimen.patella.is_some(), options),
+        bodies: bodies(specimen, options),
         contact: contact_spec(options),
         bundles,
         fibres,
@@ -186,7 +186,7 @@ pub(crate) fn frames_spec(frames: &Frames) -> FramesSpec {
     }
 }
 
-fn bodies(patella: bool, options: &AssembleOptions) -> Vec<BodySpec> {
+fn bodies(specimen: &Specimen, options: &AssembleOptions) -> Vec<BodySpec> {
     let body = |name: &str, bone: &str, cartilage: &[&str]| BodySpec {
         name: name.into(),
         bone: format!("../03-bones/{bone}.ply"),
@@ -196,7 +196,10 @@ fn bodies(patella: bool, options: &AssembleOptions) -> Vec<BodySpec> {
     };
     let mut bodies =
         vec![body("femur", "femur", &["femur"]), body("tibia", "tibfib", &["tibia_medial", "tibia_lateral"])];
-    bodies.extend(patella.then(|| body("patella", "patella", &[])));
+    bodies.extend(specimen.patella.is_some().then(|| body("patella", "patella", &[])));
+    let carried = specimen.mri.iter().flat_map(|m| m.bodies.keys());
+    bodies
+        .extend(carried.map(|name| BodySpec { bone: format!("../04-cartilage/{name}.ply"), ..body(name, name, &[]) }));
     bodies
 }
 

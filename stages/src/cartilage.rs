@@ -1,6 +1,7 @@
 //! Stage 4, cartilage: registered scan minus CT bone, made usable.
 
 mod field;
+mod mri;
 mod parting;
 mod region;
 mod solid;
@@ -17,6 +18,7 @@ use meshes::surface::{ColouredMesh, TriMesh};
 use meshes::{Point, Vector};
 use region::Patch;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// A closed cartilage solid, CT frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -34,6 +36,9 @@ pub struct CartilageSolid {
 pub struct Cartilage {
     /// The solids.
     pub solids: PerCartilage<CartilageSolid>,
+    /// Menisci, the patella's cartilage and what else MRI shows: carried along, CT frame.
+    #[serde(default)]
+    pub bodies: BTreeMap<String, TriMesh>,
     /// What is odd but not fatal.
     pub warnings: Vec<String>,
     /// For metrics.json: by cartilage name `volume_mm3`, `thickness_mean_mm`, `thickness_p95_mm`, `area_articular_mm2`.
@@ -62,6 +67,8 @@ pub struct CartilageOptions {
     pub least_area_mm2: f64,
     /// Largest bare island within cartilage that is taken for a hole of the scan or a defect and covered [mm2].
     pub island_area_mm2: f64,
+    /// Thickness at which cartilage of MRI ends [mm]; its bare bone has no noise. Our own trials, by volumes.
+    pub mri_least_thickness_mm: f64,
     /// Rounds of smoothing of the thickness field before its rim is drawn [-]; our own trials.
     pub rim_smoothing_rounds: usize,
     /// Wanted edge length of the solids [mm]; below the hexahedra's.
@@ -80,6 +87,7 @@ impl Default for CartilageOptions {
             cleft_mm: 1.5,
             least_area_mm2: 150.0,
             island_area_mm2: 80.0,
+            mri_least_thickness_mm: 0.3,
             rim_smoothing_rounds: 4,
             edge_mm: 0.9,
         }
@@ -92,6 +100,7 @@ impl Default for CartilageOptions {
 /// leaves hundreds of specks. Instead each vertex of the bone looks along its normal for the scan's outermost wall (clefts
 /// bridged); that thickness field is thresholded above the noise found on bare bone, with hysteresis by patch, smoothed,
 /// cut along its level line, extruded, and fitted to the scan. Colours are not used.
+/// Where MRI shows the cartilage, it is the field between bone and cover, or up to the surface given, that is cut and extruded.
 ///
 /// Errors: no cartilage of the expected size on a bone; a solid that cannot be closed.
 pub fn cartilage(
@@ -101,6 +110,9 @@ pub fn cartilage(
     options: &CartilageOptions,
 ) -> Result<Cartilage, StageError> {
     check(options)?;
+    if let Some(shown) = &specimen.mri {
+        return mri::of_mri(specimen, shown, registration, bones, options);
+    }
     let femur = Covered {
         name: "femur",
         count: 1,
@@ -136,7 +148,7 @@ pub fn cartilage(
     let mut metrics: serde_json::Map<String, serde_json::Value> =
         solids.named().map(|(name, s)| (name.to_string(), grades(s))).into_iter().collect();
     metrics.insert("bare_bone_sd_mm".into(), serde_json::json!({ "femur": noise[0], "tibfib": noise[1] }));
-    Ok(Cartilage { solids, warnings, metrics: metrics.into() })
+    Ok(Cartilage { solids, bodies: BTreeMap::new(), warnings, metrics: metrics.into() })
 }
 
 /// Cartilages of a bone.

@@ -2,10 +2,14 @@
 
 mod file;
 mod merge;
+mod mri;
 mod points;
+mod slicer;
+mod space;
 mod surfaces;
 
 pub use file::{OPTIONAL_PATHS, parse_specimen_file, paths_named_by, paths_named_in};
+pub use mri::{CartilageFrame, CartilagePaths, LabelName, Mri, SegmentationPaths};
 
 use crate::{PerBone, StageError};
 use attachments::bundle::BUNDLES;
@@ -23,9 +27,14 @@ pub struct SpecimenFile {
     /// Who.
     pub specimen: Identity,
     /// Paths of the CT surfaces, or of the CT volume.
+    #[serde(default)]
     pub ct: CtPaths,
     /// Paths of the scans.
-    pub scans: ScanPaths,
+    pub scans: Option<ScanPaths>,
+    /// A label map of MRI in place of scans, and of CT where that is not given.
+    pub segmentation: Option<SegmentationPaths>,
+    /// Surfaces of cartilage in place of scans.
+    pub cartilage: Option<CartilagePaths>,
     /// Paths of marked points.
     #[serde(default)]
     pub points: PointPaths,
@@ -53,13 +62,18 @@ pub struct CtPaths {
     pub tibfib: Option<String>,
     /// The patella's surface, if it is to be carried along.
     pub patella: Option<String>,
-    /// A CT volume of the knee: a NIfTI file, or a folder with a DICOM series.
+    /// A CT volume of the knee: a NIfTI, NRRD or MetaImage file, or a folder with a DICOM series.
     pub volume: Option<String>,
-    /// A label map of the volume, made or mended by hand (NIfTI).
+    /// A label map of the volume, made or mended by hand (NIfTI, NRRD, MetaImage).
     pub labels: Option<String>,
 }
 
 impl CtPaths {
+    /// Whether nothing is named.
+    pub fn is_empty(&self) -> bool {
+        *self == CtPaths::default()
+    }
+
     /// Keys and paths of the two surfaces: given, or those stage 0 finds in the volume.
     pub fn surfaces(&self) -> PerBone<String> {
         let path = |given: &Option<String>, found: &str| given.clone().unwrap_or_else(|| found.to_string());
@@ -190,8 +204,11 @@ pub struct Specimen {
     pub identity: Identity,
     /// CT surfaces, CT frame, as segmented but welded and consistently outward where they can be.
     pub ct: PerBone<TriMesh>,
-    /// Scans, each in its scanner's frame.
+    /// Scans, each in its scanner's frame; where cartilage comes of MRI, the bones as MRI shows them.
     pub scans: PerBone<ColouredMesh>,
+    /// Cartilage of MRI, where it comes without scans.
+    #[serde(default)]
+    pub mri: Option<Mri>,
     /// The patella, if there is one.
     #[serde(default)]
     pub patella: Option<Patella>,
@@ -230,11 +247,15 @@ pub struct IngestOptions {
     pub least_width_mm: f64,
     /// Largest such width [mm].
     pub greatest_width_mm: f64,
+    /// Blur of a label map before its surfaces are drawn, in its largest voxel spacings [-]: takes the steps between slices away; our own trials.
+    pub label_blur: f64,
+    /// Edges of surfaces drawn from a label map [mm]: half of the model's bones'.
+    pub label_edge_mm: f64,
 }
 
 impl Default for IngestOptions {
     fn default() -> Self {
-        IngestOptions { least_width_mm: 35.0, greatest_width_mm: 200.0 }
+        IngestOptions { least_width_mm: 35.0, greatest_width_mm: 200.0, label_blur: 0.7, label_edge_mm: 0.7 }
     }
 }
 
@@ -251,23 +272,7 @@ pub fn ingest(raw: &RawSpecimen, options: &IngestOptions) -> Result<Specimen, St
     file::check_present(&file, raw)?;
     let surface =
         |key: &str, path: &str, warnings: &mut Vec<String>| surfaces::checked(key, path, &raw.files, options, warnings);
-    let ct = file.ct.surfaces();
-    let (ct_femur, ct_femur_counts) = surface("ct.femur", &ct.femur, &mut warnings)?;
-    let (ct_tibfib, ct_tibfib_counts) = surface("ct.tibfib", &ct.tibfib, &mut warnings)?;
-    let (scan_femur, scan_femur_counts) =
-        merge::scan("scans.femur", &file.scans.femur, &ct_femur.mesh, &mut warnings, &surface)?;
-    let (scan_tibfib, scan_tibfib_counts) =
-        merge::scan("scans.tibfib", &file.scans.tibfib, &ct_tibfib.mesh, &mut warnings, &surface)?;
-    let patella = patella(&file, raw, &mut warnings, &surface)?;
-    let capsule = match &file.scans.capsule {
-        Some(path) => Some(surface("scans.capsule", path, &mut warnings)?.0.mesh),
-        None => None,
-    };
-    for (key, scan) in [("scans.femur", &scan_femur), ("scans.tibfib", &scan_tibfib)] {
-        if scan.colours.is_empty() {
-            warnings.push(format!("{key} has no colours: outlined attachment sites cannot be found on it"));
-        }
-    }
+    let sources = sources(&file, raw, options, &mut warnings, &surface)?;
     let landmarks = points::landmarks(&file, raw)?;
     warnings.extend(points::missing(&file, raw, &landmarks));
     let marks = points::marks(&file, raw)?;
@@ -279,17 +284,18 @@ pub fn ingest(raw: &RawSpecimen, options: &IngestOptions) -> Result<Specimen, St
                 .push(format!("attachments.csv gives {} {given} fibres, Table 3 has {}", bundle.name, bundle.fibres));
         }
     }
-    let metrics = serde_json::json!({
-        "ct_femur": ct_femur_counts, "ct_tibfib": ct_tibfib_counts,
-        "scan_femur": scan_femur_counts, "scan_tibfib": scan_tibfib_counts,
-        "landmarks": landmarks.len(), "marks": marks.len(), "given_fibres": given_fibres.len(),
-    });
+    space::check(&sources.ct, [&landmarks, &marks])?;
+    let mut metrics = sources.metrics;
+    metrics["landmarks"] = landmarks.len().into();
+    metrics["marks"] = marks.len().into();
+    metrics["given_fibres"] = given_fibres.len().into();
     Ok(Specimen {
         identity: file.specimen,
-        ct: PerBone { femur: ct_femur.mesh, tibfib: ct_tibfib.mesh },
-        scans: PerBone { femur: scan_femur, tibfib: scan_tibfib },
-        patella,
-        capsule,
+        ct: sources.ct,
+        scans: sources.scans,
+        mri: sources.mri,
+        patella: sources.patella,
+        capsule: sources.capsule,
         landmarks,
         marks,
         given_fibres,
@@ -297,6 +303,80 @@ pub fn ingest(raw: &RawSpecimen, options: &IngestOptions) -> Result<Specimen, St
         warnings,
         metrics,
     })
+}
+
+/// What shows bones and cartilage.
+struct Sources {
+    ct: PerBone<TriMesh>,
+    scans: PerBone<ColouredMesh>,
+    mri: Option<Mri>,
+    patella: Option<Patella>,
+    capsule: Option<TriMesh>,
+    metrics: serde_json::Value,
+}
+
+/// Reads the bones and what shows their cartilage: scans, a label map or surfaces.
+fn sources(
+    file: &SpecimenFile,
+    raw: &RawSpecimen,
+    options: &IngestOptions,
+    warnings: &mut Vec<String>,
+    surface: &Read,
+) -> Result<Sources, StageError> {
+    if let (Some(table), true) = (&file.segmentation, file.ct.is_empty()) {
+        let read = mri::from_labels(table, raw, options, false, warnings)?;
+        let patella = read.patella.clone().map(|ct| Patella { ct, scan: None });
+        return Ok(of_mri(read.bones.clone(), read, patella, serde_json::json!({}), warnings));
+    }
+    let ct = file.ct.surfaces();
+    let (femur, femur_counts) = surface("ct.femur", &ct.femur, warnings)?;
+    let (tibfib, tibfib_counts) = surface("ct.tibfib", &ct.tibfib, warnings)?;
+    let patella = patella(file, raw, warnings, surface)?;
+    let ct = PerBone { femur: femur.mesh, tibfib: tibfib.mesh };
+    let mut metrics = serde_json::json!({ "ct_femur": femur_counts, "ct_tibfib": tibfib_counts });
+    let Some(scans) = &file.scans else {
+        let read = match (&file.segmentation, &file.cartilage) {
+            (Some(table), _) => mri::from_labels(table, raw, options, true, warnings)?,
+            (None, Some(table)) => {
+                mri::from_surfaces(table, raw, PerBone { femur: &ct.femur, tibfib: &ct.tibfib }, options, warnings)?
+            }
+            (None, None) => return Err(StageError("specimen.toml: nothing shows cartilage".into())),
+        };
+        return Ok(of_mri(ct, read, patella, metrics, warnings));
+    };
+    let (scan_femur, scan_femur_counts) = merge::scan("scans.femur", &scans.femur, &ct.femur, warnings, surface)?;
+    let (scan_tibfib, scan_tibfib_counts) = merge::scan("scans.tibfib", &scans.tibfib, &ct.tibfib, warnings, surface)?;
+    let capsule = match &scans.capsule {
+        Some(path) => Some(surface("scans.capsule", path, warnings)?.0.mesh),
+        None => None,
+    };
+    for (key, scan) in [("scans.femur", &scan_femur), ("scans.tibfib", &scan_tibfib)] {
+        if scan.colours.is_empty() {
+            warnings.push(format!("{key} has no colours: outlined attachment sites cannot be found on it"));
+        }
+    }
+    metrics["scan_femur"] = scan_femur_counts;
+    metrics["scan_tibfib"] = scan_tibfib_counts;
+    let scans = PerBone { femur: scan_femur, tibfib: scan_tibfib };
+    Ok(Sources { ct, scans, mri: None, patella, capsule, metrics })
+}
+
+/// What MRI gives, with the bones of `ct`.
+fn of_mri(
+    ct: PerBone<TriMesh>,
+    read: mri::Read,
+    patella: Option<Patella>,
+    mut metrics: serde_json::Value,
+    warnings: &mut Vec<String>,
+) -> Sources {
+    let register = if read.mri.in_ct { "register is left out, and " } else { "" };
+    warnings.push(format!(
+        "no scans: {register}no outlines are looked for; ligaments without points in marks.csv or attachments.csv are placed by the literature"
+    ));
+    metrics["mri"] = read.metrics;
+    let bare = |mesh: TriMesh| ColouredMesh { mesh, colours: Vec::new() };
+    let scans = PerBone { femur: bare(read.bones.femur), tibfib: bare(read.bones.tibfib) };
+    Sources { ct, scans, mri: Some(read.mri), patella, capsule: None, metrics }
 }
 
 /// Reads a surface by key and path, with its counts.
@@ -310,14 +390,15 @@ fn patella(
     surface: &Read,
 ) -> Result<Option<Patella>, StageError> {
     let found = raw.files.contains_key(SEGMENTED_PATELLA).then_some(SEGMENTED_PATELLA);
+    let scan_path = file.scans.as_ref().and_then(|s| s.patella.as_deref());
     let Some(path) = file.ct.patella.as_deref().or(found) else {
-        if file.scans.patella.is_some() {
+        if scan_path.is_some() {
             warnings.push("scans.patella is left out: CT shows no patella to lay it on; name one as ct.patella".into());
         }
         return Ok(None);
     };
     let ct = surface("ct.patella", path, warnings)?.0.mesh;
-    let scan = match &file.scans.patella {
+    let scan = match scan_path {
         Some(path) => Some(surface("scans.patella", path, warnings)?.0),
         None => None,
     };

@@ -3,6 +3,7 @@
 
 mod bone;
 mod files;
+mod labels;
 mod shape;
 mod site;
 pub mod volume;
@@ -13,8 +14,11 @@ use meshes::{Isometry, Vector};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// The ids [`phantom`] knows.
+/// The ids of the dissected knees that [`phantom`] knows.
 pub const PHANTOMS: [&str; 3] = ["S192803-phantom", "S193761-phantom", "right-phantom"];
+
+/// The id of the living knee that [`phantom`] knows: a label map of MRI in place of CT, scans and points.
+pub const MRI_PHANTOM: &str = "mri-phantom";
 
 /// A specimen directory as values.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -35,13 +39,15 @@ struct Recipe {
     thickness: [f64; 3],
 }
 
-const RECIPES: [Recipe; 3] = [
+const RECIPES: [Recipe; 4] = [
     Recipe { id: PHANTOMS[0], side: Side::Left, scale: [1.0, 1.0, 1.0], thickness: [2.2, 2.2, 2.8] },
     Recipe { id: PHANTOMS[1], side: Side::Left, scale: [0.96, 0.93, 0.93], thickness: [2.0, 2.1, 2.6] },
     Recipe { id: PHANTOMS[2], side: Side::Right, scale: [0.93, 0.95, 0.96], thickness: [2.1, 2.1, 2.7] },
+    // A living knee: a label map of MRI, no CT, no scans, no marks.
+    Recipe { id: MRI_PHANTOM, side: Side::Right, scale: [0.95, 0.96, 0.94], thickness: [2.2, 2.0, 2.6] },
 ];
 
-/// Makes the phantom `id` of [`PHANTOMS`]; `seed` draws its noise and the frames it is measured in, not its shape.
+/// Makes the phantom `id` of [`PHANTOMS`], or [`MRI_PHANTOM`]; `seed` draws its noise and the frames it is measured in, not its shape.
 ///
 /// # Errors
 /// An unknown id, with those known.
@@ -59,7 +65,10 @@ pub fn phantom_volume(id: &str, seed: u64) -> Result<PhantomSpecimen, StageError
 
 fn made(id: &str, seed: u64, as_volume: bool) -> Result<PhantomSpecimen, StageError> {
     let Some(recipe) = RECIPES.iter().find(|r| r.id == id) else {
-        return Err(StageError(format!("no phantom is called {id}; expected one of {}", PHANTOMS.join(", "))));
+        return Err(StageError(format!(
+            "no phantom is called {id}; expected one of {}, {MRI_PHANTOM}",
+            PHANTOMS.join(", ")
+        )));
     };
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let fail = || StageError(format!("phantom {id}: a surface came out empty"));
@@ -71,7 +80,12 @@ fn made(id: &str, seed: u64, as_volume: bool) -> Result<PhantomSpecimen, StageEr
     tibfib.ct_from_knee = place * joint;
     let measured = [bone::measure(&femur, &mut rng), bone::measure(&tibfib, &mut rng)];
     let mut files = files::specimen(recipe, [&femur, &tibfib], &measured, &mut rng)?;
-    if as_volume {
+    if id == MRI_PHANTOM {
+        if as_volume {
+            return Err(StageError(format!("phantom {id} is a label map of MRI; it has no CT volume")));
+        }
+        labels::with_labels(&mut files, [&femur, &tibfib])?;
+    } else if as_volume {
         files::with_volume(&mut files, [&femur, &tibfib], seed)?;
     }
     Ok(PhantomSpecimen { id: id.into(), files })

@@ -49,6 +49,24 @@ pub struct Registration {
     pub metrics: serde_json::Value,
 }
 
+impl Registration {
+    /// That of a specimen whose cartilage lies where its bones lie: nothing moves.
+    pub fn left_out() -> Registration {
+        let still = BoneRegistration {
+            ct_from_scan: Pose::assume(Isometry::identity()),
+            rms_bare_bone_mm: 0.0,
+            inlier_fraction: 1.0,
+            held_out_rms_mm: 0.0,
+            predicted_error_mm: 0.0,
+            level_mm: 0.0,
+            residual_mm: Vec::new(),
+            bare_bone: Vec::new(),
+        };
+        let bones = PerBone { femur: still.clone(), tibfib: still };
+        Registration { bones, patella: None, warnings: Vec::new(), metrics: serde_json::Value::Null }
+    }
+}
+
 /// How scans are registered.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]

@@ -114,6 +114,7 @@ fn knee(test: &str, id: &str) -> Option<Knee> {
         identity,
         ct: surfaces.clone(),
         scans: PerBone { femur: scan("femur")?, tibfib: scan("tibfib")? },
+        mri: None,
         patella: None,
         capsule: None,
         landmarks: Vec::new(),
@@ -152,7 +153,7 @@ fn knee(test: &str, id: &str) -> Option<Knee> {
         tibia_medial: solid("tibfib_medial")?,
         tibia_lateral: solid("tibfib_lateral")?,
     };
-    let cartilage = Cartilage { solids, warnings: Vec::new(), metrics: Value::Null };
+    let cartilage = Cartilage { solids, bodies: Default::default(), warnings: Vec::new(), metrics: Value::Null };
     Some(Knee { specimen, registration, bones, cartilage, frames, truth })
 }
 

@@ -10,6 +10,9 @@ use meshes::surface::TriMesh;
 use stages::PerCartilage;
 use std::collections::BTreeMap;
 
+/// Colour of menisci and what else is carried along.
+const SOFT: &str = "#966ea0";
+
 pub(super) fn cartilage(v: &Values, pool: &mut Pool) -> Option<Scene> {
     let cartilage = v.cartilage.as_ref()?;
     let (mut layers, mut words) = (bone_layers(v, pool, 1.0), String::new());
@@ -32,6 +35,19 @@ pub(super) fn cartilage(v: &Values, pool: &mut Pool) -> Option<Scene> {
                 scale: "thickness",
                 cells: false,
             }),
+            on: true,
+            ..Layer::default()
+        });
+    }
+    for (name, mesh) in &cartilage.bodies {
+        let key = format!("body {name}");
+        pool.keep(&key, &thinned(mesh, &[], 0.7).0);
+        words += &format!(" {}, carried along: {:.0} mm3.", plain(name), mesh.volume());
+        layers.push(Layer {
+            name: plain(name).into(),
+            mesh: Some(key),
+            colour: SOFT,
+            opacity: 1.0,
             on: true,
             ..Layer::default()
         });

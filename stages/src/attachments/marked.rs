@@ -36,9 +36,6 @@ pub(super) fn sites(
     options: &AttachmentsOptions,
     warnings: &mut Vec<String>,
 ) -> Result<Marked, StageError> {
-    if scan.scan.colours.is_empty() {
-        warnings.push(format!("the {}'s scan has no colours: no outlines can be found on it", side.name));
-    }
     let regions = find_outlines(scan.scan, &options.marks);
     let footprints: Vec<Footprint> = regions.iter().map(|r| project(r, scan.pose.motion(), side.query)).collect();
     let (points, beyond) = rough_points(side, scan, marks, options)?;

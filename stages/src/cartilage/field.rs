@@ -31,19 +31,10 @@ impl Domain {
     /// Looks from every vertex of `bone`, made from a surface of CT whose edges are `ct_edge_mm` long in the median; `None` for an empty surface.
     pub(super) fn new(bone: &TriMesh, scan: &TriMesh, ct_edge_mm: f64, options: &CartilageOptions) -> Option<Domain> {
         let walls = SurfaceQuery::new(scan)?;
-        let coarse = SurfaceQuery::new(bone)?;
-        let bone = subdivided(bone);
-        let neighbours = vertex_neighbours(&bone);
-        let normals = smooth_normals(&bone, &neighbours, 4);
-        let seen: Vec<Option<[f64; 2]>> = bone
-            .vertices
-            .par_iter()
-            .zip(&normals)
-            .map(|(p, n)| {
-                // the bone itself, met again (a notch's other wall, the fibula), ends what can be cartilage
-                let again = coarse.ray(&(p + n * 0.5), n, options.reach_mm).map_or(options.reach_mm, |h| h.distance);
-                extent(&walls, p, n, again.min(options.reach_mm), options.cleft_mm)
-            })
+        let (bone, neighbours, normals, reach) = looking_out(bone, options.reach_mm)?;
+        let seen: Vec<Option<[f64; 2]>> = (0..bone.vertices.len())
+            .into_par_iter()
+            .map(|v| extent(&walls, &bone.vertices[v], &normals[v], reach[v], options.cleft_mm))
             .collect();
         let cleft = filled(&seen.iter().map(|s| s.map(|x| x[0])).collect::<Vec<_>>(), &neighbours);
         let outer = filled(&seen.iter().map(|s| s.map(|x| x[1])).collect::<Vec<_>>(), &neighbours);
@@ -64,10 +55,28 @@ impl Domain {
     }
 }
 
+/// A bone's surface, fine; its vertices' neighbours and smooth normals; how far each can look along its normal [mm].
+type Lookout = (TriMesh, Vec<Vec<u32>>, Vec<Vector>, Vec<f64>);
+
+/// Each triangle of `bone` in four. The bone itself, met again (a notch's other wall, the fibula), ends what can be cartilage.
+pub(super) fn looking_out(bone: &TriMesh, reach_mm: f64) -> Option<Lookout> {
+    let coarse = SurfaceQuery::new(bone)?;
+    let bone = subdivided(bone);
+    let neighbours = vertex_neighbours(&bone);
+    let normals = smooth_normals(&bone, &neighbours, 4);
+    let reach = bone
+        .vertices
+        .par_iter()
+        .zip(&normals)
+        .map(|(p, n)| coarse.ray(&(p + n * 0.5), n, reach_mm).map_or(reach_mm, |h| h.distance))
+        .collect();
+    Some((bone, neighbours, normals, reach))
+}
+
 /// Where cartilage begins and ends above `p` along `n`; `None` where the scan has a hole.
 ///
 /// Walls of the scan are counted from 1 mm inside the bone: one passed outward ends material, one passed inward begins it.
-fn extent(walls: &SurfaceQuery, p: &Point, n: &Vector, reach: f64, cleft: f64) -> Option<[f64; 2]> {
+pub(super) fn extent(walls: &SurfaceQuery, p: &Point, n: &Vector, reach: f64, cleft: f64) -> Option<[f64; 2]> {
     const INSIDE: f64 = 1.0;
     let mut depth = 1;
     let mut from = -INSIDE;

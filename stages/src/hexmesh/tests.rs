@@ -71,7 +71,7 @@ fn knee(gap: f64) -> Cartilage {
         tibia_medial: turned(&plate, &Isometry::translation(0.0, -12.0, 0.0)),
         tibia_lateral: turned(&plate, &Isometry::translation(0.0, 12.0, 0.0)),
     };
-    Cartilage { solids, warnings: Vec::new(), metrics: serde_json::Value::Null }
+    Cartilage { solids, bodies: Default::default(), warnings: Vec::new(), metrics: serde_json::Value::Null }
 }
 
 /// Faces of elements that no other element shares, as triangles.

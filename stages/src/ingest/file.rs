@@ -1,5 +1,6 @@
 //! specimen.toml and the files it names.
 
+use super::mri::check_sources;
 use super::{CtPaths, Pieces, RawSpecimen, SEGMENTED, SpecimenFile};
 use crate::StageError;
 use attachments::bundle::BUNDLES;
@@ -28,13 +29,17 @@ pub fn parse_specimen_file(text: &str) -> Result<SpecimenFile, StageError> {
     if file.specimen.id.trim().is_empty() {
         return refuse("specimen.id is empty; expected a name".into());
     }
-    check_ct(&file.ct)?;
+    check_sources(&file)?;
+    if !file.ct.is_empty() {
+        check_ct(&file.ct)?;
+    }
     if let Some(provenance) = &file.specimen.provenance
         && !["published", "synthetic", "own"].contains(&provenance.as_str())
     {
         return refuse(format!("specimen.provenance is \"{provenance}\"; expected published, synthetic or own"));
     }
-    for (key, pieces) in [("femur", &file.scans.femur), ("tibfib", &file.scans.tibfib)] {
+    let scans = file.scans.iter().flat_map(|s| [("femur", &s.femur), ("tibfib", &s.tibfib)]);
+    for (key, pieces) in scans {
         if pieces.paths().is_empty() || pieces.paths().len() > 50 {
             return refuse(format!("scans.{key} lists {} paths; expected 1 to 50", pieces.paths().len()));
         }
@@ -111,8 +116,8 @@ pub(super) fn check_present(file: &SpecimenFile, raw: &RawSpecimen) -> Result<()
 /// Keys and the paths they name.
 fn named(file: &SpecimenFile) -> Vec<(String, String)> {
     let mut named = Vec::new();
-    let scans = [("scans.femur", &file.scans.femur), ("scans.tibfib", &file.scans.tibfib)];
-    let more = [("scans.patella", &file.scans.patella), ("scans.capsule", &file.scans.capsule)];
+    let scans = file.scans.iter().flat_map(|s| [("scans.femur", &s.femur), ("scans.tibfib", &s.tibfib)]);
+    let more = file.scans.iter().flat_map(|s| [("scans.patella", &s.patella), ("scans.capsule", &s.capsule)]);
     let ct = [
         ("ct.femur", &file.ct.femur),
         ("ct.tibfib", &file.ct.tibfib),
@@ -124,8 +129,10 @@ fn named(file: &SpecimenFile) -> Vec<(String, String)> {
     let each = |(key, pieces): (&str, &Pieces)| {
         pieces.paths().iter().map(|path| (key.to_string(), path.clone())).collect::<Vec<_>>()
     };
-    named.extend(scans.into_iter().flat_map(each));
-    named.extend(more.into_iter().filter_map(|(key, path)| Some((key.to_string(), path.clone()?))));
+    named.extend(scans.flat_map(each));
+    named.extend(more.filter_map(|(key, path)| Some((key.to_string(), path.clone()?))));
+    named.extend(file.segmentation.iter().map(|s| ("segmentation.labels".to_string(), s.labels.clone())));
+    named.extend(file.cartilage.iter().flat_map(|c| c.named()).map(|(key, path)| (key.to_string(), path)));
     let points = [
         ("points.landmarks", &file.points.landmarks),
         ("points.marks", &file.points.marks),

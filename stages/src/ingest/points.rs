@@ -1,7 +1,7 @@
-//! landmarks.csv, marks.csv, attachments.csv.
+//! landmarks.csv, marks.csv, attachments.csv; points of 3D Slicer.
 
 use super::file::OPTIONAL_PATHS;
-use super::{NamedPoint, PointFrame, RawSpecimen, SpecimenFile};
+use super::{NamedPoint, PointFrame, RawSpecimen, SpecimenFile, slicer};
 use crate::StageError;
 use attachments::bundle::{BUNDLES, LIGAMENTS};
 use attachments::site::{Fibre, Source};
@@ -69,6 +69,22 @@ fn named_points(
 ) -> Result<Vec<NamedPoint>, StageError> {
     let columns = [name_column, "frame", "x_mm", "y_mm", "z_mm"];
     let mut points: Vec<NamedPoint> = Vec::new();
+    if let Some(read) = raw.files.get(path).and_then(|bytes| slicer::read(path, bytes)) {
+        for p in read? {
+            let refuse = |what: &str| Err(StageError(format!("{path}, {}: {what}", p.place)));
+            if p.name.is_empty() {
+                return refuse("the point has no label; expected its name there");
+            }
+            if let Err(e) = check(&p.name) {
+                return refuse(&e);
+            }
+            if points.iter().any(|q| q.name == p.name) {
+                return refuse(&format!("{} stands twice; keep one", p.name));
+            }
+            points.push(NamedPoint { name: p.name, frame: PointFrame::Ct, point: p.point });
+        }
+        return Ok(points);
+    }
     for row in rows(raw, path, &columns)? {
         let name = row.cells[0].clone();
         if name.is_empty() {

@@ -71,7 +71,7 @@ pub(super) fn with_volume(files: &mut Files, bones: [&Solid; 2], seed: u64) -> R
     Ok(())
 }
 
-fn cover_name(cover: Cover) -> &'static str {
+pub(super) fn cover_name(cover: Cover) -> &'static str {
     match cover {
         Cover::Femur => "femur",
         Cover::Medial => "tibfib_medial",
@@ -79,7 +79,7 @@ fn cover_name(cover: Cover) -> &'static str {
     }
 }
 
-fn stl_bytes(mesh: &TriMesh) -> std::io::Result<Vec<u8>> {
+pub(super) fn stl_bytes(mesh: &TriMesh) -> std::io::Result<Vec<u8>> {
     let mut bytes = Vec::new();
     stl::write(&mut bytes, mesh)?;
     Ok(bytes)

@@ -3,7 +3,7 @@
 use super::{SegmentOptions, Segmented, segment};
 use crate::StageError;
 use crate::ingest::{CtPaths, RawSpecimen, SEGMENTED, SEGMENTED_PATELLA};
-use meshes::format::{dicom, nifti, stl};
+use meshes::format::{dicom, picture, stl};
 use meshes::volume::Volume;
 
 /// Reads the CT volume and label map that `[ct]` names and segments it.
@@ -16,7 +16,8 @@ pub fn segment_specimen(ct: &CtPaths, raw: &RawSpecimen, options: &SegmentOption
     let labels = match &ct.labels {
         Some(path) => {
             let bytes = raw.files.get(path).ok_or_else(|| absent("ct.labels", path))?;
-            Some(nifti::read_labels(bytes).map_err(|e| StageError(format!("{path} (ct.labels): {}", e.0)))?)
+            let read = picture::read_labels(path, bytes, &raw.files);
+            Some(read.map_err(|e| StageError(format!("{path} (ct.labels): {}", e.0)))?.labels)
         }
         None => None,
     };
@@ -34,10 +35,10 @@ fn volume(path: &str, raw: &RawSpecimen) -> Result<(Volume, Vec<String>), StageE
     if let Some(bytes) = raw.files.get(path) {
         if dicom::looks_dicom(bytes) {
             return Err(StageError(format!(
-                "{path} (ct.volume): one DICOM file; expected the folder with the whole series, or NIfTI"
+                "{path} (ct.volume): one DICOM file; expected the folder with the whole series, or NIfTI, NRRD or MetaImage"
             )));
         }
-        return Ok((nifti::read(bytes).map_err(fail)?, Vec::new()));
+        return Ok((picture::read_volume(path, bytes, &raw.files).map_err(fail)?, Vec::new()));
     }
     let folder = format!("{}/", path.trim_end_matches('/'));
     let files: Vec<(&str, &[u8])> = raw

@@ -49,6 +49,7 @@ pub(crate) fn of(ct: PerBone<TriMesh>, scans: PerBone<ColouredMesh>, side: Side)
         },
         ct,
         scans,
+        mri: None,
         patella: None,
         capsule: None,
         landmarks: Vec::new(),

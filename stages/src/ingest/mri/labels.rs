@@ -1,0 +1,259 @@
+//! A label map becomes surfaces.
+
+use super::clean::{Mended, clean};
+use super::{LabelName, Mri, Read, SegmentationPaths};
+use crate::ingest::{IngestOptions, RawSpecimen};
+use crate::{PerBone, PerCartilage, StageError};
+use meshes::format::picture::{LabelMap, read_labels};
+use meshes::surface::TriMesh;
+use meshes::volume::Labels;
+use meshes::volume::outline::{Part, border, outline};
+use serde_json::json;
+use std::collections::BTreeMap;
+
+/// A second piece of a bone above this share of the first is a second knee [-]; a fibula in a short field of view has a tenth of
+/// its tibia.
+const SECOND_KNEE: f64 = 0.5;
+/// Pieces of a bone below this share of it are specks [-]; a fibular head alone has 3 %.
+const SPECK_SHARE: f64 = 0.02;
+/// Pieces of cartilage below this share of it are specks [-]; worn cartilage may be in several pieces.
+const CARTILAGE_SPECK_SHARE: f64 = 0.05;
+/// Smallest cartilage [mm3]; a worn plateau's has 500.
+const LEAST_CARTILAGE_MM3: f64 = 100.0;
+
+/// The labels of one structure.
+struct Structure<'a> {
+    key: &'a str,
+    labels: Vec<u8>,
+}
+
+/// Reads the label map that `[segmentation]` names and makes its surfaces.
+///
+/// # Errors
+/// As the reader; a name or label that the file has not; two knees; voxels of no usable size.
+pub(in crate::ingest) fn from_labels(
+    table: &SegmentationPaths,
+    raw: &RawSpecimen,
+    options: &IngestOptions,
+    beside_ct: bool,
+    warnings: &mut Vec<String>,
+) -> Result<Read, StageError> {
+    let path = &table.labels;
+    let fail = |what: String| StageError(format!("{path} (segmentation.labels): {what}"));
+    let bytes = raw.files.get(path).ok_or_else(|| fail("the file is not there".into()))?;
+    let map = read_labels(path, bytes, &raw.files).map_err(|e| fail(e.0))?;
+    check_grid(&map.labels).map_err(fail)?;
+    if map.overlapping > 0 {
+        warnings.push(format!("{path}: {} voxels lie in several segments and stay in the first", map.overlapping));
+    }
+    let found = Found { path, labels: structures(table, &map).map_err(fail)?, map: &map.labels, options };
+    tell_unnamed(&found, &map, warnings);
+    found.surfaces(beside_ct, warnings)
+}
+
+fn check_grid(labels: &Labels) -> Result<(), String> {
+    let spacing = labels.grid.spacing();
+    let [fine, coarse] =
+        [f64::min as fn(f64, f64) -> f64, f64::max].map(|f| spacing.into_iter().reduce(f).unwrap_or(0.0));
+    if !(fine >= 0.05 && coarse <= 5.0) {
+        return Err(format!(
+            "voxels are {:.3} x {:.3} x {:.3} mm; expected 0.2 to 3 mm: check its unit",
+            spacing[0], spacing[1], spacing[2]
+        ));
+    }
+    Ok(())
+}
+
+/// Label numbers by the table's keys.
+fn structures(table: &SegmentationPaths, map: &LabelMap) -> Result<BTreeMap<&'static str, u8>, String> {
+    let wanted: [(&'static str, Option<&LabelName>); 10] = [
+        ("femur", Some(&table.femur)),
+        ("tibia", Some(&table.tibia)),
+        ("fibula", table.fibula.as_ref()),
+        ("patella", table.patella.as_ref()),
+        ("femoral_cartilage", Some(&table.femoral_cartilage)),
+        ("tibial_cartilage_medial", Some(&table.tibial_cartilage_medial)),
+        ("tibial_cartilage_lateral", Some(&table.tibial_cartilage_lateral)),
+        ("patellar_cartilage", table.patellar_cartilage.as_ref()),
+        ("meniscus_medial", table.meniscus_medial.as_ref()),
+        ("meniscus_lateral", table.meniscus_lateral.as_ref()),
+    ];
+    let mut counts = [0usize; 256];
+    map.labels.values.iter().for_each(|l| counts[usize::from(*l)] += 1);
+    let name = |l: usize| map.names.iter().find(|(_, n)| usize::from(*n) == l).map(|(name, _)| name.as_str());
+    let there: Vec<String> = (1..256)
+        .filter(|&l| counts[l] > 0)
+        .map(|l| name(l).map_or(l.to_string(), |name| format!("{l} ({name})")))
+        .collect();
+    let there = if there.is_empty() { "no label at all".to_string() } else { there.join(", ") };
+    let optional = ["fibula", "patella", "patellar_cartilage", "meniscus_medial", "meniscus_lateral"];
+    let mut found: BTreeMap<&'static str, u8> = BTreeMap::new();
+    for (key, label) in wanted {
+        let Some(label) = label else { continue };
+        let number = match label {
+            LabelName::Number(0) => return Err(format!("segmentation.{key} is 0, which is the background")),
+            LabelName::Number(n) => *n,
+            LabelName::Name(name) => match map.names.iter().find(|(n, _)| n == name) {
+                Some((_, number)) => *number,
+                None => {
+                    return Err(format!("segmentation.{key}: no segment is called \"{name}\"; the file has {there}"));
+                }
+            },
+        };
+        if let Some((other, _)) = found.iter().find(|(_, n)| **n == number) {
+            return Err(format!("segmentation.{key} and segmentation.{other} are both label {number}"));
+        }
+        if counts[usize::from(number)] == 0 {
+            if optional.contains(&key) {
+                continue;
+            }
+            return Err(format!("segmentation.{key}: no voxel has label {number}; the file has {there}"));
+        }
+        found.insert(key, number);
+    }
+    Ok(found)
+}
+
+fn tell_unnamed(found: &Found, map: &LabelMap, warnings: &mut Vec<String>) {
+    let mut counts = [0usize; 256];
+    map.labels.values.iter().for_each(|l| counts[usize::from(*l)] += 1);
+    let unnamed: Vec<String> = (1u8..=255)
+        .filter(|l| counts[usize::from(*l)] > 0 && !found.labels.values().any(|n| n == l))
+        .map(|l| l.to_string())
+        .collect();
+    if !unnamed.is_empty() {
+        warnings.push(format!(
+            "{}: labels {} are named nowhere in [segmentation] and left out",
+            found.path,
+            unnamed.join(", ")
+        ));
+    }
+}
+
+/// A label map with its structures.
+struct Found<'a> {
+    path: &'a str,
+    labels: BTreeMap<&'static str, u8>,
+    map: &'a Labels,
+    options: &'a IngestOptions,
+}
+
+impl Found<'_> {
+    fn fail(&self, what: String) -> StageError {
+        StageError(format!("{} (segmentation.labels): {what}", self.path))
+    }
+
+    fn structure(&self, keys: &[&'static str]) -> Structure<'_> {
+        let labels = keys.iter().filter_map(|k| self.labels.get(k).copied()).collect();
+        Structure { key: self.labels.get_key_value(keys[0]).map_or("", |(k, _)| k), labels }
+    }
+
+    fn sigma(&self) -> f64 {
+        self.options.label_blur * self.map.grid.spacing().into_iter().fold(0.0, f64::max)
+    }
+
+    /// The voxels of a structure, mended; what was mended is told.
+    fn part(&self, of: &Structure, most: usize, share: f64, warnings: &mut Vec<String>) -> Result<Part, StageError> {
+        let missing = || self.fail(format!("{} has no voxel", of.key));
+        let around = border(&self.map.grid, self.sigma());
+        let mut part = Part::new(self.map, around, |l| of.labels.contains(&l)).ok_or_else(missing)?;
+        let bone = share < CARTILAGE_SPECK_SHARE;
+        let (mended, second) = clean(&mut part, most, share, bone);
+        if bone && second > SECOND_KNEE {
+            return Err(self.fail(format!(
+                "label {} ({}) is in two pieces, the second {:.0} % of the first; expected one knee: crop the picture to it, or give each knee labels of its own",
+                of.labels[0], of.key, 100.0 * second
+            )));
+        }
+        tell(self.path, of, &mended, warnings);
+        Ok(part)
+    }
+
+    fn outline(&self, key: &str, part: &Part) -> Result<TriMesh, StageError> {
+        outline(part, self.sigma(), self.options.label_edge_mm)
+            .ok_or_else(|| self.fail(format!("{key} has no surface: its label is a voxel thick, or none")))
+    }
+
+    /// Every surface of the map.
+    fn surfaces(&self, beside_ct: bool, warnings: &mut Vec<String>) -> Result<Read, StageError> {
+        let femur = self.part(&self.structure(&["femur"]), 1, SPECK_SHARE, warnings)?;
+        let tibfib = self.part(&self.structure(&["tibia", "fibula"]), 2, SPECK_SHARE, warnings)?;
+        let voxel = self.map.grid.voxel_mm3();
+        let mut volumes = serde_json::Map::new();
+        let mut given = Vec::new();
+        let mut covers = Vec::new();
+        for (key, bone) in
+            [("femoral_cartilage", &femur), ("tibial_cartilage_medial", &tibfib), ("tibial_cartilage_lateral", &tibfib)]
+        {
+            let cartilage = self.part(&self.structure(&[key]), 50, CARTILAGE_SPECK_SHARE, warnings)?;
+            let size = cartilage.inside.iter().filter(|i| **i).count() as f64 * voxel;
+            volumes.insert(key.into(), json!(size));
+            if size < LEAST_CARTILAGE_MM3 {
+                return Err(self.fail(format!(
+                    "{key} has {size:.0} mm3; expected {LEAST_CARTILAGE_MM3:.0} mm3 or more: check which label it is"
+                )));
+            }
+            given.push(size);
+            covers.push(self.outline(key, &joined(bone, &cartilage))?);
+        }
+        let [femoral, medial, lateral]: [TriMesh; 3] =
+            covers.try_into().map_err(|_| self.fail("not three cartilages".into()))?;
+        let bones = PerBone { femur: self.outline("femur", &femur)?, tibfib: self.outline("tibia", &tibfib)? };
+        let mut bodies = BTreeMap::new();
+        for key in ["patella", "patellar_cartilage", "meniscus_medial", "meniscus_lateral"] {
+            if self.labels.contains_key(key) {
+                let part = self.part(&self.structure(&[key]), 1, CARTILAGE_SPECK_SHARE, warnings)?;
+                volumes.insert(key.into(), json!(part.inside.iter().filter(|i| **i).count() as f64 * voxel));
+                bodies.insert(key.to_string(), self.outline(key, &part)?);
+            }
+        }
+        let patella = if beside_ct { None } else { bodies.remove("patella") };
+        let metrics = json!({
+            "voxels": self.map.grid.size, "spacing_mm": self.map.grid.spacing(), "label_volume_mm3": volumes,
+        });
+        let mri = Mri {
+            in_ct: !beside_ct,
+            covers: PerCartilage { femur: femoral, tibia_medial: medial, tibia_lateral: lateral },
+            with_bone: true,
+            bodies,
+            given_mm3: PerCartilage { femur: given[0], tibia_medial: given[1], tibia_lateral: given[2] },
+        };
+        Ok(Read { bones, patella, mri, metrics })
+    }
+}
+
+fn tell(path: &str, of: &Structure, mended: &Mended, warnings: &mut Vec<String>) {
+    let key = of.key;
+    if mended.bridged > 0 {
+        warnings.push(format!(
+            "{path}: {} pieces of {key} that hung on by a bridge of a voxel were cut off",
+            mended.bridged
+        ));
+    }
+    if let [first, ..] = mended.specks_mm3[..] {
+        let n = mended.specks_mm3.len();
+        warnings.push(format!("{path}: {n} loose pieces of {key} left out, the largest of {first:.1} mm3"));
+    }
+    if mended.holes_mm3 > 0.0 {
+        warnings.push(format!("{path}: holes of {:.1} mm3 within {key} filled", mended.holes_mm3));
+    }
+}
+
+/// The voxels of either part, on a grid about both.
+fn joined(a: &Part, b: &Part) -> Part {
+    let Some(to_index) = a.grid.index_from_mm() else { return a.clone() };
+    let offset = (to_index * (b.grid.origin - a.grid.origin)).map(|x| x.round() as isize);
+    let low: [isize; 3] = std::array::from_fn(|k| offset[k].min(0));
+    let high: [isize; 3] = std::array::from_fn(|k| (a.grid.size[k] as isize).max(offset[k] + b.grid.size[k] as isize));
+    let size = std::array::from_fn(|k| (high[k] - low[k]) as usize);
+    let shift = nalgebra::Vector3::from(low.map(|x| x as f64));
+    let grid = meshes::volume::Grid { size, origin: a.grid.point(&shift), axes: a.grid.axes };
+    let mut inside = vec![false; grid.count()];
+    for (part, off) in [(a, [0; 3]), (b, [offset[0], offset[1], offset[2]])] {
+        for (i, _) in part.inside.iter().enumerate().filter(|(_, x)| **x) {
+            let v = part.grid.voxel(i);
+            inside[grid.at(std::array::from_fn(|k| (v[k] as isize + off[k] - low[k]) as usize))] = true;
+        }
+    }
+    Part { grid, inside }
+}

@@ -1,0 +1,154 @@
+//! Points as 3D Slicer keeps them: .mrk.json and .fcsv. They are turned to LPS from what the file states.
+
+use crate::StageError;
+use meshes::Point;
+use serde::Deserialize;
+
+/// A named point, and where in its file it stands.
+pub(super) struct Placed {
+    pub(super) name: String,
+    pub(super) point: Point,
+    /// Line or number of the point, in words.
+    pub(super) place: String,
+}
+
+/// The points of a file of 3D Slicer's, LPS; `None` for another kind of file.
+pub(super) fn read(path: &str, bytes: &[u8]) -> Option<Result<Vec<Placed>, StageError>> {
+    let body = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    let text = std::str::from_utf8(body).ok()?;
+    let fail = |what: String| StageError(format!("{path}: {what}"));
+    let lower = path.to_ascii_lowercase();
+    if lower.ends_with(".json") || text.trim_start().starts_with('{') {
+        return Some(markups(text).map_err(fail));
+    }
+    (lower.ends_with(".fcsv") || text.starts_with("# Markups")).then(|| fiducials(text).map_err(fail))
+}
+
+#[derive(Deserialize)]
+struct File {
+    markups: Vec<Markup>,
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "camelCase")]
+struct Markup {
+    #[serde(default)]
+    coordinate_system: Option<serde_json::Value>,
+    #[serde(default)]
+    coordinate_units: Option<serde_json::Value>,
+    #[serde(default)]
+    control_points: Vec<ControlPoint>,
+}
+
+#[derive(Deserialize)]
+#[serde(rename_all = "camelCase")]
+struct ControlPoint {
+    #[serde(default)]
+    label: String,
+    #[serde(default)]
+    position: Option<Vec<f64>>,
+    #[serde(default)]
+    position_status: Option<String>,
+}
+
+fn markups(text: &str) -> Result<Vec<Placed>, String> {
+    let file: File = serde_json::from_str(text)
+        .map_err(|e| format!("line {}: {e}; expected the markups of 3D Slicer (.mrk.json)", e.line()))?;
+    let mut points = Vec::new();
+    for markup in file.markups {
+        let system =
+            markup.coordinate_system.map_or("LPS".into(), |s| s.as_str().map_or(s.to_string(), str::to_string));
+        let turn = turn(&system)?;
+        if let Some(unit) = markup.coordinate_units.as_ref().and_then(|u| u.as_str()).filter(|u| *u != "mm") {
+            return Err(format!("coordinateUnits is {unit}; expected mm"));
+        }
+        for (k, p) in markup.control_points.into_iter().enumerate() {
+            let place = format!("point {}", k + 1);
+            // A point that was announced and not placed has no position.
+            if p.position_status.as_deref().is_some_and(|s| s != "defined") {
+                continue;
+            }
+            match p.position.as_deref() {
+                Some([x, y, z]) if [x, y, z].iter().all(|x| x.is_finite()) => {
+                    points.push(Placed { name: p.label, point: Point::new(turn * x, turn * y, *z), place });
+                }
+                _ => return Err(format!("{place} ({}) has no position of three numbers", p.label)),
+            }
+        }
+    }
+    Ok(points)
+}
+
+/// The sign of x and y that turns a coordinate system to LPS.
+fn turn(system: &str) -> Result<f64, String> {
+    match system.trim() {
+        "LPS" | "1" => Ok(1.0),
+        "RAS" | "0" => Ok(-1.0),
+        other => Err(format!("the coordinate system is {other}; expected LPS or RAS")),
+    }
+}
+
+fn fiducials(text: &str) -> Result<Vec<Placed>, String> {
+    // Versions before 4.6 do not state it and are in RAS.
+    let mut turn_by = -1.0;
+    let mut columns: Vec<String> = "id,x,y,z,ow,ox,oy,oz,vis,sel,lock,label".split(',').map(str::to_string).collect();
+    let mut points = Vec::new();
+    for (k, line) in text.lines().enumerate() {
+        let place = format!("line {}", k + 1);
+        if let Some(comment) = line.strip_prefix('#') {
+            match comment.split_once('=').map(|(key, value)| (key.trim(), value.trim())) {
+                Some(("CoordinateSystem", system)) => turn_by = turn(system).map_err(|e| format!("{place}: {e}"))?,
+                Some(("columns", names)) => columns = names.split(',').map(|n| n.trim().to_string()).collect(),
+                _ => {}
+            }
+            continue;
+        }
+        if line.trim().is_empty() {
+            continue;
+        }
+        let cells: Vec<&str> = line.split(',').map(str::trim).collect();
+        let cell = |name: &str| columns.iter().position(|c| c == name).and_then(|k| cells.get(k).copied());
+        let number = |name: &str| {
+            cell(name).and_then(|x| x.parse::<f64>().ok()).filter(|x| x.is_finite()).ok_or_else(|| {
+                format!("{place}: {name} is `{}`; expected a number in mm", cell(name).unwrap_or_default())
+            })
+        };
+        let point = Point::new(turn_by * number("x")?, turn_by * number("y")?, number("z")?);
+        points.push(Placed { name: cell("label").unwrap_or_default().to_string(), point, place });
+    }
+    Ok(points)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn both_kinds_are_read_in_the_frame_they_state() {
+        let json = r#"{"@schema":"x","markups":[{"type":"Fiducial","coordinateSystem":"RAS","coordinateUnits":"mm","controlPoints":[
+            {"id":"1","label":"ACL","position":[1.0,2.0,3.0],"positionStatus":"defined"},{"label":"PCL","positionStatus":"undefined"}]}]}"#;
+        let read_one = |path: &str, text: &str| read(path, text.as_bytes()).unwrap();
+        let points = read_one("a.mrk.json", json).unwrap();
+        assert_eq!(points.len(), 1);
+        assert_eq!((points[0].name.as_str(), points[0].point), ("ACL", Point::new(-1.0, -2.0, 3.0)));
+        let lps = read_one("a.mrk.json", &json.replace("RAS", "LPS")).unwrap();
+        assert_eq!(lps[0].point, Point::new(1.0, 2.0, 3.0));
+        for (system, sign) in [("LPS", 1.0), ("0", -1.0), ("1", 1.0)] {
+            let text = format!(
+                "# Markups fiducial file version = 4.11\n# CoordinateSystem = {system}\n# columns = id,x,y,z,ow,ox,oy,oz,vis,sel,lock,label,desc,associatedNodeID\n1,1,2,3,0,0,0,1,1,1,0,ACL,,\n"
+            );
+            let points = read_one("a.fcsv", &text).unwrap();
+            assert_eq!((points[0].name.as_str(), points[0].point), ("ACL", Point::new(sign, 2.0 * sign, 3.0)));
+        }
+        for (path, text, word) in [
+            ("a.mrk.json", "{\"markups\": [", "line 1"),
+            ("a.mrk.json", &json.replace("RAS", "XYZ"), "LPS or RAS"),
+            ("a.mrk.json", &json.replace("\"mm\"", "\"m\""), "mm"),
+            ("a.fcsv", "# CoordinateSystem = LPS\n1,a,2,3", "line 2: x"),
+        ] {
+            let told = read_one(path, text).err().unwrap().0;
+            assert!(told.contains(word), "{told}");
+        }
+        assert!(read("landmarks.csv", b"name,frame,x_mm,y_mm,z_mm\n").is_none());
+    }
+}
