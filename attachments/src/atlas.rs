@@ -20,10 +20,12 @@ pub struct Anatomy<'a> {
     pub tibfib: &'a TriMesh,
     /// The femur's frame: origin on the transepicondylar axis.
     pub femur_frame: &'a AnatomicalFrame,
-    /// The tibia's frame: origin midway between the plateaus, at the joint line.
+    /// The tibia's axes at the joint line: origin midway between the plateaus.
     pub tibia_frame: &'a AnatomicalFrame,
     /// Medial and lateral epicondyle [mm].
     pub epicondyles: [Point; 2],
+    /// Sites that were marked: where a source measures from a ligament's site, a marked one is the better start.
+    pub marked: &'a [Site],
 }
 
 /// The mediolateral half of a bone.
@@ -44,6 +46,13 @@ pub enum At {
     Epicondyle {
         /// Which.
         side: Half,
+        /// Offset [mm].
+        offset_mm: [f64; 3],
+    },
+    /// An offset from another ligament's site on the same bone: the marked one, else where the atlas has it.
+    Site {
+        /// The other ligament.
+        ligament: String,
         /// Offset [mm].
         offset_mm: [f64; 3],
     },
@@ -125,7 +134,7 @@ pub fn place(
         Bone::Tibfib => (anatomy.tibfib, anatomy.tibia_frame),
     };
     let query = SurfaceQuery::new(mesh)?;
-    let rough = found(anatomy, &rule.at, scale)?;
+    let rough = found(anatomy, bone, &rule.at, scale)?;
     let covered = |p: &Point| cartilage.iter().any(|c| c.nearest(p).distance < clearance_mm);
     let nearest = query.nearest(&rough);
     if nearest.distance > OFF_BONE_MM * scale {
@@ -149,13 +158,25 @@ pub fn place(
     })
 }
 
-fn found(anatomy: &Anatomy, at: &At, scale: f64) -> Option<Point> {
+fn found(anatomy: &Anatomy, bone: Bone, at: &At, scale: f64) -> Option<Point> {
     let (femur, tibia) = (anatomy.femur_frame, anatomy.tibia_frame);
     let along = |f: &AnatomicalFrame, c: &[f64; 3]| f.medial * c[0] + f.anterior * c[1] + f.superior * c[2];
     match at {
         At::Epicondyle { side, offset_mm } => {
             let end = anatomy.epicondyles[usize::from(*side == Half::Lateral)];
             Some(end + along(femur, offset_mm) * scale)
+        }
+        At::Site { ligament, offset_mm } => {
+            let same = |s: &&Site| s.ligament == *ligament && s.bone == bone;
+            let start = match anatomy.marked.iter().find(same) {
+                Some(site) => site.centroid,
+                None => {
+                    let rule = ATLAS.iter().find(|r| r.ligament == *ligament && r.bone == bone)?;
+                    found(anatomy, bone, &rule.at, scale)?
+                }
+            };
+            let frame = if bone == Bone::Femur { femur } else { tibia };
+            Some(start + along(frame, offset_mm) * scale)
         }
         At::Condyle { side, arc_deg } => condyle(anatomy.femur, femur, *side, *arc_deg),
         At::Notch(shares) => Some(femur.origin + along(femur, shares) * (scale * WIDTH_MM)),
@@ -200,8 +221,13 @@ mod tests {
                 let rules: Vec<&Rule> = ATLAS.iter().filter(|r| r.ligament == ligament && r.bone == bone).collect();
                 assert_eq!(rules.len(), 1, "{ligament} {bone:?}");
                 assert!(!rules[0].cite.is_empty() && !rules[0].words.is_empty());
-                let on_femur = matches!(rules[0].at, At::Epicondyle { .. } | At::Condyle { .. } | At::Notch(_));
+                let on_femur =
+                    matches!(rules[0].at, At::Epicondyle { .. } | At::Condyle { .. } | At::Notch(_) | At::Site { .. });
                 assert_eq!(on_femur, bone == Bone::Femur, "{ligament}");
+                if let At::Site { ligament: start, .. } = &rules[0].at {
+                    let of_start = ATLAS.iter().find(|r| r.ligament == *start && r.bone == bone).unwrap();
+                    assert!(!matches!(of_start.at, At::Site { .. }), "{ligament} from {start}: one step at most");
+                }
             }
         }
         assert_eq!(ATLAS.len(), 20);

@@ -4,6 +4,7 @@ pub mod atlas;
 pub mod bundle;
 pub mod groups;
 pub mod layout;
+pub mod lengths;
 pub mod marks;
 pub mod naming;
 pub mod site;

@@ -57,6 +57,9 @@ fn published(page: &mut Section, knee: &Knee, made: &Frames, superior: f64, word
         &case,
         degrees(&made.femur.superior, &femur.superior),
     );
+    let apart = |a: &AnatomicalFrame, b: &AnatomicalFrame| (a.origin - b.origin).norm();
+    page.add("femoral origin [mm]", Limit::Most(5.0), &case, apart(&made.femur, &femur));
+    page.add("tibial origin [mm]", Limit::Most(5.0), &case, apart(&made.tibia, &tibia));
     page.add("tibial medial axis [deg]", Limit::Most(10.0), &case, degrees(&made.tibia.medial, &tibia.medial));
     page.add("tibial superior axis [deg]", Limit::Most(12.0), &case, degrees(&made.tibia.superior, &tibia.superior));
 }

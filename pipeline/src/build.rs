@@ -122,6 +122,7 @@ fn assemble_options(given: &AssembleOptions, law: Option<&ContactLaw>) -> Assemb
     let mut options = given.clone();
     if let Some(law) = law {
         (options.overclosure_mm, options.pressure_mpa) = (law.overclosure_mm.clone(), law.pressure_mpa.clone());
+        options.own_law = true;
     }
     options
 }

@@ -1,5 +1,7 @@
 //! Stage 9, assemble: everything a simulation needs, in one specification.
 
+mod uncertainty;
+
 use crate::attachments::Attachments;
 use crate::frames::Frames;
 use crate::ingest::Specimen;
@@ -31,6 +33,8 @@ pub struct AssembleOptions {
     pub mass_tonne: f64,
     /// Rotary inertia of the moving body in explicit dynamics [tonne mm2]; numerical, as in the published decks.
     pub inertia_tonne_mm2: f64,
+    /// Whether the contact law was fitted to this knee's own cartilage; stage contact-law sets it.
+    pub own_law: bool,
 }
 
 impl Default for AssembleOptions {
@@ -44,6 +48,7 @@ impl Default for AssembleOptions {
             law: Law::Smooth,
             mass_tonne: 1e-5,
             inertia_tonne_mm2: 0.1,
+            own_law: false,
         }
     }
 }
@@ -99,7 +104,7 @@ pub fn assemble(
         toe_end_multiple: Default::default(),
         protocols: Vec::new(),
         components: Vec::new(),
-        uncertainty: None,
+        uncertainty: Some(uncertainty::uncertainty(specimen, attachments, options.own_law)),
         warnings: warnings.iter().chain(&attachments.warnings).cloned().collect(),
     };
     Ok(Assembled { spec, contact, warnings, metrics })

@@ -111,7 +111,7 @@ pub fn attachments(
     let (femur, tibfib) = (query("femur", &bones.surfaces.femur)?, query("tibfib", &bones.surfaces.tibfib)?);
     let sides = PerBone {
         femur: Side { bone: Bone::Femur, name: "femur", query: &femur, frame: &frames.femur, other: &tibfib },
-        tibfib: Side { bone: Bone::Tibfib, name: "tibfib", query: &tibfib, frame: &frames.tibia, other: &femur },
+        tibfib: Side { bone: Bone::Tibfib, name: "tibfib", query: &tibfib, frame: &frames.joint_line, other: &femur },
     };
     let width = (frames.epicondyles[0] - frames.epicondyles[1]).norm();
     let mut warnings = Vec::new();
@@ -134,6 +134,7 @@ pub fn attachments(
     let literature = literature(specimen, bones, cartilage, frames, &sites, options);
     sites.extend(literature.into_iter().filter(|site| !contradicted(site)));
     let fibres = fibres::lay(&sides, &mut sites, &specimen.given_fibres, options, &mut warnings);
+    fibres::warn_of_lengths(&fibres, width / attachments::atlas::WIDTH_MM, &mut warnings);
     let rank = |s: &Site| (LIGAMENTS.iter().position(|l| *l == s.ligament), s.bone);
     sites.sort_by_key(rank);
     let count = |source: Source| sites.iter().filter(|s| s.source == source).count();
@@ -157,8 +158,9 @@ fn literature(
         femur: &bones.surfaces.femur,
         tibfib: &bones.surfaces.tibfib,
         femur_frame: &frames.femur,
-        tibia_frame: &frames.tibia,
+        tibia_frame: &frames.joint_line,
         epicondyles: frames.epicondyles,
+        marked,
     };
     let queries: Vec<SurfaceQuery> =
         cartilage.solids.named().into_iter().filter_map(|(_, s)| SurfaceQuery::new(&s.solid)).collect();

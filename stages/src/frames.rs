@@ -1,9 +1,12 @@
 //! Stage 5, frames: transepicondylar and tibial frames, Grood-Suntay pose in CT.
 
+pub mod given;
+
 use crate::StageError;
 use crate::anatomy::{LEAST_SECTIONS, RoughAxes, Shaft, rough_axes};
 use crate::bones::Bones;
 use crate::condyles::{Cylinder, Directions, condylar_cylinder, epicondyles};
+use crate::eminences::{eminences, on_the_bone};
 use crate::ingest::{PointFrame, Specimen};
 use crate::plateaus::plateau_centres;
 use meshes::frame::{AnatomicalFrame, Side};
@@ -36,8 +39,10 @@ pub struct GroodSuntayPose {
 pub struct Frames {
     /// The femur's: medial along the transepicondylar axis, origin on it.
     pub femur: AnatomicalFrame,
-    /// The tibia's, after [grood1983].
+    /// The tibia's, after [grood1983]: origin on the bone, midway between the intercondylar eminences.
     pub tibia: AnatomicalFrame,
+    /// The tibia's axes as the bone shows them, origin midway between the centres of the plateaus: where depths below the joint line begin.
+    pub joint_line: AnatomicalFrame,
     /// The pose in CT.
     pub gs_ct_pose: GroodSuntayPose,
     /// A point [mm] and the unit direction (medial) of the axis of the cylinder fitted to the posterior condyles.
@@ -65,6 +70,9 @@ pub struct FramesOptions {
     pub condylar_angle_range_deg: [f64; 2],
     /// Distance of a given landmark from what the bone shows beyond which a warning is given [mm].
     pub landmark_limit_mm: f64,
+    /// How far an axis [deg] and an origin [mm] of a laboratory's own frames may lie from those that the bones show without a warning. Ours: twice
+    /// what two constructions of a frame differ by.
+    pub given_limits: [f64; 2],
     /// Varus-valgus and internal-external rotation of the CT pose beyond which a warning is given [deg]: a knee at rest is not turned so far; our
     /// own choice.
     pub ct_rotation_limit_deg: [f64; 2],
@@ -76,6 +84,7 @@ impl Default for FramesOptions {
             valgus_deg: 6.0,
             condylar_angle_range_deg: [0.8, 6.5],
             landmark_limit_mm: 12.0,
+            given_limits: [12.0, 12.0],
             ct_rotation_limit_deg: [10.0, 18.0],
         }
     }
@@ -86,7 +95,7 @@ impl Default for FramesOptions {
 /// Femur: medial along the transepicondylar axis, origin midway between the epicondyles; superior towards the centre of the
 /// femoral head (else along the shaft, turned by the mean valgus), made square to it. Tibia [grood1983]: superior along the shaft
 /// (towards the middle of the plateaus from the ankle where that is given); medial along the line of the plateaus' centres, made
-/// square to it; origin midway between them.
+/// square to it; origin on the bone, midway between the intercondylar eminences. A laboratory's own frames take the place of both.
 ///
 /// # Errors
 /// Bones in which no shaft, condyles or plateaus are found, with what to do.
@@ -106,7 +115,11 @@ pub fn frames(specimen: &Specimen, bones: &Bones, options: &FramesOptions) -> Re
     }
     let mark = |name: &str| landmark(specimen, name);
     let (femoral, cylinder, ends) = femoral_frame(femur, &rough, side, &mark, options, &mut warnings)?;
-    let tibial = tibial_frame(tibfib, &rough, side, &mark, options, &mut warnings)?;
+    let (tibial, joint_line) = tibial_frame(tibfib, &rough, side, &mark, options, &mut warnings)?;
+    let (femoral, tibial) = match &specimen.given_frames {
+        Some(given) => given::frames(given, [&femoral, &tibial], side, options, &mut warnings)?,
+        None => (femoral, tibial),
+    };
     let gs_ct_pose = grood_suntay(&femoral, &tibial, side)?;
     let angle = axial_angle_deg(&cylinder.direction, &femoral);
     let [least, most] = options.condylar_angle_range_deg;
@@ -135,6 +148,7 @@ pub fn frames(specimen: &Specimen, bones: &Bones, options: &FramesOptions) -> Re
     Ok(Frames {
         femur: femoral,
         tibia: tibial,
+        joint_line,
         gs_ct_pose,
         condylar_axis: (cylinder.point, cylinder.direction),
         condylar_radius_mm: cylinder.radius,
@@ -232,7 +246,7 @@ fn tibial_frame(
     mark: &dyn Fn(&str) -> Option<Point>,
     options: &FramesOptions,
     warnings: &mut Vec<String>,
-) -> Result<AnatomicalFrame, StageError> {
+) -> Result<(AnatomicalFrame, AnatomicalFrame), StageError> {
     let d = Directions { medial: -rough.lateral, anterior: rough.anterior, superior: rough.superior };
     let [medial, lateral] = plateau_centres(tibfib, &d, &rough.joint).ok_or_else(|| {
         StageError("no pair of plateaus was found on the tibia: a proximal tibia was expected".into())
@@ -260,8 +274,20 @@ fn tibial_frame(
         )
     })?;
     let across = medial - lateral;
-    square_about(origin, &(across - up * across.dot(&up)), &up, side)
-        .ok_or_else(|| StageError("the plateaus lie one above the other: check the tibia's surface".into()))
+    let joint_line = square_about(origin, &(across - up * across.dot(&up)), &up, side)
+        .ok_or_else(|| StageError("the plateaus lie one above the other: check the tibia's surface".into()))?;
+    let tips = match (mark("eminence_medial"), mark("eminence_lateral")) {
+        (Some(medial), Some(lateral)) => Some([medial, lateral]),
+        _ => eminences(tibfib, &joint_line, across.norm()),
+    };
+    let place = match tips {
+        Some([a, b]) => nalgebra::center(&a, &b),
+        None => {
+            warnings.push("the bone shows no two intercondylar eminences: the tibia's origin lies on the bone above the middle of the plateaus; eminence_medial and eminence_lateral in landmarks.csv would tell".into());
+            origin
+        }
+    };
+    Ok((AnatomicalFrame { origin: on_the_bone(tibfib, &place, &up), ..joint_line }, joint_line))
 }
 
 fn off_line(p: &Point, shaft: &Shaft) -> f64 {

@@ -11,6 +11,7 @@ mod surfaces;
 pub use file::{OPTIONAL_PATHS, parse_specimen_file, paths_named_by, paths_named_in};
 pub use mri::{CartilageFrame, CartilagePaths, LabelName, Mri, SegmentationPaths};
 
+use crate::frames::{self, given::GivenFrames};
 use crate::{PerBone, StageError};
 use attachments::bundle::BUNDLES;
 use attachments::site::Fibre;
@@ -44,6 +45,9 @@ pub struct SpecimenFile {
     /// Passive flexion data by name.
     #[serde(default)]
     pub passive: BTreeMap<String, String>,
+    /// The laboratory's own frames.
+    #[serde(default)]
+    pub frames: Option<FramesPath>,
     /// Where a bundle's parameters start.
     #[serde(default)]
     pub ligaments: BTreeMap<String, LigamentStart>,
@@ -131,6 +135,14 @@ pub struct PointPaths {
     pub marks: Option<String>,
     /// attachments.csv
     pub attachments: Option<String>,
+}
+
+/// The `[frames]` table.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FramesPath {
+    /// A file in the shape of 05-frames/frames.json, CT frame.
+    pub file: String,
 }
 
 /// The `[specimen]` table.
@@ -221,6 +233,9 @@ pub struct Specimen {
     pub marks: Vec<NamedPoint>,
     /// Fibres given by hand.
     pub given_fibres: Vec<Fibre>,
+    /// The laboratory's own frames, CT frame.
+    #[serde(default)]
+    pub given_frames: Option<GivenFrames>,
     /// Where bundles' parameters start.
     pub ligaments: BTreeMap<String, LigamentStart>,
     /// What is odd but not fatal.
@@ -277,6 +292,10 @@ pub fn ingest(raw: &RawSpecimen, options: &IngestOptions) -> Result<Specimen, St
     warnings.extend(points::missing(&file, raw, &landmarks));
     let marks = points::marks(&file, raw)?;
     let given_fibres = points::fibres(&file, raw)?;
+    let given_frames = match &file.frames {
+        Some(f) => Some(frames::given::read(&f.file, &raw.files[&f.file])?),
+        None => None,
+    };
     for bundle in BUNDLES.iter() {
         let given = given_fibres.iter().filter(|f| f.bundle == bundle.name).count();
         if given > 0 && given != bundle.fibres {
@@ -299,6 +318,7 @@ pub fn ingest(raw: &RawSpecimen, options: &IngestOptions) -> Result<Specimen, St
         landmarks,
         marks,
         given_fibres,
+        given_frames,
         ligaments: file.ligaments,
         warnings,
         metrics,

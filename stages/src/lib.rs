@@ -9,6 +9,7 @@ pub mod bones;
 pub mod cartilage;
 pub mod condyles;
 pub mod contact_law;
+pub mod eminences;
 pub mod frames;
 pub mod hexmesh;
 pub mod ingest;

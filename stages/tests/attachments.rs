@@ -120,6 +120,7 @@ fn knee(test: &str, id: &str) -> Option<Knee> {
         landmarks: Vec::new(),
         marks: marks(std::str::from_utf8(&read("marks.csv")?).unwrap()),
         given_fibres: Vec::new(),
+        given_frames: None,
         ligaments: Default::default(),
         warnings: Vec::new(),
         metrics: Value::Null,
@@ -137,6 +138,7 @@ fn knee(test: &str, id: &str) -> Option<Knee> {
         condylar_radius_mm: 20.0,
         condylar_angle_deg: 0.0,
         tibia: frame(&truth["frames_ct"]["tibia"]),
+        joint_line: frame(&truth["frames_ct"]["tibia"]),
         femur,
         gs_ct_pose: GroodSuntayPose { fe_deg: 0.0, vv_deg: 0.0, ie_deg: 0.0, ml_mm: 0.0, ap_mm: 0.0, si_mm: 0.0 },
         warnings: Vec::new(),
@@ -213,7 +215,7 @@ fn other_side(knee: &mut Knee) {
     for cartilage in [&mut solids.femur, &mut solids.tibia_medial, &mut solids.tibia_lateral] {
         cartilage.solid = mirrored(&cartilage.solid);
     }
-    for frame in [&mut knee.frames.femur, &mut knee.frames.tibia] {
+    for frame in [&mut knee.frames.femur, &mut knee.frames.tibia, &mut knee.frames.joint_line] {
         frame.origin = turn(&frame.origin.coords).into();
         (frame.medial, frame.anterior, frame.superior) =
             (turn(&frame.medial), turn(&frame.anterior), turn(&frame.superior));
@@ -261,7 +263,7 @@ fn moving_ct_and_scan_moves_the_sites() {
         cartilage.solid = cartilage.solid.moved(&ct);
     }
     knee.frames.epicondyles = knee.frames.epicondyles.map(|p| ct * p);
-    for frame in [&mut knee.frames.femur, &mut knee.frames.tibia] {
+    for frame in [&mut knee.frames.femur, &mut knee.frames.tibia, &mut knee.frames.joint_line] {
         frame.origin = ct * frame.origin;
         (frame.medial, frame.anterior, frame.superior) = (ct * frame.medial, ct * frame.anterior, ct * frame.superior);
     }

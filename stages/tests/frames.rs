@@ -178,7 +178,63 @@ fn frames_lie_near_the_published_ones() {
             "{id} {}",
             degrees(&f.tibia.superior, &tibia.superior)
         );
+        for (bone, ours, theirs) in [("femur", f.femur.origin, femur.origin), ("tibia", f.tibia.origin, tibia.origin)] {
+            assert!((ours - theirs).norm() < 5.0, "{id} {bone}: {:.1} mm", (ours - theirs).norm());
+        }
     }
+}
+
+/// A tibia like a loaf of bread: a flat top with two hills, one of them higher, on either side of its middle.
+fn two_hills(apart: f64) -> (TriMesh, AnatomicalFrame) {
+    let height = |x: f64, y: f64| {
+        let hill = |at: f64, top: f64| top * (-((x - at).powi(2) + (y + 3.0).powi(2)) / 8.0).exp();
+        hill(0.5 * apart, 6.0) + hill(-0.5 * apart, 7.0)
+    };
+    let n: u32 = 81;
+    let at = |i: u32| f64::from(i) - 40.0;
+    let vertices = (0..n * n).map(|k| Point::new(at(k % n), at(k / n), height(at(k % n), at(k / n)))).collect();
+    let corner = |k: u32| k / (n - 1) * n + k % (n - 1);
+    let triangles = (0..(n - 1) * (n - 1)).map(corner).flat_map(|k| [[k, k + 1, k + n + 1], [k, k + n + 1, k + n]]);
+    let frame =
+        AnatomicalFrame { origin: Point::origin(), medial: Vector::x(), anterior: Vector::y(), superior: Vector::z() };
+    (TriMesh { vertices, triangles: triangles.collect() }, frame)
+}
+
+#[test]
+fn eminences_are_the_two_tips_and_a_single_tip_is_none() {
+    let (bone, frame) = two_hills(12.0);
+    let [medial, lateral] = stages::eminences::eminences(&bone, &frame, 50.0).unwrap();
+    assert!((medial - Point::new(6.0, -3.0, 6.0)).norm() < 0.3, "{medial}");
+    assert!((lateral - Point::new(-6.0, -3.0, 7.0)).norm() < 0.3, "{lateral}");
+    let (single, frame) = two_hills(0.0);
+    assert_eq!(stages::eminences::eminences(&single, &frame, 50.0), None);
+}
+
+#[test]
+fn given_frames_are_used_as_they_are_or_refused_by_name() {
+    use stages::frames::given::{GivenFrame, GivenFrames};
+    let mut specimen = phantom("S192803-phantom");
+    let found = of(&specimen);
+    let give = |f: &AnatomicalFrame, shift: f64| GivenFrame {
+        origin: [f.origin.x + shift, f.origin.y, f.origin.z],
+        medial: f.medial.into(),
+        anterior: f.anterior.into(),
+        superior: f.superior.into(),
+    };
+    specimen.given_frames = Some(GivenFrames { femur: give(&found.femur, 1.0), tibia: give(&found.tibia, 0.0) });
+    let own = of(&specimen);
+    assert!((own.femur.origin - found.femur.origin - Vector::x()).norm() < 1e-12);
+    assert!((own.tibia.medial - found.tibia.medial).norm() < 1e-12);
+    assert_eq!(own.warnings, found.warnings);
+    specimen.given_frames = Some(GivenFrames { femur: give(&found.femur, 30.0), tibia: give(&found.tibia, 0.0) });
+    assert!(of(&specimen).warnings.iter().any(|w| w.contains("30 mm from the one that the bone shows")));
+    let mut turned = give(&found.tibia, 0.0);
+    turned.anterior = turned.anterior.map(|x| -x);
+    specimen.given_frames = Some(GivenFrames { femur: give(&found.femur, 0.0), tibia: turned });
+    let bones =
+        Bones { surfaces: specimen.ct.clone(), patella: None, warnings: Vec::new(), metrics: serde_json::Value::Null };
+    let told = frames(&specimen, &bones, &FramesOptions::default()).unwrap_err().to_string();
+    assert!(told.contains("tibia: anterior points backwards"), "{told}");
 }
 
 #[test]

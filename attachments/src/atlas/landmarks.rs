@@ -6,20 +6,30 @@ use meshes::section::{Outline, section};
 use meshes::surface::TriMesh;
 use meshes::{Point, Vector};
 
-/// The surface of one condyle farthest in the direction `arc_deg` behind straight distal.
+/// Depth of the cap of a condyle that shows its width [mm].
+const CAP_MM: f64 = 4.0;
+/// Half width of the strip about the middle of that width in which the surface is sought [mm]: two edges of the bone's mesh.
+const STRIP_MM: f64 = 3.0;
+
+/// The surface of one condyle farthest in the direction `arc_deg` behind straight distal, in the middle of the condyle's width there.
 pub(super) fn condyle(femur: &TriMesh, frame: &AnatomicalFrame, side: Half, arc_deg: f64) -> Option<Point> {
     let (sin, cos) = arc_deg.to_radians().sin_cos();
     let towards = -frame.superior * cos - frame.anterior * sin;
     let sign = if side == Half::Medial { 1.0 } else { -1.0 };
-    let near = |p: &&Point| {
-        let x = *p - frame.origin;
-        sign * x.dot(&frame.medial) > 5.0 && x.dot(&frame.superior) < 30.0
-    };
+    let across = |p: &Point| (p - frame.origin).dot(&frame.medial);
     let reach = |p: &Point| (p - frame.origin).dot(&towards);
-    let farthest = femur.vertices.iter().filter(near).map(reach).fold(f64::NEG_INFINITY, f64::max);
+    let near = |p: &&Point| sign * across(p) > 5.0 && (*p - frame.origin).dot(&frame.superior) < 30.0;
+    let farthest = |points: &[&Point]| points.iter().map(|p| reach(p)).fold(f64::NEG_INFINITY, f64::max);
+    let side: Vec<&Point> = femur.vertices.iter().filter(near).collect();
+    let top = farthest(&side);
+    let cap = side.iter().filter(|p| reach(p) > top - CAP_MM).map(|p| across(p));
+    let (least, most) = cap.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, m), x| (l.min(x), m.max(x)));
+    let middle = 0.5 * (least + most);
+    let strip: Vec<&Point> = side.into_iter().filter(|p| (across(p) - middle).abs() < STRIP_MM).collect();
+    let top = farthest(&strip);
     let (mut sum, mut weight) = (Vector::zeros(), 0.0);
-    for p in femur.vertices.iter().filter(near) {
-        let w = (1.0 - (farthest - reach(p)) / 0.5).max(0.0);
+    for p in strip {
+        let w = (1.0 - (top - reach(p)) / 0.5).max(0.0);
         sum += (p - frame.origin) * w;
         weight += w;
     }

@@ -4,6 +4,7 @@ use super::{AttachmentsOptions, Side};
 use crate::PerBone;
 use attachments::bundle::{BUNDLES, Bundle, LIGAMENTS};
 use attachments::layout::{counting_direction, depth_inside, ends, uncross};
+use attachments::lengths::usual_range_mm;
 use attachments::site::{Bone, Fibre, Site, Source};
 use meshes::{Point, Vector};
 
@@ -98,6 +99,21 @@ fn given_sites(ligament: &str, bundles: &[&Bundle], given: &[Fibre]) -> [Site; 2
         let ligament = ligament.to_owned();
         Site { ligament, bone, centroid, area_mm2: 0.0, source: Source::Given, projection_mm: 0.0, region }
     })
+}
+
+/// Warns of ligaments longer or shorter than published ones; `scale` is the knee's size over the atlas'.
+pub(super) fn warn_of_lengths(fibres: &[Fibre], scale: f64, warnings: &mut Vec<String>) {
+    for ligament in LIGAMENTS {
+        let of = |f: &&Fibre| BUNDLES.iter().any(|b| b.ligament == ligament && b.name == f.bundle);
+        let lengths: Vec<f64> = fibres.iter().filter(of).map(|f| (f.femur - f.tibia).norm()).collect();
+        let Some([least, most]) = usual_range_mm(ligament, scale).filter(|_| !lengths.is_empty()) else { continue };
+        let mean = lengths.iter().sum::<f64>() / lengths.len() as f64;
+        if !(least..=most).contains(&mean) {
+            warnings.push(format!(
+                "the fibres of {ligament} are {mean:.0} mm long in the mean, outside the {least:.0} to {most:.0} mm of knees of this size: look at its two sites in the report, or mark them"
+            ));
+        }
+    }
 }
 
 fn warn_of_crossings(sides: &PerBone<Side>, fibres: &[Fibre], limit: f64, warnings: &mut Vec<String>) {

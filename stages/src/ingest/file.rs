@@ -139,6 +139,7 @@ fn named(file: &SpecimenFile) -> Vec<(String, String)> {
         ("points.attachments", &file.points.attachments),
     ];
     named.extend(points.into_iter().filter_map(|(key, path)| Some((key.to_string(), path.clone()?))));
+    named.extend(file.frames.iter().map(|f| ("frames.file".to_string(), f.file.clone())));
     named.extend(file.laxity.iter().map(|(name, path)| (format!("laxity.{name}"), path.clone())));
     named.extend(file.passive.iter().map(|(name, path)| (format!("passive.{name}"), path.clone())));
     named

@@ -55,6 +55,7 @@ pub(crate) fn of(ct: PerBone<TriMesh>, scans: PerBone<ColouredMesh>, side: Side)
         landmarks: Vec::new(),
         marks: Vec::new(),
         given_fibres: Vec::new(),
+        given_frames: None,
         ligaments: Default::default(),
         warnings: Vec::new(),
         metrics: serde_json::Value::Null,
