@@ -235,7 +235,6 @@ fn a_right_knee_mirrors_the_left() {
         let turned = Point::new(-r.centroid.x, r.centroid.y, r.centroid.z);
         assert!((l.centroid - turned).norm() < 1e-3, "{}: {} and {}", l.ligament, l.centroid, turned);
     }
-    // The points that stand for a region are thinned to 1 mm in the order of the triangles' corners, which turning over changes.
     for (l, r) in left.fibres.iter().zip(&right.fibres) {
         assert_eq!((&l.bundle, l.fibre), (&r.bundle, r.fibre));
         let turned = Point::new(-r.femur.x, r.femur.y, r.femur.z);

@@ -25,7 +25,7 @@ const SPACING: f64 = 1.0;
 /// `region` moved by `ct_from_scan` and carried along the scan's normals, outward or inward, onto `bone`.
 pub fn project(region: &Region, ct_from_scan: &Isometry, bone: &SurfaceQuery) -> Footprint {
     let (mut moment, mut weight, mut area_mm2, mut distance) = (Vector::zeros(), 0.0, 0.0, 0.0);
-    let mut points: Vec<Point> = Vec::new();
+    let mut all: Vec<Point> = Vec::new();
     for piece in &region.pieces {
         let normal = ct_from_scan * piece.normal;
         let corners = piece.corners.map(|p| onto(&(ct_from_scan * p), &normal, bone));
@@ -37,13 +37,23 @@ pub fn project(region: &Region, ct_from_scan: &Isometry, bone: &SurfaceQuery) ->
         moment += w * landed.coords;
         weight += w;
         distance += w * (landed - middle).norm();
-        if points.iter().all(|p| (p - landed).norm() >= SPACING) {
-            points.push(landed);
-        }
+        all.push(landed);
     }
     let weight = f64::max(weight, f64::MIN_POSITIVE);
     let centroid = bone.nearest(&Point::from(moment / weight)).point;
-    Footprint { centroid, area_mm2, projection_mm: distance / weight, points }
+    Footprint { centroid, area_mm2, projection_mm: distance / weight, points: spread(all, &centroid) }
+}
+
+/// Some of `points`, no two closer than [`SPACING`], taken from the centroid outwards: the order of the scan's triangles does not count.
+fn spread(mut points: Vec<Point>, centroid: &Point) -> Vec<Point> {
+    points.sort_by(|a, b| (a - centroid).norm().total_cmp(&(b - centroid).norm()));
+    let mut kept: Vec<Point> = Vec::new();
+    for p in points {
+        if kept.iter().all(|k| (k - p).norm() >= SPACING) {
+            kept.push(p);
+        }
+    }
+    kept
 }
 
 /// Where the line through `p` along `normal` meets the bone nearest to `p`; the nearest point if it does not, or if that is much nearer.
