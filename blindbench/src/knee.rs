@@ -41,6 +41,55 @@ pub struct KneeInput {
     pub contact_slope: f64,
 }
 
+/// How far a laboratory's knee may be from the one that it is copied from, as standard deviations.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Unlike {
+    /// Femoral and tibial ends of each bundle, along each axis [mm].
+    pub sites_mm: BTreeMap<String, [f64; 2]>,
+    /// Turns of the femur's and the tibia's frame about their medial, anterior and superior axes [deg].
+    pub turn_deg: [[f64; 3]; 2],
+    /// Shifts of their origins along those [mm].
+    pub shift_mm: [[f64; 3]; 2],
+    /// Height of each tibial cartilage [mm].
+    pub cartilage_mm: f64,
+    /// Mean and standard deviation of reference strains, in place of the copied ones [-].
+    pub strains: BTreeMap<String, [f64; 2]>,
+}
+
+impl KneeInput {
+    /// A knee that differs from this one as the build of a model may differ from the knee.
+    pub fn unlike(&self, by: &Unlike, seed: u64) -> KneeInput {
+        let mut random = ChaCha8Rng::seed_from_u64(seed);
+        let mut three = |sd: [f64; 3]| Vector3::from_fn(|k, _| sd[k] * normal(&mut random));
+        let mut out = self.clone();
+        let up = self.frames.1.superior;
+        for (k, frame) in [&mut out.frames.0, &mut out.frames.1].into_iter().enumerate() {
+            let own = axes(frame);
+            let turn = own * three(by.turn_deg[k]).map(f64::to_radians);
+            let turn = nalgebra::Rotation3::new(turn);
+            frame.origin += own * three(by.shift_mm[k]);
+            (frame.medial, frame.anterior, frame.superior) =
+                (turn * frame.medial, turn * frame.anterior, turn * frame.superior);
+        }
+        for b in &mut out.bundles {
+            let sds = by.sites_mm.get(&b.name).copied().unwrap_or_default();
+            let [femur, tibia] = sds.map(|sd| three([sd; 3]));
+            for fibre in &mut b.fibres {
+                *fibre = (fibre.0 + femur, fibre.1 + tibia);
+            }
+            if let Some([mean, sd]) = by.strains.get(&b.name) {
+                // a strain beyond two of its standard deviations is nobody's
+                b.reference_strain = mean + sd * three([1.0; 3]).x.clamp(-2.0, 2.0);
+            }
+        }
+        for part in &mut out.tibia {
+            let by = up * three([by.cartilage_mm; 3]).x;
+            part.vertices.iter_mut().for_each(|p| *p += by);
+        }
+        out
+    }
+}
+
 struct Fibre {
     bundle: usize,
     /// In the femur's frame.
@@ -193,6 +242,22 @@ impl Knee {
             }
         }
         (energy, slope)
+    }
+}
+
+impl Knee {
+    /// Tension of each bundle at a pose [N].
+    pub(crate) fn tensions(&self, flexion: f64, c: &Five) -> BTreeMap<String, f64> {
+        let p = pose(flexion, c);
+        let mut out: BTreeMap<String, f64> = self.bundles.iter().map(|b| (b.name.clone(), 0.0)).collect();
+        for f in &self.fibres {
+            let b = &self.bundles[f.bundle];
+            let length = (p.turn * f.tibia + p.origin - f.femur).norm();
+            let slack = b.length / b.strain;
+            let force = toe(length - f.initial + b.length - slack, slack, b.stiffness / b.count).1;
+            *out.entry(b.name.clone()).or_default() += force;
+        }
+        out
     }
 }
 

@@ -3,6 +3,7 @@
 use crate::BenchError;
 use crate::hidden::{Hidden, KINDS};
 use crate::knee::{Knee, KneeInput, normal};
+use crate::pose::components;
 use crate::rest::{Asked, Path, rest};
 use crate::unknown::{self, UNKNOWN};
 use rand::{RngExt, SeedableRng};
@@ -39,6 +40,9 @@ pub struct Truth {
     pub ligaments: BTreeMap<String, [f64; 2]>,
     /// Factor on the contact's stiffness.
     pub contact_scale: f64,
+    /// Tension of each bundle of the knee without effects in drawers of 133 N at 30, 60, 90 deg [N]; truths of earlier versions have none.
+    #[serde(default)]
+    pub forces_n: BTreeMap<String, BTreeMap<String, f64>>,
     /// What the effects change of the readings without noise: a row a trial, VV, IE [deg], ML, AP, SI [mm].
     pub signature: Vec<[f64; 5]>,
     /// Root mean square of it in noises, and the evidence an analysis can expect (filled in by the scorer).
@@ -127,6 +131,7 @@ pub fn make(
         effects: effects.iter().map(|(h, s)| (h.effect.clone(), s.clone(), h.parameters.clone())).collect(),
         ligaments: knee.bundles.iter().map(|b| (b.name.clone(), [b.strain, b.stiffness])).collect(),
         contact_scale: knee.contact_scale,
+        forces_n: drawers(&knee, &path),
         signature,
         strength: Strength { raw_rms_sd: (squares / (5 * plan.len()) as f64).sqrt(), ..Strength::default() },
     };
@@ -171,9 +176,22 @@ fn effects(
         .collect()
 }
 
-/// Unloaded rests up to the plan's deepest flexion.
+/// Tensions in drawers of 133 N with 20 N of compression [andreassen2025, section 2.6.2].
+fn drawers(knee: &Knee, path: &Path) -> BTreeMap<String, BTreeMap<String, f64>> {
+    let mut out = BTreeMap::new();
+    for (name, force) in [("anterior", 133.0), ("posterior", -133.0)] {
+        for flexion in [30.0, 60.0, 90.0f64] {
+            let asked = Asked { flexion: flexion.to_radians(), load: [0.0, 0.0, 0.0, force, 20.0] };
+            let read = rest(knee, &[], &asked, path);
+            out.insert(format!("{name}_{flexion}"), knee.tensions(asked.flexion, &components(&read)));
+        }
+    }
+    out
+}
+
+/// Unloaded rests up to the plan's deepest flexion, and up to the drawers'.
 fn path(knee: &Knee, plan: &[Planned]) -> Path {
-    let last = plan.iter().map(|p| p.flexion_deg).fold(0.0, f64::max).to_radians();
+    let last = plan.iter().map(|p| p.flexion_deg).fold(90.0, f64::max).to_radians();
     let compression = plan.iter().map(|p| p.load[4]).sum::<f64>() / plan.len() as f64;
     Path::new(knee, last, compression)
 }

@@ -218,6 +218,7 @@ mod tests {
             effects: vec![("itb".into(), "kla".into(), BTreeMap::new())],
             ligaments: BTreeMap::new(),
             contact_scale: 1.0,
+            forces_n: BTreeMap::default(),
             signature: vec![],
             strength: Strength { expected_evidence: 30.0, settled_evidence: 12.0, ..Strength::default() },
         };
@@ -241,6 +242,7 @@ mod tests {
             effects: vec![("x_adhesion".into(), "kla".into(), BTreeMap::new())],
             ligaments: BTreeMap::new(),
             contact_scale: 1.0,
+            forces_n: BTreeMap::default(),
             signature: vec![],
             strength: strength(evidence),
         };
@@ -268,6 +270,7 @@ mod tests {
             effects: vec![("itb".into(), "kla".into(), BTreeMap::new())],
             ligaments: BTreeMap::new(),
             contact_scale: 1.0,
+            forces_n: BTreeMap::default(),
             signature: vec![],
             strength: Strength::default(),
         };

@@ -1,12 +1,14 @@
 //! What could be named with a protocol, before any data are seen: signatures at one prior standard deviation, what ligaments would absorb of
 //! them, and what each would be mistaken for.
 
+use crate::candidate::Candidate;
 use crate::catalogue::Catalogue;
 use crate::covariance::{Readings, Whitening, covariance, remainders};
-use crate::diagnosis::{NotTestable, not_testable, scope_name};
+use crate::diagnosis::not_testable;
 use crate::error::DiagnosisError;
 use crate::fit::Fit;
-use crate::problem::{Candidate, Problem};
+use crate::problem::Problem;
+use crate::report::{NotTestable, scope_name};
 use crate::robust::Mixture;
 use crate::screen::{Marginal, signatures};
 use crate::search::DiagnosisOptions;
@@ -83,7 +85,7 @@ fn before_data(problem: &Problem, options: &DiagnosisOptions) -> Result<(Fit, DM
     let unknowns = vec![0.0; problem.nuisances()];
     let linear = problem.linear(&[], &unknowns, &[])?;
     let starts: Vec<Six> = linear.rests.iter().map(|r| r.q).collect();
-    let extra = remainders(problem, &starts, options.draws)? * options.floor.nonlinear.powi(2);
+    let extra = remainders(problem, &starts, options.draws, &options.floor)? * options.floor.nonlinear.powi(2);
     let cov = covariance(problem, &[], &unknowns, &linear.rests, &options.floor)? + extra;
     let readings = Readings::of(problem, &|_| true);
     let fit = Fit {
@@ -93,6 +95,7 @@ fn before_data(problem: &Problem, options: &DiagnosisOptions) -> Result<(Fit, DM
         odd: vec![],
         log_evidence: 0.0,
         posterior: DMatrix::identity(unknowns.len(), unknowns.len()),
+        means: problem.means(unknowns.len()),
         unknowns,
         linear,
     };

@@ -1,12 +1,12 @@
 //! What each ligament carries in the tests of a laboratory, with ligaments alone recalibrated and with the answer: what naming an effect is for.
 
+use crate::bench::Bench;
 use crate::effect::{Active, Place};
-use crate::equilibrium::Bench;
 use crate::error::DiagnosisError;
 use crate::predict::acting;
+use crate::report::Carried;
 use crate::trial::Trial;
 use attachments::groups::{GROUPS, group_forces};
-use serde::{Deserialize, Serialize};
 use sim::Model;
 use sim::laxity::{LaxityTrial, Test};
 use sim::protocols::ProtocolOptions;
@@ -14,20 +14,6 @@ use sim::spec::ModelSpec;
 
 /// Forces below this in every knee are left out [N].
 pub(crate) const LEAST: f64 = 5.0;
-
-/// What a ligament carries in a test.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Carried {
-    /// The ligament, as in the paper's tables.
-    pub ligament: String,
-    /// The test in words.
-    pub test: String,
-    /// With ligaments alone recalibrated [N].
-    pub without_n: f64,
-    /// With the answer [N].
-    pub with_n: f64,
-}
 
 /// Ligament forces under the paper's anterior drawers and pivot shift; `knees` are the model with its ligaments recalibrated alone and with the answer,
 /// each with its specification, whose components act as in any prediction of the knee alone ([`acting`]): not those of an apparatus or of one data set. A test in which either knee finds no rest is left out.

@@ -1,28 +1,17 @@
 //! An effect added to a model: a versioned piece of data that model.json carries.
 
+use crate::candidate::Scope;
 use crate::catalogue::Catalogue;
-use crate::diagnosis::{Named, Value, named};
 use crate::effect::Active;
 use crate::error::DiagnosisError;
 use crate::fit::Fit;
-use crate::problem::{Problem, Scope};
+use crate::problem::Problem;
+use crate::report::{Named, Value, named};
 use serde::{Deserialize, Serialize};
 use sim::spec::ModelSpec;
 use std::collections::BTreeMap;
 
-/// What an answer was found with: the same model, data, catalogue and program find it again.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Provenance {
-    /// Version of the program.
-    pub program: String,
-    /// Version of the catalogue.
-    pub catalogue: String,
-    /// Digest of the model and its surfaces, before anything was added.
-    pub model: String,
-    /// Digest of each data set's file.
-    pub data: BTreeMap<String, String>,
-}
+pub use crate::report::Provenance;
 
 /// A component (components/NAME-1.toml, and an entry of `components` in model.json).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -138,7 +127,15 @@ pub fn augmented(
         bundle.reference_strain = p.reference_strain;
         bundle.stiffness_n_per_mm = p.stiffness_n_per_mm;
     }
-    let scale = (crate::problem::PRIOR[2] * fit.unknowns[problem.design.variables.len()]).exp();
+    let (place, width) = problem.nuisance.contact();
+    let scale = (width * fit.unknowns[place]).exp() * problem.model.contact.scale / problem.given_scale;
+    if problem.nuisance.are_of_a_built_knee() {
+        out.frames = problem.nuisance.frames_at(&fit.unknowns)?;
+        let knee = problem.model_at(&fit.unknowns)?;
+        for (fibre, at) in out.fibres.iter_mut().zip(&knee.fibres) {
+            (fibre.femur, fibre.tibia) = (at.femur.into(), at.tibia.into());
+        }
+    }
     out.contact.pressure_mpa.iter_mut().for_each(|p| *p *= scale);
     for c in components {
         let value = serde_json::to_value(c).map_err(|e| DiagnosisError::Component(e.to_string()))?;

@@ -1,9 +1,10 @@
 //! How far readings may lie from predictions when nothing is missing: measurement, load, repositioning, attachments, and the declared floor of
 //! the contact model.
 
-use crate::equilibrium::{Bench, Rest};
+use crate::bench::Bench;
+use crate::candidate::Candidate;
 use crate::error::DiagnosisError;
-use crate::problem::{Candidate, Problem};
+use crate::problem::{Linear, Problem};
 use crate::slopes::Slopes;
 use crate::trial::Trial;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
@@ -13,7 +14,8 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use sim::Model;
 use sim::contact::Nearby;
-use sim::joint::{Pose, Six, VV};
+use sim::equilibrium::Equilibrium;
+use sim::joint::{Pose, SI, Six, VV};
 
 /// Scatter that is not in the files. Every number is one standard deviation.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -138,6 +140,8 @@ struct Scatter {
     own_contact: [f64; 5],
     /// By a resistance to tilt [per N mm/rad].
     tilt: [f64; 5],
+    /// By the thickness of each compartment's cartilage [per mm]; empty where that is known.
+    thickness: Vec<[f64; 5]>,
     /// By the exponent of the contact's law and by the width of the ligaments' toe, as shares.
     laws: [[f64; 5]; 2],
 }
@@ -173,7 +177,7 @@ pub fn covariance(
     problem: &Problem,
     hypothesis: &[Candidate],
     unknowns: &[f64],
-    rests: &[Rest],
+    rests: &[Equilibrium],
     floor: &Floor,
 ) -> Result<DMatrix<f64>, DiagnosisError> {
     let model = problem.model_at(unknowns)?;
@@ -184,14 +188,14 @@ pub fn covariance(
         .map(|(trial, rest)| {
             let effects = problem.effects_in(trial.source, hypothesis, unknowns);
             let bench = Bench { model: &model, effects: &effects, place: &problem.place };
-            scatter_of(bench, trial, rest)
+            scatter_of(bench, trial, rest, problem.cartilage_mm > 0.0)
         })
         .collect();
     Ok(assemble(problem, &scatter, floor))
 }
 
 /// Derivatives that the scatter needs, of a trial at its rest.
-fn scatter_of(bench: Bench, trial: &Trial, rest: &Rest) -> Scatter {
+fn scatter_of(bench: Bench, trial: &Trial, rest: &Equilibrium, with_thickness: bool) -> Scatter {
     let slopes = Slopes::new(bench, trial, rest);
     let model = bench.model;
     let forces = |q: &Six| {
@@ -213,6 +217,16 @@ fn scatter_of(bench: Bench, trial: &Trial, rest: &Rest) -> Scatter {
         };
         vec![wrench.iter().map(steeper).sum(), wider_toe(model, &pose)]
     });
+    let thickness = |q: &Six| {
+        let pose = model.joint.pose(q);
+        let at = |by: f64| {
+            let mut q = *q;
+            q[SI] += by;
+            forces(&q).0
+        };
+        let sides = at(THICKER).into_iter().zip(at(-THICKER));
+        sides.map(|(up, down)| (pushed(&up, &pose) - pushed(&down, &pose)) / (2.0 * THICKER)).collect()
+    };
     let mut tilted = Six::zeros();
     tilted[VV] = rest.q[VV] - trial.neutral[VV];
     Scatter {
@@ -222,9 +236,15 @@ fn scatter_of(bench: Bench, trial: &Trial, rest: &Rest) -> Scatter {
         pressed: forces(&rest.q).0.iter().map(|(f, _)| f.norm()).sum(),
         own_contact: slopes.own_contact(),
         tilt: slopes.by(&tilted, &Six::zeros()),
+        thickness: if with_thickness { slopes.of_the_knee(thickness) } else { vec![] },
         laws: [laws[0], laws[1]],
     }
 }
+
+/// Change of a cartilage's thickness over which derivatives are taken [mm].
+const THICKER: f64 = 0.02;
+/// Distance over which cartilage is as much off at one place as at another [mm], about half a plateau's depth: the bearing surface leans by as much over it.
+const LEANS_OVER_MM: f64 = 12.0;
 
 /// Part of the contact's share that all compartments have in common: more would hide joint compression, and the contact's scale is free anyway.
 const COMMON: f64 = 0.2;
@@ -238,6 +258,10 @@ fn modes(each: &[[f64; 5]]) -> Vec<[f64; 5]> {
     out
 }
 
+/// Places of two loads among the five.
+const LOAD_ML: usize = 2;
+const LOAD_AP: usize = 3;
+
 fn assemble(problem: &Problem, scatter: &[Scatter], floor: &Floor) -> DMatrix<f64> {
     let n = problem.trials.len();
     let fibre = floor.attachment_mm.powi(2);
@@ -246,6 +270,9 @@ fn assemble(problem: &Problem, scatter: &[Scatter], floor: &Floor) -> DMatrix<f6
     let tilt = (1000.0 * floor.tilt_nm_per_rad).powi(2);
     let law = floor.contact_law.powi(2);
     let laws = [floor.contact_exponent.powi(2), floor.toe_share.powi(2)];
+    // half of a cartilage's error is that of a compartment, half changes with the place where it bears
+    let cartilage = 0.5 * problem.cartilage_mm.powi(2);
+    let lean = (problem.cartilage_mm / LEANS_OVER_MM).powi(2);
     let range = floor.contact_range_deg.max(1.0).to_radians();
     let mut out = DMatrix::zeros(5 * n, 5 * n);
     for i in 0..n {
@@ -262,6 +289,11 @@ fn assemble(problem: &Problem, scatter: &[Scatter], floor: &Floor) -> DMatrix<f6
                         + tilt * a.tilt[c] * b.tilt[d]
                         + law * a.own_contact[c] * b.own_contact[d]
                         + (0..2).map(|l| laws[l] * a.laws[l][c] * b.laws[l][d]).sum::<f64>();
+                    if cartilage > 0.0 {
+                        let across = |l: usize| a.pressed * a.loads[l][c] * b.pressed * b.loads[l][d];
+                        v += (1.0 + near) * cartilage * sum(&a.thickness, &b.thickness)
+                            + near * lean * (across(LOAD_ML) + across(LOAD_AP));
+                    }
                     if ti.condition == tk.condition && c == d {
                         v += floor.repositioning.powi(2) * ti.sd[c] * tk.sd[c];
                     }
@@ -286,15 +318,24 @@ fn assemble(problem: &Problem, scatter: &[Scatter], floor: &Floor) -> DMatrix<f6
 /// alone, about its own rests from the poses `starts`: a pose that the model does not rest in is no prediction, and how far it is from one is no scatter.
 ///
 /// Errors: a model that cannot be evaluated.
-pub fn remainders(problem: &Problem, starts: &[Six], draws: usize) -> Result<DMatrix<f64>, DiagnosisError> {
+pub fn remainders(
+    problem: &Problem,
+    starts: &[Six],
+    draws: usize,
+    floor: &Floor,
+) -> Result<DMatrix<f64>, DiagnosisError> {
     let mut random = ChaCha8Rng::seed_from_u64(20_251);
     let (n, m) = (problem.trials.len(), problem.nuisances());
     let given = vec![0.0; m];
     let linear = problem.linear_at(&[], &given, problem.rests(&[], &given, starts)?)?;
     let starts: Vec<Six> = linear.rests.iter().map(|r| r.q).collect();
+    let spread = if problem.nuisance.are_of_a_built_knee() { posterior_root(problem, &linear, floor)? } else { None };
     let mut out = DMatrix::zeros(5 * n, 5 * n);
     for _ in 0..draws {
-        let x: Vec<f64> = (0..m).map(|_| normal(&mut random)).collect();
+        let mut x: Vec<f64> = (0..m).map(|_| normal(&mut random)).collect();
+        if let Some(root) = &spread {
+            x = (root * DVector::from_column_slice(&x)).iter().copied().collect();
+        }
         let rests = problem.rests(&[], &x, &starts)?;
         let first = &linear.slope * DVector::from_column_slice(&x);
         for (i, rest) in rests.iter().enumerate() {
@@ -308,6 +349,16 @@ pub fn remainders(problem: &Problem, starts: &[Six], draws: usize) -> Result<DMa
         }
     }
     Ok(out)
+}
+
+/// A root of the covariance that linear data leave the nuisance parameters: a built knee's priors are far wider than what matters once it was measured.
+fn posterior_root(problem: &Problem, linear: &Linear, floor: &Floor) -> Result<Option<DMatrix<f64>>, DiagnosisError> {
+    let given = vec![0.0; problem.nuisances()];
+    let readings = Readings::of(problem, &|_| true);
+    let scatter = readings.block_of(&covariance(problem, &[], &given, &linear.rests, floor)?);
+    let white = Whitening::new(scatter)?.white(&readings.rows_of(&linear.slope));
+    let curvature = DMatrix::identity(given.len(), given.len()) + white.tr_mul(&white);
+    Ok(Cholesky::new(curvature).and_then(|c| Cholesky::new(c.inverse())).map(|c| c.l()))
 }
 
 /// A standard normal number [box1958].

@@ -1,216 +1,33 @@
 //! The diagnosis: where, which, added, shrunk, next; and the verdict in words.
 
-use crate::carried::{Carried, carried};
+use crate::candidate::Candidate;
+use crate::carried::carried;
 use crate::catalogue::Catalogue;
 use crate::component::{Component, Provenance, augmented, components};
-use crate::curves::{Curve, curves};
+use crate::criteria::{DECISIVE_WEIGHT, LEFT_OUT};
+use crate::curves::curves;
 use crate::error::DiagnosisError;
 use crate::exchange::{Exchange, exchange};
 use crate::fit::Fit;
 use crate::held_out::{HeldOut, closed, held_out};
-use crate::map::{Cell, map, map_left_out};
-use crate::missable::{Missable, missable};
-use crate::next_test::{NextTest, next_tests};
-use crate::problem::{Candidate, Problem, Scope};
+use crate::map::{map, map_left_out};
+use crate::missable::missable;
+use crate::next_test::next_tests;
+use crate::preparation::prepared;
+use crate::problem::Problem;
 use crate::search::{DiagnosisOptions, Search, Searcher};
 use crate::trial::Source;
 use crate::verdict::{Candidature, by_names, temper, verdict, weights};
 use crate::wildcard::{Wildcard, wildcard};
-use serde::{Deserialize, Serialize};
 use sim::Model;
 use sim::laxity::{COORDINATES, VALUE_UNITS};
 use sim::spec::ModelSpec;
 use std::collections::BTreeMap;
 
-pub use crate::verdict::Verdict;
-
-/// A parameter's value.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Value {
-    /// Most probable.
-    pub value: f64,
-    /// Standard deviation.
-    pub sd: f64,
-    /// Unit.
-    pub unit: String,
-}
-
-impl Value {
-    /// Its 90 % interval; from nothing where negative values mean nothing.
-    pub fn interval(&self, one_sided: bool) -> (f64, f64) {
-        let (low, high) = (self.value - 1.645 * self.sd, self.value + 1.645 * self.sd);
-        (if one_sided { low.max(0.0) } else { low }, high)
-    }
-}
-
-/// An effect in an answer.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Named {
-    /// Its name.
-    pub effect: String,
-    /// A data set, or "both".
-    pub scope: String,
-    /// The structure it is about, where it may be about several.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub variant: Option<String>,
-    /// Its parameters.
-    pub parameters: BTreeMap<String, Value>,
-}
-
-/// An answer: one effect, or several that act together.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Answer {
-    /// Its effects.
-    pub effects: Vec<Named>,
-    /// Share of belief [-].
-    pub weight: f64,
-    /// Log Bayes factor against nothing missing [-].
-    pub log_bayes_factor: f64,
-    /// Gain of the held-out log score over nothing missing [-].
-    pub held_out_gain: f64,
-}
-
-/// The gap on held-out trials.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Gap {
-    /// Mean whitened square of the error with ligaments alone recalibrated [-].
-    pub before: f64,
-    /// With the effect too [-].
-    pub after: f64,
-    /// What noise and floor leave [-].
-    pub floor: f64,
-    /// Share of the gap that is closed [-].
-    pub closed: f64,
-    /// Root mean square errors before, by coordinate.
-    pub rmse_before: BTreeMap<String, f64>,
-    /// And after.
-    pub rmse_after: BTreeMap<String, f64>,
-}
-
-/// The same with an effect that should not help.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Control {
-    /// Which.
-    pub effect: String,
-    /// Share of the gap that it closes [-].
-    pub closed: f64,
-}
-
-/// Held-out trials and control.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct GapReport {
-    /// The answer's.
-    pub held_out: Gap,
-    /// The control's.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub control: Option<Control>,
-}
-
-/// An effect that these data cannot test.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct NotTestable {
-    /// Its name.
-    pub effect: String,
-    /// Why.
-    pub why: String,
-}
-
-/// Two trials that may have been mixed up.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Exchanged {
-    /// Data set and name of each.
-    pub trials: [String; 2],
-    /// Log Bayes factor against the records as they are [-].
-    pub log_bayes_factor: f64,
-}
-
-/// What the ligaments had taken up.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Absorbed {
-    /// Bundle or ligament.
-    pub bundle: String,
-    /// "reference_strain" or "stiffness_n_per_mm".
-    pub parameter: String,
-    /// Of the model as given.
-    pub given: f64,
-    /// Recalibrated without the effect.
-    pub without: f64,
-    /// Recalibrated with it.
-    pub with: f64,
-    /// Standard deviation with it.
-    pub sd: f64,
-}
-
-/// diagnosis.json.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Diagnosis {
-    /// "diagnosis/1".
-    pub schema: String,
-    /// How sure.
-    pub verdict: Verdict,
-    /// Rival answers, best first; empty for none and unnamed.
-    pub answers: Vec<Answer>,
-    /// In words.
-    pub description: String,
-    /// Component files written.
-    pub added: Vec<String>,
-    /// How far the gap shrinks.
-    pub gap: GapReport,
-    /// Where the model disagrees, with ligaments recalibrated.
-    pub map: Vec<Cell>,
-    /// And with the answer added.
-    pub map_after: Vec<Cell>,
-    /// Where predictions of each condition by all others fail, with ligaments recalibrated.
-    pub map_left_out: Vec<Cell>,
-    /// Load against displacement where the model disagrees most; answers of earlier versions have none.
-    #[serde(default)]
-    pub curves: Vec<Curve>,
-    /// What could not be tested.
-    pub not_testable: Vec<NotTestable>,
-    /// Effects of the shipped catalogue that were left out of it.
-    #[serde(default)]
-    pub without: Vec<String>,
-    /// Where nothing is named: sizes of effects that would more often have been missed than named.
-    #[serde(default)]
-    pub missable: Vec<Missable>,
-    /// Which test would tell the rivals apart.
-    pub next_tests: Vec<NextTest>,
-    /// What the ligaments had taken up.
-    pub ligaments: Vec<Absorbed>,
-    /// What ligaments carry with ligaments alone recalibrated and with the answer, where there is one; answers of earlier versions have none.
-    #[serde(default)]
-    pub ligament_forces: Vec<Carried>,
-    /// Log Bayes factor that an answer needs here: what simulated nulls stay below, tempered [-].
-    pub threshold: f64,
-    /// Log Bayes factor of a smooth nameless field beside the best answer [-].
-    pub wildcard: f64,
-    /// Log Bayes factor of a nameless field in the place of the best answer, against nothing missing [-]; answers of earlier versions have none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub wildcard_alone: Option<f64>,
-    /// Two trials whose readings fit each other's place, where there are such.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub exchanged: Option<Exchanged>,
-    /// Whitened sum of squares of nothing missing and of the best hypothesis, over the number of readings [-].
-    pub misfit: [f64; 2],
-    /// The best hypothesis' effects, whether named or not.
-    pub best: Vec<Named>,
-    /// Its log Bayes factor against nothing missing [-]; answers of earlier versions have none.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub best_log_bayes_factor: Option<f64>,
-    /// What it was found with, where the caller told.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub provenance: Option<Provenance>,
-}
+use crate::report::named;
+pub use crate::report::{
+    Absorbed, Answer, Control, Diagnosis, Exchanged, Gap, GapReport, Named, NotTestable, Value, Verdict,
+};
 
 /// The diagnosis with what is needed to add its answer.
 #[derive(Clone, Debug)]
@@ -258,7 +75,8 @@ impl Outcome {
     }
 }
 
-/// Diagnoses a model against data.
+/// Diagnoses a model against data. `calibrated` is a version of it from where its own unknowns are sought; they are sought only in a knee built from raw
+/// data, whose frames and sites are uncertain.
 ///
 /// Errors: data or model at fault.
 pub fn diagnose(
@@ -267,14 +85,12 @@ pub fn diagnose(
     sources: &[Source],
     catalogue: &Catalogue,
     options: &DiagnosisOptions,
+    calibrated: Option<&ModelSpec>,
 ) -> Result<Outcome, DiagnosisError> {
     let problem = Problem::new(model, spec, sources, catalogue)?;
     let present = crate::component::present(spec, &problem.sources, &Catalogue::shipped())?;
     let problem = if present.is_empty() { problem } else { problem.with_present(present) };
-    let problem = problem.with_far_rests(true);
-    let little = problem.fits_little(&Searcher { problem: &problem, options }.recalibrated()?.linear.rests);
-    let problem = if little { problem.with_rests_as_they_are() } else { problem.with_far_rests(false) };
-    conclude(&problem, spec, options)
+    conclude(&prepared(problem, options, calibrated)?, spec, options)
 }
 
 fn conclude(problem: &Problem, spec: &ModelSpec, options: &DiagnosisOptions) -> Result<Outcome, DiagnosisError> {
@@ -334,6 +150,7 @@ fn conclude(problem: &Problem, spec: &ModelSpec, options: &DiagnosisOptions) -> 
         without: left_out(&problem.catalogue),
         missable,
         next_tests: next_tests(problem, &rival_fits)?,
+        noise: problem.noise.clone(),
         ligaments: absorbed(problem, &search.base, shown),
         ligament_forces: vec![],
         threshold,
@@ -376,7 +193,7 @@ fn told_exchange(problem: &Problem, exchange: Exchange) -> Option<Exchanged> {
     let name = |i: usize| format!("{} {}", problem.sources[problem.trials[i].source], problem.trials[i].name);
     let trials = exchange.trials.map(name);
     let log_bayes_factor = exchange.log_bayes_factor;
-    (log_bayes_factor > crate::verdict::MIXED_UP).then_some(Exchanged { trials, log_bayes_factor })
+    (log_bayes_factor > crate::criteria::mixed_up()).then_some(Exchanged { trials, log_bayes_factor })
 }
 
 /// Effects of the shipped catalogue that another one has not.
@@ -404,8 +221,8 @@ fn answers(
     let mut sum = 0.0;
     for (k, (fit, weight)) in by_names(rivals).into_iter().enumerate() {
         // all that the data cannot tell from the first by log odds of 3 stay in
-        let close = out.first().is_some_and(|a: &Answer| weight > 0.05 * a.weight);
-        if sum >= 0.95 && k > 0 && !close {
+        let close = out.first().is_some_and(|a: &Answer| weight > LEFT_OUT * a.weight);
+        if sum >= DECISIVE_WEIGHT && k > 0 && !close {
             break;
         }
         sum += weight;
@@ -420,36 +237,6 @@ fn answers(
         });
     }
     Ok(out)
-}
-
-/// The effects of a fit with their sizes, as sure as data that speak `temper` times less loud make them.
-pub fn named(problem: &Problem, fit: &Fit, temper: f64) -> Vec<Named> {
-    let values = fit.parameters(problem.nuisances(), temper);
-    fit.hypothesis
-        .iter()
-        .zip(values)
-        .map(|(c, values)| Named {
-            effect: c.name(),
-            scope: scope_name(problem, c),
-            variant: c.effect.variants.get(c.variant).cloned(),
-            parameters: c
-                .effect
-                .parameter
-                .iter()
-                .zip(values)
-                .map(|(p, (value, sd))| (p.key.clone(), Value { value, sd, unit: p.unit.clone() }))
-                .collect(),
-        })
-        .collect()
-}
-
-/// "both", or the data set's name.
-pub fn scope_name(problem: &Problem, candidate: &Candidate) -> String {
-    match candidate.scope {
-        Scope::Only(s) => problem.sources[s].clone(),
-        Scope::Both if problem.sources.len() == 1 => problem.sources[0].clone(),
-        Scope::Both => "both".into(),
-    }
 }
 
 fn gap(before: &HeldOut, after: &HeldOut) -> Gap {
@@ -490,11 +277,13 @@ pub fn not_testable(problem: &Problem) -> Vec<NotTestable> {
     let why = |e: &crate::catalogue::Effect| {
         e.untestable(&problem.trials).map(|why| NotTestable { effect: e.id.clone(), why })
     };
-    problem.catalogue.effect.iter().filter_map(why).collect()
+    let mut out: Vec<NotTestable> = problem.catalogue.effect.iter().filter_map(why).collect();
+    out.extend(crate::preparation::told(problem));
+    out
 }
 
 fn absorbed(problem: &Problem, base: &Fit, with: &Fit) -> Vec<Absorbed> {
-    let given = problem.model.parameters();
+    let (given, centre) = (&problem.given, problem.model.parameters());
     problem
         .design
         .variables
@@ -503,17 +292,17 @@ fn absorbed(problem: &Problem, base: &Fit, with: &Fit) -> Vec<Absorbed> {
         .filter_map(|(k, v)| {
             let bundle = problem.model.bundles.iter().position(|b| Some(&b.name) == v.bundles.first())?;
             let strain = v.kind == calibration::design::Kind::ReferenceStrain;
-            let start = if strain { given[bundle].reference_strain } else { given[bundle].stiffness_n_per_mm };
-            let [width, ratio, _] = crate::problem::PRIOR;
-            let at = |x: f64| if strain { start + width * x } else { start * (ratio * x).exp() };
+            let of = |p: &sim::model::BundleParameters| if strain { p.reference_strain } else { p.stiffness_n_per_mm };
+            let (start, width) = (of(&centre[bundle]), problem.nuisance.width[k]);
+            let at = |x: f64| if strain { start + width * x } else { start * (width * x).exp() };
             let spread = with.posterior[(k, k)].max(0.0).sqrt();
             Some(Absorbed {
                 bundle: v.bundle(),
                 parameter: v.kind.name().into(),
-                given: start,
+                given: of(&given[bundle]),
                 without: at(base.unknowns[k]),
                 with: at(with.unknowns[k]),
-                sd: if strain { width * spread } else { start * ratio * spread },
+                sd: if strain { width * spread } else { start * width * spread },
             })
         })
         .collect()

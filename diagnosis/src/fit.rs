@@ -1,8 +1,9 @@
 //! The most probable ligaments, contact and effects under a hypothesis, and the evidence for it (Laplace's approximation).
 
+use crate::candidate::Candidate;
 use crate::covariance::Readings;
 use crate::error::DiagnosisError;
-use crate::problem::{Candidate, Linear, Problem};
+use crate::problem::{Linear, Problem};
 use crate::robust::{Mixture, Weighed};
 use calibration::levenberg::box_step;
 use nalgebra::{Cholesky, DMatrix, DVector};
@@ -31,6 +32,8 @@ pub struct Fit {
     pub hypothesis: Vec<Candidate>,
     /// The unknowns.
     pub unknowns: Vec<f64>,
+    /// Means of their priors.
+    pub means: Vec<f64>,
     /// Predictions and derivatives there.
     pub linear: Linear,
     /// Measured minus predicted, of the readings fitted.
@@ -60,9 +63,10 @@ pub struct Data<'a> {
     pub frozen: bool,
 }
 
-/// Slope and curvature of minus the log prior: normal for ligaments and contact, Student's t with four degrees for effects.
-fn prior(k: usize, nuisances: usize, x: f64) -> (f64, f64, f64) {
-    if k < nuisances {
+/// Minus the log prior with its slope and curvature: normal about their `means` for nuisance parameters, Student's t with four degrees for effects.
+fn prior(k: usize, means: &[f64], x: f64) -> (f64, f64, f64) {
+    if let Some(mean) = means.get(k) {
+        let x = x - mean;
         (0.5 * x * x, x, 1.0)
     } else {
         // relative to a normal density at its mode, so that the normalisations of all unknowns agree
@@ -121,8 +125,8 @@ impl Data<'_> {
         let whitening = weighed.whitening.as_ref().unwrap_or(self.mixture.plain());
         let white = whitening.white_vector(&residual);
         let slope = whitening.white(&self.readings.rows_of(&linear.slope));
-        let n = self.problem.nuisances();
-        let prior: f64 = unknowns.iter().enumerate().map(|(k, x)| prior(k, n, *x).0).sum();
+        let means = &self.problem.nuisance.mean;
+        let prior: f64 = unknowns.iter().enumerate().map(|(k, x)| prior(k, means, *x).0).sum();
         let cost = weighed.cost + prior;
         let cost = if cost.is_finite() { cost } else { f64::INFINITY };
         Ok(State { unknowns, linear, residual, white, slope, weighed, cost })
@@ -199,7 +203,7 @@ impl Data<'_> {
     /// where that is next to nothing.
     fn step(&self, here: &State, sided: &[bool], damping: f64) -> Option<(DVector<f64>, f64, f64)> {
         let n = self.problem.nuisances();
-        let (hessian, gradient) = self.quadratic(here, n);
+        let (hessian, gradient) = self.quadratic(here);
         let mut damped = hessian.clone();
         for k in 0..damped.nrows() {
             damped[(k, k)] *= 1.0 + damping;
@@ -216,11 +220,11 @@ impl Data<'_> {
         (promised >= SMALL).then_some((step, slope, promised))
     }
 
-    fn quadratic(&self, here: &State, n: usize) -> (DMatrix<f64>, DVector<f64>) {
+    fn quadratic(&self, here: &State) -> (DMatrix<f64>, DVector<f64>) {
         let mut hessian = here.slope.tr_mul(&here.slope);
         let mut gradient = -here.slope.tr_mul(&here.white);
         for (k, x) in here.unknowns.iter().enumerate() {
-            let (_, slope, curvature) = prior(k, n, *x);
+            let (_, slope, curvature) = prior(k, &self.problem.nuisance.mean, *x);
             hessian[(k, k)] += curvature;
             gradient[k] += slope;
         }
@@ -228,8 +232,7 @@ impl Data<'_> {
     }
 
     fn conclude(&self, hypothesis: &[Candidate], here: State, sided: &[bool]) -> Fit {
-        let n = self.problem.nuisances();
-        let (hessian, _) = self.quadratic(&here, n);
+        let (hessian, _) = self.quadratic(&here);
         let (log_determinant, posterior) = match Cholesky::new(hessian) {
             Some(c) => (2.0 * c.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>(), c.inverse()),
             None => (f64::INFINITY, DMatrix::identity(here.unknowns.len(), here.unknowns.len())),
@@ -239,6 +242,7 @@ impl Data<'_> {
             let sd = posterior[(k, k)].sqrt().max(1e-9);
             log_evidence += (2.0 * normal_below(here.unknowns[k] / sd)).ln();
         }
+        let means = self.problem.means(here.unknowns.len());
         Fit {
             hypothesis: hypothesis.to_vec(),
             misfit: 2.0 * here.weighed.cost,
@@ -246,6 +250,7 @@ impl Data<'_> {
             unknowns: here.unknowns,
             linear: here.linear,
             residual: here.residual,
+            means,
             log_evidence,
             posterior,
         }
@@ -256,6 +261,11 @@ impl Fit {
     /// Whether more than twice of what noise leaves is left.
     pub fn explains_little(&self) -> bool {
         0.5 * self.misfit > LITTLE * self.residual.len() as f64
+    }
+
+    /// The unknowns from the means of their priors.
+    pub fn from_means(&self) -> DVector<f64> {
+        DVector::from_iterator(self.unknowns.len(), self.unknowns.iter().zip(&self.means).map(|(x, m)| x - m))
     }
 
     /// Coordinates of the rests.
@@ -294,7 +304,7 @@ impl Fit {
         let Some(mut curvature) = inverse else { return self.posterior.clone() };
         curvature /= temper;
         for (k, x) in self.unknowns.iter().enumerate() {
-            curvature[(k, k)] += prior(k, nuisances, *x).2 * (1.0 - 1.0 / temper);
+            curvature[(k, k)] += prior(k, &self.means[..nuisances], *x).2 * (1.0 - 1.0 / temper);
         }
         Cholesky::new(curvature).map_or_else(|| self.posterior.clone(), |c| c.inverse())
     }

@@ -3,24 +3,31 @@
 //! Pure: values in, values out. The method is told in docs/discrepancy.md.
 
 pub mod atlas;
+pub mod bench;
+pub mod candidate;
 pub mod carried;
 pub mod catalogue;
 pub mod component;
 pub mod covariance;
+pub mod criteria;
 pub mod curves;
 pub mod diagnosis;
 pub mod effect;
-pub mod equilibrium;
 pub mod error;
 pub mod exchange;
 pub mod fit;
+mod form;
 pub mod held_out;
 pub mod map;
 pub mod missable;
 pub mod next_test;
+pub mod noise;
+pub mod nuisance;
 pub mod page;
 pub mod predict;
+pub mod preparation;
 pub mod problem;
+pub mod report;
 pub mod rim;
 pub mod robust;
 pub mod screen;

@@ -1,30 +1,11 @@
 //! What a diagnosis that names nothing would have missed: the sizes of effects that half of such data would reveal.
 
-use crate::diagnosis::scope_name;
+use crate::candidate::Candidate;
 use crate::error::DiagnosisError;
-use crate::problem::{Candidate, Problem};
+use crate::problem::Problem;
+use crate::report::{Missable, scope_name};
 use crate::screen::{Marginal, Score, signatures};
 use crate::search::{Search, log_prior};
-use serde::{Deserialize, Serialize};
-
-/// A size below which an effect would more often have been missed than named.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct Missable {
-    /// The effect.
-    pub effect: String,
-    /// The structure it is about, where it may be about several.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub variant: Option<String>,
-    /// A data set, or "both".
-    pub scope: String,
-    /// Its parameter, the others being nothing.
-    pub parameter: String,
-    /// The size.
-    pub size: f64,
-    /// Its unit.
-    pub unit: String,
-}
 
 /// Sizes, parameter by parameter, whose expected log Bayes factor just reaches `threshold`: linear about nothing missing, ligaments and contact
 /// marginalised. Shapes, and effects without a slope at nothing, have none.

@@ -1,7 +1,7 @@
 //! Which laxity test would tell the remaining answers apart: the symmetric divergence of what they predict [lopezfidalgo2007].
 
+use crate::bench::Bench;
 use crate::covariance::Whitening;
-use crate::equilibrium::Bench;
 use crate::error::DiagnosisError;
 use crate::fit::Fit;
 use crate::problem::{Problem, reading};
@@ -121,6 +121,7 @@ type Forecast = (DVector<f64>, DMatrix<f64>);
 /// Predictions of a fit with their posterior scatter.
 fn predictions(problem: &Problem, fit: &Fit, plans: &[Trial]) -> Result<Vec<Forecast>, DiagnosisError> {
     let model = problem.model_at(&fit.unknowns)?;
+    let joints = problem.nuisance.joints(&fit.unknowns);
     Ok(problem
         .unloaded_at(plans, &model, &fit.hypothesis)
         .par_iter()
@@ -129,8 +130,7 @@ fn predictions(problem: &Problem, fit: &Fit, plans: &[Trial]) -> Result<Vec<Fore
             let bench = Bench { model: &model, effects: &effects, place: &problem.place };
             let rest = bench.walk(plan);
             let slopes = Slopes::new(bench, plan, &rest);
-            let mut columns = slopes.ligaments(problem);
-            columns.push(slopes.contact());
+            let mut columns = slopes.nuisances(&problem.nuisance, &joints);
             let mut at = problem.nuisances();
             for c in &fit.hypothesis {
                 let scaled = &fit.unknowns[at..at + c.size()];

@@ -1,10 +1,8 @@
 //! The page: one self-contained file that opens offline.
 
-use crate::carried::Carried;
 use crate::catalogue::Catalogue;
-use crate::diagnosis::{Diagnosis, Named, Verdict};
 use crate::map::Cell;
-use crate::missable::Missable;
+use crate::report::{Carried, Diagnosis, Missable, Named, Verdict};
 use crate::words::{sizes, with_unit};
 use sim::laxity::COORDINATES;
 use sim::protocols::ProtocolOptions;

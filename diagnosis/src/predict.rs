@@ -2,10 +2,10 @@
 //!
 //! An apparatus' component acts only where that apparatus' data set is asked for; a specimen's and a session's act wherever their scope allows.
 
+use crate::bench::Bench;
 use crate::catalogue::Catalogue;
 use crate::component::Component;
 use crate::effect::{Active, Place};
-use crate::equilibrium::Bench;
 use crate::error::DiagnosisError;
 use crate::problem::reading;
 use crate::trial::Trial;

@@ -1,25 +1,25 @@
 //! The question: a model, trials, and what may differ; predictions and their derivatives at any answer.
 //!
-//! Unknowns stand in units of their prior: ligament strains (0.03) and log stiffnesses (0.2), the log of the contact's scale (0.3), then the
-//! parameters of the effects.
+//! Unknowns stand in units of their prior: the nuisance parameters of the knee ([`crate::nuisance`]), then the parameters of the effects.
 
-use crate::catalogue::{Catalogue, Effect};
+use crate::bench::Bench;
+use crate::candidate::{Candidate, Scope, sized};
+use crate::catalogue::Catalogue;
 use crate::effect::{Active, Place};
-use crate::equilibrium::{Bench, Rest};
 use crate::error::DiagnosisError;
+use crate::nuisance::Nuisances;
 use crate::slopes::Slopes;
-use crate::trial::{PER_UNIT, READ, Source, Trial, trials};
+use crate::trial::{NoiseScale, PER_UNIT, READ, Source, Trial, trials};
 use calibration::design::{Design, Kind};
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 use sim::Model;
+use sim::equilibrium::Equilibrium;
 use sim::joint::Six;
+use sim::laxity::COORDINATES;
 use sim::model::BundleParameters;
 use sim::spec::ModelSpec;
 use std::borrow::Cow;
-
-/// Prior standard deviations: reference strain [-], log of stiffness [-], log of the contact's scale [-].
-pub const PRIOR: [f64; 3] = [0.03, 0.2, 0.3];
 
 /// Sum of squares, in noises, up to which a trial's rest is near enough to what was measured that no other is looked for.
 const NEAR: f64 = 16.0;
@@ -30,84 +30,6 @@ const FAR: f64 = 400.0;
 /// Most trials, as a share, that may be lost beside recalibrated ligaments for that [-].
 const MOST_LOST: f64 = 0.2;
 
-/// Where an effect acts.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Scope {
-    /// In every data set.
-    Both,
-    /// In one.
-    Only(usize),
-}
-
-impl Scope {
-    /// Whether it acts in a data set.
-    pub fn covers(self, source: usize) -> bool {
-        self == Scope::Both || self == Scope::Only(source)
-    }
-}
-
-/// An effect with a scope: what can be named.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Candidate {
-    /// The effect.
-    pub effect: Effect,
-    /// Which of its variants.
-    pub variant: usize,
-    /// Where it acts.
-    pub scope: Scope,
-}
-
-impl Candidate {
-    /// Name in answers.
-    pub fn name(&self) -> String {
-        self.effect.name(self.variant)
-    }
-
-    /// The effect at work with values in units of its priors.
-    pub fn active(&self, scaled: &[f64]) -> Active {
-        let values = self.effect.parameter.iter().zip(scaled).map(|(p, x)| p.sd * x).collect();
-        Active::new(&self.effect, self.variant, values).expect("candidates come from implemented effects")
-    }
-
-    /// Whether values in units of its priors are as large as the effect must be to deserve its name.
-    pub fn is_large_enough(&self, scaled: &[f64]) -> bool {
-        self.effect.parameter.iter().zip(scaled).all(|(p, x)| p.sd * x.abs() >= p.least)
-    }
-
-    /// Whether values in units of its priors are no larger than the effect can be.
-    pub fn is_small_enough(&self, scaled: &[f64]) -> bool {
-        self.effect.parameter.iter().zip(scaled).all(|(p, x)| p.most.is_none_or(|most| p.sd * x.abs() <= most))
-    }
-
-    /// No effect, with the shape from which fits of it start, in units of its priors.
-    pub fn nothing(&self) -> Vec<f64> {
-        self.effect.parameter.iter().map(|p| if p.shape { p.from.unwrap_or(0.0) } else { 0.0 }).collect()
-    }
-
-    /// The size and the shape from which fits of it start, in units of its priors.
-    pub fn typical(&self) -> Vec<f64> {
-        self.effect.parameter.iter().map(|p| p.from.unwrap_or(if p.shape { 0.0 } else { 1.0 })).collect()
-    }
-
-    /// Number of parameters.
-    pub fn size(&self) -> usize {
-        self.effect.parameter.len()
-    }
-}
-
-/// Each of several candidates with its own of values that stand one candidate's after the other's.
-pub fn sized<'a>(
-    candidates: impl IntoIterator<Item = &'a Candidate>,
-    values: &'a [f64],
-) -> impl Iterator<Item = (&'a Candidate, &'a [f64])> {
-    let mut left = values;
-    candidates.into_iter().map(move |c| {
-        let (own, others) = left.split_at(c.size());
-        left = others;
-        (c, own)
-    })
-}
-
 /// A model, data and a catalogue.
 #[derive(Clone, Debug)]
 pub struct Problem {
@@ -117,8 +39,20 @@ pub struct Problem {
     pub place: Place,
     /// Ligament unknowns.
     pub design: Design,
+    /// All that is unknown of the knee itself.
+    pub nuisance: Nuisances,
+    /// Ligament parameters of the model that was given, whatever the model was moved to since.
+    pub given: Vec<BundleParameters>,
+    /// Scale of its contact [-].
+    pub given_scale: f64,
     /// Names of the data sets.
     pub sources: Vec<String>,
+    /// Standard deviation of a compartment's cartilage where the knee was built from raw data; 0 of a deck, whose contact the floor covers [mm].
+    pub cartilage_mm: f64,
+    /// Measurement noise as the data have it; empty until it was asked for.
+    pub noise: Vec<NoiseScale>,
+    /// What its own unknowns would take up.
+    pub absorbed: Vec<TakenUp>,
     /// Trials of all of them.
     pub trials: Vec<Trial>,
     /// What may be named.
@@ -126,10 +60,18 @@ pub struct Problem {
     /// Effects the model has already, with the scope of each.
     pub present: Vec<(Active, Scope)>,
     /// The pose next to each trial's measured one, where the chain reaches it: a start on the branch that the knee took.
-    held: Vec<Option<Rest>>,
-    bundles: Vec<Vec<usize>>,
+    held: Vec<Option<Equilibrium>>,
     /// From where on rests are taken for lost.
     lost: Lost,
+}
+
+/// An effect that the unknowns of a built knee would take up.
+#[derive(Clone, Debug)]
+pub struct TakenUp {
+    /// The effect with its variant and scope.
+    pub candidate: Candidate,
+    /// By what.
+    pub by: &'static str,
 }
 
 /// From where on a trial's rest is taken for lost.
@@ -168,7 +110,7 @@ pub struct Linear {
     /// Derivatives by the unknowns: a row a reading.
     pub slope: DMatrix<f64>,
     /// Where each trial rests.
-    pub rests: Vec<Rest>,
+    pub rests: Vec<Equilibrium>,
 }
 
 impl Problem {
@@ -184,31 +126,66 @@ impl Problem {
         let mut design = Design::of_model(spec)?;
         design.variables.retain(|v| matches!(v.kind, Kind::ReferenceStrain | Kind::StiffnessNPerMm));
         let place = Place { femur: spec.frames.femur, tibia: spec.frames.tibia };
-        let index = |name: &String| model.bundles.iter().position(|b| b.name == *name);
-        let bundles = design.variables.iter().map(|v| v.bundles.iter().filter_map(index).collect()).collect();
+        let nuisance = Nuisances::new(model, spec, &design);
+        let stated = spec.uncertainty.as_ref().filter(|_| nuisance.are_of_a_built_knee());
+        let cartilage_mm = stated.map_or(0.0, |u| u.cartilage_mm);
         let mut problem = Problem {
             // where the model brings a second contact, the diagnosis works with that one
             model: model.with_second_share(1.0)?,
             place,
             design,
+            nuisance,
+            given: model.parameters(),
+            given_scale: model.contact.scale,
             sources: sources.iter().map(|s| s.name.clone()).collect(),
+            cartilage_mm,
+            noise: vec![],
+            absorbed: vec![],
             trials: trials(sources)?,
             catalogue: catalogue.clone(),
             present: vec![],
             held: vec![],
-            bundles,
             lost: Lost::Near,
         };
-        let neutral: Vec<Six> = problem
-            .trials
-            .par_iter()
-            .map(|t| Bench { model: &problem.model, effects: &[], place: &problem.place }.neutral(t).q)
-            .collect();
-        for (t, q) in problem.trials.iter_mut().zip(neutral) {
-            t.neutral = q;
-        }
+        problem.unload();
         problem.hold();
         Ok(problem)
+    }
+
+    /// The same question about the model at other values of its nuisance parameters; their priors stay where they are.
+    ///
+    /// Errors: values out of the model's range.
+    pub fn centred_at(mut self, unknowns: &[f64]) -> Result<Problem, DiagnosisError> {
+        self.model = self.model_at(unknowns)?;
+        self.nuisance = self.nuisance.centred_at(unknowns)?;
+        self.place = Place { femur: self.nuisance.frames.femur, tibia: self.nuisance.frames.tibia };
+        self.unload();
+        self.hold();
+        Ok(self)
+    }
+
+    /// The same question with the noise that the data clearly have in place of the stated one.
+    pub fn with_noise(mut self, scales: Vec<NoiseScale>) -> Problem {
+        for n in scales.iter().filter(|n| n.taken) {
+            let place =
+                (self.sources.iter().position(|s| *s == n.source), COORDINATES.iter().position(|c| *c == n.coordinate));
+            let (Some(source), Some(c)) = place else { continue };
+            self.trials.iter_mut().filter(|t| t.source == source).for_each(|t| t.sd[c] *= n.inferred / n.stated);
+        }
+        self.noise = scales;
+        self
+    }
+
+    /// Finds the unloaded pose of every trial.
+    fn unload(&mut self) {
+        let neutral: Vec<Six> = self
+            .trials
+            .par_iter()
+            .map(|t| Bench { model: &self.model, effects: &[], place: &self.place }.neutral(t).q)
+            .collect();
+        for (t, q) in self.trials.iter_mut().zip(neutral) {
+            t.neutral = q;
+        }
     }
 
     /// The same question of a model that has effects already.
@@ -248,7 +225,7 @@ impl Problem {
     pub fn linear_held(&self) -> Result<Linear, DiagnosisError> {
         let unknowns = vec![0.0; self.nuisances()];
         let own = |i: usize| Bench { model: &self.model, effects: &[], place: &self.place }.neutral(&self.trials[i]);
-        let rests: Vec<Rest> =
+        let rests: Vec<Equilibrium> =
             (0..self.trials.len()).into_par_iter().map(|i| self.held[i].clone().unwrap_or_else(|| own(i))).collect();
         let mut linear = self.linear_at(&[], &unknowns, rests)?;
         for (i, rest) in linear.rests.iter().enumerate() {
@@ -260,14 +237,16 @@ impl Problem {
         Ok(linear)
     }
 
-    /// The bundles that ligament unknown `k` is about.
-    pub(crate) fn bundles_of(&self, k: usize) -> &[usize] {
-        &self.bundles[k]
+    /// Number of nuisance parameters.
+    pub fn nuisances(&self) -> usize {
+        self.nuisance.len()
     }
 
-    /// Number of ligament and contact unknowns.
-    pub fn nuisances(&self) -> usize {
-        self.design.variables.len() + 1
+    /// Prior means of the unknowns of a hypothesis, in units of their widths.
+    pub fn means(&self, unknowns: usize) -> Vec<f64> {
+        let mut out = self.nuisance.mean.clone();
+        out.resize(unknowns, 0.0);
+        out
     }
 
     /// Every testable effect, variant and scope.
@@ -287,24 +266,13 @@ impl Problem {
                 }
             }
         }
+        out.retain(|c| self.absorbed.iter().all(|t| t.candidate != *c));
         out
     }
 
-    /// The model with other ligaments and contact.
+    /// The model with other values of its nuisance parameters.
     pub fn model_at(&self, unknowns: &[f64]) -> Result<Model, DiagnosisError> {
-        let mut parameters: Vec<BundleParameters> = self.model.parameters();
-        for (k, v) in self.design.variables.iter().enumerate() {
-            for &b in &self.bundles[k] {
-                match v.kind {
-                    Kind::ReferenceStrain => parameters[b].reference_strain += PRIOR[0] * unknowns[k],
-                    Kind::StiffnessNPerMm => parameters[b].stiffness_n_per_mm *= (PRIOR[1] * unknowns[k]).exp(),
-                    // frames are effects here, not unknowns
-                    Kind::FrameTurnDeg | Kind::FrameShiftMm => {}
-                }
-            }
-        }
-        let contact = (PRIOR[2] * unknowns[self.design.variables.len()]).exp();
-        Ok(self.model.with_parameters(&parameters)?.with_contact_scale(contact)?)
+        self.nuisance.apply(&self.model, unknowns)
     }
 
     /// The effects at work in a data set: those the model has, then the hypothesis'.
@@ -351,7 +319,7 @@ impl Problem {
         hypothesis: &[Candidate],
         unknowns: &[f64],
         starts: &[Six],
-    ) -> Result<Vec<Rest>, DiagnosisError> {
+    ) -> Result<Vec<Equilibrium>, DiagnosisError> {
         let knee = self.knee(hypothesis, unknowns)?;
         let rest = |(i, trial): (usize, &Trial)| match starts.get(i) {
             Some(q) => knee.bench(trial).settle(trial, q),
@@ -367,21 +335,21 @@ impl Problem {
         hypothesis: &[Candidate],
         unknowns: &[f64],
         starts: &[Six],
-    ) -> Result<Vec<Rest>, DiagnosisError> {
+    ) -> Result<Vec<Equilibrium>, DiagnosisError> {
         Ok(self.nearer_in(&self.knee(hypothesis, unknowns)?, starts))
     }
 
-    fn nearer_in(&self, knee: &Knee, starts: &[Six]) -> Vec<Rest> {
+    fn nearer_in(&self, knee: &Knee, starts: &[Six]) -> Vec<Equilibrium> {
         let first = |(i, trial): (usize, &Trial)| match starts.get(i) {
             Some(q) => knee.bench(trial).settle(trial, q),
             None => knee.bench(trial).walk(trial),
         };
-        let first: Vec<Rest> = knee.trials.par_iter().enumerate().map(first).collect();
+        let first: Vec<Equilibrium> = knee.trials.par_iter().enumerate().map(first).collect();
         // where a hypothesis explains little of data that the model fits little of, rests count as they are: looking for others would be most of the work
         let as_they_are = self.lost == Lost::FarWhereLittleFits && self.fits_little(&first);
         let lost = if as_they_are || self.lost == Lost::Far { FAR } else { LOST };
         let near = if as_they_are { FAR } else { NEAR };
-        let nearer = |(i, first): (usize, Rest)| {
+        let nearer = |(i, first): (usize, Equilibrium)| {
             if self.off(i, &first) > near { self.next_to(i, knee, first, (lost, as_they_are)) } else { first }
         };
         first.into_par_iter().enumerate().map(nearer).collect()
@@ -389,10 +357,12 @@ impl Problem {
 
     /// The rest of trial `i` next to the measured pose, where that is much nearer than `first`; a knee that left the joint altogether may find back from the
     /// measured pose, let go slowly, where there is time for that.
-    fn next_to(&self, i: usize, knee: &Knee, first: Rest, (lost, quickly): (f64, bool)) -> Rest {
-        let (trial, miss) = (&knee.trials[i], |rest: &Rest| self.off(i, rest));
+    fn next_to(&self, i: usize, knee: &Knee, first: Equilibrium, (lost, quickly): (f64, bool)) -> Equilibrium {
+        let (trial, miss) = (&knee.trials[i], |rest: &Equilibrium| self.off(i, rest));
         let bench = knee.bench(trial);
-        let nearer = |a: Rest, b: Rest| if (b.balanced || !a.balanced) && miss(&b) < 0.5 * miss(&a) { b } else { a };
+        let nearer = |a: Equilibrium, b: Equilibrium| {
+            if (b.balanced || !a.balanced) && miss(&b) < 0.5 * miss(&a) { b } else { a }
+        };
         let Some(held) = &self.held[i] else { return first };
         let second = nearer(first, bench.settle(trial, &held.q));
         if miss(&second) <= lost {
@@ -406,7 +376,7 @@ impl Problem {
     }
 
     /// How far a rest of trial `i` is from what was measured: sum of squares in noises, half a degree or millimetre added to each.
-    fn off(&self, i: usize, rest: &Rest) -> f64 {
+    fn off(&self, i: usize, rest: &Equilibrium) -> f64 {
         let (there, t) = (reading(rest), &self.trials[i]);
         (0..5).map(|c| t.measured[c].map_or(0.0, |m| ((there[c] - m) / (t.sd[c] + 0.5)).powi(2))).sum()
     }
@@ -424,16 +394,16 @@ impl Problem {
     }
 
     /// Whether so many of these rests are lost that the model fits little.
-    pub fn fits_little(&self, rests: &[Rest]) -> bool {
+    pub fn fits_little(&self, rests: &[Equilibrium]) -> bool {
         let lost = rests.iter().enumerate().filter(|(i, r)| self.off(*i, r) > LOST).count();
         lost as f64 > MOST_LOST * rests.len() as f64
     }
 
     /// Where a trial that finds no rest near the measured pose would rest if the knee were as stiff there as the model as given is at that pose, and no less stiff than it takes to stay: what
     /// is out of balance there counts, no matter how far it would throw the knee.
-    fn imagined(&self, bench: Bench, trial: &Trial, held: &Rest) -> Rest {
+    fn imagined(&self, bench: Bench, trial: &Trial, held: &Equilibrium) -> Equilibrium {
         let tangent = bench.stiffened(trial, &held.tangent);
-        let mut rest = Rest { tangent, ..bench.held(trial, &self.measured(trial), &held.q) };
+        let mut rest = Equilibrium { tangent, ..bench.held(trial, &self.measured(trial), &held.q) };
         let moved = Slopes::new(bench, trial, &rest).by(&rest.miss, &Six::zeros());
         READ.iter().zip(moved).zip(PER_UNIT).for_each(|((&j, m), unit)| rest.observed[j] += m * unit);
         rest
@@ -451,16 +421,16 @@ impl Problem {
         &self,
         hypothesis: &[Candidate],
         unknowns: &[f64],
-        rests: Vec<Rest>,
+        rests: Vec<Equilibrium>,
     ) -> Result<Linear, DiagnosisError> {
         Ok(self.linear_in(&self.knee(hypothesis, unknowns)?, hypothesis, unknowns, rests))
     }
 
-    fn linear_in(&self, knee: &Knee, hypothesis: &[Candidate], unknowns: &[f64], rests: Vec<Rest>) -> Linear {
-        let by_unknowns = |(trial, rest): (&Trial, &Rest)| {
+    fn linear_in(&self, knee: &Knee, hypothesis: &[Candidate], unknowns: &[f64], rests: Vec<Equilibrium>) -> Linear {
+        let joints = self.nuisance.joints(unknowns);
+        let by_unknowns = |(trial, rest): (&Trial, &Equilibrium)| {
             let slopes = Slopes::new(knee.bench(trial), trial, rest);
-            let mut columns = slopes.ligaments(self);
-            columns.push(slopes.contact());
+            let mut columns = slopes.nuisances(&self.nuisance, &joints);
             let mut at = self.nuisances();
             for candidate in hypothesis {
                 let scaled = &unknowns[at..at + candidate.size()];
@@ -477,7 +447,7 @@ impl Problem {
 }
 
 /// Readings VV, IE [deg], ML, AP, SI [mm] of a rest.
-pub fn reading(rest: &Rest) -> [f64; 5] {
+pub fn reading(rest: &Equilibrium) -> [f64; 5] {
     std::array::from_fn(|c| rest.observed[READ[c]] / PER_UNIT[c])
 }
 

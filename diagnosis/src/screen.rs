@@ -1,10 +1,11 @@
 //! The linear screen: what each candidate could explain, ligaments and contact marginalised, in closed form.
 
+use crate::bench::Bench;
+use crate::candidate::Candidate;
 use crate::covariance::{Readings, Whitening};
-use crate::equilibrium::Bench;
 use crate::error::DiagnosisError;
 use crate::fit::{Fit, REACH};
-use crate::problem::{Candidate, Problem};
+use crate::problem::Problem;
 use crate::slopes::Slopes;
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rayon::prelude::*;
@@ -68,7 +69,7 @@ impl Marginal {
         let slope = readings.rows_of(&fit.linear.slope);
         let covariance = crate::robust::widened(covariance, &fit.odd);
         let whitening = Whitening::new(readings.block_of(&covariance) + &slope * slope.transpose())?;
-        let before = &fit.residual + slope * DVector::from_column_slice(&fit.unknowns);
+        let before = &fit.residual + slope * fit.from_means();
         Ok(Marginal { white: whitening.white_vector(&before), before, whitening })
     }
 
@@ -86,7 +87,8 @@ impl Marginal {
         size: &DVector<f64>,
     ) -> DVector<f64> {
         let left = &self.before - readings.rows_of(signature) * size;
-        readings.rows_of(&fit.linear.slope).tr_mul(&self.whitening.solve(&left))
+        let from_means = readings.rows_of(&fit.linear.slope).tr_mul(&self.whitening.solve(&left));
+        from_means + DVector::from_column_slice(&fit.means)
     }
 }
 

@@ -4,10 +4,12 @@ mod pairs;
 mod refit;
 mod steps;
 
+use crate::candidate::{Candidate, Scope, sized};
 use crate::covariance::{Floor, Readings, covariance, normal, remainders};
+use crate::criteria::{LEAST_BESIDE, LEAST_EVIDENCE, LEAST_FURTHER, NULLS_BELOW};
 use crate::error::DiagnosisError;
 use crate::fit::{Data, Fit};
-use crate::problem::{Candidate, Problem, Scope, sized};
+use crate::problem::Problem;
 use crate::robust::Mixture;
 use crate::screen::{Marginal, Score, signatures};
 use nalgebra::{DMatrix, DVector};
@@ -21,6 +23,8 @@ use steps::{Found, Given, HOPELESS};
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct DiagnosisOptions {
+    /// Whether a build diagnoses without being asked for that stage.
+    pub run: bool,
     /// The declared scatter.
     pub floor: Floor,
     /// Most effects that act together [-].
@@ -53,13 +57,14 @@ pub struct DiagnosisOptions {
 impl Default for DiagnosisOptions {
     fn default() -> Self {
         DiagnosisOptions {
+            run: false,
             floor: Floor::default(),
             most_effects: 3,
             shortlist: 9,
             nulls: 400,
-            least_evidence: 3.3,
-            least_further: 8.0,
-            least_beside: 6.0,
+            least_evidence: LEAST_EVIDENCE,
+            least_further: LEAST_FURTHER,
+            least_beside: LEAST_BESIDE,
             draws: 8,
             seed: 1,
             frozen_ligaments: false,
@@ -75,7 +80,7 @@ pub const TRIES: usize = 20;
 /// Of a first guess.
 pub(crate) const FEW: usize = 12;
 /// Standard deviation of effects in screens, in units of the catalogue's: their priors have heavy tails.
-const WIDTH: f64 = 2.0;
+pub(crate) const WIDTH: f64 = 2.0;
 
 /// What the search found.
 #[derive(Clone, Debug)]
@@ -106,17 +111,17 @@ struct Screened {
 }
 
 /// Where a search starts.
-struct Start {
+pub(crate) struct Start {
     /// The model as given.
     zero: Fit,
     /// The same, linear about the measured poses.
     held: Fit,
     /// With its ligaments fitted.
-    base: Fit,
+    pub(crate) base: Fit,
     /// Scatter of what is not linear.
     extra: DMatrix<f64>,
     /// All scatter, at the model as given.
-    cov: DMatrix<f64>,
+    pub(crate) cov: DMatrix<f64>,
 }
 
 /// Log prior of a candidate among those of its effect: tissues are rarely in one data set only, variants share.
@@ -195,7 +200,7 @@ impl Searcher<'_> {
 
     /// Misfit and cost of the ligaments: about the number of readings when the hypothesis is true.
     pub fn total(&self, fit: &Fit) -> f64 {
-        fit.misfit + fit.unknowns[..self.problem.nuisances()].iter().map(|x| x * x).sum::<f64>()
+        fit.misfit + self.problem.nuisance.squares(&fit.unknowns)
     }
 
     /// The same over the number of readings.
@@ -220,11 +225,11 @@ impl Searcher<'_> {
         });
     }
 
-    /// The model with its ligaments fitted, nothing missing.
+    /// Where a search starts: the model as given and with its nuisance parameters fitted, nothing missing.
     ///
     /// Errors: a model that cannot be evaluated.
-    pub fn recalibrated(&self) -> Result<Fit, DiagnosisError> {
-        Ok(self.baseline(&Readings::of(self.problem, &|_| true))?.base)
+    pub(crate) fn start(&self) -> Result<Start, DiagnosisError> {
+        self.baseline(&Readings::of(self.problem, &|_| true))
     }
 
     /// Nothing missing: the model as given, and with its ligaments fitted.
@@ -239,7 +244,8 @@ impl Searcher<'_> {
             )));
         }
         let starts: Vec<_> = linear.rests.iter().map(|r| r.q).collect();
-        let extra = remainders(self.problem, &starts, self.options.draws)? * self.options.floor.nonlinear.powi(2);
+        let extra = remainders(self.problem, &starts, self.options.draws, &self.options.floor)?
+            * self.options.floor.nonlinear.powi(2);
         let cov = covariance(self.problem, &[], &x, &linear.rests, &self.options.floor)? + &extra;
         let base = self.fit(&[], &x, &starts, &cov, readings, TRIES)?;
         let zero = Fit {
@@ -249,6 +255,7 @@ impl Searcher<'_> {
             odd: vec![],
             log_evidence: 0.0,
             posterior: DMatrix::identity(x.len(), x.len()),
+            means: self.problem.means(x.len()),
             unknowns: x,
             linear,
         };
@@ -314,7 +321,7 @@ impl Searcher<'_> {
             .map(|d| large.iter().map(|(_, s, p)| s.log_bayes_factor(d) + p).fold(f64::NEG_INFINITY, f64::max))
             .collect();
         largest.sort_by(f64::total_cmp);
-        let place = (largest.len() as f64 * 0.95) as usize;
+        let place = (largest.len() as f64 * NULLS_BELOW) as usize;
         let threshold = largest.get(place).copied().unwrap_or(0.0).max(self.options.least_evidence);
         let mut list: Vec<Screened> = scores
             .iter()

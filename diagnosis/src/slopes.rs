@@ -1,12 +1,13 @@
 //! Derivatives of a trial's reading at its rest.
 
+use crate::bench::Bench;
+use crate::candidate::Candidate;
 use crate::effect::{Active, fibre_pull, moved_fibre};
-use crate::equilibrium::{Bench, Rest};
-use crate::problem::{Candidate, PRIOR, Problem};
+use crate::nuisance::{FrameStep, Nuisance, Nuisances, frame_change, wrench};
 use crate::trial::{PER_UNIT, READ, Trial};
-use calibration::design::Kind;
 use nalgebra::{Matrix6, Vector3};
 use sim::contact::Nearby;
+use sim::equilibrium::Equilibrium;
 use sim::joint::{FREE, Six};
 use sim::ligament::Fibre;
 
@@ -14,7 +15,7 @@ use sim::ligament::Fibre;
 pub struct Slopes<'a> {
     bench: Bench<'a>,
     trial: &'a Trial,
-    rest: &'a Rest,
+    rest: &'a Equilibrium,
     /// Of the reading by what is out of balance.
     answer: Option<Matrix6<f64>>,
     /// The unloaded pose, where an effect departs from it.
@@ -31,7 +32,7 @@ struct Root {
 
 impl Root {
     /// Of a trial at `rest`; none where no effect departs from the unloaded pose or nothing holds the knee in it.
-    fn new(bench: &Bench, trial: &Trial, rest: &Rest) -> Option<Root> {
+    fn new(bench: &Bench, trial: &Trial, rest: &Equilibrium) -> Option<Root> {
         let departing: Vec<Active> = bench.effects.iter().filter(|e| e.is_about_unloaded()).cloned().collect();
         if departing.is_empty() {
             return None;
@@ -45,7 +46,7 @@ impl Root {
 
 impl<'a> Slopes<'a> {
     /// Prepares the derivatives of `trial` at `rest`.
-    pub fn new(bench: Bench<'a>, trial: &'a Trial, rest: &'a Rest) -> Slopes<'a> {
+    pub fn new(bench: Bench<'a>, trial: &'a Trial, rest: &'a Equilibrium) -> Slopes<'a> {
         let reading = bench.observe_derivative(trial, &rest.q);
         let answer = rest.tangent.try_inverse().map(|inverse| reading * inverse);
         Slopes { bench, trial, rest, answer, root: Root::new(&bench, trial, rest) }
@@ -70,33 +71,78 @@ impl<'a> Slopes<'a> {
         std::array::from_fn(|c| moved[READ[c]] / PER_UNIT[c])
     }
 
-    /// By the ligament unknowns.
-    pub fn ligaments(&self, problem: &Problem) -> Vec<[f64; 5]> {
+    /// By the scaled nuisance parameters; `joints` are those of the frames among them.
+    pub(crate) fn nuisances(&self, of: &Nuisances, joints: &[FrameStep]) -> Vec<[f64; 5]> {
+        let mut out = self.ligaments(of);
+        out.push(self.contact(of.contact().1));
+        out.extend(self.frames(joints));
+        let sites = |n: &Nuisance| matches!(n, Nuisance::Site { .. });
+        if of.list.iter().any(sites) {
+            let ends = self.attachments();
+            let fibres = &self.bench.model.fibres;
+            for (n, width) in of.list.iter().zip(&of.width) {
+                let Nuisance::Site { bundle, end, axis } = *n else { continue };
+                let own =
+                    (0..fibres.len()).filter(|f| fibres[*f].bundle == bundle).map(|f| ends[6 * f + 3 * end + axis]);
+                out.push(own.fold([0.0; 5], |sum, by| std::array::from_fn(|c| sum[c] + width * by[c])));
+            }
+        }
+        out
+    }
+
+    fn ligaments(&self, of: &Nuisances) -> Vec<[f64; 5]> {
         let model = self.bench.model;
+        let ligaments = || {
+            of.list.iter().zip(&of.width).filter_map(|(n, width)| match *n {
+                Nuisance::Ligament(v) => Some((v, *width)),
+                _ => None,
+            })
+        };
+        let mut widths = vec![[0.0; 2]; model.bundles.len()];
+        for (v, width) in ligaments() {
+            of.bundles_of(v).iter().for_each(|&b| widths[b][usize::from(of.is_stiffness(v))] = width);
+        }
         self.of_the_knee(|q| {
             let states = model.fibre_states(&model.joint.pose(q));
             let mut by_bundle = vec![[Six::zeros(); 2]; model.bundles.len()];
             for (fibre, state) in model.fibres.iter().zip(&states) {
                 let bundle = &model.bundles[fibre.bundle];
                 let [strain, stiffness] = bundle.parameter_derivatives(state.line.length - fibre.initial_length);
-                by_bundle[fibre.bundle][0] += state.line.gradient * (strain * PRIOR[0]);
-                by_bundle[fibre.bundle][1] += state.line.gradient * (stiffness * bundle.stiffness * PRIOR[1]);
+                let width = widths[fibre.bundle];
+                by_bundle[fibre.bundle][0] += state.line.gradient * (strain * width[0]);
+                by_bundle[fibre.bundle][1] += state.line.gradient * (stiffness * bundle.stiffness * width[1]);
             }
-            let variables = problem.design.variables.iter().enumerate();
-            variables
-                .map(|(k, v)| {
-                    let which = usize::from(v.kind == Kind::StiffnessNPerMm);
-                    problem.bundles_of(k).iter().fold(Six::zeros(), |s, &b| s + by_bundle[b][which])
-                })
-                .collect()
+            let sum = |v: usize| {
+                let which = usize::from(of.is_stiffness(v));
+                of.bundles_of(v).iter().fold(Six::zeros(), |s, &b| s + by_bundle[b][which])
+            };
+            ligaments().map(|(v, _)| sum(v)).collect()
         })
     }
 
     /// By the contact's scale.
-    pub fn contact(&self) -> [f64; 5] {
+    fn contact(&self, width: f64) -> [f64; 5] {
         let model = self.bench.model;
         let force = |q: &Six| model.contact_near(&model.joint.pose(q), &mut Nearby::default()).gradient;
-        self.of_the_knee(|q| vec![force(q) * PRIOR[2]])[0]
+        self.of_the_knee(|q| vec![force(q) * width])[0]
+    }
+
+    /// By turns and shifts of the frames: what is read, and the generalised forces of the same wrench, are of other axes then.
+    fn frames(&self, joints: &[FrameStep]) -> Vec<[f64; 5]> {
+        if joints.is_empty() {
+            return vec![];
+        }
+        let (model, q) = (self.bench.model, &self.rest.q);
+        let effects = self.bench.effects_at(self.trial, &self.trial.load, q);
+        let at = model.evaluate_near(q, &mut Nearby::default());
+        let read = |gs: &Six| self.bench.effects.iter().fold(*gs, |gs, e| e.read(&gs, self.trial, self.bench.place));
+        let wrench = wrench(&at.pose, &(at.gradient - effects));
+        let by = |step: &FrameStep| {
+            let (direct, mut miss) = frame_change(step, &at.pose.femur, wrench.as_ref()?, &read)?;
+            miss[0] = direct[0];
+            Some(self.by(&miss, &direct))
+        };
+        joints.iter().map(|step| by(step).unwrap_or([0.0; 5])).collect()
     }
 
     /// By the model's own contact in place of the second; nothing where there is none.

@@ -1,6 +1,7 @@
 //! Measured trials in the solver's units, with what belongs together.
 
 use crate::error::DiagnosisError;
+use serde::{Deserialize, Serialize};
 use sim::joint::{AP, FE, IE, ML, SI, Six, VV};
 use sim::laxity::{Branch, LaxityTrial, Test};
 use std::collections::BTreeMap;
@@ -18,6 +19,26 @@ pub struct Source {
     pub name: String,
     /// Its trials, as read.
     pub trials: Vec<LaxityTrial>,
+}
+
+/// Noise of one coordinate of one data set.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NoiseScale {
+    /// The data set.
+    pub source: String,
+    /// The coordinate: vv, ie, ml, ap, si.
+    pub coordinate: String,
+    /// Mean noise that the file states [deg, mm].
+    pub stated: f64,
+    /// What the data say [deg, mm].
+    pub inferred: f64,
+    /// Its 90 % interval [deg, mm].
+    pub lower: f64,
+    /// And its end.
+    pub upper: f64,
+    /// Whether the diagnosis takes the inferred one: the data ask for it clearly.
+    pub taken: bool,
 }
 
 /// A trial as the solver sees it.

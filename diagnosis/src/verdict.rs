@@ -1,31 +1,20 @@
 //! How sure an answer is: weights of rivals, what a name must have earned, and what it may leave.
 
+use crate::candidate::Scope;
 use crate::catalogue::Effect;
+use crate::criteria::{
+    ANOTHER, BEYOND_DOUBT_DEVIATIONS, CLOSES_MOST, CLOSES_NEARLY_ALL, DECISIVE_EXCESS, DECISIVE_WEIGHT, INTERVAL_90,
+    NO_SIZE, POOR_DEVIATIONS, PROBABLE_WEIGHT, TEMPER, ahead, decided, likelier, mixed_up, nameless,
+};
 use crate::fit::Fit;
-use crate::problem::{Candidate, Scope};
+use crate::form::{are_expected, left_by_form};
+use crate::report::Verdict;
 use crate::search::{Search, Searcher};
-use serde::{Deserialize, Serialize};
-
-/// How sure the answer is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Verdict {
-    /// One answer, weight 0.95 and more, and it predicts trials it has not seen.
-    Decisive,
-    /// One answer, weight 0.75 and more.
-    Probable,
-    /// One of several.
-    OneOf,
-    /// Something is missing that the catalogue does not have.
-    Unnamed,
-    /// Nothing beyond noise and floor.
-    None,
-}
 
 /// How many times less loud the data speak than their declared scatter says: the floor is known no better than this, and a misfit shows that it is
 /// too narrow. It raises the threshold of a name, tempers the weights of names and widens the intervals of sizes alike.
 pub(crate) fn temper(searcher: &Searcher, fit: &Fit) -> f64 {
-    1.5 * (searcher.total(fit) / fit.residual.len() as f64).max(1.0)
+    TEMPER * (searcher.total(fit) / fit.residual.len() as f64).max(1.0)
 }
 
 /// Weight of each rival: evidence and prior, tempered where the best leaves more than it should.
@@ -38,36 +27,6 @@ pub(crate) fn weights<'a>(searcher: &Searcher, search: &'a Search, best: &Fit) -
     out.iter_mut().for_each(|(_, w)| *w /= sum);
     out
 }
-
-/// Log Bayes factor from which fields of no name are believed [-], where nothing is named times what the data leave over what they should where that is
-/// more: one thing missing in ten is in nobody's catalogue, and 4.5 nats as loud as the data may speak are odds of 20, two to one for the field.
-pub(crate) const NAMELESS: f64 = 4.5;
-/// Share of what an answer has earned that a field beside it may earn without taking its name [-]: the nearest kin of the catalogue differ by a tenth of what
-/// they explain, of which a field, one among many, finds about half. What earns less is another thing that is missing, too.
-pub(crate) const ANOTHER: f64 = 0.05;
-/// By how much a field in place of the name must do better than the name does to be the likelier of the two: by those ten to one [-]. What a field earns is
-/// a mean over all of its kinds; what an answer earns is its own, and each of its effects is one of all that could have been named.
-const AHEAD: f64 = 2.3;
-/// Log Bayes factor of the field beside a name from which the name is no longer the likelier of the two; a decisive one must be [-]. By as much in the mean
-/// of both scatters a rival takes the place of the best.
-pub(crate) const LIKELIER: f64 = 3.3;
-/// Standard deviations of the sum of squares from which an answer leaves more than noise does [-].
-const POOR: f64 = 1.8;
-/// Size of an effect, in standard deviations of its prior, that is no longer the effect of that name [-].
-const BEYOND_BELIEF: f64 = 5.0;
-/// Share of the held-out gap that a decisive answer must close [-].
-const MOSTLY: f64 = 0.5;
-/// Share of the held-out gap that an answer must close whose rest stays significant [-]: else it is at most part of what is missing, or stands in for it.
-const NEARLY: f64 = 0.9;
-/// Log Bayes factor that a decisive answer must have [-]: the nearest kin of the catalogue differ by a tenth of what they explain, and a tenth of this
-/// tells an unknown one of that kind apart by odds of 20.
-const DECIDED: f64 = 30.0;
-/// Share of its standard deviation below which a part of an effect is nothing [-]: it was pressed against its bound.
-const NOTHING: f64 = 0.1;
-/// Log Bayes factor from which two trials are taken to be exchanged [-].
-pub(crate) const MIXED_UP: f64 = 4.5;
-/// Standard deviations of the sum of squares from which something is missing though no effect explains it [-].
-const BEYOND_DOUBT: f64 = 4.0;
 
 /// An answer that asks to be believed.
 pub(crate) struct Candidature<'a> {
@@ -122,24 +81,6 @@ struct Grounds {
     evidence: f64,
 }
 
-/// What the form of an answer's effects, of `sizes` in units of their priors, may leave of what it explains [nats]: the square of the share by which
-/// the form may differ. Frames and loads have one form; what the form of a first effect leaves, further ones have taken up; a size that nobody would
-/// expect is no matter of form.
-fn left_by_form(hypothesis: &[Candidate], sizes: &[f64], evidence: f64) -> f64 {
-    let [only] = hypothesis else { return 0.0 };
-    if are_expected(sizes) { only.effect.form_share.powi(2) * evidence } else { 0.0 }
-}
-
-/// Whether sizes, in standard deviations of their priors, are such as somebody would expect.
-fn are_expected(sizes: &[f64]) -> bool {
-    sizes.iter().all(|x| x.abs() < BEYOND_BELIEF)
-}
-
-/// Whether a field of no name beside an answer asks for a further effect.
-pub(crate) fn asks_for_more(field: f64, fit: &Fit, nuisances: usize, evidence: f64) -> bool {
-    field > NAMELESS.max(left_by_form(&fit.hypothesis, &fit.unknowns[nuisances..], evidence))
-}
-
 impl Grounds {
     fn new(searcher: &Searcher, rivals: &[(&Fit, f64)], of: &Candidature) -> Grounds {
         let readings = of.believed.residual.len() as f64;
@@ -168,20 +109,26 @@ impl Grounds {
         let deviations = self.excess / (2.0 * self.readings).sqrt();
         if !self.is_named {
             let loud = (1.0 + self.excess / self.readings).max(1.0);
-            return self.wild > NAMELESS * loud || self.exchanged > MIXED_UP || deviations > BEYOND_DOUBT;
+            return self.wild > nameless() * loud
+                || self.exchanged > mixed_up()
+                || deviations > BEYOND_DOUBT_DEVIATIONS;
         }
         // two records mixed up beside a name leave it its name; a name that has earned less than they would is owed to them
-        let mixed = self.exchanged > MIXED_UP.max(self.evidence);
-        let in_place = self.alone - self.evidence > AHEAD.max(self.form) - self.choice;
+        let mixed = self.exchanged > mixed_up().max(self.evidence);
+        let in_place = self.alone - self.evidence > ahead().max(self.form) - self.choice;
         let another = if self.is_expected { ANOTHER * self.evidence } else { 0.0 };
-        let nameless = self.wild > NAMELESS.max(self.form).max(another) || in_place;
-        nameless || mixed || deviations > POOR && self.closes < NEARLY
+        let nameless = self.wild > nameless().max(self.form).max(another) || in_place;
+        nameless || mixed || deviations > POOR_DEVIATIONS && self.closes < CLOSES_NEARLY_ALL
     }
 
     /// Whether it may be decisive: a named effect that leaves much is not the whole truth. A field weighs only where it is asked for.
     fn may_decide(&self, wildcard: bool) -> bool {
-        let rests = self.excess < 0.25 * self.readings && !(wildcard && self.wild > LIKELIER);
-        self.weight >= 0.95 && self.evidence >= DECIDED && self.gain > 0.0 && self.closes >= MOSTLY && rests
+        let rests = self.excess < DECISIVE_EXCESS * self.readings && !(wildcard && self.wild > likelier());
+        self.weight >= DECISIVE_WEIGHT
+            && self.evidence >= decided()
+            && self.gain > 0.0
+            && self.closes >= CLOSES_MOST
+            && rests
     }
 }
 
@@ -200,7 +147,7 @@ fn judge(grounds: &Grounds, wildcard: bool, stands: impl FnOnce() -> bool) -> Ve
         Verdict::None
     } else if grounds.may_decide(wildcard) && stands() {
         Verdict::Decisive
-    } else if grounds.weight >= 0.75 {
+    } else if grounds.weight >= PROBABLE_WEIGHT {
         Verdict::Probable
     } else {
         Verdict::OneOf
@@ -217,8 +164,8 @@ fn is_sized(searcher: &Searcher, fit: &Fit) -> bool {
 /// half of an effect may be all of one that has another name (hamstrings on the lateral side alone pull as the iliotibial band does).
 fn is_whole(effect: &Effect, values: &[(f64, f64)]) -> bool {
     let sizes = || effect.parameter.iter().zip(values).filter(|(p, _)| !p.shape);
-    let is_there = sizes().any(|(_, (value, sd))| value.abs() > 1.645 * sd);
-    is_there && sizes().all(|(p, (value, sd))| !p.one_sided || *value > NOTHING * sd)
+    let is_there = sizes().any(|(_, (value, sd))| value.abs() > INTERVAL_90 * sd);
+    is_there && sizes().all(|(p, (value, sd))| !p.one_sided || *value > NO_SIZE * sd)
 }
 
 /// Whether the first answer stays the first, and above the threshold, with priors half and twice as wide and noise of 0.7 and 1.5 of the stated.
@@ -258,6 +205,7 @@ pub(crate) fn by_names<'a>(rivals: &[(&'a Fit, f64)]) -> Vec<(&'a Fit, f64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::candidate::Candidate;
     use crate::catalogue::Catalogue;
 
     /// A clean answer: it leaves what noise does, and closes the gap.

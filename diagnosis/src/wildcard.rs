@@ -8,11 +8,12 @@ mod parts;
 pub mod suspects;
 mod words;
 
+use crate::bench::Bench;
+use crate::candidate::Scope;
 use crate::covariance::Readings;
-use crate::equilibrium::Bench;
 use crate::error::DiagnosisError;
 use crate::fit::Fit;
-use crate::problem::{Problem, Scope};
+use crate::problem::Problem;
 use crate::robust::price;
 use crate::screen::Marginal;
 use crate::slopes::Slopes;
@@ -20,9 +21,9 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use sim::joint::{FE, Six};
 
-use kinds::{BENT, Kind, kinds, shares};
+use kinds::{BENT, Kind, Part, kinds, shares};
 pub use kinds::{Bone, Course};
-use parts::{Part, parts};
+use parts::parts;
 
 /// Sizes of a field over those amplitudes [-].
 const SIZES: [f64; 3] = [0.3, 1.0, 3.0];

@@ -1,12 +1,12 @@
 //! The verdict in sentences for a researcher who has read no manual.
 
-use crate::carried::Carried;
 use crate::catalogue::Catalogue;
-use crate::diagnosis::{Answer, Diagnosis, Named, Verdict};
+use crate::criteria::{ANOTHER, nameless};
 use crate::map::Cell;
 use crate::problem::Problem;
+use crate::report::Carried;
+use crate::report::{Answer, Diagnosis, Named, Verdict};
 use crate::search::Search;
-use crate::verdict::{ANOTHER, NAMELESS};
 use crate::wildcard::Wildcard;
 use std::fmt::Write;
 
@@ -48,7 +48,7 @@ pub(crate) fn description(problem: &Problem, d: &Diagnosis, wild: &Wildcard, sea
                 g.floor,
                 100.0 * g.closed
             );
-            if d.wildcard > NAMELESS {
+            if d.wildcard > nameless() {
                 let (what, gain) = (wild.words(problem), d.wildcard);
                 let _ = write!(
                     out,
@@ -117,7 +117,7 @@ fn named(catalogue: &Catalogue, e: &Named) -> String {
 /// Each parameter of an effect with its 90 % interval, told as such by `label`.
 pub(crate) fn sizes(catalogue: &Catalogue, e: &Named, label: &str) -> Vec<String> {
     let found = catalogue.find(&e.effect).ok().map(|(f, _)| f);
-    let one = |(k, v): (&String, &crate::diagnosis::Value)| {
+    let one = |(k, v): (&String, &crate::report::Value)| {
         let one_sided = found.is_some_and(|f| f.parameter.iter().any(|p| p.key == *k && p.one_sided));
         let (low, high) = v.interval(one_sided);
         let size = with_unit(v.value, &v.unit);
@@ -169,7 +169,7 @@ fn not_enough(problem: &Problem, d: &Diagnosis) -> String {
         return format!("{best} and leave {after:.1} times what noise and floor allow: not enough for a name.");
     }
     match (d.wildcard_alone, d.best_log_bayes_factor) {
-        (Some(alone), Some(own)) if d.wildcard <= NAMELESS.max(ANOTHER * own) && d.exchanged.is_none() => format!(
+        (Some(alone), Some(own)) if d.wildcard <= nameless().max(ANOTHER * own) && d.exchanged.is_none() => format!(
             "{best} with a log Bayes factor of {own:.1}; what has no name explains as much, with {alone:.1}, though it was chosen among more: not enough for \
              a name."
         ),

@@ -9,7 +9,8 @@ mod deck;
 
 use asked::asked;
 use deck::deck;
-use diagnosis::problem::{Candidate, Problem, Scope, reading};
+use diagnosis::candidate::{Candidate, Scope};
+use diagnosis::problem::{Problem, reading};
 use diagnosis::search::{DiagnosisOptions, Search, Searcher};
 use diagnosis::wildcard::{Wildcard, wildcard};
 

@@ -5,10 +5,12 @@ mod common;
 
 use calibration::design::Kind;
 use common::shared;
+use diagnosis::candidate::Candidate;
 use diagnosis::catalogue::Catalogue;
 use diagnosis::covariance::{Floor, Readings, covariance};
-use diagnosis::diagnosis::scope_name;
-use diagnosis::problem::{Candidate, PRIOR, Problem};
+use diagnosis::nuisance::PRIOR;
+use diagnosis::problem::Problem;
+use diagnosis::report::scope_name;
 use diagnosis::search::{DiagnosisOptions, Searcher, TRIES};
 use diagnosis::trial::Source;
 use nalgebra::DMatrix;

@@ -63,7 +63,7 @@ fn answer(deck: &ImportedDeck, case: &Path) -> Diagnosis {
     });
     let model = sim::compile(&deck.spec, &deck.meshes).unwrap();
     let model = diagnosis::rim::prepared(&model, &deck.spec, &deck.meshes).unwrap();
-    diagnose(&model, &deck.spec, &sources, &Catalogue::shipped(), &DiagnosisOptions::default()).unwrap().diagnosis
+    diagnose(&model, &deck.spec, &sources, &Catalogue::shipped(), &DiagnosisOptions::default(), None).unwrap().diagnosis
 }
 
 #[test]

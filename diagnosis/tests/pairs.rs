@@ -4,9 +4,10 @@
 mod common;
 
 use common::shared;
+use diagnosis::candidate::Candidate;
 use diagnosis::catalogue::Catalogue;
-use diagnosis::diagnosis::scope_name;
-use diagnosis::problem::{Candidate, Problem};
+use diagnosis::problem::Problem;
+use diagnosis::report::scope_name;
 use diagnosis::search::{DiagnosisOptions, Searcher};
 use diagnosis::trial::Source;
 use rand::{RngExt, SeedableRng};

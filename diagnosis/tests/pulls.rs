@@ -6,9 +6,10 @@ mod common;
 mod deck;
 
 use deck::{deck, question};
+use diagnosis::candidate::Scope;
 use diagnosis::catalogue::Catalogue;
 use diagnosis::effect::Active;
-use diagnosis::problem::{Problem, Scope};
+use diagnosis::problem::Problem;
 use sim::joint::{AP, IE, ML, SI, Six, VV};
 
 const FLEXIONS: [f64; 4] = [0.0, 30.0, 60.0, 90.0];

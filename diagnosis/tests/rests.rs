@@ -7,12 +7,13 @@ mod deck;
 
 use calibration::design::Kind;
 use deck::{Asked, deck};
+use diagnosis::bench::Bench;
 use diagnosis::catalogue::Catalogue;
-use diagnosis::covariance::remainders;
+use diagnosis::covariance::{Floor, remainders};
 use diagnosis::effect::Active;
-use diagnosis::equilibrium::{Bench, Rest};
 use diagnosis::problem::{Problem, reading};
 use nalgebra::Matrix6;
+use sim::equilibrium::Equilibrium;
 use sim::joint::Six;
 
 /// The published deck under 10 N m of varus and of valgus at 30, 60 and 90 deg, measured where the deck itself rests.
@@ -32,9 +33,9 @@ fn problem_off(varus: f64) -> Option<Problem> {
     };
     let anywhere = at(&[[0.0; 5]; TRIALS.len()])?;
     let own = Bench { model: &anywhere.model, effects: &[], place: &anywhere.place };
-    let rests: Vec<Rest> = anywhere.trials.iter().map(|t| own.walk(t)).collect();
+    let rests: Vec<Equilibrium> = anywhere.trials.iter().map(|t| own.walk(t)).collect();
     assert!(rests.iter().all(|r| r.balanced));
-    let moved = |r: &Rest| {
+    let moved = |r: &Equilibrium| {
         let mut out = reading(r);
         out[0] += varus;
         out
@@ -53,7 +54,7 @@ const TRIALS: [(&str, f64, f64); 6] = [
 ];
 
 /// Varus of each trial over the measured one [deg].
-fn off(problem: &Problem, rests: &[Rest]) -> Vec<f64> {
+fn off(problem: &Problem, rests: &[Equilibrium]) -> Vec<f64> {
     let measured = problem.trials.iter().map(|t| t.measured[0].unwrap());
     measured.zip(rests).map(|(m, r)| (reading(r)[0] - m).abs()).collect()
 }
@@ -76,7 +77,7 @@ fn a_knee_thrown_out_of_the_joint_is_led_back() {
 
 #[test]
 fn where_a_model_fits_little_rests_count_as_they_are_and_else_as_ever() {
-    let coordinates = |rests: &[Rest]| rests.iter().map(|r| r.q).collect::<Vec<_>>();
+    let coordinates = |rests: &[Equilibrium]| rests.iter().map(|r| r.q).collect::<Vec<_>>();
     let x = |problem: &Problem| loosened(problem, 0.3);
     let Some(far) = problem_off(10.0) else { return };
     let far = far.with_far_rests(true).with_rests_as_they_are();
@@ -109,7 +110,7 @@ fn how_far_from_any_rest_a_trial_was_measured_is_no_scatter() {
         // nothing rests next to what was measured so far off
         assert!(varus == 0.0 || near[2..].iter().all(|r| r.miss.norm() > 1000.0));
         let starts: Vec<Six> = near.iter().map(|r| r.q).collect();
-        let left = remainders(&problem, &starts, 8).unwrap();
+        let left = remainders(&problem, &starts, 8, &Floor::default()).unwrap();
         // 60 and 30 deg: one rest each
         Some((10..30).map(|r| left[(r, r)].sqrt()).collect())
     };

@@ -6,7 +6,8 @@ mod common;
 mod deck;
 
 use deck::{Asked, deck};
-use diagnosis::problem::{Candidate, Problem, Scope};
+use diagnosis::candidate::{Candidate, Scope};
+use diagnosis::problem::Problem;
 
 /// A stiff capsule, and menisci without play, as large as the tests need them; of variants, those about the unloaded pose.
 fn tissues(problem: &Problem) -> Vec<(Candidate, Vec<f64>)> {

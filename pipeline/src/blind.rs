@@ -2,7 +2,7 @@
 
 use crate::error::BuildError;
 use crate::{diagnose, model_file, store};
-use blindbench::knee::{BundleInput, KneeInput};
+use blindbench::knee::{BundleInput, KneeInput, Unlike};
 use blindbench::laboratory::{Planned, Truth, kinds, make};
 use blindbench::score::{Said, Score, score};
 use clap::{Args, Subcommand};
@@ -11,6 +11,7 @@ use diagnosis::diagnosis::Diagnosis;
 use diagnosis::search::DiagnosisOptions;
 use sim::laxity::{LaxityTrial, TrialResult, results_csv};
 use sim::mesh::MeshValue;
+use sim::uncertainty::{LigamentUncertainty, ParameterPrior};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -131,6 +132,8 @@ fn make_cases(args: &MakeArgs) -> Result<String, BuildError> {
     for (k, kind) in kinds.iter().enumerate() {
         let name = format!("case_{:04}", k + 1);
         let seed = args.seed.wrapping_mul(1_000_003).wrapping_add(k as u64);
+        // a model that says what it does not know is not its knee: the laboratory's differs from it by that much
+        let input = unlike(&loaded.spec).map_or_else(|| input.clone(), |by| input.unlike(&by, seed ^ UNLIKE));
         let case = make(&input, &plan, &name, (kind, args.size), seed).map_err(|e| BuildError::File(e.to_string()))?;
         let mut readings = case.readings.iter();
         for source in &sources {
@@ -153,7 +156,30 @@ fn make_cases(args: &MakeArgs) -> Result<String, BuildError> {
     Ok(format!("{} cases in {}\n", kinds.len(), args.out.display()))
 }
 
-fn planned(source: &str, t: &LaxityTrial) -> Planned {
+/// Tells the draws of the laboratory's knee from those of its day.
+const UNLIKE: u64 = 0x5bd1_e995;
+
+/// How far the laboratory's knee may be from a built one; `None` where the model states no such thing.
+fn unlike(spec: &sim::spec::ModelSpec) -> Option<Unlike> {
+    let u = spec.uncertainty.as_ref()?;
+    let frames = [&u.frames.femur, &u.frames.tibia];
+    if frames.iter().all(|f| f.turn_deg == [0.0; 3] && f.shift_mm == [0.0; 3]) {
+        return None;
+    }
+    let strain = |l: &LigamentUncertainty| match l.reference_strain {
+        Some(ParameterPrior::Normal { mean, sd, .. }) => Some([mean, sd]),
+        _ => None,
+    };
+    Some(Unlike {
+        sites_mm: u.sites.iter().map(|(b, s)| (b.clone(), [s.femur_mm, s.tibia_mm])).collect(),
+        turn_deg: frames.map(|f| f.turn_deg),
+        shift_mm: frames.map(|f| f.shift_mm),
+        cartilage_mm: u.cartilage_mm,
+        strains: u.ligaments.iter().filter_map(|(b, l)| Some((b.clone(), strain(l)?))).collect(),
+    })
+}
+
+pub(crate) fn planned(source: &str, t: &LaxityTrial) -> Planned {
     Planned {
         source: source.to_owned(),
         condition: format!("{} {}", t.test.name(), t.nominal_flexion_deg),

@@ -1,6 +1,7 @@
 //! The page that shows the order of the work. It calls; it never computes.
 
 use crate::calibrate::{self, calibrate_all};
+use crate::diagnose::{self, diagnose_built};
 use crate::error::BuildError;
 use crate::model_file::LoadedModel;
 use crate::options::BuildOptions;
@@ -114,6 +115,16 @@ pub fn build_model(raw: &RawSpecimen, o: &BuildOptions, log: &mut RunLog) -> Res
         || validate_all(&model.meshes, &calibration, &measured.passive, &o.validate),
         |v| validate::show(v, Some(&calibration)),
     )?;
+    if !o.diagnose.run {
+        return Ok(());
+    }
+    log.stage(
+        "diagnose",
+        &[m, b, &calibration.digest, &measured.digest],
+        &o.diagnose,
+        || diagnose_built(&model, &calibration, &measured.laxity, &measured.digests, &o.diagnose),
+        diagnose::show,
+    )?;
     Ok(())
 }
 
@@ -143,13 +154,17 @@ fn segmented(raw: &RawSpecimen, o: &BuildOptions, log: &mut RunLog) -> Result<Op
 struct Measured {
     laxity: BTreeMap<String, Vec<LaxityTrial>>,
     passive: Vec<Passive>,
+    /// Of each laxity file, by data set.
+    digests: BTreeMap<String, String>,
+    /// Of all.
     digest: String,
 }
 
 /// Reads laxity and passive flexion.
 fn measured(raw: &RawSpecimen) -> Result<Measured, BuildError> {
     let file = parse_specimen_file(&raw.toml).map_err(|e| BuildError::stage("ingest", e))?;
-    let mut out = Measured { laxity: BTreeMap::new(), passive: vec![], digest: String::new() };
+    let mut out =
+        Measured { laxity: BTreeMap::new(), passive: vec![], digests: BTreeMap::new(), digest: String::new() };
     let mut digests = String::new();
     let mut bytes = |table: &str, name: &str, path: &str| {
         let found = raw.files.get(path).ok_or_else(|| {
@@ -159,7 +174,9 @@ fn measured(raw: &RawSpecimen) -> Result<Measured, BuildError> {
         Ok::<&Vec<u8>, BuildError>(found)
     };
     for (name, path) in &file.laxity {
-        let (trials, _) = calibrate::read_laxity(path, bytes("laxity", name, path)?)?;
+        let found = bytes("laxity", name, path)?;
+        let (trials, _) = calibrate::read_laxity(path, found)?;
+        out.digests.insert(name.clone(), hash(found));
         out.laxity.insert(name.clone(), trials);
     }
     for (name, path) in &file.passive {

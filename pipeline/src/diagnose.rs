@@ -1,14 +1,21 @@
 //! `diagnose`: which effect a model lacks, judged by measured laxity.
 
+use crate::calibrate::Calibration;
 use crate::error::BuildError;
+use crate::model_file::{self, LoadedModel};
 use crate::run_log::hash;
-use crate::{model_file, store};
+use crate::show::{Files, Reported};
+use crate::store;
 use clap::Args;
 use diagnosis::catalogue::Catalogue;
-use diagnosis::component::Provenance;
-use diagnosis::diagnosis::{Outcome, diagnose};
+use diagnosis::component::{Component, Provenance};
+use diagnosis::diagnosis::{Diagnosis, Outcome, diagnose};
 use diagnosis::search::DiagnosisOptions;
 use diagnosis::trial::Source;
+use serde::{Deserialize, Serialize};
+use sim::laxity::LaxityTrial;
+use sim::spec::ModelSpec;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// `build-model diagnose`.
@@ -71,7 +78,7 @@ pub fn run_with(args: &DiagnoseArgs, options: &DiagnosisOptions) -> Result<Strin
         store::write_all(&args.out, &[("atlas.json".into(), json), ("atlas.html".into(), page.clone().into_bytes())])?;
         return Ok(text + &diagnosis::atlas::table(&atlas));
     }
-    let outcome = diagnose(&model, &loaded.spec, &sources, &catalogue, options)
+    let outcome = diagnose(&model, &loaded.spec, &sources, &catalogue, options, None)
         .and_then(|o| o.with_provenance(&provenance))
         .map_err(|e| fault(&e))?;
     write(args, &loaded, &outcome)?;
@@ -80,11 +87,7 @@ pub fn run_with(args: &DiagnoseArgs, options: &DiagnosisOptions) -> Result<Strin
 }
 
 /// What an answer is found with.
-fn provenance(
-    args: &DiagnoseArgs,
-    loaded: &model_file::LoadedModel,
-    catalogue: &Catalogue,
-) -> Result<Provenance, BuildError> {
+fn provenance(args: &DiagnoseArgs, loaded: &LoadedModel, catalogue: &Catalogue) -> Result<Provenance, BuildError> {
     let digest = |(name, path): &(String, PathBuf)| Ok((name.clone(), hash(&store::read(path)?)));
     Ok(Provenance {
         program: env!("CARGO_PKG_VERSION").into(),
@@ -95,7 +98,7 @@ fn provenance(
 }
 
 /// The model of a file, compiled for a diagnosis.
-pub fn prepared(loaded: &model_file::LoadedModel) -> Result<sim::Model, diagnosis::DiagnosisError> {
+pub fn prepared(loaded: &LoadedModel) -> Result<sim::Model, diagnosis::DiagnosisError> {
     let model = sim::compile(&loaded.spec, &loaded.meshes)?;
     diagnosis::rim::prepared(&model, &loaded.spec, &loaded.meshes)
 }
@@ -136,25 +139,118 @@ pub fn options(path: Option<&Path>) -> Result<DiagnosisOptions, BuildError> {
     toml::from_str(&store::read_text(path)?).map_err(|e| BuildError::Option(format!("{}: {e}", path.display())))
 }
 
-fn write(args: &DiagnoseArgs, loaded: &model_file::LoadedModel, outcome: &Outcome) -> Result<(), BuildError> {
-    let mut diagnosis = outcome.diagnosis.clone();
-    let mut files = Vec::new();
-    let mut spec = loaded.spec.clone();
-    if let Some(model) = &outcome.model {
-        spec = model.clone();
-        for (k, component) in outcome.components.iter().enumerate() {
-            let name = format!("components/{}-{}.toml", component.effect, k + 1);
-            let text = toml::to_string(component).map_err(|e| BuildError::File(format!("{name}: {e}")))?;
-            files.push((name.clone(), text.into_bytes()));
-            diagnosis.added.push(name);
-        }
-    }
+fn write(args: &DiagnoseArgs, loaded: &LoadedModel, outcome: &Outcome) -> Result<(), BuildError> {
     let out = store::make_folder(&args.out)?;
-    let spec = model_file::moved(&spec, &loaded.folder, &out);
-    files.push(("model.json".into(), as_json(&spec)?));
-    files.push(("report.html".into(), diagnosis::page::page(&loaded.spec.id, &diagnosis).into_bytes()));
-    files.push(("diagnosis.json".into(), as_json(&diagnosis)?));
+    let files = files(&outcome.diagnosis, &outcome.components, |added| {
+        let spec = outcome.model.as_ref().filter(|_| added).unwrap_or(&loaded.spec);
+        model_file::moved(spec, &loaded.folder, &out)
+    })?;
     store::write_all(&out, &files)
+}
+
+/// diagnosis.json, report.html, components/ and model.json; `model` gives the latter, with what was added or as it was.
+fn files(
+    diagnosis: &Diagnosis,
+    components: &[Component],
+    model: impl FnOnce(bool) -> ModelSpec,
+) -> Result<Vec<(String, Vec<u8>)>, BuildError> {
+    let mut diagnosis = diagnosis.clone();
+    let mut files = Vec::new();
+    for (k, component) in components.iter().enumerate() {
+        let name = format!("components/{}-{}.toml", component.effect, k + 1);
+        let text = toml::to_string(component).map_err(|e| BuildError::File(format!("{name}: {e}")))?;
+        files.push((name.clone(), text.into_bytes()));
+        diagnosis.added.push(name);
+    }
+    let spec = model(!components.is_empty());
+    files.push(("model.json".into(), as_json(&spec)?));
+    files.push(("report.html".into(), diagnosis::page::page(&spec.id, &diagnosis).into_bytes()));
+    files.push(("diagnosis.json".into(), as_json(&diagnosis)?));
+    Ok(files)
+}
+
+/// The value of stage 12.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct Diagnosed {
+    /// The report.
+    pub diagnosis: Diagnosis,
+    /// What was added.
+    pub components: Vec<Component>,
+    /// The model with it, or as assembled.
+    pub model: ModelSpec,
+    /// What is odd but not fatal.
+    pub warnings: Vec<String>,
+    /// For metrics.json.
+    pub metrics: serde_json::Value,
+}
+
+impl Reported for Diagnosed {
+    fn metrics(&self) -> serde_json::Value {
+        self.metrics.clone()
+    }
+    fn warnings(&self) -> &[String] {
+        &self.warnings
+    }
+}
+
+/// The data set in which a calibration holds all of them.
+const JOINT: &str = "joint";
+
+/// Stage 12: what the assembled model lacks, from where its calibration ended; `digests` are those of the laxity files.
+pub fn diagnose_built(
+    model: &LoadedModel,
+    calibration: &Calibration,
+    laxity: &BTreeMap<String, Vec<LaxityTrial>>,
+    digests: &BTreeMap<String, String>,
+    options: &DiagnosisOptions,
+) -> Result<Diagnosed, BuildError> {
+    let sources: Vec<Source> =
+        laxity.iter().map(|(name, trials)| Source { name: name.clone(), trials: trials.clone() }).collect();
+    let catalogue = Catalogue::shipped();
+    let provenance = Provenance {
+        program: env!("CARGO_PKG_VERSION").into(),
+        catalogue: catalogue.version.clone(),
+        model: model_file::digest(model),
+        data: digests.clone(),
+    };
+    let knee = prepared(model).map_err(|e| BuildError::stage("diagnose", e))?;
+    let calibrated = calibration.sources.get(JOINT).or_else(|| calibration.sources.values().next()).map(|c| &c.spec);
+    let outcome = diagnose(&knee, &model.spec, &sources, &catalogue, options, calibrated)
+        .and_then(|o| o.with_provenance(&provenance))
+        .map_err(|e| BuildError::stage("diagnose", e))?;
+    let d = &outcome.diagnosis;
+    let clear = d.noise.iter().filter(|n| n.taken);
+    let warnings = clear
+        .map(|n| {
+            let unit = if ["vv", "ie"].contains(&n.coordinate.as_str()) { "deg" } else { "mm" };
+            format!(
+                "{} {}: the file states a noise of {:.2} {unit}, neighbouring loads say {:.2} ({:.2} to {:.2})",
+                n.source, n.coordinate, n.stated, n.inferred, n.lower, n.upper
+            )
+        })
+        .collect();
+    let metrics = serde_json::json!({
+        "verdict": d.verdict,
+        "misfit": d.misfit,
+        "gap_closed": d.gap.held_out.closed,
+        "effects": d.best,
+        "not_testable": d.not_testable.len(),
+    });
+    Ok(Diagnosed {
+        model: outcome.model.clone().unwrap_or_else(|| model.spec.clone()),
+        components: outcome.components,
+        diagnosis: outcome.diagnosis,
+        warnings,
+        metrics,
+    })
+}
+
+/// 12-diagnose: what `diagnose` writes.
+pub fn show(d: &Diagnosed) -> Files {
+    files(&d.diagnosis, &d.components, |_| {
+        model_file::moved(&d.model, Path::new("/09-assemble"), Path::new("/12-diagnose"))
+    })
+    .map_err(std::io::Error::other)
 }
 
 fn as_json(value: &impl serde::Serialize) -> Result<Vec<u8>, BuildError> {

@@ -143,7 +143,7 @@ pub fn as_json(records: &[Record]) -> String {
 }
 
 /// Which figures tell most about a stage, by the end of their names.
-const TELLING: [(&str, &[&str]); 13] = [
+const TELLING: [(&str, &[&str]); 14] = [
     ("segment", &["threshold", "femur_volume_mm3", "tibfib_volume_mm3"]),
     ("ingest", &["triangles", "landmarks", "marks"]),
     ("register", &["predicted_error_mm"]),
@@ -157,6 +157,7 @@ const TELLING: [(&str, &[&str]); 13] = [
     ("assemble", &["bundles", "fibres"]),
     ("calibrate", &["trials", "cost", "parameters_determined"]),
     ("validate", &["anterior_ap", "posterior_ap"]),
+    ("diagnose", &["verdict", "misfit", "gap_closed"]),
 ];
 
 /// The telling figures of a stage, on one line.

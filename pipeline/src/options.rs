@@ -2,6 +2,7 @@
 
 use crate::error::BuildError;
 use calibration::options::CalibrateOptions;
+use diagnosis::search::DiagnosisOptions;
 use serde::{Deserialize, Serialize};
 use sim::protocols::ProtocolOptions;
 use stages::assemble::AssembleOptions;
@@ -49,6 +50,8 @@ pub struct BuildOptions {
     pub calibrate: CalibrateOptions,
     /// Stage 11.
     pub validate: ProtocolOptions,
+    /// Stage 12, which runs where it is asked for or its `run` is true.
+    pub diagnose: DiagnosisOptions,
 }
 
 /// A `--set stage.key=value`.

@@ -1,17 +1,225 @@
-//! `phantom`: writes a synthetic specimen.
+//! `phantom`: writes a synthetic specimen, its laxity measured by the bench's laboratory on its true shape.
 
 use crate::error::BuildError;
+use crate::run_log::json;
 use crate::store;
+use blindbench::knee::{BundleInput, KneeInput};
+use blindbench::laboratory::{Case, Planned, make};
+use meshes::format::stl;
+use meshes::frame::AnatomicalFrame;
+use meshes::query::SurfaceQuery;
+use meshes::surface::TriMesh;
+use meshes::{Point, Vector};
+use serde::Deserialize;
+use sim::laxity::{LaxityTrial, Test, TrialResult, results_csv};
+use sim::spec::PoseSpec;
+use stages::assemble::AssembleOptions;
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// Writes the phantom `id` to `dir`; gives the words to print.
 pub fn write(id: &str, seed: u64, volume: bool, dir: &Path) -> Result<String, BuildError> {
     let files = if volume { stages::phantom::phantom_volume(id, seed) } else { stages::phantom::phantom(id, seed) };
-    let files = files.map_err(|e| BuildError::stage("phantom", e))?.files;
+    let mut files = files.map_err(|e| BuildError::stage("phantom", e))?.files;
+    measure(&mut files, seed).map_err(|e| BuildError::stage("phantom", e))?;
     let same = store::read_text(&dir.join("specimen.toml")).is_ok_and(|t| t.contains(&format!("id = \"{id}\"")));
     if !store::list(dir).is_empty() && !same {
         return Err(BuildError::File(format!("{} is not empty; give a new folder", dir.display())));
     }
     store::write_all(dir, &files)?;
     Ok(format!("A synthetic knee, {id}, is in {0}. Build its model: build-model {0}\n", dir.display()))
+}
+
+/// What truth.json tells that a laboratory needs.
+#[derive(Deserialize)]
+struct Shape {
+    frames_ct: Frames,
+    sites_ct: BTreeMap<String, Site>,
+}
+
+#[derive(Deserialize)]
+struct Frames {
+    femur: AnatomicalFrame,
+    tibia: AnatomicalFrame,
+}
+
+/// The ends of a site's long axis come first.
+#[derive(Deserialize)]
+struct Site {
+    points: Vec<Point>,
+}
+
+/// Bundles of a phantom: name, ligament, fibres, reference strain [-], stiffness [N/mm]. Ours, within Table 3: a knee that nothing holds taut at rest.
+const BUNDLES: [(&str, &str, usize, f64, f64); 14] = [
+    ("ACL_AM", "ACL", 2, 1.04, 90.0),
+    ("ACL_PL", "ACL", 2, 1.05, 80.0),
+    ("LCL", "LCL", 3, 1.01, 100.0),
+    ("sMCL_A", "sMCL", 1, 1.01, 100.0),
+    ("sMCL_M", "sMCL", 1, 1.01, 100.0),
+    ("sMCL_P", "sMCL", 1, 1.01, 100.0),
+    ("dMCL", "dMCL", 3, 0.95, 100.0),
+    ("PCL_AL", "PCL", 2, 0.94, 90.0),
+    ("PCL_PM", "PCL", 2, 1.0, 70.0),
+    ("ALS", "ALS", 2, 0.95, 40.0),
+    ("PFL", "PFL", 2, 0.97, 40.0),
+    ("POL", "POL", 2, 0.98, 60.0),
+    ("PCAP_M", "PCAP_M", 3, 1.04, 80.0),
+    ("PCAP_L", "PCAP_L", 3, 1.04, 80.0),
+];
+
+/// Loads along one axis at several flexions, as a data set of the paper has them [andreassen2025].
+struct Protocol {
+    source: &'static str,
+    flexions_deg: &'static [f64],
+    compression_n: f64,
+    /// Tracking noise of rotations [deg] and translations [mm].
+    noise: [f64; 2],
+    /// Test and its loads [N m or N].
+    tests: &'static [(Test, &'static [f64])],
+}
+
+const PROTOCOLS: [Protocol; 2] = [
+    Protocol {
+        source: "kla",
+        flexions_deg: &[30.0, 90.0],
+        compression_n: 20.0,
+        noise: [0.5, 0.4],
+        tests: &[
+            (Test::Anterior, &[0.0, 44.5, 89.0, 133.4, 177.9]),
+            (Test::Internal, &[0.0, -1.41, -2.82, -4.24, -5.65]),
+            (Test::External, &[0.0, 1.41, 2.82, 4.24, 5.65]),
+        ],
+    },
+    Protocol {
+        source: "rks",
+        flexions_deg: &[0.0, 30.0, 60.0, 90.0],
+        compression_n: 50.0,
+        noise: [0.2, 0.2],
+        tests: &[
+            (Test::Anterior, &[133.0]),
+            (Test::Posterior, &[-133.0]),
+            (Test::Internal, &[-7.0]),
+            (Test::External, &[7.0]),
+            (Test::Varus, &[-10.0]),
+            (Test::Valgus, &[10.0]),
+        ],
+    },
+];
+
+impl Protocol {
+    fn trials(&self) -> Vec<LaxityTrial> {
+        let [turn, shift] = self.noise;
+        let trial = |test: Test, flexion: f64, size: f64| {
+            let mut load = [0.0, 0.0, 0.0, 0.0, self.compression_n];
+            let axis = match test {
+                Test::Varus | Test::Valgus => 0,
+                Test::Internal | Test::External => 1,
+                _ => 3,
+            };
+            load[axis] += size;
+            LaxityTrial {
+                trial: format!("{}_{flexion}deg_{}", test.name(), size.abs()),
+                test,
+                nominal_flexion_deg: flexion,
+                load,
+                fe_deg: flexion,
+                measured: [None; 5],
+                sd: [turn, turn, shift, shift, shift].map(Some),
+                branch: None,
+                order: None,
+                time_s: None,
+            }
+        };
+        let at = |flexion: f64| {
+            self.tests.iter().flat_map(move |(test, sizes)| sizes.iter().map(move |size| (*test, flexion, *size)))
+        };
+        self.flexions_deg.iter().flat_map(|f| at(*f)).map(|(test, f, size)| trial(test, f, size)).collect()
+    }
+}
+
+/// Adds laxity/ and truth/laxity.json to a phantom's files, and names them in its specimen.toml.
+fn measure(files: &mut Vec<(String, Vec<u8>)>, seed: u64) -> Result<(), String> {
+    let knee = knee(files)?;
+    let sets: Vec<(&str, Vec<LaxityTrial>)> = PROTOCOLS.iter().map(|p| (p.source, p.trials())).collect();
+    let plan: Vec<Planned> =
+        sets.iter().flat_map(|(source, trials)| trials.iter().map(|t| crate::blind::planned(source, t))).collect();
+    let Case { readings, truth } = make(&knee, &plan, "phantom", ("null", 1.0), seed).map_err(|e| e.to_string())?;
+    let mut readings = readings.iter();
+    let mut table = "\n[laxity]\n".to_owned();
+    for (source, trials) in &sets {
+        let pose = |t: &LaxityTrial, r: &[f64; 5]| PoseSpec {
+            fe_deg: t.fe_deg,
+            vv_deg: r[0],
+            ie_deg: r[1],
+            ml_mm: r[2],
+            ap_mm: r[3],
+            si_mm: r[4],
+        };
+        let result = |(t, r): (&LaxityTrial, &[f64; 5])| TrialResult {
+            trial: t.clone(),
+            pose: pose(t, r),
+            forces_n: vec![],
+            flags: vec![],
+        };
+        let results: Vec<TrialResult> = trials.iter().zip(readings.by_ref()).map(result).collect();
+        files.push((format!("laxity/{source}.csv"), results_csv(&[], &results).into_bytes()));
+        table += &format!("{source} = \"laxity/{source}.csv\"\n");
+    }
+    files.push(("truth/laxity.json".into(), json(&truth)));
+    let toml = files.iter_mut().find(|(name, _)| name == "specimen.toml").ok_or("no specimen.toml")?;
+    toml.1.extend(table.bytes());
+    Ok(())
+}
+
+/// A phantom's cartilage this far from its bone bears [mm]: its bony side lies on the bone, whose surface is measured to 0.1 mm.
+const OFF_THE_BONE_MM: f64 = 0.8;
+
+/// The phantom's true shape as the laboratory sees it.
+fn knee(files: &[(String, Vec<u8>)]) -> Result<KneeInput, String> {
+    let file = |name: &str| {
+        let found = files.iter().find(|(n, _)| n == name).map(|(_, bytes)| bytes.as_slice());
+        found.ok_or_else(|| format!("no {name}"))
+    };
+    let read = |name: &str| -> Result<TriMesh, String> { stl::read(file(name)?).map_err(|e| format!("{name}: {e}")) };
+    // what bears is the side away from the bone
+    let bearing = |name: &str, bone: &str| -> Result<TriMesh, String> {
+        let bone = read(&format!("ct/{bone}.stl")).or_else(|_| read(&format!("truth/ct_{bone}.stl")))?;
+        let bone = SurfaceQuery::new(&bone).ok_or("a bone is empty")?;
+        let solid = read(&format!("truth/{name}.stl"))?;
+        let middle = |t: usize| Point::from(solid.corners(t).iter().map(|p| p.coords).sum::<Vector>() / 3.0);
+        Ok(solid.submesh(|t| bone.nearest(&middle(t)).distance > OFF_THE_BONE_MM).0)
+    };
+    let shape: Shape =
+        serde_json::from_slice(file("truth/truth.json")?).map_err(|e| format!("truth/truth.json: {e}"))?;
+    let bundle = |&(name, ligament, count, reference_strain, stiffness): &(&str, &str, usize, f64, f64)| {
+        let all: Vec<_> = BUNDLES.iter().filter(|b| b.1 == ligament).collect();
+        let total: usize = all.iter().map(|b| b.2).sum();
+        let before: usize = all.iter().take_while(|b| b.0 != name).map(|b| b.2).sum();
+        let anterior = shape.frames_ct.tibia.anterior;
+        let ends = |bone: &str| -> Result<Vec<Point>, String> {
+            let site =
+                shape.sites_ct.get(&format!("{ligament}@{bone}")).ok_or_else(|| format!("no site {ligament}"))?;
+            let [a, b] = site.points[..2] else { return Err(format!("site {ligament} has no long axis")) };
+            // the first bundle is the anterior one
+            let (first, last) = if (a - b).dot(&anterior) >= 0.0 { (a, b) } else { (b, a) };
+            let at = |k: usize| first + (last - first) * ((k as f64 + 0.5) / total as f64);
+            Ok((before..before + count).map(at).collect())
+        };
+        let fibres: Vec<(Point, Point)> = ends("femur")?.into_iter().zip(ends("tibfib")?).collect();
+        let length = fibres.iter().map(|(f, t)| (f - t).norm()).sum::<f64>() / count as f64;
+        Ok(BundleInput { name: name.into(), reference_strain, stiffness, reference_length: length, fibres })
+    };
+    let law = AssembleOptions::default();
+    let (x, p) = (&law.overclosure_mm, &law.pressure_mpa);
+    let contact_slope = match (x.as_slice(), p.as_slice()) {
+        ([.., x0, x1], [.., p0, p1]) => (p1 - p0) / (x1 - x0),
+        _ => return Err("the contact law has fewer than two points".into()),
+    };
+    Ok(KneeInput {
+        bundles: BUNDLES.iter().map(bundle).collect::<Result<_, String>>()?,
+        femur: bearing("femur", "femur")?,
+        tibia: vec![bearing("tibfib_medial", "tibfib")?, bearing("tibfib_lateral", "tibfib")?],
+        contact_slope,
+        frames: (shape.frames_ct.femur, shape.frames_ct.tibia),
+    })
 }

@@ -87,7 +87,6 @@ pub fn page(folder: &BuildFolder, records: &[Record], failure: Option<&Failure>)
     if let Some(failure) = failure.filter(|f| records.iter().all(|r| r.stage != f.stage)) {
         html += &body.failed(failure);
     }
-    html += &body.diagnosis();
     html += "</main>";
     Ok(html + &foot(json!({"a": body.data()})))
 }

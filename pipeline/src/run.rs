@@ -26,9 +26,17 @@ pub fn run(args: &BuildArgs) -> Result<String, BuildError> {
     if args.to.as_deref() == Some("segment") && file.ct.volume.is_none() {
         return Err(BuildError::Usage("--to segment: the specimen has surfaces and no CT volume ([ct] volume)".into()));
     }
-    let options = resolve(&file.options, &args.overrides, args.seed)?;
+    let mut options = resolve(&file.options, &args.overrides, args.seed)?;
     if args.to.as_deref() == Some("contact-law") && !options.contact_law.fit {
         return Err(BuildError::Usage("--to contact-law: the stage runs only with --set contact-law.fit=true".into()));
+    }
+    if [&args.from, &args.to].iter().any(|s| s.as_deref() == Some("diagnose")) {
+        options.diagnose.run = true;
+        if file.laxity.is_empty() {
+            return Err(BuildError::Usage(
+                "the stage diagnose needs measured laxity ([laxity] in specimen.toml)".into(),
+            ));
+        }
     }
     let out = args.out.clone().unwrap_or_else(|| args.dir.join("build"));
     let folder = BuildFolder::open(&out)?;

@@ -11,7 +11,7 @@ use std::ops::Deref;
 use std::time::Instant;
 
 /// The stages in order, with their numbers in folder names.
-pub const STAGES: [(&str, &str); 13] = [
+pub const STAGES: [(&str, &str); 14] = [
     ("00", "segment"),
     ("01", "ingest"),
     ("02", "register"),
@@ -25,6 +25,7 @@ pub const STAGES: [(&str, &str); 13] = [
     ("09", "assemble"),
     ("10", "calibrate"),
     ("11", "validate"),
+    ("12", "diagnose"),
 ];
 
 /// A stage's value with the digest by which later stages know it.

@@ -5,6 +5,7 @@
 pub mod contact;
 pub mod deck;
 pub mod deformable;
+pub mod equilibrium;
 pub mod error;
 pub mod explicit;
 pub mod joint;

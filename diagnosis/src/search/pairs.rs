@@ -2,9 +2,9 @@
 
 use super::steps::{Found, Given};
 use super::{Screened, Searcher, Start, WIDTH};
+use crate::candidate::{Candidate, sized};
 use crate::error::DiagnosisError;
 use crate::fit::Fit;
-use crate::problem::{Candidate, sized};
 use crate::screen::{Marginal, Score, signatures};
 use nalgebra::{Cholesky, DMatrix, DVector};
 

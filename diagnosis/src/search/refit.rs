@@ -1,10 +1,10 @@
 //! Joint refits of hypotheses: from a screen, from a typical size, in the scatter at the best, and each in its own.
 
 use super::{FEW, Screened, Searcher, TRIES};
+use crate::candidate::{Candidate, Scope, sized};
 use crate::covariance::Readings;
 use crate::error::DiagnosisError;
 use crate::fit::Fit;
-use crate::problem::{Candidate, Scope, sized};
 use crate::robust::Mixture;
 use nalgebra::DMatrix;
 use rayon::prelude::*;

@@ -1,11 +1,12 @@
 //! The steps of a search: single effects, one more beside the best, one exchanged for another.
 
 use super::{Screened, Searcher, Start, TRIES};
+use crate::candidate::Candidate;
 use crate::covariance::Readings;
 use crate::error::DiagnosisError;
 use crate::fit::Fit;
-use crate::problem::{Candidate, Linear};
-use crate::verdict::{LIKELIER, asks_for_more};
+use crate::form::asks_for_more;
+use crate::problem::Linear;
 use crate::wildcard::wildcard;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -27,7 +28,7 @@ const MOST_CLOSE: usize = 6;
 /// The rival that is the likelier by most, where one is: by the mean of what it is ahead of the best in the scatter at the best and in that at its own fit.
 fn likelier(in_common: &[f64], in_own: &[f64]) -> Option<usize> {
     let mean = in_common.iter().zip(in_own).map(|(common, own)| 0.5 * (common + own)).enumerate();
-    mean.filter(|(_, by)| *by > LIKELIER).max_by(|a, b| a.1.total_cmp(&b.1)).map(|(k, _)| k)
+    mean.filter(|(_, by)| *by > crate::criteria::likelier()).max_by(|a, b| a.1.total_cmp(&b.1)).map(|(k, _)| k)
 }
 
 /// What a further effect is worth that is ahead by so much in the scatter at the best and in that at its own fit: the mean, since each favours its own, where
@@ -148,6 +149,7 @@ impl Searcher<'_> {
         Fit {
             hypothesis: vec![],
             unknowns: fit.unknowns[..n].to_vec(),
+            means: fit.means[..n].to_vec(),
             linear: Linear { slope: fit.linear.slope.columns(0, n).into_owned(), ..fit.linear.clone() },
             residual: &fit.residual + readings.pick(effect.as_slice()),
             posterior: fit.posterior.view((0, 0), (n, n)).into_owned(),
@@ -280,8 +282,8 @@ impl Searcher<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::candidate::Scope;
     use crate::catalogue::Catalogue;
-    use crate::problem::Scope;
 
     #[test]
     fn a_further_effect_must_earn_what_a_form_may_leave_and_a_frame_leaves_nothing() {

@@ -1,7 +1,8 @@
 //! Kinds of field: what one follows, in which coordinates, where.
 
+use crate::candidate::Scope;
 use crate::catalogue::Catalogue;
-use crate::problem::{Problem, Scope};
+use crate::problem::Problem;
 use crate::trial::READ;
 
 /// Amplitudes of the force field: VV, IE [N mm], ML, AP, SI [N].
@@ -94,6 +95,9 @@ impl Course {
         }
     }
 }
+
+/// A component: its value in every trial, in the five coordinates of a reading and misread flexion [N mm, N, or deg, mm].
+pub(super) type Part = Vec<[f64; 6]>;
 
 /// A kind of field.
 #[derive(Clone, Copy, Debug)]

@@ -1,6 +1,6 @@
 //! Components of a field: its value in every trial.
 
-use super::kinds::{BENT, Bone, Course, Kind, LOADS, MIDDLE, amplitude};
+use super::kinds::{BENT, Bone, Course, Kind, LOADS, MIDDLE, Part, amplitude};
 use super::suspects::{acting, impinging, larger, pulls, swayed};
 use crate::fit::Fit;
 use crate::problem::Problem;
@@ -12,9 +12,6 @@ use sim::joint::{FE, Six};
 const RANGES: (f64, [f64; 5]) = (0.52, [0.05, 0.17, 4.0, 5.0, 4.0]);
 /// Share of a field's largest component below which its components are left out [-].
 const SMALL: f64 = 1e-4;
-
-/// A component: its value in every trial, in the five coordinates of a reading and misread flexion [N mm, N, or deg, mm].
-pub(super) type Part = Vec<[f64; 6]>;
 
 /// Independent components of a field of amplitude 1 about a fit, whose ligaments leave the knee at the poses `unloaded`; none where the model has nothing of
 /// what it is about.

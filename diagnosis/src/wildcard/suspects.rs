@@ -1,8 +1,7 @@
 //! Suspects that are no effects of the catalogue: bones of another size than in the CT, cruciates that press on each other, trackers that sway with the load,
 //! pulls along lines of no name.
 
-use super::kinds::{Bone, Kind, LOADS};
-use super::parts::Part;
+use super::kinds::{Bone, Kind, LOADS, Part};
 use crate::effect::{Situation, fibre_pull, pull, turned};
 use crate::fit::Fit;
 use crate::problem::Problem;
@@ -32,7 +31,7 @@ pub(super) fn acting(
 ) -> Vec<Part> {
     // a fit whose model cannot be made has been told of before its fields are asked for
     let Ok(model) = problem.model_at(&fit.unknowns) else { return vec![] };
-    let at = |(trial, rest): (&crate::trial::Trial, &crate::equilibrium::Rest)| -> Vec<[f64; 6]> {
+    let at = |(trial, rest): (&crate::trial::Trial, &sim::equilibrium::Equilibrium)| -> Vec<[f64; 6]> {
         let acts = if kind.scope.covers(trial.source) { 1.0 } else { 0.0 };
         let forces = forces(&problem.place.situation(&model, trial, &trial.load, &rest.q));
         forces.iter().map(|f| std::array::from_fn(|c| READ.get(c).map_or(0.0, |&j| acts * f[j]))).collect()

@@ -3,7 +3,8 @@
 use super::Wildcard;
 use super::kinds::{BENT, Bone, Course, LOADS, amplitude};
 use super::suspects::{BESIDE, PULL, SHARE};
-use crate::problem::{Problem, Scope};
+use crate::candidate::Scope;
+use crate::problem::Problem;
 use crate::trial::READ;
 
 /// Names of the coordinates of a field, misread flexion last.

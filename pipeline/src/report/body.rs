@@ -97,6 +97,9 @@ impl<'a> Body<'a> {
         if record.stage == "validate" {
             html += &self.paper();
         }
+        if record.stage == "diagnose" {
+            html += &self.diagnosis();
+        }
         html + &metrics_table(record)
     }
 
@@ -197,8 +200,8 @@ impl<'a> Body<'a> {
         html + "</section>"
     }
 
-    /// The diagnosis, where one was made in the build's folder.
-    pub(super) fn diagnosis(&self) -> String {
+    /// The page of the diagnosis.
+    fn diagnosis(&self) -> String {
         let Some(bytes) = self.folder.read_file("12-diagnose/report.html") else { return String::new() };
         let page = String::from_utf8_lossy(&bytes);
         let between = |from: &str, to: &str| {
@@ -212,7 +215,7 @@ impl<'a> Body<'a> {
             .iter()
             .fold(body, |text, (from, to)| text.replace(from, to));
         format!(
-            "<section id=\"diagnose\"><h2>12 diagnose</h2><div class=\"diagnosis\"><template shadowrootmode=\"open\"><style>{style}</style>{body}</template></div></section>"
+            "<div class=\"diagnosis\"><template shadowrootmode=\"open\"><style>{style}</style>{body}</template></div>"
         )
     }
 

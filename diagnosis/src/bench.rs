@@ -1,0 +1,106 @@
+//! A trial put to a knee: the model's equilibria under its load and the effects of a hypothesis.
+
+use crate::effect::{Active, Place};
+use crate::trial::Trial;
+use nalgebra::Matrix6;
+use sim::Model;
+use sim::equilibrium::{Ask, Equilibrium, Restraint, Rig};
+use sim::joint::{SI, Six};
+
+/// Force at which a spring that holds the measured pose gives way by the noise [N].
+const HOLD_N: f64 = 100.0;
+
+/// The knee that a trial is put to.
+#[derive(Clone, Copy)]
+pub struct Bench<'a> {
+    /// The model with the hypothesis' ligaments.
+    pub model: &'a Model,
+    /// The effects that act in this trial's data set.
+    pub effects: &'a [Active],
+    /// Anatomical frames, for the effects.
+    pub place: &'a Place,
+}
+
+impl Bench<'_> {
+    /// Something done with the knee as the solver sees it.
+    fn rigged<T>(&self, trial: &Trial, act: impl FnOnce(&Rig) -> T) -> T {
+        let field = |load: &Six, q: &Six| {
+            let here = self.place.situation(self.model, trial, load, q);
+            self.effects.iter().fold(Six::zeros(), |sum, effect| sum + effect.force(&here))
+        };
+        let reading = |gs: &Six| self.effects.iter().fold(*gs, |gs, effect| effect.read(&gs, trial, self.place));
+        let (has_force, has_reading) =
+            (self.effects.iter().any(Active::has_force), self.effects.iter().any(Active::has_reading));
+        act(&Rig {
+            model: self.model,
+            field: if has_force { Some(&field) } else { None },
+            reading: if has_reading { Some(&reading) } else { None },
+        })
+    }
+
+    /// The equilibrium under `trial`, from nearby coordinates.
+    pub fn settle(&self, trial: &Trial, start: &Six) -> Equilibrium {
+        self.rigged(trial, |rig| rig.settle(&asked(trial), start))
+    }
+
+    /// The whole way from the CT pose.
+    pub fn walk(&self, trial: &Trial) -> Equilibrium {
+        self.rigged(trial, |rig| rig.walk(&asked(trial)))
+    }
+
+    /// Only compression and flexion: the pose from which the trial's load departs.
+    pub fn neutral(&self, trial: &Trial) -> Equilibrium {
+        self.walk(&unloaded(trial))
+    }
+
+    /// The same from nearby coordinates.
+    pub fn neutral_near(&self, trial: &Trial, start: &Six) -> Equilibrium {
+        self.settle(&unloaded(trial), start)
+    }
+
+    /// The pose from `start` that reads next to what was `measured` (Grood-Suntay coordinates [rad, mm]), held there by springs that give way by about
+    /// the measurement's noise: what is then out of balance is what the model lacks in that trial, however far it would move the knee.
+    pub fn held(&self, trial: &Trial, measured: &Six, start: &Six) -> Equilibrium {
+        self.rigged(trial, |rig| rig.restrained(&asked(trial), &restraint(trial, measured), start))
+    }
+
+    /// The equilibrium that is reached when those springs are let go little by little.
+    pub fn released(&self, trial: &Trial, measured: &Six, start: &Six) -> Equilibrium {
+        self.rigged(trial, |rig| rig.released(&asked(trial), &restraint(trial, measured), start))
+    }
+
+    /// A tangent no less stiff, in any direction, than springs that give way by some ten noises under the force that holds a pose.
+    pub fn stiffened(&self, trial: &Trial, tangent: &Matrix6<f64>) -> Matrix6<f64> {
+        restraint(trial, &Six::zeros()).stiffened(tangent)
+    }
+
+    /// Generalised force of all effects, beside the recorded load.
+    pub fn effects_at(&self, trial: &Trial, load: &Six, q: &Six) -> Six {
+        self.rigged(trial, |rig| rig.external(load, q))
+    }
+
+    /// Its derivative by the coordinates.
+    pub fn effects_tangent(&self, trial: &Trial, load: &Six, q: &Six) -> Matrix6<f64> {
+        self.rigged(trial, |rig| rig.external_tangent(load, q))
+    }
+
+    /// Derivative of the reading by the coordinates.
+    pub fn observe_derivative(&self, trial: &Trial, q: &Six) -> Matrix6<f64> {
+        self.rigged(trial, |rig| rig.observe_derivative(q))
+    }
+}
+
+fn asked(trial: &Trial) -> Ask {
+    Ask { load: trial.load, flexion: trial.flexion }
+}
+
+fn restraint(trial: &Trial, measured: &Six) -> Restraint {
+    Restraint { to: *measured, gives: trial.sd, hold_n: HOLD_N }
+}
+
+/// A trial with its compression alone.
+fn unloaded(trial: &Trial) -> Trial {
+    let mut load = Six::zeros();
+    load[SI] = trial.load[SI];
+    Trial { load, ..trial.clone() }
+}

@@ -1,0 +1,122 @@
+//! From a model and data to a question that can be searched: the model moved to where its own unknowns fit, noise as the data have it, and what the
+//! unknowns would take up told before it is looked for.
+
+use crate::candidate::{Candidate, Scope};
+use crate::covariance::Readings;
+use crate::criteria::{TEMPER, TESTABLE_SIZE};
+use crate::error::DiagnosisError;
+use crate::fit::Fit;
+use crate::noise::scales;
+use crate::nuisance::Nuisance;
+use crate::problem::{Problem, TakenUp};
+use crate::report::NotTestable;
+use crate::screen::{Marginal, Score, signatures};
+use crate::search::{DiagnosisOptions, Searcher, Start, WIDTH};
+use nalgebra::DMatrix;
+use sim::spec::ModelSpec;
+
+/// Rounds in which a built knee is fitted and its question asked about the fit: in the second the scatter is that of the fitted knee.
+const CENTRINGS: usize = 2;
+
+/// A question ready to be searched.
+///
+/// Errors: a model that cannot be evaluated, data without information.
+pub(crate) fn prepared(
+    problem: Problem,
+    options: &DiagnosisOptions,
+    calibrated: Option<&ModelSpec>,
+) -> Result<Problem, DiagnosisError> {
+    let is_built = problem.nuisance.are_of_a_built_knee();
+    let problem = if is_built { centred(problem, options, calibrated)? } else { problem };
+    let mut problem = problem.with_far_rests(true);
+    let mut start = Searcher { problem: &problem, options }.start()?;
+    let readings = Readings::of(&problem, &|_| true);
+    let noise = scales(&problem, &readings, &start.base.residual, &start.cov);
+    let is_taken = noise.iter().any(|n| n.taken);
+    problem = problem.with_noise(noise);
+    if is_taken {
+        let base = Searcher { problem: &problem, options }.start()?.base;
+        problem = if is_built { problem.centred_at(&base.unknowns)? } else { problem };
+        start = Searcher { problem: &problem, options }.start()?;
+    }
+    let little = problem.fits_little(&start.base.linear.rests);
+    problem = if little { problem.with_rests_as_they_are() } else { problem.with_far_rests(false) };
+    if is_built {
+        problem.absorbed = absorbed(&problem, &start, &readings, options)?;
+    }
+    Ok(problem)
+}
+
+/// The question about a built knee, moved to the most probable values of its unknowns: first those of a calibration, then its own.
+fn centred(
+    problem: Problem,
+    options: &DiagnosisOptions,
+    calibrated: Option<&ModelSpec>,
+) -> Result<Problem, DiagnosisError> {
+    let mut problem = problem.with_far_rests(true);
+    if let Some(spec) = calibrated {
+        let values = problem.nuisance.values_of(&problem.model, spec);
+        problem = problem.centred_at(&values)?;
+    }
+    for _ in 0..CENTRINGS {
+        let base = Searcher { problem: &problem, options }.start()?.base;
+        problem = problem.centred_at(&base.unknowns)?;
+    }
+    Ok(problem)
+}
+
+/// Candidates that would earn a name at twice their usual size if frames or sites were known, and do not as they are. The readings' values play no part.
+fn absorbed(
+    problem: &Problem,
+    start: &Start,
+    readings: &Readings,
+    options: &DiagnosisOptions,
+) -> Result<Vec<TakenUp>, DiagnosisError> {
+    let candidates = problem.candidates();
+    let signatures = signatures(problem, &start.base, &candidates)?;
+    let evidence = TEMPER * options.least_evidence;
+    let is_frame = |n: &Nuisance| matches!(n, Nuisance::Frame(_));
+    let is_site = |n: &Nuisance| matches!(n, Nuisance::Site { .. });
+    let given = Marginal::new(&start.base, readings, &start.cov)?;
+    let knowing = |known: &dyn Fn(&Nuisance) -> bool| {
+        let mut fit: Fit = start.base.clone();
+        let all: Vec<usize> = (0..problem.nuisances()).filter(|&k| known(&problem.nuisance.list[k])).collect();
+        all.into_iter()
+            .for_each(|k| fit.linear.slope.set_column(k, &nalgebra::DVector::zeros(fit.linear.slope.nrows())));
+        Marginal::new(&fit, readings, &start.cov)
+    };
+    let others = [
+        ("frames", knowing(&is_frame)?),
+        ("attachment sites", knowing(&is_site)?),
+        ("frames and attachment sites", knowing(&|n| is_frame(n) || is_site(n))?),
+    ];
+    let is_testable = |signature: &DMatrix<f64>, c: &Candidate, marginal: &Marginal| {
+        let Some(score) = Score::new(signature, readings, marginal, WIDTH) else { return true };
+        let sizes = (0..c.size()).filter(|&k| !c.effect.parameter[k].shape);
+        sizes.filter_map(|k| score.size_for(k, evidence)).any(|size| size <= TESTABLE_SIZE)
+    };
+    let one = |(c, signature): (&Candidate, &DMatrix<f64>)| {
+        if is_testable(signature, c, &given) {
+            return None;
+        }
+        let by = others.iter().find(|(_, marginal)| is_testable(signature, c, marginal))?.0;
+        Some(TakenUp { candidate: c.clone(), by })
+    };
+    Ok(candidates.iter().zip(&signatures).filter_map(one).collect())
+}
+
+/// What is told of them.
+pub(crate) fn told(problem: &Problem) -> Vec<NotTestable> {
+    let one = |t: &TakenUp| {
+        let place = match t.candidate.scope {
+            Scope::Both if problem.sources.len() > 1 => "in all data sets alike".to_owned(),
+            Scope::Both => "in the one data set there is".to_owned(),
+            Scope::Only(s) => format!("in {} alone", problem.sources[s]),
+        };
+        let why = format!("{place}: the {} of a built knee are not known well enough, and may take it up", t.by);
+        let variant = t.candidate.effect.variants.get(t.candidate.variant);
+        let why = variant.map_or_else(|| why.clone(), |v| format!("{v} {why}"));
+        NotTestable { effect: t.candidate.name(), why }
+    };
+    problem.absorbed.iter().map(one).collect()
+}

@@ -1,0 +1,296 @@
+//! The values of a report: diagnosis.json.
+
+use crate::candidate::{Candidate, Scope};
+use crate::criteria::INTERVAL_90;
+use crate::curves::Curve;
+use crate::fit::Fit;
+use crate::map::Cell;
+use crate::next_test::NextTest;
+use crate::problem::Problem;
+use crate::trial::NoiseScale;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// How sure the answer is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// One answer, weight 0.95 and more, and it predicts trials it has not seen.
+    Decisive,
+    /// One answer, weight 0.75 and more.
+    Probable,
+    /// One of several.
+    OneOf,
+    /// Something is missing that the catalogue does not have.
+    Unnamed,
+    /// Nothing beyond noise and floor.
+    None,
+}
+
+/// What an answer was found with: the same model, data, catalogue and program find it again.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Provenance {
+    /// Version of the program.
+    pub program: String,
+    /// Version of the catalogue.
+    pub catalogue: String,
+    /// Digest of the model and its surfaces, before anything was added.
+    pub model: String,
+    /// Digest of each data set's file.
+    pub data: BTreeMap<String, String>,
+}
+
+/// What a ligament carries in a test.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Carried {
+    /// The ligament, as in the paper's tables.
+    pub ligament: String,
+    /// The test in words.
+    pub test: String,
+    /// With ligaments alone recalibrated [N].
+    pub without_n: f64,
+    /// With the answer [N].
+    pub with_n: f64,
+}
+
+/// A size below which an effect would more often have been missed than named.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Missable {
+    /// The effect.
+    pub effect: String,
+    /// The structure it is about, where it may be about several.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub variant: Option<String>,
+    /// A data set, or "both".
+    pub scope: String,
+    /// Its parameter, the others being nothing.
+    pub parameter: String,
+    /// The size.
+    pub size: f64,
+    /// Its unit.
+    pub unit: String,
+}
+
+/// A parameter's value.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Value {
+    /// Most probable.
+    pub value: f64,
+    /// Standard deviation.
+    pub sd: f64,
+    /// Unit.
+    pub unit: String,
+}
+
+impl Value {
+    /// Its 90 % interval; from nothing where negative values mean nothing.
+    pub fn interval(&self, one_sided: bool) -> (f64, f64) {
+        let (low, high) = (self.value - INTERVAL_90 * self.sd, self.value + INTERVAL_90 * self.sd);
+        (if one_sided { low.max(0.0) } else { low }, high)
+    }
+}
+
+/// An effect in an answer.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Named {
+    /// Its name.
+    pub effect: String,
+    /// A data set, or "both".
+    pub scope: String,
+    /// The structure it is about, where it may be about several.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub variant: Option<String>,
+    /// Its parameters.
+    pub parameters: BTreeMap<String, Value>,
+}
+
+/// An answer: one effect, or several that act together.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Answer {
+    /// Its effects.
+    pub effects: Vec<Named>,
+    /// Share of belief [-].
+    pub weight: f64,
+    /// Log Bayes factor against nothing missing [-].
+    pub log_bayes_factor: f64,
+    /// Gain of the held-out log score over nothing missing [-].
+    pub held_out_gain: f64,
+}
+
+/// The gap on held-out trials.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Gap {
+    /// Mean whitened square of the error with ligaments alone recalibrated [-].
+    pub before: f64,
+    /// With the effect too [-].
+    pub after: f64,
+    /// What noise and floor leave [-].
+    pub floor: f64,
+    /// Share of the gap that is closed [-].
+    pub closed: f64,
+    /// Root mean square errors before, by coordinate.
+    pub rmse_before: BTreeMap<String, f64>,
+    /// And after.
+    pub rmse_after: BTreeMap<String, f64>,
+}
+
+/// The same with an effect that should not help.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Control {
+    /// Which.
+    pub effect: String,
+    /// Share of the gap that it closes [-].
+    pub closed: f64,
+}
+
+/// Held-out trials and control.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct GapReport {
+    /// The answer's.
+    pub held_out: Gap,
+    /// The control's.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub control: Option<Control>,
+}
+
+/// An effect that these data cannot test.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct NotTestable {
+    /// Its name.
+    pub effect: String,
+    /// Why.
+    pub why: String,
+}
+
+/// Two trials that may have been mixed up.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Exchanged {
+    /// Data set and name of each.
+    pub trials: [String; 2],
+    /// Log Bayes factor against the records as they are [-].
+    pub log_bayes_factor: f64,
+}
+
+/// What the ligaments had taken up.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Absorbed {
+    /// Bundle or ligament.
+    pub bundle: String,
+    /// "reference_strain" or "stiffness_n_per_mm".
+    pub parameter: String,
+    /// Of the model as given.
+    pub given: f64,
+    /// Recalibrated without the effect.
+    pub without: f64,
+    /// Recalibrated with it.
+    pub with: f64,
+    /// Standard deviation with it.
+    pub sd: f64,
+}
+
+/// diagnosis.json.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Diagnosis {
+    /// "diagnosis/1".
+    pub schema: String,
+    /// How sure.
+    pub verdict: Verdict,
+    /// Rival answers, best first; empty for none and unnamed.
+    pub answers: Vec<Answer>,
+    /// In words.
+    pub description: String,
+    /// Component files written.
+    pub added: Vec<String>,
+    /// How far the gap shrinks.
+    pub gap: GapReport,
+    /// Where the model disagrees, with ligaments recalibrated.
+    pub map: Vec<Cell>,
+    /// And with the answer added.
+    pub map_after: Vec<Cell>,
+    /// Where predictions of each condition by all others fail, with ligaments recalibrated.
+    pub map_left_out: Vec<Cell>,
+    /// Load against displacement where the model disagrees most; answers of earlier versions have none.
+    #[serde(default)]
+    pub curves: Vec<Curve>,
+    /// What could not be tested.
+    pub not_testable: Vec<NotTestable>,
+    /// Effects of the shipped catalogue that were left out of it.
+    #[serde(default)]
+    pub without: Vec<String>,
+    /// Where nothing is named: sizes of effects that would more often have been missed than named.
+    #[serde(default)]
+    pub missable: Vec<Missable>,
+    /// Which test would tell the rivals apart.
+    pub next_tests: Vec<NextTest>,
+    /// Measurement noise as the data have it; answers of earlier versions have none.
+    #[serde(default)]
+    pub noise: Vec<NoiseScale>,
+    /// What the ligaments had taken up.
+    pub ligaments: Vec<Absorbed>,
+    /// What ligaments carry with ligaments alone recalibrated and with the answer, where there is one; answers of earlier versions have none.
+    #[serde(default)]
+    pub ligament_forces: Vec<Carried>,
+    /// Log Bayes factor that an answer needs here: what simulated nulls stay below, tempered [-].
+    pub threshold: f64,
+    /// Log Bayes factor of a smooth nameless field beside the best answer [-].
+    pub wildcard: f64,
+    /// Log Bayes factor of a nameless field in the place of the best answer, against nothing missing [-]; answers of earlier versions have none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub wildcard_alone: Option<f64>,
+    /// Two trials whose readings fit each other's place, where there are such.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub exchanged: Option<Exchanged>,
+    /// Whitened sum of squares of nothing missing and of the best hypothesis, over the number of readings [-].
+    pub misfit: [f64; 2],
+    /// The best hypothesis' effects, whether named or not.
+    pub best: Vec<Named>,
+    /// Its log Bayes factor against nothing missing [-]; answers of earlier versions have none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub best_log_bayes_factor: Option<f64>,
+    /// What it was found with, where the caller told.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub provenance: Option<Provenance>,
+}
+
+/// The effects of a fit with their sizes, as sure as data that speak `temper` times less loud make them.
+pub fn named(problem: &Problem, fit: &Fit, temper: f64) -> Vec<Named> {
+    let values = fit.parameters(problem.nuisances(), temper);
+    fit.hypothesis
+        .iter()
+        .zip(values)
+        .map(|(c, values)| Named {
+            effect: c.name(),
+            scope: scope_name(problem, c),
+            variant: c.effect.variants.get(c.variant).cloned(),
+            parameters: c
+                .effect
+                .parameter
+                .iter()
+                .zip(values)
+                .map(|(p, (value, sd))| (p.key.clone(), Value { value, sd, unit: p.unit.clone() }))
+                .collect(),
+        })
+        .collect()
+}
+
+/// "both", or the data set's name.
+pub fn scope_name(problem: &Problem, candidate: &Candidate) -> String {
+    match candidate.scope {
+        Scope::Only(s) => problem.sources[s].clone(),
+        Scope::Both if problem.sources.len() == 1 => problem.sources[0].clone(),
+        Scope::Both => "both".into(),
+    }
+}
