@@ -3,11 +3,15 @@
 //! The five loaded coordinates stand everywhere in the order of [`COORDINATES`]; loads act on the tibia in the signs of
 //! the coordinates, N m for VV and IE, N for ML, AP and SI; poses in degrees and mm.
 
+mod format;
 mod read;
+mod signs;
 mod write;
 
-pub use read::{LaxityError, LaxityTable, read};
-pub use write::{TrialResult, protocol_csv, results_csv};
+pub use format::{Bone, Column, FullColumn, LaxityFormat};
+pub use read::{LaxityError, LaxityTable, read, read_as};
+pub use signs::{SignDoubt, sign_doubts};
+pub use write::{TrialResult, protocol_csv, results_csv, trials_csv};
 
 use serde::{Deserialize, Serialize};
 
@@ -53,6 +57,16 @@ impl Test {
     /// The name in files.
     pub fn name(self) -> &'static str {
         TESTS[self as usize].1
+    }
+
+    /// The coordinate that it loads, as a place in [`COORDINATES`]; `None` for neutral.
+    pub fn coordinate(self) -> Option<usize> {
+        match self {
+            Test::Anterior | Test::Posterior => Some(3),
+            Test::Internal | Test::External => Some(1),
+            Test::Varus | Test::Valgus => Some(0),
+            Test::Neutral => None,
+        }
     }
 }
 

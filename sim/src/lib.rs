@@ -13,6 +13,7 @@ pub mod laxity;
 pub mod ligament;
 pub mod mesh;
 pub mod model;
+pub mod names;
 pub mod protocols;
 pub mod quasistatic;
 pub mod sensitivity;

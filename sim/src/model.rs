@@ -117,7 +117,10 @@ impl Model {
             }
             if !found {
                 let known = self.bundle_names().join(", ");
-                return Err(SimError::Input(format!("no bundle is named {name:?}; the model has {known}")));
+                let mut names: Vec<String> = self.bundle_names().to_vec();
+                names.extend(self.bundle_names().iter().filter_map(|b| Some(b.split_once('_')?.0.to_owned())));
+                let near = crate::names::did_you_mean(name, &names);
+                return Err(SimError::Input(format!("no bundle is named {name:?}{near}; the model has {known}")));
             }
         }
         Ok(model)

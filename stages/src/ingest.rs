@@ -8,8 +8,9 @@ mod slicer;
 mod space;
 mod surfaces;
 
-pub use file::{OPTIONAL_PATHS, parse_specimen_file, paths_named_by, paths_named_in};
+pub use file::{OPTIONAL_PATHS, named, parse_specimen_file, paths_named_by, paths_named_in};
 pub use mri::{CartilageFrame, CartilagePaths, LabelName, Mri, SegmentationPaths};
+pub use surfaces::{Judged, judge_surfaces, middle_extent};
 
 use crate::frames::{self, given::GivenFrames};
 use crate::{PerBone, StageError};
@@ -19,6 +20,7 @@ use meshes::Point;
 use meshes::frame::Side;
 use meshes::surface::{ColouredMesh, TriMesh};
 use serde::{Deserialize, Serialize};
+use sim::laxity::LaxityFormat;
 use std::collections::BTreeMap;
 
 /// What specimen.toml says (FORMAT 1).
@@ -42,6 +44,9 @@ pub struct SpecimenFile {
     /// Laxity data by name.
     #[serde(default)]
     pub laxity: BTreeMap<String, String>,
+    /// Shapes of laxity files that are not the standard one, by the names of [`SpecimenFile::laxity`].
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub laxity_format: BTreeMap<String, LaxityFormat>,
     /// Passive flexion data by name.
     #[serde(default)]
     pub passive: BTreeMap<String, String>,

@@ -11,6 +11,7 @@ pub mod condyles;
 pub mod contact_law;
 pub mod eminences;
 pub mod frames;
+pub mod guess;
 pub mod hexmesh;
 pub mod ingest;
 pub mod overclosure;

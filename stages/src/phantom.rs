@@ -66,7 +66,8 @@ pub fn phantom_volume(id: &str, seed: u64) -> Result<PhantomSpecimen, StageError
 fn made(id: &str, seed: u64, as_volume: bool) -> Result<PhantomSpecimen, StageError> {
     let Some(recipe) = RECIPES.iter().find(|r| r.id == id) else {
         return Err(StageError(format!(
-            "no phantom is called {id}; expected one of {}, {MRI_PHANTOM}",
+            "no phantom is called {id}{}; expected one of {}, {MRI_PHANTOM}",
+            sim::names::did_you_mean(id, PHANTOMS),
             PHANTOMS.join(", ")
         )));
     };

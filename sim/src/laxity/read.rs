@@ -1,7 +1,10 @@
 //! The reader: every complaint names the row and the column.
 
+use super::format::{LaxityFormat, standard};
 use super::{Branch, COORDINATES, LOAD_UNITS, LaxityTrial, TESTS, Test, VALUE_UNITS};
+use crate::names::did_you_mean;
 use csv::StringRecord;
+use meshes::frame::Side;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// What is wrong with a laxity file, in words for the person who owns it.
@@ -23,21 +26,26 @@ const LARGEST_LOAD: [f64; 5] = [150.0, 150.0, 2000.0, 2000.0, 5000.0];
 /// Coordinates beyond these are taken for another unit or frame: VV, IE [deg], ML, AP, SI [mm].
 const LARGEST_VALUE: [f64; 5] = [90.0, 120.0, 150.0, 150.0, 300.0];
 
-/// Reads a laxity CSV (FORMAT 2).
+/// Reads a laxity CSV in the standard columns (FORMAT 2). Semicolons, decimal commas and a row of units are recognised.
 ///
 /// # Errors
 /// An unknown, missing or doubled column, a row of another length, a cell that is no finite number, an unknown test or
 /// branch, a doubled trial name, a value far outside what its unit allows. Row numbers count the header as row 1.
 pub fn read(bytes: &[u8]) -> Result<LaxityTable, LaxityError> {
-    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(bytes);
-    let header = reader.headers().map_err(|e| LaxityError(format!("row 1: {e}")))?.clone();
-    let columns = columns(&header)?;
-    let mut table = LaxityTable::default();
+    read_as(bytes, &LaxityFormat::default(), Side::Right)
+}
+
+/// Reads a laxity file in a laboratory's shape; `side` turns signs that name right and left.
+///
+/// # Errors
+/// As [`read`]; also where the file is not as `format` says.
+pub fn read_as(bytes: &[u8], format: &LaxityFormat, side: Side) -> Result<LaxityTable, LaxityError> {
+    let standard = standard(bytes, format, side)?;
+    let columns = columns(&standard.header)?;
+    let mut table = LaxityTable { trials: vec![], warnings: standard.warnings };
     let mut names = BTreeSet::new();
-    for (i, record) in reader.records().enumerate() {
-        let record = record.map_err(|e| LaxityError(format!("row {}: {e}", i + 2)))?;
-        let row = Row { number: i + 2, columns: &columns, record: &record };
+    for (number, record) in &standard.rows {
+        let row = Row { number: *number, columns: &columns, record, called: &standard.called };
         let trial = trial(&row, &mut table.warnings)?;
         if !names.insert(trial.trial.clone()) {
             return row.refuse("trial", &format!("\"{}\" stands in an earlier row; names must differ", trial.trial));
@@ -47,22 +55,48 @@ pub fn read(bytes: &[u8]) -> Result<LaxityTable, LaxityError> {
     if table.trials.is_empty() {
         return Err(LaxityError("no trial below the header; expected one row per measured trial".into()));
     }
+    if format.branch_from_load {
+        branches(&mut table.trials);
+    }
     Ok(table)
+}
+
+/// Loading while the load of a test grows from row to row at one flexion, unloading while it falls.
+fn branches(trials: &mut [LaxityTrial]) {
+    for i in 1..trials.len() {
+        let (before, here) = (&trials[i - 1], &trials[i]);
+        let Some(c) = here.test.coordinate() else { continue };
+        if before.test == here.test && before.nominal_flexion_deg == here.nominal_flexion_deg {
+            let grows = here.load[c].abs() >= before.load[c].abs();
+            let first = before.branch.is_none();
+            trials[i].branch = Some(if grows { Branch::Loading } else { Branch::Unloading });
+            if first {
+                trials[i - 1].branch = Some(Branch::Loading);
+            }
+        }
+    }
+}
+
+/// Every column that a laxity file may have.
+pub(super) fn known_columns() -> BTreeSet<String> {
+    let mut known: BTreeSet<String> = required_columns().into_iter().collect();
+    known.extend(["branch", "order", "time_s", "flags"].map(String::from));
+    known.extend((0..5).map(sd_column));
+    known
 }
 
 /// Column numbers by name; refuses what is unknown, missing or doubled.
 fn columns(header: &StringRecord) -> Result<BTreeMap<String, usize>, LaxityError> {
     let required = required_columns();
-    let mut known: BTreeSet<String> = required.iter().cloned().collect();
-    known.extend(["branch", "order", "time_s", "flags"].map(String::from));
-    known.extend((0..5).map(sd_column));
+    let known = known_columns();
     let mut found = BTreeMap::new();
     for (i, name) in header.iter().enumerate() {
         let force = name.starts_with("force_") && name.ends_with("_n");
         if !known.contains(name) && !force {
             return Err(LaxityError(format!(
-                "row 1, column {}: unknown column \"{name}\"; expected one of {}",
+                "row 1, column {}: unknown column \"{name}\"{}; expected one of {}. Other names are declared by [laxity_format.NAME.columns] in specimen.toml",
                 i + 1,
+                did_you_mean(name, &known),
                 known.iter().cloned().collect::<Vec<_>>().join(", ")
             )));
         }
@@ -72,7 +106,10 @@ fn columns(header: &StringRecord) -> Result<BTreeMap<String, usize>, LaxityError
     }
     match required.iter().filter(|c| !found.contains_key(*c)).cloned().collect::<Vec<_>>() {
         missing if missing.is_empty() => Ok(found),
-        missing => Err(LaxityError(format!("row 1: missing column {}", missing.join(", ")))),
+        missing => Err(LaxityError(format!(
+            "row 1: missing column {}; other names are declared by [laxity_format.NAME.columns] in specimen.toml",
+            missing.join(", ")
+        ))),
     }
 }
 
@@ -105,6 +142,7 @@ struct Row<'a> {
     number: usize,
     columns: &'a BTreeMap<String, usize>,
     record: &'a StringRecord,
+    called: &'a BTreeMap<String, String>,
 }
 
 impl Row<'_> {
@@ -114,7 +152,8 @@ impl Row<'_> {
     }
 
     fn refuse<T>(&self, column: &str, what: &str) -> Result<T, LaxityError> {
-        Err(LaxityError(format!("row {}, column \"{column}\": {what}", self.number)))
+        let theirs = self.called.get(column).map_or(String::new(), |name| format!(" (\"{name}\" in the file)"));
+        Err(LaxityError(format!("row {}, column \"{column}\"{theirs}: {what}", self.number)))
     }
 
     /// A finite number; `None` for an empty cell.
@@ -197,7 +236,11 @@ fn test(row: &Row) -> Result<Test, LaxityError> {
         Some((test, _)) => Ok(*test),
         None => row.refuse(
             "test",
-            &format!("unknown test \"{text}\"; expected one of {}", TESTS.map(|(_, name)| name).join(", ")),
+            &format!(
+                "unknown test \"{text}\"{}; expected one of {}",
+                did_you_mean(text, TESTS.map(|(_, name)| name)),
+                TESTS.map(|(_, name)| name).join(", ")
+            ),
         ),
     }
 }
@@ -238,7 +281,7 @@ fn flexion(row: &Row, nominal: f64, warnings: &mut Vec<String>) -> Result<f64, L
 }
 
 /// Whether the load of a test points where the test's name says, or is next to nothing.
-fn agrees(test: Test, load: &[f64; 5]) -> bool {
+pub(super) fn agrees(test: Test, load: &[f64; 5]) -> bool {
     let along = match test {
         Test::Anterior => load[3] / 10.0,
         Test::Posterior => -load[3] / 10.0,

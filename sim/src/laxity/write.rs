@@ -46,11 +46,7 @@ pub fn results_csv(bundles: &[String], results: &[TrialResult]) -> String {
         cells.extend(t.load.iter().map(|v| number(*v)));
         cells.push(number(r.pose.fe_deg));
         cells.extend(r.predicted().iter().map(|v| number(*v)));
-        cells.push(match t.branch {
-            None => String::new(),
-            Some(Branch::Loading) => "loading".to_owned(),
-            Some(Branch::Unloading) => "unloading".to_owned(),
-        });
+        cells.push(branch(t).to_owned());
         cells.push(t.order.map(|v| v.to_string()).unwrap_or_default());
         cells.push(t.time_s.map(number).unwrap_or_default());
         cells.extend(r.forces_n.iter().map(|v| number(*v)));
@@ -58,6 +54,34 @@ pub fn results_csv(bundles: &[String], results: &[TrialResult]) -> String {
         out += &line(&cells);
     }
     out
+}
+
+/// Measured trials as a standard laxity file; an empty cell is "not measured".
+pub fn trials_csv(trials: &[LaxityTrial]) -> String {
+    let mut header = required_columns();
+    header.extend((0..COORDINATES.len()).map(super::read::sd_column));
+    header.extend(["branch".to_owned(), "order".to_owned(), "time_s".to_owned()]);
+    let mut out = line(&header);
+    let cell = |v: &Option<f64>| v.map(number).unwrap_or_default();
+    for t in trials {
+        let mut cells = vec![t.trial.clone(), t.test.name().to_owned(), number(t.nominal_flexion_deg)];
+        cells.extend(t.load.iter().map(|v| number(*v)));
+        cells.push(number(t.fe_deg));
+        cells.extend(t.measured.iter().chain(&t.sd).map(cell));
+        cells.push(branch(t).to_owned());
+        cells.push(t.order.map(|v| v.to_string()).unwrap_or_default());
+        cells.push(cell(&t.time_s));
+        out += &line(&cells);
+    }
+    out
+}
+
+fn branch(t: &LaxityTrial) -> &'static str {
+    match t.branch {
+        None => "",
+        Some(Branch::Loading) => "loading",
+        Some(Branch::Unloading) => "unloading",
+    }
 }
 
 /// The file of a validation protocol: a row a step, `fe_deg,...,si_mm`, the loads, `force_BUNDLE_n` per bundle, `flags`.

@@ -4,6 +4,7 @@ use super::mri::check_sources;
 use super::{CtPaths, Pieces, RawSpecimen, SEGMENTED, SpecimenFile};
 use crate::StageError;
 use attachments::bundle::BUNDLES;
+use sim::names::{did_you_mean, with_suggestion};
 
 /// Files that count when they lie beside specimen.toml, named by `[points]` or not, in the order landmarks, marks,
 /// attachments. Who loads a specimen adds those that exist to [`RawSpecimen::files`].
@@ -23,7 +24,7 @@ pub fn parse_specimen_file(text: &str) -> Result<SpecimenFile, StageError> {
             }
             None => String::new(),
         };
-        StageError(format!("specimen.toml{place}: {}", e.message().trim().replace('\n', "; ")))
+        StageError(format!("specimen.toml{place}: {}", with_suggestion(&e.message().trim().replace('\n', "; "))))
     })?;
     let refuse = |what: String| Err(StageError(format!("specimen.toml: {what}")));
     if file.specimen.id.trim().is_empty() {
@@ -47,7 +48,11 @@ pub fn parse_specimen_file(text: &str) -> Result<SpecimenFile, StageError> {
     for (name, start) in &file.ligaments {
         if !BUNDLES.iter().any(|b| b.name == *name) {
             let known: Vec<&str> = BUNDLES.iter().map(|b| b.name.as_str()).collect();
-            return refuse(format!("[ligaments.{name}] names no bundle; expected one of {}", known.join(", ")));
+            return refuse(format!(
+                "[ligaments.{name}] names no bundle{}; expected one of {}",
+                did_you_mean(name, known.iter().copied()),
+                known.join(", ")
+            ));
         }
         for (key, value) in
             [("reference_strain", start.reference_strain), ("stiffness_n_per_mm", start.stiffness_n_per_mm)]
@@ -56,6 +61,12 @@ pub fn parse_specimen_file(text: &str) -> Result<SpecimenFile, StageError> {
                 return refuse(format!("ligaments.{name}.{key} must be a number above 0"));
             }
         }
+    }
+    for name in file.laxity_format.keys().filter(|name| !file.laxity.contains_key(*name)) {
+        return refuse(format!(
+            "[laxity_format.{name}] has no file{}; expected [laxity] {name} = \"laxity/....csv\"",
+            did_you_mean(name, file.laxity.keys())
+        ));
     }
     for (key, path) in named(&file) {
         check_path(&key, &path)?;
@@ -114,7 +125,7 @@ pub(super) fn check_present(file: &SpecimenFile, raw: &RawSpecimen) -> Result<()
 }
 
 /// Keys and the paths they name.
-fn named(file: &SpecimenFile) -> Vec<(String, String)> {
+pub fn named(file: &SpecimenFile) -> Vec<(String, String)> {
     let mut named = Vec::new();
     let scans = file.scans.iter().flat_map(|s| [("scans.femur", &s.femur), ("scans.tibfib", &s.tibfib)]);
     let more = file.scans.iter().flat_map(|s| [("scans.patella", &s.patella), ("scans.capsule", &s.capsule)]);

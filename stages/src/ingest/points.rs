@@ -6,6 +6,7 @@ use crate::StageError;
 use attachments::bundle::{BUNDLES, LIGAMENTS};
 use attachments::site::{Fibre, Source};
 use meshes::Point;
+use sim::names::did_you_mean;
 
 /// The landmarks; empty without a file.
 pub(super) fn landmarks(file: &SpecimenFile, raw: &RawSpecimen) -> Result<Vec<NamedPoint>, StageError> {
@@ -26,7 +27,11 @@ pub(super) fn marks(file: &SpecimenFile, raw: &RawSpecimen) -> Result<Vec<NamedP
         if LIGAMENTS.contains(&name) {
             Ok(())
         } else {
-            Err(format!("no ligament is called `{name}`; expected one of {}", LIGAMENTS.join(", ")))
+            Err(format!(
+                "no ligament is called `{name}`{}; expected one of {}",
+                did_you_mean(name, LIGAMENTS),
+                LIGAMENTS.join(", ")
+            ))
         }
     })
 }
@@ -41,7 +46,11 @@ pub(super) fn fibres(file: &SpecimenFile, raw: &RawSpecimen) -> Result<Vec<Fibre
         let bundle = row.cells[0].clone();
         if !BUNDLES.iter().any(|b| b.name == bundle) {
             let known: Vec<&str> = BUNDLES.iter().map(|b| b.name.as_str()).collect();
-            return Err(row.refuse(&format!("no bundle is called `{bundle}`; expected one of {}", known.join(", "))));
+            return Err(row.refuse(&format!(
+                "no bundle is called `{bundle}`{}; expected one of {}",
+                did_you_mean(&bundle, known.iter().copied()),
+                known.join(", ")
+            )));
         }
         let fibre = match row.cells[1].parse::<usize>() {
             Ok(n) if (1..=1000).contains(&n) => n,
@@ -148,7 +157,7 @@ fn rows<'a>(raw: &RawSpecimen, path: &'a str, columns: &[&str]) -> Result<Vec<Ro
         return Err(refuse("the columns are not separated by commas".into()));
     }
     if let Some(unknown) = header.iter().find(|h| !columns.contains(h)) {
-        return Err(refuse(format!("unknown column `{unknown}`")));
+        return Err(refuse(format!("unknown column `{unknown}`{}", did_you_mean(unknown, columns.iter().copied()))));
     }
     let mut place = Vec::new();
     for column in columns {

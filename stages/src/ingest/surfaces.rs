@@ -1,6 +1,6 @@
 //! The surfaces: read, unit judged, put right, counted.
 
-use super::IngestOptions;
+use super::{IngestOptions, RawSpecimen, SpecimenFile};
 use crate::StageError;
 use meshes::format::read_surface;
 use meshes::surface::{ColouredMesh, TriMesh};
@@ -84,6 +84,34 @@ pub(super) fn checked(
     Ok((surface, counts))
 }
 
+/// A surface of a specimen, judged by itself.
+#[derive(Clone, Debug)]
+pub struct Judged {
+    /// Its key in specimen.toml.
+    pub key: String,
+    /// Its path.
+    pub path: String,
+    /// Counts as in metrics.json, or what is wrong.
+    pub result: Result<serde_json::Value, StageError>,
+    /// What is odd but not fatal.
+    pub warnings: Vec<String>,
+}
+
+/// Judges every surface that specimen.toml names, each by itself, so that one bad file does not hide another.
+pub fn judge_surfaces(file: &SpecimenFile, raw: &RawSpecimen, options: &IngestOptions) -> Vec<Judged> {
+    let surface = |key: &str| {
+        ["ct.femur", "ct.tibfib", "ct.patella"].contains(&key) || (key.starts_with("scans.") && key != "scans.capsule")
+    };
+    let named = super::file::named(file).into_iter().filter(|(key, _)| surface(key));
+    named
+        .map(|(key, path)| {
+            let mut warnings = Vec::new();
+            let result = checked(&key, &path, &raw.files, options, &mut warnings).map(|(_, counts)| counts);
+            Judged { key, path, result, warnings }
+        })
+        .collect()
+}
+
 /// Vertices farther from the middle of their neighbours than one and a half times these spread, and than [`SPIKE_MM`]: how many, and
 /// the first. No measured surface has such.
 fn spikes(mesh: &TriMesh) -> Option<(usize, Point)> {
@@ -119,7 +147,7 @@ fn missing_companions(path: &str, bytes: &[u8], files: &BTreeMap<String, Vec<u8>
 }
 
 /// The middle one of the three extents along the principal axes [mm]: as wide as the joint end, however long the shaft.
-fn middle_extent(mesh: &TriMesh) -> f64 {
+pub fn middle_extent(mesh: &TriMesh) -> f64 {
     let Some(centre) = mesh.centroid() else { return 0.0 };
     let areas = mesh.vertex_areas();
     let mut spread = nalgebra::Matrix3::zeros();

@@ -1,0 +1,453 @@
+//! Laxity files in a laboratory's own shape (FORMAT 2, `[laxity_format.NAME]`): separator, decimal comma, a row of units, other names,
+//! units and signs.
+//!
+//! A file in another shape is turned into the standard one, cell by cell, before it is read.
+
+use super::read::{LaxityError, known_columns};
+use super::{LOAD_UNITS, Test, VALUE_UNITS};
+use crate::names::did_you_mean;
+use csv::StringRecord;
+use meshes::frame::Side;
+use serde::{Deserialize, Serialize};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// The shape of a laboratory's files. What is absent is found from the file.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct LaxityFormat {
+    /// Between cells: `,`, `;` or a tab.
+    pub separator: Option<char>,
+    /// Decimal sign: `.` or `,`.
+    pub decimal: Option<char>,
+    /// Lines above the header.
+    pub skip_lines: usize,
+    /// Whether a row of units stands below the header.
+    pub units_row: Option<bool>,
+    /// Where each standard column stands, in which unit and with which sign.
+    pub columns: BTreeMap<String, Column>,
+    /// Standard columns that are the same in every row.
+    pub constants: BTreeMap<String, f64>,
+    /// The laboratory's words for tests: `"ant drawer" = "anterior"`. Without a column of tests they are told from the loads.
+    pub tests: BTreeMap<String, String>,
+    /// The laboratory's words for branches: `up = "loading"`.
+    pub branches: BTreeMap<String, String>,
+    /// Whether branches are told from the load, in the order of the rows.
+    pub branch_from_load: bool,
+    /// On which bone the loads act; on the femur their signs turn round.
+    pub loads_on: Bone,
+    /// Flexions that trials are filed under [deg], where the file has no such column: the nearest is taken.
+    pub nominal_flexions_deg: Vec<f64>,
+}
+
+/// A bone that loads act on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Bone {
+    /// As the standard has it.
+    #[default]
+    Tibia,
+    /// Their reaction.
+    Femur,
+}
+
+/// A laboratory's column.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged, expecting = "expected a column's name, or { name = \"...\", unit = \"...\", positive = \"...\" }")]
+pub enum Column {
+    /// By its name; unit from the name's brackets or the row of units, else the standard one; the standard sign.
+    Name(String),
+    /// With more said of it.
+    Full(FullColumn),
+}
+
+/// A column with its unit and sign.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FullColumn {
+    /// Its name in the file.
+    pub name: String,
+    /// Its unit.
+    pub unit: Option<String>,
+    /// What a positive value means: `valgus` or `varus`, `external` or `internal`, `lateral` or `medial`, `anterior` or `posterior`, `superior`,
+    /// `inferior`, `compression` or `distraction`, `flexion` or `extension`; or `right` or `left`, towards which the tibia goes or its foot turns.
+    pub positive: Option<String>,
+}
+
+impl Column {
+    fn name(&self) -> &str {
+        match self {
+            Column::Name(name) => name,
+            Column::Full(full) => &full.name,
+        }
+    }
+    fn unit(&self) -> Option<&str> {
+        if let Column::Full(full) = self { full.unit.as_deref() } else { None }
+    }
+    fn positive(&self) -> Option<&str> {
+        if let Column::Full(full) = self { full.positive.as_deref() } else { None }
+    }
+}
+
+/// Units by quantity, with the factor to the standard unit.
+const UNITS: [(&str, &[&str], f64); 13] = [
+    ("deg", &["deg", "degree", "degrees", "°"], 1.0),
+    ("deg", &["rad", "radian", "radians"], 57.295_779_513_082_32),
+    ("mm", &["mm", "millimetre", "millimeter"], 1.0),
+    ("mm", &["cm"], 10.0),
+    ("mm", &["m", "metre", "meter"], 1000.0),
+    ("mm", &["in", "inch"], 25.4),
+    ("n", &["n", "newton"], 1.0),
+    ("n", &["kn"], 1000.0),
+    ("n", &["lbf", "lb"], 4.448_221_615_260_5),
+    ("nm", &["nm", "n m", "n*m", "n·m", "n.m", "n-m"], 1.0),
+    ("nm", &["nmm", "n mm", "n*mm", "n·mm", "n.mm", "n-mm"], 0.001),
+    ("nm", &["in lbf", "in-lbf", "lbf in", "lbf-in", "in lb"], 0.112_984_829_027_616_7),
+    ("s", &["s", "sec", "seconds"], 1.0),
+];
+
+/// Quantity and factor of a unit.
+fn unit(text: &str) -> Option<(&'static str, f64)> {
+    let text = text.trim().trim_matches(|c| "[]()".contains(c)).trim().to_lowercase();
+    UNITS.iter().find(|(_, names, _)| names.contains(&text.as_str())).map(|(quantity, _, factor)| (*quantity, *factor))
+}
+
+/// The unit in a column name's brackets: `F_ant [kN]`.
+fn bracketed(name: &str) -> Option<&str> {
+    let open = name.rfind(['[', '('])?;
+    let inner = name[open + 1..].trim().trim_end_matches([']', ')']);
+    unit(inner).map(|_| inner)
+}
+
+/// The standard unit of a standard column; `None` for words and counts.
+fn standard_unit(column: &str) -> Option<&'static str> {
+    let last = column.rsplit('_').next()?;
+    ["deg", "mm", "nm", "n", "s"].into_iter().find(|u| *u == last)
+}
+
+/// The factor that turns a column's sign round, or not.
+fn sign(column: &str, positive: &str, side: Side) -> Result<f64, LaxityError> {
+    let axis = column.trim_start_matches("load_").split('_').next().unwrap_or("");
+    let words: [&str; 4] = match axis {
+        "vv" => ["valgus", "varus", "", ""],
+        "ie" => ["external", "internal", "", ""],
+        "ml" => ["lateral", "medial", "", ""],
+        "ap" => ["anterior", "posterior", "", ""],
+        "si" => ["superior", "inferior", "compression", "distraction"],
+        "fe" | "nominal" => ["flexion", "extension", "", ""],
+        _ => return Err(LaxityError(format!("columns.{column}: positive stands only with loads and coordinates"))),
+    };
+    let sideways = ["vv", "ie", "ml"].contains(&axis);
+    match positive {
+        p if p == words[0] || (p == words[2] && !p.is_empty()) => Ok(1.0),
+        p if p == words[1] || (p == words[3] && !p.is_empty()) => Ok(-1.0),
+        // A right knee's tibia goes right to go lateral, and its foot turns right in valgus and external rotation.
+        "right" if sideways => Ok(if side == Side::Right { 1.0 } else { -1.0 }),
+        "left" if sideways => Ok(if side == Side::Right { -1.0 } else { 1.0 }),
+        other => {
+            let known: Vec<&str> = words.into_iter().filter(|w| !w.is_empty()).collect();
+            let more = if sideways { ", right or left" } else { "" };
+            Err(LaxityError(format!("columns.{column}: positive = \"{other}\"; expected {}{more}", known.join(", "))))
+        }
+    }
+}
+
+/// A table in the standard columns; each row with its number in the file, the header being row 1.
+pub(super) struct Standard {
+    pub(super) header: StringRecord,
+    pub(super) rows: Vec<(usize, StringRecord)>,
+    /// The laboratory's name of a standard column, where it differs.
+    pub(super) called: BTreeMap<String, String>,
+    pub(super) warnings: Vec<String>,
+}
+
+/// The cells of a file as they stand.
+struct Raw {
+    header: Vec<String>,
+    units: Vec<String>,
+    rows: Vec<(usize, StringRecord)>,
+    decimal_comma: bool,
+}
+
+/// Turns a file into the standard columns.
+pub(super) fn standard(bytes: &[u8], format: &LaxityFormat, side: Side) -> Result<Standard, LaxityError> {
+    let raw = raw(bytes, format)?;
+    let mut warnings = Vec::new();
+    let declared = *format != LaxityFormat::default();
+    let places = places(&raw, format, declared, side, &mut warnings)?;
+    let mut names: Vec<String> = places.iter().map(|p| p.column.clone()).collect();
+    for column in format.constants.keys() {
+        known(column, "constants")?;
+        if names.contains(column) {
+            return Err(LaxityError(format!("constants.{column}: the file has this column too; keep one")));
+        }
+        names.push(column.clone());
+    }
+    let called = places.iter().filter(|p| p.name != p.column).map(|p| (p.column.clone(), p.name.clone())).collect();
+    let mut rows = Vec::new();
+    for (number, record) in &raw.rows {
+        let mut cells: Vec<String> = places.iter().map(|p| p.cell(record, raw.decimal_comma, format)).collect();
+        cells.extend(format.constants.values().map(|v| v.to_string()));
+        rows.push((*number, cells));
+    }
+    if declared {
+        fill(&mut names, &mut rows, format)?;
+    }
+    let rows = rows.into_iter().map(|(n, cells)| (n, StringRecord::from(cells))).collect();
+    Ok(Standard { header: StringRecord::from(names), rows, called, warnings })
+}
+
+/// Splits a file into cells.
+fn raw(bytes: &[u8], format: &LaxityFormat) -> Result<Raw, LaxityError> {
+    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    let start = match format.skip_lines {
+        0 => 0,
+        n => match bytes.iter().enumerate().filter(|(_, b)| **b == b'\n').nth(n - 1) {
+            Some((at, _)) => at + 1,
+            None => return Err(LaxityError(format!("skip_lines = {n}, but the file has fewer lines"))),
+        },
+    };
+    let body = &bytes[start..];
+    let first = body.split(|b| *b == b'\n').next().unwrap_or_default();
+    let count = |c: u8| first.iter().filter(|b| **b == c).count();
+    let found = [b';', b'\t', b','].into_iter().max_by_key(|c| count(*c)).filter(|c| count(*c) > 0).unwrap_or(b',');
+    let separator = match format.separator {
+        None => found,
+        Some(c @ (',' | ';' | '\t')) => c as u8,
+        Some(c) => return Err(LaxityError(format!("separator = \"{c}\"; expected \",\", \";\" or \"\\t\""))),
+    };
+    let reader = |from| csv::ReaderBuilder::new().delimiter(separator).trim(csv::Trim::All).from_reader(from);
+    let mut reader = reader(body);
+    let header = reader.headers().map_err(|e| LaxityError(format!("row 1: {e}")))?.clone();
+    if separator == b',' && format.decimal == Some(',') {
+        return Err(LaxityError("separator and decimal are both a comma; save the table with semicolons".into()));
+    }
+    let mut rows = Vec::new();
+    for (i, record) in reader.records().enumerate() {
+        let row = i + 2;
+        rows.push((row, record.map_err(|e| LaxityError(format!("row {row}: {e}{}", comma_hint(&e, separator))))?));
+    }
+    let is_units =
+        |r: &StringRecord| r.iter().filter(|c| unit(c).is_some()).count() >= 3 && r.iter().all(|c| !number(c));
+    let has_units = format.units_row.unwrap_or_else(|| rows.first().is_some_and(|(_, r)| is_units(r)));
+    let units =
+        if has_units && !rows.is_empty() { rows.remove(0).1.iter().map(String::from).collect() } else { vec![] };
+    let decimal_comma = match format.decimal {
+        None => separator != b',',
+        Some('.') => false,
+        Some(',') => true,
+        Some(c) => return Err(LaxityError(format!("decimal = \"{c}\"; expected \".\" or \",\""))),
+    };
+    Ok(Raw { header: header.iter().map(String::from).collect(), units, rows, decimal_comma })
+}
+
+/// What a row with too many cells most likely is.
+fn comma_hint(error: &csv::Error, separator: u8) -> &'static str {
+    match error.kind() {
+        csv::ErrorKind::UnequalLengths { expected_len, len, .. } if separator == b',' && len > expected_len => {
+            "; decimal commas among commas cannot be told apart: save the table with semicolons between cells"
+        }
+        _ => "",
+    }
+}
+
+fn number(text: &str) -> bool {
+    text.replace(',', ".").parse::<f64>().is_ok()
+}
+
+/// Where a standard column comes from.
+struct Place {
+    column: String,
+    name: String,
+    at: usize,
+    factor: f64,
+}
+
+impl Place {
+    /// The cell in the standard unit and sign, or in the standard words.
+    fn cell(&self, record: &StringRecord, decimal_comma: bool, format: &LaxityFormat) -> String {
+        let text = record.get(self.at).unwrap_or("");
+        let word = |words: &BTreeMap<String, String>| {
+            let same = |(theirs, ours): (&String, &String)| theirs.eq_ignore_ascii_case(text).then(|| ours.clone());
+            words.iter().find_map(same).unwrap_or_else(|| text.to_lowercase())
+        };
+        match self.column.as_str() {
+            "trial" => text.to_owned(),
+            "test" if *format != LaxityFormat::default() => word(&format.tests),
+            "branch" if *format != LaxityFormat::default() => word(&format.branches),
+            "test" | "branch" => text.to_owned(),
+            _ => {
+                let plain = if decimal_comma { text.replace(',', ".") } else { text.to_owned() };
+                match plain.parse::<f64>() {
+                    Ok(value) if self.factor != 1.0 => (value * self.factor).to_string(),
+                    _ => plain,
+                }
+            }
+        }
+    }
+}
+
+fn known(column: &str, table: &str) -> Result<(), LaxityError> {
+    let known = known_columns();
+    if known.contains(column) {
+        return Ok(());
+    }
+    Err(LaxityError(format!("{table}.{column} is no standard column{}", did_you_mean(column, &known))))
+}
+
+/// Where every standard column stands.
+fn places(
+    raw: &Raw,
+    format: &LaxityFormat,
+    declared: bool,
+    side: Side,
+    warnings: &mut Vec<String>,
+) -> Result<Vec<Place>, LaxityError> {
+    let mut used: BTreeSet<usize> = BTreeSet::new();
+    let mut places = Vec::new();
+    for (column, source) in &format.columns {
+        known(column, "columns")?;
+        let name = source.name();
+        let same =
+            |h: &&String| h.trim().eq_ignore_ascii_case(name.trim()) || bare(h).eq_ignore_ascii_case(name.trim());
+        let Some(at) = raw.header.iter().position(|h| same(&h)) else {
+            return Err(LaxityError(format!(
+                "row 1: no column \"{name}\", which columns.{column} names{}; the file has {}",
+                did_you_mean(name, &raw.header),
+                raw.header.join(", ")
+            )));
+        };
+        used.insert(at);
+        let mut factor = factor(column, source.unit(), raw, at)?;
+        if let Some(positive) = source.positive() {
+            factor *= sign(column, positive, side)?;
+        }
+        places.push(Place { column: column.clone(), name: raw.header[at].clone(), at, factor });
+    }
+    let standard = known_columns();
+    let mut left = Vec::new();
+    for (at, name) in raw.header.iter().enumerate().filter(|(at, _)| !used.contains(at)) {
+        let force = name.starts_with("force_") && name.ends_with("_n");
+        if declared && !standard.contains(name) && !force || format.columns.contains_key(name) {
+            left.push(name.as_str());
+            continue;
+        }
+        let factor = if standard.contains(name) { same_unit(name, raw, at)? } else { 1.0 };
+        places.push(Place { column: name.clone(), name: name.clone(), at, factor });
+    }
+    if !left.is_empty() {
+        warnings.push(format!("columns that the format does not name are left out: {}", left.join(", ")));
+    }
+    for place in places.iter_mut().filter(|p| p.column.starts_with("sd_")) {
+        place.factor = place.factor.abs();
+    }
+    if format.loads_on == Bone::Femur {
+        places.iter_mut().filter(|p| p.column.starts_with("load_")).for_each(|p| p.factor = -p.factor);
+    }
+    Ok(places)
+}
+
+/// A column's name without the unit in its brackets.
+fn bare(name: &str) -> &str {
+    match bracketed(name).and(name.rfind(['[', '('])) {
+        Some(open) => name[..open].trim(),
+        None => name,
+    }
+}
+
+/// The factor from a column's unit to the standard one.
+fn factor(column: &str, told: Option<&str>, raw: &Raw, at: usize) -> Result<f64, LaxityError> {
+    let Some(wanted) = standard_unit(column) else { return Ok(1.0) };
+    let row = raw.units.get(at).map(String::as_str).filter(|u| !u.is_empty());
+    let Some(text) = told.or(bracketed(&raw.header[at])).or(row) else { return Ok(1.0) };
+    match unit(text) {
+        Some((quantity, factor)) if quantity == wanted => Ok(factor),
+        _ => Err(LaxityError(format!(
+            "column \"{}\": unit \"{text}\"; expected one of {}",
+            raw.header[at],
+            units_of(wanted)
+        ))),
+    }
+}
+
+/// A standard column whose row of units says another unit is refused: one of the two is wrong.
+fn same_unit(column: &str, raw: &Raw, at: usize) -> Result<f64, LaxityError> {
+    let (Some(wanted), Some(row)) = (standard_unit(column), raw.units.get(at).filter(|u| !u.is_empty())) else {
+        return Ok(1.0);
+    };
+    match unit(row) {
+        Some((quantity, factor)) if quantity == wanted && (factor - 1.0).abs() < f64::EPSILON => Ok(1.0),
+        _ => Err(LaxityError(format!(
+            "row 2, column \"{column}\": the row of units says \"{row}\", the name says {wanted}; give the unit by columns.{column} = {{ name = \"{column}\", unit = \"{row}\" }}"
+        ))),
+    }
+}
+
+fn units_of(quantity: &str) -> String {
+    UNITS.iter().filter(|(q, _, _)| *q == quantity).map(|(_, names, _)| names[0]).collect::<Vec<_>>().join(", ")
+}
+
+/// Fills columns that a declared format may leave out: nominal flexion, test and trial.
+fn fill(names: &mut Vec<String>, rows: &mut [(usize, Vec<String>)], format: &LaxityFormat) -> Result<(), LaxityError> {
+    let place = |names: &[String], column: &str| names.iter().position(|n| n == column);
+    let value = |cells: &[String], at: Option<usize>| at.and_then(|i| cells[i].parse::<f64>().ok());
+    for column in (0..5).map(|i| format!("load_{}_{}", super::COORDINATES[i], LOAD_UNITS[i])) {
+        if place(names, &column).is_none() {
+            names.push(column);
+            rows.iter_mut().for_each(|(_, cells)| cells.push("0".into()));
+        }
+    }
+    for column in (0..5).map(|i| format!("{}_{}", super::COORDINATES[i], VALUE_UNITS[i])) {
+        if place(names, &column).is_none() {
+            names.push(column);
+            rows.iter_mut().for_each(|(_, cells)| cells.push(String::new()));
+        }
+    }
+    let fe = place(names, "fe_deg");
+    if place(names, "nominal_flexion_deg").is_none() && !format.nominal_flexions_deg.is_empty() {
+        names.push("nominal_flexion_deg".into());
+        for (row, cells) in rows.iter_mut() {
+            let Some(fe) = value(cells, fe) else {
+                return Err(LaxityError(format!("row {row}: no flexion measured, so no nominal flexion can be taken")));
+            };
+            let near = |a: &&f64, b: &&f64| (*a - fe).abs().total_cmp(&(*b - fe).abs());
+            cells.push(format.nominal_flexions_deg.iter().min_by(near).map_or(String::new(), f64::to_string));
+        }
+    }
+    if place(names, "test").is_none() {
+        let at: Vec<Option<usize>> =
+            (0..5).map(|i| place(names, &format!("load_{}_{}", super::COORDINATES[i], LOAD_UNITS[i]))).collect();
+        names.push("test".into());
+        for (_, cells) in rows.iter_mut() {
+            let loads: [f64; 5] = std::array::from_fn(|i| value(cells, at[i]).unwrap_or(0.0));
+            cells.push(test_of(&loads).name().into());
+        }
+    }
+    if place(names, "trial").is_none() {
+        let (test, nominal) = (place(names, "test"), place(names, "nominal_flexion_deg"));
+        names.push("trial".into());
+        for (row, cells) in rows.iter_mut() {
+            let of = |at: Option<usize>| at.map_or("", |i| cells[i].as_str());
+            let name = format!("row{row}_{}_{}", of(test), of(nominal));
+            cells.push(name);
+        }
+    }
+    Ok(())
+}
+
+/// The largest loads of the usual tests: VV, IE [N m], AP [N]; 10, 5 and 133 in the paper's protocols [andreassen2025, section 2.6].
+const USUAL_LOADS: [(usize, f64, Test, Test); 3] = [
+    (0, 10.0, Test::Varus, Test::Valgus),
+    (1, 5.0, Test::Internal, Test::External),
+    (3, 133.0, Test::Posterior, Test::Anterior),
+];
+/// Share of its usual size below which a load counts as none.
+const NO_LOAD: f64 = 0.05;
+
+/// The test that loads make: by the load that is largest beside its usual size.
+fn test_of(loads: &[f64; 5]) -> Test {
+    let share = |(i, usual, minus, plus): &(usize, f64, Test, Test)| {
+        (loads[*i].abs() / usual, if loads[*i] < 0.0 { *minus } else { *plus })
+    };
+    let most = USUAL_LOADS.iter().map(share).max_by(|a, b| a.0.total_cmp(&b.0));
+    most.filter(|(share, _)| *share >= NO_LOAD).map_or(Test::Neutral, |(_, test)| test)
+}

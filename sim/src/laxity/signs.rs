@@ -1,0 +1,124 @@
+//! Whether the signs of a laxity file are the clinical ones, judged by what every knee does: it goes where it is pushed.
+
+use super::read::{agrees, load_column, value_column};
+use super::{COORDINATES, LaxityTrial};
+use std::collections::BTreeMap;
+
+/// A convention that looks turned round.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SignDoubt {
+    /// The standard column that is most likely turned.
+    pub column: String,
+    /// What was seen, and what to declare, in a sentence.
+    pub words: String,
+}
+
+/// Loads that differ by less show no direction: VV, IE [N m], AP [N]. A fifth of the smallest of the paper's loads. Ours.
+const LEAST_SPREAD: [(usize, f64); 3] = [(0, 1.0), (1, 0.5), (3, 10.0)];
+/// Words for the positive and the negative sign of each loaded coordinate.
+const WORDS: [(usize, &str, &str); 3] =
+    [(0, "valgus", "varus"), (1, "external", "internal"), (3, "anterior", "posterior")];
+/// Mean SI beyond this says that the tibia's origin lies above the femur's [mm]; in a knee it lies 20 to 35 below.
+const ABOVE_MM: f64 = 5.0;
+/// Mean SI load below this is traction, which no laxity test applies [N].
+const TRACTION_N: f64 = -5.0;
+
+/// What looks turned round, coordinate by coordinate. A file whose loads, displacements and names of tests are all turned is not found.
+pub fn sign_doubts(trials: &[LaxityTrial]) -> Vec<SignDoubt> {
+    let mut doubts: Vec<SignDoubt> = WORDS.iter().filter_map(|w| axis(trials, *w)).collect();
+    doubts.extend(flexion(trials));
+    let mean = |of: &dyn Fn(&LaxityTrial) -> Option<f64>| {
+        let values: Vec<f64> = trials.iter().filter_map(of).collect();
+        (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
+    };
+    if let Some(si) = mean(&|t| t.measured[4]).filter(|v| *v > ABOVE_MM) {
+        doubts.push(SignDoubt {
+            column: "si_mm".into(),
+            words: format!(
+                "si_mm is {si:.0} mm in the mean: the tibia's origin would lie above the femur's. Expected superior +, distraction -: declare positive = \"inferior\" if the laboratory counts distraction positive"
+            ),
+        });
+    }
+    if let Some(load) = mean(&|t| Some(t.load[4])).filter(|v| *v < TRACTION_N) {
+        doubts.push(SignDoubt {
+            column: "load_si_n".into(),
+            words: format!(
+                "load_si_n is {load:.0} N in the mean, which pulls the joint apart. Expected compression +: declare positive = \"distraction\" if the laboratory counts traction positive"
+            ),
+        });
+    }
+    doubts
+}
+
+/// One loaded coordinate: whether displacement follows load, and load follows the names of the tests.
+fn axis(trials: &[LaxityTrial], (c, plus, minus): (usize, &str, &str)) -> Option<SignDoubt> {
+    let (load, value) = (load_column(c), value_column(c));
+    let mine: Vec<&LaxityTrial> = trials.iter().filter(|t| t.test.coordinate() == Some(c)).collect();
+    let against = mine.iter().filter(|t| !agrees(t.test, &t.load)).count();
+    let misnamed = 2 * against > mine.len();
+    let (with, opposed) = slopes(trials, c);
+    let declare = |column: &str| format!("declare columns.{column} = {{ name = \"...\", positive = \"{minus}\" }}");
+    let seen = format!("{} of {} tests by name have a {load} of the other sign", against, mine.len());
+    let words = match (opposed > with, misnamed) {
+        (true, false) => {
+            format!(
+                "the knee moves against its load in {value} at {opposed} of {} flexions. Expected {plus} +: {}",
+                with + opposed,
+                declare(&value)
+            )
+        }
+        (true, true) => {
+            format!(
+                "{seen}, and the knee moves against it. Expected {plus} +: {}, or loads_on = \"femur\"",
+                declare(&load)
+            )
+        }
+        (false, true) => {
+            format!(
+                "{seen}, and the knee moves with it: load and displacement are both turned, or the names of the tests are exchanged. Expected {plus} +: {}, and the same for {value}",
+                declare(&load)
+            )
+        }
+        (false, false) => return None,
+    };
+    Some(SignDoubt {
+        column: if opposed > with && !misnamed { value } else { load },
+        words: format!("{}: {words}", COORDINATES[c].to_uppercase()),
+    })
+}
+
+/// At how many nominal flexions displacement rises with load, and at how many it falls, beyond doubt.
+fn slopes(trials: &[LaxityTrial], c: usize) -> (usize, usize) {
+    let mut groups: BTreeMap<i64, Vec<(f64, f64)>> = BTreeMap::new();
+    let least = LEAST_SPREAD.iter().find(|(i, _)| *i == c).map_or(f64::INFINITY, |(_, l)| *l);
+    for t in trials.iter().filter(|t| t.test.coordinate().is_none_or(|own| own == c)) {
+        if let Some(value) = t.measured[c] {
+            groups.entry(t.nominal_flexion_deg.round() as i64).or_default().push((t.load[c], value));
+        }
+    }
+    let (mut with, mut opposed) = (0, 0);
+    for points in groups.values() {
+        let n = points.len() as f64;
+        let (x, y) = (points.iter().map(|p| p.0).sum::<f64>() / n, points.iter().map(|p| p.1).sum::<f64>() / n);
+        let spread = points.iter().map(|p| (p.0 - x).abs()).fold(0.0, f64::max);
+        let along: f64 = points.iter().map(|p| (p.0 - x) * (p.1 - y)).sum();
+        if spread < least || along.abs() < 1e-9 {
+            continue;
+        }
+        if along > 0.0 { with += 1 } else { opposed += 1 }
+    }
+    (with, opposed)
+}
+
+/// Whether measured flexion falls where nominal flexion rises.
+fn flexion(trials: &[LaxityTrial]) -> Option<SignDoubt> {
+    let n = trials.len() as f64;
+    let mean = |of: fn(&LaxityTrial) -> f64| trials.iter().map(of).sum::<f64>() / n;
+    let (x, y) = (mean(|t| t.nominal_flexion_deg), mean(|t| t.fe_deg));
+    let along: f64 = trials.iter().map(|t| (t.nominal_flexion_deg - x) * (t.fe_deg - y)).sum();
+    let spread: f64 = trials.iter().map(|t| (t.nominal_flexion_deg - x).powi(2)).sum();
+    (along < -0.5 * spread && spread > 0.0).then(|| SignDoubt {
+        column: "fe_deg".into(),
+        words: "fe_deg falls where nominal flexion rises. Expected flexion +: declare columns.fe_deg = { name = \"...\", positive = \"extension\" }".into(),
+    })
+}

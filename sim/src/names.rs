@@ -1,0 +1,65 @@
+//! Near misses: which known name a person most likely meant.
+
+/// Names closer than this are taken for the same word mistyped (Jaro-Winkler similarity, 0 to 1) [winkler1990]. Ours: `hexmsh` and
+/// `hexmesh` have 0.97, `frames` and `bones` have 0.58.
+const NEAR: f64 = 0.82;
+/// Shortest name that is looked for inside longer ones: `edge` in `edge_length_mm`.
+const SHORTEST_PART: usize = 3;
+
+/// The known name nearest to `name`, if one is near.
+pub fn nearest<'a, S: AsRef<str> + ?Sized + 'a>(name: &str, known: impl IntoIterator<Item = &'a S>) -> Option<&'a str> {
+    let name = name.to_lowercase().replace('-', "_");
+    let score = |k: &str| {
+        let k = k.to_lowercase().replace('-', "_");
+        let part =
+            name.len() >= SHORTEST_PART && (k.contains(&name) || (k.len() >= SHORTEST_PART && name.contains(&k)));
+        let whole = strsim::jaro_winkler(&name, &k);
+        if part { whole.max(NEAR) } else { whole }
+    };
+    known
+        .into_iter()
+        .map(|k| (score(k.as_ref()), k.as_ref()))
+        .filter(|(s, _)| *s >= NEAR)
+        .max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(a.1)))
+        .map(|(_, k)| k)
+}
+
+/// `; did you mean NAME?`, or nothing.
+pub fn did_you_mean<'a, S: AsRef<str> + ?Sized + 'a>(name: &str, known: impl IntoIterator<Item = &'a S>) -> String {
+    nearest(name, known).map_or(String::new(), |k| format!("; did you mean {k}?"))
+}
+
+/// A parser's message about an unknown field or variant, with the name that was most likely meant.
+pub fn with_suggestion(message: &str) -> String {
+    let quoted: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
+    match quoted.split_first() {
+        Some((name, known)) if message.starts_with("unknown") => {
+            format!("{message}{}", did_you_mean(name, known.iter().copied()))
+        }
+        _ => message.to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_slip_is_found_and_a_different_word_is_not() {
+        let stages = ["ingest", "register", "bones", "cartilage", "hexmesh", "contact-law"];
+        for (slip, meant) in [
+            ("hexmsh", Some("hexmesh")),
+            ("contact_law", Some("contact-law")),
+            ("bonse", Some("bones")),
+            ("Cartilages", Some("cartilage")),
+            ("wings", None),
+            ("", None),
+        ] {
+            assert_eq!(nearest(slip, stages), meant, "{slip}");
+        }
+        assert_eq!(nearest("edge", ["layers", "edge_length_mm"]), Some("edge_length_mm"));
+        let told = with_suggestion("unknown field `fmur`, expected one of `femur`, `tibfib`");
+        assert!(told.ends_with("; did you mean femur?"), "{told}");
+        assert_eq!(with_suggestion("missing field `id`"), "missing field `id`");
+    }
+}

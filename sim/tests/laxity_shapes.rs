@@ -1,0 +1,224 @@
+//! Laxity in the shapes of six laboratories: the same trials come out, in clinical signs; what cannot be read is refused with its mend.
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+use meshes::frame::Side;
+use sim::laxity::{LaxityFormat, LaxityTable, LaxityTrial, read, read_as, sign_doubts, trials_csv};
+
+/// AP drawers and VV, IE moments at three flexions: made of slopes, so that every sign is known. `(load, displacement)` by coordinate.
+fn made() -> Vec<LaxityTrial> {
+    let mut csv = String::from(
+        "trial,test,nominal_flexion_deg,load_vv_nm,load_ie_nm,load_ml_n,load_ap_n,load_si_n,fe_deg,vv_deg,ie_deg,ml_mm,ap_mm,si_mm\n",
+    );
+    let tests = [
+        ("anterior", [0.0, 0.0, 133.0]),
+        ("posterior", [0.0, 0.0, -133.0]),
+        ("external", [0.0, 5.0, 0.0]),
+        ("internal", [0.0, -5.0, 0.0]),
+        ("valgus", [10.0, 0.0, 0.0]),
+        ("varus", [-10.0, 0.0, 0.0]),
+    ];
+    for flexion in [0.0, 30.0, 90.0] {
+        for (test, [vv, ie, ap]) in tests {
+            csv += &format!(
+                "{test}_{flexion},{test},{flexion},{vv},{ie},0,{ap},20,{},{},{},{},{},-21\n",
+                flexion + 1.5,
+                0.4 * vv,
+                3.0 * ie - 2.0,
+                1.0 + 0.1 * vv,
+                0.04 * ap - 1.0
+            );
+        }
+    }
+    read(csv.as_bytes()).unwrap().trials
+}
+
+/// The standard file with commas for points and semicolons for commas, and a row of units.
+fn continental() -> String {
+    let csv = trials_csv(&made());
+    let (header, rows) = csv.split_once('\n').unwrap();
+    let units: Vec<&str> = header
+        .split(',')
+        .map(|c| match c.rsplit('_').next().unwrap() {
+            "deg" => "deg",
+            "mm" => "mm",
+            "nm" => "Nm",
+            "n" => "N",
+            "s" => "s",
+            _ => "",
+        })
+        .collect();
+    format!("{}\n{}\n{}", header.replace(',', ";"), units.join(";"), rows.replace(',', ";").replace('.', ","))
+}
+
+fn table(format: &str, csv: &str, side: Side) -> LaxityTable {
+    read_as(csv.as_bytes(), &toml::from_str::<LaxityFormat>(format).unwrap(), side).unwrap()
+}
+
+fn same(found: &[LaxityTrial], names: bool) {
+    let wanted = made();
+    assert_eq!(found.len(), wanted.len());
+    for (f, w) in found.iter().zip(&wanted) {
+        assert!(!names || f.trial == w.trial);
+        assert_eq!((f.test, f.nominal_flexion_deg), (w.test, w.nominal_flexion_deg), "{}", w.trial);
+        let close = |a: f64, b: f64| (a - b).abs() < 1e-9 * (1.0 + b.abs());
+        assert!(close(f.fe_deg, w.fe_deg));
+        for c in 0..5 {
+            assert!(close(f.load[c], w.load[c]), "{} load {c}: {} for {}", w.trial, f.load[c], w.load[c]);
+            assert!(close(f.measured[c].unwrap(), w.measured[c].unwrap()), "{} value {c}", w.trial);
+        }
+    }
+    assert!(sign_doubts(found).is_empty(), "{:?}", sign_doubts(found));
+}
+
+#[test]
+fn standard_and_continental_files_need_no_declaration() {
+    same(&read(trials_csv(&made()).as_bytes()).unwrap().trials, true);
+    same(&read(continental().as_bytes()).unwrap().trials, true);
+    same(&read(format!("\u{feff}{}", trials_csv(&made()).replace(',', "\t")).as_bytes()).unwrap().trials, true);
+}
+
+/// Other names, kN, N mm and radians in brackets; the tests in the laboratory's words.
+#[test]
+fn other_names_units_and_words() {
+    let mut csv = String::from(
+        "Run;Direction;Flex target;T_vv (Nmm);T_ie [Nmm];F_ap [kN];Flex [rad];VV [rad];IE [rad];ML [cm];AP [cm];SI [cm];Operator\n",
+    );
+    for t in made() {
+        let m = t.measured.map(Option::unwrap);
+        let word = if t.test.name() == "anterior" { "Ant. drawer" } else { t.test.name() };
+        let cells = [
+            t.load[0] * 1e3,
+            t.load[1] * 1e3,
+            t.load[3] / 1e3,
+            t.fe_deg.to_radians(),
+            m[0].to_radians(),
+            m[1].to_radians(),
+            m[2] / 10.0,
+            m[3] / 10.0,
+            m[4] / 10.0,
+        ];
+        let cells: Vec<String> = cells.iter().map(|v| v.to_string().replace('.', ",")).collect();
+        csv += &format!("{};{word};{};{};JS\n", t.trial, t.nominal_flexion_deg, cells.join(";"));
+    }
+    let format = r#"
+        constants = { load_si_n = 20, load_ml_n = 0 }
+        tests = { "ant. drawer" = "anterior" }
+        [columns]
+        trial = "run"
+        test = "Direction"
+        nominal_flexion_deg = "Flex target"
+        load_vv_nm = "T_vv"
+        load_ie_nm = "T_ie"
+        load_ap_n = "F_ap"
+        fe_deg = "Flex"
+        vv_deg = "VV"
+        ie_deg = "IE"
+        ml_mm = "ML"
+        ap_mm = "AP"
+        si_mm = "SI"
+    "#;
+    let found = table(format, &csv, Side::Left);
+    same(&found.trials, true);
+    assert!(found.warnings.iter().any(|w| w.contains("Operator")), "{:?}", found.warnings);
+}
+
+/// A robot whose axes do not turn with the side, whose loads act on the femur, and whose files have neither tests nor nominal flexion.
+#[test]
+fn a_robots_axes_on_either_side() {
+    for side in [Side::Left, Side::Right] {
+        let right = if side == Side::Right { 1.0 } else { -1.0 };
+        let mut csv = String::from("Fy,Mz,Mx,Fz,flex,rx,rz,x,y,z\n");
+        for t in made() {
+            let m = t.measured.map(Option::unwrap);
+            let cells = [
+                -t.load[3],
+                -right * t.load[1],
+                -right * t.load[0],
+                -t.load[4],
+                -t.fe_deg,
+                right * m[0],
+                right * m[1],
+                right * m[2],
+                m[3],
+                -m[4],
+            ];
+            csv += &format!("{}\n", cells.map(|v| v.to_string()).join(","));
+        }
+        let format = r#"
+            loads_on = "femur"
+            nominal_flexions_deg = [0, 30, 90]
+            branch_from_load = true
+            [columns]
+            load_ap_n = "Fy"
+            load_ie_nm = { name = "Mz", positive = "right" }
+            load_vv_nm = { name = "Mx", positive = "right" }
+            load_si_n = "Fz"
+            fe_deg = { name = "flex", positive = "extension" }
+            vv_deg = { name = "rx", positive = "right" }
+            ie_deg = { name = "rz", positive = "right" }
+            ml_mm = { name = "x", positive = "right" }
+            ap_mm = "y"
+            si_mm = { name = "z", positive = "distraction" }
+        "#;
+        same(&table(format, &csv, side).trials, false);
+    }
+}
+
+/// A ramp up and down: branches from the load.
+#[test]
+fn branches_are_told_from_the_load() {
+    let mut csv = String::from("test,nominal_flexion_deg,load_ap_n,fe_deg,ap_mm\n");
+    for load in [10, 50, 100, 60, 20] {
+        csv += &format!("anterior,30,{load},30,{}\n", f64::from(load) * 0.05);
+    }
+    let trials = table("branch_from_load = true", &csv, Side::Left).trials;
+    let names: Vec<String> = trials.iter().map(|t| format!("{:?}", t.branch.unwrap()).to_lowercase()).collect();
+    assert_eq!(names, ["loading", "loading", "loading", "unloading", "unloading"]);
+}
+
+/// Every convention that is turned round is found, and nothing is in data that are right.
+#[test]
+fn turned_signs_are_found() {
+    let turned = |change: &dyn Fn(&mut LaxityTrial)| {
+        let mut trials = made();
+        trials.iter_mut().for_each(change);
+        sign_doubts(&trials).into_iter().map(|d| d.column).collect::<Vec<_>>()
+    };
+    let flip = |t: &mut LaxityTrial, c: usize| t.measured[c] = t.measured[c].map(|v| -v);
+    assert!(turned(&|_: &mut LaxityTrial| ()).is_empty());
+    assert_eq!(turned(&|t: &mut LaxityTrial| flip(t, 3)), ["ap_mm"]);
+    assert_eq!(turned(&|t: &mut LaxityTrial| flip(t, 0)), ["vv_deg"]);
+    assert_eq!(turned(&|t: &mut LaxityTrial| flip(t, 1)), ["ie_deg"]);
+    assert_eq!(turned(&|t: &mut LaxityTrial| t.load[1] = -t.load[1]), ["load_ie_nm"]);
+    assert_eq!(turned(&|t: &mut LaxityTrial| t.fe_deg = -t.fe_deg), ["fe_deg"]);
+    assert_eq!(turned(&|t: &mut LaxityTrial| flip(t, 4)), ["si_mm"]);
+    assert_eq!(turned(&|t: &mut LaxityTrial| t.load[4] = -t.load[4]), ["load_si_n"]);
+}
+
+#[test]
+fn what_cannot_be_read_is_refused_with_its_mend() {
+    let refused = |format: &str, csv: &str| {
+        read_as(csv.as_bytes(), &toml::from_str::<LaxityFormat>(format).unwrap(), Side::Left).unwrap_err().to_string()
+    };
+    let standard = trials_csv(&made());
+    for (format, csv, words) in [
+        ("", standard.replacen("load_ap_n", "Fap", 1), ["unknown column \"Fap\"", "laxity_format"]),
+        ("", standard.replacen(",133,", ",133,5,", 1), ["row 2", "save the table with semicolons"]),
+        ("columns = { ap_mm = \"AP\" }", standard.clone(), ["no column \"AP\"", "the file has trial"]),
+        ("columns = { app_mm = \"ap_mm\" }", standard.clone(), ["columns.app_mm", "did you mean ap_mm?"]),
+        (
+            "columns = { ap_mm = { name = \"ap_mm\", positive = \"forward\" } }",
+            standard.clone(),
+            ["forward", "expected anterior, posterior"],
+        ),
+        (
+            "columns = { ap_mm = { name = \"ap_mm\", unit = \"N\" } }",
+            standard.clone(),
+            ["unit \"N\"", "expected one of mm"],
+        ),
+        ("decimal = \",\"\nseparator = \",\"", standard.clone(), ["both a comma", "semicolons"]),
+    ] {
+        let said = refused(format, &csv);
+        assert!(words.iter().all(|w| said.contains(w)), "{said}");
+    }
+}

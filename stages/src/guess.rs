@@ -1,0 +1,140 @@
+//! What a heap of files is, by geometry: which surface is which bone, CT or scan, of which knee; in which frame points lie.
+
+use crate::anatomy::{SideEvidence, detect_side, looks_swapped};
+use crate::ingest::PointFrame;
+use crate::register::{RegisterOptions, register_bone};
+use meshes::Point;
+use meshes::query::SurfaceQuery;
+use meshes::surface::{ColouredMesh, TriMesh};
+use meshes::topology::Topology;
+use rayon::prelude::*;
+
+/// What a surface is in a specimen.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Role {
+    /// The femur in CT.
+    CtFemur,
+    /// The tibia with the fibula in CT.
+    CtTibfib,
+    /// The patella in CT.
+    CtPatella,
+    /// The femur's scan.
+    ScanFemur,
+    /// The scan of the tibia with the fibula.
+    ScanTibfib,
+}
+
+impl Role {
+    /// Its key in specimen.toml: table and name.
+    pub fn key(self) -> (&'static str, &'static str) {
+        match self {
+            Role::CtFemur => ("ct", "femur"),
+            Role::CtTibfib => ("ct", "tibfib"),
+            Role::CtPatella => ("ct", "patella"),
+            Role::ScanFemur => ("scans", "femur"),
+            Role::ScanTibfib => ("scans", "tibfib"),
+        }
+    }
+}
+
+/// What was guessed of a surface, and from what.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Guess {
+    /// What it is; `None` where nothing tells.
+    pub role: Option<Role>,
+    /// The evidence, in words.
+    pub why: String,
+}
+
+/// What was guessed of all.
+#[derive(Clone, Debug)]
+pub struct Guesses {
+    /// A guess a surface, in the order given.
+    pub surfaces: Vec<Guess>,
+    /// Which knee, where both CT bones are there.
+    pub side: Option<SideEvidence>,
+}
+
+/// A bone whose middle extent is below this is taken for a patella [mm]: patellae are 40 to 55 mm wide, the joint ends of femur and
+/// tibia 60 to 110 (see [`crate::ingest::IngestOptions::least_width_mm`]).
+const PATELLA_MM: f64 = 55.0;
+
+/// Which surface is what. CT surfaces are closed and have no colours; a scan is laid on both bones, and belongs to the one it fits.
+pub fn guess(surfaces: &[ColouredMesh]) -> Guesses {
+    let unknown = |why: &str| Guess { role: None, why: why.into() };
+    let mut found: Vec<Guess> = surfaces.iter().map(|_| unknown("")).collect();
+    let (mut ct, mut scans) = (Vec::new(), Vec::new());
+    for (i, s) in surfaces.iter().enumerate() {
+        let open = Topology::of(&s.mesh).boundary_edges;
+        let extent = crate::ingest::middle_extent(&s.mesh);
+        if !s.colours.is_empty() || open > 0 {
+            scans.push(i);
+            found[i].why =
+                if s.colours.is_empty() { format!("{open} open edges: a scan") } else { "coloured: a scan".into() };
+        } else if extent < PATELLA_MM {
+            found[i] =
+                Guess { role: Some(Role::CtPatella), why: format!("closed, {extent:.0} mm wide: a patella in CT") };
+        } else {
+            ct.push(i);
+            found[i].why = "closed, no colours: a bone in CT".into();
+        }
+    }
+    let [a, b] = ct[..] else {
+        for i in ct.iter().chain(&scans) {
+            found[*i].why += &format!("; {} bones in CT were found where two are needed to tell more", ct.len());
+        }
+        return Guesses { surfaces: found, side: None };
+    };
+    let (femur, tibfib) = if looks_swapped(&surfaces[a].mesh, &surfaces[b].mesh) { (b, a) } else { (a, b) };
+    for (i, role, why) in [
+        (femur, Role::CtFemur, "; condyles and no fibula: the femur"),
+        (tibfib, Role::CtTibfib, "; plateau or fibula: the tibia"),
+    ] {
+        found[i].role = Some(role);
+        found[i].why += why;
+    }
+    let sides = detect_side(&surfaces[femur].mesh, &surfaces[tibfib].mesh);
+    let fits: Vec<[Option<(f64, f64)>; 2]> =
+        scans.par_iter().map(|&i| [femur, tibfib].map(|bone| fit(&surfaces[bone].mesh, &surfaces[i]))).collect();
+    for (&i, fit) in scans.iter().zip(&fits) {
+        let better = |a: &(f64, f64), b: &(f64, f64)| a.0 > b.0;
+        let role = match fit {
+            [Some(f), Some(t)] => Some(if better(f, t) { Role::ScanFemur } else { Role::ScanTibfib }),
+            [Some(_), None] => Some(Role::ScanFemur),
+            [None, Some(_)] => Some(Role::ScanTibfib),
+            [None, None] => None,
+        };
+        let told = |name: &str, f: &Option<(f64, f64)>| match f {
+            Some((share, rms)) => format!("{name} {:.0} % of bare bone, {rms:.2} mm", 100.0 * share),
+            None => format!("{name} not at all"),
+        };
+        found[i].role = role;
+        found[i].why += &format!("; fits {}, {}", told("femur", &fit[0]), told("tibia", &fit[1]));
+    }
+    Guesses { surfaces: found, side: sides }
+}
+
+/// Share of a scan's bare bone that lies on a bone, and how far off [mm]; `None` where the registration is not to be believed.
+fn fit(bone: &TriMesh, scan: &ColouredMesh) -> Option<(f64, f64)> {
+    let options = RegisterOptions::default();
+    let r = register_bone(bone, scan, &[], &options).ok()?;
+    (r.inlier_fraction >= options.inlier_limit).then_some((r.inlier_fraction, r.rms_bare_bone_mm))
+}
+
+/// Points of a frame lie at most this far from its surface in the mean [mm]: landmarks are rough by 4.5, the femoral head lies off.
+const NEAR_MM: f64 = 15.0;
+
+/// The frame in which points lie: that of the surface they lie nearest to, with their median distance [mm].
+pub fn frame_of(points: &[Point], surfaces: &[(PointFrame, &TriMesh)]) -> Option<(PointFrame, f64)> {
+    let distance = |mesh: &TriMesh| {
+        let query = SurfaceQuery::new(mesh)?;
+        let mut all: Vec<f64> = points.iter().map(|p| query.nearest(p).distance).collect();
+        all.sort_by(f64::total_cmp);
+        all.get(all.len() / 2).copied()
+    };
+    surfaces
+        .iter()
+        .filter_map(|(frame, mesh)| Some((*frame, distance(mesh)?)))
+        .filter(|(_, d)| *d < NEAR_MM)
+        .min_by(|a, b| a.1.total_cmp(&b.1))
+}
