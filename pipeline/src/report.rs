@@ -13,16 +13,20 @@ mod body;
 mod cartilage_scenes;
 mod charts;
 mod compare;
+mod force_charts;
 mod geometry;
 mod law_charts;
+mod methods;
 mod motion;
 mod pictures;
 mod scene;
 mod scenes;
 mod values;
 mod verdict;
+mod warnings;
 
-use body::{Body, escaped};
+use body::Body;
+pub(crate) use body::escaped;
 
 /// What stopped a build; kept as failure.json until a build goes through.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -63,6 +67,12 @@ pub fn failure(build: &Path) -> Option<Failure> {
     serde_json::from_str(&store::read_text(&path).ok()?).ok()
 }
 
+/// methods.md: versions, options and digests as plain text; empty where run.toml cannot be read.
+pub fn methods(folder: &BuildFolder, records: &[Record]) -> String {
+    let run = folder.read_file("run.toml").unwrap_or_default();
+    methods::Methods::read(&run, records).map_or(String::new(), |m| m.markdown())
+}
+
 /// The page. It holds no times, so that the same build gives the same bytes.
 pub fn page(folder: &BuildFolder, records: &[Record], failure: Option<&Failure>) -> Result<String, BuildError> {
     let mut body = Body::new(folder, records, "a", true);
@@ -76,7 +86,7 @@ pub fn page(folder: &BuildFolder, records: &[Record], failure: Option<&Failure>)
         html += "<p class=\"synthetic\">This knee is synthetic: made by the program, not measured.</p>";
     }
     html += "</header>";
-    html += &body.verdict(failure);
+    html += &body.first(failure);
     html += &contents(records, failure);
     html += "<main id=\"stages\">";
     for record in records {
@@ -87,6 +97,7 @@ pub fn page(folder: &BuildFolder, records: &[Record], failure: Option<&Failure>)
     if let Some(failure) = failure.filter(|f| records.iter().all(|r| r.stage != f.stage)) {
         html += &body.failed(failure);
     }
+    html += &body.methods(records);
     html += "</main>";
     Ok(html + &foot(json!({"a": body.data()})))
 }
@@ -102,12 +113,13 @@ fn contents(records: &[Record], failure: Option<&Failure>) -> String {
     let mut links: Vec<String> =
         stages.map(|s| format!("<li><a href=\"#{0}\">{1}</a></li>", escaped(s), escaped(&heading(s)))).collect();
     links.dedup();
+    links.push("<li><a href=\"#methods\">methods</a></li>".into());
     format!("<nav aria-label=\"Stages\"><ul>{}</ul></nav>", links.concat())
 }
 
 fn head(title: &str) -> String {
     format!(
-        "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width\">\
+        "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\
          <link rel=\"icon\" href=\"data:,\"><title>{}</title><style>{}</style></head><body><a class=\"skip\" href=\"#stages\">To the stages</a>",
         escaped(title),
         include_str!("report/style.css")

@@ -54,6 +54,7 @@ pub fn run(args: &BuildArgs) -> Result<String, BuildError> {
         Some(failure) => folder.write_file("failure.json", &json(failure))?,
         None => store::discard(&out.join("failure.json")),
     }
+    folder.write_file("methods.md", report::methods(&folder, &records).as_bytes())?;
     folder.write_file("report.html", report::page(&folder, &records, failure.as_ref())?.as_bytes())?;
     if let Some(error) = stopped {
         return Err(error);
@@ -104,7 +105,12 @@ fn run_toml(raw: &RawSpecimen, file: &SpecimenFile, options: &BuildOptions) -> R
 
 fn closing_words(out: &Path, records: &[Record]) -> String {
     let mut text = inspect::table(records);
-    let _ = writeln!(text, "\nLook at {}", out.join("report.html").display());
+    let _ = writeln!(
+        text,
+        "\nThe report is {}. Open it: build-model open {}",
+        out.join("report.html").display(),
+        out.display()
+    );
     if records.iter().any(|r| r.stage == "assemble") {
         let _ = writeln!(text, "The model is {}", out.join(folder_name("assemble")).join("model.json").display());
     }

@@ -2,12 +2,15 @@
 
 use super::Failure;
 use super::charts::{self, Chart};
+use super::force_charts;
 use super::geometry::Pool;
+use super::methods::Methods;
 use super::motion::{self, Motion};
 use super::scene::Scene;
 use super::scenes;
 use super::values::Values;
-use super::verdict::{self, Check};
+use super::verdict::{self, Check, KeyFigure};
+use super::warnings;
 use crate::run_log::{Record, folder_name};
 use crate::store::BuildFolder;
 use base64::Engine;
@@ -28,6 +31,10 @@ pub(super) struct Body<'a> {
     scenes: Vec<Scene>,
     charts: Map<String, Value>,
     motions: Vec<Motion>,
+    /// Stages that are there.
+    stages: Vec<String>,
+    /// Whether the knee stands on the first screen already.
+    knee_shown: bool,
 }
 
 impl<'a> Body<'a> {
@@ -38,7 +45,19 @@ impl<'a> Body<'a> {
         let pool = Pool::new(values.frames.as_ref());
         let motions = motion::motions(&values, &pool);
         let warnings = records.iter().flat_map(|r| r.warnings.iter().map(|w| (r.stage.clone(), w.clone()))).collect();
-        Body { values, folder, warnings, key, stills, pool, scenes: vec![], charts: Map::new(), motions }
+        Body {
+            values,
+            folder,
+            warnings,
+            key,
+            stills,
+            pool,
+            scenes: vec![],
+            charts: Map::new(),
+            motions,
+            stages: stages.into_iter().map(String::from).collect(),
+            knee_shown: false,
+        }
     }
 
     /// Name, and whether the knee is synthetic.
@@ -46,51 +65,87 @@ impl<'a> Body<'a> {
         self.values.identity()
     }
 
-    /// The verdict, the questions and the warnings.
+    /// The first screen: a sentence, three figures with their limits, the knee, what to look at next; then questions and warnings.
+    pub(super) fn first(&mut self, failure: Option<&Failure>) -> String {
+        let checks = verdict::checks(&self.values);
+        let knee = scenes::knee(&self.values, &mut self.pool, !self.motions.is_empty());
+        self.knee_shown = knee.is_some();
+        let picture = knee.map_or(String::new(), |scene| self.figure(scene, "assemble"));
+        let mut html = format!("<div class=\"first\"><div>{}", self.sentence(&checks, failure));
+        html += &key_figures(&verdict::figures(&self.values));
+        html += &self.next(&checks, failure);
+        html += &format!("</div>{picture}</div>");
+        html + &self.details(&checks)
+    }
+
+    /// The verdict, the questions and the warnings, without the knee.
     pub(super) fn verdict(&self, failure: Option<&Failure>) -> String {
         let checks = verdict::checks(&self.values);
+        self.sentence(&checks, failure) + &self.details(&checks)
+    }
+
+    /// The verdict in a sentence.
+    fn sentence(&self, checks: &[Check], failure: Option<&Failure>) -> String {
         let bad = checks.iter().filter(|c| c.good == Some(false)).count();
-        let count = self.warnings.len();
+        let heavy = warnings::groups(&self.warnings).iter().filter(|g| g.heavy).count();
+        let kinds = |n: usize| format!("{n} {} of warning", if n == 1 { "kind" } else { "kinds" });
         let (class, words) = match failure {
             Some(f) => ("failed", format!("The build stopped at {}.", super::heading(&f.stage))),
-            None if bad + count > 0 => (
+            None if bad > 0 => (
                 "look",
                 format!(
-                    "Built. {bad} of {} answers below {} outside the bounds; {count} warnings.",
+                    "Built, but {bad} of {} answers {} outside the limits.",
                     checks.len(),
                     if bad == 1 { "is" } else { "are" }
                 ),
             ),
-            None => (
-                "good",
-                format!("Built. All of the {} answers below are within bounds, and there is no warning.", checks.len()),
-            ),
+            None if heavy > 0 => {
+                ("look", format!("Built, within all limits. {} may make the model wrong.", kinds(heavy)))
+            }
+            None => ("good", "Built, within all limits.".to_owned()),
         };
         let mut html = format!("<p class=\"verdict {class}\" id=\"verdict\"><strong>{}</strong></p>", escaped(&words));
         if let Some(f) = failure {
             let _ = write!(html, "<p class=\"failure\">{}</p>", escaped(&f.message));
         }
-        html += &questions(&checks);
-        if count > 0 {
-            let _ = write!(html, "<details open><summary>{count} warnings</summary>");
-            for (stage, warning) in &self.warnings {
-                let _ = write!(
-                    html,
-                    "<p class=\"warn\"><a href=\"#{0}\">{0}</a>: {1}</p>",
-                    escaped(stage),
-                    escaped(warning)
-                );
-            }
-            html += "</details>";
-        }
         html
+    }
+
+    /// What to look at next, three things at most.
+    fn next(&self, checks: &[Check], failure: Option<&Failure>) -> String {
+        let link =
+            |stage: &str, words: &str| format!("<li><a href=\"#{}\">{}</a></li>", escaped(stage), escaped(words));
+        let mut items: Vec<String> = failure.iter().map(|f| link(&f.stage, "Where it stopped, and on what")).collect();
+        let bad = checks.iter().filter(|c| c.good == Some(false));
+        items.extend(bad.map(|c| link(c.stage, &format!("{} {}", c.question, c.answer))));
+        let groups = warnings::groups(&self.warnings);
+        items.extend(groups.iter().filter(|g| g.heavy).filter_map(|g| Some(link(&g.stage, g.all.first()?))));
+        for (stage, words) in [
+            ("register", "Does bare bone of the scans lie on the CT bones?"),
+            ("attachments", "Does every site lie where the ligament attaches?"),
+            ("calibrate", "Does the model answer as the knee did?"),
+        ] {
+            if self.stages.iter().any(|s| s == stage) {
+                items.push(link(stage, words));
+            }
+        }
+        items.truncate(3);
+        if items.is_empty() {
+            return String::new();
+        }
+        format!("<p><b>Look at next</b></p><ol class=\"next\">{}</ol>", items.concat())
+    }
+
+    fn details(&self, checks: &[Check]) -> String {
+        questions(checks) + &warnings::html(&self.warnings)
     }
 
     /// A stage's warnings, scenes, charts, tables and figures.
     pub(super) fn stage(&mut self, record: &Record) -> String {
-        let mut html = String::new();
-        for warning in &record.warnings {
-            let _ = write!(html, "<p class=\"warn\">{}</p>", escaped(warning));
+        let mine: Vec<(String, String)> = self.warnings.iter().filter(|(s, _)| *s == record.stage).cloned().collect();
+        let mut html = warnings::html(&mine);
+        if record.stage == "assemble" && self.knee_shown {
+            html += "<p>The knee in 3D stands <a href=\"#verdict\">at the top</a>.</p>";
         }
         html += &self.scenes(&record.stage);
         html += &self.charts(&record.stage);
@@ -103,33 +158,43 @@ impl<'a> Body<'a> {
         html + &metrics_table(record)
     }
 
+    /// Versions, options and digests.
+    pub(super) fn methods(&self, records: &[Record]) -> String {
+        let run = self.folder.read_file("run.toml").unwrap_or_default();
+        Methods::read(&run, records).map_or(String::new(), |m| m.html())
+    }
+
     /// The scenes of a stage with their stills.
     pub(super) fn scenes(&mut self, stage: &str) -> String {
         let warnings: Vec<String> = self.warnings.iter().filter(|(s, _)| s == stage).map(|(_, w)| w.clone()).collect();
         let mut new = scenes::scenes(stage, &warnings, &self.values, &mut self.pool);
-        if stage == "assemble" {
+        if stage == "assemble" && !self.knee_shown {
             new.extend(scenes::knee(&self.values, &mut self.pool, !self.motions.is_empty()));
         }
-        let mut html = String::new();
-        for scene in new {
-            let stills: String =
-                if self.stills { self.values.pictures(stage).iter().map(still).collect() } else { String::new() };
-            let _ = write!(
-                html,
-                "<figure data-scene=\"{0}/{1}\" id=\"scene-{0}-{1}\"><h3>{2}</h3><div class=\"still\">{stills}</div><figcaption id=\"text-{0}-{1}\">{3}</figcaption></figure>",
-                self.key,
-                scene.id,
-                escaped(&scene.title),
-                escaped(&scene.text)
-            );
-            self.scenes.push(scene);
-        }
+        new.into_iter().map(|scene| self.figure(scene, stage)).collect()
+    }
+
+    /// A scene with the stills of its stage.
+    fn figure(&mut self, scene: Scene, stage: &str) -> String {
+        let stills: String =
+            if self.stills { self.values.pictures(stage).iter().map(still).collect() } else { String::new() };
+        let html = format!(
+            "<figure data-scene=\"{0}/{1}\" id=\"scene-{0}-{1}\"><h3>{2}</h3><div class=\"still\">{stills}</div><figcaption id=\"text-{0}-{1}\">{3}</figcaption></figure>",
+            self.key,
+            scene.id,
+            escaped(&scene.title),
+            escaped(&scene.text)
+        );
+        self.scenes.push(scene);
         html
     }
 
     /// The charts of a stage.
     pub(super) fn charts(&mut self, stage: &str) -> String {
-        let all = charts::charts(stage, &self.values);
+        let mut all = charts::charts(stage, &self.values);
+        if stage == "calibrate" {
+            all.extend(force_charts::charts(self.folder));
+        }
         if all.is_empty() {
             return String::new();
         }
@@ -157,7 +222,7 @@ impl<'a> Body<'a> {
             let title = name.trim_end_matches(".svg").replace('_', ", ").replace("figure", "Figure ");
             let _ = write!(
                 html,
-                "<figure><h3>{0}</h3><img class=\"paper\" alt=\"{0} of the paper, drawn for this knee; the tables below hold its numbers\" src=\"data:image/svg+xml;base64,{1}\"></figure>",
+                "<figure data-svg=\"{0}\"><h3>{0}</h3><img class=\"paper\" alt=\"{0} of the paper, drawn for this knee; the tables below hold its numbers\" src=\"data:image/svg+xml;base64,{1}\"></figure>",
                 escaped(&title),
                 STANDARD.encode(bytes)
             );
@@ -170,7 +235,7 @@ impl<'a> Body<'a> {
             let rows: String = t.rows.iter().map(|r| format!("<tr>{}</tr>", row(r, "td"))).collect();
             let _ = write!(
                 html,
-                "<details><summary>{}</summary><div class=\"wide\"><table><thead><tr>{}</tr></thead><tbody>{rows}</tbody></table></div></details>",
+                "<details><summary>{}</summary><div class=\"wide\" tabindex=\"0\"><table><thead><tr>{}</tr></thead><tbody>{rows}</tbody></table></div></details>",
                 escaped(&t.title),
                 row(&t.header, "th")
             );
@@ -225,6 +290,26 @@ impl<'a> Body<'a> {
     }
 }
 
+fn key_figures(figures: &[KeyFigure]) -> String {
+    if figures.is_empty() {
+        return String::new();
+    }
+    let item = |f: &KeyFigure| {
+        let class = match f.good {
+            Some(true) => "good",
+            Some(false) => "look",
+            None => "open",
+        };
+        format!(
+            "<li class=\"{class}\"><b>{}</b>{}<span>{}</span></li>",
+            escaped(&f.value),
+            escaped(f.name),
+            escaped(&f.limit)
+        )
+    };
+    format!("<ul class=\"figures\">{}</ul>", figures.iter().map(item).collect::<String>())
+}
+
 fn questions(checks: &[Check]) -> String {
     if checks.is_empty() {
         return String::new();
@@ -233,9 +318,9 @@ fn questions(checks: &[Check]) -> String {
         .iter()
         .map(|c| {
             let sign = match c.good {
-                Some(true) => "yes",
-                Some(false) => "<strong>look</strong>",
-                None => "",
+                Some(true) => "within",
+                Some(false) => "<strong>outside</strong>",
+                None => "no limit",
             };
             format!(
                 "<tr><th scope=\"row\"><a href=\"#{}\">{}</a></th><td>{sign}</td><td>{}</td></tr>",
@@ -289,6 +374,6 @@ pub(super) fn flatten(prefix: &str, value: &Value, rows: &mut Vec<(String, Strin
 }
 
 /// Text for HTML.
-pub(super) fn escaped(text: &str) -> String {
+pub(crate) fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }

@@ -56,7 +56,7 @@ pub(super) fn cartilage(v: &Values, pool: &mut Pool) -> Option<Scene> {
         id: "cartilage".into(),
         title: "Cartilage thickness".into(),
         text: format!(
-            "Closed cartilage solids coloured by thickness, 0 to 4 mm.{words} Right when thickest in the middle of the contact areas and thinning to the rim without holes."
+            "Closed cartilage solids coloured by thickness, 0 to 4 mm.{words} It must be thickest in the middle of the contact areas and thin out to the rim, without holes."
         ),
         from: "front",
         layers,
@@ -94,7 +94,7 @@ pub(super) fn hexahedra(id: &str, meshes: &PerCartilage<HexMesh>, pool: &mut Poo
         id: id.into(),
         title: "Hexahedra by scaled Jacobian".into(),
         text: format!(
-            "The outside of the hexahedral cartilage, every element coloured by its scaled Jacobian: 1 is a cube, 0 or less is inverted.{words} Right when nothing is dark but single elements at the rim."
+            "The outside of the hexahedral cartilage, every element coloured by its scaled Jacobian: 1 is a cube, 0 or less is inverted.{words} Pale elements are sound. Only single elements at the rim may be orange or red."
         ),
         from: "front",
         layers,
@@ -162,7 +162,7 @@ pub(super) fn overclosure(v: &Values, pool: &mut Pool) -> Option<Scene> {
         id: "overclosure".into(),
         title: "Overclosure before and after".into(),
         text: format!(
-            "Tibial articular faces coloured by the gap to the femoral face: red where they overlap (below 0), blue where they are apart; 2 mm stands for farther. Smallest gaps:{words} Right when nothing is red after."
+            "Tibial articular faces coloured by the gap to the femoral face: red where they overlap (below 0), blue where they are apart; 2 mm stands for farther. Smallest gaps:{words} Nothing may be red after."
         ),
         from: "above",
         layers,

@@ -146,7 +146,8 @@ impl Values {
         let shells = meshes.map(|(_, mesh)| quality_shell(mesh));
         let painted: Vec<Painted> = shells.iter().map(|(mesh, paint)| Painted { mesh, colours: paint }).collect();
         let (f, t) = (&frames.femur, &frames.tibia);
-        let scale = "scaled Jacobian of the elements from 0.3 (blue) to 1 (red)";
+        let scale =
+            "elements with a scaled Jacobian above 0.5 are pale, below 0.5 orange, below 0.2 red, inverted ones black";
         Some(vec![
             figure(&painted[..1], f.anterior, f.superior, format!("Femoral hexahedra from the front: {scale}")),
             figure(&painted[..1], -f.superior, f.anterior, format!("Femoral hexahedra from below: {scale}")),
@@ -214,6 +215,16 @@ fn fibre_tubes(attachments: &Attachments) -> Vec<(TriMesh, [u8; 3])> {
         .collect()
 }
 
+/// Pale where an element is sound, so that the few bad ones are seen.
+fn quality_colour(scaled_jacobian: f64) -> [u8; 3] {
+    match scaled_jacobian {
+        j if j <= 0.0 => [20, 0, 20],
+        j if j < 0.2 => [190, 20, 40],
+        j if j < 0.5 => [250, 160, 80],
+        _ => [200, 212, 222],
+    }
+}
+
 /// The outer faces as triangles of their own, coloured by their element's scaled Jacobian.
 fn quality_shell(mesh: &HexMesh) -> (TriMesh, Vec<[u8; 3]>) {
     let mut count: std::collections::BTreeMap<[u32; 4], u32> = std::collections::BTreeMap::new();
@@ -226,7 +237,7 @@ fn quality_shell(mesh: &HexMesh) -> (TriMesh, Vec<[u8; 3]>) {
     let mut shell = TriMesh::default();
     let mut paint = Vec::new();
     for (e, element) in mesh.elements.iter().enumerate() {
-        let c = colour(mesh.scaled_jacobian(e), 0.3, 1.0);
+        let c = quality_colour(mesh.scaled_jacobian(e));
         for face in faces_of(element).into_iter().filter(|f| count[&key(*f)] == 1) {
             let base = shell.vertices.len() as u32;
             let corners: [Point; 4] = face.map(|n| mesh.nodes[n as usize]);

@@ -77,7 +77,7 @@ fn registration(v: &Values, pool: &mut Pool) -> Option<Scene> {
         id: "register".into(),
         title: "Scans on their bones".into(),
         text: format!(
-            "Each scan laid on its CT bone, coloured by its distance to the bone: about 0 mm on bare bone, 1 to 4 mm where cartilage lies between.{words} The other map shows which part was taken for bare bone. Right when bare bone is of one colour and no edge of cartilage is in the mask."
+            "Each scan laid on its CT bone, coloured by its distance to the bone: about 0 mm on bare bone, 1 to 4 mm where cartilage lies between.{words} The other map shows which part was taken for bare bone. Bare bone must be of one colour, and the mask must hold no edge of cartilage."
         ),
         from: "front",
         layers,
@@ -122,7 +122,7 @@ fn bones(v: &Values, pool: &mut Pool) -> Option<Scene> {
         id: "bones".into(),
         title: "Rigid bones".into(),
         text: format!(
-            "The rigid bone surfaces: femur of {} triangles, tibia with fibula of {}, shown with edges of about {CONTEXT_MM} mm. Right when closed, without spikes or steps, and nothing is missing.",
+            "The rigid bone surfaces: femur of {} triangles, tibia with fibula of {}, shown with edges of about {CONTEXT_MM} mm. Both must be closed, without spikes or steps, and complete.",
             surfaces.femur.triangles.len(),
             surfaces.tibfib.triangles.len()
         ),
@@ -178,7 +178,7 @@ fn frames(v: &Values, pool: &mut Pool) -> Option<Scene> {
         id: "frames".into(),
         title: "Frames and axes".into(),
         text: format!(
-            "Anatomical frames (medial red, anterior green, superior blue), condylar axis (radius {:.1} mm, {:.1} deg from the epicondyles) and epicondyles. Pose in CT: flexion {:.1}, valgus {:.1}, external {:.1} deg; lateral {:.1}, anterior {:.1}, superior {:.1} mm. Right when red points to the midline, green forwards, blue to the hip.",
+            "Anatomical frames (medial red, anterior green, superior blue), condylar axis (radius {:.1} mm, {:.1} deg from the epicondyles) and epicondyles. Pose in CT: flexion {:.1}, valgus {:.1}, external {:.1} deg; lateral {:.1}, anterior {:.1}, superior {:.1} mm. Red must point to the midline, green forwards, blue to the hip.",
             f.condylar_radius_mm, f.condylar_angle_deg, p.fe_deg, p.vv_deg, p.ie_deg, p.ml_mm, p.ap_mm, p.si_mm
         ),
         from: "front",
@@ -234,7 +234,7 @@ fn attachments(v: &Values, pool: &mut Pool) -> Option<Scene> {
         id: "attachments".into(),
         title: "Marks, sites and fibres".into(),
         text: format!(
-            "{} fibres between {} sites: {} marked on the specimen (red), {} placed from the literature (blue), {} given (green). Right when every region lies on its mark and no fibre passes through bone.",
+            "{} fibres between {} sites: {} marked on the specimen (red), {} placed from the literature (blue), {} given (green). Every region must lie on its mark. No fibre may pass through bone.",
             a.fibres.len(),
             a.sites.len(),
             count(attachments::site::Source::Marked),

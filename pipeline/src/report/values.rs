@@ -1,6 +1,7 @@
 //! What the finished stages of a build left, read back for the report.
 
 use crate::calibrate::Calibration;
+use crate::options::BuildOptions;
 use crate::run_log::{folder_name, value_name};
 use crate::store::BuildFolder;
 use crate::validate::Validation;
@@ -18,6 +19,8 @@ use stages::register::Registration;
 
 /// The values of the finished stages.
 pub(super) struct Values {
+    /// The build's own options.
+    pub(super) options: BuildOptions,
     pub(super) specimen: Option<Specimen>,
     pub(super) registration: Option<Registration>,
     pub(super) bones: Option<Bones>,
@@ -36,6 +39,7 @@ impl Values {
     /// The values of the stages in `stages`; a stage that is not there, or was kept by another version, gives none.
     pub(super) fn read(folder: &BuildFolder, stages: &[&str]) -> Values {
         Values {
+            options: options(folder).unwrap_or_default(),
             specimen: value(folder, "ingest", stages),
             registration: value(folder, "register", stages),
             bones: value(folder, "bones", stages),
@@ -57,6 +61,12 @@ impl Values {
             (s.identity.id.clone(), s.identity.provenance.as_deref() == Some("synthetic"))
         })
     }
+}
+
+/// The options in force, as run.toml has them; `None` where another version wrote it.
+fn options(folder: &BuildFolder) -> Option<BuildOptions> {
+    let run: toml::Table = String::from_utf8(folder.read_file("run.toml")?).ok()?.parse().ok()?;
+    run.get("options")?.clone().try_into().ok()
 }
 
 fn value<T: DeserializeOwned>(folder: &BuildFolder, stage: &str, stages: &[&str]) -> Option<T> {

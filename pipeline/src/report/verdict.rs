@@ -1,7 +1,6 @@
 //! What the build comes to, in a sentence and a table of questions.
 
 use super::values::Values;
-use stages::register::RegisterOptions;
 
 /// An answer to a question one asks of a build first.
 pub(super) struct Check {
@@ -13,6 +12,67 @@ pub(super) struct Check {
     pub(super) stage: &'static str,
 }
 
+/// One of the three figures that matter most.
+pub(super) struct KeyFigure {
+    pub(super) name: &'static str,
+    pub(super) value: String,
+    pub(super) limit: String,
+    /// True within its limit; `None` where there is none, or nothing to hold it to.
+    pub(super) good: Option<bool>,
+}
+
+/// Largest misfit of a calibration, in times the stated noise, that counts as an answer. Ours: beyond it the model lacks something.
+const MOST_NOISE: f64 = 2.0;
+
+/// Where the scans lie, whether the mesh is sound, how well the knee is answered; as far as the build has come.
+pub(super) fn figures(v: &Values) -> Vec<KeyFigure> {
+    let mut out = Vec::new();
+    if let Some(r) = &v.registration {
+        let limit = v.options.register.error_limit_mm;
+        let worst = r.bones.named().into_iter().map(|(_, b)| b.predicted_error_mm).fold(0.0, f64::max);
+        out.push(KeyFigure {
+            name: "predicted error of the registration",
+            value: format!("{worst:.2} mm"),
+            limit: format!("limit {limit:.2} mm"),
+            good: Some(worst <= limit),
+        });
+    }
+    if let Some(worst) = smallest_jacobian(v) {
+        let limit = v.options.hexmesh.least_scaled_jacobian;
+        out.push(KeyFigure {
+            name: "smallest scaled Jacobian of an element",
+            value: format!("{worst:.2}"),
+            limit: format!("must exceed {limit:.1}; 1 is a cube"),
+            good: Some(worst > limit),
+        });
+    }
+    let misfits = v.calibration.iter().flat_map(|c| &c.sources);
+    let worst = misfits.map(|(_, o)| o.found.noise_scale.iter().copied().fold(0.0, f64::max)).fold(0.0, f64::max);
+    if v.calibration.is_some() {
+        out.push(KeyFigure {
+            name: "largest misfit to measured laxity",
+            value: format!("{worst:.1} times the noise"),
+            limit: format!("limit {MOST_NOISE:.0} times the stated noise"),
+            good: Some(worst < MOST_NOISE),
+        });
+    } else if v.assembled.is_some() {
+        out.push(KeyFigure {
+            name: "ligaments have the literature's parameters",
+            value: "not calibrated".into(),
+            limit: "measured laxity calibrates them".into(),
+            good: None,
+        });
+    }
+    out
+}
+
+/// The smallest scaled Jacobian of all elements after the overlap is taken out.
+fn smallest_jacobian(v: &Values) -> Option<f64> {
+    let h = v.separated.as_ref()?;
+    let all = h.meshes.named().into_iter().flat_map(|(_, m)| (0..m.elements.len()).map(|e| m.scaled_jacobian(e)));
+    Some(all.fold(1.0, f64::min))
+}
+
 /// The questions, as far as the build has come.
 pub(super) fn checks(v: &Values) -> Vec<Check> {
     let mut out = Vec::new();
@@ -20,11 +80,8 @@ pub(super) fn checks(v: &Values) -> Vec<Check> {
         let worst = r.bones.named().into_iter().map(|(_, b)| b.predicted_error_mm).fold(0.0, f64::max);
         out.push(Check {
             question: "Do the scans lie on their bones?",
-            answer: format!(
-                "predicted error at most {worst:.2} mm (limit {:.2})",
-                RegisterOptions::default().error_limit_mm
-            ),
-            good: Some(worst <= RegisterOptions::default().error_limit_mm),
+            answer: format!("predicted error at most {worst:.2} mm (limit {:.2})", v.options.register.error_limit_mm),
+            good: Some(worst <= v.options.register.error_limit_mm),
             stage: "register",
         });
     }
@@ -52,14 +109,13 @@ pub(super) fn checks(v: &Values) -> Vec<Check> {
         });
     }
     if let Some(h) = &v.separated {
-        let all = h.meshes.named().into_iter().flat_map(|(_, m)| (0..m.elements.len()).map(|e| m.scaled_jacobian(e)));
-        let worst = all.fold(1.0, f64::min);
+        let worst = smallest_jacobian(v).unwrap_or(1.0);
         out.push(Check {
             question: "Are the hexahedra sound?",
             answer: format!(
                 "smallest scaled Jacobian {worst:.2} after the overlap is taken out (0 or less is inverted)"
             ),
-            good: Some(worst > 0.0),
+            good: Some(worst > v.options.hexmesh.least_scaled_jacobian),
             stage: "overclosure",
         });
         if let Some(gap) = h.metrics["gap_min_mm"].as_f64() {
@@ -94,7 +150,7 @@ fn calibration(v: &Values) -> Vec<Check> {
                 outcome.trials.len(),
                 ligaments.len()
             ),
-            good: Some(worst < 2.0),
+            good: Some(worst < MOST_NOISE),
             stage: "calibrate",
         });
     }

@@ -7,7 +7,8 @@
     distance: [[0, "#2166ac"], [0.25, "#f7f7f7"], [0.6, "#f4a582"], [1, "#b2182b"]],
     mask: [[0, "#e1d5be"], [1, "#1f4fd8"]],
     thickness: "Viridis",
-    quality: [[0, "#440154"], [0.3, "#b2182b"], [0.5, "#fdae61"], [0.75, "#a6d96a"], [1, "#1a9850"]],
+    // sound elements pale, so that the few bad ones are seen
+    quality: [[0, "#140014"], [0.02, "#be1428"], [0.2, "#be1428"], [0.3, "#faa050"], [0.49, "#faa050"], [0.5, "#d5dee6"], [1, "#c3d0da"]],
     gap: [[0, "#7f0000"], [0.49, "#fc8d59"], [0.5, "#f7f7f7"], [0.75, "#92c5de"], [1, "#2166ac"]],
     force: [[0, "#9aa0a6"], [0.02, "#2c7bb6"], [0.5, "#fdae61"], [1, "#d7191c"]],
   };
@@ -24,6 +25,9 @@
   };
   const DISTANCE = 1.9;
   const opened = [];
+  const dark = matchMedia("(prefers-color-scheme: dark)");
+  const paper = matchMedia("print");
+  const colours = () => (dark.matches && !paper.matches ? { ground: "#16181b", ink: "#e6e6e6", line: "#5a606a" } : { ground: "#ffffff", ink: "#222222", line: "#cccccc" });
 
   const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
   const element = (name, attributes = {}, text = "") => {
@@ -154,7 +158,7 @@
       this.frame.addEventListener("pointerdown", () => this.frame.focus({ preventScroll: true }));
       const axis = (k) => ({ visible: false, showspikes: false, autorange: false, range: [this.box.low[k], this.box.high[k]] });
       const layout = {
-        margin: { l: 0, r: 0, t: 0, b: 0 }, paper_bgcolor: "#ffffff", uirevision: "kept",
+        margin: { l: 0, r: 0, t: 0, b: 0 }, paper_bgcolor: colours().ground, font: { color: colours().ink }, uirevision: "kept",
         scene: { xaxis: axis(0), yaxis: axis(1), zaxis: axis(2), aspectmode: "manual", aspectratio: this.ratio(), camera: this.camera(), dragmode: "orbit" },
       };
       this.queue = Plotly.newPlot(this.plot, this.traces, layout, { responsive: true, displaylogo: false, displayModeBar: false, scrollZoom: true }).then(() => {
@@ -268,6 +272,9 @@
       const still = element("button", { type: "button", class: "shut" }, "Still pictures");
       still.addEventListener("click", () => { this.close(""); this.figure.dataset.shut = "yes"; });
       group.append(still);
+      const save = element("button", { type: "button" }, "Save PNG");
+      save.addEventListener("click", () => Plotly.downloadImage(this.plot, { format: "png", scale: 3, filename: this.id }));
+      group.append(save);
       this.tools.append(group);
     }
 
@@ -371,9 +378,21 @@
     chart.dataset.ready = "yes";
     const [pool, id] = chart.dataset.chart.split("/");
     const plot = data[pool].charts[id];
-    const axis = (a) => ({ ...a, automargin: true });
-    const layout = { ...plot.layout, xaxis: axis(plot.layout.xaxis), yaxis: axis(plot.layout.yaxis), margin: { l: 60, r: 10, t: 10, b: 60 }, paper_bgcolor: "#fff", plot_bgcolor: "#fff", height: undefined };
+    const c = colours();
+    const axis = (a) => ({ ...a, automargin: true, gridcolor: c.line, linecolor: c.line, zerolinecolor: c.line });
+    const narrow = chart.clientWidth < 480;
+    const legend = narrow ? { orientation: "h", y: -0.35, font: { size: 10 } } : {};
+    const layout = { ...plot.layout, xaxis: axis(plot.layout.xaxis), yaxis: axis(plot.layout.yaxis), legend: { ...plot.layout.legend, ...legend }, margin: { l: narrow ? 45 : 60, r: 10, t: 10, b: 60 }, paper_bgcolor: c.ground, plot_bgcolor: c.ground, font: { color: c.ink }, height: undefined };
     Plotly.newPlot(chart, plot.data, layout, { responsive: true, displaylogo: false, displayModeBar: false });
+    if (!chart.nextElementSibling || !chart.nextElementSibling.classList.contains("save")) {
+      const save = element("div", { class: "save" });
+      for (const format of ["svg", "png"]) {
+        const b = element("button", { type: "button" }, "Save " + format.toUpperCase());
+        b.addEventListener("click", () => Plotly.downloadImage(chart, { format, scale: format === "png" ? 3 : 1, filename: id }));
+        save.append(b);
+      }
+      chart.after(save);
+    }
     // on paper a chart takes the room there is, whole
     const shape = () => chart.querySelectorAll(".main-svg").forEach((svg) => {
       const [width, height] = [svg.getAttribute("width"), svg.getAttribute("height")];
@@ -401,5 +420,34 @@
     seen.observe(figure);
   });
   document.querySelectorAll("[data-chart]").forEach((chart) => seen.observe(chart));
+  const again = () => {
+    document.querySelectorAll("[data-chart]").forEach((chart) => {
+      if (!chart.dataset.ready) return;
+      delete chart.dataset.ready;
+      draw(chart);
+    });
+    const c = colours();
+    opened.forEach((v) => v.later("ground", () => Plotly.relayout(v.plot, { paper_bgcolor: c.ground, "font.color": c.ink })));
+  };
+  dark.addEventListener("change", again);
+  paper.addEventListener("change", again);
   window.addEventListener("beforeprint", () => document.querySelectorAll("[data-chart]").forEach(draw));
+
+  // the paper's figures are SVG already; a PNG is drawn from it
+  document.querySelectorAll("[data-svg]").forEach((figure) => {
+    const image = figure.querySelector("img"), name = figure.dataset.svg;
+    const save = element("div", { class: "save" });
+    const link = (url, end) => { const a = element("a", { href: url, download: `${name}.${end}` }); a.click(); };
+    const svg = element("button", { type: "button" }, "Save SVG");
+    svg.addEventListener("click", () => link(image.src, "svg"));
+    const png = element("button", { type: "button" }, "Save PNG");
+    png.addEventListener("click", () => {
+      const canvas = element("canvas");
+      [canvas.width, canvas.height] = [3 * image.naturalWidth, 3 * image.naturalHeight];
+      canvas.getContext("2d").drawImage(image, 0, 0, canvas.width, canvas.height);
+      link(canvas.toDataURL("image/png"), "png");
+    });
+    save.append(svg, png);
+    image.after(save);
+  });
 })();
