@@ -165,7 +165,7 @@ fn measured(raw: &RawSpecimen) -> Result<Measured, BuildError> {
     let file = parse_specimen_file(&raw.toml).map_err(|e| BuildError::stage("ingest", e))?;
     let mut out =
         Measured { laxity: BTreeMap::new(), passive: vec![], digests: BTreeMap::new(), digest: String::new() };
-    let mut digests = String::new();
+    let (mut digests, mut formats) = (String::new(), String::new());
     let mut bytes = |table: &str, name: &str, path: &str| {
         let found = raw.files.get(path).ok_or_else(|| {
             BuildError::File(format!("specimen.toml [{table}] {name}: no file {path} in the specimen's folder"))
@@ -175,14 +175,17 @@ fn measured(raw: &RawSpecimen) -> Result<Measured, BuildError> {
     };
     for (name, path) in &file.laxity {
         let found = bytes("laxity", name, path)?;
-        let (trials, _) = calibrate::read_laxity(path, found)?;
+        let format = file.laxity_format.get(name).cloned().unwrap_or_default();
+        let table = sim::laxity::read_as(found, &format, file.specimen.side)
+            .map_err(|e| BuildError::File(format!("{path}: {e}")))?;
         out.digests.insert(name.clone(), hash(found));
-        out.laxity.insert(name.clone(), trials);
+        out.laxity.insert(name.clone(), table.trials);
+        formats += &format!("{name} {format:?} {:?}\n", file.specimen.side);
     }
     for (name, path) in &file.passive {
         out.passive.push(read_passive(name, path, bytes("passive", name, path)?)?);
     }
-    out.digest = hash(digests.as_bytes());
+    out.digest = hash((digests + &formats).as_bytes());
     Ok(out)
 }
 

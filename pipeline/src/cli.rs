@@ -3,20 +3,35 @@
 
 use crate::blind::{self, BlindVerb};
 use crate::calibrate::CalibrateArgs;
+use crate::check::{self, CheckArgs};
 use crate::diagnose::{self, DiagnoseArgs};
 use crate::error::BuildError;
 use crate::exports::{self, Format};
 use crate::options::{Override, parse_override};
 use crate::simulate::SimulateArgs;
 use crate::validate::ValidateArgs;
-use crate::{calibrate, fetch, inspect, model_file, phantom, report, run, simulate, validate};
-use clap::{Args, Parser, Subcommand};
+use crate::{
+    calibrate, fetch, init, inspect, manual, model_file, open, option_docs, phantom, report, run, simulate, validate,
+};
+use clap::error::ErrorKind;
+use clap::{Args, CommandFactory, Parser, Subcommand};
+use sim::names::did_you_mean;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+/// The version, and the commit it was built from.
+const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " (", env!("GENU_COMMIT"), ")");
+
+/// The way in.
+const FIRST_STEPS: &str = "First steps:
+  build-model init KNEE --from FILES     a specimen folder, filled in as far as the files tell
+  build-model check KNEE                 what is there, what is missing, what that costs
+  build-model build KNEE                 the model, with a report
+  build-model open KNEE                  the report, in the browser";
+
 /// Turns what a laboratory measures of a knee into a model of that knee.
 #[derive(Parser)]
-#[command(name = "build-model", version, args_conflicts_with_subcommands = true, arg_required_else_help = true)]
+#[command(name = "build-model", version = VERSION, after_help = FIRST_STEPS, args_conflicts_with_subcommands = true, arg_required_else_help = true)]
 struct Cli {
     #[command(subcommand)]
     verb: Option<Verb>,
@@ -60,6 +75,45 @@ pub struct BuildArgs {
 
 #[derive(Subcommand)]
 enum Verb {
+    /// Write a specimen folder to fill in, or filled in as far as given files tell
+    Init {
+        /// A new or empty folder
+        dir: PathBuf,
+        /// Surfaces, tables or folders of them: bones, scans, side and frames are guessed from geometry
+        #[arg(long, num_args = 1.., value_name = "FILES")]
+        from: Vec<PathBuf>,
+    },
+    /// Read and judge all inputs of a specimen; build nothing
+    Check(CheckArgs),
+    /// Build the model of a specimen: the long form of build-model DIR
+    Build(BuildArgs),
+    /// Open the report of a build in the browser
+    Open {
+        /// The specimen's or the build's folder, or a diagnosis' folder
+        dir: PathBuf,
+        /// Print its path only
+        #[arg(long)]
+        print: bool,
+    },
+    /// List options with default, unit, source and meaning
+    Options {
+        /// One stage's only
+        stage: Option<String>,
+        /// Print as JSON
+        #[arg(long)]
+        json: bool,
+    },
+    /// Print a script that completes commands in a shell
+    Completions {
+        /// Which shell
+        shell: clap_complete::Shell,
+    },
+    /// Print the manual page, or write one for every command
+    Man {
+        /// Folder for build-model.1 and a page for every command
+        #[arg(long)]
+        out: Option<PathBuf>,
+    },
     /// Tell what each stage made: metrics, warnings, files, time
     Inspect {
         /// The specimen's or the build's folder
@@ -144,11 +198,17 @@ enum Verb {
 }
 
 fn stage_name(name: &str) -> Result<String, String> {
-    if crate::run_log::STAGES.iter().any(|(_, s)| *s == name) {
+    let known = crate::run_log::STAGES.map(|(_, s)| s);
+    if known.contains(&name) {
         Ok(name.to_string())
     } else {
-        Err(format!("no such stage; one of {} was expected", crate::run_log::STAGES.map(|(_, s)| s).join(", ")))
+        Err(format!("no such stage{}; expected one of {}", did_you_mean(name, known), known.join(", ")))
     }
+}
+
+/// The command line as clap knows it, for completions and the manual.
+pub fn command() -> clap::Command {
+    Cli::command()
 }
 
 /// Runs the command line. Exit status 0 done, 1 the input is at fault, 2 wrong use.
@@ -156,9 +216,12 @@ pub fn main() -> ExitCode {
     std::panic::set_hook(Box::new(|info| {
         eprintln!("build-model: internal error, please report it: {info}");
     }));
-    match std::panic::catch_unwind(|| answer(Cli::parse())) {
+    match std::panic::catch_unwind(|| answer(parsed())) {
         Ok(Ok(())) => ExitCode::SUCCESS,
         Ok(Err(error)) => {
+            if let BuildError::Faults { table, .. } = &error {
+                print!("{table}");
+            }
             eprintln!("build-model: {error}");
             ExitCode::from(if matches!(error, BuildError::Usage(_)) { 2 } else { 1 })
         }
@@ -166,29 +229,62 @@ pub fn main() -> ExitCode {
     }
 }
 
+/// The arguments; a first word that is neither a command nor a folder is told as what it most likely is.
+fn parsed() -> Cli {
+    Cli::try_parse().unwrap_or_else(|error| {
+        let first = std::env::args().nth(1).unwrap_or_default();
+        let misspelt = matches!(
+            error.kind(),
+            ErrorKind::UnknownArgument | ErrorKind::InvalidSubcommand | ErrorKind::ArgumentConflict
+        );
+        let near = did_you_mean(&first, verbs().iter());
+        if misspelt && !near.is_empty() && !verbs().contains(&first) && !crate::store::exists(first.as_ref()) {
+            eprintln!("build-model: no command or folder is called {first}{near}");
+            std::process::exit(2);
+        }
+        error.exit()
+    })
+}
+
+/// The names of all commands.
+pub fn verbs() -> Vec<String> {
+    command().get_subcommands().map(|c| c.get_name().to_owned()).collect()
+}
+
 fn answer(cli: Cli) -> Result<(), BuildError> {
     let text = match (cli.verb, cli.build) {
-        (Some(Verb::Inspect { dir, stage, json }), _) => inspect::inspect(&dir, stage.as_deref(), json)?,
-        (Some(Verb::Phantom { id, dir, seed, volume, build }), _) => {
-            let wrote = phantom::write(&id, seed, volume, &dir)?;
-            if build { run::run(&BuildArgs::of(dir))? } else { wrote }
-        }
-        (Some(Verb::Fetch { id, dir, mirror, patience }), _) => fetch::fetch(&id, &dir, mirror.as_deref(), patience)?,
-        (Some(Verb::ImportAbaqus { deck, out }), _) => model_file::import_abaqus(&deck, &out)?,
-        (Some(Verb::Export { model, format, poses, out }), _) => {
-            exports::export(&model, format, poses.as_deref(), &out)?
-        }
-        (Some(Verb::Simulate(args)), _) => simulate::simulate(&args)?,
-        (Some(Verb::Calibrate(args)), _) => calibrate::calibrate(&args)?,
-        (Some(Verb::Validate(args)), _) => validate::validate(&args)?,
-        (Some(Verb::Diagnose(args)), _) => diagnose::run(&args)?,
-        (Some(Verb::Blind(verb)), _) => blind::run(&verb)?,
-        (Some(Verb::Report { dir, compare }), _) => report::rewrite(&dir, compare.as_deref())?,
+        (Some(verb), _) => answer_verb(verb)?,
         (None, Some(build)) => run::run(&build)?,
         (None, None) => return Err(BuildError::Usage("a specimen folder was expected; see --help".into())),
     };
     print!("{text}");
     Ok(())
+}
+
+fn answer_verb(verb: Verb) -> Result<String, BuildError> {
+    match verb {
+        Verb::Init { dir, from } => init::init(&dir, &from),
+        Verb::Check(args) => check::check(&args),
+        Verb::Build(args) => run::run(&args),
+        Verb::Open { dir, print } => open::open(&dir, print),
+        Verb::Options { stage, json } => option_docs::options(stage.as_deref(), json),
+        Verb::Completions { shell } => Ok(manual::completions(shell)),
+        Verb::Man { out } => manual::pages(out.as_deref()),
+        Verb::Inspect { dir, stage, json } => inspect::inspect(&dir, stage.as_deref(), json),
+        Verb::Phantom { id, dir, seed, volume, build } => {
+            let wrote = phantom::write(&id, seed, volume, &dir)?;
+            if build { run::run(&BuildArgs::of(dir)) } else { Ok(wrote) }
+        }
+        Verb::Fetch { id, dir, mirror, patience } => fetch::fetch(&id, &dir, mirror.as_deref(), patience),
+        Verb::ImportAbaqus { deck, out } => model_file::import_abaqus(&deck, &out),
+        Verb::Export { model, format, poses, out } => exports::export(&model, format, poses.as_deref(), &out),
+        Verb::Simulate(args) => simulate::simulate(&args),
+        Verb::Calibrate(args) => calibrate::calibrate(&args),
+        Verb::Validate(args) => validate::validate(&args),
+        Verb::Diagnose(args) => diagnose::run(&args),
+        Verb::Blind(verb) => blind::run(&verb),
+        Verb::Report { dir, compare } => report::rewrite(&dir, compare.as_deref()),
+    }
 }
 
 impl BuildArgs {

@@ -14,6 +14,7 @@ use diagnosis::search::DiagnosisOptions;
 use diagnosis::trial::Source;
 use serde::{Deserialize, Serialize};
 use sim::laxity::LaxityTrial;
+use sim::names::{did_you_mean, with_suggestion};
 use sim::spec::ModelSpec;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -124,7 +125,8 @@ fn catalogue(without: &[String]) -> Result<Catalogue, BuildError> {
         if !catalogue.effect.iter().any(|e| e.id == *name) {
             let known: Vec<&str> = catalogue.effect.iter().map(|e| e.id.as_str()).collect();
             return Err(BuildError::Usage(format!(
-                "--without-effect {name}: no such effect; the catalogue has {}",
+                "--without-effect {name}: no such effect{}; the catalogue has {}",
+                did_you_mean(name, known.iter().copied()),
                 known.join(", ")
             )));
         }
@@ -136,7 +138,11 @@ fn catalogue(without: &[String]) -> Result<Catalogue, BuildError> {
 /// Options of a file; the usual ones without.
 pub fn options(path: Option<&Path>) -> Result<DiagnosisOptions, BuildError> {
     let Some(path) = path else { return Ok(DiagnosisOptions::default()) };
-    toml::from_str(&store::read_text(path)?).map_err(|e| BuildError::Option(format!("{}: {e}", path.display())))
+    let text = store::read_text(path)?;
+    toml::from_str(&text).map_err(|e: toml::de::Error| {
+        let line = e.span().map_or(String::new(), |s| format!(" line {}", text[..s.start].matches('\n').count() + 1));
+        BuildError::Option(format!("{}{line}: {}", path.display(), with_suggestion(e.message())))
+    })
 }
 
 fn write(args: &DiagnoseArgs, loaded: &LoadedModel, outcome: &Outcome) -> Result<(), BuildError> {

@@ -20,6 +20,16 @@ pub enum BuildError {
     /// The command line is wrong (exit status 2).
     #[error("{0}")]
     Usage(String),
+    /// A check found what would stop a build; the table goes to standard output.
+    #[error("{count} of the inputs would stop a build; the first is {first}")]
+    Faults {
+        /// Every input, for a reader.
+        table: String,
+        /// How many are at fault.
+        count: usize,
+        /// The first of them.
+        first: String,
+    },
     /// Not an error: the stage named by `--to` is done.
     #[error("reached the last stage asked for")]
     Reached,

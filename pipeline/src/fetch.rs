@@ -7,6 +7,7 @@ mod record;
 use crate::error::BuildError;
 use crate::store;
 use serde::Deserialize;
+use sim::names::did_you_mean;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -36,7 +37,10 @@ pub fn fetch(id: &str, dir: &Path, mirror: Option<&str>, patience: u64) -> Resul
     let sets: Sets = toml::from_str(RECORDS).map_err(|e| BuildError::File(format!("data/records.toml: {e}")))?;
     let Some(set) = sets.set.iter().find(|s| s.id == id) else {
         let known = sets.set.iter().map(|s| s.id.as_str()).collect::<Vec<_>>().join(", ");
-        return Err(BuildError::Usage(format!("no published data set is called {id}; one of {known} was expected")));
+        return Err(BuildError::Usage(format!(
+            "no published data set is called {id}{}; expected one of {known}",
+            did_you_mean(id, sets.set.iter().map(|s| s.id.as_str()))
+        )));
     };
     let others: Vec<&str> = sets.set.iter().map(|s| s.id.as_str()).filter(|s| *s != id).collect();
     let server = mirror.unwrap_or(SERVER).trim_end_matches('/');

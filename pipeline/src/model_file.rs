@@ -26,6 +26,12 @@ pub fn load(path: &Path) -> Result<LoadedModel, BuildError> {
         path.join("09-assemble/model.json"),
         path.to_path_buf(),
     ]);
+    if store::is_folder(&path) {
+        return Err(BuildError::File(format!(
+            "no model in {}; expected model.json there, or a build with 09-assemble/model.json: build-model build {0}",
+            path.display()
+        )));
+    }
     let text = store::read_text(&path)?;
     let spec: ModelSpec = serde_json::from_str(&text).map_err(|e| {
         BuildError::File(format!(

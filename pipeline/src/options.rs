@@ -4,6 +4,7 @@ use crate::error::BuildError;
 use calibration::options::CalibrateOptions;
 use diagnosis::search::DiagnosisOptions;
 use serde::{Deserialize, Serialize};
+use sim::names::did_you_mean;
 use sim::protocols::ProtocolOptions;
 use stages::assemble::AssembleOptions;
 use stages::attachments::AttachmentsOptions;
@@ -64,8 +65,11 @@ pub struct Override {
 
 /// Reads `stage.key=value`; the value in TOML's words, or a bare word for a string.
 pub fn parse_override(text: &str) -> Result<Override, String> {
-    let (path, value) = text.split_once('=').ok_or("stage.key=value was expected")?;
-    let (stage, key) = path.trim().split_once('.').ok_or("stage.key=value was expected: no dot before the =")?;
+    let (path, value) = text.split_once('=').ok_or("expected stage.key=value, such as hexmesh.edge_length_mm=0.75")?;
+    let (stage, key) = path
+        .trim()
+        .split_once('.')
+        .ok_or("expected stage.key=value, such as hexmesh.edge_length_mm=0.75: there is no dot before the =")?;
     let value = value.trim();
     let parsed = format!("value = {value}").parse::<Table>().ok().and_then(|mut t| t.remove("value"));
     Ok(Override {
@@ -94,13 +98,20 @@ pub fn resolve(
     let from_line = overrides.iter().map(|o| (o.stage.as_str(), &o.key, &o.value, "--set"));
     for (stage, key, value, place) in from_file.chain(from_line) {
         let wrong = if place == "--set" { BuildError::Usage } else { BuildError::Option };
-        let known = table.keys().cloned().collect::<Vec<_>>().join(", ");
+        let known: Vec<String> = table.keys().cloned().collect();
         let Some(Value::Table(options)) = table.get_mut(stage) else {
-            return Err(wrong(format!("{place}: no stage {stage}; one of {known} was expected")));
+            let near = did_you_mean(stage, &known);
+            return Err(wrong(format!("{place}: no stage {stage}{near}; expected one of {}", known.join(", "))));
         };
+        let keys = known_keys(options);
         place_at(options, key, value);
-        let keys = options.keys().cloned().collect::<Vec<_>>();
-        check(stage, options).map_err(|e| wrong(format!("{place} {stage}.{key}: {e}; known: {}", keys.join(", "))))?;
+        check(stage, options).map_err(|e| {
+            let more = match keys.iter().any(|k| k == key) {
+                true => format!("; see build-model options {stage}"),
+                false => format!("{}; known: {}", did_you_mean(key, &keys), keys.join(", ")),
+            };
+            wrong(format!("{place} {stage}.{key}: {e}{more}"))
+        })?;
     }
     table.try_into().map_err(|e: toml::de::Error| wrong(e.message().to_string()))
 }
@@ -132,9 +143,25 @@ fn like(default: Option<&Value>, value: &Value) -> Value {
     }
 }
 
+/// The keys of a stage's options, those in tables by their paths.
+fn known_keys(options: &Table) -> Vec<String> {
+    let inner = |(key, value): (&String, &Value)| match value {
+        Value::Table(t) if !t.is_empty() => known_keys(t).iter().map(|k| format!("{key}.{k}")).collect(),
+        _ => vec![key.clone()],
+    };
+    options.iter().flat_map(inner).collect()
+}
+
+/// What the options' types refuse, without the parser's list of fields: the caller lists the keys.
 fn check(stage: &str, options: &Table) -> Result<(), String> {
     let one: Table = [(stage.to_string(), Value::Table(options.clone()))].into_iter().collect();
-    one.try_into::<BuildOptions>().map(|_| ()).map_err(|e| e.message().to_string())
+    one.try_into::<BuildOptions>().map(|_| ()).map_err(|e| {
+        let message = e.message().to_string();
+        message
+            .split_once(", expected one of")
+            .filter(|_| message.starts_with("unknown field"))
+            .map_or(message.clone(), |(first, _)| first.to_owned())
+    })
 }
 
 #[cfg(test)]

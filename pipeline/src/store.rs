@@ -4,6 +4,7 @@
 pub mod part;
 
 use crate::error::BuildError;
+use sim::names::did_you_mean;
 use stages::ingest::RawSpecimen;
 use std::collections::BTreeMap;
 use std::fs::{self, File};
@@ -16,7 +17,7 @@ const LARGEST_FILE: u64 = 2 << 30;
 /// Reads a file whole; refuses one beyond [`LARGEST_FILE`].
 pub fn read(path: &Path) -> Result<Vec<u8>, BuildError> {
     let wrong = |why: String| BuildError::File(format!("cannot read {}: {why}", path.display()));
-    let file = File::open(path).map_err(|e| wrong(words(&e)))?;
+    let file = File::open(path).map_err(|e| wrong(format!("{}{}", words(&e), near_file(path, &e))))?;
     let metadata = file.metadata().map_err(|e| wrong(words(&e)))?;
     if metadata.is_dir() {
         return Err(wrong("it is a folder, a file was expected".into()));
@@ -27,6 +28,27 @@ pub fn read(path: &Path) -> Result<Vec<u8>, BuildError> {
         return Err(wrong(format!("it is larger than {} GiB; is it the right file?", LARGEST_FILE >> 30)));
     }
     Ok(bytes)
+}
+
+/// The folder or command that was most likely meant.
+fn near_folder(path: &Path) -> String {
+    let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut known: Vec<String> = list(folder).into_iter().filter(|n| folder.join(n).is_dir()).collect();
+    if path.components().count() == 1 {
+        known.extend(crate::cli::verbs());
+    }
+    did_you_mean(&name, &known)
+}
+
+/// The file in the same folder that was most likely meant, where a file is not there.
+fn near_file(path: &Path, e: &std::io::Error) -> String {
+    let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    match e.kind() {
+        std::io::ErrorKind::NotFound => did_you_mean(&name, &list(folder)),
+        _ => String::new(),
+    }
 }
 
 /// Reads a UTF-8 file.
@@ -59,7 +81,14 @@ pub fn first_that_exists(paths: &[PathBuf]) -> PathBuf {
 pub fn read_specimen(folder: &Path) -> Result<RawSpecimen, BuildError> {
     if !folder.is_dir() {
         return Err(BuildError::File(format!(
-            "{} is not a specimen folder: no such folder; give the folder that holds specimen.toml",
+            "{} is not a specimen folder: no such folder{}; expected the folder that holds specimen.toml. A new one: build-model init {0}",
+            folder.display(),
+            near_folder(folder)
+        )));
+    }
+    if !folder.join("specimen.toml").exists() {
+        return Err(BuildError::File(format!(
+            "{} holds no specimen.toml; expected a specimen folder. Make one from these files: build-model init NEW_FOLDER --from {0}",
             folder.display()
         )));
     }
@@ -251,6 +280,11 @@ pub fn discard(path: &Path) {
 /// Whether a path exists.
 pub fn exists(path: &Path) -> bool {
     path.exists()
+}
+
+/// Whether a path is a folder.
+pub fn is_folder(path: &Path) -> bool {
+    path.is_dir()
 }
 
 /// Names in a folder, ascending; empty where it cannot be read.

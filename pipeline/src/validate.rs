@@ -21,8 +21,8 @@ use validation::{figures, tables};
 /// `build-model validate`.
 #[derive(Args, Clone, Debug)]
 pub struct ValidateArgs {
-    /// model.json of every model, or its folder; a model is called by its folder's name, or by NAME=MODEL
-    #[arg(required = true, value_name = "[NAME=]MODEL.json")]
+    /// model.json of every model, or its folder, or a build (its calibrated models); called by NAME=, else by its folder
+    #[arg(required = true, value_name = "[NAME=]MODEL")]
     pub models: Vec<String>,
     /// Folder for the results
     #[arg(long)]
@@ -56,8 +56,7 @@ pub fn validate(args: &ValidateArgs) -> Result<String, BuildError> {
         .map(|(name, path)| read_passive(name, &path.display().to_string(), &store::read(path)?))
         .collect::<Result<Vec<_>, _>>()?;
     let mut models = Vec::new();
-    for text in &args.models {
-        let (name, path) = name_of(text);
+    for (name, path) in args.models.iter().flat_map(|text| models_of(text)) {
         if models.iter().any(|(n, _): &(String, _)| *n == name) {
             return Err(BuildError::Usage(format!("two models are called {name}; give NAME=MODEL.json")));
         }
@@ -78,6 +77,18 @@ pub fn validate(args: &ValidateArgs) -> Result<String, BuildError> {
     store::write_all(&store::make_folder(&args.out)?, &files)?;
     let text: String = validation.warnings.iter().map(|w| format!("warning: {w}\n")).collect();
     Ok(text + &words(&validation) + &format!("Results are in {}\n", args.out.display()))
+}
+
+/// The models that an argument names: one, or every calibrated model of a build.
+fn models_of(text: &str) -> Vec<(String, PathBuf)> {
+    let (name, path) = name_of(text);
+    let named = text.contains('=');
+    let folders = [path.join("build/10-calibrate"), path.join("10-calibrate")];
+    let Some(folder) = folders.into_iter().find(|f| store::is_folder(f)) else { return vec![(name, path)] };
+    let sources = store::list(&folder).into_iter().filter(|s| store::exists(&folder.join(s).join("model.json")));
+    let called = |s: &String| if named { format!("{name}-{s}") } else { s.clone() };
+    let found: Vec<(String, PathBuf)> = sources.map(|s| (called(&s), folder.join(&s).join("model.json"))).collect();
+    if found.is_empty() { vec![(name, path)] } else { found }
 }
 
 /// `NAME=PATH`, or a path whose last folder is the name.

@@ -1,0 +1,302 @@
+//! `check`: reads and judges every input of a specimen without building, and says what each missing thing costs.
+
+mod laxity;
+mod page;
+
+use crate::error::BuildError;
+use crate::options::{BuildOptions, resolve};
+use crate::store;
+use clap::Args;
+use meshes::frame::Side;
+use meshes::query::SurfaceQuery;
+use serde::Serialize;
+use stages::anatomy::{AnatomyReport, check_anatomy};
+use stages::ingest::{self, OPTIONAL_PATHS, PointFrame, RawSpecimen, Specimen, SpecimenFile};
+use std::fmt::Write;
+use std::path::PathBuf;
+
+/// `build-model check`.
+#[derive(Args, Clone, Debug)]
+pub struct CheckArgs {
+    /// The specimen's folder, which holds specimen.toml
+    pub dir: PathBuf,
+    /// Where check.html goes, with load against displacement [default: DIR/build]
+    #[arg(long)]
+    pub out: Option<PathBuf>,
+    /// Also write the laxity files in the standard shape, into this folder
+    #[arg(long, value_name = "FOLDER")]
+    pub write_laxity: Option<PathBuf>,
+    /// Print as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// How an input stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum State {
+    /// There, and good.
+    Ok,
+    /// There, and odd: a build goes on.
+    Look,
+    /// Not there: a build goes on without.
+    Missing,
+    /// A build would stop.
+    Fault,
+}
+
+/// An input with what was found and what it means.
+#[derive(Clone, Debug, Serialize)]
+pub struct Item {
+    /// What it is, by its key in specimen.toml.
+    pub input: String,
+    /// How it stands.
+    pub state: State,
+    /// What was found.
+    pub found: String,
+    /// What is lost without it, or what to do.
+    pub cost: String,
+}
+
+impl Item {
+    fn new(input: &str, state: State, found: impl Into<String>, cost: &str) -> Item {
+        Item { input: input.into(), state, found: found.into(), cost: cost.into() }
+    }
+}
+
+/// Points of a table may lie this far from the surfaces of their frame in the median before the frame is doubted [mm]: landmarks are
+/// rough by 4.5 mm, marks by 4. Ours.
+const FAR_MM: f64 = 15.0;
+
+/// Judges the specimen; gives the words to print, or the faults as one error.
+pub fn check(args: &CheckArgs) -> Result<String, BuildError> {
+    let raw = store::read_specimen(&args.dir)?;
+    let file = ingest::parse_specimen_file(&raw.toml).map_err(|e| BuildError::stage("ingest", e))?;
+    let options = resolve(&file.options, &[], None)?;
+    let mut items = geometry(&file, &raw, &options);
+    let measured = laxity::judge(&file, &raw, &options, &mut items);
+    passive(&file, &raw, &mut items);
+    if let Some(folder) = &args.write_laxity {
+        for (name, trials) in &measured {
+            store::write(&folder.join(format!("{name}.csv")), sim::laxity::trials_csv(trials).as_bytes())?;
+        }
+    }
+    let mut plots = None;
+    if !measured.is_empty() {
+        let place = args.out.clone().unwrap_or_else(|| args.dir.join("build")).join("check.html");
+        store::write(&place, page::page(&file.specimen.id, &measured, &items).as_bytes())?;
+        plots = Some(place);
+    }
+    let faults = items.iter().filter(|i| i.state == State::Fault).count();
+    let text = match args.json {
+        true => String::from_utf8_lossy(&crate::run_log::json(&items)).into_owned(),
+        false => words(&file, &items, plots, args),
+    };
+    if faults == 0 {
+        return Ok(text);
+    }
+    let first = items.iter().find(|i| i.state == State::Fault).map(|i| format!("{}: {}", i.input, i.found));
+    Err(BuildError::Faults { table: text, count: faults, first: first.unwrap_or_default() })
+}
+
+/// The table and what to type next.
+fn words(file: &SpecimenFile, items: &[Item], plots: Option<PathBuf>, args: &CheckArgs) -> String {
+    let side = if file.specimen.side == Side::Left { "left" } else { "right" };
+    let mut text = format!("{}, {side} knee\n\n", file.specimen.id);
+    let width = items.iter().map(|i| i.input.len()).max().unwrap_or(0);
+    for i in items {
+        let state = match i.state {
+            State::Ok => "ok",
+            State::Look => "LOOK",
+            State::Missing => "missing",
+            State::Fault => "FAULT",
+        };
+        let _ = writeln!(text, "{state:8}{:width$}  {}", i.input, i.found);
+        if !i.cost.is_empty() {
+            let _ = writeln!(text, "        {:width$}  -> {}", "", i.cost);
+        }
+    }
+    let count = |s: State| items.iter().filter(|i| i.state == s).count();
+    let _ = writeln!(
+        text,
+        "\n{} ok, {} to look at, {} missing, {} that would stop a build",
+        count(State::Ok),
+        count(State::Look),
+        count(State::Missing),
+        count(State::Fault)
+    );
+    if let Some(place) = plots {
+        let _ = writeln!(text, "Load against displacement: {}", place.display());
+    }
+    if count(State::Fault) == 0 {
+        let _ = writeln!(text, "Next: build-model build {}", args.dir.display());
+    }
+    text
+}
+
+/// Bones, scans, side and points.
+fn geometry(file: &SpecimenFile, raw: &RawSpecimen, options: &BuildOptions) -> Vec<Item> {
+    let mut items = Vec::new();
+    let there = |path: &str| raw.files.keys().any(|f| f == path || f.starts_with(&format!("{path}/")));
+    for judged in ingest::judge_surfaces(file, raw, &options.ingest) {
+        if !there(&judged.path) {
+            let what = format!("{} is not there", judged.path);
+            items.push(Item::new(
+                &judged.key,
+                State::Fault,
+                what,
+                "put the file there, or correct the path in specimen.toml",
+            ));
+            continue;
+        }
+        items.push(match judged.result {
+            Err(e) => Item::new(&judged.key, State::Fault, e.to_string(), ""),
+            Ok(counts) => {
+                let coloured = counts["coloured"].as_bool() == Some(true);
+                let found = format!(
+                    "{} triangles, {:.0} mm wide{}{}",
+                    counts["triangles"],
+                    counts["width_mm"].as_f64().unwrap_or(0.0),
+                    if coloured { ", coloured" } else { "" },
+                    judged.warnings.iter().map(|w| format!("; {w}")).collect::<String>()
+                );
+                let state = if judged.warnings.is_empty() { State::Ok } else { State::Look };
+                let grey = judged.key.starts_with("scans.") && !coloured;
+                let cost = if grey {
+                    "no colours: outlined sites cannot be found; sites come from the literature"
+                } else {
+                    ""
+                };
+                Item::new(&judged.key, state, found, cost)
+            }
+        });
+    }
+    for (key, path) in [("ct.volume", &file.ct.volume), ("ct.labels", &file.ct.labels)] {
+        if let Some(path) = path {
+            items.push(match there(path) {
+                true => Item::new(
+                    key,
+                    State::Ok,
+                    path.clone(),
+                    "the bones are segmented by the build; nothing more is judged here",
+                ),
+                false => Item::new(
+                    key,
+                    State::Fault,
+                    format!("{path} is not there"),
+                    "put it there, or correct the path in specimen.toml",
+                ),
+            });
+        }
+    }
+    if file.ct.volume.is_none() && items.iter().all(|i| i.state != State::Fault) {
+        whole(file, raw, options, &mut items);
+    }
+    items
+}
+
+/// What shows only when every surface is read: side, exchange, points.
+fn whole(file: &SpecimenFile, raw: &RawSpecimen, options: &BuildOptions, items: &mut Vec<Item>) {
+    let specimen = match ingest::ingest(raw, &options.ingest) {
+        Ok(specimen) => specimen,
+        Err(e) => return items.push(Item::new("specimen", State::Fault, e.to_string(), "")),
+    };
+    match check_anatomy(&specimen) {
+        Ok(report) => items.extend(anatomy(&report)),
+        Err(e) => items.push(Item::new("specimen.side", State::Fault, e.to_string(), "")),
+    }
+    for (k, input, cost) in [
+        (
+            0,
+            "points.landmarks",
+            "the registration searches for its start; frames come from shape alone, without the femoral head",
+        ),
+        (1, "points.marks", "outlined sites are named by their place on the bone"),
+        (2, "points.attachments", "fibres are laid by the program: marked sites, else the literature"),
+    ] {
+        let named = [&file.points.landmarks, &file.points.marks, &file.points.attachments][k];
+        let path = named.as_deref().unwrap_or(OPTIONAL_PATHS[k]);
+        if !raw.files.contains_key(path) {
+            items.push(Item::new(input, State::Missing, format!("no {path}"), cost));
+            continue;
+        }
+        items.push(match k {
+            0 => points(input, &specimen, &specimen.landmarks),
+            1 => points(input, &specimen, &specimen.marks),
+            _ => Item::new(input, State::Ok, format!("{} fibres", specimen.given_fibres.len()), ""),
+        });
+    }
+}
+
+fn anatomy(report: &AnatomyReport) -> Vec<Item> {
+    let side = match report.side {
+        Some(s) => Item::new(
+            "specimen.side",
+            if s.confidence > 0.5 { State::Ok } else { State::Look },
+            format!("the bones show a {:?} knee, certainty {:.0} %", s.side, 100.0 * s.confidence).to_lowercase(),
+            "",
+        ),
+        None => Item::new(
+            "specimen.side",
+            State::Look,
+            "no fibula was found",
+            "the side cannot be checked; LCL and PFL are left out",
+        ),
+    };
+    vec![side]
+}
+
+/// Points of a table: how many, and whether they lie at their surfaces.
+fn points(input: &str, specimen: &Specimen, all: &[ingest::NamedPoint]) -> Item {
+    let frames = [
+        (PointFrame::Ct, "ct", vec![&specimen.ct.femur, &specimen.ct.tibfib]),
+        (PointFrame::ScanFemur, "scan_femur", vec![&specimen.scans.femur.mesh]),
+        (PointFrame::ScanTibfib, "scan_tibfib", vec![&specimen.scans.tibfib.mesh]),
+    ];
+    let (mut found, mut far) = (Vec::new(), Vec::new());
+    for (frame, name, meshes) in frames {
+        let queries: Vec<SurfaceQuery> = meshes.iter().filter_map(|m| SurfaceQuery::new(m)).collect();
+        let mut off: Vec<f64> = all
+            .iter()
+            .filter(|p| p.frame == frame)
+            .map(|p| queries.iter().map(|q| q.nearest(&p.point).distance).fold(f64::INFINITY, f64::min))
+            .collect();
+        off.sort_by(f64::total_cmp);
+        let Some(middle) = off.get(off.len() / 2) else { continue };
+        found.push(format!("{} in {name}", off.len()));
+        if *middle > FAR_MM {
+            far.push(format!("those in {name} lie {middle:.0} mm off its surfaces"));
+        }
+    }
+    if far.is_empty() {
+        return Item::new(input, State::Ok, found.join(", "), "");
+    }
+    Item::new(
+        input,
+        State::Look,
+        format!("{}; {}", found.join(", "), far.join("; ")),
+        "look at the column frame, and at the unit: mm is expected",
+    )
+}
+
+/// Measured passive flexion.
+fn passive(file: &SpecimenFile, raw: &RawSpecimen, items: &mut Vec<Item>) {
+    if file.passive.is_empty() {
+        items.push(Item::new("passive", State::Missing, "no file named", "passive flexion is simulated, not compared"));
+    }
+    for (name, path) in &file.passive {
+        let input = format!("passive.{name}");
+        items.push(match raw.files.get(path) {
+            None => Item::new(
+                &input,
+                State::Fault,
+                format!("{path} is not there"),
+                "put the file there, or correct the path",
+            ),
+            Some(bytes) => match crate::validate::read_passive(name, path, bytes) {
+                Ok(p) => Item::new(&input, State::Ok, format!("{} poses", p.poses.len()), ""),
+                Err(e) => Item::new(&input, State::Fault, e.to_string(), ""),
+            },
+        });
+    }
+}

@@ -1,0 +1,98 @@
+//! Laxity files of a specimen: what they hold, what a calibration leaves out, and whether their signs are the clinical ones.
+
+use super::{Item, State};
+use crate::options::BuildOptions;
+use calibration::targets::targets;
+use sim::laxity::{LaxityTrial, read_as, sign_doubts};
+use sim::spec::PoseSpec;
+use stages::ingest::{RawSpecimen, SpecimenFile};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// What may be calibrated to, by source; an item each, and an item a doubt.
+pub(super) fn judge(
+    file: &SpecimenFile,
+    raw: &RawSpecimen,
+    options: &BuildOptions,
+    items: &mut Vec<Item>,
+) -> BTreeMap<String, Vec<LaxityTrial>> {
+    let mut measured = BTreeMap::new();
+    if file.laxity.is_empty() {
+        let cost = "nothing to calibrate to: ligaments keep the literature's parameters, and nothing is validated";
+        items.push(Item::new("laxity", State::Missing, "no file named", cost));
+    }
+    for (name, path) in &file.laxity {
+        let input = format!("laxity.{name}");
+        let Some(bytes) = raw.files.get(path) else {
+            let found = format!("{path} is not there");
+            items.push(Item::new(
+                &input,
+                State::Fault,
+                found,
+                "put the file there, or correct the path in specimen.toml",
+            ));
+            continue;
+        };
+        let format = file.laxity_format.get(name).cloned().unwrap_or_default();
+        match read_as(bytes, &format, file.specimen.side) {
+            Err(e) => items.push(Item::new(&input, State::Fault, format!("{path}: {e}"), "")),
+            Ok(table) => {
+                items.push(summary(&input, &table.trials, &table.warnings));
+                for doubt in sign_doubts(&table.trials) {
+                    items.push(Item::new(
+                        &input,
+                        State::Look,
+                        doubt.words,
+                        "a build calibrates to the signs as they stand",
+                    ));
+                }
+                items.extend(left_out(&input, &table.trials, options));
+                measured.insert(name.clone(), table.trials);
+            }
+        }
+    }
+    if file.laxity.len() == 1 {
+        let cost = "one source alone: nothing shows how far its apparatus can be trusted";
+        items.push(Item::new("laxity", State::Missing, "no second source", cost));
+    }
+    measured
+}
+
+/// Warnings of the reader that are shown; more are counted.
+const SHOWN: usize = 3;
+
+/// Counts, flexions, what is given beside.
+fn summary(input: &str, trials: &[LaxityTrial], warnings: &[String]) -> Item {
+    let tests: BTreeSet<&str> = trials.iter().map(|t| t.test.name()).collect();
+    let flexions: BTreeSet<i64> = trials.iter().map(|t| t.nominal_flexion_deg.round() as i64).collect();
+    let list: Vec<String> = flexions.iter().map(i64::to_string).collect();
+    let tests: Vec<&str> = tests.into_iter().collect();
+    let mut found = format!("{} trials at {} deg: {}", trials.len(), list.join(", "), tests.join(", "));
+    for w in warnings.iter().take(SHOWN) {
+        found += &format!("; {w}");
+    }
+    if warnings.len() > SHOWN {
+        found += &format!("; and {} more like these", warnings.len() - SHOWN);
+    }
+    let mut without = Vec::new();
+    if trials.iter().all(|t| t.sd.iter().all(Option::is_none)) {
+        without.push("no measurement noise (sd_...): the program's is taken");
+    }
+    if trials.iter().all(|t| t.branch.is_none()) {
+        without.push("no branches: effects of loading history cannot be diagnosed");
+    }
+    Item::new(input, if warnings.is_empty() { State::Ok } else { State::Look }, found, &without.join("; "))
+}
+
+/// What a calibration would leave out or refuse.
+fn left_out(input: &str, trials: &[LaxityTrial], options: &BuildOptions) -> Option<Item> {
+    let o = &options.calibrate;
+    match targets(trials, &PoseSpec::default(), &o.cost, &o.targets) {
+        Err(e) => Some(Item::new(input, State::Fault, e.to_string(), "")),
+        Ok(t) => {
+            let out: Vec<&String> = t.warnings.iter().filter(|w| w.contains("left out")).collect();
+            let first = out.first()?;
+            let found = format!("{} trials are left out of the calibration, the first: {first}", out.len());
+            Some(Item::new(input, State::Look, found, ""))
+        }
+    }
+}

@@ -1,0 +1,190 @@
+//! `options`: every option with its default, unit, source and meaning, as its comment in the source says.
+
+use crate::error::BuildError;
+use crate::options::BuildOptions;
+use serde::Serialize;
+use sim::names::did_you_mean;
+use std::fmt::Write;
+use toml::{Table as TomlTable, Value};
+
+/// A struct or a choice: its name, and name, type and comment of each member.
+type Table = (&'static str, &'static [(&'static str, &'static str, &'static str)]);
+
+mod comments {
+    use super::Table;
+    include!(concat!(env!("OUT_DIR"), "/option_comments.rs"));
+}
+
+/// An option as it is shown.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct OptionDoc {
+    /// `stage.key`, as after `--set`.
+    pub key: String,
+    /// Its default, as TOML writes it.
+    pub default: String,
+    /// Its unit; `-` for a number without one, empty where it is no number.
+    pub unit: String,
+    /// Where the default comes from: a key of docs/bibliography.bib, or `ours`.
+    pub source: String,
+    /// What it does.
+    pub meaning: String,
+    /// The values it may take, where it is a choice.
+    pub choices: Vec<String>,
+}
+
+/// Longest line on a terminal.
+const WIDTH: usize = 100;
+
+/// Every option, or those of one stage, in words or as JSON.
+pub fn options(stage: Option<&str>, json: bool) -> Result<String, BuildError> {
+    let all = all()?;
+    let stages: Vec<&str> = members("BuildOptions").iter().map(|m| m.0).collect();
+    if let Some(stage) = stage
+        && !stages.contains(&stage)
+    {
+        return Err(BuildError::Usage(format!(
+            "no stage with options is called {stage}{}; stages are {}",
+            did_you_mean(stage, stages.iter().copied()),
+            stages.join(", ")
+        )));
+    }
+    let chosen: Vec<&OptionDoc> =
+        all.iter().filter(|o| stage.is_none_or(|s| o.key.split('.').next() == Some(s))).collect();
+    if json {
+        return Ok(String::from_utf8_lossy(&crate::run_log::json(&chosen)).into_owned());
+    }
+    let mut text = String::new();
+    for o in &chosen {
+        let unit = if o.unit.is_empty() { String::new() } else { format!(" [{}]", o.unit) };
+        let _ = writeln!(text, "{} = {}{unit}", o.key, o.default);
+        let source = if o.source.is_empty() { String::new() } else { format!(" Source: {}.", o.source) };
+        let choices = if o.choices.is_empty() { String::new() } else { format!(" One of {}.", o.choices.join(", ")) };
+        text += &wrapped(&format!("{}{choices}{source}", o.meaning));
+    }
+    let example = chosen.iter().find(|o| o.unit == "mm").or(chosen.first());
+    if let Some(o) = example {
+        let (stage, key) = o.key.split_once('.').unwrap_or(("", &o.key));
+        let _ = writeln!(
+            text,
+            "\nChange one: build-model build DIR --set {}={}\nor in specimen.toml: [options.{stage}] {key} = {}",
+            o.key, o.default, o.default
+        );
+    }
+    Ok(text)
+}
+
+/// Every option of every stage.
+pub fn all() -> Result<Vec<OptionDoc>, BuildError> {
+    let defaults = TomlTable::try_from(BuildOptions::default()).map_err(|e| BuildError::Option(e.to_string()))?;
+    let mut found = Vec::new();
+    walk("", "BuildOptions", Some(&Value::Table(defaults)), &mut found);
+    Ok(found)
+}
+
+fn members(name: &str) -> &'static [(&'static str, &'static str, &'static str)] {
+    comments::STRUCTS.iter().find(|(n, _)| *n == name).map_or(&[], |(_, m)| m)
+}
+
+fn walk(prefix: &str, name: &str, defaults: Option<&Value>, found: &mut Vec<OptionDoc>) {
+    for (field, kind, comment) in members(name) {
+        let key = if prefix.is_empty() { (*field).to_owned() } else { format!("{prefix}.{field}") };
+        let default = defaults.and_then(|d| d.get(field));
+        if !members(kind).is_empty() {
+            walk(&key, kind, default, found);
+            continue;
+        }
+        let (meaning, unit, source) = parted(comment);
+        let choices = comments::CHOICES.iter().find(|(n, _)| n == kind).map_or(&[][..], |(_, m)| m);
+        found.push(OptionDoc {
+            key,
+            default: default.map_or("none".to_owned(), Value::to_string),
+            unit,
+            source,
+            meaning,
+            choices: choices.iter().map(|c| c.0.to_owned()).collect(),
+        });
+    }
+}
+
+/// A comment's meaning, the unit in its brackets, and its source.
+fn parted(comment: &str) -> (String, String, String) {
+    let (mut meaning, mut unit, mut sources) = (String::new(), String::new(), Vec::new());
+    let mut rest = comment;
+    while let Some((before, after)) = rest.split_once('[') {
+        let Some((inner, behind)) = after.split_once(']') else { break };
+        meaning += before;
+        let cited = inner.split([',', ';']).next().unwrap_or("").trim();
+        if cited.chars().rev().take_while(char::is_ascii_digit).count() == 4 {
+            sources.push(inner.to_owned());
+        } else if inner.starts_with('`') {
+            meaning += inner.trim_matches('`');
+        } else if unit.is_empty() {
+            inner.clone_into(&mut unit);
+        } else {
+            meaning += &format!("[{inner}]");
+        }
+        rest = behind;
+    }
+    meaning += rest;
+    if ["Ours.", "ours.", "; ours", "Ours:", "Ours "].iter().any(|w| meaning.contains(w)) && sources.is_empty() {
+        sources.push("ours".into());
+    }
+    for (from, to) in [("; ours.", "."), ("; ours,", ","), (" Ours.", "")] {
+        meaning = meaning.replace(from, to);
+    }
+    let mut words = meaning.split_whitespace().collect::<Vec<_>>().join(" ");
+    for (from, to) in [(" ;", ";"), (" .", "."), (" ,", ","), (";.", "."), (" :", ":")] {
+        words = words.replace(from, to);
+    }
+    (words, unit, sources.join("; "))
+}
+
+/// Words under an option, indented.
+fn wrapped(text: &str) -> String {
+    let (mut out, mut line) = (String::new(), String::from("   "));
+    for word in text.split_whitespace() {
+        if line.len() + word.len() + 1 > WIDTH {
+            let _ = writeln!(out, "{line}");
+            line = "   ".into();
+        }
+        let _ = write!(line, " {word}");
+    }
+    if line.trim().is_empty() { out } else { out + &line + "\n" }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_option_has_a_default_and_a_meaning() {
+        let all = all().unwrap();
+        let mut leaves = Vec::new();
+        fn gather(prefix: &str, value: &Value, into: &mut Vec<String>) {
+            match value {
+                Value::Table(t) if !t.is_empty() => {
+                    t.iter().for_each(|(k, v)| gather(&format!("{prefix}.{k}"), v, into));
+                }
+                _ => into.push(prefix.trim_start_matches('.').to_owned()),
+            }
+        }
+        gather("", &Value::try_from(BuildOptions::default()).unwrap(), &mut leaves);
+        for leaf in &leaves {
+            assert!(
+                all.iter().any(|o| o.key == *leaf || leaf.starts_with(&format!("{}.", o.key))),
+                "{leaf} is not among the options shown"
+            );
+        }
+        for o in &all {
+            assert!(!o.meaning.is_empty(), "{}: no meaning", o.key);
+            let number = o.default.parse::<f64>().is_ok();
+            assert!(!number || !o.unit.is_empty() || o.key.contains("seed") || o.default == "0", "{}: no unit", o.key);
+        }
+    }
+
+    #[test]
+    fn a_comment_is_parted_into_meaning_unit_and_source() {
+        let told = parted("Wanted edge in the plane [mm]; 0.5 to 1 in use [stimpson2007]. Ours.");
+        assert_eq!(told, ("Wanted edge in the plane; 0.5 to 1 in use.".into(), "mm".into(), "stimpson2007".into()));
+    }
+}
