@@ -203,7 +203,11 @@ fn what_cannot_be_read_is_refused_with_its_mend() {
     let standard = trials_csv(&made());
     for (format, csv, words) in [
         ("", standard.replacen("load_ap_n", "Fap", 1), ["unknown column \"Fap\"", "laxity_format"]),
-        ("", standard.replacen(",133,", ",133,5,", 1), ["row 2", "save the table with semicolons"]),
+        (
+            "",
+            standard.replacen("anterior_0,anterior,", "anterior_0,anterior,5,", 1),
+            ["row 2", "save the table with semicolons"],
+        ),
         ("columns = { ap_mm = \"AP\" }", standard.clone(), ["no column \"AP\"", "the file has trial"]),
         ("columns = { app_mm = \"ap_mm\" }", standard.clone(), ["columns.app_mm", "did you mean ap_mm?"]),
         (
