@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
 /// Folder of each crate and which of ours it may use.
-const ARROWS: [(&str, &[&str]); 10] = [
+const ARROWS: [(&str, &[&str]); 11] = [
     ("meshes", &[]),
     ("attachments", &["meshes"]),
     ("sim", &["meshes"]),
@@ -20,6 +20,7 @@ const ARROWS: [(&str, &[&str]); 10] = [
     ("diagnosis", &["meshes", "attachments", "sim", "decks", "calibration", "validation"]),
     ("blindbench", &["meshes"]),
     (".", &["meshes", "attachments", "sim", "decks", "stages", "calibration", "validation", "diagnosis", "blindbench"]),
+    ("python", &["genu", "sim"]),
 ];
 
 const LONGEST_FILE: usize = 600;

@@ -13,7 +13,7 @@ use validation::plot::{INK, Series, colour, draw, panel};
 const MOST: usize = 3;
 
 /// The readings of one coordinate along one axis of loading, at one flexion of one data set.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Curve {
     /// Data set.
@@ -29,7 +29,7 @@ pub struct Curve {
 }
 
 /// A trial on a curve.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Point {
     /// Its name.

@@ -14,7 +14,7 @@ use sim::laxity::COORDINATES;
 use std::collections::BTreeMap;
 
 /// A cell of the map.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct Cell {
     /// Data set.
     pub source: String,

@@ -14,7 +14,7 @@ use sim::joint::{AP, IE, SI, Six, VV};
 use sim::laxity::Test;
 
 /// A test worth doing.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct NextTest {
     /// Which.
     pub test: String,

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// How sure the answer is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
     /// One answer, weight 0.95 and more, and it predicts trials it has not seen.
@@ -28,7 +28,7 @@ pub enum Verdict {
 }
 
 /// What an answer was found with: the same model, data, catalogue and program find it again.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Provenance {
     /// Version of the program.
@@ -42,7 +42,7 @@ pub struct Provenance {
 }
 
 /// What a ligament carries in a test.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Carried {
     /// The ligament, as in the paper's tables.
@@ -56,7 +56,7 @@ pub struct Carried {
 }
 
 /// A size below which an effect would more often have been missed than named.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Missable {
     /// The effect.
@@ -75,7 +75,7 @@ pub struct Missable {
 }
 
 /// A parameter's value.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Value {
     /// Most probable.
@@ -95,7 +95,7 @@ impl Value {
 }
 
 /// An effect in an answer.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Named {
     /// Its name.
@@ -110,7 +110,7 @@ pub struct Named {
 }
 
 /// An answer: one effect, or several that act together.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Answer {
     /// Its effects.
@@ -124,7 +124,7 @@ pub struct Answer {
 }
 
 /// The gap on held-out trials.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Gap {
     /// Mean whitened square of the error with ligaments alone recalibrated [-].
@@ -142,7 +142,7 @@ pub struct Gap {
 }
 
 /// The same with an effect that should not help.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Control {
     /// Which.
@@ -152,7 +152,7 @@ pub struct Control {
 }
 
 /// Held-out trials and control.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GapReport {
     /// The answer's.
@@ -163,7 +163,7 @@ pub struct GapReport {
 }
 
 /// An effect that these data cannot test.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NotTestable {
     /// Its name.
@@ -173,7 +173,7 @@ pub struct NotTestable {
 }
 
 /// Two trials that may have been mixed up.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Exchanged {
     /// Data set and name of each.
@@ -183,7 +183,7 @@ pub struct Exchanged {
 }
 
 /// What the ligaments had taken up.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Absorbed {
     /// Bundle or ligament.
@@ -201,7 +201,7 @@ pub struct Absorbed {
 }
 
 /// diagnosis.json.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Diagnosis {
     /// "diagnosis/1".

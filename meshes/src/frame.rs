@@ -70,20 +70,24 @@ impl<A, B, C> Mul<Pose<A, B>> for Pose<B, C> {
 
 /// An anatomical frame, in CT coordinates: origin [mm] and unit axes. `medial`, `anterior`, `superior` are mutually
 /// orthogonal; right-handed as (medial, anterior, superior) for a left knee, left-handed for a right one.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct AnatomicalFrame {
     /// Origin [mm].
+    #[schemars(with = "[f64; 3]")]
     pub origin: Point,
     /// Unit vector towards the body's midline.
+    #[schemars(with = "[f64; 3]")]
     pub medial: Vector,
     /// Unit vector forwards.
+    #[schemars(with = "[f64; 3]")]
     pub anterior: Vector,
     /// Unit vector towards the head.
+    #[schemars(with = "[f64; 3]")]
     pub superior: Vector,
 }
 
 /// Which knee.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Side {
     /// The left knee.

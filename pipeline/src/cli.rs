@@ -1,9 +1,10 @@
 //! The command line: what may be asked, and who answers.
-#![expect(clippy::print_stdout, clippy::print_stderr, reason = "the command line talks to the person at it")]
+#![expect(clippy::print_stderr, reason = "the command line talks to the person at it")]
 
 use crate::blind::{self, BlindVerb};
 use crate::calibrate::CalibrateArgs;
 use crate::check::{self, CheckArgs};
+use crate::cohort::{self, CohortArgs};
 use crate::diagnose::{self, DiagnoseArgs};
 use crate::error::BuildError;
 use crate::exports::{self, Format};
@@ -11,11 +12,14 @@ use crate::options::{Override, parse_override};
 use crate::simulate::SimulateArgs;
 use crate::validate::ValidateArgs;
 use crate::{
-    calibrate, fetch, init, inspect, manual, model_file, open, option_docs, phantom, report, run, simulate, validate,
+    calibrate, fetch, init, inspect, manual, model_file, open, option_docs, phantom, report, run, schema, simulate,
+    validate,
 };
 use clap::error::ErrorKind;
 use clap::{Args, CommandFactory, Parser, Subcommand};
 use sim::names::did_you_mean;
+use std::ffi::OsString;
+use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -184,6 +188,13 @@ enum Verb {
     Validate(ValidateArgs),
     /// Find the effect that a model lacks, by measured laxity
     Diagnose(DiagnoseArgs),
+    /// Put many builds on one page and into tidy tables
+    Cohort(CohortArgs),
+    /// Print the JSON schema of a file that the program writes
+    Schema {
+        /// model, diagnosis or log
+        name: String,
+    },
     /// Make data with hidden effects, answer them, score the answers
     #[command(subcommand)]
     Blind(BlindVerb),
@@ -211,28 +222,38 @@ pub fn command() -> clap::Command {
     Cli::command()
 }
 
-/// Runs the command line. Exit status 0 done, 1 the input is at fault, 2 wrong use.
+/// Runs the command line of this process.
 pub fn main() -> ExitCode {
+    ExitCode::from(main_of(std::env::args_os()))
+}
+
+/// Runs the command line `words`, the program's name first; gives the exit status: 0 done, 1 the input is at fault, 2 wrong use.
+pub fn main_of(words: impl IntoIterator<Item = OsString>) -> u8 {
     std::panic::set_hook(Box::new(|info| {
         eprintln!("build-model: internal error, please report it: {info}");
     }));
-    match std::panic::catch_unwind(|| answer(parsed())) {
-        Ok(Ok(())) => ExitCode::SUCCESS,
+    let words: Vec<OsString> = words.into_iter().collect();
+    match std::panic::catch_unwind(|| answer(parsed(&words))) {
+        Ok(Ok(text)) => {
+            // A reader that has seen enough (`| head`) is no fault of the input.
+            let _ = std::io::stdout().write_all(text.as_bytes());
+            0
+        }
         Ok(Err(error)) => {
             if let BuildError::Faults { table, .. } = &error {
-                print!("{table}");
+                let _ = std::io::stdout().write_all(table.as_bytes());
             }
             eprintln!("build-model: {error}");
-            ExitCode::from(if matches!(error, BuildError::Usage(_)) { 2 } else { 1 })
+            error.exit_status()
         }
-        Err(_) => ExitCode::from(1),
+        Err(_) => 1,
     }
 }
 
 /// The arguments; a first word that is neither a command nor a folder is told as what it most likely is.
-fn parsed() -> Cli {
-    Cli::try_parse().unwrap_or_else(|error| {
-        let first = std::env::args().nth(1).unwrap_or_default();
+fn parsed(words: &[OsString]) -> Cli {
+    Cli::try_parse_from(words).unwrap_or_else(|error| {
+        let first = words.get(1).map(|w| w.to_string_lossy().into_owned()).unwrap_or_default();
         let misspelt = matches!(
             error.kind(),
             ErrorKind::UnknownArgument | ErrorKind::InvalidSubcommand | ErrorKind::ArgumentConflict
@@ -251,14 +272,20 @@ pub fn verbs() -> Vec<String> {
     command().get_subcommands().map(|c| c.get_name().to_owned()).collect()
 }
 
-fn answer(cli: Cli) -> Result<(), BuildError> {
-    let text = match (cli.verb, cli.build) {
-        (Some(verb), _) => answer_verb(verb)?,
-        (None, Some(build)) => run::run(&build)?,
-        (None, None) => return Err(BuildError::Usage("a specimen folder was expected; see --help".into())),
-    };
-    print!("{text}");
-    Ok(())
+/// Does what the words of a command line ask for, without the program's name, and gives what it would print.
+///
+/// Errors: those of the command; a command line that clap refuses is [`BuildError::Usage`] with clap's words.
+pub fn call(words: impl IntoIterator<Item = OsString>) -> Result<String, BuildError> {
+    let words = std::iter::once(OsString::from("build-model")).chain(words);
+    answer(Cli::try_parse_from(words).map_err(|e| BuildError::Usage(e.to_string().trim().to_owned()))?)
+}
+
+fn answer(cli: Cli) -> Result<String, BuildError> {
+    match (cli.verb, cli.build) {
+        (Some(verb), _) => answer_verb(verb),
+        (None, Some(build)) => run::run(&build),
+        (None, None) => Err(BuildError::Usage("a specimen folder was expected; see --help".into())),
+    }
 }
 
 fn answer_verb(verb: Verb) -> Result<String, BuildError> {
@@ -282,6 +309,8 @@ fn answer_verb(verb: Verb) -> Result<String, BuildError> {
         Verb::Calibrate(args) => calibrate::calibrate(&args),
         Verb::Validate(args) => validate::validate(&args),
         Verb::Diagnose(args) => diagnose::run(&args),
+        Verb::Cohort(args) => cohort::cohort(&args),
+        Verb::Schema { name } => schema::schema(&name),
         Verb::Blind(verb) => blind::run(&verb),
         Verb::Report { dir, compare } => report::rewrite(&dir, compare.as_deref()),
     }

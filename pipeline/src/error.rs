@@ -36,6 +36,11 @@ pub enum BuildError {
 }
 
 impl BuildError {
+    /// The exit status of the command: 2 wrong use of the command line, otherwise 1.
+    pub fn exit_status(&self) -> u8 {
+        if matches!(self, BuildError::Usage(_)) { 2 } else { 1 }
+    }
+
     /// An error of `stage`.
     pub fn stage(stage: &'static str, message: impl ToString) -> BuildError {
         BuildError::Stage { stage, message: message.to_string() }

@@ -69,7 +69,7 @@ pub fn moved(spec: &ModelSpec, from: &Path, to: &Path) -> ModelSpec {
 }
 
 /// The path of `file` from the folder `from`, with forward slashes.
-fn between(from: &Path, file: &Path) -> String {
+pub(crate) fn between(from: &Path, file: &Path) -> String {
     let plain = |path: &Path| {
         let mut parts: Vec<String> = Vec::new();
         for c in path.components() {

@@ -1,13 +1,57 @@
-//! Progress on standard error, and only where that is a terminal.
+//! Progress on standard error, and only where that is a terminal; and to a watcher, where a program asks for it.
 
 use crate::run_log::{Record, STAGES};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use std::cell::RefCell;
 use std::io::IsTerminal;
+use std::sync::Arc;
 use std::time::Duration;
+
+/// How far a command has come.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Event {
+    /// The stage at work; the name of the data for a verb without stages.
+    pub stage: String,
+    /// Share of the whole that is done, 0 to 1. A build counts its stages.
+    pub share: f64,
+    /// Words for a reader.
+    pub message: String,
+}
+
+/// Who is told of events. It may unwind to stop the work.
+pub type Watcher = Arc<dyn Fn(&Event) + Send + Sync>;
+
+thread_local! {
+    static WATCHER: RefCell<Option<Watcher>> = const { RefCell::new(None) };
+}
+
+/// Does `work` on this thread; `watcher` is told how far it is.
+pub fn watched<T>(watcher: Watcher, work: impl FnOnce() -> T) -> T {
+    struct Left(Option<Watcher>);
+    impl Drop for Left {
+        fn drop(&mut self) {
+            let before = self.0.take();
+            WATCHER.with(|w| *w.borrow_mut() = before);
+        }
+    }
+    let _left = Left(WATCHER.with(|w| w.borrow_mut().replace(watcher)));
+    work()
+}
+
+fn watcher() -> Option<Watcher> {
+    WATCHER.with(|w| w.borrow().clone())
+}
+
+fn tell(watcher: Option<&Watcher>, stage: &str, share: f64, message: &str) {
+    if let Some(watcher) = watcher {
+        watcher(&Event { stage: stage.to_owned(), share, message: message.to_owned() });
+    }
+}
 
 /// A bar over the stages, or nothing.
 pub struct Progress {
     bar: ProgressBar,
+    watcher: Option<Watcher>,
 }
 
 impl Progress {
@@ -20,12 +64,13 @@ impl Progress {
             bar.set_style(style);
         }
         bar.enable_steady_tick(Duration::from_millis(200));
-        Progress { bar }
+        Progress { bar, watcher: watcher() }
     }
 
     /// A stage begins.
     pub fn start(&self, stage: &str) {
         self.bar.set_message(stage.to_string());
+        tell(self.watcher.as_ref(), stage, share(&self.bar), "begins");
     }
 
     /// A line above the bar.
@@ -35,8 +80,12 @@ impl Progress {
 
     /// Tells how far a long stage has come, beside the bar.
     pub fn teller(&self) -> impl Fn(&str) + use<> {
-        let bar = self.bar.clone();
-        move |words| bar.set_message(words.to_string())
+        let (bar, watcher) = (self.bar.clone(), self.watcher.clone());
+        move |words| {
+            bar.set_message(words.to_string());
+            let stage = words.split_whitespace().next().unwrap_or_default();
+            tell(watcher.as_ref(), stage, share(&bar), words);
+        }
     }
 
     /// A stage is done.
@@ -44,12 +93,20 @@ impl Progress {
         self.bar.inc(1);
         let state = if record.cached { "unchanged".to_string() } else { format!("{:.1} s", record.seconds) };
         self.bar.println(format!("{:12} {state}", record.stage));
+        tell(self.watcher.as_ref(), &record.stage, share(&self.bar), &state);
     }
+}
+
+/// The share of the stages that are done.
+fn share(bar: &ProgressBar) -> f64 {
+    bar.position() as f64 / STAGES.len() as f64
 }
 
 /// A bar over one search, with the time left, or nothing.
 pub struct Searching {
     bar: ProgressBar,
+    what: String,
+    watcher: Option<Watcher>,
 }
 
 impl Searching {
@@ -62,13 +119,14 @@ impl Searching {
             bar.set_style(style);
         }
         bar.set_prefix(what.to_string());
-        Searching { bar }
+        Searching { bar, what: what.to_owned(), watcher: watcher() }
     }
 
     /// A share of the work is done, 0 to 1.
     pub fn show(&self, share: f64, message: &str) {
         self.bar.set_position((share * 1000.0) as u64);
         self.bar.set_message(message.to_string());
+        tell(self.watcher.as_ref(), &self.what, share, message);
     }
 }
 

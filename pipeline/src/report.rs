@@ -28,6 +28,13 @@ mod warnings;
 use body::Body;
 pub(crate) use body::escaped;
 
+/// What other pages of the program are made of too.
+pub(crate) mod page_parts {
+    pub(crate) use super::body::escaped;
+    pub(crate) use super::charts::{COLOURS, layout};
+    pub(crate) use super::{head, plotly_js};
+}
+
 /// What stopped a build; kept as failure.json until a build goes through.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Failure {
@@ -117,7 +124,7 @@ fn contents(records: &[Record], failure: Option<&Failure>) -> String {
     format!("<nav aria-label=\"Stages\"><ul>{}</ul></nav>", links.concat())
 }
 
-fn head(title: &str) -> String {
+pub(crate) fn head(title: &str) -> String {
     format!(
         "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\
          <link rel=\"icon\" href=\"data:,\"><title>{}</title><style>{}</style></head><body><a class=\"skip\" href=\"#stages\">To the stages</a>",
@@ -138,7 +145,7 @@ fn foot(data: Value) -> String {
 }
 
 /// The script element of plotly.js alone: the crate's sources also hold MathJax, for which the report has no use.
-fn plotly_js() -> String {
+pub(crate) fn plotly_js() -> String {
     let sources = Plot::offline_js_sources();
     let end = sources.find("</script>").map_or(sources.len(), |at| at + "</script>".len());
     sources[..end].to_owned()

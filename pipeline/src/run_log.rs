@@ -43,7 +43,7 @@ impl<T> Deref for Kept<T> {
 }
 
 /// A line of log.jsonl.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct Record {
     /// Stage name.
     pub stage: String,
@@ -62,7 +62,7 @@ pub struct Record {
 }
 
 /// What a stage folder says of itself.
-#[derive(Serialize, Deserialize)]
+#[derive(Serialize, Deserialize, schemars::JsonSchema)]
 struct Seal {
     key: String,
     digest: String,

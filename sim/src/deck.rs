@@ -7,7 +7,7 @@
 use serde::{Deserialize, Serialize};
 
 /// A chain coordinate: turn about or slide along one of the three axes of the joint, from the CT pose.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum ChainCoordinate {
     /// Turn about the tibial axis [rad].
@@ -25,7 +25,7 @@ pub enum ChainCoordinate {
 }
 
 /// What is imposed on a coordinate.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum ControlKind {
     /// The coordinate itself [mm or rad], counted from its value at the start of the step.
@@ -35,7 +35,7 @@ pub enum ControlKind {
 }
 
 /// How an amplitude runs between its points.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "lowercase", deny_unknown_fields)]
 pub enum Curve {
     /// Straight lines; corners rounded over this fraction of the shorter neighbouring interval [-].
@@ -48,7 +48,7 @@ pub enum Curve {
 }
 
 /// A factor over the time of a step.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Amplitude {
     /// The deck's name of it.
@@ -60,7 +60,7 @@ pub struct Amplitude {
 }
 
 /// A motion or load on one coordinate during a step.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Control {
     /// The coordinate.
@@ -75,7 +75,7 @@ pub struct Control {
 }
 
 /// A step.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DeckStep {
     /// The deck's name of it.
@@ -92,7 +92,7 @@ pub struct DeckStep {
 }
 
 /// A deck's steps, from the CT pose.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct DeckProtocol {
     /// The trial's name.

@@ -83,6 +83,7 @@ pub fn run(
         let stepper = Stepper::new(&cut, step, options);
         let before: f64 = earlier.iter().map(|s| s.duration_s).sum();
         while state.time_s < step.duration_s {
+            crate::interrupt::check();
             let done = stepper.advance(state, &mut near)?;
             let (increment_s, drive) = (done.increment_s, done.drive);
             let fraction = (before + state.time_s) / total;

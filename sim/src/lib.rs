@@ -8,6 +8,7 @@ pub mod deformable;
 pub mod equilibrium;
 pub mod error;
 pub mod explicit;
+pub mod interrupt;
 pub mod joint;
 pub mod laxity;
 pub mod ligament;

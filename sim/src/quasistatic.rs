@@ -195,6 +195,7 @@ pub(crate) fn increment_near(
     end: bool,
     near: &mut Nearby,
 ) -> Result<Solved, SimError> {
+    crate::interrupt::check();
     let mut load = goal.load;
     load[FE] = 0.0;
     if !(load.iter().all(|x| x.is_finite()) && goal.flexion.is_finite()) {

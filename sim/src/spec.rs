@@ -4,7 +4,7 @@ use meshes::frame::{AnatomicalFrame, Side};
 use serde::{Deserialize, Serialize};
 
 /// model.json. Mesh paths are relative to the file's folder.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ModelSpec {
     /// "model/1".
@@ -43,7 +43,7 @@ pub struct ModelSpec {
 }
 
 /// Unit names, stated so that a reader need not guess.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Units {
     /// "mm"
@@ -57,7 +57,7 @@ pub struct Units {
 }
 
 /// Frames as in 05-frames/frames.json.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FramesSpec {
     /// The femur's.
@@ -72,7 +72,7 @@ pub struct FramesSpec {
 }
 
 /// Grood-Suntay coordinates, clinical signs.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PoseSpec {
     /// Flexion [deg].
@@ -90,7 +90,7 @@ pub struct PoseSpec {
 }
 
 /// The three cylindrical joints' axes in the CT pose: a point [mm] and a unit direction each.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ChainSpec {
     /// Superior-inferior axis, fixed in the tibia.
@@ -102,17 +102,19 @@ pub struct ChainSpec {
 }
 
 /// An axis.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct AxisSpec {
     /// A point of it [mm].
+    #[schemars(with = "[f64; 3]")]
     pub point: meshes::Point,
     /// Its unit direction.
+    #[schemars(with = "[f64; 3]")]
     pub direction: meshes::Vector,
 }
 
 /// A rigid body.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BodySpec {
     /// "femur" (moves), "tibia" (fixed, with the fibula), or what is carried along and no solver knows: "patella",
@@ -136,7 +138,7 @@ impl BodySpec {
 }
 
 /// Rigid cartilage with tabular pressure-overclosure.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ContactSpec {
     /// Table: overclosure [mm], ascending.
@@ -152,7 +154,7 @@ pub struct ContactSpec {
 }
 
 /// A contact pair: articular surfaces (PLY, triangles, outward normals, open patches).
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PairSpec {
     /// The femoral mesh.
@@ -162,7 +164,7 @@ pub struct PairSpec {
 }
 
 /// A ligament's force law.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum Law {
     /// Quadratic toe, then linear [blankevoort1991].
@@ -172,7 +174,7 @@ pub enum Law {
 }
 
 /// A ligament bundle.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct BundleSpec {
     /// Bundle name.
@@ -198,13 +200,15 @@ pub fn fibre_damping() -> f64 {
 }
 
 /// A straight fibre, CT frame.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FibreSpec {
     /// Bundle name.
     pub bundle: String,
     /// Femoral end [mm].
+    #[schemars(with = "[f64; 3]")]
     pub femur: meshes::Point,
     /// Tibial end [mm].
+    #[schemars(with = "[f64; 3]")]
     pub tibia: meshes::Point,
 }

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// Standard deviations of what the build does not know. Published decks have small ones.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Uncertainty {
     /// Attachment sites, by bundle.
@@ -26,7 +26,7 @@ pub struct Uncertainty {
 }
 
 /// Standard deviation of each of the three components of a bundle's ends [mm], CT frame.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SiteUncertainty {
     /// Femoral end [mm].
@@ -38,7 +38,7 @@ pub struct SiteUncertainty {
 }
 
 /// Uncertainty of both frames.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FramesUncertainty {
     /// The femur's.
@@ -48,7 +48,7 @@ pub struct FramesUncertainty {
 }
 
 /// Standard deviations of a frame's turns and shifts, about and along its own axes: medial, anterior, superior.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FrameUncertainty {
     /// Turn about the medial, anterior and superior axis [deg].
@@ -60,7 +60,7 @@ pub struct FrameUncertainty {
 }
 
 /// Priors of a bundle's parameters.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct LigamentUncertainty {
     /// Ratio of length to slack length in the CT pose [-].
@@ -75,7 +75,7 @@ pub struct LigamentUncertainty {
 }
 
 /// What is believed of a parameter before anything is measured, in the parameter's unit.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(tag = "prior", rename_all = "lowercase", deny_unknown_fields)]
 pub enum ParameterPrior {
     /// Equally likely between two bounds.

@@ -89,8 +89,7 @@ fn fields(bytes: &[u8]) -> Result<(BTreeMap<String, String>, usize), FormatError
     let mut fields = BTreeMap::new();
     let mut at = 0;
     let head = &bytes[..bytes.len().min(MOST_HEADER)];
-    loop {
-        let Some(rest) = head.get(at..).filter(|r| !r.is_empty()) else { break };
+    while let Some(rest) = head.get(at..).filter(|r| !r.is_empty()) {
         let end = rest.iter().position(|&b| b == b'\n').unwrap_or(rest.len());
         let line = String::from_utf8_lossy(&rest[..end]);
         let line = line.trim_end_matches('\r');

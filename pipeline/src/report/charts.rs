@@ -18,7 +18,7 @@ pub(super) struct Chart {
     pub(super) plot: String,
 }
 
-pub(super) const COLOURS: [&str; 8] =
+pub(crate) const COLOURS: [&str; 8] =
     ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7b3fa0", "#555555"];
 
 /// The charts of a stage.
@@ -38,7 +38,7 @@ pub(super) fn charts(stage: &str, v: &Values) -> Vec<Chart> {
     out
 }
 
-pub(super) fn layout(x: &str, y: &str) -> Layout {
+pub(crate) fn layout(x: &str, y: &str) -> Layout {
     let axis = |title: &str| Axis::new().title(Title::from(title)).zero_line(true).show_line(true);
     Layout::new().x_axis(axis(x)).y_axis(axis(y)).height(360)
 }

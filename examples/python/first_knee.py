@@ -1,0 +1,67 @@
+"""A first knee in Python: build a synthetic specimen, look at it, load it, change it.
+
+Run it with a folder for the knee and its pictures::
+
+    python first_knee.py my-knee
+
+It needs ``pip install "genu[all]"``. Lengths are mm, forces N.
+"""
+
+import pathlib
+import sys
+
+import matplotlib
+
+matplotlib.use("Agg")  # pictures into files; leave this out in a notebook
+import matplotlib.pyplot as plt
+import numpy as np
+
+import genu
+
+folder = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else "my-knee")
+
+# %% A specimen, and its model. Run it again: what has not changed is not built again.
+if not (folder / "specimen.toml").exists():
+    genu.phantom("S192803-phantom", folder)
+build = genu.build(folder, progress=lambda stage, share, message: print(f"{100 * share:3.0f} %  {stage}: {message}"))
+for stage, warnings in build.warnings.items():
+    print(f"{stage}: {len(warnings)} warnings, first: {warnings[0]}")
+
+# %% Cartilage thickness, seen along the axes of the bone it covers.
+figure, axes = plt.subplots(1, 2, figsize=(10, 4.5), layout="constrained")
+places = [("femur", "femur", "Femoral cartilage from below", (0, 1)), ("tibia_medial", "tibia", "Tibial cartilage from above", (0, 1))]
+for ax, (name, bone, title, (x, y)) in zip(axes, places):
+    inverse = np.linalg.inv(getattr(build.frames, bone))
+    for part in (name,) if bone == "femur" else ("tibia_medial", "tibia_lateral"):
+        surface = build.surface("cartilage", part)
+        points = surface.vertices @ inverse[:3, :3].T + inverse[:3, 3]
+        shown = ax.scatter(points[:, x], points[:, y], c=surface.point_data["thickness_mm"], s=2, vmin=0, vmax=3.5, cmap="viridis")
+    ax.set(title=title, xlabel="medial [mm]", ylabel="anterior [mm]", aspect="equal")
+figure.colorbar(shown, ax=axes, label="thickness [mm]")
+figure.savefig(folder / "thickness.png", dpi=110)
+
+# %% A drawer test, intact and with the ACL cut, and with one stiffer bundle.
+model = build.model
+stiffer = model.copy()
+stiffer.bundle("ACL_AM")["stiffness_n_per_mm"] *= 2
+cases = {
+    "intact": genu.simulate(model, protocol="ap-laxity"),
+    "ACL_AM twice as stiff": genu.simulate(stiffer, protocol="ap-laxity"),
+    "without ACL": genu.simulate(model, protocol="ap-laxity", without=["ACL"]),
+}
+figure, ax = plt.subplots(figsize=(6.5, 4), layout="constrained")
+for label, poses in cases.items():
+    for way, style in (("max", "-"), ("min", "--")):
+        rows = poses[poses["load_ap_n"] == getattr(poses["load_ap_n"], way)()]  # the ends of the drawer
+        ax.plot(rows["fe_deg"], rows["ap_mm"], style, marker="o", label=f"{label}, {'anterior' if way == 'max' else 'posterior'}")
+ax.set(xlabel="flexion [deg]", ylabel="anterior position of the tibia [mm]", title="133 N forwards and backwards")
+ax.legend(fontsize=8)
+figure.savefig(folder / "drawer.png", dpi=110)
+
+# %% What the ligaments carry.
+intact = cases["intact"]
+forces = intact[intact["load_ap_n"] == intact["load_ap_n"].max()].set_index("fe_deg").filter(like="force_")
+forces.columns = [c.removeprefix("force_").removesuffix("_n") for c in forces.columns]
+print("Forces under the anterior drawer [N]:")
+print(forces.round(1).to_string())
+print(f"Look at {folder / 'thickness.png'}, {folder / 'drawer.png'} and {build.report}")

@@ -1,0 +1,143 @@
+//! `cohort`: many builds on one page and in tidy tables.
+
+use crate::error::BuildError;
+use crate::store;
+use clap::Args;
+use serde_json::json;
+use std::path::{Path, PathBuf};
+
+mod knee;
+mod outliers;
+mod page;
+mod table;
+mod tables;
+
+use knee::{Knee, Status};
+use outliers::Outlier;
+
+/// `build-model cohort`.
+#[derive(Args, Clone, Debug)]
+pub struct CohortArgs {
+    /// Folders of builds, or of the specimens that hold them
+    #[arg(required = true, value_name = "BUILD")]
+    pub builds: Vec<PathBuf>,
+    /// Folder for cohort.html and the tables (CSV and Parquet)
+    #[arg(long)]
+    pub out: PathBuf,
+    /// Print who failed, who needs a look and why, as JSON
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Reads every build and writes the page and the tables; gives the words to print.
+///
+/// A build that failed, or is not there, is a row like any other. Errors: no build at all, files that cannot be written.
+pub fn cohort(args: &CohortArgs) -> Result<String, BuildError> {
+    let knees: Vec<Knee> =
+        names(&args.builds).iter().zip(&args.builds).map(|(n, place)| Knee::read(n, place)).collect();
+    if knees.iter().all(|k| k.folder.is_none()) {
+        let first = args.builds.first().map(|p| p.display().to_string()).unwrap_or_default();
+        return Err(BuildError::File(format!(
+            "no build in any of the {} folders given ({first}, ...): no log.jsonl or failure.json there or in build/; run build-model first",
+            knees.len()
+        )));
+    }
+    let outliers = outliers::outliers(&knees);
+    let out = store::make_folder(&args.out)?;
+    let mut files = Vec::new();
+    let tables = tables::tables(&knees, &outliers);
+    for table in &tables {
+        files.push((format!("{}.csv", table.name), table.csv()?));
+        files.push((format!("{}.parquet", table.name), table.parquet()?));
+    }
+    files.push(("cohort.html".to_owned(), page::page(&knees, &outliers, &tables, &out).into_bytes()));
+    store::write_all(&out, &files)?;
+    if args.json {
+        return Ok(as_json(&knees, &outliers, &files, &out));
+    }
+    Ok(words(&knees, &outliers, &out))
+}
+
+/// What each knee is called: its folder's name, with as many folders above it as tell it from the others.
+fn names(builds: &[PathBuf]) -> Vec<String> {
+    let parts: Vec<Vec<String>> = builds
+        .iter()
+        .map(|path| {
+            let whole = store::absolute(path).unwrap_or_else(|_| path.clone());
+            let mut parts: Vec<String> =
+                whole.components().map(|c| c.as_os_str().to_string_lossy().into_owned()).collect();
+            if parts.len() > 1 && parts.last().is_some_and(|p| p == "build") {
+                parts.pop();
+            }
+            parts
+        })
+        .collect();
+    let tail = |p: &[String], n: usize| p[p.len().saturating_sub(n)..].join("/");
+    parts
+        .iter()
+        .enumerate()
+        .map(|(k, own)| {
+            let alone = |n: &usize| parts.iter().enumerate().all(|(j, p)| j == k || tail(p, *n) != tail(own, *n));
+            let n = (1..own.len()).find(alone).unwrap_or(own.len());
+            tail(own, n)
+        })
+        .collect()
+}
+
+/// The outliers of a knee.
+fn of<'a>(outliers: &'a [Outlier], knee: &Knee) -> Vec<&'a Outlier> {
+    outliers.iter().filter(|o| o.knee == knee.name).collect()
+}
+
+fn words(knees: &[Knee], outliers: &[Outlier], out: &Path) -> String {
+    let mut text = String::new();
+    for k in knees {
+        match &k.status {
+            Status::Failed { stage, message } => text += &format!("failed: {}: {stage}: {message}\n", k.name),
+            Status::Built => {
+                let odd = of(outliers, k);
+                if let Some(first) = odd.first() {
+                    text += &format!("look at: {}: {} outliers, first {}\n", k.name, odd.len(), first.words());
+                }
+            }
+        }
+    }
+    let failed = knees.iter().filter(|k| k.failed()).count();
+    text + &format!("{} knees, {failed} failed\nLook at {}\n", knees.len(), out.join("cohort.html").display())
+}
+
+fn as_json(knees: &[Knee], outliers: &[Outlier], files: &[(String, Vec<u8>)], out: &Path) -> String {
+    let each: Vec<serde_json::Value> = knees
+        .iter()
+        .map(|k| {
+            let failed = match &k.status {
+                Status::Failed { stage, message } => json!({"stage": stage, "message": message}),
+                Status::Built => serde_json::Value::Null,
+            };
+            json!({
+                "knee": k.name, "specimen": k.specimen, "status": k.status.name(), "failed": failed,
+                "last_stage": k.last_stage(), "warnings": k.warnings().count(),
+                "outliers": of(outliers, k).iter().map(|o| o.words()).collect::<Vec<_>>(),
+                "report": k.report().map(|p| p.display().to_string()),
+            })
+        })
+        .collect();
+    let files: Vec<String> = files.iter().map(|(name, _)| out.join(name).display().to_string()).collect();
+    let mut text =
+        serde_json::to_string_pretty(&json!({"schema": "cohort/1", "knees": each, "files": files})).unwrap_or_default();
+    text.push('\n');
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn knees_are_called_by_what_tells_them_apart() {
+        let named = |paths: &[&str]| names(&paths.iter().map(PathBuf::from).collect::<Vec<_>>());
+        assert_eq!(named(&["/d/a/build", "/d/b/build"]), ["a", "b"]);
+        assert_eq!(named(&["/x/a/build", "/y/a", "/y/c"]), ["x/a", "y/a", "c"]);
+        assert_eq!(named(&["/build"]).len(), 1);
+    }
+}

@@ -1,0 +1,56 @@
+//! `schema`: what other programs may rely on in the files that the program writes, generated from the types that write them.
+
+use crate::error::BuildError;
+use crate::run_log::Record;
+use schemars::{JsonSchema, schema_for};
+use serde_json::Value;
+
+/// A file's name and version, and what it is.
+struct Entry {
+    name: &'static str,
+    /// As the file says in `schema`; the log's lines do not say it.
+    version: &'static str,
+    what: &'static str,
+    make: fn() -> Value,
+}
+
+const ALL: [Entry; 3] = [
+    Entry { name: "model", version: "model/1", what: "model.json", make: made::<sim::spec::ModelSpec> },
+    Entry {
+        name: "diagnosis",
+        version: "diagnosis/1",
+        what: "diagnosis.json",
+        make: made::<diagnosis::report::Diagnosis>,
+    },
+    Entry { name: "log", version: "log/1", what: "a line of log.jsonl", make: made::<Record> },
+];
+
+fn made<T: JsonSchema>() -> Value {
+    schema_for!(T).to_value()
+}
+
+/// The names of the schemas.
+pub fn names() -> [&'static str; 3] {
+    ALL.map(|e| e.name)
+}
+
+/// The JSON schema (draft 2020-12) called `name`.
+///
+/// Errors: no such schema; the message names those there are.
+pub fn schema(name: &str) -> Result<String, BuildError> {
+    let Some(entry) = ALL.iter().find(|e| e.name == name) else {
+        return Err(BuildError::Usage(format!("no schema {name}; one of {} was expected", names().join(", "))));
+    };
+    let mut value = (entry.make)();
+    if let Some(map) = value.as_object_mut() {
+        map.insert("$id".into(), format!("urn:genu:schema:{}", entry.version.replace('/', ":")).into());
+        map.insert("title".into(), format!("{} ({})", entry.what, entry.version).into());
+        if let Some(stated) = map.get_mut("properties").and_then(|p| p.get_mut("schema")).and_then(Value::as_object_mut)
+        {
+            stated.insert("const".into(), entry.version.into());
+        }
+    }
+    let mut text = serde_json::to_string_pretty(&value).unwrap_or_default();
+    text.push('\n');
+    Ok(text)
+}

@@ -1,0 +1,27 @@
+from genu._build import Build as Build, Frames as Frames
+from genu._call import run as run
+from genu._errors import (
+    GenuError as GenuError,
+    InputError as InputError,
+    OptionError as OptionError,
+    StageError as StageError,
+    UsageError as UsageError,
+)
+from genu._meshes import Hexahedra as Hexahedra, Surface as Surface, read_hexahedra as read_hexahedra, read_surface as read_surface
+from genu._model import Model as Model
+from genu._tables import read_table as read_table
+from genu._verbs import (
+    Calibration as Calibration,
+    Diagnosis as Diagnosis,
+    Validation as Validation,
+    build as build,
+    calibrate as calibrate,
+    diagnose as diagnose,
+    export as export,
+    import_abaqus as import_abaqus,
+    phantom as phantom,
+    simulate as simulate,
+    validate as validate,
+)
+
+__version__: str

@@ -1,0 +1,5 @@
+"""``python -m genu``: the command build-model."""
+
+from genu._command import main
+
+main()

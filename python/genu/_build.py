@@ -1,0 +1,254 @@
+"""What a build left behind, stage by stage."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import dataclass, field
+from typing import Any, Optional
+
+import numpy as np
+
+from genu._call import Path
+from genu._errors import InputError
+from genu._meshes import Hexahedra, Surface, read_hexahedra, read_surface
+from genu._model import Model
+from genu._tables import read_table
+
+
+@dataclass
+class Frames:
+    """Anatomical frames.
+
+    Attributes
+    ----------
+    femur, tibia : ndarray, shape (4, 4)
+        CT from the bone's frame; the columns are the unit vectors medial, anterior, superior, and the origin [mm].
+        As the axes are anatomical, the frame is right-handed for one side and left-handed for the other;
+        ``numpy.linalg.inv`` gives the way back for both.
+    pose : dict
+        Grood-Suntay coordinates in CT: ``fe_deg``, ``vv_deg``, ``ie_deg``, ``ml_mm``, ``ap_mm``, ``si_mm``.
+    raw : dict
+        frames.json as it stands.
+    """
+
+    femur: np.ndarray
+    tibia: np.ndarray
+    pose: dict[str, float]
+    raw: dict[str, Any] = field(repr=False, default_factory=dict)
+
+
+class Build:
+    """A build's folder: stages, metrics, warnings, and what each stage made.
+
+    Parameters
+    ----------
+    folder : str or path-like
+        The folder of a build, or of the specimen that holds ``build/``.
+
+    Attributes
+    ----------
+    folder : str
+        The build's folder.
+
+    Raises
+    ------
+    InputError
+        No build there.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        given = os.path.abspath(os.fspath(folder))
+        places = [os.path.join(given, "build"), given]
+        found = [p for p in places if os.path.isfile(os.path.join(p, "log.jsonl"))]
+        if not found:
+            raise InputError(f"no build in {given}: no log.jsonl there or in build/; run genu.build first")
+        self.folder = found[0]
+
+    def __repr__(self) -> str:
+        return f"<genu.Build {self.folder}: {', '.join(self.stages) or 'no stage done'}>"
+
+    @property
+    def log(self) -> list[dict[str, Any]]:
+        """The lines of log.jsonl: ``stage``, ``seconds``, ``peak_memory_mib``, ``digest``, ``cached``, ``warnings``, ``metrics``."""
+        with open(os.path.join(self.folder, "log.jsonl"), encoding="utf-8") as file:
+            return [json.loads(line) for line in file if line.strip()]
+
+    @property
+    def stages(self) -> list[str]:
+        """Names of the stages that are done, in order."""
+        return [r["stage"] for r in self.log]
+
+    @property
+    def metrics(self) -> dict[str, dict[str, Any]]:
+        """By stage, its figures with dotted names, such as ``metrics["cartilage"]["femur.volume_mm3"]``."""
+        return {r["stage"]: _flat(r["metrics"]) for r in self.log}
+
+    @property
+    def warnings(self) -> dict[str, list[str]]:
+        """By stage, what it warns of; stages without a warning are left out."""
+        return {r["stage"]: list(r["warnings"]) for r in self.log if r["warnings"]}
+
+    @property
+    def failure(self) -> Optional[dict[str, str]]:
+        """What stopped the build, ``stage`` and ``message``; None where nothing did."""
+        path = os.path.join(self.folder, "failure.json")
+        return self._json(path) if os.path.isfile(path) else None
+
+    @property
+    def report(self) -> str:
+        """The path of report.html."""
+        return os.path.join(self.folder, "report.html")
+
+    def summary(self) -> Any:
+        """The log as a pandas frame: a row a stage, with seconds, memory [MiB] and the number of warnings."""
+        from genu._call import wanted
+
+        rows = [
+            {
+                "stage": r["stage"],
+                "seconds": r["seconds"],
+                "peak_memory_mib": r["peak_memory_mib"],
+                "cached": r["cached"],
+                "warnings": len(r["warnings"]),
+            }
+            for r in self.log
+        ]
+        return wanted("pandas", "tables").DataFrame(rows)
+
+    def path(self, stage: str, *names: str) -> str:
+        """The path of a stage's folder, or of a file in it.
+
+        Parameters
+        ----------
+        stage : str
+            Its name without the number, such as ``"cartilage"``.
+        *names : str
+            Parts of the path below the stage's folder.
+
+        Raises
+        ------
+        InputError
+            The stage has not been run.
+        """
+        for entry in sorted(os.listdir(self.folder)):
+            number, dash, name = entry.partition("-")
+            if dash and name == stage and number[:2].isdigit():
+                return os.path.join(self.folder, entry, *names)
+        raise InputError(f"{self.folder}: stage {stage} has not been run; done are {', '.join(self.stages) or 'none'}")
+
+    def files(self, stage: str) -> list[str]:
+        """The files of a stage, by their paths below its folder, in order."""
+        top = self.path(stage)
+        found = [os.path.relpath(os.path.join(d, f), top) for d, _, fs in os.walk(top) for f in fs]
+        return sorted(f.replace(os.sep, "/") for f in found)
+
+    def surface(self, stage: str, name: str) -> Surface:
+        """A surface of a stage.
+
+        Parameters
+        ----------
+        stage : str
+            Such as ``"bones"`` or ``"cartilage"``.
+        name : str
+            The file's name without ``.ply``: ``femur``, ``tibfib``, ``tibia_medial``, ``tibia_lateral``, ...
+
+        Returns
+        -------
+        Surface
+            Vertices [mm] in the CT frame.
+        """
+        return read_surface(self._one(stage, name, ".ply"))
+
+    def hexahedra(self, name: str, stage: str = "overclosure") -> Hexahedra:
+        """The hexahedra of a cartilage.
+
+        Parameters
+        ----------
+        name : str
+            ``femur``, ``tibia_medial`` or ``tibia_lateral``.
+        stage : str
+            ``"overclosure"`` (those of the model) or ``"hexmesh"`` (as swept).
+
+        Returns
+        -------
+        Hexahedra
+            Nodes [mm] in the CT frame.
+        """
+        return read_hexahedra(self._one(stage, name, ".vtu"))
+
+    def table(self, stage: str, name: str) -> Any:
+        """A table of a stage as a pandas frame; ``name`` is the path below its folder without ``.csv``."""
+        return read_table(self._one(stage, name, ".csv"))
+
+    def json(self, stage: str, name: str) -> Any:
+        """A JSON file of a stage; ``name`` is the path below its folder without ``.json``."""
+        return self._json(self._one(stage, name, ".json"))
+
+    @property
+    def frames(self) -> Frames:
+        """The anatomical frames of stage ``frames``."""
+        raw = self.json("frames", "frames")
+        return Frames(_matrix(raw["femur"]), _matrix(raw["tibia"]), dict(raw["gs_ct_pose"]), raw)
+
+    @property
+    def transforms(self) -> dict[str, np.ndarray]:
+        """CT from each scan's frame, 4 x 4 [mm], by bone; of stage ``register``."""
+        raw = self.json("register", "transforms")
+        return {bone: np.array(t["ct_from_scan"], dtype=np.float64) for bone, t in raw.items() if "ct_from_scan" in t}
+
+    @property
+    def fibres(self) -> Any:
+        """The ligament fibres as a pandas frame, ends [mm] in the CT frame."""
+        return self.table("attachments", "fibres")
+
+    @property
+    def sites(self) -> Any:
+        """The attachment sites as a pandas frame; ``centroid`` [mm] in the CT frame."""
+        from genu._call import wanted
+
+        return wanted("pandas", "tables").DataFrame(self.json("attachments", "sites"))
+
+    @property
+    def model(self) -> Model:
+        """The assembled model, to be simulated and edited."""
+        return Model(self.path("assemble", "model.json"))
+
+    @property
+    def sources(self) -> list[str]:
+        """The sets of laxity that the build was calibrated to; empty where there are none."""
+        if "calibrate" not in self.stages:
+            return []
+        top = self.path("calibrate")
+        return sorted(d for d in os.listdir(top) if os.path.isfile(os.path.join(top, d, "model.json")))
+
+    def calibrated(self, source: str) -> Model:
+        """The model calibrated to ``source``, such as ``"kla"`` or ``"joint"``."""
+        return Model(self.path("calibrate", source, "model.json"))
+
+    def _one(self, stage: str, name: str, ending: str) -> str:
+        path = self.path(stage, *name.split("/")) + ending
+        if not os.path.isfile(path):
+            there = [f[: -len(ending)] for f in self.files(stage) if f.endswith(ending)]
+            raise InputError(f"{path}: no such file; stage {stage} has {', '.join(there) or 'none of this kind'}")
+        return path
+
+    @staticmethod
+    def _json(path: str) -> Any:
+        with open(path, encoding="utf-8") as file:
+            return json.load(file)
+
+
+def _matrix(frame: dict[str, Any]) -> np.ndarray:
+    out = np.eye(4)
+    out[:3] = np.column_stack([frame[k] for k in ("medial", "anterior", "superior", "origin")])
+    return out
+
+
+def _flat(value: Any, prefix: str = "") -> dict[str, Any]:
+    if not isinstance(value, dict):
+        return {prefix: value}
+    out: dict[str, Any] = {}
+    for key, inner in value.items():
+        out.update(_flat(inner, f"{prefix}.{key}" if prefix else key))
+    return out

@@ -1,0 +1,122 @@
+"""Calls of the program: words of a command line, progress, Ctrl-C."""
+
+from __future__ import annotations
+
+import os
+import sys
+from contextlib import contextmanager
+from typing import Any, Callable, Iterator, Mapping, Optional, Sequence, Union
+
+from genu import _errors, _genu
+
+Path = Union[str, "os.PathLike[str]"]
+Progress = Union[None, bool, Callable[[str, float, str], Any]]
+
+
+def run(*words: Any, jobs: Optional[int] = None, progress: Progress = None) -> str:
+    """Run a command line of ``build-model`` in this process.
+
+    Python's lock is not held meanwhile. Ctrl-C stops the work between two steps and raises KeyboardInterrupt;
+    what was finished is kept, and the same call goes on from there.
+
+    Parameters
+    ----------
+    *words : str or path-like
+        The words after ``build-model``, such as ``"inspect", "knee", "--json"``.
+    jobs : int, optional
+        Number of threads; all where None. Results do not depend on it.
+    progress : callable, True or None
+        Called as ``progress(stage, share, message)`` with the share done, 0 to 1. True draws a bar
+        (by tqdm where it is installed). An exception it raises stops the work.
+
+    Returns
+    -------
+    str
+        What the command prints.
+
+    Raises
+    ------
+    GenuError
+        One of its kinds, with the command's sentence.
+    """
+    with watching(progress) as watcher:
+        return _genu.call([os.fspath(w) if hasattr(w, "__fspath__") else str(w) for w in words], _errors.made, jobs, watcher)
+
+
+@contextmanager
+def watching(progress: Progress) -> Iterator[Optional[Callable[[str, float, str], Any]]]:
+    """The callback of ``progress``; a bar where it is True."""
+    if progress is None or progress is False:
+        yield None
+    elif progress is True:
+        with _bar() as watcher:
+            yield watcher
+    elif callable(progress):
+        yield progress
+    else:
+        raise TypeError("progress: a callable, True or None was expected")
+
+
+@contextmanager
+def _bar() -> Iterator[Callable[[str, float, str], Any]]:
+    try:
+        from tqdm.auto import tqdm
+    except ImportError:
+        def line(stage: str, share: float, message: str) -> None:
+            print(f"{100 * share:3.0f} %  {stage}: {message}", file=sys.stderr)
+
+        yield line
+        return
+    with tqdm(total=100, bar_format="{l_bar}{bar}| {elapsed}") as bar:
+        def watcher(stage: str, share: float, message: str) -> None:
+            bar.set_description(f"{stage}: {message}", refresh=False)
+            bar.n = round(100 * share, 1)
+            bar.refresh()
+
+        yield watcher
+
+
+def absolute(path: Path) -> str:
+    """The path, so that no word of it is taken for a verb or an option."""
+    return os.path.abspath(os.fspath(path))
+
+
+def settings(options: Optional[Mapping[str, Any]], stage: Optional[str] = None) -> list[str]:
+    """``--set`` for every option; ``{"hexmesh": {"edge_length_mm": 0.75}}`` or ``{"hexmesh.edge_length_mm": 0.75}``."""
+    words: list[str] = []
+    for key, value in (options or {}).items():
+        path = key if stage is None or key == stage or key.startswith(f"{stage}.") else f"{stage}.{key}"
+        if "." not in path and isinstance(value, Mapping):
+            for inner, one in value.items():
+                words += ["--set", f"{path}.{inner}={toml(one)}"]
+        else:
+            words += ["--set", f"{path}={toml(value)}"]
+    return words
+
+
+def toml(value: Any) -> str:
+    """A value in TOML's words."""
+    if hasattr(value, "tolist"):  # numpy
+        value = value.tolist()
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, (int, float)):
+        return repr(value)
+    if isinstance(value, str):
+        escaped = value.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
+        return f'"{escaped}"'
+    if isinstance(value, Mapping):
+        return "{" + ", ".join(f"{k} = {toml(v)}" for k, v in value.items()) + "}"
+    if isinstance(value, Sequence):
+        return "[" + ", ".join(toml(v) for v in value) + "]"
+    raise TypeError(f"an option cannot be {type(value).__name__}: a number, text, bool, list or dict was expected")
+
+
+def wanted(module: str, extra: str) -> Any:
+    """An optional package, or a sentence that tells how to get it."""
+    import importlib
+
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        raise ImportError(f'{module} is needed here and not installed: pip install "genu[{extra}]"') from error

@@ -1,0 +1,457 @@
+"""The verbs of build-model: models and tables in, models and tables out."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from dataclasses import dataclass, field
+from typing import Any, Mapping, Optional, Sequence
+
+from genu._build import Build
+from genu._call import Path, Progress, absolute, run, settings
+from genu._errors import GenuError
+from genu._model import Model, model_file
+from genu._tables import read_table, table_file
+
+
+def phantom(id: str, folder: Path, *, seed: int = 1, volume: bool = False) -> str:
+    """Write a synthetic specimen with known truth.
+
+    Parameters
+    ----------
+    id : str
+        Such as ``"S192803-phantom"``; the error for an unknown name lists those there are.
+    folder : str or path-like
+        A new or empty folder.
+    seed : int
+        Seed of its noise.
+    volume : bool
+        Write a CT volume in place of the CT surfaces.
+
+    Returns
+    -------
+    str
+        The specimen's folder, for :func:`build`.
+
+    Raises
+    ------
+    GenuError
+        An unknown name, or a folder with something in it.
+    """
+    place = absolute(folder)
+    run("phantom", id, place, "--seed", seed, *(["--volume"] if volume else []))
+    return place
+
+
+def build(
+    specimen: Path,
+    *,
+    out: Optional[Path] = None,
+    to: Optional[str] = None,
+    from_: Optional[str] = None,
+    options: Optional[Mapping[str, Any]] = None,
+    force: bool = False,
+    seed: Optional[int] = None,
+    jobs: Optional[int] = None,
+    progress: Progress = None,
+) -> Build:
+    """Build the model of a specimen; a stage whose inputs have not changed is not run again.
+
+    Parameters
+    ----------
+    specimen : str or path-like
+        The folder that holds specimen.toml.
+    out : str or path-like, optional
+        Where the build goes; ``specimen/build`` where None.
+    to : str, optional
+        Stop after this stage, such as ``"assemble"``.
+    from_ : str, optional
+        Run this stage and those after it, even if nothing changed.
+    options : dict, optional
+        ``{"hexmesh": {"edge_length_mm": 0.75}}`` or ``{"hexmesh.edge_length_mm": 0.75}``.
+    force : bool
+        Run every stage, even if nothing changed.
+    seed : int, optional
+        Seed of whatever is random.
+    jobs : int, optional
+        Threads; all where None. The result does not depend on it.
+    progress : callable, True or None
+        ``progress(stage, share, message)``; True draws a bar. See :func:`run`.
+
+    Returns
+    -------
+    Build
+
+    Raises
+    ------
+    StageError
+        A stage cannot go on: ``stage`` names it, ``file`` and ``row`` where its sentence does.
+    InputError, OptionError, UsageError
+        A file, an option or the call is at fault.
+    KeyboardInterrupt
+        Ctrl-C. The same call goes on from the stages that were finished.
+    """
+    words: list[Any] = [absolute(specimen), "--quiet"]
+    words += ["--out", absolute(out)] if out is not None else []
+    words += ["--to", to] if to is not None else []
+    words += ["--from", from_] if from_ is not None else []
+    words += ["--force"] if force else []
+    words += ["--seed", seed] if seed is not None else []
+    run(*words, *settings(options), jobs=jobs, progress=progress)
+    return Build(out if out is not None else os.path.join(absolute(specimen), "build"))
+
+
+def simulate(
+    model: Any,
+    trials: Any = None,
+    *,
+    protocol: Optional[str] = None,
+    without: Sequence[str] = (),
+    solver: str = "quasistatic",
+    read_as: Optional[str] = None,
+    to_flexion_deg: Optional[float] = None,
+    compression_n: Optional[float] = None,
+    jobs: Optional[int] = None,
+    progress: Progress = None,
+) -> Any:
+    """Predict what a model does under the loads of trials or of a protocol.
+
+    Parameters
+    ----------
+    model : Model, Build, str or path-like
+        The knee; an edited :class:`Model` is taken as it stands.
+    trials : pandas.DataFrame, dict of columns, list of dicts, str or path-like, optional
+        Laxity trials with the columns of FORMAT.md: ``trial``, ``test``, ``nominal_flexion_deg``, ``load_vv_nm``,
+        ``load_ie_nm``, ``load_ml_n``, ``load_ap_n``, ``load_si_n``, ``fe_deg``. Clinical signs, of the tibia.
+    protocol : str, optional
+        ``"ap-laxity"``, ``"passive-flexion"`` or ``"pivot-shift"``, in place of trials.
+    without : sequence of str
+        Bundles or ligaments to cut, such as ``["ACL"]``.
+    solver : str
+        ``"quasistatic"`` or ``"explicit"``.
+    read_as : str, optional
+        Predict what the apparatus of this data set would read, with what :func:`diagnose` added to it.
+    to_flexion_deg : float, optional
+        Where passive flexion ends [deg].
+    compression_n : float, optional
+        Joint compression in a protocol [N].
+    jobs, progress
+        As in :func:`build`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row a trial: the columns of the trials with predicted ``vv_deg``, ``ie_deg``, ``ml_mm``, ``ap_mm``, ``si_mm``,
+        and a force per bundle, ``force_ACL_AM_n``, ... [N].
+
+    Raises
+    ------
+    InputError
+        The trials or the model are at fault; ``row`` is the line of the table, its header being line 1.
+    UsageError
+        Neither or both of ``trials`` and ``protocol``; an unknown ligament.
+    """
+    with tempfile.TemporaryDirectory(prefix="genu-") as folder:
+        results = os.path.join(folder, "results.csv")
+        words: list[Any] = ["simulate", model_file(model, folder), "--out", results, "--solver", solver]
+        words += ["--trials", table_file(trials, folder, "trials")] if trials is not None else []
+        words += ["--protocol", protocol] if protocol is not None else []
+        words += ["--without", ",".join(without)] if without else []
+        words += ["--read-as", read_as] if read_as is not None else []
+        words += ["--to-flexion", to_flexion_deg] if to_flexion_deg is not None else []
+        words += ["--compression", compression_n] if compression_n is not None else []
+        run(*words, jobs=jobs, progress=progress)
+        return read_table(results)
+
+
+@dataclass
+class Calibration:
+    """What :func:`calibrate` found.
+
+    Attributes
+    ----------
+    folder : str
+        Where its files are.
+    model : Model
+        The calibrated model.
+    parameters : pandas.DataFrame
+        ``design_variable``, ``bundle``, ``kind``, ``value``, ``lower``, ``upper``, ...: 90 % intervals.
+    history : pandas.DataFrame
+        Cost by evaluation.
+    metrics : dict
+        Figures: ``cost``, ``rms`` by coordinate, ``trials``, ...
+    words : str
+        What the command tells.
+    """
+
+    folder: str
+    model: Model = field(repr=False)
+    parameters: Any = field(repr=False)
+    history: Any = field(repr=False)
+    metrics: dict[str, Any] = field(repr=False)
+    words: str = field(repr=False, default="")
+
+    def table(self, name: str) -> Any:
+        """Another table of the folder as a pandas frame, such as ``"forces"`` or ``"fit"``."""
+        return read_table(os.path.join(self.folder, f"{name}.csv"))
+
+
+def calibrate(
+    model: Any,
+    targets: Any,
+    out: Path,
+    *,
+    method: str = "gradient",
+    options: Optional[Mapping[str, Any]] = None,
+    seed: Optional[int] = None,
+    force: bool = False,
+    jobs: Optional[int] = None,
+    progress: Progress = None,
+) -> Calibration:
+    """Find the ligament parameters with which a model answers as the knee did.
+
+    Parameters
+    ----------
+    model : Model, Build, str or path-like
+        Where the search starts.
+    targets : pandas.DataFrame, dict of columns, list of dicts, str or path-like
+        Measured laxity, columns as in FORMAT.md.
+    out : str or path-like
+        Folder for model.json, parameters.csv, history.csv and more.
+    method : str
+        ``"gradient"``, ``"swarm-simplex"`` (the paper's recipe) or ``"descent"``.
+    options : dict, optional
+        Of stage ``calibrate``: ``{"gradient.starts": 3}``.
+    seed, force, jobs, progress
+        As in :func:`build`. An interrupted calibration is taken up by the same call.
+
+    Returns
+    -------
+    Calibration
+
+    Raises
+    ------
+    InputError, OptionError, UsageError
+    """
+    place = absolute(out)
+    with tempfile.TemporaryDirectory(prefix="genu-") as folder:
+        words: list[Any] = ["calibrate", model_file(model, folder), "--targets", table_file(targets, folder, "targets")]
+        words += ["--out", place, "--method", method, *settings(options, "calibrate")]
+        words += ["--seed", seed] if seed is not None else []
+        words += ["--force"] if force else []
+        told = run(*words, jobs=jobs, progress=progress)
+    return Calibration(
+        place,
+        Model(place),
+        read_table(os.path.join(place, "parameters.csv")),
+        read_table(os.path.join(place, "history.csv")),
+        _json(os.path.join(place, "metrics.json")),
+        told,
+    )
+
+
+@dataclass
+class Validation:
+    """What :func:`validate` found.
+
+    Attributes
+    ----------
+    folder : str
+        Where its files are.
+    differences : pandas.DataFrame
+        How far the models differ in each protocol (RMSD), with the published figures.
+    words : str
+        What the command tells.
+    """
+
+    folder: str
+    differences: Any = field(repr=False)
+    words: str = field(repr=False, default="")
+
+    def protocol(self, model: str, name: str) -> Any:
+        """A model's answers to ``"ap_laxity"``, ``"passive_flexion"``, ``"pivot_shift"`` or ``"pivot_shift_no_acl"``."""
+        return read_table(os.path.join(self.folder, model, f"{name}.csv"))
+
+    def table(self, name: str) -> Any:
+        """Another table of the folder as a pandas frame."""
+        return read_table(os.path.join(self.folder, f"{name}.csv"))
+
+
+def validate(
+    models: Mapping[str, Any],
+    out: Path,
+    *,
+    passive: Optional[Mapping[str, Any]] = None,
+    options: Optional[Mapping[str, Any]] = None,
+    jobs: Optional[int] = None,
+    progress: Progress = None,
+) -> Validation:
+    """Run the validation protocols on models of one knee and compare them.
+
+    Parameters
+    ----------
+    models : dict
+        By name, each a Model, Build, Calibration or a path.
+    out : str or path-like
+        Folder for the results.
+    passive : dict, optional
+        By name, measured passive flexion: a table with ``fe_deg``, ``vv_deg``, ``ie_deg``, ``ml_mm``, ``ap_mm``, ``si_mm``, or its path.
+    options : dict, optional
+        Of stage ``validate``: ``{"ap_flexions_deg": [30, 60]}``.
+    jobs, progress
+        As in :func:`build`.
+
+    Returns
+    -------
+    Validation
+
+    Raises
+    ------
+    InputError, UsageError
+    """
+    place = absolute(out)
+    with tempfile.TemporaryDirectory(prefix="genu-") as folder:
+        words: list[Any] = ["validate", "--out", place, *settings(options, "validate")]
+        for name, table in (passive or {}).items():
+            words += ["--passive", f"{name}={table_file(table, folder, f'passive-{name}')}"]
+        words += [f"{name}={model_file(model, folder, name)}" for name, model in models.items()]
+        told = run(*words, jobs=jobs, progress=progress)
+    return Validation(place, read_table(os.path.join(place, "compare.csv")), told)
+
+
+@dataclass
+class Diagnosis:
+    """What :func:`diagnose` found.
+
+    Attributes
+    ----------
+    folder : str
+        Where diagnosis.json, report.html, components/ and model.json are.
+    raw : dict
+        diagnosis.json as it stands.
+    model : Model
+        The model with what was added.
+    """
+
+    folder: str
+    raw: dict[str, Any] = field(repr=False)
+    model: Model = field(repr=False)
+
+    @property
+    def verdict(self) -> str:
+        """``"decisive"``, ``"probable"``, ``"one_of"``, ``"unnamed"`` or ``"none"``."""
+        return self.raw["verdict"]
+
+    @property
+    def answers(self) -> list[dict[str, Any]]:
+        """Rival answers, best first."""
+        return self.raw["answers"]
+
+    @property
+    def description(self) -> str:
+        """Words for a reader."""
+        return self.raw["description"]
+
+    @property
+    def report(self) -> str:
+        """The path of report.html."""
+        return os.path.join(self.folder, "report.html")
+
+
+def diagnose(
+    model: Any,
+    measured: Mapping[str, Any],
+    out: Path,
+    *,
+    without_effect: Sequence[str] = (),
+    options: Optional[Path] = None,
+    jobs: Optional[int] = None,
+    progress: Progress = None,
+) -> Diagnosis:
+    """Find the effect that a model lacks, by measured laxity.
+
+    Parameters
+    ----------
+    model : Model, Build, Calibration, str or path-like
+        The knee.
+    measured : dict
+        By the data set's name (``"kla"``, ``"rks"``), laxity trials as a table or a path.
+    out : str or path-like
+        Folder for diagnosis.json, report.html, components/ and model.json.
+    without_effect : sequence of str
+        Effects to leave out of the catalogue.
+    options : str or path-like, optional
+        Options of the diagnosis (TOML).
+    jobs, progress
+        As in :func:`build`.
+
+    Returns
+    -------
+    Diagnosis
+
+    Raises
+    ------
+    InputError, OptionError, UsageError
+    """
+    place = absolute(out)
+    with tempfile.TemporaryDirectory(prefix="genu-") as folder:
+        words: list[Any] = ["diagnose", model_file(model, folder), "--out", place]
+        for name, table in measured.items():
+            words += ["--measured", f"{name}={table_file(table, folder, f'measured-{name}')}"]
+        words += ["--without-effect", ",".join(without_effect)] if without_effect else []
+        words += ["--options", absolute(options)] if options is not None else []
+        run(*words, jobs=jobs, progress=progress)
+    return Diagnosis(place, _json(os.path.join(place, "diagnosis.json")), Model(place))
+
+
+def export(model: Any, format: str, out: Path, *, poses: Any = None) -> list[str]:
+    """Write a model as another program reads it.
+
+    Parameters
+    ----------
+    model : Model, Build, str or path-like
+        The knee.
+    format : str
+        ``"abaqus"``, ``"febio"``, ``"opensim"``, ``"vtk"``, ``"stl"``, ``"ply"`` or ``"glb"``.
+    out : str or path-like
+        Folder for the files.
+    poses : pandas.DataFrame, str or path-like, optional
+        Results of :func:`simulate`, for a time series (with ``"vtk"``).
+
+    Returns
+    -------
+    list of str
+        Paths of the files in ``out``.
+
+    Raises
+    ------
+    InputError, UsageError
+    """
+    place = absolute(out)
+    with tempfile.TemporaryDirectory(prefix="genu-") as folder:
+        words: list[Any] = ["export", model_file(model, folder), "--format", format, "--out", place]
+        words += ["--poses", table_file(poses, folder, "poses")] if poses is not None else []
+        run(*words)
+    return sorted(os.path.join(d, f) for d, _, fs in os.walk(place) for f in fs)
+
+
+def import_abaqus(deck: Path, out: Path) -> Model:
+    """Turn a published Abaqus knee deck into a model in the folder ``out``.
+
+    Raises
+    ------
+    InputError
+        The deck cannot be read; ``file`` and ``row`` say where.
+    """
+    place = absolute(out)
+    run("import-abaqus", absolute(deck), "--out", place)
+    return Model(place)
+
+
+def _json(path: str) -> Any:
+    try:
+        with open(path, encoding="utf-8") as file:
+            return json.load(file)
+    except OSError as error:
+        raise GenuError(f"cannot read {path}: {error.strerror}") from None

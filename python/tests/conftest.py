@@ -1,0 +1,66 @@
+"""One phantom, built once for all tests."""
+
+import pytest
+
+import genu
+
+
+@pytest.fixture(scope="session")
+def specimen(tmp_path_factory):
+    return genu.phantom("S192803-phantom", tmp_path_factory.mktemp("knee") / "specimen")
+
+
+@pytest.fixture(scope="session")
+def events():
+    return []
+
+
+@pytest.fixture(scope="session")
+def build(specimen, events):
+    return genu.build(specimen, progress=lambda *event: events.append(event))
+
+
+@pytest.fixture(scope="session")
+def model(build):
+    return build.model
+
+
+@pytest.fixture(scope="session")
+def trials():
+    """Six drawers and two turns, as a laboratory's table."""
+    pandas = pytest.importorskip("pandas")
+    rows = []
+    for flexion in (30, 60):
+        for test, vv, ie, ap in (
+            ("anterior", 0, 0, 100),
+            ("posterior", 0, 0, -100),
+            ("internal", 0, -4, 0),
+            ("external", 0, 4, 0),
+            ("varus", -8, 0, 0),
+            ("valgus", 8, 0, 0),
+        ):
+            rows.append(
+                {
+                    "trial": f"{test}_{flexion}",
+                    "test": test,
+                    "nominal_flexion_deg": flexion,
+                    "load_vv_nm": vv,
+                    "load_ie_nm": ie,
+                    "load_ml_n": 0,
+                    "load_ap_n": ap,
+                    "load_si_n": 20,
+                    "fe_deg": flexion,
+                    **dict.fromkeys(("vv_deg", "ie_deg", "ml_mm", "ap_mm", "si_mm")),
+                }
+            )
+    return pandas.DataFrame(rows)
+
+
+@pytest.fixture(scope="session")
+def measured(model, trials):
+    """What a knee with a stiffer ACL would answer to them."""
+    truth = model.copy()
+    for name in ("ACL_AM", "ACL_PL"):
+        truth.bundle(name)["reference_strain"] += 0.02
+    poses = genu.simulate(truth, trials)
+    return poses[[c for c in poses.columns if not c.startswith("force_")]]

@@ -1,0 +1,152 @@
+"""The verbs on a model: pandas in, pandas out; their errors."""
+
+import json
+import os
+
+import pytest
+
+import genu
+
+pandas = pytest.importorskip("pandas")
+
+DIAGNOSIS_KEYS = {"schema", "verdict", "answers", "description", "gap"}
+
+
+def test_simulate_answers_every_trial_in_the_columns_of_the_format(model, trials):
+    poses = genu.simulate(model, trials)
+    assert list(poses["trial"]) == list(trials["trial"])
+    assert list(poses["fe_deg"]) == list(trials["fe_deg"])
+    ap = poses.set_index("trial")["ap_mm"]
+    assert ap["anterior_30"] > ap["posterior_30"] + 2
+    assert {f"force_{b}_n" for b in model.bundles} <= set(poses.columns)
+
+
+def test_an_edited_number_changes_the_answer_and_the_file_does_not_change(build, model, trials):
+    before = json.dumps(build.model.spec)
+    few = trials[trials["test"] == "anterior"]
+    loose = model.copy()
+    for bundle in loose.spec["bundles"]:
+        if bundle["name"].startswith("ACL"):
+            bundle["stiffness_n_per_mm"] *= 0.3
+    assert (genu.simulate(loose, few)["ap_mm"] > genu.simulate(model, few)["ap_mm"] + 0.1).all()
+    assert json.dumps(build.model.spec) == before
+
+
+def test_tables_may_be_dicts_or_files(model, trials, tmp_path):
+    few = trials.head(1)
+    expected = genu.simulate(model, few)
+    few.to_csv(tmp_path / "few.csv", index=False)
+    for table in (few.to_dict("list"), few.to_dict("records"), tmp_path / "few.csv"):
+        assert genu.simulate(model, table).equals(expected)
+
+
+def test_a_protocol_with_a_ligament_cut(model):
+    whole = genu.simulate(model, protocol="pivot-shift")
+    cut = genu.simulate(model, protocol="pivot-shift", without=["ACL"])
+    assert len(whole) == len(cut) and (cut["force_ACL_AM_n"] == 0).all()
+    passive = genu.simulate(model, protocol="passive-flexion", to_flexion_deg=30)
+    assert passive["fe_deg"].max() == 30
+
+
+def test_models_are_saved_and_read_from_anywhere(model, trials, tmp_path):
+    few = trials.head(1)
+    edited = model.copy()
+    edited.bundle("LCL")["reference_strain"] = 1.05
+    place = edited.save(tmp_path / "a" / "b")
+    again = genu.Model(place)
+    assert again.bundle("LCL")["reference_strain"] == 1.05
+    assert genu.simulate(again, few).equals(genu.simulate(edited, few))
+    assert {s.faces.shape[1] for s in again.surfaces().values()} == {3}
+    names, ends = again.fibres()
+    assert ends.shape == (len(names), 2, 3) and len(again.parameters()) == len(again.bundles)
+    with pytest.raises(KeyError, match="ACL_AM"):
+        again.bundle("ACL")
+
+
+@pytest.fixture(scope="session")
+def calibration(model, measured, tmp_path_factory):
+    seen = []
+    folder = tmp_path_factory.mktemp("calibrated")
+    found = genu.calibrate(
+        model,
+        measured,
+        folder,
+        options={"gradient.starts": 1},
+        progress=lambda stage, share, message: seen.append(share),
+    )
+    assert seen and all(0 <= s <= 1 for s in seen)
+    return found
+
+
+def test_calibrate_brings_the_answers_closer(model, measured, calibration):
+    def miss(m):
+        poses = genu.simulate(m, measured)
+        return float(((poses["ap_mm"] - measured["ap_mm"]) ** 2).mean() ** 0.5)
+
+    assert miss(calibration.model) < 0.5 * miss(model)
+    assert {"bundle", "kind", "value", "lower", "upper"} <= set(calibration.parameters.columns)
+    assert (calibration.parameters["lower"] <= calibration.parameters["upper"]).all()
+    assert calibration.history["best_cost"].is_monotonic_decreasing
+    assert calibration.metrics["trials"] == len(measured)
+    assert len(calibration.table("forces")) > 0
+
+
+def test_validate_compares(model, calibration, tmp_path):
+    found = genu.validate({"built": model, "fitted": calibration}, tmp_path, options={"ap_flexions_deg": [30]})
+    assert len(found.differences) > 0
+    assert set(found.protocol("fitted", "ap_laxity")["fe_deg"].round()) == {30}
+
+
+def test_export_writes_what_meshio_reads(model, tmp_path):
+    meshio = pytest.importorskip("meshio")
+    files = genu.export(model, "stl", tmp_path)
+    assert {os.path.basename(f) for f in files} >= {"femur_bone.stl", "tibia_bone.stl"}
+    assert len(meshio.read(files[0]).cells_dict["triangle"]) > 1000
+    deck = genu.export(model, "abaqus", tmp_path / "deck")
+    main = next(f for f in deck if f.endswith(".inp"))
+    assert genu.import_abaqus(main, tmp_path / "back").bundles == model.bundles
+
+
+def test_errors_carry_their_parts(model, trials, tmp_path):
+    bad = trials.head(2).astype({"load_ap_n": object})
+    bad.loc[1, "load_ap_n"] = "many"
+    bad.to_csv(tmp_path / "bad.csv", index=False)
+    with pytest.raises(genu.InputError) as told:
+        genu.simulate(model, tmp_path / "bad.csv")
+    assert told.value.file == str(tmp_path / "bad.csv") and told.value.row == 3 and told.value.stage is None
+    with pytest.raises(genu.UsageError):
+        genu.simulate(model)
+    with pytest.raises(genu.UsageError, match="XCL"):
+        genu.simulate(model, trials, without=["XCL"])
+    with pytest.raises(genu.InputError) as told:
+        genu.simulate(tmp_path / "none.json", trials)
+    assert told.value.file == str(tmp_path / "none.json")
+    (tmp_path / "broken.json").write_text('{\n  "schema": ,\n}')
+    with pytest.raises(genu.InputError) as told:
+        genu.Model(tmp_path / "broken.json")
+    assert told.value.row == 2
+    with pytest.raises(genu.GenuError, match="S192803-phantom"):
+        genu.phantom("nobody", tmp_path / "nobody")
+    with pytest.raises(genu.UsageError):
+        genu.run("no-such-folder", "--nonsense")
+
+
+def test_a_stage_that_stops_is_named(specimen, tmp_path):
+    import shutil
+
+    broken = tmp_path / "broken"
+    shutil.copytree(specimen, broken, ignore=shutil.ignore_patterns("build"))
+    (broken / "landmarks.csv").write_text("name,frame,x_mm,y_mm,z_mm\nepicondyle_medial,ct,1,2\n")
+    with pytest.raises(genu.StageError) as told:
+        genu.build(broken)
+    assert told.value.stage == "ingest" and told.value.file == "landmarks.csv" and told.value.row == 2
+    failure = json.loads((broken / "build" / "failure.json").read_text())
+    assert failure["stage"] == "ingest" and "landmarks.csv" in failure["message"]
+
+
+def test_diagnose_answers(model, measured, tmp_path):
+    found = genu.diagnose(model, {"kla": measured}, tmp_path)
+    assert DIAGNOSIS_KEYS <= set(found.raw)
+    assert found.verdict in {"decisive", "probable", "one_of", "unnamed", "none"}
+    assert found.description and os.path.isfile(found.report)
+    assert found.model.bundles == model.bundles
