@@ -22,7 +22,7 @@ pub struct Source {
 }
 
 /// Noise of one coordinate of one data set.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct NoiseScale {
     /// The data set.
