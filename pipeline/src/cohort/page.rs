@@ -16,6 +16,8 @@ use std::path::Path;
 const MOST_DRAWN: usize = 400;
 /// Intervals of more knees than this would hide each other and are left out.
 const MOST_INTERVALS: usize = 40;
+/// Categories whose medians differ by more than this factor get charts of their own.
+const SAME_SCALE: f64 = 3.0;
 const RED: &str = "#c8102e";
 
 /// A chart and what it is called.
@@ -132,7 +134,7 @@ fn to_look_at(knees: &[Knee], outliers: &[Outlier], out: &Path) -> String {
 }
 
 fn charts(strips: &[Strip], knees: usize) -> String {
-    let mut html = "<section id=\"charts\"><h2>Across knees</h2><p>A point a knee, a bar at the median, outliers red with their names".to_owned();
+    let mut html = "<section id=\"charts\"><h2>Across knees</h2><p>A point a knee, a bar at the median, outliers red, the farthest with its name".to_owned();
     if knees > MOST_DRAWN {
         let _ = write!(html, "; of {knees} knees an even choice of {MOST_DRAWN} is drawn and every outlier");
     }
@@ -204,8 +206,10 @@ fn strips(knees: &[Knee], outliers: &[Outlier]) -> Vec<Strip> {
     let order = crate::run_log::STAGES.map(|(_, s)| s);
     let mut groups: Vec<_> = groups.into_iter().collect();
     groups.sort_by_key(|((stage, _), _)| order.iter().position(|s| s == stage));
-    let mut out: Vec<Strip> =
-        groups.into_iter().map(|((stage, title), dots)| strip(knees, &format!("{stage}: {title}"), &dots)).collect();
+    let mut out: Vec<Strip> = groups
+        .into_iter()
+        .flat_map(|((stage, title), dots)| panels(knees, &format!("{stage}: {title}"), dots))
+        .collect();
     out.extend(of_rows(knees, |k| &k.parameters, ("kind", "bundle"), ["value", "lower", "upper"]));
     out.extend(of_rows(knees, |k| &k.forces, ("trial", "bundle"), ["value_n", "lower_n", "upper_n"]));
     for coordinate in ["ap_mm", "ie_deg"] {
@@ -233,6 +237,19 @@ fn of_rows(knees: &[Knee], rows: impl Fn(&Knee) -> &Vec<Rows>, by: (&str, &str),
     groups.into_iter().map(|(title, dots)| strip(knees, &title, &dots)).collect()
 }
 
+/// One chart; one for every category where one scale would flatten some of them.
+fn panels(knees: &[Knee], title: &str, dots: Vec<Dot>) -> Vec<Strip> {
+    let mut by: BTreeMap<String, Vec<Dot>> = BTreeMap::new();
+    dots.into_iter().for_each(|d| by.entry(d.category.clone()).or_default().push(d));
+    let middles: Vec<f64> = by.values().map(|d| median(&d.iter().map(|d| d.value).collect::<Vec<_>>()).abs()).collect();
+    let (least, most) =
+        (middles.iter().copied().fold(f64::INFINITY, f64::min), middles.iter().copied().fold(0.0, f64::max));
+    if title.contains("pose") || most <= SAME_SCALE * least {
+        return vec![strip(knees, title, &by.into_values().flatten().collect::<Vec<_>>())];
+    }
+    by.into_iter().map(|(part, dots)| strip(knees, &format!("{title}, {}", part.replace('_', " ")), &dots)).collect()
+}
+
 fn strip(knees: &[Knee], title: &str, dots: &[Dot]) -> Strip {
     let mut categories: Vec<&str> = Vec::new();
     for d in dots {
@@ -252,11 +269,19 @@ fn strip(knees: &[Knee], title: &str, dots: &[Dot]) -> Strip {
             continue;
         }
         let names: Vec<String> = drawn.iter().map(|d| knees[d.knee].name.clone()).collect();
+        let far = |d: &Dot| (d.value - middle_of(dots, &d.category)).abs();
+        let farthest = |d: &Dot| drawn.iter().filter(|o| o.category == d.category).all(|o| far(o) <= far(d));
+        let shown: Vec<String> = drawn
+            .iter()
+            .zip(&names)
+            .map(|(d, n)| if outlier && farthest(d) { n.clone() } else { String::new() })
+            .collect();
         let (x, y): (Vec<f64>, Vec<f64>) = drawn.iter().map(|d| (place(d), d.value)).unzip();
         let mut trace = Scatter::new(x, y)
             .mode(if outlier { Mode::MarkersText } else { Mode::Markers })
-            .text_array(names)
-            .hover_template("%{text}: %{y:.4g}<extra></extra>")
+            .text_array(shown)
+            .hover_text_array(names)
+            .hover_template("%{hovertext}: %{y:.4g}<extra></extra>")
             .marker(Marker::new().color(colour).size(7).opacity(0.75));
         if outlier {
             trace = trace.text_position(plotly::common::Position::TopCenter);
@@ -275,10 +300,7 @@ fn strip(knees: &[Knee], title: &str, dots: &[Dot]) -> Strip {
         }
         plot.add_trace(trace);
     }
-    let middles: Vec<f64> = categories
-        .iter()
-        .map(|c| median(&dots.iter().filter(|d| d.category == *c).map(|d| d.value).collect::<Vec<_>>()))
-        .collect();
+    let middles: Vec<f64> = categories.iter().map(|c| middle_of(dots, c)).collect();
     let at: Vec<f64> = (0..categories.len()).map(|k| k as f64).collect();
     // a bar a category, broken after each
     let (ends_of, at_height): (Vec<f64>, Vec<f64>) = middles
@@ -291,10 +313,16 @@ fn strip(knees: &[Knee], title: &str, dots: &[Dot]) -> Strip {
     plot.add_trace(Scatter::new(ends_of, at_height).mode(Mode::Lines).line(bar).hover_template(template));
     let ends = vec![-0.6, categories.len() as f64 - 0.4];
     let names: Vec<String> = categories.iter().map(|c| c.replace("tibia_", "tibia ")).collect();
-    let axis = Axis::new().tick_values(at).tick_text(names).range(ends).show_grid(false).auto_margin(true);
+    let axis =
+        Axis::new().tick_values(at).tick_text(names).range(ends).show_grid(false).zero_line(false).auto_margin(true);
     let layout: Layout = layout("", "").x_axis(axis).show_legend(false);
     plot.set_layout(layout);
     Strip { title: title.to_owned(), plot }
+}
+
+/// The median of a category.
+fn middle_of(dots: &[Dot], category: &str) -> f64 {
+    median(&dots.iter().filter(|d| d.category == category).map(|d| d.value).collect::<Vec<_>>())
 }
 
 fn script(strips: &[Strip]) -> String {
