@@ -99,15 +99,10 @@ fn an_empty_folder_is_written_to_fill_in() {
     let toml = fs::read_to_string(knee.join("specimen.toml")).unwrap();
     assert!(toml.contains("id = \"K7\"") && toml.contains("# [laxity_format.kla]"), "{toml}");
     // what is commented out is TOML that the program knows, and the laxity file reads
-    let bare: String = toml
-        .lines()
-        .map(|l| l.strip_prefix("# ").filter(|l| l.contains('=') || l.starts_with('[')).unwrap_or(l).to_owned() + "\n")
-        .collect();
-    let bare: String = bare
-        .lines()
-        .filter(|l| !l.starts_with("volume") && !l.starts_with("labels"))
-        .map(|l| format!("{l}\n"))
-        .collect();
+    let key = |l: &&str| l.starts_with('[') || l.split_once(" = ").is_some_and(|(k, _)| !k.contains(' '));
+    let bare: String = toml.lines().map(|l| l.strip_prefix("# ").filter(key).unwrap_or(l).to_owned() + "\n").collect();
+    let surfaces = |l: &&str| !l.starts_with("volume") && !l.starts_with("labels");
+    let bare: String = bare.lines().filter(surfaces).map(|l| format!("{l}\n")).collect();
     stages::ingest::parse_specimen_file(&bare).unwrap_or_else(|e| panic!("{e}\n{bare}"));
     sim::laxity::read(&fs::read(knee.join("laxity/example.csv")).unwrap()).unwrap();
     build_model()
