@@ -24,7 +24,11 @@ pub fn parse_specimen_file(text: &str) -> Result<SpecimenFile, StageError> {
             }
             None => String::new(),
         };
-        StageError(format!("specimen.toml{place}: {}", with_suggestion(&e.message().trim().replace('\n', "; "))))
+        StageError(format!(
+            "specimen.toml{place}: {}{}",
+            with_suggestion(&e.message().trim().replace('\n', "; ")),
+            unquoted(text, &e)
+        ))
     })?;
     let refuse = |what: String| Err(StageError(format!("specimen.toml: {what}")));
     if file.specimen.id.trim().is_empty() {
@@ -72,6 +76,18 @@ pub fn parse_specimen_file(text: &str) -> Result<SpecimenFile, StageError> {
         check_path(&key, &path)?;
     }
     Ok(file)
+}
+
+/// What a line with an unquoted word should be.
+fn unquoted(text: &str, e: &toml::de::Error) -> String {
+    let line = e.span().and_then(|s| text.get(..s.start)).map_or(0, |before| before.matches('\n').count());
+    let Some((key, value)) = text.lines().nth(line).and_then(|l| l.split_once('=')) else { return String::new() };
+    let value = value.split('#').next().unwrap_or("").trim();
+    let word = !value.is_empty() && value.chars().all(|c| c.is_alphanumeric() || "_-./".contains(c));
+    match word && e.message().contains("quoted") {
+        true => format!("; write {} = \"{value}\"", key.trim()),
+        false => String::new(),
+    }
 }
 
 fn check_ct(ct: &CtPaths) -> Result<(), StageError> {
