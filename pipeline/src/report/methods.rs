@@ -21,6 +21,9 @@ pub(super) struct Methods {
     stages: Vec<(String, String)>,
 }
 
+/// A table: its title, its header, its rows.
+type Titled = (&'static str, Vec<&'static str>, Vec<Vec<String>>);
+
 impl Methods {
     /// Of a build's run.toml; `None` where it cannot be read.
     pub(super) fn read(run: &[u8], records: &[Record]) -> Option<Methods> {
@@ -60,7 +63,7 @@ impl Methods {
         )
     }
 
-    fn tables(&self) -> [(&'static str, Vec<&'static str>, Vec<Vec<String>>); 4] {
+    fn tables(&self) -> [Titled; 4] {
         let pair = |(a, b): &(String, String)| vec![a.clone(), b.clone()];
         [
             (

@@ -66,7 +66,7 @@ pub fn parse_specimen_file(text: &str) -> Result<SpecimenFile, StageError> {
             }
         }
     }
-    for name in file.laxity_format.keys().filter(|name| !file.laxity.contains_key(*name)) {
+    if let Some(name) = file.laxity_format.keys().find(|name| !file.laxity.contains_key(*name)) {
         return refuse(format!(
             "[laxity_format.{name}] has no file{}; expected [laxity] {name} = \"laxity/....csv\"",
             did_you_mean(name, file.laxity.keys())
