@@ -1,4 +1,4 @@
-//! FEBio, format version 4.0 [https://help.febio.org]: rigid bones and cartilage faces, fibres as nonlinear springs, sliding contact by penalty. mm, N, MPa.
+//! FEBio, format version 4.0 <https://help.febio.org>: rigid bones and cartilage faces, fibres as nonlinear springs, sliding contact by penalty. mm, N, MPa.
 //!
 //! The tibia is fixed. The femur does not turn and 20 N of compression press it on, a start on which loads of one's own are put.
 

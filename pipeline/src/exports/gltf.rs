@@ -1,4 +1,4 @@
-//! Binary glTF 2.0 [https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html]: surfaces and fibres, metres.
+//! Binary glTF 2.0 <https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html>: surfaces and fibres, metres.
 
 use super::named;
 use crate::model_file::LoadedModel;
