@@ -20,10 +20,11 @@ import genu
 
 folder = pathlib.Path(sys.argv[1] if len(sys.argv) > 1 else "my-knee")
 
-# %% A specimen, and its model. Run it again: what has not changed is not built again.
+# %% A specimen, and its model before calibration (without `to` the build goes on to it, which takes minutes).
+# Run it again: what has not changed is not built again.
 if not (folder / "specimen.toml").exists():
     genu.phantom("S192803-phantom", folder)
-build = genu.build(folder, progress=lambda stage, share, message: print(f"{100 * share:3.0f} %  {stage}: {message}"))
+build = genu.build(folder, to="assemble", progress=lambda stage, share, message: print(f"{100 * share:3.0f} %  {stage}: {message}"))
 for stage, warnings in build.warnings.items():
     print(f"{stage}: {len(warnings)} warnings, first: {warnings[0]}")
 

@@ -17,7 +17,8 @@ def events():
 
 @pytest.fixture(scope="session")
 def build(specimen, events):
-    return genu.build(specimen, progress=lambda *event: events.append(event))
+    # without calibration, which takes minutes; test_verbs calibrates with one start
+    return genu.build(specimen, to="assemble", progress=lambda *event: events.append(event))
 
 
 @pytest.fixture(scope="session")
