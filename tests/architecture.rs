@@ -8,18 +8,25 @@ use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
 /// Folder of each crate and which of ours it may use.
-const ARROWS: [(&str, &[&str]); 11] = [
+const ARROWS: [(&str, &[&str]); 12] = [
     ("meshes", &[]),
     ("attachments", &["meshes"]),
     ("sim", &["meshes"]),
     ("decks", &["meshes", "sim"]),
     ("stages", &["meshes", "attachments", "sim"]),
-    ("calibration", &["meshes", "sim", "decks"]),
+    ("inference", &["meshes", "sim"]),
+    ("calibration", &["meshes", "sim", "decks", "inference"]),
     ("validation", &["attachments", "sim", "calibration"]),
     // of validation, diagnosis uses the plotting alone
-    ("diagnosis", &["meshes", "attachments", "sim", "decks", "calibration", "validation"]),
+    ("diagnosis", &["meshes", "attachments", "sim", "decks", "inference", "calibration", "validation"]),
     ("blindbench", &["meshes"]),
-    (".", &["meshes", "attachments", "sim", "decks", "stages", "calibration", "validation", "diagnosis", "blindbench"]),
+    (
+        ".",
+        &[
+            "meshes", "attachments", "sim", "decks", "stages", "inference", "calibration", "validation", "diagnosis",
+            "blindbench",
+        ],
+    ),
     ("python", &["genu", "sim"]),
 ];
 

@@ -187,6 +187,11 @@ impl Contact {
         Ok(Contact { law: PressureLaw::new(overclosure_mm, pressure_mpa)?, ..self.clone() })
     }
 
+    /// Overclosure at which pressure begins [mm]; below 0 where cartilage is thicker than its surfaces.
+    pub fn starts_at(&self) -> f64 {
+        self.law.start()
+    }
+
     /// Energy, gradient and Hessian at a pose.
     pub fn evaluate(&self, pose: &Pose) -> ContactResponse {
         self.evaluate_near(pose, &mut Nearby::once())

@@ -187,7 +187,10 @@ pub fn increment(
 }
 
 /// [`increment`] with the contact's lists of the increment before.
-pub(crate) fn increment_near(
+///
+/// # Errors
+/// As [`increment`].
+pub fn increment_near(
     model: &Model,
     from: &State,
     goal: &Goal,

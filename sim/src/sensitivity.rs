@@ -29,6 +29,8 @@ pub enum Parameter {
     Stiffness(usize),
     /// A CT coordinate (0, 1, 2) of a fibre's end in the CT pose [mm]; the bundle's reference length stays.
     Attachment(usize, End, usize),
+    /// The same of all fibres of a bundle together: its site moves.
+    Site(usize, End, usize),
     /// A load, by its index in [`crate::laxity::COORDINATES`] [N m, N].
     Load(usize),
     /// Flexion [deg].
@@ -44,6 +46,8 @@ pub struct Sensitivities {
     pub pose: DMatrix<f64>,
     /// Of the bundle forces [N]: a row a bundle.
     pub forces_n: DMatrix<f64>,
+    /// Of the joint's coordinates [rad, mm]: 6 rows.
+    pub coordinates: DMatrix<f64>,
     /// Least eigenvalue of the tangent over the free coordinates, angles times 30 mm [N/mm]; not above 0 where the pose is not stable.
     pub least_stiffness: f64,
 }
@@ -87,6 +91,7 @@ pub fn sensitivities(model: &Model, answer: &Answer, parameters: &[Parameter]) -
     let states = &answer.evaluation.fibres;
     let mut pose = DMatrix::zeros(5, parameters.len());
     let mut forces = DMatrix::zeros(model.bundles.len(), parameters.len());
+    let mut coordinates = DMatrix::zeros(6, parameters.len());
     for (column, parameter) in parameters.iter().enumerate() {
         let direct = direct(model, answer, *parameter)?;
         let residual = Vector5::from_fn(|i, _| direct.residual[FREE[i]] * arm(i));
@@ -94,6 +99,7 @@ pub fn sensitivities(model: &Model, answer: &Answer, parameters: &[Parameter]) -
         let mut dq = Six::zeros();
         dq[FE] = direct.flexion;
         (0..5).for_each(|i| dq[FREE[i]] = moved[i] * arm(i));
+        coordinates.set_column(column, &dq);
         let gs = by_gs * dq;
         for i in 0..5 {
             pose[(i, column)] = if i < 2 { gs[FREE[i]].to_degrees() } else { gs[FREE[i]] };
@@ -105,7 +111,7 @@ pub fn sensitivities(model: &Model, answer: &Answer, parameters: &[Parameter]) -
             forces[(bundle, column)] += force;
         }
     }
-    Ok(Sensitivities { pose, forces_n: forces, least_stiffness: least })
+    Ok(Sensitivities { pose, forces_n: forces, coordinates, least_stiffness: least })
 }
 
 /// What a parameter changes while the free coordinates stay.
@@ -125,6 +131,15 @@ fn direct(model: &Model, answer: &Answer, parameter: Parameter) -> Result<Direct
         Parameter::Stiffness(b) if b < model.bundles.len() => Ok(law(model, answer, b, 1)),
         Parameter::Attachment(fibre, end, axis) if fibre < model.fibres.len() && axis < 3 => {
             Ok(attachment(model, answer, fibre, end, axis))
+        }
+        Parameter::Site(bundle, end, axis) if bundle < model.bundles.len() && axis < 3 => {
+            let (mut residual, mut force) = (Six::zeros(), 0.0);
+            for fibre in (0..model.fibres.len()).filter(|&f| model.fibres[f].bundle == bundle) {
+                let one = attachment(model, answer, fibre, end, axis);
+                residual += one.residual;
+                force += one.force.map_or(0.0, |f| f.1);
+            }
+            Ok(Direct { residual, flexion: 0.0, force: Some((bundle, force)) })
         }
         Parameter::Load(c) if c < 5 => {
             let mut residual = Six::zeros();

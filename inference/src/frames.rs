@@ -1,0 +1,75 @@
+//! How far the frames in which motion was measured may stand from the model's: turns and shifts of the femoral and tibial frame.
+//!
+//! A rater's epicondylar axis is 2.5 deg from the consensus on average, a plateau's centre is a convention of millimetres. Ligaments fitted to motion read
+//! in other frames make up for the difference with forces that are not there; so the difference is inferred too.
+
+use meshes::frame::{AnatomicalFrame, Side};
+use nalgebra::Rotation3;
+use sim::SimError;
+use sim::joint::Joint;
+use sim::spec::FramesSpec;
+use sim::trials::pose_spec;
+
+/// Turns about, then shifts along, the medial, anterior and superior axis of the femur, then of the tibia [deg, mm].
+pub type Terms = [f64; 12];
+
+/// Names of the terms, in order: bone and axis, `deg` or `mm`.
+pub fn term_name(term: usize) -> String {
+    let bone = ["femur", "tibia"][term / 6];
+    let axis = ["medial", "anterior", "superior"][term % 3];
+    let kind = if term % 6 < 3 { "turn_deg" } else { "shift_mm" };
+    format!("{bone}.{axis}.{kind}")
+}
+
+/// Frames turned and shifted in their own axes; the pose in CT follows.
+///
+/// # Errors
+/// Frames that make no joint.
+pub fn corrected(frames: &FramesSpec, side: Side, terms: &Terms) -> Result<FramesSpec, SimError> {
+    let mut out = frames.clone();
+    let hand = if side == Side::Left { 1.0 } else { -1.0 };
+    for (frame, t) in [&mut out.femur, &mut out.tibia].into_iter().zip(terms.chunks_exact(6)) {
+        let axes = [frame.medial, frame.anterior, frame.superior];
+        let turn: meshes::Vector = (0..3).map(|a| axes[a] * (hand * t[a].to_radians())).sum();
+        let shift: meshes::Vector = (0..3).map(|a| axes[a] * t[3 + a]).sum();
+        let turn = Rotation3::new(turn);
+        *frame = AnatomicalFrame {
+            origin: frame.origin + shift,
+            medial: turn * frame.medial,
+            anterior: turn * frame.anterior,
+            superior: turn * frame.superior,
+        };
+    }
+    out.gs_ct_pose = pose_spec(&Joint::new(&out, side)?.ct_pose());
+    Ok(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use meshes::{Point, Vector};
+    use sim::spec::PoseSpec;
+
+    #[test]
+    fn a_shift_moves_the_reading_by_itself_and_no_turn_changes_nothing() {
+        let at = |z: f64| AnatomicalFrame {
+            origin: Point::new(0.0, 0.0, z),
+            medial: -Vector::x(),
+            anterior: -Vector::y(),
+            superior: Vector::z(),
+        };
+        let frames = FramesSpec { femur: at(20.0), tibia: at(0.0), gs_ct_pose: PoseSpec::default(), chain: None };
+        let same = corrected(&frames, Side::Left, &[0.0; 12]).unwrap();
+        let mut terms = [0.0; 12];
+        (terms[10], terms[11]) = (3.0, 2.0);
+        let moved = corrected(&frames, Side::Left, &terms).unwrap();
+        assert_eq!(same.femur, frames.femur);
+        assert!((moved.gs_ct_pose.ap_mm - same.gs_ct_pose.ap_mm - 3.0).abs() < 1e-9);
+        assert!((moved.gs_ct_pose.si_mm - same.gs_ct_pose.si_mm - 2.0).abs() < 1e-9);
+        let mut terms = [0.0; 12];
+        terms[8] = 4.0;
+        let turned = corrected(&frames, Side::Left, &terms).unwrap();
+        assert!(((turned.gs_ct_pose.ie_deg - same.gs_ct_pose.ie_deg).abs() - 4.0).abs() < 1e-9);
+        assert_eq!(term_name(10), "tibia.anterior.shift_mm");
+    }
+}

@@ -1,0 +1,394 @@
+//! A knee in laxity trials as a function of its parameters: the forward model of an inference.
+//!
+//! Each trial's answer is an equilibrium without friction, found from the one of a point close by and what moves it; the first along the path of its
+//! loading ([`sim::trials`]). Derivatives are the implicit function theorem's.
+
+mod slopes;
+
+use crate::error::InferenceError;
+use crate::frames::{Terms, corrected};
+use crate::parameter::Parameter;
+use crate::posterior::{Forward, Point};
+use slopes::Slopes;
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use sim::Model;
+use sim::SimError;
+use sim::contact::Nearby;
+use sim::joint::{FE, Joint, Six};
+use sim::quasistatic::{Goal, State, increment_near};
+use sim::sensitivity::End;
+use sim::spec::ModelSpec;
+use sim::trials::{TrialOptions, chain_flexion, generalised, pose_spec, solve_trials};
+
+/// What of a knee a parameter is.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Quantity {
+    /// Reference strain of bundles, by index [-].
+    ReferenceStrain(Vec<usize>),
+    /// Stiffness of bundles, by index [N/mm].
+    Stiffness(Vec<usize>),
+    /// A turn or shift of a frame, by its place in [`Terms`] [deg or mm]: of one data set, or of all.
+    Frame(Option<usize>, usize),
+    /// A CT coordinate of a bundle's end, from where the model has it [mm].
+    Site(usize, End, usize),
+    /// Factor on contact pressures [-].
+    ContactScale,
+    /// Cartilage thicker than the model's, both of a compartment together [mm].
+    Cartilage,
+    /// Slope by which the bearing surface leans otherwise than the model's about a flexion [rad]: index of the free coordinate, ML (2) or AP (3), and
+    /// place among [`KNOTS`].
+    Lean(usize, usize),
+}
+
+/// Flexions between which leans of the bearing surface are interpolated [deg]; ours: contact wanders over a plateau's third in each.
+pub const KNOTS: [f64; 4] = [0.0, 30.0, 60.0, 90.0];
+
+/// A trial.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Asked {
+    /// Its data set; of none where it is only imagined.
+    pub source: Option<usize>,
+    /// Loads VV, IE [N m], ML, AP, SI [N].
+    pub load: [f64; 5],
+    /// Flexion [deg].
+    pub fe_deg: f64,
+    /// Which coordinates are predictions that count.
+    pub reads: [bool; 5],
+}
+
+/// A belief about bundle forces in a trial.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Belief {
+    /// The trial.
+    pub trial: usize,
+    /// Bundles whose tensions are summed.
+    pub bundles: Vec<usize>,
+    /// Expected [N]; with `only_above`, what they may have without being less likely.
+    pub mean_n: f64,
+    /// Standard deviation [N].
+    pub sd_n: f64,
+    /// Whether only more than `mean_n` counts.
+    pub only_above: bool,
+}
+
+/// A knee in trials.
+pub struct Trials<'a> {
+    /// The compiled model that answers.
+    pub model: &'a Model,
+    /// Its specification: frames, side and pressure law.
+    pub spec: &'a ModelSpec,
+    /// Its parameters.
+    pub parameters: &'a [Parameter<Quantity>],
+    /// The trials.
+    pub trials: &'a [Asked],
+    /// Beliefs about forces in them.
+    pub beliefs: &'a [Belief],
+    /// The path to the first answers.
+    pub options: &'a TrialOptions,
+    /// Scatter of loads as recorded: VV, IE [N m], ML, AP, SI [N].
+    pub load_sd: [f64; 5],
+}
+
+/// An answer to a trial and what moves it.
+#[derive(Clone, Debug)]
+pub struct Answer {
+    /// Joint coordinates [rad, mm].
+    pub q: Six,
+    /// Size of the contact force [N].
+    pub pressed: f64,
+    /// Predicted VV, IE [deg], ML, AP, SI [mm].
+    pub predicted: [f64; 5],
+    /// Bundle forces [N].
+    pub forces_n: Vec<f64>,
+    /// Derivatives by the parameters: of the coordinates (6 rows), without those by frames.
+    coordinates: DMatrix<f64>,
+    /// Covariance of the prediction by the scatter of loads.
+    by_load: [[f64; 5]; 5],
+}
+
+/// Answers of all trials.
+pub type Answers = Vec<Answer>;
+
+/// A knee at values of its parameters.
+pub(crate) struct Knee {
+    /// In the frames of all, then in each data set's.
+    pub(crate) models: Vec<Model>,
+    pub(crate) terms: Vec<Terms>,
+    values: Vec<f64>,
+}
+
+impl Knee {
+    /// The model a trial is put to, and its frames.
+    pub(crate) fn of(&self, trial: &Asked) -> (&Model, &Terms) {
+        let k = trial.source.map_or(0, |s| s + 1).min(self.models.len() - 1);
+        (&self.models[k], &self.terms[k])
+    }
+}
+
+/// Share of each knot at a flexion.
+fn shares(fe_deg: f64) -> [f64; KNOTS.len()] {
+    let mut out = [0.0; KNOTS.len()];
+    let x = fe_deg.clamp(KNOTS[0], KNOTS[KNOTS.len() - 1]);
+    let k = (0..KNOTS.len() - 2).find(|&k| x < KNOTS[k + 1]).unwrap_or(KNOTS.len() - 2);
+    let t = (x - KNOTS[k]) / (KNOTS[k + 1] - KNOTS[k]);
+    (out[k], out[k + 1]) = (1.0 - t, t);
+    out
+}
+
+impl Trials<'_> {
+    /// Checks the priors.
+    ///
+    /// # Errors
+    /// One that is no distribution.
+    pub fn check(&self) -> Result<(), InferenceError> {
+        self.parameters.iter().try_for_each(|p| p.prior.check(&p.name))
+    }
+
+    /// Values of the parameters at standard normal numbers, and their derivatives.
+    pub fn values(&self, z: &DVector<f64>) -> Vec<(f64, f64)> {
+        self.parameters.iter().zip(z.iter()).map(|(p, z)| p.prior.at(*z)).collect()
+    }
+
+    /// How many data sets the parameters and trials know.
+    fn sources(&self) -> usize {
+        self.trials.iter().filter_map(|t| t.source).max().map_or(0, |s| s + 1)
+    }
+
+    /// The model at values, in each data set's frames.
+    pub(crate) fn knee(&self, values: Vec<f64>) -> Result<Knee, SimError> {
+        let mut bundles = self.model.parameters();
+        let mut ends = vec![[[0.0; 3]; 2]; bundles.len()];
+        let mut terms = vec![[0.0; 12]; self.sources() + 1];
+        let (mut scale, mut thicker) = (1.0, 0.0);
+        for (p, &x) in self.parameters.iter().zip(&values) {
+            match &p.quantity {
+                Quantity::ReferenceStrain(of) => of.iter().for_each(|&b| bundles[b].reference_strain = x),
+                Quantity::Stiffness(of) => of.iter().for_each(|&b| bundles[b].stiffness_n_per_mm = x),
+                Quantity::Frame(None, term) => terms.iter_mut().for_each(|t| t[*term] += x),
+                Quantity::Frame(Some(source), term) => terms[source + 1][*term] += x,
+                Quantity::Site(bundle, end, axis) => ends[*bundle][usize::from(*end == End::Tibia)][*axis] += x,
+                Quantity::ContactScale => scale = x,
+                Quantity::Cartilage => thicker = x,
+                Quantity::Lean(..) => {}
+            }
+        }
+        let mut model = self.model.with_parameters(&bundles)?.with_contact_scale(scale)?;
+        if thicker != 0.0 {
+            let law = &self.spec.contact;
+            let shifted: Vec<f64> = law.overclosure_mm.iter().map(|x| x - thicker).collect();
+            model.contact = model.contact.with_law(&shifted, &law.pressure_mpa)?;
+        }
+        for fibre in 0..model.fibres.len() {
+            let [femur, tibia] = ends[model.fibres[fibre].bundle].map(meshes::Vector::from);
+            if femur != meshes::Vector::zeros() || tibia != meshes::Vector::zeros() {
+                let f = &model.fibres[fibre];
+                let (a, b) = (meshes::Point::from(f.femur + femur), meshes::Point::from(f.tibia + tibia));
+                model = model.with_fibre_ends(fibre, a, b)?;
+            }
+        }
+        let framed = |t: &Terms| -> Result<Model, SimError> {
+            let mut framed = model.clone();
+            if t.iter().any(|x| *x != 0.0) {
+                framed.joint = self.joint(t)?;
+            }
+            Ok(framed)
+        };
+        Ok(Knee { models: terms.iter().map(framed).collect::<Result<_, _>>()?, terms, values })
+    }
+
+    /// The joint in frames turned and shifted.
+    pub(crate) fn joint(&self, terms: &Terms) -> Result<Joint, SimError> {
+        Joint::new(&corrected(&self.spec.frames, self.spec.side, terms)?, self.spec.side)
+    }
+
+    /// The specification with frames of all, sites, contact and ligaments as at `z`; `source` picks a data set's frames.
+    ///
+    /// # Errors
+    /// Frames that make no joint.
+    pub fn spec_at(&self, z: &DVector<f64>, source: Option<usize>) -> Result<ModelSpec, SimError> {
+        let knee = self.knee(self.values(z).into_iter().map(|v| v.0).collect())?;
+        let index = source.map_or(0, |s| s + 1);
+        let (model, terms) = (&knee.models[index], &knee.terms[index]);
+        let mut out = self.spec.clone();
+        out.frames = corrected(&self.spec.frames, self.spec.side, terms)?;
+        for (b, p) in out.bundles.iter_mut().zip(model.parameters()) {
+            (b.reference_strain, b.stiffness_n_per_mm) = (p.reference_strain, p.stiffness_n_per_mm);
+        }
+        for (f, moved) in out.fibres.iter_mut().zip(&model.fibres) {
+            (f.femur, f.tibia) = (meshes::Point::from(moved.femur), meshes::Point::from(moved.tibia));
+        }
+        for (p, x) in self.parameters.iter().zip(&knee.values) {
+            match p.quantity {
+                Quantity::ContactScale => out.contact.pressure_mpa.iter_mut().for_each(|y| *y *= x),
+                Quantity::Cartilage => out.contact.overclosure_mm.iter_mut().for_each(|y| *y -= x),
+                _ => {}
+            }
+        }
+        Ok(out)
+    }
+
+    /// What the lean of the bearing surface adds to a trial's load, per newton of contact force.
+    fn lean(&self, values: &[f64], fe_deg: f64) -> Six {
+        let share = shares(fe_deg);
+        let mut load = [0.0; 5];
+        for (p, x) in self.parameters.iter().zip(values) {
+            if let Quantity::Lean(coordinate, knot) = p.quantity {
+                load[coordinate] += share[knot] * x;
+            }
+        }
+        generalised(&load)
+    }
+
+    /// Answers along the paths of loading, without derivatives: where nothing close by is known.
+    fn from_afar(&self, knee: &Knee) -> Option<Vec<(Six, f64)>> {
+        let mut found: Vec<Option<(Six, f64)>> = vec![None; self.trials.len()];
+        for source in std::iter::once(None).chain((0..self.sources()).map(Some)) {
+            let of: Vec<usize> = (0..self.trials.len()).filter(|&i| self.trials[i].source == source).collect();
+            let Some(&first) = of.first() else { continue };
+            let trials: Vec<_> = of.iter().map(|&i| plain(&self.trials[i])).collect();
+            let model = knee.of(&self.trials[first]).0;
+            for (i, answer) in of.into_iter().zip(solve_trials(model, &trials, self.options)) {
+                found[i] = answer.ok().map(|a| (a.state.q, pressed(&a.evaluation.contact.wrench)));
+            }
+        }
+        found.into_iter().collect()
+    }
+
+    /// An answer from coordinates close by.
+    fn answer(&self, knee: &Knee, trial: &Asked, start: Six, force: f64) -> Result<(Answer, Slopes), SimError> {
+        let (model, terms) = knee.of(trial);
+        let lean = self.lean(&knee.values, trial.fe_deg);
+        let goal = Goal {
+            flexion: chain_flexion(model, trial.fe_deg, self.options)?,
+            load: generalised(&trial.load) + lean * force,
+            flow: None,
+        };
+        let solver = &self.options.solver;
+        let mut near = Nearby::default();
+        let solved = increment_near(model, &State::at(start), &goal, solver, true, &mut near)?;
+        let gs = model.joint.grood_suntay(&solved.state.q);
+        let forces_n = model.bundle_forces(&solved.evaluation.fibres);
+        let found = sim::trials::Answer {
+            state: solved.state,
+            evaluation: solved.evaluation,
+            pose: pose_spec(&gs),
+            forces_n,
+            flags: vec![],
+            evaluations: solved.evaluations,
+        };
+        self.with_slopes((model, terms), trial, found)
+    }
+
+    /// Where an answer is sought from: the other point's answer moved by what its derivatives say, in the frames of this point.
+    fn start(&self, knee: &Knee, before: &Knee, trial: &Asked, answer: &Answer) -> Result<Six, SimError> {
+        let mut q = answer.q;
+        for (k, (x, y)) in knee.values.iter().zip(&before.values).enumerate() {
+            if x != y {
+                q += answer.coordinates.column(k) * (x - y);
+            }
+        }
+        let (model, terms) = knee.of(trial);
+        let (old, then) = before.of(trial);
+        if terms != then {
+            q = model.joint.coordinates(&model.joint.grood_suntay_of(&old.joint.pose(&q).femur))?;
+        }
+        q[FE] = chain_flexion(model, trial.fe_deg, self.options)?;
+        Ok(q)
+    }
+}
+
+/// A trial as the solver has it.
+fn plain(trial: &Asked) -> sim::laxity::LaxityTrial {
+    sim::laxity::LaxityTrial {
+        trial: String::new(),
+        test: sim::laxity::Test::Neutral,
+        nominal_flexion_deg: trial.fe_deg,
+        load: trial.load,
+        fe_deg: trial.fe_deg,
+        measured: [None; 5],
+        sd: [None; 5],
+        branch: None,
+        order: None,
+        time_s: None,
+    }
+}
+
+/// Size of the contact force [N], over all pairs.
+fn pressed(wrench: &[(meshes::Vector, meshes::Vector)]) -> f64 {
+    wrench.iter().map(|w| w.0).sum::<meshes::Vector>().norm()
+}
+
+impl Forward for Trials<'_> {
+    type State = Answers;
+
+    fn size(&self) -> usize {
+        self.parameters.len()
+    }
+
+    fn at(&self, z: &DVector<f64>, near: Option<(&DVector<f64>, &Answers)>) -> Option<Point<Answers>> {
+        let values = self.values(z);
+        let knee = self.knee(values.iter().map(|v| v.0).collect()).ok()?;
+        let starts: Vec<(Six, f64)> = match near {
+            Some((other, answers)) => {
+                let before = self.knee(self.values(other).into_iter().map(|v| v.0).collect()).ok()?;
+                let start = |(t, a): (&Asked, &Answer)| self.start(&knee, &before, t, a).ok().map(|q| (q, a.pressed));
+                self.trials.iter().zip(answers).map(start).collect::<Option<_>>()?
+            }
+            None => self.from_afar(&knee)?,
+        };
+        let found: Vec<(Answer, Slopes)> = self
+            .trials
+            .par_iter()
+            .zip(starts)
+            .map(|(t, (q, force))| self.answer(&knee, t, q, force).ok())
+            .collect::<Option<_>>()?;
+        let steps: Vec<f64> = values.iter().map(|v| v.1).collect();
+        Some(self.point(found, &steps))
+    }
+
+    fn scatter(&self, state: &Answers) -> Option<DMatrix<f64>> {
+        let rows = self.rows();
+        let mut out = DMatrix::zeros(rows.len(), rows.len());
+        for (r, &(i, c)) in rows.iter().enumerate() {
+            for (s, _) in rows.iter().enumerate().filter(|(_, row)| row.0 == i) {
+                out[(r, s)] = state[i].by_load[c][rows[s].1];
+            }
+        }
+        Some(out)
+    }
+}
+
+impl Trials<'_> {
+    /// Readings that count, in order: trial and coordinate.
+    pub fn rows(&self) -> Vec<(usize, usize)> {
+        let of = |(i, t): (usize, &Asked)| (0..5).filter(|&c| t.reads[c]).map(move |c| (i, c)).collect::<Vec<_>>();
+        self.trials.iter().enumerate().flat_map(of).collect()
+    }
+
+    /// Answers and their derivatives as a point; `steps` are the derivatives of the values by the standard normal numbers.
+    fn point(&self, found: Vec<(Answer, Slopes)>, steps: &[f64]) -> Point<Answers> {
+        let rows = self.rows();
+        let n = steps.len();
+        let reading = DVector::from_iterator(rows.len(), rows.iter().map(|&(i, c)| found[i].0.predicted[c]));
+        let slope = DMatrix::from_fn(rows.len(), n, |r, k| found[rows[r].0].1.predicted[(rows[r].1, k)] * steps[k]);
+        let mut belief = DVector::zeros(self.beliefs.len());
+        let mut belief_slope = DMatrix::zeros(self.beliefs.len(), n);
+        for (r, b) in self.beliefs.iter().enumerate() {
+            let (answer, slopes) = &found[b.trial];
+            let force: f64 = b.bundles.iter().map(|&k| answer.forces_n[k]).sum();
+            if b.only_above && force <= b.mean_n {
+                continue;
+            }
+            belief[r] = (force - b.mean_n) / b.sd_n;
+            for k in 0..n {
+                let by: f64 = b.bundles.iter().map(|&m| slopes.forces_n[(m, k)]).sum();
+                belief_slope[(r, k)] = by * steps[k] / b.sd_n;
+            }
+        }
+        let state = found.into_iter().map(|f| f.0).collect();
+        Point { reading, slope, belief, belief_slope, state }
+    }
+}

@@ -1,0 +1,207 @@
+//! Derivatives of an answer by every parameter.
+
+use super::{Answer, Asked, Quantity, Trials, pressed, shares};
+use crate::frames::Terms;
+use nalgebra::{DMatrix, Matrix5, Matrix6, Vector5};
+use sim::Model;
+use sim::SimError;
+use sim::joint::{FE, FREE, Pose, Six};
+use sim::sensitivity::{Parameter as Of, Sensitivities, sensitivities};
+use sim::trials::{chain_flexion, pose_spec};
+
+/// Step of the derivatives by frames [deg or mm].
+const FRAME_STEP: f64 = 0.05;
+/// Step of the derivative by cartilage thickness [mm].
+const CARTILAGE_STEP: f64 = 0.02;
+
+/// Derivatives of an answer, a column a parameter, per unit of its value.
+pub(super) struct Slopes {
+    /// Of VV, IE [deg], ML, AP, SI [mm]: 5 rows.
+    pub(super) predicted: DMatrix<f64>,
+    /// Of the bundle forces [N]: a row a bundle.
+    pub(super) forces_n: DMatrix<f64>,
+    coordinates: DMatrix<f64>,
+}
+
+/// What an answer changes by, one parameter's column.
+type Column = ([f64; 5], Vec<f64>, Six);
+
+impl Trials<'_> {
+    /// An answer with its derivatives.
+    pub(super) fn with_slopes(
+        &self,
+        (model, terms): (&Model, &Terms),
+        trial: &Asked,
+        found: sim::trials::Answer,
+    ) -> Result<(Answer, Slopes), SimError> {
+        let (asked, place) = self.columns();
+        let s = sensitivities(model, &found, &asked)?;
+        let force = pressed(&found.evaluation.contact.wrench);
+        let (bundles, n) = (model.bundles.len(), self.parameters.len());
+        let mut slopes = Slopes {
+            predicted: DMatrix::zeros(5, n),
+            forces_n: DMatrix::zeros(bundles, n),
+            coordinates: DMatrix::zeros(6, n),
+        };
+        let frames = FrameSlopes::new(self, model, terms, trial, &found)?;
+        let mut known: [Option<Column>; 12] = Default::default();
+        for (k, p) in self.parameters.iter().enumerate() {
+            let column = match &p.quantity {
+                Quantity::Frame(source, term) => {
+                    if source.is_some() && *source != trial.source {
+                        continue;
+                    }
+                    if known[*term].is_none() {
+                        known[*term] = Some(frames.by(*term)?);
+                    }
+                    known[*term].clone().unwrap_or_else(|| ([0.0; 5], vec![0.0; bundles], Six::zeros()))
+                }
+                Quantity::Cartilage => self.by_cartilage(model, &found, &s)?,
+                Quantity::Lean(coordinate, knot) => {
+                    let mut load = [0.0; 5];
+                    load[*coordinate] = force * shares(trial.fe_deg)[*knot];
+                    by_loads(&s, &load)
+                }
+                _ => sum(&s, &place[k]),
+            };
+            (0..5).for_each(|c| slopes.predicted[(c, k)] = column.0[c]);
+            (0..bundles).for_each(|b| slopes.forces_n[(b, k)] = column.1[b]);
+            slopes.coordinates.set_column(k, &column.2);
+        }
+        let loads = s.pose.columns(0, 5);
+        let by_load = std::array::from_fn(|c| {
+            std::array::from_fn(|d| (0..5).map(|l| loads[(c, l)] * loads[(d, l)] * self.load_sd[l].powi(2)).sum())
+        });
+        let answer = Answer {
+            q: found.state.q,
+            pressed: force,
+            predicted: found.predicted(),
+            forces_n: found.forces_n,
+            coordinates: std::mem::replace(&mut slopes.coordinates, DMatrix::zeros(0, 0)),
+            by_load,
+        };
+        Ok((answer, slopes))
+    }
+
+    /// What the solver is asked derivatives by, the five loads first, and which of those make each parameter's.
+    fn columns(&self) -> (Vec<Of>, Vec<Vec<usize>>) {
+        let mut asked: Vec<Of> = (0..5).map(Of::Load).collect();
+        let mut place = Vec::with_capacity(self.parameters.len());
+        for p in self.parameters {
+            let from = asked.len();
+            match &p.quantity {
+                Quantity::ReferenceStrain(of) => asked.extend(of.iter().map(|&b| Of::ReferenceStrain(b))),
+                Quantity::Stiffness(of) => asked.extend(of.iter().map(|&b| Of::Stiffness(b))),
+                Quantity::Site(bundle, end, axis) => asked.push(Of::Site(*bundle, *end, *axis)),
+                Quantity::ContactScale => asked.push(Of::ContactScale),
+                Quantity::Frame(..) | Quantity::Cartilage | Quantity::Lean(..) => {}
+            }
+            place.push((from..asked.len()).collect());
+        }
+        (asked, place)
+    }
+
+    /// By cartilage thicker than the model's: what the contact then pushes more.
+    fn by_cartilage(&self, model: &Model, found: &sim::trials::Answer, s: &Sensitivities) -> Result<Column, SimError> {
+        let now: f64 = self.thickness(model);
+        let law = &self.spec.contact;
+        let shifted: Vec<f64> = law.overclosure_mm.iter().map(|x| x - now - CARTILAGE_STEP).collect();
+        let other = model.contact.with_law(&shifted, &law.pressure_mpa)?.evaluate(&found.evaluation.pose).gradient;
+        let push = (found.evaluation.contact.gradient - other) / CARTILAGE_STEP;
+        let load = std::array::from_fn(|c| push[FREE[c]] / if c < 2 { 1e3 } else { 1.0 });
+        Ok(by_loads(s, &load))
+    }
+
+    /// By how much the model's cartilage is thicker than its specification's [mm].
+    fn thickness(&self, model: &Model) -> f64 {
+        self.spec.contact.overclosure_mm.first().map_or(0.0, |x| x - model.contact.starts_at())
+    }
+}
+
+/// The sum of some columns.
+fn sum(s: &Sensitivities, columns: &[usize]) -> Column {
+    let mut out = ([0.0; 5], vec![0.0; s.forces_n.nrows()], Six::zeros());
+    for &k in columns {
+        (0..5).for_each(|c| out.0[c] += s.pose[(c, k)]);
+        out.1.iter_mut().zip(s.forces_n.column(k).iter()).for_each(|(x, d)| *x += d);
+        out.2 += s.coordinates.column(k);
+    }
+    out
+}
+
+/// By a load [N m, N], from the first five columns.
+fn by_loads(s: &Sensitivities, load: &[f64; 5]) -> Column {
+    let mut out = ([0.0; 5], vec![0.0; s.forces_n.nrows()], Six::zeros());
+    for (k, l) in load.iter().enumerate().filter(|(_, l)| **l != 0.0) {
+        (0..5).for_each(|c| out.0[c] += l * s.pose[(c, k)]);
+        out.1.iter_mut().zip(s.forces_n.column(k).iter()).for_each(|(x, d)| *x += l * d);
+        out.2 += s.coordinates.column(k) * *l;
+    }
+    out
+}
+
+/// Derivatives by frames of one answer.
+struct FrameSlopes<'a> {
+    trials: &'a Trials<'a>,
+    model: &'a Model,
+    terms: &'a Terms,
+    trial: &'a Asked,
+    found: &'a sim::trials::Answer,
+    gs: Six,
+    tangent: nalgebra::LU<f64, nalgebra::Const<5>, nalgebra::Const<5>>,
+}
+
+impl<'a> FrameSlopes<'a> {
+    fn new(
+        trials: &'a Trials<'a>,
+        model: &'a Model,
+        terms: &'a Terms,
+        trial: &'a Asked,
+        found: &'a sim::trials::Answer,
+    ) -> Result<FrameSlopes<'a>, SimError> {
+        let hessian = &found.evaluation.hessian;
+        let tangent = Matrix5::from_fn(|i, j| 0.5 * (hessian[(FREE[i], FREE[j])] + hessian[(FREE[j], FREE[i])]));
+        let gs = model.joint.grood_suntay_of(&model.joint.pose(&found.state.q).femur);
+        Ok(FrameSlopes { trials, model, terms, trial, found, gs, tangent: tangent.lu() })
+    }
+
+    /// By a turn or shift [per deg, per mm]: the same bones in the other frames, flexed to the trial's flexion and brought back to equilibrium by one
+    /// Newton step; forces there by the tangent at the answer.
+    fn by(&self, term: usize) -> Result<Column, SimError> {
+        let (model, found) = (self.model, self.found);
+        let mut moved = *self.terms;
+        moved[term] += FRAME_STEP;
+        let mut other = model.clone();
+        other.joint = self.trials.joint(&moved)?;
+        let place = model.joint.pose(&found.state.q).femur;
+        let mut q = other.joint.coordinates(&other.joint.grood_suntay_of(&place))?;
+        q[FE] = chain_flexion(&other, self.trial.fe_deg, self.trials.options)?;
+        let singular = || SimError::Solver("the tangent is singular: nothing holds the knee in one direction".into());
+        // the pull there in the coordinates of the frames as they are, then as a wrench, then in the other frames' coordinates
+        let there = other.joint.pose(&q);
+        let same = model.joint.coordinates(&model.joint.grood_suntay_of(&there.femur))?;
+        let hessian = &found.evaluation.hessian;
+        let pull = found.evaluation.gradient + hessian * (same - found.state.q);
+        let wrench = screws(&model.joint.pose(&same)).transpose().lu().solve(&pull).ok_or_else(singular)?;
+        let residual = screws(&there).transpose() * wrench - found.evaluation.gradient;
+        let residual = Vector5::from_fn(|i, _| residual[FREE[i]]);
+        let back = self.tangent.solve(&-residual).ok_or_else(singular)?;
+        (0..5).for_each(|i| q[FREE[i]] += back[i]);
+        let pose = pose_spec(&other.joint.grood_suntay(&q));
+        let now = [pose.vv_deg, pose.ie_deg, pose.ml_mm, pose.ap_mm, pose.si_mm];
+        let before = pose_spec(&self.gs);
+        let before = [before.vv_deg, before.ie_deg, before.ml_mm, before.ap_mm, before.si_mm];
+        let forces = other.bundle_forces(&other.fibre_states(&other.joint.pose(&q)));
+        Ok((
+            std::array::from_fn(|c| (now[c] - before[c]) / FRAME_STEP),
+            forces.iter().zip(&found.forces_n).map(|(a, b)| (a - b) / FRAME_STEP).collect(),
+            // starts in other frames are found from the place of the bones
+            Six::zeros(),
+        ))
+    }
+}
+
+/// Velocities of the femur by the coordinates, a column each: angular, then linear.
+fn screws(pose: &Pose) -> Matrix6<f64> {
+    Matrix6::from_fn(|i, j| if i < 3 { pose.screws[j].angular[i] } else { pose.screws[j].linear[i - 3] })
+}

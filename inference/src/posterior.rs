@@ -1,0 +1,317 @@
+//! The posterior: modes by least squares from many starts, their evidence, samples.
+//!
+//! Samples by randomised maximum likelihood [oliver1996]: each is the fit to measurements shifted by their noise, under a prior whose centre is drawn
+//! from the prior. For a linear model these are exact; here a parameter that the data do not touch stays where the prior drew it.
+
+use crate::error::InferenceError;
+use crate::least_squares::{Least, Quadratic, Stop, descend};
+use crate::noise::{Likelihood, Linear};
+use crate::random::{normals, stream};
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// What a model answers at a point of the standard normal numbers.
+#[derive(Clone, Debug)]
+pub struct Point<S> {
+    /// Predictions of what was measured.
+    pub reading: DVector<f64>,
+    /// Their slopes: a row a reading, a column a number.
+    pub slope: DMatrix<f64>,
+    /// Residuals of beliefs that are no parameters' (forces, say), of unit variance.
+    pub belief: DVector<f64>,
+    /// Their slopes.
+    pub belief_slope: DMatrix<f64>,
+    /// What the next point close by starts from, and what else is wanted of this one.
+    pub state: S,
+}
+
+impl<S: Default> Default for Point<S> {
+    fn default() -> Self {
+        Point {
+            reading: DVector::zeros(0),
+            slope: DMatrix::zeros(0, 0),
+            belief: DVector::zeros(0),
+            belief_slope: DMatrix::zeros(0, 0),
+            state: S::default(),
+        }
+    }
+}
+
+/// A model as a function of standard normal numbers.
+pub trait Forward: Sync {
+    /// What a point leaves for points close by.
+    type State: Clone + Send + Sync;
+    /// How many numbers.
+    fn size(&self) -> usize;
+    /// The answer at a point, from another close by where there is one; `None` where it has none.
+    fn at(&self, z: &DVector<f64>, near: Option<(&DVector<f64>, &Self::State)>) -> Option<Point<Self::State>>;
+    /// Covariance that readings share about a point, beside their noise.
+    fn scatter(&self, _state: &Self::State) -> Option<DMatrix<f64>> {
+        None
+    }
+}
+
+/// How the posterior is sought.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Options {
+    /// Starts drawn from the prior, beside those given [-]; ours.
+    pub starts: usize,
+    /// Most evaluations of each start [-]; ours.
+    pub first_evaluations: usize,
+    /// Starts fitted to the end, the best so far [-]; ours.
+    pub finalists: usize,
+    /// Most evaluations of a fit to the end [-]; ours.
+    pub evaluations: usize,
+    /// Times that the noise is inferred and the fits are done again [-]; ours.
+    pub rounds: usize,
+    /// Whether the scale of the noise is inferred.
+    pub scale_noise: bool,
+    /// Samples of the posterior [-]; 0 leaves them out.
+    pub samples: usize,
+    /// Most evaluations of a sample [-]; ours.
+    pub sample_evaluations: usize,
+    /// Seed of whatever is drawn.
+    pub seed: u64,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Options {
+            starts: 8,
+            first_evaluations: 8,
+            finalists: 3,
+            evaluations: 20,
+            rounds: 2,
+            scale_noise: true,
+            samples: 64,
+            sample_evaluations: 8,
+            seed: 0,
+        }
+    }
+}
+
+/// A most probable point among its neighbours.
+#[derive(Clone, Debug)]
+pub struct Mode<S> {
+    /// Where.
+    pub z: DVector<f64>,
+    /// Log probability there and its curvature.
+    pub form: Quadratic,
+    /// What the point left.
+    pub state: S,
+    /// Laplace's logarithm of the evidence [tierney1986], up to what all modes share.
+    pub log_evidence: f64,
+}
+
+/// A sample.
+#[derive(Clone, Debug)]
+pub struct Sample<S> {
+    /// Where.
+    pub z: DVector<f64>,
+    /// What the point left.
+    pub state: S,
+    /// Which mode it began from.
+    pub mode: usize,
+    /// Half the squared residuals there [-].
+    pub half_sum: f64,
+}
+
+/// What was found.
+#[derive(Clone, Debug)]
+pub struct Found<S> {
+    /// Modes, the most probable first.
+    pub modes: Vec<Mode<S>>,
+    /// Samples.
+    pub samples: Vec<Sample<S>>,
+    /// How many samples were wanted but ended far from a fit.
+    pub stuck: usize,
+    /// Half the squared residuals of every fit of a start, in their order; infinite where it has no answer.
+    pub starts: Vec<f64>,
+    /// Evaluations spent.
+    pub evaluations: usize,
+}
+
+/// Fall of the log probability at which a fit has converged [-].
+const FALL: f64 = 0.02;
+/// The same of a sample [-].
+const SAMPLE_FALL: f64 = 0.1;
+/// Modes less likely than the best by this much (natural logarithm) are not sampled.
+const UNLIKELY: f64 = 6.0;
+/// Modes no further apart than this in any number are one [-].
+const SAME: f64 = 0.3;
+
+/// Infers; `likelihood` is left with the noise as inferred.
+///
+/// # Errors
+/// No start has an answer; a covariance that is not positive definite.
+pub fn infer<F: Forward>(
+    forward: &F,
+    likelihood: &mut Likelihood,
+    given: &[DVector<f64>],
+    options: &Options,
+) -> Result<Found<F::State>, InferenceError> {
+    likelihood.prepare()?;
+    if !options.scale_noise {
+        likelihood.log_scale_sd.fill(0.0);
+    }
+    let n = forward.size();
+    let mut starts: Vec<DVector<f64>> = given.to_vec();
+    starts.push(DVector::zeros(n));
+    starts.extend((0..options.starts).map(|s| normals(&mut stream(options.seed, 1 + s as u64), n)));
+    let stop = Stop { evaluations: options.first_evaluations, fall: FALL };
+    let fits: Vec<Option<Least<F::State>>> =
+        starts.par_iter().map(|z| fit(forward, likelihood, (z, None), &Shift::none(n), stop)).collect();
+    let mut evaluations: usize = fits.iter().flatten().map(|f| f.evaluations).sum();
+    let values = fits.iter().map(|f| f.as_ref().map_or(f64::INFINITY, |f| f.form.value)).collect();
+    let mut fits: Vec<Least<F::State>> = fits.into_iter().flatten().collect();
+    if fits.is_empty() {
+        return Err(InferenceError::NoStart { starts: starts.len() });
+    }
+    let stop = Stop { evaluations: options.evaluations, fall: FALL };
+    for round in 0..=options.rounds {
+        fits.sort_by(|a, b| a.form.value.total_cmp(&b.form.value));
+        fits.truncate(options.finalists);
+        let again = fits.par_iter().map(|f| {
+            let near = (&f.z, Some(&f.state));
+            fit(forward, likelihood, near, &Shift::none(n), stop)
+        });
+        let again: Vec<Option<Least<F::State>>> = again.collect();
+        evaluations += again.iter().flatten().map(|f| f.evaluations).sum::<usize>();
+        fits = again.into_iter().zip(fits).map(|(new, old)| new.unwrap_or(old)).collect();
+        if round < options.rounds {
+            fits.sort_by(|a, b| a.form.value.total_cmp(&b.form.value));
+            infer_noise(forward, likelihood, &fits[0], options.scale_noise)?;
+        }
+    }
+    let modes = modes(likelihood, fits);
+    let (samples, spent) = samples(forward, likelihood, &modes, options);
+    let limit = limit(&modes[0], likelihood.measured.len());
+    let wanted = samples.len();
+    let samples: Vec<Sample<F::State>> = samples.into_iter().flatten().filter(|s| s.half_sum <= limit).collect();
+    let stuck = wanted - samples.len();
+    Ok(Found { modes, samples, stuck, starts: values, evaluations: evaluations + spent })
+}
+
+/// The noise as the best fit so far has it.
+fn infer_noise<F: Forward>(
+    forward: &F,
+    likelihood: &mut Likelihood,
+    best: &Least<F::State>,
+    scale_noise: bool,
+) -> Result<(), InferenceError> {
+    let Some(point) = forward.at(&best.z, Some((&best.z, &best.state))) else { return Ok(()) };
+    if let Some(shared) = forward.scatter(&point.state) {
+        likelihood.share(shared);
+    }
+    likelihood.infer_scales(&linear(&point, &best.z), scale_noise)
+}
+
+fn linear<S>(point: &Point<S>, z: &DVector<f64>) -> Linear {
+    Linear {
+        reading: point.reading.clone(),
+        slope: point.slope.clone(),
+        belief: point.belief.clone(),
+        belief_slope: point.belief_slope.clone(),
+        z: z.clone(),
+    }
+}
+
+/// What a sample changes: the centre of the prior and white noise on the measurements.
+struct Shift {
+    centre: DVector<f64>,
+    noise: Option<DVector<f64>>,
+}
+
+impl Shift {
+    fn none(n: usize) -> Shift {
+        Shift { centre: DVector::zeros(n), noise: None }
+    }
+}
+
+/// A fit from a start, near a state where there is one.
+fn fit<F: Forward>(
+    forward: &F,
+    likelihood: &Likelihood,
+    (start, near): (&DVector<f64>, Option<&F::State>),
+    shift: &Shift,
+    stop: Stop,
+) -> Option<Least<F::State>> {
+    let evaluate = |z: &DVector<f64>, last: Option<(&DVector<f64>, &F::State)>| {
+        let from = last.or(near.map(|s| (start, s)));
+        let point = forward.at(z, from)?;
+        let form = likelihood.form(&linear(&point, z), &shift.centre, shift.noise.as_ref());
+        form.value.is_finite().then_some((form, point.state))
+    };
+    descend(start.clone(), evaluate, stop)
+}
+
+/// Modes of fits, the most probable first, each once.
+fn modes<S>(likelihood: &Likelihood, mut fits: Vec<Least<S>>) -> Vec<Mode<S>> {
+    fits.sort_by(|a, b| a.form.value.total_cmp(&b.form.value));
+    let mut out: Vec<Mode<S>> = Vec::new();
+    for f in fits {
+        if out.iter().any(|m| (&m.z - &f.z).amax() < SAME) {
+            continue;
+        }
+        let half_log = f.form.factor().map_or(0.0, |c| c.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>());
+        let log_evidence = -f.form.value - half_log - likelihood.half_log_determinant();
+        out.push(Mode { z: f.z, form: f.form, state: f.state, log_evidence });
+    }
+    out.sort_by(|a, b| b.log_evidence.total_cmp(&a.log_evidence));
+    out
+}
+
+/// Half the squared residuals above which a sample has not come near a fit: a sample's exceeds the best fit's by half a sum of as many squared normals as
+/// there are readings, give or take.
+fn limit<S>(best: &Mode<S>, readings: usize) -> f64 {
+    let n = readings as f64;
+    best.form.value + 0.5 * (n + 4.0 * (6.0 * n).sqrt())
+}
+
+/// Samples, shared among the modes by their evidence, and the evaluations they took.
+fn samples<F: Forward>(
+    forward: &F,
+    likelihood: &Likelihood,
+    modes: &[Mode<F::State>],
+    options: &Options,
+) -> (Vec<Option<Sample<F::State>>>, usize) {
+    let best = modes.iter().map(|m| m.log_evidence).fold(f64::NEG_INFINITY, f64::max);
+    let weight = |m: &Mode<F::State>| {
+        let below = best - m.log_evidence;
+        if below < UNLIKELY { (-below).exp() } else { 0.0 }
+    };
+    let all: f64 = modes.iter().map(weight).sum();
+    let mode_of = |place: f64| {
+        let mut sum = 0.0;
+        let found = modes.iter().position(|m| {
+            sum += weight(m) / all;
+            sum >= place
+        });
+        found.unwrap_or(0)
+    };
+    let stop = Stop { evaluations: options.sample_evaluations, fall: SAMPLE_FALL };
+    let drawn: Vec<(Option<Sample<F::State>>, usize)> = (0..options.samples)
+        .into_par_iter()
+        .map(|s| {
+            let mode = mode_of((s as f64 + 0.5) / options.samples as f64);
+            let mut random = stream(options.seed, 1_000 + s as u64);
+            let centre = normals(&mut random, forward.size());
+            let noise = normals(&mut random, likelihood.measured.len());
+            let mut own = likelihood.with_scales_at(&normals(&mut random, likelihood.scale.len()));
+            if own.prepare().is_err() {
+                return (None, 0);
+            }
+            let shift = Shift { centre, noise: Some(noise) };
+            let found = fit(forward, &own, (&modes[mode].z, Some(&modes[mode].state)), &shift, stop);
+            let spent = found.as_ref().map_or(1, |f| f.evaluations);
+            (found.map(|f| Sample { z: f.z, state: f.state, mode, half_sum: f.form.value }), spent)
+        })
+        .collect();
+    let spent = drawn.iter().map(|d| d.1).sum();
+    (drawn.into_iter().map(|d| d.0).collect(), spent)
+}
+
+#[cfg(test)]
+mod tests;

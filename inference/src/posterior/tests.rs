@@ -1,0 +1,109 @@
+use super::*;
+use crate::random::normal;
+
+/// Readings that are linear in the numbers, by a matrix, with a slight curve.
+struct Toy {
+    slope: DMatrix<f64>,
+    curve: f64,
+}
+
+impl Forward for Toy {
+    type State = ();
+    fn size(&self) -> usize {
+        self.slope.ncols()
+    }
+    fn at(&self, z: &DVector<f64>, _: Option<(&DVector<f64>, &())>) -> Option<Point<()>> {
+        let s = &self.slope * z;
+        let reading = s.map(|x| x + self.curve * x * x);
+        let slope = DMatrix::from_fn(s.len(), z.len(), |i, k| (1.0 + 2.0 * self.curve * s[i]) * self.slope[(i, k)]);
+        let none = DMatrix::zeros(0, z.len());
+        Some(Point { reading, slope, belief: DVector::zeros(0), belief_slope: none, state: () })
+    }
+}
+
+/// A toy of `rows` readings of `n` numbers; the last number is not touched.
+fn toy(rows: usize, n: usize, curve: f64, seed: u64) -> Toy {
+    let mut random = stream(seed, 7);
+    Toy { slope: DMatrix::from_fn(rows, n, |_, k| if k + 1 == n { 0.0 } else { normal(&mut random) }), curve }
+}
+
+fn likelihood(toy: &Toy, truth: &DVector<f64>, sd: f64, seed: u64) -> Likelihood {
+    let mut random = stream(seed, 8);
+    let reading = toy.at(truth, None).unwrap().reading;
+    let rows = reading.len();
+    let measured = reading.map(|x| x + sd * normal(&mut random));
+    Likelihood::independent(measured, vec![sd; rows], vec![0; rows])
+}
+
+fn moments(samples: &[Sample<()>], k: usize) -> (f64, f64) {
+    let n = samples.len() as f64;
+    let mean = samples.iter().map(|s| s.z[k]).sum::<f64>() / n;
+    (mean, (samples.iter().map(|s| (s.z[k] - mean).powi(2)).sum::<f64>() / (n - 1.0)).sqrt())
+}
+
+#[test]
+fn a_linear_model_has_the_closed_forms_posterior() {
+    let toy = toy(12, 6, 0.0, 1);
+    let truth = normals(&mut stream(1, 9), 6);
+    let mut l = likelihood(&toy, &truth, 0.5, 1);
+    l.robust = 1e9;
+    let options = Options { scale_noise: false, samples: 2000, ..Options::default() };
+    let found = infer(&toy, &mut l, &[], &options).unwrap();
+    let precision = DMatrix::identity(6, 6) + toy.slope.tr_mul(&toy.slope) / 0.25;
+    let covariance = precision.clone().try_inverse().unwrap();
+    let mean = &covariance * toy.slope.tr_mul(&l.measured) / 0.25;
+    assert_eq!(found.modes.len(), 1);
+    assert!((&found.modes[0].z - &mean).amax() < 1e-3, "{} {mean}", found.modes[0].z);
+    for k in 0..6 {
+        let (m, sd) = moments(&found.samples, k);
+        let exact = covariance[(k, k)].sqrt();
+        // of 2000 samples: four standard errors
+        assert!((m - mean[k]).abs() < 0.09 * exact, "{k}: {m} {}", mean[k]);
+        assert!((sd / exact - 1.0).abs() < 0.065, "{k}: {sd} {exact}");
+    }
+}
+
+#[test]
+fn what_the_data_do_not_touch_keeps_its_prior() {
+    let toy = toy(30, 6, 0.05, 2);
+    let truth = normals(&mut stream(2, 9), 6);
+    let mut l = likelihood(&toy, &truth, 0.2, 2);
+    let found = infer(&toy, &mut l, &[], &Options { samples: 800, ..Options::default() }).unwrap();
+    let (mean, sd) = moments(&found.samples, 5);
+    assert!(mean.abs() < 0.12 && (sd - 1.0).abs() < 0.1, "{mean} {sd}");
+}
+
+#[test]
+fn intervals_hold_the_truth_as_often_as_they_say() {
+    let (mut inside, mut all) = (0, 0);
+    for seed in 0..60 {
+        let toy = toy(24, 8, 0.03, seed);
+        let truth = normals(&mut stream(seed, 9), 8);
+        let mut l = likelihood(&toy, &truth, 0.5, seed);
+        let found = infer(&toy, &mut l, &[], &Options { samples: 60, starts: 2, seed, ..Options::default() }).unwrap();
+        for k in 0..8 {
+            let mut values: Vec<f64> = found.samples.iter().map(|s| s.z[k]).collect();
+            values.sort_by(f64::total_cmp);
+            let n = values.len();
+            inside += usize::from((values[n / 20]..=values[n - 1 - n / 20]).contains(&truth[k]));
+            all += 1;
+        }
+    }
+    let share = f64::from(inside as u32) / f64::from(all as u32);
+    // 480 intervals of 88 to 92 %: three standard errors are 4 %
+    assert!((0.84..=0.95).contains(&share), "{share}");
+}
+
+#[test]
+fn one_thread_and_several_give_the_same_bytes() {
+    let run = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| {
+            let toy = toy(24, 8, 0.05, 4);
+            let mut l = likelihood(&toy, &normals(&mut stream(4, 9), 8), 0.5, 4);
+            let found = infer(&toy, &mut l, &[], &Options::default()).unwrap();
+            found.samples.iter().flat_map(|s| s.z.iter().map(|x| x.to_bits()).collect::<Vec<_>>()).collect::<Vec<_>>()
+        })
+    };
+    assert_eq!(run(1), run(3));
+}
