@@ -5,10 +5,9 @@ use crate::cost::FAILED;
 use crate::design::Design;
 use crate::error::CalibrationError;
 use crate::experiment::Experiment;
-use crate::gradient::Gradient;
 use crate::hops::Hops;
-use crate::options::{CalibrateOptions, Choice, Method};
-use crate::posterior::{self, ForceEstimate, ParameterEstimate};
+use crate::options::{CalibrateOptions, Method};
+use crate::posterior::{self, ForceEstimate, NoiseEstimate, OtherEstimate, ParameterEstimate, RestEstimate};
 use crate::problem::Problem;
 use crate::recipe::Recipe;
 use serde::{Deserialize, Serialize};
@@ -42,7 +41,8 @@ pub struct Checkpoint {
 #[serde(rename_all = "snake_case")]
 enum State {
     Recipe(Recipe),
-    Gradient(Gradient),
+    /// All at once: nothing is kept between.
+    Inference,
     Descent(Hops),
 }
 
@@ -83,8 +83,14 @@ pub struct Calibrated {
     pub lowest_cost: (f64, Vec<f64>),
     /// Every design variable with its interval.
     pub parameters: Vec<ParameterEstimate>,
+    /// What else was inferred: frames, contact.
+    pub others: Vec<OtherEstimate>,
     /// Bundle forces in the probe trials, with their intervals.
     pub forces: Vec<ForceEstimate>,
+    /// Tension of all ligaments at rest.
+    pub rest: Vec<RestEstimate>,
+    /// Noise of each data set and coordinate, as stated and as inferred.
+    pub noise: Vec<NoiseEstimate>,
     /// Standard deviation that the best fit misses by, over the noise stated, a coordinate each (VV, IE, ML, AP, SI) [-]; 1 where it fits.
     pub noise_scale: [f64; 5],
     /// Root mean square of predicted minus measured, a coordinate each [deg or mm]; `None` where nothing was measured.
@@ -112,7 +118,7 @@ impl Checkpoint {
         let start = identity.design.unit(&identity.start);
         let state = match o.method {
             Method::SwarmSimplex => State::Recipe(Recipe::new(&start, &o.swarm, o.seed)),
-            Method::Gradient => State::Gradient(Gradient::new(&start, o.seed)),
+            Method::Gradient => State::Inference,
             Method::Descent => State::Descent(Hops::new(&start, o.seed)),
         };
         Ok(Checkpoint { identity, state })
@@ -155,7 +161,7 @@ impl Checkpoint {
     pub fn is_finished(&self) -> bool {
         match &self.state {
             State::Recipe(r) => r.is_finished(),
-            State::Gradient(g) => g.is_finished(),
+            State::Inference => true,
             State::Descent(h) => h.is_finished(&self.identity.options.descent),
         }
     }
@@ -170,11 +176,11 @@ impl Checkpoint {
                 evaluations: r.history.len(),
                 lowest_cost: r.best().map_or(f64::INFINITY, |b| b.0),
             },
-            State::Gradient(g) => Progress {
-                phase: g.phase(),
-                share: g.share(&o.gradient),
-                evaluations: g.history.len(),
-                lowest_cost: g.lowest_cost().map_or(f64::INFINITY, |b| b.0),
+            State::Inference => Progress {
+                phase: "inferring",
+                share: 0.5,
+                evaluations: 0,
+                lowest_cost: f64::INFINITY,
             },
             State::Descent(h) => Progress {
                 phase: "descents",
@@ -199,7 +205,7 @@ impl Checkpoint {
                     _ => Ok(()),
                 }
             }
-            State::Gradient(g) => g.advance(problem, &o.gradient),
+            State::Inference => Ok(()),
             State::Descent(h) => {
                 h.advance(problem, &o.descent);
                 Ok(())
@@ -245,30 +251,20 @@ pub fn calibrate(
 fn finish(checkpoint: &Checkpoint, problem: &Problem, probes: &Probes) -> Result<Calibrated, CalibrationError> {
     let o = &checkpoint.identity.options;
     let design = problem.experiment.design;
-    let (lowest, point, found) = match &checkpoint.state {
-        State::Recipe(r) => {
-            let best = r.best().ok_or_else(|| no_answer(problem, &checkpoint.identity.start))?;
-            let found = posterior::of_recipe(problem, &best.1, r.rivals(), &o.gradient, o.seed);
-            (best.clone(), best.1, found)
-        }
-        State::Descent(h) => {
-            let best = h.best().first().ok_or_else(|| no_answer(problem, &checkpoint.identity.start))?;
-            let found = posterior::of_recipe(problem, &best.1, h.starts.clone(), &o.gradient, o.seed);
-            (best.clone(), best.1.clone(), found)
-        }
-        State::Gradient(g) => {
-            let best = g.best().ok_or_else(|| no_answer(problem, &checkpoint.identity.start))?;
-            let lowest = g.lowest_cost().unwrap_or((best.cost, best.point.clone()));
-            let point = if o.gradient.choice == Choice::LowestCost { &lowest.1 } else { &best.point };
-            (lowest.clone(), point.clone(), posterior::of_gradient(g, problem, o.gradient.samples))
-        }
+    let none = || no_answer(problem, &checkpoint.identity.start);
+    let (lowest, rivals) = match &checkpoint.state {
+        State::Recipe(r) => (r.best().ok_or_else(none)?, r.rivals()),
+        State::Descent(h) => (h.best().first().cloned().ok_or_else(none)?, h.starts.clone()),
+        State::Inference => return Err(CalibrationError::Option("method: gradient is no recipe".into())),
     };
-    let (lowest, point) = judged(problem, &checkpoint.state, o, (lowest, point));
+    let found = posterior::of_recipe(problem, &lowest.1, rivals, &o.gradient, o.seed);
+    let lowest = judged(problem, &checkpoint.state, lowest);
+    let point = lowest.1.clone();
     let values = design.at(&point);
     let predicted = problem.in_full.predictions(&values);
     let history = match &checkpoint.state {
         State::Recipe(r) => r.history.clone(),
-        State::Gradient(g) => g.history.clone(),
+        State::Inference => vec![],
         State::Descent(h) => h.history.clone(),
     };
     Ok(Calibrated {
@@ -277,6 +273,9 @@ fn finish(checkpoint: &Checkpoint, problem: &Problem, probes: &Probes) -> Result
         lowest_cost: (lowest.0, design.at(&lowest.1)),
         parameters: posterior::parameters(design, &point, &found, o.gradient.interval),
         forces: posterior::forces(probes, design, &point, &found, o.gradient.interval),
+        others: vec![],
+        rest: vec![],
+        noise: vec![],
         noise_scale: found.noise_scale,
         rms: rms(problem, &predicted),
         predicted,
@@ -288,30 +287,17 @@ fn finish(checkpoint: &Checkpoint, problem: &Problem, probes: &Probes) -> Result
     })
 }
 
-/// The lowest cost as the model in full has it, among the three lowest met, and the point chosen.
-fn judged(
-    problem: &Problem,
-    state: &State,
-    options: &CalibrateOptions,
-    (lowest, point): ((f64, Vec<f64>), Vec<f64>),
-) -> ((f64, Vec<f64>), Vec<f64>) {
+/// The lowest cost as the model in full has it, among the three lowest met, and where.
+fn judged(problem: &Problem, state: &State, lowest: (f64, Vec<f64>)) -> (f64, Vec<f64>) {
     let mut candidates = match state {
-        State::Recipe(_) => vec![lowest.clone()],
-        State::Gradient(g) => g.candidates(),
         State::Descent(h) => h.best().to_vec(),
+        State::Recipe(_) | State::Inference => vec![lowest.clone()],
     };
     candidates.sort_by(|a, b| a.0.total_cmp(&b.0));
     let design = problem.experiment.design;
     let in_full = |p: &Vec<f64>| problem.cost.cost(&problem.in_full.predictions(&design.at(p))).value;
-    let best = candidates
-        .into_iter()
-        .take(3)
-        .map(|(_, p)| (in_full(&p), p))
-        .reduce(|a, b| if b.0 < a.0 { b } else { a })
-        .unwrap_or(lowest);
-    let by_cost = options.method != Method::Gradient || options.gradient.choice == Choice::LowestCost;
-    let point = if by_cost { best.1.clone() } else { point };
-    (best, point)
+    let best = candidates.into_iter().take(3).map(|(_, p)| (in_full(&p), p));
+    best.reduce(|a, b| if b.0 < a.0 { b } else { a }).unwrap_or(lowest)
 }
 
 /// Root mean square of predicted minus measured, a coordinate each.

@@ -3,7 +3,6 @@
 //! X1 to X14 are reference strains [-], X15 to X26 stiffnesses [N/mm]; X18 is shared by the three fibres of the superficial MCL.
 
 use crate::error::CalibrationError;
-use crate::frames::{self, FrameOptions, Terms};
 use serde::{Deserialize, Serialize};
 use sim::spec::{BundleSpec, ModelSpec};
 use std::collections::BTreeMap;
@@ -17,10 +16,6 @@ pub enum Kind {
     ReferenceStrain,
     /// Of the whole bundle [N/mm].
     StiffnessNPerMm,
-    /// Turn of an anatomical frame about an axis of its own [deg].
-    FrameTurnDeg,
-    /// Shift of an anatomical frame along an axis of its own [mm].
-    FrameShiftMm,
 }
 
 impl Kind {
@@ -29,8 +24,6 @@ impl Kind {
         match self {
             Kind::ReferenceStrain => "reference_strain",
             Kind::StiffnessNPerMm => "stiffness_n_per_mm",
-            Kind::FrameTurnDeg => "frame_turn_deg",
-            Kind::FrameShiftMm => "frame_shift_mm",
         }
     }
 }
@@ -42,7 +35,7 @@ pub struct Variable {
     pub number: u32,
     /// Reference strain or stiffness.
     pub kind: Kind,
-    /// The bundles that share it; of a frame the bone and the axis.
+    /// The bundles that share it.
     pub bundles: Vec<String>,
     /// Smallest value [- or N/mm].
     pub lower: f64,
@@ -57,11 +50,6 @@ impl Variable {
             [one] => one.clone(),
             several => several.first().map_or(String::new(), |b| b.split('_').next().unwrap_or(b).to_owned()),
         }
-    }
-
-    /// True of a turn or shift of a frame.
-    pub fn is_of_frames(&self) -> bool {
-        matches!(self.kind, Kind::FrameTurnDeg | Kind::FrameShiftMm)
     }
 
     /// Width of the range.
@@ -141,26 +129,6 @@ impl Design {
         Ok(design)
     }
 
-    /// The same and the frames' variables.
-    #[must_use]
-    pub fn with_frames(&self, options: &FrameOptions) -> Design {
-        let mut out = self.clone();
-        out.variables.extend(frames::variables(options));
-        out
-    }
-
-    /// Turns and shifts of the frames among the values; `None` where frames are no variables.
-    pub fn frame_terms(&self, values: &[f64]) -> Option<Terms> {
-        let mut terms = [0.0; 12];
-        let mut found = false;
-        for (v, x) in self.variables.iter().zip(values).filter(|(v, _)| v.is_of_frames()) {
-            if let Some(t) = terms.get_mut((v.number - frames::FIRST) as usize) {
-                (*t, found) = (*x, true);
-            }
-        }
-        found.then_some(terms)
-    }
-
     /// Number of variables.
     pub fn len(&self) -> usize {
         self.variables.len()
@@ -178,16 +146,13 @@ impl Design {
                 Kind::ReferenceStrain => b.reference_strain,
                 _ => b.stiffness_n_per_mm,
             };
-            if v.is_of_frames() {
-                return 0.0;
-            }
             let all: Vec<f64> = spec.bundles.iter().filter(|b| v.bundles.contains(&b.name)).map(of).collect();
             all.iter().sum::<f64>() / all.len() as f64
         };
         self.variables.iter().map(mean).collect()
     }
 
-    /// The model with these values; frames that cannot be turned stay.
+    /// The model with these values.
     pub fn apply(&self, spec: &ModelSpec, values: &[f64]) -> ModelSpec {
         let mut out = spec.clone();
         for (v, &x) in self.variables.iter().zip(values) {
@@ -197,10 +162,6 @@ impl Design {
                     _ => b.stiffness_n_per_mm = x,
                 }
             }
-        }
-        if let Some(frames) = self.frame_terms(values).and_then(|t| frames::corrected(&spec.frames, spec.side, &t).ok())
-        {
-            out.frames = frames;
         }
         out
     }
@@ -234,7 +195,6 @@ impl Design {
             let least = match v.kind {
                 Kind::ReferenceStrain => 0.05,
                 Kind::StiffnessNPerMm => 0.0,
-                Kind::FrameTurnDeg | Kind::FrameShiftMm => f64::NEG_INFINITY,
             };
             if !(lower.is_finite() && upper.is_finite() && lower >= least && lower < upper) {
                 return Err(CalibrationError::Option(format!(

@@ -21,4 +21,7 @@ pub enum CalibrationError {
     /// The solver could not answer.
     #[error(transparent)]
     Sim(#[from] sim::SimError),
+    /// There is no posterior.
+    #[error(transparent)]
+    Inference(#[from] inference::InferenceError),
 }

@@ -9,16 +9,15 @@ pub mod descent;
 pub mod design;
 pub mod error;
 pub mod experiment;
-pub mod frames;
-pub mod gradient;
 pub mod hops;
+pub mod inferred;
 pub mod knee;
 pub mod levenberg;
 pub mod options;
 pub mod posterior;
+pub mod priors;
 pub mod problem;
 pub mod recipe;
-pub mod rehearsal;
 pub mod reports;
 pub mod session;
 pub mod simplex;
@@ -26,5 +25,6 @@ pub mod swarm;
 pub mod targets;
 #[cfg(test)]
 mod toy;
+pub mod unknowns;
 
 pub use error::CalibrationError;

@@ -2,18 +2,18 @@
 
 use crate::cost::CostOptions;
 use crate::error::CalibrationError;
-use crate::frames::FrameOptions;
 use crate::knee::SearchOptions;
 use crate::targets::TargetOptions;
+use crate::unknowns::FrameOptions;
 use serde::{Deserialize, Serialize};
-use sim::laxity::Test;
+use sim::laxity::{LaxityTrial, Test};
 use std::collections::BTreeMap;
 
 /// How the parameters are found.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Method {
-    /// Least squares with the solver's derivatives from many starts, then descent on the cost.
+    /// The posterior of everything that is not known, by the solver's derivatives.
     #[default]
     Gradient,
     /// Particle swarm, then simplex: the paper's recipe.
@@ -22,8 +22,28 @@ pub enum Method {
     Descent,
 }
 
+impl Default for CalibrateOptions {
+    fn default() -> Self {
+        CalibrateOptions {
+            method: Method::default(),
+            targets: TargetOptions::default(),
+            cost: CostOptions::default(),
+            ranges: BTreeMap::new(),
+            priors: true,
+            loads: vec![],
+            swarm: SwarmOptions::default(),
+            frames: FrameOptions::default(),
+            search: SearchOptions::default(),
+            inference: inference::posterior::Options::default(),
+            gradient: GradientOptions::default(),
+            descent: HopOptions::default(),
+            seed: 0,
+        }
+    }
+}
+
 /// Options of a calibration.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CalibrateOptions {
     /// How.
@@ -34,7 +54,10 @@ pub struct CalibrateOptions {
     pub cost: CostOptions,
     /// Ranges instead of Table 3's [- or N/mm], by name ("X3" or "LCL.reference_strain").
     pub ranges: BTreeMap<String, [f64; 2]>,
-    /// What is believed of ligament loads; none by default.
+    /// Whether physiological priors (data/priors.toml) are used: reference strains, forces in drawers and at rest. Without, strains are even over Table 3.
+    /// The paper's recipe never uses them.
+    pub priors: bool,
+    /// What else is believed of ligament loads; nothing by default.
     pub loads: Vec<LoadPrior>,
     /// The paper's recipe.
     pub swarm: SwarmOptions,
@@ -42,7 +65,9 @@ pub struct CalibrateOptions {
     pub frames: FrameOptions,
     /// How answers are sought on the way.
     pub search: SearchOptions,
-    /// The faster way.
+    /// The posterior: starts, fits, samples.
+    pub inference: inference::posterior::Options,
+    /// Intervals and outliers.
     pub gradient: GradientOptions,
     /// Descents on the cost.
     pub descent: HopOptions,
@@ -76,6 +101,14 @@ pub struct LoadPrior {
     pub weight: f64,
 }
 
+impl LoadPrior {
+    /// Whether it is about a trial.
+    pub fn applies(&self, t: &LaxityTrial) -> bool {
+        self.test.is_none_or(|test| test == t.test)
+            && self.nominal_flexion_deg.is_none_or(|f| (f - t.nominal_flexion_deg).abs() < 0.5)
+    }
+}
+
 fn load_weight() -> f64 {
     50.0
 }
@@ -100,66 +133,23 @@ impl Default for SwarmOptions {
     }
 }
 
-/// Which point becomes the calibrated model.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Choice {
-    /// The most probable parameters: least squares under the prior.
-    #[default]
-    MostProbable,
-    /// The lowest cost of [`CostOptions`].
-    LowestCost,
-}
-
-/// The gradient-based way.
+/// Intervals and outliers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct GradientOptions {
-    /// Starts: the model's own values, then points of a Latin hypercube [-]; Theodorakos and Andersen 2024 show why one will not do.
-    pub starts: usize,
-    /// Most evaluations of each start [-]; ours.
-    pub first_evaluations: usize,
-    /// Starts fitted to the end, the best so far [-]; ours.
-    pub finalists: usize,
-    /// Of those, fitted to the end with the model in full, not the search's [-]; ours.
-    pub modes: usize,
-    /// Most evaluations of a fit to the end [-]; ours.
-    pub evaluations: usize,
-    /// Least-squares results refined on the cost [-]; 0 leaves it out.
-    pub descents: usize,
-    /// Most evaluations of a descent on the cost [-]; ours.
-    pub descent_evaluations: usize,
-    /// Which point becomes the calibrated model.
-    pub choice: Choice,
-    /// Whether noise is scaled up, a coordinate each, where the best fit misses the measurements by more [-].
+    /// Whether a recipe's noise is scaled up, a coordinate each, where the best fit misses the measurements by more, before its intervals.
     pub scale_noise: bool,
     /// Residuals beyond this many standard deviations count linearly, not squared [huber1964] [-].
     pub robust: f64,
-    /// Samples of the posterior [-]; 0 leaves it out.
+    /// Points of a recipe's posterior by Laplace's approximation [-].
     pub samples: usize,
-    /// Evaluations a sample [-]; ours.
-    pub sample_evaluations: usize,
     /// Probability of the intervals [-].
     pub interval: f64,
 }
 
 impl Default for GradientOptions {
     fn default() -> Self {
-        GradientOptions {
-            starts: 24,
-            first_evaluations: 6,
-            finalists: 6,
-            modes: 3,
-            evaluations: 14,
-            descents: 2,
-            descent_evaluations: 20,
-            choice: Choice::MostProbable,
-            scale_noise: true,
-            robust: 3.0,
-            samples: 48,
-            sample_evaluations: 20,
-            interval: 0.9,
-        }
+        GradientOptions { scale_noise: true, robust: 3.0, samples: 48, interval: 0.9 }
     }
 }
 
@@ -212,12 +202,10 @@ impl CalibrateOptions {
         };
         least("swarm.particles", self.swarm.particles, 2)?;
         least("swarm.swarm_evaluations", self.swarm.swarm_evaluations, self.swarm.particles)?;
-        least("gradient.starts", self.gradient.starts, 1)?;
-        least("gradient.first_evaluations", self.gradient.first_evaluations, 2)?;
-        least("gradient.finalists", self.gradient.finalists, 1)?;
-        least("gradient.modes", self.gradient.modes, 1)?;
-        least("gradient.evaluations", self.gradient.evaluations, 2)?;
-        least("gradient.sample_evaluations", self.gradient.sample_evaluations, 1)?;
+        least("inference.first_evaluations", self.inference.first_evaluations, 2)?;
+        least("inference.finalists", self.inference.finalists, 1)?;
+        least("inference.evaluations", self.inference.evaluations, 2)?;
+        least("inference.sample_evaluations", self.inference.sample_evaluations, 1)?;
         least("descent.starts", self.descent.starts, 1)?;
         least("descent.first_evaluations", self.descent.first_evaluations, 2)?;
         least("descent.finalists", self.descent.finalists, 1)?;
@@ -235,9 +223,12 @@ impl CalibrateOptions {
         between("gradient.interval", self.gradient.interval, 0.0, 1.0)?;
         between("descent.hop_size", self.descent.hop_size, 0.0, 1.0)?;
         between("descent.hop_share", self.descent.hop_share, 0.0, 1.0)?;
-        for (name, sd) in
-            [("frames.turn_sd_deg", self.frames.turn_sd_deg), ("frames.shift_sd_mm", self.frames.shift_sd_mm)]
-        {
+        for (name, sd) in [
+            ("frames.turn_sd_deg", self.frames.turn_sd_deg.unwrap_or(0.0)),
+            ("frames.shift_sd_mm", self.frames.shift_sd_mm.unwrap_or(0.0)),
+            ("frames.offset_turn_deg", self.frames.offset_turn_deg),
+            ("frames.offset_shift_mm", self.frames.offset_shift_mm),
+        ] {
             if !(0.0..=20.0).contains(&sd) {
                 return Err(CalibrationError::Option(format!("{name} is {sd}, expected 0 to 20")));
             }

@@ -5,11 +5,11 @@ use crate::calibrate::Probes;
 use crate::cost::FAILED;
 use crate::design::{Design, Kind};
 use crate::experiment::Experiment;
-use crate::gradient::{Gradient, normal, prior_point};
+use inference::random::{normal, stream};
 use crate::options::GradientOptions;
-use crate::problem::{Problem, View};
+use crate::problem::Problem;
 use nalgebra::DVector;
-use rand::SeedableRng;
+use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -57,7 +57,7 @@ pub struct ForceEstimate {
     pub trial: String,
     /// Index of the bundle.
     pub bundle: usize,
-    /// At the values chosen [N]; `None` where the trial has no answer there.
+    /// Mean over the posterior [N], the least wrong number to tell; of the recipes at the values chosen, `None` where the trial has no answer there.
     pub value_n: Option<f64>,
     /// Lower end of its interval [N].
     pub lower_n: f64,
@@ -65,6 +65,82 @@ pub struct ForceEstimate {
     pub upper_n: f64,
     /// Share of the variance that parameters spread over their ranges would give, which the data removed, 0 to 1 [-].
     pub determined: f64,
+}
+
+/// A number of the knee that is no ligament's, after a calibration: of a frame, of the contact.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct OtherEstimate {
+    /// Its name: `tibia.anterior.shift_mm`, `kla.femur.medial.turn_deg`, `contact.scale`.
+    pub name: String,
+    /// The value chosen.
+    pub value: f64,
+    /// Lower end of its interval.
+    pub lower: f64,
+    /// Upper end of its interval.
+    pub upper: f64,
+    /// Interval of the same probability before anything was measured.
+    pub prior: [f64; 2],
+    /// Share of the prior's variance that the data removed [-].
+    pub determined: f64,
+}
+
+impl OtherEstimate {
+    /// A warning where it lies outside the interval it had before.
+    pub fn odd(&self) -> Option<String> {
+        let outside = self.value < self.prior[0] || self.value > self.prior[1];
+        outside.then(|| {
+            format!(
+                "{} is {:.2} ({:.2} to {:.2}), expected {:.2} to {:.2} before anything was measured",
+                self.name, self.value, self.lower, self.upper, self.prior[0], self.prior[1]
+            )
+        })
+    }
+}
+
+/// Noise of a coordinate of a data set.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct NoiseEstimate {
+    /// The data set.
+    pub source: String,
+    /// The coordinate with its unit.
+    pub coordinate: String,
+    /// Standard deviation as the file states it.
+    pub stated: f64,
+    /// As the data have it.
+    pub inferred: f64,
+    /// Lower end of its interval.
+    pub lower: f64,
+    /// Upper end of its interval.
+    pub upper: f64,
+}
+
+impl NoiseEstimate {
+    /// What is told where the interval does not hold what is stated, by a factor of 1.5 or more.
+    pub fn odd(&self, interval: f64) -> Option<String> {
+        let off = self.stated < self.lower || self.stated > self.upper;
+        let far = self.inferred > 1.5 * self.stated || self.inferred < self.stated / 1.5;
+        (off && far).then(|| {
+            format!(
+                "{}: {} scatters by {:.2} ({:.2} to {:.2}, {:.0} %), the file states {:.2}",
+                self.source, self.coordinate, self.inferred, self.lower, self.upper, 100.0 * interval, self.stated
+            )
+        })
+    }
+}
+
+/// Tension of all ligaments together at rest.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RestEstimate {
+    /// Flexion [deg].
+    pub fe_deg: f64,
+    /// Mean over the posterior [N].
+    pub value_n: f64,
+    /// Lower end of its interval [N].
+    pub lower_n: f64,
+    /// Upper end of its interval [N].
+    pub upper_n: f64,
+    /// Of the calibrated model [N].
+    pub model_n: f64,
 }
 
 /// A force whose interval reaches no further than this from its value is called determined [N].
@@ -76,22 +152,6 @@ impl ForceEstimate {
         let near = |end: f64| self.value_n.is_some_and(|v| (end - v).abs() <= FORCE_DETERMINED_N);
         self.determined > 0.0 && near(self.lower_n) && near(self.upper_n)
     }
-}
-
-/// The samples of a gradient calibration; those stuck far above the best fit are left out.
-pub fn of_gradient(g: &Gradient, problem: &Problem, wanted: usize) -> Found {
-    let n = problem.experiment.design.len();
-    let limit = g.limit(problem);
-    let kept: Vec<Vec<f64>> = g.samples.iter().filter(|f| f.half_sum <= limit).map(|f| f.point.clone()).collect();
-    let mut warnings = Vec::new();
-    if kept.len() * 10 < wanted * 7 {
-        warnings
-            .push(format!("{} of {wanted} samples of the posterior ended near a fit; intervals are rough", kept.len()));
-    }
-    let mut rivals: Vec<(f64, Vec<f64>)> = g.starts.iter().flatten().map(|f| (f.cost, f.point.clone())).collect();
-    rivals.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let prior = (0..wanted).map(|s| prior_point(g.seed, s, n)).collect();
-    Found { samples: kept, prior, noise_scale: g.noise_scale, rivals, warnings }
 }
 
 /// Laplace's approximation [tierney1986] at the point of lowest cost: a normal posterior from the solver's derivatives there, cut off at the
@@ -107,19 +167,17 @@ pub fn of_recipe(
     let predicted = problem.experiment.predictions(&problem.experiment.design.at(point));
     let noise_scale =
         if options.scale_noise { problem.misses(&predicted, &[1.0; 5], options.robust) } else { [1.0; 5] };
-    let view = View { noise_scale, ..View::plain(problem.targets.trials.len(), n) };
     let prior: Vec<Vec<f64>> = (0..options.samples).map(|s| prior_point(seed, s, n)).collect();
     let rivals = rivals.into_iter().filter(|r| r.0 < FAILED).collect();
-    let chol = problem.least_squares(point, &view).and_then(|e| {
-        let hessian = e.residuals.jacobian.tr_mul(&e.residuals.jacobian);
+    let chol = problem.least_squares(point, &noise_scale).and_then(|r| {
+        let hessian = r.jacobian.tr_mul(&r.jacobian);
         hessian.cholesky()
     });
     let Some(chol) = chol else {
         let warnings = vec!["the solver has no derivatives at the best point: no intervals".to_owned()];
         return Found { samples: vec![], prior, noise_scale, rivals, warnings };
     };
-    let mut random = ChaCha8Rng::seed_from_u64(seed);
-    random.set_stream(u64::MAX);
+    let mut random = stream(seed, u64::MAX);
     let upper = chol.l().transpose();
     let draw = |random: &mut ChaCha8Rng| -> Vec<f64> {
         let z = DVector::from_fn(n, |_, _| normal(random));
@@ -128,6 +186,12 @@ pub fn of_recipe(
     };
     let samples = (0..options.samples).map(|_| draw(&mut random)).collect();
     Found { samples, prior, noise_scale, rivals, warnings: vec![] }
+}
+
+/// A point spread evenly over the unit box.
+fn prior_point(seed: u64, sample: usize, n: usize) -> Vec<f64> {
+    let mut random = stream(seed, 1 + sample as u64);
+    (0..n).map(|_| random.random_range(0.0..1.0)).collect()
 }
 
 /// A coordinate mirrored at the walls of 0 to 1.
@@ -210,8 +274,13 @@ pub fn ends(values: &[f64], share: f64) -> Option<(f64, f64)> {
     Some((at(0.5 - 0.5 * share), at(0.5 + 0.5 * share)))
 }
 
+/// Mean of values; 0 of none.
+pub fn mean(values: &[f64]) -> f64 {
+    values.iter().sum::<f64>() / values.len().max(1) as f64
+}
+
 /// Variance of values; 0 of fewer than two.
-fn variance(values: &[f64]) -> f64 {
+pub fn variance(values: &[f64]) -> f64 {
     let n = values.len() as f64;
     if n < 2.0 {
         return 0.0;

@@ -28,44 +28,6 @@ pub struct Problem<'a> {
     robust: f64,
 }
 
-/// What a least-squares evaluation found.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Evaluation {
-    /// Residuals and derivatives by unit coordinates: five a trial, then load beliefs, then the prior.
-    pub residuals: Residuals,
-    /// The cost at the same point.
-    pub cost: f64,
-}
-
-/// What the measurements are taken to be in a least-squares fit.
-#[derive(Clone, Debug, PartialEq)]
-pub struct View {
-    /// Factor of the noise, a coordinate each [-].
-    pub noise_scale: [f64; 5],
-    /// Shift of each measurement, in its scaled noise [-]; zero but for samples.
-    pub shift: Vec<[f64; 5]>,
-    /// Middle of the prior, unit coordinates.
-    pub middle: Vec<f64>,
-    /// What the model in full predicts more than the search at the best point so far [deg, mm], a trial each: added to the search's predictions.
-    pub correction: Vec<[f64; 5]>,
-    /// Whether the model in full is asked, not the search's; the correction is then left out.
-    pub in_full: bool,
-}
-
-impl View {
-    /// The measurements as they are, the prior in the middle of its ranges.
-    pub fn plain(trials: usize, variables: usize) -> View {
-        let none = vec![[0.0; 5]; trials];
-        View {
-            noise_scale: [1.0; 5],
-            shift: none.clone(),
-            middle: vec![0.5; variables],
-            correction: none,
-            in_full: false,
-        }
-    }
-}
-
 impl<'a> Problem<'a> {
     /// A problem for a solver as the search has it and in full; `bundles` are the names in the order of the solver's forces.
     ///
@@ -122,22 +84,13 @@ impl<'a> Problem<'a> {
     }
 
     fn applies(&self, p: &LoadPrior, trial: usize) -> bool {
-        let t = &self.targets.trials[trial];
-        p.test.is_none_or(|test| test == t.test)
-            && p.nominal_flexion_deg.is_none_or(|fe| (fe - t.nominal_flexion_deg).abs() < 0.5)
+        p.applies(&self.targets.trials[trial])
     }
 
-    /// Residuals in standard deviations at unit coordinates, with derivatives, and the cost; `None` when a trial has no answer.
-    pub fn least_squares(&self, unit: &[f64], view: &View) -> Option<Evaluation> {
+    /// Residuals in standard deviations, scaled by `noise_scale`, at unit coordinates, with derivatives; `None` when a trial has no answer.
+    pub fn least_squares(&self, unit: &[f64], noise_scale: &[f64; 5]) -> Option<Residuals> {
         let design = self.experiment.design;
-        let experiment = if view.in_full { self.in_full } else { self.experiment };
-        let mut answers = experiment.answers(&design.at(unit), true);
-        for (answer, more) in answers.iter_mut().zip(&view.correction).filter(|_| !view.in_full) {
-            if let Ok(a) = answer {
-                a.predicted.iter_mut().zip(more).for_each(|(p, m)| *p += m);
-            }
-        }
-        let cost = self.value_of(&answers);
+        let answers = self.experiment.answers(&design.at(unit), true);
         let (n, widths) = (unit.len(), design.variables.iter().map(crate::design::Variable::width).collect::<Vec<_>>());
         let mut rows: Vec<(f64, DVector<f64>)> = Vec::new();
         for (i, answer) in answers.iter().enumerate() {
@@ -146,9 +99,9 @@ impl<'a> Problem<'a> {
             let residual = crate::cost::residual(t, &answer.predicted);
             for (c, r) in residual.iter().enumerate() {
                 let Some(r) = r else { continue };
-                let sd = self.targets.noise[i][c] * view.noise_scale[c];
+                let sd = self.targets.noise[i][c] * noise_scale[c];
                 let by = DVector::from_fn(n, |k, _| slopes.predicted[k][c] * widths[k] / sd);
-                rows.push(huber(r / sd - view.shift[i][c], by, self.robust));
+                rows.push(huber(r / sd, by, self.robust));
             }
             for (p, index) in self.loads.iter().filter(|(p, _)| self.applies(p, i)) {
                 let (value, slope) = load_residual(p, total(&answer.forces_n, index));
@@ -158,12 +111,12 @@ impl<'a> Problem<'a> {
         }
         for (k, x) in unit.iter().enumerate() {
             let by = DVector::from_fn(n, |j, _| if j == k { 1.0 / UNIFORM_SD } else { 0.0 });
-            rows.push(((x - view.middle[k]) / UNIFORM_SD, by));
+            rows.push(((x - 0.5) / UNIFORM_SD, by));
         }
         let value = DVector::from_iterator(rows.len(), rows.iter().map(|r| r.0));
         let jacobian = DMatrix::from_fn(rows.len(), n, |i, k| rows[i].1[k]);
         let finite = value.iter().chain(jacobian.iter()).all(|x| x.is_finite());
-        finite.then_some(Evaluation { residuals: Residuals { value, jacobian }, cost })
+        finite.then_some(Residuals { value, jacobian })
     }
 
     /// By how much predictions miss the measurements in standard deviations, a coordinate each, and no less than 1: root mean square of residuals

@@ -2,7 +2,6 @@
 
 use crate::calibrate::Calibrated;
 use crate::cost::residual;
-use crate::frames::FIRST;
 use crate::session::Outcome;
 use serde_json::{Value, json};
 use sim::laxity::{COORDINATES, VALUE_UNITS};
@@ -15,6 +14,8 @@ pub fn files(outcome: &Outcome) -> Vec<(String, Vec<u8>)> {
         ("parameters.csv", parameters(&outcome.found)),
         ("history.csv", history(&outcome.found.history)),
         ("frames.csv", frames(&outcome.found)),
+        ("noise.csv", noise(&outcome.found)),
+        ("rest.csv", rest(&outcome.found)),
         ("forces.csv", forces(&outcome.found, &bundles)),
         ("fit.csv", fit(outcome)),
         ("starts.csv", points(&outcome.found, true)),
@@ -27,7 +28,7 @@ pub fn files(outcome: &Outcome) -> Vec<(String, Vec<u8>)> {
 /// parameters.csv: `lower` and `upper` are the ends of the interval, `range_lower` and `range_upper` those of the range sought in.
 pub fn parameters(found: &Calibrated) -> String {
     let mut out = "design_variable,bundle,kind,value,lower,upper,range_lower,range_upper,determined\n".to_owned();
-    for p in found.parameters.iter().filter(|p| p.number < FIRST) {
+    for p in found.parameters.iter() {
         let _ = writeln!(
             out,
             "X{},{},{},{:.6},{:.6},{:.6},{},{},{:.3}",
@@ -45,16 +46,35 @@ pub fn parameters(found: &Calibrated) -> String {
     out
 }
 
-/// frames.csv: turns and shifts of the frames, where they were sought.
+/// frames.csv: turns and shifts of the frames, of all data sets and of each its own, and what else is no ligament's.
 fn frames(found: &Calibrated) -> String {
-    let mut out = "frame,kind,value,lower,upper,range_lower,range_upper,determined\n".to_owned();
-    for p in found.parameters.iter().filter(|p| p.number >= FIRST) {
-        let (kind, range) = (p.kind.name(), p.range);
+    let mut out = "name,value,lower,upper,prior_lower,prior_upper,determined\n".to_owned();
+    for p in &found.others {
+        let (prior, name) = (p.prior, &p.name);
         let _ = writeln!(
             out,
-            "{},{kind},{:.4},{:.4},{:.4},{:.3},{:.3},{:.3}",
-            p.bundle, p.value, p.lower, p.upper, range[0], range[1], p.determined
+            "{name},{:.4},{:.4},{:.4},{:.3},{:.3},{:.3}",
+            p.value, p.lower, p.upper, prior[0], prior[1], p.determined
         );
+    }
+    out
+}
+
+/// noise.csv: noise of each data set and coordinate, as stated and as inferred, one standard deviation [deg or mm].
+fn noise(found: &Calibrated) -> String {
+    let mut out = "source,coordinate,stated,inferred,lower,upper\n".to_owned();
+    for n in &found.noise {
+        let (source, coordinate) = (&n.source, &n.coordinate);
+        let _ = writeln!(out, "{source},{coordinate},{:.4},{:.4},{:.4},{:.4}", n.stated, n.inferred, n.lower, n.upper);
+    }
+    out
+}
+
+/// rest.csv: tension of all ligaments together without load but 20 N of compression [N]: mean and interval, and of the calibrated model.
+fn rest(found: &Calibrated) -> String {
+    let mut out = "fe_deg,value_n,lower_n,upper_n,model_n\n".to_owned();
+    for r in &found.rest {
+        let _ = writeln!(out, "{},{:.3},{:.3},{:.3},{:.3}", r.fe_deg, r.value_n, r.lower_n, r.upper_n, r.model_n);
     }
     out
 }
@@ -89,12 +109,10 @@ fn fit(outcome: &Outcome) -> String {
         let _ = write!(out, ",measured_{name},predicted_{name},residual_{name}");
     }
     out.push('\n');
-    for (t, p) in outcome.trials.iter().zip(&outcome.found.predicted) {
-        let name = if t.trial.contains([',', '"']) {
-            format!("\"{}\"", t.trial.replace('"', "\"\""))
-        } else {
-            t.trial.clone()
-        };
+    let (sources, of) = &outcome.sources;
+    for ((t, p), s) in outcome.trials.iter().zip(&outcome.found.predicted).zip(of) {
+        let named = if sources.len() > 1 { format!("{}/{}", sources[*s], t.trial) } else { t.trial.clone() };
+        let name = if named.contains([',', '"']) { format!("\"{}\"", named.replace('"', "\"\"")) } else { named };
         let _ = write!(out, "{name},{},{},{}", t.test.name(), t.nominal_flexion_deg, t.fe_deg);
         let residuals = p.as_ref().map(|p| residual(t, p));
         for c in 0..5 {
@@ -134,7 +152,7 @@ pub fn metrics(outcome: &Outcome) -> Value {
         let named = (0..5).filter_map(|c| v[c].map(|x| (format!("{}_{}", COORDINATES[c], VALUE_UNITS[c]), json!(x))));
         Value::Object(named.collect())
     };
-    let ranges: Vec<f64> = found.parameters.iter().filter(|p| p.number < FIRST).map(|p| p.determined).collect();
+    let ranges: Vec<f64> = found.parameters.iter().map(|p| p.determined).collect();
     json!({
         "method": found.method,
         "trials": outcome.trials.len(),
@@ -164,7 +182,7 @@ pub fn words(outcome: &Outcome) -> String {
             let _ = writeln!(text, "  {} misses by {rms:.2} {unit} (root mean square)", COORDINATES[c]);
         }
     }
-    for p in found.parameters.iter().filter(|p| p.number < FIRST) {
+    for p in found.parameters.iter() {
         let _ = writeln!(
             text,
             "  X{:<2} {:7} {:18} {:8.3}  {:8.3} to {:8.3}  {:3.0} % by the data",

@@ -2,15 +2,15 @@
 
 use crate::calibrate::{Calibrated, Checkpoint, Identity, Probes, calibrate};
 use crate::cost::CostFunction;
-use crate::design::{Design, Kind};
+use crate::design::Design;
 use crate::error::CalibrationError;
 use crate::experiment::Experiment;
-use crate::frames::FIRST;
+use crate::inferred::{DRAWER_N, DRAWERS_DEG, Question, inferred};
 use crate::knee::Knee;
 use crate::options::{CalibrateOptions, Method};
-use crate::posterior::ParameterEstimate;
 use crate::problem::Problem;
 use crate::targets::{Targets, targets};
+use crate::unknowns::KnownFrames;
 use serde::{Deserialize, Serialize};
 use sim::laxity::{LaxityTrial, Test};
 use sim::spec::{ModelSpec, PoseSpec};
@@ -21,12 +21,15 @@ use std::ops::ControlFlow;
 pub struct Session {
     /// The design variables and their ranges.
     pub design: Design,
-    /// The targets.
+    /// The targets of each data set, by its name.
+    pub sources: Vec<(String, Targets)>,
+    /// The targets of all.
     pub targets: Targets,
     /// The cost.
     pub cost: CostFunction,
     identity: Identity,
     probes: Vec<LaxityTrial>,
+    frames: Option<KnownFrames>,
 }
 
 /// A calibrated model and how it came about.
@@ -34,10 +37,14 @@ pub struct Session {
 pub struct Outcome {
     /// What was found.
     pub found: Calibrated,
-    /// The model with the values chosen.
+    /// The model with the values chosen, in the frames that all data sets share.
     pub spec: ModelSpec,
-    /// The targets.
+    /// The targets, one data set after the other.
     pub trials: Vec<LaxityTrial>,
+    /// Names of the data sets, and of each target its place among them.
+    pub sources: (Vec<String>, Vec<usize>),
+    /// Frames as each data set has them; empty where they were not inferred.
+    pub frames: Vec<KnownFrames>,
     /// What is odd but not fatal: about the targets, by row, then about the calibration.
     pub warnings: Vec<String>,
 }
@@ -45,8 +52,8 @@ pub struct Outcome {
 /// Anterior and posterior loads of 133 N at 30, 60 and 90 deg [andreassen2025, section 2.6.2], with 20 N of compression.
 pub fn ap_probes() -> Vec<LaxityTrial> {
     let mut out = Vec::new();
-    for (test, load) in [(Test::Anterior, 133.0), (Test::Posterior, -133.0)] {
-        for fe_deg in [30.0, 60.0, 90.0] {
+    for (test, load) in [(Test::Anterior, DRAWER_N), (Test::Posterior, -DRAWER_N)] {
+        for fe_deg in DRAWERS_DEG {
             out.push(LaxityTrial {
                 trial: format!("{}_{fe_deg}", test.name()),
                 test,
@@ -65,24 +72,32 @@ pub fn ap_probes() -> Vec<LaxityTrial> {
 }
 
 impl Session {
-    /// Prepares a calibration of the model `spec`, whose digest is `model`, to measured trials.
+    /// Prepares a calibration of the model `spec`, whose digest is `model`, to measured trials of data sets by their names.
     ///
     /// # Errors
-    /// Unusable targets, by row; options out of range; a model without bundles of Table 3.
+    /// Unusable targets, by row; options out of range; a model without bundles of Table 3; several data sets for a recipe that knows one.
     pub fn new(
         spec: &ModelSpec,
         model: &str,
-        measured: &[LaxityTrial],
+        measured: &[(String, Vec<LaxityTrial>)],
         options: &CalibrateOptions,
     ) -> Result<Session, CalibrationError> {
         options.check()?;
-        let ct: &PoseSpec = &spec.frames.gs_ct_pose;
-        let mut design = Design::of_model(spec)?;
-        if options.method == Method::Gradient && spec.frames.chain.is_none() {
-            design = design.with_frames(&options.frames);
+        if measured.len() > 1 && options.method != Method::Gradient {
+            let what = "method: a recipe takes one data set; several together are for the method gradient";
+            return Err(CalibrationError::Option(what.into()));
         }
-        let design = design.with_ranges(&options.ranges)?;
-        let targets = targets(measured, ct, &options.cost, &options.targets)?;
+        let ct: &PoseSpec = &spec.frames.gs_ct_pose;
+        let design = Design::of_model(spec)?.with_ranges(&options.ranges)?;
+        let mut sources = Vec::new();
+        for (name, trials) in measured {
+            let of = targets(trials, ct, &options.cost, &options.targets).map_err(|e| match e {
+                CalibrationError::Targets(what) if measured.len() > 1 => CalibrationError::Targets(format!("{name}: {what}")),
+                other => other,
+            })?;
+            sources.push((name.clone(), of));
+        }
+        let targets = together(&sources);
         let cost = CostFunction::new(&targets.trials, ct, &options.cost)?;
         let identity = Identity {
             model: model.to_owned(),
@@ -91,7 +106,13 @@ impl Session {
             trials: targets.trials.clone(),
             options: options.clone(),
         };
-        Ok(Session { design, targets, cost, identity, probes: ap_probes() })
+        Ok(Session { design, sources, targets, cost, identity, probes: ap_probes(), frames: None })
+    }
+
+    /// The same where the frames are known from all data sets together.
+    #[must_use]
+    pub fn in_frames(self, frames: KnownFrames) -> Session {
+        Session { frames: Some(frames), ..self }
     }
 
     /// The beginning, or a saved state to go on from.
@@ -115,6 +136,9 @@ impl Session {
         mut checkpoint: Checkpoint,
         watch: &mut dyn FnMut(&Checkpoint) -> ControlFlow<()>,
     ) -> Result<Outcome, CalibrationError> {
+        if self.identity.options.method == Method::Gradient {
+            return self.infer(knee, &checkpoint, watch);
+        }
         let search = knee.searching(&self.design, &self.targets.trials);
         let search = Experiment { design: &self.design, simulate: &search, trials: self.targets.trials.len() };
         let in_full = knee.simulating(&self.design, &self.targets.trials);
@@ -128,25 +152,45 @@ impl Session {
         let searched = knee.searching(&self.design, &self.probes);
         let probes = Probes { experiment, search: Experiment { simulate: &searched, ..experiment }, names: &names };
         let found = calibrate(&mut checkpoint, &problem, &probes, watch)?;
+        let spec = self.design.apply(&knee.spec, &found.values);
+        Ok(self.outcome(found, spec, vec![]))
+    }
+
+    /// The posterior, in one go.
+    fn infer(
+        &self,
+        knee: &Knee,
+        checkpoint: &Checkpoint,
+        watch: &mut dyn FnMut(&Checkpoint) -> ControlFlow<()>,
+    ) -> Result<Outcome, CalibrationError> {
+        if watch(checkpoint).is_break() {
+            return Err(CalibrationError::Stopped);
+        }
+        let (sources, options) = (&self.sources, &self.identity.options);
+        let frames = self.frames.as_ref();
+        let question = Question { knee, design: &self.design, sources, cost: &self.cost, options, frames };
+        let found = inferred(&question)?;
+        Ok(self.outcome(found.found, found.spec, found.frames))
+    }
+
+    fn outcome(&self, found: Calibrated, spec: ModelSpec, frames: Vec<KnownFrames>) -> Outcome {
         let mut warnings = self.targets.warnings.clone();
         warnings.extend(found.warnings.iter().cloned());
-        warnings.extend(off(&found.parameters));
-        let spec = self.design.apply(&knee.spec, &found.values);
-        Ok(Outcome { found, spec, trials: self.targets.trials.clone(), warnings })
+        let names = self.sources.iter().map(|s| s.0.clone()).collect();
+        let of = self.sources.iter().enumerate().flat_map(|(s, (_, t))| vec![s; t.trials.len()]).collect();
+        Outcome { found, spec, trials: self.targets.trials.clone(), sources: (names, of), frames, warnings }
     }
 }
 
-/// What is told of frames that stand off by more than a standard deviation.
-fn off(parameters: &[ParameterEstimate]) -> Vec<String> {
-    let far = |p: &&ParameterEstimate| p.number >= FIRST && p.value.abs() > p.range[1] / 3f64.sqrt();
-    let words = |p: ParameterEstimate| {
-        let turn = p.kind == Kind::FrameTurnDeg;
-        let (way, unit) = if turn { ("turned about", "deg") } else { ("shifted along", "mm") };
-        let (bone, axis) = p.bundle.split_once('.').unwrap_or((p.bundle.as_str(), ""));
-        format!(
-            "the {bone}'s frame fits the measured motion {way} its {axis} axis by {:.1} {unit} ({:.1} to {:.1})",
-            p.value, p.lower, p.upper
-        )
-    };
-    parameters.iter().filter(far).cloned().map(words).collect()
+/// The targets of all data sets, one after the other; warnings say whose they are where there are several.
+fn together(sources: &[(String, Targets)]) -> Targets {
+    let mut out = Targets { trials: vec![], rows: vec![], noise: vec![], warnings: vec![] };
+    for (name, t) in sources {
+        out.trials.extend(t.trials.iter().cloned());
+        out.rows.extend(&t.rows);
+        out.noise.extend(&t.noise);
+        let told = |w: &String| if sources.len() > 1 { format!("{name}: {w}") } else { w.clone() };
+        out.warnings.extend(t.warnings.iter().map(told));
+    }
+    out
 }

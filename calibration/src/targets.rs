@@ -32,6 +32,8 @@ pub struct TargetOptions {
     pub set: TargetSet,
     /// Flexion the model is made for [deg], least and most; the published models are run from -6 to 91, ours reach the rim of the cartilage beyond 120.
     pub flexion_deg: [f64; 2],
+    /// Which coordinates count, whatever the method: any of vv, ie, ml, ap, si.
+    pub coordinates: Vec<String>,
     /// Measurement noise where the file gives none: VV, IE [deg], ML, AP, SI [mm], one standard deviation; the published data's.
     pub noise: [f64; 5],
     /// Fewest trials that can be calibrated to [-]; ranges need two.
@@ -41,7 +43,13 @@ pub struct TargetOptions {
 impl Default for TargetOptions {
     fn default() -> Self {
         let noise = [0.5, 0.5, 0.4, 0.4, 0.4];
-        TargetOptions { set: TargetSet::All, flexion_deg: [-20.0, 120.0], noise, fewest: 2 }
+        TargetOptions {
+            set: TargetSet::All,
+            flexion_deg: [-20.0, 120.0],
+            coordinates: COORDINATES.map(str::to_owned).to_vec(),
+            noise,
+            fewest: 2,
+        }
     }
 }
 
@@ -72,13 +80,18 @@ pub fn targets(
     check(options)?;
     let mut out = Targets { trials: vec![], rows: vec![], noise: vec![], warnings: vec![] };
     for i in of_set(measured, options.set, &mut out.warnings) {
-        let t = &measured[i];
+        let mut t = measured[i].clone();
+        for (c, name) in COORDINATES.iter().enumerate() {
+            if !options.coordinates.iter().any(|x| x == name) {
+                t.measured[c] = None;
+            }
+        }
         let row = i + 2;
-        if !is_usable(t, row, cost, &mut out.warnings) {
+        if !is_usable(&t, row, cost, &mut out.warnings) {
             continue;
         }
         out.noise.push(std::array::from_fn(|c| t.sd[c].unwrap_or(options.noise[c])));
-        out.trials.push(t.clone());
+        out.trials.push(t);
         out.rows.push(row);
     }
     let mut faults = doubt::beyond_flexion(&out, options.flexion_deg);
@@ -111,6 +124,12 @@ fn check(options: &TargetOptions) -> Result<(), CalibrationError> {
         return Err(CalibrationError::Option(format!(
             "targets.flexion_deg is {:?}, expected least < most",
             options.flexion_deg
+        )));
+    }
+    if let Some(odd) = options.coordinates.iter().find(|x| !COORDINATES.contains(&x.as_str())) {
+        return Err(CalibrationError::Option(format!(
+            "targets.coordinates: {odd:?}, expected any of {}",
+            COORDINATES.join(", ")
         )));
     }
     match options.noise.iter().find(|n| !(**n > 0.0 && n.is_finite())) {

@@ -5,7 +5,7 @@
 
 use crate::error::DiagnosisError;
 use calibration::design::{Design, Kind};
-use calibration::frames::{Terms, corrected};
+use inference::frames::{Terms, corrected};
 use meshes::frame::Side;
 use nalgebra::{Matrix3, Matrix6, Vector3};
 use sim::Model;

@@ -23,7 +23,9 @@ pub struct Likelihood {
     pub robust: f64,
     /// Factor on each variance by which an outlier is let go [-].
     outlying: Vec<f64>,
-    /// Covariance beside the noise: of loads, of repositioning.
+    /// Covariance beside the noise that does not depend on the model: of repositioning, say.
+    pub common: DMatrix<f64>,
+    /// Covariance beside the noise that does: of loads, say.
     shared: DMatrix<f64>,
     factor: Option<Cholesky<f64, Dyn>>,
 }
@@ -63,12 +65,13 @@ impl Likelihood {
             prior_log_sd: PRIOR_LOG_SD,
             robust: 3.0,
             outlying: vec![1.0; n],
+            common: DMatrix::zeros(n, n),
             shared: DMatrix::zeros(n, n),
             factor: None,
         }
     }
 
-    /// Sets the covariance that readings have beside their noise.
+    /// Sets the covariance that the model gives readings beside their noise.
     pub fn share(&mut self, covariance: DMatrix<f64>) {
         self.shared = covariance;
         self.factor = None;
@@ -90,7 +93,7 @@ impl Likelihood {
     /// # Errors
     /// It is not positive definite.
     pub fn prepare(&mut self) -> Result<(), InferenceError> {
-        let mut all = self.shared.clone();
+        let mut all = &self.shared + &self.common;
         (0..self.sd.len()).for_each(|i| all[(i, i)] += self.variance(i));
         self.factor = Some(Cholesky::new(all).ok_or(InferenceError::Covariance)?);
         Ok(())
@@ -133,7 +136,7 @@ impl Likelihood {
     fn let_go(&mut self, reading: &DVector<f64>) {
         for i in 0..self.sd.len() {
             let plain = (self.sd[i] * self.scale[self.group[i]]).powi(2);
-            let z = (reading[i] - self.measured[i]).abs() / (plain + self.shared[(i, i)]).sqrt();
+            let z = (reading[i] - self.measured[i]).abs() / (plain + self.shared[(i, i)] + self.common[(i, i)]).sqrt();
             self.outlying[i] = (z / self.robust).max(1.0);
         }
     }
@@ -168,7 +171,7 @@ impl Likelihood {
         let mut all = base.clone();
         for i in 0..n {
             for k in 0..n {
-                all[(i, k)] += self.shared[(i, k)];
+                all[(i, k)] += self.shared[(i, k)] + self.common[(i, k)];
             }
             all[(i, i)] += self.variance(i);
         }

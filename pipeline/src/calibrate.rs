@@ -13,6 +13,7 @@ use calibration::knee::Knee;
 use calibration::options::{CalibrateOptions, Method};
 use calibration::reports;
 use calibration::session::{Outcome, Session};
+use calibration::unknowns::KnownFrames;
 use clap::Args;
 use serde::{Deserialize, Serialize};
 use sim::laxity::{self, LaxityTrial};
@@ -32,13 +33,13 @@ const CHECKPOINT_EVERY: Duration = Duration::from_secs(1);
 pub struct CalibrateArgs {
     /// model.json, or the folder of a build
     pub model: PathBuf,
-    /// Measured laxity (CSV)
-    #[arg(long, value_name = "LAXITY.csv")]
-    pub targets: PathBuf,
+    /// Measured laxity (CSV). Given more than once, all data sets are met by one set of ligaments; NAME= names them in what is told
+    #[arg(long, value_name = "[NAME=]LAXITY.csv", required = true, value_parser = named)]
+    pub targets: Vec<(String, PathBuf)>,
     /// Folder for model.json, parameters.csv, history.csv and more
     #[arg(long)]
     pub out: PathBuf,
-    /// gradient: least squares with the solver's derivatives; swarm-simplex: the paper's recipe; descent: its cost by derivatives [default: gradient]
+    /// gradient: the posterior of all that is not known, by the solver's derivatives; swarm-simplex: the paper's recipe; descent: its cost by derivatives [default: gradient]
     #[arg(long)]
     pub method: Option<MethodName>,
     /// Override an option; may be given more than once
@@ -64,13 +65,34 @@ pub struct CalibrateArgs {
 /// A method's name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum MethodName {
-    /// Least squares with the solver's derivatives, from many starts
+    /// The posterior of all that is not known, by the solver's derivatives
     Gradient,
     /// Particle swarm, then simplex
     SwarmSimplex,
     /// Descents on the recipe's cost, with the solver's derivatives
     Descent,
 }
+
+/// A data set: its name and its trials.
+pub type Measured = (String, Vec<LaxityTrial>);
+
+/// `NAME=FILE`, or a file called as it is.
+fn named(text: &str) -> Result<(String, PathBuf), String> {
+    let (name, file) = match text.split_once('=') {
+        Some((name, file)) if !name.is_empty() && !name.contains(['/', '.']) => (name.to_owned(), PathBuf::from(file)),
+        _ => {
+            let file = PathBuf::from(text);
+            (file.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned()), file)
+        }
+    };
+    if name == JOINT {
+        return Err(format!("{JOINT} is the name of all data sets together; give another"));
+    }
+    Ok((name, file))
+}
+
+/// Name of the calibration to all data sets together.
+pub const JOINT: &str = "joint";
 
 /// Runs `calibrate`; gives the words to print.
 pub fn calibrate(args: &CalibrateArgs) -> Result<String, BuildError> {
@@ -85,20 +107,27 @@ pub fn calibrate(args: &CalibrateArgs) -> Result<String, BuildError> {
         Some(MethodName::Descent) => options.method = Method::Descent,
         None => {}
     }
-    let (trials, mut text) = read_laxity(&args.targets.display().to_string(), &store::read(&args.targets)?)?;
     let model = model_file::load(&args.model)?;
-    let trials = without_components(&model, &args.targets, trials, &mut text)?;
+    let (mut sources, mut text) = (Vec::new(), String::new());
+    for (name, file) in &args.targets {
+        let (trials, more) = read_laxity(&file.display().to_string(), &store::read(file)?)?;
+        text += &more;
+        if sources.iter().any(|s: &Measured| s.0 == *name) {
+            return Err(BuildError::File(format!("--targets {name}=...: given twice; name each data set otherwise")));
+        }
+        sources.push((name.clone(), without_components(&model, name, trials, &mut text)?));
+    }
     let out = store::make_folder(&args.out)?;
     let kept = out.join(CHECKPOINT);
     if args.force {
         store::discard(&kept);
     }
     let saved = if store::exists(&kept) { Some(store::read(&kept)?) } else { None };
-    let what = args.targets.display().to_string();
+    let what = args.targets.iter().map(|t| t.1.display().to_string()).collect::<Vec<_>>().join(", ");
     let mut keep = |bytes: &[u8]| store::write(&kept, bytes);
     let bar = Searching::new(args.quiet, &what);
     let tell = |share: f64, words: &str| bar.show(share, words);
-    let outcome = run(&model, &trials, &options, &what, Watch { saved, keep: &mut keep, tell: &tell })?;
+    let outcome = run((&model, None), &sources, &options, &what, Watch { saved, keep: &mut keep, tell: &tell })?;
     drop(bar);
     let spec = model_file::moved(&outcome.spec, &model.folder, &out);
     let mut files =
@@ -119,18 +148,18 @@ pub fn calibrate(args: &CalibrateArgs) -> Result<String, BuildError> {
 /// The targets with what the model's components do to them taken off; the data set is called as its file.
 fn without_components(
     model: &LoadedModel,
-    targets: &Path,
+    name: &str,
     trials: Vec<LaxityTrial>,
     text: &mut String,
 ) -> Result<Vec<LaxityTrial>, BuildError> {
     if model.spec.components.is_empty() {
         return Ok(trials);
     }
-    let name = targets.file_stem().map(|s| s.to_string_lossy().into_owned());
-    *text += &model_file::taken_in(&model.spec, name.as_deref())?;
+    let name = Some(name);
+    *text += &model_file::taken_in(&model.spec, name)?;
     let fault = |e: &dyn std::fmt::Display| BuildError::File(format!("{}: {e}", model.folder.display()));
     let knee = sim::compile(&model.spec, &model.meshes).map_err(|e| fault(&e))?;
-    diagnosis::predict::taken_off(&knee, &model.spec, name.as_deref(), &trials).map_err(|e| fault(&e))
+    diagnosis::predict::taken_off(&knee, &model.spec, name, &trials).map_err(|e| fault(&e))
 }
 
 /// Reads measured laxity; the warnings as lines.
@@ -150,16 +179,19 @@ pub struct Watch<'a> {
     pub tell: &'a dyn Fn(f64, &str),
 }
 
-/// Calibrates a model to trials; `what` names them.
+/// Calibrates a model to data sets, in frames that are known where they are; `what` names them.
 pub fn run(
-    model: &LoadedModel,
-    trials: &[LaxityTrial],
+    (model, frames): (&LoadedModel, Option<&KnownFrames>),
+    sources: &[Measured],
     options: &CalibrateOptions,
     what: &str,
     watch: Watch,
 ) -> Result<Outcome, BuildError> {
     let fault = |e: calibration::CalibrationError| BuildError::File(format!("{what}: {e}"));
-    let session = Session::new(&model.spec, &model_file::digest(model), trials, options).map_err(fault)?;
+    let mut session = Session::new(&model.spec, &model_file::digest(model), sources, options).map_err(fault)?;
+    if let Some(frames) = frames {
+        session = session.in_frames(frames.clone());
+    }
     let checkpoint = session.begin(watch.saved.as_deref()).map_err(fault)?;
     let knee = Knee::new(model.spec.clone(), &model.meshes, &options.search)
         .map_err(|e| BuildError::File(format!("{}: {e}", model.folder.display())))?;
@@ -188,6 +220,8 @@ pub fn run(
 pub struct Calibration {
     /// In the order of their names.
     pub sources: BTreeMap<String, Outcome>,
+    /// All data sets with one set of ligaments, where there are several and the method can.
+    pub joint: Option<Outcome>,
     /// The options of the cost.
     pub options: CalibrateOptions,
     /// What is odd but not fatal.
@@ -205,7 +239,15 @@ impl Reported for Calibration {
     }
 }
 
-/// Stage 10: a calibrated model for every set of measured trials; interrupted ones are kept in `folder`, `tell` hears how far it is.
+impl Calibration {
+    /// Every calibration by its folder's name, the joint one last.
+    pub fn all(&self) -> impl Iterator<Item = (&str, &Outcome)> {
+        self.sources.iter().map(|(n, o)| (n.as_str(), o)).chain(self.joint.iter().map(|o| (JOINT, o)))
+    }
+}
+
+/// Stage 10: a calibrated model for all data sets together, then for each in the frames found so; interrupted ones are kept in `folder`, `tell` hears
+/// how far it is.
 pub fn calibrate_all(
     model: &LoadedModel,
     laxity: &BTreeMap<String, Vec<LaxityTrial>>,
@@ -213,12 +255,12 @@ pub fn calibrate_all(
     folder: &BuildFolder,
     tell: &dyn Fn(&str),
 ) -> Result<Calibration, BuildError> {
-    let (mut sources, mut warnings, mut metrics) = (BTreeMap::new(), Vec::new(), serde_json::Map::new());
-    for (name, trials) in laxity {
+    let every: Vec<Measured> = laxity.iter().map(|(n, t)| (n.clone(), t.clone())).collect();
+    let one = |sources: &[Measured], name: &str, frames: Option<&KnownFrames>| -> Result<Outcome, BuildError> {
         let file = format!(".calibrate-{name}.cbor");
         // one of another calibration is no use here: stages are keyed
         let saved = folder.read_file(&file).filter(|bytes| {
-            let session = Session::new(&model.spec, &model_file::digest(model), trials, options);
+            let session = Session::new(&model.spec, &model_file::digest(model), sources, options);
             session.is_ok_and(|s| s.begin(Some(bytes)).is_ok())
         });
         let mut keep = |bytes: &[u8]| folder.write_file(&file, bytes);
@@ -229,13 +271,24 @@ pub fn calibrate_all(
             tell(&format!("calibrate {name}: {:.0} %, {words}{left}", 100.0 * share));
         };
         let watch = Watch { saved, keep: &mut keep, tell: &tell };
-        let outcome = run(model, trials, options, &format!("laxity.{name}"), watch)?;
+        let outcome = run((model, frames), sources, options, &format!("laxity.{name}"), watch)?;
         store::discard(&folder.path().join(&file));
-        warnings.extend(outcome.warnings.iter().map(|w| format!("{name}: {w}")));
-        metrics.insert(name.clone(), reports::metrics(&outcome));
-        sources.insert(name.clone(), outcome);
+        Ok(outcome)
+    };
+    let together = every.len() > 1 && options.method == Method::Gradient;
+    let joint = if together { Some(one(&every, JOINT, None)?) } else { None };
+    let mut sources = BTreeMap::new();
+    for (s, measured) in every.iter().enumerate() {
+        let frames = joint.as_ref().and_then(|j| j.frames.get(s));
+        sources.insert(measured.0.clone(), one(std::slice::from_ref(measured), &measured.0, frames)?);
     }
-    Ok(Calibration { sources, options: options.clone(), warnings, metrics: metrics.into() })
+    let mut out =
+        Calibration { sources, joint, options: options.clone(), warnings: vec![], metrics: serde_json::Value::Null };
+    let told = |(name, o): (&str, &Outcome)| o.warnings.iter().map(|w| format!("{name}: {w}")).collect::<Vec<_>>();
+    out.warnings = out.all().flat_map(told).collect();
+    let metrics: serde_json::Map<_, _> = out.all().map(|(name, o)| (name.to_owned(), reports::metrics(o))).collect();
+    out.metrics = metrics.into();
+    Ok(out)
 }
 
 /// Tables of a calibration, and figures 5 and 6 for its targets.
@@ -253,7 +306,7 @@ fn files_of(outcome: &Outcome, cost: &CostOptions) -> Vec<(String, Vec<u8>)> {
 /// 10-calibrate: a folder a source.
 pub fn show(c: &Calibration) -> Files {
     let mut files = Vec::new();
-    for (name, outcome) in &c.sources {
+    for (name, outcome) in c.all() {
         let spec = model_file::moved(&outcome.spec, Path::new("/09-assemble"), &Path::new("/10-calibrate").join(name));
         files.push((format!("{name}/model.json"), json(&spec)));
         files.extend(files_of(outcome, &c.options.cost).into_iter().map(|(f, bytes)| (format!("{name}/{f}"), bytes)));

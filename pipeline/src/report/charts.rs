@@ -78,7 +78,7 @@ fn parameters(name: &str, outcome: &Outcome, kind: &str) -> Chart {
         .found
         .parameters
         .iter()
-        .filter(|p| p.number < calibration::frames::FIRST && is_kind(p.kind.name(), kind))
+        .filter(|p| is_kind(p.kind.name(), kind))
         .collect();
     let labels: Vec<String> = all.iter().map(|p| format!("X{} {}", p.number, p.bundle)).collect();
     let mut plot = Plot::new();

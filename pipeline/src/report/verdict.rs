@@ -134,13 +134,13 @@ pub(super) fn checks(v: &Values) -> Vec<Check> {
 
 fn calibration(v: &Values) -> Vec<Check> {
     let mut out = Vec::new();
-    for (name, outcome) in v.calibration.iter().flat_map(|c| &c.sources) {
+    for (name, outcome) in v.calibration.iter().flat_map(|c| c.all()) {
         let found = &outcome.found;
         let units = ["deg VV", "deg IE", "mm ML", "mm AP", "mm SI"];
         let rms: Vec<String> =
             found.rms.iter().zip(units).filter_map(|(r, u)| r.map(|r| format!("{r:.1} {u}"))).collect();
         let worst = found.noise_scale.iter().copied().fold(0.0, f64::max);
-        let ligaments: Vec<_> = found.parameters.iter().filter(|p| p.number < calibration::frames::FIRST).collect();
+        let ligaments = &found.parameters;
         let determined = ligaments.iter().filter(|p| p.determined > 0.5).count();
         out.push(Check {
             question: "Does the model answer as the knee did?",

@@ -1,0 +1,147 @@
+//! How often intervals of bundle forces hold the truth, and how far point values are off: calibrations of one model to many data sets whose ligaments are
+//! known.
+//!
+//! `coverage MODEL.json BENCH...`: each BENCH holds folders `case_N` of kla.csv, rks.csv, and `case_N.truth.json` beside them with `forces_n`.
+#![expect(clippy::disallowed_methods, reason = "reads and prints")]
+#![allow(clippy::print_stdout, clippy::unwrap_used, reason = "an example")]
+
+use calibration::knee::Knee;
+use calibration::options::CalibrateOptions;
+use calibration::session::Session;
+use sim::laxity::LaxityTrial;
+use sim::mesh::MeshValue;
+use sim::spec::ModelSpec;
+use std::collections::BTreeMap;
+use std::ops::ControlFlow;
+use std::path::Path;
+
+type Forces = BTreeMap<String, BTreeMap<String, f64>>;
+
+/// Errors of group sums, intervals that hold and that count, squared errors over variances.
+#[derive(Default)]
+struct Tally {
+    errors: Vec<f64>,
+    held: usize,
+    counted: usize,
+    z: Vec<f64>,
+}
+
+fn knee(path: &Path, options: &CalibrateOptions) -> Knee {
+    let spec: ModelSpec = serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap();
+    let folder = path.parent().unwrap();
+    let mut meshes = BTreeMap::new();
+    let bones = spec.bodies.iter().map(|b| &b.bone);
+    for name in bones.chain(spec.contact.pairs.iter().flat_map(|p| [&p.femur, &p.tibia])) {
+        let bytes = std::fs::read(folder.join(name)).unwrap();
+        let read = meshes::format::read_surface(name, &bytes, &BTreeMap::new()).unwrap();
+        meshes.insert(name.clone(), MeshValue::Surface(read.mesh));
+    }
+    Knee::new(spec, &meshes, &options.search).unwrap()
+}
+
+fn laxity(path: &Path) -> Vec<LaxityTrial> {
+    sim::laxity::read(&std::fs::read(path).unwrap()).unwrap().trials
+}
+
+/// The bench's name of a bundle, in ours.
+fn ours(name: &str) -> String {
+    let known = [
+        ("ACLam", "ACL_AM"), ("ACLpl", "ACL_PL"), ("MCLa", "sMCL_A"), ("MCLm", "sMCL_M"), ("MCLp", "sMCL_P"),
+        ("PCAPl", "PCAP_L"), ("PCAPm", "PCAP_M"), ("PCLal", "PCL_AL"), ("PCLpm", "PCL_PM"),
+    ];
+    known.iter().find(|k| k.0 == name).map_or(name, |k| k.1).to_owned()
+}
+
+fn judge(found: &calibration::session::Outcome, truth: &Forces, tally: &mut Tally, more: bool) -> (f64, usize, usize) {
+    let names: Vec<&str> = found.spec.bundles.iter().map(|b| b.name.as_str()).collect();
+    let mut sums: BTreeMap<(String, String), [f64; 2]> = BTreeMap::new();
+    let (mut held, mut counted) = (0, 0);
+    for f in &found.found.forces {
+        let name = names[f.bundle];
+        let Some(t) = truth.get(&f.trial).and_then(|t| t.iter().find(|(n, _)| ours(n) == name)) else { continue };
+        let (t, v) = (*t.1, f.value_n.unwrap_or(0.0));
+        let group = name.split('_').next().unwrap().to_owned();
+        let sum = sums.entry((f.trial.clone(), group)).or_default();
+        (sum[0], sum[1]) = (sum[0] + t, sum[1] + v);
+        if t.max(f.upper_n) > 5.0 {
+            counted += 1;
+            let inside = f.lower_n - 1.0 <= t && t <= f.upper_n + 1.0;
+            held += usize::from(inside);
+            let sd = (f.upper_n - f.lower_n) / 3.29;
+            tally.z.push((v - t) / sd.max(1.0));
+            if more && (!inside || (v - t).abs() > 60.0) {
+                println!("    {} {name}: {t:.0}, told {v:.0} ({:.0} to {:.0})", f.trial, f.lower_n, f.upper_n);
+            }
+        }
+    }
+    let errors: Vec<f64> = sums.values().filter(|s| s[0].max(s[1]) > 5.0).map(|s| s[1] - s[0]).collect();
+    let rms = rms(&errors);
+    tally.errors.extend(errors);
+    (tally.held, tally.counted) = (tally.held + held, tally.counted + counted);
+    (rms, held, counted)
+}
+
+fn rms(x: &[f64]) -> f64 {
+    (x.iter().map(|x| x * x).sum::<f64>() / x.len().max(1) as f64).sqrt()
+}
+
+fn main() {
+    let mut args: Vec<String> = std::env::args().skip(1).collect();
+    let more = args.iter().any(|a| a == "--more");
+    args.retain(|a| a != "--more");
+    let options = CalibrateOptions::default();
+    let knee = knee(Path::new(&args[0]), &options);
+    let mut all: BTreeMap<&str, Tally> = BTreeMap::new();
+    for case in &args[1..] {
+        let truth: serde_json::Value = match std::fs::read(format!("{case}.truth.json")) {
+            Ok(bytes) => serde_json::from_slice(&bytes).unwrap(),
+            Err(_) => serde_json::Value::Null,
+        };
+        let truth: Forces = serde_json::from_value(truth["forces_n"].clone()).unwrap_or_default();
+        let sources: Vec<(String, Vec<LaxityTrial>)> =
+            ["kla", "rks"].map(|s| (s.to_owned(), laxity(&Path::new(case).join(format!("{s}.csv"))))).to_vec();
+        let mut line = format!("{case}:");
+        let mut run = |name: &'static str, sources: &[(String, Vec<LaxityTrial>)], frames| {
+            let mut session = Session::new(&knee.spec, "", sources, &options).unwrap();
+            if let Some(frames) = frames {
+                session = session.in_frames(frames);
+            }
+            let begun = std::time::Instant::now();
+            let out = session.run(&knee, session.begin(None).unwrap(), &mut |_| ControlFlow::Continue(())).unwrap();
+            let seconds = begun.elapsed().as_secs_f64();
+            if more {
+                println!("  {name}: rms {:?}", out.found.rms.map(|r| r.map(|r| (100.0 * r).round() / 100.0)));
+                for n in &out.found.noise {
+                    println!("    noise {} {}: {:.2} stated {:.2} ({:.2} to {:.2})", n.source, n.coordinate, n.inferred, n.stated, n.lower, n.upper);
+                }
+                for o in &out.found.others {
+                    println!("    {}: {:.2} ({:.2} to {:.2}), prior {:.2} to {:.2}", o.name, o.value, o.lower, o.upper, o.prior[0], o.prior[1]);
+                }
+                for r in &out.found.rest {
+                    println!("    rest at {}: {:.0} N ({:.0} to {:.0}), model {:.0}", r.fe_deg, r.value_n, r.lower_n, r.upper_n, r.model_n);
+                }
+                out.warnings.iter().for_each(|w| println!("    warning: {w}"));
+                println!("    modes {:?} samples {}", out.found.rivals.iter().map(|r| r.0.round()).collect::<Vec<_>>(), out.found.samples.len());
+            }
+            let (rms, held, counted) = judge(&out, &truth, all.entry(name).or_default(), more);
+            line += &format!(" {name} {rms:.0} N {held}/{counted} {seconds:.1} s");
+            out
+        };
+        let joint = run("joint", &sources, None);
+        for (s, source) in sources.iter().enumerate() {
+            let name = if s == 0 { "kla" } else { "rks" };
+            run(name, std::slice::from_ref(source), joint.frames.get(s).cloned());
+        }
+        println!("{line}");
+    }
+    for (name, t) in &all {
+        println!(
+            "{name}: rms {:.1} N, {} of {} intervals hold ({:.0} %), error over sd {:.2}",
+            rms(&t.errors),
+            t.held,
+            t.counted,
+            100.0 * t.held as f64 / t.counted.max(1) as f64,
+            rms(&t.z)
+        );
+    }
+}

@@ -1,0 +1,403 @@
+//! The default method: everything that is not known of the knee is inferred at once (crate `inference`), from one data set or several together.
+
+use crate::calibrate::Calibrated;
+use crate::cost::{CostFunction, residual};
+use crate::design::Design;
+use crate::error::CalibrationError;
+use crate::knee::Knee;
+use crate::options::{CalibrateOptions, Method};
+use crate::posterior::{ForceEstimate, NoiseEstimate, OtherEstimate, ParameterEstimate, RestEstimate, ends, mean, variance};
+use crate::priors::PRIORS;
+use crate::targets::Targets;
+use crate::unknowns::{KnownFrames, parameters};
+use inference::knee::{Answers, Asked, Belief, Quantity, Trials};
+use inference::noise::Likelihood;
+use inference::parameter::Parameter;
+use inference::posterior::{Forward, Found, Sample, infer};
+use inference::random::{normals, stream};
+use nalgebra::{DMatrix, DVector};
+use rayon::prelude::*;
+use sim::laxity::{COORDINATES, LaxityTrial, Test, VALUE_UNITS};
+use std::collections::BTreeMap;
+
+/// Scatter of recorded loads: moments [N m], forces [N]; as the diagnosis has it (docs/discrepancy.md).
+const LOAD_SD: [f64; 5] = [0.1, 0.1, 2.0, 2.0, 2.0];
+/// Repositioning of the knee between conditions, in measurement noises [-]; as the diagnosis has it.
+const REPOSITIONING: f64 = 0.4;
+/// Compression in imagined trials [N]; the paper's protocols.
+const COMPRESSION_N: f64 = 20.0;
+/// Drawer in imagined trials [N]; [andreassen2025, section 2.6.2].
+pub const DRAWER_N: f64 = 133.0;
+/// Flexions of the drawers [deg].
+pub const DRAWERS_DEG: [f64; 3] = [30.0, 60.0, 90.0];
+/// Flexions at which tension at rest is told [deg].
+pub const REST_DEG: [f64; 4] = [0.0, 30.0, 60.0, 90.0];
+
+/// A knee, what was measured of it, and how it is asked.
+pub struct Question<'a> {
+    /// The knee.
+    pub knee: &'a Knee,
+    /// Table 3's variables.
+    pub design: &'a Design,
+    /// Data sets: name and targets.
+    pub sources: &'a [(String, Targets)],
+    /// Their cost, all trials together.
+    pub cost: &'a CostFunction,
+    /// The options.
+    pub options: &'a CalibrateOptions,
+    /// Frames as the data sets together have them, where this is one of them.
+    pub frames: Option<&'a KnownFrames>,
+}
+
+/// What an inference leaves beside [`Calibrated`].
+pub struct Inferred {
+    /// The calibration.
+    pub found: Calibrated,
+    /// The model at the most probable values.
+    pub spec: sim::spec::ModelSpec,
+    /// Frames as each data set has them.
+    pub frames: Vec<KnownFrames>,
+}
+
+/// Infers.
+///
+/// # Errors
+/// A belief about an unknown bundle; no start has an answer; a prior that is no distribution.
+pub fn inferred(question: &Question) -> Result<Inferred, CalibrationError> {
+    let names: Vec<String> = question.sources.iter().map(|s| s.0.clone()).collect();
+    let (spec, options) = (&question.knee.spec, question.options);
+    let parameters = parameters(spec, question.design, &names, options, question.frames);
+    let model = question.knee.search_model().with_friction(0.0)?;
+    let (asked, measured) = trials(question.sources);
+    let beliefs = beliefs(question, &model.bundle_names(), &asked, measured)?;
+    let trials = Trials {
+        model: &model,
+        spec,
+        parameters: &parameters,
+        trials: &asked,
+        beliefs: &beliefs,
+        options: question.knee.search_options(),
+        load_sd: LOAD_SD,
+    };
+    trials.check()?;
+    let mut likelihood = likelihood(question.sources, &trials, options);
+    let start = start(question, &parameters);
+    let options = inference::posterior::Options { seed: options.seed, ..options.inference.clone() };
+    let found = infer(&trials, &mut likelihood, &[start], &options)?;
+    told(question, &trials, &likelihood, found)
+}
+
+/// Measured trials, then those imagined: drawers, then rests. And how many were measured.
+fn trials(sources: &[(String, Targets)]) -> (Vec<Asked>, usize) {
+    let mut out = Vec::new();
+    for (s, (_, targets)) in sources.iter().enumerate() {
+        for t in &targets.trials {
+            let reads = t.measured.map(|m| m.is_some());
+            out.push(Asked { source: Some(s), load: t.load, fe_deg: t.fe_deg, reads });
+        }
+    }
+    let measured = out.len();
+    let none = [false; 5];
+    let imagined = |ap: f64, fe_deg: f64| Asked {
+        source: None,
+        load: [0.0, 0.0, 0.0, ap, COMPRESSION_N],
+        fe_deg,
+        reads: none,
+    };
+    out.extend(DRAWERS_DEG.iter().map(|&f| imagined(DRAWER_N, f)));
+    out.extend(DRAWERS_DEG.iter().map(|&f| imagined(-DRAWER_N, f)));
+    out.extend(REST_DEG.iter().map(|&f| imagined(0.0, f)));
+    (out, measured)
+}
+
+/// Names of the drawers, in the order of the imagined trials.
+pub fn drawer_names() -> Vec<String> {
+    let of = |test: Test| DRAWERS_DEG.iter().map(move |f| format!("{}_{f}", test.name()));
+    of(Test::Anterior).chain(of(Test::Posterior)).collect()
+}
+
+/// Physiological priors on forces, and the user's own.
+fn beliefs(
+    question: &Question,
+    bundles: &[String],
+    asked: &[Asked],
+    measured: usize,
+) -> Result<Vec<Belief>, CalibrationError> {
+    let mut out = Vec::new();
+    for p in PRIORS.force.iter().filter(|_| question.options.priors) {
+        let of: Vec<usize> = (0..bundles.len()).filter(|&b| p.is_of(&bundles[b])).collect();
+        if of.is_empty() {
+            continue;
+        }
+        let ap = match p.test {
+            Test::Anterior => DRAWER_N,
+            Test::Posterior => -DRAWER_N,
+            _ => 0.0,
+        };
+        for f in &p.flexion_deg {
+            let same = |t: &Asked| t.fe_deg == *f && t.load[3] == ap;
+            if let Some(trial) = (measured..asked.len()).find(|&i| same(&asked[i])) {
+                let (mean_n, sd_n, only_above) = (p.mean_n, p.sd_n, p.only_above);
+                out.push(Belief { trial, bundles: of.clone(), mean_n, sd_n, only_above });
+            }
+        }
+    }
+    let all: Vec<&LaxityTrial> = question.sources.iter().flat_map(|s| &s.1.trials).collect();
+    for p in &question.options.loads {
+        let index = p.bundles.iter().map(|name| {
+            bundles.iter().position(|b| b == name).ok_or_else(|| {
+                CalibrationError::Option(format!("loads: no bundle {name}; the model has {}", bundles.join(", ")))
+            })
+        });
+        let index: Vec<usize> = index.collect::<Result<_, _>>()?;
+        for (trial, _) in all.iter().enumerate().filter(|(_, t)| p.applies(t)) {
+            let mean_n = p.mean_n.or(p.most_n).unwrap_or(0.0);
+            let only_above = p.mean_n.is_none();
+            out.push(Belief { trial, bundles: index.clone(), mean_n, sd_n: p.sd_n, only_above });
+        }
+    }
+    Ok(out)
+}
+
+/// Readings with their noise; repositioning in common to a condition.
+fn likelihood(sources: &[(String, Targets)], trials: &Trials, options: &CalibrateOptions) -> Likelihood {
+    let all: Vec<(usize, &LaxityTrial, [f64; 5])> = sources
+        .iter()
+        .enumerate()
+        .flat_map(|(s, (_, t))| t.trials.iter().zip(&t.noise).map(move |(t, n)| (s, t, *n)))
+        .collect();
+    let rows = trials.rows();
+    let measured = DVector::from_iterator(rows.len(), rows.iter().map(|&(i, c)| all[i].1.measured[c].unwrap_or(0.0)));
+    let sd: Vec<f64> = rows.iter().map(|&(i, c)| all[i].2[c]).collect();
+    let group: Vec<usize> = rows.iter().map(|&(i, c)| 5 * all[i].0 + c).collect();
+    let mut out = Likelihood::independent(measured, sd.clone(), group);
+    out.robust = options.gradient.robust;
+    let condition = |i: usize| (all[i].0, all[i].1.test, (10.0 * all[i].1.nominal_flexion_deg).round() as i64);
+    let common = DMatrix::from_fn(rows.len(), rows.len(), |a, b| {
+        let ((i, c), (k, d)) = (rows[a], rows[b]);
+        if c == d && condition(i) == condition(k) { REPOSITIONING.powi(2) * sd[a] * sd[b] } else { 0.0 }
+    });
+    out.common = common;
+    out
+}
+
+/// The model's own ligaments as a start.
+fn start(question: &Question, parameters: &[Parameter<Quantity>]) -> DVector<f64> {
+    let values = question.design.values(&question.knee.spec);
+    DVector::from_fn(parameters.len(), |k, _| values.get(k).map_or(0.0, |x| parameters[k].prior.z_of(*x)))
+}
+
+/// What was found, in the words of a calibration.
+fn told(
+    question: &Question,
+    trials: &Trials,
+    likelihood: &Likelihood,
+    found: Found<Answers>,
+) -> Result<Inferred, CalibrationError> {
+    let options = question.options;
+    let interval = options.gradient.interval;
+    let n_ligaments = question.design.len();
+    let mode = &found.modes[0];
+    let values: Vec<f64> = trials.values(&mode.z).into_iter().map(|v| v.0).collect();
+    let sources: Vec<&str> = question.sources.iter().map(|s| s.0.as_str()).collect();
+    let measured = question.sources.iter().map(|s| s.1.trials.len()).sum::<usize>();
+    let predicted: Vec<Option<[f64; 5]>> = mode.state.iter().take(measured).map(|a| Some(a.predicted)).collect();
+    let cost = question.cost.cost(&predicted).value;
+    let samples = &found.samples;
+    let estimate = |k: usize| estimate(&trials.parameters[k], mode.z[k], k, samples, interval);
+    let of_ligament = |k: usize| {
+        let (v, e) = (&question.design.variables[k], estimate(k));
+        ParameterEstimate {
+            number: v.number,
+            bundle: v.bundle(),
+            kind: v.kind,
+            value: e.value,
+            lower: e.lower,
+            upper: e.upper,
+            range: [v.lower, v.upper],
+            determined: e.determined,
+        }
+    };
+    let is_told = |k: &usize| !matches!(trials.parameters[*k].quantity, Quantity::Site(..) | Quantity::Lean(..));
+    let mut warnings = Vec::new();
+    if found.stuck * 10 > options.inference.samples * 3 {
+        let (got, of) = (samples.len(), options.inference.samples);
+        warnings.push(format!("{got} of {of} samples of the posterior ended near a fit; intervals are rough"));
+    }
+    let noise = noise(question, likelihood);
+    warnings.extend(noise.iter().filter_map(|n| n.odd(interval)));
+    let others: Vec<OtherEstimate> = (n_ligaments..values.len()).filter(is_told).map(estimate).collect();
+    warnings.extend(others.iter().filter_map(OtherEstimate::odd));
+    let frames = frames(question, trials, samples);
+    let found_values = values[..n_ligaments].to_vec();
+    let calibrated = Calibrated {
+        method: Method::Gradient,
+        cost,
+        lowest_cost: (cost, found_values.clone()),
+        parameters: (0..n_ligaments).map(of_ligament).collect(),
+        others,
+        forces: forces(trials, &found, measured, interval, options.seed),
+        rest: rest(&found, measured, interval),
+        noise_scale: std::array::from_fn(|c| {
+            (0..sources.len()).map(|s| likelihood.scale.get(5 * s + c).copied().unwrap_or(1.0)).fold(0.0, f64::max)
+        }),
+        noise,
+        rms: rms(question.sources, &predicted),
+        predicted,
+        rivals: found.modes.iter().map(|m| (-m.log_evidence, at(trials, &m.z, n_ligaments))).collect(),
+        samples: samples.iter().map(|s| at(trials, &s.z, n_ligaments)).collect(),
+        history: found.starts.clone(),
+        warnings,
+        values: found_values,
+    };
+    let spec = trials.spec_at(&mode.z, None)?;
+    Ok(Inferred { found: calibrated, spec, frames })
+}
+
+/// Values of the ligaments at a point.
+fn at(trials: &Trials, z: &DVector<f64>, ligaments: usize) -> Vec<f64> {
+    trials.values(z).into_iter().take(ligaments).map(|v| v.0).collect()
+}
+
+/// A parameter's value at the mode and its interval.
+fn estimate(
+    p: &Parameter<Quantity>,
+    mode: f64,
+    k: usize,
+    samples: &[Sample<Answers>],
+    interval: f64,
+) -> OtherEstimate {
+    let z: Vec<f64> = samples.iter().map(|s| s.z[k]).collect();
+    let (low, high) = ends(&z, interval).map_or_else(|| p.prior.interval(interval), |(a, b)| (p.prior.at(a).0, p.prior.at(b).0));
+    let value = p.prior.at(mode).0;
+    let determined = if z.len() < 2 { 0.0 } else { (1.0 - variance(&z)).clamp(0.0, 1.0) };
+    let (prior_lower, prior_upper) = p.prior.interval(interval);
+    OtherEstimate {
+        name: p.name.clone(),
+        value,
+        lower: low.min(value),
+        upper: high.max(value),
+        prior: [prior_lower, prior_upper],
+        determined,
+    }
+}
+
+/// Bundle forces in the drawers: mean and interval over the samples.
+fn forces(trials: &Trials, found: &Found<Answers>, measured: usize, interval: f64, seed: u64) -> Vec<ForceEstimate> {
+    let names = drawer_names();
+    let before = prior_forces(trials, measured, names.len(), seed);
+    let bundles = trials.model.bundles.len();
+    let mut out = Vec::new();
+    for (i, name) in names.iter().enumerate() {
+        for bundle in 0..bundles {
+            let mut all: Vec<f64> =
+                found.samples.iter().map(|s| s.state[measured + i].forces_n[bundle]).collect();
+            if all.is_empty() {
+                all.push(found.modes[0].state[measured + i].forces_n[bundle]);
+            }
+            let prior: Vec<f64> = before.iter().map(|f| f[i][bundle]).collect();
+            let value = mean(&all);
+            let (lower_n, upper_n) = ends(&all, interval).unwrap_or((value, value));
+            let (a, b) = (variance(&all), variance(&prior));
+            let determined = if all.len() < 2 || b <= 0.0 { 0.0 } else { (1.0 - a / b).clamp(0.0, 1.0) };
+            out.push(ForceEstimate {
+                trial: name.clone(),
+                bundle,
+                value_n: Some(value),
+                lower_n: lower_n.min(value),
+                upper_n: upper_n.max(value),
+                determined,
+            });
+        }
+    }
+    out
+}
+
+/// Draws from the prior at which forces are asked, to tell what the data removed.
+const PRIOR_DRAWS: usize = 24;
+
+/// Forces in the drawers at draws from the prior.
+fn prior_forces(trials: &Trials, measured: usize, drawers: usize, seed: u64) -> Vec<Vec<Vec<f64>>> {
+    let asked = &trials.trials[measured..measured + drawers];
+    let of = Trials { trials: asked, beliefs: &[], ..*trials };
+    let draw = |k: usize| {
+        let z = normals(&mut stream(seed, 500_000 + k as u64), trials.parameters.len());
+        of.at(&z, None).map(|p| p.state.into_iter().map(|a| a.forces_n).collect::<Vec<_>>())
+    };
+    (0..PRIOR_DRAWS).into_par_iter().map(draw).collect::<Vec<_>>().into_iter().flatten().collect()
+}
+
+/// Tension of all ligaments at rest.
+fn rest(found: &Found<Answers>, measured: usize, interval: f64) -> Vec<RestEstimate> {
+    let total = |state: &Answers, i: usize| state[measured + i].forces_n.iter().sum::<f64>();
+    let from = drawer_names().len();
+    let of = |(k, fe_deg): (usize, &f64)| {
+        let mut all: Vec<f64> = found.samples.iter().map(|s| total(&s.state, from + k)).collect();
+        let chosen = total(&found.modes[0].state, from + k);
+        if all.is_empty() {
+            all.push(chosen);
+        }
+        let value = mean(&all);
+        let (lower_n, upper_n) = ends(&all, interval).unwrap_or((value, value));
+        RestEstimate { fe_deg: *fe_deg, value_n: value, lower_n, upper_n, model_n: chosen }
+    };
+    REST_DEG.iter().enumerate().map(of).collect()
+}
+
+/// Noise of each data set and coordinate, as stated and as inferred.
+fn noise(question: &Question, likelihood: &Likelihood) -> Vec<NoiseEstimate> {
+    let z = inference::parameter::Prior::Normal { mean: 0.0, sd: 1.0 }.interval(question.options.gradient.interval).1;
+    let mut out = Vec::new();
+    for (s, (name, targets)) in question.sources.iter().enumerate() {
+        for c in 0..5 {
+            let of: Vec<f64> =
+                targets.trials.iter().zip(&targets.noise).filter(|(t, _)| t.measured[c].is_some()).map(|n| n.1[c]).collect();
+            let (Some(scale), Some(sd)) = (likelihood.scale.get(5 * s + c), likelihood.log_scale_sd.get(5 * s + c)) else {
+                continue;
+            };
+            if of.is_empty() {
+                continue;
+            }
+            let stated = mean(&of);
+            out.push(NoiseEstimate {
+                source: name.clone(),
+                coordinate: format!("{}_{}", COORDINATES[c], VALUE_UNITS[c]),
+                stated,
+                inferred: stated * scale,
+                lower: stated * scale * (-z * sd).exp(),
+                upper: stated * scale * (z * sd).exp(),
+            });
+        }
+    }
+    out
+}
+
+/// Frames as each data set has them: mean and standard deviation over the samples.
+fn frames(question: &Question, trials: &Trials, samples: &[Sample<Answers>]) -> Vec<KnownFrames> {
+    let spread = |k: usize| {
+        let all: Vec<f64> = samples.iter().map(|s| trials.parameters[k].prior.at(s.z[k]).0).collect();
+        (all.len() > 1).then(|| (mean(&all), variance(&all).sqrt().max(1e-3)))
+    };
+    let of = |source: Option<usize>| -> Vec<Option<(f64, f64)>> {
+        let place = |term: usize| {
+            let wanted = Quantity::Frame(source, term);
+            trials.parameters.iter().position(|p| p.quantity == wanted)
+        };
+        (0..12).map(|term| place(term).and_then(spread)).collect()
+    };
+    (0..question.sources.len()).map(|s| KnownFrames { shared: of(None), own: of(Some(s)) }).collect()
+}
+
+/// Root mean square of predicted minus measured, a coordinate each.
+fn rms(sources: &[(String, Targets)], predicted: &[Option<[f64; 5]>]) -> [Option<f64>; 5] {
+    let trials = sources.iter().flat_map(|s| &s.1.trials);
+    let mut squares: BTreeMap<usize, Vec<f64>> = BTreeMap::new();
+    for (t, p) in trials.zip(predicted) {
+        for (c, r) in p.iter().flat_map(|p| residual(t, p).into_iter().enumerate().collect::<Vec<_>>()) {
+            if let Some(r) = r {
+                squares.entry(c).or_default().push(r * r);
+            }
+        }
+    }
+    std::array::from_fn(|c| squares.get(&c).map(|s| mean(s).sqrt()))
+}

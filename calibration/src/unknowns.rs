@@ -1,0 +1,164 @@
+//! What is not known of a knee, as parameters with priors: ligaments, attachment sites, frames, contact.
+
+use crate::design::{Design, Kind};
+use crate::options::CalibrateOptions;
+use crate::priors::PRIORS;
+use inference::frames::term_name;
+use inference::knee::{KNOTS, Quantity};
+use inference::parameter::{Parameter, Prior};
+use serde::{Deserialize, Serialize};
+use sim::sensitivity::End;
+use sim::spec::ModelSpec;
+use sim::uncertainty::{LigamentUncertainty, ParameterPrior, Uncertainty};
+
+/// How far frames may be off beside what the model says of them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct FrameOptions {
+    /// Standard deviation of a turn about each axis [deg], in place of the model's `uncertainty`; 0 takes the frames as given.
+    pub turn_sd_deg: Option<f64>,
+    /// Standard deviation of a shift along each axis [mm], in place of the model's `uncertainty`; 0 takes the frames as given.
+    pub shift_sd_mm: Option<f64>,
+    /// Standard deviation of a data set's own turn beside that of all [deg]; ours: a sensor's calibration.
+    pub offset_turn_deg: f64,
+    /// Standard deviation of a data set's own shift beside that of all [mm]; ours: a point probed again.
+    pub offset_shift_mm: f64,
+}
+
+impl Default for FrameOptions {
+    fn default() -> Self {
+        FrameOptions { turn_sd_deg: None, shift_sd_mm: None, offset_turn_deg: 1.5, offset_shift_mm: 2.5 }
+    }
+}
+
+/// Frames as another inference left them: of each shared term, and of one data set's own terms, mean and standard deviation.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct KnownFrames {
+    /// Of all.
+    pub shared: Vec<Option<(f64, f64)>>,
+    /// Of the data set.
+    pub own: Vec<Option<(f64, f64)>>,
+}
+
+/// The parameters of a knee measured in `sources` data sets. `frames`, where given, are of the one data set there is.
+pub fn parameters(
+    spec: &ModelSpec,
+    design: &Design,
+    sources: &[String],
+    options: &CalibrateOptions,
+    frames: Option<&KnownFrames>,
+) -> Vec<Parameter<Quantity>> {
+    let names: Vec<String> = spec.bundles.iter().map(|b| b.name.clone()).collect();
+    let uncertainty = spec.uncertainty.clone().unwrap_or_else(|| Uncertainty::of_deck(&names));
+    let mut out = ligaments(&names, design, &uncertainty, options);
+    match frames {
+        Some(known) => known_frames(known, sources, &mut out),
+        None => all_frames(&uncertainty, sources, &options.frames, &mut out),
+    }
+    for (b, name) in names.iter().enumerate() {
+        let Some(site) = uncertainty.sites.get(name) else { continue };
+        for (end, sd, bone) in [(End::Femur, site.femur_mm, "femur"), (End::Tibia, site.tibia_mm, "tibia")] {
+            for axis in (0..3).filter(|_| sd > 0.0) {
+                let name = format!("{name}.{bone}.{}", ["x", "y", "z"][axis]);
+                out.push(normal(name, Quantity::Site(b, end, axis), 0.0, sd));
+            }
+        }
+    }
+    if uncertainty.contact_log_scale > 0.0 {
+        let prior = Prior::LogNormal { median: 1.0, log_sd: uncertainty.contact_log_scale };
+        out.push(Parameter { name: "contact.scale".into(), quantity: Quantity::ContactScale, prior });
+    }
+    if uncertainty.cartilage_mm > 0.0 {
+        out.push(normal("cartilage.thickness_mm".into(), Quantity::Cartilage, 0.0, uncertainty.cartilage_mm));
+        for (coordinate, axis) in [(2, "ml"), (3, "ap")] {
+            for (knot, at) in KNOTS.iter().enumerate() {
+                let name = format!("lean.{axis}.{at}");
+                let sd = uncertainty.cartilage_mm / LEAN_OVER_MM;
+                out.push(normal(name, Quantity::Lean(coordinate, knot), 0.0, sd));
+            }
+        }
+    }
+    out
+}
+
+/// Distance over which cartilage is as much off at one place as at another [mm]: about half a plateau's depth. The bearing surface leans by as much over
+/// that distance.
+const LEAN_OVER_MM: f64 = 12.0;
+
+fn normal(name: String, quantity: Quantity, mean: f64, sd: f64) -> Parameter<Quantity> {
+    Parameter { name, quantity, prior: Prior::Normal { mean, sd } }
+}
+
+/// Reference strains and stiffnesses: the model's own prior, else the physiological one within Table 3, else Table 3.
+fn ligaments(
+    names: &[String],
+    design: &Design,
+    uncertainty: &Uncertainty,
+    options: &CalibrateOptions,
+) -> Vec<Parameter<Quantity>> {
+    let index = |bundle: &String| names.iter().position(|n| n == bundle);
+    let of = |v: &crate::design::Variable| {
+        let bundles: Vec<usize> = v.bundles.iter().filter_map(index).collect();
+        let own = v.bundles.first().and_then(|b| uncertainty.ligaments.get(b));
+        let strain = v.kind == Kind::ReferenceStrain;
+        let pick = |l: &LigamentUncertainty| if strain { l.reference_strain } else { l.stiffness_n_per_mm };
+        let (lower, upper) = (v.lower, v.upper);
+        let general = || match v.bundles.first().and_then(|b| PRIORS.reference_strain.get(b)) {
+            Some(p) if strain => Prior::Truncated { mean: p.mean, sd: p.sd, lower, upper },
+            _ => Prior::Uniform { lower, upper },
+        };
+        let prior = match own.and_then(pick) {
+            _ if !options.priors => Prior::Uniform { lower, upper },
+            Some(ParameterPrior::Uniform { lower, upper }) => Prior::Uniform { lower, upper },
+            Some(ParameterPrior::Normal { mean, sd, lower: l, upper: u }) => {
+                Prior::Truncated { mean, sd, lower: l.unwrap_or(lower), upper: u.unwrap_or(upper) }
+            }
+            None => general(),
+        };
+        let quantity = if strain { Quantity::ReferenceStrain(bundles) } else { Quantity::Stiffness(bundles) };
+        Parameter { name: v.name(), quantity, prior }
+    };
+    design.variables.iter().map(of).collect()
+}
+
+/// Frames shared by all data sets and each one's own; of a single data set one term, as uncertain as both.
+fn all_frames(
+    uncertainty: &Uncertainty,
+    sources: &[String],
+    options: &FrameOptions,
+    out: &mut Vec<Parameter<Quantity>>,
+) {
+    let bones = [&uncertainty.frames.femur, &uncertainty.frames.tibia];
+    for term in 0..12 {
+        let (bone, turn) = (bones[term / 6], term % 6 < 3);
+        let model = if turn { bone.turn_deg[term % 3] } else { bone.shift_mm[term % 3] };
+        let sd = if turn { options.turn_sd_deg } else { options.shift_sd_mm }.unwrap_or(model);
+        if sd <= 0.0 {
+            continue;
+        }
+        let own = if turn { options.offset_turn_deg } else { options.offset_shift_mm };
+        let name = term_name(term);
+        if sources.len() < 2 || own <= 0.0 {
+            out.push(normal(name, Quantity::Frame(None, term), 0.0, sd.hypot(own)));
+            continue;
+        }
+        out.push(normal(name.clone(), Quantity::Frame(None, term), 0.0, sd));
+        for (s, source) in sources.iter().enumerate() {
+            out.push(normal(format!("{source}.{name}"), Quantity::Frame(Some(s), term), 0.0, own));
+        }
+    }
+}
+
+/// Frames as they are known already.
+fn known_frames(known: &KnownFrames, sources: &[String], out: &mut Vec<Parameter<Quantity>>) {
+    let source = sources.first().map_or("", String::as_str);
+    for (term, (shared, own)) in known.shared.iter().zip(&known.own).enumerate() {
+        let name = term_name(term);
+        if let Some((mean, sd)) = shared {
+            out.push(normal(name.clone(), Quantity::Frame(None, term), *mean, *sd));
+        }
+        if let Some((mean, sd)) = own {
+            out.push(normal(format!("{source}.{name}"), Quantity::Frame(Some(0), term), *mean, *sd));
+        }
+    }
+}
