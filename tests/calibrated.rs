@@ -27,8 +27,8 @@ fn built(specimen: &Path) -> TempDir {
     let out = TempDir::new().unwrap();
     let mut command = build_model();
     command.arg(specimen).arg("--out").arg(out.path()).arg("--quiet");
-    for set in ["starts=8", "finalists=3", "modes=1", "descents=1", "samples=8", "sample_evaluations=10"] {
-        command.args(["--set", &format!("calibrate.gradient.{set}")]);
+    for set in ["starts=2", "finalists=2", "samples=8"] {
+        command.args(["--set", &format!("calibrate.inference.{set}")]);
     }
     command.assert().success();
     out

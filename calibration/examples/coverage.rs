@@ -46,8 +46,15 @@ fn laxity(path: &Path) -> Vec<LaxityTrial> {
 /// The bench's name of a bundle, in ours.
 fn ours(name: &str) -> String {
     let known = [
-        ("ACLam", "ACL_AM"), ("ACLpl", "ACL_PL"), ("MCLa", "sMCL_A"), ("MCLm", "sMCL_M"), ("MCLp", "sMCL_P"),
-        ("PCAPl", "PCAP_L"), ("PCAPm", "PCAP_M"), ("PCLal", "PCL_AL"), ("PCLpm", "PCL_PM"),
+        ("ACLam", "ACL_AM"),
+        ("ACLpl", "ACL_PL"),
+        ("MCLa", "sMCL_A"),
+        ("MCLm", "sMCL_M"),
+        ("MCLp", "sMCL_P"),
+        ("PCAPl", "PCAP_L"),
+        ("PCAPm", "PCAP_M"),
+        ("PCLal", "PCL_AL"),
+        ("PCLpm", "PCL_PM"),
     ];
     known.iter().find(|k| k.0 == name).map_or(name, |k| k.1).to_owned()
 }
@@ -112,16 +119,29 @@ fn main() {
             if more {
                 println!("  {name}: rms {:?}", out.found.rms.map(|r| r.map(|r| (100.0 * r).round() / 100.0)));
                 for n in &out.found.noise {
-                    println!("    noise {} {}: {:.2} stated {:.2} ({:.2} to {:.2})", n.source, n.coordinate, n.inferred, n.stated, n.lower, n.upper);
+                    println!(
+                        "    noise {} {}: {:.2} stated {:.2} ({:.2} to {:.2})",
+                        n.source, n.coordinate, n.inferred, n.stated, n.lower, n.upper
+                    );
                 }
                 for o in &out.found.others {
-                    println!("    {}: {:.2} ({:.2} to {:.2}), prior {:.2} to {:.2}", o.name, o.value, o.lower, o.upper, o.prior[0], o.prior[1]);
+                    println!(
+                        "    {}: {:.2} ({:.2} to {:.2}), prior {:.2} to {:.2}",
+                        o.name, o.value, o.lower, o.upper, o.prior[0], o.prior[1]
+                    );
                 }
                 for r in &out.found.rest {
-                    println!("    rest at {}: {:.0} N ({:.0} to {:.0}), model {:.0}", r.fe_deg, r.value_n, r.lower_n, r.upper_n, r.model_n);
+                    println!(
+                        "    rest at {}: {:.0} N ({:.0} to {:.0}), model {:.0}",
+                        r.fe_deg, r.value_n, r.lower_n, r.upper_n, r.model_n
+                    );
                 }
                 out.warnings.iter().for_each(|w| println!("    warning: {w}"));
-                println!("    modes {:?} samples {}", out.found.rivals.iter().map(|r| r.0.round()).collect::<Vec<_>>(), out.found.samples.len());
+                println!(
+                    "    modes {:?} samples {}",
+                    out.found.rivals.iter().map(|r| r.0.round()).collect::<Vec<_>>(),
+                    out.found.samples.len()
+                );
             }
             let (rms, held, counted) = judge(&out, &truth, all.entry(name).or_default(), more);
             line += &format!(" {name} {rms:.0} N {held}/{counted} {seconds:.1} s");

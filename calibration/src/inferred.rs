@@ -6,7 +6,9 @@ use crate::design::Design;
 use crate::error::CalibrationError;
 use crate::knee::Knee;
 use crate::options::{CalibrateOptions, Method};
-use crate::posterior::{ForceEstimate, NoiseEstimate, OtherEstimate, ParameterEstimate, RestEstimate, ends, mean, variance};
+use crate::posterior::{
+    ForceEstimate, NoiseEstimate, OtherEstimate, ParameterEstimate, RestEstimate, ends, mean, variance,
+};
 use crate::priors::PRIORS;
 use crate::targets::Targets;
 use crate::unknowns::{KnownFrames, parameters};
@@ -98,12 +100,8 @@ fn trials(sources: &[(String, Targets)]) -> (Vec<Asked>, usize) {
     }
     let measured = out.len();
     let none = [false; 5];
-    let imagined = |ap: f64, fe_deg: f64| Asked {
-        source: None,
-        load: [0.0, 0.0, 0.0, ap, COMPRESSION_N],
-        fe_deg,
-        reads: none,
-    };
+    let imagined =
+        |ap: f64, fe_deg: f64| Asked { source: None, load: [0.0, 0.0, 0.0, ap, COMPRESSION_N], fe_deg, reads: none };
     out.extend(DRAWERS_DEG.iter().map(|&f| imagined(DRAWER_N, f)));
     out.extend(DRAWERS_DEG.iter().map(|&f| imagined(-DRAWER_N, f)));
     out.extend(REST_DEG.iter().map(|&f| imagined(0.0, f)));
@@ -260,15 +258,10 @@ fn at(trials: &Trials, z: &DVector<f64>, ligaments: usize) -> Vec<f64> {
 }
 
 /// A parameter's value at the mode and its interval.
-fn estimate(
-    p: &Parameter<Quantity>,
-    mode: f64,
-    k: usize,
-    samples: &[Sample<Answers>],
-    interval: f64,
-) -> OtherEstimate {
+fn estimate(p: &Parameter<Quantity>, mode: f64, k: usize, samples: &[Sample<Answers>], interval: f64) -> OtherEstimate {
     let z: Vec<f64> = samples.iter().map(|s| s.z[k]).collect();
-    let (low, high) = ends(&z, interval).map_or_else(|| p.prior.interval(interval), |(a, b)| (p.prior.at(a).0, p.prior.at(b).0));
+    let (low, high) =
+        ends(&z, interval).map_or_else(|| p.prior.interval(interval), |(a, b)| (p.prior.at(a).0, p.prior.at(b).0));
     let value = p.prior.at(mode).0;
     let determined = if z.len() < 2 { 0.0 } else { (1.0 - variance(&z)).clamp(0.0, 1.0) };
     let (prior_lower, prior_upper) = p.prior.interval(interval);
@@ -290,8 +283,7 @@ fn forces(trials: &Trials, found: &Found<Answers>, measured: usize, interval: f6
     let mut out = Vec::new();
     for (i, name) in names.iter().enumerate() {
         for bundle in 0..bundles {
-            let mut all: Vec<f64> =
-                found.samples.iter().map(|s| s.state[measured + i].forces_n[bundle]).collect();
+            let mut all: Vec<f64> = found.samples.iter().map(|s| s.state[measured + i].forces_n[bundle]).collect();
             if all.is_empty() {
                 all.push(found.modes[0].state[measured + i].forces_n[bundle]);
             }
@@ -350,9 +342,15 @@ fn noise(question: &Question, likelihood: &Likelihood) -> Vec<NoiseEstimate> {
     let mut out = Vec::new();
     for (s, (name, targets)) in question.sources.iter().enumerate() {
         for c in 0..5 {
-            let of: Vec<f64> =
-                targets.trials.iter().zip(&targets.noise).filter(|(t, _)| t.measured[c].is_some()).map(|n| n.1[c]).collect();
-            let (Some(scale), Some(sd)) = (likelihood.scale.get(5 * s + c), likelihood.log_scale_sd.get(5 * s + c)) else {
+            let of: Vec<f64> = targets
+                .trials
+                .iter()
+                .zip(&targets.noise)
+                .filter(|(t, _)| t.measured[c].is_some())
+                .map(|n| n.1[c])
+                .collect();
+            let (Some(scale), Some(sd)) = (likelihood.scale.get(5 * s + c), likelihood.log_scale_sd.get(5 * s + c))
+            else {
                 continue;
             };
             if of.is_empty() {

@@ -101,8 +101,7 @@ impl Knee {
         design: &'a Design,
         trials: &'a [LaxityTrial],
     ) -> impl Fn(&[f64], bool) -> Vec<Result<Answer, SimError>> + Sync + 'a {
-        let questions =
-            Questions { model: &self.search, options: &self.search_options, design, trials };
+        let questions = Questions { model: &self.search, options: &self.search_options, design, trials };
         move |values, slopes| questions.answers(values, slopes)
     }
 

@@ -5,9 +5,9 @@ use crate::calibrate::Probes;
 use crate::cost::FAILED;
 use crate::design::{Design, Kind};
 use crate::experiment::Experiment;
-use inference::random::{normal, stream};
 use crate::options::GradientOptions;
 use crate::problem::Problem;
+use inference::random::{normal, stream};
 use nalgebra::DVector;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -122,7 +122,13 @@ impl NoiseEstimate {
         (off && far).then(|| {
             format!(
                 "{}: {} scatters by {:.2} ({:.2} to {:.2}, {:.0} %), the file states {:.2}",
-                self.source, self.coordinate, self.inferred, self.lower, self.upper, 100.0 * interval, self.stated
+                self.source,
+                self.coordinate,
+                self.inferred,
+                self.lower,
+                self.upper,
+                100.0 * interval,
+                self.stated
             )
         })
     }

@@ -92,7 +92,9 @@ impl Session {
         let mut sources = Vec::new();
         for (name, trials) in measured {
             let of = targets(trials, ct, &options.cost, &options.targets).map_err(|e| match e {
-                CalibrationError::Targets(what) if measured.len() > 1 => CalibrationError::Targets(format!("{name}: {what}")),
+                CalibrationError::Targets(what) if measured.len() > 1 => {
+                    CalibrationError::Targets(format!("{name}: {what}"))
+                }
                 other => other,
             })?;
             sources.push((name.clone(), of));

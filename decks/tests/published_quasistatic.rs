@@ -56,6 +56,20 @@ fn moved(model: &Model, parameter: Parameter, by: f64) -> (Model, Six, f64) {
             }
             model.with_fibre_ends(fibre, femur, tibia)
         }
+        Parameter::Site(bundle, end, axis) => {
+            let mut all = Ok(model.clone());
+            for fibre in (0..model.fibres.len()).filter(|&f| model.fibres[f].bundle == bundle) {
+                let f = &model.fibres[fibre];
+                let (mut femur, mut tibia) = (meshes::Point::from(f.femur), meshes::Point::from(f.tibia));
+                if end == End::Femur {
+                    femur[axis] += by
+                } else {
+                    tibia[axis] += by
+                }
+                all = all.and_then(|m| m.with_fibre_ends(fibre, femur, tibia));
+            }
+            all
+        }
         Parameter::Load(c) => {
             let mut l = [0.0; 5];
             l[c] = by;
@@ -89,11 +103,17 @@ fn sensitivities_agree_with_finite_differences() {
     let Some(model) = model("sensitivities") else { return };
     for (fe, load) in [(21.0, [0.0, 0.0, 0.0, 133.0, 20.0]), (88.0, [1.0, -8.0, 5.0, 30.0, 60.0])] {
         let answer = solve(&model, fe, &load, &TrialOptions::default()).unwrap();
-        let parameters = all_parameters(&model);
+        let mut parameters = all_parameters(&model);
+        parameters.extend([Parameter::Site(0, End::Femur, 1), Parameter::Site(2, End::Tibia, 2)]);
         let s = sensitivities(&model, &answer, &parameters).unwrap();
         let base = generalised(&load);
         let mut worst = (0.0_f64, Parameter::Flexion);
-        for (column, parameter) in parameters.iter().enumerate().step_by(5).chain([(214, &parameters[214])]) {
+        for (column, parameter) in parameters
+            .iter()
+            .enumerate()
+            .step_by(5)
+            .chain([214, parameters.len() - 2, parameters.len() - 1].map(|k| (k, &parameters[k])))
+        {
             let h = if matches!(parameter, Parameter::ReferenceStrain(_)) { 1e-7 } else { 1e-5 };
             let at = |by: f64| {
                 let (m, l, f) = moved(&model, *parameter, by);

@@ -9,7 +9,6 @@ use crate::error::InferenceError;
 use crate::frames::{Terms, corrected};
 use crate::parameter::Parameter;
 use crate::posterior::{Forward, Point};
-use slopes::Slopes;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -21,6 +20,7 @@ use sim::quasistatic::{Goal, State, increment_near};
 use sim::sensitivity::End;
 use sim::spec::ModelSpec;
 use sim::trials::{TrialOptions, chain_flexion, generalised, pose_spec, solve_trials};
+use slopes::Slopes;
 
 /// What of a knee a parameter is.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -154,7 +154,12 @@ impl Trials<'_> {
 
     /// How many data sets the parameters and trials know.
     fn sources(&self) -> usize {
-        self.trials.iter().filter_map(|t| t.source).max().map_or(0, |s| s + 1)
+        let of = |p: &Parameter<Quantity>| match p.quantity {
+            Quantity::Frame(source, _) => source,
+            _ => None,
+        };
+        let named = self.parameters.iter().filter_map(of).max();
+        self.trials.iter().filter_map(|t| t.source).max().max(named).map_or(0, |s| s + 1)
     }
 
     /// The model at values, in each data set's frames.

@@ -176,16 +176,16 @@ mod tests {
         assert!(options.assemble.friction.abs() < f64::EPSILON);
         assert_eq!(options.assemble.law, sim::spec::Law::Tabular);
         let line = [
-            set("calibrate.gradient.starts=3"),
+            set("calibrate.inference.starts=3"),
             set("calibrate.ranges={X3 = [0.8, 1]}"),
             set("validate.ap_flexions_deg=[20]"),
         ];
         let options = resolve(&BTreeMap::new(), &line, Some(5)).unwrap();
-        assert_eq!((options.calibrate.gradient.starts, options.calibrate.seed), (3, 5));
+        assert_eq!((options.calibrate.inference.starts, options.calibrate.seed), (3, 5));
         assert_eq!(options.calibrate.ranges["X3"], [0.8, 1.0]);
         assert_eq!(options.validate.ap_flexions_deg, [20.0]);
         for (text, named) in [
-            ("calibrate.gradient.strts=1", "strts"),
+            ("calibrate.inference.strts=1", "strts"),
             ("assemble.frction=1", "frction"),
             ("asemble.friction=1", "asemble"),
             ("assemble.friction=\"a\"", "friction"),

@@ -23,7 +23,7 @@ fn bench(truth: &[f64], noise: f64, seed: u64) -> Bench {
     for i in 0..trials.len() {
         let p = toy::answer(&design, &trials, &design.at(truth), i).unwrap().predicted;
         for c in 0..5 {
-            trials[i].measured[c] = Some(p[c] + noise * sd[c] * crate::gradient::normal(&mut random));
+            trials[i].measured[c] = Some(p[c] + noise * sd[c] * inference::random::normal(&mut random));
         }
     }
     let ct = PoseSpec { si_mm: -20.0, ..PoseSpec::default() };
@@ -87,9 +87,9 @@ fn go_on(_: &Checkpoint) -> ControlFlow<()> {
 #[test]
 fn interrupted_and_resumed_gives_the_same_bytes() {
     let b = bench(&truth(1), 1.0, 1);
-    for method in [Method::SwarmSimplex, Method::Gradient, Method::Descent] {
+    for method in [Method::SwarmSimplex, Method::Descent] {
         let mut o = quick(method);
-        (o.gradient.starts, o.gradient.samples) = (10, 12);
+        o.gradient.samples = 12;
         let whole = b.run(&o, &mut go_on).unwrap();
         for stop_at in [1, 3, 5, 8] {
             let mut steps = 0;
@@ -115,7 +115,7 @@ fn interrupted_and_resumed_gives_the_same_bytes() {
 #[test]
 fn a_checkpoint_of_another_calibration_is_refused_by_what_differs() {
     let b = bench(&truth(1), 1.0, 1);
-    let o = quick(Method::Gradient);
+    let o = quick(Method::SwarmSimplex);
     let bytes = Checkpoint::new(b.identity(&o)).unwrap().to_bytes();
     let other = CalibrateOptions { seed: 9, ..o.clone() };
     let refusal = |identity: &Identity| Checkpoint::from_bytes(&bytes, identity).unwrap_err().to_string();
@@ -127,31 +127,15 @@ fn a_checkpoint_of_another_calibration_is_refused_by_what_differs() {
 #[test]
 fn any_number_of_threads_gives_the_same_answer() {
     let b = bench(&truth(3), 1.0, 3);
-    for method in [Method::SwarmSimplex, Method::Gradient, Method::Descent] {
+    for method in [Method::SwarmSimplex, Method::Descent] {
         let mut o = quick(method);
-        (o.gradient.starts, o.gradient.samples) = (4, 8);
+        o.gradient.samples = 8;
         let on = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
             pool.install(|| b.run(&o, &mut go_on).unwrap())
         };
         assert_eq!(on(1), on(3));
     }
-}
-
-#[test]
-fn without_noise_the_fit_is_close_and_the_progress_grows() {
-    let b = bench(&truth(4), 0.0, 4);
-    let mut shares = vec![];
-    let found = b
-        .run(&quick(Method::Gradient), &mut |c| {
-            shares.push(c.progress().share);
-            ControlFlow::Continue(())
-        })
-        .unwrap();
-    assert!(found.rms.iter().all(|r| r.unwrap() < 0.25), "{:?}", found.rms);
-    assert!(shares.windows(2).all(|w| w[0] <= w[1]) && shares.last().is_some_and(|s| *s > 0.99), "{shares:?}");
-    assert!(found.lowest_cost.0 <= found.cost);
-    assert!(found.history.iter().all(|h| *h >= found.lowest_cost.0));
 }
 
 #[test]
@@ -172,31 +156,11 @@ fn descents_on_the_cost_end_no_higher_than_the_recipe() {
 }
 
 #[test]
-fn ninety_percent_intervals_cover_the_truth_about_as_often_as_they_say() {
-    let (mut inside, mut all, mut tight) = (0, 0, 0);
-    for seed in 0..12 {
-        let truth = truth(seed);
-        let b = bench(&truth, 1.0, seed);
-        let mut o = quick(Method::Gradient);
-        o.gradient.descents = 0;
-        let found = b.run(&o, &mut go_on).unwrap();
-        for (p, t) in found.parameters.iter().zip(b.design.at(&truth)) {
-            all += 1;
-            inside += usize::from(p.lower <= t && t <= p.upper);
-            tight += usize::from(p.determined > 0.5);
-        }
-    }
-    let share = inside as f64 / all as f64;
-    assert!((0.85..=0.95).contains(&share), "{share}");
-    assert!(tight > all / 10 && tight < all, "{tight} of {all}");
-}
-
-#[test]
 fn a_belief_about_a_force_is_heard() {
     let mut t = truth(5);
     t[0] = 0.9;
     let b = bench(&t, 1.0, 5);
-    let plain = b.run(&quick(Method::Gradient), &mut go_on).unwrap();
+    let plain = b.run(&quick(Method::SwarmSimplex), &mut go_on).unwrap();
     let belief = LoadPrior {
         bundles: vec!["A".into()],
         test: None,
@@ -206,16 +170,14 @@ fn a_belief_about_a_force_is_heard() {
         sd_n: 1.0,
         weight: 50.0,
     };
-    for method in [Method::Gradient, Method::SwarmSimplex] {
-        let o = CalibrateOptions { loads: vec![belief.clone()], ..quick(method) };
-        let told = b.run(&o, &mut go_on).unwrap();
-        let force = |c: &Calibrated| c.forces.iter().find(|f| f.bundle == 0).and_then(|f| f.value_n).unwrap();
-        assert!((force(&told) - 20.0).abs() < (force(&plain) - 20.0).abs(), "{} {}", force(&told), force(&plain));
-    }
+    let o = CalibrateOptions { loads: vec![belief.clone()], ..quick(Method::SwarmSimplex) };
+    let told = b.run(&o, &mut go_on).unwrap();
+    let force = |c: &Calibrated| c.forces.iter().find(|f| f.bundle == 0).and_then(|f| f.value_n).unwrap();
+    assert!((force(&told) - 20.0).abs() < (force(&plain) - 20.0).abs(), "{} {}", force(&told), force(&plain));
     let deaf = CalibrateOptions { loads: vec![belief.clone()], ..quick(Method::Descent) };
     assert!(deaf.check().unwrap_err().to_string().contains("not heard"));
     let unknown = LoadPrior { bundles: vec!["Z".into()], ..belief };
-    let o = CalibrateOptions { loads: vec![unknown], ..quick(Method::Gradient) };
+    let o = CalibrateOptions { loads: vec![unknown], ..quick(Method::SwarmSimplex) };
     let simulate = |v: &[f64], _: bool| toy::answers(&b.design, &b.targets.trials, v);
     let experiment = Experiment { design: &b.design, simulate: &simulate, trials: b.targets.trials.len() };
     let cost = CostFunction::new(&b.targets.trials, &b.ct, &o.cost).unwrap();

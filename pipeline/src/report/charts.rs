@@ -74,12 +74,7 @@ fn history<'a>(sources: impl Iterator<Item = (&'a String, &'a Outcome)>) -> Char
 
 /// Parameters of one kind with the ends of their intervals; the range sought in is grey.
 fn parameters(name: &str, outcome: &Outcome, kind: &str) -> Chart {
-    let all: Vec<_> = outcome
-        .found
-        .parameters
-        .iter()
-        .filter(|p| is_kind(p.kind.name(), kind))
-        .collect();
+    let all: Vec<_> = outcome.found.parameters.iter().filter(|p| is_kind(p.kind.name(), kind)).collect();
     let labels: Vec<String> = all.iter().map(|p| format!("X{} {}", p.number, p.bundle)).collect();
     let mut plot = Plot::new();
     for (p, label) in all.iter().zip(&labels) {
