@@ -56,8 +56,8 @@ pub struct Least<S> {
     pub converged: bool,
 }
 
-/// Furthest that a number goes in one step [-]: a standard deviation and a half of its prior, within which slack ligaments do not all turn taut at once.
-const LONGEST: f64 = 1.5;
+/// Furthest that a number goes in one step [-], in standard deviations of its prior: no further than samples of the prior lie apart.
+const LONGEST: f64 = 2.5;
 
 /// Descends from `start`; `None` when it cannot be evaluated. A point that cannot be evaluated is a failed step.
 pub fn descend<S: Clone>(

@@ -86,7 +86,7 @@ impl Default for Options {
             rounds: 2,
             scale_noise: true,
             samples: 64,
-            sample_evaluations: 8,
+            sample_evaluations: 10,
             seed: 0,
         }
     }
