@@ -5,7 +5,7 @@ use crate::diagnose::{self, diagnose_built};
 use crate::error::BuildError;
 use crate::model_file::LoadedModel;
 use crate::options::BuildOptions;
-use crate::run_log::{RunLog, hash};
+use crate::run_log::{Kept, RunLog, hash};
 use crate::show;
 use crate::validate::{self, read_passive, validate_all};
 use sim::laxity::LaxityTrial;
@@ -39,17 +39,7 @@ pub fn build_model(raw: &RawSpecimen, o: &BuildOptions, log: &mut RunLog) -> Res
     let specimen =
         log.stage("ingest", &[&raw_digest], &o.ingest, || ingest(raw, &o.ingest).and_then(checked), show::specimen)?;
     let s = specimen.digest.as_str();
-    // Cartilage of MRI that lies where its bones lie needs no registration.
-    let registered = match specimen.mri.as_ref().is_some_and(|m| m.in_ct) {
-        true => None,
-        false => Some(log.stage(
-            "register",
-            &[s],
-            &o.register,
-            || register(&specimen, &o.register),
-            |r| show::registration(&specimen, r),
-        )?),
-    };
+    let registered = registered(&specimen, s, o, log)?;
     let r = registered.as_ref().map_or("left out", |r| r.digest.as_str());
     let left_out = Registration::left_out();
     let registration: &Registration = registered.as_deref().unwrap_or(&left_out);
@@ -126,6 +116,20 @@ pub fn build_model(raw: &RawSpecimen, o: &BuildOptions, log: &mut RunLog) -> Res
         diagnose::show,
     )?;
     Ok(())
+}
+
+/// The registration of scans, or of bones of MRI; `None` for cartilage that lies where its bones lie.
+fn registered(
+    specimen: &Specimen,
+    digest: &str,
+    o: &BuildOptions,
+    log: &mut RunLog,
+) -> Result<Option<Kept<Registration>>, BuildError> {
+    if specimen.mri.as_ref().is_some_and(|m| m.in_ct) {
+        return Ok(None);
+    }
+    let run = || register(specimen, &o.register);
+    log.stage("register", &[digest], &o.register, run, |r| show::registration(specimen, r)).map(Some)
 }
 
 /// The options of `assemble` with the fitted law in place of theirs.
