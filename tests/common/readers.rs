@@ -1,7 +1,7 @@
 //! Every reader of the program with files that it reads, and seeded corruption of them.
 #![allow(dead_code, reason = "each binary uses its part")]
 
-use meshes::format::{dicom, nifti, ply, read_surface, stl};
+use meshes::format::{dicom, nifti, picture, ply, read_surface, stl};
 use meshes::shapes::icosphere;
 use meshes::surface::ColouredMesh;
 use meshes::volume::{Grid, Labels, Volume};
@@ -169,6 +169,35 @@ fn labels() -> Vec<u8> {
     bytes
 }
 
+/// The labels as NRRD: attached and raw, gzipped, ASCII.
+fn nrrds() -> Vec<Vec<u8>> {
+    let values: Vec<u8> = (0..120u32).map(|i| (i % 5) as u8).collect();
+    let head = |encoding: &str| {
+        format!("NRRD0004\ntype: uint8\ndimension: 3\nspace: left-posterior-superior\nsizes: 6 5 4\nspace directions: (0.4,0,0) (0,0.4,0) (0,0.1,0.7)\nkinds: domain domain domain\nencoding: {encoding}\nspace origin: (1,2,3)\nSegment0_Name:=Femur\nSegment0_LabelValue:=1\n\n").into_bytes()
+    };
+    let text: Vec<u8> = values.iter().flat_map(|v| format!("{v} ").into_bytes()).collect();
+    let mut zipped = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
+    let _ = std::io::Write::write_all(&mut zipped, &values);
+    let zipped = zipped.finish().unwrap_or_default();
+    vec![[head("raw"), values].concat(), [head("gzip"), zipped].concat(), [head("ascii"), text].concat()]
+}
+
+fn metaimage() -> Vec<u8> {
+    let head = b"ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = False\nCompressedData = False\nTransformMatrix = 1 0 0 0 1 0 0 0 1\nOffset = 1 2 3\nElementSpacing = 0.4 0.4 0.7\nDimSize = 6 5 4\nElementType = MET_UCHAR\nElementDataFile = LOCAL\n";
+    let values: Vec<u8> = (0..120u32).map(|i| (i % 5) as u8).collect();
+    [head.to_vec(), values].concat()
+}
+
+const VTK: &[u8] = b"# vtk DataFile Version 5.1\ntitle\nASCII\nDATASET POLYDATA\nPOINTS 4 float\n0 0 0 1 0 0 1 1 0 0 1 0.5\nPOLYGONS 3 6\nOFFSETS vtktypeint64\n0 3 6\nCONNECTIVITY vtktypeint64\n0 1 2 0 2 3\n";
+const VTP: &[u8] = b"<?xml version=\"1.0\"?>\n<VTKFile type=\"PolyData\" version=\"0.1\" byte_order=\"LittleEndian\">\n<PolyData><Piece><Points><DataArray type=\"Float32\" Name=\"Points\" NumberOfComponents=\"3\" format=\"ascii\">0 0 0 1 0 0 1 1 0 0 1 0.5</DataArray></Points><Polys><DataArray type=\"Int32\" Name=\"connectivity\" format=\"ascii\">0 1 2 0 2 3</DataArray><DataArray type=\"Int32\" Name=\"offsets\" format=\"ascii\">3 6</DataArray></Polys></Piece></PolyData></VTKFile>\n";
+const MARKUPS: &[u8] = b"{\"markups\":[{\"type\":\"Fiducial\",\"coordinateSystem\":\"LPS\",\"coordinateUnits\":\"mm\",\"controlPoints\":[{\"id\":\"1\",\"label\":\"a\",\"position\":[1.0,2.0,3.0],\"positionStatus\":\"defined\"}]}]}";
+const FIDUCIALS: &[u8] = b"# Markups fiducial file version = 4.11\n# CoordinateSystem = LPS\n# columns = id,x,y,z,ow,ox,oy,oz,vis,sel,lock,label,desc,associatedNodeID\n1,1,2,3,0,0,0,1,1,1,0,a,,\n";
+
+/// An enhanced series, packed by JPEG 2000, that another program wrote.
+fn enhanced(bytes: &[u8]) -> bool {
+    dicom::read_series(&[("a", bytes)]).is_ok()
+}
+
 fn unzipped(bytes: &[u8]) -> Vec<u8> {
     let mut out = Vec::new();
     let _ = std::io::Read::read_to_end(&mut flate2::read::GzDecoder::new(bytes), &mut out);
@@ -229,13 +258,26 @@ const POINTS: &[u8] = b"name,frame,x_mm,y_mm,z_mm\na,ct,1.5,2.5,-3\na,scan_femur
 
 /// Reads a specimen whose landmarks are `bytes`, as far as the points.
 fn points(bytes: &[u8]) -> bool {
-    let toml = String::from_utf8_lossy(TOML).into_owned();
+    landmarks("landmarks.csv", bytes)
+}
+
+/// As [`points`], from a file of 3D Slicer's.
+fn markups(bytes: &[u8]) -> bool {
+    landmarks("a.mrk.json", bytes)
+}
+
+fn fiducials(bytes: &[u8]) -> bool {
+    landmarks("a.fcsv", bytes)
+}
+
+fn landmarks(name: &str, bytes: &[u8]) -> bool {
+    let toml = format!("{}[points]\nlandmarks = \"{name}\"\n", String::from_utf8_lossy(TOML));
     let mut stl_bytes = Vec::new();
     let _ = stl::write(&mut stl_bytes, &icosphere(40.0, 2));
     let mut files: BTreeMap<String, Vec<u8>> = ["ct/femur.stl", "ct/tibfib.stl", "scans/femur.ply", "scans/tibfib.ply"]
         .map(|f| (f.into(), stl_bytes.clone()))
         .into();
-    files.insert("landmarks.csv".into(), bytes.to_vec());
+    files.insert(name.into(), bytes.to_vec());
     let raw = stages::ingest::RawSpecimen { toml, files };
     stages::ingest::ingest(&raw, &Default::default()).is_ok()
 }
@@ -264,6 +306,27 @@ pub(crate) fn readers() -> Vec<Reader> {
         Reader { name: "image", corpus: vec![png(), jpeg()], read: |b| textured(".png", b) },
         Reader { name: "nifti", corpus: vec![zipped.clone(), unzipped(&zipped)], read: |b| nifti::read(b).is_ok() },
         Reader { name: "labels", corpus: vec![labels(), unzipped(&labels())], read: |b| nifti::read_labels(b).is_ok() },
+        Reader { name: "nrrd", corpus: nrrds(), read: |b| picture::read_labels("a.nrrd", b, &none()).is_ok() },
+        Reader {
+            name: "metaimage",
+            corpus: vec![metaimage()],
+            read: |b| picture::read_labels("a.mha", b, &none()).is_ok(),
+        },
+        Reader {
+            name: "vtk",
+            corpus: vec![VTK.to_vec(), VTP.to_vec()],
+            read: |b| read_surface("a.vtk", b, &none()).is_ok(),
+        },
+        Reader { name: "markups", corpus: vec![MARKUPS.to_vec()], read: markups },
+        Reader { name: "fiducials", corpus: vec![FIDUCIALS.to_vec()], read: fiducials },
+        Reader {
+            name: "enhanced",
+            corpus: vec![
+                include_bytes!("../corpus/dicom/enhanced-j2k.dcm").to_vec(),
+                include_bytes!("../corpus/dicom/enhanced-rle.dcm").to_vec(),
+            ],
+            read: enhanced,
+        },
         Reader { name: "dicom", corpus: vec![slice(2), packed_slice()], read: series },
         Reader {
             name: "inp",

@@ -135,3 +135,28 @@ fn runs_are_unpacked() {
     assert!(rle::unpacked(&packed, 6, 2).is_err());
     assert!(rle::unpacked(&packed[..40], 5, 2).is_err());
 }
+
+/// One volume, written by pydicom (enhanced) and by GDCM (slices), in each packing.
+#[test]
+fn packed_and_enhanced_files_of_other_programs_are_the_plain_volume() {
+    macro_rules! corpus {
+        ($name:literal) => {
+            include_bytes!(concat!("../../../../tests/corpus/dicom/", $name)).as_slice()
+        };
+    }
+    let plain = read_series(&[("plain", corpus!("enhanced-plain.dcm"))]).unwrap().volume;
+    assert_eq!(plain.grid.size, [40, 48, 3]);
+    assert!((plain.grid.axes.column(2) - Vector::new(0.0, 0.0, 0.5)).norm() < 1e-9);
+    let spread = plain.values.iter().fold(f32::NEG_INFINITY, |a, b| a.max(*b));
+    assert!(spread > 500.0);
+    for (name, bytes) in [("runs", corpus!("enhanced-rle.dcm")), ("JPEG 2000", corpus!("enhanced-j2k.dcm"))] {
+        assert_eq!(read_series(&[(name, bytes)]).unwrap().volume, plain, "{name}");
+        for n in (200..bytes.len() - 8).step_by(97) {
+            assert!(read_series(&[(name, &bytes[..n])]).is_err(), "{name} cut at {n}");
+        }
+    }
+    let slices = [("0", corpus!("lossless-0.dcm")), ("1", corpus!("lossless-1.dcm")), ("2", corpus!("lossless-2.dcm"))];
+    let lossless = read_series(&slices).unwrap().volume;
+    assert_eq!(lossless.grid.size, plain.grid.size);
+    assert_eq!(lossless.values, plain.values);
+}
