@@ -16,8 +16,10 @@ use sim::uncertainty::{LigamentUncertainty, ParameterPrior, Uncertainty};
 #[serde(default, deny_unknown_fields)]
 pub struct FrameOptions {
     /// Standard deviation of a turn about each axis [deg], in place of the model's `uncertainty`; 0 takes the frames as given.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub turn_sd_deg: Option<f64>,
     /// Standard deviation of a shift along each axis [mm], in place of the model's `uncertainty`; 0 takes the frames as given.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub shift_sd_mm: Option<f64>,
     /// Standard deviation of a data set's own turn beside that of all [deg]; ours: a sensor's calibration.
     pub offset_turn_deg: f64,

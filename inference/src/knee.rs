@@ -248,7 +248,7 @@ impl Trials<'_> {
     }
 
     /// Answers along the paths of loading, without derivatives: where nothing close by is known.
-    fn from_afar(&self, knee: &Knee) -> Option<Vec<(Six, f64)>> {
+    fn restarted_from_afar(&self, knee: &Knee) -> Option<Vec<(Six, f64)>> {
         let mut found: Vec<Option<(Six, f64)>> = vec![None; self.trials.len()];
         for source in std::iter::once(None).chain((0..self.sources()).map(Some)) {
             let of: Vec<usize> = (0..self.trials.len()).filter(|&i| self.trials[i].source == source).collect();
@@ -342,7 +342,7 @@ impl Forward for Trials<'_> {
                 let start = |(t, a): (&Asked, &Answer)| self.start(&knee, &before, t, a).ok().map(|q| (q, a.pressed));
                 self.trials.iter().zip(answers).map(start).collect::<Option<_>>()?
             }
-            None => self.from_afar(&knee)?,
+            None => self.restarted_from_afar(&knee)?,
         };
         let found: Vec<(Answer, Slopes)> = self
             .trials
