@@ -13,7 +13,7 @@ use std::collections::BTreeMap;
 
 /// A second piece of a bone above this share of the first is a second knee [-]; a fibula in a short field of view has a tenth of
 /// its tibia.
-const SECOND_KNEE: f64 = 0.5;
+const SECOND_KNEE: f64 = 0.3;
 /// Pieces of a bone below this share of it are specks [-]; a fibular head alone has 3 %.
 const SPECK_SHARE: f64 = 0.02;
 /// Pieces of cartilage below this share of it are specks [-]; worn cartilage may be in several pieces.
