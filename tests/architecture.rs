@@ -23,7 +23,15 @@ const ARROWS: [(&str, &[&str]); 12] = [
     (
         ".",
         &[
-            "meshes", "attachments", "sim", "decks", "stages", "inference", "calibration", "validation", "diagnosis",
+            "meshes",
+            "attachments",
+            "sim",
+            "decks",
+            "stages",
+            "inference",
+            "calibration",
+            "validation",
+            "diagnosis",
             "blindbench",
         ],
     ),

@@ -67,16 +67,10 @@ pub fn build_model(raw: &RawSpecimen, o: &BuildOptions, log: &mut RunLog) -> Res
     let h = hexes.digest.as_str();
     let separated =
         log.stage("overclosure", &[h], &o.overclosure, || overclosure(&hexes, &o.overclosure), show::overclosure)?;
-    let law = match o.contact_law.fit {
-        true => Some(log.stage(
-            "contact-law",
-            &[s, f, &separated.digest],
-            &o.contact_law,
-            || contact_law(&specimen, &frames, &separated, &o.contact_law),
-            show::contact_law,
-        )?),
-        false => None,
-    };
+    let own_law = || contact_law(&specimen, &frames, &separated, &o.contact_law);
+    let inputs = [s, f, separated.digest.as_str()];
+    let fit = o.contact_law.fit;
+    let law = fit.then(|| log.stage("contact-law", &inputs, &o.contact_law, own_law, show::contact_law)).transpose()?;
     let fitted = assemble_options(&o.assemble, law.as_deref());
     let assembled = log.stage(
         "assemble",
@@ -105,16 +99,15 @@ pub fn build_model(raw: &RawSpecimen, o: &BuildOptions, log: &mut RunLog) -> Res
         || validate_all(&model.meshes, &calibration, &measured.passive, &o.validate),
         |v| validate::show(v, Some(&calibration)),
     )?;
-    if !o.diagnose.run {
-        return Ok(());
+    if o.diagnose.run {
+        log.stage(
+            "diagnose",
+            &[m, b, &calibration.digest, &measured.digest],
+            &o.diagnose,
+            || diagnose_built(&model, &calibration, &measured.laxity, &measured.digests, &o.diagnose),
+            diagnose::show,
+        )?;
     }
-    log.stage(
-        "diagnose",
-        &[m, b, &calibration.digest, &measured.digest],
-        &o.diagnose,
-        || diagnose_built(&model, &calibration, &measured.laxity, &measured.digests, &o.diagnose),
-        diagnose::show,
-    )?;
     Ok(())
 }
 
