@@ -34,7 +34,7 @@ pub struct ContactLawOptions {
     pub flexions_deg: Vec<f64>,
     /// Force up to which it is pressed [N].
     pub force_n: f64,
-    /// Levels on the way there, about.
+    /// Levels on the way there, about [-].
     pub levels: usize,
     /// Forces below this do not count in the fit [N].
     pub least_force_n: f64,
