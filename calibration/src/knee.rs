@@ -28,7 +28,7 @@ pub struct SearchOptions {
     pub increments: [usize; 3],
     /// Newton steps below this end an increment on the way [mm]; ours.
     pub step_on_the_way_mm: f64,
-    /// The same at the end of the path; ours.
+    /// The same at the end of the path [mm]; ours.
     pub step_at_the_end_mm: f64,
 }
 

@@ -28,7 +28,7 @@ pub struct SolverOptions {
     pub slip_mm: f64,
     /// Newton steps below this end an increment on the way [mm, or rad times 30 mm]; convergence is quadratic.
     pub step_on_the_way_mm: f64,
-    /// The same at the end of the path.
+    /// The same at the end of the path [mm].
     pub step_at_the_end_mm: f64,
     /// Furthest an increment with dashpots may end from the extrapolated motion [mm, or rad times 30 mm] before it is halved.
     pub departure_mm: f64,
