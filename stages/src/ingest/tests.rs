@@ -53,6 +53,14 @@ fn a_sound_specimen_passes_and_names_its_files() {
 }
 
 #[test]
+fn a_scan_without_colours_is_told() {
+    let mut plain = Vec::new();
+    ply::write(&mut plain, &ball(40.0), &[]).unwrap();
+    let specimen = ingest(&with_file("scans/femur.ply", &plain), &IngestOptions::default()).unwrap();
+    assert!(specimen.warnings.iter().any(|w| w.starts_with("scans.femur has no colours")), "{:?}", specimen.warnings);
+}
+
+#[test]
 fn a_table_of_landmarks_without_the_femoral_head_is_told() {
     let told = |text: &str| {
         let specimen = ingest(&with_file("landmarks.csv", text.as_bytes()), &IngestOptions::default()).unwrap();
@@ -104,7 +112,10 @@ fn wrong_points_are_refused_with_file_and_line() {
         assert!(said.contains(expected), "{said}");
     }
     let said = refusal(&with_file("marks.csv", b"ligament,frame,x_mm,y_mm,z_mm\nMCL,scan_femur,1,2,3\n"));
-    assert!(said.contains("marks.csv, line 2: no ligament is called `MCL`; expected one of ACL"), "{said}");
+    assert!(
+        said.contains("marks.csv, line 2: no ligament is called `MCL`; did you mean dMCL?; expected one of ACL"),
+        "{said}"
+    );
     let head = "bundle,fibre,femur_x_mm,femur_y_mm,femur_z_mm,tibia_x_mm,tibia_y_mm,tibia_z_mm\n";
     let fibres = with_file("attachments.csv", format!("{head}LCL,1,1,2,3,4,5,6\n").as_bytes());
     let specimen = ingest(&fibres, &IngestOptions::default()).unwrap();

@@ -37,6 +37,9 @@ pub(super) fn read(bytes: &[u8]) -> Result<TriMesh, FormatError> {
         Some("PolyData" | "UnstructuredGrid") => {}
         other => return refuse(format!("the file is of type {}; expected PolyData", other.unwrap_or("none"))),
     }
+    if find(bytes, b"</VTKFile").is_none() {
+        return refuse("the file ends before </VTKFile>; it is cut off: copy it again");
+    }
     let zlib = match attribute(&root, "compressor").as_deref() {
         None => false,
         Some("vtkZLibDataCompressor") => true,

@@ -1,7 +1,9 @@
 //! Label maps as programs and hands leave them: specks, holes, pieces that hang by a bridge of one voxel.
 
+use meshes::volume::Grid;
 use meshes::volume::components::{Components, components, neighbours};
 use meshes::volume::outline::Part;
+use std::collections::BTreeSet;
 
 /// A piece that hangs on by at most this many faces of voxels hangs by a bridge [-].
 const BRIDGE_FACES: usize = 4;
@@ -71,27 +73,36 @@ fn cut_bridges(part: &mut Part) -> usize {
         if Some(blob) == largest || cores.voxels[blob] < LEAST_BLOB {
             continue;
         }
-        let core = |i: usize| cores.piece[i] as usize == blob;
-        let grown: Vec<usize> =
-            (0..grid.count()).filter(|&i| part.inside[i] && (core(i) || neighbours(&grid, i).any(core))).collect();
-        let member: std::collections::BTreeSet<usize> = grown.iter().copied().collect();
-        let faces: usize = grown
+        let core = (0..grid.count()).filter(|&i| cores.piece[i] as usize == blob);
+        let member: BTreeSet<usize> = core.flat_map(|i| cube(&grid, i)).filter(|&i| part.inside[i]).collect();
+        let faces: usize = member
             .iter()
             .map(|&i| neighbours(&grid, i).filter(|n| part.inside[*n] && !member.contains(n)).count())
             .sum();
         if faces > 0 && faces <= BRIDGE_FACES {
-            grown.iter().for_each(|&i| part.inside[i] = false);
+            member.iter().for_each(|&i| part.inside[i] = false);
             cut += 1;
         }
     }
     cut
 }
 
+/// A voxel and those that touch it by a face, an edge or a corner: what erosion by faces took from a convex piece comes back.
+fn cube(grid: &Grid, at: usize) -> impl Iterator<Item = usize> + use<> {
+    let (voxel, size, strides) = (grid.voxel(at), grid.size, grid.strides());
+    (0..27_usize).filter_map(move |n| {
+        let step = [n % 3, n / 3 % 3, n / 9];
+        let place: Option<Vec<usize>> = (0..3)
+            .map(|k| (voxel[k] + step[k]).checked_sub(1).filter(|&v| v < size[k]).map(|v| v * strides[k]))
+            .collect();
+        place.map(|p| p.iter().sum())
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use meshes::Point;
-    use meshes::volume::Grid;
     use nalgebra::Matrix3;
 
     /// A box of 20 voxels with a box of 7 that hangs by a bridge, a speck, and a hole.
