@@ -81,11 +81,14 @@ fn find(bytes: &[u8], what: &[u8]) -> Option<usize> {
     bytes.windows(what.len()).position(|w| w == what)
 }
 
-/// An element's opening tag, from its `<` to its `>`.
+/// An element's opening tag, from its `<` to its `>`, as long as its bytes.
 fn element(bytes: &[u8]) -> Result<String, FormatError> {
-    match bytes.iter().take(4000).position(|&b| b == b'>') {
-        Some(end) => Ok(String::from_utf8_lossy(&bytes[..=end]).into_owned()),
-        None => refuse("an element has no end; the file is cut short"),
+    let Some(end) = bytes.iter().take(4000).position(|&b| b == b'>') else {
+        return refuse("an element has no end; the file is cut short");
+    };
+    match std::str::from_utf8(&bytes[..=end]) {
+        Ok(tag) => Ok(tag.to_owned()),
+        Err(_) => refuse("an element is no UTF-8 text; the file is damaged"),
     }
 }
 
