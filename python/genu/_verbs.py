@@ -222,7 +222,7 @@ def calibrate(
     method : str
         ``"gradient"``, ``"swarm-simplex"`` (the paper's recipe) or ``"descent"``.
     options : dict, optional
-        Of stage ``calibrate``: ``{"gradient.starts": 3}``.
+        Of stage ``calibrate``: ``{"inference.starts": 3}``.
     seed, force, jobs, progress
         As in :func:`build`. An interrupted calibration is taken up by the same call.
 
