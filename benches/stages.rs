@@ -15,9 +15,10 @@ use stages::bones::{BonesOptions, bones};
 use stages::cartilage::{CartilageOptions, cartilage};
 use stages::frames::{FramesOptions, frames};
 use stages::hexmesh::{HexmeshOptions, hexmesh};
-use stages::ingest::{IngestOptions, RawSpecimen, ingest};
+use stages::ingest::ingest;
 use stages::overclosure::{OverclosureOptions, overclosure};
 use stages::register::{RegisterOptions, register};
+use stages::specimen::{IngestOptions, RawSpecimen};
 use std::path::Path;
 
 const RUNS: usize = 3;

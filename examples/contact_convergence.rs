@@ -4,7 +4,7 @@
 //! there and unchanged is taken up), and prints law, forces at equal approach, peak pressure, time.
 #![expect(clippy::print_stderr, clippy::print_stdout, reason = "a table for the reader")]
 
-use genu::cli::BuildArgs;
+use genu::build_args::BuildArgs;
 use genu::error::BuildError;
 use genu::options::parse_override;
 use genu::{run, store};

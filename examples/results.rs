@@ -5,7 +5,7 @@
 #![expect(clippy::print_stderr, reason = "says how far it is")]
 
 use calibration::design::Design;
-use genu::cli::BuildArgs;
+use genu::build_args::BuildArgs;
 use genu::error::BuildError;
 use genu::{calibrate, model_file, run, store};
 use sim::laxity::Test;

@@ -8,7 +8,8 @@ use attachments::marks::{MarkOptions, find_outlines, region::Region};
 use lines::{Ground, Line, Picture, Style, browned, drawn, free_places, textured};
 use meshes::format::read_surface;
 use meshes::surface::ColouredMesh;
-use stages::ingest::{IngestOptions, RawSpecimen, Specimen, ingest};
+use stages::ingest::ingest;
+use stages::specimen::{IngestOptions, RawSpecimen, Specimen};
 
 const BONE: [f64; 3] = [221.0, 199.0, 166.0];
 const PLAIN: Ground = Ground { brown: false, clutter: false };

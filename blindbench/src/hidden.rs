@@ -1,23 +1,9 @@
 //! Effects that can be hidden, in forms of their own: not the catalogue's.
 
+use crate::asked::{Asked, Hidden, Size};
 use crate::pose::{Five, about, pose};
-use crate::rest::Asked;
 use crate::unknown;
 use nalgebra::Vector3;
-use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
-
-/// A hidden effect: its name, and its parameters under the names of the catalogue, in clinical signs.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Hidden {
-    /// Its name; names that begin with `x_` stand in no catalogue ([`crate::unknown`]).
-    pub effect: String,
-    /// Values.
-    pub parameters: BTreeMap<String, f64>,
-}
-
-/// A parameter: its key, a typical size, whether only positive.
-pub type Size = (&'static str, f64, bool);
 
 /// What may be hidden: name, parameter, typical size, whether only positive.
 pub const KINDS: [(&str, &[Size]); 15] = [
@@ -48,10 +34,6 @@ fn patella(flexion: f64) -> Vector3<f64> {
 }
 
 impl Hidden {
-    pub(crate) fn value(&self, key: &str) -> f64 {
-        self.parameters.get(key).copied().unwrap_or(0.0)
-    }
-
     /// What it changes of the load or flexion that the knee truly gets.
     pub(crate) fn true_load(&self, asked: &Asked) -> Asked {
         let mut out = *asked;

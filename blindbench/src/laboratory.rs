@@ -1,10 +1,11 @@
 //! A day in the laboratory: trials done, effects hidden, noise added, the truth put in an envelope.
 
 use crate::BenchError;
-use crate::hidden::{Hidden, KINDS};
+use crate::asked::{Asked, Hidden};
+use crate::hidden::KINDS;
 use crate::knee::{Knee, KneeInput, normal};
 use crate::pose::components;
-use crate::rest::{Asked, Path, rest};
+use crate::rest::{Path, rest};
 use crate::unknown::{self, UNKNOWN};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

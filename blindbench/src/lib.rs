@@ -4,6 +4,7 @@
 //! with an exponential toe, equilibrium by minimising energy, effects in other forms than the catalogue's, ligaments drawn more widely than the
 //! diagnosis supposes, noise that is correlated within a condition, and outliers.
 
+pub mod asked;
 pub mod hidden;
 pub mod knee;
 pub mod laboratory;

@@ -1,19 +1,12 @@
 //! Where the knee comes to rest: least energy by a quasi-Newton descent [nocedal2006, algorithm 6.1], following the load.
 
-use crate::hidden::Hidden;
+use crate::asked::{Asked, Hidden};
 use crate::knee::Knee;
 use crate::pose::{Five, components, pose, read};
 use nalgebra::{Matrix5, Vector5};
 
 /// Rotations count as millimetres at this lever [mm].
 const LEVER: f64 = 30.0;
-
-/// Loads VV, IE [N mm], ML, AP, SI [N] at a flexion [rad].
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Asked {
-    pub(crate) flexion: f64,
-    pub(crate) load: Five,
-}
 
 /// Unloaded rests along flexion, from which trials start: flexion [rad] and components.
 pub(crate) struct Path(Vec<(f64, Five)>);

@@ -1,9 +1,8 @@
 //! What no catalogue has: contacts, bands and stops, measurements that went wrong.
 
-use crate::hidden::{Hidden, Size};
+use crate::asked::{Asked, Hidden, Size};
 use crate::knee::KneeInput;
 use crate::pose::{Five, Pose, about};
-use crate::rest::Asked;
 use meshes::Point;
 use nalgebra::Vector3;
 

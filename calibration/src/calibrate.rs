@@ -4,11 +4,10 @@
 use crate::cost::FAILED;
 use crate::design::Design;
 use crate::error::CalibrationError;
-use crate::experiment::Experiment;
 use crate::hops::Hops;
 use crate::options::{CalibrateOptions, Method};
 use crate::posterior::{self, ForceEstimate, NoiseEstimate, OtherEstimate, ParameterEstimate, RestEstimate};
-use crate::problem::Problem;
+use crate::problem::{Probes, Problem};
 use crate::recipe::Recipe;
 use serde::{Deserialize, Serialize};
 use sim::laxity::LaxityTrial;
@@ -57,17 +56,6 @@ pub struct Progress {
     pub evaluations: usize,
     /// The lowest cost so far; infinite before the first.
     pub lowest_cost: f64,
-}
-
-/// A trial whose bundle forces are estimated, beside the targets.
-#[derive(Clone, Copy)]
-pub struct Probes<'a> {
-    /// The solver for these trials.
-    pub experiment: Experiment<'a>,
-    /// The same as the search asks it.
-    pub search: Experiment<'a>,
-    /// Their names.
-    pub names: &'a [String],
 }
 
 /// What a calibration found.

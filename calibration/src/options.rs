@@ -4,7 +4,6 @@ use crate::cost::CostOptions;
 use crate::error::CalibrationError;
 use crate::knee::SearchOptions;
 use crate::targets::TargetOptions;
-use crate::unknowns::FrameOptions;
 use serde::{Deserialize, Serialize};
 use sim::laxity::{LaxityTrial, Test};
 use std::collections::BTreeMap;
@@ -241,5 +240,27 @@ impl CalibrateOptions {
             }
         }
         Ok(())
+    }
+}
+
+/// How far frames may be off beside what the model says of them.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct FrameOptions {
+    /// Standard deviation of a turn about each axis [deg], in place of the model's `uncertainty`; 0 takes the frames as given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub turn_sd_deg: Option<f64>,
+    /// Standard deviation of a shift along each axis [mm], in place of the model's `uncertainty`; 0 takes the frames as given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub shift_sd_mm: Option<f64>,
+    /// Standard deviation of a data set's own turn beside that of all [deg]; ours: a sensor's calibration.
+    pub offset_turn_deg: f64,
+    /// Standard deviation of a data set's own shift beside that of all [mm]; ours: a point probed again.
+    pub offset_shift_mm: f64,
+}
+
+impl Default for FrameOptions {
+    fn default() -> Self {
+        FrameOptions { turn_sd_deg: None, shift_sd_mm: None, offset_turn_deg: 1.5, offset_shift_mm: 2.5 }
     }
 }

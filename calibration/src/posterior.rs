@@ -1,11 +1,11 @@
 //! What the data determine: intervals of parameters and bundle forces, and how much narrower they are than the ranges alone would have
 //! them.
 
-use crate::calibrate::Probes;
 use crate::cost::FAILED;
 use crate::design::{Design, Kind};
 use crate::experiment::Experiment;
 use crate::options::GradientOptions;
+use crate::problem::Probes;
 use crate::problem::Problem;
 use inference::random::{normal, stream};
 use nalgebra::DVector;

@@ -167,3 +167,14 @@ fn huber(z: f64, by: DVector<f64>, k: f64) -> (f64, DVector<f64>) {
     let r = (2.0 * k * z.abs() - k * k).sqrt();
     (r * z.signum(), by * (k / r))
 }
+
+/// A trial whose bundle forces are estimated, beside the targets.
+#[derive(Clone, Copy)]
+pub struct Probes<'a> {
+    /// The solver for these trials.
+    pub experiment: Experiment<'a>,
+    /// The same as the search asks it.
+    pub search: Experiment<'a>,
+    /// Their names.
+    pub names: &'a [String],
+}

@@ -1,6 +1,6 @@
 //! A calibration of one model to one set of measured trials, from trials and options to the calibrated specification.
 
-use crate::calibrate::{Calibrated, Checkpoint, Identity, Probes, calibrate};
+use crate::calibrate::{Calibrated, Checkpoint, Identity, calibrate};
 use crate::cost::CostFunction;
 use crate::design::Design;
 use crate::error::CalibrationError;
@@ -8,7 +8,7 @@ use crate::experiment::Experiment;
 use crate::inferred::{DRAWER_N, DRAWERS_DEG, Question, inferred};
 use crate::knee::Knee;
 use crate::options::{CalibrateOptions, Method};
-use crate::problem::Problem;
+use crate::problem::{Probes, Problem};
 use crate::targets::{Targets, targets};
 use crate::unknowns::KnownFrames;
 use serde::{Deserialize, Serialize};

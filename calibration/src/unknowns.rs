@@ -1,7 +1,7 @@
 //! What is not known of a knee, as parameters with priors: ligaments, attachment sites, frames, contact.
 
 use crate::design::{Design, Kind};
-use crate::options::CalibrateOptions;
+use crate::options::{CalibrateOptions, FrameOptions};
 use crate::priors::PRIORS;
 use inference::frames::term_name;
 use inference::knee::{KNOTS, Quantity};
@@ -10,28 +10,6 @@ use serde::{Deserialize, Serialize};
 use sim::sensitivity::End;
 use sim::spec::ModelSpec;
 use sim::uncertainty::{LigamentUncertainty, ParameterPrior, Uncertainty};
-
-/// How far frames may be off beside what the model says of them.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct FrameOptions {
-    /// Standard deviation of a turn about each axis [deg], in place of the model's `uncertainty`; 0 takes the frames as given.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub turn_sd_deg: Option<f64>,
-    /// Standard deviation of a shift along each axis [mm], in place of the model's `uncertainty`; 0 takes the frames as given.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub shift_sd_mm: Option<f64>,
-    /// Standard deviation of a data set's own turn beside that of all [deg]; ours: a sensor's calibration.
-    pub offset_turn_deg: f64,
-    /// Standard deviation of a data set's own shift beside that of all [mm]; ours: a point probed again.
-    pub offset_shift_mm: f64,
-}
-
-impl Default for FrameOptions {
-    fn default() -> Self {
-        FrameOptions { turn_sd_deg: None, shift_sd_mm: None, offset_turn_deg: 1.5, offset_shift_mm: 2.5 }
-    }
-}
 
 /// Frames as another inference left them: of each shared term, and of one data set's own terms, mean and standard deviation.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]

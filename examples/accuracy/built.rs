@@ -13,9 +13,10 @@ use stages::bones::{Bones, BonesOptions, bones};
 use stages::cartilage::{Cartilage, CartilageOptions, cartilage};
 use stages::frames::{Frames, FramesOptions, frames};
 use stages::hexmesh::{HexCartilage, HexmeshOptions, hexmesh};
-use stages::ingest::{IngestOptions, Specimen, ingest};
+use stages::ingest::ingest;
 use stages::overclosure::{OverclosureOptions, Separated, overclosure};
 use stages::register::{RegisterOptions, Registration, register};
+use stages::specimen::{IngestOptions, Specimen};
 
 /// A knee with what the stages made of it.
 pub(crate) struct Built {

@@ -10,7 +10,7 @@ use meshes::surface::TriMesh;
 use meshes::topology::Topology;
 use meshes::{Point, Vector};
 use stages::cartilage::{Cartilage, CartilageSolid};
-use stages::ingest::Specimen;
+use stages::specimen::Specimen;
 use std::collections::BTreeMap;
 
 pub(crate) fn section(knees: &[(&Knee, Built)]) -> Section {

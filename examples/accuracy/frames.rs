@@ -13,7 +13,7 @@ use stages::PerBone;
 use stages::anatomy::rough_axes;
 use stages::bones::Bones;
 use stages::frames::{Frames, FramesOptions, frames};
-use stages::ingest::{PointFrame, Specimen};
+use stages::specimen::{PointFrame, Specimen};
 
 pub(crate) fn section(knees: &[(&Knee, Built)]) -> Result<Section, String> {
     let mut page = Section::new(

@@ -2,7 +2,8 @@
 
 use crate::registration::{Case, case};
 use serde_json::Value;
-use stages::ingest::{IngestOptions, RawSpecimen, Specimen, ingest};
+use stages::ingest::ingest;
+use stages::specimen::{IngestOptions, RawSpecimen, Specimen};
 use std::path::{Path, PathBuf};
 
 /// A knee with its truth.

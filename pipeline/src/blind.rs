@@ -145,7 +145,7 @@ fn make_cases(args: &MakeArgs) -> Result<String, BuildError> {
             )?;
         }
         let truth = serde_json::to_vec_pretty(&case.truth).map_err(|e| BuildError::File(e.to_string()))?;
-        seals.insert(name.clone(), crate::run_log::hash(&truth));
+        seals.insert(name.clone(), crate::record::hash(&truth));
         store::write(&args.out.join(format!("{name}.truth.json")), &truth)?;
         // after every case, so that a bench that is stopped can be answered and scored as far as it came
         let names: Vec<&String> = sources.iter().map(|s| &s.name).collect();
@@ -323,7 +323,7 @@ fn opened(args: &ScoreArgs) -> Result<Vec<Truth>, BuildError> {
     let mut truths = Vec::new();
     for case in cases.iter().filter(|c| args.answers.iter().any(|a| store::exists(&a.join(c).join("diagnosis.json")))) {
         let bytes = store::read(&args.bench.join(format!("{case}.truth.json")))?;
-        if manifest["seals"][case].as_str() != Some(crate::run_log::hash(&bytes).as_str()) {
+        if manifest["seals"][case].as_str() != Some(crate::record::hash(&bytes).as_str()) {
             return Err(BuildError::File(format!(
                 "{case}.truth.json: its seal is broken (bench.json holds another digest)"
             )));

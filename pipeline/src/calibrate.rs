@@ -4,7 +4,7 @@ use crate::error::BuildError;
 use crate::model_file::{self, LoadedModel};
 use crate::options::{Override, parse_override, resolve};
 use crate::progress::Searching;
-use crate::run_log::json;
+use crate::record::json;
 use crate::show::{Files, Reported};
 use crate::store::{self, BuildFolder};
 use calibration::calibrate::Checkpoint;

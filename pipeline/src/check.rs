@@ -11,7 +11,8 @@ use meshes::frame::Side;
 use meshes::query::SurfaceQuery;
 use serde::Serialize;
 use stages::anatomy::{AnatomyReport, check_anatomy};
-use stages::ingest::{self, OPTIONAL_PATHS, PointFrame, RawSpecimen, Specimen, SpecimenFile};
+use stages::ingest::{self, OPTIONAL_PATHS};
+use stages::specimen::{NamedPoint, PointFrame, RawSpecimen, Specimen, SpecimenFile};
 use std::fmt::Write;
 use std::path::PathBuf;
 
@@ -89,7 +90,7 @@ pub fn check(args: &CheckArgs) -> Result<String, BuildError> {
     }
     let faults = items.iter().filter(|i| i.state == State::Fault).count();
     let text = match args.json {
-        true => String::from_utf8_lossy(&crate::run_log::json(&items)).into_owned(),
+        true => String::from_utf8_lossy(&crate::record::json(&items)).into_owned(),
         false => words(&file, &items, plots, args),
     };
     if faults == 0 {
@@ -247,7 +248,7 @@ fn anatomy(report: &AnatomyReport) -> Vec<Item> {
 }
 
 /// Points of a table: how many, and whether they lie at their surfaces.
-fn points(input: &str, specimen: &Specimen, all: &[ingest::NamedPoint]) -> Item {
+fn points(input: &str, specimen: &Specimen, all: &[NamedPoint]) -> Item {
     let frames = [
         (PointFrame::Ct, "ct", vec![&specimen.ct.femur, &specimen.ct.tibfib]),
         (PointFrame::ScanFemur, "scan_femur", vec![&specimen.scans.femur.mesh]),

@@ -2,21 +2,21 @@
 #![expect(clippy::print_stderr, reason = "the command line talks to the person at it")]
 
 use crate::blind::{self, BlindVerb};
+use crate::build_args::{BuildArgs, stage_name};
 use crate::calibrate::CalibrateArgs;
 use crate::check::{self, CheckArgs};
 use crate::cohort::{self, CohortArgs};
 use crate::diagnose::{self, DiagnoseArgs};
 use crate::error::BuildError;
 use crate::exports::{self, Format};
-use crate::options::{Override, parse_override};
 use crate::simulate::SimulateArgs;
 use crate::validate::ValidateArgs;
 use crate::{
     calibrate, fetch, init, inspect, manual, model_file, open, option_docs, phantom, report, run, schema, simulate,
-    validate,
+    store, validate,
 };
 use clap::error::ErrorKind;
-use clap::{Args, CommandFactory, Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 use sim::names::did_you_mean;
 use std::ffi::OsString;
 use std::io::Write;
@@ -41,40 +41,6 @@ struct Cli {
     verb: Option<Verb>,
     #[command(flatten)]
     build: Option<BuildArgs>,
-}
-
-/// `build-model DIR`.
-#[derive(Args, Clone, Debug)]
-pub struct BuildArgs {
-    /// The specimen's folder, which holds specimen.toml
-    pub dir: PathBuf,
-    /// Where the build goes [default: DIR/build]
-    #[arg(long)]
-    pub out: Option<PathBuf>,
-    /// Run this stage and those after it, even if nothing changed
-    #[arg(long, value_name = "STAGE", value_parser = stage_name)]
-    pub from: Option<String>,
-    /// Stop after this stage
-    #[arg(long, value_name = "STAGE", value_parser = stage_name)]
-    pub to: Option<String>,
-    /// Run every stage, even if nothing changed
-    #[arg(long)]
-    pub force: bool,
-    /// Override an option; may be given more than once
-    #[arg(long = "set", value_name = "stage.key=value", value_parser = parse_override)]
-    pub overrides: Vec<Override>,
-    /// Threads; the result does not depend on it [default: all]
-    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
-    pub jobs: Option<u16>,
-    /// Seed of whatever is random
-    #[arg(long)]
-    pub seed: Option<u64>,
-    /// Print nothing but errors
-    #[arg(long)]
-    pub quiet: bool,
-    /// Print the log as JSON
-    #[arg(long)]
-    pub json: bool,
 }
 
 #[derive(Subcommand)]
@@ -208,15 +174,6 @@ enum Verb {
     },
 }
 
-fn stage_name(name: &str) -> Result<String, String> {
-    let known = crate::run_log::STAGES.map(|(_, s)| s);
-    if known.contains(&name) {
-        Ok(name.to_string())
-    } else {
-        Err(format!("no such stage{}; expected one of {}", did_you_mean(name, known), known.join(", ")))
-    }
-}
-
 /// The command line as clap knows it, for completions and the manual.
 pub fn command() -> clap::Command {
     Cli::command()
@@ -259,7 +216,7 @@ fn parsed(words: &[OsString]) -> Cli {
             ErrorKind::UnknownArgument | ErrorKind::InvalidSubcommand | ErrorKind::ArgumentConflict
         );
         let near = did_you_mean(&first, verbs().iter());
-        if misspelt && !near.is_empty() && !verbs().contains(&first) && !crate::store::exists(first.as_ref()) {
+        if misspelt && !near.is_empty() && !verbs().contains(&first) && !store::exists(first.as_ref()) {
             eprintln!("build-model: no command or folder is called {first}{near}");
             std::process::exit(2);
         }
@@ -283,9 +240,21 @@ pub fn call(words: impl IntoIterator<Item = OsString>) -> Result<String, BuildEr
 fn answer(cli: Cli) -> Result<String, BuildError> {
     match (cli.verb, cli.build) {
         (Some(verb), _) => answer_verb(verb),
-        (None, Some(build)) => run::run(&build),
+        (None, Some(build)) => run::run(known_folder(&build)?),
         (None, None) => Err(BuildError::Usage("a specimen folder was expected; see --help".into())),
     }
+}
+
+/// The arguments of a build; a single word that is no folder and nearly a command is told as that command.
+fn known_folder(args: &BuildArgs) -> Result<&BuildArgs, BuildError> {
+    let word = args.dir.to_string_lossy();
+    if args.dir.components().count() == 1 && !store::exists(&args.dir) {
+        let near = did_you_mean(&word, verbs().iter());
+        if !near.is_empty() {
+            return Err(BuildError::File(format!("no command or folder is called {word}{near}")));
+        }
+    }
+    Ok(args)
 }
 
 fn answer_verb(verb: Verb) -> Result<String, BuildError> {
@@ -295,8 +264,8 @@ fn answer_verb(verb: Verb) -> Result<String, BuildError> {
         Verb::Build(args) => run::run(&args),
         Verb::Open { dir, print } => open::open(&dir, print),
         Verb::Options { stage, json } => option_docs::options(stage.as_deref(), json),
-        Verb::Completions { shell } => Ok(manual::completions(shell)),
-        Verb::Man { out } => manual::pages(out.as_deref()),
+        Verb::Completions { shell } => Ok(manual::completions(shell, command())),
+        Verb::Man { out } => manual::pages(out.as_deref(), command()),
         Verb::Inspect { dir, stage, json } => inspect::inspect(&dir, stage.as_deref(), json),
         Verb::Phantom { id, dir, seed, volume, build } => {
             let wrote = phantom::write(&id, seed, volume, &dir)?;
@@ -313,23 +282,5 @@ fn answer_verb(verb: Verb) -> Result<String, BuildError> {
         Verb::Schema { name } => schema::schema(&name),
         Verb::Blind(verb) => blind::run(&verb),
         Verb::Report { dir, compare } => report::rewrite(&dir, compare.as_deref()),
-    }
-}
-
-impl BuildArgs {
-    /// A build of `dir` with nothing special.
-    pub fn of(dir: PathBuf) -> BuildArgs {
-        BuildArgs {
-            dir,
-            out: None,
-            from: None,
-            to: None,
-            force: false,
-            overrides: Vec::new(),
-            jobs: None,
-            seed: None,
-            quiet: false,
-            json: false,
-        }
     }
 }

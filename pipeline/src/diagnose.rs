@@ -3,7 +3,7 @@
 use crate::calibrate::Calibration;
 use crate::error::BuildError;
 use crate::model_file::{self, LoadedModel};
-use crate::run_log::hash;
+use crate::record::hash;
 use crate::show::{Files, Reported};
 use crate::store;
 use clap::Args;

@@ -9,7 +9,7 @@ use meshes::format::read_surface;
 use meshes::frame::Side;
 use meshes::surface::{ColouredMesh, TriMesh};
 use stages::guess::{Role, frame_of, guess};
-use stages::ingest::PointFrame;
+use stages::specimen::PointFrame;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};

@@ -1,8 +1,7 @@
 //! `inspect`: what each stage made.
 
 use crate::error::BuildError;
-use crate::report::{self, Failure};
-use crate::run_log::{Record, STAGES, folder_name};
+use crate::record::{Failure, Record, STAGES, folder_name};
 use crate::store;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -11,7 +10,7 @@ use std::path::{Path, PathBuf};
 pub fn inspect(dir: &Path, stage: Option<&str>, json: bool) -> Result<String, BuildError> {
     let build = build_folder(dir)?;
     let records = records(&build)?;
-    let failure = report::failure(&build);
+    let failure = failure(&build);
     let Some(stage) = stage else {
         return Ok(if json {
             facts(&build, &records, failure.as_ref())
@@ -110,6 +109,15 @@ pub fn records(build: &Path) -> Result<Vec<Record>, BuildError> {
                 .map_err(|e| BuildError::File(format!("{} line {}: {e}; run build-model again", path.display(), i + 1)))
         })
         .collect()
+}
+
+/// What stopped the build in `build`, if anything did.
+pub fn failure(build: &Path) -> Option<Failure> {
+    let path = build.join("failure.json");
+    if !store::exists(&path) {
+        return None;
+    }
+    serde_json::from_str(&store::read_text(&path).ok()?).ok()
 }
 
 /// A line a stage, then what it warns of.

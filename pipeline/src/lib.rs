@@ -2,6 +2,7 @@
 
 pub mod blind;
 pub mod build;
+pub mod build_args;
 pub mod calibrate;
 pub mod check;
 pub mod cli;
@@ -19,6 +20,7 @@ pub mod option_docs;
 pub mod options;
 pub mod phantom;
 pub mod progress;
+pub mod record;
 pub mod report;
 pub mod run;
 pub mod run_log;

@@ -1,21 +1,19 @@
 //! Shell completions and manual pages, from the command line's own description.
 
-use crate::cli::command;
 use crate::error::BuildError;
 use crate::store;
 use clap_complete::Shell;
 use std::path::Path;
 
 /// The script that completes `build-model` in a shell.
-pub fn completions(shell: Shell) -> String {
+pub fn completions(shell: Shell, mut command: clap::Command) -> String {
     let mut out = Vec::new();
-    clap_complete::generate(shell, &mut command(), "build-model", &mut out);
+    clap_complete::generate(shell, &mut command, "build-model", &mut out);
     String::from_utf8_lossy(&out).into_owned()
 }
 
 /// The manual page as roff; with a folder, a page for every command is written there.
-pub fn pages(out: Option<&Path>) -> Result<String, BuildError> {
-    let mut all = command();
+pub fn pages(out: Option<&Path>, mut all: clap::Command) -> Result<String, BuildError> {
     all.build();
     let Some(out) = out else { return page(all) };
     let mut text = String::new();

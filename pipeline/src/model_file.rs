@@ -1,7 +1,7 @@
 //! model.json and the meshes it names, in and out.
 
 use crate::error::BuildError;
-use crate::run_log::json;
+use crate::record::json;
 use crate::store;
 use sim::mesh::MeshValue;
 use sim::spec::ModelSpec;

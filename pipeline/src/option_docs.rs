@@ -51,7 +51,7 @@ pub fn options(stage: Option<&str>, json: bool) -> Result<String, BuildError> {
     let chosen: Vec<&OptionDoc> =
         all.iter().filter(|o| stage.is_none_or(|s| o.key.split('.').next() == Some(s))).collect();
     if json {
-        return Ok(String::from_utf8_lossy(&crate::run_log::json(&chosen)).into_owned());
+        return Ok(String::from_utf8_lossy(&crate::record::json(&chosen)).into_owned());
     }
     let mut text = String::new();
     for o in &chosen {

@@ -13,10 +13,10 @@ use stages::cartilage::CartilageOptions;
 use stages::contact_law::ContactLawOptions;
 use stages::frames::FramesOptions;
 use stages::hexmesh::HexmeshOptions;
-use stages::ingest::IngestOptions;
 use stages::overclosure::OverclosureOptions;
 use stages::register::RegisterOptions;
 use stages::segment::SegmentOptions;
+use stages::specimen::IngestOptions;
 use std::collections::BTreeMap;
 use toml::{Table, Value};
 

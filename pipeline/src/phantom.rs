@@ -1,7 +1,7 @@
 //! `phantom`: writes a synthetic specimen, its laxity measured by the bench's laboratory on its true shape.
 
 use crate::error::BuildError;
-use crate::run_log::json;
+use crate::record::json;
 use crate::store;
 use blindbench::knee::{BundleInput, KneeInput};
 use blindbench::laboratory::{Case, Planned, make};

@@ -1,6 +1,6 @@
 //! Progress on standard error, and only where that is a terminal; and to a watcher, where a program asks for it.
 
-use crate::run_log::{Record, STAGES};
+use crate::record::{Record, STAGES};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::cell::RefCell;
 use std::io::IsTerminal;

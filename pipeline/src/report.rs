@@ -2,19 +2,20 @@
 
 use crate::error::BuildError;
 use crate::inspect;
-use crate::run_log::{Record, STAGES};
-use crate::store::{self, BuildFolder};
-use plotly::Plot;
-use serde::{Deserialize, Serialize};
-use serde_json::{Value, json};
+use crate::record::{Failure, Record};
+use crate::store::BuildFolder;
+use serde_json::json;
 use std::path::Path;
 
 mod body;
+mod bone_layers;
 mod cartilage_scenes;
+mod chart;
 mod charts;
 mod compare;
 mod force_charts;
 mod geometry;
+mod html;
 mod law_charts;
 mod methods;
 mod motion;
@@ -26,22 +27,15 @@ mod verdict;
 mod warnings;
 
 use body::Body;
-pub(crate) use body::escaped;
+pub(crate) use html::escaped;
+use html::{foot, heading};
+pub(crate) use html::{head, plotly_js};
 
 /// What other pages of the program are made of too.
 pub(crate) mod page_parts {
-    pub(crate) use super::body::escaped;
-    pub(crate) use super::charts::{COLOURS, layout};
+    pub(crate) use super::chart::{COLOURS, layout};
+    pub(crate) use super::html::escaped;
     pub(crate) use super::{head, plotly_js};
-}
-
-/// What stopped a build; kept as failure.json until a build goes through.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Failure {
-    /// The stage.
-    pub stage: String,
-    /// Why, and what to do.
-    pub message: String,
 }
 
 /// Writes the report of the build in or below `dir` again, or with `other` the comparison of the two builds.
@@ -51,7 +45,7 @@ pub fn rewrite(dir: &Path, other: Option<&Path>) -> Result<String, BuildError> {
     let records = inspect::records(&build)?;
     let name = match other {
         None => {
-            folder.write_file("report.html", page(&folder, &records, failure(&build).as_ref())?.as_bytes())?;
+            folder.write_file("report.html", page(&folder, &records, inspect::failure(&build).as_ref())?.as_bytes())?;
             "report.html"
         }
         Some(other) => {
@@ -63,15 +57,6 @@ pub fn rewrite(dir: &Path, other: Option<&Path>) -> Result<String, BuildError> {
         }
     };
     Ok(format!("{}\n", build.join(name).display()))
-}
-
-/// What stopped the build in `build`, if anything did.
-pub fn failure(build: &Path) -> Option<Failure> {
-    let path = build.join("failure.json");
-    if !store::exists(&path) {
-        return None;
-    }
-    serde_json::from_str(&store::read_text(&path).ok()?).ok()
 }
 
 /// methods.md: versions, options and digests as plain text; empty where run.toml cannot be read.
@@ -109,12 +94,6 @@ pub fn page(folder: &BuildFolder, records: &[Record], failure: Option<&Failure>)
     Ok(html + &foot(json!({"a": body.data()})))
 }
 
-/// `04 cartilage`.
-fn heading(stage: &str) -> String {
-    let number = STAGES.iter().find(|(_, s)| *s == stage).map_or("", |(n, _)| n);
-    format!("{number} {stage}")
-}
-
 fn contents(records: &[Record], failure: Option<&Failure>) -> String {
     let stages = records.iter().map(|r| r.stage.as_str()).chain(failure.map(|f| f.stage.as_str()));
     let mut links: Vec<String> =
@@ -122,31 +101,4 @@ fn contents(records: &[Record], failure: Option<&Failure>) -> String {
     links.dedup();
     links.push("<li><a href=\"#methods\">methods</a></li>".into());
     format!("<nav aria-label=\"Stages\"><ul>{}</ul></nav>", links.concat())
-}
-
-pub(crate) fn head(title: &str) -> String {
-    format!(
-        "<!doctype html><html lang=\"en\"><head><meta charset=\"utf-8\"><meta name=\"viewport\" content=\"width=device-width,initial-scale=1\">\
-         <link rel=\"icon\" href=\"data:,\"><title>{}</title><style>{}</style></head><body><a class=\"skip\" href=\"#stages\">To the stages</a>",
-        escaped(title),
-        include_str!("report/style.css")
-    )
-}
-
-/// The data, plotly.js and what draws with it. A page without JavaScript shows the still pictures.
-fn foot(data: Value) -> String {
-    // a `</` inside a string would end the script
-    let data = data.to_string().replace("</", "<\\/");
-    format!(
-        "<script type=\"application/json\" id=\"data\">{data}</script>{}<script>{}</script></body></html>\n",
-        plotly_js(),
-        include_str!("report/viewer.js")
-    )
-}
-
-/// The script element of plotly.js alone: the crate's sources also hold MathJax, for which the report has no use.
-pub(crate) fn plotly_js() -> String {
-    let sources = Plot::offline_js_sources();
-    let end = sources.find("</script>").map_or(sources.len(), |at| at + "</script>".len());
-    sources[..end].to_owned()
 }

@@ -1,15 +1,15 @@
 //! One run of the build: read, resolve, lock, build, report.
 
 use crate::build::build_model;
-use crate::cli::BuildArgs;
+use crate::build_args::BuildArgs;
 use crate::error::BuildError;
 use crate::options::{BuildOptions, resolve};
 use crate::progress::Progress;
-use crate::report::Failure;
-use crate::run_log::{Range, Record, RunLog, STAGES, folder_name, hash, json};
+use crate::record::{Failure, Record, STAGES, folder_name, hash, json};
+use crate::run_log::{Range, RunLog};
 use crate::store::{self, BuildFolder};
 use crate::{inspect, report};
-use stages::ingest::{RawSpecimen, SpecimenFile};
+use stages::specimen::{RawSpecimen, SpecimenFile};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;

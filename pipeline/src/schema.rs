@@ -1,7 +1,7 @@
 //! `schema`: what other programs may rely on in the files that the program writes, generated from the types that write them.
 
 use crate::error::BuildError;
-use crate::run_log::Record;
+use crate::record::Record;
 use schemars::{JsonSchema, schema_for};
 use serde_json::Value;
 

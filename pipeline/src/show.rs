@@ -1,6 +1,6 @@
 //! What each stage leaves in its folder, in formats that ParaView, MeshLab and a text editor open.
 
-use crate::run_log::json;
+use crate::record::json;
 use meshes::format::{nifti, ply, stl, vtu};
 use meshes::hex::HexMesh;
 use meshes::surface::{ColouredMesh, TriMesh};
@@ -13,10 +13,10 @@ use stages::cartilage::Cartilage;
 use stages::contact_law::{ContactLaw, SolidFields};
 use stages::frames::Frames;
 use stages::hexmesh::HexCartilage;
-use stages::ingest::Specimen;
 use stages::overclosure::Separated;
 use stages::register::Registration;
 use stages::segment::Segmented;
+use stages::specimen::Specimen;
 use std::io;
 
 /// Files by name, to be written to the stage's folder.

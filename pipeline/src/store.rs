@@ -5,7 +5,7 @@ pub mod part;
 
 use crate::error::BuildError;
 use sim::names::did_you_mean;
-use stages::ingest::RawSpecimen;
+use stages::specimen::RawSpecimen;
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::{Read, Write};
@@ -30,14 +30,11 @@ pub fn read(path: &Path) -> Result<Vec<u8>, BuildError> {
     Ok(bytes)
 }
 
-/// The folder or command that was most likely meant.
+/// The folder that was most likely meant.
 fn near_folder(path: &Path) -> String {
     let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut known: Vec<String> = list(folder).into_iter().filter(|n| folder.join(n).is_dir()).collect();
-    if path.components().count() == 1 {
-        known.extend(crate::cli::verbs());
-    }
+    let known: Vec<String> = list(folder).into_iter().filter(|n| folder.join(n).is_dir()).collect();
     did_you_mean(&name, &known)
 }
 

@@ -14,6 +14,7 @@ pub mod program;
 pub mod protocol;
 mod state;
 pub mod trial;
+mod twist;
 
 pub use energy::Energies;
 pub use options::{Control, ExplicitOptions};

@@ -3,13 +3,15 @@
 //! The five loaded coordinates stand everywhere in the order of [`COORDINATES`]; loads act on the tibia in the signs of
 //! the coordinates, N m for VV and IE, N for ML, AP and SI; poses in degrees and mm.
 
+mod columns;
 mod format;
 mod read;
 mod signs;
 mod write;
 
+pub use columns::LaxityError;
 pub use format::{Bone, Column, FullColumn, LaxityFormat};
-pub use read::{LaxityError, LaxityTable, read, read_as};
+pub use read::{LaxityTable, read, read_as};
 pub use signs::{SignDoubt, sign_doubts};
 pub use write::{TrialResult, protocol_csv, results_csv, trials_csv};
 

@@ -4,8 +4,8 @@
 //! posteriorly from their shaft; the fibula lies lateral (and posterior) of the tibia. Axes of the CT image are not used.
 
 use crate::StageError;
-use crate::ingest::Specimen;
 use crate::plateaus::plateau_normal;
+use crate::specimen::Specimen;
 use meshes::frame::Side;
 use meshes::query::SurfaceQuery;
 use meshes::section::{Outline, section};

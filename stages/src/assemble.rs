@@ -4,8 +4,8 @@ mod uncertainty;
 
 use crate::attachments::Attachments;
 use crate::frames::Frames;
-use crate::ingest::Specimen;
 use crate::overclosure::Separated;
+use crate::specimen::Specimen;
 use crate::{PerCartilage, StageError};
 use attachments::bundle::{BUNDLES, Bundle};
 use meshes::hex::HexMesh;

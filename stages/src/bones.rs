@@ -1,6 +1,6 @@
 //! Stage 3, bones: the model's rigid bone surfaces from CT.
 
-use crate::ingest::Specimen;
+use crate::specimen::Specimen;
 use crate::{PerBone, StageError};
 use meshes::holes::fill_holes;
 use meshes::measure::{edge_quality, percentile};

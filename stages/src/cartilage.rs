@@ -6,10 +6,11 @@ mod parting;
 mod region;
 mod solid;
 mod thin_rim;
+mod vertices;
 
 use crate::bones::Bones;
-use crate::ingest::Specimen;
 use crate::register::{BoneRegistration, Registration};
+use crate::specimen::Specimen;
 use crate::{PerCartilage, StageError};
 use field::Domain;
 use meshes::frame::Side;

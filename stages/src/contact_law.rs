@@ -5,8 +5,8 @@ mod loading;
 mod pose;
 
 use crate::frames::Frames;
-use crate::ingest::Specimen;
 use crate::overclosure::Separated;
+use crate::specimen::Specimen;
 use crate::{PerCartilage, StageError};
 pub use fit::{Fitted, RigidCurve};
 pub use loading::Curve;

@@ -1,8 +1,8 @@
 //! What a heap of files is, by geometry: which surface is which bone, CT or scan, of which knee; in which frame points lie.
 
 use crate::anatomy::{SideEvidence, detect_side, looks_swapped};
-use crate::ingest::PointFrame;
 use crate::register::{RegisterOptions, register_bone};
+use crate::specimen::PointFrame;
 use meshes::Point;
 use meshes::query::SurfaceQuery;
 use meshes::surface::{ColouredMesh, TriMesh};
@@ -56,7 +56,7 @@ pub struct Guesses {
 }
 
 /// A bone whose middle extent is below this is taken for a patella [mm]: patellae are 40 to 55 mm wide, the joint ends of femur and
-/// tibia 60 to 110 (see [`crate::ingest::IngestOptions::least_width_mm`]).
+/// tibia 60 to 110 (see [`crate::specimen::IngestOptions::least_width_mm`]).
 const PATELLA_MM: f64 = 55.0;
 
 /// Which surface is what. CT surfaces are closed and have no colours; a scan is laid on both bones, and belongs to the one it fits.

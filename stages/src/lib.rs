@@ -19,6 +19,7 @@ pub mod phantom;
 pub mod plateaus;
 pub mod register;
 pub mod segment;
+pub mod specimen;
 
 use serde::{Deserialize, Serialize};
 

@@ -2,7 +2,7 @@
 
 mod capsule;
 
-use crate::ingest::{NamedPoint, Patella, PointFrame, Specimen};
+use crate::specimen::{NamedPoint, Patella, PointFrame, Specimen};
 use crate::{PerBone, StageError};
 use meshes::frame::{Ct, Pose, Scan};
 use meshes::registration::{bare, fit, icp, sample, start, target::Target};

@@ -13,8 +13,8 @@ use stages::attachments::{Attachments, AttachmentsOptions, attachments};
 use stages::bones::Bones;
 use stages::cartilage::{Cartilage, CartilageSolid};
 use stages::frames::{Frames, GroodSuntayPose};
-use stages::ingest::{Identity, NamedPoint, PointFrame, Specimen};
 use stages::register::{BoneRegistration, Registration};
+use stages::specimen::{Identity, NamedPoint, PointFrame, Specimen};
 use stages::{PerBone, PerCartilage, StageError};
 use std::path::PathBuf;
 

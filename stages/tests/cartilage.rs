@@ -15,8 +15,8 @@ use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion};
 use stages::PerBone;
 use stages::bones::{BonesOptions, bones};
 use stages::cartilage::{Cartilage, CartilageOptions, cartilage};
-use stages::ingest::Specimen;
 use stages::register::{BoneRegistration, Registration};
+use stages::specimen::Specimen;
 use std::path::Path;
 
 fn surface(path: &Path) -> TriMesh {

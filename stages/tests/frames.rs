@@ -15,7 +15,8 @@ use stages::PerBone;
 use stages::anatomy::{check_anatomy, detect_side, rough_axes};
 use stages::bones::Bones;
 use stages::frames::{Frames, FramesOptions, frames, grood_suntay};
-use stages::ingest::{IngestOptions, PointFrame, RawSpecimen, Specimen, ingest};
+use stages::ingest::ingest;
+use stages::specimen::{IngestOptions, PointFrame, RawSpecimen, Specimen};
 use std::path::Path;
 
 fn phantom(id: &str) -> Specimen {

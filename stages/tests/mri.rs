@@ -15,9 +15,10 @@ use meshes::topology::Topology;
 use meshes::volume::Labels;
 use stages::bones::{Bones, BonesOptions, bones};
 use stages::cartilage::{Cartilage, CartilageOptions, cartilage};
-use stages::ingest::{IngestOptions, RawSpecimen, Specimen, ingest};
+use stages::ingest::ingest;
 use stages::phantom::{MRI_PHANTOM, phantom};
 use stages::register::Registration;
+use stages::specimen::{IngestOptions, RawSpecimen, Specimen};
 
 fn raw() -> RawSpecimen {
     let mut raw = RawSpecimen::default();

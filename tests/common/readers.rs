@@ -278,7 +278,7 @@ fn landmarks(name: &str, bytes: &[u8]) -> bool {
         .map(|f| (f.into(), stl_bytes.clone()))
         .into();
     files.insert(name.into(), bytes.to_vec());
-    let raw = stages::ingest::RawSpecimen { toml, files };
+    let raw = stages::specimen::RawSpecimen { toml, files };
     stages::ingest::ingest(&raw, &Default::default()).is_ok()
 }
 

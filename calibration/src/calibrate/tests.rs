@@ -1,6 +1,7 @@
 use super::*;
 use crate::cost::CostFunction;
 use crate::experiment::Answer;
+use crate::experiment::Experiment;
 use crate::options::LoadPrior;
 use crate::targets::{TargetOptions, Targets, targets};
 use crate::toy;

@@ -3,7 +3,6 @@
 //! Raw, gzip and ASCII encodings; a data file of its own beside a .nhdr. The frame is what `space` says; it is turned to ours
 //! (left, posterior, superior). 3D Slicer's segment names come with the labels.
 
-use super::picture::Segment;
 use super::raw::{Number, Raw, broken, count, placed, refuse, take};
 use super::{FormatError, beside};
 use crate::volume::Grid;
@@ -25,6 +24,17 @@ pub(super) fn looks_nrrd(bytes: &[u8]) -> bool {
 pub(super) fn data_file(bytes: &[u8]) -> Option<String> {
     let (fields, _) = fields(bytes).ok()?;
     fields.get("data file").or(fields.get("datafile")).cloned()
+}
+
+/// A segment of 3D Slicer.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Segment {
+    /// Its name.
+    pub(super) name: String,
+    /// Its label, in its layer.
+    pub(super) label: u8,
+    /// Its layer; segments that overlap lie in several.
+    pub(super) layer: usize,
 }
 
 /// A picture and its layers: what is read of a file.

@@ -5,17 +5,6 @@ use super::{FormatError, metaimage, nifti, nrrd};
 use crate::volume::{Labels, Volume};
 use std::collections::BTreeMap;
 
-/// A segment of 3D Slicer.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Segment {
-    /// Its name.
-    pub name: String,
-    /// Its label, in its layer.
-    pub label: u8,
-    /// Its layer; segments that overlap lie in several.
-    pub layer: usize,
-}
-
 /// A label map with the names that its file gives the labels.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LabelMap {

@@ -5,7 +5,7 @@ use crate::options::BuildOptions;
 use calibration::targets::targets;
 use sim::laxity::{LaxityTrial, read_as, sign_doubts};
 use sim::spec::PoseSpec;
-use stages::ingest::{RawSpecimen, SpecimenFile};
+use stages::specimen::{RawSpecimen, SpecimenFile};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// What may be calibrated to, by source; an item each, and an item a doubt.

@@ -1,8 +1,8 @@
 //! One build as the cohort sees it: the files that FORMAT.md fixes, nothing of the program's own.
 
 use crate::inspect;
-use crate::report::{self, Failure};
-use crate::run_log::{Record, folder_name};
+use crate::record::Failure;
+use crate::record::{Record, folder_name};
 use crate::store;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -154,7 +154,7 @@ impl Knee {
             Ok(records) => self.records = records,
             Err(e) => return failed("log", e.to_string()),
         }
-        if let Some(Failure { stage, message }) = report::failure(folder) {
+        if let Some(Failure { stage, message }) = inspect::failure(folder) {
             return failed(&stage, message);
         }
         if !store::exists(&folder.join("report.html")) {

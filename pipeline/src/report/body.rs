@@ -1,9 +1,10 @@
 //! The parts of the report: verdict, a stage, what failed, the diagnosis.
 
-use super::Failure;
-use super::charts::{self, Chart};
+use super::chart::Chart;
+use super::charts;
 use super::force_charts;
 use super::geometry::Pool;
+use super::html::{escaped, flatten, heading};
 use super::methods::Methods;
 use super::motion::{self, Motion};
 use super::scene::Scene;
@@ -11,7 +12,7 @@ use super::scenes;
 use super::values::Values;
 use super::verdict::{self, Check, KeyFigure};
 use super::warnings;
-use crate::run_log::{Record, folder_name};
+use crate::record::{Failure, Record, folder_name};
 use crate::store::BuildFolder;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
@@ -90,7 +91,7 @@ impl<'a> Body<'a> {
         let heavy = warnings::groups(&self.warnings).iter().filter(|g| g.heavy).count();
         let kinds = |n: usize| format!("{n} {} of warning", if n == 1 { "kind" } else { "kinds" });
         let (class, words) = match failure {
-            Some(f) => ("failed", format!("The build stopped at {}.", super::heading(&f.stage))),
+            Some(f) => ("failed", format!("The build stopped at {}.", heading(&f.stage))),
             None if bad > 0 => (
                 "look",
                 format!(
@@ -248,7 +249,7 @@ impl<'a> Body<'a> {
         let mut html = format!(
             "<section id=\"{0}\"><h2>{1}: stopped here</h2><p class=\"failure\">{2}</p>",
             escaped(&failure.stage),
-            escaped(&super::heading(&failure.stage)),
+            escaped(&heading(&failure.stage)),
             escaped(&failure.message)
         );
         if let Some(scene) = scenes::failed(failure, &self.values, &mut self.pool) {
@@ -354,26 +355,4 @@ fn metrics_table(record: &Record) -> String {
         let _ = write!(html, "<tr><td>{}</td><td>{}</td></tr>", escaped(&name), escaped(&value));
     }
     html + "</table></details>"
-}
-
-/// The numbers and words of a value by their paths.
-pub(super) fn flatten(prefix: &str, value: &Value, rows: &mut Vec<(String, String)>) {
-    let join = |key: &str| if prefix.is_empty() { key.to_string() } else { format!("{prefix}.{key}") };
-    match value {
-        Value::Object(map) => map.iter().for_each(|(k, v)| flatten(&join(k), v, rows)),
-        Value::Array(items) if items.len() <= 6 => {
-            items.iter().enumerate().for_each(|(i, v)| flatten(&join(&i.to_string()), v, rows));
-        }
-        Value::Array(items) => rows.push((prefix.into(), format!("{} values", items.len()))),
-        Value::Number(n) => {
-            let x = n.as_f64().unwrap_or(f64::NAN);
-            rows.push((prefix.into(), if x.fract() == 0.0 { format!("{x}") } else { format!("{x:.4}") }));
-        }
-        other => rows.push((prefix.into(), other.to_string().trim_matches('"').to_string())),
-    }
-}
-
-/// Text for HTML.
-pub(crate) fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }

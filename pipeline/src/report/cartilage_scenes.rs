@@ -1,8 +1,8 @@
 //! The scenes of the cartilage: thickness, hexahedra, overclosure.
 
+use super::bone_layers::bone_layers;
 use super::geometry::{Pool, packed_values, thinned};
 use super::scene::{Layer, Scalar, Scene, plain};
-use super::scenes::bone_layers;
 use super::values::Values;
 use meshes::gap::ContactFace;
 use meshes::hex::{FACES, HexMesh};

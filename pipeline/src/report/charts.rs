@@ -1,25 +1,13 @@
 //! Charts of the report: calibration history, parameters with intervals, force and displacement over measured points.
 
+use super::chart::{COLOURS, Chart, layout};
 use super::law_charts;
 use super::values::Values;
 use calibration::session::Outcome;
 use plotly::common::{DashType, ErrorData, ErrorType, Line, Marker, MarkerSymbol, Mode, Title};
 use plotly::layout::{Axis, AxisType};
-use plotly::{Layout, Plot, Scatter};
+use plotly::{Plot, Scatter};
 use sim::laxity::{LaxityTrial, Test};
-
-/// A chart with its words.
-pub(super) struct Chart {
-    pub(super) id: String,
-    pub(super) title: String,
-    /// Its text alternative.
-    pub(super) text: String,
-    /// What plotly.js draws.
-    pub(super) plot: String,
-}
-
-pub(crate) const COLOURS: [&str; 8] =
-    ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7b3fa0", "#555555"];
 
 /// The charts of a stage.
 pub(super) fn charts(stage: &str, v: &Values) -> Vec<Chart> {
@@ -36,11 +24,6 @@ pub(super) fn charts(stage: &str, v: &Values) -> Vec<Chart> {
         out.push(parameters(name, outcome, "stiffness"));
     }
     out
-}
-
-pub(crate) fn layout(x: &str, y: &str) -> Layout {
-    let axis = |title: &str| Axis::new().title(Title::from(title)).zero_line(true).show_line(true);
-    Layout::new().x_axis(axis(x)).y_axis(axis(y)).height(360)
 }
 
 fn history<'a>(sources: impl Iterator<Item = (&'a String, &'a Outcome)>) -> Chart {

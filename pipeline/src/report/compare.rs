@@ -1,9 +1,10 @@
 //! Two builds side by side: before and after a change, or two knees.
 
-use super::body::{Body, escaped, flatten};
-use super::{failure, foot, head, heading};
+use super::body::Body;
+use super::html::{escaped, flatten, foot, head, heading};
 use crate::error::BuildError;
-use crate::run_log::{Record, STAGES};
+use crate::inspect;
+use crate::record::{Record, STAGES};
 use crate::store::BuildFolder;
 use serde_json::json;
 use std::collections::BTreeMap;
@@ -26,7 +27,7 @@ pub(super) fn page(builds: [(&BuildFolder, &Vec<Record>); 2], places: [&Path; 2]
             ["Left", "Right"][k],
             escaped(&names[k]),
             escaped(&places[k].display().to_string()),
-            bodies[k].verdict(failure(places[k]).as_ref())
+            bodies[k].verdict(inspect::failure(places[k]).as_ref())
         );
     }
     html += "</div><main id=\"stages\">";

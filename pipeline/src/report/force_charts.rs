@@ -1,7 +1,7 @@
 //! Ligament forces as intervals: what the data say of each bundle's force in the drawers (`10-calibrate/SOURCE/forces.csv`).
 
-use super::charts::{COLOURS, Chart, layout};
-use crate::run_log::folder_name;
+use super::chart::{COLOURS, Chart, layout};
+use crate::record::folder_name;
 use crate::store::BuildFolder;
 use plotly::common::{ErrorData, ErrorType, Marker, Mode};
 use plotly::layout::BarMode;

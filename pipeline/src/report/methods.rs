@@ -1,8 +1,8 @@
 //! How a model was made, in words and tables that the supplement of a paper can take: versions, options, digests.
 
-use super::body::escaped;
+use super::html::{escaped, heading};
 use crate::options::BuildOptions;
-use crate::run_log::Record;
+use crate::record::Record;
 use std::fmt::Write;
 use toml::{Table, Value};
 
@@ -43,7 +43,7 @@ impl Methods {
             inputs: inputs.filter_map(|(k, v)| Some((k.clone(), v.as_str()?.to_owned()))).collect(),
             changed: changed.map(|o| [o[0].clone(), o[1].clone(), default(&o[0])]).collect(),
             options,
-            stages: records.iter().map(|r| (super::heading(&r.stage), r.digest.clone())).collect(),
+            stages: records.iter().map(|r| (heading(&r.stage), r.digest.clone())).collect(),
         })
     }
 

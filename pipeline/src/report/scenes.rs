@@ -1,16 +1,14 @@
 //! The scenes of the report: for every stage the surfaces, lines and points by which one sees whether it is right.
 
+use super::bone_layers::{BONE, CONTEXT_MM, bone_layers};
 use super::cartilage_scenes::{cartilage, hexahedra, overclosure};
 use super::geometry::{Pool, packed_values, thinned};
 use super::scene::{Layer, Scalar, Scene, at, named_in, named_places, places, plain, word};
 use super::values::Values;
 use meshes::Point;
 use meshes::frame::AnatomicalFrame;
-use stages::ingest::Specimen;
+use stages::specimen::Specimen;
 
-const BONE: &str = "#e1d5be";
-/// Edge of the cubes in which corners are drawn together: of bones that are there to see the rest by, and of scans [mm].
-const CONTEXT_MM: f64 = 2.2;
 const SCAN_MM: f64 = 0.9;
 
 /// The scenes of a stage; places that its warnings name are marked in them.
@@ -95,23 +93,6 @@ fn ct_layers(specimen: &Specimen, pool: &mut Pool, opacity: f64, on: bool) -> Ve
             let key = format!("ct {name}");
             pool.keep(&key, &thinned(mesh, &[], CONTEXT_MM).0);
             Layer { name: format!("{name}: CT bone"), mesh: Some(key), colour: BONE, opacity, on, ..Layer::default() }
-        })
-        .collect()
-}
-
-pub(super) fn bone_layers(v: &Values, pool: &mut Pool, opacity: f64) -> Vec<Layer> {
-    let Some(bones) = &v.bones else { return vec![] };
-    let patella = bones.patella.as_ref().map(|mesh| ("patella", mesh));
-    bones
-        .surfaces
-        .named()
-        .into_iter()
-        .chain(patella)
-        .map(|(name, mesh)| {
-            let key = format!("bone {name}");
-            pool.keep(&key, &thinned(mesh, &[], CONTEXT_MM).0);
-            let moves = (name == "femur").then_some("femur");
-            Layer { name: name.into(), mesh: Some(key), colour: BONE, opacity, on: true, moves, ..Layer::default() }
         })
         .collect()
 }
@@ -253,10 +234,10 @@ fn marks(v: &Values, pool: &Pool) -> Option<Layer> {
     if specimen.marks.is_empty() {
         return None;
     }
-    let place = |m: &stages::ingest::NamedPoint| match m.frame {
-        stages::ingest::PointFrame::Ct => m.point,
-        stages::ingest::PointFrame::ScanFemur => registration.bones.femur.ct_from_scan.point(&m.point),
-        stages::ingest::PointFrame::ScanTibfib => registration.bones.tibfib.ct_from_scan.point(&m.point),
+    let place = |m: &stages::specimen::NamedPoint| match m.frame {
+        stages::specimen::PointFrame::Ct => m.point,
+        stages::specimen::PointFrame::ScanFemur => registration.bones.femur.ct_from_scan.point(&m.point),
+        stages::specimen::PointFrame::ScanTibfib => registration.bones.tibfib.ct_from_scan.point(&m.point),
     };
     Some(Layer {
         name: "marks as measured".into(),
@@ -318,7 +299,7 @@ pub(super) fn knee(v: &Values, pool: &mut Pool, moves: bool) -> Option<Scene> {
 }
 
 /// What the failed stage was given, with the places that the message names as `(x, y, z)`.
-pub(super) fn failed(failure: &super::Failure, v: &Values, pool: &mut Pool) -> Option<Scene> {
+pub(super) fn failed(failure: &crate::record::Failure, v: &Values, pool: &mut Pool) -> Option<Scene> {
     let mut layers = bone_layers(v, pool, 0.6);
     if layers.is_empty() {
         layers.extend(ct_layers(v.specimen.as_ref()?, pool, 0.6, true));

@@ -2,7 +2,8 @@
 
 use crate::calibrate::Calibration;
 use crate::options::BuildOptions;
-use crate::run_log::{folder_name, value_name};
+use crate::record::folder_name;
+use crate::run_log::value_name;
 use crate::store::BuildFolder;
 use crate::validate::Validation;
 use serde::de::DeserializeOwned;
@@ -13,9 +14,9 @@ use stages::cartilage::Cartilage;
 use stages::contact_law::ContactLaw;
 use stages::frames::Frames;
 use stages::hexmesh::HexCartilage;
-use stages::ingest::Specimen;
 use stages::overclosure::Separated;
 use stages::register::Registration;
+use stages::specimen::Specimen;
 
 /// The values of the finished stages.
 pub(super) struct Values {

@@ -1,6 +1,6 @@
 //! Warnings grouped by kind and weight, so that seventeen of one kind are one line.
 
-use super::body::escaped;
+use super::html::escaped;
 use std::fmt::Write;
 
 /// Warnings of one kind from one stage.

@@ -4,11 +4,11 @@ use super::forces::{self, Forces};
 use super::options::{Control, ExplicitOptions};
 use super::program::{Drive, Step};
 use super::state::ExplicitState;
+use super::twist::twists;
 use crate::contact::{FrictionState, Nearby};
 use crate::error::SimError;
-use crate::joint::{Joint, Pose, Six};
+use crate::joint::Six;
 use crate::model::Model;
-use meshes::Vector;
 use nalgebra::Matrix6;
 
 /// Furthest a coordinate may go in one increment [rad, mm]; further is a motion out of hand.
@@ -278,24 +278,4 @@ impl<'a> Stepper<'a> {
             state.increments, state.time_s, self.step.name, state.last_increment_s, state.energies
         ))
     }
-}
-
-/// Angular velocity of the femur and velocity of its centre (its frame's origin) for each coordinate, as columns.
-pub(super) fn twists(model: &Model, pose: &Pose) -> Matrix6<f64> {
-    let centre = centre(&model.joint, pose);
-    let mut out = Matrix6::zeros();
-    for (j, s) in pose.screws.iter().enumerate() {
-        let v = s.at(&centre);
-        out.set_column(j, &Six::new(s.angular.x, s.angular.y, s.angular.z, v.x, v.y, v.z));
-    }
-    out
-}
-
-/// Momentum of a velocity.
-pub(super) fn mass_times(twist: &Six, mass: f64, inertia: f64) -> Six {
-    Six::from_fn(|c, _| twist[c] * if c < 3 { inertia } else { mass })
-}
-
-fn centre(joint: &Joint, pose: &Pose) -> Vector {
-    (pose.femur * joint.femur_origin()).coords
 }

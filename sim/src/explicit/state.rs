@@ -45,8 +45,8 @@ impl ExplicitState {
     /// Moving from coordinates `q` at `rate`.
     pub fn moving(model: &Model, mass_scale: f64, q: Six, rate: Six) -> Self {
         let (mass, inertia) = model.femur_mass;
-        let twist = super::increment::twists(model, &model.joint.pose(&q)) * rate;
-        let momentum = super::increment::mass_times(&twist, mass * mass_scale, inertia * mass_scale);
+        let twist = super::twist::twists(model, &model.joint.pose(&q)) * rate;
+        let momentum = super::twist::mass_times(&twist, mass * mass_scale, inertia * mass_scale);
         ExplicitState { q, rate, momentum, ..ExplicitState::default() }
     }
 

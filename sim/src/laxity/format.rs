@@ -3,7 +3,7 @@
 //!
 //! A file in another shape is turned into the standard one, cell by cell, before it is read.
 
-use super::read::{LaxityError, known_columns};
+use super::columns::{LaxityError, known_columns};
 use super::{LOAD_UNITS, Test, VALUE_UNITS};
 use crate::names::did_you_mean;
 use csv::StringRecord;

@@ -1,16 +1,12 @@
 //! The reader: every complaint names the row and the column.
 
+use super::columns::{LaxityError, known_columns, load_column, required_columns, sd_column, value_column};
 use super::format::{LaxityFormat, standard};
-use super::{Branch, COORDINATES, LOAD_UNITS, LaxityTrial, TESTS, Test, VALUE_UNITS};
+use super::{Branch, LaxityTrial, TESTS, Test, VALUE_UNITS};
 use crate::names::did_you_mean;
 use csv::StringRecord;
 use meshes::frame::Side;
 use std::collections::{BTreeMap, BTreeSet};
-
-/// What is wrong with a laxity file, in words for the person who owns it.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{0}")]
-pub struct LaxityError(pub String);
 
 /// The trials of a file and what is odd but not fatal in it.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -77,14 +73,6 @@ fn branches(trials: &mut [LaxityTrial]) {
     }
 }
 
-/// Every column that a laxity file may have.
-pub(super) fn known_columns() -> BTreeSet<String> {
-    let mut known: BTreeSet<String> = required_columns().into_iter().collect();
-    known.extend(["branch", "order", "time_s", "flags"].map(String::from));
-    known.extend((0..5).map(sd_column));
-    known
-}
-
 /// Column numbers by name; refuses what is unknown, missing or doubled.
 fn columns(header: &StringRecord) -> Result<BTreeMap<String, usize>, LaxityError> {
     let required = required_columns();
@@ -111,30 +99,6 @@ fn columns(header: &StringRecord) -> Result<BTreeMap<String, usize>, LaxityError
             missing.join(", ")
         ))),
     }
-}
-
-/// `load_vv_nm` and its fellows.
-pub(super) fn load_column(i: usize) -> String {
-    format!("load_{}_{}", COORDINATES[i], LOAD_UNITS[i])
-}
-
-/// `vv_deg` and its fellows.
-pub(super) fn value_column(i: usize) -> String {
-    format!("{}_{}", COORDINATES[i], VALUE_UNITS[i])
-}
-
-/// `sd_vv_deg` and its fellows.
-pub(super) fn sd_column(i: usize) -> String {
-    format!("sd_{}", value_column(i))
-}
-
-/// The columns every laxity file has, in order.
-pub(super) fn required_columns() -> Vec<String> {
-    let mut names = vec!["trial".to_owned(), "test".to_owned(), "nominal_flexion_deg".to_owned()];
-    names.extend((0..5).map(load_column));
-    names.push("fe_deg".to_owned());
-    names.extend((0..5).map(value_column));
-    names
 }
 
 /// A row, its number in the file and the names of its cells.

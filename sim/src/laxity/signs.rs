@@ -1,6 +1,7 @@
 //! Whether the signs of a laxity file are the clinical ones, judged by what every knee does: it goes where it is pushed.
 
-use super::read::{agrees, load_column, value_column};
+use super::columns::{load_column, value_column};
+use super::read::agrees;
 use super::{COORDINATES, LaxityTrial};
 use std::collections::BTreeMap;
 

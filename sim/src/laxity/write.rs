@@ -1,6 +1,6 @@
 //! What a model answers, as CSV.
 
-use super::read::{load_column, required_columns, value_column};
+use super::columns::{load_column, required_columns, sd_column, value_column};
 use super::{Branch, COORDINATES, LaxityTrial};
 use crate::spec::PoseSpec;
 use serde::{Deserialize, Serialize};
@@ -59,7 +59,7 @@ pub fn results_csv(bundles: &[String], results: &[TrialResult]) -> String {
 /// Measured trials as a standard laxity file; an empty cell is "not measured".
 pub fn trials_csv(trials: &[LaxityTrial]) -> String {
     let mut header = required_columns();
-    header.extend((0..COORDINATES.len()).map(super::read::sd_column));
+    header.extend((0..COORDINATES.len()).map(sd_column));
     header.extend(["branch".to_owned(), "order".to_owned(), "time_s".to_owned()]);
     let mut out = line(&header);
     let cell = |v: &Option<f64>| v.map(number).unwrap_or_default();

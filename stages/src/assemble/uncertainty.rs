@@ -1,7 +1,7 @@
 //! What a built model does not know of its knee: the numbers of [`sim::uncertainty`], each with where it was measured.
 
 use crate::attachments::Attachments;
-use crate::ingest::{PointFrame, Specimen};
+use crate::specimen::{PointFrame, Specimen};
 use attachments::bundle::BUNDLES;
 use attachments::site::{Bone, Source};
 use sim::uncertainty::{FrameUncertainty, FramesUncertainty, SiteUncertainty, Uncertainty};

@@ -2,7 +2,7 @@
 
 use super::{AttachmentsOptions, Side};
 use crate::StageError;
-use crate::ingest::{NamedPoint, PointFrame};
+use crate::specimen::{NamedPoint, PointFrame};
 use attachments::bundle::LIGAMENTS;
 use attachments::marks::find_outlines;
 use attachments::marks::project::{Footprint, project};

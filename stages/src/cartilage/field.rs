@@ -1,5 +1,6 @@
 //! The thickness field: what the scan has above each vertex of the bone.
 
+use super::vertices::{bias, mean, smooth_normals};
 use super::{CartilageOptions, thin_rim};
 use meshes::measure::percentile;
 use meshes::query::SurfaceQuery;
@@ -109,11 +110,6 @@ pub(super) fn extent(walls: &SurfaceQuery, p: &Point, n: &Vector, reach: f64, cl
     end.map(|e| [if e > begin { begin } else { 0.0 }, e])
 }
 
-/// Median height of the scan where it lies close to the bone, so is bone [mm].
-pub(super) fn bias(heights: impl Iterator<Item = f64>, least: f64) -> f64 {
-    percentile(&mut heights.filter(|h| h.abs() < 2.0 * least).collect::<Vec<_>>(), 0.5)
-}
-
 /// How high the true bone lies above the surface of CT, and the spread about that on bare bone [mm].
 ///
 /// Where bone is bare, which a thin `rim` is not, the scan is the better measure of it. Its height there, a smooth error of
@@ -162,26 +158,4 @@ fn filled(values: &[Option<f64>], neighbours: &[Vec<u32>]) -> Vec<f64> {
             .collect();
     }
     field
-}
-
-/// Mean of a field over neighbours.
-pub(super) fn mean(field: &[f64], neighbours: &[u32], own: f64) -> f64 {
-    if neighbours.is_empty() {
-        return own;
-    }
-    neighbours.iter().map(|&w| field[w as usize]).sum::<f64>() / neighbours.len() as f64
-}
-
-/// Unit normals at vertices, averaged with their neighbours' in `rounds`.
-pub(super) fn smooth_normals(mesh: &TriMesh, neighbours: &[Vec<u32>], rounds: usize) -> Vec<Vector> {
-    let mut normals = mesh.vertex_normals();
-    for _ in 0..rounds {
-        normals = (0..normals.len())
-            .map(|v| {
-                let sum: Vector = neighbours[v].iter().map(|&w| normals[w as usize]).sum();
-                (sum + normals[v]).try_normalize(1e-9).unwrap_or(normals[v])
-            })
-            .collect();
-    }
-    normals
 }

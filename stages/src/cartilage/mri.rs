@@ -1,10 +1,11 @@
 //! Cartilage as MRI shows it: about bone and cartilage, or cartilage alone, on the model's bone.
 
-use super::field::{Domain, mean};
+use super::field::Domain;
+use super::vertices::mean;
 use super::{Cartilage, CartilageOptions, CartilageSolid, grades, lateral, region, solid};
 use crate::bones::Bones;
-use crate::ingest::{Mri, Specimen};
 use crate::register::{BoneRegistration, Registration};
+use crate::specimen::{Mri, Specimen};
 use crate::{PerCartilage, StageError};
 use meshes::query::SurfaceQuery;
 use meshes::surface::TriMesh;

@@ -2,7 +2,7 @@
 
 use super::CartilageOptions;
 use super::field::Domain;
-use super::region::bodies;
+use super::vertices::bodies;
 use std::collections::BinaryHeap;
 
 /// Steps by which the threshold is raised in search of two cores [mm], and how many.
@@ -50,7 +50,7 @@ fn cores(domain: &Domain, body: &[u32], count: usize, options: &CartilageOptions
     (1..=STEPS).find_map(|step| {
         let over = options.least_thickness_mm + STEP_MM * step as f64;
         let large = |core: &Vec<u32>| core.iter().map(|&v| area[v as usize]).sum::<f64>() >= options.least_area_mm2;
-        let left = bodies(domain, |v| member[v as usize] && domain.thickness(v as usize) > over);
+        let left = bodies(&domain.neighbours, |v| member[v as usize] && domain.thickness(v as usize) > over);
         let mut left = left.into_iter().filter(large);
         Some([left.next()?, left.next()?])
     })
@@ -108,7 +108,7 @@ mod tests {
     fn cover(domain: &Domain, level: &[f64]) -> Vec<(f64, Vec<u32>)> {
         let area = domain.bone.vertex_areas();
         let size = |b: &Vec<u32>| b.iter().map(|&v| area[v as usize]).sum::<f64>();
-        bodies(domain, |v| level[v as usize] > 0.0).into_iter().map(|b| (size(&b), b)).collect()
+        bodies(&domain.neighbours, |v| level[v as usize] > 0.0).into_iter().map(|b| (size(&b), b)).collect()
     }
 
     #[test]

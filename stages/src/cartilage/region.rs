@@ -1,8 +1,9 @@
 //! Where cartilage is: patches of bone with clean rims.
 
 use super::CartilageOptions;
-use super::field::{Domain, mean};
+use super::field::Domain;
 use super::parting::part;
+use super::vertices::{bodies, mean};
 use meshes::Vector;
 use meshes::measure::percentile;
 use meshes::surface::TriMesh;
@@ -41,7 +42,7 @@ pub(super) fn patches(
     let tiny = 0.02 * least;
     level.iter_mut().for_each(|x| *x = if x.abs() < tiny { tiny.copysign(*x) } else { *x });
     // bare islands within cartilage are covered
-    for island in bodies(domain, |v| level[v as usize] < 0.0).into_iter().skip(1) {
+    for island in bodies(&domain.neighbours, |v| level[v as usize] < 0.0).into_iter().skip(1) {
         if island.iter().map(|&v| area[v as usize]).sum::<f64>() < options.island_area_mm2 {
             island.iter().for_each(|&v| level[v as usize] = least);
         }
@@ -56,7 +57,7 @@ pub(super) fn patches(
 
 /// Bodies of covered vertices with their areas, largest first, that are large and thick enough to be cartilage.
 fn covers(domain: &Domain, level: &[f64], area: &[f64], options: &CartilageOptions) -> Vec<(f64, Vec<u32>)> {
-    let mut found: Vec<(f64, Vec<u32>)> = bodies(domain, |v| level[v as usize] > 0.0)
+    let mut found: Vec<(f64, Vec<u32>)> = bodies(&domain.neighbours, |v| level[v as usize] > 0.0)
         .into_iter()
         .map(|body| (body.iter().map(|&v| area[v as usize]).sum::<f64>(), body))
         .filter(|(size, body)| {
@@ -91,33 +92,6 @@ fn grow(domain: &Domain, level: &mut [f64], least: f64, facing: Option<Vector>, 
             level[v] = level[v].max(above(0.5 * rim));
         }
     }
-}
-
-/// Connected sets of vertices for which `belongs` holds, most vertices first.
-pub(super) fn bodies(domain: &Domain, belongs: impl Fn(u32) -> bool) -> Vec<Vec<u32>> {
-    let count = domain.bone.vertices.len();
-    let mut seen = vec![false; count];
-    let mut all = Vec::new();
-    for seed in 0..count as u32 {
-        if seen[seed as usize] || !belongs(seed) {
-            continue;
-        }
-        seen[seed as usize] = true;
-        let mut body = vec![seed];
-        let mut done = 0;
-        while let Some(&v) = body.get(done) {
-            done += 1;
-            for &w in &domain.neighbours[v as usize] {
-                if !seen[w as usize] && belongs(w) {
-                    seen[w as usize] = true;
-                    body.push(w);
-                }
-            }
-        }
-        all.push(body);
-    }
-    all.sort_by_key(|b| (std::cmp::Reverse(b.len()), b[0]));
-    all
 }
 
 /// The part of the bone on which `level` is positive about `body`, cut along its zero line.

@@ -77,7 +77,7 @@ fn smoothed(field: &[f64], neighbours: &[Vec<u32>]) -> Vec<f64> {
             })
             .collect();
     }
-    (0..field.len()).map(|v| 0.5 * field[v] + 0.5 * super::field::mean(&field, &neighbours[v], field[v])).collect()
+    (0..field.len()).map(|v| 0.5 * field[v] + 0.5 * super::vertices::mean(&field, &neighbours[v], field[v])).collect()
 }
 
 /// Moves the articular face onto the scan by a smooth displacement; the rim and the bony face stay.

@@ -1,7 +1,7 @@
 //! Rims thinner than what tells cartilage from bone: the scan itself steps down from them to bare bone.
 
 use super::CartilageOptions;
-use super::field::{bias, mean, smooth_normals};
+use super::vertices::{bias, mean, smooth_normals};
 use meshes::Point;
 use meshes::query::SurfaceQuery;
 use meshes::surface::TriMesh;

@@ -1,8 +1,7 @@
 //! specimen.toml and the files it names.
 
-use super::mri::check_sources;
-use super::{CtPaths, Pieces, RawSpecimen, SEGMENTED, SpecimenFile};
 use crate::StageError;
+use crate::specimen::{CartilageFrame, CtPaths, Pieces, RawSpecimen, SEGMENTED, SpecimenFile};
 use attachments::bundle::BUNDLES;
 use sim::names::{did_you_mean, with_suggestion};
 
@@ -188,4 +187,43 @@ fn check_path(key: &str, path: &str) -> Result<(), StageError> {
     Err(StageError(format!(
         "specimen.toml: {key} = \"{path}\" {wrong}; expected a path inside the specimen directory: copy the file there"
     )))
+}
+
+/// Checks that a specimen names one source of bones and one of cartilage.
+fn check_sources(file: &SpecimenFile) -> Result<(), StageError> {
+    let refuse = |what: &str| Err(StageError(format!("specimen.toml: {what}")));
+    let named: Vec<&str> = [
+        ("[scans]", file.scans.is_some()),
+        ("[segmentation]", file.segmentation.is_some()),
+        ("[cartilage]", file.cartilage.is_some()),
+    ]
+    .into_iter()
+    .filter_map(|(name, there)| there.then_some(name))
+    .collect();
+    match named[..] {
+        [] => {
+            return refuse(
+                "nothing shows cartilage; expected one of [scans] (surface scans), [segmentation] (a label map) or [cartilage] (surfaces)",
+            );
+        }
+        [_] => {}
+        _ => {
+            return refuse(&format!(
+                "{} are both given; expected one: keep the one to build from",
+                named.join(" and ")
+            ));
+        }
+    }
+    if file.ct.is_empty() && file.segmentation.is_none() {
+        return refuse("nothing shows the bones; expected [ct] femur and tibfib (surfaces), or volume");
+    }
+    if let Some(c) = &file.cartilage {
+        let bones = c.femur_bone.is_some() as usize + c.tibfib_bone.is_some() as usize;
+        if c.frame == CartilageFrame::Mri && bones != 2 {
+            return refuse(
+                "cartilage.frame is mri; expected femur_bone and tibfib_bone, the bones by which it is registered to those of [ct]",
+            );
+        }
+    }
+    Ok(())
 }

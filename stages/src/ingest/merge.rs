@@ -1,8 +1,9 @@
 //! Scans of one bone that overlap become one, in the frame of the first.
 
-use super::{Pieces, Read};
+use super::Read;
 use crate::StageError;
 use crate::register::rough;
+use crate::specimen::Pieces;
 use meshes::registration::icp::{refine, standing};
 use meshes::registration::sample::{Samples, spread};
 use meshes::registration::target::Target;

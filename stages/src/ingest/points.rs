@@ -1,8 +1,9 @@
 //! landmarks.csv, marks.csv, attachments.csv; points of 3D Slicer.
 
 use super::file::OPTIONAL_PATHS;
-use super::{NamedPoint, PointFrame, RawSpecimen, SpecimenFile, slicer};
+use super::slicer;
 use crate::StageError;
+use crate::specimen::{NamedPoint, PointFrame, RawSpecimen, SpecimenFile};
 use attachments::bundle::{BUNDLES, LIGAMENTS};
 use attachments::site::{Fibre, Source};
 use meshes::Point;

@@ -1,6 +1,6 @@
 //! Whether parts of a specimen are half-turn or mirror images of each other: LPS beside RAS, or a flipped export.
 
-use super::{NamedPoint, PointFrame};
+use crate::specimen::{NamedPoint, PointFrame};
 use crate::{PerBone, StageError};
 use meshes::query::SurfaceQuery;
 use meshes::surface::TriMesh;

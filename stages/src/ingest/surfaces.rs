@@ -1,7 +1,7 @@
 //! The surfaces: read, unit judged, put right, counted.
 
-use super::{IngestOptions, RawSpecimen, SpecimenFile};
 use crate::StageError;
+use crate::specimen::{IngestOptions, RawSpecimen, SpecimenFile};
 use meshes::format::read_surface;
 use meshes::surface::{ColouredMesh, TriMesh};
 use meshes::tidy::tidy;

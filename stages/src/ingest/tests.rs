@@ -1,4 +1,6 @@
 use super::*;
+use crate::specimen::PointFrame;
+use meshes::Point;
 use meshes::format::{ply, stl};
 use meshes::shapes::icosphere;
 

@@ -1,5 +1,6 @@
 use super::*;
-use crate::ingest::{IngestOptions, PointFrame, RawSpecimen, Specimen, ingest};
+use crate::ingest::ingest;
+use crate::specimen::{IngestOptions, PointFrame, RawSpecimen, Specimen};
 use meshes::Point;
 use meshes::format::stl;
 use meshes::query::SurfaceQuery;

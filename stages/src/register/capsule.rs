@@ -2,7 +2,7 @@
 
 use super::{BoneRegistration, rough};
 use crate::PerBone;
-use crate::ingest::Specimen;
+use crate::specimen::Specimen;
 use meshes::Isometry;
 use meshes::query::SurfaceQuery;
 use meshes::registration::icp::{refine, standing};

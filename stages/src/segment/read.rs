@@ -2,7 +2,7 @@
 
 use super::{SegmentOptions, Segmented, segment};
 use crate::StageError;
-use crate::ingest::{CtPaths, RawSpecimen, SEGMENTED, SEGMENTED_PATELLA};
+use crate::specimen::{CtPaths, RawSpecimen, SEGMENTED, SEGMENTED_PATELLA};
 use meshes::format::{dicom, picture, stl};
 use meshes::volume::Volume;
 

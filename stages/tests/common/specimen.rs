@@ -4,7 +4,7 @@ use meshes::format::{ply, stl};
 use meshes::frame::Side;
 use meshes::surface::{ColouredMesh, TriMesh};
 use stages::PerBone;
-use stages::ingest::{Identity, Specimen};
+use stages::specimen::{Identity, Specimen};
 use std::path::{Path, PathBuf};
 
 /// A path of the shared data, or `None` with a line said when it is absent (an error where it must be there).

@@ -1,8 +1,9 @@
 //! A label map becomes surfaces.
 
+use super::Read;
 use super::clean::{Mended, clean};
-use super::{LabelName, Mri, Read, SegmentationPaths};
-use crate::ingest::{IngestOptions, RawSpecimen};
+use crate::specimen::{IngestOptions, RawSpecimen};
+use crate::specimen::{LabelName, Mri, SegmentationPaths};
 use crate::{PerBone, PerCartilage, StageError};
 use meshes::format::picture::{LabelMap, read_labels};
 use meshes::surface::TriMesh;

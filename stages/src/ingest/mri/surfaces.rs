@@ -1,7 +1,9 @@
 //! Surfaces of cartilage that another program made.
 
-use super::{CartilageFrame, CartilagePaths, Mri, Read};
-use crate::ingest::{IngestOptions, RawSpecimen, surfaces};
+use super::Read;
+use crate::ingest::surfaces;
+use crate::specimen::{CartilageFrame, CartilagePaths, Mri};
+use crate::specimen::{IngestOptions, RawSpecimen};
 use crate::{PerBone, PerCartilage, StageError};
 use meshes::format::read_surface;
 use meshes::query::SurfaceQuery;

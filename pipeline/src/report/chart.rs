@@ -1,0 +1,23 @@
+//! A chart, and how all charts look.
+
+use plotly::Layout;
+use plotly::common::Title;
+use plotly::layout::Axis;
+
+/// A chart with its words.
+pub(super) struct Chart {
+    pub(super) id: String,
+    pub(super) title: String,
+    /// Its text alternative.
+    pub(super) text: String,
+    /// What plotly.js draws.
+    pub(super) plot: String,
+}
+
+pub(crate) const COLOURS: [&str; 8] =
+    ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7b3fa0", "#555555"];
+
+pub(crate) fn layout(x: &str, y: &str) -> Layout {
+    let axis = |title: &str| Axis::new().title(Title::from(title)).zero_line(true).show_line(true);
+    Layout::new().x_axis(axis(x)).y_axis(axis(y)).height(360)
+}
