@@ -9,6 +9,7 @@ use crate::cohort::{self, CohortArgs};
 use crate::diagnose::{self, DiagnoseArgs};
 use crate::error::BuildError;
 use crate::exports::{self, Format};
+use crate::output::{self, Asked};
 use crate::simulate::SimulateArgs;
 use crate::validate::ValidateArgs;
 use crate::{
@@ -16,7 +17,7 @@ use crate::{
     store, validate,
 };
 use clap::error::ErrorKind;
-use clap::{CommandFactory, Parser, Subcommand};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use sim::names::did_you_mean;
 use std::ffi::OsString;
 use std::io::Write;
@@ -176,7 +177,21 @@ enum Verb {
 
 /// The command line as clap knows it, for completions and the manual.
 pub fn command() -> clap::Command {
-    Cli::command()
+    output::with_json(Cli::command())
+}
+
+/// What was asked, and whether its telling is wanted as JSON.
+struct Call {
+    cli: Cli,
+    json: Option<Asked>,
+}
+
+impl Call {
+    fn read(words: impl IntoIterator<Item = OsString>) -> Result<Call, clap::Error> {
+        let matches = command().try_get_matches_from(words)?;
+        let cli = Cli::from_arg_matches(&matches).map_err(|e| e.format(&mut command()))?;
+        Ok(Call { cli, json: output::asked(&matches) })
+    }
 }
 
 /// Runs the command line of this process.
@@ -208,8 +223,8 @@ pub fn main_of(words: impl IntoIterator<Item = OsString>) -> u8 {
 }
 
 /// The arguments; a first word that is neither a command nor a folder is told as what it most likely is.
-fn parsed(words: &[OsString]) -> Cli {
-    Cli::try_parse_from(words).unwrap_or_else(|error| {
+fn parsed(words: &[OsString]) -> Call {
+    Call::read(words.iter().cloned()).unwrap_or_else(|error| {
         let first = words.get(1).map(|w| w.to_string_lossy().into_owned()).unwrap_or_default();
         let misspelt = matches!(
             error.kind(),
@@ -234,15 +249,16 @@ pub fn verbs() -> Vec<String> {
 /// Errors: those of the command; a command line that clap refuses is [`BuildError::Usage`] with clap's words.
 pub fn call(words: impl IntoIterator<Item = OsString>) -> Result<String, BuildError> {
     let words = std::iter::once(OsString::from("build-model")).chain(words);
-    answer(Cli::try_parse_from(words).map_err(|e| BuildError::Usage(e.to_string().trim().to_owned()))?)
+    answer(Call::read(words).map_err(|e| BuildError::Usage(e.to_string().trim().to_owned()))?)
 }
 
-fn answer(cli: Cli) -> Result<String, BuildError> {
-    match (cli.verb, cli.build) {
+fn answer(call: Call) -> Result<String, BuildError> {
+    let text = match (call.cli.verb, call.cli.build) {
         (Some(verb), _) => answer_verb(verb),
         (None, Some(build)) => run::run(known_folder(&build)?),
         (None, None) => Err(BuildError::Usage("a specimen folder was expected; see --help".into())),
-    }
+    }?;
+    Ok(call.json.map_or_else(|| text.clone(), |asked| output::as_json(&asked, &text)))
 }
 
 /// The arguments of a build; a single word that is no folder and nearly a command is told as that command.

@@ -18,6 +18,7 @@ pub mod model_file;
 pub mod open;
 pub mod option_docs;
 pub mod options;
+pub mod output;
 pub mod phantom;
 pub mod progress;
 pub mod record;
@@ -28,4 +29,5 @@ pub mod schema;
 pub mod show;
 pub mod simulate;
 pub mod store;
+
 pub mod validate;
