@@ -3,6 +3,13 @@
 //! Nothing here knows the simulator or the catalogue: another contact law on one pass of unmerged nodes, five to seven jittered fibres a bundle
 //! with an exponential toe, equilibrium by minimising energy, effects in other forms than the catalogue's, ligaments drawn more widely than the
 //! diagnosis supposes, noise that is correlated within a condition, and outliers.
+//!
+//! Start with [`laboratory::make`]: a knee and what to hide give laxity data and their truth.
+//!
+//! ```
+//! let kinds = blindbench::laboratory::kinds(12);
+//! assert_eq!(kinds.len(), 12);
+//! ```
 
 pub mod asked;
 pub mod hidden;

@@ -2,6 +2,14 @@
 //!
 //! Pure: values in, values out, no files, no clock. Angles are degrees and moments N m here, since these are the units of what
 //! was measured; the solver's own units stay in `sim`.
+//!
+//! Start with [`session::Session`]: a knee, its data sets and the options give a calibration that can be kept and resumed. The parameters are
+//! [`design::Design`]:
+//!
+//! ```
+//! let design = calibration::design::Design::table3();
+//! assert_eq!(design.at(&vec![0.0; design.len()]).len(), design.len()); // lower bounds of Table 3
+//! ```
 
 pub mod calibrate;
 pub mod cost;

@@ -55,6 +55,7 @@ pub fn ap_probes() -> Vec<LaxityTrial> {
     for (test, load) in [(Test::Anterior, DRAWER_N), (Test::Posterior, -DRAWER_N)] {
         for fe_deg in DRAWERS_DEG {
             out.push(LaxityTrial {
+                row: None,
                 trial: format!("{}_{fe_deg}", test.name()),
                 test,
                 nominal_flexion_deg: fe_deg,

@@ -1,6 +1,6 @@
 //! Calibration targets from laxity data: which trials, and which of them can be used.
 //!
-//! Complaints name the row of the file (the header is row 1) and the trial. Row numbers are places in the slice given, plus two.
+//! Complaints name the row of the file (the header is row 1) and the trial. A trial that no file holds counts by its place, plus two.
 
 mod doubt;
 
@@ -86,7 +86,7 @@ pub fn targets(
                 t.measured[c] = None;
             }
         }
-        let row = i + 2;
+        let row = t.row.unwrap_or(i + 2);
         if !is_usable(&t, row, cost, &mut out.warnings) {
             continue;
         }

@@ -23,6 +23,7 @@ pub(crate) fn trials() -> Vec<LaxityTrial> {
 
 fn trial(test: Test, fe: f64, load: [f64; 5], k: i32) -> LaxityTrial {
     LaxityTrial {
+        row: None,
         trial: format!("{}_{fe}_{k}", test.name()),
         test,
         nominal_flexion_deg: fe,

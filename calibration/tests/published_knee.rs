@@ -53,6 +53,7 @@ fn trials(test: &str) -> Option<Vec<LaxityTrial>> {
             -number(r, "deck_load_SI"),
         ];
         LaxityTrial {
+            row: None,
             trial: r["trial"].clone(),
             test,
             nominal_flexion_deg: fe,

@@ -2,6 +2,14 @@
 //!
 //! Only the caller opens files: an INCLUDE is asked for through a callback. Keywords, set names and parameters are
 //! matched without regard to case, as Abaqus does.
+//!
+//! Start with `import`: a deck's main file and a callback that reads included files give a model. Numbers may be expressions:
+//!
+//! ```
+//! use std::collections::BTreeMap;
+//! let names = BTreeMap::from([("K".to_string(), 50.0)]);
+//! assert_eq!(decks::expression::evaluate("2*k + 1", &names), Ok(101.0));
+//! ```
 
 mod bodies;
 mod contact;

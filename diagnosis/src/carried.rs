@@ -42,6 +42,7 @@ pub fn carried(knees: [(&Model, &ModelSpec); 2]) -> Result<Vec<Carried>, Diagnos
 fn tests() -> Vec<(String, LaxityTrial)> {
     let o = ProtocolOptions::default();
     let trial = |name: &str, test: Test, flexion: f64, [vv, ie, ap]: [f64; 3]| LaxityTrial {
+        row: None,
         trial: name.into(),
         test,
         nominal_flexion_deg: flexion,

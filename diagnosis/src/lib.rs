@@ -1,6 +1,13 @@
 //! Where a model and measured data disagree, which missing effect explains it, and what happens when it is added.
 //!
 //! Pure: values in, values out. The method is told in docs/discrepancy.md.
+//!
+//! Start with [`diagnosis::diagnose`]. The effects that it looks for are rows of a catalogue:
+//!
+//! ```
+//! let catalogue = diagnosis::catalogue::Catalogue::shipped();
+//! assert!(catalogue.find("meniscus").is_ok());
+//! ```
 
 pub mod atlas;
 pub mod bench;

@@ -308,6 +308,7 @@ impl Trials<'_> {
 /// A trial as the solver has it.
 fn plain(trial: &Asked) -> sim::laxity::LaxityTrial {
     sim::laxity::LaxityTrial {
+        row: None,
         trial: String::new(),
         test: sim::laxity::Test::Neutral,
         nominal_flexion_deg: trial.fe_deg,

@@ -2,6 +2,17 @@
 //!
 //! Units throughout: millimetre, radian. No file system, no clock, no terminal: codecs read bytes and write to `Write`.
 //! Surfaces are plain values ([`surface::TriMesh`], [`hex::HexMesh`]); queries on them are built once ([`query::SurfaceQuery`]).
+//!
+//! ```
+//! use meshes::Point;
+//! use meshes::query::SurfaceQuery;
+//! use meshes::shapes::icosphere;
+//!
+//! let ball = icosphere(10.0, 4);
+//! let query = SurfaceQuery::new(&ball).unwrap();
+//! let outside_mm = query.signed_distance(&Point::new(0.0, 0.0, 12.0));
+//! assert!((outside_mm - 2.0).abs() < 0.1);
+//! ```
 
 pub mod format;
 pub mod frame;

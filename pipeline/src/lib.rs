@@ -1,4 +1,11 @@
 //! The build of a knee model from a specimen: the order of the work, files, command line, report.
+//!
+//! Start with [`run::run`], one build; [`build::build_model`] shows the order of the work.
+//!
+//! ```
+//! let text = genu::option_docs::options(Some("hexmesh"), false).unwrap();
+//! assert!(text.contains("hexmesh.edge_length_mm"));
+//! ```
 
 pub mod blind;
 pub mod build;

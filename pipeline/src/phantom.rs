@@ -118,6 +118,7 @@ impl Protocol {
             };
             load[axis] += size;
             LaxityTrial {
+                row: None,
                 trial: format!("{}_{flexion}deg_{}", test.name(), size.abs()),
                 test,
                 nominal_flexion_deg: flexion,

@@ -86,6 +86,9 @@ pub enum Branch {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LaxityTrial {
+    /// Row of the file it was read from, the header being row 1; none for a trial that no file holds.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub row: Option<usize>,
     /// The trial's name, unique in its file.
     pub trial: String,
     /// What it tests.

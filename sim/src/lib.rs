@@ -1,6 +1,16 @@
 //! Knee mechanics without anatomy: a specification becomes an immutable model and a state.
 //!
 //! Units: mm, N, s, tonne, MPa, radian inside; the specification file is in mm, N, N/mm, degrees where its keys say so.
+//!
+//! Start with [`trials::solve_trials`]: a [`model::Model`] of a [`spec::ModelSpec`], and the trials of a laxity file, give a pose and forces a trial.
+//!
+//! ```
+//! let file = "trial,test,nominal_flexion_deg,load_vv_nm,load_ie_nm,load_ml_n,load_ap_n,load_si_n,fe_deg,vv_deg,ie_deg,ml_mm,ap_mm,si_mm
+//! drawer,anterior,30,0,0,0,133,0,30,,,,6.5,
+//! ";
+//! let table = sim::laxity::read(file.as_bytes()).unwrap();
+//! assert_eq!(table.trials[0].load[3], 133.0); // VV, IE [N m], ML, AP, SI [N]
+//! ```
 
 pub mod contact;
 pub mod deck;

@@ -156,6 +156,7 @@ fn check(o: &ProtocolOptions) -> Result<(), SimError> {
 
 fn leg(step: String, test: Test, fe_deg: f64, load: [f64; 5], going: Option<(f64, usize)>) -> Leg {
     let trial = LaxityTrial {
+        row: None,
         trial: step,
         test,
         nominal_flexion_deg: fe_deg,

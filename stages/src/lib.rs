@@ -1,6 +1,25 @@
 //! The stages of the build: one public function each, from values to values. None opens a file.
 //!
 //! Order: ingest, register, bones, cartilage, frames, attachments, hexmesh, overclosure, contact-law (optional), assemble.
+//!
+//! Start with [`ingest::ingest`]; each stage takes the values of those before it.
+//!
+//! ```
+//! use stages::ingest::ingest;
+//! use stages::specimen::{IngestOptions, RawSpecimen};
+//!
+//! let files = stages::phantom::phantom("S192803-phantom", 1).unwrap().files;
+//! let mut raw = RawSpecimen::default();
+//! for (path, bytes) in files {
+//!     if path == "specimen.toml" {
+//!         raw.toml = String::from_utf8(bytes).unwrap();
+//!     } else {
+//!         raw.files.insert(path, bytes);
+//!     }
+//! }
+//! let specimen = ingest(&raw, &IngestOptions::default()).unwrap();
+//! assert!(specimen.ct.femur.volume() > 1e4); // [mm3]
+//! ```
 
 pub mod anatomy;
 pub mod assemble;

@@ -181,6 +181,7 @@ fn trial(row: &Row, warnings: &mut Vec<String>) -> Result<LaxityTrial, LaxityErr
     }
     let (branch, order) = (branch(row)?, order(row)?);
     Ok(LaxityTrial {
+        row: Some(row.number),
         trial: name,
         test,
         nominal_flexion_deg: nominal,

@@ -6,6 +6,7 @@ use sim::laxity::LaxityTrial;
 /// Five anterior trials at 30 deg.
 fn trials() -> Vec<LaxityTrial> {
     let trial = |k: u32| LaxityTrial {
+        row: None,
         trial: format!("anterior_30_{k}"),
         test: Test::Anterior,
         nominal_flexion_deg: 30.0,
