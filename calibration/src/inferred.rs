@@ -22,8 +22,8 @@ use rayon::prelude::*;
 use sim::laxity::{COORDINATES, LaxityTrial, Test, VALUE_UNITS};
 use std::collections::BTreeMap;
 
-/// Scatter of loads: moments [N m], forces [N]. Recorded ones scatter by 0.1 N m and 2 N, as the diagnosis has it (docs/discrepancy.md); friction, which the
-/// equilibria leave out, adds 0.03 of some 130 N of contact across it, by a lever of 25 mm for moments.
+/// Scatter of loads: moments [N m], forces [N]. Recorded ones scatter by 0.1 N m and 2 N, as the diagnosis has it (docs/theory/discrepancy.md); friction,
+/// which the equilibria leave out, adds 0.03 of some 130 N of contact across it, by a lever of 25 mm for moments.
 const LOAD_SD: [f64; 5] = [0.14, 0.14, 4.4, 4.4, 2.0];
 /// Repositioning of the knee between conditions, in measurement noises [-]; as the diagnosis has it.
 const REPOSITIONING: f64 = 0.4;

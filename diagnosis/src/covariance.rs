@@ -30,7 +30,7 @@ pub struct Floor {
     /// Each end of each fibre, along each axis [mm].
     pub attachment_mm: f64,
     /// Share of a compartment's contact force by which another mesh of the same cartilage differs: one part constant, one smooth over flexion [-].
-    /// Measured: docs/discrepancy.md.
+    /// Measured: docs/theory/discrepancy.md.
     pub contact_share: f64,
     /// Flexion over which that difference changes [deg].
     pub contact_range_deg: f64,
@@ -38,7 +38,7 @@ pub struct Floor {
     pub contact_law: f64,
     /// Share of the contact force that facets and friction of the contact may add to a trial across it, by a lever of 20 mm for moments [-].
     pub roughness: f64,
-    /// Resistance to tilt that the rims of the contact may add or lack, alike at all flexions [N m/rad]. Measured: docs/discrepancy.md.
+    /// Resistance to tilt that the rims of the contact may add or lack, alike at all flexions [N m/rad]. Measured: docs/theory/discrepancy.md.
     pub tilt_nm_per_rad: f64,
     /// Exponent of the contact's force over that of the model's law, in common to all trials [-]: pressure that grows otherwise than in proportion.
     pub contact_exponent: f64,

@@ -12,7 +12,7 @@ pub const TEMPER: f64 = 1.5;
 const MISSING_PER_UNKNOWN: f64 = 10.0;
 /// Odds from which a finding is taken for sure [-]: a twentieth of doubt, as everywhere in statistics.
 const SURE: f64 = 20.0;
-/// Share by which the nearest kin of the catalogue differ in what they explain [-]. Measured: 4 to 17 % (docs/discrepancy.md, Struck effects).
+/// Share by which the nearest kin of the catalogue differ in what they explain [-]. Measured: 4 to 17 % (docs/theory/discrepancy.md, Removed effects).
 const KIN_DIFFER: f64 = 0.1;
 
 /// Least log Bayes factor of an effect in a screen, whatever simulated nulls say. Calibrated: 105 nulls (development round, seeds not kept), of which three

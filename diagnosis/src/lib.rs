@@ -1,6 +1,6 @@
 //! Where a model and measured data disagree, which missing effect explains it, and what happens when it is added.
 //!
-//! Pure: values in, values out. The method is told in docs/discrepancy.md.
+//! Pure: values in, values out. Its method: docs/theory/discrepancy.md.
 //!
 //! Start with [`diagnosis::diagnose`]. The effects that it looks for are rows of a catalogue:
 //!
