@@ -76,6 +76,56 @@ fn a_heap_of_the_published_specimens_files_becomes_a_build() {
 }
 
 #[test]
+fn a_label_map_alone_becomes_a_build() {
+    let folder = TempDir::new().unwrap();
+    let made = phantom("mri-phantom");
+    let knee = folder.path().join("knee");
+    let map = made.path().join("mri/labels.nii.gz");
+    build_model().arg("init").arg(&knee).arg("--from").arg(&map).assert().success().stdout(contains("a label map"));
+    let key = |folder: &Path, key: &str| {
+        let toml: toml::Table = fs::read_to_string(folder.join("specimen.toml")).unwrap().parse().unwrap();
+        (toml["segmentation"][key].clone(), toml["specimen"]["side"].clone())
+    };
+    for name in ["femur", "tibia", "femoral_cartilage", "tibial_cartilage_medial", "tibial_cartilage_lateral"] {
+        assert_eq!(key(&knee, name), key(made.path(), name));
+    }
+    build_model().arg("check").arg(&knee).assert().success();
+    build_model().arg("build").arg(&knee).args(["--to", "bones", "--quiet"]).assert().success();
+}
+
+#[test]
+fn the_label_maps_at_hand_are_known() {
+    let Some(mri) = shared("the_label_maps_at_hand_are_known", "mri") else { return };
+    for (id, side) in [("S192803", "left"), ("kneeB", "right")] {
+        let folder = TempDir::new().unwrap();
+        let knee = folder.path().join("knee");
+        build_model().arg("init").arg(&knee).arg("--from").arg(mri.join(id).join("labels.nrrd")).assert().success();
+        let toml: toml::Table = fs::read_to_string(knee.join("specimen.toml")).unwrap().parse().unwrap();
+        assert_eq!(toml["specimen"]["side"].as_str(), Some(side));
+        // as the data's own page has them
+        for (name, label) in [
+            ("femoral_cartilage", 1),
+            ("tibial_cartilage_medial", 2),
+            ("tibial_cartilage_lateral", 3),
+            ("patellar_cartilage", 4),
+            ("femur", 5),
+            ("tibia", 6),
+            ("patella", 7),
+            ("fibula", 8),
+            ("meniscus_lateral", 9),
+            ("meniscus_medial", 10),
+        ] {
+            let found = toml["segmentation"].get(name).and_then(toml::Value::as_integer);
+            // the made knee's fibula and menisci have no label
+            assert!(
+                found == Some(label) || (id == "S192803" && found.is_none()),
+                "{id}: {name} is {found:?}, not {label}"
+            );
+        }
+    }
+}
+
+#[test]
 fn points_without_frames_get_those_of_the_surfaces_they_lie_on() {
     let specimen = phantom("S193761-phantom");
     let folder = TempDir::new().unwrap();

@@ -5,11 +5,14 @@ mod template;
 use crate::error::BuildError;
 use crate::store;
 use meshes::Point;
+use meshes::format::picture::read_labels;
 use meshes::format::read_surface;
 use meshes::frame::Side;
 use meshes::surface::{ColouredMesh, TriMesh};
-use stages::guess::{Role, frame_of, guess};
-use stages::specimen::PointFrame;
+use stages::anatomy::detect_side;
+use stages::guess::{Role, frame_of, guess, guess_labels};
+use stages::ingest::ingest;
+use stages::specimen::{IngestOptions, PointFrame, RawSpecimen};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -21,6 +24,8 @@ struct Filled {
     side: Option<&'static str>,
     /// Paths by table and key.
     paths: BTreeMap<(String, String), String>,
+    /// Labels of a label map by their keys of `[segmentation]`.
+    labels: BTreeMap<&'static str, u8>,
 }
 
 /// A file that was given: what it is, where it goes, and its bytes there.
@@ -51,7 +56,8 @@ pub fn init(dir: &Path, from: &[PathBuf]) -> Result<String, BuildError> {
     }
     files.push(("specimen.toml".into(), template::specimen_toml(&filled).into_bytes()));
     store::write_all(dir, &files)?;
-    for folder in ["ct", "scans", "laxity"] {
+    let without_scans = !filled.labels.is_empty();
+    for folder in ["ct", "scans", "laxity"].into_iter().filter(|f| *f == "laxity" || !without_scans) {
         store::make_folder(&dir.join(folder))?;
     }
     let mut text = String::new();
@@ -86,13 +92,12 @@ fn placed(from: &[PathBuf], filled: &mut Filled) -> Result<(Vec<Placed>, String)
                 Err(e) => out.push(leave(&format!("cannot be read: {e}"))),
             },
             "csv" => tables.push((path, bytes)),
-            "nii" | "gz" => {
-                let to = format!("ct/{}", file_name(&path));
-                filled.paths.insert(("ct".into(), "volume".into()), to.clone());
-                out.push(Placed { from: name, to: Some(to), why: "a volume, taken for the knee's CT".into(), bytes });
+            "nii" | "gz" | "nrrd" | "mha" => out.push(picture(&path, bytes, filled)),
+            "nhdr" | "mhd" | "raw" | "zraw" => {
+                out.push(leave("a picture in two files; save it as one .nrrd or .mha, or name it in specimen.toml"));
             }
             "mtl" | "png" | "jpg" | "jpeg" => {}
-            _ => out.push(leave("of no kind that is known: expected STL, PLY, OBJ, CSV or NIfTI")),
+            _ => out.push(leave("of no kind that is known: expected STL, PLY, OBJ, CSV, NIfTI, NRRD or MetaImage")),
         }
     }
     let meshes: Vec<ColouredMesh> = surfaces.iter().map(|s| s.2.clone()).collect();
@@ -124,6 +129,46 @@ fn placed(from: &[PathBuf], filled: &mut Filled) -> Result<(Vec<Placed>, String)
         let _ = writeln!(text, "side = \"{name}\": the fibula lies there (certainty {:.0} %)", 100.0 * side.confidence);
     }
     Ok((out, text))
+}
+
+/// A picture of voxels: a label map where its labels show bones and cartilages, else the knee's CT.
+fn picture(path: &Path, bytes: Vec<u8>, filled: &mut Filled) -> Placed {
+    let name = path.display().to_string();
+    let guessed = read_labels(&name, &bytes, &BTreeMap::new()).ok().and_then(|map| guess_labels(&map));
+    let guessed = guessed.map(|found| match found.side {
+        None => match side_of(&found.labels, &bytes) {
+            Some(side) => found.of_side(side),
+            None => found,
+        },
+        Some(_) => found,
+    });
+    let (table, key, to, why) = match guessed {
+        Some(found) => {
+            let said: Vec<String> = found.labels.iter().map(|(key, label)| format!("{label} {key}")).collect();
+            let lateral = match found.side {
+                Some(_) => "",
+                None => "; no fibula is seen: see whether medial and lateral are exchanged",
+            };
+            filled.side = found.side.map(|side| if side == Side::Left { "left" } else { "right" }).or(filled.side);
+            filled.labels = found.labels;
+            let why = format!("a label map; by volume, place and contact: {}{lateral}", said.join(", "));
+            ("segmentation", "labels", format!("mri/{}", file_name(path)), why)
+        }
+        None => ("ct", "volume", format!("ct/{}", file_name(path)), "a volume, taken for the knee's CT".to_owned()),
+    };
+    filled.paths.insert((table.into(), key.into()), to.clone());
+    Placed { from: name, to: Some(to), why, bytes }
+}
+
+/// Which knee a label map shows, by the fibula on the tibia's surface.
+fn side_of(labels: &BTreeMap<&'static str, u8>, bytes: &[u8]) -> Option<Side> {
+    const MAP: &str = "map";
+    let keys: String = labels.iter().map(|(key, label)| format!("{key} = {label}\n")).collect();
+    let head = "[specimen]\nid = \"map\"\nside = \"right\"\n[segmentation]\n";
+    let toml = format!("{head}labels = \"{MAP}\"\n{keys}");
+    let raw = RawSpecimen { toml, files: BTreeMap::from([(MAP.to_owned(), bytes.to_vec())]) };
+    let specimen = ingest(&raw, &IngestOptions::default()).ok()?;
+    detect_side(&specimen.ct.femur, &specimen.ct.tibfib).map(|s| s.side)
 }
 
 /// The files of the given paths; folders are listed, hidden files left out.

@@ -1,5 +1,9 @@
 //! What a heap of files is, by geometry: which surface is which bone, CT or scan, of which knee; in which frame points lie.
 
+mod labels;
+
+pub use labels::{LabelGuesses, guess_labels};
+
 use crate::anatomy::{SideEvidence, detect_side, looks_swapped};
 use crate::register::{RegisterOptions, register_bone};
 use crate::specimen::PointFrame;

@@ -53,6 +53,7 @@ pub(super) fn specimen_toml(filled: &Filled) -> String {
             ("capsule", "scans/capsule.ply", "the knee with its capsule on: checks the registration", false),
         ],
     );
+    segmentation(&mut out, filled);
     section(
         &mut out,
         filled,
@@ -79,8 +80,9 @@ pub(super) fn specimen_toml(filled: &Filled) -> String {
 /// A table of known keys: those filled in, then the others commented out.
 fn section(out: &mut String, filled: &Filled, table: &str, words: &str, keys: &[(&str, &str, &str, bool)]) {
     let path = |key: &str| filled.paths.get(&(table.to_owned(), key.to_owned()));
-    let volume = table == "ct" && path("volume").is_some();
-    let any = keys.iter().any(|k| k.3 || path(k.0).is_some());
+    // a label map shows the bones and stands in place of the scans
+    let volume = table == "ct" && path("volume").is_some() || !filled.labels.is_empty();
+    let any = keys.iter().any(|k| (k.3 && filled.labels.is_empty()) || path(k.0).is_some());
     let _ = writeln!(out, "{words}{}[{table}]", if any { "" } else { "# " });
     for (key, usual, meaning, needed) in keys {
         let (lead, path) = match path(key) {
@@ -91,6 +93,35 @@ fn section(out: &mut String, filled: &Filled, table: &str, words: &str, keys: &[
         let _ = writeln!(out, "{lead}{key} = \"{path}\"   # {meaning}");
     }
 }
+
+/// The table of a label map.
+fn segmentation(out: &mut String, filled: &Filled) {
+    *out += "\n# A living knee: a label map of MRI in place of the scans, and of CT where that is not given. NIfTI, NRRD or MetaImage.\n";
+    let lead = if filled.labels.is_empty() { "# " } else { "" };
+    let path = filled.paths.get(&("segmentation".to_owned(), "labels".to_owned()));
+    let _ = writeln!(out, "{lead}[segmentation]");
+    let _ = writeln!(out, "{lead}labels = \"{}\"", path.map_or("mri/labels.nrrd", String::as_str));
+    for (k, key) in LABELS.into_iter().enumerate() {
+        let _ = match filled.labels.get(key) {
+            Some(label) => writeln!(out, "{key} = {label}"),
+            None => writeln!(out, "# {key} = {}   # a label's number, or a segment's name", k + 1),
+        };
+    }
+}
+
+/// Keys of `[segmentation]`; the first five are needed.
+const LABELS: [&str; 10] = [
+    "femur",
+    "tibia",
+    "femoral_cartilage",
+    "tibial_cartilage_medial",
+    "tibial_cartilage_lateral",
+    "fibula",
+    "patella",
+    "patellar_cartilage",
+    "meniscus_medial",
+    "meniscus_lateral",
+];
 
 /// A table whose keys are names of the owner's.
 fn named(out: &mut String, filled: &Filled, table: &str, words: &str, example: &str) {
