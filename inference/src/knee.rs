@@ -377,7 +377,7 @@ impl Forward for Trials<'_> {
     }
 
     fn starts_anew(&self, number: usize) -> bool {
-        matches!(self.parameters[number].quantity, Quantity::ReferenceStrain(_))
+        matches!(self.parameters[number].quantity, Quantity::ReferenceStrain(_) | Quantity::Site(..))
     }
 
     fn scatter(&self, state: &Answers) -> Option<DMatrix<f64>> {
