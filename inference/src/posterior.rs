@@ -147,6 +147,9 @@ const UNLIKELY: f64 = 6.0;
 /// Modes no further apart than this in any number are one [-].
 const SAME: f64 = 0.3;
 
+/// Of this many samples one is kept, the best, whatever they leave [-].
+const LEAST_KEPT: usize = 4;
+
 /// Infers; `likelihood` is left with the noise as inferred.
 ///
 /// # Errors
@@ -197,7 +200,11 @@ pub fn infer<F: Forward>(
     }
     let modes = modes(likelihood, fits);
     let (samples, spent) = samples(forward, likelihood, &modes, options);
-    let limit = limit(&modes[0], likelihood.measured.len());
+    // an interval of no samples would be of no width: a quarter is kept, however far from a fit
+    let mut ended: Vec<f64> = samples.iter().flatten().map(|s| s.half_sum).collect();
+    ended.sort_by(f64::total_cmp);
+    let least = ended.get((options.samples / LEAST_KEPT).min(ended.len().saturating_sub(1)));
+    let limit = limit(&modes[0], likelihood.measured.len()).max(least.copied().unwrap_or(0.0));
     let wanted = samples.len();
     let samples: Vec<Sample<F::State>> = samples.into_iter().flatten().filter(|s| s.half_sum <= limit).collect();
     let stuck = wanted - samples.len();

@@ -153,3 +153,12 @@ fn readings_that_are_believed_less_widen_the_posterior_as_more_noise_would() {
     };
     assert!((spread(4.0, 0.5) - spread(1.0, 1.0)).amax() < 1e-9);
 }
+
+#[test]
+fn samples_that_all_end_far_from_a_fit_still_make_an_interval() {
+    let toy = toy(40, 6, 0.6, 6);
+    let mut l = likelihood(&toy, &normals(&mut stream(6, 9), 6), 0.01, 6);
+    let options = Options { samples: 40, sample_evaluations: 1, scale_noise: false, ..Options::default() };
+    let found = infer(&toy, &mut l, &[], &options).unwrap();
+    assert!(found.samples.len() >= 10, "{} of 40, {} stuck", found.samples.len(), found.stuck);
+}
