@@ -24,6 +24,8 @@ struct Tally {
     held: usize,
     counted: usize,
     z: Vec<f64>,
+    sds: Vec<f64>,
+    bundle_errors: Vec<f64>,
 }
 
 fn knee(path: &Path, options: &CalibrateOptions) -> Knee {
@@ -76,6 +78,8 @@ fn judge(found: &calibration::session::Outcome, truth: &Forces, tally: &mut Tall
             held += usize::from(inside);
             let sd = (f.upper_n - f.lower_n) / 3.29;
             tally.z.push((v - t) / sd.max(1.0));
+            tally.sds.push(sd);
+            tally.bundle_errors.push(v - t);
             if more && (!inside || (v - t).abs() > 60.0) {
                 println!("    {} {name}: {t:.0}, told {v:.0} ({:.0} to {:.0})", f.trial, f.lower_n, f.upper_n);
             }
@@ -156,12 +160,13 @@ fn main() {
     }
     for (name, t) in &all {
         println!(
-            "{name}: rms {:.1} N, {} of {} intervals hold ({:.0} %), error over sd {:.2}",
+            "{name}: rms {:.1} N, {} of {} intervals hold ({:.0} %), error over sd {:.2}, rms error over rms sd {:.2}",
             rms(&t.errors),
             t.held,
             t.counted,
             100.0 * t.held as f64 / t.counted.max(1) as f64,
-            rms(&t.z)
+            rms(&t.z),
+            rms(&t.bundle_errors) / rms(&t.sds)
         );
     }
 }

@@ -90,6 +90,28 @@ pub struct Trials<'a> {
     pub options: &'a TrialOptions,
     /// Scatter of loads as recorded: VV, IE [N m], ML, AP, SI [N].
     pub load_sd: [f64; 5],
+    /// What the model lacks.
+    pub lack: Lack,
+}
+
+/// What a model lacks of a knee, as loads that nobody applied [kennedy2001]: alike in trials of like flexion and load, whichever data set has them, and
+/// so as large in millimetres as the knee is slack.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lack {
+    /// Standard deviation of those loads: VV, IE [N m], ML, AP, SI [N].
+    pub sd: [f64; 5],
+    /// Flexion over which they change [deg].
+    pub flexion_deg: f64,
+    /// Applied loads over which they change: VV, IE [N m], ML, AP, SI [N].
+    pub load: [f64; 5],
+}
+
+impl Lack {
+    /// How alike it is in two trials [-].
+    fn alike(&self, a: &Asked, b: &Asked) -> f64 {
+        let loads = (0..5).map(|l| ((a.load[l] - b.load[l]) / self.load[l]).powi(2)).sum::<f64>();
+        (-0.5 * (((a.fe_deg - b.fe_deg) / self.flexion_deg).powi(2) + loads)).exp()
+    }
 }
 
 /// An answer to a trial and what moves it.
@@ -105,7 +127,7 @@ pub struct Answer {
     pub forces_n: Vec<f64>,
     /// Derivatives by the parameters: of the coordinates (6 rows), without those by frames.
     coordinates: DMatrix<f64>,
-    /// Covariance of the prediction by the scatter of loads.
+    /// Derivatives of the prediction by the loads: a row a coordinate.
     by_load: [[f64; 5]; 5],
 }
 
@@ -355,15 +377,22 @@ impl Forward for Trials<'_> {
         Some(self.point(found, &steps))
     }
 
+    fn starts_anew(&self, number: usize) -> bool {
+        matches!(self.parameters[number].quantity, Quantity::ReferenceStrain(_) | Quantity::Site(..))
+    }
+
     fn scatter(&self, state: &Answers) -> Option<DMatrix<f64>> {
         let rows = self.rows();
-        let mut out = DMatrix::zeros(rows.len(), rows.len());
-        for (r, &(i, c)) in rows.iter().enumerate() {
-            for (s, _) in rows.iter().enumerate().filter(|(_, row)| row.0 == i) {
-                out[(r, s)] = state[i].by_load[c][rows[s].1];
-            }
-        }
-        Some(out)
+        let n = self.trials.len();
+        let alike = DMatrix::from_fn(n, n, |i, k| self.lack.alike(&self.trials[i], &self.trials[k]));
+        let size = |i: usize, k: usize, l: usize| {
+            let own = if i == k { self.load_sd[l].powi(2) } else { 0.0 };
+            own + alike[(i, k)] * self.lack.sd[l].powi(2)
+        };
+        let of = |(i, c): (usize, usize), (k, d): (usize, usize)| {
+            (0..5).map(|l| state[i].by_load[c][l] * state[k].by_load[d][l] * size(i, k, l)).sum()
+        };
+        Some(DMatrix::from_fn(rows.len(), rows.len(), |r, s| of(rows[r], rows[s])))
     }
 }
 
@@ -396,5 +425,26 @@ impl Trials<'_> {
         }
         let state = found.into_iter().map(|f| f.0).collect();
         Point { reading, slope, belief, belief_slope, state }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_a_model_lacks_is_alike_in_like_trials_and_makes_a_covariance() {
+        let lack = Lack { sd: [1.0; 5], flexion_deg: 25.0, load: [6.0, 3.0, 60.0, 60.0, 60.0] };
+        let at =
+            |ap: f64, fe_deg: f64| Asked { source: None, load: [0.0, 0.0, 0.0, ap, 20.0], fe_deg, reads: [true; 5] };
+        let trials: Vec<Asked> =
+            [-130.0, -60.0, 0.0, 60.0, 130.0].iter().flat_map(|&l| [0.0, 30.0, 90.0].map(|f| at(l, f))).collect();
+        let n = trials.len();
+        let alike = DMatrix::from_fn(n, n, |i, k| lack.alike(&trials[i], &trials[k]));
+        assert!((0..n).all(|i| (alike[(i, i)] - 1.0).abs() < 1e-12));
+        assert!(alike[(0, 1)] > alike[(0, 2)] && alike[(0, 3)] > alike[(0, 6)]);
+        assert!(alike.clone().symmetric_eigenvalues().min() > -1e-12);
+        let other = Asked { source: Some(1), ..trials[0].clone() };
+        assert!((lack.alike(&trials[0], &other) - 1.0).abs() < 1e-12, "whichever data set has them");
     }
 }

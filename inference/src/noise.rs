@@ -19,7 +19,7 @@ pub struct Likelihood {
     pub log_scale_sd: Vec<f64>,
     /// The same of the prior, about 1 [-].
     pub prior_log_sd: f64,
-    /// Residuals beyond this many standard deviations count linearly [huber1964] [-].
+    /// Residuals beyond this many standard deviations count as that many [-].
     pub robust: f64,
     /// Factor on each variance by which an outlier is let go [-].
     outlying: Vec<f64>,
@@ -27,6 +27,8 @@ pub struct Likelihood {
     pub common: DMatrix<f64>,
     /// Covariance beside the noise that does: of loads, say.
     shared: DMatrix<f64>,
+    /// Factor on the whole covariance in fits, not in the inference of the noise [-]: how much less the readings are believed than their scatter says.
+    pub temper: f64,
     factor: Option<Cholesky<f64, Dyn>>,
 }
 
@@ -67,6 +69,7 @@ impl Likelihood {
             outlying: vec![1.0; n],
             common: DMatrix::zeros(n, n),
             shared: DMatrix::zeros(n, n),
+            temper: 1.0,
             factor: None,
         }
     }
@@ -95,6 +98,7 @@ impl Likelihood {
     pub fn prepare(&mut self) -> Result<(), InferenceError> {
         let mut all = &self.shared + &self.common;
         (0..self.sd.len()).for_each(|i| all[(i, i)] += self.variance(i));
+        all *= self.temper;
         self.factor = Some(Cholesky::new(all).ok_or(InferenceError::Covariance)?);
         Ok(())
     }
@@ -132,12 +136,12 @@ impl Likelihood {
         self.factor.as_ref().map_or(0.0, |f| f.l_dirty().diagonal().iter().map(|x| x.ln()).sum())
     }
 
-    /// Lets outliers go as Huber's loss does: residuals beyond `robust` of their standard deviations.
+    /// Lets outliers go: residuals beyond `robust` of their standard deviations count as that many, however far they are [hinich1975].
     fn let_go(&mut self, reading: &DVector<f64>) {
         for i in 0..self.sd.len() {
             let plain = (self.sd[i] * self.scale[self.group[i]]).powi(2);
             let z = (reading[i] - self.measured[i]).abs() / (plain + self.shared[(i, i)] + self.common[(i, i)]).sqrt();
-            self.outlying[i] = (z / self.robust).max(1.0);
+            self.outlying[i] = (z / self.robust).max(1.0).powi(2);
         }
     }
 
@@ -236,5 +240,29 @@ mod tests {
             assert!(likelihood.log_scale_sd[g] < 0.1);
         }
         assert!((likelihood.scale[2] - 1.0).abs() < 1e-9 && (likelihood.log_scale_sd[2] - PRIOR_LOG_SD).abs() < 1e-9);
+    }
+
+    #[test]
+    fn one_jumped_reading_does_not_widen_the_noise_of_its_group() {
+        let scale = |jump: f64| {
+            let mut random = stream(4, 0);
+            let n = 40;
+            let mut measured = DVector::from_fn(n, |_, _| crate::random::normal(&mut random));
+            measured[7] += jump;
+            let mut likelihood = Likelihood::independent(measured, vec![1.0; n], vec![0; n]);
+            let none = DMatrix::zeros(n, 1);
+            let at = Linear {
+                reading: DVector::zeros(n),
+                slope: none,
+                belief: DVector::zeros(0),
+                belief_slope: DMatrix::zeros(0, 1),
+                z: DVector::zeros(1),
+            };
+            (0..3).for_each(|_| likelihood.infer_scales(&at, true).unwrap());
+            likelihood.scale[0]
+        };
+        // counted as three deviations however far it is
+        assert!((scale(30.0) / scale(300.0) - 1.0).abs() < 1e-3);
+        assert!(scale(30.0) / scale(0.0) < 1.15, "{} {}", scale(30.0), scale(0.0));
     }
 }

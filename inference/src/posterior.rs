@@ -1,7 +1,8 @@
 //! The posterior: modes by least squares from many starts, their evidence, samples.
 //!
 //! Samples by randomised maximum likelihood [oliver1996]: each is the fit to measurements shifted by their noise, under a prior whose centre is drawn
-//! from the prior. For a linear model these are exact; here a parameter that the data do not touch stays where the prior drew it.
+//! from the prior. For a linear model these are exact; here a parameter that the data do not touch stays where the prior drew it. A fit may start from the
+//! sample's own draw ([`Forward::starts_anew`]): so samples reach modes that no start has found, of two bundles either one taut.
 
 use crate::error::InferenceError;
 use crate::least_squares::{Least, Quadratic, Stop, descend};
@@ -46,6 +47,10 @@ pub trait Forward: Sync {
     fn size(&self) -> usize;
     /// The answer at a point, from another close by where there is one; `None` where it has none.
     fn at(&self, z: &DVector<f64>, near: Option<(&DVector<f64>, &Self::State)>) -> Option<Point<Self::State>>;
+    /// Whether a sample's fit starts from its own draw of a number, not from a mode's.
+    fn starts_anew(&self, _number: usize) -> bool {
+        false
+    }
     /// Covariance that readings share about a point, beside their noise.
     fn scatter(&self, _state: &Self::State) -> Option<DMatrix<f64>> {
         None
@@ -85,8 +90,8 @@ impl Default for Options {
             evaluations: 20,
             rounds: 2,
             scale_noise: true,
-            samples: 64,
-            sample_evaluations: 10,
+            samples: 48,
+            sample_evaluations: 14,
             seed: 0,
         }
     }
@@ -136,11 +141,14 @@ pub struct Found<S> {
 /// Fall of the log probability at which a fit has converged [-].
 const FALL: f64 = 0.02;
 /// The same of a sample [-].
-const SAMPLE_FALL: f64 = 0.1;
+const SAMPLE_FALL: f64 = 0.5;
 /// Modes less likely than the best by this much (natural logarithm) are not sampled.
 const UNLIKELY: f64 = 6.0;
 /// Modes no further apart than this in any number are one [-].
 const SAME: f64 = 0.3;
+
+/// Of this many samples one is kept, the best, whatever they leave [-].
+const LEAST_KEPT: usize = 4;
 
 /// Infers; `likelihood` is left with the noise as inferred.
 ///
@@ -160,9 +168,14 @@ pub fn infer<F: Forward>(
     let mut starts: Vec<DVector<f64>> = given.to_vec();
     starts.push(DVector::zeros(n));
     starts.extend((0..options.starts).map(|s| normals(&mut stream(options.seed, 1 + s as u64), n)));
+    // what readings share does not depend much on where: better from the start than not at all
+    if let Some(shared) = starts.iter().find_map(|z| forward.scatter(&forward.at(z, None)?.state)) {
+        likelihood.share(shared);
+        likelihood.prepare()?;
+    }
     let stop = Stop { evaluations: options.first_evaluations, fall: FALL };
     let fits: Vec<Option<Least<F::State>>> =
-        starts.par_iter().map(|z| fit(forward, likelihood, (z, None), &Shift::none(n), stop)).collect();
+        starts.par_iter().map(|z| fit(forward, likelihood, (z, z, None), &Shift::none(n), stop)).collect();
     let mut evaluations: usize = fits.iter().flatten().map(|f| f.evaluations).sum();
     let values = fits.iter().map(|f| f.as_ref().map_or(f64::INFINITY, |f| f.form.value)).collect();
     let mut fits: Vec<Least<F::State>> = fits.into_iter().flatten().collect();
@@ -174,7 +187,7 @@ pub fn infer<F: Forward>(
         fits.sort_by(|a, b| a.form.value.total_cmp(&b.form.value));
         fits.truncate(options.finalists);
         let again = fits.par_iter().map(|f| {
-            let near = (&f.z, Some(&f.state));
+            let near = (&f.z, &f.z, Some(&f.state));
             fit(forward, likelihood, near, &Shift::none(n), stop)
         });
         let again: Vec<Option<Least<F::State>>> = again.collect();
@@ -187,7 +200,11 @@ pub fn infer<F: Forward>(
     }
     let modes = modes(likelihood, fits);
     let (samples, spent) = samples(forward, likelihood, &modes, options);
-    let limit = limit(&modes[0], likelihood.measured.len());
+    // an interval of no samples would be of no width: a quarter is kept, however far from a fit
+    let mut ended: Vec<f64> = samples.iter().flatten().map(|s| s.half_sum).collect();
+    ended.sort_by(f64::total_cmp);
+    let least = ended.get((options.samples / LEAST_KEPT).min(ended.len().saturating_sub(1)));
+    let limit = limit(&modes[0], likelihood.measured.len()).max(least.copied().unwrap_or(0.0));
     let wanted = samples.len();
     let samples: Vec<Sample<F::State>> = samples.into_iter().flatten().filter(|s| s.half_sum <= limit).collect();
     let stuck = wanted - samples.len();
@@ -234,13 +251,14 @@ impl Shift {
 fn fit<F: Forward>(
     forward: &F,
     likelihood: &Likelihood,
-    (start, near): (&DVector<f64>, Option<&F::State>),
+    (start, close, near): (&DVector<f64>, &DVector<f64>, Option<&F::State>),
     shift: &Shift,
     stop: Stop,
 ) -> Option<Least<F::State>> {
     let evaluate = |z: &DVector<f64>, last: Option<(&DVector<f64>, &F::State)>| {
-        let from = last.or(near.map(|s| (start, s)));
-        let point = forward.at(z, from)?;
+        let from = last.or(near.map(|s| (close, s)));
+        // far from what is close by there may be an answer all the same
+        let point = forward.at(z, from).or_else(|| if last.is_none() { forward.at(z, None) } else { None })?;
         let form = likelihood.form(&linear(&point, z), &shift.centre, shift.noise.as_ref());
         form.value.is_finite().then_some((form, point.state))
     };
@@ -304,7 +322,10 @@ fn samples<F: Forward>(
                 return (None, 0);
             }
             let shift = Shift { centre, noise: Some(noise) };
-            let found = fit(forward, &own, (&modes[mode].z, Some(&modes[mode].state)), &shift, stop);
+            let near = &modes[mode];
+            let start =
+                DVector::from_fn(near.z.len(), |k, _| if forward.starts_anew(k) { shift.centre[k] } else { near.z[k] });
+            let found = fit(forward, &own, (&start, &near.z, Some(&near.state)), &shift, stop);
             let spent = found.as_ref().map_or(1, |f| f.evaluations);
             (found.map(|f| Sample { z: f.z, state: f.state, mode, half_sum: f.form.value }), spent)
         })

@@ -69,9 +69,7 @@ impl Trials<'_> {
             slopes.coordinates.set_column(k, &column.2);
         }
         let loads = s.pose.columns(0, 5);
-        let by_load = std::array::from_fn(|c| {
-            std::array::from_fn(|d| (0..5).map(|l| loads[(c, l)] * loads[(d, l)] * self.load_sd[l].powi(2)).sum())
-        });
+        let by_load = std::array::from_fn(|c| std::array::from_fn(|l| loads[(c, l)]));
         let answer = Answer {
             q: found.state.q,
             pressed: force,

@@ -107,3 +107,58 @@ fn one_thread_and_several_give_the_same_bytes() {
     };
     assert_eq!(run(1), run(3));
 }
+
+/// One number whose square is read: two modes that the readings cannot tell apart.
+struct Square {
+    anew: bool,
+}
+
+impl Forward for Square {
+    type State = ();
+    fn size(&self) -> usize {
+        1
+    }
+    fn at(&self, z: &DVector<f64>, _: Option<(&DVector<f64>, &())>) -> Option<Point<()>> {
+        let (reading, slope) = (DVector::from_element(1, z[0] * z[0]), DMatrix::from_element(1, 1, 2.0 * z[0]));
+        Some(Point { reading, slope, belief_slope: DMatrix::zeros(0, 1), ..Point::default() })
+    }
+    fn starts_anew(&self, _: usize) -> bool {
+        self.anew
+    }
+}
+
+#[test]
+fn samples_that_start_from_their_own_draws_reach_a_mode_that_no_start_found() {
+    let above = |anew: bool| {
+        let mut l = Likelihood::independent(DVector::from_element(1, 1.0), vec![0.1], vec![0]);
+        let options = Options { starts: 0, scale_noise: false, samples: 200, ..Options::default() };
+        let given = [DVector::from_element(1, 0.9)];
+        let found = infer(&Square { anew }, &mut l, &given, &options).unwrap();
+        assert!(found.samples.len() > 100);
+        found.samples.iter().filter(|s| s.z[0] > 0.0).count() as f64 / found.samples.len() as f64
+    };
+    assert!(above(false) > 0.99, "{}", above(false));
+    assert!((above(true) - 0.5).abs() < 0.15, "{}", above(true));
+}
+
+#[test]
+fn readings_that_are_believed_less_widen_the_posterior_as_more_noise_would() {
+    let spread = |temper: f64, sd: f64| {
+        let toy = toy(12, 6, 0.0, 5);
+        let mut l = likelihood(&toy, &normals(&mut stream(5, 9), 6), 0.5, 5);
+        l.sd.fill(sd);
+        (l.robust, l.temper) = (1e9, temper);
+        let found = infer(&toy, &mut l, &[], &Options { scale_noise: false, ..Options::default() }).unwrap();
+        found.modes[0].form.hessian.clone()
+    };
+    assert!((spread(4.0, 0.5) - spread(1.0, 1.0)).amax() < 1e-9);
+}
+
+#[test]
+fn samples_that_all_end_far_from_a_fit_still_make_an_interval() {
+    let toy = toy(40, 6, 0.6, 6);
+    let mut l = likelihood(&toy, &normals(&mut stream(6, 9), 6), 0.01, 6);
+    let options = Options { samples: 40, sample_evaluations: 1, scale_noise: false, ..Options::default() };
+    let found = infer(&toy, &mut l, &[], &options).unwrap();
+    assert!(found.samples.len() >= 10, "{} of 40, {} stuck", found.samples.len(), found.stuck);
+}
