@@ -38,7 +38,8 @@ pub struct TrialOptions {
     pub flexion_deg: [f64; 2],
     /// ML or SI further than this from the CT pose is a dislocation [mm]; the joint limits of the cost.
     pub dislocation_mm: f64,
-    /// AP further than this from the CT pose is a dislocation [mm]; ours: three quarters of the depth of a plateau (38 mm in Specimen 1).
+    /// AP further than this from the CT pose is a dislocation [mm]; ours: half the depth of a plateau (38 mm in Specimen 1), so that a contact which was in
+    /// its middle has come to its rim. The paper calls AP of 21.6 and 23.1 mm dislocated, of 8.1 mm not [andreassen2025, table 6].
     pub dislocation_ap_mm: f64,
     /// A centre of pressure nearer than this to the front, back or side of its tibial patch is a dislocation [mm]; ours.
     pub rim_mm: f64,
@@ -58,7 +59,7 @@ impl Default for TrialOptions {
             increments: [1, 12, 2],
             flexion_deg: [-30.0, 160.0],
             dislocation_mm: 20.0,
-            dislocation_ap_mm: 28.0,
+            dislocation_ap_mm: 19.0,
             rim_mm: 1.0,
             solver: SolverOptions::default(),
         }
