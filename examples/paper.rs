@@ -49,14 +49,14 @@ fn run(shared: &Path, builds: Option<&Path>, check: bool) -> Result<String, Buil
             ))),
         };
     }
-    let second = match builds {
+    let (second, more) = match builds {
         Some(builds) => paper::calibrated_part(builds, shared)?,
-        None => old_second.to_owned(),
+        None => (old_second.to_owned(), vec![]),
     };
     let page = if second.trim().is_empty() { first } else { first + paper::BUILDS + &second };
     store::write(Path::new(paper::PAGE), page.as_bytes())?;
-    for (name, svg) in drawn {
-        store::write(&Path::new("docs/pictures").join(name), svg.as_bytes())?;
+    for (name, bytes) in drawn.into_iter().chain(more) {
+        store::write(&Path::new("docs/pictures").join(name), &bytes)?;
     }
     Ok(format!("{} is written\n", paper::PAGE))
 }

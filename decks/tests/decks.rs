@@ -158,9 +158,9 @@ proptest! {
 /// The made deck as it is read back.
 fn made() -> ImportedDeck {
     let (spec, meshes) = knee();
-    let deck = export(&spec, &meshes).unwrap();
+    let deck = export(&spec, &meshes).expect("a deck");
     let main = deck.mains[0].clone();
-    read_back(&deck.files.into_iter().collect(), &main).unwrap()
+    read_back(&deck.files.into_iter().collect(), &main).expect("it is read back")
 }
 
 #[test]

@@ -1,21 +1,21 @@
 //! docs/paper.md: the paper's tables beside ours, from its own parameters on its own knee, and from our calibrations in finished builds.
 
+mod calibrated;
+mod cost;
+mod picture;
+
+pub use calibrated::calibrated_part;
+
 use crate::error::BuildError;
 use crate::import::{ImportArgs, imported};
-use crate::{calibrate, model_file, store};
-use calibration::cost::{CostFunction, CostOptions};
 use calibration::design::Design;
-use calibration::targets::{TargetOptions, TargetSet, targets};
-use sim::laxity::Test;
 use sim::mesh::MeshValue;
 use sim::protocols::ProtocolOptions;
 use sim::spec::ModelSpec;
-use sim::trials::{TrialOptions, solve_trials};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use validation::paper::{self, AtPose, Scores};
-use validation::tables::cost_table;
 use validation::validate::{Source, compare};
 use validation::{figures, published};
 
@@ -31,6 +31,8 @@ const SPECIMEN: &str = "S192803";
 const SOURCES: [&str; 2] = ["kla", "rks"];
 
 type Meshes = BTreeMap<String, MeshValue>;
+/// A picture's file name in docs/pictures and its bytes.
+pub type Drawn = (String, Vec<u8>);
 
 /// The published deck with the fibres of the models that the paper calibrated; `lowered`: the plateaus, medial and lateral [mm].
 fn deck(shared: &Path, lowered: [f64; 2]) -> Result<(ModelSpec, Meshes), BuildError> {
@@ -84,7 +86,7 @@ pub fn knee(shared: &Path, lowered: [f64; 2], tilted_deg: f64) -> Result<Knee, B
     let (spec, mut meshes) = deck(shared, lowered)?;
     tilt_lateral(&spec, &mut meshes, tilted_deg);
     let specs = [table4(SPECIMEN, "kla", &spec)?, table4(SPECIMEN, "rks", &spec)?];
-    let sources = both(SPECIMEN, &specs, &meshes)?;
+    let sources = both(SPECIMEN, specs.each_ref().map(|spec| (spec, &meshes)))?;
     Ok(Knee { specs, meshes, sources })
 }
 
@@ -100,10 +102,10 @@ fn tilt_lateral(spec: &ModelSpec, meshes: &mut Meshes, deg: f64) {
     }
 }
 
-/// Both models of a knee under the protocols.
-fn both(specimen: &str, specs: &[ModelSpec; 2], meshes: &Meshes) -> Result<Vec<Source>, BuildError> {
+/// Both models of a knee under the protocols, each with its meshes.
+fn both(specimen: &str, models: [(&ModelSpec, &Meshes); 2]) -> Result<Vec<Source>, BuildError> {
     let mut out = Vec::new();
-    for (name, spec) in SOURCES.iter().zip(specs) {
+    for (name, (spec, meshes)) in SOURCES.iter().zip(models) {
         let model = sim::compile(spec, meshes).map_err(fault)?;
         let simulated = Source::simulated(name, spec, &model, &protocols());
         out.push(simulated.map_err(|e| fault(format!("{specimen} {name}: {e}")))?.0);
@@ -127,10 +129,10 @@ fn summary(s: &Scores) -> Vec<String> {
     ]
 }
 
-/// From the published parameters, `shared` being the folder of the published data: the page's first part, and figures 7 and 8 as SVG by name.
+/// From the published parameters, `shared` being the folder of the published data: the page's first part and its pictures.
 ///
 /// Errors: published data that are not there, no rest.
-pub fn published_part(shared: &Path) -> Result<(String, Vec<(&'static str, String)>), BuildError> {
+pub fn published_part(shared: &Path) -> Result<(String, Vec<Drawn>), BuildError> {
     let mut text = format!(
         "# The paper's tables beside ours\n\n\
         Written by `cargo run --release --example paper`; with `--check` it fails where this page is older than the program. Every cell reads: ours (the paper's). \
@@ -170,18 +172,40 @@ pub fn published_part(shared: &Path) -> Result<(String, Vec<(&'static str, Strin
     text += &tables(sources);
     text += "\n![Figure 7](pictures/paper-figure7.svg)\n\n![Figure 8](pictures/paper-figure8.svg)\n";
     text += &at_poses(shared, knee)?;
-    text += &costs(shared, knee)?;
-    let drawn =
-        vec![("paper-figure7.svg", figures::figure7(sources)), ("paper-figure8.svg", figures::figure8(sources, &[]))];
+    let (costs, mut drawn) = cost::costs(shared, knee)?;
+    text += &costs;
+    let name = "paper-attachments.png";
+    text += &format!("\n## Attachments\n\n{}\n\n![Fibres on the published knee](pictures/{name})\n", picture::WORDS);
+    drawn.push((name.to_owned(), picture::fibres(&knee.specs[0], &knee.meshes)?));
+    for (name, svg) in [("7", figures::figure7(sources)), ("8", figures::figure8(sources, &[]))] {
+        drawn.push((format!("paper-figure{name}.svg"), svg.into_bytes()));
+    }
     Ok((text, drawn))
+}
+
+/// The largest step of AP between neighbouring poses of passive flexion, in words.
+fn slack(sources: &[Source]) -> String {
+    let steps = sources.iter().flat_map(|s| {
+        s.passive_flexion
+            .windows(2)
+            .map(|w| (s.name.as_str(), w[0].pose.ap_mm - w[1].pose.ap_mm, &w[0].pose, &w[1].pose))
+    });
+    let largest = steps.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()));
+    largest.map_or(String::new(), |(name, _, a, b)| {
+        format!(
+            "Unloaded AP lies in a slack zone, so passive flexion goes where the plateau lets it: the largest step is {name}'s, from {:.1} mm at {:.0} deg to {:.1} mm at {:.0} deg.\n",
+            a.ap_mm, a.fe_deg, b.ap_mm, b.fe_deg
+        )
+    })
 }
 
 /// Sections 3.2 to 3.4 of one knee.
 fn tables(sources: &[Source]) -> String {
     format!(
-        "\n## Sections 3.2 to 3.4 in its own words\n\n{}\n## Table 5: ligament forces under 133 N [N]\n\n{}\n## Table 6: the simulated pivot shift\n\n{}\n\
+        "\n## Sections 3.2 to 3.4 in its own words\n\n{}\n{}\n## Table 5: ligament forces under 133 N [N]\n\n{}\n## Table 6: the simulated pivot shift\n\n{}\n\
         ## Table 7: ligament forces in it [N]\n\n{}\n## Figures 7 and 8\n\n{}",
         list(&paper::sentences(sources, &compare(sources, &[]))),
+        slack(sources),
         paper::table5(sources),
         paper::table6(sources),
         paper::table7(sources),
@@ -260,80 +284,4 @@ fn unrounded(shared: &Path, source: &str, spec: &ModelSpec) -> Result<ModelSpec,
         }
     }
     Ok(out)
-}
-
-/// The supplement's spreadsheet: what the cost of one evaluation is made of.
-fn costs(shared: &Path, knee: &Knee) -> Result<String, BuildError> {
-    let mut text = "\n## The cost of one evaluation\n\n\
-        Table 4's parameters against the measured laxity of Specimen 1, by group, as the spreadsheet of the paper's supplement: error is the 75th percentile over the group's trials; \
-        cost = weight x error / range. A worked example: [cost](theory/cost.md). KLA's trials stand at the flexion that was measured, where the decks flexed 6 deg less.\n"
-        .to_owned();
-    for ((name, spec), set) in SOURCES.iter().zip(&knee.specs).zip([TargetSet::Kla, TargetSet::Rks]) {
-        let path = shared.join(format!("specimens/{SPECIMEN}/laxity/{name}.csv"));
-        let (trials, _) = calibrate::read_laxity(&path.display().to_string(), &store::read(&path)?)?;
-        let options = TargetOptions { set, ..TargetOptions::default() };
-        let trials =
-            targets(&trials, &spec.frames.gs_ct_pose, &CostOptions::default(), &options).map_err(fault)?.trials;
-        let cost = CostFunction::new(&trials, &spec.frames.gs_ct_pose, &CostOptions::default()).map_err(fault)?;
-        let model = sim::compile(spec, &knee.meshes).map_err(fault)?;
-        let answers = solve_trials(&model, &trials, &TrialOptions::default());
-        let predicted: Vec<Option<[f64; 5]>> =
-            answers.iter().map(|a| a.as_ref().ok().map(sim::trials::Answer::predicted)).collect();
-        let total = cost.cost(&predicted).value;
-        let table = cost_table(&cost, &predicted).markdown();
-        let body = table.split_once("\n\n").map_or(table.as_str(), |(_, body)| body);
-        let _ = write!(text, "\n**{}**, {} trials, cost {total:.0}:\n\n{body}", name.to_uppercase(), trials.len());
-    }
-    Ok(text)
-}
-
-/// From our own calibrations in finished builds called as their specimens: the page's second part.
-///
-/// Errors: a build that is not there or not finished, no rest.
-pub fn calibrated_part(builds: &Path, shared: &Path) -> Result<String, BuildError> {
-    let mut text = "\nModels built from CT, scans and marks, calibrated here to the same data, then put to the same protocols (150 N, 30.9, 60.8, 90.7 deg). S192803's laxity is measured; \
-        S193761's is synthetic, so its KLA and RKS data agree by construction, and its ligaments are not the paper's: of Tables 5 to 7 its rows tell how far two knees are apart, not how well the paper is met.\n"
-        .to_owned();
-    for id in [SPECIMEN, "S193761"] {
-        let base = model_file::load(&builds.join(id).join("09-assemble"))?;
-        let mut specs = Vec::new();
-        for name in SOURCES {
-            specs.push(model_file::load(&builds.join(id).join("10-calibrate").join(name))?.spec);
-        }
-        let specs: [ModelSpec; 2] = specs.try_into().map_err(|_| fault("two calibrations were expected"))?;
-        let sources = both(id, &specs, &base.meshes)?;
-        let title = published::title(id).unwrap_or(id);
-        let _ = writeln!(text, "\n## {title}, {id}\n");
-        if id == SPECIMEN {
-            text += &measured(shared)?;
-        }
-        let body = tables(&sources).replace("\n## ", "\n### ");
-        let own = [table4(id, "kla", &base.spec)?, table4(id, "rks", &base.spec)?];
-        let theirs = both(id, &own, &base.meshes).map(|s| summary(&paper::scores(&s)).join("; "));
-        let _ = write!(
-            text,
-            "Table 5 RMS N; Table 6 RMS; directions; Table 7 RMS N; intact ACL less the paper's N:\n\n- our calibrations: {}\n- Table 4's parameters on this build: {}\n{body}",
-            summary(&paper::scores(&sources)).join("; "),
-            theirs.unwrap_or_else(|e| format!("no answer ({e})"))
-        );
-    }
-    Ok(text)
-}
-
-/// What the data of both machines say of the same drawer.
-fn measured(shared: &Path) -> Result<String, BuildError> {
-    let mut text = "The data themselves: AP under the largest anterior load\n\n| data | flexion deg | load N | AP mm |\n|---|---|---|---|\n".to_owned();
-    for name in SOURCES {
-        let path = shared.join(format!("specimens/{SPECIMEN}/laxity/{name}.csv"));
-        let (trials, _) = calibrate::read_laxity(&path.display().to_string(), &store::read(&path)?)?;
-        for fe in [30.0, 90.0] {
-            let of = trials.iter().filter(|t| t.test == Test::Anterior && (t.nominal_flexion_deg - fe).abs() < 0.5);
-            if let Some(t) = of.max_by(|a, b| a.load[3].total_cmp(&b.load[3])) {
-                let _ =
-                    writeln!(text, "| {name} | {fe} | {:.0} | {:.1} |", t.load[3], t.measured[3].unwrap_or(f64::NAN));
-            }
-        }
-    }
-    text += "\nSo KLA and RKS differ by up to 9 mm in one drawer as measured; models that follow their data differ as much.\n\n";
-    Ok(text)
 }

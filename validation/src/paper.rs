@@ -75,8 +75,11 @@ fn pivot(s: &Source, acl: bool) -> Option<[(f64, f64); 9]> {
     Some(pairs(s.groups(s.pivot_end(acl)?), &theirs.forces_n))
 }
 
+/// A row of Table 5: test, flexion, ours and the paper's forces.
+type Drawer = (Test, f64, [(f64, f64); 9]);
+
 /// All rows of Table 5 that a source has.
-pub(crate) fn drawers(s: &Source) -> Vec<(Test, f64, [(f64, f64); 9])> {
+pub(crate) fn drawers(s: &Source) -> Vec<Drawer> {
     let mut out = Vec::new();
     for test in [Test::Anterior, Test::Posterior] {
         for fe in s.ap_flexions() {

@@ -41,8 +41,11 @@ pub fn mean(values: &[f64]) -> Option<f64> {
     (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
 }
 
+/// A model's knee, its data and its numbered design values.
+pub type Set<'a> = (&'a str, &'a str, Vec<(u32, f64)>);
+
 /// Mean difference [%] between models of one knee (false) or between knees with the same data (true), over all such pairs in the order given.
-pub fn mean_difference(sets: &[(&str, &str, Vec<(u32, f64)>)], kind: Group, between_knees: bool) -> Option<f64> {
+pub fn mean_difference(sets: &[Set], kind: Group, between_knees: bool) -> Option<f64> {
     let mut all = Vec::new();
     for (i, (knee, data, a)) in sets.iter().enumerate() {
         for (other, others, b) in &sets[i + 1..] {
