@@ -49,7 +49,7 @@ fn main() -> Result<(), String> {
                 return Ok(());
             }
             let out = std::env::temp_dir().join(format!("genu-bench-{}", std::process::id()));
-            model_file::import_abaqus(&deck, &out).map_err(|e| e.to_string())?;
+            genu::import::import_abaqus(&genu::import::ImportArgs::of(&deck, &out)).map_err(|e| e.to_string())?;
             compiled(&out)?
         }
     };

@@ -20,9 +20,11 @@ pub mod keyword;
 mod ligaments;
 pub mod model;
 mod steps;
+mod variant;
 
 pub use export::{ExportedDeck, export};
 pub use import::{ImportedDeck, import};
+pub use variant::{lower_cartilage, replace_fibres};
 
 /// What is wrong with a deck: file, line, what was expected.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]

@@ -24,6 +24,11 @@ const NAMES: [(&str, &str); 14] = [
     ("pcapm", "PCAP_M"),
     ("pcapl", "PCAP_L"),
 ];
+/// Table 3's name of a deck's bundle in small letters.
+pub(super) fn bundle_name(stem: &str) -> Option<String> {
+    NAMES.iter().find(|(deck, ours)| *deck == stem || ours.to_lowercase() == stem).map(|(_, ours)| (*ours).to_owned())
+}
+
 /// Toe strain where the deck states none [-].
 const TOE_STRAIN: f64 = 0.03;
 

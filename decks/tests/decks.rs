@@ -1,6 +1,6 @@
 //! Decks made here: a right knee with both laws goes out and comes back; mutated decks are refused, never a panic.
 
-use decks::{ImportedDeck, export, import};
+use decks::{ImportedDeck, export, import, lower_cartilage, replace_fibres};
 use meshes::frame::{AnatomicalFrame, Side};
 use meshes::shapes::icosphere;
 use meshes::{Isometry, Point, Vector};
@@ -153,4 +153,55 @@ proptest! {
             Err(error) => prop_assert!(!error.message.is_empty()),
         }
     }
+}
+
+/// The made deck as it is read back.
+fn made() -> ImportedDeck {
+    let (spec, meshes) = knee();
+    let deck = export(&spec, &meshes).expect("a deck");
+    let main = deck.mains[0].clone();
+    read_back(&deck.files.into_iter().collect(), &main).expect("it is read back")
+}
+
+#[test]
+fn fibres_of_a_variant_take_the_place_of_the_decks() {
+    let deck = made();
+    let mut rows = vec!["geometry,bundle,femur_x,femur_y,femur_z,tibia_x,tibia_y,tibia_z,L_ref,A_EREF,A_K2".to_owned()];
+    for b in &deck.spec.bundles {
+        rows.push(format!("one,{},1,2,3,4,5,6,33.5,1.1,77", b.name));
+        rows.push(format!("two,{},0,0,0,0,0,0,1,1,1", b.name));
+    }
+    let table = rows.join("\n");
+    let mut other = deck.clone();
+    replace_fibres(&mut other, &table, "one", Some("A")).unwrap();
+    assert_eq!(other.spec.fibres.len(), deck.spec.bundles.len());
+    assert!(other.spec.fibres.iter().all(|f| f.femur == Point::new(1.0, 2.0, 3.0)));
+    let known = |b: &BundleSpec| (b.reference_length_mm, b.reference_strain, b.stiffness_n_per_mm) == (33.5, 1.1, 77.0);
+    assert!(other.spec.bundles.iter().all(known) && other.warnings.last().unwrap().contains("variant one"));
+    replace_fibres(&mut other, &table, "two", None).unwrap();
+    assert!(other.spec.bundles.iter().all(|b| (b.reference_length_mm, b.reference_strain) == (1.0, 1.1)));
+    let refuse = |table: &str, variant: &str, p: Option<&str>| {
+        replace_fibres(&mut deck.clone(), table, variant, p).unwrap_err().to_string()
+    };
+    assert!(refuse(&table, "three", None).contains("there are: one, two"));
+    assert!(refuse(&table, "one", Some("B")).contains("no column B_EREF"));
+    assert!(refuse(&table.replace(",77", ",x"), "one", Some("A")).contains("A_K2 is \"x\""));
+    assert!(refuse(&rows[..2].join("\n"), "one", None).contains("has no fibre of"));
+    assert!(refuse(&table.replace(",LCL,", ",none,"), "one", None).contains("is not in the deck"));
+}
+
+#[test]
+fn a_tibial_cartilage_is_lowered_along_the_tibia() {
+    let deck = made();
+    let mut lowered = deck.clone();
+    lower_cartilage(&mut lowered, "tibia_medial", 2.0).unwrap();
+    let top = |d: &ImportedDeck| match &d.meshes["meshes/articular_tibia_medial.ply"] {
+        MeshValue::Surface(m) => m.vertices[0],
+        _ => panic!("a surface"),
+    };
+    let moved = top(&lowered) - top(&deck);
+    assert!((moved + 2.0 * deck.spec.frames.tibia.superior).norm() < 1e-9, "{moved:?}");
+    assert!(lower_cartilage(&mut lowered, "tibia_nowhere", 1.0).unwrap_err().to_string().contains("tibia_medial"));
+    assert!(lower_cartilage(&mut lowered, "femur", 1.0).is_err());
+    assert!(lower_cartilage(&mut lowered, "tibia_medial", f64::NAN).is_err());
 }

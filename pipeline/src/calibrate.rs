@@ -22,6 +22,7 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use validation::figures::{figure5, figure6};
+use validation::tables::cost_table;
 
 /// The file in which an interrupted calibration is kept.
 const CHECKPOINT: &str = "checkpoint.cbor";
@@ -291,15 +292,16 @@ pub fn calibrate_all(
     Ok(out)
 }
 
-/// Tables of a calibration, and figures 5 and 6 for its targets.
+/// Tables of a calibration, what its cost is made of, and figures 5 and 6 for its targets.
 fn files_of(outcome: &Outcome, cost: &CostOptions) -> Vec<(String, Vec<u8>)> {
-    let figure6 = CostFunction::new(&outcome.trials, &outcome.spec.frames.gs_ct_pose, cost)
-        .map(|c| figure6("calibrated", &c, &outcome.found.predicted))
-        .unwrap_or_default();
     let figure5 = figure5(&[("targets".to_owned(), outcome.trials.clone())]);
-    let figures = [("figure5.svg", figure5), ("figure6.svg", figure6)];
+    let mut texts = vec![("figure5.svg", figure5)];
+    if let Ok(c) = CostFunction::new(&outcome.trials, &outcome.spec.frames.gs_ct_pose, cost) {
+        texts.push(("figure6.svg", figure6("calibrated", &c, &outcome.found.predicted)));
+        texts.push(("cost.csv", cost_table(&c, &outcome.found.predicted).csv()));
+    }
     let mut files = reports::files(outcome);
-    files.extend(figures.map(|(name, text)| (name.to_owned(), text.into_bytes())));
+    files.extend(texts.into_iter().map(|(name, text)| (name.to_owned(), text.into_bytes())));
     files
 }
 

@@ -9,12 +9,12 @@ use crate::cohort::{self, CohortArgs};
 use crate::diagnose::{self, DiagnoseArgs};
 use crate::error::BuildError;
 use crate::exports::{self, Format};
+use crate::import::{self, ImportArgs};
 use crate::output::{self, Asked};
 use crate::simulate::SimulateArgs;
 use crate::validate::ValidateArgs;
 use crate::{
-    calibrate, fetch, init, inspect, manual, model_file, open, option_docs, phantom, report, run, schema, simulate,
-    store, validate,
+    calibrate, fetch, init, inspect, manual, open, option_docs, phantom, report, run, schema, simulate, store, validate,
 };
 use clap::error::ErrorKind;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
@@ -126,13 +126,7 @@ enum Verb {
         patience: u64,
     },
     /// Turn a published Abaqus knee deck into a model
-    ImportAbaqus {
-        /// The main input file
-        deck: PathBuf,
-        /// Folder for model.json and its meshes
-        #[arg(long)]
-        out: PathBuf,
-    },
+    ImportAbaqus(ImportArgs),
     /// Write a model as another program reads it
     Export {
         /// model.json, or the folder of a build
@@ -288,7 +282,7 @@ fn answer_verb(verb: Verb) -> Result<String, BuildError> {
             if build { run::run(&BuildArgs::of(dir)) } else { Ok(wrote) }
         }
         Verb::Fetch { id, dir, mirror, patience } => fetch::fetch(&id, &dir, mirror.as_deref(), patience),
-        Verb::ImportAbaqus { deck, out } => model_file::import_abaqus(&deck, &out),
+        Verb::ImportAbaqus(args) => import::import_abaqus(&args),
         Verb::Export { model, format, poses, out } => exports::export(&model, format, poses.as_deref(), &out),
         Verb::Simulate(args) => simulate::simulate(&args),
         Verb::Calibrate(args) => calibrate::calibrate(&args),

@@ -130,27 +130,3 @@ pub fn digest(model: &LoadedModel) -> String {
     }
     hasher.finalize().to_hex().to_string()
 }
-
-/// `import-abaqus`: a deck becomes a model in `out`.
-pub fn import_abaqus(deck: &Path, out: &Path) -> Result<String, BuildError> {
-    let folder = deck.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let main = deck.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-    let mut read = |name: &str| store::read_beside(folder, name).map_err(|e| e.to_string());
-    let imported = decks::import(&main, &mut read).map_err(|e| BuildError::File(e.to_string()))?;
-    let files = imported.files().map_err(|e| BuildError::File(e.to_string()))?;
-    store::write_all(out, &files)?;
-    let mut text = warned(&imported.warnings);
-    text += &format!(
-        "{}: {} fibres in {} bundles, {} contact pairs\nThe model is {}\n",
-        imported.spec.id,
-        imported.spec.fibres.len(),
-        imported.spec.bundles.len(),
-        imported.spec.contact.pairs.len(),
-        out.join("model.json").display()
-    );
-    Ok(text)
-}
-
-fn warned(warnings: &[String]) -> String {
-    warnings.iter().map(|w| format!("warning: {w}\n")).collect()
-}

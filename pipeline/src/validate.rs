@@ -57,22 +57,18 @@ pub fn validate(args: &ValidateArgs) -> Result<String, BuildError> {
         .collect::<Result<Vec<_>, _>>()?;
     let mut models = Vec::new();
     for (name, path) in args.models.iter().flat_map(|text| models_of(text)) {
-        if models.iter().any(|(n, _): &(String, _)| *n == name) {
+        let model = model_file::load(&path)?;
+        if models.iter().any(|(n, m): &(String, model_file::LoadedModel)| *n == name && m.spec.id == model.spec.id) {
             return Err(BuildError::Usage(format!("two models are called {name}; give NAME=MODEL.json")));
         }
-        models.push((name, model_file::load(&path)?));
+        models.push((name, model));
     }
-    let ids: Vec<&str> = models.iter().map(|(_, m)| m.spec.id.as_str()).collect();
-    if ids.windows(2).any(|w| w[0] != w[1]) {
-        return Err(BuildError::Usage(format!("models of different knees ({}) cannot be compared", ids.join(", "))));
-    }
-    let specimen = ids.first().map(|id| (*id).to_owned()).unwrap_or_default();
     let mut warnings = Vec::new();
     let mut sources = Vec::new();
     for (name, model) in &models {
         sources.push(source(name, &model.spec, &model.meshes, &options, &mut warnings)?);
     }
-    let validation = Validation::new(specimen, sources, passive, warnings);
+    let validation = Validation::new(sources, passive, warnings);
     let files = show(&validation, None).map_err(|e| BuildError::File(e.to_string()))?;
     store::write_all(&store::make_folder(&args.out)?, &files)?;
     let text: String = validation.warnings.iter().map(|w| format!("warning: {w}\n")).collect();
@@ -136,7 +132,7 @@ fn source(
 /// The validation of a build.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Validation {
-    /// Whose knee.
+    /// Whose knee, or knees.
     pub specimen: String,
     /// A calibrated model each, in the order of their names.
     pub sources: Vec<Source>,
@@ -160,8 +156,11 @@ impl Reported for Validation {
 }
 
 impl Validation {
-    fn new(specimen: String, sources: Vec<Source>, passive: Vec<Passive>, warnings: Vec<String>) -> Validation {
-        let differences = compare(&specimen, &sources, &passive);
+    fn new(sources: Vec<Source>, passive: Vec<Passive>, warnings: Vec<String>) -> Validation {
+        let differences = compare(&sources, &passive);
+        let mut ids: Vec<&str> = sources.iter().map(|s| s.specimen.as_str()).collect();
+        ids.dedup();
+        let specimen = ids.join(" and ");
         let mut metrics = serde_json::Map::new();
         for d in &differences {
             let pair = metrics.entry(format!("{} {}", d.a, d.b)).or_insert_with(|| serde_json::json!({}));
@@ -180,12 +179,11 @@ pub fn validate_all(
     passive: &[Passive],
     options: &ProtocolOptions,
 ) -> Result<Validation, BuildError> {
-    let (mut sources, mut warnings, mut specimen) = (Vec::new(), Vec::new(), String::new());
+    let (mut sources, mut warnings) = (Vec::new(), Vec::new());
     for (name, outcome) in &calibration.sources {
-        specimen.clone_from(&outcome.spec.id);
         sources.push(source(name, &outcome.spec, meshes, options, &mut warnings)?);
     }
-    Ok(Validation::new(specimen, sources, passive.to_vec(), warnings))
+    Ok(Validation::new(sources, passive.to_vec(), warnings))
 }
 
 /// 11-validate: a folder a source, the comparison, tables and figures; figures 5 and 6 where the targets are at hand.
@@ -193,10 +191,10 @@ pub fn show(v: &Validation, calibration: Option<&Calibration>) -> Files {
     let mut files: Vec<(String, String)> = Vec::new();
     for s in &v.sources {
         for (name, rows) in s.protocols() {
-            files.push((format!("{}/{name}.csv", s.name), protocol_csv(&s.bundles, rows)));
+            files.push((format!("{}/{name}.csv", s.label(&v.sources)), protocol_csv(&s.bundles, rows)));
         }
     }
-    let all = tables::tables(&v.specimen, &v.sources);
+    let all = tables::tables(&v.sources);
     let differences = tables::differences(&v.differences);
     files.extend(all.iter().chain([&differences]).map(|t| (format!("{}.csv", t.name), t.csv())));
     files.push(("tables.md".into(), tables::page(&v.specimen, &all, &differences)));

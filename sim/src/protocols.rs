@@ -51,6 +51,9 @@ pub struct ProtocolOptions {
     pub pivot_valgus_nm: f64,
     /// Pivot shift: internal moment [N m]; [andreassen2025, section 2.6.4].
     pub pivot_internal_nm: f64,
+    /// Pivot shift: AP further than this from the CT pose is a dislocation [mm]; half the depth of a plateau, so that a contact that was in its middle
+    /// has come to its rim. The paper calls AP of 21.6 and 23.1 mm dislocated, of 8.1 mm not [andreassen2025, table 6].
+    pub pivot_dislocation_ap_mm: f64,
     /// Path and solver.
     pub trials: TrialOptions,
 }
@@ -70,6 +73,7 @@ impl Default for ProtocolOptions {
             pivot_flexion_deg: 30.0,
             pivot_valgus_nm: 8.0,
             pivot_internal_nm: 4.0,
+            pivot_dislocation_ap_mm: 19.0,
             trials: TrialOptions::default(),
         }
     }
@@ -88,7 +92,11 @@ pub(crate) struct Leg {
 /// Errors: options out of range, a solver that finds no equilibrium.
 pub fn run(model: &Model, protocol: Protocol, options: &ProtocolOptions) -> Result<Vec<TrialResult>, SimError> {
     let paths = paths(model, protocol, options)?;
-    let each = paths.par_iter().map(|legs| quasi_static(model, legs, options));
+    let mut options = options.clone();
+    if protocol == Protocol::PivotShift {
+        options.trials.dislocation_ap_mm = options.trials.dislocation_ap_mm.min(options.pivot_dislocation_ap_mm);
+    }
+    let each = paths.par_iter().map(|legs| quasi_static(model, legs, &options));
     Ok(each.collect::<Result<Vec<_>, _>>()?.concat())
 }
 
@@ -143,6 +151,7 @@ fn check(o: &ProtocolOptions) -> Result<(), SimError> {
         ("rate_deg_per_s", o.rate_deg_per_s, 1e-6, 1e6),
         ("pivot_valgus_nm", o.pivot_valgus_nm, -150.0, 150.0),
         ("pivot_internal_nm", o.pivot_internal_nm, -150.0, 150.0),
+        ("pivot_dislocation_ap_mm", o.pivot_dislocation_ap_mm, 1.0, 1e3),
     ] {
         if !(x >= least && x <= most) {
             return fault(format!("{key} is {x}, expected {least} to {most}"));

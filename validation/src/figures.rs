@@ -89,7 +89,7 @@ pub fn figure7(sources: &[Source]) -> String {
                     .collect();
                 let thin = test == Test::Posterior;
                 series.push(Series {
-                    name: format!("{} {name}", s.name),
+                    name: format!("{} {name}", s.label(sources)),
                     points,
                     spread: vec![],
                     colour: colour(k),
@@ -108,7 +108,7 @@ pub fn figure8(sources: &[Source], measured: &[Passive]) -> String {
         let panels = [(3, "AP", "Anterior (mm)"), (1, "IE", "External (deg)"), (0, "VV", "Valgus (deg)")];
         for (n, (area, (c, title, y))) in root.split_evenly((1, 3)).iter().zip(panels).enumerate() {
             let simulated = sources.iter().enumerate().map(|(k, s)| Series {
-                name: s.name.clone(),
+                name: s.label(sources),
                 points: s.passive_flexion.iter().map(|r| (r.pose.fe_deg, r.predicted()[c])).collect(),
                 spread: vec![],
                 colour: colour(k),

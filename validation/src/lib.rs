@@ -10,6 +10,8 @@
 //! ```
 
 pub mod figures;
+pub mod paper;
+pub mod parameters;
 pub mod passive;
 pub mod plot;
 pub mod published;

@@ -3,8 +3,9 @@
 use crate::published;
 use crate::validate::{Difference, Source};
 use attachments::groups::GROUPS;
+use calibration::cost::{Cost, CostFunction};
 use calibration::design::Design;
-use sim::laxity::Test;
+use sim::laxity::{COORDINATES, Test, VALUE_UNITS};
 use sim::spec::PoseSpec;
 
 /// A table as text.
@@ -52,8 +53,8 @@ impl Table {
 }
 
 /// Tables 4 to 7.
-pub fn tables(specimen: &str, sources: &[Source]) -> Vec<Table> {
-    vec![table4(specimen, sources), table5(specimen, sources), table6(specimen, sources), table7(specimen, sources)]
+pub fn tables(sources: &[Source]) -> Vec<Table> {
+    vec![table4(sources), table5(sources), table6(sources), table7(sources)]
 }
 
 /// All tables and the differences on one page.
@@ -65,6 +66,29 @@ pub fn page(specimen: &str, tables: &[Table], differences: &Table) -> String {
     });
     let all: Vec<String> = tables.iter().chain([differences]).map(Table::markdown).collect();
     format!("# {specimen}: calibrated models compared\n\n{whose}{}", all.join("\n"))
+}
+
+/// What each group of targets adds to the cost of one evaluation, as the spreadsheet of the paper's supplement: error, range, weight, share.
+pub fn cost_table(cost: &CostFunction, predicted: &[Option<[f64; 5]>]) -> Table {
+    let header = ["test", "flexion_deg", "coordinate", "trials", "error", "range", "unit", "weight", "cost", "percent"];
+    let mut out = Table::new("cost", "What the cost is made of", &header);
+    let Cost { errors, sum, .. } = cost.cost(predicted);
+    for (t, error) in cost.terms.iter().zip(errors) {
+        let share = t.weight * error / t.range;
+        out.rows.push(vec![
+            t.test.name().to_owned(),
+            format!("{:.0}", t.nominal_flexion_deg),
+            COORDINATES[t.coordinate].to_owned(),
+            t.trials.len().to_string(),
+            format!("{error:.3}"),
+            format!("{:.3}", t.range),
+            VALUE_UNITS[t.coordinate].to_owned(),
+            format!("{:.0}", t.weight),
+            format!("{share:.2}"),
+            format!("{:.1}", 100.0 * share / sum.max(f64::MIN_POSITIVE)),
+        ]);
+    }
+    out
 }
 
 /// compare.csv.
@@ -81,12 +105,13 @@ pub fn differences(all: &[Difference]) -> Table {
     out
 }
 
-fn table4(specimen: &str, sources: &[Source]) -> Table {
+fn table4(sources: &[Source]) -> Table {
     let mut out = Table::new("table4", "Table 4: ligament parameters", &["design_variable", "bundle", "kind"]);
     for s in sources {
-        out.header.push(s.name.clone());
-        if published::parameters(specimen, &s.name).is_some() {
-            out.header.push(format!("{}_published", s.name));
+        let name = s.label(sources);
+        out.header.push(name.clone());
+        if published::parameters(&s.specimen, &s.name).is_some() {
+            out.header.push(format!("{name}_published"));
         }
     }
     for v in Design::table3().variables {
@@ -94,7 +119,7 @@ fn table4(specimen: &str, sources: &[Source]) -> Table {
         for s in sources {
             let value = s.parameters.iter().find(|(n, _)| *n == v.number);
             row.push(value.map_or(String::new(), |(n, x)| decimals(*n, *x)));
-            if let Some(p) = published::parameters(specimen, &s.name) {
+            if let Some(p) = published::parameters(&s.specimen, &s.name) {
                 row.push(decimals(v.number, p[v.number as usize - 1]));
             }
         }
@@ -113,7 +138,7 @@ fn force(f: f64) -> String {
     if f < 5.0 { "-".into() } else { format!("{f:.1}") }
 }
 
-fn table5(specimen: &str, sources: &[Source]) -> Table {
+fn table5(sources: &[Source]) -> Table {
     let mut header = vec!["test", "flexion_deg", "source", "origin"];
     header.extend(GROUPS.iter().map(|(g, _)| *g));
     let title = "Table 5: ligament forces under the anterior and posterior load (N; below 5 N \"-\")";
@@ -124,14 +149,15 @@ fn table5(specimen: &str, sources: &[Source]) -> Table {
     for test in [Test::Anterior, Test::Posterior] {
         for &fe in &flexions {
             for s in sources {
-                let begin =
-                    |origin: &str| vec![test.name().to_owned(), format!("{fe:.0}"), s.name.clone(), origin.to_owned()];
+                let begin = |origin: &str| {
+                    vec![test.name().to_owned(), format!("{fe:.0}"), s.label(sources), origin.to_owned()]
+                };
                 if let Some(r) = s.ap_end(test, fe) {
                     let mut row = begin("computed");
                     row.extend(s.groups(r).iter().map(|f| force(*f)));
                     out.rows.push(row);
                 }
-                if let Some(p) = published::ap_forces(specimen, &s.name, test, fe) {
+                if let Some(p) = published::ap_forces(&s.specimen, &s.name, test, fe) {
                     let mut row = begin("published");
                     row.extend(GROUPS.iter().map(|(g, _)| force(p.forces_n.get(*g).copied().unwrap_or(0.0))));
                     out.rows.push(row);
@@ -144,7 +170,6 @@ fn table5(specimen: &str, sources: &[Source]) -> Table {
 
 /// A row of Tables 6 and 7 for each source and state of the ACL: computed, then published.
 fn pivot_rows(
-    specimen: &str,
     sources: &[Source],
     computed: &dyn Fn(&Source, &sim::laxity::TrialResult) -> Vec<String>,
     known: &dyn Fn(&published::PivotShift) -> Vec<String>,
@@ -156,7 +181,7 @@ fn pivot_rows(
                 let acl = if acl { "intact" } else { "none" };
                 vec![
                     acl.to_owned(),
-                    s.name.clone(),
+                    s.label(sources),
                     origin.to_owned(),
                     if dislocated { "yes".into() } else { String::new() },
                 ]
@@ -166,7 +191,7 @@ fn pivot_rows(
                 row.extend(computed(s, r));
                 rows.push(row);
             }
-            if let Some(p) = published::pivot_shift(specimen, &s.name, acl) {
+            if let Some(p) = published::pivot_shift(&s.specimen, &s.name, acl) {
                 let mut row = begin("published", p.dislocated);
                 row.extend(known(p));
                 rows.push(row);
@@ -176,17 +201,17 @@ fn pivot_rows(
     rows
 }
 
-fn table6(specimen: &str, sources: &[Source]) -> Table {
+fn table6(sources: &[Source]) -> Table {
     let header = ["acl", "source", "origin", "dislocated", "fe_deg", "vv_deg", "ie_deg", "ml_mm", "ap_mm", "si_mm"];
     let mut out = Table::new("table6", "Table 6: kinematics of the simulated pivot shift", &header);
     let six =
         |p: &PoseSpec| [p.fe_deg, p.vv_deg, p.ie_deg, p.ml_mm, p.ap_mm, p.si_mm].map(|x| format!("{x:.1}")).to_vec();
     let known = |p: &published::PivotShift| p.pose.map(|x| format!("{x:.1}")).to_vec();
-    out.rows = pivot_rows(specimen, sources, &|_, r| six(&r.pose), &known);
+    out.rows = pivot_rows(sources, &|_, r| six(&r.pose), &known);
     out
 }
 
-fn table7(specimen: &str, sources: &[Source]) -> Table {
+fn table7(sources: &[Source]) -> Table {
     let mut header = vec!["acl", "source", "origin", "dislocated"];
     header.extend(GROUPS.iter().map(|(g, _)| *g));
     let mut out = Table::new("table7", "Table 7: ligament forces in the simulated pivot shift (N)", &header);
@@ -194,6 +219,6 @@ fn table7(specimen: &str, sources: &[Source]) -> Table {
         GROUPS.iter().map(|(g, _)| format!("{:.1}", p.forces_n.get(*g).copied().unwrap_or(0.0))).collect()
     };
     let computed = |s: &Source, r: &sim::laxity::TrialResult| s.groups(r).map(|f| format!("{f:.1}")).to_vec();
-    out.rows = pivot_rows(specimen, sources, &computed, &known);
+    out.rows = pivot_rows(sources, &computed, &known);
     out
 }

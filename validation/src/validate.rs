@@ -1,9 +1,9 @@
-//! The comparison of models of one knee, calibrated from different sources: AP laxity, passive flexion, pivot shift with and without ACL
+//! The comparison of models of one knee, calibrated from different sources, or of several knees: AP laxity, passive flexion, pivot shift with and without ACL
 //! [andreassen2025, section 2.6].
 
-use crate::published;
+use crate::{parameters, published};
 use attachments::groups::group_forces;
-use calibration::design::{Design, Kind};
+use calibration::design::Design;
 use serde::{Deserialize, Serialize};
 use sim::SimError;
 use sim::laxity::{COORDINATES, Test, TrialResult, VALUE_UNITS};
@@ -17,6 +17,8 @@ use sim::spec::{ModelSpec, PoseSpec};
 pub struct Source {
     /// Its name: that of the data it was calibrated to.
     pub name: String,
+    /// Whose knee it is.
+    pub specimen: String,
     /// Bundle names, in the order of the forces.
     pub bundles: Vec<String>,
     /// Values of the design variables X1 to X26 that it has, by number.
@@ -38,6 +40,7 @@ impl Source {
         let values = design.values(spec);
         Source {
             name: name.to_owned(),
+            specimen: spec.id.clone(),
             bundles: spec.bundles.iter().map(|b| b.name.clone()).collect(),
             parameters: design.variables.iter().map(|v| v.number).zip(values).collect(),
             ap_laxity: vec![],
@@ -86,6 +89,15 @@ impl Source {
             }
         }
         Ok((source, warnings))
+    }
+
+    /// Its name among `all`: with the knee's where there are several knees.
+    pub fn label(&self, all: &[Source]) -> String {
+        if all.iter().any(|s| s.specimen != self.specimen) {
+            format!("{}-{}", self.specimen, self.name)
+        } else {
+            self.name.clone()
+        }
     }
 
     /// Every protocol with its rows.
@@ -167,32 +179,36 @@ pub struct Passive {
     pub poses: Vec<PoseSpec>,
 }
 
-/// Every difference between every two sources, and of each source from measured passive flexion.
-pub fn compare(specimen: &str, sources: &[Source], measured: &[Passive]) -> Vec<Difference> {
+/// Every difference between every two sources, of each source from measured passive flexion, and where there are several knees the mean differences
+/// of their parameters. Measured passive flexion called `KNEE-...` is that of this knee alone.
+pub fn compare(sources: &[Source], measured: &[Passive]) -> Vec<Difference> {
     let mut out = Vec::new();
     for (i, a) in sources.iter().enumerate() {
         for b in &sources[i + 1..] {
-            Pair { specimen, a, b }.all(&mut out);
+            Pair { a, b, names: [a, b].map(|s| s.label(sources)) }.all(&mut out);
         }
-        for m in measured {
-            against_measured(a, m, &mut out);
+        let whose = |m: &Passive| sources.iter().find(|s| m.name.starts_with(&format!("{}-", s.specimen)));
+        for m in measured.iter().filter(|m| whose(m).is_none_or(|s| s.specimen == a.specimen)) {
+            against_measured(a, &a.label(sources), m, &mut out);
         }
     }
+    parameters::means(sources, &mut out);
     out
 }
 
-/// Two sources of one specimen.
+/// Two sources, of one knee or of two.
 struct Pair<'a> {
-    specimen: &'a str,
     a: &'a Source,
     b: &'a Source,
+    names: [String; 2],
 }
 
 impl Pair<'_> {
-    /// The published figures, where these are the paper's two models.
+    /// The published figures, where these are the paper's two models of a knee.
     fn published(&self) -> Option<&'static published::Rmsd> {
         let names = [self.a.name.as_str(), self.b.name.as_str()];
-        (names.contains(&"kla") && names.contains(&"rks")).then(|| published::rmsd(self.specimen)).flatten()
+        let both = self.a.specimen == self.b.specimen && names.contains(&"kla") && names.contains(&"rks");
+        both.then(|| published::rmsd(&self.a.specimen)).flatten()
     }
 
     fn push(
@@ -208,7 +224,7 @@ impl Pair<'_> {
         }
         let rmsd = (d.iter().map(|x| x * x).sum::<f64>() / d.len() as f64).sqrt();
         let (protocol, quantity, unit) = (what.0.into(), what.1.into(), what.2.into());
-        let (a, b) = (self.a.name.clone(), self.b.name.clone());
+        let [a, b] = self.names.clone();
         out.push(Difference { a, b, protocol, quantity, unit, rmsd, count: d.len(), published, note: String::new() });
         Some(out.len() - 1)
     }
@@ -257,7 +273,7 @@ impl Pair<'_> {
     fn pivot(&self, out: &mut Vec<Difference>, acl: bool) {
         let (Some(a), Some(b)) = (self.a.pivot_end(acl), self.b.pivot_end(acl)) else { return };
         let protocol = if acl { "pivot_shift" } else { "pivot_shift_no_acl" };
-        let known = |s: &Source| published::pivot_shift(self.specimen, &s.name, acl);
+        let known = |s: &Source| published::pivot_shift(&s.specimen, &s.name, acl);
         let first = out.len();
         let (x, y) = (a.predicted(), b.predicted());
         for c in 0..5 {
@@ -276,41 +292,29 @@ impl Pair<'_> {
         }
     }
 
-    /// Mean size of the difference in percent of the mean of both, as the paper compares parameters.
     fn parameters(&self, out: &mut Vec<Difference>) {
-        let (p, q) =
-            (published::parameters(self.specimen, &self.a.name), published::parameters(self.specimen, &self.b.name));
-        let percent = |x: f64, y: f64| 200.0 * (x - y).abs() / (x + y).abs();
-        for (kind, name) in [(Kind::ReferenceStrain, "reference_strain"), (Kind::StiffnessNPerMm, "stiffness")] {
-            let of_kind = |n: u32| (n <= 14) == (kind == Kind::ReferenceStrain);
-            let mut d = Vec::new();
-            let mut known = Vec::new();
-            for &(n, x) in self.a.parameters.iter().filter(|(n, _)| of_kind(*n)) {
-                if let Some((_, y)) = self.b.parameters.iter().find(|(m, _)| *m == n) {
-                    d.push(percent(x, *y));
-                }
-                if let (Some(p), Some(q)) = (p, q) {
-                    known.push(percent(p[n as usize - 1], q[n as usize - 1]));
-                }
-            }
-            let mean = |v: &[f64]| (!v.is_empty()).then(|| v.iter().sum::<f64>() / v.len() as f64);
-            let value = mean(&d).unwrap_or(f64::NAN);
-            if let Some(k) = self.push(out, ("parameters", name, "percent"), &[value], mean(&known)) {
+        let known = |s: &Source| published::parameters(&s.specimen, &s.name).map(parameters::numbered);
+        let known = known(self.a).zip(known(self.b));
+        for kind in parameters::KINDS {
+            let d = parameters::percent(&self.a.parameters, &self.b.parameters, kind);
+            let figure = known.as_ref().and_then(|(p, q)| parameters::mean(&parameters::percent(p, q, kind)));
+            let value = parameters::mean(&d).unwrap_or(f64::NAN);
+            if let Some(k) = self.push(out, ("parameters", kind.name, "percent"), &[value], figure) {
                 out[k].count = d.len();
-                out[k].note = "mean size".into();
+                out[k].note = parameters::NOTE.into();
             }
         }
     }
 }
 
 /// Differences of a source's passive flexion from a measured one.
-fn against_measured(a: &Source, m: &Passive, out: &mut Vec<Difference>) {
+fn against_measured(a: &Source, name: &str, m: &Passive, out: &mut Vec<Difference>) {
     let d = along(&a.passive_flexion, &m.poses);
     for c in 0..5 {
         let count = d[c].len();
         if count > 0 {
             out.push(Difference {
-                a: a.name.clone(),
+                a: name.to_owned(),
                 b: format!("measured {}", m.name),
                 protocol: "passive_flexion".into(),
                 quantity: COORDINATES[c].into(),

@@ -228,7 +228,7 @@ impl<'a> Body<'a> {
                 STANDARD.encode(bytes)
             );
         }
-        let tables = validation::tables::tables(&v.specimen, &v.sources);
+        let tables = validation::tables::tables(&v.sources);
         for t in tables.iter().chain([&validation::tables::differences(&v.differences)]) {
             let row = |cells: &[String], tag: &str| {
                 cells.iter().map(|c| format!("<{tag}>{}</{tag}>", escaped(c))).collect::<String>()

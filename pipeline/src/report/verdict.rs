@@ -1,6 +1,7 @@
 //! What the build comes to, in a sentence and a table of questions.
 
 use super::values::Values;
+use stages::assemble::AssembleOptions;
 
 /// An answer to a question one asks of a build first.
 pub(super) struct Check {
@@ -108,6 +109,7 @@ pub(super) fn checks(v: &Values) -> Vec<Check> {
             stage: "attachments",
         });
     }
+    out.extend(law(v));
     if let Some(h) = &v.separated {
         let worst = smallest_jacobian(v).unwrap_or(1.0);
         out.push(Check {
@@ -130,6 +132,20 @@ pub(super) fn checks(v: &Values) -> Vec<Check> {
     }
     out.extend(calibration(v));
     out
+}
+
+/// Whose cartilage the contact law is.
+fn law(v: &Values) -> Option<Check> {
+    let contact = &v.assembled.as_ref()?.spec.contact;
+    let published = &AssembleOptions::default();
+    let answer = if let Some(l) = &v.contact_law {
+        format!("this knee's: fitted to its own cartilage, forces within {:.1} %", l.fit_error_percent)
+    } else if (&contact.overclosure_mm, &contact.pressure_mpa) == (&published.overclosure_mm, &published.pressure_mpa) {
+        "that published of S192803; contact-law.fit=true fits one to the knee at hand".to_owned()
+    } else {
+        "the one given in the options".to_owned()
+    };
+    Some(Check { question: "Whose contact law is it?", answer, good: None, stage: "assemble" })
 }
 
 fn calibration(v: &Values) -> Vec<Check> {

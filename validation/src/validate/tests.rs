@@ -28,10 +28,11 @@ fn result(test: Test, fe: f64, load: [f64; 5], pose: [f64; 5], acl: f64) -> Tria
     TrialResult { trial, pose, forces_n: vec![0.6 * acl, 0.4 * acl, 3.0], flags: vec![] }
 }
 
-/// A source whose AP is `ap` further than another's.
-fn source(name: &str, ap: f64) -> Source {
+/// A source of `specimen` whose AP is `ap` further than another's.
+fn source_of(specimen: &str, name: &str, ap: f64) -> Source {
     let mut s = Source {
         name: name.into(),
+        specimen: specimen.into(),
         bundles: ["ACL_AM", "ACL_PL", "LCL"].map(String::from).to_vec(),
         parameters: vec![(1, 1.1 + 0.01 * ap), (15, 80.0 + ap)],
         ap_laxity: vec![],
@@ -56,13 +57,18 @@ fn source(name: &str, ap: f64) -> Source {
     s
 }
 
+/// A source of Specimen 1.
+fn source(name: &str, ap: f64) -> Source {
+    source_of("S192803", name, ap)
+}
+
 fn find<'a>(all: &'a [Difference], protocol: &str, quantity: &str) -> &'a Difference {
     all.iter().find(|d| d.protocol == protocol && d.quantity == quantity).unwrap()
 }
 
 #[test]
 fn differences_of_known_sources() {
-    let all = compare("S192803", &[source("kla", 0.0), source("rks", 2.0)], &[]);
+    let all = compare(&[source("kla", 0.0), source("rks", 2.0)], &[]);
     let ap = find(&all, "ap_laxity", "anterior_ap");
     assert!((ap.rmsd - 2.0).abs() < 1e-12 && ap.count == 3 && ap.published == Some(2.38));
     assert!((find(&all, "ap_laxity", "ligament_forces").rmsd - (20.0_f64.powi(2) / 9.0).sqrt()).abs() < 1e-12);
@@ -70,8 +76,9 @@ fn differences_of_known_sources() {
     assert_eq!(find(&all, "passive_flexion", "ie").rmsd, 0.0);
     assert_eq!(find(&all, "pivot_shift", "ie").published, Some(1.6999999999999993));
     assert!(find(&all, "pivot_shift_no_acl", "ie").note.contains("dislocated"));
-    assert!((find(&all, "parameters", "stiffness").rmsd - 200.0 * 2.0 / 162.0).abs() < 1e-9);
-    assert!(compare("X", &[source("kla", 0.0), source("rks", 2.0)], &[]).iter().all(|d| d.published.is_none()));
+    assert!((find(&all, "parameters", "stiffness").rmsd - 100.0 * 2.0 / 82.0).abs() < 1e-9);
+    let others = [source_of("X", "kla", 0.0), source_of("X", "rks", 2.0)];
+    assert!(compare(&others, &[]).iter().all(|d| d.published.is_none()));
 }
 
 #[test]
@@ -79,22 +86,22 @@ fn measured_passive_flexion_is_compared_where_it_overlaps() {
     let poses =
         [10.0, 20.0].map(|fe_deg| PoseSpec { fe_deg, ie_deg: 0.2 * fe_deg + 1.0, ..PoseSpec::default() }).to_vec();
     let measured = [Passive { name: "rks".into(), poses }];
-    let all = compare("X", &[source("kla", 0.0)], &measured);
+    let all = compare(&[source("kla", 0.0)], &measured);
     let ie = all.iter().find(|d| d.quantity == "ie" && d.b == "measured rks").unwrap();
     assert!((ie.rmsd - 1.0).abs() < 1e-12 && ie.count == 3, "{ie:?}");
 }
 
 #[test]
 fn tables_have_a_row_a_test_and_the_papers_values_beside() {
-    let sources = [source("kla", 0.0), source("rks", 2.0)];
-    let of = |id: &str| tables::tables(id, &sources);
+    let both = |id: &str| [source_of(id, "kla", 0.0), source_of(id, "rks", 2.0)];
+    let of = |id: &str| tables::tables(&both(id));
     let t = of("S193761");
     assert_eq!(t.iter().map(|t| t.rows.len()).collect::<Vec<_>>(), [26, 24, 8, 8]);
     assert_eq!(of("own").iter().map(|t| t.rows.len()).collect::<Vec<_>>(), [26, 12, 4, 4]);
     assert!(t[0].csv().starts_with("design_variable,bundle,kind,kla,kla_published,rks,rks_published\nX1,ACL_AM,reference_strain,1.100,1.160,1.120,1.140\n"));
     assert!(t[1].csv().contains("anterior,30,kla,computed,133.0,-,-"), "{}", t[1].csv());
     assert!(t[1].csv().contains("anterior,30,rks,published,246.9,-,60.1"));
-    let page = tables::page("S193761", &t, &tables::differences(&compare("S193761", &sources, &[])));
+    let page = tables::page("S193761", &t, &tables::differences(&compare(&both("S193761"), &[])));
     assert!(page.contains("Specimen 2") && page.matches("\n## ").count() == 5);
     assert!(page.lines().filter(|l| l.starts_with('|')).all(|l| l.ends_with('|')));
 }
@@ -118,4 +125,37 @@ fn figures_are_drawn_with_every_source() {
         assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>") && svg.contains(words), "{words}");
     }
     assert!(figures::figure8(&[], &[]).contains("</svg>"));
+}
+
+#[test]
+fn knees_are_compared_under_their_own_names_with_mean_differences_of_parameters() {
+    let knee = |id: &str, ap: f64| [source_of(id, "kla", ap), source_of(id, "rks", ap + 2.0)];
+    let sources = [knee("S192803", 0.0), knee("S193761", 4.0)].concat();
+    let poses = vec![PoseSpec { fe_deg: 10.0, ..PoseSpec::default() }];
+    let measured = [Passive { name: "S193761-rks".into(), poses }];
+    let all = compare(&sources, &measured);
+    let ap = |a: &str, b: &str| {
+        all.iter().find(|d| (d.a.as_str(), d.b.as_str(), d.quantity.as_str()) == (a, b, "anterior_ap")).unwrap()
+    };
+    assert_eq!(ap("S192803-kla", "S192803-rks").published, Some(2.38));
+    assert_eq!((ap("S192803-kla", "S193761-rks").published, ap("S192803-kla", "S193761-rks").rmsd), (None, 6.0));
+    let against: Vec<&str> = all.iter().filter(|d| d.b.starts_with("measured")).map(|d| d.a.as_str()).collect();
+    assert!(!against.is_empty() && against.iter().all(|a| a.starts_with("S193761-")), "{against:?}");
+    let mean = all.iter().find(|d| d.b == "knees, same data" && d.quantity == "stiffness").unwrap();
+    assert_eq!(mean.published, Some(55.8));
+    assert!((mean.rmsd - 50.0 * (4.0 / 84.0 + 4.0 / 86.0)).abs() < 1e-9);
+    assert!(tables::tables(&sources)[1].csv().contains("anterior,30,S193761-kla,published,248.5"));
+}
+
+#[test]
+fn the_cost_table_adds_up_to_the_cost() {
+    let ct = PoseSpec { si_mm: -20.0, ..PoseSpec::default() };
+    let mut given = trials();
+    given.iter_mut().enumerate().for_each(|(i, t)| t.measured = [Some(i as f64); 5]);
+    let cost = calibration::cost::CostFunction::new(&given, &ct, &calibration::cost::CostOptions::default()).unwrap();
+    let predicted = vec![Some([1.0, 2.0, 0.0, 3.0, -20.0]); given.len()];
+    let table = tables::cost_table(&cost, &predicted);
+    let column = |k: usize| table.rows.iter().map(|r| r[k].parse::<f64>().unwrap()).sum::<f64>();
+    assert!((column(8) - cost.cost(&predicted).sum).abs() < 0.01 * table.rows.len() as f64);
+    assert!((column(9) - 100.0).abs() < 0.1 * table.rows.len() as f64);
 }
