@@ -3,6 +3,7 @@
 //! Units throughout: millimetre, radian. No file system, no clock, no terminal: codecs read bytes and write to `Write`.
 //! Surfaces are plain values ([`surface::TriMesh`], [`hex::HexMesh`]); queries on them are built once ([`query::SurfaceQuery`]).
 
+pub mod boolean;
 pub mod format;
 pub mod frame;
 pub mod gap;

@@ -14,7 +14,7 @@ use meshes::{Isometry, Point, Vector};
 use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion};
 use stages::PerBone;
 use stages::bones::{BonesOptions, bones};
-use stages::cartilage::{Cartilage, CartilageOptions, cartilage};
+use stages::cartilage::{Cartilage, CartilageMethod, CartilageOptions, cartilage};
 use stages::register::{BoneRegistration, Registration};
 use stages::specimen::Specimen;
 use std::path::Path;
@@ -145,6 +145,25 @@ fn a_mirrored_moved_knee_with_holes_in_its_cartilage_scan_comes_out_mirrored() {
     }
     specimen.ct = PerBone { femur: carry(&specimen.ct.femur), tibfib: carry(&specimen.ct.tibfib) };
     assert_near_truth("right", &dir, &build(&specimen, &registration), carry);
+}
+
+#[test]
+#[expect(clippy::print_stdout, reason = "figures for docs/stages/cartilage.md")]
+fn the_boolean_difference_gives_closed_cartilage_too() {
+    let Some(dir) = shared("cartilage by Boolean", "specimens/S192803") else { return };
+    let specimen = specimen(&dir, Side::Left);
+    let registration = true_registration(&dir, &specimen);
+    let bones = bones(&specimen, &BonesOptions::default()).unwrap();
+    let options = CartilageOptions { method: CartilageMethod::Boolean, ..CartilageOptions::default() };
+    let made = cartilage(&specimen, &registration, &bones, &options).unwrap();
+    for (name, part) in made.solids.named() {
+        let file = if name == "femur" { "femur".into() } else { name.replace("tibia", "tibfib") };
+        let (volume, distance) = errors(&part.solid, &surface(&dir.join(format!("truth/{file}.stl"))));
+        println!("Boolean {name}: volume off {volume:.2} %, p95 {distance:.3} mm");
+        assert!(Topology::of(&part.solid).is_closed());
+        assert!(volume.abs() < 15.0, "{name}: volume off {volume:.2} %");
+        assert!(distance < 1.5, "{name}: {distance}");
+    }
 }
 
 #[test]
