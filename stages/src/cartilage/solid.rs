@@ -54,6 +54,9 @@ fn with_thickness(mesh: TriMesh, labels: &[u32]) -> Result<CartilageSolid, Strin
     if !topology.is_closed() || topology.components != 1 {
         return Err("is not one closed body".into());
     }
+    if mesh.volume() <= 0.0 {
+        return Err("is turned inside out".into());
+    }
     let thickness_mm = thickness(&mesh, labels).ok_or("has no two faces")?;
     let articular = labels.iter().map(|&l| l == ARTICULAR).collect();
     Ok(CartilageSolid { solid: mesh, articular, thickness_mm })
