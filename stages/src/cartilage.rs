@@ -112,9 +112,9 @@ impl Default for CartilageOptions {
 
 /// Makes the three cartilage solids: what the registered scan has on top of the bone.
 ///
-/// A Boolean difference of the two surfaces is exact and useless: outside the cartilage they nearly coincide, and their noise
-/// leaves hundreds of specks. Instead each vertex of the bone looks along its normal for the scan's outermost wall (clefts
-/// bridged); that thickness field is thresholded above the noise found on bare bone, with hysteresis by patch, smoothed,
+/// A plain Boolean difference of the two surfaces is exact and useless: outside the cartilage they nearly coincide, and their noise
+/// leaves hundreds of specks; `options.method` has it on a bone that was moved first. By default each
+/// vertex of the bone looks along its normal for the scan's outermost wall (clefts bridged); that thickness field is thresholded above the noise found on bare bone, with hysteresis by patch, smoothed,
 /// cut along its level line, extruded, and fitted to the scan. Colours are not used.
 /// Where MRI shows the cartilage, it is the field between bone and cover, or up to the surface given, that is cut and extruded.
 ///
