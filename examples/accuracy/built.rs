@@ -10,7 +10,7 @@ use stages::StageError;
 use stages::assemble::{AssembleOptions, assemble};
 use stages::attachments::{Attachments, AttachmentsOptions, attachments};
 use stages::bones::{Bones, BonesOptions, bones};
-use stages::cartilage::{Cartilage, CartilageOptions, cartilage};
+use stages::cartilage::{Cartilage, CartilageMethod, CartilageOptions, cartilage};
 use stages::frames::{Frames, FramesOptions, frames};
 use stages::hexmesh::{HexCartilage, HexmeshOptions, hexmesh};
 use stages::ingest::ingest;
@@ -32,7 +32,7 @@ pub(crate) struct Built {
 pub(crate) fn build(knee: &Knee) -> Result<Built, StageError> {
     let start = user_seconds();
     let specimen = ingest(&knee.raw, &IngestOptions::default())?;
-    let (registration, bones, cartilage) = cartilages(&specimen)?;
+    let (registration, bones, cartilage) = cartilages(&specimen, CartilageMethod::ThicknessField)?;
     let frames = frames(&specimen, &bones, &FramesOptions::default())?;
     let options = AttachmentsOptions::default();
     let attachments = attachments(&specimen, &registration, &bones, &cartilage, &frames, &options)?;
@@ -44,10 +44,14 @@ pub(crate) fn build(knee: &Knee) -> Result<Built, StageError> {
 }
 
 /// Stages 2 to 4.
-pub(crate) fn cartilages(specimen: &Specimen) -> Result<(Registration, Bones, Cartilage), StageError> {
+pub(crate) fn cartilages(
+    specimen: &Specimen,
+    method: CartilageMethod,
+) -> Result<(Registration, Bones, Cartilage), StageError> {
     let registration = register(specimen, &RegisterOptions::default())?;
     let bones = bones(specimen, &BonesOptions::default())?;
-    let made = cartilage(specimen, &registration, &bones, &CartilageOptions::default())?;
+    let options = CartilageOptions { method, ..CartilageOptions::default() };
+    let made = cartilage(specimen, &registration, &bones, &options)?;
     Ok((registration, bones, made))
 }
 

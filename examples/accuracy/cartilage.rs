@@ -9,7 +9,7 @@ use meshes::query::SurfaceQuery;
 use meshes::surface::TriMesh;
 use meshes::topology::Topology;
 use meshes::{Point, Vector};
-use stages::cartilage::{Cartilage, CartilageSolid};
+use stages::cartilage::{Cartilage, CartilageMethod, CartilageSolid};
 use stages::specimen::Specimen;
 use std::collections::BTreeMap;
 
@@ -28,7 +28,7 @@ pub(crate) fn section(knees: &[(&Knee, Built)]) -> Section {
     for (knee, _) in knees.iter().take(3) {
         for error in ["0.3 mm large", "0.3 mm small", "smooth error"] {
             let case = format!("{} {error}", knee.name);
-            match cartilages(&off(&knee.specimen, error)) {
+            match cartilages(&off(&knee.specimen, error), CartilageMethod::ThicknessField) {
                 Ok((_, _, made)) => judge(&mut page, &case, ", CT off by 0.3 mm", knee, &made),
                 Err(e) => {
                     eprintln!("{case}: {e}");
@@ -113,7 +113,7 @@ impl Faces {
     }
 }
 
-fn middle(mesh: &TriMesh, t: usize) -> Point {
+pub(crate) fn middle(mesh: &TriMesh, t: usize) -> Point {
     Point::from(mesh.corners(t).iter().map(|p| p.coords).sum::<Vector>() / 3.0)
 }
 
@@ -193,7 +193,7 @@ fn rim(mesh: &TriMesh, kind: &[bool]) -> Vec<Point> {
 const FOLD_MM2: f64 = 20.0;
 
 /// Where a solid ends over its bone: points of the bone below the edge of what looks away from it, 0.2 mm apart or so.
-fn outline(solid: &TriMesh, bone: &SurfaceQuery) -> Vec<Point> {
+pub(crate) fn outline(solid: &TriMesh, bone: &SurfaceQuery) -> Vec<Point> {
     let away = |t: usize| bone.smooth_normal(&bone.nearest(&middle(solid, t))).dot(&solid.area_vector(t)) > 0.0;
     let mut kind: Vec<bool> = (0..solid.triangles.len()).map(away).collect();
     for side in [true, false] {

@@ -1,7 +1,7 @@
 //! Writes docs/accuracy.md: what the geometry stages reach on every knee with truth that is there, and on variants of them.
 //!
-//! `cargo run --release --example accuracy` writes the page; with names of sections (register, cartilage, frames, marks,
-//! meshes) those are printed instead. The shared specimens are taken where they are, the phantoms always.
+//! `cargo run --release --example accuracy` writes the page; with names of sections (register, cartilage, methods, frames,
+//! marks, meshes) those are printed instead. The shared specimens are taken where they are, the phantoms always.
 
 #![allow(clippy::print_stdout, clippy::print_stderr, reason = "an example says what it found")]
 
@@ -12,6 +12,7 @@ mod knees;
 #[path = "../../tests/common/lines.rs"]
 mod lines;
 mod marks;
+mod methods;
 mod page;
 mod register;
 #[path = "../../stages/tests/common/registration.rs"]
@@ -42,6 +43,9 @@ fn main() -> Result<(), String> {
     }
     if asked("cartilage") {
         sections.push(cartilage::section(&built));
+    }
+    if asked("methods") {
+        sections.push(methods::section(&knees)?);
     }
     if asked("frames") {
         sections.push(frames::section(&built)?);

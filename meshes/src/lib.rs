@@ -14,6 +14,7 @@
 //! assert!((outside_mm - 2.0).abs() < 0.1);
 //! ```
 
+pub mod boolean;
 pub mod format;
 pub mod frame;
 pub mod gap;

@@ -1,5 +1,6 @@
 //! Stage 4, cartilage: registered scan minus CT bone, made usable.
 
+mod boolean;
 mod field;
 mod mri;
 mod parting;
@@ -46,10 +47,23 @@ pub struct Cartilage {
     pub metrics: serde_json::Value,
 }
 
+/// How scan and bone are made cartilage.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum CartilageMethod {
+    /// What the scan has above each vertex of the bone, thresholded above the noise of bare bone.
+    #[default]
+    ThicknessField,
+    /// The closed scan minus the bone, cleaned [andreassen2025, sec. 2.3].
+    Boolean,
+}
+
 /// How cartilage is told from bone.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CartilageOptions {
+    /// Thickness field, or Boolean difference; cartilage of MRI is a field whatever stands here.
+    pub method: CartilageMethod,
     /// Least thickness that is cartilage [mm]; CT segmentation errs by up to 0.47 mm (Wang 2009).
     pub least_thickness_mm: f64,
     /// The same as a multiple of the noise on bare bone, where that is more [-]; our own choice.
@@ -79,6 +93,7 @@ pub struct CartilageOptions {
 impl Default for CartilageOptions {
     fn default() -> Self {
         CartilageOptions {
+            method: CartilageMethod::ThicknessField,
             least_thickness_mm: 0.5,
             least_thickness_sd: 4.0,
             rim_thickness_mm: 0.3,
@@ -97,9 +112,9 @@ impl Default for CartilageOptions {
 
 /// Makes the three cartilage solids: what the registered scan has on top of the bone.
 ///
-/// A Boolean difference of the two surfaces is exact and useless: outside the cartilage they nearly coincide, and their noise
-/// leaves hundreds of specks. Instead each vertex of the bone looks along its normal for the scan's outermost wall (clefts
-/// bridged); that thickness field is thresholded above the noise found on bare bone, with hysteresis by patch, smoothed,
+/// A plain Boolean difference of the two surfaces is exact and useless: outside the cartilage they nearly coincide, and their noise
+/// leaves hundreds of specks; `options.method` has it on a bone that was moved first. By default each
+/// vertex of the bone looks along its normal for the scan's outermost wall (clefts bridged); that thickness field is thresholded above the noise found on bare bone, with hysteresis by patch, smoothed,
 /// cut along its level line, extruded, and fitted to the scan. Colours are not used.
 /// Where MRI shows the cartilage, it is the field between bone and cover, or up to the surface given, that is cut and extruded.
 ///
@@ -133,7 +148,11 @@ pub fn cartilage(
         fit: &registration.bones.tibfib,
         bone: &bones.surfaces.tibfib,
     };
-    let (femur, tibfib) = rayon::join(|| of_bone(&femur, options), || of_bone(&tibfib, options));
+    let one = match options.method {
+        CartilageMethod::ThicknessField => of_bone,
+        CartilageMethod::Boolean => boolean::of_bone,
+    };
+    let (femur, tibfib) = rayon::join(|| one(&femur, options), || one(&tibfib, options));
     let (femur, tibfib) = (femur?, tibfib?);
     let noise = [femur.bare_sd, tibfib.bare_sd];
     let warnings: Vec<String> = femur.warnings.into_iter().chain(tibfib.warnings).collect();

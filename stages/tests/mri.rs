@@ -220,6 +220,8 @@ fn the_shared_label_maps_are_built_within_their_limits() {
         }
         if name == "kneeB" {
             assert!(specimen.patella.is_some());
+            // its fibula touches the tibia in a voxel
+            assert_eq!(Topology::of(&specimen.ct.tibfib).components, 2);
             assert_eq!(
                 solids.bodies.keys().collect::<Vec<_>>(),
                 ["meniscus_lateral", "meniscus_medial", "patellar_cartilage"]

@@ -31,6 +31,16 @@ pub(super) struct Domain {
 impl Domain {
     /// Looks from every vertex of `bone`, made from a surface of CT whose edges are `ct_edge_mm` long in the median; `None` for an empty surface.
     pub(super) fn new(bone: &TriMesh, scan: &TriMesh, ct_edge_mm: f64, options: &CartilageOptions) -> Option<Domain> {
+        Domain::with_error(bone, scan, ct_edge_mm, options).map(|(domain, _)| domain)
+    }
+
+    /// The same, and by vertex how high the true bone lies above the surface of CT [mm].
+    pub(super) fn with_error(
+        bone: &TriMesh,
+        scan: &TriMesh,
+        ct_edge_mm: f64,
+        options: &CartilageOptions,
+    ) -> Option<(Domain, Vec<f64>)> {
         let walls = SurfaceQuery::new(scan)?;
         let (bone, neighbours, normals, reach) = looking_out(bone, options.reach_mm)?;
         let seen: Vec<Option<[f64; 2]>> = (0..bone.vertices.len())
@@ -47,7 +57,7 @@ impl Domain {
         };
         let (error, bare_sd) = bone_error(&seen, &neighbours, &thin_rim, options.least_thickness_mm);
         let inner = cleft.iter().zip(&error).map(|(c, e)| if *c > 0.0 { c.max(*e) } else { *e }).collect();
-        Some(Domain { bone, neighbours, normals, inner, outer, bare_sd, thin_rim })
+        Some((Domain { bone, neighbours, normals, inner, outer, bare_sd, thin_rim }, error))
     }
 
     /// Thickness at a vertex [mm].

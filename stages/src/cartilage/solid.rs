@@ -30,11 +30,34 @@ pub(super) fn solid(
         (mesh, labels) = remesh(&mesh, &labels, &wanted).map_err(|e| fail(&format!("cannot be meshed ({e})")))?;
         fit(&mut mesh, &labels, &walls);
     }
+    with_thickness(mesh, &labels).map_err(|why| fail(&why))
+}
+
+/// Meshes evenly a body whose triangles are `of_scan` or of the bone.
+pub(super) fn finished(
+    bone: &str,
+    mesh: &TriMesh,
+    of_scan: &[bool],
+    options: &CartilageOptions,
+) -> Result<CartilageSolid, StageError> {
+    let fail =
+        |why: &str| StageError(format!("cartilage: a solid of the {bone} {why}; look at the registered scan there"));
+    let labels: Vec<u32> = of_scan.iter().map(|s| if *s { ARTICULAR } else { BONY }).collect();
+    let wanted = RemeshOptions { edge_mm: options.edge_mm, rounds: 4 };
+    let (mesh, labels) = remesh(mesh, &labels, &wanted).map_err(|e| fail(&format!("cannot be meshed ({e})")))?;
+    with_thickness(mesh, &labels).map_err(|why| fail(&why))
+}
+
+/// The solid with its thickness; refused where it is not one closed body of two faces.
+fn with_thickness(mesh: TriMesh, labels: &[u32]) -> Result<CartilageSolid, String> {
     let topology = Topology::of(&mesh);
     if !topology.is_closed() || topology.components != 1 {
-        return Err(fail("is not one closed body"));
+        return Err("is not one closed body".into());
     }
-    let thickness_mm = thickness(&mesh, &labels).ok_or_else(|| fail("has no two faces"))?;
+    if mesh.volume() <= 0.0 {
+        return Err("is turned inside out".into());
+    }
+    let thickness_mm = thickness(&mesh, labels).ok_or("has no two faces")?;
     let articular = labels.iter().map(|&l| l == ARTICULAR).collect();
     Ok(CartilageSolid { solid: mesh, articular, thickness_mm })
 }

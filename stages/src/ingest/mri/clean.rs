@@ -27,7 +27,8 @@ pub(super) fn clean(part: &mut Part, most: usize, share: f64, bridges: bool) -> 
     let mut mended = Mended::default();
     let voxel = part.grid.voxel_mm3();
     if bridges {
-        mended.bridged = cut_bridges(part);
+        // a fibula may touch the tibia: where two pieces are looked for, a large one is parted, not taken away
+        mended.bridged = cut_bridges(part, if most > 1 { share } else { f64::INFINITY });
     }
     let pieces = components(&part.grid, |i| part.inside[i]);
     let mut order: Vec<usize> = (1..pieces.voxels.len()).collect();
@@ -62,8 +63,9 @@ fn fill(part: &mut Part) -> usize {
     filled
 }
 
-/// Takes away pieces that hang on the largest by a few faces of voxels; gives their number.
-fn cut_bridges(part: &mut Part) -> usize {
+/// Takes away pieces that hang on the largest by a few faces of voxels, and gives their number; those of `own` of the largest or more are parted
+/// from it and stay.
+fn cut_bridges(part: &mut Part, own: f64) -> usize {
     let grid = part.grid.clone();
     let deep = |i: usize| part.inside[i] && neighbours(&grid, i).all(|n| part.inside[n]);
     let cores: Components = components(&grid, deep);
@@ -79,7 +81,14 @@ fn cut_bridges(part: &mut Part) -> usize {
             .iter()
             .map(|&i| neighbours(&grid, i).filter(|n| part.inside[*n] && !member.contains(n)).count())
             .sum();
-        if faces > 0 && faces <= BRIDGE_FACES {
+        if faces == 0 || faces > BRIDGE_FACES {
+            continue;
+        }
+        if cores.voxels[blob] as f64 >= own * largest.map_or(0, |p| cores.voxels[p]) as f64 {
+            let touches = |i: usize| neighbours(&grid, i).any(|n| part.inside[n] && !member.contains(&n));
+            let bridge: Vec<usize> = member.iter().copied().filter(|&i| touches(i)).collect();
+            bridge.into_iter().for_each(|i| part.inside[i] = false);
+        } else {
             member.iter().for_each(|&i| part.inside[i] = false);
             cut += 1;
         }
@@ -134,5 +143,14 @@ mod tests {
         let (mended, _) = clean(&mut whole, 1, 0.0, false);
         assert_eq!(mended.bridged, 0);
         assert!(whole.inside.iter().filter(|i| **i).count() > 8300);
+    }
+
+    #[test]
+    fn a_fibula_that_touches_the_tibia_is_parted_and_stays() {
+        let mut both = part();
+        let (mended, second) = clean(&mut both, 2, 0.01, true);
+        assert_eq!(mended.bridged, 0);
+        assert!((0.03..0.06).contains(&second), "{second}");
+        assert_eq!(components(&both.grid, |i| both.inside[i]).voxels.len() - 1, 2);
     }
 }
