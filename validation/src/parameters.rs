@@ -1,8 +1,6 @@
 //! How far two sets of ligament parameters are apart, as the paper counts it: the size of the difference in percent of the second
 //! [andreassen2025, section 3.1]. Table 4 so gives the paper's 4.6 and 14.3 % (KLA from RKS) and 12.3 and 55.8 % (Specimen 1 from Specimen 2).
 
-use crate::validate::{Difference, Source};
-
 /// What a mean over parameters says of itself.
 pub(crate) const NOTE: &str = "mean size, in percent of the second";
 /// X1 to this one are reference strains, the others stiffnesses.
@@ -15,7 +13,7 @@ pub struct Group {
     pub name: &'static str,
     strains: bool,
     /// The paper's mean difference between models of a knee, and between knees [%].
-    published: [f64; 2],
+    pub(crate) published: [f64; 2],
 }
 
 /// Reference strains, stiffnesses.
@@ -56,31 +54,6 @@ pub fn mean_difference(sets: &[Set], kind: Group, between_knees: bool) -> Option
         }
     }
     mean(&all)
-}
-
-/// Rows of the mean differences, where there are several knees.
-pub(crate) fn means(sources: &[Source], out: &mut Vec<Difference>) {
-    if sources.windows(2).all(|w| w[0].specimen == w[1].specimen) {
-        return;
-    }
-    let sets: Vec<_> = sources.iter().map(|s| (s.specimen.as_str(), s.name.as_str(), s.parameters.clone())).collect();
-    let published = sources.iter().all(|s| crate::published::parameters(&s.specimen, &s.name).is_some());
-    for kind in KINDS {
-        for (between, words) in [(false, "models of a knee"), (true, "knees, same data")] {
-            let Some(rmsd) = mean_difference(&sets, kind, between) else { continue };
-            out.push(Difference {
-                a: "all".into(),
-                b: words.into(),
-                protocol: "parameters".into(),
-                quantity: kind.name.into(),
-                unit: "percent".into(),
-                rmsd,
-                count: sets.len(),
-                published: published.then_some(kind.published[usize::from(between)]),
-                note: NOTE.into(),
-            });
-        }
-    }
 }
 
 #[cfg(test)]

@@ -192,7 +192,7 @@ pub fn compare(sources: &[Source], measured: &[Passive]) -> Vec<Difference> {
             against_measured(a, &a.label(sources), m, &mut out);
         }
     }
-    parameters::means(sources, &mut out);
+    means(sources, &mut out);
     out
 }
 
@@ -353,6 +353,31 @@ fn along(results: &[TrialResult], curve: &[PoseSpec]) -> [Vec<f64>; 5] {
         }
     }
     out
+}
+
+/// Rows of the mean differences, where there are several knees.
+fn means(sources: &[Source], out: &mut Vec<Difference>) {
+    if sources.windows(2).all(|w| w[0].specimen == w[1].specimen) {
+        return;
+    }
+    let sets: Vec<_> = sources.iter().map(|s| (s.specimen.as_str(), s.name.as_str(), s.parameters.clone())).collect();
+    let published = sources.iter().all(|s| published::parameters(&s.specimen, &s.name).is_some());
+    for kind in parameters::KINDS {
+        for (between, words) in [(false, "models of a knee"), (true, "knees, same data")] {
+            let Some(rmsd) = parameters::mean_difference(&sets, kind, between) else { continue };
+            out.push(Difference {
+                a: "all".into(),
+                b: words.into(),
+                protocol: "parameters".into(),
+                quantity: kind.name.into(),
+                unit: "percent".into(),
+                rmsd,
+                count: sets.len(),
+                published: published.then_some(kind.published[usize::from(between)]),
+                note: parameters::NOTE.into(),
+            });
+        }
+    }
 }
 
 #[cfg(test)]

@@ -324,7 +324,7 @@ fn questions(checks: &[Check]) -> String {
                 None => "no limit",
             };
             format!(
-                "<tr><th scope=\"row\"><a href=\"#{}\">{}</a></th><td>{sign}</td><td>{}</td></tr>",
+                "<tr><th scope=\"row\"><a href=\"#{}\">{}</a></th><td class=\"sign\">{sign}</td><td>{}</td></tr>",
                 c.stage,
                 escaped(c.question),
                 escaped(&c.answer)

@@ -1,5 +1,7 @@
 //! What the build comes to, in a sentence and a table of questions.
 
+mod forces;
+
 use super::values::Values;
 use stages::assemble::AssembleOptions;
 
@@ -169,6 +171,7 @@ fn calibration(v: &Values) -> Vec<Check> {
             good: Some(worst < MOST_NOISE),
             stage: "calibrate",
         });
+        out.extend(forces::checks(name, found, v));
     }
     for source in v.validation.iter().flat_map(|v| &v.sources) {
         let odd: Vec<&str> = source
