@@ -141,6 +141,18 @@ fn points_without_frames_get_those_of_the_surfaces_they_lie_on() {
     assert_eq!(fs::read_to_string(knee.join("marks.csv")).unwrap().trim(), marks.trim());
 }
 
+/// A TOML text without some of its tables.
+fn without(text: &str, tables: &[&str]) -> String {
+    let mut left_out = false;
+    let mut keep = |line: &&str| {
+        if line.starts_with('[') {
+            left_out = tables.contains(&line.trim());
+        }
+        !left_out
+    };
+    text.lines().filter(|l| keep(l)).map(|l| format!("{l}\n")).collect()
+}
+
 #[test]
 fn an_empty_folder_is_written_to_fill_in() {
     let folder = TempDir::new().unwrap();
@@ -151,9 +163,13 @@ fn an_empty_folder_is_written_to_fill_in() {
     // what is commented out is TOML that the program knows, and the laxity file reads
     let key = |l: &&str| l.starts_with('[') || l.split_once(" = ").is_some_and(|(k, _)| !k.contains(' '));
     let bare: String = toml.lines().map(|l| l.strip_prefix("# ").filter(key).unwrap_or(l).to_owned() + "\n").collect();
+    // surfaces and scans, or a label map in place of them
+    let with_scans = without(&bare, &["[segmentation]"]);
     let surfaces = |l: &&str| !l.starts_with("volume") && !l.starts_with("labels");
-    let bare: String = bare.lines().filter(surfaces).map(|l| format!("{l}\n")).collect();
-    stages::ingest::parse_specimen_file(&bare).unwrap_or_else(|e| panic!("{e}\n{bare}"));
+    let with_scans: String = with_scans.lines().filter(surfaces).map(|l| format!("{l}\n")).collect();
+    for text in [with_scans, without(&bare, &["[ct]", "[scans]"])] {
+        stages::ingest::parse_specimen_file(&text).unwrap_or_else(|e| panic!("{e}\n{text}"));
+    }
     sim::laxity::read(&fs::read(knee.join("laxity/example.csv")).unwrap()).unwrap();
     build_model()
         .arg("check")
