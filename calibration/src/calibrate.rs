@@ -11,6 +11,7 @@ use crate::problem::{Probes, Problem};
 use crate::recipe::Recipe;
 use serde::{Deserialize, Serialize};
 use sim::laxity::LaxityTrial;
+use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
 /// Everything that decides the answer of a calibration; a checkpoint of another one is refused.
@@ -91,6 +92,9 @@ pub struct Calibrated {
     pub samples: Vec<Vec<f64>>,
     /// The cost of every evaluation, in order.
     pub history: Vec<f64>,
+    /// The most probable value of every parameter, by its name; empty where a recipe was followed.
+    #[serde(default)]
+    pub mode: BTreeMap<String, f64>,
     /// What is odd but not fatal.
     pub warnings: Vec<String>,
 }
@@ -251,6 +255,7 @@ fn finish(checkpoint: &Checkpoint, problem: &Problem, probes: &Probes) -> Result
         State::Descent(h) => h.history.clone(),
     };
     Ok(Calibrated {
+        mode: BTreeMap::new(),
         method: o.method,
         cost: problem.cost.cost(&predicted).value,
         lowest_cost: (lowest.0, design.at(&lowest.1)),

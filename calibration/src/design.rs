@@ -166,6 +166,22 @@ impl Design {
         out
     }
 
+    /// The same, but variables that bundles of a model share without being alike are split: each bundle keeps its own value.
+    #[must_use]
+    pub fn separated(mut self, spec: &ModelSpec) -> Design {
+        let mut variables = Vec::new();
+        for v in self.variables {
+            let own = Design {
+                variables: v.bundles.iter().map(|b| Variable { bundles: vec![b.clone()], ..v.clone() }).collect(),
+            };
+            let values = own.values(spec);
+            let is_alike = values.iter().all(|x| (x - values[0]).abs() <= 1e-12 * values[0].abs());
+            if is_alike { variables.push(v) } else { variables.extend(own.variables) }
+        }
+        self.variables = variables;
+        self
+    }
+
     /// The same variables with ranges widened to hold these points (the hull of Table 3 and of published values).
     #[must_use]
     pub fn widened(&self, points: &[Vec<f64>]) -> Design {

@@ -254,6 +254,7 @@ fn told(
         samples: samples.iter().map(|s| at(trials, &s.z, n_ligaments)).collect(),
         history: found.starts.clone(),
         warnings,
+        mode: trials.parameters.iter().zip(trials.values(&mode.z)).map(|(p, v)| (p.name.clone(), v.0)).collect(),
         values: found_values,
     };
     let spec = trials.spec_at(&mode.z, None)?;

@@ -122,20 +122,19 @@ pub fn augmented(
     components: &[Component],
 ) -> Result<ModelSpec, DiagnosisError> {
     let mut out = spec.clone();
-    let parameters = problem.model_at(&fit.unknowns)?.parameters();
+    let knee = problem.models_at(&fit.unknowns)?;
+    let parameters = knee.shared().parameters();
     for (bundle, p) in out.bundles.iter_mut().zip(&parameters) {
         bundle.reference_strain = p.reference_strain;
         bundle.stiffness_n_per_mm = p.stiffness_n_per_mm;
     }
-    let (place, width) = problem.nuisance.contact();
-    let scale = (width * fit.unknowns[place]).exp() * problem.model.contact.scale / problem.given_scale;
     if problem.nuisance.are_of_a_built_knee() {
         out.frames = problem.nuisance.frames_at(&fit.unknowns)?;
-        let knee = problem.model_at(&fit.unknowns)?;
-        for (fibre, at) in out.fibres.iter_mut().zip(&knee.fibres) {
+        for (fibre, at) in out.fibres.iter_mut().zip(&knee.shared().fibres) {
             (fibre.femur, fibre.tibia) = (at.femur.into(), at.tibia.into());
         }
     }
+    let scale = problem.nuisance.contact_scale(&fit.unknowns);
     out.contact.pressure_mpa.iter_mut().for_each(|p| *p *= scale);
     for c in components {
         let value = serde_json::to_value(c).map_err(|e| DiagnosisError::Component(e.to_string()))?;

@@ -180,14 +180,14 @@ pub fn covariance(
     rests: &[Equilibrium],
     floor: &Floor,
 ) -> Result<DMatrix<f64>, DiagnosisError> {
-    let model = problem.model_at(unknowns)?;
-    let trials = problem.unloaded_at(&problem.trials, &model, hypothesis);
+    let models = problem.models_at(unknowns)?;
+    let trials = problem.unloaded_at(&problem.trials, &models, hypothesis);
     let scatter: Vec<Scatter> = trials
         .par_iter()
         .zip(rests)
         .map(|(trial, rest)| {
             let effects = problem.effects_in(trial.source, hypothesis, unknowns);
-            let bench = Bench { model: &model, effects: &effects, place: &problem.place };
+            let bench = Bench { model: models.of(trial.source), effects: &effects, place: &problem.place };
             scatter_of(bench, trial, rest, problem.cartilage_mm > 0.0)
         })
         .collect();
@@ -200,7 +200,7 @@ fn scatter_of(bench: Bench, trial: &Trial, rest: &Equilibrium, with_thickness: b
     let model = bench.model;
     let forces = |q: &Six| {
         let pose = model.joint.pose(q);
-        (model.contact_near(&pose, &mut Nearby::default()).wrench, pose)
+        (model.contact_near(&pose, &mut Nearby::once()).wrench, pose)
     };
     let pushed = |(f, m): &(meshes::Vector, meshes::Vector), pose: &Pose| {
         Six::from_fn(|j, _| -(f.dot(&pose.screws[j].linear) + m.dot(&pose.screws[j].angular)))

@@ -53,8 +53,8 @@ impl Outcome {
         let earned = (first.log_bayes_factor, self.diagnosis.gap.held_out.closed);
         self.components = components(problem, best, temper, earned);
         let model = augmented(problem, spec, best, &self.components)?;
-        let knees = [problem.model_at(&base.unknowns)?, problem.model_at(&best.unknowns)?];
-        self.diagnosis.ligament_forces = carried([(&knees[0], spec), (&knees[1], &model)])?;
+        let knees = [problem.models_at(&base.unknowns)?, problem.models_at(&best.unknowns)?];
+        self.diagnosis.ligament_forces = carried([(knees[0].shared(), spec), (knees[1].shared(), &model)])?;
         self.model = Some(model);
         Ok(())
     }
@@ -75,8 +75,8 @@ impl Outcome {
     }
 }
 
-/// Diagnoses a model against data. `calibrated` is a version of it from where its own unknowns are sought; they are sought only in a knee built from raw
-/// data, whose frames and sites are uncertain.
+/// Diagnoses a model against data. `calibrated` is where a calibration to all of the data ended ([`calibration::calibrate::Calibrated::mode`]): there the
+/// unknowns of a knee built from raw data are sought first.
 ///
 /// Errors: data or model at fault.
 pub fn diagnose(
@@ -85,7 +85,7 @@ pub fn diagnose(
     sources: &[Source],
     catalogue: &Catalogue,
     options: &DiagnosisOptions,
-    calibrated: Option<&ModelSpec>,
+    calibrated: Option<&BTreeMap<String, f64>>,
 ) -> Result<Outcome, DiagnosisError> {
     let problem = Problem::new(model, spec, sources, catalogue)?;
     let present = crate::component::present(spec, &problem.sources, &Catalogue::shipped())?;
@@ -283,27 +283,22 @@ pub fn not_testable(problem: &Problem) -> Vec<NotTestable> {
 }
 
 fn absorbed(problem: &Problem, base: &Fit, with: &Fit) -> Vec<Absorbed> {
-    let (given, centre) = (&problem.given, problem.model.parameters());
-    problem
-        .design
-        .variables
-        .iter()
-        .enumerate()
-        .filter_map(|(k, v)| {
-            let bundle = problem.model.bundles.iter().position(|b| Some(&b.name) == v.bundles.first())?;
-            let strain = v.kind == calibration::design::Kind::ReferenceStrain;
-            let of = |p: &sim::model::BundleParameters| if strain { p.reference_strain } else { p.stiffness_n_per_mm };
-            let (start, width) = (of(&centre[bundle]), problem.nuisance.width[k]);
-            let at = |x: f64| if strain { start + width * x } else { start * (width * x).exp() };
-            let spread = with.posterior[(k, k)].max(0.0).sqrt();
-            Some(Absorbed {
-                bundle: v.bundle(),
-                parameter: v.kind.name().into(),
-                given: of(&given[bundle]),
-                without: at(base.unknowns[k]),
-                with: at(with.unknowns[k]),
-                sd: if strain { width * spread } else { start * width * spread },
-            })
+    let one = |(k, v): (usize, &calibration::design::Variable)| {
+        let bundle = problem.model.bundles.iter().position(|b| Some(&b.name) == v.bundles.first())?;
+        let given = &problem.given[bundle];
+        let at = |fit: &Fit| problem.nuisance.at(k, fit.unknowns[k]);
+        let (value, slope) = at(with);
+        Some(Absorbed {
+            bundle: v.bundle(),
+            parameter: v.kind.name().into(),
+            given: match v.kind {
+                calibration::design::Kind::ReferenceStrain => given.reference_strain,
+                calibration::design::Kind::StiffnessNPerMm => given.stiffness_n_per_mm,
+            },
+            without: at(base).0,
+            with: value,
+            sd: slope * with.posterior[(k, k)].max(0.0).sqrt(),
         })
-        .collect()
+    };
+    problem.design.variables.iter().enumerate().filter_map(one).collect()
 }

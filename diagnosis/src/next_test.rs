@@ -120,17 +120,17 @@ type Forecast = (DVector<f64>, DMatrix<f64>);
 
 /// Predictions of a fit with their posterior scatter.
 fn predictions(problem: &Problem, fit: &Fit, plans: &[Trial]) -> Result<Vec<Forecast>, DiagnosisError> {
-    let model = problem.model_at(&fit.unknowns)?;
-    let joints = problem.nuisance.joints(&fit.unknowns);
+    let models = problem.models_at(&fit.unknowns)?;
+    let joints = problem.nuisance.joints(&fit.unknowns, problem.sources.len());
     Ok(problem
-        .unloaded_at(plans, &model, &fit.hypothesis)
+        .unloaded_at(plans, &models, &fit.hypothesis)
         .par_iter()
         .map(|plan| {
             let effects = problem.effects_in(plan.source, &fit.hypothesis, &fit.unknowns);
-            let bench = Bench { model: &model, effects: &effects, place: &problem.place };
+            let bench = Bench { model: models.of(plan.source), effects: &effects, place: &problem.place };
             let rest = bench.walk(plan);
             let slopes = Slopes::new(bench, plan, &rest);
-            let mut columns = slopes.nuisances(&problem.nuisance, &joints);
+            let mut columns = slopes.nuisances(&problem.nuisance, &fit.unknowns, &joints);
             let mut at = problem.nuisances();
             for c in &fit.hypothesis {
                 let scaled = &fit.unknowns[at..at + c.size()];

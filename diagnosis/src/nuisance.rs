@@ -1,130 +1,66 @@
 //! Nuisance parameters: what is not known of the knee itself, beside any effect, with its priors.
 //!
-//! Ligaments and the contact's scale are unknown in every model. A knee built from raw data also has attachment sites and frames that stand some
-//! millimetres or degrees off; its `uncertainty` says how far. A published deck has neither.
+//! They are parameters of crate `inference`. A knee built from raw data has those of its calibration: ligaments, contact, sites, frames of all data sets
+//! and of each. A published deck has its ligaments and its contact alone, near its own values.
+//!
+//! An unknown is the standard normal number of a parameter's prior, counted from where the model stands.
 
 use crate::error::DiagnosisError;
-use calibration::design::{Design, Kind};
+use calibration::design::{Design, Kind, Variable};
+use calibration::options::CalibrateOptions;
 use inference::frames::{Terms, corrected};
-use meshes::frame::Side;
-use nalgebra::{Matrix3, Matrix6, Vector3};
+use inference::knee::{Quantity, models_at};
+use inference::parameter::{Parameter, Prior};
+use nalgebra::{Matrix6, Vector3};
 use sim::Model;
 use sim::joint::{Joint, Six};
-use sim::model::BundleParameters;
 use sim::spec::{FramesSpec, ModelSpec};
-use sim::uncertainty::{ParameterPrior, Uncertainty};
+use sim::uncertainty::FrameUncertainty;
+use std::collections::BTreeMap;
 
 /// Prior standard deviations about a published model's own parameters: reference strain [-], log of stiffness [-]; log of the contact's scale [-].
 pub const PRIOR: [f64; 3] = [0.03, 0.2, 0.3];
 /// Smallest standard deviation of a site that is an unknown of its own [mm]; less is in the scatter of each fibre's ends ([`crate::covariance::Floor`]).
 const LEAST_SITE_MM: f64 = 0.5;
 
-/// A nuisance parameter.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Nuisance {
-    /// The design variable of this index: a reference strain or a log stiffness.
-    Ligament(usize),
-    /// The log of the contact's scale.
-    Contact,
-    /// A turn or shift of a frame, in the order of [`Terms`] [deg, mm].
-    Frame(usize),
-    /// A shift of a bundle's femoral (0) or tibial (1) end along an axis of the CT [mm].
-    Site {
-        /// Index of the bundle.
-        bundle: usize,
-        /// 0 femur, 1 tibia.
-        end: usize,
-        /// Axis of the CT frame.
-        axis: usize,
-    },
+/// A knee at some values of its parameters: in the frames that all data sets share, then in those of each.
+#[derive(Clone, Debug)]
+pub struct Models(Vec<Model>);
+
+impl Models {
+    /// In the frames of a data set.
+    pub fn of(&self, source: usize) -> &Model {
+        self.0.get(source + 1).unwrap_or(&self.0[0])
+    }
+
+    /// In the frames of all.
+    pub fn shared(&self) -> &Model {
+        &self.0[0]
+    }
 }
 
-/// The nuisance parameters of a model with their priors. Values stand in units of `width`, 0 for the model they were made for.
+/// The nuisance parameters of a model.
 #[derive(Clone, Debug)]
 pub struct Nuisances {
-    /// Which.
-    pub list: Vec<Nuisance>,
-    /// Prior standard deviation of each [-, -, deg, mm].
-    pub width: Vec<f64>,
-    /// Prior mean of each, in units of `width` [-].
+    /// What they are, with their priors.
+    pub list: Vec<Parameter<Quantity>>,
+    /// Mean of each unknown's prior, from where the model stands [-]; the standard deviation is 1.
     pub mean: Vec<f64>,
-    /// The bundles of each design variable.
-    bundles: Vec<Vec<usize>>,
-    kinds: Vec<Kind>,
-    /// Frames of the model.
-    pub frames: FramesSpec,
-    side: Side,
-}
-
-/// Mean and standard deviation of a prior.
-fn moments(prior: ParameterPrior) -> (f64, f64) {
-    match prior {
-        ParameterPrior::Uniform { lower, upper } => (0.5 * (lower + upper), (upper - lower) / 12f64.sqrt()),
-        ParameterPrior::Normal { mean, sd, .. } => (mean, sd),
-    }
+    /// The specification as assembled: sites and frames are counted from there.
+    spec: ModelSpec,
+    is_built: bool,
 }
 
 impl Nuisances {
-    /// Of a compiled model and its specification.
-    pub fn new(model: &Model, spec: &ModelSpec, design: &Design) -> Nuisances {
-        let index = |name: &String| model.bundles.iter().position(|b| b.name == *name);
-        let mut out = Nuisances {
-            list: (0..design.variables.len()).map(Nuisance::Ligament).collect(),
-            width: vec![],
-            mean: vec![],
-            bundles: design.variables.iter().map(|v| v.bundles.iter().filter_map(index).collect()).collect(),
-            kinds: design.variables.iter().map(|v| v.kind).collect(),
-            frames: spec.frames.clone(),
-            side: spec.side,
-        };
-        let built = spec.uncertainty.as_ref().filter(|u| is_built(u) && spec.frames.chain.is_none());
-        for k in 0..design.variables.len() {
-            let (mean, width) = built.map_or((0.0, out.deck_width(k)), |u| out.ligament_prior(k, model, design, u));
-            out.mean.push(mean);
-            out.width.push(width);
-        }
-        out.add(Nuisance::Contact, built.map_or(PRIOR[2], |u| u.contact_log_scale.max(PRIOR[2])));
-        let Some(u) = built else { return out };
-        let frames = [&u.frames.femur, &u.frames.tibia];
-        let sds = frames.iter().flat_map(|f| f.turn_deg.iter().chain(&f.shift_mm).copied());
-        sds.enumerate().for_each(|(k, sd)| out.add(Nuisance::Frame(k), sd));
-        for (bundle, b) in model.bundles.iter().enumerate() {
-            let Some(site) = u.sites.get(&b.name) else { continue };
-            for (end, sd) in
-                [site.femur_mm, site.tibia_mm].into_iter().enumerate().filter(|(_, sd)| *sd > LEAST_SITE_MM)
-            {
-                (0..3).for_each(|axis| out.add(Nuisance::Site { bundle, end, axis }, sd));
-            }
-        }
-        out
-    }
-
-    fn add(&mut self, nuisance: Nuisance, sd: f64) {
-        if sd > 0.0 {
-            self.list.push(nuisance);
-            self.width.push(sd);
-            self.mean.push(0.0);
-        }
-    }
-
-    fn deck_width(&self, k: usize) -> f64 {
-        if self.kinds[k] == Kind::StiffnessNPerMm { PRIOR[1] } else { PRIOR[0] }
-    }
-
-    /// Prior of a ligament parameter of a built knee: as the model states it, else Table 3's range taken as even; mean in units of the width, from the model.
-    fn ligament_prior(&self, k: usize, model: &Model, design: &Design, u: &Uncertainty) -> (f64, f64) {
-        let variable = &design.variables[k];
-        let Some(&bundle) = self.bundles[k].first() else { return (0.0, self.deck_width(k)) };
-        let stated = u.ligaments.get(&model.bundles[bundle].name);
-        let range = ParameterPrior::Uniform { lower: variable.lower, upper: variable.upper };
-        if variable.kind == Kind::StiffnessNPerMm {
-            let (mean, sd) = moments(stated.and_then(|l| l.stiffness_n_per_mm).unwrap_or(range));
-            let width = sd / mean;
-            ((mean / model.bundles[bundle].stiffness).ln() / width, width)
-        } else {
-            let (mean, sd) = moments(stated.and_then(|l| l.reference_strain).unwrap_or(range));
-            ((mean - model.bundles[bundle].reference_strain) / sd, sd)
-        }
+    /// Of a model and its specification, measured in some data sets.
+    pub fn new(spec: &ModelSpec, design: &Design, sources: &[String]) -> Nuisances {
+        let is_built = is_built(spec);
+        let list = if is_built { of_a_built_knee(spec, design, sources) } else { of_a_deck(spec, design) };
+        // from where the model as given stands, whose ligaments may lie anywhere in their priors
+        let values = design.values(spec);
+        let base = |(k, p): (usize, &Parameter<Quantity>)| values.get(k).map_or(0.0, |x| p.prior.z_of(*x));
+        let mean = list.iter().enumerate().map(|p| -base(p)).collect();
+        Nuisances { list, mean, spec: spec.clone(), is_built }
     }
 
     /// Number of parameters.
@@ -139,7 +75,7 @@ impl Nuisances {
 
     /// Whether sites or frames are unknown, as in a knee built from raw data.
     pub fn are_of_a_built_knee(&self) -> bool {
-        self.list.iter().any(|n| matches!(n, Nuisance::Frame(_) | Nuisance::Site { .. }))
+        self.is_built
     }
 
     /// Sum of squares of the distance from the prior's mean, in its standard deviations [-].
@@ -147,167 +83,137 @@ impl Nuisances {
         self.mean.iter().zip(unknowns).map(|(m, x)| (x - m) * (x - m)).sum()
     }
 
-    /// Place and width of the contact's scale.
-    pub fn contact(&self) -> (usize, f64) {
-        let k = self.list.iter().position(|n| *n == Nuisance::Contact).unwrap_or(self.bundles.len());
-        (k, self.width[k])
+    /// The value of parameter `k`, and its derivative by the unknown.
+    pub fn at(&self, k: usize, unknown: f64) -> (f64, f64) {
+        self.list[k].prior.at(unknown - self.mean[k])
     }
 
-    /// Whether design variable `k` is a stiffness.
-    pub fn is_stiffness(&self, k: usize) -> bool {
-        self.kinds[k] == Kind::StiffnessNPerMm
+    fn values(&self, unknowns: &[f64]) -> Vec<f64> {
+        (0..self.len()).map(|k| self.at(k, unknowns[k]).0).collect()
     }
 
-    /// The bundles of design variable `k`.
-    pub fn bundles_of(&self, k: usize) -> &[usize] {
-        &self.bundles[k]
+    /// Scale of the contact [-].
+    pub fn contact_scale(&self, unknowns: &[f64]) -> f64 {
+        let k = self.list.iter().position(|p| p.quantity == Quantity::ContactScale);
+        k.map_or(1.0, |k| self.at(k, unknowns[k]).0)
     }
 
-    /// Turns and shifts of the frames at some values [deg, mm].
-    pub fn terms(&self, unknowns: &[f64]) -> Terms {
+    /// Turns and shifts of a data set's frames at some values [deg, mm]; of those of all for none.
+    fn terms(&self, unknowns: &[f64], of: Option<usize>) -> Terms {
         let mut terms = [0.0; 12];
-        for (k, n) in self.list.iter().enumerate() {
-            if let Nuisance::Frame(t) = n {
-                terms[*t] = self.width[k] * unknowns[k];
+        for (k, p) in self.list.iter().enumerate() {
+            match p.quantity {
+                Quantity::Frame(source, t) if source.is_none() || source == of => terms[t] += self.at(k, unknowns[k]).0,
+                _ => {}
             }
         }
         terms
     }
 
-    /// Frames at some values.
+    /// The frames of all data sets at some values.
     ///
     /// Errors: frames that make no joint.
     pub fn frames_at(&self, unknowns: &[f64]) -> Result<FramesSpec, DiagnosisError> {
-        let terms = self.terms(unknowns);
+        let terms = self.terms(unknowns, None);
         if terms.iter().all(|t| *t == 0.0) {
-            return Ok(self.frames.clone());
+            return Ok(self.spec.frames.clone());
         }
-        Ok(corrected(&self.frames, self.side, &terms)?)
+        Ok(corrected(&self.spec.frames, self.spec.side, &terms)?)
     }
 
-    /// A model with these values in place of its own.
+    /// The model as assembled at these values, in the frames of each data set.
     ///
     /// Errors: values out of the model's range.
-    pub fn apply(&self, model: &Model, unknowns: &[f64]) -> Result<Model, DiagnosisError> {
-        let mut parameters: Vec<BundleParameters> = model.parameters();
-        let mut scale = 1.0;
-        let mut moved: Vec<[Vector3<f64>; 2]> = vec![];
-        for (k, n) in self.list.iter().enumerate() {
-            let by = self.width[k] * unknowns[k];
-            match *n {
-                Nuisance::Ligament(v) => {
-                    for &b in &self.bundles[v] {
-                        match self.kinds[v] {
-                            Kind::StiffnessNPerMm => parameters[b].stiffness_n_per_mm *= by.exp(),
-                            _ => parameters[b].reference_strain += by,
-                        }
-                    }
-                }
-                Nuisance::Contact => scale = by.exp(),
-                Nuisance::Frame(_) => {}
-                Nuisance::Site { bundle, end, axis } => {
-                    moved.resize(model.bundles.len(), [Vector3::zeros(); 2]);
-                    moved[bundle][end][axis] += by;
-                }
-            }
-        }
-        let mut out = model.with_parameters(&parameters)?.with_contact_scale(scale)?;
-        if !moved.is_empty() {
-            for fibre in &mut out.fibres {
-                let [femur, tibia] = moved[fibre.bundle];
-                *fibre = crate::effect::moved_fibre(fibre, &femur, &tibia);
-            }
-        }
-        let frames = self.frames_at(unknowns)?;
-        if frames != self.frames {
-            out.joint = Joint::new(&frames, self.side)?;
-        }
-        Ok(out)
+    pub fn apply(&self, assembled: &Model, unknowns: &[f64]) -> Result<Models, DiagnosisError> {
+        Ok(Models(models_at(assembled, &self.spec, &self.list, &self.values(unknowns))?))
     }
 
-    /// The same parameters of the model at some values.
-    ///
-    /// Errors: frames that make no joint.
-    pub fn centred_at(&self, unknowns: &[f64]) -> Result<Nuisances, DiagnosisError> {
+    /// The same parameters counted from some values.
+    pub fn centred_at(&self, unknowns: &[f64]) -> Nuisances {
         let mean = self.mean.iter().zip(unknowns).map(|(m, x)| m - x).collect();
-        Ok(Nuisances { mean, frames: self.frames_at(unknowns)?, ..self.clone() })
+        Nuisances { mean, ..self.clone() }
     }
 
-    /// Values of a calibrated version of the model: its ligaments and frames.
-    pub fn values_of(&self, model: &Model, calibrated: &ModelSpec) -> Vec<f64> {
-        let terms = turned(&self.frames, &calibrated.frames, self.side);
-        let value = |(k, n): (usize, &Nuisance)| match *n {
-            Nuisance::Ligament(v) => {
-                let Some(&b) = self.bundles[v].first() else { return 0.0 };
-                let own = &model.bundles[b];
-                let Some(there) = calibrated.bundles.iter().find(|c| c.name == own.name) else { return 0.0 };
-                match self.kinds[v] {
-                    Kind::StiffnessNPerMm => (there.stiffness_n_per_mm.max(1e-3) / own.stiffness).ln() / self.width[k],
-                    _ => (there.reference_strain - own.reference_strain) / self.width[k],
-                }
-            }
-            Nuisance::Frame(t) => terms[t] / self.width[k],
-            _ => 0.0,
-        };
-        self.list.iter().enumerate().map(value).map(|x| if x.is_finite() { x } else { 0.0 }).collect()
+    /// Unknowns at which the parameters of these names have these values, and all others their prior's middle.
+    pub fn at_values(&self, values: &BTreeMap<String, f64>) -> Vec<f64> {
+        let of = |(p, m): (&Parameter<Quantity>, &f64)| values.get(&p.name).map_or(0.0, |x| p.prior.z_of(*x)) + m;
+        self.list.iter().zip(&self.mean).map(of).collect()
     }
 
-    /// Pairs of joints with each frame turned or shifted a little either way from some values.
-    pub(crate) fn joints(&self, unknowns: &[f64]) -> Vec<FrameStep> {
-        let here = self.terms(unknowns);
-        let joint = |t: usize, by: f64| {
-            let mut terms = here;
-            terms[t] += by;
-            corrected(&self.frames, self.side, &terms).ok().and_then(|f| Joint::new(&f, self.side).ok())
+    /// Steps of the frames of each data set, then of all, about some values.
+    pub(crate) fn joints(&self, unknowns: &[f64], sources: usize) -> Vec<FrameSteps> {
+        let is_asked = |t: usize| self.list.iter().any(|p| matches!(p.quantity, Quantity::Frame(_, term) if term == t));
+        let of = |source: Option<usize>| -> FrameSteps {
+            let here = self.terms(unknowns, source);
+            std::array::from_fn(|t| {
+                let at = |by: f64| {
+                    let mut terms = here;
+                    terms[t] += by;
+                    Joint::new(&corrected(&self.spec.frames, self.spec.side, &terms).ok()?, self.spec.side).ok()
+                };
+                if is_asked(t) { Some([at(FRAME_STEP)?, at(-FRAME_STEP)?]) } else { None }
+            })
         };
-        let step = |(k, n): (usize, &Nuisance)| match *n {
-            Nuisance::Frame(t) => {
-                let joints = [joint(t, FRAME_STEP)?, joint(t, -FRAME_STEP)?];
-                Some(FrameStep { joints, per: self.width[k] / (2.0 * FRAME_STEP) })
-            }
-            _ => None,
-        };
-        self.list.iter().enumerate().filter_map(step).collect()
+        (0..sources).map(Some).chain([None]).map(of).collect()
     }
 }
+
+/// How far the frames of one data set stand from those of all [deg, mm], standard deviations; ours: the repeatability of a good laboratory. The
+/// calibration allows more, whatever the cause. Here more has a name: a frame turned or an origin shifted in one data set.
+const OWN_FRAME: (f64, f64) = (0.5, 1.0);
+
+/// Those of the calibration. Cartilage is in the scatter ([`crate::covariance`]), and so are sites that are known well.
+fn of_a_built_knee(spec: &ModelSpec, design: &Design, sources: &[String]) -> Vec<Parameter<Quantity>> {
+    let mut options = CalibrateOptions::default();
+    (options.frames.offset_turn_deg, options.frames.offset_shift_mm) = OWN_FRAME;
+    let mut list = calibration::unknowns::parameters(spec, design, sources, &options, None);
+    list.retain(|p| match (&p.quantity, p.prior) {
+        (Quantity::Cartilage | Quantity::Lean(..), _) => false,
+        (Quantity::Site(..), Prior::Normal { sd, .. }) => sd > LEAST_SITE_MM,
+        _ => true,
+    });
+    list
+}
+
+/// A deck's own values, and its contact.
+fn of_a_deck(spec: &ModelSpec, design: &Design) -> Vec<Parameter<Quantity>> {
+    let one = |(v, own): (&Variable, f64)| {
+        let of = |name: &String| spec.bundles.iter().position(|b| b.name == *name);
+        let bundles: Vec<usize> = v.bundles.iter().filter_map(of).collect();
+        let (quantity, prior) = match v.kind {
+            Kind::ReferenceStrain => (Quantity::ReferenceStrain(bundles), Prior::Normal { mean: own, sd: PRIOR[0] }),
+            Kind::StiffnessNPerMm => {
+                (Quantity::Stiffness(bundles), Prior::LogNormal { median: own.max(LEAST_STIFFNESS), log_sd: PRIOR[1] })
+            }
+        };
+        Parameter { name: v.name(), quantity, prior }
+    };
+    let mut list: Vec<_> = design.variables.iter().zip(design.values(spec)).map(one).collect();
+    let prior = Prior::LogNormal { median: 1.0, log_sd: PRIOR[2] };
+    list.push(Parameter { name: "contact.scale".into(), quantity: Quantity::ContactScale, prior });
+    list
+}
+
+/// A stiffness of nothing has no logarithm [N/mm].
+const LEAST_STIFFNESS: f64 = 1e-3;
 
 /// Turn [deg] or shift [mm] over which derivatives by frames are taken.
-const FRAME_STEP: f64 = 0.02;
+pub(crate) const FRAME_STEP: f64 = 0.02;
 
-/// A frame turned or shifted a little either way.
-pub(crate) struct FrameStep {
-    /// The joint with the frame moved forward and back.
-    pub joints: [Joint; 2],
-    /// Turns the difference into a derivative by the scaled parameter.
-    pub per: f64,
+/// For each turn and shift that is unknown, the joint with the frame moved a little forward and back.
+pub(crate) type FrameSteps = [Option<[Joint; 2]>; 12];
+
+/// Whether a model is of a knee built from raw data: its frames are uncertain.
+pub fn is_built(spec: &ModelSpec) -> bool {
+    let of = |f: &FrameUncertainty| f.turn_deg.iter().chain(&f.shift_mm).any(|x| *x > 0.0);
+    let stated = spec.uncertainty.as_ref().is_some_and(|u| of(&u.frames.femur) || of(&u.frames.tibia));
+    stated && spec.frames.chain.is_none()
 }
 
-/// Whether a model's uncertainty is that of a knee built from raw data.
-fn is_built(u: &Uncertainty) -> bool {
-    let of = |f: &sim::uncertainty::FrameUncertainty| f.turn_deg.iter().chain(&f.shift_mm).any(|x| *x > 0.0);
-    of(&u.frames.femur) || of(&u.frames.tibia)
-}
-
-/// Turns [deg] and shifts [mm] that lead from frames to others, each in its own axes.
-fn turned(from: &FramesSpec, to: &FramesSpec, side: Side) -> Terms {
-    let hand = if side == Side::Left { 1.0 } else { -1.0 };
-    let mut out = [0.0; 12];
-    for (b, (f, t)) in [(&from.femur, &to.femur), (&from.tibia, &to.tibia)].into_iter().enumerate() {
-        let axes = |f: &meshes::frame::AnatomicalFrame| Matrix3::from_columns(&[f.medial, f.anterior, f.superior]);
-        let (own, turn) = (axes(f), axes(t) * axes(f).transpose());
-        let turn = nalgebra::Rotation3::from_matrix(&turn).scaled_axis();
-        let (about, along) = (own.transpose() * turn * hand, own.transpose() * (t.origin - f.origin));
-        for a in 0..3 {
-            out[6 * b + a] = about[a].to_degrees();
-            out[6 * b + 3 + a] = along[a];
-        }
-    }
-    out
-}
-
-/// What a step of a frame changes at one pose of the femur: the reading (Grood-Suntay coordinates [rad, mm]) and the generalised force of a wrench.
+/// What a step of a frame changes at one pose of the femur, per degree or millimetre: the reading (Grood-Suntay coordinates [rad, mm]) and the generalised
+/// force of a wrench.
 pub(crate) fn frame_change(
-    step: &FrameStep,
+    joints: &[Joint; 2],
     femur: &meshes::Isometry,
     wrench: &[Vector3<f64>; 2],
     read: &dyn Fn(&Six) -> Six,
@@ -318,7 +224,7 @@ pub(crate) fn frame_change(
         let force = Six::from_fn(|j, _| wrench[0].dot(&pose.screws[j].linear) + wrench[1].dot(&pose.screws[j].angular));
         Some((read(&gs), force))
     };
-    let ([up, down], per) = ([at(&step.joints[0])?, at(&step.joints[1])?], step.per);
+    let ([up, down], per) = ([at(&joints[0])?, at(&joints[1])?], 1.0 / (2.0 * FRAME_STEP));
     Some(((up.0 - down.0) * per, (up.1 - down.1) * per))
 }
 

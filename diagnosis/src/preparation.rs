@@ -7,13 +7,14 @@ use crate::criteria::{TEMPER, TESTABLE_SIZE};
 use crate::error::DiagnosisError;
 use crate::fit::Fit;
 use crate::noise::scales;
-use crate::nuisance::Nuisance;
 use crate::problem::{Problem, TakenUp};
 use crate::report::NotTestable;
 use crate::screen::{Marginal, Score, signatures};
 use crate::search::{DiagnosisOptions, Searcher, Start, WIDTH};
+use inference::knee::Quantity;
+use inference::parameter::Parameter;
 use nalgebra::DMatrix;
-use sim::spec::ModelSpec;
+use std::collections::BTreeMap;
 
 /// Rounds in which a built knee is fitted and its question asked about the fit: in the second the scatter is that of the fitted knee.
 const CENTRINGS: usize = 2;
@@ -24,7 +25,7 @@ const CENTRINGS: usize = 2;
 pub(crate) fn prepared(
     problem: Problem,
     options: &DiagnosisOptions,
-    calibrated: Option<&ModelSpec>,
+    calibrated: Option<&BTreeMap<String, f64>>,
 ) -> Result<Problem, DiagnosisError> {
     let is_built = problem.nuisance.are_of_a_built_knee();
     let problem = if is_built { centred(problem, options, calibrated)? } else { problem };
@@ -51,11 +52,11 @@ pub(crate) fn prepared(
 fn centred(
     problem: Problem,
     options: &DiagnosisOptions,
-    calibrated: Option<&ModelSpec>,
+    calibrated: Option<&BTreeMap<String, f64>>,
 ) -> Result<Problem, DiagnosisError> {
     let mut problem = problem.with_far_rests(true);
-    if let Some(spec) = calibrated {
-        let values = problem.nuisance.values_of(&problem.model, spec);
+    if let Some(found) = calibrated {
+        let values = problem.nuisance.at_values(found);
         problem = problem.centred_at(&values)?;
     }
     for _ in 0..CENTRINGS {
@@ -75,10 +76,10 @@ fn absorbed(
     let candidates = problem.candidates();
     let signatures = signatures(problem, &start.base, &candidates)?;
     let evidence = TEMPER * options.least_evidence;
-    let is_frame = |n: &Nuisance| matches!(n, Nuisance::Frame(_));
-    let is_site = |n: &Nuisance| matches!(n, Nuisance::Site { .. });
+    let is_frame = |p: &Parameter<Quantity>| matches!(p.quantity, Quantity::Frame(..));
+    let is_site = |p: &Parameter<Quantity>| matches!(p.quantity, Quantity::Site(..));
     let given = Marginal::new(&start.base, readings, &start.cov)?;
-    let knowing = |known: &dyn Fn(&Nuisance) -> bool| {
+    let knowing = |known: &dyn Fn(&Parameter<Quantity>) -> bool| {
         let mut fit: Fit = start.base.clone();
         let all: Vec<usize> = (0..problem.nuisances()).filter(|&k| known(&problem.nuisance.list[k])).collect();
         all.into_iter()

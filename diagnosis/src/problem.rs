@@ -7,10 +7,10 @@ use crate::candidate::{Candidate, Scope, sized};
 use crate::catalogue::Catalogue;
 use crate::effect::{Active, Place};
 use crate::error::DiagnosisError;
-use crate::nuisance::Nuisances;
+use crate::nuisance::{Models, Nuisances};
 use crate::slopes::Slopes;
 use crate::trial::{NoiseScale, PER_UNIT, READ, Source, Trial, trials};
-use calibration::design::{Design, Kind};
+use calibration::design::Design;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 use sim::Model;
@@ -33,8 +33,12 @@ const MOST_LOST: f64 = 0.2;
 /// A model, data and a catalogue.
 #[derive(Clone, Debug)]
 pub struct Problem {
-    /// The model as given.
+    /// The model as assembled.
+    assembled: Model,
+    /// The model where it stands, in the frames of all data sets.
     pub model: Model,
+    /// The same in the frames of each.
+    pub models: Models,
     /// Frames.
     pub place: Place,
     /// Ligament unknowns.
@@ -43,8 +47,6 @@ pub struct Problem {
     pub nuisance: Nuisances,
     /// Ligament parameters of the model that was given, whatever the model was moved to since.
     pub given: Vec<BundleParameters>,
-    /// Scale of its contact [-].
-    pub given_scale: f64,
     /// Names of the data sets.
     pub sources: Vec<String>,
     /// Standard deviation of a compartment's cartilage where the knee was built from raw data; 0 of a deck, whose contact the floor covers [mm].
@@ -88,7 +90,7 @@ enum Lost {
 /// The knee of a hypothesis.
 struct Knee<'a> {
     /// The model with its ligaments.
-    model: Model,
+    models: Models,
     /// What acts in each data set.
     effects: Vec<Vec<Active>>,
     /// The trials with its unloaded poses.
@@ -98,7 +100,7 @@ struct Knee<'a> {
 
 impl Knee<'_> {
     fn bench(&self, trial: &Trial) -> Bench<'_> {
-        Bench { model: &self.model, effects: &self.effects[trial.source], place: self.place }
+        Bench { model: self.models.of(trial.source), effects: &self.effects[trial.source], place: self.place }
     }
 }
 
@@ -123,21 +125,24 @@ impl Problem {
         sources: &[Source],
         catalogue: &Catalogue,
     ) -> Result<Problem, DiagnosisError> {
-        let mut design = Design::of_model(spec)?;
-        design.variables.retain(|v| matches!(v.kind, Kind::ReferenceStrain | Kind::StiffnessNPerMm));
+        let design = Design::of_model(spec)?.separated(spec);
         let place = Place { femur: spec.frames.femur, tibia: spec.frames.tibia };
-        let nuisance = Nuisances::new(model, spec, &design);
+        let sources_of: Vec<String> = sources.iter().map(|s| s.name.clone()).collect();
+        let nuisance = Nuisances::new(spec, &design, &sources_of);
+        // where the model brings a second contact, the diagnosis works with that one
+        let assembled = model.with_second_share(1.0)?;
+        let models = nuisance.apply(&assembled, &vec![0.0; nuisance.len()])?;
         let stated = spec.uncertainty.as_ref().filter(|_| nuisance.are_of_a_built_knee());
         let cartilage_mm = stated.map_or(0.0, |u| u.cartilage_mm);
         let mut problem = Problem {
-            // where the model brings a second contact, the diagnosis works with that one
-            model: model.with_second_share(1.0)?,
+            model: models.shared().clone(),
+            models,
+            assembled,
             place,
             design,
             nuisance,
             given: model.parameters(),
-            given_scale: model.contact.scale,
-            sources: sources.iter().map(|s| s.name.clone()).collect(),
+            sources: sources_of,
             cartilage_mm,
             noise: vec![],
             absorbed: vec![],
@@ -156,9 +161,11 @@ impl Problem {
     ///
     /// Errors: values out of the model's range.
     pub fn centred_at(mut self, unknowns: &[f64]) -> Result<Problem, DiagnosisError> {
-        self.model = self.model_at(unknowns)?;
-        self.nuisance = self.nuisance.centred_at(unknowns)?;
-        self.place = Place { femur: self.nuisance.frames.femur, tibia: self.nuisance.frames.tibia };
+        self.models = self.models_at(unknowns)?;
+        self.model = self.models.shared().clone();
+        let frames = self.nuisance.frames_at(unknowns)?;
+        self.place = Place { femur: frames.femur, tibia: frames.tibia };
+        self.nuisance = self.nuisance.centred_at(unknowns);
         self.unload();
         self.hold();
         Ok(self)
@@ -178,11 +185,7 @@ impl Problem {
 
     /// Finds the unloaded pose of every trial.
     fn unload(&mut self) {
-        let neutral: Vec<Six> = self
-            .trials
-            .par_iter()
-            .map(|t| Bench { model: &self.model, effects: &[], place: &self.place }.neutral(t).q)
-            .collect();
+        let neutral: Vec<Six> = self.trials.par_iter().map(|t| self.plain(t).neutral(t).q).collect();
         for (t, q) in self.trials.iter_mut().zip(neutral) {
             t.neutral = q;
         }
@@ -197,7 +200,7 @@ impl Problem {
 
     /// Grood-Suntay coordinates that a trial read [rad, mm]; what was not measured is taken from the unloaded pose.
     fn measured(&self, trial: &Trial) -> Six {
-        let mut gs = self.model.joint.grood_suntay(&trial.neutral);
+        let mut gs = self.models.of(trial.source).joint.grood_suntay(&trial.neutral);
         gs[0] = trial.flexion;
         for (c, value) in trial.measured.iter().enumerate() {
             if let Some(v) = value {
@@ -211,9 +214,9 @@ impl Problem {
     fn hold(&mut self) {
         let near = |t: &Trial| {
             let effects = self.effects_in(t.source, &[], &[]);
-            let bench = Bench { model: &self.model, effects: &effects, place: &self.place };
+            let bench = Bench { effects: &effects, ..self.plain(t) };
             let measured = self.measured(t);
-            self.model.joint.coordinates(&measured).ok().map(|q| bench.held(t, &measured, &q))
+            bench.model.joint.coordinates(&measured).ok().map(|q| bench.held(t, &measured, &q))
         };
         self.held = self.trials.par_iter().map(near).collect();
     }
@@ -224,13 +227,13 @@ impl Problem {
     /// Errors: a model that cannot be evaluated.
     pub fn linear_held(&self) -> Result<Linear, DiagnosisError> {
         let unknowns = vec![0.0; self.nuisances()];
-        let own = |i: usize| Bench { model: &self.model, effects: &[], place: &self.place }.neutral(&self.trials[i]);
+        let own = |i: usize| self.plain(&self.trials[i]).neutral(&self.trials[i]);
         let rests: Vec<Equilibrium> =
             (0..self.trials.len()).into_par_iter().map(|i| self.held[i].clone().unwrap_or_else(|| own(i))).collect();
         let mut linear = self.linear_at(&[], &unknowns, rests)?;
         for (i, rest) in linear.rests.iter().enumerate() {
             let effects = self.effects_in(self.trials[i].source, &[], &unknowns);
-            let bench = Bench { model: &self.model, effects: &effects, place: &self.place };
+            let bench = Bench { effects: &effects, ..self.plain(&self.trials[i]) };
             let moved = Slopes::new(bench, &self.trials[i], rest).by(&rest.miss, &Six::zeros());
             (0..5).for_each(|c| linear.value[5 * i + c] += moved[c]);
         }
@@ -271,8 +274,15 @@ impl Problem {
     }
 
     /// The model with other values of its nuisance parameters.
-    pub fn model_at(&self, unknowns: &[f64]) -> Result<Model, DiagnosisError> {
-        self.nuisance.apply(&self.model, unknowns)
+    ///
+    /// Errors: values out of the model's range.
+    pub fn models_at(&self, unknowns: &[f64]) -> Result<Models, DiagnosisError> {
+        self.nuisance.apply(&self.assembled, unknowns)
+    }
+
+    /// The model where it stands, as a trial is put to it without effects.
+    fn plain(&self, trial: &Trial) -> Bench<'_> {
+        Bench { model: self.models.of(trial.source), effects: &[], place: &self.place }
     }
 
     /// The effects at work in a data set: those the model has, then the hypothesis'.
@@ -286,20 +296,20 @@ impl Problem {
     }
 
     /// Trials with the unloaded poses of a model's ligaments, where a hypothesis or the model has an effect that departs from them.
-    pub fn unloaded_at<'a>(&self, trials: &'a [Trial], model: &Model, hypothesis: &[Candidate]) -> Cow<'a, [Trial]> {
+    pub fn unloaded_at<'a>(&self, trials: &'a [Trial], models: &Models, hypothesis: &[Candidate]) -> Cow<'a, [Trial]> {
         let departs = self.present.iter().any(|(a, _)| a.is_about_unloaded())
             || hypothesis.iter().any(|c| c.active(&vec![0.0; c.size()]).is_about_unloaded());
         if !departs {
             return Cow::Borrowed(trials);
         }
         let moved = |(t, neutral): (&Trial, Six)| Trial { neutral, ..t.clone() };
-        Cow::Owned(trials.iter().zip(self.neutrals(trials, model)).map(moved).collect())
+        Cow::Owned(trials.iter().zip(self.neutrals(trials, models)).map(moved).collect())
     }
 
     /// Unloaded poses of a model's ligaments, next to those of the trials; where it finds none, those [rad, mm].
-    pub fn neutrals(&self, trials: &[Trial], model: &Model) -> Vec<Six> {
-        let plain = Bench { model, effects: &[], place: &self.place };
+    pub fn neutrals(&self, trials: &[Trial], models: &Models) -> Vec<Six> {
         let moved = |t: &Trial| {
+            let plain = Bench { model: models.of(t.source), effects: &[], place: &self.place };
             let rest = plain.neutral_near(t, &t.neutral);
             if rest.balanced { rest.q } else { t.neutral }
         };
@@ -307,10 +317,10 @@ impl Problem {
     }
 
     fn knee(&self, hypothesis: &[Candidate], unknowns: &[f64]) -> Result<Knee<'_>, DiagnosisError> {
-        let model = self.model_at(unknowns)?;
+        let models = self.models_at(unknowns)?;
         let effects = (0..self.sources.len()).map(|s| self.effects_in(s, hypothesis, unknowns)).collect();
-        let trials = self.unloaded_at(&self.trials, &model, hypothesis);
-        Ok(Knee { model, effects, trials, place: &self.place })
+        let trials = self.unloaded_at(&self.trials, &models, hypothesis);
+        Ok(Knee { models, effects, trials, place: &self.place })
     }
 
     /// Rests of all trials at an answer; from nearby poses, or the whole way where `starts` is empty.
@@ -427,10 +437,10 @@ impl Problem {
     }
 
     fn linear_in(&self, knee: &Knee, hypothesis: &[Candidate], unknowns: &[f64], rests: Vec<Equilibrium>) -> Linear {
-        let joints = self.nuisance.joints(unknowns);
+        let joints = self.nuisance.joints(unknowns, self.sources.len());
         let by_unknowns = |(trial, rest): (&Trial, &Equilibrium)| {
             let slopes = Slopes::new(knee.bench(trial), trial, rest);
-            let mut columns = slopes.nuisances(&self.nuisance, &joints);
+            let mut columns = slopes.nuisances(&self.nuisance, unknowns, &joints);
             let mut at = self.nuisances();
             for candidate in hypothesis {
                 let scaled = &unknowns[at..at + candidate.size()];

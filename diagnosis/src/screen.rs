@@ -14,7 +14,7 @@ use rayon::prelude::*;
 ///
 /// Errors: a model that cannot be evaluated.
 pub fn signatures(problem: &Problem, at: &Fit, candidates: &[Candidate]) -> Result<Vec<DMatrix<f64>>, DiagnosisError> {
-    let model = problem.model_at(&at.unknowns)?;
+    let models = problem.models_at(&at.unknowns)?;
     // a candidate's columns do not depend on its scope but for the rows that it leaves zero
     let mut kinds: Vec<&Candidate> = Vec::new();
     let kind_of: Vec<usize> = candidates
@@ -27,13 +27,14 @@ pub fn signatures(problem: &Problem, at: &Fit, candidates: &[Candidate]) -> Resu
             })
         })
         .collect();
-    let trials = problem.unloaded_at(&problem.trials, &model, &at.hypothesis);
+    let trials = problem.unloaded_at(&problem.trials, &models, &at.hypothesis);
     let columns: Vec<Vec<Vec<[f64; 5]>>> = trials
         .par_iter()
         .zip(&at.linear.rests)
         .map(|(trial, rest)| {
             let effects = problem.effects_in(trial.source, &at.hypothesis, &at.unknowns);
-            let slopes = Slopes::new(Bench { model: &model, effects: &effects, place: &problem.place }, trial, rest);
+            let model = models.of(trial.source);
+            let slopes = Slopes::new(Bench { model, effects: &effects, place: &problem.place }, trial, rest);
             kinds.iter().map(|c| slopes.candidate(c, &c.nothing(), true)).collect()
         })
         .collect();

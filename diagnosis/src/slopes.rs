@@ -3,13 +3,16 @@
 use crate::bench::Bench;
 use crate::candidate::Candidate;
 use crate::effect::{Active, fibre_pull, moved_fibre};
-use crate::nuisance::{FrameStep, Nuisance, Nuisances, frame_change, wrench};
+use crate::nuisance::{FrameSteps, Nuisances, frame_change, wrench};
 use crate::trial::{PER_UNIT, READ, Trial};
+use inference::knee::Quantity;
+use inference::parameter::Parameter;
 use nalgebra::{Matrix6, Vector3};
 use sim::contact::Nearby;
 use sim::equilibrium::Equilibrium;
-use sim::joint::{FREE, Six};
+use sim::joint::{FREE, Joint, Six};
 use sim::ligament::Fibre;
+use sim::sensitivity::End;
 
 /// Derivatives of a trial's reading at its rest.
 pub struct Slopes<'a> {
@@ -71,78 +74,74 @@ impl<'a> Slopes<'a> {
         std::array::from_fn(|c| moved[READ[c]] / PER_UNIT[c])
     }
 
-    /// By the scaled nuisance parameters; `joints` are those of the frames among them.
-    pub(crate) fn nuisances(&self, of: &Nuisances, joints: &[FrameStep]) -> Vec<[f64; 5]> {
-        let mut out = self.ligaments(of);
-        out.push(self.contact(of.contact().1));
-        out.extend(self.frames(joints));
-        let sites = |n: &Nuisance| matches!(n, Nuisance::Site { .. });
-        if of.list.iter().any(sites) {
-            let ends = self.attachments();
-            let fibres = &self.bench.model.fibres;
-            for (n, width) in of.list.iter().zip(&of.width) {
-                let Nuisance::Site { bundle, end, axis } = *n else { continue };
-                let own =
-                    (0..fibres.len()).filter(|f| fibres[*f].bundle == bundle).map(|f| ends[6 * f + 3 * end + axis]);
-                out.push(own.fold([0.0; 5], |sum, by| std::array::from_fn(|c| sum[c] + width * by[c])));
-            }
-        }
-        out
+    /// By the nuisance parameters at some values; `joints` are the steps of the frames of each data set.
+    pub(crate) fn nuisances(&self, of: &Nuisances, unknowns: &[f64], joints: &[FrameSteps]) -> Vec<[f64; 5]> {
+        let source = self.trial.source;
+        let bundles = self.bundles();
+        let contact = self.contact();
+        let frames = joints.get(source).map_or([[0.0; 5]; 12], |steps| self.frames(steps));
+        let fibres = &self.bench.model.fibres;
+        let is_site = |p: &Parameter<Quantity>| matches!(p.quantity, Quantity::Site(..));
+        let ends = if of.list.iter().any(is_site) { self.attachments() } else { vec![] };
+        let add = |sum: [f64; 5], by: &[f64; 5]| std::array::from_fn(|c| sum[c] + by[c]);
+        let by = |(k, p): (usize, &Parameter<Quantity>)| {
+            let (value, slope) = of.at(k, unknowns[k]);
+            let column: [f64; 5] = match &p.quantity {
+                Quantity::ReferenceStrain(these) => these.iter().map(|&b| &bundles[2 * b]).fold([0.0; 5], add),
+                Quantity::Stiffness(these) => these.iter().map(|&b| &bundles[2 * b + 1]).fold([0.0; 5], add),
+                Quantity::ContactScale => contact.map(|x| x / value),
+                Quantity::Frame(set, term) if set.is_none_or(|s| s == source) => frames[*term],
+                Quantity::Site(bundle, end, axis) => {
+                    let place = 3 * usize::from(*end == End::Tibia) + axis;
+                    let own = (0..fibres.len()).filter(|&f| fibres[f].bundle == *bundle);
+                    own.map(|f| &ends[6 * f + place]).fold([0.0; 5], add)
+                }
+                Quantity::Frame(..) | Quantity::Cartilage | Quantity::Lean(..) => [0.0; 5],
+            };
+            column.map(|x| x * slope)
+        };
+        of.list.iter().enumerate().map(by).collect()
     }
 
-    fn ligaments(&self, of: &Nuisances) -> Vec<[f64; 5]> {
+    /// By each bundle's reference strain, then its stiffness [N/mm].
+    fn bundles(&self) -> Vec<[f64; 5]> {
         let model = self.bench.model;
-        let ligaments = || {
-            of.list.iter().zip(&of.width).filter_map(|(n, width)| match *n {
-                Nuisance::Ligament(v) => Some((v, *width)),
-                _ => None,
-            })
-        };
-        let mut widths = vec![[0.0; 2]; model.bundles.len()];
-        for (v, width) in ligaments() {
-            of.bundles_of(v).iter().for_each(|&b| widths[b][usize::from(of.is_stiffness(v))] = width);
-        }
         self.of_the_knee(|q| {
             let states = model.fibre_states(&model.joint.pose(q));
-            let mut by_bundle = vec![[Six::zeros(); 2]; model.bundles.len()];
+            let mut by_bundle = vec![Six::zeros(); 2 * model.bundles.len()];
             for (fibre, state) in model.fibres.iter().zip(&states) {
                 let bundle = &model.bundles[fibre.bundle];
                 let [strain, stiffness] = bundle.parameter_derivatives(state.line.length - fibre.initial_length);
-                let width = widths[fibre.bundle];
-                by_bundle[fibre.bundle][0] += state.line.gradient * (strain * width[0]);
-                by_bundle[fibre.bundle][1] += state.line.gradient * (stiffness * bundle.stiffness * width[1]);
+                by_bundle[2 * fibre.bundle] += state.line.gradient * strain;
+                by_bundle[2 * fibre.bundle + 1] += state.line.gradient * stiffness;
             }
-            let sum = |v: usize| {
-                let which = usize::from(of.is_stiffness(v));
-                of.bundles_of(v).iter().fold(Six::zeros(), |s, &b| s + by_bundle[b][which])
-            };
-            ligaments().map(|(v, _)| sum(v)).collect()
+            by_bundle
         })
     }
 
-    /// By the contact's scale.
-    fn contact(&self, width: f64) -> [f64; 5] {
+    /// By the log of the contact's scale.
+    fn contact(&self) -> [f64; 5] {
         let model = self.bench.model;
-        let force = |q: &Six| model.contact_near(&model.joint.pose(q), &mut Nearby::default()).gradient;
-        self.of_the_knee(|q| vec![force(q) * width])[0]
+        let force = |q: &Six| model.contact_near(&model.joint.pose(q), &mut Nearby::once()).gradient;
+        self.of_the_knee(|q| vec![force(q)])[0]
     }
 
-    /// By turns and shifts of the frames: what is read, and the generalised forces of the same wrench, are of other axes then.
-    fn frames(&self, joints: &[FrameStep]) -> Vec<[f64; 5]> {
-        if joints.is_empty() {
-            return vec![];
+    /// By turns [deg] and shifts [mm] of the frames: what is read, and the generalised forces of the same wrench, are of other axes then.
+    fn frames(&self, steps: &FrameSteps) -> [[f64; 5]; 12] {
+        if steps.iter().all(Option::is_none) {
+            return [[0.0; 5]; 12];
         }
         let (model, q) = (self.bench.model, &self.rest.q);
         let effects = self.bench.effects_at(self.trial, &self.trial.load, q);
-        let at = model.evaluate_near(q, &mut Nearby::default());
+        let at = model.evaluate_near(q, &mut Nearby::once());
         let read = |gs: &Six| self.bench.effects.iter().fold(*gs, |gs, e| e.read(&gs, self.trial, self.bench.place));
         let wrench = wrench(&at.pose, &(at.gradient - effects));
-        let by = |step: &FrameStep| {
-            let (direct, mut miss) = frame_change(step, &at.pose.femur, wrench.as_ref()?, &read)?;
+        let by = |joints: &[Joint; 2]| {
+            let (direct, mut miss) = frame_change(joints, &at.pose.femur, wrench.as_ref()?, &read)?;
             miss[0] = direct[0];
             Some(self.by(&miss, &direct))
         };
-        joints.iter().map(|step| by(step).unwrap_or([0.0; 5])).collect()
+        std::array::from_fn(|t| steps[t].as_ref().and_then(by).unwrap_or([0.0; 5]))
     }
 
     /// By the model's own contact in place of the second; nothing where there is none.
@@ -153,7 +152,7 @@ impl<'a> Slopes<'a> {
         }
         let differs = |q: &Six| {
             let pose = model.joint.pose(q);
-            model.contact.evaluate(&pose).gradient - model.contact_near(&pose, &mut Nearby::default()).gradient
+            model.contact.evaluate(&pose).gradient - model.contact_near(&pose, &mut Nearby::once()).gradient
         };
         self.of_the_knee(|q| vec![differs(q)])[0]
     }

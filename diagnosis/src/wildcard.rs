@@ -67,14 +67,15 @@ impl Response {
 
 /// Responses of all readings.
 fn responses(problem: &Problem, fit: &Fit) -> Result<Vec<Response>, DiagnosisError> {
-    let model = problem.model_at(&fit.unknowns)?;
+    let models = problem.models_at(&fit.unknowns)?;
     Ok(problem
         .trials
         .par_iter()
         .zip(&fit.linear.rests)
         .map(|(trial, rest)| {
             let effects = problem.effects_in(trial.source, &fit.hypothesis, &fit.unknowns);
-            let slopes = Slopes::new(Bench { model: &model, effects: &effects, place: &problem.place }, trial, rest);
+            let model = models.of(trial.source);
+            let slopes = Slopes::new(Bench { model, effects: &effects, place: &problem.place }, trial, rest);
             let mut bent = Six::zeros();
             bent[FE] = 1f64.to_radians();
             Response { loads: slopes.loads(), flexion: slopes.by(&bent, &Six::zeros()) }
@@ -94,7 +95,7 @@ pub fn wildcard(
     let marginal = Marginal::new(fit, readings, covariance)?;
     let is_one = |k: &Kind| k.is_felt(problem) && !k.has_a_name(&problem.catalogue);
     let kinds: Vec<Kind> = kinds(problem.sources.len()).into_iter().filter(is_one).collect();
-    let unloaded = problem.neutrals(&problem.trials, &problem.model_at(&fit.unknowns)?);
+    let unloaded = problem.neutrals(&problem.trials, &problem.models_at(&fit.unknowns)?);
     let gains: Vec<[f64; 3]> = kinds
         .par_iter()
         .map(|kind| {

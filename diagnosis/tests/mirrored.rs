@@ -61,8 +61,7 @@ fn answer(deck: &ImportedDeck, case: &Path) -> Diagnosis {
         name: name.into(),
         trials: sim::laxity::read(&std::fs::read(case.join(format!("{name}.csv"))).unwrap()).unwrap().trials,
     });
-    let model = sim::compile(&deck.spec, &deck.meshes).unwrap();
-    let model = diagnosis::rim::prepared(&model, &deck.spec, &deck.meshes).unwrap();
+    let model = diagnosis::rim::prepared(&deck.spec, &deck.meshes).unwrap();
     diagnose(&model, &deck.spec, &sources, &Catalogue::shipped(), &DiagnosisOptions::default(), None).unwrap().diagnosis
 }
 

@@ -176,54 +176,15 @@ impl Trials<'_> {
 
     /// How many data sets the parameters and trials know.
     fn sources(&self) -> usize {
-        let of = |p: &Parameter<Quantity>| match p.quantity {
-            Quantity::Frame(source, _) => source,
-            _ => None,
-        };
-        let named = self.parameters.iter().filter_map(of).max();
-        self.trials.iter().filter_map(|t| t.source).max().max(named).map_or(0, |s| s + 1)
+        let trials = self.trials.iter().filter_map(|t| t.source).max().map_or(0, |s| s + 1);
+        trials.max(framed_sources(self.parameters))
     }
 
     /// The model at values, in each data set's frames.
     pub(crate) fn knee(&self, values: Vec<f64>) -> Result<Knee, SimError> {
-        let mut bundles = self.model.parameters();
-        let mut ends = vec![[[0.0; 3]; 2]; bundles.len()];
-        let mut terms = vec![[0.0; 12]; self.sources() + 1];
-        let (mut scale, mut thicker) = (1.0, 0.0);
-        for (p, &x) in self.parameters.iter().zip(&values) {
-            match &p.quantity {
-                Quantity::ReferenceStrain(of) => of.iter().for_each(|&b| bundles[b].reference_strain = x),
-                Quantity::Stiffness(of) => of.iter().for_each(|&b| bundles[b].stiffness_n_per_mm = x),
-                Quantity::Frame(None, term) => terms.iter_mut().for_each(|t| t[*term] += x),
-                Quantity::Frame(Some(source), term) => terms[source + 1][*term] += x,
-                Quantity::Site(bundle, end, axis) => ends[*bundle][usize::from(*end == End::Tibia)][*axis] += x,
-                Quantity::ContactScale => scale = x,
-                Quantity::Cartilage => thicker = x,
-                Quantity::Lean(..) => {}
-            }
-        }
-        let mut model = self.model.with_parameters(&bundles)?.with_contact_scale(scale)?;
-        if thicker != 0.0 {
-            let law = &self.spec.contact;
-            let shifted: Vec<f64> = law.overclosure_mm.iter().map(|x| x - thicker).collect();
-            model.contact = model.contact.with_law(&shifted, &law.pressure_mpa)?;
-        }
-        for fibre in 0..model.fibres.len() {
-            let [femur, tibia] = ends[model.fibres[fibre].bundle].map(meshes::Vector::from);
-            if femur != meshes::Vector::zeros() || tibia != meshes::Vector::zeros() {
-                let f = &model.fibres[fibre];
-                let (a, b) = (meshes::Point::from(f.femur + femur), meshes::Point::from(f.tibia + tibia));
-                model = model.with_fibre_ends(fibre, a, b)?;
-            }
-        }
-        let framed = |t: &Terms| -> Result<Model, SimError> {
-            let mut framed = model.clone();
-            if t.iter().any(|x| *x != 0.0) {
-                framed.joint = self.joint(t)?;
-            }
-            Ok(framed)
-        };
-        Ok(Knee { models: terms.iter().map(framed).collect::<Result<_, _>>()?, terms, values })
+        let terms = terms_at(self.parameters, &values, self.sources());
+        let model = model_at(self.model, self.spec, self.parameters, &values)?;
+        Ok(Knee { models: in_frames(&model, self.spec, &terms)?, terms, values })
     }
 
     /// The joint in frames turned and shifted.
@@ -325,6 +286,91 @@ impl Trials<'_> {
         q[FE] = chain_flexion(model, trial.fe_deg, self.options)?;
         Ok(q)
     }
+}
+
+/// How many data sets have frames of their own.
+fn framed_sources(parameters: &[Parameter<Quantity>]) -> usize {
+    let of = |p: &Parameter<Quantity>| match p.quantity {
+        Quantity::Frame(source, _) => source,
+        _ => None,
+    };
+    parameters.iter().filter_map(of).max().map_or(0, |s| s + 1)
+}
+
+/// A model at values of its parameters: in the frames that all data sets share, then in those of each data set that has its own.
+///
+/// # Errors
+/// Values out of the model's range, frames that make no joint.
+pub fn models_at(
+    model: &Model,
+    spec: &ModelSpec,
+    parameters: &[Parameter<Quantity>],
+    values: &[f64],
+) -> Result<Vec<Model>, SimError> {
+    let terms = terms_at(parameters, values, framed_sources(parameters));
+    in_frames(&model_at(model, spec, parameters, values)?, spec, &terms)
+}
+
+/// Turns and shifts of the frames of all, then of each data set.
+fn terms_at(parameters: &[Parameter<Quantity>], values: &[f64], sources: usize) -> Vec<Terms> {
+    let mut terms = vec![[0.0; 12]; sources + 1];
+    for (p, x) in parameters.iter().zip(values) {
+        match p.quantity {
+            Quantity::Frame(None, term) => terms.iter_mut().for_each(|t| t[term] += x),
+            Quantity::Frame(Some(source), term) => terms[source + 1][term] += x,
+            _ => {}
+        }
+    }
+    terms
+}
+
+/// A model in frames turned and shifted.
+fn in_frames(model: &Model, spec: &ModelSpec, terms: &[Terms]) -> Result<Vec<Model>, SimError> {
+    let framed = |t: &Terms| -> Result<Model, SimError> {
+        let mut framed = model.clone();
+        if t.iter().any(|x| *x != 0.0) {
+            framed.joint = Joint::new(&corrected(&spec.frames, spec.side, t)?, spec.side)?;
+        }
+        Ok(framed)
+    };
+    terms.iter().map(framed).collect()
+}
+
+/// A model at values, in its own frames.
+fn model_at(
+    model: &Model,
+    spec: &ModelSpec,
+    parameters: &[Parameter<Quantity>],
+    values: &[f64],
+) -> Result<Model, SimError> {
+    let mut bundles = model.parameters();
+    let mut ends = vec![[[0.0; 3]; 2]; bundles.len()];
+    let (mut scale, mut thicker) = (1.0, 0.0);
+    for (p, &x) in parameters.iter().zip(values) {
+        match &p.quantity {
+            Quantity::ReferenceStrain(of) => of.iter().for_each(|&b| bundles[b].reference_strain = x),
+            Quantity::Stiffness(of) => of.iter().for_each(|&b| bundles[b].stiffness_n_per_mm = x),
+            Quantity::Site(bundle, end, axis) => ends[*bundle][usize::from(*end == End::Tibia)][*axis] += x,
+            Quantity::ContactScale => scale = x,
+            Quantity::Cartilage => thicker = x,
+            Quantity::Frame(..) | Quantity::Lean(..) => {}
+        }
+    }
+    let mut model = model.with_parameters(&bundles)?.with_contact_scale(scale)?;
+    if thicker != 0.0 {
+        let law = &spec.contact;
+        let shifted: Vec<f64> = law.overclosure_mm.iter().map(|x| x - thicker).collect();
+        model.contact = model.contact.with_law(&shifted, &law.pressure_mpa)?;
+    }
+    for fibre in 0..model.fibres.len() {
+        let [femur, tibia] = ends[model.fibres[fibre].bundle].map(meshes::Vector::from);
+        if femur != meshes::Vector::zeros() || tibia != meshes::Vector::zeros() {
+            let f = &model.fibres[fibre];
+            let (a, b) = (meshes::Point::from(f.femur + femur), meshes::Point::from(f.tibia + tibia));
+            model = model.with_fibre_ends(fibre, a, b)?;
+        }
+    }
+    Ok(model)
 }
 
 /// A trial as the solver has it.

@@ -1,11 +1,12 @@
 //! `diagnose`: which effect a model lacks, judged by measured laxity.
 
-use crate::calibrate::Calibration;
+use crate::calibrate::{self, Calibration, Watch};
 use crate::error::BuildError;
 use crate::model_file::{self, LoadedModel};
 use crate::record::hash;
 use crate::show::{Files, Reported};
 use crate::store;
+use calibration::options::CalibrateOptions;
 use clap::Args;
 use diagnosis::catalogue::Catalogue;
 use diagnosis::component::{Component, Provenance};
@@ -79,12 +80,27 @@ pub fn run_with(args: &DiagnoseArgs, options: &DiagnosisOptions) -> Result<Strin
         store::write_all(&args.out, &[("atlas.json".into(), json), ("atlas.html".into(), page.clone().into_bytes())])?;
         return Ok(text + &diagnosis::atlas::table(&atlas));
     }
-    let outcome = diagnose(&model, &loaded.spec, &sources, &catalogue, options, None)
+    let start = start(&loaded, &sources)?;
+    let outcome = diagnose(&model, &loaded.spec, &sources, &catalogue, options, start.as_ref())
         .and_then(|o| o.with_provenance(&provenance))
         .map_err(|e| fault(&e))?;
     write(args, &loaded, &outcome)?;
     text += &format!("{}\nLook at {}\n", outcome.diagnosis.description, args.out.join("report.html").display());
     Ok(text)
+}
+
+/// Where a calibration of a built knee to all of the data ends; the diagnosis starts there. A deck starts from its own values.
+fn start(loaded: &LoadedModel, sources: &[Source]) -> Result<Option<BTreeMap<String, f64>>, BuildError> {
+    if !diagnosis::nuisance::is_built(&loaded.spec) {
+        return Ok(None);
+    }
+    let measured: Vec<_> = sources.iter().map(|s| (s.name.clone(), s.trials.clone())).collect();
+    let mut options = CalibrateOptions::default();
+    // the most probable point alone is asked for
+    options.inference.samples = 0;
+    let watch = Watch { saved: None, keep: &mut |_| Ok(()), tell: &|_, _| () };
+    let outcome = calibrate::run((loaded, None), &measured, &options, "laxity", watch)?;
+    Ok(Some(outcome.found.mode))
 }
 
 /// What an answer is found with.
@@ -100,8 +116,7 @@ fn provenance(args: &DiagnoseArgs, loaded: &LoadedModel, catalogue: &Catalogue) 
 
 /// The model of a file, compiled for a diagnosis.
 pub fn prepared(loaded: &LoadedModel) -> Result<sim::Model, diagnosis::DiagnosisError> {
-    let model = sim::compile(&loaded.spec, &loaded.meshes)?;
-    diagnosis::rim::prepared(&model, &loaded.spec, &loaded.meshes)
+    diagnosis::rim::prepared(&loaded.spec, &loaded.meshes)
 }
 
 /// Reads the data sets; names must differ.
@@ -199,9 +214,6 @@ impl Reported for Diagnosed {
     }
 }
 
-/// The data set in which a calibration holds all of them.
-const JOINT: &str = "joint";
-
 /// Stage 12: what the assembled model lacks, from where its calibration ended; `digests` are those of the laxity files.
 pub fn diagnose_built(
     model: &LoadedModel,
@@ -220,8 +232,10 @@ pub fn diagnose_built(
         data: digests.clone(),
     };
     let knee = prepared(model).map_err(|e| BuildError::stage("diagnose", e))?;
-    let calibrated = calibration.sources.get(JOINT).or_else(|| calibration.sources.values().next()).map(|c| &c.spec);
-    let outcome = diagnose(&knee, &model.spec, &sources, &catalogue, options, calibrated)
+    let of_all =
+        calibration.joint.as_ref().or_else(|| calibration.sources.values().next().filter(|_| sources.len() == 1));
+    let mode = of_all.map(|c| &c.found.mode).filter(|mode| !mode.is_empty());
+    let outcome = diagnose(&knee, &model.spec, &sources, &catalogue, options, mode)
         .and_then(|o| o.with_provenance(&provenance))
         .map_err(|e| BuildError::stage("diagnose", e))?;
     let d = &outcome.diagnosis;

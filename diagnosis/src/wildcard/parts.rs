@@ -73,7 +73,7 @@ fn sways(problem: &Problem, fit: &Fit, kind: &Kind, bone: Bone) -> Vec<Part> {
         if !kind.scope.covers(trial.source) {
             return [0.0; 6];
         }
-        let gs = problem.model.joint.grood_suntay(&fit.linear.rests[i].q);
+        let gs = problem.models.of(trial.source).joint.grood_suntay(&fit.linear.rests[i].q);
         let by = swayed(&gs, &trial.load, bone)[axis];
         std::array::from_fn(|c| if c == BENT { by[FE].to_degrees() } else { by[READ[c]] / PER_UNIT[c] })
     };

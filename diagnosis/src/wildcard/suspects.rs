@@ -30,10 +30,10 @@ pub(super) fn acting(
     forces: &(dyn Fn(&Situation) -> Vec<Six> + Sync),
 ) -> Vec<Part> {
     // a fit whose model cannot be made has been told of before its fields are asked for
-    let Ok(model) = problem.model_at(&fit.unknowns) else { return vec![] };
+    let Ok(models) = problem.models_at(&fit.unknowns) else { return vec![] };
     let at = |(trial, rest): (&crate::trial::Trial, &sim::equilibrium::Equilibrium)| -> Vec<[f64; 6]> {
         let acts = if kind.scope.covers(trial.source) { 1.0 } else { 0.0 };
-        let forces = forces(&problem.place.situation(&model, trial, &trial.load, &rest.q));
+        let forces = forces(&problem.place.situation(models.of(trial.source), trial, &trial.load, &rest.q));
         forces.iter().map(|f| std::array::from_fn(|c| READ.get(c).map_or(0.0, |&j| acts * f[j]))).collect()
     };
     let each: Vec<Vec<[f64; 6]>> = problem.trials.par_iter().zip(&fit.linear.rests).map(at).collect();
@@ -65,7 +65,7 @@ fn force_of_larger(here: &Situation, apart: bool, share: f64) -> Six {
     let mut gs = joint.grood_suntay(&here.q);
     (3..6).for_each(|j| gs[j] /= 1.0 + share);
     let Ok(q) = joint.coordinates(&gs) else { return pull };
-    let mut contact = -here.model.contact_near(&joint.pose(&q), &mut Nearby::default()).gradient * (1.0 + share);
+    let mut contact = -here.model.contact_near(&joint.pose(&q), &mut Nearby::once()).gradient * (1.0 + share);
     [FE, VV, IE].into_iter().for_each(|j| contact[j] *= 1.0 + share);
     pull + contact
 }

@@ -35,7 +35,7 @@ struct Candidate {
 
 impl Nearby {
     /// Lists for one pose only, which are quicker made.
-    pub(crate) fn once() -> Nearby {
+    pub fn once() -> Nearby {
         Nearby { once: true, ..Nearby::default() }
     }
 

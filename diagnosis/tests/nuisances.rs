@@ -1,0 +1,82 @@
+//! What is not known of a knee built from raw data: derivatives of readings by every parameter, and where frames belong.
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+mod common;
+
+use common::shared;
+use diagnosis::catalogue::Catalogue;
+use diagnosis::problem::Problem;
+use diagnosis::trial::Source;
+use inference::knee::Quantity;
+use sim::joint::Six;
+use sim::uncertainty::{FrameUncertainty, FramesUncertainty, SiteUncertainty, Uncertainty};
+
+/// The published deck as if it had been built from raw data, measured in two data sets.
+#[expect(clippy::disallowed_methods, reason = "published data")]
+fn built(test: &str) -> Option<Problem> {
+    let folder = shared(test, "published/S192803/deck")?;
+    let mut read = |name: &str| std::fs::read(folder.join(name)).map_err(|e| e.to_string());
+    let mut deck = decks::import("S192803_MAIN_LAXITY_Anterior_0deg_0.inp", &mut read).unwrap();
+    deck.spec.frames.chain = None;
+    let frame = || FrameUncertainty { turn_deg: [2.0; 3], shift_mm: [2.0; 3], source: String::new() };
+    let site = || SiteUncertainty { femur_mm: 2.0, tibia_mm: 2.0, source: String::new() };
+    deck.spec.uncertainty = Some(Uncertainty {
+        sites: deck.spec.bundles.iter().map(|b| (b.name.clone(), site())).collect(),
+        frames: FramesUncertainty { femur: frame(), tibia: frame() },
+        contact_log_scale: 0.3,
+        cartilage_mm: 0.2,
+        ligaments: Default::default(),
+        sources: Default::default(),
+    });
+    let model = sim::compile(&deck.spec, &deck.meshes).unwrap();
+    let text = "trial,test,nominal_flexion_deg,load_vv_nm,load_ie_nm,load_ml_n,load_ap_n,load_si_n,\
+                fe_deg,vv_deg,ie_deg,ml_mm,ap_mm,si_mm\n\
+                a,varus,30,8,0,0,0,50,30,0,0,0,0,0\n\
+                b,internal,60,0,-5,0,0,50,60,0,0,0,0,0\n";
+    let source = |name: &str| Source { name: name.into(), trials: sim::laxity::read(text.as_bytes()).unwrap().trials };
+    Some(Problem::new(&model, &deck.spec, &[source("kla"), source("rks")], &Catalogue::shipped()).unwrap())
+}
+
+#[test]
+fn readings_change_with_each_parameter_as_their_derivatives_say() {
+    let Some(problem) = built("derivatives") else { return };
+    let here = vec![0.0; problem.nuisances()];
+    let linear = problem.linear_at(&[], &here, problem.rests(&[], &here, &[]).unwrap()).unwrap();
+    let starts: Vec<Six> = linear.rests.iter().map(|r| r.q).collect();
+    // wide enough that the tolerance of an equilibrium does not count; a bundle may become taut on the way
+    let h = 0.05;
+    let mut off = Vec::new();
+    let at = |k: usize, by: f64| {
+        let mut x = here.clone();
+        x[k] = by;
+        let rests = problem.rests(&[], &x, &starts).unwrap();
+        rests.iter().flat_map(diagnosis::problem::reading).collect::<Vec<f64>>()
+    };
+    for (k, p) in problem.nuisance.list.iter().enumerate() {
+        let (up, down) = (at(k, h), at(k, -h));
+        for r in 0..up.len() {
+            let numeric = (up[r] - down[r]) / (2.0 * h);
+            let slope = linear.slope[(r, k)];
+            if (slope - numeric).abs() > 0.05 + 0.05 * numeric.abs() {
+                off.push(format!("{} row {r}: {slope:.3}, {numeric:.3}", p.name));
+            }
+        }
+    }
+    assert!(off.is_empty(), "{}", off.join("\n"));
+}
+
+#[test]
+fn the_frames_of_a_data_set_change_its_own_readings_alone() {
+    let Some(problem) = built("own frames") else { return };
+    let here = vec![0.0; problem.nuisances()];
+    let linear = problem.linear_at(&[], &here, problem.rests(&[], &here, &[]).unwrap()).unwrap();
+    let mut own = 0;
+    for (k, p) in problem.nuisance.list.iter().enumerate() {
+        let Quantity::Frame(Some(source), _) = p.quantity else { continue };
+        own += 1;
+        for (i, trial) in problem.trials.iter().enumerate().filter(|(_, t)| t.source != source) {
+            assert_eq!(linear.slope.view((5 * i, k), (5, 1)).amax(), 0.0, "{} in {}", p.name, trial.name);
+        }
+    }
+    assert_eq!(own, 24);
+}
