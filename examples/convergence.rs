@@ -161,6 +161,7 @@ fn ie_trials() -> Vec<LaxityTrial> {
                 branch: None,
                 order: None,
                 time_s: None,
+                reference: None,
                 row: None,
             });
         }

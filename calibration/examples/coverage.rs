@@ -2,13 +2,17 @@
 //! known.
 //!
 //! `coverage MODEL.json BENCH...`: each BENCH holds folders `case_N` of kla.csv, rks.csv, and `case_N.truth.json` beside them with `forces_n`.
+//! `--displaced`: kla.csv is asked as an arthrometer would read it: drawer at 30 deg, rotation at 30 and 90 deg, one coordinate each, from the trial
+//! without load; without stated noise. `--rig SEED`: with offset, compliance and noise of an apparatus drawn from the program's priors.
 #![expect(clippy::disallowed_methods, reason = "reads and prints")]
 #![allow(clippy::print_stdout, clippy::unwrap_used, reason = "an example")]
 
 use calibration::knee::Knee;
 use calibration::options::CalibrateOptions;
+use calibration::rig::RigOptions;
 use calibration::session::Session;
-use sim::laxity::LaxityTrial;
+use inference::random::{normal, stream};
+use sim::laxity::{LaxityTrial, Reference, Test};
 use sim::mesh::MeshValue;
 use sim::spec::ModelSpec;
 use std::collections::BTreeMap;
@@ -43,6 +47,41 @@ fn knee(path: &Path, options: &CalibrateOptions) -> Knee {
 
 fn laxity(path: &Path) -> Vec<LaxityTrial> {
     sim::laxity::read(&std::fs::read(path).unwrap()).unwrap().trials
+}
+
+/// What an arthrometer would read of these poses: drawer at 30 deg and rotation at 30 and 90 deg, from the trial of the same test without load.
+fn displaced(poses: &[LaxityTrial], rig: Option<u64>) -> Vec<LaxityTrial> {
+    let zero = |t: &LaxityTrial| {
+        let same = |r: &&LaxityTrial| {
+            r.test == t.test && r.nominal_flexion_deg == t.nominal_flexion_deg && r.load[1] == 0.0 && r.load[3] == 0.0
+        };
+        poses.iter().find(same).cloned()
+    };
+    let wanted = |t: &&LaxityTrial| {
+        let (drawer, turn) = (t.test == Test::Anterior, matches!(t.test, Test::Internal | Test::External));
+        (drawer && t.nominal_flexion_deg == 30.0) || (turn && [30.0, 90.0].contains(&t.nominal_flexion_deg))
+    };
+    let defaults = RigOptions::default();
+    let (noise, mut random) = (CalibrateOptions::default().targets.noise_of_displacements, stream(rig.unwrap_or(0), 9));
+    let yields: Vec<f64> = defaults.compliance.iter().map(|sd| (sd * normal(&mut random)).abs()).collect();
+    let mut offsets: BTreeMap<(Test, i64), f64> = BTreeMap::new();
+    let mut out = Vec::new();
+    for t in poses.iter().filter(wanted) {
+        let (Some(zero), Some(c)) = (zero(t).filter(|z| z.trial != t.trial), t.test.coordinate()) else { continue };
+        let (Some(here), Some(there)) = (t.measured[c], zero.measured[c]) else { continue };
+        let mut one = t.clone();
+        one.reference = Some(Reference { trial: zero.trial.clone(), load: zero.load, fe_deg: zero.fe_deg });
+        (one.measured, one.sd) = ([None; 5], [None; 5]);
+        let mut value = here - there;
+        if rig.is_some() {
+            let condition = (t.test, t.nominal_flexion_deg.round() as i64);
+            value += *offsets.entry(condition).or_insert_with(|| defaults.offset[c] * normal(&mut random));
+            value += yields[c] * one.load_step(c) + noise[c] * normal(&mut random);
+        }
+        one.measured[c] = Some(value);
+        out.push(one);
+    }
+    out
 }
 
 /// The bench's name of a bundle, in ours.
@@ -96,14 +135,46 @@ fn rms(x: &[f64]) -> f64 {
     (x.iter().map(|x| x * x).sum::<f64>() / x.len().max(1) as f64).sqrt()
 }
 
+/// What a calibration told, at length.
+fn tell(name: &str, out: &calibration::session::Outcome) {
+    println!("  {name}: rms {:?}", out.found.rms.map(|r| r.map(|r| (100.0 * r).round() / 100.0)));
+    for n in &out.found.noise {
+        println!(
+            "    noise {} {}: {:.2} stated {:.2} ({:.2} to {:.2})",
+            n.source, n.coordinate, n.inferred, n.stated, n.lower, n.upper
+        );
+    }
+    for o in &out.found.others {
+        println!(
+            "    {}: {:.2} ({:.2} to {:.2}), prior {:.2} to {:.2}",
+            o.name, o.value, o.lower, o.upper, o.prior[0], o.prior[1]
+        );
+    }
+    for r in &out.found.rest {
+        println!(
+            "    rest at {}: {:.0} N ({:.0} to {:.0}), model {:.0}",
+            r.fe_deg, r.value_n, r.lower_n, r.upper_n, r.model_n
+        );
+    }
+    out.warnings.iter().for_each(|w| println!("    warning: {w}"));
+    println!(
+        "    modes {:?} samples {}",
+        out.found.rivals.iter().map(|r| r.0.round()).collect::<Vec<_>>(),
+        out.found.samples.len()
+    );
+}
+
 fn main() {
     let mut args: Vec<String> = std::env::args().skip(1).collect();
     let more = args.iter().any(|a| a == "--more");
     args.retain(|a| a != "--more");
+    let rig = args.iter().position(|a| a == "--rig").map(|at| args.drain(at..at + 2).nth(1).unwrap().parse().unwrap());
+    let as_displacements = rig.is_some() || args.iter().any(|a| a == "--displaced");
+    args.retain(|a| a != "--displaced");
     let options = CalibrateOptions::default();
     let knee = knee(Path::new(&args[0]), &options);
     let mut all: BTreeMap<&str, Tally> = BTreeMap::new();
-    for case in &args[1..] {
+    for (number, case) in args[1..].iter().enumerate() {
         let truth: serde_json::Value = match std::fs::read(format!("{case}.truth.json")) {
             Ok(bytes) => serde_json::from_slice(&bytes).unwrap(),
             Err(_) => serde_json::Value::Null,
@@ -121,36 +192,18 @@ fn main() {
             let out = session.run(&knee, session.begin(None).unwrap(), &mut |_| ControlFlow::Continue(())).unwrap();
             let seconds = begun.elapsed().as_secs_f64();
             if more {
-                println!("  {name}: rms {:?}", out.found.rms.map(|r| r.map(|r| (100.0 * r).round() / 100.0)));
-                for n in &out.found.noise {
-                    println!(
-                        "    noise {} {}: {:.2} stated {:.2} ({:.2} to {:.2})",
-                        n.source, n.coordinate, n.inferred, n.stated, n.lower, n.upper
-                    );
-                }
-                for o in &out.found.others {
-                    println!(
-                        "    {}: {:.2} ({:.2} to {:.2}), prior {:.2} to {:.2}",
-                        o.name, o.value, o.lower, o.upper, o.prior[0], o.prior[1]
-                    );
-                }
-                for r in &out.found.rest {
-                    println!(
-                        "    rest at {}: {:.0} N ({:.0} to {:.0}), model {:.0}",
-                        r.fe_deg, r.value_n, r.lower_n, r.upper_n, r.model_n
-                    );
-                }
-                out.warnings.iter().for_each(|w| println!("    warning: {w}"));
-                println!(
-                    "    modes {:?} samples {}",
-                    out.found.rivals.iter().map(|r| r.0.round()).collect::<Vec<_>>(),
-                    out.found.samples.len()
-                );
+                tell(name, &out);
             }
             let (rms, held, counted) = judge(&out, &truth, all.entry(name).or_default(), more);
             line += &format!(" {name} {rms:.0} N {held}/{counted} {seconds:.1} s");
             out
         };
+        if as_displacements {
+            let trials = displaced(&sources[0].1, rig.map(|seed: u64| seed + number as u64));
+            run("displaced", &[("rig".to_owned(), trials)], None);
+            println!("{line}");
+            continue;
+        }
         let joint = run("joint", &sources, None);
         for (s, source) in sources.iter().enumerate() {
             let name = if s == 0 { "kla" } else { "rks" };

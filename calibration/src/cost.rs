@@ -73,7 +73,8 @@ pub struct CostFunction {
     /// What is summed.
     pub terms: Vec<Term>,
     measured: Vec<[Option<f64>; 5]>,
-    ct: [f64; 5],
+    /// Of each trial, from where its joint limits count.
+    from: Vec<[f64; 5]>,
     percentile: f64,
     limit_mm: f64,
 }
@@ -124,12 +125,14 @@ impl CostFunction {
     /// Options out of range; no coordinate with a weight is measured; a weighted coordinate does not vary over the trials.
     pub fn new(trials: &[LaxityTrial], ct: &PoseSpec, options: &CostOptions) -> Result<CostFunction, CalibrationError> {
         check(options)?;
-        let mut groups: BTreeMap<(Test, i64), Vec<usize>> = BTreeMap::new();
+        let at_ct = [ct.vv_deg, ct.ie_deg, ct.ml_mm, ct.ap_mm, ct.si_mm];
+        let mut groups: BTreeMap<(Test, i64, bool), Vec<usize>> = BTreeMap::new();
         for (i, t) in trials.iter().enumerate() {
-            groups.entry((t.test, (t.nominal_flexion_deg * 10.0).round() as i64)).or_default().push(i);
+            let kind = (t.test, (t.nominal_flexion_deg * 10.0).round() as i64, t.reference.is_some());
+            groups.entry(kind).or_default().push(i);
         }
         let mut terms = Vec::new();
-        for ((test, _), members) in &groups {
+        for ((test, _, displaced), members) in &groups {
             let weights = options.weights_of(*test);
             for coordinate in (0..5).filter(|&c| weights[c] > 0.0) {
                 let trials_of: Vec<usize> =
@@ -140,7 +143,7 @@ impl CostFunction {
                         nominal_flexion_deg: trials[first].nominal_flexion_deg,
                         coordinate,
                         weight: weights[coordinate],
-                        range: range(trials, coordinate)?,
+                        range: range(trials, coordinate, *displaced)?,
                         trials: trials_of,
                     });
                 }
@@ -152,7 +155,7 @@ impl CostFunction {
         Ok(CostFunction {
             terms,
             measured: trials.iter().map(|t| t.measured).collect(),
-            ct: [ct.vv_deg, ct.ie_deg, ct.ml_mm, ct.ap_mm, ct.si_mm],
+            from: trials.iter().map(|t| if t.reference.is_some() { [0.0; 5] } else { at_ct }).collect(),
             percentile: options.percentile,
             limit_mm: options.limit_mm,
         })
@@ -171,8 +174,9 @@ impl CostFunction {
             let cost = Cost { value: FAILED, sum: FAILED, errors: vec![], at_limit: vec![], unanswered };
             return (cost, slopes);
         }
-        let beyond = |p: &[f64; 5]| LIMITED.iter().any(|&c| (p[c] - self.ct[c]).abs() >= self.limit_mm);
-        let at_limit: Vec<usize> = (0..predicted.len()).filter(|&i| predicted[i].is_some_and(|p| beyond(&p))).collect();
+        let beyond = |i: usize, p: &[f64; 5]| LIMITED.iter().any(|&c| (p[c] - self.from[i][c]).abs() >= self.limit_mm);
+        let at_limit: Vec<usize> =
+            (0..predicted.len()).filter(|&i| predicted[i].is_some_and(|p| beyond(i, &p))).collect();
         let (mut sum, mut errors) = (0.0, Vec::with_capacity(self.terms.len()));
         for term in &self.terms {
             let signed: Vec<f64> = term.trials.iter().map(|&i| self.error(predicted, i, term.coordinate)).collect();
@@ -226,9 +230,10 @@ impl CostFunction {
     }
 }
 
-/// Largest minus smallest measured value of a coordinate.
-fn range(trials: &[LaxityTrial], coordinate: usize) -> Result<f64, CalibrationError> {
-    let values = trials.iter().filter_map(|t| t.measured[coordinate]);
+/// Largest minus smallest measured value of a coordinate, of poses or of displacements. A displacement counts from 0, which was measured too.
+fn range(trials: &[LaxityTrial], coordinate: usize, displaced: bool) -> Result<f64, CalibrationError> {
+    let of = trials.iter().filter(|t| t.reference.is_some() == displaced);
+    let values = of.filter_map(|t| t.measured[coordinate]).chain(displaced.then_some(0.0));
     let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
     if high > low {
         return Ok(high - low);

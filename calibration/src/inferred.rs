@@ -10,6 +10,7 @@ use crate::posterior::{
     ForceEstimate, NoiseEstimate, OtherEstimate, ParameterEstimate, RestEstimate, ends, mean, variance,
 };
 use crate::priors::PRIORS;
+use crate::rig;
 use crate::targets::Targets;
 use crate::unknowns::{KnownFrames, parameters};
 use inference::knee::{Answers, Asked, Belief, Lack, Quantity, Trials};
@@ -74,7 +75,8 @@ pub struct Inferred {
 pub fn inferred(question: &Question) -> Result<Inferred, CalibrationError> {
     let names: Vec<String> = question.sources.iter().map(|s| s.0.clone()).collect();
     let (spec, options) = (&question.knee.spec, question.options);
-    let parameters = parameters(spec, question.design, &names, options, question.frames);
+    let mut parameters = parameters(spec, question.design, &names, options, question.frames);
+    parameters.extend(rig::parameters(question.sources, &options.rig));
     let model = question.knee.search_model().with_friction(0.0)?;
     let (asked, measured) = trials(question.sources);
     let beliefs = beliefs(question, &model.bundle_names(), &asked, measured)?;
@@ -96,22 +98,36 @@ pub fn inferred(question: &Question) -> Result<Inferred, CalibrationError> {
     told(question, &trials, &likelihood, found)
 }
 
-/// Measured trials, then those imagined: drawers, then rests. And how many were measured.
+/// Measured trials, then those imagined: drawers, then rests; then those from whose poses displacements count. And how many were measured.
 fn trials(sources: &[(String, Targets)]) -> (Vec<Asked>, usize) {
     let mut out = Vec::new();
     for (s, (_, targets)) in sources.iter().enumerate() {
         for t in &targets.trials {
             let reads = t.measured.map(|m| m.is_some());
-            out.push(Asked { source: Some(s), load: t.load, fe_deg: t.fe_deg, reads });
+            out.push(Asked { source: Some(s), load: t.load, fe_deg: t.fe_deg, reads, from: None });
         }
     }
     let measured = out.len();
     let none = [false; 5];
-    let imagined =
-        |ap: f64, fe_deg: f64| Asked { source: None, load: [0.0, 0.0, 0.0, ap, COMPRESSION_N], fe_deg, reads: none };
+    let imagined = |ap: f64, fe_deg: f64| Asked {
+        source: None,
+        load: [0.0, 0.0, 0.0, ap, COMPRESSION_N],
+        fe_deg,
+        reads: none,
+        from: None,
+    };
     out.extend(DRAWERS_DEG.iter().map(|&f| imagined(DRAWER_N, f)));
     out.extend(DRAWERS_DEG.iter().map(|&f| imagined(-DRAWER_N, f)));
     out.extend(REST_DEG.iter().map(|&f| imagined(0.0, f)));
+    let all = sources.iter().enumerate().flat_map(|(s, (_, t))| t.trials.iter().map(move |t| (s, t)));
+    let unloaded = out.len();
+    for (i, (s, t)) in all.enumerate() {
+        let Some(r) = &t.reference else { continue };
+        let asked = Asked { source: Some(s), load: r.load, fe_deg: r.fe_deg, reads: none, from: None };
+        let known = (unloaded..out.len()).find(|&k| out[k] == asked);
+        out[i].from = Some(known.unwrap_or(out.len()));
+        out.extend(known.is_none().then_some(asked));
+    }
     (out, measured)
 }
 
@@ -180,7 +196,12 @@ fn likelihood(sources: &[(String, Targets)], trials: &Trials, options: &Calibrat
     let condition = |i: usize| (all[i].0, all[i].1.test, (10.0 * all[i].1.nominal_flexion_deg).round() as i64);
     let common = DMatrix::from_fn(rows.len(), rows.len(), |a, b| {
         let ((i, c), (k, d)) = (rows[a], rows[b]);
-        if c == d && condition(i) == condition(k) { REPOSITIONING.powi(2) * sd[a] * sd[b] } else { 0.0 }
+        match (all[i].1.reference.is_some(), all[k].1.reference.is_some()) {
+            _ if c != d || condition(i) != condition(k) => 0.0,
+            (true, true) => options.rig.offset[c].powi(2),
+            (false, false) => REPOSITIONING.powi(2) * sd[a] * sd[b],
+            _ => 0.0,
+        }
     });
     out.common = common;
     out.temper = 1.0 + rows.len() as f64 / READINGS_BELIEVED;
@@ -207,7 +228,8 @@ fn told(
     let values: Vec<f64> = trials.values(&mode.z).into_iter().map(|v| v.0).collect();
     let sources: Vec<&str> = question.sources.iter().map(|s| s.0.as_str()).collect();
     let measured = question.sources.iter().map(|s| s.1.trials.len()).sum::<usize>();
-    let predicted: Vec<Option<[f64; 5]>> = mode.state.iter().take(measured).map(|a| Some(a.predicted)).collect();
+    let read = |i: usize| Some(trials.read(&values, &mode.state, i));
+    let predicted: Vec<Option<[f64; 5]>> = (0..measured).map(read).collect();
     let cost = question.cost.cost(&predicted).value;
     let samples = &found.samples;
     let estimate = |k: usize| estimate(&trials.parameters[k], mode.z[k], k, samples, interval);

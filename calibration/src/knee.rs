@@ -142,8 +142,26 @@ struct Questions<'a> {
 }
 
 impl Questions<'_> {
-    /// Answers at design values, in order; trials in parallel, after what those of one compression share.
+    /// Answers at design values, in order; displacements where a trial's readings are.
     fn answers(&self, values: &[f64], slopes: bool) -> Vec<Result<Answer, SimError>> {
+        let unloaded: Vec<LaxityTrial> = self.trials.iter().filter_map(LaxityTrial::unloaded).collect();
+        let here = self.poses(values, slopes);
+        if unloaded.is_empty() {
+            return here;
+        }
+        let mut there = Questions { trials: &unloaded, ..*self }.poses(values, slopes).into_iter();
+        let displaced = |(t, a): (&LaxityTrial, Result<Answer, SimError>)| match t.reference {
+            Some(_) => match there.next() {
+                Some(zero) => Ok(from(a?, &zero?)),
+                None => a,
+            },
+            None => a,
+        };
+        self.trials.iter().zip(here).map(displaced).collect()
+    }
+
+    /// Poses at design values, in order; trials in parallel, after what those of one compression share.
+    fn poses(&self, values: &[f64], slopes: bool) -> Vec<Result<Answer, SimError>> {
         let model = match model_at(self.model, self.design, values) {
             Ok(found) => found,
             Err(e) => return self.trials.iter().map(|_| Err(e.clone())).collect(),
@@ -176,4 +194,16 @@ impl Questions<'_> {
         }
         Ok(out)
     }
+}
+
+/// A trial's answer with its pose counted from another's; forces stay the trial's own.
+fn from(answer: Answer, zero: &Answer) -> Answer {
+    let less = |a: [f64; 5], b: &[f64; 5]| std::array::from_fn(|c| a[c] - b[c]);
+    let slopes = answer.slopes.zip(zero.slopes.as_ref()).map(|(s, z)| Slopes {
+        predicted: s.predicted.into_iter().zip(&z.predicted).map(|(a, b)| less(a, b)).collect(),
+        ..s
+    });
+    let mut flags = answer.flags;
+    flags.extend(zero.flags.iter().map(|f| format!("unloaded: {f}")));
+    Answer { predicted: less(answer.predicted, &zero.predicted), slopes, flags, ..answer }
 }

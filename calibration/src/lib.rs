@@ -27,6 +27,7 @@ pub mod priors;
 pub mod problem;
 pub mod recipe;
 pub mod reports;
+pub mod rig;
 pub mod session;
 pub mod simplex;
 pub mod swarm;

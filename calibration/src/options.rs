@@ -3,6 +3,7 @@
 use crate::cost::CostOptions;
 use crate::error::CalibrationError;
 use crate::knee::SearchOptions;
+use crate::rig::RigOptions;
 use crate::targets::TargetOptions;
 use serde::{Deserialize, Serialize};
 use sim::laxity::{LaxityTrial, Test};
@@ -32,6 +33,7 @@ impl Default for CalibrateOptions {
             loads: vec![],
             swarm: SwarmOptions::default(),
             frames: FrameOptions::default(),
+            rig: RigOptions::default(),
             search: SearchOptions::default(),
             inference: inference::posterior::Options::default(),
             gradient: GradientOptions::default(),
@@ -62,6 +64,8 @@ pub struct CalibrateOptions {
     pub swarm: SwarmOptions,
     /// How far the frames of the measurements may stand from the model's; the paper's recipe and imported decks take them as given.
     pub frames: FrameOptions,
+    /// The apparatus and the limb where readings are displacements; heard by the method gradient.
+    pub rig: RigOptions,
     /// How answers are sought on the way.
     pub search: SearchOptions,
     /// The posterior: starts, fits, samples.
@@ -232,6 +236,7 @@ impl CalibrateOptions {
                 return Err(CalibrationError::Option(format!("{name} is {sd}, expected 0 to 20")));
             }
         }
+        self.rig.check()?;
         between("gradient.robust", self.gradient.robust, 0.0, f64::INFINITY)?;
         for (i, p) in self.loads.iter().enumerate() {
             between(&format!("loads[{i}].sd_n"), p.sd_n, 0.0, f64::INFINITY)?;

@@ -66,6 +66,7 @@ pub fn ap_probes() -> Vec<LaxityTrial> {
                 branch: None,
                 order: None,
                 time_s: None,
+                reference: None,
             });
         }
     }

@@ -6,6 +6,7 @@ mod doubt;
 
 use crate::cost::CostOptions;
 use crate::error::CalibrationError;
+use crate::rig::NOISE;
 use serde::{Deserialize, Serialize};
 use sim::laxity::{Branch, COORDINATES, LaxityTrial, Test, VALUE_UNITS};
 use sim::spec::PoseSpec;
@@ -36,6 +37,8 @@ pub struct TargetOptions {
     pub coordinates: Vec<String>,
     /// Measurement noise where the file gives none: VV, IE [deg], ML, AP, SI [mm], one standard deviation; the published data's.
     pub noise: [f64; 5],
+    /// The same of displacements from another trial's pose; arthrometers on living knees scatter by more.
+    pub noise_of_displacements: [f64; 5],
     /// Fewest trials that can be calibrated to [-]; ranges need two.
     pub fewest: usize,
 }
@@ -48,6 +51,7 @@ impl Default for TargetOptions {
             flexion_deg: [-20.0, 120.0],
             coordinates: COORDINATES.map(str::to_owned).to_vec(),
             noise,
+            noise_of_displacements: NOISE,
             fewest: 2,
         }
     }
@@ -87,10 +91,15 @@ pub fn targets(
             }
         }
         let row = t.row.unwrap_or(i + 2);
+        let named = |x: &LaxityTrial| x.reference.as_ref().is_some_and(|r| r.trial == t.trial);
+        if t.measured.iter().all(Option::is_none) && measured.iter().any(named) {
+            continue;
+        }
         if !is_usable(&t, row, cost, &mut out.warnings) {
             continue;
         }
-        out.noise.push(std::array::from_fn(|c| t.sd[c].unwrap_or(options.noise[c])));
+        let usual = if t.reference.is_some() { options.noise_of_displacements } else { options.noise };
+        out.noise.push(std::array::from_fn(|c| t.sd[c].unwrap_or(usual[c])));
         out.trials.push(t);
         out.rows.push(row);
     }
@@ -98,7 +107,9 @@ pub fn targets(
     faults.extend(doubt::other_units(&out, ct));
     faults.extend(doubt::contradictions(&mut out));
     doubt::against_the_load(&mut out);
-    if out.trials.len() < options.fewest.max(2) {
+    // a displacement is of two poses
+    let poses = out.trials.len() + usize::from(out.trials.iter().any(|t| t.reference.is_some()));
+    if poses < options.fewest.max(2) {
         let have: Vec<String> =
             out.trials.iter().zip(&out.rows).map(|(t, r)| format!("row {r} ({})", t.trial)).collect();
         faults.insert(
@@ -132,7 +143,7 @@ fn check(options: &TargetOptions) -> Result<(), CalibrationError> {
             COORDINATES.join(", ")
         )));
     }
-    match options.noise.iter().find(|n| !(**n > 0.0 && n.is_finite())) {
+    match options.noise.iter().chain(&options.noise_of_displacements).find(|n| !(**n > 0.0 && n.is_finite())) {
         Some(n) => Err(CalibrationError::Option(format!("targets.noise: {n}, expected above 0"))),
         None => Ok(()),
     }
@@ -199,7 +210,8 @@ fn is_usable(t: &LaxityTrial, row: usize, cost: &CostOptions, warnings: &mut Vec
         warnings.push(format!("row {row} ({}): left out, {} not measured", t.trial, names(&counts)));
         return false;
     }
-    if !missing.is_empty() {
+    // an arthrometer shows one coordinate
+    if !missing.is_empty() && t.reference.is_none() {
         warnings.push(format!("row {row} ({}): {} not measured, counts without", t.trial, names(&missing)));
     }
     true

@@ -34,6 +34,7 @@ fn trial(test: Test, fe: f64, load: [f64; 5], k: i32) -> LaxityTrial {
         branch: None,
         order: None,
         time_s: None,
+        reference: None,
     }
 }
 

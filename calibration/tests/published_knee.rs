@@ -64,6 +64,7 @@ fn trials(test: &str) -> Option<Vec<LaxityTrial>> {
             branch: None,
             order: None,
             time_s: None,
+            reference: None,
         }
     };
     Some(all.iter().filter(|r| r["source"] == "KLA_MRI").map(trial).collect())

@@ -53,6 +53,7 @@ fn tests() -> Vec<(String, LaxityTrial)> {
         branch: None,
         order: None,
         time_s: None,
+        reference: None,
     };
     let drawer = |fe: &f64| {
         let words = format!("{:.0} N forward at {fe:.0} deg", o.ap_load_n);

@@ -88,8 +88,11 @@ pub fn taken_off(
     let effects: Vec<Active> = acting(spec, data_set)?.into_iter().map(|(_, a)| a).collect();
     let mut out = trials.to_vec();
     if !effects.is_empty() {
+        let unloaded: Vec<LaxityTrial> = trials.iter().filter_map(LaxityTrial::unloaded).collect();
+        let mut there = displacements(model, spec, &effects, &unloaded).into_iter();
         for (t, d) in out.iter_mut().zip(displacements(model, spec, &effects, trials)) {
-            t.measured.iter_mut().zip(d).for_each(|(m, by)| *m = m.map(|m| m - by));
+            let zero = t.reference.as_ref().and_then(|_| there.next()).unwrap_or([0.0; 5]);
+            t.measured.iter_mut().zip(d).zip(zero).for_each(|((m, by), zero)| *m = m.map(|m| m - (by - zero)));
         }
     }
     Ok(out)

@@ -96,7 +96,11 @@ impl<'a> Slopes<'a> {
                     let own = (0..fibres.len()).filter(|&f| fibres[f].bundle == *bundle);
                     own.map(|f| &ends[6 * f + place]).fold([0.0; 5], add)
                 }
-                Quantity::Frame(..) | Quantity::Cartilage | Quantity::Lean(..) => [0.0; 5],
+                Quantity::Frame(..)
+                | Quantity::Cartilage
+                | Quantity::Lean(..)
+                | Quantity::Compliance(..)
+                | Quantity::Resting(..) => [0.0; 5],
             };
             column.map(|x| x * slope)
         };

@@ -127,6 +127,12 @@ pub fn trials(sources: &[Source]) -> Result<Vec<Trial>, DiagnosisError> {
             if t.measured.iter().all(Option::is_none) {
                 continue;
             }
+            if let Some(r) = &t.reference {
+                return Err(DiagnosisError::Data(format!(
+                    "{} trial {}: its readings are displacements from trial \"{}\", a diagnosis needs poses: leave this data set out",
+                    source.name, t.trial, r.trial
+                )));
+            }
             let sd: [f64; 5] = std::array::from_fn(|c| t.sd[c].unwrap_or(USUAL_NOISE[c]));
             if let Some(c) = (0..5).find(|&c| !(sd[c] > 0.0 && sd[c].is_finite())) {
                 return Err(DiagnosisError::Data(format!(

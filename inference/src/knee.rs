@@ -3,6 +3,7 @@
 //! Each trial's answer is an equilibrium without friction, found from the one of a point close by and what moves it; the first along the path of its
 //! loading ([`sim::trials`]). Derivatives are the implicit function theorem's.
 
+mod reading;
 mod slopes;
 
 use crate::error::InferenceError;
@@ -41,6 +42,10 @@ pub enum Quantity {
     /// Slope by which the bearing surface leans otherwise than the model's about a flexion [rad]: index of the free coordinate, ML (2) or AP (3), and
     /// place among [`KNOTS`].
     Lean(usize, usize),
+    /// Displacement per load that the apparatus of a data set reads beside the knee's [deg/(N m), mm/N]: data set, coordinate.
+    Compliance(usize, usize),
+    /// Load that the knee bears in all trials of a data set beside the recorded one [N m, N]: data set, coordinate.
+    Resting(usize, usize),
 }
 
 /// Flexions between which leans of the bearing surface are interpolated [deg]; ours: contact wanders over a plateau's third in each.
@@ -57,6 +62,8 @@ pub struct Asked {
     pub fe_deg: f64,
     /// Which coordinates are predictions that count.
     pub reads: [bool; 5],
+    /// Place of the trial from whose pose the readings count; none where they are poses.
+    pub from: Option<usize>,
 }
 
 /// A belief about bundle forces in a trial.
@@ -218,6 +225,19 @@ impl Trials<'_> {
         Ok(out)
     }
 
+    /// A trial's load with what the knee bears beside it.
+    fn borne(&self, values: &[f64], trial: &Asked) -> [f64; 5] {
+        let mut load = trial.load;
+        for (p, x) in self.parameters.iter().zip(values) {
+            if let Quantity::Resting(source, coordinate) = p.quantity
+                && trial.source == Some(source)
+            {
+                load[coordinate] += x;
+            }
+        }
+        load
+    }
+
     /// What the lean of the bearing surface adds to a trial's load, per newton of contact force.
     fn lean(&self, values: &[f64], fe_deg: f64) -> Six {
         let share = shares(fe_deg);
@@ -236,7 +256,8 @@ impl Trials<'_> {
         for source in std::iter::once(None).chain((0..self.sources()).map(Some)) {
             let of: Vec<usize> = (0..self.trials.len()).filter(|&i| self.trials[i].source == source).collect();
             let Some(&first) = of.first() else { continue };
-            let trials: Vec<_> = of.iter().map(|&i| plain(&self.trials[i])).collect();
+            let borne = |i: usize| Asked { load: self.borne(&knee.values, &self.trials[i]), ..self.trials[i].clone() };
+            let trials: Vec<_> = of.iter().map(|&i| plain(&borne(i))).collect();
             let model = knee.of(&self.trials[first]).0;
             for (i, answer) in of.into_iter().zip(solve_trials(model, &trials, self.options)) {
                 found[i] = answer.ok().map(|a| (a.state.q, pressed(&a.evaluation.contact.wrench)));
@@ -251,7 +272,7 @@ impl Trials<'_> {
         let lean = self.lean(&knee.values, trial.fe_deg);
         let goal = Goal {
             flexion: chain_flexion(model, trial.fe_deg, self.options)?,
-            load: generalised(&trial.load) + lean * force,
+            load: generalised(&self.borne(&knee.values, trial)) + lean * force,
             flow: None,
         };
         let solver = &self.options.solver;
@@ -353,7 +374,7 @@ fn model_at(
             Quantity::Site(bundle, end, axis) => ends[*bundle][usize::from(*end == End::Tibia)][*axis] += x,
             Quantity::ContactScale => scale = x,
             Quantity::Cartilage => thicker = x,
-            Quantity::Frame(..) | Quantity::Lean(..) => {}
+            Quantity::Frame(..) | Quantity::Lean(..) | Quantity::Compliance(..) | Quantity::Resting(..) => {}
         }
     }
     let mut model = model.with_parameters(&bundles)?.with_contact_scale(scale)?;
@@ -387,6 +408,7 @@ fn plain(trial: &Asked) -> sim::laxity::LaxityTrial {
         branch: None,
         order: None,
         time_s: None,
+        reference: None,
     }
 }
 
@@ -419,8 +441,7 @@ impl Forward for Trials<'_> {
             .zip(starts)
             .map(|(t, (q, force))| self.answer(&knee, t, q, force).ok())
             .collect::<Option<_>>()?;
-        let steps: Vec<f64> = values.iter().map(|v| v.1).collect();
-        Some(self.point(found, &steps))
+        Some(self.point(found, &values))
     }
 
     fn starts_anew(&self, number: usize) -> bool {
@@ -428,49 +449,7 @@ impl Forward for Trials<'_> {
     }
 
     fn scatter(&self, state: &Answers) -> Option<DMatrix<f64>> {
-        let rows = self.rows();
-        let n = self.trials.len();
-        let alike = DMatrix::from_fn(n, n, |i, k| self.lack.alike(&self.trials[i], &self.trials[k]));
-        let size = |i: usize, k: usize, l: usize| {
-            let own = if i == k { self.load_sd[l].powi(2) } else { 0.0 };
-            own + alike[(i, k)] * self.lack.sd[l].powi(2)
-        };
-        let of = |(i, c): (usize, usize), (k, d): (usize, usize)| {
-            (0..5).map(|l| state[i].by_load[c][l] * state[k].by_load[d][l] * size(i, k, l)).sum()
-        };
-        Some(DMatrix::from_fn(rows.len(), rows.len(), |r, s| of(rows[r], rows[s])))
-    }
-}
-
-impl Trials<'_> {
-    /// Readings that count, in order: trial and coordinate.
-    pub fn rows(&self) -> Vec<(usize, usize)> {
-        let of = |(i, t): (usize, &Asked)| (0..5).filter(|&c| t.reads[c]).map(move |c| (i, c)).collect::<Vec<_>>();
-        self.trials.iter().enumerate().flat_map(of).collect()
-    }
-
-    /// Answers and their derivatives as a point; `steps` are the derivatives of the values by the standard normal numbers.
-    fn point(&self, found: Vec<(Answer, Slopes)>, steps: &[f64]) -> Point<Answers> {
-        let rows = self.rows();
-        let n = steps.len();
-        let reading = DVector::from_iterator(rows.len(), rows.iter().map(|&(i, c)| found[i].0.predicted[c]));
-        let slope = DMatrix::from_fn(rows.len(), n, |r, k| found[rows[r].0].1.predicted[(rows[r].1, k)] * steps[k]);
-        let mut belief = DVector::zeros(self.beliefs.len());
-        let mut belief_slope = DMatrix::zeros(self.beliefs.len(), n);
-        for (r, b) in self.beliefs.iter().enumerate() {
-            let (answer, slopes) = &found[b.trial];
-            let force: f64 = b.bundles.iter().map(|&k| answer.forces_n[k]).sum();
-            if b.only_above && force <= b.mean_n {
-                continue;
-            }
-            belief[r] = (force - b.mean_n) / b.sd_n;
-            for k in 0..n {
-                let by: f64 = b.bundles.iter().map(|&m| slopes.forces_n[(m, k)]).sum();
-                belief_slope[(r, k)] = by * steps[k] / b.sd_n;
-            }
-        }
-        let state = found.into_iter().map(|f| f.0).collect();
-        Point { reading, slope, belief, belief_slope, state }
+        Some(self.shared_scatter(state))
     }
 }
 
@@ -481,8 +460,13 @@ mod tests {
     #[test]
     fn what_a_model_lacks_is_alike_in_like_trials_and_makes_a_covariance() {
         let lack = Lack { sd: [1.0; 5], flexion_deg: 25.0, load: [6.0, 3.0, 60.0, 60.0, 60.0] };
-        let at =
-            |ap: f64, fe_deg: f64| Asked { source: None, load: [0.0, 0.0, 0.0, ap, 20.0], fe_deg, reads: [true; 5] };
+        let at = |ap: f64, fe_deg: f64| Asked {
+            source: None,
+            load: [0.0, 0.0, 0.0, ap, 20.0],
+            fe_deg,
+            reads: [true; 5],
+            from: None,
+        };
         let trials: Vec<Asked> =
             [-130.0, -60.0, 0.0, 60.0, 130.0].iter().flat_map(|&l| [0.0, 30.0, 90.0].map(|f| at(l, f))).collect();
         let n = trials.len();

@@ -222,8 +222,14 @@ pub fn diagnose_built(
     digests: &BTreeMap<String, String>,
     options: &DiagnosisOptions,
 ) -> Result<Diagnosed, BuildError> {
+    let displaced = |trials: &[LaxityTrial]| trials.iter().any(|t| t.reference.is_some());
+    let (left_out, kept): (Vec<_>, Vec<_>) = laxity.iter().partition(|(_, trials)| displaced(trials));
+    if kept.is_empty() && !left_out.is_empty() {
+        let what = "every data set holds displacements; a diagnosis needs poses of at least one apparatus";
+        return Err(BuildError::stage("diagnose", what));
+    }
     let sources: Vec<Source> =
-        laxity.iter().map(|(name, trials)| Source { name: name.clone(), trials: trials.clone() }).collect();
+        kept.into_iter().map(|(name, trials)| Source { name: name.clone(), trials: trials.clone() }).collect();
     let catalogue = Catalogue::shipped();
     let provenance = Provenance {
         program: env!("CARGO_PKG_VERSION").into(),
@@ -240,15 +246,19 @@ pub fn diagnose_built(
         .map_err(|e| BuildError::stage("diagnose", e))?;
     let d = &outcome.diagnosis;
     let clear = d.noise.iter().filter(|n| n.taken);
-    let warnings = clear
-        .map(|n| {
-            let unit = if ["vv", "ie"].contains(&n.coordinate.as_str()) { "deg" } else { "mm" };
-            format!(
-                "{} {}: the file states a noise of {:.2} {unit}, neighbouring loads say {:.2} ({:.2} to {:.2})",
-                n.source, n.coordinate, n.stated, n.inferred, n.lower, n.upper
-            )
+    let mut warnings: Vec<String> = left_out
+        .iter()
+        .map(|(name, _)| {
+            format!("laxity.{name} is left out of the diagnosis: it holds displacements, poses are needed")
         })
         .collect();
+    warnings.extend(clear.map(|n| {
+        let unit = if ["vv", "ie"].contains(&n.coordinate.as_str()) { "deg" } else { "mm" };
+        format!(
+            "{} {}: the file states a noise of {:.2} {unit}, neighbouring loads say {:.2} ({:.2} to {:.2})",
+            n.source, n.coordinate, n.stated, n.inferred, n.lower, n.upper
+        )
+    }));
     let metrics = serde_json::json!({
         "verdict": d.verdict,
         "misfit": d.misfit,

@@ -129,6 +129,7 @@ impl Protocol {
                 branch: None,
                 order: None,
                 time_s: None,
+                reference: None,
             }
         };
         let at = |flexion: f64| {

@@ -4,13 +4,14 @@
 //! the coordinates, N m for VV and IE, N for ML, AP and SI; poses in degrees and mm.
 
 mod columns;
+mod differences;
 mod format;
 mod read;
 mod signs;
 mod write;
 
 pub use columns::LaxityError;
-pub use format::{Bone, Column, FullColumn, LaxityFormat};
+pub use format::{Bone, Column, FullColumn, LaxityFormat, Readings};
 pub use read::{LaxityTable, read, read_as};
 pub use signs::{SignDoubt, sign_doubts};
 pub use write::{TrialResult, protocol_csv, results_csv, trials_csv};
@@ -113,4 +114,44 @@ pub struct LaxityTrial {
     /// When it was read [s].
     #[serde(default)]
     pub time_s: Option<f64>,
+    /// The trial from whose pose the readings count: displacements, as an arthrometer gives them. None where they are poses.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reference: Option<Reference>,
+}
+
+/// The trial from whose pose displacements count; mostly the unloaded one of the same flexion.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Reference {
+    /// Its name.
+    pub trial: String,
+    /// Its loads on the tibia: VV, IE [N m], ML, AP, SI [N].
+    pub load: [f64; 5],
+    /// Its flexion [deg].
+    pub fe_deg: f64,
+}
+
+impl LaxityTrial {
+    /// The trial from whose pose the readings count, with nothing measured.
+    pub fn unloaded(&self) -> Option<LaxityTrial> {
+        self.reference.as_ref().map(|r| LaxityTrial {
+            row: None,
+            trial: r.trial.clone(),
+            test: Test::Neutral,
+            load: r.load,
+            fe_deg: r.fe_deg,
+            measured: [None; 5],
+            sd: [None; 5],
+            branch: None,
+            order: None,
+            time_s: None,
+            reference: None,
+            ..self.clone()
+        })
+    }
+
+    /// A coordinate's load less that of the trial from which readings count [N m, N].
+    pub fn load_step(&self, coordinate: usize) -> f64 {
+        self.load[coordinate] - self.reference.as_ref().map_or(0.0, |r| r.load[coordinate])
+    }
 }

@@ -176,6 +176,7 @@ fn leg(step: String, test: Test, fe_deg: f64, load: [f64; 5], going: Option<(f64
         branch: None,
         order: None,
         time_s: None,
+        reference: None,
     };
     Leg { trial, going }
 }

@@ -71,9 +71,10 @@ fn loaded(targets: &Targets, c: usize, tests: &[Test], least: f64) -> Vec<(usize
         .collect()
 }
 
-/// Row and value of a coordinate where measured.
+/// Row and value of a coordinate where its pose is measured.
 fn measured(targets: &Targets, c: usize) -> Vec<(usize, f64)> {
-    targets.trials.iter().zip(&targets.rows).filter_map(|(t, &row)| t.measured[c].map(|v| (row, v))).collect()
+    let poses = targets.trials.iter().zip(&targets.rows).filter(|(t, _)| t.reference.is_none());
+    poses.filter_map(|(t, &row)| t.measured[c].map(|v| (row, v))).collect()
 }
 
 /// Rows of one test, flexion, load and branch whose answers differ beyond all noise; smaller differences are warned of.
@@ -117,6 +118,7 @@ fn is_repeat(a: &LaxityTrial, b: &LaxityTrial) -> bool {
             || x.abs().max(y.abs()) < SAME_LOAD[c]
     };
     a.test == b.test
+        && a.reference == b.reference
         && a.branch == b.branch
         && (a.nominal_flexion_deg - b.nominal_flexion_deg).abs() < 0.5
         && (a.fe_deg - b.fe_deg).abs() < SAME_FLEXION
@@ -126,14 +128,16 @@ fn is_repeat(a: &LaxityTrial, b: &LaxityTrial) -> bool {
 /// Warns of groups whose knee moves against the load, as with a wrong sign.
 pub(super) fn against_the_load(targets: &mut Targets) {
     type Condition = Vec<(f64, f64, f64, usize)>;
-    let mut by_coordinate: BTreeMap<(usize, i64), Condition> = BTreeMap::new();
+    let mut by_coordinate: BTreeMap<(usize, i64, bool), Condition> = BTreeMap::new();
     for ((t, row), noise) in targets.trials.iter().zip(&targets.rows).zip(&targets.noise) {
         let Some(c) = primary(t.test) else { continue };
         let Some(value) = t.measured[c] else { continue };
-        let key = (c, t.nominal_flexion_deg.round() as i64);
-        by_coordinate.entry(key).or_default().push((t.load[c], value, noise[c], *row));
+        let key = (c, t.nominal_flexion_deg.round() as i64, t.reference.is_some());
+        let condition = by_coordinate.entry(key).or_default();
+        condition.push((t.load[c], value, noise[c], *row));
+        condition.extend(t.reference.as_ref().map(|r| (r.load[c], 0.0, noise[c], *row)));
     }
-    for ((c, flexion), rows) in by_coordinate {
+    for ((c, flexion, _), rows) in by_coordinate {
         let least = rows.iter().fold(rows[0], |a, b| if b.0 < a.0 { *b } else { a });
         let most = rows.iter().fold(rows[0], |a, b| if b.0 > a.0 { *b } else { a });
         let fall = least.1 - most.1;

@@ -62,6 +62,11 @@ impl Trials<'_> {
                     load[*coordinate] = force * shares(trial.fe_deg)[*knot];
                     by_loads(&s, &load)
                 }
+                Quantity::Resting(source, coordinate) => {
+                    let mut load = [0.0; 5];
+                    load[*coordinate] = f64::from(trial.source == Some(*source));
+                    by_loads(&s, &load)
+                }
                 _ => sum(&s, &place[k]),
             };
             (0..5).for_each(|c| slopes.predicted[(c, k)] = column.0[c]);
@@ -92,7 +97,11 @@ impl Trials<'_> {
                 Quantity::Stiffness(of) => asked.extend(of.iter().map(|&b| Of::Stiffness(b))),
                 Quantity::Site(bundle, end, axis) => asked.push(Of::Site(*bundle, *end, *axis)),
                 Quantity::ContactScale => asked.push(Of::ContactScale),
-                Quantity::Frame(..) | Quantity::Cartilage | Quantity::Lean(..) => {}
+                Quantity::Frame(..)
+                | Quantity::Cartilage
+                | Quantity::Lean(..)
+                | Quantity::Compliance(..)
+                | Quantity::Resting(..) => {}
             }
             place.push((from..asked.len()).collect());
         }

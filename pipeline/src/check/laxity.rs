@@ -67,6 +67,10 @@ fn summary(input: &str, trials: &[LaxityTrial], warnings: &[String]) -> Item {
     let list: Vec<String> = flexions.iter().map(i64::to_string).collect();
     let tests: Vec<&str> = tests.into_iter().collect();
     let mut found = format!("{} trials at {} deg: {}", trials.len(), list.join(", "), tests.join(", "));
+    let displaced = trials.iter().filter(|t| t.reference.is_some()).count();
+    if displaced > 0 {
+        found += &format!("; {displaced} read displacements from another trial's pose");
+    }
     for w in warnings.iter().take(SHOWN) {
         found += &format!("; {w}");
     }

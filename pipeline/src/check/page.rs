@@ -42,7 +42,11 @@ fn plots(trials: &[LaxityTrial]) -> String {
                     .iter()
                     .filter(|t| t.nominal_flexion_deg.round() as i64 == *flexion)
                     .filter(|t| t.test.coordinate().is_none_or(|own| own == c))
-                    .filter_map(|t| Some((t.load[c], t.measured[c]?)))
+                    .filter_map(|t| Some((t, t.measured[c]?)))
+                    .flat_map(|(t, value)| {
+                        let zero = t.reference.as_ref().map(|r| (r.load[c], 0.0));
+                        std::iter::once((t.load[c], value)).chain(zero)
+                    })
                     .collect();
                 points.sort_by(|a, b| a.0.total_cmp(&b.0));
                 Series {

@@ -108,7 +108,9 @@ fn answers(name: &str, outcome: &Outcome) -> Vec<Chart> {
                 .collect();
             (!of_kind.is_empty()).then(|| {
                 let (mut plot, miss) = answer(&of_kind, c);
-                plot.set_layout(layout(x, y));
+                let displaced = of_kind.iter().any(|(t, _)| t.reference.is_some());
+                let x = if displaced { format!("{x} from the unloaded pose") } else { x.to_owned() };
+                plot.set_layout(layout(&x, y));
                 Chart {
                     id: format!("answer-{name}-{what}"),
                     title: format!("{name}: {what} laxity, predicted over measured"),
@@ -135,12 +137,17 @@ fn answer(trials: &[(&LaxityTrial, Option<[f64; 5]>)], c: usize) -> (Plot, f64) 
         plot.add_trace(
             Scatter::new(measured, load).mode(Mode::Markers).name(format!("{flexion:.0} deg measured")).marker(marker),
         );
+        let mut zeros: Vec<(f64, f64)> =
+            rows.iter().filter_map(|(t, _)| t.reference.as_ref().map(|r| (0.0, r.load[c]))).collect();
+        zeros.dedup();
         let answered: Vec<_> = rows.iter().filter_map(|(t, p)| p.map(|p| (p[c], t.load[c], t.measured[c]))).collect();
         answered.iter().filter_map(|(p, _, m)| m.map(|m| (p - m).powi(2))).for_each(|d| {
             sum += d;
             count += 1.0;
         });
-        let (x, y) = answered.iter().map(|(p, l, _)| (*p, *l)).unzip();
+        zeros.extend(answered.iter().map(|(p, l, _)| (*p, *l)));
+        zeros.sort_by(|a, b| a.1.total_cmp(&b.1));
+        let (x, y) = zeros.into_iter().unzip();
         let line = Line::new().color(*colour).dash(DashType::Solid);
         let marker = Marker::new().color(*colour).size(5);
         plot.add_trace(

@@ -11,7 +11,7 @@ pub struct LaxityError(pub String);
 /// Every column that a laxity file may have.
 pub(super) fn known_columns() -> BTreeSet<String> {
     let mut known: BTreeSet<String> = required_columns().into_iter().collect();
-    known.extend(["branch", "order", "time_s", "flags"].map(String::from));
+    known.extend(["branch", "order", "time_s", "flags", "reference"].map(String::from));
     known.extend((0..5).map(sd_column));
     known
 }

@@ -37,6 +37,19 @@ pub struct LaxityFormat {
     pub loads_on: Bone,
     /// Flexions that trials are filed under [deg], where the file has no such column: the nearest is taken.
     pub nominal_flexions_deg: Vec<f64>,
+    /// What the readings are; with `difference` each loaded trial counts from the unloaded one of its flexion.
+    pub readings: Readings,
+}
+
+/// What the readings of a file are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Readings {
+    /// Poses of the tibia.
+    #[default]
+    Pose,
+    /// Displacements from the unloaded pose at the same flexion.
+    Difference,
 }
 
 /// A bone that loads act on.
@@ -271,7 +284,7 @@ impl Place {
             words.iter().find_map(same).unwrap_or_else(|| text.to_lowercase())
         };
         match self.column.as_str() {
-            "trial" => text.to_owned(),
+            "trial" | "reference" => text.to_owned(),
             "test" if *format != LaxityFormat::default() => word(&format.tests),
             "branch" if *format != LaxityFormat::default() => word(&format.branches),
             "test" | "branch" => text.to_owned(),

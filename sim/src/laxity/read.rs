@@ -1,6 +1,7 @@
 //! The reader: every complaint names the row and the column.
 
 use super::columns::{LaxityError, known_columns, load_column, required_columns, sd_column, value_column};
+use super::differences;
 use super::format::{LaxityFormat, standard};
 use super::{Branch, LaxityTrial, TESTS, Test, VALUE_UNITS};
 use crate::names::did_you_mean;
@@ -39,7 +40,7 @@ pub fn read_as(bytes: &[u8], format: &LaxityFormat, side: Side) -> Result<Laxity
     let standard = standard(bytes, format, side)?;
     let columns = columns(&standard.header)?;
     let mut table = LaxityTable { trials: vec![], warnings: standard.warnings };
-    let mut names = BTreeSet::new();
+    let (mut names, mut counted_from) = (BTreeSet::new(), Vec::new());
     for (number, record) in &standard.rows {
         let row = Row { number: *number, columns: &columns, record, called: &standard.called };
         let trial = trial(&row, &mut table.warnings)?;
@@ -47,6 +48,7 @@ pub fn read_as(bytes: &[u8], format: &LaxityFormat, side: Side) -> Result<Laxity
             return row.refuse("trial", &format!("\"{}\" stands in an earlier row; names must differ", trial.trial));
         }
         table.trials.push(trial);
+        counted_from.push(row.text("reference").to_owned());
     }
     if table.trials.is_empty() {
         return Err(LaxityError("no trial below the header; expected one row per measured trial".into()));
@@ -54,6 +56,7 @@ pub fn read_as(bytes: &[u8], format: &LaxityFormat, side: Side) -> Result<Laxity
     if format.branch_from_load {
         branches(&mut table.trials);
     }
+    differences::resolve(&mut table, &counted_from, format.readings)?;
     Ok(table)
 }
 
@@ -192,6 +195,7 @@ fn trial(row: &Row, warnings: &mut Vec<String>) -> Result<LaxityTrial, LaxityErr
         branch,
         order,
         time_s: row.number("time_s")?,
+        reference: None,
     })
 }
 

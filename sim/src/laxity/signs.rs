@@ -32,7 +32,7 @@ pub fn sign_doubts(trials: &[LaxityTrial]) -> Vec<SignDoubt> {
         let values: Vec<f64> = trials.iter().filter_map(of).collect();
         (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
     };
-    if let Some(si) = mean(&|t| t.measured[4]).filter(|v| *v > ABOVE_MM) {
+    if let Some(si) = mean(&|t| t.measured[4].filter(|_| t.reference.is_none())).filter(|v| *v > ABOVE_MM) {
         doubts.push(SignDoubt {
             column: "si_mm".into(),
             words: format!(
@@ -90,11 +90,13 @@ fn axis(trials: &[LaxityTrial], (c, plus, minus): (usize, &str, &str)) -> Option
 
 /// At how many nominal flexions displacement rises with load, and at how many it falls, beyond doubt.
 fn slopes(trials: &[LaxityTrial], c: usize) -> (usize, usize) {
-    let mut groups: BTreeMap<i64, Vec<(f64, f64)>> = BTreeMap::new();
+    let mut groups: BTreeMap<(i64, bool), Vec<(f64, f64)>> = BTreeMap::new();
     let least = LEAST_SPREAD.iter().find(|(i, _)| *i == c).map_or(f64::INFINITY, |(_, l)| *l);
     for t in trials.iter().filter(|t| t.test.coordinate().is_none_or(|own| own == c)) {
         if let Some(value) = t.measured[c] {
-            groups.entry(t.nominal_flexion_deg.round() as i64).or_default().push((t.load[c], value));
+            let group = groups.entry((t.nominal_flexion_deg.round() as i64, t.reference.is_some())).or_default();
+            group.push((t.load[c], value));
+            group.extend(t.reference.as_ref().map(|r| (r.load[c], 0.0)));
         }
     }
     let (mut with, mut opposed) = (0, 0);

@@ -33,10 +33,15 @@ fn loaded(pose: &PoseSpec) -> [f64; 5] {
 }
 
 /// The results file of `simulate --trials`: the columns of laxity data with the predicted pose in place of the measured,
-/// then `force_BUNDLE_n` per bundle and `flags`. It reads back as laxity data.
+/// then `force_BUNDLE_n` per bundle and `flags`. It reads back as laxity data. A trial whose readings count from another one is told so too.
 pub fn results_csv(bundles: &[String], results: &[TrialResult]) -> String {
     let mut header = required_columns();
     header.extend(["branch".to_owned(), "order".to_owned(), "time_s".to_owned()]);
+    let place = |r: &TrialResult| {
+        r.trial.reference.as_ref().and_then(|r| results.iter().position(|x| x.trial.trial == r.trial))
+    };
+    let displaced = results.iter().any(|r| place(r).is_some());
+    header.extend(displaced.then(|| "reference".to_owned()));
     header.extend(bundles.iter().map(|b| force_column(b)));
     header.push("flags".to_owned());
     let mut out = line(&header);
@@ -45,10 +50,13 @@ pub fn results_csv(bundles: &[String], results: &[TrialResult]) -> String {
         let mut cells = vec![t.trial.clone(), t.test.name().to_owned(), number(t.nominal_flexion_deg)];
         cells.extend(t.load.iter().map(|v| number(*v)));
         cells.push(number(r.pose.fe_deg));
-        cells.extend(r.predicted().iter().map(|v| number(*v)));
+        let from = place(r).map(|k| &results[k]);
+        let zero = from.map_or([0.0; 5], TrialResult::predicted);
+        cells.extend(r.predicted().iter().zip(zero).map(|(v, zero)| number(v - zero)));
         cells.push(branch(t).to_owned());
         cells.push(t.order.map(|v| v.to_string()).unwrap_or_default());
         cells.push(t.time_s.map(number).unwrap_or_default());
+        cells.extend(displaced.then(|| from.map(|r| r.trial.trial.clone()).unwrap_or_default()));
         cells.extend(r.forces_n.iter().map(|v| number(*v)));
         cells.push(r.flags.join("; "));
         out += &line(&cells);
@@ -61,6 +69,8 @@ pub fn trials_csv(trials: &[LaxityTrial]) -> String {
     let mut header = required_columns();
     header.extend((0..COORDINATES.len()).map(sd_column));
     header.extend(["branch".to_owned(), "order".to_owned(), "time_s".to_owned()]);
+    let displaced = trials.iter().any(|t| t.reference.is_some());
+    header.extend(displaced.then(|| "reference".to_owned()));
     let mut out = line(&header);
     let cell = |v: &Option<f64>| v.map(number).unwrap_or_default();
     for t in trials {
@@ -71,6 +81,7 @@ pub fn trials_csv(trials: &[LaxityTrial]) -> String {
         cells.push(branch(t).to_owned());
         cells.push(t.order.map(|v| v.to_string()).unwrap_or_default());
         cells.push(cell(&t.time_s));
+        cells.extend(displaced.then(|| t.reference.as_ref().map(|r| r.trial.clone()).unwrap_or_default()));
         out += &line(&cells);
     }
     out

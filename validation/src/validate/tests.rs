@@ -17,6 +17,7 @@ fn trials() -> Vec<LaxityTrial> {
         branch: None,
         order: None,
         time_s: None,
+        reference: None,
     };
     (0..5).map(trial).collect()
 }

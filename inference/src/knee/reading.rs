@@ -1,0 +1,86 @@
+//! Readings of a knee in trials: poses, or displacements from the pose of another trial, as an apparatus shows them.
+
+use super::slopes::Slopes;
+use super::{Answer, Answers, Asked, Quantity, Trials};
+use crate::posterior::Point;
+use nalgebra::{DMatrix, DVector};
+
+impl Trials<'_> {
+    /// Readings that count, in order: trial and coordinate.
+    pub fn rows(&self) -> Vec<(usize, usize)> {
+        let of = |(i, t): (usize, &Asked)| (0..5).filter(|&c| t.reads[c]).map(move |c| (i, c)).collect::<Vec<_>>();
+        self.trials.iter().enumerate().flat_map(of).collect()
+    }
+
+    /// What is read in a trial at these values: VV, IE [deg], ML, AP, SI [mm].
+    pub fn read(&self, values: &[f64], answers: &Answers, trial: usize) -> [f64; 5] {
+        let of = |c: usize| {
+            let zero = self.trials[trial].from.map_or(0.0, |from| answers[from].predicted[c]);
+            let yields = |(p, x): (&crate::parameter::Parameter<Quantity>, &f64)| x * self.load_step(p, trial, c);
+            answers[trial].predicted[c] - zero + self.parameters.iter().zip(values).map(yields).sum::<f64>()
+        };
+        std::array::from_fn(of)
+    }
+
+    /// The load by which a parameter of the apparatus' compliance moves a reading [N m, N]; 0 of every other parameter.
+    fn load_step(&self, p: &crate::parameter::Parameter<Quantity>, trial: usize, coordinate: usize) -> f64 {
+        let t = &self.trials[trial];
+        match p.quantity {
+            Quantity::Compliance(source, of) if t.source == Some(source) && of == coordinate => {
+                t.load[coordinate] - t.from.map_or(0.0, |from| self.trials[from].load[coordinate])
+            }
+            _ => 0.0,
+        }
+    }
+
+    /// The answers that a reading is made of, with their signs.
+    fn parts(&self, trial: usize) -> impl Iterator<Item = (usize, f64)> + Clone {
+        std::iter::once((trial, 1.0)).chain(self.trials[trial].from.map(|from| (from, -1.0)))
+    }
+
+    /// Covariance of the readings by loads that are not as recorded, and by loads that the model lacks.
+    pub(super) fn shared_scatter(&self, state: &Answers) -> DMatrix<f64> {
+        let (rows, n) = (self.rows(), self.trials.len());
+        let alike = DMatrix::from_fn(n, n, |i, k| self.lack.alike(&self.trials[i], &self.trials[k]));
+        let size = |i: usize, k: usize, l: usize| {
+            let own = if i == k { self.load_sd[l].powi(2) } else { 0.0 };
+            own + alike[(i, k)] * self.lack.sd[l].powi(2)
+        };
+        let both = |(i, c): (usize, usize), (k, d): (usize, usize)| -> f64 {
+            (0..5).map(|l| state[i].by_load[c][l] * state[k].by_load[d][l] * size(i, k, l)).sum()
+        };
+        let of = |(i, c): (usize, usize), (k, d): (usize, usize)| -> f64 {
+            let pairs = self.parts(i).flat_map(|a| self.parts(k).map(move |b| (a, b)));
+            pairs.map(|((i, s), (k, t))| s * t * both((i, c), (k, d))).sum()
+        };
+        DMatrix::from_fn(rows.len(), rows.len(), |r, s| of(rows[r], rows[s]))
+    }
+
+    /// Answers and their derivatives as a point; `values` are those of the parameters, with their derivatives by the standard normal numbers.
+    pub(super) fn point(&self, found: Vec<(Answer, Slopes)>, values: &[(f64, f64)]) -> Point<Answers> {
+        let (rows, n) = (self.rows(), values.len());
+        let slope = DMatrix::from_fn(rows.len(), n, |r, k| {
+            let (trial, c) = rows[r];
+            let of_knee: f64 = self.parts(trial).map(|(i, sign)| sign * found[i].1.predicted[(c, k)]).sum();
+            (of_knee + self.load_step(&self.parameters[k], trial, c)) * values[k].1
+        });
+        let mut belief = DVector::zeros(self.beliefs.len());
+        let mut belief_slope = DMatrix::zeros(self.beliefs.len(), n);
+        for (r, b) in self.beliefs.iter().enumerate() {
+            let (answer, slopes) = &found[b.trial];
+            let force: f64 = b.bundles.iter().map(|&k| answer.forces_n[k]).sum();
+            if b.only_above && force <= b.mean_n {
+                continue;
+            }
+            belief[r] = (force - b.mean_n) / b.sd_n;
+            for k in 0..n {
+                let by: f64 = b.bundles.iter().map(|&m| slopes.forces_n[(m, k)]).sum();
+                belief_slope[(r, k)] = by * values[k].1 / b.sd_n;
+            }
+        }
+        let state: Answers = found.into_iter().map(|f| f.0).collect();
+        let plain: Vec<f64> = values.iter().map(|v| v.0).collect();
+        let reading = DVector::from_iterator(rows.len(), rows.iter().map(|&(i, c)| self.read(&plain, &state, i)[c]));
+        Point { reading, slope, belief, belief_slope, state }
+    }
+}
