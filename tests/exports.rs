@@ -4,7 +4,7 @@
 
 mod common;
 
-use common::{build_model, json, phantom, write};
+use common::{build_model, json, phantom, reads, write};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
@@ -27,28 +27,6 @@ fn model() -> &'static Path {
     });
     static PATH: OnceLock<PathBuf> = OnceLock::new();
     PATH.get_or_init(|| folder.path().join("build/09-assemble/model.json"))
-}
-
-/// The Python that has the readers: `GENU_PYTHON`, or python3.
-fn python() -> String {
-    std::env::var("GENU_PYTHON").unwrap_or_else(|_| "python3".into())
-}
-
-/// Runs a script of tests/exports; false, with a word on why, where a reader is not installed.
-fn reads(test: &str, script: &str, arguments: &[&str]) -> bool {
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/exports").join(script);
-    let Ok(run) = Command::new(python()).arg(script).args(arguments).output() else {
-        eprintln!("{test}: skipped, {} is not there", python());
-        return false;
-    };
-    let (said, faults) = (String::from_utf8_lossy(&run.stdout), String::from_utf8_lossy(&run.stderr));
-    print!("{said}");
-    if run.status.code() == Some(77) {
-        eprintln!("{test}: skipped, {said}");
-        return false;
-    }
-    assert!(run.status.success(), "{said}{faults}");
-    true
 }
 
 fn exported(format: &str, more: &[&str]) -> TempDir {

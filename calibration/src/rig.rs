@@ -35,11 +35,6 @@ impl Default for RigOptions {
     }
 }
 
-/// Measurement noise of displacements where the file gives none: half of the variance between sessions of arthrometers on living knees. AP: less than
-/// 1 mm between examiners for mean readings [milano2022]; IE: 2 deg, from less than 3 deg between two knees [tsai2008]; VV: 0.6 deg, of stress
-/// radiographs [kappel2020]; ML and SI ours.
-pub(crate) const NOISE: [f64; 5] = [0.4, 1.4, 0.6, 0.7, 0.6];
-
 impl RigOptions {
     /// Refuses what is no standard deviation.
     pub(crate) fn check(&self) -> Result<(), CalibrationError> {

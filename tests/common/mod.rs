@@ -1,7 +1,7 @@
 //! What the whole-path tests share: a synthetic specimen, the program, and the shared data where it is.
 #![allow(dead_code, reason = "each test binary uses its part")]
 #![expect(clippy::disallowed_methods, reason = "tests prepare and look at files")]
-#![allow(clippy::print_stderr, clippy::unwrap_used, reason = "tests")]
+#![allow(clippy::print_stderr, clippy::print_stdout, clippy::unwrap_used, reason = "tests")]
 
 use assert_cmd::Command;
 use std::collections::BTreeMap;
@@ -89,4 +89,26 @@ pub(crate) fn copy(from: &Path, to: &Path) {
         fs::create_dir_all(path.parent().unwrap()).unwrap();
         fs::write(path, bytes).unwrap();
     }
+}
+
+/// The Python that has the libraries of other people: `GENU_PYTHON`, or python3.
+fn python() -> String {
+    std::env::var("GENU_PYTHON").unwrap_or_else(|_| "python3".into())
+}
+
+/// Runs a script of tests/exports; false, with a word on why, where a reader is not installed.
+pub(crate) fn reads(test: &str, script: &str, arguments: &[&str]) -> bool {
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/exports").join(script);
+    let Ok(run) = std::process::Command::new(python()).arg(script).args(arguments).output() else {
+        eprintln!("{test}: skipped, {} is not there", python());
+        return false;
+    };
+    let (said, faults) = (String::from_utf8_lossy(&run.stdout), String::from_utf8_lossy(&run.stderr));
+    print!("{said}");
+    if run.status.code() == Some(77) {
+        eprintln!("{test}: skipped, {said}");
+        return false;
+    }
+    assert!(run.status.success(), "{said}{faults}");
+    true
 }

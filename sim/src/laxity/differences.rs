@@ -2,7 +2,6 @@
 
 use super::columns::LaxityError;
 use super::format::Readings;
-use super::read::LaxityTable;
 use super::{LaxityTrial, Reference, Test};
 
 /// Nominal flexions within this are one flexion [deg].
@@ -13,18 +12,18 @@ const NO_LOAD: [f64; 5] = [0.5, 0.25, 5.0, 6.65, 5.0];
 
 /// Gives every trial whose readings are displacements the trial that they count from: as the column `reference` names it, or, in a file of
 /// differences, the unloaded trial of its flexion.
-pub(super) fn resolve(table: &mut LaxityTable, named: &[String], readings: Readings) -> Result<(), LaxityError> {
+pub(super) fn resolve(trials: &mut [LaxityTrial], named: &[String], readings: Readings) -> Result<(), LaxityError> {
     let mut from: Vec<Option<usize>> = Vec::with_capacity(named.len());
     for (i, name) in named.iter().enumerate() {
         from.push(match (name.is_empty(), readings) {
-            (false, _) => Some(by_name(&table.trials, i, name)?),
-            (true, Readings::Difference) => by_flexion(&table.trials, i)?,
+            (false, _) => Some(by_name(trials, i, name)?),
+            (true, Readings::Difference) => by_flexion(trials, i)?,
             (true, Readings::Pose) => None,
         });
     }
     for (i, reference) in from.iter().enumerate() {
         let Some(k) = *reference else { continue };
-        let (t, r) = (&table.trials[i], &table.trials[k]);
+        let (t, r) = (&trials[i], &trials[k]);
         if from[k].is_some() {
             return refuse(t, &format!("\"{}\" counts from another trial itself; name the first of them", r.trial));
         }
@@ -39,11 +38,11 @@ pub(super) fn resolve(table: &mut LaxityTable, named: &[String], readings: Readi
             return refuse(t, &format!("\"{}\" has the same loads, so nothing was displaced", r.trial));
         }
         let reference = Reference { trial: r.trial.clone(), load: r.load, fe_deg: r.fe_deg };
-        table.trials[i].reference = Some(reference);
+        trials[i].reference = Some(reference);
     }
-    for k in 0..table.trials.len() {
+    for k in 0..trials.len() {
         if from.contains(&Some(k)) || (readings == Readings::Difference && from[k].is_none()) {
-            zeros(table, k, readings)?;
+            zeros(trials, k, readings)?;
         }
     }
     Ok(())
@@ -97,8 +96,8 @@ fn is_unloaded(t: &LaxityTrial) -> bool {
 }
 
 /// Readings of 0 of a trial that others count from are the zero of the instrument, not a pose.
-fn zeros(table: &mut LaxityTable, k: usize, readings: Readings) -> Result<(), LaxityError> {
-    let t = &mut table.trials[k];
+fn zeros(trials: &mut [LaxityTrial], k: usize, readings: Readings) -> Result<(), LaxityError> {
+    let t = &mut trials[k];
     let (row, name) = (t.row.unwrap_or(0), t.trial.clone());
     let given: Vec<f64> = t.measured.iter().flatten().copied().collect();
     if given.iter().all(|v| *v == 0.0) {

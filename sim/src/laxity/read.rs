@@ -56,7 +56,7 @@ pub fn read_as(bytes: &[u8], format: &LaxityFormat, side: Side) -> Result<Laxity
     if format.branch_from_load {
         branches(&mut table.trials);
     }
-    differences::resolve(&mut table, &counted_from, format.readings)?;
+    differences::resolve(&mut table.trials, &counted_from, format.readings)?;
     Ok(table)
 }
 

@@ -1,0 +1,147 @@
+//! One picture in every format that is read, written by programs that are not ours: the same bones, and so the same model.
+#![allow(clippy::unwrap_used, clippy::print_stderr, clippy::print_stdout, reason = "tests")]
+#![expect(clippy::disallowed_methods, reason = "tests look at files and run other programs")]
+
+mod common;
+
+use common::{build_model, copy, differing, files, read, reads, text, write};
+use meshes::format::stl;
+use meshes::query::SurfaceQuery;
+use meshes::surface::TriMesh;
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+use tempfile::TempDir;
+
+const BONES: [&str; 3] = ["femur", "tibfib", "patella"];
+/// Most that bones of a picture may lie off: mean and 99th percentile [mm]; those of stages/tests/segment.rs.
+const NEAR: [f64; 2] = [0.25, 0.8];
+/// By so much more where the picture was packed with loss.
+const LOSSY: f64 = 1.5;
+
+/// A phantom whose bones or labels stand in a picture, and that picture in every format that could be written, by kind.
+fn pictures(
+    test: &str,
+    id: &str,
+    picture: &str,
+    more: &[&str],
+) -> Option<(TempDir, TempDir, BTreeMap<String, String>)> {
+    let (specimen, out) = (TempDir::new().unwrap(), TempDir::new().unwrap());
+    let made = if more.is_empty() { stages::phantom::phantom_volume(id, 1) } else { stages::phantom::phantom(id, 1) };
+    for (name, bytes) in made.unwrap().files {
+        let path = specimen.path().join(name);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        write(&path, bytes);
+    }
+    let source = specimen.path().join(picture);
+    let mut arguments = vec![source.to_str().unwrap(), out.path().to_str().unwrap()];
+    arguments.extend(more);
+    if !reads(test, "volumes.py", &arguments) {
+        return None;
+    }
+    fs::remove_file(&source).unwrap();
+    let mut kinds = BTreeMap::new();
+    for entry in fs::read_dir(out.path()).unwrap() {
+        let name = entry.unwrap().file_name().to_string_lossy().into_owned();
+        if !name.ends_with(".raw") {
+            kinds.insert(name.split('.').next().unwrap().to_owned(), name);
+        }
+    }
+    Some((specimen, out, kinds))
+}
+
+/// The specimen with the picture of a kind, built up to a stage.
+fn built(specimen: &Path, picture: &str, pictures: &Path, name: &str, to: &str) -> TempDir {
+    let folder = TempDir::new().unwrap();
+    copy(specimen, folder.path());
+    let place = folder.path().join("picture");
+    fs::create_dir_all(&place).unwrap();
+    let from = pictures.join(name);
+    if from.is_dir() {
+        copy(&from, &place.join(name));
+    } else {
+        let stem = name.split('.').next().unwrap();
+        for (file, bytes) in files(pictures).into_iter().filter(|(f, _)| f.split('.').next() == Some(stem)) {
+            write(&place.join(file), bytes);
+        }
+    }
+    let toml = folder.path().join("specimen.toml");
+    let told = text(&toml).replace(picture, &format!("picture/{name}"));
+    assert!(told.contains("picture/"), "{told}");
+    write(&toml, told);
+    build_model().arg(folder.path()).args(["--to", to, "--quiet"]).assert().success();
+    folder
+}
+
+fn bones(build: &Path) -> Vec<TriMesh> {
+    let path = |bone: &&str| build.join(format!("build/00-segment/{bone}.stl"));
+    BONES.iter().map(|b| stl::read(&read(&path(b))).unwrap()).collect()
+}
+
+/// Mean and 99th percentile of the distance of `found`'s vertices from `right` [mm].
+fn apart(found: &TriMesh, right: &TriMesh) -> [f64; 2] {
+    let query = SurfaceQuery::new(right).unwrap();
+    let mut d: Vec<f64> = found.vertices.iter().map(|p| query.signed_distance(p).abs()).collect();
+    d.sort_by(f64::total_cmp);
+    [d.iter().sum::<f64>() / d.len() as f64, d[d.len() * 99 / 100]]
+}
+
+#[test]
+fn a_ct_picture_gives_the_same_bones_in_every_format() {
+    let test = "a_ct_picture_gives_the_same_bones_in_every_format";
+    let picture = "ct/knee.nii.gz";
+    let Some((specimen, out, kinds)) = pictures(test, "right-phantom", picture, &[]) else { return };
+    let build = |name: &str, to: &str| built(specimen.path(), picture, out.path(), name, to);
+    let plain = build(&kinds["nifti1"], "segment");
+    let right = bones(plain.path());
+    let truth: Vec<TriMesh> =
+        BONES.iter().map(|b| stl::read(&read(&specimen.path().join(format!("truth/ct_{b}.stl")))).unwrap()).collect();
+    // positions in a DICOM file are decimals, in a NIfTI floats: a family each
+    let mut dicom: Option<Vec<TriMesh>> = None;
+    for (kind, name) in kinds.iter().filter(|k| k.0 != "nifti1") {
+        let found = bones(build(name, "segment").path());
+        let lossy = kind.ends_with("lossy");
+        let factor = if lossy { LOSSY } else { 1.0 };
+        for ((bone, f), (r, t)) in BONES.iter().zip(&found).zip(right.iter().zip(&truth)) {
+            let (off, from_plain) = (apart(f, t), apart(f, r));
+            println!(
+                "{kind} {bone}: mean {:.3} mm, p99 {:.3} mm of the truth; {from_plain:.4?} of NIfTI's",
+                off[0], off[1]
+            );
+            assert!(off[0] <= factor * NEAR[0] && off[1] <= factor * NEAR[1], "{kind} {bone}: {off:?}");
+            assert!(lossy || from_plain[1] < 1e-3, "{kind} {bone}: {from_plain:?}");
+        }
+        let series = kind.starts_with("dicom") || kind.starts_with("enhanced");
+        if series && !lossy {
+            let first = dicom.get_or_insert_with(|| found.clone());
+            assert!(found == *first, "{kind} gives other bones than the other DICOM files");
+        } else if !series {
+            assert!(found == right, "{kind} gives other bones than NIfTI-1");
+        }
+    }
+    // from the same bones on everything is the same
+    if let (Some(plain), Some(packed)) = (kinds.get("dicom"), kinds.get("enhanced_j2k")) {
+        let model = |name: &str| text(&build(name, "assemble").path().join("build/09-assemble/model.json"));
+        assert_eq!(model(plain), model(packed));
+    }
+}
+
+#[test]
+fn a_label_map_gives_the_same_surfaces_in_every_format() {
+    let test = "a_label_map_gives_the_same_surfaces_in_every_format";
+    let picture = "mri/labels.nii.gz";
+    let Some((specimen, out, kinds)) = pictures(test, "mri-phantom", picture, &["--labels"]) else { return };
+    let ingested = |name: &str| {
+        let folder = built(specimen.path(), picture, out.path(), name, "ingest");
+        let mut found = files(&folder.path().join("build/01-ingest"));
+        found.retain(|name, _| name.ends_with(".ply"));
+        assert!(!found.is_empty());
+        found
+    };
+    let right = ingested(&kinds["nifti1"]);
+    for (kind, name) in kinds.iter().filter(|k| k.0 != "nifti1") {
+        let other = differing(&right, &ingested(name));
+        assert!(other.is_empty(), "{kind} gives other {other:?}");
+        println!("{kind}: the same {} surfaces", right.len());
+    }
+}
