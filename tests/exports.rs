@@ -6,7 +6,6 @@ mod common;
 
 use common::{build_model, json, phantom, reads, write};
 use std::path::{Path, PathBuf};
-use std::process::Command;
 use std::sync::OnceLock;
 use tempfile::TempDir;
 
