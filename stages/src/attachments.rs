@@ -1,5 +1,6 @@
 //! Stage 6, attachments: marked, literature and given sites; fibres.
 
+mod crossings;
 mod fibres;
 mod marked;
 
@@ -55,7 +56,7 @@ pub struct AttachmentsOptions {
     pub span: f64,
     /// Distance that literature sites keep from cartilage [mm]. Ours.
     pub cartilage_clearance_mm: f64,
-    /// How deep a fibre may run in bone without a warning [mm]. Ours.
+    /// How deep a fibre may run in bone without a warning [mm], in the CT pose or from 0 to 90 deg. Ours.
     pub crossing_limit_mm: f64,
 }
 
@@ -134,13 +135,14 @@ pub fn attachments(
     let literature = literature(specimen, bones, cartilage, frames, &sites, options);
     sites.extend(literature.into_iter().filter(|site| !contradicted(site)));
     let fibres = fibres::lay(&sides, &mut sites, &specimen.given_fibres, options, &mut warnings);
+    let through_bone = crossings::warn(&sides, frames, &fibres, options.crossing_limit_mm, &mut warnings);
     fibres::warn_of_lengths(&fibres, width / attachments::atlas::WIDTH_MM, &mut warnings);
     let rank = |s: &Site| (LIGAMENTS.iter().position(|l| *l == s.ligament), s.bone);
     sites.sort_by_key(rank);
     let count = |source: Source| sites.iter().filter(|s| s.source == source).count();
     let metrics = serde_json::json!({
         "sites_marked": count(Source::Marked), "sites_literature": count(Source::Literature),
-        "sites_given": count(Source::Given), "fibres": fibres.len(),
+        "sites_given": count(Source::Given), "fibres": fibres.len(), "through_bone_mm": through_bone,
     });
     Ok(Attachments { sites, fibres, warnings, metrics })
 }

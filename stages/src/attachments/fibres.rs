@@ -3,7 +3,7 @@
 use super::{AttachmentsOptions, Side};
 use crate::PerBone;
 use attachments::bundle::{BUNDLES, Bundle, LIGAMENTS};
-use attachments::layout::{counting_direction, depth_inside, ends, uncross};
+use attachments::layout::{counting_direction, ends, uncross};
 use attachments::lengths::usual_range_mm;
 use attachments::site::{Bone, Fibre, Site, Source};
 use meshes::{Point, Vector};
@@ -44,7 +44,6 @@ pub(super) fn lay(
         }
     }
     fibres.sort_by_key(|f| BUNDLES.iter().position(|b| b.name == f.bundle));
-    warn_of_crossings(sides, &fibres, options.crossing_limit_mm, warnings);
     fibres
 }
 
@@ -112,22 +111,6 @@ pub(super) fn warn_of_lengths(fibres: &[Fibre], scale: f64, warnings: &mut Vec<S
             warnings.push(format!(
                 "the fibres of {ligament} are {mean:.0} mm long in the mean, outside the {least:.0} to {most:.0} mm of knees of this size: look at its two sites in the report, or mark them"
             ));
-        }
-    }
-}
-
-fn warn_of_crossings(sides: &PerBone<Side>, fibres: &[Fibre], limit: f64, warnings: &mut Vec<String>) {
-    for bundle in BUNDLES.iter() {
-        for side in [&sides.femur, &sides.tibfib] {
-            let own = fibres.iter().filter(|f| f.bundle == bundle.name);
-            let depths = own.map(|f| depth_inside(&f.femur, &f.tibia, side.query));
-            let deepest = depths.fold(0.0, f64::max);
-            if deepest > limit {
-                warnings.push(format!(
-                    "bundle {} runs up to {deepest:.1} mm deep through the {} in the CT pose, more than {limit} mm",
-                    bundle.name, side.name
-                ));
-            }
         }
     }
 }

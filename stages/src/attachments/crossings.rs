@@ -1,0 +1,100 @@
+//! How deep the straight fibres run through bone, from the CT pose to 90 deg.
+
+use super::Side;
+use crate::PerBone;
+use crate::frames::Frames;
+use attachments::bundle::BUNDLES;
+use attachments::layout::depth_inside;
+use attachments::site::Fibre;
+use meshes::{Point, Vector};
+use nalgebra::{Rotation3, Unit};
+use std::collections::BTreeMap;
+
+/// Flexions at which fibres are looked at beside the CT pose [deg]; those of the paper's protocols.
+const FLEXIONS_DEG: [f64; 4] = [0.0, 30.0, 60.0, 90.0];
+
+/// Where a bundle runs deepest through a bone.
+struct Deepest {
+    mm: f64,
+    /// None in the CT pose.
+    flexion_deg: Option<f64>,
+    in_ct_mm: f64,
+}
+
+/// Warns of bundles that run deeper through a bone than `limit` mm. Gives the greatest depth of each bundle [mm], of those that touch a bone.
+///
+/// Flexed by a turn of the tibia about the axis of the posterior condyles: no screw-home rotation, and no force.
+pub(super) fn warn(
+    sides: &PerBone<Side>,
+    frames: &Frames,
+    fibres: &[Fibre],
+    limit: f64,
+    warnings: &mut Vec<String>,
+) -> BTreeMap<String, f64> {
+    let mut depths = BTreeMap::new();
+    for bundle in BUNDLES.iter() {
+        let own: Vec<&Fibre> = fibres.iter().filter(|f| f.bundle == bundle.name).collect();
+        for (side, of_femur) in [(&sides.femur, true), (&sides.tibfib, false)] {
+            let at = |flexion: Option<f64>| {
+                let turned = |p: &Point, forth: bool| flexion.map_or(*p, |f| flexed(frames, p, f, forth));
+                let depth = |f: &&Fibre| match of_femur {
+                    true => depth_inside(&f.femur, &turned(&f.tibia, true), side.query),
+                    false => depth_inside(&turned(&f.femur, false), &f.tibia, side.query),
+                };
+                own.iter().map(depth).fold(0.0, f64::max)
+            };
+            let in_ct_mm = at(None);
+            let mut deepest = Deepest { mm: in_ct_mm, flexion_deg: None, in_ct_mm };
+            for flexion in FLEXIONS_DEG {
+                let mm = at(Some(flexion));
+                if mm > deepest.mm {
+                    deepest = Deepest { mm, flexion_deg: Some(flexion), in_ct_mm };
+                }
+            }
+            let most = depths.entry(bundle.name.clone()).or_insert(0.0);
+            *most = deepest.mm.max(*most);
+            if deepest.mm > limit {
+                warnings.push(told(&bundle.name, side.name, &deepest, limit));
+            }
+        }
+    }
+    depths.retain(|_, mm| *mm > 0.0);
+    depths
+}
+
+fn told(bundle: &str, bone: &str, d: &Deepest, limit: f64) -> String {
+    let place = match d.flexion_deg {
+        None => "in the CT pose".to_owned(),
+        Some(flexion) => format!("at {flexion} deg ({:.1} mm in the CT pose)", d.in_ct_mm),
+    };
+    format!(
+        "bundle {bundle} runs up to {:.1} mm deep through the {bone} {place}, more than {limit} mm: fibres are straight and do not wrap, so its length is too short there; look at its sites",
+        d.mm
+    )
+}
+
+/// A point of the tibia when the knee is flexed to an angle, the femur staying where it is; or, not `forth`, a point of the femur the tibia staying.
+fn flexed(frames: &Frames, p: &Point, flexion_deg: f64, forth: bool) -> Point {
+    let (centre, medial) = frames.condylar_axis;
+    let f = &frames.femur;
+    // flexion takes what is inferior backwards
+    let sense = medial.cross(&f.superior).dot(&f.anterior).signum();
+    let angle = sense * (flexion_deg - frames.gs_ct_pose.fe_deg).to_radians() * if forth { 1.0 } else { -1.0 };
+    let turn = Rotation3::from_axis_angle(&Unit::new_normalize(medial), angle);
+    let arm: Vector = p - centre;
+    centre + turn * arm
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_warning_names_bundle_bone_depth_flexion_and_what_it_means() {
+        let deepest = Deepest { mm: 8.83, flexion_deg: Some(60.0), in_ct_mm: 3.21 };
+        let words = told("PCAP_L", "femur", &deepest, 2.0);
+        for part in ["PCAP_L", "femur", "8.8 mm", "at 60 deg", "3.2 mm in the CT pose", "do not wrap"] {
+            assert!(words.contains(part), "{words}");
+        }
+    }
+}
