@@ -60,6 +60,11 @@ pub fn read_surface(name: &str, bytes: &[u8], files: &BTreeMap<String, Vec<u8>>)
 /// Bytes in which a header says its frame: an STL's 80, a PLY's or VTK's comment.
 const SPACE_WITHIN: usize = 500;
 
+/// Whether a surface file says itself that it is in RAS or LPS, as 3D Slicer writes it.
+pub fn says_space(bytes: &[u8]) -> bool {
+    says_ras(bytes) || bytes[..bytes.len().min(SPACE_WITHIN)].windows(9).any(|w| w == b"SPACE=LPS")
+}
+
 /// Whether 3D Slicer says in the file's header that it is in RAS; it writes `SPACE=RAS` or `SPACE=LPS`.
 fn says_ras(bytes: &[u8]) -> bool {
     bytes[..bytes.len().min(SPACE_WITHIN)].windows(9).any(|w| w == b"SPACE=RAS")

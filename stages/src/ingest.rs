@@ -12,7 +12,9 @@ pub use file::{OPTIONAL_PATHS, named, parse_specimen_file, paths_named_by, paths
 pub use surfaces::{Judged, judge_surfaces, middle_extent};
 
 use crate::frames;
-use crate::specimen::{IngestOptions, Mri, Patella, RawSpecimen, SEGMENTED_PATELLA, Specimen, SpecimenFile};
+use crate::specimen::{
+    IngestOptions, Mri, Patella, RAS_INPUTS, RawSpecimen, SEGMENTED_PATELLA, Specimen, SpecimenFile,
+};
 use crate::{PerBone, StageError};
 use attachments::bundle::BUNDLES;
 use meshes::surface::{ColouredMesh, TriMesh};
@@ -26,15 +28,19 @@ use meshes::surface::{ColouredMesh, TriMesh};
 /// A missing or unreadable file, an unknown key, name or unit: with file, line or element, what was expected, what to do.
 pub fn ingest(raw: &RawSpecimen, options: &IngestOptions) -> Result<Specimen, StageError> {
     let file = parse_specimen_file(&raw.toml)?;
+    if let Some(odd) = options.ras.iter().find(|r| !RAS_INPUTS.contains(&r.as_str())) {
+        let known = RAS_INPUTS.join(", ");
+        return Err(StageError(format!("options.ingest.ras names `{odd}`; expected any of {known}")));
+    }
     let mut warnings = Vec::new();
     file::check_present(&file, raw)?;
     let surface =
         |key: &str, path: &str, warnings: &mut Vec<String>| surfaces::checked(key, path, &raw.files, options, warnings);
     let sources = sources(&file, raw, options, &mut warnings, &surface)?;
-    let landmarks = points::landmarks(&file, raw)?;
+    let landmarks = points::landmarks(&file, raw, options)?;
     warnings.extend(points::missing(&file, raw, &landmarks));
-    let marks = points::marks(&file, raw)?;
-    let given_fibres = points::fibres(&file, raw)?;
+    let marks = points::marks(&file, raw, options)?;
+    let given_fibres = points::fibres(&file, raw, options)?;
     let given_frames = match &file.frames {
         Some(f) => Some(frames::given::read(&f.file, &raw.files[&f.file])?),
         None => None,

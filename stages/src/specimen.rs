@@ -262,10 +262,28 @@ pub struct IngestOptions {
     pub label_blur: f64,
     /// Edges of surfaces drawn from a label map [mm]: half of the model's bones'.
     pub label_edge_mm: f64,
+    /// Inputs that are in RAS where their files cannot say so (STL, PLY, OBJ, CSV): any of ct, cartilage, points. A file that says its frame is heard.
+    pub ras: Vec<String>,
+}
+
+/// What [`IngestOptions::ras`] may name: tables of specimen.toml.
+pub const RAS_INPUTS: [&str; 3] = ["ct", "cartilage", "points"];
+
+impl IngestOptions {
+    /// Whether the inputs of a table are in RAS unless their files say otherwise.
+    pub fn is_ras(&self, table: &str) -> bool {
+        self.ras.iter().any(|r| r == table)
+    }
 }
 
 impl Default for IngestOptions {
     fn default() -> Self {
-        IngestOptions { least_width_mm: 35.0, greatest_width_mm: 200.0, label_blur: 0.7, label_edge_mm: 0.7 }
+        IngestOptions {
+            least_width_mm: 35.0,
+            greatest_width_mm: 200.0,
+            label_blur: 0.7,
+            label_edge_mm: 0.7,
+            ras: vec![],
+        }
     }
 }

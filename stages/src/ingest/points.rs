@@ -2,16 +2,26 @@
 
 use super::file::OPTIONAL_PATHS;
 use super::slicer;
+use super::space::turned;
 use crate::StageError;
-use crate::specimen::{NamedPoint, PointFrame, RawSpecimen, SpecimenFile};
+use crate::specimen::{IngestOptions, NamedPoint, PointFrame, RawSpecimen, SpecimenFile};
 use attachments::bundle::{BUNDLES, LIGAMENTS};
 use attachments::site::{Fibre, Source};
 use meshes::Point;
 use sim::names::did_you_mean;
 
 /// The landmarks; empty without a file.
-pub(super) fn landmarks(file: &SpecimenFile, raw: &RawSpecimen) -> Result<Vec<NamedPoint>, StageError> {
-    named_points(raw, file.points.landmarks.as_deref().unwrap_or(OPTIONAL_PATHS[0]), "name", |_| Ok(()))
+pub(super) fn landmarks(
+    file: &SpecimenFile,
+    raw: &RawSpecimen,
+    options: &IngestOptions,
+) -> Result<Vec<NamedPoint>, StageError> {
+    named_points(
+        (raw, options.is_ras("points")),
+        file.points.landmarks.as_deref().unwrap_or(OPTIONAL_PATHS[0]),
+        "name",
+        |_| Ok(()),
+    )
 }
 
 /// What is said where a file of landmarks lacks the one that frames build on: it may have been cut short.
@@ -23,22 +33,36 @@ pub(super) fn missing(file: &SpecimenFile, raw: &RawSpecimen, landmarks: &[Named
 }
 
 /// The marks; empty without a file.
-pub(super) fn marks(file: &SpecimenFile, raw: &RawSpecimen) -> Result<Vec<NamedPoint>, StageError> {
-    named_points(raw, file.points.marks.as_deref().unwrap_or(OPTIONAL_PATHS[1]), "ligament", |name| {
-        if LIGAMENTS.contains(&name) {
-            Ok(())
-        } else {
-            Err(format!(
-                "no ligament is called `{name}`{}; expected one of {}",
-                did_you_mean(name, LIGAMENTS),
-                LIGAMENTS.join(", ")
-            ))
-        }
-    })
+pub(super) fn marks(
+    file: &SpecimenFile,
+    raw: &RawSpecimen,
+    options: &IngestOptions,
+) -> Result<Vec<NamedPoint>, StageError> {
+    named_points(
+        (raw, options.is_ras("points")),
+        file.points.marks.as_deref().unwrap_or(OPTIONAL_PATHS[1]),
+        "ligament",
+        |name| {
+            if LIGAMENTS.contains(&name) {
+                Ok(())
+            } else {
+                Err(format!(
+                    "no ligament is called `{name}`{}; expected one of {}",
+                    did_you_mean(name, LIGAMENTS),
+                    LIGAMENTS.join(", ")
+                ))
+            }
+        },
+    )
 }
 
 /// The fibres given by hand; empty without a file.
-pub(super) fn fibres(file: &SpecimenFile, raw: &RawSpecimen) -> Result<Vec<Fibre>, StageError> {
+pub(super) fn fibres(
+    file: &SpecimenFile,
+    raw: &RawSpecimen,
+    options: &IngestOptions,
+) -> Result<Vec<Fibre>, StageError> {
+    let place = |p: Point| if options.is_ras("points") { turned(&p) } else { p };
     let path = file.points.attachments.as_deref().unwrap_or(OPTIONAL_PATHS[2]);
     let columns =
         ["bundle", "fibre", "femur_x_mm", "femur_y_mm", "femur_z_mm", "tibia_x_mm", "tibia_y_mm", "tibia_z_mm"];
@@ -63,16 +87,17 @@ pub(super) fn fibres(file: &SpecimenFile, raw: &RawSpecimen) -> Result<Vec<Fibre
         fibres.push(Fibre {
             bundle,
             fibre,
-            femur: row.point(2, &columns)?,
-            tibia: row.point(5, &columns)?,
+            femur: place(row.point(2, &columns)?),
+            tibia: place(row.point(5, &columns)?),
             source: Source::Given,
         });
     }
     Ok(fibres)
 }
 
+/// Named points of a file; with `ras`, those of the CT frame are turned to LPS where the file cannot say its frame.
 fn named_points(
-    raw: &RawSpecimen,
+    (raw, ras): (&RawSpecimen, bool),
     path: &str,
     name_column: &str,
     check: impl Fn(&str) -> Result<(), String>,
@@ -110,7 +135,9 @@ fn named_points(
         if points.iter().any(|p| p.name == name && p.frame == frame) {
             return Err(row.refuse(&format!("{name} stands twice in frame {}; keep one", row.cells[1])));
         }
-        points.push(NamedPoint { name, frame, point: row.point(2, &columns)? });
+        let point = row.point(2, &columns)?;
+        let point = if ras && frame == PointFrame::Ct { turned(&point) } else { point };
+        points.push(NamedPoint { name, frame, point });
     }
     Ok(points)
 }

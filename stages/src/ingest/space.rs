@@ -1,7 +1,8 @@
 //! Whether parts of a specimen are half-turn or mirror images of each other: LPS beside RAS, or a flipped export.
 
-use crate::specimen::{NamedPoint, PointFrame};
+use crate::specimen::{IngestOptions, NamedPoint, PointFrame};
 use crate::{PerBone, StageError};
+use meshes::format::says_space;
 use meshes::query::SurfaceQuery;
 use meshes::surface::TriMesh;
 use meshes::{Point, Vector};
@@ -10,7 +11,7 @@ use meshes::{Point, Vector};
 const TURNS: [([f64; 3], &str); 4] = [
     (
         [-1.0, -1.0, 1.0],
-        "a half turn about z: one part is in RAS and the other in LPS; export both in one (a 3D Slicer file can be told which)",
+        "a half turn about z: one part is in RAS and the other in LPS; export both in one, or set options.ingest.ras to what is in RAS (ct, cartilage, points)",
     ),
     ([-1.0, 1.0, 1.0], "a mirror image left to right: one export flipped x"),
     ([1.0, -1.0, 1.0], "a mirror image front to back: one export flipped y"),
@@ -22,6 +23,20 @@ const ON_MM: f64 = 15.0;
 const NEARER: f64 = 0.25;
 /// Bones of one knee lie nearer than this [mm]; dislocated ones too.
 const APART_MM: f64 = 40.0;
+
+/// A point of RAS in LPS, and the reverse.
+pub(super) fn turned(p: &Point) -> Point {
+    Point::new(-p.x, -p.y, p.z)
+}
+
+/// Turns a surface to LPS where it is told to be in RAS: by the table of specimen.toml that names it, unless the file says its frame itself.
+/// Surfaces that stage 0 found in a volume are in LPS already.
+pub(super) fn to_lps(mesh: &mut TriMesh, key: &str, path: &str, bytes: &[u8], options: &IngestOptions) {
+    let table = key.split('.').next().unwrap_or_default();
+    if options.is_ras(table) && !path.starts_with("00-segment/") && !says_space(bytes) {
+        mesh.vertices.iter_mut().for_each(|p| *p = turned(p));
+    }
+}
 
 /// What would bring `points`, whose median distance from the surface is `off`, onto it; in words.
 pub(super) fn mend(points: &[Point], surface: &SurfaceQuery, off: f64) -> &'static str {

@@ -1,5 +1,6 @@
 //! The surfaces: read, unit judged, put right, counted.
 
+use super::space;
 use crate::StageError;
 use crate::specimen::{IngestOptions, RawSpecimen, SpecimenFile};
 use meshes::format::read_surface;
@@ -27,7 +28,8 @@ pub(super) fn checked(
     let refuse = |what: String| StageError(format!("{path} ({key}): {what}"));
     let Some(bytes) = files.get(path) else { return Err(refuse("the file is not there".into())) };
     missing_companions(path, bytes, files, warnings);
-    let read = read_surface(path, bytes, files).map_err(|e| refuse(e.to_string()))?;
+    let mut read = read_surface(path, bytes, files).map_err(|e| refuse(e.to_string()))?;
+    space::to_lps(&mut read.mesh, key, path, bytes, options);
     if read.mesh.triangles.len() < LEAST_TRIANGLES {
         return Err(refuse(format!(
             "{} vertices and {} triangles; expected the surface of a bone: export a triangle mesh, not points",

@@ -149,3 +149,40 @@ fn wrong_surfaces_are_refused_or_put_right_and_counted() {
     assert!(specimen.metrics["ct_femur"]["boundary_edges"].as_u64() > Some(0));
     assert!(specimen.warnings.iter().any(|w| w.contains("open edges in a CT surface")));
 }
+
+/// Bones off the middle, so that a half turn moves them.
+fn aside(signs: [f64; 2]) -> TriMesh {
+    let mut mesh = ball(42.0);
+    mesh.vertices.iter_mut().for_each(|p| *p = Point::new(signs[0] * (p.x + 90.0), signs[1] * (p.y + 30.0), p.z));
+    mesh
+}
+
+#[test]
+fn what_is_told_to_be_in_ras_is_turned_unless_its_file_says_its_frame() {
+    let lps = stl_of(&aside([1.0, 1.0]));
+    let ras = stl_of(&aside([-1.0, -1.0]));
+    let of = |bone: &[u8], points: &str, ras: &[&str]| {
+        let mut raw = with_file("ct/femur.stl", bone);
+        raw.files.insert("ct/tibfib.stl".into(), bone.to_vec());
+        raw.files.insert("landmarks.csv".into(), format!("name,frame,x_mm,y_mm,z_mm\n{points}\n").into_bytes());
+        let options = IngestOptions { ras: ras.iter().map(|r| (*r).to_owned()).collect(), ..IngestOptions::default() };
+        ingest(&raw, &options)
+    };
+    let plain = of(&lps, "epicondyle_medial,ct,132,30,0\nepicondyle_medial,scan_femur,1,2,3", &[]).unwrap();
+    let turned = "epicondyle_medial,ct,-132,-30,0\nepicondyle_medial,scan_femur,1,2,3";
+    let told = of(&ras, turned, &["ct", "points"]).unwrap();
+    let near = |a: &Point, b: &Point| (a - b).norm() < 1e-5;
+    let middle = |s: &Specimen| Point::from(s.ct.femur.vertices.iter().map(|p| p.coords).sum::<meshes::Vector>());
+    assert!(near(&middle(&plain), &middle(&told)));
+    for (a, b) in plain.landmarks.iter().zip(&told.landmarks) {
+        assert!(near(&a.point, &b.point), "{} {} {}", a.name, a.point, b.point);
+    }
+    // a part that is not told is refused, with the option
+    assert!(of(&ras, "a,ct,132,30,0", &[]).unwrap_err().0.contains("options.ingest.ras"));
+    // the header's word goes before the option
+    let mut says = lps.clone();
+    says[..9].copy_from_slice(b"SPACE=LPS");
+    let heard = of(&says, "a,ct,132,30,0", &["ct"]).unwrap();
+    assert!(near(&middle(&plain), &middle(&heard)));
+    assert!(of(&lps, "a,ct,132,30,0", &["scans"]).unwrap_err().0.contains("expected any of ct, cartilage, points"));
+}

@@ -1,7 +1,7 @@
 //! Surfaces of cartilage that another program made.
 
 use super::Read;
-use crate::ingest::surfaces;
+use crate::ingest::{space, surfaces};
 use crate::specimen::{CartilageFrame, CartilagePaths, Mri};
 use crate::specimen::{IngestOptions, RawSpecimen};
 use crate::{PerBone, PerCartilage, StageError};
@@ -38,7 +38,7 @@ pub(in crate::ingest) fn from_surfaces(
         femur: bone("cartilage.femur_bone", &table.femur_bone, ct.femur)?,
         tibfib: bone("cartilage.tibfib_bone", &table.tibfib_bone, ct.tibfib)?,
     };
-    let one = |key: &str, path: &str, bone: &TriMesh| cartilage(key, path, raw, bone);
+    let one = |key: &str, path: &str, bone: &TriMesh| cartilage(key, path, raw, bone, options);
     let covers = PerCartilage {
         femur: one("cartilage.femur", &table.femur, &bones.femur)?,
         tibia_medial: one("cartilage.tibia_medial", &table.tibia_medial, &bones.tibfib)?,
@@ -56,10 +56,17 @@ pub(in crate::ingest) fn from_surfaces(
 }
 
 /// A surface of cartilage, put right, that lies on its bone.
-fn cartilage(key: &str, path: &str, raw: &RawSpecimen, bone: &TriMesh) -> Result<TriMesh, StageError> {
+fn cartilage(
+    key: &str,
+    path: &str,
+    raw: &RawSpecimen,
+    bone: &TriMesh,
+    options: &IngestOptions,
+) -> Result<TriMesh, StageError> {
     let refuse = |what: String| StageError(format!("{path} ({key}): {what}"));
     let bytes = raw.files.get(path).ok_or_else(|| refuse("the file is not there".into()))?;
-    let read = read_surface(path, bytes, &raw.files).map_err(|e| refuse(e.to_string()))?;
+    let mut read = read_surface(path, bytes, &raw.files).map_err(|e| refuse(e.to_string()))?;
+    space::to_lps(&mut read.mesh, key, path, bytes, options);
     let mesh = tidy(&read).0.mesh;
     if mesh.area() < LEAST_AREA_MM2 {
         return Err(refuse(format!(
@@ -73,7 +80,7 @@ fn cartilage(key: &str, path: &str, raw: &RawSpecimen, bone: &TriMesh) -> Result
     if median > MOST_OFF_MM {
         return Err(refuse(format!(
             "it lies {median:.0} mm off its bone in the median, expected less than {MOST_OFF_MM} mm; {}",
-            super::super::space::mend(&mesh.vertices, &query, median)
+            space::mend(&mesh.vertices, &query, median)
         )));
     }
     Ok(mesh)
