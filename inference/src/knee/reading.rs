@@ -22,12 +22,12 @@ impl Trials<'_> {
         std::array::from_fn(of)
     }
 
-    /// The load by which a parameter of the apparatus' compliance moves a reading [N m, N]; 0 of every other parameter.
+    /// The load by which a parameter of the apparatus' compliance moves a displacement [N m, N]; 0 of every other parameter, and of a pose.
     fn load_step(&self, p: &crate::parameter::Parameter<Quantity>, trial: usize, coordinate: usize) -> f64 {
         let t = &self.trials[trial];
-        match p.quantity {
-            Quantity::Compliance(source, of) if t.source == Some(source) && of == coordinate => {
-                t.load[coordinate] - t.from.map_or(0.0, |from| self.trials[from].load[coordinate])
+        match (&p.quantity, t.from) {
+            (Quantity::Compliance(source, of), Some(from)) if t.source == Some(*source) && *of == coordinate => {
+                t.load[coordinate] - self.trials[from].load[coordinate]
             }
             _ => 0.0,
         }
