@@ -185,7 +185,8 @@ fn holds(searcher: &Searcher, base: &Fit, rivals: &[(&Fit, f64)]) -> bool {
     })
 }
 
-/// Rivals with the same effects and scopes are one answer: its best fit and the sum of weights.
+/// Rivals with the same effects and scopes are one answer: its best fit and the sum of weights. Answers are ordered by the weight of their effects in
+/// whatever scope, then by their own: which effect comes before where it acts.
 pub(crate) fn by_names<'a>(rivals: &[(&'a Fit, f64)]) -> Vec<(&'a Fit, f64)> {
     type Key = Vec<(String, Scope)>;
     let mut out: Vec<(Key, &Fit, f64)> = Vec::new();
@@ -197,9 +198,12 @@ pub(crate) fn by_names<'a>(rivals: &[(&'a Fit, f64)]) -> Vec<(&'a Fit, f64)> {
             None => out.push((key, fit, *weight)),
         }
     }
-    let mut out: Vec<(&Fit, f64)> = out.into_iter().map(|(_, f, w)| (f, w)).collect();
-    out.sort_by(|a, b| b.1.total_cmp(&a.1));
-    out
+    let effects = |key: &Key| key.iter().map(|(name, _)| name.clone()).collect::<Vec<_>>();
+    let of_effects =
+        |key: &Key| -> f64 { out.iter().filter(|(k, _, _)| effects(k) == effects(key)).map(|(_, _, w)| w).sum() };
+    let mut ranked: Vec<(f64, &Fit, f64)> = out.iter().map(|(key, fit, w)| (of_effects(key), *fit, *w)).collect();
+    ranked.sort_by(|a, b| b.0.total_cmp(&a.0).then(b.2.total_cmp(&a.2)));
+    ranked.into_iter().map(|(_, fit, w)| (fit, w)).collect()
 }
 
 #[cfg(test)]
