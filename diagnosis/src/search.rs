@@ -139,6 +139,11 @@ pub fn log_prior(candidate: &Candidate, sources: usize) -> f64 {
     variants + f64::ln(part)
 }
 
+/// Whether a fit has a candidate's effect in its scope already, in whatever variant.
+fn is_in(fit: &Fit, candidate: &Candidate) -> bool {
+    fit.hypothesis.iter().any(|h| h.effect.id == candidate.effect.id && h.scope == candidate.scope)
+}
+
 /// Log evidence with the prior of its effects.
 pub fn weighed(fit: &Fit, sources: usize) -> f64 {
     fit.log_evidence + fit.hypothesis.iter().map(|c| log_prior(c, sources)).sum::<f64>()
@@ -344,8 +349,7 @@ impl Searcher<'_> {
         signatures: &[DMatrix<f64>],
     ) -> Vec<(usize, Score, f64)> {
         let sources = self.problem.sources.len();
-        let taken = |c: &Candidate| at.hypothesis.iter().any(|h| h.effect.id == c.effect.id && h.scope == c.scope);
-        let open = candidates.iter().enumerate().filter(|(k, c)| !taken(c) && self.is_felt(c, &signatures[*k]));
+        let open = candidates.iter().enumerate().filter(|(k, c)| !is_in(at, c) && self.is_felt(c, &signatures[*k]));
         let score = |k: usize| Score::new(&signatures[k], readings, marginal, WIDTH);
         open.filter_map(|(k, c)| Some((k, score(k)?, log_prior(c, sources)))).collect()
     }

@@ -1,6 +1,6 @@
 //! Joint refits of hypotheses: from a screen, from a typical size, in the scatter at the best, and each in its own.
 
-use super::{FEW, Screened, Searcher, TRIES};
+use super::{FEW, Screened, Searcher, TRIES, is_in};
 use crate::candidate::{Candidate, Scope, sized};
 use crate::covariance::Readings;
 use crate::error::DiagnosisError;
@@ -107,7 +107,7 @@ impl Searcher<'_> {
         let left: Vec<&Candidate> = candidates
             .iter()
             .filter(|c| c.scope == Scope::Both && c.effect.parameter.iter().any(|p| p.shape))
-            .filter(|c| !at.hypothesis.contains(c) && tried.iter().all(|f| f.hypothesis != beside(c)))
+            .filter(|c| !is_in(at, c) && tried.iter().all(|f| f.hypothesis != beside(c)))
             .collect();
         let mixture = Mixture::new(readings, readings.block_of(cov), &self.problem.trials)?;
         let fits: Vec<Fit> = left
