@@ -88,6 +88,39 @@ fn flexed(frames: &Frames, p: &Point, flexion_deg: f64, forth: bool) -> Point {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::frames::GroodSuntayPose;
+    use meshes::frame::AnatomicalFrame;
+
+    /// Frames of a knee in LPS in extension, its condylar axis at the origin.
+    fn frames(medial_x: f64) -> Frames {
+        let (medial, anterior) = (Vector::new(medial_x, 0.0, 0.0), Vector::new(0.0, -1.0, 0.0));
+        let frame = AnatomicalFrame { origin: Point::origin(), medial, anterior, superior: Vector::z() };
+        Frames {
+            femur: frame,
+            tibia: frame,
+            joint_line: frame,
+            gs_ct_pose: GroodSuntayPose { fe_deg: 0.0, vv_deg: 0.0, ie_deg: 0.0, ml_mm: 0.0, ap_mm: 0.0, si_mm: 0.0 },
+            condylar_axis: (Point::origin(), medial),
+            condylar_radius_mm: 20.0,
+            condylar_angle_deg: 3.0,
+            epicondyles: [Point::origin(); 2],
+            warnings: vec![],
+            metrics: serde_json::Value::Null,
+        }
+    }
+
+    #[test]
+    fn flexion_takes_the_shank_backwards_on_either_side() {
+        let ankle = Point::new(0.0, 0.0, -400.0);
+        for medial_x in [1.0, -1.0] {
+            let frames = frames(medial_x);
+            let flexed_ankle = flexed(&frames, &ankle, 90.0, true);
+            // LPS: posterior is +y
+            assert!((flexed_ankle - Point::new(0.0, 400.0, 0.0)).norm() < 1e-9, "{flexed_ankle}");
+            // seen from the tibia the femur goes the other way
+            assert!((flexed(&frames, &flexed_ankle, 90.0, false) - ankle).norm() < 1e-9);
+        }
+    }
 
     #[test]
     fn a_warning_names_bundle_bone_depth_flexion_and_what_it_means() {
