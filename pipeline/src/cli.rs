@@ -108,6 +108,9 @@ enum Verb {
         /// Write a CT volume in place of the CT surfaces
         #[arg(long)]
         volume: bool,
+        /// Hide an effect in its laxity, one of the blind bench (ham_tone, meniscus, ...); truth/laxity.json tells it
+        #[arg(long, value_name = "EFFECT")]
+        hide: Option<String>,
         /// Build its model at once
         #[arg(long)]
         build: bool,
@@ -277,8 +280,8 @@ fn answer_verb(verb: Verb) -> Result<String, BuildError> {
         Verb::Completions { shell } => Ok(manual::completions(shell, command())),
         Verb::Man { out } => manual::pages(out.as_deref(), command()),
         Verb::Inspect { dir, stage, json } => inspect::inspect(&dir, stage.as_deref(), json),
-        Verb::Phantom { id, dir, seed, volume, build } => {
-            let wrote = phantom::write(&id, seed, volume, &dir)?;
+        Verb::Phantom { id, dir, seed, volume, hide, build } => {
+            let wrote = phantom::write(&id, seed, volume, hide.as_deref(), &dir)?;
             if build { run::run(&BuildArgs::of(dir)) } else { Ok(wrote) }
         }
         Verb::Fetch { id, dir, mirror, patience } => fetch::fetch(&id, &dir, mirror.as_deref(), patience),

@@ -10,6 +10,7 @@ pub mod volume;
 
 use crate::StageError;
 use meshes::frame::Side;
+use meshes::surface::TriMesh;
 use meshes::{Isometry, Vector};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -21,12 +22,14 @@ pub const PHANTOMS: [&str; 3] = ["S192803-phantom", "S193761-phantom", "right-ph
 pub const MRI_PHANTOM: &str = "mri-phantom";
 
 /// A specimen directory as values.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct PhantomSpecimen {
     /// Its id.
     pub id: String,
     /// Every file by path relative to the specimen, specimen.toml first.
     pub files: Vec<(String, Vec<u8>)>,
+    /// What bears at the joint, femur and tibia: the outer surface of bone and cartilage as it truly is, CT frame [mm].
+    pub bearing: [TriMesh; 2],
 }
 
 /// Size and side of a phantom.
@@ -89,7 +92,8 @@ fn made(id: &str, seed: u64, as_volume: bool) -> Result<PhantomSpecimen, StageEr
     } else if as_volume {
         files::with_volume(&mut files, [&femur, &tibfib], seed)?;
     }
-    Ok(PhantomSpecimen { id: id.into(), files })
+    let bearing = [femur.bearing(), tibfib.bearing()];
+    Ok(PhantomSpecimen { id: id.into(), files, bearing })
 }
 
 /// A vector with entries from -1 to 1.

@@ -30,6 +30,8 @@ pub(super) struct Plan {
     high: [f64; 3],
     /// The scan ends here: keeps points of positive sign * (z - cut).
     scan_cut: (f64, f64),
+    /// Whether a point of the shape, with its outer normal, may bear at the joint.
+    bears: fn(&Point, &Vector) -> bool,
     sites: &'static [SiteRecipe],
     screws: [[f64; 3]; 4],
     stickers: [[f64; 3]; 2],
@@ -44,6 +46,7 @@ pub(super) const FEMUR: Plan = Plan {
     low: [-50.0, -30.0, -36.0],
     high: [50.0, 58.0, 77.0],
     scan_cut: (shape::FEMUR_CUT - 4.0, -1.0),
+    bears: |p, _| p.z < 30.0,
     sites: &site::FEMUR,
     screws: [[6.0, 45.0, 58.0], [5.0, 45.0, 40.0], [40.0, 5.0, 24.0], [-4.0, 0.0, 34.0]],
     stickers: [[-12.0, 30.0, 60.0], [3.0, 8.0, 55.0]],
@@ -58,6 +61,8 @@ pub(super) const TIBFIB: Plan = Plan {
     low: [-46.0, -36.0, -96.0],
     high: [60.0, 38.0, 18.0],
     scan_cut: (shape::TIBIA_CUT + 4.0, 1.0),
+    // the plateaus and the spines' flanks
+    bears: |p, normal| p.z > -12.0 && normal.z > 0.2,
     sites: &site::TIBFIB,
     screws: [[-26.0, 20.0, -10.0], [-22.0, 22.0, -26.0], [-8.0, -20.0, -48.0], [44.0, -2.0, -26.0]],
     stickers: [[22.0, 26.0, -18.0], [-30.0, -14.0, -24.0]],
@@ -121,6 +126,13 @@ impl Solid {
     /// The bone's surface as it is, CT frame.
     pub(super) fn in_ct(&self) -> TriMesh {
         self.coarse.moved(&self.ct_from_knee)
+    }
+
+    /// The outer surface of bone and cartilage where it may bear, CT frame: also beyond the rim of the cartilage, where bone bears on.
+    pub(super) fn bearing(&self) -> TriMesh {
+        let outer = self.outer();
+        let bears = |v: u32| (self.plan.bears)(&self.shape[v as usize], &self.normals[v as usize]);
+        outer.submesh(|t| outer.triangles[t].iter().all(|&v| bears(v))).0.moved(&self.ct_from_knee)
     }
 
     fn outer(&self) -> TriMesh {

@@ -71,10 +71,12 @@ pub(super) fn femur(p: &Point) -> f64 {
     let shaft = meet(tube(p, &FEMUR_SHAFT, 2.2), 1.0 - p.z, 12.0);
     let condyle = |x: f64, posterior: f64, low: f64, half: f64| {
         let back = ellipsoid(p, [x, -1.0, 0.5], [half - 1.0, posterior, posterior]);
-        let below = ellipsoid(p, [x * 0.96, 11.0, -1.0], [half + 0.5, 30.0, low]);
+        let below = ellipsoid(p, [x * 0.96, 10.0, -1.0], [half + 0.5, 30.0, low]);
         join(back, below, 5.0)
     };
-    let condyles = join(condyle(-24.5, 22.0, 28.0, 14.0), condyle(24.0, 21.0, 27.0, 13.5), 4.0);
+    // As far below the epicondyles as MRI shows, 0.3 to 0.35 of the femur's width with cartilage [jointline2022], and as far behind them:
+    // so ligaments keep about their lengths as the knee flexes.
+    let condyles = join(condyle(-24.5, 25.5, 23.0, 14.0), condyle(24.0, 24.5, 22.0, 13.5), 4.0);
     let facets = join(
         ellipsoid(p, [15.0, 21.0, 2.0], [17.0, 24.0, 23.0]),
         ellipsoid(p, [-14.0, 20.0, -1.0], [16.0, 21.0, 22.0]),
@@ -115,13 +117,14 @@ fn bump(p: &Point, centre: [f64; 2], width: [f64; 2]) -> f64 {
     (-((p.x - centre[0]) / width[0]).powi(2) - ((p.y - centre[1]) / width[1]).powi(2)).exp()
 }
 
-/// Height of the plateaus: 7 degrees of posterior slope, a medial dish, a lateral hump, two spines between.
+/// Height of the plateaus: 7 degrees of posterior slope, a medial dish, a lateral hump, two spines between, whose flanks keep the
+/// condyles from sliding sideways.
 fn plateau(p: &Point) -> f64 {
     let slope = 7f64.to_radians().tan() * p.y;
     slope - 2.4 * bump(p, [-21.0, 0.0], [13.0, 17.0])
         + 0.9 * bump(p, [21.0, -2.0], [14.0, 11.0])
-        + 7.0 * bump(p, [-5.0, -1.0], [5.0, 9.0])
-        + 6.2 * bump(p, [5.5, -4.0], [5.0, 8.0])
+        + 7.0 * bump(p, [-6.0, -1.0], [7.5, 12.0])
+        + 6.2 * bump(p, [6.5, -4.0], [7.5, 11.0])
         - 10.0 * bump(p, [0.0, -26.0], [9.0, 10.0])
         - 1.5 * bump(p, [0.0, 17.0], [9.0, 7.0])
 }
