@@ -6,8 +6,9 @@ use blindbench::knee::KneeInput;
 use blindbench::laboratory::{Planned, make};
 use meshes::Point;
 use stages::phantom::{PHANTOMS, phantom};
+use std::collections::BTreeMap;
 
-/// Seeds of the laboratory's draws; 1 to 12 were looked at when the limits were set.
+/// Seeds of the laboratory's draws. The shape and the ligaments were chosen while seeds 1 to 12 were looked at; the ranges were there before.
 const SEEDS: std::ops::RangeInclusive<u64> = 1..=3;
 
 const FLEXIONS: [f64; 4] = [0.0, 30.0, 60.0, 90.0];
@@ -50,41 +51,51 @@ const MOST_ML_MM: [f64; 2] = [5.0, 10.0];
 /// Most that it is turned when nothing loads it: VV, IE [deg].
 const MOST_TURN_DEG: [f64; 2] = [5.0, 15.0];
 
-/// What of one drawn knee lies outside, in words.
-fn outside(readings: &[[f64; 5]]) -> Vec<String> {
-    let mut told = Vec::new();
-    let mut check = |what: String, value: f64, [least, most]: [f64; 2]| {
+/// Figures of one drawn knee by kind, and what of them lies outside its range, in words.
+fn outside(readings: &[[f64; 5]]) -> (Vec<String>, Vec<(String, f64)>) {
+    let (mut told, mut figures) = (Vec::new(), Vec::new());
+    let mut check = |what: String, flexion: f64, value: f64, [least, most]: [f64; 2]| {
         if !(least..=most).contains(&value) {
-            told.push(format!("{what}: {value:.1}, expected {least} to {most}"));
+            told.push(format!("{what} at {flexion} deg: {value:.1}, expected {least} to {most}"));
         }
+        figures.push((what, value));
     };
-    for (flexion, rows) in FLEXIONS.iter().zip(readings.chunks(1 + 2 * TESTS.len())) {
+    for (&flexion, rows) in FLEXIONS.iter().zip(readings.chunks(1 + 2 * TESTS.len())) {
         let rest = rows[0];
-        for component in 0..2 {
-            let most = MOST_TURN_DEG[component];
-            check(format!("turn {component} unloaded at {flexion} deg"), rest[component].abs(), [0.0, most]);
-        }
-        check(format!("ML unloaded at {flexion} deg"), rest[2].abs(), [0.0, MOST_ML_MM[0]]);
+        check("VV unloaded".into(), flexion, rest[0].abs(), [0.0, MOST_TURN_DEG[0]]);
+        check("IE unloaded".into(), flexion, rest[1].abs(), [0.0, MOST_TURN_DEG[1]]);
+        check("ML unloaded".into(), flexion, rest[2].abs(), [0.0, MOST_ML_MM[0]]);
         for (k, (name, component, size, range)) in TESTS.into_iter().enumerate() {
             for (row, sign) in [(rows[1 + 2 * k], 1.0), (rows[2 + 2 * k], -1.0)] {
-                let way = sign * (row[component] - rest[component]);
-                check(format!("{name} under {} at {flexion} deg", sign * size), way, range);
-                check(format!("ML under {name} {} at {flexion} deg", sign * size), row[2].abs(), [0.0, MOST_ML_MM[1]]);
+                check(
+                    format!("{name} under {}", sign * size),
+                    flexion,
+                    sign * (row[component] - rest[component]),
+                    range,
+                );
+                check("ML loaded".into(), flexion, row[2].abs(), [0.0, MOST_ML_MM[1]]);
             }
         }
     }
-    told
+    (told, figures)
 }
 
 #[test]
 fn phantoms_are_as_lax_as_intact_knees() {
+    // least and most over all, by kind: the table of docs/stages/phantom.md
+    let mut over: BTreeMap<String, [f64; 2]> = BTreeMap::new();
     for id in PHANTOMS {
         let knee = knee(id);
         for seed in SEEDS {
-            let told = outside(&readings(&knee, seed));
+            let (told, figures) = outside(&readings(&knee, seed));
+            for (what, value) in figures {
+                let range = over.entry(what).or_insert([f64::MAX, f64::MIN]);
+                *range = [range[0].min(value), range[1].max(value)];
+            }
             assert!(told.is_empty(), "{id}, seed {seed}:\n{}", told.join("\n"));
         }
     }
+    eprintln!("{over:.1?}");
 }
 
 #[test]
