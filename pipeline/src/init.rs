@@ -10,7 +10,7 @@ use meshes::format::read_surface;
 use meshes::frame::Side;
 use meshes::surface::{ColouredMesh, TriMesh};
 use stages::anatomy::detect_side;
-use stages::guess::{Role, frame_of, guess, guess_labels};
+use stages::guess::{Role, frames_of, guess, guess_labels};
 use stages::ingest::ingest;
 use stages::specimen::{IngestOptions, PointFrame, RawSpecimen};
 use std::collections::BTreeMap;
@@ -263,8 +263,11 @@ fn framed(text: &str, known: &BTreeMap<Role, TriMesh>) -> (String, Vec<u8>) {
     let mut lines = text.lines();
     let header = lines.next().unwrap_or("").replacen(",x_mm", ",frame,x_mm", 1);
     let (mut out, mut counts) = (header + "\n", BTreeMap::<&str, usize>::new());
-    for line in lines.filter(|l| !l.trim().is_empty()) {
-        let frame = point(line).and_then(|p| frame_of(&[p], &surfaces)).map_or("ct", |(frame, _)| match frame {
+    let lines: Vec<(&str, Option<Point>)> = lines.filter(|l| !l.trim().is_empty()).map(|l| (l, point(l))).collect();
+    let points: Vec<Point> = lines.iter().filter_map(|l| l.1).collect();
+    let mut frames = frames_of(&points, &surfaces).into_iter();
+    for (line, point) in lines {
+        let frame = point.and_then(|_| frames.next().flatten()).map_or("ct", |frame| match frame {
             PointFrame::Ct => "ct",
             PointFrame::ScanFemur => "scan_femur",
             PointFrame::ScanTibfib => "scan_tibfib",

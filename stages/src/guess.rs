@@ -125,20 +125,22 @@ fn fit(bone: &TriMesh, scan: &ColouredMesh) -> Option<(f64, f64)> {
     (r.inlier_fraction >= options.inlier_limit).then_some((r.inlier_fraction, r.rms_bare_bone_mm))
 }
 
-/// Points of a frame lie at most this far from its surface in the mean [mm]: landmarks are rough by 4.5, the femoral head lies off.
+/// Points of a frame lie at most this far from its surface [mm]: landmarks are rough by 4.5, the femoral head lies off.
 const NEAR_MM: f64 = 15.0;
 
-/// The frame in which points lie: that of the surface they lie nearest to, with their median distance [mm].
-pub fn frame_of(points: &[Point], surfaces: &[(PointFrame, &TriMesh)]) -> Option<(PointFrame, f64)> {
-    let distance = |mesh: &TriMesh| {
-        let query = SurfaceQuery::new(mesh)?;
-        let mut all: Vec<f64> = points.iter().map(|p| query.nearest(p).distance).collect();
-        all.sort_by(f64::total_cmp);
-        all.get(all.len() / 2).copied()
+/// The frame in which each point of a table lies: that of the surface it lies nearest to. Frames may overlap by chance; a point near surfaces of
+/// several takes one that points near a single frame have, if there is such a one.
+pub fn frames_of(points: &[Point], surfaces: &[(PointFrame, &TriMesh)]) -> Vec<Option<PointFrame>> {
+    let queries: Vec<_> = surfaces.iter().filter_map(|(f, mesh)| Some((*f, SurfaceQuery::new(mesh)?))).collect();
+    let near = |p: &Point| {
+        let mut near: Vec<(PointFrame, f64)> =
+            queries.iter().map(|(f, q)| (*f, q.nearest(p).distance)).filter(|n| n.1 < NEAR_MM).collect();
+        near.sort_by(|a, b| a.1.total_cmp(&b.1));
+        near
     };
-    surfaces
-        .iter()
-        .filter_map(|(frame, mesh)| Some((*frame, distance(mesh)?)))
-        .filter(|(_, d)| *d < NEAR_MM)
-        .min_by(|a, b| a.1.total_cmp(&b.1))
+    let all: Vec<_> = points.iter().map(near).collect();
+    let alone: Vec<PointFrame> =
+        all.iter().filter(|n| n.iter().all(|m| m.0 == n[0].0)).filter_map(|n| Some(n.first()?.0)).collect();
+    let frame = |n: &Vec<(PointFrame, f64)>| n.iter().find(|m| alone.contains(&m.0)).or(n.first()).map(|m| m.0);
+    all.iter().map(frame).collect()
 }
