@@ -120,6 +120,42 @@ fn every_rival_tells_what_it_gains_itself_on_held_out_trials() {
     }
 }
 
+/// Needs no shared data. The model is built from what is measured of a phantom, so its shape, sites and frames are as wrong as those of any built
+/// knee; the laboratory has another contact and other fibres, and hides an effect in the laxity.
+#[test]
+fn an_effect_hidden_in_a_phantom_is_named_and_sized_and_none_where_none_is_hidden() {
+    let folder = TempDir::new().unwrap();
+    let [hidden, plain] = ["hidden", "plain"].map(|name| folder.path().join(name));
+    let make = |to: &Path, more: &[&str]| {
+        build_model().args(["phantom", "S193761-phantom"]).arg(to).args(more).assert().success();
+    };
+    make(&hidden, &["--hide", "ham_tone"]);
+    make(&plain, &[]);
+    build_model().arg(&hidden).args(["--to", "assemble", "--quiet"]).assert().success();
+    let told = |laxity: &Path, out: &str| {
+        let out = folder.path().join(out);
+        let model = hidden.join("build/09-assemble/model.json");
+        let mut command = build_model();
+        command.arg("diagnose").arg(model).args(measured(&laxity.join("laxity"))).arg("--out").arg(&out);
+        command.assert().success();
+        json(&out.join("diagnosis.json"))
+    };
+    let truth = json(&hidden.join("truth/laxity.json"));
+    let (effect, scope, sizes) = (&truth["effects"][0][0], &truth["effects"][0][1], &truth["effects"][0][2]);
+    let found = told(&hidden, "found");
+    let first = &found["answers"][0]["effects"][0];
+    assert_eq!((&first["effect"], &first["scope"]), (effect, scope));
+    for (key, size) in sizes.as_object().unwrap() {
+        let of = |what: &str| first["parameters"][key][what].as_f64().unwrap();
+        let (value, sd, size) = (of("value"), of("sd"), size.as_f64().unwrap());
+        assert!((value - size).abs() < 1.645 * sd && sd < 0.25 * size.abs(), "{key}: {value} +- {sd} against {size}");
+    }
+    assert!(found["gap"]["held_out"]["closed"].as_f64().unwrap() > 0.75);
+    let none = told(&plain, "none");
+    assert_eq!(none["verdict"], "none");
+    assert!(none["answers"].as_array().unwrap().is_empty());
+}
+
 /// A set with the readings of two trials of a file exchanged; recorded loads and flexion stay.
 #[expect(clippy::disallowed_methods, reason = "a test's own set")]
 fn exchanged(case: &Path, to: &Path, file: &str, [one, other]: [&str; 2]) {
