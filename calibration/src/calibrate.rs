@@ -90,7 +90,9 @@ pub struct Calibrated {
     pub rivals: Vec<(f64, Vec<f64>)>,
     /// Samples of the posterior, design values.
     pub samples: Vec<Vec<f64>>,
-    /// The cost of every evaluation, in order.
+    /// Evaluations spent.
+    pub evaluations: usize,
+    /// What the method lowers, in order: the cost of every evaluation, or half the sum of squares that each start left.
     pub history: Vec<f64>,
     /// The most probable value of every parameter, by its name; empty where a recipe was followed.
     #[serde(default)]
@@ -269,6 +271,7 @@ fn finish(checkpoint: &Checkpoint, problem: &Problem, probes: &Probes) -> Result
         predicted,
         rivals: found.rivals.iter().map(|(c, p)| (*c, design.at(p))).collect(),
         samples: found.samples.iter().map(|p| design.at(p)).collect(),
+        evaluations: history.len(),
         history,
         warnings: found.warnings,
         values,

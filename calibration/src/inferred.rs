@@ -274,6 +274,7 @@ fn told(
         predicted,
         rivals: found.modes.iter().map(|m| (-m.log_evidence, at(trials, &m.z, n_ligaments))).collect(),
         samples: samples.iter().map(|s| at(trials, &s.z, n_ligaments)).collect(),
+        evaluations: found.evaluations,
         history: found.starts.clone(),
         warnings,
         mode: trials.parameters.iter().zip(trials.values(&mode.z)).map(|(p, v)| (p.name.clone(), v.0)).collect(),

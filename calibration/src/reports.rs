@@ -79,7 +79,8 @@ fn rest(found: &Calibrated) -> String {
     out
 }
 
-/// history.csv: cost of every evaluation and the best so far.
+/// history.csv: what the method lowers and the best so far. Of a recipe it is the cost of every evaluation; of method gradient, half the sum of
+/// squares that each start left.
 pub fn history(costs: &[f64]) -> String {
     let (mut out, mut best) = ("evaluation,cost,best_cost\n".to_owned(), f64::INFINITY);
     for (i, cost) in costs.iter().enumerate() {
@@ -156,7 +157,7 @@ pub fn metrics(outcome: &Outcome) -> Value {
     json!({
         "method": found.method,
         "trials": outcome.trials.len(),
-        "evaluations": found.history.len(),
+        "evaluations": found.evaluations,
         "cost": found.cost,
         "lowest_cost": found.lowest_cost.0,
         "rms": by_coordinate(found.rms),
@@ -172,7 +173,7 @@ pub fn words(outcome: &Outcome) -> String {
     let mut text = format!(
         "{} trials, {} evaluations; cost {:.1}, lowest met {:.1}\n",
         outcome.trials.len(),
-        found.history.len(),
+        found.evaluations,
         found.cost,
         found.lowest_cost.0
     );

@@ -178,7 +178,7 @@ class Calibration:
     parameters : pandas.DataFrame
         ``design_variable``, ``bundle``, ``kind``, ``value``, ``lower``, ``upper``, ...: 90 % intervals.
     history : pandas.DataFrame
-        Cost by evaluation.
+        What the method lowers: the cost by evaluation; of ``gradient``, half the sum of squares that each start left.
     metrics : dict
         Figures: ``cost``, ``rms`` by coordinate, ``trials``, ...
     words : str

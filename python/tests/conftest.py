@@ -63,6 +63,6 @@ def measured(model, trials):
     trials = trials[trials["nominal_flexion_deg"] == 30].reset_index(drop=True)
     truth = model.copy()
     for name in ("ACL_AM", "ACL_PL"):
-        truth.bundle(name)["reference_strain"] += 0.02
+        truth.bundle(name)["reference_strain"] += 0.04
     poses = genu.simulate(truth, trials)
     return poses[[c for c in poses.columns if not c.startswith("force_")]]
