@@ -5,6 +5,7 @@ use crate::cost::FAILED;
 use crate::design::Design;
 use crate::error::CalibrationError;
 use crate::hops::Hops;
+use crate::next_test::NextTest;
 use crate::options::{CalibrateOptions, Method};
 use crate::posterior::{self, ForceEstimate, NoiseEstimate, OtherEstimate, ParameterEstimate, RestEstimate};
 use crate::problem::{Probes, Problem};
@@ -78,6 +79,9 @@ pub struct Calibrated {
     pub forces: Vec<ForceEstimate>,
     /// Tension of all ligaments at rest.
     pub rest: Vec<RestEstimate>,
+    /// Tests that would narrow the forces most, the best first.
+    #[serde(default)]
+    pub next_tests: Vec<NextTest>,
     /// Noise of each data set and coordinate, as stated and as inferred.
     pub noise: Vec<NoiseEstimate>,
     /// Standard deviation that the best fit misses by, over the noise stated, a coordinate each (VV, IE, ML, AP, SI) [-]; 1 where it fits.
@@ -265,6 +269,7 @@ fn finish(checkpoint: &Checkpoint, problem: &Problem, probes: &Probes) -> Result
         forces: posterior::forces(probes, design, &point, &found, o.gradient.interval),
         others: vec![],
         rest: vec![],
+        next_tests: vec![],
         noise: vec![],
         noise_scale: found.noise_scale,
         rms: rms(problem, &predicted),

@@ -5,6 +5,7 @@ use crate::cost::{CostFunction, residual};
 use crate::design::Design;
 use crate::error::CalibrationError;
 use crate::knee::Knee;
+use crate::next_test::next_tests;
 use crate::options::{CalibrateOptions, Method};
 use crate::posterior::{
     ForceEstimate, NoiseEstimate, OtherEstimate, ParameterEstimate, RestEstimate, ends, mean, variance,
@@ -231,6 +232,7 @@ fn told(
     let read = |i: usize| Some(trials.read(&values, &mode.state, i));
     let predicted: Vec<Option<[f64; 5]>> = (0..measured).map(read).collect();
     let cost = question.cost.cost(&predicted).value;
+    let drawers = measured..measured + drawer_names().len();
     let samples = &found.samples;
     let estimate = |k: usize| estimate(&trials.parameters[k], mode.z[k], k, samples, interval);
     let of_ligament = |k: usize| {
@@ -266,6 +268,7 @@ fn told(
         others,
         forces: forces(trials, &found, measured, interval, options.seed),
         rest: rest(&found, measured, interval),
+        next_tests: next_tests(trials, &found, drawers, (COMPRESSION_N, noise_of_a_test(question, likelihood))),
         noise_scale: std::array::from_fn(|c| {
             (0..sources.len()).map(|s| likelihood.scale.get(5 * s + c).copied().unwrap_or(1.0)).fold(0.0, f64::max)
         }),
@@ -382,6 +385,21 @@ fn rest(found: &Found<Answers>, measured: usize, interval: f64) -> Vec<RestEstim
         RestEstimate { fe_deg: *fe_deg, value_n: value, lower_n, upper_n, model_n: chosen }
     };
     REST_DEG.iter().enumerate().map(of).collect()
+}
+
+/// Standard deviation of one more displacement by the first data set's apparatus [deg, mm]: its readings' scatter and its offset, or the
+/// scatter of two poses as it was inferred.
+fn noise_of_a_test(question: &Question, likelihood: &Likelihood) -> [f64; 5] {
+    let (options, targets) = (question.options, &question.sources[0].1);
+    let displaced = targets.trials.iter().any(|t| t.reference.is_some());
+    std::array::from_fn(|c| match displaced {
+        true => options.targets.noise_of_displacements[c].hypot(options.rig.offset[c]),
+        false => {
+            let stated = targets.trials.iter().zip(&targets.noise).find(|(t, _)| t.measured[c].is_some());
+            let sd = stated.map_or(options.targets.noise[c], |n| n.1[c]);
+            std::f64::consts::SQRT_2 * sd * likelihood.scale.get(c).copied().unwrap_or(1.0)
+        }
+    })
 }
 
 /// Noise of each data set and coordinate, as stated and as inferred.

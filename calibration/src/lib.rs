@@ -21,6 +21,7 @@ pub mod hops;
 pub mod inferred;
 pub mod knee;
 pub mod levenberg;
+pub mod next_test;
 pub mod options;
 pub mod posterior;
 pub mod priors;

@@ -4,7 +4,7 @@ use crate::calibrate::Calibrated;
 use crate::cost::residual;
 use crate::session::Outcome;
 use serde_json::{Value, json};
-use sim::laxity::{COORDINATES, VALUE_UNITS};
+use sim::laxity::{COORDINATES, LOAD_UNITS, VALUE_UNITS};
 use std::fmt::Write;
 
 /// Its tables, by name.
@@ -16,6 +16,7 @@ pub fn files(outcome: &Outcome) -> Vec<(String, Vec<u8>)> {
         ("frames.csv", frames(&outcome.found)),
         ("noise.csv", noise(&outcome.found)),
         ("rest.csv", rest(&outcome.found)),
+        ("next_tests.csv", next_tests(&outcome.found)),
         ("forces.csv", forces(&outcome.found, &bundles)),
         ("fit.csv", fit(outcome)),
         ("starts.csv", points(&outcome.found, true)),
@@ -66,6 +67,18 @@ fn noise(found: &Calibrated) -> String {
     for n in &found.noise {
         let (source, coordinate) = (&n.source, &n.coordinate);
         let _ = writeln!(out, "{source},{coordinate},{:.4},{:.4},{:.4},{:.4}", n.stated, n.inferred, n.lower, n.upper);
+    }
+    out
+}
+
+/// next_tests.csv: tests by displacement from the unloaded knee that would narrow the forces in the drawers most, the best first: standard
+/// deviation of a bundle's force, mean over bundles and drawers [N], now and expected with the test.
+fn next_tests(found: &Calibrated) -> String {
+    let mut out = "test,flexion_deg,load,unit,sd_now_n,sd_after_n\n".to_owned();
+    for t in &found.next_tests {
+        let unit = t.test.coordinate().map_or("", |c| LOAD_UNITS[c]);
+        let (test, now, after) = (t.test.name(), t.sd_now_n, t.sd_after_n);
+        let _ = writeln!(out, "{test},{},{},{unit},{now:.3},{after:.3}", t.flexion_deg, t.load);
     }
     out
 }
@@ -195,6 +208,9 @@ pub fn words(outcome: &Outcome) -> String {
             p.upper,
             100.0 * p.determined
         );
+    }
+    if let Some(t) = found.next_tests.first() {
+        let _ = writeln!(text, "  forces in drawers: {} (next_tests.csv)", t.words());
     }
     text
 }

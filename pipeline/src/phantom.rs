@@ -8,7 +8,7 @@ use blindbench::laboratory::{Case, Planned, make};
 use meshes::Point;
 use meshes::frame::AnatomicalFrame;
 use serde::Deserialize;
-use sim::laxity::{LaxityTrial, Test, TrialResult, results_csv};
+use sim::laxity::{LaxityTrial, Reference, Test, TrialResult, results_csv, trials_csv};
 use sim::spec::PoseSpec;
 use stages::assemble::AssembleOptions;
 use stages::phantom::{MRI_PHANTOM, PhantomSpecimen};
@@ -20,12 +20,8 @@ pub fn write(id: &str, seed: u64, volume: bool, hide: Option<&str>, dir: &Path) 
     let fail = |e: String| BuildError::stage("phantom", e);
     let made = if volume { stages::phantom::phantom_volume(id, seed) } else { stages::phantom::phantom(id, seed) };
     let mut made = made.map_err(|e| fail(e.0))?;
-    // a living knee in a label map was never in a laboratory
-    if id != MRI_PHANTOM {
-        measure(&mut made, hide.unwrap_or("null"), seed).map_err(fail)?;
-    } else if hide.is_some() {
-        return Err(fail(format!("{id} has no laxity in which an effect could be hidden; take another phantom")));
-    }
+    let protocols = if id == MRI_PHANTOM { &LIVING[..] } else { &PROTOCOLS[..] };
+    measure(&mut made, protocols, hide.unwrap_or("null"), seed).map_err(fail)?;
     let same = store::read_text(&dir.join("specimen.toml")).is_ok_and(|t| t.contains(&format!("id = \"{id}\"")));
     if !store::list(dir).is_empty() && !same {
         return Err(BuildError::File(format!("{} is not empty; give a new folder", dir.display())));
@@ -72,23 +68,56 @@ const BUNDLES: [(&str, &str, usize, f64, f64); 14] = [
     ("PCAP_L", "PCAP_L", 3, 1.04, 80.0),
 ];
 
-/// Loads along one axis at several flexions, as a data set of the paper has them [andreassen2025].
+/// Loads along one axis at several flexions.
 struct Protocol {
     source: &'static str,
     flexions_deg: &'static [f64],
     compression_n: f64,
-    /// Tracking noise of rotations [deg] and translations [mm].
-    noise: [f64; 2],
+    /// What is read, and with which noise.
+    reads: Reads,
     /// Test and its loads [N m or N].
     tests: &'static [(Test, &'static [f64])],
 }
 
+/// What a protocol reads.
+#[derive(Clone, Copy)]
+enum Reads {
+    /// Poses; tracking noise of rotations [deg] and translations [mm].
+    Poses([f64; 2]),
+    /// The displacement from the unloaded pose in the direction of the test, by an apparatus on the skin; noise of rotations [deg] and
+    /// translations [mm]. The file states neither the noise nor the compression, which is tone of muscles.
+    Displacements([f64; 2]),
+}
+
+/// The unloaded trial of displacements.
+const UNLOADED: (Test, &[f64]) = (Test::Neutral, &[0.0]);
+
+/// Laxity in vivo: a drawer by an arthrometer at 30 deg, and rotation at 30 and 90 deg. Noise is the scatter of such devices between readings
+/// [milano2022; tsai2008].
+const LIVING: [Protocol; 2] = [
+    Protocol {
+        source: "arthrometer",
+        flexions_deg: &[30.0],
+        compression_n: 20.0,
+        reads: Reads::Displacements([0.5, 0.7]),
+        tests: &[UNLOADED, (Test::Anterior, &[67.0, 134.0]), (Test::Posterior, &[-90.0])],
+    },
+    Protocol {
+        source: "rotameter",
+        flexions_deg: &[30.0, 90.0],
+        compression_n: 20.0,
+        reads: Reads::Displacements([1.4, 0.7]),
+        tests: &[UNLOADED, (Test::Internal, &[-5.0]), (Test::External, &[5.0])],
+    },
+];
+
+/// The paper's two protocols [andreassen2025].
 const PROTOCOLS: [Protocol; 2] = [
     Protocol {
         source: "kla",
         flexions_deg: &[30.0, 90.0],
         compression_n: 20.0,
-        noise: [0.5, 0.4],
+        reads: Reads::Poses([0.5, 0.4]),
         tests: &[
             (Test::Anterior, &[0.0, 44.5, 89.0, 133.4, 177.9]),
             (Test::Internal, &[0.0, -1.41, -2.82, -4.24, -5.65]),
@@ -99,7 +128,7 @@ const PROTOCOLS: [Protocol; 2] = [
         source: "rks",
         flexions_deg: &[0.0, 30.0, 60.0, 90.0],
         compression_n: 50.0,
-        noise: [0.2, 0.2],
+        reads: Reads::Poses([0.2, 0.2]),
         tests: &[
             (Test::Anterior, &[133.0]),
             (Test::Posterior, &[-133.0]),
@@ -113,7 +142,7 @@ const PROTOCOLS: [Protocol; 2] = [
 
 impl Protocol {
     fn trials(&self) -> Vec<LaxityTrial> {
-        let [turn, shift] = self.noise;
+        let (Reads::Poses([turn, shift]) | Reads::Displacements([turn, shift])) = self.reads;
         let trial = |test: Test, flexion: f64, size: f64| {
             let mut load = [0.0, 0.0, 0.0, 0.0, self.compression_n];
             let axis = match test {
@@ -145,38 +174,67 @@ impl Protocol {
 }
 
 /// Adds laxity/ and truth/laxity.json to a phantom's files, and names them in its specimen.toml.
-fn measure(made: &mut PhantomSpecimen, hide: &str, seed: u64) -> Result<(), String> {
+fn measure(made: &mut PhantomSpecimen, protocols: &[Protocol], hide: &str, seed: u64) -> Result<(), String> {
     let knee = knee(made)?;
     let files = &mut made.files;
-    let sets: Vec<(&str, Vec<LaxityTrial>)> = PROTOCOLS.iter().map(|p| (p.source, p.trials())).collect();
+    let sets: Vec<(&Protocol, Vec<LaxityTrial>)> = protocols.iter().map(|p| (p, p.trials())).collect();
     let plan: Vec<Planned> =
-        sets.iter().flat_map(|(source, trials)| trials.iter().map(|t| crate::blind::planned(source, t))).collect();
+        sets.iter().flat_map(|(p, trials)| trials.iter().map(|t| crate::blind::planned(p.source, t))).collect();
     let Case { readings, truth } = make(&knee, &plan, "phantom", (hide, 1.0), seed).map_err(|e| e.to_string())?;
-    let mut readings = readings.iter();
+    let mut rest = readings.as_slice();
     let mut table = "\n[laxity]\n".to_owned();
-    for (source, trials) in &sets {
-        let pose = |t: &LaxityTrial, r: &[f64; 5]| PoseSpec {
-            fe_deg: t.fe_deg,
-            vv_deg: r[0],
-            ie_deg: r[1],
-            ml_mm: r[2],
-            ap_mm: r[3],
-            si_mm: r[4],
+    for (protocol, trials) in &sets {
+        let (of, after) = rest.split_at(trials.len());
+        rest = after;
+        let source = protocol.source;
+        let text = match protocol.reads {
+            Reads::Poses(_) => poses_csv(trials, of),
+            Reads::Displacements(_) => displacements_csv(trials, of),
         };
-        let result = |(t, r): (&LaxityTrial, &[f64; 5])| TrialResult {
-            trial: t.clone(),
-            pose: pose(t, r),
-            forces_n: vec![],
-            flags: vec![],
-        };
-        let results: Vec<TrialResult> = trials.iter().zip(readings.by_ref()).map(result).collect();
-        files.push((format!("laxity/{source}.csv"), results_csv(&[], &results).into_bytes()));
+        files.push((format!("laxity/{source}.csv"), text.into_bytes()));
         table += &format!("{source} = \"laxity/{source}.csv\"\n");
     }
     files.push(("truth/laxity.json".into(), json(&truth)));
     let toml = files.iter_mut().find(|(name, _)| name == "specimen.toml").ok_or("no specimen.toml")?;
     toml.1.extend(table.bytes());
     Ok(())
+}
+
+/// Readings as poses.
+fn poses_csv(trials: &[LaxityTrial], readings: &[[f64; 5]]) -> String {
+    let pose = |t: &LaxityTrial, r: &[f64; 5]| PoseSpec {
+        fe_deg: t.fe_deg,
+        vv_deg: r[0],
+        ie_deg: r[1],
+        ml_mm: r[2],
+        ap_mm: r[3],
+        si_mm: r[4],
+    };
+    let result = |(t, r): (&LaxityTrial, &[f64; 5])| TrialResult {
+        trial: t.clone(),
+        pose: pose(t, r),
+        forces_n: vec![],
+        flags: vec![],
+    };
+    let results: Vec<TrialResult> = trials.iter().zip(readings).map(result).collect();
+    results_csv(&[], &results)
+}
+
+/// Readings as displacements from the unloaded trial of the flexion, in the coordinate of the test; compression and noise are not told.
+fn displacements_csv(trials: &[LaxityTrial], readings: &[[f64; 5]]) -> String {
+    let mut out: Vec<LaxityTrial> = Vec::new();
+    for (t, read) in trials.iter().zip(readings) {
+        let mut told = LaxityTrial { sd: [None; 5], ..t.clone() };
+        told.load[4] = 0.0;
+        let zero = trials.iter().position(|z| z.test == Test::Neutral && z.fe_deg == t.fe_deg);
+        if let (Some(c), Some(k)) = (t.test.coordinate(), zero) {
+            told.measured[c] = Some(read[c] - readings[k][c]);
+            let load = [0.0; 5];
+            told.reference = Some(Reference { trial: trials[k].trial.clone(), load, fe_deg: t.fe_deg });
+        }
+        out.push(told);
+    }
+    trials_csv(&out)
 }
 
 /// The phantom's true shape as the laboratory sees it: what bears is the outer surface of bone and cartilage together.

@@ -41,10 +41,11 @@ pub(super) fn checks(name: &str, found: &Calibrated, v: &Values) -> Vec<Check> {
     let open = forces.clone().filter(|(f, ..)| f.upper_n > FORCE_DETERMINED_N && !f.is_determined()).count();
     let all = forces.count();
     if all > 0 {
+        let next = found.next_tests.first().map_or(String::new(), |t| format!("; {}", t.words()));
         out.push(Check {
             question: "Which ligament forces does laxity leave open?",
             answer: format!(
-                "{name}: {open} of {all} bundle forces under drawers have a 90 % interval that reaches more than {FORCE_DETERMINED_N:.0} N from the value"
+                "{name}: {open} of {all} bundle forces under drawers have a 90 % interval that reaches more than {FORCE_DETERMINED_N:.0} N from the value{next}"
             ),
             good: None,
             stage: "calibrate",
