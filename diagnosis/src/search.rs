@@ -42,7 +42,7 @@ pub struct DiagnosisOptions {
     pub least_beside: f64,
     /// Draws of the prior behind the scatter of what is not linear [-].
     pub draws: usize,
-    /// Seed of the simulated nulls.
+    /// Seed of the simulated nulls, and of the calibration from which the diagnosis of a built knee starts.
     pub seed: u64,
     /// Ligaments held at the model's own (for comparison only).
     pub frozen_ligaments: bool,

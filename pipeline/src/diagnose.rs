@@ -80,7 +80,7 @@ pub fn run_with(args: &DiagnoseArgs, options: &DiagnosisOptions) -> Result<Strin
         store::write_all(&args.out, &[("atlas.json".into(), json), ("atlas.html".into(), page.clone().into_bytes())])?;
         return Ok(text + &diagnosis::atlas::table(&atlas));
     }
-    let start = start(&loaded, &sources)?;
+    let start = start(&loaded, &sources, options.seed)?;
     let outcome = diagnose(&model, &loaded.spec, &sources, &catalogue, options, start.as_ref())
         .and_then(|o| o.with_provenance(&provenance))
         .map_err(|e| fault(&e))?;
@@ -90,7 +90,7 @@ pub fn run_with(args: &DiagnoseArgs, options: &DiagnosisOptions) -> Result<Strin
 }
 
 /// Where a calibration of a built knee to all of the data ends; the diagnosis starts there. A deck starts from its own values.
-fn start(loaded: &LoadedModel, sources: &[Source]) -> Result<Option<BTreeMap<String, f64>>, BuildError> {
+fn start(loaded: &LoadedModel, sources: &[Source], seed: u64) -> Result<Option<BTreeMap<String, f64>>, BuildError> {
     if !diagnosis::nuisance::is_built(&loaded.spec) {
         return Ok(None);
     }
@@ -98,6 +98,7 @@ fn start(loaded: &LoadedModel, sources: &[Source]) -> Result<Option<BTreeMap<Str
     let mut options = CalibrateOptions::default();
     // the most probable point alone is asked for
     options.inference.samples = 0;
+    options.seed = seed;
     let watch = Watch { saved: None, keep: &mut |_| Ok(()), tell: &|_, _| () };
     let outcome = calibrate::run((loaded, None), &measured, &options, "laxity", watch)?;
     Ok(Some(outcome.found.mode))
