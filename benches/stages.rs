@@ -82,7 +82,7 @@ fn specimen() -> Result<(String, RawSpecimen), String> {
         return Ok((made.id, raw));
     }
     let path = given.unwrap_or(shared);
-    let raw = genu::store::read_specimen(&path).map_err(|e| e.to_string())?;
+    let (_, raw) = genu::store::read_specimen(&path).map_err(|e| e.to_string())?;
     Ok((path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned()), raw))
 }
 

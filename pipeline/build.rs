@@ -82,7 +82,8 @@ struct Member {
 #[derive(Default)]
 struct Comments {
     structs: BTreeMap<String, Vec<Member>>,
-    choices: BTreeMap<String, Vec<Member>>,
+    /// Two enums may have one name.
+    choices: Vec<(String, Vec<Member>)>,
 }
 
 impl Comments {
@@ -103,8 +104,11 @@ impl Comments {
             let start = |word: &str| text.strip_prefix(word).and_then(|t| t.strip_suffix(" {")).map(str::to_owned);
             if line == "}" {
                 if let Some((is_struct, name, members)) = open.take() {
-                    let into = if is_struct { &mut self.structs } else { &mut self.choices };
-                    into.entry(name).or_insert(members);
+                    if is_struct {
+                        self.structs.entry(name).or_insert(members);
+                    } else {
+                        self.choices.push((name, members));
+                    }
                 }
                 rename_all.clear();
             } else if let Some(name) = start("pub struct ") {
@@ -152,7 +156,7 @@ impl Comments {
         }
         out += "];\n/// Values of choices.\npub(super) static CHOICES: &[Table] = &[\n";
         let kinds: Vec<&String> = reached.values().flat_map(|m| m.iter().map(|m| &m.kind)).collect();
-        for (name, members) in self.choices.iter().filter(|(name, _)| kinds.contains(name)) {
+        for (name, members) in self.choices.iter().filter(|(name, _)| kinds.contains(&name)) {
             table(&mut out, name, members);
         }
         out + "];\n"

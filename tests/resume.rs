@@ -5,6 +5,7 @@
 mod common;
 
 use common::{build_model, differing, files, phantom, text, write};
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::time::Duration;
 use tempfile::TempDir;
@@ -61,6 +62,122 @@ fn only_what_depends_on_a_change_runs_again() {
     write(&toml, text(&toml) + "\n[ligaments.LCL]\nstiffness_n_per_mm = 61.0\n");
     build(specimen.path(), out.path(), &[]);
     assert!(ran(out.path()).contains(&"assemble".to_string()));
+}
+
+/// What each stage is given, as the pages of the stages tell: earlier stages, and files.
+const GIVEN: [(&str, &[&str]); 12] = [
+    (
+        "ingest",
+        &[
+            "specimen.toml",
+            "ct/femur.stl",
+            "ct/tibfib.stl",
+            "scans/femur.ply",
+            "scans/tibfib.ply",
+            "landmarks.csv",
+            "marks.csv",
+        ],
+    ),
+    ("register", &["ingest"]),
+    ("bones", &["ingest"]),
+    ("cartilage", &["ingest", "register", "bones"]),
+    ("frames", &["ingest", "bones"]),
+    ("attachments", &["ingest", "register", "bones", "cartilage", "frames"]),
+    ("hexmesh", &["cartilage"]),
+    ("overclosure", &["hexmesh"]),
+    ("assemble", &["ingest", "frames", "attachments", "overclosure"]),
+    ("calibrate", &["assemble", "bones", "cartilage", "laxity/kla.csv", "laxity/rks.csv"]),
+    ("validate", &["assemble", "bones", "cartilage", "calibrate", "passive.csv"]),
+    ("diagnose", &["assemble", "bones", "cartilage", "calibrate", "laxity/kla.csv", "laxity/rks.csv"]),
+];
+
+/// The stages that depend on a stage or a file, itself among them.
+fn dependent(on: &str) -> Vec<&'static str> {
+    let mut all = Vec::new();
+    for (stage, given) in GIVEN {
+        if stage == on || given.iter().any(|g| *g == on || all.contains(g)) {
+            all.push(stage);
+        }
+    }
+    all
+}
+
+/// The stages that a plan says would run.
+fn planned(specimen: &Path, out: &Path, more: &[&str]) -> Vec<String> {
+    let run = build_model().arg(specimen).arg("--out").arg(out).args(SHORT).args(more).arg("--plan").output().unwrap();
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    let words = String::from_utf8(run.stdout).unwrap();
+    let lines = words.lines().filter(|l| l.contains("would run"));
+    lines.map(|l| l.split_whitespace().next().unwrap().to_owned()).collect()
+}
+
+/// A short search, so that every stage is there to depend on something.
+const SHORT: [&str; 10] = [
+    "--set",
+    "calibrate.inference.samples=0",
+    "--set",
+    "calibrate.inference.starts=1",
+    "--set",
+    "validate.ap_flexions_deg=[30]",
+    "--set",
+    "diagnose.run=true",
+    "--set",
+    "diagnose.nulls=0",
+];
+
+#[test]
+fn a_change_of_an_option_or_a_file_runs_again_exactly_what_depends_on_it() {
+    let specimen = TempDir::new().unwrap();
+    build_model().args(["phantom", "S192803-phantom"]).arg(specimen.path()).assert().success();
+    let place = |name: &str| specimen.path().join(name);
+    let passive = "fe_deg,vv_deg,ie_deg,ml_mm,ap_mm,si_mm\n10,0,0,0,0,0\n20,0,0,0,0,0\n";
+    write(&place("passive.csv"), passive);
+    let toml = text(&place("specimen.toml")) + "\n[passive]\nrks = \"passive.csv\"\n";
+    write(&place("specimen.toml"), &toml);
+    let out = TempDir::new().unwrap();
+    build(specimen.path(), out.path(), &SHORT);
+    let stages = GIVEN.map(|(stage, _)| stage);
+    assert_eq!(ran(out.path()), stages);
+    let before = files(out.path());
+    assert_eq!(planned(specimen.path(), out.path(), &[]), [""; 0]);
+    // an option of every stage; that each option is in the key of its own stage alone is a test of the list of stages
+    let options = [
+        ("ingest", "ingest.ras=[\"landmarks\"]"),
+        ("register", "register.seed=7"),
+        ("bones", "bones.edge_mm=2.5"),
+        ("cartilage", "cartilage.least_thickness_mm=0.6"),
+        ("frames", "frames.valgus_deg=5"),
+        ("attachments", "attachments.mark_reach_mm=5"),
+        ("hexmesh", "hexmesh.layers=4"),
+        ("overclosure", "overclosure.gap_mm=0.06"),
+        ("assemble", "assemble.friction=0.02"),
+        ("calibrate", "calibrate.seed=7"),
+        ("validate", "validate.compression_n=30"),
+        ("diagnose", "diagnose.seed=7"),
+    ];
+    assert_eq!(options.map(|(stage, _)| stage), stages);
+    for (stage, set) in options {
+        assert_eq!(planned(specimen.path(), out.path(), &["--set", set]), dependent(stage), "{set}");
+        assert_eq!(planned(specimen.path(), out.path(), &["--from", stage, "--to", stage]), [stage]);
+    }
+    // every file that is read; a space at its end changes none of what a table says
+    let read: BTreeSet<&str> =
+        GIVEN.iter().flat_map(|(_, given)| *given).copied().filter(|g| g.contains('.')).collect();
+    for name in read {
+        let was = common::read(&place(name));
+        let changed = match name {
+            "specimen.toml" => toml.replace("[specimen]", "[specimen]\nage_years = 31").into_bytes(),
+            "passive.csv" => passive.replace("20,0", "20,1").into_bytes(),
+            _ => [was.clone(), b"\n".to_vec()].concat(),
+        };
+        write(&place(name), changed);
+        assert_eq!(planned(specimen.path(), out.path(), &[]), dependent(name), "{name}");
+        write(&place(name), was);
+    }
+    // options in specimen.toml are told by section; a plan writes nothing
+    write(&place("specimen.toml"), toml + "\n[options.frames]\nvalgus_deg = 5\n");
+    assert_eq!(planned(specimen.path(), out.path(), &[]), dependent("frames"));
+    assert_eq!(differing(&before, &files(out.path())), Vec::<String>::new());
 }
 
 #[test]

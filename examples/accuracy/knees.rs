@@ -28,7 +28,7 @@ pub(crate) fn all() -> Result<Vec<Knee>, String> {
         if !folder.exists() {
             continue;
         }
-        let raw = genu::store::read_specimen(&folder).map_err(|e| e.to_string())?;
+        let (_, raw) = genu::store::read_specimen(&folder).map_err(|e| e.to_string())?;
         let mut truth_files = Vec::new();
         for file in ["truth.json", "femur.stl", "tibfib_medial.stl", "tibfib_lateral.stl"] {
             let path = format!("truth/{file}");

@@ -1,7 +1,7 @@
 //! What a build is asked.
 
 use crate::options::{Override, parse_override};
-use crate::record::STAGES;
+use crate::stage::list::names;
 use clap::Args;
 use sim::names::did_you_mean;
 use std::path::PathBuf;
@@ -23,6 +23,9 @@ pub struct BuildArgs {
     /// Run every stage, even if nothing changed
     #[arg(long)]
     pub force: bool,
+    /// Run nothing: tell which stages would run, if each that runs made something new
+    #[arg(long)]
+    pub plan: bool,
     /// Override an option; may be given more than once
     #[arg(long = "set", value_name = "stage.key=value", value_parser = parse_override)]
     pub overrides: Vec<Override>,
@@ -49,6 +52,7 @@ impl BuildArgs {
             from: None,
             to: None,
             force: false,
+            plan: false,
             overrides: Vec::new(),
             jobs: None,
             seed: None,
@@ -60,7 +64,7 @@ impl BuildArgs {
 
 /// A stage by its name; a near miss is suggested.
 pub fn stage_name(name: &str) -> Result<String, String> {
-    let known = STAGES.map(|(_, s)| s);
+    let known = names();
     if known.contains(&name) {
         Ok(name.to_string())
     } else {

@@ -1,12 +1,11 @@
-//! `calibrate`, and stage 10: ligament parameters from laxity data.
+//! `calibrate`: ligament parameters from laxity data.
 
 use crate::error::BuildError;
 use crate::model_file::{self, LoadedModel};
 use crate::options::{Override, parse_override, resolve};
 use crate::progress::Searching;
 use crate::record::json;
-use crate::show::{Files, Reported};
-use crate::store::{self, BuildFolder};
+use crate::store;
 use calibration::calibrate::Checkpoint;
 use calibration::cost::{CostFunction, CostOptions};
 use calibration::knee::Knee;
@@ -15,11 +14,10 @@ use calibration::reports;
 use calibration::session::{Outcome, Session};
 use calibration::unknowns::KnownFrames;
 use clap::Args;
-use serde::{Deserialize, Serialize};
 use sim::laxity::{self, LaxityTrial};
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 use validation::figures::{figure5, figure6};
 use validation::tables::cost_table;
@@ -216,84 +214,8 @@ pub fn run(
     }
 }
 
-/// The calibrated models of a build, by source.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Calibration {
-    /// In the order of their names.
-    pub sources: BTreeMap<String, Outcome>,
-    /// All data sets with one set of ligaments, where there are several and the method can.
-    pub joint: Option<Outcome>,
-    /// The options of the cost.
-    pub options: CalibrateOptions,
-    /// What is odd but not fatal.
-    pub warnings: Vec<String>,
-    /// For metrics.json.
-    pub metrics: serde_json::Value,
-}
-
-impl Reported for Calibration {
-    fn metrics(&self) -> serde_json::Value {
-        self.metrics.clone()
-    }
-    fn warnings(&self) -> &[String] {
-        &self.warnings
-    }
-}
-
-impl Calibration {
-    /// Every calibration by its folder's name, the joint one last.
-    pub fn all(&self) -> impl Iterator<Item = (&str, &Outcome)> {
-        self.sources.iter().map(|(n, o)| (n.as_str(), o)).chain(self.joint.iter().map(|o| (JOINT, o)))
-    }
-}
-
-/// Stage 10: a calibrated model for all data sets together, then for each in the frames found so; interrupted ones are kept in `folder`, `tell` hears
-/// how far it is.
-pub fn calibrate_all(
-    model: &LoadedModel,
-    laxity: &BTreeMap<String, Vec<LaxityTrial>>,
-    options: &CalibrateOptions,
-    folder: &BuildFolder,
-    tell: &dyn Fn(&str),
-) -> Result<Calibration, BuildError> {
-    let every: Vec<Measured> = laxity.iter().map(|(n, t)| (n.clone(), t.clone())).collect();
-    let one = |sources: &[Measured], name: &str, frames: Option<&KnownFrames>| -> Result<Outcome, BuildError> {
-        let file = format!(".calibrate-{name}.cbor");
-        // one of another calibration is no use here: stages are keyed
-        let saved = folder.read_file(&file).filter(|bytes| {
-            let session = Session::new(&model.spec, &model_file::digest(model), sources, options);
-            session.is_ok_and(|s| s.begin(Some(bytes)).is_ok())
-        });
-        let mut keep = |bytes: &[u8]| folder.write_file(&file, bytes);
-        let begun = Instant::now();
-        let tell = |share: f64, words: &str| {
-            let left = begun.elapsed().as_secs_f64() * (1.0 / share.max(1e-3) - 1.0);
-            let left = if share > 0.02 { format!(", about {left:.0} s left") } else { String::new() };
-            tell(&format!("calibrate {name}: {:.0} %, {words}{left}", 100.0 * share));
-        };
-        let watch = Watch { saved, keep: &mut keep, tell: &tell };
-        let outcome = run((model, frames), sources, options, &format!("laxity.{name}"), watch)?;
-        store::discard(&folder.path().join(&file));
-        Ok(outcome)
-    };
-    let together = every.len() > 1 && options.method == Method::Gradient;
-    let joint = if together { Some(one(&every, JOINT, None)?) } else { None };
-    let mut sources = BTreeMap::new();
-    for (s, measured) in every.iter().enumerate() {
-        let frames = joint.as_ref().and_then(|j| j.frames.get(s));
-        sources.insert(measured.0.clone(), one(std::slice::from_ref(measured), &measured.0, frames)?);
-    }
-    let mut out =
-        Calibration { sources, joint, options: options.clone(), warnings: vec![], metrics: serde_json::Value::Null };
-    let told = |(name, o): (&str, &Outcome)| o.warnings.iter().map(|w| format!("{name}: {w}")).collect::<Vec<_>>();
-    out.warnings = out.all().flat_map(told).collect();
-    let metrics: serde_json::Map<_, _> = out.all().map(|(name, o)| (name.to_owned(), reports::metrics(o))).collect();
-    out.metrics = metrics.into();
-    Ok(out)
-}
-
 /// Tables of a calibration, what its cost is made of, and figures 5 and 6 for its targets.
-fn files_of(outcome: &Outcome, cost: &CostOptions) -> Vec<(String, Vec<u8>)> {
+pub(crate) fn files_of(outcome: &Outcome, cost: &CostOptions) -> Vec<(String, Vec<u8>)> {
     let figure5 = figure5(&[("targets".to_owned(), outcome.trials.clone())]);
     let mut texts = vec![("figure5.svg", figure5)];
     if let Ok(c) = CostFunction::new(&outcome.trials, &outcome.spec.frames.gs_ct_pose, cost) {
@@ -303,15 +225,4 @@ fn files_of(outcome: &Outcome, cost: &CostOptions) -> Vec<(String, Vec<u8>)> {
     let mut files = reports::files(outcome);
     files.extend(texts.into_iter().map(|(name, text)| (name.to_owned(), text.into_bytes())));
     files
-}
-
-/// 10-calibrate: a folder a source.
-pub fn show(c: &Calibration) -> Files {
-    let mut files = Vec::new();
-    for (name, outcome) in c.all() {
-        let spec = model_file::moved(&outcome.spec, Path::new("/09-assemble"), &Path::new("/10-calibrate").join(name));
-        files.push((format!("{name}/model.json"), json(&spec)));
-        files.extend(files_of(outcome, &c.options.cost).into_iter().map(|(f, bytes)| (format!("{name}/{f}"), bytes)));
-    }
-    Ok(files)
 }

@@ -71,8 +71,7 @@ const FAR_MM: f64 = 15.0;
 
 /// Judges the specimen; gives the words to print, or the faults as one error.
 pub fn check(args: &CheckArgs) -> Result<String, BuildError> {
-    let raw = store::read_specimen(&args.dir)?;
-    let file = ingest::parse_specimen_file(&raw.toml).map_err(|e| BuildError::stage("ingest", e))?;
+    let (file, raw) = store::read_specimen(&args.dir)?;
     let options = resolve(&file.options, &[], None)?;
     let mut items = geometry(&file, &raw, &options);
     let measured = laxity::judge(&file, &raw, &options, &mut items);
@@ -198,7 +197,7 @@ fn geometry(file: &SpecimenFile, raw: &RawSpecimen, options: &BuildOptions) -> V
 
 /// What shows only when every surface is read: side, exchange, points.
 fn whole(file: &SpecimenFile, raw: &RawSpecimen, options: &BuildOptions, items: &mut Vec<Item>) {
-    let specimen = match ingest::ingest(raw, &options.ingest) {
+    let specimen = match ingest::ingest_file(file, raw, &options.ingest) {
         Ok(specimen) => specimen,
         Err(e) => return items.push(Item::new("specimen", State::Fault, e.to_string(), "")),
     };
@@ -294,7 +293,7 @@ fn passive(file: &SpecimenFile, raw: &RawSpecimen, items: &mut Vec<Item>) {
                 format!("{path} is not there"),
                 "put the file there, or correct the path",
             ),
-            Some(bytes) => match crate::validate::read_passive(name, path, bytes) {
+            Some(bytes) => match crate::given::read_passive(name, path, bytes) {
                 Ok(p) => Item::new(&input, State::Ok, format!("{} poses", p.poses.len()), ""),
                 Err(e) => Item::new(&input, State::Fault, e.to_string(), ""),
             },

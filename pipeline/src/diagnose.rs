@@ -1,10 +1,9 @@
 //! `diagnose`: which effect a model lacks, judged by measured laxity.
 
-use crate::calibrate::{self, Calibration, Watch};
+use crate::calibrate::{self, Watch};
 use crate::error::BuildError;
 use crate::model_file::{self, LoadedModel};
 use crate::record::hash;
-use crate::show::{Files, Reported};
 use crate::store;
 use calibration::options::CalibrateOptions;
 use clap::Args;
@@ -13,8 +12,6 @@ use diagnosis::component::{Component, Provenance};
 use diagnosis::diagnosis::{Diagnosis, Outcome, diagnose};
 use diagnosis::search::DiagnosisOptions;
 use diagnosis::trial::Source;
-use serde::{Deserialize, Serialize};
-use sim::laxity::LaxityTrial;
 use sim::names::{did_you_mean, with_suggestion};
 use sim::spec::ModelSpec;
 use std::collections::BTreeMap;
@@ -163,7 +160,7 @@ pub fn options(path: Option<&Path>) -> Result<DiagnosisOptions, BuildError> {
 
 fn write(args: &DiagnoseArgs, loaded: &LoadedModel, outcome: &Outcome) -> Result<(), BuildError> {
     let out = store::make_folder(&args.out)?;
-    let files = files(&outcome.diagnosis, &outcome.components, |added| {
+    let files = files_of(&outcome.diagnosis, &outcome.components, |added| {
         let spec = outcome.model.as_ref().filter(|_| added).unwrap_or(&loaded.spec);
         model_file::moved(spec, &loaded.folder, &out)
     })?;
@@ -171,7 +168,7 @@ fn write(args: &DiagnoseArgs, loaded: &LoadedModel, outcome: &Outcome) -> Result
 }
 
 /// diagnosis.json, report.html, components/ and model.json; `model` gives the latter, with what was added or as it was.
-fn files(
+pub(crate) fn files_of(
     diagnosis: &Diagnosis,
     components: &[Component],
     model: impl FnOnce(bool) -> ModelSpec,
@@ -189,99 +186,6 @@ fn files(
     files.push(("report.html".into(), diagnosis::page::page(&spec.id, &diagnosis).into_bytes()));
     files.push(("diagnosis.json".into(), as_json(&diagnosis)?));
     Ok(files)
-}
-
-/// The value of stage 12.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-pub struct Diagnosed {
-    /// The report.
-    pub diagnosis: Diagnosis,
-    /// What was added.
-    pub components: Vec<Component>,
-    /// The model with it, or as assembled.
-    pub model: ModelSpec,
-    /// What is odd but not fatal.
-    pub warnings: Vec<String>,
-    /// For metrics.json.
-    pub metrics: serde_json::Value,
-}
-
-impl Reported for Diagnosed {
-    fn metrics(&self) -> serde_json::Value {
-        self.metrics.clone()
-    }
-    fn warnings(&self) -> &[String] {
-        &self.warnings
-    }
-}
-
-/// Stage 12: what the assembled model lacks, from where its calibration ended; `digests` are those of the laxity files.
-pub fn diagnose_built(
-    model: &LoadedModel,
-    calibration: &Calibration,
-    laxity: &BTreeMap<String, Vec<LaxityTrial>>,
-    digests: &BTreeMap<String, String>,
-    options: &DiagnosisOptions,
-) -> Result<Diagnosed, BuildError> {
-    let displaced = |trials: &[LaxityTrial]| trials.iter().any(|t| t.reference.is_some());
-    let (left_out, kept): (Vec<_>, Vec<_>) = laxity.iter().partition(|(_, trials)| displaced(trials));
-    if kept.is_empty() && !left_out.is_empty() {
-        let what = "every data set holds displacements; a diagnosis needs poses of at least one apparatus";
-        return Err(BuildError::stage("diagnose", what));
-    }
-    let sources: Vec<Source> =
-        kept.into_iter().map(|(name, trials)| Source { name: name.clone(), trials: trials.clone() }).collect();
-    let catalogue = Catalogue::shipped();
-    let provenance = Provenance {
-        program: env!("CARGO_PKG_VERSION").into(),
-        catalogue: catalogue.version.clone(),
-        model: model_file::digest(model),
-        data: digests.clone(),
-    };
-    let knee = prepared(model).map_err(|e| BuildError::stage("diagnose", e))?;
-    let of_all =
-        calibration.joint.as_ref().or_else(|| calibration.sources.values().next().filter(|_| sources.len() == 1));
-    let mode = of_all.map(|c| &c.found.mode).filter(|mode| !mode.is_empty());
-    let outcome = diagnose(&knee, &model.spec, &sources, &catalogue, options, mode)
-        .and_then(|o| o.with_provenance(&provenance))
-        .map_err(|e| BuildError::stage("diagnose", e))?;
-    let d = &outcome.diagnosis;
-    let clear = d.noise.iter().filter(|n| n.taken);
-    let mut warnings: Vec<String> = left_out
-        .iter()
-        .map(|(name, _)| {
-            format!("laxity.{name} is left out of the diagnosis: it holds displacements, poses are needed")
-        })
-        .collect();
-    warnings.extend(clear.map(|n| {
-        let unit = if ["vv", "ie"].contains(&n.coordinate.as_str()) { "deg" } else { "mm" };
-        format!(
-            "{} {}: the file states a noise of {:.2} {unit}, neighbouring loads say {:.2} ({:.2} to {:.2})",
-            n.source, n.coordinate, n.stated, n.inferred, n.lower, n.upper
-        )
-    }));
-    let metrics = serde_json::json!({
-        "verdict": d.verdict,
-        "misfit": d.misfit,
-        "gap_closed": d.gap.held_out.closed,
-        "effects": d.best,
-        "not_testable": d.not_testable.len(),
-    });
-    Ok(Diagnosed {
-        model: outcome.model.clone().unwrap_or_else(|| model.spec.clone()),
-        components: outcome.components,
-        diagnosis: outcome.diagnosis,
-        warnings,
-        metrics,
-    })
-}
-
-/// 12-diagnose: what `diagnose` writes.
-pub fn show(d: &Diagnosed) -> Files {
-    files(&d.diagnosis, &d.components, |_| {
-        model_file::moved(&d.model, Path::new("/09-assemble"), Path::new("/12-diagnose"))
-    })
-    .map_err(std::io::Error::other)
 }
 
 fn as_json(value: &impl serde::Serialize) -> Result<Vec<u8>, BuildError> {

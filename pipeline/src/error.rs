@@ -30,6 +30,9 @@ pub enum BuildError {
         /// The first of them.
         first: String,
     },
+    /// Not an error: a plan cannot see beyond this stage, which has not been run.
+    #[error("{0} has not been run")]
+    Unplanned(&'static str),
     /// Not an error: the stage named by `--to` is done.
     #[error("reached the last stage asked for")]
     Reached,

@@ -1,7 +1,8 @@
 //! `inspect`: what each stage made.
 
 use crate::error::BuildError;
-use crate::record::{Failure, Record, STAGES, folder_name};
+use crate::record::{Failure, Record};
+use crate::stage::list::{folder_name, named};
 use crate::store;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -124,7 +125,7 @@ pub fn failure(build: &Path) -> Option<Failure> {
 pub fn table(records: &[Record]) -> String {
     let mut text = format!("{:3} {:12} {:>8} {:>9}  metrics\n", "", "stage", "seconds", "MiB");
     for r in records {
-        let number = STAGES.iter().find(|(_, s)| *s == r.stage).map_or("", |(n, _)| n);
+        let number = named(&r.stage).map_or("", |s| s.number());
         let state = if r.cached { " (unchanged)" } else { "" };
         let _ = writeln!(
             text,
@@ -150,29 +151,11 @@ pub fn as_json(records: &[Record]) -> String {
     text
 }
 
-/// Which figures tell most about a stage, by the end of their names.
-const TELLING: [(&str, &[&str]); 14] = [
-    ("segment", &["threshold", "femur_volume_mm3", "tibfib_volume_mm3"]),
-    ("ingest", &["triangles", "landmarks", "marks"]),
-    ("register", &["predicted_error_mm"]),
-    ("bones", &["edge_p50_mm", "volume_change_percent"]),
-    ("cartilage", &["volume_mm3"]),
-    ("frames", &["angle_to_tea_axial_deg", "fe_deg", "vv_deg", "ie_deg"]),
-    ("attachments", &["sites_marked", "sites_literature", "sites_given", "fibres"]),
-    ("hexmesh", &["elements", "scaled_jacobian_min"]),
-    ("contact-law", &["fit_error_percent", "fit_rms_percent", "area_error_percent"]),
-    ("overclosure", &["max_overclosure_before_mm", "gap_min_mm", "iterations"]),
-    ("assemble", &["bundles", "fibres"]),
-    ("calibrate", &["trials", "cost", "parameters_determined"]),
-    ("validate", &["anterior_ap", "posterior_ap"]),
-    ("diagnose", &["verdict", "misfit", "gap_closed"]),
-];
-
 /// The telling figures of a stage, on one line.
 fn brief(stage: &str, metrics: &serde_json::Value) -> String {
     let mut all = Vec::new();
     numbers("", metrics, &mut all);
-    let telling = TELLING.iter().find(|(s, _)| *s == stage).map_or(&[][..], |(_, ends)| ends);
+    let telling = named(stage).map_or(&[][..], |s| s.telling());
     let ends_so = |name: &str| telling.iter().any(|end| name.rsplit('.').next() == Some(end));
     all.into_iter()
         .filter(|(name, _)| ends_so(name))

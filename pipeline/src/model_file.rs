@@ -5,6 +5,9 @@ use crate::record::json;
 use crate::store;
 use sim::mesh::MeshValue;
 use sim::spec::ModelSpec;
+use stages::assemble::Assembled;
+use stages::bones::Bones;
+use stages::cartilage::Cartilage;
 use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
 
@@ -57,6 +60,23 @@ pub fn load(path: &Path) -> Result<LoadedModel, BuildError> {
     }
     let folder = store::absolute(folder)?;
     Ok(LoadedModel { spec, meshes, folder })
+}
+
+/// The model of a build as it would be read back.
+pub(crate) fn assembled_model(assembled: &Assembled, bones: &Bones, cartilage: &Cartilage) -> LoadedModel {
+    let contact = assembled.contact.named().map(|(name, mesh)| (format!("contact/{name}.ply"), mesh));
+    let patella = bones.patella.as_ref();
+    let bones = bones.surfaces.named().map(|(name, mesh)| (format!("../03-bones/{name}.ply"), mesh));
+    let patella = patella.map(|mesh| ("../03-bones/patella.ply".to_string(), mesh));
+    let carried = cartilage.bodies.iter().map(|(name, mesh)| (format!("../04-cartilage/{name}.ply"), mesh));
+    let meshes = contact
+        .into_iter()
+        .chain(carried)
+        .chain(bones)
+        .chain(patella)
+        .map(|(name, mesh)| (name, MeshValue::Surface(mesh.clone())))
+        .collect();
+    LoadedModel { spec: assembled.spec.clone(), meshes, folder: PathBuf::from("09-assemble") }
 }
 
 /// The specification as it reads from the folder `to`, when its mesh paths are relative to the folder `from`; both absolute.

@@ -94,7 +94,10 @@ fn walk(prefix: &str, name: &str, defaults: Option<&Value>, found: &mut Vec<Opti
             continue;
         }
         let (meaning, unit, source) = parted(comment);
-        let choices = comments::CHOICES.iter().find(|(n, _)| n == kind).map_or(&[][..], |(_, m)| m);
+        // of two choices with one name, that which has the default
+        let is_default = |c: &&Table| default.is_some_and(|d| c.1.iter().any(|m| d.as_str() == Some(m.0)));
+        let mut named = comments::CHOICES.iter().filter(|(n, _)| n == kind);
+        let choices = named.clone().find(is_default).or(named.next()).map_or(&[][..], |(_, m)| m);
         found.push(OptionDoc {
             key,
             default: default.map_or("none".to_owned(), Value::to_string),
@@ -181,6 +184,13 @@ mod tests {
         };
         assert_eq!(of(&|o| o.meaning.is_empty()), [""; 0], "options without a meaning");
         assert_eq!(of(&|o| number(o) && o.unit.is_empty()), [""; 0], "options without a unit");
+    }
+
+    #[test]
+    fn a_default_is_among_its_choices() {
+        for o in all().unwrap().iter().filter(|o| !o.choices.is_empty() && o.default != "none") {
+            assert!(o.choices.contains(&o.default.trim_matches('"').to_owned()), "{}: {:?}", o.key, o.choices);
+        }
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Progress on standard error, and only where that is a terminal; and to a watcher, where a program asks for it.
 
-use crate::record::{Record, STAGES};
+use crate::record::Record;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::cell::RefCell;
 use std::io::IsTerminal;
@@ -55,11 +55,11 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// A bar, hidden when `quiet` or when standard error is not a terminal.
-    pub fn new(quiet: bool) -> Progress {
+    /// A bar over `stages` stages, hidden when `quiet` or when standard error is not a terminal.
+    pub fn new(quiet: bool, stages: usize) -> Progress {
         let visible = !quiet && std::io::stderr().is_terminal();
         let target = if visible { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
-        let bar = ProgressBar::with_draw_target(Some(STAGES.len() as u64), target);
+        let bar = ProgressBar::with_draw_target(Some(stages as u64), target);
         if let Ok(style) = ProgressStyle::with_template("{bar:20} {pos}/{len} {msg} {elapsed}") {
             bar.set_style(style);
         }
@@ -99,7 +99,7 @@ impl Progress {
 
 /// The share of the stages that are done.
 fn share(bar: &ProgressBar) -> f64 {
-    bar.position() as f64 / STAGES.len() as f64
+    bar.position() as f64 / bar.length().unwrap_or(1) as f64
 }
 
 /// A bar over one search, with the time left, or nothing.

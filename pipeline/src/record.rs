@@ -1,24 +1,6 @@
-//! What a build keeps of each stage, and the names of the stages.
+//! What a build keeps of each stage.
 
 use serde::{Deserialize, Serialize};
-
-/// The stages in order, with their numbers in folder names.
-pub const STAGES: [(&str, &str); 14] = [
-    ("00", "segment"),
-    ("01", "ingest"),
-    ("02", "register"),
-    ("03", "bones"),
-    ("04", "cartilage"),
-    ("05", "frames"),
-    ("06", "attachments"),
-    ("07", "hexmesh"),
-    ("08", "overclosure"),
-    ("08b", "contact-law"),
-    ("09", "assemble"),
-    ("10", "calibrate"),
-    ("11", "validate"),
-    ("12", "diagnose"),
-];
 
 /// A line of log.jsonl.
 #[derive(Clone, Debug, Serialize, Deserialize, schemars::JsonSchema)]
@@ -46,12 +28,6 @@ pub struct Failure {
     pub stage: String,
     /// Why, and what to do.
     pub message: String,
-}
-
-/// `NN-stage`.
-pub fn folder_name(stage: &str) -> String {
-    let number = STAGES.iter().find(|(_, s)| *s == stage).map_or("00", |(n, _)| n);
-    format!("{number}-{stage}")
 }
 
 /// Pretty JSON with a final newline.

@@ -3,32 +3,27 @@
 use crate::error::BuildError;
 use crate::inspect;
 use crate::record::{Failure, Record};
+use crate::stage::list::heading;
 use crate::store::BuildFolder;
 use serde_json::json;
 use std::path::Path;
 
 mod body;
-mod bone_layers;
-mod cartilage_scenes;
-mod chart;
-mod charts;
+pub(crate) mod chart;
+pub(crate) mod check;
 mod compare;
-mod force_charts;
-mod geometry;
-mod html;
-mod law_charts;
+mod failed;
+pub(crate) mod geometry;
+pub(crate) mod html;
 mod methods;
 mod motion;
-mod pictures;
-mod scene;
-mod scenes;
-mod values;
-mod verdict;
+pub(crate) mod picture;
+pub(crate) mod scene;
 mod warnings;
 
 use body::Body;
 pub(crate) use html::escaped;
-use html::{foot, heading};
+use html::foot;
 pub(crate) use html::{head, plotly_js};
 
 /// What other pages of the program are made of too.

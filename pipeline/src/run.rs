@@ -5,8 +5,9 @@ use crate::build_args::BuildArgs;
 use crate::error::BuildError;
 use crate::options::{BuildOptions, resolve};
 use crate::progress::Progress;
-use crate::record::{Failure, Record, STAGES, folder_name, hash, json};
+use crate::record::{Failure, Record, hash, json};
 use crate::run_log::{Range, RunLog};
+use crate::stage::list::{STAGES, folder_name, names};
 use crate::store::{self, BuildFolder};
 use crate::{inspect, report};
 use stages::specimen::{RawSpecimen, SpecimenFile};
@@ -21,8 +22,7 @@ pub fn run(args: &BuildArgs) -> Result<String, BuildError> {
         // A second call in one process keeps the first pool; results do not depend on it.
         let _ = rayon::ThreadPoolBuilder::new().num_threads(jobs.into()).build_global();
     }
-    let raw = store::read_specimen(&args.dir)?;
-    let file = stages::ingest::parse_specimen_file(&raw.toml).map_err(|e| BuildError::stage("ingest", e))?;
+    let (file, raw) = store::read_specimen(&args.dir)?;
     if args.to.as_deref() == Some("segment") && file.ct.volume.is_none() {
         return Err(BuildError::Usage("--to segment: the specimen has surfaces and no CT volume ([ct] volume)".into()));
     }
@@ -39,11 +39,17 @@ pub fn run(args: &BuildArgs) -> Result<String, BuildError> {
         }
     }
     let out = args.out.clone().unwrap_or_else(|| args.dir.join("build"));
+    let range = Range { from: args.from.clone(), to: args.to.clone(), force: args.force, plan: args.plan };
+    if args.plan && !store::exists(&out.join("log.jsonl")) {
+        return Ok(format!("Nothing is built in {} yet: every stage would run\n", out.display()));
+    }
     let folder = BuildFolder::open(&out)?;
+    let mut log = RunLog::new(&folder, &options, range, Progress::new(args.quiet, STAGES.len()));
+    if args.plan {
+        return planned(build_model(&file, &raw, &mut log), &log.records);
+    }
     folder.write_file("run.toml", run_toml(&raw, &file, &options)?.as_bytes())?;
-    let range = Range { from: args.from.clone(), to: args.to.clone(), force: args.force };
-    let mut log = RunLog::new(&folder, range, Progress::new(args.quiet));
-    let stopped = match build_model(&raw, &options, &mut log) {
+    let stopped = match build_model(&file, &raw, &mut log) {
         Ok(_) | Err(BuildError::Reached) => None,
         Err(error) => Some(error),
     };
@@ -68,6 +74,21 @@ pub fn run(args: &BuildArgs) -> Result<String, BuildError> {
     })
 }
 
+/// The words of a plan: which stages would run.
+fn planned(end: Result<(), BuildError>, records: &[Record]) -> Result<String, BuildError> {
+    let mut text = String::new();
+    for r in records {
+        let _ = writeln!(text, "{:12} {}", r.stage, if r.cached { "unchanged" } else { "would run" });
+    }
+    match end {
+        Ok(()) | Err(BuildError::Reached) => Ok(text),
+        Err(BuildError::Unplanned(stage)) => {
+            Ok(text + &format!("{stage:12} would run, and what needs it: it never has\n"))
+        }
+        Err(error) => Err(error),
+    }
+}
+
 /// What is kept of the error that stopped a build.
 fn failure(error: &BuildError) -> Failure {
     match error {
@@ -77,13 +98,14 @@ fn failure(error: &BuildError) -> Failure {
 }
 
 fn check_range(args: &BuildArgs) -> Result<(), BuildError> {
-    let place = |name: &Option<String>| name.as_ref().and_then(|n| STAGES.iter().position(|(_, s)| s == n));
+    let names = names();
+    let place = |name: &Option<String>| name.as_ref().and_then(|n| names.iter().position(|s| s == n));
     match (place(&args.from), place(&args.to)) {
         (Some(from), Some(to)) if from > to => Err(BuildError::Usage(format!(
             "--from {} comes after --to {}; stages are {}",
-            STAGES[from].1,
-            STAGES[to].1,
-            STAGES.map(|(_, s)| s).join(", ")
+            names[from],
+            names[to],
+            names.join(", ")
         ))),
         _ => Ok(()),
     }

@@ -1,29 +1,15 @@
 //! Runs a stage: times it, digests its value, keeps it, takes it from an earlier run where nothing changed, names it when it fails.
 
 use crate::error::BuildError;
+use crate::kept::{Inputs, Kept};
+use crate::options::BuildOptions;
 use crate::progress::Progress;
-use crate::record::{Record, folder_name, hash, json};
-use crate::show::{Files, Reported};
+use crate::record::{Record, hash, json};
+use crate::stage::{Files, Reported, Stage, VALUE, Work, section};
 use crate::store::{self, BuildFolder};
-use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
-use std::ops::Deref;
 use std::time::Instant;
-
-/// A stage's value with the digest by which later stages know it.
-pub struct Kept<T> {
-    value: T,
-    /// blake3 of the serialised value.
-    pub digest: String,
-}
-
-impl<T> Deref for Kept<T> {
-    type Target = T;
-    fn deref(&self) -> &T {
-        &self.value
-    }
-}
 
 /// What a stage folder says of itself.
 #[derive(Serialize, Deserialize, schemars::JsonSchema)]
@@ -42,90 +28,72 @@ pub struct Range {
     pub to: Option<String>,
     /// Every stage is run.
     pub force: bool,
+    /// No stage is run: it is told which would be, if the result of each that runs were another than it was.
+    pub plan: bool,
 }
-
-/// What a stage makes: it can be kept, taken up and told of.
-pub trait Value: Serialize + DeserializeOwned + Reported {}
-impl<T: Serialize + DeserializeOwned + Reported> Value for T {}
 
 /// The run: where values are kept and what was logged.
 pub struct RunLog<'a> {
     folder: &'a BuildFolder,
+    options: &'a BuildOptions,
     range: Range,
     forced: bool,
     progress: Progress,
     earlier: BTreeMap<String, Record>,
-    /// One record a finished stage.
+    /// One record a finished stage; of a plan, one a stage that would be there.
     pub records: Vec<Record>,
 }
 
-const VALUE: &str = "value.cbor";
 const SEAL: &str = "stage.json";
 
 impl<'a> RunLog<'a> {
-    /// A run in `folder`.
-    pub fn new(folder: &'a BuildFolder, range: Range, progress: Progress) -> RunLog<'a> {
+    /// A run in `folder` with `options`.
+    pub fn new(folder: &'a BuildFolder, options: &'a BuildOptions, range: Range, progress: Progress) -> RunLog<'a> {
         let text = folder.read_file("log.jsonl").unwrap_or_default();
         let earlier = String::from_utf8_lossy(&text)
             .lines()
             .filter_map(|l| serde_json::from_str::<Record>(l).ok())
             .map(|r| (r.stage.clone(), r))
             .collect();
-        RunLog { folder, forced: range.force, range, progress, earlier, records: Vec::new() }
+        RunLog { folder, options, forced: range.force, range, progress, earlier, records: Vec::new() }
     }
 
-    /// The build's folder.
-    pub fn folder(&self) -> &'a BuildFolder {
-        self.folder
+    /// The options in force.
+    pub fn options(&self) -> &'a BuildOptions {
+        self.options
     }
 
-    /// Tells how far a long stage has come.
-    pub fn teller(&self) -> impl Fn(&str) + use<> {
-        self.progress.teller()
-    }
-
-    /// Runs or takes up a stage. `inputs` are the digests of what it depends on, `options` its resolved options.
-    /// `show` gives what people may look at.
-    pub fn stage<T: Value, O: Serialize, E: ToString>(
-        &mut self,
-        stage: &'static str,
-        inputs: &[&str],
-        options: &O,
-        run: impl FnOnce() -> Result<T, E>,
-        show: impl FnOnce(&T) -> Files,
-    ) -> Result<Kept<T>, BuildError> {
+    /// Runs or takes up a stage. What it is given and its section of the options are the key under which its value is kept.
+    pub(crate) fn stage<S: Stage>(&mut self, inputs: S::Inputs<'_>) -> Result<Kept<S::Value>, BuildError> {
         if self.records.last().is_some_and(|r| Some(&r.stage) == self.range.to.as_ref()) {
             return Err(BuildError::Reached);
         }
-        self.forced |= self.range.from.as_deref() == Some(stage);
-        let key = key(stage, inputs, options)?;
+        self.forced |= self.range.from.as_deref() == Some(S::NAME);
+        let options = S::options(self.options);
+        let key = key(S::NAME, section::<S>(self.options)?, inputs);
         if !self.forced
-            && let Some(kept) = self.take_up::<T>(stage, &key)?
+            && let Some(kept) = self.take_up::<S>(&key)?
         {
             return Ok(kept);
         }
-        self.progress.start(stage);
+        if self.range.plan {
+            return self.outdated::<S>();
+        }
+        self.progress.start(S::NAME);
         store::reset_peak_memory();
         let start = Instant::now();
-        let value = run().map_err(|e| BuildError::stage(stage, e.to_string()))?;
-        let digest = self.keep(stage, key, &value, show(&value))?;
+        let work = Work { folder: self.folder, tell: &self.progress.teller() };
+        let value = S::run(inputs, options, &work).map_err(|e| BuildError::stage(S::NAME, e))?;
+        let kept = self.keep::<S>(key, value, inputs)?;
         let seconds = start.elapsed().as_secs_f64();
-        let peak_memory_mib = store::peak_memory_mib().unwrap_or(0.0);
-        self.record(Record {
-            stage: stage.into(),
-            seconds: (seconds * 1e3).round() / 1e3,
-            peak_memory_mib: peak_memory_mib.round(),
-            digest: digest.clone(),
-            cached: false,
-            warnings: value.warnings().to_vec(),
-            metrics: value.metrics(),
-        })?;
-        Ok(Kept { value, digest })
+        let took = ((seconds * 1e3).round() / 1e3, store::peak_memory_mib().unwrap_or(0.0).round());
+        self.record(record(S::NAME, &kept, took, false))?;
+        Ok(kept)
     }
 
     /// The stage's value from an earlier run, if its key and every file are as they were.
-    fn take_up<T: Value>(&mut self, stage: &'static str, key: &str) -> Result<Option<Kept<T>>, BuildError> {
-        let Some(files) = self.folder.read_folder(&folder_name(stage)) else { return Ok(None) };
+    fn take_up<S: Stage>(&mut self, key: &str) -> Result<Option<Kept<S::Value>>, BuildError> {
+        let Some(files) = self.folder.read_folder(&folder::<S>()) else { return Ok(None) };
         let Some(seal) = files.get(SEAL).and_then(|b| serde_json::from_slice::<Seal>(b).ok()) else { return Ok(None) };
         if seal.key != key {
             return Ok(None);
@@ -133,45 +101,56 @@ impl<'a> RunLog<'a> {
         let whole = seal.files.len() + 1 == files.len()
             && seal.files.iter().all(|(name, digest)| files.get(name).is_some_and(|b| hash(b) == *digest));
         if !whole {
-            self.progress.note(&format!("{stage}: its artifacts were changed by hand; built anew"));
+            self.progress.note(&format!("{}: its artifacts were changed by hand; built anew", S::NAME));
             return Ok(None);
         }
-        let Some(value) = files.get(VALUE).and_then(|b| ciborium::from_reader::<T, _>(b.as_slice()).ok()) else {
-            return Ok(None);
-        };
-        let (seconds, peak_memory_mib) = self.earlier.get(stage).map_or((0.0, 0.0), |r| (r.seconds, r.peak_memory_mib));
-        self.record(Record {
-            stage: stage.into(),
-            seconds,
-            peak_memory_mib,
-            digest: seal.digest.clone(),
-            cached: true,
-            warnings: value.warnings().to_vec(),
-            metrics: value.metrics(),
-        })?;
-        Ok(Some(Kept { value, digest: seal.digest }))
+        let Some(kept) = files.get(VALUE).and_then(|b| Some(Kept::made(decoded::<S>(b)?, b))) else { return Ok(None) };
+        let took = self.earlier.get(S::NAME).map_or((0.0, 0.0), |r| (r.seconds, r.peak_memory_mib));
+        self.record(record(S::NAME, &kept, took, true))?;
+        Ok(Some(kept))
     }
 
-    fn keep<T: Value>(&self, stage: &'static str, key: String, value: &T, shown: Files) -> Result<String, BuildError> {
+    /// In a plan: the stage would run. Its earlier value stands in for the one it would make; without one the plan ends here.
+    fn outdated<S: Stage>(&mut self) -> Result<Kept<S::Value>, BuildError> {
+        let file = format!("{}/{VALUE}", folder::<S>());
+        let earlier = self.folder.read_file(&file).and_then(|bytes| decoded::<S>(&bytes));
+        let Some(value) = earlier else { return Err(BuildError::Unplanned(S::NAME)) };
+        let kept = Kept::outdated(value);
+        self.record(record(S::NAME, &kept, (0.0, 0.0), false))?;
+        Ok(kept)
+    }
+
+    fn keep<S: Stage>(
+        &self,
+        key: String,
+        value: S::Value,
+        inputs: S::Inputs<'_>,
+    ) -> Result<Kept<S::Value>, BuildError> {
         let mut bytes = Vec::new();
-        ciborium::into_writer(value, &mut bytes).map_err(|e| BuildError::stage(stage, e))?;
-        let digest = hash(&bytes);
-        let mut files = shown.map_err(|e| BuildError::stage(stage, e))?;
+        ciborium::into_writer(&value, &mut bytes).map_err(|e| BuildError::stage(S::NAME, e))?;
+        let shown: Files = S::artifacts(&value, inputs);
+        let mut files = shown.map_err(|e| BuildError::stage(S::NAME, e))?;
         files.push(("metrics.json".into(), json(&value.metrics())));
+        let kept = Kept::made(value, &bytes);
         files.push((VALUE.into(), bytes));
         let seal = Seal {
             key,
-            digest: digest.clone(),
+            digest: kept.digest().to_owned(),
             files: files.iter().map(|(name, bytes)| (name.clone(), hash(bytes))).collect(),
         };
         files.push((SEAL.into(), json(&seal)));
-        self.folder.write_folder(&folder_name(stage), &files)?;
-        Ok(digest)
+        self.folder.write_folder(&folder::<S>(), &files)?;
+        Ok(kept)
     }
 
     fn record(&mut self, record: Record) -> Result<(), BuildError> {
-        self.progress.done(&record);
+        if !self.range.plan {
+            self.progress.done(&record);
+        }
         self.records.push(record);
+        if self.range.plan {
+            return Ok(());
+        }
         let mut text = String::new();
         for r in &self.records {
             text += &serde_json::to_string(r).map_err(|e| BuildError::File(e.to_string()))?;
@@ -181,17 +160,37 @@ impl<'a> RunLog<'a> {
     }
 }
 
-/// The file in a stage's folder that holds its value.
-pub fn value_name() -> &'static str {
-    VALUE
+/// A line of the log; `took` are seconds and MiB.
+fn record<T: Reported>(stage: &str, kept: &Kept<T>, took: (f64, f64), cached: bool) -> Record {
+    Record {
+        stage: stage.into(),
+        seconds: took.0,
+        peak_memory_mib: took.1,
+        digest: kept.digest().to_owned(),
+        cached,
+        warnings: kept.warnings().to_vec(),
+        metrics: kept.metrics(),
+    }
 }
 
-fn key<O: Serialize>(stage: &str, inputs: &[&str], options: &O) -> Result<String, BuildError> {
-    let options = serde_json::to_string(options).map_err(|e| BuildError::Option(e.to_string()))?;
+/// `NN-stage`.
+fn folder<S: Stage>() -> String {
+    format!("{}-{}", S::NUMBER, S::NAME)
+}
+
+/// A stage's value as it was kept; `None` where another version kept it.
+fn decoded<S: Stage>(bytes: &[u8]) -> Option<S::Value> {
+    ciborium::from_reader(bytes).ok()
+}
+
+/// The digest of all that a stage's value depends on: the program, the stage, its options, what it is given.
+fn key(stage: &str, options: String, inputs: impl Inputs) -> String {
+    let mut parts = vec![env!("GENU_CODE_DIGEST").to_owned(), stage.to_owned(), options];
+    inputs.digests(&mut parts);
     let mut hasher = blake3::Hasher::new();
-    for part in [env!("GENU_CODE_DIGEST"), stage, &options].iter().chain(inputs) {
+    for part in parts {
         hasher.update(&(part.len() as u64).to_le_bytes());
         hasher.update(part.as_bytes());
     }
-    Ok(hasher.finalize().to_hex().to_string())
+    hasher.finalize().to_hex().to_string()
 }

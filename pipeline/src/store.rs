@@ -5,7 +5,7 @@ pub mod part;
 
 use crate::error::BuildError;
 use sim::names::did_you_mean;
-use stages::specimen::RawSpecimen;
+use stages::specimen::{RawSpecimen, SpecimenFile};
 use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::{Read, Write};
@@ -75,7 +75,7 @@ pub fn first_that_exists(paths: &[PathBuf]) -> PathBuf {
 }
 
 /// Reads specimen.toml and every file it names that is there, relative to `folder`.
-pub fn read_specimen(folder: &Path) -> Result<RawSpecimen, BuildError> {
+pub fn read_specimen(folder: &Path) -> Result<(SpecimenFile, RawSpecimen), BuildError> {
     if !folder.is_dir() {
         return Err(BuildError::File(format!(
             "{} is not a specimen folder: no such folder{}; expected the folder that holds specimen.toml. A new one: build-model init {0}",
@@ -91,13 +91,13 @@ pub fn read_specimen(folder: &Path) -> Result<RawSpecimen, BuildError> {
     }
     let toml = read_text(&folder.join("specimen.toml"))?;
     let mut files: BTreeMap<String, Vec<u8>> = BTreeMap::new();
-    let mut wanted = stages::ingest::paths_named_by(&toml).map_err(|e| BuildError::stage("ingest", e))?;
-    let volume = stages::ingest::parse_specimen_file(&toml).ok().and_then(|file| file.ct.volume);
+    let file = stages::ingest::parse_specimen_file(&toml).map_err(|e| BuildError::stage("ingest", e))?;
+    let mut wanted = stages::ingest::paths_of(&file);
     wanted.extend(stages::ingest::OPTIONAL_PATHS.map(String::from));
     while let Some(path) = wanted.pop() {
         // What is missing is told by ingest, which knows who names it and whether it matters.
         let Some(place) = inside(folder, &path).filter(|p| p.exists() && !files.contains_key(&path)) else { continue };
-        if Some(&path) == volume.as_ref() && place.is_dir() {
+        if Some(&path) == file.ct.volume.as_ref() && place.is_dir() {
             wanted.extend(series(&place, &path)?);
             continue;
         }
@@ -105,7 +105,7 @@ pub fn read_specimen(folder: &Path) -> Result<RawSpecimen, BuildError> {
         wanted.extend(stages::ingest::paths_named_in(&path, &bytes));
         files.insert(path, bytes);
     }
-    Ok(RawSpecimen { toml, files })
+    Ok((file, RawSpecimen { toml, files }))
 }
 
 /// The paths of the files in a folder and the folders in it, as DICOM series lie: at most four deep and 20,000.

@@ -1,12 +1,10 @@
-//! `validate`, and stage 11: the protocols on calibrated models of one knee, and their comparison.
+//! `validate`: the protocols on calibrated models of one knee, and their comparison.
 
-use crate::calibrate::Calibration;
 use crate::error::BuildError;
+use crate::given::read_passive;
 use crate::model_file;
 use crate::options::{Override, parse_override, resolve};
-use crate::show::{Files, Reported};
 use crate::store;
-use calibration::cost::CostFunction;
 use clap::Args;
 use serde::{Deserialize, Serialize};
 use sim::laxity::protocol_csv;
@@ -69,8 +67,7 @@ pub fn validate(args: &ValidateArgs) -> Result<String, BuildError> {
         sources.push(source(name, &model.spec, &model.meshes, &options, &mut warnings)?);
     }
     let validation = Validation::new(sources, passive, warnings);
-    let files = show(&validation, None).map_err(|e| BuildError::File(e.to_string()))?;
-    store::write_all(&store::make_folder(&args.out)?, &files)?;
+    store::write_all(&store::make_folder(&args.out)?, &files_of(&validation))?;
     let text: String = validation.warnings.iter().map(|w| format!("warning: {w}\n")).collect();
     Ok(text + &words(&validation) + &format!("Results are in {}\n", args.out.display()))
 }
@@ -101,14 +98,8 @@ fn name_of(text: &str) -> (String, PathBuf) {
     (if is_file && stem != "model" { stem } else { folder.unwrap_or(stem) }, path.to_path_buf())
 }
 
-/// Measured passive flexion under its name.
-pub fn read_passive(name: &str, file: &str, bytes: &[u8]) -> Result<Passive, BuildError> {
-    let poses = validation::passive::read(bytes).map_err(|e| BuildError::File(format!("{file}: {e}")))?;
-    Ok(Passive { name: name.to_owned(), poses })
-}
-
 /// A model's answers to the protocols.
-fn source(
+pub(crate) fn source(
     name: &str,
     spec: &ModelSpec,
     meshes: &BTreeMap<String, MeshValue>,
@@ -129,7 +120,7 @@ fn source(
     Ok(source)
 }
 
-/// The validation of a build.
+/// A validation: of a build, or of models given by hand.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Validation {
     /// Whose knee, or knees.
@@ -146,17 +137,9 @@ pub struct Validation {
     pub metrics: serde_json::Value,
 }
 
-impl Reported for Validation {
-    fn metrics(&self) -> serde_json::Value {
-        self.metrics.clone()
-    }
-    fn warnings(&self) -> &[String] {
-        &self.warnings
-    }
-}
-
 impl Validation {
-    fn new(sources: Vec<Source>, passive: Vec<Passive>, warnings: Vec<String>) -> Validation {
+    /// Of models with their answers, and what they are compared with.
+    pub(crate) fn new(sources: Vec<Source>, passive: Vec<Passive>, warnings: Vec<String>) -> Validation {
         let differences = compare(&sources, &passive);
         let mut ids: Vec<&str> = sources.iter().map(|s| s.specimen.as_str()).collect();
         ids.dedup();
@@ -172,22 +155,8 @@ impl Validation {
     }
 }
 
-/// Stage 11.
-pub fn validate_all(
-    meshes: &BTreeMap<String, MeshValue>,
-    calibration: &Calibration,
-    passive: &[Passive],
-    options: &ProtocolOptions,
-) -> Result<Validation, BuildError> {
-    let (mut sources, mut warnings) = (Vec::new(), Vec::new());
-    for (name, outcome) in &calibration.sources {
-        sources.push(source(name, &outcome.spec, meshes, options, &mut warnings)?);
-    }
-    Ok(Validation::new(sources, passive.to_vec(), warnings))
-}
-
-/// 11-validate: a folder a source, the comparison, tables and figures; figures 5 and 6 where the targets are at hand.
-pub fn show(v: &Validation, calibration: Option<&Calibration>) -> Files {
+/// A folder a source, the comparison, tables, and figures 7 and 8.
+pub(crate) fn files_of(v: &Validation) -> Vec<(String, Vec<u8>)> {
     let mut files: Vec<(String, String)> = Vec::new();
     for s in &v.sources {
         for (name, rows) in s.protocols() {
@@ -200,16 +169,7 @@ pub fn show(v: &Validation, calibration: Option<&Calibration>) -> Files {
     files.push(("tables.md".into(), tables::page(&v.specimen, &all, &differences)));
     files.push(("figure7.svg".into(), figures::figure7(&v.sources)));
     files.push(("figure8.svg".into(), figures::figure8(&v.sources, &v.passive)));
-    if let Some(c) = calibration {
-        let targets: Vec<_> = c.sources.iter().map(|(n, o)| (n.clone(), o.trials.clone())).collect();
-        files.push(("figure5.svg".into(), figures::figure5(&targets)));
-        for (name, o) in &c.sources {
-            if let Ok(cost) = CostFunction::new(&o.trials, &o.spec.frames.gs_ct_pose, &c.options.cost) {
-                files.push((format!("figure6_{name}.svg"), figures::figure6(name, &cost, &o.found.predicted)));
-            }
-        }
-    }
-    Ok(files.into_iter().map(|(name, text)| (name, text.into_bytes())).collect())
+    files.into_iter().map(|(name, text)| (name, text.into_bytes())).collect()
 }
 
 /// The differences, for the terminal.

@@ -130,6 +130,7 @@ fn exception(py: Python<'_>, failure: &Py<PyAny>, error: &BuildError) -> PyErr {
         BuildError::File(_) | BuildError::Faults { .. } => ("file", None),
         BuildError::Option(_) => ("option", None),
         BuildError::Usage(_) => ("usage", None),
+        BuildError::Unplanned(stage) => ("stage", Some(*stage)),
         BuildError::Reached => ("stage", None),
     };
     match failure.call1(py, (kind, stage, error.to_string())) {

@@ -8,7 +8,7 @@ mod slicer;
 mod space;
 mod surfaces;
 
-pub use file::{OPTIONAL_PATHS, named, parse_specimen_file, paths_named_by, paths_named_in};
+pub use file::{OPTIONAL_PATHS, named, parse_specimen_file, paths_named_by, paths_named_in, paths_of};
 pub use surfaces::{Judged, judge_surfaces, middle_extent};
 
 use crate::frames;
@@ -27,20 +27,27 @@ use meshes::surface::{ColouredMesh, TriMesh};
 /// # Errors
 /// A missing or unreadable file, an unknown key, name or unit: with file, line or element, what was expected, what to do.
 pub fn ingest(raw: &RawSpecimen, options: &IngestOptions) -> Result<Specimen, StageError> {
-    let file = parse_specimen_file(&raw.toml)?;
+    ingest_file(&parse_specimen_file(&raw.toml)?, raw, options)
+}
+
+/// [`ingest`] of a specimen.toml that is parsed already; of `raw` only the files are looked at.
+///
+/// # Errors
+/// As [`ingest`].
+pub fn ingest_file(file: &SpecimenFile, raw: &RawSpecimen, options: &IngestOptions) -> Result<Specimen, StageError> {
     if let Some(odd) = options.ras.iter().find(|r| !RAS_INPUTS.contains(&r.as_str())) {
         let known = RAS_INPUTS.join(", ");
         return Err(StageError(format!("options.ingest.ras names `{odd}`; expected any of {known}")));
     }
     let mut warnings = Vec::new();
-    file::check_present(&file, raw)?;
+    file::check_present(file, raw)?;
     let surface =
         |key: &str, path: &str, warnings: &mut Vec<String>| surfaces::checked(key, path, &raw.files, options, warnings);
-    let sources = sources(&file, raw, options, &mut warnings, &surface)?;
-    let landmarks = points::landmarks(&file, raw, options)?;
-    warnings.extend(points::missing(&file, raw, &landmarks));
-    let marks = points::marks(&file, raw, options)?;
-    let given_fibres = points::fibres(&file, raw, options)?;
+    let sources = sources(file, raw, options, &mut warnings, &surface)?;
+    let landmarks = points::landmarks(file, raw, options)?;
+    warnings.extend(points::missing(file, raw, &landmarks));
+    let marks = points::marks(file, raw, options)?;
+    let given_fibres = points::fibres(file, raw, options)?;
     let given_frames = match &file.frames {
         Some(f) => Some(frames::given::read(&f.file, &raw.files[&f.file])?),
         None => None,
@@ -58,7 +65,7 @@ pub fn ingest(raw: &RawSpecimen, options: &IngestOptions) -> Result<Specimen, St
     metrics["marks"] = marks.len().into();
     metrics["given_fibres"] = given_fibres.len().into();
     Ok(Specimen {
-        identity: file.specimen,
+        identity: file.specimen.clone(),
         ct: sources.ct,
         scans: sources.scans,
         mri: sources.mri,
@@ -68,7 +75,7 @@ pub fn ingest(raw: &RawSpecimen, options: &IngestOptions) -> Result<Specimen, St
         marks,
         given_fibres,
         given_frames,
-        ligaments: file.ligaments,
+        ligaments: file.ligaments.clone(),
         warnings,
         metrics,
     })

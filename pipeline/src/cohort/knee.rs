@@ -1,8 +1,8 @@
 //! One build as the cohort sees it: the files that FORMAT.md fixes, nothing of the program's own.
 
 use crate::inspect;
-use crate::record::Failure;
-use crate::record::{Record, folder_name};
+use crate::record::{Failure, Record};
+use crate::stage::list::folder_name;
 use crate::store;
 use serde_json::Value;
 use std::path::{Path, PathBuf};

@@ -203,7 +203,7 @@ fn strips(knees: &[Knee], outliers: &[Outlier]) -> Vec<Strip> {
             dots.push(Dot { category: category.clone(), knee, value, interval: None, outlier });
         }
     }
-    let order = crate::record::STAGES.map(|(_, s)| s);
+    let order = crate::stage::list::names();
     let mut groups: Vec<_> = groups.into_iter().collect();
     groups.sort_by_key(|((stage, _), _)| order.iter().position(|s| s == stage));
     let mut out: Vec<Strip> = groups

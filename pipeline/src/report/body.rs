@@ -1,28 +1,31 @@
 //! The parts of the report: verdict, a stage, what failed, the diagnosis.
 
 use super::chart::Chart;
-use super::charts;
-use super::force_charts;
+use super::check::{Check, KeyFigure};
+use super::failed;
 use super::geometry::Pool;
-use super::html::{escaped, flatten, heading};
+use super::html::{escaped, flatten};
 use super::methods::Methods;
 use super::motion::{self, Motion};
-use super::scene::Scene;
-use super::scenes;
-use super::values::Values;
-use super::verdict::{self, Check, KeyFigure};
+use super::scene::{Scene, named_places, places};
 use super::warnings;
-use crate::record::{Failure, Record, folder_name};
+use crate::options::BuildOptions;
+use crate::record::{Failure, Record};
+use crate::stage::Values;
+use crate::stage::list::{Assemble, STAGES, folder_name, heading, named};
+use crate::stage::{Stage, View};
 use crate::store::BuildFolder;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
+use meshes::Point;
 use serde_json::{Map, Value, json};
+use stages::frames::Frames;
+use stages::specimen::Specimen;
 use std::fmt::Write;
 
 /// A build's part of a page, and the data that its scenes and charts draw.
 pub(super) struct Body<'a> {
-    pub(super) values: Values,
-    folder: &'a BuildFolder,
+    values: Values<'a>,
     warnings: Vec<(String, String)>,
     /// Its key in the page's data.
     key: &'static str,
@@ -42,13 +45,14 @@ impl<'a> Body<'a> {
     /// A body of the build in `folder`.
     pub(super) fn new(folder: &'a BuildFolder, records: &[Record], key: &'static str, stills: bool) -> Body<'a> {
         let stages: Vec<&str> = records.iter().map(|r| r.stage.as_str()).collect();
-        let values = Values::read(folder, &stages);
-        let pool = Pool::new(values.frames.as_ref());
+        let done = STAGES.into_iter().filter(|s| stages.contains(&s.name()));
+        let mut values = Values::new(folder, options(folder).unwrap_or_default(), done.collect());
+        let pool = Pool::new(values.of::<Frames>());
         let motions = motion::motions(&values, &pool);
+        values.moves = !motions.is_empty();
         let warnings = records.iter().flat_map(|r| r.warnings.iter().map(|w| (r.stage.clone(), w.clone()))).collect();
         Body {
             values,
-            folder,
             warnings,
             key,
             stills,
@@ -63,17 +67,19 @@ impl<'a> Body<'a> {
 
     /// Name, and whether the knee is synthetic.
     pub(super) fn identity(&self) -> (String, bool) {
-        self.values.identity()
+        self.values.of::<Specimen>().map_or(("a knee".into(), false), |s| {
+            (s.identity.id.clone(), s.identity.provenance.as_deref() == Some("synthetic"))
+        })
     }
 
     /// The first screen: a sentence, three figures with their limits, the knee, what to look at next; then questions and warnings.
     pub(super) fn first(&mut self, failure: Option<&Failure>) -> String {
-        let checks = verdict::checks(&self.values);
-        let knee = scenes::knee(&self.values, &mut self.pool, !self.motions.is_empty());
+        let checks = self.checks();
+        let knee = Assemble.scene(&self.values, &mut self.pool);
         self.knee_shown = knee.is_some();
-        let picture = knee.map_or(String::new(), |scene| self.figure(scene, "assemble"));
+        let picture = knee.map_or(String::new(), |scene| self.figure(scene, &Assemble));
         let mut html = format!("<div class=\"first\"><div>{}", self.sentence(&checks, failure));
-        html += &key_figures(&verdict::figures(&self.values));
+        html += &key_figures(&self.key_figures());
         html += &self.next(&checks, failure);
         html += &format!("</div>{picture}</div>");
         html + &self.details(&checks)
@@ -81,8 +87,18 @@ impl<'a> Body<'a> {
 
     /// The verdict, the questions and the warnings, without the knee.
     pub(super) fn verdict(&self, failure: Option<&Failure>) -> String {
-        let checks = verdict::checks(&self.values);
+        let checks = self.checks();
         self.sentence(&checks, failure) + &self.details(&checks)
+    }
+
+    /// The questions, as far as the build has come.
+    fn checks(&self) -> Vec<Check> {
+        STAGES.iter().flat_map(|stage| stage.checks(&self.values)).collect()
+    }
+
+    /// The figures that matter most, as far as the build has come.
+    fn key_figures(&self) -> Vec<KeyFigure> {
+        STAGES.iter().filter_map(|stage| stage.key_figure(&self.values)).collect()
     }
 
     /// The verdict in a sentence.
@@ -121,15 +137,8 @@ impl<'a> Body<'a> {
         items.extend(bad.map(|c| link(c.stage, &format!("{} {}", c.question, c.answer))));
         let groups = warnings::groups(&self.warnings);
         items.extend(groups.iter().filter(|g| g.heavy).filter_map(|g| Some(link(&g.stage, g.all.first()?))));
-        for (stage, words) in [
-            ("register", "Does bare bone of the scans lie on the CT bones?"),
-            ("attachments", "Does every site lie where the ligament attaches?"),
-            ("calibrate", "Does the model answer as the knee did?"),
-        ] {
-            if self.stages.iter().any(|s| s == stage) {
-                items.push(link(stage, words));
-            }
-        }
+        let done = STAGES.iter().filter(|stage| self.stages.iter().any(|s| s == stage.name()));
+        items.extend(done.filter_map(|stage| Some(link(stage.name(), stage.look()?))));
         items.truncate(3);
         if items.is_empty() {
             return String::new();
@@ -145,40 +154,39 @@ impl<'a> Body<'a> {
     pub(super) fn stage(&mut self, record: &Record) -> String {
         let mine: Vec<(String, String)> = self.warnings.iter().filter(|(s, _)| *s == record.stage).cloned().collect();
         let mut html = warnings::html(&mine);
-        if record.stage == "assemble" && self.knee_shown {
+        if record.stage == Assemble::NAME && self.knee_shown {
             html += "<p>The knee in 3D stands <a href=\"#verdict\">at the top</a>.</p>";
         }
         html += &self.scenes(&record.stage);
         html += &self.charts(&record.stage);
-        if record.stage == "validate" {
-            html += &self.paper();
-        }
-        if record.stage == "diagnose" {
-            html += &self.diagnosis();
-        }
+        html += &named(&record.stage).map_or(String::new(), |stage| stage.more(&self.values));
         html + &metrics_table(record)
     }
 
     /// Versions, options and digests.
     pub(super) fn methods(&self, records: &[Record]) -> String {
-        let run = self.folder.read_file("run.toml").unwrap_or_default();
+        let run = self.values.folder.read_file("run.toml").unwrap_or_default();
         Methods::read(&run, records).map_or(String::new(), |m| m.html())
     }
 
-    /// The scenes of a stage with their stills.
-    pub(super) fn scenes(&mut self, stage: &str) -> String {
-        let warnings: Vec<String> = self.warnings.iter().filter(|(s, _)| s == stage).map(|(_, w)| w.clone()).collect();
-        let mut new = scenes::scenes(stage, &warnings, &self.values, &mut self.pool);
-        if stage == "assemble" && !self.knee_shown {
-            new.extend(scenes::knee(&self.values, &mut self.pool, !self.motions.is_empty()));
+    /// The scene of a stage with its stills; places that its warnings name are marked in it.
+    pub(super) fn scenes(&mut self, name: &str) -> String {
+        let Some(stage) = named(name).filter(|s| s.name() != Assemble::NAME || !self.knee_shown) else {
+            return String::new();
+        };
+        let Some(mut scene) = stage.scene(&self.values, &mut self.pool) else { return String::new() };
+        let warnings = self.warnings.iter().filter(|(s, _)| s == name);
+        let marked: Vec<Point> = warnings.flat_map(|(_, w)| places(w)).collect();
+        if !marked.is_empty() && name != Assemble::NAME {
+            scene.layers.push(named_places("places that warnings name", &marked, &self.pool));
         }
-        new.into_iter().map(|scene| self.figure(scene, stage)).collect()
+        self.figure(scene, stage)
     }
 
     /// A scene with the stills of its stage.
-    fn figure(&mut self, scene: Scene, stage: &str) -> String {
+    fn figure(&mut self, scene: Scene, stage: &dyn View) -> String {
         let stills: String =
-            if self.stills { self.values.pictures(stage).iter().map(still).collect() } else { String::new() };
+            if self.stills { stage.stills(&self.values).iter().map(still).collect() } else { String::new() };
         let html = format!(
             "<figure data-scene=\"{0}/{1}\" id=\"scene-{0}-{1}\"><h3>{2}</h3><div class=\"still\">{stills}</div><figcaption id=\"text-{0}-{1}\">{3}</figcaption></figure>",
             self.key,
@@ -192,10 +200,7 @@ impl<'a> Body<'a> {
 
     /// The charts of a stage.
     pub(super) fn charts(&mut self, stage: &str) -> String {
-        let mut all = charts::charts(stage, &self.values);
-        if stage == "calibrate" {
-            all.extend(force_charts::charts(self.folder));
-        }
+        let all = named(stage).map_or(vec![], |stage| stage.charts(&self.values));
         if all.is_empty() {
             return String::new();
         }
@@ -214,36 +219,6 @@ impl<'a> Body<'a> {
         html + "</div>"
     }
 
-    /// The paper's tables and figures for this knee.
-    fn paper(&self) -> String {
-        let Some(v) = &self.values.validation else { return String::new() };
-        let mut html = String::new();
-        let files = self.folder.read_folder(&folder_name("validate")).unwrap_or_default();
-        for (name, bytes) in files.iter().filter(|(name, _)| name.ends_with(".svg")) {
-            let title = name.trim_end_matches(".svg").replace('_', ", ").replace("figure", "Figure ");
-            let _ = write!(
-                html,
-                "<figure data-svg=\"{0}\"><h3>{0}</h3><img class=\"paper\" alt=\"{0} of the paper, drawn for this knee; the tables below hold its numbers\" src=\"data:image/svg+xml;base64,{1}\"></figure>",
-                escaped(&title),
-                STANDARD.encode(bytes)
-            );
-        }
-        let tables = validation::tables::tables(&v.sources);
-        for t in tables.iter().chain([&validation::tables::differences(&v.differences)]) {
-            let row = |cells: &[String], tag: &str| {
-                cells.iter().map(|c| format!("<{tag}>{}</{tag}>", escaped(c))).collect::<String>()
-            };
-            let rows: String = t.rows.iter().map(|r| format!("<tr>{}</tr>", row(r, "td"))).collect();
-            let _ = write!(
-                html,
-                "<details><summary>{}</summary><div class=\"wide\" tabindex=\"0\"><table><thead><tr>{}</tr></thead><tbody>{rows}</tbody></table></div></details>",
-                escaped(&t.title),
-                row(&t.header, "th")
-            );
-        }
-        html
-    }
-
     /// What stopped the build: the message, the places it names on what the stage was given.
     pub(super) fn failed(&mut self, failure: &Failure) -> String {
         let mut html = format!(
@@ -252,7 +227,7 @@ impl<'a> Body<'a> {
             escaped(&heading(&failure.stage)),
             escaped(&failure.message)
         );
-        if let Some(scene) = scenes::failed(failure, &self.values, &mut self.pool) {
+        if let Some(scene) = failed::scene(failure, &self.values, &mut self.pool) {
             let _ = write!(
                 html,
                 "<figure data-scene=\"{0}/{1}\" id=\"scene-{0}-{1}\"><h3>{2}</h3><div class=\"still\"></div><figcaption id=\"text-{0}-{1}\">{3}</figcaption></figure>",
@@ -266,29 +241,16 @@ impl<'a> Body<'a> {
         html + "</section>"
     }
 
-    /// The page of the diagnosis.
-    fn diagnosis(&self) -> String {
-        let Some(bytes) = self.folder.read_file("12-diagnose/report.html") else { return String::new() };
-        let page = String::from_utf8_lossy(&bytes);
-        let between = |from: &str, to: &str| {
-            let rest = page.split_once(from).map_or("", |(_, rest)| rest);
-            rest.split_once(to).map_or(rest, |(inside, _)| inside).to_owned()
-        };
-        // a tree of its own, so that neither page's style reaches the other; its headings stand below the section's
-        let (style, body) = (between("<style>", "</style>"), between("<body>", "</body>"));
-        let style = style.replace("h2{", "h4{").replace("h1{", "h3{");
-        let body = [("<h2>", "<h4>"), ("</h2>", "</h4>"), ("<h1>", "<h3>"), ("</h1>", "</h3>")]
-            .iter()
-            .fold(body, |text, (from, to)| text.replace(from, to));
-        format!(
-            "<div class=\"diagnosis\"><template shadowrootmode=\"open\"><style>{style}</style>{body}</template></div>"
-        )
-    }
-
     /// What the page's scenes and charts draw.
     pub(super) fn data(self) -> Value {
         json!({"meshes": self.pool.json(), "scenes": self.scenes, "charts": self.charts, "motions": self.motions})
     }
+}
+
+/// The options in force, as run.toml has them; `None` where another version wrote it.
+fn options(folder: &BuildFolder) -> Option<BuildOptions> {
+    let run: toml::Table = String::from_utf8(folder.read_file("run.toml")?).ok()?.parse().ok()?;
+    run.get("options")?.clone().try_into().ok()
 }
 
 fn key_figures(figures: &[KeyFigure]) -> String {
@@ -334,7 +296,7 @@ fn questions(checks: &[Check]) -> String {
     format!("<table id=\"questions\"><tbody>{rows}</tbody></table>")
 }
 
-fn still(picture: &super::pictures::Figure) -> String {
+fn still(picture: &super::picture::Picture) -> String {
     format!(
         "<figure><img alt=\"{0}\" width=\"{1}\" src=\"data:image/png;base64,{2}\"><figcaption>{0}</figcaption></figure>",
         escaped(&picture.caption),

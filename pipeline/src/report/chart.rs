@@ -5,13 +5,13 @@ use plotly::common::Title;
 use plotly::layout::Axis;
 
 /// A chart with its words.
-pub(super) struct Chart {
-    pub(super) id: String,
-    pub(super) title: String,
+pub(crate) struct Chart {
+    pub(crate) id: String,
+    pub(crate) title: String,
     /// Its text alternative.
-    pub(super) text: String,
+    pub(crate) text: String,
     /// What plotly.js draws.
-    pub(super) plot: String,
+    pub(crate) plot: String,
 }
 
 pub(crate) const COLOURS: [&str; 8] =

@@ -1,10 +1,11 @@
 //! Two builds side by side: before and after a change, or two knees.
 
 use super::body::Body;
-use super::html::{escaped, flatten, foot, head, heading};
+use super::html::{escaped, flatten, foot, head};
 use crate::error::BuildError;
 use crate::inspect;
-use crate::record::{Record, STAGES};
+use crate::record::Record;
+use crate::stage::list::{STAGES, heading};
 use crate::store::BuildFolder;
 use serde_json::json;
 use std::collections::BTreeMap;
@@ -31,7 +32,7 @@ pub(super) fn page(builds: [(&BuildFolder, &Vec<Record>); 2], places: [&Path; 2]
         );
     }
     html += "</div><main id=\"stages\">";
-    for (_, stage) in STAGES {
+    for stage in STAGES.map(|s| s.name()) {
         let of = |records: &[Record]| records.iter().find(|r| r.stage == stage).cloned();
         let found = [of(one.1), of(two.1)];
         if found.iter().all(Option::is_none) {

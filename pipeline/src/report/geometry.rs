@@ -10,14 +10,14 @@ use stages::frames::Frames;
 use std::collections::BTreeMap;
 
 /// The surfaces of a page by name, and the axes they are in: x to the patient's right, y forwards, z up; mm.
-pub(super) struct Pool {
+pub(crate) struct Pool {
     axes: Isometry,
     meshes: BTreeMap<String, Value>,
 }
 
 impl Pool {
     /// An empty pool in the tibia's axes, or in CT's where frames have not been found.
-    pub(super) fn new(frames: Option<&Frames>) -> Pool {
+    pub(crate) fn new(frames: Option<&Frames>) -> Pool {
         let axes = frames.map_or(Isometry::identity(), |f| {
             let t = &f.tibia;
             let right = t.anterior.cross(&t.superior);
@@ -29,18 +29,18 @@ impl Pool {
     }
 
     /// A CT point in the page's axes.
-    pub(super) fn point(&self, p: &Point) -> Point {
+    pub(crate) fn point(&self, p: &Point) -> Point {
         self.axes * p
     }
 
     /// A motion of CT points as the rows of a 3 x 4 matrix in the page's axes.
-    pub(super) fn motion(&self, motion: &Isometry) -> Vec<f64> {
+    pub(crate) fn motion(&self, motion: &Isometry) -> Vec<f64> {
         let m = (self.axes * motion * self.axes.inverse()).to_homogeneous();
         (0..12).map(|i| rounded(m[(i / 4, i % 4)], 1e6)).collect()
     }
 
     /// Keeps a surface under `name`; at most one of a name.
-    pub(super) fn keep(&mut self, name: &str, mesh: &TriMesh) {
+    pub(crate) fn keep(&mut self, name: &str, mesh: &TriMesh) {
         if !self.meshes.contains_key(name) {
             let packed = packed(&mesh.moved(&self.axes));
             self.meshes.insert(name.to_owned(), packed);
@@ -48,13 +48,13 @@ impl Pool {
     }
 
     /// All of it.
-    pub(super) fn json(self) -> Value {
+    pub(crate) fn json(self) -> Value {
         json!(self.meshes)
     }
 }
 
 /// `x` to one part in `parts` of a unit.
-pub(super) fn rounded(x: f64, parts: f64) -> f64 {
+pub(crate) fn rounded(x: f64, parts: f64) -> f64 {
     (x * parts).round() / parts
 }
 
@@ -86,14 +86,14 @@ fn packed(mesh: &TriMesh) -> Value {
 }
 
 /// Values as 8-bit steps from `low` to `high`, base64.
-pub(super) fn packed_values(values: &[f64], low: f64, high: f64) -> String {
+pub(crate) fn packed_values(values: &[f64], low: f64, high: f64) -> String {
     let bytes: Vec<u8> =
         values.iter().map(|v| (255.0 * (v - low) / (high - low)).round().clamp(0.0, 255.0) as u8).collect();
     STANDARD.encode(bytes)
 }
 
 /// A surface with the corners of every cube of `cell` mm drawn together to their mean, and the means of their values.
-pub(super) fn thinned(mesh: &TriMesh, values: &[&[f64]], cell: f64) -> (TriMesh, Vec<Vec<f64>>) {
+pub(crate) fn thinned(mesh: &TriMesh, values: &[&[f64]], cell: f64) -> (TriMesh, Vec<Vec<f64>>) {
     let mut cells: BTreeMap<[i64; 3], u32> = BTreeMap::new();
     let mut sums: Vec<(Vector, f64)> = Vec::new();
     let mut means = vec![Vec::new(); values.len()];

@@ -1,14 +1,7 @@
 //! What every page of the program is made of: text for HTML, head and foot, tables of values.
 
-use crate::record::STAGES;
 use plotly::Plot;
 use serde_json::Value;
-
-/// `04 cartilage`.
-pub(super) fn heading(stage: &str) -> String {
-    let number = STAGES.iter().find(|(_, s)| *s == stage).map_or("", |(n, _)| n);
-    format!("{number} {stage}")
-}
 
 pub(crate) fn head(title: &str) -> String {
     format!(

@@ -1,8 +1,9 @@
 //! How a model was made, in words and tables that the supplement of a paper can take: versions, options, digests.
 
-use super::html::{escaped, heading};
+use super::html::escaped;
 use crate::options::BuildOptions;
 use crate::record::Record;
+use crate::stage::list::heading;
 use std::fmt::Write;
 use toml::{Table, Value};
 

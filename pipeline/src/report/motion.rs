@@ -1,7 +1,9 @@
 //! The knee's motions for the slider: the femur's place and the fibres' forces at every step of every protocol.
 
 use super::geometry::{Pool, rounded};
-use super::values::Values;
+use crate::stage::Values;
+use crate::stage::list::Calibration;
+use crate::validate::Validation;
 use serde::Serialize;
 use sim::joint::{Joint, Six};
 use sim::laxity::TrialResult;
@@ -32,7 +34,7 @@ const PROTOCOLS: [(&str, &str); 4] = [
 
 /// The protocols of every calibrated model.
 pub(super) fn motions(v: &Values, pool: &Pool) -> Vec<Motion> {
-    let (Some(validation), Some(calibration)) = (&v.validation, &v.calibration) else { return vec![] };
+    let (Some(validation), Some(calibration)) = (v.of::<Validation>(), v.of::<Calibration>()) else { return vec![] };
     let mut out = Vec::new();
     for source in &validation.sources {
         let Some(outcome) = calibration.sources.get(&source.name) else { continue };

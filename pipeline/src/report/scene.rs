@@ -6,64 +6,64 @@ use serde::Serialize;
 
 /// A scene: what it shows, in words and in layers.
 #[derive(Serialize)]
-pub(super) struct Scene {
-    pub(super) id: String,
-    pub(super) title: String,
+pub(crate) struct Scene {
+    pub(crate) id: String,
+    pub(crate) title: String,
     /// Its text alternative: what it shows, the figures, what to look for.
-    pub(super) text: String,
+    pub(crate) text: String,
     /// Where the eye is at first: front, behind, above, below.
-    pub(super) from: &'static str,
-    pub(super) layers: Vec<Layer>,
+    pub(crate) from: &'static str,
+    pub(crate) layers: Vec<Layer>,
     /// True where a slider moves it.
-    pub(super) moves: bool,
+    pub(crate) moves: bool,
 }
 
 /// A part of a scene that can be hidden.
 #[derive(Serialize, Default)]
-pub(super) struct Layer {
-    pub(super) name: String,
+pub(crate) struct Layer {
+    pub(crate) name: String,
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) mesh: Option<String>,
-    pub(super) colour: &'static str,
-    pub(super) opacity: f64,
+    pub(crate) mesh: Option<String>,
+    pub(crate) colour: &'static str,
+    pub(crate) opacity: f64,
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) scalar: Option<Scalar>,
+    pub(crate) scalar: Option<Scalar>,
     /// Ends of lines, two points each, or points; mm.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub(super) lines: Vec<[f64; 3]>,
+    pub(crate) lines: Vec<[f64; 3]>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub(super) points: Vec<[f64; 3]>,
+    pub(crate) points: Vec<[f64; 3]>,
     /// Words at the points.
     #[serde(skip_serializing_if = "Vec::is_empty")]
-    pub(super) labels: Vec<String>,
+    pub(crate) labels: Vec<String>,
     /// Shown at first.
-    pub(super) on: bool,
+    pub(crate) on: bool,
     /// Of the layers with the same word one is shown at a time.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) one_of: Option<&'static str>,
+    pub(crate) one_of: Option<&'static str>,
     /// Moves with the femur: the whole of it, or ("fibres") the first end of each line.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub(super) moves: Option<&'static str>,
+    pub(crate) moves: Option<&'static str>,
 }
 
 /// Values by which a surface is coloured.
 #[derive(Serialize, Clone)]
-pub(super) struct Scalar {
-    pub(super) values: String,
-    pub(super) low: f64,
-    pub(super) high: f64,
-    pub(super) title: &'static str,
-    pub(super) scale: &'static str,
+pub(crate) struct Scalar {
+    pub(crate) values: String,
+    pub(crate) low: f64,
+    pub(crate) high: f64,
+    pub(crate) title: &'static str,
+    pub(crate) scale: &'static str,
     /// One a triangle, not a corner.
-    pub(super) cells: bool,
+    pub(crate) cells: bool,
 }
 
-pub(super) fn at(pool: &Pool, p: &Point) -> [f64; 3] {
+pub(crate) fn at(pool: &Pool, p: &Point) -> [f64; 3] {
     let p = pool.point(p);
     [p.x, p.y, p.z].map(|x| rounded(x, 100.0))
 }
 
-pub(super) fn plain(name: &str) -> &str {
+pub(crate) fn plain(name: &str) -> &str {
     match name {
         "tibia_medial" => "medial tibia",
         "tibia_lateral" => "lateral tibia",
@@ -71,7 +71,7 @@ pub(super) fn plain(name: &str) -> &str {
     }
 }
 
-pub(super) fn word(source: attachments::site::Source) -> &'static str {
+pub(crate) fn word(source: attachments::site::Source) -> &'static str {
     match source {
         attachments::site::Source::Marked => "marked",
         attachments::site::Source::Literature => "literature",
@@ -79,7 +79,7 @@ pub(super) fn word(source: attachments::site::Source) -> &'static str {
     }
 }
 
-pub(super) fn named_places(name: &str, places: &[Point], pool: &Pool) -> Layer {
+pub(crate) fn named_places(name: &str, places: &[Point], pool: &Pool) -> Layer {
     Layer {
         name: name.into(),
         colour: "#c8102e",
@@ -92,12 +92,12 @@ pub(super) fn named_places(name: &str, places: &[Point], pool: &Pool) -> Layer {
 }
 
 /// Points written as `(x, y, z)`.
-pub(super) fn places(text: &str) -> Vec<Point> {
+pub(crate) fn places(text: &str) -> Vec<Point> {
     named_in(text).into_iter().map(|(_, p)| p).collect()
 }
 
 /// Points written as `(x, y, z)`, each with the `element N at` before it, or nothing.
-pub(super) fn named_in(text: &str) -> Vec<(String, Point)> {
+pub(crate) fn named_in(text: &str) -> Vec<(String, Point)> {
     let mut before = "";
     let mut found = Vec::new();
     for part in text.split('(') {

@@ -109,13 +109,18 @@ fn check_ct(ct: &CtPaths) -> Result<(), StageError> {
 /// As [`parse_specimen_file`]. A path that is absolute or climbs out with `..` is refused: a specimen directory is a
 /// whole that can be copied, digested and built elsewhere, and a stranger's specimen must not make the program read other files.
 pub fn paths_named_by(toml: &str) -> Result<Vec<String>, StageError> {
+    parse_specimen_file(toml).map(|file| paths_of(&file))
+}
+
+/// Every path that a parsed specimen.toml names, in its order, each once.
+pub fn paths_of(file: &SpecimenFile) -> Vec<String> {
     let mut paths: Vec<String> = Vec::new();
-    for (_, path) in named(&parse_specimen_file(toml)?) {
+    for (_, path) in named(file) {
         if !paths.contains(&path) {
             paths.push(path);
         }
     }
-    Ok(paths)
+    paths
 }
 
 /// Paths of the files that a loaded file names in turn: an OBJ's material libraries, their textures.

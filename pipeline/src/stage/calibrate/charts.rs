@@ -1,25 +1,20 @@
-//! Charts of the report: calibration history, parameters with intervals, force and displacement over measured points.
+//! Charts of a calibration: history, parameters with intervals, force and displacement over measured points.
 
-use super::chart::{COLOURS, Chart, layout};
-use super::law_charts;
-use super::values::Values;
+use crate::report::chart::{COLOURS, Chart, layout};
 use calibration::session::Outcome;
 use plotly::common::{DashType, ErrorData, ErrorType, Line, Marker, MarkerSymbol, Mode, Title};
 use plotly::layout::{Axis, AxisType};
 use plotly::{Plot, Scatter};
 use sim::laxity::{LaxityTrial, Test};
+use std::collections::BTreeMap;
 
-/// The charts of a stage.
-pub(super) fn charts(stage: &str, v: &Values) -> Vec<Chart> {
-    if let (Some(law), "contact-law") = (&v.contact_law, stage) {
-        return law_charts::charts(law);
-    }
-    let (Some(c), "calibrate") = (&v.calibration, stage) else { return vec![] };
-    let mut out = vec![history(c.sources.iter())];
-    for (name, outcome) in &c.sources {
+/// The charts of the calibrations to each source.
+pub(super) fn charts(sources: &BTreeMap<String, Outcome>) -> Vec<Chart> {
+    let mut out = vec![history(sources.iter())];
+    for (name, outcome) in sources {
         out.extend(answers(name, outcome));
     }
-    for (name, outcome) in &c.sources {
+    for (name, outcome) in sources {
         out.push(parameters(name, outcome, "reference strain"));
         out.push(parameters(name, outcome, "stiffness"));
     }

@@ -1,6 +1,6 @@
 //! Charts of the contact law: force and area of the rigid law over those of the deformable model, and the law itself.
 
-use super::chart::{COLOURS, Chart, layout};
+use crate::report::chart::{COLOURS, Chart, layout};
 use plotly::common::{DashType, Line, Marker, MarkerSymbol, Mode};
 use plotly::{Plot, Scatter};
 use stages::contact_law::{ContactLaw, Curve, PUBLISHED, RigidCurve};

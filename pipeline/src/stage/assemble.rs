@@ -1,0 +1,168 @@
+//! Stage 9, assemble: the model.
+
+use super::artifacts::surface;
+use super::attachments::fibre_tubes;
+use super::calibrate::Calibration;
+use super::hexahedra::quality_shell;
+use super::layers::bone_layers;
+use super::{Files, Stage, Values, Work, reported};
+use crate::kept::Kept;
+use crate::options::BuildOptions;
+use crate::record::json;
+use crate::report::check::{Check, KeyFigure};
+use crate::report::geometry::{Pool, thinned};
+use crate::report::picture::{BONE, Picture, picture};
+use crate::report::scene::{Layer, Scene, at, plain};
+use meshes::render::Painted;
+use meshes::surface::TriMesh;
+use stages::StageError;
+use stages::assemble::{AssembleOptions, Assembled, assemble};
+use stages::attachments::Attachments;
+use stages::bones::Bones;
+use stages::contact_law::ContactLaw;
+use stages::frames::Frames;
+use stages::overclosure::Separated;
+use stages::specimen::Specimen;
+
+reported!(Assembled);
+
+/// The stage.
+pub(crate) struct Assemble;
+
+impl Stage for Assemble {
+    const NUMBER: &'static str = "09";
+    const NAME: &'static str = "assemble";
+    const TELLING: &'static [&'static str] = &["bundles", "fibres"];
+    /// The contact law is left out where none was fitted: that of the options stands.
+    type Inputs<'a> = (
+        &'a Kept<Specimen>,
+        &'a Kept<Frames>,
+        &'a Kept<Attachments>,
+        &'a Kept<Separated>,
+        Option<&'a Kept<ContactLaw>>,
+    );
+    type Options = AssembleOptions;
+    type Value = Assembled;
+    type Fault = StageError;
+
+    fn options(all: &BuildOptions) -> &AssembleOptions {
+        &all.assemble
+    }
+
+    fn run((s, f, a, h, law): Self::Inputs<'_>, options: &AssembleOptions, _: &Work) -> Result<Assembled, StageError> {
+        let mut options = options.clone();
+        if let Some(law) = law {
+            (options.overclosure_mm, options.pressure_mpa) = (law.overclosure_mm.clone(), law.pressure_mpa.clone());
+            options.own_law = true;
+        }
+        assemble(s, f, a, h, &options)
+    }
+
+    /// model.json and the contact surfaces it names.
+    fn artifacts(a: &Assembled, _: Self::Inputs<'_>) -> Files {
+        let mut files = vec![("model.json".into(), json(&a.spec))];
+        for (name, mesh) in a.contact.named() {
+            files.push((format!("contact/{name}.ply"), surface(mesh, &[])?));
+        }
+        Ok(files)
+    }
+
+    /// The assembled knee; `fibres` are coloured by force as it moves.
+    fn scene(v: &Values, pool: &mut Pool) -> Option<Scene> {
+        let assembled = v.of::<Assembled>()?;
+        let moves = v.moves;
+        let mut layers = bone_layers(v, pool, 1.0);
+        for (name, mesh) in assembled.contact.named() {
+            let key = format!("contact {name}");
+            pool.keep(&key, &thinned(mesh, &[], 1.2).0);
+            layers.push(Layer {
+                name: format!("{} cartilage", plain(name)),
+                mesh: Some(key),
+                colour: "#7fb0d8",
+                opacity: 1.0,
+                on: true,
+                moves: (name == "femur").then_some("femur"),
+                ..Layer::default()
+            });
+        }
+        let fibres = &assembled.spec.fibres;
+        layers.push(Layer {
+            name: "fibres".into(),
+            colour: "#c8102e",
+            lines: fibres.iter().flat_map(|f| [at(pool, &f.femur), at(pool, &f.tibia)]).collect(),
+            opacity: 1.0,
+            on: true,
+            moves: Some("fibres"),
+            ..Layer::default()
+        });
+        Some(Scene {
+            id: "knee".into(),
+            title: if moves { "The knee in motion" } else { "The assembled knee" }.into(),
+            text: format!(
+                "The assembled knee: {} bundles of {} fibres, {} contact pairs{}.",
+                assembled.spec.bundles.len(),
+                fibres.len(),
+                assembled.spec.contact.pairs.len(),
+                if moves {
+                    "; the slider moves it through passive flexion, AP laxity and pivot shift, its fibres coloured by force; the tibia stands still"
+                } else {
+                    ", as in CT"
+                }
+            ),
+            from: "front",
+            layers,
+            moves,
+        })
+    }
+
+    fn stills(v: &Values) -> Option<Vec<Picture>> {
+        let (bones, frames) = (v.of::<Bones>()?, v.of::<Frames>()?);
+        let (attachments, separated) = (v.of::<Attachments>()?, v.of::<Separated>()?);
+        let mut parts: Vec<(TriMesh, [u8; 3])> =
+            bones.surfaces.named().map(|(_, mesh)| (mesh.clone(), BONE)).into_iter().collect();
+        parts.extend(separated.meshes.named().map(|(_, mesh)| (quality_shell(mesh).0, [120, 170, 220])));
+        parts.extend(fibre_tubes(attachments));
+        let painted: Vec<Painted> =
+            parts.iter().map(|(mesh, c)| Painted { mesh, colours: std::slice::from_ref(c) }).collect();
+        let f = &frames.tibia;
+        Some(
+            [
+                ("the front", f.anterior),
+                ("behind", -f.anterior),
+                ("the medial side", f.medial),
+                ("the lateral side", -f.medial),
+            ]
+            .map(|(from, eye)| picture(&painted, eye, f.superior, format!("The assembled knee from {from}")))
+            .into_iter()
+            .collect(),
+        )
+    }
+
+    fn key_figure(v: &Values) -> Option<KeyFigure> {
+        let uncalibrated = v.of::<Assembled>().is_some() && v.of::<Calibration>().is_none();
+        uncalibrated.then(|| KeyFigure {
+            name: "ligaments have the literature's parameters",
+            value: "not calibrated".into(),
+            limit: "measured laxity calibrates them".into(),
+            good: None,
+        })
+    }
+
+    fn checks(v: &Values) -> Vec<Check> {
+        whose_law(v).into_iter().collect()
+    }
+}
+
+/// Whose cartilage the contact law is.
+fn whose_law(v: &Values) -> Option<Check> {
+    let contact = &v.of::<Assembled>()?.spec.contact;
+    let published = &AssembleOptions::default();
+    let answer = if let Some(l) = v.of::<ContactLaw>() {
+        format!("this knee's: fitted to its own cartilage, forces within {:.1} %", l.fit_error_percent)
+    } else if (&contact.overclosure_mm, &contact.pressure_mpa) == (&published.overclosure_mm, &published.pressure_mpa) {
+        "that published of S192803; contact-law.fit=true fits one to the knee at hand".to_owned()
+    } else {
+        "the one given in the options".to_owned()
+    };
+    Some(Check { question: "Whose contact law is it?", answer, good: None, stage: Assemble::NAME })
+}

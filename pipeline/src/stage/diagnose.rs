@@ -1,0 +1,153 @@
+//! Stage 12, diagnose: what the assembled model lacks.
+
+use super::calibrate::Calibration;
+use super::{Files, Stage, Values, View, Work, reported};
+use crate::diagnose::{files_of, prepared};
+use crate::given::Measured;
+use crate::kept::Kept;
+use crate::model_file::{self, LoadedModel, assembled_model};
+use crate::options::BuildOptions;
+use diagnosis::catalogue::Catalogue;
+use diagnosis::component::{Component, Provenance};
+use diagnosis::diagnosis::{Diagnosis, diagnose};
+use diagnosis::search::DiagnosisOptions;
+use diagnosis::trial::Source;
+use serde::{Deserialize, Serialize};
+use sim::laxity::LaxityTrial;
+use sim::spec::ModelSpec;
+use stages::assemble::Assembled;
+use stages::bones::Bones;
+use stages::cartilage::Cartilage;
+use std::path::Path;
+
+/// A diagnosis in a build.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub(crate) struct Diagnosed {
+    /// The report.
+    pub(crate) diagnosis: Diagnosis,
+    /// What was added.
+    pub(crate) components: Vec<Component>,
+    /// The model with it, or as assembled.
+    pub(crate) model: ModelSpec,
+    /// What is odd but not fatal.
+    pub(crate) warnings: Vec<String>,
+    /// For metrics.json.
+    pub(crate) metrics: serde_json::Value,
+}
+
+reported!(Diagnosed);
+
+/// The stage.
+pub(crate) struct Diagnose;
+
+impl Stage for Diagnose {
+    const NUMBER: &'static str = "12";
+    const NAME: &'static str = "diagnose";
+    const TELLING: &'static [&'static str] = &["verdict", "misfit", "gap_closed"];
+    type Inputs<'a> =
+        (&'a Kept<Assembled>, &'a Kept<Bones>, &'a Kept<Cartilage>, &'a Kept<Calibration>, &'a Kept<Measured>);
+    type Options = DiagnosisOptions;
+    type Value = Diagnosed;
+    type Fault = String;
+
+    fn options(all: &BuildOptions) -> &DiagnosisOptions {
+        &all.diagnose
+    }
+
+    fn run(
+        (assembled, bones, cartilage, calibration, measured): Self::Inputs<'_>,
+        options: &DiagnosisOptions,
+        _: &Work,
+    ) -> Result<Diagnosed, String> {
+        diagnose_built(&assembled_model(assembled, bones, cartilage), calibration, measured, options)
+    }
+
+    /// What `build-model diagnose` writes.
+    fn artifacts(d: &Diagnosed, _: Self::Inputs<'_>) -> Files {
+        files_of(&d.diagnosis, &d.components, |_| {
+            model_file::moved(&d.model, Path::new("/09-assemble"), Path::new("/12-diagnose"))
+        })
+        .map_err(std::io::Error::other)
+    }
+
+    /// The page of the diagnosis.
+    fn more(v: &Values) -> String {
+        let Some(bytes) = v.folder.read_file(&format!("{}/report.html", Diagnose.folder())) else {
+            return String::new();
+        };
+        let page = String::from_utf8_lossy(&bytes);
+        let between = |from: &str, to: &str| {
+            let rest = page.split_once(from).map_or("", |(_, rest)| rest);
+            rest.split_once(to).map_or(rest, |(inside, _)| inside).to_owned()
+        };
+        // a tree of its own, so that neither page's style reaches the other; its headings stand below the section's
+        let (style, body) = (between("<style>", "</style>"), between("<body>", "</body>"));
+        let style = style.replace("h2{", "h4{").replace("h1{", "h3{");
+        let body = [("<h2>", "<h4>"), ("</h2>", "</h4>"), ("<h1>", "<h3>"), ("</h1>", "</h3>")]
+            .iter()
+            .fold(body, |text, (from, to)| text.replace(from, to));
+        format!(
+            "<div class=\"diagnosis\"><template shadowrootmode=\"open\"><style>{style}</style>{body}</template></div>"
+        )
+    }
+}
+
+/// What the assembled model lacks, from where its calibration ended.
+fn diagnose_built(
+    model: &LoadedModel,
+    calibration: &Calibration,
+    measured: &Measured,
+    options: &DiagnosisOptions,
+) -> Result<Diagnosed, String> {
+    let displaced = |trials: &[LaxityTrial]| trials.iter().any(|t| t.reference.is_some());
+    let (left_out, kept): (Vec<_>, Vec<_>) = measured.laxity.iter().partition(|(_, trials)| displaced(trials));
+    if kept.is_empty() && !left_out.is_empty() {
+        let what = "every data set holds displacements; a diagnosis needs poses of at least one apparatus";
+        return Err(what.into());
+    }
+    let sources: Vec<Source> =
+        kept.into_iter().map(|(name, trials)| Source { name: name.clone(), trials: trials.clone() }).collect();
+    let catalogue = Catalogue::shipped();
+    let provenance = Provenance {
+        program: env!("CARGO_PKG_VERSION").into(),
+        catalogue: catalogue.version.clone(),
+        model: model_file::digest(model),
+        data: measured.digests.clone(),
+    };
+    let knee = prepared(model).map_err(|e| e.to_string())?;
+    let of_all =
+        calibration.joint.as_ref().or_else(|| calibration.sources.values().next().filter(|_| sources.len() == 1));
+    let mode = of_all.map(|c| &c.found.mode).filter(|mode| !mode.is_empty());
+    let outcome = diagnose(&knee, &model.spec, &sources, &catalogue, options, mode)
+        .and_then(|o| o.with_provenance(&provenance))
+        .map_err(|e| e.to_string())?;
+    let d = &outcome.diagnosis;
+    let clear = d.noise.iter().filter(|n| n.taken);
+    let mut warnings: Vec<String> = left_out
+        .iter()
+        .map(|(name, _)| {
+            format!("laxity.{name} is left out of the diagnosis: it holds displacements, poses are needed")
+        })
+        .collect();
+    warnings.extend(clear.map(|n| {
+        let unit = if ["vv", "ie"].contains(&n.coordinate.as_str()) { "deg" } else { "mm" };
+        format!(
+            "{} {}: the file states a noise of {:.2} {unit}, neighbouring loads say {:.2} ({:.2} to {:.2})",
+            n.source, n.coordinate, n.stated, n.inferred, n.lower, n.upper
+        )
+    }));
+    let metrics = serde_json::json!({
+        "verdict": d.verdict,
+        "misfit": d.misfit,
+        "gap_closed": d.gap.held_out.closed,
+        "effects": d.best,
+        "not_testable": d.not_testable.len(),
+    });
+    Ok(Diagnosed {
+        model: outcome.model.clone().unwrap_or_else(|| model.spec.clone()),
+        components: outcome.components,
+        diagnosis: outcome.diagnosis,
+        warnings,
+        metrics,
+    })
+}

@@ -1,0 +1,126 @@
+//! Stage 11, validate: the protocols on the calibrated models, and their comparison.
+
+use super::calibrate::Calibration;
+use super::{Files, Stage, Values, View, Work, reported};
+use crate::error::BuildError;
+use crate::given::PassiveFlexion;
+use crate::kept::Kept;
+use crate::model_file::assembled_model;
+use crate::options::BuildOptions;
+use crate::report::check::Check;
+use crate::report::html::escaped;
+use crate::validate::{Validation, files_of, source};
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use calibration::cost::CostFunction;
+use sim::protocols::ProtocolOptions;
+use stages::assemble::Assembled;
+use stages::bones::Bones;
+use stages::cartilage::Cartilage;
+use std::fmt::Write;
+use validation::figures;
+
+reported!(Validation);
+
+/// The stage.
+pub(crate) struct Validate;
+
+impl Stage for Validate {
+    const NUMBER: &'static str = "11";
+    const NAME: &'static str = "validate";
+    const TELLING: &'static [&'static str] = &["anterior_ap", "posterior_ap"];
+    type Inputs<'a> =
+        (&'a Kept<Assembled>, &'a Kept<Bones>, &'a Kept<Cartilage>, &'a Kept<Calibration>, &'a Kept<PassiveFlexion>);
+    type Options = ProtocolOptions;
+    type Value = Validation;
+    type Fault = BuildError;
+
+    fn options(all: &BuildOptions) -> &ProtocolOptions {
+        &all.validate
+    }
+
+    fn run(
+        (assembled, bones, cartilage, calibration, passive): Self::Inputs<'_>,
+        options: &ProtocolOptions,
+        _: &Work,
+    ) -> Result<Validation, BuildError> {
+        let meshes = assembled_model(assembled, bones, cartilage).meshes;
+        let (mut sources, mut warnings) = (Vec::new(), Vec::new());
+        for (name, outcome) in &calibration.sources {
+            sources.push(source(name, &outcome.spec, &meshes, options, &mut warnings)?);
+        }
+        Ok(Validation::new(sources, passive.0.clone(), warnings))
+    }
+
+    /// A folder a source, the comparison, tables and figures of the models and of the targets.
+    fn artifacts(v: &Validation, (_, _, _, calibration, _): Self::Inputs<'_>) -> Files {
+        let mut files = files_of(v);
+        files.extend(figures_of_targets(calibration));
+        Ok(files)
+    }
+
+    /// The paper's tables and figures for this knee.
+    fn more(v: &Values) -> String {
+        let Some(validation) = v.of::<Validation>() else { return String::new() };
+        let mut html = String::new();
+        let files = v.folder.read_folder(&Validate.folder()).unwrap_or_default();
+        for (name, bytes) in files.iter().filter(|(name, _)| name.ends_with(".svg")) {
+            let title = name.trim_end_matches(".svg").replace('_', ", ").replace("figure", "Figure ");
+            let _ = write!(
+                html,
+                "<figure data-svg=\"{0}\"><h3>{0}</h3><img class=\"paper\" alt=\"{0} of the paper, drawn for this knee; the tables below hold its numbers\" src=\"data:image/svg+xml;base64,{1}\"></figure>",
+                escaped(&title),
+                STANDARD.encode(bytes)
+            );
+        }
+        let tables = validation::tables::tables(&validation.sources);
+        for t in tables.iter().chain([&validation::tables::differences(&validation.differences)]) {
+            let row = |cells: &[String], tag: &str| {
+                cells.iter().map(|c| format!("<{tag}>{}</{tag}>", escaped(c))).collect::<String>()
+            };
+            let rows: String = t.rows.iter().map(|r| format!("<tr>{}</tr>", row(r, "td"))).collect();
+            let _ = write!(
+                html,
+                "<details><summary>{}</summary><div class=\"wide\" tabindex=\"0\"><table><thead><tr>{}</tr></thead><tbody>{rows}</tbody></table></div></details>",
+                escaped(&t.title),
+                row(&t.header, "th")
+            );
+        }
+        html
+    }
+
+    fn checks(v: &Values) -> Vec<Check> {
+        let mut out = Vec::new();
+        for source in v.of::<Validation>().into_iter().flat_map(|v| &v.sources) {
+            let odd: Vec<&str> = source
+                .protocols()
+                .into_iter()
+                .filter(|(_, rows)| rows.iter().any(|r| !r.flags.is_empty()))
+                .map(|(p, _)| p)
+                .collect();
+            out.push(Check {
+                question: "Do the protocols run to their end?",
+                answer: if odd.is_empty() {
+                    format!("{}: all of them", source.name)
+                } else {
+                    format!("{}: look at {}", source.name, odd.join(", "))
+                },
+                good: Some(odd.is_empty()),
+                stage: Self::NAME,
+            });
+        }
+        out
+    }
+}
+
+/// Figures 5 and 6: the targets, and what misses them.
+fn figures_of_targets(c: &Calibration) -> Vec<(String, Vec<u8>)> {
+    let targets: Vec<_> = c.sources.iter().map(|(n, o)| (n.clone(), o.trials.clone())).collect();
+    let mut files = vec![("figure5.svg".to_owned(), figures::figure5(&targets).into_bytes())];
+    for (name, o) in &c.sources {
+        if let Ok(cost) = CostFunction::new(&o.trials, &o.spec.frames.gs_ct_pose, &c.options.cost) {
+            files.push((format!("figure6_{name}.svg"), figures::figure6(name, &cost, &o.found.predicted).into_bytes()));
+        }
+    }
+    files
+}
