@@ -28,7 +28,7 @@ impl Bench<'_> {
             let here = self.place.situation(self.model, trial, load, q);
             self.effects.iter().fold(Six::zeros(), |sum, effect| sum + effect.force(&here))
         };
-        let reading = |gs: &Six| self.effects.iter().fold(*gs, |gs, effect| effect.read(&gs, trial, self.place));
+        let reading = |gs: &Six| self.effects.iter().fold(*gs, |gs, effect| effect.read(&gs, trial));
         let (has_force, has_reading) =
             (self.effects.iter().any(Active::has_force), self.effects.iter().any(Active::has_reading));
         act(&Rig {

@@ -38,8 +38,8 @@ impl Candidate {
 
     /// The effect at work with values in units of its priors.
     pub fn active(&self, scaled: &[f64]) -> Active {
-        let values = self.effect.parameter.iter().zip(scaled).map(|(p, x)| p.sd * x).collect();
-        Active::new(&self.effect, self.variant, values).expect("candidates come from implemented effects")
+        let values: Vec<f64> = self.effect.parameter.iter().zip(scaled).map(|(p, x)| p.sd * x).collect();
+        Active::new(&self.effect, self.variant, &values).expect("candidates come from implemented effects")
     }
 
     /// Whether values in units of its priors are as large as the effect must be to deserve its name.

@@ -24,6 +24,9 @@ pub struct Parameter {
     /// Size beyond which no knee has it [unit].
     #[serde(default)]
     pub most: Option<f64>,
+    /// Size beyond which more of it changes nothing [unit].
+    #[serde(default)]
+    pub whole: Option<f64>,
     /// Whether it shapes the effect and is nothing by itself.
     #[serde(default)]
     pub shape: bool,
@@ -64,6 +67,12 @@ pub struct Effect {
     /// Structures it may be about.
     #[serde(default)]
     pub variants: Vec<String>,
+    /// Whether its variant is part of its name in answers.
+    #[serde(default)]
+    pub named_by_variant: bool,
+    /// Why no data can test it.
+    #[serde(default)]
+    pub never_tested: Option<String>,
     /// Its parameters; none means that it is told of, never fitted.
     pub parameter: Vec<Parameter>,
 }
@@ -116,7 +125,7 @@ impl Effect {
     /// Its name in answers; only sites carry their ligament in it.
     pub fn name(&self, variant: usize) -> String {
         match self.variants.get(variant) {
-            Some(v) if self.id == "attachment" => format!("{}_{v}", self.id),
+            Some(v) if self.named_by_variant => format!("{}_{v}", self.id),
             _ => self.id.clone(),
         }
     }
@@ -134,9 +143,7 @@ impl Effect {
             Some("time") => {
                 trials.iter().all(|t| t.time.is_none()).then(|| "no time of testing (column time_s)".into())
             }
-            _ if self.id == "cartilage_law" => Some("free in every comparison, so never a verdict".into()),
-            _ if self.id == "tracking_noise_scale" => Some("a variance: read it from the spread of residuals".into()),
-            _ => None,
+            _ => self.never_tested.clone(),
         }
     }
 }

@@ -64,7 +64,7 @@ impl Component {
             Some(v) if v.value.is_finite() => Ok(v.value),
             _ => Err(DiagnosisError::Component(format!("{} lacks a number for {}", self.effect, p.key))),
         });
-        Active::new(effect, variant, values.collect::<Result<_, _>>()?)
+        Active::new(effect, variant, &values.collect::<Result<Vec<_>, _>>()?)
     }
 }
 
@@ -90,6 +90,19 @@ pub fn components(problem: &Problem, fit: &Fit, temper: f64, (log_bayes_factor, 
         .collect()
 }
 
+/// The components a model has, each at work.
+///
+/// Errors: a component that cannot be read.
+pub fn of_model(spec: &ModelSpec, catalogue: &Catalogue) -> Result<Vec<(Component, Active)>, DiagnosisError> {
+    let read = |(k, value): (usize, &serde_json::Value)| {
+        let component: Component = serde_json::from_value(value.clone())
+            .map_err(|e| DiagnosisError::Component(format!("components[{k}] of the model: {e}")))?;
+        let active = component.active(catalogue)?;
+        Ok((component, active))
+    };
+    spec.components.iter().enumerate().map(read).collect()
+}
+
 /// The components a model has, with the data sets in which they act. A component of another data set is silent.
 ///
 /// Errors: a component that cannot be read.
@@ -99,10 +112,7 @@ pub fn present(
     catalogue: &Catalogue,
 ) -> Result<Vec<(Active, Scope)>, DiagnosisError> {
     let mut out = Vec::new();
-    for (k, value) in spec.components.iter().enumerate() {
-        let component: Component = serde_json::from_value(value.clone())
-            .map_err(|e| DiagnosisError::Component(format!("components[{k}] of the model: {e}")))?;
-        let active = component.active(catalogue)?;
+    for (component, active) in of_model(spec, catalogue)? {
         if component.scope == "both" {
             out.push((active, Scope::Both));
         } else if let Some(s) = sources.iter().position(|n| *n == component.scope) {

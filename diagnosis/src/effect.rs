@@ -1,20 +1,53 @@
 //! What each effect of the catalogue does: a generalised force beside the trial's load, or a change of what is read.
+//!
+//! An effect is a small type in a file of its own. Its fields have the names of the parameters in its row of the catalogue.
 
+mod attachment;
+mod capsule_envelope;
+mod compliance;
+mod cuff_softening;
+mod drift;
+mod extra_bundle;
+mod fibres;
+mod flexion_offset;
+mod friction;
+mod gastroc_tone;
+mod gravity;
+mod guarding_reflex;
+mod ham_tone;
+mod itb;
+mod joint_compression;
 mod lines;
-mod reading;
-mod tissue;
+mod load_bias;
+mod load_gain;
+mod load_misalign;
+mod load_sign;
+mod mcl_wrap;
+mod meniscus;
+mod origin_shift;
+mod pcap_wrap;
+mod preconditioning;
+mod quad_passive;
+mod row;
+mod structure_loss;
+mod turned_frame;
+mod viscoelastic;
 
+pub(crate) use fibres::{fibre_pull, moved_fibre};
 pub(crate) use lines::pull;
-pub(crate) use reading::turned;
-pub(crate) use tissue::{fibre_pull, moved_fibre};
+pub(crate) use turned_frame::turned;
 
 use crate::catalogue::Effect;
 use crate::error::DiagnosisError;
 use crate::trial::Trial;
-use lines::{gastrocnemius, hamstring, iliotibial, patellar_tendon};
 use meshes::frame::AnatomicalFrame;
+use row::Fields;
+use serde::de::DeserializeOwned;
+use serde::de::value::Error as RowError;
 use sim::Model;
-use sim::joint::{AP, FE, IE, Pose, SI, Six, VV};
+use sim::joint::{FE, Pose, Six};
+use std::fmt::Debug;
+use std::sync::Arc;
 
 /// Anatomical frames of a model.
 #[derive(Clone, Debug)]
@@ -51,191 +84,154 @@ impl Place {
     }
 }
 
-/// An effect at work, with the values of its parameters in the units of the catalogue.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Active {
-    kind: Kind,
-    /// Values of its parameters.
-    pub values: Vec<f64>,
+/// An effect that pushes or pulls.
+pub trait Force: Debug + Send + Sync {
+    /// Generalised force [N mm, N].
+    fn force(&self, here: &Situation) -> Six;
+    /// Whether it departs from the unloaded pose of each flexion, wherever the knee's ligaments put that.
+    fn is_about_unloaded(&self) -> bool {
+        false
+    }
+    /// Whether its parameters must be stepped far to be felt (no slope at zero).
+    fn has_no_slope_at_zero(&self) -> bool {
+        false
+    }
 }
 
-/// Which implementation.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
-    FemurFrame,
-    TibiaFrame,
-    FlexionOffset,
-    OriginShift,
-    LoadBias,
-    LoadGain,
-    LoadSign(usize),
-    LoadMisalign,
-    JointCompression,
-    Gravity,
-    Compliance,
-    CuffSoftening,
-    Meniscus(usize),
-    Capsule(usize),
-    ExtraBundle(usize),
-    MclWrap,
-    PcapWrap,
-    Loss(usize),
-    Attachment(usize),
-    Quadriceps,
-    Hamstrings,
-    Gastrocnemius,
-    Iliotibial,
-    Guarding,
-    Friction,
-    Viscoelastic,
-    Preconditioning,
-    Drift,
+/// An effect that changes what is read.
+pub trait Reading: Debug + Send + Sync {
+    /// What is read where the true pose is `gs` [rad, mm].
+    fn read(&self, gs: &Six, trial: &Trial) -> Six;
+}
+
+/// An effect at work, with values for its parameters.
+#[derive(Clone, Debug)]
+pub enum Active {
+    /// A force beside the trial's load.
+    Force(Arc<dyn Force>),
+    /// A change of what is read.
+    Reading(Arc<dyn Reading>),
+}
+
+type Make = fn(Fields) -> Result<Active, RowError>;
+
+/// The type of each effect by its name in the catalogue.
+const TYPES: [(&str, Make); 29] = [
+    ("apparatus_compliance", reading::<compliance::Compliance>),
+    ("attachment", force::<attachment::Attachment>),
+    ("bone_compliance", reading::<compliance::Compliance>),
+    ("capsule_envelope", force::<capsule_envelope::CapsuleEnvelope>),
+    ("cuff_softening", reading::<cuff_softening::CuffSoftening>),
+    ("drift", force::<drift::Drift>),
+    ("extra_bundle", force::<extra_bundle::ExtraBundle>),
+    ("femur_frame", reading::<turned_frame::FemurFrame>),
+    ("flexion_offset", reading::<flexion_offset::FlexionOffset>),
+    ("friction", force::<friction::Friction>),
+    ("gastroc_tone", force::<gastroc_tone::GastrocTone>),
+    ("gravity", force::<gravity::Gravity>),
+    ("guarding_reflex", force::<guarding_reflex::GuardingReflex>),
+    ("ham_tone", force::<ham_tone::HamTone>),
+    ("itb", force::<itb::Itb>),
+    ("joint_compression", force::<joint_compression::JointCompression>),
+    ("load_bias", force::<load_bias::LoadBias>),
+    ("load_gain", force::<load_gain::LoadGain>),
+    ("load_misalign", force::<load_misalign::LoadMisalign>),
+    ("load_sign", force::<load_sign::LoadSign>),
+    ("mcl_wrap", force::<mcl_wrap::MclWrap>),
+    ("meniscus", force::<meniscus::Meniscus>),
+    ("origin_shift", reading::<origin_shift::OriginShift>),
+    ("pcap_wrap", force::<pcap_wrap::PcapWrap>),
+    ("preconditioning", force::<preconditioning::Preconditioning>),
+    ("quad_passive", force::<quad_passive::QuadPassive>),
+    ("structure_loss", force::<structure_loss::StructureLoss>),
+    ("tibia_frame", reading::<turned_frame::TibiaFrame>),
+    ("viscoelastic", force::<viscoelastic::Viscoelastic>),
+];
+
+fn force<T: Force + DeserializeOwned + 'static>(fields: Fields) -> Result<Active, RowError> {
+    Ok(Active::Force(Arc::new(T::deserialize(fields)?)))
+}
+
+fn reading<T: Reading + DeserializeOwned + 'static>(fields: Fields) -> Result<Active, RowError> {
+    Ok(Active::Reading(Arc::new(T::deserialize(fields)?)))
 }
 
 impl Active {
-    /// An effect of the catalogue with values for its parameters.
+    /// An effect of the catalogue with values for its parameters, in the catalogue's order and units.
     ///
-    /// Errors: an effect without an implementation, another number of values than parameters.
-    pub fn new(effect: &Effect, variant: usize, values: Vec<f64>) -> Result<Active, DiagnosisError> {
-        use Kind::*;
-        let kind = match effect.id.as_str() {
-            "femur_frame" => FemurFrame,
-            "tibia_frame" => TibiaFrame,
-            "flexion_offset" => FlexionOffset,
-            "origin_shift" => OriginShift,
-            "load_bias" => LoadBias,
-            "load_gain" => LoadGain,
-            "load_sign" => LoadSign(variant),
-            "load_misalign" => LoadMisalign,
-            "joint_compression" => JointCompression,
-            "gravity" => Gravity,
-            "apparatus_compliance" | "bone_compliance" => Compliance,
-            "cuff_softening" => CuffSoftening,
-            "meniscus" => Meniscus(variant),
-            "capsule_envelope" => Capsule(variant),
-            "extra_bundle" => ExtraBundle(variant),
-            "mcl_wrap" => MclWrap,
-            "pcap_wrap" => PcapWrap,
-            "structure_loss" => Loss(variant),
-            "attachment" => Attachment(variant),
-            "quad_passive" => Quadriceps,
-            "ham_tone" => Hamstrings,
-            "gastroc_tone" => Gastrocnemius,
-            "itb" => Iliotibial,
-            "guarding_reflex" => Guarding,
-            "friction" => Friction,
-            "viscoelastic" => Viscoelastic,
-            "preconditioning" => Preconditioning,
-            "drift" => Drift,
-            other => return Err(DiagnosisError::Component(format!("no effect is implemented under {other:?}"))),
+    /// Errors: an effect without a type, a row whose parameters or variants are not those of its type, another number of values.
+    pub fn new(effect: &Effect, variant: usize, values: &[f64]) -> Result<Active, DiagnosisError> {
+        let wrong = |what: String| Err(DiagnosisError::Component(what));
+        let Ok(at) = TYPES.binary_search_by_key(&effect.id.as_str(), |t| t.0) else {
+            return wrong(format!("no effect is implemented under {:?}", effect.id));
         };
-        if values.len() != effect.parameter.len() {
-            return Err(DiagnosisError::Component(format!(
-                "{} has {} parameters, {} values given",
-                effect.id,
-                effect.parameter.len(),
-                values.len()
-            )));
+        let wanted = effect.parameter.len();
+        if values.len() != wanted {
+            return wrong(format!("{} has {wanted} parameters, {} values given", effect.id, values.len()));
         }
-        Ok(Active { kind, values })
-    }
-
-    /// The effect with other values.
-    pub fn with(&self, values: &[f64]) -> Active {
-        Active { kind: self.kind, values: values.to_vec() }
+        TYPES[at].1(row::fields(effect, variant, values)).or_else(|e| wrong(format!("{}: {e}", effect.id)))
     }
 
     /// Whether it adds a force.
     pub fn has_force(&self) -> bool {
-        !self.has_reading()
+        matches!(self, Active::Force(_))
     }
 
     /// Whether it changes what is read.
     pub fn has_reading(&self) -> bool {
-        use Kind::*;
-        matches!(self.kind, FemurFrame | TibiaFrame | FlexionOffset | OriginShift | Compliance | CuffSoftening)
+        matches!(self, Active::Reading(_))
     }
 
-    /// Whether it departs from the unloaded pose of each flexion, wherever the knee's ligaments put that.
+    /// [`Force::is_about_unloaded`]; a reading departs from no pose.
     pub fn is_about_unloaded(&self) -> bool {
-        matches!(self.kind, Kind::Meniscus(0) | Kind::Capsule(0))
+        matches!(self, Active::Force(f) if f.is_about_unloaded())
     }
 
-    /// Whether its parameters must be stepped far to be felt (no slope at zero).
+    /// [`Force::has_no_slope_at_zero`]; a reading has one.
     pub fn has_no_slope_at_zero(&self) -> bool {
-        matches!(self.kind, Kind::MclWrap | Kind::PcapWrap)
+        matches!(self, Active::Force(f) if f.has_no_slope_at_zero())
     }
 
     /// Generalised force [N mm, N].
     pub fn force(&self, here: &Situation) -> Six {
-        let v = &self.values;
-        let mut out = Six::zeros();
-        match self.kind {
-            Kind::LoadBias => (out[AP], out[IE]) = (v[0], v[1] * 1000.0),
-            Kind::LoadGain => out = here.load * v[0],
-            Kind::LoadSign(axis) => {
-                let j = [VV, IE, AP][axis.min(2)];
-                out[j] = -2.0 * v[0] * here.load[j];
-            }
-            Kind::LoadMisalign => out[IE] = here.load[AP] * v[0],
-            Kind::JointCompression => out[SI] = v[0],
-            Kind::Gravity => (out[AP], out[VV]) = (-v[0] * here.flexion.sin(), v[0] * v[1]),
-            Kind::Drift => {
-                let t = here.trial.time.unwrap_or(0.0);
-                (out[AP], out[IE]) = (v[0] * t, v[1] * 1000.0 * t);
-            }
-            Kind::Friction => {
-                let s = here.trial.branch.unwrap_or(0.0);
-                let way = |load: f64| if load == 0.0 { 0.0 } else { load.signum() };
-                out[AP] = -s * v[0] * way(here.load[AP]);
-                out[IE] = -s * v[1] * 1000.0 * way(here.load[IE]);
-            }
-            Kind::Quadriceps => out = patellar_tendon(here, v[1], v[2]) * v[0],
-            Kind::Hamstrings => out = hamstring(here, true) * v[0] + hamstring(here, false) * v[1],
-            Kind::Gastrocnemius => out = gastrocnemius(here) * v[0],
-            Kind::Iliotibial => out = iliotibial(here) * v[0],
-            Kind::Guarding => {
-                let over = (here.load[AP].abs() - 40.0).max(0.0) * v[0];
-                out = (patellar_tendon(here, 0.0, 0.0) + hamstring(here, true) * 0.5 + hamstring(here, false) * 0.5)
-                    * over;
-            }
-            Kind::Meniscus(about) => out = tissue::meniscus(here, about, v),
-            Kind::Capsule(about) => out = tissue::capsule(here, about, v),
-            Kind::ExtraBundle(line) => out = tissue::extra_bundle(here, line, v),
-            Kind::MclWrap => out = tissue::mcl_wrap(here, v[0]),
-            Kind::PcapWrap => out = tissue::pcap_wrap(here, v[0]),
-            Kind::Loss(structure) => out = tissue::loss(here, structure, v[0]),
-            Kind::Attachment(structure) => out = tissue::attachment(here, structure, v),
-            Kind::Viscoelastic => out = tissue::all_fibres(here) * (v[0] * here.trial.branch.unwrap_or(0.0)),
-            Kind::Preconditioning => {
-                let spent = 1.0 - (-3.0 * here.trial.order.unwrap_or(0.0)).exp();
-                out = tissue::strain_change(here, -0.01 * v[0] * spent);
-            }
-            _ => {}
+        match self {
+            Active::Force(f) => f.force(here),
+            Active::Reading(_) => Six::zeros(),
         }
-        out
     }
 
     /// What is read where the true pose is `gs` [rad, mm].
-    pub fn read(&self, gs: &Six, trial: &Trial, _place: &Place) -> Six {
-        let v = &self.values;
-        let mut out = *gs;
-        match self.kind {
-            Kind::FemurFrame => out = reading::turned(gs, v[0].to_radians(), v[1].to_radians(), true),
-            Kind::TibiaFrame => out = reading::turned(gs, v[0].to_radians(), v[1].to_radians(), false),
-            Kind::FlexionOffset => out[FE] -= v[0].to_radians(),
-            Kind::OriginShift => (0..3).for_each(|i| out[3 + i] += v[i]),
-            Kind::Compliance => {
-                out[AP] += v[0] * trial.load[AP] / 100.0;
-                out[IE] += v[1].to_radians() * trial.load[IE] / 1000.0;
-                out[VV] += v[2].to_radians() * trial.load[VV] / 1000.0;
-            }
-            Kind::CuffSoftening => {
-                out[AP] += v[0] * (trial.load[AP] / 20.0).tanh();
-                out[IE] += v[1].to_radians() * (trial.load[IE] / 500.0).tanh();
-            }
-            _ => {}
+    pub fn read(&self, gs: &Six, trial: &Trial) -> Six {
+        match self {
+            Active::Force(_) => *gs,
+            Active::Reading(r) => r.read(gs, trial),
         }
-        out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::catalogue::Catalogue;
+
+    #[test]
+    fn every_row_has_a_type_and_every_type_a_row() {
+        let catalogue = Catalogue::shipped();
+        let acting = || catalogue.effect.iter().filter(|e| !e.parameter.is_empty());
+        for effect in acting() {
+            for variant in 0..effect.variants.len().max(1) {
+                let values = vec![0.0; effect.parameter.len()];
+                Active::new(effect, variant, &values).unwrap_or_else(|e| panic!("{e}"));
+                let error = Active::new(effect, variant, &[values, vec![0.0]].concat()).unwrap_err();
+                assert!(error.to_string().contains("values given"), "{error}");
+            }
+            let mut other = effect.clone();
+            other.parameter[0].key = "poltergeist".into();
+            let error = Active::new(&other, 0, &vec![0.0; other.parameter.len()]).unwrap_err().to_string();
+            assert!(error.contains(&effect.id) && error.contains("poltergeist"), "{error}");
+        }
+        let mut rows: Vec<&str> = acting().map(|e| e.id.as_str()).collect();
+        rows.sort_unstable();
+        assert_eq!(rows, TYPES.map(|t| t.0));
     }
 }

@@ -25,8 +25,7 @@ pub fn missable(problem: &Problem, search: &Search, threshold: f64) -> Result<Ve
         let parameters = c.effect.parameter.iter().enumerate().filter(|(_, p)| !p.shape);
         out.extend(parameters.filter_map(|(k, p)| {
             let size = (p.sd * score.size_for(k, needed)?).max(p.least);
-            // a structure cannot be lost more than once
-            (p.key != "loss" || size <= 1.0).then(|| row(problem, c, &p.key, size, &p.unit))
+            p.whole.is_none_or(|whole| size <= whole).then(|| row(problem, c, &p.key, size, &p.unit))
         }));
     }
     Ok(out)

@@ -4,7 +4,7 @@
 
 use crate::bench::Bench;
 use crate::catalogue::Catalogue;
-use crate::component::Component;
+use crate::component::{Component, of_model};
 use crate::effect::{Active, Place};
 use crate::error::DiagnosisError;
 use crate::problem::reading;
@@ -18,19 +18,14 @@ use sim::spec::ModelSpec;
 ///
 /// Errors: a component that cannot be read.
 pub fn acting(spec: &ModelSpec, data_set: Option<&str>) -> Result<Vec<(Component, Active)>, DiagnosisError> {
-    let catalogue = Catalogue::shipped();
-    let mut out = Vec::new();
-    for (k, value) in spec.components.iter().enumerate() {
-        let component: Component = serde_json::from_value(value.clone())
-            .map_err(|e| DiagnosisError::Component(format!("components[{k}] of the model: {e}")))?;
-        let active = component.active(&catalogue)?;
-        let here = component.scope == "both" || data_set == Some(component.scope.as_str());
-        let kept = data_set.is_some() || component.kept != "apparatus";
-        if here && kept && active.values.iter().any(|v| *v != 0.0) {
-            out.push((component, active));
-        }
-    }
-    Ok(out)
+    let acts = |c: &Component| {
+        let here = c.scope == "both" || data_set == Some(c.scope.as_str());
+        let kept = data_set.is_some() || c.kept != "apparatus";
+        here && kept && c.parameters.values().any(|v| v.value != 0.0)
+    };
+    let mut all = of_model(spec, &Catalogue::shipped())?;
+    all.retain(|(component, _)| acts(component));
+    Ok(all)
 }
 
 /// How far the effects move the reading of each trial: VV, IE [deg], ML, AP, SI [mm]. Without friction, at the model's rest.

@@ -138,7 +138,7 @@ impl<'a> Slopes<'a> {
         let (model, q) = (self.bench.model, &self.rest.q);
         let effects = self.bench.effects_at(self.trial, &self.trial.load, q);
         let at = model.evaluate_near(q, &mut Nearby::once());
-        let read = |gs: &Six| self.bench.effects.iter().fold(*gs, |gs, e| e.read(&gs, self.trial, self.bench.place));
+        let read = |gs: &Six| self.bench.effects.iter().fold(*gs, |gs, e| e.read(&gs, self.trial));
         let wrench = wrench(&at.pose, &(at.gradient - effects));
         let by = |joints: &[Joint; 2]| {
             let (direct, mut miss) = frame_change(joints, &at.pose.femur, wrench.as_ref()?, &read)?;
@@ -206,8 +206,7 @@ impl<'a> Slopes<'a> {
                 let (up, down) = (at(1.0), at(if flat { 0.0 } else { -1.0 }));
                 let width = if flat { h } else { 2.0 * h };
                 if up.has_reading() {
-                    let place = self.bench.place;
-                    let direct = (up.read(&gs, trial, place) - down.read(&gs, trial, place)) / width;
+                    let direct = (up.read(&gs, trial) - down.read(&gs, trial)) / width;
                     let mut miss = Six::zeros();
                     miss[0] = direct[0];
                     self.by(&miss, &direct)

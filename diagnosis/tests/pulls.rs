@@ -23,7 +23,7 @@ fn it_pulls_forward_near_extension_backward_in_flexion_and_back_into_the_groove(
     let Some(problem) = problem() else { return };
     let catalogue = Catalogue::shipped();
     let (effect, variant) = catalogue.find("quad_passive").unwrap();
-    let tendon = Active::new(effect, variant, vec![100.0, 0.0, 0.0]).unwrap();
+    let tendon = Active::new(effect, variant, &[100.0, 0.0, 0.0]).unwrap();
     for (trial, flexion) in problem.trials.iter().zip(FLEXIONS) {
         let force = |q: &sim::joint::Six| tendon.force(&problem.place.situation(&problem.model, trial, &trial.load, q));
         let at_rest = force(&trial.neutral);
@@ -32,7 +32,7 @@ fn it_pulls_forward_near_extension_backward_in_flexion_and_back_into_the_groove(
         assert!((at_rest[AP] - forward).abs() < 4.0, "{flexion} deg: {} N, {forward} N", at_rest[AP]);
         assert!(at_rest[SI] > 85.0, "{flexion} deg: {} N up", at_rest[SI]);
         // in a knee whose tendon stands 6 deg further forward
-        let other = tendon.with(&[100.0, 6.0, 0.0]).force(&problem.place.situation(
+        let other = Active::new(effect, variant, &[100.0, 6.0, 0.0]).unwrap().force(&problem.place.situation(
             &problem.model,
             trial,
             &trial.load,
@@ -57,7 +57,7 @@ fn below_the_groove_it_hardly_turns_the_tibia_and_beside_it_to_the_other_side() 
     let (effect, variant) = catalogue.find("quad_passive").unwrap();
     for (trial, flexion) in problem.trials.iter().zip(FLEXIONS) {
         let turns = |lateral: f64| {
-            let tendon = Active::new(effect, variant, vec![100.0, 0.0, lateral]).unwrap();
+            let tendon = Active::new(effect, variant, &[100.0, 0.0, lateral]).unwrap();
             tendon.force(&problem.place.situation(&problem.model, trial, &trial.load, &trial.neutral))[IE]
         };
         let beside = [-8.0, 8.0].map(|lateral| turns(lateral) - turns(0.0));
@@ -74,7 +74,7 @@ fn the_weight_of_the_shank_pulls_with_the_sine_of_flexion_and_turns_by_its_lever
     let (effect, variant) = catalogue.find("gravity").unwrap();
     for (trial, flexion) in problem.trials.iter().zip(FLEXIONS) {
         let force = |weight: f64, lever: f64| {
-            let gravity = Active::new(effect, variant, vec![weight, lever]).unwrap();
+            let gravity = Active::new(effect, variant, &[weight, lever]).unwrap();
             gravity.force(&problem.place.situation(&problem.model, trial, &trial.load, &trial.neutral))
         };
         let pulled = force(12.0, 70.0);

@@ -153,7 +153,7 @@ fn springs_hold_what_is_read_however_much_it_misreads() {
     let Some(problem) = problem() else { return };
     let catalogue = Catalogue::shipped();
     let turned = catalogue.effect.iter().find(|e| e.id == "tibia_frame").unwrap();
-    let effects = [Active::new(turned, 0, vec![3.0, -2.0]).unwrap()];
+    let effects = [Active::new(turned, 0, &[3.0, -2.0]).unwrap()];
     let bench = Bench { model: &problem.model, effects: &effects, place: &problem.place };
     for trial in &problem.trials {
         let rest = bench.settle(trial, &trial.neutral);

@@ -1,7 +1,28 @@
-//! Poses read through frames that stand turned.
+//! `femur_frame` and `tibia_frame`: poses read through frames that stand turned.
 
+use super::Reading;
+use crate::trial::Trial;
 use nalgebra::{Matrix3, Rotation3, Vector3};
+use serde::Deserialize;
 use sim::joint::{AP, FE, IE, ML, SI, Six, VV};
+
+/// The effect of the femur's frame.
+pub(super) type FemurFrame = TurnedFrame<true>;
+/// The effect of the tibia's frame.
+pub(super) type TibiaFrame = TurnedFrame<false>;
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct TurnedFrame<const FEMUR: bool> {
+    vv_deg: f64,
+    ie_deg: f64,
+}
+
+impl<const FEMUR: bool> Reading for TurnedFrame<FEMUR> {
+    fn read(&self, gs: &Six, _: &Trial) -> Six {
+        turned(gs, self.vv_deg.to_radians(), self.ie_deg.to_radians(), FEMUR)
+    }
+}
 
 /// The Grood-Suntay pose read when the femur's (or the tibia's) frame is turned by `vv` about its anterior and `ie` about its superior axis [rad].
 pub(crate) fn turned(gs: &Six, vv: f64, ie: f64, femur: bool) -> Six {

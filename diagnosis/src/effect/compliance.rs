@@ -1,0 +1,24 @@
+//! `apparatus_compliance` and `bone_compliance`: what yields under load is read as motion, in proportion to the load.
+
+use super::Reading;
+use crate::trial::Trial;
+use serde::Deserialize;
+use sim::joint::{AP, IE, Six, VV};
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Compliance {
+    ap_mm_per_100n: f64,
+    ie_deg_per_nm: f64,
+    vv_deg_per_nm: f64,
+}
+
+impl Reading for Compliance {
+    fn read(&self, gs: &Six, trial: &Trial) -> Six {
+        let mut out = *gs;
+        out[AP] += self.ap_mm_per_100n * trial.load[AP] / 100.0;
+        out[IE] += self.ie_deg_per_nm.to_radians() * trial.load[IE] / 1000.0;
+        out[VV] += self.vv_deg_per_nm.to_radians() * trial.load[VV] / 1000.0;
+        out
+    }
+}
