@@ -17,8 +17,7 @@ const ARROWS: [(&str, &[&str]); 12] = [
     ("inference", &["meshes", "sim"]),
     ("calibration", &["meshes", "sim", "decks", "inference"]),
     ("validation", &["attachments", "sim", "calibration"]),
-    // of validation, diagnosis uses the plotting alone
-    ("diagnosis", &["meshes", "attachments", "sim", "decks", "inference", "calibration", "validation"]),
+    ("diagnosis", &["meshes", "attachments", "sim", "decks", "inference", "calibration"]),
     ("blindbench", &["meshes"]),
     (
         ".",

@@ -206,11 +206,3 @@ pub fn table(atlas: &Atlas) -> String {
     }
     out
 }
-
-/// The atlas as a page.
-pub fn page(model: &str, atlas: &Atlas) -> String {
-    let text = table(atlas).replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;");
-    format!(
-        "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>What could be named: {model}</title><body><h1>What could be named: {model}</h1><p>Sizes are one prior standard deviation of each effect; raw and retained are root mean square signatures in scatters, before and after ligaments and contact are recalibrated; detectable is the size, in prior standard deviations, that half of such data would reveal.</p><pre>{text}</pre></body></html>"
-    )
-}

@@ -13,7 +13,7 @@ use sim::protocols::ProtocolOptions;
 use sim::spec::ModelSpec;
 
 /// Forces below this in every knee are left out [N].
-pub(crate) const LEAST: f64 = 5.0;
+pub const LEAST_N: f64 = 5.0;
 
 /// Ligament forces under the paper's anterior drawers and pivot shift; `knees` are the model with its ligaments recalibrated alone and with the answer,
 /// each with its specification, whose components act as in any prediction of the knee alone ([`acting`]): not those of an apparatus or of one data set. A test in which either knee finds no rest is left out.
@@ -29,7 +29,7 @@ pub fn carried(knees: [(&Model, &ModelSpec); 2]) -> Result<Vec<Carried>, Diagnos
         let force = |k: usize| under(knees[k].0, knees[k].1, &effects[k], &trial);
         let (Some(without), Some(with)) = (force(0), force(1)) else { continue };
         for (g, (ligament, _)) in GROUPS.iter().enumerate() {
-            if without[g].max(with[g]) >= LEAST {
+            if without[g].max(with[g]) >= LEAST_N {
                 let (without_n, with_n) = (without[g], with[g]);
                 out.push(Carried { ligament: (*ligament).into(), test: words.clone(), without_n, with_n });
             }

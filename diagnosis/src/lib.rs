@@ -30,7 +30,6 @@ pub mod missable;
 pub mod next_test;
 pub mod noise;
 pub mod nuisance;
-pub mod page;
 pub mod predict;
 pub mod preparation;
 pub mod problem;
@@ -43,6 +42,6 @@ pub mod slopes;
 pub mod trial;
 mod verdict;
 pub mod wildcard;
-mod words;
+pub mod words;
 
 pub use error::DiagnosisError;

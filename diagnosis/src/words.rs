@@ -115,7 +115,7 @@ fn named(catalogue: &Catalogue, e: &Named) -> String {
 }
 
 /// Each parameter of an effect with its 90 % interval, told as such by `label`.
-pub(crate) fn sizes(catalogue: &Catalogue, e: &Named, label: &str) -> Vec<String> {
+pub fn sizes(catalogue: &Catalogue, e: &Named, label: &str) -> Vec<String> {
     let found = catalogue.find(&e.effect).ok().map(|(f, _)| f);
     let one = |(k, v): (&String, &crate::report::Value)| {
         let one_sided = found.is_some_and(|f| f.parameter.iter().any(|p| p.key == *k && p.one_sided));
@@ -127,7 +127,7 @@ pub(crate) fn sizes(catalogue: &Catalogue, e: &Named, label: &str) -> Vec<String
 }
 
 /// A number with its unit.
-pub(crate) fn with_unit(x: f64, unit: &str) -> String {
+pub fn with_unit(x: f64, unit: &str) -> String {
     if unit == "-" { figures(x) } else { format!("{} {unit}", figures(x)) }
 }
 
@@ -143,7 +143,7 @@ pub(crate) fn figures(x: f64) -> String {
 }
 
 /// A ligament's parameter in words, with its unit.
-pub(crate) fn parameter(name: &str) -> &str {
+pub fn parameter(name: &str) -> &str {
     match name {
         "reference_strain" => "reference strain",
         "stiffness_n_per_mm" => "stiffness [N/mm]",

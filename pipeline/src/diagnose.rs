@@ -4,6 +4,7 @@ use crate::calibrate::{self, Watch};
 use crate::error::BuildError;
 use crate::model_file::{self, LoadedModel};
 use crate::record::hash;
+use crate::report::diagnosis_page;
 use crate::store;
 use calibration::options::CalibrateOptions;
 use clap::Args;
@@ -73,7 +74,7 @@ pub fn run_with(args: &DiagnoseArgs, options: &DiagnosisOptions) -> Result<Strin
         let atlas =
             diagnosis::atlas::atlas(&model, &loaded.spec, &sources, &catalogue, options).map_err(|e| fault(&e))?;
         let json = as_json(&atlas)?;
-        let page = diagnosis::atlas::page(&loaded.spec.id, &atlas);
+        let page = diagnosis_page::atlas(&loaded.spec.id, &atlas);
         store::write_all(&args.out, &[("atlas.json".into(), json), ("atlas.html".into(), page.clone().into_bytes())])?;
         return Ok(text + &diagnosis::atlas::table(&atlas));
     }
@@ -183,7 +184,7 @@ pub(crate) fn files_of(
     }
     let spec = model(!components.is_empty());
     files.push(("model.json".into(), as_json(&spec)?));
-    files.push(("report.html".into(), diagnosis::page::page(&spec.id, &diagnosis).into_bytes()));
+    files.push(("report.html".into(), diagnosis_page::page(&spec.id, &diagnosis).into_bytes()));
     files.push(("diagnosis.json".into(), as_json(&diagnosis)?));
     Ok(files)
 }

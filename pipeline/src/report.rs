@@ -12,6 +12,8 @@ mod body;
 pub(crate) mod chart;
 pub(crate) mod check;
 mod compare;
+mod diagnosis_curves;
+pub(crate) mod diagnosis_page;
 mod failed;
 pub(crate) mod geometry;
 pub(crate) mod html;

@@ -1,12 +1,13 @@
 //! Stage 12, diagnose: what the assembled model lacks.
 
 use super::calibrate::Calibration;
-use super::{Files, Stage, Values, View, Work, reported};
+use super::{Files, Stage, Values, Work, reported};
 use crate::diagnose::{files_of, prepared};
 use crate::given::Measured;
 use crate::kept::Kept;
 use crate::model_file::{self, LoadedModel, assembled_model};
 use crate::options::BuildOptions;
+use crate::report::diagnosis_page;
 use diagnosis::catalogue::Catalogue;
 use diagnosis::component::{Component, Provenance};
 use diagnosis::diagnosis::{Diagnosis, diagnose};
@@ -72,23 +73,7 @@ impl Stage for Diagnose {
 
     /// The page of the diagnosis.
     fn more(v: &Values) -> String {
-        let Some(bytes) = v.folder.read_file(&format!("{}/report.html", Diagnose.folder())) else {
-            return String::new();
-        };
-        let page = String::from_utf8_lossy(&bytes);
-        let between = |from: &str, to: &str| {
-            let rest = page.split_once(from).map_or("", |(_, rest)| rest);
-            rest.split_once(to).map_or(rest, |(inside, _)| inside).to_owned()
-        };
-        // a tree of its own, so that neither page's style reaches the other; its headings stand below the section's
-        let (style, body) = (between("<style>", "</style>"), between("<body>", "</body>"));
-        let style = style.replace("h2{", "h4{").replace("h1{", "h3{");
-        let body = [("<h2>", "<h4>"), ("</h2>", "</h4>"), ("<h1>", "<h3>"), ("</h1>", "</h3>")]
-            .iter()
-            .fold(body, |text, (from, to)| text.replace(from, to));
-        format!(
-            "<div class=\"diagnosis\"><template shadowrootmode=\"open\"><style>{style}</style>{body}</template></div>"
-        )
+        v.of::<Diagnosed>().map_or(String::new(), |d| diagnosis_page::part(&d.model.id, &d.diagnosis))
     }
 }
 

@@ -1,9 +1,12 @@
-//! The page: one self-contained file that opens offline.
+//! The page of a diagnosis: one self-contained file that opens offline; and the same inside the report of a build.
 
-use crate::catalogue::Catalogue;
-use crate::map::Cell;
-use crate::report::{Carried, Diagnosis, Missable, Named, Verdict};
-use crate::words::{sizes, with_unit};
+use super::diagnosis_curves::picture;
+use diagnosis::atlas::{Atlas, table};
+use diagnosis::carried::LEAST_N;
+use diagnosis::catalogue::Catalogue;
+use diagnosis::map::Cell;
+use diagnosis::report::{Carried, Diagnosis, Missable, Named, Verdict};
+use diagnosis::words::{parameter, sizes, with_unit};
 use sim::laxity::COORDINATES;
 use sim::protocols::ProtocolOptions;
 use std::collections::BTreeMap;
@@ -16,11 +19,24 @@ td,th{border:1px solid #ccc;padding:.2em .5em;text-align:right}th{background:#f4
 .note{color:#666;font-size:.9em}.gap{border:0;background:none;padding:.2em}.words td,.words th{text-align:left;vertical-align:top}";
 
 /// The page of a diagnosis of `model`.
-pub fn page(model: &str, d: &Diagnosis) -> String {
-    let mut out = format!(
-        "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>What is missing: {0}</title><style>{STYLE}</style><body><h1>What is missing: {0}</h1>",
-        escape(model)
-    );
+pub(crate) fn page(model: &str, d: &Diagnosis) -> String {
+    format!(
+        "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>What is missing: {}</title><style>{STYLE}</style><body>{}</body></html>",
+        escape(model),
+        body(model, d)
+    )
+}
+
+/// The same as a part of another page: a tree of its own, so that neither page's style reaches the other; its headings stand below the section's.
+pub(crate) fn part(model: &str, d: &Diagnosis) -> String {
+    let style = STYLE.replace("h2{", "h4{").replace("h1{", "h3{");
+    let lower = [("<h2>", "<h4>"), ("</h2>", "</h4>"), ("<h1>", "<h3>"), ("</h1>", "</h3>")];
+    let body = lower.iter().fold(body(model, d), |text, (from, to)| text.replace(from, to));
+    format!("<div class=\"diagnosis\"><template shadowrootmode=\"open\"><style>{style}</style>{body}</template></div>")
+}
+
+fn body(model: &str, d: &Diagnosis) -> String {
+    let mut out = format!("<h1>What is missing: {}</h1>", escape(model));
     let _ = write!(out, "<div class=\"verdict\">{}</div>", escape(&d.description));
     answers(&mut out, d);
     meanings(&mut out, d);
@@ -37,7 +53,7 @@ pub fn page(model: &str, d: &Diagnosis) -> String {
     }
     let _ = write!(
         out,
-        "</ul>{}<p class=\"note\">An effect was named from a log Bayes factor of {:.1} on (what 95 % of simulated data without an effect stay below, and half as much again or more, since the scatter itself is known no better). Fields of no name (forces or misreadings: constant, by flexion, by motion, by load) beside the answer, or beside nothing where nothing is named: log Bayes factor {:.1}. M and L effects belong to the apparatus and are left out of predictions about the joint; T belongs to the specimen; U to the session.</p></body></html>",
+        "</ul>{}<p class=\"note\">An effect was named from a log Bayes factor of {:.1} on (what 95 % of simulated data without an effect stay below, and half as much again or more, since the scatter itself is known no better). Fields of no name (forces or misreadings: constant, by flexion, by motion, by load) beside the answer, or beside nothing where nothing is named: log Bayes factor {:.1}. M and L effects belong to the apparatus and are left out of predictions about the joint; T belongs to the specimen; U to the session.</p>",
         provenance(d),
         d.threshold,
         d.wildcard
@@ -197,7 +213,7 @@ fn bars(out: &mut String, d: &Diagnosis) {
 
 /// The worst places as curves.
 fn curves(out: &mut String, d: &Diagnosis) {
-    let picture = crate::curves::picture(&d.curves);
+    let picture = picture(&d.curves);
     if !picture.is_empty() {
         *out += "<h2>Load and displacement where the model disagrees most</h2><p class=\"note\">Bars: one standard deviation of the measurement. Signs: valgus, external, lateral, anterior, superior of the tibia.</p>";
         *out += &picture;
@@ -221,7 +237,7 @@ fn forces(out: &mut String, d: &Diagnosis) {
         out,
         "<h2>What the ligaments carry [N]: recalibrated, with the answer</h2><p class=\"note\">Under {:.0} N of compression, without friction. Effects of the specimen and of the session act here where they are in all data sets; those of an apparatus or of one data set alone do not. Below {:.0} N left out.</p><table><tr><th>ligament</th>",
         ProtocolOptions::default().compression_n,
-        crate::carried::LEAST
+        LEAST_N
     );
     for test in &tests {
         let _ = write!(out, "<th colspan=\"2\">{}</th>", escape(test));
@@ -249,7 +265,7 @@ fn ligaments(out: &mut String, d: &Diagnosis) {
             out,
             "<tr><td>{} {}</td><td>{:.3}</td><td>{:.3}</td><td>{:.3}</td><td>{:.3}</td></tr>",
             escape(&l.bundle),
-            crate::words::parameter(&l.parameter),
+            parameter(&l.parameter),
             l.given,
             l.without,
             l.with,
@@ -311,4 +327,12 @@ fn missed(out: &mut String, d: &Diagnosis) {
         *out += "</tr>";
     }
     *out += "</table>";
+}
+
+/// The page of an atlas.
+pub(crate) fn atlas(model: &str, found: &Atlas) -> String {
+    let text = escape(&table(found));
+    format!(
+        "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>What could be named: {model}</title><body><h1>What could be named: {model}</h1><p>Sizes are one prior standard deviation of each effect; raw and retained are root mean square signatures in scatters, before and after ligaments and contact are recalibrated; detectable is the size, in prior standard deviations, that half of such data would reveal.</p><pre>{text}</pre></body></html>"
+    )
 }
