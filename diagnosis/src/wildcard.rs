@@ -17,12 +17,13 @@ use crate::problem::Problem;
 use crate::robust::price;
 use crate::screen::Marginal;
 use crate::slopes::Slopes;
+use crate::trial::READ;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use sim::joint::{FE, Six};
 
-use kinds::{BENT, Kind, Part, kinds, shares};
 pub use kinds::{Bone, Course};
+use kinds::{FIELD, Kind, Part, kinds, shares};
 use parts::parts;
 
 /// Sizes of a field over those amplitudes [-].
@@ -43,8 +44,8 @@ pub struct Wildcard {
     pub scope: Scope,
     /// Weights of its components [-].
     pub amounts: Vec<f64>,
-    /// Its mean: generalised force [N mm, N] or misreading [deg, mm] in the five coordinates of a reading, then misread flexion [deg]; six a trial.
-    pub mean: Vec<[f64; 6]>,
+    /// Its mean in every trial: generalised force [N mm, N] or misreading [deg, mm].
+    pub mean: Vec<Six>,
 }
 
 /// What moves a trial's readings: five loads, and a misread flexion.
@@ -58,9 +59,9 @@ impl Response {
     /// Change of reading `d` by one unit of a field in coordinate `c`.
     fn by(&self, is_force: bool, c: usize, d: usize) -> f64 {
         match (is_force, c) {
-            (true, _) => self.loads[c][d],
-            (false, BENT) => self.flexion[d],
-            (false, _) => f64::from(u8::from(d == c)),
+            (false, FE) => self.flexion[d],
+            (true, _) => READ.iter().position(|&j| j == c).map_or(0.0, |k| self.loads[k][d]),
+            (false, _) => f64::from(u8::from(READ[d] == c)),
         }
     }
 }
@@ -128,8 +129,8 @@ pub fn wildcard(
 fn signature(parts: &[Part], responses: &[Response], is_force: bool) -> DMatrix<f64> {
     DMatrix::from_fn(5 * responses.len(), parts.len(), |r, k| {
         let ((i, d), part) = ((r / 5, r % 5), &parts[k]);
-        let felt = part[i].iter().enumerate().filter(|(_, value)| **value != 0.0);
-        felt.map(|(c, value)| value * responses[i].by(is_force, c, d)).sum()
+        let felt = FIELD.iter().filter(|&&c| part[i][c] != 0.0);
+        felt.map(|&c| part[i][c] * responses[i].by(is_force, c, d)).sum()
     })
 }
 
@@ -168,11 +169,11 @@ impl Spectrum {
 }
 
 /// A field's value at every trial.
-fn at_trials(parts: &[Part], weights: &DVector<f64>, trials: usize) -> Vec<[f64; 6]> {
-    let mut out = vec![[0.0; 6]; trials];
+fn at_trials(parts: &[Part], weights: &DVector<f64>, trials: usize) -> Vec<Six> {
+    let mut out = vec![Six::zeros(); trials];
     for (part, weight) in parts.iter().zip(weights.iter()) {
         for (value, at) in part.iter().zip(&mut out) {
-            value.iter().zip(at).for_each(|(v, x)| *x += v * weight);
+            *at += value * *weight;
         }
     }
     out

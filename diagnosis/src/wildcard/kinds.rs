@@ -4,23 +4,16 @@ use crate::candidate::Scope;
 use crate::catalogue::Catalogue;
 use crate::problem::Problem;
 use crate::trial::READ;
+use sim::joint::{AP, FE, IE, ML, SI, Six, VV};
 
-/// Amplitudes of the force field: VV, IE [N mm], ML, AP, SI [N].
-const FORCES: [f64; 5] = [3000.0, 1000.0, 20.0, 20.0, 40.0];
-/// Amplitudes of misreadings: VV, IE [deg], ML, AP, SI [mm].
-const READINGS: [f64; 5] = [2.0, 2.0, 2.0, 2.0, 2.0];
-/// Amplitude of a misread flexion [deg].
-const FLEXION: f64 = 3.0;
-/// Coordinates of a field.
-const VV: usize = 0;
-const IE: usize = 1;
-const ML: usize = 2;
-const AP: usize = 3;
-const SI: usize = 4;
-/// The coordinate of a misread flexion, after the five of a reading.
-pub(super) const BENT: usize = 5;
-/// Loads that count as one: VV, IE [N mm], ML, AP, SI [N].
-pub(super) const LOADS: [f64; 5] = [5000.0, 4000.0, 100.0, 100.0, 100.0];
+/// Amplitudes of the force field in the order of [`Six`]; flexion is prescribed, so any force in it is small [N mm, N].
+const FORCES: [f64; 6] = [f64::INFINITY, 3000.0, 1000.0, 20.0, 20.0, 40.0];
+/// Amplitudes of misreadings, flexion first [deg, mm].
+const READINGS: [f64; 6] = [3.0, 2.0, 2.0, 2.0, 2.0, 2.0];
+/// Loads that count as one, in the order of [`Six`]; flexion has none [N mm, N].
+pub(super) const LOADS: [f64; 6] = [f64::INFINITY, 5000.0, 4000.0, 100.0, 100.0, 100.0];
+/// The coordinates of a field, as sums run over them: the five of a reading, then flexion that is misread.
+pub(super) const FIELD: [usize; 6] = [VV, IE, ML, AP, SI, FE];
 /// Shares of the farthest motion from which a stop resists [-].
 const STOPS: [f64; 2] = [0.25, 0.6];
 /// Distances of the cruciates' lines from which they press on each other [mm]: round cords of 39 and 58 mm^2 would touch at 8 mm [siebold2015; harner1995],
@@ -96,8 +89,8 @@ impl Course {
     }
 }
 
-/// A component: its value in every trial, in the five coordinates of a reading and misread flexion [N mm, N, or deg, mm].
-pub(super) type Part = Vec<[f64; 6]>;
+/// A component: its value in every trial; of a misreading, turns in degrees [N mm, N, or deg, mm].
+pub(super) type Part = Vec<Six>;
 
 /// A kind of field.
 #[derive(Clone, Copy, Debug)]
@@ -105,7 +98,7 @@ pub(super) struct Kind {
     pub is_force: bool,
     pub course: Course,
     pub scope: Scope,
-    /// The only coordinate that it has (five of a reading, and flexion for misreadings); the five otherwise.
+    /// The only coordinate that it has (flexion for misreadings alone); the five of a reading otherwise.
     pub only: Option<usize>,
 }
 
@@ -117,7 +110,7 @@ impl Kind {
             Course::Across(d) => Some(d),
             _ => None,
         };
-        let loaded = |d: usize| problem.trials.iter().any(|t| self.scope.covers(t.source) && t.load[READ[d]] != 0.0);
+        let loaded = |d: usize| problem.trials.iter().any(|t| self.scope.covers(t.source) && t.load[d] != 0.0);
         axis.is_none_or(loaded)
     }
 
@@ -129,7 +122,7 @@ impl Kind {
             (true, Course::Across(AP), Some(IE)) => "load_misalign",
             (false, Course::Constant, Some(VV | IE)) => "tibia_frame",
             (false, Course::Constant, Some(ML | AP | SI)) => "origin_shift",
-            (false, Course::Constant, Some(BENT)) => "flexion_offset",
+            (false, Course::Constant, Some(FE)) => "flexion_offset",
             (false, Course::Load, Some(VV | IE | AP)) => "apparatus_compliance",
             _ => return false,
         };
@@ -139,11 +132,7 @@ impl Kind {
 
 /// Size of a field in coordinate `c`: force [N mm, N] or misreading [deg, mm].
 pub(super) fn amplitude(is_force: bool, c: usize) -> f64 {
-    match (is_force, c) {
-        (_, BENT) => FLEXION,
-        (true, _) => FORCES[c],
-        (false, _) => READINGS[c],
-    }
+    if is_force { FORCES[c] } else { READINGS[c] }
 }
 
 /// All kinds of field; [`shares`] tells how likely each is.
@@ -152,19 +141,19 @@ pub(super) fn kinds(sources: usize) -> Vec<Kind> {
     let scopes: Vec<Scope> =
         std::iter::once(Scope::Both).chain((0..if sources > 1 { sources } else { 0 }).map(Scope::Only)).collect();
     let mut shapes: Vec<(bool, Course, Option<usize>)> = Vec::new();
-    for only in std::iter::once(None).chain((0..5).map(Some)) {
+    for only in std::iter::once(None).chain(READ.map(Some)) {
         // a misreading that follows the motion in any way would be the motion itself; in proportion it is a scale
         shapes.extend([Constant, Flexion, Motion, Load].map(|course| (true, course, only)));
         shapes.extend([Constant, Flexion, Scale, Load].map(|course| (false, course, only)));
     }
-    shapes.extend([Constant, Flexion].map(|course| (false, course, Some(BENT))));
-    for (c, d) in (0..5).flat_map(|c| (0..5).filter(move |d| *d != c).map(move |d| (c, d))) {
+    shapes.extend([Constant, Flexion].map(|course| (false, course, Some(FE))));
+    for (c, d) in READ.into_iter().flat_map(|c| READ.into_iter().filter(move |d| *d != c).map(move |d| (c, d))) {
         shapes.extend([true, false].map(|is_force| (is_force, Across(d), Some(c))));
     }
-    for c in 0..5 {
+    for c in READ {
         shapes.extend(STOPS.iter().flat_map(|&from| [-1.0, 1.0].map(|sign| (true, Stop { sign, from }, Some(c)))));
     }
-    shapes.extend((0..5).flat_map(|c| [false, true].map(|bent| (true, Near { bent }, Some(c)))));
+    shapes.extend(READ.into_iter().flat_map(|c| [false, true].map(|bent| (true, Near { bent }, Some(c)))));
     shapes.extend([Bone::Femur, Bone::Tibia].map(|bone| (false, Sway(bone), None)));
     shapes.extend([Bone::Femur, Bone::Tibia].map(|bone| (true, Pull(bone), None)));
     let kind = |scope: Scope, (is_force, course, only)| Kind { is_force, course, scope, only };
@@ -206,7 +195,7 @@ mod tests {
         assert_eq!(two.len(), 3 * (8 * 6 + 2 + 2 * 20 + 4 * 5 + 2 * 5 + 2 + 2) + 2 + 3);
         assert!((shares(&two).iter().sum::<f64>() - 1.0).abs() < 1e-9);
         assert!(two.iter().all(|k| k.is_force || k.course != Course::Motion));
-        assert!(two.iter().all(|k| k.only != Some(BENT) || !k.is_force));
+        assert!(two.iter().all(|k| k.only != Some(FE) || !k.is_force));
         assert!(kinds(1).iter().all(|k| k.scope == Scope::Both));
     }
 

@@ -1,6 +1,6 @@
 //! Components of a field: its value in every trial.
 
-use super::kinds::{BENT, Bone, Course, Kind, LOADS, MIDDLE, Part, amplitude};
+use super::kinds::{Bone, Course, Kind, LOADS, MIDDLE, Part, amplitude};
 use super::suspects::{acting, impinging, larger, pulls, swayed};
 use crate::fit::Fit;
 use crate::problem::Problem;
@@ -8,8 +8,8 @@ use crate::trial::{PER_UNIT, READ};
 use nalgebra::DMatrix;
 use sim::joint::{FE, Six};
 
-/// Over which flexion [rad] and over which motion (rotations [rad], translations [mm]) the field changes.
-const RANGES: (f64, [f64; 5]) = (0.52, [0.05, 0.17, 4.0, 5.0, 4.0]);
+/// Over which flexion and which motion the field changes, in the order of [`Six`] [rad, mm].
+const RANGES: [f64; 6] = [0.52, 0.05, 0.17, 4.0, 5.0, 4.0];
 /// Share of a field's largest component below which its components are left out [-].
 const SMALL: f64 = 1e-4;
 
@@ -21,7 +21,10 @@ pub(super) fn parts(problem: &Problem, (fit, unloaded): (&Fit, &[Six]), kind: &K
         Course::Impinging(from) => acting(problem, fit, kind, &|here| vec![impinging(here, from)]),
         Course::Pull(bone) => acting(problem, fit, kind, &|here| pulls(here, bone).to_vec()),
         Course::Sway(bone) => sways(problem, fit, kind, bone),
-        _ => kind.only.map_or(0..5, |c| c..c + 1).flat_map(|c| along(problem, (fit, unloaded), kind, c)).collect(),
+        _ => {
+            let coordinates = kind.only.as_ref().map_or(&READ[..], std::slice::from_ref);
+            coordinates.iter().flat_map(|&c| along(problem, (fit, unloaded), kind, c)).collect()
+        }
     }
 }
 
@@ -32,18 +35,18 @@ fn along(problem: &Problem, (fit, unloaded): (&Fit, &[Six]), kind: &Kind, c: usi
     let amplitude = amplitude(kind.is_force, c);
     let column = |value: &dyn Fn(usize) -> f64| -> Part {
         let at = |i: usize| if acts(i) { amplitude * value(i) } else { 0.0 };
-        (0..n).map(|i| std::array::from_fn(|k| if k == c { at(i) } else { 0.0 })).collect()
+        (0..n).map(|i| Six::from_fn(|k, _| if k == c { at(i) } else { 0.0 })).collect()
     };
-    let load = |i: usize, d: usize| problem.trials[i].load[READ[d]] / LOADS[d];
-    let moved = |i: usize| fit.linear.rests[i].q[READ[c]] - unloaded[i][READ[c]];
+    let load = |i: usize, d: usize| problem.trials[i].load[d] / LOADS[d];
+    let moved = |i: usize| fit.linear.rests[i].q[c] - unloaded[i][c];
     match kind.course {
         Course::Constant => vec![column(&|_| 1.0)],
         Course::Load => vec![column(&|i| load(i, c))],
         Course::Across(d) => vec![column(&|i| load(i, d))],
-        Course::Scale => vec![column(&|i| moved(i) / RANGES.1[c])],
+        Course::Scale => vec![column(&|i| moved(i) / RANGES[c])],
         Course::Stop { sign, from } => {
             let farthest = (0..n).filter(|&i| acts(i)).map(|i| sign * moved(i)).fold(0.0, f64::max);
-            vec![column(&|i| -sign * (sign * moved(i) - from * farthest).max(0.0) / (0.5 * RANGES.1[c]))]
+            vec![column(&|i| -sign * (sign * moved(i) - from * farthest).max(0.0) / (0.5 * RANGES[c]))]
         }
         Course::Near { bent } => {
             let to = |i: usize| (problem.trials[i].flexion / MIDDLE - 1.0) * if bent { 1.0 } else { -1.0 };
@@ -51,9 +54,9 @@ fn along(problem: &Problem, (fit, unloaded): (&Fit, &[Six]), kind: &Kind, c: usi
         }
         Course::Flexion | Course::Motion => {
             let correlation = DMatrix::from_fn(n, n, |i, k| {
-                let mut d = ((problem.trials[i].flexion - problem.trials[k].flexion) / RANGES.0).powi(2);
+                let mut d = ((problem.trials[i].flexion - problem.trials[k].flexion) / RANGES[FE]).powi(2);
                 if kind.course == Course::Motion {
-                    d += ((moved(i) - moved(k)) / RANGES.1[c]).powi(2);
+                    d += ((moved(i) - moved(k)) / RANGES[c]).powi(2);
                 }
                 if acts(i) && acts(k) { (-0.5 * d).exp() } else { 0.0 }
             });
@@ -68,14 +71,17 @@ fn along(problem: &Problem, (fit, unloaded): (&Fit, &[Six]), kind: &Kind, c: usi
 
 /// A bone's frame turned with the size of the load, an axis a component.
 fn sways(problem: &Problem, fit: &Fit, kind: &Kind, bone: Bone) -> Vec<Part> {
-    let misread = |i: usize, axis: usize| -> [f64; 6] {
+    let misread = |i: usize, axis: usize| -> Six {
         let trial = &problem.trials[i];
         if !kind.scope.covers(trial.source) {
-            return [0.0; 6];
+            return Six::zeros();
         }
         let gs = problem.models.of(trial.source).joint.grood_suntay(&fit.linear.rests[i].q);
         let by = swayed(&gs, &trial.load, bone)[axis];
-        std::array::from_fn(|c| if c == BENT { by[FE].to_degrees() } else { by[READ[c]] / PER_UNIT[c] })
+        let mut out = Six::zeros();
+        out[FE] = by[FE].to_degrees();
+        READ.iter().zip(PER_UNIT).for_each(|(&c, unit)| out[c] = by[c] / unit);
+        out
     };
     (0..3).map(|axis| (0..problem.trials.len()).map(|i| misread(i, axis)).collect()).collect()
 }

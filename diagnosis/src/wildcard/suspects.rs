@@ -5,11 +5,10 @@ use super::kinds::{Bone, Kind, LOADS, Part};
 use crate::effect::{Situation, fibre_pull, pull, turned};
 use crate::fit::Fit;
 use crate::problem::Problem;
-use crate::trial::READ;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use sim::contact::Nearby;
-use sim::joint::{FE, IE, Six, VV};
+use sim::joint::{AP, FE, IE, ML, Six, VV};
 use sim::ligament::Fibre;
 
 /// By how much bones are larger [-].
@@ -31,12 +30,13 @@ pub(super) fn acting(
 ) -> Vec<Part> {
     // a fit whose model cannot be made has been told of before its fields are asked for
     let Ok(models) = problem.models_at(&fit.unknowns) else { return vec![] };
-    let at = |(trial, rest): (&crate::trial::Trial, &sim::equilibrium::Equilibrium)| -> Vec<[f64; 6]> {
+    let at = |(trial, rest): (&crate::trial::Trial, &sim::equilibrium::Equilibrium)| -> Vec<Six> {
         let acts = if kind.scope.covers(trial.source) { 1.0 } else { 0.0 };
         let forces = forces(&problem.place.situation(models.of(trial.source), trial, &trial.load, &rest.q));
-        forces.iter().map(|f| std::array::from_fn(|c| READ.get(c).map_or(0.0, |&j| acts * f[j]))).collect()
+        // flexion is prescribed: no force moves it
+        forces.iter().map(|f| Six::from_fn(|c, _| if c == FE { 0.0 } else { acts * f[c] })).collect()
     };
-    let each: Vec<Vec<[f64; 6]>> = problem.trials.par_iter().zip(&fit.linear.rests).map(at).collect();
+    let each: Vec<Vec<Six>> = problem.trials.par_iter().zip(&fit.linear.rests).map(at).collect();
     let components = each.first().map_or(0, Vec::len);
     (0..components).map(|k| each.iter().map(|forces| forces[k]).collect()).collect()
 }
@@ -73,7 +73,7 @@ fn force_of_larger(here: &Situation, apart: bool, share: f64) -> Six {
 /// What a tracker misreads that sways with its bone by [`SWAY`] for a load that counts as one, whichever way that points: at the pose `gs`, about the bone's
 /// anterior, superior and medial axis [rad, mm].
 pub fn swayed(gs: &Six, load: &Six, bone: Bone) -> [Six; 3] {
-    let size = LOADS.iter().zip(READ).take(4).map(|(one, j)| (load[j] / one).powi(2)).sum::<f64>().sqrt();
+    let size = [VV, IE, ML, AP].map(|c| (load[c] / LOADS[c]).powi(2)).iter().sum::<f64>().sqrt();
     let (h, is_femur) = (1e-4, bone == Bone::Femur);
     let by = |turn: &dyn Fn(f64) -> Six| (turn(h) - turn(-h)) / (2.0 * h) * (SWAY.to_radians() * size);
     let mut flexed = Six::zeros();

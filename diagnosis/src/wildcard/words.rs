@@ -1,15 +1,15 @@
 //! A field in words: which coordinate, at which flexion, at which load, where, and how large.
 
 use super::Wildcard;
-use super::kinds::{BENT, Bone, Course, LOADS, amplitude};
+use super::kinds::{Bone, Course, FIELD, LOADS, amplitude};
 use super::suspects::{BESIDE, PULL, SHARE};
 use crate::candidate::Scope;
 use crate::problem::Problem;
-use crate::trial::READ;
+use sim::joint::{FE, IE, VV};
 
-/// Names of the coordinates of a field, misread flexion last.
+/// Names of the coordinates, in the order of [`sim::joint::Six`].
 const NAMES: [&str; 6] =
-    ["varus-valgus", "internal-external rotation", "medial-lateral", "anterior-posterior", "axial", "flexion"];
+    ["flexion", "varus-valgus", "internal-external rotation", "medial-lateral", "anterior-posterior", "axial"];
 
 impl Wildcard {
     /// In words.
@@ -107,7 +107,7 @@ impl Wildcard {
     fn largest(&self, acts: &dyn Fn(usize) -> bool) -> usize {
         let trials = || (0..self.mean.len()).filter(|&i| acts(i));
         let size = |c: usize| trials().map(|i| (self.mean[i][c] / amplitude(self.is_force, c)).powi(2)).sum::<f64>();
-        (0..=BENT).max_by(|&a, &b| size(a).total_cmp(&size(b))).unwrap_or(BENT)
+        FIELD.into_iter().max_by(|&a, &b| size(a).total_cmp(&size(b))).unwrap_or(FE)
     }
 
     /// Mean of coordinate `c` over some trials.
@@ -118,7 +118,7 @@ impl Wildcard {
 
     /// What coordinate `c` has for every unit of load along `d`.
     fn per_load(&self, problem: &Problem, acts: &dyn Fn(usize) -> bool, (c, d): (usize, usize)) -> String {
-        let load = |i: usize| problem.trials[i].load[READ[d]] / LOADS[d];
+        let load = |i: usize| problem.trials[i].load[d] / LOADS[d];
         let most = (0..self.mean.len()).filter(|&i| acts(i)).max_by(|&a, &b| load(a).abs().total_cmp(&load(b).abs()));
         let by = most.filter(|&i| load(i) != 0.0).map_or(0.0, |i| self.mean[i][c] / load(i));
         let (per, own) = unit(self.is_force, c);
@@ -128,7 +128,7 @@ impl Wildcard {
 
     fn by_flexion(&self, problem: &Problem, acts: &dyn Fn(usize) -> bool, c: usize, start: &str) -> String {
         let bent = |i: usize| problem.trials[i].nominal > 45.0;
-        let pushed = |i: usize| READ.get(c).is_some_and(|&j| problem.trials[i].load[j].abs() > 1e-6);
+        let pushed = |i: usize| c != FE && problem.trials[i].load[c].abs() > 1e-6;
         let mean = |keep: &dyn Fn(usize) -> bool| self.mean_of(&|i| acts(i) && keep(i), c);
         let (near, far) = (mean(&|i| !bent(i)), mean(&|i| bent(i)));
         let profile = if near * far < 0.0 {
@@ -154,9 +154,9 @@ impl Wildcard {
 /// Factor and unit in which coordinate `c` is told.
 fn unit(is_force: bool, c: usize) -> (f64, &'static str) {
     match (is_force, c) {
-        (true, 0 | 1) => (1e-3, "N m"),
+        (true, VV | IE) => (1e-3, "N m"),
         (true, _) => (1.0, "N"),
-        (false, 0 | 1 | BENT) => (1.0, "deg"),
+        (false, FE | VV | IE) => (1.0, "deg"),
         (false, _) => (1.0, "mm"),
     }
 }
