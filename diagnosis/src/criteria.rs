@@ -49,6 +49,11 @@ pub fn ahead() -> f64 {
     MISSING_PER_UNKNOWN.ln()
 }
 
+/// Standard deviation, over the starts of a calibration, of the difference between what a name earns on a built knee and what a field in its place does
+/// [nats]: each is the best of what a search met. Calibrated: six effects on both built knees (`blind make`, seeds 7001 and 7002), three seeds of the
+/// calibration each.
+pub const STARTS_DIFFER: f64 = 1.5;
+
 /// Least log Bayes factor of a decisive answer. Derived: a share [`KIN_DIFFER`] of it tells an unknown one of its kind apart by odds of [`SURE`].
 pub fn decided() -> f64 {
     SURE.ln() / KIN_DIFFER
@@ -109,6 +114,7 @@ mod tests {
             ("weight of a decisive answer", DECISIVE_WEIGHT),
             ("weight of a probable answer", PROBABLE_WEIGHT),
             ("noise other than stated", OTHER_NOISE),
+            ("difference by starts, built knees", STARTS_DIFFER),
             ("size of a testable effect", TESTABLE_SIZE),
         ];
         for (name, value) in rows {

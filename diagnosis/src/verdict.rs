@@ -4,7 +4,7 @@ use crate::candidate::Scope;
 use crate::catalogue::Effect;
 use crate::criteria::{
     ANOTHER, BEYOND_DOUBT_DEVIATIONS, CLOSES_MOST, CLOSES_NEARLY_ALL, DECISIVE_EXCESS, DECISIVE_WEIGHT, INTERVAL_90,
-    NO_SIZE, POOR_DEVIATIONS, PROBABLE_WEIGHT, TEMPER, ahead, decided, likelier, mixed_up, nameless,
+    NO_SIZE, POOR_DEVIATIONS, PROBABLE_WEIGHT, STARTS_DIFFER, TEMPER, ahead, decided, likelier, mixed_up, nameless,
 };
 use crate::fit::Fit;
 use crate::form::{are_expected, left_by_form};
@@ -69,6 +69,8 @@ struct Grounds {
     alone: f64,
     /// What its effects were chosen among [nats].
     choice: f64,
+    /// By how much a field in its place may do better only because the search began elsewhere [nats].
+    by_chance: f64,
     /// Log Bayes factor of two trials exchanged beside it [-].
     exchanged: f64,
     /// Its gain of the held-out log score [-].
@@ -87,6 +89,7 @@ impl Grounds {
         let excess = searcher.total(of.believed) - readings;
         let evidence = searcher.gain(of.believed, of.base);
         let sizes = &of.believed.unknowns[searcher.problem.nuisances()..];
+        let is_built = searcher.problem.nuisance.are_of_a_built_knee();
         Grounds {
             readings,
             excess,
@@ -96,6 +99,7 @@ impl Grounds {
             wild: of.wild,
             alone: of.alone,
             choice: of.believed.hypothesis.len() as f64 * (of.names.max(1) as f64).ln(),
+            by_chance: if is_built { INTERVAL_90 * STARTS_DIFFER } else { 0.0 },
             exchanged: of.exchanged,
             gain: of.gain,
             closes: of.closes,
@@ -115,15 +119,21 @@ impl Grounds {
         }
         // two records mixed up beside a name leave it its name; a name that has earned less than they would is owed to them
         let mixed = self.exchanged > mixed_up().max(self.evidence);
-        let in_place = self.alone - self.evidence > ahead().max(self.form) - self.choice;
+        let in_place = self.in_place() > self.by_chance;
         let another = if self.is_expected { ANOTHER * self.evidence } else { 0.0 };
         let nameless = self.wild > nameless().max(self.form).max(another) || in_place;
         nameless || mixed || deviations > POOR_DEVIATIONS && self.closes < CLOSES_NEARLY_ALL
     }
 
+    /// By how much a field in the place of the answer is the likelier of the two [nats].
+    fn in_place(&self) -> f64 {
+        self.alone - self.evidence - ahead().max(self.form) + self.choice
+    }
+
     /// Whether it may be decisive: a named effect that leaves much is not the whole truth. A field weighs only where it is asked for.
     fn may_decide(&self, wildcard: bool) -> bool {
-        let rests = self.excess < DECISIVE_EXCESS * self.readings && !(wildcard && self.wild > likelier());
+        let is_beside = self.wild > likelier() || self.in_place() > 0.0;
+        let rests = self.excess < DECISIVE_EXCESS * self.readings && !(wildcard && is_beside);
         self.weight >= DECISIVE_WEIGHT
             && self.evidence >= decided()
             && self.gain > 0.0
@@ -222,6 +232,7 @@ mod tests {
         wild: 0.0,
         alone: 0.0,
         choice: 0.0,
+        by_chance: 0.0,
         exchanged: f64::NEG_INFINITY,
         gain: 50.0,
         closes: 0.9,
@@ -335,6 +346,11 @@ mod tests {
         assert_eq!(judged(Grounds { alone: 64.0, ..CLEAN }), Verdict::Unnamed);
         assert_eq!(judged(Grounds { alone: 61.0, ..CLEAN }), Verdict::Decisive);
         assert_eq!(judged(Grounds { alone: 62.5, form: 5.0, ..CLEAN }), Verdict::Decisive);
+        // on a built knee the difference is known to within a few nats: too near for a verdict against the name, and for a decisive one
+        let built = Grounds { by_chance: 4.0, ..CLEAN };
+        assert_eq!(judged(Grounds { alone: 64.0, ..built }), Verdict::Probable);
+        assert_eq!(judged(Grounds { alone: 61.0, ..built }), Verdict::Decisive);
+        assert_eq!(judged(Grounds { alone: 67.0, ..built }), Verdict::Unnamed);
     }
 
     #[test]
