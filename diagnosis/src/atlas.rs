@@ -169,7 +169,7 @@ fn row(
     confusable.sort_by(|a, b| a.0.total_cmp(&b.0));
     AtlasRow {
         effect: c.name(),
-        variant: c.effect.variants.get(c.variant).cloned(),
+        variant: c.variant_name(),
         scope: scope_name(problem, c),
         raw: (raw[k].norm_squared() / (n * size)).sqrt(),
         retained: (power / n).sqrt(),

@@ -36,6 +36,11 @@ impl Candidate {
         self.effect.name(self.variant)
     }
 
+    /// Name of its variant, where the effect has several.
+    pub fn variant_name(&self) -> Option<String> {
+        self.effect.variants.get(self.variant).cloned()
+    }
+
     /// The effect at work with values in units of its priors.
     pub fn active(&self, scaled: &[f64]) -> Active {
         let values: Vec<f64> = self.effect.parameter.iter().zip(scaled).map(|(p, x)| p.sd * x).collect();

@@ -34,7 +34,7 @@ pub fn missable(problem: &Problem, search: &Search, threshold: f64) -> Result<Ve
 fn row(problem: &Problem, c: &Candidate, parameter: &str, size: f64, unit: &str) -> Missable {
     Missable {
         effect: c.name(),
-        variant: c.effect.variants.get(c.variant).cloned(),
+        variant: c.variant_name(),
         scope: scope_name(problem, c),
         parameter: parameter.into(),
         size,

@@ -274,7 +274,7 @@ pub fn named(problem: &Problem, fit: &Fit, temper: f64) -> Vec<Named> {
         .map(|(c, values)| Named {
             effect: c.name(),
             scope: scope_name(problem, c),
-            variant: c.effect.variants.get(c.variant).cloned(),
+            variant: c.variant_name(),
             parameters: c
                 .effect
                 .parameter

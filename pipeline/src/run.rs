@@ -46,7 +46,7 @@ pub fn run(args: &BuildArgs) -> Result<String, BuildError> {
     let folder = BuildFolder::open(&out)?;
     let mut log = RunLog::new(&folder, &options, range, Progress::new(args.quiet, STAGES.len()));
     if args.plan {
-        return planned(build_model(&file, &raw, &mut log), &log.records);
+        return planned(build_model(&file, &raw, &mut log), &log.records, args.json);
     }
     folder.write_file("run.toml", run_toml(&raw, &file, &options)?.as_bytes())?;
     let stopped = match build_model(&file, &raw, &mut log) {
@@ -74,13 +74,14 @@ pub fn run(args: &BuildArgs) -> Result<String, BuildError> {
     })
 }
 
-/// The words of a plan: which stages would run.
-fn planned(end: Result<(), BuildError>, records: &[Record]) -> Result<String, BuildError> {
+/// The words of a plan: which stages would run; as JSON, the log's lines as they would be, those that would run with `cached` false.
+fn planned(end: Result<(), BuildError>, records: &[Record], json: bool) -> Result<String, BuildError> {
     let mut text = String::new();
     for r in records {
         let _ = writeln!(text, "{:12} {}", r.stage, if r.cached { "unchanged" } else { "would run" });
     }
     match end {
+        Ok(()) | Err(BuildError::Reached | BuildError::Unplanned(_)) if json => Ok(inspect::as_json(records)),
         Ok(()) | Err(BuildError::Reached) => Ok(text),
         Err(BuildError::Unplanned(stage)) => {
             Ok(text + &format!("{stage:12} would run, and what needs it: it never has\n"))
