@@ -1,5 +1,7 @@
 //! Times of the solvers on one thread: `cargo bench --bench solver [MODEL.json [TRIALS.csv]]`.
 //!
+//! A model whose contact is by thickness is also timed with its table, trial by trial in turn, as a ratio.
+//!
 //! Without a model, the published knee of `../shared` with its full meshes, and its measured trials. Wall clock; run it on a quiet machine.
 #![expect(clippy::disallowed_methods, reason = "a benchmark asks the system for its time")]
 #![expect(clippy::print_stdout, reason = "a benchmark prints")]
@@ -40,7 +42,7 @@ impl Clock {
 fn main() -> Result<(), String> {
     let shared = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared");
     let given: Vec<PathBuf> = std::env::args().skip(1).filter(|a| !a.starts_with('-')).map(PathBuf::from).collect();
-    let (model, triangles) = match given.first() {
+    let Compiled { model, by_table, triangles } = match given.first() {
         Some(path) => compiled(path)?,
         None => {
             let deck = shared.join("published/S192803/deck/S192803_MAIN_LAXITY_Anterior_30deg_10.inp");
@@ -58,11 +60,22 @@ fn main() -> Result<(), String> {
     let trials = sim::laxity::read(&bytes).map_err(|e| e.to_string())?.trials;
     println!("{}: {triangles} contact triangles, {} trials, one thread", model.id, trials.len());
     quasi_static(&model, &trials)?;
+    if let Some(table) = by_table {
+        beside_table(&model, &table, &trials)?;
+    }
     explicit(&model, &trials)
 }
 
-/// The model and the number of its contact triangles.
-fn compiled(path: &Path) -> Result<(Model, usize), String> {
+/// A model ready to be timed.
+struct Compiled {
+    model: Model,
+    /// The same with the contact's table in place of its thickness.
+    by_table: Option<Model>,
+    /// Number of contact triangles.
+    triangles: usize,
+}
+
+fn compiled(path: &Path) -> Result<Compiled, String> {
     let loaded = model_file::load(path).map_err(|e| e.to_string())?;
     let start = Instant::now();
     let model = sim::compile(&loaded.spec, &loaded.meshes).map_err(|e| e.to_string())?;
@@ -73,7 +86,11 @@ fn compiled(path: &Path) -> Result<(Model, usize), String> {
         sim::mesh::MeshValue::Surface(mesh) => mesh.triangles.len(),
         _ => 0,
     };
-    Ok((model, names.iter().map(count).sum()))
+    let triangles = names.iter().map(count).sum();
+    let mut spec = loaded.spec.clone();
+    let layered = spec.contact.layer.take().is_some();
+    let by_table = layered.then(|| sim::compile(&spec, &loaded.meshes)).transpose().map_err(|e| e.to_string())?;
+    Ok(Compiled { model, by_table, triangles })
 }
 
 /// Times of `work` over the trials [ms], sorted; the processor's clock ticks in 4 ms, so that short work is repeated.
@@ -99,6 +116,31 @@ fn quasi_static(model: &Model, trials: &[LaxityTrial]) -> Result<(), String> {
     let t = times(trials, 10, |t| solve_trial(model, t, &options).map(|_| ()).map_err(|e| e.to_string()))?;
     println!("quasi-static trial, median    {:9.1} ms   goal 10", t[t.len() / 2]);
     println!("quasi-static trial, slowest   {:9.1} ms", t[t.len() - 1]);
+    Ok(())
+}
+
+/// A trial by thickness over the same by the table, in turns.
+fn beside_table(model: &Model, table: &Model, trials: &[LaxityTrial]) -> Result<(), String> {
+    let options = TrialOptions::default();
+    let solved = |model: &Model, t: &LaxityTrial| -> Result<(), String> {
+        solve_trial(model, t, &options).map(|_| ()).map_err(|e| e.to_string())
+    };
+    let (mut sum, mut ratios) = ([0.0; 2], Vec::new());
+    for trial in trials {
+        let mut own = [0.0; 2];
+        for _ in 0..10 {
+            for (which, model) in [model, table].into_iter().enumerate() {
+                let start = Clock::start();
+                solved(model, trial)?;
+                own[which] += start.milliseconds();
+            }
+        }
+        ratios.push(own[0] / own[1]);
+        sum = [sum[0] + own[0], sum[1] + own[1]];
+    }
+    ratios.sort_by(f64::total_cmp);
+    println!("by thickness over by table    {:9.2}      all trials; goal 1.2", sum[0] / sum[1]);
+    println!("the same, median trial        {:9.2}", ratios[ratios.len() / 2]);
     Ok(())
 }
 

@@ -41,6 +41,14 @@ fn a_build_fits_the_law_and_assembles_with_it() {
     assert!(law["fit_error_percent"].as_f64().unwrap() < 30.0, "{law}");
     let model = read("09-assemble/model.json");
     assert_eq!(list(&model["contact"]["pressure_mpa"]), pressure);
+    let layer = &law["layer"];
+    let rms = |v: &Value| v["fit_rms_percent"].as_f64().unwrap();
+    assert!(
+        rms(layer) < 15.0 && layer["youngs_modulus_mpa"].as_f64().is_some_and(|e| (3.0..40.0).contains(&e)),
+        "{layer}"
+    );
+    assert_eq!(law["rules"], if rms(layer) < rms(&law) { "thickness" } else { "table" });
+    assert_eq!(model["contact"]["layer"].is_object(), law["rules"] == "thickness");
     let metrics = read("08b-contact-law/metrics.json");
     for flexion in metrics["flexions"].as_array().unwrap() {
         assert!(flexion["force_max_n"].as_f64().unwrap() >= 300.0, "{flexion}");
@@ -58,4 +66,27 @@ fn a_build_fits_the_law_and_assembles_with_it() {
     // taken up again, and the same bytes on one thread
     build_model().arg(specimen.path()).arg("--out").arg(out.path()).args(["--to", "contact-law"]).assert().code(2);
     build(&["contact-law.youngs_modulus_mpa=12e6"]).code(1).stderr(predicates::str::contains("check its unit"));
+}
+
+#[test]
+fn contact_by_thickness_without_a_fit_is_an_option_and_is_simulated() {
+    let specimen = phantom("S193761-phantom");
+    let out = TempDir::new().unwrap();
+    let mut build = build_model();
+    build.arg(specimen.path()).arg("--out").arg(out.path()).args(["--quiet", "--to", "assemble"]);
+    build.args(["--set", "assemble.layer.law=logarithmic", "--set", "assemble.layer.youngs_modulus_mpa=9"]);
+    build.assert().success();
+    let path = out.path().join("09-assemble/model.json");
+    let model = serde_json::from_str::<Value>(&text(&path)).unwrap();
+    let layer = &model["contact"]["layer"];
+    assert_eq!((&layer["law"], &layer["poissons_ratio"]), (&Value::from("logarithmic"), &Value::from(0.45)));
+    assert_eq!(layer["bony_faces"].as_object().unwrap().len(), 3);
+    let results = out.path().join("results.csv");
+    let mut simulate = build_model();
+    simulate.arg("simulate").arg(&path).args(["--protocol", "passive-flexion", "--out"]).arg(&results);
+    simulate.assert().success();
+    assert!(text(&results).lines().count() > 5);
+    let mut export = build_model();
+    export.arg("export").arg(&path).args(["--format", "opensim", "--out"]).arg(out.path().join("osim"));
+    export.assert().success().stdout(predicates::str::contains("contact is that of the table"));
 }

@@ -37,7 +37,7 @@ fn knee(path: &Path, options: &CalibrateOptions) -> Knee {
     let folder = path.parent().unwrap();
     let mut meshes = BTreeMap::new();
     let bones = spec.bodies.iter().map(|b| &b.bone);
-    for name in bones.chain(spec.contact.pairs.iter().flat_map(|p| [&p.femur, &p.tibia])) {
+    for name in bones.chain(spec.contact.meshes()) {
         let bytes = std::fs::read(folder.join(name)).unwrap();
         let read = meshes::format::read_surface(name, &bytes, &BTreeMap::new()).unwrap();
         meshes.insert(name.clone(), MeshValue::Surface(read.mesh));

@@ -255,6 +255,7 @@ fn contact(
         friction: law.friction,
         damping: law.damping,
         pairs,
+        layer: None,
     })
 }
 

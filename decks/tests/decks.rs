@@ -70,6 +70,7 @@ fn knee() -> (ModelSpec, BTreeMap<String, MeshValue>) {
             friction: 0.03,
             damping: 0.001,
             pairs: vec![pair],
+            layer: None,
         },
         bundles: vec![bundle("LCL", Law::Smooth), bundle("sMCL_A", Law::Tabular)],
         fibres: vec![fibre("LCL", -30.0), fibre("LCL", -31.0), fibre("sMCL_A", 30.0)],

@@ -145,7 +145,7 @@ pub fn augmented(
         }
     }
     let scale = problem.nuisance.contact_scale(&fit.unknowns);
-    out.contact.pressure_mpa.iter_mut().for_each(|p| *p *= scale);
+    out.contact.scale_pressure(scale);
     for c in components {
         let value = serde_json::to_value(c).map_err(|e| DiagnosisError::Component(e.to_string()))?;
         out.components.push(value);

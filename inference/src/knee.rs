@@ -217,7 +217,7 @@ impl Trials<'_> {
         }
         for (p, x) in self.parameters.iter().zip(&knee.values) {
             match p.quantity {
-                Quantity::ContactScale => out.contact.pressure_mpa.iter_mut().for_each(|y| *y *= x),
+                Quantity::ContactScale => out.contact.scale_pressure(*x),
                 Quantity::Cartilage => out.contact.overclosure_mm.iter_mut().for_each(|y| *y -= x),
                 _ => {}
             }

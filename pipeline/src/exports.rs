@@ -66,6 +66,9 @@ pub fn export(model: &Path, format: Format, poses: Option<&Path>, out: &Path) ->
             warnings.push("patella and menisci lie in carried/ as surfaces in the model's frame; no contact or ligament of the model knows them".into());
         }
         files.extend(beside);
+        if loaded.spec.contact.layer.is_some() {
+            warnings.push("contact is that of the table: no such format knows the model's law by thickness".into());
+        }
     }
     store::write_all(out, &files)?;
     text.extend(warnings.iter().map(|w| format!("warning: {w}\n")));

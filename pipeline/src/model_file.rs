@@ -5,6 +5,7 @@ use crate::record::json;
 use crate::store;
 use sim::mesh::MeshValue;
 use sim::spec::ModelSpec;
+use stages::PerCartilage;
 use stages::assemble::Assembled;
 use stages::bones::Bones;
 use stages::cartilage::Cartilage;
@@ -47,7 +48,7 @@ pub fn load(path: &Path) -> Result<LoadedModel, BuildError> {
     let folder = path.parent().unwrap_or(Path::new("."));
     let mut meshes = BTreeMap::new();
     let bones = spec.bodies.iter().map(|b| &b.bone);
-    for name in bones.chain(spec.contact.pairs.iter().flat_map(|p| [&p.femur, &p.tibia])) {
+    for name in bones.chain(spec.contact.meshes()) {
         if meshes.contains_key(name) {
             continue;
         }
@@ -65,12 +66,15 @@ pub fn load(path: &Path) -> Result<LoadedModel, BuildError> {
 /// The model of a build as it would be read back.
 pub(crate) fn assembled_model(assembled: &Assembled, bones: &Bones, cartilage: &Cartilage) -> LoadedModel {
     let contact = assembled.contact.named().map(|(name, mesh)| (format!("contact/{name}.ply"), mesh));
+    let bony = assembled.bony.iter().flat_map(PerCartilage::named);
+    let bony = bony.map(|(name, mesh)| (format!("contact/{name}_bony.ply"), mesh));
     let patella = bones.patella.as_ref();
     let bones = bones.surfaces.named().map(|(name, mesh)| (format!("../03-bones/{name}.ply"), mesh));
     let patella = patella.map(|mesh| ("../03-bones/patella.ply".to_string(), mesh));
     let carried = cartilage.bodies.iter().map(|(name, mesh)| (format!("../04-cartilage/{name}.ply"), mesh));
     let meshes = contact
         .into_iter()
+        .chain(bony)
         .chain(carried)
         .chain(bones)
         .chain(patella)
@@ -85,6 +89,16 @@ pub fn moved(spec: &ModelSpec, from: &Path, to: &Path) -> ModelSpec {
     let place = |name: &mut String| *name = between(to, &from.join(&*name));
     out.bodies.iter_mut().flat_map(|b| std::iter::once(&mut b.bone).chain(&mut b.cartilage)).for_each(place);
     out.contact.pairs.iter_mut().flat_map(|p| [&mut p.femur, &mut p.tibia]).for_each(place);
+    if let Some(layer) = &mut out.contact.layer {
+        let faces = std::mem::take(&mut layer.bony_faces).into_iter();
+        layer.bony_faces = faces
+            .map(|(mut face, mut bony)| {
+                place(&mut face);
+                place(&mut bony);
+                (face, bony)
+            })
+            .collect();
+    }
     out
 }
 

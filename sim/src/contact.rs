@@ -8,10 +8,13 @@ mod cells;
 pub mod field;
 pub mod friction;
 pub mod law;
+pub mod layer;
+mod layered;
 mod near;
 mod nodes;
 pub mod press;
 mod rim;
+mod thickness;
 
 use crate::error::SimError;
 use crate::joint::{Pose, Screw, Six, comes_first};
@@ -19,6 +22,7 @@ use crate::spec::{ContactSpec, FramesSpec, ModelSpec};
 use field::Field;
 pub use friction::{FrictionState, Patches};
 use law::PressureLaw;
+use layer::Layer;
 use meshes::surface::TriMesh;
 use meshes::{Isometry, Vector};
 use nalgebra::{Matrix3, Matrix6};
@@ -48,6 +52,8 @@ impl Default for ContactOptions {
 pub struct Contact {
     pub(crate) pairs: Vec<Pair>,
     pub(crate) law: PressureLaw,
+    /// Takes the place of `law`, whose start it keeps.
+    pub(crate) layer: Option<Layer>,
     /// Coulomb coefficient [-].
     pub friction: f64,
     /// Contact damping, fraction of critical [-].
@@ -158,6 +164,8 @@ impl Contact {
         options: &ContactOptions,
     ) -> Result<Contact, SimError> {
         let law = PressureLaw::new(&spec.overclosure_mm, &spec.pressure_mpa)?;
+        let layer = spec.layer.as_ref().map(Layer::new).transpose()?;
+        layered::check(spec)?;
         for (key, x) in [("friction", spec.friction), ("damping", spec.damping)] {
             if !(0.0..10.0).contains(&x) {
                 return Err(SimError::Spec(format!("contact.{key} is {x}, expected 0 to 10")));
@@ -171,20 +179,31 @@ impl Contact {
                 let key = (name.clone(), moves);
                 if !sides.contains_key(&key) {
                     let frame = field::bone_frame(if moves { &frames.femur } else { &frames.tibia });
-                    sides.insert(key.clone(), Arc::new(side(name, surfaces, frame, options)?));
+                    sides.insert(key.clone(), Arc::new(side(name, spec, surfaces, frame, options)?));
                 }
                 both.push(sides[&key].clone());
             }
             pairs.push(Pair { femur: both[0].clone(), tibia: both[1].clone() });
         }
-        Ok(Contact { pairs, law, friction: spec.friction, damping: spec.damping, scale: 1.0, tibial_only: false })
+        let (friction, damping) = (spec.friction, spec.damping);
+        Ok(Contact { pairs, law, layer, friction, damping, scale: 1.0, tibial_only: false })
     }
 
-    /// The same surfaces under another pressure-overclosure law.
+    /// The same surfaces under another pressure-overclosure law; under contact by thickness it says only where contact begins.
     ///
     /// Errors: a bad table.
     pub fn with_law(&self, overclosure_mm: &[f64], pressure_mpa: &[f64]) -> Result<Contact, SimError> {
         Ok(Contact { law: PressureLaw::new(overclosure_mm, pressure_mpa)?, ..self.clone() })
+    }
+
+    /// The same surfaces, and their thickness, under another law of layers.
+    ///
+    /// Errors: numbers out of range; a contact without layers.
+    pub fn with_layer(&self, spec: &crate::spec::LayerSpec) -> Result<Contact, SimError> {
+        if self.layer.is_none() {
+            return Err(SimError::Spec("contact.layer is absent: the surfaces have no thickness".into()));
+        }
+        Ok(Contact { layer: Some(Layer::new(spec)?), ..self.clone() })
     }
 
     /// Overclosure at which pressure begins [mm]; below 0 where cartilage is thicker than its surfaces.
@@ -206,7 +225,11 @@ impl Contact {
     pub(crate) fn evaluate_from(&self, pose: &Pose, near: &mut Nearby, first: usize) -> ContactResponse {
         let mut out = ContactResponse::default();
         for (n, pass) in self.passes(pose).enumerate() {
-            let sums = self.sum(&pass, near.pass(first + n));
+            let kept = near.pass(first + n);
+            let sums = match &self.layer {
+                None => self.sum(&pass, kept),
+                Some(layer) => self.sum_layered(layer, &pass, kept),
+            };
             let Pass { ct_from_field, tibial, share, .. } = pass;
             accumulate(&mut out, &sums, &local_screws(pose, &ct_from_field), (tibial, share));
             // force on the femur, CT frame: nodes push what carries the field the other way
@@ -249,7 +272,7 @@ impl Contact {
     fn sum(&self, pass: &Pass, near: &mut Kept) -> Sums {
         let mut sums = Sums::default();
         let (start, mut stiffness) = (self.law.start(), [0.0; 21]);
-        near.for_each((pass.nodes, pass.field), &pass.field_from_nodes, start, |p, area| {
+        near.for_each((pass.nodes, pass.field), &pass.field_from_nodes, start, |p, area, _| {
             let Some(s) = pass.field.sample::<true>(p, -start) else { return };
             let (e, pressure, slope) = self.law.at(-s.distance);
             let g = s.gradient;
@@ -275,16 +298,22 @@ impl Contact {
             ];
             add_stiffness(&mut stiffness, &t, p);
         });
-        let mut n = 0;
-        for i in 0..6 {
-            for j in i..6 {
-                sums.stiffness[(i, j)] = stiffness[n];
-                sums.stiffness[(j, i)] = stiffness[n];
-                n += 1;
-            }
-        }
+        sums.stiffness = symmetric(&stiffness);
         sums
     }
+}
+
+/// The matrix of an upper triangle by rows.
+fn symmetric(upper: &[f64; 21]) -> Matrix6<f64> {
+    let (mut matrix, mut n) = (Matrix6::zeros(), 0);
+    for i in 0..6 {
+        for j in i..6 {
+            matrix[(i, j)] = upper[n];
+            matrix[(j, i)] = upper[n];
+            n += 1;
+        }
+    }
+    matrix
 }
 
 /// Adds `B' T B` with `B = [I, -p x]`, upper triangle by rows; `t` is symmetric (xx, xy, xz, yy, yz, zz).
@@ -373,13 +402,15 @@ fn work_of_second(a: &Screw, b: &Screw, force: &Vector, virial: &Matrix3<f64>) -
 /// Nodes and field of one surface.
 fn side(
     name: &str,
+    spec: &ContactSpec,
     surfaces: &BTreeMap<String, TriMesh>,
     frame: Isometry,
     options: &ContactOptions,
 ) -> Result<Side, SimError> {
     let mesh = surfaces.get(name).ok_or_else(|| SimError::Spec(format!("contact.pairs: no surface {name}")))?;
-    let field = Field::new(mesh, frame, name)?;
-    Ok(Side { nodes: Nodes::new(mesh, &frame, options.spacing_mm), field })
+    let thickness = layered::thickness(name, mesh, spec, surfaces)?;
+    let field = Field::with_thickness(mesh, &thickness, frame, name)?;
+    Ok(Side { nodes: Nodes::new(mesh, &thickness, &frame, options.spacing_mm), field })
 }
 
 #[cfg(test)]

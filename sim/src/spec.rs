@@ -151,6 +151,54 @@ pub struct ContactSpec {
     pub damping: f64,
     /// Which articular surfaces meet.
     pub pairs: Vec<PairSpec>,
+    /// Contact by the cartilages' own thickness; absent: the table rules.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub layer: Option<LayerSpec>,
+}
+
+impl ContactSpec {
+    /// Multiplies what the law presses at every overclosure by `factor` [-].
+    pub fn scale_pressure(&mut self, factor: f64) {
+        self.pressure_mpa.iter_mut().for_each(|p| *p *= factor);
+        if let Some(layer) = &mut self.layer {
+            layer.youngs_modulus_mpa *= factor;
+        }
+    }
+
+    /// The meshes that it names: articular faces, then bony faces.
+    pub fn meshes(&self) -> impl Iterator<Item = &String> {
+        let faces = self.pairs.iter().flat_map(|p| [&p.femur, &p.tibia]);
+        faces.chain(self.layer.iter().flat_map(|l| l.bony_faces.values()))
+    }
+}
+
+/// Elastic foundation by local thickness: cartilage as thin elastic layers bonded to bone. It stands in place of the table, whose first
+/// overclosure still says where contact begins.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LayerSpec {
+    /// How pressure follows from the layers' strain.
+    pub law: LayerLaw,
+    /// Young's modulus of both cartilages [MPa].
+    pub youngs_modulus_mpa: f64,
+    /// Their Poisson's ratio [-], below 0.5.
+    pub poissons_ratio: f64,
+    /// How far in from a contact patch's edge cartilage gives way sideways, in thicknesses [-]; 0: thin layer theory, in which it does not.
+    pub edge_spread: f64,
+    /// A layer is nowhere taken thinner than this [mm].
+    pub least_thickness_mm: f64,
+    /// The face on bone (PLY, outward normals or reverse) of each articular mesh. A mesh without one is bare bone, which does not give way.
+    pub bony_faces: std::collections::BTreeMap<String, String>,
+}
+
+/// Pressure over the strain of a bonded layer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum LayerLaw {
+    /// In proportion to strain [blankevoort1991contact].
+    Linear,
+    /// By the logarithm of what is left of the thickness, for large strain [bei2004].
+    Logarithmic,
 }
 
 /// A contact pair: articular surfaces (PLY, triangles, outward normals, open patches).

@@ -11,7 +11,11 @@ use attachments::bundle::{BUNDLES, Bundle};
 use meshes::hex::HexMesh;
 use meshes::surface::TriMesh;
 use serde::{Deserialize, Serialize};
-use sim::spec::{BodySpec, BundleSpec, ContactSpec, FibreSpec, FramesSpec, Law, ModelSpec, PairSpec, PoseSpec, Units};
+use sim::spec::{
+    BodySpec, BundleSpec, ContactSpec, FibreSpec, FramesSpec, Law, LayerLaw, LayerSpec, ModelSpec, PairSpec, PoseSpec,
+    Units,
+};
+use std::collections::BTreeMap;
 
 /// Options of the stage.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -35,6 +39,51 @@ pub struct AssembleOptions {
     pub inertia_tonne_mm2: f64,
     /// Whether the contact law was fitted to this knee's own cartilage; stage contact-law sets it.
     pub own_law: bool,
+    /// Contact by the cartilages' own thickness in place of the table; absent: the table. Stage contact-law sets it where it fits better.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub layer: Option<LayerMaterial>,
+}
+
+/// Cartilage as thin elastic layers bonded to bone.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct LayerMaterial {
+    /// Pressure over strain.
+    pub law: LayerLaw,
+    /// Young's modulus [MPa] [andreassen2025].
+    pub youngs_modulus_mpa: f64,
+    /// Poisson's ratio [-] [andreassen2025].
+    pub poissons_ratio: f64,
+    /// How far in from a patch's edge cartilage gives way sideways, in thicknesses [-]; what fits the phantoms with this material.
+    pub edge_spread: f64,
+    /// A layer is nowhere taken thinner than this [mm]: about what the thickness is known to, and hexmesh.min_thickness_mm.
+    pub least_thickness_mm: f64,
+}
+
+impl Default for LayerMaterial {
+    fn default() -> Self {
+        LayerMaterial {
+            law: LayerLaw::Linear,
+            youngs_modulus_mpa: 12.0,
+            poissons_ratio: 0.45,
+            edge_spread: 0.6,
+            least_thickness_mm: 0.5,
+        }
+    }
+}
+
+impl LayerMaterial {
+    /// As model.json has it; `bony_faces` by articular mesh.
+    pub(crate) fn spec(&self, bony_faces: BTreeMap<String, String>) -> LayerSpec {
+        LayerSpec {
+            law: self.law,
+            youngs_modulus_mpa: self.youngs_modulus_mpa,
+            poissons_ratio: self.poissons_ratio,
+            edge_spread: self.edge_spread,
+            least_thickness_mm: self.least_thickness_mm,
+            bony_faces,
+        }
+    }
 }
 
 impl Default for AssembleOptions {
@@ -49,6 +98,7 @@ impl Default for AssembleOptions {
             mass_tonne: 1e-5,
             inertia_tonne_mm2: 0.1,
             own_law: false,
+            layer: None,
         }
     }
 }
@@ -60,6 +110,9 @@ pub struct Assembled {
     pub spec: ModelSpec,
     /// Articular faces as triangles, outward normals, open patches, CT frame.
     pub contact: PerCartilage<TriMesh>,
+    /// Their faces on bone, where the contact is by thickness.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bony: Option<PerCartilage<TriMesh>>,
     /// What is odd but not fatal.
     pub warnings: Vec<String>,
     /// For metrics.json.
@@ -80,6 +133,11 @@ pub fn assemble(
         tibia_medial: articular_face(&separated.meshes.tibia_medial),
         tibia_lateral: articular_face(&separated.meshes.tibia_lateral),
     };
+    let bony = options.layer.as_ref().map(|_| PerCartilage {
+        femur: bony_face(&separated.meshes.femur),
+        tibia_medial: bony_face(&separated.meshes.tibia_medial),
+        tibia_lateral: bony_face(&separated.meshes.tibia_lateral),
+    });
     let (bundles, warnings) = bundles(specimen, attachments, options);
     let fibres = attachments
         .fibres
@@ -107,7 +165,7 @@ pub fn assemble(
         uncertainty: Some(uncertainty::uncertainty(specimen, attachments, options.own_law)),
         warnings: warnings.iter().chain(&attachments.warnings).cloned().collect(),
     };
-    Ok(Assembled { spec, contact, warnings, metrics })
+    Ok(Assembled { spec, contact, bony, warnings, metrics })
 }
 
 fn check(specimen: &Specimen, options: &AssembleOptions) -> Result<(), StageError> {
@@ -129,9 +187,17 @@ fn check(specimen: &Specimen, options: &AssembleOptions) -> Result<(), StageErro
 
 /// The articular quadrilaterals, each split along its shorter diagonal.
 pub fn articular_face(mesh: &HexMesh) -> TriMesh {
+    face(mesh, &mesh.articular_quads)
+}
+
+/// The quadrilaterals on bone, likewise.
+pub fn bony_face(mesh: &HexMesh) -> TriMesh {
+    face(mesh, &mesh.bony_quads)
+}
+
+fn face(mesh: &HexMesh, quads: &[[u32; 4]]) -> TriMesh {
     let length = |a: u32, b: u32| (mesh.nodes[a as usize] - mesh.nodes[b as usize]).norm();
-    let triangles = mesh
-        .articular_quads
+    let triangles = quads
         .iter()
         .flat_map(
             |&[a, b, c, d]| {
@@ -215,6 +281,10 @@ fn contact_spec(options: &AssembleOptions) -> ContactSpec {
         pressure_mpa: options.pressure_mpa.clone(),
         friction: options.friction,
         damping: options.contact_damping,
+        layer: options.layer.as_ref().map(|material| {
+            let bony = |name: &str| (format!("contact/{name}.ply"), format!("contact/{name}_bony.ply"));
+            material.spec(["femur", "tibia_medial", "tibia_lateral"].map(bony).into())
+        }),
         pairs: vec![pair("tibia_medial"), pair("tibia_lateral")],
     }
 }

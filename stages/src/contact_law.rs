@@ -1,6 +1,7 @@
 //! Stage 8b, contact-law (optional): the rigid contact law fitted to a deformable model of the knee's own cartilage.
 
 mod fit;
+mod layers;
 mod loading;
 mod pose;
 
@@ -9,14 +10,29 @@ use crate::overclosure::Separated;
 use crate::specimen::Specimen;
 use crate::{PerCartilage, StageError};
 pub use fit::{Fitted, RigidCurve};
+pub use layers::FittedLayer;
 pub use loading::Curve;
 use meshes::hex::HexMesh;
 use serde::{Deserialize, Serialize};
 use sim::SimError;
 use sim::deformable::{Law, Material};
+use sim::spec::LayerLaw;
 
 /// The published law of S192803 [mm, MPa] [andreassen2025].
 pub const PUBLISHED: ([f64; 4], [f64; 4]) = ([0.0, 0.05, 0.1, 0.2], [0.0, 0.323_340_3, 0.646_680_6, 1.339_037_9]);
+
+/// Which law the model gets.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Rule {
+    /// The one whose force is nearer to the deformable model's, by root mean square.
+    #[default]
+    Best,
+    /// Pressure over overclosure, one table for all cartilage, as the paper has it [andreassen2025].
+    Table,
+    /// Elastic layers of the cartilages' own thickness.
+    Thickness,
+}
 
 /// How the law is fitted.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -40,6 +56,12 @@ pub struct ContactLawOptions {
     pub least_force_n: f64,
     /// Overclosures of the law, ascending from 0 [mm]; the published ones.
     pub overclosure_mm: Vec<f64>,
+    /// Which law the model gets; `table` leaves the other out.
+    pub rules: Rule,
+    /// Laws of pressure over strain that are tried for contact by thickness; the best is taken.
+    pub layer_laws: Vec<LayerLaw>,
+    /// A layer is nowhere taken thinner than this [mm]; see `assemble.layer`.
+    pub least_thickness_mm: f64,
     /// Weight of the contact area at equal force beside the force at equal approach [-].
     pub area_weight: f64,
     /// Coulomb friction [-] [andreassen2025].
@@ -64,6 +86,9 @@ impl Default for ContactLawOptions {
             levels: 12,
             least_force_n: 50.0,
             overclosure_mm: PUBLISHED.0.to_vec(),
+            rules: Rule::Best,
+            layer_laws: vec![LayerLaw::Linear, LayerLaw::Logarithmic],
+            least_thickness_mm: 0.5,
             area_weight: 0.1,
             friction: 0.03,
             penalty_mpa_per_mm: 300.0,
@@ -110,6 +135,10 @@ pub struct ContactLaw {
     pub fit_rms_percent: f64,
     /// Root mean square difference of contact area at equal force [%].
     pub area_error_percent: f64,
+    /// Contact by thickness, where it was fitted.
+    pub layer: Option<FittedLayer>,
+    /// Which of the two the model gets: table or thickness.
+    pub rules: Rule,
     /// The deformable model, a curve a flexion.
     pub curves: Vec<Curve>,
     /// The rigid law at the same approaches: fitted, and published.
@@ -158,19 +187,30 @@ pub fn contact_law(
         poses.push(pose);
     }
     let fitted = fit::fit(&rigid, &poses, &curves, options)?;
-    if fitted.worst_percent > 10.0 {
+    let layer = match options.rules {
+        Rule::Table => None,
+        Rule::Best | Rule::Thickness => Some(layers::fit(&rigid, &poses, &curves, options)?),
+    };
+    let (rules, worst) = match &layer {
+        Some(l) if options.rules == Rule::Thickness || l.fit_rms_percent < fitted.rms_percent => {
+            (Rule::Thickness, l.fit_error_percent)
+        }
+        _ => (Rule::Table, fitted.worst_percent),
+    };
+    if worst > 10.0 {
         warnings.push(format!(
-            "the fitted law misses the deformable model's force by up to {:.1} %: one law does not serve all flexions",
-            fitted.worst_percent
+            "the fitted law misses the deformable model's force by up to {worst:.1} %: one law does not serve all flexions"
         ));
     }
-    let metrics = metrics(&curves, &fitted, options);
+    let metrics = metrics(&curves, &fitted, (layer.as_ref(), rules), options);
     Ok(ContactLaw {
         overclosure_mm: options.overclosure_mm.clone(),
         pressure_mpa: fitted.pressure_mpa,
         fit_error_percent: fitted.worst_percent,
         fit_rms_percent: fitted.rms_percent,
         area_error_percent: fitted.area_percent,
+        layer,
+        rules,
         curves,
         rigid: fitted.curves,
         snapshots,
@@ -180,7 +220,12 @@ pub fn contact_law(
     })
 }
 
-fn metrics(curves: &[Curve], fitted: &Fitted, o: &ContactLawOptions) -> serde_json::Value {
+fn metrics(
+    curves: &[Curve],
+    fitted: &Fitted,
+    (layer, rules): (Option<&FittedLayer>, Rule),
+    o: &ContactLawOptions,
+) -> serde_json::Value {
     let flexions: Vec<serde_json::Value> = curves
         .iter()
         .map(|c| {
@@ -202,13 +247,18 @@ fn metrics(curves: &[Curve], fitted: &Fitted, o: &ContactLawOptions) -> serde_js
             })
         })
         .collect();
-    serde_json::json!({
+    let mut metrics = serde_json::json!({
         "pressure_mpa": fitted.pressure_mpa,
         "fit_error_percent": fitted.worst_percent,
         "fit_rms_percent": fitted.rms_percent,
         "area_error_percent": fitted.area_percent,
         "flexions": flexions,
-    })
+    });
+    if let Some(l) = layer {
+        metrics["layer"] = l.told();
+        metrics["rules"] = serde_json::json!(rules);
+    }
+    metrics
 }
 
 fn check(o: &ContactLawOptions) -> Result<(), StageError> {
@@ -225,6 +275,9 @@ fn check(o: &ContactLawOptions) -> Result<(), StageError> {
     }
     if !(0.0..o.force_n).contains(&o.least_force_n) || !(0.0..=10.0).contains(&o.area_weight) {
         return Err(StageError("least_force_n 0 to force_n and area_weight 0 to 10 were expected".into()));
+    }
+    if o.layer_laws.is_empty() {
+        return Err(StageError("layer_laws: linear, logarithmic or both were expected".into()));
     }
     Ok(())
 }

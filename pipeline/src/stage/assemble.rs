@@ -19,7 +19,7 @@ use stages::StageError;
 use stages::assemble::{AssembleOptions, Assembled, assemble};
 use stages::attachments::Attachments;
 use stages::bones::Bones;
-use stages::contact_law::ContactLaw;
+use stages::contact_law::{ContactLaw, Rule};
 use stages::frames::Frames;
 use stages::overclosure::Separated;
 use stages::specimen::Specimen;
@@ -53,6 +53,7 @@ impl Stage for Assemble {
         let mut options = options.clone();
         if let Some(law) = law {
             (options.overclosure_mm, options.pressure_mpa) = (law.overclosure_mm.clone(), law.pressure_mpa.clone());
+            options.layer = law.layer.as_ref().filter(|_| law.rules == Rule::Thickness).map(|l| l.material.clone());
             options.own_law = true;
         }
         assemble(s, f, a, h, &options)
@@ -63,6 +64,9 @@ impl Stage for Assemble {
         let mut files = vec![("model.json".into(), json(&a.spec))];
         for (name, mesh) in a.contact.named() {
             files.push((format!("contact/{name}.ply"), surface(mesh, &[])?));
+        }
+        for (name, mesh) in a.bony.iter().flat_map(|b| b.named()) {
+            files.push((format!("contact/{name}_bony.ply"), surface(mesh, &[])?));
         }
         Ok(files)
     }
@@ -158,7 +162,12 @@ fn whose_law(v: &Values) -> Option<Check> {
     let contact = &v.of::<Assembled>()?.spec.contact;
     let published = &AssembleOptions::default();
     let answer = if let Some(l) = v.of::<ContactLaw>() {
-        format!("this knee's: fitted to its own cartilage, forces within {:.1} %", l.fit_error_percent)
+        let by_thickness = l.layer.as_ref().filter(|_| contact.layer.is_some());
+        let worst = by_thickness.map_or(l.fit_error_percent, |layer| layer.fit_error_percent);
+        let kind = if by_thickness.is_some() { ", by its thickness" } else { "" };
+        format!("this knee's: fitted to its own cartilage{kind}, forces within {worst:.1} %")
+    } else if contact.layer.is_some() {
+        "by the cartilages' own thickness, its material given in the options".to_owned()
     } else if (&contact.overclosure_mm, &contact.pressure_mpa) == (&published.overclosure_mm, &published.pressure_mpa) {
         "that published of S192803; contact-law.fit=true fits one to the knee at hand".to_owned()
     } else {

@@ -45,8 +45,12 @@ impl Stage for FitContactLaw {
 
     /// law.json, the curves it was fitted to, and stress and pressure of each snapshot with the .pvd that lists them.
     fn artifacts(c: &ContactLaw, _: Self::Inputs<'_>) -> Files {
-        let law = object!({"overclosure_mm": c.overclosure_mm, "pressure_mpa": c.pressure_mpa, "fit_error_percent": c.fit_error_percent,
+        let mut law = object!({"overclosure_mm": c.overclosure_mm, "pressure_mpa": c.pressure_mpa, "fit_error_percent": c.fit_error_percent,
                            "fit_rms_percent": c.fit_rms_percent, "area_error_percent": c.area_error_percent});
+        if let Some(layer) = &c.layer {
+            law["layer"] = layer.told();
+            law["rules"] = object!(c.rules);
+        }
         let mut files = vec![("law.json".into(), json(&law)), ("curves.csv".into(), curves(c)?)];
         let mut list =
             "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\"><Collection>\n".to_owned();
@@ -75,13 +79,15 @@ fn of_cartilage<'a>(fields: &'a PerCartilage<SolidFields>, name: &str) -> &'a So
 fn curves(c: &ContactLaw) -> io::Result<Vec<u8>> {
     let mut out = csv::Writer::from_writer(Vec::new());
     let header = "flexion_deg,approach_mm,force_n,area_mm2,peak_pressure_mpa,rigid_force_n,rigid_published_force_n,rigid_area_mm2";
-    out.write_record(header.split(','))?;
-    for (curve, rigid) in c.curves.iter().zip(&c.rigid) {
+    let layer = c.layer.as_ref();
+    out.write_record(header.split(',').chain(layer.map(|_| "layer_force_n")).chain(layer.map(|_| "layer_area_mm2")))?;
+    for (k, (curve, rigid)) in c.curves.iter().zip(&c.rigid).enumerate() {
         for (n, l) in curve.levels.iter().enumerate() {
             let at = |list: &[f64]| list.get(n).copied().unwrap_or(f64::NAN);
             let row = [curve.flexion_deg, l.shift_mm, l.force_n, l.area_mm2, l.peak_pressure_mpa];
             let beside = [at(&rigid.force_n), at(&rigid.published_force_n), at(&rigid.area_mm2)];
-            out.write_record(row.iter().chain(&beside).map(|x| format!("{x:.5}")))?;
+            let layer = layer.map(|l| [at(&l.force_n[k]), at(&l.area_mm2[k])]);
+            out.write_record(row.iter().chain(&beside).chain(layer.iter().flatten()).map(|x| format!("{x:.5}")))?;
         }
     }
     out.into_inner().map_err(|e| io::Error::other(e.to_string()))

@@ -37,6 +37,8 @@ pub struct Field {
     /// Last node but one, counted from the first.
     high: [f64; 3],
     coefficients: Vec<f32>,
+    /// Coefficients of the thickness of the layer below the nearest point of the surface; empty where nothing gives way.
+    thickness: Vec<f32>,
     /// How far the points nearest to each grid node are from contact.
     cells: Cells,
 }
@@ -55,6 +57,16 @@ pub struct Sample {
 impl Field {
     /// Samples the distance from `surface` (CT coordinates) on a grid fixed in `local_from_ct`.
     pub fn new(surface: &TriMesh, local_from_ct: Isometry, name: &str) -> Result<Field, SimError> {
+        Field::with_thickness(surface, &[], local_from_ct, name)
+    }
+
+    /// [`Field::new`] with the thickness of the layer at each vertex [mm]; none given: nothing gives way.
+    pub(crate) fn with_thickness(
+        surface: &TriMesh,
+        thickness: &[f64],
+        local_from_ct: Isometry,
+        name: &str,
+    ) -> Result<Field, SimError> {
         let local = surface.moved(&local_from_ct);
         let exact = Exact::new(&local, name)?;
         let (lo, hi) = local.bounds().ok_or_else(|| SimError::Spec(format!("surface {name} is empty")))?;
@@ -72,16 +84,21 @@ impl Field {
             size,
             high: size.map(|n| n as f64 - 2.0),
             coefficients: Vec::new(),
+            thickness: Vec::new(),
             cells: Cells::default(),
         };
-        let samples = field.sample_blocks(&exact, blocks);
+        let samples = field.sample_blocks(&exact, blocks, |p| exact.distance(p));
         field.coefficients = field.prefiltered(&samples);
         field.cells = Cells::new(&field.coefficients, field.size, SPACING);
+        if !thickness.is_empty() {
+            let samples = field.sample_blocks(&exact, blocks, |p| exact.interpolated(p, thickness));
+            field.thickness = field.prefiltered(&samples);
+        }
         Ok(field)
     }
 
-    /// Exact distances in the blocks near the surface, that of the block's centre in the others.
-    fn sample_blocks(&self, exact: &Exact, blocks: [usize; 3]) -> Vec<f32> {
+    /// Exact values in the blocks near the surface, that of the block's centre in the others.
+    fn sample_blocks(&self, exact: &Exact, blocks: [usize; 3], value: impl Fn(&Point) -> f64 + Sync) -> Vec<f32> {
         let [nx, ny, nz] = self.size;
         let node = |i: usize, j: usize, k: usize| {
             let at = |a: usize, i: f64| (self.low[a] + i) * SPACING;
@@ -96,12 +113,14 @@ impl Field {
                     for bx in 0..blocks[0] {
                         let corner = [bx * BLOCK, by * BLOCK, bz * BLOCK];
                         let half = Vector::repeat((BLOCK as f64 - 1.0) / 2.0 * SPACING);
-                        let centre = exact.distance(&(node(corner[0], corner[1], corner[2]) + half));
+                        let middle = node(corner[0], corner[1], corner[2]) + half;
+                        let centre = exact.distance(&middle);
                         let near = centre > -BAND[0] - reach && centre < BAND[1] + reach;
+                        let centre = value(&middle);
                         for n in 0..BLOCK.pow(3) {
                             let (i, j, k) = (n % BLOCK, n / BLOCK % BLOCK, n / BLOCK / BLOCK);
                             let p = node(corner[0] + i, corner[1] + j, corner[2] + k);
-                            let d = if near { exact.distance(&p) } else { centre };
+                            let d = if near { value(&p) } else { centre };
                             slab[(k * ny + corner[1] + j) * nx + corner[0] + i] = d as f32;
                         }
                     }
@@ -143,10 +162,10 @@ impl Field {
 
     /// Three coefficients along x, at `j`, `k` of the 27 around a cell's node.
     #[inline]
-    fn row(&self, at: usize, j: usize, k: usize) -> [f64; 3] {
+    fn row(&self, of: &[f32], at: usize, j: usize, k: usize) -> [f64; 3] {
         let [nx, ny, _] = self.size;
         let start = at + k * nx * ny + j * nx - nx * ny - nx - 1;
-        let row = &self.coefficients[start..start + 3];
+        let row = &of[start..start + 3];
         [f64::from(row[0]), f64::from(row[1]), f64::from(row[2])]
     }
 
@@ -172,12 +191,30 @@ impl Field {
     #[inline]
     pub(crate) fn sample<const CURVED: bool>(&self, p: &[f64; 3], highest: f64) -> Option<Sample> {
         let (at, offset) = self.cell(p)?;
+        self.spline::<CURVED>(&self.coefficients, (at, &offset), highest)
+    }
+
+    /// Thickness of the layer below the nearest point of the surface and derivatives [mm], as `distance`; 0 where nothing gives way.
+    #[inline]
+    pub(super) fn thickness_at<const CURVED: bool>(&self, p: &[f64; 3]) -> Sample {
+        let nothing = Sample { distance: 0.0, gradient: [0.0; 3], hessian: [0.0; 6] };
+        match self.cell(p) {
+            Some((at, offset)) if !self.thickness.is_empty() => {
+                self.spline::<CURVED>(&self.thickness, (at, &offset), f64::INFINITY).unwrap_or(nothing)
+            }
+            _ => nothing,
+        }
+    }
+
+    /// The spline of some coefficients in a cell; `None` where it is above `highest`.
+    #[inline(always)]
+    fn spline<const CURVED: bool>(&self, of: &[f32], (at, offset): (usize, &[f64; 3]), highest: f64) -> Option<Sample> {
         let [(wx, dx), (wy, dy), (wz, dz)] = offset.map(weights);
         // rows along x are contracted first, then along y, then along z
         let mut plane = [[0.0; 6]; 3];
         for (k, slot) in plane.iter_mut().enumerate() {
             for j in 0..3 {
-                let [a, b, c] = self.row(at, j, k);
+                let [a, b, c] = self.row(of, at, j, k);
                 let (v, d, s) = (a * wx[0] + b * wx[1] + c * wx[2], a * dx[0] + b * dx[1] + c * dx[2], a - 2.0 * b + c);
                 slot[0] += v * wy[j];
                 slot[1] += d * wy[j];
@@ -246,6 +283,13 @@ impl Exact {
         rim.iter().for_each(|&(a, b)| (rim_vertex[a as usize], rim_vertex[b as usize]) = (true, true));
         vertex.iter_mut().for_each(|n| *n = n.try_normalize(0.0).unwrap_or_default());
         Ok(Exact { query, triangles: mesh.triangles.clone(), face, vertex, rim, rim_vertex })
+    }
+
+    /// A value given at vertices, at the nearest point of the surface.
+    fn interpolated(&self, p: &Point, at_vertices: &[f64]) -> f64 {
+        let near = self.query.nearest(p);
+        let corners = self.triangles[near.triangle as usize];
+        (0..3).map(|k| near.barycentric[k] * at_vertices[corners[k] as usize]).sum()
     }
 
     fn distance(&self, p: &Point) -> f64 {

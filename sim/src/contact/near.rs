@@ -29,6 +29,7 @@ pub(super) struct Kept {
 struct Candidate {
     position: [f64; 3],
     area: f64,
+    thickness: f64,
     /// Motion without which it cannot touch [mm].
     clear: f64,
 }
@@ -63,14 +64,14 @@ fn map((m, t): &Affine, p: &[f64; 3]) -> [f64; 3] {
 }
 
 impl Kept {
-    /// Calls `visit` with the field's coordinates and the area of each node that may overclose by more than `start`, in the order of the nodes.
+    /// Calls `visit` with the field's coordinates, the area and the layer's thickness of each node that may overclose by more than `start`, in the order of the nodes.
     #[inline]
     pub(super) fn for_each(
         &mut self,
         (nodes, field): (&Nodes, &Field),
         to_field: &Isometry,
         start: f64,
-        mut visit: impl FnMut(&[f64; 3], f64),
+        mut visit: impl FnMut(&[f64; 3], f64, f64),
     ) {
         let now = affine(to_field);
         let moved = match self.moved(nodes, &now) {
@@ -81,7 +82,7 @@ impl Kept {
             }
         };
         for node in self.nodes.iter().filter(|n| n.clear <= moved) {
-            visit(&map(&now, &node.position), node.area);
+            visit(&map(&now, &node.position), node.area, node.thickness);
         }
     }
 
@@ -119,7 +120,7 @@ impl Kept {
                 let position = nodes.position[i];
                 let clear = field.clearance(&map(affine, &position), start);
                 if clear <= reach {
-                    self.nodes.push(Candidate { position, area: nodes.area[i], clear });
+                    self.nodes.push(Candidate { position, area: nodes.area[i], thickness: nodes.thickness[i], clear });
                 }
             }
         }

@@ -80,25 +80,37 @@ impl Contact {
         let tibia_from_field = pass.tibia.local_from_ct * pass.ct_from_field;
         let (turn, shift) = (tibia_from_field.rotation.to_rotation_matrix(), tibia_from_field.translation.vector);
         let (start, side) = (self.law.start(), pass.side().signum());
+        let cell = |p: &Vector, a: usize| {
+            below((turn[(a, 0)] * p.x + turn[(a, 1)] * p.y + turn[(a, 2)] * p.z + shift[a]) / PATCH)
+        };
         let mut run = Spot::default();
-        near.for_each((pass.nodes, pass.field), &pass.field_from_nodes, start, |p, area| {
-            let Some(s) = pass.field.sample::<false>(p, -start) else { return };
-            let (energy, pressure, slope) = self.law.at(-s.distance);
-            let weight = pass.share * area * self.scale;
-            let (p, force) = (Vector::from(*p), Vector::from(s.gradient) * (side * pressure * weight));
-            let total = force.norm();
-            out.energy += energy * weight;
-            out.area += pass.share * area;
-            out.deepest = out.deepest.max(-s.distance);
-            let cell =
-                |a: usize| below((turn[(a, 0)] * p.x + turn[(a, 1)] * p.y + turn[(a, 2)] * p.z + shift[a]) / PATCH);
-            let key = (pass.pair, cell(0), cell(1));
+        let mut put = |out: &mut Press, p: Vector, force: Vector, stiffness: f64| {
+            let (total, key) = (force.norm(), (pass.pair, cell(&p, 0), cell(&p, 1)));
             if run.key != key {
                 out.flush(&run, &pass.ct_from_field);
                 run = Spot { key, ..Spot::default() };
             }
-            run.add(&Spot { key, total, centre: p * total, force, moment: p.cross(&force), stiffness: slope * weight });
-        });
+            run.add(&Spot { key, total, centre: p * total, force, moment: p.cross(&force), stiffness });
+        };
+        if let Some(layer) = &self.layer {
+            let (energy, nodes) = self.press_layered(layer, pass, near);
+            out.energy += energy * pass.share;
+            for n in nodes {
+                out.area += pass.share * n.area;
+                out.deepest = out.deepest.max(n.deep);
+                put(out, Vector::from(n.place), n.force * (side * pass.share), n.stiffness * pass.share);
+            }
+        } else {
+            near.for_each((pass.nodes, pass.field), &pass.field_from_nodes, start, |p, area, _| {
+                let Some(s) = pass.field.sample::<false>(p, -start) else { return };
+                let (energy, pressure, slope) = self.law.at(-s.distance);
+                let weight = pass.share * area * self.scale;
+                out.energy += energy * weight;
+                out.area += pass.share * area;
+                out.deepest = out.deepest.max(-s.distance);
+                put(out, Vector::from(*p), Vector::from(s.gradient) * (side * pressure * weight), slope * weight);
+            });
+        }
         out.flush(&run, &pass.ct_from_field);
     }
 }

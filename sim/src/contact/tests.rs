@@ -1,6 +1,6 @@
 use super::*;
 use crate::joint::Joint;
-use crate::spec::{AxisSpec, ChainSpec, FramesSpec};
+use crate::spec::{AxisSpec, ChainSpec, FramesSpec, LayerLaw, LayerSpec, PairSpec};
 use meshes::frame::{AnatomicalFrame, Side as Knee};
 use meshes::shapes::icosphere;
 
@@ -40,11 +40,122 @@ fn sphere_on_plate(spacing_mm: f64) -> Contact {
     let sphere = icosphere(20.0, 5).moved(&Isometry::translation(0.0, 0.0, 19.7));
     let side = |mesh: &TriMesh, name: &str| {
         let at = field::bone_frame(&frame());
-        Arc::new(Side { nodes: Nodes::new(mesh, &at, spacing_mm), field: Field::new(mesh, at, name).unwrap() })
+        Arc::new(Side { nodes: Nodes::new(mesh, &[], &at, spacing_mm), field: Field::new(mesh, at, name).unwrap() })
     };
     let pair = Pair { femur: side(&sphere, "sphere"), tibia: side(&plate(24), "plate") };
     let law = PressureLaw::new(&[0.0, 1.0], &[0.0, 5.0]).unwrap();
-    Contact { pairs: vec![pair], law, friction: 0.1, damping: 0.0, scale: 1.0, tibial_only: false }
+    Contact { pairs: vec![pair], law, layer: None, friction: 0.1, damping: 0.0, scale: 1.0, tibial_only: false }
+}
+
+/// The sphere's layer is 1.5 to 2.5 mm thick, the plate's 1 to 3.4 mm.
+fn layered_sphere_on_plate(law: LayerLaw, edge_spread: f64, spacing_mm: f64) -> Contact {
+    let sphere = icosphere(20.0, 5).moved(&Isometry::translation(0.0, 0.0, 19.7));
+    let bone = icosphere(18.0, 5).moved(&Isometry::translation(0.3, 0.0, 19.7));
+    let below = Isometry::new(Vector::new(0.0, 0.0, -2.2), Vector::new(0.0, 0.1, 0.0));
+    let surfaces = [("sphere", sphere), ("plate", plate(24)), ("bone", bone), ("below", plate(48).moved(&below))];
+    let pair = PairSpec { femur: "sphere".into(), tibia: "plate".into() };
+    let faces = [("sphere", "bone"), ("plate", "below")].map(|(a, b)| (a.to_owned(), b.to_owned()));
+    let layer = LayerSpec {
+        law,
+        youngs_modulus_mpa: 6.0,
+        poissons_ratio: 0.4,
+        edge_spread,
+        least_thickness_mm: 0.5,
+        bony_faces: faces.into(),
+    };
+    let (overclosure_mm, pressure_mpa) = (vec![0.0, 1.0], vec![0.0, 5.0]);
+    let spec = ContactSpec {
+        overclosure_mm,
+        pressure_mpa,
+        friction: 0.1,
+        damping: 0.0,
+        pairs: vec![pair],
+        layer: Some(layer),
+    };
+    let frames = FramesSpec { femur: frame(), tibia: frame(), gs_ct_pose: Default::default(), chain: None };
+    let surfaces = surfaces.into_iter().map(|(name, mesh)| (name.to_owned(), mesh)).collect();
+    Contact::between(&frames, &spec, &surfaces, &ContactOptions { spacing_mm }).unwrap()
+}
+
+#[test]
+fn a_sphere_on_thin_layers_presses_as_in_closed_form() {
+    let contact = layered_sphere_on_plate(LayerLaw::Linear, 0.0, 0.0);
+    let out = contact.evaluate(&joint().pose(&Six::zeros()));
+    // F = pi M R d^2 / h with layers of 2 and 2.2 mm
+    let exact = std::f64::consts::PI * layer::confined_modulus(6.0, 0.4) * 20.0 * 0.3f64.powi(2) / 4.2;
+    assert!((out.wrench[0].0.z / exact - 1.0).abs() < 0.03, "{} {exact}", out.wrench[0].0.z);
+    // a patch keeps y / (1 + y) of the energy: a paraboloid's V and W give the radius sqrt(16 / 27) of its own
+    let soft = layered_sphere_on_plate(LayerLaw::Linear, 0.5, 0.0).evaluate(&joint().pose(&Six::zeros()));
+    let y = (2.0 * 20.0 * 0.3 * 16.0 / 27.0f64).sqrt() / (0.5 * 4.2);
+    assert!((soft.energy / out.energy / (y / (1.0 + y)) - 1.0).abs() < 0.03, "{} {}", soft.energy, out.energy);
+}
+
+#[test]
+fn layers_press_by_the_slope_of_their_energy() {
+    for (law, spread) in [(LayerLaw::Linear, 0.0), (LayerLaw::Logarithmic, 0.0), (LayerLaw::Linear, 0.4)] {
+        let (joint, contact) = (joint(), layered_sphere_on_plate(law, spread, 0.8));
+        let contact = Contact { scale: 1.3, ..contact.with_law(&[-0.05, 1.0], &[0.0, 5.0]).unwrap() };
+        let q = Six::new(0.2, -0.03, 0.1, 0.4, 0.7, 0.3);
+        let at = |q: &Six| contact.evaluate(&joint.pose(q));
+        let here = at(&q);
+        for j in 0..6 {
+            let mut h = Six::zeros();
+            h[j] = if j < 3 { 1e-6 } else { 1e-5 };
+            let (up, down) = (at(&(q + h)), at(&(q - h)));
+            let slope = (up.energy - down.energy) / (2.0 * h[j]);
+            assert!((slope - here.gradient[j]).abs() < 1e-5 * here.gradient.amax(), "{j} {slope} {}", here.gradient[j]);
+            let curve = (up.gradient - down.gradient) / (2.0 * h[j]);
+            let miss = (curve - here.hessian.column(j)).amax();
+            assert!(miss < 1e-3 * here.hessian.column(j).amax(), "{j} {curve} {}", here.hessian.column(j));
+        }
+        let (pose, press) = (joint.pose(&q), contact.press(&joint.pose(&q)));
+        assert!((press.energy / here.energy - 1.0).abs() < 1e-12 && (press.area / here.area[0] - 1.0).abs() < 1e-12);
+        for j in 0..6 {
+            let work = pose.screws[j].linear.dot(&press.force) + pose.screws[j].angular.dot(&press.moment);
+            assert!((work + here.gradient[j]).abs() < 1e-9 * here.gradient.amax(), "{j} {work}");
+        }
+    }
+}
+
+#[test]
+fn layers_bear_however_deep_they_are_pressed() {
+    let contact = layered_sphere_on_plate(LayerLaw::Logarithmic, 0.4, 0.8);
+    let force = |depth: f64| contact.evaluate(&joint().pose(&Six::new(0.0, 0.0, 0.0, 0.0, 0.0, depth))).wrench[0].0.z;
+    let forces: Vec<f64> = (0..30).map(|n| force(f64::from(n) * 0.15)).collect();
+    assert!(forces.windows(2).all(|w| w[1] > w[0] && w[1].is_finite()), "{forces:?}");
+}
+
+#[test]
+fn a_face_of_bare_bone_does_not_give_way_and_one_of_a_pair_must() {
+    let contact = layered_sphere_on_plate(LayerLaw::Linear, 0.0, 0.8);
+    let spec = |faces: &[(&str, &str)]| ContactSpec {
+        overclosure_mm: vec![0.0, 1.0],
+        pressure_mpa: vec![0.0, 5.0],
+        friction: 0.0,
+        damping: 0.0,
+        pairs: vec![PairSpec { femur: "sphere".into(), tibia: "plate".into() }],
+        layer: Some(LayerSpec {
+            law: LayerLaw::Linear,
+            youngs_modulus_mpa: 6.0,
+            poissons_ratio: 0.4,
+            edge_spread: 0.0,
+            least_thickness_mm: 0.5,
+            bony_faces: faces.iter().map(|(a, b)| ((*a).to_owned(), (*b).to_owned())).collect(),
+        }),
+    };
+    let frames = FramesSpec { femur: frame(), tibia: frame(), gs_ct_pose: Default::default(), chain: None };
+    let sphere = icosphere(20.0, 5).moved(&Isometry::translation(0.0, 0.0, 19.7));
+    let surfaces: BTreeMap<String, TriMesh> =
+        [("sphere", sphere), ("plate", plate(24)), ("below", plate(24).moved(&Isometry::translation(0.0, 0.0, -2.2)))]
+            .into_iter()
+            .map(|(name, mesh)| (name.to_owned(), mesh))
+            .collect();
+    let made = |faces: &[(&str, &str)]| Contact::between(&frames, &spec(faces), &surfaces, &ContactOptions::default());
+    let pose = joint().pose(&Six::zeros());
+    let (both, bare) = (contact.evaluate(&pose), made(&[("plate", "below")]).unwrap().evaluate(&pose));
+    assert!((bare.wrench[0].0.z / both.wrench[0].0.z / (4.2 / 2.2) - 1.0).abs() < 0.03);
+    assert!(made(&[]).unwrap_err().to_string().contains("nothing of this pair gives way"));
+    assert!(made(&[("plate", "above")]).unwrap_err().to_string().contains("no surface above"));
 }
 
 #[test]
@@ -103,7 +214,12 @@ fn friction_slides_at_the_coulomb_limit_and_sticks_below_it() {
 
 #[test]
 fn lists_kept_from_pose_to_pose_change_no_byte() {
-    let (joint, contact) = (joint(), sphere_on_plate(0.8));
+    change_no_byte(&sphere_on_plate(0.8));
+    change_no_byte(&layered_sphere_on_plate(LayerLaw::Logarithmic, 0.4, 0.8));
+}
+
+fn change_no_byte(contact: &Contact) {
+    let joint = joint();
     let (mut near, mut touching) = (Nearby::default(), 0);
     for k in 0..400 {
         // over the rim and back, with steps from 0.01 to 2 mm

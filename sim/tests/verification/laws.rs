@@ -8,21 +8,21 @@ use sim::joint::{AP, FE, IE, SI, Six, VV};
 use sim::{Model, SimError};
 use std::ops::ControlFlow;
 
-fn trial_load() -> Six {
+pub(crate) fn trial_load() -> Six {
     let mut load = Six::zeros();
     (load[SI], load[AP], load[IE], load[VV]) = (30.0, 40.0, -500.0, 800.0);
     load
 }
 
 /// The paper's steps on the rig knee, with an AP cycle.
-fn trial(model: &Model) -> Program {
+pub(crate) fn trial(model: &Model) -> Program {
     let steps = TrialSteps { settle_s: 0.3, load_s: 0.6, ..TrialSteps::default() };
     let mut program = steps.program(&model.joint, 20.0, &trial_load()).unwrap();
     program.steps.push(steps.ap_cycle(&trial_load(), 40.0));
     program
 }
 
-fn finished(model: &Model, program: &Program, options: &ExplicitOptions) -> ExplicitState {
+pub(crate) fn finished(model: &Model, program: &Program, options: &ExplicitOptions) -> ExplicitState {
     let mut state = ExplicitState::at_rest();
     run(model, program, options, &mut state, &mut unobserved).unwrap();
     state

@@ -6,6 +6,7 @@ mod closed;
 mod convergence;
 mod faults;
 mod laws;
+mod layers;
 mod quasistatic;
 mod rig;
 

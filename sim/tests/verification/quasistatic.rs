@@ -11,9 +11,9 @@ use sim::quasistatic::{Dashpots, Phase, SolverOptions, State, follow};
 use sim::trials::{Answer, TrialOptions, generalised, solve};
 
 /// VV, IE [N m], ML, AP, SI [N].
-const LOAD: [f64; 5] = [0.8, -0.5, 0.0, 40.0, 30.0];
+pub(crate) const LOAD: [f64; 5] = [0.8, -0.5, 0.0, 40.0, 30.0];
 
-fn answer(model: &Model) -> Answer {
+pub(crate) fn answer(model: &Model) -> Answer {
     solve(model, 20.0, &LOAD, &TrialOptions::default()).unwrap()
 }
 

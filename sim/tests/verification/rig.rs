@@ -50,6 +50,7 @@ impl Rig {
                 friction: 0.0,
                 damping: 0.0,
                 pairs: Vec::new(),
+                layer: None,
             },
             bundles: Vec::new(),
             fibres: Vec::new(),
@@ -111,6 +112,32 @@ impl Rig {
         rig.spec.bundles.iter_mut().for_each(|b| (b.toe_strain, b.damping_n_s_per_mm) = (0.03, 0.2));
         rig.spec.contact.friction = 0.03;
         rig.spec.contact.damping = 0.001;
+        rig
+    }
+
+    /// The same knee in contact by the thickness of its layers, which vary.
+    pub(crate) fn layered_knee() -> Rig {
+        let mut rig = Rig::knee();
+        let mut bony_faces = BTreeMap::new();
+        for (n, x) in [-22.0, 22.0].into_iter().enumerate() {
+            // the bones are a little off the faces' centres and directions
+            let bone = meshes::shapes::icosphere(17.6, 4).moved(&meshes::Isometry::translation(x + 0.3, 0.1, 20.0));
+            let tilt = meshes::Isometry::new(Vector::new(x, 0.0, -2.0), Vector::new(0.03, 0.02, 0.0));
+            for (name, mesh) in [(format!("femur{n}"), bone), (format!("tibia{n}"), plate(24.0, 36, true).moved(&tilt))]
+            {
+                let bony = format!("{name}_bony");
+                rig.meshes.insert(bony.clone(), MeshValue::Surface(mesh));
+                bony_faces.insert(name, bony);
+            }
+        }
+        rig.spec.contact.layer = Some(LayerSpec {
+            law: LayerLaw::Logarithmic,
+            youngs_modulus_mpa: 5.0,
+            poissons_ratio: 0.45,
+            edge_spread: 0.35,
+            least_thickness_mm: 0.5,
+            bony_faces,
+        });
         rig
     }
 

@@ -2,7 +2,7 @@
 
 use super::{ContactLawOptions, PUBLISHED, fault};
 use crate::StageError;
-use crate::assemble::{articular_face, frames_spec};
+use crate::assemble::{LayerMaterial, articular_face, bony_face, frames_spec};
 use crate::frames::Frames;
 use crate::overclosure::Separated;
 use meshes::frame::Side;
@@ -18,6 +18,8 @@ pub(super) struct Rigid {
     pub(super) joint: Joint,
     /// With the published law.
     pub(super) contact: Contact,
+    /// By thickness, with the option's material.
+    pub(super) layers: Contact,
     /// Towards the femur along the tibia's axis.
     pub(super) up: Vector,
 }
@@ -43,7 +45,7 @@ impl Rigid {
     ) -> Result<Rigid, StageError> {
         let frames = frames_spec(frames);
         let joint = Joint::new(&frames, side).map_err(fault)?;
-        let surfaces: BTreeMap<String, _> =
+        let mut surfaces: BTreeMap<String, _> =
             separated.meshes.named().into_iter().map(|(name, mesh)| (name.to_owned(), articular_face(mesh))).collect();
         let pair = |tibia: &str| PairSpec { femur: "femur".into(), tibia: tibia.into() };
         let spec = ContactSpec {
@@ -51,11 +53,18 @@ impl Rigid {
             pressure_mpa: PUBLISHED.1.to_vec(),
             friction: o.friction,
             damping: 0.0,
+            layer: None,
             pairs: vec![pair("tibia_medial"), pair("tibia_lateral")],
         };
         let contact = Contact::between(&frames, &spec, &surfaces, &ContactOptions::default()).map_err(fault)?;
+        let bony = |name: &str| format!("{name}_bony");
+        surfaces.extend(separated.meshes.named().into_iter().map(|(name, mesh)| (bony(name), bony_face(mesh))));
+        let faces = separated.meshes.named().map(|(name, _)| (name.to_owned(), bony(name)));
+        let material = LayerMaterial { least_thickness_mm: o.least_thickness_mm, ..LayerMaterial::default() };
+        let layered = ContactSpec { layer: Some(material.spec(faces.into())), ..spec };
+        let layers = Contact::between(&frames, &layered, &surfaces, &ContactOptions::default()).map_err(fault)?;
         let up = joint.axes()[0].direction;
-        Ok(Rigid { joint, contact, up })
+        Ok(Rigid { joint, contact, layers, up })
     }
 
     /// The femur `approach` further down the tibia's axis.
