@@ -74,7 +74,14 @@ fn contact_by_thickness_without_a_fit_is_an_option_and_is_simulated() {
     let out = TempDir::new().unwrap();
     let mut build = build_model();
     build.arg(specimen.path()).arg("--out").arg(out.path()).args(["--quiet", "--to", "assemble"]);
-    build.args(["--set", "assemble.layer.law=logarithmic", "--set", "assemble.layer.youngs_modulus_mpa=9"]);
+    build.args([
+        "--set",
+        "assemble.by_thickness=true",
+        "--set",
+        "assemble.layer.law=logarithmic",
+        "--set",
+        "assemble.layer.youngs_modulus_mpa=9",
+    ]);
     build.assert().success();
     let path = out.path().join("09-assemble/model.json");
     let model = serde_json::from_str::<Value>(&text(&path)).unwrap();

@@ -195,7 +195,7 @@ pub struct LayerSpec {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum LayerLaw {
-    /// In proportion to strain [blankevoort1991contact].
+    /// In proportion to strain [blankevoort1991b].
     Linear,
     /// By the logarithm of what is left of the thickness, for large strain [bei2004].
     Logarithmic,

@@ -39,9 +39,10 @@ pub struct AssembleOptions {
     pub inertia_tonne_mm2: f64,
     /// Whether the contact law was fitted to this knee's own cartilage; stage contact-law sets it.
     pub own_law: bool,
-    /// Contact by the cartilages' own thickness in place of the table; absent: the table. Stage contact-law sets it where it fits better.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub layer: Option<LayerMaterial>,
+    /// Whether contact is by the cartilages' own thickness in place of the table; stage contact-law sets it where that fits better.
+    pub by_thickness: bool,
+    /// The layers of contact by thickness.
+    pub layer: LayerMaterial,
 }
 
 /// Cartilage as thin elastic layers bonded to bone.
@@ -98,7 +99,8 @@ impl Default for AssembleOptions {
             mass_tonne: 1e-5,
             inertia_tonne_mm2: 0.1,
             own_law: false,
-            layer: None,
+            by_thickness: false,
+            layer: LayerMaterial::default(),
         }
     }
 }
@@ -133,7 +135,7 @@ pub fn assemble(
         tibia_medial: articular_face(&separated.meshes.tibia_medial),
         tibia_lateral: articular_face(&separated.meshes.tibia_lateral),
     };
-    let bony = options.layer.as_ref().map(|_| PerCartilage {
+    let bony = options.by_thickness.then(|| PerCartilage {
         femur: bony_face(&separated.meshes.femur),
         tibia_medial: bony_face(&separated.meshes.tibia_medial),
         tibia_lateral: bony_face(&separated.meshes.tibia_lateral),
@@ -281,9 +283,9 @@ fn contact_spec(options: &AssembleOptions) -> ContactSpec {
         pressure_mpa: options.pressure_mpa.clone(),
         friction: options.friction,
         damping: options.contact_damping,
-        layer: options.layer.as_ref().map(|material| {
+        layer: options.by_thickness.then(|| {
             let bony = |name: &str| (format!("contact/{name}.ply"), format!("contact/{name}_bony.ply"));
-            material.spec(["femur", "tibia_medial", "tibia_lateral"].map(bony).into())
+            options.layer.spec(["femur", "tibia_medial", "tibia_lateral"].map(bony).into())
         }),
         pairs: vec![pair("tibia_medial"), pair("tibia_lateral")],
     }

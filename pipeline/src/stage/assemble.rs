@@ -53,7 +53,8 @@ impl Stage for Assemble {
         let mut options = options.clone();
         if let Some(law) = law {
             (options.overclosure_mm, options.pressure_mpa) = (law.overclosure_mm.clone(), law.pressure_mpa.clone());
-            options.layer = law.layer.as_ref().filter(|_| law.rules == Rule::Thickness).map(|l| l.material.clone());
+            options.by_thickness = law.rules == Rule::Thickness;
+            options.layer = law.layer.as_ref().map_or(options.layer, |l| l.material.clone());
             options.own_law = true;
         }
         assemble(s, f, a, h, &options)

@@ -87,49 +87,53 @@ impl Field {
             thickness: Vec::new(),
             cells: Cells::default(),
         };
-        let samples = field.sample_blocks(&exact, blocks, |p| exact.distance(p));
-        field.coefficients = field.prefiltered(&samples);
+        let (distances, thicknesses) = field.sample_blocks(&exact, blocks, thickness);
+        field.coefficients = field.prefiltered(&distances);
         field.cells = Cells::new(&field.coefficients, field.size, SPACING);
-        if !thickness.is_empty() {
-            let samples = field.sample_blocks(&exact, blocks, |p| exact.interpolated(p, thickness));
-            field.thickness = field.prefiltered(&samples);
+        if !thicknesses.is_empty() {
+            field.thickness = field.prefiltered(&thicknesses);
         }
         Ok(field)
     }
 
-    /// Exact values in the blocks near the surface, that of the block's centre in the others.
-    fn sample_blocks(&self, exact: &Exact, blocks: [usize; 3], value: impl Fn(&Point) -> f64 + Sync) -> Vec<f32> {
+    /// Exact distances in the blocks near the surface, that of the block's centre in the others; and the thickness there, given at vertices,
+    /// where it is.
+    fn sample_blocks(&self, exact: &Exact, blocks: [usize; 3], thickness: &[f64]) -> (Vec<f32>, Vec<f32>) {
         let [nx, ny, nz] = self.size;
         let node = |i: usize, j: usize, k: usize| {
             let at = |a: usize, i: f64| (self.low[a] + i) * SPACING;
             Point::new(at(0, i as f64), at(1, j as f64), at(2, k as f64))
         };
         let reach = SPACING * BLOCK as f64 * 3f64.sqrt() / 2.0 + 2.0 * SPACING;
-        let slabs: Vec<Vec<f32>> = (0..blocks[2])
+        let layered = if thickness.is_empty() { 0 } else { nx * ny * BLOCK };
+        let slabs: Vec<(Vec<f32>, Vec<f32>)> = (0..blocks[2])
             .into_par_iter()
             .map(|bz| {
-                let mut slab = vec![0f32; nx * ny * BLOCK];
+                let (mut slab, mut below) = (vec![0f32; nx * ny * BLOCK], vec![0f32; layered]);
                 for by in 0..blocks[1] {
                     for bx in 0..blocks[0] {
                         let corner = [bx * BLOCK, by * BLOCK, bz * BLOCK];
                         let half = Vector::repeat((BLOCK as f64 - 1.0) / 2.0 * SPACING);
-                        let middle = node(corner[0], corner[1], corner[2]) + half;
-                        let centre = exact.distance(&middle);
-                        let near = centre > -BAND[0] - reach && centre < BAND[1] + reach;
-                        let centre = value(&middle);
+                        let centre = exact.at(&(node(corner[0], corner[1], corner[2]) + half), thickness);
+                        let near = centre.0 > -BAND[0] - reach && centre.0 < BAND[1] + reach;
                         for n in 0..BLOCK.pow(3) {
                             let (i, j, k) = (n % BLOCK, n / BLOCK % BLOCK, n / BLOCK / BLOCK);
                             let p = node(corner[0] + i, corner[1] + j, corner[2] + k);
-                            let d = if near { value(&p) } else { centre };
-                            slab[(k * ny + corner[1] + j) * nx + corner[0] + i] = d as f32;
+                            let (distance, thick) = if near { exact.at(&p, thickness) } else { centre };
+                            let at = (k * ny + corner[1] + j) * nx + corner[0] + i;
+                            slab[at] = distance as f32;
+                            if let Some(slot) = below.get_mut(at) {
+                                *slot = thick as f32;
+                            }
                         }
                     }
                 }
-                slab
+                (slab, below)
             })
             .collect();
-        debug_assert_eq!(slabs.iter().map(Vec::len).sum::<usize>(), nx * ny * nz);
-        slabs.concat()
+        debug_assert_eq!(slabs.iter().map(|s| s.0.len()).sum::<usize>(), nx * ny * nz);
+        let (distances, thicknesses): (Vec<_>, Vec<_>) = slabs.into_iter().unzip();
+        (distances.concat(), thicknesses.concat())
     }
 
     /// Spline coefficients by local quasi-interpolation, of third order: `c = s - (second differences) / 8`.
@@ -191,25 +195,33 @@ impl Field {
     #[inline]
     pub(crate) fn sample<const CURVED: bool>(&self, p: &[f64; 3], highest: f64) -> Option<Sample> {
         let (at, offset) = self.cell(p)?;
-        self.spline::<CURVED>(&self.coefficients, (at, &offset), highest)
+        self.spline::<CURVED>(&self.coefficients, (at, &offset.map(weights)), highest)
     }
 
-    /// Thickness of the layer below the nearest point of the surface and derivatives [mm], as `distance`; 0 where nothing gives way.
+    /// [`Field::sample`], and the thickness of the layer below the nearest point of the surface with its derivatives [mm], as `distance`; 0 where
+    /// nothing gives way.
     #[inline]
-    pub(super) fn thickness_at<const CURVED: bool>(&self, p: &[f64; 3]) -> Sample {
-        let nothing = Sample { distance: 0.0, gradient: [0.0; 3], hessian: [0.0; 6] };
-        match self.cell(p) {
-            Some((at, offset)) if !self.thickness.is_empty() => {
-                self.spline::<CURVED>(&self.thickness, (at, &offset), f64::INFINITY).unwrap_or(nothing)
-            }
-            _ => nothing,
-        }
+    pub(super) fn sample_layered<const CURVED: bool>(&self, p: &[f64; 3], highest: f64) -> Option<(Sample, Sample)> {
+        let (at, offset) = self.cell(p)?;
+        let weights = offset.map(weights);
+        let distance = self.spline::<CURVED>(&self.coefficients, (at, &weights), highest)?;
+        let below = if self.thickness.is_empty() {
+            Some(Sample { distance: 0.0, gradient: [0.0; 3], hessian: [0.0; 6] })
+        } else {
+            self.spline::<CURVED>(&self.thickness, (at, &weights), f64::INFINITY)
+        };
+        Some((distance, below?))
     }
 
-    /// The spline of some coefficients in a cell; `None` where it is above `highest`.
+    /// The spline of some coefficients in a cell, by the weights and their derivatives along each axis; `None` where it is above `highest`.
     #[inline(always)]
-    fn spline<const CURVED: bool>(&self, of: &[f32], (at, offset): (usize, &[f64; 3]), highest: f64) -> Option<Sample> {
-        let [(wx, dx), (wy, dy), (wz, dz)] = offset.map(weights);
+    fn spline<const CURVED: bool>(
+        &self,
+        of: &[f32],
+        (at, weights): (usize, &[Weights; 3]),
+        highest: f64,
+    ) -> Option<Sample> {
+        let [(wx, dx), (wy, dy), (wz, dz)] = *weights;
         // rows along x are contracted first, then along y, then along z
         let mut plane = [[0.0; 6]; 3];
         for (k, slot) in plane.iter_mut().enumerate() {
@@ -244,9 +256,12 @@ impl Field {
 /// Second derivative of the spline's three weights.
 const CURVE: [f64; 3] = [1.0, -2.0, 1.0];
 
+/// Weights of three nodes, and their derivatives.
+type Weights = ([f64; 3], [f64; 3]);
+
 /// Weights of the three nodes around offset `t` in [-1/2, 1/2], and their derivatives.
 #[inline]
-fn weights(t: f64) -> ([f64; 3], [f64; 3]) {
+fn weights(t: f64) -> Weights {
     let (a, b) = (0.5 - t, 0.5 + t);
     ([a * a / 2.0, 0.75 - t * t, b * b / 2.0], [-a, -2.0 * t, b])
 }
@@ -285,15 +300,15 @@ impl Exact {
         Ok(Exact { query, triangles: mesh.triangles.clone(), face, vertex, rim, rim_vertex })
     }
 
-    /// A value given at vertices, at the nearest point of the surface.
-    fn interpolated(&self, p: &Point, at_vertices: &[f64]) -> f64 {
+    /// Distance, and at the nearest point of the surface the thickness, given at vertices; 0 without any.
+    fn at(&self, p: &Point, thickness: &[f64]) -> (f64, f64) {
         let near = self.query.nearest(p);
         let corners = self.triangles[near.triangle as usize];
-        (0..3).map(|k| near.barycentric[k] * at_vertices[corners[k] as usize]).sum()
+        let share = |k: usize| near.barycentric[k] * thickness.get(corners[k] as usize).copied().unwrap_or(0.0);
+        (self.distance(p, &near), (0..3).map(share).sum())
     }
 
-    fn distance(&self, p: &Point) -> f64 {
-        let near = self.query.nearest(p);
+    fn distance(&self, p: &Point, near: &meshes::query::Nearest) -> f64 {
         let t = near.triangle as usize;
         let corner = self.triangles[t];
         let on: Vec<usize> = (0..3).filter(|&k| near.barycentric[k] > 1e-9).collect();

@@ -1,4 +1,4 @@
-//! Elastic foundation by local thickness: cartilages as thin elastic layers bonded to bone, in series [blankevoort1991contact; bei2004].
+//! Elastic foundation by local thickness: cartilages as thin elastic layers bonded to bone, in series [blankevoort1991b; bei2004].
 //!
 //! Both layers are of one material, so they have one strain: overclosure over the sum of their thicknesses.
 
@@ -69,20 +69,21 @@ impl Layer {
         if d <= 0.0 {
             return Strained::default();
         }
-        let x = d / h;
+        let inverse = 1.0 / h;
+        let x = d * inverse;
         let (f, f1, f2) = match self.law {
             LayerLaw::Linear => (0.5 * x * x, x, 1.0),
             LayerLaw::Logarithmic => logarithmic(x),
         };
         let m = self.modulus;
-        let (slope, back) = (m * f2 / h, -x * (m * f2 / h));
+        let slope = m * f2 * inverse;
         Strained {
             energy: m * h * f,
             pressure: m * f1,
             slope,
             by_thickness: m * (f - x * f1),
-            mixed: back,
-            curve: -x * back,
+            mixed: -x * slope,
+            curve: x * x * slope,
         }
     }
 }

@@ -108,27 +108,32 @@ impl Share {
 
 impl Touch {
     /// Derivatives by overclosure and thickness of the three terms that are summed, without the area: d, h, dd, dh, hh.
+    #[inline]
     fn terms(&self) -> [[f64; 5]; 3] {
-        let (d, h, s) = (self.overclosure, self.thickness, &self.strained);
-        let (x, i) = (d / h, 1.0 / (h * h));
+        let (s, by) = (&self.strained, 1.0 / self.thickness);
+        let x = self.overclosure * by;
+        let (square, i) = (x * x, by * by);
         [
             [s.pressure, s.by_thickness, s.slope, s.mixed, s.curve],
-            [2.0 * d * i, -2.0 * x * x / h, 2.0 * i, -4.0 * x * i, 6.0 * x * x * i],
-            [3.0 * d * d * i, -2.0 * x * x * x, 6.0 * d * i, -6.0 * x * x / h, 6.0 * x * x * x / h],
+            [2.0 * x * by, -2.0 * square * by, 2.0 * i, -4.0 * x * i, 6.0 * square * i],
+            [3.0 * square, -2.0 * square * x, 6.0 * x * by, -6.0 * square * by, 6.0 * square * x * by],
         ]
     }
 
     /// The terms weighed by the patch's derivatives.
+    #[inline]
     fn weighed(&self, terms: &[[f64; 5]; 3], first: &[f64; 3]) -> [f64; 5] {
         std::array::from_fn(|k| (0..3).map(|t| first[t] * terms[t][k]).sum())
     }
 
     /// Gradient in space of a term of these derivatives.
+    #[inline]
     fn gradient(&self, term: &[f64; 5]) -> [f64; 3] {
         std::array::from_fn(|a| term[1] * self.below.gradient[a] - term[0] * self.distance.gradient[a])
     }
 
     /// Its second derivatives, xx, xy, xz, yy, yz, zz.
+    #[inline]
     fn curvature(&self, term: &[f64; 5]) -> [f64; 6] {
         const PLACES: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
         let (g, n) = (&self.distance.gradient, &self.below.gradient);
@@ -156,13 +161,12 @@ pub(super) struct Pressed {
 impl Contact {
     /// The nodes of a pass that overclose, and their sums.
     fn touching<const CURVED: bool>(&self, layer: &Layer, pass: &Pass, near: &mut Kept) -> (Vec<Touch>, Totals) {
-        let (mut touches, mut totals) = (Vec::new(), Totals::default());
+        let (mut touches, mut totals) = (Vec::with_capacity(near.touching), Totals::default());
         let start = self.law.start();
         // cartilage whose contact begins before the surfaces meet is thicker by as much
         let more = (-start).max(0.0);
         near.for_each((pass.nodes, pass.field), &pass.field_from_nodes, start, |p, area, own| {
-            let Some(distance) = pass.field.sample::<CURVED>(p, -start) else { return };
-            let below = pass.field.thickness_at::<CURVED>(p);
+            let Some((distance, below)) = pass.field.sample_layered::<CURVED>(p, -start) else { return };
             let (overclosure, thickness) = (-distance.distance - start, own + below.distance + more);
             if overclosure <= 0.0 {
                 return;
@@ -174,6 +178,7 @@ impl Contact {
             totals.w += squares * overclosure;
             touches.push(Touch { place: *p, area, overclosure, thickness, distance, below, strained });
         });
+        near.touching = touches.len();
         (touches, totals)
     }
 
@@ -200,10 +205,10 @@ impl Contact {
             }
             add_stiffness(&mut stiffness, &t.curvature(&term).map(|x| x * t.area), p);
             if layer.edge_spread > 0.0 {
+                let (deeper, thicker) =
+                    (wrench(&t.distance.gradient, p, -t.area), wrench(&t.below.gradient, p, t.area));
                 for (sum, term) in change.iter_mut().zip(&terms) {
-                    let g = Vector::from(t.gradient(term)) * t.area;
-                    let m = Vector::from(*p).cross(&g);
-                    *sum += Vector6::new(g.x, g.y, g.z, m.x, m.y, m.z);
+                    *sum += deeper * term[0] + thicker * term[1];
                 }
             }
         }
@@ -225,6 +230,13 @@ impl Contact {
         };
         (share.energy, touches.iter().map(of).collect())
     }
+}
+
+/// `by` times a direction and its moment at a place.
+#[inline]
+fn wrench(g: &[f64; 3], p: &[f64; 3], by: f64) -> Vector6<f64> {
+    let moment = [p[1] * g[2] - p[2] * g[1], p[2] * g[0] - p[0] * g[2], p[0] * g[1] - p[1] * g[0]];
+    Vector6::new(g[0], g[1], g[2], moment[0], moment[1], moment[2]) * by
 }
 
 /// The part of the stiffness that comes from the patch as a whole.

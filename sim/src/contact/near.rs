@@ -23,6 +23,8 @@ pub(super) struct Kept {
     extent: [[f64; 3]; 2],
     nodes: Vec<Candidate>,
     once: bool,
+    /// Nodes in contact at the last pose, for room to be made.
+    pub(super) touching: usize,
 }
 
 #[derive(Clone, Copy, Debug)]
