@@ -24,7 +24,7 @@ pub const PUBLISHED: ([f64; 4], [f64; 4]) = ([0.0, 0.05, 0.1, 0.2], [0.0, 0.323_
 /// Which law the model gets.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Rule {
+pub enum ContactRule {
     /// The one whose force is nearer to the deformable model's, by root mean square.
     #[default]
     Best,
@@ -57,7 +57,7 @@ pub struct ContactLawOptions {
     /// Overclosures of the law, ascending from 0 [mm]; the published ones.
     pub overclosure_mm: Vec<f64>,
     /// Which law the model gets; `table` leaves the other out.
-    pub rules: Rule,
+    pub rules: ContactRule,
     /// Laws of pressure over strain that are tried for contact by thickness; the best is taken.
     pub layer_laws: Vec<LayerLaw>,
     /// A layer is nowhere taken thinner than this [mm]; see `assemble.layer`.
@@ -86,7 +86,7 @@ impl Default for ContactLawOptions {
             levels: 12,
             least_force_n: 50.0,
             overclosure_mm: PUBLISHED.0.to_vec(),
-            rules: Rule::Best,
+            rules: ContactRule::Best,
             layer_laws: vec![LayerLaw::Linear, LayerLaw::Logarithmic],
             least_thickness_mm: 0.5,
             area_weight: 0.1,
@@ -138,7 +138,7 @@ pub struct ContactLaw {
     /// Contact by thickness, where it was fitted.
     pub layer: Option<FittedLayer>,
     /// Which of the two the model gets: table or thickness.
-    pub rules: Rule,
+    pub rules: ContactRule,
     /// The deformable model, a curve a flexion.
     pub curves: Vec<Curve>,
     /// The rigid law at the same approaches: fitted, and published.
@@ -188,14 +188,14 @@ pub fn contact_law(
     }
     let fitted = fit::fit(&rigid, &poses, &curves, options)?;
     let layer = match options.rules {
-        Rule::Table => None,
-        Rule::Best | Rule::Thickness => Some(layers::fit(&rigid, &poses, &curves, options)?),
+        ContactRule::Table => None,
+        ContactRule::Best | ContactRule::Thickness => Some(layers::fit(&rigid, &poses, &curves, options)?),
     };
     let (rules, worst) = match &layer {
-        Some(l) if options.rules == Rule::Thickness || l.fit_rms_percent < fitted.rms_percent => {
-            (Rule::Thickness, l.fit_error_percent)
+        Some(l) if options.rules == ContactRule::Thickness || l.fit_rms_percent < fitted.rms_percent => {
+            (ContactRule::Thickness, l.fit_error_percent)
         }
-        _ => (Rule::Table, fitted.worst_percent),
+        _ => (ContactRule::Table, fitted.worst_percent),
     };
     if worst > 10.0 {
         warnings.push(format!(
@@ -223,7 +223,7 @@ pub fn contact_law(
 fn metrics(
     curves: &[Curve],
     fitted: &Fitted,
-    (layer, rules): (Option<&FittedLayer>, Rule),
+    (layer, rules): (Option<&FittedLayer>, ContactRule),
     o: &ContactLawOptions,
 ) -> serde_json::Value {
     let flexions: Vec<serde_json::Value> = curves

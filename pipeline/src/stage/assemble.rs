@@ -19,7 +19,7 @@ use stages::StageError;
 use stages::assemble::{AssembleOptions, Assembled, assemble};
 use stages::attachments::Attachments;
 use stages::bones::Bones;
-use stages::contact_law::{ContactLaw, Rule};
+use stages::contact_law::{ContactLaw, ContactRule};
 use stages::frames::Frames;
 use stages::overclosure::Separated;
 use stages::specimen::Specimen;
@@ -53,7 +53,7 @@ impl Stage for Assemble {
         let mut options = options.clone();
         if let Some(law) = law {
             (options.overclosure_mm, options.pressure_mpa) = (law.overclosure_mm.clone(), law.pressure_mpa.clone());
-            options.by_thickness = law.rules == Rule::Thickness;
+            options.by_thickness = law.rules == ContactRule::Thickness;
             options.layer = law.layer.as_ref().map_or(options.layer, |l| l.material.clone());
             options.own_law = true;
         }
