@@ -61,7 +61,7 @@ mod tests {
     use crate::options::{BuildOptions, parse_override, resolve};
     use std::collections::BTreeMap;
 
-    /// The value with its first number or truth changed; `None` where it holds none.
+    /// The value with its first number or truth changed, or the first of its words left out; `None` where it holds none.
     fn changed(value: &toml::Value) -> Option<toml::Value> {
         use toml::Value;
         Some(match value {
@@ -70,7 +70,12 @@ mod tests {
             Value::Boolean(b) => Value::Boolean(!b),
             Value::Array(all) => {
                 let (first, rest) = all.split_first()?;
-                Value::Array(std::iter::once(changed(first)?).chain(rest.iter().cloned()).collect())
+                match changed(first) {
+                    Some(other) => Value::Array(std::iter::once(other).chain(rest.iter().cloned()).collect()),
+                    // words among which the first is left out
+                    None if !rest.is_empty() => Value::Array(rest.to_vec()),
+                    None => return None,
+                }
             }
             Value::Table(all) => {
                 let (key, inner) = all.iter().find_map(|(k, v)| Some((k.clone(), changed(v)?)))?;
