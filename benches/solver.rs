@@ -10,7 +10,7 @@ use genu::model_file;
 use sim::Model;
 use sim::explicit::{ExplicitOptions, ExplicitState, Progress, TrialSteps, explicit_trial, run, unobserved};
 use sim::laxity::LaxityTrial;
-use sim::trials::{TrialOptions, generalised, solve_trial};
+use sim::trials::{TrialOptions, solve_trial};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -149,7 +149,7 @@ fn explicit(model: &Model, trials: &[LaxityTrial]) -> Result<(), String> {
     let some: Vec<LaxityTrial> = trials.iter().step_by(6).cloned().collect();
     let first = |trial: &LaxityTrial| -> Result<(), String> {
         let program =
-            steps.program(&model.joint, trial.fe_deg, &generalised(&trial.load)).map_err(|e| e.to_string())?;
+            steps.program(&model.joint, trial.fe_deg, &trial.load.generalised()).map_err(|e| e.to_string())?;
         let program = sim::explicit::Program { steps: program.steps[1..].to_vec() };
         let mut stop = |p: &Progress| {
             if p.state.increments == INCREMENTS { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }

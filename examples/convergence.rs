@@ -9,6 +9,7 @@ use genu::build_args::BuildArgs;
 use genu::error::BuildError;
 use genu::options::parse_override;
 use genu::{model_file, run, store};
+use sim::coordinate::{Free, Load};
 use sim::laxity::{LaxityTrial, Test};
 use sim::protocols::ProtocolOptions;
 use sim::trials::{TrialOptions, solve_trials};
@@ -154,10 +155,10 @@ fn ie_trials() -> Vec<LaxityTrial> {
                 trial: format!("{} {fe_deg}", test.name()),
                 test,
                 nominal_flexion_deg: fe_deg,
-                load: [0.0, sign * IE_NM, 0.0, 0.0, 20.0],
+                load: Load::new(0.0, sign * IE_NM, 0.0, 0.0, 20.0),
                 fe_deg,
-                measured: [None; 5],
-                sd: [None; 5],
+                measured: Free::all(None),
+                sd: Free::all(None),
                 branch: None,
                 order: None,
                 time_s: None,

@@ -8,6 +8,7 @@ use calibration::design::Design;
 use genu::build_args::BuildArgs;
 use genu::error::BuildError;
 use genu::{calibrate, model_file, options, run, store};
+use sim::coordinate::{Coordinate, Free, IE, VV};
 use sim::laxity::Test;
 use sim::protocols::ProtocolOptions;
 use std::collections::BTreeMap;
@@ -112,13 +113,13 @@ fn measured(specimen: &Path) -> Result<String, BuildError> {
         let path = specimen.join(format!("laxity/{source}.csv"));
         let (trials, _) = calibrate::read_laxity(&path.display().to_string(), &store::read(&path)?)?;
         for flexion in [30.0, 90.0] {
-            let of: Vec<[Option<f64>; 5]> = trials
+            let of: Vec<Free<Option<f64>>> = trials
                 .iter()
                 .filter(|t| t.test == Test::Anterior && (t.nominal_flexion_deg - flexion).abs() < 0.5)
                 .map(|t| t.measured)
                 .collect();
-            let mean = |c: usize| of.iter().filter_map(|m| m[c]).sum::<f64>() / of.len().max(1) as f64;
-            let _ = writeln!(text, "| {source} | {flexion} | {} | {:.1} | {:.1} |", of.len(), mean(0), mean(1));
+            let mean = |c: Coordinate| of.iter().filter_map(|m| m[c]).sum::<f64>() / of.len().max(1) as f64;
+            let _ = writeln!(text, "| {source} | {flexion} | {} | {:.1} | {:.1} |", of.len(), mean(VV), mean(IE));
         }
     }
     Ok(text)

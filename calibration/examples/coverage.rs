@@ -12,6 +12,7 @@ use calibration::options::CalibrateOptions;
 use calibration::rig::RigOptions;
 use calibration::session::Session;
 use inference::random::{normal, stream};
+use sim::coordinate::{AP, Free, IE};
 use sim::laxity::{LaxityTrial, Reference, Test};
 use sim::mesh::MeshValue;
 use sim::spec::ModelSpec;
@@ -53,7 +54,7 @@ fn laxity(path: &Path) -> Vec<LaxityTrial> {
 fn displaced(poses: &[LaxityTrial], rig: Option<u64>) -> Vec<LaxityTrial> {
     let zero = |t: &LaxityTrial| {
         let same = |r: &&LaxityTrial| {
-            r.test == t.test && r.nominal_flexion_deg == t.nominal_flexion_deg && r.load[1] == 0.0 && r.load[3] == 0.0
+            r.test == t.test && r.nominal_flexion_deg == t.nominal_flexion_deg && r.load[IE] == 0.0 && r.load[AP] == 0.0
         };
         poses.iter().find(same).cloned()
     };
@@ -63,7 +64,7 @@ fn displaced(poses: &[LaxityTrial], rig: Option<u64>) -> Vec<LaxityTrial> {
     };
     let defaults = RigOptions::default();
     let (noise, mut random) = (CalibrateOptions::default().targets.noise_of_displacements, stream(rig.unwrap_or(0), 9));
-    let yields: Vec<f64> = defaults.compliance.iter().map(|sd| (sd * normal(&mut random)).abs()).collect();
+    let yields = defaults.compliance.map(|sd| (sd * normal(&mut random)).abs());
     let mut offsets: BTreeMap<(Test, i64), f64> = BTreeMap::new();
     let mut out = Vec::new();
     for t in poses.iter().filter(wanted) {
@@ -71,7 +72,7 @@ fn displaced(poses: &[LaxityTrial], rig: Option<u64>) -> Vec<LaxityTrial> {
         let (Some(here), Some(there)) = (t.measured[c], zero.measured[c]) else { continue };
         let mut one = t.clone();
         one.reference = Some(Reference { trial: zero.trial.clone(), load: zero.load, fe_deg: zero.fe_deg });
-        (one.measured, one.sd) = ([None; 5], [None; 5]);
+        (one.measured, one.sd) = (Free::all(None), Free::all(None));
         let mut value = here - there;
         if rig.is_some() {
             let condition = (t.test, t.nominal_flexion_deg.round() as i64);

@@ -11,6 +11,7 @@ use crate::posterior::{self, ForceEstimate, NoiseEstimate, OtherEstimate, Parame
 use crate::problem::{Probes, Problem};
 use crate::recipe::Recipe;
 use serde::{Deserialize, Serialize};
+use sim::coordinate::Free;
 use sim::laxity::LaxityTrial;
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
@@ -85,11 +86,11 @@ pub struct Calibrated {
     /// Noise of each data set and coordinate, as stated and as inferred.
     pub noise: Vec<NoiseEstimate>,
     /// Standard deviation that the best fit misses by, over the noise stated, a coordinate each (VV, IE, ML, AP, SI) [-]; 1 where it fits.
-    pub noise_scale: [f64; 5],
+    pub noise_scale: Free<f64>,
     /// Root mean square of predicted minus measured, a coordinate each [deg or mm]; `None` where nothing was measured.
-    pub rms: [Option<f64>; 5],
+    pub rms: Free<Option<f64>>,
     /// Predictions at the chosen values, a trial each [deg, mm].
-    pub predicted: Vec<Option<[f64; 5]>>,
+    pub predicted: Vec<Option<Free<f64>>>,
     /// Values found from different starts, with their cost, lowest first: what one start alone would have reported.
     pub rivals: Vec<(f64, Vec<f64>)>,
     /// Samples of the posterior, design values.
@@ -297,8 +298,8 @@ fn judged(problem: &Problem, state: &State, lowest: (f64, Vec<f64>)) -> (f64, Ve
 }
 
 /// Root mean square of predicted minus measured, a coordinate each.
-fn rms(problem: &Problem, predicted: &[Option<[f64; 5]>]) -> [Option<f64>; 5] {
-    std::array::from_fn(|c| {
+fn rms(problem: &Problem, predicted: &[Option<Free<f64>>]) -> Free<Option<f64>> {
+    Free::from_fn(|c| {
         let of: Vec<f64> = problem
             .targets
             .trials

@@ -1,27 +1,28 @@
 //! The one definition of residual and cost [andreassen2025, section 2.5]; a worked example stands in docs/theory/cost.md.
 //!
-//! Residual of a trial and coordinate: predicted minus measured [deg or mm], in the order of [`sim::laxity::COORDINATES`].
+//! Residual of a trial and coordinate: predicted minus measured [deg or mm].
 //! Cost: trials are grouped by test and nominal flexion; of a group and coordinate, the 75th percentile over its trials of the
 //! absolute error, divided by the coordinate's range over all measured trials, times a weight; summed; squared where a
 //! trial reaches a joint limit in ML or SI.
 
 use crate::error::CalibrationError;
 use serde::{Deserialize, Serialize};
-use sim::laxity::{COORDINATES, LaxityTrial, Test, VALUE_UNITS};
+use sim::coordinate::{Coordinate, FREE, Free, ML, SI};
+use sim::laxity::{LaxityTrial, Test};
 use sim::spec::PoseSpec;
 use std::collections::BTreeMap;
 
 /// Cost of an evaluation in which a trial has no answer, as in the published logs [-].
 pub const FAILED: f64 = 1e10;
 /// Coordinates with a joint limit: ML and SI.
-const LIMITED: [usize; 2] = [2, 4];
+const LIMITED: [Coordinate; 2] = [ML, SI];
 
 /// How the cost is counted.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CostOptions {
     /// Weights [-] of the five coordinates (VV, IE, ML, AP, SI) by test; the published scripts' [andreassen2025, figure 6].
-    pub weights: BTreeMap<Test, [f64; 5]>,
+    pub weights: BTreeMap<Test, Free<f64>>,
     /// Percentile of a group's errors [%]; [andreassen2025, section 2.5].
     pub percentile: f64,
     /// ML or SI further than this from the CT pose is a joint limit [mm]; ours, the paper gives no number.
@@ -31,13 +32,13 @@ pub struct CostOptions {
 impl Default for CostOptions {
     fn default() -> Self {
         let weights = BTreeMap::from([
-            (Test::Anterior, [0.0, 50.0, 0.0, 100.0, 0.0]),
-            (Test::Posterior, [0.0, 50.0, 0.0, 100.0, 0.0]),
-            (Test::Internal, [0.0, 100.0, 0.0, 50.0, 0.0]),
-            (Test::External, [0.0, 100.0, 0.0, 50.0, 0.0]),
-            (Test::Varus, [100.0, 50.0, 0.0, 0.0, 0.0]),
-            (Test::Valgus, [100.0, 50.0, 0.0, 0.0, 0.0]),
-            (Test::Neutral, [100.0, 100.0, 0.0, 100.0, 0.0]),
+            (Test::Anterior, Free([0.0, 50.0, 0.0, 100.0, 0.0])),
+            (Test::Posterior, Free([0.0, 50.0, 0.0, 100.0, 0.0])),
+            (Test::Internal, Free([0.0, 100.0, 0.0, 50.0, 0.0])),
+            (Test::External, Free([0.0, 100.0, 0.0, 50.0, 0.0])),
+            (Test::Varus, Free([100.0, 50.0, 0.0, 0.0, 0.0])),
+            (Test::Valgus, Free([100.0, 50.0, 0.0, 0.0, 0.0])),
+            (Test::Neutral, Free([100.0, 100.0, 0.0, 100.0, 0.0])),
         ]);
         CostOptions { weights, percentile: 75.0, limit_mm: 20.0 }
     }
@@ -45,8 +46,8 @@ impl Default for CostOptions {
 
 impl CostOptions {
     /// Weights of a test's coordinates; zero where none are given.
-    pub fn weights_of(&self, test: Test) -> [f64; 5] {
-        self.weights.get(&test).copied().unwrap_or([0.0; 5])
+    pub fn weights_of(&self, test: Test) -> Free<f64> {
+        self.weights.get(&test).copied().unwrap_or(Free::all(0.0))
     }
 }
 
@@ -57,8 +58,8 @@ pub struct Term {
     pub test: Test,
     /// The flexion it is filed under [deg].
     pub nominal_flexion_deg: f64,
-    /// Index of the coordinate.
-    pub coordinate: usize,
+    /// The coordinate.
+    pub coordinate: Coordinate,
     /// Its weight [-].
     pub weight: f64,
     /// The coordinate's range over all measured trials [deg or mm].
@@ -72,9 +73,9 @@ pub struct Term {
 pub struct CostFunction {
     /// What is summed.
     pub terms: Vec<Term>,
-    measured: Vec<[Option<f64>; 5]>,
+    measured: Vec<Free<Option<f64>>>,
     /// Of each trial, from where its joint limits count.
-    from: Vec<[f64; 5]>,
+    from: Vec<Free<f64>>,
     percentile: f64,
     limit_mm: f64,
 }
@@ -95,8 +96,8 @@ pub struct Cost {
 }
 
 /// Residual of a trial: predicted minus measured [deg, mm]; `None` where not measured.
-pub fn residual(trial: &LaxityTrial, predicted: &[f64; 5]) -> [Option<f64>; 5] {
-    std::array::from_fn(|i| trial.measured[i].map(|m| predicted[i] - m))
+pub fn residual(trial: &LaxityTrial, predicted: &Free<f64>) -> Free<Option<f64>> {
+    Free::from_fn(|c| trial.measured[c].map(|m| predicted[c] - m))
 }
 
 /// The p-th percentile by linear interpolation between the sorted values x_k at 100 (k - 1/2) / n, clamped at the ends: MATLAB's
@@ -125,7 +126,7 @@ impl CostFunction {
     /// Options out of range; no coordinate with a weight is measured; a weighted coordinate does not vary over the trials.
     pub fn new(trials: &[LaxityTrial], ct: &PoseSpec, options: &CostOptions) -> Result<CostFunction, CalibrationError> {
         check(options)?;
-        let at_ct = [ct.vv_deg, ct.ie_deg, ct.ml_mm, ct.ap_mm, ct.si_mm];
+        let at_ct = ct.free();
         let mut groups: BTreeMap<(Test, i64, bool), Vec<usize>> = BTreeMap::new();
         for (i, t) in trials.iter().enumerate() {
             let kind = (t.test, (t.nominal_flexion_deg * 10.0).round() as i64, t.reference.is_some());
@@ -134,7 +135,7 @@ impl CostFunction {
         let mut terms = Vec::new();
         for ((test, _, displaced), members) in &groups {
             let weights = options.weights_of(*test);
-            for coordinate in (0..5).filter(|&c| weights[c] > 0.0) {
+            for coordinate in FREE.into_iter().filter(|&c| weights[c] > 0.0) {
                 let trials_of: Vec<usize> =
                     members.iter().copied().filter(|&i| trials[i].measured[coordinate].is_some()).collect();
                 if let Some(&first) = trials_of.first() {
@@ -155,26 +156,26 @@ impl CostFunction {
         Ok(CostFunction {
             terms,
             measured: trials.iter().map(|t| t.measured).collect(),
-            from: trials.iter().map(|t| if t.reference.is_some() { [0.0; 5] } else { at_ct }).collect(),
+            from: trials.iter().map(|t| if t.reference.is_some() { Free::all(0.0) } else { at_ct }).collect(),
             percentile: options.percentile,
             limit_mm: options.limit_mm,
         })
     }
 
     /// The cost of these predictions, one a trial (VV, IE [deg], ML, AP, SI [mm]); `None` is a trial without an answer.
-    pub fn cost(&self, predicted: &[Option<[f64; 5]>]) -> Cost {
+    pub fn cost(&self, predicted: &[Option<Free<f64>>]) -> Cost {
         self.with_slopes(predicted).0
     }
 
     /// The cost, and its derivative by each prediction: of a percentile that of the trials it lies between.
-    pub fn with_slopes(&self, predicted: &[Option<[f64; 5]>]) -> (Cost, Vec<[f64; 5]>) {
-        let mut slopes = vec![[0.0; 5]; predicted.len()];
+    pub fn with_slopes(&self, predicted: &[Option<Free<f64>>]) -> (Cost, Vec<Free<f64>>) {
+        let mut slopes = vec![Free::all(0.0); predicted.len()];
         let unanswered: Vec<usize> = (0..predicted.len()).filter(|&i| predicted[i].is_none()).collect();
         if !unanswered.is_empty() {
             let cost = Cost { value: FAILED, sum: FAILED, errors: vec![], at_limit: vec![], unanswered };
             return (cost, slopes);
         }
-        let beyond = |i: usize, p: &[f64; 5]| LIMITED.iter().any(|&c| (p[c] - self.from[i][c]).abs() >= self.limit_mm);
+        let beyond = |i: usize, p: &Free<f64>| LIMITED.iter().any(|&c| (p[c] - self.from[i][c]).abs() >= self.limit_mm);
         let at_limit: Vec<usize> =
             (0..predicted.len()).filter(|&i| predicted[i].is_some_and(|p| beyond(i, &p))).collect();
         let (mut sum, mut errors) = (0.0, Vec::with_capacity(self.terms.len()));
@@ -193,15 +194,15 @@ impl CostFunction {
         let value = if at_limit.is_empty() { sum } else { sum * sum.max(1.0) };
         if !at_limit.is_empty() {
             let factor = if sum > 1.0 { 2.0 * sum } else { 1.0 };
-            slopes.iter_mut().flatten().for_each(|s| *s *= factor);
+            slopes.iter_mut().flat_map(Free::iter_mut).for_each(|s| *s *= factor);
         }
         (Cost { value, sum, errors, at_limit, unanswered }, slopes)
     }
 
     /// Of each trial and coordinate: the weight of its absolute error when the percentile's share is spread over the group's sorted errors as a
     /// bell of standard deviation `spread` percent, its signed error, and the coordinate's range. For reweighted least squares.
-    pub fn spread_weights(&self, predicted: &[Option<[f64; 5]>], spread: f64) -> Vec<[(f64, f64, f64); 5]> {
-        let mut out = vec![[(0.0, 0.0, 1.0); 5]; predicted.len()];
+    pub fn spread_weights(&self, predicted: &[Option<Free<f64>>], spread: f64) -> Vec<Free<(f64, f64, f64)>> {
+        let mut out = vec![Free::all((0.0, 0.0, 1.0)); predicted.len()];
         for term in &self.terms {
             let n = term.trials.len();
             let errors: Vec<f64> = term.trials.iter().map(|&i| self.error(predicted, i, term.coordinate)).collect();
@@ -222,7 +223,7 @@ impl CostFunction {
     }
 
     /// Predicted minus measured; zero where either is missing.
-    fn error(&self, predicted: &[Option<[f64; 5]>], trial: usize, coordinate: usize) -> f64 {
+    fn error(&self, predicted: &[Option<Free<f64>>], trial: usize, coordinate: Coordinate) -> f64 {
         match (predicted[trial], self.measured[trial][coordinate]) {
             (Some(p), Some(m)) => p[coordinate] - m,
             _ => 0.0,
@@ -231,7 +232,7 @@ impl CostFunction {
 }
 
 /// Largest minus smallest measured value of a coordinate, of poses or of displacements. A displacement counts from 0, which was measured too.
-fn range(trials: &[LaxityTrial], coordinate: usize, displaced: bool) -> Result<f64, CalibrationError> {
+fn range(trials: &[LaxityTrial], coordinate: Coordinate, displaced: bool) -> Result<f64, CalibrationError> {
     let of = trials.iter().filter(|t| t.reference.is_some() == displaced);
     let values = of.filter_map(|t| t.measured[coordinate]).chain(displaced.then_some(0.0));
     let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
@@ -239,8 +240,8 @@ fn range(trials: &[LaxityTrial], coordinate: usize, displaced: bool) -> Result<f
         return Ok(high - low);
     }
     Err(CalibrationError::Targets(format!(
-        "{}_{} is {low} in every trial that has it; its errors cannot be divided by its range: give trials in which it varies",
-        COORDINATES[coordinate], VALUE_UNITS[coordinate]
+        "{} is {low} in every trial that has it; its errors cannot be divided by its range: give trials in which it varies",
+        coordinate.column()
     )))
 }
 

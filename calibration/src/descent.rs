@@ -6,6 +6,7 @@ use crate::cost::CostFunction;
 use crate::experiment::{Experiment, Linear};
 use crate::levenberg::box_step;
 use nalgebra::{DMatrix, DVector};
+use sim::coordinate::Free;
 
 /// How far and how often.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -59,8 +60,8 @@ pub fn descend(experiment: &Experiment, cost: &CostFunction, start: &[f64], trus
 }
 
 /// Five numbers a trial.
-fn rows(value: &[f64]) -> Vec<Option<[f64; 5]>> {
-    value.chunks_exact(5).map(|c| c.try_into().ok()).collect()
+fn rows(value: &[f64]) -> Vec<Option<Free<f64>>> {
+    value.chunks_exact(5).map(|c| c.try_into().ok().map(Free)).collect()
 }
 
 /// The step within the trust region that lowers the cost of the linear model most, and by how much: reweighted least squares, with the

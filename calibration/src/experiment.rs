@@ -4,12 +4,13 @@ use crate::design::Design;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 use sim::SimError;
+use sim::coordinate::Free;
 
 /// What a model answers to one trial.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Answer {
     /// Predicted VV, IE [deg], ML, AP, SI [mm].
-    pub predicted: [f64; 5],
+    pub predicted: Free<f64>,
     /// Force of each bundle [N].
     pub forces_n: Vec<f64>,
     /// What is odd about it ("dislocated"); empty when nothing is.
@@ -22,7 +23,7 @@ pub struct Answer {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Slopes {
     /// Of the prediction: a row a variable.
-    pub predicted: Vec<[f64; 5]>,
+    pub predicted: Vec<Free<f64>>,
     /// Of the bundle forces: a row a variable, a column a bundle.
     pub forces_n: Vec<Vec<f64>>,
 }
@@ -48,7 +49,7 @@ impl Experiment<'_> {
     }
 
     /// Predictions of all trials; `None` where the solver has none.
-    pub fn predictions(&self, values: &[f64]) -> Vec<Option<[f64; 5]>> {
+    pub fn predictions(&self, values: &[f64]) -> Vec<Option<Free<f64>>> {
         self.answers(values, false).into_iter().map(|a| a.ok().map(|a| a.predicted)).collect()
     }
 
@@ -105,7 +106,7 @@ pub fn with_differences<'a>(
             let mut slopes = Slopes { predicted: vec![], forces_n: vec![] };
             for ((up, down), h) in sides.iter().zip(&widths) {
                 let (a, b) = (up[i].as_ref().map_err(Clone::clone)?, down[i].as_ref().map_err(Clone::clone)?);
-                slopes.predicted.push(std::array::from_fn(|c| (a.predicted[c] - b.predicted[c]) / h));
+                slopes.predicted.push(Free::from_fn(|c| (a.predicted[c] - b.predicted[c]) / h));
                 slopes.forces_n.push(a.forces_n.iter().zip(&b.forces_n).map(|(x, y)| (x - y) / h).collect());
             }
             Ok(Answer { slopes: Some(slopes), ..answer? })

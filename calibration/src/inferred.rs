@@ -21,15 +21,17 @@ use inference::posterior::{Forward, Found, Sample, infer};
 use inference::random::{normals, stream};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
-use sim::laxity::{COORDINATES, LaxityTrial, Test, VALUE_UNITS};
+use sim::coordinate::{AP, Coordinate, FREE, Free, Load};
+use sim::laxity::{LaxityTrial, Test};
 use std::collections::BTreeMap;
 
 /// Scatter of loads: moments [N m], forces [N]. Recorded ones scatter by 0.1 N m and 2 N, as the diagnosis has it (docs/theory/discrepancy.md); friction,
 /// which the equilibria leave out, adds 0.03 of some 130 N of contact across it, by a lever of 25 mm for moments.
-const LOAD_SD: [f64; 5] = [0.14, 0.14, 4.4, 4.4, 2.0];
+const LOAD_SD: Load = Load::new(0.14, 0.14, 4.4, 4.4, 2.0);
 /// What the model lacks (docs/theory/inference.md), of the size by which two simulators of one knee differ on the bench: 0.3 deg, 1 deg, 0.3 mm, 0.7 mm,
 /// 0.2 mm over the compliance of a knee.
-const LACK: Lack = Lack { sd: [1.5, 0.25, 8.0, 6.0, 10.0], flexion_deg: 25.0, load: [6.0, 3.0, 60.0, 60.0, 60.0] };
+const LACK: Lack =
+    Lack { sd: Load::new(1.5, 0.25, 8.0, 6.0, 10.0), flexion_deg: 25.0, load: Load::new(6.0, 3.0, 60.0, 60.0, 60.0) };
 /// However many readings there are, they say no more than this many that were right but for their scatter [miller2019]; set on the bench's nulls.
 const READINGS_BELIEVED: f64 = 100.0;
 /// Repositioning of the knee between conditions, in measurement noises [-]; as the diagnosis has it.
@@ -109,10 +111,10 @@ fn trials(sources: &[(String, Targets)]) -> (Vec<Asked>, usize) {
         }
     }
     let measured = out.len();
-    let none = [false; 5];
+    let none = Free::all(false);
     let imagined = |ap: f64, fe_deg: f64| Asked {
         source: None,
-        load: [0.0, 0.0, 0.0, ap, COMPRESSION_N],
+        load: Load::new(0.0, 0.0, 0.0, ap, COMPRESSION_N),
         fe_deg,
         reads: none,
         from: None,
@@ -157,7 +159,7 @@ fn beliefs(
             _ => 0.0,
         };
         for f in &p.flexion_deg {
-            let same = |t: &Asked| t.fe_deg == *f && t.load[3] == ap;
+            let same = |t: &Asked| t.fe_deg == *f && t.load[AP] == ap;
             if let Some(trial) = (measured..asked.len()).find(|&i| same(&asked[i])) {
                 let (mean_n, sd_n, only_above) = (p.mean_n, p.sd_n, p.only_above);
                 out.push(Belief { trial, bundles: of.clone(), mean_n, sd_n, only_above });
@@ -181,9 +183,14 @@ fn beliefs(
     Ok(out)
 }
 
+/// Place of a data set's coordinate among the scales of noise.
+fn noise_group(source: usize, c: Coordinate) -> usize {
+    FREE.len() * source + c.free_index()
+}
+
 /// Readings with their noise; repositioning in common to a condition.
 fn likelihood(sources: &[(String, Targets)], trials: &Trials, options: &CalibrateOptions) -> Likelihood {
-    let all: Vec<(usize, &LaxityTrial, [f64; 5])> = sources
+    let all: Vec<(usize, &LaxityTrial, Free<f64>)> = sources
         .iter()
         .enumerate()
         .flat_map(|(s, (_, t))| t.trials.iter().zip(&t.noise).map(move |(t, n)| (s, t, *n)))
@@ -191,7 +198,7 @@ fn likelihood(sources: &[(String, Targets)], trials: &Trials, options: &Calibrat
     let rows = trials.rows();
     let measured = DVector::from_iterator(rows.len(), rows.iter().map(|&(i, c)| all[i].1.measured[c].unwrap_or(0.0)));
     let sd: Vec<f64> = rows.iter().map(|&(i, c)| all[i].2[c]).collect();
-    let group: Vec<usize> = rows.iter().map(|&(i, c)| 5 * all[i].0 + c).collect();
+    let group: Vec<usize> = rows.iter().map(|&(i, c)| noise_group(all[i].0, c)).collect();
     let mut out = Likelihood::independent(measured, sd.clone(), group);
     out.robust = options.gradient.robust;
     let condition = |i: usize| (all[i].0, all[i].1.test, (10.0 * all[i].1.nominal_flexion_deg).round() as i64);
@@ -230,7 +237,7 @@ fn told(
     let sources: Vec<&str> = question.sources.iter().map(|s| s.0.as_str()).collect();
     let measured = question.sources.iter().map(|s| s.1.trials.len()).sum::<usize>();
     let read = |i: usize| Some(trials.read(&values, &mode.state, i));
-    let predicted: Vec<Option<[f64; 5]>> = (0..measured).map(read).collect();
+    let predicted: Vec<Option<Free<f64>>> = (0..measured).map(read).collect();
     let cost = question.cost.cost(&predicted).value;
     let drawers = measured..measured + drawer_names().len();
     let samples = &found.samples;
@@ -269,8 +276,10 @@ fn told(
         forces: forces(trials, &found, measured, interval, options.seed),
         rest: rest(&found, measured, interval),
         next_tests: next_tests(trials, &found, drawers, (COMPRESSION_N, noise_of_a_test(question, likelihood))),
-        noise_scale: std::array::from_fn(|c| {
-            (0..sources.len()).map(|s| likelihood.scale.get(5 * s + c).copied().unwrap_or(1.0)).fold(0.0, f64::max)
+        noise_scale: Free::from_fn(|c| {
+            (0..sources.len())
+                .map(|s| likelihood.scale.get(noise_group(s, c)).copied().unwrap_or(1.0))
+                .fold(0.0, f64::max)
         }),
         noise,
         rms: rms(question.sources, &predicted),
@@ -389,15 +398,15 @@ fn rest(found: &Found<Answers>, measured: usize, interval: f64) -> Vec<RestEstim
 
 /// Standard deviation of one more displacement by the first data set's apparatus [deg, mm]: its readings' scatter and its offset, or the
 /// scatter of two poses as it was inferred.
-fn noise_of_a_test(question: &Question, likelihood: &Likelihood) -> [f64; 5] {
+fn noise_of_a_test(question: &Question, likelihood: &Likelihood) -> Free<f64> {
     let (options, targets) = (question.options, &question.sources[0].1);
     let displaced = targets.trials.iter().any(|t| t.reference.is_some());
-    std::array::from_fn(|c| match displaced {
+    Free::from_fn(|c| match displaced {
         true => options.targets.noise_of_displacements[c].hypot(options.rig.offset[c]),
         false => {
             let stated = targets.trials.iter().zip(&targets.noise).find(|(t, _)| t.measured[c].is_some());
             let sd = stated.map_or(options.targets.noise[c], |n| n.1[c]);
-            std::f64::consts::SQRT_2 * sd * likelihood.scale.get(c).copied().unwrap_or(1.0)
+            std::f64::consts::SQRT_2 * sd * likelihood.scale.get(noise_group(0, c)).copied().unwrap_or(1.0)
         }
     })
 }
@@ -407,7 +416,7 @@ fn noise(question: &Question, likelihood: &Likelihood) -> Vec<NoiseEstimate> {
     let z = inference::parameter::Prior::Normal { mean: 0.0, sd: 1.0 }.interval(question.options.gradient.interval).1;
     let mut out = Vec::new();
     for (s, (name, targets)) in question.sources.iter().enumerate() {
-        for c in 0..5 {
+        for c in FREE {
             let of: Vec<f64> = targets
                 .trials
                 .iter()
@@ -415,8 +424,8 @@ fn noise(question: &Question, likelihood: &Likelihood) -> Vec<NoiseEstimate> {
                 .filter(|(t, _)| t.measured[c].is_some())
                 .map(|n| n.1[c])
                 .collect();
-            let (Some(scale), Some(sd)) = (likelihood.scale.get(5 * s + c), likelihood.log_scale_sd.get(5 * s + c))
-            else {
+            let group = noise_group(s, c);
+            let (Some(scale), Some(sd)) = (likelihood.scale.get(group), likelihood.log_scale_sd.get(group)) else {
                 continue;
             };
             if of.is_empty() {
@@ -425,7 +434,7 @@ fn noise(question: &Question, likelihood: &Likelihood) -> Vec<NoiseEstimate> {
             let stated = mean(&of);
             out.push(NoiseEstimate {
                 source: name.clone(),
-                coordinate: format!("{}_{}", COORDINATES[c], VALUE_UNITS[c]),
+                coordinate: c.column(),
                 stated,
                 inferred: stated * scale,
                 lower: stated * scale * (-z * sd).exp(),
@@ -453,17 +462,16 @@ fn frames(question: &Question, trials: &Trials, samples: &[Sample<Answers>]) -> 
 }
 
 /// Root mean square of predicted minus measured, a coordinate each.
-fn rms(sources: &[(String, Targets)], predicted: &[Option<[f64; 5]>]) -> [Option<f64>; 5] {
+fn rms(sources: &[(String, Targets)], predicted: &[Option<Free<f64>>]) -> Free<Option<f64>> {
     let trials = sources.iter().flat_map(|s| &s.1.trials);
-    let mut squares: BTreeMap<usize, Vec<f64>> = BTreeMap::new();
+    let mut squares: BTreeMap<Coordinate, Vec<f64>> = BTreeMap::new();
     for (t, p) in trials.zip(predicted) {
-        for (c, r) in p.iter().flat_map(|p| residual(t, p).into_iter().enumerate().collect::<Vec<_>>()) {
-            if let Some(r) = r {
-                squares.entry(c).or_default().push(r * r);
-            }
+        let Some(p) = p else { continue };
+        for (c, r) in residual(t, p).each() {
+            squares.entry(c).or_default().extend(r.map(|r| r * r));
         }
     }
-    std::array::from_fn(|c| squares.get(&c).map(|s| mean(s).sqrt()))
+    Free::from_fn(|c| squares.get(&c).filter(|s| !s.is_empty()).map(|s| mean(s).sqrt()))
 }
 
 #[cfg(test)]

@@ -9,6 +9,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use sim::SimError;
 use sim::contact::ContactOptions;
+use sim::coordinate::Free;
 use sim::laxity::LaxityTrial;
 use sim::mesh::MeshValue;
 use sim::model::{BundleParameters, Model, compile_with};
@@ -183,7 +184,7 @@ impl Questions<'_> {
         let s = sensitivities(model, found, &all)?;
         let mut out = Slopes { predicted: vec![], forces_n: vec![] };
         for v in &self.design.variables {
-            let (mut pose, mut forces) = ([0.0; 5], vec![0.0; bundles]);
+            let (mut pose, mut forces) = (Free::all(0.0), vec![0.0; bundles]);
             for b in (0..bundles).filter(|&b| v.bundles.contains(&model.bundles[b].name)) {
                 let column = if v.kind == Kind::ReferenceStrain { b } else { bundles + b };
                 pose.iter_mut().zip(s.pose.column(column).iter()).for_each(|(x, d)| *x += d);
@@ -198,7 +199,7 @@ impl Questions<'_> {
 
 /// A trial's answer with its pose counted from another's; forces stay the trial's own.
 fn from(answer: Answer, zero: &Answer) -> Answer {
-    let less = |a: [f64; 5], b: &[f64; 5]| std::array::from_fn(|c| a[c] - b[c]);
+    let less = |a: Free<f64>, b: &Free<f64>| Free::from_fn(|c| a[c] - b[c]);
     let slopes = answer.slopes.zip(zero.slopes.as_ref()).map(|(s, z)| Slopes {
         predicted: s.predicted.into_iter().zip(&z.predicted).map(|(a, b)| less(a, b)).collect(),
         ..s

@@ -6,6 +6,7 @@ use inference::knee::{Answers, Asked, Trials};
 use inference::posterior::{Forward, Found};
 use nalgebra::DVector;
 use serde::{Deserialize, Serialize};
+use sim::coordinate::{Coordinate, Free, Load};
 use sim::laxity::Test;
 
 /// Tests thought of, with the load along the test's coordinate [N m or N]: what an examiner's hand or an arthrometer applies.
@@ -44,7 +45,7 @@ pub struct NextTest {
 impl NextTest {
     /// The best test and what it is worth.
     pub fn words(&self) -> String {
-        let unit = if self.test.coordinate().is_some_and(|c| c < 2) { "N m" } else { "N" };
+        let unit = self.test.coordinate().map_or("N", Coordinate::load_unit);
         let share = 100.0 * (1.0 - self.sd_after_n / self.sd_now_n);
         if share < TELLING_PERCENT {
             return format!("no single test would narrow them by more than {share:.0} %");
@@ -58,13 +59,13 @@ impl NextTest {
 fn plan(compression_n: f64) -> (Vec<Asked>, Vec<(Test, f64, f64)>) {
     let (mut asked, mut told) = (Vec::new(), Vec::new());
     for fe_deg in FLEXIONS_DEG {
-        let trial = |load: [f64; 5], reads: [bool; 5], from| Asked { source: Some(0), load, fe_deg, reads, from };
-        let rest = [0.0, 0.0, 0.0, 0.0, compression_n];
+        let trial = |load: Load, reads: Free<bool>, from| Asked { source: Some(0), load, fe_deg, reads, from };
+        let rest = Load::compression(compression_n);
         let zero = asked.len();
-        asked.push(trial(rest, [false; 5], None));
+        asked.push(trial(rest, Free::all(false), None));
         for (test, size) in TESTS {
             let Some(c) = test.coordinate() else { continue };
-            let (mut load, mut reads) = (rest, [false; 5]);
+            let (mut load, mut reads) = (rest, Free::all(false));
             load[c] = size;
             reads[c] = true;
             asked.push(trial(load, reads, Some(zero)));
@@ -80,7 +81,7 @@ pub fn next_tests(
     trials: &Trials,
     found: &Found<Answers>,
     drawers: std::ops::Range<usize>,
-    (compression_n, sd): (f64, [f64; 5]),
+    (compression_n, sd): (f64, Free<f64>),
 ) -> Vec<NextTest> {
     let mode = &found.modes[0].z;
     let (asked, told) = plan(compression_n);
@@ -143,13 +144,13 @@ mod tests {
     #[test]
     fn every_test_reads_its_own_coordinate_from_the_unloaded_knee() {
         let (asked, told) = plan(20.0);
-        let reading: Vec<&Asked> = asked.iter().filter(|a| a.reads.contains(&true)).collect();
+        let reading: Vec<&Asked> = asked.iter().filter(|a| a.reads.0.contains(&true)).collect();
         assert_eq!((reading.len(), told.len()), (24, 24));
         for (a, (test, fe_deg, load)) in reading.iter().zip(&told) {
             let c = test.coordinate().unwrap();
             assert!(a.reads[c] && a.fe_deg == *fe_deg && a.load[c] == *load);
             let zero = &asked[a.from.unwrap()];
-            assert!(zero.load[..4] == [0.0; 4] && zero.fe_deg == *fe_deg && zero.reads == [false; 5]);
+            assert!(zero.load == Load::compression(20.0) && zero.fe_deg == *fe_deg && zero.reads == Free::all(false));
         }
     }
 }

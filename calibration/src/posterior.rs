@@ -13,6 +13,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use sim::coordinate::Free;
 
 /// Points of the posterior and of the prior, unit coordinates.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,7 +23,7 @@ pub struct Found {
     /// Points spread evenly over the ranges.
     pub prior: Vec<Vec<f64>>,
     /// Factor of the noise, a coordinate each [-].
-    pub noise_scale: [f64; 5],
+    pub noise_scale: Free<f64>,
     /// What other starts found, lowest cost first.
     pub rivals: Vec<(f64, Vec<f64>)>,
     /// What is odd.
@@ -172,7 +173,7 @@ pub fn of_recipe(
     let n = point.len();
     let predicted = problem.experiment.predictions(&problem.experiment.design.at(point));
     let noise_scale =
-        if options.scale_noise { problem.misses(&predicted, &[1.0; 5], options.robust) } else { [1.0; 5] };
+        if options.scale_noise { problem.misses(&predicted, &Free::all(1.0), options.robust) } else { Free::all(1.0) };
     let prior: Vec<Vec<f64>> = (0..options.samples).map(|s| prior_point(seed, s, n)).collect();
     let rivals = rivals.into_iter().filter(|r| r.0 < FAILED).collect();
     let chol = problem.least_squares(point, &noise_scale).and_then(|r| {

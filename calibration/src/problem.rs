@@ -8,6 +8,7 @@ use crate::options::{CalibrateOptions, LoadPrior};
 use crate::targets::Targets;
 use nalgebra::{DMatrix, DVector};
 use sim::SimError;
+use sim::coordinate::Free;
 
 /// Standard deviation of a number spread evenly over a unit width: the prior of Table 3's ranges.
 const UNIFORM_SD: f64 = 0.288_675_134_594_812_9;
@@ -70,7 +71,7 @@ impl<'a> Problem<'a> {
 
     /// The cost alone.
     pub fn cost_of(&self, answers: &[Result<Answer, SimError>]) -> Cost {
-        let predicted: Vec<Option<[f64; 5]>> = answers.iter().map(|a| a.as_ref().ok().map(|a| a.predicted)).collect();
+        let predicted: Vec<Option<Free<f64>>> = answers.iter().map(|a| a.as_ref().ok().map(|a| a.predicted)).collect();
         self.cost.cost(&predicted)
     }
 
@@ -88,7 +89,7 @@ impl<'a> Problem<'a> {
     }
 
     /// Residuals in standard deviations, scaled by `noise_scale`, at unit coordinates, with derivatives; `None` when a trial has no answer.
-    pub fn least_squares(&self, unit: &[f64], noise_scale: &[f64; 5]) -> Option<Residuals> {
+    pub fn least_squares(&self, unit: &[f64], noise_scale: &Free<f64>) -> Option<Residuals> {
         let design = self.experiment.design;
         let answers = self.experiment.answers(&design.at(unit), true);
         let (n, widths) = (unit.len(), design.variables.iter().map(crate::design::Variable::width).collect::<Vec<_>>());
@@ -97,7 +98,7 @@ impl<'a> Problem<'a> {
             let (answer, t) = (answer.as_ref().ok()?, &self.targets.trials[i]);
             let slopes = answer.slopes.as_ref()?;
             let residual = crate::cost::residual(t, &answer.predicted);
-            for (c, r) in residual.iter().enumerate() {
+            for (c, r) in residual.each() {
                 let Some(r) = r else { continue };
                 let sd = self.targets.noise[i][c] * noise_scale[c];
                 let by = DVector::from_fn(n, |k, _| slopes.predicted[k][c] * widths[k] / sd);
@@ -121,12 +122,12 @@ impl<'a> Problem<'a> {
 
     /// By how much predictions miss the measurements in standard deviations, a coordinate each, and no less than 1: root mean square of residuals
     /// cut off at `robust` times the scale so far, each coordinate giving up its share of the variables the data determine.
-    pub fn misses(&self, predicted: &[Option<[f64; 5]>], so_far: &[f64; 5], robust: f64) -> [f64; 5] {
+    pub fn misses(&self, predicted: &[Option<Free<f64>>], so_far: &Free<f64>, robust: f64) -> Free<f64> {
         let z = self.standardised(predicted);
         let all = z.iter().flatten().flatten().count().max(1) as f64;
         // the data determine about half of the variables
         let spent = (0.5 * self.experiment.design.len() as f64 / all).min(0.5);
-        std::array::from_fn(|c| {
+        Free::from_fn(|c| {
             let of: Vec<f64> = z.iter().filter_map(|z| z[c]).collect();
             let most = robust * so_far[c];
             let mean = of.iter().map(|z| z.abs().min(most).powi(2)).sum::<f64>() / of.len().max(1) as f64;
@@ -135,11 +136,11 @@ impl<'a> Problem<'a> {
     }
 
     /// Predicted minus measured in standard deviations (unscaled), a trial each.
-    pub fn standardised(&self, predicted: &[Option<[f64; 5]>]) -> Vec<[Option<f64>; 5]> {
+    pub fn standardised(&self, predicted: &[Option<Free<f64>>]) -> Vec<Free<Option<f64>>> {
         let of = |i: usize| {
-            let Some(p) = &predicted[i] else { return [None; 5] };
+            let Some(p) = &predicted[i] else { return Free::all(None) };
             let r = crate::cost::residual(&self.targets.trials[i], p);
-            std::array::from_fn(|c| r[c].map(|r| r / self.targets.noise[i][c]))
+            Free::from_fn(|c| r[c].map(|r| r / self.targets.noise[i][c]))
         };
         (0..predicted.len()).map(of).collect()
     }

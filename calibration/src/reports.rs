@@ -4,7 +4,7 @@ use crate::calibrate::Calibrated;
 use crate::cost::residual;
 use crate::session::Outcome;
 use serde_json::{Value, json};
-use sim::laxity::{COORDINATES, LOAD_UNITS, VALUE_UNITS};
+use sim::coordinate::{Coordinate, FREE, Free};
 use std::fmt::Write;
 
 /// Its tables, by name.
@@ -76,7 +76,7 @@ fn noise(found: &Calibrated) -> String {
 fn next_tests(found: &Calibrated) -> String {
     let mut out = "test,flexion_deg,load,unit,sd_now_n,sd_after_n\n".to_owned();
     for t in &found.next_tests {
-        let unit = t.test.coordinate().map_or("", |c| LOAD_UNITS[c]);
+        let unit = t.test.coordinate().map_or("", Coordinate::load_suffix);
         let (test, now, after) = (t.test.name(), t.sd_now_n, t.sd_after_n);
         let _ = writeln!(out, "{test},{},{},{unit},{now:.3},{after:.3}", t.flexion_deg, t.load);
     }
@@ -118,8 +118,8 @@ fn forces(found: &Calibrated, bundles: &[String]) -> String {
 /// fit.csv: measured, predicted and their difference, a row a trial.
 fn fit(outcome: &Outcome) -> String {
     let mut out = "trial,test,nominal_flexion_deg,fe_deg".to_owned();
-    for c in 0..5 {
-        let name = format!("{}_{}", COORDINATES[c], VALUE_UNITS[c]);
+    for c in FREE {
+        let name = c.column();
         let _ = write!(out, ",measured_{name},predicted_{name},residual_{name}");
     }
     out.push('\n');
@@ -129,7 +129,7 @@ fn fit(outcome: &Outcome) -> String {
         let name = if named.contains([',', '"']) { format!("\"{}\"", named.replace('"', "\"\"")) } else { named };
         let _ = write!(out, "{name},{},{},{}", t.test.name(), t.nominal_flexion_deg, t.fe_deg);
         let residuals = p.as_ref().map(|p| residual(t, p));
-        for c in 0..5 {
+        for c in FREE {
             let cell = |v: Option<f64>| v.map_or(String::new(), |v| format!("{v:.4}"));
             let _ = write!(
                 out,
@@ -162,8 +162,8 @@ fn points(found: &Calibrated, starts: bool) -> String {
 /// The figures of a calibration.
 pub fn metrics(outcome: &Outcome) -> Value {
     let found = &outcome.found;
-    let by_coordinate = |v: [Option<f64>; 5]| -> Value {
-        let named = (0..5).filter_map(|c| v[c].map(|x| (format!("{}_{}", COORDINATES[c], VALUE_UNITS[c]), json!(x))));
+    let by_coordinate = |v: Free<Option<f64>>| -> Value {
+        let named = FREE.into_iter().filter_map(|c| v[c].map(|x| (c.column(), json!(x))));
         Value::Object(named.collect())
     };
     let ranges: Vec<f64> = found.parameters.iter().map(|p| p.determined).collect();
@@ -190,10 +190,9 @@ pub fn words(outcome: &Outcome) -> String {
         found.cost,
         found.lowest_cost.0
     );
-    for c in 0..5 {
+    for c in FREE {
         if let Some(rms) = found.rms[c] {
-            let unit = VALUE_UNITS[c];
-            let _ = writeln!(text, "  {} misses by {rms:.2} {unit} (root mean square)", COORDINATES[c]);
+            let _ = writeln!(text, "  {c} misses by {rms:.2} {} (root mean square)", c.unit());
         }
     }
     for p in found.parameters.iter() {

@@ -8,7 +8,7 @@ use crate::targets::Targets;
 use inference::knee::Quantity;
 use inference::parameter::{Parameter, Prior};
 use serde::{Deserialize, Serialize};
-use sim::laxity::{COORDINATES, LOAD_UNITS, VALUE_UNITS};
+use sim::coordinate::{FREE, Free, Load, SI};
 
 /// Priors of the apparatus and of the limb, for data sets of displacements; VV, IE, ML, AP, SI. 0 leaves one out.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -16,21 +16,21 @@ use sim::laxity::{COORDINATES, LOAD_UNITS, VALUE_UNITS};
 pub struct RigOptions {
     /// Standard deviation of an offset that all readings of one test at one flexion share [deg, mm]: the device put on again. Half of the variance of
     /// the scatter between sessions; the other half is each reading's own (`targets.noise_of_displacements`).
-    pub offset: [f64; 5],
+    pub offset: Free<f64>,
     /// What the apparatus and the soft tissues yield beside the knee [deg/(N m), mm/N]: standard deviation of a half-normal prior. AP: 0.83 mm more than
     /// radiographs at 69 to 88 N [milano2022]; IE: up to 285 % more than CT at 15 N m [neumann2015]; others ours.
-    pub compliance: [f64; 5],
+    pub compliance: Free<f64>,
     /// Load that the limb bears in all trials of a data set beside the recorded one [N m, N], standard deviation: weight of the shank (AP, normal) and
     /// tone of muscles (SI, half-normal: compression). Ours: a tenth of a shank and foot of 100 N, and twice the compression of the paper's protocols.
-    pub resting: [f64; 5],
+    pub resting: Load,
 }
 
 impl Default for RigOptions {
     fn default() -> Self {
         RigOptions {
-            offset: [0.4, 1.4, 0.6, 0.7, 0.6],
-            compliance: [0.1, 1.0, 0.01, 0.013, 0.01],
-            resting: [0.0, 0.0, 0.0, 10.0, 40.0],
+            offset: Free([0.4, 1.4, 0.6, 0.7, 0.6]),
+            compliance: Free([0.1, 1.0, 0.01, 0.013, 0.01]),
+            resting: Load::new(0.0, 0.0, 0.0, 10.0, 40.0),
         }
     }
 }
@@ -38,7 +38,7 @@ impl Default for RigOptions {
 impl RigOptions {
     /// Refuses what is no standard deviation.
     pub(crate) fn check(&self) -> Result<(), CalibrationError> {
-        for (name, all) in [("offset", self.offset), ("compliance", self.compliance), ("resting", self.resting)] {
+        for (name, all) in [("offset", self.offset), ("compliance", self.compliance), ("resting", *self.resting)] {
             if let Some(sd) = all.iter().find(|sd| !(**sd >= 0.0 && sd.is_finite())) {
                 return Err(CalibrationError::Option(format!("rig.{name}: {sd}, expected 0 or more")));
             }
@@ -52,17 +52,17 @@ pub(crate) fn parameters(sources: &[(String, Targets)], options: &RigOptions) ->
     let mut out = Vec::new();
     for (s, (name, targets)) in sources.iter().enumerate() {
         let displaced: Vec<_> = targets.trials.iter().filter(|t| t.reference.is_some()).collect();
-        for c in (0..5).filter(|&c| options.compliance[c] > 0.0) {
+        for c in FREE.into_iter().filter(|&c| options.compliance[c] > 0.0) {
             if displaced.iter().any(|t| t.measured[c].is_some() && t.load_step(c) != 0.0) {
-                let name = format!("{name}.compliance.{}_{}_per_{}", COORDINATES[c], VALUE_UNITS[c], LOAD_UNITS[c]);
+                let name = format!("{name}.compliance.{}_per_{}", c.column(), c.load_suffix());
                 let prior = Prior::HalfNormal { sd: options.compliance[c] };
                 out.push(Parameter { name, quantity: Quantity::Compliance(s, c), prior });
             }
         }
-        for c in (0..5).filter(|&c| options.resting[c] > 0.0 && !displaced.is_empty()) {
+        for c in FREE.into_iter().filter(|&c| options.resting[c] > 0.0 && !displaced.is_empty()) {
             let sd = options.resting[c];
-            let prior = if c == 4 { Prior::HalfNormal { sd } } else { Prior::Normal { mean: 0.0, sd } };
-            let name = format!("{name}.resting.{}_{}", COORDINATES[c], LOAD_UNITS[c]);
+            let prior = if c == SI { Prior::HalfNormal { sd } } else { Prior::Normal { mean: 0.0, sd } };
+            let name = format!("{name}.resting.{c}_{}", c.load_suffix());
             out.push(Parameter { name, quantity: Quantity::Resting(s, c), prior });
         }
     }

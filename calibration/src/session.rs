@@ -12,6 +12,7 @@ use crate::problem::{Probes, Problem};
 use crate::targets::{Targets, targets};
 use crate::unknowns::KnownFrames;
 use serde::{Deserialize, Serialize};
+use sim::coordinate::{Free, Load};
 use sim::laxity::{LaxityTrial, Test};
 use sim::spec::{ModelSpec, PoseSpec};
 use std::ops::ControlFlow;
@@ -59,10 +60,10 @@ pub fn ap_probes() -> Vec<LaxityTrial> {
                 trial: format!("{}_{fe_deg}", test.name()),
                 test,
                 nominal_flexion_deg: fe_deg,
-                load: [0.0, 0.0, 0.0, load, 20.0],
+                load: Load::new(0.0, 0.0, 0.0, load, 20.0),
                 fe_deg,
-                measured: [None; 5],
-                sd: [None; 5],
+                measured: Free::all(None),
+                sd: Free::all(None),
                 branch: None,
                 order: None,
                 time_s: None,

@@ -7,7 +7,8 @@ mod doubt;
 use crate::cost::CostOptions;
 use crate::error::CalibrationError;
 use serde::{Deserialize, Serialize};
-use sim::laxity::{Branch, COORDINATES, LaxityTrial, Test, VALUE_UNITS};
+use sim::coordinate::{Coordinate, FREE, Free};
+use sim::laxity::{Branch, LaxityTrial, Test};
 use sim::spec::PoseSpec;
 use std::collections::BTreeMap;
 
@@ -27,7 +28,7 @@ pub enum TargetSet {
 /// Measurement noise of displacements where the file gives none: half of the variance between sessions of arthrometers on living knees. AP: less than
 /// 1 mm between examiners for mean readings [milano2022]; IE: 2 deg, from less than 3 deg between two knees [tsai2008]; VV: 0.6 deg, of stress
 /// radiographs [kappel2020]; ML and SI ours.
-const NOISE_OF_DISPLACEMENTS: [f64; 5] = [0.4, 1.4, 0.6, 0.7, 0.6];
+const NOISE_OF_DISPLACEMENTS: Free<f64> = Free([0.4, 1.4, 0.6, 0.7, 0.6]);
 
 /// What makes a trial usable.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -40,20 +41,20 @@ pub struct TargetOptions {
     /// Which coordinates count, whatever the method: any of vv, ie, ml, ap, si.
     pub coordinates: Vec<String>,
     /// Measurement noise where the file gives none: VV, IE [deg], ML, AP, SI [mm], one standard deviation; the published data's.
-    pub noise: [f64; 5],
+    pub noise: Free<f64>,
     /// The same of displacements from another trial's pose; arthrometers on living knees scatter by more.
-    pub noise_of_displacements: [f64; 5],
+    pub noise_of_displacements: Free<f64>,
     /// Fewest trials that can be calibrated to [-]; ranges need two.
     pub fewest: usize,
 }
 
 impl Default for TargetOptions {
     fn default() -> Self {
-        let noise = [0.5, 0.5, 0.4, 0.4, 0.4];
+        let noise = Free([0.5, 0.5, 0.4, 0.4, 0.4]);
         TargetOptions {
             set: TargetSet::All,
             flexion_deg: [-20.0, 120.0],
-            coordinates: COORDINATES.map(str::to_owned).to_vec(),
+            coordinates: FREE.map(|c| c.name().to_owned()).to_vec(),
             noise,
             noise_of_displacements: NOISE_OF_DISPLACEMENTS,
             fewest: 2,
@@ -69,7 +70,7 @@ pub struct Targets {
     /// Row of each in the file.
     pub rows: Vec<usize>,
     /// Measurement noise of each: VV, IE [deg], ML, AP, SI [mm], one standard deviation.
-    pub noise: Vec<[f64; 5]>,
+    pub noise: Vec<Free<f64>>,
     /// What is odd but not fatal, by row.
     pub warnings: Vec<String>,
 }
@@ -89,8 +90,8 @@ pub fn targets(
     let mut out = Targets { trials: vec![], rows: vec![], noise: vec![], warnings: vec![] };
     for i in of_set(measured, options.set, &mut out.warnings) {
         let mut t = measured[i].clone();
-        for (c, name) in COORDINATES.iter().enumerate() {
-            if !options.coordinates.iter().any(|x| x == name) {
+        for c in FREE {
+            if !options.coordinates.iter().any(|x| x == c.name()) {
                 t.measured[c] = None;
             }
         }
@@ -103,7 +104,7 @@ pub fn targets(
             continue;
         }
         let usual = if t.reference.is_some() { options.noise_of_displacements } else { options.noise };
-        out.noise.push(std::array::from_fn(|c| t.sd[c].unwrap_or(usual[c])));
+        out.noise.push(Free::from_fn(|c| t.sd[c].unwrap_or(usual[c])));
         out.trials.push(t);
         out.rows.push(row);
     }
@@ -141,10 +142,10 @@ fn check(options: &TargetOptions) -> Result<(), CalibrationError> {
             options.flexion_deg
         )));
     }
-    if let Some(odd) = options.coordinates.iter().find(|x| !COORDINATES.contains(&x.as_str())) {
+    if let Some(odd) = options.coordinates.iter().find(|x| !FREE.iter().any(|c| c.name() == x.as_str())) {
         return Err(CalibrationError::Option(format!(
             "targets.coordinates: {odd:?}, expected any of {}",
-            COORDINATES.join(", ")
+            FREE.map(Coordinate::name).join(", ")
         )));
     }
     match options.noise.iter().chain(&options.noise_of_displacements).find(|n| !(**n > 0.0 && n.is_finite())) {
@@ -189,27 +190,17 @@ fn of_set(measured: &[LaxityTrial], set: TargetSet, warnings: &mut Vec<String>) 
     chosen
 }
 
-/// Index of the coordinate a test is about.
-pub fn primary(test: Test) -> Option<usize> {
-    match test {
-        Test::Varus | Test::Valgus => Some(0),
-        Test::Internal | Test::External => Some(1),
-        Test::Anterior | Test::Posterior => Some(3),
-        Test::Neutral => None,
-    }
-}
-
 /// Size of the load a test is about [N m or N].
 fn primary_load(t: &LaxityTrial) -> f64 {
-    primary(t.test).map_or(0.0, |c| t.load[c].abs())
+    t.test.coordinate().map_or(0.0, |c| t.load[c].abs())
 }
 
 /// Whether a trial has a coordinate that counts; warns of those it lacks.
 fn is_usable(t: &LaxityTrial, row: usize, cost: &CostOptions, warnings: &mut Vec<String>) -> bool {
     let weights = cost.weights_of(t.test);
-    let counts: Vec<usize> = (0..5).filter(|&c| weights[c] > 0.0).collect();
-    let names = |which: &[usize]| which.iter().map(|&c| column(c)).collect::<Vec<_>>().join(", ");
-    let missing: Vec<usize> = counts.iter().copied().filter(|&c| t.measured[c].is_none()).collect();
+    let counts: Vec<Coordinate> = FREE.into_iter().filter(|&c| weights[c] > 0.0).collect();
+    let names = |which: &[Coordinate]| which.iter().map(|c| c.column()).collect::<Vec<_>>().join(", ");
+    let missing: Vec<Coordinate> = counts.iter().copied().filter(|&c| t.measured[c].is_none()).collect();
     if missing.len() == counts.len() {
         warnings.push(format!("row {row} ({}): left out, {} not measured", t.trial, names(&counts)));
         return false;
@@ -219,11 +210,6 @@ fn is_usable(t: &LaxityTrial, row: usize, cost: &CostOptions, warnings: &mut Vec
         warnings.push(format!("row {row} ({}): {} not measured, counts without", t.trial, names(&missing)));
     }
     true
-}
-
-/// `ap_mm` and its fellows.
-fn column(c: usize) -> String {
-    format!("{}_{}", COORDINATES[c], VALUE_UNITS[c])
 }
 
 impl Targets {

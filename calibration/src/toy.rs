@@ -3,25 +3,26 @@
 use crate::design::Design;
 use crate::experiment::{Answer, Slopes};
 use sim::SimError;
+use sim::coordinate::{AP, Coordinate, FREE, Free, IE, Load, SI};
 use sim::laxity::{LaxityTrial, Test};
 
 /// Trials like the published KLA set: anterior, internal, external at 30 and 90 deg with five loads, neutral at 0.
 pub(crate) fn trials() -> Vec<LaxityTrial> {
     let mut out = Vec::new();
-    for (test, c, full) in [(Test::Anterior, 3, 180.0), (Test::Internal, 1, -6.0), (Test::External, 1, 6.0)] {
+    for (test, c, full) in [(Test::Anterior, AP, 180.0), (Test::Internal, IE, -6.0), (Test::External, IE, 6.0)] {
         for fe in [30.0, 90.0] {
             for k in 0..5 {
-                let mut load = [0.0, 0.0, 0.0, 0.0, 20.0];
+                let mut load = Load::compression(20.0);
                 load[c] = full * f64::from(k) / 4.0;
                 out.push(trial(test, fe, load, k));
             }
         }
     }
-    out.push(trial(Test::Neutral, 0.0, [0.0, 0.0, 0.0, 0.0, 20.0], 0));
+    out.push(trial(Test::Neutral, 0.0, Load::compression(20.0), 0));
     out
 }
 
-fn trial(test: Test, fe: f64, load: [f64; 5], k: i32) -> LaxityTrial {
+fn trial(test: Test, fe: f64, load: Load, k: i32) -> LaxityTrial {
     LaxityTrial {
         row: None,
         trial: format!("{}_{fe}_{k}", test.name()),
@@ -29,8 +30,8 @@ fn trial(test: Test, fe: f64, load: [f64; 5], k: i32) -> LaxityTrial {
         nominal_flexion_deg: fe,
         load,
         fe_deg: fe,
-        measured: [Some(0.0); 5],
-        sd: [None; 5],
+        measured: Free::all(Some(0.0)),
+        sd: Free::all(None),
         branch: None,
         order: None,
         time_s: None,
@@ -48,19 +49,20 @@ pub(crate) fn answers(design: &Design, trials: &[LaxityTrial], values: &[f64]) -
 pub(crate) fn answer(design: &Design, trials: &[LaxityTrial], values: &[f64], i: usize) -> Result<Answer, SimError> {
     let unit = design.unit(values);
     let n = unit.len();
-    let size = [4.0, 12.0, 2.0, 8.0, 3.0];
+    let size = Free([4.0, 12.0, 2.0, 8.0, 3.0]);
     let t = &trials[i];
-    let drive: f64 = t.load[3] / 180.0 + t.load[1] / 6.0 + 0.3;
-    let mix = |c: usize, k: usize| {
+    let drive: f64 = t.load[AP] / 180.0 + t.load[IE] / 6.0 + 0.3;
+    let mix = |c: Coordinate, k: usize| {
+        let c = c.free_index();
         let phase = (1.3 + c as f64) * (k as f64 + 0.7) + t.fe_deg / 40.0 * (1.0 + (k % 3) as f64) + drive;
         if (k + c).is_multiple_of(2) { phase.sin() / (n as f64).sqrt() } else { 0.0 }
     };
-    let mut predicted = [0.0; 5];
-    let mut slopes = vec![[0.0; 5]; n];
-    for c in 0..5 {
+    let mut predicted = Free::all(0.0);
+    let mut slopes = vec![Free::all(0.0); n];
+    for c in FREE {
         let s: f64 = unit.iter().enumerate().map(|(k, u)| mix(c, k) * u).sum();
         let y = s + 0.3 * s * s;
-        predicted[c] = size[c] * (drive + y) + if c == 4 { -20.0 } else { 0.0 };
+        predicted[c] = size[c] * (drive + y) + if c == SI { -20.0 } else { 0.0 };
         for (k, slope) in slopes.iter_mut().enumerate() {
             slope[c] = size[c] * (1.0 + 0.6 * s) * mix(c, k) / design.variables[k].width();
         }

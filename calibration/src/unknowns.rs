@@ -7,6 +7,7 @@ use inference::frames::term_name;
 use inference::knee::{KNOTS, Quantity};
 use inference::parameter::{Parameter, Prior};
 use serde::{Deserialize, Serialize};
+use sim::coordinate::{AP, ML};
 use sim::sensitivity::End;
 use sim::spec::ModelSpec;
 use sim::uncertainty::{LigamentUncertainty, ParameterPrior, Uncertainty};
@@ -50,9 +51,9 @@ pub fn parameters(
     }
     if uncertainty.cartilage_mm > 0.0 {
         out.push(normal("cartilage.thickness_mm".into(), Quantity::Cartilage, 0.0, uncertainty.cartilage_mm));
-        for (coordinate, axis) in [(2, "ml"), (3, "ap")] {
+        for coordinate in [ML, AP] {
             for (knot, at) in KNOTS.iter().enumerate() {
-                let name = format!("lean.{axis}.{at}");
+                let name = format!("lean.{coordinate}.{at}");
                 let sd = uncertainty.cartilage_mm / LEAN_OVER_MM;
                 out.push(normal(name, Quantity::Lean(coordinate, knot), 0.0, sd));
             }

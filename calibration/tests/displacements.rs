@@ -13,6 +13,7 @@ use inference::parameter::{Parameter, Prior};
 use inference::posterior::Forward;
 use inference::random::{normal, stream};
 use nalgebra::DVector;
+use sim::coordinate::{AP, FREE, Free, IE, Load, SI};
 use sim::laxity::{LaxityTrial, Reference, Test};
 use std::ops::ControlFlow;
 
@@ -24,7 +25,7 @@ fn knee(test: &str) -> Option<Knee> {
 }
 
 fn trial(test: Test, fe_deg: f64, size: f64) -> LaxityTrial {
-    let mut load = [0.0, 0.0, 0.0, 0.0, 20.0];
+    let mut load = Load::compression(20.0);
     if let Some(c) = test.coordinate() {
         load[c] = size;
     }
@@ -35,8 +36,8 @@ fn trial(test: Test, fe_deg: f64, size: f64) -> LaxityTrial {
         nominal_flexion_deg: fe_deg,
         load,
         fe_deg,
-        measured: [None; 5],
-        sd: [None; 5],
+        measured: Free::all(None),
+        sd: Free::all(None),
         branch: None,
         order: None,
         time_s: None,
@@ -62,7 +63,7 @@ fn made(knee: &Knee, sd: f64) -> (Vec<LaxityTrial>, Vec<LaxityTrial>) {
     for (t, answer) in trials().iter().zip(&mut poses) {
         let found = sim::trials::solve_trial(&knee.model, t, &knee.options).expect("an answer");
         answer.measured = found.predicted().map(|v| Some(v + sd * normal(&mut random)));
-        answer.sd = [Some(sd); 5];
+        answer.sd = Free::all(Some(sd));
     }
     (poses.clone(), displaced(&poses))
 }
@@ -72,7 +73,7 @@ fn displaced(poses: &[LaxityTrial]) -> Vec<LaxityTrial> {
         let c = t.test.coordinate()?;
         let zero = poses.iter().find(|z| z.test == Test::Neutral && z.fe_deg == t.fe_deg)?;
         let mut one = t.clone();
-        one.measured = [None; 5];
+        one.measured = Free::all(None);
         one.measured[c] = Some(t.measured[c]? - zero.measured[c]?);
         one.sd[c] = t.sd[c].map(|sd| sd * 2_f64.sqrt());
         one.reference = Some(Reference { trial: zero.trial.clone(), load: zero.load, fe_deg: zero.fe_deg });
@@ -102,15 +103,15 @@ fn a_displacement_is_the_difference_of_two_poses_and_its_slopes_are_right() {
     let parameters = [
         Parameter { name: "strain".into(), quantity: Quantity::ReferenceStrain(vec![0]), prior: strain },
         normal("turn", Quantity::Frame(None, 8), 2.0),
-        normal("tone", Quantity::Resting(0, 4), 30.0),
-        normal("weight", Quantity::Resting(0, 3), 10.0),
-        Parameter { name: "give".into(), quantity: Quantity::Compliance(0, 3), prior: Prior::HalfNormal { sd: 0.02 } },
+        normal("tone", Quantity::Resting(0, SI), 30.0),
+        normal("weight", Quantity::Resting(0, AP), 10.0),
+        Parameter { name: "give".into(), quantity: Quantity::Compliance(0, AP), prior: Prior::HalfNormal { sd: 0.02 } },
     ];
     let asked = |ap: f64, from| Asked {
         source: Some(0),
-        load: [0.0, 0.0, 0.0, ap, 20.0],
+        load: Load::new(0.0, 0.0, 0.0, ap, 20.0),
         fe_deg: 30.0,
-        reads: [ap != 0.0; 5],
+        reads: Free::all(ap != 0.0),
         from,
     };
     let of = |trials: &[Asked], z: &DVector<f64>| {
@@ -121,8 +122,8 @@ fn a_displacement_is_the_difference_of_two_poses_and_its_slopes_are_right() {
             trials,
             beliefs: &[],
             options: knee.search_options(),
-            load_sd: [0.1, 0.1, 2.0, 2.0, 2.0],
-            lack: Lack { sd: [1.0; 5], flexion_deg: 25.0, load: [6.0, 3.0, 60.0, 60.0, 60.0] },
+            load_sd: Load::new(0.1, 0.1, 2.0, 2.0, 2.0),
+            lack: Lack { sd: Load(Free::all(1.0)), flexion_deg: 25.0, load: Load::new(6.0, 3.0, 60.0, 60.0, 60.0) },
         };
         let point = trials.at(z, None).expect("an answer");
         let scatter = trials.scatter(&point.state).expect("a covariance");
@@ -132,10 +133,10 @@ fn a_displacement_is_the_difference_of_two_poses_and_its_slopes_are_right() {
     let pair = [asked(134.0, Some(1)), asked(0.0, None)];
     let (point, scatter) = of(&pair, &z);
     let give = parameters[4].prior.at(z[4]).0;
-    for c in 0..5 {
+    for c in FREE {
         let poses = point.state[0].predicted[c] - point.state[1].predicted[c];
-        let gives = if c == 3 { 134.0 * give } else { 0.0 };
-        assert!((point.reading[c] - poses - gives).abs() < 1e-9, "{c}");
+        let gives = if c == AP { 134.0 * give } else { 0.0 };
+        assert!((point.reading[c.free_index()] - poses - gives).abs() < 1e-9, "{c}");
     }
     assert!(scatter.clone().symmetric_eigenvalues().min() > -1e-9);
     let h = 0.02;
@@ -146,8 +147,8 @@ fn a_displacement_is_the_difference_of_two_poses_and_its_slopes_are_right() {
             of(&pair, &z).0.reading
         };
         let numeric = (moved(h) - moved(-h)) / (2.0 * h);
-        for c in 0..5 {
-            let (found, wanted) = (point.slope[(c, k)], numeric[c]);
+        for c in FREE {
+            let (found, wanted) = (point.slope[(c.free_index(), k)], numeric[c.free_index()]);
             assert!(
                 (found - wanted).abs() < 0.02 + 0.05 * wanted.abs(),
                 "{} {c}: {found} {wanted}",
@@ -156,8 +157,10 @@ fn a_displacement_is_the_difference_of_two_poses_and_its_slopes_are_right() {
         }
     }
     // what both trials of a pair share falls out of the scatter: the same trial twice has none
-    let (_, twice) =
-        of(&[Asked { from: Some(1), ..asked(134.0, None) }, Asked { reads: [false; 5], ..asked(134.0, None) }], &z);
+    let (_, twice) = of(
+        &[Asked { from: Some(1), ..asked(134.0, None) }, Asked { reads: Free::all(false), ..asked(134.0, None) }],
+        &z,
+    );
     assert!(twice[(3, 3)] < 0.2 * scatter[(3, 3)], "{} {}", twice[(3, 3)], scatter[(3, 3)]);
 }
 
@@ -166,7 +169,7 @@ fn a_constant_in_both_poses_changes_nothing_and_both_kinds_of_reading_agree() {
     let Some(knee) = knee("a_constant_in_both_poses_changes_nothing") else { return };
     let (poses, readings) = made(&knee, 0.3);
     let mut shifted = poses.clone();
-    shifted.iter_mut().flat_map(|t| &mut t.measured).for_each(|m| *m = m.map(|v| v + 4.0));
+    shifted.iter_mut().flat_map(|t| t.measured.iter_mut()).for_each(|m| *m = m.map(|v| v + 4.0));
     for (a, b) in displaced(&shifted).iter().zip(&readings) {
         let c = a.test.coordinate().expect("a loaded trial");
         assert!((a.measured[c].expect("read") - b.measured[c].expect("read")).abs() < 1e-9);
@@ -174,7 +177,8 @@ fn a_constant_in_both_poses_changes_nothing_and_both_kinds_of_reading_agree() {
     let mut options = quick();
     let truth = knee.model.bundle_names().len();
     let absolute = calibrated(&knee, &poses, &options);
-    (options.rig.offset, options.rig.compliance, options.rig.resting) = ([0.0; 5], [0.0; 5], [0.0; 5]);
+    (options.rig.offset, options.rig.compliance, options.rig.resting) =
+        (Free::all(0.0), Free::all(0.0), Load::default());
     let difference = calibrated(&knee, &readings, &options);
     assert_eq!(difference.found.predicted.len(), readings.len());
     let mut apart = Vec::new();
@@ -196,8 +200,8 @@ fn few_displacements_move_what_they_touch_and_no_more() {
     let (_, readings) = made(&knee, 0.3);
     let few: Vec<LaxityTrial> = readings
         .into_iter()
-        .filter(|t| t.load[3].abs() > 100.0 || t.load[1].abs() > 4.0)
-        .map(|t| LaxityTrial { sd: [None; 5], ..t })
+        .filter(|t| t.load[AP].abs() > 100.0 || t.load[IE].abs() > 4.0)
+        .map(|t| LaxityTrial { sd: Free::all(None), ..t })
         .collect();
     assert_eq!(few.len(), 5);
     let options = CalibrateOptions { priors: false, ..quick() };

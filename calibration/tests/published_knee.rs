@@ -10,6 +10,7 @@ use calibration::experiment::Experiment;
 use calibration::knee::{Knee, SearchOptions};
 use calibration::options::{CalibrateOptions, Method};
 use calibration::session::Session;
+use sim::coordinate::{Free, Load};
 use sim::laxity::{LaxityTrial, Test};
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
@@ -45,13 +46,13 @@ fn trials(test: &str) -> Option<Vec<LaxityTrial>> {
             "Internal" => Test::Internal,
             _ => Test::External,
         };
-        let load = [
+        let load = Load::new(
             -number(r, "deck_load_VV") / 1e3,
             number(r, "deck_load_IE") / 1e3,
             -number(r, "deck_load_ML"),
             number(r, "deck_load_AP"),
             -number(r, "deck_load_SI"),
-        ];
+        );
         LaxityTrial {
             row: None,
             trial: r["trial"].clone(),
@@ -59,8 +60,8 @@ fn trials(test: &str) -> Option<Vec<LaxityTrial>> {
             nominal_flexion_deg: fe,
             load,
             fe_deg: number(r, "deck_final_GS_FE_deg"),
-            measured: ["VV", "IE", "ML", "AP", "SI"].map(|c| Some(number(r, &format!("exp_GS_{c}")))),
-            sd: [None; 5],
+            measured: Free::from_fn(|c| Some(number(r, &format!("exp_GS_{}", c.name().to_uppercase())))),
+            sd: Free::all(None),
             branch: None,
             order: None,
             time_s: None,

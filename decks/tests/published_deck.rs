@@ -7,8 +7,9 @@ mod common;
 use common::shared;
 use decks::{ImportedDeck, export, import};
 use meshes::surface::TriMesh;
+use sim::coordinate::Six;
 use sim::deck::{ChainCoordinate, ControlKind};
-use sim::joint::{Joint, Six};
+use sim::joint::Joint;
 use sim::mesh::MeshValue;
 use std::path::Path;
 

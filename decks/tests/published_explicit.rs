@@ -8,10 +8,10 @@ mod common;
 use common::shared;
 use decks::{ImportedDeck, import};
 use sim::Model;
+use sim::coordinate::{FE, Load, Six};
 use sim::explicit::{ExplicitOptions, ExplicitState, TrialSteps, deck_program, run, snapshot, unobserved};
-use sim::joint::{FE, Six};
 use sim::steps::{StepOptions, follow_program};
-use sim::trials::{TrialOptions, generalised, solve};
+use sim::trials::{TrialOptions, solve};
 
 /// The deck of a trial and its model.
 fn deck(test: &str, trial: &str) -> Option<(ImportedDeck, Model)> {
@@ -23,7 +23,7 @@ fn deck(test: &str, trial: &str) -> Option<(ImportedDeck, Model)> {
 }
 
 /// The quasi-static answer on a path fine enough to resolve friction's history.
-fn quasi_static(model: &Model, fe_deg: f64, load: &[f64; 5]) -> Six {
+fn quasi_static(model: &Model, fe_deg: f64, load: &Load) -> Six {
     let mut options = TrialOptions { increments: [24, 144, 32], ..TrialOptions::default() };
     options.solver.step_on_the_way_mm = 1e-5;
     model.joint.grood_suntay(&solve(model, fe_deg, load, &options).unwrap().state.q)
@@ -39,12 +39,12 @@ fn apart(a: &Six, b: &Six) -> f64 {
 fn the_papers_steps_end_where_the_quasi_static_path_does() {
     let Some((_, model)) = deck("explicit against quasi-static", "Anterior_30deg_10") else { return };
     for (name, fe, load) in [
-        ("Anterior_30deg_20", 20.3, [0.0, 0.0, 0.0, 88.9644, 20.0]),
-        ("Anterior_90deg_40", 84.5, [0.0, 0.0, 0.0, 177.9288, 20.0]),
-        ("Internal_90deg_10", 84.5, [0.0, -2.824621, 0.0, 0.0, 20.0]),
-        ("External_30deg_5", 23.6, [0.0, 1.4123105, 0.0, 0.0, 20.0]),
+        ("Anterior_30deg_20", 20.3, Load::new(0.0, 0.0, 0.0, 88.9644, 20.0)),
+        ("Anterior_90deg_40", 84.5, Load::new(0.0, 0.0, 0.0, 177.9288, 20.0)),
+        ("Internal_90deg_10", 84.5, Load::new(0.0, -2.824621, 0.0, 0.0, 20.0)),
+        ("External_30deg_5", 23.6, Load::new(0.0, 1.4123105, 0.0, 0.0, 20.0)),
     ] {
-        let program = TrialSteps::default().program(&model.joint, fe, &generalised(&load)).unwrap();
+        let program = TrialSteps::default().program(&model.joint, fe, &load.generalised()).unwrap();
         let mut state = ExplicitState::at_rest();
         run(&model, &program, &ExplicitOptions::default(), &mut state, &mut unobserved).unwrap();
         let there = model.joint.grood_suntay(&state.q);

@@ -6,12 +6,12 @@
 mod common;
 
 use common::shared;
-use sim::joint::Six;
+use sim::coordinate::{Load, Six};
 use sim::model::{BundleParameters, Model};
 use sim::protocols::{Protocol, ProtocolOptions, run};
 use sim::quasistatic::{Goal, SolverOptions, State, increment};
 use sim::sensitivity::{End, Parameter, all_parameters, sensitivities};
-use sim::trials::{Answer, TrialOptions, generalised, pose_spec, solve, solve_trial, solve_trials};
+use sim::trials::{Answer, TrialOptions, pose_spec, solve, solve_trial, solve_trials};
 
 fn model(test: &str) -> Option<Model> {
     let dir = shared(test, "published/S192803/deck")?;
@@ -71,9 +71,9 @@ fn moved(model: &Model, parameter: Parameter, by: f64) -> (Model, Six, f64) {
             all
         }
         Parameter::Load(c) => {
-            let mut l = [0.0; 5];
+            let mut l = Load::default();
             l[c] = by;
-            load = generalised(&l);
+            load = l.generalised();
             Ok(model.clone())
         }
         Parameter::Flexion => {
@@ -101,12 +101,12 @@ fn nearby(model: &Model, answer: &Answer, load: &Six, flexion: f64) -> Vec<f64> 
 #[test]
 fn sensitivities_agree_with_finite_differences() {
     let Some(model) = model("sensitivities") else { return };
-    for (fe, load) in [(21.0, [0.0, 0.0, 0.0, 133.0, 20.0]), (88.0, [1.0, -8.0, 5.0, 30.0, 60.0])] {
+    for (fe, load) in [(21.0, Load::new(0.0, 0.0, 0.0, 133.0, 20.0)), (88.0, Load::new(1.0, -8.0, 5.0, 30.0, 60.0))] {
         let answer = solve(&model, fe, &load, &TrialOptions::default()).unwrap();
         let mut parameters = all_parameters(&model);
         parameters.extend([Parameter::Site(0, End::Femur, 1), Parameter::Site(2, End::Tibia, 2)]);
         let s = sensitivities(&model, &answer, &parameters).unwrap();
-        let base = generalised(&load);
+        let base = load.generalised();
         let mut worst = (0.0_f64, Parameter::Flexion);
         for (column, parameter) in parameters
             .iter()
@@ -161,7 +161,7 @@ fn contact_balances_the_ligaments_on_abaqus_own_trajectory() {
         let q = coordinates(&w[1]);
         let rate = (coordinates(&w[2]) - coordinates(&w[0])) / (w[2]["time"] - w[0]["time"]);
         let e = model.evaluate(&q);
-        let mut needed = generalised(&[0.0, 0.0, 0.0, 0.0, 20.0]) - (e.gradient - e.contact.gradient);
+        let mut needed = Load::compression(20.0).generalised() - (e.gradient - e.contact.gradient);
         for (fibre, state) in model.fibres.iter().zip(&e.fibres) {
             needed -= state.line.gradient * (model.bundles[fibre.bundle].damping * state.line.gradient.dot(&rate));
         }
@@ -194,7 +194,8 @@ fn the_published_trial_ends_where_abaqus_ended() {
     let (Some(model), Some(dir)) = (refined("trial"), shared("trial", "published/S192803")) else { return };
     let rows = golden(&dir);
     let end = rows.last().unwrap();
-    let answer = solve(&model, end["GS_FE"], &[0.0, 5.6492394, 0.0, 0.0, 20.0], &TrialOptions::default()).unwrap();
+    let answer =
+        solve(&model, end["GS_FE"], &Load::new(0.0, 5.6492394, 0.0, 0.0, 20.0), &TrialOptions::default()).unwrap();
     let p = &answer.pose;
     println!(
         "VV {:.2} of {:.2}, IE {:.2} of {:.2} deg, ML {:.2} of {:.2}, AP {:.2} of {:.2}, SI {:.2} of {:.2} mm",
@@ -263,17 +264,17 @@ fn without_friction_a_path_returns_and_protocols_answer() {
 fn faults_are_one_clear_error_each() {
     let Some(model) = model("faults") else { return };
     let options = TrialOptions::default();
-    let error = |fe: f64, load: [f64; 5]| solve(&model, fe, &load, &options).unwrap_err().to_string();
-    assert!(error(30.0, [0.0, 0.0, 0.0, f64::NAN, 20.0]).contains("not finite"));
-    assert!(error(300.0, [0.0; 5]).contains("flexion 300 deg is impossible"));
-    assert!(error(f64::NAN, [0.0; 5]).contains("impossible"));
+    let error = |fe: f64, load: Load| solve(&model, fe, &load, &options).unwrap_err().to_string();
+    assert!(error(30.0, Load::new(0.0, 0.0, 0.0, f64::NAN, 20.0)).contains("not finite"));
+    assert!(error(300.0, Load::default()).contains("flexion 300 deg is impossible"));
+    assert!(error(f64::NAN, Load::default()).contains("impossible"));
     for (key, options) in [
         ("increments", TrialOptions { increments: [1, 0, 1], ..TrialOptions::default() }),
         ("increments", TrialOptions { increments: [1, usize::MAX, 1], ..TrialOptions::default() }),
         ("load_s", TrialOptions { load_s: f64::NAN, ..TrialOptions::default() }),
         ("load_from", TrialOptions { load_from: 1.0, ..TrialOptions::default() }),
     ] {
-        let error = solve(&model, 30.0, &[0.0; 5], &options).unwrap_err().to_string();
+        let error = solve(&model, 30.0, &Load::default(), &options).unwrap_err().to_string();
         assert!(error.contains(key), "{error}");
     }
     assert!(model.without(&["XYZ".into()]).unwrap_err().to_string().contains("XYZ"));

@@ -16,7 +16,7 @@ use crate::trial::Source;
 use nalgebra::{Cholesky, DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 use sim::Model;
-use sim::joint::Six;
+use sim::coordinate::{Free, Six};
 use sim::spec::ModelSpec;
 use std::fmt::Write;
 
@@ -119,7 +119,7 @@ pub fn promise(
     model: &Model,
     spec: &ModelSpec,
     sources: &[Source],
-    signature: &[[f64; 5]],
+    signature: &[Free<f64>],
 ) -> Result<Promise, DiagnosisError> {
     let problem = Problem::new(model, spec, sources, &Catalogue::shipped())?;
     if signature.len() != problem.trials.len() {

@@ -4,8 +4,8 @@ use crate::effect::{Active, Place};
 use crate::trial::Trial;
 use nalgebra::Matrix6;
 use sim::Model;
+use sim::coordinate::{SI, Six};
 use sim::equilibrium::{Ask, Equilibrium, Restraint, Rig};
-use sim::joint::{SI, Six};
 
 /// Force at which a spring that holds the measured pose gives way by the noise [N].
 const HOLD_N: f64 = 100.0;

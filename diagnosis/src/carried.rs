@@ -8,6 +8,7 @@ use crate::report::Carried;
 use crate::trial::Trial;
 use attachments::groups::{GROUPS, group_forces};
 use sim::Model;
+use sim::coordinate::{Free, Load};
 use sim::laxity::{LaxityTrial, Test};
 use sim::protocols::ProtocolOptions;
 use sim::spec::ModelSpec;
@@ -46,10 +47,10 @@ fn tests() -> Vec<(String, LaxityTrial)> {
         trial: name.into(),
         test,
         nominal_flexion_deg: flexion,
-        load: [vv, ie, 0.0, ap, o.compression_n],
+        load: Load::new(vv, ie, 0.0, ap, o.compression_n),
         fe_deg: flexion,
-        measured: [None; 5],
-        sd: [None; 5],
+        measured: Free::all(None),
+        sd: Free::all(None),
         branch: None,
         order: None,
         time_s: None,

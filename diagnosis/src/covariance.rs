@@ -6,7 +6,7 @@ use crate::candidate::Candidate;
 use crate::error::DiagnosisError;
 use crate::problem::{Linear, Problem};
 use crate::slopes::Slopes;
-use crate::trial::Trial;
+use crate::trial::{Trial, row_of};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -14,8 +14,9 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use sim::Model;
 use sim::contact::Nearby;
+use sim::coordinate::{AP, Coordinate, FREE, Free, ML, SI, Six, VV};
 use sim::equilibrium::Equilibrium;
-use sim::joint::{Pose, SI, Six, VV};
+use sim::joint::Pose;
 
 /// Scatter that is not in the files. Every number is one standard deviation.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -91,7 +92,7 @@ impl Floor {
 #[derive(Clone, Debug)]
 pub struct Readings {
     /// Trial and coordinate of each.
-    pub rows: Vec<(usize, usize)>,
+    pub rows: Vec<(usize, Coordinate)>,
     /// Measured values.
     pub measured: DVector<f64>,
 }
@@ -102,7 +103,7 @@ impl Readings {
         let mut rows = Vec::new();
         let mut measured = Vec::new();
         for (i, t) in problem.trials.iter().enumerate().filter(|(i, _)| keep(*i)) {
-            for (c, value) in t.measured.iter().enumerate() {
+            for (c, value) in t.measured.each() {
                 if let Some(v) = value {
                     rows.push((i, c));
                     measured.push(*v);
@@ -114,36 +115,36 @@ impl Readings {
 
     /// These entries of a list of five a trial.
     pub fn pick(&self, all: &[f64]) -> DVector<f64> {
-        DVector::from_iterator(self.rows.len(), self.rows.iter().map(|(i, c)| all[5 * i + c]))
+        DVector::from_iterator(self.rows.len(), self.rows.iter().map(|(i, c)| all[row_of(*i, *c)]))
     }
 
     /// These rows of a matrix of five a trial.
     pub fn rows_of(&self, all: &DMatrix<f64>) -> DMatrix<f64> {
-        DMatrix::from_fn(self.rows.len(), all.ncols(), |r, k| all[(5 * self.rows[r].0 + self.rows[r].1, k)])
+        DMatrix::from_fn(self.rows.len(), all.ncols(), |r, k| all[(row_of(self.rows[r].0, self.rows[r].1), k)])
     }
 
     /// These rows and columns of a square matrix.
     pub fn block_of(&self, all: &DMatrix<f64>) -> DMatrix<f64> {
-        let at = |r: usize| 5 * self.rows[r].0 + self.rows[r].1;
+        let at = |r: usize| row_of(self.rows[r].0, self.rows[r].1);
         DMatrix::from_fn(self.rows.len(), self.rows.len(), |r, k| all[(at(r), at(k))])
     }
 }
 
 /// Derivatives that the scatter needs, of one trial.
 struct Scatter {
-    loads: [[f64; 5]; 5],
-    attachments: Vec<[f64; 5]>,
-    compartments: Vec<[f64; 5]>,
+    loads: Free<Free<f64>>,
+    attachments: Vec<Free<f64>>,
+    compartments: Vec<Free<f64>>,
     /// Contact force [N].
     pressed: f64,
     /// By the model's own contact in place of that of the diagnosis.
-    own_contact: [f64; 5],
+    own_contact: Free<f64>,
     /// By a resistance to tilt [per N mm/rad].
-    tilt: [f64; 5],
+    tilt: Free<f64>,
     /// By the thickness of each compartment's cartilage [per mm]; empty where that is known.
-    thickness: Vec<[f64; 5]>,
+    thickness: Vec<Free<f64>>,
     /// By the exponent of the contact's law and by the width of the ligaments' toe, as shares.
-    laws: [[f64; 5]; 2],
+    laws: [Free<f64>; 2],
 }
 
 /// Contact force at which another exponent of its law changes nothing [N]; the law's scale is free beside it.
@@ -250,23 +251,21 @@ const LEANS_OVER_MM: f64 = 12.0;
 const COMMON: f64 = 0.2;
 
 /// Responses to each compartment's force as deviations from their mean, and a little of the mean.
-fn modes(each: &[[f64; 5]]) -> Vec<[f64; 5]> {
+fn modes(each: &[Free<f64>]) -> Vec<Free<f64>> {
     let n = each.len().max(1) as f64;
-    let mean: [f64; 5] = std::array::from_fn(|c| each.iter().map(|p| p[c]).sum::<f64>() / n);
-    let mut out: Vec<[f64; 5]> = each.iter().map(|p| std::array::from_fn(|c| p[c] - mean[c])).collect();
+    let mean: Free<f64> = Free::from_fn(|c| each.iter().map(|p| p[c]).sum::<f64>() / n);
+    let mut out: Vec<Free<f64>> = each.iter().map(|p| Free::from_fn(|c| p[c] - mean[c])).collect();
     out.push(mean.map(|m| COMMON * n * m));
     out
 }
 
-/// Places of two loads among the five.
-const LOAD_ML: usize = 2;
-const LOAD_AP: usize = 3;
+/// Lever of the roughness of cartilage by coordinate [mm, -]: moments by the distance of the compartments, nothing along the tibial axis.
+const ROUGH: Free<f64> = Free([20.0, 20.0, 1.0, 1.0, 0.0]);
 
 fn assemble(problem: &Problem, scatter: &[Scatter], floor: &Floor) -> DMatrix<f64> {
     let n = problem.trials.len();
     let fibre = floor.attachment_mm.powi(2);
-    let loads: [f64; 5] =
-        [1000.0 * floor.moment_nm, 1000.0 * floor.moment_nm, floor.force_n, floor.force_n, floor.force_n];
+    let loads = Free::from_fn(|l| if l.turns() { 1000.0 * floor.moment_nm } else { floor.force_n });
     let tilt = (1000.0 * floor.tilt_nm_per_rad).powi(2);
     let law = floor.contact_law.powi(2);
     let laws = [floor.contact_exponent.powi(2), floor.toe_share.powi(2)];
@@ -281,32 +280,32 @@ fn assemble(problem: &Problem, scatter: &[Scatter], floor: &Floor) -> DMatrix<f6
             let (ti, tk) = (&problem.trials[i], &problem.trials[k]);
             let near = (-0.5 * ((ti.flexion - tk.flexion) / range).powi(2)).exp();
             let contact = (1.0 + near) * floor.contact_share.powi(2);
-            for c in 0..5 {
-                for d in 0..5 {
-                    let sum = |x: &[[f64; 5]], y: &[[f64; 5]]| x.iter().zip(y).map(|(u, v)| u[c] * v[d]).sum::<f64>();
+            for c in FREE {
+                for d in FREE {
+                    let sum = |x: &[Free<f64>], y: &[Free<f64>]| x.iter().zip(y).map(|(u, v)| u[c] * v[d]).sum::<f64>();
                     let mut v = fibre * sum(&a.attachments, &b.attachments)
                         + contact * sum(&a.compartments, &b.compartments)
                         + tilt * a.tilt[c] * b.tilt[d]
                         + law * a.own_contact[c] * b.own_contact[d]
                         + (0..2).map(|l| laws[l] * a.laws[l][c] * b.laws[l][d]).sum::<f64>();
                     if cartilage > 0.0 {
-                        let across = |l: usize| a.pressed * a.loads[l][c] * b.pressed * b.loads[l][d];
+                        let across = |l: Coordinate| a.pressed * a.loads[l][c] * b.pressed * b.loads[l][d];
                         v += (1.0 + near) * cartilage * sum(&a.thickness, &b.thickness)
-                            + near * lean * (across(LOAD_ML) + across(LOAD_AP));
+                            + near * lean * (across(ML) + across(AP));
                     }
                     if ti.condition == tk.condition && c == d {
                         v += floor.repositioning.powi(2) * ti.sd[c] * tk.sd[c];
                     }
                     if i == k {
-                        let rough = |l: usize| floor.roughness * a.pressed * [20.0, 20.0, 1.0, 1.0, 0.0][l];
-                        let size = |l: usize| loads[l].powi(2) + rough(l).powi(2);
-                        v += (0..5).map(|l| size(l) * a.loads[l][c] * a.loads[l][d]).sum::<f64>();
+                        let rough = |l: Coordinate| floor.roughness * a.pressed * ROUGH[l];
+                        let size = |l: Coordinate| loads[l].powi(2) + rough(l).powi(2);
+                        v += FREE.into_iter().map(|l| size(l) * a.loads[l][c] * a.loads[l][d]).sum::<f64>();
                         if c == d {
                             v += ti.sd[c].powi(2);
                         }
                     }
-                    out[(5 * i + c, 5 * k + d)] = v;
-                    out[(5 * k + d, 5 * i + c)] = v;
+                    out[(row_of(i, c), row_of(k, d))] = v;
+                    out[(row_of(k, d), row_of(i, c))] = v;
                 }
             }
         }
@@ -340,10 +339,10 @@ pub fn remainders(
         let first = &linear.slope * DVector::from_column_slice(&x);
         for (i, rest) in rests.iter().enumerate() {
             let there = crate::problem::reading(rest);
-            let left: [f64; 5] = std::array::from_fn(|c| there[c] - linear.value[5 * i + c] - first[5 * i + c]);
-            for c in 0..5 {
-                for d in 0..5 {
-                    out[(5 * i + c, 5 * i + d)] += left[c] * left[d] / draws as f64;
+            let left: Free<f64> = Free::from_fn(|c| there[c] - linear.value[row_of(i, c)] - first[row_of(i, c)]);
+            for c in FREE {
+                for d in FREE {
+                    out[(row_of(i, c), row_of(i, d))] += left[c] * left[d] / draws as f64;
                 }
             }
         }

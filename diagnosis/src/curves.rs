@@ -3,10 +3,9 @@
 use crate::fit::Fit;
 use crate::map::Cell;
 use crate::problem::Problem;
-use crate::trial::Trial;
-use calibration::targets::primary;
+use crate::trial::{Trial, row_of};
 use serde::{Deserialize, Serialize};
-use sim::laxity::COORDINATES;
+use sim::coordinate::Coordinate;
 
 /// How many are told.
 const MOST: usize = 3;
@@ -72,11 +71,11 @@ fn is_same(a: &Curve, b: &Curve) -> bool {
 /// The curve that a cell lies on; none for a cell without load.
 fn through(problem: &Problem, cell: &Cell, given: &[f64], base: &Fit, answer: Option<&Fit>) -> Option<Curve> {
     let source = problem.sources.iter().position(|s| *s == cell.source)?;
-    let c = COORDINATES.iter().position(|d| *d == cell.dof)?;
+    let c = Coordinate::named(&cell.dof)?;
     let at = |t: &Trial| t.source == source && t.nominal.round() == cell.nominal_flexion_deg.round();
-    let axis = problem.trials.iter().filter(|t| at(t) && t.test.name() == cell.test).find_map(|t| primary(t.test))?;
-    let along = |t: &Trial| primary(t.test).is_none_or(|p| p == axis);
-    let unit = if axis < 2 { 1000.0 } else { 1.0 };
+    let axis =
+        problem.trials.iter().filter(|t| at(t) && t.test.name() == cell.test).find_map(|t| t.test.coordinate())?;
+    let along = |t: &Trial| t.test.coordinate().is_none_or(|p| p == axis);
     let mut points: Vec<Point> = problem
         .trials
         .iter()
@@ -85,19 +84,19 @@ fn through(problem: &Problem, cell: &Cell, given: &[f64], base: &Fit, answer: Op
         .filter_map(|(i, t)| {
             Some(Point {
                 trial: t.name.clone(),
-                load: t.load[axis + 1] / unit,
+                load: t.load[axis] / axis.to_force(1.0),
                 measured: t.measured[c]?,
                 sd: t.sd[c],
-                given: given[5 * i + c],
-                without: base.linear.value[5 * i + c],
-                with: answer.map(|f| f.linear.value[5 * i + c]),
+                given: given[row_of(i, c)],
+                without: base.linear.value[row_of(i, c)],
+                with: answer.map(|f| f.linear.value[row_of(i, c)]),
             })
         })
         .collect();
     points.sort_by(|a, b| a.load.total_cmp(&b.load));
     Some(Curve {
         source: cell.source.clone(),
-        load: COORDINATES[axis].to_owned(),
+        load: axis.name().to_owned(),
         nominal_flexion_deg: cell.nominal_flexion_deg,
         dof: cell.dof.clone(),
         points,

@@ -20,7 +20,7 @@ use crate::trial::Source;
 use crate::verdict::{Candidature, by_names, temper, verdict, weights};
 use crate::wildcard::{Wildcard, wildcard};
 use sim::Model;
-use sim::laxity::{COORDINATES, VALUE_UNITS};
+use sim::coordinate::{FREE, Free};
 use sim::spec::ModelSpec;
 use std::collections::BTreeMap;
 
@@ -240,9 +240,7 @@ fn answers(
 }
 
 fn gap(before: &HeldOut, after: &HeldOut) -> Gap {
-    let by = |r: &[f64; 5]| {
-        (0..5).map(|c| (format!("{}_{}", COORDINATES[c], VALUE_UNITS[c]), r[c])).collect::<BTreeMap<_, _>>()
-    };
+    let by = |r: &Free<f64>| FREE.into_iter().map(|c| (c.column(), r[c])).collect::<BTreeMap<_, _>>();
     Gap {
         before: before.score,
         after: after.score,

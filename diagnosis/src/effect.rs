@@ -45,7 +45,8 @@ use row::Fields;
 use serde::de::DeserializeOwned;
 use serde::de::value::Error as RowError;
 use sim::Model;
-use sim::joint::{FE, Pose, Six};
+use sim::coordinate::{FE, Six};
+use sim::joint::Pose;
 use std::fmt::Debug;
 use std::sync::Arc;
 

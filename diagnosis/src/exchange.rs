@@ -7,6 +7,7 @@ use crate::problem::{Problem, reading};
 use crate::robust::Mixture;
 use crate::search::Search;
 use nalgebra::DVector;
+use sim::coordinate::{Coordinate, Free};
 
 /// Two trials exchanged.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -82,7 +83,7 @@ fn odds(exchanged: f64, as_they_are: f64, alone: Option<[f64; 2]>, loud: f64, pa
 fn moved(
     exchanged: &DVector<f64>,
     as_they_are: &DVector<f64>,
-    rows: &[Vec<(usize, usize)>],
+    rows: &[Vec<(usize, Coordinate)>],
     trials: [usize; 2],
     record: usize,
 ) -> DVector<f64> {
@@ -93,7 +94,7 @@ fn moved(
 }
 
 /// Another residual of a trial's rows where it is the smaller in noises: what a trial rests at next to one measured pose is not where it does next to another.
-fn take_the_nearer(residual: &mut DVector<f64>, other: &DVector<f64>, rows: &[(usize, usize)], sd: &[f64; 5]) {
+fn take_the_nearer(residual: &mut DVector<f64>, other: &DVector<f64>, rows: &[(usize, Coordinate)], sd: &Free<f64>) {
     let size = |of: &DVector<f64>| rows.iter().map(|&(row, c)| (of[row] / sd[c]).powi(2)).sum::<f64>();
     if size(other) < size(residual) {
         rows.iter().for_each(|&(row, _)| residual[row] = other[row]);
@@ -101,14 +102,14 @@ fn take_the_nearer(residual: &mut DVector<f64>, other: &DVector<f64>, rows: &[(u
 }
 
 /// Rows and coordinates of each trial.
-fn rows(readings: &Readings, trials: usize) -> Vec<Vec<(usize, usize)>> {
+fn rows(readings: &Readings, trials: usize) -> Vec<Vec<(usize, Coordinate)>> {
     let mut out = vec![Vec::new(); trials];
     readings.rows.iter().enumerate().for_each(|(row, &(trial, c))| out[trial].push((row, c)));
     out
 }
 
 /// What was measured with two trials exchanged; none where they are one, or have not read the same coordinates.
-fn changed(readings: &Readings, rows: &[Vec<(usize, usize)>], [one, other]: [usize; 2]) -> Option<DVector<f64>> {
+fn changed(readings: &Readings, rows: &[Vec<(usize, Coordinate)>], [one, other]: [usize; 2]) -> Option<DVector<f64>> {
     let alike = rows[one].iter().map(|r| r.1).eq(rows[other].iter().map(|r| r.1));
     if one == other || !alike {
         return None;
@@ -121,14 +122,15 @@ fn changed(readings: &Readings, rows: &[Vec<(usize, usize)>], [one, other]: [usi
 #[cfg(test)]
 mod tests {
     use super::*;
+    use sim::coordinate::{AP, IE, VV};
 
     #[test]
     fn of_two_rests_that_nearer_in_noises_counts() {
         let mut residual = DVector::from_vec(vec![1.0, 6.0, 3.0]);
         let other = DVector::from_vec(vec![4.0, 0.5, 9.0]);
-        take_the_nearer(&mut residual, &other, &[(0, 0), (1, 3)], &[2.0, 1.0, 1.0, 1.0, 1.0]);
+        take_the_nearer(&mut residual, &other, &[(0, VV), (1, AP)], &Free([2.0, 1.0, 1.0, 1.0, 1.0]));
         assert_eq!(residual.as_slice(), [4.0, 0.5, 3.0]);
-        take_the_nearer(&mut residual, &DVector::from_vec(vec![9.0, 9.0, 9.0]), &[(0, 0)], &[2.0; 5]);
+        take_the_nearer(&mut residual, &DVector::from_vec(vec![9.0, 9.0, 9.0]), &[(0, VV)], &Free::all(2.0));
         assert_eq!(residual.as_slice(), [4.0, 0.5, 3.0]);
     }
 
@@ -146,7 +148,7 @@ mod tests {
 
     #[test]
     fn a_record_alone_in_the_others_place_leaves_the_other_in_its_own() {
-        let rows = [vec![(0, 0), (1, 3)], vec![(2, 0), (3, 3)]];
+        let rows = [vec![(0, VV), (1, AP)], vec![(2, VV), (3, AP)]];
         let exchanged = DVector::from_vec(vec![1.0, 2.0, 3.0, 4.0]);
         let as_they_are = DVector::from_vec(vec![10.0, 20.0, 30.0, 40.0]);
         // the first record's residual in the second's place stands in the second's rows
@@ -157,7 +159,7 @@ mod tests {
     #[test]
     fn two_trials_change_places_where_they_read_the_same() {
         let readings = Readings {
-            rows: vec![(0, 1), (0, 3), (1, 1), (1, 3), (2, 1)],
+            rows: vec![(0, IE), (0, AP), (1, IE), (1, AP), (2, IE)],
             measured: DVector::from_vec(vec![1.0, 2.0, 3.0, 4.0, 5.0]),
         };
         let rows = rows(&readings, 3);

@@ -7,7 +7,7 @@ use crate::problem::{Linear, Problem};
 use crate::robust::{Mixture, Weighed};
 use calibration::levenberg::box_step;
 use nalgebra::{Cholesky, DMatrix, DVector};
-use sim::joint::Six;
+use sim::coordinate::Six;
 
 /// Bounds of the unknowns, in units of their prior.
 pub(crate) const REACH: f64 = 8.0;

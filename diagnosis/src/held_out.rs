@@ -8,6 +8,7 @@ use crate::robust::Mixture;
 use crate::search::{Search, Searcher};
 use nalgebra::DMatrix;
 use rayon::prelude::*;
+use sim::coordinate::Free;
 
 /// Scores on held-out trials.
 #[derive(Clone, Debug, Default)]
@@ -19,7 +20,7 @@ pub struct HeldOut {
     /// Log predictive density of each fold.
     pub density: Vec<f64>,
     /// Root mean square error: VV, IE [deg], ML, AP, SI [mm].
-    pub rmse: [f64; 5],
+    pub rmse: Free<f64>,
 }
 
 impl HeldOut {
@@ -54,12 +55,12 @@ pub fn held_out(
         })
         .collect::<Result<_, DiagnosisError>>()?;
     let count: f64 = parts.iter().map(|p| p.count).sum::<f64>().max(1.0);
-    let counts: [f64; 5] = std::array::from_fn(|c| parts.iter().map(|p| p.counts[c]).sum::<f64>().max(1.0));
+    let counts: Free<f64> = Free::from_fn(|c| parts.iter().map(|p| p.counts[c]).sum::<f64>().max(1.0));
     Ok(HeldOut {
         score: parts.iter().map(|p| p.squares).sum::<f64>() / count,
         floor: parts.iter().map(|p| p.expected).sum::<f64>() / count,
         density: parts.iter().map(|p| p.density).collect(),
-        rmse: std::array::from_fn(|c| (parts.iter().map(|p| p.errors[c]).sum::<f64>() / counts[c]).sqrt()),
+        rmse: Free::from_fn(|c| (parts.iter().map(|p| p.errors[c]).sum::<f64>() / counts[c]).sqrt()),
     })
 }
 
@@ -70,8 +71,8 @@ struct Part {
     expected: f64,
     count: f64,
     density: f64,
-    errors: [f64; 5],
-    counts: [f64; 5],
+    errors: Free<f64>,
+    counts: Free<f64>,
 }
 
 fn part(problem: &Problem, fit: &Fit, unseen: &Readings, cov: &DMatrix<f64>) -> Result<Part, DiagnosisError> {

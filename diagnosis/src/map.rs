@@ -10,7 +10,7 @@ use nalgebra::{DMatrix, DVector};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
-use sim::laxity::COORDINATES;
+use sim::coordinate::Coordinate;
 use std::collections::BTreeMap;
 
 /// A cell of the map.
@@ -96,7 +96,7 @@ fn cells(problem: &Problem, search: &Search, errors: &DVector<f64>, spread: &DMa
                 test: test.name().to_owned(),
                 nominal_flexion_deg: *flexion as f64,
                 load_sign: *sign,
-                dof: COORDINATES[*c].to_owned(),
+                dof: c.name().to_owned(),
                 z,
                 mean: means[m],
                 significant: z.abs() > limit,
@@ -105,13 +105,13 @@ fn cells(problem: &Problem, search: &Search, errors: &DVector<f64>, spread: &DMa
         .collect()
 }
 
-type Key = (usize, sim::laxity::Test, i64, i8, usize);
+type Key = (usize, sim::laxity::Test, i64, i8, Coordinate);
 
 fn members(problem: &Problem, search: &Search) -> Vec<(Key, Vec<usize>)> {
     let mut out: BTreeMap<Key, Vec<usize>> = BTreeMap::new();
     for (r, &(i, c)) in search.readings.rows.iter().enumerate() {
         let t = &problem.trials[i];
-        let load = calibration::targets::primary(t.test).map_or(0.0, |p| t.load[p + 1]);
+        let load = t.test.coordinate().map_or(0.0, |p| t.load[p]);
         let sign = if load.abs() < 1e-6 { 0 } else { load.signum() as i8 };
         out.entry((t.source, t.test, t.nominal.round() as i64, sign, c)).or_default().push(r);
     }

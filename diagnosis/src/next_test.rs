@@ -10,7 +10,7 @@ use crate::trial::{Trial, USUAL_NOISE};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use sim::joint::{AP, IE, SI, Six, VV};
+use sim::coordinate::{AP, FREE, Free, IE, SI, Six, VV};
 use sim::laxity::Test;
 
 /// A test worth doing.
@@ -45,7 +45,7 @@ pub fn next_tests(problem: &Problem, rivals: &[(&Fit, f64)]) -> Result<Vec<NextT
         for a in 0..few.len() {
             for b in 0..a {
                 let ((x, s), (y, u)) = (&predicted[a][t], &predicted[b][t]);
-                let noise = DMatrix::from_fn(5, 5, |r, c| if r == c { USUAL_NOISE[r].powi(2) } else { 0.0 });
+                let noise = DMatrix::from_diagonal(&DVector::from_row_slice(&USUAL_NOISE.map(|sd| sd.powi(2)).0));
                 let Ok(w) = Whitening::new((s + u) * 0.5 + noise) else { continue };
                 gain += few[a].1 * few[b].1 * w.white_vector(&(x - y)).norm_squared();
             }
@@ -64,11 +64,7 @@ pub fn next_tests(problem: &Problem, rivals: &[(&Fit, f64)]) -> Result<Vec<NextT
 }
 
 fn size(plan: &Trial) -> f64 {
-    match calibration::targets::primary(plan.test) {
-        Some(c) if c < 2 => plan.load[c + 1] / 1000.0,
-        Some(c) => plan.load[c + 1],
-        None => 0.0,
-    }
+    plan.test.coordinate().map_or(0.0, |c| plan.load[c] / c.to_force(1.0))
 }
 
 /// Every test at five flexions in every apparatus, at usual loads.
@@ -101,7 +97,7 @@ fn plans(problem: &Problem) -> Vec<Trial> {
                     nominal: flexion,
                     load: loads,
                     flexion: flexed,
-                    measured: [None; 5],
+                    measured: Free::all(None),
                     sd: USUAL_NOISE,
                     condition: 0,
                     branch: None,
@@ -137,8 +133,8 @@ fn predictions(problem: &Problem, fit: &Fit, plans: &[Trial]) -> Result<Vec<Fore
                 at += c.size();
                 columns.extend(slopes.candidate(c, scaled, c.scope.covers(plan.source)));
             }
-            let j = DMatrix::from_fn(5, columns.len(), |r, c| columns[c][r]);
-            (DVector::from_row_slice(&reading(&rest)), &j * &fit.posterior * j.transpose())
+            let j = DMatrix::from_fn(FREE.len(), columns.len(), |r, c| columns[c].0[r]);
+            (DVector::from_row_slice(&reading(&rest).0), &j * &fit.posterior * j.transpose())
         })
         .collect())
 }

@@ -6,9 +6,9 @@
 use crate::covariance::Readings;
 use crate::criteria::OTHER_NOISE;
 use crate::problem::Problem;
-use crate::trial::NoiseScale;
+use crate::trial::{NoiseScale, row_of};
 use nalgebra::{DMatrix, DVector};
-use sim::laxity::COORDINATES;
+use sim::coordinate::{Coordinate, FREE};
 
 /// Standard deviation of the log of a scale before the data: twice or half the stated noise is one away. As in the calibration.
 const PRIOR_LOG_SD: f64 = std::f64::consts::LN_2;
@@ -33,7 +33,7 @@ pub(crate) fn scales(
 ) -> Vec<NoiseScale> {
     let mut out = Vec::new();
     for (s, source) in problem.sources.iter().enumerate() {
-        for (c, coordinate) in COORDINATES.iter().enumerate() {
+        for c in FREE {
             let own: Vec<f64> = problem.trials.iter().filter(|t| t.source == s).map(|t| t.sd[c]).collect();
             if own.is_empty() {
                 continue;
@@ -42,7 +42,7 @@ pub(crate) fn scales(
             let found = scale(&contrasts(problem, readings, (residual, covariance), (s, c)));
             out.push(NoiseScale {
                 source: source.clone(),
-                coordinate: (*coordinate).to_owned(),
+                coordinate: c.name().to_owned(),
                 stated,
                 inferred: stated * found.scale,
                 lower: stated * found.interval.0,
@@ -59,13 +59,14 @@ fn contrasts(
     problem: &Problem,
     readings: &Readings,
     (residual, covariance): (&DVector<f64>, &DMatrix<f64>),
-    (s, c): (usize, usize),
+    (s, c): (usize, Coordinate),
 ) -> Vec<Contrast> {
     let conditions = problem.trials.iter().map(|t| t.condition).max().map_or(0, |c| c + 1);
     let mut out = Vec::new();
     for condition in 0..conditions {
-        let is_of =
-            |i: usize, d: usize| d == c && problem.trials[i].source == s && problem.trials[i].condition == condition;
+        let is_of = |i: usize, d: Coordinate| {
+            d == c && problem.trials[i].source == s && problem.trials[i].condition == condition
+        };
         let rows: Vec<usize> =
             readings.rows.iter().enumerate().filter(|(_, at)| is_of(at.0, at.1)).map(|(r, _)| r).collect();
         let n = rows.len();
@@ -78,7 +79,7 @@ fn contrasts(
         let q = smooth.qr().q();
         let off = DMatrix::identity(n, n) - &q * q.transpose();
         let eigen = off.symmetric_eigen();
-        let at = |k: usize| 5 * readings.rows[rows[k]].0 + c;
+        let at = |k: usize| row_of(readings.rows[rows[k]].0, c);
         for way in (0..n).filter(|&k| eigen.eigenvalues[k] > 0.5) {
             let v = eigen.eigenvectors.column(way);
             let noise: f64 = (0..n).map(|k| (v[k] * problem.trials[readings.rows[rows[k]].0].sd[c]).powi(2)).sum();

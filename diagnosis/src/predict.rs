@@ -11,6 +11,7 @@ use crate::problem::reading;
 use crate::trial::Trial;
 use rayon::prelude::*;
 use sim::Model;
+use sim::coordinate::Free;
 use sim::laxity::{LaxityTrial, TrialResult};
 use sim::spec::ModelSpec;
 
@@ -29,9 +30,9 @@ pub fn acting(spec: &ModelSpec, data_set: Option<&str>) -> Result<Vec<(Component
 }
 
 /// How far the effects move the reading of each trial: VV, IE [deg], ML, AP, SI [mm]. Without friction, at the model's rest.
-pub fn displacements(model: &Model, spec: &ModelSpec, effects: &[Active], trials: &[LaxityTrial]) -> Vec<[f64; 5]> {
+pub fn displacements(model: &Model, spec: &ModelSpec, effects: &[Active], trials: &[LaxityTrial]) -> Vec<Free<f64>> {
     if effects.is_empty() {
-        return vec![[0.0; 5]; trials.len()];
+        return vec![Free::all(0.0); trials.len()];
     }
     let place = Place { femur: spec.frames.femur, tibia: spec.frames.tibia };
     trials
@@ -43,7 +44,7 @@ pub fn displacements(model: &Model, spec: &ModelSpec, effects: &[Active], trials
             let without = plain.walk(&trial);
             let with = Bench { effects, ..plain }.settle(&trial, &without.q);
             let (a, b) = (reading(&without), reading(&with));
-            std::array::from_fn(|c| b[c] - a[c])
+            Free::from_fn(|c| b[c] - a[c])
         })
         .collect()
 }
@@ -63,10 +64,7 @@ pub fn apply(
     }
     let trials: Vec<LaxityTrial> = results.iter().map(|r| r.trial.clone()).collect();
     for (r, d) in results.iter_mut().zip(displacements(model, spec, &effects, &trials)) {
-        let p = &mut r.pose;
-        for (value, by) in [&mut p.vv_deg, &mut p.ie_deg, &mut p.ml_mm, &mut p.ap_mm, &mut p.si_mm].into_iter().zip(d) {
-            *value += by;
-        }
+        r.pose = r.pose.moved(&d);
     }
     Ok(())
 }
@@ -86,7 +84,7 @@ pub fn taken_off(
         let unloaded: Vec<LaxityTrial> = trials.iter().filter_map(LaxityTrial::unloaded).collect();
         let mut there = displacements(model, spec, &effects, &unloaded).into_iter();
         for (t, d) in out.iter_mut().zip(displacements(model, spec, &effects, trials)) {
-            let zero = t.reference.as_ref().and_then(|_| there.next()).unwrap_or([0.0; 5]);
+            let zero = t.reference.as_ref().and_then(|_| there.next()).unwrap_or(Free::all(0.0));
             t.measured.iter_mut().zip(d).zip(zero).for_each(|((m, by), zero)| *m = m.map(|m| m - (by - zero)));
         }
     }

@@ -9,14 +9,13 @@ use crate::effect::{Active, Place};
 use crate::error::DiagnosisError;
 use crate::nuisance::{Models, Nuisances};
 use crate::slopes::Slopes;
-use crate::trial::{NoiseScale, PER_UNIT, READ, Source, Trial, trials};
+use crate::trial::{NoiseScale, PER_UNIT, Source, Trial, at_row, row_of, trials};
 use calibration::design::Design;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 use sim::Model;
+use sim::coordinate::{Coordinate, FE, FREE, Free, Six};
 use sim::equilibrium::Equilibrium;
-use sim::joint::Six;
-use sim::laxity::COORDINATES;
 use sim::model::BundleParameters;
 use sim::spec::ModelSpec;
 use std::borrow::Cow;
@@ -174,8 +173,7 @@ impl Problem {
     /// The same question with the noise that the data clearly have in place of the stated one.
     pub fn with_noise(mut self, scales: Vec<NoiseScale>) -> Problem {
         for n in scales.iter().filter(|n| n.taken) {
-            let place =
-                (self.sources.iter().position(|s| *s == n.source), COORDINATES.iter().position(|c| *c == n.coordinate));
+            let place = (self.sources.iter().position(|s| *s == n.source), Coordinate::named(&n.coordinate));
             let (Some(source), Some(c)) = place else { continue };
             self.trials.iter_mut().filter(|t| t.source == source).for_each(|t| t.sd[c] *= n.inferred / n.stated);
         }
@@ -201,10 +199,10 @@ impl Problem {
     /// Grood-Suntay coordinates that a trial read [rad, mm]; what was not measured is taken from the unloaded pose.
     fn measured(&self, trial: &Trial) -> Six {
         let mut gs = self.models.of(trial.source).joint.grood_suntay(&trial.neutral);
-        gs[0] = trial.flexion;
-        for (c, value) in trial.measured.iter().enumerate() {
+        gs[FE] = trial.flexion;
+        for (c, value) in trial.measured.each() {
             if let Some(v) = value {
-                gs[READ[c]] = v * PER_UNIT[c];
+                gs[c] = v * PER_UNIT[c];
             }
         }
         gs
@@ -235,7 +233,7 @@ impl Problem {
             let effects = self.effects_in(self.trials[i].source, &[], &unknowns);
             let bench = Bench { effects: &effects, ..self.plain(&self.trials[i]) };
             let moved = Slopes::new(bench, &self.trials[i], rest).by(&rest.miss, &Six::zeros());
-            (0..5).for_each(|c| linear.value[5 * i + c] += moved[c]);
+            FREE.into_iter().for_each(|c| linear.value[row_of(i, c)] += moved[c]);
         }
         Ok(linear)
     }
@@ -388,7 +386,7 @@ impl Problem {
     /// How far a rest of trial `i` is from what was measured: sum of squares in noises, half a degree or millimetre added to each.
     fn off(&self, i: usize, rest: &Equilibrium) -> f64 {
         let (there, t) = (reading(rest), &self.trials[i]);
-        (0..5).map(|c| t.measured[c].map_or(0.0, |m| ((there[c] - m) / (t.sd[c] + 0.5)).powi(2))).sum()
+        FREE.into_iter().map(|c| t.measured[c].map_or(0.0, |m| ((there[c] - m) / (t.sd[c] + 0.5)).powi(2))).sum()
     }
 
     /// Whether trials count as lost only far from what was measured.
@@ -415,7 +413,7 @@ impl Problem {
         let tangent = bench.stiffened(trial, &held.tangent);
         let mut rest = Equilibrium { tangent, ..bench.held(trial, &self.measured(trial), &held.q) };
         let moved = Slopes::new(bench, trial, &rest).by(&rest.miss, &Six::zeros());
-        READ.iter().zip(moved).zip(PER_UNIT).for_each(|((&j, m), unit)| rest.observed[j] += m * unit);
+        FREE.iter().zip(moved).zip(PER_UNIT).for_each(|((&j, m), unit)| rest.observed[j] += m * unit);
         rest
     }
 
@@ -449,16 +447,19 @@ impl Problem {
             }
             columns
         };
-        let rows: Vec<Vec<[f64; 5]>> = knee.trials.par_iter().zip(&rests).map(by_unknowns).collect();
-        let slope = DMatrix::from_fn(5 * rows.len(), unknowns.len(), |r, c| rows[r / 5][c][r % 5]);
+        let rows: Vec<Vec<Free<f64>>> = knee.trials.par_iter().zip(&rests).map(by_unknowns).collect();
+        let slope = DMatrix::from_fn(5 * rows.len(), unknowns.len(), |r, c| {
+            let (i, d) = at_row(r);
+            rows[i][c][d]
+        });
         let value = rests.iter().flat_map(reading).collect();
         Linear { value, slope, rests }
     }
 }
 
 /// Readings VV, IE [deg], ML, AP, SI [mm] of a rest.
-pub fn reading(rest: &Equilibrium) -> [f64; 5] {
-    std::array::from_fn(|c| rest.observed[READ[c]] / PER_UNIT[c])
+pub fn reading(rest: &Equilibrium) -> Free<f64> {
+    Free::from_fn(|c| rest.observed[c] / PER_UNIT[c])
 }
 
 /// The largest fraction of rests without balance that a diagnosis bears.

@@ -5,8 +5,9 @@
 
 use crate::covariance::{Readings, Whitening};
 use crate::error::DiagnosisError;
-use crate::trial::Trial;
+use crate::trial::{Trial, row_of};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use sim::coordinate::FREE;
 use sim::laxity::Test;
 
 /// Probability that a trial is odd [-].
@@ -147,9 +148,9 @@ pub fn price(odd: usize) -> f64 {
 pub fn widened(covariance: &DMatrix<f64>, odd: &[usize]) -> DMatrix<f64> {
     let mut out = covariance.clone();
     for i in odd {
-        for a in 0..5 {
-            for b in 0..5 {
-                out[(5 * i + a, 5 * i + b)] *= WIDER;
+        for a in FREE {
+            for b in FREE {
+                out[(row_of(*i, a), row_of(*i, b))] *= WIDER;
             }
         }
     }
@@ -170,7 +171,7 @@ mod tests {
         let trials: Vec<Trial> =
             (0..20).map(|i| Trial { test: TESTS[i % 4], source: i / 10, ..trial.clone() }).collect();
         let scatter = DMatrix::from_fn(n, n, |a, b| if a == b { 1.0 } else { 0.2 });
-        let readings = Readings { rows: (0..n).map(|r| (r / 3, r % 3)).collect(), measured: DVector::zeros(n) };
+        let readings = Readings { rows: (0..n).map(|r| (r / 3, FREE[r % 3])).collect(), measured: DVector::zeros(n) };
         Mixture::new(&readings, scatter, &trials).unwrap()
     }
 

@@ -7,8 +7,10 @@ use crate::error::DiagnosisError;
 use crate::fit::{Fit, REACH};
 use crate::problem::Problem;
 use crate::slopes::Slopes;
+use crate::trial::at_row;
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rayon::prelude::*;
+use sim::coordinate::Free;
 
 /// Derivatives of all readings (five a trial) by the scaled parameters of each candidate, at a fit.
 ///
@@ -28,7 +30,7 @@ pub fn signatures(problem: &Problem, at: &Fit, candidates: &[Candidate]) -> Resu
         })
         .collect();
     let trials = problem.unloaded_at(&problem.trials, &models, &at.hypothesis);
-    let columns: Vec<Vec<Vec<[f64; 5]>>> = trials
+    let columns: Vec<Vec<Vec<Free<f64>>>> = trials
         .par_iter()
         .zip(&at.linear.rests)
         .map(|(trial, rest)| {
@@ -44,8 +46,8 @@ pub fn signatures(problem: &Problem, at: &Fit, candidates: &[Candidate]) -> Resu
         .zip(&kind_of)
         .map(|(c, &kind)| {
             DMatrix::from_fn(rows, c.size(), |r, k| {
-                let acts = c.scope.covers(problem.trials[r / 5].source);
-                if acts { columns[r / 5][kind][k][r % 5] } else { 0.0 }
+                let (i, d) = at_row(r);
+                if c.scope.covers(problem.trials[i].source) { columns[i][kind][k][d] } else { 0.0 }
             })
         })
         .collect())
@@ -144,13 +146,14 @@ impl Score {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use sim::coordinate::VV;
 
     #[test]
     fn the_bayes_factor_is_the_ratio_of_two_normal_densities() {
         let n = 6;
         let scatter = DMatrix::from_fn(n, n, |a, b| if a == b { 2.0 } else { 0.3 });
         let signature = DMatrix::from_fn(5 * n, 2, |r, k| if r % 5 == 0 { ((r + 3 * k) as f64).sin() } else { 0.0 });
-        let readings = Readings { rows: (0..n).map(|i| (i, 0)).collect(), measured: DVector::zeros(n) };
+        let readings = Readings { rows: (0..n).map(|i| (i, VV)).collect(), measured: DVector::zeros(n) };
         let residual = DVector::from_fn(n, |r, _| (r as f64 * 1.7).cos());
         let density = |c: &DMatrix<f64>| {
             let w = Whitening::new(c.clone()).unwrap();
@@ -168,7 +171,7 @@ mod tests {
     fn the_size_for_an_evidence_earns_it() {
         let n = 40;
         let signature = DMatrix::from_fn(5 * n, 2, |r, k| if r % 5 == 0 { ((r + 3 * k) as f64).sin() } else { 0.0 });
-        let readings = Readings { rows: (0..n).map(|i| (i, 0)).collect(), measured: DVector::zeros(n) };
+        let readings = Readings { rows: (0..n).map(|i| (i, VV)).collect(), measured: DVector::zeros(n) };
         let whitening = Whitening::new(DMatrix::identity(n, n) * 0.5).unwrap();
         let marginal = Marginal { white: DVector::zeros(n), before: DVector::zeros(n), whitening };
         for width in [1.0, 2.0] {

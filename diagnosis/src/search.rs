@@ -12,11 +12,13 @@ use crate::fit::{Data, Fit};
 use crate::problem::Problem;
 use crate::robust::Mixture;
 use crate::screen::{Marginal, Score, signatures};
+use crate::trial::at_row;
 use nalgebra::{DMatrix, DVector};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use sim::coordinate::FREE;
 use steps::{Found, Given, HOPELESS};
 
 /// How a diagnosis is made.
@@ -190,8 +192,11 @@ impl Searcher<'_> {
 
     fn log(&self, fit: &Fit) -> f64 {
         if self.options.by_error {
-            let noises =
-                self.problem.trials.iter().flat_map(|t| (0..5).filter(|c| t.measured[*c].is_some()).map(|c| t.sd[c]));
+            let noises = self
+                .problem
+                .trials
+                .iter()
+                .flat_map(|t| FREE.into_iter().filter(|c| t.measured[*c].is_some()).map(|c| t.sd[c]));
             return -0.5 * fit.residual.iter().zip(noises).map(|(r, sd)| (r / sd).powi(2)).sum::<f64>();
         }
         weighed(fit, self.problem.sources.len())
@@ -282,7 +287,7 @@ impl Searcher<'_> {
         &self,
         hypothesis: &[Candidate],
         start: &[f64],
-        starts: &[sim::joint::Six],
+        starts: &[sim::coordinate::Six],
         cov: &DMatrix<f64>,
         readings: &Readings,
         steps: usize,
@@ -295,7 +300,7 @@ impl Searcher<'_> {
         &self,
         hypothesis: &[Candidate],
         start: &[f64],
-        starts: &[sim::joint::Six],
+        starts: &[sim::coordinate::Six],
         (readings, mixture): (&Readings, &Mixture),
         steps: usize,
     ) -> Result<Fit, DiagnosisError> {
@@ -364,7 +369,8 @@ impl Searcher<'_> {
     fn is_felt(&self, candidate: &Candidate, signature: &DMatrix<f64>) -> bool {
         let trials = &self.problem.trials;
         let felt = |source: usize| {
-            (0..signature.nrows()).any(|r| trials[r / 5].source == source && signature.row(r).iter().any(|v| *v != 0.0))
+            (0..signature.nrows())
+                .any(|r| trials[at_row(r).0].source == source && signature.row(r).iter().any(|v| *v != 0.0))
         };
         candidate.effect.one_knee || candidate.scope != Scope::Both || (0..self.problem.sources.len()).all(felt)
     }

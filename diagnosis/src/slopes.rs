@@ -4,13 +4,14 @@ use crate::bench::Bench;
 use crate::candidate::Candidate;
 use crate::effect::{Active, fibre_pull, moved_fibre};
 use crate::nuisance::{FrameSteps, Nuisances, frame_change, wrench};
-use crate::trial::{PER_UNIT, READ, Trial};
+use crate::trial::{PER_UNIT, Trial};
 use inference::knee::Quantity;
 use inference::parameter::Parameter;
 use nalgebra::{Matrix6, Vector3};
 use sim::contact::Nearby;
+use sim::coordinate::{FE, Free, Six};
 use sim::equilibrium::Equilibrium;
-use sim::joint::{FREE, Joint, Six};
+use sim::joint::Joint;
 use sim::ligament::Fibre;
 use sim::sensitivity::End;
 
@@ -57,7 +58,7 @@ impl<'a> Slopes<'a> {
 
     /// Change of the reading [deg, mm] by changes of the knee itself that put `out_of_balance` what it tells at a pose: under load, and unloaded where an
     /// effect departs from there.
-    pub fn of_the_knee(&self, out_of_balance: impl Fn(&Six) -> Vec<Six>) -> Vec<[f64; 5]> {
+    pub fn of_the_knee(&self, out_of_balance: impl Fn(&Six) -> Vec<Six>) -> Vec<Free<f64>> {
         let loaded = out_of_balance(&self.rest.q);
         let unloaded = self.root.as_ref().map(|root| (out_of_balance(&root.q), root.lever));
         let by = |k: usize, miss: Six| {
@@ -68,39 +69,39 @@ impl<'a> Slopes<'a> {
     }
 
     /// Change of the reading [deg, mm] when the balance changes by `miss` (flexion's row: the read flexion) and the reading itself by `direct`.
-    pub fn by(&self, miss: &Six, direct: &Six) -> [f64; 5] {
-        let Some(answer) = &self.answer else { return [0.0; 5] };
+    pub fn by(&self, miss: &Six, direct: &Six) -> Free<f64> {
+        let Some(answer) = &self.answer else { return Free::all(0.0) };
         let moved = direct - answer * miss;
-        std::array::from_fn(|c| moved[READ[c]] / PER_UNIT[c])
+        Free::from_fn(|c| moved[c] / PER_UNIT[c])
     }
 
     /// By the nuisance parameters at some values; `joints` are the steps of the frames of each data set.
-    pub(crate) fn nuisances(&self, of: &Nuisances, unknowns: &[f64], joints: &[FrameSteps]) -> Vec<[f64; 5]> {
+    pub(crate) fn nuisances(&self, of: &Nuisances, unknowns: &[f64], joints: &[FrameSteps]) -> Vec<Free<f64>> {
         let source = self.trial.source;
         let bundles = self.bundles();
         let contact = self.contact();
-        let frames = joints.get(source).map_or([[0.0; 5]; 12], |steps| self.frames(steps));
+        let frames = joints.get(source).map_or([Free::all(0.0); 12], |steps| self.frames(steps));
         let fibres = &self.bench.model.fibres;
         let is_site = |p: &Parameter<Quantity>| matches!(p.quantity, Quantity::Site(..));
         let ends = if of.list.iter().any(is_site) { self.attachments() } else { vec![] };
-        let add = |sum: [f64; 5], by: &[f64; 5]| std::array::from_fn(|c| sum[c] + by[c]);
+        let add = |sum: Free<f64>, by: &Free<f64>| Free::from_fn(|c| sum[c] + by[c]);
         let by = |(k, p): (usize, &Parameter<Quantity>)| {
             let (value, slope) = of.at(k, unknowns[k]);
-            let column: [f64; 5] = match &p.quantity {
-                Quantity::ReferenceStrain(these) => these.iter().map(|&b| &bundles[2 * b]).fold([0.0; 5], add),
-                Quantity::Stiffness(these) => these.iter().map(|&b| &bundles[2 * b + 1]).fold([0.0; 5], add),
+            let column: Free<f64> = match &p.quantity {
+                Quantity::ReferenceStrain(these) => these.iter().map(|&b| &bundles[2 * b]).fold(Free::all(0.0), add),
+                Quantity::Stiffness(these) => these.iter().map(|&b| &bundles[2 * b + 1]).fold(Free::all(0.0), add),
                 Quantity::ContactScale => contact.map(|x| x / value),
                 Quantity::Frame(set, term) if set.is_none_or(|s| s == source) => frames[*term],
                 Quantity::Site(bundle, end, axis) => {
                     let place = 3 * usize::from(*end == End::Tibia) + axis;
                     let own = (0..fibres.len()).filter(|&f| fibres[f].bundle == *bundle);
-                    own.map(|f| &ends[6 * f + place]).fold([0.0; 5], add)
+                    own.map(|f| &ends[6 * f + place]).fold(Free::all(0.0), add)
                 }
                 Quantity::Frame(..)
                 | Quantity::Cartilage
                 | Quantity::Lean(..)
                 | Quantity::Compliance(..)
-                | Quantity::Resting(..) => [0.0; 5],
+                | Quantity::Resting(..) => Free::all(0.0),
             };
             column.map(|x| x * slope)
         };
@@ -108,7 +109,7 @@ impl<'a> Slopes<'a> {
     }
 
     /// By each bundle's reference strain, then its stiffness [N/mm].
-    fn bundles(&self) -> Vec<[f64; 5]> {
+    fn bundles(&self) -> Vec<Free<f64>> {
         let model = self.bench.model;
         self.of_the_knee(|q| {
             let states = model.fibre_states(&model.joint.pose(q));
@@ -124,16 +125,16 @@ impl<'a> Slopes<'a> {
     }
 
     /// By the log of the contact's scale.
-    fn contact(&self) -> [f64; 5] {
+    fn contact(&self) -> Free<f64> {
         let model = self.bench.model;
         let force = |q: &Six| model.contact_near(&model.joint.pose(q), &mut Nearby::once()).gradient;
         self.of_the_knee(|q| vec![force(q)])[0]
     }
 
     /// By turns [deg] and shifts [mm] of the frames: what is read, and the generalised forces of the same wrench, are of other axes then.
-    fn frames(&self, steps: &FrameSteps) -> [[f64; 5]; 12] {
+    fn frames(&self, steps: &FrameSteps) -> [Free<f64>; 12] {
         if steps.iter().all(Option::is_none) {
-            return [[0.0; 5]; 12];
+            return [Free::all(0.0); 12];
         }
         let (model, q) = (self.bench.model, &self.rest.q);
         let effects = self.bench.effects_at(self.trial, &self.trial.load, q);
@@ -142,17 +143,17 @@ impl<'a> Slopes<'a> {
         let wrench = wrench(&at.pose, &(at.gradient - effects));
         let by = |joints: &[Joint; 2]| {
             let (direct, mut miss) = frame_change(joints, &at.pose.femur, wrench.as_ref()?, &read)?;
-            miss[0] = direct[0];
+            miss[FE] = direct[FE];
             Some(self.by(&miss, &direct))
         };
-        std::array::from_fn(|t| steps[t].as_ref().and_then(by).unwrap_or([0.0; 5]))
+        std::array::from_fn(|t| steps[t].as_ref().and_then(by).unwrap_or(Free::all(0.0)))
     }
 
     /// By the model's own contact in place of the second; nothing where there is none.
-    pub fn own_contact(&self) -> [f64; 5] {
+    pub fn own_contact(&self) -> Free<f64> {
         let model = self.bench.model;
         if !model.has_second_contact() {
-            return [0.0; 5];
+            return Free::all(0.0);
         }
         let differs = |q: &Six| {
             let pose = model.joint.pose(q);
@@ -162,8 +163,8 @@ impl<'a> Slopes<'a> {
     }
 
     /// By each load: VV, IE [N mm], ML, AP, SI [N].
-    pub fn loads(&self) -> [[f64; 5]; 5] {
-        FREE.map(|j| {
+    pub fn loads(&self) -> Free<Free<f64>> {
+        Free::from_fn(|j| {
             let mut miss = Six::zeros();
             miss[j] = -1.0;
             self.by(&miss, &Six::zeros())
@@ -171,7 +172,7 @@ impl<'a> Slopes<'a> {
     }
 
     /// By each end of each fibre moved along the axes [per mm].
-    pub fn attachments(&self) -> Vec<[f64; 5]> {
+    pub fn attachments(&self) -> Vec<Free<f64>> {
         let model = self.bench.model;
         let h = 0.05;
         self.of_the_knee(|q| {
@@ -187,9 +188,9 @@ impl<'a> Slopes<'a> {
     }
 
     /// By the scaled parameters of a candidate at `scaled`; zero where it does not act.
-    pub fn candidate(&self, candidate: &Candidate, scaled: &[f64], acts: bool) -> Vec<[f64; 5]> {
+    pub fn candidate(&self, candidate: &Candidate, scaled: &[f64], acts: bool) -> Vec<Free<f64>> {
         if !acts {
-            return vec![[0.0; 5]; candidate.size()];
+            return vec![Free::all(0.0); candidate.size()];
         }
         let (trial, q) = (self.trial, &self.rest.q);
         let here = self.bench.place.situation(self.bench.model, trial, &trial.load, q);
@@ -208,7 +209,7 @@ impl<'a> Slopes<'a> {
                 if up.has_reading() {
                     let direct = (up.read(&gs, trial) - down.read(&gs, trial)) / width;
                     let mut miss = Six::zeros();
-                    miss[0] = direct[0];
+                    miss[FE] = direct[FE];
                     self.by(&miss, &direct)
                 } else {
                     let push = (up.force(&here) - down.force(&here)) / width;
@@ -221,6 +222,6 @@ impl<'a> Slopes<'a> {
 
 /// A change of the generalised forces alone: read flexion stays.
 fn balanced(mut miss: Six) -> Six {
-    miss[0] = 0.0;
+    miss[FE] = 0.0;
     miss
 }

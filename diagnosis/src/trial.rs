@@ -2,15 +2,22 @@
 
 use crate::error::DiagnosisError;
 use serde::{Deserialize, Serialize};
-use sim::joint::{AP, FE, IE, ML, SI, Six, VV};
+use sim::coordinate::{Coordinate, FREE, Free, Six};
 use sim::laxity::{Branch, LaxityTrial, Test};
 use std::collections::BTreeMap;
 
-/// Coordinates of a reading.
-pub(crate) const READ: [usize; 5] = [VV, IE, ML, AP, SI];
+/// Row of a reading where every trial has one for each free coordinate.
+pub fn row_of(trial: usize, c: Coordinate) -> usize {
+    FREE.len() * trial + c.free_index()
+}
 
-/// Turns of a degree into radians and back, by coordinate of a reading (VV, IE, ML, AP, SI).
-pub const PER_UNIT: [f64; 5] = [std::f64::consts::PI / 180.0, std::f64::consts::PI / 180.0, 1.0, 1.0, 1.0];
+/// The trial and the coordinate of such a row.
+pub fn at_row(row: usize) -> (usize, Coordinate) {
+    (row / FREE.len(), FREE[row % FREE.len()])
+}
+
+/// Turns of a degree into radians and back, by coordinate.
+pub const PER_UNIT: Free<f64> = Free([std::f64::consts::PI / 180.0, std::f64::consts::PI / 180.0, 1.0, 1.0, 1.0]);
 
 /// A data set: the trials of one apparatus.
 #[derive(Clone, Debug, PartialEq)]
@@ -57,9 +64,9 @@ pub struct Trial {
     /// Recorded flexion [rad].
     pub flexion: f64,
     /// Measured VV, IE [deg], ML, AP, SI [mm].
-    pub measured: [Option<f64>; 5],
+    pub measured: Free<Option<f64>>,
     /// Measurement noise, same units.
-    pub sd: [f64; 5],
+    pub sd: Free<f64>,
     /// Index of its condition: data set, test and nominal flexion.
     pub condition: usize,
     /// +1 loading, -1 unloading, where known.
@@ -80,7 +87,7 @@ impl Trial {
             name: t.trial.clone(),
             test: t.test,
             nominal: t.nominal_flexion_deg,
-            load: generalised(t),
+            load: t.load.generalised(),
             flexion: t.fe_deg.to_radians(),
             measured: t.measured,
             sd: USUAL_NOISE,
@@ -93,22 +100,12 @@ impl Trial {
     }
 }
 
-/// Its loads as generalised forces [N mm, N].
-fn generalised(t: &LaxityTrial) -> Six {
-    let mut load = Six::zeros();
-    for (c, l) in t.load.iter().enumerate() {
-        load[c + 1] = if c < 2 { l * 1000.0 } else { *l };
-    }
-    load[FE] = 0.0;
-    load
-}
-
 fn sign(branch: Branch) -> f64 {
     if branch == Branch::Loading { 1.0 } else { -1.0 }
 }
 
 /// Measurement noise where a file gives none: VV, IE [deg], ML, AP, SI [mm].
-pub const USUAL_NOISE: [f64; 5] = [0.5, 0.5, 0.4, 0.4, 0.4];
+pub const USUAL_NOISE: Free<f64> = Free([0.5, 0.5, 0.4, 0.4, 0.4]);
 
 /// All trials of all data sets, in the order given.
 ///
@@ -133,14 +130,11 @@ pub fn trials(sources: &[Source]) -> Result<Vec<Trial>, DiagnosisError> {
                     source.name, t.trial, r.trial
                 )));
             }
-            let sd: [f64; 5] = std::array::from_fn(|c| t.sd[c].unwrap_or(USUAL_NOISE[c]));
-            if let Some(c) = (0..5).find(|&c| !(sd[c] > 0.0 && sd[c].is_finite())) {
+            let sd: Free<f64> = Free::from_fn(|c| t.sd[c].unwrap_or(USUAL_NOISE[c]));
+            if let Some(c) = FREE.into_iter().find(|&c| !(sd[c] > 0.0 && sd[c].is_finite())) {
                 return Err(DiagnosisError::Data(format!(
-                    "{} trial {}: measurement noise of {} is {}, expected above 0",
-                    source.name,
-                    t.trial,
-                    sim::laxity::COORDINATES[c],
-                    sd[c]
+                    "{} trial {}: measurement noise of {c} is {}, expected above 0",
+                    source.name, t.trial, sd[c]
                 )));
             }
             let next = conditions.len();

@@ -17,10 +17,10 @@ use crate::problem::Problem;
 use crate::robust::price;
 use crate::screen::Marginal;
 use crate::slopes::Slopes;
-use crate::trial::READ;
+use crate::trial::at_row;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
-use sim::joint::{FE, Six};
+use sim::coordinate::{Coordinate, FE, Free, Six};
 
 pub use kinds::{Bone, Course};
 use kinds::{FIELD, Kind, Part, kinds, shares};
@@ -51,17 +51,18 @@ pub struct Wildcard {
 /// What moves a trial's readings: five loads, and a misread flexion.
 #[derive(Clone, Copy, Debug)]
 struct Response {
-    loads: [[f64; 5]; 5],
-    flexion: [f64; 5],
+    loads: Free<Free<f64>>,
+    flexion: Free<f64>,
 }
 
 impl Response {
     /// Change of reading `d` by one unit of a field in coordinate `c`.
-    fn by(&self, is_force: bool, c: usize, d: usize) -> f64 {
+    fn by(&self, is_force: bool, c: Coordinate, d: Coordinate) -> f64 {
         match (is_force, c) {
             (false, FE) => self.flexion[d],
-            (true, _) => READ.iter().position(|&j| j == c).map_or(0.0, |k| self.loads[k][d]),
-            (false, _) => f64::from(u8::from(READ[d] == c)),
+            (true, FE) => 0.0,
+            (true, _) => self.loads[c][d],
+            (false, _) => f64::from(u8::from(d == c)),
         }
     }
 }
@@ -128,7 +129,7 @@ pub fn wildcard(
 /// What the components change of the readings: a column a component, five rows a trial.
 fn signature(parts: &[Part], responses: &[Response], is_force: bool) -> DMatrix<f64> {
     DMatrix::from_fn(5 * responses.len(), parts.len(), |r, k| {
-        let ((i, d), part) = ((r / 5, r % 5), &parts[k]);
+        let ((i, d), part) = (at_row(r), &parts[k]);
         let felt = FIELD.iter().filter(|&&c| part[i][c] != 0.0);
         felt.map(|&c| part[i][c] * responses[i].by(is_force, c, d)).sum()
     })
@@ -188,7 +189,7 @@ mod tests {
     fn marginal(residual: &DVector<f64>) -> (Marginal, Readings) {
         let n = residual.len();
         let whitening = Whitening::new(DMatrix::identity(n, n) * 4.0).unwrap();
-        let readings = Readings { rows: (0..n).map(|r| (r / 5, r % 5)).collect(), measured: residual.clone() };
+        let readings = Readings { rows: (0..n).map(at_row).collect(), measured: residual.clone() };
         (Marginal { white: whitening.white_vector(residual), before: residual.clone(), whitening }, readings)
     }
 

@@ -8,6 +8,7 @@ use diagnosis::carried::carried;
 use diagnosis::component::Component;
 use diagnosis::diagnosis::Value;
 use diagnosis::predict::{acting, apply, taken_off};
+use sim::coordinate::AP;
 use sim::laxity::{LaxityTrial, TrialResult};
 use sim::spec::ModelSpec;
 use std::collections::BTreeMap;
@@ -66,7 +67,7 @@ fn an_added_effect_of_no_size_changes_no_bit_and_one_of_some_size_moves_the_knee
     assert!(out[0].pose.ap_mm < plain[0].pose.ap_mm - 0.2, "{:?}", out[0].pose);
     let targets = taken_off(&model, &spec, Some("kla"), &trials).unwrap();
     let moved = out[0].pose.ap_mm - plain[0].pose.ap_mm;
-    assert!((trials[0].measured[3].unwrap() - targets[0].measured[3].unwrap() - moved).abs() < 1e-9);
+    assert!((trials[0].measured[AP].unwrap() - targets[0].measured[AP].unwrap() - moved).abs() < 1e-9);
 }
 
 #[test]

@@ -13,6 +13,7 @@ use diagnosis::candidate::{Candidate, Scope};
 use diagnosis::problem::{Problem, reading};
 use diagnosis::search::{DiagnosisOptions, Search, Searcher};
 use diagnosis::wildcard::{Wildcard, wildcard};
+use sim::coordinate::FREE;
 
 const TRIALS: [(&str, f64, [f64; 4]); 8] = [
     ("anterior", 15.0, [0.0, 0.0, 0.0, 80.0]),
@@ -37,7 +38,7 @@ fn compressed(size: f64) -> Option<Problem> {
         .enumerate()
         .map(|(i, rest)| {
             let read = reading(rest);
-            std::array::from_fn(|c| read[c] + 0.2 * (5.0 * i as f64 + 1.3 * c as f64).sin())
+            FREE.map(|c| read[c] + 0.2 * (5.0 * i as f64 + 1.3 * c.free_index() as f64).sin())
         })
         .collect();
     deck("fields", &asked(&TRIALS, &measured))

@@ -8,7 +8,7 @@ use diagnosis::catalogue::Catalogue;
 use diagnosis::problem::Problem;
 use diagnosis::trial::Source;
 use inference::knee::Quantity;
-use sim::joint::Six;
+use sim::coordinate::Six;
 use sim::uncertainty::{FrameUncertainty, FramesUncertainty, SiteUncertainty, Uncertainty};
 
 /// The published deck as if it had been built from raw data, measured in two data sets.

@@ -10,8 +10,10 @@ use diagnosis::problem::Problem;
 use diagnosis::report::scope_name;
 use diagnosis::search::{DiagnosisOptions, Searcher};
 use diagnosis::trial::Source;
+use diagnosis::trial::row_of;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use sim::coordinate::FREE;
 
 /// The published deck's question, its readings those of the model itself with two effects hidden (sizes in units of their priors), and noise.
 #[expect(clippy::disallowed_methods, reason = "published data")]
@@ -38,8 +40,8 @@ fn question(hidden: &[(&str, &str, &[f64])]) -> Option<Problem> {
     // the sum of four uniform numbers, of standard deviation 1
     let mut noise = || (0..4).map(|_| random.random::<f64>() - 0.5).sum::<f64>() * 3f64.sqrt();
     for (i, trial) in problem.trials.iter_mut().enumerate() {
-        for c in 0..5 {
-            trial.measured[c] = Some(readings[5 * i + c] + trial.sd[c] * noise());
+        for c in FREE {
+            trial.measured[c] = Some(readings[row_of(i, c)] + trial.sd[c] * noise());
         }
     }
     // poses held at what is measured are found anew

@@ -10,7 +10,7 @@ use diagnosis::candidate::Scope;
 use diagnosis::catalogue::Catalogue;
 use diagnosis::effect::Active;
 use diagnosis::problem::Problem;
-use sim::joint::{AP, IE, ML, SI, Six, VV};
+use sim::coordinate::{AP, IE, ML, SI, Six, VV};
 
 const FLEXIONS: [f64; 4] = [0.0, 30.0, 60.0, 90.0];
 
@@ -25,7 +25,8 @@ fn it_pulls_forward_near_extension_backward_in_flexion_and_back_into_the_groove(
     let (effect, variant) = catalogue.find("quad_passive").unwrap();
     let tendon = Active::new(effect, variant, &[100.0, 0.0, 0.0]).unwrap();
     for (trial, flexion) in problem.trials.iter().zip(FLEXIONS) {
-        let force = |q: &sim::joint::Six| tendon.force(&problem.place.situation(&problem.model, trial, &trial.load, q));
+        let force =
+            |q: &sim::coordinate::Six| tendon.force(&problem.place.situation(&problem.model, trial, &trial.load, q));
         let at_rest = force(&trial.neutral);
         // against the shaft, [riener1999]: 20 deg forward in extension, 8 deg backward at 90 deg
         let forward = 100.0 * (20.0 - 28.0 * flexion / 90.0).to_radians().sin();

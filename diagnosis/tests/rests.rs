@@ -13,8 +13,8 @@ use diagnosis::covariance::{Floor, remainders};
 use diagnosis::effect::Active;
 use diagnosis::problem::{Problem, reading};
 use nalgebra::Matrix6;
+use sim::coordinate::{Six, VV};
 use sim::equilibrium::Equilibrium;
-use sim::joint::Six;
 
 /// The published deck under 10 N m of varus and of valgus at 30, 60 and 90 deg, measured where the deck itself rests.
 fn problem() -> Option<Problem> {
@@ -37,8 +37,8 @@ fn problem_off(varus: f64) -> Option<Problem> {
     assert!(rests.iter().all(|r| r.balanced));
     let moved = |r: &Equilibrium| {
         let mut out = reading(r);
-        out[0] += varus;
-        out
+        out[VV] += varus;
+        out.0
     };
     at(&rests.iter().map(moved).collect::<Vec<_>>())
 }
@@ -55,8 +55,8 @@ const TRIALS: [(&str, f64, f64); 6] = [
 
 /// Varus of each trial over the measured one [deg].
 fn off(problem: &Problem, rests: &[Equilibrium]) -> Vec<f64> {
-    let measured = problem.trials.iter().map(|t| t.measured[0].unwrap());
-    measured.zip(rests).map(|(m, r)| (reading(r)[0] - m).abs()).collect()
+    let measured = problem.trials.iter().map(|t| t.measured[VV].unwrap());
+    measured.zip(rests).map(|(m, r)| (reading(r)[VV] - m).abs()).collect()
 }
 
 /// The unknowns with all reference strains off by so many standard deviations of their prior.

@@ -13,7 +13,7 @@ use diagnosis::problem::{Problem, reading};
 use diagnosis::search::{DiagnosisOptions, Searcher};
 use diagnosis::wildcard::suspects::{SHARE, SWAY, impinging, larger, pulls, swayed};
 use diagnosis::wildcard::{Bone, Course, Wildcard, wildcard};
-use sim::joint::{AP, FE, IE, ML, SI, Six, VV};
+use sim::coordinate::{AP, Coordinate, FE, FREE, IE, ML, SI, Six, VV};
 
 const TRIALS: [(&str, f64, [f64; 4]); 12] = [
     ("neutral", 0.0, [0.0; 4]),
@@ -46,9 +46,9 @@ fn measured(problem: &Problem, loads: &dyn Fn(usize) -> Six, misread: &dyn Fn(us
             let gs = problem.model.joint.grood_suntay(&rest.q);
             let wrong = misread(i, &gs);
             let read = reading(rest);
-            std::array::from_fn(|c| {
-                let unit = if c < 2 { 1f64.to_radians() } else { 1.0 };
-                read[c] + wrong[[VV, IE, ML, AP, SI][c]] / unit + 0.1 * (5.0 * i as f64 + 1.3 * c as f64).sin()
+            FREE.map(|c| {
+                let unit = c.to_solver(1.0);
+                read[c] + wrong[c] / unit + 0.1 * (5.0 * i as f64 + 1.3 * c.free_index() as f64).sin()
             })
         })
         .collect();
@@ -106,8 +106,8 @@ fn cruciates_that_press_on_each_other_have_an_energy_and_are_left_alone_where_th
     assert_eq!(force(&trial.neutral, -20.0), Six::zeros());
     let q = trial.neutral;
     assert!(force(&q, 25.0).amax() > 1.0, "{}", force(&q, 25.0));
-    let slope = |j: usize| {
-        let h = if j <= IE { 1e-3 } else { 0.05 };
+    let slope = |j: Coordinate| {
+        let h = if j.turns() { 1e-3 } else { 0.05 };
         let mut step = Six::zeros();
         step[j] = h;
         (force(&(q + step), 25.0) - force(&(q - step), 25.0)) / (2.0 * h)

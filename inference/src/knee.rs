@@ -16,11 +16,12 @@ use serde::{Deserialize, Serialize};
 use sim::Model;
 use sim::SimError;
 use sim::contact::Nearby;
-use sim::joint::{FE, Joint, Six};
+use sim::coordinate::{Coordinate, FE, FREE, Free, Load, Six};
+use sim::joint::Joint;
 use sim::quasistatic::{Goal, State, increment_near};
 use sim::sensitivity::End;
 use sim::spec::ModelSpec;
-use sim::trials::{TrialOptions, chain_flexion, generalised, pose_spec, solve_trials};
+use sim::trials::{TrialOptions, chain_flexion, pose_spec, solve_trials};
 use slopes::Slopes;
 
 /// What of a knee a parameter is.
@@ -39,13 +40,13 @@ pub enum Quantity {
     ContactScale,
     /// Cartilage thicker than the model's, both of a compartment together [mm].
     Cartilage,
-    /// Slope by which the bearing surface leans otherwise than the model's about a flexion [rad]: index of the free coordinate, ML (2) or AP (3), and
-    /// place among [`KNOTS`].
-    Lean(usize, usize),
+    /// Slope by which the bearing surface leans otherwise than the model's about a flexion [rad]: ML or AP, and place among
+    /// [`KNOTS`].
+    Lean(Coordinate, usize),
     /// Displacement per load that the apparatus of a data set reads beside the knee's [deg/(N m), mm/N]: data set, coordinate.
-    Compliance(usize, usize),
+    Compliance(usize, Coordinate),
     /// Load that the knee bears in all trials of a data set beside the recorded one [N m, N]: data set, coordinate.
-    Resting(usize, usize),
+    Resting(usize, Coordinate),
 }
 
 /// Flexions between which leans of the bearing surface are interpolated [deg]; ours: contact wanders over a plateau's third in each.
@@ -56,12 +57,12 @@ pub const KNOTS: [f64; 4] = [0.0, 30.0, 60.0, 90.0];
 pub struct Asked {
     /// Its data set; of none where it is only imagined.
     pub source: Option<usize>,
-    /// Loads VV, IE [N m], ML, AP, SI [N].
-    pub load: [f64; 5],
+    /// Loads.
+    pub load: Load,
     /// Flexion [deg].
     pub fe_deg: f64,
     /// Which coordinates are predictions that count.
-    pub reads: [bool; 5],
+    pub reads: Free<bool>,
     /// Place of the trial from whose pose the readings count; none where they are poses.
     pub from: Option<usize>,
 }
@@ -95,8 +96,8 @@ pub struct Trials<'a> {
     pub beliefs: &'a [Belief],
     /// The path to the first answers.
     pub options: &'a TrialOptions,
-    /// Scatter of loads as recorded: VV, IE [N m], ML, AP, SI [N].
-    pub load_sd: [f64; 5],
+    /// Scatter of loads as recorded.
+    pub load_sd: Load,
     /// What the model lacks.
     pub lack: Lack,
 }
@@ -105,18 +106,18 @@ pub struct Trials<'a> {
 /// so as large in millimetres as the knee is slack.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lack {
-    /// Standard deviation of those loads: VV, IE [N m], ML, AP, SI [N].
-    pub sd: [f64; 5],
+    /// Standard deviation of those loads.
+    pub sd: Load,
     /// Flexion over which they change [deg].
     pub flexion_deg: f64,
-    /// Applied loads over which they change: VV, IE [N m], ML, AP, SI [N].
-    pub load: [f64; 5],
+    /// Applied loads over which they change.
+    pub load: Load,
 }
 
 impl Lack {
     /// How alike it is in two trials [-].
     fn alike(&self, a: &Asked, b: &Asked) -> f64 {
-        let loads = (0..5).map(|l| ((a.load[l] - b.load[l]) / self.load[l]).powi(2)).sum::<f64>();
+        let loads = FREE.into_iter().map(|l| ((a.load[l] - b.load[l]) / self.load[l]).powi(2)).sum::<f64>();
         (-0.5 * (((a.fe_deg - b.fe_deg) / self.flexion_deg).powi(2) + loads)).exp()
     }
 }
@@ -129,13 +130,13 @@ pub struct Answer {
     /// Size of the contact force [N].
     pub pressed: f64,
     /// Predicted VV, IE [deg], ML, AP, SI [mm].
-    pub predicted: [f64; 5],
+    pub predicted: Free<f64>,
     /// Bundle forces [N].
     pub forces_n: Vec<f64>,
     /// Derivatives by the parameters: of the coordinates (6 rows), without those by frames.
     coordinates: DMatrix<f64>,
     /// Derivatives of the prediction by the loads: a row a coordinate.
-    by_load: [[f64; 5]; 5],
+    by_load: Free<Free<f64>>,
 }
 
 /// Answers of all trials.
@@ -226,7 +227,7 @@ impl Trials<'_> {
     }
 
     /// A trial's load with what the knee bears beside it.
-    fn borne(&self, values: &[f64], trial: &Asked) -> [f64; 5] {
+    fn borne(&self, values: &[f64], trial: &Asked) -> Load {
         let mut load = trial.load;
         for (p, x) in self.parameters.iter().zip(values) {
             if let Quantity::Resting(source, coordinate) = p.quantity
@@ -241,13 +242,13 @@ impl Trials<'_> {
     /// What the lean of the bearing surface adds to a trial's load, per newton of contact force.
     fn lean(&self, values: &[f64], fe_deg: f64) -> Six {
         let share = shares(fe_deg);
-        let mut load = [0.0; 5];
+        let mut load = Load::default();
         for (p, x) in self.parameters.iter().zip(values) {
             if let Quantity::Lean(coordinate, knot) = p.quantity {
                 load[coordinate] += share[knot] * x;
             }
         }
-        generalised(&load)
+        load.generalised()
     }
 
     /// Answers along the paths of loading, without derivatives: where nothing close by is known.
@@ -272,7 +273,7 @@ impl Trials<'_> {
         let lean = self.lean(&knee.values, trial.fe_deg);
         let goal = Goal {
             flexion: chain_flexion(model, trial.fe_deg, self.options)?,
-            load: generalised(&self.borne(&knee.values, trial)) + lean * force,
+            load: self.borne(&knee.values, trial).generalised() + lean * force,
             flow: None,
         };
         let solver = &self.options.solver;
@@ -403,8 +404,8 @@ fn plain(trial: &Asked) -> sim::laxity::LaxityTrial {
         nominal_flexion_deg: trial.fe_deg,
         load: trial.load,
         fe_deg: trial.fe_deg,
-        measured: [None; 5],
-        sd: [None; 5],
+        measured: Free::all(None),
+        sd: Free::all(None),
         branch: None,
         order: None,
         time_s: None,
@@ -459,12 +460,16 @@ mod tests {
 
     #[test]
     fn what_a_model_lacks_is_alike_in_like_trials_and_makes_a_covariance() {
-        let lack = Lack { sd: [1.0; 5], flexion_deg: 25.0, load: [6.0, 3.0, 60.0, 60.0, 60.0] };
+        let lack = Lack {
+            sd: Load::new(1.0, 1.0, 1.0, 1.0, 1.0),
+            flexion_deg: 25.0,
+            load: Load::new(6.0, 3.0, 60.0, 60.0, 60.0),
+        };
         let at = |ap: f64, fe_deg: f64| Asked {
             source: None,
-            load: [0.0, 0.0, 0.0, ap, 20.0],
+            load: Load::new(0.0, 0.0, 0.0, ap, 20.0),
             fe_deg,
-            reads: [true; 5],
+            reads: Free::all(true),
             from: None,
         };
         let trials: Vec<Asked> =

@@ -10,6 +10,7 @@ use clap::{Args, Subcommand};
 use diagnosis::covariance::Floor;
 use diagnosis::diagnosis::Diagnosis;
 use diagnosis::search::DiagnosisOptions;
+use sim::coordinate::{FREE, Free};
 use sim::laxity::{LaxityTrial, TrialResult, results_csv};
 use sim::mesh::MeshValue;
 use sim::uncertainty::{LigamentUncertainty, ParameterPrior};
@@ -137,7 +138,7 @@ fn make_cases(args: &MakeArgs) -> Result<String, BuildError> {
         let mut readings = case.readings.iter();
         for source in &sources {
             let results: Vec<TrialResult> =
-                source.trials.iter().zip(readings.by_ref()).map(|(t, r)| result(t, r)).collect();
+                source.trials.iter().zip(readings.by_ref()).map(|(t, r)| result(t, &Free(*r))).collect();
             store::write(
                 &args.out.join(&name).join(format!("{}.csv", source.name)),
                 results_csv(&[], &results).as_bytes(),
@@ -223,15 +224,14 @@ pub(crate) fn planned(source: &str, t: &LaxityTrial) -> Planned {
         source: source.to_owned(),
         condition: format!("{} {}", t.test.name(), t.nominal_flexion_deg),
         flexion_deg: t.fe_deg,
-        load: t.load,
-        sd: std::array::from_fn(|c| t.sd[c].unwrap_or(diagnosis::trial::USUAL_NOISE[c])),
+        load: t.load.0.0,
+        sd: FREE.map(|c| t.sd[c].unwrap_or(diagnosis::trial::USUAL_NOISE[c])),
     }
 }
 
 /// A trial with another measurement.
-fn result(t: &LaxityTrial, r: &[f64; 5]) -> TrialResult {
-    let pose =
-        sim::spec::PoseSpec { fe_deg: t.fe_deg, vv_deg: r[0], ie_deg: r[1], ml_mm: r[2], ap_mm: r[3], si_mm: r[4] };
+fn result(t: &LaxityTrial, r: &Free<f64>) -> TrialResult {
+    let pose = sim::spec::PoseSpec { fe_deg: t.fe_deg, ..Default::default() }.moved(r);
     TrialResult { trial: t.clone(), pose, forces_n: vec![], flags: vec![] }
 }
 
@@ -373,8 +373,11 @@ fn opened(args: &ScoreArgs) -> Result<Vec<Truth>, BuildError> {
             let measured: Vec<(String, PathBuf)> =
                 sources.iter().map(|s| (s.clone(), args.bench.join(case).join(format!("{s}.csv")))).collect();
             let (data, _) = diagnose::sources(&measured)?;
-            let promise = diagnosis::atlas::promise(&model, &loaded.spec, &data, &truth.signature)
-                .map_err(|e| BuildError::File(format!("{case}: {e}")))?;
+            let promise = {
+                let signature: Vec<Free<f64>> = truth.signature.iter().copied().map(Free).collect();
+                diagnosis::atlas::promise(&model, &loaded.spec, &data, &signature)
+            }
+            .map_err(|e| BuildError::File(format!("{case}: {e}")))?;
             truth.strength.expected_evidence = promise.all;
             truth.strength.settled_evidence = promise.settled;
         }

@@ -8,6 +8,7 @@ use blindbench::laboratory::{Case, Planned, make};
 use meshes::Point;
 use meshes::frame::AnatomicalFrame;
 use serde::Deserialize;
+use sim::coordinate::{AP, Free, Load, SI};
 use sim::laxity::{LaxityTrial, Reference, Test, TrialResult, results_csv, trials_csv};
 use sim::spec::PoseSpec;
 use stages::assemble::AssembleOptions;
@@ -144,13 +145,8 @@ impl Protocol {
     fn trials(&self) -> Vec<LaxityTrial> {
         let (Reads::Poses([turn, shift]) | Reads::Displacements([turn, shift])) = self.reads;
         let trial = |test: Test, flexion: f64, size: f64| {
-            let mut load = [0.0, 0.0, 0.0, 0.0, self.compression_n];
-            let axis = match test {
-                Test::Varus | Test::Valgus => 0,
-                Test::Internal | Test::External => 1,
-                _ => 3,
-            };
-            load[axis] += size;
+            let mut load = Load::compression(self.compression_n);
+            load[test.coordinate().unwrap_or(AP)] += size;
             LaxityTrial {
                 row: None,
                 trial: format!("{}_{flexion}deg_{}", test.name(), size.abs()),
@@ -158,8 +154,8 @@ impl Protocol {
                 nominal_flexion_deg: flexion,
                 load,
                 fe_deg: flexion,
-                measured: [None; 5],
-                sd: [turn, turn, shift, shift, shift].map(Some),
+                measured: Free::all(None),
+                sd: Free::from_fn(|c| Some(if c.turns() { turn } else { shift })),
                 branch: None,
                 order: None,
                 time_s: None,
@@ -181,6 +177,7 @@ fn measure(made: &mut PhantomSpecimen, protocols: &[Protocol], hide: &str, seed:
     let plan: Vec<Planned> =
         sets.iter().flat_map(|(p, trials)| trials.iter().map(|t| crate::blind::planned(p.source, t))).collect();
     let Case { readings, truth } = make(&knee, &plan, "phantom", (hide, 1.0), seed).map_err(|e| e.to_string())?;
+    let readings: Vec<Free<f64>> = readings.into_iter().map(Free).collect();
     let mut rest = readings.as_slice();
     let mut table = "\n[laxity]\n".to_owned();
     for (protocol, trials) in &sets {
@@ -201,18 +198,10 @@ fn measure(made: &mut PhantomSpecimen, protocols: &[Protocol], hide: &str, seed:
 }
 
 /// Readings as poses.
-fn poses_csv(trials: &[LaxityTrial], readings: &[[f64; 5]]) -> String {
-    let pose = |t: &LaxityTrial, r: &[f64; 5]| PoseSpec {
-        fe_deg: t.fe_deg,
-        vv_deg: r[0],
-        ie_deg: r[1],
-        ml_mm: r[2],
-        ap_mm: r[3],
-        si_mm: r[4],
-    };
-    let result = |(t, r): (&LaxityTrial, &[f64; 5])| TrialResult {
+fn poses_csv(trials: &[LaxityTrial], readings: &[Free<f64>]) -> String {
+    let result = |(t, r): (&LaxityTrial, &Free<f64>)| TrialResult {
         trial: t.clone(),
-        pose: pose(t, r),
+        pose: PoseSpec { fe_deg: t.fe_deg, ..PoseSpec::default() }.moved(r),
         forces_n: vec![],
         flags: vec![],
     };
@@ -221,15 +210,15 @@ fn poses_csv(trials: &[LaxityTrial], readings: &[[f64; 5]]) -> String {
 }
 
 /// Readings as displacements from the unloaded trial of the flexion, in the coordinate of the test; compression and noise are not told.
-fn displacements_csv(trials: &[LaxityTrial], readings: &[[f64; 5]]) -> String {
+fn displacements_csv(trials: &[LaxityTrial], readings: &[Free<f64>]) -> String {
     let mut out: Vec<LaxityTrial> = Vec::new();
     for (t, read) in trials.iter().zip(readings) {
-        let mut told = LaxityTrial { sd: [None; 5], ..t.clone() };
-        told.load[4] = 0.0;
+        let mut told = LaxityTrial { sd: Free::all(None), ..t.clone() };
+        told.load[SI] = 0.0;
         let zero = trials.iter().position(|z| z.test == Test::Neutral && z.fe_deg == t.fe_deg);
         if let (Some(c), Some(k)) = (t.test.coordinate(), zero) {
             told.measured[c] = Some(read[c] - readings[k][c]);
-            let load = [0.0; 5];
+            let load = Load::default();
             told.reference = Some(Reference { trial: trials[k].trial.clone(), load, fe_deg: t.fe_deg });
         }
         out.push(told);

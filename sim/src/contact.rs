@@ -16,8 +16,9 @@ pub mod press;
 mod rim;
 mod thickness;
 
+use crate::coordinate::Six;
 use crate::error::SimError;
-use crate::joint::{Pose, Screw, Six, comes_first};
+use crate::joint::{Pose, Screw, comes_first};
 use crate::spec::{ContactSpec, FramesSpec, ModelSpec};
 use field::Field;
 pub use friction::{FrictionState, Patches};

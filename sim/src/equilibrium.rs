@@ -4,7 +4,7 @@
 //! external field. Between them and [`crate::quasistatic`] lies friction: there it holds a pose, here it is none.
 
 use crate::contact::Nearby;
-use crate::joint::{FE, FREE, IE, SI, Six, VV};
+use crate::coordinate::{ALL, Coordinate, FE, FREE, Free, IE, SI, Six, free_block, free_part};
 use crate::model::Model;
 use nalgebra::{Matrix5, Matrix6, Vector5};
 
@@ -75,7 +75,7 @@ pub struct Restraint {
     /// The pose: FE, VV, IE [rad], ML, AP, SI [mm].
     pub to: Six,
     /// How far each gives way under `hold_n`: VV, IE [deg], ML, AP, SI [mm]; flexion has no spring.
-    pub gives: [f64; 5],
+    pub gives: Free<f64>,
     /// That force [N]; rotations by a lever of 20 mm.
     pub hold_n: f64,
 }
@@ -136,6 +136,7 @@ impl Rig<'_> {
             let mut pulled = Balance { miss: state.miss, tangent: state.tangent, observed: state.observed };
             for &j in &FREE {
                 pulled.miss[j] += force[j];
+                let j = j.index();
                 (0..6).for_each(|k| pulled.tangent[(j, k)] += stiffness[(j, k)]);
             }
             if pulled.size() < 1.0 {
@@ -163,7 +164,7 @@ impl Rig<'_> {
         }
         let mut miss = at.gradient - ask.load - extra;
         miss[FE] = observed[FE] - ask.flexion;
-        tangent.set_row(FE, &self.observe_derivative(q).row(FE).into_owned());
+        tangent.set_row(FE.index(), &self.observe_derivative(q).row(FE.index()).into_owned());
         Balance { miss, tangent, observed }
     }
 
@@ -176,7 +177,7 @@ impl Rig<'_> {
     pub fn external_tangent(&self, load: &Six, q: &Six) -> Matrix6<f64> {
         let mut out = Matrix6::zeros();
         for j in 0..6 {
-            let h = if j <= IE { 1e-5 } else { 1e-3 };
+            let h = if j <= IE.index() { 1e-5 } else { 1e-3 };
             let (mut up, mut down) = (*q, *q);
             up[j] += h;
             down[j] -= h;
@@ -199,7 +200,7 @@ impl Rig<'_> {
         }
         let mut out = Matrix6::zeros();
         for j in 0..6 {
-            let h = if j <= IE { 1e-6 } else { 1e-4 };
+            let h = if j <= IE.index() { 1e-6 } else { 1e-4 };
             let (mut up, mut down) = (*q, *q);
             up[j] += h;
             down[j] -= h;
@@ -217,10 +218,10 @@ impl Restraint {
 
     /// Stiffness of the springs [N mm/rad, N/mm].
     fn springs(&self) -> [f64; 6] {
-        std::array::from_fn(|j| match j {
+        ALL.map(|c| match c {
             FE => 0.0,
-            VV | IE => self.hold_n * SPRING_LEVER_MM / self.gives[j - 1].to_radians(),
-            _ => self.hold_n / self.gives[j - 1],
+            c if c.turns() => self.hold_n * SPRING_LEVER_MM / self.gives[c].to_radians(),
+            c => self.hold_n / self.gives[c],
         })
     }
 
@@ -228,15 +229,16 @@ impl Restraint {
     /// negative, and a force out of balance would move it anywhere.
     pub fn stiffened(&self, tangent: &Matrix6<f64>) -> Matrix6<f64> {
         let springs = self.springs();
-        let unit: [f64; 5] = FREE.map(|j| springs[j].sqrt());
-        let block = Matrix5::from_fn(|a, b| tangent[(FREE[a], FREE[b])] / (unit[a] * unit[b]));
+        let unit = FREE.map(|c| springs[c.index()].sqrt());
+        let free = free_block(tangent);
+        let block = Matrix5::from_fn(|a, b| free[(a, b)] / (unit[a] * unit[b]));
         let eigen = ((block + block.transpose()) * 0.5).symmetric_eigen();
         let lacking = eigen.eigenvalues.map(|own| (LEAST_STIFFNESS - own).max(0.0));
         let added = eigen.eigenvectors * Matrix5::from_diagonal(&lacking) * eigen.eigenvectors.transpose();
         let mut out = *tangent;
         for (a, &j) in FREE.iter().enumerate() {
             for (b, &k) in FREE.iter().enumerate() {
-                out[(j, k)] += added[(a, b)] * unit[a] * unit[b];
+                out[(j.index(), k.index())] += added[(a, b)] * unit[a] * unit[b];
             }
         }
         out
@@ -253,24 +255,25 @@ struct Balance {
 
 impl Balance {
     fn is_balanced(&self) -> bool {
-        self.miss[FE].abs() < SAME_FLEXION && FREE.iter().all(|&j| self.miss[j].abs() < BALANCED[j])
+        self.miss[FE].abs() < SAME_FLEXION && FREE.iter().all(|&c| self.miss[c].abs() < BALANCED[c.index()])
     }
 
     /// Size of the imbalance [N].
     fn size(&self) -> f64 {
-        let lever = |j: usize| if j == VV || j == IE { LEVER_MM } else { 1.0 };
+        let lever = |c: Coordinate| if c.turns() { LEVER_MM } else { 1.0 };
         FREE.iter().map(|&j| (self.miss[j] / lever(j)).powi(2)).sum::<f64>().sqrt()
     }
 
     /// Newton's step; where the free block is not positive definite its eigenvalues are turned up, so that the step goes downhill.
     fn step(&self) -> Six {
         let scale = scales();
-        let block: Matrix5<f64> = Matrix5::from_fn(|a, b| self.tangent[(FREE[a], FREE[b])] * scale[a] * scale[b]);
+        let (tangent, miss) = (free_block(&self.tangent), free_part(&self.miss));
+        let by_flexion = free_part(&self.tangent.column(FE.index()).into_owned());
+        let block = Matrix5::from_fn(|a, b| tangent[(a, b)] * scale[a] * scale[b]);
         let mut step = Six::zeros();
         // flexion first: the reading depends on it almost alone
-        step[FE] = -self.miss[FE] / self.tangent[(FE, FE)];
-        let rhs: Vector5<f64> =
-            Vector5::from_fn(|a, _| -(self.miss[FREE[a]] + self.tangent[(FREE[a], FE)] * step[FE]) * scale[a]);
+        step[FE] = -self.miss[FE] / self.tangent[(FE.index(), FE.index())];
+        let rhs = Vector5::from_fn(|a, _| -(miss[a] + by_flexion[a] * step[FE]) * scale[a]);
         let symmetric = (block + block.transpose()) * 0.5;
         let eigen = symmetric.symmetric_eigen();
         let least = 1e-4 * eigen.eigenvalues.amax().max(1e-9);
@@ -290,7 +293,7 @@ impl Balance {
 
 /// Unit steps of the free coordinates: a millimetre at the lever.
 fn scales() -> [f64; 5] {
-    FREE.map(|j| if j == VV || j == IE { 1.0 / LEVER_MM } else { 1.0 })
+    FREE.map(|c| if c.turns() { 1.0 / LEVER_MM } else { 1.0 })
 }
 
 /// The step cut to `trust` of the largest.

@@ -24,8 +24,9 @@ pub use state::ExplicitState;
 pub use trial::{TrialSteps, deck_program, explicit_trial};
 
 use crate::contact::Nearby;
+use crate::coordinate::Six;
 use crate::error::SimError;
-use crate::joint::{Pose, Six};
+use crate::joint::Pose;
 use crate::model::{FibreState, Model};
 use increment::Stepper;
 use std::ops::ControlFlow;

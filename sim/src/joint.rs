@@ -1,37 +1,21 @@
 //! The joint chain: three cylindrical joints between the fixed tibia and the moving femur [grood1983], in clinical signs.
 //!
-//! Coordinates `q` are clinical displacements from the CT pose in the order [`FE`], [`VV`], [`IE`] [rad], [`ML`], [`AP`], [`SI`] [mm],
+//! Coordinates `q` are clinical displacements from the CT pose: [`FE`], [`VV`], [`IE`] [rad], [`ML`], [`AP`], [`SI`] [mm],
 //! equal for left and right: flexion, valgus, external, and the tibia lateral, anterior, superior of the femur are positive. A load is the
 //! generalised force conjugate to its coordinate. Along the chain, from the tibia: IE, SI about and along the tibial axis; VV, AP about and
 //! along the floating axis; FE, ML about and along the femoral axis. Grood-Suntay angles are the chain's angles plus the CT pose's;
 //! Grood-Suntay translations are projections on the axes, the chain's are components along them.
 
+use crate::coordinate::{AP, Coordinate, FE, IE, ML, SI, Six, VV};
 use crate::deck::ChainCoordinate;
 use crate::error::SimError;
 use crate::spec::{AxisSpec, ChainSpec, FramesSpec};
 use meshes::frame::{AnatomicalFrame, Side};
 use meshes::{Isometry, Point, Vector};
-use nalgebra::{Matrix3, Matrix6, Rotation3, Translation3, UnitQuaternion, Vector6};
+use nalgebra::{Matrix3, Matrix6, Rotation3, Translation3, UnitQuaternion};
 
-/// Index of flexion-extension.
-pub const FE: usize = 0;
-/// Index of varus-valgus.
-pub const VV: usize = 1;
-/// Index of internal-external rotation.
-pub const IE: usize = 2;
-/// Index of medial-lateral translation.
-pub const ML: usize = 3;
-/// Index of anterior-posterior translation.
-pub const AP: usize = 4;
-/// Index of superior-inferior translation.
-pub const SI: usize = 5;
-/// The coordinates that are free when flexion is prescribed.
-pub const FREE: [usize; 5] = [VV, IE, ML, AP, SI];
 /// Place of each coordinate along the chain, counted from the tibia.
 const RANK: [usize; 6] = [4, 2, 0, 5, 3, 1];
-
-/// Six numbers in the order FE, VV, IE, ML, AP, SI.
-pub type Six = Vector6<f64>;
 
 /// The chain in the CT pose.
 #[derive(Clone, Debug, PartialEq)]
@@ -122,7 +106,7 @@ impl Joint {
     }
 
     /// The coordinate a deck's chain coordinate is, and its sign; `chain` holds the axes as the deck turns them.
-    pub fn from_chain(&self, coordinate: ChainCoordinate, chain: Option<&ChainSpec>) -> (usize, f64) {
+    pub fn from_chain(&self, coordinate: ChainCoordinate, chain: Option<&ChainSpec>) -> (Coordinate, f64) {
         let (index, axis, given) = match coordinate {
             ChainCoordinate::Ie => (IE, 0, chain.map(|c| c.si)),
             ChainCoordinate::Si => (SI, 0, chain.map(|c| c.si)),
@@ -132,12 +116,12 @@ impl Joint {
             ChainCoordinate::Ml => (ML, 2, chain.map(|c| c.ml)),
         };
         let turned = given.is_some_and(|g| g.direction.dot(&self.axes[axis].direction) < 0.0);
-        (index, if turned { -self.sign[index] } else { self.sign[index] })
+        (index, if turned { -self.sign[index.index()] } else { self.sign[index.index()] })
     }
 
     /// Position of the femur and its velocity fields at `q`.
     pub fn pose(&self, q: &Six) -> Pose {
-        let c: [f64; 6] = std::array::from_fn(|i| self.sign[i] * q[i]);
+        let c = Six::from_fn(|i, _| self.sign[i] * q[i]);
         let [si, ap, ml] = &self.axes;
         let first = cylinder(si, c[IE], c[SI]);
         let second = first * cylinder(ap, c[VV], c[AP]);
@@ -148,6 +132,7 @@ impl Joint {
         {
             let e = before * axis.direction;
             let p = before * axis.point;
+            let (turn, shift) = (turn.index(), shift.index());
             screws[turn] = Screw { angular: e * self.sign[turn], linear: p.coords.cross(&e) * self.sign[turn] };
             screws[shift] = Screw { angular: Vector::zeros(), linear: e * self.sign[shift] };
         }

@@ -1,7 +1,6 @@
 //! Laxity data (FORMAT 2): measured trials in clinical signs, what a model answers to them, and their CSV.
 //!
-//! The five loaded coordinates stand everywhere in the order of [`COORDINATES`]; loads act on the tibia in the signs of
-//! the coordinates, N m for VV and IE, N for ML, AP and SI; poses in degrees and mm.
+//! Loads act on the tibia in the signs of the coordinates, N m for VV and IE, N for ML, AP and SI; poses in degrees and mm.
 
 mod columns;
 mod differences;
@@ -16,14 +15,8 @@ pub use read::{LaxityTable, read, read_as};
 pub use signs::{SignDoubt, sign_doubts};
 pub use write::{TrialResult, protocol_csv, results_csv, trials_csv};
 
+use crate::coordinate::{AP, Coordinate, Free, IE, Load, VV};
 use serde::{Deserialize, Serialize};
-
-/// The five loaded coordinates, in the order of every array of five here; flexion is prescribed.
-pub const COORDINATES: [&str; 5] = ["vv", "ie", "ml", "ap", "si"];
-/// Units of the coordinates' values.
-pub const VALUE_UNITS: [&str; 5] = ["deg", "deg", "mm", "mm", "mm"];
-/// Units of the loads.
-pub const LOAD_UNITS: [&str; 5] = ["nm", "nm", "n", "n", "n"];
 
 /// What a trial tests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -62,12 +55,12 @@ impl Test {
         TESTS[self as usize].1
     }
 
-    /// The coordinate that it loads, as a place in [`COORDINATES`]; `None` for neutral.
-    pub fn coordinate(self) -> Option<usize> {
+    /// The coordinate that it loads; `None` for neutral.
+    pub fn coordinate(self) -> Option<Coordinate> {
         match self {
-            Test::Anterior | Test::Posterior => Some(3),
-            Test::Internal | Test::External => Some(1),
-            Test::Varus | Test::Valgus => Some(0),
+            Test::Anterior | Test::Posterior => Some(AP),
+            Test::Internal | Test::External => Some(IE),
+            Test::Varus | Test::Valgus => Some(VV),
             Test::Neutral => None,
         }
     }
@@ -96,15 +89,15 @@ pub struct LaxityTrial {
     pub test: Test,
     /// The flexion it is filed under [deg].
     pub nominal_flexion_deg: f64,
-    /// Loads on the tibia: VV, IE [N m], ML, AP, SI [N]; +20 N SI is 20 N of compression.
-    pub load: [f64; 5],
+    /// Loads on the tibia; +20 N SI is 20 N of compression.
+    pub load: Load,
     /// Flexion, prescribed in a simulation [deg].
     pub fe_deg: f64,
     /// Measured VV, IE [deg], ML, AP, SI [mm]; `None` is not measured.
-    pub measured: [Option<f64>; 5],
+    pub measured: Free<Option<f64>>,
     /// Standard deviation of the measurement noise, same order and units.
     #[serde(default)]
-    pub sd: [Option<f64>; 5],
+    pub sd: Free<Option<f64>>,
     /// Which way the load was going.
     #[serde(default)]
     pub branch: Option<Branch>,
@@ -125,8 +118,8 @@ pub struct LaxityTrial {
 pub struct Reference {
     /// Its name.
     pub trial: String,
-    /// Its loads on the tibia: VV, IE [N m], ML, AP, SI [N].
-    pub load: [f64; 5],
+    /// Its loads on the tibia.
+    pub load: Load,
     /// Its flexion [deg].
     pub fe_deg: f64,
 }
@@ -140,8 +133,8 @@ impl LaxityTrial {
             test: Test::Neutral,
             load: r.load,
             fe_deg: r.fe_deg,
-            measured: [None; 5],
-            sd: [None; 5],
+            measured: Free::all(None),
+            sd: Free::all(None),
             branch: None,
             order: None,
             time_s: None,
@@ -151,7 +144,7 @@ impl LaxityTrial {
     }
 
     /// A coordinate's load less that of the trial from which readings count [N m, N].
-    pub fn load_step(&self, coordinate: usize) -> f64 {
+    pub fn load_step(&self, coordinate: Coordinate) -> f64 {
         self.load[coordinate] - self.reference.as_ref().map_or(0.0, |r| r.load[coordinate])
     }
 }

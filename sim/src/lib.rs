@@ -13,6 +13,7 @@
 //! ```
 
 pub mod contact;
+pub mod coordinate;
 pub mod deck;
 pub mod deformable;
 pub mod equilibrium;

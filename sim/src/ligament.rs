@@ -3,8 +3,9 @@
 //! The stretch of fibre i is measured from the CT pose: `x = (l_i - l_i,CT) + L_bundle - L0`, `L0 = L_bundle / e`; so every fibre of a bundle has
 //! the same strain in the CT pose, whatever its own length. A bundle's force is shared equally by its fibres.
 
+use crate::coordinate::Six;
 use crate::error::SimError;
-use crate::joint::{Pose, Six, comes_first};
+use crate::joint::{Pose, comes_first};
 use crate::spec::{BundleSpec, Law, ModelSpec};
 use meshes::Vector;
 use nalgebra::Matrix6;

@@ -6,8 +6,9 @@
 mod check;
 
 use crate::contact::{Contact, ContactOptions, ContactResponse, Nearby};
+use crate::coordinate::Six;
 use crate::error::SimError;
-use crate::joint::{Joint, Pose, Six};
+use crate::joint::{Joint, Pose};
 use crate::ligament::{self, Bundle, Fibre, Line, Response};
 use crate::mesh::MeshValue;
 use crate::spec::ModelSpec;

@@ -2,12 +2,12 @@
 //!
 //! Each gives rows in the order of time; a row's trial holds the loads acting there and names the step.
 
+use crate::coordinate::{FE, Free, Load};
 use crate::error::SimError;
-use crate::joint::FE;
 use crate::laxity::{LaxityTrial, Test, TrialResult};
 use crate::model::Model;
 use crate::quasistatic::Phase;
-use crate::trials::{Path, TrialOptions, chain_flexion, generalised};
+use crate::trials::{Path, TrialOptions, chain_flexion};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -126,7 +126,7 @@ fn quasi_static(model: &Model, legs: &[Leg], o: &ProtocolOptions) -> Result<Vec<
     let mut rows = Vec::with_capacity(legs.len());
     for leg in legs {
         let flexion = chain_flexion(model, leg.trial.fe_deg, &o.trials)?;
-        let load = generalised(&leg.trial.load);
+        let load = leg.trial.load.generalised();
         match leg.going {
             None => path.load(flexion, &load)?,
             Some((seconds, steps)) => {
@@ -163,7 +163,7 @@ fn check(o: &ProtocolOptions) -> Result<(), SimError> {
     Ok(())
 }
 
-fn leg(step: String, test: Test, fe_deg: f64, load: [f64; 5], going: Option<(f64, usize)>) -> Leg {
+fn leg(step: String, test: Test, fe_deg: f64, load: Load, going: Option<(f64, usize)>) -> Leg {
     let trial = LaxityTrial {
         row: None,
         trial: step,
@@ -171,8 +171,8 @@ fn leg(step: String, test: Test, fe_deg: f64, load: [f64; 5], going: Option<(f64
         nominal_flexion_deg: fe_deg,
         load,
         fe_deg,
-        measured: [None; 5],
-        sd: [None; 5],
+        measured: Free::all(None),
+        sd: Free::all(None),
         branch: None,
         order: None,
         time_s: None,
@@ -182,7 +182,7 @@ fn leg(step: String, test: Test, fe_deg: f64, load: [f64; 5], going: Option<(f64
 }
 
 fn ap_laxity(fe_deg: f64, o: &ProtocolOptions) -> Vec<Leg> {
-    let at = |ap: f64| [0.0, 0.0, 0.0, ap, o.compression_n];
+    let at = |ap: f64| Load::new(0.0, 0.0, 0.0, ap, o.compression_n);
     let test = |ap: f64| if ap >= 0.0 { Test::Anterior } else { Test::Posterior };
     let name = |what: &str, ap: f64| format!("{fe_deg} deg {what} {ap:+.1} N");
     let mut legs = vec![leg(name("load", o.ap_load_n), Test::Anterior, fe_deg, at(o.ap_load_n), None)];
@@ -196,7 +196,7 @@ fn ap_laxity(fe_deg: f64, o: &ProtocolOptions) -> Vec<Leg> {
 }
 
 fn passive_flexion(model: &Model, o: &ProtocolOptions) -> Vec<Leg> {
-    let load = [0.0, 0.0, 0.0, 0.0, o.compression_n];
+    let load = Load::compression(o.compression_n);
     let count = ((o.to_flexion_deg - o.from_flexion_deg) / o.every_deg - 1e-9).ceil().max(0.0) as usize;
     let mut last = model.joint.ct_pose()[FE].to_degrees();
     let each = (0..=count).map(|k| {
@@ -212,8 +212,8 @@ fn passive_flexion(model: &Model, o: &ProtocolOptions) -> Vec<Leg> {
 /// Without the moments, then with both ramped up together while flexing, as in the two-step simulation.
 fn pivot_shift(o: &ProtocolOptions) -> Vec<Vec<Leg>> {
     let fe_deg = o.pivot_flexion_deg;
-    let full = [o.pivot_valgus_nm, -o.pivot_internal_nm, 0.0, 0.0, o.compression_n];
-    let none = [0.0, 0.0, 0.0, 0.0, o.compression_n];
+    let full = Load::new(o.pivot_valgus_nm, -o.pivot_internal_nm, 0.0, 0.0, o.compression_n);
+    let none = Load::compression(o.compression_n);
     vec![
         vec![leg(format!("{fe_deg} deg compressed"), Test::Neutral, fe_deg, none, None)],
         vec![leg(format!("{fe_deg} deg pivot shift"), Test::Valgus, fe_deg, full, None)],

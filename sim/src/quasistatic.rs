@@ -7,8 +7,8 @@
 //! a snap is followed downhill to the branch the damped motion would reach. Without dashpots an increment ends in equilibrium.
 
 use crate::contact::{FrictionState, Nearby, Patches};
+use crate::coordinate::{ALL, FE, FREE, Six, free_block, free_part};
 use crate::error::SimError;
-use crate::joint::{FE, FREE, Six};
 use crate::model::{Evaluation, Model};
 use nalgebra::{Matrix5, Matrix6, SymmetricEigen, Vector5};
 use serde::{Deserialize, Serialize};
@@ -227,7 +227,7 @@ pub fn increment_near(
 
 /// Size of a change of the coordinates [mm], angles times [`ARM`].
 fn distance(step: &Six) -> f64 {
-    (0..6).map(|c| step[c] * if c < 3 { ARM } else { 1.0 }).map(|x| x * x).sum::<f64>().sqrt()
+    ALL.map(|c| step[c] * if c.turns() { ARM } else { 1.0 }).iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
 /// Resistance of all dashpots at a pose [N s/mm and its like].
@@ -297,9 +297,10 @@ fn minimise(
 
 /// Gradient and Hessian over the free coordinates, angles times [`ARM`].
 fn scaled(value: &Value) -> (Vector5<f64>, Matrix5<f64>) {
-    let s = |c: usize| if c < 3 { 1.0 / ARM } else { 1.0 };
-    let gradient = Vector5::from_fn(|i, _| value.gradient[FREE[i]] * s(FREE[i]));
-    let hessian = Matrix5::from_fn(|i, j| value.hessian[(FREE[i], FREE[j])] * s(FREE[i]) * s(FREE[j]));
+    let s = FREE.map(|c| if c.turns() { 1.0 / ARM } else { 1.0 });
+    let gradient = free_part(&value.gradient).component_mul(&Vector5::from(s));
+    let free = free_block(&value.hessian);
+    let hessian = Matrix5::from_fn(|i, j| free[(i, j)] * s[i] * s[j]);
     (gradient, (hessian + hessian.transpose()) * 0.5)
 }
 
@@ -307,7 +308,7 @@ fn scaled(value: &Value) -> (Vector5<f64>, Matrix5<f64>) {
 fn unscaled(step: &Vector5<f64>) -> Six {
     let mut out = Six::zeros();
     for (i, &c) in FREE.iter().enumerate() {
-        out[c] = step[i] * if c < 3 { 1.0 / ARM } else { 1.0 };
+        out[c] = step[i] * if c.turns() { 1.0 / ARM } else { 1.0 };
     }
     out
 }

@@ -3,8 +3,8 @@
 //! At rest `r(q, p) = dE/dq - f + friction = 0` over the five free coordinates, so `dq/dp = -H^-1 dr/dp` with the exact tangent H of ligaments
 //! and contact. Friction's forces are held as they are (they depend on the path, not on the parameter at its end); flexion is prescribed.
 
+use crate::coordinate::{Coordinate, FE, FREE, Six, free_block, free_part};
 use crate::error::SimError;
-use crate::joint::{FE, FREE, Six};
 use crate::model::Model;
 use crate::trials::Answer;
 use nalgebra::{DMatrix, Matrix3, Matrix5, SymmetricEigen, Vector3, Vector5};
@@ -31,8 +31,8 @@ pub enum Parameter {
     Attachment(usize, End, usize),
     /// The same of all fibres of a bundle together: its site moves.
     Site(usize, End, usize),
-    /// A load, by its index in [`crate::laxity::COORDINATES`] [N m, N].
-    Load(usize),
+    /// A load on a free coordinate [N m, N].
+    Load(Coordinate),
     /// Flexion [deg].
     Flexion,
     /// Factor on every contact pressure, 1 as the model is [-].
@@ -61,15 +61,15 @@ pub fn all_parameters(model: &Model) -> Vec<Parameter> {
             out.extend((0..3).map(|axis| Parameter::Attachment(fibre, end, axis)));
         }
     }
-    out.extend((0..5).map(Parameter::Load));
+    out.extend(FREE.map(Parameter::Load));
     out.extend([Parameter::Flexion, Parameter::ContactScale]);
     out
 }
 
 /// Tangent stiffness of the free coordinates VV, IE [N mm/rad], ML, AP, SI [N/mm] at an answer, flexion prescribed.
 pub fn tangent(answer: &Answer) -> Matrix5<f64> {
-    let h = &answer.evaluation.hessian;
-    Matrix5::from_fn(|i, j| 0.5 * (h[(FREE[i], FREE[j])] + h[(FREE[j], FREE[i])]))
+    let h = free_block(&answer.evaluation.hessian);
+    (h + h.transpose()) * 0.5
 }
 
 /// Derivatives of pose and bundle forces by `parameters`.
@@ -77,8 +77,8 @@ pub fn tangent(answer: &Answer) -> Matrix5<f64> {
 /// Errors: a singular tangent (a pose that no load or ligament holds), a parameter the model does not have.
 pub fn sensitivities(model: &Model, answer: &Answer, parameters: &[Parameter]) -> Result<Sensitivities, SimError> {
     let stiffness = tangent(answer);
-    let arm = |i: usize| if i < 2 { 1.0 / 30.0 } else { 1.0 };
-    let scaled = Matrix5::from_fn(|i, j| stiffness[(i, j)] * arm(i) * arm(j));
+    let arm = FREE.map(|c| if c.turns() { 1.0 / 30.0 } else { 1.0 });
+    let scaled = Matrix5::from_fn(|i, j| stiffness[(i, j)] * arm[i] * arm[j]);
     let eigen = SymmetricEigen::new(scaled);
     let least = eigen.eigenvalues.min();
     if eigen.eigenvalues.iter().any(|e| e.is_nan() || e.abs() < 1e-6) {
@@ -94,16 +94,14 @@ pub fn sensitivities(model: &Model, answer: &Answer, parameters: &[Parameter]) -
     let mut coordinates = DMatrix::zeros(6, parameters.len());
     for (column, parameter) in parameters.iter().enumerate() {
         let direct = direct(model, answer, *parameter)?;
-        let residual = Vector5::from_fn(|i, _| direct.residual[FREE[i]] * arm(i));
+        let residual = free_part(&direct.residual).component_mul(&Vector5::from(arm));
         let moved = inverse * -residual;
         let mut dq = Six::zeros();
         dq[FE] = direct.flexion;
-        (0..5).for_each(|i| dq[FREE[i]] = moved[i] * arm(i));
+        FREE.iter().zip(&moved).zip(arm).for_each(|((&c, moved), arm)| dq[c] = moved * arm);
         coordinates.set_column(column, &dq);
         let gs = by_gs * dq;
-        for i in 0..5 {
-            pose[(i, column)] = if i < 2 { gs[FREE[i]].to_degrees() } else { gs[FREE[i]] };
-        }
+        FREE.into_iter().for_each(|c| pose[(c.free_index(), column)] = c.to_file(gs[c]));
         for (fibre, state) in model.fibres.iter().zip(states) {
             forces[(fibre.bundle, column)] += state.response.stiffness * state.line.gradient.dot(&dq);
         }
@@ -141,14 +139,14 @@ fn direct(model: &Model, answer: &Answer, parameter: Parameter) -> Result<Direct
             }
             Ok(Direct { residual, flexion: 0.0, force: Some((bundle, force)) })
         }
-        Parameter::Load(c) if c < 5 => {
+        Parameter::Load(c) if c != FE => {
             let mut residual = Six::zeros();
-            residual[FREE[c]] = if c < 2 { -1e3 } else { -1.0 };
+            residual[c] = -c.to_force(1.0);
             Ok(Direct { residual, ..Direct::default() })
         }
         Parameter::Flexion => {
             let flexion = 1f64.to_radians();
-            let residual: Six = answer.evaluation.hessian.column(FE) * flexion;
+            let residual: Six = answer.evaluation.hessian.column(FE.index()) * flexion;
             Ok(Direct { residual, flexion, force: None })
         }
         Parameter::ContactScale => Ok(Direct { residual: answer.evaluation.contact.gradient, ..Direct::default() }),

@@ -1,5 +1,6 @@
 //! model.json (FORMAT 3): everything a simulation needs, as data.
 
+use crate::coordinate::{Free, Six};
 use meshes::frame::{AnatomicalFrame, Side};
 use serde::{Deserialize, Serialize};
 
@@ -87,6 +88,26 @@ pub struct PoseSpec {
     pub ap_mm: f64,
     /// Superior [mm].
     pub si_mm: f64,
+}
+
+impl PoseSpec {
+    /// The five coordinates that are free when flexion is prescribed: VV, IE [deg], ML, AP, SI [mm].
+    pub fn free(&self) -> Free<f64> {
+        Free([self.vv_deg, self.ie_deg, self.ml_mm, self.ap_mm, self.si_mm])
+    }
+
+    /// The same moved by `by` [deg, mm].
+    pub fn moved(mut self, by: &Free<f64>) -> PoseSpec {
+        let all = [&mut self.vv_deg, &mut self.ie_deg, &mut self.ml_mm, &mut self.ap_mm, &mut self.si_mm];
+        all.into_iter().zip(by).for_each(|(x, by)| *x += by);
+        self
+    }
+
+    /// As the solver has it [rad, mm].
+    pub fn six(&self) -> Six {
+        let turns = [self.fe_deg, self.vv_deg, self.ie_deg].map(f64::to_radians);
+        Six::new(turns[0], turns[1], turns[2], self.ml_mm, self.ap_mm, self.si_mm)
+    }
 }
 
 /// The three cylindrical joints' axes in the CT pose: a point [mm] and a unit direction each.

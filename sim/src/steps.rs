@@ -1,9 +1,9 @@
 //! Programs of steps, such as a deck's own, by the quasi-static solver: the load history that explicit dynamics run, without inertia.
 
 use crate::contact::{FrictionState, Nearby};
+use crate::coordinate::{AP, Coordinate, FE, FREE, IE, ML, SI, Six, VV};
 use crate::error::SimError;
 use crate::explicit::{Drive, ExplicitOptions, Program, Step, failed};
-use crate::joint::{AP, FE, FREE, IE, ML, SI, Six, VV};
 use crate::model::Model;
 use crate::quasistatic::{Dashpots, Goal, SolverOptions, State, increment_near};
 use serde::{Deserialize, Serialize};
@@ -84,7 +84,7 @@ enum Kind {
 
 impl Kind {
     fn of(step: &Step) -> Result<Kind, SimError> {
-        let moved = |c: usize| matches!(step.drive[c], Drive::Motion(_));
+        let moved = |c: Coordinate| matches!(step.drive[c.index()], Drive::Motion(_));
         let fault = |m: &str| Err(SimError::Input(format!("step {}: {m}", step.name)));
         if FREE.iter().all(|&c| moved(c)) && moved(FE) {
             return Ok(Kind::Held);

@@ -4,8 +4,8 @@
 //! and load, then hold. Loads begin to change a third into the flexing, as in the published decks. Signs are clinical, whatever the side.
 
 use crate::contact::Nearby;
+use crate::coordinate::{AP, FE, Free, IE, Load, ML, SI, Six, VV};
 use crate::error::SimError;
-use crate::joint::{AP, FE, IE, ML, SI, Six, VV};
 use crate::laxity::{LaxityTrial, TrialResult};
 use crate::model::{Evaluation, Model};
 use crate::quasistatic::{Dashpots, Goal, Phase, Solved, SolverOptions, State, follow, increment_near};
@@ -121,16 +121,9 @@ impl Answer {
     }
 
     /// Predicted VV, IE [deg], ML, AP, SI [mm].
-    pub fn predicted(&self) -> [f64; 5] {
-        let p = &self.pose;
-        [p.vv_deg, p.ie_deg, p.ml_mm, p.ap_mm, p.si_mm]
+    pub fn predicted(&self) -> Free<f64> {
+        self.pose.free()
     }
-}
-
-/// Loads of a trial [VV, IE N m; ML, AP, SI N] as generalised forces [N mm, N].
-pub fn generalised(load: &[f64; 5]) -> Six {
-    let [vv, ie, ml, ap, si] = *load;
-    Six::new(0.0, vv * 1e3, ie * 1e3, ml, ap, si)
 }
 
 /// Grood-Suntay coordinates [rad, mm] as a pose in degrees.
@@ -165,12 +158,12 @@ pub fn solve_trial(model: &Model, trial: &LaxityTrial, options: &TrialOptions) -
 
 /// Solves trials in parallel, in order; those of one compression share its settling. The same answers as [`solve_trial`]'s.
 pub fn solve_trials(model: &Model, trials: &[LaxityTrial], options: &TrialOptions) -> Vec<Result<Answer, SimError>> {
-    let mut compressions: Vec<f64> = trials.iter().map(|t| t.load[4]).collect();
+    let mut compressions: Vec<f64> = trials.iter().map(|t| t.load[SI]).collect();
     compressions.sort_by(f64::total_cmp);
     compressions.dedup_by(|a, b| a.to_bits() == b.to_bits());
     let settled: Vec<Result<State, SimError>> = compressions.par_iter().map(|c| settle(model, *c, options)).collect();
     let answer = |trial: &LaxityTrial| {
-        let at = compressions.binary_search_by(|c| c.total_cmp(&trial.load[4])).unwrap_or_default();
+        let at = compressions.binary_search_by(|c| c.total_cmp(&trial.load[SI])).unwrap_or_default();
         let state = settled[at].as_ref().map_err(Clone::clone)?;
         solve_from(model, state, trial.fe_deg, &trial.load, options)
     };
@@ -178,8 +171,8 @@ pub fn solve_trials(model: &Model, trials: &[LaxityTrial], options: &TrialOption
 }
 
 /// [`solve_trial`] without a trial's name: flexion [deg], loads [N m, N].
-pub fn solve(model: &Model, fe_deg: f64, load: &[f64; 5], options: &TrialOptions) -> Result<Answer, SimError> {
-    solve_from(model, &settle(model, load[4], options)?, fe_deg, load, options)
+pub fn solve(model: &Model, fe_deg: f64, load: &Load, options: &TrialOptions) -> Result<Answer, SimError> {
+    solve_from(model, &settle(model, load[SI], options)?, fe_deg, load, options)
 }
 
 /// The CT pose settled under a compression [N]: where every trial of that compression begins.
@@ -195,15 +188,15 @@ pub fn solve_from(
     model: &Model,
     settled: &State,
     fe_deg: f64,
-    load: &[f64; 5],
+    load: &Load,
     options: &TrialOptions,
 ) -> Result<Answer, SimError> {
     options.check()?;
     let flexion = chain_flexion(model, fe_deg, options)?;
-    let compression = generalised(&[0.0, 0.0, 0.0, 0.0, load[4]]);
+    let compression = Load::compression(load[SI]).generalised();
     let mut path = Path::at(model, options, settled.clone());
     path.load = compression;
-    path.load(flexion, &generalised(load))?;
+    path.load(flexion, &load.generalised())?;
     path.rest()
 }
 
@@ -228,7 +221,7 @@ impl<'a> Path<'a> {
         let mut path = Path::at(model, options, State::default());
         let damping = options.settle_damping;
         let heavy = Dashpots { fibres: true, translation: damping, rotation: damping };
-        let load = generalised(&[0.0, 0.0, 0.0, 0.0, compression]);
+        let load = Load::compression(compression).generalised();
         path.follow(&Phase {
             flexion: 0.0,
             load,

@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use meshes::frame::Side;
+use sim::coordinate::{AP, Free};
 use sim::laxity::{LaxityFormat, LaxityTable, TrialResult, read, read_as, results_csv, sign_doubts, trials_csv};
 use sim::spec::PoseSpec;
 
@@ -37,8 +38,8 @@ fn a_file_says_by_column_or_by_declaration_what_its_readings_count_from() {
     let from: Vec<Option<&str>> = table.trials.iter().map(|t| t.reference.as_ref().map(|r| r.trial.as_str())).collect();
     let n30 = Some("n30");
     assert_eq!(from, [None, n30, n30, n30, None, Some("n90"), Some("n90")]);
-    assert_eq!(table.trials[0].measured, [None; 5], "the zero of an instrument is no pose");
-    assert!((table.trials[1].load_step(3) - 134.0).abs() < 1e-9);
+    assert_eq!(table.trials[0].measured, Free::all(None), "the zero of an instrument is no pose");
+    assert!((table.trials[1].load_step(AP) - 134.0).abs() < 1e-9);
     assert_eq!(table, told(&NAMED).unwrap());
     // and comes back from the standard file
     assert_eq!(read(trials_csv(&table.trials).as_bytes()).unwrap().trials, table.trials);
@@ -93,7 +94,7 @@ fn simulated_displacements_count_as_the_measured_ones_do() {
     };
     let results: Vec<TrialResult> = table.trials.iter().zip([-1.5, 5.0]).map(result).collect();
     let back = read(results_csv(&[], &results).as_bytes()).unwrap();
-    assert_eq!(back.trials[0].measured[3], Some(-1.5));
-    assert_eq!(back.trials[1].measured, [Some(0.0), Some(0.0), Some(0.0), Some(6.5), Some(0.0)]);
+    assert_eq!(back.trials[0].measured[AP], Some(-1.5));
+    assert_eq!(back.trials[1].measured.0, [Some(0.0), Some(0.0), Some(0.0), Some(6.5), Some(0.0)]);
     assert_eq!(back.trials[1].reference, table.trials[1].reference);
 }

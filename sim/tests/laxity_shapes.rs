@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use meshes::frame::Side;
+use sim::coordinate::{AP, Coordinate, FREE, IE, ML, SI, VV};
 use sim::laxity::{LaxityFormat, LaxityTable, LaxityTrial, read, read_as, sign_doubts, trials_csv};
 
 /// AP drawers and VV, IE moments at three flexions: made of slopes, so that every sign is known. `(load, displacement)` by coordinate.
@@ -62,7 +63,7 @@ fn same(found: &[LaxityTrial], names: bool) {
         assert_eq!((f.test, f.nominal_flexion_deg), (w.test, w.nominal_flexion_deg), "{}", w.trial);
         let close = |a: f64, b: f64| (a - b).abs() < 1e-9 * (1.0 + b.abs());
         assert!(close(f.fe_deg, w.fe_deg));
-        for c in 0..5 {
+        for c in FREE {
             assert!(close(f.load[c], w.load[c]), "{} load {c}: {} for {}", w.trial, f.load[c], w.load[c]);
             assert!(close(f.measured[c].unwrap(), w.measured[c].unwrap()), "{} value {c}", w.trial);
         }
@@ -87,15 +88,15 @@ fn other_names_units_and_words() {
         let m = t.measured.map(Option::unwrap);
         let word = if t.test.name() == "anterior" { "Ant. drawer" } else { t.test.name() };
         let cells = [
-            t.load[0] * 1e3,
-            t.load[1] * 1e3,
-            t.load[3] / 1e3,
+            t.load[VV] * 1e3,
+            t.load[IE] * 1e3,
+            t.load[AP] / 1e3,
             t.fe_deg.to_radians(),
-            m[0].to_radians(),
-            m[1].to_radians(),
-            m[2] / 10.0,
-            m[3] / 10.0,
-            m[4] / 10.0,
+            m[VV].to_radians(),
+            m[IE].to_radians(),
+            m[ML] / 10.0,
+            m[AP] / 10.0,
+            m[SI] / 10.0,
         ];
         let cells: Vec<String> = cells.iter().map(|v| v.to_string().replace('.', ",")).collect();
         csv += &format!("{};{word};{};{};JS\n", t.trial, t.nominal_flexion_deg, cells.join(";"));
@@ -131,16 +132,16 @@ fn a_robots_axes_on_either_side() {
         for t in made() {
             let m = t.measured.map(Option::unwrap);
             let cells = [
-                -t.load[3],
-                -right * t.load[1],
-                -right * t.load[0],
-                -t.load[4],
+                -t.load[AP],
+                -right * t.load[IE],
+                -right * t.load[VV],
+                -t.load[SI],
                 -t.fe_deg,
-                right * m[0],
-                right * m[1],
-                right * m[2],
-                m[3],
-                -m[4],
+                right * m[VV],
+                right * m[IE],
+                right * m[ML],
+                m[AP],
+                -m[SI],
             ];
             csv += &format!("{}\n", cells.map(|v| v.to_string()).join(","));
         }
@@ -184,15 +185,15 @@ fn turned_signs_are_found() {
         trials.iter_mut().for_each(change);
         sign_doubts(&trials).into_iter().map(|d| d.column).collect::<Vec<_>>()
     };
-    let flip = |t: &mut LaxityTrial, c: usize| t.measured[c] = t.measured[c].map(|v| -v);
+    let flip = |t: &mut LaxityTrial, c: Coordinate| t.measured[c] = t.measured[c].map(|v| -v);
     assert!(turned(&|_: &mut LaxityTrial| ()).is_empty());
-    assert_eq!(turned(&|t: &mut LaxityTrial| flip(t, 3)), ["ap_mm"]);
-    assert_eq!(turned(&|t: &mut LaxityTrial| flip(t, 0)), ["vv_deg"]);
-    assert_eq!(turned(&|t: &mut LaxityTrial| flip(t, 1)), ["ie_deg"]);
-    assert_eq!(turned(&|t: &mut LaxityTrial| t.load[1] = -t.load[1]), ["load_ie_nm"]);
+    assert_eq!(turned(&|t: &mut LaxityTrial| flip(t, AP)), ["ap_mm"]);
+    assert_eq!(turned(&|t: &mut LaxityTrial| flip(t, VV)), ["vv_deg"]);
+    assert_eq!(turned(&|t: &mut LaxityTrial| flip(t, IE)), ["ie_deg"]);
+    assert_eq!(turned(&|t: &mut LaxityTrial| t.load[IE] = -t.load[IE]), ["load_ie_nm"]);
     assert_eq!(turned(&|t: &mut LaxityTrial| t.fe_deg = -t.fe_deg), ["fe_deg"]);
-    assert_eq!(turned(&|t: &mut LaxityTrial| flip(t, 4)), ["si_mm"]);
-    assert_eq!(turned(&|t: &mut LaxityTrial| t.load[4] = -t.load[4]), ["load_si_n"]);
+    assert_eq!(turned(&|t: &mut LaxityTrial| flip(t, SI)), ["si_mm"]);
+    assert_eq!(turned(&|t: &mut LaxityTrial| t.load[SI] = -t.load[SI]), ["load_si_n"]);
 }
 
 #[test]

@@ -14,7 +14,8 @@ use meshes::surface::TriMesh;
 use meshes::{Point, Vector};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
-use sim::joint::{AP, FE, IE, Joint, ML, SI, VV};
+use sim::coordinate::{AP, FE, IE, ML, SI, VV};
+use sim::joint::Joint;
 use sim::spec::{FramesSpec, PoseSpec};
 
 /// Grood-Suntay coordinates in clinical signs.

@@ -3,24 +3,24 @@
 use crate::plot::{Series, colour, draw, panel};
 use crate::validate::{Passive, Source};
 use calibration::cost::CostFunction;
-use calibration::targets::primary;
 use plotters::prelude::*;
-use sim::laxity::{COORDINATES, LaxityTrial, Test};
+use sim::coordinate::{AP, Free, IE, VV};
+use sim::laxity::{LaxityTrial, Test};
 
 /// Figure 5: the targets, loads against flexion, a panel a coordinate.
 pub fn figure5(targets: &[(String, Vec<LaxityTrial>)]) -> String {
     draw((960, 340), |root| {
         let panels = [
-            (3, "Anterior +, posterior -", "AP load (N)"),
-            (1, "External +, internal -", "IE load (N m)"),
-            (0, "Valgus +, varus -", "VV load (N m)"),
+            (AP, "Anterior +, posterior -", "AP load (N)"),
+            (IE, "External +, internal -", "IE load (N m)"),
+            (VV, "Valgus +, varus -", "VV load (N m)"),
         ];
         for (k, (area, (c, title, y))) in root.split_evenly((1, 3)).iter().zip(panels).enumerate() {
             let of = |(s, (name, trials)): (usize, &(String, Vec<LaxityTrial>))| Series {
                 name: name.clone(),
                 points: trials
                     .iter()
-                    .filter(|t| primary(t.test) == Some(c) || (t.test == Test::Neutral && c == 3))
+                    .filter(|t| t.test.coordinate() == Some(c) || (t.test == Test::Neutral && c == AP))
                     .map(|t| (t.fe_deg, t.load[c]))
                     .collect(),
                 spread: vec![],
@@ -36,14 +36,14 @@ pub fn figure5(targets: &[(String, Vec<LaxityTrial>)]) -> String {
 }
 
 /// Figure 6: the groups of a source's targets, their weights, and what each adds to the cost of the calibrated model.
-pub fn figure6(name: &str, cost: &CostFunction, predicted: &[Option<[f64; 5]>]) -> String {
+pub fn figure6(name: &str, cost: &CostFunction, predicted: &[Option<Free<f64>>]) -> String {
     let errors = cost.cost(predicted).errors;
     let rows: Vec<(String, f64)> = cost
         .terms
         .iter()
         .enumerate()
         .map(|(k, t)| {
-            let (axis, unit) = (COORDINATES[t.coordinate].to_uppercase(), sim::laxity::VALUE_UNITS[t.coordinate]);
+            let (axis, unit) = (t.coordinate.name().to_uppercase(), t.coordinate.unit());
             let error = errors.get(k).copied();
             let text = format!(
                 "{} {:.0} deg, {} trial{}: {axis} ({:.0}){}",
@@ -105,7 +105,7 @@ pub fn figure7(sources: &[Source]) -> String {
 /// Figure 8: passive flexion of every source, and as measured.
 pub fn figure8(sources: &[Source], measured: &[Passive]) -> String {
     draw((1020, 360), |root| {
-        let panels = [(3, "AP", "Anterior (mm)"), (1, "IE", "External (deg)"), (0, "VV", "Valgus (deg)")];
+        let panels = [(AP, "AP", "Anterior (mm)"), (IE, "IE", "External (deg)"), (VV, "VV", "Valgus (deg)")];
         for (n, (area, (c, title, y))) in root.split_evenly((1, 3)).iter().zip(panels).enumerate() {
             let simulated = sources.iter().enumerate().map(|(k, s)| Series {
                 name: s.label(sources),
@@ -117,11 +117,7 @@ pub fn figure8(sources: &[Source], measured: &[Passive]) -> String {
             });
             let experiments = measured.iter().enumerate().map(|(k, m)| Series {
                 name: format!("{} experiment", m.name),
-                points: m
-                    .poses
-                    .iter()
-                    .map(|p| (p.fe_deg, [p.vv_deg, p.ie_deg, p.ml_mm, p.ap_mm, p.si_mm][c]))
-                    .collect(),
+                points: m.poses.iter().map(|p| (p.fe_deg, p.free()[c])).collect(),
                 spread: vec![],
                 colour: colour(sources.iter().position(|s| s.name == m.name).unwrap_or(sources.len() + k)),
                 line: false,

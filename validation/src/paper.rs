@@ -11,6 +11,7 @@ pub use words::{parameters, sentences};
 use crate::published;
 use crate::validate::Source;
 use attachments::groups::GROUPS;
+use sim::coordinate::{FREE, Free};
 use sim::laxity::Test;
 
 /// Forces below this are "-" in Table 5 [N].
@@ -63,10 +64,10 @@ fn drawer(s: &Source, test: Test, fe: f64) -> Option<[(f64, f64); 9]> {
 }
 
 /// Ours and the paper's pose of a row of Table 6, without flexion.
-fn pose(s: &Source, acl: bool) -> Option<[(f64, f64); 5]> {
-    let theirs = published::pivot_shift(&s.specimen, &s.name, acl)?.pose;
+fn pose(s: &Source, acl: bool) -> Option<Free<(f64, f64)>> {
+    let theirs = published::pivot_shift(&s.specimen, &s.name, acl)?.pose().free();
     let ours = s.pivot_end(acl)?.predicted();
-    Some(std::array::from_fn(|c| (ours[c], theirs[c + 1])))
+    Some(Free::from_fn(|c| (ours[c], theirs[c])))
 }
 
 /// Ours and the paper's forces of a row of Table 7.
@@ -99,12 +100,12 @@ pub fn scores(sources: &[Source]) -> Scores {
     let (mut six, mut seven, mut acl_n, mut directions) = (vec![], vec![], vec![], (0, 0));
     for s in sources {
         for acl in [true, false] {
-            six.extend(pose(s, acl).iter().flat_map(|p| miss(p)));
+            six.extend(pose(s, acl).iter().flat_map(|p| miss(&p.0)));
             seven.extend(pivot(s, acl).iter().flat_map(|p| miss(p)));
         }
         acl_n.extend(pivot(s, true).map(|p| (s.name.clone(), p[0].0 - p[0].1)));
         if let (Some(a), Some(b)) = (pose(s, true), pose(s, false)) {
-            let same = (0..5).filter(|&c| (b[c].0 - a[c].0) * (b[c].1 - a[c].1) > 0.0).count();
+            let same = FREE.into_iter().filter(|&c| (b[c].0 - a[c].0) * (b[c].1 - a[c].1) > 0.0).count();
             directions = (directions.0 + same, directions.1 + 5);
         }
     }

@@ -2,6 +2,7 @@
 
 use serde::Deserialize;
 use sim::laxity::Test;
+use sim::spec::PoseSpec;
 use std::collections::BTreeMap;
 use std::sync::LazyLock;
 
@@ -51,9 +52,17 @@ pub struct PivotShift {
     /// Whether the paper marks it as a dislocation.
     pub dislocated: bool,
     /// FE, VV, IE [deg], ML, AP, SI [mm].
-    pub pose: [f64; 6],
+    pose: [f64; 6],
     /// By group [N].
     pub forces_n: BTreeMap<String, f64>,
+}
+
+impl PivotShift {
+    /// The pose of Table 6.
+    pub fn pose(&self) -> PoseSpec {
+        let [fe_deg, vv_deg, ie_deg, ml_mm, ap_mm, si_mm] = self.pose;
+        PoseSpec { fe_deg, vv_deg, ie_deg, ml_mm, ap_mm, si_mm }
+    }
 }
 
 /// Differences between the KLA and the RKS model of a specimen, section 3.

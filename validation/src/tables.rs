@@ -5,7 +5,8 @@ use crate::validate::{Difference, Source};
 use attachments::groups::GROUPS;
 use calibration::cost::{Cost, CostFunction};
 use calibration::design::Design;
-use sim::laxity::{COORDINATES, Test, VALUE_UNITS};
+use sim::coordinate::Free;
+use sim::laxity::Test;
 use sim::spec::PoseSpec;
 
 /// A table as text.
@@ -69,7 +70,7 @@ pub fn page(specimen: &str, tables: &[Table], differences: &Table) -> String {
 }
 
 /// What each group of targets adds to the cost of one evaluation, as the spreadsheet of the paper's supplement: error, range, weight, share.
-pub fn cost_table(cost: &CostFunction, predicted: &[Option<[f64; 5]>]) -> Table {
+pub fn cost_table(cost: &CostFunction, predicted: &[Option<Free<f64>>]) -> Table {
     let header = ["test", "flexion_deg", "coordinate", "trials", "error", "range", "unit", "weight", "cost", "percent"];
     let mut out = Table::new("cost", "What the cost is made of", &header);
     let Cost { errors, sum, .. } = cost.cost(predicted);
@@ -78,11 +79,11 @@ pub fn cost_table(cost: &CostFunction, predicted: &[Option<[f64; 5]>]) -> Table 
         out.rows.push(vec![
             t.test.name().to_owned(),
             format!("{:.0}", t.nominal_flexion_deg),
-            COORDINATES[t.coordinate].to_owned(),
+            t.coordinate.name().to_owned(),
             t.trials.len().to_string(),
             format!("{error:.3}"),
             format!("{:.3}", t.range),
-            VALUE_UNITS[t.coordinate].to_owned(),
+            t.coordinate.unit().to_owned(),
             format!("{:.0}", t.weight),
             format!("{share:.2}"),
             format!("{:.1}", 100.0 * share / sum.max(f64::MIN_POSITIVE)),
@@ -206,7 +207,7 @@ fn table6(sources: &[Source]) -> Table {
     let mut out = Table::new("table6", "Table 6: kinematics of the simulated pivot shift", &header);
     let six =
         |p: &PoseSpec| [p.fe_deg, p.vv_deg, p.ie_deg, p.ml_mm, p.ap_mm, p.si_mm].map(|x| format!("{x:.1}")).to_vec();
-    let known = |p: &published::PivotShift| p.pose.map(|x| format!("{x:.1}")).to_vec();
+    let known = |p: &published::PivotShift| six(&p.pose());
     out.rows = pivot_rows(sources, &|_, r| six(&r.pose), &known);
     out
 }

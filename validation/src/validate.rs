@@ -6,7 +6,8 @@ use attachments::groups::group_forces;
 use calibration::design::Design;
 use serde::{Deserialize, Serialize};
 use sim::SimError;
-use sim::laxity::{COORDINATES, Test, TrialResult, VALUE_UNITS};
+use sim::coordinate::{AP, FREE, Free, IE, ML, SI, VV};
+use sim::laxity::{Test, TrialResult};
 use sim::model::Model;
 use sim::protocols::{Protocol, ProtocolOptions, run};
 use sim::spec::{ModelSpec, PoseSpec};
@@ -113,10 +114,10 @@ impl Source {
     /// The answer under the full anterior or posterior load at a flexion; of equals the first.
     pub fn ap_end(&self, test: Test, flexion_deg: f64) -> Option<&TrialResult> {
         let sign = if test == Test::Posterior { -1.0 } else { 1.0 };
-        let there = |r: &&TrialResult| (r.pose.fe_deg - flexion_deg).abs() < 1.5 && r.trial.load[3] * sign > 0.0;
+        let there = |r: &&TrialResult| (r.pose.fe_deg - flexion_deg).abs() < 1.5 && r.trial.load[AP] * sign > 0.0;
         let mut found: Option<&TrialResult> = None;
         for r in self.ap_laxity.iter().filter(there) {
-            if found.is_none_or(|f| r.trial.load[3].abs() > f.trial.load[3].abs() + 1e-9) {
+            if found.is_none_or(|f| r.trial.load[AP].abs() > f.trial.load[AP].abs() + 1e-9) {
                 found = Some(r);
             }
         }
@@ -243,16 +244,16 @@ impl Pair<'_> {
         for (test, figure) in
             [(Test::Anterior, known.map(|k| k.anterior_ap_mm)), (Test::Posterior, known.map(|k| k.posterior_ap_mm))]
         {
-            let mut d: [Vec<f64>; 5] = Default::default();
+            let mut d: Free<Vec<f64>> = Free::default();
             for fe in self.a.ap_flexions() {
                 let (Some(a), Some(b)) = (self.a.ap_end(test, fe), self.b.ap_end(test, fe)) else { continue };
                 let (x, y) = (a.predicted(), b.predicted());
-                (0..5).for_each(|c| d[c].push(x[c] - y[c]));
+                FREE.into_iter().for_each(|c| d[c].push(x[c] - y[c]));
                 forces.extend(self.a.groups(a).iter().zip(self.b.groups(b)).map(|(f, g)| f - g));
             }
-            for c in [3, 0, 1, 2, 4] {
-                let quantity = format!("{}_{}", test.name(), COORDINATES[c]);
-                self.push(out, ("ap_laxity", &quantity, VALUE_UNITS[c]), &d[c], figure.filter(|_| c == 3));
+            for c in [AP, VV, IE, ML, SI] {
+                let quantity = format!("{}_{c}", test.name());
+                self.push(out, ("ap_laxity", &quantity, c.unit()), &d[c], figure.filter(|_| c == AP));
             }
         }
         self.push(out, ("ap_laxity", "ligament_forces", "n"), &forces, known.map(|k| k.ap_forces_n));
@@ -261,12 +262,12 @@ impl Pair<'_> {
     fn passive(&self, out: &mut Vec<Difference>) {
         let known = self.published();
         let figures =
-            known.map(|k| [Some(k.passive_vv_deg), Some(k.passive_ie_deg), None, Some(k.passive_ap_mm), None]);
+            known.map(|k| Free([Some(k.passive_vv_deg), Some(k.passive_ie_deg), None, Some(k.passive_ap_mm), None]));
         let curve: Vec<PoseSpec> = self.b.passive_flexion.iter().map(|r| r.pose).collect();
         let d = along(&self.a.passive_flexion, &curve);
-        for c in 0..5 {
+        for c in FREE {
             let figure = figures.and_then(|f| f[c]);
-            self.push(out, ("passive_flexion", COORDINATES[c], VALUE_UNITS[c]), &d[c], figure);
+            self.push(out, ("passive_flexion", c.name(), c.unit()), &d[c], figure);
         }
     }
 
@@ -276,9 +277,9 @@ impl Pair<'_> {
         let known = |s: &Source| published::pivot_shift(&s.specimen, &s.name, acl);
         let first = out.len();
         let (x, y) = (a.predicted(), b.predicted());
-        for c in 0..5 {
-            let figure = known(self.a).zip(known(self.b)).map(|(p, q)| (p.pose[c + 1] - q.pose[c + 1]).abs());
-            self.push(out, (protocol, COORDINATES[c], VALUE_UNITS[c]), &[x[c] - y[c]], figure);
+        for c in FREE {
+            let figure = known(self.a).zip(known(self.b)).map(|(p, q)| (p.pose().free()[c] - q.pose().free()[c]).abs());
+            self.push(out, (protocol, c.name(), c.unit()), &[x[c] - y[c]], figure);
         }
         let d: Vec<f64> = self.a.groups(a).iter().zip(self.b.groups(b)).map(|(f, g)| f - g).collect();
         let figure = known(self.a).zip(known(self.b)).map(|(p, q)| {
@@ -310,15 +311,15 @@ impl Pair<'_> {
 /// Differences of a source's passive flexion from a measured one.
 fn against_measured(a: &Source, name: &str, m: &Passive, out: &mut Vec<Difference>) {
     let d = along(&a.passive_flexion, &m.poses);
-    for c in 0..5 {
+    for c in FREE {
         let count = d[c].len();
         if count > 0 {
             out.push(Difference {
                 a: name.to_owned(),
                 b: format!("measured {}", m.name),
                 protocol: "passive_flexion".into(),
-                quantity: COORDINATES[c].into(),
-                unit: VALUE_UNITS[c].into(),
+                quantity: c.name().into(),
+                unit: c.unit().into(),
                 rmsd: (d[c].iter().map(|x| x * x).sum::<f64>() / count as f64).sqrt(),
                 count,
                 published: None,
@@ -329,11 +330,10 @@ fn against_measured(a: &Source, name: &str, m: &Passive, out: &mut Vec<Differenc
 }
 
 /// Differences of results from a curve interpolated at their flexion, a coordinate each; flexions beyond the curve are left out.
-fn along(results: &[TrialResult], curve: &[PoseSpec]) -> [Vec<f64>; 5] {
+fn along(results: &[TrialResult], curve: &[PoseSpec]) -> Free<Vec<f64>> {
     let mut sorted: Vec<&PoseSpec> = curve.iter().filter(|p| p.fe_deg.is_finite()).collect();
     sorted.sort_by(|a, b| a.fe_deg.total_cmp(&b.fe_deg));
-    let five = |p: &PoseSpec| [p.vv_deg, p.ie_deg, p.ml_mm, p.ap_mm, p.si_mm];
-    let mut out: [Vec<f64>; 5] = Default::default();
+    let mut out: Free<Vec<f64>> = Free::default();
     for r in results {
         let fe = r.pose.fe_deg;
         let k = sorted.partition_point(|p| p.fe_deg < fe);
@@ -341,15 +341,15 @@ fn along(results: &[TrialResult], curve: &[PoseSpec]) -> [Vec<f64>; 5] {
         let there = match (k.checked_sub(1).and_then(|j| sorted.get(j)), sorted.get(k)) {
             (Some(a), Some(b)) => {
                 let t = (fe - a.fe_deg) / (b.fe_deg - a.fe_deg).max(1e-9);
-                let (x, y) = (five(a), five(b));
-                Some(std::array::from_fn::<f64, 5, _>(|c| x[c] + t * (y[c] - x[c])))
+                let (x, y) = (a.free(), b.free());
+                Some(Free::from_fn(|c| x[c] + t * (y[c] - x[c])))
             }
-            (None, _) => near(0).map(|p| five(p)),
-            (_, None) => near(sorted.len().saturating_sub(1)).map(|p| five(p)),
+            (None, _) => near(0).map(|p| p.free()),
+            (_, None) => near(sorted.len().saturating_sub(1)).map(|p| p.free()),
         };
         if let Some(there) = there {
             let here = r.predicted();
-            (0..5).for_each(|c| out[c].push(here[c] - there[c]));
+            FREE.into_iter().for_each(|c| out[c].push(here[c] - there[c]));
         }
     }
     out

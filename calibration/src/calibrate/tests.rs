@@ -8,6 +8,7 @@ use crate::toy;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use sim::SimError;
+use sim::coordinate::{FREE, Free};
 use sim::spec::PoseSpec;
 
 /// A knee whose measured values are its own answers at `truth` (unit coordinates), with noise.
@@ -20,10 +21,10 @@ struct Bench {
 fn bench(truth: &[f64], noise: f64, seed: u64) -> Bench {
     let (design, mut trials) = (Design::table3(), toy::trials());
     let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let sd = [0.5, 0.5, 0.4, 0.4, 0.4];
+    let sd = Free([0.5, 0.5, 0.4, 0.4, 0.4]);
     for i in 0..trials.len() {
         let p = toy::answer(&design, &trials, &design.at(truth), i).unwrap().predicted;
-        for c in 0..5 {
+        for c in FREE {
             trials[i].measured[c] = Some(p[c] + noise * sd[c] * inference::random::normal(&mut random));
         }
     }

@@ -1,4 +1,5 @@
 use super::*;
+use sim::coordinate::{Free, IE, VV};
 use sim::laxity;
 
 const PAGE: &str = include_str!("../../../docs/theory/cost.md");
@@ -8,11 +9,11 @@ fn block(n: usize) -> &'static str {
     PAGE.split("```csv\n").nth(n + 1).unwrap().split("```").next().unwrap()
 }
 
-fn page() -> (Vec<LaxityTrial>, Vec<Option<[f64; 5]>>) {
+fn page() -> (Vec<LaxityTrial>, Vec<Option<Free<f64>>>) {
     let trials = laxity::read(block(0).as_bytes()).unwrap().trials;
-    let numbers = |line: &str| -> [f64; 5] {
+    let numbers = |line: &str| -> Free<f64> {
         let cells: Vec<f64> = line.split(',').skip(1).map(|c| c.parse().unwrap()).collect();
-        cells.try_into().unwrap()
+        Free(cells.try_into().unwrap())
     };
     (trials, block(1).lines().map(|l| Some(numbers(l))).collect())
 }
@@ -35,7 +36,7 @@ fn the_worked_example_of_the_page_comes_out() {
                     "| {} {} | {} |",
                     term.test.name(),
                     term.nominal_flexion_deg,
-                    COORDINATES[term.coordinate].to_uppercase()
+                    term.coordinate.name().to_uppercase()
                 );
                 l.starts_with(&name)
             })
@@ -43,7 +44,7 @@ fn the_worked_example_of_the_page_comes_out() {
         let last: f64 = row.trim_end_matches('|').rsplit('|').next().unwrap().trim().parse().unwrap();
         assert!((term.weight * error / term.range - last).abs() < 1e-12, "{row}");
     }
-    predicted[3].as_mut().unwrap()[4] = -42.0;
+    predicted[3].as_mut().unwrap()[SI] = -42.0;
     assert!((f.cost(&predicted).value - 5076.5625).abs() < 1e-9);
     assert_eq!(f.cost(&predicted).at_limit, [3]);
     predicted[0] = None;
@@ -55,10 +56,10 @@ fn slopes_are_those_of_finite_differences() {
     let (trials, mut predicted) = page();
     let f = CostFunction::new(&trials, &CT, &CostOptions::default()).unwrap();
     for si in [-20.0, -43.0] {
-        predicted[1].as_mut().unwrap()[4] = si;
+        predicted[1].as_mut().unwrap()[SI] = si;
         let (_, slopes) = f.with_slopes(&predicted);
         for (i, of_trial) in slopes.iter().enumerate() {
-            for (c, expected) in of_trial.iter().enumerate() {
+            for (c, expected) in of_trial.each() {
                 let mut moved = predicted.clone();
                 moved[i].as_mut().unwrap()[c] += 1e-6;
                 let up = f.cost(&moved).value;
@@ -84,12 +85,12 @@ fn what_was_not_measured_does_not_count_and_constant_coordinates_are_refused() {
     let (mut trials, mut predicted) = page();
     let f = CostFunction::new(&trials, &CT, &CostOptions::default()).unwrap();
     let before = f.cost(&predicted).value;
-    trials[5].measured[0] = None;
-    predicted[5].as_mut().unwrap()[0] = 99.0;
+    trials[5].measured[VV] = None;
+    predicted[5].as_mut().unwrap()[VV] = 99.0;
     let f = CostFunction::new(&trials, &CT, &CostOptions::default()).unwrap();
     assert!((f.cost(&predicted).value - (before - 20.0)).abs() < 1e-12);
     for t in &mut trials {
-        t.measured[1] = Some(4.0);
+        t.measured[IE] = Some(4.0);
     }
     let error = CostFunction::new(&trials, &CT, &CostOptions::default()).unwrap_err().to_string();
     assert!(error.contains("ie_deg is 4 in every trial"), "{error}");

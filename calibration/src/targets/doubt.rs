@@ -1,6 +1,7 @@
 //! Rows that cannot be what they say.
 
-use super::{Targets, column, primary};
+use super::Targets;
+use sim::coordinate::{AP, Coordinate, FREE, Free, IE, Load, SI, VV};
 use sim::laxity::{LaxityTrial, Test};
 use sim::spec::PoseSpec;
 use std::collections::BTreeMap;
@@ -11,9 +12,9 @@ const REFUSE: f64 = 10.0;
 /// And before a warning.
 const WARN: f64 = 5.0;
 /// Differences up to these are never refused: VV, IE [deg], ML, AP, SI [mm].
-const HARMLESS: [f64; 5] = [5.0, 5.0, 5.0, 5.0, 5.0];
-/// Loads within these (or 3 %) are one load: VV, IE [N m], ML, AP, SI [N].
-const SAME_LOAD: [f64; 5] = [0.3, 0.3, 5.0, 5.0, 10.0];
+const HARMLESS: Free<f64> = Free::all(5.0);
+/// Loads within these (or 3 %) are one load.
+const SAME_LOAD: Load = Load::new(0.3, 0.3, 5.0, 5.0, 10.0);
 /// Flexions within this are one flexion [deg].
 const SAME_FLEXION: f64 = 2.0;
 
@@ -35,23 +36,23 @@ pub(super) fn beyond_flexion(targets: &Targets, limits: [f64; 2]) -> Vec<String>
 /// Columns that look like radians, metres or centimetres.
 pub(super) fn other_units(targets: &Targets, ct: &PoseSpec) -> Vec<String> {
     let mut out = Vec::new();
-    for (c, test, least) in [(1, [Test::Internal, Test::External], 2.0), (0, [Test::Varus, Test::Valgus], 4.0)] {
+    for (c, test, least) in [(IE, [Test::Internal, Test::External], 2.0), (VV, [Test::Varus, Test::Valgus], 4.0)] {
         let rows = loaded(targets, c, &test, least);
         // both ways under load within 0.7: no knee is that stiff (10 deg and more are usual), but 0.35 rad is 20 deg
         if rows.len() >= 2 && rows.iter().all(|r| r.1.abs() < 0.7) {
             let names: Vec<String> = rows.iter().map(|r| format!("row {}: {}", r.0, r.1)).collect();
             out.push(format!(
                 "{} stays within 0.7 deg under {least} N m and more ({}): is it in radians? degrees expected",
-                column(c),
+                c.column(),
                 names.join(", ")
             ));
         }
     }
-    let ap = loaded(targets, 3, &[Test::Anterior, Test::Posterior], 40.0);
+    let ap = loaded(targets, AP, &[Test::Anterior, Test::Posterior], 40.0);
     if ap.len() >= 2 && ap.iter().all(|r| r.1.abs() < 0.05) {
         out.push(format!("ap_mm stays within 0.05 mm under 40 N and more (row {} on): is it in metres?", ap[0].0));
     }
-    let si: Vec<(usize, f64)> = measured(targets, 4);
+    let si: Vec<(usize, f64)> = measured(targets, SI);
     let ratio = |v: f64| v / ct.si_mm;
     if ct.si_mm.abs() > 5.0 && si.len() >= 2 && si.iter().all(|(_, v)| ratio(*v).abs() < 0.2) {
         let (row, value) = si[0];
@@ -64,7 +65,7 @@ pub(super) fn other_units(targets: &Targets, ct: &PoseSpec) -> Vec<String> {
 }
 
 /// Row and measured value of a coordinate, of the tests under at least this load.
-fn loaded(targets: &Targets, c: usize, tests: &[Test], least: f64) -> Vec<(usize, f64)> {
+fn loaded(targets: &Targets, c: Coordinate, tests: &[Test], least: f64) -> Vec<(usize, f64)> {
     let rows = targets.trials.iter().zip(&targets.rows);
     rows.filter(|(t, _)| tests.contains(&t.test) && t.load[c].abs() >= least)
         .filter_map(|(t, &row)| t.measured[c].map(|v| (row, v)))
@@ -72,7 +73,7 @@ fn loaded(targets: &Targets, c: usize, tests: &[Test], least: f64) -> Vec<(usize
 }
 
 /// Row and value of a coordinate where its pose is measured.
-fn measured(targets: &Targets, c: usize) -> Vec<(usize, f64)> {
+fn measured(targets: &Targets, c: Coordinate) -> Vec<(usize, f64)> {
     let poses = targets.trials.iter().zip(&targets.rows).filter(|(t, _)| t.reference.is_none());
     poses.filter_map(|(t, &row)| t.measured[c].map(|v| (row, v))).collect()
 }
@@ -86,7 +87,7 @@ pub(super) fn contradictions(targets: &mut Targets) -> Vec<String> {
             if !is_repeat(a, b) {
                 continue;
             }
-            for (c, harmless) in HARMLESS.iter().enumerate() {
+            for (c, harmless) in HARMLESS.each() {
                 let (Some(x), Some(y)) = (a.measured[c], b.measured[c]) else { continue };
                 let sd = targets.noise[i][c].hypot(targets.noise[j][c]);
                 let gap = (x - y).abs();
@@ -96,7 +97,7 @@ pub(super) fn contradictions(targets: &mut Targets) -> Vec<String> {
                     targets.rows[j],
                     a.trial,
                     b.trial,
-                    column(c),
+                    c.column(),
                     gap / sd
                 );
                 if gap > (REFUSE * sd).max(*harmless) {
@@ -112,7 +113,7 @@ pub(super) fn contradictions(targets: &mut Targets) -> Vec<String> {
 
 /// Whether two rows measured the same thing.
 fn is_repeat(a: &LaxityTrial, b: &LaxityTrial) -> bool {
-    let same = |c: usize| {
+    let same = |c: Coordinate| {
         let (x, y) = (a.load[c], b.load[c]);
         (x - y).abs() <= SAME_LOAD[c].min(0.5 * x.abs().max(y.abs())).max(0.03 * x.abs().max(y.abs())).max(1e-9)
             || x.abs().max(y.abs()) < SAME_LOAD[c]
@@ -122,15 +123,15 @@ fn is_repeat(a: &LaxityTrial, b: &LaxityTrial) -> bool {
         && a.branch == b.branch
         && (a.nominal_flexion_deg - b.nominal_flexion_deg).abs() < 0.5
         && (a.fe_deg - b.fe_deg).abs() < SAME_FLEXION
-        && (0..5).all(same)
+        && FREE.into_iter().all(same)
 }
 
 /// Warns of groups whose knee moves against the load, as with a wrong sign.
 pub(super) fn against_the_load(targets: &mut Targets) {
     type Condition = Vec<(f64, f64, f64, usize)>;
-    let mut by_coordinate: BTreeMap<(usize, i64, bool), Condition> = BTreeMap::new();
+    let mut by_coordinate: BTreeMap<(Coordinate, i64, bool), Condition> = BTreeMap::new();
     for ((t, row), noise) in targets.trials.iter().zip(&targets.rows).zip(&targets.noise) {
-        let Some(c) = primary(t.test) else { continue };
+        let Some(c) = t.test.coordinate() else { continue };
         let Some(value) = t.measured[c] else { continue };
         let key = (c, t.nominal_flexion_deg.round() as i64, t.reference.is_some());
         let condition = by_coordinate.entry(key).or_default();
@@ -146,7 +147,7 @@ pub(super) fn against_the_load(targets: &mut Targets) {
                 "rows {} and {}: at {flexion} deg {} falls by {fall:.1} while its load grows from {} to {}; is a sign wrong?",
                 least.3,
                 most.3,
-                column(c),
+                c.column(),
                 least.0,
                 most.0
             ));

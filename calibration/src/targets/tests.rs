@@ -1,4 +1,5 @@
 use super::*;
+use sim::coordinate::{AP, Free, IE, VV};
 use sim::laxity;
 
 const HEADER: &str = "trial,test,nominal_flexion_deg,load_vv_nm,load_ie_nm,load_ml_n,load_ap_n,load_si_n,fe_deg,vv_deg,ie_deg,ml_mm,ap_mm,si_mm";
@@ -18,7 +19,7 @@ const GOOD: &str = "a0,anterior,30,0,0,0,0,20,30,1,2,0,1,-20\na1,anterior,30,0,0
 fn good_rows_pass_and_keep_their_numbers() {
     let t = run(GOOD).unwrap();
     assert_eq!((t.rows.as_slice(), t.warnings.len()), ([2, 3].as_slice(), 0));
-    assert_eq!(t.noise[0], [0.5, 0.5, 0.4, 0.4, 0.4]);
+    assert_eq!(t.noise[0].0, [0.5, 0.5, 0.4, 0.4, 0.4]);
 }
 
 #[test]
@@ -76,19 +77,19 @@ fn a_wrong_sign_is_warned_of() {
 fn the_sets_take_what_the_paper_took() {
     let mut rows = "n,neutral,0,0,0,0,0,20,0,0.1,0.2,0,0.3,-22".to_owned();
     let tests = [
-        ("anterior", 3, 190.0),
-        ("posterior", 3, -190.0),
-        ("internal", 1, -7.0),
-        ("external", 1, 7.0),
-        ("varus", 0, -9.0),
+        ("anterior", AP, 190.0),
+        ("posterior", AP, -190.0),
+        ("internal", IE, -7.0),
+        ("external", IE, 7.0),
+        ("varus", VV, -9.0),
     ];
     for fe in [0, 30, 60, 90] {
-        for (test, coordinate, full) in tests.iter().chain(&[("valgus", 0, 9.0)]) {
+        for (test, coordinate, full) in tests.iter().chain(&[("valgus", VV, 9.0)]) {
             for share in [0.0, 0.5, 1.0] {
-                let mut load = [0.0; 5];
+                let mut load = Free::all(0.0);
                 load[*coordinate] = share * full;
-                let loads = load.map(|l| l.to_string()).join(",");
-                let [vv, ie, _, ap, _] = load;
+                let loads = load.map(|l| l.to_string()).0.join(",");
+                let (vv, ie, ap) = (load[VV], load[IE], load[AP]);
                 rows += &format!("\n{test}{fe}_{share},{test},{fe},{loads},{fe},{vv},{},0,{},-20", 2.0 * ie, ap / 30.0);
             }
         }

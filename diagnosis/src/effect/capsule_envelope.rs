@@ -3,7 +3,7 @@
 use super::fibres::About;
 use super::{Force, Situation};
 use serde::Deserialize;
-use sim::joint::{AP, IE, Six, VV};
+use sim::coordinate::{AP, IE, Six, VV};
 
 /// Motions at which a capsule of hardening 1 is twice as stiff [mm; rad].
 const HARD_AP_MM: f64 = 10.0;

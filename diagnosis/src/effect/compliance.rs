@@ -3,7 +3,7 @@
 use super::Reading;
 use crate::trial::Trial;
 use serde::Deserialize;
-use sim::joint::{AP, IE, Six, VV};
+use sim::coordinate::{AP, IE, Six, VV};
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]

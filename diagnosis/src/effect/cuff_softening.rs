@@ -3,7 +3,7 @@
 use super::Reading;
 use crate::trial::Trial;
 use serde::Deserialize;
-use sim::joint::{AP, IE, Six};
+use sim::coordinate::{AP, IE, Six};
 
 /// Load at which three quarters of the play are gone [N; N mm].
 const GIVES_N: f64 = 20.0;

@@ -3,7 +3,7 @@
 use super::lines::line;
 use super::{Force, Situation};
 use serde::Deserialize;
-use sim::joint::Six;
+use sim::coordinate::Six;
 
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "snake_case")]

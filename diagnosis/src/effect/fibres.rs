@@ -3,7 +3,7 @@
 use super::Situation;
 use nalgebra::Vector3;
 use serde::Deserialize;
-use sim::joint::{IE, Six};
+use sim::coordinate::{IE, Six};
 use sim::ligament::Fibre;
 
 /// Where a tissue is at rest.
@@ -59,7 +59,7 @@ pub(super) fn wrapped(here: &Situation, structure: &str, longer: &dyn Fn(&Fibre,
             .sum()
     };
     Six::from_fn(|j, _| {
-        let h = if j <= IE { 1e-5 } else { 1e-3 };
+        let h = if j <= IE.index() { 1e-5 } else { 1e-3 };
         let side = |s: f64| {
             let mut q = here.q;
             q[j] += s * h;

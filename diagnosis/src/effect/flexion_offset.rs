@@ -3,7 +3,7 @@
 use super::Reading;
 use crate::trial::Trial;
 use serde::Deserialize;
-use sim::joint::{FE, Six};
+use sim::coordinate::{FE, Six};
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -2,7 +2,7 @@
 
 use super::{Force, Situation};
 use serde::Deserialize;
-use sim::joint::{AP, IE, Six};
+use sim::coordinate::{AP, IE, Six};
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -2,7 +2,7 @@
 
 use super::{Force, Situation};
 use serde::Deserialize;
-use sim::joint::{AP, Six, VV};
+use sim::coordinate::{AP, Six, VV};
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]

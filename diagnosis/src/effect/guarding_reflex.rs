@@ -4,7 +4,7 @@ use super::ham_tone::hamstring;
 use super::quad_passive::patellar_tendon;
 use super::{Force, Situation};
 use serde::Deserialize;
-use sim::joint::{AP, Six};
+use sim::coordinate::{AP, Six};
 
 /// Drawer load from which the muscles answer [N].
 const THRESHOLD_N: f64 = 40.0;

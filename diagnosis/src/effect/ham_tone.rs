@@ -3,7 +3,7 @@
 use super::lines::pull;
 use super::{Force, Situation};
 use serde::Deserialize;
-use sim::joint::Six;
+use sim::coordinate::Six;
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]

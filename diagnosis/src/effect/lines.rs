@@ -5,7 +5,7 @@
 use super::Situation;
 use meshes::Vector;
 use meshes::frame::AnatomicalFrame;
-use sim::joint::Six;
+use sim::coordinate::Six;
 use sim::ligament::{Fibre, Line};
 
 /// A point of a frame, CT pose.

@@ -2,7 +2,7 @@
 
 use super::{Force, Situation};
 use serde::Deserialize;
-use sim::joint::{AP, IE, Six, VV};
+use sim::coordinate::{AP, IE, Six, VV};
 
 #[derive(Debug, Deserialize)]
 #[serde(rename_all = "kebab-case")]

@@ -5,7 +5,7 @@ use super::lines::point;
 use super::{Force, Situation};
 use nalgebra::Vector3;
 use serde::Deserialize;
-use sim::joint::Six;
+use sim::coordinate::Six;
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]

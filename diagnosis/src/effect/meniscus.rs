@@ -3,7 +3,7 @@
 use super::fibres::About;
 use super::{Force, Situation};
 use serde::Deserialize;
-use sim::joint::{AP, IE, ML, Six};
+use sim::coordinate::{AP, IE, ML, Six};
 
 /// A meniscus' lever about the tibial axis [mm].
 const LEVER_MM: f64 = 22.0;

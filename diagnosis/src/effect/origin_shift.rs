@@ -3,7 +3,7 @@
 use super::Reading;
 use crate::trial::Trial;
 use serde::Deserialize;
-use sim::joint::{AP, ML, SI, Six};
+use sim::coordinate::{AP, ML, SI, Six};
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]

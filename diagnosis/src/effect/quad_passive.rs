@@ -3,7 +3,7 @@
 use super::lines::point;
 use super::{Force, Situation};
 use serde::Deserialize;
-use sim::joint::{FE, Six};
+use sim::coordinate::{FE, Six};
 use sim::ligament::Fibre;
 
 #[derive(Debug, Deserialize)]

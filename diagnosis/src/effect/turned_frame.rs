@@ -4,7 +4,7 @@ use super::Reading;
 use crate::trial::Trial;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use serde::Deserialize;
-use sim::joint::{AP, FE, IE, ML, SI, Six, VV};
+use sim::coordinate::{AP, FE, IE, ML, SI, Six, VV};
 
 /// The effect of the femur's frame.
 pub(super) type FemurFrame = TurnedFrame<true>;

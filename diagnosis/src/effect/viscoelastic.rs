@@ -2,7 +2,7 @@
 
 use super::{Force, Situation};
 use serde::Deserialize;
-use sim::joint::Six;
+use sim::coordinate::Six;
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]

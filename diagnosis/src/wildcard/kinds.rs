@@ -3,8 +3,7 @@
 use crate::candidate::Scope;
 use crate::catalogue::Catalogue;
 use crate::problem::Problem;
-use crate::trial::READ;
-use sim::joint::{AP, FE, IE, ML, SI, Six, VV};
+use sim::coordinate::{AP, Coordinate, FE, FREE, IE, ML, SI, Six, VV};
 
 /// Amplitudes of the force field in the order of [`Six`]; flexion is prescribed, so any force in it is small [N mm, N].
 const FORCES: [f64; 6] = [f64::INFINITY, 3000.0, 1000.0, 20.0, 20.0, 40.0];
@@ -13,7 +12,7 @@ const READINGS: [f64; 6] = [3.0, 2.0, 2.0, 2.0, 2.0, 2.0];
 /// Loads that count as one, in the order of [`Six`]; flexion has none [N mm, N].
 pub(super) const LOADS: [f64; 6] = [f64::INFINITY, 5000.0, 4000.0, 100.0, 100.0, 100.0];
 /// The coordinates of a field, as sums run over them: the five of a reading, then flexion that is misread.
-pub(super) const FIELD: [usize; 6] = [VV, IE, ML, AP, SI, FE];
+pub(super) const FIELD: [Coordinate; 6] = [VV, IE, ML, AP, SI, FE];
 /// Shares of the farthest motion from which a stop resists [-].
 const STOPS: [f64; 2] = [0.25, 0.6];
 /// Distances of the cruciates' lines from which they press on each other [mm]: round cords of 39 and 58 mm^2 would touch at 8 mm [siebold2015; harner1995],
@@ -43,7 +42,7 @@ pub enum Course {
     /// The load along its coordinate.
     Load,
     /// The load along another.
-    Across(usize),
+    Across(Coordinate),
     /// The motion from the unloaded pose along its coordinate, in proportion: a reading of another scale.
     Scale,
     /// The motion from the unloaded pose one way (`sign`), beyond a share of the farthest that way: a one-sided stop.
@@ -99,7 +98,7 @@ pub(super) struct Kind {
     pub course: Course,
     pub scope: Scope,
     /// The only coordinate that it has (flexion for misreadings alone); the five of a reading otherwise.
-    pub only: Option<usize>,
+    pub only: Option<Coordinate>,
 }
 
 impl Kind {
@@ -110,7 +109,7 @@ impl Kind {
             Course::Across(d) => Some(d),
             _ => None,
         };
-        let loaded = |d: usize| problem.trials.iter().any(|t| self.scope.covers(t.source) && t.load[d] != 0.0);
+        let loaded = |d: Coordinate| problem.trials.iter().any(|t| self.scope.covers(t.source) && t.load[d] != 0.0);
         axis.is_none_or(loaded)
     }
 
@@ -131,8 +130,8 @@ impl Kind {
 }
 
 /// Size of a field in coordinate `c`: force [N mm, N] or misreading [deg, mm].
-pub(super) fn amplitude(is_force: bool, c: usize) -> f64 {
-    if is_force { FORCES[c] } else { READINGS[c] }
+pub(super) fn amplitude(is_force: bool, c: Coordinate) -> f64 {
+    (if is_force { FORCES } else { READINGS })[c.index()]
 }
 
 /// All kinds of field; [`shares`] tells how likely each is.
@@ -140,20 +139,20 @@ pub(super) fn kinds(sources: usize) -> Vec<Kind> {
     use Course::{Across, Constant, Flexion, Impinging, Larger, Load, Motion, Near, Pull, Scale, Stop, Sway};
     let scopes: Vec<Scope> =
         std::iter::once(Scope::Both).chain((0..if sources > 1 { sources } else { 0 }).map(Scope::Only)).collect();
-    let mut shapes: Vec<(bool, Course, Option<usize>)> = Vec::new();
-    for only in std::iter::once(None).chain(READ.map(Some)) {
+    let mut shapes: Vec<(bool, Course, Option<Coordinate>)> = Vec::new();
+    for only in std::iter::once(None).chain(FREE.map(Some)) {
         // a misreading that follows the motion in any way would be the motion itself; in proportion it is a scale
         shapes.extend([Constant, Flexion, Motion, Load].map(|course| (true, course, only)));
         shapes.extend([Constant, Flexion, Scale, Load].map(|course| (false, course, only)));
     }
     shapes.extend([Constant, Flexion].map(|course| (false, course, Some(FE))));
-    for (c, d) in READ.into_iter().flat_map(|c| READ.into_iter().filter(move |d| *d != c).map(move |d| (c, d))) {
+    for (c, d) in FREE.into_iter().flat_map(|c| FREE.into_iter().filter(move |d| *d != c).map(move |d| (c, d))) {
         shapes.extend([true, false].map(|is_force| (is_force, Across(d), Some(c))));
     }
-    for c in READ {
+    for c in FREE {
         shapes.extend(STOPS.iter().flat_map(|&from| [-1.0, 1.0].map(|sign| (true, Stop { sign, from }, Some(c)))));
     }
-    shapes.extend(READ.into_iter().flat_map(|c| [false, true].map(|bent| (true, Near { bent }, Some(c)))));
+    shapes.extend(FREE.into_iter().flat_map(|c| [false, true].map(|bent| (true, Near { bent }, Some(c)))));
     shapes.extend([Bone::Femur, Bone::Tibia].map(|bone| (false, Sway(bone), None)));
     shapes.extend([Bone::Femur, Bone::Tibia].map(|bone| (true, Pull(bone), None)));
     let kind = |scope: Scope, (is_force, course, only)| Kind { is_force, course, scope, only };

@@ -4,9 +4,9 @@ use super::kinds::{Bone, Course, Kind, LOADS, MIDDLE, Part, amplitude};
 use super::suspects::{acting, impinging, larger, pulls, swayed};
 use crate::fit::Fit;
 use crate::problem::Problem;
-use crate::trial::{PER_UNIT, READ};
+use crate::trial::PER_UNIT;
 use nalgebra::DMatrix;
-use sim::joint::{FE, Six};
+use sim::coordinate::{Coordinate, FE, FREE, Six};
 
 /// Over which flexion and which motion the field changes, in the order of [`Six`] [rad, mm].
 const RANGES: [f64; 6] = [0.52, 0.05, 0.17, 4.0, 5.0, 4.0];
@@ -22,31 +22,31 @@ pub(super) fn parts(problem: &Problem, (fit, unloaded): (&Fit, &[Six]), kind: &K
         Course::Pull(bone) => acting(problem, fit, kind, &|here| pulls(here, bone).to_vec()),
         Course::Sway(bone) => sways(problem, fit, kind, bone),
         _ => {
-            let coordinates = kind.only.as_ref().map_or(&READ[..], std::slice::from_ref);
+            let coordinates = kind.only.as_ref().map_or(&FREE[..], std::slice::from_ref);
             coordinates.iter().flat_map(|&c| along(problem, (fit, unloaded), kind, c)).collect()
         }
     }
 }
 
 /// Those in coordinate `c`.
-fn along(problem: &Problem, (fit, unloaded): (&Fit, &[Six]), kind: &Kind, c: usize) -> Vec<Part> {
+fn along(problem: &Problem, (fit, unloaded): (&Fit, &[Six]), kind: &Kind, c: Coordinate) -> Vec<Part> {
     let n = problem.trials.len();
     let acts = |i: usize| kind.scope.covers(problem.trials[i].source);
     let amplitude = amplitude(kind.is_force, c);
     let column = |value: &dyn Fn(usize) -> f64| -> Part {
         let at = |i: usize| if acts(i) { amplitude * value(i) } else { 0.0 };
-        (0..n).map(|i| Six::from_fn(|k, _| if k == c { at(i) } else { 0.0 })).collect()
+        (0..n).map(|i| Six::from_fn(|k, _| if k == c.index() { at(i) } else { 0.0 })).collect()
     };
-    let load = |i: usize, d: usize| problem.trials[i].load[d] / LOADS[d];
+    let load = |i: usize, d: Coordinate| problem.trials[i].load[d] / LOADS[d.index()];
     let moved = |i: usize| fit.linear.rests[i].q[c] - unloaded[i][c];
     match kind.course {
         Course::Constant => vec![column(&|_| 1.0)],
         Course::Load => vec![column(&|i| load(i, c))],
         Course::Across(d) => vec![column(&|i| load(i, d))],
-        Course::Scale => vec![column(&|i| moved(i) / RANGES[c])],
+        Course::Scale => vec![column(&|i| moved(i) / RANGES[c.index()])],
         Course::Stop { sign, from } => {
             let farthest = (0..n).filter(|&i| acts(i)).map(|i| sign * moved(i)).fold(0.0, f64::max);
-            vec![column(&|i| -sign * (sign * moved(i) - from * farthest).max(0.0) / (0.5 * RANGES[c]))]
+            vec![column(&|i| -sign * (sign * moved(i) - from * farthest).max(0.0) / (0.5 * RANGES[c.index()]))]
         }
         Course::Near { bent } => {
             let to = |i: usize| (problem.trials[i].flexion / MIDDLE - 1.0) * if bent { 1.0 } else { -1.0 };
@@ -54,9 +54,9 @@ fn along(problem: &Problem, (fit, unloaded): (&Fit, &[Six]), kind: &Kind, c: usi
         }
         Course::Flexion | Course::Motion => {
             let correlation = DMatrix::from_fn(n, n, |i, k| {
-                let mut d = ((problem.trials[i].flexion - problem.trials[k].flexion) / RANGES[FE]).powi(2);
+                let mut d = ((problem.trials[i].flexion - problem.trials[k].flexion) / RANGES[FE.index()]).powi(2);
                 if kind.course == Course::Motion {
-                    d += ((moved(i) - moved(k)) / RANGES[c]).powi(2);
+                    d += ((moved(i) - moved(k)) / RANGES[c.index()]).powi(2);
                 }
                 if acts(i) && acts(k) { (-0.5 * d).exp() } else { 0.0 }
             });
@@ -80,7 +80,7 @@ fn sways(problem: &Problem, fit: &Fit, kind: &Kind, bone: Bone) -> Vec<Part> {
         let by = swayed(&gs, &trial.load, bone)[axis];
         let mut out = Six::zeros();
         out[FE] = by[FE].to_degrees();
-        READ.iter().zip(PER_UNIT).for_each(|(&c, unit)| out[c] = by[c] / unit);
+        FREE.iter().zip(PER_UNIT).for_each(|(&c, unit)| out[c] = by[c] / unit);
         out
     };
     (0..3).map(|axis| (0..problem.trials.len()).map(|i| misread(i, axis)).collect()).collect()

@@ -8,7 +8,7 @@ use crate::problem::Problem;
 use nalgebra::Vector3;
 use rayon::prelude::*;
 use sim::contact::Nearby;
-use sim::joint::{AP, FE, IE, ML, Six, VV};
+use sim::coordinate::{AP, FE, IE, ML, SI, Six, VV};
 use sim::ligament::Fibre;
 
 /// By how much bones are larger [-].
@@ -34,7 +34,7 @@ pub(super) fn acting(
         let acts = if kind.scope.covers(trial.source) { 1.0 } else { 0.0 };
         let forces = forces(&problem.place.situation(models.of(trial.source), trial, &trial.load, &rest.q));
         // flexion is prescribed: no force moves it
-        forces.iter().map(|f| Six::from_fn(|c, _| if c == FE { 0.0 } else { acts * f[c] })).collect()
+        forces.iter().map(|f| Six::from_fn(|c, _| if c == FE.index() { 0.0 } else { acts * f[c] })).collect()
     };
     let each: Vec<Vec<Six>> = problem.trials.par_iter().zip(&fit.linear.rests).map(at).collect();
     let components = each.first().map_or(0, Vec::len);
@@ -63,7 +63,7 @@ fn force_of_larger(here: &Situation, apart: bool, share: f64) -> Six {
     // surfaces larger by a share touch as they are where the bones are nearer by it; springs of a stiffness give as much more, and levers are longer
     let joint = &here.model.joint;
     let mut gs = joint.grood_suntay(&here.q);
-    (3..6).for_each(|j| gs[j] /= 1.0 + share);
+    [ML, AP, SI].into_iter().for_each(|c| gs[c] /= 1.0 + share);
     let Ok(q) = joint.coordinates(&gs) else { return pull };
     let mut contact = -here.model.contact_near(&joint.pose(&q), &mut Nearby::once()).gradient * (1.0 + share);
     [FE, VV, IE].into_iter().for_each(|j| contact[j] *= 1.0 + share);
@@ -73,7 +73,7 @@ fn force_of_larger(here: &Situation, apart: bool, share: f64) -> Six {
 /// What a tracker misreads that sways with its bone by [`SWAY`] for a load that counts as one, whichever way that points: at the pose `gs`, about the bone's
 /// anterior, superior and medial axis [rad, mm].
 pub fn swayed(gs: &Six, load: &Six, bone: Bone) -> [Six; 3] {
-    let size = [VV, IE, ML, AP].map(|c| (load[c] / LOADS[c]).powi(2)).iter().sum::<f64>().sqrt();
+    let size = [VV, IE, ML, AP].map(|c| (load[c] / LOADS[c.index()]).powi(2)).iter().sum::<f64>().sqrt();
     let (h, is_femur) = (1e-4, bone == Bone::Femur);
     let by = |turn: &dyn Fn(f64) -> Six| (turn(h) - turn(-h)) / (2.0 * h) * (SWAY.to_radians() * size);
     let mut flexed = Six::zeros();
@@ -101,7 +101,7 @@ pub fn impinging(here: &Situation, from: f64) -> Six {
         return Six::zeros();
     }
     Six::from_fn(|j, _| {
-        let h = if j <= IE { 1e-5 } else { 1e-3 };
+        let h = if j <= IE.index() { 1e-5 } else { 1e-3 };
         let side = |s: f64| {
             let mut q = here.q;
             q[j] += s * h;

@@ -5,9 +5,9 @@ use super::kinds::{Bone, Course, FIELD, LOADS, amplitude};
 use super::suspects::{BESIDE, PULL, SHARE};
 use crate::candidate::Scope;
 use crate::problem::Problem;
-use sim::joint::{FE, IE, VV};
+use sim::coordinate::{Coordinate, FE, IE, VV};
 
-/// Names of the coordinates, in the order of [`sim::joint::Six`].
+/// Names of the coordinates, in the order of [`sim::coordinate::Six`].
 const NAMES: [&str; 6] =
     ["flexion", "varus-valgus", "internal-external rotation", "medial-lateral", "anterior-posterior", "axial"];
 
@@ -21,7 +21,7 @@ impl Wildcard {
         };
         let c = self.largest(&acts);
         let kind = if self.is_force { "acts like a force on the tibia" } else { "acts like a misreading" };
-        let start = format!("It {kind} in {} {place}", NAMES[c]);
+        let start = format!("It {kind} in {} {place}", NAMES[c.index()]);
         match self.course {
             Course::Constant => {
                 let (per, unit) = unit(self.is_force, c);
@@ -29,13 +29,13 @@ impl Wildcard {
                 format!("{start}: {mean:+.1} {unit}, the same at all flexions and loads.")
             }
             Course::Load => format!("{start}: {} along it.", self.per_load(problem, &acts, (c, c))),
-            Course::Across(d) => format!("{start}: {} in {}.", self.per_load(problem, &acts, (c, d)), NAMES[d]),
+            Course::Across(d) => format!("{start}: {} in {}.", self.per_load(problem, &acts, (c, d)), NAMES[d.index()]),
             Course::Scale => {
                 let most = self.farthest(&acts, c);
                 format!("{start}: in proportion to the motion, {most} where that is farthest.")
             }
             Course::Flexion | Course::Motion => self.by_flexion(problem, &acts, c, &start),
-            _ => self.suspect((&start, &place), &self.farthest(&acts, c), NAMES[c]),
+            _ => self.suspect((&start, &place), &self.farthest(&acts, c), NAMES[c.index()]),
         }
     }
 
@@ -97,36 +97,37 @@ impl Wildcard {
     }
 
     /// The value of coordinate `c` that is farthest from nothing, with its unit.
-    fn farthest(&self, acts: &dyn Fn(usize) -> bool, c: usize) -> String {
+    fn farthest(&self, acts: &dyn Fn(usize) -> bool, c: Coordinate) -> String {
         let (per, unit) = unit(self.is_force, c);
         let values = (0..self.mean.len()).filter(|&i| acts(i)).map(|i| self.mean[i][c]);
         format!("{:+.1} {unit}", values.fold(0.0, |a: f64, b| if b.abs() > a.abs() { b } else { a }) * per)
     }
 
     /// The coordinate in which it is largest, over the trials that `acts` wants.
-    fn largest(&self, acts: &dyn Fn(usize) -> bool) -> usize {
+    fn largest(&self, acts: &dyn Fn(usize) -> bool) -> Coordinate {
         let trials = || (0..self.mean.len()).filter(|&i| acts(i));
-        let size = |c: usize| trials().map(|i| (self.mean[i][c] / amplitude(self.is_force, c)).powi(2)).sum::<f64>();
+        let size =
+            |c: Coordinate| trials().map(|i| (self.mean[i][c] / amplitude(self.is_force, c)).powi(2)).sum::<f64>();
         FIELD.into_iter().max_by(|&a, &b| size(a).total_cmp(&size(b))).unwrap_or(FE)
     }
 
     /// Mean of coordinate `c` over some trials.
-    fn mean_of(&self, keep: &dyn Fn(usize) -> bool, c: usize) -> f64 {
+    fn mean_of(&self, keep: &dyn Fn(usize) -> bool, c: Coordinate) -> f64 {
         let values: Vec<f64> = (0..self.mean.len()).filter(|&i| keep(i)).map(|i| self.mean[i][c]).collect();
         values.iter().sum::<f64>() / values.len().max(1) as f64
     }
 
     /// What coordinate `c` has for every unit of load along `d`.
-    fn per_load(&self, problem: &Problem, acts: &dyn Fn(usize) -> bool, (c, d): (usize, usize)) -> String {
-        let load = |i: usize| problem.trials[i].load[d] / LOADS[d];
+    fn per_load(&self, problem: &Problem, acts: &dyn Fn(usize) -> bool, (c, d): (Coordinate, Coordinate)) -> String {
+        let load = |i: usize| problem.trials[i].load[d] / LOADS[d.index()];
         let most = (0..self.mean.len()).filter(|&i| acts(i)).max_by(|&a, &b| load(a).abs().total_cmp(&load(b).abs()));
         let by = most.filter(|&i| load(i) != 0.0).map_or(0.0, |i| self.mean[i][c] / load(i));
         let (per, own) = unit(self.is_force, c);
         let (size, loads) = unit(true, d);
-        format!("{:+.1} {own} for every {:.0} {loads} of load", by * per, LOADS[d] * size)
+        format!("{:+.1} {own} for every {:.0} {loads} of load", by * per, LOADS[d.index()] * size)
     }
 
-    fn by_flexion(&self, problem: &Problem, acts: &dyn Fn(usize) -> bool, c: usize, start: &str) -> String {
+    fn by_flexion(&self, problem: &Problem, acts: &dyn Fn(usize) -> bool, c: Coordinate, start: &str) -> String {
         let bent = |i: usize| problem.trials[i].nominal > 45.0;
         let pushed = |i: usize| c != FE && problem.trials[i].load[c].abs() > 1e-6;
         let mean = |keep: &dyn Fn(usize) -> bool| self.mean_of(&|i| acts(i) && keep(i), c);
@@ -152,7 +153,7 @@ impl Wildcard {
 }
 
 /// Factor and unit in which coordinate `c` is told.
-fn unit(is_force: bool, c: usize) -> (f64, &'static str) {
+fn unit(is_force: bool, c: Coordinate) -> (f64, &'static str) {
     match (is_force, c) {
         (true, VV | IE) => (1e-3, "N m"),
         (true, _) => (1.0, "N"),

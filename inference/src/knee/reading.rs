@@ -4,26 +4,28 @@ use super::slopes::Slopes;
 use super::{Answer, Answers, Asked, Quantity, Trials};
 use crate::posterior::Point;
 use nalgebra::{DMatrix, DVector};
+use sim::coordinate::{Coordinate, FREE, Free};
 
 impl Trials<'_> {
     /// Readings that count, in order: trial and coordinate.
-    pub fn rows(&self) -> Vec<(usize, usize)> {
-        let of = |(i, t): (usize, &Asked)| (0..5).filter(|&c| t.reads[c]).map(move |c| (i, c)).collect::<Vec<_>>();
+    pub fn rows(&self) -> Vec<(usize, Coordinate)> {
+        let of =
+            |(i, t): (usize, &Asked)| FREE.into_iter().filter(|&c| t.reads[c]).map(move |c| (i, c)).collect::<Vec<_>>();
         self.trials.iter().enumerate().flat_map(of).collect()
     }
 
     /// What is read in a trial at these values: VV, IE [deg], ML, AP, SI [mm].
-    pub fn read(&self, values: &[f64], answers: &Answers, trial: usize) -> [f64; 5] {
-        let of = |c: usize| {
+    pub fn read(&self, values: &[f64], answers: &Answers, trial: usize) -> Free<f64> {
+        let of = |c: Coordinate| {
             let zero = self.trials[trial].from.map_or(0.0, |from| answers[from].predicted[c]);
             let yields = |(p, x): (&crate::parameter::Parameter<Quantity>, &f64)| x * self.load_step(p, trial, c);
             answers[trial].predicted[c] - zero + self.parameters.iter().zip(values).map(yields).sum::<f64>()
         };
-        std::array::from_fn(of)
+        Free::from_fn(of)
     }
 
     /// The load by which a parameter of the apparatus' compliance moves a displacement [N m, N]; 0 of every other parameter, and of a pose.
-    fn load_step(&self, p: &crate::parameter::Parameter<Quantity>, trial: usize, coordinate: usize) -> f64 {
+    fn load_step(&self, p: &crate::parameter::Parameter<Quantity>, trial: usize, coordinate: Coordinate) -> f64 {
         let t = &self.trials[trial];
         match (&p.quantity, t.from) {
             (Quantity::Compliance(source, of), Some(from)) if t.source == Some(*source) && *of == coordinate => {
@@ -42,14 +44,14 @@ impl Trials<'_> {
     pub(super) fn shared_scatter(&self, state: &Answers) -> DMatrix<f64> {
         let (rows, n) = (self.rows(), self.trials.len());
         let alike = DMatrix::from_fn(n, n, |i, k| self.lack.alike(&self.trials[i], &self.trials[k]));
-        let size = |i: usize, k: usize, l: usize| {
+        let size = |i: usize, k: usize, l: Coordinate| {
             let own = if i == k { self.load_sd[l].powi(2) } else { 0.0 };
             own + alike[(i, k)] * self.lack.sd[l].powi(2)
         };
-        let both = |(i, c): (usize, usize), (k, d): (usize, usize)| -> f64 {
-            (0..5).map(|l| state[i].by_load[c][l] * state[k].by_load[d][l] * size(i, k, l)).sum()
+        let both = |(i, c): (usize, Coordinate), (k, d): (usize, Coordinate)| -> f64 {
+            FREE.into_iter().map(|l| state[i].by_load[c][l] * state[k].by_load[d][l] * size(i, k, l)).sum()
         };
-        let of = |(i, c): (usize, usize), (k, d): (usize, usize)| -> f64 {
+        let of = |(i, c): (usize, Coordinate), (k, d): (usize, Coordinate)| -> f64 {
             let pairs = self.parts(i).flat_map(|a| self.parts(k).map(move |b| (a, b)));
             pairs.map(|((i, s), (k, t))| s * t * both((i, c), (k, d))).sum()
         };
@@ -61,7 +63,8 @@ impl Trials<'_> {
         let (rows, n) = (self.rows(), values.len());
         let slope = DMatrix::from_fn(rows.len(), n, |r, k| {
             let (trial, c) = rows[r];
-            let of_knee: f64 = self.parts(trial).map(|(i, sign)| sign * found[i].1.predicted[(c, k)]).sum();
+            let of_knee: f64 =
+                self.parts(trial).map(|(i, sign)| sign * found[i].1.predicted[(c.free_index(), k)]).sum();
             (of_knee + self.load_step(&self.parameters[k], trial, c)) * values[k].1
         });
         let mut belief = DVector::zeros(self.beliefs.len());

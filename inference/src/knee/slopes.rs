@@ -2,10 +2,11 @@
 
 use super::{Answer, Asked, Quantity, Trials, pressed, shares};
 use crate::frames::Terms;
-use nalgebra::{DMatrix, Matrix5, Matrix6, Vector5};
+use nalgebra::{DMatrix, Matrix6};
 use sim::Model;
 use sim::SimError;
-use sim::joint::{FE, FREE, Pose, Six};
+use sim::coordinate::{FE, FREE, Free, Load, Six, free_block, free_part};
+use sim::joint::Pose;
 use sim::sensitivity::{Parameter as Of, Sensitivities, sensitivities};
 use sim::trials::{chain_flexion, pose_spec};
 
@@ -24,7 +25,7 @@ pub(super) struct Slopes {
 }
 
 /// What an answer changes by, one parameter's column.
-type Column = ([f64; 5], Vec<f64>, Six);
+type Column = (Free<f64>, Vec<f64>, Six);
 
 impl Trials<'_> {
     /// An answer with its derivatives.
@@ -54,27 +55,26 @@ impl Trials<'_> {
                     if known[*term].is_none() {
                         known[*term] = Some(frames.by(*term)?);
                     }
-                    known[*term].clone().unwrap_or_else(|| ([0.0; 5], vec![0.0; bundles], Six::zeros()))
+                    known[*term].clone().unwrap_or_else(|| (Free::all(0.0), vec![0.0; bundles], Six::zeros()))
                 }
                 Quantity::Cartilage => self.by_cartilage(model, &found, &s)?,
                 Quantity::Lean(coordinate, knot) => {
-                    let mut load = [0.0; 5];
+                    let mut load = Load::default();
                     load[*coordinate] = force * shares(trial.fe_deg)[*knot];
                     by_loads(&s, &load)
                 }
                 Quantity::Resting(source, coordinate) => {
-                    let mut load = [0.0; 5];
+                    let mut load = Load::default();
                     load[*coordinate] = f64::from(trial.source == Some(*source));
                     by_loads(&s, &load)
                 }
                 _ => sum(&s, &place[k]),
             };
-            (0..5).for_each(|c| slopes.predicted[(c, k)] = column.0[c]);
+            FREE.into_iter().for_each(|c| slopes.predicted[(c.free_index(), k)] = column.0[c]);
             (0..bundles).for_each(|b| slopes.forces_n[(b, k)] = column.1[b]);
             slopes.coordinates.set_column(k, &column.2);
         }
-        let loads = s.pose.columns(0, 5);
-        let by_load = std::array::from_fn(|c| std::array::from_fn(|l| loads[(c, l)]));
+        let by_load = Free::from_fn(|c| Free::from_fn(|l| s.pose[(c.free_index(), l.free_index())]));
         let answer = Answer {
             q: found.state.q,
             pressed: force,
@@ -88,7 +88,7 @@ impl Trials<'_> {
 
     /// What the solver is asked derivatives by, the five loads first, and which of those make each parameter's.
     fn columns(&self) -> (Vec<Of>, Vec<Vec<usize>>) {
-        let mut asked: Vec<Of> = (0..5).map(Of::Load).collect();
+        let mut asked: Vec<Of> = FREE.map(Of::Load).to_vec();
         let mut place = Vec::with_capacity(self.parameters.len());
         for p in self.parameters {
             let from = asked.len();
@@ -115,7 +115,7 @@ impl Trials<'_> {
         let shifted: Vec<f64> = law.overclosure_mm.iter().map(|x| x - now - CARTILAGE_STEP).collect();
         let other = model.contact.with_law(&shifted, &law.pressure_mpa)?.evaluate(&found.evaluation.pose).gradient;
         let push = (found.evaluation.contact.gradient - other) / CARTILAGE_STEP;
-        let load = std::array::from_fn(|c| push[FREE[c]] / if c < 2 { 1e3 } else { 1.0 });
+        let load = Load::from_fn(|c| push[c] / c.to_force(1.0));
         Ok(by_loads(s, &load))
     }
 
@@ -127,9 +127,9 @@ impl Trials<'_> {
 
 /// The sum of some columns.
 fn sum(s: &Sensitivities, columns: &[usize]) -> Column {
-    let mut out = ([0.0; 5], vec![0.0; s.forces_n.nrows()], Six::zeros());
+    let mut out = (Free::all(0.0), vec![0.0; s.forces_n.nrows()], Six::zeros());
     for &k in columns {
-        (0..5).for_each(|c| out.0[c] += s.pose[(c, k)]);
+        FREE.into_iter().for_each(|c| out.0[c] += s.pose[(c.free_index(), k)]);
         out.1.iter_mut().zip(s.forces_n.column(k).iter()).for_each(|(x, d)| *x += d);
         out.2 += s.coordinates.column(k);
     }
@@ -137,10 +137,10 @@ fn sum(s: &Sensitivities, columns: &[usize]) -> Column {
 }
 
 /// By a load [N m, N], from the first five columns.
-fn by_loads(s: &Sensitivities, load: &[f64; 5]) -> Column {
-    let mut out = ([0.0; 5], vec![0.0; s.forces_n.nrows()], Six::zeros());
+fn by_loads(s: &Sensitivities, load: &Load) -> Column {
+    let mut out = (Free::all(0.0), vec![0.0; s.forces_n.nrows()], Six::zeros());
     for (k, l) in load.iter().enumerate().filter(|(_, l)| **l != 0.0) {
-        (0..5).for_each(|c| out.0[c] += l * s.pose[(c, k)]);
+        FREE.into_iter().for_each(|c| out.0[c] += l * s.pose[(c.free_index(), k)]);
         out.1.iter_mut().zip(s.forces_n.column(k).iter()).for_each(|(x, d)| *x += l * d);
         out.2 += s.coordinates.column(k) * *l;
     }
@@ -166,8 +166,8 @@ impl<'a> FrameSlopes<'a> {
         trial: &'a Asked,
         found: &'a sim::trials::Answer,
     ) -> Result<FrameSlopes<'a>, SimError> {
-        let hessian = &found.evaluation.hessian;
-        let tangent = Matrix5::from_fn(|i, j| 0.5 * (hessian[(FREE[i], FREE[j])] + hessian[(FREE[j], FREE[i])]));
+        let free = free_block(&found.evaluation.hessian);
+        let tangent = (free + free.transpose()) * 0.5;
         let gs = model.joint.grood_suntay_of(&model.joint.pose(&found.state.q).femur);
         Ok(FrameSlopes { trials, model, terms, trial, found, gs, tangent: tangent.lu() })
     }
@@ -191,16 +191,12 @@ impl<'a> FrameSlopes<'a> {
         let pull = found.evaluation.gradient + hessian * (same - found.state.q);
         let wrench = screws(&model.joint.pose(&same)).transpose().lu().solve(&pull).ok_or_else(singular)?;
         let residual = screws(&there).transpose() * wrench - found.evaluation.gradient;
-        let residual = Vector5::from_fn(|i, _| residual[FREE[i]]);
-        let back = self.tangent.solve(&-residual).ok_or_else(singular)?;
-        (0..5).for_each(|i| q[FREE[i]] += back[i]);
-        let pose = pose_spec(&other.joint.grood_suntay(&q));
-        let now = [pose.vv_deg, pose.ie_deg, pose.ml_mm, pose.ap_mm, pose.si_mm];
-        let before = pose_spec(&self.gs);
-        let before = [before.vv_deg, before.ie_deg, before.ml_mm, before.ap_mm, before.si_mm];
+        let back = self.tangent.solve(&-free_part(&residual)).ok_or_else(singular)?;
+        FREE.into_iter().for_each(|c| q[c] += back[c.free_index()]);
+        let (now, before) = (pose_spec(&other.joint.grood_suntay(&q)).free(), pose_spec(&self.gs).free());
         let forces = other.bundle_forces(&other.fibre_states(&other.joint.pose(&q)));
         Ok((
-            std::array::from_fn(|c| (now[c] - before[c]) / FRAME_STEP),
+            Free::from_fn(|c| (now[c] - before[c]) / FRAME_STEP),
             forces.iter().zip(&found.forces_n).map(|(a, b)| (a - b) / FRAME_STEP).collect(),
             // starts in other frames are found from the place of the bones
             Six::zeros(),

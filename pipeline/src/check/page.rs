@@ -2,6 +2,7 @@
 
 use super::{Item, State};
 use crate::report::escaped;
+use sim::coordinate::{AP, IE, VV};
 use sim::laxity::LaxityTrial;
 use std::collections::{BTreeMap, BTreeSet};
 use validation::plot::{Series, colour, draw, panel};
@@ -31,9 +32,9 @@ pub(super) fn page(id: &str, measured: &BTreeMap<String, Vec<LaxityTrial>>, item
 fn plots(trials: &[LaxityTrial]) -> String {
     let flexions: BTreeSet<i64> = trials.iter().map(|t| t.nominal_flexion_deg.round() as i64).collect();
     let panels = [
-        (3, "Anterior + / posterior -", "AP load (N)", "AP (mm)"),
-        (1, "External + / internal -", "IE load (N m)", "IE (deg)"),
-        (0, "Valgus + / varus -", "VV load (N m)", "VV (deg)"),
+        (AP, "Anterior + / posterior -", "AP load (N)", "AP (mm)"),
+        (IE, "External + / internal -", "IE load (N m)", "IE (deg)"),
+        (VV, "Valgus + / varus -", "VV load (N m)", "VV (deg)"),
     ];
     draw(SIZE, |root| {
         for (k, (area, (c, title, x, y))) in root.split_evenly((1, 3)).iter().zip(panels).enumerate() {

@@ -10,7 +10,8 @@ use crate::error::BuildError;
 use crate::model_file::LoadedModel;
 use meshes::surface::TriMesh;
 use meshes::{Point, Vector};
-use sim::joint::{AP, FE, IE, Joint, ML, SI, Six, VV};
+use sim::coordinate::{AP, FE, IE, ML, SI, Six, VV};
+use sim::joint::Joint;
 use sim::spec::Law;
 use std::fmt::Write;
 
@@ -102,8 +103,8 @@ fn joints(joint: &Joint) -> String {
             coordinates[1],
             frame("parent", parent),
             frame("child", child),
-            axes("rotation", coordinates[0], &screws[turn].angular),
-            axes("translation", coordinates[1], &screws[shift].linear)
+            axes("rotation", coordinates[0], &screws[turn.index()].angular),
+            axes("translation", coordinates[1], &screws[shift.index()].linear)
         );
     }
     out

@@ -4,7 +4,8 @@ use super::{File, named};
 use crate::error::BuildError;
 use crate::model_file::LoadedModel;
 use meshes::{Isometry, Point};
-use sim::joint::{Joint, Six};
+use sim::coordinate::Six;
+use sim::joint::Joint;
 use std::fmt::Write;
 use std::path::Path;
 

@@ -8,6 +8,7 @@ use calibration::cost::CostFunction;
 use calibration::knee::Knee;
 use calibration::options::{CalibrateOptions, Method};
 use calibration::session::Session;
+use sim::coordinate::AP;
 use sim::laxity::Test;
 use sim::spec::ModelSpec;
 use sim::trials::{TrialOptions, solve_trials};
@@ -61,9 +62,9 @@ fn measured(shared: &Path) -> Result<String, BuildError> {
         let trials = measured_trials(shared, name)?;
         for fe in [30.0, 90.0] {
             let of = trials.iter().filter(|t| t.test == Test::Anterior && (t.nominal_flexion_deg - fe).abs() < 0.5);
-            if let Some(t) = of.max_by(|a, b| a.load[3].total_cmp(&b.load[3])) {
+            if let Some(t) = of.max_by(|a, b| a.load[AP].total_cmp(&b.load[AP])) {
                 let _ =
-                    writeln!(text, "| {name} | {fe} | {:.0} | {:.1} |", t.load[3], t.measured[3].unwrap_or(f64::NAN));
+                    writeln!(text, "| {name} | {fe} | {:.0} | {:.1} |", t.load[AP], t.measured[AP].unwrap_or(f64::NAN));
             }
         }
     }

@@ -5,6 +5,7 @@ use crate::error::BuildError;
 use crate::{calibrate, store};
 use calibration::cost::{CostFunction, CostOptions};
 use calibration::targets::{TargetOptions, TargetSet, targets};
+use sim::coordinate::Free;
 use sim::laxity::LaxityTrial;
 use sim::spec::ModelSpec;
 use sim::trials::{TrialOptions, solve_trials};
@@ -40,7 +41,7 @@ pub(super) fn costs(shared: &Path, knee: &Knee) -> Result<(String, Vec<Drawn>), 
         let cost = CostFunction::new(&trials, &spec.frames.gs_ct_pose, &CostOptions::default()).map_err(fault)?;
         let model = sim::compile(spec, &knee.meshes).map_err(fault)?;
         let answers = solve_trials(&model, &trials, &TrialOptions::default());
-        let predicted: Vec<Option<[f64; 5]>> =
+        let predicted: Vec<Option<Free<f64>>> =
             answers.iter().map(|a| a.as_ref().ok().map(sim::trials::Answer::predicted)).collect();
         let picture = format!("paper-figure6-{name}.svg");
         drawn.push((picture.clone(), figure6(name, &cost, &predicted).into_bytes()));

@@ -1,7 +1,7 @@
 //! The curves of a diagnosis as a picture.
 
 use diagnosis::curves::{Curve, Point};
-use sim::laxity::{COORDINATES, LOAD_UNITS, VALUE_UNITS};
+use sim::coordinate::Coordinate;
 use validation::plot::{INK, Series, colour, draw, panel};
 
 /// The curves as one picture (SVG), a panel each.
@@ -11,12 +11,11 @@ pub(super) fn picture(curves: &[Curve]) -> String {
     }
     draw((340 * curves.len() as u32, 340), |root| {
         for (k, (area, curve)) in root.split_evenly((1, curves.len())).iter().zip(curves).enumerate() {
-            let name = |all: &[&str], of: &str| all.iter().position(|x| *x == of).unwrap_or_default();
-            let (axis, dof) = (name(&COORDINATES, &curve.load), name(&COORDINATES, &curve.dof));
             let title = format!("{} at {:.0} deg", curve.source, curve.nominal_flexion_deg);
-            let unit = LOAD_UNITS[axis].replace("nm", "N m").replace('n', "N");
-            let load = format!("{} load ({unit})", curve.load.to_uppercase());
-            let read = format!("{} ({})", curve.dof.to_uppercase(), VALUE_UNITS[dof]);
+            let load_unit = Coordinate::named(&curve.load).map_or("", Coordinate::load_unit);
+            let unit = Coordinate::named(&curve.dof).map_or("", Coordinate::unit);
+            let load = format!("{} load ({load_unit})", curve.load.to_uppercase());
+            let read = format!("{} ({unit})", curve.dof.to_uppercase());
             panel(area, (&title, &load, &read), &series(curve), k == 0)?;
         }
         Ok(())

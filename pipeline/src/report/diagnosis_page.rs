@@ -7,7 +7,7 @@ use diagnosis::catalogue::Catalogue;
 use diagnosis::map::Cell;
 use diagnosis::report::{Carried, Diagnosis, Missable, Named, Verdict};
 use diagnosis::words::{parameter, sizes, with_unit};
-use sim::laxity::COORDINATES;
+use sim::coordinate::FREE;
 use sim::protocols::ProtocolOptions;
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -160,7 +160,7 @@ fn maps(out: &mut String, d: &Diagnosis) {
         let _ = write!(out, "<tr><td>{} {test} {flexion}&deg;{load}</td>", escape(source));
         for k in 0..maps.len() {
             *out += "<td class=\"gap\"></td>";
-            COORDINATES.iter().for_each(|dof| cell(out, by.get(&(k, *dof)).copied()));
+            FREE.iter().for_each(|c| cell(out, by.get(&(k, c.name())).copied()));
         }
         *out += "</tr>";
     }

@@ -5,9 +5,9 @@ use crate::stage::Values;
 use crate::stage::list::Calibration;
 use crate::validate::Validation;
 use serde::Serialize;
-use sim::joint::{Joint, Six};
+use sim::joint::Joint;
 use sim::laxity::TrialResult;
-use sim::spec::{ModelSpec, PoseSpec};
+use sim::spec::ModelSpec;
 
 /// A way of moving the knee.
 #[derive(Serialize)]
@@ -52,7 +52,7 @@ pub(super) fn motions(v: &Values, pool: &Pool) -> Vec<Motion> {
 }
 
 fn step(r: &TrialResult, joint: &Joint, spec: &ModelSpec, bundles: &[String], pool: &Pool) -> Option<Step> {
-    let q = joint.coordinates(&six(&r.pose)).ok()?;
+    let q = joint.coordinates(&r.pose.six()).ok()?;
     let force = spec
         .fibres
         .iter()
@@ -69,8 +69,4 @@ fn step(r: &TrialResult, joint: &Joint, spec: &ModelSpec, bundles: &[String], po
         r.trial.trial, p.fe_deg, p.vv_deg, p.ie_deg, p.ml_mm, p.ap_mm, p.si_mm
     );
     Some(Step { label, femur: pool.motion(&joint.pose(&q).femur), force })
-}
-
-fn six(p: &PoseSpec) -> Six {
-    Six::new(p.fe_deg.to_radians(), p.vv_deg.to_radians(), p.ie_deg.to_radians(), p.ml_mm, p.ap_mm, p.si_mm)
 }

@@ -4,7 +4,8 @@
 
 use super::press::{Key, Spot};
 use super::{Contact, Nearby};
-use crate::joint::{Pose, Screw, Six};
+use crate::coordinate::Six;
+use crate::joint::{Pose, Screw};
 use meshes::Vector;
 use nalgebra::{Matrix3, Matrix6};
 use serde::{Deserialize, Serialize};

@@ -201,7 +201,7 @@ fn friction_slides_at_the_coulomb_limit_and_sticks_below_it() {
     let drag = |step: f64| {
         let mut g = Six::zeros();
         patches.add(&Six::new(0.0, 0.0, 0.0, 0.0, step, 0.0), &mut 0.0, &mut g, &mut Matrix6::zeros());
-        g[crate::joint::AP]
+        g[crate::coordinate::AP]
     };
     assert!((drag(1.0) / (0.1 * normal) - 1.0).abs() < 0.02, "{} {normal}", drag(1.0));
     assert!((drag(0.001) / drag(1.0) - 0.1).abs() < 0.01);
@@ -209,7 +209,7 @@ fn friction_slides_at_the_coulomb_limit_and_sticks_below_it() {
     let again = contact.patches(&pose, &held, 0.01, &mut Nearby::default());
     let mut g = Six::zeros();
     again.add(&Six::zeros(), &mut 0.0, &mut g, &mut Matrix6::zeros());
-    assert!((g[crate::joint::AP] - drag(1.0)).abs() < 1e-6);
+    assert!((g[crate::coordinate::AP] - drag(1.0)).abs() < 1e-6);
 }
 
 #[test]

@@ -3,7 +3,8 @@
 use super::options::ExplicitOptions;
 use super::state::ExplicitState;
 use crate::contact::{FrictionState, Nearby};
-use crate::joint::{Pose, Six};
+use crate::coordinate::Six;
+use crate::joint::Pose;
 use crate::model::Model;
 use meshes::Vector;
 use nalgebra::Matrix6;

@@ -6,8 +6,8 @@ use super::program::{Drive, Step};
 use super::state::ExplicitState;
 use super::twist::twists;
 use crate::contact::{FrictionState, Nearby};
+use crate::coordinate::Six;
 use crate::error::SimError;
-use crate::joint::Six;
 use crate::model::Model;
 use nalgebra::Matrix6;
 
@@ -213,7 +213,8 @@ impl<'a> Stepper<'a> {
             }
             // contact that is not there yet is not in the stiffness: start small, grow slowly, do not leap
             length = if last > 0.0 { length.min(GROWTH * last) } else { FIRST * length };
-            let speed = crate::joint::FREE.iter().map(|&c| state.rate[c].abs() * if c < 3 { ARM } else { 1.0 });
+            let speed =
+                crate::coordinate::FREE.iter().map(|&c| state.rate[c].abs() * if c.turns() { ARM } else { 1.0 });
             length = length.min(LEAP / speed.fold(1e-9, f64::max));
         }
         if length.is_nan() || length <= SMALLEST * self.longest {

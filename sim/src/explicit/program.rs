@@ -1,9 +1,9 @@
 //! What is imposed over time: steps with loads and motions, contact, dashpots and failures.
 
 use super::options::ExplicitOptions;
+use crate::coordinate::Six;
 use crate::deck::{Amplitude, Curve};
 use crate::error::SimError;
-use crate::joint::Six;
 use serde::{Deserialize, Serialize};
 
 /// More increments than this are refused.

@@ -5,13 +5,13 @@ use super::program::{Course, Drive, Step};
 use super::state::ExplicitState;
 use super::trial::{TrialSteps, result};
 use super::{run, unobserved};
+use crate::coordinate::{FE, FREE, Load, Six};
 use crate::deck::Curve;
 use crate::error::SimError;
-use crate::joint::{FE, FREE, Six};
 use crate::laxity::TrialResult;
 use crate::model::Model;
 use crate::protocols::{Leg, Protocol, ProtocolOptions, paths};
-use crate::trials::{chain_flexion, generalised};
+use crate::trials::chain_flexion;
 use rayon::prelude::*;
 
 /// Rest of a protocol's row after its loads are reached [s]: what the fibres' dashpots need to die away.
@@ -41,11 +41,11 @@ fn follow(
     options: &ExplicitOptions,
 ) -> Result<Vec<TrialResult>, SimError> {
     let mut state = ExplicitState::at_rest();
-    let mut load = generalised(&[0.0, 0.0, 0.0, 0.0, numbers.compression_n]);
+    let mut load = Load::compression(numbers.compression_n).generalised();
     let mut rows = Vec::with_capacity(legs.len());
     for (n, leg) in legs.iter().enumerate() {
         let trial = &leg.trial;
-        let next = generalised(&trial.load);
+        let next = trial.load.generalised();
         let mut program = steps.program(&model.joint, trial.fe_deg, &next)?;
         if let Some((seconds, _)) = leg.going {
             let flexion = chain_flexion(model, trial.fe_deg, &numbers.trials)?;
@@ -67,9 +67,9 @@ fn follow(
 fn ramp(steps: &TrialSteps, turn: f64, [from, to]: [&Six; 2], seconds: f64) -> Step {
     let mut step = steps.step("ramp", seconds + REST, steps.load_damping);
     let straight = Curve::Linear { smooth: 0.0 };
-    step.drive[FE] = Drive::Motion(Course::ramp([0.0, turn], [0.0, seconds], straight));
+    step.drive[FE.index()] = Drive::Motion(Course::ramp([0.0, turn], [0.0, seconds], straight));
     for c in FREE {
-        step.drive[c] = Drive::Load(Course::ramp([from[c], to[c]], [0.0, seconds], steps.curve()));
+        step.drive[c.index()] = Drive::Load(Course::ramp([from[c], to[c]], [0.0, seconds], steps.curve()));
     }
     step
 }

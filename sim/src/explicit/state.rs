@@ -2,7 +2,7 @@
 
 use super::energy::Energies;
 use crate::contact::FrictionState;
-use crate::joint::Six;
+use crate::coordinate::Six;
 use crate::model::Model;
 use serde::{Deserialize, Serialize};
 

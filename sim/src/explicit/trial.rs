@@ -4,9 +4,10 @@ use super::options::ExplicitOptions;
 use super::program::{Course, Drive, Program, Step};
 use super::state::ExplicitState;
 use super::{Observer, run};
+use crate::coordinate::{AP, FE, SI, Six};
 use crate::deck::{Control, ControlKind, Curve, DeckProtocol};
 use crate::error::SimError;
-use crate::joint::{AP, FE, Joint, SI, Six};
+use crate::joint::Joint;
 use crate::laxity::{LaxityTrial, TrialResult};
 use crate::model::Model;
 use crate::spec::ChainSpec;
@@ -72,27 +73,28 @@ impl TrialSteps {
         let turn = flexion_deg.to_radians() - joint.ct_pose()[FE];
         let mut settle = self.step("settle", self.settle_s, self.settle_damping);
         settle.increment_s = Some(self.settle_increment_s);
-        settle.drive[SI] = Drive::Load(Course::ramp([0.0, load[SI]], [0.0, self.settle_s], self.curve()));
+        settle.drive[SI.index()] = Drive::Load(Course::ramp([0.0, load[SI]], [0.0, self.settle_s], self.curve()));
         let mut push = self.step("load", self.load_s, self.load_damping);
         let during = |part: [f64; 2]| part.map(|x| x * self.load_s);
-        push.drive[FE] = Drive::Motion(Course::ramp([0.0, turn], during(self.flex), Curve::Linear { smooth: 0.0 }));
-        for c in crate::joint::FREE {
-            push.drive[c] = Drive::Load(Course::ramp([0.0, load[c]], during(self.load), self.curve()));
+        push.drive[FE.index()] =
+            Drive::Motion(Course::ramp([0.0, turn], during(self.flex), Curve::Linear { smooth: 0.0 }));
+        for c in crate::coordinate::FREE {
+            push.drive[c.index()] = Drive::Load(Course::ramp([0.0, load[c]], during(self.load), self.curve()));
         }
-        push.drive[SI] = Drive::Load(Course::constant(load[SI]));
+        push.drive[SI.index()] = Drive::Load(Course::constant(load[SI]));
         Ok(Program { steps: vec![settle, push] })
     }
 
     /// A further step that takes the AP load from `from` to `from - 2 amplitude` and back [N], `load` held in the other coordinates.
     pub fn ap_cycle(&self, load: &Six, amplitude: f64) -> Step {
         let mut step = self.step("ap-cycle", 2.0 * self.load_s, self.load_damping);
-        for c in crate::joint::FREE {
-            step.drive[c] = Drive::Load(Course::constant(load[c]));
+        for c in crate::coordinate::FREE {
+            step.drive[c.index()] = Drive::Load(Course::constant(load[c]));
         }
         let t = step.duration_s;
         let points = vec![[0.0, 0.0], [0.4 * t, 1.0], [0.5 * t, 1.0], [0.9 * t, 0.0], [t, 0.0]];
         let amplitude_course = crate::deck::Amplitude { name: String::new(), curve: self.curve(), points };
-        step.drive[AP] = Drive::Load(Course {
+        step.drive[AP.index()] = Drive::Load(Course {
             base: load[AP],
             magnitude: -2.0 * amplitude,
             amplitude: Some(amplitude_course),
@@ -108,7 +110,7 @@ impl TrialSteps {
     /// A step with contact that holds flexion and leaves the rest free.
     pub(super) fn step(&self, name: &str, duration_s: f64, damping: f64) -> Step {
         let mut drive = std::array::from_fn(|_| Drive::Load(Course::constant(0.0)));
-        drive[FE] = Drive::Motion(Course::constant(0.0));
+        drive[FE.index()] = Drive::Motion(Course::constant(0.0));
         let damping = Six::repeat(damping);
         Step { name: name.into(), duration_s, increment_s: None, contact: true, drive, damping, fail: Vec::new() }
     }
@@ -125,7 +127,7 @@ pub fn explicit_trial(
     observer: &mut Observer,
 ) -> Result<TrialResult, SimError> {
     let named = |e: SimError| e.of_trial(&trial.trial);
-    let program = steps.program(&model.joint, trial.fe_deg, &trials::generalised(&trial.load)).map_err(named)?;
+    let program = steps.program(&model.joint, trial.fe_deg, &trial.load.generalised()).map_err(named)?;
     let mut state = ExplicitState::at_rest();
     run(model, &program, options, &mut state, observer).map_err(named)?;
     Ok(result(model, trial, &state))
@@ -154,7 +156,7 @@ pub fn deck_program(joint: &Joint, chain: Option<&ChainSpec>, protocol: &DeckPro
         for control in ordered.iter().flat_map(|k| deck.controls.iter().filter(move |c| c.kind == *k)) {
             let (coordinate, sign) = joint.from_chain(control.coordinate, chain);
             let increment = deck.increment_s.filter(|_| protocol.lost_half_increment);
-            drive[coordinate] = imposed(control, sign, increment);
+            drive[coordinate.index()] = imposed(control, sign, increment);
         }
         Step {
             name: deck.name.clone(),

@@ -1,6 +1,7 @@
 //! Velocity and momentum of the femur from the rates of the coordinates.
 
-use crate::joint::{Joint, Pose, Six};
+use crate::coordinate::Six;
+use crate::joint::{Joint, Pose};
 use crate::model::Model;
 use meshes::Vector;
 use nalgebra::Matrix6;

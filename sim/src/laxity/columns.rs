@@ -1,6 +1,6 @@
 //! The standard columns of a laxity file, and its errors.
 
-use super::{COORDINATES, LOAD_UNITS, VALUE_UNITS};
+use crate::coordinate::{Coordinate, FREE};
 use std::collections::BTreeSet;
 
 /// What is wrong with a laxity file, in words for the person who owns it.
@@ -12,30 +12,20 @@ pub struct LaxityError(pub String);
 pub(super) fn known_columns() -> BTreeSet<String> {
     let mut known: BTreeSet<String> = required_columns().into_iter().collect();
     known.extend(["branch", "order", "time_s", "flags", "reference"].map(String::from));
-    known.extend((0..5).map(sd_column));
+    known.extend(FREE.map(sd_column));
     known
 }
 
-/// `load_vv_nm` and its fellows.
-pub(super) fn load_column(i: usize) -> String {
-    format!("load_{}_{}", COORDINATES[i], LOAD_UNITS[i])
-}
-
-/// `vv_deg` and its fellows.
-pub(super) fn value_column(i: usize) -> String {
-    format!("{}_{}", COORDINATES[i], VALUE_UNITS[i])
-}
-
 /// `sd_vv_deg` and its fellows.
-pub(super) fn sd_column(i: usize) -> String {
-    format!("sd_{}", value_column(i))
+pub(super) fn sd_column(c: Coordinate) -> String {
+    format!("sd_{}", c.column())
 }
 
 /// The columns every laxity file has, in order.
 pub(super) fn required_columns() -> Vec<String> {
     let mut names = vec!["trial".to_owned(), "test".to_owned(), "nominal_flexion_deg".to_owned()];
-    names.extend((0..5).map(load_column));
+    names.extend(FREE.map(Coordinate::load_column));
     names.push("fe_deg".to_owned());
-    names.extend((0..5).map(value_column));
+    names.extend(FREE.map(Coordinate::column));
     names
 }

@@ -3,12 +3,13 @@
 use super::columns::LaxityError;
 use super::format::Readings;
 use super::{LaxityTrial, Reference, Test};
+use crate::coordinate::{Free, Load};
 
 /// Nominal flexions within this are one flexion [deg].
 const SAME_FLEXION: f64 = 0.5;
 
-/// A load in a trial's own direction below this counts as none: VV, IE [N m], ML, AP, SI [N]; the twentieth of a usual test's.
-const NO_LOAD: [f64; 5] = [0.5, 0.25, 5.0, 6.65, 5.0];
+/// A load in a trial's own direction below this counts as none; the twentieth of a usual test's.
+const NO_LOAD: Load = Load::new(0.5, 0.25, 5.0, 6.65, 5.0);
 
 /// Gives every trial whose readings are displacements the trial that they count from: as the column `reference` names it, or, in a file of
 /// differences, the unloaded trial of its flexion.
@@ -101,7 +102,7 @@ fn zeros(trials: &mut [LaxityTrial], k: usize, readings: Readings) -> Result<(),
     let (row, name) = (t.row.unwrap_or(0), t.trial.clone());
     let given: Vec<f64> = t.measured.iter().flatten().copied().collect();
     if given.iter().all(|v| *v == 0.0) {
-        t.measured = [None; 5];
+        t.measured = Free::all(None);
         return Ok(());
     }
     match readings {

@@ -3,8 +3,9 @@
 //!
 //! A file in another shape is turned into the standard one, cell by cell, before it is read.
 
+use super::Test;
 use super::columns::{LaxityError, known_columns};
-use super::{LOAD_UNITS, Test, VALUE_UNITS};
+use crate::coordinate::{AP, Coordinate, FREE, Free, IE, Load, VV};
 use crate::names::did_you_mean;
 use csv::StringRecord;
 use meshes::frame::Side;
@@ -403,13 +404,13 @@ fn units_of(quantity: &str) -> String {
 fn fill(names: &mut Vec<String>, rows: &mut [(usize, Vec<String>)], format: &LaxityFormat) -> Result<(), LaxityError> {
     let place = |names: &[String], column: &str| names.iter().position(|n| n == column);
     let value = |cells: &[String], at: Option<usize>| at.and_then(|i| cells[i].parse::<f64>().ok());
-    for column in (0..5).map(|i| format!("load_{}_{}", super::COORDINATES[i], LOAD_UNITS[i])) {
+    for column in FREE.map(Coordinate::load_column) {
         if place(names, &column).is_none() {
             names.push(column);
             rows.iter_mut().for_each(|(_, cells)| cells.push("0".into()));
         }
     }
-    for column in (0..5).map(|i| format!("{}_{}", super::COORDINATES[i], VALUE_UNITS[i])) {
+    for column in FREE.map(Coordinate::column) {
         if place(names, &column).is_none() {
             names.push(column);
             rows.iter_mut().for_each(|(_, cells)| cells.push(String::new()));
@@ -427,11 +428,10 @@ fn fill(names: &mut Vec<String>, rows: &mut [(usize, Vec<String>)], format: &Lax
         }
     }
     if place(names, "test").is_none() {
-        let at: Vec<Option<usize>> =
-            (0..5).map(|i| place(names, &format!("load_{}_{}", super::COORDINATES[i], LOAD_UNITS[i]))).collect();
+        let at = Free::from_fn(|c| place(names, &c.load_column()));
         names.push("test".into());
         for (_, cells) in rows.iter_mut() {
-            let loads: [f64; 5] = std::array::from_fn(|i| value(cells, at[i]).unwrap_or(0.0));
+            let loads = Load::from_fn(|c| value(cells, at[c]).unwrap_or(0.0));
             cells.push(test_of(&loads).name().into());
         }
     }
@@ -448,17 +448,17 @@ fn fill(names: &mut Vec<String>, rows: &mut [(usize, Vec<String>)], format: &Lax
 }
 
 /// The largest loads of the usual tests: VV, IE [N m], AP [N]; 10, 5 and 133 in the paper's protocols [andreassen2025, section 2.6].
-const USUAL_LOADS: [(usize, f64, Test, Test); 3] = [
-    (0, 10.0, Test::Varus, Test::Valgus),
-    (1, 5.0, Test::Internal, Test::External),
-    (3, 133.0, Test::Posterior, Test::Anterior),
+const USUAL_LOADS: [(Coordinate, f64, Test, Test); 3] = [
+    (VV, 10.0, Test::Varus, Test::Valgus),
+    (IE, 5.0, Test::Internal, Test::External),
+    (AP, 133.0, Test::Posterior, Test::Anterior),
 ];
 /// Share of its usual size below which a load counts as none.
 const NO_LOAD: f64 = 0.05;
 
 /// The test that loads make: by the load that is largest beside its usual size.
-fn test_of(loads: &[f64; 5]) -> Test {
-    let share = |(i, usual, minus, plus): &(usize, f64, Test, Test)| {
+fn test_of(loads: &Load) -> Test {
+    let share = |(i, usual, minus, plus): &(Coordinate, f64, Test, Test)| {
         (loads[*i].abs() / usual, if loads[*i] < 0.0 { *minus } else { *plus })
     };
     let most = USUAL_LOADS.iter().map(share).max_by(|a, b| a.0.total_cmp(&b.0));

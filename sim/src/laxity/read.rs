@@ -1,9 +1,10 @@
 //! The reader: every complaint names the row and the column.
 
-use super::columns::{LaxityError, known_columns, load_column, required_columns, sd_column, value_column};
+use super::columns::{LaxityError, known_columns, required_columns, sd_column};
 use super::differences;
 use super::format::{LaxityFormat, standard};
-use super::{Branch, LaxityTrial, TESTS, Test, VALUE_UNITS};
+use super::{Branch, LaxityTrial, TESTS, Test};
+use crate::coordinate::{AP, FREE, Free, IE, Load, VV};
 use crate::names::did_you_mean;
 use csv::StringRecord;
 use meshes::frame::Side;
@@ -18,10 +19,10 @@ pub struct LaxityTable {
     pub warnings: Vec<String>,
 }
 
-/// Loads beyond these are taken for another unit: VV, IE [N m], ML, AP, SI [N].
-const LARGEST_LOAD: [f64; 5] = [150.0, 150.0, 2000.0, 2000.0, 5000.0];
+/// Loads beyond these are taken for another unit.
+const LARGEST_LOAD: Load = Load::new(150.0, 150.0, 2000.0, 2000.0, 5000.0);
 /// Coordinates beyond these are taken for another unit or frame: VV, IE [deg], ML, AP, SI [mm].
-const LARGEST_VALUE: [f64; 5] = [90.0, 120.0, 150.0, 150.0, 300.0];
+const LARGEST_VALUE: Free<f64> = Free([90.0, 120.0, 150.0, 150.0, 300.0]);
 
 /// Reads a laxity CSV in the standard columns (FORMAT 2). Semicolons, decimal commas and a row of units are recognised.
 ///
@@ -156,22 +157,22 @@ fn trial(row: &Row, warnings: &mut Vec<String>) -> Result<LaxityTrial, LaxityErr
         Some(value) => value,
         None => return row.refuse("nominal_flexion_deg", "empty; expected degrees"),
     };
-    let mut load = [0.0; 5];
-    let (mut measured, mut sd) = ([None; 5], [None; 5]);
-    for i in 0..5 {
-        let column = load_column(i);
-        let unit = if i < 2 { "N m" } else { "N" };
-        load[i] = match row.bounded(&column, LARGEST_LOAD[i], unit)? {
+    let mut load = Load::default();
+    let (mut measured, mut sd) = (Free::all(None), Free::all(None));
+    for c in FREE {
+        let column = c.load_column();
+        let unit = c.load_unit();
+        load[c] = match row.bounded(&column, LARGEST_LOAD[c], unit)? {
             Some(value) => value,
             None => {
                 warnings.push(format!("row {}, column \"{column}\": no load measured, taken as 0 {unit}", row.number));
                 0.0
             }
         };
-        measured[i] = row.bounded(&value_column(i), LARGEST_VALUE[i], VALUE_UNITS[i])?;
-        sd[i] = row.bounded(&sd_column(i), LARGEST_VALUE[i], VALUE_UNITS[i])?;
-        if sd[i].is_some_and(|v| v <= 0.0) {
-            return row.refuse(&sd_column(i), "a standard deviation must be above 0; leave the cell empty if unknown");
+        measured[c] = row.bounded(&c.column(), LARGEST_VALUE[c], c.unit())?;
+        sd[c] = row.bounded(&sd_column(c), LARGEST_VALUE[c], c.unit())?;
+        if sd[c].is_some_and(|v| v <= 0.0) {
+            return row.refuse(&sd_column(c), "a standard deviation must be above 0; leave the cell empty if unknown");
         }
     }
     let fe_deg = flexion(row, nominal, warnings)?;
@@ -250,14 +251,14 @@ fn flexion(row: &Row, nominal: f64, warnings: &mut Vec<String>) -> Result<f64, L
 }
 
 /// Whether the load of a test points where the test's name says, or is next to nothing.
-pub(super) fn agrees(test: Test, load: &[f64; 5]) -> bool {
+pub(super) fn agrees(test: Test, load: &Load) -> bool {
     let along = match test {
-        Test::Anterior => load[3] / 10.0,
-        Test::Posterior => -load[3] / 10.0,
-        Test::Internal => -load[1],
-        Test::External => load[1],
-        Test::Varus => -load[0],
-        Test::Valgus => load[0],
+        Test::Anterior => load[AP] / 10.0,
+        Test::Posterior => -load[AP] / 10.0,
+        Test::Internal => -load[IE],
+        Test::External => load[IE],
+        Test::Varus => -load[VV],
+        Test::Valgus => load[VV],
         Test::Neutral => 0.0,
     };
     along > -0.5

@@ -1,8 +1,8 @@
 //! Whether the signs of a laxity file are the clinical ones, judged by what every knee does: it goes where it is pushed.
 
-use super::columns::{load_column, value_column};
+use super::LaxityTrial;
 use super::read::agrees;
-use super::{COORDINATES, LaxityTrial};
+use crate::coordinate::{AP, Coordinate, IE, SI, VV};
 use std::collections::BTreeMap;
 
 /// A convention that looks turned round.
@@ -15,10 +15,10 @@ pub struct SignDoubt {
 }
 
 /// Loads that differ by less show no direction: VV, IE [N m], AP [N]. A fifth of the smallest of the paper's loads. Ours.
-const LEAST_SPREAD: [(usize, f64); 3] = [(0, 1.0), (1, 0.5), (3, 10.0)];
+const LEAST_SPREAD: [(Coordinate, f64); 3] = [(VV, 1.0), (IE, 0.5), (AP, 10.0)];
 /// Words for the positive and the negative sign of each loaded coordinate.
-const WORDS: [(usize, &str, &str); 3] =
-    [(0, "valgus", "varus"), (1, "external", "internal"), (3, "anterior", "posterior")];
+const WORDS: [(Coordinate, &str, &str); 3] =
+    [(VV, "valgus", "varus"), (IE, "external", "internal"), (AP, "anterior", "posterior")];
 /// Mean SI beyond this says that the tibia's origin lies above the femur's [mm]; in a knee it lies 20 to 35 below.
 const ABOVE_MM: f64 = 5.0;
 /// Mean SI load below this is traction, which no laxity test applies [N].
@@ -32,7 +32,7 @@ pub fn sign_doubts(trials: &[LaxityTrial]) -> Vec<SignDoubt> {
         let values: Vec<f64> = trials.iter().filter_map(of).collect();
         (!values.is_empty()).then(|| values.iter().sum::<f64>() / values.len() as f64)
     };
-    if let Some(si) = mean(&|t| t.measured[4].filter(|_| t.reference.is_none())).filter(|v| *v > ABOVE_MM) {
+    if let Some(si) = mean(&|t| t.measured[SI].filter(|_| t.reference.is_none())).filter(|v| *v > ABOVE_MM) {
         doubts.push(SignDoubt {
             column: "si_mm".into(),
             words: format!(
@@ -40,7 +40,7 @@ pub fn sign_doubts(trials: &[LaxityTrial]) -> Vec<SignDoubt> {
             ),
         });
     }
-    if let Some(load) = mean(&|t| Some(t.load[4])).filter(|v| *v < TRACTION_N) {
+    if let Some(load) = mean(&|t| Some(t.load[SI])).filter(|v| *v < TRACTION_N) {
         doubts.push(SignDoubt {
             column: "load_si_n".into(),
             words: format!(
@@ -52,8 +52,8 @@ pub fn sign_doubts(trials: &[LaxityTrial]) -> Vec<SignDoubt> {
 }
 
 /// One loaded coordinate: whether displacement follows load, and load follows the names of the tests.
-fn axis(trials: &[LaxityTrial], (c, plus, minus): (usize, &str, &str)) -> Option<SignDoubt> {
-    let (load, value) = (load_column(c), value_column(c));
+fn axis(trials: &[LaxityTrial], (c, plus, minus): (Coordinate, &str, &str)) -> Option<SignDoubt> {
+    let (load, value) = (c.load_column(), c.column());
     let mine: Vec<&LaxityTrial> = trials.iter().filter(|t| t.test.coordinate() == Some(c)).collect();
     let against = mine.iter().filter(|t| !agrees(t.test, &t.load)).count();
     let misnamed = 2 * against > mine.len();
@@ -84,12 +84,12 @@ fn axis(trials: &[LaxityTrial], (c, plus, minus): (usize, &str, &str)) -> Option
     };
     Some(SignDoubt {
         column: if opposed > with && !misnamed { value } else { load },
-        words: format!("{}: {words}", COORDINATES[c].to_uppercase()),
+        words: format!("{}: {words}", c.name().to_uppercase()),
     })
 }
 
 /// At how many nominal flexions displacement rises with load, and at how many it falls, beyond doubt.
-fn slopes(trials: &[LaxityTrial], c: usize) -> (usize, usize) {
+fn slopes(trials: &[LaxityTrial], c: Coordinate) -> (usize, usize) {
     let mut groups: BTreeMap<(i64, bool), Vec<(f64, f64)>> = BTreeMap::new();
     let least = LEAST_SPREAD.iter().find(|(i, _)| *i == c).map_or(f64::INFINITY, |(_, l)| *l);
     for t in trials.iter().filter(|t| t.test.coordinate().is_none_or(|own| own == c)) {

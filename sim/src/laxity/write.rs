@@ -1,7 +1,8 @@
 //! What a model answers, as CSV.
 
-use super::columns::{load_column, required_columns, sd_column, value_column};
-use super::{Branch, COORDINATES, LaxityTrial};
+use super::columns::{required_columns, sd_column};
+use super::{Branch, LaxityTrial};
+use crate::coordinate::{Coordinate, FREE, Free};
 use crate::spec::PoseSpec;
 use serde::{Deserialize, Serialize};
 use std::fmt::Write;
@@ -21,15 +22,10 @@ pub struct TrialResult {
 }
 
 impl TrialResult {
-    /// The predicted VV, IE [deg], ML, AP, SI [mm], in the order of [`COORDINATES`].
-    pub fn predicted(&self) -> [f64; 5] {
-        loaded(&self.pose)
+    /// The predicted VV, IE [deg], ML, AP, SI [mm].
+    pub fn predicted(&self) -> Free<f64> {
+        self.pose.free()
     }
-}
-
-/// VV, IE, ML, AP, SI of a pose.
-fn loaded(pose: &PoseSpec) -> [f64; 5] {
-    [pose.vv_deg, pose.ie_deg, pose.ml_mm, pose.ap_mm, pose.si_mm]
 }
 
 /// The results file of `simulate --trials`: the columns of laxity data with the predicted pose in place of the measured,
@@ -51,7 +47,7 @@ pub fn results_csv(bundles: &[String], results: &[TrialResult]) -> String {
         cells.extend(t.load.iter().map(|v| number(*v)));
         cells.push(number(r.pose.fe_deg));
         let from = place(r).map(|k| &results[k]);
-        let zero = from.map_or([0.0; 5], TrialResult::predicted);
+        let zero = from.map_or(Free::all(0.0), TrialResult::predicted);
         cells.extend(r.predicted().iter().zip(zero).map(|(v, zero)| number(v - zero)));
         cells.push(branch(t).to_owned());
         cells.push(t.order.map(|v| v.to_string()).unwrap_or_default());
@@ -67,7 +63,7 @@ pub fn results_csv(bundles: &[String], results: &[TrialResult]) -> String {
 /// Measured trials as a standard laxity file; an empty cell is "not measured".
 pub fn trials_csv(trials: &[LaxityTrial]) -> String {
     let mut header = required_columns();
-    header.extend((0..COORDINATES.len()).map(sd_column));
+    header.extend(FREE.map(sd_column));
     header.extend(["branch".to_owned(), "order".to_owned(), "time_s".to_owned()]);
     let displaced = trials.iter().any(|t| t.reference.is_some());
     header.extend(displaced.then(|| "reference".to_owned()));
@@ -99,8 +95,8 @@ fn branch(t: &LaxityTrial) -> &'static str {
 /// Each step is a result whose trial holds the loads.
 pub fn protocol_csv(bundles: &[String], steps: &[TrialResult]) -> String {
     let mut header = vec!["fe_deg".to_owned()];
-    header.extend((0..COORDINATES.len()).map(value_column));
-    header.extend((0..COORDINATES.len()).map(load_column));
+    header.extend(FREE.map(Coordinate::column));
+    header.extend(FREE.map(Coordinate::load_column));
     header.extend(bundles.iter().map(|b| force_column(b)));
     header.extend(["flags".to_owned(), "step".to_owned()]);
     let mut out = line(&header);
@@ -155,13 +151,13 @@ mod tests {
     #[test]
     fn results_read_back_as_laxity_data() {
         let table = read(csv("\"a, b\",anterior,30,0,0,0,44.5,20,21,1.5,-2,,4,-20").as_bytes()).unwrap();
-        assert_eq!(table.trials[0].measured, [Some(1.5), Some(-2.0), None, Some(4.0), Some(-20.0)]);
+        assert_eq!(table.trials[0].measured.0, [Some(1.5), Some(-2.0), None, Some(4.0), Some(-20.0)]);
         let pose = PoseSpec { fe_deg: 21.0, vv_deg: 0.25, ie_deg: -1.0, ml_mm: 2.0, ap_mm: 3.0, si_mm: -19.0 };
         let result = TrialResult { trial: table.trials[0].clone(), pose, forces_n: vec![12.5], flags: vec![] };
         let text = results_csv(&["ACL_AM".into()], &[result]);
         assert!(text.lines().next().unwrap().contains("force_ACL_AM_n"));
         let back = read(text.as_bytes()).unwrap();
-        assert_eq!(back.trials[0].measured, [Some(0.25), Some(-1.0), Some(2.0), Some(3.0), Some(-19.0)]);
+        assert_eq!(back.trials[0].measured.0, [Some(0.25), Some(-1.0), Some(2.0), Some(3.0), Some(-19.0)]);
         assert_eq!(back.trials[0].trial, "a, b");
         assert!(protocol_csv(&["ACL_AM".into()], &[]).starts_with("fe_deg,vv_deg,ie_deg,ml_mm,ap_mm,si_mm,"));
     }

@@ -4,17 +4,17 @@ use crate::rig::{MASS, Rig, plate, program, step};
 use meshes::shapes::icosphere;
 use meshes::{Isometry, Point};
 use sim::contact::ContactOptions;
+use sim::coordinate::{AP, Coordinate, FE, IE, ML, SI, Six, VV};
 use sim::deck::Curve;
 use sim::explicit::{Course, Drive, ExplicitOptions, ExplicitState, Progress, Step, run, unobserved};
-use sim::joint::{AP, FE, IE, ML, SI, Six, VV};
 use sim::model::compile_with;
 use sim::{Model, SimError};
 use std::f64::consts::{PI, TAU};
 use std::ops::ControlFlow;
 
-const TURNS: [usize; 3] = [FE, VV, IE];
+const TURNS: [Coordinate; 3] = [FE, VV, IE];
 
-fn load(coordinate: usize, value: f64) -> Six {
+fn load(coordinate: Coordinate, value: f64) -> Six {
     let mut load = Six::zeros();
     load[coordinate] = value;
     load
@@ -174,7 +174,7 @@ fn a_block_on_a_slope_stays_below_the_angle_of_friction_and_slides_above_it() {
     let options = ExplicitOptions { slip_mm: 1e-3, ..fixed(2e-6) };
     // below the angle (0.291 rad) the pull is ramped up: the patches give way elastically, within the slip
     let mut pull = step(0.02, &TURNS, on(0.24));
-    pull.drive[ML] = Drive::Load(Course::ramp([0.0, weight * 0.24f64.sin()], [0.0, 0.01], Curve::SmoothStep));
+    pull.drive[ML.index()] = Drive::Load(Course::ramp([0.0, weight * 0.24f64.sin()], [0.0, 0.01], Curve::SmoothStep));
     let shallow = go(&model, pull, &options, lying(0.24)).q[ML];
     let (angle, time) = (0.4f64, 4e-3);
     let steep = go(&model, step(time, &TURNS, on(angle)), &options, lying(angle)).q[ML];

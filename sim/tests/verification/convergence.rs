@@ -5,8 +5,8 @@ use meshes::Isometry;
 use meshes::shapes::icosphere;
 use sim::Model;
 use sim::contact::ContactOptions;
+use sim::coordinate::{AP, IE, SI, Six, VV};
 use sim::explicit::{ExplicitOptions, ExplicitState, TrialSteps, run, unobserved};
-use sim::joint::{AP, IE, SI, Six, VV};
 use sim::model::compile_with;
 
 fn load() -> Six {

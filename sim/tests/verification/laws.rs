@@ -3,8 +3,8 @@ use crate::fixed;
 use crate::rig::{Rig, program, step};
 use meshes::frame::Side;
 use meshes::{Isometry, Point, Vector};
+use sim::coordinate::{AP, IE, SI, Six, VV};
 use sim::explicit::{ExplicitOptions, ExplicitState, Program, Progress, TrialSteps, run, snapshot, unobserved};
-use sim::joint::{AP, FE, IE, SI, Six, VV};
 use sim::{Model, SimError};
 use std::ops::ControlFlow;
 
@@ -189,7 +189,7 @@ fn bad_programs_are_refused() {
     };
     let good = trial(&model);
     let mut nan = good.clone();
-    nan.steps[1].drive[AP] = sim::explicit::Drive::Load(sim::explicit::Course::constant(f64::NAN));
+    nan.steps[1].drive[AP.index()] = sim::explicit::Drive::Load(sim::explicit::Course::constant(f64::NAN));
     refused(&nan, &fixed(1e-3), "AP");
     let mut never = good.clone();
     never.steps[0].duration_s = 0.0;
@@ -206,7 +206,7 @@ fn bad_programs_are_refused() {
     let steps = TrialSteps::default();
     for (flexion, load) in [(500.0, 0.0), (f64::NAN, 0.0), (30.0, f64::NAN), (30.0, f64::INFINITY)] {
         let mut loads = Six::zeros();
-        loads[FE + 4] = load;
+        loads[AP] = load;
         assert!(steps.program(&model.joint, flexion, &loads).is_err());
     }
 }

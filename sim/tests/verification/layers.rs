@@ -5,9 +5,9 @@ use crate::quasistatic::{LOAD, answer};
 use crate::rig::{Rig, program, step};
 use meshes::frame::Side;
 use meshes::{Isometry, Point, Vector};
+use sim::coordinate::Six;
 use sim::explicit::{ExplicitOptions, ExplicitState, TrialSteps, run, unobserved};
-use sim::joint::Six;
-use sim::trials::{TrialOptions, generalised, solve};
+use sim::trials::{TrialOptions, solve};
 
 #[test]
 fn energy_balances_and_a_frictionless_motion_reversed_returns() {
@@ -83,7 +83,7 @@ fn explicit_dynamics_end_where_the_quasi_static_path_does() {
         ("table, friction", Rig::knee(), 0.03),
     ] {
         let model = rig.compiled().with_friction(friction).unwrap();
-        let steps = TrialSteps::default().program(&model.joint, 20.0, &generalised(&LOAD)).unwrap();
+        let steps = TrialSteps::default().program(&model.joint, 20.0, &LOAD.generalised()).unwrap();
         let mut state = ExplicitState::at_rest();
         run(&model, &steps, &ExplicitOptions::default(), &mut state, &mut unobserved).unwrap();
         let mut options = TrialOptions { increments: [24, 144, 32], ..TrialOptions::default() };

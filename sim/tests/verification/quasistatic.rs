@@ -5,13 +5,13 @@ use meshes::shapes::icosphere;
 use meshes::{Isometry, Point, Vector};
 use sim::Model;
 use sim::contact::{ContactOptions, Nearby};
-use sim::joint::{FREE, Six};
+use sim::coordinate::{FREE, Load, Six};
 use sim::model::compile_with;
 use sim::quasistatic::{Dashpots, Phase, SolverOptions, State, follow};
-use sim::trials::{Answer, TrialOptions, generalised, solve};
+use sim::trials::{Answer, TrialOptions, solve};
 
 /// VV, IE [N m], ML, AP, SI [N].
-pub(crate) const LOAD: [f64; 5] = [0.8, -0.5, 0.0, 40.0, 30.0];
+pub(crate) const LOAD: Load = Load::new(0.8, -0.5, 0.0, 40.0, 30.0);
 
 pub(crate) fn answer(model: &Model) -> Answer {
     solve(model, 20.0, &LOAD, &TrialOptions::default()).unwrap()
@@ -41,7 +41,7 @@ fn at_rest_the_forces_on_the_femur_balance_its_load() {
     let answer = answer(&model);
     let pose = &answer.evaluation.pose;
     // fibres and contact as forces at their points, and what friction holds, against the load
-    let mut left = -generalised(&LOAD) + answer.state.friction_gradient;
+    let mut left = -LOAD.generalised() + answer.state.friction_gradient;
     for fibre in model.fibre_states(pose) {
         let pull = -fibre.line.direction * fibre.response.force;
         left -= Six::from_fn(|j, _| pose.screws[j].at(&fibre.line.femur).dot(&pull));
@@ -49,7 +49,7 @@ fn at_rest_the_forces_on_the_femur_balance_its_load() {
     for (force, moment) in &answer.evaluation.contact.wrench {
         left -= Six::from_fn(|j, _| pose.screws[j].linear.dot(force) + pose.screws[j].angular.dot(moment));
     }
-    let miss = FREE.iter().map(|&c| left[c].abs() / if c < 3 { 30.0 } else { 1.0 }).fold(0.0, f64::max);
+    let miss = FREE.iter().map(|&c| left[c].abs() / if c.turns() { 30.0 } else { 1.0 }).fold(0.0, f64::max);
     println!("quasi-static: forces balance to {miss:.1e} N");
     assert!(miss < 1e-5, "{left}");
 }
@@ -59,8 +59,8 @@ fn way(model: &Model, steps: usize, back: bool) -> Six {
     let dashpots = Dashpots { fibres: true, translation: 0.2, rotation: 20.0 };
     let options =
         SolverOptions { step_on_the_way_mm: 1e-9, departure_mm: 50.0, iterations: 200, ..SolverOptions::default() };
-    let rest = generalised(&[0.0, 0.0, 0.0, 0.0, 30.0]);
-    let (on, mut near) = (generalised(&LOAD), Nearby::default());
+    let rest = Load::compression(30.0).generalised();
+    let (on, mut near) = (LOAD.generalised(), Nearby::default());
     let mut go = |from: &State, load: &Six, goal: &Six, seconds: f64, flexion: f64| {
         let phase = Phase { flexion, load: *goal, load_from: 0.0, flow: Some((seconds, dashpots)), steps };
         follow(model, from, load, &phase, (&options, &mut near), &mut |_, _| {}).unwrap()

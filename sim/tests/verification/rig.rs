@@ -3,8 +3,8 @@
 use meshes::frame::{AnatomicalFrame, Side};
 use meshes::surface::TriMesh;
 use meshes::{Point, Vector};
+use sim::coordinate::{ALL, Coordinate, Six};
 use sim::explicit::{Course, Drive, Program, Step};
-use sim::joint::Six;
 use sim::mesh::MeshValue;
 use sim::spec::*;
 use sim::{Model, compile};
@@ -175,8 +175,8 @@ impl Rig {
 }
 
 /// A step in which the coordinates of `held` stay where they are and the rest are under constant loads.
-pub(crate) fn step(duration_s: f64, held: &[usize], load: Six) -> Step {
-    let drive = std::array::from_fn(|c| {
+pub(crate) fn step(duration_s: f64, held: &[Coordinate], load: Six) -> Step {
+    let drive = ALL.map(|c| {
         if held.contains(&c) { Drive::Motion(Course::constant(0.0)) } else { Drive::Load(Course::constant(load[c])) }
     });
     Step {

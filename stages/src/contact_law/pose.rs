@@ -9,7 +9,8 @@ use meshes::frame::Side;
 use meshes::{Isometry, Vector};
 use nalgebra::Translation3;
 use sim::contact::{Contact, ContactOptions, ContactResponse};
-use sim::joint::{FE, Joint, Pose, SI, Six, VV};
+use sim::coordinate::{Coordinate, FE, SI, Six, VV};
+use sim::joint::{Joint, Pose};
 use sim::spec::{ContactSpec, PairSpec};
 use std::collections::BTreeMap;
 
@@ -131,7 +132,8 @@ impl Rigid {
             }
             let h = &r.hessian;
             // a little stiffness keeps a knee that bears on one side only from tipping over
-            let (a, b, d) = (h[(VV, VV)].max(0.0) + 1e3, h[(VV, SI)], h[(SI, SI)].max(0.0) + 10.0);
+            let at = |j: Coordinate, k: Coordinate| h[(j.index(), k.index())];
+            let (a, b, d) = (at(VV, VV).max(0.0) + 1e3, at(VV, SI), at(SI, SI).max(0.0) + 10.0);
             let det = a * d - b * b;
             let (det, b) = if det > 1e-3 * a * d { (det, b) } else { (a * d, 0.0) };
             let (vv, si) = ((d * g0 - b * g1) / det, (a * g1 - b * g0) / det);

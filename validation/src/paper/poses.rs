@@ -5,10 +5,10 @@ use crate::published;
 use crate::validate::Source;
 use attachments::groups::{GROUPS, group_forces};
 use sim::SimError;
-use sim::joint::{SI, Six, VV};
+use sim::coordinate::{Load, SI, Six, VV};
 use sim::model::{Evaluation, Model};
 use sim::protocols::ProtocolOptions;
-use sim::trials::generalised;
+use sim::spec::PoseSpec;
 
 /// A row of Table 6, and what its pose means for a model.
 #[derive(Clone, Debug, PartialEq)]
@@ -34,20 +34,16 @@ pub struct AtPose {
 /// # Errors
 /// A pose that the joint cannot take; no ACL to cut.
 pub fn at_published_poses(source: &Source, model: &Model, loads: &ProtocolOptions) -> Result<Vec<AtPose>, SimError> {
-    let evaluate = |cut: &Model, [fe, vv, ie, ml, ap, si]: [f64; 6]| -> Result<Evaluation, SimError> {
-        let gs = Six::new(fe.to_radians(), vv.to_radians(), ie.to_radians(), ml, ap, si);
-        Ok(cut.evaluate(&cut.joint.coordinates(&gs)?))
+    let evaluate = |cut: &Model, pose: PoseSpec| -> Result<Evaluation, SimError> {
+        Ok(cut.evaluate(&cut.joint.coordinates(&pose.six())?))
     };
-    let load = generalised(&[loads.pivot_valgus_nm, -loads.pivot_internal_nm, 0.0, 0.0, loads.compression_n]);
+    let load = Load::new(loads.pivot_valgus_nm, -loads.pivot_internal_nm, 0.0, 0.0, loads.compression_n).generalised();
     let mut out = Vec::new();
     for acl in [true, false] {
         let Some(row) = published::pivot_shift(&source.specimen, &source.name, acl) else { continue };
         let cut = if acl { model.clone() } else { model.without(&["ACL".to_owned()])? };
-        let there = evaluate(&cut, row.pose)?;
-        let rest = source.pivot_end(acl).map(|r| {
-            let p = r.pose;
-            evaluate(&cut, [p.fe_deg, p.vv_deg, p.ie_deg, p.ml_mm, p.ap_mm, p.si_mm])
-        });
+        let there = evaluate(&cut, row.pose())?;
+        let rest = source.pivot_end(acl).map(|r| evaluate(&cut, r.pose));
         let ligaments = there.gradient - there.contact.gradient;
         // at rest the gradients of ligaments and cartilage add up to the load
         let cartilage = load - ligaments;

@@ -5,6 +5,7 @@ use crate::parameters::{KINDS, mean, mean_difference, numbered};
 use crate::published;
 use crate::validate::{Difference, Source};
 use calibration::design::Design;
+use sim::coordinate::{FREE, Free};
 use sim::laxity::Test;
 
 /// Section 3.1, counted from the printed Table 4: statement, the paper's number, ours.
@@ -73,13 +74,16 @@ fn pivot_shift(sources: &[Source]) -> Vec<[String; 3]> {
     let mut out = Vec::new();
     let [a, b] = sources else { return out };
     for (acl, word) in [(true, "intact"), (false, "without ACL")] {
-        let known = |s: &Source| published::pivot_shift(&s.specimen, &s.name, acl).map(|p| p.pose);
+        let known = |s: &Source| published::pivot_shift(&s.specimen, &s.name, acl).map(|p| p.pose().free());
         let ours = a.pivot_end(acl).zip(b.pivot_end(acl)).map(|(x, y)| (x.predicted(), y.predicted()));
         let theirs = known(a).zip(known(b));
-        for (axes, what) in [(0..2, "rotation [deg]"), (2..5, "translation [mm]")] {
-            let most = |x: &[f64], y: &[f64]| axes.clone().map(|c| (x[c] - y[c]).abs()).fold(0.0, f64::max);
-            let paper = theirs.map_or("-".into(), |(x, y)| format!("{:.1}", most(&x[1..], &y[1..])));
-            let found = ours.map_or("-".into(), |(x, y)| format!("{:.1}", most(&x, &y)));
+        for (turns, what) in [(true, "rotation [deg]"), (false, "translation [mm]")] {
+            let most = |x: Free<f64>, y: Free<f64>| {
+                let of = FREE.into_iter().filter(|c| c.turns() == turns);
+                of.map(|c| (x[c] - y[c]).abs()).fold(0.0, f64::max)
+            };
+            let paper = theirs.map_or("-".into(), |(x, y)| format!("{:.1}", most(x, y)));
+            let found = ours.map_or("-".into(), |(x, y)| format!("{:.1}", most(x, y)));
             out.push([format!("pivot shift {word}, largest difference in {what}"), paper, found]);
         }
     }
@@ -89,8 +93,8 @@ fn pivot_shift(sources: &[Source]) -> Vec<[String; 3]> {
         let ([Some(i), Some(n)], [Some(p), Some(q)]) = (ends, known) else { continue };
         let force = |r: &published::PivotShift| r.forces_n.get("ALS").copied().unwrap_or(0.0);
         for (what, theirs, ours) in [
-            ("anterior translation [mm]", q.pose[4] - p.pose[4], n.pose.ap_mm - i.pose.ap_mm),
-            ("valgus [deg]", q.pose[1] - p.pose[1], n.pose.vv_deg - i.pose.vv_deg),
+            ("anterior translation [mm]", q.pose().ap_mm - p.pose().ap_mm, n.pose.ap_mm - i.pose.ap_mm),
+            ("valgus [deg]", q.pose().vv_deg - p.pose().vv_deg, n.pose.vv_deg - i.pose.vv_deg),
             ("ALS force [N]", force(q) - force(p), s.groups(n)[1] - s.groups(i)[1]),
         ] {
             out.push([format!("{}: without ACL more {what}", s.name), format!("{theirs:+.1}"), format!("{ours:+.1}")]);

@@ -1,6 +1,7 @@
 use super::*;
 use crate::figures;
 use crate::tables;
+use sim::coordinate::{Free, Load};
 use sim::laxity::LaxityTrial;
 
 /// Five anterior trials at 30 deg.
@@ -10,10 +11,10 @@ fn trials() -> Vec<LaxityTrial> {
         trial: format!("anterior_30_{k}"),
         test: Test::Anterior,
         nominal_flexion_deg: 30.0,
-        load: [0.0, 0.0, 0.0, 45.0 * f64::from(k), 20.0],
+        load: Load::new(0.0, 0.0, 0.0, 45.0 * f64::from(k), 20.0),
         fe_deg: 30.0,
-        measured: [Some(0.0); 5],
-        sd: [None; 5],
+        measured: Free::all(Some(0.0)),
+        sd: Free::all(None),
         branch: None,
         order: None,
         time_s: None,
@@ -22,10 +23,9 @@ fn trials() -> Vec<LaxityTrial> {
     (0..5).map(trial).collect()
 }
 
-fn result(test: Test, fe: f64, load: [f64; 5], pose: [f64; 5], acl: f64) -> TrialResult {
+fn result(test: Test, fe: f64, load: Load, pose: Free<f64>, acl: f64) -> TrialResult {
     let trial = LaxityTrial { test, load, nominal_flexion_deg: fe, fe_deg: fe, ..trials()[0].clone() };
-    let [vv_deg, ie_deg, ml_mm, ap_mm, si_mm] = pose;
-    let pose = PoseSpec { fe_deg: fe, vv_deg, ie_deg, ml_mm, ap_mm, si_mm };
+    let pose = PoseSpec { fe_deg: fe, ..PoseSpec::default() }.moved(&pose);
     TrialResult { trial, pose, forces_n: vec![0.6 * acl, 0.4 * acl, 3.0], flags: vec![] }
 }
 
@@ -44,16 +44,28 @@ fn source_of(specimen: &str, name: &str, ap: f64) -> Source {
     for fe in [30.0, 60.0, 90.0] {
         for load in [66.0, 133.0, -133.0, 133.0] {
             let test = if load > 0.0 { Test::Anterior } else { Test::Posterior };
-            let at = [0.0, 0.0, 0.0, load / 20.0 + ap, -20.0];
-            s.ap_laxity.push(result(test, fe, [0.0, 0.0, 0.0, load, 20.0], at, load.max(0.0) + 10.0 * ap));
+            let at = Free([0.0, 0.0, 0.0, load / 20.0 + ap, -20.0]);
+            s.ap_laxity.push(result(test, fe, Load::new(0.0, 0.0, 0.0, load, 20.0), at, load.max(0.0) + 10.0 * ap));
         }
     }
     for k in 0..=18 {
         let fe = 5.0 * f64::from(k);
-        s.passive_flexion.push(result(Test::Neutral, fe, [0.0; 5], [0.1 * ap, 0.2 * fe, 0.0, ap, -20.0], 0.0));
+        s.passive_flexion.push(result(
+            Test::Neutral,
+            fe,
+            Load::default(),
+            Free([0.1 * ap, 0.2 * fe, 0.0, ap, -20.0]),
+            0.0,
+        ));
     }
-    s.pivot_shift.push(result(Test::Valgus, 30.0, [8.0, -4.0, 0.0, 0.0, 20.0], [ap; 5], 50.0));
-    s.pivot_shift_no_acl.push(result(Test::Valgus, 30.0, [8.0, -4.0, 0.0, 0.0, 20.0], [2.0 * ap; 5], 0.0));
+    s.pivot_shift.push(result(Test::Valgus, 30.0, Load::new(8.0, -4.0, 0.0, 0.0, 20.0), Free::all(ap), 50.0));
+    s.pivot_shift_no_acl.push(result(
+        Test::Valgus,
+        30.0,
+        Load::new(8.0, -4.0, 0.0, 0.0, 20.0),
+        Free::all(2.0 * ap),
+        0.0,
+    ));
     s.pivot_shift_no_acl[0].flags.push("dislocated: medial femur off its plateau".into());
     s
 }
@@ -114,9 +126,9 @@ fn figures_are_drawn_with_every_source() {
     let trials = trials();
     let ct = PoseSpec { si_mm: -20.0, ..PoseSpec::default() };
     let mut spread = trials.clone();
-    spread.iter_mut().enumerate().for_each(|(i, t)| t.measured = [Some(i as f64); 5]);
+    spread.iter_mut().enumerate().for_each(|(i, t)| t.measured = Free::all(Some(i as f64)));
     let cost = calibration::cost::CostFunction::new(&spread, &ct, &calibration::cost::CostOptions::default()).unwrap();
-    let predicted = vec![Some([1.0; 5]); trials.len()];
+    let predicted = vec![Some(Free::all(1.0)); trials.len()];
     for (svg, words) in [
         (figures::figure5(&[("kla".into(), trials)]), "AP load"),
         (figures::figure6("kla", &cost, &predicted), "anterior 30 deg, 5 trials: AP (100)"),
@@ -152,9 +164,9 @@ fn knees_are_compared_under_their_own_names_with_mean_differences_of_parameters(
 fn the_cost_table_adds_up_to_the_cost() {
     let ct = PoseSpec { si_mm: -20.0, ..PoseSpec::default() };
     let mut given = trials();
-    given.iter_mut().enumerate().for_each(|(i, t)| t.measured = [Some(i as f64); 5]);
+    given.iter_mut().enumerate().for_each(|(i, t)| t.measured = Free::all(Some(i as f64)));
     let cost = calibration::cost::CostFunction::new(&given, &ct, &calibration::cost::CostOptions::default()).unwrap();
-    let predicted = vec![Some([1.0, 2.0, 0.0, 3.0, -20.0]); given.len()];
+    let predicted = vec![Some(Free([1.0, 2.0, 0.0, 3.0, -20.0])); given.len()];
     let table = tables::cost_table(&cost, &predicted);
     let column = |k: usize| table.rows.iter().map(|r| r[k].parse::<f64>().unwrap()).sum::<f64>();
     assert!((column(8) - cost.cost(&predicted).sum).abs() < 0.01 * table.rows.len() as f64);

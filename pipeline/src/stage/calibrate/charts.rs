@@ -5,6 +5,7 @@ use calibration::session::Outcome;
 use plotly::common::{DashType, ErrorData, ErrorType, Line, Marker, MarkerSymbol, Mode, Title};
 use plotly::layout::{Axis, AxisType};
 use plotly::{Plot, Scatter};
+use sim::coordinate::{AP, Coordinate, Free, IE, VV};
 use sim::laxity::{LaxityTrial, Test};
 use std::collections::BTreeMap;
 
@@ -87,14 +88,14 @@ fn is_kind(name: &str, kind: &str) -> bool {
 /// Load over displacement: measured points and predicted lines, a chart for each of AP, IE and VV.
 fn answers(name: &str, outcome: &Outcome) -> Vec<Chart> {
     let kinds = [
-        ("AP", [Test::Anterior, Test::Posterior], 3, "anterior of the tibia [mm]", "anterior force [N]"),
-        ("IE", [Test::Internal, Test::External], 1, "external rotation [deg]", "external moment [N m]"),
-        ("VV", [Test::Varus, Test::Valgus], 0, "valgus rotation [deg]", "valgus moment [N m]"),
+        ("AP", [Test::Anterior, Test::Posterior], AP, "anterior of the tibia [mm]", "anterior force [N]"),
+        ("IE", [Test::Internal, Test::External], IE, "external rotation [deg]", "external moment [N m]"),
+        ("VV", [Test::Varus, Test::Valgus], VV, "valgus rotation [deg]", "valgus moment [N m]"),
     ];
     kinds
         .into_iter()
         .filter_map(|(what, tests, c, x, y)| {
-            let of_kind: Vec<(&LaxityTrial, Option<[f64; 5]>)> = outcome
+            let of_kind: Vec<(&LaxityTrial, Option<Free<f64>>)> = outcome
                 .trials
                 .iter()
                 .zip(&outcome.found.predicted)
@@ -109,7 +110,7 @@ fn answers(name: &str, outcome: &Outcome) -> Vec<Chart> {
                 Chart {
                     id: format!("answer-{name}-{what}"),
                     title: format!("{name}: {what} laxity, predicted over measured"),
-                    text: format!("{} trials: measured points and the calibrated model's answers joined by lines, a colour a flexion. Root mean square miss {miss:.2} {}.", of_kind.len(), if c == 3 { "mm" } else { "deg" }),
+                    text: format!("{} trials: measured points and the calibrated model's answers joined by lines, a colour a flexion. Root mean square miss {miss:.2} {}.", of_kind.len(), c.unit()),
                     plot: plot.to_json(),
                 }
             })
@@ -117,7 +118,7 @@ fn answers(name: &str, outcome: &Outcome) -> Vec<Chart> {
         .collect()
 }
 
-fn answer(trials: &[(&LaxityTrial, Option<[f64; 5]>)], c: usize) -> (Plot, f64) {
+fn answer(trials: &[(&LaxityTrial, Option<Free<f64>>)], c: Coordinate) -> (Plot, f64) {
     let mut flexions: Vec<f64> = trials.iter().map(|(t, _)| t.nominal_flexion_deg).collect();
     flexions.sort_by(f64::total_cmp);
     flexions.dedup();
