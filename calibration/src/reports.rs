@@ -2,9 +2,11 @@
 
 use crate::calibrate::Calibrated;
 use crate::cost::residual;
+use crate::options::Method;
 use crate::session::Outcome;
-use serde_json::{Value, json};
+use serde::{Deserialize, Serialize};
 use sim::coordinate::{Coordinate, FREE, Free};
+use std::collections::BTreeMap;
 use std::fmt::Write;
 
 /// Its tables, by name.
@@ -159,25 +161,47 @@ fn points(found: &Calibrated, starts: bool) -> String {
     out
 }
 
+/// The figures of a calibration, for metrics.json.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CalibrationMetrics {
+    /// Cost of the calibrated model.
+    pub cost: f64,
+    /// Evaluations of the model.
+    pub evaluations: usize,
+    /// Lowest cost that was met.
+    pub lowest_cost: f64,
+    /// The method.
+    pub method: Method,
+    /// Factors on the stated noise, by column.
+    pub noise_scale: BTreeMap<String, f64>,
+    /// Parameters whose interval is less than half of what it was before the data.
+    pub parameters_determined: usize,
+    /// Predicted minus measured, root mean square, by column [deg, mm].
+    pub rms: BTreeMap<String, f64>,
+    /// Samples of the posterior.
+    pub samples: usize,
+    /// Trials that count.
+    pub trials: usize,
+}
+
+/// A share of a parameter's variance that data must remove for it to count as determined [-].
+const DETERMINED: f64 = 0.5;
+
 /// The figures of a calibration.
-pub fn metrics(outcome: &Outcome) -> Value {
+pub fn metrics(outcome: &Outcome) -> CalibrationMetrics {
     let found = &outcome.found;
-    let by_coordinate = |v: Free<Option<f64>>| -> Value {
-        let named = FREE.into_iter().filter_map(|c| v[c].map(|x| (c.column(), json!(x))));
-        Value::Object(named.collect())
-    };
-    let ranges: Vec<f64> = found.parameters.iter().map(|p| p.determined).collect();
-    json!({
-        "method": found.method,
-        "trials": outcome.trials.len(),
-        "evaluations": found.evaluations,
-        "cost": found.cost,
-        "lowest_cost": found.lowest_cost.0,
-        "rms": by_coordinate(found.rms),
-        "noise_scale": by_coordinate(found.noise_scale.map(Some)),
-        "parameters_determined": ranges.iter().filter(|d| **d > 0.5).count(),
-        "samples": found.samples.len(),
-    })
+    let by_column = |v: Free<Option<f64>>| v.each().filter_map(|(c, x)| Some((c.column(), (*x)?))).collect();
+    CalibrationMetrics {
+        cost: found.cost,
+        evaluations: found.evaluations,
+        lowest_cost: found.lowest_cost.0,
+        method: found.method,
+        noise_scale: by_column(found.noise_scale.map(Some)),
+        parameters_determined: found.parameters.iter().filter(|p| p.determined > DETERMINED).count(),
+        rms: by_column(found.rms),
+        samples: found.samples.len(),
+        trials: outcome.trials.len(),
+    }
 }
 
 /// What was found, for the terminal.

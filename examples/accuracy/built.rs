@@ -5,7 +5,6 @@ use crate::page::{Limit, Section};
 use attachments::site::Source;
 use meshes::Point;
 use meshes::query::SurfaceQuery;
-use serde_json::Value;
 use stages::StageError;
 use stages::assemble::{AssembleOptions, assemble};
 use stages::attachments::{Attachments, AttachmentsOptions, attachments};
@@ -88,10 +87,6 @@ pub(crate) fn site_errors(knee: &Knee, built: &Built, source: Source) -> Vec<(St
         .collect()
 }
 
-fn figure(metrics: &Value, cartilage: &str, key: &str) -> f64 {
-    metrics[cartilage][key].as_f64().unwrap_or(f64::NAN)
-}
-
 /// Hexahedra, overclosure and time.
 pub(crate) fn meshes(knees: &[(&Knee, Built)]) -> [Section; 3] {
     let mut hexahedra =
@@ -116,18 +111,21 @@ pub(crate) fn meshes(knees: &[(&Knee, Built)]) -> [Section; 3] {
             }
         }
         let metrics = &built.separated.metrics;
-        let told = |key: &str| metrics[key].as_f64().unwrap_or(f64::NAN);
-        apart.add("least gap [mm]", Limit::Least(OverclosureOptions::default().gap_mm), &knee.name, told("gap_min_mm"));
-        apart.add("iterations", Limit::Most(10.0), &knee.name, told("iterations"));
+        apart.add(
+            "least gap [mm]",
+            Limit::Least(OverclosureOptions::default().gap_mm),
+            &knee.name,
+            told(metrics.gap_min_mm),
+        );
+        apart.add("iterations", Limit::Most(10.0), &knee.name, metrics.iterations as f64);
         apart.add(
             "mean change of an element's volume [%]",
             Limit::Most(0.5),
             &knee.name,
-            100.0 * told("volume_change_mean"),
+            100.0 * metrics.volume_change_mean,
         );
-        for (name, _) in built.separated.meshes.named() {
-            let least = |m: &Value| figure(m, name, "scaled_jacobian_min");
-            let fall = least(&built.hexes.metrics) - least(metrics);
+        for ((name, before), (_, after)) in built.hexes.metrics.named().into_iter().zip(metrics.meshes.named()) {
+            let fall = told(before.scaled_jacobian_min) - told(after.scaled_jacobian_min);
             apart.add("fall of the least scaled Jacobian", Limit::Most(0.05), &format!("{} {name}", knee.name), fall);
         }
         time.add("stages 1 to 9, user time [s]", Limit::Most(90.0), &knee.name, built.seconds);
@@ -135,28 +133,18 @@ pub(crate) fn meshes(knees: &[(&Knee, Built)]) -> [Section; 3] {
     [hexahedra, apart, time]
 }
 
+fn told(figure: Option<f64>) -> f64 {
+    figure.unwrap_or(f64::NAN)
+}
+
 fn shapes(page: &mut Section, case: &str, built: &Built, made: &HexCartilage) {
-    for ((name, mesh), (_, solid)) in made.meshes.named().into_iter().zip(built.cartilage.solids.named()) {
+    let each = made.meshes.named().into_iter().zip(made.metrics.named()).zip(built.cartilage.solids.named());
+    for (((name, mesh), (_, shape)), (_, solid)) in each {
         let case = format!("{case} {name}");
-        page.add("inverted elements", Limit::Most(0.0), &case, figure(&made.metrics, name, "inverted"));
-        page.add(
-            "scaled Jacobian, least",
-            Limit::Least(0.3),
-            &case,
-            figure(&made.metrics, name, "scaled_jacobian_min"),
-        );
-        page.add(
-            "scaled Jacobian, 5th percentile",
-            Limit::Least(0.75),
-            &case,
-            figure(&made.metrics, name, "scaled_jacobian_p05"),
-        );
-        page.add(
-            "scaled Jacobian, mean",
-            Limit::Least(0.92),
-            &case,
-            figure(&made.metrics, name, "scaled_jacobian_mean"),
-        );
+        page.add("inverted elements", Limit::Most(0.0), &case, shape.inverted as f64);
+        page.add("scaled Jacobian, least", Limit::Least(0.3), &case, told(shape.scaled_jacobian_min));
+        page.add("scaled Jacobian, 5th percentile", Limit::Least(0.75), &case, told(shape.scaled_jacobian_p05));
+        page.add("scaled Jacobian, mean", Limit::Least(0.92), &case, shape.scaled_jacobian_mean);
         let Some(query) = SurfaceQuery::new(&solid.solid) else { continue };
         let nodes = mesh.articular_quads.iter().flatten().map(|&n| query.nearest(&mesh.nodes[n as usize]).distance);
         page.add("articular node off the solid, farthest [mm]", Limit::Most(0.05), &case, nodes.fold(0.0, f64::max));

@@ -8,7 +8,6 @@ use meshes::frame::{AnatomicalFrame, Side};
 use meshes::plane::clipped;
 use meshes::surface::TriMesh;
 use meshes::{Point, Vector};
-use serde_json::Value;
 use stages::PerBone;
 use stages::anatomy::rough_axes;
 use stages::bones::Bones;
@@ -37,7 +36,8 @@ pub(crate) fn section(knees: &[(&Knee, Built)]) -> Result<Section, String> {
 }
 
 fn made(specimen: &Specimen) -> Result<Frames, String> {
-    let bones = Bones { surfaces: specimen.ct.clone(), patella: None, warnings: Vec::new(), metrics: Value::Null };
+    let bones =
+        Bones { surfaces: specimen.ct.clone(), patella: None, warnings: Vec::new(), metrics: Default::default() };
     frames(specimen, &bones, &FramesOptions::default()).map_err(|e| e.to_string())
 }
 

@@ -84,10 +84,10 @@ fn judge(page: &mut Section, which: &str, case: &str, knee: &Knee, made: Result<
         page.add(&format!("surface distance, p95 [mm], {which}"), Limit::Most(0.45), &case, p95);
         let tunnels = 1 - Topology::of(&part.solid).euler_characteristic / 2;
         page.add(&format!("tunnels, {which}"), Limit::Most(0.0), &case, tunnels as f64);
-        let shape = &hexes.metrics[name];
-        let told = |key: &str| shape[key].as_f64().unwrap_or(f64::NAN);
-        page.add(&format!("hexahedra inverted, {which}"), Limit::Most(0.0), &case, told("inverted"));
-        page.add(&format!("scaled Jacobian, least, {which}"), Limit::Least(0.3), &case, told("scaled_jacobian_min"));
+        let Some(shape) = hexes.metrics.get(name) else { continue };
+        let least = shape.scaled_jacobian_min.unwrap_or(f64::NAN);
+        page.add(&format!("hexahedra inverted, {which}"), Limit::Most(0.0), &case, shape.inverted as f64);
+        page.add(&format!("scaled Jacobian, least, {which}"), Limit::Least(0.3), &case, least);
         eprintln!("{case}, {which}: volume {volume:.2} % mean {mean:.3} p95 {p95:.3} tunnels {tunnels}");
     }
 }
@@ -143,7 +143,7 @@ fn flaps(page: &mut Section, knee: &Knee, registration: &Registration, bones: &B
             let found = match remade(&with, registration, bones, *method) {
                 Ok(made) => {
                     let hexes = hexmesh(&made, &HexmeshOptions::default());
-                    let usable = hexes.is_ok_and(|h| h.metrics["femur"]["inverted"].as_f64() == Some(0.0));
+                    let usable = hexes.is_ok_and(|h| h.metrics.femur.inverted == 0);
                     page.add(&format!("flap without hexahedra, {name}"), Limit::Most(0.0), &case, f64::from(!usable));
                     let share = (made.solids.femur.solid.volume() - without.solids.femur.solid.volume()) / added;
                     eprintln!("{case}, {name}: {added:.1} mm3 added, {share:.2} found, hexahedra {usable}");

@@ -152,11 +152,11 @@ fn geometry(file: &SpecimenFile, raw: &RawSpecimen, options: &BuildOptions) -> V
         items.push(match judged.result {
             Err(e) => Item::new(&judged.key, State::Fault, e.to_string(), ""),
             Ok(counts) => {
-                let coloured = counts["coloured"].as_bool() == Some(true);
+                let coloured = counts.coloured;
                 let found = format!(
                     "{} triangles, {:.0} mm wide{}{}",
-                    counts["triangles"],
-                    counts["width_mm"].as_f64().unwrap_or(0.0),
+                    counts.triangles,
+                    counts.width_mm,
                     if coloured { ", coloured" } else { "" },
                     judged.warnings.iter().map(|w| format!("; {w}")).collect::<String>()
                 );

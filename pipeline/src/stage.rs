@@ -55,7 +55,7 @@ macro_rules! reported {
     ($type:ty) => {
         impl crate::stage::Reported for $type {
             fn metrics(&self) -> serde_json::Value {
-                self.metrics.clone()
+                serde_json::to_value(&self.metrics).unwrap_or_default()
             }
             fn warnings(&self) -> &[String] {
                 &self.warnings

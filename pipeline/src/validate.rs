@@ -133,8 +133,8 @@ pub struct Validation {
     pub differences: Vec<Difference>,
     /// What is odd but not fatal.
     pub warnings: Vec<String>,
-    /// For metrics.json.
-    pub metrics: serde_json::Value,
+    /// Differences by pair of models, then by protocol and quantity, for metrics.json.
+    pub metrics: BTreeMap<String, BTreeMap<String, f64>>,
 }
 
 impl Validation {
@@ -144,14 +144,12 @@ impl Validation {
         let mut ids: Vec<&str> = sources.iter().map(|s| s.specimen.as_str()).collect();
         ids.dedup();
         let specimen = ids.join(" and ");
-        let mut metrics = serde_json::Map::new();
+        let mut metrics: BTreeMap<String, BTreeMap<String, f64>> = BTreeMap::new();
         for d in &differences {
-            let pair = metrics.entry(format!("{} {}", d.a, d.b)).or_insert_with(|| serde_json::json!({}));
-            if let Some(map) = pair.as_object_mut() {
-                map.insert(format!("{}.{}", d.protocol, d.quantity), d.rmsd.into());
-            }
+            let pair = metrics.entry(format!("{} {}", d.a, d.b)).or_default();
+            pair.insert(format!("{}.{}", d.protocol, d.quantity), d.rmsd);
         }
-        Validation { specimen, sources, passive, differences, warnings, metrics: metrics.into() }
+        Validation { specimen, sources, passive, differences, warnings, metrics }
     }
 }
 

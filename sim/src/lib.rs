@@ -9,7 +9,7 @@
 //! drawer,anterior,30,0,0,0,133,0,30,,,,6.5,
 //! ";
 //! let table = sim::laxity::read(file.as_bytes()).unwrap();
-//! assert_eq!(table.trials[0].load[3], 133.0); // VV, IE [N m], ML, AP, SI [N]
+//! assert_eq!(table.trials[0].load[sim::coordinate::AP], 133.0); // [N]
 //! ```
 
 pub mod contact;

@@ -118,7 +118,27 @@ pub struct Assembled {
     /// What is odd but not fatal.
     pub warnings: Vec<String>,
     /// For metrics.json.
-    pub metrics: serde_json::Value,
+    pub metrics: AssembleMetrics,
+}
+
+/// Counts of the model's parts, for metrics.json.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct AssembleMetrics {
+    /// Bundles.
+    pub bundles: usize,
+    /// Fibres.
+    pub fibres: usize,
+    /// Triangles of each contact surface.
+    pub contact_triangles: Vec<MeshCount>,
+}
+
+/// Triangles of a mesh.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct MeshCount {
+    /// Its name.
+    pub mesh: String,
+    /// Triangles.
+    pub triangles: usize,
 }
 
 /// Assembles the model.
@@ -146,11 +166,12 @@ pub fn assemble(
         .iter()
         .map(|f| FibreSpec { bundle: f.bundle.clone(), femur: f.femur, tibia: f.tibia })
         .collect::<Vec<_>>();
-    let metrics = serde_json::json!({
-        "bundles": bundles.len(),
-        "fibres": fibres.len(),
-        "contact_triangles": contact.named().map(|(name, m)| serde_json::json!({"mesh": name, "triangles": m.triangles.len()})),
-    });
+    let count = |(name, m): (&str, &TriMesh)| MeshCount { mesh: name.to_owned(), triangles: m.triangles.len() };
+    let metrics = AssembleMetrics {
+        bundles: bundles.len(),
+        fibres: fibres.len(),
+        contact_triangles: contact.named().map(count).to_vec(),
+    };
     let spec = ModelSpec {
         schema: "model/1".into(),
         id: specimen.identity.id.clone(),

@@ -19,6 +19,7 @@ use meshes::Point;
 use meshes::frame::AnatomicalFrame;
 use meshes::query::SurfaceQuery;
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// Sites and fibres, CT frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -30,7 +31,22 @@ pub struct Attachments {
     /// What is odd but not fatal; bundles that could not be placed are named here.
     pub warnings: Vec<String>,
     /// For metrics.json.
-    pub metrics: serde_json::Value,
+    pub metrics: AttachmentsMetrics,
+}
+
+/// Counts of sites and fibres, for metrics.json.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct AttachmentsMetrics {
+    /// Sites by marks.
+    pub sites_marked: usize,
+    /// By the literature.
+    pub sites_literature: usize,
+    /// Given by hand.
+    pub sites_given: usize,
+    /// Fibres.
+    pub fibres: usize,
+    /// How deep each bundle runs through bone [mm].
+    pub through_bone_mm: BTreeMap<String, f64>,
 }
 
 /// How sites are found and fibres laid.
@@ -140,10 +156,13 @@ pub fn attachments(
     let rank = |s: &Site| (LIGAMENTS.iter().position(|l| *l == s.ligament), s.bone);
     sites.sort_by_key(rank);
     let count = |source: Source| sites.iter().filter(|s| s.source == source).count();
-    let metrics = serde_json::json!({
-        "sites_marked": count(Source::Marked), "sites_literature": count(Source::Literature),
-        "sites_given": count(Source::Given), "fibres": fibres.len(), "through_bone_mm": through_bone,
-    });
+    let metrics = AttachmentsMetrics {
+        sites_marked: count(Source::Marked),
+        sites_literature: count(Source::Literature),
+        sites_given: count(Source::Given),
+        fibres: fibres.len(),
+        through_bone_mm: through_bone,
+    };
     Ok(Attachments { sites, fibres, warnings, metrics })
 }
 

@@ -3,6 +3,7 @@
 use crate::specimen::Specimen;
 use crate::{PerBone, StageError};
 use meshes::holes::fill_holes;
+use meshes::measure::EdgeQuality;
 use meshes::measure::{edge_quality, percentile};
 use meshes::plane::{clipped, flat_faces};
 use meshes::query::SurfaceQuery;
@@ -25,7 +26,43 @@ pub struct Bones {
     /// What is odd but not fatal.
     pub warnings: Vec<String>,
     /// For metrics.json.
-    pub metrics: serde_json::Value,
+    pub metrics: BonesMetrics,
+}
+
+/// Figures of the bones, for metrics.json.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct BonesMetrics {
+    /// Of the femur.
+    pub femur: BoneMetrics,
+    /// Of the tibia with the fibula.
+    pub tibfib: BoneMetrics,
+    /// Of the patella, where CT shows one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub patella: Option<BoneMetrics>,
+}
+
+/// Figures of a bone's surface.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct BoneMetrics {
+    /// Vertices.
+    pub vertices: usize,
+    /// Triangles.
+    pub triangles: usize,
+    /// Bodies that hang together.
+    pub bodies: usize,
+    /// Volume [mm3].
+    pub volume_mm3: f64,
+    /// By how much it differs from the CT surface's, cropped [%].
+    pub volume_change_percent: f64,
+    /// 95 % of the vertices lie nearer to the CT surface [mm].
+    pub surface_distance_p95_mm: f64,
+    /// All lie nearer [mm].
+    pub surface_distance_max_mm: f64,
+    /// Edge lengths and angles.
+    #[serde(flatten)]
+    pub edges: EdgeQuality,
+    /// Holes that were filled.
+    pub holes_filled: usize,
 }
 
 /// How the bones are made.
@@ -78,11 +115,11 @@ pub fn bones(specimen: &Specimen, options: &BonesOptions) -> Result<Bones, Stage
     let (f, t) = rayon::join(|| one("femur", femur, &towards.1), || one("tibfib", tibfib, &towards.0));
     let (((f, femur_metrics), first), ((t, tibfib_metrics), second)) = (f?, t?);
     warnings.extend(first.into_iter().chain(second));
-    let mut metrics = serde_json::json!({ "femur": femur_metrics, "tibfib": tibfib_metrics });
+    let mut metrics = BonesMetrics { femur: femur_metrics, tibfib: tibfib_metrics, patella: None };
     let mut patella = None;
     if let Some(given) = &specimen.patella {
         let (mesh, figures) = bone("patella", &given.ct, None, options, &mut warnings)?;
-        metrics["patella"] = figures;
+        metrics.patella = Some(figures);
         patella = Some(mesh);
     }
     Ok(Bones { surfaces: PerBone { femur: f, tibfib: t }, patella, warnings, metrics })
@@ -109,7 +146,7 @@ fn bone(
     other: Option<&Point>,
     options: &BonesOptions,
     warnings: &mut Vec<String>,
-) -> Result<(TriMesh, serde_json::Value), StageError> {
+) -> Result<(TriMesh, BoneMetrics), StageError> {
     let solid = solidify(ct, options.speck_share);
     tell(name, &solid, warnings);
     if solid.mesh.volume() <= 0.0 {
@@ -234,23 +271,19 @@ fn flat_corners(mesh: &TriMesh, labels: &[u32]) -> Vec<bool> {
     flat
 }
 
-fn grades(before: &TriMesh, after: &TriMesh, topology: &Topology, holes: usize) -> serde_json::Value {
-    let quality = edge_quality(after);
+fn grades(before: &TriMesh, after: &TriMesh, topology: &Topology, holes: usize) -> BoneMetrics {
     let mut distance: Vec<f64> = SurfaceQuery::new(before)
         .map(|q| after.vertices.iter().map(|p| q.nearest(p).distance).collect())
         .unwrap_or_default();
-    serde_json::json!({
-        "vertices": after.vertices.len(),
-        "triangles": after.triangles.len(),
-        "bodies": topology.components,
-        "volume_mm3": after.volume(),
-        "volume_change_percent": 100.0 * (after.volume() / before.volume() - 1.0),
-        "surface_distance_p95_mm": percentile(&mut distance, 0.95),
-        "surface_distance_max_mm": percentile(&mut distance, 1.0),
-        "edge_p01_mm": quality.edge_p01_mm,
-        "edge_p50_mm": quality.edge_p50_mm,
-        "edge_p99_mm": quality.edge_p99_mm,
-        "min_angle_deg": quality.min_angle_deg,
-        "holes_filled": holes,
-    })
+    BoneMetrics {
+        vertices: after.vertices.len(),
+        triangles: after.triangles.len(),
+        bodies: topology.components,
+        volume_mm3: after.volume(),
+        volume_change_percent: 100.0 * (after.volume() / before.volume() - 1.0),
+        surface_distance_p95_mm: percentile(&mut distance, 0.95),
+        surface_distance_max_mm: percentile(&mut distance, 1.0),
+        edges: edge_quality(after),
+        holes_filled: holes,
+    }
 }

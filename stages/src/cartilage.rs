@@ -9,6 +9,7 @@ mod solid;
 mod thin_rim;
 mod vertices;
 
+use crate::PerBone;
 use crate::bones::Bones;
 use crate::register::{BoneRegistration, Registration};
 use crate::specimen::Specimen;
@@ -43,8 +44,46 @@ pub struct Cartilage {
     pub bodies: BTreeMap<String, TriMesh>,
     /// What is odd but not fatal.
     pub warnings: Vec<String>,
-    /// For metrics.json: by cartilage name `volume_mm3`, `thickness_mean_mm`, `thickness_p95_mm`, `area_articular_mm2`.
-    pub metrics: serde_json::Value,
+    /// For metrics.json.
+    pub metrics: CartilageMetrics,
+}
+
+/// Figures of the cartilages, for metrics.json.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct CartilageMetrics {
+    /// The solids.
+    #[serde(flatten)]
+    pub solids: PerCartilage<SolidMetrics>,
+    /// Scatter of the scan about bare bone [mm]; none where MRI shows the cartilage.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bare_bone_sd_mm: Option<PerBone<f64>>,
+    /// Volumes of what else MRI shows [mm3].
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub bodies_volume_mm3: BTreeMap<String, f64>,
+}
+
+/// Figures of a cartilage.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct SolidMetrics {
+    /// Volume [mm3].
+    pub volume_mm3: f64,
+    /// Volume as the file gives it [mm3], where it does.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub given_volume_mm3: Option<f64>,
+    /// Mean thickness over the bony face [mm].
+    pub thickness_mean_mm: f64,
+    /// 95 % of the vertices of the bony face have less [mm].
+    pub thickness_p95_mm: f64,
+    /// Area of the articular face [mm2].
+    pub area_articular_mm2: f64,
+    /// Area of the bony face [mm2].
+    pub area_bony_mm2: f64,
+    /// Triangles.
+    pub triangles: usize,
+    /// Median edge [mm].
+    pub edge_p50_mm: f64,
+    /// Smallest angle [deg].
+    pub min_angle_deg: f64,
 }
 
 /// How scan and bone are made cartilage.
@@ -154,7 +193,7 @@ pub fn cartilage(
     };
     let (femur, tibfib) = rayon::join(|| one(&femur, options), || one(&tibfib, options));
     let (femur, tibfib) = (femur?, tibfib?);
-    let noise = [femur.bare_sd, tibfib.bare_sd];
+    let noise = PerBone { femur: femur.bare_sd, tibfib: tibfib.bare_sd };
     let warnings: Vec<String> = femur.warnings.into_iter().chain(tibfib.warnings).collect();
     let made: Vec<(CartilageSolid, Point)> = femur.solids.into_iter().chain(tibfib.solids).collect();
     let [femur, first, second]: [(CartilageSolid, Point); 3] =
@@ -165,10 +204,12 @@ pub fn cartilage(
     let turned = (first.1 - second.1).dot(&lateral) > 0.0;
     let (medial, outer) = if turned { (second.0, first.0) } else { (first.0, second.0) };
     let solids = PerCartilage { femur: femur.0, tibia_medial: medial, tibia_lateral: outer };
-    let mut metrics: serde_json::Map<String, serde_json::Value> =
-        solids.named().map(|(name, s)| (name.to_string(), grades(s))).into_iter().collect();
-    metrics.insert("bare_bone_sd_mm".into(), serde_json::json!({ "femur": noise[0], "tibfib": noise[1] }));
-    Ok(Cartilage { solids, bodies: BTreeMap::new(), warnings, metrics: metrics.into() })
+    let metrics = CartilageMetrics {
+        solids: solids.map(grades),
+        bare_bone_sd_mm: Some(noise),
+        bodies_volume_mm3: BTreeMap::new(),
+    };
+    Ok(Cartilage { solids, bodies: BTreeMap::new(), warnings, metrics })
 }
 
 /// Cartilages of a bone.
@@ -263,22 +304,23 @@ fn lateral(side: Side, bones: &Bones, femoral: &TriMesh, first: &Point, second: 
     })
 }
 
-fn grades(part: &CartilageSolid) -> serde_json::Value {
+fn grades(part: &CartilageSolid) -> SolidMetrics {
     let bony = part.solid.submesh(|t| !part.articular[t]);
     let weight = bony.0.vertex_areas();
     let mut thickness: Vec<f64> = bony.1.iter().map(|&v| part.thickness_mm[v as usize]).collect();
     let mean = thickness.iter().zip(&weight).map(|(t, w)| t * w).sum::<f64>() / weight.iter().sum::<f64>().max(1e-12);
     let quality = edge_quality(&part.solid);
-    serde_json::json!({
-        "volume_mm3": part.solid.volume(),
-        "thickness_mean_mm": mean,
-        "thickness_p95_mm": percentile(&mut thickness, 0.95),
-        "area_articular_mm2": part.solid.submesh(|t| part.articular[t]).0.area(),
-        "area_bony_mm2": bony.0.area(),
-        "triangles": part.solid.triangles.len(),
-        "edge_p50_mm": quality.edge_p50_mm,
-        "min_angle_deg": quality.min_angle_deg,
-    })
+    SolidMetrics {
+        volume_mm3: part.solid.volume(),
+        given_volume_mm3: None,
+        thickness_mean_mm: mean,
+        thickness_p95_mm: percentile(&mut thickness, 0.95),
+        area_articular_mm2: part.solid.submesh(|t| part.articular[t]).0.area(),
+        area_bony_mm2: bony.0.area(),
+        triangles: part.solid.triangles.len(),
+        edge_p50_mm: quality.edge_p50_mm,
+        min_angle_deg: quality.min_angle_deg,
+    }
 }
 
 impl Patch {

@@ -11,6 +11,7 @@ use crate::specimen::Specimen;
 use crate::{PerCartilage, StageError};
 pub use fit::{Fitted, RigidCurve};
 pub use layers::FittedLayer;
+use layers::LayerMetrics;
 pub use loading::Curve;
 use meshes::hex::HexMesh;
 use serde::{Deserialize, Serialize};
@@ -150,7 +151,55 @@ pub struct ContactLaw {
     /// What is odd but not fatal.
     pub warnings: Vec<String>,
     /// For metrics.json.
-    pub metrics: serde_json::Value,
+    pub metrics: ContactLawMetrics,
+}
+
+/// Figures of the fitted law, for metrics.json.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct ContactLawMetrics {
+    /// Pressures at the law's overclosures [MPa].
+    pub pressure_mpa: Vec<f64>,
+    /// Largest difference of force [%].
+    pub fit_error_percent: f64,
+    /// Root mean square difference of force [%].
+    pub fit_rms_percent: f64,
+    /// Difference of area at equal force [%].
+    pub area_error_percent: f64,
+    /// The deformable model at each flexion.
+    pub flexions: Vec<FlexionMetrics>,
+    /// The law by thickness, where it was asked for.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub layer: Option<LayerMetrics>,
+    /// Which law the model gets, where both were fitted.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub rules: Option<ContactRule>,
+}
+
+/// The deformable model at a flexion; shares over the levels where enough touches.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct FlexionMetrics {
+    /// The flexion [deg].
+    pub flexion_deg: f64,
+    /// Levels of approach.
+    pub levels: usize,
+    /// Largest force [N].
+    pub force_max_n: f64,
+    /// Largest pressure [MPa].
+    pub peak_pressure_mpa: f64,
+    /// Largest kinetic share of the energy on the way [-].
+    pub kinetic_share_max: f64,
+    /// The same at rest [-].
+    pub kinetic_share_at_rest_max: f64,
+    /// Largest share of hourglass energy [-].
+    pub hourglass_share_max: f64,
+    /// Error of the energy balance [-].
+    pub energy_balance_error: f64,
+    /// Increments.
+    pub increments: usize,
+    /// Largest factor on an element's mass [-].
+    pub mass_factor_max: f64,
+    /// Mass in use over the true one [-].
+    pub mass_used_over_true: f64,
 }
 
 impl ContactLawOptions {
@@ -225,40 +274,37 @@ fn metrics(
     fitted: &Fitted,
     (layer, rules): (Option<&FittedLayer>, ContactRule),
     o: &ContactLawOptions,
-) -> serde_json::Value {
-    let flexions: Vec<serde_json::Value> = curves
+) -> ContactLawMetrics {
+    let flexions = curves
         .iter()
         .map(|c| {
             // shares of energies say nothing while hardly anything touches
             let told = || c.levels.iter().filter(|l| l.force_n >= o.least_force_n);
             let most = |f: fn(&sim::deformable::press::Level) -> f64| told().map(f).fold(0.0, f64::max);
-            serde_json::json!({
-                "flexion_deg": c.flexion_deg,
-                "levels": c.levels.len(),
-                "force_max_n": most(|l| l.force_n),
-                "peak_pressure_mpa": most(|l| l.peak_pressure_mpa),
-                "kinetic_share_max": most(|l| l.kinetic_share_under_way),
-                "kinetic_share_at_rest_max": most(|l| l.kinetic_share),
-                "hourglass_share_max": most(|l| l.hourglass_share),
-                "energy_balance_error": c.energy_balance_error,
-                "increments": c.levels.iter().map(|l| l.increments).sum::<usize>(),
-                "mass_factor_max": c.masses.largest_factor,
-                "mass_used_over_true": c.masses.used_tonne / c.masses.true_tonne,
-            })
+            FlexionMetrics {
+                flexion_deg: c.flexion_deg,
+                levels: c.levels.len(),
+                force_max_n: most(|l| l.force_n),
+                peak_pressure_mpa: most(|l| l.peak_pressure_mpa),
+                kinetic_share_max: most(|l| l.kinetic_share_under_way),
+                kinetic_share_at_rest_max: most(|l| l.kinetic_share),
+                hourglass_share_max: most(|l| l.hourglass_share),
+                energy_balance_error: c.energy_balance_error,
+                increments: c.levels.iter().map(|l| l.increments).sum::<usize>(),
+                mass_factor_max: c.masses.largest_factor,
+                mass_used_over_true: c.masses.used_tonne / c.masses.true_tonne,
+            }
         })
         .collect();
-    let mut metrics = serde_json::json!({
-        "pressure_mpa": fitted.pressure_mpa,
-        "fit_error_percent": fitted.worst_percent,
-        "fit_rms_percent": fitted.rms_percent,
-        "area_error_percent": fitted.area_percent,
-        "flexions": flexions,
-    });
-    if let Some(l) = layer {
-        metrics["layer"] = l.told();
-        metrics["rules"] = serde_json::json!(rules);
+    ContactLawMetrics {
+        pressure_mpa: fitted.pressure_mpa.clone(),
+        fit_error_percent: fitted.worst_percent,
+        fit_rms_percent: fitted.rms_percent,
+        area_error_percent: fitted.area_percent,
+        flexions,
+        layer: layer.map(FittedLayer::told),
+        rules: layer.map(|_| rules),
     }
-    metrics
 }
 
 fn check(o: &ContactLawOptions) -> Result<(), StageError> {

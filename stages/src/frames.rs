@@ -13,13 +13,12 @@ use meshes::frame::{AnatomicalFrame, Side};
 use meshes::surface::TriMesh;
 use meshes::{Point, Vector};
 use serde::{Deserialize, Serialize};
-use serde_json::json;
 use sim::coordinate::{AP, FE, IE, ML, SI, VV};
 use sim::joint::Joint;
 use sim::spec::{FramesSpec, PoseSpec};
 
 /// Grood-Suntay coordinates in clinical signs.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct GroodSuntayPose {
     /// Flexion [deg].
     pub fe_deg: f64,
@@ -57,7 +56,26 @@ pub struct Frames {
     /// What is odd but not fatal.
     pub warnings: Vec<String>,
     /// For metrics.json.
-    pub metrics: serde_json::Value,
+    pub metrics: FramesMetrics,
+}
+
+/// Figures of the frames, for metrics.json.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct FramesMetrics {
+    /// Grood-Suntay coordinates of the CT pose.
+    pub gs_ct_pose: GroodSuntayPose,
+    /// Angle of the condyles' axis to the transepicondylar one, in the axial plane [deg].
+    pub angle_to_tea_axial_deg: f64,
+    /// Radius of the cylinder through the posterior condyles [mm].
+    pub condylar_radius_mm: f64,
+    /// How far the condyles lie from it, root mean square [mm].
+    pub condylar_rms_mm: f64,
+    /// Distance of the epicondyles [mm].
+    pub epicondylar_width_mm: f64,
+    /// Sections that show the femur's shaft.
+    pub femur_shaft_sections: usize,
+    /// Sections that show the tibia's.
+    pub tibia_shaft_sections: usize,
 }
 
 /// How frames are assigned.
@@ -137,15 +155,15 @@ pub fn frames(specimen: &Specimen, bones: &Bones, options: &FramesOptions) -> Re
             gs_ct_pose.vv_deg, gs_ct_pose.ie_deg
         ));
     }
-    let metrics = json!({
-        "gs_ct_pose": gs_ct_pose,
-        "angle_to_tea_axial_deg": angle.abs(),
-        "condylar_radius_mm": cylinder.radius,
-        "condylar_rms_mm": cylinder.rms,
-        "epicondylar_width_mm": (ends[0] - ends[1]).norm(),
-        "femur_shaft_sections": rough.femur_shaft.sections,
-        "tibia_shaft_sections": rough.tibia_shaft.sections,
-    });
+    let metrics = FramesMetrics {
+        gs_ct_pose,
+        angle_to_tea_axial_deg: angle.abs(),
+        condylar_radius_mm: cylinder.radius,
+        condylar_rms_mm: cylinder.rms,
+        epicondylar_width_mm: (ends[0] - ends[1]).norm(),
+        femur_shaft_sections: rough.femur_shaft.sections,
+        tibia_shaft_sections: rough.tibia_shaft.sections,
+    };
     Ok(Frames {
         femur: femoral,
         tibia: tibial,

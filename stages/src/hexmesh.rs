@@ -64,8 +64,31 @@ pub struct HexCartilage {
     pub meshes: PerCartilage<HexMesh>,
     /// What is odd but not fatal.
     pub warnings: Vec<String>,
-    /// For metrics.json: by cartilage name `elements`, `scaled_jacobian_min|p05|mean`, `inverted`.
-    pub metrics: serde_json::Value,
+    /// For metrics.json.
+    pub metrics: PerCartilage<HexQuality>,
+}
+
+/// Counts and shape of a hexahedral mesh, for metrics.json; none where it has no element.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct HexQuality {
+    /// Elements.
+    pub elements: usize,
+    /// Least scaled Jacobian [-].
+    pub scaled_jacobian_min: Option<f64>,
+    /// 5 % of the elements have less [-].
+    pub scaled_jacobian_p05: Option<f64>,
+    /// Mean scaled Jacobian [-].
+    pub scaled_jacobian_mean: f64,
+    /// Elements whose scaled Jacobian is not above 0.
+    pub inverted: usize,
+    /// Shortest edge on a face [mm].
+    pub edge_min_mm: Option<f64>,
+    /// Median edge on a face [mm].
+    pub edge_median_mm: Option<f64>,
+    /// Longest edge on a face [mm].
+    pub edge_max_mm: Option<f64>,
+    /// Volume [mm3].
+    pub volume_mm3: f64,
 }
 
 /// Meshes the three solids. Errors name the cartilage.
@@ -81,21 +104,20 @@ pub fn hexmesh(cartilage: &Cartilage, options: &HexmeshOptions) -> Result<HexCar
     );
     let meshed = PerCartilage { femur: femur?, tibia_medial: medial?, tibia_lateral: lateral? };
     let mut warnings = Vec::new();
-    let mut metrics = serde_json::Map::new();
-    for (name, (mesh, notes)) in meshed.named() {
+    for (name, (_, notes)) in meshed.named() {
         warnings.extend(notes.iter().map(|n| format!("cartilage {name}: {n}")));
-        metrics.insert(name.into(), quality(mesh));
     }
     let meshes = PerCartilage {
         femur: meshed.femur.0,
         tibia_medial: meshed.tibia_medial.0,
         tibia_lateral: meshed.tibia_lateral.0,
     };
-    Ok(HexCartilage { meshes, warnings, metrics: metrics.into() })
+    let metrics = meshes.map(quality);
+    Ok(HexCartilage { meshes, warnings, metrics })
 }
 
-/// Counts and shape figures of a mesh, for metrics.json.
-pub fn quality(mesh: &HexMesh) -> serde_json::Value {
+/// Counts and shape of a mesh.
+pub fn quality(mesh: &HexMesh) -> HexQuality {
     let mut shape: Vec<f64> = (0..mesh.elements.len()).map(|e| mesh.scaled_jacobian(e)).collect();
     let mean = shape.iter().sum::<f64>() / shape.len().max(1) as f64;
     shape.sort_by(f64::total_cmp);
@@ -108,17 +130,17 @@ pub fn quality(mesh: &HexMesh) -> serde_json::Value {
         .collect();
     edges.sort_by(f64::total_cmp);
     let at = |list: &[f64], share: f64| list.get((share * list.len() as f64) as usize).or(list.last()).copied();
-    serde_json::json!({
-        "elements": shape.len(),
-        "scaled_jacobian_min": shape.first(),
-        "scaled_jacobian_p05": at(&shape, 0.05),
-        "scaled_jacobian_mean": mean,
-        "inverted": shape.iter().filter(|s| **s <= 0.0).count(),
-        "edge_min_mm": edges.first(),
-        "edge_median_mm": at(&edges, 0.5),
-        "edge_max_mm": edges.last(),
-        "volume_mm3": volume,
-    })
+    HexQuality {
+        elements: shape.len(),
+        scaled_jacobian_min: shape.first().copied(),
+        scaled_jacobian_p05: at(&shape, 0.05),
+        scaled_jacobian_mean: mean,
+        inverted: shape.iter().filter(|s| **s <= 0.0).count(),
+        edge_min_mm: edges.first().copied(),
+        edge_median_mm: at(&edges, 0.5),
+        edge_max_mm: edges.last().copied(),
+        volume_mm3: volume,
+    }
 }
 
 fn check(options: &HexmeshOptions) -> Result<(), StageError> {

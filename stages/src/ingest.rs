@@ -12,6 +12,7 @@ pub use file::{OPTIONAL_PATHS, named, parse_specimen_file, paths_named_by, paths
 pub use surfaces::{Judged, judge_surfaces, middle_extent};
 
 use crate::frames;
+use crate::specimen::{IngestMetrics, SurfaceMetrics};
 use crate::specimen::{
     IngestOptions, Mri, Patella, RAS_INPUTS, RawSpecimen, SEGMENTED_PATELLA, Specimen, SpecimenFile,
 };
@@ -60,10 +61,12 @@ pub fn ingest_file(file: &SpecimenFile, raw: &RawSpecimen, options: &IngestOptio
         }
     }
     space::check(&sources.ct, [&landmarks, &marks])?;
-    let mut metrics = sources.metrics;
-    metrics["landmarks"] = landmarks.len().into();
-    metrics["marks"] = marks.len().into();
-    metrics["given_fibres"] = given_fibres.len().into();
+    let metrics = IngestMetrics {
+        landmarks: landmarks.len(),
+        marks: marks.len(),
+        given_fibres: given_fibres.len(),
+        ..sources.metrics
+    };
     Ok(Specimen {
         identity: file.specimen.clone(),
         ct: sources.ct,
@@ -88,7 +91,7 @@ struct Sources {
     mri: Option<Mri>,
     patella: Option<Patella>,
     capsule: Option<TriMesh>,
-    metrics: serde_json::Value,
+    metrics: IngestMetrics,
 }
 
 /// Reads the bones and what shows their cartilage: scans, a label map or surfaces.
@@ -102,14 +105,15 @@ fn sources(
     if let (Some(table), true) = (&file.segmentation, file.ct.is_empty()) {
         let read = mri::from_labels(table, raw, options, false, warnings)?;
         let patella = read.patella.clone().map(|ct| Patella { ct, scan: None });
-        return Ok(of_mri(read.bones.clone(), read, patella, serde_json::json!({}), warnings));
+        return Ok(of_mri(read.bones.clone(), read, patella, IngestMetrics::default(), warnings));
     }
     let ct = file.ct.surfaces();
     let (femur, femur_counts) = surface("ct.femur", &ct.femur, warnings)?;
     let (tibfib, tibfib_counts) = surface("ct.tibfib", &ct.tibfib, warnings)?;
     let patella = patella(file, raw, warnings, surface)?;
     let ct = PerBone { femur: femur.mesh, tibfib: tibfib.mesh };
-    let mut metrics = serde_json::json!({ "ct_femur": femur_counts, "ct_tibfib": tibfib_counts });
+    let metrics =
+        IngestMetrics { ct_femur: Some(femur_counts), ct_tibfib: Some(tibfib_counts), ..IngestMetrics::default() };
     let Some(scans) = &file.scans else {
         let read = match (&file.segmentation, &file.cartilage) {
             (Some(table), _) => mri::from_labels(table, raw, options, true, warnings)?,
@@ -131,8 +135,8 @@ fn sources(
             warnings.push(format!("{key} has no colours: outlined attachment sites cannot be found on it"));
         }
     }
-    metrics["scan_femur"] = scan_femur_counts;
-    metrics["scan_tibfib"] = scan_tibfib_counts;
+    let metrics =
+        IngestMetrics { scan_femur: Some(scan_femur_counts), scan_tibfib: Some(scan_tibfib_counts), ..metrics };
     let scans = PerBone { femur: scan_femur, tibfib: scan_tibfib };
     Ok(Sources { ct, scans, mri: None, patella, capsule, metrics })
 }
@@ -142,21 +146,21 @@ fn of_mri(
     ct: PerBone<TriMesh>,
     read: mri::Read,
     patella: Option<Patella>,
-    mut metrics: serde_json::Value,
+    metrics: IngestMetrics,
     warnings: &mut Vec<String>,
 ) -> Sources {
     let register = if read.mri.in_ct { "register is left out, and " } else { "" };
     warnings.push(format!(
         "no scans: {register}no outlines are looked for; ligaments without points in marks.csv or attachments.csv are placed by the literature"
     ));
-    metrics["mri"] = read.metrics;
+    let metrics = IngestMetrics { mri: Some(read.metrics), ..metrics };
     let bare = |mesh: TriMesh| ColouredMesh { mesh, colours: Vec::new() };
     let scans = PerBone { femur: bare(read.bones.femur), tibfib: bare(read.bones.tibfib) };
     Sources { ct, scans, mri: Some(read.mri), patella, capsule: None, metrics }
 }
 
 /// Reads a surface by key and path, with its counts.
-type Read<'a> = dyn Fn(&str, &str, &mut Vec<String>) -> Result<(ColouredMesh, serde_json::Value), StageError> + 'a;
+type Read<'a> = dyn Fn(&str, &str, &mut Vec<String>) -> Result<(ColouredMesh, SurfaceMetrics), StageError> + 'a;
 
 /// The patella that specimen.toml names, or that stage 0 found.
 fn patella(

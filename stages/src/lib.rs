@@ -67,12 +67,31 @@ impl<T> PerBone<T> {
     pub fn named(&self) -> [(&'static str, &T); 2] {
         [("femur", &self.femur), ("tibfib", &self.tibfib)]
     }
+
+    /// The value of a name in files.
+    pub fn get(&self, name: &str) -> Option<&T> {
+        self.named().into_iter().find(|(n, _)| *n == name).map(|(_, value)| value)
+    }
 }
 
 impl<T> PerCartilage<T> {
+    /// The function's value of each.
+    pub fn map<U>(&self, of: impl Fn(&T) -> U) -> PerCartilage<U> {
+        PerCartilage {
+            femur: of(&self.femur),
+            tibia_medial: of(&self.tibia_medial),
+            tibia_lateral: of(&self.tibia_lateral),
+        }
+    }
+
     /// The values with their names in files.
     pub fn named(&self) -> [(&'static str, &T); 3] {
         [("femur", &self.femur), ("tibia_medial", &self.tibia_medial), ("tibia_lateral", &self.tibia_lateral)]
+    }
+
+    /// The value of a name in files.
+    pub fn get(&self, name: &str) -> Option<&T> {
+        self.named().into_iter().find(|(n, _)| *n == name).map(|(_, value)| value)
     }
 }
 

@@ -2,6 +2,7 @@
 
 mod feet;
 
+use crate::hexmesh::HexQuality;
 use crate::hexmesh::{HexCartilage, quality};
 use crate::{PerCartilage, StageError};
 use meshes::gap::{ContactFace, probes};
@@ -65,8 +66,32 @@ pub struct Separated {
     pub meshes: PerCartilage<HexMesh>,
     /// What is odd but not fatal.
     pub warnings: Vec<String>,
-    /// For metrics.json: by cartilage name as stage 7; and `max_overclosure_before_mm`, `max_overclosure_after_mm`, `gap_min_mm`, `iterations`.
-    pub metrics: serde_json::Value,
+    /// For metrics.json.
+    pub metrics: OverclosureMetrics,
+}
+
+/// Figures of the separated cartilages, for metrics.json.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct OverclosureMetrics {
+    /// The meshes.
+    #[serde(flatten)]
+    pub meshes: PerCartilage<HexQuality>,
+    /// How deep cartilages lay in each other before [mm].
+    pub max_overclosure_before_mm: f64,
+    /// And after [mm].
+    pub max_overclosure_after_mm: f64,
+    /// Smallest gap after [mm]; none where no cartilage is near another.
+    pub gap_min_mm: Option<f64>,
+    /// Rounds it took.
+    pub iterations: usize,
+    /// Farthest that a node of an articular face moved [mm].
+    pub largest_move_mm: f64,
+    /// Farthest that a node of a bony face was lifted [mm].
+    pub largest_bony_lift_mm: f64,
+    /// Change of an element's volume, mean of sizes [-].
+    pub volume_change_mean: f64,
+    /// Largest share of a column's thickness that was taken [-].
+    pub largest_thinning: f64,
 }
 
 /// Aimed for beyond the wanted gap, so that the last hundredths need no iterations of their own [mm].
@@ -330,23 +355,24 @@ fn report(
             100.0 * options.volume_change_max
         ));
     }
-    let mut metrics = serde_json::Map::new();
     for (name, mesh) in meshes.named() {
         let inverted = (0..mesh.elements.len()).filter(|&e| mesh.scaled_jacobian(e) <= 0.0).count();
         if inverted > 0 {
             warnings.push(format!("cartilage {name}: {inverted} of {} elements are inverted", mesh.elements.len()));
         }
-        metrics.insert(name.into(), quality(mesh));
     }
     // No probe of one cartilage near the other: no gap to tell.
     let told = |gap: f64| gap.is_finite().then_some(gap);
-    metrics.insert("max_overclosure_before_mm".into(), (-before).max(0.0).into());
-    metrics.insert("max_overclosure_after_mm".into(), (-after).max(0.0).into());
-    metrics.insert("gap_min_mm".into(), told(after).into());
-    metrics.insert("iterations".into(), iterations.into());
-    metrics.insert("largest_move_mm".into(), largest.into());
-    metrics.insert("largest_bony_lift_mm".into(), lift.into());
-    metrics.insert("volume_change_mean".into(), feet::volume_change(&meshes, hexes).into());
-    metrics.insert("largest_thinning".into(), feet::largest_thinning(&knee, &meshes).into());
-    Ok(Separated { meshes, warnings, metrics: metrics.into() })
+    let metrics = OverclosureMetrics {
+        meshes: meshes.map(quality),
+        max_overclosure_before_mm: (-before).max(0.0),
+        max_overclosure_after_mm: (-after).max(0.0),
+        gap_min_mm: told(after),
+        iterations,
+        largest_move_mm: largest,
+        largest_bony_lift_mm: lift,
+        volume_change_mean: feet::volume_change(&meshes, hexes),
+        largest_thinning: feet::largest_thinning(&knee, &meshes),
+    };
+    Ok(Separated { meshes, warnings, metrics })
 }

@@ -11,7 +11,6 @@ use meshes::{Isometry, Point, Vector};
 use nalgebra::{Matrix3, SymmetricEigen};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use serde_json::json;
 
 /// How one scan came to lie on its CT bone, with its grade.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -46,7 +45,36 @@ pub struct Registration {
     /// What is odd but not fatal.
     pub warnings: Vec<String>,
     /// For metrics.json.
-    pub metrics: serde_json::Value,
+    pub metrics: Option<RegisterMetrics>,
+}
+
+/// Figures of the registrations, for metrics.json.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct RegisterMetrics {
+    /// Of the bones.
+    #[serde(flatten)]
+    pub bones: PerBone<FitMetrics>,
+    /// Of the patella, where it has a scan.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub patella: Option<FitMetrics>,
+    /// The capsule scan beside each bone's own, where there is one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub capsule: Option<PerBone<Option<capsule::CapsuleMetrics>>>,
+}
+
+/// How a scan lies on its bone.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct FitMetrics {
+    /// Distance of bare bone, root mean square [mm].
+    pub rms_bare_bone_mm: f64,
+    /// Share of the scan that is bare bone [-].
+    pub inlier_fraction: f64,
+    /// Distance of bare bone that was held out, root mean square [mm].
+    pub held_out_rms_mm: f64,
+    /// Expected error of the pose [mm].
+    pub predicted_error_mm: f64,
+    /// By how much bone was found to lie outside CT's surface [mm].
+    pub level_mm: f64,
 }
 
 impl Registration {
@@ -63,7 +91,7 @@ impl Registration {
             bare_bone: Vec::new(),
         };
         let bones = PerBone { femur: still.clone(), tibfib: still };
-        Registration { bones, patella: None, warnings: Vec::new(), metrics: serde_json::Value::Null }
+        Registration { bones, patella: None, warnings: Vec::new(), metrics: None }
     }
 }
 
@@ -126,20 +154,22 @@ pub fn register(specimen: &Specimen, options: &RegisterOptions) -> Result<Regist
     );
     let ((femur, mut warnings), (tibfib, more)) = (femur?, tibfib?);
     warnings.extend(more);
-    let figures = |b: &BoneRegistration| {
-        json!({"rms_bare_bone_mm": b.rms_bare_bone_mm, "inlier_fraction": b.inlier_fraction,
-               "held_out_rms_mm": b.held_out_rms_mm, "predicted_error_mm": b.predicted_error_mm, "level_mm": b.level_mm})
+    let figures = |b: &BoneRegistration| FitMetrics {
+        rms_bare_bone_mm: b.rms_bare_bone_mm,
+        inlier_fraction: b.inlier_fraction,
+        held_out_rms_mm: b.held_out_rms_mm,
+        predicted_error_mm: b.predicted_error_mm,
+        level_mm: b.level_mm,
     };
-    let mut metrics = json!({"femur": figures(&femur), "tibfib": figures(&tibfib)});
     let patella = specimen.patella.as_ref().and_then(|p| patella(p, options, &mut warnings));
-    if let Some(patella) = &patella {
-        metrics["patella"] = figures(patella);
-    }
     let bones = PerBone { femur, tibfib };
-    if let Some(scan) = &specimen.capsule {
-        metrics["capsule"] = capsule::check(scan, specimen, &bones, options.seed, &mut warnings);
-    }
-    Ok(Registration { bones, patella, warnings, metrics })
+    let check = |scan| capsule::check(scan, specimen, &bones, options.seed, &mut warnings);
+    let metrics = RegisterMetrics {
+        bones: PerBone { femur: figures(&bones.femur), tibfib: figures(&bones.tibfib) },
+        patella: patella.as_ref().map(figures),
+        capsule: specimen.capsule.as_ref().map(check),
+    };
+    Ok(Registration { bones, patella, warnings, metrics: Some(metrics) })
 }
 
 /// The patella's scan on its CT surface; a warning where it does not fit, since no simulation needs it.

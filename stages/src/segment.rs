@@ -13,6 +13,7 @@ use crate::StageError;
 use meshes::surface::TriMesh;
 use meshes::volume::{Grid, Labels, Volume};
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 
 /// Labels in label maps, in and out.
 pub const LABELS: [(u8, &str); 4] = [(1, "femur"), (2, "tibia"), (3, "fibula"), (4, "patella")];
@@ -31,7 +32,26 @@ pub struct Segmented {
     /// What is odd but not fatal.
     pub warnings: Vec<String>,
     /// For metrics.json.
-    pub metrics: serde_json::Value,
+    pub metrics: SegmentMetrics,
+}
+
+/// Figures of the segmentation, for metrics.json.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct SegmentMetrics {
+    /// Voxels along each axis.
+    pub voxels: [usize; 3],
+    /// Their size [mm].
+    pub spacing_mm: [f64; 3],
+    /// Between bone and what is not [HU].
+    pub threshold: f64,
+    /// Volume of each label [mm3].
+    pub label_volume_mm3: BTreeMap<String, f64>,
+    /// Volume of the femur's surface [mm3].
+    pub femur_volume_mm3: f64,
+    /// Of the tibia's with the fibula's [mm3].
+    pub tibfib_volume_mm3: f64,
+    /// Of the patella's [mm3].
+    pub patella_volume_mm3: Option<f64>,
 }
 
 /// What a given label map means.

@@ -5,6 +5,7 @@ mod mri;
 pub use mri::{CartilageFrame, CartilagePaths, LabelName, Mri, SegmentationPaths};
 
 use crate::PerBone;
+use crate::PerCartilage;
 use crate::frames::given::GivenFrames;
 use attachments::site::Fibre;
 use meshes::Point;
@@ -236,8 +237,96 @@ pub struct Specimen {
     pub ligaments: BTreeMap<String, LigamentStart>,
     /// What is odd but not fatal.
     pub warnings: Vec<String>,
-    /// Counts for metrics.json.
-    pub metrics: serde_json::Value,
+    /// For metrics.json.
+    pub metrics: IngestMetrics,
+}
+
+/// Counts of what was read, for metrics.json.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct IngestMetrics {
+    /// Of the femur's CT surface.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ct_femur: Option<SurfaceMetrics>,
+    /// Of the tibia's and fibula's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub ct_tibfib: Option<SurfaceMetrics>,
+    /// Of the femur's scan.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scan_femur: Option<SurfaceMetrics>,
+    /// Of the tibia's.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub scan_tibfib: Option<SurfaceMetrics>,
+    /// Of what MRI shows.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub mri: Option<MriMetrics>,
+    /// Landmarks.
+    pub landmarks: usize,
+    /// Marks.
+    pub marks: usize,
+    /// Fibres given by hand.
+    pub given_fibres: usize,
+}
+
+/// Counts of a surface, and what was put right.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct SurfaceMetrics {
+    /// Vertices.
+    pub vertices: usize,
+    /// Triangles.
+    pub triangles: usize,
+    /// Its middle extent [mm].
+    pub width_mm: f64,
+    /// Vertices that no triangle uses.
+    pub dropped_vertices: usize,
+    /// Triangles without area that were dropped.
+    pub degenerate_triangles: usize,
+    /// Doubled triangles that were dropped.
+    pub doubled_triangles: usize,
+    /// Triangles that were turned outward.
+    pub turned_triangles: usize,
+    /// Cavities inside.
+    pub cavities: usize,
+    /// Open edges.
+    pub boundary_edges: usize,
+    /// Edges of more than two triangles, or of two turned alike.
+    pub irregular_edges: usize,
+    /// Pieces.
+    pub components: usize,
+    /// Whether it has colours.
+    pub coloured: bool,
+    /// Pieces that were joined to it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub merged: Vec<MergedPiece>,
+}
+
+/// A piece of a scan that was joined to the others.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct MergedPiece {
+    /// Its file.
+    pub path: String,
+    /// Share that the others show, too [-].
+    pub overlap_fraction: f64,
+    /// Distance there, root mean square [mm].
+    pub overlap_rms_mm: f64,
+    /// Triangles that only it shows.
+    pub added_triangles: usize,
+}
+
+/// Figures of a label map, or of surfaces of cartilage.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct MriMetrics {
+    /// Voxels along each axis of a label map.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub voxels: Option<[usize; 3]>,
+    /// Their size [mm].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub spacing_mm: Option<[f64; 3]>,
+    /// Volume of each label [mm3].
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub label_volume_mm3: BTreeMap<String, f64>,
+    /// Volume of each surface of cartilage [mm3].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cartilage_volume_mm3: Option<PerCartilage<f64>>,
 }
 
 /// A patella: carried along, without a part in any simulation.

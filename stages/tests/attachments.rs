@@ -123,14 +123,14 @@ fn knee(test: &str, id: &str) -> Option<Knee> {
         given_frames: None,
         ligaments: Default::default(),
         warnings: Vec::new(),
-        metrics: Value::Null,
+        metrics: Default::default(),
     };
     let to_ct = &truth["scan_to_ct"];
     let registration = Registration {
         bones: PerBone { femur: registered(&to_ct["femur"]), tibfib: registered(&to_ct["tibfib"]) },
         patella: None,
         warnings: Vec::new(),
-        metrics: Value::Null,
+        metrics: Default::default(),
     };
     let frames = Frames {
         epicondyles: [femur.origin + 44.0 * femur.medial, femur.origin - 44.0 * femur.medial],
@@ -142,9 +142,9 @@ fn knee(test: &str, id: &str) -> Option<Knee> {
         femur,
         gs_ct_pose: GroodSuntayPose { fe_deg: 0.0, vv_deg: 0.0, ie_deg: 0.0, ml_mm: 0.0, ap_mm: 0.0, si_mm: 0.0 },
         warnings: Vec::new(),
-        metrics: Value::Null,
+        metrics: Default::default(),
     };
-    let bones = Bones { surfaces, patella: None, warnings: Vec::new(), metrics: Value::Null };
+    let bones = Bones { surfaces, patella: None, warnings: Vec::new(), metrics: Default::default() };
     let solid = |name: &str| {
         let solid = stl::read(&read(&format!("truth/{name}.stl"))?).unwrap();
         let (articular, thickness_mm) = (vec![true; solid.triangles.len()], vec![0.0; solid.vertices.len()]);
@@ -155,7 +155,7 @@ fn knee(test: &str, id: &str) -> Option<Knee> {
         tibia_medial: solid("tibfib_medial")?,
         tibia_lateral: solid("tibfib_lateral")?,
     };
-    let cartilage = Cartilage { solids, bodies: Default::default(), warnings: Vec::new(), metrics: Value::Null };
+    let cartilage = Cartilage { solids, bodies: Default::default(), warnings: Vec::new(), metrics: Default::default() };
     Some(Knee { specimen, registration, bones, cartilage, frames, truth })
 }
 

@@ -10,18 +10,17 @@ use meshes::frame::Side;
 use meshes::surface::TriMesh;
 use meshes::topology::Topology;
 use meshes::{Isometry, Vector};
-use serde_json::Value;
 use stages::PerBone;
-use stages::bones::{BonesOptions, bones};
+use stages::bones::{BonesMetrics, BonesOptions, bones};
 
-fn assert_good(metrics: &Value, case: &str) {
-    for bone in ["femur", "tibfib"] {
-        let m = |key: &str| metrics[bone][key].as_f64().unwrap();
-        assert!(m("volume_change_percent").abs() < 0.5, "{case} {bone}: {metrics}");
-        assert!(m("surface_distance_p95_mm") < 0.2, "{case} {bone}: {metrics}");
-        assert!((1.3..1.7).contains(&m("edge_p50_mm")), "{case} {bone}: {metrics}");
-        assert!(m("edge_p01_mm") > 0.8 && m("edge_p99_mm") < 2.2, "{case} {bone}: {metrics}");
-        assert!(m("min_angle_deg") > 15.0, "{case} {bone}: {metrics}");
+fn assert_good(metrics: &BonesMetrics, case: &str) {
+    for (bone, m) in [("femur", &metrics.femur), ("tibfib", &metrics.tibfib)] {
+        let e = &m.edges;
+        assert!(m.volume_change_percent.abs() < 0.5, "{case} {bone}: {m:?}");
+        assert!(m.surface_distance_p95_mm < 0.2, "{case} {bone}: {m:?}");
+        assert!((1.3..1.7).contains(&e.edge_p50_mm), "{case} {bone}: {m:?}");
+        assert!(e.edge_p01_mm > 0.8 && e.edge_p99_mm < 2.2, "{case} {bone}: {m:?}");
+        assert!(e.min_angle_deg > 15.0, "{case} {bone}: {m:?}");
     }
 }
 
@@ -47,11 +46,11 @@ fn a_whole_leg_is_cropped_alike_however_it_lies() {
     let here = bones(&common::of(ct, PerBone::default(), Side::Left), &BonesOptions::default()).unwrap();
     let there = bones(&common::of(moved, PerBone::default(), Side::Left), &BonesOptions::default()).unwrap();
     assert_good(&here.metrics, "z013");
-    for bone in ["femur", "tibfib"] {
-        let volume = |b: &stages::bones::Bones| b.metrics[bone]["volume_mm3"].as_f64().unwrap();
-        assert!((volume(&here) / volume(&there) - 1.0).abs() < 1e-4);
+    let (h, t) = (&here.metrics, &there.metrics);
+    for (one, other) in [(&h.femur, &t.femur), (&h.tibfib, &t.tibfib)] {
+        assert!((one.volume_mm3 / other.volume_mm3 - 1.0).abs() < 1e-4);
     }
-    assert_eq!(here.metrics["tibfib"]["bodies"], 2);
+    assert_eq!(h.tibfib.bodies, 2);
     let length = |m: &TriMesh| {
         let (lo, hi) = m.bounds().unwrap();
         hi.z - lo.z

@@ -34,7 +34,7 @@ fn phantom(id: &str) -> Specimen {
 
 fn of(specimen: &Specimen) -> Frames {
     let bones =
-        Bones { surfaces: specimen.ct.clone(), patella: None, warnings: Vec::new(), metrics: serde_json::Value::Null };
+        Bones { surfaces: specimen.ct.clone(), patella: None, warnings: Vec::new(), metrics: Default::default() };
     frames(specimen, &bones, &FramesOptions::default()).unwrap()
 }
 
@@ -233,7 +233,7 @@ fn given_frames_are_used_as_they_are_or_refused_by_name() {
     turned.anterior = turned.anterior.map(|x| -x);
     specimen.given_frames = Some(GivenFrames { femur: give(&found.femur, 0.0), tibia: turned });
     let bones =
-        Bones { surfaces: specimen.ct.clone(), patella: None, warnings: Vec::new(), metrics: serde_json::Value::Null };
+        Bones { surfaces: specimen.ct.clone(), patella: None, warnings: Vec::new(), metrics: Default::default() };
     let told = frames(&specimen, &bones, &FramesOptions::default()).unwrap_err().to_string();
     assert!(told.contains("tibia: anterior points backwards"), "{told}");
 }

@@ -89,7 +89,7 @@ fn a_label_map_gives_bones_and_cartilage_of_its_volumes_on_the_true_surfaces() {
         assert!(Topology::of(&part.solid).is_closed());
         let (mean, p95) = apart(&part.solid, &truth);
         assert!(mean < 0.25 && p95 < 0.6, "{name}: {mean} {p95}");
-        let given = solids.metrics[name]["given_volume_mm3"].as_f64().unwrap();
+        let given = solids.metrics.solids.get(name).unwrap().given_volume_mm3.unwrap();
         assert!((part.solid.volume() / given - 1.0).abs() < 0.04, "{name}: {} {given}", part.solid.volume());
         let bone = if name == "femur" { &made.surfaces.femur } else { &made.surfaces.tibfib };
         let query = SurfaceQuery::new(bone).unwrap();
@@ -197,7 +197,7 @@ fn surfaces_of_cartilage_closed_or_open_build_as_well() {
     raw.files.insert("truth/tibfib_medial.stl".into(), bytes);
     let (_, opened) = built(&ingest(&raw, &IngestOptions::default()).unwrap());
     for (name, part) in closed.solids.named() {
-        let given = closed.metrics[name]["given_volume_mm3"].as_f64().unwrap();
+        let given = closed.metrics.solids.get(name).unwrap().given_volume_mm3.unwrap();
         assert!((part.solid.volume() / given - 1.0).abs() < 0.05, "{name}: {} {given}", part.solid.volume());
     }
     let [a, b] = [&closed, &opened].map(|c| c.solids.tibia_medial.solid.volume());
@@ -214,7 +214,7 @@ fn the_shared_label_maps_are_built_within_their_limits() {
         let specimen = ingest(&raw, &IngestOptions::default()).unwrap();
         let (_, solids) = built(&specimen);
         for (part, solid) in solids.solids.named() {
-            let given = solids.metrics[part]["given_volume_mm3"].as_f64().unwrap();
+            let given = solids.metrics.solids.get(part).unwrap().given_volume_mm3.unwrap();
             let volume = solid.solid.volume();
             assert!((volume / given - 1.0).abs() < limit, "{name} {part}: {volume} of {given}");
         }

@@ -67,7 +67,7 @@ fn segmented(name: &str, scanner: &Scanner) -> Option<(Segmented, [TriMesh; 3])>
     let patella = patella(&femur, -Vector::y());
     let volume = ct_volume(&[&femur, &tibfib, &patella], scanner, 5).unwrap();
     let found = segment(&volume, None, &SegmentOptions::default()).unwrap();
-    println!("{name}: {:?} voxels, threshold {}", volume.grid.size, found.metrics["threshold"]);
+    println!("{name}: {:?} voxels, threshold {}", volume.grid.size, found.metrics.threshold);
     Some((found, [femur, tibfib, patella]))
 }
 

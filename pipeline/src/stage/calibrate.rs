@@ -43,7 +43,7 @@ pub(crate) struct Calibration {
     /// What is odd but not fatal.
     pub(crate) warnings: Vec<String>,
     /// For metrics.json.
-    pub(crate) metrics: serde_json::Value,
+    pub(crate) metrics: BTreeMap<String, reports::CalibrationMetrics>,
 }
 
 reported!(Calibration);
@@ -180,11 +180,9 @@ fn calibrate_all(
         let frames = joint.as_ref().and_then(|j| j.frames.get(s));
         sources.insert(measured.0.clone(), one(std::slice::from_ref(measured), &measured.0, frames)?);
     }
-    let mut out =
-        Calibration { sources, joint, options: options.clone(), warnings: vec![], metrics: serde_json::Value::Null };
+    let mut out = Calibration { sources, joint, options: options.clone(), warnings: vec![], metrics: BTreeMap::new() };
     let told = |(name, o): (&str, &Outcome)| o.warnings.iter().map(|w| format!("{name}: {w}")).collect::<Vec<_>>();
     out.warnings = out.all().flat_map(told).collect();
-    let metrics: serde_json::Map<_, _> = out.all().map(|(name, o)| (name.to_owned(), reports::metrics(o))).collect();
-    out.metrics = metrics.into();
+    out.metrics = out.all().map(|(name, o)| (name.to_owned(), reports::metrics(o))).collect();
     Ok(out)
 }

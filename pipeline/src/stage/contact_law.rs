@@ -48,7 +48,7 @@ impl Stage for FitContactLaw {
         let mut law = object!({"overclosure_mm": c.overclosure_mm, "pressure_mpa": c.pressure_mpa, "fit_error_percent": c.fit_error_percent,
                            "fit_rms_percent": c.fit_rms_percent, "area_error_percent": c.area_error_percent});
         if let Some(layer) = &c.layer {
-            law["layer"] = layer.told();
+            law["layer"] = serde_json::json!(layer.told());
             law["rules"] = object!(c.rules);
         }
         let mut files = vec![("law.json".into(), json(&law)), ("curves.csv".into(), curves(c)?)];

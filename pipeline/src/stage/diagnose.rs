@@ -11,6 +11,7 @@ use crate::report::diagnosis_page;
 use diagnosis::catalogue::Catalogue;
 use diagnosis::component::{Component, Provenance};
 use diagnosis::diagnosis::{Diagnosis, diagnose};
+use diagnosis::report::{Named, Verdict};
 use diagnosis::search::DiagnosisOptions;
 use diagnosis::trial::Source;
 use serde::{Deserialize, Serialize};
@@ -33,7 +34,22 @@ pub(crate) struct Diagnosed {
     /// What is odd but not fatal.
     pub(crate) warnings: Vec<String>,
     /// For metrics.json.
-    pub(crate) metrics: serde_json::Value,
+    pub(crate) metrics: DiagnosisMetrics,
+}
+
+/// Figures of a diagnosis, for metrics.json.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(crate) struct DiagnosisMetrics {
+    /// What was found.
+    pub(crate) verdict: Verdict,
+    /// Misfit of the model with its ligaments recalibrated, and with the answer [-].
+    pub(crate) misfit: [f64; 2],
+    /// Share of the gap on held-out trials that the answer closes [-].
+    pub(crate) gap_closed: f64,
+    /// The most probable effects, told or not.
+    pub(crate) effects: Vec<Named>,
+    /// Effects that these data cannot test.
+    pub(crate) not_testable: usize,
 }
 
 reported!(Diagnosed);
@@ -121,13 +137,13 @@ fn diagnose_built(
             n.source, n.coordinate, n.stated, n.inferred, n.lower, n.upper
         )
     }));
-    let metrics = serde_json::json!({
-        "verdict": d.verdict,
-        "misfit": d.misfit,
-        "gap_closed": d.gap.held_out.closed,
-        "effects": d.best,
-        "not_testable": d.not_testable.len(),
-    });
+    let metrics = DiagnosisMetrics {
+        verdict: d.verdict,
+        misfit: d.misfit,
+        gap_closed: d.gap.held_out.closed,
+        effects: d.best.clone(),
+        not_testable: d.not_testable.len(),
+    };
     Ok(Diagnosed {
         model: outcome.model.clone().unwrap_or_else(|| model.spec.clone()),
         components: outcome.components,

@@ -114,8 +114,8 @@ impl Stage for Overclosure {
             good: Some(worst > v.options.hexmesh.least_scaled_jacobian),
             stage: Self::NAME,
         }];
-        if let Some(gap) = h.metrics["gap_min_mm"].as_f64() {
-            let before = h.metrics["max_overclosure_before_mm"].as_f64().unwrap_or(0.0);
+        if let Some(gap) = h.metrics.gap_min_mm {
+            let before = h.metrics.max_overclosure_before_mm;
             out.push(Check {
                 question: "Is the cartilage free of overlap?",
                 answer: format!("largest overlap {before:.2} mm before, smallest gap {gap:.3} mm after"),

@@ -105,7 +105,7 @@ mod tests {
             condylar_angle_deg: 3.0,
             epicondyles: [Point::origin(); 2],
             warnings: vec![],
-            metrics: serde_json::Value::Null,
+            metrics: Default::default(),
         }
     }
 

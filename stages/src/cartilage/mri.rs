@@ -3,6 +3,7 @@
 use super::field::Domain;
 use super::vertices::mean;
 use super::{Cartilage, CartilageOptions, CartilageSolid, grades, lateral, region, solid};
+use super::{CartilageMetrics, SolidMetrics};
 use crate::bones::Bones;
 use crate::register::{BoneRegistration, Registration};
 use crate::specimen::{Mri, Specimen};
@@ -75,16 +76,17 @@ pub(super) fn of_mri(
         .iter()
         .map(|(name, mesh)| (name.clone(), mesh.moved(if name.starts_with("meniscus") { &tibia } else { &femur })))
         .collect();
-    let mut metrics: serde_json::Map<String, serde_json::Value> =
-        solids.named().map(|(name, s)| (name.to_string(), grades(s))).into_iter().collect();
-    for ((name, _), (_, given)) in solids.named().into_iter().zip(given.named()) {
-        metrics[name]["given_volume_mm3"] = (*given).into();
-    }
-    if !bodies.is_empty() {
-        let volumes: serde_json::Map<_, _> = bodies.iter().map(|(n, m)| (n.clone(), m.volume().into())).collect();
-        metrics.insert("bodies_volume_mm3".into(), volumes.into());
-    }
-    Ok(Cartilage { solids, bodies, warnings, metrics: metrics.into() })
+    let of = |solid, given: &f64| SolidMetrics { given_volume_mm3: Some(*given), ..grades(solid) };
+    let metrics = CartilageMetrics {
+        solids: PerCartilage {
+            femur: of(&solids.femur, &given.femur),
+            tibia_medial: of(&solids.tibia_medial, &given.tibia_medial),
+            tibia_lateral: of(&solids.tibia_lateral, &given.tibia_lateral),
+        },
+        bare_bone_sd_mm: None,
+        bodies_volume_mm3: bodies.iter().map(|(name, mesh)| (name.clone(), mesh.volume())).collect(),
+    };
+    Ok(Cartilage { solids, bodies, warnings, metrics })
 }
 
 /// Refuses cartilages of which the one called medial lies laterally.

@@ -25,20 +25,41 @@ pub struct FittedLayer {
     pub area_mm2: Vec<Vec<f64>>,
 }
 
+/// The material of a law by thickness and how well it does.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LayerMetrics {
+    /// Linear or logarithmic.
+    pub law: LayerLaw,
+    /// Young's modulus [MPa].
+    pub youngs_modulus_mpa: f64,
+    /// Poisson's ratio [-].
+    pub poissons_ratio: f64,
+    /// Breadth of the soft edge in thicknesses [-].
+    pub edge_spread: f64,
+    /// A layer counts as this thick at least [mm].
+    pub least_thickness_mm: f64,
+    /// Largest difference of force [%].
+    pub fit_error_percent: f64,
+    /// Root mean square difference of force [%].
+    pub fit_rms_percent: f64,
+    /// Difference of area at equal force [%].
+    pub area_error_percent: f64,
+}
+
 impl FittedLayer {
     /// The material and how well it does, for law.json and metrics.json.
-    pub fn told(&self) -> serde_json::Value {
+    pub fn told(&self) -> LayerMetrics {
         let m = &self.material;
-        serde_json::json!({
-            "law": m.law,
-            "youngs_modulus_mpa": m.youngs_modulus_mpa,
-            "poissons_ratio": m.poissons_ratio,
-            "edge_spread": m.edge_spread,
-            "least_thickness_mm": m.least_thickness_mm,
-            "fit_error_percent": self.fit_error_percent,
-            "fit_rms_percent": self.fit_rms_percent,
-            "area_error_percent": self.area_error_percent,
-        })
+        LayerMetrics {
+            law: m.law,
+            youngs_modulus_mpa: m.youngs_modulus_mpa,
+            poissons_ratio: m.poissons_ratio,
+            edge_spread: m.edge_spread,
+            least_thickness_mm: m.least_thickness_mm,
+            fit_error_percent: self.fit_error_percent,
+            fit_rms_percent: self.fit_rms_percent,
+            area_error_percent: self.area_error_percent,
+        }
     }
 }
 

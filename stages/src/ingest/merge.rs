@@ -4,12 +4,12 @@ use super::Read;
 use crate::StageError;
 use crate::register::rough;
 use crate::specimen::Pieces;
+use crate::specimen::{MergedPiece, SurfaceMetrics};
 use meshes::registration::icp::{refine, standing};
 use meshes::registration::sample::{Samples, spread};
 use meshes::registration::target::Target;
 use meshes::surface::{ColouredMesh, TriMesh};
 use meshes::{Isometry, holes::boundary_loops};
-use serde_json::{Value, json};
 use std::collections::BTreeSet;
 
 /// Points by which a piece is laid on the others [-].
@@ -31,12 +31,11 @@ pub(super) fn scan(
     ct: &TriMesh,
     warnings: &mut Vec<String>,
     read: &Read,
-) -> Result<(ColouredMesh, Value), StageError> {
+) -> Result<(ColouredMesh, SurfaceMetrics), StageError> {
     let [first, others @ ..] = pieces.paths() else {
         return Err(StageError(format!("specimen.toml: {key} lists no path")));
     };
     let (mut whole, mut counts) = read(key, first, warnings)?;
-    let mut notes = Vec::new();
     for path in others {
         let (piece, _) = read(key, path, warnings)?;
         let fault = |why: String| StageError(format!("{path} ({key}): {why}"));
@@ -45,15 +44,15 @@ pub(super) fn scan(
         if piece.colours.is_empty() != whole.colours.is_empty() {
             warnings.push(format!("{path}: one scan of {key} has colours and another has none: grey is put in"));
         }
-        notes.push(json!({"path": path, "overlap_fraction": laid.overlap, "overlap_rms_mm": laid.rms,
-                          "added_triangles": added.mesh.triangles.len()}));
+        counts.merged.push(MergedPiece {
+            path: path.clone(),
+            overlap_fraction: laid.overlap,
+            overlap_rms_mm: laid.rms,
+            added_triangles: added.mesh.triangles.len(),
+        });
         whole = joined(whole, added);
     }
-    if !notes.is_empty() {
-        counts["vertices"] = whole.mesh.vertices.len().into();
-        counts["triangles"] = whole.mesh.triangles.len().into();
-        counts["merged"] = notes.into();
-    }
+    (counts.vertices, counts.triangles) = (whole.mesh.vertices.len(), whole.mesh.triangles.len());
     Ok((whole, counts))
 }
 

@@ -8,7 +8,7 @@ pub(super) use labels::from_labels;
 pub(super) use surfaces::from_surfaces;
 
 use crate::PerBone;
-use crate::specimen::Mri;
+use crate::specimen::{Mri, MriMetrics};
 use meshes::surface::TriMesh;
 
 /// What is read of a label map or of surfaces.
@@ -18,5 +18,5 @@ pub(super) struct Read {
     /// The patella.
     pub(super) patella: Option<TriMesh>,
     pub(super) mri: Mri,
-    pub(super) metrics: serde_json::Value,
+    pub(super) metrics: MriMetrics,
 }

@@ -2,6 +2,7 @@
 
 use super::space;
 use crate::StageError;
+use crate::specimen::SurfaceMetrics;
 use crate::specimen::{IngestOptions, RawSpecimen, SpecimenFile};
 use meshes::format::read_surface;
 use meshes::surface::{ColouredMesh, TriMesh};
@@ -24,7 +25,7 @@ pub(super) fn checked(
     files: &BTreeMap<String, Vec<u8>>,
     options: &IngestOptions,
     warnings: &mut Vec<String>,
-) -> Result<(ColouredMesh, serde_json::Value), StageError> {
+) -> Result<(ColouredMesh, SurfaceMetrics), StageError> {
     let refuse = |what: String| StageError(format!("{path} ({key}): {what}"));
     let Some(bytes) = files.get(path) else { return Err(refuse("the file is not there".into())) };
     missing_companions(path, bytes, files, warnings);
@@ -69,20 +70,21 @@ pub(super) fn checked(
         warnings
             .push(format!("{path}: the scan is closed: its holes may have been filled with surface nobody measured"));
     }
-    let counts = serde_json::json!({
-        "vertices": surface.mesh.vertices.len(),
-        "triangles": surface.mesh.triangles.len(),
-        "width_mm": width,
-        "dropped_vertices": repairs.dropped_vertices,
-        "degenerate_triangles": repairs.degenerate_triangles,
-        "doubled_triangles": repairs.doubled_triangles,
-        "turned_triangles": repairs.turned_triangles,
-        "cavities": repairs.cavities,
-        "boundary_edges": topology.boundary_edges,
-        "irregular_edges": topology.irregular_edges,
-        "components": topology.components,
-        "coloured": !surface.colours.is_empty(),
-    });
+    let counts = SurfaceMetrics {
+        vertices: surface.mesh.vertices.len(),
+        triangles: surface.mesh.triangles.len(),
+        width_mm: width,
+        dropped_vertices: repairs.dropped_vertices,
+        degenerate_triangles: repairs.degenerate_triangles,
+        doubled_triangles: repairs.doubled_triangles,
+        turned_triangles: repairs.turned_triangles,
+        cavities: repairs.cavities,
+        boundary_edges: topology.boundary_edges,
+        irregular_edges: topology.irregular_edges,
+        components: topology.components,
+        coloured: !surface.colours.is_empty(),
+        merged: vec![],
+    };
     Ok((surface, counts))
 }
 
@@ -94,7 +96,7 @@ pub struct Judged {
     /// Its path.
     pub path: String,
     /// Counts as in metrics.json, or what is wrong.
-    pub result: Result<serde_json::Value, StageError>,
+    pub result: Result<SurfaceMetrics, StageError>,
     /// What is odd but not fatal.
     pub warnings: Vec<String>,
 }

@@ -145,8 +145,8 @@ fn wrong_surfaces_are_refused_or_put_right_and_counted() {
     open.triangles.truncate(1200);
     let specimen = ingest(&with_file("ct/femur.stl", &stl_of(&open)), &IngestOptions::default()).unwrap();
     assert!(specimen.ct.femur.volume() > 0.0);
-    assert_eq!(specimen.metrics["ct_femur"]["turned_triangles"], 1200);
-    assert!(specimen.metrics["ct_femur"]["boundary_edges"].as_u64() > Some(0));
+    assert_eq!(specimen.metrics.ct_femur.as_ref().unwrap().turned_triangles, 1200);
+    assert!(specimen.metrics.ct_femur.as_ref().unwrap().boundary_edges > 0);
     assert!(specimen.warnings.iter().any(|w| w.contains("open edges in a CT surface")));
 }
 

@@ -10,7 +10,7 @@ use meshes::registration::sample::{Samples, spread};
 use meshes::registration::target::Target;
 use meshes::surface::TriMesh;
 use nalgebra::Matrix3;
-use serde_json::{Value, json};
+use serde::{Deserialize, Serialize};
 
 /// Samples of the capsule scan.
 const SAMPLES: usize = 6000;
@@ -21,6 +21,15 @@ const LEAST_SHARE: f64 = 0.05;
 /// The two scans of one bone may lie this far apart in the median [mm]; the median, since soft tissue begins as a film on bone.
 const MOST_APART_MM: f64 = 0.5;
 
+/// What the capsule scan shows of a bone.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct CapsuleMetrics {
+    /// Share of the scan that lies on the bone [-].
+    pub share: f64,
+    /// Median distance of the bone's own scan there [mm].
+    pub median_to_scan_mm: f64,
+}
+
 /// Lays the capsule scan on each bone by what it shows of it, and tells how far the bone's own scan lies from it there.
 /// Nothing is changed by it; a bone of which too little shows is told as not checked.
 pub(super) fn check(
@@ -29,9 +38,9 @@ pub(super) fn check(
     bones: &PerBone<BoneRegistration>,
     seed: u64,
     warnings: &mut Vec<String>,
-) -> Value {
+) -> PerBone<Option<CapsuleMetrics>> {
     let samples = spread(scan, SAMPLES);
-    let mut figures = serde_json::Map::new();
+    let mut figures = Vec::new();
     let targets: Vec<Option<Target>> = specimen.ct.named().into_iter().map(|(_, ct)| Target::new(ct, 6000)).collect();
     // where one bone shows too little to be found, the knee lies not far from how it lay in CT: the other's pose
     let starts: Vec<Isometry> =
@@ -47,10 +56,10 @@ pub(super) fn check(
             )),
             Some(_) => {}
         }
-        let value = found.map(|f| json!({"share": f.share, "median_to_scan_mm": f.median}));
-        figures.insert(name.into(), value.unwrap_or(Value::Null));
+        figures.push(found.map(|f| CapsuleMetrics { share: f.share, median_to_scan_mm: f.median }));
     }
-    figures.into()
+    let mut figures = figures.into_iter();
+    PerBone { femur: figures.next().flatten(), tibfib: figures.next().flatten() }
 }
 
 /// Widths of the weights by which a pose is refined [mm].

@@ -1,5 +1,6 @@
 //! Surfaces of the labelled bones.
 
+use super::SegmentMetrics;
 use super::refine::refine;
 use super::{LABELS, SegmentOptions, Segmented};
 use crate::StageError;
@@ -12,7 +13,6 @@ use meshes::topology::Topology;
 use meshes::volume::components::neighbours;
 use meshes::volume::{Grid, Labels, Volume};
 use meshes::{Point, Vector};
-use serde_json::json;
 
 /// Bodies below this share of the largest are specks [-].
 const SPECK_SHARE: f64 = 0.01;
@@ -45,15 +45,16 @@ pub(super) fn surfaces(
         }
     }
     let voxel = labels.grid.voxel_mm3();
-    let volumes: serde_json::Map<String, serde_json::Value> = LABELS
-        .iter()
-        .map(|(n, name)| ((*name).into(), json!(labels.values.iter().filter(|l| *l == n).count() as f64 * voxel)))
-        .collect();
-    let metrics = json!({
-        "voxels": labels.grid.size, "spacing_mm": labels.grid.spacing(), "threshold": threshold, "label_volume_mm3": volumes,
-        "femur_volume_mm3": femur.volume(), "tibfib_volume_mm3": tibfib.volume(),
-        "patella_volume_mm3": patella.as_ref().map(TriMesh::volume),
-    });
+    let volume = |n: u8| labels.values.iter().filter(|l| **l == n).count() as f64 * voxel;
+    let metrics = SegmentMetrics {
+        voxels: labels.grid.size,
+        spacing_mm: labels.grid.spacing(),
+        threshold,
+        label_volume_mm3: LABELS.iter().map(|(n, name)| ((*name).to_owned(), volume(*n))).collect(),
+        femur_volume_mm3: femur.volume(),
+        tibfib_volume_mm3: tibfib.volume(),
+        patella_volume_mm3: patella.as_ref().map(TriMesh::volume),
+    };
     Ok(Segmented { femur, tibfib, patella, labels, warnings, metrics })
 }
 

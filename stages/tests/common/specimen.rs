@@ -58,6 +58,6 @@ pub(crate) fn of(ct: PerBone<TriMesh>, scans: PerBone<ColouredMesh>, side: Side)
         given_frames: None,
         ligaments: Default::default(),
         warnings: Vec::new(),
-        metrics: serde_json::Value::Null,
+        metrics: Default::default(),
     }
 }

@@ -2,6 +2,7 @@
 
 use super::Read;
 use super::clean::{Mended, clean};
+use crate::specimen::MriMetrics;
 use crate::specimen::{IngestOptions, RawSpecimen};
 use crate::specimen::{LabelName, Mri, SegmentationPaths};
 use crate::{PerBone, PerCartilage, StageError};
@@ -9,7 +10,6 @@ use meshes::format::picture::{LabelMap, read_labels};
 use meshes::surface::TriMesh;
 use meshes::volume::Labels;
 use meshes::volume::outline::{Part, border, outline};
-use serde_json::json;
 use std::collections::BTreeMap;
 
 /// A second piece of a bone above this share of the first is a second knee [-]; a fibula in a short field of view has a tenth of
@@ -180,7 +180,7 @@ impl Found<'_> {
         let femur = self.part(&self.structure(&["femur"]), 1, SPECK_SHARE, warnings)?;
         let tibfib = self.part(&self.structure(&["tibia", "fibula"]), 2, SPECK_SHARE, warnings)?;
         let voxel = self.map.grid.voxel_mm3();
-        let mut volumes = serde_json::Map::new();
+        let mut volumes = BTreeMap::new();
         let mut given = Vec::new();
         let mut covers = Vec::new();
         for (key, bone) in
@@ -188,7 +188,7 @@ impl Found<'_> {
         {
             let cartilage = self.part(&self.structure(&[key]), 50, CARTILAGE_SPECK_SHARE, warnings)?;
             let size = cartilage.inside.iter().filter(|i| **i).count() as f64 * voxel;
-            volumes.insert(key.into(), json!(size));
+            volumes.insert(key.into(), size);
             if size < LEAST_CARTILAGE_MM3 {
                 return Err(self.fail(format!(
                     "{key} has {size:.0} mm3; expected {LEAST_CARTILAGE_MM3:.0} mm3 or more: check which label it is"
@@ -204,14 +204,17 @@ impl Found<'_> {
         for key in ["patella", "patellar_cartilage", "meniscus_medial", "meniscus_lateral"] {
             if self.labels.contains_key(key) {
                 let part = self.part(&self.structure(&[key]), 1, CARTILAGE_SPECK_SHARE, warnings)?;
-                volumes.insert(key.into(), json!(part.inside.iter().filter(|i| **i).count() as f64 * voxel));
+                volumes.insert(key.into(), part.inside.iter().filter(|i| **i).count() as f64 * voxel);
                 bodies.insert(key.to_string(), self.outline(key, &part)?);
             }
         }
         let patella = if beside_ct { None } else { bodies.remove("patella") };
-        let metrics = json!({
-            "voxels": self.map.grid.size, "spacing_mm": self.map.grid.spacing(), "label_volume_mm3": volumes,
-        });
+        let metrics = MriMetrics {
+            voxels: Some(self.map.grid.size),
+            spacing_mm: Some(self.map.grid.spacing()),
+            label_volume_mm3: volumes,
+            cartilage_volume_mm3: None,
+        };
         let mri = Mri {
             in_ct: !beside_ct,
             covers: PerCartilage { femur: femoral, tibia_medial: medial, tibia_lateral: lateral },

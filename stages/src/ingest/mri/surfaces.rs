@@ -2,6 +2,7 @@
 
 use super::Read;
 use crate::ingest::{space, surfaces};
+use crate::specimen::MriMetrics;
 use crate::specimen::{CartilageFrame, CartilagePaths, Mri};
 use crate::specimen::{IngestOptions, RawSpecimen};
 use crate::{PerBone, PerCartilage, StageError};
@@ -10,7 +11,6 @@ use meshes::query::SurfaceQuery;
 use meshes::surface::TriMesh;
 use meshes::tidy::tidy;
 use meshes::topology::Topology;
-use serde_json::json;
 use std::collections::BTreeMap;
 
 /// Least area of a surface of cartilage [mm2].
@@ -50,7 +50,7 @@ pub(in crate::ingest) fn from_surfaces(
         tibia_medial: volume(&covers.tibia_medial),
         tibia_lateral: volume(&covers.tibia_lateral),
     };
-    let metrics = json!({ "cartilage_volume_mm3": given_mm3 });
+    let metrics = MriMetrics { cartilage_volume_mm3: Some(given_mm3.clone()), ..MriMetrics::default() };
     let mri = Mri { in_ct, covers, with_bone: false, bodies: BTreeMap::new(), given_mm3 };
     Ok(Read { bones, patella: None, mri, metrics })
 }
