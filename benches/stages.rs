@@ -52,7 +52,7 @@ fn timed<T>(
         least = least.min(user_seconds() - start);
     }
     into.push((name.into(), least));
-    last.ok_or_else(|| StageError("no run".into()))
+    last.ok_or_else(|| StageError::Knee("no run".into()))
 }
 
 fn run(raw: &RawSpecimen) -> Result<Vec<(String, f64)>, StageError> {

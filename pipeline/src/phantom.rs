@@ -20,7 +20,7 @@ use std::path::Path;
 pub fn write(id: &str, seed: u64, volume: bool, hide: Option<&str>, dir: &Path) -> Result<String, BuildError> {
     let fail = |e: String| BuildError::stage("phantom", e);
     let made = if volume { stages::phantom::phantom_volume(id, seed) } else { stages::phantom::phantom(id, seed) };
-    let mut made = made.map_err(|e| fail(e.0))?;
+    let mut made = made.map_err(|e| fail(e.to_string()))?;
     let protocols = if id == MRI_PHANTOM { &LIVING[..] } else { &PROTOCOLS[..] };
     measure(&mut made, protocols, hide.unwrap_or("null"), seed).map_err(fail)?;
     let same = store::read_text(&dir.join("specimen.toml")).is_ok_and(|t| t.contains(&format!("id = \"{id}\"")));

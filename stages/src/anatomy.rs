@@ -76,7 +76,7 @@ pub fn rough_axes(femur: &TriMesh, tibfib: &TriMesh, side: Side) -> Result<Rough
     let femur_shaft = shaft(femur, &joint, "femur")?;
     let mut tibia_shaft = shaft(tibfib, &joint, "tibia")?;
     let (across, forwards, protrusion) = condyle_directions(femur, &femur_shaft)
-        .ok_or_else(|| StageError("no condyles found on the femur: its joint end has no area".into()))?;
+        .ok_or_else(|| StageError::Knee("no condyles found on the femur: its joint end has no area".into()))?;
     if tibia_shaft.sections < LEAST_SECTIONS
         && let Some(up) = up_from_plateaus(tibfib, &joint, &-tibia_shaft.direction, &forwards)
     {
@@ -85,7 +85,7 @@ pub fn rough_axes(femur: &TriMesh, tibfib: &TriMesh, side: Side) -> Result<Rough
     let superior = -tibia_shaft.direction;
     // Flexion turns about the mediolateral axis, so that one is shared; forwards follows from it.
     let across = (across - superior * across.dot(&superior)).try_normalize(1e-6).ok_or_else(|| {
-        StageError("the femur's mediolateral direction runs along the tibial shaft: check that both bones are of one knee and lie as in one CT".into())
+        StageError::Knee("the femur's mediolateral direction runs along the tibial shaft: check that both bones are of one knee and lie as in one CT".into())
     })?;
     let anterior = across.cross(&superior);
     let anterior = if anterior.dot(&forwards) < 0.0 { -anterior } else { anterior };
@@ -136,7 +136,7 @@ pub fn looks_swapped(femur: &TriMesh, tibfib: &TriMesh) -> bool {
 pub fn check_anatomy(specimen: &Specimen) -> Result<AnatomyReport, StageError> {
     let (femur, tibfib) = (&specimen.ct.femur, &specimen.ct.tibfib);
     if looks_swapped(femur, tibfib) {
-        return Err(StageError("ct.femur looks like a tibia with its fibula and ct.tibfib like a femur: exchange the two paths in [ct] of specimen.toml (and check those in [scans])".into()));
+        return Err(StageError::Knee("ct.femur looks like a tibia with its fibula and ct.tibfib like a femur: exchange the two paths in [ct] of specimen.toml (and check those in [scans])".into()));
     }
     let axes = rough_axes(femur, tibfib, specimen.identity.side)?;
     let side = side_of(&axes);
@@ -145,7 +145,7 @@ pub fn check_anatomy(specimen: &Specimen) -> Result<AnatomyReport, StageError> {
         && confidence > 0.8
     {
         let name = |s| if s == Side::Left { "left" } else { "right" };
-        return Err(StageError(format!(
+        return Err(StageError::Knee(format!(
             "the bones are those of a {} knee (the fibula lies there), but specimen.toml says side = \"{}\": correct the side, or the export if it mirrored the bones",
             name(side),
             name(specimen.identity.side)
@@ -157,7 +157,7 @@ pub fn check_anatomy(specimen: &Specimen) -> Result<AnatomyReport, StageError> {
 /// Mean of the femur's points that are within 8 mm more than the least distance of the tibia, by area.
 pub fn joint_point(femur: &TriMesh, tibfib: &TriMesh) -> Result<Point, StageError> {
     let query = SurfaceQuery::new(tibfib)
-        .ok_or_else(|| StageError("the tibia's surface is empty: expected triangles of the bone".into()))?;
+        .ok_or_else(|| StageError::Knee("the tibia's surface is empty: expected triangles of the bone".into()))?;
     let areas = femur.vertex_areas();
     let near: Vec<f64> = femur.vertices.iter().map(|p| query.nearest(p).distance).collect();
     let least = near.iter().copied().fold(f64::INFINITY, f64::min);
@@ -172,22 +172,24 @@ pub fn joint_point(femur: &TriMesh, tibfib: &TriMesh) -> Result<Point, StageErro
     if weight > 0.0 && least.is_finite() {
         Ok(start + sum / weight)
     } else {
-        Err(StageError("the femur's surface is empty or has no area: expected triangles of the bone".into()))
+        Err(StageError::Knee("the femur's surface is empty or has no area: expected triangles of the bone".into()))
     }
 }
 
 /// The shaft of one bone: a line through the centroids of its sections beyond the flared end, refined until it stands.
 pub fn shaft(bone: &TriMesh, joint: &Point, name: &str) -> Result<Shaft, StageError> {
-    let centroid = bone.centroid().ok_or_else(|| StageError(format!("the {name}'s surface has no area")))?;
+    let centroid = bone.centroid().ok_or_else(|| StageError::Knee(format!("the {name}'s surface has no area")))?;
     let away = (centroid - joint).try_normalize(1e-6).ok_or_else(|| {
-        StageError(format!("the {name} has no direction away from the joint: check that it is the bone of this knee"))
+        StageError::Knee(format!(
+            "the {name} has no direction away from the joint: check that it is the bone of this knee"
+        ))
     })?;
     let away = (0..4).fold(away, |d, _| along_the_walls(bone, joint, &d));
     let mut line = Shaft { point: *joint, direction: away, sections: 0, size_mm: 0.0, range_mm: [0.0; 2] };
     for _ in 0..6 {
         line = refit(bone, joint, &line);
     }
-    if line.size_mm > 0.0 { Ok(line) } else { Err(StageError(format!("the {name} cannot be cut into sections"))) }
+    if line.size_mm > 0.0 { Ok(line) } else { Err(StageError::Knee(format!("the {name} cannot be cut into sections"))) }
 }
 
 /// The direction that the walls of the bone's far half (of 150 mm at most) run along: that of least area seen end on.

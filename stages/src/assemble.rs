@@ -194,14 +194,14 @@ pub fn assemble(
 fn check(specimen: &Specimen, options: &AssembleOptions) -> Result<(), StageError> {
     if let Some(name) = specimen.ligaments.keys().find(|n| BUNDLES.iter().all(|b| b.name != **n)) {
         let known = BUNDLES.iter().map(|b| b.name.as_str()).collect::<Vec<_>>().join(", ");
-        return Err(StageError(format!(
+        return Err(StageError::Knee(format!(
             "specimen.toml [ligaments.{name}]: no such bundle; one of {known} was expected"
         )));
     }
     let (x, p) = (&options.overclosure_mm, &options.pressure_mpa);
     let ascending = x.windows(2).all(|w| w[0] < w[1]) && p.windows(2).all(|w| w[0] <= w[1]);
     if x.len() < 2 || x.len() != p.len() || !ascending || x.iter().chain(p).any(|v| !v.is_finite()) {
-        return Err(StageError(
+        return Err(StageError::Knee(
             "assemble.overclosure_mm and assemble.pressure_mpa: two equally long ascending lists were expected".into(),
         ));
     }

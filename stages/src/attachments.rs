@@ -122,7 +122,9 @@ pub fn attachments(
 ) -> Result<Attachments, StageError> {
     let query = |bone: &'static str, mesh| {
         SurfaceQuery::new(mesh).ok_or_else(|| {
-            StageError(format!("the {bone}'s surface has no triangles, expected a closed bone; look at stage bones"))
+            StageError::Knee(format!(
+                "the {bone}'s surface has no triangles, expected a closed bone; look at stage bones"
+            ))
         })
     };
     let (femur, tibfib) = (query("femur", &bones.surfaces.femur)?, query("tibfib", &bones.surfaces.tibfib)?);

@@ -106,7 +106,7 @@ pub fn bones(specimen: &Specimen, options: &BonesOptions) -> Result<Bones, Stage
     check(options)?;
     let mut warnings = Vec::new();
     let (femur, tibfib) = (&specimen.ct.femur, &specimen.ct.tibfib);
-    let far = || StageError("bones: a CT surface has no triangles".into());
+    let far = || StageError::part("bones", "a CT surface has no triangles");
     let towards = (femur.centroid().ok_or_else(far)?, tibfib.centroid().ok_or_else(far)?);
     let one = |name, mesh, towards| {
         let mut warnings = Vec::new();
@@ -130,11 +130,11 @@ fn check(options: &BonesOptions) -> Result<(), StageError> {
         [("crop_mm", options.crop_mm), ("edge_mm", options.edge_mm), ("flat_tolerance_mm", options.flat_tolerance_mm)];
     for (name, value) in positive {
         if !(value > 0.0 && value.is_finite()) {
-            return Err(StageError(format!("bones.{name} is {value}, expected a positive number of mm")));
+            return Err(StageError::option(format_args!("bones.{name}"), value, "a positive number of mm"));
         }
     }
     if options.edge_mm < 0.2 {
-        return Err(StageError(format!("bones.edge_mm is {}, expected 0.2 mm or more", options.edge_mm)));
+        return Err(StageError::option("bones.edge_mm", options.edge_mm, "0.2 mm or more"));
     }
     Ok(())
 }
@@ -150,9 +150,12 @@ fn bone(
     let solid = solidify(ct, options.speck_share);
     tell(name, &solid, warnings);
     if solid.mesh.volume() <= 0.0 {
-        return Err(StageError(format!(
-            "bones: the CT surface of the {name} encloses no volume, expected a closed bone: check the file {name} in [ct]"
-        )));
+        return Err(StageError::part(
+            "bones",
+            format_args!(
+                "the CT surface of the {name} encloses no volume, expected a closed bone: check the file {name} in [ct]"
+            ),
+        ));
     }
     let whole = other.map_or_else(|| solid.mesh.clone(), |other| cropped(&solid.mesh, other, options));
     let labels = flat_faces(&whole, options.flat_tolerance_mm, 60.0);
@@ -164,13 +167,17 @@ fn bone(
     );
     let wanted = RemeshOptions { edge_mm: options.edge_mm, rounds: options.remesh_rounds };
     let (mesh, _) = remesh(&smooth, &labels, &wanted).map_err(|e| {
-        StageError(format!(
-            "bones: the {name} cannot be remeshed: {e}; repair the CT surface in its segmentation program"
-        ))
+        StageError::part(
+            "bones",
+            format_args!("the {name} cannot be remeshed: {e}; repair the CT surface in its segmentation program"),
+        )
     })?;
     let topology = Topology::of(&mesh);
     if !topology.is_closed() {
-        return Err(StageError(format!("bones: the {name} came out open; please report this surface as a fault")));
+        return Err(StageError::part(
+            "bones",
+            format_args!("the {name} came out open; please report this surface as a fault"),
+        ));
     }
     let metrics = grades(&whole, &mesh, &topology, solid.holes.len());
     Ok((mesh, metrics))

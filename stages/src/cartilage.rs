@@ -197,9 +197,9 @@ pub fn cartilage(
     let warnings: Vec<String> = femur.warnings.into_iter().chain(tibfib.warnings).collect();
     let made: Vec<(CartilageSolid, Point)> = femur.solids.into_iter().chain(tibfib.solids).collect();
     let [femur, first, second]: [(CartilageSolid, Point); 3] =
-        made.try_into().map_err(|_| StageError("cartilage: not three solids".into()))?;
+        made.try_into().map_err(|_| StageError::part("cartilage", "not three solids"))?;
     let lateral = lateral(specimen.identity.side, bones, &femur.0.solid, &first.1, &second.1).ok_or_else(|| {
-        StageError("cartilage: medial and lateral cannot be told: check that both bones are of one knee".into())
+        StageError::part("cartilage", "medial and lateral cannot be told: check that both bones are of one knee")
     })?;
     let turned = (first.1 - second.1).dot(&lateral) > 0.0;
     let (medial, outer) = if turned { (second.0, first.0) } else { (first.0, second.0) };
@@ -242,8 +242,9 @@ fn of_bone(of: &Covered, options: &CartilageOptions) -> Result<Made, StageError>
     let mut warnings = Vec::new();
     let scan = of.fit.ct_from_scan.mesh(&of.scan.mesh);
     let edge_mm = edge_quality(of.ct).edge_p50_mm;
-    let domain = Domain::new(of.bone, &scan, edge_mm, options)
-        .ok_or_else(|| StageError(format!("cartilage: the bone or the scan of the {name} has no triangles")))?;
+    let domain = Domain::new(of.bone, &scan, edge_mm, options).ok_or_else(|| {
+        StageError::part("cartilage", format_args!("the bone or the scan of the {name} has no triangles"))
+    })?;
     let least = options.least_thickness_mm.max(options.least_thickness_sd * domain.bare_sd);
     let (patches, parted) = region::patches(&domain, least, facing, options);
     if parted {
@@ -251,7 +252,7 @@ fn of_bone(of: &Covered, options: &CartilageOptions) -> Result<Made, StageError>
         warnings.push(format!("{name}: {what}"));
     }
     if patches.len() < count {
-        return Err(StageError(format!(
+        return Err(StageError::Knee(format!(
             "cartilage: {} found on the {name}, expected {count}: no further patch of at least {} mm2 lies {least:.2} mm \
              or more above the bone; check the registration and that the scan shows cartilage",
             patches.len(),
@@ -273,7 +274,11 @@ fn check(options: &CartilageOptions) -> Result<(), StageError> {
         ("edge_mm", options.edge_mm, 0.2),
     ] {
         if !(value >= least && value.is_finite()) {
-            return Err(StageError(format!("cartilage.{name} is {value}, expected {least} mm or more")));
+            return Err(StageError::option(
+                format_args!("cartilage.{name}"),
+                value,
+                format_args!("{least} mm or more"),
+            ));
         }
     }
     Ok(())

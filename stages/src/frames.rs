@@ -188,7 +188,7 @@ pub fn grood_suntay(
     side: Side,
 ) -> Result<GroodSuntayPose, StageError> {
     let spec = FramesSpec { femur: *femur, tibia: *tibia, gs_ct_pose: PoseSpec::default(), chain: None };
-    let q = Joint::new(&spec, side).map_err(|e| StageError(e.to_string()))?.ct_pose();
+    let q = Joint::new(&spec, side).map_err(|e| StageError::Knee(e.to_string()))?.ct_pose();
     Ok(GroodSuntayPose {
         fe_deg: q[FE].to_degrees(),
         vv_deg: q[VV].to_degrees(),
@@ -217,7 +217,9 @@ fn femoral_frame(
     };
     let like = Directions { medial: -rough.lateral, anterior: rough.anterior, superior: rough.superior };
     let unclear = || {
-        StageError("no pair of condyles was found on the femur: a distal femur with both condyles was expected".into())
+        StageError::Knee(
+            "no pair of condyles was found on the femur: a distal femur with both condyles was expected".into(),
+        )
     };
     let mut d = Directions::with_medial(&like.medial, &along, &like).ok_or_else(unclear)?;
     let mut cylinder = condylar_cylinder(femur, &d, &rough.joint).ok_or_else(unclear)?.0;
@@ -245,7 +247,7 @@ fn femoral_frame(
     let origin = nalgebra::center(&ends[0], &ends[1]);
     let superior = mark("femoral_head_center").map_or(along, |head| head - origin);
     let frame = square(origin, &(ends[0] - ends[1]), &superior, side).ok_or_else(|| {
-        StageError("the transepicondylar axis and the femur's long axis are parallel: check the landmarks epicondyle_* and femoral_head_center".into())
+        StageError::Knee("the transepicondylar axis and the femur's long axis are parallel: check the landmarks epicondyle_* and femoral_head_center".into())
     })?;
     Ok((frame, cylinder, ends))
 }
@@ -268,7 +270,7 @@ fn tibial_frame(
 ) -> Result<(AnatomicalFrame, AnatomicalFrame), StageError> {
     let d = Directions { medial: -rough.lateral, anterior: rough.anterior, superior: rough.superior };
     let [medial, lateral] = plateau_centres(tibfib, &d, &rough.joint).ok_or_else(|| {
-        StageError("no pair of plateaus was found on the tibia: a proximal tibia was expected".into())
+        StageError::Knee("no pair of plateaus was found on the tibia: a proximal tibia was expected".into())
     })?;
     let origin = nalgebra::center(&medial, &lateral);
     let distal = mark("tibial_shaft_distal");
@@ -288,13 +290,13 @@ fn tibial_frame(
     };
     // Grood and Suntay keep the long axis and turn the mediolateral one.
     let up = superior.try_normalize(1e-6).filter(|u| u.dot(&rough.superior) > 0.5).ok_or_else(|| {
-        StageError(
+        StageError::Knee(
             "landmark ankle_center or tibial_shaft_distal does not lie below the knee: check its frame and sign".into(),
         )
     })?;
     let across = medial - lateral;
     let joint_line = square_about(origin, &(across - up * across.dot(&up)), &up, side)
-        .ok_or_else(|| StageError("the plateaus lie one above the other: check the tibia's surface".into()))?;
+        .ok_or_else(|| StageError::Knee("the plateaus lie one above the other: check the tibia's surface".into()))?;
     let tips = match (mark("eminence_medial"), mark("eminence_lateral")) {
         (Some(medial), Some(lateral)) => Some([medial, lateral]),
         _ => eminences(tibfib, &joint_line, across.norm()),

@@ -95,7 +95,7 @@ pub struct HexQuality {
 pub fn hexmesh(cartilage: &Cartilage, options: &HexmeshOptions) -> Result<HexCartilage, StageError> {
     check(options)?;
     let one = |name: &str, solid: &CartilageSolid| {
-        mesh_solid(solid, options).map_err(|e| StageError(format!("cartilage {name}: {e}")))
+        mesh_solid(solid, options).map_err(|e| StageError::part(format_args!("cartilage {name}"), e))
     };
     let solids = &cartilage.solids;
     let (femur, (medial, lateral)) = rayon::join(
@@ -146,20 +146,19 @@ pub fn quality(mesh: &HexMesh) -> HexQuality {
 fn check(options: &HexmeshOptions) -> Result<(), StageError> {
     let edge = options.edge_length_mm;
     if !(0.2..=3.0).contains(&edge) {
-        return Err(StageError(format!("edge_length_mm is {edge}, expected 0.2 to 3")));
+        return Err(StageError::option("edge_length_mm", edge, "0.2 to 3"));
     }
     if !(1..=10).contains(&options.layers) {
-        return Err(StageError(format!("layers is {}, expected 1 to 10", options.layers)));
+        return Err(StageError::option("layers", options.layers, "1 to 10"));
     }
     let positive = [options.min_thickness_mm, options.max_thickness_mm, options.filled_hole_mm2];
     if !(-1.0..1.0).contains(&options.least_scaled_jacobian) {
-        return Err(StageError(format!(
-            "least_scaled_jacobian is {}, expected -1 to 1",
-            options.least_scaled_jacobian
-        )));
+        return Err(StageError::option("least_scaled_jacobian", options.least_scaled_jacobian, "-1 to 1"));
     }
     if positive.iter().any(|x| !x.is_finite() || *x < 0.0) || options.max_thickness_mm <= options.min_thickness_mm {
-        return Err(StageError("thickness and hole limits must be finite, not negative, and max above min".into()));
+        return Err(StageError::Knee(
+            "thickness and hole limits must be finite, not negative, and max above min".into(),
+        ));
     }
     Ok(())
 }
@@ -169,7 +168,7 @@ fn mesh_solid(solid: &CartilageSolid, options: &HexmeshOptions) -> Result<(HexMe
     let mut notes = Vec::new();
     let sheet = faces::split(solid, &mut notes)?;
     let queries = SurfaceQuery::new(&sheet.bony).zip(SurfaceQuery::new(&sheet.articular));
-    let (bony, articular) = queries.ok_or_else(|| StageError("a face of the solid cannot be searched".into()))?;
+    let (bony, articular) = queries.ok_or_else(|| StageError::Knee("a face of the solid cannot be searched".into()))?;
     let faces = Faces { bony: &bony, articular: &articular };
     let (flat, grid) = plan(&sheet, options, &mut notes)?;
     let mut columns = raise(&sheet.bony, &flat, &grid, &faces, options)?;
@@ -214,7 +213,7 @@ fn refuse_bad(mesh: &HexMesh, options: &HexmeshOptions) -> Result<(), StageError
             format!("element {} at ({:.1}, {:.1}, {:.1}) {q:.2}", e + 1, middle.x, middle.y, middle.z)
         })
         .collect();
-    Err(StageError(format!(
+    Err(StageError::Knee(format!(
         "{} of {} elements have a scaled Jacobian of {} or less, expected at most a hundredth; the worst: {}; look at the solid there, or change hexmesh.edge_length_mm or min_thickness_mm",
         bad.len(),
         mesh.elements.len(),
@@ -230,7 +229,7 @@ fn plan(
     notes: &mut Vec<String>,
 ) -> Result<(Vec<Flat>, QuadGrid), StageError> {
     let edge = options.edge_length_mm;
-    let flat = flatten(&sheet.bony).ok_or_else(|| StageError("the bony face cannot be laid flat".into()))?;
+    let flat = flatten(&sheet.bony).ok_or_else(|| StageError::Knee("the bony face cannot be laid flat".into()))?;
     let angle = outline(sheet, &flat, options)?.0.main_angle();
     let turn = nalgebra::Rotation2::new(-angle);
     let flat: Vec<Flat> = flat.iter().map(|p| turn * p).collect();
@@ -241,7 +240,7 @@ fn plan(
     let grid = quads_within(&outline, edge);
     if grid.quads.is_empty() {
         let area = sheet.bony.area();
-        return Err(StageError(format!(
+        return Err(StageError::Knee(format!(
             "no element of {edge} mm fits: bony face {area:.0} mm2, min_thickness_mm {}; check the solid",
             options.min_thickness_mm
         )));
@@ -252,7 +251,7 @@ fn plan(
 fn outline(sheet: &faces::Sheet, flat: &[Flat], options: &HexmeshOptions) -> Result<(Outline, usize), StageError> {
     let edge = options.edge_length_mm;
     let raster = Raster::around(flat, edge / 5.0, 3.0 * edge)
-        .ok_or_else(|| StageError("the flattened bony face is unreasonably large for this edge length".into()))?;
+        .ok_or_else(|| StageError::Knee("the flattened bony face is unreasonably large for this edge length".into()))?;
     let mut thickness = vec![-1.0; raster.len()];
     for t in &sheet.bony.triangles {
         raster.paint(&mut thickness, &t.map(|v| flat[v as usize]), t.map(|v| sheet.thickness_mm[v as usize]));
@@ -274,7 +273,8 @@ fn raise(
         vertices: flat.iter().map(|p| Point::new(p.x, p.y, 0.0)).collect(),
         triangles: sheet.triangles.clone(),
     };
-    let plane = SurfaceQuery::new(&plane).ok_or_else(|| StageError("the flattened face cannot be searched".into()))?;
+    let plane =
+        SurfaceQuery::new(&plane).ok_or_else(|| StageError::Knee("the flattened face cannot be searched".into()))?;
     let bony: Vec<Point> = grid
         .nodes
         .iter()

@@ -38,7 +38,7 @@ pub fn ingest(raw: &RawSpecimen, options: &IngestOptions) -> Result<Specimen, St
 pub fn ingest_file(file: &SpecimenFile, raw: &RawSpecimen, options: &IngestOptions) -> Result<Specimen, StageError> {
     if let Some(odd) = options.ras.iter().find(|r| !RAS_INPUTS.contains(&r.as_str())) {
         let known = RAS_INPUTS.join(", ");
-        return Err(StageError(format!("options.ingest.ras names `{odd}`; expected any of {known}")));
+        return Err(StageError::Knee(format!("options.ingest.ras names `{odd}`; expected any of {known}")));
     }
     let mut warnings = Vec::new();
     file::check_present(file, raw)?;
@@ -120,7 +120,7 @@ fn sources(
             (None, Some(table)) => {
                 mri::from_surfaces(table, raw, PerBone { femur: &ct.femur, tibfib: &ct.tibfib }, options, warnings)?
             }
-            (None, None) => return Err(StageError("specimen.toml: nothing shows cartilage".into())),
+            (None, None) => return Err(StageError::specimen("nothing shows cartilage")),
         };
         return Ok(of_mri(ct, read, patella, metrics, warnings));
     };

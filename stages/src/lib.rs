@@ -29,6 +29,7 @@ pub mod cartilage;
 pub mod condyles;
 pub mod contact_law;
 pub mod eminences;
+pub mod error;
 pub mod frames;
 pub mod guess;
 pub mod hexmesh;
@@ -40,6 +41,7 @@ pub mod register;
 pub mod segment;
 pub mod specimen;
 
+pub use error::StageError;
 use serde::{Deserialize, Serialize};
 
 /// A value of each of the two bones.
@@ -94,8 +96,3 @@ impl<T> PerCartilage<T> {
         self.named().into_iter().find(|(n, _)| *n == name).map(|(_, value)| value)
     }
 }
-
-/// Why a stage cannot go on: what is wrong, what was expected, what to do, in words for the laboratory.
-#[derive(Debug, thiserror::Error, Clone, PartialEq, Eq)]
-#[error("{0}")]
-pub struct StageError(pub String);

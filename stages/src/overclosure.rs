@@ -174,7 +174,7 @@ fn check(options: &OverclosureOptions) -> Result<(), StageError> {
         && (0.0..=1.0).contains(&o.height_kept)
         && (0.0..1.0).contains(&o.momentum);
     let what = "overclosure options: lengths must not be negative, shares and momentum 0 to 1, spreads 0.05 to 100 mm";
-    good.then_some(()).ok_or_else(|| StageError(what.into()))
+    good.then_some(()).ok_or_else(|| StageError::Knee(what.into()))
 }
 
 /// A probe that was measured: where, and the displacement of the tibia against the femur that would bring the wanted gap.
@@ -214,7 +214,10 @@ impl Knee {
     fn new(hexes: &HexCartilage) -> Result<Knee, StageError> {
         let body = |name: &str, mesh: &HexMesh| {
             Body::new(mesh).ok_or_else(|| {
-                StageError(format!("cartilage {name}: elements do not form columns from bony to articular face"))
+                StageError::part(
+                    format_args!("cartilage {name}"),
+                    format_args!("elements do not form columns from bony to articular face"),
+                )
             })
         };
         let m = &hexes.meshes;
@@ -292,7 +295,7 @@ impl Body {
     }
 
     fn face(&self) -> Result<ContactFace, StageError> {
-        ContactFace::new(&self.nodes, &self.quads).ok_or_else(|| StageError("an articular face is empty".into()))
+        ContactFace::new(&self.nodes, &self.quads).ok_or_else(|| StageError::Knee("an articular face is empty".into()))
     }
 
     fn gaps_to(&self, other: &Body, face: &ContactFace, femur_share: f64, of_tibia: bool) -> Vec<Measured> {
@@ -334,7 +337,7 @@ fn report(
 ) -> Result<Separated, StageError> {
     let Trial { knee, meshes, gap: after, iterations, .. } = trial;
     if after < -REMAINING_MM {
-        return Err(StageError(format!(
+        return Err(StageError::Knee(format!(
             "cartilages still overlap by {:.3} mm after {iterations} iterations (at first {:.3} mm): check that the bones lie in one frame, or raise max_iterations or spread_mm",
             -after, -before
         )));

@@ -68,14 +68,14 @@ pub fn phantom_volume(id: &str, seed: u64) -> Result<PhantomSpecimen, StageError
 
 fn made(id: &str, seed: u64, as_volume: bool) -> Result<PhantomSpecimen, StageError> {
     let Some(recipe) = RECIPES.iter().find(|r| r.id == id) else {
-        return Err(StageError(format!(
+        return Err(StageError::Knee(format!(
             "no phantom is called {id}{}; expected one of {}, {MRI_PHANTOM}",
             sim::names::did_you_mean(id, PHANTOMS),
             PHANTOMS.join(", ")
         )));
     };
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let fail = || StageError(format!("phantom {id}: a surface came out empty"));
+    let fail = || StageError::Knee(format!("phantom {id}: a surface came out empty"));
     let mut femur = bone::solid(recipe, &bone::FEMUR).ok_or_else(fail)?;
     let mut tibfib = bone::solid(recipe, &bone::TIBFIB).ok_or_else(fail)?;
     let joint = bone::contact(&femur, &tibfib);
@@ -86,7 +86,7 @@ fn made(id: &str, seed: u64, as_volume: bool) -> Result<PhantomSpecimen, StageEr
     let mut files = files::specimen(recipe, [&femur, &tibfib], &measured, &mut rng)?;
     if id == MRI_PHANTOM {
         if as_volume {
-            return Err(StageError(format!("phantom {id} is a label map of MRI; it has no CT volume")));
+            return Err(StageError::Knee(format!("phantom {id} is a label map of MRI; it has no CT volume")));
         }
         labels::with_labels(&mut files, [&femur, &tibfib])?;
     } else if as_volume {

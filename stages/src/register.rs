@@ -135,7 +135,7 @@ pub fn register(specimen: &Specimen, options: &RegisterOptions) -> Result<Regist
         let mut warnings = Vec::new();
         let pairs = landmark_pairs(&specimen.landmarks, frame);
         let points: Vec<(Point, Point)> = pairs.iter().map(|p| (p.1, p.2)).collect();
-        let bone = register_bone(ct, scan, &points, options).map_err(|e| StageError(format!("{name}: {e}")))?;
+        let bone = register_bone(ct, scan, &points, options).map_err(|e| StageError::part(name, e))?;
         if bone.level_mm != 0.0 {
             let (by, size) = (bone.level_mm.abs(), if bone.level_mm > 0.0 { "small" } else { "large" });
             warnings.push(format!("{name}: the CT bone is about {by:.2} mm too {size} all over: look at the threshold it was segmented with"));
@@ -218,18 +218,19 @@ pub fn register_bone(
     options: &RegisterOptions,
 ) -> Result<BoneRegistration, StageError> {
     let target = Target::new(ct, 6000)
-        .ok_or_else(|| StageError("the CT surface has no area or a coordinate that is not finite".into()))?;
+        .ok_or_else(|| StageError::Knee("the CT surface has no area or a coordinate that is not finite".into()))?;
     let prepared = bare::prepare(scan);
     let source = sample::spread(&scan.mesh, 4000);
     if source.points.is_empty() || scan.mesh.vertices.iter().any(|p| !p.coords.iter().all(|x| x.is_finite())) {
-        return Err(StageError("the scan has no area or a coordinate that is not finite".into()));
+        return Err(StageError::Knee("the scan has no area or a coordinate that is not finite".into()));
     }
     let chosen = rough(&target, &source, pairs, options.seed)
-        .ok_or_else(|| StageError("the scan does not resemble the CT bone anywhere".into()))?;
+        .ok_or_else(|| StageError::Knee("the scan does not resemble the CT bone anywhere".into()))?;
     let fine = start::thinned(&source, 1500);
     let pose = icp::refine(&target, &fine, &chosen.pose, &[2.0, 1.5, 1.0, 0.8, 0.6, 0.5]);
-    let mut fitted = settled(&target, &prepared, &fine.points, &pose, options.held_out_of.max(2))
-        .ok_or_else(|| StageError("too little bare bone lies on the CT bone to fix the pose of the scan".into()))?;
+    let mut fitted = settled(&target, &prepared, &fine.points, &pose, options.held_out_of.max(2)).ok_or_else(|| {
+        StageError::Knee("too little bare bone lies on the CT bone to fix the pose of the scan".into())
+    })?;
     if let Err(refused) = believe(&fitted, &prepared, options) {
         fitted = turned(&target, &prepared, &fine.points, &fitted, options).ok_or(refused)?;
     }
@@ -318,7 +319,7 @@ fn believe(fitted: &fit::Fitted, scan: &bare::Scan, options: &RegisterOptions) -
             if w.residual > 0.0 { "outside" } else { "inside" }
         )
     });
-    Err(StageError(format!(
+    Err(StageError::Knee(format!(
         "the scan does not fit the CT bone: bare bone kept out of the fit lies {:.2} mm (rms, limit {:.2}) from it, {:.0} % \
          of the bone-like scan lies on it (limit {:.0} %), predicted mean error {:.2} mm (limit {:.2}){place}; \
          check that scan and CT are the same bone of the same knee, in mm and not mirrored",

@@ -130,7 +130,7 @@ pub fn segment(volume: &Volume, given: Option<&Labels>, options: &SegmentOptions
 }
 
 fn check(volume: &Volume, given: Option<&Labels>, options: &SegmentOptions) -> Result<(), StageError> {
-    let fail = |what: String| Err(StageError(what));
+    let fail = |what: String| Err(StageError::Knee(what));
     let grid = &volume.grid;
     if grid.size.iter().any(|n| *n < 8) || grid.index_from_mm().is_none() || volume.values.len() != grid.count() {
         return fail(format!(
@@ -166,18 +166,20 @@ fn check(volume: &Volume, given: Option<&Labels>, options: &SegmentOptions) -> R
 
 fn check_labels(grid: &Grid, given: &Labels) -> Result<(), StageError> {
     if !given.grid.same_places(grid) {
-        return Err(StageError(format!(
+        return Err(StageError::Knee(format!(
             "ct.labels has {:?} voxels at other places than the CT volume's {:?}; expected a label map on the volume's own grid: export it with the volume as reference",
             given.grid.size, grid.size
         )));
     }
     let known = LABELS.map(|(n, name)| format!("{n} {name}")).join(", ");
     if let Some(odd) = given.values.iter().find(|l| usize::from(**l) > LABELS.len()) {
-        return Err(StageError(format!("ct.labels has a label {odd}; expected 0 none, {known}")));
+        return Err(StageError::Knee(format!("ct.labels has a label {odd}; expected 0 none, {known}")));
     }
     for (label, name) in [(1, "femur"), (2, "tibia")] {
         if !given.values.contains(&label) {
-            return Err(StageError(format!("ct.labels has no voxel of the {name} (label {label}); expected {known}")));
+            return Err(StageError::Knee(format!(
+                "ct.labels has no voxel of the {name} (label {label}); expected {known}"
+            )));
         }
     }
     Ok(())

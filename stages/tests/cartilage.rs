@@ -206,7 +206,7 @@ fn the_boolean_difference_of_a_scan_without_cartilage_or_elsewhere_is_an_error_i
         let (mut specimen, mut registration) = (whole.clone(), registration.clone());
         specimen.scans.femur.mesh = scan;
         registration.bones.femur.ct_from_scan = Pose::assume(pose);
-        by_boolean(&specimen, &registration).unwrap_err().0
+        by_boolean(&specimen, &registration).unwrap_err().to_string()
     };
     let here = Isometry::identity();
     let placed = registration.bones.femur.ct_from_scan.mesh(&whole.scans.femur.mesh);
@@ -231,7 +231,7 @@ fn a_scan_without_cartilage_is_an_error_in_words() {
     registration.bones.femur.ct_from_scan = Pose::assume(Isometry::identity());
     let bones = bones(&specimen, &BonesOptions::default()).unwrap();
     let error = cartilage(&specimen, &registration, &bones, &CartilageOptions::default()).unwrap_err();
-    assert!(error.0.contains("0 found on the femur"), "{error}");
+    assert!(error.to_string().contains("0 found on the femur"), "{error}");
 }
 
 #[test]

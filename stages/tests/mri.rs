@@ -53,7 +53,7 @@ fn told(raw: &RawSpecimen) -> String {
     // A specimen's Debug is megabytes long, so none is shown.
     match ingest(raw, &IngestOptions::default()) {
         Ok(specimen) => panic!("not refused: {:?}", specimen.warnings),
-        Err(error) => error.0,
+        Err(error) => error.to_string(),
     }
 }
 
@@ -168,7 +168,7 @@ fn two_knees_and_the_wrong_side_are_refused() {
     let turned = RawSpecimen { toml: raw.toml.replace("side = \"right\"", "side = \"left\""), ..raw.clone() };
     let specimen = ingest(&turned, &IngestOptions::default()).unwrap();
     let made = bones(&specimen, &BonesOptions::default()).unwrap();
-    let refused = cartilage(&specimen, &Registration::left_out(), &made, &CartilageOptions::default()).unwrap_err().0;
+    let refused = cartilage(&specimen, &Registration::left_out(), &made, &CartilageOptions::default()).unwrap_err().to_string();
     assert!(refused.contains("medial") && refused.contains("side"), "{refused}");
 }
 

@@ -175,7 +175,7 @@ fn another_knee_another_bone_a_mirrored_bone_and_nonsense_are_refused() {
     let Some(other) = shared("register refusal", "specimens/S193761") else { return };
     let refused = |what: &str, ct: &TriMesh, scan: &ColouredMesh| {
         let Err(error) = register_bone(ct, scan, &[], &RegisterOptions::default()) else { panic!("{what} was taken") };
-        assert!(error.0.contains("CT bone") || error.0.contains("no area"), "{what}: {error}");
+        assert!(error.to_string().contains("CT bone") || error.to_string().contains("no area"), "{what}: {error}");
     };
     let (femur, tibia) = (case(&dir, "femur"), case(&dir, "tibfib"));
     for bone in ["femur", "tibfib"] {

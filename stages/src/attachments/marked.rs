@@ -131,7 +131,7 @@ fn rough_points(
     let far: Vec<&(usize, f64, Place)> = rows.iter().filter(|r| r.1 > options.mark_off_bone_mm).collect();
     let lost = far.iter().find(|r| r.1 > options.mark_lost_mm || 2 * far.len() > rows.len());
     if let Some((line, off, place)) = lost {
-        return Err(StageError(format!(
+        return Err(StageError::Knee(format!(
             "marks.csv line {line}: {} lies {off:.1} mm off the {}, expected within {} mm; check its frame, unit and coordinates",
             place.name, side.name, options.mark_off_bone_mm
         )));

@@ -23,7 +23,7 @@ type Body = (f64, TriMesh, Vec<bool>);
 /// thickness, so that the films between two surfaces that nearly coincide vanish; the bony face is moved back after. What stays
 /// are the largest bodies.
 pub(super) fn of_bone(of: &Covered, options: &CartilageOptions) -> Result<Made, StageError> {
-    let fail = |why: String| StageError(format!("cartilage: {} by Boolean difference: {why}", of.name));
+    let fail = |why: String| StageError::part("cartilage", format_args!("{} by Boolean difference: {why}", of.name));
     let scan = of.fit.ct_from_scan.mesh(&of.scan.mesh);
     let (domain, error) = Domain::with_error(of.bone, &scan, edge_quality(of.ct).edge_p50_mm, options)
         .ok_or_else(|| fail("the bone or the scan has no triangles".into()))?;

@@ -98,15 +98,15 @@ fn check_sides(
     outer: &Point,
 ) -> Result<(), StageError> {
     let Some(lateral) = lateral(specimen.identity.side, bones, femoral, medial, outer) else {
-        return Err(StageError(
-            "cartilage: medial and lateral cannot be told: check that both bones are of one knee".into(),
+        return Err(StageError::part(
+            "cartilage",
+            "medial and lateral cannot be told: check that both bones are of one knee",
         ));
     };
     if (outer - medial).dot(&lateral) > 0.0 {
         return Ok(());
     }
-    Err(StageError(format!(
-        "cartilage: what is given as the medial tibial cartilage lies on the lateral side of a {:?} knee: the side in specimen.toml is wrong, the two are exchanged, or the picture is a mirror image",
+    Err(StageError::part("cartilage", format!("what is given as the medial tibial cartilage lies on the lateral side of a {:?} knee: the side in specimen.toml is wrong, the two are exchanged, or the picture is a mirror image",
         specimen.identity.side
     ).to_lowercase()))
 }
@@ -118,16 +118,19 @@ fn one(of: &Shown, options: &CartilageOptions) -> Result<(CartilageSolid, Point,
         Some(bare) => covered(of.bone, &bare.moved(&of.pose), &cover, options),
         None => layered(of.bone, &cover, options),
     }
-    .ok_or_else(|| StageError(format!("cartilage: the bone or the {} has no triangles", of.key)))?;
+    .ok_or_else(|| StageError::part("cartilage", format_args!("the bone or the {} has no triangles", of.key)))?;
     let least = options.mri_least_thickness_mm;
     // Bare bone is bare to the last digit here, so no margin is needed against its noise.
     let limits = CartilageOptions { rim_thickness_mm: least, rim_smoothing_rounds: 1, ..options.clone() };
     let (patches, _) = region::patches(&domain, least, None, &limits);
     let Some(patch) = patches.first() else {
-        return Err(StageError(format!(
-            "cartilage: no {} of {} mm2 or more lies on the {}; check which label or surface it is, and that bone and cartilage touch",
-            of.key, options.least_area_mm2, of.name
-        )));
+        return Err(StageError::part(
+            "cartilage",
+            format_args!(
+                "no {} of {} mm2 or more lies on the {}; check which label or surface it is, and that bone and cartilage touch",
+                of.key, options.least_area_mm2, of.name
+            ),
+        ));
     };
     if patches.len() > 1 {
         notes.push(format!("{}: {} smaller pieces left out: a solid is one piece", of.key, patches.len() - 1));

@@ -21,8 +21,9 @@ pub(super) fn solid(
     scan: &TriMesh,
     options: &CartilageOptions,
 ) -> Result<CartilageSolid, StageError> {
-    let fail =
-        |why: &str| StageError(format!("cartilage: a solid of the {bone} {why}; look at the registered scan there"));
+    let fail = |why: &str| {
+        StageError::part("cartilage", format_args!("a solid of the {bone} {why}; look at the registered scan there"))
+    };
     let walls = SurfaceQuery::new(scan).ok_or_else(|| fail("has no scan"))?;
     let (mut mesh, mut labels) = extruded(patch);
     for rounds in [3, 2] {
@@ -40,8 +41,9 @@ pub(super) fn finished(
     of_scan: &[bool],
     options: &CartilageOptions,
 ) -> Result<CartilageSolid, StageError> {
-    let fail =
-        |why: &str| StageError(format!("cartilage: a solid of the {bone} {why}; look at the registered scan there"));
+    let fail = |why: &str| {
+        StageError::part("cartilage", format_args!("a solid of the {bone} {why}; look at the registered scan there"))
+    };
     let labels: Vec<u32> = of_scan.iter().map(|s| if *s { ARTICULAR } else { BONY }).collect();
     let wanted = RemeshOptions { edge_mm: options.edge_mm, rounds: 4 };
     let (mesh, labels) = remesh(mesh, &labels, &wanted).map_err(|e| fail(&format!("cannot be meshed ({e})")))?;

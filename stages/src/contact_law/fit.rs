@@ -102,7 +102,7 @@ pub(super) fn fit(
         .map(|(flexion, l)| Row { flexion, approach: l.shift_mm, force: l.force_n, area: l.area_mm2 })
         .collect();
     if rows.len() < o.overclosure_mm.len() - 1 {
-        return Err(StageError(format!(
+        return Err(StageError::Knee(format!(
             "{} levels above {} N, at least {} were expected: raise levels",
             rows.len(),
             o.least_force_n,

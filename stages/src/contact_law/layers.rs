@@ -97,7 +97,7 @@ pub(super) fn fit(
             best = Some(found);
         }
     }
-    let (_, material) = best.ok_or_else(|| StageError("layer_laws: at least one law was expected".into()))?;
+    let (_, material) = best.ok_or_else(|| StageError::Knee("layer_laws: at least one law was expected".into()))?;
     told(rigid, (starts, curves), &rows, material)
 }
 

@@ -61,7 +61,7 @@ pub(super) fn press(
     for n in 1..=3 * o.levels {
         let next = CLEAR_MM + step * n as f64;
         let level = press_to((&model, &mut state), (FEMUR, &down), (at, next), &PressOptions::default());
-        let level = level.map_err(|e| StageError(format!("flexion {} deg: {e}", start.flexion_deg)))?;
+        let level = level.map_err(|e| StageError::part(format_args!("flexion {} deg", start.flexion_deg), e))?;
         (at, force) = (next, level.force_n);
         if !level.at_rest {
             out.warnings.push(format!(

@@ -80,9 +80,10 @@ impl Rigid {
         let mut q = Six::zeros();
         q[FE] = flexion_deg.to_radians() - self.joint.ct_pose()[FE];
         let unmet = || {
-            StageError(format!(
-                "flexion {flexion_deg} deg: the cartilages do not meet along the tibia's axis; check the frames, or leave this flexion out of flexions_deg"
-            ))
+            StageError::part(
+                format_args!("flexion {flexion_deg} deg"),
+                "the cartilages do not meet along the tibia's axis; check the frames, or leave this flexion out of flexions_deg",
+            )
         };
         // apart, then together
         q[SI] = -15.0;

@@ -37,9 +37,7 @@ pub struct GivenFrame {
 /// The file, the line and what was expected.
 pub fn read(path: &str, bytes: &[u8]) -> Result<GivenFrames, StageError> {
     serde_json::from_slice(bytes).map_err(|e| {
-        StageError(format!(
-            "{path}: {e}; expected femur and tibia, each with origin, medial, anterior, superior (three numbers each), as in 05-frames/frames.json"
-        ))
+        StageError::file(path, format_args!("{e}; expected femur and tibia, each with origin, medial, anterior, superior (three numbers each), as in 05-frames/frames.json"))
     })
 }
 
@@ -66,7 +64,7 @@ pub(super) fn frames(
 fn checked(bone: &str, given: &GivenFrame, side: Side) -> Result<AnatomicalFrame, StageError> {
     let axes = [&given.medial, &given.anterior, &given.superior].map(|a| Vector::from_row_slice(a));
     let names = ["medial", "anterior", "superior"];
-    let refuse = |what: String| Err(StageError(format!("[frames] {bone}: {what}")));
+    let refuse = |what: String| Err(StageError::part(format_args!("[frames] {bone}"), what));
     if given.origin.iter().chain(axes.iter().flat_map(|a| a.iter())).any(|x| !x.is_finite()) {
         return refuse("a number is not finite; expected origin in mm and three unit vectors".into());
     }

@@ -25,7 +25,7 @@ const INTO_BONE: f64 = 0.3;
 pub(super) fn split(solid: &CartilageSolid, notes: &mut Vec<String>) -> Result<Sheet, StageError> {
     let (vertices, triangles) = (solid.solid.vertices.len(), solid.solid.triangles.len());
     if solid.articular.len() != triangles || solid.thickness_mm.len() != vertices {
-        return Err(StageError(format!(
+        return Err(StageError::Knee(format!(
             "labels of {} triangles and thickness of {} vertices, expected {triangles} and {vertices}",
             solid.articular.len(),
             solid.thickness_mm.len()
@@ -34,14 +34,14 @@ pub(super) fn split(solid: &CartilageSolid, notes: &mut Vec<String>) -> Result<S
     if solid.solid.vertices.iter().any(|p| !p.coords.iter().all(|x| x.is_finite()))
         || solid.solid.triangles.iter().flatten().any(|&v| v as usize >= vertices)
     {
-        return Err(StageError(
+        return Err(StageError::Knee(
             "the solid has a coordinate that is not a number or a triangle without a vertex".into(),
         ));
     }
     let (bony, old) = solid.solid.submesh(|t| !solid.articular[t]);
     let (articular, _) = solid.solid.submesh(|t| solid.articular[t]);
     if bony.triangles.is_empty() || articular.triangles.is_empty() {
-        return Err(StageError("the solid needs triangles of both the bony and the articular face".into()));
+        return Err(StageError::Knee("the solid needs triangles of both the bony and the articular face".into()));
     }
     let (sheet, kept) = largest_part(&bony, "bony", notes);
     let articular = away_from_bone(&articular, &sheet);

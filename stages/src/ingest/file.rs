@@ -16,20 +16,17 @@ pub const OPTIONAL_PATHS: [&str; 3] = ["landmarks.csv", "marks.csv", "attachment
 pub fn parse_specimen_file(text: &str) -> Result<SpecimenFile, StageError> {
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
     let file: SpecimenFile = toml::from_str(text).map_err(|e| {
-        let place = match e.span() {
+        let what = format!("{}{}", with_suggestion(&e.message().trim().replace('\n', "; ")), unquoted(text, &e));
+        match e.span() {
             Some(span) => {
                 let before = text.get(..span.start).unwrap_or(text);
-                format!(", line {}", before.matches('\n').count() + 1)
+                let line = before.matches('\n').count() + 1;
+                StageError::at("specimen.toml", format_args!("line {line}"), what)
             }
-            None => String::new(),
-        };
-        StageError(format!(
-            "specimen.toml{place}: {}{}",
-            with_suggestion(&e.message().trim().replace('\n', "; ")),
-            unquoted(text, &e)
-        ))
+            None => StageError::specimen(what),
+        }
     })?;
-    let refuse = |what: String| Err(StageError(format!("specimen.toml: {what}")));
+    let refuse = |what: String| Err(StageError::specimen(what));
     if file.specimen.id.trim().is_empty() {
         return refuse("specimen.id is empty; expected a name".into());
     }
@@ -98,8 +95,8 @@ fn check_ct(ct: &CtPaths) -> Result<(), StageError> {
         (_, _, None, Some(_)) => "labels without their volume",
         (None, None, None, None) => "it names nothing",
     };
-    Err(StageError(format!(
-        "specimen.toml: [ct]: {wrong}; expected femur and tibfib (surfaces), or volume (and labels, if there are any)"
+    Err(StageError::specimen(format!(
+        "[ct]: {wrong}; expected femur and tibfib (surfaces), or volume (and labels, if there are any)"
     )))
 }
 
@@ -136,8 +133,8 @@ pub(super) fn check_present(file: &SpecimenFile, raw: &RawSpecimen) -> Result<()
             continue;
         }
         if !raw.files.contains_key(&path) {
-            return Err(StageError(format!(
-                "specimen.toml: {key} names {path}, which is not there; put the file there or correct the path"
+            return Err(StageError::specimen(format!(
+                "{key} names {path}, which is not there; put the file there or correct the path"
             )));
         }
     }
@@ -189,14 +186,14 @@ fn check_path(key: &str, path: &str) -> Result<(), StageError> {
     } else {
         return Ok(());
     };
-    Err(StageError(format!(
-        "specimen.toml: {key} = \"{path}\" {wrong}; expected a path inside the specimen directory: copy the file there"
+    Err(StageError::specimen(format!(
+        "{key} = \"{path}\" {wrong}; expected a path inside the specimen directory: copy the file there"
     )))
 }
 
 /// Checks that a specimen names one source of bones and one of cartilage.
 fn check_sources(file: &SpecimenFile) -> Result<(), StageError> {
-    let refuse = |what: &str| Err(StageError(format!("specimen.toml: {what}")));
+    let refuse = |what: &str| Err(StageError::specimen(what));
     let named: Vec<&str> = [
         ("[scans]", file.scans.is_some()),
         ("[segmentation]", file.segmentation.is_some()),

@@ -33,12 +33,12 @@ pub(super) fn scan(
     read: &Read,
 ) -> Result<(ColouredMesh, SurfaceMetrics), StageError> {
     let [first, others @ ..] = pieces.paths() else {
-        return Err(StageError(format!("specimen.toml: {key} lists no path")));
+        return Err(StageError::specimen(format!("{key} lists no path")));
     };
     let (mut whole, mut counts) = read(key, first, warnings)?;
     for path in others {
         let (piece, _) = read(key, path, warnings)?;
-        let fault = |why: String| StageError(format!("{path} ({key}): {why}"));
+        let fault = |why: String| StageError::named(path, key, why);
         let laid = laid(&whole.mesh, &piece.mesh, ct).map_err(fault)?;
         let added = added(&whole, &piece, &laid.pose).map_err(fault)?;
         if piece.colours.is_empty() != whole.colours.is_empty() {

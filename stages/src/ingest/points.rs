@@ -106,7 +106,7 @@ fn named_points(
     let mut points: Vec<NamedPoint> = Vec::new();
     if let Some(read) = raw.files.get(path).and_then(|bytes| slicer::read(path, bytes)) {
         for p in read? {
-            let refuse = |what: &str| Err(StageError(format!("{path}, {}: {what}", p.place)));
+            let refuse = |what: &str| Err(StageError::at(path, &p.place, what));
             if p.name.is_empty() {
                 return refuse("the point has no label; expected its name there");
             }
@@ -151,7 +151,7 @@ struct Row<'a> {
 
 impl Row<'_> {
     fn refuse(&self, what: &str) -> StageError {
-        StageError(format!("{}, line {}: {what}", self.path, self.line))
+        StageError::at(self.path, format_args!("line {}", self.line), what)
     }
 
     fn point(&self, at: usize, columns: &[&str]) -> Result<Point, StageError> {
@@ -176,11 +176,15 @@ fn rows<'a>(raw: &RawSpecimen, path: &'a str, columns: &[&str]) -> Result<Vec<Ro
     let expected = columns.join(",");
     let text = std::str::from_utf8(bytes).map_err(|e| {
         let line = bytes[..e.valid_up_to()].iter().filter(|&&b| b == b'\n').count() + 1;
-        StageError(format!("{path}, line {line}: not UTF-8 text; save the table as UTF-8 CSV with header {expected}"))
+        StageError::at(
+            path,
+            format_args!("line {line}"),
+            format_args!("not UTF-8 text; save the table as UTF-8 CSV with header {expected}"),
+        )
     })?;
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).flexible(true).from_reader(text.as_bytes());
-    let header = reader.headers().map_err(|e| StageError(format!("{path}: {e}")))?.clone();
-    let refuse = |what: String| StageError(format!("{path}, line 1: {what}; expected the header {expected}"));
+    let header = reader.headers().map_err(|e| StageError::file(path, e))?.clone();
+    let refuse = |what: String| StageError::at(path, "line 1", format_args!("{what}; expected the header {expected}"));
     if header.len() == 1 && header.get(0).is_some_and(|h| h.contains(';') || h.contains('\t')) {
         return Err(refuse("the columns are not separated by commas".into()));
     }
@@ -193,7 +197,7 @@ fn rows<'a>(raw: &RawSpecimen, path: &'a str, columns: &[&str]) -> Result<Vec<Ro
     }
     let mut rows = Vec::new();
     for record in reader.records() {
-        let record = record.map_err(|e| StageError(format!("{path}: {e}")))?;
+        let record = record.map_err(|e| StageError::file(path, e))?;
         let line = record.position().map_or(0, csv::Position::line);
         let mut row = Row { path, line, cells: Vec::new() };
         if record.len() != header.len() {

@@ -16,7 +16,7 @@ pub(super) struct Placed {
 pub(super) fn read(path: &str, bytes: &[u8]) -> Option<Result<Vec<Placed>, StageError>> {
     let body = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let text = std::str::from_utf8(body).ok()?;
-    let fail = |what: String| StageError(format!("{path}: {what}"));
+    let fail = |what: String| StageError::file(path, what);
     let lower = path.to_ascii_lowercase();
     if lower.ends_with(".json") || text.trim_start().starts_with('{') {
         return Some(markups(text).map_err(fail));
@@ -146,7 +146,7 @@ mod tests {
             ("a.mrk.json", &json.replace("\"mm\"", "\"m\""), "mm"),
             ("a.fcsv", "# CoordinateSystem = LPS\n1,a,2,3", "line 2: x"),
         ] {
-            let told = read_one(path, text).err().unwrap().0;
+            let told = read_one(path, text).err().unwrap().to_string();
             assert!(told.contains(word), "{told}");
         }
         assert!(read("landmarks.csv", b"name,frame,x_mm,y_mm,z_mm\n").is_none());

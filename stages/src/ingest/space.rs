@@ -72,7 +72,7 @@ pub(super) fn check(ct: &PerBone<TriMesh>, points: [&[NamedPoint]; 2]) -> Result
             let turned =
                 ct.tibfib.vertices.iter().map(|p| femur.nearest(&Point::from(p.coords.component_mul(&turn))).distance);
             if turned.fold(f64::INFINITY, f64::min) < NEARER * gap {
-                return Err(StageError(format!("the bones lie {gap:.0} mm apart; one is the other's {what}")));
+                return Err(StageError::Knee(format!("the bones lie {gap:.0} mm apart; one is the other's {what}")));
             }
         }
     }
@@ -91,7 +91,7 @@ pub(super) fn check(ct: &PerBone<TriMesh>, points: [&[NamedPoint]; 2]) -> Result
             turned < ON_MM && turned < NEARER * off
         });
         if let Some((_, what)) = mended {
-            return Err(StageError(format!(
+            return Err(StageError::Knee(format!(
                 "the {file} of frame ct lie {off:.0} mm off the bones in the median; they are {what}"
             )));
         }
@@ -134,12 +134,12 @@ mod tests {
         let knee = bones();
         assert!(check(&knee, [&landmarks([1.0; 3]), &[]]).is_ok());
         for (signs, word) in [([-1.0, -1.0, 1.0], "RAS"), ([-1.0, 1.0, 1.0], "left to right")] {
-            let told = check(&knee, [&landmarks(signs), &[]]).unwrap_err().0;
+            let told = check(&knee, [&landmarks(signs), &[]]).unwrap_err().to_string();
             assert!(told.contains(word) && told.contains("landmarks"), "{told}");
         }
         let mut turned = knee.clone();
         turned.tibfib.vertices.iter_mut().for_each(|p| *p = Point::new(-p.x, -p.y, p.z));
-        let told = check(&turned, [&[], &[]]).unwrap_err().0;
+        let told = check(&turned, [&[], &[]]).unwrap_err().to_string();
         assert!(told.contains("RAS"), "{told}");
     }
 }

@@ -26,7 +26,7 @@ pub(super) fn checked(
     options: &IngestOptions,
     warnings: &mut Vec<String>,
 ) -> Result<(ColouredMesh, SurfaceMetrics), StageError> {
-    let refuse = |what: String| StageError(format!("{path} ({key}): {what}"));
+    let refuse = |what: String| StageError::named(path, key, what);
     let Some(bytes) = files.get(path) else { return Err(refuse("the file is not there".into())) };
     missing_companions(path, bytes, files, warnings);
     let mut read = read_surface(path, bytes, files).map_err(|e| refuse(e.to_string()))?;

@@ -33,7 +33,7 @@ fn raw() -> RawSpecimen {
 }
 
 fn refusal(raw: &RawSpecimen) -> String {
-    ingest(raw, &IngestOptions::default()).unwrap_err().0
+    ingest(raw, &IngestOptions::default()).unwrap_err().to_string()
 }
 
 fn with_file(name: &str, bytes: &[u8]) -> RawSpecimen {
@@ -178,11 +178,16 @@ fn what_is_told_to_be_in_ras_is_turned_unless_its_file_says_its_frame() {
         assert!(near(&a.point, &b.point), "{} {} {}", a.name, a.point, b.point);
     }
     // a part that is not told is refused, with the option
-    assert!(of(&ras, "a,ct,132,30,0", &[]).unwrap_err().0.contains("options.ingest.ras"));
+    assert!(of(&ras, "a,ct,132,30,0", &[]).unwrap_err().to_string().contains("options.ingest.ras"));
     // the header's word goes before the option
     let mut says = lps.clone();
     says[..9].copy_from_slice(b"SPACE=LPS");
     let heard = of(&says, "a,ct,132,30,0", &["ct"]).unwrap();
     assert!(near(&middle(&plain), &middle(&heard)));
-    assert!(of(&lps, "a,ct,132,30,0", &["scans"]).unwrap_err().0.contains("expected any of ct, cartilage, points"));
+    assert!(
+        of(&lps, "a,ct,132,30,0", &["scans"])
+            .unwrap_err()
+            .to_string()
+            .contains("expected any of ct, cartilage, points")
+    );
 }

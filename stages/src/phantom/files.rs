@@ -22,7 +22,7 @@ pub(super) fn specimen(
     measured: &[Measured; 2],
     rng: &mut ChaCha8Rng,
 ) -> Result<Files, StageError> {
-    let fail = |e: &dyn std::fmt::Display| StageError(format!("phantom {}: {e}", recipe.id));
+    let fail = |e: &dyn std::fmt::Display| StageError::Knee(format!("phantom {}: {e}", recipe.id));
     let mut files: Files = vec![("specimen.toml".into(), specimen_toml(recipe).into_bytes())];
     for (bone, seen) in bones.iter().zip(measured) {
         let name = bone.plan.name;
@@ -53,7 +53,7 @@ pub(super) fn with_volume(files: &mut Files, bones: [&Solid; 2], seed: u64) -> R
     if patella.volume() < 0.0 {
         patella = patella.flipped();
     }
-    let fail = |e: &dyn std::fmt::Display| StageError(format!("phantom: {e}"));
+    let fail = |e: &dyn std::fmt::Display| StageError::Knee(format!("phantom: {e}"));
     let volume = ct_volume(&[&femur, &tibfib, &patella], &Scanner::default(), seed)
         .ok_or_else(|| fail(&"the picture came out empty"))?;
     let mut bytes = Vec::new();

@@ -31,7 +31,7 @@ type Files = Vec<(String, Vec<u8>)>;
 
 /// Puts a label map in place of CT, scans and points; the surfaces that were voxelised go to `truth/`.
 pub(super) fn with_labels(files: &mut Files, bones: [&Solid; 2]) -> Result<(), StageError> {
-    let fail = |e: &dyn std::fmt::Display| StageError(format!("phantom: {e}"));
+    let fail = |e: &dyn std::fmt::Display| StageError::Knee(format!("phantom: {e}"));
     let mut parts: Vec<(u8, TriMesh)> = Vec::new();
     for bone in bones {
         for (cover, solid) in &bone.cartilage {

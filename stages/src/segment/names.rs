@@ -80,7 +80,7 @@ fn by_shape(shapes: &[Shape], count: u32, warnings: &mut Vec<String>) -> Result<
     let large = shapes.iter().filter(|s| s.volume >= LARGE_SHARE * largest && s.slenderness < 2.0 * LONG).count();
     if large != 2 {
         let sizes = shapes.iter().take(6).map(|s| format!("{:.1}", s.volume / 1000.0)).collect::<Vec<_>>().join(", ");
-        return Err(StageError(format!(
+        return Err(StageError::Knee(format!(
             "the CT volume shows {large} large bones (bodies of {sizes} cm3); expected 2, femur and tibia: crop the picture to one knee, or part the bones by hand in a label map ([ct] labels, with --set segment.labels_are=seeds)"
         )));
     }

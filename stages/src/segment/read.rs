@@ -17,24 +17,24 @@ pub fn segment_specimen(ct: &CtPaths, raw: &RawSpecimen, options: &SegmentOption
         Some(path) => {
             let bytes = raw.files.get(path).ok_or_else(|| absent("ct.labels", path))?;
             let read = picture::read_labels(path, bytes, &raw.files);
-            Some(read.map_err(|e| StageError(format!("{path} (ct.labels): {}", e.0)))?.labels)
+            Some(read.map_err(|e| StageError::named(path, "ct.labels", e.0))?.labels)
         }
         None => None,
     };
-    let mut made = segment(&volume, labels.as_ref(), options).map_err(|e| StageError(format!("{path}: {}", e.0)))?;
+    let mut made = segment(&volume, labels.as_ref(), options).map_err(|e| StageError::file(path, e))?;
     made.warnings.splice(0..0, warnings.into_iter().map(|w| format!("{path}: {w}")));
     Ok(made)
 }
 
 fn absent(key: &str, path: &str) -> StageError {
-    StageError(format!("specimen.toml: {key} names {path}, which is not there; put the file there or correct the path"))
+    StageError::specimen(format!("{key} names {path}, which is not there; put the file there or correct the path"))
 }
 
 fn volume(path: &str, raw: &RawSpecimen) -> Result<(Volume, Vec<String>), StageError> {
-    let fail = |e: meshes::format::FormatError| StageError(format!("{path} (ct.volume): {}", e.0));
+    let fail = |e: meshes::format::FormatError| StageError::named(path, "ct.volume", e.0);
     if let Some(bytes) = raw.files.get(path) {
         if dicom::looks_dicom(bytes) {
-            return Err(StageError(format!(
+            return Err(StageError::Knee(format!(
                 "{path} (ct.volume): one DICOM file; expected the folder with the whole series, or NIfTI, NRRD or MetaImage"
             )));
         }
@@ -67,7 +67,7 @@ pub fn with_surfaces(ct: &CtPaths, raw: &RawSpecimen, found: &Segmented) -> Resu
     let bones = SEGMENTED.into_iter().zip([&found.femur, &found.tibfib]);
     for (name, mesh) in bones.chain(found.patella.as_ref().map(|mesh| (SEGMENTED_PATELLA, mesh))) {
         let mut bytes = Vec::new();
-        stl::write(&mut bytes, mesh).map_err(|e| StageError(e.to_string()))?;
+        stl::write(&mut bytes, mesh).map_err(|e| StageError::Knee(e.to_string()))?;
         files.insert(name.into(), bytes);
     }
     Ok(RawSpecimen { toml: raw.toml.clone(), files })

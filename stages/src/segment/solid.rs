@@ -45,7 +45,7 @@ pub(super) fn bodies(
         }
     }
     if low[0] == usize::MAX {
-        return Err(StageError(format!(
+        return Err(StageError::Knee(format!(
             "no voxel cluster of the CT volume above {threshold:.0} is as large as a bone; expected a knee: give segment.threshold"
         )));
     }

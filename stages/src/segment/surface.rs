@@ -25,8 +25,9 @@ pub(super) fn surfaces(
     options: &SegmentOptions,
 ) -> Result<Segmented, StageError> {
     let whole = |what: &[u8], name: &str| {
-        surface(volume, &labels, what, threshold, options)
-            .ok_or_else(|| StageError(format!("no surface of the {name} in the CT volume: its label is empty or flat")))
+        surface(volume, &labels, what, threshold, options).ok_or_else(|| {
+            StageError::Knee(format!("no surface of the {name} in the CT volume: its label is empty or flat"))
+        })
     };
     let mut femur = whole(&[1], "femur")?;
     let mut tibfib = whole(&[2, 3], "tibia")?;

@@ -13,7 +13,7 @@ const METAL_SHARE: f64 = 1e-4;
 /// middle of soft tissue to the middle of dense bone.
 pub(super) fn from_histogram(volume: &Volume) -> Result<f64, StageError> {
     let fail = || {
-        StageError("no bone stands out in the CT volume: expected air or soft tissue and brighter bone; check the file, or give segment.threshold".into())
+        StageError::Knee("no bone stands out in the CT volume: expected air or soft tissue and brighter bone; check the file, or give segment.threshold".into())
     };
     let (low, high) = volume.values.iter().fold((f32::INFINITY, f32::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
     let all = Histogram::new(&volume.values, f64::from(low), f64::from(high) + 1e-3).ok_or_else(fail)?;

@@ -40,7 +40,7 @@ pub(in crate::ingest) fn from_labels(
     warnings: &mut Vec<String>,
 ) -> Result<Read, StageError> {
     let path = &table.labels;
-    let fail = |what: String| StageError(format!("{path} (segmentation.labels): {what}"));
+    let fail = |what: String| StageError::named(path, "segmentation.labels", what);
     let bytes = raw.files.get(path).ok_or_else(|| fail("the file is not there".into()))?;
     let map = read_labels(path, bytes, &raw.files).map_err(|e| fail(e.0))?;
     check_grid(&map.labels).map_err(fail)?;
@@ -141,7 +141,7 @@ struct Found<'a> {
 
 impl Found<'_> {
     fn fail(&self, what: String) -> StageError {
-        StageError(format!("{} (segmentation.labels): {what}", self.path))
+        StageError::named(self.path, "segmentation.labels", what)
     }
 
     fn structure(&self, keys: &[&'static str]) -> Structure<'_> {

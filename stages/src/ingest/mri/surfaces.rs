@@ -63,7 +63,7 @@ fn cartilage(
     bone: &TriMesh,
     options: &IngestOptions,
 ) -> Result<TriMesh, StageError> {
-    let refuse = |what: String| StageError(format!("{path} ({key}): {what}"));
+    let refuse = |what: String| StageError::named(path, key, what);
     let bytes = raw.files.get(path).ok_or_else(|| refuse("the file is not there".into()))?;
     let mut read = read_surface(path, bytes, &raw.files).map_err(|e| refuse(e.to_string()))?;
     space::to_lps(&mut read.mesh, key, path, bytes, options);
