@@ -168,7 +168,8 @@ fn two_knees_and_the_wrong_side_are_refused() {
     let turned = RawSpecimen { toml: raw.toml.replace("side = \"right\"", "side = \"left\""), ..raw.clone() };
     let specimen = ingest(&turned, &IngestOptions::default()).unwrap();
     let made = bones(&specimen, &BonesOptions::default()).unwrap();
-    let refused = cartilage(&specimen, &Registration::left_out(), &made, &CartilageOptions::default()).unwrap_err().to_string();
+    let refused =
+        cartilage(&specimen, &Registration::left_out(), &made, &CartilageOptions::default()).unwrap_err().to_string();
     assert!(refused.contains("medial") && refused.contains("side"), "{refused}");
 }
 
