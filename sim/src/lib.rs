@@ -12,6 +12,7 @@
 //! assert_eq!(table.trials[0].load[sim::coordinate::AP], 133.0); // [N]
 //! ```
 
+pub mod condensed;
 pub mod contact;
 pub mod coordinate;
 pub mod deck;

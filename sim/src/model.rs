@@ -5,6 +5,7 @@
 
 mod check;
 
+use crate::condensed::{Condensed, Inner, condense};
 use crate::contact::{Contact, ContactOptions, ContactResponse, Nearby};
 use crate::coordinate::Six;
 use crate::error::SimError;
@@ -15,6 +16,7 @@ use crate::spec::ModelSpec;
 use nalgebra::Matrix6;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::sync::Arc;
 
 /// A compiled knee. Cloning it is cheap: contact surfaces are shared.
 #[derive(Clone, Debug)]
@@ -29,6 +31,8 @@ pub struct Model {
     pub fibres: Vec<Fibre>,
     /// Cartilage contact.
     pub contact: Contact,
+    /// Bodies between femur and tibia with coordinates of their own.
+    pub(crate) bodies: Vec<Arc<dyn Inner>>,
     /// The femur's mass [tonne] and rotary inertia [tonne mm2] for explicit dynamics.
     pub femur_mass: (f64, f64),
     /// Which bundles are cut.
@@ -58,7 +62,7 @@ pub struct FibreState {
     pub response: Response,
 }
 
-/// Energy of ligaments and contact at a pose, with derivatives by the coordinates (order of [`crate::joint`]).
+/// Energy of ligaments, contact and bodies in between at a pose, with derivatives by the coordinates (order of [`crate::joint`]).
 #[derive(Clone, Debug)]
 pub struct Evaluation {
     /// The pose.
@@ -73,6 +77,8 @@ pub struct Evaluation {
     pub fibres: Vec<FibreState>,
     /// The contact's share.
     pub contact: ContactResponse,
+    /// Each body in between, at rest.
+    pub bodies: Vec<Condensed>,
 }
 
 /// Compiles a specification; `meshes` by the paths it names (bones may be absent, contact surfaces may not).
@@ -94,7 +100,8 @@ pub fn compile_with(
     let (bundles, fibres) = ligament::compile(spec)?;
     let contact = Contact::new(spec, &surfaces, options)?;
     let removed = vec![false; bundles.len()];
-    Ok(Model { id: spec.id.clone(), joint, bundles, fibres, contact, femur_mass, removed, second: None })
+    let bodies = Vec::new();
+    Ok(Model { id: spec.id.clone(), joint, bundles, fibres, contact, bodies, femur_mass, removed, second: None })
 }
 
 impl Model {
@@ -103,14 +110,17 @@ impl Model {
         self.bundles.iter().map(|b| b.name.clone()).collect()
     }
 
-    /// The model with bundles cut: each name is a bundle's, or a ligament's ("ACL" cuts ACL_AM and ACL_PL).
+    /// The model with bundles cut: each name is a bundle's, or a ligament's ("ACL" cuts ACL_AM and ACL_PL). A name may also be that of a body in
+    /// between ("meniscus_medial"), which is taken out.
     ///
-    /// Errors: a name that fits no bundle.
+    /// Errors: a name that fits no bundle and no body.
     pub fn without(&self, names: &[String]) -> Result<Model, SimError> {
         let mut model = self.clone();
         for name in names {
             let fits = |b: &Bundle| b.name == *name || b.name.strip_prefix(name).is_some_and(|r| r.starts_with('_'));
-            let mut found = false;
+            let bodies = model.bodies.len();
+            model.bodies.retain(|b| b.name() != name);
+            let mut found = model.bodies.len() < bodies;
             for (bundle, removed) in self.bundles.iter().zip(&mut model.removed) {
                 if fits(bundle) {
                     (*removed, found) = (true, true);
@@ -280,25 +290,47 @@ impl Model {
     pub fn evaluate_parts(&self, q: &Six, with_contact: bool) -> Evaluation {
         let pose = self.joint.pose(q);
         let mut once = Nearby::once();
-        let contact = if with_contact { self.contact_near(&pose, &mut once) } else { ContactResponse::default() };
-        self.evaluation(pose, contact)
+        if !with_contact {
+            return self.evaluation(pose, ContactResponse::default(), Vec::new());
+        }
+        let contact = self.contact_near(&pose, &mut once);
+        let bodies = self.bodies_near((q, &pose), &mut once);
+        self.evaluation(pose, contact, bodies)
     }
 
     /// [`Model::evaluate`], quicker where `near` holds the lists of a pose close by.
     pub fn evaluate_near(&self, q: &Six, near: &mut Nearby) -> Evaluation {
         let pose = self.joint.pose(q);
         let contact = self.contact_near(&pose, near);
-        self.evaluation(pose, contact)
+        let bodies = self.bodies_near((q, &pose), near);
+        self.evaluation(pose, contact, bodies)
     }
 
-    fn evaluation(&self, pose: Pose, contact: ContactResponse) -> Evaluation {
+    /// The bodies in between, at rest at a pose.
+    pub(crate) fn bodies_near(&self, (q, pose): (&Six, &Pose), near: &mut Nearby) -> Vec<Condensed> {
+        let rest = |(n, body): (usize, &Arc<dyn Inner>)| condense(&**body, (q, pose), near.rest(n));
+        self.bodies.iter().enumerate().map(rest).collect()
+    }
+
+    /// What the bodies in between tell of themselves where they rest: names with their units, values.
+    pub fn body_outputs(&self, evaluation: &Evaluation) -> Vec<(String, f64)> {
+        let all = self.bodies.iter().zip(&evaluation.bodies);
+        all.flat_map(|(body, rest)| body.outputs(&evaluation.pose, &rest.inner)).collect()
+    }
+
+    fn evaluation(&self, pose: Pose, contact: ContactResponse, bodies: Vec<Condensed>) -> Evaluation {
         let (mut energy, mut gradient, mut hessian) = (contact.energy, contact.gradient, contact.hessian);
+        for body in &bodies {
+            energy += body.energy;
+            gradient += body.gradient;
+            hessian += body.hessian;
+        }
         let fibres = self.fibre_states(&pose);
         for FibreState { line, response } in fibres.iter().filter(|s| s.response.energy > 0.0) {
             energy += response.energy;
             gradient += line.gradient * response.force;
             ligament::add_hessian(&mut hessian, line, &pose, response.force, response.stiffness);
         }
-        Evaluation { pose, energy, gradient, hessian, fibres, contact }
+        Evaluation { pose, energy, gradient, hessian, fibres, contact, bodies }
     }
 }

@@ -2,6 +2,7 @@
 //! on what was kept.
 
 use super::{field::Field, nodes::Nodes};
+use crate::condensed::Rest;
 use meshes::Isometry;
 
 /// Motion over which a list of nodes holds [mm]; less than the field's grid spacing, over which its clearances hold.
@@ -9,10 +10,11 @@ const REACH: f64 = 0.5;
 /// The same of nodes far from the other surface [mm].
 const FAR: f64 = 0.8;
 
-/// Lists of nodes near contact, one a pass. It belongs to one contact (and its copies with other parameters).
+/// Lists of nodes near contact, one a pass, and where bodies in between rested. It belongs to one contact (and its copies with other parameters).
 #[derive(Clone, Debug, Default)]
 pub struct Nearby {
     passes: Vec<Kept>,
+    rests: Vec<Rest>,
     once: bool,
 }
 
@@ -48,6 +50,14 @@ impl Nearby {
             self.passes.resize_with(n + 1, || Kept { once: self.once, ..Kept::default() });
         }
         &mut self.passes[n]
+    }
+
+    /// Where the `n`-th body in between rested last.
+    pub(crate) fn rest(&mut self, n: usize) -> &mut Rest {
+        if self.rests.len() <= n {
+            self.rests.resize_with(n + 1, Rest::default);
+        }
+        &mut self.rests[n]
     }
 }
 

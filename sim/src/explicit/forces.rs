@@ -17,7 +17,7 @@ pub(super) struct Forces {
     pub(super) friction: Six,
     /// Energy in the fibres [N mm].
     pub(super) strain: f64,
-    /// Energy in the contact [N mm].
+    /// Energy in the contact and in bodies in between [N mm].
     pub(super) contact: f64,
     /// Dashpots of fibres and contact.
     pub(super) damping: Matrix6<f64>,
@@ -55,6 +55,11 @@ pub(super) fn at(
         add_outer(&mut out.stiffness, &g, r.stiffness);
     }
     if let Some(near) = near {
+        for body in model.bodies_near((&state.q, pose), near) {
+            out.contact += body.energy;
+            out.elastic -= body.gradient;
+            out.stiffness += body.hessian;
+        }
         add_contact(model, (pose, near), options, state, &mut out);
     }
     out
@@ -69,7 +74,7 @@ fn add_contact(
     out: &mut Forces,
 ) {
     let press = model.contact.press_near(pose, near);
-    out.contact = press.energy;
+    out.contact += press.energy;
     out.elastic += Six::from_fn(|j, _| {
         let s = &pose.screws[j];
         s.linear.dot(&press.force) + s.angular.dot(&press.moment)

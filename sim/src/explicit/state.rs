@@ -1,7 +1,7 @@
 //! Where a run stands.
 
 use super::energy::Energies;
-use crate::contact::FrictionState;
+use crate::contact::{FrictionState, Nearby};
 use crate::coordinate::Six;
 use crate::model::Model;
 use serde::{Deserialize, Serialize};
@@ -75,7 +75,11 @@ impl ExplicitState {
         let stored = |(model, contact): (&Model, bool)| {
             let pose = model.joint.pose(&self.q);
             let strain: f64 = model.fibre_states(&pose).iter().map(|f| f.response.energy).sum();
-            strain + if contact { model.contact.press(&pose).energy } else { 0.0 }
+            if !contact {
+                return strain;
+            }
+            let bodies = model.bodies_near((&self.q, &pose), &mut Nearby::once());
+            strain + model.contact.press(&pose).energy + bodies.iter().map(|b| b.energy).sum::<f64>()
         };
         let held = stored(before);
         if self.increments == 0 {
