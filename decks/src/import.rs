@@ -56,6 +56,7 @@ pub fn import(main: &str, read: &mut ReadFile) -> Result<ImportedDeck, DeckError
         contact,
         bundles,
         fibres,
+        menisci: Vec::new(),
         toe_end_multiple,
         protocols: protocol.into_iter().collect(),
         components: Vec::new(),

@@ -89,6 +89,7 @@ pub fn moved(spec: &ModelSpec, from: &Path, to: &Path) -> ModelSpec {
     let place = |name: &mut String| *name = between(to, &from.join(&*name));
     out.bodies.iter_mut().flat_map(|b| std::iter::once(&mut b.bone).chain(&mut b.cartilage)).for_each(place);
     out.contact.pairs.iter_mut().flat_map(|p| [&mut p.femur, &mut p.tibia]).for_each(place);
+    out.menisci.iter_mut().flat_map(|m| [&mut m.femur, &mut m.tibia]).for_each(place);
     if let Some(layer) = &mut out.contact.layer {
         let faces = std::mem::take(&mut layer.bony_faces).into_iter();
         layer.bony_faces = faces

@@ -9,7 +9,7 @@ use crate::joint::Pose;
 use nalgebra::Matrix6;
 
 /// Newton steps below this end the search for rest [the inner coordinates' units: mm].
-const SMALL_STEP: f64 = 1e-6;
+const SMALL_STEP: f64 = 2e-4;
 /// Most Newton steps to rest.
 const MOST_STEPS: usize = 60;
 /// A step is halved this often at most.

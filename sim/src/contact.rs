@@ -136,12 +136,12 @@ impl ContactResponse {
 
 /// Sums over a pass in the field's frame.
 #[derive(Clone, Copy, Debug, Default)]
-struct Sums {
-    energy: f64,
-    force: Vector,
+pub(crate) struct Sums {
+    pub(crate) energy: f64,
+    pub(crate) force: Vector,
     virial: Matrix3<f64>,
-    stiffness: Matrix6<f64>,
-    area: f64,
+    pub(crate) stiffness: Matrix6<f64>,
+    pub(crate) area: f64,
     deepest: f64,
 }
 
@@ -269,43 +269,66 @@ impl Contact {
     }
 
     /// Sums over the nodes that overclose.
-    #[expect(clippy::needless_range_loop, reason = "indices of matrices")]
     fn sum(&self, pass: &Pass, near: &mut Kept) -> Sums {
         let mut sums = Sums::default();
         let (start, mut stiffness) = (self.law.start(), [0.0; 21]);
         near.for_each((pass.nodes, pass.field), &pass.field_from_nodes, start, |p, area, _| {
             let Some(s) = pass.field.sample::<true>(p, -start) else { return };
             let (e, pressure, slope) = self.law.at(-s.distance);
-            let g = s.gradient;
             let force_area = area * self.scale;
-            let f = pressure * force_area;
-            sums.energy += e * force_area;
-            sums.area += area;
-            sums.deepest = sums.deepest.max(-s.distance);
-            for a in 0..3 {
-                sums.force[a] += f * g[a];
-                for b in 0..3 {
-                    sums.virial[(b, a)] += p[b] * f * g[a];
-                }
-            }
-            let (k, h) = (slope * force_area, s.hessian);
-            let t = [
-                k * g[0] * g[0] - f * h[0],
-                k * g[0] * g[1] - f * h[1],
-                k * g[0] * g[2] - f * h[2],
-                k * g[1] * g[1] - f * h[3],
-                k * g[1] * g[2] - f * h[4],
-                k * g[2] * g[2] - f * h[5],
-            ];
-            add_stiffness(&mut stiffness, &t, p);
+            let pressed = [e * force_area, pressure * force_area, slope * force_area];
+            sums.add(&mut stiffness, (p, area), &s, pressed);
         });
         sums.stiffness = symmetric(&stiffness);
         sums
     }
 }
 
+impl Sums {
+    /// Adds a node at a place, with its area, by what it stores, presses and how stiff it is; `stiffness` is an upper triangle by rows.
+    #[inline]
+    #[expect(clippy::needless_range_loop, reason = "indices of matrices")]
+    pub(crate) fn add(
+        &mut self,
+        stiffness: &mut [f64; 21],
+        (p, area): (&[f64; 3], f64),
+        s: &field::Sample,
+        [energy, f, k]: [f64; 3],
+    ) {
+        let (g, h) = (s.gradient, s.hessian);
+        self.energy += energy;
+        self.area += area;
+        self.deepest = self.deepest.max(-s.distance);
+        for a in 0..3 {
+            self.force[a] += f * g[a];
+            for b in 0..3 {
+                self.virial[(b, a)] += p[b] * f * g[a];
+            }
+        }
+        let t = [
+            k * g[0] * g[0] - f * h[0],
+            k * g[0] * g[1] - f * h[1],
+            k * g[0] * g[2] - f * h[2],
+            k * g[1] * g[1] - f * h[3],
+            k * g[1] * g[2] - f * h[4],
+            k * g[2] * g[2] - f * h[5],
+        ];
+        add_stiffness(stiffness, &t, p);
+    }
+
+    /// Adds other sums in the same frame.
+    pub(crate) fn join(&mut self, other: &Sums) {
+        self.energy += other.energy;
+        self.force += other.force;
+        self.virial += other.virial;
+        self.stiffness += other.stiffness;
+        self.area += other.area;
+        self.deepest = self.deepest.max(other.deepest);
+    }
+}
+
 /// The matrix of an upper triangle by rows.
-fn symmetric(upper: &[f64; 21]) -> Matrix6<f64> {
+pub(crate) fn symmetric(upper: &[f64; 21]) -> Matrix6<f64> {
     let (mut matrix, mut n) = (Matrix6::zeros(), 0);
     for i in 0..6 {
         for j in i..6 {
@@ -361,14 +384,19 @@ fn add_stiffness(k: &mut [f64; 21], t: &[f64; 6], p: &[f64; 3]) {
 }
 
 /// The femur's velocity fields in a frame.
-fn local_screws(pose: &Pose, ct_from_local: &Isometry) -> [Screw; 6] {
+pub(crate) fn local_screws(pose: &Pose, ct_from_local: &Isometry) -> [Screw; 6] {
     let (turn, o) = (ct_from_local.rotation.inverse(), ct_from_local.translation.vector);
     pose.screws.map(|s| Screw { angular: turn * s.angular, linear: turn * s.at(&o) })
 }
 
 /// Adds a pass to the response. The nodes' motion relative to the field is the femur's (femoral nodes) or its reverse (tibial nodes).
 #[expect(clippy::needless_range_loop, reason = "indices of matrices")]
-fn accumulate(out: &mut ContactResponse, sums: &Sums, screws: &[Screw; 6], (tibial_nodes, share): (bool, f64)) {
+pub(crate) fn accumulate(
+    out: &mut ContactResponse,
+    sums: &Sums,
+    screws: &[Screw; 6],
+    (tibial_nodes, share): (bool, f64),
+) {
     let sign = if tibial_nodes { -1.0 } else { 1.0 };
     let (v, moment) = (&sums.virial, moment(&sums.virial));
     out.energy += share * sums.energy;

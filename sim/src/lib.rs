@@ -24,6 +24,7 @@ pub mod interrupt;
 pub mod joint;
 pub mod laxity;
 pub mod ligament;
+pub mod menisci;
 pub mod mesh;
 pub mod model;
 pub mod names;

@@ -100,7 +100,8 @@ pub fn compile_with(
     let (bundles, fibres) = ligament::compile(spec)?;
     let contact = Contact::new(spec, &surfaces, options)?;
     let removed = vec![false; bundles.len()];
-    let bodies = Vec::new();
+    let menisci = crate::menisci::compile(spec, &contact)?;
+    let bodies = menisci.into_iter().map(|m| Arc::new(m) as Arc<dyn Inner>).collect();
     Ok(Model { id: spec.id.clone(), joint, bundles, fibres, contact, bodies, femur_mass, removed, second: None })
 }
 

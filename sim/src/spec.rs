@@ -1,6 +1,9 @@
 //! model.json (FORMAT 3): everything a simulation needs, as data.
 
+mod meniscus;
+
 use crate::coordinate::{Free, Six};
+pub use meniscus::{HornSpec, MeniscusMaterial, MeniscusSpec, SectionSpec};
 use meshes::frame::{AnatomicalFrame, Side};
 use serde::{Deserialize, Serialize};
 
@@ -26,6 +29,9 @@ pub struct ModelSpec {
     pub bundles: Vec<BundleSpec>,
     /// Ligament fibres, CT frame.
     pub fibres: Vec<FibreSpec>,
+    /// Menisci that act; without them the femur meets the tibia alone.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub menisci: Vec<MeniscusSpec>,
     /// Where the tabular law's last point lies, in multiples of the toe's end, by bundle where it differs.
     #[serde(default)]
     pub toe_end_multiple: std::collections::BTreeMap<String, f64>,

@@ -4,6 +4,7 @@ mod uncertainty;
 
 use crate::attachments::Attachments;
 use crate::frames::Frames;
+use crate::menisci::{Menisci, menisci};
 use crate::overclosure::Separated;
 use crate::specimen::Specimen;
 use crate::{PerCartilage, StageError};
@@ -43,6 +44,8 @@ pub struct AssembleOptions {
     pub by_thickness: bool,
     /// The layers of contact by thickness.
     pub layer: LayerMaterial,
+    /// Whether menisci act in the model.
+    pub menisci: Menisci,
 }
 
 /// Cartilage as thin elastic layers bonded to bone.
@@ -101,6 +104,7 @@ impl Default for AssembleOptions {
             own_law: false,
             by_thickness: false,
             layer: LayerMaterial::default(),
+            menisci: Menisci::Off,
         }
     }
 }
@@ -166,6 +170,12 @@ pub fn assemble(
         .iter()
         .map(|f| FibreSpec { bundle: f.bundle.clone(), femur: f.femur, tibia: f.tibia })
         .collect::<Vec<_>>();
+    let slope =
+        (options.pressure_mpa[1] - options.pressure_mpa[0]) / (options.overclosure_mm[1] - options.overclosure_mm[0]);
+    let menisci = match options.menisci {
+        Menisci::Off => Vec::new(),
+        Menisci::On => menisci(&contact, &frames.tibia, slope)?,
+    };
     let count = |(name, m): (&str, &TriMesh)| MeshCount { mesh: name.to_owned(), triangles: m.triangles.len() };
     let metrics = AssembleMetrics {
         bundles: bundles.len(),
@@ -182,6 +192,7 @@ pub fn assemble(
         contact: contact_spec(options),
         bundles,
         fibres,
+        menisci,
         toe_end_multiple: Default::default(),
         protocols: Vec::new(),
         components: Vec::new(),

@@ -34,6 +34,7 @@ pub mod frames;
 pub mod guess;
 pub mod hexmesh;
 pub mod ingest;
+pub mod menisci;
 pub mod overclosure;
 pub mod phantom;
 pub mod plateaus;

@@ -154,13 +154,13 @@ impl Field {
 
     /// Lower bound of the distance [mm] from a local point to anything deeper than `start`.
     #[inline]
-    pub(super) fn apart(&self, p: &[f64; 3], start: f64) -> f64 {
+    pub(crate) fn apart(&self, p: &[f64; 3], start: f64) -> f64 {
         self.cell(p).map_or(f64::INFINITY, |(at, _)| self.cells.apart(at, start))
     }
 
     /// Lower bound of the motion [mm] without which a local point cannot come deeper than `start`; holds for motions of less than a spacing.
     #[inline]
-    pub(super) fn clearance(&self, p: &[f64; 3], start: f64) -> f64 {
+    pub(crate) fn clearance(&self, p: &[f64; 3], start: f64) -> f64 {
         self.cell(p).map_or(f64::INFINITY, |(at, offset)| self.cells.clearance(at, &offset, start))
     }
 

@@ -7,6 +7,7 @@ mod convergence;
 mod faults;
 mod laws;
 mod layers;
+mod menisci;
 mod quasistatic;
 mod rig;
 

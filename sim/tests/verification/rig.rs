@@ -54,6 +54,7 @@ impl Rig {
             },
             bundles: Vec::new(),
             fibres: Vec::new(),
+            menisci: Vec::new(),
             toe_end_multiple: BTreeMap::new(),
             protocols: Vec::new(),
             components: Vec::new(),
@@ -158,6 +159,14 @@ impl Rig {
         }
         for f in &mut rig.spec.fibres {
             (f.femur, f.tibia) = (point(f.femur), point(f.tibia));
+        }
+        for m in &mut rig.spec.menisci {
+            for s in &mut m.sections {
+                s.lower.iter_mut().chain(&mut s.upper).for_each(|p| *p = point(*p));
+            }
+            for horn in [&mut m.anterior_horn, &mut m.posterior_horn] {
+                horn.tibia = point(horn.tibia);
+            }
         }
         for (name, mesh) in &self.meshes {
             let MeshValue::Surface(mesh) = mesh else { continue };

@@ -1,0 +1,194 @@
+//! What menisci do in a model: share of a load in extension, laxity without them, time of a trial. The figures of docs/verification.md.
+//!
+//! `cargo run --release -p stages --example menisci -- MODEL.json...`; a model without menisci is given those of the atlas.
+#![expect(clippy::print_stdout, clippy::disallowed_methods, reason = "reads models and prints figures for the reader")]
+
+use meshes::surface::TriMesh;
+use sim::coordinate::{FE, Load};
+use sim::laxity::LaxityTrial;
+use sim::mesh::MeshValue;
+use sim::spec::ModelSpec;
+use sim::trials::{Answer, TrialOptions, solve};
+use sim::{Model, compile};
+use stages::PerCartilage;
+use std::collections::BTreeMap;
+use std::error::Error;
+use std::path::Path;
+use std::time::Instant;
+
+fn main() -> Result<(), Box<dyn Error>> {
+    for path in std::env::args().skip(1) {
+        println!("{path}");
+        let mut loaded = load(Path::new(&path))?;
+        let bare = compile(&loaded.spec, &loaded.meshes)?;
+        if loaded.spec.menisci.is_empty() {
+            loaded.spec.menisci = of_atlas(&loaded)?;
+            if let Some(raise) = std::env::var("RAISE").ok().and_then(|r| r.parse::<f64>().ok()) {
+                let up = loaded.spec.frames.tibia.superior;
+                for s in loaded.spec.menisci.iter_mut().flat_map(|m| &mut m.sections) {
+                    s.upper.iter_mut().for_each(|p| *p += up * raise);
+                }
+            }
+        }
+        let with = compile(&loaded.spec, &loaded.meshes)?;
+        shapes(&loaded.spec);
+        shares(&with)?;
+        drawers(&bare, &with)?;
+        times(&bare, &with);
+    }
+    Ok(())
+}
+
+/// A model with the surfaces it names.
+struct LoadedModel {
+    spec: ModelSpec,
+    meshes: BTreeMap<String, MeshValue>,
+}
+
+fn load(path: &Path) -> Result<LoadedModel, Box<dyn Error>> {
+    let spec: ModelSpec = serde_json::from_slice(&std::fs::read(path)?)?;
+    let folder = path.parent().unwrap_or(Path::new("."));
+    let mut meshes = BTreeMap::new();
+    for name in spec.contact.meshes() {
+        let bytes = std::fs::read(folder.join(name))?;
+        let mesh = meshes::format::read_surface(name, &bytes, &BTreeMap::new())?.mesh;
+        meshes.insert(name.clone(), MeshValue::Surface(mesh));
+    }
+    Ok(LoadedModel { spec, meshes })
+}
+
+fn of_atlas(loaded: &LoadedModel) -> Result<Vec<sim::spec::MeniscusSpec>, Box<dyn Error>> {
+    let contact = &loaded.spec.contact;
+    let surface = |name: &String| match loaded.meshes.get(name) {
+        Some(MeshValue::Surface(mesh)) => Ok(mesh.clone()),
+        _ => Err(format!("no surface {name}")),
+    };
+    let [medial, lateral]: [TriMesh; 2] = [surface(&contact.pairs[0].tibia)?, surface(&contact.pairs[1].tibia)?];
+    let cartilage =
+        PerCartilage { femur: surface(&contact.pairs[0].femur)?, tibia_medial: medial, tibia_lateral: lateral };
+    let slope = contact.pressure_mpa[1] / (contact.overclosure_mm[1] - contact.overclosure_mm[0]);
+    let mut menisci = stages::menisci::menisci(&cartilage, &loaded.spec.frames.tibia, slope)?;
+    for (m, pair) in menisci.iter_mut().zip(&contact.pairs) {
+        (m.femur, m.tibia) = (pair.femur.clone(), pair.tibia.clone());
+    }
+    Ok(menisci)
+}
+
+/// Width, height and area of the menisci.
+fn shapes(spec: &ModelSpec) {
+    for m in &spec.menisci {
+        let last = m.sections[0].lower.len() - 1;
+        let width: Vec<f64> = m.sections.iter().map(|s| (s.lower[last] - s.lower[0]).norm()).collect();
+        let height = |k: usize| m.sections.iter().map(|s| (s.upper[k] - s.lower[k]).norm()).collect::<Vec<f64>>();
+        println!(
+            "  {}: widths {width:.1?}, heights inside {:.1?}, middle {:.1?}, outside {:.1?} mm",
+            m.name,
+            height(0),
+            height(last / 2),
+            height(last)
+        );
+        let horn = |h: &sim::spec::HornSpec, k: usize| (h.tibia - m.sections[k].lower[last / 2]).norm();
+        let round: f64 = m.sections.windows(2).map(|w| (w[1].lower[last] - w[0].lower[last]).norm()).sum();
+        println!(
+            "    horns {:.1}, {:.1} mm; periphery {round:.0} mm",
+            horn(&m.anterior_horn, 0),
+            horn(&m.posterior_horn, m.sections.len() - 1)
+        );
+    }
+}
+
+fn told(model: &Model, answer: &Answer, ending: &str) -> Vec<f64> {
+    let outputs = model.body_outputs(&answer.evaluation);
+    outputs.into_iter().filter(|(name, _)| name.ends_with(ending)).map(|(_, x)| x).collect()
+}
+
+/// Share of a compression of 1000 N that the menisci bear, and where they are.
+fn shares(model: &Model) -> Result<(), Box<dyn Error>> {
+    for flexion in [model.joint.ct_pose()[FE].to_degrees(), 0.0, 30.0, 60.0, 90.0] {
+        for load in [20.0, 300.0, 1000.0] {
+            let answer = solve(model, flexion, &Load::compression(load), &TrialOptions::default())?;
+            let wrenches = &answer.evaluation.contact.wrench;
+            let direct: Vec<f64> = wrenches.iter().map(|(f, _)| f.norm()).collect();
+            let borne = told(model, &answer, "load_n");
+            let share = borne.iter().sum::<f64>() / (borne.iter().sum::<f64>() + direct.iter().sum::<f64>());
+            let each: Vec<f64> = borne.iter().zip(&direct).map(|(m, d)| 100.0 * m / (m + d)).collect();
+            println!(
+                "  {flexion:3.0} deg {load:5.0} N, AP {:.1} mm: menisci bear {:4.0} % (medial, lateral {each:.0?} %); cartilage {direct:.0?} N, menisci {borne:.0?} N, hoop {:.0?} N, back {:.1?} mm {:?}",
+                answer.pose.ap_mm,
+                100.0 * share,
+                told(model, &answer, "hoop_n"),
+                told(model, &answer, "posterior_mm"),
+                answer.flags
+            );
+        }
+    }
+    Ok(())
+}
+
+/// Anterior and posterior laxity under 133 N.
+fn drawers(bare: &Model, with: &Model) -> Result<(), Box<dyn Error>> {
+    let cut = |names: &[&str]| with.without(&names.iter().map(ToString::to_string).collect::<Vec<_>>());
+    let knees = [
+        ("without menisci", bare.clone()),
+        ("with menisci", with.clone()),
+        ("without medial", cut(&["meniscus_medial"])?),
+        ("without lateral", cut(&["meniscus_lateral"])?),
+        ("no ACL, menisci", cut(&["ACL"])?),
+        ("no ACL, no medial", cut(&["ACL", "meniscus_medial"])?),
+        ("no ACL, no menisci", bare.without(&["ACL".to_owned()])?),
+    ];
+    for (name, model) in &knees {
+        let mut line = String::new();
+        for flexion in [0.0, 30.0, 60.0, 90.0] {
+            let at = |load: f64| solve(model, flexion, &Load::new(0.0, 0.0, 0.0, load, 20.0), &TrialOptions::default());
+            let (front, back) = (at(133.0), at(-133.0));
+            let place = |a: &Result<Answer, sim::SimError>| a.as_ref().map_or(f64::NAN, |a| a.pose.ap_mm);
+            line += &format!("  {:6.2} {:6.2} ({:5.2})", place(&front), place(&back), place(&front) - place(&back));
+        }
+        println!("  {name:18} AP at +133, -133 N (laxity) at 0, 30, 60, 90 deg:{line}");
+    }
+    Ok(())
+}
+
+/// Processor time of laxity trials, side by side.
+fn times(bare: &Model, with: &Model) {
+    let trials = laxity_trials();
+    let options = TrialOptions::default();
+    let time = |model: &Model| {
+        let start = Instant::now();
+        let answers: Vec<Result<Answer, sim::SimError>> =
+            trials.iter().map(|t| sim::trials::solve_trial(model, t, &options)).collect();
+        let failed = answers.iter().filter(|a| a.is_err()).count();
+        let count: usize = answers.iter().flatten().map(|a| a.evaluations).sum();
+        (start.elapsed().as_secs_f64() * 1e3 / trials.len() as f64, count as f64 / trials.len() as f64, failed)
+    };
+    let mut ratios: Vec<f64> = Vec::new();
+    for _ in 0..3 {
+        let (a, b) = (time(bare), time(with));
+        println!(
+            "  a trial: {:.2} ms, {:.1} evaluations, without; {:.2} ms, {:.1} evaluations, with menisci; failed {} {}",
+            a.0, a.1, b.0, b.1, a.2, b.2
+        );
+        ratios.push(b.0 / a.0);
+    }
+    ratios.sort_by(f64::total_cmp);
+    println!("  ratio of times {ratios:.2?}");
+}
+
+fn laxity_trials() -> Vec<LaxityTrial> {
+    let header = "trial,test,nominal_flexion_deg,load_vv_nm,load_ie_nm,load_ml_n,load_ap_n,load_si_n,fe_deg,vv_deg,ie_deg,ml_mm,ap_mm,si_mm";
+    let mut text = format!("{header}\n");
+    for flexion in [0, 30, 60, 90] {
+        for (test, vv, ie, ap) in [
+            ("anterior", 0, 0, 133),
+            ("posterior", 0, 0, -133),
+            ("internal", 0, -5, 0),
+            ("external", 0, 5, 0),
+            ("varus", -10, 0, 0),
+            ("valgus", 10, 0, 0),
+        ] {
+            text += &format!("{test}_{flexion},{test},{flexion},{vv},{ie},0,{ap},20,{flexion},,,,,\n");
+        }
+    }
+    sim::laxity::read(text.as_bytes()).map(|t| t.trials).unwrap_or_default()
+}
