@@ -31,6 +31,11 @@ pub trait Inner: std::fmt::Debug + Send + Sync {
     /// Furthest an inner coordinate may go in one Newton step.
     fn longest_step(&self) -> f64;
 
+    /// Whether the femur bears on the tibia through it.
+    fn bears(&self, _pose: &Pose, _inner: &[f64]) -> bool {
+        false
+    }
+
     /// What it tells of itself where it rests: names with their units, values.
     fn outputs(&self, pose: &Pose, inner: &[f64]) -> Vec<(String, f64)>;
 }
@@ -114,8 +119,12 @@ pub fn condense(body: &dyn Inner, (q, pose): (&Six, &Pose), rest: &mut Rest) -> 
         let mut step: Vec<f64> = parts.inner.iter().map(|g| -g).collect();
         factor.solve(&mut step);
         let most = step.iter().fold(0.0f64, |m, s| m.max(s.abs()));
-        if most < SMALL_STEP || evaluations >= MOST_STEPS {
+        if most < SMALL_STEP {
             break (step, factor);
+        }
+        if evaluations >= MOST_STEPS {
+            // no rest was found: what the body does where it stands
+            break (vec![0.0; size], factor);
         }
         let mut share = (longest / most).min(1.0);
         let slope: f64 = step.iter().zip(&parts.inner).map(|(s, g)| s * g).sum();

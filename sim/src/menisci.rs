@@ -200,6 +200,10 @@ impl Inner for Meniscus {
         out
     }
 
+    fn bears(&self, pose: &Pose, inner: &[f64]) -> bool {
+        self.load(pose, inner).norm() > 0.0
+    }
+
     fn outputs(&self, pose: &Pose, inner: &[f64]) -> Vec<(String, f64)> {
         let told = [
             ("load_n", self.load(pose, inner).dot(&self.axes[0])),

@@ -284,6 +284,8 @@ pub(crate) fn flags(model: &Model, gs: &Six, evaluation: &Evaluation, options: &
     let limits = [(ML, options.dislocation_mm), (SI, options.dislocation_mm), (AP, options.dislocation_ap_mm)];
     let far = limits.into_iter().any(|(c, limit)| (gs[c] - ct[c]).abs() > limit);
     let inside = model.contact.inside_rim(&evaluation.pose);
-    let off = inside.is_empty() || inside.iter().any(|x| *x < options.rim_mm);
+    let between =
+        || model.bodies.iter().zip(&evaluation.bodies).any(|(b, rest)| b.bears(&evaluation.pose, &rest.inner));
+    let off = inside.is_empty() && !between() || inside.iter().any(|x| *x < options.rim_mm);
     if far || off { vec![DISLOCATED.to_owned()] } else { Vec::new() }
 }

@@ -1,9 +1,9 @@
-//! A meniscus of the literature's size: along the rim of its plateau, on the tibial cartilage, under the femur brought down until it touches.
+//! A meniscus of the literature's size: along the rim of its plateau, on the tibial cartilage, under the femur brought down until it nearly touches.
 //!
 //! The upper face is the femoral cartilage's, no higher than menisci are. So a meniscus fits the condyle in the pose of CT, which is near extension.
 
 use super::Between;
-use super::sizes::Size;
+use super::sizes::{SIZES, Size};
 use crate::StageError;
 use meshes::query::SurfaceQuery;
 use meshes::{Point, Vector};
@@ -14,7 +14,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 const GAPS_PER_WEDGE: usize = 2;
 const POINTS: usize = 6;
 /// Height of the inner edge [mm]: where cartilages are nearer to each other there is no room for one.
-const EDGE_MM: f64 = 0.3;
+const EDGE_MM: f64 = 0.5;
 /// Least width [mm], and widest share of the way from the rim to the plateau's centre [-].
 const LEAST_WIDTH_MM: f64 = 3.0;
 const WIDEST: f64 = 0.8;
@@ -149,9 +149,9 @@ impl<'a> Plateau<'a> {
         self.tibia.ray(&(place + up * (0.5 * REACH_MM)), &-up, REACH_MM).map(|h| h.point)
     }
 
-    /// Room between tibia and femur, when the femur is brought down until it touches [mm].
+    /// Room between tibia and femur, when the femur is brought down until it bears on the menisci [mm].
     fn room(&self, p: &Point) -> f64 {
-        self.femur_above(p).map_or(f64::INFINITY, |gap| gap - self.touch)
+        self.femur_above(p).map_or(f64::INFINITY, |gap| gap - self.touch + SIZES.fit.clearance_mm)
     }
 
     /// Of a size at the anterior horn, the body and the posterior horn, that at an angle.

@@ -17,6 +17,7 @@ pub(super) struct Sizes {
     meniscus_medial: Size,
     meniscus_lateral: Size,
     pub(super) tibia: Tibia,
+    pub(super) fit: Fit,
     pub(super) material: Material,
 }
 
@@ -40,6 +41,13 @@ pub(super) struct Size {
 pub(super) struct Tibia {
     /// Half of the distance between both eminences [mm].
     pub(super) eminence_mm: f64,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Fit {
+    /// Distance of both cartilages when menisci begin to bear [mm].
+    pub(super) clearance_mm: f64,
 }
 
 #[derive(Debug, Deserialize)]

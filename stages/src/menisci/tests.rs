@@ -45,13 +45,13 @@ fn menisci_run_from_horn_to_horn_on_the_tibia_and_under_the_condyle() {
     let both = menisci(&cartilages(), &frame(), 6.5).unwrap();
     assert_eq!(both.iter().map(|m| m.name.as_str()).collect::<Vec<_>>(), ["meniscus_medial", "meniscus_lateral"]);
     for (m, x) in both.iter().zip([-24.0, 24.0]) {
-        let centre = Point::new(x, 0.0, 22.0);
+        let centre = Point::new(x, 0.0, 22.3);
         for s in &m.sections {
             assert!(s.lower.iter().all(|p| (p.z + 2.0).abs() < 1e-9));
-            // the condyle brought down by its gap of 0.3 mm
+            // the condyle's gap of 0.3 mm is the clearance: it stays where it is
             assert!(s.upper.iter().all(|p| (p - centre).norm() > 24.0 - 0.15), "{s:?}");
             let heights: Vec<f64> = s.lower.iter().zip(&s.upper).map(|(l, u)| u.z - l.z).collect();
-            assert!(heights.iter().all(|h| (0.3..=7.0).contains(h)) && heights.windows(2).all(|w| w[1] >= w[0] - 1e-9));
+            assert!(heights.iter().all(|h| (0.5..=7.0).contains(h)) && heights.windows(2).all(|w| w[1] >= w[0] - 1e-9));
         }
         let (first, last) = (&m.sections[0], &m.sections[m.sections.len() - 1]);
         assert!(first.lower[5].y < -10.0 && last.lower[5].y > 10.0, "anterior is -y");
