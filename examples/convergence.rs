@@ -162,6 +162,7 @@ fn ie_trials() -> Vec<LaxityTrial> {
                 branch: None,
                 order: None,
                 time_s: None,
+                quadriceps_n: 0.0,
                 reference: None,
                 row: None,
             });

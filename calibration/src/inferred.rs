@@ -107,7 +107,14 @@ fn trials(sources: &[(String, Targets)]) -> (Vec<Asked>, usize) {
     for (s, (_, targets)) in sources.iter().enumerate() {
         for t in &targets.trials {
             let reads = t.measured.map(|m| m.is_some());
-            out.push(Asked { source: Some(s), load: t.load, fe_deg: t.fe_deg, reads, from: None });
+            out.push(Asked {
+                source: Some(s),
+                load: t.load,
+                fe_deg: t.fe_deg,
+                quadriceps_n: t.quadriceps_n,
+                reads,
+                from: None,
+            });
         }
     }
     let measured = out.len();
@@ -116,6 +123,7 @@ fn trials(sources: &[(String, Targets)]) -> (Vec<Asked>, usize) {
         source: None,
         load: Load::new(0.0, 0.0, 0.0, ap, COMPRESSION_N),
         fe_deg,
+        quadriceps_n: 0.0,
         reads: none,
         from: None,
     };
@@ -126,7 +134,14 @@ fn trials(sources: &[(String, Targets)]) -> (Vec<Asked>, usize) {
     let unloaded = out.len();
     for (i, (s, t)) in all.enumerate() {
         let Some(r) = &t.reference else { continue };
-        let asked = Asked { source: Some(s), load: r.load, fe_deg: r.fe_deg, reads: none, from: None };
+        let asked = Asked {
+            source: Some(s),
+            load: r.load,
+            fe_deg: r.fe_deg,
+            quadriceps_n: t.quadriceps_n,
+            reads: none,
+            from: None,
+        };
         let known = (unloaded..out.len()).find(|&k| out[k] == asked);
         out[i].from = Some(known.unwrap_or(out.len()));
         out.extend(known.is_none().then_some(asked));

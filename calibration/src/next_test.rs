@@ -59,7 +59,14 @@ impl NextTest {
 fn plan(compression_n: f64) -> (Vec<Asked>, Vec<(Test, f64, f64)>) {
     let (mut asked, mut told) = (Vec::new(), Vec::new());
     for fe_deg in FLEXIONS_DEG {
-        let trial = |load: Load, reads: Free<bool>, from| Asked { source: Some(0), load, fe_deg, reads, from };
+        let trial = |load: Load, reads: Free<bool>, from| Asked {
+            source: Some(0),
+            load,
+            fe_deg,
+            quadriceps_n: 0.0,
+            reads,
+            from,
+        };
         let rest = Load::compression(compression_n);
         let zero = asked.len();
         asked.push(trial(rest, Free::all(false), None));

@@ -67,6 +67,7 @@ pub fn ap_probes() -> Vec<LaxityTrial> {
                 branch: None,
                 order: None,
                 time_s: None,
+                quadriceps_n: 0.0,
                 reference: None,
             });
         }

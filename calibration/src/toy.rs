@@ -35,6 +35,7 @@ fn trial(test: Test, fe: f64, load: Load, k: i32) -> LaxityTrial {
         branch: None,
         order: None,
         time_s: None,
+        quadriceps_n: 0.0,
         reference: None,
     }
 }

@@ -41,6 +41,7 @@ fn trial(test: Test, fe_deg: f64, size: f64) -> LaxityTrial {
         branch: None,
         order: None,
         time_s: None,
+        quadriceps_n: 0.0,
         reference: None,
     }
 }
@@ -111,6 +112,7 @@ fn a_displacement_is_the_difference_of_two_poses_and_its_slopes_are_right() {
         source: Some(0),
         load: Load::new(0.0, 0.0, 0.0, ap, 20.0),
         fe_deg: 30.0,
+        quadriceps_n: 0.0,
         reads: Free::all(ap != 0.0),
         from,
     };

@@ -65,6 +65,7 @@ fn trials(test: &str) -> Option<Vec<LaxityTrial>> {
             branch: None,
             order: None,
             time_s: None,
+            quadriceps_n: 0.0,
             reference: None,
         }
     };

@@ -61,6 +61,7 @@ pub fn import(main: &str, read: &mut ReadFile) -> Result<ImportedDeck, DeckError
         protocols: protocol.into_iter().collect(),
         components: Vec::new(),
         uncertainty: None,
+        patella: None,
         warnings: Vec::new(),
     };
     let across = fibre_sides(&spec.fibres)?;

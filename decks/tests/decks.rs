@@ -80,6 +80,7 @@ fn knee() -> (ModelSpec, BTreeMap<String, MeshValue>) {
         protocols: vec![],
         components: vec![],
         uncertainty: None,
+        patella: None,
         warnings: vec![],
     };
     (spec, meshes)

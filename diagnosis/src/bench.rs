@@ -31,8 +31,10 @@ impl Bench<'_> {
         let reading = |gs: &Six| self.effects.iter().fold(*gs, |gs, effect| effect.read(&gs, trial));
         let (has_force, has_reading) =
             (self.effects.iter().any(Active::has_force), self.effects.iter().any(Active::has_reading));
+        // a model without a patella was refused where the question was put
+        let pulled = self.model.pulled(trial.quadriceps_n);
         act(&Rig {
-            model: self.model,
+            model: pulled.as_deref().unwrap_or(self.model),
             field: if has_force { Some(&field) } else { None },
             reading: if has_reading { Some(&reading) } else { None },
         })

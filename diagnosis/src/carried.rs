@@ -54,6 +54,7 @@ fn tests() -> Vec<(String, LaxityTrial)> {
         branch: None,
         order: None,
         time_s: None,
+        quadriceps_n: 0.0,
         reference: None,
     };
     let drawer = |fe: &f64| {

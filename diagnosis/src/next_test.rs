@@ -103,6 +103,7 @@ fn plans(problem: &Problem) -> Vec<Trial> {
                     branch: None,
                     order: None,
                     time: None,
+                    quadriceps_n: 0.0,
                     neutral: near.map_or_else(Six::zeros, |t| t.neutral),
                 });
             }

@@ -133,6 +133,8 @@ impl Problem {
         let models = nuisance.apply(&assembled, &vec![0.0; nuisance.len()])?;
         let stated = spec.uncertainty.as_ref().filter(|_| nuisance.are_of_a_built_knee());
         let cartilage_mm = stated.map_or(0.0, |u| u.cartilage_mm);
+        let trials = trials(sources)?;
+        trials.iter().try_for_each(|t| model.pulled(t.quadriceps_n).map(drop))?;
         let mut problem = Problem {
             model: models.shared().clone(),
             models,
@@ -145,7 +147,7 @@ impl Problem {
             cartilage_mm,
             noise: vec![],
             absorbed: vec![],
-            trials: trials(sources)?,
+            trials,
             catalogue: catalogue.clone(),
             present: vec![],
             held: vec![],

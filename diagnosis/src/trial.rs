@@ -75,6 +75,8 @@ pub struct Trial {
     pub order: Option<f64>,
     /// Time of testing, from 0 to 1, where known.
     pub time: Option<f64>,
+    /// Tension of the quadriceps [N].
+    pub quadriceps_n: f64,
     /// The unloaded pose at its flexion, chain coordinates; set once for the model as given.
     pub neutral: Six,
 }
@@ -95,6 +97,7 @@ impl Trial {
             branch: t.branch.map(sign),
             order: None,
             time: None,
+            quadriceps_n: t.quadriceps_n,
             neutral: Six::zeros(),
         }
     }

@@ -61,6 +61,8 @@ pub struct Asked {
     pub load: Load,
     /// Flexion [deg].
     pub fe_deg: f64,
+    /// Tension of the quadriceps [N].
+    pub quadriceps_n: f64,
     /// Which coordinates are predictions that count.
     pub reads: Free<bool>,
     /// Place of the trial from whose pose the readings count; none where they are poses.
@@ -270,6 +272,7 @@ impl Trials<'_> {
     /// An answer from coordinates close by.
     fn answer(&self, knee: &Knee, trial: &Asked, start: Six, force: f64) -> Result<(Answer, Slopes), SimError> {
         let (model, terms) = knee.of(trial);
+        let model = &*model.pulled(trial.quadriceps_n)?;
         let lean = self.lean(&knee.values, trial.fe_deg);
         let goal = Goal {
             flexion: chain_flexion(model, trial.fe_deg, self.options)?,
@@ -286,6 +289,7 @@ impl Trials<'_> {
             evaluation: solved.evaluation,
             pose: pose_spec(&gs),
             forces_n,
+            outputs: vec![],
             flags: vec![],
             evaluations: solved.evaluations,
         };
@@ -409,6 +413,7 @@ fn plain(trial: &Asked) -> sim::laxity::LaxityTrial {
         branch: None,
         order: None,
         time_s: None,
+        quadriceps_n: trial.quadriceps_n,
         reference: None,
     }
 }
@@ -469,6 +474,7 @@ mod tests {
             source: None,
             load: Load::new(0.0, 0.0, 0.0, ap, 20.0),
             fe_deg,
+            quadriceps_n: 0.0,
             reads: Free::all(true),
             from: None,
         };

@@ -28,7 +28,8 @@ pub fn build_model(file: &SpecimenFile, raw: &RawSpecimen, log: &mut RunLog) -> 
     let separated = log.stage::<Overclosure>((&hexes,))?;
     let fit = log.options().contact_law.fit;
     let law = fit.then(|| log.stage::<FitContactLaw>((&specimen, &frames, &separated))).transpose()?;
-    let assembled = log.stage::<Assemble>((&specimen, &frames, &attachments, &separated, law.as_ref()))?;
+    let assembled =
+        log.stage::<Assemble>((&specimen, &bones, &cartilage, &frames, &attachments, &separated, law.as_ref()))?;
     if laxity.laxity.is_empty() {
         return Ok(());
     }

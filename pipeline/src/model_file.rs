@@ -48,7 +48,8 @@ pub fn load(path: &Path) -> Result<LoadedModel, BuildError> {
     let folder = path.parent().unwrap_or(Path::new("."));
     let mut meshes = BTreeMap::new();
     let bones = spec.bodies.iter().map(|b| &b.bone);
-    for name in bones.chain(spec.contact.meshes()) {
+    let patella = spec.patella.iter().flat_map(|p| p.contact.meshes()).map(|(_, name)| name);
+    for name in bones.chain(spec.contact.meshes()).chain(patella) {
         if meshes.contains_key(name) {
             continue;
         }
@@ -69,6 +70,11 @@ pub(crate) fn assembled_model(assembled: &Assembled, bones: &Bones, cartilage: &
     let bony = assembled.bony.iter().flat_map(PerCartilage::named);
     let bony = bony.map(|(name, mesh)| (format!("contact/{name}_bony.ply"), mesh));
     let patella = bones.patella.as_ref();
+    let own = assembled.patella.iter().flat_map(|p| {
+        let seen = p.seen.iter().map(|mesh| ("contact/patella_seen.ply".to_string(), mesh));
+        let surfaces = [("contact/patella.ply", &p.face), ("contact/patella_ground.ply", &p.ground)];
+        seen.chain(surfaces.map(|(name, mesh)| (name.to_string(), mesh)))
+    });
     let bones = bones.surfaces.named().map(|(name, mesh)| (format!("../03-bones/{name}.ply"), mesh));
     let patella = patella.map(|mesh| ("../03-bones/patella.ply".to_string(), mesh));
     let carried = cartilage.bodies.iter().map(|(name, mesh)| (format!("../04-cartilage/{name}.ply"), mesh));
@@ -78,6 +84,7 @@ pub(crate) fn assembled_model(assembled: &Assembled, bones: &Bones, cartilage: &
         .chain(carried)
         .chain(bones)
         .chain(patella)
+        .chain(own)
         .map(|(name, mesh)| (name, MeshValue::Surface(mesh.clone())))
         .collect();
     LoadedModel { spec: assembled.spec.clone(), meshes, folder: PathBuf::from("09-assemble") }
@@ -90,6 +97,7 @@ pub fn moved(spec: &ModelSpec, from: &Path, to: &Path) -> ModelSpec {
     out.bodies.iter_mut().flat_map(|b| std::iter::once(&mut b.bone).chain(&mut b.cartilage)).for_each(place);
     out.contact.pairs.iter_mut().flat_map(|p| [&mut p.femur, &mut p.tibia]).for_each(place);
     out.menisci.iter_mut().flat_map(|m| [&mut m.femur, &mut m.tibia]).for_each(place);
+    out.patella.iter_mut().flat_map(|p| p.contact.meshes_mut()).for_each(place);
     if let Some(layer) = &mut out.contact.layer {
         let faces = std::mem::take(&mut layer.bony_faces).into_iter();
         layer.bony_faces = faces

@@ -159,6 +159,7 @@ impl Protocol {
                 branch: None,
                 order: None,
                 time_s: None,
+                quadriceps_n: 0.0,
                 reference: None,
             }
         };
@@ -203,6 +204,7 @@ fn poses_csv(trials: &[LaxityTrial], readings: &[Free<f64>]) -> String {
         trial: t.clone(),
         pose: PoseSpec { fe_deg: t.fe_deg, ..PoseSpec::default() }.moved(r),
         forces_n: vec![],
+        outputs: vec![],
         flags: vec![],
     };
     let results: Vec<TrialResult> = trials.iter().zip(readings).map(result).collect();

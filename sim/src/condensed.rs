@@ -36,6 +36,9 @@ pub trait Inner: std::fmt::Debug + Send + Sync {
         false
     }
 
+    /// Brings `rest` near the joint's coordinates `q` where Newton's method would not get there from it.
+    fn approach(&self, _q: &Six, _rest: &mut Rest) {}
+
     /// What it tells of itself where it rests: names with their units, values.
     fn outputs(&self, pose: &Pose, inner: &[f64]) -> Vec<(String, f64)>;
 }
@@ -95,6 +98,16 @@ pub struct Rest {
 }
 
 impl Rest {
+    /// At inner coordinates known otherwise.
+    pub fn known(q: &Six, inner: Vec<f64>) -> Rest {
+        Rest { at: *q, slope: vec![Six::zeros(); inner.len()], inner }
+    }
+
+    /// The joint's coordinates there; none where nothing is known.
+    pub fn at(&self) -> Option<Six> {
+        (!self.inner.is_empty()).then_some(self.at)
+    }
+
     /// Inner coordinates at a pose close by; at zero where nothing is known.
     fn guess(&self, q: &Six, size: usize, longest: f64) -> Vec<f64> {
         if self.inner.len() != size {
@@ -110,6 +123,7 @@ impl Rest {
 
 /// The body at rest at a pose: Newton's method with a line search from where it rested last.
 pub fn condense(body: &dyn Inner, (q, pose): (&Six, &Pose), rest: &mut Rest) -> Condensed {
+    body.approach(q, rest);
     let (size, longest) = (body.size().0, body.longest_step());
     let mut inner = rest.guess(q, size, longest);
     let mut parts = body.at(pose, &inner);

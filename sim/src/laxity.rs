@@ -107,6 +107,9 @@ pub struct LaxityTrial {
     /// When it was read [s].
     #[serde(default)]
     pub time_s: Option<f64>,
+    /// Tension of the quadriceps [N]; 0 where no column gives it.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub quadriceps_n: f64,
     /// The trial from whose pose the readings count: displacements, as an arthrometer gives them. None where they are poses.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reference: Option<Reference>,
@@ -122,6 +125,11 @@ pub struct Reference {
     pub load: Load,
     /// Its flexion [deg].
     pub fe_deg: f64,
+}
+
+/// Whether a number is left out of what is written.
+fn is_zero(x: &f64) -> bool {
+    *x == 0.0
 }
 
 impl LaxityTrial {

@@ -28,6 +28,7 @@ pub mod menisci;
 pub mod mesh;
 pub mod model;
 pub mod names;
+pub mod patella;
 pub mod protocols;
 pub mod quasistatic;
 pub mod sensitivity;

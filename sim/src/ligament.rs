@@ -173,7 +173,11 @@ pub fn add_hessian(hessian: &mut Matrix6<f64>, line: &Line, pose: &Pose, force: 
 ///
 /// Errors: a number out of range, a fibre of no bundle, a bundle without fibres, a fibre without length.
 pub fn compile(spec: &ModelSpec) -> Result<(Vec<Bundle>, Vec<Fibre>), SimError> {
-    let mut bundles: Vec<Bundle> = spec.bundles.iter().map(|b| bundle(spec, b)).collect::<Result<_, _>>()?;
+    let mut bundles: Vec<Bundle> = spec
+        .bundles
+        .iter()
+        .map(|b| bundle(b, spec.toe_end_multiple.get(&b.name).copied()))
+        .collect::<Result<_, _>>()?;
     let mut fibres = Vec::with_capacity(spec.fibres.len());
     for (i, f) in spec.fibres.iter().enumerate() {
         let Some(bundle) = bundles.iter().position(|b| b.name == f.bundle) else {
@@ -192,9 +196,9 @@ pub fn compile(spec: &ModelSpec) -> Result<(Vec<Bundle>, Vec<Fibre>), SimError> 
     }
 }
 
-/// One bundle, its numbers checked.
-fn bundle(spec: &ModelSpec, b: &BundleSpec) -> Result<Bundle, SimError> {
-    let table_end = spec.toe_end_multiple.get(&b.name).copied().unwrap_or(TABLE_END);
+/// One bundle without fibres yet, its numbers checked; `table_end` as in [`Bundle`].
+pub(crate) fn bundle(b: &BundleSpec, table_end: Option<f64>) -> Result<Bundle, SimError> {
+    let table_end = table_end.unwrap_or(TABLE_END);
     for (key, value, least) in [
         ("reference_strain", b.reference_strain, 0.05),
         ("stiffness_n_per_mm", b.stiffness_n_per_mm, 0.0),

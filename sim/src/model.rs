@@ -5,16 +5,18 @@
 
 mod check;
 
-use crate::condensed::{Condensed, Inner, condense};
+use crate::condensed::{Condensed, Inner, Rest, condense};
 use crate::contact::{Contact, ContactOptions, ContactResponse, Nearby};
 use crate::coordinate::Six;
 use crate::error::SimError;
 use crate::joint::{Joint, Pose};
 use crate::ligament::{self, Bundle, Fibre, Line, Response};
 use crate::mesh::MeshValue;
+use crate::patella::{self, Patella, PatellaState};
 use crate::spec::ModelSpec;
 use nalgebra::Matrix6;
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -35,6 +37,8 @@ pub struct Model {
     pub(crate) bodies: Vec<Arc<dyn Inner>>,
     /// The femur's mass [tonne] and rotary inertia [tonne mm2] for explicit dynamics.
     pub femur_mass: (f64, f64),
+    /// The patella; it is among the bodies while the quadriceps pull.
+    pub(crate) patella: Option<Arc<Patella>>,
     /// Which bundles are cut.
     removed: Vec<bool>,
     /// Another contact of the same cartilage, and its share [-].
@@ -102,7 +106,19 @@ pub fn compile_with(
     let removed = vec![false; bundles.len()];
     let menisci = crate::menisci::compile(spec, &contact)?;
     let bodies = menisci.into_iter().map(|m| Arc::new(m) as Arc<dyn Inner>).collect();
-    Ok(Model { id: spec.id.clone(), joint, bundles, fibres, contact, bodies, femur_mass, removed, second: None })
+    let patella = Patella::new(spec, &surfaces, options)?.map(Arc::new);
+    Ok(Model {
+        id: spec.id.clone(),
+        joint,
+        bundles,
+        fibres,
+        contact,
+        bodies,
+        femur_mass,
+        patella,
+        removed,
+        second: None,
+    })
 }
 
 impl Model {
@@ -228,6 +244,61 @@ impl Model {
             }
             _ => self.contact.evaluate_near(pose, near),
         }
+    }
+
+    /// Whether there is a patella.
+    pub fn has_patella(&self) -> bool {
+        self.patella.is_some()
+    }
+
+    /// The model under tension of the quadriceps [N]; without tension the patella acts on nothing.
+    ///
+    /// Errors: a tension that is negative or not finite; tension in a model without a patella.
+    pub fn with_quadriceps(&self, tension: f64) -> Result<Model, SimError> {
+        if !(0.0..1e5).contains(&tension) {
+            return Err(SimError::Input(format!("tension of the quadriceps {tension} N, expected 0 to 100000")));
+        }
+        let mut model = self.clone();
+        model.bodies.retain(|b| b.name() != patella::NAME);
+        match &self.patella {
+            _ if tension == 0.0 => {}
+            Some(patella) => {
+                let pulled = Arc::new(patella.with_tension(tension));
+                model.patella = Some(pulled.clone());
+                model.bodies.push(pulled);
+            }
+            None => {
+                return Err(SimError::Input(format!(
+                    "load_quadriceps_n is {tension}, but the model has no patella to pull on; build it with assemble.patella, or leave the load out"
+                )));
+            }
+        }
+        Ok(model)
+    }
+
+    /// The patella in equilibrium, where the quadriceps pull.
+    pub fn patella_state(&self, evaluation: &Evaluation) -> Option<PatellaState> {
+        let place = self.bodies.iter().position(|b| b.name() == patella::NAME)?;
+        Some(self.patella.as_ref()?.state(&evaluation.pose, &evaluation.bodies.get(place)?.inner))
+    }
+
+    /// Generalised force [N mm, N] of the patella under a tension of the quadriceps [N]; zero without patella or tension.
+    pub fn pull_of_quadriceps(&self, q: &Six, tension: f64) -> Six {
+        match &self.patella {
+            Some(patella) if tension > 0.0 => {
+                let body = patella.with_tension(tension);
+                -condense(&body, (q, &self.joint.pose(q)), &mut Rest::default()).gradient
+            }
+            _ => Six::zeros(),
+        }
+    }
+
+    /// [`Model::with_quadriceps`], or the model itself where they do not pull.
+    ///
+    /// # Errors
+    /// As [`Model::with_quadriceps`].
+    pub fn pulled(&self, tension: f64) -> Result<Cow<'_, Model>, SimError> {
+        if tension == 0.0 { Ok(Cow::Borrowed(self)) } else { self.with_quadriceps(tension).map(Cow::Owned) }
     }
 
     /// The model with another friction coefficient [-].

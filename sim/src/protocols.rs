@@ -176,6 +176,7 @@ fn leg(step: String, test: Test, fe_deg: f64, load: Load, going: Option<(f64, us
         branch: None,
         order: None,
         time_s: None,
+        quadriceps_n: 0.0,
         reference: None,
     };
     Leg { trial, going }

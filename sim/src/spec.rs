@@ -1,10 +1,12 @@
 //! model.json (FORMAT 3): everything a simulation needs, as data.
 
 mod meniscus;
+mod patella;
 
 use crate::coordinate::{Free, Six};
 pub use meniscus::{HornSpec, MeniscusMaterial, MeniscusSpec, SectionSpec};
 use meshes::frame::{AnatomicalFrame, Side};
+pub use patella::{BandSpec, EndsSpec, HeadSpec, PatellaContactSpec, PatellaSource, PatellaSpec, QuadricepsSpec};
 use serde::{Deserialize, Serialize};
 
 /// model.json. Mesh paths are relative to the file's folder.
@@ -44,6 +46,9 @@ pub struct ModelSpec {
     /// What the build does not know, as standard deviations; absent: the defaults of [`crate::uncertainty::Uncertainty::of_deck`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub uncertainty: Option<crate::uncertainty::Uncertainty>,
+    /// The patellofemoral joint; absent: none acts.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub patella: Option<PatellaSpec>,
     /// What could not be placed.
     #[serde(default)]
     pub warnings: Vec<String>,

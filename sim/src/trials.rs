@@ -12,9 +12,13 @@ use crate::quasistatic::{Dashpots, Goal, Phase, Solved, SolverOptions, State, fo
 use crate::spec::PoseSpec;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+use std::borrow::Cow;
 
 /// Flag of an answer whose femur has left the plateau.
 pub const DISLOCATED: &str = "dislocated";
+
+/// Flag of an answer whose patella's forces do not balance.
+pub const PATELLA_UNBALANCED: &str = "patella out of balance";
 
 /// The path of a trial and how it is solved.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -103,6 +107,8 @@ pub struct Answer {
     pub pose: PoseSpec,
     /// Force of each bundle [N], in the order of the model's bundles.
     pub forces_n: Vec<f64>,
+    /// What bodies with coordinates of their own tell of themselves: names with their units, values.
+    pub outputs: Vec<(String, f64)>,
     /// What is odd ("dislocated"); empty when nothing is.
     pub flags: Vec<String>,
     /// Evaluations of the model it took.
@@ -116,6 +122,7 @@ impl Answer {
             trial: trial.clone(),
             pose: self.pose,
             forces_n: self.forces_n.clone(),
+            outputs: self.outputs.clone(),
             flags: self.flags.clone(),
         }
     }
@@ -153,18 +160,27 @@ pub fn chain_flexion(model: &Model, fe_deg: f64, options: &TrialOptions) -> Resu
 ///
 /// Errors: loads or flexion out of range, a solver that finds no equilibrium; each names the trial.
 pub fn solve_trial(model: &Model, trial: &LaxityTrial, options: &TrialOptions) -> Result<Answer, SimError> {
-    solve(model, trial.fe_deg, &trial.load, options).map_err(|e| e.of_trial(&trial.trial))
+    let solved = model.pulled(trial.quadriceps_n).and_then(|model| solve(&model, trial.fe_deg, &trial.load, options));
+    solved.map_err(|e| e.of_trial(&trial.trial))
 }
 
-/// Solves trials in parallel, in order; those of one compression share its settling. The same answers as [`solve_trial`]'s.
+/// Solves trials in parallel, in order; those of one compression, and one tension of the quadriceps, share its settling. The same answers as
+/// [`solve_trial`]'s.
 pub fn solve_trials(model: &Model, trials: &[LaxityTrial], options: &TrialOptions) -> Vec<Result<Answer, SimError>> {
-    let mut compressions: Vec<f64> = trials.iter().map(|t| t.load[SI]).collect();
-    compressions.sort_by(f64::total_cmp);
-    compressions.dedup_by(|a, b| a.to_bits() == b.to_bits());
-    let settled: Vec<Result<State, SimError>> = compressions.par_iter().map(|c| settle(model, *c, options)).collect();
+    let rest = |t: &LaxityTrial| (t.quadriceps_n, t.load[SI]);
+    let order = |a: &(f64, f64), b: &(f64, f64)| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1));
+    let mut rests: Vec<(f64, f64)> = trials.iter().map(rest).collect();
+    rests.sort_by(order);
+    rests.dedup_by(|a, b| order(a, b).is_eq());
+    let settled = |&(tension, compression): &(f64, f64)| {
+        let model = model.pulled(tension)?;
+        let state = settle(&model, compression, options)?;
+        Ok((model, state))
+    };
+    let settled: Vec<Result<(Cow<Model>, State), SimError>> = rests.par_iter().map(settled).collect();
     let answer = |trial: &LaxityTrial| {
-        let at = compressions.binary_search_by(|c| c.total_cmp(&trial.load[SI])).unwrap_or_default();
-        let state = settled[at].as_ref().map_err(Clone::clone)?;
+        let at = rests.binary_search_by(|r| order(r, &rest(trial))).unwrap_or_default();
+        let (model, state) = settled[at].as_ref().map_err(Clone::clone)?;
         solve_from(model, state, trial.fe_deg, &trial.load, options)
     };
     trials.par_iter().map(|trial| answer(trial).map_err(|e| e.of_trial(&trial.trial))).collect()
@@ -266,12 +282,14 @@ impl<'a> Path<'a> {
         let gs = self.model.joint.grood_suntay(&solved.state.q);
         let forces_n = self.model.bundle_forces(&solved.evaluation.fibres);
         let flags = flags(self.model, &gs, &solved.evaluation, self.options);
+        let outputs = self.model.body_outputs(&solved.evaluation);
         let evaluations = self.evaluations;
         Ok(Answer {
             state: solved.state,
             evaluation: solved.evaluation,
             pose: pose_spec(&gs),
             forces_n,
+            outputs,
             flags,
             evaluations,
         })
@@ -287,5 +305,10 @@ pub(crate) fn flags(model: &Model, gs: &Six, evaluation: &Evaluation, options: &
     let between =
         || model.bodies.iter().zip(&evaluation.bodies).any(|(b, rest)| b.bears(&evaluation.pose, &rest.inner));
     let off = inside.is_empty() && !between() || inside.iter().any(|x| *x < options.rim_mm);
-    if far || off { vec![DISLOCATED.to_owned()] } else { Vec::new() }
+    let astray = model.patella_state(evaluation).is_some_and(|p| !p.is_balanced());
+    [(far || off, DISLOCATED), (astray, PATELLA_UNBALANCED)]
+        .into_iter()
+        .filter(|f| f.0)
+        .map(|f| f.1.to_owned())
+        .collect()
 }

@@ -90,6 +90,7 @@ fn simulated_displacements_count_as_the_measured_ones_do() {
         trial: t.clone(),
         pose: pose(ap),
         forces_n: vec![],
+        outputs: vec![],
         flags: vec![],
     };
     let results: Vec<TrialResult> = table.trials.iter().zip([-1.5, 5.0]).map(result).collect();

@@ -3,9 +3,12 @@
 mod uncertainty;
 
 use crate::attachments::Attachments;
+use crate::bones::Bones;
+use crate::cartilage::Cartilage;
 use crate::frames::Frames;
 use crate::menisci::{Menisci, menisci};
 use crate::overclosure::Separated;
+use crate::patellofemoral::{PatellaChoice, PatellaMetrics, PatellaOptions, Patellofemoral, patellofemoral};
 use crate::specimen::Specimen;
 use crate::{PerCartilage, StageError};
 use attachments::bundle::{BUNDLES, Bundle};
@@ -46,6 +49,10 @@ pub struct AssembleOptions {
     pub layer: LayerMaterial,
     /// Whether menisci act in the model.
     pub menisci: Menisci,
+    /// Which patella acts: off, on (the knee's own) or generic.
+    pub patella: PatellaChoice,
+    /// Numbers of the patellofemoral joint.
+    pub patellofemoral: PatellaOptions,
 }
 
 /// Cartilage as thin elastic layers bonded to bone.
@@ -105,6 +112,8 @@ impl Default for AssembleOptions {
             by_thickness: false,
             layer: LayerMaterial::default(),
             menisci: Menisci::Off,
+            patella: PatellaChoice::Off,
+            patellofemoral: PatellaOptions::default(),
         }
     }
 }
@@ -119,6 +128,9 @@ pub struct Assembled {
     /// Their faces on bone, where the contact is by thickness.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bony: Option<PerCartilage<TriMesh>>,
+    /// The patella, where one acts.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub patella: Option<Patellofemoral>,
     /// What is odd but not fatal.
     pub warnings: Vec<String>,
     /// For metrics.json.
@@ -134,6 +146,9 @@ pub struct AssembleMetrics {
     pub fibres: usize,
     /// Triangles of each contact surface.
     pub contact_triangles: Vec<MeshCount>,
+    /// The patella, where one acts.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub patella: Option<PatellaMetrics>,
 }
 
 /// Triangles of a mesh.
@@ -147,7 +162,7 @@ pub struct MeshCount {
 
 /// Assembles the model.
 pub fn assemble(
-    specimen: &Specimen,
+    (specimen, bones, cartilage): (&Specimen, &Bones, &Cartilage),
     frames: &Frames,
     attachments: &Attachments,
     separated: &Separated,
@@ -164,7 +179,15 @@ pub fn assemble(
         tibia_medial: bony_face(&separated.meshes.tibia_medial),
         tibia_lateral: bony_face(&separated.meshes.tibia_lateral),
     });
-    let (bundles, warnings) = bundles(specimen, attachments, options);
+    let patella = patellofemoral(
+        options.patella,
+        (specimen, frames, bones),
+        (cartilage, &contact.femur),
+        (&options.overclosure_mm, &options.pressure_mpa),
+        &options.patellofemoral,
+    )?;
+    let (bundles, mut warnings) = bundles(specimen, attachments, options);
+    warnings.extend(patella.iter().flat_map(|p| p.warnings.clone()));
     let fibres = attachments
         .fibres
         .iter()
@@ -181,6 +204,7 @@ pub fn assemble(
         bundles: bundles.len(),
         fibres: fibres.len(),
         contact_triangles: contact.named().map(count).to_vec(),
+        patella: patella.as_ref().map(|p| p.metrics.clone()),
     };
     let spec = ModelSpec {
         schema: "model/1".into(),
@@ -188,7 +212,7 @@ pub fn assemble(
         side: specimen.identity.side,
         units: Units { length: "mm".into(), force: "N".into(), pressure: "MPa".into(), angle: "deg".into() },
         frames: frames_spec(frames),
-        bodies: bodies(specimen, options),
+        bodies: bodies(specimen, patella.as_ref(), options),
         contact: contact_spec(options),
         bundles,
         fibres,
@@ -197,9 +221,10 @@ pub fn assemble(
         protocols: Vec::new(),
         components: Vec::new(),
         uncertainty: Some(uncertainty::uncertainty(specimen, attachments, options.own_law)),
+        patella: patella.as_ref().map(|p| p.spec.clone()),
         warnings: warnings.iter().chain(&attachments.warnings).cloned().collect(),
     };
-    Ok(Assembled { spec, contact, bony, warnings, metrics })
+    Ok(Assembled { spec, contact, bony, patella, warnings, metrics })
 }
 
 fn check(specimen: &Specimen, options: &AssembleOptions) -> Result<(), StageError> {
@@ -291,7 +316,7 @@ pub(crate) fn frames_spec(frames: &Frames) -> FramesSpec {
     }
 }
 
-fn bodies(specimen: &Specimen, options: &AssembleOptions) -> Vec<BodySpec> {
+fn bodies(specimen: &Specimen, patella: Option<&Patellofemoral>, options: &AssembleOptions) -> Vec<BodySpec> {
     let body = |name: &str, bone: &str, cartilage: &[&str]| BodySpec {
         name: name.into(),
         bone: format!("../03-bones/{bone}.ply"),
@@ -302,6 +327,9 @@ fn bodies(specimen: &Specimen, options: &AssembleOptions) -> Vec<BodySpec> {
     let mut bodies =
         vec![body("femur", "femur", &["femur"]), body("tibia", "tibfib", &["tibia_medial", "tibia_lateral"])];
     bodies.extend(specimen.patella.is_some().then(|| body("patella", "patella", &[])));
+    if specimen.patella.is_none() && patella.is_some_and(|p| p.seen.is_some()) {
+        bodies.push(BodySpec { bone: "contact/patella_seen.ply".into(), ..body("patella", "patella", &[]) });
+    }
     let carried = specimen.mri.iter().flat_map(|m| m.bodies.keys());
     bodies
         .extend(carried.map(|name| BodySpec { bone: format!("../04-cartilage/{name}.ply"), ..body(name, name, &[]) }));

@@ -36,6 +36,7 @@ pub mod hexmesh;
 pub mod ingest;
 pub mod menisci;
 pub mod overclosure;
+pub mod patellofemoral;
 pub mod phantom;
 pub mod plateaus;
 pub mod register;

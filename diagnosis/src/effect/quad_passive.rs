@@ -1,4 +1,4 @@
-//! `quad_passive`: a pull of the patellar tendon.
+//! `quad_passive`: a pull of the patellar tendon. Where the model has a patella it is the pull of the patella under tension of the quadriceps.
 
 use super::lines::point;
 use super::{Force, Situation};
@@ -16,8 +16,19 @@ pub(super) struct QuadPassive {
 
 impl Force for QuadPassive {
     fn force(&self, here: &Situation) -> Six {
+        if here.model.has_patella() {
+            return patella(here, self.force_n);
+        }
         patellar_tendon(here, self.further_forward_deg, self.further_lateral_mm) * self.force_n
     }
+}
+
+/// What the patella does to the knee under a tension of the quadriceps [N], beside what it does under the trial's own. A tension below zero, at
+/// which slopes are asked, pulls the other way. The patella's own geometry says where the tendon runs: the shape parameters have no part.
+fn patella(here: &Situation, tension: f64) -> Six {
+    let own = here.trial.quadriceps_n;
+    let pull = |tension: f64| here.model.pull_of_quadriceps(&here.q, tension);
+    if tension < 0.0 { pull(own) - pull(own - tension) } else { pull(own + tension) - pull(own) }
 }
 
 /// The tibial tuberosity [mm].

@@ -19,6 +19,7 @@ use stages::StageError;
 use stages::assemble::{AssembleOptions, Assembled, assemble};
 use stages::attachments::Attachments;
 use stages::bones::Bones;
+use stages::cartilage::Cartilage;
 use stages::contact_law::{ContactLaw, ContactRule};
 use stages::frames::Frames;
 use stages::overclosure::Separated;
@@ -36,6 +37,8 @@ impl Stage for Assemble {
     /// The contact law is left out where none was fitted: that of the options stands.
     type Inputs<'a> = (
         &'a Kept<Specimen>,
+        &'a Kept<Bones>,
+        &'a Kept<Cartilage>,
         &'a Kept<Frames>,
         &'a Kept<Attachments>,
         &'a Kept<Separated>,
@@ -49,7 +52,11 @@ impl Stage for Assemble {
         &all.assemble
     }
 
-    fn run((s, f, a, h, law): Self::Inputs<'_>, options: &AssembleOptions, _: &Work) -> Result<Assembled, StageError> {
+    fn run(
+        (s, b, c, f, a, h, law): Self::Inputs<'_>,
+        options: &AssembleOptions,
+        _: &Work,
+    ) -> Result<Assembled, StageError> {
         let mut options = options.clone();
         if let Some(law) = law {
             (options.overclosure_mm, options.pressure_mpa) = (law.overclosure_mm.clone(), law.pressure_mpa.clone());
@@ -57,7 +64,7 @@ impl Stage for Assemble {
             options.layer = law.layer.as_ref().map_or(options.layer, |l| l.material.clone());
             options.own_law = true;
         }
-        assemble(s, f, a, h, &options)
+        assemble((s, b, c), f, a, h, &options)
     }
 
     /// model.json and the contact surfaces it names.
@@ -68,6 +75,13 @@ impl Stage for Assemble {
         }
         for (name, mesh) in a.bony.iter().flat_map(|b| b.named()) {
             files.push((format!("contact/{name}_bony.ply"), surface(mesh, &[])?));
+        }
+        if let Some(patella) = &a.patella {
+            files.push(("contact/patella.ply".into(), surface(&patella.face, &[])?));
+            files.push(("contact/patella_ground.ply".into(), surface(&patella.ground, &[])?));
+            if let Some(seen) = &patella.seen {
+                files.push(("contact/patella_seen.ply".into(), surface(seen, &[])?));
+            }
         }
         Ok(files)
     }

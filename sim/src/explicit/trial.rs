@@ -127,6 +127,7 @@ pub fn explicit_trial(
     observer: &mut Observer,
 ) -> Result<TrialResult, SimError> {
     let named = |e: SimError| e.of_trial(&trial.trial);
+    let model = &*model.pulled(trial.quadriceps_n).map_err(named)?;
     let program = steps.program(&model.joint, trial.fe_deg, &trial.load.generalised()).map_err(named)?;
     let mut state = ExplicitState::at_rest();
     run(model, &program, options, &mut state, observer).map_err(named)?;
@@ -142,7 +143,13 @@ pub(super) fn result(model: &Model, trial: &LaxityTrial, state: &ExplicitState) 
         flags.push("still moving".to_owned());
     }
     let forces_n = model.bundle_forces(&evaluation.fibres);
-    TrialResult { trial: trial.clone(), pose: trials::pose_spec(&gs), forces_n, flags }
+    TrialResult {
+        trial: trial.clone(),
+        pose: trials::pose_spec(&gs),
+        forces_n,
+        outputs: model.body_outputs(&evaluation),
+        flags,
+    }
 }
 
 /// A deck's own steps, with its quirks: its signs, degree factor, flexion base, lost half increments. `chain` is the specification's.

@@ -8,10 +8,20 @@ use std::collections::BTreeSet;
 #[error("{0}")]
 pub struct LaxityError(pub String);
 
+/// Tension of the quadriceps [N], optional.
+pub(super) const QUADRICEPS_COLUMN: &str = "load_quadriceps_n";
+
+/// Whether a column is what a model answered: forces of bundles, and what bodies tell of themselves. It is passed over.
+pub(super) fn is_output(name: &str) -> bool {
+    let of_a_body = ["patella_", "patellar_", "meniscus_"].iter().any(|body| name.starts_with(body));
+    of_a_body || (name.starts_with("force_") && name.ends_with("_n"))
+}
+
 /// Every column that a laxity file may have.
 pub(super) fn known_columns() -> BTreeSet<String> {
     let mut known: BTreeSet<String> = required_columns().into_iter().collect();
     known.extend(["branch", "order", "time_s", "flags", "reference"].map(String::from));
+    known.insert(QUADRICEPS_COLUMN.to_owned());
     known.extend(FREE.map(sd_column));
     known
 }

@@ -1,6 +1,6 @@
 //! The reader: every complaint names the row and the column.
 
-use super::columns::{LaxityError, known_columns, required_columns, sd_column};
+use super::columns::{LaxityError, QUADRICEPS_COLUMN, is_output, known_columns, required_columns, sd_column};
 use super::differences;
 use super::format::{LaxityFormat, standard};
 use super::{Branch, LaxityTrial, TESTS, Test};
@@ -21,6 +21,8 @@ pub struct LaxityTable {
 
 /// Loads beyond these are taken for another unit.
 const LARGEST_LOAD: Load = Load::new(150.0, 150.0, 2000.0, 2000.0, 5000.0);
+/// Tension of the quadriceps beyond this is taken for another unit [N].
+const LARGEST_QUADRICEPS_N: f64 = 10_000.0;
 /// Coordinates beyond these are taken for another unit or frame: VV, IE [deg], ML, AP, SI [mm].
 const LARGEST_VALUE: Free<f64> = Free([90.0, 120.0, 150.0, 150.0, 300.0]);
 
@@ -83,8 +85,7 @@ fn columns(header: &StringRecord) -> Result<BTreeMap<String, usize>, LaxityError
     let known = known_columns();
     let mut found = BTreeMap::new();
     for (i, name) in header.iter().enumerate() {
-        let force = name.starts_with("force_") && name.ends_with("_n");
-        if !known.contains(name) && !force {
+        if !known.contains(name) && !is_output(name) {
             return Err(LaxityError(format!(
                 "row 1, column {}: unknown column \"{name}\"{}; expected one of {}. Other names are declared by [laxity_format.NAME.columns] in specimen.toml",
                 i + 1,
@@ -196,8 +197,19 @@ fn trial(row: &Row, warnings: &mut Vec<String>) -> Result<LaxityTrial, LaxityErr
         branch,
         order,
         time_s: row.number("time_s")?,
+        quadriceps_n: quadriceps(row)?,
         reference: None,
     })
+}
+
+/// Tension of the quadriceps; 0 where none is given.
+fn quadriceps(row: &Row) -> Result<f64, LaxityError> {
+    match row.bounded(QUADRICEPS_COLUMN, LARGEST_QUADRICEPS_N, "N")? {
+        Some(tension) if tension < 0.0 => {
+            row.refuse(QUADRICEPS_COLUMN, &format!("{tension} N; a tension is 0 or above"))
+        }
+        tension => Ok(tension.unwrap_or(0.0)),
+    }
 }
 
 fn test(row: &Row) -> Result<Test, LaxityError> {

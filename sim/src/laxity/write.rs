@@ -1,6 +1,6 @@
 //! What a model answers, as CSV.
 
-use super::columns::{required_columns, sd_column};
+use super::columns::{QUADRICEPS_COLUMN, required_columns, sd_column};
 use super::{Branch, LaxityTrial};
 use crate::coordinate::{Coordinate, FREE, Free};
 use crate::spec::PoseSpec;
@@ -17,6 +17,9 @@ pub struct TrialResult {
     pub pose: PoseSpec,
     /// Force of each bundle [N], in the order of the model's bundles.
     pub forces_n: Vec<f64>,
+    /// What bodies with coordinates of their own tell of themselves: names with their units, values.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub outputs: Vec<(String, f64)>,
     /// What is odd about the answer ("not converged", "dislocated"); empty when nothing is.
     pub flags: Vec<String>,
 }
@@ -38,7 +41,11 @@ pub fn results_csv(bundles: &[String], results: &[TrialResult]) -> String {
     };
     let displaced = results.iter().any(|r| place(r).is_some());
     header.extend(displaced.then(|| "reference".to_owned()));
+    let pulled = results.iter().any(|r| r.trial.quadriceps_n != 0.0);
+    header.extend(pulled.then(|| QUADRICEPS_COLUMN.to_owned()));
     header.extend(bundles.iter().map(|b| force_column(b)));
+    let outputs = output_columns(results);
+    header.extend(outputs.iter().cloned());
     header.push("flags".to_owned());
     let mut out = line(&header);
     for r in results {
@@ -53,7 +60,9 @@ pub fn results_csv(bundles: &[String], results: &[TrialResult]) -> String {
         cells.push(t.order.map(|v| v.to_string()).unwrap_or_default());
         cells.push(t.time_s.map(number).unwrap_or_default());
         cells.extend(displaced.then(|| from.map(|r| r.trial.trial.clone()).unwrap_or_default()));
+        cells.extend(pulled.then(|| number(t.quadriceps_n)));
         cells.extend(r.forces_n.iter().map(|v| number(*v)));
+        cells.extend(output_cells(r, &outputs));
         cells.push(r.flags.join("; "));
         out += &line(&cells);
     }
@@ -67,6 +76,8 @@ pub fn trials_csv(trials: &[LaxityTrial]) -> String {
     header.extend(["branch".to_owned(), "order".to_owned(), "time_s".to_owned()]);
     let displaced = trials.iter().any(|t| t.reference.is_some());
     header.extend(displaced.then(|| "reference".to_owned()));
+    let pulled = trials.iter().any(|t| t.quadriceps_n != 0.0);
+    header.extend(pulled.then(|| QUADRICEPS_COLUMN.to_owned()));
     let mut out = line(&header);
     let cell = |v: &Option<f64>| v.map(number).unwrap_or_default();
     for t in trials {
@@ -78,6 +89,7 @@ pub fn trials_csv(trials: &[LaxityTrial]) -> String {
         cells.push(t.order.map(|v| v.to_string()).unwrap_or_default());
         cells.push(cell(&t.time_s));
         cells.extend(displaced.then(|| t.reference.as_ref().map(|r| r.trial.clone()).unwrap_or_default()));
+        cells.extend(pulled.then(|| number(t.quadriceps_n)));
         out += &line(&cells);
     }
     out
@@ -98,15 +110,35 @@ pub fn protocol_csv(bundles: &[String], steps: &[TrialResult]) -> String {
     header.extend(FREE.map(Coordinate::column));
     header.extend(FREE.map(Coordinate::load_column));
     header.extend(bundles.iter().map(|b| force_column(b)));
+    let outputs = output_columns(steps);
+    header.extend(outputs.iter().cloned());
     header.extend(["flags".to_owned(), "step".to_owned()]);
     let mut out = line(&header);
     for r in steps {
         let mut cells = vec![number(r.pose.fe_deg)];
         cells.extend(r.predicted().iter().chain(&r.trial.load).chain(&r.forces_n).map(|v| number(*v)));
+        cells.extend(output_cells(r, &outputs));
         cells.extend([r.flags.join("; "), r.trial.trial.clone()]);
         out += &line(&cells);
     }
     out
+}
+
+/// What any of the results' bodies tell, in the order in which it is first told.
+fn output_columns(results: &[TrialResult]) -> Vec<String> {
+    let mut out: Vec<String> = Vec::new();
+    for (name, _) in results.iter().flat_map(|r| &r.outputs) {
+        if !out.contains(name) {
+            out.push(name.clone());
+        }
+    }
+    out
+}
+
+/// A result's cells of those columns; empty where it does not tell.
+fn output_cells(result: &TrialResult, columns: &[String]) -> Vec<String> {
+    let of = |c: &String| result.outputs.iter().find(|(name, _)| name == c).map(|(_, v)| number(*v));
+    columns.iter().map(|c| of(c).unwrap_or_default()).collect()
 }
 
 /// The force column of a bundle.
@@ -153,13 +185,34 @@ mod tests {
         let table = read(csv("\"a, b\",anterior,30,0,0,0,44.5,20,21,1.5,-2,,4,-20").as_bytes()).unwrap();
         assert_eq!(table.trials[0].measured.0, [Some(1.5), Some(-2.0), None, Some(4.0), Some(-20.0)]);
         let pose = PoseSpec { fe_deg: 21.0, vv_deg: 0.25, ie_deg: -1.0, ml_mm: 2.0, ap_mm: 3.0, si_mm: -19.0 };
-        let result = TrialResult { trial: table.trials[0].clone(), pose, forces_n: vec![12.5], flags: vec![] };
+        let result =
+            TrialResult { trial: table.trials[0].clone(), pose, forces_n: vec![12.5], outputs: vec![], flags: vec![] };
         let text = results_csv(&["ACL_AM".into()], &[result]);
         assert!(text.lines().next().unwrap().contains("force_ACL_AM_n"));
         let back = read(text.as_bytes()).unwrap();
         assert_eq!(back.trials[0].measured.0, [Some(0.25), Some(-1.0), Some(2.0), Some(3.0), Some(-19.0)]);
         assert_eq!(back.trials[0].trial, "a, b");
         assert!(protocol_csv(&["ACL_AM".into()], &[]).starts_with("fe_deg,vv_deg,ie_deg,ml_mm,ap_mm,si_mm,"));
+    }
+
+    #[test]
+    fn tension_of_the_quadriceps_is_read_written_and_left_out_where_there_is_none() {
+        let with = format!(
+            "{HEADER},load_quadriceps_n\na,neutral,30,0,0,0,0,20,21,,,,,,60\nb,neutral,60,0,0,0,0,20,61,,,,,,\n"
+        );
+        let trials = read(with.as_bytes()).unwrap().trials;
+        assert_eq!([trials[0].quadriceps_n, trials[1].quadriceps_n], [60.0, 0.0]);
+        assert_eq!(read(trials_csv(&trials).as_bytes()).unwrap().trials, trials);
+        let pose = PoseSpec { fe_deg: 21.0, ..PoseSpec::default() };
+        let outputs = vec![("patella_tilt_deg".to_owned(), 3.5)];
+        let told = TrialResult { trial: trials[0].clone(), pose, forces_n: vec![], outputs, flags: vec![] };
+        let other = TrialResult { trial: trials[1].clone(), outputs: vec![], ..told.clone() };
+        let text = results_csv(&[], &[told, other.clone()]);
+        assert!(text.contains("load_quadriceps_n,patella_tilt_deg,flags"), "{text}");
+        assert_eq!(read(text.as_bytes()).unwrap().trials[0].quadriceps_n, 60.0);
+        assert!(!results_csv(&[], &[other]).contains("quadriceps") && !trials_csv(&trials[1..]).contains("quadriceps"));
+        assert!(error(&with.replace(",60\n", ",-60\n")).contains("row 2, column \"load_quadriceps_n\": -60 N"));
+        assert!(error(&with.replace(",60\n", ",60000\n")).contains("another unit"));
     }
 
     #[test]

@@ -46,6 +46,12 @@ pub(super) fn contact_surfaces(
             surfaces.insert(name.clone(), mesh.clone());
         }
     }
+    for (key, name) in spec.patella.iter().flat_map(|p| p.contact.meshes()) {
+        let mesh = meshes.get(name).ok_or_else(|| {
+            SimError::Spec(format!("patella.contact.{key} names {name}, which is not among the model's meshes"))
+        })?;
+        surfaces.insert(name.clone(), surface(name, mesh)?.clone());
+    }
     for name in spec.contact.layer.iter().flat_map(|l| l.bony_faces.values()) {
         let mesh = meshes.get(name).ok_or_else(|| {
             SimError::Spec(format!("contact.layer.bony_faces names {name}, which is not among the model's meshes"))

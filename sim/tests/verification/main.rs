@@ -8,6 +8,7 @@ mod faults;
 mod laws;
 mod layers;
 mod menisci;
+mod patella;
 mod quasistatic;
 mod rig;
 

@@ -59,6 +59,7 @@ impl Rig {
             protocols: Vec::new(),
             components: Vec::new(),
             uncertainty: None,
+            patella: None,
             warnings: Vec::new(),
         };
         Rig { spec, meshes: BTreeMap::new() }
@@ -142,6 +143,59 @@ impl Rig {
         rig
     }
 
+    /// The same knee with a patella on a groove round the femur's axis: a ball in a saddle.
+    pub(crate) fn patellar_knee() -> Rig {
+        let mut rig = Rig::knee();
+        let p = Point::new;
+        rig.spec.frames.femur.origin = p(0.0, 0.0, 20.0);
+        rig.meshes.insert("trochlea".into(), MeshValue::Surface(groove()));
+        // off the round numbers, so that no node lies on a border of the contact's cells
+        let ball = meshes::shapes::icosphere(12.0, 4).moved(&meshes::Isometry::translation(0.4713, -37.8563, 22.0137));
+        rig.meshes.insert("patella".into(), MeshValue::Surface(ball));
+        let mut frame = rig.spec.frames.femur;
+        frame.origin = p(0.4, -37.9, 22.0);
+        let band = |name: &str, stiffness: f64, strain: f64, ends: &[(Point, Point)]| BandSpec {
+            name: name.into(),
+            stiffness_n_per_mm: stiffness,
+            reference_strain: strain,
+            toe_strain: 0.02,
+            fibres: ends.iter().map(|&(patella, far)| EndsSpec { patella, far }).collect(),
+        };
+        let tendon = [-10.0, 0.0, 10.0].map(|x| (p(x, -42.0, 4.0), p(0.7 * x + 4.0, -36.0, -38.0)));
+        let head = |name: &str, share: f64, x: f64, far: Point| HeadSpec {
+            name: name.into(),
+            share,
+            patella: p(x, -43.0, 39.0),
+            femur: far,
+        };
+        rig.spec.patella = Some(PatellaSpec {
+            source: PatellaSource::Generic,
+            frame,
+            contact: PatellaContactSpec {
+                femur: "trochlea".into(),
+                patella: "patella".into(),
+                bone: None,
+                overclosure_mm: vec![0.0, 1.0],
+                pressure_mpa: vec![0.0, 5.0],
+            },
+            tendon: band("patellar_tendon", 1000.0, 1.0, &tendon),
+            retinacula: vec![
+                band("mpfl", 20.0, 0.99, &[(p(-15.0, -38.0, 26.0), p(-40.0, 0.0, 22.0))]),
+                band("lpfl", 20.0, 1.01, &[(p(15.0, -38.0, 26.0), p(38.0, 2.0, 21.0))]),
+            ],
+            quadriceps: QuadricepsSpec {
+                heads: vec![
+                    head("vastus_lateralis", 0.35, 8.0, p(30.0, -20.0, 230.0)),
+                    head("rectus_femoris", 0.4, 0.0, p(8.0, -25.0, 320.0)),
+                    head("vastus_medialis", 0.25, -9.0, p(-30.0, -22.0, 160.0)),
+                ],
+                wrap: AxisSpec { point: p(0.0, 0.0, 20.0), direction: Vector::x() },
+                wrap_radius_mm: 25.0,
+            },
+        });
+        rig
+    }
+
     /// The same with every point mapped; `side` says which knee it then is.
     pub(crate) fn mapped(&self, side: Side, point: impl Fn(Point) -> Point) -> Rig {
         let mut rig = Rig { spec: self.spec.clone(), meshes: BTreeMap::new() };
@@ -167,6 +221,23 @@ impl Rig {
             for horn in [&mut m.anterior_horn, &mut m.posterior_horn] {
                 horn.tibia = point(horn.tibia);
             }
+        }
+        if let Some(patella) = &mut rig.spec.patella {
+            let frame = &mut patella.frame;
+            *frame = AnatomicalFrame {
+                origin: point(frame.origin),
+                medial: vector(frame.medial),
+                anterior: vector(frame.anterior),
+                superior: vector(frame.superior),
+            };
+            for f in std::iter::once(&mut patella.tendon).chain(&mut patella.retinacula).flat_map(|b| &mut b.fibres) {
+                (f.patella, f.far) = (point(f.patella), point(f.far));
+            }
+            for h in &mut patella.quadriceps.heads {
+                (h.patella, h.femur) = (point(h.patella), point(h.femur));
+            }
+            let wrap = &mut patella.quadriceps.wrap;
+            (wrap.point, wrap.direction) = (point(wrap.point), vector(wrap.direction));
         }
         for (name, mesh) in &self.meshes {
             let MeshValue::Surface(mesh) = mesh else { continue };
@@ -222,4 +293,29 @@ pub(crate) fn plate(half: f64, cells: usize, up: bool) -> TriMesh {
         }
     }
     if up { mesh } else { mesh.flipped() }
+}
+
+/// A groove round the femur's axis, from above its front to behind: a surface of revolution, narrowest in the middle.
+fn groove() -> TriMesh {
+    let (rows, columns) = (120_u32, 40_u32);
+    let mut mesh = TriMesh::default();
+    for j in 0..=rows {
+        // 0 to the front, downwards
+        let angle = (f64::from(j) / f64::from(rows) * 170.0 - 60.0).to_radians();
+        for i in 0..=columns {
+            let x = (f64::from(i) / f64::from(columns) - 0.5) * 40.0;
+            let r = 26.0 + 0.025 * x * x;
+            mesh.vertices.push(Point::new(x, -r * angle.cos(), 20.0 - r * angle.sin()));
+        }
+    }
+    let n = columns + 1;
+    for j in 0..rows {
+        for i in 0..columns {
+            let a = j * n + i;
+            mesh.triangles.push([a, a + n, a + n + 1]);
+            mesh.triangles.push([a, a + n + 1, a + 1]);
+        }
+    }
+    let outwards = mesh.area_vector(0).dot(&Vector::new(0.0, -0.5, 0.8)) > 0.0;
+    if outwards { mesh } else { mesh.flipped() }
 }

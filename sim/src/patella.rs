@@ -1,0 +1,417 @@
+//! The patellofemoral joint: a patella between quadriceps, patellar tendon and trochlea, condensed out of the knee's equilibrium.
+//!
+//! The patella is a rigid body without mass. Its six coordinates are the femur's against it, in the chain of [`crate::joint`] with the patella
+//! in the tibia's place: patellar flexion, spin (valgus +: apex lateral), tilt (external +: lateral edge backwards), and the patella's lateral,
+//! anterior and superior shift [bull2002]. Its energy is that of contact with the trochlea, of the patellar tendon and the retinacula, and the
+//! potential of the quadriceps, `tension x length` of lines that wrap over the front of the femur. Of these only the tendon depends on the
+//! tibia, so the knee's coordinates enter through the tendon alone. At each pose of the knee the patella lies where its energy is least
+//! ([`crate::condensed`]). Without tension of the quadriceps it acts on nothing.
+
+mod line;
+
+use crate::condensed::{Inner, Parts, Rest, condense};
+use crate::contact::{Contact, ContactOptions};
+use crate::coordinate::Six;
+use crate::error::SimError;
+use crate::joint::{Joint, Pose, comes_first};
+use crate::ligament::Bundle;
+use crate::spec::{
+    BandSpec, BundleSpec, ContactSpec, FramesSpec, HeadSpec, ModelSpec, PairSpec, PatellaContactSpec, QuadricepsSpec,
+};
+use line::{Cylinder, Length, straight};
+use meshes::surface::TriMesh;
+use meshes::{Point, Vector};
+use nalgebra::Matrix3;
+use std::collections::BTreeMap;
+
+/// Length that makes the patella's angles comparable with displacements [mm]: about half its height.
+const ARM: f64 = 20.0;
+/// Furthest a coordinate goes in a Newton step [mm, angles times [`ARM`]].
+const LONGEST_STEP: f64 = 2.0;
+/// Furthest the knee goes between two equilibria of the patella that are sought one from the other [rad, mm].
+const STRIDE: [f64; 6] = [0.1, 0.1, 0.1, 4.0, 4.0, 4.0];
+/// More strides than this are no motion of a knee [-].
+const MOST_STRIDES: f64 = 1e3;
+/// Its name among the model's bodies.
+pub const NAME: &str = "patella";
+/// Forces on the patella balance within this share of the quadriceps' tension, moments at [`ARM`] [-].
+const BALANCED: f64 = 1e-3;
+
+/// A compiled patellofemoral joint.
+#[derive(Clone, Debug)]
+pub struct Patella {
+    /// The chain of femur against patella.
+    pub joint: Joint,
+    /// The knee's.
+    knee: Joint,
+    /// Tension of the quadriceps [N].
+    pub tension: f64,
+    contact: Contact,
+    heads: Vec<Head>,
+    wrap: Cylinder,
+    /// The tendon, then the retinacula.
+    bands: Vec<Group>,
+}
+
+#[derive(Clone, Debug)]
+struct Head {
+    share: f64,
+    patella: Vector,
+    femur: Vector,
+}
+
+/// Fibres of one law.
+#[derive(Clone, Debug)]
+struct Group {
+    law: Bundle,
+    /// Whether the far ends lie on the tibia.
+    tibial: bool,
+    fibres: Vec<Fibre>,
+}
+
+#[derive(Clone, Debug)]
+struct Fibre {
+    patella: Vector,
+    far: Vector,
+    initial: f64,
+}
+
+/// The patella in equilibrium.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PatellaState {
+    /// Its coordinates: flexion, spin, tilt [rad], lateral, anterior, superior [mm] of the femur, clinical signs.
+    pub pose: Six,
+    /// Tension of the quadriceps [N].
+    pub quadriceps_n: f64,
+    /// Tension of the patellar tendon, the sum over its fibres [N].
+    pub tendon_n: f64,
+    /// Tension of each retinaculum by name [N].
+    pub retinacula: Vec<(String, f64)>,
+    /// Force of the trochlea on the patella [N].
+    pub contact_n: f64,
+    /// Contact area [mm2].
+    pub area_mm2: f64,
+    /// What is out of balance, moments at an arm of 20 mm [N].
+    pub unbalanced_n: f64,
+}
+
+impl PatellaState {
+    /// Names with their units, and values: what results tell of it.
+    pub fn outputs(&self) -> Vec<(String, f64)> {
+        let p = &self.pose;
+        let mut out: Vec<(String, f64)> = vec![
+            ("patella_flexion_deg".into(), p[0].to_degrees()),
+            ("patella_spin_deg".into(), p[1].to_degrees()),
+            ("patella_tilt_deg".into(), p[2].to_degrees()),
+            ("patella_ml_mm".into(), p[3]),
+            ("patella_ap_mm".into(), p[4]),
+            ("patella_si_mm".into(), p[5]),
+            ("patellar_tendon_n".into(), self.tendon_n),
+            ("patella_contact_n".into(), self.contact_n),
+            ("patella_unbalanced_n".into(), self.unbalanced_n),
+        ];
+        out.extend(self.retinacula.iter().map(|(name, n)| (format!("patella_{name}_n"), *n)));
+        out
+    }
+
+    /// Whether its forces balance.
+    pub fn is_balanced(&self) -> bool {
+        self.unbalanced_n <= BALANCED * self.quadriceps_n.max(1.0)
+    }
+}
+
+impl Inner for Patella {
+    fn name(&self) -> &str {
+        NAME
+    }
+
+    fn size(&self) -> (usize, usize) {
+        (6, 5)
+    }
+
+    fn at(&self, pose: &Pose, inner: &[f64]) -> Parts {
+        let own = self.joint.pose(&unscaled(inner));
+        let mut sums = Sums::new(&own, pose);
+        let contact = self.contact.evaluate(&own);
+        sums.parts.energy += contact.energy;
+        sums.by_u += contact.gradient;
+        sums.uu += contact.hessian;
+        self.pull(&mut sums);
+        sums.scaled()
+    }
+
+    fn longest_step(&self) -> f64 {
+        LONGEST_STEP
+    }
+
+    /// From the CT pose, or where it rested last, in strides.
+    fn approach(&self, q: &Six, rest: &mut Rest) {
+        let from = rest.at().unwrap_or_else(|| {
+            *rest = Rest::known(&Six::zeros(), vec![0.0; 6]);
+            Six::zeros()
+        });
+        let moved = q - from;
+        let strides = (0..6).map(|i| (moved[i] / STRIDE[i]).abs()).fold(0.0, f64::max).ceil();
+        let count = if strides < MOST_STRIDES { strides as usize } else { 0 };
+        for k in 1..count {
+            let at = from + moved * (k as f64 / count as f64);
+            condense(self, (&at, &self.knee.pose(&at)), rest);
+        }
+    }
+
+    fn outputs(&self, pose: &Pose, inner: &[f64]) -> Vec<(String, f64)> {
+        self.state(pose, inner).outputs()
+    }
+}
+
+/// Angles from their scaled coordinates.
+fn unscaled(inner: &[f64]) -> Six {
+    Six::from_fn(|i, _| inner[i] * unit(i))
+}
+
+/// What a millimetre is of a coordinate.
+fn unit(i: usize) -> f64 {
+    if i < 3 { 1.0 / ARM } else { 1.0 }
+}
+
+/// A point that a body carries, seen from the femur: its place and its change by the body's coordinates.
+struct Place {
+    at: Vector,
+    by: [Vector; 6],
+    /// Velocities in the body's frame.
+    own: [Vector; 6],
+}
+
+impl Place {
+    /// `p` in the CT frame of the body against which `pose` moves the femur.
+    fn new(pose: &Pose, p: &Vector) -> Place {
+        let own = pose.screws.map(|s| s.at(p));
+        let back = pose.femur.rotation.inverse();
+        Place { at: pose.femur.inverse_transform_point(&Point::from(*p)).coords, by: own.map(|v| -(back * v)), own }
+    }
+
+    /// Second derivative by two coordinates.
+    fn second(&self, pose: &Pose, j: usize, k: usize) -> Vector {
+        let (first, last) = if comes_first(j, k) { (j, k) } else { (k, j) };
+        pose.femur.rotation.inverse() * pose.screws[last].angular.cross(&self.own[first])
+    }
+}
+
+/// Energy and derivatives under way; angles in radians.
+struct Sums<'a> {
+    /// The femur against the patella, and against the tibia.
+    own: &'a Pose,
+    knee: &'a Pose,
+    parts: Parts,
+    by_u: Six,
+    uu: nalgebra::Matrix6<f64>,
+    uq: nalgebra::Matrix6<f64>,
+}
+
+impl<'a> Sums<'a> {
+    fn new(own: &'a Pose, knee: &'a Pose) -> Sums<'a> {
+        let zero = nalgebra::Matrix6::zeros();
+        Sums { own, knee, parts: Parts::zeros((6, 5)), by_u: Six::zeros(), uu: zero, uq: zero }
+    }
+
+    /// Adds an energy of the place of `near`, a point of the patella, against `far`, one of the tibia where it moves: force and stiffness by
+    /// that place, femur frame.
+    fn add(&mut self, energy: f64, (force, stiffness): (&Vector, &Matrix3<f64>), near: &Place, far: Option<&Place>) {
+        self.parts.energy += energy;
+        for j in 0..6 {
+            self.by_u[j] += force.dot(&near.by[j]);
+            let along = stiffness * near.by[j];
+            for k in j..6 {
+                let value = along.dot(&near.by[k]) + force.dot(&near.second(self.own, j, k));
+                self.uu[(j, k)] += value;
+                if j != k {
+                    self.uu[(k, j)] += value;
+                }
+            }
+            let Some(far) = far else { continue };
+            self.parts.outer[j] -= force.dot(&far.by[j]);
+            let across = stiffness * far.by[j];
+            for k in 0..6 {
+                self.uq[(j, k)] -= along.dot(&far.by[k]);
+                self.parts.hessian[(j, k)] += across.dot(&far.by[k]) - force.dot(&far.second(self.knee, j, k));
+            }
+        }
+    }
+
+    /// By scaled inner coordinates.
+    fn scaled(mut self) -> Parts {
+        for j in 0..6 {
+            self.parts.inner[j] = self.by_u[j] * unit(j);
+            self.parts.mixed[j] = self.uq.row(j).transpose() * unit(j);
+            for k in 0..=j {
+                self.parts.stiffness.add(j, k, self.uu[(j, k)] * unit(j) * unit(k));
+            }
+        }
+        self.parts
+    }
+}
+
+impl Patella {
+    /// Compiles the patella of a specification, where it has one; `surfaces` by the names its contact uses.
+    ///
+    /// Errors: numbers out of range, a fibre without length, a missing surface, bad frames.
+    pub fn new(
+        spec: &ModelSpec,
+        surfaces: &BTreeMap<String, TriMesh>,
+        options: &ContactOptions,
+    ) -> Result<Option<Patella>, SimError> {
+        let Some(own) = &spec.patella else { return Ok(None) };
+        let frames = FramesSpec { tibia: own.frame, chain: None, ..spec.frames.clone() };
+        let joint = Joint::new(&frames, spec.side).map_err(|e| SimError::Spec(format!("patella: {e}")))?;
+        let knee = Joint::new(&spec.frames, spec.side)?;
+        let mut contact = Contact::between(&frames, &contact_spec(&own.contact), surfaces, options)?;
+        // the patella's nodes alone: the trochlea is much the larger
+        contact.tibial_only = true;
+        let mut bands = vec![band(&own.tendon, true)?];
+        for retinaculum in &own.retinacula {
+            bands.push(band(retinaculum, false)?);
+        }
+        let (heads, wrap) = quadriceps(&own.quadriceps, &spec.frames)?;
+        Ok(Some(Patella { joint, knee, tension: 0.0, contact, heads, wrap, bands }))
+    }
+
+    /// Under another tension of the quadriceps [N].
+    pub fn with_tension(&self, tension: f64) -> Patella {
+        Patella { tension, ..self.clone() }
+    }
+
+    /// What a patella in equilibrium does, from [`Condensed::inner`].
+    pub fn state(&self, knee: &Pose, inner: &[f64]) -> PatellaState {
+        let u = unscaled(inner);
+        let own = self.joint.pose(&u);
+        let contact = self.contact.evaluate(&own);
+        let mut sums = Sums::new(&own, knee);
+        self.pull(&mut sums);
+        let left = sums.by_u + contact.gradient;
+        let mut forces = self.bands.iter().map(|b| (b.law.name.clone(), b.tension(&own, knee)));
+        let tendon_n = forces.next().map_or(0.0, |f| f.1);
+        PatellaState {
+            pose: self.joint.grood_suntay(&u),
+            quadriceps_n: self.tension,
+            tendon_n,
+            retinacula: forces.collect(),
+            contact_n: contact.wrench.iter().map(|w| w.0).sum::<Vector>().norm(),
+            area_mm2: contact.area.iter().sum(),
+            unbalanced_n: (0..6).map(|i| (left[i] * unit(i)).powi(2)).sum::<f64>().sqrt(),
+        }
+    }
+
+    /// Adds all but the contact.
+    fn pull(&self, sums: &mut Sums) {
+        let (own, knee) = (sums.own, sums.knee);
+        for head in &self.heads {
+            let near = Place::new(own, &head.patella);
+            let Length { value, gradient, hessian } = self.wrap.over(&near.at, &head.femur);
+            let f = self.tension * head.share;
+            sums.add(f * value, (&(gradient * f), &(hessian * f)), &near, None);
+        }
+        for band in &self.bands {
+            for fibre in &band.fibres {
+                let (near, far) = (Place::new(own, &fibre.patella), band.far(fibre, knee));
+                let at = far.as_ref().map_or(fibre.far, |f| f.at);
+                let Length { value, gradient, hessian } = straight(&near.at, &at);
+                let r = band.law.response(value - fibre.initial + band.law.initial_stretch());
+                if r.energy > 0.0 {
+                    let stiffness = hessian * r.force + gradient * gradient.transpose() * r.stiffness;
+                    sums.add(r.energy, (&(gradient * r.force), &stiffness), &near, far.as_ref());
+                }
+            }
+        }
+    }
+}
+
+impl Group {
+    /// The far end of a fibre, where it moves against the femur.
+    fn far(&self, fibre: &Fibre, knee: &Pose) -> Option<Place> {
+        self.tibial.then(|| Place::new(knee, &fibre.far))
+    }
+
+    /// Tension of all its fibres [N].
+    fn tension(&self, own: &Pose, knee: &Pose) -> f64 {
+        let at = |pose: &Pose, p: &Vector| pose.femur.inverse_transform_point(&Point::from(*p));
+        let length = |f: &Fibre| {
+            let far = if self.tibial { at(knee, &f.far) } else { Point::from(f.far) };
+            (at(own, &f.patella) - far).norm()
+        };
+        self.fibres.iter().map(|f| self.law.response(length(f) - f.initial + self.law.initial_stretch()).force).sum()
+    }
+}
+
+/// The contact as that of a tibia.
+fn contact_spec(own: &PatellaContactSpec) -> ContactSpec {
+    ContactSpec {
+        overclosure_mm: own.overclosure_mm.clone(),
+        pressure_mpa: own.pressure_mpa.clone(),
+        friction: 0.0,
+        damping: 0.0,
+        pairs: std::iter::once(&own.femur)
+            .chain(&own.bone)
+            .map(|femur| PairSpec { femur: femur.clone(), tibia: own.patella.clone() })
+            .collect(),
+        layer: None,
+    }
+}
+
+/// Fibres and their law; the reference length is their mean.
+fn band(spec: &BandSpec, tibial: bool) -> Result<Group, SimError> {
+    let fault = |what: String| Err(SimError::Spec(format!("patella, {}: {what}", spec.name)));
+    if spec.fibres.is_empty() {
+        return fault("no fibres".into());
+    }
+    let mut fibres = Vec::new();
+    for (i, f) in spec.fibres.iter().enumerate() {
+        let initial = (f.patella - f.far).norm();
+        if !(initial > 1e-3 && initial < 1e4) {
+            return fault(format!("fibres[{i}] has a length of {initial} mm"));
+        }
+        fibres.push(Fibre { patella: f.patella.coords, far: f.far.coords, initial });
+    }
+    let bundle = BundleSpec {
+        name: spec.name.clone(),
+        reference_strain: spec.reference_strain,
+        stiffness_n_per_mm: spec.stiffness_n_per_mm,
+        reference_length_mm: fibres.iter().map(|f| f.initial).sum::<f64>() / fibres.len() as f64,
+        toe_strain: spec.toe_strain,
+        law: crate::spec::Law::Smooth,
+        damping_n_s_per_mm: 0.0,
+    };
+    let mut law = crate::ligament::bundle(&bundle, None)?;
+    law.fibres = fibres.len();
+    Ok(Group { law, tibial, fibres })
+}
+
+/// Heads and the cylinder they wrap over.
+fn quadriceps(spec: &QuadricepsSpec, frames: &FramesSpec) -> Result<(Vec<Head>, Cylinder), SimError> {
+    let fault = |what: String| Err(SimError::Spec(format!("patella.quadriceps: {what}")));
+    let sum: f64 = spec.heads.iter().map(|h| h.share).sum();
+    let shares = spec.heads.iter().all(|h| (0.0..=1.0).contains(&h.share));
+    if !(shares && (sum - 1.0).abs() < 1e-6) {
+        return fault(format!("the shares of its heads sum to {sum}, expected 1 of shares from 0 to 1"));
+    }
+    let (radius, axis) = (spec.wrap_radius_mm, spec.wrap.direction);
+    if !((axis.norm() - 1.0).abs() < 1e-3 && radius > 0.0 && radius < 1e3) {
+        return fault(format!(
+            "wrap_radius_mm is {radius}, wrap.direction of length {}; expected above 0, and 1",
+            axis.norm()
+        ));
+    }
+    let axis = axis.normalize();
+    let front = frames.femur.anterior - axis * axis.dot(&frames.femur.anterior);
+    if front.norm() < 0.1 {
+        return fault("the cylinder's axis points forwards, expected across the knee".into());
+    }
+    let front = front.normalize();
+    let up = axis.cross(&front);
+    let up = if up.dot(&frames.femur.superior) < 0.0 { -up } else { up };
+    let head = |h: &HeadSpec| Head { share: h.share, patella: h.patella.coords, femur: h.femur.coords };
+    let heads: Vec<Head> = spec.heads.iter().map(head).collect();
+    if heads.iter().any(|h| !((h.patella - h.femur).norm() > 1.0 && (h.patella - h.femur).norm() < 1e4)) {
+        return fault("a head has no length".into());
+    }
+    Ok((heads, Cylinder { point: spec.wrap.point.coords, axes: [axis, front, up], radius }))
+}

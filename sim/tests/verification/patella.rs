@@ -1,0 +1,179 @@
+//! The laws of the other files, kept by a knee with a patella under tension of the quadriceps.
+use crate::fixed;
+use crate::laws::{finished, trial, trial_load};
+use crate::quasistatic::{LOAD, answer};
+use crate::rig::{Rig, program, step};
+use meshes::frame::Side;
+use meshes::{Isometry, Point, Vector};
+use sim::Model;
+use sim::coordinate::{AP, FE, FREE, Six};
+use sim::explicit::{ExplicitOptions, ExplicitState, TrialSteps, run, unobserved};
+use sim::trials::{TrialOptions, solve};
+
+/// Tension of the quadriceps [N].
+const TENSION: f64 = 120.0;
+
+fn pulled(rig: &Rig) -> Model {
+    rig.compiled().with_quadriceps(TENSION).unwrap()
+}
+
+fn output(model: &Model, q: &Six, name: &str) -> f64 {
+    let all = model.body_outputs(&model.evaluate(q));
+    all.iter().find(|(n, _)| n == name).unwrap_or_else(|| panic!("{name} in {all:?}")).1
+}
+
+/// Poses from the CT pose to deep flexion, in which quadriceps wrap.
+fn poses() -> [Six; 4] {
+    [
+        Six::zeros(),
+        Six::new(0.5, 0.02, -0.05, 0.4, 0.7, 0.1),
+        Six::new(1.2, -0.02, 0.1, -0.6, 1.7, -0.3),
+        Six::new(1.9, 0.01, 0.15, 0.3, -1.0, 0.2),
+    ]
+}
+
+#[test]
+fn energy_gradient_and_stiffness_are_derivatives_of_one_another() {
+    let model = pulled(&Rig::patellar_knee());
+    let bare = Rig::patellar_knee().compiled();
+    let part = |q: &Six| {
+        let (with, without) = (model.evaluate(q), bare.evaluate(q));
+        (with.energy - without.energy, with.gradient - without.gradient, with.hessian - without.hessian)
+    };
+    for q in poses() {
+        let (_, gradient, hessian) = part(&q);
+        let (mut worst, mut worst_tangent): (f64, f64) = (0.0, 0.0);
+        for j in 0..6 {
+            let mut h = Six::zeros();
+            h[j] = if j < 3 { 1e-4 } else { 2e-3 };
+            let (up, down) = (part(&(q + h)), part(&(q - h)));
+            worst = worst.max(((up.0 - down.0) / (2.0 * h[j]) - gradient[j]).abs() / gradient.amax());
+            let curve = (up.1 - down.1) / (2.0 * h[j]);
+            let column = hessian.column(j);
+            worst_tangent = worst_tangent.max((curve - column).amax() / hessian.amax());
+        }
+        println!(
+            "patella at {:.0} deg: wrench {worst:.1e}, stiffness {worst_tangent:.1e} of the largest against finite differences; {:?}",
+            q[FE].to_degrees(),
+            model.body_outputs(&model.evaluate(&q))
+        );
+        assert!(worst < 1e-5 && worst_tangent < 1e-3);
+        assert!(output(&model, &q, "patella_unbalanced_n") < 1e-4 * TENSION);
+    }
+}
+
+#[test]
+fn the_patella_rests_alike_however_the_pose_was_reached() {
+    let model = pulled(&Rig::patellar_knee());
+    let mut near = sim::contact::Nearby::default();
+    for k in 0..=40 {
+        model.evaluate_near(&(poses()[3] * (f64::from(k) / 40.0)), &mut near);
+    }
+    let (warm, cold) = (model.evaluate_near(&poses()[3], &mut near), model.evaluate(&poses()[3]));
+    let miss = (warm.gradient - cold.gradient).amax() / cold.gradient.amax();
+    println!("patella: gradient by way of 40 steps and at once {miss:.1e} apart");
+    assert!(miss < 1e-7 && (warm.energy - cold.energy).abs() < 1e-7 * cold.energy.abs());
+}
+
+#[test]
+fn forces_on_the_patella_balance_and_the_tendon_pulls_the_tibia() {
+    let model = pulled(&Rig::patellar_knee());
+    for q in poses() {
+        let tendon = output(&model, &q, "patellar_tendon_n");
+        let ratio = tendon / TENSION;
+        println!("patella at {:.0} deg: tendon over quadriceps {ratio:.3}", q[FE].to_degrees());
+        assert!(ratio > 0.1 && ratio < 1.3);
+    }
+    // in extension the tendon pulls the tibia forwards, in flexion less
+    let bare = Rig::patellar_knee().compiled();
+    let pull = |q: &Six| -(model.evaluate(q).gradient - bare.evaluate(q).gradient)[AP];
+    assert!(pull(&poses()[0]) > 1.0 && pull(&poses()[3]) < 0.7 * pull(&poses()[0]));
+}
+
+#[test]
+fn without_tension_nothing_changes_and_without_a_patella_tension_is_refused() {
+    let slack = Rig::patellar_knee();
+    let mut bare = Rig::patellar_knee();
+    bare.spec.patella = None;
+    let (with, without) = (answer(&slack.compiled().with_quadriceps(0.0).unwrap()), answer(&bare.compiled()));
+    assert_eq!(with.state.q, without.state.q);
+    let error = bare.compiled().with_quadriceps(60.0).unwrap_err().to_string();
+    assert!(error.contains("load_quadriceps_n is 60") && error.contains("no patella"), "{error}");
+    assert!(slack.compiled().with_quadriceps(-1.0).is_err() && slack.compiled().with_quadriceps(f64::NAN).is_err());
+}
+
+#[test]
+fn energy_balances_and_a_frictionless_motion_reversed_returns() {
+    let model = pulled(&Rig::patellar_knee());
+    let state = finished(&model, &trial(&model), &ExplicitOptions::default());
+    println!("patella: balance {:.1e}, {}", state.energies.balance_error(), state.energies);
+    assert!(state.energies.balance_error() < 0.01);
+    let mut rig = Rig::patellar_knee();
+    rig.spec.bundles.iter_mut().for_each(|b| b.damping_n_s_per_mm = 0.0);
+    rig.spec.contact.damping = 0.0;
+    let model = pulled(&rig).with_friction(0.0).unwrap();
+    let program = program([step(5e-3, &[], trial_load() * 0.2)]);
+    let start = Six::new(0.02, 0.01, -0.02, 0.3, -0.4, -0.1);
+    let mut state = ExplicitState::moving(&model, 1.0, start, Six::zeros());
+    run(&model, &program, &fixed(2e-5), &mut state, &mut unobserved).unwrap();
+    let way = (state.q - start).amax();
+    let mut back = state.reversed();
+    run(&model, &program, &fixed(2e-5), &mut back, &mut unobserved).unwrap();
+    let miss = (back.q - start).amax();
+    println!("patella, reversal: {way:.3} mm out, {miss:.1e} mm from the start after coming back");
+    assert!(way > 0.1 && miss < 1e-6);
+}
+
+#[test]
+fn left_and_right_answer_alike_and_the_ct_frame_does_not_matter() {
+    let rig = Rig::patellar_knee();
+    let motion = Isometry::new(Vector::new(120.0, -340.0, 55.0), Vector::new(0.4, -1.1, 2.0));
+    let models = [
+        pulled(&rig),
+        pulled(&rig.mapped(Side::Right, |p| Point::new(-p.x, p.y, p.z))),
+        pulled(&rig.mapped(Side::Left, |p| motion * p)),
+    ];
+    let still = models.each_ref().map(|m| answer(m).state.q);
+    let moving = models.each_ref().map(|m| finished(m, &trial(m), &ExplicitOptions::default()).q);
+    for (name, q, most) in [("quasi-static", still, 1e-5), ("explicit", moving, 1e-4)] {
+        let [mirror, frame] = [1, 2].map(|n| (q[n] - q[0]).amax());
+        println!("patella, {name}: mirror {mirror:.1e}; moved CT frame {frame:.1e} mm or rad");
+        assert!(mirror < most && frame < most && q[0].amax() > 0.3);
+    }
+    for name in ["patella_flexion_deg", "patella_spin_deg", "patella_tilt_deg", "patella_ml_mm", "patella_si_mm"] {
+        let [a, b, c] = models.each_ref().map(|m| output(m, &poses()[1], name));
+        assert!((a - b).abs() < 1e-4 && (a - c).abs() < 1e-4, "{name}: {a} {b} {c}");
+    }
+}
+
+#[test]
+fn explicit_dynamics_end_where_the_quasi_static_path_does() {
+    let model = pulled(&Rig::patellar_knee()).with_friction(0.0).unwrap();
+    let steps = TrialSteps::default().program(&model.joint, 20.0, &LOAD.generalised()).unwrap();
+    let mut state = ExplicitState::at_rest();
+    run(&model, &steps, &ExplicitOptions::default(), &mut state, &mut unobserved).unwrap();
+    let mut options = TrialOptions { increments: [24, 144, 32], ..TrialOptions::default() };
+    options.solver.step_on_the_way_mm = 1e-5;
+    let still = solve(&model, 20.0, &LOAD, &options).unwrap();
+    let [a, b] = [&state.q, &still.state.q].map(|q| model.joint.grood_suntay(q));
+    let miss = FREE.map(|c| c.to_file(a[c] - b[c]).abs()).into_iter().fold(0.0, f64::max);
+    println!("patella: explicit and quasi-static {miss:.1e} mm or deg apart");
+    assert!(miss < 1e-3);
+}
+
+#[test]
+fn a_patella_that_cannot_be_is_refused() {
+    let error = |spoil: &dyn Fn(&mut sim::spec::PatellaSpec)| {
+        let mut rig = Rig::patellar_knee();
+        spoil(rig.spec.patella.as_mut().unwrap());
+        sim::compile(&rig.spec, &rig.meshes).unwrap_err().to_string()
+    };
+    assert!(error(&|p| p.quadriceps.heads[0].share = 0.9).contains("shares"));
+    assert!(error(&|p| p.quadriceps.wrap_radius_mm = f64::NAN).contains("wrap_radius_mm"));
+    assert!(error(&|p| p.tendon.fibres.clear()).contains("patellar_tendon: no fibres"));
+    assert!(error(&|p| p.tendon.stiffness_n_per_mm = -1.0).contains("stiffness_n_per_mm"));
+    assert!(error(&|p| p.tendon.fibres[1].far = p.tendon.fibres[1].patella).contains("fibres[1]"));
+    assert!(error(&|p| p.contact.patella = "none".into()).contains("patella.contact.patella names none"));
+    assert!(error(&|p| p.frame.medial *= 2.0).contains("patella"));
+    assert!(error(&|p| p.contact.pressure_mpa = vec![1.0, 0.0]).contains("contact"));
+}
