@@ -9,7 +9,7 @@ use genu::build_args::BuildArgs;
 use genu::error::BuildError;
 use genu::options::parse_override;
 use genu::{model_file, run, store};
-use sim::coordinate::{Free, Load};
+use sim::coordinate::Load;
 use sim::laxity::{LaxityTrial, Test};
 use sim::protocols::ProtocolOptions;
 use sim::trials::{TrialOptions, solve_trials};
@@ -151,21 +151,8 @@ fn ie_trials() -> Vec<LaxityTrial> {
     let mut out = Vec::new();
     for fe_deg in [30.0, 90.0] {
         for (test, sign) in [(Test::External, 1.0), (Test::Internal, -1.0)] {
-            out.push(LaxityTrial {
-                trial: format!("{} {fe_deg}", test.name()),
-                test,
-                nominal_flexion_deg: fe_deg,
-                load: Load::new(0.0, sign * IE_NM, 0.0, 0.0, 20.0),
-                fe_deg,
-                measured: Free::all(None),
-                sd: Free::all(None),
-                branch: None,
-                order: None,
-                time_s: None,
-                quadriceps_n: 0.0,
-                reference: None,
-                row: None,
-            });
+            let load = Load::new(0.0, sign * IE_NM, 0.0, 0.0, 20.0);
+            out.push(LaxityTrial::asked(format!("{} {fe_deg}", test.name()), test, fe_deg, load));
         }
     }
     out

@@ -12,7 +12,7 @@ use crate::problem::{Probes, Problem};
 use crate::targets::{Targets, targets};
 use crate::unknowns::KnownFrames;
 use serde::{Deserialize, Serialize};
-use sim::coordinate::{Free, Load};
+use sim::coordinate::Load;
 use sim::laxity::{LaxityTrial, Test};
 use sim::spec::{ModelSpec, PoseSpec};
 use std::ops::ControlFlow;
@@ -55,21 +55,8 @@ pub fn ap_probes() -> Vec<LaxityTrial> {
     let mut out = Vec::new();
     for (test, load) in [(Test::Anterior, DRAWER_N), (Test::Posterior, -DRAWER_N)] {
         for fe_deg in DRAWERS_DEG {
-            out.push(LaxityTrial {
-                row: None,
-                trial: format!("{}_{fe_deg}", test.name()),
-                test,
-                nominal_flexion_deg: fe_deg,
-                load: Load::new(0.0, 0.0, 0.0, load, 20.0),
-                fe_deg,
-                measured: Free::all(None),
-                sd: Free::all(None),
-                branch: None,
-                order: None,
-                time_s: None,
-                quadriceps_n: 0.0,
-                reference: None,
-            });
+            let name = format!("{}_{fe_deg}", test.name());
+            out.push(LaxityTrial::asked(name, test, fe_deg, Load::new(0.0, 0.0, 0.0, load, 20.0)));
         }
     }
     out

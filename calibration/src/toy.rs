@@ -23,21 +23,8 @@ pub(crate) fn trials() -> Vec<LaxityTrial> {
 }
 
 fn trial(test: Test, fe: f64, load: Load, k: i32) -> LaxityTrial {
-    LaxityTrial {
-        row: None,
-        trial: format!("{}_{fe}_{k}", test.name()),
-        test,
-        nominal_flexion_deg: fe,
-        load,
-        fe_deg: fe,
-        measured: Free::all(Some(0.0)),
-        sd: Free::all(None),
-        branch: None,
-        order: None,
-        time_s: None,
-        quadriceps_n: 0.0,
-        reference: None,
-    }
+    let name = format!("{}_{fe}_{k}", test.name());
+    LaxityTrial { measured: Free::all(Some(0.0)), ..LaxityTrial::asked(name, test, fe, load) }
 }
 
 /// The answers to all trials.

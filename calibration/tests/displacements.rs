@@ -29,21 +29,7 @@ fn trial(test: Test, fe_deg: f64, size: f64) -> LaxityTrial {
     if let Some(c) = test.coordinate() {
         load[c] = size;
     }
-    LaxityTrial {
-        row: None,
-        trial: format!("{}_{fe_deg}_{size}", test.name()),
-        test,
-        nominal_flexion_deg: fe_deg,
-        load,
-        fe_deg,
-        measured: Free::all(None),
-        sd: Free::all(None),
-        branch: None,
-        order: None,
-        time_s: None,
-        quadriceps_n: 0.0,
-        reference: None,
-    }
+    LaxityTrial::asked(format!("{}_{fe_deg}_{size}", test.name()), test, fe_deg, load)
 }
 
 /// Drawer at 30 deg, rotation at 30 and 90 deg, and the trials without load.

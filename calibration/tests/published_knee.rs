@@ -54,19 +54,9 @@ fn trials(test: &str) -> Option<Vec<LaxityTrial>> {
             -number(r, "deck_load_SI"),
         );
         LaxityTrial {
-            row: None,
-            trial: r["trial"].clone(),
-            test,
-            nominal_flexion_deg: fe,
-            load,
             fe_deg: number(r, "deck_final_GS_FE_deg"),
             measured: Free::from_fn(|c| Some(number(r, &format!("exp_GS_{}", c.name().to_uppercase())))),
-            sd: Free::all(None),
-            branch: None,
-            order: None,
-            time_s: None,
-            quadriceps_n: 0.0,
-            reference: None,
+            ..LaxityTrial::asked(r["trial"].clone(), test, fe, load)
         }
     };
     Some(all.iter().filter(|r| r["source"] == "KLA_MRI").map(trial).collect())

@@ -8,7 +8,7 @@ use crate::report::Carried;
 use crate::trial::Trial;
 use attachments::groups::{GROUPS, group_forces};
 use sim::Model;
-use sim::coordinate::{Free, Load};
+use sim::coordinate::Load;
 use sim::laxity::{LaxityTrial, Test};
 use sim::protocols::ProtocolOptions;
 use sim::spec::ModelSpec;
@@ -42,20 +42,8 @@ pub fn carried(knees: [(&Model, &ModelSpec); 2]) -> Result<Vec<Carried>, Diagnos
 /// The tests [andreassen2025, sections 2.6.2 and 2.6.4].
 fn tests() -> Vec<(String, LaxityTrial)> {
     let o = ProtocolOptions::default();
-    let trial = |name: &str, test: Test, flexion: f64, [vv, ie, ap]: [f64; 3]| LaxityTrial {
-        row: None,
-        trial: name.into(),
-        test,
-        nominal_flexion_deg: flexion,
-        load: Load::new(vv, ie, 0.0, ap, o.compression_n),
-        fe_deg: flexion,
-        measured: Free::all(None),
-        sd: Free::all(None),
-        branch: None,
-        order: None,
-        time_s: None,
-        quadriceps_n: 0.0,
-        reference: None,
+    let trial = |name: &str, test: Test, flexion: f64, [vv, ie, ap]: [f64; 3]| {
+        LaxityTrial::asked(name.into(), test, flexion, Load::new(vv, ie, 0.0, ap, o.compression_n))
     };
     let drawer = |fe: &f64| {
         let words = format!("{:.0} N forward at {fe:.0} deg", o.ap_load_n);

@@ -18,6 +18,7 @@ use sim::SimError;
 use sim::contact::Nearby;
 use sim::coordinate::{Coordinate, FE, FREE, Free, Load, Six};
 use sim::joint::Joint;
+use sim::laxity::{LaxityTrial, Test};
 use sim::quasistatic::{Goal, State, increment_near};
 use sim::sensitivity::End;
 use sim::spec::ModelSpec;
@@ -400,22 +401,9 @@ fn model_at(
 }
 
 /// A trial as the solver has it.
-fn plain(trial: &Asked) -> sim::laxity::LaxityTrial {
-    sim::laxity::LaxityTrial {
-        row: None,
-        trial: String::new(),
-        test: sim::laxity::Test::Neutral,
-        nominal_flexion_deg: trial.fe_deg,
-        load: trial.load,
-        fe_deg: trial.fe_deg,
-        measured: Free::all(None),
-        sd: Free::all(None),
-        branch: None,
-        order: None,
-        time_s: None,
-        quadriceps_n: trial.quadriceps_n,
-        reference: None,
-    }
+fn plain(trial: &Asked) -> LaxityTrial {
+    let plain = LaxityTrial::asked(String::new(), Test::Neutral, trial.fe_deg, trial.load);
+    LaxityTrial { quadriceps_n: trial.quadriceps_n, ..plain }
 }
 
 /// Size of the contact force [N], over all pairs.

@@ -147,20 +147,10 @@ impl Protocol {
         let trial = |test: Test, flexion: f64, size: f64| {
             let mut load = Load::compression(self.compression_n);
             load[test.coordinate().unwrap_or(AP)] += size;
+            let name = format!("{}_{flexion}deg_{}", test.name(), size.abs());
             LaxityTrial {
-                row: None,
-                trial: format!("{}_{flexion}deg_{}", test.name(), size.abs()),
-                test,
-                nominal_flexion_deg: flexion,
-                load,
-                fe_deg: flexion,
-                measured: Free::all(None),
                 sd: Free::from_fn(|c| Some(if c.turns() { turn } else { shift })),
-                branch: None,
-                order: None,
-                time_s: None,
-                quadriceps_n: 0.0,
-                reference: None,
+                ..LaxityTrial::asked(name, test, flexion, load)
             }
         };
         let at = |flexion: f64| {

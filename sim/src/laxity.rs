@@ -133,21 +133,31 @@ fn is_zero(x: &f64) -> bool {
 }
 
 impl LaxityTrial {
-    /// The trial from whose pose the readings count, with nothing measured.
-    pub fn unloaded(&self) -> Option<LaxityTrial> {
-        self.reference.as_ref().map(|r| LaxityTrial {
+    /// A trial that is asked for: its name, its test, its flexion [deg] and its loads, with nothing measured.
+    pub fn asked(trial: String, test: Test, fe_deg: f64, load: Load) -> LaxityTrial {
+        LaxityTrial {
             row: None,
-            trial: r.trial.clone(),
-            test: Test::Neutral,
-            load: r.load,
-            fe_deg: r.fe_deg,
+            trial,
+            test,
+            nominal_flexion_deg: fe_deg,
+            load,
+            fe_deg,
             measured: Free::all(None),
             sd: Free::all(None),
             branch: None,
             order: None,
             time_s: None,
+            quadriceps_n: 0.0,
             reference: None,
-            ..self.clone()
+        }
+    }
+
+    /// The trial from whose pose the readings count, with nothing measured.
+    pub fn unloaded(&self) -> Option<LaxityTrial> {
+        self.reference.as_ref().map(|r| LaxityTrial {
+            nominal_flexion_deg: self.nominal_flexion_deg,
+            quadriceps_n: self.quadriceps_n,
+            ..LaxityTrial::asked(r.trial.clone(), Test::Neutral, r.fe_deg, r.load)
         })
     }
 

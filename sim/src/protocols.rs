@@ -2,7 +2,7 @@
 //!
 //! Each gives rows in the order of time; a row's trial holds the loads acting there and names the step.
 
-use crate::coordinate::{FE, Free, Load};
+use crate::coordinate::{FE, Load};
 use crate::error::SimError;
 use crate::laxity::{LaxityTrial, Test, TrialResult};
 use crate::model::Model;
@@ -164,22 +164,7 @@ fn check(o: &ProtocolOptions) -> Result<(), SimError> {
 }
 
 fn leg(step: String, test: Test, fe_deg: f64, load: Load, going: Option<(f64, usize)>) -> Leg {
-    let trial = LaxityTrial {
-        row: None,
-        trial: step,
-        test,
-        nominal_flexion_deg: fe_deg,
-        load,
-        fe_deg,
-        measured: Free::all(None),
-        sd: Free::all(None),
-        branch: None,
-        order: None,
-        time_s: None,
-        quadriceps_n: 0.0,
-        reference: None,
-    };
-    Leg { trial, going }
+    Leg { trial: LaxityTrial::asked(step, test, fe_deg, load), going }
 }
 
 fn ap_laxity(fe_deg: f64, o: &ProtocolOptions) -> Vec<Leg> {

@@ -7,19 +7,13 @@ use sim::laxity::LaxityTrial;
 /// Five anterior trials at 30 deg.
 fn trials() -> Vec<LaxityTrial> {
     let trial = |k: u32| LaxityTrial {
-        row: None,
-        trial: format!("anterior_30_{k}"),
-        test: Test::Anterior,
-        nominal_flexion_deg: 30.0,
-        load: Load::new(0.0, 0.0, 0.0, 45.0 * f64::from(k), 20.0),
-        fe_deg: 30.0,
         measured: Free::all(Some(0.0)),
-        sd: Free::all(None),
-        branch: None,
-        order: None,
-        time_s: None,
-        quadriceps_n: 0.0,
-        reference: None,
+        ..LaxityTrial::asked(
+            format!("anterior_30_{k}"),
+            Test::Anterior,
+            30.0,
+            Load::new(0.0, 0.0, 0.0, 45.0 * f64::from(k), 20.0),
+        )
     };
     (0..5).map(trial).collect()
 }
