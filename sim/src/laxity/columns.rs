@@ -1,12 +1,54 @@
 //! The standard columns of a laxity file, and its errors.
 
+use super::LaxityTrial;
 use crate::coordinate::{Coordinate, FREE};
 use std::collections::BTreeSet;
 
 /// What is wrong with a laxity file, in words for the person who owns it.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{0}")]
-pub struct LaxityError(pub String);
+pub enum LaxityError {
+    /// A row is at fault.
+    #[error("row {row}{}{}: {what}", in_brackets(trial), after_comma(column))]
+    Row {
+        /// Its number, the header being row 1.
+        row: usize,
+        /// The trial's name, where that is known.
+        trial: Option<String>,
+        /// The column: its name in quotes, or its number.
+        column: Option<String>,
+        /// What is wrong, what was expected, what to do.
+        what: String,
+    },
+    /// The file as a whole, or the declaration of its shape.
+    #[error("{0}")]
+    File(String),
+}
+
+fn in_brackets(trial: &Option<String>) -> String {
+    trial.as_ref().map_or(String::new(), |name| format!(" ({name})"))
+}
+
+fn after_comma(column: &Option<String>) -> String {
+    column.as_ref().map_or(String::new(), |name| format!(", column {name}"))
+}
+
+impl LaxityError {
+    /// A row at fault.
+    pub(super) fn row(row: usize, what: String) -> LaxityError {
+        LaxityError::Row { row, trial: None, column: None, what }
+    }
+
+    /// A cell at fault; `column` is a name in quotes or a number.
+    pub(super) fn cell(row: usize, column: String, what: String) -> LaxityError {
+        LaxityError::Row { row, trial: None, column: Some(column), what }
+    }
+
+    /// A trial at fault.
+    pub(super) fn trial(t: &LaxityTrial, column: Option<&str>, what: String) -> LaxityError {
+        let column = column.map(|c| format!("\"{c}\""));
+        LaxityError::Row { row: t.row.unwrap_or(0), trial: Some(t.trial.clone()), column, what }
+    }
+}
 
 /// Tension of the quadriceps [N], optional.
 pub(super) const QUADRICEPS_COLUMN: &str = "load_quadriceps_n";

@@ -50,7 +50,7 @@ pub(super) fn resolve(trials: &mut [LaxityTrial], named: &[String], readings: Re
 }
 
 fn refuse<T>(t: &LaxityTrial, what: &str) -> Result<T, LaxityError> {
-    Err(LaxityError(format!("row {} ({}), column \"reference\": {what}", t.row.unwrap_or(0), t.trial)))
+    Err(LaxityError::trial(t, Some("reference"), what.into()))
 }
 
 /// The trial that the column names.
@@ -81,13 +81,15 @@ fn by_flexion(trials: &[LaxityTrial], i: usize) -> Result<Option<usize>, LaxityE
     let near = |test: Test| (0..i).rev().chain(i..trials.len()).find(|&k| fits(k, test));
     match near(t.test).or_else(|| near(Test::Neutral)) {
         Some(k) => Ok(Some(k)),
-        None => Err(LaxityError(format!(
-            "row {} ({}): its reading is a difference, but the file has no unloaded trial at {} deg; add a row with test neutral, this flexion and \
-             its loads (its readings may be empty)",
-            t.row.unwrap_or(0),
-            t.trial,
-            t.nominal_flexion_deg
-        ))),
+        None => Err(LaxityError::trial(
+            t,
+            None,
+            format!(
+                "its reading is a difference, but the file has no unloaded trial at {} deg; add a row with test neutral, this flexion and \
+                 its loads (its readings may be empty)",
+                t.nominal_flexion_deg
+            ),
+        )),
     }
 }
 
@@ -99,7 +101,6 @@ fn is_unloaded(t: &LaxityTrial) -> bool {
 /// Readings of 0 of a trial that others count from are the zero of the instrument, not a pose.
 fn zeros(trials: &mut [LaxityTrial], k: usize, readings: Readings) -> Result<(), LaxityError> {
     let t = &mut trials[k];
-    let (row, name) = (t.row.unwrap_or(0), t.trial.clone());
     let given: Vec<f64> = t.measured.iter().flatten().copied().collect();
     if given.iter().all(|v| *v == 0.0) {
         t.measured = Free::all(None);
@@ -107,9 +108,13 @@ fn zeros(trials: &mut [LaxityTrial], k: usize, readings: Readings) -> Result<(),
     }
     match readings {
         Readings::Pose => Ok(()),
-        Readings::Difference => Err(LaxityError(format!(
-            "row {row} ({name}): an unloaded trial reads {}; in a file of differences it is 0 or empty (are the readings poses?)",
-            given.iter().find(|v| **v != 0.0).unwrap_or(&0.0)
-        ))),
+        Readings::Difference => Err(LaxityError::trial(
+            t,
+            None,
+            format!(
+                "an unloaded trial reads {}; in a file of differences it is 0 or empty (are the readings poses?)",
+                given.iter().find(|v| **v != 0.0).unwrap_or(&0.0)
+            ),
+        )),
     }
 }

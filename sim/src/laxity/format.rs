@@ -148,7 +148,11 @@ fn sign(column: &str, positive: &str, side: Side) -> Result<f64, LaxityError> {
         "ap" => ["anterior", "posterior", "", ""],
         "si" => ["superior", "inferior", "compression", "distraction"],
         "fe" | "nominal" => ["flexion", "extension", "", ""],
-        _ => return Err(LaxityError(format!("columns.{column}: positive stands only with loads and coordinates"))),
+        _ => {
+            return Err(LaxityError::File(format!(
+                "columns.{column}: positive stands only with loads and coordinates"
+            )));
+        }
     };
     let sideways = ["vv", "ie", "ml"].contains(&axis);
     match positive {
@@ -160,7 +164,10 @@ fn sign(column: &str, positive: &str, side: Side) -> Result<f64, LaxityError> {
         other => {
             let known: Vec<&str> = words.into_iter().filter(|w| !w.is_empty()).collect();
             let more = if sideways { ", right or left" } else { "" };
-            Err(LaxityError(format!("columns.{column}: positive = \"{other}\"; expected {}{more}", known.join(", "))))
+            Err(LaxityError::File(format!(
+                "columns.{column}: positive = \"{other}\"; expected {}{more}",
+                known.join(", ")
+            )))
         }
     }
 }
@@ -192,7 +199,7 @@ pub(super) fn standard(bytes: &[u8], format: &LaxityFormat, side: Side) -> Resul
     for column in format.constants.keys() {
         known(column, "constants")?;
         if names.contains(column) {
-            return Err(LaxityError(format!("constants.{column}: the file has this column too; keep one")));
+            return Err(LaxityError::File(format!("constants.{column}: the file has this column too; keep one")));
         }
         names.push(column.clone());
     }
@@ -217,7 +224,7 @@ fn raw(bytes: &[u8], format: &LaxityFormat) -> Result<Raw, LaxityError> {
         0 => 0,
         n => match bytes.iter().enumerate().filter(|(_, b)| **b == b'\n').nth(n - 1) {
             Some((at, _)) => at + 1,
-            None => return Err(LaxityError(format!("skip_lines = {n}, but the file has fewer lines"))),
+            None => return Err(LaxityError::File(format!("skip_lines = {n}, but the file has fewer lines"))),
         },
     };
     let body = &bytes[start..];
@@ -227,18 +234,18 @@ fn raw(bytes: &[u8], format: &LaxityFormat) -> Result<Raw, LaxityError> {
     let separator = match format.separator {
         None => found,
         Some(c @ (',' | ';' | '\t')) => c as u8,
-        Some(c) => return Err(LaxityError(format!("separator = \"{c}\"; expected \",\", \";\" or \"\\t\""))),
+        Some(c) => return Err(LaxityError::File(format!("separator = \"{c}\"; expected \",\", \";\" or \"\\t\""))),
     };
     let reader = |from| csv::ReaderBuilder::new().delimiter(separator).trim(csv::Trim::All).from_reader(from);
     let mut reader = reader(body);
-    let header = reader.headers().map_err(|e| LaxityError(format!("row 1: {e}")))?.clone();
+    let header = reader.headers().map_err(|e| LaxityError::row(1, e.to_string()))?.clone();
     if separator == b',' && format.decimal == Some(',') {
-        return Err(LaxityError("separator and decimal are both a comma; save the table with semicolons".into()));
+        return Err(LaxityError::File("separator and decimal are both a comma; save the table with semicolons".into()));
     }
     let mut rows = Vec::new();
     for (i, record) in reader.records().enumerate() {
         let row = i + 2;
-        rows.push((row, record.map_err(|e| LaxityError(format!("row {row}: {e}{}", comma_hint(&e, separator))))?));
+        rows.push((row, record.map_err(|e| LaxityError::row(row, format!("{e}{}", comma_hint(&e, separator))))?));
     }
     let is_units =
         |r: &StringRecord| r.iter().filter(|c| unit(c).is_some()).count() >= 3 && r.iter().all(|c| !number(c));
@@ -249,7 +256,7 @@ fn raw(bytes: &[u8], format: &LaxityFormat) -> Result<Raw, LaxityError> {
         None => separator != b',',
         Some('.') => false,
         Some(',') => true,
-        Some(c) => return Err(LaxityError(format!("decimal = \"{c}\"; expected \".\" or \",\""))),
+        Some(c) => return Err(LaxityError::File(format!("decimal = \"{c}\"; expected \".\" or \",\""))),
     };
     Ok(Raw { header: header.iter().map(String::from).collect(), units, rows, decimal_comma })
 }
@@ -305,7 +312,7 @@ fn known(column: &str, table: &str) -> Result<(), LaxityError> {
     if known.contains(column) {
         return Ok(());
     }
-    Err(LaxityError(format!("{table}.{column} is no standard column{}", did_you_mean(column, &known))))
+    Err(LaxityError::File(format!("{table}.{column} is no standard column{}", did_you_mean(column, &known))))
 }
 
 /// Where every standard column stands.
@@ -324,11 +331,12 @@ fn places(
         let same =
             |h: &&String| h.trim().eq_ignore_ascii_case(name.trim()) || bare(h).eq_ignore_ascii_case(name.trim());
         let Some(at) = raw.header.iter().position(|h| same(&h)) else {
-            return Err(LaxityError(format!(
-                "row 1: no column \"{name}\", which columns.{column} names{}; the file has {}",
+            let what = format!(
+                "no column \"{name}\", which columns.{column} names{}; the file has {}",
                 did_you_mean(name, &raw.header),
                 raw.header.join(", ")
-            )));
+            );
+            return Err(LaxityError::row(1, what));
         };
         used.insert(at);
         let mut factor = factor(column, source.unit(), raw, at)?;
@@ -375,7 +383,7 @@ fn factor(column: &str, told: Option<&str>, raw: &Raw, at: usize) -> Result<f64,
     let Some(text) = told.or(bracketed(&raw.header[at])).or(row) else { return Ok(1.0) };
     match unit(text) {
         Some((quantity, factor)) if quantity == wanted => Ok(factor),
-        _ => Err(LaxityError(format!(
+        _ => Err(LaxityError::File(format!(
             "column \"{}\": unit \"{text}\"; expected one of {}",
             raw.header[at],
             units_of(wanted)
@@ -390,9 +398,13 @@ fn same_unit(column: &str, raw: &Raw, at: usize) -> Result<f64, LaxityError> {
     };
     match unit(row) {
         Some((quantity, factor)) if quantity == wanted && (factor - 1.0).abs() < f64::EPSILON => Ok(1.0),
-        _ => Err(LaxityError(format!(
-            "row 2, column \"{column}\": the row of units says \"{row}\", the name says {wanted}; give the unit by columns.{column} = {{ name = \"{column}\", unit = \"{row}\" }}"
-        ))),
+        _ => Err(LaxityError::cell(
+            2,
+            format!("\"{column}\""),
+            format!(
+                "the row of units says \"{row}\", the name says {wanted}; give the unit by columns.{column} = {{ name = \"{column}\", unit = \"{row}\" }}"
+            ),
+        )),
     }
 }
 
@@ -421,7 +433,7 @@ fn fill(names: &mut Vec<String>, rows: &mut [(usize, Vec<String>)], format: &Lax
         names.push("nominal_flexion_deg".into());
         for (row, cells) in rows.iter_mut() {
             let Some(fe) = value(cells, fe) else {
-                return Err(LaxityError(format!("row {row}: no flexion measured, so no nominal flexion can be taken")));
+                return Err(LaxityError::row(*row, "no flexion measured, so no nominal flexion can be taken".into()));
             };
             let near = |a: &&f64, b: &&f64| (*a - fe).abs().total_cmp(&(*b - fe).abs());
             cells.push(format.nominal_flexions_deg.iter().min_by(near).map_or(String::new(), f64::to_string));

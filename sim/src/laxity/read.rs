@@ -54,7 +54,7 @@ pub fn read_as(bytes: &[u8], format: &LaxityFormat, side: Side) -> Result<Laxity
         counted_from.push(row.text("reference").to_owned());
     }
     if table.trials.is_empty() {
-        return Err(LaxityError("no trial below the header; expected one row per measured trial".into()));
+        return Err(LaxityError::File("no trial below the header; expected one row per measured trial".into()));
     }
     if format.branch_from_load {
         branches(&mut table.trials);
@@ -86,23 +86,26 @@ fn columns(header: &StringRecord) -> Result<BTreeMap<String, usize>, LaxityError
     let mut found = BTreeMap::new();
     for (i, name) in header.iter().enumerate() {
         if !known.contains(name) && !is_output(name) {
-            return Err(LaxityError(format!(
-                "row 1, column {}: unknown column \"{name}\"{}; expected one of {}. Other names are declared by [laxity_format.NAME.columns] in specimen.toml",
-                i + 1,
+            let what = format!(
+                "unknown column \"{name}\"{}; expected one of {}. Other names are declared by [laxity_format.NAME.columns] in specimen.toml",
                 did_you_mean(name, &known),
                 known.iter().cloned().collect::<Vec<_>>().join(", ")
-            )));
+            );
+            return Err(LaxityError::cell(1, (i + 1).to_string(), what));
         }
         if found.insert(name.to_owned(), i).is_some() {
-            return Err(LaxityError(format!("row 1, column {}: \"{name}\" stands there twice", i + 1)));
+            return Err(LaxityError::cell(1, (i + 1).to_string(), format!("\"{name}\" stands there twice")));
         }
     }
     match required.iter().filter(|c| !found.contains_key(*c)).cloned().collect::<Vec<_>>() {
         missing if missing.is_empty() => Ok(found),
-        missing => Err(LaxityError(format!(
-            "row 1: missing column {}; other names are declared by [laxity_format.NAME.columns] in specimen.toml",
-            missing.join(", ")
-        ))),
+        missing => Err(LaxityError::row(
+            1,
+            format!(
+                "missing column {}; other names are declared by [laxity_format.NAME.columns] in specimen.toml",
+                missing.join(", ")
+            ),
+        )),
     }
 }
 
@@ -122,7 +125,7 @@ impl Row<'_> {
 
     fn refuse<T>(&self, column: &str, what: &str) -> Result<T, LaxityError> {
         let theirs = self.called.get(column).map_or(String::new(), |name| format!(" (\"{name}\" in the file)"));
-        Err(LaxityError(format!("row {}, column \"{column}\"{theirs}: {what}", self.number)))
+        Err(LaxityError::cell(self.number, format!("\"{column}\"{theirs}"), what.into()))
     }
 
     /// A finite number; `None` for an empty cell.

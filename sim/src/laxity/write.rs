@@ -177,7 +177,7 @@ mod tests {
     }
 
     fn error(text: &str) -> String {
-        read(text.as_bytes()).unwrap_err().0
+        read(text.as_bytes()).unwrap_err().to_string()
     }
 
     #[test]
