@@ -1,5 +1,6 @@
 //! A model as a complete Abaqus/Explicit deck that [`super::import`] reads back to the same model.
 
+mod menisci;
 mod parts;
 
 use meshes::frame::Side;
@@ -38,6 +39,14 @@ pub fn export(spec: &ModelSpec, meshes: &BTreeMap<String, MeshValue>) -> Result<
         ("ligaments.inp".to_owned(), parts::ligaments(spec)),
         ("contact.inp".to_owned(), parts::contact(spec)),
     ];
+    if !spec.menisci.is_empty() {
+        files.push(("menisci.inp".to_owned(), menisci::parts(spec)));
+        files.push(("menisci_contact.inp".to_owned(), menisci::contact(spec)));
+        warnings.push(
+            "menisci are deformable in the deck; their coronary ligament is left out, and an import leaves them out"
+                .into(),
+        );
+    }
     if !spec.components.is_empty() {
         warnings.push(format!(
             "{} added components have no counterpart in the deck; they are left out",
@@ -121,6 +130,9 @@ fn main_file(spec: &ModelSpec, protocol: &DeckProtocol) -> Result<String, SimErr
         out += "*PARAMETER\nTF_KIN_BASEMRI_CYLINDRICAL_FE=0.0\n";
     }
     out += "*INCLUDE, INPUT=geometry.inp\n*INCLUDE, INPUT=joint.inp\n*INCLUDE, INPUT=ligaments.inp\n";
+    if !spec.menisci.is_empty() {
+        out += "*INCLUDE, INPUT=menisci.inp\n";
+    }
     let controls = protocol.steps.iter().flat_map(|s| &s.controls);
     amplitudes(&mut out, controls.filter_map(|c| c.amplitude.as_ref()))?;
     let mut contact = false;
@@ -141,6 +153,9 @@ fn main_file(spec: &ModelSpec, protocol: &DeckProtocol) -> Result<String, SimErr
         }
         if step.contact && !contact {
             out += "*INCLUDE, INPUT=contact.inp\n";
+            if !spec.menisci.is_empty() {
+                out += "*INCLUDE, INPUT=menisci_contact.inp\n";
+            }
             contact = true;
         }
         out += "*BOUNDARY, OP=NEW\n1, ENCASTRE\n";

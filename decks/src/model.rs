@@ -50,6 +50,9 @@ pub struct Interaction {
     pub damping: f64,
 }
 
+/// The interaction of deformable menisci in a deck that this crate writes.
+pub(crate) const MENISCI: &str = "MENISCUS_INTERACT";
+
 /// A contact pair.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pair {
@@ -312,6 +315,10 @@ impl DeckModel {
     }
 
     fn read_pair(&mut self, deck: &DeckText, block: &Block) -> Result<(), DeckError> {
+        // a model has no deformable menisci to make of these
+        if block.option("INTERACTION").is_some_and(|name| name.eq_ignore_ascii_case(MENISCI)) {
+            return Ok(());
+        }
         for (line, cells) in block.rows() {
             let [a, b, ..] = cells[..] else {
                 return Err(deck.error(block, line, "two surfaces expected"));

@@ -107,6 +107,70 @@ fn a_right_knee_with_both_laws_goes_out_and_comes_back() {
     assert!((ours.pose(&q).femur * Point::origin() - theirs.pose(&q).femur * Point::origin()).norm() < 1e-9);
 }
 
+/// A meniscus of three sections, on the first pair.
+fn meniscus(spec: &ModelSpec) -> MeniscusSpec {
+    let section = |x: f64| SectionSpec {
+        lower: [0.0, 4.0, 8.0].map(|y| Point::new(x, y, 0.0)).into(),
+        upper: [0.0, 4.0, 8.0].map(|y| Point::new(x, y, 1.0 + 0.5 * y)).into(),
+    };
+    let horn = |x: f64| HornSpec { tibia: Point::new(x, 4.0, 0.0), stiffness_n_per_mm: 2000.0 };
+    MeniscusSpec {
+        name: "meniscus_medial".into(),
+        femur: spec.contact.pairs[0].femur.clone(),
+        tibia: spec.contact.pairs[0].tibia.clone(),
+        source: "test".into(),
+        sections: [0.0, 5.0, 10.0].map(section).into(),
+        wedges: 2,
+        material: MeniscusMaterial {
+            circumferential_modulus_mpa: 150.0,
+            transverse_modulus_mpa: 20.0,
+            shear_modulus_mpa: 2.0,
+            cartilage_mpa_per_mm: 13.0,
+        },
+        anterior_horn: horn(-5.0),
+        posterior_horn: horn(15.0),
+        periphery_n_per_mm2: 0.5,
+    }
+}
+
+#[test]
+fn menisci_go_out_as_hexahedra_and_the_rest_comes_back_as_it_was() {
+    let (mut spec, meshes) = knee();
+    spec.menisci = vec![meniscus(&spec)];
+    let out = export(&spec, &meshes).unwrap();
+    assert!(out.warnings.iter().any(|w| w.contains("menisci")));
+    let files: BTreeMap<String, String> = out.files.into_iter().collect();
+    let text = &files["menisci.inp"];
+    let rows = |keyword: &str| {
+        let block = text.split('*').filter(|b| b.starts_with(keyword)).collect::<Vec<_>>();
+        let cells = |l: &str| -> Vec<String> { l.split(", ").map(str::to_owned).collect() };
+        block.iter().flat_map(|b| b.lines().skip(1)).map(cells).collect::<Vec<_>>()
+    };
+    let [nodes, hexes, springs] = ["NODE", "ELEMENT, TYPE=C3D8R", "ELEMENT, TYPE=SPRINGA"].map(rows);
+    // 3 sections of 6 points and 2 roots; 2 x 2 hexahedra; 6 springs a horn
+    assert_eq!((nodes.len(), hexes.len(), springs.len()), (20, 4, 12));
+    assert!(hexes.iter().chain(&springs).flat_map(|e| &e[1..]).all(|n| nodes.iter().any(|row| row[0] == *n)));
+    assert!(text.contains("150.0, 20.0, 20.0, 0.3, 0.3, 0.2") && files["menisci_contact.inp"].contains("SURF-ART"));
+    let back = read_back(&files, &out.mains[0]).unwrap();
+    spec.menisci.clear();
+    assert_eq!((back.spec.contact, back.spec.bodies, back.spec.menisci), (spec.contact, spec.bodies, vec![]));
+    assert!(back.meshes == meshes, "meshes differ");
+}
+
+#[test]
+fn hexahedra_of_a_meniscus_are_sound_left_and_right() {
+    let (spec, _) = knee();
+    let here = meniscus(&spec);
+    let mut there = here.clone();
+    there.sections.iter_mut().flat_map(|s| s.lower.iter_mut().chain(&mut s.upper)).for_each(|p| p.x = -p.x);
+    for m in [&here, &there] {
+        let mesh = sim::menisci::hexahedra(m);
+        assert!((0..mesh.elements.len()).all(|e| mesh.scaled_jacobian(e) > 0.5));
+        let along = mesh.nodes[mesh.elements[0][1] as usize] - mesh.nodes[mesh.elements[0][0] as usize];
+        assert!(along.x.abs() > 4.9 && along.y == 0.0, "the first edge runs along the ring");
+    }
+}
+
 #[test]
 fn absurd_sets_and_circles_are_refused() {
     let circle = BTreeMap::from([("a".to_owned(), "*INCLUDE, INPUT=a\n".to_owned())]);

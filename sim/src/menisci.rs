@@ -230,3 +230,9 @@ fn put(out: &mut Parts, wedge: usize, gradient: &Vector, stiffness: &Matrix3<f64
         (0..=a).for_each(|b| out.stiffness.add(3 * wedge + a, 3 * wedge + b, stiffness[(a, b)]));
     }
 }
+
+/// A meniscus as hexahedra that fill its sections, from horn to horn; the first edge of each runs along the fibres. Its faces on the tibia stand as bony,
+/// those on the femur as articular.
+pub fn hexahedra(m: &MeniscusSpec) -> meshes::hex::HexMesh {
+    shape::hexahedra(m)
+}

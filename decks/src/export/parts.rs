@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 
 /// Reference nodes of the bones.
-const TIBIA: u64 = 1;
+pub(super) const TIBIA: u64 = 1;
 const FEMUR: u64 = 2;
 /// Where the toe's end lies in multiples of the toe for a law that does not say.
 const TOE_END: f64 = 10.0;
@@ -87,7 +87,7 @@ fn missing(path: &str) -> SimError {
 }
 
 /// A set's name from a mesh's path: which bone, which side, so that the importer names it alike.
-fn set_name(prefix: &str, path: &str, femur: bool) -> String {
+pub(super) fn set_name(prefix: &str, path: &str, femur: bool) -> String {
     let stem = path.rsplit(['/', '\\']).next().unwrap_or(path).to_lowercase();
     let stem = stem.rsplit_once('.').map_or(stem.as_str(), |(s, _)| s).to_owned();
     let compartment = match (stem.contains("med"), stem.contains("lat")) {

@@ -2,6 +2,8 @@
 //!
 //! The tibia is fixed. The femur does not turn and 20 N of compression press it on, a start on which loads of one's own are put.
 
+mod menisci;
+
 use super::{File, bent, contact_name, contact_stiffness, named};
 use crate::error::BuildError;
 use crate::model_file::LoadedModel;
@@ -16,6 +18,9 @@ const COMPRESSION_N: f64 = 20.0;
 pub(super) fn warnings(model: &LoadedModel) -> Vec<String> {
     let mut out: Vec<String> = bent(model).into_iter().collect();
     out.push("bones are rigid shells; contact is FEBio's sliding-elastic by penalty, without friction; not run here, as FEBio is not at hand".into());
+    if !model.spec.menisci.is_empty() {
+        out.push("menisci are deformable there, and their coronary ligament is left out".into());
+    }
     if model.spec.bundles.iter().any(|b| b.law == Law::Tabular) {
         out.push("tabular ligaments get the smooth law they were sampled from".into());
     }
@@ -53,6 +58,8 @@ pub(super) fn files(model: &LoadedModel) -> Result<Vec<File>, BuildError> {
         );
     }
     let fibres = fibres(model, node)?;
+    let count = model.spec.fibres.len();
+    let between = menisci::menisci(model, (node + 2 * count, element, count));
     let mut pairs = String::new();
     for pair in &model.spec.contact.pairs {
         let (f, t) = (contact_name(model, &pair.femur, true), contact_name(model, &pair.tibia, false));
@@ -65,17 +72,28 @@ pub(super) fn files(model: &LoadedModel) -> Result<Vec<File>, BuildError> {
         "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<febio_spec version=\"4.0\">\n<Module type=\"solid\"/>\n\
          <Control><analysis>STATIC</analysis><time_steps>20</time_steps><step_size>0.05</step_size><solver type=\"solid\"><symmetric_stiffness>non-symmetric</symmetric_stiffness></solver></Control>\n\
          <Globals><Constants><T>0</T><R>0</R><Fc>0</Fc></Constants></Globals>\n\
-         <Material>{}</Material>\n<Mesh>\n{nodes}{}{elements}{surfaces}{}{pairs}</Mesh>\n<MeshDomains>\n{domains}</MeshDomains>\n\
-         <Boundary>{}</Boundary>\n<Rigid>{}</Rigid>\n<Contact>{}</Contact>\n<Discrete>{}</Discrete>\n<LoadData>\n{}</LoadData>\n\
+         <Material>{}{}</Material>\n<Mesh>\n{nodes}{}{}{elements}{}{surfaces}{}{}{}{pairs}{}</Mesh>\n<MeshDomains>\n{domains}{}</MeshDomains>\n\
+         <Boundary>{}{}</Boundary>\n<Rigid>{}</Rigid>\n<Contact>{}{}</Contact>\n<Discrete>{}{}{}</Discrete>\n<LoadData>\n{}</LoadData>\n\
          <Output><logfile><rigid_body_data data=\"x;y;z;qx;qy;qz;qw;Fx;Fy;Fz;Mx;My;Mz\"/></logfile>\
          <plotfile type=\"febio\"><var type=\"displacement\"/><var type=\"contact pressure\"/></plotfile></Output>\n</febio_spec>\n",
         materials(model),
+        between.materials,
         fibres.nodes,
+        between.nodes,
+        between.elements,
+        between.surfaces,
         fibres.sets,
+        between.sets,
+        between.pairs,
+        between.domains,
         fibres.boundary,
+        between.boundary,
         rigid(model),
         contact(model),
+        between.contact,
+        between.springs,
         fibres.discrete,
+        between.discrete,
         fibres.curves
     );
     Ok(vec![("model.feb".into(), text.into_bytes())])

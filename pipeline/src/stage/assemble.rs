@@ -15,6 +15,7 @@ use crate::report::picture::{BONE, Picture, picture};
 use crate::report::scene::{Layer, Scene, at, plain};
 use meshes::render::Painted;
 use meshes::surface::TriMesh;
+use sim::menisci::hexahedra;
 use stages::StageError;
 use stages::assemble::{AssembleOptions, Assembled, assemble};
 use stages::attachments::Attachments;
@@ -104,6 +105,18 @@ impl Stage for Assemble {
                 ..Layer::default()
             });
         }
+        for m in &assembled.spec.menisci {
+            let key = format!("acting {}", m.name);
+            pool.keep(&key, &quality_shell(&hexahedra(m)).0);
+            layers.push(Layer {
+                name: m.name.replace('_', " "),
+                mesh: Some(key),
+                colour: "#e0c060",
+                opacity: 1.0,
+                on: true,
+                ..Layer::default()
+            });
+        }
         let fibres = &assembled.spec.fibres;
         layers.push(Layer {
             name: "fibres".into(),
@@ -140,6 +153,8 @@ impl Stage for Assemble {
         let mut parts: Vec<(TriMesh, [u8; 3])> =
             bones.surfaces.named().map(|(_, mesh)| (mesh.clone(), BONE)).into_iter().collect();
         parts.extend(separated.meshes.named().map(|(_, mesh)| (quality_shell(mesh).0, [120, 170, 220])));
+        let menisci = v.of::<Assembled>().into_iter().flat_map(|a| &a.spec.menisci);
+        parts.extend(menisci.map(|m| (quality_shell(&hexahedra(m)).0, [224, 192, 96])));
         parts.extend(fibre_tubes(attachments));
         let painted: Vec<Painted> =
             parts.iter().map(|(mesh, c)| Painted { mesh, colours: std::slice::from_ref(c) }).collect();

@@ -3,7 +3,9 @@
 use super::{Node, Wedge};
 use crate::error::SimError;
 use crate::spec::{MeniscusSpec, SectionSpec};
+use meshes::hex::HexMesh;
 use meshes::{Point, Vector};
+use std::collections::BTreeSet;
 use std::ops::RangeInclusive;
 
 /// No meniscus is higher or wider than this [mm].
@@ -142,4 +144,35 @@ fn wedge(m: &MeniscusSpec, n: usize) -> Wedge {
 /// The middle of a quadrilateral.
 fn middle(q: &[Point; 4]) -> Point {
     Point::from(q.iter().map(|p| p.coords).sum::<Vector>() / 4.0)
+}
+
+/// [`super::hexahedra`].
+pub(super) fn hexahedra(m: &MeniscusSpec) -> HexMesh {
+    let points = m.sections.first().map_or(0, |s| s.lower.len());
+    let mut mesh = HexMesh::default();
+    for s in &m.sections {
+        mesh.nodes.extend(s.lower.iter().chain(&s.upper).copied());
+    }
+    let at = |s: usize, k: usize, upper: bool| (s * 2 * points + k + if upper { points } else { 0 }) as u32;
+    // left and right, medial and lateral menisci turn opposite ways
+    let side = |s: usize, k: usize| {
+        let p = |n: u32| mesh.nodes[n as usize];
+        let o = p(at(s, k, false));
+        (p(at(s + 1, k, false)) - o).cross(&(p(at(s, k + 1, false)) - o)).dot(&(p(at(s, k, true)) - o))
+    };
+    let cells: Vec<(usize, usize)> = (0..m.sections.len().saturating_sub(1))
+        .flat_map(|s| (0..points.saturating_sub(1)).map(move |k| (s, k)))
+        .collect();
+    let turned = cells.iter().map(|&(s, k)| side(s, k)).sum::<f64>() < 0.0;
+    for (s, k) in cells {
+        let (from, to) = if turned { (s + 1, s) } else { (s, s + 1) };
+        let face = |upper: bool| [at(from, k, upper), at(to, k, upper), at(to, k + 1, upper), at(from, k + 1, upper)];
+        let ([a, b, c, d], [e, f, g, h]) = (face(false), face(true));
+        mesh.elements.push([a, b, c, d, e, f, g, h]);
+        mesh.bony_quads.push([a, d, c, b]);
+        mesh.articular_quads.push([e, f, g, h]);
+    }
+    let used = |quads: &[[u32; 4]]| quads.iter().flatten().copied().collect::<BTreeSet<u32>>().into_iter().collect();
+    (mesh.bony_nodes, mesh.articular_nodes) = (used(&mesh.bony_quads), used(&mesh.articular_quads));
+    mesh
 }
