@@ -10,7 +10,7 @@
 mod line;
 
 use crate::condensed::{Inner, Parts, Rest, condense};
-use crate::contact::{Contact, ContactOptions};
+use crate::contact::{Contact, ContactOptions, ContactResponse, Nearby};
 use crate::coordinate::Six;
 use crate::error::SimError;
 use crate::joint::{Joint, Pose, comes_first};
@@ -22,20 +22,34 @@ use line::{Cylinder, Length, straight};
 use meshes::surface::TriMesh;
 use meshes::{Point, Vector};
 use nalgebra::Matrix3;
+use std::cell::RefCell;
 use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 /// Length that makes the patella's angles comparable with displacements [mm]: about half its height.
 const ARM: f64 = 20.0;
 /// Furthest a coordinate goes in a Newton step [mm, angles times [`ARM`]].
-const LONGEST_STEP: f64 = 2.0;
+const LONGEST_STEP: f64 = 0.5;
 /// Furthest the knee goes between two equilibria of the patella that are sought one from the other [rad, mm].
-const STRIDE: [f64; 6] = [0.1, 0.1, 0.1, 4.0, 4.0, 4.0];
+const STRIDE: [f64; 6] = [0.15, 0.15, 0.15, 6.0, 6.0, 6.0];
+/// Nodes of the patella lie this much further apart than the knee's [-]: its contact is larger and flatter.
+const COARSER: f64 = 2.0;
+/// Tension with which the patella is first laid on the trochlea [N]; it is doubled until it is all there.
+const FIRST_TENSION: f64 = 10.0;
 /// More strides than this are no motion of a knee [-].
 const MOST_STRIDES: f64 = 1e3;
 /// Its name among the model's bodies.
 pub const NAME: &str = "patella";
 /// Forces on the patella balance within this share of the quadriceps' tension, moments at [`ARM`] [-].
 const BALANCED: f64 = 1e-3;
+
+/// The next patella's number.
+static NEXT: AtomicU64 = AtomicU64::new(1);
+
+thread_local! {
+    /// Lists of nodes near contact of the patella that this thread saw last, and its number.
+    static LISTS: RefCell<(u64, Nearby)> = RefCell::new((0, Nearby::default()));
+}
 
 /// A compiled patellofemoral joint.
 #[derive(Clone, Debug)]
@@ -46,6 +60,8 @@ pub struct Patella {
     knee: Joint,
     /// Tension of the quadriceps [N].
     pub tension: f64,
+    /// Tells its contact from any other's.
+    id: u64,
     contact: Contact,
     heads: Vec<Head>,
     wrap: Cylinder,
@@ -132,7 +148,7 @@ impl Inner for Patella {
     fn at(&self, pose: &Pose, inner: &[f64]) -> Parts {
         let own = self.joint.pose(&unscaled(inner));
         let mut sums = Sums::new(&own, pose);
-        let contact = self.contact.evaluate(&own);
+        let contact = self.contact_near(&own);
         sums.parts.energy += contact.energy;
         sums.by_u += contact.gradient;
         sums.uu += contact.hessian;
@@ -144,10 +160,17 @@ impl Inner for Patella {
         LONGEST_STEP
     }
 
-    /// From the CT pose, or where it rested last, in strides.
+    /// From where it rested last in strides; else from the CT pose, where the tension is put on little by little.
     fn approach(&self, q: &Six, rest: &mut Rest) {
         let from = rest.at().unwrap_or_else(|| {
             *rest = Rest::known(&Six::zeros(), vec![0.0; 6]);
+            let pose = self.knee.pose(&Six::zeros());
+            let mut tension = FIRST_TENSION;
+            while tension < self.tension {
+                condense(&self.with_tension(tension), (&Six::zeros(), &pose), rest);
+                tension *= 2.0;
+            }
+            condense(self, (&Six::zeros(), &pose), rest);
             Six::zeros()
         });
         let moved = q - from;
@@ -264,7 +287,8 @@ impl Patella {
         let frames = FramesSpec { tibia: own.frame, chain: None, ..spec.frames.clone() };
         let joint = Joint::new(&frames, spec.side).map_err(|e| SimError::Spec(format!("patella: {e}")))?;
         let knee = Joint::new(&spec.frames, spec.side)?;
-        let mut contact = Contact::between(&frames, &contact_spec(&own.contact), surfaces, options)?;
+        let coarse = ContactOptions { spacing_mm: COARSER * options.spacing_mm };
+        let mut contact = Contact::between(&frames, &contact_spec(&own.contact), surfaces, &coarse)?;
         // the patella's nodes alone: the trochlea is much the larger
         contact.tibial_only = true;
         let mut bands = vec![band(&own.tendon, true)?];
@@ -272,7 +296,18 @@ impl Patella {
             bands.push(band(retinaculum, false)?);
         }
         let (heads, wrap) = quadriceps(&own.quadriceps, &spec.frames)?;
-        Ok(Some(Patella { joint, knee, tension: 0.0, contact, heads, wrap, bands }))
+        let id = NEXT.fetch_add(1, Ordering::Relaxed);
+        Ok(Some(Patella { joint, knee, tension: 0.0, id, contact, heads, wrap, bands }))
+    }
+
+    /// The contact at a pose, by the lists that this thread made for it close by; results do not depend on them.
+    fn contact_near(&self, own: &Pose) -> ContactResponse {
+        LISTS.with_borrow_mut(|(id, near)| {
+            if *id != self.id {
+                (*id, *near) = (self.id, Nearby::default());
+            }
+            self.contact.evaluate_near(own, near)
+        })
     }
 
     /// Under another tension of the quadriceps [N].

@@ -320,21 +320,16 @@ fn tendon(shape: &Shape, ground: &Ground, options: &PatellaOptions) -> BandSpec 
     }
 }
 
-/// Where retinacula leave the condyles that they wrap over, ahead of the epicondyles, of the transepicondylar width [-]; ours.
-const LEAVES: f64 = 0.3;
-
-/// The medial patellofemoral ligament and the lateral retinaculum: from the upper half of either border to where they leave the condyles on
-/// their way to the epicondyles.
+/// The medial patellofemoral ligament and the lateral retinaculum: from the upper half of either border to the axis of the trochlea's groove,
+/// beside the condyles. So their length hardly changes with flexion, as that of the true ones, which wrap over the condyles on their way to the
+/// epicondyles [schoettle2007], and a shift aside stretches them.
 fn retinacula(shape: &Shape, ground: &Ground, options: &PatellaOptions) -> Vec<BandSpec> {
     let [width, height] = shape.size;
     let (f, femur) = (&shape.frame, &ground.frames.femur);
-    let [medial, lateral] = ground.frames.epicondyles;
-    // between epicondyle and adductor tubercle [schoettle2007], and the lateral epicondyle
-    let ahead = femur.anterior * (LEAVES * ground.width);
-    let above = femur.superior * (0.06 * ground.width);
+    let beside = |side: f64| ground.trochlea.centre + femur.medial * (side * 0.5 * ground.width);
     [
-        ("mpfl", options.mpfl_n_per_mm, 1.0, medial + ahead + above),
-        ("lateral_retinaculum", options.lateral_n_per_mm, -1.0, lateral + ahead),
+        ("mpfl", options.mpfl_n_per_mm, 1.0, beside(1.0)),
+        ("lateral_retinaculum", options.lateral_n_per_mm, -1.0, beside(-1.0)),
     ]
     .into_iter()
     .map(|(name, stiffness, side, far)| BandSpec {
