@@ -1,6 +1,6 @@
 //! model.json (FORMAT 3): everything a simulation needs, as data.
 
-mod meniscus;
+pub mod meniscus;
 mod patella;
 
 use crate::coordinate::{Free, Six};

@@ -5,15 +5,12 @@ use super::parts::{TIBIA, set_name};
 use crate::model::MENISCI;
 use meshes::Point;
 use sim::menisci::hexahedra;
+use sim::spec::meniscus::{POISSON_ACROSS, POISSON_ALONG, SHEAR_ALONG_MPA};
 use sim::spec::{MeniscusSpec, ModelSpec};
 use std::fmt::Write;
 
 /// First label of nodes and of elements: above those of all other parts.
 const FIRST: u64 = 50_000_001;
-/// Poisson's ratios across, and from along to across, the fibres [-], and shear modulus along the fibres [MPa] [hautdonahue2003].
-const POISSON_ACROSS: f64 = 0.2;
-const POISSON_ALONG: f64 = 0.3;
-const SHEAR_ALONG_MPA: f64 = 57.7;
 
 /// A set's name.
 fn set(m: &MeniscusSpec) -> String {

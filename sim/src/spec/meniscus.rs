@@ -3,6 +3,13 @@
 use meshes::Point;
 use serde::{Deserialize, Serialize};
 
+/// Poisson's ratio across the fibres [-] [hautdonahue2003]; of a deformable meniscus in an export.
+pub const POISSON_ACROSS: f64 = 0.2;
+/// Poisson's ratio from along to across the fibres [-] [hautdonahue2003].
+pub const POISSON_ALONG: f64 = 0.3;
+/// Shear modulus along the fibres [MPa] [hautdonahue2003].
+pub const SHEAR_ALONG_MPA: f64 = 57.7;
+
 /// A meniscus between the surfaces of a contact pair: sections from the anterior to the posterior horn, CT frame, as they lie in the CT pose.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]

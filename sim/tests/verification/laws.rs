@@ -14,6 +14,23 @@ pub(crate) fn trial_load() -> Six {
     load
 }
 
+/// Without friction and dashpots a motion whose rates are turned round goes back to where it began.
+pub(crate) fn reversed_returns(name: &str, mut rig: Rig, compiled: impl Fn(&Rig) -> Model) {
+    rig.spec.bundles.iter_mut().for_each(|b| b.damping_n_s_per_mm = 0.0);
+    rig.spec.contact.damping = 0.0;
+    let model = compiled(&rig).with_friction(0.0).unwrap();
+    let program = program([step(5e-3, &[], trial_load() * 0.2)]);
+    let start = Six::new(0.02, 0.01, -0.02, 0.3, -0.4, -0.1);
+    let mut state = ExplicitState::moving(&model, 1.0, start, Six::zeros());
+    run(&model, &program, &fixed(2e-5), &mut state, &mut unobserved).unwrap();
+    let way = (state.q - start).amax();
+    let mut back = state.reversed();
+    run(&model, &program, &fixed(2e-5), &mut back, &mut unobserved).unwrap();
+    let miss = (back.q - start).amax();
+    println!("{name}, reversal: {way:.3} mm out, {miss:.1e} mm from the start after coming back");
+    assert!(way > 0.1 && miss < 1e-6);
+}
+
 /// The paper's steps on the rig knee, with an AP cycle.
 pub(crate) fn trial(model: &Model) -> Program {
     let steps = TrialSteps { settle_s: 0.3, load_s: 0.6, ..TrialSteps::default() };
@@ -95,20 +112,7 @@ fn the_change_of_momentum_is_the_impulse_of_the_forces() {
 
 #[test]
 fn a_frictionless_motion_reversed_returns_to_where_it_began() {
-    let mut rig = Rig::knee();
-    rig.spec.bundles.iter_mut().for_each(|b| b.damping_n_s_per_mm = 0.0);
-    rig.spec.contact.damping = 0.0;
-    let model = rig.compiled().with_friction(0.0).unwrap();
-    let program = program([step(5e-3, &[], trial_load() * 0.2)]);
-    let start = Six::new(0.02, 0.01, -0.02, 0.3, -0.4, -0.1);
-    let mut state = ExplicitState::moving(&model, 1.0, start, Six::zeros());
-    run(&model, &program, &fixed(2e-5), &mut state, &mut unobserved).unwrap();
-    let way = (state.q - start).amax();
-    let mut back = state.reversed();
-    run(&model, &program, &fixed(2e-5), &mut back, &mut unobserved).unwrap();
-    let miss = (back.q - start).amax();
-    println!("reversal: {way:.3} mm out, {miss:.1e} mm from the start after coming back");
-    assert!(way > 0.1 && miss < 1e-6);
+    reversed_returns("knee", Rig::knee(), Rig::compiled);
 }
 
 #[test]

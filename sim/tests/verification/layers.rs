@@ -1,8 +1,7 @@
 //! The laws of the other files, kept by contact through layers of uneven thickness.
-use crate::fixed;
-use crate::laws::{finished, trial, trial_load};
+use crate::laws::{finished, reversed_returns, trial};
 use crate::quasistatic::{LOAD, answer};
-use crate::rig::{Rig, program, step};
+use crate::rig::Rig;
 use meshes::frame::Side;
 use meshes::{Isometry, Point, Vector};
 use sim::coordinate::Six;
@@ -15,20 +14,7 @@ fn energy_balances_and_a_frictionless_motion_reversed_returns() {
     let state = finished(&model, &trial(&model), &ExplicitOptions::default());
     println!("layers: balance {:.1e}", state.energies.balance_error());
     assert!(state.energies.balance_error() < 0.01 && state.energies.contact > 0.0);
-    let mut rig = Rig::layered_knee();
-    rig.spec.bundles.iter_mut().for_each(|b| b.damping_n_s_per_mm = 0.0);
-    rig.spec.contact.damping = 0.0;
-    let model = rig.compiled().with_friction(0.0).unwrap();
-    let program = program([step(5e-3, &[], trial_load() * 0.2)]);
-    let start = Six::new(0.02, 0.01, -0.02, 0.3, -0.4, -0.1);
-    let mut state = ExplicitState::moving(&model, 1.0, start, Six::zeros());
-    run(&model, &program, &fixed(2e-5), &mut state, &mut unobserved).unwrap();
-    let way = (state.q - start).amax();
-    let mut back = state.reversed();
-    run(&model, &program, &fixed(2e-5), &mut back, &mut unobserved).unwrap();
-    let miss = (back.q - start).amax();
-    println!("layers, reversal: {way:.3} mm out, {miss:.1e} mm from the start after coming back");
-    assert!(way > 0.1 && miss < 1e-6);
+    reversed_returns("layers", Rig::layered_knee(), Rig::compiled);
 }
 
 #[test]

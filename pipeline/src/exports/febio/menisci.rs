@@ -3,12 +3,9 @@
 use super::{contact_name, contact_stiffness, place};
 use crate::model_file::LoadedModel;
 use sim::menisci::hexahedra;
+use sim::spec::meniscus::{POISSON_ACROSS, POISSON_ALONG, SHEAR_ALONG_MPA};
 use std::fmt::Write;
 
-/// Poisson's ratios across, and from along to across, the fibres [-], and shear modulus along the fibres [MPa] [hautdonahue2003].
-const POISSON_ACROSS: f64 = 0.2;
-const POISSON_ALONG: f64 = 0.3;
-const SHEAR_ALONG_MPA: f64 = 57.7;
 /// A horn's spring is linear over this far either way [mm].
 const FAR_MM: f64 = 50.0;
 
