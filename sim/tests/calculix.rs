@@ -1,7 +1,8 @@
 //! Deformable contact beside CalculiX (C3D8R, surface-to-surface penalty and mortar contact, neo-Hookean in both): two layers, and the plateau of a built knee.
 //!
-//! `GENU_BUILD=DIR/build cargo test --release -p sim --test calculix -- --ignored --nocapture` with `ccx` of calculix-ccx on the path;
-//! without GENU_BUILD the layers alone; GENU_FINE=2 halves the layers' elements.
+//! `GENU_BUILD=DIR/build cargo test --release -p genu-sim --test calculix -- --ignored --nocapture` with `ccx` of calculix-ccx on the path;
+//! without GENU_BUILD the layers alone. `GENU_LAYERS=3,4,6` are the elements through a layer's thickness, a mesh each; GENU_BUILD may be several
+//! builds with commas, coarse to fine. Of three meshes and more the limit of ever finer ones is printed too.
 #![expect(clippy::print_stdout, reason = "figures for the reader of the log")]
 #![expect(clippy::disallowed_methods, reason = "files of CalculiX")]
 #![allow(clippy::unwrap_used, reason = "tests")]
@@ -67,10 +68,10 @@ fn grid(n: [usize; 3], place: impl Fn(f64, f64, f64) -> [f64; 3]) -> HexMesh {
     mesh
 }
 
-/// A flat layer and one that bulges towards it with a radius of 20 mm, elements `fine` times as many along every edge.
-fn layers(fine: usize) -> Case {
-    let lower = grid([12 * fine, 12 * fine, 3 * fine], |s, t, u| [12.0 * s - 6.0, 12.0 * t - 6.0, 2.0 * u]);
-    let upper = grid([9 * fine, 9 * fine, 3 * fine], |s, t, u| {
+/// A flat layer and one that bulges towards it with a radius of 20 mm, `n` elements through the thickness of each.
+fn layers(n: usize) -> Case {
+    let lower = grid([4 * n, 4 * n, n], |s, t, u| [12.0 * s - 6.0, 12.0 * t - 6.0, 2.0 * u]);
+    let upper = grid([3 * n, 3 * n, n], |s, t, u| {
         let (x, y) = (8.0 * s - 4.0, 4.0 - 8.0 * t);
         let z = 2.0 + (x * x + y * y) / 40.0;
         [x + 0.13, y + 0.07, z + 2.0 * (1.0 - u)]
@@ -234,10 +235,12 @@ fn deck(case: &Case, mortar: bool) -> String {
     text + "*NODE PRINT, NSET=BLOW, TOTALS=ONLY\nRF\n*NODE PRINT, NSET=BHIGH, TOTALS=ONLY\nRF\n*CONTACT FILE\nCDIS, CSTR\n*END STEP\n"
 }
 
-fn calculix(case: &Case, mortar: bool, folder: &Path) -> Answer {
+fn calculix(case: &Case, mortar: bool) -> Answer {
+    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("calculix");
+    std::fs::create_dir_all(&folder).unwrap();
     std::fs::write(folder.join("case.inp"), deck(case, mortar)).unwrap();
     let before = processor_seconds().1;
-    let run = Command::new("ccx").arg("case").current_dir(folder).env("OMP_NUM_THREADS", "1").output().unwrap();
+    let run = Command::new("ccx").arg("case").current_dir(&folder).env("OMP_NUM_THREADS", "1").output().unwrap();
     let seconds = processor_seconds().1 - before;
     let log = String::from_utf8_lossy(&run.stdout).into_owned();
     assert!(log.contains("Job finished"), "{log}");
@@ -259,38 +262,93 @@ fn calculix(case: &Case, mortar: bool, folder: &Path) -> Answer {
     Answer { force: low.dot(&case.direction).abs(), peak, seconds }
 }
 
+/// The limit of ever finer meshes and the order, from three of edges `h`, finest last: f = limit + c h^order (Richardson).
+///
+/// `None` where the three do not converge: an order outside 0.2 to 5.
+fn limit(h: [f64; 3], f: [f64; 3]) -> Option<(f64, f64)> {
+    let miss = |p: f64| {
+        let w = h.map(|h| h.powf(p));
+        (f[0] - f[1]) * (w[1] - w[2]) - (f[1] - f[2]) * (w[0] - w[1])
+    };
+    let (mut low, mut high) = (0.2, 5.0);
+    if miss(low).signum() == miss(high).signum() {
+        return None;
+    }
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if miss(middle).signum() == miss(low).signum() { low = middle } else { high = middle }
+    }
+    let slope = (f[1] - f[2]) / (h[1].powf(low) - h[2].powf(low));
+    Some((f[2] - slope * h[2].powf(low), low))
+}
+
+#[test]
+fn limit_of_a_power_is_found() {
+    for (order, at) in [(1.0, 57.0), (1.7, -3.0)] {
+        let h = [1.0 / 3.0, 0.25, 1.0 / 6.0];
+        let (found, p) = limit(h, h.map(|h| at - 4.0 * f64::powf(h, order))).unwrap();
+        assert!((found - at).abs() < 1e-9 && (p - order).abs() < 1e-9, "{found} {p}");
+    }
+    assert!(limit([3.0, 2.0, 1.0], [1.0, 2.0, 1.0]).is_none());
+}
+
+/// Numbers or paths of an environment variable, with commas.
+fn listed(name: &str) -> Vec<String> {
+    std::env::var(name).map(|v| v.split(',').map(str::to_owned).collect()).unwrap_or_default()
+}
+
 #[test]
 #[ignore = "needs CalculiX, minutes"]
 fn beside_calculix() {
-    let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("calculix");
-    std::fs::create_dir_all(&folder).unwrap();
-    let fine = std::env::var("GENU_FINE").ok().and_then(|n| n.parse().ok()).unwrap_or(1);
-    let mut cases = vec![layers(fine)];
-    cases.extend(std::env::var("GENU_BUILD").ok().map(|build| plateau(Path::new(&build))));
-    for case in cases {
+    let mut fine: Vec<usize> = listed("GENU_LAYERS").iter().map(|n| n.parse().unwrap()).collect();
+    if fine.is_empty() {
+        fine.push(3);
+    }
+    series(fine.into_iter().map(layers).collect());
+    series(listed("GENU_BUILD").iter().map(|build| plateau(Path::new(build))).collect());
+}
+
+/// One case by several meshes, coarse to fine.
+fn series(cases: Vec<Case>) {
+    let mut all = Vec::new();
+    for (k, case) in cases.iter().enumerate() {
         let elements = case.lower.elements.len() + case.upper.elements.len();
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
-        let own = pool.install(|| ours(&case, Options::default().hourglass_stiffness));
-        for mortar in [false, true] {
-            let theirs = calculix(&case, mortar, &folder);
-            let (force, peak) = (own.force / theirs.force - 1.0, own.peak / theirs.peak - 1.0);
-            println!(
-                "{}, {elements} elements, {}: force {:.2} N, CalculiX {:.2} N ({:+.2} %); peak {:.3} and {:.3} MPa ({:+.1} %); {:.2} and {:.2} s of processor, ratio {:.1}",
-                case.name,
-                if mortar { "mortar" } else { "surface to surface" },
-                own.force,
-                theirs.force,
-                100.0 * force,
-                own.peak,
-                theirs.peak,
-                100.0 * peak,
-                own.seconds,
-                theirs.seconds,
-                theirs.seconds / own.seconds
-            );
-            // CalculiX's own two ways differ by 6 to 8 % in force, its mortar contact being the softer: it is told, not asserted; the pressures it
-            // tells of its penalty are extrapolated from points of integration and say nothing at a node
-            assert!(mortar || force.abs() < 0.03, "{force}");
+        let own = pool.install(|| ours(case, Options::default().hourglass_stiffness));
+        // CalculiX's penalty takes longest and differs little by mesh: the coarsest alone
+        for mortar in [false, true].into_iter().skip(usize::from(k > 0)) {
+            let theirs = calculix(case, mortar);
+            told(case, elements, mortar, (&own, &theirs));
+            if mortar {
+                let volume: f64 = case.lower.elements.len() as f64;
+                all.push((volume.powf(-1.0 / 3.0), [own.force, theirs.force, own.peak, theirs.peak]));
+            }
         }
     }
+    if let [.., a, b, c] = all.as_slice() {
+        for (n, what) in ["force", "CalculiX's force", "peak", "CalculiX's peak"].into_iter().enumerate() {
+            println!("{what}: limit and order {:?}", limit([a.0, b.0, c.0], [a.1[n], b.1[n], c.1[n]]));
+        }
+    }
+}
+
+fn told(case: &Case, elements: usize, mortar: bool, (own, theirs): (&Answer, &Answer)) {
+    let (force, peak) = (own.force / theirs.force - 1.0, own.peak / theirs.peak - 1.0);
+    println!(
+        "{}, {elements} elements, {}: force {:.2} N, CalculiX {:.2} N ({:+.2} %); peak {:.3} and {:.3} MPa ({:+.1} %); {:.2} and {:.2} s of processor, ratio {:.1}",
+        case.name,
+        if mortar { "mortar" } else { "surface to surface" },
+        own.force,
+        theirs.force,
+        100.0 * force,
+        own.peak,
+        theirs.peak,
+        100.0 * peak,
+        own.seconds,
+        theirs.seconds,
+        theirs.seconds / own.seconds
+    );
+    // CalculiX's own two ways differ by 6 to 8 % in force, its mortar contact being the softer: it is told, not asserted; the pressures it
+    // tells of its penalty are extrapolated from points of integration and say nothing at a node
+    assert!(mortar || force.abs() < 0.03, "{force}");
 }
