@@ -2,7 +2,8 @@
 //!
 //! `GENU_BUILD=DIR/build cargo test --release -p genu-sim --test calculix -- --ignored --nocapture` with `ccx` of calculix-ccx on the path;
 //! without GENU_BUILD the layers alone. `GENU_LAYERS=3,4,6` are the elements through a layer's thickness, a mesh each; GENU_BUILD may be several
-//! builds with commas, coarse to fine. Of three meshes and more the limit of ever finer ones is printed too.
+//! builds with commas, coarse to fine. Of three meshes and more the limit of ever finer ones is printed too. `GENU_PENALTY=3000` takes another
+//! penalty for ours [MPa/mm]. `GENU_DECKS=DIR` writes CalculiX's decks and solves ours alone (`benches/peers/getfem_contact.py` reads them).
 #![expect(clippy::print_stdout, reason = "figures for the reader of the log")]
 #![expect(clippy::disallowed_methods, reason = "files of CalculiX")]
 #![allow(clippy::unwrap_used, reason = "tests")]
@@ -171,12 +172,14 @@ fn ours(case: &Case, kappa: f64) -> Answer {
         rigid_faces: vec![],
         pairs: vec![[Face::Articular(0), Face::Articular(1)]],
     };
+    let usual = Options::default();
     let options = Options {
         scaling: Scaling::Even(1e-5),
         damping: Damping::Critical,
         friction: 0.0,
         hourglass_stiffness: kappa,
-        ..Options::default()
+        penalty_mpa_per_mm: listed("GENU_PENALTY").first().map_or(usual.penalty_mpa_per_mm, |p| p.parse().unwrap()),
+        ..usual
     };
     let before = processor_seconds().0;
     let model = compile(assembly, &options).unwrap();
@@ -315,6 +318,12 @@ fn series(cases: Vec<Case>) {
         let elements = case.lower.elements.len() + case.upper.elements.len();
         let pool = rayon::ThreadPoolBuilder::new().num_threads(1).build().unwrap();
         let own = pool.install(|| ours(case, Options::default().hourglass_stiffness));
+        if let Some(folder) = listed("GENU_DECKS").first() {
+            let file = Path::new(folder).join(format!("{}_{elements}.inp", case.name.replace(' ', "_")));
+            std::fs::write(&file, deck(case, true)).unwrap();
+            println!("{}: force {:.2} N, peak {:.3} MPa", file.display(), own.force, own.peak);
+            continue;
+        }
         // CalculiX's penalty takes longest and differs little by mesh: the coarsest alone
         for mortar in [false, true].into_iter().skip(usize::from(k > 0)) {
             let theirs = calculix(case, mortar);
