@@ -63,7 +63,8 @@ pub fn export(model: &Path, format: Format, poses: Option<&Path>, out: &Path) ->
     if [Format::Abaqus, Format::Febio, Format::Opensim].contains(&format) {
         let beside = carried(&loaded)?;
         if !beside.is_empty() {
-            warnings.push("patella and menisci lie in carried/ as surfaces in the model's frame; no contact or ligament of the model knows them".into());
+            let but = if loaded.spec.menisci.is_empty() { "" } else { "; the menisci that act are parts of their own" };
+            warnings.push(format!("patella and menisci lie in carried/ as surfaces in the model's frame; no contact or ligament of the model knows them{but}"));
         }
         files.extend(beside);
         if loaded.spec.contact.layer.is_some() {

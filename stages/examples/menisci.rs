@@ -1,6 +1,7 @@
 //! What menisci do in a model: share of a load in extension, laxity without them, time of a trial. The figures of docs/verification.md.
 //!
-//! `cargo run --release -p stages --example menisci -- MODEL.json...`; a model without menisci is given those of the atlas.
+//! `cargo run --release -p stages --example menisci -- [--times] MODEL.json...`; a model without menisci is given those of the atlas. `--times` prints times
+//! alone.
 #![expect(clippy::print_stdout, clippy::disallowed_methods, reason = "reads models and prints figures for the reader")]
 
 use meshes::surface::TriMesh;
@@ -17,20 +18,25 @@ use std::path::Path;
 use std::time::Instant;
 
 fn main() -> Result<(), Box<dyn Error>> {
-    for path in std::env::args().skip(1) {
+    let (options, paths): (Vec<String>, Vec<String>) = std::env::args().skip(1).partition(|a| a.starts_with("--"));
+    for path in paths {
         println!("{path}");
         let mut loaded = load(Path::new(&path))?;
+        let given = std::mem::take(&mut loaded.spec.menisci);
         let bare = compile(&loaded.spec, &loaded.meshes)?;
+        loaded.spec.menisci = given;
         if loaded.spec.menisci.is_empty() {
-            loaded.spec.menisci = of_atlas(&loaded)?;
-            if let Some(raise) = std::env::var("RAISE").ok().and_then(|r| r.parse::<f64>().ok()) {
-                let up = loaded.spec.frames.tibia.superior;
-                for s in loaded.spec.menisci.iter_mut().flat_map(|m| &mut m.sections) {
-                    s.upper.iter_mut().for_each(|p| *p += up * raise);
-                }
-            }
+            loaded.spec.menisci = of_atlas(&loaded, options.iter().any(|o| o == "--fit0").then_some(&bare))?;
+        }
+        if let Some(out) = options.iter().find_map(|o| o.strip_prefix("--write=")) {
+            std::fs::write(out, serde_json::to_vec_pretty(&loaded.spec)?)?;
+            continue;
         }
         let with = compile(&loaded.spec, &loaded.meshes)?;
+        if options.iter().any(|o| o == "--times") {
+            times(&bare, &with);
+            continue;
+        }
         shapes(&loaded.spec);
         println!("  without menisci");
         shares(&bare);
@@ -60,17 +66,22 @@ fn load(path: &Path) -> Result<LoadedModel, Box<dyn Error>> {
     Ok(LoadedModel { spec, meshes })
 }
 
-fn of_atlas(loaded: &LoadedModel) -> Result<Vec<sim::spec::MeniscusSpec>, Box<dyn Error>> {
+fn of_atlas(loaded: &LoadedModel, fit: Option<&Model>) -> Result<Vec<sim::spec::MeniscusSpec>, Box<dyn Error>> {
     let contact = &loaded.spec.contact;
     let surface = |name: &String| match loaded.meshes.get(name) {
         Some(MeshValue::Surface(mesh)) => Ok(mesh.clone()),
         _ => Err(format!("no surface {name}")),
     };
     let [medial, lateral]: [TriMesh; 2] = [surface(&contact.pairs[0].tibia)?, surface(&contact.pairs[1].tibia)?];
-    let cartilage =
+    let mut cartilage =
         PerCartilage { femur: surface(&contact.pairs[0].femur)?, tibia_medial: medial, tibia_lateral: lateral };
-    let slope = contact.pressure_mpa[1] / (contact.overclosure_mm[1] - contact.overclosure_mm[0]);
-    let mut menisci = stages::menisci::menisci(&cartilage, &loaded.spec.frames.tibia, slope)?;
+    if let Some(model) = fit {
+        let answer = solve(model, 0.0, &Load::compression(20.0), &TrialOptions::default())?;
+        cartilage.femur = cartilage.femur.moved(&answer.evaluation.pose.femur);
+        println!("  fitted at 0 deg, AP {:.1} mm {:?}", answer.pose.ap_mm, answer.flags);
+    }
+    let slope = stages::menisci::first_slope(&contact.overclosure_mm, &contact.pressure_mpa);
+    let mut menisci = stages::menisci::menisci(&cartilage, &loaded.spec.frames.tibia, slope, &BTreeMap::new())?.menisci;
     for (m, pair) in menisci.iter_mut().zip(&contact.pairs) {
         (m.femur, m.tibia) = (pair.femur.clone(), pair.tibia.clone());
     }
@@ -162,25 +173,52 @@ fn drawers(bare: &Model, with: &Model) -> Result<(), Box<dyn Error>> {
 fn times(bare: &Model, with: &Model) {
     let trials = laxity_trials();
     let options = TrialOptions::default();
-    let time = |model: &Model| {
-        let start = Instant::now();
-        let answers: Vec<Result<Answer, sim::SimError>> =
-            trials.iter().map(|t| sim::trials::solve_trial(model, t, &options)).collect();
-        let failed = answers.iter().filter(|a| a.is_err()).count();
-        let count: usize = answers.iter().flatten().map(|a| a.evaluations).sum();
-        (start.elapsed().as_secs_f64() * 1e3 / trials.len() as f64, count as f64 / trials.len() as f64, failed)
+    let time = |model: &Model, trial: &LaxityTrial| {
+        let start = Clock::start();
+        let answer = sim::trials::solve_trial(model, trial, &options);
+        (start.milliseconds(), answer.map_or(0, |a| a.evaluations))
     };
     let mut ratios: Vec<f64> = Vec::new();
-    for _ in 0..3 {
-        let (a, b) = (time(bare), time(with));
+    for _ in 0..5 {
+        let (mut a, mut b) = ((0.0, 0), (0.0, 0));
+        // in turn, so that the machine's other work falls on both
+        for trial in &trials {
+            for (model, sum) in [(bare, &mut a), (with, &mut b)] {
+                let (ms, count) = time(model, trial);
+                *sum = (sum.0 + ms, sum.1 + count);
+            }
+        }
+        let mean = |sum: (f64, usize)| (sum.0 / trials.len() as f64, sum.1 as f64 / trials.len() as f64);
+        let (x, y) = (mean(a), mean(b));
         println!(
-            "  a trial: {:.2} ms, {:.1} evaluations, without; {:.2} ms, {:.1} evaluations, with menisci; failed {} {}",
-            a.0, a.1, b.0, b.1, a.2, b.2
+            "  a trial: {:.2} ms, {:.1} evaluations, without; {:.2} ms, {:.1} evaluations, with menisci",
+            x.0, x.1, y.0, y.1
         );
-        ratios.push(b.0 / a.0);
+        ratios.push(y.0 / x.0);
     }
     ratios.sort_by(f64::total_cmp);
     println!("  ratio of times {ratios:.2?}");
+}
+
+/// Time of this thread on the processor, or of the clock.
+struct Clock(Instant, Option<u64>);
+
+impl Clock {
+    fn start() -> Clock {
+        Clock(Instant::now(), Clock::nanoseconds())
+    }
+
+    fn nanoseconds() -> Option<u64> {
+        let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
+        text.split_whitespace().next()?.parse().ok()
+    }
+
+    fn milliseconds(&self) -> f64 {
+        match (self.1, Clock::nanoseconds()) {
+            (Some(from), Some(to)) => (to - from) as f64 * 1e-6,
+            _ => 1e3 * self.0.elapsed().as_secs_f64(),
+        }
+    }
 }
 
 fn laxity_trials() -> Vec<LaxityTrial> {

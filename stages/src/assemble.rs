@@ -6,7 +6,7 @@ use crate::attachments::Attachments;
 use crate::bones::Bones;
 use crate::cartilage::Cartilage;
 use crate::frames::Frames;
-use crate::menisci::{Menisci, menisci};
+use crate::menisci::{Laid, Menisci, MeniscusMetrics, first_slope, menisci};
 use crate::overclosure::Separated;
 use crate::patellofemoral::{PatellaChoice, PatellaMetrics, PatellaOptions, Patellofemoral, patellofemoral};
 use crate::specimen::Specimen;
@@ -47,7 +47,7 @@ pub struct AssembleOptions {
     pub by_thickness: bool,
     /// The layers of contact by thickness.
     pub layer: LayerMaterial,
-    /// Whether menisci act in the model.
+    /// Whether menisci act in the model: off, on (the knee's own where segmented, else the atlas') or atlas.
     pub menisci: Menisci,
     /// Which patella acts: off, on (the knee's own) or generic.
     pub patella: PatellaChoice,
@@ -146,6 +146,12 @@ pub struct AssembleMetrics {
     pub fibres: usize,
     /// Triangles of each contact surface.
     pub contact_triangles: Vec<MeshCount>,
+    /// The menisci, where they act.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub menisci: Vec<MeniscusMetrics>,
+    /// How many of them are shaped by a segmentation.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub segmented_menisci: Option<usize>,
     /// The patella, where one acts.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub patella: Option<PatellaMetrics>,
@@ -193,17 +199,21 @@ pub fn assemble(
         .iter()
         .map(|f| FibreSpec { bundle: f.bundle.clone(), femur: f.femur, tibia: f.tibia })
         .collect::<Vec<_>>();
-    let slope =
-        (options.pressure_mpa[1] - options.pressure_mpa[0]) / (options.overclosure_mm[1] - options.overclosure_mm[0]);
-    let menisci = match options.menisci {
-        Menisci::Off => Vec::new(),
-        Menisci::On => menisci(&contact, &frames.tibia, slope)?,
+    let slope = first_slope(&options.overclosure_mm, &options.pressure_mpa);
+    let laid = match options.menisci {
+        Menisci::Off => Laid::default(),
+        Menisci::On => menisci(&contact, &frames.tibia, slope, &cartilage.bodies)?,
+        Menisci::Atlas => menisci(&contact, &frames.tibia, slope, &BTreeMap::new())?,
     };
+    warnings.extend(laid.warnings);
     let count = |(name, m): (&str, &TriMesh)| MeshCount { mesh: name.to_owned(), triangles: m.triangles.len() };
     let metrics = AssembleMetrics {
         bundles: bundles.len(),
         fibres: fibres.len(),
         contact_triangles: contact.named().map(count).to_vec(),
+        segmented_menisci: (!laid.metrics.is_empty())
+            .then(|| laid.metrics.iter().filter(|m| m.segmented_mm3.is_some()).count()),
+        menisci: laid.metrics,
         patella: patella.as_ref().map(|p| p.metrics.clone()),
     };
     let spec = ModelSpec {
@@ -216,7 +226,7 @@ pub fn assemble(
         contact: contact_spec(options),
         bundles,
         fibres,
-        menisci,
+        menisci: laid.menisci,
         toe_end_multiple: Default::default(),
         protocols: Vec::new(),
         components: Vec::new(),

@@ -23,6 +23,7 @@ use stages::bones::Bones;
 use stages::cartilage::Cartilage;
 use stages::contact_law::{ContactLaw, ContactRule};
 use stages::frames::Frames;
+use stages::menisci::MeniscusMetrics;
 use stages::overclosure::Separated;
 use stages::specimen::Specimen;
 
@@ -34,7 +35,7 @@ pub(crate) struct Assemble;
 impl Stage for Assemble {
     const NUMBER: &'static str = "09";
     const NAME: &'static str = "assemble";
-    const TELLING: &'static [&'static str] = &["bundles", "fibres"];
+    const TELLING: &'static [&'static str] = &["bundles", "fibres", "segmented_menisci"];
     /// The contact law is left out where none was fitted: that of the options stands.
     type Inputs<'a> = (
         &'a Kept<Specimen>,
@@ -183,7 +184,7 @@ impl Stage for Assemble {
     }
 
     fn checks(v: &Values) -> Vec<Check> {
-        whose_law(v).into_iter().collect()
+        whose_law(v).into_iter().chain(whose_menisci(v)).collect()
     }
 }
 
@@ -204,4 +205,23 @@ fn whose_law(v: &Values) -> Option<Check> {
         "the one given in the options".to_owned()
     };
     Some(Check { question: "Whose contact law is it?", answer, good: None, stage: Assemble::NAME })
+}
+
+/// Whose shape the menisci have, where they act.
+fn whose_menisci(v: &Values) -> Option<Check> {
+    let metrics = &v.of::<Assembled>()?.metrics.menisci;
+    let one = |m: &MeniscusMetrics| {
+        let shape = match m.segmented_mm3 {
+            Some(given) => format!("the segmentation's, {:.0} mm3 of {given:.0} mm3", m.volume_mm3),
+            None => "the atlas', fitted to this knee".to_owned(),
+        };
+        format!("{}: {shape}", plain(&m.name))
+    };
+    let answer = metrics.iter().map(one).collect::<Vec<_>>().join("; ");
+    (!metrics.is_empty()).then_some(Check {
+        question: "Whose shape have the menisci?",
+        answer,
+        good: None,
+        stage: Assemble::NAME,
+    })
 }

@@ -11,10 +11,10 @@ use sim::spec::SectionSpec;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Gaps between sections, a wedge [-], and points across a section [-].
-const GAPS_PER_WEDGE: usize = 2;
-const POINTS: usize = 6;
+pub(super) const GAPS_PER_WEDGE: usize = 2;
+pub(super) const POINTS: usize = 6;
 /// Height of the inner edge [mm]: where cartilages are nearer to each other there is no room for one.
-const EDGE_MM: f64 = 0.5;
+pub(super) const EDGE_MM: f64 = 0.5;
 /// Least width [mm], and widest share of the way from the rim to the plateau's centre [-].
 const LEAST_WIDTH_MM: f64 = 3.0;
 const WIDEST: f64 = 0.8;
@@ -30,10 +30,7 @@ const STEP_MM: f64 = 0.25;
 const REACH_MM: f64 = 60.0;
 
 /// Sections from the anterior to the posterior horn.
-pub(super) fn sections(between: &Between, size: &Size, roots: [Point; 2]) -> Result<Vec<SectionSpec>, StageError> {
-    let plateau = Plateau::new(between).ok_or_else(|| {
-        StageError::part(between.name(), "the cartilages do not lie over one another, so that it has no room")
-    })?;
+pub(super) fn sections(plateau: &Plateau, size: &Size, roots: [Point; 2]) -> Vec<SectionSpec> {
     // the anterior root lies to the front, the posterior one to the back, wherever a turn begins
     let [from, to] = roots.map(|root| plateau.angle(&root));
     let ends = [
@@ -43,16 +40,18 @@ pub(super) fn sections(between: &Between, size: &Size, roots: [Point; 2]) -> Res
     let scale = plateau.scale(size, ends);
     let gaps = GAPS_PER_WEDGE * super::WEDGES;
     let sections = plateau.spaced(ends, gaps).into_iter().map(|angle| plateau.section(size, scale, angle));
-    Ok(sections.collect())
+    sections.collect()
 }
 
 /// A plateau seen from above, and the femur over it.
-struct Plateau<'a> {
+pub(super) struct Plateau<'a> {
     between: &'a Between<'a>,
     tibia: SurfaceQuery,
     femur: SurfaceQuery,
-    centre: Point,
-    area: f64,
+    /// Its middle.
+    pub(super) centre: Point,
+    /// Seen from above [mm2].
+    pub(super) area: f64,
     /// Distance of the rim from the centre [mm]: terms of a Fourier series by the angle.
     rim: [[f64; 2]; TERMS],
     /// Least gap between both cartilages [mm].
@@ -60,7 +59,14 @@ struct Plateau<'a> {
 }
 
 impl<'a> Plateau<'a> {
-    fn new(between: &'a Between<'a>) -> Option<Plateau<'a>> {
+    /// Errors: cartilages that do not lie over one another.
+    pub(super) fn new(between: &'a Between<'a>) -> Result<Plateau<'a>, StageError> {
+        Plateau::under(between).ok_or_else(|| {
+            StageError::part(between.name(), "the cartilages do not lie over one another, so that it has no room")
+        })
+    }
+
+    fn under(between: &'a Between<'a>) -> Option<Plateau<'a>> {
         let (tibia, femur) = (SurfaceQuery::new(between.tibia)?, SurfaceQuery::new(between.femur)?);
         let up = between.frame.superior;
         let (mut sum, mut area) = (Vector::zeros(), 0.0);
@@ -144,13 +150,13 @@ impl<'a> Plateau<'a> {
     }
 
     /// The tibial cartilage below a place.
-    fn on_tibia(&self, place: &Point) -> Option<Point> {
+    pub(super) fn on_tibia(&self, place: &Point) -> Option<Point> {
         let up = self.between.frame.superior;
         self.tibia.ray(&(place + up * (0.5 * REACH_MM)), &-up, REACH_MM).map(|h| h.point)
     }
 
     /// Room between tibia and femur, when the femur is brought down until it bears on the menisci [mm].
-    fn room(&self, p: &Point) -> f64 {
+    pub(super) fn room(&self, p: &Point) -> f64 {
         self.femur_above(p).map_or(f64::INFINITY, |gap| gap - self.touch + SIZES.fit.clearance_mm)
     }
 

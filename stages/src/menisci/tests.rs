@@ -40,9 +40,13 @@ fn cartilages() -> PerCartilage<TriMesh> {
     }
 }
 
+fn of_atlas(c: &PerCartilage<TriMesh>, frame: &AnatomicalFrame) -> Result<Vec<MeniscusSpec>, StageError> {
+    menisci(c, frame, 6.5, &BTreeMap::new()).map(|laid| laid.menisci)
+}
+
 #[test]
 fn menisci_run_from_horn_to_horn_on_the_tibia_and_under_the_condyle() {
-    let both = menisci(&cartilages(), &frame(), 6.5).unwrap();
+    let both = of_atlas(&cartilages(), &frame()).unwrap();
     assert_eq!(both.iter().map(|m| m.name.as_str()).collect::<Vec<_>>(), ["meniscus_medial", "meniscus_lateral"]);
     for (m, x) in both.iter().zip([-24.0, 24.0]) {
         let centre = Point::new(x, 0.0, 22.3);
@@ -75,7 +79,7 @@ fn a_mirrored_knee_has_mirrored_menisci() {
         m.vertices.iter_mut().for_each(|p| p.x = -p.x);
         m.flipped()
     };
-    let here = menisci(&cartilages(), &frame(), 6.5).unwrap();
+    let here = of_atlas(&cartilages(), &frame()).unwrap();
     let c = cartilages();
     let other = PerCartilage {
         femur: turned(&c.femur),
@@ -83,7 +87,7 @@ fn a_mirrored_knee_has_mirrored_menisci() {
         tibia_lateral: turned(&c.tibia_lateral),
     };
     let mirror = AnatomicalFrame { medial: Vector::x(), ..frame() };
-    for (a, b) in here.iter().zip(menisci(&other, &mirror, 6.5).unwrap()) {
+    for (a, b) in here.iter().zip(of_atlas(&other, &mirror).unwrap()) {
         for (s, t) in a.sections.iter().zip(&b.sections) {
             let off = s.upper.iter().chain(&s.lower).zip(t.upper.iter().chain(&t.lower));
             assert!(off.map(|(p, q)| (p - Point::new(-q.x, q.y, q.z)).norm()).fold(0.0, f64::max) < 1e-6);
@@ -95,6 +99,13 @@ fn a_mirrored_knee_has_mirrored_menisci() {
 fn cartilages_apart_have_no_room_for_one() {
     let mut c = cartilages();
     c.femur.vertices.iter_mut().for_each(|p| p.y += 500.0);
-    let error = menisci(&c, &frame(), 6.5).unwrap_err().to_string();
+    let error = of_atlas(&c, &frame()).unwrap_err().to_string();
     assert!(error.contains("meniscus_medial") && error.contains("no room"), "{error}");
+}
+
+#[test]
+fn a_law_that_leads_in_with_next_to_nothing_has_the_slope_of_what_follows() {
+    let (overclosure, pressure) = ([-0.01, 0.0, 0.05, 0.1], [0.0, 1e-7, 0.3, 0.6]);
+    assert!((first_slope(&overclosure, &pressure) - 6.0).abs() < 1e-4);
+    assert_eq!(first_slope(&overclosure[1..], &[0.0, 0.3, 0.6]), 6.0);
 }
