@@ -1,6 +1,7 @@
 //! Times of the solvers on one thread: `cargo bench --bench solver [MODEL.json [TRIALS.csv]]`.
 //!
 //! A model whose contact is by thickness is also timed with its table, trial by trial in turn, as a ratio.
+//! A model with a patella is also timed under tension of the quadriceps, in turn with the same trials without it.
 //!
 //! Without a model, the published knee of `../shared` with its full meshes, and its measured trials. Wall clock; run it on a quiet machine.
 #![expect(clippy::disallowed_methods, reason = "a benchmark asks the system for its time")]
@@ -63,6 +64,9 @@ fn main() -> Result<(), String> {
     if let Some(table) = by_table {
         beside_table(&model, &table, &trials)?;
     }
+    if model.has_patella() {
+        under_tension(&model, &trials)?;
+    }
     explicit(&model, &trials)
 }
 
@@ -121,17 +125,37 @@ fn quasi_static(model: &Model, trials: &[LaxityTrial]) -> Result<(), String> {
 
 /// A trial by thickness over the same by the table, in turns.
 fn beside_table(model: &Model, table: &Model, trials: &[LaxityTrial]) -> Result<(), String> {
+    let (sum, median) = ratio(trials, |t| [(model, t.clone()), (table, t.clone())])?;
+    println!("by thickness over by table    {sum:9.2}      all trials; goal 1.2");
+    println!("the same, median trial        {median:9.2}");
+    Ok(())
+}
+
+/// Tension of the quadriceps under which a patella is timed [N].
+const TENSION_N: f64 = 100.0;
+
+/// A trial under tension of the quadriceps over the same without, in turns.
+fn under_tension(model: &Model, trials: &[LaxityTrial]) -> Result<(), String> {
+    let under = |t: &LaxityTrial, quadriceps_n: f64| LaxityTrial { quadriceps_n, ..t.clone() };
+    let (sum, median) = ratio(trials, |t| [(model, under(t, TENSION_N)), (model, under(t, 0.0))])?;
+    println!("under tension over without    {sum:9.2}      all trials, {TENSION_N} N; goal 2.0");
+    println!("the same, median trial        {median:9.2}");
+    Ok(())
+}
+
+/// Time of one way to solve a trial over that of the other, in turns: of all trials, and of the median trial [-].
+fn ratio<'a>(
+    trials: &[LaxityTrial],
+    both: impl Fn(&LaxityTrial) -> [(&'a Model, LaxityTrial); 2],
+) -> Result<(f64, f64), String> {
     let options = TrialOptions::default();
-    let solved = |model: &Model, t: &LaxityTrial| -> Result<(), String> {
-        solve_trial(model, t, &options).map(|_| ()).map_err(|e| e.to_string())
-    };
     let (mut sum, mut ratios) = ([0.0; 2], Vec::new());
     for trial in trials {
-        let mut own = [0.0; 2];
+        let (ways, mut own) = (both(trial), [0.0; 2]);
         for _ in 0..10 {
-            for (which, model) in [model, table].into_iter().enumerate() {
+            for (which, (model, t)) in ways.iter().enumerate() {
                 let start = Clock::start();
-                solved(model, trial)?;
+                solve_trial(model, t, &options).map(|_| ()).map_err(|e| e.to_string())?;
                 own[which] += start.milliseconds();
             }
         }
@@ -139,9 +163,7 @@ fn beside_table(model: &Model, table: &Model, trials: &[LaxityTrial]) -> Result<
         sum = [sum[0] + own[0], sum[1] + own[1]];
     }
     ratios.sort_by(f64::total_cmp);
-    println!("by thickness over by table    {:9.2}      all trials; goal 1.2", sum[0] / sum[1]);
-    println!("the same, median trial        {:9.2}", ratios[ratios.len() / 2]);
-    Ok(())
+    Ok((sum[0] / sum[1], ratios[ratios.len() / 2]))
 }
 
 fn explicit(model: &Model, trials: &[LaxityTrial]) -> Result<(), String> {

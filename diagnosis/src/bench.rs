@@ -6,6 +6,7 @@ use nalgebra::Matrix6;
 use sim::Model;
 use sim::coordinate::{SI, Six};
 use sim::equilibrium::{Ask, Equilibrium, Restraint, Rig};
+use std::borrow::Cow;
 
 /// Force at which a spring that holds the measured pose gives way by the noise [N].
 const HOLD_N: f64 = 100.0;
@@ -24,20 +25,27 @@ pub struct Bench<'a> {
 impl Bench<'_> {
     /// Something done with the knee as the solver sees it.
     fn rigged<T>(&self, trial: &Trial, act: impl FnOnce(&Rig) -> T) -> T {
+        // a tension that the model itself can carry is no force beside it
+        let is_beside = |effect: &&Active| effect.has_force() && effect.tension(self.model, trial) == 0.0;
         let field = |load: &Six, q: &Six| {
             let here = self.place.situation(self.model, trial, load, q);
-            self.effects.iter().fold(Six::zeros(), |sum, effect| sum + effect.force(&here))
+            self.effects.iter().filter(is_beside).fold(Six::zeros(), |sum, effect| sum + effect.force(&here))
         };
         let reading = |gs: &Six| self.effects.iter().fold(*gs, |gs, effect| effect.read(&gs, trial));
         let (has_force, has_reading) =
-            (self.effects.iter().any(Active::has_force), self.effects.iter().any(Active::has_reading));
-        // a model without a patella was refused where the question was put
-        let pulled = self.model.pulled(trial.quadriceps_n);
+            (self.effects.iter().any(|e| is_beside(&e)), self.effects.iter().any(Active::has_reading));
         act(&Rig {
-            model: pulled.as_deref().unwrap_or(self.model),
+            model: &self.pulled(trial),
             field: if has_force { Some(&field) } else { None },
             reading: if has_reading { Some(&reading) } else { None },
         })
+    }
+
+    /// The model under the tension of the quadriceps in a trial, that of effects included.
+    pub fn pulled(&self, trial: &Trial) -> Cow<'_, Model> {
+        let more: f64 = self.effects.iter().map(|e| e.tension(self.model, trial)).sum();
+        // a model without a patella was refused where the question was put
+        self.model.pulled((trial.quadriceps_n + more).max(0.0)).unwrap_or(Cow::Borrowed(self.model))
     }
 
     /// The equilibrium under `trial`, from nearby coordinates.
@@ -76,7 +84,7 @@ impl Bench<'_> {
         restraint(trial, &Six::zeros()).stiffened(tangent)
     }
 
-    /// Generalised force of all effects, beside the recorded load.
+    /// Generalised force of the effects beside the recorded load, but for what [`Bench::pulled`] has in the model.
     pub fn effects_at(&self, trial: &Trial, load: &Six, q: &Six) -> Six {
         self.rigged(trial, |rig| rig.external(load, q))
     }

@@ -93,6 +93,11 @@ pub trait Force: Debug + Send + Sync {
     fn is_about_unloaded(&self) -> bool {
         false
     }
+    /// Tension of the quadriceps [N] by which the model itself does in a trial what this effect does; where it is not zero the effect is no force
+    /// beside the model.
+    fn tension(&self, _model: &Model, _trial: &Trial) -> f64 {
+        0.0
+    }
     /// Whether its parameters must be stepped far to be felt (no slope at zero).
     fn has_no_slope_at_zero(&self) -> bool {
         false
@@ -171,6 +176,14 @@ impl Active {
             return wrong(format!("{} has {wanted} parameters, {} values given", effect.id, values.len()));
         }
         TYPES[at].1(row::fields(effect, variant, values)).or_else(|e| wrong(format!("{}: {e}", effect.id)))
+    }
+
+    /// [`Force::tension`]; a reading has none.
+    pub fn tension(&self, model: &Model, trial: &Trial) -> f64 {
+        match self {
+            Active::Force(f) => f.tension(model, trial),
+            Active::Reading(_) => 0.0,
+        }
     }
 
     /// Whether it adds a force.

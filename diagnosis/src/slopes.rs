@@ -136,7 +136,7 @@ impl<'a> Slopes<'a> {
         if steps.iter().all(Option::is_none) {
             return [Free::all(0.0); 12];
         }
-        let (model, q) = (self.bench.model, &self.rest.q);
+        let (model, q) = (self.bench.pulled(self.trial), &self.rest.q);
         let effects = self.bench.effects_at(self.trial, &self.trial.load, q);
         let at = model.evaluate_near(q, &mut Nearby::once());
         let read = |gs: &Six| self.bench.effects.iter().fold(*gs, |gs, e| e.read(&gs, self.trial));

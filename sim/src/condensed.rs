@@ -31,6 +31,12 @@ pub trait Inner: std::fmt::Debug + Send + Sync {
     /// Furthest an inner coordinate may go in one Newton step.
     fn longest_step(&self) -> f64;
 
+    /// Newton steps below this end the search on the way of a path, where the search for the joint's pose goes on. Energy is then exact to the
+    /// step's cube, gradient and stiffness to its square and itself.
+    fn step_on_the_way(&self) -> f64 {
+        SMALL_STEP
+    }
+
     /// Whether the femur bears on the tibia through it.
     fn bears(&self, _pose: &Pose, _inner: &[f64]) -> bool {
         false
@@ -95,12 +101,14 @@ pub struct Rest {
     at: Six,
     inner: Vec<f64>,
     slope: Vec<Six>,
+    /// Whether the search may end at [`Inner::step_on_the_way`].
+    pub(crate) on_the_way: bool,
 }
 
 impl Rest {
     /// At inner coordinates known otherwise.
     pub fn known(q: &Six, inner: Vec<f64>) -> Rest {
-        Rest { at: *q, slope: vec![Six::zeros(); inner.len()], inner }
+        Rest { at: *q, slope: vec![Six::zeros(); inner.len()], inner, on_the_way: false }
     }
 
     /// The joint's coordinates there; none where nothing is known.
@@ -125,6 +133,7 @@ impl Rest {
 pub fn condense(body: &dyn Inner, (q, pose): (&Six, &Pose), rest: &mut Rest) -> Condensed {
     body.approach(q, rest);
     let (size, longest) = (body.size().0, body.longest_step());
+    let small = if rest.on_the_way { body.step_on_the_way() } else { SMALL_STEP };
     let mut inner = rest.guess(q, size, longest);
     let mut parts = body.at(pose, &inner);
     let mut evaluations = 1;
@@ -133,7 +142,7 @@ pub fn condense(body: &dyn Inner, (q, pose): (&Six, &Pose), rest: &mut Rest) -> 
         let mut step: Vec<f64> = parts.inner.iter().map(|g| -g).collect();
         factor.solve(&mut step);
         let most = step.iter().fold(0.0f64, |m, s| m.max(s.abs()));
-        if most < SMALL_STEP {
+        if most < small {
             break (step, factor);
         }
         if evaluations >= MOST_STEPS {
@@ -171,7 +180,7 @@ pub fn condense(body: &dyn Inner, (q, pose): (&Six, &Pose), rest: &mut Rest) -> 
     }
     out.hessian = (out.hessian + out.hessian.transpose()) * 0.5;
     out.inner.iter_mut().zip(&step).for_each(|(u, s)| *u += s);
-    *rest = Rest { at: *q, inner: out.inner.clone(), slope };
+    *rest = Rest { at: *q, inner: out.inner.clone(), slope, ..*rest };
     out
 }
 

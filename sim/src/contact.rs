@@ -316,6 +316,21 @@ impl Sums {
         add_stiffness(stiffness, &t, p);
     }
 
+    /// Adds an energy of a node's place alone, by its derivatives there; `stiffness` is an upper triangle by rows.
+    pub(crate) fn pull(
+        &mut self,
+        stiffness: &mut [f64; 21],
+        place: &Vector,
+        energy: f64,
+        (gradient, k): (&Vector, &Matrix3<f64>),
+    ) {
+        self.energy += energy;
+        self.force -= gradient;
+        self.virial -= place * gradient.transpose();
+        let t = [k[(0, 0)], k[(0, 1)], k[(0, 2)], k[(1, 1)], k[(1, 2)], k[(2, 2)]];
+        add_stiffness(stiffness, &t, &[place.x, place.y, place.z]);
+    }
+
     /// Adds other sums in the same frame.
     pub(crate) fn join(&mut self, other: &Sums) {
         self.energy += other.energy;

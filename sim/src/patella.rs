@@ -10,7 +10,7 @@
 mod line;
 
 use crate::condensed::{Inner, Parts, Rest, condense};
-use crate::contact::{Contact, ContactOptions, ContactResponse, Nearby};
+use crate::contact::{self, Contact, ContactOptions, ContactResponse, Nearby};
 use crate::coordinate::Six;
 use crate::error::SimError;
 use crate::joint::{Joint, Pose, comes_first};
@@ -30,6 +30,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 const ARM: f64 = 20.0;
 /// Furthest a coordinate goes in a Newton step [mm, angles times [`ARM`]].
 const LONGEST_STEP: f64 = 0.5;
+/// Newton steps below this end the search for the patella's place on the way of a path [mm, angles times [`ARM`]].
+const STEP_ON_THE_WAY: f64 = 3e-3;
 /// Furthest the knee goes between two equilibria of the patella that are sought one from the other [rad, mm].
 const STRIDE: [f64; 6] = [0.15, 0.15, 0.15, 6.0, 6.0, 6.0];
 /// Nodes of the patella lie this much further apart than the knee's [-]: its contact is larger and flatter.
@@ -148,12 +150,13 @@ impl Inner for Patella {
     fn at(&self, pose: &Pose, inner: &[f64]) -> Parts {
         let own = self.joint.pose(&unscaled(inner));
         let mut sums = Sums::new(&own, pose);
-        let contact = self.contact_near(&own);
-        sums.parts.energy += contact.energy;
-        sums.by_u += contact.gradient;
-        sums.uu += contact.hessian;
+        sums.take(&self.contact_near(&own));
         self.pull(&mut sums);
         sums.scaled()
+    }
+
+    fn step_on_the_way(&self) -> f64 {
+        STEP_ON_THE_WAY
     }
 
     fn longest_step(&self) -> f64 {
@@ -197,9 +200,8 @@ fn unit(i: usize) -> f64 {
     if i < 3 { 1.0 / ARM } else { 1.0 }
 }
 
-/// A point that a body carries, seen from the femur: its place and its change by the body's coordinates.
+/// A point that a body carries, seen from the femur: the change of its place by the body's coordinates.
 struct Place {
-    at: Vector,
     by: [Vector; 6],
     /// Velocities in the body's frame.
     own: [Vector; 6],
@@ -210,13 +212,13 @@ impl Place {
     fn new(pose: &Pose, p: &Vector) -> Place {
         let own = pose.screws.map(|s| s.at(p));
         let back = pose.femur.rotation.inverse();
-        Place { at: pose.femur.inverse_transform_point(&Point::from(*p)).coords, by: own.map(|v| -(back * v)), own }
+        Place { by: own.map(|v| -(back * v)), own }
     }
 
-    /// Second derivative by two coordinates.
-    fn second(&self, pose: &Pose, j: usize, k: usize) -> Vector {
+    /// Work of a force in the second derivative by two coordinates; the force in the body's frame.
+    fn second(&self, pose: &Pose, force: &Vector, j: usize, k: usize) -> f64 {
         let (first, last) = if comes_first(j, k) { (j, k) } else { (k, j) };
-        pose.femur.rotation.inverse() * pose.screws[last].angular.cross(&self.own[first])
+        force.dot(&pose.screws[last].angular.cross(&self.own[first]))
     }
 }
 
@@ -237,26 +239,33 @@ impl<'a> Sums<'a> {
         Sums { own, knee, parts: Parts::zeros((6, 5)), by_u: Six::zeros(), uu: zero, uq: zero }
     }
 
-    /// Adds an energy of the place of `near`, a point of the patella, against `far`, one of the tibia where it moves: force and stiffness by
-    /// that place, femur frame.
-    fn add(&mut self, energy: f64, (force, stiffness): (&Vector, &Matrix3<f64>), near: &Place, far: Option<&Place>) {
+    /// Adds what depends on the patella's place alone.
+    fn take(&mut self, response: &ContactResponse) {
+        self.parts.energy += response.energy;
+        self.by_u += response.gradient;
+        self.uu += response.hessian;
+    }
+
+    /// Adds an energy of the place of `near`, a point of the patella, against `far`, one of the tibia: force and stiffness by that place, femur
+    /// frame.
+    fn add(&mut self, energy: f64, (force, stiffness): (&Vector, &Matrix3<f64>), near: &Place, far: &Place) {
         self.parts.energy += energy;
+        let (seen, from) = (self.own.femur.rotation * force, self.knee.femur.rotation * force);
         for j in 0..6 {
             self.by_u[j] += force.dot(&near.by[j]);
             let along = stiffness * near.by[j];
             for k in j..6 {
-                let value = along.dot(&near.by[k]) + force.dot(&near.second(self.own, j, k));
+                let value = along.dot(&near.by[k]) + near.second(self.own, &seen, j, k);
                 self.uu[(j, k)] += value;
                 if j != k {
                     self.uu[(k, j)] += value;
                 }
             }
-            let Some(far) = far else { continue };
             self.parts.outer[j] -= force.dot(&far.by[j]);
             let across = stiffness * far.by[j];
             for k in 0..6 {
                 self.uq[(j, k)] -= along.dot(&far.by[k]);
-                self.parts.hessian[(j, k)] += across.dot(&far.by[k]) - force.dot(&far.second(self.knee, j, k));
+                self.parts.hessian[(j, k)] += across.dot(&far.by[k]) - far.second(self.knee, &from, j, k);
             }
         }
     }
@@ -339,39 +348,50 @@ impl Patella {
     /// Adds all but the contact.
     fn pull(&self, sums: &mut Sums) {
         let (own, knee) = (sums.own, sums.knee);
+        // what hangs on the femur moves as a node of the patella does
+        let (mut fixed, mut stiffness) = (contact::Sums::default(), [0.0; 21]);
         for head in &self.heads {
-            let near = Place::new(own, &head.patella);
-            let Length { value, gradient, hessian } = self.wrap.over(&near.at, &head.femur);
+            let near = seen_from_femur(own, &head.patella);
+            let Length { value, gradient, hessian } = self.wrap.over(&near, &head.femur);
             let f = self.tension * head.share;
-            sums.add(f * value, (&(gradient * f), &(hessian * f)), &near, None);
+            fixed.pull(&mut stiffness, &near, f * value, (&(gradient * f), &(hessian * f)));
         }
         for band in &self.bands {
             for fibre in &band.fibres {
-                let (near, far) = (Place::new(own, &fibre.patella), band.far(fibre, knee));
-                let at = far.as_ref().map_or(fibre.far, |f| f.at);
-                let Length { value, gradient, hessian } = straight(&near.at, &at);
-                let r = band.law.response(value - fibre.initial + band.law.initial_stretch());
-                if r.energy > 0.0 {
-                    let stiffness = hessian * r.force + gradient * gradient.transpose() * r.stiffness;
-                    sums.add(r.energy, (&(gradient * r.force), &stiffness), &near, far.as_ref());
+                let near = seen_from_femur(own, &fibre.patella);
+                let far = if band.tibial { seen_from_femur(knee, &fibre.far) } else { fibre.far };
+                let length = straight(&near, &far);
+                let r = band.law.response(length.value - fibre.initial + band.law.initial_stretch());
+                if r.energy <= 0.0 {
+                    continue;
+                }
+                let by = length.gradient * r.force;
+                let curve = length.hessian * r.force + length.gradient * length.gradient.transpose() * r.stiffness;
+                if band.tibial {
+                    sums.add(r.energy, (&by, &curve), &Place::new(own, &fibre.patella), &Place::new(knee, &fibre.far));
+                } else {
+                    fixed.pull(&mut stiffness, &near, r.energy, (&by, &curve));
                 }
             }
         }
+        fixed.stiffness = contact::symmetric(&stiffness);
+        let mut response = ContactResponse::default();
+        contact::accumulate(&mut response, &fixed, &contact::local_screws(own, &own.femur), (true, 1.0));
+        sums.take(&response);
     }
 }
 
-impl Group {
-    /// The far end of a fibre, where it moves against the femur.
-    fn far(&self, fibre: &Fibre, knee: &Pose) -> Option<Place> {
-        self.tibial.then(|| Place::new(knee, &fibre.far))
-    }
+/// A point of the body against which `pose` moves the femur, as the femur sees it.
+fn seen_from_femur(pose: &Pose, p: &Vector) -> Vector {
+    pose.femur.inverse_transform_point(&Point::from(*p)).coords
+}
 
+impl Group {
     /// Tension of all its fibres [N].
     fn tension(&self, own: &Pose, knee: &Pose) -> f64 {
-        let at = |pose: &Pose, p: &Vector| pose.femur.inverse_transform_point(&Point::from(*p));
         let length = |f: &Fibre| {
-            let far = if self.tibial { at(knee, &f.far) } else { Point::from(f.far) };
-            (at(own, &f.patella) - far).norm()
+            let far = if self.tibial { seen_from_femur(knee, &f.far) } else { f.far };
+            (seen_from_femur(own, &f.patella) - far).norm()
         };
         self.fibres.iter().map(|f| self.law.response(length(f) - f.initial + self.law.initial_stretch()).force).sum()
     }

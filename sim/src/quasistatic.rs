@@ -215,7 +215,10 @@ pub fn increment_near(
     start[FE] = goal.flexion;
     let tolerance = if end { options.step_at_the_end_mm } else { options.step_on_the_way_mm };
     let predicted = start;
-    let (value, q, evaluations) = minimise(&problem, start, (tolerance, end), options.iterations, near)?;
+    near.set_on_the_way(!end);
+    let found = minimise(&problem, start, (tolerance, end), options.iterations, near);
+    near.set_on_the_way(false);
+    let (value, q, evaluations) = found?;
     let step = q - from.q;
     let (mut friction_gradient, mut unused) = (Six::zeros(), (0.0, Matrix6::zeros()));
     problem.patches.add(&step, &mut unused.0, &mut friction_gradient, &mut unused.1);

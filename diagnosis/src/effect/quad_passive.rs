@@ -2,7 +2,9 @@
 
 use super::lines::point;
 use super::{Force, Situation};
+use crate::trial::Trial;
 use serde::Deserialize;
+use sim::Model;
 use sim::coordinate::{FE, Six};
 use sim::ligament::Fibre;
 
@@ -21,14 +23,28 @@ impl Force for QuadPassive {
         }
         patellar_tendon(here, self.further_forward_deg, self.further_lateral_mm) * self.force_n
     }
+
+    fn tension(&self, model: &Model, trial: &Trial) -> f64 {
+        let seated = model.has_patella() && trial.quadriceps_n + self.force_n >= SEATED_N;
+        if seated { self.force_n } else { 0.0 }
+    }
 }
 
-/// What the patella does to the knee under a tension of the quadriceps [N], beside what it does under the trial's own. A tension below zero, at
-/// which slopes are asked, pulls the other way. The patella's own geometry says where the tendon runs: the shape parameters have no part.
+/// Tension that lays the patella on the trochlea [N]. Below it the patella hangs in its retinacula; there its pull is taken in proportion.
+const SEATED_N: f64 = 10.0;
+
+/// What the patella does to the knee under a tension of the quadriceps [N], beside what it does under the trial's own. The patella's own geometry
+/// says where the tendon runs: the shape parameters have no part.
 fn patella(here: &Situation, tension: f64) -> Six {
     let own = here.trial.quadriceps_n;
-    let pull = |tension: f64| here.model.pull_of_quadriceps(&here.q, tension);
-    if tension < 0.0 { pull(own) - pull(own - tension) } else { pull(own + tension) - pull(own) }
+    pull(here, own + tension) - pull(here, own)
+}
+
+/// The patella's pull under a tension [N], with a slope at zero and the other way below it, as slopes are asked there.
+fn pull(here: &Situation, tension: f64) -> Six {
+    let size = tension.abs();
+    let seated = here.model.pull_of_quadriceps(&here.q, size.max(SEATED_N));
+    seated * ((size / SEATED_N).min(1.0) * tension.signum())
 }
 
 /// The tibial tuberosity [mm].

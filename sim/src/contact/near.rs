@@ -16,6 +16,7 @@ pub struct Nearby {
     passes: Vec<Kept>,
     rests: Vec<Rest>,
     once: bool,
+    on_the_way: bool,
 }
 
 /// The list of a pass.
@@ -44,6 +45,11 @@ impl Nearby {
         Nearby { once: true, ..Nearby::default() }
     }
 
+    /// Says that poses are those on the way of a path, where bodies in between need not be quite at rest.
+    pub(crate) fn set_on_the_way(&mut self, on_the_way: bool) {
+        self.on_the_way = on_the_way;
+    }
+
     /// The list of the `n`-th pass.
     pub(super) fn pass(&mut self, n: usize) -> &mut Kept {
         if self.passes.len() <= n {
@@ -57,6 +63,7 @@ impl Nearby {
         if self.rests.len() <= n {
             self.rests.resize_with(n + 1, Rest::default);
         }
+        self.rests[n].on_the_way = self.on_the_way;
         &mut self.rests[n]
     }
 }
