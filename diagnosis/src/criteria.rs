@@ -16,7 +16,7 @@ const SURE: f64 = 20.0;
 const KIN_DIFFER: f64 = 0.1;
 
 /// Least log Bayes factor of an effect in a screen, whatever simulated nulls say. Calibrated: 105 nulls (development round, seeds not kept), of which three
-/// had names of 4.3 to 4.8 nats after tempering; rate aimed at 5 %. Since then 9 of 300 nulls alarm (docs/discrepancy.md).
+/// had names of 4.3 to 4.8 nats after tempering; rate aimed at 5 %. Since then 9 of 400 nulls alarm (docs/discrepancy.md).
 pub const LEAST_EVIDENCE: f64 = 3.3;
 /// Share of simulated nulls that a screen's threshold stays above [-]: the rate aimed at is 5 %.
 pub const NULLS_BELOW: f64 = 0.95;
