@@ -4,6 +4,12 @@
 mod common;
 
 use common::{build_model, json, shared, text};
+use diagnosis::catalogue::Catalogue;
+use diagnosis::effect::{Active, Place};
+use diagnosis::trial::Trial;
+use rand::{RngExt, SeedableRng};
+use sim::coordinate::{FE, Load, Six};
+use sim::laxity::{LaxityTrial, Test};
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
@@ -256,4 +262,107 @@ fn a_sealed_set_is_made_answered_and_scored_and_a_broken_seal_is_refused() {
     let broken = score().assert().failure();
     let said = String::from_utf8(broken.get_output().stderr.clone()).unwrap();
     assert!(said.contains("case_0001"), "{said}");
+}
+
+/// Seed of the noise that is laid on what a model with a patella answers.
+const SEED: u64 = 7;
+/// That noise: VV, IE [deg], ML, AP, SI [mm]; as is taken where a file states none.
+const NOISE: [f64; 5] = [0.5, 0.5, 0.4, 0.4, 0.4];
+/// Tension of the quadriceps that is hidden [N].
+const HIDDEN_N: f64 = 150.0;
+
+/// A phantom's model with a patella of mean shape, and the folder it lies in.
+fn knee_with_a_patella() -> (TempDir, PathBuf) {
+    let folder = TempDir::new().unwrap();
+    let knee = folder.path().join("knee");
+    build_model().args(["phantom", "S193761-phantom"]).arg(&knee).assert().success();
+    let mut build = build_model();
+    build.arg(&knee).args(["--to", "assemble", "--quiet", "--set", "assemble.patella=generic"]).assert().success();
+    let model = knee.join("build/09-assemble/model.json");
+    (folder, model)
+}
+
+/// What a model answers to trials under a tension of the quadriceps [N], with noise, as a file that does not tell the tension.
+fn answered(model: &Path, asked: &Path, tension: f64, to: &Path) {
+    let rows: Vec<String> = text(asked).lines().map(str::to_owned).collect();
+    let load =
+        |(n, line): (usize, &String)| format!("{line},{}\n", ["load_quadriceps_n", &tension.to_string()][n.min(1)]);
+    let trials = to.with_extension("asked.csv");
+    common::write(&trials, rows.iter().enumerate().map(load).collect::<String>());
+    let poses = to.with_extension("poses.csv");
+    build_model().arg("simulate").arg(model).arg("--trials").arg(&trials).arg("--out").arg(&poses).assert().success();
+    let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(SEED);
+    // sum of twelve: nearly normal, of spread 1
+    let mut noise = || (0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0;
+    let first = rows[0].split(',').position(|h| h == "vv_deg").unwrap();
+    let mut out = rows[0].clone() + "\n";
+    for (line, pose) in rows[1..].iter().zip(text(&poses).lines().skip(1)) {
+        let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();
+        let pose: Vec<&str> = pose.split(',').collect();
+        assert_eq!(cells[0], pose[0]);
+        for (k, sd) in NOISE.iter().enumerate() {
+            let value: f64 = pose[first + k].parse().unwrap();
+            cells[first + k] = format!("{:.6}", value + sd * noise());
+        }
+        out += &(cells.join(",") + "\n");
+    }
+    common::write(to, out);
+}
+
+/// Needs no shared data. The model has a patella of mean shape; what it answers under a hidden tension is diagnosed with the same model.
+#[test]
+fn tension_of_the_quadriceps_hidden_in_a_knee_with_a_patella_is_named_and_sized() {
+    let (folder, model) = knee_with_a_patella();
+    let asked = folder.path().join("knee/laxity/rks.csv");
+    let told = |tension: f64, name: &str| {
+        let measured = folder.path().join(format!("{name}.csv"));
+        answered(&model, &asked, tension, &measured);
+        let out = folder.path().join(name);
+        let set = format!("rks={}", measured.display());
+        build_model().arg("diagnose").arg(&model).args(["--measured", &set]).arg("--out").arg(&out).assert().success();
+        json(&out.join("diagnosis.json"))
+    };
+    let found = told(HIDDEN_N, "pulled");
+    let first = &found["answers"][0]["effects"][0];
+    assert_eq!(first["effect"], "quad_passive", "{}", found["description"]);
+    let of = |what: &str| first["parameters"]["force_n"][what].as_f64().unwrap();
+    assert!((of("value") - HIDDEN_N).abs() < 1.645 * of("sd") && of("sd") < 0.5 * HIDDEN_N, "{first}");
+    assert!(found["gap"]["held_out"]["closed"].as_f64().unwrap() > 0.75, "{}", found["gap"]);
+    let none = told(0.0, "slack");
+    assert_eq!(none["verdict"], "none", "{}", none["description"]);
+}
+
+/// Needs no shared data. The effect is the patella of the model: its pull, with a slope where there is no tension yet.
+#[test]
+fn a_patella_under_tension_is_the_effect_and_has_a_slope_at_none() {
+    let (_folder, model) = knee_with_a_patella();
+    let loaded = genu::model_file::load(&model).unwrap();
+    let knee = sim::compile(&loaded.spec, &loaded.meshes).unwrap();
+    let place = Place { femur: loaded.spec.frames.femur, tibia: loaded.spec.frames.tibia };
+    let catalogue = Catalogue::shipped();
+    let (effect, variant) = catalogue.find("quad_passive").unwrap();
+    let asked = LaxityTrial::asked("a".into(), Test::Neutral, 0.0, Load::default());
+    for own in [0.0, 40.0] {
+        let trial = Trial { quadriceps_n: own, ..Trial::alone(&asked) };
+        for flexion in [0.2, 0.8, 1.5] {
+            let mut q = Six::zeros();
+            q[FE] = flexion;
+            let force = |tension: f64| {
+                let active = Active::new(effect, variant, &[tension, 0.0, 0.0]).unwrap();
+                active.force(&place.situation(&knee, &trial, &trial.load, &q))
+            };
+            // what the model does under the tension
+            let pulled = |tension: f64| -knee.with_quadriceps(tension).unwrap().evaluate(&q).gradient;
+            let (own_pull, size) = (pulled(own), force(100.0).amax());
+            assert!((force(100.0) - (pulled(own + 100.0) - own_pull)).amax() < 1e-6 * size);
+            // the slope is the same from above and from below, over steps of any size, and tells of what a tension does
+            let slope = force(0.1) / 0.1;
+            assert!((slope + force(-0.1) / 0.1).amax() < 2e-3 * slope.amax(), "{own} N, {flexion}: {slope}");
+            assert!((slope - force(1.0)).amax() < 2e-3 * slope.amax(), "{own} N, {flexion}: {slope}");
+            let along = slope.dot(&force(100.0)) / (slope.norm() * force(100.0).norm());
+            assert!(along > 0.9, "{own} N, {flexion}: {along}");
+            // no step where the patella is seated
+            assert!((force(10.001) - force(9.999)).amax() < 1e-3 * force(10.0).amax());
+        }
+    }
 }
