@@ -107,5 +107,5 @@ fn cartilages_apart_have_no_room_for_one() {
 fn a_law_that_leads_in_with_next_to_nothing_has_the_slope_of_what_follows() {
     let (overclosure, pressure) = ([-0.01, 0.0, 0.05, 0.1], [0.0, 1e-7, 0.3, 0.6]);
     assert!((first_slope(&overclosure, &pressure) - 6.0).abs() < 1e-4);
-    assert_eq!(first_slope(&overclosure[1..], &[0.0, 0.3, 0.6]), 6.0);
+    assert!((first_slope(&overclosure[1..], &[0.0, 0.3, 0.6]) - 6.0).abs() < 1e-12);
 }
