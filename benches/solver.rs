@@ -7,6 +7,10 @@
 #![expect(clippy::disallowed_methods, reason = "a benchmark asks the system for its time")]
 #![expect(clippy::print_stdout, reason = "a benchmark prints")]
 
+#[path = "common/clock.rs"]
+mod clock;
+
+use clock::Clock;
 use genu::model_file;
 use sim::Model;
 use sim::explicit::{ExplicitOptions, ExplicitState, Progress, TrialSteps, explicit_trial, run, unobserved};
@@ -18,27 +22,6 @@ use std::time::Instant;
 
 /// Increments of an explicit run that is timed.
 const INCREMENTS: usize = 2000;
-
-/// Time of this thread on the processor, or of the clock.
-struct Clock(Instant, Option<u64>);
-
-impl Clock {
-    fn start() -> Clock {
-        Clock(Instant::now(), Clock::nanoseconds())
-    }
-
-    fn nanoseconds() -> Option<u64> {
-        let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
-        text.split_whitespace().next()?.parse().ok()
-    }
-
-    fn milliseconds(&self) -> f64 {
-        match (self.1, Clock::nanoseconds()) {
-            (Some(from), Some(to)) => (to - from) as f64 * 1e-6,
-            _ => 1e3 * self.0.elapsed().as_secs_f64(),
-        }
-    }
-}
 
 fn main() -> Result<(), String> {
     let shared = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared");

@@ -70,14 +70,8 @@ def deck(path):
     return bodies[0], bodies[1], motion, 1.0
 
 
-def scalar(mesh, degree):
-    fem = gf.MeshFem(mesh, 1)
-    fem.set_fem(gf.Fem("FEM_QK(3,%d)" % degree))
-    return fem
-
-
-def vector(mesh, degree):
-    fem = gf.MeshFem(mesh, 3)
+def field(mesh, components, degree):
+    fem = gf.MeshFem(mesh, components)
     fem.set_fem(gf.Fem("FEM_QK(3,%d)" % degree))
     return fem
 
@@ -88,10 +82,10 @@ def gauss(mesh, degree):
 
 def pressed(low, high, motion, copies, size):
     model = gf.Model("real")
-    u = {"u1": vector(low, 2), "u2": vector(high, 2)}
+    u = {"u1": field(low, 3, 2), "u2": field(high, 3, 2)}
     within = {"u1": gauss(low, 4), "u2": gauss(high, 4)}
     faces = {"u1": gauss(low, 6), "u2": gauss(high, 6)}
-    multiplier = vector(high, 1)
+    multiplier = field(high, 3, 1)
     for name, fem in u.items():
         model.add_fem_variable(name, fem)
     model.add_filtered_fem_variable("lam", multiplier, TOP)
@@ -122,7 +116,7 @@ def pressed(low, high, motion, copies, size):
         _, fine = model.solve("max_res", 1e-7, "max_iter", 60)
         if not fine:
             sys.exit("no equilibrium")
-    return told(model, (u["u2"], model.mesh_fem_of_variable("lam"), scalar(high, 1)), faces["u2"], motion, copies)
+    return told(model, (u["u2"], model.mesh_fem_of_variable("lam"), field(high, 1, 1)), faces["u2"], motion, copies)
 
 
 def told(model, fems, integration, motion, copies):

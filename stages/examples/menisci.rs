@@ -1,9 +1,13 @@
 //! What menisci do in a model: share of a load in extension, laxity without them, time of a trial. The figures of docs/verification.md.
 //!
-//! `cargo run --release -p stages --example menisci -- [--times] MODEL.json...`; a model without menisci is given those of the atlas. `--times` prints times
-//! alone.
+//! `cargo run --release -p stages --example menisci -- [--times] [--fit0] MODEL.json...`; a model without menisci is given those of the atlas. `--times` prints times
+//! alone. `--fit0` fits the atlas' upper faces where the knee rests at 0 deg, which was tried and left.
 #![expect(clippy::print_stdout, clippy::disallowed_methods, reason = "reads models and prints figures for the reader")]
 
+#[path = "../../benches/common/clock.rs"]
+mod clock;
+
+use clock::Clock;
 use meshes::surface::TriMesh;
 use sim::coordinate::{FE, Load};
 use sim::laxity::LaxityTrial;
@@ -15,7 +19,6 @@ use stages::PerCartilage;
 use std::collections::BTreeMap;
 use std::error::Error;
 use std::path::Path;
-use std::time::Instant;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let (options, paths): (Vec<String>, Vec<String>) = std::env::args().skip(1).partition(|a| a.starts_with("--"));
@@ -198,27 +201,6 @@ fn times(bare: &Model, with: &Model) {
     }
     ratios.sort_by(f64::total_cmp);
     println!("  ratio of times {ratios:.2?}");
-}
-
-/// Time of this thread on the processor, or of the clock.
-struct Clock(Instant, Option<u64>);
-
-impl Clock {
-    fn start() -> Clock {
-        Clock(Instant::now(), Clock::nanoseconds())
-    }
-
-    fn nanoseconds() -> Option<u64> {
-        let text = std::fs::read_to_string("/proc/thread-self/schedstat").ok()?;
-        text.split_whitespace().next()?.parse().ok()
-    }
-
-    fn milliseconds(&self) -> f64 {
-        match (self.1, Clock::nanoseconds()) {
-            (Some(from), Some(to)) => (to - from) as f64 * 1e-6,
-            _ => 1e3 * self.0.elapsed().as_secs_f64(),
-        }
-    }
 }
 
 fn laxity_trials() -> Vec<LaxityTrial> {

@@ -1,12 +1,11 @@
 //! The laws of the other files, kept by contact through layers of uneven thickness.
 use crate::laws::{finished, reversed_returns, trial};
-use crate::quasistatic::{LOAD, answer};
+use crate::quasistatic::{answer, explicit_apart};
 use crate::rig::Rig;
 use meshes::frame::Side;
 use meshes::{Isometry, Point, Vector};
 use sim::coordinate::Six;
-use sim::explicit::{ExplicitOptions, ExplicitState, TrialSteps, run, unobserved};
-use sim::trials::{TrialOptions, solve};
+use sim::explicit::ExplicitOptions;
 
 #[test]
 fn energy_balances_and_a_frictionless_motion_reversed_returns() {
@@ -69,15 +68,7 @@ fn explicit_dynamics_end_where_the_quasi_static_path_does() {
         ("table, friction", Rig::knee(), 0.03),
     ] {
         let model = rig.compiled().with_friction(friction).unwrap();
-        let steps = TrialSteps::default().program(&model.joint, 20.0, &LOAD.generalised()).unwrap();
-        let mut state = ExplicitState::at_rest();
-        run(&model, &steps, &ExplicitOptions::default(), &mut state, &mut unobserved).unwrap();
-        let mut options = TrialOptions { increments: [24, 144, 32], ..TrialOptions::default() };
-        options.solver.step_on_the_way_mm = 1e-5;
-        let still = solve(&model, 20.0, &LOAD, &options).unwrap();
-        let [a, b] = [&state.q, &still.state.q].map(|q| model.joint.grood_suntay(q));
-        let unit = |c: usize| if c < 3 { 1f64.to_degrees() } else { 1.0 };
-        let miss = (1..6).map(|c| (a[c] - b[c]).abs() * unit(c)).fold(0.0, f64::max);
+        let miss = explicit_apart(&model);
         println!("{name}: explicit and quasi-static {miss:.1e} mm or deg apart");
         assert!(miss < if friction > 0.0 { 0.05 } else { 1e-4 });
     }

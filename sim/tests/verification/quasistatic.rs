@@ -6,6 +6,7 @@ use meshes::{Isometry, Point, Vector};
 use sim::Model;
 use sim::contact::{ContactOptions, Nearby};
 use sim::coordinate::{FREE, Load, Six};
+use sim::explicit::{ExplicitOptions, ExplicitState, TrialSteps, run, unobserved};
 use sim::model::compile_with;
 use sim::quasistatic::{Dashpots, Phase, SolverOptions, State, follow};
 use sim::trials::{Answer, TrialOptions, solve};
@@ -113,4 +114,16 @@ fn resting_poses_converge_as_both_contact_meshes_are_refined() {
     let order = (gap[0] / gap[1]).log2();
     println!("quasi-static: refined meshes move the end by {gap:.4?} mm, order {order:.2}");
     assert!(gap[1] < 0.05 && order > 1.0);
+}
+
+/// How far explicit dynamics end from the quasi-static path [mm or deg], both from rest at 20 deg under [`LOAD`].
+pub(crate) fn explicit_apart(model: &Model) -> f64 {
+    let steps = TrialSteps::default().program(&model.joint, 20.0, &LOAD.generalised()).unwrap();
+    let mut state = ExplicitState::at_rest();
+    run(model, &steps, &ExplicitOptions::default(), &mut state, &mut unobserved).unwrap();
+    let mut options = TrialOptions { increments: [24, 144, 32], ..TrialOptions::default() };
+    options.solver.step_on_the_way_mm = 1e-5;
+    let still = solve(model, 20.0, &LOAD, &options).unwrap();
+    let [a, b] = [&state.q, &still.state.q].map(|q| model.joint.grood_suntay(q));
+    FREE.map(|c| c.to_file(a[c] - b[c]).abs()).into_iter().fold(0.0, f64::max)
 }
