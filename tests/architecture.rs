@@ -267,3 +267,17 @@ fn no_files_of_a_crate_use_each_other_in_a_circle() {
         }
     }
 }
+
+#[test]
+fn every_file_of_tests_is_part_of_its_crates_one_program() {
+    for crate_folder in std::fs::read_dir(root()).unwrap().map(|e| e.unwrap().path()).chain([root()]) {
+        let tests = crate_folder.join("tests");
+        let Ok(main) = std::fs::read_to_string(tests.join("main.rs")) else { continue };
+        for entry in std::fs::read_dir(&tests).unwrap().map(|e| e.unwrap().path()) {
+            let name = entry.file_stem().unwrap().to_string_lossy().into_owned();
+            let is_module = entry.extension().is_some_and(|e| e == "rs") || entry.join("mod.rs").exists();
+            let is_named = name == "main" || main.contains(&format!("mod {name};"));
+            assert!(!is_module || is_named, "{}: not a module of tests/main.rs, so it never runs", entry.display());
+        }
+    }
+}

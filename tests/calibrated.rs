@@ -3,13 +3,11 @@
 //! One phantom is always built. A second one stands in for the specimens on a clone that has no ../shared.
 //!
 //! tests/calibrated.toml holds the bands. They come from builds with seeds 0 to 5 of the calibration; they are measured anew by
-//! `cargo test --release --test calibrated -- --ignored --nocapture` (it writes the file).
+//! `cargo test --release --test integration calibrated -- --ignored --nocapture` (it writes the file).
 
 #![allow(clippy::unwrap_used, clippy::print_stderr, reason = "tests")]
 
-mod common;
-
-use common::{build_model, json, shared, text, write};
+use crate::common::{build_model, json, shared, text, write};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;

@@ -1,9 +1,7 @@
 //! The command line: verbs, exit statuses, words.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-mod common;
-
-use common::{build_model, phantom};
+use crate::common::{build_model, phantom};
 use predicates::str::contains;
 use tempfile::TempDir;
 

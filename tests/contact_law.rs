@@ -1,9 +1,7 @@
 //! The optional stage contact-law in a build: its files, its law in the model, its place in the report.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-mod common;
-
-use common::{build_model, phantom, text};
+use crate::common::{build_model, phantom, text};
 use serde_json::Value;
 use tempfile::TempDir;
 

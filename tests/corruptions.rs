@@ -3,15 +3,11 @@
 //! `GENU_CORRUPTIONS=1000` makes it as many, and each may take an hour, as such a run stands back for other work; 40 of 5 minutes without.
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests")]
 
-mod common;
-#[path = "common/readers.rs"]
-mod readers;
-
-use common::{build_model, copy, json, phantom, read, text, write};
+use crate::common::readers::{Dice, corrupted};
+use crate::common::{build_model, copy, json, phantom, read, text, write};
 use meshes::Vector;
 use meshes::query::SurfaceQuery;
 use meshes::surface::TriMesh;
-use readers::{Dice, corrupted};
 use serde_json::Value;
 use std::path::Path;
 use tempfile::TempDir;

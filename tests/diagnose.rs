@@ -1,9 +1,7 @@
 //! A hidden effect is found, named, sized, added, and taken in by the other verbs; nothing is named where nothing is hidden.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-mod common;
-
-use common::{build_model, json, shared, text};
+use crate::common::{build_model, json, shared, text};
 use diagnosis::catalogue::Catalogue;
 use diagnosis::effect::{Active, Place};
 use diagnosis::trial::Trial;
@@ -63,7 +61,7 @@ fn an_eccentric_load_is_named_sized_added_and_acts_where_it_was_found() {
     curves_come_nearer(&told);
     // the component and the model that carries it tell what they were found with
     let provenance = &told["provenance"];
-    let file = |name: &str| blake3::hash(&common::read(&case.join(format!("{name}.csv")))).to_hex().to_string();
+    let file = |name: &str| blake3::hash(&crate::common::read(&case.join(format!("{name}.csv")))).to_hex().to_string();
     assert_eq!(
         (provenance["data"]["kla"].as_str(), provenance["data"]["rks"].as_str()),
         (Some(&*file("kla")), Some(&*file("rks")))
@@ -103,7 +101,10 @@ fn nothing_is_named_where_nothing_is_hidden_whatever_the_number_of_threads() {
     let Some(case) = shared("diagnose", "blind/case_003") else { return };
     let Some(folder) = deck("diagnose") else { return };
     let [one, two] = ["1", "2"].map(|jobs| diagnose(folder.path(), &case, jobs, &["--jobs", jobs]));
-    assert_eq!(common::differing(&common::files(&one), &common::files(&two)), Vec::<String>::new());
+    assert_eq!(
+        crate::common::differing(&crate::common::files(&one), &crate::common::files(&two)),
+        Vec::<String>::new()
+    );
     let told = json(&one.join("diagnosis.json"));
     assert_eq!(told["verdict"], "none");
     assert!(told["answers"].as_array().unwrap().is_empty() && !one.join("components").exists());
@@ -258,7 +259,7 @@ fn a_sealed_set_is_made_answered_and_scored_and_a_broken_seal_is_refused() {
     let line = told.lines().find(|l| l.starts_with("struck, none does nearly as well")).unwrap();
     assert!(line.contains("of 1"), "{told}");
     let truth = bench.join("case_0001.truth.json");
-    common::write(&truth, text(&truth).replace("origin_shift", "femur_frame"));
+    crate::common::write(&truth, text(&truth).replace("origin_shift", "femur_frame"));
     let broken = score().assert().failure();
     let said = String::from_utf8(broken.get_output().stderr.clone()).unwrap();
     assert!(said.contains("case_0001"), "{said}");
@@ -288,7 +289,7 @@ fn answered(model: &Path, asked: &Path, tension: f64, to: &Path) {
     let load =
         |(n, line): (usize, &String)| format!("{line},{}\n", ["load_quadriceps_n", &tension.to_string()][n.min(1)]);
     let trials = to.with_extension("asked.csv");
-    common::write(&trials, rows.iter().enumerate().map(load).collect::<String>());
+    crate::common::write(&trials, rows.iter().enumerate().map(load).collect::<String>());
     let poses = to.with_extension("poses.csv");
     build_model().arg("simulate").arg(model).arg("--trials").arg(&trials).arg("--out").arg(&poses).assert().success();
     let mut random = rand_chacha::ChaCha8Rng::seed_from_u64(SEED);
@@ -306,7 +307,7 @@ fn answered(model: &Path, asked: &Path, tension: f64, to: &Path) {
         }
         out += &(cells.join(",") + "\n");
     }
-    common::write(to, out);
+    crate::common::write(to, out);
 }
 
 /// Needs no shared data. The model has a patella of mean shape; what it answers under a hidden tension is diagnosed with the same model.

@@ -2,9 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::print_stderr, clippy::print_stdout, reason = "tests")]
 #![expect(clippy::disallowed_methods, reason = "tests look at files and run other programs")]
 
-mod common;
-
-use common::{build_model, json, phantom, reads, write};
+use crate::common::{build_model, json, phantom, reads, write};
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use tempfile::TempDir;

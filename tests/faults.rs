@@ -2,9 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 #![expect(clippy::disallowed_methods, reason = "tests prepare broken files")]
 
-mod common;
-
-use common::{build_model, copy, phantom, read, text, write};
+use crate::common::{build_model, copy, phantom, read, text, write};
 use std::fs;
 use std::path::Path;
 use std::sync::OnceLock;
@@ -190,7 +188,7 @@ fn a_disk_that_fills_up() {
     let error = String::from_utf8_lossy(&run.stderr);
     assert_eq!(run.status.code(), Some(1), "{error}");
     assert!(error.contains("cannot write"), "{error}");
-    let left: Vec<String> = common::files(out.path()).into_keys().filter(|f| f.contains(".tmp-")).collect();
+    let left: Vec<String> = crate::common::files(out.path()).into_keys().filter(|f| f.contains(".tmp-")).collect();
     assert!(left.is_empty(), "{left:?}");
     build_model().arg(good()).arg("--out").arg(out.path()).args(["--to", "bones", "--quiet"]).assert().success();
 }

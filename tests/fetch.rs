@@ -3,9 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 #![expect(clippy::disallowed_methods, reason = "tests look at what was fetched")]
 
-mod common;
-
-use common::build_model;
+use crate::common::build_model;
 use std::io::{BufRead, BufReader, Write};
 use std::net::{TcpListener, TcpStream};
 use std::path::Path;
@@ -182,7 +180,7 @@ fn a_whole_file_comes_with_its_licence_and_is_not_fetched_twice() {
     let (code, words) = fetch(&server, dir.path());
     assert_eq!(code, Some(0), "{words}");
     assert_eq!(std::fs::read(here(dir.path())).unwrap(), content());
-    assert!(words.contains("cc-by-4.0") && common::text(&dir.path().join("LICENCE.txt")).contains("cc-by-4.0"));
+    assert!(words.contains("cc-by-4.0") && crate::common::text(&dir.path().join("LICENCE.txt")).contains("cc-by-4.0"));
     assert!(!dir.path().join("records/10416664/S193761_femur_CT.stl").exists(), "the other specimen's file");
     assert!(words.contains("scans.femur: no file fits"), "{words}");
     let before = server.requests.lock().unwrap().iter().filter(|r| r.contains(NAME)).count();

@@ -2,9 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 #![expect(clippy::disallowed_methods, reason = "tests prepare and look at files")]
 
-mod common;
-
-use common::{build_model, phantom, shared};
+use crate::common::{build_model, phantom, shared};
 use predicates::prelude::*;
 use predicates::str::contains;
 use std::fs;

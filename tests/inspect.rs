@@ -2,9 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 #![expect(clippy::disallowed_methods, reason = "tests look at what a build left")]
 
-mod common;
-
-use common::{build_model, json, phantom};
+use crate::common::{build_model, json, phantom};
 use serde_json::Value;
 use std::path::Path;
 

@@ -1,9 +1,7 @@
 //! A living knee: a label map, the literature's sites, and displacements as devices read them in vivo. Needs no shared data.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-mod common;
-
-use common::{build_model, json, text};
+use crate::common::{build_model, json, text};
 use tempfile::TempDir;
 
 /// An interval is judged where the truth or its upper end passes this [N].

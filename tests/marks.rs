@@ -1,11 +1,8 @@
 //! Outlines drawn in many ways on a scan, against the region that they enclose: laws of the method that no specimen shows.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-#[path = "common/lines.rs"]
-mod lines;
-
+use crate::common::lines::{Ground, Line, Picture, Style, browned, drawn, free_places, textured};
 use attachments::marks::{MarkOptions, find_outlines, region::Region};
-use lines::{Ground, Line, Picture, Style, browned, drawn, free_places, textured};
 use meshes::format::read_surface;
 use meshes::surface::ColouredMesh;
 use stages::ingest::ingest;

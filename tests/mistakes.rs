@@ -2,9 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 #![expect(clippy::disallowed_methods, reason = "tests prepare files")]
 
-mod common;
-
-use common::{build_model, phantom};
+use crate::common::{build_model, phantom};
 use meshes::format::{read_surface, stl};
 use serde::Deserialize;
 use std::collections::BTreeMap;

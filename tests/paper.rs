@@ -2,9 +2,7 @@
 
 #![allow(clippy::unwrap_used, clippy::print_stderr, reason = "tests")]
 
-mod common;
-
-use common::{build_model, json, shared, text};
+use crate::common::{build_model, json, shared, text};
 use genu::{paper, stale};
 use std::path::Path;
 use tempfile::TempDir;

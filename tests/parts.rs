@@ -1,9 +1,7 @@
 //! Scans in pieces, a scan with the capsule on, a patella: read, laid on their bones, carried into the model.
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests")]
 
-mod common;
-
-use common::{build_model, json, phantom, read, text, write};
+use crate::common::{build_model, json, phantom, read, text, write};
 use meshes::format::{ply, read_surface, stl};
 use meshes::query::SurfaceQuery;
 use meshes::shapes::icosphere;

@@ -1,9 +1,7 @@
 //! What the published decks do otherwise than their experiment is found in their own answers: trials flexed less than recorded, a moment turned round.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-mod common;
-
-use common::{build_model, json, shared, text, write};
+use crate::common::{build_model, json, shared, text, write};
 use serde_json::Value;
 use std::path::Path;
 use tempfile::TempDir;

@@ -1,11 +1,8 @@
 //! Every reader on corrupted files: an answer or an error, soon and in little memory. Longer: `cargo run --release --example fuzz`.
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests")]
 
-#[path = "common/readers.rs"]
-mod readers;
-
+use crate::common::readers::{Dice, corrupted, readers};
 use genu::store::peak_memory_mib;
-use readers::{Dice, corrupted, readers};
 use std::time::Instant;
 
 const EACH: usize = 400;

@@ -1,9 +1,7 @@
 //! The report: self-contained, small, the same bytes again; of a failed build; of two builds; in a browser.
 #![allow(clippy::unwrap_used, clippy::print_stderr, reason = "tests")]
 
-mod common;
-
-use common::{build_model, phantom, text};
+use crate::common::{build_model, phantom, text};
 use std::path::Path;
 use std::process::Command;
 use std::sync::OnceLock;

@@ -2,9 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 #![expect(clippy::disallowed_methods, reason = "tests look at what a build left")]
 
-mod common;
-
-use common::{build_model, differing, files, phantom, text, write};
+use crate::common::{build_model, differing, files, phantom, text, write};
 use std::collections::BTreeSet;
 use std::path::Path;
 use std::time::Duration;
@@ -164,7 +162,7 @@ fn a_change_of_an_option_or_a_file_runs_again_exactly_what_depends_on_it() {
     let read: BTreeSet<&str> =
         GIVEN.iter().flat_map(|(_, given)| *given).copied().filter(|g| g.contains('.')).collect();
     for name in read {
-        let was = common::read(&place(name));
+        let was = crate::common::read(&place(name));
         let changed = match name {
             "specimen.toml" => toml.replace("[specimen]", "[specimen]\nage_years = 31").into_bytes(),
             "passive.csv" => passive.replace("20,0", "20,1").into_bytes(),

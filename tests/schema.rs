@@ -10,7 +10,7 @@ fn kept(name: &str) -> std::path::PathBuf {
 }
 
 /// A schema that changed is a change for everybody who reads the file: a new version where old readers would break.
-/// `GENU_BLESS=1 cargo test --test schema` writes them anew.
+/// `GENU_BLESS=1 cargo test --test integration schema` writes them anew.
 #[test]
 fn the_kept_schemas_are_those_of_the_types() {
     for name in genu::schema::names() {

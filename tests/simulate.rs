@@ -2,9 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 #![expect(clippy::disallowed_methods, reason = "looks at what the program wrote")]
 
-mod common;
-
-use common::{build_model, shared};
+use crate::common::{build_model, shared};
 use predicates::str::contains;
 use std::path::Path;
 use tempfile::TempDir;

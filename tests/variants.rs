@@ -2,9 +2,7 @@
 //! other. Each is built, says what is missing, and is held against the phantom's truth.
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests")]
 
-mod common;
-
-use common::{build_model, json, phantom, text, write};
+use crate::common::{build_model, json, phantom, text, write};
 use meshes::format::{ply, stl};
 use meshes::plane::clipped;
 use meshes::query::SurfaceQuery;
@@ -42,7 +40,7 @@ impl Knee {
     fn change_ct(&self, bone: &str, change: impl Fn(TriMesh) -> TriMesh) {
         let path = self.path(&format!("ct/{bone}.stl"));
         let mut bytes = Vec::new();
-        let read = stl::read(&common::read(&path)).unwrap();
+        let read = stl::read(&crate::common::read(&path)).unwrap();
         let welded = ColouredMesh { mesh: read, colours: Vec::new() }.welded().mesh;
         stl::write(&mut bytes, &change(welded)).unwrap();
         write(&path, bytes);
@@ -51,7 +49,7 @@ impl Knee {
     /// Keeps the triangles of a scan whose corners all fit, as points in CT.
     fn cut_scan(&self, bone: &str, fits: impl Fn(&Point) -> bool) {
         let path = self.path(&format!("scans/{bone}.ply"));
-        let scan = ply::read(&common::read(&path)).unwrap();
+        let scan = ply::read(&crate::common::read(&path)).unwrap();
         let rows = &self.truth["scan_to_ct"][bone];
         let to_ct = nalgebra::Matrix4::from_fn(|r, c| rows[r][c].as_f64().unwrap());
         let keep: Vec<bool> = scan.mesh.vertices.iter().map(|p| fits(&to_ct.transform_point(p))).collect();
@@ -134,7 +132,7 @@ impl Built {
     fn crossings_are_told(&self) {
         let bones = ["femur", "tibfib"].map(|b| {
             let file = self.out.path().join(format!("03-bones/{b}.ply"));
-            SurfaceQuery::new(&ply::read(&common::read(&file)).unwrap().mesh).unwrap()
+            SurfaceQuery::new(&ply::read(&crate::common::read(&file)).unwrap().mesh).unwrap()
         });
         let model = self.json("09-assemble/model.json");
         let log = self.log();
@@ -250,7 +248,7 @@ fn a_tibia_without_its_fibula() {
         let corners = |t: usize| mesh.corners(t);
         solidify(&mesh.submesh(|t| !corners(t).iter().any(&fibula)).0, 0.5).mesh
     });
-    let tibia = stl::read(&common::read(&knee.path("ct/tibfib.stl"))).unwrap();
+    let tibia = stl::read(&crate::common::read(&knee.path("ct/tibfib.stl"))).unwrap();
     let query = SurfaceQuery::new(&tibia).unwrap();
     knee.cut_scan("tibfib", |p| query.nearest(p).distance < 6.0);
     let built = knee.built();

@@ -2,9 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::print_stderr, clippy::print_stdout, reason = "tests")]
 #![expect(clippy::disallowed_methods, reason = "tests look at files and run other programs")]
 
-mod common;
-
-use common::{build_model, copy, differing, files, read, reads, text, write};
+use crate::common::{build_model, copy, differing, files, read, reads, text, write};
 use meshes::format::{read_surface, stl};
 use meshes::query::SurfaceQuery;
 use meshes::surface::TriMesh;

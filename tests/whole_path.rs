@@ -2,9 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests")]
 #![expect(clippy::disallowed_methods, reason = "tests look at what a build left")]
 
-mod common;
-
-use common::{build_model, json, phantom, shared, text};
+use crate::common::{build_model, json, phantom, shared, text};
 use meshes::surface::TriMesh;
 use nalgebra::{Matrix4, Point3, Vector3};
 use serde_json::Value;
@@ -192,10 +190,10 @@ fn without_landmarks_and_marks() {
     for (name, path) in [("S192803", "specimens/S192803"), ("S193761", "specimens/S193761")] {
         let Some(specimen) = shared(name, path) else { continue };
         let bare = TempDir::new().unwrap();
-        common::copy(&specimen, bare.path());
+        crate::common::copy(&specimen, bare.path());
         let toml = text(&specimen.join("specimen.toml"));
         let kept: Vec<&str> = toml.lines().filter(|l| !l.starts_with("landmarks") && !l.starts_with("marks")).collect();
-        common::write(&bare.path().join("specimen.toml"), kept.join("\n"));
+        crate::common::write(&bare.path().join("specimen.toml"), kept.join("\n"));
         for file in ["landmarks.csv", "marks.csv"] {
             std::fs::remove_file(bare.path().join(file)).unwrap();
         }

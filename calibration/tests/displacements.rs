@@ -2,8 +2,6 @@
 #![expect(clippy::disallowed_methods, reason = "reads ../shared where it is there")]
 #![expect(clippy::print_stdout, reason = "figures for the reader of the log")]
 
-mod common;
-
 use calibration::design::Design;
 use calibration::knee::{Knee, SearchOptions, model_at};
 use calibration::options::CalibrateOptions;
@@ -18,7 +16,7 @@ use sim::laxity::{LaxityTrial, Reference, Test};
 use std::ops::ControlFlow;
 
 fn knee(test: &str) -> Option<Knee> {
-    let dir = common::shared(test, "published/S192803/deck")?;
+    let dir = crate::common::shared(test, "published/S192803/deck")?;
     let read = &mut |name: &str| std::fs::read(dir.join(name)).map_err(|e| e.to_string());
     let deck = decks::import("S192803_MAIN_LAXITY_Anterior_30deg_10.inp", read).expect("the deck is read");
     Some(Knee::new(deck.spec, &deck.meshes, &SearchOptions::default()).expect("a model"))

@@ -2,8 +2,6 @@
 #![expect(clippy::disallowed_methods, reason = "reads ../shared where it is there")]
 #![expect(clippy::print_stdout, reason = "figures for the reader of the log")]
 
-mod common;
-
 use calibration::cost::{CostFunction, CostOptions};
 use calibration::design::{Design, Kind};
 use calibration::experiment::Experiment;
@@ -18,7 +16,7 @@ use std::ops::ControlFlow;
 type Row = BTreeMap<String, String>;
 
 fn rows(test: &str, path: &str) -> Option<Vec<Row>> {
-    let text = std::fs::read_to_string(common::shared(test, path)?).expect("readable");
+    let text = std::fs::read_to_string(crate::common::shared(test, path)?).expect("readable");
     let mut lines = text.lines();
     let header: Vec<&str> = lines.next()?.split(',').collect();
     Some(lines.map(|l| header.iter().zip(l.split(',')).map(|(h, c)| ((*h).into(), c.into())).collect()).collect())
@@ -29,7 +27,7 @@ fn number(row: &Row, key: &str) -> f64 {
 }
 
 fn knee(test: &str) -> Option<Knee> {
-    let dir = common::shared(test, "published/S192803/deck")?;
+    let dir = crate::common::shared(test, "published/S192803/deck")?;
     let read = &mut |name: &str| std::fs::read(dir.join(name)).map_err(|e| e.to_string());
     let deck = decks::import("S192803_MAIN_LAXITY_Anterior_30deg_10.inp", read).expect("the deck is read");
     Some(Knee::new(deck.spec, &deck.meshes, &SearchOptions::default()).expect("a model"))

@@ -1,7 +1,5 @@
 //! The published and the synthetic specimens' laxity data as targets.
 
-mod common;
-
 use calibration::cost::CostOptions;
 use calibration::targets::{TargetOptions, TargetSet, targets};
 use sim::laxity;
@@ -9,7 +7,7 @@ use sim::spec::PoseSpec;
 
 #[expect(clippy::disallowed_methods, reason = "tests read the shared data")]
 fn read(test: &str, path: &str) -> Option<Vec<laxity::LaxityTrial>> {
-    let bytes = std::fs::read(common::shared(test, path)?).expect("readable");
+    let bytes = std::fs::read(crate::common::shared(test, path)?).expect("readable");
     Some(laxity::read(&bytes).expect("laxity data").trials)
 }
 

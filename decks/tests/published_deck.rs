@@ -2,9 +2,7 @@
 #![expect(clippy::disallowed_methods, reason = "reads ../shared where it is there")]
 #![expect(clippy::print_stdout, reason = "figures for the reader of the log")]
 
-mod common;
-
-use common::shared;
+use crate::common::shared;
 use decks::{ImportedDeck, export, import};
 use meshes::surface::TriMesh;
 use sim::coordinate::Six;

@@ -3,9 +3,7 @@
 #![expect(clippy::print_stdout, reason = "figures for the reader of the log")]
 #![expect(clippy::unwrap_used, reason = "a test's helpers")]
 
-mod common;
-
-use common::shared;
+use crate::common::shared;
 use decks::{ImportedDeck, import};
 use sim::Model;
 use sim::coordinate::{FE, Load, Six};

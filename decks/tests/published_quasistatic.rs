@@ -3,9 +3,7 @@
 #![expect(clippy::disallowed_methods, reason = "reads ../shared where it is there")]
 #![expect(clippy::print_stdout, reason = "figures for the reader of the log")]
 
-mod common;
-
-use common::shared;
+use crate::common::shared;
 use sim::coordinate::{Load, Six};
 use sim::model::{BundleParameters, Model};
 use sim::protocols::{Protocol, ProtocolOptions, run};

@@ -1,9 +1,7 @@
 //! What diagnose added to a model, in the predictions of the other verbs.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-mod common;
-
-use common::shared;
+use crate::common::shared;
 use diagnosis::carried::carried;
 use diagnosis::component::Component;
 use diagnosis::diagnosis::Value;

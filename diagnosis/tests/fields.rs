@@ -1,14 +1,8 @@
 //! Fields of no name weighed against names: on one scale, and at the poses at which the names are.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-#[path = "common/asked.rs"]
-mod asked;
-mod common;
-#[path = "common/deck.rs"]
-mod deck;
-
-use asked::asked;
-use deck::deck;
+use crate::common::asked::asked;
+use crate::common::deck::deck;
 use diagnosis::candidate::{Candidate, Scope};
 use diagnosis::problem::{Problem, reading};
 use diagnosis::search::{DiagnosisOptions, Search, Searcher};

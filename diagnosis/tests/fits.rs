@@ -1,10 +1,8 @@
 //! A calibration ends in the same valley from the model as given as from the truth.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-mod common;
-
+use crate::common::shared;
 use calibration::design::Kind;
-use common::shared;
 use diagnosis::candidate::Candidate;
 use diagnosis::catalogue::Catalogue;
 use diagnosis::covariance::{Floor, Readings, covariance};

@@ -1,9 +1,7 @@
 //! Left mirrors right: the same data of the mirror image of a knee get the same answer.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-mod common;
-
-use common::shared;
+use crate::common::shared;
 use decks::ImportedDeck;
 use diagnosis::catalogue::Catalogue;
 use diagnosis::diagnosis::{Diagnosis, diagnose};

@@ -1,9 +1,7 @@
 //! What is not known of a knee built from raw data: derivatives of readings by every parameter, and where frames belong.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-mod common;
-
-use common::shared;
+use crate::common::shared;
 use diagnosis::catalogue::Catalogue;
 use diagnosis::problem::Problem;
 use diagnosis::trial::Source;

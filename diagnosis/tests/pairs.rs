@@ -1,9 +1,7 @@
 //! Two effects at once, of which each may stand for part of the other.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-mod common;
-
-use common::shared;
+use crate::common::shared;
 use diagnosis::candidate::Candidate;
 use diagnosis::catalogue::Catalogue;
 use diagnosis::problem::Problem;

@@ -1,11 +1,7 @@
 //! How the patellar tendon and the weight of the shank pull, on the published deck.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-mod common;
-#[path = "common/deck.rs"]
-mod deck;
-
-use deck::{deck, question};
+use crate::common::deck::{deck, question};
 use diagnosis::candidate::Scope;
 use diagnosis::catalogue::Catalogue;
 use diagnosis::effect::Active;

@@ -1,12 +1,8 @@
 //! Where trials rest that a hypothesis throws out of the joint.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-mod common;
-#[path = "common/deck.rs"]
-mod deck;
-
+use crate::common::deck::{Asked, deck};
 use calibration::design::Kind;
-use deck::{Asked, deck};
 use diagnosis::bench::Bench;
 use diagnosis::catalogue::Catalogue;
 use diagnosis::covariance::{Floor, remainders};

@@ -1,14 +1,8 @@
 //! What is in no catalogue, told as what it is: bones of another size, swaying trackers, impinging cruciates, a moment near extension.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-#[path = "common/asked.rs"]
-mod asked;
-mod common;
-#[path = "common/deck.rs"]
-mod deck;
-
-use asked::asked;
-use deck::deck;
+use crate::common::asked::asked;
+use crate::common::deck::deck;
 use diagnosis::problem::{Problem, reading};
 use diagnosis::search::{DiagnosisOptions, Searcher};
 use diagnosis::wildcard::suspects::{SHARE, SWAY, impinging, larger, pulls, swayed};

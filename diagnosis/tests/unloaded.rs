@@ -1,11 +1,7 @@
 //! Tissues about the unloaded pose follow it where the ligaments put it.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-mod common;
-#[path = "common/deck.rs"]
-mod deck;
-
-use deck::{Asked, deck};
+use crate::common::deck::{Asked, deck};
 use diagnosis::candidate::{Candidate, Scope};
 use diagnosis::problem::Problem;
 

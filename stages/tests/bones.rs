@@ -2,10 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test may fail by panicking")]
 
-#[path = "common/specimen.rs"]
-mod common;
-
-use common::{bytes, shared, specimen};
+use crate::common::{bytes, shared, specimen};
 use meshes::frame::Side;
 use meshes::surface::TriMesh;
 use meshes::topology::Topology;
@@ -43,8 +40,8 @@ fn a_whole_leg_is_cropped_alike_however_it_lies() {
     let ct = PerBone { femur: read("Femur"), tibfib: TriMesh::joined([&read("Tibia"), &read("Fibula")]) };
     let pose = Isometry::new(Vector::new(30.0, -70.0, 500.0), Vector::new(0.8, -1.1, 0.4));
     let moved = PerBone { femur: ct.femur.moved(&pose), tibfib: ct.tibfib.moved(&pose) };
-    let here = bones(&common::of(ct, PerBone::default(), Side::Left), &BonesOptions::default()).unwrap();
-    let there = bones(&common::of(moved, PerBone::default(), Side::Left), &BonesOptions::default()).unwrap();
+    let here = bones(&crate::common::of(ct, PerBone::default(), Side::Left), &BonesOptions::default()).unwrap();
+    let there = bones(&crate::common::of(moved, PerBone::default(), Side::Left), &BonesOptions::default()).unwrap();
     assert_good(&here.metrics, "z013");
     let (h, t) = (&here.metrics, &there.metrics);
     for (one, other) in [(&h.femur, &t.femur), (&h.tibfib, &t.tibfib)] {
@@ -60,6 +57,6 @@ fn a_whole_leg_is_cropped_alike_however_it_lies() {
 
 #[test]
 fn an_empty_bone_is_an_error_in_words() {
-    let none = common::of(PerBone::default(), PerBone::default(), Side::Left);
+    let none = crate::common::of(PerBone::default(), PerBone::default(), Side::Left);
     assert!(bones(&none, &BonesOptions::default()).unwrap_err().to_string().contains("no triangles"));
 }

@@ -2,10 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test may fail by panicking")]
 
-#[path = "common/specimen.rs"]
-mod common;
-
-use common::{bytes, shared, specimen};
+use crate::common::{bytes, shared, specimen};
 use meshes::frame::{Pose, Side};
 use meshes::query::SurfaceQuery;
 use meshes::surface::TriMesh;

@@ -2,11 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 #![expect(clippy::disallowed_methods, reason = "reads ../shared where it is there")]
 
-#[path = "common/specimen.rs"]
-#[allow(dead_code, reason = "a part of it is used here")]
-mod common;
-
-use common::shared;
+use crate::common::shared;
 use meshes::frame::{AnatomicalFrame, Side};
 use meshes::plane::clipped;
 use meshes::surface::TriMesh;
@@ -308,5 +304,5 @@ fn cut_short_shows_the_same_frame(name: &str, specimen: &Specimen, slants_deg: &
 fn a_tibia_without_a_shaft_takes_its_way_up_from_the_plateaus() {
     cut_short_shows_the_same_frame("right-phantom", &bare(phantom("right-phantom")), &[-20.0]);
     let Some(dir) = shared("a tibia without a shaft", "specimens/S193761") else { return };
-    cut_short_shows_the_same_frame("S193761", &common::specimen(&dir, Side::Left), &[20.0]);
+    cut_short_shows_the_same_frame("S193761", &crate::common::specimen(&dir, Side::Left), &[20.0]);
 }

@@ -2,11 +2,7 @@
 #![expect(clippy::unwrap_used, reason = "a test may fail by panicking")]
 #![expect(clippy::print_stdout, reason = "figures for the reader of the log")]
 
-#[path = "common/specimen.rs"]
-#[allow(dead_code, reason = "other tests make specimens by hand")]
-mod common;
-
-use common::{bytes, shared};
+use crate::common::{bytes, shared};
 use meshes::frame::AnatomicalFrame;
 use meshes::query::SurfaceQuery;
 use meshes::surface::TriMesh;

@@ -2,11 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test may fail by panicking")]
 
-#[path = "common/specimen.rs"]
-#[allow(dead_code, reason = "other tests make specimens by hand")]
-mod common;
-
-use common::{bytes, shared};
+use crate::common::{bytes, shared};
 use meshes::format::{nifti, stl};
 use meshes::measure::percentile;
 use meshes::query::SurfaceQuery;

@@ -1,14 +1,11 @@
 //! Registration against specimens with truth.
 #![allow(clippy::unwrap_used, clippy::print_stderr, reason = "tests")]
 
+use crate::common::registration::{Case, Noise, apart, exact_twin, noisy, part, random_pose, seeded};
 use meshes::surface::{ColouredMesh, TriMesh};
 use meshes::{Isometry, Point, Vector};
-use registration::{Case, Noise, apart, exact_twin, noisy, part, random_pose, seeded};
 use stages::register::{BoneRegistration, RegisterOptions, register_bone};
 use std::path::{Path, PathBuf};
-
-#[path = "common/registration.rs"]
-mod registration;
 
 #[expect(clippy::print_stderr, reason = "a skipped test says so")]
 fn shared(test: &str, path: &str) -> Option<PathBuf> {
@@ -23,7 +20,7 @@ fn shared(test: &str, path: &str) -> Option<PathBuf> {
 
 #[expect(clippy::disallowed_methods, reason = "tests read the shared data")]
 fn case(dir: &Path, bone: &str) -> Case {
-    registration::case(|path| std::fs::read(dir.join(path)).unwrap(), bone)
+    crate::common::registration::case(|path| std::fs::read(dir.join(path)).unwrap(), bone)
 }
 
 fn moved(scan: &ColouredMesh, by: &Isometry) -> ColouredMesh {
@@ -201,7 +198,7 @@ fn another_knee_another_bone_a_mirrored_bone_and_nonsense_are_refused() {
 #[test]
 fn a_scan_that_its_cartilage_holds_turned_is_laid_right() {
     let made = stages::phantom::phantom("right-phantom", 1).unwrap();
-    let whole = registration::case(|p| made.files.iter().find(|f| f.0 == p).unwrap().1.clone(), "femur");
+    let whole = crate::common::registration::case(|p| made.files.iter().find(|f| f.0 == p).unwrap().1.clone(), "femur");
     let direction = random_pose(&mut seeded(7081)).rotation * nalgebra::Vector3::x();
     let few = part(&whole.scan, &direction, 0.4);
     let result = found(&whole, &few, &whole.pairs);

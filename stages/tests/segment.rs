@@ -1,11 +1,7 @@
 //! CT volumes of known bones, segmented without help.
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests")]
 
-#[path = "common/specimen.rs"]
-#[allow(dead_code, reason = "each test binary uses its part")]
-mod common;
-
-use common::{bytes, shared};
+use crate::common::{bytes, shared};
 use meshes::format::stl;
 use meshes::query::SurfaceQuery;
 use meshes::shapes::icosphere;

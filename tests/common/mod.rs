@@ -3,6 +3,9 @@
 #![expect(clippy::disallowed_methods, reason = "tests prepare and look at files")]
 #![allow(clippy::print_stderr, clippy::print_stdout, clippy::unwrap_used, reason = "tests")]
 
+pub(crate) mod lines;
+pub(crate) mod readers;
+
 use assert_cmd::Command;
 use std::collections::BTreeMap;
 use std::fs;

@@ -1,5 +1,5 @@
 //! Trials with what was measured in them.
-use crate::deck::Asked;
+use crate::common::deck::Asked;
 
 /// Trials (test, flexion [deg], load) as asked of the deck, with the readings of each.
 pub(crate) fn asked<'a>(trials: &[(&'a str, f64, [f64; 4])], measured: &[[f64; 5]]) -> Vec<Asked<'a>> {

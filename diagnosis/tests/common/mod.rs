@@ -1,4 +1,7 @@
 //! Data that tests may read where it is there.
+pub(crate) mod asked;
+pub(crate) mod deck;
+
 use std::path::{Path, PathBuf};
 
 /// A path below `../shared`; `None`, with a line, where it is not there and not required.

@@ -1,6 +1,6 @@
 //! Explicit dynamics against closed answers.
-use crate::fixed;
-use crate::rig::{MASS, Rig, plate, program, step};
+use crate::verification::fixed;
+use crate::verification::rig::{MASS, Rig, plate, program, step};
 use meshes::shapes::icosphere;
 use meshes::{Isometry, Point};
 use sim::contact::ContactOptions;

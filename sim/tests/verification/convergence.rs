@@ -1,6 +1,6 @@
 //! Orders of convergence of explicit dynamics.
-use crate::fixed;
-use crate::rig::{Rig, plate, program, step};
+use crate::verification::fixed;
+use crate::verification::rig::{Rig, plate, program, step};
 use meshes::Isometry;
 use meshes::shapes::icosphere;
 use sim::Model;

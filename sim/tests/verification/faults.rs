@@ -1,5 +1,5 @@
 //! Specifications of which no model can be made: one clear error each.
-use crate::rig::{Rig, plate};
+use crate::verification::rig::{Rig, plate};
 use meshes::shapes::icosphere;
 use sim::mesh::MeshValue;
 

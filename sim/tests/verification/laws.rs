@@ -1,6 +1,6 @@
 //! Laws that explicit dynamics keep.
-use crate::fixed;
-use crate::rig::{Rig, program, step};
+use crate::verification::fixed;
+use crate::verification::rig::{Rig, program, step};
 use meshes::frame::Side;
 use meshes::{Isometry, Point, Vector};
 use sim::coordinate::{AP, IE, SI, Six, VV};

@@ -1,7 +1,7 @@
 //! The laws of the other files, kept by contact through layers of uneven thickness.
-use crate::laws::{finished, reversed_returns, trial};
-use crate::quasistatic::{answer, explicit_apart};
-use crate::rig::Rig;
+use crate::verification::laws::{finished, reversed_returns, trial};
+use crate::verification::quasistatic::{answer, explicit_apart};
+use crate::verification::rig::Rig;
 use meshes::frame::Side;
 use meshes::{Isometry, Point, Vector};
 use sim::coordinate::Six;

@@ -1,7 +1,7 @@
 //! Laws that hold with menisci, as without.
-use crate::laws::finished;
-use crate::quasistatic::answer;
-use crate::rig::Rig;
+use crate::verification::laws::finished;
+use crate::verification::quasistatic::answer;
+use crate::verification::rig::Rig;
 use meshes::frame::Side;
 use meshes::{Isometry, Point, Vector};
 use sim::compile;
@@ -131,7 +131,7 @@ fn energy_balances_and_explicit_ends_where_quasi_static_does() {
     let load = Load::new(1.0, -0.8, 0.0, 20.0, 100.0);
     let steps = sim::explicit::TrialSteps { settle_s: 0.2, load_s: 0.3, ..Default::default() };
     let mut program = steps.program(&model.joint, 10.0, &load.generalised()).unwrap();
-    program.steps.push(crate::rig::step(1.0, &[FE], load.generalised()));
+    program.steps.push(crate::verification::rig::step(1.0, &[FE], load.generalised()));
     program.steps.last_mut().unwrap().damping = Six::new(50.0, 50.0, 50.0, 1.0, 1.0, 1.0);
     let explicit = finished(&model, &program, &ExplicitOptions::default());
     println!("menisci: {}, balance {:.1e}", explicit.energies, explicit.energies.balance_error());

@@ -1,5 +1,5 @@
 //! Laws and orders of convergence of the quasi-static solver, on the same rig as explicit dynamics.
-use crate::rig::{Rig, plate};
+use crate::verification::rig::{Rig, plate};
 use meshes::frame::Side;
 use meshes::shapes::icosphere;
 use meshes::{Isometry, Point, Vector};

@@ -1,5 +1,7 @@
 //! Specimens with truth for the geometry stages' tests.
 
+pub(crate) mod registration;
+
 use meshes::format::{ply, stl};
 use meshes::frame::Side;
 use meshes::surface::{ColouredMesh, TriMesh};

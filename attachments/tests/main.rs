@@ -1,0 +1,3 @@
+//! The integration tests of attachments, one program: each further one would link everything again.
+
+mod marks_truth;

@@ -1,0 +1,7 @@
+//! The integration tests of decks, one program: each further one would link everything again.
+
+mod common;
+mod decks;
+mod published_deck;
+mod published_explicit;
+mod published_quasistatic;

@@ -1,0 +1,13 @@
+//! The integration tests of diagnosis, one program: each further one would link everything again.
+
+mod common;
+mod components;
+mod fields;
+mod fits;
+mod mirrored;
+mod nuisances;
+mod pairs;
+mod pulls;
+mod rests;
+mod suspects;
+mod unloaded;

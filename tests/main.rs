@@ -1,0 +1,31 @@
+//! The integration tests of genu, one program: each further one would link everything again.
+
+mod architecture;
+mod bibliography;
+mod calibrated;
+mod cli;
+mod common;
+mod contact_law;
+mod corruptions;
+mod dependencies;
+mod diagnose;
+mod exports;
+mod faults;
+mod fetch;
+mod first_hour;
+mod inspect;
+mod living;
+mod marks;
+mod mistakes;
+mod paper;
+mod parts;
+mod phantom_laxity;
+mod quirks;
+mod readers;
+mod report;
+mod resume;
+mod schema;
+mod simulate;
+mod variants;
+mod volumes;
+mod whole_path;
