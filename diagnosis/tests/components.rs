@@ -52,7 +52,14 @@ fn an_added_effect_of_no_size_changes_no_bit_and_one_of_some_size_moves_the_knee
     let pose = spec.frames.gs_ct_pose;
     let plain: Vec<TrialResult> = trials
         .iter()
-        .map(|t| TrialResult { trial: t.clone(), pose, forces_n: vec![], outputs: vec![], flags: vec![] })
+        .map(|t| TrialResult {
+            trial: t.clone(),
+            pose,
+            forces_n: vec![],
+            outputs: vec![],
+            flags: vec![],
+            bands: vec![],
+        })
         .collect();
     let zero = [("ap", 0.0), ("ie", 0.0), ("vv", 0.0), ("hardening", 0.0)];
     spec.components = vec![component("capsule_envelope", "specimen", "both", &zero)];
@@ -80,7 +87,7 @@ fn what_belongs_to_an_apparatus_stays_with_it() {
     let pose = spec.frames.gs_ct_pose;
     let mut out: Vec<TrialResult> = trials()
         .into_iter()
-        .map(|trial| TrialResult { trial, pose, forces_n: vec![], outputs: vec![], flags: vec![] })
+        .map(|trial| TrialResult { trial, pose, forces_n: vec![], outputs: vec![], flags: vec![], bands: vec![] })
         .collect();
     apply(&model, &spec, Some("kla"), &mut out).unwrap();
     assert!((out[0].pose.ap_mm - pose.ap_mm - 2.0).abs() < 1e-9, "{:?}", out[0].pose);

@@ -232,7 +232,7 @@ pub(crate) fn planned(source: &str, t: &LaxityTrial) -> Planned {
 /// A trial with another measurement.
 fn result(t: &LaxityTrial, r: &Free<f64>) -> TrialResult {
     let pose = sim::spec::PoseSpec { fe_deg: t.fe_deg, ..Default::default() }.moved(r);
-    TrialResult { trial: t.clone(), pose, forces_n: vec![], outputs: vec![], flags: vec![] }
+    TrialResult { trial: t.clone(), pose, forces_n: vec![], outputs: vec![], flags: vec![], bands: vec![] }
 }
 
 /// The model as the laboratory sees it: geometry and numbers, none of its code.

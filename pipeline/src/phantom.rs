@@ -196,6 +196,7 @@ fn poses_csv(trials: &[LaxityTrial], readings: &[Free<f64>]) -> String {
         forces_n: vec![],
         outputs: vec![],
         flags: vec![],
+        bands: vec![],
     };
     let results: Vec<TrialResult> = trials.iter().zip(readings).map(result).collect();
     results_csv(&[], &results)

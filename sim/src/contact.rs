@@ -5,6 +5,7 @@
 //! [`ContactOptions::spacing_mm`] are merged, area kept. Nodes that may touch are listed and the list is kept while the bones move little ([`Nearby`]).
 
 mod cells;
+pub mod compartment;
 pub mod field;
 pub mod friction;
 pub mod law;

@@ -95,6 +95,11 @@ impl Joint {
         self.ct
     }
 
+    /// The tibia's frame; the tibia stays where it is in CT.
+    pub fn tibia(&self) -> &AnatomicalFrame {
+        &self.tibia
+    }
+
     /// Tibial, floating and femoral axis in the CT pose, turned superior, posterior, lateral.
     pub fn axes(&self) -> &[AxisSpec; 3] {
         &self.axes

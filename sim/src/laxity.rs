@@ -13,7 +13,7 @@ pub use columns::LaxityError;
 pub use format::{Bone, Column, FullColumn, LaxityFormat, Readings};
 pub use read::{LaxityTable, read, read_as};
 pub use signs::{SignDoubt, sign_doubts};
-pub use write::{TrialResult, protocol_csv, results_csv, trials_csv};
+pub use write::{Band, TrialResult, force_column, protocol_csv, results_csv, trials_csv};
 
 use crate::coordinate::{AP, Coordinate, Free, IE, Load, VV};
 use serde::{Deserialize, Serialize};

@@ -6,6 +6,7 @@
 mod check;
 
 use crate::condensed::{Condensed, Inner, Rest, condense};
+use crate::contact::compartment::COMPARTMENTS;
 use crate::contact::{Contact, ContactOptions, ContactResponse, Nearby};
 use crate::coordinate::Six;
 use crate::error::SimError;
@@ -14,6 +15,7 @@ use crate::ligament::{self, Bundle, Fibre, Line, Response};
 use crate::mesh::MeshValue;
 use crate::patella::{self, Patella, PatellaState};
 use crate::spec::ModelSpec;
+use meshes::Vector;
 use nalgebra::Matrix6;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
@@ -384,10 +386,17 @@ impl Model {
         self.bodies.iter().enumerate().map(rest).collect()
     }
 
-    /// What the bodies in between tell of themselves where they rest: names with their units, values.
-    pub fn body_outputs(&self, evaluation: &Evaluation) -> Vec<(String, f64)> {
-        let all = self.bodies.iter().zip(&evaluation.bodies);
-        all.flat_map(|(body, rest)| body.outputs(&evaluation.pose, &rest.inner)).collect()
+    /// What cartilage and the bodies in between tell of themselves at an equilibrium: names with their units, values.
+    ///
+    /// `contact_ml_n`, `contact_ap_n`, `contact_si_n` are the cartilage's force on the tibia in the tibial frame; then come the compartments.
+    pub fn outputs(&self, evaluation: &Evaluation) -> Vec<(String, f64)> {
+        let compartments = self.contact.compartments(&evaluation.pose, self.joint.tibia());
+        let whole: Vector = compartments.iter().map(|c| c.force).sum();
+        let names = ["contact_ml_n", "contact_ap_n", "contact_si_n"].map(str::to_owned);
+        let each = COMPARTMENTS.iter().zip(&compartments).flat_map(|(name, c)| c.outputs(name));
+        let bodies = self.bodies.iter().zip(&evaluation.bodies);
+        let bodies = bodies.flat_map(|(body, rest)| body.outputs(&evaluation.pose, &rest.inner));
+        names.into_iter().zip(whole.iter().copied()).chain(each).chain(bodies).collect()
     }
 
     fn evaluation(&self, pose: Pose, contact: ContactResponse, bodies: Vec<Condensed>) -> Evaluation {

@@ -124,6 +124,7 @@ impl Answer {
             forces_n: self.forces_n.clone(),
             outputs: self.outputs.clone(),
             flags: self.flags.clone(),
+            bands: vec![],
         }
     }
 
@@ -282,7 +283,7 @@ impl<'a> Path<'a> {
         let gs = self.model.joint.grood_suntay(&solved.state.q);
         let forces_n = self.model.bundle_forces(&solved.evaluation.fibres);
         let flags = flags(self.model, &gs, &solved.evaluation, self.options);
-        let outputs = self.model.body_outputs(&solved.evaluation);
+        let outputs = self.model.outputs(&solved.evaluation);
         let evaluations = self.evaluations;
         Ok(Answer {
             state: solved.state,

@@ -92,6 +92,7 @@ fn simulated_displacements_count_as_the_measured_ones_do() {
         forces_n: vec![],
         outputs: vec![],
         flags: vec![],
+        bands: vec![],
     };
     let results: Vec<TrialResult> = table.trials.iter().zip([-1.5, 5.0]).map(result).collect();
     let back = read(results_csv(&[], &results).as_bytes()).unwrap();

@@ -115,7 +115,7 @@ fn shapes(spec: &ModelSpec) {
 }
 
 fn told(model: &Model, answer: &Answer, ending: &str) -> Vec<f64> {
-    let outputs = model.body_outputs(&answer.evaluation);
+    let outputs = model.outputs(&answer.evaluation);
     outputs.into_iter().filter(|(name, _)| name.ends_with(ending)).map(|(_, x)| x).collect()
 }
 

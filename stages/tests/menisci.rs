@@ -129,7 +129,7 @@ fn shares(knee: &Knee, menisci: &[MeniscusSpec]) -> [f64; 3] {
         .map(|(name, mesh)| (format!("contact/{name}.ply"), MeshValue::Surface(mesh.clone())));
     let model = sim::compile(&spec, &meshes.into_iter().collect()).unwrap();
     let answer = solve(&model, 0.0, &Load::compression(1000.0), &TrialOptions::default()).unwrap();
-    let told = model.body_outputs(&answer.evaluation);
+    let told = model.outputs(&answer.evaluation);
     let borne: Vec<f64> = told.iter().filter(|(n, _)| n.ends_with("load_n")).map(|(_, x)| *x).collect();
     let direct: Vec<f64> = answer.evaluation.contact.wrench.iter().map(|(f, _)| f.norm()).collect();
     let share = |m: f64, d: f64| m / (m + d);

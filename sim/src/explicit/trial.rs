@@ -147,8 +147,9 @@ pub(super) fn result(model: &Model, trial: &LaxityTrial, state: &ExplicitState) 
         trial: trial.clone(),
         pose: trials::pose_spec(&gs),
         forces_n,
-        outputs: model.body_outputs(&evaluation),
+        outputs: model.outputs(&evaluation),
         flags,
+        bands: vec![],
     }
 }
 

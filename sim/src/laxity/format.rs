@@ -4,7 +4,7 @@
 //! A file in another shape is turned into the standard one, cell by cell, before it is read.
 
 use super::Test;
-use super::columns::{LaxityError, known_columns};
+use super::columns::{LaxityError, is_output, known_columns};
 use crate::coordinate::{AP, Coordinate, FREE, Free, IE, Load, VV};
 use crate::names::did_you_mean;
 use csv::StringRecord;
@@ -348,7 +348,7 @@ fn places(
     let standard = known_columns();
     let mut left = Vec::new();
     for (at, name) in raw.header.iter().enumerate().filter(|(at, _)| !used.contains(at)) {
-        let force = name.starts_with("force_") && name.ends_with("_n");
+        let force = is_output(name);
         if declared && !standard.contains(name) && !force || format.columns.contains_key(name) {
             left.push(name.as_str());
             continue;

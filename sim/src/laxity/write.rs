@@ -22,9 +22,35 @@ pub struct TrialResult {
     pub outputs: Vec<(String, f64)>,
     /// What is odd about the answer ("not converged", "dislocated"); empty when nothing is.
     pub flags: Vec<String>,
+    /// What samples of the posterior say of its columns, by their names; empty where none were asked.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub bands: Vec<(String, Band)>,
+}
+
+/// Mean and interval of a quantity over samples of the posterior, in its own unit.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Band {
+    /// Mean over the samples.
+    pub mean: f64,
+    /// Lower end of the interval.
+    pub lower: f64,
+    /// Upper end.
+    pub upper: f64,
 }
 
 impl TrialResult {
+    /// The band of a column, where samples were asked.
+    pub fn band(&self, column: &str) -> Option<Band> {
+        self.bands.iter().find(|(name, _)| name == column).map(|(_, b)| *b)
+    }
+
+    /// A value of the result by the name of its column in a results file; `bundles` in the order of the forces.
+    pub fn columns(&self, bundles: &[String]) -> Vec<(String, f64)> {
+        let pose = FREE.into_iter().map(|c| (c.column(), self.predicted()[c]));
+        let forces = bundles.iter().zip(&self.forces_n).map(|(b, f)| (force_column(b), *f));
+        pose.chain(forces).chain(self.outputs.iter().cloned()).collect()
+    }
+
     /// The predicted VV, IE [deg], ML, AP, SI [mm].
     pub fn predicted(&self) -> Free<f64> {
         self.pose.free()
@@ -46,6 +72,8 @@ pub fn results_csv(bundles: &[String], results: &[TrialResult]) -> String {
     header.extend(bundles.iter().map(|b| force_column(b)));
     let outputs = output_columns(results);
     header.extend(outputs.iter().cloned());
+    let banded = banded_columns(results);
+    header.extend(banded.iter().flat_map(|c| band_columns(c)));
     header.push("flags".to_owned());
     let mut out = line(&header);
     for r in results {
@@ -63,6 +91,7 @@ pub fn results_csv(bundles: &[String], results: &[TrialResult]) -> String {
         cells.extend(pulled.then(|| number(t.quadriceps_n)));
         cells.extend(r.forces_n.iter().map(|v| number(*v)));
         cells.extend(output_cells(r, &outputs));
+        cells.extend(band_cells(r, from, &banded));
         cells.push(r.flags.join("; "));
         out += &line(&cells);
     }
@@ -112,12 +141,15 @@ pub fn protocol_csv(bundles: &[String], steps: &[TrialResult]) -> String {
     header.extend(bundles.iter().map(|b| force_column(b)));
     let outputs = output_columns(steps);
     header.extend(outputs.iter().cloned());
+    let banded = banded_columns(steps);
+    header.extend(banded.iter().flat_map(|c| band_columns(c)));
     header.extend(["flags".to_owned(), "step".to_owned()]);
     let mut out = line(&header);
     for r in steps {
         let mut cells = vec![number(r.pose.fe_deg)];
         cells.extend(r.predicted().iter().chain(&r.trial.load).chain(&r.forces_n).map(|v| number(*v)));
         cells.extend(output_cells(r, &outputs));
+        cells.extend(band_cells(r, None, &banded));
         cells.extend([r.flags.join("; "), r.trial.trial.clone()]);
         out += &line(&cells);
     }
@@ -141,8 +173,34 @@ fn output_cells(result: &TrialResult, columns: &[String]) -> Vec<String> {
     columns.iter().map(|c| of(c).unwrap_or_default()).collect()
 }
 
+/// Columns of which any result has a band, in the order in which they are first told.
+fn banded_columns(results: &[TrialResult]) -> Vec<String> {
+    let mut out: Vec<String> = Vec::new();
+    for (name, _) in results.iter().flat_map(|r| &r.bands) {
+        if !out.contains(name) {
+            out.push(name.clone());
+        }
+    }
+    out
+}
+
+/// The three columns of a band.
+fn band_columns(column: &str) -> [String; 3] {
+    ["mean", "lower", "upper"].map(|end| format!("{column}_{end}"))
+}
+
+/// A result's cells of those columns; empty where it has no band, or where its readings count from another result: a difference has another band.
+fn band_cells(result: &TrialResult, from: Option<&TrialResult>, columns: &[String]) -> Vec<String> {
+    let is_pose = |c: &str| FREE.into_iter().any(|k| k.column() == c);
+    let of = |c: &String| match result.band(c) {
+        Some(b) if from.is_none() || !is_pose(c) => [b.mean, b.lower, b.upper].map(number),
+        _ => Default::default(),
+    };
+    columns.iter().flat_map(of).collect()
+}
+
 /// The force column of a bundle.
-fn force_column(bundle: &str) -> String {
+pub fn force_column(bundle: &str) -> String {
     format!("force_{bundle}_n")
 }
 
@@ -185,8 +243,14 @@ mod tests {
         let table = read(csv("\"a, b\",anterior,30,0,0,0,44.5,20,21,1.5,-2,,4,-20").as_bytes()).unwrap();
         assert_eq!(table.trials[0].measured.0, [Some(1.5), Some(-2.0), None, Some(4.0), Some(-20.0)]);
         let pose = PoseSpec { fe_deg: 21.0, vv_deg: 0.25, ie_deg: -1.0, ml_mm: 2.0, ap_mm: 3.0, si_mm: -19.0 };
-        let result =
-            TrialResult { trial: table.trials[0].clone(), pose, forces_n: vec![12.5], outputs: vec![], flags: vec![] };
+        let result = TrialResult {
+            trial: table.trials[0].clone(),
+            pose,
+            forces_n: vec![12.5],
+            outputs: vec![],
+            flags: vec![],
+            bands: vec![],
+        };
         let text = results_csv(&["ACL_AM".into()], &[result]);
         assert!(text.lines().next().unwrap().contains("force_ACL_AM_n"));
         let back = read(text.as_bytes()).unwrap();
@@ -205,7 +269,8 @@ mod tests {
         assert_eq!(read(trials_csv(&trials).as_bytes()).unwrap().trials, trials);
         let pose = PoseSpec { fe_deg: 21.0, ..PoseSpec::default() };
         let outputs = vec![("patella_tilt_deg".to_owned(), 3.5)];
-        let told = TrialResult { trial: trials[0].clone(), pose, forces_n: vec![], outputs, flags: vec![] };
+        let told =
+            TrialResult { trial: trials[0].clone(), pose, forces_n: vec![], outputs, flags: vec![], bands: vec![] };
         let other = TrialResult { trial: trials[1].clone(), outputs: vec![], ..told.clone() };
         let text = results_csv(&[], &[told, other.clone()]);
         assert!(text.contains("load_quadriceps_n,patella_tilt_deg,flags"), "{text}");

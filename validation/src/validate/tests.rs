@@ -21,7 +21,14 @@ fn trials() -> Vec<LaxityTrial> {
 fn result(test: Test, fe: f64, load: Load, pose: Free<f64>, acl: f64) -> TrialResult {
     let trial = LaxityTrial { test, load, nominal_flexion_deg: fe, fe_deg: fe, ..trials()[0].clone() };
     let pose = PoseSpec { fe_deg: fe, ..PoseSpec::default() }.moved(&pose);
-    TrialResult { trial, pose, forces_n: vec![0.6 * acl, 0.4 * acl, 3.0], outputs: vec![], flags: vec![] }
+    TrialResult {
+        trial,
+        pose,
+        forces_n: vec![0.6 * acl, 0.4 * acl, 3.0],
+        outputs: vec![],
+        flags: vec![],
+        bands: vec![],
+    }
 }
 
 /// A source of `specimen` whose AP is `ap` further than another's.
