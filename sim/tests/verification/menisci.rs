@@ -119,7 +119,7 @@ fn at_rest_forces_balance_and_menisci_take_their_share() {
     let answer = solve(&model, 0.0, &load, &TrialOptions::default()).unwrap();
     let left = answer.evaluation.gradient + answer.state.friction_gradient - load.generalised();
     let miss = FREE.iter().map(|&c| left[c].abs() / if c.turns() { 30.0 } else { 1.0 }).fold(0.0, f64::max);
-    let told = model.body_outputs(&answer.evaluation);
+    let told = model.outputs(&answer.evaluation);
     let of = |end: &str| told.iter().filter(|(n, _)| n.ends_with(end)).map(|(_, x)| x).sum::<f64>();
     println!("menisci: balance to {miss:.1e} N; of 1000 N they bear {:.0} N; {told:?}", of("load_n"));
     assert!(miss < 1e-4 && of("load_n") > 100.0 && of("load_n") < 1000.0 && of("hoop_n") > 5.0);

@@ -16,7 +16,7 @@ fn pulled(rig: &Rig) -> Model {
 }
 
 fn output(model: &Model, q: &Six, name: &str) -> f64 {
-    let all = model.body_outputs(&model.evaluate(q));
+    let all = model.outputs(&model.evaluate(q));
     all.iter().find(|(n, _)| n == name).unwrap_or_else(|| panic!("{name} in {all:?}")).1
 }
 
@@ -53,7 +53,7 @@ fn energy_gradient_and_stiffness_are_derivatives_of_one_another() {
         println!(
             "patella at {:.0} deg: wrench {worst:.1e}, stiffness {worst_tangent:.1e} of the largest against finite differences; {:?}",
             q[FE].to_degrees(),
-            model.body_outputs(&model.evaluate(&q))
+            model.outputs(&model.evaluate(&q))
         );
         assert!(worst < 1e-5 && worst_tangent < 1e-3);
         assert!(output(&model, &q, "patella_unbalanced_n") < 1e-4 * TENSION);
