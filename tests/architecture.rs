@@ -15,7 +15,7 @@ const ARROWS: [(&str, &[&str]); 12] = [
     ("decks", &["meshes", "sim"]),
     ("stages", &["meshes", "attachments", "sim"]),
     ("inference", &["meshes", "sim"]),
-    ("calibration", &["meshes", "sim", "decks", "inference"]),
+    ("calibration", &["meshes", "attachments", "sim", "decks", "inference"]),
     ("validation", &["attachments", "sim", "calibration"]),
     ("diagnosis", &["meshes", "attachments", "sim", "decks", "inference", "calibration"]),
     ("blindbench", &["meshes"]),

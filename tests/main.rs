@@ -17,6 +17,7 @@ mod inspect;
 mod living;
 mod marks;
 mod mistakes;
+mod one_knee;
 mod paper;
 mod parts;
 mod phantom_laxity;

@@ -10,7 +10,8 @@
 use calibration::knee::Knee;
 use calibration::options::CalibrateOptions;
 use calibration::rig::RigOptions;
-use calibration::session::Session;
+use calibration::session::{Joint, Session};
+use calibration::unknowns::KnownFrames;
 use inference::random::{normal, stream};
 use sim::coordinate::{AP, Free, IE};
 use sim::laxity::{LaxityTrial, Reference, Test};
@@ -184,10 +185,10 @@ fn main() {
         let sources: Vec<(String, Vec<LaxityTrial>)> =
             ["kla", "rks"].map(|s| (s.to_owned(), laxity(&Path::new(case).join(format!("{s}.csv"))))).to_vec();
         let mut line = format!("{case}:");
-        let mut run = |name: &'static str, sources: &[(String, Vec<LaxityTrial>)], frames| {
+        let mut run = |name: &'static str, sources: &[(String, Vec<LaxityTrial>)], joint| {
             let mut session = Session::new(&knee.spec, "", sources, &options).unwrap();
-            if let Some(frames) = frames {
-                session = session.in_frames(frames);
+            if let Some(joint) = joint {
+                session = session.after(joint);
             }
             let begun = std::time::Instant::now();
             let out = session.run(&knee, session.begin(None).unwrap(), &mut |_| ControlFlow::Continue(())).unwrap();
@@ -208,7 +209,8 @@ fn main() {
         let joint = run("joint", &sources, None);
         for (s, source) in sources.iter().enumerate() {
             let name = if s == 0 { "kla" } else { "rks" };
-            run(name, std::slice::from_ref(source), joint.frames.get(s).cloned());
+            let of = |frames: &KnownFrames| Joint { frames: frames.clone(), values: joint.found.mode.clone() };
+            run(name, std::slice::from_ref(source), joint.frames.get(s).map(of));
         }
         println!("{line}");
     }

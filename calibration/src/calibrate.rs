@@ -95,6 +95,9 @@ pub struct Calibrated {
     pub rivals: Vec<(f64, Vec<f64>)>,
     /// Samples of the posterior, design values.
     pub samples: Vec<Vec<f64>>,
+    /// The same samples with every unknown; empty where a recipe was followed.
+    #[serde(default)]
+    pub unknowns: crate::samples::Unknowns,
     /// Evaluations spent.
     pub evaluations: usize,
     /// What the method lowers, in order: the cost of every evaluation, or half the sum of squares that each start left.
@@ -277,6 +280,7 @@ fn finish(checkpoint: &Checkpoint, problem: &Problem, probes: &Probes) -> Result
         predicted,
         rivals: found.rivals.iter().map(|(c, p)| (*c, design.at(p))).collect(),
         samples: found.samples.iter().map(|p| design.at(p)).collect(),
+        unknowns: Default::default(),
         evaluations: history.len(),
         history,
         warnings: found.warnings,

@@ -20,7 +20,7 @@ use sim::trials::{TrialOptions, solve_trials};
 use std::collections::BTreeMap;
 
 /// How answers are sought during a search.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct SearchOptions {
     /// Contact nodes nearer to each other than this are merged [mm]; ours.
@@ -45,7 +45,7 @@ impl Default for SearchOptions {
 }
 
 impl SearchOptions {
-    fn trials(&self) -> TrialOptions {
+    pub(crate) fn trials(&self) -> TrialOptions {
         let solver = SolverOptions {
             step_on_the_way_mm: self.step_on_the_way_mm,
             departure_mm: 100.0,

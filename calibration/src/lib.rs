@@ -29,6 +29,7 @@ pub mod problem;
 pub mod recipe;
 pub mod reports;
 pub mod rig;
+pub mod samples;
 pub mod session;
 pub mod simplex;
 pub mod swarm;

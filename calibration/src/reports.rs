@@ -12,7 +12,7 @@ use std::fmt::Write;
 /// Its tables, by name.
 pub fn files(outcome: &Outcome) -> Vec<(String, Vec<u8>)> {
     let bundles: Vec<String> = outcome.spec.bundles.iter().map(|b| b.name.clone()).collect();
-    [
+    let mut tables = vec![
         ("parameters.csv", parameters(&outcome.found)),
         ("history.csv", history(&outcome.found.history)),
         ("frames.csv", frames(&outcome.found)),
@@ -22,10 +22,12 @@ pub fn files(outcome: &Outcome) -> Vec<(String, Vec<u8>)> {
         ("forces.csv", forces(&outcome.found, &bundles)),
         ("fit.csv", fit(outcome)),
         ("starts.csv", points(&outcome.found, true)),
-        ("samples.csv", points(&outcome.found, false)),
-    ]
-    .map(|(name, text)| (name.to_owned(), text.into_bytes()))
-    .to_vec()
+    ];
+    // a posterior's samples have a file of their own, with every unknown
+    if outcome.found.unknowns.unknowns.is_empty() {
+        tables.push(("samples.csv", points(&outcome.found, false)));
+    }
+    tables.into_iter().map(|(name, text)| (name.to_owned(), text.into_bytes())).collect()
 }
 
 /// parameters.csv: `lower` and `upper` are the ends of the interval, `range_lower` and `range_upper` those of the range sought in.

@@ -15,6 +15,7 @@ use serde::{Deserialize, Serialize};
 use sim::coordinate::Load;
 use sim::laxity::{LaxityTrial, Test};
 use sim::spec::{ModelSpec, PoseSpec};
+use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
 /// A calibration ready to run.
@@ -30,7 +31,16 @@ pub struct Session {
     pub cost: CostFunction,
     identity: Identity,
     probes: Vec<LaxityTrial>,
-    frames: Option<KnownFrames>,
+    joint: Option<Joint>,
+}
+
+/// What all data sets together say of one of them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Joint {
+    /// Frames as this data set has them.
+    pub frames: KnownFrames,
+    /// Their most probable values, by name: a start.
+    pub values: BTreeMap<String, f64>,
 }
 
 /// A calibrated model and how it came about.
@@ -99,13 +109,13 @@ impl Session {
             trials: targets.trials.clone(),
             options: options.clone(),
         };
-        Ok(Session { design, sources, targets, cost, identity, probes: ap_probes(), frames: None })
+        Ok(Session { design, sources, targets, cost, identity, probes: ap_probes(), joint: None })
     }
 
-    /// The same where the frames are known from all data sets together.
+    /// The same where all data sets together have been calibrated to already.
     #[must_use]
-    pub fn in_frames(self, frames: KnownFrames) -> Session {
-        Session { frames: Some(frames), ..self }
+    pub fn after(self, joint: Joint) -> Session {
+        Session { joint: Some(joint), ..self }
     }
 
     /// The beginning, or a saved state to go on from.
@@ -160,8 +170,8 @@ impl Session {
             return Err(CalibrationError::Stopped);
         }
         let (sources, options) = (&self.sources, &self.identity.options);
-        let frames = self.frames.as_ref();
-        let question = Question { knee, design: &self.design, sources, cost: &self.cost, options, frames };
+        let (frames, joint) = (self.joint.as_ref().map(|j| &j.frames), self.joint.as_ref().map(|j| &j.values));
+        let question = Question { knee, design: &self.design, sources, cost: &self.cost, options, frames, joint };
         let found = inferred(&question)?;
         Ok(self.outcome(found.found, found.spec, found.frames))
     }

@@ -60,6 +60,7 @@ pub fn import(main: &str, read: &mut ReadFile) -> Result<ImportedDeck, DeckError
         toe_end_multiple,
         protocols: protocol.into_iter().collect(),
         components: Vec::new(),
+        calibrated: None,
         uncertainty: None,
         patella: None,
         warnings: Vec::new(),

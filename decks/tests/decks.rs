@@ -79,6 +79,7 @@ fn knee() -> (ModelSpec, BTreeMap<String, MeshValue>) {
         toe_end_multiple: BTreeMap::new(),
         protocols: vec![],
         components: vec![],
+        calibrated: None,
         uncertainty: None,
         patella: None,
         warnings: vec![],

@@ -3,6 +3,7 @@
 //! Each trial's answer is an equilibrium without friction, found from the one of a point close by and what moves it; the first along the path of its
 //! loading ([`sim::trials`]). Derivatives are the implicit function theorem's.
 
+pub mod predict;
 mod reading;
 mod slopes;
 
@@ -26,7 +27,7 @@ use sim::trials::{TrialOptions, chain_flexion, pose_spec, solve_trials};
 use slopes::Slopes;
 
 /// What of a knee a parameter is.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Quantity {
     /// Reference strain of bundles, by index [-].

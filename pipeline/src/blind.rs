@@ -1,6 +1,7 @@
 //! `blind`: data with hidden effects from an independent laboratory, answers to them, and their scores.
 
 use crate::error::BuildError;
+use crate::which_model::WhichModel;
 use crate::{diagnose, model_file, store};
 use blindbench::knee::{BundleInput, KneeInput, Unlike};
 use blindbench::laboratory::{Case, Planned, Truth, kinds, make};
@@ -301,6 +302,7 @@ fn answer(args: &AnswerArgs) -> Result<String, BuildError> {
         let folder = args.bench.join(case);
         let measured = sources.iter().map(|s| (s.clone(), folder.join(format!("{s}.csv")))).collect();
         let question = diagnose::DiagnoseArgs {
+            which: WhichModel::default(),
             model: args.model.clone(),
             measured,
             out,

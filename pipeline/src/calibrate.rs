@@ -4,17 +4,19 @@ use crate::error::BuildError;
 use crate::model_file::{self, LoadedModel};
 use crate::options::{Override, parse_override, resolve};
 use crate::progress::Searching;
-use crate::record::json;
+use crate::record::{hash, json};
 use crate::store;
+use crate::which_model::WhichModel;
 use calibration::calibrate::Checkpoint;
 use calibration::cost::{CostFunction, CostOptions};
 use calibration::knee::Knee;
 use calibration::options::{CalibrateOptions, Method};
 use calibration::reports;
-use calibration::session::{Outcome, Session};
-use calibration::unknowns::KnownFrames;
+use calibration::samples::{SCHEMA, Samples};
+use calibration::session::{Joint, Outcome, Session};
 use clap::Args;
 use sim::laxity::{self, LaxityTrial};
+use sim::spec::{CalibratedSpec, ModelSpec};
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
@@ -30,8 +32,11 @@ const CHECKPOINT_EVERY: Duration = Duration::from_secs(1);
 /// `build-model calibrate`.
 #[derive(Args, Clone, Debug)]
 pub struct CalibrateArgs {
-    /// model.json, or the folder of a build
+    /// model.json, or the folder of a build or specimen: then its joint calibrated model, else that of its one data set, else the assembled one
     pub model: PathBuf,
+    /// Which model of a build
+    #[command(flatten)]
+    pub which: WhichModel,
     /// Measured laxity (CSV). Given more than once, all data sets are met by one set of ligaments; NAME= names them in what is told
     #[arg(long, value_name = "[NAME=]LAXITY.csv", required = true, value_parser = named)]
     pub targets: Vec<(String, PathBuf)>,
@@ -106,8 +111,14 @@ pub fn calibrate(args: &CalibrateArgs) -> Result<String, BuildError> {
         Some(MethodName::Descent) => options.method = Method::Descent,
         None => {}
     }
-    let model = model_file::load(&args.model)?;
-    let (mut sources, mut text) = (Vec::new(), String::new());
+    let model = model_file::load_which(&args.model, &args.which)?;
+    let (mut sources, mut text) = (Vec::new(), model.line());
+    if let Some(c) = &model.spec.calibrated {
+        text += &format!(
+            "warning: the model is calibrated to {} already, and its priors do not know that; to use the same data again, begin at the assembled model (--as-assembled)\n",
+            c.to.join(", ")
+        );
+    }
     for (name, file) in &args.targets {
         let (trials, more) = read_laxity(&file.display().to_string(), &store::read(file)?)?;
         text += &more;
@@ -132,6 +143,7 @@ pub fn calibrate(args: &CalibrateArgs) -> Result<String, BuildError> {
     let mut files =
         vec![("model.json".to_owned(), json(&spec)), ("metrics.json".to_owned(), json(&reports::metrics(&outcome)))];
     files.extend(files_of(&outcome, &options.cost));
+    files.extend(samples_file(&outcome, &spec, &model_file::moved(&model.spec, &model.folder, &out)));
     store::write_all(&out, &files)?;
     store::discard(&kept);
     if args.quiet {
@@ -178,9 +190,9 @@ pub struct Watch<'a> {
     pub tell: &'a dyn Fn(f64, &str),
 }
 
-/// Calibrates a model to data sets, in frames that are known where they are; `what` names them.
+/// Calibrates a model to data sets, after all data sets together where `joint` is of them; `what` names them.
 pub fn run(
-    (model, frames): (&LoadedModel, Option<&KnownFrames>),
+    (model, joint): (&LoadedModel, Option<Joint>),
     sources: &[Measured],
     options: &CalibrateOptions,
     what: &str,
@@ -188,8 +200,8 @@ pub fn run(
 ) -> Result<Outcome, BuildError> {
     let fault = |e: calibration::CalibrationError| BuildError::File(format!("{what}: {e}"));
     let mut session = Session::new(&model.spec, &model_file::digest(model), sources, options).map_err(fault)?;
-    if let Some(frames) = frames {
-        session = session.in_frames(frames.clone());
+    if let Some(joint) = joint {
+        session = session.after(joint);
     }
     let checkpoint = session.begin(watch.saved.as_deref()).map_err(fault)?;
     let knee = Knee::new(model.spec.clone(), &model.meshes, &options.search)
@@ -208,10 +220,27 @@ pub fn run(
         ControlFlow::Continue(())
     };
     let outcome = session.run(&knee, checkpoint, &mut see);
-    match (failed, outcome) {
-        (Some(e), _) => Err(e),
-        (None, outcome) => outcome.map_err(fault),
+    if let Some(e) = failed {
+        return Err(e);
     }
+    let mut outcome = outcome.map_err(fault)?;
+    let to = sources.iter().map(|s| s.0.clone()).collect();
+    outcome.spec.calibrated = Some(CalibratedSpec { to, from: hash(&json(&model.spec)) });
+    Ok(outcome)
+}
+
+/// samples.json of a calibration whose model is `spec`, counted from the model `from`; both name meshes as they do in the file's folder.
+pub(crate) fn samples_file(outcome: &Outcome, spec: &ModelSpec, from: &ModelSpec) -> Option<(String, Vec<u8>)> {
+    let mut bytes = serde_json::to_vec(&Samples { model: hash(&json(spec)), ..samples(outcome, from)? }).ok()?;
+    bytes.push(b'\n');
+    Some(("samples.json".to_owned(), bytes))
+}
+
+/// The samples of a calibration from the model `from`; none where a recipe was followed.
+pub(crate) fn samples(outcome: &Outcome, from: &ModelSpec) -> Option<Samples> {
+    let of = outcome.found.unknowns.clone();
+    let (schema, model, counted_from) = (SCHEMA.to_owned(), hash(&json(&outcome.spec)), from.clone());
+    (!of.unknowns.is_empty()).then_some(Samples { schema, model, counted_from, of })
 }
 
 /// Tables of a calibration, what its cost is made of, and figures 5 and 6 for its targets.

@@ -13,6 +13,7 @@ use crate::import::{self, ImportArgs};
 use crate::output::{self, Asked};
 use crate::simulate::SimulateArgs;
 use crate::validate::ValidateArgs;
+use crate::which_model::WhichModel;
 use crate::{
     calibrate, fetch, init, inspect, manual, open, option_docs, phantom, report, run, schema, simulate, store, validate,
 };
@@ -132,8 +133,11 @@ enum Verb {
     ImportAbaqus(ImportArgs),
     /// Write a model as another program reads it
     Export {
-        /// model.json, or the folder of a build
+        /// model.json, or the folder of a build or specimen: then its joint calibrated model, else that of its one data set, else the assembled one
         model: PathBuf,
+        /// Which model of a build
+        #[command(flatten)]
+        which: WhichModel,
         /// For which program
         #[arg(long)]
         format: Format,
@@ -156,7 +160,7 @@ enum Verb {
     Cohort(CohortArgs),
     /// Print the JSON schema of a file that the program writes
     Schema {
-        /// model, diagnosis or log
+        /// model, diagnosis, samples or log
         name: String,
     },
     /// Make data with hidden effects, answer them, score the answers
@@ -286,7 +290,9 @@ fn answer_verb(verb: Verb) -> Result<String, BuildError> {
         }
         Verb::Fetch { id, dir, mirror, patience } => fetch::fetch(&id, &dir, mirror.as_deref(), patience),
         Verb::ImportAbaqus(args) => import::import_abaqus(&args),
-        Verb::Export { model, format, poses, out } => exports::export(&model, format, poses.as_deref(), &out),
+        Verb::Export { model, which, format, poses, out } => {
+            exports::export((&model, &which), format, poses.as_deref(), &out)
+        }
         Verb::Simulate(args) => simulate::simulate(&args),
         Verb::Calibrate(args) => calibrate::calibrate(&args),
         Verb::Validate(args) => validate::validate(&args),

@@ -6,6 +6,7 @@ use crate::model_file::{self, LoadedModel};
 use crate::record::hash;
 use crate::report::diagnosis_page;
 use crate::store;
+use crate::which_model::WhichModel;
 use calibration::options::CalibrateOptions;
 use clap::Args;
 use diagnosis::catalogue::Catalogue;
@@ -21,8 +22,11 @@ use std::path::{Path, PathBuf};
 /// `build-model diagnose`.
 #[derive(Args, Clone, Debug)]
 pub struct DiagnoseArgs {
-    /// model.json, or the folder of a build
+    /// model.json, or the folder of a build or specimen: then its joint calibrated model, else that of its one data set, else the assembled one
     pub model: PathBuf,
+    /// Which model of a build
+    #[command(flatten)]
+    pub which: WhichModel,
     /// A data set and its laxity trials; may be given more than once
     #[arg(long, value_name = "NAME=LAXITY.csv", required = true, value_parser = named_file)]
     pub measured: Vec<(String, PathBuf)>,
@@ -65,12 +69,14 @@ pub fn run_with(args: &DiagnoseArgs, options: &DiagnosisOptions) -> Result<Strin
         let _ = rayon::ThreadPoolBuilder::new().num_threads(jobs.into()).build_global();
     }
     let (sources, mut text) = sources(&args.measured)?;
-    let loaded = model_file::load(&args.model)?;
+    let loaded = model_file::load_which(&args.model, &args.which)?;
+    text = loaded.line() + &text;
     let fault = |e: &dyn std::fmt::Display| BuildError::File(format!("{}: {e}", args.model.display()));
     let model = prepared(&loaded).map_err(|e| fault(&e))?;
     let catalogue = catalogue(&args.without_effect)?;
     let provenance = provenance(args, &loaded, &catalogue)?;
     if args.atlas {
+        calibrated_first(args, &loaded)?;
         let atlas =
             diagnosis::atlas::atlas(&model, &loaded.spec, &sources, &catalogue, options).map_err(|e| fault(&e))?;
         let json = as_json(&atlas)?;
@@ -85,6 +91,18 @@ pub fn run_with(args: &DiagnoseArgs, options: &DiagnosisOptions) -> Result<Strin
     write(args, &loaded, &outcome)?;
     text += &format!("{}\nLook at {}\n", outcome.diagnosis.description, args.out.join("report.html").display());
     Ok(text)
+}
+
+/// Refuses an atlas of a built knee whose ligaments nobody calibrated: what is slack or taut there says nothing of the knee.
+fn calibrated_first(args: &DiagnoseArgs, loaded: &LoadedModel) -> Result<(), BuildError> {
+    if loaded.spec.calibrated.is_some() || !diagnosis::nuisance::is_built(&loaded.spec) {
+        return Ok(());
+    }
+    Err(BuildError::File(format!(
+        "{}: its ligaments are not calibrated, so an atlas of it would tell of another knee; calibrate first (build-model calibrate \"{}\" --targets ...)",
+        loaded.file.display(),
+        args.model.display()
+    )))
 }
 
 /// Where a calibration of a built knee to all of the data ends; the diagnosis starts there. A deck starts from its own values.

@@ -1,13 +1,15 @@
 //! `export`: a model as other programs read it.
 
 use crate::error::BuildError;
-use crate::model_file::{LoadedModel, left_out, load};
+use crate::model_file::{LoadedModel, left_out, load_which};
 use crate::store;
+use crate::which_model::WhichModel;
 use meshes::surface::TriMesh;
 use meshes::{Isometry, Vector};
 use sim::mesh::MeshValue;
 use std::path::Path;
 
+mod beside;
 mod febio;
 mod gltf;
 mod opensim;
@@ -36,12 +38,17 @@ pub enum Format {
 type File = (String, Vec<u8>);
 
 /// `export`: a model as other programs read it, in `out`; `poses` (results of `simulate`) make a time series of VTK files.
-pub fn export(model: &Path, format: Format, poses: Option<&Path>, out: &Path) -> Result<String, BuildError> {
+pub fn export(
+    (model, which): (&Path, &WhichModel),
+    format: Format,
+    poses: Option<&Path>,
+    out: &Path,
+) -> Result<String, BuildError> {
     if poses.is_some() && format != Format::Vtk {
         return Err(BuildError::Usage("--poses goes with --format vtk".into()));
     }
-    let loaded = load(model)?;
-    let mut text = left_out(&loaded.spec, "export");
+    let loaded = load_which(model, which)?;
+    let mut text = loaded.line() + &left_out(&loaded.spec, "export");
     let (files, warnings) = match (format, poses) {
         (Format::Abaqus, _) => {
             let deck = decks::export(&loaded.spec, &loaded.meshes)
@@ -71,6 +78,8 @@ pub fn export(model: &Path, format: Format, poses: Option<&Path>, out: &Path) ->
             warnings.push("contact is that of the table: no such format knows the model's law by thickness".into());
         }
     }
+    files.iter_mut().for_each(|file| beside::label(file, &loaded));
+    files.extend(beside::files(&loaded)?);
     store::write_all(out, &files)?;
     text.extend(warnings.iter().map(|w| format!("warning: {w}\n")));
     let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();

@@ -7,6 +7,7 @@
 //! assert!(text.contains("hexmesh.edge_length_mm"));
 //! ```
 
+mod bands;
 pub mod blind;
 pub mod build;
 pub mod build_args;
@@ -43,3 +44,4 @@ pub mod stale;
 pub mod store;
 
 pub mod validate;
+pub mod which_model;

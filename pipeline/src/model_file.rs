@@ -3,6 +3,7 @@
 use crate::error::BuildError;
 use crate::record::json;
 use crate::store;
+use crate::which_model::{WhichModel, chosen, standing};
 use sim::mesh::MeshValue;
 use sim::spec::ModelSpec;
 use stages::PerCartilage;
@@ -20,22 +21,46 @@ pub struct LoadedModel {
     pub meshes: BTreeMap<String, MeshValue>,
     /// Its folder, absolute.
     pub folder: PathBuf,
+    /// The file as it was found.
+    pub file: PathBuf,
 }
 
-/// Reads `path` (or the model.json in it, or the assembled model of a build) and the surfaces it names.
-pub fn load(path: &Path) -> Result<LoadedModel, BuildError> {
-    let path = store::first_that_exists(&[
-        path.join("model.json"),
-        path.join("build/09-assemble/model.json"),
-        path.join("09-assemble/model.json"),
-        path.to_path_buf(),
-    ]);
-    if store::is_folder(&path) {
-        return Err(BuildError::File(format!(
-            "no model in {}; expected model.json there, or a build with 09-assemble/model.json: build-model build {0}",
-            path.display()
-        )));
+impl LoadedModel {
+    /// The first line of every answer: which model it is of, where it lies, what it was calibrated to, and its digest.
+    pub fn line(&self) -> String {
+        let (id, standing) = (&self.spec.id, standing(&self.spec));
+        format!("{MODEL_LINE}{id}, {standing}: {} (digest {})\n", self.file.display(), self.short_digest())
     }
+
+    /// The model in one line of a file, the same wherever the build lies: id, stage, what it was calibrated to, digest.
+    pub fn label(&self) -> String {
+        format!("{}, {}: {}, digest {}", self.spec.id, standing(&self.spec), self.place(), self.short_digest())
+    }
+
+    /// Where in its build the model lies ("10-calibrate/joint/model.json"), or its file's name.
+    pub fn place(&self) -> String {
+        let parts: Vec<String> = self.file.components().map(|c| c.as_os_str().to_string_lossy().into_owned()).collect();
+        let stage = parts.iter().rposition(|p| p.starts_with("09-") || p.starts_with("10-") || p.starts_with("12-"));
+        parts[stage.unwrap_or(parts.len().saturating_sub(1))..].join("/")
+    }
+
+    /// The first digits of its digest.
+    pub fn short_digest(&self) -> String {
+        digest(self).chars().take(12).collect()
+    }
+}
+
+/// How the line that names the model begins.
+pub const MODEL_LINE: &str = "model ";
+
+/// Reads the model that `path` means ([`chosen`]; of a build the best known) and the surfaces it names.
+pub fn load(path: &Path) -> Result<LoadedModel, BuildError> {
+    load_which(path, &WhichModel::default())
+}
+
+/// [`load`] of the model of a build that is wanted.
+pub fn load_which(path: &Path, which: &WhichModel) -> Result<LoadedModel, BuildError> {
+    let path = chosen(path, which)?;
     let text = store::read_text(&path)?;
     let spec: ModelSpec = serde_json::from_str(&text).map_err(|e| {
         BuildError::File(format!(
@@ -61,7 +86,7 @@ pub fn load(path: &Path) -> Result<LoadedModel, BuildError> {
         meshes.insert(name.clone(), MeshValue::Surface(read.mesh));
     }
     let folder = store::absolute(folder)?;
-    Ok(LoadedModel { spec, meshes, folder })
+    Ok(LoadedModel { spec, meshes, folder, file: path })
 }
 
 /// The model of a build as it would be read back.
@@ -87,7 +112,8 @@ pub(crate) fn assembled_model(assembled: &Assembled, bones: &Bones, cartilage: &
         .chain(own)
         .map(|(name, mesh)| (name, MeshValue::Surface(mesh.clone())))
         .collect();
-    LoadedModel { spec: assembled.spec.clone(), meshes, folder: PathBuf::from("09-assemble") }
+    let folder = PathBuf::from("09-assemble");
+    LoadedModel { spec: assembled.spec.clone(), meshes, file: folder.join("model.json"), folder }
 }
 
 /// The specification as it reads from the folder `to`, when its mesh paths are relative to the folder `from`; both absolute.

@@ -1,5 +1,6 @@
 //! `--json` of verbs that print words: the same lines and warnings, for programs.
 
+use crate::model_file::MODEL_LINE;
 use crate::store;
 use clap::{Arg, ArgAction, ArgMatches, Command};
 use serde_json::{Value, json};
@@ -41,12 +42,14 @@ pub fn asked(matches: &ArgMatches) -> Option<Asked> {
     flag.then(|| Asked { verb: verb.to_owned(), out })
 }
 
-/// What a verb printed, as JSON: `{"schema": "output/1", "verb", "warnings": [..], "lines": [..]}`, lines as they would be printed;
-/// `diagnose` with what it wrote to diagnosis.json (or atlas.json) under `result`.
+/// What a verb printed, as JSON: `{"schema": "output/1", "verb", "models": [..], "warnings": [..], "lines": [..]}`, lines as they would be printed,
+/// those that name the models of the answer apart; `diagnose` with what it wrote to diagnosis.json (or atlas.json) under `result`.
 pub fn as_json(asked: &Asked, text: &str) -> String {
     let (warnings, lines): (Vec<&str>, Vec<&str>) = text.lines().partition(|l| l.starts_with("warning: "));
     let warnings: Vec<&str> = warnings.iter().map(|w| w.trim_start_matches("warning: ")).collect();
-    let mut value = json!({"schema": "output/1", "verb": asked.verb, "warnings": warnings, "lines": lines});
+    let models: Vec<&str> = lines.iter().filter_map(|l| l.strip_prefix(MODEL_LINE)).collect();
+    let mut value =
+        json!({"schema": "output/1", "verb": asked.verb, "models": models, "warnings": warnings, "lines": lines});
     let written = asked.out.as_deref().filter(|_| asked.verb == "diagnose").and_then(result);
     if let Some(result) = written {
         value["result"] = result;

@@ -14,13 +14,19 @@ struct Entry {
     make: fn() -> Value,
 }
 
-const ALL: [Entry; 3] = [
+const ALL: [Entry; 4] = [
     Entry { name: "model", version: "model/1", what: "model.json", make: made::<sim::spec::ModelSpec> },
     Entry {
         name: "diagnosis",
         version: "diagnosis/1",
         what: "diagnosis.json",
         make: made::<diagnosis::report::Diagnosis>,
+    },
+    Entry {
+        name: "samples",
+        version: calibration::samples::SCHEMA,
+        what: "samples.json",
+        make: made::<calibration::samples::Samples>,
     },
     Entry { name: "log", version: "log/1", what: "a line of log.jsonl", make: made::<Record> },
 ];
@@ -30,7 +36,7 @@ fn made<T: JsonSchema>() -> Value {
 }
 
 /// The names of the schemas.
-pub fn names() -> [&'static str; 3] {
+pub fn names() -> [&'static str; 4] {
     ALL.map(|e| e.name)
 }
 

@@ -1,7 +1,8 @@
 //! `simulate`: what a model answers to laxity trials or to a protocol.
 
 use crate::error::BuildError;
-use crate::{model_file, store};
+use crate::which_model::WhichModel;
+use crate::{bands, model_file, store};
 use clap::Args;
 use rayon::prelude::*;
 use sim::Model;
@@ -15,8 +16,11 @@ use std::path::{Path, PathBuf};
 #[derive(Args, Clone, Debug)]
 #[command(group(clap::ArgGroup::new("what").required(true).args(["trials", "protocol"])))]
 pub struct SimulateArgs {
-    /// model.json, or the folder of a build
+    /// model.json, or the folder of a build or specimen: then its joint calibrated model, else that of its one data set, else the assembled one
     pub model: PathBuf,
+    /// Which model of a build
+    #[command(flatten)]
+    pub which: WhichModel,
     /// Laxity trials (CSV); each is simulated
     #[arg(long, value_name = "LAXITY.csv")]
     pub trials: Option<PathBuf>,
@@ -41,10 +45,16 @@ pub struct SimulateArgs {
     /// Joint compression in a protocol [N]
     #[arg(long, value_name = "N", default_value_t = 20.0)]
     pub compression: f64,
+    /// Samples of the posterior, where the model has any: mean and 90 % interval stand beside every value; 0: the one model alone
+    #[arg(long, value_name = "N", default_value_t = SAMPLES)]
+    pub samples: usize,
     /// Threads; the result does not depend on it [default: all]
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub jobs: Option<u16>,
 }
+
+/// Samples asked unless told; all that a calibration leaves.
+pub(crate) const SAMPLES: usize = 48;
 
 /// A protocol's name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -76,7 +86,8 @@ pub fn simulate(args: &SimulateArgs) -> Result<String, BuildError> {
         Some(path) => read_trials(path)?,
         None => (Vec::new(), String::new()),
     };
-    let loaded = model_file::load(&args.model)?;
+    let loaded = model_file::load_which(&args.model, &args.which)?;
+    text = loaded.line() + &text;
     text += &model_file::taken_in(&loaded.spec, args.read_as.as_deref())?;
     let fault = |e: sim::SimError| BuildError::File(format!("{}: {e}", args.model.display()));
     let model = sim::compile(&loaded.spec, &loaded.meshes).map_err(fault)?;
@@ -88,15 +99,30 @@ pub fn simulate(args: &SimulateArgs) -> Result<String, BuildError> {
     };
     diagnosis::predict::apply(&model, &loaded.spec, args.read_as.as_deref(), &mut results)
         .map_err(|e| BuildError::File(format!("{}: {e}", args.model.display())))?;
+    text += &bands::add(&loaded, &mut results, &names, &args.without, args.samples)?;
     let csv = match args.protocol {
         Some(_) => laxity::protocol_csv(&names, &results),
         None => laxity::results_csv(&names, &results),
     };
-    store::write(&args.out, csv.as_bytes())?;
+    store::write(&args.out, &of_model(&csv, &loaded)?)?;
     for r in results.iter().filter(|r| !r.flags.is_empty()) {
         text += &format!("warning: {}: {}\n", r.trial.trial, r.flags.join("; "));
     }
     Ok(text + &format!("{} rows in {}\n", results.len(), args.out.display()))
+}
+
+/// A results file with a last column that names the model.
+fn of_model(csv: &str, loaded: &model_file::LoadedModel) -> Result<Vec<u8>, BuildError> {
+    let fault = |e: csv::Error| BuildError::File(format!("results: {e}"));
+    let mut out = csv::WriterBuilder::new().terminator(csv::Terminator::Any(b'\n')).from_writer(Vec::new());
+    let mut rows = csv::ReaderBuilder::new().has_headers(false).from_reader(csv.as_bytes());
+    let label = loaded.label();
+    for (k, row) in rows.records().enumerate() {
+        let mut row = row.map_err(fault)?;
+        row.push_field(if k == 0 { "model" } else { &label });
+        out.write_record(&row).map_err(fault)?;
+    }
+    out.into_inner().map_err(|e| BuildError::File(format!("results: {e}")))
 }
 
 /// The answers to all trials.

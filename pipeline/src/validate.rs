@@ -1,10 +1,14 @@
 //! `validate`: the protocols on calibrated models of one knee, and their comparison.
 
+use crate::bands;
+use crate::calibrate::JOINT;
 use crate::error::BuildError;
 use crate::given::read_passive;
-use crate::model_file;
+use crate::model_file::{self, LoadedModel};
 use crate::options::{Override, parse_override, resolve};
 use crate::store;
+use crate::which_model::WhichModel;
+use calibration::samples::{Samples, group_sums};
 use clap::Args;
 use serde::{Deserialize, Serialize};
 use sim::laxity::protocol_csv;
@@ -19,7 +23,7 @@ use validation::{figures, tables};
 /// `build-model validate`.
 #[derive(Args, Clone, Debug)]
 pub struct ValidateArgs {
-    /// model.json of every model, or its folder, or a build (its calibrated models); called by NAME=, else by its folder
+    /// model.json of every model, or its folder, or a build (all its calibrated models, the joint one first); called by NAME=, else by its folder
     #[arg(required = true, value_name = "[NAME=]MODEL")]
     pub models: Vec<String>,
     /// Folder for the results
@@ -31,6 +35,12 @@ pub struct ValidateArgs {
     /// Override an option; may be given more than once
     #[arg(long = "set", value_name = "validate.key=value", value_parser = parse_override)]
     pub overrides: Vec<Override>,
+    /// Of a build: which model, in place of all that are calibrated
+    #[command(flatten)]
+    pub which: WhichModel,
+    /// Samples of the posterior, where a model has any: mean and 90 % interval stand beside every value; 0: the models alone
+    #[arg(long, value_name = "N")]
+    pub samples: Option<usize>,
     /// Threads; the result does not depend on it [default: all]
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub jobs: Option<u16>,
@@ -47,15 +57,17 @@ pub fn validate(args: &ValidateArgs) -> Result<String, BuildError> {
         // A second call in one process keeps the first pool; results do not depend on it.
         let _ = rayon::ThreadPoolBuilder::new().num_threads(jobs.into()).build_global();
     }
-    let options = resolve(&BTreeMap::new(), &args.overrides, None)?.validate;
+    let mut options = resolve(&BTreeMap::new(), &args.overrides, None)?.validate;
+    options.samples = args.samples.unwrap_or(options.samples);
     let passive = args
         .passive
         .iter()
         .map(|(name, path)| read_passive(name, &path.display().to_string(), &store::read(path)?))
         .collect::<Result<Vec<_>, _>>()?;
-    let mut models = Vec::new();
-    for (name, path) in args.models.iter().flat_map(|text| models_of(text)) {
-        let model = model_file::load(&path)?;
+    let (mut models, mut text) = (Vec::new(), String::new());
+    for (name, path) in args.models.iter().flat_map(|text| models_of(text, &args.which)) {
+        let model = model_file::load_which(&path, &args.which)?;
+        text += &model.line();
         if models.iter().any(|(n, m): &(String, model_file::LoadedModel)| *n == name && m.spec.id == model.spec.id) {
             return Err(BuildError::Usage(format!("two models are called {name}; give NAME=MODEL.json")));
         }
@@ -64,23 +76,33 @@ pub fn validate(args: &ValidateArgs) -> Result<String, BuildError> {
     let mut warnings = Vec::new();
     let mut sources = Vec::new();
     for (name, model) in &models {
-        sources.push(source(name, &model.spec, &model.meshes, &options, &mut warnings)?);
+        let mut of = source(name, &model.spec, &model.meshes, &options, &mut warnings)?;
+        let (samples, told) = bands::of(model)?;
+        warnings.extend(told.lines().map(|w| w.trim_start_matches("warning: ").to_owned()));
+        if let Some(samples) = samples {
+            band(&mut of, &samples, model, &options, &mut warnings);
+        }
+        sources.push(of);
     }
     let validation = Validation::new(sources, passive, warnings);
     store::write_all(&store::make_folder(&args.out)?, &files_of(&validation))?;
-    let text: String = validation.warnings.iter().map(|w| format!("warning: {w}\n")).collect();
+    text.extend(validation.warnings.iter().map(|w| format!("warning: {w}\n")));
     Ok(text + &words(&validation) + &format!("Results are in {}\n", args.out.display()))
 }
 
-/// The models that an argument names: one, or every calibrated model of a build.
-fn models_of(text: &str) -> Vec<(String, PathBuf)> {
+/// The models that an argument names: one, or every calibrated model of a build, the joint one first.
+fn models_of(text: &str, which: &WhichModel) -> Vec<(String, PathBuf)> {
     let (name, path) = name_of(text);
+    if which.as_assembled || which.source.is_some() {
+        return vec![(name, path)];
+    }
     let named = text.contains('=');
     let folders = [path.join("build/10-calibrate"), path.join("10-calibrate")];
     let Some(folder) = folders.into_iter().find(|f| store::is_folder(f)) else { return vec![(name, path)] };
     let sources = store::list(&folder).into_iter().filter(|s| store::exists(&folder.join(s).join("model.json")));
     let called = |s: &String| if named { format!("{name}-{s}") } else { s.clone() };
-    let found: Vec<(String, PathBuf)> = sources.map(|s| (called(&s), folder.join(&s).join("model.json"))).collect();
+    let mut found: Vec<(String, PathBuf)> = sources.map(|s| (called(&s), folder.join(&s).join("model.json"))).collect();
+    found.sort_by_key(|(_, file)| !file.ends_with(Path::new(JOINT).join("model.json")));
     if found.is_empty() { vec![(name, path)] } else { found }
 }
 
@@ -111,6 +133,12 @@ pub(crate) fn source(
     let (mut source, told) = Source::simulated(name, spec, &model, options).map_err(fault)?;
     warnings.extend(told);
     // what was added to the knee; nothing of an apparatus
+    let bundles = source.bundles.clone();
+    let all =
+        [&mut source.ap_laxity, &mut source.passive_flexion, &mut source.pivot_shift, &mut source.pivot_shift_no_acl];
+    for r in all.into_iter().flatten() {
+        r.outputs.extend(group_sums(&bundles, &r.forces_n));
+    }
     for rows in [&mut source.ap_laxity, &mut source.passive_flexion, &mut source.pivot_shift] {
         diagnosis::predict::apply(&model, spec, None, rows).map_err(|e| BuildError::File(format!("{name}: {e}")))?;
     }
@@ -118,6 +146,26 @@ pub(crate) fn source(
     diagnosis::predict::apply(&cut, spec, None, &mut source.pivot_shift_no_acl)
         .map_err(|e| BuildError::File(format!("{name}: {e}")))?;
     Ok(source)
+}
+
+/// Gives a source's answers their intervals; what is odd about them is a warning.
+pub(crate) fn band(
+    of: &mut Source,
+    samples: &Samples,
+    model: &LoadedModel,
+    options: &ProtocolOptions,
+    warnings: &mut Vec<String>,
+) {
+    if options.samples == 0 {
+        return;
+    }
+    let acl = ["ACL".to_owned()];
+    let rows = [&mut of.ap_laxity, &mut of.passive_flexion, &mut of.pivot_shift];
+    let all = rows.into_iter().map(|r| (r, &acl[..0])).chain([(&mut of.pivot_shift_no_acl, &acl[..])]);
+    for (rows, without) in all {
+        let told = bands::by(samples, model, rows, without, options.samples);
+        warnings.extend(told.lines().filter_map(|l| l.strip_prefix("warning: ")).map(|w| format!("{}: {w}", of.name)));
+    }
 }
 
 /// A validation: of a build, or of models given by hand.

@@ -211,7 +211,12 @@ class Build:
 
     @property
     def model(self) -> Model:
-        """The assembled model, to be simulated and edited."""
+        """The best known model: calibrated to all data together, else to the one data set, else assembled."""
+        return Model(self.folder)
+
+    @property
+    def assembled(self) -> Model:
+        """The assembled model, before any calibration."""
         return Model(self.path("assemble", "model.json"))
 
     @property

@@ -8,4 +8,10 @@ def call(
     jobs: Optional[int] = None,
     watcher: Optional[Callable[[str, float, str], Any]] = None,
 ) -> str: ...
+def model_file(
+    path: str,
+    failure: Callable[[str, Optional[str], str], BaseException],
+    as_assembled: bool = False,
+    source: Optional[str] = None,
+) -> str: ...
 def main(words: Sequence[str]) -> int: ...

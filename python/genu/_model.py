@@ -5,15 +5,14 @@ from __future__ import annotations
 import copy
 import json
 import os
-from typing import Any
+from typing import Any, Optional
 
 import numpy as np
 
+from genu import _errors, _genu
 from genu._call import Path
 from genu._errors import InputError
 from genu._meshes import Surface, read_surface
-
-_PLACES = ("model.json", os.path.join("build", "09-assemble", "model.json"), os.path.join("09-assemble", "model.json"))
 
 
 class Model:
@@ -22,7 +21,12 @@ class Model:
     Parameters
     ----------
     path : str or path-like
-        model.json, or a folder that holds it, or the folder of a build (then its assembled model).
+        model.json, or a folder that holds it, or the folder of a build or specimen: then its joint calibrated
+        model, else that of its one data set, else the assembled one, as in the command.
+    source : str, optional
+        Of a build: the model calibrated to this data set alone.
+    as_assembled : bool
+        Of a build: the assembled model, before any calibration.
 
     Attributes
     ----------
@@ -30,6 +34,8 @@ class Model:
         model.json as it stands; every number may be edited. The columns and units are those of the file.
     folder : str
         Where the mesh paths of ``spec`` start from.
+    file : str
+        The file that was read.
 
     Raises
     ------
@@ -37,10 +43,9 @@ class Model:
         No such file, or not a model.
     """
 
-    def __init__(self, path: Path) -> None:
-        place = os.path.abspath(os.fspath(path))
-        found = [os.path.join(place, p) for p in _PLACES if os.path.isfile(os.path.join(place, p))]
-        place = found[0] if found else place
+    def __init__(self, path: Path, source: Optional[str] = None, as_assembled: bool = False) -> None:
+        given = os.path.abspath(os.fspath(path))
+        place = os.fspath(_genu.model_file(given, _errors.made, as_assembled, source))
         try:
             with open(place, encoding="utf-8") as file:
                 self.spec: dict[str, Any] = json.load(file)
@@ -52,6 +57,8 @@ class Model:
         if not isinstance(self.spec, dict) or "bundles" not in self.spec:
             raise InputError(f"{place}: no bundles in it; expected a model.json as build-model writes it")
         self.folder = os.path.dirname(place)
+        self.file = place
+        self._as_read = copy.deepcopy(self.spec)
 
     def __repr__(self) -> str:
         return f"<genu.Model {self.id}: {self.side}, {len(self.bundles)} bundles, {len(self.spec['fibres'])} fibres>"
@@ -169,6 +176,8 @@ class Model:
 def model_file(model: Any, folder: str, name: str = "model") -> str:
     """The path of a model: as given, or of an edited one written below ``folder``."""
     if isinstance(model, Model):
+        if model.spec == model._as_read and os.path.isfile(model.file):  # its samples lie beside it
+            return model.file
         return model.save(os.path.join(folder, f"{name}.json"))
     if hasattr(model, "model") and isinstance(model.model, Model):  # a build, a calibration, a diagnosis
         return model_file(model.model, folder, name)

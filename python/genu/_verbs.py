@@ -112,6 +112,7 @@ def simulate(
     read_as: Optional[str] = None,
     to_flexion_deg: Optional[float] = None,
     compression_n: Optional[float] = None,
+    samples: Optional[int] = None,
     jobs: Optional[int] = None,
     progress: Progress = None,
 ) -> Any:
@@ -136,6 +137,8 @@ def simulate(
         Where passive flexion ends [deg].
     compression_n : float, optional
         Joint compression in a protocol [N].
+    samples : int, optional
+        Samples of the posterior by which mean and 90 % interval are told, where the model has any; 0 leaves them out.
     jobs, progress
         As in :func:`build`.
 
@@ -143,7 +146,8 @@ def simulate(
     -------
     pandas.DataFrame
         A row a trial: the columns of the trials with predicted ``vv_deg``, ``ie_deg``, ``ml_mm``, ``ap_mm``, ``si_mm``,
-        and a force per bundle, ``force_ACL_AM_n``, ... [N].
+        a force per bundle, ``force_ACL_AM_n``, ... [N], sums of ligaments, ``group_ACL_n``, ..., and the contact of each
+        compartment, ``contact_medial_force_n``, ...; of a calibrated model each with ``_mean``, ``_lower``, ``_upper``.
 
     Raises
     ------
@@ -161,6 +165,7 @@ def simulate(
         words += ["--read-as", read_as] if read_as is not None else []
         words += ["--to-flexion", to_flexion_deg] if to_flexion_deg is not None else []
         words += ["--compression", compression_n] if compression_n is not None else []
+        words += ["--samples", samples] if samples is not None else []
         run(*words, jobs=jobs, progress=progress)
         return read_table(results)
 

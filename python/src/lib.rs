@@ -2,12 +2,14 @@
 
 use genu::error::BuildError;
 use genu::progress::{Event, watched};
+use genu::which_model::{WhichModel, chosen};
 use pyo3::exceptions::{PyKeyboardInterrupt, PyRuntimeError};
 use pyo3::prelude::*;
 use sim::interrupt::{self, Interrupted};
 use std::any::Any;
 use std::ffi::OsString;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
@@ -150,9 +152,23 @@ fn main(py: Python<'_>, words: Vec<OsString>) -> u8 {
     py.detach(|| genu::cli::main_of(words))
 }
 
+/// The model.json that a path means: itself, that of its folder, or the best known model of the build in it.
+#[pyfunction]
+#[pyo3(signature = (path, failure, as_assembled=false, source=None))]
+fn model_file(
+    py: Python<'_>,
+    path: PathBuf,
+    failure: Py<PyAny>,
+    as_assembled: bool,
+    source: Option<String>,
+) -> PyResult<PathBuf> {
+    chosen(&path, &WhichModel { as_assembled, source }).map_err(|e| exception(py, &failure, &e))
+}
+
 #[pymodule]
 fn _genu(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add_function(wrap_pyfunction!(call, module)?)?;
-    module.add_function(wrap_pyfunction!(main, module)?)
+    module.add_function(wrap_pyfunction!(main, module)?)?;
+    module.add_function(wrap_pyfunction!(model_file, module)?)
 }

@@ -54,6 +54,8 @@ pub struct ProtocolOptions {
     /// Pivot shift: AP further than this from the CT pose is a dislocation [mm]; half the depth of a plateau, so that a contact that was in its middle
     /// has come to its rim. The paper calls AP of 21.6 and 23.1 mm dislocated, of 8.1 mm not [andreassen2025, table 6].
     pub pivot_dislocation_ap_mm: f64,
+    /// Samples of the posterior by which intervals of a calibrated model's answers are told [-]; 0 leaves them out; ours.
+    pub samples: usize,
     /// Path and solver.
     pub trials: TrialOptions,
 }
@@ -74,6 +76,7 @@ impl Default for ProtocolOptions {
             pivot_valgus_nm: 8.0,
             pivot_internal_nm: 4.0,
             pivot_dislocation_ap_mm: 19.0,
+            samples: 48,
             trials: TrialOptions::default(),
         }
     }

@@ -11,7 +11,7 @@ use nalgebra::{DMatrix, Matrix3, Matrix5, SymmetricEigen, Vector3, Vector5};
 use serde::{Deserialize, Serialize};
 
 /// Which end of a fibre.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum End {
     /// On the femur.

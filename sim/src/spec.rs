@@ -49,9 +49,22 @@ pub struct ModelSpec {
     /// The patellofemoral joint; absent: none acts.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub patella: Option<PatellaSpec>,
+    /// What its ligaments were calibrated to; absent: they were not.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub calibrated: Option<CalibratedSpec>,
     /// What could not be placed.
     #[serde(default)]
     pub warnings: Vec<String>,
+}
+
+/// Where a calibrated model comes from.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct CalibratedSpec {
+    /// The data sets that it was calibrated to, together.
+    pub to: Vec<String>,
+    /// blake3 digest of the model.json that it was calibrated from.
+    pub from: String,
 }
 
 /// Unit names, stated so that a reader need not guess.

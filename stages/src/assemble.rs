@@ -230,6 +230,7 @@ pub fn assemble(
         toe_end_multiple: Default::default(),
         protocols: Vec::new(),
         components: Vec::new(),
+        calibrated: None,
         uncertainty: Some(uncertainty::uncertainty(specimen, attachments, options.own_law)),
         patella: patella.as_ref().map(|p| p.spec.clone()),
         warnings: warnings.iter().chain(&attachments.warnings).cloned().collect(),

@@ -17,8 +17,7 @@ use crate::store;
 use calibration::calibrate::Calibrated;
 use calibration::options::{CalibrateOptions, Method};
 use calibration::reports;
-use calibration::session::{Outcome, Session};
-use calibration::unknowns::KnownFrames;
+use calibration::session::{Joint, Outcome, Session};
 use serde::{Deserialize, Serialize};
 use sim::laxity::LaxityTrial;
 use stages::assemble::Assembled;
@@ -81,17 +80,16 @@ impl Stage for Calibrate {
     }
 
     /// A folder a source.
-    fn artifacts(c: &Calibration, _: Self::Inputs<'_>) -> Files {
+    fn artifacts(c: &Calibration, (assembled, ..): Self::Inputs<'_>) -> Files {
         let mut files = Vec::new();
         for (name, outcome) in c.all() {
-            let spec =
-                model_file::moved(&outcome.spec, Path::new("/09-assemble"), &Path::new("/10-calibrate").join(name));
-            files.push((format!("{name}/model.json"), json(&spec)));
-            files.extend(
-                calibrate::files_of(outcome, &c.options.cost)
-                    .into_iter()
-                    .map(|(f, bytes)| (format!("{name}/{f}"), bytes)),
-            );
+            let here = Path::new("/10-calibrate").join(name);
+            let moved = |spec| model_file::moved(spec, Path::new("/09-assemble"), &here);
+            let spec = moved(&outcome.spec);
+            let mut own = vec![("model.json".to_owned(), json(&spec))];
+            own.extend(calibrate::files_of(outcome, &c.options.cost));
+            own.extend(calibrate::samples_file(outcome, &spec, &moved(&assembled.spec)));
+            files.extend(own.into_iter().map(|(f, bytes)| (format!("{name}/{f}"), bytes)));
         }
         Ok(files)
     }
@@ -153,32 +151,32 @@ fn calibrate_all(
     work: &Work,
 ) -> Result<Calibration, BuildError> {
     let every: Vec<calibrate::Measured> = laxity.iter().map(|(n, t)| (n.clone(), t.clone())).collect();
-    let one =
-        |sources: &[calibrate::Measured], name: &str, frames: Option<&KnownFrames>| -> Result<Outcome, BuildError> {
-            let file = format!(".calibrate-{name}.cbor");
-            // one of another calibration is no use here: stages are keyed
-            let saved = work.folder.read_file(&file).filter(|bytes| {
-                let session = Session::new(&model.spec, &model_file::digest(model), sources, options);
-                session.is_ok_and(|s| s.begin(Some(bytes)).is_ok())
-            });
-            let mut keep = |bytes: &[u8]| work.folder.write_file(&file, bytes);
-            let begun = Instant::now();
-            let tell = |share: f64, words: &str| {
-                let left = begun.elapsed().as_secs_f64() * (1.0 / share.max(1e-3) - 1.0);
-                let left = if share > 0.02 { format!(", about {left:.0} s left") } else { String::new() };
-                (work.tell)(&format!("calibrate {name}: {:.0} %, {words}{left}", 100.0 * share));
-            };
-            let watch = Watch { saved, keep: &mut keep, tell: &tell };
-            let outcome = calibrate::run((model, frames), sources, options, &format!("laxity.{name}"), watch)?;
-            store::discard(&work.folder.path().join(&file));
-            Ok(outcome)
+    let one = |sources: &[calibrate::Measured], name: &str, joint: Option<Joint>| -> Result<Outcome, BuildError> {
+        let file = format!(".calibrate-{name}.cbor");
+        // one of another calibration is no use here: stages are keyed
+        let saved = work.folder.read_file(&file).filter(|bytes| {
+            let session = Session::new(&model.spec, &model_file::digest(model), sources, options);
+            session.is_ok_and(|s| s.begin(Some(bytes)).is_ok())
+        });
+        let mut keep = |bytes: &[u8]| work.folder.write_file(&file, bytes);
+        let begun = Instant::now();
+        let tell = |share: f64, words: &str| {
+            let left = begun.elapsed().as_secs_f64() * (1.0 / share.max(1e-3) - 1.0);
+            let left = if share > 0.02 { format!(", about {left:.0} s left") } else { String::new() };
+            (work.tell)(&format!("calibrate {name}: {:.0} %, {words}{left}", 100.0 * share));
         };
+        let watch = Watch { saved, keep: &mut keep, tell: &tell };
+        let outcome = calibrate::run((model, joint), sources, options, &format!("laxity.{name}"), watch)?;
+        store::discard(&work.folder.path().join(&file));
+        Ok(outcome)
+    };
     let together = every.len() > 1 && options.method == Method::Gradient;
     let joint = if together { Some(one(&every, JOINT, None)?) } else { None };
     let mut sources = BTreeMap::new();
     for (s, measured) in every.iter().enumerate() {
-        let frames = joint.as_ref().and_then(|j| j.frames.get(s));
-        sources.insert(measured.0.clone(), one(std::slice::from_ref(measured), &measured.0, frames)?);
+        let of = |j: &Outcome| Some(Joint { frames: j.frames.get(s)?.clone(), values: j.found.mode.clone() });
+        let joint = joint.as_ref().and_then(of);
+        sources.insert(measured.0.clone(), one(std::slice::from_ref(measured), &measured.0, joint)?);
     }
     let mut out = Calibration { sources, joint, options: options.clone(), warnings: vec![], metrics: BTreeMap::new() };
     let told = |(name, o): (&str, &Outcome)| o.warnings.iter().map(|w| format!("{name}: {w}")).collect::<Vec<_>>();

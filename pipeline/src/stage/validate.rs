@@ -2,6 +2,7 @@
 
 use super::calibrate::Calibration;
 use super::{Files, Stage, Values, View, Work, reported};
+use crate::calibrate::samples;
 use crate::error::BuildError;
 use crate::given::PassiveFlexion;
 use crate::kept::Kept;
@@ -9,7 +10,7 @@ use crate::model_file::assembled_model;
 use crate::options::BuildOptions;
 use crate::report::check::Check;
 use crate::report::html::escaped;
-use crate::validate::{Validation, files_of, source};
+use crate::validate::{Validation, band, files_of, source};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use calibration::cost::CostFunction;
@@ -44,10 +45,14 @@ impl Stage for Validate {
         options: &ProtocolOptions,
         _: &Work,
     ) -> Result<Validation, BuildError> {
-        let meshes = assembled_model(assembled, bones, cartilage).meshes;
+        let model = assembled_model(assembled, bones, cartilage);
         let (mut sources, mut warnings) = (Vec::new(), Vec::new());
         for (name, outcome) in &calibration.sources {
-            sources.push(source(name, &outcome.spec, &meshes, options, &mut warnings)?);
+            let mut of = source(name, &outcome.spec, &model.meshes, options, &mut warnings)?;
+            if let Some(samples) = samples(outcome, &model.spec) {
+                band(&mut of, &samples, &model, options, &mut warnings);
+            }
+            sources.push(of);
         }
         Ok(Validation::new(sources, passive.0.clone(), warnings))
     }

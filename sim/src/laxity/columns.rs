@@ -53,14 +53,17 @@ impl LaxityError {
 /// Tension of the quadriceps [N], optional.
 pub(super) const QUADRICEPS_COLUMN: &str = "load_quadriceps_n";
 
-/// Whether a column is what a model answered: forces of bundles and groups, contact, what bodies tell of themselves, and bands of all these and of
+/// Whether a column is what a model answered: the model's name, forces of bundles and groups, contact, what bodies tell of themselves, and bands of all these and of
 /// poses. It is passed over.
 pub(super) fn is_output(name: &str) -> bool {
     let band = ["_mean", "_lower", "_upper"].iter().find_map(|end| name.strip_suffix(end));
     let column = band.unwrap_or(name);
     let of_a_body = ["patella_", "patellar_", "meniscus_", "contact_"].iter().any(|body| column.starts_with(body));
     let of_a_pose = band.is_some() && FREE.into_iter().any(|c| c.column() == column);
-    of_a_body || of_a_pose || (column.starts_with("force_") && column.ends_with("_n"))
+    name == "model"
+        || of_a_body
+        || of_a_pose
+        || (["force_", "group_"].iter().any(|k| column.starts_with(k)) && column.ends_with("_n"))
 }
 
 /// Every column that a laxity file may have.

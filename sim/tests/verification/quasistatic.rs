@@ -55,6 +55,44 @@ fn at_rest_the_forces_on_the_femur_balance_its_load() {
     assert!(miss < 1e-5, "{left}");
 }
 
+/// An output of an answer by its name.
+fn told(answer: &Answer, name: &str) -> f64 {
+    answer.outputs.iter().find(|o| o.0 == name).unwrap_or_else(|| panic!("{name} in {:?}", answer.outputs)).1
+}
+
+#[test]
+fn contact_as_it_is_told_bears_the_load_and_what_the_ligaments_pull() {
+    let rig = Rig::knee();
+    let model = rig.compiled().with_friction(0.0).unwrap();
+    for fe_deg in [0.0, 30.0] {
+        let answer = solve(&model, fe_deg, &Load::compression(500.0), &TrialOptions::default()).unwrap();
+        let superior = model.joint.tibia().superior;
+        let fibres = model.fibre_states(&answer.evaluation.pose);
+        let pull: f64 = fibres.iter().map(|f| f.line.direction.dot(&superior) * f.response.force).sum();
+        let pressed = -told(&answer, "contact_si_n");
+        println!("500 N at {fe_deg} deg: contact {pressed:.2} N, ligaments {pull:.2} N, left {:.2} N", pressed - pull);
+        assert!((pressed - pull - 500.0).abs() < 5.0, "{pressed} N of contact, {pull} N of ligaments");
+        let area = ["medial", "lateral"].map(|c| told(&answer, &format!("contact_{c}_area_mm2")));
+        let whole: f64 = answer.evaluation.contact.area.iter().sum();
+        assert!((area[0] + area[1] - whole).abs() < 1e-9 * whole && whole > 0.0, "{area:?} of {whole} mm2");
+        for c in ["medial", "lateral"] {
+            let [mean, peak] = ["mean", "peak"].map(|k| told(&answer, &format!("contact_{c}_{k}_mpa")));
+            assert!(mean <= peak, "{c}: mean {mean}, peak {peak} MPa");
+        }
+    }
+}
+
+#[test]
+fn a_mirrored_knee_presses_the_same_compartment() {
+    let rig = Rig::knee();
+    let here = answer(&rig.compiled());
+    let there = answer(&rig.mapped(Side::Right, |p| Point::new(-p.x, p.y, p.z)).compiled());
+    for (name, value) in here.outputs.iter().filter(|o| o.0.starts_with("contact_")) {
+        let off = (told(&there, name) - value).abs();
+        assert!(off < 1e-3 * value.abs().max(1.0), "{name}: {value} and {}", told(&there, name));
+    }
+}
+
 /// Follows a load put on with dashpots, then taken off.
 fn way(model: &Model, steps: usize, back: bool) -> Six {
     let dashpots = Dashpots { fibres: true, translation: 0.2, rotation: 20.0 };

@@ -58,6 +58,7 @@ impl Rig {
             toe_end_multiple: BTreeMap::new(),
             protocols: Vec::new(),
             components: Vec::new(),
+            calibrated: None,
             uncertainty: None,
             patella: None,
             warnings: Vec::new(),

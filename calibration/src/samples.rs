@@ -1,0 +1,212 @@
+//! Samples of the posterior with all their unknowns, and what they say of loads that nobody measured.
+//!
+//! A sample is a knee: ligaments, sites, frames, contact. Its equilibria under other loads are sought from those of the most probable knee.
+
+use crate::error::CalibrationError;
+use crate::inferred::{LACK, force_sd};
+use crate::knee::SearchOptions;
+use crate::posterior::{ends, mean};
+use attachments::groups::GROUPS;
+use inference::knee::predict::Prediction;
+use inference::knee::{Asked, Quantity, Trials};
+use inference::parameter::{Parameter, Prior};
+use inference::posterior::Forward;
+use inference::random::{normals, stream};
+use nalgebra::DVector;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use sim::contact::ContactOptions;
+use sim::coordinate::{FREE, Free, Load};
+use sim::laxity::{Band, LaxityTrial, TrialResult, force_column};
+use sim::mesh::MeshValue;
+use sim::model::compile_with;
+use sim::spec::ModelSpec;
+use std::collections::BTreeMap;
+
+/// Version of the file of samples.
+pub const SCHEMA: &str = "samples/1";
+/// Streams of random numbers: unlike forces of another simulator, as in the calibration's own intervals; loads that the model lacks.
+pub(crate) const UNLIKE_STREAM: u64 = 700_000;
+const LACKING_SEED: u64 = 0x6c61_636b;
+
+/// One unknown of a knee.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct Unknown {
+    /// Its name, as in parameters.csv and frames.csv.
+    pub name: String,
+    /// What of the knee it is.
+    pub quantity: Quantity,
+    /// Its most probable value, in the unit of the quantity.
+    pub most_probable: f64,
+    /// Its value in each sample.
+    pub samples: Vec<f64>,
+}
+
+/// What samples hold of a knee; `10-calibrate/SOURCE/samples.json` has it beside the model that it is counted from.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct Unknowns {
+    /// Every unknown.
+    pub unknowns: Vec<Unknown>,
+    /// Seed of what is drawn beside the unknowns.
+    pub seed: u64,
+    /// Share of the samples between the ends of an interval [-].
+    pub interval: f64,
+    /// How the search asks the model.
+    pub search: SearchOptions,
+}
+
+/// The file of samples.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct Samples {
+    /// [`SCHEMA`].
+    pub schema: String,
+    /// blake3 digest of the model.json beside it.
+    pub model: String,
+    /// The model that sites, frames and contact are counted from.
+    pub counted_from: ModelSpec,
+    /// The unknowns.
+    #[serde(flatten)]
+    pub of: Unknowns,
+}
+
+/// Bands of results, a row each, and how many samples had no answer in some row.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Bands {
+    /// Bands by column.
+    pub rows: Vec<Vec<(String, Band)>>,
+    /// Samples asked.
+    pub asked: usize,
+    /// Largest number of samples without an equilibrium in a row.
+    pub lost: usize,
+}
+
+/// Names and sums of the ligament groups that have several bundles, `group_ACL_n` and so on [N].
+pub fn group_sums(bundles: &[String], forces_n: &[f64]) -> Vec<(String, f64)> {
+    let sum = |members: &[&str]| {
+        let own: Vec<f64> =
+            bundles.iter().zip(forces_n).filter(|(b, _)| members.contains(&b.as_str())).map(|(_, f)| *f).collect();
+        (own.len() > 1).then(|| own.iter().sum::<f64>())
+    };
+    GROUPS.iter().filter_map(|(name, members)| Some((format!("group_{name}_n"), sum(members)?))).collect()
+}
+
+impl Samples {
+    /// How many there are.
+    pub fn len(&self) -> usize {
+        self.of.unknowns.first().map_or(0, |u| u.samples.len())
+    }
+
+    /// True where there is none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Bands of what the knee does in trials, by the first `most` samples; `without` are cut bundles or ligaments.
+    ///
+    /// # Errors
+    /// A model that does not compile; a most probable knee without equilibrium in a trial.
+    pub fn bands(
+        &self,
+        meshes: &BTreeMap<String, MeshValue>,
+        trials: &[LaxityTrial],
+        without: &[String],
+        most: usize,
+    ) -> Result<Bands, CalibrationError> {
+        if trials.is_empty() || self.is_empty() || most == 0 {
+            return Ok(Bands { rows: vec![vec![]; trials.len()], ..Bands::default() });
+        }
+        let coarse = ContactOptions { spacing_mm: self.of.search.contact_spacing_mm };
+        let model = compile_with(&self.counted_from, meshes, &coarse)?.with_friction(0.0)?.without(without)?;
+        let parameters: Vec<Parameter<Quantity>> = self.of.unknowns.iter().map(as_it_stands).collect();
+        let asked: Vec<Asked> = trials.iter().map(imagined).collect();
+        let options = self.of.search.trials();
+        let knee = Trials {
+            model: &model,
+            spec: &self.counted_from,
+            parameters: &parameters,
+            trials: &asked,
+            beliefs: &[],
+            options: &options,
+            load_sd: Load::default(),
+            lack: LACK,
+        };
+        let mode = DVector::from_iterator(parameters.len(), self.of.unknowns.iter().map(|u| u.most_probable));
+        let answers = knee.at(&mode, None).ok_or_else(|| {
+            CalibrationError::Targets("the most probable knee has no equilibrium in one of the trials".into())
+        })?;
+        let used = self.len().min(most);
+        let near = (&mode, &answers.state);
+        let at = |s: usize| {
+            let z = DVector::from_iterator(parameters.len(), self.of.unknowns.iter().map(|u| u.samples[s]));
+            knee.predicted(&z, near).unwrap_or_else(|_| vec![None; asked.len()])
+        };
+        let found: Vec<Vec<Option<Prediction>>> = (0..used).into_par_iter().map(at).collect();
+        let lacking = knee.lacking(&answers.state, self.of.seed ^ LACKING_SEED, used);
+        let names = model.bundle_names();
+        let rows: Vec<Vec<(String, Band)>> = (0..asked.len()).map(|i| self.row(&names, &found, &lacking, i)).collect();
+        let lost = (0..asked.len()).map(|i| found.iter().filter(|f| f[i].is_none()).count()).max().unwrap_or(0);
+        Ok(Bands { rows, asked: used, lost })
+    }
+
+    /// The bands of one trial.
+    fn row(
+        &self,
+        bundles: &[String],
+        found: &[Vec<Option<Prediction>>],
+        lacking: &[Vec<Free<f64>>],
+        trial: usize,
+    ) -> Vec<(String, Band)> {
+        let mut columns: Vec<(String, Vec<f64>, Vec<f64>)> = Vec::new();
+        for (s, p) in found.iter().enumerate() {
+            let Some(p) = &p[trial] else { continue };
+            let unlike = normals(&mut stream(self.of.seed, UNLIKE_STREAM + s as u64), bundles.len());
+            let off: Vec<f64> =
+                p.forces_n.iter().zip(unlike.iter()).map(|(f, z)| (f + force_sd(*f) * z).max(0.0)).collect();
+            let told = told(bundles, p, &p.pose, &p.forces_n);
+            let moved = Free::from_fn(|c| p.pose[c] + lacking[s][trial][c]);
+            for ((name, value), (_, drawn)) in told.into_iter().zip(self::told(bundles, p, &moved, &off)) {
+                match columns.iter_mut().find(|c| c.0 == name) {
+                    Some(c) => {
+                        c.1.push(value);
+                        c.2.push(drawn);
+                    }
+                    None => columns.push((name, vec![value], vec![drawn])),
+                }
+            }
+        }
+        let band = |(name, values, drawn): (String, Vec<f64>, Vec<f64>)| {
+            let (lower, upper) = ends(&drawn, self.of.interval)?;
+            let mean = mean(&values);
+            Some((name, Band { mean, lower: lower.min(mean), upper: upper.max(mean) }))
+        };
+        columns.into_iter().filter_map(band).collect()
+    }
+}
+
+/// Gives results their bands; group sums go among their outputs.
+pub fn with_bands(results: &mut [TrialResult], bundles: &[String], bands: Bands) {
+    for (r, row) in results.iter_mut().zip(bands.rows) {
+        r.outputs.extend(group_sums(bundles, &r.forces_n));
+        r.bands = row;
+    }
+}
+
+/// Columns of a prediction with this pose and these forces.
+fn told(bundles: &[String], p: &Prediction, pose: &Free<f64>, forces_n: &[f64]) -> Vec<(String, f64)> {
+    let poses = FREE.into_iter().map(|c| (c.column(), pose[c]));
+    let forces = bundles.iter().zip(forces_n).map(|(b, f)| (force_column(b), *f));
+    let groups = group_sums(bundles, forces_n);
+    poses.chain(forces).chain(groups).chain(p.outputs.iter().cloned()).collect()
+}
+
+/// A parameter whose number is its value: a sample has been drawn already.
+fn as_it_stands(u: &Unknown) -> Parameter<Quantity> {
+    let prior = Prior::Normal { mean: 0.0, sd: 1.0 };
+    Parameter { name: u.name.clone(), quantity: u.quantity.clone(), prior }
+}
+
+/// A trial of no data set, all of whose coordinates are told.
+fn imagined(t: &LaxityTrial) -> Asked {
+    let (load, fe_deg, quadriceps_n) = (t.load, t.fe_deg, t.quadriceps_n);
+    Asked { source: None, load, fe_deg, quadriceps_n, reads: Free::all(true), from: None }
+}

@@ -1,0 +1,95 @@
+//! What a knee known by samples does in trials that nobody measured: equilibria at every sample, found from those of a point close by.
+
+use super::{Answers, Asked, Knee, Trials, plain, pressed};
+use crate::random::{normals, stream};
+use nalgebra::{Cholesky, DMatrix, DVector};
+use rayon::prelude::*;
+use sim::SimError;
+use sim::contact::Nearby;
+use sim::coordinate::{FREE, Free, Six};
+use sim::quasistatic::{Goal, State, increment_near};
+use sim::trials::{chain_flexion, pose_spec, solve_trial};
+
+/// Prediction of a trial at a sample.
+#[derive(Clone, Debug)]
+pub struct Prediction {
+    /// VV, IE [deg], ML, AP, SI [mm].
+    pub pose: Free<f64>,
+    /// Bundle forces [N].
+    pub forces_n: Vec<f64>,
+    /// What cartilage and other bodies tell: names with their units, values.
+    pub outputs: Vec<(String, f64)>,
+}
+
+/// Added to the diagonal of a covariance of trials that are alike, of unit variance [-]: so small that no draw shows it.
+const JITTER: f64 = 1e-9;
+
+impl Trials<'_> {
+    /// Predictions of all trials at values `z`, from the answers at `near`; `None` where the knee has no equilibrium.
+    ///
+    /// # Errors
+    /// Values at which there is no knee.
+    pub fn predicted(
+        &self,
+        z: &DVector<f64>,
+        near: (&DVector<f64>, &Answers),
+    ) -> Result<Vec<Option<Prediction>>, SimError> {
+        let knee = self.knee(self.values(z).into_iter().map(|v| v.0).collect())?;
+        let before = self.knee(self.values(near.0).into_iter().map(|v| v.0).collect())?;
+        let of = |(trial, answer): (&Asked, &super::Answer)| {
+            let start = self.start(&knee, &before, trial, answer).ok();
+            let close = start.and_then(|q| self.prediction(&knee, trial, q, answer.pressed).ok());
+            close.or_else(|| {
+                let (q, force) = self.from_afar(&knee, trial).ok()?;
+                self.prediction(&knee, trial, q, force).ok()
+            })
+        };
+        Ok(self.trials.par_iter().zip(near.1).map(of).collect())
+    }
+
+    /// The answer along the path of a trial's loading, as coordinates and contact force.
+    fn from_afar(&self, knee: &Knee, trial: &Asked) -> Result<(Six, f64), SimError> {
+        let borne = Asked { load: self.borne(&knee.values, trial), ..trial.clone() };
+        let found = solve_trial(knee.of(trial).0, &plain(&borne), self.options)?;
+        Ok((found.state.q, pressed(&found.evaluation.contact.wrench)))
+    }
+
+    /// A trial's equilibrium from coordinates close by; `force` is the contact force that the lean of the bearing surface turns.
+    fn prediction(&self, knee: &Knee, trial: &Asked, start: Six, force: f64) -> Result<Prediction, SimError> {
+        let (model, _) = knee.of(trial);
+        let model = &*model.pulled(trial.quadriceps_n)?;
+        let lean = self.lean(&knee.values, trial.fe_deg);
+        let flexion = chain_flexion(model, trial.fe_deg, self.options)?;
+        let load = self.borne(&knee.values, trial).generalised() + lean * force;
+        let goal = Goal { flexion, load, flow: None };
+        let mut near = Nearby::default();
+        let solved = increment_near(model, &State::at(start), &goal, &self.options.solver, true, &mut near)?;
+        let gs = model.joint.grood_suntay(&solved.state.q);
+        Ok(Prediction {
+            pose: pose_spec(&gs).free(),
+            forces_n: model.bundle_forces(&solved.evaluation.fibres),
+            outputs: model.outputs(&solved.evaluation),
+        })
+    }
+
+    /// Displacements by which a knee differs from its model in the trials, a draw for each of `draws`: the loads that the model lacks
+    /// ([`super::Lack`]), as far as they move the knee that `answers` are of.
+    pub fn lacking(&self, answers: &Answers, seed: u64, draws: usize) -> Vec<Vec<Free<f64>>> {
+        let n = self.trials.len();
+        let alike = DMatrix::from_fn(n, n, |i, k| {
+            self.lack.alike(&self.trials[i], &self.trials[k]) + if i == k { JITTER } else { 0.0 }
+        });
+        let Some(factor) = Cholesky::new(alike).map(Cholesky::unpack) else {
+            return vec![vec![Free::all(0.0); n]; draws];
+        };
+        let draw = |s: usize| {
+            let mut random = stream(seed, s as u64);
+            let loads = FREE.map(|l| &factor * normals(&mut random, n) * self.lack.sd[l]);
+            let moved = |i: usize| {
+                Free::from_fn(|c| FREE.into_iter().map(|l| answers[i].by_load[c][l] * loads[l.free_index()][i]).sum())
+            };
+            (0..n).map(moved).collect()
+        };
+        (0..draws).into_par_iter().map(draw).collect()
+    }
+}

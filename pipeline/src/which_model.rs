@@ -1,0 +1,102 @@
+//! Which model is meant by a path: a model.json, its folder, or the folder of a build or specimen. Of a build the best known is taken: the joint
+//! calibration, else that to the one data set, else the assembled model.
+
+use crate::calibrate::JOINT;
+use crate::error::BuildError;
+use crate::record::hash;
+use crate::store;
+use clap::Args;
+use sim::spec::ModelSpec;
+use std::path::{Path, PathBuf};
+
+/// Which model of a build is wanted; nothing said: the best known.
+#[derive(Args, Clone, Debug, Default)]
+pub struct WhichModel {
+    /// Of a build: the assembled model, before any calibration
+    #[arg(long, conflicts_with = "source")]
+    pub as_assembled: bool,
+    /// Of a build: the model calibrated to this data set alone, or "joint"
+    #[arg(long, value_name = "NAME")]
+    pub source: Option<String>,
+}
+
+const ASSEMBLED: &str = "09-assemble/model.json";
+const CALIBRATED: &str = "10-calibrate";
+
+/// The model.json that a path means.
+pub fn chosen(path: &Path, which: &WhichModel) -> Result<PathBuf, BuildError> {
+    let is_asked = which.as_assembled || which.source.is_some();
+    let own = path.join("model.json");
+    if !store::is_folder(path) || store::exists(&own) {
+        if is_asked {
+            return Err(BuildError::Usage(format!(
+                "{} is one model; --as-assembled and --source choose among those of a build, so give its folder",
+                path.display()
+            )));
+        }
+        return Ok(if store::is_folder(path) { own } else { path.to_path_buf() });
+    }
+    let builds = [path.join("build"), path.to_path_buf()];
+    let is_build = |b: &&PathBuf| store::exists(&b.join(ASSEMBLED)) || store::is_folder(&b.join(CALIBRATED));
+    let Some(build) = builds.iter().find(is_build) else {
+        return Err(BuildError::File(format!(
+            "no model in {}; expected model.json there, or a build with {ASSEMBLED}: build-model build \"{0}\"",
+            path.display()
+        )));
+    };
+    if which.as_assembled {
+        return Ok(build.join(ASSEMBLED));
+    }
+    match best(build, which.source.as_deref())? {
+        Some(file) => unless_outdated(build, file),
+        None => Ok(build.join(ASSEMBLED)),
+    }
+}
+
+/// The calibrated model of a build that is wanted, or the best one; `None` where there is none.
+fn best(build: &Path, source: Option<&str>) -> Result<Option<PathBuf>, BuildError> {
+    let folder = build.join(CALIBRATED);
+    let file = |name: &str| folder.join(name).join("model.json");
+    let names: Vec<String> = store::list(&folder).into_iter().filter(|n| store::exists(&file(n))).collect();
+    match source {
+        Some(name) if names.iter().any(|n| n == name) => Ok(Some(file(name))),
+        Some(name) => {
+            let have =
+                if names.is_empty() { "it is not calibrated".into() } else { format!("it has {}", names.join(", ")) };
+            Err(BuildError::File(format!("{}: no model calibrated to \"{name}\"; {have}", build.display())))
+        }
+        None if names.iter().any(|n| n == JOINT) => Ok(Some(file(JOINT))),
+        None if names.len() < 2 => Ok(names.first().map(|n| file(n))),
+        None => Err(BuildError::File(format!(
+            "{}: calibrated to {} each by itself, not jointly; choose one by --source NAME, or --as-assembled",
+            build.display(),
+            names.join(", ")
+        ))),
+    }
+}
+
+/// A calibrated model of a build, unless the build's assembled model is another by now.
+fn unless_outdated(build: &Path, file: PathBuf) -> Result<PathBuf, BuildError> {
+    let assembled = build.join(ASSEMBLED);
+    let from = serde_json::from_str::<ModelSpec>(&store::read_text(&file)?).ok().and_then(|s| s.calibrated);
+    let now = if store::exists(&assembled) { Some(hash(&store::read(&assembled)?)) } else { None };
+    match (from, now) {
+        (Some(from), Some(now)) if from.from != now => Err(BuildError::File(format!(
+            "{} was calibrated from another model than {} is now; build again (build-model build DIR), or take --as-assembled",
+            file.display(),
+            assembled.display()
+        ))),
+        _ => Ok(file),
+    }
+}
+
+/// What a model is, in words: "calibrated to kla and rks together", "assembled, not calibrated".
+pub fn standing(spec: &ModelSpec) -> String {
+    let is_built = spec.uncertainty.as_ref().is_some_and(|_| spec.protocols.is_empty());
+    match &spec.calibrated {
+        Some(c) if c.to.len() > 1 => format!("calibrated to {} together", c.to.join(", ")),
+        Some(c) => format!("calibrated to {}", c.to.join(", ")),
+        None if is_built => "assembled, not calibrated".into(),
+        None => "as given".into(),
+    }
+}

@@ -1,0 +1,156 @@
+//! One knee: whatever is asked of the folder of a build is answered by its joint calibrated model, by name and with intervals.
+#![allow(clippy::unwrap_used, reason = "tests")]
+#![expect(clippy::disallowed_methods, reason = "tests prepare files")]
+
+use crate::common::{build_model, differing, files, phantom, read, text, write};
+use predicates::prelude::PredicateBooleanExt;
+use predicates::str::contains;
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::OnceLock;
+use tempfile::TempDir;
+
+/// A phantom built to the end of its calibration, with few starts and samples.
+fn specimen() -> &'static Path {
+    static BUILT: OnceLock<TempDir> = OnceLock::new();
+    let built = BUILT.get_or_init(|| {
+        let folder = phantom("S193761-phantom");
+        let mut command = build_model();
+        command.arg(folder.path()).args(["--quiet", "--to", "validate"]);
+        for set in ["inference.starts=1", "inference.finalists=1", "inference.rounds=1", "inference.samples=12"] {
+            command.args(["--set", &format!("calibrate.{set}")]);
+        }
+        command.assert().success();
+        folder
+    });
+    built.path()
+}
+
+/// What a command prints.
+fn said(arguments: &[&str], model: &Path, more: &[&str]) -> String {
+    let mut command = build_model();
+    let run = command.args(arguments).arg(model).args(more).assert().success();
+    String::from_utf8(run.get_output().stdout.clone()).unwrap()
+}
+
+/// The columns of a file by their names, as numbers where they are.
+fn columns(csv: &str) -> BTreeMap<String, Vec<String>> {
+    let mut lines = csv.lines().map(|l| l.split(',').map(str::to_owned).collect::<Vec<_>>());
+    let header = lines.next().unwrap();
+    let rows: Vec<Vec<String>> = lines.collect();
+    header.iter().enumerate().map(|(k, name)| (name.clone(), rows.iter().map(|r| r[k].clone()).collect())).collect()
+}
+
+fn number(text: &str) -> f64 {
+    text.parse().unwrap_or_else(|_| panic!("\"{text}\" is no number"))
+}
+
+#[test]
+fn a_folder_of_a_build_is_its_joint_model_in_every_verb() {
+    let (knee, out) = (specimen(), TempDir::new().unwrap());
+    let (build, joint) = (knee.join("build"), knee.join("build/10-calibrate/joint"));
+    let trials = knee.join("laxity/kla.csv");
+    let path = |name: &str| out.path().join(name).display().to_string();
+    for (place, name) in [(knee, "a"), (&build, "b"), (&joint, "c")] {
+        let more = ["--trials", trials.to_str().unwrap(), "--out", &path(name)];
+        let told = said(&["simulate"], place, &more);
+        let first = told.lines().next().unwrap();
+        assert!(
+            first.contains("calibrated to") && first.contains("10-calibrate/joint") && first.contains("digest"),
+            "{first}"
+        );
+        said(&["export", "--format", "abaqus"], place, &["--out", &path(&format!("x{name}"))]);
+    }
+    assert!(
+        read(Path::new(&path("a"))) == read(Path::new(&path("c")))
+            && read(Path::new(&path("b"))) == read(Path::new(&path("c")))
+    );
+    let exported = |name: &str| files(&out.path().join(format!("x{name}")));
+    assert_eq!(differing(&exported("a"), &exported("c")), Vec::<String>::new());
+    // the others are asked for by name
+    let told =
+        said(&["simulate", "--as-assembled"], knee, &["--trials", trials.to_str().unwrap(), "--out", &path("d")]);
+    assert!(told.lines().next().unwrap().contains("assembled, not calibrated"), "{told}");
+    let told =
+        said(&["simulate", "--source", "rks"], knee, &["--trials", trials.to_str().unwrap(), "--out", &path("e")]);
+    assert!(told.lines().next().unwrap().contains("10-calibrate/rks"), "{told}");
+    assert!(read(Path::new(&path("d"))) != read(Path::new(&path("c"))));
+    let mut command = build_model();
+    command.args(["simulate", "--source", "mri"]).arg(knee).args(["--protocol", "pivot-shift", "--out", &path("f")]);
+    command.assert().code(1).stderr(contains("it has joint, kla, rks"));
+    let mut command = build_model();
+    command.args(["simulate", "--as-assembled"]).arg(&joint).args(["--protocol", "pivot-shift", "--out", &path("f")]);
+    command.assert().code(2).stderr(contains("give its folder"));
+}
+
+#[test]
+fn drawers_have_the_intervals_that_the_calibration_tells() {
+    let (knee, out) = (specimen(), TempDir::new().unwrap());
+    let header = "trial,test,nominal_flexion_deg,load_vv_nm,load_ie_nm,load_ml_n,load_ap_n,load_si_n,fe_deg,vv_deg,ie_deg,ml_mm,ap_mm,si_mm\n";
+    let rows: String = [("anterior", 133), ("posterior", -133)]
+        .iter()
+        .flat_map(|(test, load)| [30, 60, 90].map(|f| format!("{test}_{f},{test},{f},0,0,0,{load},20,{f},,,,,\n")))
+        .collect();
+    let trials = out.path().join("drawers.csv");
+    write(&trials, format!("{header}{rows}"));
+    let results = out.path().join("results.csv");
+    let more = ["--trials", trials.to_str().unwrap(), "--out", results.to_str().unwrap()];
+    assert!(said(&["simulate"], knee, &more).contains("interval by 12 samples"));
+    let (found, told) = (columns(&text(&results)), columns(&text(&knee.join("build/10-calibrate/joint/forces.csv"))));
+    let place = |trial: &str| found["trial"].iter().position(|t| t == trial).unwrap();
+    for k in 0..told["trial"].len() {
+        let (row, bundle) = (place(&told["trial"][k]), &told["bundle"][k]);
+        for (end, column) in [("mean", "value_n"), ("lower", "lower_n"), ("upper", "upper_n")] {
+            let here = number(&found[&format!("force_{bundle}_n_{end}")][row]);
+            let there = number(&told[column][k]);
+            // found from another point close by, to the end of the same search
+            assert!((here - there).abs() < 0.5, "{bundle} in {}: {end} {here}, calibration {there}", told["trial"][k]);
+        }
+    }
+    for column in ["ap_mm", "group_ACL_n", "contact_medial_force_n", "contact_si_n"] {
+        let end = |e: &str| number(&found[&format!("{column}_{e}")][0]);
+        assert!(end("lower") <= end("mean") && end("mean") <= end("upper"), "{column}");
+    }
+    // as laxity data they read back
+    said(
+        &["simulate"],
+        knee,
+        &["--trials", results.to_str().unwrap(), "--out", trials.to_str().unwrap(), "--samples", "0"],
+    );
+    assert!(!text(&trials).contains("_mean"));
+}
+
+#[test]
+fn a_model_changed_by_hand_loses_its_samples_and_a_stale_one_is_refused() {
+    let copy = TempDir::new().unwrap();
+    for (name, bytes) in files(&specimen().join("build")) {
+        let path = copy.path().join(name);
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        write(&path, bytes);
+    }
+    let out = copy.path().join("r.csv").display().to_string();
+    let model = copy.path().join("10-calibrate/joint/model.json");
+    let whole = text(&model);
+    write(&model, whole.replacen("\"stiffness_n_per_mm\": ", "\"stiffness_n_per_mm\": 1", 1));
+    let told = said(&["simulate"], copy.path(), &["--protocol", "pivot-shift", "--out", &out]);
+    assert!(told.contains("changed since it was calibrated") && !text(Path::new(&out)).contains("_mean"), "{told}");
+    write(&model, whole);
+    let assembled = copy.path().join("09-assemble/model.json");
+    write(&assembled, text(&assembled).replacen("\"stiffness_n_per_mm\": ", "\"stiffness_n_per_mm\": 1", 1));
+    let mut command = build_model();
+    command.arg("simulate").arg(copy.path()).args(["--protocol", "pivot-shift", "--out", &out]);
+    command.assert().code(1).stderr(contains("calibrated from another model").and(contains("--as-assembled")));
+}
+
+#[test]
+fn an_atlas_of_a_knee_that_nobody_calibrated_is_refused() {
+    let (knee, out) = (specimen(), TempDir::new().unwrap());
+    let measured = format!("kla={}", knee.join("laxity/kla.csv").display());
+    let mut command = build_model();
+    command
+        .args(["diagnose", "--as-assembled", "--atlas", "--measured", &measured])
+        .arg(knee)
+        .arg("--out")
+        .arg(out.path());
+    command.assert().code(1).stderr(contains("not calibrated"));
+}
