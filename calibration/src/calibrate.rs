@@ -97,7 +97,7 @@ pub struct Calibrated {
     pub samples: Vec<Vec<f64>>,
     /// The same samples with every unknown; empty where a recipe was followed.
     #[serde(default)]
-    pub unknowns: crate::samples::Unknowns,
+    pub unknowns: crate::unknown::Unknowns,
     /// Evaluations spent.
     pub evaluations: usize,
     /// What the method lowers, in order: the cost of every evaluation, or half the sum of squares that each start left.

@@ -12,8 +12,8 @@ use crate::posterior::{
 };
 use crate::priors::PRIORS;
 use crate::rig;
-use crate::samples::{UNLIKE_STREAM, Unknown, Unknowns};
 use crate::targets::Targets;
+use crate::unknown::{UNLIKE_STREAM, Unknown, Unknowns};
 use crate::unknowns::{KnownFrames, parameters};
 use inference::knee::{Answers, Asked, Belief, Lack, Quantity, Trials};
 use inference::noise::Likelihood;

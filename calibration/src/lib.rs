@@ -36,6 +36,7 @@ pub mod swarm;
 pub mod targets;
 #[cfg(test)]
 mod toy;
+pub mod unknown;
 pub mod unknowns;
 
 pub use error::CalibrationError;

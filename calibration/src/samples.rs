@@ -4,8 +4,8 @@
 
 use crate::error::CalibrationError;
 use crate::inferred::{LACK, force_sd};
-use crate::knee::SearchOptions;
 use crate::posterior::{ends, mean};
+use crate::unknown::{UNLIKE_STREAM, Unknown, Unknowns};
 use attachments::groups::GROUPS;
 use inference::knee::predict::Prediction;
 use inference::knee::{Asked, Quantity, Trials};
@@ -25,35 +25,8 @@ use std::collections::BTreeMap;
 
 /// Version of the file of samples.
 pub const SCHEMA: &str = "samples/1";
-/// Streams of random numbers: unlike forces of another simulator, as in the calibration's own intervals; loads that the model lacks.
-pub(crate) const UNLIKE_STREAM: u64 = 700_000;
+/// Seed of the loads that the model lacks, beside the calibration's own.
 const LACKING_SEED: u64 = 0x6c61_636b;
-
-/// One unknown of a knee.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-pub struct Unknown {
-    /// Its name, as in parameters.csv and frames.csv.
-    pub name: String,
-    /// What of the knee it is.
-    pub quantity: Quantity,
-    /// Its most probable value, in the unit of the quantity.
-    pub most_probable: f64,
-    /// Its value in each sample.
-    pub samples: Vec<f64>,
-}
-
-/// What samples hold of a knee; `10-calibrate/SOURCE/samples.json` has it beside the model that it is counted from.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-pub struct Unknowns {
-    /// Every unknown.
-    pub unknowns: Vec<Unknown>,
-    /// Seed of what is drawn beside the unknowns.
-    pub seed: u64,
-    /// Share of the samples between the ends of an interval [-].
-    pub interval: f64,
-    /// How the search asks the model.
-    pub search: SearchOptions,
-}
 
 /// The file of samples.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]

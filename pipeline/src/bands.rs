@@ -2,7 +2,7 @@
 
 use crate::error::BuildError;
 use crate::model_file::LoadedModel;
-use crate::record::{hash, json};
+use crate::record::hash;
 use crate::store;
 use calibration::samples::{SCHEMA, Samples, group_sums};
 use sim::laxity::{LaxityTrial, TrialResult};
@@ -27,7 +27,7 @@ pub(crate) fn of(loaded: &LoadedModel) -> Result<(Option<Samples>, String), Buil
     if let Some(u) = samples.of.unknowns.iter().find(|u| u.samples.len() != n) {
         return Err(fault(format!("{} has {} samples, others {n}", u.name, u.samples.len())));
     }
-    if samples.model != hash(&json(&loaded.spec)) {
+    if samples.model != hash(&store::read(&loaded.file)?) {
         let text = format!(
             "warning: {} was changed since it was calibrated: its samples are not used, values have no intervals\n",
             loaded.file.display()

@@ -6,7 +6,7 @@ use crate::options::{Override, parse_override, resolve};
 use crate::progress::Searching;
 use crate::record::{hash, json};
 use crate::store;
-use crate::which_model::WhichModel;
+use crate::which_model::{JOINT, WhichModel};
 use calibration::calibrate::Checkpoint;
 use calibration::cost::{CostFunction, CostOptions};
 use calibration::knee::Knee;
@@ -94,9 +94,6 @@ fn named(text: &str) -> Result<(String, PathBuf), String> {
     }
     Ok((name, file))
 }
-
-/// Name of the calibration to all data sets together.
-pub const JOINT: &str = "joint";
 
 /// Runs `calibrate`; gives the words to print.
 pub fn calibrate(args: &CalibrateArgs) -> Result<String, BuildError> {

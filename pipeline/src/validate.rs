@@ -1,13 +1,12 @@
 //! `validate`: the protocols on calibrated models of one knee, and their comparison.
 
 use crate::bands;
-use crate::calibrate::JOINT;
 use crate::error::BuildError;
 use crate::given::read_passive;
 use crate::model_file::{self, LoadedModel};
 use crate::options::{Override, parse_override, resolve};
 use crate::store;
-use crate::which_model::WhichModel;
+use crate::which_model::{JOINT, WhichModel};
 use calibration::samples::{Samples, group_sums};
 use clap::Args;
 use serde::{Deserialize, Serialize};

@@ -1,7 +1,6 @@
 //! Which model is meant by a path: a model.json, its folder, or the folder of a build or specimen. Of a build the best known is taken: the joint
 //! calibration, else that to the one data set, else the assembled model.
 
-use crate::calibrate::JOINT;
 use crate::error::BuildError;
 use crate::record::hash;
 use crate::store;
@@ -20,6 +19,8 @@ pub struct WhichModel {
     pub source: Option<String>,
 }
 
+/// Name of the calibration to all data sets together.
+pub const JOINT: &str = "joint";
 const ASSEMBLED: &str = "09-assemble/model.json";
 const CALIBRATED: &str = "10-calibrate";
 

@@ -21,6 +21,9 @@ pub struct Prediction {
     pub outputs: Vec<(String, f64)>,
 }
 
+/// Times that the contact force turned by a leaning surface is brought up to date [-]: a lean of some hundredths makes each error a hundred times less.
+const LEAN_ROUNDS: usize = 2;
+
 /// Added to the diagonal of a covariance of trials that are alike, of unit variance [-]: so small that no draw shows it.
 const JITTER: f64 = 1e-9;
 
@@ -54,16 +57,25 @@ impl Trials<'_> {
         Ok((found.state.q, pressed(&found.evaluation.contact.wrench)))
     }
 
-    /// A trial's equilibrium from coordinates close by; `force` is the contact force that the lean of the bearing surface turns.
+    /// A trial's equilibrium from coordinates close by. The lean of the bearing surface turns a part of the contact force, which is `force` at first and
+    /// then what was found.
     fn prediction(&self, knee: &Knee, trial: &Asked, start: Six, force: f64) -> Result<Prediction, SimError> {
         let (model, _) = knee.of(trial);
         let model = &*model.pulled(trial.quadriceps_n)?;
         let lean = self.lean(&knee.values, trial.fe_deg);
         let flexion = chain_flexion(model, trial.fe_deg, self.options)?;
-        let load = self.borne(&knee.values, trial).generalised() + lean * force;
-        let goal = Goal { flexion, load, flow: None };
+        let borne = self.borne(&knee.values, trial).generalised();
         let mut near = Nearby::default();
-        let solved = increment_near(model, &State::at(start), &goal, &self.options.solver, true, &mut near)?;
+        let mut solve = |from: &State, force: f64| {
+            let goal = Goal { flexion, load: borne + lean * force, flow: None };
+            increment_near(model, from, &goal, &self.options.solver, true, &mut near)
+        };
+        let mut solved = solve(&State::at(start), force)?;
+        if lean != Six::zeros() {
+            for _ in 0..LEAN_ROUNDS {
+                solved = solve(&solved.state, pressed(&solved.evaluation.contact.wrench))?;
+            }
+        }
         let gs = model.joint.grood_suntay(&solved.state.q);
         Ok(Prediction {
             pose: pose_spec(&gs).free(),

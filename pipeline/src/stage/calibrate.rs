@@ -4,7 +4,7 @@ mod charts;
 mod forces;
 
 use super::{Files, Stage, Values, Work, reported};
-use crate::calibrate::{self, JOINT, Watch};
+use crate::calibrate::{self, Watch};
 use crate::error::BuildError;
 use crate::given::Measured;
 use crate::kept::Kept;
@@ -14,6 +14,7 @@ use crate::record::json;
 use crate::report::chart::Chart;
 use crate::report::check::{Check, KeyFigure};
 use crate::store;
+use crate::which_model::JOINT;
 use calibration::calibrate::Calibrated;
 use calibration::options::{CalibrateOptions, Method};
 use calibration::reports;

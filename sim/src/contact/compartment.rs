@@ -115,17 +115,18 @@ impl Contact {
 }
 
 impl Compartment {
-    /// Its figures by the names of their columns in a results file.
-    pub fn outputs(&self, name: &str) -> [(String, f64); 6] {
-        let told = [
+    /// Its figures by the names of their columns in a results file; nothing pressed has no centre.
+    pub fn outputs(&self, name: &str) -> Vec<(String, f64)> {
+        let mut told = vec![
             ("force_n", self.force.norm()),
             ("area_mm2", self.area_mm2),
-            ("centre_ml_mm", self.centre.x),
-            ("centre_ap_mm", self.centre.y),
             ("mean_mpa", self.mean_mpa),
             ("peak_mpa", self.peak_mpa),
         ];
-        told.map(|(what, value)| (format!("contact_{name}_{what}"), value))
+        if self.area_mm2 > 0.0 {
+            told.extend([("centre_ml_mm", self.centre.x), ("centre_ap_mm", self.centre.y)]);
+        }
+        told.into_iter().map(|(what, value)| (format!("contact_{name}_{what}"), value)).collect()
     }
 }
 

@@ -1,0 +1,34 @@
+//! What samples of the posterior hold: every unknown of a knee, its most probable value and its value in each sample.
+
+use crate::knee::SearchOptions;
+use inference::knee::Quantity;
+use serde::{Deserialize, Serialize};
+
+/// Stream of random numbers of the forces by which another simulator differs, a number a bundle, the same for every question that is asked of a sample.
+pub(crate) const UNLIKE_STREAM: u64 = 700_000;
+
+/// One unknown of a knee.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct Unknown {
+    /// Its name, as in parameters.csv and frames.csv.
+    pub name: String,
+    /// What of the knee it is.
+    pub quantity: Quantity,
+    /// Its most probable value, in the unit of the quantity.
+    pub most_probable: f64,
+    /// Its value in each sample.
+    pub samples: Vec<f64>,
+}
+
+/// What samples hold of a knee; `10-calibrate/SOURCE/samples.json` has it beside the model that it is counted from.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+pub struct Unknowns {
+    /// Every unknown.
+    pub unknowns: Vec<Unknown>,
+    /// Seed of what is drawn beside the unknowns.
+    pub seed: u64,
+    /// Share of the samples between the ends of an interval [-].
+    pub interval: f64,
+    /// How the search asks the model.
+    pub search: SearchOptions,
+}
