@@ -7,7 +7,6 @@ use meshes::query::SurfaceQuery;
 use meshes::{Isometry, Point};
 use nalgebra::{Matrix4, Rotation3, Translation3, UnitQuaternion};
 use needs_shared::needs_shared;
-use std::path::PathBuf;
 
 #[expect(clippy::disallowed_methods, reason = "reads the shared test data")]
 fn shared(test: &str, path: &str) -> Option<Vec<u8>> {

@@ -17,7 +17,6 @@ use stages::frames::{Frames, GroodSuntayPose};
 use stages::register::{BoneRegistration, Registration};
 use stages::specimen::{Identity, NamedPoint, PointFrame, Specimen};
 use stages::{PerBone, PerCartilage, StageError};
-use std::path::PathBuf;
 
 #[expect(clippy::disallowed_methods, reason = "reads the shared test data")]
 fn shared(test: &str, path: &str) -> Option<Vec<u8>> {

@@ -1,7 +1,5 @@
 //! Stage 3 on the shared specimens and on a real whole femur.
 
-#![expect(clippy::unwrap_used, reason = "a test may fail by panicking")]
-
 use crate::common::{bytes, shared, specimen};
 use meshes::frame::Side;
 use meshes::surface::TriMesh;

@@ -1,4 +1,5 @@
 //! Phantoms, each made once a run of a test program: one takes some ten seconds of processor. The stages' tests take this file too.
+#![allow(clippy::unwrap_used, reason = "tests")]
 
 use stages::phantom::{PhantomSpecimen, phantom};
 use std::collections::BTreeMap;

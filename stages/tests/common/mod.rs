@@ -1,4 +1,5 @@
 //! Specimens with truth for the geometry stages' tests.
+#![allow(clippy::unwrap_used, reason = "tests")]
 
 #[path = "../../../tests/common/phantoms.rs"]
 pub(crate) mod phantoms;
