@@ -1,26 +1,40 @@
 #!/usr/bin/env bash
-# Builds the wheel, installs it into a clean environment and tests it there: pytest, the example, the workflow.
+# Builds the wheel, installs it into a clean environment and tests it there: pytest, the example (`wheel`); the workflow (`cohort`).
+# Both without an argument.
 set -euo pipefail
-cd "$(dirname "$0")/.."
+cd "$(dirname "${BASH_SOURCE[0]}")/.."
 work=$PWD/target/python
-rm -rf "$work/wheels" "$work/venv"
 mkdir -p "$work"
-[ -x "$work/maturin/bin/maturin" ] || { python3 -m venv "$work/maturin" && "$work/maturin/bin/pip" install -q "maturin>=1.9,<2"; }
-"$work/maturin/bin/maturin" build --release --locked -m python/Cargo.toml -o "$work/wheels"
 
-python3 -m venv "$work/venv"
-"$work/venv/bin/pip" install -q "$(ls "$work"/wheels/*.whl)[test]" tqdm pyarrow
-size=$(stat -c %s "$work"/wheels/*.whl)
-echo "wheel: $((size / 1024)) KiB"
-[ "$size" -le $((25 * 1024 * 1024)) ] || { echo "the wheel is larger than 25 MiB"; exit 1; }
+wheel() {
+  rm -rf "$work/wheels" "$work/venv"
+  [ -x "$work/maturin/bin/maturin" ] || { python3 -m venv "$work/maturin" && "$work/maturin/bin/pip" install -q "maturin>=1.9,<2"; }
+  "$work/maturin/bin/maturin" build --release --locked -m python/Cargo.toml -o "$work/wheels"
 
-# Outside the sources: what is installed is what is tried.
-cd "$work"
-"$work/venv/bin/python" -m pytest -q -p no:cacheprovider ../../python/tests
-rm -rf first-knee && "$work/venv/bin/python" ../../examples/python/first_knee.py first-knee >/dev/null
-test -s first-knee/thickness.png && test -s first-knee/drawer.png
+  python3 -m venv "$work/venv"
+  "$work/venv/bin/pip" install -q "$(ls "$work"/wheels/*.whl)[test]" tqdm pyarrow
+  size=$(stat -c %s "$work"/wheels/*.whl)
+  echo "wheel: $((size / 1024)) KiB"
+  [ "$size" -le $((25 * 1024 * 1024)) ] || { echo "the wheel is larger than 25 MiB"; exit 1; }
+
+  # Outside the sources: what is installed is what is tried.
+  cd "$work"
+  "$work/venv/bin/python" -m pytest -q -p no:cacheprovider ../../python/tests
+  rm -rf first-knee && "$work/venv/bin/python" ../../examples/python/first_knee.py first-knee >/dev/null
+  test -s first-knee/thickness.png && test -s first-knee/drawer.png
+}
 
 # Three knees, one of them broken, by Snakemake: killed on the way, run again.
-[ -x "$work/snakemake/bin/snakemake" ] || { python3 -m venv "$work/snakemake" && "$work/snakemake/bin/pip" install -q "snakemake>=9,<10"; }
-"$work/venv/bin/python" ../../workflow/try.py --command "$work/venv/bin/build-model" --snakemake "$work/snakemake/bin/snakemake" \
-  --folder "$work/cohort" --ids S192803-phantom --seeds 1 2 3 --to cartilage --kill-after 6
+cohort() {
+  cd "$work"
+  [ -x "$work/snakemake/bin/snakemake" ] || { python3 -m venv "$work/snakemake" && "$work/snakemake/bin/pip" install -q "snakemake>=9,<10"; }
+  "$work/venv/bin/python" ../../workflow/try.py --command "$work/venv/bin/build-model" --snakemake "$work/snakemake/bin/snakemake" \
+    --folder "$work/cohort" --ids S192803-phantom --seeds 1 2 3 --to cartilage --kill-after 6
+}
+
+case ${1:-all} in
+  wheel) wheel ;;
+  cohort) cohort ;;
+  all) bash python/ci.sh wheel && bash python/ci.sh cohort ;;
+  *) echo "wheel, cohort, or nothing for both"; exit 2 ;;
+esac

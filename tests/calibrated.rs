@@ -8,6 +8,7 @@
 #![allow(clippy::unwrap_used, clippy::print_stderr, reason = "tests")]
 
 use crate::common::{build_model, json, shared, text, write};
+use needs_shared::needs_shared;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;
@@ -143,7 +144,7 @@ fn check_bands(knee: &str, out: &Path) {
     assert!(told.is_empty(), "{knee}:\n{}", told.join("\n"));
 }
 
-#[test]
+#[needs_shared]
 fn synthetic_data_are_met_and_every_file_is_there() {
     let Some(specimen) = shared("synthetic_data_are_met", "specimens/S193761") else { return };
     let out = built(&specimen);
@@ -173,7 +174,7 @@ fn synthetic_data_are_met_and_every_file_is_there() {
     }
 }
 
-#[test]
+#[needs_shared]
 fn measured_data_are_met_as_well_as_by_the_published_calibration() {
     let Some(specimen) = shared("measured_data_are_met", "specimens/S192803") else { return };
     let out = built(&specimen);

@@ -5,6 +5,7 @@ use crate::common::{build_model, json, shared, text};
 use diagnosis::catalogue::Catalogue;
 use diagnosis::effect::{Active, Place};
 use diagnosis::trial::Trial;
+use needs_shared::needs_shared;
 use rand::{RngExt, SeedableRng};
 use sim::coordinate::{FE, Load, Six};
 use sim::laxity::{LaxityTrial, Test};
@@ -39,7 +40,7 @@ fn diagnose(folder: &Path, case: &Path, out: &str, more: &[&str]) -> PathBuf {
     out
 }
 
-#[test]
+#[needs_shared]
 fn an_eccentric_load_is_named_sized_added_and_acts_where_it_was_found() {
     let Some(case) = shared("diagnose", "blind/case_008") else { return };
     let Some(folder) = deck("diagnose") else { return };
@@ -96,7 +97,7 @@ fn curves_come_nearer(told: &serde_json::Value) {
     }
 }
 
-#[test]
+#[needs_shared]
 fn nothing_is_named_where_nothing_is_hidden_whatever_the_number_of_threads() {
     let Some(case) = shared("diagnose", "blind/case_003") else { return };
     let Some(folder) = deck("diagnose") else { return };
@@ -113,7 +114,7 @@ fn nothing_is_named_where_nothing_is_hidden_whatever_the_number_of_threads() {
     assert!(untested.iter().any(|n| n["effect"] == "friction"));
 }
 
-#[test]
+#[needs_shared]
 fn every_rival_tells_what_it_gains_itself_on_held_out_trials() {
     let Some(case) = shared("diagnose", "blind/case_009") else { return };
     let Some(folder) = deck("diagnose") else { return };
@@ -182,7 +183,7 @@ fn exchanged(case: &Path, to: &Path, file: &str, [one, other]: [&str; 2]) {
     std::fs::write(to.join(file), lines.join("\n") + "\n").unwrap();
 }
 
-#[test]
+#[needs_shared]
 fn records_that_were_mixed_up_are_told_by_name() {
     let Some(case) = shared("diagnose", "blind/case_003") else { return };
     let Some(folder) = deck("diagnose") else { return };
@@ -198,7 +199,7 @@ fn records_that_were_mixed_up_are_told_by_name() {
     assert!(told["description"].as_str().unwrap().contains("may have been exchanged"));
 }
 
-#[test]
+#[needs_shared]
 fn an_effect_struck_from_the_catalogue_is_unnamed_and_an_unknown_one_is_refused() {
     let Some(case) = shared("diagnose", "blind/case_008") else { return };
     let Some(folder) = deck("diagnose") else { return };
@@ -220,7 +221,7 @@ fn an_effect_struck_from_the_catalogue_is_unnamed_and_an_unknown_one_is_refused(
     assert!(!folder.path().join("none").exists());
 }
 
-#[test]
+#[needs_shared]
 fn a_sealed_set_is_made_answered_and_scored_and_a_broken_seal_is_refused() {
     let Some(case) = shared("diagnose", "blind/case_001") else { return };
     let Some(folder) = deck("diagnose") else { return };

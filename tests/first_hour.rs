@@ -3,6 +3,7 @@
 #![expect(clippy::disallowed_methods, reason = "tests prepare and look at files")]
 
 use crate::common::{build_model, phantom, shared};
+use needs_shared::needs_shared;
 use predicates::prelude::*;
 use predicates::str::contains;
 use std::fs;
@@ -61,7 +62,7 @@ fn a_heap_of_a_phantoms_files_becomes_a_build() {
     }
 }
 
-#[test]
+#[needs_shared]
 fn a_heap_of_the_published_specimens_files_becomes_a_build() {
     let Some(specimen) = shared("a_heap_of_the_published_specimens_files_becomes_a_build", "specimens/S192803") else {
         return;
@@ -91,7 +92,7 @@ fn a_label_map_alone_becomes_a_build() {
     build_model().arg("build").arg(&knee).args(["--to", "bones", "--quiet"]).assert().success();
 }
 
-#[test]
+#[needs_shared]
 fn the_label_maps_at_hand_are_known() {
     let Some(mri) = shared("the_label_maps_at_hand_are_known", "mri") else { return };
     for (id, side) in [("S192803", "left"), ("kneeB", "right")] {

@@ -11,6 +11,7 @@ mod dependencies;
 mod diagnose;
 mod exports;
 mod faults;
+#[cfg(feature = "fetch")]
 mod fetch;
 mod first_hour;
 mod inspect;

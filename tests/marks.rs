@@ -13,7 +13,7 @@ const PLAIN: Ground = Ground { brown: false, clutter: false };
 
 fn phantom() -> Specimen {
     let mut raw = RawSpecimen::default();
-    for (name, bytes) in stages::phantom::phantom("S192803-phantom", 1).unwrap().files {
+    for (name, bytes) in crate::common::phantoms::made("S192803-phantom").files.clone() {
         if name == "specimen.toml" {
             raw.toml = String::from_utf8(bytes).unwrap();
         } else {

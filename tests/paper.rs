@@ -4,13 +4,14 @@
 
 use crate::common::{build_model, json, shared, text};
 use genu::{paper, stale};
+use needs_shared::needs_shared;
 use std::path::Path;
 use tempfile::TempDir;
 use validation::paper::{Scores, poses, scores};
 use validation::validate::compare;
 
 /// Two numbers are fitted to Table 5 (the plateaus' heights); the rest is told.
-#[test]
+#[needs_shared]
 fn tables_5_and_section_3_follow_from_table_4() {
     let Some(data) = shared("tables_5_and_section_3_follow", "published/S192803") else { return };
     let data = data.parent().unwrap().parent().unwrap().to_path_buf();
@@ -34,7 +35,7 @@ fn tables_5_and_section_3_follow_from_table_4() {
 }
 
 /// Printed poses are rounded to 0.1 mm and deg, which moves a fibre of 120 N/mm by up to 6 N.
-#[test]
+#[needs_shared]
 fn table_7_follows_from_the_poses_of_table_6_without_a_fitted_number() {
     let Some(data) = shared("table_7_follows", "published/S192803") else { return };
     let data = data.parent().unwrap().parent().unwrap().to_path_buf();
@@ -46,7 +47,7 @@ fn table_7_follows_from_the_poses_of_table_6_without_a_fitted_number() {
     assert!(of_table < 10.0, "{of_table} N");
 }
 
-#[test]
+#[needs_shared]
 fn the_page_says_what_the_program_says() {
     let Some(data) = shared("the_page_says", "published/S192803") else { return };
     let data = data.parent().unwrap().parent().unwrap().to_path_buf();
@@ -65,7 +66,7 @@ fn the_page_of_results_was_made_with_these_options() {
     assert_eq!(told, now, "docs/results.md is old: `cargo run --release --example results`");
 }
 
-#[test]
+#[needs_shared]
 fn another_variant_is_imported_and_told() {
     let Some(deck) = shared("another_variant", "published/S192803/deck/S192803_MAIN_LAXITY_Anterior_30deg_0.inp")
     else {

@@ -2,10 +2,11 @@
 
 #![allow(clippy::unwrap_used, clippy::print_stderr, reason = "tests")]
 
+use crate::common::phantoms::made;
 use blindbench::knee::KneeInput;
 use blindbench::laboratory::{Planned, make};
 use meshes::Point;
-use stages::phantom::{PHANTOMS, phantom};
+use stages::phantom::PHANTOMS;
 use std::collections::BTreeMap;
 
 /// Seeds of the laboratory's draws. The shape and the ligaments were chosen while seeds 1 to 12 were looked at; the ranges were there before.
@@ -41,7 +42,7 @@ fn readings(knee: &KneeInput, seed: u64) -> Vec<[f64; 5]> {
 }
 
 fn knee(id: &str) -> KneeInput {
-    genu::phantom::knee(&phantom(id, 1).unwrap()).unwrap()
+    genu::phantom::knee(made(id)).unwrap()
 }
 
 /// Most that the tibia shifts sideways: unloaded, and under the loads above [mm]. The measured knee of the paper shifts by up to 6.7 mm; nobody

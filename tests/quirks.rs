@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use crate::common::{build_model, json, shared, text, write};
+use needs_shared::needs_shared;
 use serde_json::Value;
 use std::path::Path;
 use tempfile::TempDir;
@@ -128,7 +129,7 @@ fn names(told: &Value, effect: &str, scope: &str, parameter: &str, size: f64) {
     assert!(told["gap"]["held_out"]["closed"].as_f64().unwrap() > 0.75);
 }
 
-#[test]
+#[needs_shared]
 fn trials_flexed_less_than_recorded_are_an_offset_of_flexion_of_that_size() {
     let Some((folder, [kla, rks])) = deck("decks' flexion") else { return };
     let folder = folder.path();
@@ -137,7 +138,7 @@ fn trials_flexed_less_than_recorded_are_an_offset_of_flexion_of_that_size() {
     names(&told(folder, &kla, &rks), "flexion_offset", "kla", "fe_deg", LESS_FLEXED_DEG);
 }
 
-#[test]
+#[needs_shared]
 fn a_moment_turned_round_is_told_as_one_and_the_same_trials_as_recorded_tell_nothing() {
     let Some((folder, [kla, rks])) = deck("decks' moment") else { return };
     let folder = folder.path();
@@ -188,7 +189,7 @@ fn answered(folder: &Path, kla: &Table, evaluations: &Table, row: usize, targets
     (out, less)
 }
 
-#[test]
+#[needs_shared]
 fn abaqus_own_answers_tell_that_the_decks_were_flexed_less_than_recorded() {
     let Some((folder, [mut kla, rks])) = deck("Abaqus' answers") else { return };
     let Some(published) = shared("Abaqus' answers", "published/S192803") else { return };

@@ -1,23 +1,10 @@
 //! The report: self-contained, small, the same bytes again; of a failed build; of two builds; in a browser.
 #![allow(clippy::unwrap_used, clippy::print_stderr, reason = "tests")]
 
-use crate::common::{build_model, phantom, text};
+use crate::common::{build_model, built, phantom, text};
 use std::path::Path;
 use std::process::Command;
-use std::sync::OnceLock;
 use tempfile::TempDir;
-
-/// One built phantom for all.
-fn built() -> &'static Path {
-    static BUILT: OnceLock<TempDir> = OnceLock::new();
-    BUILT
-        .get_or_init(|| {
-            let folder = phantom("S192803-phantom");
-            build_model().arg(folder.path()).arg("--quiet").assert().success();
-            folder
-        })
-        .path()
-}
 
 /// What is between the end of the styles and the data: the words of the page.
 fn words(page: &str) -> &str {

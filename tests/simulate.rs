@@ -3,6 +3,7 @@
 #![expect(clippy::disallowed_methods, reason = "looks at what the program wrote")]
 
 use crate::common::{build_model, shared};
+use needs_shared::needs_shared;
 use predicates::str::contains;
 use std::path::Path;
 use tempfile::TempDir;
@@ -24,7 +25,7 @@ fn columns(path: &Path, names: &[&str]) -> Vec<Vec<String>> {
     lines.map(|l| at.iter().map(|&i| l.split(',').nth(i).unwrap().to_owned()).collect()).collect()
 }
 
-#[test]
+#[needs_shared]
 fn both_solvers_run_a_protocol_and_agree_and_a_dislocated_knee_is_told() {
     let Some(folder) = imported("protocols by both solvers") else { return };
     let run = |solver: &str, out: &str, more: &[&str]| {
@@ -48,7 +49,7 @@ fn both_solvers_run_a_protocol_and_agree_and_a_dislocated_knee_is_told() {
     assert!(loose[0][4].parse::<f64>().unwrap() > 25.0 && told.contains("30 deg compressed: dislocated"), "{told}");
 }
 
-#[test]
+#[needs_shared]
 fn a_model_cut_short_is_one_clear_error() {
     let Some(folder) = imported("a model cut short") else { return };
     let model = folder.path().join("m/model.json");

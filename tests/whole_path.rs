@@ -5,6 +5,7 @@
 use crate::common::{build_model, json, phantom, shared, text};
 use meshes::surface::TriMesh;
 use nalgebra::{Matrix4, Point3, Vector3};
+use needs_shared::needs_shared;
 use serde_json::Value;
 use std::path::Path;
 use tempfile::TempDir;
@@ -164,14 +165,14 @@ fn model(out: &Path) {
     assert!(page.matches("data:image/png").count() >= 10 && page.len() < 15 << 20);
 }
 
-#[test]
+#[needs_shared]
 fn s192803() {
     if let Some(specimen) = shared("s192803", "specimens/S192803") {
         built_right(&specimen, 5.0, 2.0, 8.0);
     }
 }
 
-#[test]
+#[needs_shared]
 fn s193761() {
     if let Some(specimen) = shared("s193761", "specimens/S193761") {
         built_right(&specimen, 5.0, 2.0, 8.0);
@@ -185,7 +186,7 @@ fn phantoms() {
     }
 }
 
-#[test]
+#[needs_shared]
 fn without_landmarks_and_marks() {
     for (name, path) in [("S192803", "specimens/S192803"), ("S193761", "specimens/S193761")] {
         let Some(specimen) = shared(name, path) else { continue };

@@ -6,17 +6,11 @@ use meshes::format::{ply, stl};
 use meshes::query::SurfaceQuery;
 use meshes::{Isometry, Point};
 use nalgebra::{Matrix4, Rotation3, Translation3, UnitQuaternion};
-use std::path::PathBuf;
+use needs_shared::needs_shared;
 
 #[expect(clippy::disallowed_methods, reason = "reads the shared test data")]
 fn shared(test: &str, path: &str) -> Option<Vec<u8>> {
-    let full = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared").join(path);
-    let read = std::fs::read(full).ok();
-    if read.is_none() {
-        assert!(std::env::var("GENU_SHARED").as_deref() != Ok("required"), "{test}: {path} is required");
-        println!("{test}: skipped, {path} is absent");
-    }
-    read
+    Some(std::fs::read(crate::shared::shared(test, path)?).unwrap())
 }
 
 fn pose(value: &serde_json::Value) -> Isometry {
@@ -28,7 +22,7 @@ fn pose(value: &serde_json::Value) -> Isometry {
     )
 }
 
-#[test]
+#[needs_shared]
 fn every_marked_site_is_found_within_1_2_mm_and_nothing_else() {
     let test = "every_marked_site_is_found_within_1_2_mm_and_nothing_else";
     for id in ["S192803", "S193761"] {

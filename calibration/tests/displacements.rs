@@ -11,6 +11,7 @@ use inference::parameter::{Parameter, Prior};
 use inference::posterior::Forward;
 use inference::random::{normal, stream};
 use nalgebra::DVector;
+use needs_shared::needs_shared;
 use sim::coordinate::{AP, FREE, Free, IE, Load, SI};
 use sim::laxity::{LaxityTrial, Reference, Test};
 use std::ops::ControlFlow;
@@ -79,7 +80,7 @@ fn quick() -> CalibrateOptions {
 }
 
 /// The reading of the deck and its derivatives, beside the difference of its poses and differences of readings.
-#[test]
+#[needs_shared]
 fn a_displacement_is_the_difference_of_two_poses_and_its_slopes_are_right() {
     let Some(knee) = knee("a_displacement_is_the_difference_of_two_poses") else { return };
     let normal =
@@ -150,7 +151,7 @@ fn a_displacement_is_the_difference_of_two_poses_and_its_slopes_are_right() {
     assert!(twice[(3, 3)] < 0.2 * scatter[(3, 3)], "{} {}", twice[(3, 3)], scatter[(3, 3)]);
 }
 
-#[test]
+#[needs_shared]
 fn a_constant_in_both_poses_changes_nothing_and_both_kinds_of_reading_agree() {
     let Some(knee) = knee("a_constant_in_both_poses_changes_nothing") else { return };
     let (poses, readings) = made(&knee, 0.3);
@@ -180,7 +181,7 @@ fn a_constant_in_both_poses_changes_nothing_and_both_kinds_of_reading_agree() {
 }
 
 /// One drawer and rotation at two flexions: no parameter at a bound, and a bundle that nothing loads keeps its prior.
-#[test]
+#[needs_shared]
 fn few_displacements_move_what_they_touch_and_no_more() {
     let Some(knee) = knee("few_displacements_move_what_they_touch") else { return };
     let (_, readings) = made(&knee, 0.3);

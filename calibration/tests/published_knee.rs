@@ -8,6 +8,7 @@ use calibration::experiment::Experiment;
 use calibration::knee::{Knee, SearchOptions};
 use calibration::options::{CalibrateOptions, Method};
 use calibration::session::Session;
+use needs_shared::needs_shared;
 use sim::coordinate::{Free, Load};
 use sim::laxity::{LaxityTrial, Test};
 use std::collections::BTreeMap;
@@ -96,7 +97,7 @@ fn hull(knee: &Knee, evaluations: &[Row]) -> (CalibrateOptions, Design, Vec<f64>
 }
 
 /// The paper's recipe, and descents on its cost by default options, timed: run alone, with `--ignored --nocapture`.
-#[test]
+#[needs_shared]
 #[ignore = "two calibrations in full, to be timed on an idle machine"]
 fn calibrations_in_full() {
     let test = "calibrations_in_full";
@@ -123,7 +124,7 @@ fn calibrations_in_full() {
     }
 }
 
-#[test]
+#[needs_shared]
 fn least_squares_beat_the_best_published_evaluation() {
     let test = "least_squares_beat_the_best_published_evaluation";
     let (Some(knee), Some(trials)) = (knee(test), trials(test)) else { return };

@@ -2,6 +2,7 @@
 
 use calibration::cost::CostOptions;
 use calibration::targets::{TargetOptions, TargetSet, targets};
+use needs_shared::needs_shared;
 use sim::laxity;
 use sim::spec::PoseSpec;
 
@@ -11,7 +12,7 @@ fn read(test: &str, path: &str) -> Option<Vec<laxity::LaxityTrial>> {
     Some(laxity::read(&bytes).expect("laxity data").trials)
 }
 
-#[test]
+#[needs_shared]
 fn measured_scatter_is_data_and_the_sets_have_the_papers_sizes() {
     let ct = PoseSpec { fe_deg: -6.1, vv_deg: 0.8, ie_deg: 2.2, ml_mm: 0.8, ap_mm: 0.4, si_mm: -22.2 };
     for specimen in ["S192803", "S193761"] {

@@ -5,6 +5,7 @@
 use crate::common::shared;
 use decks::{ImportedDeck, export, import};
 use meshes::surface::TriMesh;
+use needs_shared::needs_shared;
 use sim::coordinate::Six;
 use sim::deck::{ChainCoordinate, ControlKind};
 use sim::joint::Joint;
@@ -24,7 +25,7 @@ fn surface<'a>(deck: &'a ImportedDeck, path: &str) -> &'a TriMesh {
     }
 }
 
-#[test]
+#[needs_shared]
 fn the_published_deck_is_read_as_it_is_described() {
     let Some(dir) = shared("published deck", "published/S192803/deck") else { return };
     let deck = deck(&dir, MAIN);
@@ -63,7 +64,7 @@ fn the_published_deck_is_read_as_it_is_described() {
     assert_eq!(files.len(), 9, "bones, cartilages, contact faces and the model");
 }
 
-#[test]
+#[needs_shared]
 fn the_decks_cartilage_gives_the_published_contact_faces() {
     let Some(dir) = shared("contact faces", "published/S192803") else { return };
     let deck = deck(&dir.join("deck"), MAIN);
@@ -102,7 +103,7 @@ fn the_decks_cartilage_gives_the_published_contact_faces() {
     assert!(inverted <= 1 && hex.articular_quads.len() > 4000);
 }
 
-#[test]
+#[needs_shared]
 fn every_published_trial_is_read() {
     let Some(dir) = shared("all decks", "published/S192803/deck") else { return };
     for main in
@@ -119,7 +120,7 @@ fn trajectories(dir: &Path) -> Vec<std::collections::BTreeMap<String, String>> {
     csv::Reader::from_reader(&bytes[..]).deserialize().map(|row| row.expect("a row of numbers")).collect()
 }
 
-#[test]
+#[needs_shared]
 fn chain_and_angles_are_those_of_abaqus() {
     let Some(dir) = shared("chain", "published/S192803") else { return };
     let spec = deck(&dir.join("deck"), MAIN).spec;
@@ -144,7 +145,7 @@ fn chain_and_angles_are_those_of_abaqus() {
     assert!(worst_node < 1e-4 && worst_gs < 1e-4, "{worst_node} {worst_gs}");
 }
 
-#[test]
+#[needs_shared]
 fn an_exported_deck_reads_back_as_the_same_model() {
     let Some(dir) = shared("round trip", "published/S192803/deck") else { return };
     let first = deck(&dir, MAIN);
@@ -202,7 +203,7 @@ fn tabular(b: &sim::spec::BundleSpec, fibres: usize, multiple: f64, longer: f64)
     exact(a) + (exact(c) - exact(a)) * (x - a) / (c - a)
 }
 
-#[test]
+#[needs_shared]
 fn imported_ligaments_pull_as_in_abaqus_at_rest() {
     let Some(dir) = shared("fibre forces", "published/S192803") else { return };
     let spec = deck(&dir.join("deck"), MAIN).spec;
@@ -259,7 +260,7 @@ fn imported_ligaments_pull_as_in_abaqus_at_rest() {
     assert!(frames > 0 && worst < 0.05 && at_knee < 0.3, "{frames} frames, {worst} N, {at_knee} N");
 }
 
-#[test]
+#[needs_shared]
 fn vtk_files_hold_every_surface_and_fibre() {
     let Some(dir) = shared("vtk", "published/S192803/deck") else { return };
     let deck = deck(&dir, MAIN);

@@ -5,6 +5,7 @@
 
 use crate::common::shared;
 use decks::{ImportedDeck, import};
+use needs_shared::needs_shared;
 use sim::Model;
 use sim::coordinate::{FE, Load, Six};
 use sim::explicit::{ExplicitOptions, ExplicitState, TrialSteps, deck_program, run, snapshot, unobserved};
@@ -33,7 +34,7 @@ fn apart(a: &Six, b: &Six) -> f64 {
     (1..6).map(|c| if c < 3 { d[c].to_degrees().abs() } else { d[c].abs() }).fold(0.0, f64::max)
 }
 
-#[test]
+#[needs_shared]
 fn the_papers_steps_end_where_the_quasi_static_path_does() {
     let Some((_, model)) = deck("explicit against quasi-static", "Anterior_30deg_10") else { return };
     for (name, fe, load) in [
@@ -53,7 +54,7 @@ fn the_papers_steps_end_where_the_quasi_static_path_does() {
     }
 }
 
-#[test]
+#[needs_shared]
 fn the_decks_own_steps_run_with_their_quirks() {
     let Some((deck, model)) = deck("the deck's steps", "External_30deg_10") else { return };
     let program = deck_program(&model.joint, deck.spec.frames.chain.as_ref(), &deck.spec.protocols[0]);

@@ -4,6 +4,7 @@
 #![expect(clippy::print_stdout, reason = "figures for the reader of the log")]
 
 use crate::common::shared;
+use needs_shared::needs_shared;
 use sim::coordinate::{Load, Six};
 use sim::model::{BundleParameters, Model};
 use sim::protocols::{Protocol, ProtocolOptions, run};
@@ -96,7 +97,7 @@ fn nearby(model: &Model, answer: &Answer, load: &Six, flexion: f64) -> Vec<f64> 
     out
 }
 
-#[test]
+#[needs_shared]
 fn sensitivities_agree_with_finite_differences() {
     let Some(model) = model("sensitivities") else { return };
     for (fe, load) in [(21.0, Load::new(0.0, 0.0, 0.0, 133.0, 20.0)), (88.0, Load::new(1.0, -8.0, 5.0, 30.0, 60.0))] {
@@ -150,7 +151,7 @@ fn coordinates(row: &std::collections::BTreeMap<String, f64>) -> Six {
     Six::from_iterator(keys.iter().zip([-1.0, 1.0, -1.0, -1.0, 1.0, -1.0]).map(|(k, s)| row[*k] * s))
 }
 
-#[test]
+#[needs_shared]
 fn contact_balances_the_ligaments_on_abaqus_own_trajectory() {
     let (Some(model), Some(dir)) = (refined("balance"), shared("balance", "published/S192803")) else { return };
     let rows = golden(&dir);
@@ -187,7 +188,7 @@ fn contact_balances_the_ligaments_on_abaqus_own_trajectory() {
     assert!(frames > 60 && force[frames - 1] < 0.05 && moment[frames - 1] < 0.05);
 }
 
-#[test]
+#[needs_shared]
 fn the_published_trial_ends_where_abaqus_ended() {
     let (Some(model), Some(dir)) = (refined("trial"), shared("trial", "published/S192803")) else { return };
     let rows = golden(&dir);
@@ -218,7 +219,7 @@ fn the_published_trial_ends_where_abaqus_ended() {
     assert!(answer.flags.is_empty());
 }
 
-#[test]
+#[needs_shared]
 fn answers_do_not_depend_on_threads_or_company() {
     let Some(model) = model("threads") else { return };
     let header = "trial,test,nominal_flexion_deg,load_vv_nm,load_ie_nm,load_ml_n,load_ap_n,load_si_n,fe_deg,vv_deg,ie_deg,ml_mm,ap_mm,si_mm";
@@ -239,7 +240,7 @@ fn answers_do_not_depend_on_threads_or_company() {
     }
 }
 
-#[test]
+#[needs_shared]
 fn without_friction_a_path_returns_and_protocols_answer() {
     let Some(model) = model("protocols") else { return };
     let options = ProtocolOptions { ap_flexions_deg: vec![30.0], every_deg: 30.0, ..ProtocolOptions::default() };
@@ -258,7 +259,7 @@ fn without_friction_a_path_returns_and_protocols_answer() {
     assert!(cut[1].pose.ap_mm > intact[1].pose.ap_mm, "without its ACL the tibia comes forward");
 }
 
-#[test]
+#[needs_shared]
 fn faults_are_one_clear_error_each() {
     let Some(model) = model("faults") else { return };
     let options = TrialOptions::default();

@@ -6,6 +6,7 @@ use diagnosis::carried::carried;
 use diagnosis::component::Component;
 use diagnosis::diagnosis::Value;
 use diagnosis::predict::{acting, apply, taken_off};
+use needs_shared::needs_shared;
 use sim::coordinate::AP;
 use sim::laxity::{LaxityTrial, TrialResult};
 use sim::spec::ModelSpec;
@@ -45,7 +46,7 @@ fn trials() -> Vec<LaxityTrial> {
     sim::laxity::read(text.as_bytes()).unwrap().trials
 }
 
-#[test]
+#[needs_shared]
 fn an_added_effect_of_no_size_changes_no_bit_and_one_of_some_size_moves_the_knee() {
     let Some((mut spec, model)) = deck() else { return };
     let trials = trials();
@@ -77,7 +78,7 @@ fn an_added_effect_of_no_size_changes_no_bit_and_one_of_some_size_moves_the_knee
     assert!((trials[0].measured[AP].unwrap() - targets[0].measured[AP].unwrap() - moved).abs() < 1e-9);
 }
 
-#[test]
+#[needs_shared]
 fn what_belongs_to_an_apparatus_stays_with_it() {
     let Some((mut spec, model)) = deck() else { return };
     let shift = [("ml_mm", 0.0), ("ap_mm", 2.0), ("si_mm", 0.0)];
@@ -93,7 +94,7 @@ fn what_belongs_to_an_apparatus_stays_with_it() {
     assert!((out[0].pose.ap_mm - pose.ap_mm - 2.0).abs() < 1e-9, "{:?}", out[0].pose);
 }
 
-#[test]
+#[needs_shared]
 fn hamstrings_take_load_off_the_acl_and_what_belongs_to_an_apparatus_off_none() {
     let Some((spec, model)) = deck() else { return };
     let with = |effect: &str, kept: &str, values: &[(&str, f64)]| {

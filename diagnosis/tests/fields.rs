@@ -7,6 +7,7 @@ use diagnosis::candidate::{Candidate, Scope};
 use diagnosis::problem::{Problem, reading};
 use diagnosis::search::{DiagnosisOptions, Search, Searcher};
 use diagnosis::wildcard::{Wildcard, wildcard};
+use needs_shared::needs_shared;
 use sim::coordinate::FREE;
 
 const TRIALS: [(&str, f64, [f64; 4]); 8] = [
@@ -44,7 +45,7 @@ fn searched(problem: &Problem, options: &DiagnosisOptions) -> (Search, Wildcard)
     (search, far)
 }
 
-#[test]
+#[needs_shared]
 fn what_a_field_adds_to_is_the_evidence_of_the_fit_itself() {
     let Some(problem) = compressed(0.0) else { return };
     let (search, far) = searched(&problem, &DiagnosisOptions::default());
@@ -52,7 +53,7 @@ fn what_a_field_adds_to_is_the_evidence_of_the_fit_itself() {
     assert!((own - search.base.log_evidence).abs() < 0.5, "{own}, {}", search.base.log_evidence);
 }
 
-#[test]
+#[needs_shared]
 fn where_the_name_stands_a_field_that_does_the_same_earns_nearly_as_much() {
     let Some(problem) = compressed(4.0) else { return };
     let options = DiagnosisOptions { most_effects: 1, ..DiagnosisOptions::default() };

@@ -12,6 +12,7 @@ use diagnosis::report::scope_name;
 use diagnosis::search::{DiagnosisOptions, Searcher, TRIES};
 use diagnosis::trial::Source;
 use nalgebra::DMatrix;
+use needs_shared::needs_shared;
 use std::path::Path;
 
 /// The published deck's question of a set with nothing hidden, and the ligaments and contact that made it, in units of their prior.
@@ -61,7 +62,7 @@ fn fitted(problem: &Problem, hypothesis: &[Candidate], from: &[f64], scatter: &D
     searcher.fit(hypothesis, from, &starts, scatter, &readings, TRIES).unwrap().log_evidence
 }
 
-#[test]
+#[needs_shared]
 fn a_calibration_from_the_model_as_given_is_as_good_as_one_from_the_truth() {
     let Some(deck) = shared("fits", "published/S192803/deck") else { return };
     let hidden = [

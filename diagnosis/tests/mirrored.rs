@@ -9,6 +9,7 @@ use diagnosis::search::DiagnosisOptions;
 use diagnosis::trial::Source;
 use meshes::frame::{AnatomicalFrame, Side};
 use meshes::{Point, Vector};
+use needs_shared::needs_shared;
 use sim::mesh::MeshValue;
 use std::path::Path;
 
@@ -63,7 +64,7 @@ fn answer(deck: &ImportedDeck, case: &Path) -> Diagnosis {
     diagnose(&model, &deck.spec, &sources, &Catalogue::shipped(), &DiagnosisOptions::default(), None).unwrap().diagnosis
 }
 
-#[test]
+#[needs_shared]
 fn a_mirrored_knee_gets_the_same_answer() {
     let Some(folder) = shared("mirrored", "published/S192803/deck") else { return };
     let Some(case) = shared("mirrored", "blind/case_009") else { return };

@@ -6,6 +6,7 @@ use diagnosis::catalogue::Catalogue;
 use diagnosis::problem::Problem;
 use diagnosis::trial::Source;
 use inference::knee::Quantity;
+use needs_shared::needs_shared;
 use sim::coordinate::Six;
 use sim::uncertainty::{FrameUncertainty, FramesUncertainty, SiteUncertainty, Uncertainty};
 
@@ -35,7 +36,7 @@ fn built(test: &str) -> Option<Problem> {
     Some(Problem::new(&model, &deck.spec, &[source("kla"), source("rks")], &Catalogue::shipped()).unwrap())
 }
 
-#[test]
+#[needs_shared]
 fn readings_change_with_each_parameter_as_their_derivatives_say() {
     let Some(problem) = built("derivatives") else { return };
     let here = vec![0.0; problem.nuisances()];
@@ -63,7 +64,7 @@ fn readings_change_with_each_parameter_as_their_derivatives_say() {
     assert!(off.is_empty(), "{}", off.join("\n"));
 }
 
-#[test]
+#[needs_shared]
 fn the_frames_of_a_data_set_change_its_own_readings_alone() {
     let Some(problem) = built("own frames") else { return };
     let here = vec![0.0; problem.nuisances()];

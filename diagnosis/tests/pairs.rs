@@ -9,6 +9,7 @@ use diagnosis::report::scope_name;
 use diagnosis::search::{DiagnosisOptions, Searcher};
 use diagnosis::trial::Source;
 use diagnosis::trial::row_of;
+use needs_shared::needs_shared;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use sim::coordinate::FREE;
@@ -56,7 +57,7 @@ fn found(hidden: &[(&str, &str, &[f64])]) -> Option<Vec<(String, String)>> {
     Some(named)
 }
 
-#[test]
+#[needs_shared]
 fn both_frames_turned_in_one_data_set_are_found() {
     let hidden: [(&str, &str, &[f64]); 2] = [("femur_frame", "kla", &[1.2, 1.0]), ("tibia_frame", "kla", &[-1.1, 1.1])];
     let Some(named) = found(&hidden) else { return };

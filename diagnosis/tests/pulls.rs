@@ -6,6 +6,7 @@ use diagnosis::candidate::Scope;
 use diagnosis::catalogue::Catalogue;
 use diagnosis::effect::Active;
 use diagnosis::problem::Problem;
+use needs_shared::needs_shared;
 use sim::coordinate::{AP, IE, ML, SI, Six, VV};
 
 const FLEXIONS: [f64; 4] = [0.0, 30.0, 60.0, 90.0];
@@ -14,7 +15,7 @@ fn problem() -> Option<Problem> {
     deck("pulls", &FLEXIONS.map(|f| ("unloaded", "neutral", f, [0.0; 4], [0.0, 0.0, 0.0, 0.0, -21.0])))
 }
 
-#[test]
+#[needs_shared]
 fn it_pulls_forward_near_extension_backward_in_flexion_and_back_into_the_groove() {
     let Some(problem) = problem() else { return };
     let catalogue = Catalogue::shipped();
@@ -47,7 +48,7 @@ fn it_pulls_forward_near_extension_backward_in_flexion_and_back_into_the_groove(
     }
 }
 
-#[test]
+#[needs_shared]
 fn below_the_groove_it_hardly_turns_the_tibia_and_beside_it_to_the_other_side() {
     let Some(problem) = problem() else { return };
     let catalogue = Catalogue::shipped();
@@ -64,7 +65,7 @@ fn below_the_groove_it_hardly_turns_the_tibia_and_beside_it_to_the_other_side() 
     }
 }
 
-#[test]
+#[needs_shared]
 fn the_weight_of_the_shank_pulls_with_the_sine_of_flexion_and_turns_by_its_lever_alone() {
     let Some(problem) = problem() else { return };
     let catalogue = Catalogue::shipped();
@@ -82,7 +83,7 @@ fn the_weight_of_the_shank_pulls_with_the_sine_of_flexion_and_turns_by_its_lever
     }
 }
 
-#[test]
+#[needs_shared]
 fn a_weight_that_no_shank_has_is_none() {
     let Some(problem) = problem() else { return };
     let gravity = problem.candidates().into_iter().find(|c| c.effect.id == "gravity").unwrap();
@@ -94,7 +95,7 @@ fn a_weight_that_no_shank_has_is_none() {
     assert!(offset.is_small_enough(&[8.0]));
 }
 
-#[test]
+#[needs_shared]
 fn a_missing_structure_is_taut_in_the_ct_pose_where_its_fits_start() {
     let Some(problem) = problem() else { return };
     let trial = &problem.trials[0];
@@ -111,7 +112,7 @@ fn a_missing_structure_is_taut_in_the_ct_pose_where_its_fits_start() {
     }
 }
 
-#[test]
+#[needs_shared]
 fn menisci_are_of_the_knee_and_a_bias_of_a_laboratory() {
     let asked = FLEXIONS.map(|f| ("unloaded", "neutral", f, [0.0; 4], [0.0, 0.0, 0.0, 0.0, -21.0]));
     let Some(problem) = question("pulls", &[("kla", &asked), ("rks", &asked)]) else { return };

@@ -9,6 +9,7 @@ use diagnosis::covariance::{Floor, remainders};
 use diagnosis::effect::Active;
 use diagnosis::problem::{Problem, reading};
 use nalgebra::Matrix6;
+use needs_shared::needs_shared;
 use sim::coordinate::{Six, VV};
 use sim::equilibrium::Equilibrium;
 
@@ -61,7 +62,7 @@ fn loosened(problem: &Problem, by: f64) -> Vec<f64> {
     own.chain([0.0]).collect()
 }
 
-#[test]
+#[needs_shared]
 fn a_knee_thrown_out_of_the_joint_is_led_back() {
     let Some(problem) = problem() else { return };
     let x = loosened(&problem, -0.8);
@@ -71,7 +72,7 @@ fn a_knee_thrown_out_of_the_joint_is_led_back() {
     assert!(led[0].balanced && led[0].miss.amax() < 0.5);
 }
 
-#[test]
+#[needs_shared]
 fn where_a_model_fits_little_rests_count_as_they_are_and_else_as_ever() {
     let coordinates = |rests: &[Equilibrium]| rests.iter().map(|r| r.q).collect::<Vec<_>>();
     let x = |problem: &Problem| loosened(problem, 0.3);
@@ -85,7 +86,7 @@ fn where_a_model_fits_little_rests_count_as_they_are_and_else_as_ever() {
     assert!(coordinates(&near.nearer(&[], &x(&near), &[]).unwrap()) == coordinates(&as_ever));
 }
 
-#[test]
+#[needs_shared]
 fn what_fits_much_is_led_back_also_where_the_model_as_given_fits_little() {
     let Some(problem) = problem() else { return };
     let x = loosened(&problem, -0.7);
@@ -97,7 +98,7 @@ fn what_fits_much_is_led_back_also_where_the_model_as_given_fits_little() {
     assert!(led(&far.with_rests_as_they_are()) == as_ever);
 }
 
-#[test]
+#[needs_shared]
 fn how_far_from_any_rest_a_trial_was_measured_is_no_scatter() {
     let scatter = |varus: f64| -> Option<Vec<f64>> {
         let problem = problem_off(varus)?;
@@ -114,7 +115,7 @@ fn how_far_from_any_rest_a_trial_was_measured_is_no_scatter() {
     assert!(at_rest.iter().zip(&off).all(|(a, b)| (a - b).abs() < 0.01 + 0.1 * a), "{at_rest:?} {off:?}");
 }
 
-#[test]
+#[needs_shared]
 fn where_no_rest_is_near_what_is_out_of_balance_counts_and_grows_with_its_cause() {
     let Some(problem) = problem() else { return };
     let mut before = 0.0;
@@ -128,7 +129,7 @@ fn where_no_rest_is_near_what_is_out_of_balance_counts_and_grows_with_its_cause(
     }
 }
 
-#[test]
+#[needs_shared]
 fn on_the_brink_a_tenth_of_a_degree_changes_little() {
     // measured there, the stiffness of trial b as given passes through nothing on its way to negative
     let away: Option<Vec<f64>> = [5.6, 5.7, 5.8, 5.9, 6.0]
@@ -144,7 +145,7 @@ fn on_the_brink_a_tenth_of_a_degree_changes_little() {
     assert!(away.windows(2).all(|w| (w[0] - w[1]).abs() < 1.0), "{away:?}");
 }
 
-#[test]
+#[needs_shared]
 fn springs_hold_what_is_read_however_much_it_misreads() {
     let Some(problem) = problem() else { return };
     let catalogue = Catalogue::shipped();
@@ -164,7 +165,7 @@ fn springs_hold_what_is_read_however_much_it_misreads() {
     }
 }
 
-#[test]
+#[needs_shared]
 fn on_the_brink_a_knee_is_as_stiff_as_it_takes_to_stay_and_elsewhere_as_it_is() {
     let Some(problem) = problem() else { return };
     let bench = Bench { model: &problem.model, effects: &[], place: &problem.place };

@@ -7,6 +7,7 @@ use diagnosis::problem::{Problem, reading};
 use diagnosis::search::{DiagnosisOptions, Searcher};
 use diagnosis::wildcard::suspects::{SHARE, SWAY, impinging, larger, pulls, swayed};
 use diagnosis::wildcard::{Bone, Course, Wildcard, wildcard};
+use needs_shared::needs_shared;
 use sim::coordinate::{AP, Coordinate, FE, FREE, IE, ML, SI, Six, VV};
 
 const TRIALS: [(&str, f64, [f64; 4]); 12] = [
@@ -57,7 +58,7 @@ fn told(problem: &Problem) -> (Wildcard, String) {
     (field, words)
 }
 
-#[test]
+#[needs_shared]
 fn a_knee_all_of_whose_lengths_are_larger_rests_as_much_farther_apart_and_turns_no_further() {
     let Some(problem) = problem() else { return };
     let rests = problem.rests(&[], &vec![0.0; problem.nuisances()], &[]).unwrap();
@@ -92,7 +93,7 @@ fn a_tracker_sways_with_the_size_of_the_load_alone() {
     assert!((by[FE] - SWAY.to_radians()).abs() < 1e-9 && by.rows(1, 5).amax() < 1e-12, "{by}");
 }
 
-#[test]
+#[needs_shared]
 fn cruciates_that_press_on_each_other_have_an_energy_and_are_left_alone_where_they_are_clear() {
     let Some(problem) = problem() else { return };
     let trial = &problem.trials[1];
@@ -121,7 +122,7 @@ fn cruciates_that_press_on_each_other_have_an_energy_and_are_left_alone_where_th
     assert!(force(&q, 25.0).normalize().dot(&apart.normalize()) > 0.999);
 }
 
-#[test]
+#[needs_shared]
 fn a_pull_toward_the_thigh_presses_the_joint_and_closes_the_side_that_it_passes() {
     let Some(problem) = problem() else { return };
     for bone in [Bone::Femur, Bone::Tibia] {
@@ -140,7 +141,7 @@ fn a_pull_toward_the_thigh_presses_the_joint_and_closes_the_side_that_it_passes(
     assert!(pulls(&bent, Bone::Femur)[0][AP] < -30.0 && pulls(&bent, Bone::Tibia)[0][AP].abs() < 20.0);
 }
 
-#[test]
+#[needs_shared]
 fn a_pull_along_a_line_of_no_name_is_told_as_one() {
     let Some(problem) = problem() else { return };
     let pull = |i: usize| {
@@ -155,7 +156,7 @@ fn a_pull_along_a_line_of_no_name_is_told_as_one() {
     assert!(field.log_bayes_factor > 4.5 && words.contains("pulled the tibia along the thigh"), "{words}");
 }
 
-#[test]
+#[needs_shared]
 fn a_tracker_that_sways_is_told_as_one() {
     let Some(problem) = problem() else { return };
     let loads: Vec<Six> = problem.trials.iter().map(|t| t.load).collect();
@@ -165,7 +166,7 @@ fn a_tracker_that_sways_is_told_as_one() {
     assert!(field.log_bayes_factor > 10.0 && words.contains("the femur's tracker swayed"), "{words}");
 }
 
-#[test]
+#[needs_shared]
 fn a_moment_near_extension_is_told_as_one() {
     let Some(problem) = problem() else { return };
     let flexions: Vec<f64> = problem.trials.iter().map(|t| t.flexion.to_degrees()).collect();
@@ -176,7 +177,7 @@ fn a_moment_near_extension_is_told_as_one() {
     assert!(field.log_bayes_factor > 4.5 && words.contains("internal-external rotation"), "{words}");
 }
 
-#[test]
+#[needs_shared]
 fn a_ct_of_a_wrong_scale_is_told_as_one() {
     let Some(problem) = problem() else { return };
     let wide = |_: usize, gs: &Six| Six::new(0.0, 0.0, 0.0, gs[ML], gs[AP], gs[SI]) * 0.05;

@@ -4,6 +4,7 @@
 use crate::common::deck::{Asked, deck};
 use diagnosis::candidate::{Candidate, Scope};
 use diagnosis::problem::Problem;
+use needs_shared::needs_shared;
 
 /// A stiff capsule, and menisci without play, as large as the tests need them; of variants, those about the unloaded pose.
 fn tissues(problem: &Problem) -> Vec<(Candidate, Vec<f64>)> {
@@ -24,7 +25,7 @@ fn others(problem: &Problem) -> Vec<f64> {
 
 const MEASURED: [f64; 5] = [0.0, 0.0, 0.0, 0.0, -21.0];
 
-#[test]
+#[needs_shared]
 fn without_load_they_leave_the_knee_where_its_ligaments_do() {
     let unloaded: Vec<Asked> =
         [0.0, 15.0, 30.0, 60.0].map(|f| ("unloaded", "neutral", f, [0.0; 4], MEASURED)).into_iter().collect();
@@ -42,7 +43,7 @@ fn without_load_they_leave_the_knee_where_its_ligaments_do() {
     }
 }
 
-#[test]
+#[needs_shared]
 fn derivatives_by_ligaments_and_contact_hold_what_moves_the_unloaded_pose() {
     let loaded: [Asked; 4] = [
         ("a", "anterior", 30.0, [0.0, 0.0, 0.0, 60.0], MEASURED),

@@ -47,8 +47,7 @@ pub fn cohort(args: &CohortArgs) -> Result<String, BuildError> {
     let mut files = Vec::new();
     let tables = tables::tables(&knees, &outliers);
     for table in &tables {
-        files.push((format!("{}.csv", table.name), table.csv()?));
-        files.push((format!("{}.parquet", table.name), table.parquet()?));
+        files.extend(table.files()?);
     }
     files.push(("cohort.html".to_owned(), page::page(&knees, &outliers, &tables, &out).into_bytes()));
     store::write_all(&out, &files)?;

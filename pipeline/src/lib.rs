@@ -18,6 +18,7 @@ pub mod cohort;
 pub mod diagnose;
 pub mod error;
 pub mod exports;
+#[cfg_attr(not(feature = "fetch"), path = "fetch/without.rs")]
 pub mod fetch;
 pub mod given;
 pub mod import;

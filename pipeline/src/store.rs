@@ -1,6 +1,7 @@
 //! The one door to the file system.
 #![expect(clippy::disallowed_methods, reason = "the one door to the file system")]
 
+#[cfg(feature = "fetch")]
 pub mod part;
 
 use crate::error::BuildError;

@@ -8,6 +8,7 @@ use meshes::query::SurfaceQuery;
 use meshes::surface::{ColouredMesh, TriMesh};
 use meshes::{Isometry, Point, Vector};
 use nalgebra::{Matrix4, Rotation3, Translation3, UnitQuaternion};
+use needs_shared::needs_shared;
 use serde_json::Value;
 use stages::attachments::{Attachments, AttachmentsOptions, attachments};
 use stages::bones::Bones;
@@ -16,16 +17,10 @@ use stages::frames::{Frames, GroodSuntayPose};
 use stages::register::{BoneRegistration, Registration};
 use stages::specimen::{Identity, NamedPoint, PointFrame, Specimen};
 use stages::{PerBone, PerCartilage, StageError};
-use std::path::PathBuf;
 
 #[expect(clippy::disallowed_methods, reason = "reads the shared test data")]
 fn shared(test: &str, path: &str) -> Option<Vec<u8>> {
-    let read = std::fs::read(PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../shared").join(path)).ok();
-    if read.is_none() {
-        assert!(std::env::var("GENU_SHARED").as_deref() != Ok("required"), "{test}: {path} is required");
-        println!("{test}: skipped, {path} is absent");
-    }
-    read
+    Some(std::fs::read(crate::common::shared(test, path)?).unwrap())
 }
 
 struct Knee {
@@ -174,7 +169,7 @@ fn check_marked(knee: &Knee, result: &Attachments) {
     }
 }
 
-#[test]
+#[needs_shared]
 fn outlines_are_named_with_and_without_rough_points() {
     for id in ["S192803", "S193761"] {
         let Some(mut knee) = knee("outlines_are_named_with_and_without_rough_points", id) else { return };
@@ -224,7 +219,7 @@ fn other_side(knee: &mut Knee) {
     knee.specimen.marks.clear();
 }
 
-#[test]
+#[needs_shared]
 fn a_right_knee_mirrors_the_left() {
     let Some(mut knee) = knee("a_right_knee_mirrors_the_left", "S192803") else { return };
     let left = knee.attach();
@@ -242,7 +237,7 @@ fn a_right_knee_mirrors_the_left() {
     }
 }
 
-#[test]
+#[needs_shared]
 fn moving_ct_and_scan_moves_the_sites() {
     let Some(mut knee) = knee("moving_ct_and_scan_moves_the_sites", "S193761") else { return };
     let before = knee.attach();
@@ -281,7 +276,7 @@ fn recoloured(scan: &ColouredMesh, shade: impl Fn([u8; 3]) -> [u8; 3]) -> Colour
     ColouredMesh { mesh: scan.mesh.clone(), colours: scan.colours.iter().map(|c| shade(*c)).collect() }
 }
 
-#[test]
+#[needs_shared]
 fn exposure_and_brown_bone_do_not_move_the_sites() {
     let Some(mut knee) = knee("exposure_and_brown_bone_do_not_move_the_sites", "S192803") else { return };
     let scans = knee.specimen.scans.clone();
@@ -293,7 +288,7 @@ fn exposure_and_brown_bone_do_not_move_the_sites() {
     }
 }
 
-#[test]
+#[needs_shared]
 fn without_colours_there_are_no_marked_sites() {
     let Some(mut knee) = knee("without_colours_there_are_no_marked_sites", "S192803") else { return };
     knee.specimen.scans.femur.colours.clear();
@@ -303,7 +298,7 @@ fn without_colours_there_are_no_marked_sites() {
     assert!(result.sites.iter().all(|s| s.source == Source::Literature));
 }
 
-#[test]
+#[needs_shared]
 fn literature_sites_lie_on_the_bone_outside_cartilage() {
     for id in ["S192803", "S193761"] {
         let Some(knee) = knee("literature_sites_lie_on_the_bone_outside_cartilage", id) else {
@@ -326,7 +321,7 @@ fn literature_sites_lie_on_the_bone_outside_cartilage() {
     }
 }
 
-#[test]
+#[needs_shared]
 fn a_mark_off_the_bone_is_refused_and_one_without_outline_is_a_point() {
     let Some(mut knee) = knee("a_mark_off_the_bone_is_refused_and_one_without_outline_is_a_point", "S192803") else {
         return;
@@ -344,7 +339,7 @@ fn a_mark_off_the_bone_is_refused_and_one_without_outline_is_a_point() {
     assert!(result.warnings.iter().any(|w| w.contains("no outline within")));
 }
 
-#[test]
+#[needs_shared]
 fn a_mark_whose_bone_is_missing_gives_way_to_the_literature_or_leaves_its_bundles_out() {
     let name = "a_mark_whose_bone_is_missing_gives_way_to_the_literature_or_leaves_its_bundles_out";
     let Some(mut knee) = knee(name, "S192803") else { return };

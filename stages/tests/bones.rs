@@ -1,12 +1,11 @@
 //! Stage 3 on the shared specimens and on a real whole femur.
 
-#![expect(clippy::unwrap_used, reason = "a test may fail by panicking")]
-
 use crate::common::{bytes, shared, specimen};
 use meshes::frame::Side;
 use meshes::surface::TriMesh;
 use meshes::topology::Topology;
 use meshes::{Isometry, Vector};
+use needs_shared::needs_shared;
 use stages::PerBone;
 use stages::bones::{BonesMetrics, BonesOptions, bones};
 
@@ -21,7 +20,7 @@ fn assert_good(metrics: &BonesMetrics, case: &str) {
     }
 }
 
-#[test]
+#[needs_shared]
 fn specimens_become_closed_even_surfaces_near_their_ct() {
     for id in ["S192803", "S193761"] {
         let Some(dir) = shared("bones of specimens", &format!("specimens/{id}")) else { return };
@@ -33,7 +32,7 @@ fn specimens_become_closed_even_surfaces_near_their_ct() {
     }
 }
 
-#[test]
+#[needs_shared]
 fn a_whole_leg_is_cropped_alike_however_it_lies() {
     let Some(dir) = shared("bones of z013", "femora/z013") else { return };
     let read = |b: &str| meshes::format::ply::read(&bytes(&dir.join(format!("z013_{b}_L.ply")))).unwrap().mesh;

@@ -9,6 +9,7 @@ use meshes::surface::TriMesh;
 use meshes::topology::Topology;
 use meshes::{Isometry, Point, Vector};
 use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion};
+use needs_shared::needs_shared;
 use stages::bones::{BonesOptions, bones};
 use stages::cartilage::{Cartilage, CartilageMethod, CartilageOptions, cartilage};
 use stages::register::{BoneRegistration, RegisterOptions, Registration};
@@ -82,7 +83,7 @@ fn errors(made: &TriMesh, truth: &TriMesh) -> (f64, f64) {
     (100.0 * (made.volume() / truth.volume() - 1.0), p95)
 }
 
-#[test]
+#[needs_shared]
 fn solids_are_closed_single_and_near_the_truth() {
     for id in ["S192803", "S193761"] {
         let Some(dir) = shared("cartilage of specimens", &format!("specimens/{id}")) else { return };
@@ -104,7 +105,7 @@ fn assert_near_truth(case: &str, dir: &Path, made: &Cartilage, carry: impl Fn(&T
     }
 }
 
-#[test]
+#[needs_shared]
 fn a_bone_segmented_too_large_or_too_small_makes_no_false_sheets() {
     let Some(dir) = shared("cartilage on offset bones", "specimens/S192803") else { return };
     for offset in [0.3, -0.3] {
@@ -118,7 +119,7 @@ fn a_bone_segmented_too_large_or_too_small_makes_no_false_sheets() {
     }
 }
 
-#[test]
+#[needs_shared]
 fn a_mirrored_moved_knee_with_holes_in_its_cartilage_scan_comes_out_mirrored() {
     let Some(dir) = shared("cartilage of a right knee", "specimens/S192803") else { return };
     let mut specimen = specimen(&dir, Side::Right);
@@ -162,7 +163,7 @@ fn assert_boolean_near_truth(case: &str, p95_mm: f64, made: &Cartilage, truth: i
     }
 }
 
-#[test]
+#[needs_shared]
 fn the_boolean_difference_gives_closed_cartilage_near_the_truth_too() {
     for (id, offset) in [("S192803", 0.0), ("S193761", 0.0), ("S192803", 0.3), ("S192803", -0.3)] {
         let Some(dir) = shared("cartilage by Boolean", &format!("specimens/{id}")) else { return };
@@ -179,7 +180,7 @@ fn the_boolean_difference_gives_closed_cartilage_near_the_truth_too() {
 
 #[test]
 fn the_boolean_difference_of_a_phantom_has_the_phantom_s_volumes() {
-    let made = stages::phantom::phantom("S192803-phantom", 1).unwrap();
+    let made = crate::common::phantoms::made("S192803-phantom");
     let file = |name: &str| made.files.iter().find(|f| f.0 == name).unwrap().1.clone();
     let mut raw = RawSpecimen { toml: String::from_utf8(file("specimen.toml")).unwrap(), ..RawSpecimen::default() };
     raw.files = made.files.iter().filter(|f| !f.0.starts_with("truth/")).cloned().collect();
@@ -194,7 +195,7 @@ fn the_boolean_difference_of_a_phantom_has_the_phantom_s_volumes() {
     assert_boolean_near_truth("phantom", 0.7, &made, truth);
 }
 
-#[test]
+#[needs_shared]
 fn the_boolean_difference_of_a_scan_without_cartilage_or_elsewhere_is_an_error_in_words() {
     let Some(dir) = shared("bad scans by Boolean", "specimens/S192803") else { return };
     let whole = specimen(&dir, Side::Left);
@@ -219,7 +220,7 @@ fn the_boolean_difference_of_a_scan_without_cartilage_or_elsewhere_is_an_error_i
     }
 }
 
-#[test]
+#[needs_shared]
 fn a_scan_without_cartilage_is_an_error_in_words() {
     let Some(dir) = shared("cartilage of bare bones", "specimens/S192803") else { return };
     let mut specimen = specimen(&dir, Side::Left);
@@ -231,7 +232,7 @@ fn a_scan_without_cartilage_is_an_error_in_words() {
     assert!(error.to_string().contains("0 found on the femur"), "{error}");
 }
 
-#[test]
+#[needs_shared]
 fn thickness_is_zero_on_the_rim_and_the_faces_meet_there() {
     let Some(dir) = shared("cartilage rims", "specimens/S193761") else { return };
     let specimen = specimen(&dir, Side::Left);

@@ -2,11 +2,13 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 #![expect(clippy::disallowed_methods, reason = "reads ../shared where it is there")]
 
+use crate::common::phantoms::made;
 use crate::common::shared;
 use meshes::frame::{AnatomicalFrame, Side};
 use meshes::plane::clipped;
 use meshes::surface::TriMesh;
 use meshes::{Isometry, Point, Vector};
+use needs_shared::needs_shared;
 use stages::PerBone;
 use stages::anatomy::{check_anatomy, detect_side, rough_axes};
 use stages::bones::Bones;
@@ -16,9 +18,8 @@ use stages::specimen::{IngestOptions, PointFrame, RawSpecimen, Specimen};
 use std::path::Path;
 
 fn phantom(id: &str) -> Specimen {
-    let made = stages::phantom::phantom(id, 1).unwrap();
     let mut raw = RawSpecimen::default();
-    for (name, bytes) in made.files {
+    for (name, bytes) in made(id).files.clone() {
         if name == "specimen.toml" {
             raw.toml = String::from_utf8(bytes).unwrap();
         } else {
@@ -137,7 +138,7 @@ fn published(specimen: &str) -> Option<(AnatomicalFrame, AnatomicalFrame)> {
     Some((frame("femur"), frame("tibia")))
 }
 
-#[test]
+#[needs_shared]
 fn published_axes_give_the_published_pose() {
     let Some((femur, tibia)) = published("S192803") else { return };
     let q = grood_suntay(&femur, &tibia, Side::Left).unwrap();
@@ -153,7 +154,7 @@ fn published_axes_give_the_published_pose() {
     }
 }
 
-#[test]
+#[needs_shared]
 fn frames_lie_near_the_published_ones() {
     for id in ["S192803", "S193761"] {
         let Some((femur, tibia)) = published(id) else { return };
@@ -234,7 +235,7 @@ fn given_frames_are_used_as_they_are_or_refused_by_name() {
     assert!(told.contains("tibia: anterior points backwards"), "{told}");
 }
 
-#[test]
+#[needs_shared]
 fn epicondyles_agree_with_five_raters_on_a_whole_and_a_cropped_femur() {
     let Some(dir) = shared("raters", "femora/z013") else { return };
     let femur = mesh(&dir.join("z013_Femur_L.ply"));
@@ -300,7 +301,7 @@ fn cut_short_shows_the_same_frame(name: &str, specimen: &Specimen, slants_deg: &
     }
 }
 
-#[test]
+#[needs_shared]
 fn a_tibia_without_a_shaft_takes_its_way_up_from_the_plateaus() {
     cut_short_shows_the_same_frame("right-phantom", &bare(phantom("right-phantom")), &[-20.0]);
     let Some(dir) = shared("a tibia without a shaft", "specimens/S193761") else { return };

@@ -2,6 +2,7 @@
 #![expect(clippy::unwrap_used, reason = "a test may fail by panicking")]
 #![expect(clippy::print_stdout, reason = "figures for the reader of the log")]
 
+use crate::common::phantoms::made;
 use crate::common::{bytes, shared};
 use meshes::frame::AnatomicalFrame;
 use meshes::query::SurfaceQuery;
@@ -10,6 +11,7 @@ use meshes::volume::outline::{Part, border, outline};
 use meshes::volume::{Grid, Labels};
 use meshes::{Isometry, Point, Vector};
 use nalgebra::{Matrix3, Rotation3};
+use needs_shared::needs_shared;
 use sim::coordinate::Load;
 use sim::mesh::MeshValue;
 use sim::spec::{MeniscusSpec, ModelSpec};
@@ -24,7 +26,7 @@ use stages::hexmesh::{HexmeshOptions, hexmesh};
 use stages::ingest::ingest;
 use stages::menisci::{Laid, Menisci, menisci};
 use stages::overclosure::{OverclosureOptions, overclosure};
-use stages::phantom::{MRI_PHANTOM, phantom};
+use stages::phantom::MRI_PHANTOM;
 use stages::register::Registration;
 use stages::specimen::{IngestOptions, RawSpecimen};
 use std::collections::BTreeMap;
@@ -55,7 +57,7 @@ fn knee(raw: &RawSpecimen, options: &AssembleOptions) -> Knee {
 /// The phantom of MRI with the atlas' menisci.
 static KNEE: LazyLock<Knee> = LazyLock::new(|| {
     let mut raw = RawSpecimen::default();
-    for (name, bytes) in phantom(MRI_PHANTOM, 1).unwrap().files {
+    for (name, bytes) in made(MRI_PHANTOM).files.clone() {
         if name == "specimen.toml" {
             raw.toml = String::from_utf8(bytes).unwrap();
         } else {
@@ -247,7 +249,7 @@ impl Middle for Isometry {
     }
 }
 
-#[test]
+#[needs_shared]
 fn a_real_label_map_gives_menisci_of_its_own() {
     let Some(path) = shared("a_real_label_map_gives_menisci_of_its_own", "mri/kneeB/labels.nrrd") else { return };
     let mut raw = RawSpecimen {

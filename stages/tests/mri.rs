@@ -2,6 +2,7 @@
 
 #![expect(clippy::unwrap_used, reason = "a test may fail by panicking")]
 
+use crate::common::phantoms::made;
 use crate::common::{bytes, shared};
 use meshes::format::{nifti, stl};
 use meshes::measure::percentile;
@@ -9,16 +10,17 @@ use meshes::query::SurfaceQuery;
 use meshes::surface::TriMesh;
 use meshes::topology::Topology;
 use meshes::volume::Labels;
+use needs_shared::needs_shared;
 use stages::bones::{Bones, BonesOptions, bones};
 use stages::cartilage::{Cartilage, CartilageOptions, cartilage};
 use stages::ingest::ingest;
-use stages::phantom::{MRI_PHANTOM, phantom};
+use stages::phantom::MRI_PHANTOM;
 use stages::register::Registration;
 use stages::specimen::{IngestOptions, RawSpecimen, Specimen};
 
 fn raw() -> RawSpecimen {
     let mut raw = RawSpecimen::default();
-    for (name, bytes) in phantom(MRI_PHANTOM, 1).unwrap().files {
+    for (name, bytes) in made(MRI_PHANTOM).files.clone() {
         if name == "specimen.toml" {
             raw.toml = String::from_utf8(bytes).unwrap();
         } else {
@@ -201,7 +203,7 @@ fn surfaces_of_cartilage_closed_or_open_build_as_well() {
     assert!((b / a - 1.0).abs() < 0.06, "{a} closed, {b} open");
 }
 
-#[test]
+#[needs_shared]
 fn the_shared_label_maps_are_built_within_their_limits() {
     let toml = "[specimen]\nid = \"a\"\nside = \"SIDE\"\n[segmentation]\nlabels = \"l.nrrd\"\nfemur = 5\ntibia = 6\nfibula = 8\npatella = 7\nfemoral_cartilage = 1\ntibial_cartilage_medial = 2\ntibial_cartilage_lateral = 3\npatellar_cartilage = 4\nmeniscus_medial = 10\nmeniscus_lateral = 9\n";
     for (name, side, limit) in [("S192803", "left", 0.04), ("kneeB", "right", 0.05)] {

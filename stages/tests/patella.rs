@@ -2,6 +2,7 @@
 #![expect(clippy::unwrap_used, reason = "a test may fail by panicking")]
 #![expect(clippy::print_stdout, reason = "figures for the reader of the log")]
 
+use crate::common::phantoms::made;
 use meshes::surface::TriMesh;
 use stages::StageError;
 use stages::bones::{Bones, BonesOptions, bones};
@@ -9,7 +10,7 @@ use stages::cartilage::{Cartilage, CartilageOptions, cartilage};
 use stages::frames::{Frames, FramesOptions, frames};
 use stages::ingest::ingest;
 use stages::patellofemoral::{PatellaChoice, PatellaOptions, Patellofemoral, patellofemoral};
-use stages::phantom::{MRI_PHANTOM, phantom};
+use stages::phantom::MRI_PHANTOM;
 use stages::register::{RegisterOptions, Registration, register};
 use stages::specimen::{IngestOptions, RawSpecimen, Specimen};
 
@@ -23,7 +24,7 @@ struct Knee {
 
 fn knee(id: &str) -> Knee {
     let mut raw = RawSpecimen::default();
-    for (name, bytes) in phantom(id, 1).unwrap().files {
+    for (name, bytes) in made(id).files.clone() {
         if name == "specimen.toml" {
             raw.toml = String::from_utf8(bytes).unwrap();
         } else {

@@ -2,21 +2,12 @@
 #![allow(clippy::unwrap_used, clippy::print_stderr, reason = "tests")]
 
 use crate::common::registration::{Case, Noise, apart, exact_twin, noisy, part, random_pose, seeded};
+use crate::common::shared;
 use meshes::surface::{ColouredMesh, TriMesh};
 use meshes::{Isometry, Point, Vector};
+use needs_shared::needs_shared;
 use stages::register::{BoneRegistration, RegisterOptions, register_bone};
-use std::path::{Path, PathBuf};
-
-#[expect(clippy::print_stderr, reason = "a skipped test says so")]
-fn shared(test: &str, path: &str) -> Option<PathBuf> {
-    let full = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared").join(path);
-    if full.exists() {
-        return Some(full);
-    }
-    assert!(std::env::var("GENU_SHARED").as_deref() != Ok("required"), "{test}: {} is absent", full.display());
-    eprintln!("{test}: skipped, {} is absent", full.display());
-    None
-}
+use std::path::Path;
 
 #[expect(clippy::disallowed_methods, reason = "tests read the shared data")]
 fn case(dir: &Path, bone: &str) -> Case {
@@ -31,7 +22,7 @@ fn found(case: &Case, scan: &ColouredMesh, pairs: &[(Point, Point)]) -> BoneRegi
     register_bone(&case.ct, scan, pairs, &RegisterOptions::default()).unwrap()
 }
 
-#[test]
+#[needs_shared]
 fn truth_is_found_with_and_without_landmarks_and_the_error_is_foreseen() {
     for id in ["S192803", "S193761"] {
         let Some(dir) = shared("register truth", &format!("specimens/{id}")) else { return };
@@ -52,7 +43,7 @@ fn truth_is_found_with_and_without_landmarks_and_the_error_is_foreseen() {
     }
 }
 
-#[test]
+#[needs_shared]
 fn moving_scan_and_bone_moves_the_answer_on_any_number_of_threads() {
     let Some(dir) = shared("register moved", "specimens/S192803") else { return };
     let mut case = case(&dir, "tibfib");
@@ -73,7 +64,7 @@ fn moving_scan_and_bone_moves_the_answer_on_any_number_of_threads() {
     assert_eq!(again.residual_mm, threads.residual_mm);
 }
 
-#[test]
+#[needs_shared]
 fn forty_percent_missing_no_colours_and_two_bad_landmarks_do_no_harm() {
     let Some(dir) = shared("register part", "specimens/S192803") else { return };
     let case = case(&dir, "femur");
@@ -90,7 +81,7 @@ fn forty_percent_missing_no_colours_and_two_bad_landmarks_do_no_harm() {
     }
 }
 
-#[test]
+#[needs_shared]
 fn a_bone_segmented_too_small_or_too_large_is_laid_right_and_told() {
     let Some(dir) = shared("register level", "specimens/S192803") else { return };
     for (bone, offset) in [("femur", -0.3), ("tibfib", 0.3)] {
@@ -104,7 +95,7 @@ fn a_bone_segmented_too_small_or_too_large_is_laid_right_and_told() {
     }
 }
 
-#[test]
+#[needs_shared]
 fn condyles_alone_mostly_covered_by_cartilage_are_laid_right() {
     let Some(dir) = shared("register condyles", "specimens/S193761") else { return };
     let case = case(&dir, "femur");
@@ -115,7 +106,7 @@ fn condyles_alone_mostly_covered_by_cartilage_are_laid_right() {
     assert!(error < 0.2, "{error} mm");
 }
 
-#[test]
+#[needs_shared]
 fn scans_in_any_pose_are_laid_right_without_landmarks() {
     for (id, bone) in [("S192803", "tibfib"), ("S193761", "femur")] {
         let Some(dir) = shared("register any pose", &format!("specimens/{id}")) else { return };
@@ -143,7 +134,7 @@ fn draws(case: &Case, noise: Noise, seeds: std::ops::Range<u64>) -> Vec<[f64; 3]
     seeds.map(one).collect()
 }
 
-#[test]
+#[needs_shared]
 fn white_error_of_the_ct_averages_out() {
     for id in ["S192803", "S193761"] {
         let Some(dir) = shared("register white", &format!("specimens/{id}")) else { return };
@@ -154,7 +145,7 @@ fn white_error_of_the_ct_averages_out() {
     }
 }
 
-#[test]
+#[needs_shared]
 fn correlated_error_of_the_ct_is_weighed_and_foreseen() {
     let Some(dir) = shared("register correlated", "specimens/S193761") else { return };
     let mut found = draws(&case(&dir, "femur"), Noise::Matern(2.5, 0.1, 7.0), 0..6);
@@ -166,7 +157,7 @@ fn correlated_error_of_the_ct_is_weighed_and_foreseen() {
     assert!(foreseen * 10 >= found.len() * 8, "{foreseen} of {}: {found:?}", found.len());
 }
 
-#[test]
+#[needs_shared]
 fn another_knee_another_bone_a_mirrored_bone_and_nonsense_are_refused() {
     let Some(dir) = shared("register refusal", "specimens/S192803") else { return };
     let Some(other) = shared("register refusal", "specimens/S193761") else { return };
@@ -197,7 +188,7 @@ fn another_knee_another_bone_a_mirrored_bone_and_nonsense_are_refused() {
 /// Seen from one side this femur is held five degrees off by its cartilage, from every start: turns off that pose find the right one.
 #[test]
 fn a_scan_that_its_cartilage_holds_turned_is_laid_right() {
-    let made = stages::phantom::phantom("right-phantom", 1).unwrap();
+    let made = crate::common::phantoms::made("right-phantom");
     let whole = crate::common::registration::case(|p| made.files.iter().find(|f| f.0 == p).unwrap().1.clone(), "femur");
     let direction = random_pose(&mut seeded(7081)).rotation * nalgebra::Vector3::x();
     let few = part(&whole.scan, &direction, 0.4);

@@ -9,6 +9,7 @@ use meshes::surface::TriMesh;
 use meshes::topology::Topology;
 use meshes::{Point, Vector};
 use nalgebra::{Matrix3, Rotation3};
+use needs_shared::needs_shared;
 use stages::phantom::volume::{Scanner, ct_volume};
 use stages::segment::{SegmentOptions, Segmented, segment};
 
@@ -67,7 +68,7 @@ fn segmented(name: &str, scanner: &Scanner) -> Option<(Segmented, [TriMesh; 3])>
     Some((found, [femur, tibfib, patella]))
 }
 
-#[test]
+#[needs_shared]
 fn bones_of_a_volume_lie_where_they_are() {
     for name in ["S192803", "S193761"] {
         let Some((found, [femur, tibfib, patella])) = segmented(name, &Scanner::default()) else { continue };
@@ -78,7 +79,7 @@ fn bones_of_a_volume_lie_where_they_are() {
     }
 }
 
-#[test]
+#[needs_shared]
 fn bones_that_run_out_of_a_turned_picture() {
     let turn = *Rotation3::from_euler_angles(0.3, -0.2, 0.4).matrix();
     // Left-handed axes, as many a scanner writes.

@@ -4,12 +4,17 @@
 #![allow(clippy::print_stderr, clippy::print_stdout, clippy::unwrap_used, reason = "tests")]
 
 pub(crate) mod lines;
+pub(crate) mod phantoms;
 pub(crate) mod readers;
+mod shared;
+
+pub(crate) use shared::shared;
 
 use assert_cmd::Command;
 use std::collections::BTreeMap;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
+use std::sync::OnceLock;
 use tempfile::TempDir;
 
 /// The program.
@@ -20,13 +25,24 @@ pub(crate) fn build_model() -> Command {
 /// A phantom in a folder of its own.
 pub(crate) fn phantom(id: &str) -> TempDir {
     let folder = TempDir::new().unwrap();
-    let files = stages::phantom::phantom(id, 1).unwrap().files;
-    for (name, bytes) in files {
+    for (name, bytes) in &phantoms::made(id).files {
         let path = folder.path().join(name);
         fs::create_dir_all(path.parent().unwrap()).unwrap();
         fs::write(path, bytes).unwrap();
     }
     folder
+}
+
+/// A phantom with all of its stages built, once a run; its stages' folders stay as they are.
+pub(crate) fn built() -> &'static Path {
+    static BUILT: OnceLock<TempDir> = OnceLock::new();
+    BUILT
+        .get_or_init(|| {
+            let folder = phantom("S192803-phantom");
+            build_model().arg(folder.path()).arg("--quiet").assert().success();
+            folder
+        })
+        .path()
 }
 
 /// Every file below `folder` by path, without what tells the time.
@@ -52,17 +68,6 @@ fn gather(folder: &Path, prefix: &str, found: &mut BTreeMap<String, Vec<u8>>) {
 /// Names of the files that differ.
 pub(crate) fn differing(a: &BTreeMap<String, Vec<u8>>, b: &BTreeMap<String, Vec<u8>>) -> Vec<String> {
     a.keys().chain(b.keys()).filter(|name| a.get(*name) != b.get(*name)).cloned().collect()
-}
-
-/// A path below `../shared`; `None`, with a word on why, where it is not there and need not be.
-pub(crate) fn shared(test: &str, path: &str) -> Option<PathBuf> {
-    let full = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared").join(path);
-    if full.exists() {
-        return Some(full);
-    }
-    assert!(std::env::var("GENU_SHARED").as_deref() != Ok("required"), "{test}: {} is missing", full.display());
-    eprintln!("{test}: skipped, {} is not there", full.display());
-    None
 }
 
 /// The text of a file.

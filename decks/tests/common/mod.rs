@@ -1,14 +1,6 @@
 //! Data that tests may read where it is there.
-use std::path::{Path, PathBuf};
 
-/// A path below `../shared`; `None`, with a line, where it is not there and not required.
-#[expect(clippy::print_stderr, reason = "a skipped test says so")]
-pub(crate) fn shared(test: &str, path: &str) -> Option<PathBuf> {
-    let full = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared").join(path);
-    if full.exists() {
-        return Some(full);
-    }
-    assert!(std::env::var("GENU_SHARED").as_deref() != Ok("required"), "{test}: {} is required", full.display());
-    eprintln!("{test}: skipped, {} is not there", full.display());
-    None
-}
+#[path = "../../../tests/common/shared.rs"]
+mod shared;
+
+pub(crate) use shared::shared;

@@ -177,10 +177,15 @@ fn files(tables: &[Table]) -> String {
         let columns: Vec<&str> = t.columns.iter().map(|(name, _)| *name).collect();
         let _ = write!(
             html,
-            "<li><a href=\"{0}.csv\">{0}.csv</a>, <a href=\"{0}.parquet\">{0}.parquet</a>: {1} rows of {2}</li>",
+            "<li><a href=\"{0}.csv\">{0}.csv</a>{3}: {1} rows of {2}</li>",
             t.name,
             t.rows(),
-            columns.join(", ")
+            columns.join(", "),
+            if cfg!(feature = "parquet") {
+                format!(", <a href=\"{0}.parquet\">{0}.parquet</a>", t.name)
+            } else {
+                String::new()
+            }
         );
     }
     html + "</ul></section>"

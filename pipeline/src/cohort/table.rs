@@ -1,13 +1,14 @@
 //! A tidy table, as CSV and as Parquet.
 
 use crate::error::BuildError;
-use parquet::column::writer::ColumnWriter;
-use parquet::data_type::ByteArray;
-use parquet::errors::ParquetError;
-use parquet::file::properties::WriterProperties;
-use parquet::file::writer::SerializedFileWriter;
-use parquet::schema::parser::parse_message_type;
-use std::sync::Arc;
+#[cfg(feature = "parquet")]
+use parquet::{
+    column::writer::ColumnWriter,
+    data_type::ByteArray,
+    errors::ParquetError,
+    file::{properties::WriterProperties, writer::SerializedFileWriter},
+    schema::parser::parse_message_type,
+};
 
 /// The values of a column; `None` is an empty cell.
 #[derive(Clone, Debug)]
@@ -48,11 +49,22 @@ impl Table {
         out.into_inner().map_err(|e| wrong(&e))
     }
 
+    /// The files of this table by name: CSV, and Parquet where the program was built with it.
+    pub(super) fn files(&self) -> Result<Vec<(String, Vec<u8>)>, BuildError> {
+        Ok(vec![
+            (format!("{}.csv", self.name), self.csv()?),
+            #[cfg(feature = "parquet")]
+            (format!("{}.parquet", self.name), self.parquet()?),
+        ])
+    }
+
     /// One row group, not compressed; text is UTF-8, an empty number is null.
-    pub(super) fn parquet(&self) -> Result<Vec<u8>, BuildError> {
+    #[cfg(feature = "parquet")]
+    fn parquet(&self) -> Result<Vec<u8>, BuildError> {
         self.write_parquet().map_err(|e| BuildError::File(format!("{}.parquet: {e}", self.name)))
     }
 
+    #[cfg(feature = "parquet")]
     fn write_parquet(&self) -> Result<Vec<u8>, ParquetError> {
         let fields: String = self
             .columns
@@ -62,9 +74,10 @@ impl Table {
                 Column::Number(_) => format!("optional double {name};"),
             })
             .collect();
-        let schema = Arc::new(parse_message_type(&format!("message {} {{{fields}}}", self.name))?);
+        let schema = std::sync::Arc::new(parse_message_type(&format!("message {} {{{fields}}}", self.name))?);
         let mut bytes = Vec::new();
-        let mut file = SerializedFileWriter::new(&mut bytes, schema, Arc::new(WriterProperties::builder().build()))?;
+        let mut file =
+            SerializedFileWriter::new(&mut bytes, schema, std::sync::Arc::new(WriterProperties::builder().build()))?;
         let mut group = file.next_row_group()?;
         for (_, column) in &self.columns {
             let Some(mut writer) = group.next_column()? else { break };
@@ -88,7 +101,7 @@ impl Table {
     }
 }
 
-#[cfg(test)]
+#[cfg(all(test, feature = "parquet"))]
 mod tests {
     use super::*;
     use parquet::file::reader::{FileReader, SerializedFileReader};

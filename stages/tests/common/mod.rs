@@ -1,25 +1,20 @@
 //! Specimens with truth for the geometry stages' tests.
+#![allow(clippy::unwrap_used, reason = "tests")]
 
+#[path = "../../../tests/common/phantoms.rs"]
+pub(crate) mod phantoms;
 pub(crate) mod registration;
+#[path = "../../../tests/common/shared.rs"]
+mod shared;
 
 use meshes::format::{ply, stl};
 use meshes::frame::Side;
 use meshes::surface::{ColouredMesh, TriMesh};
 use stages::PerBone;
 use stages::specimen::{Identity, Specimen};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-/// A path of the shared data, or `None` with a line said when it is absent (an error where it must be there).
-#[expect(clippy::print_stderr, reason = "a skipped test says so")]
-pub(crate) fn shared(test: &str, path: &str) -> Option<PathBuf> {
-    let full = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../shared").join(path);
-    if full.exists() {
-        return Some(full);
-    }
-    assert!(std::env::var("GENU_SHARED").as_deref() != Ok("required"), "{test}: {} is absent", full.display());
-    eprintln!("{test}: skipped, {} is absent", full.display());
-    None
-}
+pub(crate) use shared::shared;
 
 #[expect(clippy::disallowed_methods, reason = "tests read the shared data")]
 pub(crate) fn bytes(path: &Path) -> Vec<u8> {
