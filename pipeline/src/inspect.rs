@@ -126,7 +126,11 @@ pub fn table(records: &[Record]) -> String {
     let mut text = format!("{:3} {:12} {:>8} {:>9}  metrics\n", "", "stage", "seconds", "MiB");
     for r in records {
         let number = named(&r.stage).map_or("", |s| s.number());
-        let state = if r.cached { " (unchanged)" } else { "" };
+        let state = match (r.outdated, r.cached) {
+            (true, _) => " (of an earlier run)",
+            (_, true) => " (unchanged)",
+            _ => "",
+        };
         let _ = writeln!(
             text,
             "{number:3} {:12} {:8.2} {:9.0}  {}{state}",

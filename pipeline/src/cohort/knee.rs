@@ -1,7 +1,7 @@
 //! One build as the cohort sees it: the files that FORMAT.md fixes, nothing of the program's own.
 
 use crate::inspect;
-use crate::record::{Failure, Record};
+use crate::record::{Failure, Record, current};
 use crate::stage::list::folder_name;
 use crate::store;
 use serde_json::Value;
@@ -150,14 +150,17 @@ impl Knee {
             true => inspect::records(folder),
             false => Ok(Vec::new()),
         };
-        match log {
-            Ok(records) => self.records = records,
+        let left = match log {
+            Ok(records) => {
+                self.records = current(&records);
+                records.len() - self.records.len()
+            }
             Err(e) => return failed("log", e.to_string()),
-        }
+        };
         if let Some(Failure { stage, message }) = inspect::failure(folder) {
             return failed(&stage, message);
         }
-        if !store::exists(&folder.join("report.html")) {
+        if left > 0 || !store::exists(&folder.join("report.html")) {
             let after = self.last_stage().unwrap_or("the beginning").to_owned();
             return failed(
                 "unfinished",

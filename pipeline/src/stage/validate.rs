@@ -42,12 +42,18 @@ impl Stage for Validate {
     fn run(
         (assembled, bones, cartilage, calibration, passive): Self::Inputs<'_>,
         options: &ProtocolOptions,
-        _: &Work,
+        work: &Work,
     ) -> Result<Validation, BuildError> {
         let meshes = assembled_model(assembled, bones, cartilage).meshes;
         let (mut sources, mut warnings) = (Vec::new(), Vec::new());
         for (name, outcome) in &calibration.sources {
-            sources.push(source(name, &outcome.spec, &meshes, options, &mut warnings)?);
+            (work.tell)(&format!("validate {name}"));
+            let (found, told) = work.part(name, || {
+                let mut told = Vec::new();
+                source(name, &outcome.spec, &meshes, options, &mut told).map(|found| (found, told))
+            })?;
+            sources.push(found);
+            warnings.extend(told);
         }
         Ok(Validation::new(sources, passive.0.clone(), warnings))
     }
