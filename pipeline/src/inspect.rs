@@ -1,5 +1,6 @@
 //! `inspect`: what each stage made.
 
+use crate::alike::firsts;
 use crate::error::BuildError;
 use crate::record::{Failure, Record};
 use crate::stage::list::{folder_name, named};
@@ -140,9 +141,16 @@ pub fn table(records: &[Record]) -> String {
             brief(&r.stage, &r.metrics)
         );
     }
+    // one stage is told in full
+    let all = records.len() == 1;
     for r in records {
-        for warning in &r.warnings {
-            let _ = writeln!(text, "warning: {}: {warning}", r.stage);
+        let firsts = if all { r.warnings.iter().map(|w| (w.as_str(), 0)).collect() } else { firsts(&r.warnings) };
+        for (warning, more) in firsts {
+            let like = match more {
+                0 => String::new(),
+                n => format!(" (and {n} more of this kind: build-model inspect DIR {})", r.stage),
+            };
+            let _ = writeln!(text, "warning: {}: {warning}{like}", r.stage);
         }
     }
     text

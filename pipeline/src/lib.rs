@@ -7,6 +7,7 @@
 //! assert!(text.contains("hexmesh.edge_length_mm"));
 //! ```
 
+pub(crate) mod alike;
 pub mod blind;
 pub mod build;
 pub mod build_args;
