@@ -126,7 +126,10 @@ pub fn calibrate(args: &CalibrateArgs) -> Result<String, BuildError> {
     let what = args.targets.iter().map(|t| t.1.display().to_string()).collect::<Vec<_>>().join(", ");
     let mut keep = |bytes: &[u8]| store::write(&kept, bytes);
     let bar = Searching::new(args.quiet, &what);
-    let told = interrupted::searching(&kept);
+    let place = kept.clone();
+    let told = interrupted::working(move || {
+        store::exists(&place).then(|| format!("The search is kept in {}", place.display()))
+    });
     let tell = |share: f64, words: &str| bar.show(share, words);
     let outcome = run((&model, None), &sources, &options, &what, Watch { saved, keep: &mut keep, tell: &tell })?;
     drop((bar, told));

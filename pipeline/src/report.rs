@@ -41,7 +41,10 @@ pub fn rewrite(dir: &Path, other: Option<&Path>) -> Result<String, BuildError> {
     let folder = BuildFolder::open(&build)?;
     let records = inspect::records(&build)?;
     let name = match other {
-        None => write(&folder, &records, inspect::failure(&build).as_ref())?,
+        None => {
+            let whole = !store::exists(&build.join(STOPPED));
+            write(&folder, &records, inspect::failure(&build).as_ref(), whole)?
+        }
         Some(other) => {
             let other = inspect::build_folder(other)?;
             let second = BuildFolder::open(&other)?;
@@ -64,12 +67,17 @@ const FAILURE: &str = "failure.json";
 /// The methods that belong to either.
 const METHODS: [&str; 2] = ["methods.md", "methods-stopped.md"];
 
-/// Writes the report with its methods, and what stopped the build; gives the report's name. A report is replaced by one that is as complete, or where it
-/// was one of a build that stopped; else the new one stands beside it.
-pub fn write(folder: &BuildFolder, records: &[Record], failure: Option<&Failure>) -> Result<&'static str, BuildError> {
+/// Writes the report with its methods, and what stopped the build; gives the report's name. A report is replaced by that of a `whole` run, by one that is
+/// as complete, or where it was one of a build that stopped; else the new one stands beside it.
+pub fn write(
+    folder: &BuildFolder,
+    records: &[Record],
+    failure: Option<&Failure>,
+    whole: bool,
+) -> Result<&'static str, BuildError> {
     let there = |name: &str| store::exists(&folder.path().join(name));
     let good = there(REPORT) && (there(STOPPED) || !there(FAILURE));
-    let beside = good && records.iter().any(|r| r.outdated);
+    let beside = good && !whole && records.iter().any(|r| r.outdated);
     match failure {
         Some(failure) => folder.write_file(FAILURE, &record::json(failure))?,
         None => store::discard(&folder.path().join(FAILURE)),

@@ -6,9 +6,10 @@ use crate::error::BuildError;
 use crate::options::{BuildOptions, resolve};
 use crate::progress::Progress;
 use crate::quoted::quoted;
-use crate::record::{Failure, Record, hash};
+use crate::record::{self, Failure, Record, hash};
 use crate::run_log::{Range, RunLog};
 use crate::stage::list::{STAGES, folder_name, names};
+use crate::stage::parts;
 use crate::store::{self, BuildFolder};
 use crate::{inspect, interrupted, report};
 use stages::specimen::{RawSpecimen, SpecimenFile};
@@ -49,16 +50,18 @@ pub fn run(args: &BuildArgs) -> Result<String, BuildError> {
     if args.plan {
         return planned(build_model(&file, &raw, &mut log), &log.records, args.json);
     }
-    let _told = interrupted::building(&out);
+    let place = out.clone();
+    let _told = interrupted::working(move || Some(kept(&place)));
     folder.write_file("run.toml", run_toml(&raw, &file, &options)?.as_bytes())?;
-    let stopped = match build_model(&file, &raw, &mut log) {
-        Ok(_) | Err(BuildError::Reached) => None,
-        Err(error) => Some(error),
+    let (stopped, whole) = match build_model(&file, &raw, &mut log) {
+        Ok(()) => (None, true),
+        Err(BuildError::Reached) => (None, false),
+        Err(error) => (Some(error), false),
     };
     let records = log.settled(stopped.is_some())?;
     drop(log);
     let failure = stopped.as_ref().map(failure);
-    let page = report::write(&folder, &records, failure.as_ref())?;
+    let page = report::write(&folder, &records, failure.as_ref(), whole)?;
     if let Some(error) = stopped {
         return Err(error);
     }
@@ -84,6 +87,19 @@ fn planned(end: Result<(), BuildError>, records: &[Record], json: bool) -> Resul
             Ok(text + &format!("{stage:12} would run, and what needs it: it never has\n"))
         }
         Err(error) => Err(error),
+    }
+}
+
+/// What a build that is interrupted now leaves to go on from.
+fn kept(out: &Path) -> String {
+    let records = record::current(&inspect::records(out).unwrap_or_default());
+    let stages = match records.last() {
+        None => "No stage is finished".to_owned(),
+        Some(last) => format!("Kept in {}: {} stages, up to {}", out.display(), records.len(), last.stage),
+    };
+    match parts::kept(out) {
+        parts if parts.is_empty() => stages,
+        parts => format!("{stages}; of the stage at work {}", parts.join(", ")),
     }
 }
 
@@ -128,11 +144,12 @@ fn closing_words(out: &Path, records: &[Record], page: &str) -> String {
     let _ = writeln!(text, "\nThe report is {}. Open it: build-model open {}", out.join(page).display(), quoted(out));
     let left: Vec<&str> = records.iter().filter(|r| r.outdated).map(|r| r.stage.as_str()).collect();
     if !left.is_empty() {
+        let beside = if page == report::REPORT { "" } else { " and report.html: to build them anew, leave --to out" };
         let _ = writeln!(
             text,
-            "Of an earlier run are {}, and {}: to build them anew, leave --to out",
-            left.join(", "),
-            out.join(report::REPORT).display()
+            "Of an earlier run {} {}{beside}",
+            if left.len() == 1 { "is" } else { "are" },
+            left.join(", ")
         );
     }
     let done = |stage: &str| records.iter().any(|r| r.stage == stage && !r.outdated);

@@ -2,6 +2,7 @@
 
 use crate::inspect;
 use crate::record::{Failure, Record, current};
+use crate::report::{REPORT, STOPPED};
 use crate::stage::list::folder_name;
 use crate::store;
 use serde_json::Value;
@@ -150,17 +151,14 @@ impl Knee {
             true => inspect::records(folder),
             false => Ok(Vec::new()),
         };
-        let left = match log {
-            Ok(records) => {
-                self.records = current(&records);
-                records.len() - self.records.len()
-            }
+        match log {
+            Ok(records) => self.records = current(&records),
             Err(e) => return failed("log", e.to_string()),
-        };
+        }
         if let Some(Failure { stage, message }) = inspect::failure(folder) {
             return failed(&stage, message);
         }
-        if left > 0 || !store::exists(&folder.join("report.html")) {
+        if store::exists(&folder.join(STOPPED)) || !store::exists(&folder.join(REPORT)) {
             let after = self.last_stage().unwrap_or("the beginning").to_owned();
             return failed(
                 "unfinished",
