@@ -203,7 +203,7 @@ pub fn run(
     let mut see = |c: &Checkpoint| {
         let p = c.progress();
         let best = if p.lowest_cost.is_finite() { format!(", best cost {:.1}", p.lowest_cost) } else { String::new() };
-        (tell)(p.share, &format!("{}{best}", p.phase));
+        tell(p.share, &format!("{}{best}", p.phase));
         if last.elapsed() > CHECKPOINT_EVERY {
             last = Instant::now();
             if let Err(e) = (watch.keep)(&c.to_bytes()) {

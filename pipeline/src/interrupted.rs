@@ -23,12 +23,13 @@ pub fn listen() {
 }
 
 /// Work is going on of which `kept` tells what is kept, as long as what is given back lives.
-pub fn working(kept: impl Fn() -> Option<String> + Send + Sync + 'static) -> impl Drop {
+pub fn working(kept: impl Fn() -> Option<String> + Send + Sync + 'static) -> AtWork {
     *AT_WORK.lock().unwrap_or_else(PoisonError::into_inner) = Some(Arc::new(kept));
     AtWork
 }
 
-struct AtWork;
+/// Work that is going on.
+pub struct AtWork;
 
 impl Drop for AtWork {
     fn drop(&mut self) {
@@ -50,7 +51,9 @@ fn again(command: &[String]) -> String {
     while let Some(w) = words.next() {
         match w.as_str() {
             "--force" => {}
-            "--from" => drop(words.next()),
+            "--from" => {
+                words.next();
+            }
             w if w.starts_with("--from=") => {}
             w => out.push(word(w)),
         }

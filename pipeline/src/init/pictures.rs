@@ -15,9 +15,12 @@ pub(super) fn label_map(path: &Path, bytes: Vec<u8>, filled: &mut Filled) -> Res
     let beside = companions(path);
     let read = if filled.labels.is_empty() { read_labels(&name, &bytes, &beside).ok() } else { None };
     let Some(found) = read.and_then(|map| guess_labels(&map)) else { return Err(bytes) };
-    let found = match (found.side, side_of(&found.labels, &name, &bytes, &beside)) {
-        (None, Some(side)) => found.of_side(side),
-        _ => found,
+    let found = match found.side {
+        None => match side_of(&found.labels, &name, &bytes, &beside) {
+            Some(side) => found.of_side(side),
+            None => found,
+        },
+        Some(_) => found,
     };
     let said: Vec<String> = found.labels.iter().map(|(key, label)| format!("{label} {key}")).collect();
     let lateral = match found.side {

@@ -52,7 +52,9 @@ pub(super) fn place(given: Vec<Given>, filled: &mut Filled) -> Result<Found, Bui
         let to = to.map(|(table, key)| {
             let to = format!("{}/{}", if table == "cartilage" { "mri" } else { table }, file_name(&g.path));
             filled.paths.insert((table.into(), key.into()), to.clone());
-            role.map(|role| known.insert(role, g.mesh.mesh.clone()));
+            if let Some(role) = role {
+                known.insert(role, g.mesh.mesh.clone());
+            }
             to
         });
         if let Some(place) = to.as_deref().and_then(|t| t.rsplit_once('/')).filter(|_| !metres) {
