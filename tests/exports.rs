@@ -107,6 +107,69 @@ fn an_abaqus_deck_is_read_by_meshio() {
 }
 
 #[test]
+fn an_abaqus_deck_has_the_hexahedra_of_stage_8_and_comes_back_with_the_same_forces() {
+    let out = exported("abaqus", &[]);
+    let text = |name: &str| std::fs::read_to_string(out.path().join(name)).unwrap();
+    let (mut own, mut of_kind) = (false, 0);
+    for line in text("geometry.inp").lines() {
+        match line.strip_prefix("*ELEMENT") {
+            Some(head) => own = head.contains("TYPE=C3D8R"),
+            None if line.starts_with('*') => own = false,
+            None => of_kind += usize::from(own),
+        }
+    }
+    let metrics = json(&model().parent().unwrap().join("../08-overclosure/metrics.json"));
+    let parts = ["femur", "tibia_medial", "tibia_lateral"].map(|part| metrics[part]["elements"].as_u64().unwrap());
+    assert_eq!(of_kind as u64, parts.iter().sum::<u64>(), "{metrics}");
+    // the paper's names of the element sets
+    for set in ["CART-FEMUR", "CART-TIBIA-MED", "CART-TIBIA-LAT", "BONE-FEMUR", "BONE-TIBIA"] {
+        assert!(text("geometry.inp").contains(&format!("ELSET={set}\n")), "{set}");
+    }
+    let back = TempDir::new().unwrap();
+    let main = std::fs::read_dir(out.path()).unwrap().map(|e| e.unwrap().path());
+    let main = main.into_iter().find(|p| p.display().to_string().ends_with("_settle_flex.inp")).unwrap();
+    build_model().arg("import-abaqus").arg(main).arg("--out").arg(back.path()).assert().success();
+    let folder = TempDir::new().unwrap();
+    let trials = loaded(folder.path()).with_file_name("trials.csv");
+    let [ours, theirs] = [model().to_path_buf(), back.path().join("model.json")].map(|m| {
+        let results = folder.path().join("results.csv");
+        build_model().arg("simulate").arg(m).arg("--trials").arg(&trials).arg("--out").arg(&results).assert().success();
+        numbers(&results)
+    });
+    assert!(ours.len() > 100 && ours.len() == theirs.len(), "{} {}", ours.len(), theirs.len());
+    let apart = ours.iter().zip(&theirs).map(|((_, a), (_, b))| (a - b).abs() / (1.0 + a.abs())).fold(0.0, f64::max);
+    println!("import-abaqus of the exported deck: results within {apart:.1e}");
+    assert!(apart < 1e-6, "{apart}");
+}
+
+/// Every pose and force of a table of results, by column.
+fn numbers(table: &Path) -> Vec<(String, f64)> {
+    let text = std::fs::read_to_string(table).unwrap();
+    let mut lines = text.lines();
+    let header: Vec<&str> = lines.next().unwrap().split(',').collect();
+    let wanted =
+        |name: &str| name.starts_with("force_") || ["vv_deg", "ie_deg", "ml_mm", "ap_mm", "si_mm"].contains(&name);
+    let row = |line: &str| {
+        let cells = header.iter().zip(line.split(',')).filter(|(name, _)| wanted(name));
+        cells.filter_map(|(name, x)| Some(((*name).to_owned(), x.parse().ok()?))).collect::<Vec<_>>()
+    };
+    lines.flat_map(row).collect()
+}
+
+#[test]
+fn what_is_in_the_way_of_an_export_is_named() {
+    let folder = TempDir::new().unwrap();
+    let file = folder.path().join("deck");
+    write(&file, "something else");
+    for out in [file.clone(), file.join("deeper")] {
+        let mut run = build_model();
+        run.arg("export").arg(model()).args(["--format", "stl", "--out"]).arg(out);
+        run.assert().code(1).stderr(predicates::str::contains(format!("{} is a file", file.display())));
+    }
+    assert_eq!(std::fs::read_to_string(&file).unwrap(), "something else");
+}
+
+#[test]
 fn opensim_finds_the_same_equilibrium() {
     let out = exported("opensim", &[]);
     let folder = out.path().display().to_string();

@@ -178,6 +178,89 @@ fn an_empty_folder_is_written_to_fill_in() {
         .stdout(contains("FAULT").and(contains("ct/femur.stl is not there")));
 }
 
+/// Init of `files` in a folder `from`: what it says, and specimen.toml.
+fn init(files: &[(&str, Vec<u8>)]) -> (String, String, TempDir) {
+    let folder = TempDir::new().unwrap();
+    let (from, knee) = (folder.path().join("from"), folder.path().join("knee"));
+    for (name, bytes) in files {
+        fs::create_dir_all(from.join(name).parent().unwrap()).unwrap();
+        fs::write(from.join(name), bytes).unwrap();
+    }
+    let run = build_model().arg("init").arg(&knee).arg("--from").arg(&from).assert().success();
+    let said = String::from_utf8_lossy(&run.get_output().stdout).into_owned();
+    (said, fs::read_to_string(knee.join("specimen.toml")).unwrap(), folder)
+}
+
+#[test]
+fn files_of_every_kind_are_placed_or_told() {
+    let made = phantom("S193761-phantom");
+    let read = |name: &str| fs::read(made.path().join(name)).unwrap();
+    let mesh = |name: &str| meshes::format::read_surface(name, &read(name), &Default::default()).unwrap().mesh;
+    let stl = |mesh: &meshes::surface::TriMesh| {
+        let mut out = Vec::new();
+        meshes::format::stl::write(&mut out, mesh).unwrap();
+        out
+    };
+    // a femur alone: by its name, and what is missing
+    let (said, toml, _) = init(&[("my femur.stl", read("ct/femur.stl"))]);
+    assert!(toml.contains("femur = \"ct/my femur.stl\"") && said.contains("by its name the femur"), "{said}");
+    assert!(said.contains("Missing: the tibia with the fibula in CT") && said.contains("scans/femur.ply"), "{said}");
+    let (said, _, _) = init(&[("bone.stl", read("ct/femur.stl"))]);
+    assert!(said.contains("left out") && said.contains("give the other bone too"), "{said}");
+    // bones in metres are written in mm; a tibia that is open where it was cut is a bone all the same
+    let (mut femur, tibia) = (mesh("ct/femur.stl"), mesh("ct/tibfib.stl"));
+    femur.vertices.iter_mut().for_each(|p| *p /= 1e3);
+    let low = tibia.vertices.iter().map(|p| p.z).fold(f64::INFINITY, f64::min);
+    let (open, _) = tibia.submesh(|t| tibia.corners(t).iter().any(|p| p.z > low + 3.0));
+    let scans = [("c.ply", read("scans/femur.ply")), ("d.ply", read("scans/tibfib.ply"))];
+    let (said, toml, folder) = init(&[[("a.stl", stl(&femur)), ("b.stl", stl(&open))].as_slice(), &scans].concat());
+    assert!(toml.contains("femur = \"ct/a.mm.ply\"") && said.contains("was in metres"), "{said}");
+    assert!(toml.contains("tibfib = \"ct/b.stl\"") && toml.contains("tibfib = \"scans/d.ply\""), "{said}");
+    build_model().arg("check").arg(folder.path().join("knee")).assert().success();
+    // VTK, points of 3D Slicer, a DICOM series, and what is none of these
+    let vtk = |mesh: &meshes::surface::TriMesh| {
+        let mut out = format!(
+            "# vtk DataFile Version 3.0\nbone\nASCII\nDATASET POLYDATA\nPOINTS {} double\n",
+            mesh.vertices.len()
+        );
+        out.extend(mesh.vertices.iter().map(|p| format!("{} {} {}\n", p.x, p.y, p.z)));
+        out += &format!("POLYGONS {0} {1}\n", mesh.triangles.len(), 4 * mesh.triangles.len());
+        out.extend(mesh.triangles.iter().map(|[a, b, c]| format!("3 {a} {b} {c}\n")));
+        out.into_bytes()
+    };
+    let fcsv = b"# Markups fiducial file version = 5.0\n# CoordinateSystem = LPS\n# columns = id,x,y,z,ow,ox,oy,oz,vis,sel,lock,label,desc,associatedNodeID\n1,1,2,300,0,0,0,1,1,1,0,femoral_head_center,,\n";
+    let mut slice = vec![0; 128];
+    slice.extend(b"DICM");
+    let files = [
+        ("a.vtk", vtk(&mesh("ct/femur.stl"))),
+        ("b.vtk", vtk(&tibia)),
+        ("F.fcsv", fcsv.to_vec()),
+        ("series/IM1", slice.clone()),
+        ("notes.docx", b"PK\x03\x04".to_vec()),
+    ];
+    let (said, toml, folder) = init(&[files.as_slice(), &scans].concat());
+    assert!(toml.contains("femur = \"ct/a.vtk\"") && toml.contains("landmarks = \"landmarks.fcsv\""), "{said}");
+    assert!(said.contains("1 DICOM files") && said.contains("so it is not needed"), "{said}");
+    assert!(said.contains("notes.docx left out: the file is a zip archive"), "{said}");
+    build_model().arg("check").arg(folder.path().join("knee")).assert().success();
+    let (said, toml, folder) = init(&[("series/IM1", slice.clone()), ("series/IM2", slice)]);
+    assert!(toml.contains("volume = \"ct/dicom\"") && said.contains("a DICOM series of 2 files"), "{said}");
+    assert!(folder.path().join("knee/ct/dicom/IM2").exists());
+}
+
+#[test]
+fn surfaces_beside_a_label_map_are_not_taken_for_bones() {
+    let Some(mri) = shared("surfaces_beside_a_label_map_are_not_taken_for_bones", "mri/kneeB") else { return };
+    let folder = TempDir::new().unwrap();
+    let knee = folder.path().join("knee");
+    let run = build_model().arg("init").arg(&knee).arg("--from").arg(&mri).assert().success();
+    let said = String::from_utf8_lossy(&run.get_output().stdout).into_owned();
+    assert_eq!(said.matches("the label map shows this knee, so it is not needed").count(), 5, "{said}");
+    let toml: toml::Table = fs::read_to_string(knee.join("specimen.toml")).unwrap().parse().unwrap();
+    assert!(toml.contains_key("segmentation") && !toml.contains_key("ct"), "{toml}");
+    build_model().arg("check").arg(&knee).assert().success();
+}
+
 #[test]
 fn options_completions_manual_and_version() {
     build_model().args(["options", "hexmesh"]).assert().success().stdout(

@@ -78,10 +78,10 @@ fn one_stage_in_full_and_one_that_is_not_there() {
 #[test]
 fn what_stopped_a_build_is_told() {
     let folder = phantom("S192803-phantom");
-    build_model().arg(folder.path()).args(["--quiet", "--set", "bones.edge_mm=-1"]).assert().code(1);
+    build_model().arg(folder.path()).args(["--quiet", "--set", "register.error_limit_mm=0.001"]).assert().code(1);
     let (_, table) = inspect(folder.path(), &[]);
-    assert!(table.contains("stopped at bones: bones.edge_mm is -1"), "{table}");
+    assert!(table.contains("stopped at register: "), "{table}");
     let (_, text) = inspect(folder.path(), &["--json"]);
     let all: Vec<Value> = serde_json::from_str(&text).unwrap();
-    assert_eq!(all.last().unwrap()["failed"]["stage"], "bones");
+    assert_eq!(all.last().unwrap()["failed"]["stage"], "register");
 }

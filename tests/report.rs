@@ -40,17 +40,60 @@ fn report_again_gives_the_same_bytes() {
 #[test]
 fn report_of_a_failed_build_says_what_and_where() {
     let folder = phantom("S192803-phantom");
-    let run = build_model().arg(folder.path()).args(["--quiet", "--set", "cartilage.edge_mm=-1"]).assert().code(1);
+    let run =
+        build_model().arg(folder.path()).args(["--quiet", "--set", "cartilage.least_area_mm2=100000"]).assert().code(1);
     let said = String::from_utf8_lossy(&run.get_output().stderr).into_owned();
     let page = text(&folder.path().join("build/report.html"));
     let words = words(&page);
     assert!(words.contains("The build stopped at 04 cartilage."), "{said}");
     assert!(words.contains("04 cartilage: stopped here"));
     assert!(words.contains("data-scene=\"a/failed\""));
-    assert!(said.contains("edge_mm") && words.contains("edge_mm"));
+    assert!(said.starts_with("build-model: cartilage: "), "{said}");
     build_model().arg(folder.path()).args(["--quiet", "--to", "cartilage"]).assert().success();
     assert!(!text(&folder.path().join("build/report.html")).contains("stopped at"));
     assert!(!folder.path().join("build/failure.json").exists());
+}
+
+/// What the log says of each stage that stands in it: its name, and whether it is of an earlier run.
+fn logged(build: &Path) -> Vec<(String, bool)> {
+    let line = |l: &str| {
+        let record: serde_json::Value = serde_json::from_str(l).unwrap();
+        (record["stage"].as_str().unwrap().to_owned(), record["outdated"] == true)
+    };
+    text(&build.join("log.jsonl")).lines().map(line).collect()
+}
+
+#[test]
+fn a_good_report_is_not_cut_down_and_the_log_is_that_of_the_folder() {
+    let folder = phantom("S192803-phantom");
+    let build = folder.path().join("build");
+    let run = |more: &[&str]| build_model().arg(folder.path()).arg("--quiet").args(more).assert();
+    let names = ["ingest", "register", "bones", "cartilage"];
+    let all = |outdated: [bool; 4]| names.map(String::from).into_iter().zip(outdated).collect::<Vec<_>>();
+    run(&["--to", "cartilage"]).success();
+    let [page, methods] = ["report.html", "methods.md"].map(|name| text(&build.join(name)));
+    // nothing has changed: what comes after the last stage asked for is as good as before
+    run(&["--to", "ingest"]).success();
+    assert_eq!(logged(&build), all([false; 4]));
+    assert!(text(&build.join("report.html")) == page && !build.join("report-stopped.html").exists());
+    // bones that differ: what was made of the old ones stands, and is told so
+    run(&["--to", "bones", "--set", "bones.edge_mm=2.5"]).success();
+    assert_eq!(logged(&build), all([false, false, false, true]));
+    let table = build_model().arg("inspect").arg(folder.path()).assert().success();
+    assert!(String::from_utf8_lossy(&table.get_output().stdout).contains("(of an earlier run)"));
+    let stopped = text(&build.join("report-stopped.html"));
+    assert!(!stopped.contains("id=\"cartilage\"") && stopped.contains("id=\"bones\""));
+    // a run that fails
+    run(&["--set", "register.error_limit_mm=0.001"]).code(1);
+    assert_eq!(logged(&build), all([false, true, true, true]));
+    assert!(words(&text(&build.join("report-stopped.html"))).contains("The build stopped at 02 register."));
+    assert!(text(&build.join("report.html")) == page && text(&build.join("methods.md")) == methods);
+    // whole again
+    run(&["--to", "cartilage"]).success();
+    assert_eq!(logged(&build), all([false; 4]));
+    assert!(text(&build.join("report.html")) == page && text(&build.join("methods.md")) == methods);
+    let left = ["report-stopped.html", "methods-stopped.md", "failure.json"].map(|name| build.join(name).exists());
+    assert_eq!(left, [false; 3]);
 }
 
 #[test]

@@ -3,7 +3,7 @@
 #![expect(clippy::disallowed_methods, reason = "tests look at what a build left")]
 
 use crate::common::{build_model, differing, files, phantom, text, write};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::time::Duration;
 use tempfile::TempDir;
@@ -201,6 +201,82 @@ fn a_killed_build_goes_on_to_the_same_bytes() {
     }
     build(specimen.path(), broken.path(), &[]);
     assert_eq!(differing(&whole, &files(broken.path())), Vec::<String>::new());
+}
+
+/// Parts of stages at work that are kept in a build's folder, with when they were written.
+fn parts(folder: &Path) -> BTreeMap<String, std::time::SystemTime> {
+    let entries = std::fs::read_dir(folder).unwrap().map(|e| e.unwrap());
+    let own = entries.filter(|e| e.file_name().to_string_lossy().starts_with(".part-"));
+    own.map(|e| (e.file_name().to_string_lossy().into_owned(), e.metadata().unwrap().modified().unwrap())).collect()
+}
+
+#[test]
+fn no_finished_calibration_is_made_twice() {
+    let specimen = TempDir::new().unwrap();
+    build_model().args(["phantom", "S192803-phantom"]).arg(specimen.path()).assert().success();
+    let (whole, broken) = (TempDir::new().unwrap(), TempDir::new().unwrap());
+    let to_assemble: Vec<&str> = SHORT.iter().copied().chain(["--to", "assemble"]).collect();
+    for out in [&whole, &broken] {
+        build(specimen.path(), out.path(), &to_assemble);
+    }
+    let start = std::time::Instant::now();
+    build(specimen.path(), whole.path(), &SHORT);
+    let time = start.elapsed();
+    let mut known = BTreeMap::new();
+    for moment in 0..10 {
+        let mut child = std::process::Command::new(assert_cmd::cargo::cargo_bin("build-model"))
+            .arg(specimen.path())
+            .arg("--out")
+            .arg(broken.path())
+            .args(SHORT)
+            .arg("--quiet")
+            .spawn()
+            .unwrap();
+        // further and further into what is left to do
+        std::thread::sleep(time.mul_f64(0.12 + 0.04 * f64::from(moment)));
+        let _ = child.kill();
+        child.wait().unwrap();
+        let now = parts(broken.path());
+        for (name, written) in &now {
+            assert!(
+                known.get(name).is_none_or(|before| before == written),
+                "{name} was made twice, at moment {moment}"
+            );
+        }
+        known.extend(now);
+    }
+    assert!(!known.is_empty(), "no moment met a finished part");
+    build(specimen.path(), broken.path(), &SHORT);
+    assert!(parts(broken.path()).is_empty());
+    let (whole, broken) = (files(whole.path()), files(broken.path()));
+    assert!(whole.contains_key("12-diagnose/diagnosis.json") && whole.contains_key("10-calibrate/joint/model.json"));
+    assert_eq!(differing(&whole, &broken), Vec::<String>::new());
+}
+
+#[test]
+#[cfg(unix)]
+fn ctrl_c_says_what_is_kept_and_how_to_go_on() {
+    let specimen = phantom("S193761-phantom");
+    let out = specimen.path().join("my build");
+    let child = std::process::Command::new(assert_cmd::cargo::cargo_bin("build-model"))
+        .arg(specimen.path())
+        .arg("--out")
+        .arg(&out)
+        .args(["--quiet", "--force"])
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    while !out.join("01-ingest").exists() {
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    std::thread::sleep(Duration::from_millis(50));
+    let id = child.id().to_string();
+    assert!(std::process::Command::new("kill").args(["-INT", &id]).status().unwrap().success());
+    let ended = child.wait_with_output().unwrap();
+    let said = String::from_utf8_lossy(&ended.stderr).into_owned();
+    assert_eq!(ended.status.code(), Some(130), "{said}");
+    assert!(said.contains("interrupted. Kept in ") && said.contains("Go on: build-model "), "{said}");
+    assert!(said.contains("/my build'") && !said.contains("--force"), "{said}");
 }
 
 #[test]

@@ -178,7 +178,7 @@ impl Checkpoint {
                 evaluations: r.history.len(),
                 lowest_cost: r.best().map_or(f64::INFINITY, |b| b.0),
             },
-            State::Inference => Progress { phase: "inferring", share: 0.5, evaluations: 0, lowest_cost: f64::INFINITY },
+            State::Inference => Progress { phase: "fits", share: 0.0, evaluations: 0, lowest_cost: f64::INFINITY },
             State::Descent(h) => Progress {
                 phase: "descents",
                 share: h.share(&o.descent),

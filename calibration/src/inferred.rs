@@ -25,6 +25,7 @@ use rayon::prelude::*;
 use sim::coordinate::{AP, Coordinate, FREE, Free, Load};
 use sim::laxity::{LaxityTrial, Test};
 use std::collections::BTreeMap;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Scatter of loads: moments [N m], forces [N]. Recorded ones scatter by 0.1 N m and 2 N, as the diagnosis has it (docs/theory/discrepancy.md); friction,
 /// which the equilibria leave out, adds 0.03 of some 130 N of contact across it, by a lever of 25 mm for moments.
@@ -62,6 +63,8 @@ pub struct Question<'a> {
     pub frames: Option<&'a KnownFrames>,
     /// The most probable values of all data sets together, by name, where this is one of them: a start.
     pub joint: Option<&'a BTreeMap<String, f64>>,
+    /// Told of every fit that has ended: how many, and of how many.
+    pub on_fit: &'a (dyn Fn(usize, usize) + Sync),
 }
 
 /// What an inference leaves beside [`Calibrated`].
@@ -86,6 +89,11 @@ pub fn inferred(question: &Question) -> Result<Inferred, CalibrationError> {
     let model = question.knee.search_model().with_friction(0.0)?;
     let (asked, measured) = trials(question.sources);
     let beliefs = beliefs(question, &model.bundle_names(), &asked, measured)?;
+    let mut starts = vec![start(question, &parameters)];
+    starts.extend(question.joint.map(|values| joint_start(values, &parameters)));
+    let inference = inference::posterior::Options { seed: options.seed, ..options.inference.clone() };
+    let (done, expected) = (AtomicUsize::new(0), inference.fits(starts.len()));
+    let on_fit = || (question.on_fit)((done.fetch_add(1, Ordering::Relaxed) + 1).min(expected), expected);
     let trials = Trials {
         model: &model,
         spec,
@@ -95,13 +103,11 @@ pub fn inferred(question: &Question) -> Result<Inferred, CalibrationError> {
         options: question.knee.search_options(),
         load_sd: LOAD_SD,
         lack: LACK,
+        on_fit: Some(&on_fit),
     };
     trials.check()?;
     let mut likelihood = likelihood(question.sources, &trials, options);
-    let mut starts = vec![start(question, &parameters)];
-    starts.extend(question.joint.map(|values| joint_start(values, &parameters)));
-    let options = inference::posterior::Options { seed: options.seed, ..options.inference.clone() };
-    let found = infer(&trials, &mut likelihood, &starts, &options)?;
+    let found = infer(&trials, &mut likelihood, &starts, &inference)?;
     told(question, &trials, &likelihood, found)
 }
 

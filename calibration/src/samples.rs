@@ -102,6 +102,7 @@ impl Samples {
             options: &options,
             load_sd: Load::default(),
             lack: LACK,
+            on_fit: None,
         };
         let mode = DVector::from_iterator(parameters.len(), self.of.unknowns.iter().map(|u| u.most_probable));
         let answers = knee.at(&mode, None).ok_or_else(|| {

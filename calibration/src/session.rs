@@ -136,11 +136,25 @@ impl Session {
     pub fn run(
         &self,
         knee: &Knee,
-        mut checkpoint: Checkpoint,
+        checkpoint: Checkpoint,
         watch: &mut dyn FnMut(&Checkpoint) -> ControlFlow<()>,
     ) -> Result<Outcome, CalibrationError> {
+        self.run_told(knee, checkpoint, watch, &|_, _| ())
+    }
+
+    /// [`Session::run`]; `on_fit` is told of every fit of the method gradient that has ended, on whatever thread: how many, and of how many.
+    ///
+    /// # Errors
+    /// Those of [`Session::run`].
+    pub fn run_told(
+        &self,
+        knee: &Knee,
+        mut checkpoint: Checkpoint,
+        watch: &mut dyn FnMut(&Checkpoint) -> ControlFlow<()>,
+        on_fit: &(dyn Fn(usize, usize) + Sync),
+    ) -> Result<Outcome, CalibrationError> {
         if self.identity.options.method == Method::Gradient {
-            return self.infer(knee, &checkpoint, watch);
+            return self.infer(knee, &checkpoint, watch, on_fit);
         }
         let search = knee.searching(&self.design, &self.targets.trials);
         let search = Experiment { design: &self.design, simulate: &search, trials: self.targets.trials.len() };
@@ -165,13 +179,15 @@ impl Session {
         knee: &Knee,
         checkpoint: &Checkpoint,
         watch: &mut dyn FnMut(&Checkpoint) -> ControlFlow<()>,
+        on_fit: &(dyn Fn(usize, usize) + Sync),
     ) -> Result<Outcome, CalibrationError> {
         if watch(checkpoint).is_break() {
             return Err(CalibrationError::Stopped);
         }
         let (sources, options) = (&self.sources, &self.identity.options);
         let (frames, joint) = (self.joint.as_ref().map(|j| &j.frames), self.joint.as_ref().map(|j| &j.values));
-        let question = Question { knee, design: &self.design, sources, cost: &self.cost, options, frames, joint };
+        let design = &self.design;
+        let question = Question { knee, design, sources, cost: &self.cost, options, frames, joint, on_fit };
         let found = inferred(&question)?;
         Ok(self.outcome(found.found, found.spec, found.frames))
     }

@@ -111,6 +111,7 @@ fn a_displacement_is_the_difference_of_two_poses_and_its_slopes_are_right() {
             options: knee.search_options(),
             load_sd: Load::new(0.1, 0.1, 2.0, 2.0, 2.0),
             lack: Lack { sd: Load(Free::all(1.0)), flexion_deg: 25.0, load: Load::new(6.0, 3.0, 60.0, 60.0, 60.0) },
+            on_fit: None,
         };
         let point = trials.at(z, None).expect("an answer");
         let scatter = trials.scatter(&point.state).expect("a covariance");

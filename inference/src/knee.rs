@@ -104,6 +104,8 @@ pub struct Trials<'a> {
     pub load_sd: Load,
     /// What the model lacks.
     pub lack: Lack,
+    /// Told of every fit of an inference that has ended.
+    pub on_fit: Option<&'a (dyn Fn() + Sync)>,
 }
 
 /// What a model lacks of a knee, as loads that nobody applied [kennedy2001]: alike in trials of like flexion and load, whichever data set has them, and
@@ -417,6 +419,10 @@ impl Forward for Trials<'_> {
 
     fn size(&self) -> usize {
         self.parameters.len()
+    }
+
+    fn fitted(&self) {
+        self.on_fit.iter().for_each(|told| told());
     }
 
     fn at(&self, z: &DVector<f64>, near: Option<(&DVector<f64>, &Answers)>) -> Option<Point<Answers>> {

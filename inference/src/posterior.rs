@@ -47,6 +47,8 @@ pub trait Forward: Sync {
     fn size(&self) -> usize;
     /// The answer at a point, from another close by where there is one; `None` where it has none.
     fn at(&self, z: &DVector<f64>, near: Option<(&DVector<f64>, &Self::State)>) -> Option<Point<Self::State>>;
+    /// Told of every fit that has ended, on whatever thread it was made; [`Options::fits`] says how many to expect.
+    fn fitted(&self) {}
     /// Whether a sample's fit starts from its own draw of a number, not from a mode's.
     fn starts_anew(&self, _number: usize) -> bool {
         false
@@ -94,6 +96,14 @@ impl Default for Options {
             sample_evaluations: 14,
             seed: 0,
         }
+    }
+}
+
+impl Options {
+    /// How many fits [`infer`] makes from `given` starts: every start, the best of them anew in each round, samples. Fewer where one has no answer.
+    pub fn fits(&self, given: usize) -> usize {
+        let starts = given + 1 + self.starts;
+        starts + (self.rounds + 1) * self.finalists.min(starts) + self.samples
     }
 }
 
@@ -262,7 +272,9 @@ fn fit<F: Forward>(
         let form = likelihood.form(&linear(&point, z), &shift.centre, shift.noise.as_ref());
         form.value.is_finite().then_some((form, point.state))
     };
-    descend(start.clone(), evaluate, stop)
+    let found = descend(start.clone(), evaluate, stop);
+    forward.fitted();
+    found
 }
 
 /// Modes of fits, the most probable first, each once.

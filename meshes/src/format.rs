@@ -4,6 +4,7 @@
 
 mod detail;
 pub mod dicom;
+pub mod kind;
 mod metaimage;
 pub mod nifti;
 mod nrrd;

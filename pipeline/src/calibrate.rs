@@ -1,6 +1,7 @@
 //! `calibrate`: ligament parameters from laxity data.
 
 use crate::error::BuildError;
+use crate::interrupted;
 use crate::model_file::{self, LoadedModel};
 use crate::options::{Override, parse_override, resolve};
 use crate::progress::Searching;
@@ -133,9 +134,13 @@ pub fn calibrate(args: &CalibrateArgs) -> Result<String, BuildError> {
     let what = args.targets.iter().map(|t| t.1.display().to_string()).collect::<Vec<_>>().join(", ");
     let mut keep = |bytes: &[u8]| store::write(&kept, bytes);
     let bar = Searching::new(args.quiet, &what);
+    let place = kept.clone();
+    let told = interrupted::working(move || {
+        store::exists(&place).then(|| format!("The search is kept in {}", place.display()))
+    });
     let tell = |share: f64, words: &str| bar.show(share, words);
     let outcome = run((&model, None), &sources, &options, &what, Watch { saved, keep: &mut keep, tell: &tell })?;
-    drop(bar);
+    drop((bar, told));
     let spec = model_file::moved(&outcome.spec, &model.folder, &out);
     let mut files =
         vec![("model.json".to_owned(), json(&spec)), ("metrics.json".to_owned(), json(&reports::metrics(&outcome)))];
@@ -184,7 +189,7 @@ pub struct Watch<'a> {
     /// Keeps it.
     pub keep: &'a mut dyn FnMut(&[u8]) -> Result<(), BuildError>,
     /// Told the share of the work done, 0 to 1, and what is going on.
-    pub tell: &'a dyn Fn(f64, &str),
+    pub tell: &'a (dyn Fn(f64, &str) + Sync),
 }
 
 /// Calibrates a model to data sets, after all data sets together where `joint` is of them; `what` names them.
@@ -203,10 +208,11 @@ pub fn run(
     let checkpoint = session.begin(watch.saved.as_deref()).map_err(fault)?;
     let knee = Knee::new(model.spec.clone(), &model.meshes, &options.search)
         .map_err(|e| BuildError::File(format!("{}: {e}", model.folder.display())))?;
-    let (mut last, mut failed) = (Instant::now(), None);
+    let (mut last, mut failed, tell) = (Instant::now(), None, watch.tell);
     let mut see = |c: &Checkpoint| {
         let p = c.progress();
-        (watch.tell)(p.share, &format!("{}, best cost {:.1}", p.phase, p.lowest_cost));
+        let best = if p.lowest_cost.is_finite() { format!(", best cost {:.1}", p.lowest_cost) } else { String::new() };
+        tell(p.share, &format!("{}{best}", p.phase));
         if last.elapsed() > CHECKPOINT_EVERY {
             last = Instant::now();
             if let Err(e) = (watch.keep)(&c.to_bytes()) {
@@ -216,7 +222,8 @@ pub fn run(
         }
         ControlFlow::Continue(())
     };
-    let outcome = session.run(&knee, checkpoint, &mut see);
+    let on_fit = |done: usize, of: usize| tell(done as f64 / of as f64, &format!("{done} of {of} fits"));
+    let outcome = session.run_told(&knee, checkpoint, &mut see, &on_fit);
     if let Some(e) = failed {
         return Err(e);
     }

@@ -5,6 +5,7 @@ mod page;
 
 use crate::error::BuildError;
 use crate::options::{BuildOptions, resolve};
+use crate::quoted::quoted;
 use crate::store;
 use clap::Args;
 use meshes::frame::Side;
@@ -129,7 +130,7 @@ fn words(file: &SpecimenFile, items: &[Item], plots: Option<PathBuf>, args: &Che
         let _ = writeln!(text, "Load against displacement: {}", place.display());
     }
     if count(State::Fault) == 0 {
-        let _ = writeln!(text, "Next: build-model build {}", args.dir.display());
+        let _ = writeln!(text, "Next: build-model build {}", quoted(&args.dir));
     }
     text
 }

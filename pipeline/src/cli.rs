@@ -15,7 +15,8 @@ use crate::simulate::SimulateArgs;
 use crate::validate::ValidateArgs;
 use crate::which_model::WhichModel;
 use crate::{
-    calibrate, fetch, init, inspect, manual, open, option_docs, phantom, report, run, schema, simulate, store, validate,
+    calibrate, fetch, init, inspect, interrupted, manual, open, option_docs, phantom, report, run, schema, simulate,
+    store, validate,
 };
 use clap::error::ErrorKind;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
@@ -205,6 +206,7 @@ pub fn main_of(words: impl IntoIterator<Item = OsString>) -> u8 {
     std::panic::set_hook(Box::new(|info| {
         eprintln!("build-model: internal error, please report it: {info}");
     }));
+    interrupted::listen();
     let words: Vec<OsString> = words.into_iter().collect();
     match std::panic::catch_unwind(|| answer(parsed(&words))) {
         Ok(Ok(text)) => {

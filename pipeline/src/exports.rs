@@ -4,9 +4,10 @@ use crate::error::BuildError;
 use crate::model_file::{LoadedModel, left_out, load_which};
 use crate::store;
 use crate::which_model::WhichModel;
+use meshes::hex::HexMesh;
 use meshes::surface::TriMesh;
 use meshes::{Isometry, Vector};
-use sim::mesh::MeshValue;
+use sim::mesh::{MeshValue, TetMesh};
 use std::path::Path;
 
 mod beside;
@@ -47,13 +48,20 @@ pub fn export(
     if poses.is_some() && format != Format::Vtk {
         return Err(BuildError::Usage("--poses goes with --format vtk".into()));
     }
-    let loaded = load_which(model, which)?;
+    let mut loaded = load_which(model, which)?;
+    let lacking = if format == Format::Abaqus { solids(&mut loaded)? } else { vec![] };
     let mut text = loaded.line() + &left_out(&loaded.spec, "export");
     let (files, warnings) = match (format, poses) {
         (Format::Abaqus, _) => {
             let deck = decks::export(&loaded.spec, &loaded.meshes)
                 .map_err(|e| BuildError::File(format!("{}: {e}", model.display())))?;
-            (texts(deck.files), deck.warnings)
+            let warnings = deck.warnings.into_iter().filter(|w| !lacking.iter().any(|path| w.starts_with(path)));
+            let lacking = lacking.iter().map(|path| {
+                format!(
+                    "{path} is not there: its cartilage is left out of the deck as a solid (contact does not need it)"
+                )
+            });
+            (texts(deck.files), warnings.chain(lacking).collect())
         }
         (Format::Febio, _) => (febio::files(&loaded)?, febio::warnings(&loaded)),
         (Format::Opensim, _) => (opensim::files(&loaded)?, opensim::warnings(&loaded)),
@@ -84,6 +92,34 @@ pub fn export(
     text.extend(warnings.iter().map(|w| format!("warning: {w}\n")));
     let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
     Ok(format!("{text}{} in {}\n", names.join(", "), out.display()))
+}
+
+/// Reads the cartilage solids that the model names into its meshes; gives the paths of those that are not there.
+fn solids(model: &mut LoadedModel) -> Result<Vec<String>, BuildError> {
+    let named: Vec<String> =
+        model.spec.bodies.iter().filter(|b| b.acts()).flat_map(|b| b.cartilage.iter().cloned()).collect();
+    let mut lacking = Vec::new();
+    for name in named {
+        let place = model.folder.join(&name);
+        if !store::exists(&place) {
+            lacking.push(name);
+            continue;
+        }
+        let read = meshes::format::vtk::read_solids(&store::read(&place)?)
+            .map_err(|e| BuildError::File(format!("{}: {e}", place.display())))?;
+        let mesh = match read.tetrahedra.is_empty() {
+            true => MeshValue::Hex(HexMesh { nodes: read.nodes, elements: read.hexahedra, ..HexMesh::default() }),
+            false if read.hexahedra.is_empty() => {
+                MeshValue::Tet(TetMesh { nodes: read.nodes, elements: read.tetrahedra })
+            }
+            false => {
+                let what = "hexahedra and tetrahedra in one mesh; expected one kind throughout";
+                return Err(BuildError::File(format!("{}: {what}", place.display())));
+            }
+        };
+        model.meshes.insert(name, mesh);
+    }
+    Ok(lacking)
 }
 
 fn texts(files: Vec<(String, String)>) -> Vec<File> {

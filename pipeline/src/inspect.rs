@@ -1,5 +1,6 @@
 //! `inspect`: what each stage made.
 
+use crate::alike::firsts;
 use crate::error::BuildError;
 use crate::record::{Failure, Record};
 use crate::stage::list::{folder_name, named};
@@ -126,7 +127,11 @@ pub fn table(records: &[Record]) -> String {
     let mut text = format!("{:3} {:12} {:>8} {:>9}  metrics\n", "", "stage", "seconds", "MiB");
     for r in records {
         let number = named(&r.stage).map_or("", |s| s.number());
-        let state = if r.cached { " (unchanged)" } else { "" };
+        let state = match (r.outdated, r.cached) {
+            (true, _) => " (of an earlier run)",
+            (_, true) => " (unchanged)",
+            _ => "",
+        };
         let _ = writeln!(
             text,
             "{number:3} {:12} {:8.2} {:9.0}  {}{state}",
@@ -136,9 +141,16 @@ pub fn table(records: &[Record]) -> String {
             brief(&r.stage, &r.metrics)
         );
     }
+    // one stage is told in full
+    let all = records.len() == 1;
     for r in records {
-        for warning in &r.warnings {
-            let _ = writeln!(text, "warning: {}: {warning}", r.stage);
+        let firsts = if all { r.warnings.iter().map(|w| (w.as_str(), 0)).collect() } else { firsts(&r.warnings) };
+        for (warning, more) in firsts {
+            let like = match more {
+                0 => String::new(),
+                n => format!(" (and {n} more of this kind: build-model inspect DIR {})", r.stage),
+            };
+            let _ = writeln!(text, "warning: {}: {warning}{like}", r.stage);
         }
     }
     text

@@ -7,6 +7,7 @@
 //! assert!(text.contains("hexmesh.edge_length_mm"));
 //! ```
 
+pub(crate) mod alike;
 mod bands;
 pub mod blind;
 pub mod build;
@@ -24,6 +25,7 @@ pub mod given;
 pub mod import;
 pub mod init;
 pub mod inspect;
+pub mod interrupted;
 pub mod kept;
 pub mod manual;
 pub mod model_file;
@@ -34,6 +36,7 @@ pub mod output;
 pub mod paper;
 pub mod phantom;
 pub mod progress;
+pub mod quoted;
 pub mod record;
 pub mod report;
 pub mod run;

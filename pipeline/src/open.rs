@@ -1,6 +1,7 @@
 //! `open`: a report in the browser.
 
 use crate::error::BuildError;
+use crate::quoted::quoted;
 use crate::{inspect, store};
 use std::path::{Path, PathBuf};
 
@@ -27,8 +28,6 @@ fn report(dir: &Path) -> Result<PathBuf, BuildError> {
     let page = inspect::build_folder(dir)?.join("report.html");
     match store::exists(&page) {
         true => Ok(page),
-        false => {
-            Err(BuildError::File(format!("no {}; write it: build-model report {}", page.display(), dir.display())))
-        }
+        false => Err(BuildError::File(format!("no {}; write it: build-model report {}", page.display(), quoted(dir)))),
     }
 }

@@ -1,5 +1,7 @@
 //! Options: the defaults of the program, overridden by specimen.toml, overridden by `--set stage.key=value`.
 
+mod ranges;
+
 use crate::error::BuildError;
 use calibration::options::CalibrateOptions;
 use diagnosis::search::DiagnosisOptions;
@@ -98,8 +100,28 @@ pub fn parse_override(text: &str) -> Result<Override, String> {
     })
 }
 
-/// The options in force, and whether every name in them is known.
+/// The options in force: every name in them known, every value in its range. All sections are judged, whatever is asked for.
+///
+/// Errors: the option, where it was set, what was expected.
 pub fn resolve(
+    specimen: &BTreeMap<String, Table>,
+    overrides: &[Override],
+    seed: Option<u64>,
+) -> Result<BuildOptions, BuildError> {
+    let options = typed(specimen, overrides, seed)?;
+    let table = Table::try_from(&options).map_err(|e| BuildError::Option(e.to_string()))?;
+    ranges::check(&options, &table).map_err(|fault| {
+        let more = format!("{}; see build-model options {}", fault.what, fault.section);
+        match overrides.iter().find(|o| o.stage == fault.section) {
+            Some(o) => BuildError::Usage(format!("--set {}.{}: {more}", o.stage, o.key)),
+            None => BuildError::Option(format!("specimen.toml [options.{}]: {more}", fault.section)),
+        }
+    })?;
+    Ok(options)
+}
+
+/// The options in force, their names known and of the right type.
+pub(crate) fn typed(
     specimen: &BTreeMap<String, Table>,
     overrides: &[Override],
     seed: Option<u64>,
@@ -212,5 +234,40 @@ mod tests {
             let error = resolve(&BTreeMap::new(), &[set(text)], None).unwrap_err().to_string();
             assert!(error.contains(named), "{error}");
         }
+    }
+
+    #[test]
+    fn a_value_out_of_its_range_is_refused_in_every_section() {
+        for (text, expected) in [
+            ("segment.neck_share=0", "above 0"),
+            ("ingest.label_blur=-1", "0 to 10"),
+            ("ingest.ras=[\"mri\"]", "any of"),
+            ("register.held_out_of=1", "2 to 1000"),
+            ("bones.edge_mm=0.1", "0.2 mm or more"),
+            ("cartilage.cleft_mm=nan", "0 to 20"),
+            ("frames.given_limits=[12, -1]", "not negative"),
+            ("attachments.mark_reach_mm=inf", "finite"),
+            ("hexmesh.edge_length_mm=-1", "not negative"),
+            ("hexmesh.layers=11", "1 to 10"),
+            ("overclosure.momentum=1", "0 to 1"),
+            ("contact-law.force_n=5", "10 to 5000"),
+            ("assemble.pressure_mpa=[0, 1]", "equally long"),
+            ("calibrate.inference.finalists=0", "at least 1"),
+            ("calibrate.gradient.interval=1", "between 0 and 1"),
+            ("validate.ap_rows=0", "1 to 10000"),
+            ("validate.trials.load_s=-0.1", "not negative"),
+            ("diagnose.folds=1", "2 to 100"),
+        ] {
+            let (_, key) = text.split_once('.').unwrap();
+            let key = key.split('=').next().unwrap();
+            let error = resolve(&BTreeMap::new(), &[parse_override(text).unwrap()], None).unwrap_err();
+            assert_eq!(error.exit_status(), 2, "{error}");
+            let error = error.to_string();
+            assert!(error.contains(&format!(".{key}")) && error.contains(expected), "{text}: {error}");
+        }
+        let far: Table = "edge_mm = 0.1".parse().unwrap();
+        let error = resolve(&BTreeMap::from([("bones".to_owned(), far)]), &[], None).unwrap_err();
+        assert!(error.exit_status() == 1 && error.to_string().starts_with("specimen.toml [options.bones]"), "{error}");
+        assert_eq!(resolve(&BTreeMap::new(), &[], Some(u64::MAX >> 1)).unwrap().calibrate.seed, u64::MAX >> 1);
     }
 }

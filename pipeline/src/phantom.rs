@@ -28,7 +28,11 @@ pub fn write(id: &str, seed: u64, volume: bool, hide: Option<&str>, dir: &Path) 
         return Err(BuildError::File(format!("{} is not empty; give a new folder", dir.display())));
     }
     store::write_all(dir, &made.files)?;
-    Ok(format!("A synthetic knee, {id}, is in {0}. Build its model: build-model {0}\n", dir.display()))
+    Ok(format!(
+        "A synthetic knee, {id}, is in {}. Build its model: build-model {}\n",
+        dir.display(),
+        crate::quoted::quoted(dir)
+    ))
 }
 
 /// What truth.json tells that a laboratory needs.

@@ -5,7 +5,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::cell::RefCell;
 use std::io::IsTerminal;
 use std::sync::Arc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// How far a command has come.
 #[derive(Clone, Debug, PartialEq)]
@@ -97,6 +97,18 @@ impl Progress {
     }
 }
 
+/// How much time is left, in words, when a share of work that began so long ago is done; empty before a twentieth of it is.
+pub fn left(begun: Instant, share: f64) -> String {
+    if !(0.05..1.0).contains(&share) {
+        return String::new();
+    }
+    let seconds = begun.elapsed().as_secs_f64() * (1.0 / share - 1.0);
+    match seconds {
+        0.0..90.0 => format!(", about {seconds:.0} s left"),
+        _ => format!(", about {:.0} min left", seconds / 60.0),
+    }
+}
+
 /// The share of the stages that are done.
 fn share(bar: &ProgressBar) -> f64 {
     bar.position() as f64 / bar.length().unwrap_or(1) as f64
@@ -106,6 +118,7 @@ fn share(bar: &ProgressBar) -> f64 {
 pub struct Searching {
     bar: ProgressBar,
     what: String,
+    begun: Instant,
     watcher: Option<Watcher>,
 }
 
@@ -115,18 +128,19 @@ impl Searching {
         let visible = !quiet && std::io::stderr().is_terminal();
         let target = if visible { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
         let bar = ProgressBar::with_draw_target(Some(1000), target);
-        if let Ok(style) = ProgressStyle::with_template("{prefix} {bar:20} {msg} {elapsed}, {eta} left") {
+        if let Ok(style) = ProgressStyle::with_template("{prefix} {bar:20} {msg}") {
             bar.set_style(style);
         }
         bar.set_prefix(what.to_string());
-        Searching { bar, what: what.to_owned(), watcher: watcher() }
+        Searching { bar, what: what.to_owned(), begun: Instant::now(), watcher: watcher() }
     }
 
     /// A share of the work is done, 0 to 1.
     pub fn show(&self, share: f64, message: &str) {
         self.bar.set_position((share * 1000.0) as u64);
-        self.bar.set_message(message.to_string());
-        tell(self.watcher.as_ref(), &self.what, share, message);
+        let words = format!("{message}{}", left(self.begun, share));
+        self.bar.set_message(words.clone());
+        tell(self.watcher.as_ref(), &self.what, share, &words);
     }
 }
 

@@ -15,6 +15,9 @@ pub struct Record {
     pub digest: String,
     /// Taken from an earlier run.
     pub cached: bool,
+    /// Left by an earlier run with other inputs or options, or not looked at since: its folder stands, and is not what this run would make.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub outdated: bool,
     /// What it warns of.
     pub warnings: Vec<String>,
     /// Its metrics.
@@ -28,6 +31,11 @@ pub struct Failure {
     pub stage: String,
     /// Why, and what to do.
     pub message: String,
+}
+
+/// The records of stages that are what the last run made or found unchanged.
+pub fn current(records: &[Record]) -> Vec<Record> {
+    records.iter().filter(|r| !r.outdated).cloned().collect()
 }
 
 /// Pretty JSON with a final newline.

@@ -2,9 +2,9 @@
 
 use crate::error::BuildError;
 use crate::inspect;
-use crate::record::{Failure, Record};
+use crate::record::{self, Failure, Record};
 use crate::stage::list::heading;
-use crate::store::BuildFolder;
+use crate::store::{self, BuildFolder};
 use serde_json::json;
 use std::path::Path;
 
@@ -42,13 +42,16 @@ pub fn rewrite(dir: &Path, other: Option<&Path>) -> Result<String, BuildError> {
     let records = inspect::records(&build)?;
     let name = match other {
         None => {
-            folder.write_file("report.html", page(&folder, &records, inspect::failure(&build).as_ref())?.as_bytes())?;
-            "report.html"
+            let whole = !store::exists(&build.join(STOPPED));
+            write(&folder, &records, inspect::failure(&build).as_ref(), whole)?
         }
         Some(other) => {
             let other = inspect::build_folder(other)?;
             let second = BuildFolder::open(&other)?;
-            let page = compare::page([(&folder, &records), (&second, &inspect::records(&other)?)], [&build, &other])?;
+            let page = compare::page(
+                [(&folder, &record::current(&records)), (&second, &record::current(&inspect::records(&other)?))],
+                [&build, &other],
+            )?;
             folder.write_file("compare.html", page.as_bytes())?;
             "compare.html"
         }
@@ -56,14 +59,47 @@ pub fn rewrite(dir: &Path, other: Option<&Path>) -> Result<String, BuildError> {
     Ok(format!("{}\n", build.join(name).display()))
 }
 
+/// The report of a build.
+pub const REPORT: &str = "report.html";
+/// What a run that came less far writes beside it.
+pub const STOPPED: &str = "report-stopped.html";
+const FAILURE: &str = "failure.json";
+/// The methods that belong to either.
+const METHODS: [&str; 2] = ["methods.md", "methods-stopped.md"];
+
+/// Writes the report with its methods, and what stopped the build; gives the report's name. A report is replaced by that of a `whole` run, by one that is
+/// as complete, or where it was one of a build that stopped; else the new one stands beside it.
+pub fn write(
+    folder: &BuildFolder,
+    records: &[Record],
+    failure: Option<&Failure>,
+    whole: bool,
+) -> Result<&'static str, BuildError> {
+    let there = |name: &str| store::exists(&folder.path().join(name));
+    let good = there(REPORT) && (there(STOPPED) || !there(FAILURE));
+    let beside = good && !whole && records.iter().any(|r| r.outdated);
+    match failure {
+        Some(failure) => folder.write_file(FAILURE, &record::json(failure))?,
+        None => store::discard(&folder.path().join(FAILURE)),
+    }
+    if !beside {
+        [STOPPED, METHODS[1]].iter().for_each(|name| store::discard(&folder.path().join(name)));
+    }
+    let name = if beside { STOPPED } else { REPORT };
+    let current = record::current(records);
+    folder.write_file(METHODS[usize::from(beside)], methods(folder, &current).as_bytes())?;
+    folder.write_file(name, page(folder, &current, failure)?.as_bytes())?;
+    Ok(name)
+}
+
 /// methods.md: versions, options and digests as plain text; empty where run.toml cannot be read.
-pub fn methods(folder: &BuildFolder, records: &[Record]) -> String {
+fn methods(folder: &BuildFolder, records: &[Record]) -> String {
     let run = folder.read_file("run.toml").unwrap_or_default();
     methods::Methods::read(&run, records).map_or(String::new(), |m| m.markdown())
 }
 
 /// The page. It holds no times, so that the same build gives the same bytes.
-pub fn page(folder: &BuildFolder, records: &[Record], failure: Option<&Failure>) -> Result<String, BuildError> {
+fn page(folder: &BuildFolder, records: &[Record], failure: Option<&Failure>) -> Result<String, BuildError> {
     let mut body = Body::new(folder, records, "a", true);
     let (id, synthetic) = body.identity();
     let mut html = head(&id);

@@ -5,11 +5,13 @@ use crate::build_args::BuildArgs;
 use crate::error::BuildError;
 use crate::options::{BuildOptions, resolve};
 use crate::progress::Progress;
-use crate::record::{Failure, Record, hash, json};
+use crate::quoted::quoted;
+use crate::record::{self, Failure, Record, hash};
 use crate::run_log::{Range, RunLog};
 use crate::stage::list::{STAGES, folder_name, names};
+use crate::stage::parts;
 use crate::store::{self, BuildFolder};
-use crate::{inspect, report};
+use crate::{inspect, interrupted, report};
 use stages::specimen::{RawSpecimen, SpecimenFile};
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -48,20 +50,18 @@ pub fn run(args: &BuildArgs) -> Result<String, BuildError> {
     if args.plan {
         return planned(build_model(&file, &raw, &mut log), &log.records, args.json);
     }
+    let place = out.clone();
+    let _told = interrupted::working(move || Some(kept(&place)));
     folder.write_file("run.toml", run_toml(&raw, &file, &options)?.as_bytes())?;
-    let stopped = match build_model(&file, &raw, &mut log) {
-        Ok(_) | Err(BuildError::Reached) => None,
-        Err(error) => Some(error),
+    let (stopped, whole) = match build_model(&file, &raw, &mut log) {
+        Ok(()) => (None, true),
+        Err(BuildError::Reached) => (None, false),
+        Err(error) => (Some(error), false),
     };
-    let records = std::mem::take(&mut log.records);
+    let records = log.settled(stopped.is_some())?;
     drop(log);
     let failure = stopped.as_ref().map(failure);
-    match &failure {
-        Some(failure) => folder.write_file("failure.json", &json(failure))?,
-        None => store::discard(&out.join("failure.json")),
-    }
-    folder.write_file("methods.md", report::methods(&folder, &records).as_bytes())?;
-    folder.write_file("report.html", report::page(&folder, &records, failure.as_ref())?.as_bytes())?;
+    let page = report::write(&folder, &records, failure.as_ref(), whole)?;
     if let Some(error) = stopped {
         return Err(error);
     }
@@ -70,7 +70,7 @@ pub fn run(args: &BuildArgs) -> Result<String, BuildError> {
     } else if args.quiet {
         String::new()
     } else {
-        closing_words(&out, &records)
+        closing_words(&out, &records, page)
     })
 }
 
@@ -87,6 +87,19 @@ fn planned(end: Result<(), BuildError>, records: &[Record], json: bool) -> Resul
             Ok(text + &format!("{stage:12} would run, and what needs it: it never has\n"))
         }
         Err(error) => Err(error),
+    }
+}
+
+/// What a build that is interrupted now leaves to go on from.
+fn kept(out: &Path) -> String {
+    let records = record::current(&inspect::records(out).unwrap_or_default());
+    let stages = match records.last() {
+        None => "No stage is finished".to_owned(),
+        Some(last) => format!("Kept in {}: {} stages, up to {}", out.display(), records.len(), last.stage),
+    };
+    match parts::kept(out) {
+        parts if parts.is_empty() => stages,
+        parts => format!("{stages}; of the stage at work {}", parts.join(", ")),
     }
 }
 
@@ -126,18 +139,24 @@ fn run_toml(raw: &RawSpecimen, file: &SpecimenFile, options: &BuildOptions) -> R
     toml::to_string(&table).map_err(|e| BuildError::File(format!("run.toml: {e}")))
 }
 
-fn closing_words(out: &Path, records: &[Record]) -> String {
+fn closing_words(out: &Path, records: &[Record], page: &str) -> String {
     let mut text = inspect::table(records);
-    let _ = writeln!(
-        text,
-        "\nThe report is {}. Open it: build-model open {}",
-        out.join("report.html").display(),
-        out.display()
-    );
-    if records.iter().any(|r| r.stage == "assemble") {
+    let _ = writeln!(text, "\nThe report is {}. Open it: build-model open {}", out.join(page).display(), quoted(out));
+    let left: Vec<&str> = records.iter().filter(|r| r.outdated).map(|r| r.stage.as_str()).collect();
+    if !left.is_empty() {
+        let beside = if page == report::REPORT { "" } else { " and report.html: to build them anew, leave --to out" };
+        let _ = writeln!(
+            text,
+            "Of an earlier run {} {}{beside}",
+            if left.len() == 1 { "is" } else { "are" },
+            left.join(", ")
+        );
+    }
+    let done = |stage: &str| records.iter().any(|r| r.stage == stage && !r.outdated);
+    if done("assemble") {
         let _ = writeln!(text, "The model is {}", out.join(folder_name("assemble")).join("model.json").display());
     }
-    if records.iter().any(|r| r.stage == "calibrate") {
+    if done("calibrate") {
         let _ = writeln!(text, "Calibrated models are in {}", out.join(folder_name("calibrate")).display());
     }
     text

@@ -5,7 +5,8 @@ use crate::kept::{Inputs, Kept};
 use crate::options::BuildOptions;
 use crate::progress::Progress;
 use crate::record::{Record, hash, json};
-use crate::stage::{Files, Reported, Stage, VALUE, Work, section};
+use crate::stage::list::{folder_name, names};
+use crate::stage::{Files, Reported, Stage, VALUE, Work, parts, section};
 use crate::store::{self, BuildFolder};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -38,6 +39,8 @@ pub struct RunLog<'a> {
     options: &'a BuildOptions,
     range: Range,
     forced: bool,
+    /// The last stage asked for is done: what comes after it is only looked at.
+    reached: bool,
     progress: Progress,
     earlier: BTreeMap<String, Record>,
     /// One record a finished stage; of a plan, one a stage that would be there.
@@ -55,7 +58,7 @@ impl<'a> RunLog<'a> {
             .filter_map(|l| serde_json::from_str::<Record>(l).ok())
             .map(|r| (r.stage.clone(), r))
             .collect();
-        RunLog { folder, options, forced: range.force, range, progress, earlier, records: Vec::new() }
+        RunLog { folder, options, forced: range.force, range, reached: false, progress, earlier, records: Vec::new() }
     }
 
     /// The options in force.
@@ -66,11 +69,17 @@ impl<'a> RunLog<'a> {
     /// Runs or takes up a stage. What it is given and its section of the options are the key under which its value is kept.
     pub(crate) fn stage<S: Stage>(&mut self, inputs: S::Inputs<'_>) -> Result<Kept<S::Value>, BuildError> {
         if self.records.last().is_some_and(|r| Some(&r.stage) == self.range.to.as_ref()) {
+            self.reached = true;
+        }
+        if self.reached && self.range.plan {
             return Err(BuildError::Reached);
         }
         self.forced |= self.range.from.as_deref() == Some(S::NAME);
         let options = S::options(self.options);
         let key = key(S::NAME, section::<S>(self.options)?, inputs);
+        if self.reached {
+            return self.left_over::<S>(&key);
+        }
         if !self.forced
             && let Some(kept) = self.take_up::<S>(&key)?
         {
@@ -82,9 +91,13 @@ impl<'a> RunLog<'a> {
         self.progress.start(S::NAME);
         store::reset_peak_memory();
         let start = Instant::now();
-        let work = Work { folder: self.folder, tell: &self.progress.teller() };
+        if self.forced {
+            parts::discard(self.folder, S::NAME);
+        }
+        let work = Work { folder: self.folder, tell: &self.progress.teller(), stage: (S::NAME, &key) };
         let value = S::run(inputs, options, &work).map_err(|e| BuildError::stage(S::NAME, e))?;
         let kept = self.keep::<S>(key, value, inputs)?;
+        parts::discard(self.folder, S::NAME);
         let seconds = start.elapsed().as_secs_f64();
         let took = ((seconds * 1e3).round() / 1e3, store::peak_memory_mib().unwrap_or(0.0).round());
         self.record(record(S::NAME, &kept, took, false))?;
@@ -101,10 +114,15 @@ impl<'a> RunLog<'a> {
         let whole = seal.files.len() + 1 == files.len()
             && seal.files.iter().all(|(name, digest)| files.get(name).is_some_and(|b| hash(b) == *digest));
         if !whole {
-            self.progress.note(&format!("{}: its artifacts were changed by hand; built anew", S::NAME));
+            if !self.reached {
+                self.progress.note(&format!("{}: its artifacts were changed by hand; built anew", S::NAME));
+            }
             return Ok(None);
         }
         let Some(kept) = files.get(VALUE).and_then(|b| Some(Kept::made(decoded::<S>(b)?, b))) else { return Ok(None) };
+        if !self.range.plan {
+            parts::discard(self.folder, S::NAME);
+        }
         let took = self.earlier.get(S::NAME).map_or((0.0, 0.0), |r| (r.seconds, r.peak_memory_mib));
         self.record(record(S::NAME, &kept, took, true))?;
         Ok(Some(kept))
@@ -118,6 +136,43 @@ impl<'a> RunLog<'a> {
         let kept = Kept::outdated(value);
         self.record(record(S::NAME, &kept, (0.0, 0.0), false))?;
         Ok(kept)
+    }
+
+    /// Beyond the last stage asked for: what an earlier run left, told as outdated where this run would make it anew. None ends the build.
+    fn left_over<S: Stage>(&mut self, key: &str) -> Result<Kept<S::Value>, BuildError> {
+        if let Some(kept) = self.take_up::<S>(key)? {
+            return Ok(kept);
+        }
+        let file = format!("{}/{VALUE}", folder::<S>());
+        let value = self.folder.read_file(&file).and_then(|bytes| decoded::<S>(&bytes));
+        match (self.earlier.get(S::NAME), value) {
+            (Some(record), Some(value)) => {
+                self.records.push(Record { cached: true, outdated: true, ..record.clone() });
+                Ok(Kept::outdated(value))
+            }
+            _ => Err(BuildError::Reached),
+        }
+    }
+
+    /// The end of a run: every line of the log. What earlier runs left and this one did not come to is outdated, unless it went through and all that
+    /// was made is as it was.
+    pub fn settled(&mut self, stopped: bool) -> Result<Vec<Record>, BuildError> {
+        let same = |r: &Record| r.outdated || self.earlier.get(&r.stage).is_some_and(|e| e.digest == r.digest);
+        let outdated = stopped || self.records.iter().any(|r| r.outdated) || !self.records.iter().all(same);
+        let all = self.with_left(outdated);
+        self.write(&all)?;
+        Ok(all)
+    }
+
+    /// The records of this run and those of other stages that have a folder, in the order of the stages.
+    fn with_left(&self, outdated: bool) -> Vec<Record> {
+        let here = |stage: &str| self.records.iter().find(|r| r.stage == stage).cloned();
+        let left = |stage: &str| {
+            let record = self.earlier.get(stage)?;
+            let there = store::is_folder(&self.folder.path().join(folder_name(stage)));
+            there.then(|| Record { cached: true, outdated: outdated || record.outdated, ..record.clone() })
+        };
+        names().into_iter().filter_map(|stage| here(stage).or_else(|| left(stage))).collect()
     }
 
     fn keep<S: Stage>(
@@ -144,15 +199,20 @@ impl<'a> RunLog<'a> {
     }
 
     fn record(&mut self, record: Record) -> Result<(), BuildError> {
-        if !self.range.plan {
+        if !self.range.plan && !self.reached {
             self.progress.done(&record);
         }
         self.records.push(record);
-        if self.range.plan {
+        if self.range.plan || self.reached {
             return Ok(());
         }
+        // until it is looked at, what an earlier run left is not known to be this run's
+        self.write(&self.with_left(true))
+    }
+
+    fn write(&self, records: &[Record]) -> Result<(), BuildError> {
         let mut text = String::new();
-        for r in &self.records {
+        for r in records {
             text += &serde_json::to_string(r).map_err(|e| BuildError::File(e.to_string()))?;
             text.push('\n');
         }
@@ -168,6 +228,7 @@ fn record<T: Reported>(stage: &str, kept: &Kept<T>, took: (f64, f64), cached: bo
         peak_memory_mib: took.1,
         digest: kept.digest().to_owned(),
         cached,
+        outdated: false,
         warnings: kept.warnings().to_vec(),
         metrics: kept.metrics(),
     }

@@ -17,6 +17,7 @@ mod ingest;
 mod layers;
 pub(crate) mod list;
 mod overclosure;
+pub(crate) mod parts;
 mod register;
 mod segment;
 mod validate;
@@ -70,7 +71,27 @@ pub(crate) struct Work<'a> {
     /// Where an interrupted search is kept.
     pub(crate) folder: &'a BuildFolder,
     /// Told how far the work is.
-    pub(crate) tell: &'a dyn Fn(&str),
+    pub(crate) tell: &'a (dyn Fn(&str) + Sync),
+    /// The stage's name, and the key under which its value will be kept.
+    pub(crate) stage: (&'static str, &'a str),
+}
+
+impl Work<'_> {
+    /// A part of the stage's value: taken from an interrupted run that was given the same, or made and kept until the stage is done.
+    pub(crate) fn part<T: Serialize + DeserializeOwned>(
+        &self,
+        name: &str,
+        make: impl FnOnce() -> Result<T, BuildError>,
+    ) -> Result<T, BuildError> {
+        let (stage, key) = self.stage;
+        if let Some(value) = parts::taken(self.folder, stage, name, key) {
+            (self.tell)(&format!("{stage} {name}: taken from the run that was interrupted"));
+            return Ok(value);
+        }
+        let value = make()?;
+        parts::keep(self.folder, stage, name, key, &value)?;
+        Ok(value)
+    }
 }
 
 /// One stage. All of it is associated functions, which capture nothing: the result depends on inputs and options alone, and the

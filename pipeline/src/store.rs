@@ -5,6 +5,7 @@
 pub mod part;
 
 use crate::error::BuildError;
+use crate::quoted::quoted;
 use sim::names::did_you_mean;
 use stages::specimen::{RawSpecimen, SpecimenFile};
 use std::collections::BTreeMap;
@@ -79,15 +80,17 @@ pub fn first_that_exists(paths: &[PathBuf]) -> PathBuf {
 pub fn read_specimen(folder: &Path) -> Result<(SpecimenFile, RawSpecimen), BuildError> {
     if !folder.is_dir() {
         return Err(BuildError::File(format!(
-            "{} is not a specimen folder: no such folder{}; expected the folder that holds specimen.toml. A new one: build-model init {0}",
+            "{} is not a specimen folder: no such folder{}; expected the folder that holds specimen.toml. A new one: build-model init {}",
             folder.display(),
-            near_folder(folder)
+            near_folder(folder),
+            quoted(folder)
         )));
     }
     if !folder.join("specimen.toml").exists() {
         return Err(BuildError::File(format!(
-            "{} holds no specimen.toml; expected a specimen folder. Make one from these files: build-model init NEW_FOLDER --from {0}",
-            folder.display()
+            "{} holds no specimen.toml; expected a specimen folder. Make one from these files: build-model init NEW_FOLDER --from {}",
+            folder.display(),
+            quoted(folder)
         )));
     }
     let toml = read_text(&folder.join("specimen.toml"))?;
@@ -148,6 +151,7 @@ impl BuildFolder {
     /// Opens or makes the folder, takes its lock, and sweeps what an interrupted build left behind.
     pub fn open(root: &Path) -> Result<BuildFolder, BuildError> {
         let wrong = |e: std::io::Error| BuildError::File(format!("cannot write to {}: {}", root.display(), words(&e)));
+        in_the_way(root)?;
         fs::create_dir_all(root).map_err(wrong)?;
         let lock = File::options().create(true).truncate(false).write(true).open(root.join(".lock")).map_err(wrong)?;
         lock.try_lock().map_err(|_| {
@@ -236,8 +240,21 @@ fn gather(folder: &Path, prefix: &str, files: &mut BTreeMap<String, Vec<u8>>) ->
     Some(())
 }
 
+/// A file that stands where a folder is wanted, at the path or above it.
+fn in_the_way(path: &Path) -> Result<(), BuildError> {
+    match path.ancestors().find(|p| p.exists()).filter(|p| !p.is_dir()) {
+        None => Ok(()),
+        Some(file) => Err(BuildError::File(format!(
+            "cannot write to {}: {} is a file, a folder was expected; name another, or move the file away",
+            path.display(),
+            file.display()
+        ))),
+    }
+}
+
 /// Writes files below `folder`, making folders as needed (for commands whose output is not a build).
 pub fn write_all(folder: &Path, files: &[(String, Vec<u8>)]) -> Result<(), BuildError> {
+    in_the_way(folder)?;
     for (name, bytes) in files {
         write(&folder.join(name), bytes)?;
     }
@@ -265,6 +282,7 @@ pub fn absolute(path: &Path) -> Result<PathBuf, BuildError> {
 
 /// Makes a folder and those above it; gives it without links and dots.
 pub fn make_folder(path: &Path) -> Result<PathBuf, BuildError> {
+    in_the_way(path)?;
     fs::create_dir_all(path)
         .map_err(|e| BuildError::File(format!("cannot write to {}: {}", path.display(), words(&e))))?;
     absolute(path)

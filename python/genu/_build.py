@@ -70,24 +70,29 @@ class Build:
 
     @property
     def log(self) -> list[dict[str, Any]]:
-        """The lines of log.jsonl: ``stage``, ``seconds``, ``peak_memory_mib``, ``digest``, ``cached``, ``warnings``, ``metrics``."""
+        """The lines of log.jsonl: ``stage``, ``seconds``, ``peak_memory_mib``, ``digest``, ``cached``, ``warnings``, ``metrics``;
+        ``outdated`` where the stage's folder is of an earlier run."""
         with open(os.path.join(self.folder, "log.jsonl"), encoding="utf-8") as file:
             return [json.loads(line) for line in file if line.strip()]
 
     @property
+    def _current(self) -> list[dict[str, Any]]:
+        return [r for r in self.log if not r.get("outdated")]
+
+    @property
     def stages(self) -> list[str]:
-        """Names of the stages that are done, in order."""
-        return [r["stage"] for r in self.log]
+        """Names of the stages that are done, in order; without those that an earlier run left and the last did not come to."""
+        return [r["stage"] for r in self._current]
 
     @property
     def metrics(self) -> dict[str, dict[str, Any]]:
         """By stage, its figures with dotted names, such as ``metrics["cartilage"]["femur.volume_mm3"]``."""
-        return {r["stage"]: _flat(r["metrics"]) for r in self.log}
+        return {r["stage"]: _flat(r["metrics"]) for r in self._current}
 
     @property
     def warnings(self) -> dict[str, list[str]]:
         """By stage, what it warns of; stages without a warning are left out."""
-        return {r["stage"]: list(r["warnings"]) for r in self.log if r["warnings"]}
+        return {r["stage"]: list(r["warnings"]) for r in self._current if r["warnings"]}
 
     @property
     def failure(self) -> Optional[dict[str, str]]:

@@ -119,4 +119,4 @@ def wanted(module: str, extra: str) -> Any:
     try:
         return importlib.import_module(module)
     except ImportError as error:
-        raise ImportError(f'{module} is needed here and not installed: pip install "genu[{extra}]"') from error
+        raise ImportError(f'{module} is needed here and not installed: pip install "genu-knee[{extra}]", or in a clone "./python[{extra}]"') from error

@@ -143,7 +143,10 @@ fn quasi_static(model: &Model, legs: &[Leg], o: &ProtocolOptions) -> Result<Vec<
 }
 
 /// Refuses numbers that mean nothing.
-fn check(o: &ProtocolOptions) -> Result<(), SimError> {
+///
+/// # Errors
+/// The option, its value and what is expected.
+pub fn check(o: &ProtocolOptions) -> Result<(), SimError> {
     let fault = |m: String| Err(SimError::Input(format!("protocol: {m}")));
     for (key, x, least, most) in [
         ("compression_n", o.compression_n, 0.0, 5000.0),

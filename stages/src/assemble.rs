@@ -245,6 +245,14 @@ fn check(specimen: &Specimen, options: &AssembleOptions) -> Result<(), StageErro
             "specimen.toml [ligaments.{name}]: no such bundle; one of {known} was expected"
         )));
     }
+    check_options(options)
+}
+
+/// Refuses options that mean nothing, before any work.
+///
+/// # Errors
+/// The option, its value and what is expected.
+pub fn check_options(options: &AssembleOptions) -> Result<(), StageError> {
     let (x, p) = (&options.overclosure_mm, &options.pressure_mpa);
     let ascending = x.windows(2).all(|w| w[0] < w[1]) && p.windows(2).all(|w| w[0] <= w[1]);
     if x.len() < 2 || x.len() != p.len() || !ascending || x.iter().chain(p).any(|v| !v.is_finite()) {

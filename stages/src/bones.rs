@@ -125,7 +125,11 @@ pub fn bones(specimen: &Specimen, options: &BonesOptions) -> Result<Bones, Stage
     Ok(Bones { surfaces: PerBone { femur: f, tibfib: t }, patella, warnings, metrics })
 }
 
-fn check(options: &BonesOptions) -> Result<(), StageError> {
+/// Refuses options that mean nothing, before any work.
+///
+/// # Errors
+/// The option, its value and what is expected.
+pub fn check(options: &BonesOptions) -> Result<(), StageError> {
     let positive =
         [("crop_mm", options.crop_mm), ("edge_mm", options.edge_mm), ("flat_tolerance_mm", options.flat_tolerance_mm)];
     for (name, value) in positive {

@@ -267,7 +267,11 @@ fn of_bone(of: &Covered, options: &CartilageOptions) -> Result<Made, StageError>
     Ok(Made { solids, bare_sd: domain.bare_sd, warnings })
 }
 
-fn check(options: &CartilageOptions) -> Result<(), StageError> {
+/// Refuses options that mean nothing, before any work.
+///
+/// # Errors
+/// The option, its value and what is expected.
+pub fn check(options: &CartilageOptions) -> Result<(), StageError> {
     for (name, value, least) in [
         ("least_thickness_mm", options.least_thickness_mm, 0.01),
         ("reach_mm", options.reach_mm, 1.0),

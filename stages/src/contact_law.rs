@@ -307,25 +307,33 @@ fn metrics(
     }
 }
 
-fn check(o: &ContactLawOptions) -> Result<(), StageError> {
+/// Refuses options that mean nothing, before any work.
+///
+/// # Errors
+/// The option, its value and what is expected.
+pub fn check(o: &ContactLawOptions) -> Result<(), StageError> {
     let x = &o.overclosure_mm;
     if x.len() < 2 || x[0] != 0.0 || x.windows(2).any(|w| w[0].is_nan() || w[1].is_nan() || w[0] >= w[1]) || x.len() > 6
     {
-        return Err(StageError::Knee("overclosure_mm: two to six ascending overclosures from 0 were expected".into()));
+        return Err(StageError::Knee(
+            "contact-law.overclosure_mm: two to six ascending overclosures from 0 were expected".into(),
+        ));
     }
     if o.flexions_deg.is_empty() || o.flexions_deg.iter().any(|f| !(-15.0..=130.0).contains(f)) {
         return Err(StageError::Knee(
-            "flexions_deg: at least one flexion, each from -15 to 130 deg, was expected".into(),
+            "contact-law.flexions_deg: at least one flexion, each from -15 to 130 deg, was expected".into(),
         ));
     }
     if !(10.0..=5000.0).contains(&o.force_n) || !(3..=100).contains(&o.levels) {
-        return Err(StageError::Knee("force_n 10 to 5000 and levels 3 to 100 were expected".into()));
+        return Err(StageError::Knee("contact-law.force_n 10 to 5000 and levels 3 to 100 were expected".into()));
     }
     if !(0.0..o.force_n).contains(&o.least_force_n) || !(0.0..=10.0).contains(&o.area_weight) {
-        return Err(StageError::Knee("least_force_n 0 to force_n and area_weight 0 to 10 were expected".into()));
+        return Err(StageError::Knee(
+            "contact-law.least_force_n 0 to force_n and area_weight 0 to 10 were expected".into(),
+        ));
     }
     if o.layer_laws.is_empty() {
-        return Err(StageError::Knee("layer_laws: linear, logarithmic or both were expected".into()));
+        return Err(StageError::Knee("contact-law.layer_laws: linear, logarithmic or both were expected".into()));
     }
     Ok(())
 }

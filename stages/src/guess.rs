@@ -63,18 +63,30 @@ pub struct Guesses {
 /// tibia 60 to 110 (see [`crate::specimen::IngestOptions::least_width_mm`]).
 const PATELLA_MM: f64 = 55.0;
 
-/// Which surface is what. CT surfaces are closed and have no colours; a scan is laid on both bones, and belongs to the one it fits.
+/// Twice its volume over its area, below which a closed surface is a sheet or a meniscus and no bone [mm]: patellae have 7, cartilages and menisci 2 to 4.
+const SHEET_MM: f64 = 5.0;
+
+/// A surface as wide as this is a bone, however hollow [mm]: femoral cartilage is about 60 wide.
+const BONE_MM: f64 = 70.0;
+
+/// Which surface is what. CT surfaces have no colours and are closed, or two open ones are all that there are; a scan is laid on both bones, and
+/// belongs to the one it fits.
 pub fn guess(surfaces: &[ColouredMesh]) -> Guesses {
     let unknown = |why: &str| Guess { role: None, why: why.into() };
     let mut found: Vec<Guess> = surfaces.iter().map(|_| unknown("")).collect();
-    let (mut ct, mut scans) = (Vec::new(), Vec::new());
+    let (mut ct, mut scans, mut bare) = (Vec::new(), Vec::new(), Vec::new());
     for (i, s) in surfaces.iter().enumerate() {
         let open = Topology::of(&s.mesh).boundary_edges;
         let extent = crate::ingest::middle_extent(&s.mesh);
         if !s.colours.is_empty() || open > 0 {
             scans.push(i);
+            if s.colours.is_empty() && extent >= PATELLA_MM {
+                bare.push(i);
+            }
             found[i].why =
                 if s.colours.is_empty() { format!("{open} open edges: a scan") } else { "coloured: a scan".into() };
+        } else if extent < BONE_MM && 2.0 * s.mesh.volume().abs() / s.mesh.area() < SHEET_MM {
+            found[i].why = "closed and thin: a cartilage or a meniscus, no bone".into();
         } else if extent < PATELLA_MM {
             found[i] =
                 Guess { role: Some(Role::CtPatella), why: format!("closed, {extent:.0} mm wide: a patella in CT") };
@@ -83,10 +95,20 @@ pub fn guess(surfaces: &[ColouredMesh]) -> Guesses {
             found[i].why = "closed, no colours: a bone in CT".into();
         }
     }
+    // a bone of CT may be open where it was cut
+    if ct.len() < 2 && ct.len() + bare.len() == 2 {
+        for i in bare {
+            found[i].why = "open, but the only other one without colours: a bone in CT, cut".into();
+            scans.retain(|s| *s != i);
+            ct.push(i);
+        }
+    }
     let [a, b] = ct[..] else {
         for i in ct.iter().chain(&scans) {
             found[*i].why += &format!("; {} bones in CT were found where two are needed to tell more", ct.len());
         }
+        // a patella alone is no CT
+        found.iter_mut().for_each(|g| g.role = None);
         return Guesses { surfaces: found, side: None };
     };
     let (femur, tibfib) = if looks_swapped(&surfaces[a].mesh, &surfaces[b].mesh) { (b, a) } else { (a, b) };

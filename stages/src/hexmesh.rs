@@ -143,21 +143,25 @@ pub fn quality(mesh: &HexMesh) -> HexQuality {
     }
 }
 
-fn check(options: &HexmeshOptions) -> Result<(), StageError> {
+/// Refuses options that mean nothing, before any work.
+///
+/// # Errors
+/// The option, its value and what is expected.
+pub fn check(options: &HexmeshOptions) -> Result<(), StageError> {
     let edge = options.edge_length_mm;
     if !(0.2..=3.0).contains(&edge) {
-        return Err(StageError::option("edge_length_mm", edge, "0.2 to 3"));
+        return Err(StageError::option("hexmesh.edge_length_mm", edge, "0.2 to 3"));
     }
     if !(1..=10).contains(&options.layers) {
-        return Err(StageError::option("layers", options.layers, "1 to 10"));
+        return Err(StageError::option("hexmesh.layers", options.layers, "1 to 10"));
     }
     let positive = [options.min_thickness_mm, options.max_thickness_mm, options.filled_hole_mm2];
     if !(-1.0..1.0).contains(&options.least_scaled_jacobian) {
-        return Err(StageError::option("least_scaled_jacobian", options.least_scaled_jacobian, "-1 to 1"));
+        return Err(StageError::option("hexmesh.least_scaled_jacobian", options.least_scaled_jacobian, "-1 to 1"));
     }
     if positive.iter().any(|x| !x.is_finite() || *x < 0.0) || options.max_thickness_mm <= options.min_thickness_mm {
         return Err(StageError::Knee(
-            "thickness and hole limits must be finite, not negative, and max above min".into(),
+            "hexmesh.min_thickness_mm, max_thickness_mm and filled_hole_mm2 must be finite, not negative, and max above min".into(),
         ));
     }
     Ok(())

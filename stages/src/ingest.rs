@@ -31,15 +31,37 @@ pub fn ingest(raw: &RawSpecimen, options: &IngestOptions) -> Result<Specimen, St
     ingest_file(&parse_specimen_file(&raw.toml)?, raw, options)
 }
 
+/// Names of the points in a file of 3D Slicer's; `None` for another kind of file.
+///
+/// # Errors
+/// A file that cannot be read.
+pub fn markup_names(path: &str, bytes: &[u8]) -> Option<Result<Vec<String>, StageError>> {
+    slicer::read(path, bytes).map(|read| Ok(read?.into_iter().map(|p| p.name).collect()))
+}
+
+/// Refuses options that mean nothing, before any work.
+///
+/// # Errors
+/// The option, its value and what is expected.
+pub fn check_options(options: &IngestOptions) -> Result<(), StageError> {
+    if let Some(odd) = options.ras.iter().find(|r| !RAS_INPUTS.contains(&r.as_str())) {
+        let known = RAS_INPUTS.join(", ");
+        return Err(StageError::Knee(format!("ingest.ras names `{odd}`; expected any of {known}")));
+    }
+    match options.least_width_mm < options.greatest_width_mm {
+        true => Ok(()),
+        false => {
+            Err(StageError::option("ingest.least_width_mm", options.least_width_mm, "less than greatest_width_mm"))
+        }
+    }
+}
+
 /// [`ingest`] of a specimen.toml that is parsed already; of `raw` only the files are looked at.
 ///
 /// # Errors
 /// As [`ingest`].
 pub fn ingest_file(file: &SpecimenFile, raw: &RawSpecimen, options: &IngestOptions) -> Result<Specimen, StageError> {
-    if let Some(odd) = options.ras.iter().find(|r| !RAS_INPUTS.contains(&r.as_str())) {
-        let known = RAS_INPUTS.join(", ");
-        return Err(StageError::Knee(format!("options.ingest.ras names `{odd}`; expected any of {known}")));
-    }
+    check_options(options)?;
     let mut warnings = Vec::new();
     file::check_present(file, raw)?;
     let surface =

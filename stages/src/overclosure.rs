@@ -163,7 +163,11 @@ fn trial(
     Ok(Trial { knee, meshes, lift, good: good && gap >= options.gap_mm, gap, iterations })
 }
 
-fn check(options: &OverclosureOptions) -> Result<(), StageError> {
+/// Refuses options that mean nothing, before any work.
+///
+/// # Errors
+/// The option, its value and what is expected.
+pub fn check(options: &OverclosureOptions) -> Result<(), StageError> {
     let o = options;
     let lengths = [o.gap_mm, o.max_bony_lift_mm, o.volume_change_max, o.scaled_jacobian_fall_max];
     let good = lengths.iter().all(|x| x.is_finite() && *x >= 0.0)

@@ -148,6 +148,15 @@ fn check(volume: &Volume, given: Option<&Labels>, options: &SegmentOptions) -> R
     if let Some(given) = given {
         check_labels(grid, given)?;
     }
+    check_options(options)
+}
+
+/// Refuses options that mean nothing, before any work.
+///
+/// # Errors
+/// The option, its value and what is expected.
+pub fn check_options(options: &SegmentOptions) -> Result<(), StageError> {
+    let fail = |what: String| Err(StageError::Knee(what));
     let positive = [
         ("neck_share", options.neck_share),
         ("least_bone_mm3", options.least_bone_mm3),

@@ -173,12 +173,16 @@ def abaqus(folder):
     ours = sum(area(s.points, s.cells_dict["triangle"]) for s in surfaces)
     theirs = area(mesh.points, triangles)
     assert abs(theirs / ours - 1) < 1e-9, (theirs, ours)
+    # the cartilages' hexahedra, as many and as large as stage 8 left them
+    solids = [meshio.read(model_path.parent / p) for b in model["bodies"] for p in b["cartilage"]]
+    hexahedra = sum(len(c.data) for c in mesh.cells if c.type == "hexahedron")
+    assert hexahedra == sum(len(s.cells_dict["hexahedron"]) for s in solids) > 1000, hexahedra
     lines = np.concatenate([c.data for c in mesh.cells if c.type == "line"])
     ends = {tuple(np.round(mesh.points[line].ravel(), 6)) for line in lines}
     fibres = [tuple(np.round([*f["femur"], *f["tibia"]], 6)) for f in model["fibres"]]
     lost = [f for f in fibres if f not in ends and f[3:] + f[:3] not in ends]
     assert not lost, lost
-    print(f"abaqus: {len(mesh.points)} nodes, {len(triangles)} rigid triangles, {len(lines)} connectors read by meshio {meshio.__version__}; {len(fibres)} fibres where the model has them")
+    print(f"abaqus: {len(mesh.points)} nodes, {len(triangles)} rigid triangles, {hexahedra} hexahedra, {len(lines)} connectors read by meshio {meshio.__version__}; {len(fibres)} fibres where the model has them")
 
 
 def opensim(folder):

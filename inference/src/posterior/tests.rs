@@ -162,3 +162,30 @@ fn samples_that_all_end_far_from_a_fit_still_make_an_interval() {
     let found = infer(&toy, &mut l, &[], &options).unwrap();
     assert!(found.samples.len() >= 10, "{} of 40, {} stuck", found.samples.len(), found.stuck);
 }
+
+/// A toy that counts its fits.
+struct Counted(Toy, std::sync::atomic::AtomicUsize);
+
+impl Forward for Counted {
+    type State = ();
+    fn size(&self) -> usize {
+        self.0.size()
+    }
+    fn at(&self, z: &DVector<f64>, near: Option<(&DVector<f64>, &())>) -> Option<Point<()>> {
+        self.0.at(z, near)
+    }
+    fn fitted(&self) {
+        self.1.fetch_add(1, std::sync::atomic::Ordering::Relaxed);
+    }
+}
+
+#[test]
+fn as_many_fits_are_told_as_are_expected() {
+    for (starts, finalists, rounds, samples) in [(8, 3, 2, 48), (0, 3, 1, 0), (1, 1, 0, 5)] {
+        let counted = Counted(toy(12, 4, 0.02, 4), 0.into());
+        let mut l = likelihood(&counted.0, &normals(&mut stream(4, 9), 4), 0.3, 4);
+        let options = Options { starts, finalists, rounds, samples, ..Options::default() };
+        infer(&counted, &mut l, &[DVector::zeros(4)], &options).unwrap();
+        assert_eq!(counted.1.into_inner(), options.fits(1));
+    }
+}

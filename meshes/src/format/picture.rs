@@ -58,6 +58,12 @@ pub fn read_labels(name: &str, bytes: &[u8], files: &BTreeMap<String, Vec<u8>>) 
     nifti::read_labels(bytes).map(whole)
 }
 
+/// Whether the content says that it is NRRD, MetaImage or NIfTI that is not packed.
+pub(super) fn looks_picture(bytes: &[u8]) -> bool {
+    let nifti = [344, 4].iter().any(|&at| bytes.get(at..at + 3).is_some_and(|b| b == b"n+1" || b == b"n+2"));
+    nifti || nrrd::looks_nrrd(bytes) || metaimage::looks_metaimage(bytes)
+}
+
 /// The data file that a picture's header names.
 pub(super) fn data_file(bytes: &[u8]) -> Option<String> {
     if nrrd::looks_nrrd(bytes) {

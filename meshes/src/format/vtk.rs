@@ -18,6 +18,53 @@ pub fn read(bytes: &[u8]) -> Result<TriMesh, FormatError> {
     if looks_legacy(bytes) { legacy::read(bytes) } else { xml::read(bytes) }
 }
 
+/// Solid elements of a mesh, in the order of the file.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Solids {
+    /// Positions [mm].
+    pub nodes: Vec<Point>,
+    /// Elements of eight nodes (VTK's kind 12).
+    pub hexahedra: Vec<[u32; 8]>,
+    /// Elements of four nodes (VTK's kind 10).
+    pub tetrahedra: Vec<[u32; 4]>,
+}
+
+/// Reads the hexahedra and tetrahedra of an XML file (.vtu).
+///
+/// # Errors
+/// A file that is cut short, lies about its counts, or holds cells of another kind.
+pub fn read_solids(bytes: &[u8]) -> Result<Solids, FormatError> {
+    let (coordinates, [_, _, cells]) = xml::parsed(bytes)?;
+    let nodes: Vec<Point> = coordinates.chunks_exact(3).map(|c| Point::new(c[0], c[1], c[2])).collect();
+    refuse_not_finite(&nodes)?;
+    let mut out = Solids { nodes, ..Solids::default() };
+    let mut start = 0;
+    for (k, &end) in cells.ends.iter().enumerate() {
+        let Some(list) = cells.points.get(start..end) else {
+            return refuse(format!("cell {} ends at {end}, of {} numbers", k + 1, cells.points.len()));
+        };
+        start = end;
+        if let Some(p) = list.iter().find(|p| **p as usize >= out.nodes.len()) {
+            return refuse(format!("cell {} names point {p}, of {}", k + 1, out.nodes.len()));
+        }
+        match (cells.kinds.get(k), list.len()) {
+            (Some(12), 8) => out.hexahedra.push(std::array::from_fn(|i| list[i])),
+            (Some(10), 4) => out.tetrahedra.push(std::array::from_fn(|i| list[i])),
+            (kind, n) => {
+                let kind = kind.map_or("unknown".to_owned(), u8::to_string);
+                return refuse(format!(
+                    "cell {} is of VTK kind {kind} with {n} points; expected hexahedra (12) or tetrahedra (10)",
+                    k + 1
+                ));
+            }
+        }
+    }
+    match out.hexahedra.is_empty() && out.tetrahedra.is_empty() {
+        true => refuse("the file holds no cells; expected hexahedra or tetrahedra (.vtu)"),
+        false => Ok(out),
+    }
+}
+
 pub(super) fn looks_legacy(bytes: &[u8]) -> bool {
     bytes.get(..18).is_some_and(|b| b.eq_ignore_ascii_case(b"# vtk DataFile Ver"))
 }

@@ -1,7 +1,8 @@
 //! One build as the cohort sees it: the files that FORMAT.md fixes, nothing of the program's own.
 
 use crate::inspect;
-use crate::record::{Failure, Record};
+use crate::record::{Failure, Record, current};
+use crate::report::{REPORT, STOPPED};
 use crate::stage::list::folder_name;
 use crate::store;
 use serde_json::Value;
@@ -151,13 +152,13 @@ impl Knee {
             false => Ok(Vec::new()),
         };
         match log {
-            Ok(records) => self.records = records,
+            Ok(records) => self.records = current(&records),
             Err(e) => return failed("log", e.to_string()),
         }
         if let Some(Failure { stage, message }) = inspect::failure(folder) {
             return failed(&stage, message);
         }
-        if !store::exists(&folder.join("report.html")) {
+        if store::exists(&folder.join(STOPPED)) || !store::exists(&folder.join(REPORT)) {
             let after = self.last_stage().unwrap_or("the beginning").to_owned();
             return failed(
                 "unfinished",

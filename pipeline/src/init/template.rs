@@ -54,6 +54,15 @@ pub(super) fn specimen_toml(filled: &Filled) -> String {
         ],
     );
     segmentation(&mut out, filled);
+    let cartilage = |key: &str| filled.paths.get(&("cartilage".to_owned(), key.to_owned()));
+    if CARTILAGES.iter().any(|key| cartilage(key).is_some()) {
+        out += "\n# Surfaces of cartilage from MRI in place of the scans. frame: ct, or mri with the bones that MRI shows (docs/specimen.md).\n[cartilage]\n";
+        for key in CARTILAGES {
+            let path = cartilage(key).map_or_else(|| format!("mri/{key}.stl"), Clone::clone);
+            let _ = writeln!(out, "{key} = \"{path}\"");
+        }
+        out += "frame = \"ct\"\n";
+    }
     section(
         &mut out,
         filled,
@@ -80,9 +89,11 @@ pub(super) fn specimen_toml(filled: &Filled) -> String {
 /// A table of known keys: those filled in, then the others commented out.
 fn section(out: &mut String, filled: &Filled, table: &str, words: &str, keys: &[(&str, &str, &str, bool)]) {
     let path = |key: &str| filled.paths.get(&(table.to_owned(), key.to_owned()));
-    // a label map shows the bones and stands in place of the scans
-    let volume = table == "ct" && path("volume").is_some() || !filled.labels.is_empty();
-    let any = keys.iter().any(|k| (k.3 && filled.labels.is_empty()) || path(k.0).is_some());
+    // a label map shows the bones and stands in place of the scans, as cartilages of MRI do
+    let cartilages = filled.paths.keys().any(|(t, _)| t == "cartilage");
+    let instead = !filled.labels.is_empty() || (table == "scans" && cartilages);
+    let volume = table == "ct" && path("volume").is_some() || instead;
+    let any = keys.iter().any(|k| (k.3 && !instead) || path(k.0).is_some());
     let _ = writeln!(out, "{words}{}[{table}]", if any { "" } else { "# " });
     for (key, usual, meaning, needed) in keys {
         let (lead, path) = match path(key) {
@@ -108,6 +119,9 @@ fn segmentation(out: &mut String, filled: &Filled) {
         };
     }
 }
+
+/// Keys of `[cartilage]`, all of them needed.
+const CARTILAGES: [&str; 3] = ["femur", "tibia_medial", "tibia_lateral"];
 
 /// Keys of `[segmentation]`; the first five are needed.
 const LABELS: [&str; 10] = [

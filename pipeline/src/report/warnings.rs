@@ -1,6 +1,7 @@
 //! Warnings grouped by kind and weight, so that seventeen of one kind are one line.
 
 use super::html::escaped;
+use crate::alike::kind;
 use std::fmt::Write;
 
 /// Warnings of one kind from one stage.
@@ -48,18 +49,6 @@ pub(super) fn groups(warnings: &[(String, String)]) -> Vec<Group> {
     groups.sort_by_key(|g| (!g.heavy, std::cmp::Reverse(g.all.len())));
     groups
 }
-
-/// A warning without its names and numbers: what warnings of one kind have in common.
-fn kind(text: &str) -> String {
-    let named =
-        |w: &str| w.chars().any(|c| c.is_ascii_digit() || c == '_') || w.chars().skip(1).any(char::is_uppercase);
-    let words = text.split(|c: char| c.is_whitespace() || "(),;:\"".contains(c)).filter(|w| !w.is_empty());
-    let plain: Vec<&str> = words.filter(|w| !named(w) && !BONES.contains(w)).collect();
-    plain.into_iter().take(8).collect::<Vec<_>>().join(" ")
-}
-
-/// Names that tell warnings of one kind apart.
-const BONES: [&str; 7] = ["femur", "tibia", "tibfib", "patella", "medial", "lateral", "fibula"];
 
 /// The groups as HTML: a line each, its warnings below.
 pub(super) fn html(warnings: &[(String, String)]) -> String {

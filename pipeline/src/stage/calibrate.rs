@@ -10,6 +10,7 @@ use crate::given::Measured;
 use crate::kept::Kept;
 use crate::model_file::{self, LoadedModel, assembled_model};
 use crate::options::BuildOptions;
+use crate::progress::left;
 use crate::record::json;
 use crate::report::chart::Chart;
 use crate::report::check::{Check, KeyFigure};
@@ -162,22 +163,22 @@ fn calibrate_all(
         let mut keep = |bytes: &[u8]| work.folder.write_file(&file, bytes);
         let begun = Instant::now();
         let tell = |share: f64, words: &str| {
-            let left = begun.elapsed().as_secs_f64() * (1.0 / share.max(1e-3) - 1.0);
-            let left = if share > 0.02 { format!(", about {left:.0} s left") } else { String::new() };
-            (work.tell)(&format!("calibrate {name}: {:.0} %, {words}{left}", 100.0 * share));
+            (work.tell)(&format!("calibrate {name}: {:.0} %, {words}{}", 100.0 * share, left(begun, share)));
         };
         let watch = Watch { saved, keep: &mut keep, tell: &tell };
         let outcome = calibrate::run((model, joint), sources, options, &format!("laxity.{name}"), watch)?;
         store::discard(&work.folder.path().join(&file));
         Ok(outcome)
     };
+    // finished ones are kept until all are: an interruption costs no more than one
     let together = every.len() > 1 && options.method == Method::Gradient;
-    let joint = if together { Some(one(&every, JOINT, None)?) } else { None };
+    let joint = if together { Some(work.part(JOINT, || one(&every, JOINT, None))?) } else { None };
     let mut sources = BTreeMap::new();
     for (s, measured) in every.iter().enumerate() {
         let of = |j: &Outcome| Some(Joint { frames: j.frames.get(s)?.clone(), values: j.found.mode.clone() });
         let joint = joint.as_ref().and_then(of);
-        sources.insert(measured.0.clone(), one(std::slice::from_ref(measured), &measured.0, joint)?);
+        let found = work.part(&measured.0, || one(std::slice::from_ref(measured), &measured.0, joint))?;
+        sources.insert(measured.0.clone(), found);
     }
     let mut out = Calibration { sources, joint, options: options.clone(), warnings: vec![], metrics: BTreeMap::new() };
     let told = |(name, o): (&str, &Outcome)| o.warnings.iter().map(|w| format!("{name}: {w}")).collect::<Vec<_>>();

@@ -58,7 +58,7 @@ pub(crate) fn heading(name: &str) -> String {
 mod tests {
     use super::*;
     use crate::option_docs::{self, OptionDoc};
-    use crate::options::{BuildOptions, parse_override, resolve};
+    use crate::options::{BuildOptions, parse_override, typed};
     use std::collections::BTreeMap;
 
     /// The value with its first number or truth changed, or the first of its words left out; `None` where it holds none.
@@ -110,7 +110,7 @@ mod tests {
             let own = option.key.split('.').next().unwrap();
             let changed = others(option).into_iter().find_map(|value| {
                 let set = parse_override(&format!("{}={value}", option.key)).ok()?;
-                let changed = sections(&resolve(&BTreeMap::new(), &[set], None).ok()?);
+                let changed = sections(&typed(&BTreeMap::new(), &[set], None).ok()?);
                 (changed != usual).then_some(changed)
             });
             let Some(changed) = changed else {

@@ -43,16 +43,22 @@ impl Stage for Validate {
     fn run(
         (assembled, bones, cartilage, calibration, passive): Self::Inputs<'_>,
         options: &ProtocolOptions,
-        _: &Work,
+        work: &Work,
     ) -> Result<Validation, BuildError> {
         let model = assembled_model(assembled, bones, cartilage);
         let (mut sources, mut warnings) = (Vec::new(), Vec::new());
         for (name, outcome) in &calibration.sources {
-            let mut of = source(name, &outcome.spec, &model.meshes, options, &mut warnings)?;
-            if let Some(samples) = samples(outcome, &model.spec) {
-                band(&mut of, &samples, &model, options, &mut warnings);
-            }
-            sources.push(of);
+            (work.tell)(&format!("validate {name}"));
+            let (found, told) = work.part(name, || {
+                let mut told = Vec::new();
+                let mut found = source(name, &outcome.spec, &model.meshes, options, &mut told)?;
+                if let Some(samples) = samples(outcome, &model.spec) {
+                    band(&mut found, &samples, &model, options, &mut told);
+                }
+                Ok((found, told))
+            })?;
+            sources.push(found);
+            warnings.extend(told);
         }
         Ok(Validation::new(sources, passive.0.clone(), warnings))
     }

@@ -4,6 +4,7 @@ use super::space;
 use crate::StageError;
 use crate::specimen::SurfaceMetrics;
 use crate::specimen::{IngestOptions, RawSpecimen, SpecimenFile};
+use meshes::format::kind::{Kind, kind_of};
 use meshes::format::read_surface;
 use meshes::surface::{ColouredMesh, TriMesh};
 use meshes::tidy::tidy;
@@ -29,7 +30,7 @@ pub(super) fn checked(
     let refuse = |what: String| StageError::named(path, key, what);
     let Some(bytes) = files.get(path) else { return Err(refuse("the file is not there".into())) };
     missing_companions(path, bytes, files, warnings);
-    let mut read = read_surface(path, bytes, files).map_err(|e| refuse(e.to_string()))?;
+    let mut read = read_surface(path, bytes, files).map_err(|e| refuse(no_surface(path, bytes, &e.to_string())))?;
     space::to_lps(&mut read.mesh, key, path, bytes, options);
     if read.mesh.triangles.len() < LEAST_TRIANGLES {
         return Err(refuse(format!(
@@ -86,6 +87,17 @@ pub(super) fn checked(
         merged: vec![],
     };
     Ok((surface, counts))
+}
+
+/// Why a file is no surface, and where a file of its kind belongs.
+fn no_surface(path: &str, bytes: &[u8], why: &str) -> String {
+    let kind = kind_of(path, bytes);
+    let place = match kind {
+        Kind::Picture | Kind::Dicom => "name a CT under [ct] volume, a label map under [segmentation] labels",
+        Kind::Markups | Kind::Table => "name tables of points under [points], measured laxity under [laxity]",
+        _ => return why.to_owned(),
+    };
+    format!("it is {}; expected a surface as STL, PLY, OBJ or VTK: {place}", kind.words())
 }
 
 /// A surface of a specimen, judged by itself.

@@ -111,3 +111,20 @@ fn what_is_no_surface_is_named_and_slicers_frame_is_minded() {
     let [a, b] = [plain, ras].map(|bytes| super::super::read_surface("a.vtk", &bytes, &files).unwrap().mesh);
     assert!(a.vertices.iter().zip(&b.vertices).all(|(p, q)| *q == Point::new(-p.x, -p.y, p.z)));
 }
+
+#[test]
+fn hexahedra_are_read_as_they_were_written() {
+    let nodes = (0..12).map(|k| Point::new((k % 2) as f64, (k / 2 % 2) as f64, (k / 4) as f64 + 1.0 / 3.0)).collect();
+    let elements = vec![[0, 1, 3, 2, 4, 5, 7, 6], [4, 5, 7, 6, 8, 9, 11, 10]];
+    let mesh = crate::hex::HexMesh { nodes, elements, ..Default::default() };
+    let mut bytes = Vec::new();
+    super::super::vtu::write_hex(&mut bytes, &mesh).unwrap();
+    let read = read_solids(&bytes).unwrap();
+    assert_eq!((read.nodes, read.hexahedra, read.tetrahedra.len()), (mesh.nodes, mesh.elements, 0));
+    for n in (0..bytes.len() - 20).step_by(7) {
+        assert!(read_solids(&bytes[..n]).is_err(), "{n}");
+    }
+    let text = String::from_utf8(bytes).unwrap();
+    assert!(read_solids(text.replace("4 5 7 6 8", "4 5 7 6 88").as_bytes()).unwrap_err().0.contains("point 88"));
+    assert!(read_solids(text.replace("12\n12", "12\n13").as_bytes()).unwrap_err().0.contains("kind 13"));
+}

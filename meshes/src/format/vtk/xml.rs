@@ -23,6 +23,12 @@ struct Layout<'a> {
 }
 
 pub(super) fn read(bytes: &[u8]) -> Result<TriMesh, FormatError> {
+    let (coordinates, cells) = parsed(bytes)?;
+    surface(&coordinates, &cells)
+}
+
+/// Coordinates of the points, three numbers each, and the cells by kind.
+pub(super) fn parsed(bytes: &[u8]) -> Result<(Vec<f64>, [Cells; 3]), FormatError> {
     let (text, appended) = match find(bytes, b"<AppendedData") {
         Some(at) => {
             let tag = element(&bytes[at..])?;
@@ -55,13 +61,12 @@ pub(super) fn read(bytes: &[u8]) -> Result<TriMesh, FormatError> {
     let Some((_, coordinates)) = points.into_iter().next() else {
         return refuse("the file has no <Points>; it is cut short, or holds no surface");
     };
-    let mut all = Vec::new();
-    for (open, close, strips) in [
-        (b"<Polys>".as_slice(), b"</Polys>".as_slice(), false),
-        (b"<Strips>", b"</Strips>", true),
-        (b"<Cells>", b"</Cells>", false),
-    ] {
-        let mut cells = Cells { strips, ..Cells::default() };
+    let mut all = [false, true, false].map(|strips| Cells { strips, ..Cells::default() });
+    for (cells, (open, close)) in all.iter_mut().zip([
+        (b"<Polys>".as_slice(), b"</Polys>".as_slice()),
+        (b"<Strips>", b"</Strips>"),
+        (b"<Cells>", b"</Cells>"),
+    ]) {
         for (name, values) in layout.arrays(text, open, close)? {
             match name.as_str() {
                 "connectivity" => cells.points = values.into_iter().map(index).collect::<Result<_, _>>()?,
@@ -72,9 +77,8 @@ pub(super) fn read(bytes: &[u8]) -> Result<TriMesh, FormatError> {
                 _ => {}
             }
         }
-        all.push(cells);
     }
-    surface(&coordinates, &all)
+    Ok((coordinates, all))
 }
 
 fn find(bytes: &[u8], what: &[u8]) -> Option<usize> {

@@ -1,0 +1,77 @@
+//! Ctrl-C at the command line: what is kept of the work, and how to go on.
+#![expect(clippy::print_stderr, reason = "the command line talks to the person at it")]
+
+use crate::quoted::word;
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// The exit status of a command that was interrupted.
+pub const STATUS: i32 = 130;
+
+/// What is kept at the moment, in words; `None` where nothing is.
+type Kept = Arc<dyn Fn() -> Option<String> + Send + Sync>;
+
+static AT_WORK: Mutex<Option<Kept>> = Mutex::new(None);
+
+/// From now on Ctrl-C ends the process with a word. The second call in a process does nothing.
+pub fn listen() {
+    let _ = ctrlc::set_handler(|| {
+        let at_work = AT_WORK.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let command: Vec<String> = std::env::args().skip(1).collect();
+        eprintln!("\nbuild-model: interrupted. {}", words(at_work.and_then(|kept| kept()), &command));
+        std::process::exit(STATUS);
+    });
+}
+
+/// Work is going on of which `kept` tells what is kept, as long as what is given back lives.
+pub fn working(kept: impl Fn() -> Option<String> + Send + Sync + 'static) -> AtWork {
+    *AT_WORK.lock().unwrap_or_else(PoisonError::into_inner) = Some(Arc::new(kept));
+    AtWork
+}
+
+/// Work that is going on.
+pub struct AtWork;
+
+impl Drop for AtWork {
+    fn drop(&mut self) {
+        *AT_WORK.lock().unwrap_or_else(PoisonError::into_inner) = None;
+    }
+}
+
+fn words(kept: Option<String>, command: &[String]) -> String {
+    match kept {
+        None => "Nothing is kept of this command".into(),
+        Some(kept) => format!("{kept}. Go on: {}", again(command)),
+    }
+}
+
+/// The command that goes on: as it was given, without what would begin anew.
+fn again(command: &[String]) -> String {
+    let mut out = vec!["build-model".to_owned()];
+    let mut words = command.iter();
+    while let Some(w) = words.next() {
+        match w.as_str() {
+            "--force" => {}
+            "--from" => {
+                words.next();
+            }
+            w if w.starts_with("--from=") => {}
+            w => out.push(word(w)),
+        }
+    }
+    out.join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_command_that_goes_on_does_not_begin_anew() {
+        let given = ["build", "my knee", "--force", "--from", "bones", "--set", "bones.edge_mm=2"].map(String::from);
+        assert_eq!(
+            words(Some("Kept in my knee/build".into()), &given),
+            "Kept in my knee/build. Go on: build-model build 'my knee' --set bones.edge_mm=2"
+        );
+        assert!(words(None, &given).contains("Nothing is kept"));
+    }
+}

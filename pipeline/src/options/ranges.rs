@@ -1,0 +1,126 @@
+//! Ranges of options: all sections are judged together, before anything is read or built with them.
+
+use super::BuildOptions;
+use toml::{Table, Value};
+
+/// Ranges that no stage's own check holds: a key, least and most. A key of a list is that of each of its numbers.
+const RANGES: [(&str, f64, f64); 38] = [
+    ("segment.threshold", -3e4, 1e6),
+    ("ingest.least_width_mm", 1.0, 1e3),
+    ("ingest.greatest_width_mm", 1.0, 1e4),
+    ("ingest.label_blur", 0.0, 10.0),
+    ("ingest.label_edge_mm", 0.1, 10.0),
+    ("register.held_out_of", 2.0, 1e3),
+    ("register.rms_limit_mm", 1e-3, 10.0),
+    ("register.inlier_limit", 0.0, 1.0),
+    ("register.error_limit_mm", 1e-3, 10.0),
+    ("bones.speck_share", 0.0, 1.0),
+    ("bones.remesh_rounds", 0.0, 100.0),
+    ("bones.smoothing_rounds", 0.0, 1e3),
+    ("cartilage.cleft_mm", 0.0, 20.0),
+    ("frames.valgus_deg", -20.0, 20.0),
+    ("frames.condylar_angle_range_deg", -45.0, 45.0),
+    ("attachments.span", 0.0, 1.0),
+    ("attachments.place_reach", 0.0, 10.0),
+    ("attachments.marks.gap_fraction_max", 0.0, 1.0),
+    ("hexmesh.least_scaled_jacobian", -1.0, 1.0),
+    ("contact-law.flexions_deg", -15.0, 130.0),
+    ("contact-law.youngs_modulus_mpa", 0.01, 1e4),
+    ("contact-law.poissons_ratio", 0.0, 0.499),
+    ("contact-law.friction", 0.0, 1.0),
+    ("contact-law.penalty_mpa_per_mm", 1e-3, 1e6),
+    ("assemble.friction", 0.0, 1.0),
+    ("assemble.toe_strain", 1e-6, 0.5),
+    ("assemble.mass_tonne", 1e-9, 1.0),
+    ("assemble.inertia_tonne_mm2", 1e-9, 1e6),
+    ("assemble.layer.youngs_modulus_mpa", 0.01, 1e4),
+    ("assemble.layer.poissons_ratio", 0.0, 0.499),
+    ("assemble.layer.least_thickness_mm", 0.01, 10.0),
+    ("calibrate.cost.percentile", 0.0, 100.0),
+    ("calibrate.targets.flexion_deg", -30.0, 160.0),
+    ("calibrate.search.contact_spacing_mm", 0.1, 20.0),
+    ("validate.ap_flexions_deg", -30.0, 160.0),
+    ("validate.trials.flexion_deg", -180.0, 180.0),
+    ("diagnose.folds", 2.0, 100.0),
+    ("diagnose.draws", 1.0, 1e4),
+];
+
+/// Numbers of either sign that the checks of their own stages hold, or that may be anything.
+const SIGNED: [&str; 10] = [
+    "validate.from_flexion_deg",
+    "validate.to_flexion_deg",
+    "validate.pivot_flexion_deg",
+    "validate.pivot_valgus_nm",
+    "validate.pivot_internal_nm",
+    "diagnose.least_evidence",
+    "diagnose.least_further",
+    "diagnose.least_beside",
+    "calibrate.ranges",
+    "calibrate.loads",
+];
+
+/// Most seeds, counts and sizes [-, mm, N]: no option has a use for more.
+const MOST: f64 = 1e12;
+
+/// What is wrong with a section: its name, and which option, its value and what was expected.
+pub(super) struct Fault {
+    pub(super) section: String,
+    pub(super) what: String,
+}
+
+/// Every section in turn: first each number by itself, then what a stage demands of its options together.
+pub(super) fn check(options: &BuildOptions, table: &Table) -> Result<(), Fault> {
+    for (section, value) in table {
+        numbers(section, section, value)?;
+    }
+    together(options)
+}
+
+/// The numbers at and below a key: finite, and in its range; where none is told, not negative.
+fn numbers(section: &str, key: &str, value: &Value) -> Result<(), Fault> {
+    let number = match value {
+        Value::Float(x) => *x,
+        Value::Integer(i) => *i as f64,
+        Value::Table(t) => return t.iter().try_for_each(|(k, v)| numbers(section, &format!("{key}.{k}"), v)),
+        Value::Array(a) => return a.iter().try_for_each(|v| numbers(section, key, v)),
+        _ => return Ok(()),
+    };
+    let fault = |expected: String| {
+        let what = format!("{key} is {value}, expected {expected}");
+        Err(Fault { section: section.to_owned(), what })
+    };
+    if let Some((_, least, most)) = RANGES.iter().find(|r| r.0 == key) {
+        return match (*least..=*most).contains(&number) {
+            true => Ok(()),
+            false => fault(format!("{least} to {most}")),
+        };
+    }
+    if !number.is_finite() {
+        return fault("a finite number".into());
+    }
+    let signed =
+        SIGNED.iter().any(|s| key.strip_prefix(s).is_some_and(|rest| rest.is_empty() || rest.starts_with('.')));
+    match (signed || number >= 0.0, key.ends_with("seed") || number.abs() <= MOST) {
+        (false, _) => fault("a number that is not negative".into()),
+        (_, false) => fault(format!("at most {MOST:e}")),
+        _ => Ok(()),
+    }
+}
+
+/// What each stage demands of its options before it works.
+fn together(o: &BuildOptions) -> Result<(), Fault> {
+    fn of(section: &str, found: Result<(), impl ToString>) -> Result<(), Fault> {
+        found.map_err(|e| Fault { section: section.to_owned(), what: e.to_string() })
+    }
+    of("segment", stages::segment::check_options(&o.segment))?;
+    of("ingest", stages::ingest::check_options(&o.ingest))?;
+    of("bones", stages::bones::check(&o.bones))?;
+    of("cartilage", stages::cartilage::check(&o.cartilage))?;
+    of("hexmesh", stages::hexmesh::check(&o.hexmesh))?;
+    of("overclosure", stages::overclosure::check(&o.overclosure))?;
+    of("contact-law", stages::contact_law::check(&o.contact_law))?;
+    of("assemble", stages::assemble::check_options(&o.assemble))?;
+    of("calibrate", o.calibrate.check())?;
+    of("validate", sim::protocols::check(&o.validate))?;
+    of("validate", o.validate.trials.check())
+}
