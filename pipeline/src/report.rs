@@ -9,6 +9,7 @@ use serde_json::json;
 use std::path::Path;
 
 mod body;
+mod cards;
 pub(crate) mod chart;
 pub(crate) mod check;
 mod compare;

@@ -2,6 +2,7 @@
 //!
 //! A file a stage; [`list`] has them in order, and everyone else walks over that list.
 
+mod answers;
 mod artifacts;
 mod assemble;
 mod attachments;
@@ -22,6 +23,7 @@ mod segment;
 mod validate;
 mod values;
 
+pub(crate) use answers::{Answer, Standing, answers};
 pub(crate) use artifacts::Files;
 pub(crate) use layers::{bone_layers, ct_layers};
 pub(crate) use values::Values;

@@ -1,7 +1,7 @@
 //! Ligament forces of a calibrated knee: what is asked of them, and what the data say of each bundle's force in the drawers as
 //! intervals (`10-calibrate/SOURCE/forces.csv`).
 
-use super::{Calibrate, Check, Stage};
+use super::{Calibrate, Check, Stage, check};
 use crate::report::chart::{COLOURS, Chart, layout};
 use crate::stage::View;
 use crate::store::BuildFolder;
@@ -28,7 +28,7 @@ pub(super) fn checks(name: &str, found: &Calibrated, assembled: Option<&Assemble
                 "{name}: at most {:.0} N in all, at {:.0} deg (90 % interval {:.0} to {:.0} N; limit {MOST_REST_N:.0} N)",
                 most.value_n, most.fe_deg, most.lower_n, most.upper_n
             ),
-            good: Some(most.value_n <= MOST_REST_N),
+            good: Some(check::at_most(most.value_n, MOST_REST_N, 0)),
             stage: Calibrate::NAME,
         });
     }
@@ -42,7 +42,7 @@ pub(super) fn checks(name: &str, found: &Calibrated, assembled: Option<&Assemble
         out.push(Check {
             question: "Does a cruciate pull against a drawer that the other holds?",
             answer: format!("{name}: at most {most:.0} N, {bundle} under {} (limit {MOST_ANTAGONIST_N:.0} N)", f.trial),
-            good: Some(most <= MOST_ANTAGONIST_N),
+            good: Some(check::at_most(most, MOST_ANTAGONIST_N, 0)),
             stage: Calibrate::NAME,
         });
     }

@@ -1,0 +1,58 @@
+//! The four answers of the first screen as cards, each with the figures of its stages.
+
+use super::check::KeyFigure;
+use super::html::escaped;
+use crate::stage::{Answer, Standing};
+
+/// The class that colours an answer.
+pub(super) fn class(standing: Standing) -> &'static str {
+    match standing {
+        Standing::Good => "good",
+        Standing::Look => "look",
+        Standing::Failed => "failed",
+        Standing::Open => "open",
+    }
+}
+
+/// The cards; `figures` are key figures by their stage.
+pub(super) fn html(answers: &[Answer; 4], figures: &[(&str, KeyFigure)]) -> String {
+    let mut out = "<ul class=\"answers\">".to_owned();
+    for (k, a) in answers.iter().enumerate() {
+        let mine = figures.iter().filter(|(stage, _)| place(stage) == k);
+        let facts: String = mine.map(|(_, f)| fact(f)).collect();
+        out += &format!(
+            "<li class=\"{}\" data-answer=\"{}\"><h3>{}</h3><p class=\"word\">{}</p>{facts}<p>{} <a href=\"#{}\">More</a></p></li>",
+            class(a.standing),
+            ["geometry", "calibrated", "predicts", "missing"][k],
+            escaped(a.question),
+            escaped(&a.word),
+            escaped(&a.words),
+            escaped(a.stage)
+        );
+    }
+    out + "</ul>"
+}
+
+/// Under which answer a stage's figure stands.
+fn place(stage: &str) -> usize {
+    match stage {
+        "assemble" | "calibrate" => 1,
+        "validate" => 2,
+        "diagnose" => 3,
+        _ => 0,
+    }
+}
+
+fn fact(f: &KeyFigure) -> String {
+    let class = match f.good {
+        Some(true) => "good",
+        Some(false) => "look",
+        None => "open",
+    };
+    format!(
+        "<p class=\"fact {class}\"><b>{}</b> {} ({})</p>",
+        escaped(&f.value),
+        escaped(f.name),
+        escaped(&f.limit)
+    )
+}
