@@ -21,7 +21,9 @@ pub(crate) mod html;
 mod methods;
 mod motion;
 pub(crate) mod picture;
+mod pressure;
 pub(crate) mod scene;
+mod sheet;
 mod warnings;
 
 use body::Body;
@@ -75,7 +77,8 @@ pub fn page(folder: &BuildFolder, records: &[Record], failure: Option<&Failure>)
     if synthetic {
         html += "<p class=\"synthetic\">This knee is synthetic: made by the program, not measured.</p>";
     }
-    html += "</header>";
+    html += "<button type=\"button\" class=\"one-page\" hidden>Print one page</button></header>";
+    html += &body.sheet(failure);
     html += &body.first(failure);
     html += &contents(records, failure);
     html += "<main id=\"stages\">";

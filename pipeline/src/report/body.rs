@@ -9,12 +9,13 @@ use super::html::{escaped, flatten};
 use super::methods::Methods;
 use super::motion::{self, Motion};
 use super::scene::{Scene, named_places, places};
+use super::sheet::Sheet;
 use super::warnings::{self, Group};
+use crate::calibrate::JOINT;
 use crate::options::BuildOptions;
 use crate::record::{Failure, Record};
-use crate::calibrate::JOINT;
 use crate::stage::list::{Assemble, Calibration, STAGES, folder_name, heading, named};
-use crate::stage::{Answer, Stage, Standing, Values, View, answers};
+use crate::stage::{Answer, Stage, Standing, Values, View, answers, on_paper};
 use crate::store::BuildFolder;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
@@ -116,21 +117,37 @@ impl<'a> Body<'a> {
         cards::html(&self.four(checks, failure), &figures)
     }
 
-    /// What was built, in a sentence; good only where geometry and calibration are.
-    fn sentence(&self, checks: &[Check], failure: Option<&Failure>) -> String {
+    /// One page to print.
+    pub(super) fn sheet(&self, failure: Option<&Failure>) -> String {
+        let checks = self.checks();
+        let (id, synthetic) = self.identity();
+        let mut stills = Assemble.stills(&self.values);
+        stills.truncate(3);
+        let (answers, verdict) = (self.four(&checks, failure), self.built(&checks, failure).1);
+        let forces = on_paper(&self.values);
+        Sheet { id: &id, synthetic, verdict: &verdict, answers, stills, forces }.html()
+    }
+
+    /// What was built, as a class and a sentence; good only where geometry and calibration are.
+    fn built(&self, checks: &[Check], failure: Option<&Failure>) -> (&'static str, String) {
         let [geometry, calibrated, ..] = self.four(checks, failure);
         let name = self.values.of::<Calibration>().and_then(Calibration::main).map(|(name, o)| match name {
             JOINT => format!("{} together", o.sources.0.join(" and ")),
             one => one.to_owned(),
         });
-        let (class, words) = match (failure, name) {
+        match (failure, name) {
             (Some(f), _) => ("failed", format!("The build stopped at {}.", heading(&f.stage))),
             (None, Some(data)) => {
                 let sound = [&geometry, &calibrated].iter().all(|a| a.standing == Standing::Good);
                 (if sound { "good" } else { "look" }, format!("Built, and calibrated to {data}."))
             }
             (None, None) => ("look", "Built, but not calibrated: the ligaments are not this knee's.".to_owned()),
-        };
+        }
+    }
+
+    /// The verdict, and what a failed build says.
+    fn sentence(&self, checks: &[Check], failure: Option<&Failure>) -> String {
+        let (class, words) = self.built(checks, failure);
         let mut html = format!("<p class=\"verdict {class}\" id=\"verdict\"><strong>{}</strong></p>", escaped(&words));
         if let Some(f) = failure {
             let _ = write!(html, "<p class=\"failure\">{}</p>", escaped(&f.message));
@@ -157,7 +174,8 @@ impl<'a> Body<'a> {
     }
 
     fn details(&self, checks: &[Check]) -> String {
-        let questions = format!("<details><summary>All {} checks</summary>{}</details>", checks.len(), questions(checks));
+        let questions =
+            format!("<details><summary>All {} checks</summary>{}</details>", checks.len(), questions(checks));
         questions + &warnings::html(&self.groups(checks))
     }
 

@@ -49,10 +49,5 @@ fn fact(f: &KeyFigure) -> String {
         Some(false) => "look",
         None => "open",
     };
-    format!(
-        "<p class=\"fact {class}\"><b>{}</b> {} ({})</p>",
-        escaped(&f.value),
-        escaped(f.name),
-        escaped(&f.limit)
-    )
+    format!("<p class=\"fact {class}\"><b>{}</b> {} ({})</p>", escaped(&f.value), escaped(f.name), escaped(&f.limit))
 }

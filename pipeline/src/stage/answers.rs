@@ -101,8 +101,7 @@ fn calibrated(v: &Values, checks: &[Check], failure: Option<&Failure>) -> Answer
     let found = &main.found;
     let worst = worst_misfit(found);
     let units = ["deg varus-valgus", "deg rotation", "mm mediolateral", "mm anteroposterior", "mm proximal-distal"];
-    let rms: Vec<String> =
-        found.rms.iter().zip(units).filter_map(|(r, u)| r.map(|r| format!("{r:.1} {u}"))).collect();
+    let rms: Vec<String> = found.rms.iter().zip(units).filter_map(|(r, u)| r.map(|r| format!("{r:.1} {u}"))).collect();
     let determined = found.parameters.iter().filter(|p| p.determined > 0.5).count();
     let told = if name == JOINT { main.sources.0.join(" and ") } else { name.to_owned() };
     let mut words = format!(

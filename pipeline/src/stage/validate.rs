@@ -116,6 +116,19 @@ impl Stage for Validate {
     }
 }
 
+/// The knee's forces and its passive flexion for a page of paper.
+pub(crate) fn on_paper(v: &Values) -> String {
+    let Some(knee) = v.of::<Validation>().and_then(|v| v.sources.first()) else { return String::new() };
+    let figure = v.folder.read_file(&format!("{}/figure8.svg", Validate.folder()));
+    let figure = figure.map_or(String::new(), |svg| {
+        format!(
+            "<img class=\"paper\" alt=\"Passive flexion of every model, and as measured\" src=\"data:image/svg+xml;base64,{}\">",
+            STANDARD.encode(svg)
+        )
+    });
+    tables::tables(knee).iter().map(tables::plain).collect::<String>() + &figure
+}
+
 /// Figures 5 and 6: the targets, and what misses them.
 fn figures_of_targets(c: &Calibration) -> Vec<(String, Vec<u8>)> {
     let targets: Vec<_> = c.sources.iter().map(|(n, o)| (n.clone(), o.trials.clone())).collect();

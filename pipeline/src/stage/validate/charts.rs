@@ -98,11 +98,19 @@ fn against_flexion(
     }
     plot.set_layout(layout("flexion [deg]", unit));
     let told: Vec<String> = curves.iter().filter_map(|c| most(c, unit)).collect();
-    let how = if banded { "Means with their 90 % intervals (shaded)." } else { "Most probable values; no samples were asked, so no intervals." };
+    let how = if banded {
+        "Means with their 90 % intervals (shaded)."
+    } else {
+        "Most probable values; no samples were asked, so no intervals."
+    };
     Some(Chart {
         id: format!("{}-{id}", s.name),
         title: format!("{what} in {words}"),
-        text: format!("{what} of the model {} in {words}, against flexion. {how} Largest: {}.", s.name, told.join("; ")),
+        text: format!(
+            "{what} of the model {} in {words}, against flexion. {how} Largest: {}.",
+            s.name,
+            told.join("; ")
+        ),
         plot: plot.to_json(),
     })
 }

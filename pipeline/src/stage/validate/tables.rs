@@ -29,7 +29,8 @@ pub(super) fn tables(s: &Source) -> Vec<Table> {
         let told = (0..GROUPS.len()).map(|g| number(&ligament(s, r, g)));
         forces.rows.push(std::iter::once(words.clone()).chain(told).collect());
     }
-    let columns = [("force_n", "force [N]"), ("area_mm2", "area [mm2]"), ("mean_mpa", "mean [MPa]"), ("peak_mpa", "peak [MPa]")];
+    let columns =
+        [("force_n", "force [N]"), ("area_mm2", "area [mm2]"), ("mean_mpa", "mean [MPa]"), ("peak_mpa", "peak [MPa]")];
     let mut contacts = table(&format!("Contact of the model {} by compartment", s.name), &["test"]);
     for side in ["medial", "lateral"] {
         contacts.header.extend(columns.iter().map(|(_, words)| format!("{side} {words}")));
@@ -53,13 +54,23 @@ fn table(title: &str, header: &[&str]) -> Table {
 
 /// A table behind its title.
 pub(super) fn html(t: &Table, open: bool) -> String {
-    let row =
-        |cells: &[String], tag: &str| cells.iter().map(|c| format!("<{tag}>{}</{tag}>", escaped(c))).collect::<String>();
-    let rows: String = t.rows.iter().map(|r| format!("<tr>{}</tr>", row(r, "td"))).collect();
     format!(
-        "<details{}><summary>{}</summary><div class=\"wide\" tabindex=\"0\"><table><thead><tr>{}</tr></thead><tbody>{rows}</tbody></table></div></details>",
+        "<details{}><summary>{}</summary><div class=\"wide\" tabindex=\"0\">{}</div></details>",
         if open { " open" } else { "" },
         escaped(&t.title),
-        row(&t.header, "th")
+        cells(t)
     )
+}
+
+/// A table below its title.
+pub(super) fn plain(t: &Table) -> String {
+    format!("<p><b>{}</b></p>{}", escaped(&t.title), cells(t))
+}
+
+fn cells(t: &Table) -> String {
+    let row = |cells: &[String], tag: &str| {
+        cells.iter().map(|c| format!("<{tag}>{}</{tag}>", escaped(c))).collect::<String>()
+    };
+    let rows: String = t.rows.iter().map(|r| format!("<tr>{}</tr>", row(r, "td"))).collect();
+    format!("<table><thead><tr>{}</tr></thead><tbody>{rows}</tbody></table>", row(&t.header, "th"))
 }
