@@ -132,19 +132,18 @@ fn predicts(v: &Values, failure: Option<&Failure>) -> Answer {
     }
     let found = predictions(v);
     let answer = |standing, word: &str, words: String| Answer { question, standing, word: word.into(), words, stage };
-    if found.is_empty() {
-        let words = if v.of::<Calibration>().is_some() {
+    let tested: Vec<bool> = found.iter().filter_map(|p| p.good).collect();
+    let words = found.iter().map(|p| p.words.as_str()).collect::<Vec<_>>().join(" ");
+    if tested.is_empty() {
+        let why = if v.of::<Calibration>().is_some() {
             "Not tested: every measurement that there is was used to calibrate it. Measured passive flexion, or a diagnosis (which leaves trials out in turn), would test it."
         } else {
             "Not tested: nothing that was measured stands beside what the model says."
         };
-        return answer(Standing::Open, "Not tested", words.into());
+        return answer(Standing::Open, "Not tested", format!("{why} {words}").trim().to_owned());
     }
-    let tested: Vec<bool> = found.iter().filter_map(|p| p.good).collect();
-    let words = found.iter().map(|p| p.words.as_str()).collect::<Vec<_>>().join(" ");
     let bad = tested.iter().filter(|good| !**good).count();
     let (standing, word) = match (tested.len(), bad) {
-        (0, _) => (Standing::Open, "Not tested"),
         (_, 0) => (Standing::Good, "Yes"),
         (all, bad) if bad < all => (Standing::Look, "In part"),
         _ => (Standing::Look, "Not well"),
