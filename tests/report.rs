@@ -64,14 +64,17 @@ fn the_joint_knee_is_what_the_report_is_about() {
     }
     let page = text(&build.join("report.html"));
     let words = words(&page);
-    for chart in ["answer-joint-kla-AP", "answer-joint-rks-AP", "parameters-joint-stiffness", "forces-joint", "joint-passive"] {
+    for chart in
+        ["answer-joint-kla-AP", "answer-joint-rks-AP", "parameters-joint-stiffness", "forces-joint", "joint-passive"]
+    {
         assert!(words.contains(&format!("data-chart=\"a/{chart}\"")), "{chart}");
     }
     assert!(words.contains("Contact of the model joint by compartment"));
     let data = &page[page.find("id=\"data\"").unwrap()..];
-    let motions: Vec<usize> = ["joint: passive flexion", "joint: pivot shift", "joint: measured loads, kla", "kla: passive flexion"]
-        .map(|m| data.find(&format!("\"name\":\"{m}\"")).unwrap_or_else(|| panic!("{m}")))
-        .to_vec();
+    let motions: Vec<usize> =
+        ["joint: passive flexion", "joint: pivot shift", "joint: measured loads, kla", "kla: passive flexion"]
+            .map(|m| data.find(&format!("\"name\":\"{m}\"")).unwrap_or_else(|| panic!("{m}")))
+            .to_vec();
     assert!(motions.is_sorted(), "the joint knee moves first");
     for told in ["\"pressure\":{", "\"measured\":[", "\"moves\":\"names\"", "\"edges\":true"] {
         assert!(data.contains(told), "{told}");
