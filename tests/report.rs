@@ -1,5 +1,5 @@
 //! The report: self-contained, small, the same bytes again; of a failed build; of two builds; in a browser.
-#![allow(clippy::unwrap_used, clippy::print_stderr, reason = "tests")]
+#![allow(clippy::unwrap_used, clippy::print_stderr, clippy::disallowed_methods, reason = "tests")]
 
 use crate::common::{build_model, phantom, text};
 use std::path::Path;

@@ -32,16 +32,16 @@ pub(super) fn charts(s: &Source) -> Vec<Chart> {
     ];
     let mut out = Vec::new();
     for (id, words, rows) in &sets {
-        out.extend(against_flexion(s, id, words, rows, &ligaments(s, rows), "force [N]", "Ligament forces"));
+        out.extend(against_flexion(s, id, words, rows, &ligaments(s, rows), ("force [N]", "Ligament forces")));
     }
     out.extend(pivot(s));
     for (id, words, rows) in &sets {
         let force = compartments(rows, "force_n");
-        out.extend(against_flexion(s, &format!("contact-{id}"), words, rows, &force, "force [N]", "Contact force"));
+        out.extend(against_flexion(s, &format!("contact-{id}"), words, rows, &force, ("force [N]", "Contact force")));
     }
     let (id, words, rows) = &sets[0];
     let peak = compartments(rows, "peak_mpa");
-    out.extend(against_flexion(s, &format!("pressure-{id}"), words, rows, &peak, "MPa", "Peak contact pressure"));
+    out.extend(against_flexion(s, &format!("pressure-{id}"), words, rows, &peak, ("MPa", "Peak contact pressure")));
     out
 }
 
@@ -81,8 +81,7 @@ fn against_flexion(
     words: &str,
     rows: &[&TrialResult],
     curves: &[Curve],
-    unit: &str,
-    what: &str,
+    (unit, what): (&str, &str),
 ) -> Option<Chart> {
     if curves.is_empty() || rows.len() < 2 {
         return None;
