@@ -114,7 +114,7 @@ impl<'a> Body<'a> {
     fn answers(&self, checks: &[Check], failure: Option<&Failure>) -> String {
         let figures: Vec<(&str, KeyFigure)> =
             STAGES.iter().filter_map(|stage| Some((stage.name(), stage.key_figure(&self.values)?))).collect();
-        cards::html(&self.four(checks, failure), &figures)
+        cards::html(&self.four(checks, failure), &figures, &self.stages)
     }
 
     /// One page to print.

@@ -14,20 +14,21 @@ pub(super) fn class(standing: Standing) -> &'static str {
     }
 }
 
-/// The cards; `figures` are key figures by their stage.
-pub(super) fn html(answers: &[Answer; 4], figures: &[(&str, KeyFigure)]) -> String {
+/// The cards; `figures` are key figures by their stage, `stages` those that have a section to lead to.
+pub(super) fn html(answers: &[Answer; 4], figures: &[(&str, KeyFigure)], stages: &[String]) -> String {
     let mut out = "<ul class=\"answers\">".to_owned();
     for (k, a) in answers.iter().enumerate() {
         let mine = figures.iter().filter(|(stage, _)| place(stage) == k);
         let facts: String = mine.map(|(_, f)| fact(f)).collect();
+        let there = stages.iter().any(|s| s == a.stage) || a.standing == Standing::Failed;
+        let more = if there { format!(" <a href=\"#{}\">More</a>", escaped(a.stage)) } else { String::new() };
         out += &format!(
-            "<li class=\"{}\" data-answer=\"{}\"><h3>{}</h3><p class=\"word\">{}</p>{facts}<p>{} <a href=\"#{}\">More</a></p></li>",
+            "<li class=\"{}\" data-answer=\"{}\"><h3>{}</h3><p class=\"word\">{}</p>{facts}<p>{}{more}</p></li>",
             class(a.standing),
             ["geometry", "calibrated", "predicts", "missing"][k],
             escaped(a.question),
             escaped(&a.word),
-            escaped(&a.words),
-            escaped(a.stage)
+            escaped(&a.words)
         );
     }
     out + "</ul>"
