@@ -10,7 +10,7 @@ pub(super) fn class(standing: Standing) -> &'static str {
         Standing::Good => "good",
         Standing::Look => "look",
         Standing::Failed => "failed",
-        Standing::Open => "open",
+        Standing::Open => "unknown",
     }
 }
 
@@ -48,7 +48,7 @@ fn fact(f: &KeyFigure) -> String {
     let class = match f.good {
         Some(true) => "good",
         Some(false) => "look",
-        None => "open",
+        None => "unknown",
     };
     format!("<p class=\"fact {class}\"><b>{}</b> {} ({})</p>", escaped(&f.value), escaped(f.name), escaped(&f.limit))
 }
