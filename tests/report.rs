@@ -1,5 +1,5 @@
 //! The report: self-contained, small, the same bytes again; of a failed build; of two builds; in a browser.
-#![allow(clippy::unwrap_used, clippy::print_stderr, reason = "tests")]
+#![allow(clippy::unwrap_used, clippy::print_stderr, clippy::disallowed_methods, reason = "tests")]
 
 use crate::common::{build_model, built, phantom, text};
 use std::path::Path;
@@ -27,6 +27,73 @@ fn report_is_one_small_file_with_the_verdict_first() {
         assert!(words.contains(&format!("<figcaption id=\"text-a-{stage}\">")), "{stage}");
     }
     assert!(words.contains("This knee is synthetic"));
+}
+
+/// The standing of an answer of the first screen: the class of its card.
+fn standing<'a>(page: &'a str, answer: &str) -> &'a str {
+    let card = page.find(&format!("data-answer=\"{answer}\"")).unwrap();
+    let class = page[..card].rfind("class=\"").unwrap() + "class=\"".len();
+    page[class..card].split('"').next().unwrap()
+}
+
+#[test]
+fn the_joint_knee_is_what_the_report_is_about() {
+    let build = built().join("build");
+    for file in ["ap_laxity", "passive_flexion", "pivot_shift", "pivot_shift_no_acl"] {
+        assert!(build.join(format!("11-validate/joint/{file}.csv")).exists(), "{file}");
+    }
+    let compare = text(&build.join("11-validate/compare.csv"));
+    for pair in ["joint,kla,", "joint,rks,", "kla,rks,"] {
+        assert!(compare.contains(&format!("\n{pair}ap_laxity,")), "{pair}");
+    }
+    for table in ["table4", "table5", "table6", "table7"] {
+        assert!(text(&build.join(format!("11-validate/{table}.csv"))).contains("joint"), "{table}");
+    }
+    let page = text(&build.join("report.html"));
+    let words = words(&page);
+    for chart in
+        ["answer-joint-kla-AP", "answer-joint-rks-AP", "parameters-joint-stiffness", "forces-joint", "joint-passive"]
+    {
+        assert!(words.contains(&format!("data-chart=\"a/{chart}\"")), "{chart}");
+    }
+    assert!(words.contains("Contact of the model joint by compartment"));
+    let data = &page[page.find("id=\"data\"").unwrap()..];
+    let motions: Vec<usize> =
+        ["joint: passive flexion", "joint: pivot shift", "joint: measured loads, kla", "kla: passive flexion"]
+            .map(|m| data.find(&format!("\"name\":\"{m}\"")).unwrap_or_else(|| panic!("{m}")))
+            .to_vec();
+    assert!(motions.is_sorted(), "the joint knee moves first");
+    for told in ["\"pressure\":{", "\"measured\":[", "\"moves\":\"names\"", "\"edges\":true"] {
+        assert!(data.contains(told), "{told}");
+    }
+}
+
+#[test]
+fn four_answers_stand_apart() {
+    let page = text(&built().join("build/report.html"));
+    assert_eq!(words(&page).matches("data-answer=").count(), 4);
+    assert!(["good", "look"].contains(&standing(&page, "geometry")));
+    assert!(["good", "look"].contains(&standing(&page, "calibrated")));
+    assert_eq!(standing(&page, "missing"), "unknown", "nobody asked");
+    assert!(words(&page).contains("Not asked."));
+    assert_eq!(words(&page).matches("class=\"sheet\"").count(), 1, "one page to print");
+}
+
+#[test]
+fn a_knee_without_laxity_is_not_green() {
+    let folder = phantom("S192803-phantom");
+    let toml = folder.path().join("specimen.toml");
+    let all = text(&toml);
+    std::fs::write(&toml, &all[..all.find("[laxity]").unwrap()]).unwrap();
+    build_model().arg(folder.path()).arg("--quiet").assert().success();
+    let page = text(&folder.path().join("build/report.html"));
+    let words = words(&page);
+    assert!(words.contains("class=\"verdict look\""), "not green");
+    assert!(words.contains("not calibrated") && words.contains("only assembled"));
+    assert_eq!(standing(&page, "calibrated"), "look");
+    assert_eq!(standing(&page, "predicts"), "unknown");
+    assert_eq!(standing(&page, "missing"), "unknown");
+    assert!(!words.contains("within all limits"));
 }
 
 #[test]

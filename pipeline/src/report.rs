@@ -9,6 +9,7 @@ use serde_json::json;
 use std::path::Path;
 
 mod body;
+mod cards;
 pub(crate) mod chart;
 pub(crate) mod check;
 mod compare;
@@ -20,7 +21,9 @@ pub(crate) mod html;
 mod methods;
 mod motion;
 pub(crate) mod picture;
+mod pressure;
 pub(crate) mod scene;
+mod sheet;
 mod warnings;
 
 use body::Body;
@@ -110,7 +113,8 @@ fn page(folder: &BuildFolder, records: &[Record], failure: Option<&Failure>) -> 
     if synthetic {
         html += "<p class=\"synthetic\">This knee is synthetic: made by the program, not measured.</p>";
     }
-    html += "</header>";
+    html += "<button type=\"button\" class=\"one-page\" hidden>Print one page</button></header>";
+    html += &body.sheet(failure);
     html += &body.first(failure);
     html += &contents(records, failure);
     html += "<main id=\"stages\">";

@@ -2,6 +2,7 @@
 //!
 //! A file a stage; [`list`] has them in order, and everyone else walks over that list.
 
+mod answers;
 mod artifacts;
 mod assemble;
 mod attachments;
@@ -23,8 +24,11 @@ mod segment;
 mod validate;
 mod values;
 
+pub(crate) use answers::{Answer, Standing, answers};
 pub(crate) use artifacts::Files;
+pub(crate) use assemble::contact_surface;
 pub(crate) use layers::{bone_layers, ct_layers};
+pub(crate) use validate::on_paper;
 pub(crate) use values::Values;
 
 use crate::error::BuildError;

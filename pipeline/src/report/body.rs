@@ -1,5 +1,6 @@
 //! The parts of the report: verdict, a stage, what failed, the diagnosis.
 
+use super::cards;
 use super::chart::Chart;
 use super::check::{Check, KeyFigure};
 use super::failed;
@@ -8,13 +9,14 @@ use super::html::{escaped, flatten};
 use super::methods::Methods;
 use super::motion::{self, Motion};
 use super::scene::{Scene, named_places, places};
-use super::warnings;
+use super::sheet::Sheet;
+use super::warnings::{self, Group};
 use crate::options::BuildOptions;
 use crate::record::{Failure, Record};
-use crate::stage::Values;
-use crate::stage::list::{Assemble, STAGES, folder_name, heading, named};
-use crate::stage::{Stage, View};
+use crate::stage::list::{Assemble, Calibration, STAGES, folder_name, heading, named};
+use crate::stage::{Answer, Stage, Standing, Values, View, answers, on_paper};
 use crate::store::BuildFolder;
+use crate::which_model::JOINT;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use meshes::Point;
@@ -72,14 +74,14 @@ impl<'a> Body<'a> {
         })
     }
 
-    /// The first screen: a sentence, three figures with their limits, the knee, what to look at next; then questions and warnings.
+    /// The first screen: a sentence, four answers with their figures, the knee, what to look at next; then questions and warnings.
     pub(super) fn first(&mut self, failure: Option<&Failure>) -> String {
         let checks = self.checks();
         let knee = Assemble.scene(&self.values, &mut self.pool);
         self.knee_shown = knee.is_some();
         let picture = knee.map_or(String::new(), |scene| self.figure(scene, &Assemble));
         let mut html = format!("<div class=\"first\"><div>{}", self.sentence(&checks, failure));
-        html += &key_figures(&self.key_figures());
+        html += &self.answers(&checks, failure);
         html += &self.next(&checks, failure);
         html += &format!("</div>{picture}</div>");
         html + &self.details(&checks)
@@ -88,7 +90,7 @@ impl<'a> Body<'a> {
     /// The verdict, the questions and the warnings, without the knee.
     pub(super) fn verdict(&self, failure: Option<&Failure>) -> String {
         let checks = self.checks();
-        self.sentence(&checks, failure) + &self.details(&checks)
+        self.sentence(&checks, failure) + &self.answers(&checks, failure) + &self.details(&checks)
     }
 
     /// The questions, as far as the build has come.
@@ -96,31 +98,56 @@ impl<'a> Body<'a> {
         STAGES.iter().flat_map(|stage| stage.checks(&self.values)).collect()
     }
 
-    /// The figures that matter most, as far as the build has come.
-    fn key_figures(&self) -> Vec<KeyFigure> {
-        STAGES.iter().filter_map(|stage| stage.key_figure(&self.values)).collect()
+    /// The four answers.
+    pub(super) fn four(&self, checks: &[Check], failure: Option<&Failure>) -> [Answer; 4] {
+        let groups = self.groups(checks);
+        let heavy: Vec<&str> = groups.iter().filter(|g| g.heavy).map(|g| g.stage.as_str()).collect();
+        answers(&self.values, checks, &heavy, failure)
     }
 
-    /// The verdict in a sentence.
-    fn sentence(&self, checks: &[Check], failure: Option<&Failure>) -> String {
-        let bad = checks.iter().filter(|c| c.good == Some(false)).count();
-        let heavy = warnings::groups(&self.warnings).iter().filter(|g| g.heavy).count();
-        let kinds = |n: usize| format!("{n} {} of warning", if n == 1 { "kind" } else { "kinds" });
-        let (class, words) = match failure {
-            Some(f) => ("failed", format!("The build stopped at {}.", heading(&f.stage))),
-            None if bad > 0 => (
-                "look",
-                format!(
-                    "Built, but {bad} of {} answers {} outside the limits.",
-                    checks.len(),
-                    if bad == 1 { "is" } else { "are" }
-                ),
-            ),
-            None if heavy > 0 => {
-                ("look", format!("Built, within all limits. {} may make the model wrong.", kinds(heavy)))
+    /// The warnings in groups; a stage whose answer is outside its limit makes its warnings heavy.
+    fn groups(&self, checks: &[Check]) -> Vec<Group> {
+        warnings::groups(&self.warnings, &outside(checks))
+    }
+
+    /// The four answers as cards, each with the key figures of its stages.
+    fn answers(&self, checks: &[Check], failure: Option<&Failure>) -> String {
+        let figures: Vec<(&str, KeyFigure)> =
+            STAGES.iter().filter_map(|stage| Some((stage.name(), stage.key_figure(&self.values)?))).collect();
+        cards::html(&self.four(checks, failure), &figures, &self.stages)
+    }
+
+    /// One page to print.
+    pub(super) fn sheet(&self, failure: Option<&Failure>) -> String {
+        let checks = self.checks();
+        let (id, synthetic) = self.identity();
+        let mut stills = Assemble.stills(&self.values);
+        stills.truncate(3);
+        let (answers, verdict) = (self.four(&checks, failure), self.built(&checks, failure).1);
+        let forces = on_paper(&self.values);
+        Sheet { id: &id, synthetic, verdict: &verdict, answers, stills, forces }.html()
+    }
+
+    /// What was built, as a class and a sentence; good only where geometry and calibration are.
+    fn built(&self, checks: &[Check], failure: Option<&Failure>) -> (&'static str, String) {
+        let [geometry, calibrated, ..] = self.four(checks, failure);
+        let name = self.values.of::<Calibration>().and_then(Calibration::main).map(|(name, o)| match name {
+            JOINT => format!("{} together", o.sources.0.join(" and ")),
+            one => one.to_owned(),
+        });
+        match (failure, name) {
+            (Some(f), _) => ("failed", format!("The build stopped at {}.", heading(&f.stage))),
+            (None, Some(data)) => {
+                let sound = [&geometry, &calibrated].iter().all(|a| a.standing == Standing::Good);
+                (if sound { "good" } else { "look" }, format!("Built, and calibrated to {data}."))
             }
-            None => ("good", "Built, within all limits.".to_owned()),
-        };
+            (None, None) => ("look", "Built, but not calibrated: the ligaments are not this knee's.".to_owned()),
+        }
+    }
+
+    /// The verdict, and what a failed build says.
+    fn sentence(&self, checks: &[Check], failure: Option<&Failure>) -> String {
+        let (class, words) = self.built(checks, failure);
         let mut html = format!("<p class=\"verdict {class}\" id=\"verdict\"><strong>{}</strong></p>", escaped(&words));
         if let Some(f) = failure {
             let _ = write!(html, "<p class=\"failure\">{}</p>", escaped(&f.message));
@@ -134,8 +161,9 @@ impl<'a> Body<'a> {
             |stage: &str, words: &str| format!("<li><a href=\"#{}\">{}</a></li>", escaped(stage), escaped(words));
         let mut items: Vec<String> = failure.iter().map(|f| link(&f.stage, "Where it stopped, and on what")).collect();
         let bad = checks.iter().filter(|c| c.good == Some(false));
-        items.extend(bad.map(|c| link(c.stage, &format!("{} {}", c.question, c.answer))));
-        let groups = warnings::groups(&self.warnings);
+        let short = |answer: &str| answer.split([';', '(']).next().unwrap_or_default().trim().to_owned();
+        items.extend(bad.map(|c| link(c.stage, &format!("{} {}", c.question, short(&c.answer)))));
+        let groups = self.groups(checks);
         items.extend(groups.iter().filter(|g| g.heavy).filter_map(|g| Some(link(&g.stage, g.all.first()?))));
         let done = STAGES.iter().filter(|stage| self.stages.iter().any(|s| s == stage.name()));
         items.extend(done.filter_map(|stage| Some(link(stage.name(), stage.look()?))));
@@ -147,13 +175,15 @@ impl<'a> Body<'a> {
     }
 
     fn details(&self, checks: &[Check]) -> String {
-        questions(checks) + &warnings::html(&self.warnings)
+        let questions =
+            format!("<details><summary>All {} checks</summary>{}</details>", checks.len(), questions(checks));
+        questions + &warnings::html(&self.groups(checks))
     }
 
     /// A stage's warnings, scenes, charts, tables and figures.
     pub(super) fn stage(&mut self, record: &Record) -> String {
         let mine: Vec<(String, String)> = self.warnings.iter().filter(|(s, _)| *s == record.stage).cloned().collect();
-        let mut html = warnings::html(&mine);
+        let mut html = warnings::html(&warnings::groups(&mine, &outside(&self.checks())));
         if record.stage == Assemble::NAME && self.knee_shown {
             html += "<p>The knee in 3D stands <a href=\"#verdict\">at the top</a>.</p>";
         }
@@ -253,24 +283,9 @@ fn options(folder: &BuildFolder) -> Option<BuildOptions> {
     run.get("options")?.clone().try_into().ok()
 }
 
-fn key_figures(figures: &[KeyFigure]) -> String {
-    if figures.is_empty() {
-        return String::new();
-    }
-    let item = |f: &KeyFigure| {
-        let class = match f.good {
-            Some(true) => "good",
-            Some(false) => "look",
-            None => "open",
-        };
-        format!(
-            "<li class=\"{class}\"><b>{}</b>{}<span>{}</span></li>",
-            escaped(&f.value),
-            escaped(f.name),
-            escaped(&f.limit)
-        )
-    };
-    format!("<ul class=\"figures\">{}</ul>", figures.iter().map(item).collect::<String>())
+/// Stages with an answer outside its limit.
+fn outside(checks: &[Check]) -> Vec<&'static str> {
+    checks.iter().filter(|c| c.good == Some(false)).map(|c| c.stage).collect()
 }
 
 fn questions(checks: &[Check]) -> String {

@@ -12,11 +12,14 @@ use sim::protocols::ProtocolOptions;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-const STYLE: &str = "body{font:15px/1.5 system-ui,sans-serif;max-width:70em;margin:2em auto;padding:0 1em;color:#222}\
+const STYLE: &str = "body{font:15px/1.5 system-ui,sans-serif;max-width:70em;margin:2em auto;padding:0 1em;color:var(--ink,#222)}\
 h1{font-size:1.4em}h2{font-size:1.1em;margin-top:2em}table{border-collapse:collapse;font-size:.9em}\
-td,th{border:1px solid #ccc;padding:.2em .5em;text-align:right}th{background:#f4f4f4}td:first-child,th:first-child{text-align:left}\
-.verdict{border-left:6px solid #2a6;padding:.5em 1em;background:#f6faf8}.bar{height:1.1em;background:#478;display:inline-block}\
-.note{color:#666;font-size:.9em}.gap{border:0;background:none;padding:.2em}.words td,.words th{text-align:left;vertical-align:top}";
+td,th{border:1px solid var(--line,#ccc);padding:.2em .5em;text-align:right}th{background:var(--faint,#f4f4f4)}td:first-child,th:first-child{text-align:left}\
+.verdict{border-left:6px solid var(--link,#478);padding:.5em 1em;background:var(--note-bg,#f4f6fa)}.bar{height:1.1em;background:#478;display:inline-block}\
+.note{color:var(--dim,#666);font-size:.9em}.gap{border:0;background:none;padding:.2em}.words td,.words th{text-align:left;vertical-align:top}";
+
+/// Pictures on a white ground are turned dark with the page that holds them.
+const DARK: &str = "@media screen and (prefers-color-scheme:dark){svg{filter:invert(.91) hue-rotate(180deg)}}";
 
 /// The page of a diagnosis of `model`.
 pub(crate) fn page(model: &str, d: &Diagnosis) -> String {
@@ -29,7 +32,7 @@ pub(crate) fn page(model: &str, d: &Diagnosis) -> String {
 
 /// The same as a part of another page: a tree of its own, so that neither page's style reaches the other; its headings stand below the section's.
 pub(crate) fn part(model: &str, d: &Diagnosis) -> String {
-    let style = STYLE.replace("h2{", "h4{").replace("h1{", "h3{");
+    let style = STYLE.replace("h2{", "h4{").replace("h1{", "h3{") + DARK;
     let lower = [("<h2>", "<h4>"), ("</h2>", "</h4>"), ("<h1>", "<h3>"), ("</h1>", "</h3>")];
     let body = lower.iter().fold(body(model, d), |text, (from, to)| text.replace(from, to));
     format!("<div class=\"diagnosis\"><template shadowrootmode=\"open\"><style>{style}</style>{body}</template></div>")

@@ -1,18 +1,31 @@
-//! The knee's motions for the slider: the femur's place and the fibres' forces at every step of every protocol.
+//! The knee's motions for the slider: the femur's place, the fibres' forces and the contact pressure at every step of every protocol; and the
+//! measured loads, with the femur where it was measured.
 
 use super::geometry::{Pool, rounded};
+use super::pressure::{Pressed, Surfaces};
+use crate::model_file::assembled_model;
 use crate::stage::Values;
 use crate::stage::list::Calibration;
 use crate::validate::Validation;
+use crate::which_model::JOINT;
+use calibration::session::Outcome;
 use serde::Serialize;
-use sim::joint::Joint;
-use sim::laxity::TrialResult;
-use sim::spec::ModelSpec;
+use sim::joint::{Joint, Pose};
+use sim::laxity::{LaxityTrial, TrialResult};
+use sim::model::Model;
+use sim::spec::{ModelSpec, PoseSpec};
+use stages::assemble::Assembled;
+use stages::bones::Bones;
+use stages::cartilage::Cartilage;
+use std::collections::BTreeMap;
+use validation::validate::{Passive, Source};
 
 /// A way of moving the knee.
 #[derive(Serialize)]
 pub(super) struct Motion {
     name: String,
+    /// Largest contact pressure of all motions [MPa]; 0 where none is told.
+    most_mpa: f64,
     steps: Vec<Step>,
 }
 
@@ -21,52 +34,194 @@ struct Step {
     label: String,
     /// Rows of the 3 x 4 matrix that moves the femur.
     femur: Vec<f64>,
+    /// The same to where it was measured.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    measured: Option<Vec<f64>>,
     /// Force of each fibre [N].
     force: Vec<f64>,
+    /// By surface: corners and their pressures.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pressure: BTreeMap<String, [String; 2]>,
+    #[serde(skip)]
+    pressed: Pressed,
 }
 
 const PROTOCOLS: [(&str, &str); 4] = [
     ("passive_flexion", "passive flexion"),
-    ("ap_laxity", "AP laxity"),
+    ("ap_laxity", "drawers"),
     ("pivot_shift", "pivot shift"),
     ("pivot_shift_no_acl", "pivot shift without ACL"),
 ];
 
-/// The protocols of every calibrated model.
+/// The protocols of every calibrated model, the knee's first and with its contact; then the loads it was measured under.
 pub(super) fn motions(v: &Values, pool: &Pool) -> Vec<Motion> {
     let (Some(validation), Some(calibration)) = (v.of::<Validation>(), v.of::<Calibration>()) else { return vec![] };
+    let main = calibration.main().map_or("", |(name, _)| name);
     let mut out = Vec::new();
-    for source in &validation.sources {
-        let Some(outcome) = calibration.sources.get(&source.name) else { continue };
+    for (name, outcome) in calibration.main_first() {
         let Ok(joint) = Joint::new(&outcome.spec.frames, outcome.spec.side) else { continue };
-        for (file, words) in PROTOCOLS {
-            let rows = source.protocols().into_iter().find(|(name, _)| *name == file).map_or(&[][..], |(_, rows)| rows);
-            let steps: Vec<Step> =
-                rows.iter().filter_map(|r| step(r, &joint, &outcome.spec, &source.bundles, pool)).collect();
-            if !steps.is_empty() {
-                out.push(Motion { name: format!("{}: {words}", source.name), steps });
-            }
+        let model = if name == main { model(v, &outcome.spec) } else { None };
+        let surfaces = v.of::<Assembled>().map(|a| Surfaces::new(&a.contact));
+        let knee = Knee { name, joint, spec: &outcome.spec, contact: model.as_ref().zip(surfaces), pool };
+        let source = validation.sources.iter().find(|s| s.name == name);
+        out.extend(source.into_iter().flat_map(|s| knee.protocols(s, &validation.passive)));
+        if name == main {
+            out.extend(knee.measured(outcome));
         }
     }
+    told(&mut out);
     out
 }
 
-fn step(r: &TrialResult, joint: &Joint, spec: &ModelSpec, bundles: &[String], pool: &Pool) -> Option<Step> {
-    let q = joint.coordinates(&r.pose.six()).ok()?;
-    let force = spec
-        .fibres
-        .iter()
-        .map(|f| {
-            let count = spec.fibres.iter().filter(|g| g.bundle == f.bundle).count() as f64;
-            let place = bundles.iter().position(|b| *b == f.bundle);
-            rounded(place.and_then(|i| r.forces_n.get(i)).map_or(0.0, |n| n / count), 10.0)
+/// Packs the pressures of all motions by one scale.
+fn told(motions: &mut [Motion]) {
+    let steps = |m: &Motion| m.steps.iter().map(|s| s.pressed.most()).fold(0.0, f64::max);
+    let most = motions.iter().map(steps).fold(0.0, f64::max);
+    for m in motions {
+        m.most_mpa = rounded(most, 100.0);
+        m.steps.iter_mut().for_each(|s| s.pressure = s.pressed.packed(m.most_mpa));
+    }
+}
+
+/// The calibrated model, to ask it for its contact.
+fn model(v: &Values, spec: &ModelSpec) -> Option<Model> {
+    let loaded = assembled_model(v.of::<Assembled>()?, v.of::<Bones>()?, v.of::<Cartilage>()?);
+    sim::compile(spec, &loaded.meshes).ok()
+}
+
+/// A calibrated model that moves.
+struct Knee<'a> {
+    name: &'a str,
+    joint: Joint,
+    spec: &'a ModelSpec,
+    contact: Option<(&'a Model, Surfaces)>,
+    pool: &'a Pool,
+}
+
+impl Knee<'_> {
+    fn protocols(&self, source: &Source, passive: &[Passive]) -> Vec<Motion> {
+        let mut out = Vec::new();
+        for (file, words) in PROTOCOLS {
+            let rows = source.protocols().into_iter().find(|(name, _)| *name == file).map_or(&[][..], |(_, rows)| rows);
+            let seen = if file == "passive_flexion" { passive } else { &[] };
+            let steps: Vec<Step> =
+                rows.iter().filter_map(|r| self.step(r, &source.bundles, beside(seen, r.pose.fe_deg))).collect();
+            if !steps.is_empty() {
+                out.push(Motion { name: format!("{}: {words}", self.name), most_mpa: 0.0, steps });
+            }
+        }
+        out
+    }
+
+    /// The loads of each data set: simulated, and measured where the whole pose was.
+    fn measured(&self, outcome: &Outcome) -> Vec<Motion> {
+        let (sources, of) = &outcome.sources;
+        let one = |(s, source): (usize, &String)| {
+            let mine = outcome.trials.iter().zip(&outcome.found.predicted).zip(of).filter(|(_, of)| **of == s);
+            let steps: Vec<Step> =
+                mine.filter_map(|((t, p), _)| self.trial(t, &pose(t, |c| p.as_ref().map(|p| p[c]))?)).collect();
+            let name = match self.name {
+                JOINT => format!("{}: measured loads, {source}", self.name),
+                name => format!("{name}: measured loads"),
+            };
+            Motion { name, most_mpa: 0.0, steps }
+        };
+        sources.iter().enumerate().map(one).filter(|m| !m.steps.is_empty()).collect()
+    }
+
+    fn trial(&self, t: &LaxityTrial, simulated: &PoseSpec) -> Option<Step> {
+        let measured = pose(t, |c| t.measured[c])?;
+        let label = format!(
+            "{} {}, flexion {:.0} deg: simulated AP {:.1} mm, measured {:.1}; IE {:.1} deg, measured {:.1}; VV {:.1} deg, measured {:.1}",
+            t.trial,
+            t.test.name(),
+            t.fe_deg,
+            simulated.ap_mm,
+            measured.ap_mm,
+            simulated.ie_deg,
+            measured.ie_deg,
+            simulated.vv_deg,
+            measured.vv_deg
+        );
+        let pose = self.pose(simulated)?;
+        let force = self
+            .contact
+            .as_ref()
+            .map(|(m, _)| m.fibre_states(&pose).iter().map(|f| rounded(f.response.force, 10.0)).collect::<Vec<f64>>());
+        Some(Step {
+            label,
+            femur: self.pool.motion(&pose.femur),
+            measured: Some(self.pool.motion(&self.pose(&measured)?.femur)),
+            force: force.unwrap_or_default(),
+            pressed: self.pressed(&pose),
+            pressure: BTreeMap::new(),
         })
-        .collect();
-    let p = &r.pose;
-    let flags = if r.flags.is_empty() { String::new() } else { format!(" ({})", r.flags.join(", ")) };
-    let label = format!(
-        "{}: flexion {:.0}, valgus {:.1}, external {:.1} deg; lateral {:.1}, anterior {:.1}, superior {:.1} mm{flags}",
-        r.trial.trial, p.fe_deg, p.vv_deg, p.ie_deg, p.ml_mm, p.ap_mm, p.si_mm
-    );
-    Some(Step { label, femur: pool.motion(&joint.pose(&q).femur), force })
+    }
+
+    fn step(&self, r: &TrialResult, bundles: &[String], measured: Option<PoseSpec>) -> Option<Step> {
+        let pose = self.pose(&r.pose)?;
+        let count = |bundle: &str| self.spec.fibres.iter().filter(|g| g.bundle == bundle).count() as f64;
+        let of_fibre = |bundle: &String| {
+            let force = bundles.iter().position(|b| b == bundle).and_then(|i| r.forces_n.get(i));
+            rounded(force.map_or(0.0, |n| n / count(bundle)), 10.0)
+        };
+        let p = &r.pose;
+        let flags = if r.flags.is_empty() { String::new() } else { format!(" ({})", r.flags.join(", ")) };
+        let label = format!(
+            "{}: flexion {:.0}, valgus {:.1}, external {:.1} deg; lateral {:.1}, anterior {:.1}, superior {:.1} mm{flags}",
+            r.trial.trial, p.fe_deg, p.vv_deg, p.ie_deg, p.ml_mm, p.ap_mm, p.si_mm
+        );
+        Some(Step {
+            label,
+            femur: self.pool.motion(&pose.femur),
+            measured: measured.and_then(|m| Some(self.pool.motion(&self.pose(&m)?.femur))),
+            force: self.spec.fibres.iter().map(|f| of_fibre(&f.bundle)).collect(),
+            pressed: self.pressed(&pose),
+            pressure: BTreeMap::new(),
+        })
+    }
+
+    fn pose(&self, pose: &PoseSpec) -> Option<Pose> {
+        let q = self.joint.coordinates(&pose.six()).ok()?;
+        Some(self.joint.pose(&q))
+    }
+
+    fn pressed(&self, pose: &Pose) -> Pressed {
+        self.contact.as_ref().map(|(m, surfaces)| surfaces.pressed(&m.contact, pose)).unwrap_or_default()
+    }
+}
+
+/// A pose at the trial's flexion, where all of it is there; `None` for readings that count from another trial.
+fn pose(t: &LaxityTrial, of: impl Fn(sim::coordinate::Coordinate) -> Option<f64>) -> Option<PoseSpec> {
+    if t.reference.is_some() {
+        return None;
+    }
+    use sim::coordinate::{AP, IE, ML, SI, VV};
+    Some(PoseSpec {
+        fe_deg: t.fe_deg,
+        vv_deg: of(VV)?,
+        ie_deg: of(IE)?,
+        ml_mm: of(ML)?,
+        ap_mm: of(AP)?,
+        si_mm: of(SI)?,
+    })
+}
+
+/// The first measured passive flexion at a flexion, between its two nearest poses; `None` beyond them.
+fn beside(passive: &[Passive], fe_deg: f64) -> Option<PoseSpec> {
+    let mut sorted: Vec<&PoseSpec> =
+        passive.first()?.poses.iter().filter(|p| p.six().iter().all(|x| x.is_finite())).collect();
+    sorted.sort_by(|a, b| a.fe_deg.total_cmp(&b.fe_deg));
+    let k = sorted.partition_point(|p| p.fe_deg < fe_deg);
+    let (a, b) = (sorted.get(k.checked_sub(1)?)?, sorted.get(k)?);
+    let t = (fe_deg - a.fe_deg) / (b.fe_deg - a.fe_deg).max(1e-9);
+    let between = |of: fn(&PoseSpec) -> f64| of(a) + t * (of(b) - of(a));
+    Some(PoseSpec {
+        fe_deg,
+        vv_deg: between(|p| p.vv_deg),
+        ie_deg: between(|p| p.ie_deg),
+        ml_mm: between(|p| p.ml_mm),
+        ap_mm: between(|p| p.ap_mm),
+        si_mm: between(|p| p.si_mm),
+    })
 }

@@ -21,9 +21,12 @@ pub(crate) struct Picture {
 /// Surfaces as they are seen from one side.
 pub(crate) fn picture(painted: &[Painted], towards_eye: Vector, up: Vector, caption: String) -> Picture {
     let seen = render(painted, &View { towards_eye, up }, SIZE.0, SIZE.1);
+    // what nothing is painted on is clear, so that the page's own ground shows
+    let clear = |p: &[u8]| [p[0], p[1], p[2], if p == [255, 255, 255] { 0 } else { 255 }];
+    let pixels: Vec<u8> = seen.pixels.chunks_exact(3).flat_map(clear).collect();
     let mut png = Vec::new();
     let encoder = image::codecs::png::PngEncoder::new(&mut png);
     // Writing to memory does not fail; an empty picture would show in the page.
-    let _ = encoder.write_image(&seen.pixels, seen.width as u32, seen.height as u32, image::ExtendedColorType::Rgb8);
+    let _ = encoder.write_image(&pixels, seen.width as u32, seen.height as u32, image::ExtendedColorType::Rgba8);
     Picture { png, width: SIZE.0, caption }
 }

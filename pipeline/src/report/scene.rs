@@ -41,7 +41,14 @@ pub(crate) struct Layer {
     /// Of the layers with the same word one is shown at a time.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) one_of: Option<&'static str>,
-    /// Moves with the femur: the whole of it, or ("fibres") the first end of each line.
+    /// Drawn as the edges of the quads that pairs of its mesh's triangles make.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub(crate) edges: bool,
+    /// Coloured by contact pressure as the knee moves; "with scale" where the colour bar is its own.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub(crate) presses: Option<&'static str>,
+    /// Moves with the femur: the whole of it ("femur"; "measured" to where it was measured), or ("fibres") the first end of each line;
+    /// "names" are words in the middle of each line.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub(crate) moves: Option<&'static str>,
 }

@@ -10,6 +10,7 @@
     // sound elements pale, so that the few bad ones are seen
     quality: [[0, "#140014"], [0.02, "#be1428"], [0.2, "#be1428"], [0.3, "#faa050"], [0.49, "#faa050"], [0.5, "#d5dee6"], [1, "#c3d0da"]],
     gap: [[0, "#7f0000"], [0.49, "#fc8d59"], [0.5, "#f7f7f7"], [0.75, "#92c5de"], [1, "#2166ac"]],
+    pressure: [[0, "#9cc3e0"], [0.02, "#ffffb2"], [0.25, "#fecc5c"], [0.5, "#fd8d3c"], [0.75, "#f03b20"], [1, "#8e0021"]],
     force: [[0, "#9aa0a6"], [0.02, "#2c7bb6"], [0.5, "#fdae61"], [1, "#d7191c"]],
   };
   const AXES = ["x", "y", "z"];
@@ -78,10 +79,62 @@
     return out;
   }
 
+  // edges of quads whose two triangles follow each other, each once
+  function quadEdges(s) {
+    const out = { x: [], y: [], z: [] }, seen = new Set();
+    for (let t = 0; t + 1 < s.i.length; t += 2) {
+      const ring = [s.i[t], s.j[t], s.k[t], s.k[t + 1]];
+      ring.forEach((a, n) => {
+        const b = ring[(n + 1) % 4], key = Math.min(a, b) * 4294967 + Math.max(a, b);
+        if (seen.has(key)) return;
+        seen.add(key);
+        AXES.forEach((axis) => out[axis].push(s[axis][a], s[axis][b], null));
+      });
+    }
+    return out;
+  }
+
+  // where names stand: in the middle of each line, pushed outwards from the middle of all
+  function middles(lines, m) {
+    const out = { x: [], y: [], z: [] }, all = [];
+    for (let n = 0; n < lines.length; n += 2) {
+      const a = m ? apply(lines[n], m) : lines[n];
+      all.push(a.map((v, k) => (v + lines[n + 1][k]) / 2));
+    }
+    const centre = [0, 1, 2].map((k) => all.reduce((sum, p) => sum + p[k], 0) / all.length);
+    for (const p of all) {
+      const [dx, dy] = [p[0] - centre[0], p[1] - centre[1]], far = Math.hypot(dx, dy) || 1;
+      const at = [p[0] + (16 * dx) / far, p[1] + (16 * dy) / far, p[2]];
+      AXES.forEach((axis, k) => out[axis].push(at[k]));
+    }
+    return out;
+  }
+
+  // pressure at every corner of a surface: the few that are pressed are told
+  function pressures(pool, layer, step, high) {
+    const out = new Float32Array(surface(pool, layer.mesh).x.length);
+    const told = step && step.pressure && step.pressure[layer.mesh];
+    if (told) {
+      const at = new Uint16Array(bytes(told[0]).buffer), value = bytes(told[1]);
+      at.forEach((corner, n) => { out[corner] = (high * value[n]) / 255; });
+    }
+    return out;
+  }
+
   function trace(pool, layer, motion) {
     const common = { name: layer.name, visible: layer.on, showlegend: false, hoverinfo: layer.labels ? "text" : "skip", opacity: layer.opacity };
+    if (layer.edges) {
+      return { ...common, type: "scatter3d", mode: "lines", ...quadEdges(surface(pool, layer.mesh)), line: { color: layer.colour, width: 1.5 }, connectgaps: false };
+    }
+    if (layer.moves === "names") {
+      return { ...common, type: "scatter3d", mode: "text", ...middles(layer.lines), text: layer.labels, textfont: { size: 13, color: colours().ink } };
+    }
     if (layer.mesh) {
       const out = { ...common, type: "mesh3d", ...surface(pool, layer.mesh), lighting: { ambient: 0.6, diffuse: 0.6, specular: 0.1, roughness: 0.7 }, lightposition: { x: 3000, y: 6000, z: 6000 } };
+      if (layer.presses && motion) {
+        const bar = { title: { text: "contact pressure, MPa", side: "right" }, thickness: 12, len: 0.7, x: 0, xanchor: "left" };
+        return { ...out, intensity: pressures(pool, layer, null, 1), intensitymode: "vertex", cmin: 0, cmax: mostPressure(motion), colorscale: SCALES.pressure, showscale: layer.presses === "with scale", colorbar: bar };
+      }
       if (!layer.scalar) return { ...out, color: layer.colour };
       const { low, high } = layer.scalar;
       const scale = SCALES[layer.scalar.scale];
@@ -104,6 +157,7 @@
     return { ...common, type: "scatter3d", mode: "markers", x, y, z, text: layer.labels, marker: { color: layer.colour, size: layer.labels ? 6 : 2 } };
   }
 
+  const mostPressure = (motion) => Math.max(0.1, ...motion.map((m) => m.most_mpa || 0));
   const mostForce = (motion) => Math.max(1, ...motion.flatMap((m) => m.steps.flatMap((s) => s.force)));
 
   function bounds(traces, motion) {
@@ -328,10 +382,52 @@
       this.motion.forEach((m, n) => this.which.append(element("option", { value: n }, m.name)));
       this.at = element("input", { type: "range", min: 0, value: 0, "aria-label": "Step of the motion" });
       this.step = element("p", { class: "step", "aria-live": "polite" });
-      this.which.addEventListener("input", () => { this.at.value = 0; this.move(); });
-      this.at.addEventListener("input", () => this.move());
-      set.append(this.which, this.at);
+      this.which.addEventListener("input", () => { this.at.value = 0; this.overlay(); this.move(); });
+      this.at.addEventListener("input", () => { this.halt(); this.move(); });
+      this.play = element("button", { type: "button", class: "play", "aria-pressed": "false" }, "Play");
+      this.play.addEventListener("click", () => (this.ticks ? this.halt() : this.run()));
+      const map = element("button", { type: "button", class: "map" }, "Pressure on the tibia");
+      map.addEventListener("click", () => this.uncover());
+      set.append(this.which, this.at, this.play);
+      if (this.scene.layers.some((l) => l.presses)) set.append(map);
       this.tools.append(set, this.step);
+    }
+
+    run() {
+      this.play.textContent = "Stop";
+      this.play.setAttribute("aria-pressed", "true");
+      this.step.setAttribute("aria-live", "off");
+      this.ticks = setInterval(() => {
+        if (this.closed) { this.halt(); return; }
+        if (this.figure.dataset.busy) return;
+        this.at.value = (Number(this.at.value) + 1) % (Number(this.at.max) + 1);
+        this.move();
+      }, 150);
+    }
+
+    halt() {
+      clearInterval(this.ticks);
+      this.ticks = null;
+      this.play.textContent = "Play";
+      this.play.setAttribute("aria-pressed", "false");
+      this.step.setAttribute("aria-live", "polite");
+    }
+
+    // the measured pose is shown where the motion has one
+    overlay() {
+      const there = this.motion[Number(this.which.value)].steps.some((s) => s.measured);
+      this.scene.layers.forEach((l, n) => { if (l.moves === "measured") this.boxes[n].checked = there; });
+      this.later("layers", () => Plotly.restyle(this.plot, { visible: this.boxes.map((b) => b.checked) }));
+    }
+
+    // the femur out of the way, from above; again, and it is back
+    uncover() {
+      const femur = this.scene.layers.flatMap((l, n) => (l.moves === "femur" || l.moves === "measured" || l.moves === "fibres" || l.moves === "names" || l.name === "patella" ? [n] : []));
+      const back = femur.every((n) => !this.boxes[n].checked);
+      femur.forEach((n) => { this.boxes[n].checked = back && this.scene.layers[n].on; });
+      this.later("layers", () => Plotly.restyle(this.plot, { visible: this.boxes.map((b) => b.checked) }));
+      this.look(back ? this.scene.from : "above");
+      this.aim();
     }
 
     move() {
@@ -340,19 +436,31 @@
       const step = motion.steps[Number(this.at.value)];
       this.step.textContent = step.label;
       this.at.setAttribute("aria-valuetext", step.label);
-      const change = { x: [], y: [], z: [] }, which = [], colours = [];
+      const change = { x: [], y: [], z: [] }, which = [], lines = [];
+      const pressed = [], values = [];
       this.scene.layers.forEach((layer, n) => {
+        if (layer.presses) { pressed.push(n); values.push(pressures(this.pool, layer, step, motion.most_mpa)); }
         if (!layer.moves) return;
-        const at = layer.moves === "femur" ? moved(surface(this.pool, layer.mesh), step.femur) : segments(layer.lines, step.femur, step.force);
+        const at = this.placed(layer, step);
         AXES.forEach((axis) => change[axis].push(at[axis]));
         which.push(n);
-        colours.push(at.color || layer.colour);
+        lines.push(at.color || layer.colour);
       });
-      this.later("move", () => Plotly.restyle(this.plot, { ...change, "line.color": colours }, which));
+      this.later("move", () => {
+        const moved = Plotly.restyle(this.plot, { ...change, "line.color": lines }, which);
+        return pressed.length ? moved.then(() => Plotly.restyle(this.plot, { intensity: values }, pressed)) : moved;
+      });
+    }
+
+    placed(layer, step) {
+      if (layer.moves === "femur") return moved(surface(this.pool, layer.mesh), step.femur);
+      if (layer.moves === "measured") return moved(surface(this.pool, layer.mesh), step.measured || step.femur);
+      return layer.moves === "names" ? middles(layer.lines, step.femur) : segments(layer.lines, step.femur, step.force);
     }
 
     close(words) {
       this.closed = true;
+      clearInterval(this.ticks);
       Plotly.purge(this.plot);
       this.tools.remove();
       this.frame.remove();
@@ -428,9 +536,22 @@
     });
     const c = colours();
     opened.forEach((v) => v.later("ground", () => Plotly.relayout(v.plot, { paper_bgcolor: c.ground, "font.color": c.ink })));
+    opened.forEach((v) => {
+      const names = v.scene.layers.flatMap((l, n) => (l.moves === "names" ? [n] : []));
+      if (names.length) v.later("ink", () => Plotly.restyle(v.plot, { "textfont.color": c.ink }, names));
+    });
   };
   dark.addEventListener("change", again);
   paper.addEventListener("change", again);
+  // one page alone, for whoever has no time for more
+  document.querySelectorAll("button.one-page").forEach((button) => {
+    button.hidden = false;
+    button.addEventListener("click", () => {
+      document.body.classList.add("one-page");
+      window.addEventListener("afterprint", () => document.body.classList.remove("one-page"), { once: true });
+      window.print();
+    });
+  });
   window.addEventListener("beforeprint", () => document.querySelectorAll("[data-chart]").forEach(draw));
 
   // the paper's figures are SVG already; a PNG is drawn from it

@@ -32,15 +32,16 @@ const HEAVY: [&str; 14] = [
     "at the edge",
 ];
 
-/// The groups, heavy ones first, then the most frequent.
-pub(super) fn groups(warnings: &[(String, String)]) -> Vec<Group> {
+/// The groups, heavy ones first, then the most frequent. Of a stage in `outside`, whose own answer is outside its limit, all are heavy:
+/// the value weighs, not the words.
+pub(super) fn groups(warnings: &[(String, String)], outside: &[&str]) -> Vec<Group> {
     let mut found: Vec<(String, Group)> = Vec::new();
     for (stage, text) in warnings {
         let key = format!("{stage} {}", kind(text));
         match found.iter_mut().find(|(k, _)| *k == key) {
             Some((_, group)) => group.all.push(text.clone()),
             None => {
-                let heavy = HEAVY.iter().any(|w| text.contains(w));
+                let heavy = outside.contains(&stage.as_str()) || HEAVY.iter().any(|w| text.contains(w));
                 found.push((key, Group { stage: stage.clone(), heavy, all: vec![text.clone()] }));
             }
         }
@@ -51,8 +52,7 @@ pub(super) fn groups(warnings: &[(String, String)]) -> Vec<Group> {
 }
 
 /// The groups as HTML: a line each, its warnings below.
-pub(super) fn html(warnings: &[(String, String)]) -> String {
-    let groups = groups(warnings);
+pub(super) fn html(groups: &[Group]) -> String {
     let mut out = String::new();
     for (heavy, title) in [(true, "The model may be wrong here"), (false, "Rougher than it could be")] {
         let of: Vec<&Group> = groups.iter().filter(|g| g.heavy == heavy).collect();
@@ -83,7 +83,8 @@ fn line(group: &Group) -> String {
     }
     let rest: String = more.iter().map(|w| format!("<li>{}</li>", escaped(w))).collect();
     format!(
-        "<li>{stage}: {} <details><summary>and {} more of this kind</summary><ul>{rest}</ul></details></li>",
+        "<li>{stage}: <b>{} of one kind</b>, the first: {} <details><summary>and {} more of this kind</summary><ul>{rest}</ul></details></li>",
+        group.all.len(),
         escaped(first),
         more.len()
     )
@@ -102,10 +103,12 @@ mod tests {
             of("attachments", "PFL fibre 3 runs 4.0 mm deep through the tibia"),
             of("attachments", "LCL is left out: no fibula"),
         ];
-        let groups = groups(&all);
+        let groups = groups(&all, &[]);
         assert_eq!(groups.len(), 3);
         assert!(groups[0].heavy && groups[0].all[0].starts_with("LCL"));
         assert_eq!(groups[1].all.len(), 2);
-        assert!(html(&all).contains("and 1 more of this kind"));
+        assert!(html(&groups).contains("2 of one kind") && html(&groups).contains("and 1 more of this kind"));
+        let weighed = super::groups(&all, &["ingest"]);
+        assert!(weighed.iter().filter(|g| g.heavy).any(|g| g.stage == "ingest"), "by its stage's answer");
     }
 }

@@ -13,9 +13,12 @@ use crate::report::check::{Check, KeyFigure};
 use crate::report::geometry::{Pool, thinned};
 use crate::report::picture::{BONE, Picture, picture};
 use crate::report::scene::{Layer, Scene, at, plain};
+use attachments::groups::GROUPS;
 use meshes::render::Painted;
 use meshes::surface::TriMesh;
+use meshes::{Point, Vector};
 use sim::menisci::hexahedra;
+use sim::spec::ModelSpec;
 use stages::StageError;
 use stages::assemble::{AssembleOptions, Assembled, assemble};
 use stages::attachments::Attachments;
@@ -94,9 +97,10 @@ impl Stage for Assemble {
         let moves = v.moves;
         let mut layers = bone_layers(v, pool, 1.0);
         for (name, mesh) in assembled.contact.named() {
-            let key = format!("contact {name}");
-            pool.keep(&key, &thinned(mesh, &[], 1.2).0);
+            let (key, thin) = contact_surface(name, mesh);
+            pool.keep(&key, &thin);
             layers.push(Layer {
+                presses: moves.then_some(if name == "tibia_medial" { "with scale" } else { "alone" }),
                 name: format!("{} cartilage", plain(name)),
                 mesh: Some(key),
                 colour: "#7fb0d8",
@@ -118,16 +122,11 @@ impl Stage for Assemble {
                 ..Layer::default()
             });
         }
-        let fibres = &assembled.spec.fibres;
-        layers.push(Layer {
-            name: "fibres".into(),
-            colour: "#c8102e",
-            lines: fibres.iter().flat_map(|f| [at(pool, &f.femur), at(pool, &f.tibia)]).collect(),
-            opacity: 1.0,
-            on: true,
-            moves: Some("fibres"),
-            ..Layer::default()
-        });
+        let main = v.of::<Calibration>().and_then(Calibration::main).map(|(_, o)| &o.spec);
+        let spec = main.unwrap_or(&assembled.spec);
+        let fibres = &spec.fibres;
+        layers.extend(fibre_layers(spec, pool));
+        layers.extend(moves.then(|| measured_femur(&layers)).flatten());
         Some(Scene {
             id: "knee".into(),
             title: if moves { "The knee in motion" } else { "The assembled knee" }.into(),
@@ -137,7 +136,7 @@ impl Stage for Assemble {
                 fibres.len(),
                 assembled.spec.contact.pairs.len(),
                 if moves {
-                    "; the slider moves it through passive flexion, AP laxity and pivot shift, its fibres coloured by force; the tibia stands still"
+                    "; Play or the slider moves it through passive flexion, drawers, pivot shift and the measured loads. Fibres are coloured by force, cartilage by contact pressure; where a pose was measured, the femur stands there too, in green. The tibia stands still"
                 } else {
                     ", as in CT"
                 }
@@ -186,6 +185,42 @@ impl Stage for Assemble {
     fn checks(v: &Values) -> Vec<Check> {
         whose_law(v).into_iter().chain(whose_menisci(v)).collect()
     }
+}
+
+/// A contact surface as the page has it, with its key.
+pub(crate) fn contact_surface(name: &str, mesh: &TriMesh) -> (String, TriMesh) {
+    (format!("contact {name}"), thinned(mesh, &[], 1.2).0)
+}
+
+/// The fibres, and the names of the ligaments beside them.
+fn fibre_layers(spec: &ModelSpec, pool: &Pool) -> [Layer; 2] {
+    let fibres = &spec.fibres;
+    let lines = fibres.iter().flat_map(|f| [at(pool, &f.femur), at(pool, &f.tibia)]).collect();
+    let (mut middles, mut labels) = (Vec::new(), Vec::new());
+    for (name, bundles) in GROUPS {
+        let of: Vec<_> = fibres.iter().filter(|f| bundles.contains(&f.bundle.as_str())).collect();
+        if of.is_empty() {
+            continue;
+        }
+        let mean = |ends: Vec<Point>| {
+            let sum = ends.iter().fold(Vector::zeros(), |sum, p| sum + p.coords);
+            at(pool, &Point::from(sum / ends.len() as f64))
+        };
+        middles.extend([mean(of.iter().map(|f| f.femur).collect()), mean(of.iter().map(|f| f.tibia).collect())]);
+        labels.push(name.to_owned());
+    }
+    let common = || Layer { opacity: 1.0, on: true, ..Layer::default() };
+    [
+        Layer { name: "fibres".into(), colour: "#c8102e", lines, moves: Some("fibres"), ..common() },
+        Layer { name: "names".into(), colour: "#222222", lines: middles, labels, moves: Some("names"), ..common() },
+    ]
+}
+
+/// The femur where it was measured, over the simulated one.
+fn measured_femur(layers: &[Layer]) -> Option<Layer> {
+    let mesh = layers.iter().find(|l| l.name == "femur")?.mesh.clone();
+    let name = "femur as measured".into();
+    Some(Layer { name, mesh, colour: "#1a9850", opacity: 0.4, moves: Some("measured"), ..Layer::default() })
 }
 
 /// Whose cartilage the contact law is.

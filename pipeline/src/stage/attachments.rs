@@ -5,7 +5,7 @@ use super::{Files, Stage, Values, Work, reported};
 use crate::kept::Kept;
 use crate::options::BuildOptions;
 use crate::record::json;
-use crate::report::check::Check;
+use crate::report::check::{self, Check};
 use crate::report::geometry::Pool;
 use crate::report::picture::{BONE, Picture, picture};
 use crate::report::scene::{Layer, Scene, at, plain, word};
@@ -170,7 +170,7 @@ impl Stage for Attach {
     fn checks(v: &Values) -> Vec<Check> {
         let Some(a) = v.of::<Attachments>() else { return vec![] };
         let count = |source| a.sites.iter().filter(|s| s.source == source).count();
-        vec![Check {
+        let mut out = vec![Check {
             question: "Where do the ligament sites come from?",
             answer: format!(
                 "{} marked on the specimen, {} literature, {} given",
@@ -180,8 +180,26 @@ impl Stage for Attach {
             ),
             good: None,
             stage: Self::NAME,
-        }]
+        }];
+        out.extend(through_bone(a, v.options.attachments.crossing_limit_mm));
+        out
     }
+}
+
+/// How deep bundles run in bone, against the limit.
+fn through_bone(a: &Attachments, limit: f64) -> Option<Check> {
+    let depths = &a.metrics.through_bone_mm;
+    let (bundle, most) = depths.iter().max_by(|a, b| a.1.total_cmp(b.1))?;
+    let deep = depths.values().filter(|d| !check::at_most(**d, limit, 1)).count();
+    Some(Check {
+        question: "Do the fibres keep clear of bone?",
+        answer: format!(
+            "{deep} of {} bundles run deeper in bone than {limit:.1} mm; the deepest is {bundle}, {most:.1} mm",
+            depths.len()
+        ),
+        good: Some(check::at_most(*most, limit, 1)),
+        stage: Attach::NAME,
+    })
 }
 
 /// The marks as they were measured, on the registered bones.

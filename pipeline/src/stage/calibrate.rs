@@ -13,7 +13,7 @@ use crate::options::BuildOptions;
 use crate::progress::left;
 use crate::record::json;
 use crate::report::chart::Chart;
-use crate::report::check::{Check, KeyFigure};
+use crate::report::check::{self, Check, KeyFigure};
 use crate::store;
 use crate::which_model::JOINT;
 use calibration::calibrate::Calibrated;
@@ -30,7 +30,10 @@ use std::path::Path;
 use std::time::Instant;
 
 /// Largest misfit of a calibration, in times the stated noise, that counts as an answer. Ours: beyond it the model lacks something.
-const MOST_NOISE: f64 = 2.0;
+pub(crate) const MOST_NOISE: f64 = 2.0;
+
+/// The question that the misfit answers.
+pub(crate) const MISFIT: &str = "Does the model answer as the knee did?";
 
 /// The calibrated models of a build, by source.
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -54,6 +57,23 @@ impl Calibration {
     pub(crate) fn all(&self) -> impl Iterator<Item = (&str, &Outcome)> {
         self.sources.iter().map(|(n, o)| (n.as_str(), o)).chain(self.joint.iter().map(|o| (JOINT, o)))
     }
+
+    /// The same with the joint one first: it is the knee, the others stand beside it.
+    pub(crate) fn main_first(&self) -> impl Iterator<Item = (&str, &Outcome)> {
+        let sources = self.sources.iter().map(|(n, o)| (n.as_str(), o));
+        self.joint.iter().map(|o| (JOINT, o)).chain(sources)
+    }
+
+    /// The largest misfit of the knee's calibration, in times the stated noise; of all where none is the knee's.
+    pub(crate) fn worst_misfit(&self) -> Option<f64> {
+        let main = self.main().map(|(_, o)| worst_misfit(&o.found));
+        main.or_else(|| self.sources.values().map(|o| worst_misfit(&o.found)).max_by(f64::total_cmp))
+    }
+
+    /// The calibration that is the knee: the joint one, else that of the one source; `None` where several sources have none.
+    pub(crate) fn main(&self) -> Option<(&str, &Outcome)> {
+        self.main_first().next().filter(|_| self.joint.is_some() || self.sources.len() == 1)
+    }
 }
 
 /// The stage.
@@ -63,7 +83,7 @@ impl Stage for Calibrate {
     const NUMBER: &'static str = "10";
     const NAME: &'static str = "calibrate";
     const TELLING: &'static [&'static str] = &["trials", "cost", "parameters_determined"];
-    const LOOK: Option<&'static str> = Some("Does the model answer as the knee did?");
+    const LOOK: Option<&'static str> = Some(MISFIT);
     type Inputs<'a> = (&'a Kept<Assembled>, &'a Kept<Bones>, &'a Kept<Cartilage>, &'a Kept<Measured>);
     type Options = CalibrateOptions;
     type Value = Calibration;
@@ -97,25 +117,24 @@ impl Stage for Calibrate {
     }
 
     fn charts(v: &Values) -> Vec<Chart> {
-        let mut all = v.of::<Calibration>().map_or(vec![], |c| charts::charts(&c.sources));
+        let mut all = v.of::<Calibration>().map_or(vec![], |c| charts::charts(c));
         all.extend(forces::charts(v.folder));
         all
     }
 
     fn key_figure(v: &Values) -> Option<KeyFigure> {
-        let all = v.of::<Calibration>()?.sources.values();
-        let worst = all.map(|o| worst_misfit(&o.found)).fold(0.0, f64::max);
+        let worst = v.of::<Calibration>()?.worst_misfit()?;
         Some(KeyFigure {
             name: "largest misfit to measured laxity",
             value: format!("{worst:.1} times the noise"),
             limit: format!("limit {MOST_NOISE:.0} times the stated noise"),
-            good: Some(worst < MOST_NOISE),
+            good: Some(check::at_most(worst, MOST_NOISE, 1)),
         })
     }
 
     fn checks(v: &Values) -> Vec<Check> {
         let mut out = Vec::new();
-        for (name, outcome) in v.of::<Calibration>().into_iter().flat_map(|c| c.all()) {
+        for (name, outcome) in v.of::<Calibration>().into_iter().flat_map(Calibration::main_first) {
             let found = &outcome.found;
             let units = ["deg VV", "deg IE", "mm ML", "mm AP", "mm SI"];
             let rms: Vec<String> =
@@ -124,14 +143,14 @@ impl Stage for Calibrate {
             let ligaments = &found.parameters;
             let determined = ligaments.iter().filter(|p| p.determined > 0.5).count();
             out.push(Check {
-                question: "Does the model answer as the knee did?",
+                question: MISFIT,
                 answer: format!(
                     "{name}: misses by {} (root mean square of {} trials), up to {worst:.1} times the noise stated; {determined} of {} ligament parameters determined by the data",
                     rms.join(", "),
                     outcome.trials.len(),
                     ligaments.len()
                 ),
-                good: Some(worst < MOST_NOISE),
+                good: Some(check::at_most(worst, MOST_NOISE, 1)),
                 stage: Self::NAME,
             });
             out.extend(forces::checks(name, found, v.of()));
@@ -141,7 +160,7 @@ impl Stage for Calibrate {
 }
 
 /// The largest misfit of a coordinate, in times the stated noise.
-fn worst_misfit(found: &Calibrated) -> f64 {
+pub(crate) fn worst_misfit(found: &Calibrated) -> f64 {
     found.noise_scale.iter().copied().fold(0.0, f64::max)
 }
 

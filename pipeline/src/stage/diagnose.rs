@@ -1,5 +1,6 @@
 //! Stage 12, diagnose: what the assembled model lacks.
 
+use super::answers::both_hold;
 use super::calibrate::Calibration;
 use super::{Files, Stage, Values, Work, reported};
 use crate::diagnose::{files_of, prepared};
@@ -7,7 +8,7 @@ use crate::given::Measured;
 use crate::kept::Kept;
 use crate::model_file::{self, LoadedModel, assembled_model};
 use crate::options::BuildOptions;
-use crate::report::diagnosis_page;
+use crate::report::{diagnosis_page, escaped};
 use diagnosis::catalogue::Catalogue;
 use diagnosis::component::{Component, Provenance};
 use diagnosis::diagnosis::{Diagnosis, diagnose};
@@ -89,7 +90,10 @@ impl Stage for Diagnose {
 
     /// The page of the diagnosis.
     fn more(v: &Values) -> String {
-        v.of::<Diagnosed>().map_or(String::new(), |d| diagnosis_page::part(&d.model.id, &d.diagnosis))
+        let Some(d) = v.of::<Diagnosed>() else { return String::new() };
+        let both =
+            both_hold(v, d.diagnosis.verdict).map_or(String::new(), |words| format!("<p>{}</p>", escaped(&words)));
+        both + &diagnosis_page::part(&d.model.id, &d.diagnosis)
     }
 }
 

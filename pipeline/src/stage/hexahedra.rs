@@ -25,7 +25,7 @@ pub(super) fn scene(id: &str, meshes: &PerCartilage<HexMesh>, pool: &mut Pool) -
         words += &format!(" {}: {} elements, the worst {least:.2}.", plain(name), quality.len());
         layers.push(Layer {
             name: format!("{} hexahedra", plain(name)),
-            mesh: Some(key),
+            mesh: Some(key.clone()),
             opacity: 1.0,
             scalar: Some(Scalar {
                 values: packed_values(&values, 0.0, 1.0),
@@ -35,6 +35,15 @@ pub(super) fn scene(id: &str, meshes: &PerCartilage<HexMesh>, pool: &mut Pool) -
                 scale: "quality",
                 cells: true,
             }),
+            on: true,
+            ..Layer::default()
+        });
+        layers.push(Layer {
+            name: format!("{} edges", plain(name)),
+            mesh: Some(key),
+            edges: true,
+            colour: "#3a4149",
+            opacity: 1.0,
             on: true,
             ..Layer::default()
         });

@@ -4,7 +4,7 @@ use super::artifacts::hexes;
 use super::{Files, Stage, Values, Work, hexahedra, reported};
 use crate::kept::Kept;
 use crate::options::BuildOptions;
-use crate::report::check::{Check, KeyFigure};
+use crate::report::check::{self, Check, KeyFigure};
 use crate::report::geometry::{Pool, packed_values};
 use crate::report::picture::Picture;
 use crate::report::scene::{Layer, Scalar, Scene, plain};
@@ -99,7 +99,7 @@ impl Stage for Overclosure {
             name: "smallest scaled Jacobian of an element",
             value: format!("{worst:.2}"),
             limit: format!("must exceed {limit:.1}; 1 is a cube"),
-            good: Some(worst > limit),
+            good: Some(!check::at_most(worst, limit, 2)),
         })
     }
 
@@ -111,7 +111,7 @@ impl Stage for Overclosure {
             answer: format!(
                 "smallest scaled Jacobian {worst:.2} after the overlap is taken out (0 or less is inverted)"
             ),
-            good: Some(worst > v.options.hexmesh.least_scaled_jacobian),
+            good: Some(!check::at_most(worst, v.options.hexmesh.least_scaled_jacobian, 2)),
             stage: Self::NAME,
         }];
         if let Some(gap) = h.metrics.gap_min_mm {
@@ -119,7 +119,7 @@ impl Stage for Overclosure {
             out.push(Check {
                 question: "Is the cartilage free of overlap?",
                 answer: format!("largest overlap {before:.2} mm before, smallest gap {gap:.3} mm after"),
-                good: Some(gap >= 0.0),
+                good: Some(check::at_least(gap, 0.0, 3)),
                 stage: Self::NAME,
             });
         }

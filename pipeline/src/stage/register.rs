@@ -6,7 +6,7 @@ use super::{Files, Stage, Values, Work, reported};
 use crate::kept::Kept;
 use crate::options::BuildOptions;
 use crate::record::json;
-use crate::report::check::{Check, KeyFigure};
+use crate::report::check::{self, Check, KeyFigure};
 use crate::report::geometry::{Pool, packed_values, thinned};
 use crate::report::picture::{Picture, picture};
 use crate::report::scene::{Layer, Scalar, Scene};
@@ -154,7 +154,7 @@ impl Stage for Register {
             name: "predicted error of the registration",
             value: format!("{worst:.2} mm"),
             limit: format!("limit {limit:.2} mm"),
-            good: Some(worst <= limit),
+            good: Some(check::at_most(worst, limit, 2)),
         })
     }
 
@@ -164,7 +164,7 @@ impl Stage for Register {
         vec![Check {
             question: "Do the scans lie on their bones?",
             answer: format!("predicted error at most {worst:.2} mm (limit {limit:.2})"),
-            good: Some(worst <= limit),
+            good: Some(check::at_most(worst, limit, 2)),
             stage: Self::NAME,
         }]
     }

@@ -1,5 +1,11 @@
 //! Stage 11, validate: the protocols on the calibrated models, and their comparison.
 
+mod charts;
+mod predictions;
+mod tables;
+
+pub(crate) use predictions::predictions;
+
 use super::calibrate::Calibration;
 use super::{Files, Stage, Values, View, Work, reported};
 use crate::calibrate::samples;
@@ -8,6 +14,7 @@ use crate::given::PassiveFlexion;
 use crate::kept::Kept;
 use crate::model_file::assembled_model;
 use crate::options::BuildOptions;
+use crate::report::chart::Chart;
 use crate::report::check::Check;
 use crate::report::html::escaped;
 use crate::validate::{Validation, band, files_of, source};
@@ -47,7 +54,7 @@ impl Stage for Validate {
     ) -> Result<Validation, BuildError> {
         let model = assembled_model(assembled, bones, cartilage);
         let (mut sources, mut warnings) = (Vec::new(), Vec::new());
-        for (name, outcome) in &calibration.sources {
+        for (name, outcome) in calibration.main_first() {
             (work.tell)(&format!("validate {name}"));
             let (found, told) = work.part(name, || {
                 let mut told = Vec::new();
@@ -70,7 +77,12 @@ impl Stage for Validate {
         Ok(files)
     }
 
-    /// The paper's tables and figures for this knee.
+    /// Forces of the knee, the first of the models, against flexion.
+    fn charts(v: &Values) -> Vec<Chart> {
+        v.of::<Validation>().and_then(|v| v.sources.first()).map_or(vec![], charts::charts)
+    }
+
+    /// The knee's forces, then the paper's tables and figures, all models side by side.
     fn more(v: &Values) -> String {
         let Some(validation) = v.of::<Validation>() else { return String::new() };
         let mut html = String::new();
@@ -84,20 +96,11 @@ impl Stage for Validate {
                 STANDARD.encode(bytes)
             );
         }
-        let tables = validation::tables::tables(&validation.sources);
-        for t in tables.iter().chain([&validation::tables::differences(&validation.differences)]) {
-            let row = |cells: &[String], tag: &str| {
-                cells.iter().map(|c| format!("<{tag}>{}</{tag}>", escaped(c))).collect::<String>()
-            };
-            let rows: String = t.rows.iter().map(|r| format!("<tr>{}</tr>", row(r, "td"))).collect();
-            let _ = write!(
-                html,
-                "<details><summary>{}</summary><div class=\"wide\" tabindex=\"0\"><table><thead><tr>{}</tr></thead><tbody>{rows}</tbody></table></div></details>",
-                escaped(&t.title),
-                row(&t.header, "th")
-            );
-        }
-        html
+        let own = validation.sources.first().map_or(vec![], tables::tables);
+        let all = validation::tables::tables(&validation.sources);
+        let differences = validation::tables::differences(&validation.differences);
+        let open = own.iter().map(|t| tables::html(t, true));
+        open.chain(all.iter().chain([&differences]).map(|t| tables::html(t, false))).collect::<String>() + &html
     }
 
     fn checks(v: &Values) -> Vec<Check> {
@@ -124,11 +127,24 @@ impl Stage for Validate {
     }
 }
 
+/// The knee's forces and its passive flexion for a page of paper.
+pub(crate) fn on_paper(v: &Values) -> String {
+    let Some(knee) = v.of::<Validation>().and_then(|v| v.sources.first()) else { return String::new() };
+    let figure = v.folder.read_file(&format!("{}/figure8.svg", Validate.folder()));
+    let figure = figure.map_or(String::new(), |svg| {
+        format!(
+            "<img class=\"paper\" alt=\"Passive flexion of every model, and as measured\" src=\"data:image/svg+xml;base64,{}\">",
+            STANDARD.encode(svg)
+        )
+    });
+    tables::tables(knee).iter().map(tables::plain).collect::<String>() + &figure
+}
+
 /// Figures 5 and 6: the targets, and what misses them.
 fn figures_of_targets(c: &Calibration) -> Vec<(String, Vec<u8>)> {
     let targets: Vec<_> = c.sources.iter().map(|(n, o)| (n.clone(), o.trials.clone())).collect();
     let mut files = vec![("figure5.svg".to_owned(), figures::figure5(&targets).into_bytes())];
-    for (name, o) in &c.sources {
+    for (name, o) in c.main_first() {
         if let Ok(cost) = CostFunction::new(&o.trials, &o.spec.frames.gs_ct_pose, &c.options.cost) {
             files.push((format!("figure6_{name}.svg"), figures::figure6(name, &cost, &o.found.predicted).into_bytes()));
         }

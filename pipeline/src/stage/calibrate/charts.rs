@@ -1,5 +1,6 @@
 //! Charts of a calibration: history, parameters with intervals, force and displacement over measured points.
 
+use super::Calibration;
 use crate::report::chart::{COLOURS, Chart, layout};
 use calibration::session::Outcome;
 use plotly::common::{DashType, ErrorData, ErrorType, Line, Marker, MarkerSymbol, Mode, Title};
@@ -7,22 +8,24 @@ use plotly::layout::{Axis, AxisType};
 use plotly::{Plot, Scatter};
 use sim::coordinate::{AP, Coordinate, Free, IE, VV};
 use sim::laxity::{LaxityTrial, Test};
-use std::collections::BTreeMap;
 
-/// The charts of the calibrations to each source.
-pub(super) fn charts(sources: &BTreeMap<String, Outcome>) -> Vec<Chart> {
-    let mut out = vec![history(sources.iter())];
-    for (name, outcome) in sources {
-        out.extend(answers(name, outcome));
-    }
-    for (name, outcome) in sources {
+/// The charts of the calibrations: the joint one's answers to each source, its parameters; then each source's own.
+pub(super) fn charts(c: &Calibration) -> Vec<Chart> {
+    let mut out = Vec::new();
+    for (name, outcome) in c.main_first() {
+        let (sources, of) = &outcome.sources;
+        for (s, source) in sources.iter().enumerate() {
+            let told = if sources.len() > 1 { format!("{name}, {source}") } else { name.to_owned() };
+            out.extend(answers(&told, outcome, &|trial| of.get(trial) == Some(&s)));
+        }
         out.push(parameters(name, outcome, "reference strain"));
         out.push(parameters(name, outcome, "stiffness"));
     }
+    out.push(history(c.main_first()));
     out
 }
 
-fn history<'a>(sources: impl Iterator<Item = (&'a String, &'a Outcome)>) -> Chart {
+fn history<'a>(sources: impl Iterator<Item = (&'a str, &'a Outcome)>) -> Chart {
     let mut plot = Plot::new();
     let mut text = String::new();
     for ((name, outcome), colour) in sources.zip(COLOURS) {
@@ -86,7 +89,7 @@ fn is_kind(name: &str, kind: &str) -> bool {
 }
 
 /// Load over displacement: measured points and predicted lines, a chart for each of AP, IE and VV.
-fn answers(name: &str, outcome: &Outcome) -> Vec<Chart> {
+fn answers(name: &str, outcome: &Outcome, is_shown: &dyn Fn(usize) -> bool) -> Vec<Chart> {
     let kinds = [
         ("AP", [Test::Anterior, Test::Posterior], AP, "anterior of the tibia [mm]", "anterior force [N]"),
         ("IE", [Test::Internal, Test::External], IE, "external rotation [deg]", "external moment [N m]"),
@@ -99,8 +102,9 @@ fn answers(name: &str, outcome: &Outcome) -> Vec<Chart> {
                 .trials
                 .iter()
                 .zip(&outcome.found.predicted)
-                .filter(|(t, _)| tests.contains(&t.test) && t.measured[c].is_some())
-                .map(|(t, p)| (t, *p))
+                .enumerate()
+                .filter(|(k, (t, _))| is_shown(*k) && tests.contains(&t.test) && t.measured[c].is_some())
+                .map(|(_, (t, p))| (t, *p))
                 .collect();
             (!of_kind.is_empty()).then(|| {
                 let (mut plot, miss) = answer(&of_kind, c);
@@ -108,7 +112,7 @@ fn answers(name: &str, outcome: &Outcome) -> Vec<Chart> {
                 let x = if displaced { format!("{x} from the unloaded pose") } else { x.to_owned() };
                 plot.set_layout(layout(&x, y));
                 Chart {
-                    id: format!("answer-{name}-{what}"),
+                    id: format!("answer-{}-{what}", name.replace(", ", "-")),
                     title: format!("{name}: {what} laxity, predicted over measured"),
                     text: format!("{} trials: measured points and the calibrated model's answers joined by lines, a colour a flexion. Root mean square miss {miss:.2} {}.", of_kind.len(), c.unit()),
                     plot: plot.to_json(),

@@ -1,14 +1,14 @@
 //! Ligament forces of a calibrated knee: what is asked of them, and what the data say of each bundle's force in the drawers as
 //! intervals (`10-calibrate/SOURCE/forces.csv`).
 
-use super::{Calibrate, Check, Stage};
+use super::{Calibrate, Check, Stage, check};
 use crate::report::chart::{COLOURS, Chart, layout};
 use crate::stage::View;
 use crate::store::BuildFolder;
 use calibration::calibrate::Calibrated;
 use calibration::posterior::FORCE_DETERMINED_N;
 use plotly::common::{ErrorData, ErrorType, Marker, Mode};
-use plotly::layout::BarMode;
+use plotly::layout::Axis;
 use plotly::{Plot, Scatter};
 use stages::assemble::Assembled;
 use std::collections::BTreeMap;
@@ -28,7 +28,7 @@ pub(super) fn checks(name: &str, found: &Calibrated, assembled: Option<&Assemble
                 "{name}: at most {:.0} N in all, at {:.0} deg (90 % interval {:.0} to {:.0} N; limit {MOST_REST_N:.0} N)",
                 most.value_n, most.fe_deg, most.lower_n, most.upper_n
             ),
-            good: Some(most.value_n <= MOST_REST_N),
+            good: Some(check::at_most(most.value_n, MOST_REST_N, 0)),
             stage: Calibrate::NAME,
         });
     }
@@ -42,7 +42,7 @@ pub(super) fn checks(name: &str, found: &Calibrated, assembled: Option<&Assemble
         out.push(Check {
             question: "Does a cruciate pull against a drawer that the other holds?",
             answer: format!("{name}: at most {most:.0} N, {bundle} under {} (limit {MOST_ANTAGONIST_N:.0} N)", f.trial),
-            good: Some(most <= MOST_ANTAGONIST_N),
+            good: Some(check::at_most(most, MOST_ANTAGONIST_N, 0)),
             stage: Calibrate::NAME,
         });
     }
@@ -100,12 +100,18 @@ fn rows(bytes: &[u8]) -> Option<BTreeMap<String, Vec<Force>>> {
 fn chart(source: &str, trials: &BTreeMap<String, Vec<Force>>) -> Chart {
     let mut plot = Plot::new();
     let mut widest: Option<(&Force, &str)> = None;
-    for ((trial, forces), colour) in trials.iter().zip(COLOURS.iter().cycle()) {
+    let mut bundles: Vec<&str> = trials.values().flatten().map(|f| f.bundle.as_str()).collect();
+    let mut met = std::collections::BTreeSet::new();
+    bundles.retain(|b| met.insert(*b));
+    let middle = (trials.len() as f64 - 1.0) / 2.0;
+    for (k, ((trial, forces), colour)) in trials.iter().zip(COLOURS.iter().cycle()).enumerate() {
+        let shift = 0.8 * (k as f64 - middle) / trials.len() as f64;
         let error = ErrorData::new(ErrorType::Data)
             .array(forces.iter().map(|f| (f.upper - f.value).max(0.0)).collect())
             .array_minus(forces.iter().map(|f| (f.value - f.lower).max(0.0)).collect())
             .symmetric(false);
-        let names: Vec<String> = forces.iter().map(|f| f.bundle.clone()).collect();
+        let place = |f: &Force| bundles.iter().position(|b| *b == f.bundle).map_or(f64::NAN, |n| n as f64 + shift);
+        let names: Vec<f64> = forces.iter().map(place).collect();
         let values: Vec<f64> = forces.iter().map(|f| f.value).collect();
         let marker = Marker::new().color(*colour).size(7);
         plot.add_trace(Scatter::new(names, values).mode(Mode::Markers).name(trial).marker(marker).error_y(error));
@@ -115,7 +121,10 @@ fn chart(source: &str, trials: &BTreeMap<String, Vec<Force>>) -> Chart {
             }
         }
     }
-    plot.set_layout(layout("", "force [N]").bar_mode(BarMode::Group));
+    let ticks = (0..bundles.len()).map(|n| n as f64).collect();
+    let axis =
+        Axis::new().tick_values(ticks).tick_text(bundles.clone()).tick_angle(-45.0).show_grid(false).zero_line(false);
+    plot.set_layout(layout("", "force [N]").x_axis(axis));
     let least = widest.map_or(String::new(), |(f, trial)| {
         format!(" Least certain: {} in {trial}, {:.0} to {:.0} N.", f.bundle, f.lower, f.upper)
     });

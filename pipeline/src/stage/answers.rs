@@ -1,0 +1,184 @@
+//! What one asks of a knee first, four questions apart: is the geometry sound, is it calibrated, does it predict what it has not seen, what is missing.
+
+use super::calibrate::{Calibrate, Calibration, MISFIT, MOST_NOISE, worst_misfit};
+use super::diagnose::{Diagnose, Diagnosed};
+use super::list::{STAGES, heading};
+use super::validate::{Validate, predictions};
+use super::{Stage, Values};
+use crate::record::Failure;
+use crate::report::check::{Check, at_most};
+use crate::which_model::JOINT;
+use diagnosis::report::Verdict;
+use stages::assemble::Assembled;
+
+/// How an answer stands.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Standing {
+    /// As it should be.
+    Good,
+    /// To be looked at.
+    Look,
+    /// It failed.
+    Failed,
+    /// Nobody has asked or tested.
+    Open,
+}
+
+/// A question with its answer in a word and in a sentence.
+#[derive(Clone, Debug)]
+pub(crate) struct Answer {
+    /// The question.
+    pub(crate) question: &'static str,
+    /// How it stands.
+    pub(crate) standing: Standing,
+    /// The answer in a word or two.
+    pub(crate) word: String,
+    /// The answer in sentences that need no manual.
+    pub(crate) words: String,
+    /// The stage that tells more.
+    pub(crate) stage: &'static str,
+}
+
+/// Stages that calibrate, predict and diagnose; all before them are geometry.
+const LATER: [&str; 3] = [Calibrate::NAME, Validate::NAME, Diagnose::NAME];
+
+/// The four answers. `heavy` are the stages with warnings by which the model may be wrong.
+pub(crate) fn answers(v: &Values, checks: &[Check], heavy: &[&str], failure: Option<&Failure>) -> [Answer; 4] {
+    [geometry(v, checks, heavy, failure), calibrated(v, checks, failure), predicts(v, failure), missing(v, failure)]
+}
+
+/// The answer of a stage that failed.
+fn failed(question: &'static str, stage: &'static str, failure: Option<&Failure>) -> Option<Answer> {
+    let failure = failure.filter(|f| f.stage == stage)?;
+    let words = format!("The build stopped at {}; its message stands above.", heading(&failure.stage));
+    Some(Answer { question, standing: Standing::Failed, word: "Stopped".into(), words, stage })
+}
+
+fn geometry(v: &Values, checks: &[Check], heavy: &[&str], failure: Option<&Failure>) -> Answer {
+    let question = "Is the geometry sound?";
+    let before = STAGES.iter().map(|s| s.name()).filter(|s| !LATER.contains(s));
+    if let Some(answer) = before.clone().find_map(|stage| failed(question, stage, failure)) {
+        return answer;
+    }
+    let bad: Vec<&Check> =
+        checks.iter().filter(|c| c.good == Some(false) && before.clone().any(|s| s == c.stage)).collect();
+    let warned: Vec<&str> = before.filter(|s| heavy.contains(s) && bad.iter().all(|c| c.stage != *s)).collect();
+    let stage = bad.first().map(|c| c.stage).or(warned.first().copied()).unwrap_or("register");
+    let answer = |standing, word: &str, words: String| Answer { question, standing, word: word.into(), words, stage };
+    if v.of::<Assembled>().is_none() {
+        let words = "The build has not come to a whole knee yet.".to_owned();
+        return answer(Standing::Open, "Not finished", words);
+    }
+    if bad.is_empty() && warned.is_empty() {
+        let words = "Bones, cartilage and ligament sites are built, and every check of them is within its limit.";
+        return answer(Standing::Good, "Yes", words.into());
+    }
+    let mut words = "Bones, cartilage and ligament sites are built, but not all is as it should be.".to_owned();
+    bad.iter().for_each(|c| words += &format!(" {} No: {}.", c.question, c.answer));
+    if !warned.is_empty() {
+        words += &format!(" Warnings by which the model may be wrong: {}.", warned.join(", "));
+    }
+    answer(Standing::Look, "Look at it", words)
+}
+
+fn calibrated(v: &Values, checks: &[Check], failure: Option<&Failure>) -> Answer {
+    let (question, stage) = ("Is it calibrated to this knee?", Calibrate::NAME);
+    if let Some(answer) = failed(question, stage, failure) {
+        return answer;
+    }
+    let answer = |standing, word: &str, words: String| Answer { question, standing, word: word.into(), words, stage };
+    let Some(calibration) = v.of::<Calibration>() else {
+        if v.of::<Assembled>().is_none() {
+            return answer(Standing::Open, "Not yet", "There is no model to calibrate yet.".into());
+        }
+        let words = "The knee is only assembled. No laxity was used, so its ligaments have stiffness and tension from the literature, not those of this knee. Its shape is this knee's; its laxity and ligament forces are not.";
+        return Answer { stage: "assemble", ..answer(Standing::Look, "No, only assembled", words.into()) };
+    };
+    let Some((name, main)) = calibration.main() else {
+        let words = "Each data set has a calibration of its own, and there is no joint one: the models below are rivals, none is the knee.";
+        return answer(Standing::Look, "Each by itself", words.into());
+    };
+    let found = &main.found;
+    let worst = worst_misfit(found);
+    let units = ["deg varus-valgus", "deg rotation", "mm mediolateral", "mm anteroposterior", "mm proximal-distal"];
+    let rms: Vec<String> = found.rms.iter().zip(units).filter_map(|(r, u)| r.map(|r| format!("{r:.1} {u}"))).collect();
+    let determined = found.parameters.iter().filter(|p| p.determined > 0.5).count();
+    let told = if name == JOINT { main.sources.0.join(" and ") } else { name.to_owned() };
+    let mut words = format!(
+        "One set of ligaments was fitted to {} measured loads ({told}). The model misses the measured positions by {} on average, up to {worst:.1} times the noise that was stated (limit {MOST_NOISE:.0}). The data settle {determined} of {} ligament parameters; the rest lean on the literature.",
+        main.trials.len(),
+        rms.join(", "),
+        found.parameters.len()
+    );
+    let whose = format!("{name}: ");
+    let bad: Vec<&Check> = checks
+        .iter()
+        .filter(|c| c.stage == stage && c.good == Some(false) && c.question != MISFIT && c.answer.starts_with(&whose))
+        .collect();
+    bad.iter().for_each(|c| words += &format!(" {} {}.", c.question, c.answer.trim_start_matches(&whose)));
+    let fits = at_most(worst, MOST_NOISE, 1);
+    let (standing, word) = match (fits, bad.is_empty()) {
+        (true, true) => (Standing::Good, "Yes"),
+        (true, false) => (Standing::Look, "Yes, but look"),
+        (false, _) => (Standing::Look, "Yes, with a misfit"),
+    };
+    answer(standing, word, words)
+}
+
+fn predicts(v: &Values, failure: Option<&Failure>) -> Answer {
+    let (question, stage) = ("Does it predict what it has not seen?", Validate::NAME);
+    if let Some(answer) = failed(question, stage, failure) {
+        return answer;
+    }
+    let found = predictions(v);
+    let answer = |standing, word: &str, words: String| Answer { question, standing, word: word.into(), words, stage };
+    let tested: Vec<bool> = found.iter().filter_map(|p| p.good).collect();
+    let words = found.iter().map(|p| p.words.as_str()).collect::<Vec<_>>().join(" ");
+    if tested.is_empty() {
+        let why = if v.of::<Calibration>().is_some() {
+            "Not tested: every measurement that there is was used to calibrate it. Measured passive flexion, or a diagnosis (which leaves trials out in turn), would test it."
+        } else {
+            "Not tested: nothing that was measured stands beside what the model says."
+        };
+        return answer(Standing::Open, "Not tested", format!("{why} {words}").trim().to_owned());
+    }
+    let bad = tested.iter().filter(|good| !**good).count();
+    let (standing, word) = match (tested.len(), bad) {
+        (_, 0) => (Standing::Good, "Yes"),
+        (all, bad) if bad < all => (Standing::Look, "In part"),
+        _ => (Standing::Look, "Not well"),
+    };
+    answer(standing, word, words)
+}
+
+fn missing(v: &Values, failure: Option<&Failure>) -> Answer {
+    let (question, stage) = ("What is missing?", Diagnose::NAME);
+    if let Some(answer) = failed(question, stage, failure) {
+        return answer;
+    }
+    let Some(diagnosed) = v.of::<Diagnosed>() else {
+        let words = "Not asked. A diagnosis (build-model build DIR --to diagnose) asks whether the model or the measurement lacks something, and names it where the data can tell.";
+        return Answer { question, standing: Standing::Open, word: "Not asked".into(), words: words.into(), stage };
+    };
+    let d = &diagnosed.diagnosis;
+    let (standing, word) = match d.verdict {
+        Verdict::Decisive => (Standing::Look, "Named"),
+        Verdict::Probable => (Standing::Look, "Probably named"),
+        Verdict::OneOf => (Standing::Look, "One of several"),
+        Verdict::Unnamed => (Standing::Look, "Something unnamed"),
+        Verdict::None => (Standing::Good, "Nothing that shows"),
+    };
+    let first = d.description.split_inclusive(". ").take(2).collect::<String>();
+    let words = first.trim().to_owned() + &both_hold(v, d.verdict).unwrap_or_default();
+    Answer { question, standing, word: word.into(), words, stage }
+}
+
+/// Why a misfit of the calibration and a diagnosis that names nothing may both hold.
+pub(crate) fn both_hold(v: &Values, verdict: Verdict) -> Option<String> {
+    let worst = v.of::<Calibration>()?.worst_misfit().filter(|w| !at_most(*w, MOST_NOISE, 1))?;
+    (verdict == Verdict::None).then(|| {
+        format!(
+            " The calibration misses by {worst:.1} times the noise that was stated, and both hold: the noise stated is that of reading alone, while the diagnosis also counts repositioning between tests and takes the noise that the data show. What is left over then has no pattern that it could tell from scatter."
+        )
+    })
+}
