@@ -17,6 +17,7 @@ mod inspect;
 mod living;
 mod marks;
 mod mistakes;
+mod other_files;
 mod paper;
 mod parts;
 mod phantom_laxity;

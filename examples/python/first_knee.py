@@ -4,7 +4,7 @@ Run it with a folder for the knee and its pictures::
 
     python first_knee.py my-knee
 
-It needs ``pip install "genu[all]"``. Lengths are mm, forces N.
+It needs ``pip install "./python[all]"``. Lengths are mm, forces N.
 """
 
 import pathlib

@@ -53,7 +53,7 @@ pub fn run(args: &BuildArgs) -> Result<String, BuildError> {
         Ok(_) | Err(BuildError::Reached) => None,
         Err(error) => Some(error),
     };
-    let records = std::mem::take(&mut log.records);
+    let (records, read) = (std::mem::take(&mut log.records), std::mem::take(&mut log.read_warnings));
     drop(log);
     let failure = stopped.as_ref().map(failure);
     match &failure {
@@ -70,7 +70,7 @@ pub fn run(args: &BuildArgs) -> Result<String, BuildError> {
     } else if args.quiet {
         String::new()
     } else {
-        closing_words(&out, &records)
+        closing_words(&out, &records, &read)
     })
 }
 
@@ -126,8 +126,11 @@ fn run_toml(raw: &RawSpecimen, file: &SpecimenFile, options: &BuildOptions) -> R
     toml::to_string(&table).map_err(|e| BuildError::File(format!("run.toml: {e}")))
 }
 
-fn closing_words(out: &Path, records: &[Record]) -> String {
+fn closing_words(out: &Path, records: &[Record], read: &[String]) -> String {
     let mut text = inspect::table(records);
+    for warning in read {
+        let _ = writeln!(text, "warning: {warning}");
+    }
     let _ = writeln!(
         text,
         "\nThe report is {}. Open it: build-model open {}",

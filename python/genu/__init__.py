@@ -41,7 +41,7 @@ Errors
 GenuError, with ``file``, ``row`` and ``stage``; StageError, InputError, OptionError and UsageError are its kinds.
 
 Only numpy is needed. pandas, trimesh, pyvista, meshio are imported when a function needs them:
-``pip install "genu[all]"`` brings them.
+``pip install "./python[all]"`` in a clone brings them.
 """
 
 from __future__ import annotations

@@ -77,7 +77,10 @@ impl Stage for Calibrate {
         options: &CalibrateOptions,
         work: &Work,
     ) -> Result<Calibration, BuildError> {
-        calibrate_all(&assembled_model(assembled, bones, cartilage), &measured.laxity, options, work)
+        let model = assembled_model(assembled, bones, cartilage);
+        let mut made = calibrate_all(&model, &measured.laxity, options, work)?;
+        made.warnings.splice(0..0, measured.warnings.iter().cloned());
+        Ok(made)
     }
 
     /// A folder a source.
