@@ -27,6 +27,7 @@ mod report;
 mod resume;
 mod schema;
 mod simulate;
+mod traits;
 mod variants;
 mod volumes;
 mod whole_path;

@@ -111,7 +111,9 @@ pub fn measured(file: &SpecimenFile, raw: &RawSpecimen) -> Result<(Kept<Measured
             .map_err(|e| BuildError::File(format!("{path}: {e}")))?;
         warnings.extend(told(path, &table));
         digests.insert(name.clone(), hash(found));
-        laxity.insert(name.clone(), table.trials);
+        let (trials, thinner) = crate::thin::thinned(table.trials);
+        warnings.extend(thinner.map(|what| format!("{path}: {what}")));
+        laxity.insert(name.clone(), trials);
     }
     let mut passive = Vec::new();
     for (name, path) in &file.passive {

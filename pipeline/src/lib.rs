@@ -42,4 +42,5 @@ pub(crate) mod stage;
 pub mod stale;
 pub mod store;
 
+mod thin;
 pub mod validate;
