@@ -177,6 +177,13 @@ impl Reader<'_, '_> {
         for part in parts {
             let (key, value) = part.split_once('=').unwrap_or((part, ""));
             let key = key.split_whitespace().collect::<Vec<_>>().join(" ").to_uppercase();
+            if key.contains('*') {
+                return Err(self.error(
+                    file,
+                    number,
+                    format!("*{keyword}: \"{key}\" holds a second keyword; expected each on a line of its own, as *END ASSEMBLY, *END PART and *END INSTANCE are: where *PART and *INSTANCE end cannot be told"),
+                ));
+            }
             if !key.is_empty() {
                 options.insert(key, value.trim().trim_matches('"').to_owned());
             }

@@ -47,7 +47,10 @@ pub(crate) fn thinned(trials: Vec<LaxityTrial>) -> (Vec<LaxityTrial>, Option<Str
 /// Rows of like load, at most `count` sets between the least and the largest load.
 fn bins(group: Vec<LaxityTrial>, count: usize) -> Vec<Vec<LaxityTrial>> {
     let axis = group.first().and_then(|t| t.test.coordinate()).unwrap_or(AP);
-    let ends = group.iter().map(|t| t.load[axis]).fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), x| (lo.min(x), hi.max(x)));
+    let ends = group
+        .iter()
+        .map(|t| t.load[axis])
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), x| (lo.min(x), hi.max(x)));
     let width = (ends.1 - ends.0) / count as f64;
     let mut bins: BTreeMap<usize, Vec<LaxityTrial>> = BTreeMap::new();
     for t in group {
