@@ -85,7 +85,7 @@ impl Bodies {
                 Some([e]) if model.elements[*e].nodes.len() == 2 => {
                     links.push((c, model.elements[*e].nodes[0], model.elements[*e].nodes[1]));
                 }
-                _ => return Err(DeckError::whole(format!("connector set {} should hold one element", c.elset))),
+                _ => return Err(model.error(c.at, format!("connector set {} should hold one element", c.elset))),
             }
         }
         let mut axes = Vec::new();
@@ -120,7 +120,8 @@ impl Bodies {
 
 /// Axis of a connector: through its first node, along the first direction of its orientation.
 fn axis(model: &DeckModel, connector: &Connector, first: u64) -> Result<AxisSpec, DeckError> {
-    let missing = || DeckError::whole(format!("connector set {} needs an ORIENTATION by nodes", connector.elset));
+    let missing =
+        || model.error(connector.at, format!("connector set {} needs an ORIENTATION by nodes", connector.elset));
     let [a, _, c] = connector.orientation.as_ref().and_then(|o| model.orientations.get(o)).ok_or_else(missing)?;
     let direction = (position(model, *a)? - position(model, *c)?).try_normalize(1e-9).ok_or_else(missing)?;
     Ok(AxisSpec { point: position(model, first)?, direction })
@@ -128,7 +129,11 @@ fn axis(model: &DeckModel, connector: &Connector, first: u64) -> Result<AxisSpec
 
 /// A node's position.
 pub(super) fn position(model: &DeckModel, node: u64) -> Result<Point, DeckError> {
-    model.nodes.get(&node).copied().ok_or_else(|| DeckError::whole(format!("node {node} is used but not defined")))
+    model
+        .nodes
+        .get(&node)
+        .copied()
+        .ok_or_else(|| DeckError::whole(format!("node {} is used but not defined", model.scopes.label(node))))
 }
 
 /// Origin and medial-lateral, anterior, superior nodes of a body's frame: the four nodes of set `ref_frames` tied to it.

@@ -16,6 +16,12 @@ use sim::spec::{BodySpec, ContactSpec, FramesSpec, ModelSpec, PairSpec, PoseSpec
 use std::collections::BTreeMap;
 use std::io::{self, Write};
 
+/// Width of a knee [mm], the middle extent of a bone along the axes.
+const KNEE_WIDTH_MM: f64 = 85.0;
+/// Narrower and wider bones are no knee in mm: no unit's knee lies between these. Ours.
+const NARROWEST_MM: f64 = 15.0;
+const WIDEST_MM: f64 = 600.0;
+
 /// A deck as a model. `meshes` is keyed by the paths that `spec` names.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ImportedDeck {
@@ -98,7 +104,9 @@ fn fibre_sides(fibres: &[sim::spec::FibreSpec]) -> Result<Vector, DeckError> {
     };
     match (centre(true), centre(false)) {
         (Some(m), Some(l)) => Ok(m - l),
-        _ => Err(DeckError::whole("no LCL or no MCL fibres: the knee's side cannot be told")),
+        _ => Err(DeckError::whole(
+            "no LCL or no MCL fibres: the knee's side cannot be told; expected AXIAL connectors or *SPRING, NONLINEAR in element sets named after the bundles (LCL, sMCL_A, ...)",
+        )),
     }
 }
 
@@ -155,6 +163,7 @@ fn geometry(
             return Err(DeckError::whole(format!("no rigid bone surface (R3D3) is tied to the {name}")));
         };
         let surface = rigid_surface(model, bone)?;
+        check_unit(name, &surface)?;
         let query =
             SurfaceQuery::new(&surface).ok_or_else(|| DeckError::whole(format!("the {name} has no triangle")))?;
         let mut cartilage = Vec::new();
@@ -183,6 +192,27 @@ fn geometry(
     }
     let contact = contact(model, bodies, faces, meshes)?;
     Ok((specs, contact))
+}
+
+/// Refuses a bone whose size is a knee's in another unit.
+fn check_unit(name: &str, bone: &TriMesh) -> Result<(), DeckError> {
+    let Some((low, high)) = bone.bounds() else { return Ok(()) };
+    let mut extents: Vec<f64> = (high - low).iter().copied().collect();
+    extents.sort_by(f64::total_cmp);
+    let width = extents[1];
+    if (NARROWEST_MM..=WIDEST_MM).contains(&width) {
+        return Ok(());
+    }
+    let units = [("metres", 1000.0), ("inches", 25.4), ("centimetres", 10.0), ("micrometres", 0.001)];
+    let knee = |mm: f64| (KNEE_WIDTH_MM / 3.0..KNEE_WIDTH_MM * 3.0).contains(&(width * mm));
+    Err(DeckError::whole(match units.iter().find(|(_, mm)| knee(*mm)) {
+        Some((unit, mm)) => format!(
+            "the {name} is {width:.3} wide, which is a knee in {unit}; expected mm, N, s, tonne, MPa: multiply the nodes by {mm}, and put forces, tables and masses into these units too"
+        ),
+        None => format!(
+            "the {name} is {width:.3} wide; expected a knee in mm ({NARROWEST_MM} to {WIDEST_MM}): check the unit"
+        ),
+    }))
 }
 
 /// The first element set of a surface, or the set of that name.
@@ -235,10 +265,13 @@ fn contact(
         let [a, b] = [&pair.surfaces[0], &pair.surfaces[1]].map(|s| element_set(model, s));
         let (femur, tibia) = if femoral(a) { (a, b) } else { (b, a) };
         if !femoral(femur) || femoral(tibia) || !faces.contains_key(femur) || !faces.contains_key(tibia) {
-            return Err(DeckError::whole(format!(
-                "contact pair {} / {} does not join a femoral and a tibial rigid surface",
-                pair.surfaces[0], pair.surfaces[1]
-            )));
+            return Err(model.error(
+                pair.at,
+                format!(
+                    "contact pair {} / {} does not join a femoral and a tibial rigid surface",
+                    pair.surfaces[0], pair.surfaces[1]
+                ),
+            ));
         }
         law = law.or_else(|| model.interactions.get(&pair.interaction));
         pairs.push(PairSpec { femur: path(femur), tibia: path(tibia) });

@@ -66,6 +66,11 @@ impl DeckText {
         }
     }
 
+    /// Where a block stands: `file:line`.
+    pub fn place(&self, block: &Block) -> String {
+        format!("{}:{}", self.files.get(block.file).map_or("", String::as_str), block.line)
+    }
+
     /// The number in a cell; arithmetic left by a substitution (`--20`) is done.
     pub fn number(&self, block: &Block, line: usize, cell: &str) -> Result<f64, DeckError> {
         if cell.is_empty() {
@@ -120,11 +125,15 @@ impl Reader<'_, '_> {
         let file = self.deck.files.len();
         self.deck.files.push(name.to_owned());
         self.stack.push(name.to_owned());
-        let text = String::from_utf8_lossy(&bytes);
+        let (text, _) = sim::text::decoded(&bytes);
         let mut lines = text.lines().enumerate().peekable();
         while let Some((i, line)) = lines.next() {
             let mut line = line.trim().to_owned();
-            if line.is_empty() || line.starts_with("**") {
+            if line.starts_with("**") {
+                continue;
+            }
+            if line.is_empty() {
+                self.blank(current, i + 1);
                 continue;
             }
             if line.starts_with('*') {
@@ -146,6 +155,13 @@ impl Reader<'_, '_> {
         Ok(())
     }
 
+    /// A blank line: none but the first of *SPRING means something, no degrees of freedom.
+    fn blank(&self, current: &mut Option<Block>, number: usize) {
+        if let Some(block) = current.as_mut().filter(|b| b.keyword == "SPRING" && b.data.is_empty()) {
+            block.data.push((number, String::new()));
+        }
+    }
+
     fn keyword(
         &mut self,
         line: &str,
@@ -161,6 +177,13 @@ impl Reader<'_, '_> {
         for part in parts {
             let (key, value) = part.split_once('=').unwrap_or((part, ""));
             let key = key.split_whitespace().collect::<Vec<_>>().join(" ").to_uppercase();
+            if key.contains('*') {
+                return Err(self.error(
+                    file,
+                    number,
+                    format!("*{keyword}: \"{key}\" holds a second keyword; expected each on a line of its own, as *END ASSEMBLY, *END PART and *END INSTANCE are: where *PART and *INSTANCE end cannot be told"),
+                ));
+            }
             if !key.is_empty() {
                 options.insert(key, value.trim().trim_matches('"').to_owned());
             }

@@ -17,8 +17,11 @@ mod export;
 pub mod expression;
 mod import;
 pub mod keyword;
+pub mod known;
 mod ligaments;
 pub mod model;
+mod place;
+mod sets;
 mod steps;
 mod variant;
 

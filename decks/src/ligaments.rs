@@ -2,10 +2,11 @@
 
 use super::bodies::{Bodies, position};
 use super::expression::lookup;
-use super::model::{Behaviour, DeckModel};
+use super::model::{Behaviour, Connector, DeckModel, Element};
 use crate::DeckError;
 use sim::spec::{BundleSpec, FibreSpec, Law};
 use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
 
 /// Deck names of the bundles and Table 3's.
 const NAMES: [(&str, &str); 14] = [
@@ -29,6 +30,8 @@ pub(super) fn bundle_name(stem: &str) -> Option<String> {
     NAMES.iter().find(|(deck, ours)| *deck == stem || ours.to_lowercase() == stem).map(|(_, ours)| (*ours).to_owned())
 }
 
+/// Stiffness of a bundle beyond which the unit is doubted [N/mm]: ten times either way of Table 3's ranges; ours.
+const USUAL_N_PER_MM: RangeInclusive<f64> = 0.7..=2500.0;
 /// Toe strain where the deck states none [-].
 const TOE_STRAIN: f64 = 0.03;
 
@@ -42,38 +45,39 @@ pub(super) struct Ligaments {
     pub(super) warnings: Vec<String>,
 }
 
-/// Reads every axial connector set as a bundle, Table 3's order first.
+/// A set of connectors or springs that is a bundle: its place in Table 3, its name there, its own and its law.
+struct Found<'a> {
+    rank: usize,
+    stem: String,
+    set: &'a Connector,
+    behaviour: &'a Behaviour,
+}
+
+/// Reads every axial connector set as a bundle, and every set of springs between the bones; Table 3's order first.
 pub(super) fn ligaments(
     model: &DeckModel,
     bodies: &Bodies,
     parameters: &BTreeMap<String, f64>,
 ) -> Result<Ligaments, DeckError> {
-    let mut found: Vec<(usize, String, String, &Behaviour)> = Vec::new();
-    for c in model.connectors.iter().filter(|c| c.kind == "axial") {
-        let stem = c.elset.strip_suffix("_1d").unwrap_or(&c.elset).to_owned();
+    let mut out = Ligaments { warnings: model.warnings.clone(), ..Ligaments::default() };
+    let mut found: Vec<Found> = Vec::new();
+    for set in model.connectors.iter().filter(|c| c.kind == "axial") {
+        if set.spring && !set_joins_bones(model, bodies, set) {
+            out.warnings.push(format!("springs {}: not read, as they do not lead from bone to bone", set.elset));
+            continue;
+        }
+        let stem = set.elset.rsplit('.').next().unwrap_or(&set.elset);
+        let stem = stem.strip_suffix("_1d").unwrap_or(stem).to_owned();
         let rank = NAMES.iter().position(|(deck, ours)| *deck == stem || ours.to_lowercase() == stem);
-        let Some(behaviour) = c.behaviour.as_ref().and_then(|b| model.behaviours.get(b)) else {
-            return Err(DeckError::whole(format!("connector set {} has no behaviour", c.elset)));
+        let Some(behaviour) = set.behaviour.as_ref().and_then(|b| model.behaviours.get(b)) else {
+            return Err(model.error(set.at, format!("connector set {} has no behaviour", set.elset)));
         };
-        found.push((rank.unwrap_or(NAMES.len()), stem, c.elset.clone(), behaviour));
+        found.push(Found { rank: rank.unwrap_or(NAMES.len()), stem, set, behaviour });
     }
-    found.sort_by_key(|(rank, ..)| *rank);
-    let mut out = Ligaments::default();
-    for (rank, stem, elset, behaviour) in found {
-        let name = NAMES.get(rank).map_or_else(|| stem.to_uppercase(), |(_, ours)| (*ours).to_owned());
-        if rank == NAMES.len() {
-            out.warnings.push(format!("connector set {elset} is no bundle of Table 3; kept as {name}"));
-        }
-        let elements = model.elsets.get(&elset).cloned().unwrap_or_default();
-        for &e in &elements {
-            out.fibres.push(fibre(model, bodies, &name, &model.elements[e].nodes)?);
-        }
-        let (bundle, multiple) = bundle(&name, &stem, behaviour, elements.len(), parameters, &mut out.warnings)?;
-        if (behaviour.damping - 0.05).abs() > 1e-9 {
-            out.warnings.push(format!("{name}: fibre damping {} N s/mm, 0.05 assumed", behaviour.damping));
-        }
-        out.toe_end_multiple.insert(name, multiple);
-        out.bundles.push(bundle);
+    unread(model, bodies, &mut out.warnings)?;
+    found.sort_by_key(|f| f.rank);
+    for f in found {
+        read_bundle(model, bodies, &f, parameters, &mut out)?;
     }
     if out.bundles.is_empty() {
         return Err(DeckError::whole("no AXIAL connector with a force table: the deck has no ligament"));
@@ -81,20 +85,107 @@ pub(super) fn ligaments(
     Ok(out)
 }
 
-fn fibre(model: &DeckModel, bodies: &Bodies, bundle: &str, nodes: &[u64]) -> Result<FibreSpec, DeckError> {
-    let &[a, b] = nodes else {
-        return Err(DeckError::whole(format!("{bundle}: a fibre needs two nodes")));
+/// One bundle with its fibres.
+fn read_bundle(
+    model: &DeckModel,
+    bodies: &Bodies,
+    f: &Found,
+    parameters: &BTreeMap<String, f64>,
+    out: &mut Ligaments,
+) -> Result<(), DeckError> {
+    let name = NAMES.get(f.rank).map_or_else(|| f.stem.to_uppercase(), |(_, ours)| (*ours).to_owned());
+    if f.rank == NAMES.len() {
+        let kind = if f.set.spring { "springs" } else { "connector set" };
+        out.warnings.push(format!("{kind} {}: no bundle of Table 3 has this name; kept as {name}", f.set.elset));
+    }
+    let elements = model.elsets.get(&f.set.elset).map_or(&[][..], Vec::as_slice);
+    for &e in elements {
+        out.fibres.push(fibre(model, bodies, &name, &model.elements[e])?);
+    }
+    let law = bundle(&name, &f.stem, f.behaviour, elements.len(), parameters, &mut out.warnings);
+    let (bundle, multiple) = law.map_err(|e| {
+        let springs = "; springs are read where *SPRING, NONLINEAR gives such a table";
+        model.error(f.set.at, e.message + if f.set.spring { springs } else { "" })
+    })?;
+    if !f.set.spring && (f.behaviour.damping - 0.05).abs() > 1e-9 {
+        out.warnings.push(format!("{name}: fibre damping {} N s/mm, 0.05 assumed", f.behaviour.damping));
+    }
+    if !USUAL_N_PER_MM.contains(&bundle.stiffness_n_per_mm) {
+        let [low, high] = [USUAL_N_PER_MM.start(), USUAL_N_PER_MM.end()];
+        out.warnings.push(format!(
+            "{name}: a stiffness of {:.3} N/mm, where ligaments have {low} to {high}: check the unit of the deck's forces (N) and lengths (mm)",
+            bundle.stiffness_n_per_mm
+        ));
+    }
+    out.toe_end_multiple.insert(name, multiple);
+    out.bundles.push(bundle);
+    Ok(())
+}
+
+fn fibre(model: &DeckModel, bodies: &Bodies, bundle: &str, element: &Element) -> Result<FibreSpec, DeckError> {
+    let &[a, b] = &element.nodes[..] else {
+        return Err(model.error(element.at, format!("{bundle}: a fibre needs two nodes")));
     };
     let (femur, tibia) = match (bodies.is_femoral(a), bodies.is_femoral(b)) {
         (Some(true), Some(false)) => (a, b),
         (Some(false), Some(true)) => (b, a),
         _ => {
-            return Err(DeckError::whole(format!(
-                "{bundle}: fibre {a}-{b} does not lead from the femur to the tibia; tie one end to each"
-            )));
+            let [a, b] = [a, b].map(|n| model.scopes.label(n));
+            return Err(model.error(
+                element.at,
+                format!("{bundle}: fibre {a}-{b} does not lead from the femur to the tibia; tie one end to each (*MPC BEAM, or *RIGID BODY)"),
+            ));
         }
     };
     Ok(FibreSpec { bundle: bundle.to_owned(), femur: position(model, femur)?, tibia: position(model, tibia)? })
+}
+
+/// Whether an element leads from the femur to the tibia.
+fn joins_bones(bodies: &Bodies, element: &Element) -> bool {
+    let ends: Vec<Option<bool>> = element.nodes.iter().map(|n| bodies.is_femoral(*n)).collect();
+    ends.contains(&Some(true)) && ends.contains(&Some(false))
+}
+
+fn set_joins_bones(model: &DeckModel, bodies: &Bodies, set: &Connector) -> bool {
+    model.elsets.get(&set.elset).into_iter().flatten().any(|&e| joins_bones(bodies, &model.elements[e]))
+}
+
+/// Says which elements no rigid body, connector or mass uses; of those from bone to bone, which may be a ligament, none is passed over.
+fn unread(model: &DeckModel, bodies: &Bodies, warnings: &mut Vec<String>) -> Result<(), DeckError> {
+    let kinds = ["axial", "cylindrical", "beam"];
+    let read = model.connectors.iter().filter(|c| kinds.contains(&c.kind.as_str())).map(|c| &c.elset);
+    let sets = model.rigid.iter().map(|(set, _)| set).chain(read).chain(model.mass.keys()).chain(model.inertia.keys());
+    let mut used = vec![false; model.elements.len()];
+    sets.filter_map(|set| model.elsets.get(set)).flatten().for_each(|&e| used[e] = true);
+    let names = first_names(model);
+    let mut counts: BTreeMap<(&str, &str), usize> = BTreeMap::new();
+    for (e, element) in model.elements.iter().enumerate().filter(|(e, _)| !used[*e]) {
+        let set = names.get(&e).copied().unwrap_or("without a set");
+        if element.nodes.len() == 2 && joins_bones(bodies, element) {
+            return Err(model.error(
+                element.at,
+                format!("{}: an element of type {} from femur to tibia is not read; expected a ligament as AXIAL connectors or as *SPRING, NONLINEAR", set, element.kind),
+            ));
+        }
+        *counts.entry((set, &element.kind)).or_default() += 1;
+    }
+    warnings.extend(
+        counts
+            .iter()
+            .map(|((set, kind), n)| format!("{n} elements of type {kind} ({set}) are on neither bone and not read")),
+    );
+    Ok(())
+}
+
+/// The first set of each element.
+fn first_names(model: &DeckModel) -> BTreeMap<usize, &str> {
+    let mut names = BTreeMap::new();
+    for (set, elements) in &model.elsets {
+        elements.iter().for_each(|&e| {
+            names.entry(e).or_insert(set.as_str());
+        });
+    }
+    names
 }
 
 /// Recovers a bundle's numbers from its force table: slack at `d0`, a toe of length `toe`, then a line.

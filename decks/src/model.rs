@@ -1,12 +1,10 @@
 //! From keyword blocks to the tables of a deck: nodes, elements, sets, ties, connectors, contact.
 
 use super::keyword::{Block, DeckText};
+use super::place::{self, Scoped, Scopes};
 use crate::DeckError;
-use meshes::Point;
-use std::collections::BTreeMap;
-
-/// All sets of a deck together list no more members than this.
-const MOST_MEMBERS: u64 = 20_000_000;
+use meshes::{Isometry, Point};
+use std::collections::{BTreeMap, BTreeSet};
 
 /// An element.
 #[derive(Clone, Debug, PartialEq)]
@@ -15,6 +13,8 @@ pub struct Element {
     pub kind: String,
     /// Node labels.
     pub nodes: Vec<u64>,
+    /// Where the deck defines it: its file's number and the line.
+    pub at: (usize, usize),
 }
 
 /// A connector section.
@@ -28,6 +28,10 @@ pub struct Connector {
     pub orientation: Option<String>,
     /// Behaviour's name, lower case.
     pub behaviour: Option<String>,
+    /// Where the deck defines it: its file's number and the line.
+    pub at: (usize, usize),
+    /// Whether it is a set of springs (SPRINGA) and no connector.
+    pub spring: bool,
 }
 
 /// A connector behaviour along its first component.
@@ -50,6 +54,9 @@ pub struct Interaction {
     pub damping: f64,
 }
 
+/// A node that is defined twice within this is the same [mm]: rounding of the text.
+const SAME_PLACE_MM: f64 = 1e-6;
+
 /// The interaction of deformable menisci in a deck that this crate writes.
 pub(crate) const MENISCI: &str = "MENISCUS_INTERACT";
 
@@ -60,6 +67,8 @@ pub struct Pair {
     pub surfaces: [String; 2],
     /// Interaction's name, lower case.
     pub interaction: String,
+    /// Where the deck defines it: its file's number and the line.
+    pub at: (usize, usize),
 }
 
 /// A deck's tables; set, surface and behaviour names in lower case.
@@ -71,17 +80,17 @@ pub struct DeckModel {
     pub nodes: BTreeMap<u64, Point>,
     /// Elements in order.
     pub elements: Vec<Element>,
-    /// Element numbers (places in `elements`) by label, the last of a label.
-    labels: BTreeMap<u64, usize>,
-    /// Element sets, as places in `elements`.
-    pub elsets: BTreeMap<String, Vec<usize>>,
-    /// Node sets, as labels.
+    /// Element numbers (places in `elements`) by scope and label, the last of a label.
+    pub(super) labels: BTreeMap<(usize, u64), usize>,
+    /// Node sets; a set of a part goes by `instance.set`, and by `set` where no other has this name.
     pub nsets: BTreeMap<String, Vec<u64>>,
-    /// Surfaces: element set and face label.
+    /// Element sets, as numbers into `elements`.
+    pub elsets: BTreeMap<String, Vec<usize>>,
+    /// Surfaces: element sets and faces.
     pub surfaces: BTreeMap<String, Vec<(String, String)>>,
-    /// Rigid bodies: element set, reference node.
+    /// Rigid bodies: element set and reference node.
     pub rigid: Vec<(String, u64)>,
-    /// Nodes tied by beams (multi-point constraints).
+    /// Pairs of nodes tied by beams (multi-point constraints).
     pub ties: Vec<[u64; 2]>,
     /// Mass by element set [tonne].
     pub mass: BTreeMap<String, f64>,
@@ -99,10 +108,18 @@ pub struct DeckModel {
     pub pairs: Vec<Pair>,
     /// Nodes held in all directions.
     pub fixed: Vec<u64>,
+    /// What is odd but not fatal.
+    pub warnings: Vec<String>,
+    /// The assembly and its instances.
+    pub(super) scopes: Scopes,
+    /// Names of files.
+    files: Vec<String>,
     /// Members listed in sets so far.
-    listed: u64,
-    /// Keywords that were passed over.
-    pub ignored: BTreeMap<String, usize>,
+    pub(super) listed: u64,
+    /// Names that several instances give to sets or surfaces.
+    pub(super) ambiguous: BTreeSet<String>,
+    /// Nodes, elements and rows that were told of, by kind and place of the first.
+    odd: BTreeMap<String, (usize, String)>,
 }
 
 /// Which definition the sub-keywords belong to.
@@ -113,54 +130,99 @@ struct Context {
 }
 
 impl DeckModel {
-    /// Collects the tables.
+    /// Collects the tables: nodes, then elements, then sets, then what names these.
     ///
     /// # Errors
-    /// A data line that does not hold what its keyword needs.
+    /// A keyword that is refused; a data line that does not hold what its keyword needs, or names what is not there.
     pub fn new(deck: &DeckText) -> Result<DeckModel, DeckError> {
-        let mut model = DeckModel::default();
-        let mut context = Context::default();
-        for block in &deck.blocks {
-            model.block(deck, block, &mut context)?;
+        let warnings = super::known::judge(deck)?;
+        let (blocks, scopes) = place::flat(deck)?;
+        let mut model = DeckModel { warnings, scopes, files: deck.files.clone(), ..DeckModel::default() };
+        model.read_nodes(deck, &blocks)?;
+        for at in blocks.iter().filter(|at| at.block.keyword == "ELEMENT") {
+            model.read_elements(deck, at)?;
         }
+        model.read_sets(deck, &blocks)?;
+        for at in blocks.iter().filter(|at| at.block.keyword == "SURFACE") {
+            model.read_surface(deck, at)?;
+        }
+        model.short_names();
+        let mut context = Context::default();
+        for at in &blocks {
+            model.block(deck, at, &mut context)?;
+        }
+        let odd = std::mem::take(&mut model.odd);
+        model.warnings.extend(odd.into_iter().map(|(what, (count, place))| format!("{place}: {count} {what}")));
         Ok(model)
     }
 
-    fn block(&mut self, deck: &DeckText, block: &Block, context: &mut Context) -> Result<(), DeckError> {
+    fn block(&mut self, deck: &DeckText, at: &Scoped, context: &mut Context) -> Result<(), DeckError> {
+        let block = at.block;
         match block.keyword.as_str() {
             "HEADING" => self.heading = block.data.first().map(|(_, t)| t.clone()),
-            "NODE" => self.read_nodes(deck, block)?,
-            "ELEMENT" => self.read_elements(deck, block)?,
-            "NSET" | "ELSET" => self.read_set(deck, block)?,
-            "SURFACE" => self.read_surface(block),
-            "RIGID BODY" => self.read_rigid(deck, block)?,
-            "MPC" => self.read_ties(deck, block)?,
-            "MASS" | "ROTARY INERTIA" => self.read_mass(deck, block)?,
-            "BOUNDARY" => self.read_boundary(deck, block)?,
-            "CONTACT PAIR" => self.read_pair(deck, block)?,
-            "CONNECTOR SECTION" => self.connectors.push(connector(block)),
-            "ORIENTATION" => self.read_orientation(deck, block)?,
+            "RIGID BODY" => self.read_rigid(deck, at)?,
+            "MPC" => self.read_ties(deck, at)?,
+            "MASS" | "ROTARY INERTIA" => self.read_mass(deck, at)?,
+            "BOUNDARY" => self.read_boundary(deck, at)?,
+            "CONTACT PAIR" => self.read_pair(deck, at)?,
+            "CONNECTOR SECTION" => self.read_connector(deck, at)?,
+            "SPRING" => self.read_spring(deck, at)?,
+            "ORIENTATION" => self.read_orientation(deck, at)?,
             "CONNECTOR BEHAVIOR" => context.behaviour = name_of(deck, block)?,
             "SURFACE INTERACTION" => context.interaction = name_of(deck, block)?,
             "CONNECTOR ELASTICITY" | "CONNECTOR DAMPING" => self.read_behaviour(deck, block, &context.behaviour)?,
             "SURFACE BEHAVIOR" | "FRICTION" | "CONTACT DAMPING" => {
                 self.read_interaction(deck, block, &context.interaction)?;
             }
-            "PARAMETER" | "AMPLITUDE" | "STEP" | "END STEP" | "DYNAMIC" | "CONNECTOR MOTION" | "CONNECTOR LOAD" => {}
-            other => *self.ignored.entry(other.to_owned()).or_default() += 1,
+            _ => {}
         }
         Ok(())
     }
 
-    fn read_nodes(&mut self, deck: &DeckText, block: &Block) -> Result<(), DeckError> {
-        let set = block.option("NSET");
+    /// Counts something odd, told of once with the place of the first.
+    pub(super) fn tell(&mut self, deck: &DeckText, block: &Block, line: usize, what: String) {
+        let place = || format!("{}:{line}", deck.files.get(block.file).map_or("", String::as_str));
+        self.odd.entry(what).or_insert_with(|| (0, place())).0 += 1;
+    }
+
+    /// A complaint about what a line of the deck defined.
+    pub(super) fn error(&self, (file, line): (usize, usize), message: impl Into<String>) -> DeckError {
+        DeckError { file: self.files.get(file).cloned().unwrap_or_default(), line, message: message.into() }
+    }
+
+    /// Reads the nodes of all scopes, each where its system and its instance put it.
+    fn read_nodes(&mut self, deck: &DeckText, blocks: &[Scoped]) -> Result<(), DeckError> {
+        let (mut system, mut scope) = (Isometry::identity(), 0);
+        for at in blocks {
+            if at.scope != scope {
+                (system, scope) = (Isometry::identity(), at.scope);
+            }
+            match at.block.keyword.as_str() {
+                "SYSTEM" => system = place::system(deck, at.block)?,
+                "NODE" => self.read_node(deck, at, &system)?,
+                _ => {}
+            }
+        }
+        Ok(())
+    }
+
+    fn read_node(&mut self, deck: &DeckText, at: &Scoped, system: &Isometry) -> Result<(), DeckError> {
+        let block = at.block;
+        let set = block.option("NSET").map(|set| self.scopes.name(at.scope, &set));
         for (line, cells) in block.rows() {
             let id = label(deck, block, line, cells.first())?;
+            let Some(id) = Scopes::node(at.scope, id) else {
+                return Err(deck.error(block, line, format!("label {id} is larger than Abaqus' largest")));
+            };
             let mut p = [0.0; 3];
             for (x, cell) in p.iter_mut().zip(cells.iter().skip(1)) {
                 *x = deck.number(block, line, cell)?;
             }
-            self.nodes.insert(id, Point::from(p));
+            let p = self.scopes.place(at.scope, &(system * place::cartesian(deck, block, p)?));
+            if self.nodes.insert(id, p).is_some_and(|old| (old - p).norm() > SAME_PLACE_MM) {
+                let what = "nodes are defined a second time at another place; the last one is taken, as Abaqus does";
+                self.tell(deck, block, line, what.into());
+            }
             if let Some(set) = &set {
                 self.nsets.entry(set.clone()).or_default().push(id);
             }
@@ -168,130 +230,113 @@ impl DeckModel {
         Ok(())
     }
 
-    fn read_elements(&mut self, deck: &DeckText, block: &Block) -> Result<(), DeckError> {
+    fn read_elements(&mut self, deck: &DeckText, at: &Scoped) -> Result<(), DeckError> {
+        let block = at.block;
         let Some(kind) = block.options.get("TYPE").map(|k| k.to_uppercase()) else {
             return Err(deck.error(block, block.line, "TYPE= is missing"));
         };
-        let set = block.option("ELSET");
+        let set = block.option("ELSET").map(|set| self.scopes.name(at.scope, &set));
         let wanted = node_count(&kind);
-        let mut row: Vec<u64> = Vec::new();
+        let (mut own, mut nodes): (Option<u64>, Vec<u64>) = (None, Vec::new());
         let last = block.data.last().map_or(0, |(line, _)| *line);
         for ((line, cells), (_, text)) in block.rows().zip(&block.data) {
             for cell in &cells {
-                row.push(label(deck, block, line, Some(cell))?);
+                match own {
+                    None => own = Some(label(deck, block, line, Some(cell))?),
+                    Some(_) => nodes.push(self.element_node(deck, at, line, cell)?),
+                }
             }
             let continues = match wanted {
-                Some(n) => row.len() < n + 1,
+                Some(n) => nodes.len() < n,
                 None => text.ends_with(','),
             };
             if continues && line != last {
                 continue;
             }
-            if row.len() < 2 || wanted.is_some_and(|n| row.len() != n + 1) {
+            let Some(id) = own.take().filter(|_| !nodes.is_empty() && wanted.is_none_or(|n| nodes.len() == n)) else {
                 let expected = wanted.map_or("nodes".to_owned(), |n| format!("{n} nodes"));
-                return Err(deck.error(
-                    block,
-                    line,
-                    format!("element of type {kind} with {} nodes, expected {expected}", row.len().saturating_sub(1)),
-                ));
+                let found = nodes.len();
+                let what = format!("element of type {kind} with {found} nodes, expected {expected}");
+                return Err(deck.error(block, line, what));
+            };
+            if self.labels.insert((at.scope, id), self.elements.len()).is_some() {
+                self.tell(deck, block, line, "elements have the label of another; both are kept".into());
             }
-            self.labels.insert(row[0], self.elements.len());
             if let Some(set) = &set {
                 self.elsets.entry(set.clone()).or_default().push(self.elements.len());
             }
-            self.elements.push(Element { kind: kind.clone(), nodes: row[1..].to_vec() });
-            row.clear();
+            let at = (block.file, line);
+            self.elements.push(Element { kind: kind.clone(), nodes: std::mem::take(&mut nodes), at });
         }
         Ok(())
     }
 
-    fn read_set(&mut self, deck: &DeckText, block: &Block) -> Result<(), DeckError> {
-        let nodes = block.keyword == "NSET";
-        let Some(name) = block.option(&block.keyword) else {
-            return Err(deck.error(block, block.line, format!("{}= is missing", block.keyword)));
-        };
-        let mut members: Vec<u64> = Vec::new();
+    fn read_surface(&mut self, deck: &DeckText, at: &Scoped) -> Result<(), DeckError> {
+        let block = at.block;
+        let Some(name) = block.option("NAME") else { return Ok(()) };
+        let mut parts = Vec::new();
         for (line, cells) in block.rows() {
-            if block.options.contains_key("GENERATE") {
-                let first = label(deck, block, line, cells.first())?;
-                let last = label(deck, block, line, cells.get(1))?;
-                let step = cells.get(2).map_or(Ok(1), |c| label(deck, block, line, Some(c)))?.max(1);
-                let count = last.checked_sub(first).map_or(u64::MAX, |span| span / step);
-                self.count(deck, block, line, count)?;
-                members.extend((first..=last).step_by(step as usize));
-                continue;
-            }
-            for cell in cells {
-                match cell.parse::<u64>() {
-                    Ok(id) => members.push(id),
-                    Err(_) if nodes => {
-                        let size = self.nsets.get(&cell.to_lowercase()).map_or(0, Vec::len);
-                        self.count(deck, block, line, size as u64)?;
-                        members.extend(self.nsets.get(&cell.to_lowercase()).into_iter().flatten().copied());
-                    }
-                    Err(_) => {
-                        let set = self.elsets.get(&cell.to_lowercase()).cloned().unwrap_or_default();
-                        self.count(deck, block, line, set.len() as u64)?;
-                        self.elsets.entry(name.clone()).or_default().extend(set);
-                    }
+            if let Some(set) = cells.first() {
+                let face = cells.get(1).map_or(String::new(), |f| f.to_uppercase());
+                let known = self.found(&self.elsets, at.scope, set);
+                parts.push((known.unwrap_or_else(|| set.to_lowercase()), face));
+                if parts.len() > 1 && parts[0].0 != parts[parts.len() - 1].0 {
+                    let what = "surfaces list several element sets; only the first makes the contact face";
+                    self.tell(deck, block, line, what.into());
                 }
             }
         }
-        if nodes {
-            let known = members.into_iter().filter(|id| self.nodes.contains_key(id));
-            self.nsets.entry(name).or_default().extend(known);
-        } else {
-            let known: Vec<usize> = members.iter().filter_map(|id| self.labels.get(id).copied()).collect();
-            self.elsets.entry(name).or_default().extend(known);
-        }
+        self.surfaces.entry(self.scopes.name(at.scope, &name)).or_default().extend(parts);
         Ok(())
     }
 
-    /// Counts members listed in sets; refuses what no deck needs.
-    fn count(&mut self, deck: &DeckText, block: &Block, line: usize, more: u64) -> Result<(), DeckError> {
-        self.listed = self.listed.saturating_add(more);
-        if self.listed > MOST_MEMBERS {
-            return Err(deck.error(block, line, format!("the deck's sets list more than {MOST_MEMBERS} members")));
-        }
-        Ok(())
-    }
-
-    fn read_surface(&mut self, block: &Block) {
-        let Some(name) = block.option("NAME") else { return };
-        let parts = self.surfaces.entry(name).or_default();
-        for (_, cells) in block.rows() {
-            if let Some(set) = cells.first() {
-                let face = cells.get(1).map_or(String::new(), |f| f.to_uppercase());
-                parts.push((set.to_lowercase(), face));
-            }
-        }
-    }
-
-    fn read_rigid(&mut self, deck: &DeckText, block: &Block) -> Result<(), DeckError> {
-        let (Some(set), Some(node)) = (block.option("ELSET"), block.option("REF NODE")) else {
+    fn read_rigid(&mut self, deck: &DeckText, at: &Scoped) -> Result<(), DeckError> {
+        let block = at.block;
+        let Some(node) = block.option("REF NODE") else {
             return Err(deck.error(block, block.line, "ELSET= and REF NODE= expected"));
         };
-        let node = self.node(deck, block, block.line, &node)?;
-        self.rigid.push((set, node));
-        Ok(())
+        let node = self.node(deck, at, block.line, &node)?;
+        let mut named = false;
+        if let Some(set) = block.option("ELSET") {
+            let set = self.element_set(deck, at, block.line, &set)?;
+            self.rigid.push((set, node));
+            named = true;
+        }
+        for set in ["TIE NSET", "PIN NSET"].iter().filter_map(|o| block.option(o)) {
+            let set = self.node_set(deck, at, block.line, &set)?;
+            self.ties.extend(self.nsets.get(&set).into_iter().flatten().map(|n| [*n, node]));
+            named = true;
+        }
+        match named {
+            true => Ok(()),
+            false => Err(deck.error(block, block.line, "ELSET= and REF NODE= expected")),
+        }
     }
 
-    fn read_ties(&mut self, deck: &DeckText, block: &Block) -> Result<(), DeckError> {
+    fn read_ties(&mut self, deck: &DeckText, at: &Scoped) -> Result<(), DeckError> {
+        let block = at.block;
         for (line, cells) in block.rows() {
             if cells.first().is_some_and(|c| c.eq_ignore_ascii_case("beam") || c.eq_ignore_ascii_case("tie")) {
                 if let [_, a, b, ..] = cells[..] {
-                    let tie = [self.node(deck, block, line, a)?, self.node(deck, block, line, b)?];
+                    let tie = [self.node(deck, at, line, a)?, self.node(deck, at, line, b)?];
                     self.ties.push(tie);
                 } else {
                     return Err(deck.error(block, line, "two nodes expected"));
                 }
+            } else {
+                let kind = cells.first().unwrap_or(&"").to_uppercase();
+                self.tell(deck, block, line, format!("rows of *MPC are of type {kind}; only BEAM and TIE are read"));
             }
         }
         Ok(())
     }
 
-    fn read_mass(&mut self, deck: &DeckText, block: &Block) -> Result<(), DeckError> {
-        let set = block.option("ELSET").unwrap_or_default();
+    fn read_mass(&mut self, deck: &DeckText, at: &Scoped) -> Result<(), DeckError> {
+        let block = at.block;
+        let Some(set) = block.option("ELSET") else {
+            return Err(deck.error(block, block.line, "ELSET= is missing"));
+        };
+        let set = self.element_set(deck, at, block.line, &set)?;
         if let Some((line, cells)) = block.rows().next() {
             let value = deck.number(block, line, cells.first().unwrap_or(&""))?;
             let table = if block.keyword == "MASS" { &mut self.mass } else { &mut self.inertia };
@@ -300,21 +345,26 @@ impl DeckModel {
         Ok(())
     }
 
-    fn read_boundary(&mut self, deck: &DeckText, block: &Block) -> Result<(), DeckError> {
+    fn read_boundary(&mut self, deck: &DeckText, at: &Scoped) -> Result<(), DeckError> {
+        let block = at.block;
         for (line, cells) in block.rows() {
             let whole = cells.get(1).is_some_and(|c| c.eq_ignore_ascii_case("encastre"))
                 || (cells.get(1) == Some(&"1") && cells.get(2) == Some(&"6"));
             if whole {
-                let node = self.node(deck, block, line, cells[0])?;
+                let node = self.node(deck, at, line, cells[0])?;
                 if !self.fixed.contains(&node) {
                     self.fixed.push(node);
                 }
+            } else if !cells.is_empty() {
+                let what = "rows of *BOUNDARY hold less than all six directions; only ENCASTRE (1 to 6) is read";
+                self.tell(deck, block, line, what.into());
             }
         }
         Ok(())
     }
 
-    fn read_pair(&mut self, deck: &DeckText, block: &Block) -> Result<(), DeckError> {
+    fn read_pair(&mut self, deck: &DeckText, at: &Scoped) -> Result<(), DeckError> {
+        let block = at.block;
         // a model has no deformable menisci to make of these
         if block.option("INTERACTION").is_some_and(|name| name.eq_ignore_ascii_case(MENISCI)) {
             return Ok(());
@@ -323,9 +373,11 @@ impl DeckModel {
             let [a, b, ..] = cells[..] else {
                 return Err(deck.error(block, line, "two surfaces expected"));
             };
+            let surface = |name: &str| self.surface_name(deck, at, line, name);
             let pair = Pair {
-                surfaces: [a.to_lowercase(), b.to_lowercase()],
+                surfaces: [surface(a)?, surface(b)?],
                 interaction: block.option("INTERACTION").unwrap_or_default(),
+                at: (block.file, line),
             };
             if !self.pairs.contains(&pair) {
                 self.pairs.push(pair);
@@ -334,7 +386,63 @@ impl DeckModel {
         Ok(())
     }
 
-    fn read_orientation(&mut self, deck: &DeckText, block: &Block) -> Result<(), DeckError> {
+    /// A connector section: its kind, and its orientation in the scope where it stands.
+    fn read_connector(&mut self, deck: &DeckText, at: &Scoped) -> Result<(), DeckError> {
+        let block = at.block;
+        let Some(set) = block.option("ELSET") else {
+            return Err(deck.error(block, block.line, "ELSET= is missing"));
+        };
+        let elset = self.element_set(deck, at, block.line, &set)?;
+        let mut rows = block.rows();
+        let mut first = || rows.next().and_then(|(_, c)| c.first().map(|s| s.to_lowercase()));
+        let kind = first().unwrap_or_default();
+        let orientation = first().map(|name| self.scopes.name(at.scope, &name));
+        let behaviour = block.option("BEHAVIOR");
+        self.connectors.push(Connector {
+            elset,
+            kind,
+            orientation,
+            behaviour,
+            at: (block.file, block.line),
+            spring: false,
+        });
+        Ok(())
+    }
+
+    /// A set of springs between two nodes, force against the change of their distance: an axial connector by another name.
+    fn read_spring(&mut self, deck: &DeckText, at: &Scoped) -> Result<(), DeckError> {
+        let block = at.block;
+        let Some(set) = block.option("ELSET") else {
+            return Err(deck.error(block, block.line, "ELSET= is missing"));
+        };
+        let elset = self.element_set(deck, at, block.line, &set)?;
+        let mut elastic = Vec::new();
+        // the first line holds degrees of freedom: none for springs along the line of two nodes
+        let blank = block.data.first().is_none_or(|(_, text)| text.trim().is_empty());
+        let rows = block.rows().filter(|_| block.options.contains_key("NONLINEAR"));
+        for (line, cells) in rows.skip(usize::from(blank)) {
+            let row = deck.numbers(block, line, &cells)?;
+            match row[..] {
+                [force, change, ..] => elastic.push([force, change]),
+                _ => return Err(deck.error(block, line, "a force and a change of length expected")),
+            }
+        }
+        let behaviour = format!("*spring {elset}");
+        self.behaviours.insert(behaviour.clone(), Behaviour { elastic, damping: 0.0 });
+        let (at, kind) = ((block.file, block.line), "axial".to_owned());
+        self.connectors.push(Connector {
+            elset,
+            kind,
+            orientation: None,
+            behaviour: Some(behaviour),
+            at,
+            spring: true,
+        });
+        Ok(())
+    }
+
+    fn read_orientation(&mut self, deck: &DeckText, at: &Scoped) -> Result<(), DeckError> {
+        let block = at.block;
         if block.option("DEFINITION").as_deref() != Some("nodes") {
             return Ok(());
         }
@@ -342,16 +450,22 @@ impl DeckModel {
             let [a, b, c] = cells[..] else {
                 return Err(deck.error(block, line, "three nodes expected"));
             };
-            let nodes = [a, b, c].map(|n| self.node(deck, block, line, n));
+            let nodes = [a, b, c].map(|n| self.node(deck, at, line, n));
             let [a, b, c] = nodes;
-            self.orientations.insert(name_of(deck, block)?, [a?, b?, c?]);
+            let name = self.scopes.name(at.scope, &name_of(deck, block)?);
+            self.orientations.insert(name, [a?, b?, c?]);
         }
         Ok(())
     }
 
     fn read_behaviour(&mut self, deck: &DeckText, block: &Block, name: &str) -> Result<(), DeckError> {
         if block.options.get("COMPONENT").is_some_and(|c| c != "1") {
+            let what = format!("*{} act on other components than 1 and are passed over", block.keyword);
+            self.tell(deck, block, block.line, what);
             return Ok(());
+        }
+        if block.keyword == "CONNECTOR ELASTICITY" && block.options.contains_key("RIGID") {
+            return Err(deck.error(block, block.line, "RIGID is not read; expected a table, NONLINEAR"));
         }
         let mut rows = Vec::new();
         for (line, cells) in block.rows() {
@@ -383,35 +497,13 @@ impl DeckModel {
         }
         Ok(())
     }
-
-    /// A node by label, or the one node of a set.
-    fn node(&self, deck: &DeckText, block: &Block, line: usize, cell: &str) -> Result<u64, DeckError> {
-        if let Ok(id) = cell.parse::<u64>() {
-            return Ok(id);
-        }
-        match self.nsets.get(&cell.to_lowercase()).map(Vec::as_slice) {
-            Some([id]) => Ok(*id),
-            _ => Err(deck.error(block, line, format!("\"{cell}\" is neither a node label nor a set of one node"))),
-        }
-    }
 }
 
-fn connector(block: &Block) -> Connector {
-    let mut rows = block.rows();
-    let mut first = |_: usize| rows.next().and_then(|(_, c)| c.first().map(|s| s.to_lowercase()));
-    Connector {
-        elset: block.option("ELSET").unwrap_or_default(),
-        kind: first(0).unwrap_or_default(),
-        orientation: first(1),
-        behaviour: block.option("BEHAVIOR"),
-    }
-}
-
-fn name_of(deck: &DeckText, block: &Block) -> Result<String, DeckError> {
+pub(super) fn name_of(deck: &DeckText, block: &Block) -> Result<String, DeckError> {
     block.option("NAME").ok_or_else(|| deck.error(block, block.line, "NAME= is missing"))
 }
 
-fn label(deck: &DeckText, block: &Block, line: usize, cell: Option<&&str>) -> Result<u64, DeckError> {
+pub(super) fn label(deck: &DeckText, block: &Block, line: usize, cell: Option<&&str>) -> Result<u64, DeckError> {
     let cell = cell.copied().unwrap_or("");
     cell.parse::<u64>().map_err(|_| deck.error(block, line, format!("\"{cell}\" is not a label (a whole number)")))
 }

@@ -72,7 +72,12 @@ fn amplitude(deck: &DeckText, block: &Block) -> Result<Amplitude, DeckError> {
         Some(text) => deck.number(block, block.line, text)?,
         None => 0.0,
     };
-    let step = block.option("DEFINITION").is_some_and(|d| d.starts_with("smooth"));
+    let definition = block.option("DEFINITION").unwrap_or_default();
+    if !["", "tabular"].contains(&definition.as_str()) && !definition.starts_with("smooth") {
+        let what = format!("DEFINITION={} is not read; expected TABULAR or SMOOTH STEP", definition.to_uppercase());
+        return Err(deck.error(block, block.line, what));
+    }
+    let step = definition.starts_with("smooth");
     let curve = if step { Curve::SmoothStep } else { Curve::Linear { smooth } };
     let name = block.options.get("NAME").cloned().unwrap_or_default();
     Ok(Amplitude { name, curve, points })
@@ -101,7 +106,7 @@ fn controls(
     };
     for (line, cells) in block.rows() {
         let set = cells.first().unwrap_or(&"").to_lowercase();
-        let Some(axis) = bodies.axes.iter().position(|a| *a == set) else {
+        let Some(axis) = bodies.axes.iter().position(|a| *a == set || a.rsplit('.').next() == Some(&set)) else {
             return Err(deck.error(block, line, format!("\"{set}\" is none of the joint's axes")));
         };
         let component = cells.get(1).copied().unwrap_or("");

@@ -2,6 +2,7 @@
 
 mod common;
 mod decks;
+mod other_decks;
 mod published_deck;
 mod published_explicit;
 mod published_quasistatic;

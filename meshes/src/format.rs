@@ -6,6 +6,7 @@ mod detail;
 pub mod dicom;
 pub mod kind;
 mod metaimage;
+mod mgh;
 pub mod nifti;
 mod nrrd;
 pub mod obj;
@@ -45,17 +46,50 @@ pub enum SurfaceFormat {
 /// material libraries and textures an OBJ names ([`companions`]). Positions as in the file, but where 3D Slicer
 /// has written that they are in RAS: those are turned to LPS. Errors name the line or element.
 pub fn read_surface(name: &str, bytes: &[u8], files: &BTreeMap<String, Vec<u8>>) -> Result<ColouredMesh, FormatError> {
-    let bare = |mesh| ColouredMesh { mesh, colours: Vec::new() };
-    let mut read = match surface_format(name, bytes)? {
+    read_surface_told(name, bytes, files).map(|(read, _)| read)
+}
+
+/// As [`read_surface`], with what is odd about the file but not fatal: of its colours and its numbers.
+pub fn read_surface_told(
+    name: &str,
+    bytes: &[u8],
+    files: &BTreeMap<String, Vec<u8>>,
+) -> Result<(ColouredMesh, Vec<String>), FormatError> {
+    let bare = |mesh| (ColouredMesh { mesh, colours: Vec::new() }, Vec::new());
+    let (mut read, mut notes) = match surface_format(name, bytes)? {
         SurfaceFormat::Stl => bare(stl::read(bytes)?),
-        SurfaceFormat::Ply => ply::read_textured(name, bytes, files)?,
-        SurfaceFormat::Obj => obj::read(name, bytes, files)?,
+        SurfaceFormat::Ply => ply::read_told(name, bytes, files)?,
+        SurfaceFormat::Obj => obj::read_told(name, bytes, files)?,
         SurfaceFormat::Vtk => bare(vtk::read(bytes)?),
     };
     if says_ras(bytes) {
         read.mesh.vertices.iter_mut().for_each(|p| *p = Point::new(-p.x, -p.y, p.z));
     }
-    Ok(read)
+    if let Some(first) = read.colours.first().filter(|c| read.colours.iter().all(|d| d == *c)) {
+        notes.push(format!("all its vertices have one colour ({first:?}): no outline can be found on it"));
+    }
+    notes.extend(coarse(&read.mesh.vertices));
+    Ok((read, notes))
+}
+
+/// Steps of the coordinates from which on they are told [mm]: a hundredth of the scanners' noise would not be, a fifth is. Ours.
+const COARSE_MM: f64 = 0.02;
+
+/// Single precision far from the origin: how far apart its numbers lie.
+fn coarse(vertices: &[Point]) -> Option<String> {
+    let farthest = vertices.iter().flat_map(|p| p.coords.iter().copied()).fold(0.0f64, |a, x| a.max(x.abs()));
+    let step = f64::from(f32::EPSILON) * farthest.log2().floor().exp2();
+    let single = || vertices.iter().flat_map(|p| p.coords.iter().copied()).all(|x| f64::from(x as f32) == x);
+    (step.is_finite() && step > COARSE_MM && single()).then(|| {
+        format!(
+            "its numbers are of single precision and lie up to {farthest:.0} from the origin, so they come in steps of {step:.2} mm: move the surface near the origin before it is exported"
+        )
+    })
+}
+
+/// What a colour's numbers run to, by the largest of them: 1, 255 or 65535.
+fn full_scale(largest: f64) -> f64 {
+    [1.0, 255.0].into_iter().find(|full| largest <= *full).unwrap_or(65535.0)
 }
 
 /// Bytes in which a header says its frame: an STL's 80, a PLY's or VTK's comment.
@@ -87,6 +121,10 @@ pub fn surface_format(name: &str, bytes: &[u8]) -> Result<SurfaceFormat, FormatE
         return refuse("the file is a zip archive (or 3MF): unpack or export it");
     } else if starts(b"glTF") {
         return refuse("the file is glTF: export it");
+    } else if [&b"OFF"[..], b"COFF", b"NOFF"].iter().any(|word| starts(word)) {
+        return refuse("the file is OFF: open it in MeshLab and export it");
+    } else if starts(b"<x3d") || starts(b"#VRML") || starts(b"#Inventor") {
+        return refuse("the file is X3D, VRML or Inventor: open it in MeshLab and export it");
     }
     if starts(b"ply\n") || starts(b"ply\r") {
         Ok(SurfaceFormat::Ply)
@@ -127,11 +165,12 @@ pub fn companions(name: &str, bytes: &[u8]) -> Vec<String> {
     paths
 }
 
-/// The path of `other`, as written inside the file `name`, relative to the specimen; `None` if absolute or outside.
+/// The path of `other`, as written inside the file `name`, relative to the specimen; of an absolute path, which is another machine's, the
+/// file of its name beside. `None` if outside.
 pub(crate) fn beside(name: &str, other: &str) -> Option<String> {
-    let other = other.replace('\\', "/");
+    let mut other = other.trim_matches('"').replace('\\', "/");
     if other.starts_with('/') || other.as_bytes().get(1) == Some(&b':') {
-        return None;
+        other = other.rsplit('/').next().filter(|name| !name.is_empty())?.to_owned();
     }
     let mut parts: Vec<&str> = name.split('/').collect();
     parts.pop();

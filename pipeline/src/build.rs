@@ -13,6 +13,7 @@ use stages::specimen::{RawSpecimen, SpecimenFile};
 pub fn build_model(file: &SpecimenFile, raw: &RawSpecimen, log: &mut RunLog) -> Result<(), BuildError> {
     // A table that cannot be read is told before hours are spent on what it is for.
     let (laxity, passive) = measured(file, raw)?;
+    log.read_warnings.clone_from(&laxity.warnings);
     let picture = picture(file, raw)?;
     let given = geometry(file, raw)?;
     let segmented = picture.as_ref().map(|p| log.stage::<Segment>((p,))).transpose()?;

@@ -178,8 +178,11 @@ fn without_components(
 /// Reads measured laxity; the warnings as lines.
 pub fn read_laxity(name: &str, bytes: &[u8]) -> Result<(Vec<LaxityTrial>, String), BuildError> {
     let table = laxity::read(bytes).map_err(|e| BuildError::File(format!("{name}: {e}")))?;
-    let text = table.warnings.iter().map(|w| format!("warning: {name}: {w}\n")).collect();
-    Ok((table.trials, text))
+    let doubts: Vec<String> = laxity::sign_doubts(&table.trials).into_iter().map(|doubt| doubt.words).collect();
+    let (trials, told) = crate::thin::thinned(table.trials);
+    let all = table.warnings.iter().chain(&doubts).chain(&told);
+    let text = all.map(|w| format!("warning: {name}: {w}\n")).collect();
+    Ok((trials, text))
 }
 
 /// Where a calibration is taken up from and kept, and who sees it.

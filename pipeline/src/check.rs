@@ -227,6 +227,11 @@ fn whole(file: &SpecimenFile, raw: &RawSpecimen, options: &BuildOptions, items: 
             _ => Item::new(input, State::Ok, format!("{} fibres", specimen.given_fibres.len()), ""),
         });
     }
+    for warning in &specimen.warnings {
+        if !items.iter().any(|i| i.found.contains(warning.as_str())) {
+            items.push(Item::new("specimen", State::Look, warning.clone(), "a build goes on"));
+        }
+    }
 }
 
 fn anatomy(report: &AnatomyReport) -> Vec<Item> {

@@ -33,6 +33,8 @@ pub struct Measured {
     pub laxity: BTreeMap<String, Vec<LaxityTrial>>,
     /// Of each laxity file, by data set.
     pub digests: BTreeMap<String, String>,
+    /// What is odd in the files.
+    pub warnings: Vec<String>,
 }
 
 /// Measured passive flexion: what `validate` compares with.
@@ -101,20 +103,36 @@ pub fn measured(file: &SpecimenFile, raw: &RawSpecimen) -> Result<(Kept<Measured
             BuildError::File(format!("specimen.toml [{table}] {name}: no file {path} in the specimen's folder"))
         })
     };
-    let (mut laxity, mut digests) = (BTreeMap::new(), BTreeMap::new());
+    let (mut laxity, mut digests, mut warnings) = (BTreeMap::new(), BTreeMap::new(), Vec::new());
     for (name, path) in &file.laxity {
         let found = bytes("laxity", name, path)?;
         let format = file.laxity_format.get(name).cloned().unwrap_or_default();
         let table = sim::laxity::read_as(found, &format, file.specimen.side)
             .map_err(|e| BuildError::File(format!("{path}: {e}")))?;
+        warnings.extend(told(path, &table));
         digests.insert(name.clone(), hash(found));
-        laxity.insert(name.clone(), table.trials);
+        let (trials, thinner) = crate::thin::thinned(table.trials);
+        warnings.extend(thinner.map(|what| format!("{path}: {what}")));
+        laxity.insert(name.clone(), trials);
     }
     let mut passive = Vec::new();
     for (name, path) in &file.passive {
         passive.push(read_passive(name, path, bytes("passive", name, path)?)?);
     }
-    Ok((Kept::read(Measured { laxity, digests })?, Kept::read(PassiveFlexion(passive))?))
+    Ok((Kept::read(Measured { laxity, digests, warnings })?, Kept::read(PassiveFlexion(passive))?))
+}
+
+/// Warnings of a reader that a build repeats; `check` has the rest.
+const REPEATED: usize = 5;
+
+/// What a build says of a laxity file: what the reader found odd, and what looks turned, zeroed or scaled.
+fn told(path: &str, table: &sim::laxity::LaxityTable) -> Vec<String> {
+    let doubts = sim::laxity::sign_doubts(&table.trials).into_iter().map(|doubt| doubt.words);
+    let mut all: Vec<String> = doubts.chain(table.warnings.iter().take(REPEATED).cloned()).collect();
+    if table.warnings.len() > REPEATED {
+        all.push(format!("{} more warnings like these: build-model check lists them", table.warnings.len() - REPEATED));
+    }
+    all.into_iter().map(|w| format!("{path}: {w}")).collect()
 }
 
 /// Measured passive flexion under its name.

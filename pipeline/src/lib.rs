@@ -47,5 +47,6 @@ pub(crate) mod stage;
 pub mod stale;
 pub mod store;
 
+mod thin;
 pub mod validate;
 pub mod which_model;

@@ -58,7 +58,7 @@ pub fn run(args: &BuildArgs) -> Result<String, BuildError> {
         Err(BuildError::Reached) => (None, false),
         Err(error) => (Some(error), false),
     };
-    let records = log.settled(stopped.is_some())?;
+    let (records, read) = (log.settled(stopped.is_some())?, std::mem::take(&mut log.read_warnings));
     drop(log);
     let failure = stopped.as_ref().map(failure);
     let page = report::write(&folder, &records, failure.as_ref(), whole)?;
@@ -70,7 +70,7 @@ pub fn run(args: &BuildArgs) -> Result<String, BuildError> {
     } else if args.quiet {
         String::new()
     } else {
-        closing_words(&out, &records, page)
+        closing_words(&out, (&records, &read), page)
     })
 }
 
@@ -139,8 +139,11 @@ fn run_toml(raw: &RawSpecimen, file: &SpecimenFile, options: &BuildOptions) -> R
     toml::to_string(&table).map_err(|e| BuildError::File(format!("run.toml: {e}")))
 }
 
-fn closing_words(out: &Path, records: &[Record], page: &str) -> String {
+fn closing_words(out: &Path, (records, read): (&[Record], &[String]), page: &str) -> String {
     let mut text = inspect::table(records);
+    for warning in read {
+        let _ = writeln!(text, "warning: {warning}");
+    }
     let _ = writeln!(text, "\nThe report is {}. Open it: build-model open {}", out.join(page).display(), quoted(out));
     let left: Vec<&str> = records.iter().filter(|r| r.outdated).map(|r| r.stage.as_str()).collect();
     if !left.is_empty() {

@@ -45,6 +45,8 @@ pub struct RunLog<'a> {
     earlier: BTreeMap<String, Record>,
     /// One record a finished stage; of a plan, one a stage that would be there.
     pub records: Vec<Record>,
+    /// What is odd in what was read, before any stage.
+    pub read_warnings: Vec<String>,
 }
 
 const SEAL: &str = "stage.json";
@@ -58,7 +60,17 @@ impl<'a> RunLog<'a> {
             .filter_map(|l| serde_json::from_str::<Record>(l).ok())
             .map(|r| (r.stage.clone(), r))
             .collect();
-        RunLog { folder, options, forced: range.force, range, reached: false, progress, earlier, records: Vec::new() }
+        RunLog {
+            folder,
+            options,
+            forced: range.force,
+            range,
+            reached: false,
+            progress,
+            earlier,
+            records: Vec::new(),
+            read_warnings: Vec::new(),
+        }
     }
 
     /// The options in force.

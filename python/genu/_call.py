@@ -10,6 +10,20 @@ from typing import Any, Callable, Iterator, Mapping, Optional, Sequence, Union
 from genu import _errors, _genu
 
 Path = Union[str, "os.PathLike[str]"]
+
+# Whether this process was forked from one in which a call was made: the threads of that call are not here.
+_called = False
+_orphan = False
+
+
+def _forked() -> None:
+    global _orphan
+    _orphan = _called
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_forked)
+
 Progress = Union[None, bool, Callable[[str, float, str], Any]]
 
 
@@ -39,6 +53,13 @@ def run(*words: Any, jobs: Optional[int] = None, progress: Progress = None) -> s
     GenuError
         One of its kinds, with the command's sentence.
     """
+    global _called
+    if _orphan:
+        raise _errors.UsageError(
+            "this process was forked from one that had called genu, whose threads are not here; "
+            'start processes afresh: multiprocessing.get_context("spawn"), or set_start_method("spawn")'
+        )
+    _called = True
     with watching(progress) as watcher:
         return _genu.call([os.fspath(w) if hasattr(w, "__fspath__") else str(w) for w in words], _errors.made, jobs, watcher)
 
@@ -119,4 +140,4 @@ def wanted(module: str, extra: str) -> Any:
     try:
         return importlib.import_module(module)
     except ImportError as error:
-        raise ImportError(f'{module} is needed here and not installed: pip install "genu-knee[{extra}]", or in a clone "./python[{extra}]"') from error
+        raise ImportError(f'{module} is needed here and not installed: in a clone, pip install "./python[{extra}]"') from error

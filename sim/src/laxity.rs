@@ -4,9 +4,11 @@
 
 mod columns;
 mod differences;
+mod doubts;
 mod format;
 mod read;
 mod signs;
+mod text;
 mod write;
 
 pub use columns::LaxityError;

@@ -34,6 +34,7 @@ pub mod quasistatic;
 pub mod sensitivity;
 pub mod spec;
 pub mod steps;
+pub mod text;
 pub mod trials;
 pub mod uncertainty;
 pub mod vtk;

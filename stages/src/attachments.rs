@@ -2,6 +2,7 @@
 
 mod crossings;
 mod fibres;
+mod given;
 mod marked;
 
 use crate::bones::Bones;
@@ -152,6 +153,9 @@ pub fn attachments(
     };
     let literature = literature(specimen, bones, cartilage, frames, &sites, options);
     sites.extend(literature.into_iter().filter(|site| !contradicted(site)));
+    let anatomy = anatomy(bones, frames, &[]);
+    given::compare(&anatomy, &specimen.given_fibres, width / attachments::atlas::WIDTH_MM, &mut warnings);
+    given::tell_unmarked(specimen, &sites, &mut warnings);
     let fibres = fibres::lay(&sides, &mut sites, &specimen.given_fibres, options, &mut warnings);
     let through_bone = crossings::warn(&sides, frames, &fibres, options.crossing_limit_mm, &mut warnings);
     fibres::warn_of_lengths(&fibres, width / attachments::atlas::WIDTH_MM, &mut warnings);
@@ -168,6 +172,18 @@ pub fn attachments(
     Ok(Attachments { sites, fibres, warnings, metrics })
 }
 
+/// What the literature's rules refer to.
+fn anatomy<'a>(bones: &'a Bones, frames: &'a Frames, marked: &'a [Site]) -> Anatomy<'a> {
+    Anatomy {
+        femur: &bones.surfaces.femur,
+        tibfib: &bones.surfaces.tibfib,
+        femur_frame: &frames.femur,
+        tibia_frame: &frames.joint_line,
+        epicondyles: frames.epicondyles,
+        marked,
+    }
+}
+
 /// Sites by the literature where nothing was marked, of ligaments that are not given by hand in full.
 fn literature(
     specimen: &Specimen,
@@ -177,14 +193,7 @@ fn literature(
     marked: &[Site],
     options: &AttachmentsOptions,
 ) -> Vec<Site> {
-    let anatomy = Anatomy {
-        femur: &bones.surfaces.femur,
-        tibfib: &bones.surfaces.tibfib,
-        femur_frame: &frames.femur,
-        tibia_frame: &frames.joint_line,
-        epicondyles: frames.epicondyles,
-        marked,
-    };
+    let anatomy = anatomy(bones, frames, marked);
     let queries: Vec<SurfaceQuery> =
         cartilage.solids.named().into_iter().filter_map(|(_, s)| SurfaceQuery::new(&s.solid)).collect();
     let covers: Vec<&SurfaceQuery> = queries.iter().collect();

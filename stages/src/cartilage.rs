@@ -165,6 +165,7 @@ pub fn cartilage(
     options: &CartilageOptions,
 ) -> Result<Cartilage, StageError> {
     check(options)?;
+    let options = &for_size(options, &specimen.ct.femur);
     if let Some(shown) = &specimen.mri {
         return mri::of_mri(specimen, shown, registration, bones, options);
     }
@@ -210,6 +211,23 @@ pub fn cartilage(
         bodies_volume_mm3: BTreeMap::new(),
     };
     Ok(Cartilage { solids, bodies: BTreeMap::new(), warnings, metrics })
+}
+
+/// Width of the knee that areas and thicknesses of the options are meant for [mm], and the least that an adult's has: `ingest` has both.
+const KNEE_WIDTH_MM: f64 = 85.0;
+const LEAST_ADULT_MM: f64 = 60.0;
+
+/// The options for a knee smaller than any adult's: areas and thicknesses shrink with it, as what they tell apart does.
+fn for_size(options: &CartilageOptions, femur: &TriMesh) -> CartilageOptions {
+    let width = crate::ingest::middle_extent(femur);
+    let size = if width < LEAST_ADULT_MM { width / KNEE_WIDTH_MM } else { 1.0 };
+    CartilageOptions {
+        least_area_mm2: options.least_area_mm2 * size * size,
+        island_area_mm2: options.island_area_mm2 * size * size,
+        seed_thickness_mm: (options.seed_thickness_mm * size)
+            .max(options.least_thickness_mm.min(options.seed_thickness_mm)),
+        ..options.clone()
+    }
 }
 
 /// Cartilages of a bone.

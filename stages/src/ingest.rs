@@ -1,6 +1,7 @@
 //! Stage 1, ingest: the specimen's files become checked values in mm.
 
 mod file;
+mod held;
 mod merge;
 mod mri;
 mod points;
@@ -14,10 +15,11 @@ pub use surfaces::{Judged, judge_surfaces, middle_extent};
 use crate::frames;
 use crate::specimen::{IngestMetrics, SurfaceMetrics};
 use crate::specimen::{
-    IngestOptions, Mri, Patella, RAS_INPUTS, RawSpecimen, SEGMENTED_PATELLA, Specimen, SpecimenFile,
+    IngestOptions, Mri, NamedPoint, Patella, RAS_INPUTS, RawSpecimen, SEGMENTED_PATELLA, Specimen, SpecimenFile,
 };
 use crate::{PerBone, StageError};
 use attachments::bundle::BUNDLES;
+use attachments::site::Fibre;
 use meshes::surface::{ColouredMesh, TriMesh};
 
 /// Turns the files of a specimen into checked values in mm.
@@ -67,10 +69,10 @@ pub fn ingest_file(file: &SpecimenFile, raw: &RawSpecimen, options: &IngestOptio
     let surface =
         |key: &str, path: &str, warnings: &mut Vec<String>| surfaces::checked(key, path, &raw.files, options, warnings);
     let sources = sources(file, raw, options, &mut warnings, &surface)?;
-    let landmarks = points::landmarks(file, raw, options)?;
+    let landmarks = points::landmarks(file, raw, options, &mut warnings)?;
     warnings.extend(points::missing(file, raw, &landmarks));
-    let marks = points::marks(file, raw, options)?;
-    let given_fibres = points::fibres(file, raw, options)?;
+    let marks = points::marks(file, raw, options, &mut warnings)?;
+    let given_fibres = points::fibres(file, raw, options, &mut warnings)?;
     let given_frames = match &file.frames {
         Some(f) => Some(frames::given::read(&f.file, &raw.files[&f.file])?),
         None => None,
@@ -83,6 +85,7 @@ pub fn ingest_file(file: &SpecimenFile, raw: &RawSpecimen, options: &IngestOptio
         }
     }
     space::check(&sources.ct, [&landmarks, &marks])?;
+    hold(file, &sources, [&landmarks, &marks], &given_fibres, &mut warnings)?;
     let metrics = IngestMetrics {
         landmarks: landmarks.len(),
         marks: marks.len(),
@@ -106,6 +109,26 @@ pub fn ingest_file(file: &SpecimenFile, raw: &RawSpecimen, options: &IngestOptio
     })
 }
 
+/// Holds everything that was given by hand against the bones.
+fn hold(
+    file: &SpecimenFile,
+    sources: &Sources,
+    [landmarks, marks]: [&[NamedPoint]; 2],
+    fibres: &[Fibre],
+    warnings: &mut Vec<String>,
+) -> Result<(), StageError> {
+    let Some(bones) = held::Bones::of(&sources.ct) else { return Ok(()) };
+    let given = [&file.points.landmarks, &file.points.marks, &file.points.attachments];
+    let path = |k: usize| given[k].as_deref().unwrap_or(OPTIONAL_PATHS[k]);
+    held::points((path(0), "landmarks"), landmarks, &bones, &sources.scans, warnings)?;
+    held::points((path(1), "marks"), marks, &bones, &sources.scans, warnings)?;
+    held::fibres(path(2), fibres, &bones, warnings)?;
+    match &sources.patella {
+        Some(patella) => held::patella(patella, &bones, warnings),
+        None => Ok(()),
+    }
+}
+
 /// What shows bones and cartilage.
 struct Sources {
     ct: PerBone<TriMesh>,
@@ -125,7 +148,7 @@ fn sources(
     surface: &Read,
 ) -> Result<Sources, StageError> {
     if let (Some(table), true) = (&file.segmentation, file.ct.is_empty()) {
-        let read = mri::from_labels(table, raw, options, false, warnings)?;
+        let read = mri::from_labels(table, raw, options, (false, file.specimen.side), warnings)?;
         let patella = read.patella.clone().map(|ct| Patella { ct, scan: None });
         return Ok(of_mri(read.bones.clone(), read, patella, IngestMetrics::default(), warnings));
     }
@@ -138,7 +161,7 @@ fn sources(
         IngestMetrics { ct_femur: Some(femur_counts), ct_tibfib: Some(tibfib_counts), ..IngestMetrics::default() };
     let Some(scans) = &file.scans else {
         let read = match (&file.segmentation, &file.cartilage) {
-            (Some(table), _) => mri::from_labels(table, raw, options, true, warnings)?,
+            (Some(table), _) => mri::from_labels(table, raw, options, (true, file.specimen.side), warnings)?,
             (None, Some(table)) => {
                 mri::from_surfaces(table, raw, PerBone { femur: &ct.femur, tibfib: &ct.tibfib }, options, warnings)?
             }
@@ -153,7 +176,7 @@ fn sources(
         None => None,
     };
     for (key, scan) in [("scans.femur", &scan_femur), ("scans.tibfib", &scan_tibfib)] {
-        if scan.colours.is_empty() {
+        if scan.colours.iter().all(|c| *c == scan.colours[0]) {
             warnings.push(format!("{key} has no colours: outlined attachment sites cannot be found on it"));
         }
     }

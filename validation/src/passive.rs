@@ -13,9 +13,10 @@ pub const COLUMNS: [&str; 6] = ["fe_deg", "vv_deg", "ie_deg", "ml_mm", "ap_mm", 
 pub fn read(bytes: &[u8]) -> Result<Vec<PoseSpec>, CalibrationError> {
     let refuse =
         |row: usize, what: String| Err(CalibrationError::Targets(format!("passive flexion, row {row}: {what}")));
-    let Ok(text) = std::str::from_utf8(bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes)) else {
-        return refuse(1, "not UTF-8".into());
-    };
+    if let Some(kind) = sim::text::other_kind(bytes) {
+        return refuse(1, format!("{kind}; expected a table of text: save it as CSV UTF-8"));
+    }
+    let (text, _) = sim::text::decoded(bytes);
     let mut lines = text.lines().enumerate().filter(|(_, l)| !l.trim().is_empty());
     let header: Vec<&str> = lines.next().map_or(vec![], |(_, l)| l.split(',').map(str::trim).collect());
     if header != COLUMNS {

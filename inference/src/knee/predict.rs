@@ -43,7 +43,7 @@ impl Trials<'_> {
             let start = self.start(&knee, &before, trial, answer).ok();
             let close = start.and_then(|q| self.prediction(&knee, trial, q, answer.pressed).ok());
             close.or_else(|| {
-                let (q, force) = self.from_afar(&knee, trial).ok()?;
+                let (q, force) = self.along_the_path(&knee, trial).ok()?;
                 self.prediction(&knee, trial, q, force).ok()
             })
         };
@@ -51,7 +51,7 @@ impl Trials<'_> {
     }
 
     /// The answer along the path of a trial's loading, as coordinates and contact force.
-    fn from_afar(&self, knee: &Knee, trial: &Asked) -> Result<(Six, f64), SimError> {
+    fn along_the_path(&self, knee: &Knee, trial: &Asked) -> Result<(Six, f64), SimError> {
         let borne = Asked { load: self.borne(&knee.values, trial), ..trial.clone() };
         let found = solve_trial(knee.of(trial).0, &plain(&borne), self.options)?;
         Ok((found.state.q, pressed(&found.evaluation.contact.wrench)))

@@ -33,6 +33,16 @@ pub fn read_labels(bytes: &[u8]) -> Result<Labels, FormatError> {
     open(bytes)?.labels()
 }
 
+/// Whether the header says where its voxels lie, by qform or sform.
+pub fn says_place(bytes: &[u8]) -> bool {
+    let mut head = Vec::with_capacity(HEADER_2);
+    let read = match bytes.starts_with(&[0x1f, 0x8b]) {
+        true => MultiGzDecoder::new(bytes).take(HEADER_2 as u64).read_to_end(&mut head),
+        false => bytes.take(HEADER_2 as u64).read_to_end(&mut head),
+    };
+    read.is_err() || parse(&head).map_or(true, |header| header.qform || header.sform)
+}
+
 /// Writes a volume gzipped, in whole numbers of 16 bits where all values are such, else in f32.
 pub fn write(out: impl Write, volume: &Volume) -> io::Result<()> {
     let whole = volume.values.iter().all(|x| x.fract() == 0.0 && x.abs() < 32768.0);

@@ -33,6 +33,8 @@ pub(super) struct Segment {
     pub(super) name: String,
     /// Its label, in its layer.
     pub(super) label: u8,
+    /// Whether the file states the label.
+    pub(super) stated: bool,
     /// Its layer; segments that overlap lie in several.
     pub(super) layer: usize,
 }
@@ -91,7 +93,7 @@ pub(super) fn read(name: &str, bytes: &[u8], files: &BTreeMap<String, Vec<u8>>) 
         data.chunks_exact(layers * bytes).flat_map(|v| v[k * bytes..(k + 1) * bytes].iter().copied()).collect()
     };
     let raw = |k| Raw { grid: grid.clone(), number, big, scale: (1.0, 0.0), data: layer(k) };
-    Ok(Nrrd { layers: (0..layers).map(raw).collect(), segments: segments(&fields) })
+    Ok(Nrrd { layers: (0..layers).map(raw).collect(), segments: segments(&fields, layers) })
 }
 
 /// Fields and key/value pairs by name, and where the data begin.
@@ -250,18 +252,20 @@ fn ascii(
         ));
     }
     let raw = |data| Raw { grid: grid.clone(), number: Number::F64, big: false, scale: (1.0, 0.0), data };
-    Ok(Nrrd { layers: data.into_iter().map(raw).collect(), segments: segments(fields) })
+    Ok(Nrrd { layers: data.into_iter().map(raw).collect(), segments: segments(fields, layers) })
 }
 
-/// 3D Slicer's `Segment0_Name`, `_LabelValue` and `_Layer`.
-fn segments(fields: &BTreeMap<String, String>) -> Vec<Segment> {
+/// 3D Slicer's `Segment0_Name`, `_LabelValue` and `_Layer`. Before version 4.11 each segment has a layer of its own, in their order.
+fn segments(fields: &BTreeMap<String, String>, layers: usize) -> Vec<Segment> {
+    let old = layers > 1 && !fields.keys().any(|k| k.starts_with("Segment") && k.ends_with("_Layer"));
     let field = |k: usize, what: &str| fields.get(&format!("Segment{k}_{what}"));
     (0..256)
         .map_while(|k| {
             Some(Segment {
                 name: field(k, "Name")?.clone(),
                 label: field(k, "LabelValue").and_then(|x| x.parse().ok()).unwrap_or(1),
-                layer: field(k, "Layer").and_then(|x| x.parse().ok()).unwrap_or(0),
+                stated: field(k, "LabelValue").is_some(),
+                layer: field(k, "Layer").and_then(|x| x.parse().ok()).unwrap_or(if old { k } else { 0 }),
             })
         })
         .collect()

@@ -5,16 +5,26 @@
 
 use super::detail::{Patch, painted};
 use super::texture::{Library, Paint};
-use super::{FormatError, beside, cut_polygon, refuse_not_finite};
+use super::{FormatError, beside, cut_polygon, full_scale, refuse_not_finite};
 use crate::Point;
 use crate::surface::{ColouredMesh, TriMesh};
 use std::collections::BTreeMap;
 
 /// Reads an OBJ. Colours: of the vertices where each has one, else of the materials' textures at each vertex's texture
 /// coordinates (the mean over its seams), else none. Where a texture is used, triangles are cut finer until their corners can
-/// hold it, and vertices that lie on each other become one.
+/// hold it, and vertices that lie on each other become one. Vertices of one colour hide no texture.
 pub fn read(name: &str, bytes: &[u8], files: &BTreeMap<String, Vec<u8>>) -> Result<ColouredMesh, FormatError> {
+    read_told(name, bytes, files).map(|(scan, _)| scan)
+}
+
+/// As [`read`], with what is odd about the colours.
+pub(super) fn read_told(
+    name: &str,
+    bytes: &[u8],
+    files: &BTreeMap<String, Vec<u8>>,
+) -> Result<(ColouredMesh, Vec<String>), FormatError> {
     let obj = parse(bytes)?;
+    let mut notes = Vec::new();
     refuse_not_finite(&obj.positions)?;
     let mut mesh = TriMesh { vertices: obj.positions.clone(), triangles: Vec::with_capacity(obj.faces.len()) };
     let mut face_of = Vec::with_capacity(obj.faces.len());
@@ -25,12 +35,27 @@ pub fn read(name: &str, bytes: &[u8], files: &BTreeMap<String, Vec<u8>>) -> Resu
             .map_err(|e| FormatError(format!("line {}: {e}", face.line)))?;
         face_of.resize(mesh.triangles.len(), k);
     }
-    if !obj.colours.is_empty() && obj.colours.iter().all(Option::is_some) {
-        return Ok(ColouredMesh { mesh, colours: obj.colours.into_iter().flatten().collect() });
+    let coloured = obj.colours.iter().flatten().count();
+    let own = if coloured == obj.colours.len() { obj.vertex_colours(&mut notes) } else { Vec::new() };
+    if coloured > 0 && own.is_empty() {
+        notes.push(format!(
+            "{coloured} of {} vertices have a colour; colours of vertices are not used",
+            obj.colours.len()
+        ));
+    }
+    if !own.is_empty() && own.iter().any(|c| *c != own[0]) {
+        return Ok((ColouredMesh { mesh, colours: own }, notes));
     }
     let paints = paints(name, &obj, files)?;
+    for material in obj.materials.iter().filter(|m| !obj.libraries.is_empty() && !paints.contains_key(*m)) {
+        notes.push(format!("the material {material} has no texture or colour that is there"));
+    }
     let scan = textured(&obj, mesh, &face_of, &paints);
-    Ok(if scan.colours.is_empty() { scan } else { scan.welded() })
+    Ok(match (scan.colours.is_empty(), own.is_empty()) {
+        (true, true) => (scan, notes),
+        (true, false) => (ColouredMesh { colours: own, ..scan }, notes),
+        (false, _) => (scan.welded(), notes),
+    })
 }
 
 /// Material libraries an OBJ names, as written.
@@ -54,7 +79,8 @@ struct ParsedFace {
 #[derive(Default)]
 struct Parsed {
     positions: Vec<Point>,
-    colours: Vec<Option<[u8; 3]>>,
+    /// As the file has them.
+    colours: Vec<Option<[f64; 3]>>,
     texture_coordinates: Vec<[f64; 2]>,
     /// Position and texture coordinate of each face's corners.
     corners: Vec<(u32, Option<u32>)>,
@@ -70,7 +96,7 @@ fn parse(bytes: &[u8]) -> Result<Parsed, FormatError> {
     let mut held = String::new();
     for (number, line) in bytes.split(|&b| b == b'\n').enumerate() {
         let text = String::from_utf8_lossy(line);
-        let text = text.split('#').next().unwrap_or("").trim();
+        let text = uncommented(&text);
         if let Some(start) = text.strip_suffix('\\') {
             held.push_str(start);
             held.push(' ');
@@ -114,6 +140,12 @@ fn parse(bytes: &[u8]) -> Result<Parsed, FormatError> {
     Ok(obj)
 }
 
+/// The line without its comment: from a `#` that begins a word; within a word it is a part of a name.
+fn uncommented(line: &str) -> &str {
+    let starts = |(at, _): &(usize, &str)| *at == 0 || line[..*at].ends_with(char::is_whitespace);
+    line.match_indices('#').find(starts).map_or(line, |(at, _)| &line[..at]).trim()
+}
+
 fn short(line: &str) -> String {
     line.chars().take(60).collect()
 }
@@ -131,8 +163,19 @@ impl Parsed {
             _ => return None,
         };
         self.positions.push(Point::from(position));
-        self.colours.push(colour.map(|c| c.map(|x| (x * 255.0).round().clamp(0.0, 255.0) as u8)));
+        self.colours.push(colour);
         Some(())
+    }
+
+    /// The vertices' colours, from 0 to 1 or from 0 to 255 as their largest number says.
+    fn vertex_colours(&self, notes: &mut Vec<String>) -> Vec<[u8; 3]> {
+        let largest = self.colours.iter().flatten().flatten().fold(0.0f64, |a, b| a.max(*b));
+        let full = full_scale(largest);
+        if full > 1.0 {
+            notes.push(format!("colours of vertices are read as 0 to {full:.0}, since one is {largest}"));
+        }
+        let byte = |x: f64| (x / full * 255.0).round().clamp(0.0, 255.0) as u8;
+        self.colours.iter().flatten().map(|c| c.map(byte)).collect()
     }
 
     fn corner(&self, word: &str) -> Result<(u32, Option<u32>), String> {

@@ -1,8 +1,8 @@
 //! Pictures of voxels, CT volumes and label maps: NIfTI-1 and -2, NRRD, MetaImage, told apart by content.
 
 use super::raw::refuse;
-use super::{FormatError, metaimage, nifti, nrrd};
-use crate::volume::{Labels, Volume};
+use super::{FormatError, metaimage, mgh, nifti, nrrd};
+use crate::volume::{Grid, Labels, Volume};
 use std::collections::BTreeMap;
 
 /// A label map with the names that its file gives the labels.
@@ -14,6 +14,30 @@ pub struct LabelMap {
     pub names: Vec<(String, u8)>,
     /// Voxels that lay in several segments and stay in the first [-].
     pub overlapping: usize,
+    /// Of several layers: the label that the file states for each of `names`, none where it states none. Else empty.
+    pub stated: Vec<Option<u8>>,
+    /// What is odd about the file but not fatal.
+    pub notes: Vec<String>,
+}
+
+impl LabelMap {
+    fn of(labels: Labels) -> LabelMap {
+        let notes = sheared(&labels.grid).into_iter().collect();
+        LabelMap { labels, names: Vec::new(), overlapping: 0, stated: Vec::new(), notes }
+    }
+}
+
+/// Axes that are this far from square are told [deg]: beyond the rounding of headers.
+const SHEAR_DEG: f64 = 0.2;
+
+/// What is said of a grid whose axes are not square to each other.
+pub fn sheared(grid: &Grid) -> Option<String> {
+    let columns: Vec<_> = grid.axes.column_iter().map(|c| c.into_owned()).collect();
+    let off = |(a, b): (usize, usize)| (columns[a].angle(&columns[b]).to_degrees() - 90.0).abs();
+    let worst = [(0, 1), (0, 2), (1, 2)].into_iter().map(off).fold(0.0, f64::max);
+    (worst > SHEAR_DEG).then(|| {
+        format!("the axes of its voxels are sheared by {worst:.1} deg: a tilted gantry, or an affine registration that was saved into the header")
+    })
 }
 
 /// Reads a volume. `files` holds the specimen's files by path and serves a detached header's data file.
@@ -31,8 +55,11 @@ pub fn read_volume(name: &str, bytes: &[u8], files: &BTreeMap<String, Vec<u8>>) 
     if metaimage::looks_metaimage(bytes) {
         return metaimage::read(name, bytes, files)?.volume();
     }
-    known(bytes)?;
-    nifti::read(bytes)
+    known(name, bytes)?;
+    match mgh::looks_mgh(name, bytes) {
+        true => mgh::read(bytes)?.volume(),
+        false => nifti::read(bytes),
+    }
 }
 
 /// Reads a label map, with its segments' names where it has them; `files` as for [`read_volume`].
@@ -42,7 +69,7 @@ pub fn read_volume(name: &str, bytes: &[u8], files: &BTreeMap<String, Vec<u8>>) 
 /// # Errors
 /// As [`read_volume`]; values that are no labels.
 pub fn read_labels(name: &str, bytes: &[u8], files: &BTreeMap<String, Vec<u8>>) -> Result<LabelMap, FormatError> {
-    let whole = |labels| LabelMap { labels, names: Vec::new(), overlapping: 0 };
+    let whole = LabelMap::of;
     if nrrd::looks_nrrd(bytes) {
         let mut read = nrrd::read(name, bytes, files)?;
         if read.layers.len() > 1 {
@@ -54,8 +81,17 @@ pub fn read_labels(name: &str, bytes: &[u8], files: &BTreeMap<String, Vec<u8>>) 
     if metaimage::looks_metaimage(bytes) {
         return metaimage::read(name, bytes, files)?.labels().map(whole);
     }
-    known(bytes)?;
-    nifti::read_labels(bytes).map(whole)
+    known(name, bytes)?;
+    if mgh::looks_mgh(name, bytes) {
+        return mgh::read(bytes)?.labels().map(whole);
+    }
+    let mut map = nifti::read_labels(bytes).map(whole)?;
+    if !nifti::says_place(bytes) {
+        map.notes.push(
+            "the header says not where its voxels lie (qform and sform are 0), so no one knows which way is left: axes are taken as right, anterior, superior".into(),
+        );
+    }
+    Ok(map)
 }
 
 /// Whether the content says that it is NRRD, MetaImage or NIfTI that is not packed.
@@ -76,8 +112,20 @@ pub(super) fn data_file(bytes: &[u8]) -> Option<String> {
 }
 
 /// Refuses what is plainly no picture, with what it seems to be.
-fn known(bytes: &[u8]) -> Result<(), FormatError> {
-    let expected = "expected NIfTI (.nii, .nii.gz), NRRD (.nrrd, .nhdr, .seg.nrrd) or MetaImage (.mha, .mhd)";
+fn known(name: &str, bytes: &[u8]) -> Result<(), FormatError> {
+    let expected =
+        "expected NIfTI (.nii, .nii.gz), NRRD (.nrrd, .nhdr, .seg.nrrd), MetaImage (.mha, .mhd) or FreeSurfer (.mgz)";
+    let lower = name.to_ascii_lowercase();
+    if bytes.get(128..132) == Some(b"DICM") {
+        return refuse(format!(
+            "the file is DICOM; {expected}: open it in 3D Slicer (DICOM SEG needs its extension QuantitativeReporting) and export the segmentation as .seg.nrrd"
+        ));
+    }
+    if lower.ends_with(".img") || lower.ends_with(".hdr") || lower.ends_with(".img.gz") {
+        return refuse(format!(
+            "the file is one of a pair (.hdr and .img, Analyze or NIfTI); {expected}: export one file, .nii or .nii.gz"
+        ));
+    }
     if bytes.is_empty() {
         return refuse(format!("the file is empty; {expected}"));
     }
@@ -120,7 +168,8 @@ fn merged(read: nrrd::Nrrd) -> Result<LabelMap, FormatError> {
     if names.is_empty() {
         return refuse("the file has several layers and names no segments; expected one label map");
     }
-    Ok(LabelMap { labels, names, overlapping })
+    let stated = read.segments.iter().take(names.len()).map(|s| s.stated.then_some(s.label)).collect();
+    Ok(LabelMap { names, overlapping, stated, ..LabelMap::of(labels) })
 }
 
 #[cfg(test)]

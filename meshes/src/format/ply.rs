@@ -2,7 +2,7 @@
 
 use super::detail::{Patch, painted};
 use super::texture::{Paint, texture};
-use super::{FormatError, beside, cut_polygon, refuse_not_finite};
+use super::{FormatError, beside, cut_polygon, full_scale, refuse_not_finite};
 use crate::Point;
 use crate::surface::{ColouredMesh, TriMesh};
 use ply_rs_bw::parser::{Parser, Reader};
@@ -14,17 +14,30 @@ use std::io::{self, Write};
 /// list `texcoord` or its vertices texture coordinates, the colours are the textures', and triangles are cut finer until their corners
 /// can hold them.
 pub fn read_textured(name: &str, bytes: &[u8], files: &BTreeMap<String, Vec<u8>>) -> Result<ColouredMesh, FormatError> {
+    read_told(name, bytes, files).map(|(scan, _)| scan)
+}
+
+/// As [`read_textured`], with what is odd about the colours.
+pub(super) fn read_told(
+    name: &str,
+    bytes: &[u8],
+    files: &BTreeMap<String, Vec<u8>>,
+) -> Result<(ColouredMesh, Vec<String>), FormatError> {
     let parsed = parse(bytes)?;
     let mut paints = Vec::new();
     for path in textures(bytes).iter().filter_map(|t| beside(name, t)) {
         paints.push(texture(&path, files)?);
     }
     let scan = parsed.surface()?;
+    let mut notes = parsed.notes();
+    if !paints.iter().all(Option::is_none) && !parsed.has_places() {
+        notes.push("it names a texture and has no texture coordinates: the texture is not used".into());
+    }
     if paints.iter().all(Option::is_none) || !parsed.has_places() {
-        return Ok(scan);
+        return Ok((scan, notes));
     }
     let painted = painted(scan.mesh.vertices.clone(), parsed.patches(&scan, &paints));
-    Ok(if painted.colours.is_empty() { scan } else { painted.welded() })
+    Ok((if painted.colours.is_empty() { scan } else { painted.welded() }, notes))
 }
 
 /// Textures that a PLY names, as written.
@@ -44,7 +57,7 @@ pub(super) fn textures(bytes: &[u8]) -> Vec<String> {
 }
 
 /// Reads a PLY surface, ASCII or binary of either byte order: `vertex` with x, y, z of any number type and, where there,
-/// red, green, blue (0..255, or 0..1 as floats); `face` with `vertex_indices` (or `vertex_index`) of any whole-number type.
+/// red, green, blue (or r, g, b; 0..1, 0..255 or 0..65535 as their type and their largest number say), else those of the faces; `face` with `vertex_indices` (or `vertex_index`) of any whole-number type.
 /// Polygons are cut into triangles; other elements and properties are passed over.
 pub fn read(bytes: &[u8]) -> Result<ColouredMesh, FormatError> {
     parse(bytes)?.surface()
@@ -54,8 +67,11 @@ pub fn read(bytes: &[u8]) -> Result<ColouredMesh, FormatError> {
 #[derive(Default)]
 struct Parsed {
     vertices: Vec<Vertex>,
-    coloured: bool,
+    /// Type of the vertices' colours; none where they have none.
+    coloured: Option<ScalarType>,
     faces: Vec<Face>,
+    /// Type of the faces' colours.
+    faces_coloured: Option<ScalarType>,
 }
 
 fn parse(bytes: &[u8]) -> Result<Parsed, FormatError> {
@@ -68,13 +84,14 @@ fn parse(bytes: &[u8]) -> Result<Parsed, FormatError> {
             "vertex" => {
                 check_vertex(element)?;
                 parsed.vertices = rows(&mut reader, element, &header)?;
-                parsed.coloured = ["red", "green", "blue"].iter().all(|c| has_colour(element, c));
+                parsed.coloured = colour_type(element);
             }
             "face" => {
                 if !element.properties.keys().any(|k| is_corner_list(k)) {
                     return Err(FormatError("the PLY's faces have no list `vertex_indices`".into()));
                 }
                 parsed.faces = rows::<Face>(&mut reader, element, &header)?;
+                parsed.faces_coloured = colour_type(element);
             }
             "tristrips" => {
                 return Err(FormatError("the PLY holds triangle strips; export it with plain faces".into()));
@@ -92,8 +109,35 @@ impl Parsed {
         let vertices: Vec<Point> = self.vertices.iter().map(|v| Point::from(v.position)).collect();
         refuse_not_finite(&vertices)?;
         let triangles = triangles(&vertices, &self.faces)?;
-        let colours = if self.coloured { self.vertices.iter().map(|v| v.colour).collect() } else { Vec::new() };
+        let colours = match (&self.coloured, &self.faces_coloured) {
+            (Some(kind), _) => bytes_of(kind, self.vertices.iter().map(|v| v.colour)),
+            (None, Some(kind)) => self.of_faces(kind),
+            (None, None) => Vec::new(),
+        };
         Ok(ColouredMesh { mesh: TriMesh { vertices, triangles }, colours })
+    }
+
+    /// Each vertex the mean of the colours of its faces.
+    fn of_faces(&self, kind: &ScalarType) -> Vec<[u8; 3]> {
+        let own = bytes_of(kind, self.faces.iter().map(|f| f.colour));
+        let mut sums = vec![([0u32; 3], 0u32); self.vertices.len()];
+        for (face, colour) in self.faces.iter().zip(&own) {
+            for corner in &face.corners {
+                let Some((sum, count)) = usize::try_from(*corner).ok().and_then(|v| sums.get_mut(v)) else { continue };
+                (0..3).for_each(|k| sum[k] += u32::from(colour[k]));
+                *count += 1;
+            }
+        }
+        sums.into_iter().map(|(sum, count)| sum.map(|x| (x / count.max(1)) as u8)).collect()
+    }
+
+    /// What is odd about the colours.
+    fn notes(&self) -> Vec<String> {
+        let faces = self.coloured.is_none() && self.faces_coloured.is_some();
+        faces
+            .then(|| "its colours lie on the faces: each vertex gets the mean of its faces".to_owned())
+            .into_iter()
+            .collect()
     }
 
     /// Whether anything has texture coordinates.
@@ -173,8 +217,33 @@ fn check_vertex(element: &ElementDef) -> Result<(), FormatError> {
     Ok(())
 }
 
-fn has_colour(element: &ElementDef, name: &str) -> bool {
-    element.properties.keys().any(|k| k.strip_prefix("diffuse_").unwrap_or(k) == name)
+/// Which of the three channels a property is, as programs name them.
+fn channel(name: &str) -> Option<usize> {
+    let name = name.to_ascii_lowercase();
+    let name = name.strip_prefix("diffuse_").unwrap_or(&name);
+    [["red", "r"], ["green", "g"], ["blue", "b"]].iter().position(|names| names.contains(&name))
+}
+
+/// The type of an element's colours; none where a channel is missing.
+fn colour_type(element: &ElementDef) -> Option<ScalarType> {
+    let [red, green, blue] = [0, 1, 2].map(|k| {
+        element.properties.iter().find(|(name, _)| channel(name) == Some(k)).and_then(|(_, p)| match &p.data_type {
+            PropertyType::Scalar(s) => Some(s.clone()),
+            PropertyType::List(..) => None,
+        })
+    });
+    red.filter(|_| green.is_some() && blue.is_some())
+}
+
+/// Colours as bytes: a byte's are 0 to 255; of wider numbers the largest tells what they run to.
+fn bytes_of(kind: &ScalarType, colours: impl Iterator<Item = [f64; 3]> + Clone) -> Vec<[u8; 3]> {
+    let largest = colours.clone().flatten().fold(0.0f64, f64::max);
+    let full = match kind {
+        ScalarType::Char | ScalarType::UChar => 255.0,
+        ScalarType::Float | ScalarType::Double => full_scale(largest),
+        _ => full_scale(largest.max(2.0)),
+    };
+    colours.map(|c| c.map(|x| (x / full * 255.0).round().clamp(0.0, 255.0) as u8)).collect()
 }
 
 fn is_corner_list(name: &str) -> bool {
@@ -214,12 +283,13 @@ impl PropertyAccess for Row {
 
 struct Vertex {
     position: [f64; 3],
-    colour: [u8; 3],
+    /// As the file has it.
+    colour: [f64; 3],
     texture: Option<[f64; 2]>,
 }
 
 impl Vertex {
-    fn set(&mut self, name: &str, value: f64, full: f64) -> PropertyAccessResult {
+    fn set(&mut self, name: &str, value: f64) -> PropertyAccessResult {
         match name {
             "x" => self.position[0] = value,
             "y" => self.position[1] = value,
@@ -227,13 +297,8 @@ impl Vertex {
             "s" | "u" | "texture_u" => self.texture.get_or_insert([0.0; 2])[0] = value,
             "t" | "v" | "texture_v" => self.texture.get_or_insert([0.0; 2])[1] = value,
             _ => {
-                let channel = match name.strip_prefix("diffuse_").unwrap_or(name) {
-                    "red" => 0,
-                    "green" => 1,
-                    "blue" => 2,
-                    _ => return PropertyAccessResult::Ignored,
-                };
-                self.colour[channel] = (value / full * 255.0).round().clamp(0.0, 255.0) as u8;
+                let Some(channel) = channel(name) else { return PropertyAccessResult::Ignored };
+                self.colour[channel] = value;
             }
         }
         PropertyAccessResult::Set
@@ -242,31 +307,31 @@ impl Vertex {
 
 impl PropertyAccess for Vertex {
     fn new() -> Self {
-        Vertex { position: [f64::NAN; 3], colour: [0; 3], texture: None }
+        Vertex { position: [f64::NAN; 3], colour: [0.0; 3], texture: None }
     }
     fn set_char(&mut self, name: &str, value: i8) -> PropertyAccessResult {
-        self.set(name, f64::from(value), 255.0)
+        self.set(name, f64::from(value))
     }
     fn set_uchar(&mut self, name: &str, value: u8) -> PropertyAccessResult {
-        self.set(name, f64::from(value), 255.0)
+        self.set(name, f64::from(value))
     }
     fn set_short(&mut self, name: &str, value: i16) -> PropertyAccessResult {
-        self.set(name, f64::from(value), 255.0)
+        self.set(name, f64::from(value))
     }
     fn set_ushort(&mut self, name: &str, value: u16) -> PropertyAccessResult {
-        self.set(name, f64::from(value), 65535.0)
+        self.set(name, f64::from(value))
     }
     fn set_int(&mut self, name: &str, value: i32) -> PropertyAccessResult {
-        self.set(name, f64::from(value), 255.0)
+        self.set(name, f64::from(value))
     }
     fn set_uint(&mut self, name: &str, value: u32) -> PropertyAccessResult {
-        self.set(name, f64::from(value), 255.0)
+        self.set(name, f64::from(value))
     }
     fn set_float(&mut self, name: &str, value: f32) -> PropertyAccessResult {
-        self.set(name, f64::from(value), 1.0)
+        self.set(name, f64::from(value))
     }
     fn set_double(&mut self, name: &str, value: f64) -> PropertyAccessResult {
-        self.set(name, value, 1.0)
+        self.set(name, value)
     }
 }
 
@@ -276,6 +341,8 @@ struct Face {
     texture: Vec<f64>,
     /// Which texture.
     number: usize,
+    /// As the file has it.
+    colour: [f64; 3],
 }
 
 impl Face {
@@ -296,7 +363,15 @@ impl Face {
         self.texture = value.into_iter().map(Into::into).collect();
         PropertyAccessResult::Set
     }
+    fn paint(&mut self, name: &str, value: f64) -> PropertyAccessResult {
+        let Some(channel) = channel(name) else { return PropertyAccessResult::Ignored };
+        self.colour[channel] = value;
+        PropertyAccessResult::Set
+    }
     fn number(&mut self, name: &str, value: i64) -> PropertyAccessResult {
+        if channel(name).is_some() {
+            return self.paint(name, value as f64);
+        }
         if name != "texnumber" {
             return PropertyAccessResult::Ignored;
         }
@@ -307,7 +382,7 @@ impl Face {
 
 impl PropertyAccess for Face {
     fn new() -> Self {
-        Face { corners: Vec::new(), texture: Vec::new(), number: 0 }
+        Face { corners: Vec::new(), texture: Vec::new(), number: 0, colour: [0.0; 3] }
     }
     fn set_list_char(&mut self, name: &str, value: Vec<i8>) -> PropertyAccessResult {
         self.set(name, value)
@@ -332,6 +407,24 @@ impl PropertyAccess for Face {
     }
     fn set_list_double(&mut self, name: &str, value: Vec<f64>) -> PropertyAccessResult {
         self.places(name, value)
+    }
+    fn set_float(&mut self, name: &str, value: f32) -> PropertyAccessResult {
+        self.paint(name, value.into())
+    }
+    fn set_double(&mut self, name: &str, value: f64) -> PropertyAccessResult {
+        self.paint(name, value)
+    }
+    fn set_char(&mut self, name: &str, value: i8) -> PropertyAccessResult {
+        self.paint(name, value.into())
+    }
+    fn set_short(&mut self, name: &str, value: i16) -> PropertyAccessResult {
+        self.paint(name, value.into())
+    }
+    fn set_ushort(&mut self, name: &str, value: u16) -> PropertyAccessResult {
+        self.paint(name, value.into())
+    }
+    fn set_uint(&mut self, name: &str, value: u32) -> PropertyAccessResult {
+        self.paint(name, value.into())
     }
     fn set_uchar(&mut self, name: &str, value: u8) -> PropertyAccessResult {
         self.number(name, value.into())

@@ -7,6 +7,9 @@ use std::io::{self, Read};
 /// Most voxels of a volume: 1000 slices of 1024 x 1024.
 pub const MOST_VOXELS: usize = 1 << 30;
 
+/// A label this near to a whole number is it [-]: resampling in single precision leaves less, and no average of two labels is so near. Ours.
+const WHOLE: f64 = 1e-3;
+
 pub(super) fn refuse<T>(what: impl Into<String>) -> Result<T, FormatError> {
     Err(FormatError(what.into()))
 }
@@ -57,6 +60,8 @@ impl Raw {
     /// The picture as a label map: whole numbers from 0 to 255.
     pub(super) fn labels(self) -> Result<Labels, FormatError> {
         let values = self.values(|i, label| {
+            let near = label.round();
+            let label = if (label - near).abs() <= WHOLE { near } else { label };
             if label.fract() != 0.0 || !(0.0..256.0).contains(&label) {
                 return refuse(format!(
                     "voxel {:?} has the value {label}; expected a label map: whole numbers from 0 to 255",

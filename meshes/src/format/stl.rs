@@ -94,7 +94,12 @@ fn read_ascii(bytes: &[u8]) -> Result<TriMesh, FormatError> {
         let mut words = line.split_whitespace();
         let Some(keyword) = words.next() else { continue };
         let refuse = |what: String| Err(FormatError(format!("line {}: {what}", number + 1)));
-        match keyword.to_ascii_lowercase().as_str() {
+        let mut keyword = keyword.to_ascii_lowercase();
+        // some programs part these words
+        if keyword == "end" {
+            keyword += &words.next().unwrap_or_default().to_ascii_lowercase();
+        }
+        match keyword.as_str() {
             "solid" => open = true,
             "endsolid" => open = false,
             "facet" if corners.is_empty() => {}

@@ -24,6 +24,13 @@ pub(super) enum Paint {
 struct Material {
     diffuse: Option<[f64; 3]>,
     texture: Option<String>,
+    ambient: Option<String>,
+}
+
+impl Material {
+    fn picture(&self) -> Option<&String> {
+        self.texture.as_ref().or(self.ambient.as_ref())
+    }
 }
 
 /// A material library as parsed; unknown lines are passed over.
@@ -52,6 +59,8 @@ impl Library {
                     }
                 }
                 "map_kd" => material.texture = Some(without_options(rest)),
+                // some programs write the colour as the ambient one alone
+                "map_ka" => material.ambient = Some(without_options(rest)),
                 _ => {}
             }
         }
@@ -60,7 +69,7 @@ impl Library {
 
     /// Textures named, as written.
     pub(super) fn textures(&self) -> Vec<String> {
-        self.materials.iter().filter_map(|(_, m)| m.texture.clone()).collect()
+        self.materials.iter().filter_map(|(_, m)| m.picture().cloned()).collect()
     }
 
     /// The paints of the materials that are `used`. A texture that is not among `files` gives none: the colour of a scan
@@ -73,7 +82,7 @@ impl Library {
     ) -> Result<Vec<(String, Paint)>, FormatError> {
         let mut paints = Vec::new();
         for (name, material) in self.materials.into_iter().filter(|(name, _)| used(name)) {
-            match material.texture {
+            match material.picture().cloned() {
                 Some(texture) => {
                     let path = beside(path, &texture).unwrap_or(texture);
                     if let Some(bytes) = files.get(&path) {

@@ -98,7 +98,10 @@ impl Stage for Calibrate {
         options: &CalibrateOptions,
         work: &Work,
     ) -> Result<Calibration, BuildError> {
-        calibrate_all(&assembled_model(assembled, bones, cartilage), &measured.laxity, options, work)
+        let model = assembled_model(assembled, bones, cartilage);
+        let mut made = calibrate_all(&model, &measured.laxity, options, work)?;
+        made.warnings.splice(0..0, measured.warnings.iter().cloned());
+        Ok(made)
     }
 
     /// A folder a source.
@@ -117,7 +120,7 @@ impl Stage for Calibrate {
     }
 
     fn charts(v: &Values) -> Vec<Chart> {
-        let mut all = v.of::<Calibration>().map_or(vec![], |c| charts::charts(c));
+        let mut all = v.of::<Calibration>().map_or(vec![], charts::charts);
         all.extend(forces::charts(v.folder));
         all
     }

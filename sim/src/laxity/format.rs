@@ -5,6 +5,7 @@
 
 use super::Test;
 use super::columns::{LaxityError, is_output, known_columns};
+use super::text;
 use crate::coordinate::{AP, Coordinate, FREE, Free, IE, Load, VV};
 use crate::names::did_you_mean;
 use csv::StringRecord;
@@ -88,7 +89,7 @@ pub struct FullColumn {
 }
 
 impl Column {
-    fn name(&self) -> &str {
+    pub(super) fn name(&self) -> &str {
         match self {
             Column::Name(name) => name,
             Column::Full(full) => &full.name,
@@ -191,8 +192,8 @@ struct Raw {
 
 /// Turns a file into the standard columns.
 pub(super) fn standard(bytes: &[u8], format: &LaxityFormat, side: Side) -> Result<Standard, LaxityError> {
-    let raw = raw(bytes, format)?;
     let mut warnings = Vec::new();
+    let raw = raw(bytes, format, &mut warnings)?;
     let declared = *format != LaxityFormat::default();
     let places = places(&raw, format, declared, side, &mut warnings)?;
     let mut names: Vec<String> = places.iter().map(|p| p.column.clone()).collect();
@@ -218,34 +219,34 @@ pub(super) fn standard(bytes: &[u8], format: &LaxityFormat, side: Side) -> Resul
 }
 
 /// Splits a file into cells.
-fn raw(bytes: &[u8], format: &LaxityFormat) -> Result<Raw, LaxityError> {
-    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-    let start = match format.skip_lines {
-        0 => 0,
-        n => match bytes.iter().enumerate().filter(|(_, b)| **b == b'\n').nth(n - 1) {
-            Some((at, _)) => at + 1,
-            None => return Err(LaxityError::File(format!("skip_lines = {n}, but the file has fewer lines"))),
-        },
-    };
-    let body = &bytes[start..];
-    let first = body.split(|b| *b == b'\n').next().unwrap_or_default();
-    let count = |c: u8| first.iter().filter(|b| **b == c).count();
-    let found = [b';', b'\t', b','].into_iter().max_by_key(|c| count(*c)).filter(|c| count(*c) > 0).unwrap_or(b',');
-    let separator = match format.separator {
-        None => found,
+fn raw(bytes: &[u8], format: &LaxityFormat, warnings: &mut Vec<String>) -> Result<Raw, LaxityError> {
+    let text = text::text(bytes, format, warnings)?;
+    let first = text.body.lines().next().unwrap_or_default();
+    let count = |c: char| first.matches(c).count();
+    let found = [';', '\t', ','].into_iter().max_by_key(|c| count(*c)).filter(|c| count(*c) > 0).unwrap_or(',');
+    let separator = match format.separator.or(text.separator) {
+        None => found as u8,
         Some(c @ (',' | ';' | '\t')) => c as u8,
         Some(c) => return Err(LaxityError::File(format!("separator = \"{c}\"; expected \",\", \";\" or \"\\t\""))),
     };
-    let reader = |from| csv::ReaderBuilder::new().delimiter(separator).trim(csv::Trim::All).from_reader(from);
-    let mut reader = reader(body);
+    let mut reader =
+        csv::ReaderBuilder::new().delimiter(separator).trim(csv::Trim::All).from_reader(text.body.as_bytes());
     let header = reader.headers().map_err(|e| LaxityError::row(1, e.to_string()))?.clone();
     if separator == b',' && format.decimal == Some(',') {
         return Err(LaxityError::File("separator and decimal are both a comma; save the table with semicolons".into()));
     }
     let mut rows = Vec::new();
+    let mut blank = 0;
     for (i, record) in reader.records().enumerate() {
         let row = i + 2;
-        rows.push((row, record.map_err(|e| LaxityError::row(row, format!("{e}{}", comma_hint(&e, separator))))?));
+        let record = record.map_err(|e| LaxityError::row(row, format!("{e}{}", comma_hint(&e, separator))))?;
+        match record.iter().all(str::is_empty) {
+            true => blank += 1,
+            false => rows.push((row, record)),
+        }
+    }
+    if blank > 0 {
+        warnings.push(format!("{blank} rows without a single cell are passed over"));
     }
     let is_units =
         |r: &StringRecord| r.iter().filter(|c| unit(c).is_some()).count() >= 3 && r.iter().all(|c| !number(c));
@@ -253,12 +254,49 @@ fn raw(bytes: &[u8], format: &LaxityFormat) -> Result<Raw, LaxityError> {
     let units =
         if has_units && !rows.is_empty() { rows.remove(0).1.iter().map(String::from).collect() } else { vec![] };
     let decimal_comma = match format.decimal {
-        None => separator != b',',
+        None if separator == b',' => false,
+        None => text::decimal_comma(rows.iter().flat_map(|(_, r)| r.iter()))?,
         Some('.') => false,
         Some(',') => true,
         Some(c) => return Err(LaxityError::File(format!("decimal = \"{c}\"; expected \".\" or \",\""))),
     };
-    Ok(Raw { header: header.iter().map(String::from).collect(), units, rows, decimal_comma })
+    let mut raw = Raw { header: header.iter().map(String::from).collect(), units, rows, decimal_comma };
+    drop_index(&mut raw, warnings);
+    unmeasured(&mut raw, warnings);
+    Ok(raw)
+}
+
+/// Leaves out a first column that only counts the rows, as other programs write their index.
+fn drop_index(raw: &mut Raw, warnings: &mut Vec<String>) {
+    let Some(name) = raw.header.first() else { return };
+    let nameless = name.is_empty() || name.starts_with("Unnamed") || name.eq_ignore_ascii_case("index");
+    let cell = |r: &StringRecord| r.get(0).and_then(|c| c.parse::<usize>().ok());
+    let from = raw.rows.first().and_then(|(_, r)| cell(r));
+    let counts = |from: usize| raw.rows.iter().enumerate().all(|(k, (_, r))| cell(r) == Some(from + k));
+    if !nameless || raw.header.len() < 2 || !from.is_some_and(counts) {
+        return;
+    }
+    warnings.push("the first column counts the rows (an index) and is left out".into());
+    raw.header.remove(0);
+    if !raw.units.is_empty() {
+        raw.units.remove(0);
+    }
+    raw.rows.iter_mut().for_each(|(_, r)| *r = r.iter().skip(1).collect());
+}
+
+/// Empties the cells that say in words that nothing was measured.
+fn unmeasured(raw: &mut Raw, warnings: &mut Vec<String>) {
+    let mut words = 0;
+    for (_, record) in &mut raw.rows {
+        let found = record.iter().filter(|c| text::says_nothing(c)).count();
+        if found > 0 {
+            words += found;
+            *record = record.iter().map(|c| if text::says_nothing(c) { "" } else { c }).collect();
+        }
+    }
+    if words > 0 {
+        warnings.push(format!("{words} cells such as n/a or NaN are read as not measured"));
+    }
 }
 
 /// What a row with too many cells most likely is.

@@ -48,6 +48,7 @@ pub fn sign_doubts(trials: &[LaxityTrial]) -> Vec<SignDoubt> {
             ),
         });
     }
+    doubts.extend(super::doubts::doubts(trials));
     doubts
 }
 

@@ -3,6 +3,7 @@
 mod clean;
 mod labels;
 mod surfaces;
+mod tibial;
 
 pub(super) use labels::from_labels;
 pub(super) use surfaces::from_surfaces;

@@ -15,12 +15,14 @@ pub(super) fn landmarks(
     file: &SpecimenFile,
     raw: &RawSpecimen,
     options: &IngestOptions,
+    warnings: &mut Vec<String>,
 ) -> Result<Vec<NamedPoint>, StageError> {
     named_points(
         (raw, options.is_ras("points")),
         file.points.landmarks.as_deref().unwrap_or(OPTIONAL_PATHS[0]),
         "name",
         |_| Ok(()),
+        warnings,
     )
 }
 
@@ -37,6 +39,7 @@ pub(super) fn marks(
     file: &SpecimenFile,
     raw: &RawSpecimen,
     options: &IngestOptions,
+    warnings: &mut Vec<String>,
 ) -> Result<Vec<NamedPoint>, StageError> {
     named_points(
         (raw, options.is_ras("points")),
@@ -53,6 +56,7 @@ pub(super) fn marks(
                 ))
             }
         },
+        warnings,
     )
 }
 
@@ -61,13 +65,14 @@ pub(super) fn fibres(
     file: &SpecimenFile,
     raw: &RawSpecimen,
     options: &IngestOptions,
+    warnings: &mut Vec<String>,
 ) -> Result<Vec<Fibre>, StageError> {
     let place = |p: Point| if options.is_ras("points") { turned(&p) } else { p };
     let path = file.points.attachments.as_deref().unwrap_or(OPTIONAL_PATHS[2]);
     let columns =
         ["bundle", "fibre", "femur_x_mm", "femur_y_mm", "femur_z_mm", "tibia_x_mm", "tibia_y_mm", "tibia_z_mm"];
     let mut fibres: Vec<Fibre> = Vec::new();
-    for row in rows(raw, path, &columns)? {
+    for row in rows(raw, path, &columns, warnings)? {
         let bundle = row.cells[0].clone();
         if !BUNDLES.iter().any(|b| b.name == bundle) {
             let known: Vec<&str> = BUNDLES.iter().map(|b| b.name.as_str()).collect();
@@ -101,6 +106,7 @@ fn named_points(
     path: &str,
     name_column: &str,
     check: impl Fn(&str) -> Result<(), String>,
+    warnings: &mut Vec<String>,
 ) -> Result<Vec<NamedPoint>, StageError> {
     let columns = [name_column, "frame", "x_mm", "y_mm", "z_mm"];
     let mut points: Vec<NamedPoint> = Vec::new();
@@ -120,7 +126,7 @@ fn named_points(
         }
         return Ok(points);
     }
-    for row in rows(raw, path, &columns)? {
+    for row in rows(raw, path, &columns, warnings)? {
         let name = row.cells[0].clone();
         if name.is_empty() {
             return Err(row.refuse(&format!("{name_column} is empty")));
@@ -170,18 +176,19 @@ impl Row<'_> {
     }
 }
 
-fn rows<'a>(raw: &RawSpecimen, path: &'a str, columns: &[&str]) -> Result<Vec<Row<'a>>, StageError> {
+fn rows<'a>(
+    raw: &RawSpecimen,
+    path: &'a str,
+    columns: &[&str],
+    warnings: &mut Vec<String>,
+) -> Result<Vec<Row<'a>>, StageError> {
     let Some(bytes) = raw.files.get(path) else { return Ok(Vec::new()) };
-    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
     let expected = columns.join(",");
-    let text = std::str::from_utf8(bytes).map_err(|e| {
-        let line = bytes[..e.valid_up_to()].iter().filter(|&&b| b == b'\n').count() + 1;
-        StageError::at(
-            path,
-            format_args!("line {line}"),
-            format_args!("not UTF-8 text; save the table as UTF-8 CSV with header {expected}"),
-        )
-    })?;
+    if let Some(kind) = sim::text::other_kind(bytes) {
+        return Err(StageError::file(path, format_args!("{kind}; save the table as UTF-8 CSV with header {expected}")));
+    }
+    let (text, told) = sim::text::decoded(bytes);
+    warnings.extend(told.map(|what| format!("{path}: {what}")));
     let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).flexible(true).from_reader(text.as_bytes());
     let header = reader.headers().map_err(|e| StageError::file(path, e))?.clone();
     let refuse = |what: String| StageError::at(path, "line 1", format_args!("{what}; expected the header {expected}"));

@@ -14,8 +14,8 @@ pub(super) struct Placed {
 
 /// The points of a file of 3D Slicer's, LPS; `None` for another kind of file.
 pub(super) fn read(path: &str, bytes: &[u8]) -> Option<Result<Vec<Placed>, StageError>> {
-    let body = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-    let text = std::str::from_utf8(body).ok()?;
+    let (text, _) = sim::text::decoded(bytes);
+    let text = text.as_ref();
     let fail = |what: String| StageError::file(path, what);
     let lower = path.to_ascii_lowercase();
     if lower.ends_with(".json") || text.trim_start().starts_with('{') {
@@ -59,9 +59,10 @@ fn markups(text: &str) -> Result<Vec<Placed>, String> {
         let system =
             markup.coordinate_system.map_or("LPS".into(), |s| s.as_str().map_or(s.to_string(), str::to_string));
         let turn = turn(&system)?;
-        if let Some(unit) = markup.coordinate_units.as_ref().and_then(|u| u.as_str()).filter(|u| *u != "mm") {
-            return Err(format!("coordinateUnits is {unit}; expected mm"));
-        }
+        let mm = match &markup.coordinate_units {
+            Some(unit) => millimetres(unit)?,
+            None => 1.0,
+        };
         for (k, p) in markup.control_points.into_iter().enumerate() {
             let place = format!("point {}", k + 1);
             // A point that was announced and not placed has no position.
@@ -70,13 +71,27 @@ fn markups(text: &str) -> Result<Vec<Placed>, String> {
             }
             match p.position.as_deref() {
                 Some([x, y, z]) if [x, y, z].iter().all(|x| x.is_finite()) => {
-                    points.push(Placed { name: p.label, point: Point::new(turn * x, turn * y, *z), place });
+                    let point = Point::new(turn * x, turn * y, *z) * mm;
+                    points.push(Placed { name: p.label, point, place });
                 }
                 _ => return Err(format!("{place} ({}) has no position of three numbers", p.label)),
             }
         }
     }
     Ok(points)
+}
+
+/// The length of `coordinateUnits` [mm]: a unit of UCUM, alone or first in a list with the code's system and its name.
+fn millimetres(unit: &serde_json::Value) -> Result<f64, String> {
+    let text = unit.as_str().or_else(|| unit.as_array().and_then(|list| list.first()).and_then(|u| u.as_str()));
+    match text.map(str::trim) {
+        Some("mm" | "") => Ok(1.0),
+        Some("cm") => Ok(10.0),
+        Some("m") => Ok(1000.0),
+        Some("um" | "µm") => Ok(0.001),
+        Some("[in_i]" | "in") => Ok(25.4),
+        _ => Err(format!("coordinateUnits is {unit}; expected mm, cm, m, um or [in_i]")),
+    }
 }
 
 /// The sign of x and y that turns a coordinate system to LPS.
@@ -106,8 +121,9 @@ fn fiducials(text: &str) -> Result<Vec<Placed>, String> {
         if line.trim().is_empty() {
             continue;
         }
-        let cells: Vec<&str> = line.split(',').map(str::trim).collect();
-        let cell = |name: &str| columns.iter().position(|c| c == name).and_then(|k| cells.get(k).copied());
+        let mut reader = csv::ReaderBuilder::new().has_headers(false).trim(csv::Trim::All).from_reader(line.as_bytes());
+        let cells = reader.records().next().and_then(Result::ok).unwrap_or_default();
+        let cell = |name: &str| columns.iter().position(|c| c == name).and_then(|k| cells.get(k));
         let number = |name: &str| {
             cell(name).and_then(|x| x.parse::<f64>().ok()).filter(|x| x.is_finite()).ok_or_else(|| {
                 format!("{place}: {name} is `{}`; expected a number in mm", cell(name).unwrap_or_default())
@@ -133,6 +149,10 @@ mod tests {
         assert_eq!((points[0].name.as_str(), points[0].point), ("ACL", Point::new(-1.0, -2.0, 3.0)));
         let lps = read_one("a.mrk.json", &json.replace("RAS", "LPS")).unwrap();
         assert_eq!(lps[0].point, Point::new(1.0, 2.0, 3.0));
+        let listed = json.replace("\"mm\"", "[\"cm\", \"UCUM\", \"centimeter\"]");
+        assert_eq!(read_one("a.mrk.json", &listed).unwrap()[0].point, Point::new(-10.0, -20.0, 30.0));
+        let quoted = "# CoordinateSystem = LPS\n1,1,2,3,0,0,0,1,1,1,0,\"ACL, \"\"a\"\"\",,\n";
+        assert_eq!(read_one("a.fcsv", quoted).unwrap()[0].name, "ACL, \"a\"");
         for (system, sign) in [("LPS", 1.0), ("0", -1.0), ("1", 1.0)] {
             let text = format!(
                 "# Markups fiducial file version = 4.11\n# CoordinateSystem = {system}\n# columns = id,x,y,z,ow,ox,oy,oz,vis,sel,lock,label,desc,associatedNodeID\n1,1,2,3,0,0,0,1,1,1,0,ACL,,\n"
@@ -143,7 +163,7 @@ mod tests {
         for (path, text, word) in [
             ("a.mrk.json", "{\"markups\": [", "line 1"),
             ("a.mrk.json", &json.replace("RAS", "XYZ"), "LPS or RAS"),
-            ("a.mrk.json", &json.replace("\"mm\"", "\"m\""), "mm"),
+            ("a.mrk.json", &json.replace("\"mm\"", "\"ft\""), "mm"),
             ("a.fcsv", "# CoordinateSystem = LPS\n1,a,2,3", "line 2: x"),
         ] {
             let told = read_one(path, text).err().unwrap().to_string();

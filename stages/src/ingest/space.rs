@@ -8,7 +8,7 @@ use meshes::surface::TriMesh;
 use meshes::{Point, Vector};
 
 /// Ways in which frames of pictures differ: signs of x, y, z, and what is said of it.
-const TURNS: [([f64; 3], &str); 4] = [
+pub(super) const TURNS: [([f64; 3], &str); 4] = [
     (
         [-1.0, -1.0, 1.0],
         "a half turn about z: one part is in RAS and the other in LPS; export both in one, or set options.ingest.ras to what is in RAS (ct, cartilage, points)",
@@ -100,7 +100,7 @@ pub(super) fn check(ct: &PerBone<TriMesh>, points: [&[NamedPoint]; 2]) -> Result
 }
 
 /// Whether a landmark lies on the bones about the knee; the hip's and the ankle's do not.
-fn of_knee(name: &str) -> bool {
+pub(super) fn of_knee(name: &str) -> bool {
     !["femoral_head_center", "ankle_center", "tibial_shaft_distal"].contains(&name)
 }
 

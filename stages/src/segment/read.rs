@@ -4,7 +4,8 @@ use super::{SegmentOptions, Segmented, segment};
 use crate::StageError;
 use crate::specimen::{CtPaths, RawSpecimen, SEGMENTED, SEGMENTED_PATELLA};
 use meshes::format::{dicom, picture, stl};
-use meshes::volume::Volume;
+use meshes::volume::{Grid, Labels, Volume};
+use meshes::{Point, Vector};
 
 /// Reads the CT volume and label map that `[ct]` names and segments it.
 ///
@@ -12,18 +13,62 @@ use meshes::volume::Volume;
 /// As the readers and [`segment`], with the file's name.
 pub fn segment_specimen(ct: &CtPaths, raw: &RawSpecimen, options: &SegmentOptions) -> Result<Segmented, StageError> {
     let path = ct.volume.as_deref().unwrap_or_default();
-    let (volume, warnings) = volume(path, raw)?;
+    let (volume, mut warnings) = volume(path, raw)?;
+    warnings.extend(picture::sheared(&volume.grid));
     let labels = match &ct.labels {
         Some(path) => {
             let bytes = raw.files.get(path).ok_or_else(|| absent("ct.labels", path))?;
             let read = picture::read_labels(path, bytes, &raw.files);
-            Some(read.map_err(|e| StageError::named(path, "ct.labels", e.0))?.labels)
+            let read = read.map_err(|e| StageError::named(path, "ct.labels", e.0))?;
+            Some(on_grid(path, read.labels, &volume.grid, &mut warnings)?)
         }
         None => None,
     };
     let mut made = segment(&volume, labels.as_ref(), options).map_err(|e| StageError::file(path, e))?;
     made.warnings.splice(0..0, warnings.into_iter().map(|w| format!("{path}: {w}")));
     Ok(made)
+}
+
+/// Share of the labelled voxels that must lie in the volume for the two to be of one space [-]; a map of a larger field may lose a little.
+const LEAST_INSIDE: f64 = 0.95;
+
+/// The labels on the volume's grid: as they are, or the nearest voxel's where the map is flipped, turned, cropped or of another spacing
+/// and lies in the same space.
+///
+/// # Errors
+/// A map that lies elsewhere.
+fn on_grid(path: &str, labels: Labels, grid: &Grid, warnings: &mut Vec<String>) -> Result<Labels, StageError> {
+    let refuse = |what: String| StageError::named(path, "ct.labels", what);
+    if labels.grid.same_places(grid) {
+        return Ok(labels);
+    }
+    let nowhere = || refuse("its axes or the volume's are flat".into());
+    let (into, from) = (grid.index_from_mm().ok_or_else(nowhere)?, labels.grid.index_from_mm().ok_or_else(nowhere)?);
+    let at = |matrix: &nalgebra::Matrix3<f64>, of: &Grid, p: Point| {
+        let index = matrix * (p - of.origin);
+        let voxel = [0, 1, 2].map(|k| index[k].round());
+        let inside = (0..3).all(|k| voxel[k] >= 0.0 && voxel[k] < of.size[k] as f64);
+        inside.then(|| of.at(voxel.map(|x| x as usize)))
+    };
+    let place = |of: &Grid, v: usize| of.point(&Vector::from(of.voxel(v).map(|i| i as f64)));
+    let (mut all, mut inside) = (0usize, 0usize);
+    for (v, _) in labels.values.iter().enumerate().filter(|(_, l)| **l > 0) {
+        all += 1;
+        inside += usize::from(at(&into, grid, place(&labels.grid, v)).is_some());
+    }
+    if (inside as f64) < LEAST_INSIDE * all as f64 {
+        return Err(refuse(format!(
+            "{:.0} % of its labelled voxels lie in the volume, by the placement in its header; expected {:.0} % or more: save it in the volume's space",
+            100.0 * inside as f64 / all.max(1) as f64,
+            100.0 * LEAST_INSIDE
+        )));
+    }
+    let value = |v: usize| at(&from, &labels.grid, place(grid, v)).map_or(0, |i| labels.values[i]);
+    warnings.push(format!(
+        "{path} lies on another grid than the volume ({:?} voxels, the volume {:?}) in the same space: each voxel takes the label of the nearest",
+        labels.grid.size, grid.size
+    ));
+    Ok(Labels { values: (0..grid.count()).map(value).collect(), grid: grid.clone() })
 }
 
 fn absent(key: &str, path: &str) -> StageError {

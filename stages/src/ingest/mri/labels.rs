@@ -2,11 +2,13 @@
 
 use super::Read;
 use super::clean::{Mended, clean};
+use crate::ingest::surfaces;
 use crate::specimen::MriMetrics;
 use crate::specimen::{IngestOptions, RawSpecimen};
 use crate::specimen::{LabelName, Mri, SegmentationPaths};
 use crate::{PerBone, PerCartilage, StageError};
 use meshes::format::picture::{LabelMap, read_labels};
+use meshes::frame::Side;
 use meshes::surface::TriMesh;
 use meshes::volume::Labels;
 use meshes::volume::outline::{Part, border, outline};
@@ -36,19 +38,30 @@ pub(in crate::ingest) fn from_labels(
     table: &SegmentationPaths,
     raw: &RawSpecimen,
     options: &IngestOptions,
-    beside_ct: bool,
+    (beside_ct, side): (bool, Side),
     warnings: &mut Vec<String>,
 ) -> Result<Read, StageError> {
     let path = &table.labels;
     let fail = |what: String| StageError::named(path, "segmentation.labels", what);
     let bytes = raw.files.get(path).ok_or_else(|| fail("the file is not there".into()))?;
-    let map = read_labels(path, bytes, &raw.files).map_err(|e| fail(e.0))?;
+    let mut map = read_labels(path, bytes, &raw.files).map_err(|e| fail(e.0))?;
     check_grid(&map.labels).map_err(fail)?;
+    warnings.extend(map.notes.drain(..).map(|note| format!("{path}: {note}")));
     if map.overlapping > 0 {
         warnings.push(format!("{path}: {} voxels lie in several segments and stay in the first", map.overlapping));
     }
-    let found = Found { path, labels: structures(table, &map).map_err(fail)?, map: &map.labels, options };
+    let labels = structures(table, &map).map_err(fail)?;
+    let one =
+        (labels.get("tibial_cartilage_medial") == labels.get("tibial_cartilage_lateral")).then_some(labels.clone());
+    let mut found = Found { path, labels, map: &map.labels, options };
     tell_unnamed(&found, &map, warnings);
+    let parted;
+    if one.is_some() {
+        let (label, values) = found.parted(side, warnings)?;
+        parted = Labels { grid: map.labels.grid.clone(), values };
+        found.map = &parted;
+        found.labels.insert("tibial_cartilage_lateral", label);
+    }
     found.surfaces(beside_ct, warnings)
 }
 
@@ -93,7 +106,7 @@ fn structures(table: &SegmentationPaths, map: &LabelMap) -> Result<BTreeMap<&'st
         let Some(label) = label else { continue };
         let number = match label {
             LabelName::Number(0) => return Err(format!("segmentation.{key} is 0, which is the background")),
-            LabelName::Number(n) => *n,
+            LabelName::Number(n) => own_number(map, key, *n)?,
             LabelName::Name(name) => match map.names.iter().find(|(n, _)| n == name) {
                 Some((_, number)) => *number,
                 None => {
@@ -101,7 +114,8 @@ fn structures(table: &SegmentationPaths, map: &LabelMap) -> Result<BTreeMap<&'st
                 }
             },
         };
-        if let Some((other, _)) = found.iter().find(|(_, n)| **n == number) {
+        let tibial = |k: &str| k.starts_with("tibial_cartilage");
+        if let Some((other, _)) = found.iter().find(|(k, n)| **n == number && !(tibial(k) && tibial(key))) {
             return Err(format!("segmentation.{key} and segmentation.{other} are both label {number}"));
         }
         if counts[usize::from(number)] == 0 {
@@ -113,6 +127,26 @@ fn structures(table: &SegmentationPaths, map: &LabelMap) -> Result<BTreeMap<&'st
         found.insert(key, number);
     }
     Ok(found)
+}
+
+/// The label that a number of the table means: in a file of several layers, that of the segment with this label value.
+fn own_number(map: &LabelMap, key: &str, n: u8) -> Result<u8, String> {
+    if map.stated.is_empty() {
+        return Ok(n);
+    }
+    let of: Vec<&(String, u8)> =
+        map.names.iter().zip(&map.stated).filter(|(_, s)| **s == Some(n)).map(|(name, _)| name).collect();
+    match of[..] {
+        [(_, own)] => Ok(*own),
+        _ => {
+            let names: Vec<&str> = map.names.iter().map(|(name, _)| name.as_str()).collect();
+            Err(format!(
+                "segmentation.{key} = {n}: {} of the file's segments, which lie in several layers, state this label value; name the segment instead: {}",
+                of.len(),
+                names.join(", ")
+            ))
+        }
+    }
 }
 
 fn tell_unnamed(found: &Found, map: &LabelMap, warnings: &mut Vec<String>) {
@@ -132,15 +166,15 @@ fn tell_unnamed(found: &Found, map: &LabelMap, warnings: &mut Vec<String>) {
 }
 
 /// A label map with its structures.
-struct Found<'a> {
-    path: &'a str,
-    labels: BTreeMap<&'static str, u8>,
-    map: &'a Labels,
+pub(super) struct Found<'a> {
+    pub(super) path: &'a str,
+    pub(super) labels: BTreeMap<&'static str, u8>,
+    pub(super) map: &'a Labels,
     options: &'a IngestOptions,
 }
 
 impl Found<'_> {
-    fn fail(&self, what: String) -> StageError {
+    pub(super) fn fail(&self, what: String) -> StageError {
         StageError::named(self.path, "segmentation.labels", what)
     }
 
@@ -175,10 +209,28 @@ impl Found<'_> {
             .ok_or_else(|| self.fail(format!("{key} has no surface: its label is a voxel thick, or none")))
     }
 
+    /// The surfaces of the bones alone.
+    pub(super) fn bones(&self, warnings: &mut Vec<String>) -> Result<PerBone<TriMesh>, StageError> {
+        let femur = self.part(&self.structure(&["femur"]), 1, SPECK_SHARE, warnings)?;
+        let tibfib = self.part(&self.structure(&["tibia", "fibula"]), 2, SPECK_SHARE, warnings)?;
+        Ok(PerBone { femur: self.outline("femur", &femur)?, tibfib: self.outline("tibia", &tibfib)? })
+    }
+
+    /// The size of the knee over an adult's; told where no adult has it.
+    fn size(&self, bones: &PerBone<TriMesh>, warnings: &mut Vec<String>) -> Result<f64, StageError> {
+        let width = surfaces::middle_extent(&bones.femur);
+        surfaces::check_unit(width, self.options).map_err(|what| self.fail(what))?;
+        warnings.extend(surfaces::odd_size("femur", self.path, width));
+        Ok(width / surfaces::KNEE_WIDTH_MM)
+    }
+
     /// Every surface of the map.
     fn surfaces(&self, beside_ct: bool, warnings: &mut Vec<String>) -> Result<Read, StageError> {
         let femur = self.part(&self.structure(&["femur"]), 1, SPECK_SHARE, warnings)?;
         let tibfib = self.part(&self.structure(&["tibia", "fibula"]), 2, SPECK_SHARE, warnings)?;
+        let bones = PerBone { femur: self.outline("femur", &femur)?, tibfib: self.outline("tibia", &tibfib)? };
+        let scale = self.size(&bones, warnings)?;
+        let least = LEAST_CARTILAGE_MM3 * scale.powi(3).min(1.0);
         let voxel = self.map.grid.voxel_mm3();
         let mut volumes = BTreeMap::new();
         let mut given = Vec::new();
@@ -189,9 +241,9 @@ impl Found<'_> {
             let cartilage = self.part(&self.structure(&[key]), 50, CARTILAGE_SPECK_SHARE, warnings)?;
             let size = cartilage.inside.iter().filter(|i| **i).count() as f64 * voxel;
             volumes.insert(key.into(), size);
-            if size < LEAST_CARTILAGE_MM3 {
+            if size < least {
                 return Err(self.fail(format!(
-                    "{key} has {size:.0} mm3; expected {LEAST_CARTILAGE_MM3:.0} mm3 or more: check which label it is"
+                    "{key} has {size:.0} mm3; expected {least:.0} mm3 or more: check which label it is"
                 )));
             }
             given.push(size);
@@ -199,7 +251,6 @@ impl Found<'_> {
         }
         let [femoral, medial, lateral]: [TriMesh; 3] =
             covers.try_into().map_err(|_| self.fail("not three cartilages".into()))?;
-        let bones = PerBone { femur: self.outline("femur", &femur)?, tibfib: self.outline("tibia", &tibfib)? };
         let mut bodies = BTreeMap::new();
         for key in ["patella", "patellar_cartilage", "meniscus_medial", "meniscus_lateral"] {
             if self.labels.contains_key(key) {

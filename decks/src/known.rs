@@ -1,0 +1,98 @@
+//! Every keyword of Abaqus and what becomes of it: read, without effect, told, or refused.
+
+use super::DeckError;
+use super::keyword::{Block, DeckText};
+use sim::names::did_you_mean;
+use std::collections::BTreeMap;
+use std::sync::LazyLock;
+
+/// The table, a line a keyword.
+const TABLE: &str = include_str!("keywords.txt");
+
+/// What becomes of a keyword.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Class {
+    /// Read.
+    Obeyed,
+    /// Changes nothing of the model.
+    Harmless,
+    /// Passed over, with a warning.
+    Told,
+    /// The deck is refused.
+    Refused,
+}
+
+/// A keyword of the table.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Known {
+    /// What becomes of it.
+    pub class: Class,
+    /// Of an obeyed one: parameters that are read, or change nothing.
+    pub parameters: Vec<&'static str>,
+    /// Of another: why, as the message says it.
+    pub why: &'static str,
+}
+
+static KEYWORDS: LazyLock<BTreeMap<&'static str, Known>> = LazyLock::new(|| TABLE.lines().filter_map(row).collect());
+
+fn row(line: &'static str) -> Option<(&'static str, Known)> {
+    let mut cells = line.split('|').map(str::trim);
+    let class = match cells.next()? {
+        "obeyed" => Class::Obeyed,
+        "harmless" => Class::Harmless,
+        "told" => Class::Told,
+        "refused" => Class::Refused,
+        _ => return None,
+    };
+    let (name, rest) = (cells.next()?, cells.next()?);
+    let obeyed = class == Class::Obeyed;
+    let parameters = rest.split('+').map(str::trim).filter(|p| obeyed && !p.is_empty()).collect();
+    Some((name, Known { class, parameters, why: if obeyed { "" } else { rest } }))
+}
+
+/// The keywords of the index of Abaqus' manual, upper case.
+pub fn keywords() -> &'static BTreeMap<&'static str, Known> {
+    &KEYWORDS
+}
+
+/// Holds every keyword and parameter of a deck against the table: warnings, a line a kind.
+///
+/// # Errors
+/// A keyword that is refused, or one that Abaqus does not have and that resembles one that is read.
+pub(super) fn judge(deck: &DeckText) -> Result<Vec<String>, DeckError> {
+    let mut told: BTreeMap<String, (usize, String)> = BTreeMap::new();
+    for block in &deck.blocks {
+        let mut tell = |what: String| {
+            told.entry(what).or_insert_with(|| (0, deck.place(block))).0 += 1;
+        };
+        match KEYWORDS.get(block.keyword.as_str()) {
+            Some(known) if known.class == Class::Refused => {
+                return Err(deck.error(block, block.line, format!("is not read: it {}", known.why)));
+            }
+            Some(known) if known.class == Class::Told => {
+                tell(format!("*{} is passed over: {}", block.keyword, known.why));
+            }
+            Some(known) if known.class == Class::Obeyed => {
+                let odd = block.options.keys().filter(|p| !known.parameters.contains(&p.as_str()));
+                odd.for_each(|p| tell(format!("*{}: the parameter {p} is passed over", block.keyword)));
+            }
+            Some(_) => {}
+            None => tell(unknown(deck, block)?),
+        }
+    }
+    Ok(told.into_iter().map(|(what, (count, place))| said(&what, count, &place)).collect())
+}
+
+/// What is said of a keyword that Abaqus does not have.
+fn unknown(deck: &DeckText, block: &Block) -> Result<String, DeckError> {
+    let read = KEYWORDS.iter().filter(|(_, k)| k.class == Class::Obeyed).map(|(name, _)| *name);
+    let hint = did_you_mean(&block.keyword, read);
+    if !hint.is_empty() {
+        return Err(deck.error(block, block.line, format!("Abaqus has no such keyword{hint}")));
+    }
+    Ok(format!("*{} is passed over: Abaqus' manual of 2024 has no such keyword", block.keyword))
+}
+
+fn said(what: &str, count: usize, place: &str) -> String {
+    if count == 1 { format!("{place}: {what}") } else { format!("{place}: {what} ({count} times)") }
+}

@@ -1,0 +1,135 @@
+//! Whether a laxity file's zeros, units and columns are the expected ones, judged by what every knee does.
+
+use super::{LaxityTrial, SignDoubt};
+use crate::coordinate::{AP, Coordinate, FREE, IE, ML, SI, VV};
+use std::collections::BTreeMap;
+
+/// Flexion may lie this far from the nominal one in the median of a test position [deg]; a published knee lies 16 off at 90 deg. Ours.
+const MOST_OFF_NOMINAL_DEG: f64 = 20.0;
+/// Coordinates that are all nothing together in a trial; three at once are no coincidence. Ours.
+const LEAST_ZEROS: usize = 3;
+/// A coordinate this many times as far moved as the one that the test loads was exchanged for it [-]. Ours: coupled motion is less.
+const EXCHANGED: f64 = 2.0;
+/// Fewest trials of a coordinate's tests from which its range is taken.
+const LEAST_TRIALS: usize = 4;
+/// Below these, the largest load of a coordinate's tests is of another unit: VV, IE [N m], AP [N]. A twentieth of the paper's
+/// protocols [andreassen2025, section 2.6]; ours.
+const LEAST_LOAD: [(Coordinate, f64); 3] = [(VV, 0.5), (IE, 0.25), (AP, 5.0)];
+/// A knee moves by more than this under the loads of its tests: VV, IE [deg], AP [mm]. A tenth of a stiff knee's; ours.
+const LEAST_MOTION: [(Coordinate, f64); 3] = [(VV, 0.3), (IE, 1.0), (AP, 0.5)];
+/// Loads from which on that motion is expected: VV, IE [N m], AP [N]; half of the paper's protocols.
+const WORKING_LOAD: [(Coordinate, f64); 3] = [(VV, 5.0), (IE, 2.5), (AP, 60.0)];
+
+/// What looks zeroed, scaled or exchanged.
+pub(super) fn doubts(trials: &[LaxityTrial]) -> Vec<SignDoubt> {
+    let mut found: Vec<SignDoubt> = flexion_zero(trials).into_iter().collect();
+    found.extend(pose_zero(trials));
+    found.extend(LEAST_LOAD.iter().filter_map(|limit| small_load(trials, *limit)));
+    found.extend(LEAST_MOTION.iter().filter_map(|limit| small_motion(trials, *limit)));
+    found.extend([(AP, ML), (AP, SI), (IE, VV)].iter().filter_map(|pair| exchanged(trials, *pair)));
+    found
+}
+
+/// Flexion far from nominal at a whole test position: counted from there, or from another zero.
+fn flexion_zero(trials: &[LaxityTrial]) -> Option<SignDoubt> {
+    let mut off: BTreeMap<i64, Vec<f64>> = BTreeMap::new();
+    for t in trials {
+        off.entry(t.nominal_flexion_deg.round() as i64).or_default().push(t.fe_deg - t.nominal_flexion_deg);
+    }
+    let medians = off.into_iter().map(|(nominal, mut values)| {
+        values.sort_by(f64::total_cmp);
+        (nominal, values[values.len() / 2])
+    });
+    let (nominal, worst) = medians.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))?;
+    (worst.abs() > MOST_OFF_NOMINAL_DEG).then(|| SignDoubt {
+        column: "fe_deg".into(),
+        words: format!(
+            "fe_deg lies {worst:+.0} deg from nominal_flexion_deg in the median at {nominal} deg. Expected the flexion of the knee, within {MOST_OFF_NOMINAL_DEG} deg: it may be zeroed, counted from the test position; add that position to fe_deg"
+        ),
+    })
+}
+
+/// A trial whose whole pose is nothing: poses are counted from it.
+fn pose_zero(trials: &[LaxityTrial]) -> Option<SignDoubt> {
+    let zeroed = |t: &&LaxityTrial| {
+        let given: Vec<f64> = FREE.iter().filter_map(|c| t.measured[*c]).collect();
+        t.reference.is_none() && given.len() >= LEAST_ZEROS && given.iter().all(|x| x.abs() < 1e-9)
+    };
+    let own: Vec<&LaxityTrial> = trials.iter().filter(zeroed).collect();
+    let first = own.first().filter(|_| trials.iter().any(|t| t.reference.is_none() && !zeroed(&t)))?;
+    Some(SignDoubt {
+        column: "vv_deg".into(),
+        words: format!(
+            "the pose of trial \"{}\" is 0 in every coordinate: poses are zeroed there, counted from that trial. Expected the pose of the tibia in the femur's frame; declare readings = \"difference\" if they count from the unloaded trial",
+            first.trial
+        ),
+    })
+}
+
+/// The tests that load a coordinate and count poses.
+fn tests(trials: &[LaxityTrial], c: Coordinate) -> Vec<&LaxityTrial> {
+    trials.iter().filter(|t| t.test.coordinate() == Some(c)).collect()
+}
+
+/// The largest range of a coordinate within one test position.
+fn range(of: &[&LaxityTrial], c: Coordinate) -> Option<f64> {
+    let mut groups: BTreeMap<(i64, bool), (f64, f64, usize)> = BTreeMap::new();
+    for t in of {
+        let Some(x) = t.measured[c] else { continue };
+        let key = (t.nominal_flexion_deg.round() as i64, t.reference.is_some());
+        let start = if t.reference.is_some() { (0.0, 0.0, LEAST_TRIALS) } else { (x, x, 0) };
+        let group = groups.entry(key).or_insert(start);
+        *group = (group.0.min(x), group.1.max(x), group.2 + 1);
+    }
+    groups.values().filter(|g| g.2 >= LEAST_TRIALS).map(|g| g.1 - g.0).max_by(f64::total_cmp)
+}
+
+fn largest_load(of: &[&LaxityTrial], c: Coordinate) -> f64 {
+    of.iter().map(|t| t.load[c].abs()).fold(0.0, f64::max)
+}
+
+/// Tests whose loads are far too small.
+fn small_load(trials: &[LaxityTrial], (c, least): (Coordinate, f64)) -> Option<SignDoubt> {
+    let own = tests(trials, c);
+    let largest = largest_load(&own, c);
+    (!own.is_empty() && largest < least).then(|| SignDoubt {
+        column: c.load_column(),
+        words: format!(
+            "{} is at most {largest} {} in the tests by that name. Expected more than {least}: is its unit another, or are columns exchanged? Declare the unit by [laxity_format.NAME.columns]",
+            c.load_column(),
+            c.load_unit()
+        ),
+    })
+}
+
+/// Tests whose readings hardly move under their full load.
+fn small_motion(trials: &[LaxityTrial], (c, least): (Coordinate, f64)) -> Option<SignDoubt> {
+    let own = tests(trials, c);
+    let working = WORKING_LOAD.iter().find(|(i, _)| *i == c).map_or(f64::INFINITY, |(_, l)| *l);
+    let moved = range(&own, c).filter(|r| *r < least && largest_load(&own, c) > working)?;
+    Some(SignDoubt {
+        column: c.column(),
+        words: format!(
+            "{} moves by {moved:.3} {} in its own tests. Expected more than {least}: is its unit another (rad, cm, m), or are columns exchanged? Declare the unit by [laxity_format.NAME.columns]",
+            c.column(),
+            c.unit()
+        ),
+    })
+}
+
+/// Tests in which another coordinate moves far more than the loaded one.
+fn exchanged(trials: &[LaxityTrial], (c, other): (Coordinate, Coordinate)) -> Option<SignDoubt> {
+    let own = tests(trials, c);
+    let (mine, theirs) = (range(&own, c)?, range(&own, other)?);
+    let least = LEAST_MOTION.iter().find(|(i, _)| *i == c).map_or(0.0, |(_, l)| *l);
+    (theirs > EXCHANGED * mine.max(least)).then(|| SignDoubt {
+        column: c.column(),
+        words: format!(
+            "{} moves by {theirs:.1} {} and {} by {mine:.1} in the tests that load {}: are the two columns exchanged?",
+            other.column(),
+            other.unit(),
+            c.column(),
+            c.name().to_uppercase()
+        ),
+    })
+}

@@ -1,0 +1,111 @@
+//! From the bytes of a table to its text: what programs put around a table is taken off, and told.
+
+use super::columns::{LaxityError, known_columns};
+use super::format::LaxityFormat;
+use std::borrow::Cow;
+
+/// Lines above the header that may be titles or comments.
+const MOST_TITLES: usize = 50;
+/// Cells of a line that are names of columns, from which on it is the header.
+const LEAST_NAMES: usize = 3;
+
+/// A table's text.
+pub(super) struct Text<'a> {
+    /// The text, from the header on.
+    pub(super) body: Cow<'a, str>,
+    /// The separator that the file states (`sep=;`).
+    pub(super) separator: Option<char>,
+}
+
+/// The text of a table.
+///
+/// # Errors
+/// A workbook or another kind of file, by its name.
+pub(super) fn text<'a>(
+    bytes: &'a [u8],
+    format: &LaxityFormat,
+    warnings: &mut Vec<String>,
+) -> Result<Text<'a>, LaxityError> {
+    if let Some(kind) = crate::text::other_kind(bytes) {
+        return Err(LaxityError::File(format!("{kind}; expected a table of text: save the sheet as CSV UTF-8")));
+    }
+    let (whole, told) = crate::text::decoded(bytes);
+    warnings.extend(told.map(String::from));
+    let mut separator = None;
+    let mut above = format.skip_lines;
+    let mut start = lines(&whole, above).ok_or_else(|| {
+        LaxityError::File(format!("skip_lines = {}, but the file has fewer lines", format.skip_lines))
+    })?;
+    let first = whole[start..].lines().next().unwrap_or_default().trim().trim_matches('"');
+    if let Some(rest) = first.to_ascii_lowercase().strip_prefix("sep=") {
+        separator = first.chars().nth(4).filter(|_| !rest.is_empty());
+        above += 1;
+        start = lines(&whole, above).unwrap_or(whole.len());
+    }
+    let titles = titles(&whole[start..], format);
+    if titles > 0 {
+        warnings.push(format!("{titles} lines above the header are passed over (titles or comments)"));
+        start = lines(&whole, above + titles).unwrap_or(whole.len());
+    }
+    let body = match whole {
+        Cow::Borrowed(text) => Cow::Borrowed(&text[start..]),
+        Cow::Owned(text) => Cow::Owned(text[start..].to_owned()),
+    };
+    Ok(Text { body, separator })
+}
+
+/// Where a line begins.
+fn lines(text: &str, count: usize) -> Option<usize> {
+    match count {
+        0 => Some(0),
+        n => text.bytes().enumerate().filter(|(_, b)| *b == b'\n').nth(n - 1).map(|(at, _)| at + 1),
+    }
+}
+
+/// How many lines stand above the header: the first line that names three columns or more; none where no line does.
+fn titles(text: &str, format: &LaxityFormat) -> usize {
+    let mut known: Vec<String> = known_columns().into_iter().collect();
+    known.extend(format.columns.values().map(|c| c.name().trim().to_lowercase()));
+    let names = |line: &str| {
+        let cells = line.split([',', ';', '\t']).map(|c| c.trim().trim_matches('"').trim().to_lowercase());
+        cells.filter(|c| known.contains(c)).count()
+    };
+    text.lines().take(MOST_TITLES).position(|line| names(line) >= LEAST_NAMES).unwrap_or(0)
+}
+
+/// Whether a cell says that nothing was measured, in the words of other programs.
+pub(super) fn says_nothing(cell: &str) -> bool {
+    ["n/a", "na", "nan", "#n/a", "null", "none", "-", "--", "nil", "<na>", "missing"]
+        .contains(&cell.trim().to_ascii_lowercase().as_str())
+}
+
+/// Whether commas in the cells are decimal: told where both readings are possible.
+///
+/// # Errors
+/// Numbers with a comma before three digits that may be thousands.
+pub(super) fn decimal_comma<'a>(cells: impl Iterator<Item = &'a str>) -> Result<bool, LaxityError> {
+    let (mut sure, mut thousands, mut points) = (false, None, false);
+    for cell in cells {
+        let cell = cell.trim();
+        if !cell.chars().all(|c| c.is_ascii_digit() || "+-.,eE".contains(c))
+            || !cell.contains(|c: char| c.is_ascii_digit())
+        {
+            continue;
+        }
+        points |= cell.contains('.');
+        if let Some((before, after)) = cell.trim_start_matches(['+', '-']).split_once(',') {
+            let grouped = after.split([',', '.']).next().is_some_and(|d| d.len() == 3);
+            let long = before.is_empty() || before.starts_with('0') || before.len() > 3;
+            match grouped && !long || cell.matches(',').count() > 1 {
+                true => thousands = thousands.or(Some(cell)),
+                false => sure = true,
+            }
+        }
+    }
+    match thousands {
+        Some(cell) if points || !sure => Err(LaxityError::File(format!(
+            "\"{cell}\" may be a thousand with a separator or a number with a decimal comma; write thousands without a separator, or declare decimal = \",\" (or \".\") in [laxity_format.NAME]"
+        ))),
+        _ => Ok(true),
+    }
+}

@@ -1,0 +1,71 @@
+//! The text of a file in the encodings that programs write, and files that are no text.
+
+use std::borrow::Cow;
+
+/// Share of zero bytes from which on bytes without a mark are UTF-16 [-]: text in Latin letters has one in two.
+const WIDE: f64 = 0.3;
+/// Bytes of a file that are looked at for it.
+const HEAD: usize = 1000;
+
+/// What a file is that is no table of text, in words; none where it may be one.
+pub fn other_kind(bytes: &[u8]) -> Option<&'static str> {
+    let kinds: [(&[u8], &str); 9] = [
+        (b"PK\x03\x04", "the file is an Excel workbook (.xlsx), an OpenDocument sheet or another zip archive"),
+        (&[0xd0, 0xcf, 0x11, 0xe0], "the file is an Excel workbook (.xls)"),
+        (b"%PDF", "the file is a PDF"),
+        (b"MATLAB 5.0", "the file is MATLAB's (.mat)"),
+        (b"\x89HDF", "the file is HDF5 (MATLAB's, or another program's)"),
+        (b"PAR1", "the file is Parquet"),
+        (&[0x1f, 0x8b], "the file is packed (gzip)"),
+        (b"version https://git-lfs", "the file is a Git LFS pointer, not the data"),
+        (b"<!DOCTYPE", "the file is a web page"),
+    ];
+    kinds.iter().find(|(start, _)| bytes.starts_with(start)).map(|(_, what)| *what)
+}
+
+/// The text of UTF-8, of UTF-16 with or without a mark, else of Latin-1, which is told.
+pub fn decoded(bytes: &[u8]) -> (Cow<'_, str>, Option<&'static str>) {
+    let wide = |rest: &[u8], of: fn([u8; 2]) -> u16| {
+        let units: Vec<u16> = rest.as_chunks::<2>().0.iter().map(|pair| of(*pair)).collect();
+        (Cow::Owned(String::from_utf16_lossy(&units)), None)
+    };
+    if let Some(rest) = bytes.strip_prefix(&[0xff, 0xfe]) {
+        return wide(rest, u16::from_le_bytes);
+    }
+    if let Some(rest) = bytes.strip_prefix(&[0xfe, 0xff]) {
+        return wide(rest, u16::from_be_bytes);
+    }
+    let head = &bytes[..bytes.len().min(HEAD)];
+    if head.iter().filter(|b| **b == 0).count() as f64 > WIDE * head.len() as f64 {
+        return wide(bytes, if head.first() == Some(&0) { u16::from_be_bytes } else { u16::from_le_bytes });
+    }
+    let plain = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+    match std::str::from_utf8(plain) {
+        Ok(text) => (Cow::Borrowed(text), None),
+        Err(_) => (
+            Cow::Owned(plain.iter().map(|b| char::from(*b)).collect()),
+            Some("the file is not UTF-8; it is read as Latin-1: save it as UTF-8"),
+        ),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn encodings_are_read_and_told() {
+        let wide = |text: &str, mark: bool| -> Vec<u8> {
+            let mark = if mark { vec![0xff, 0xfe] } else { vec![] };
+            mark.into_iter().chain(text.encode_utf16().flat_map(u16::to_le_bytes)).collect()
+        };
+        for bytes in [b"\xef\xbb\xbfa,b".to_vec(), wide("a,b", true), wide("a,b", false), b"a,b".to_vec()] {
+            assert_eq!(decoded(&bytes).0, "a,b");
+        }
+        let (text, told) = decoded(b"Winkel [\xb0]");
+        assert_eq!(text, "Winkel [\u{b0}]");
+        assert!(told.is_some_and(|t| t.contains("Latin-1")));
+        assert!(other_kind(b"PK\x03\x04...").is_some_and(|k| k.contains("Excel")));
+        assert!(other_kind(b"trial,test").is_none());
+    }
+}

@@ -1,0 +1,303 @@
+//! Traits of other people's files, drawn by a seed: each on each input of each phantom. The model is right within its limits, or the files are
+//! refused, or a warning names the trait; nothing is silently wrong. `GENU_TRAITS=300` draws 300 of them.
+#![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests")]
+
+use crate::common::{build_model, copy, json, phantom, read, text, write};
+use meshes::Point;
+use meshes::format::{ply, read_surface, stl};
+use meshes::surface::ColouredMesh;
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::path::Path;
+use tempfile::TempDir;
+
+/// Drawn in every run of the tests.
+const FEW: usize = 24;
+/// Limits within which a model is the right one: frames [mm], [deg], ends of fibres [mm].
+const RIGHT: [f64; 3] = [1.5, 1.5, 3.0];
+/// Phantoms of dissected knees.
+const PHANTOMS: [&str; 2] = ["S193761-phantom", "S192803-phantom"];
+
+/// Numbers by a linear congruence [knuth1997]; the same everywhere.
+struct Dice(u64);
+
+impl Dice {
+    fn below(&mut self, n: usize) -> usize {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        ((self.0 >> 33) % n as u64) as usize
+    }
+}
+
+/// What is done to an input, and words of which a warning or refusal has one.
+struct Trait {
+    name: String,
+    words: &'static [&'static str],
+    apply: Box<dyn Fn(&Path)>,
+}
+
+/// Changes of a point, by the name of the trait.
+fn changes(dice: &mut Dice) -> Vec<(&'static str, fn(Point, f64) -> Point, f64, &'static [&'static str])> {
+    let far = 12.0 + dice.below(40) as f64;
+    let sign = if dice.below(2) == 0 { far } else { -far };
+    vec![
+        ("metres", |p, _| p / 1000.0, 0.0, &["metres", "unit"]),
+        ("centimetres", |p, _| p / 10.0, 0.0, &["centimetres", "unit"]),
+        ("inches", |p, _| p / 25.4, 0.0, &["inches", "unit"]),
+        ("RAS", |p, _| Point::new(-p.x, -p.y, p.z), 0.0, &["RAS", "frame", "half turn"]),
+        ("mirrored", |p, _| Point::new(-p.x, p.y, p.z), 0.0, &["mirror", "frame", "side", "knee"]),
+        ("columns y, x, z", |p, _| Point::new(p.y, p.x, p.z), 0.0, &["column", "frame", "order"]),
+        ("columns z, y, x", |p, _| Point::new(p.z, p.y, p.x), 0.0, &["column", "frame", "order"]),
+        ("shift in x", |p, s| Point::new(p.x + s, p.y, p.z), sign, &["shift", "frame", "mm off", "lie", "apart"]),
+        ("shift in y", |p, s| Point::new(p.x, p.y + s, p.z), sign, &["shift", "frame", "mm off", "lie", "apart"]),
+        ("scale", |p, _| p * 1.3, 0.0, &["scale", "unit", "mm off", "frame", "adults"]),
+    ]
+}
+
+/// The cells of a CSV changed from a column on, three by three, in the rows where `of` holds.
+fn table(path: &Path, from: usize, of: impl Fn(&[&str]) -> bool, change: impl Fn(Point) -> Point) {
+    let mut out = String::new();
+    for (k, line) in text(path).lines().enumerate() {
+        let cells: Vec<&str> = line.split(',').collect();
+        if k == 0 || !of(&cells) {
+            let _ = writeln!(out, "{line}");
+            continue;
+        }
+        let numbers: Vec<f64> = cells[from..].iter().map(|c| c.parse().unwrap()).collect();
+        let moved: Vec<String> = numbers
+            .as_chunks::<3>()
+            .0
+            .iter()
+            .flat_map(|p| change(Point::from(*p)).coords.iter().map(|x| format!("{x:.6}")).collect::<Vec<_>>())
+            .collect();
+        let _ = writeln!(out, "{},{}", cells[..from].join(","), moved.join(","));
+    }
+    write(path, out);
+}
+
+fn surface(path: &Path, change: impl Fn(Point) -> Point) {
+    let name = path.to_string_lossy().into_owned();
+    let mut read = read_surface(&name, &read(path), &BTreeMap::new()).unwrap();
+    read.mesh.vertices.iter_mut().for_each(|p| *p = change(*p));
+    save(path, &read);
+}
+
+fn save(path: &Path, surface: &ColouredMesh) {
+    let mut bytes = Vec::new();
+    match surface.colours.is_empty() {
+        true => stl::write(&mut bytes, &surface.mesh).unwrap(),
+        false => ply::write_coloured(&mut bytes, surface).unwrap(),
+    }
+    write(path, bytes);
+}
+
+/// fibres.csv of a build as attachments.csv.
+fn give_fibres(folder: &Path, built: &Path) {
+    let table = text(&built.join("06-attachments/fibres.csv"));
+    let rows = table.lines().map(|l| l.rsplit_once(',').map_or(l, |(row, _)| row).to_owned() + "\n");
+    write(&folder.join("attachments.csv"), rows.collect::<String>());
+}
+
+/// Draws a trait of an input.
+fn draw(dice: &mut Dice, built: &Path) -> Trait {
+    let mut all = changes(dice);
+    let (name, change, by, words) = all.swap_remove(dice.below(all.len()));
+    let input = dice.below(9);
+    let wide = |path: &Path| {
+        let bytes: Vec<u8> =
+            [0xff, 0xfe].into_iter().chain(text(path).encode_utf16().flat_map(u16::to_le_bytes)).collect();
+        write(path, bytes);
+    };
+    let built = built.to_owned();
+    let (input, words, apply): (String, &'static [&'static str], Box<dyn Fn(&Path)>) = match input {
+        0 => (
+            "attachments.csv".into(),
+            words,
+            Box::new(move |d| {
+                give_fibres(d, &built);
+                table(&d.join("attachments.csv"), 2, |_| true, |p| change(p, by));
+            }),
+        ),
+        1 => (
+            "landmarks.csv".into(),
+            words,
+            Box::new(move |d| {
+                table(&d.join("landmarks.csv"), 2, |c| c[1] == "ct", |p| change(p, by));
+            }),
+        ),
+        2 => (
+            "landmarks.csv, scans".into(),
+            words,
+            Box::new(move |d| {
+                table(&d.join("landmarks.csv"), 2, |c| c[1] != "ct", |p| change(p, by));
+            }),
+        ),
+        3 => {
+            ("marks.csv".into(), words, Box::new(move |d| table(&d.join("marks.csv"), 2, |_| true, |p| change(p, by))))
+        }
+        4 => ("ct/femur.stl".into(), words, Box::new(move |d| surface(&d.join("ct/femur.stl"), |p| change(p, by)))),
+        5 => ("ct/tibfib.stl".into(), words, Box::new(move |d| surface(&d.join("ct/tibfib.stl"), |p| change(p, by)))),
+        6 => (
+            "both bones of ct".into(),
+            words,
+            Box::new(move |d| {
+                for bone in ["ct/femur.stl", "ct/tibfib.stl"] {
+                    surface(&d.join(bone), |p| change(p, by));
+                }
+            }),
+        ),
+        7 => {
+            ("scans/femur.ply".into(), words, Box::new(move |d| surface(&d.join("scans/femur.ply"), |p| change(p, by))))
+        }
+        _ => match dice.below(6) {
+            0 => (
+                "femur_* and tibia_* exchanged".into(),
+                &["exchanged"],
+                Box::new(move |d| {
+                    give_fibres(d, &built);
+                    let path = d.join("attachments.csv");
+                    let header = text(&path).replacen(
+                        "femur_x_mm,femur_y_mm,femur_z_mm,tibia_x_mm,tibia_y_mm,tibia_z_mm",
+                        "tibia_x_mm,tibia_y_mm,tibia_z_mm,femur_x_mm,femur_y_mm,femur_z_mm",
+                        1,
+                    );
+                    write(&path, header);
+                }),
+            ),
+            1 => (
+                "side".into(),
+                &["side", "left", "right"],
+                Box::new(|d| {
+                    let toml = text(&d.join("specimen.toml"));
+                    let other = if toml.contains("side = \"left\"") {
+                        toml.replace("side = \"left\"", "side = \"right\"")
+                    } else {
+                        toml.replace("side = \"right\"", "side = \"left\"")
+                    };
+                    write(&d.join("specimen.toml"), other);
+                }),
+            ),
+            2 => (
+                "frames of marks exchanged".into(),
+                &["frame", "scan"],
+                Box::new(|d| {
+                    let path = d.join("marks.csv");
+                    let words = text(&path)
+                        .replace("scan_femur", "x")
+                        .replace("scan_tibfib", "scan_femur")
+                        .replace(",x,", ",scan_tibfib,");
+                    write(&path, words);
+                }),
+            ),
+            3 => (
+                "colours of 16 bits in a byte's range, red and blue exchanged".into(),
+                &["colour"],
+                Box::new(|d| {
+                    let mut scan = read_surface("a.ply", &read(&d.join("scans/femur.ply")), &BTreeMap::new()).unwrap();
+                    scan.colours.iter_mut().for_each(|c| c.swap(0, 2));
+                    save(&d.join("scans/femur.ply"), &scan);
+                }),
+            ),
+            4 => ("UTF-16".into(), &["UTF"], Box::new(move |d| wide(&d.join("marks.csv")))),
+            _ => (
+                "scans exchanged".into(),
+                &["scan", "bone", "exchanged"],
+                Box::new(|d| {
+                    let [a, b] = ["scans/femur.ply", "scans/tibfib.ply"].map(|n| d.join(n));
+                    let (x, y) = (read(&a), read(&b));
+                    write(&a, y);
+                    write(&b, x);
+                }),
+            ),
+        },
+    };
+    Trait { name: format!("{name} of {input}"), words, apply }
+}
+
+fn run(folder: &Path, out: &Path, to: &str) -> (Option<i32>, String) {
+    let done = build_model().arg("build").arg(folder).arg("--out").arg(out).args(["--to", to]).output().unwrap();
+    let words = [done.stdout, done.stderr].concat();
+    (done.status.code(), String::from_utf8_lossy(&words).into_owned())
+}
+
+/// Lines of warnings that `words` has and the right build has not.
+fn new_warnings(words: &str, right: &str) -> String {
+    words.lines().filter(|l| l.contains("warning") && !right.contains(l)).map(|l| format!("{l}\n")).collect()
+}
+
+/// How far frames [mm], [deg] and fibres' ends [mm] of two builds lie apart.
+fn apart(a: &Path, b: &Path) -> [f64; 3] {
+    let [x, y] = [a, b].map(|d| json(&d.join("05-frames/frames.json"))["gs_ct_pose"].clone());
+    let off = |key: &str| (x[key].as_f64().unwrap() - y[key].as_f64().unwrap()).abs();
+    let [mm, deg] = [["ml_mm", "ap_mm", "si_mm"], ["fe_deg", "vv_deg", "ie_deg"]]
+        .map(|k| k.map(off).into_iter().fold(0.0, f64::max));
+    let ends = |d: &Path| -> BTreeMap<String, Vec<f64>> {
+        let table = text(&d.join("06-attachments/fibres.csv"));
+        let row = |l: &str| {
+            let cells: Vec<&str> = l.split(',').collect();
+            (format!("{} {}", cells[0], cells[1]), cells[2..8].iter().map(|c| c.parse().unwrap()).collect())
+        };
+        table.lines().skip(1).map(row).collect()
+    };
+    let (p, q) = (ends(a), ends(b));
+    let far = p.iter().map(|(k, p)| match q.get(k) {
+        Some(q) => p.iter().zip(q).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max),
+        None => f64::INFINITY,
+    });
+    [mm, deg, if p.len() == q.len() { far.fold(0.0, f64::max) } else { f64::INFINITY }]
+}
+
+#[test]
+fn no_trait_makes_a_wrong_model_without_a_word() {
+    let count = std::env::var("GENU_TRAITS").ok().and_then(|n| n.parse().ok()).unwrap_or(FEW);
+    let seed = std::env::var("GENU_SEED").ok().and_then(|n| n.parse().ok()).unwrap_or(55);
+    let mut dice = Dice(seed);
+    let knees: Vec<(TempDir, String)> = PHANTOMS
+        .iter()
+        .map(|id| {
+            let folder = phantom(id);
+            let (code, words) = run(folder.path(), &folder.path().join("build"), "attachments");
+            assert_eq!(code, Some(0), "{words}");
+            (folder, words)
+        })
+        .collect();
+    let (mut right, mut warned, mut refused, mut silent) = (0, 0, 0, Vec::new());
+    for i in 0..count {
+        let (knee, clean) = &knees[i % knees.len()];
+        let drawn = draw(&mut dice, &knee.path().join("build"));
+        let folder = TempDir::new().unwrap();
+        copy(knee.path(), folder.path());
+        let built = folder.path().join("build");
+        let _ = std::fs::remove_dir_all(&built);
+        (drawn.apply)(folder.path());
+        let mut verdict = run(folder.path(), &built, "ingest");
+        let named = |words: &str| drawn.words.iter().any(|w| words.to_lowercase().contains(&w.to_lowercase()));
+        if verdict.0 == Some(0) && !named(&new_warnings(&verdict.1, clean)) {
+            verdict = run(folder.path(), &built, "attachments");
+        }
+        let (code, words) = verdict;
+        match code {
+            Some(1) => refused += 1,
+            Some(0) if named(&new_warnings(&words, clean)) => warned += 1,
+            Some(0) => {
+                let off = apart(&built, &knee.path().join("build"));
+                let scans_moved = off.iter().zip(RIGHT).all(|(o, r)| *o <= r);
+                if scans_moved {
+                    right += 1;
+                } else {
+                    let said = new_warnings(&words, clean);
+                    println!(
+                        "SILENT {i}: {}: frames {:.1} mm {:.1} deg, fibres {:.1} mm off; new warnings:\n{said}",
+                        drawn.name, off[0], off[1], off[2]
+                    );
+                    silent.push(drawn.name);
+                }
+            }
+            code => panic!("{i} {}: exit status {code:?}: {words}", drawn.name),
+        }
+    }
+    println!(
+        "{count} traits: {refused} refused, {warned} told, {right} the right model, {} silently wrong",
+        silent.len()
+    );
+    assert!(silent.is_empty(), "{silent:?}");
+}
