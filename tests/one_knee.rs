@@ -101,13 +101,13 @@ fn drawers_have_the_intervals_that_the_calibration_tells() {
     assert!(printed.contains("interval by"), "{printed}");
     let (found, told) = (columns(&text(&results)), columns(&text(&knee.join("build/10-calibrate/joint/forces.csv"))));
     let place = |trial: &str| found["trial"].iter().position(|t| t == trial).unwrap();
-    for k in 0..told["trial"].len() {
-        let (row, bundle) = (place(&told["trial"][k]), &told["bundle"][k]);
+    for (k, (trial, bundle)) in told["trial"].iter().zip(&told["bundle"]).enumerate() {
+        let row = place(trial);
         for (end, column) in [("mean", "value_n"), ("lower", "lower_n"), ("upper", "upper_n")] {
             let here = number(&found[&format!("force_{bundle}_n_{end}")][row]);
             let there = number(&told[column][k]);
             // found from another point close by, to the end of the same search
-            assert!((here - there).abs() < 0.5, "{bundle} in {}: {end} {here}, calibration {there}", told["trial"][k]);
+            assert!((here - there).abs() < 0.5, "{bundle} in {trial}: {end} {here}, calibration {there}");
         }
     }
     for column in ["ap_mm", "group_ACL_n", "contact_medial_force_n", "contact_si_n"] {

@@ -1,6 +1,7 @@
 //! Traits of other people's files, one a test: the model is right, or the file is refused by name, or the trait is told.
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests")]
 #![expect(clippy::disallowed_methods, reason = "tests write files")]
+#![expect(clippy::type_complexity, reason = "a table of segments")]
 
 use crate::common::{build_model, copy, json, phantom, read, text, write};
 use meshes::format::{nifti, ply, read_surface, stl};

@@ -1,6 +1,8 @@
 //! Traits of other people's files, drawn by a seed: each on each input of each phantom. The model is right within its limits, or the files are
 //! refused, or a warning names the trait; nothing is silently wrong. `GENU_TRAITS=300` draws 300 of them.
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests")]
+#![expect(clippy::type_complexity, clippy::too_many_lines, reason = "a table of traits, each with what it does")]
+#![expect(clippy::disallowed_methods, reason = "tests prepare files")]
 
 use crate::common::{build_model, copy, json, phantom, read, text, write};
 use meshes::Point;
