@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use crate::common::{build_model, phantom, text};
+use predicates::prelude::PredicateBooleanExt;
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -63,7 +64,11 @@ fn a_build_fits_the_law_and_assembles_with_it() {
     assert!(report.contains("id=\"contact-law\"") && report.contains("a/law-force"));
     // taken up again, and the same bytes on one thread
     build_model().arg(specimen.path()).arg("--out").arg(out.path()).args(["--to", "contact-law"]).assert().code(2);
-    build(&["contact-law.youngs_modulus_mpa=12e6"]).code(1).stderr(predicates::str::contains("check its unit"));
+    let refused = build(&["contact-law.youngs_modulus_mpa=12e6"]).code(2);
+    refused.stderr(
+        predicates::str::contains("--set contact-law.youngs_modulus_mpa")
+            .and(predicates::str::contains("check its unit")),
+    );
 }
 
 #[test]

@@ -20,7 +20,7 @@ const RIGHT: [f64; 3] = [1.5, 1.5, 3.0];
 /// Phantoms of dissected knees.
 const PHANTOMS: [&str; 2] = ["S193761-phantom", "S192803-phantom"];
 
-/// Numbers by a linear congruence [knuth1997]; the same everywhere.
+/// Numbers by a linear congruence; the same everywhere.
 struct Dice(u64);
 
 impl Dice {

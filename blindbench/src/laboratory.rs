@@ -44,10 +44,26 @@ pub struct Truth {
     /// Tension of each bundle of the knee without effects in drawers of 133 N at 30, 60, 90 deg [N]; truths of earlier versions have none.
     #[serde(default)]
     pub forces_n: BTreeMap<String, BTreeMap<String, f64>>,
+    /// What the knee without effects does beyond the plan: in the pivot shift and in passive flexion; truths of earlier versions have none.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub beyond: BTreeMap<String, Beyond>,
     /// What the effects change of the readings without noise: a row a trial, VV, IE [deg], ML, AP, SI [mm].
     pub signature: Vec<[f64; 5]>,
     /// Root mean square of it in noises, and the evidence an analysis can expect (filled in by the scorer).
     pub strength: Strength,
+}
+
+/// A knee's answer to loads that no trial of the plan has.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Beyond {
+    /// Flexion [deg].
+    pub flexion_deg: f64,
+    /// Loads VV, IE [N m], ML, AP, SI [N].
+    pub load: [f64; 5],
+    /// VV, IE [deg], ML, AP, SI [mm].
+    pub pose: [f64; 5],
+    /// Tension of each bundle [N].
+    pub forces_n: BTreeMap<String, f64>,
 }
 
 /// How plain the effects are.
@@ -133,6 +149,7 @@ pub fn make(
         ligaments: knee.bundles.iter().map(|b| (b.name.clone(), [b.strain, b.stiffness])).collect(),
         contact_scale: knee.contact_scale,
         forces_n: drawers(&knee, &path),
+        beyond: beyond(&knee, &path),
         signature,
         strength: Strength { raw_rms_sd: (squares / (5 * plan.len()) as f64).sqrt(), ..Strength::default() },
     };
@@ -188,6 +205,20 @@ fn drawers(knee: &Knee, path: &Path) -> BTreeMap<String, BTreeMap<String, f64>> 
         }
     }
     out
+}
+
+/// The pivot shift, 8 N m of valgus and 4 N m inwards at 30 deg, and passive flexion under 20 N of compression [andreassen2025, section 2.6].
+fn beyond(knee: &Knee, path: &Path) -> BTreeMap<String, Beyond> {
+    let passive = [0.0, 15.0, 45.0, 75.0].map(|f| (format!("passive_{f}"), f, [0.0, 0.0, 0.0, 0.0, 20.0]));
+    let pivot = ("pivot_shift_30".to_owned(), 30.0, [8.0, -4.0, 0.0, 0.0, 20.0]);
+    let answer = |(name, flexion_deg, load): (String, f64, [f64; 5])| {
+        let scale = [1000.0, 1000.0, 1.0, 1.0, 1.0];
+        let asked = Asked { flexion: flexion_deg.to_radians(), load: std::array::from_fn(|j| load[j] * scale[j]) };
+        let read = rest(knee, &[], &asked, path);
+        let pose = [read[1].to_degrees(), read[2].to_degrees(), read[3], read[4], read[5]];
+        (name, Beyond { flexion_deg, load, pose, forces_n: knee.tensions(asked.flexion, &components(&read)) })
+    };
+    passive.into_iter().chain([pivot]).map(answer).collect()
 }
 
 /// Unloaded rests up to the plan's deepest flexion, and up to the drawers'.

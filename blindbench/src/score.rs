@@ -219,6 +219,7 @@ mod tests {
             ligaments: BTreeMap::new(),
             contact_scale: 1.0,
             forces_n: BTreeMap::default(),
+            beyond: BTreeMap::new(),
             signature: vec![],
             strength: Strength { expected_evidence: 30.0, settled_evidence: 12.0, ..Strength::default() },
         };
@@ -243,6 +244,7 @@ mod tests {
             ligaments: BTreeMap::new(),
             contact_scale: 1.0,
             forces_n: BTreeMap::default(),
+            beyond: BTreeMap::new(),
             signature: vec![],
             strength: strength(evidence),
         };
@@ -271,6 +273,7 @@ mod tests {
             ligaments: BTreeMap::new(),
             contact_scale: 1.0,
             forces_n: BTreeMap::default(),
+            beyond: BTreeMap::new(),
             signature: vec![],
             strength: Strength::default(),
         };

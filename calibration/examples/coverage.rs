@@ -2,6 +2,7 @@
 //! known.
 //!
 //! `coverage MODEL.json BENCH...`: each BENCH holds folders `case_N` of kla.csv, rks.csv, and `case_N.truth.json` beside them with `forces_n`.
+//! `--beyond`: intervals of poses and forces in the pivot shift and in passive flexion, which no trial of the bench has; the truths hold them under `beyond`.
 //! `--displaced`: kla.csv is asked as an arthrometer would read it: drawer at 30 deg, rotation at 30 and 90 deg, one coordinate each, from the trial
 //! without load; without stated noise. `--rig SEED`: with offset, compliance and noise of an apparatus drawn from the program's priors.
 #![expect(clippy::disallowed_methods, reason = "reads and prints")]
@@ -10,11 +11,12 @@
 use calibration::knee::Knee;
 use calibration::options::CalibrateOptions;
 use calibration::rig::RigOptions;
-use calibration::session::{Joint, Session};
+use calibration::samples::Samples;
+use calibration::session::{Joint, Outcome, Session};
 use calibration::unknowns::KnownFrames;
 use inference::random::{normal, stream};
-use sim::coordinate::{AP, Free, IE};
-use sim::laxity::{LaxityTrial, Reference, Test};
+use sim::coordinate::{AP, FREE, Free, IE, Load};
+use sim::laxity::{LaxityTrial, Reference, Test, force_column};
 use sim::mesh::MeshValue;
 use sim::spec::ModelSpec;
 use std::collections::BTreeMap;
@@ -34,7 +36,8 @@ struct Tally {
     bundle_errors: Vec<f64>,
 }
 
-fn knee(path: &Path, options: &CalibrateOptions) -> Knee {
+/// A knee and its surfaces.
+fn knee(path: &Path, options: &CalibrateOptions) -> (Knee, BTreeMap<String, MeshValue>) {
     let spec: ModelSpec = serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap();
     let folder = path.parent().unwrap();
     let mut meshes = BTreeMap::new();
@@ -44,7 +47,49 @@ fn knee(path: &Path, options: &CalibrateOptions) -> Knee {
         let read = meshes::format::read_surface(name, &bytes, &BTreeMap::new()).unwrap();
         meshes.insert(name.clone(), MeshValue::Surface(read.mesh));
     }
-    Knee::new(spec, &meshes, &options.search).unwrap()
+    (Knee::new(spec, &meshes, &options.search).unwrap(), meshes)
+}
+
+/// A truth of the bench beyond its trials.
+#[derive(serde::Deserialize)]
+struct Beyond {
+    flexion_deg: f64,
+    load: [f64; 5],
+    pose: [f64; 5],
+    forces_n: BTreeMap<String, f64>,
+}
+
+/// How many intervals of a knee hold, of how many: of poses, and of forces of bundles that carry anything.
+fn beyond(
+    out: &Outcome,
+    (spec, meshes): (&ModelSpec, &BTreeMap<String, MeshValue>),
+    truth: &BTreeMap<String, Beyond>,
+) -> [[usize; 2]; 2] {
+    let (schema, model) = (calibration::samples::SCHEMA.to_owned(), String::new());
+    let samples = Samples { schema, model, counted_from: spec.clone(), of: out.found.unknowns.clone() };
+    let asked = |(name, b): (&String, &Beyond)| {
+        let [vv, ie, ml, ap, si] = b.load;
+        LaxityTrial::asked(name.clone(), Test::Neutral, b.flexion_deg, Load::new(vv, ie, ml, ap, si))
+    };
+    let trials: Vec<LaxityTrial> = truth.iter().map(asked).collect();
+    let bands = samples.bands(meshes, &trials, &[], usize::MAX).unwrap();
+    let mut count = [[0; 2]; 2];
+    for (b, row) in truth.values().zip(&bands.rows) {
+        let band = |name: &str| row.iter().find(|r| r.0 == name).map(|r| r.1);
+        for (c, pose) in FREE.into_iter().zip(b.pose) {
+            let Some(band) = band(&c.column()) else { continue };
+            count[0][0] += usize::from(band.lower <= pose && pose <= band.upper);
+            count[0][1] += 1;
+        }
+        for (name, force) in &b.forces_n {
+            let Some(band) = band(&force_column(&ours(name))) else { continue };
+            if force.max(band.upper) > 5.0 {
+                count[1][0] += usize::from(band.lower - 1.0 <= *force && *force <= band.upper + 1.0);
+                count[1][1] += 1;
+            }
+        }
+    }
+    count
 }
 
 fn laxity(path: &Path) -> Vec<LaxityTrial> {
@@ -174,13 +219,18 @@ fn main() {
     let as_displacements = rig.is_some() || args.iter().any(|a| a == "--displaced");
     args.retain(|a| a != "--displaced");
     let options = CalibrateOptions::default();
-    let knee = knee(Path::new(&args[0]), &options);
+    let asks_beyond = args.iter().any(|a| a == "--beyond");
+    args.retain(|a| a != "--beyond");
+    let (knee, meshes) = knee(Path::new(&args[0]), &options);
+    let mut all_beyond = [[0; 2]; 2];
     let mut all: BTreeMap<&str, Tally> = BTreeMap::new();
     for (number, case) in args[1..].iter().enumerate() {
         let truth: serde_json::Value = match std::fs::read(format!("{case}.truth.json")) {
             Ok(bytes) => serde_json::from_slice(&bytes).unwrap(),
             Err(_) => serde_json::Value::Null,
         };
+        let truth_beyond: BTreeMap<String, Beyond> =
+            serde_json::from_value(truth["beyond"].clone()).unwrap_or_default();
         let truth: Forces = serde_json::from_value(truth["forces_n"].clone()).unwrap_or_default();
         let sources: Vec<(String, Vec<LaxityTrial>)> =
             ["kla", "rks"].map(|s| (s.to_owned(), laxity(&Path::new(case).join(format!("{s}.csv"))))).to_vec();
@@ -207,12 +257,24 @@ fn main() {
             continue;
         }
         let joint = run("joint", &sources, None);
+        if asks_beyond {
+            let [poses, forces] = beyond(&joint, (&knee.spec, &meshes), &truth_beyond);
+            println!("{line} beyond: poses {}/{}, forces {}/{}", poses[0], poses[1], forces[0], forces[1]);
+            for (sum, own) in all_beyond.iter_mut().zip([poses, forces]) {
+                (sum[0], sum[1]) = (sum[0] + own[0], sum[1] + own[1]);
+            }
+            continue;
+        }
         for (s, source) in sources.iter().enumerate() {
             let name = if s == 0 { "kla" } else { "rks" };
             let of = |frames: &KnownFrames| Joint { frames: frames.clone(), values: joint.found.mode.clone() };
             run(name, std::slice::from_ref(source), joint.frames.get(s).map(of));
         }
         println!("{line}");
+    }
+    if asks_beyond {
+        let share = |[held, of]: [usize; 2]| 100.0 * held as f64 / of.max(1) as f64;
+        println!("beyond: {:.0} % of poses and {:.0} % of forces inside", share(all_beyond[0]), share(all_beyond[1]));
     }
     for (name, t) in &all {
         println!(

@@ -112,7 +112,7 @@ pub fn resolve(
     let table = Table::try_from(&options).map_err(|e| BuildError::Option(e.to_string()))?;
     ranges::check(&options, &table).map_err(|fault| {
         let more = format!("{}; see build-model options {}", fault.what, fault.section);
-        match overrides.iter().find(|o| o.stage == fault.section) {
+        match overrides.iter().find(|o| o.stage == fault.section && fault.what.contains(&o.key)) {
             Some(o) => BuildError::Usage(format!("--set {}.{}: {more}", o.stage, o.key)),
             None => BuildError::Option(format!("specimen.toml [options.{}]: {more}", fault.section)),
         }

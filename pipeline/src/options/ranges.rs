@@ -86,7 +86,7 @@ fn numbers(section: &str, key: &str, value: &Value) -> Result<(), Fault> {
         _ => return Ok(()),
     };
     let fault = |expected: String| {
-        let what = format!("{key} is {value}, expected {expected}");
+        let what = format!("{key} is {value}, expected {expected}; check its unit");
         Err(Fault { section: section.to_owned(), what })
     };
     if let Some((_, least, most)) = RANGES.iter().find(|r| r.0 == key) {

@@ -1,7 +1,7 @@
 //! What one asks of a knee first, four questions apart: is the geometry sound, is it calibrated, does it predict what it has not seen, what is missing.
 
 use super::calibrate::{Calibrate, Calibration, MISFIT, MOST_NOISE, worst_misfit};
-use super::diagnose::{Diagnose, Diagnosed};
+use super::diagnose::{Diagnose, Diagnosed, both_hold};
 use super::list::{STAGES, heading};
 use super::validate::{Validate, predictions};
 use super::{Stage, Values};
@@ -171,14 +171,4 @@ fn missing(v: &Values, failure: Option<&Failure>) -> Answer {
     let first = d.description.split_inclusive(". ").take(2).collect::<String>();
     let words = first.trim().to_owned() + &both_hold(v, d.verdict).unwrap_or_default();
     Answer { question, standing, word: word.into(), words, stage }
-}
-
-/// Why a misfit of the calibration and a diagnosis that names nothing may both hold.
-pub(crate) fn both_hold(v: &Values, verdict: Verdict) -> Option<String> {
-    let worst = v.of::<Calibration>()?.worst_misfit().filter(|w| !at_most(*w, MOST_NOISE, 1))?;
-    (verdict == Verdict::None).then(|| {
-        format!(
-            " The calibration misses by {worst:.1} times the noise that was stated, and both hold: the noise stated is that of reading alone, while the diagnosis also counts repositioning between tests and takes the noise that the data show. What is left over then has no pattern that it could tell from scatter."
-        )
-    })
 }

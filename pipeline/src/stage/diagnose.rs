@@ -1,14 +1,15 @@
 //! Stage 12, diagnose: what the assembled model lacks.
 
-use super::answers::both_hold;
-use super::calibrate::Calibration;
+use super::calibrate::{Calibration, MOST_NOISE};
 use super::{Files, Stage, Values, Work, reported};
 use crate::diagnose::{files_of, prepared};
 use crate::given::Measured;
 use crate::kept::Kept;
 use crate::model_file::{self, LoadedModel, assembled_model};
 use crate::options::BuildOptions;
-use crate::report::{diagnosis_page, escaped};
+use crate::report::check::at_most;
+use crate::report::diagnosis_page;
+use crate::report::html::escaped;
 use diagnosis::catalogue::Catalogue;
 use diagnosis::component::{Component, Provenance};
 use diagnosis::diagnosis::{Diagnosis, diagnose};
@@ -95,6 +96,16 @@ impl Stage for Diagnose {
             both_hold(v, d.diagnosis.verdict).map_or(String::new(), |words| format!("<p>{}</p>", escaped(&words)));
         both + &diagnosis_page::part(&d.model.id, &d.diagnosis)
     }
+}
+
+/// Why a misfit of the calibration and a diagnosis that names nothing may both hold.
+pub(crate) fn both_hold(v: &Values, verdict: Verdict) -> Option<String> {
+    let worst = v.of::<Calibration>()?.worst_misfit().filter(|w| !at_most(*w, MOST_NOISE, 1))?;
+    (verdict == Verdict::None).then(|| {
+        format!(
+            " The calibration misses by {worst:.1} times the noise that was stated, and both hold: the noise stated is that of reading alone, while the diagnosis also counts repositioning between tests and takes the noise that the data show. What is left over then has no pattern that it could tell from scatter."
+        )
+    })
 }
 
 /// What the assembled model lacks, from where its calibration ended.

@@ -220,7 +220,8 @@ pub(super) fn standard(bytes: &[u8], format: &LaxityFormat, side: Side) -> Resul
 
 /// Splits a file into cells.
 fn raw(bytes: &[u8], format: &LaxityFormat, warnings: &mut Vec<String>) -> Result<Raw, LaxityError> {
-    let text = text::text(bytes, format, warnings)?;
+    let declared: Vec<String> = format.columns.values().map(|c| c.name().trim().to_lowercase()).collect();
+    let text = text::text(bytes, (format.skip_lines, &declared), warnings)?;
     let first = text.body.lines().next().unwrap_or_default();
     let count = |c: char| first.matches(c).count();
     let found = [';', '\t', ','].into_iter().max_by_key(|c| count(*c)).filter(|c| count(*c) > 0).unwrap_or(',');

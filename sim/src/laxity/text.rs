@@ -1,7 +1,6 @@
 //! From the bytes of a table to its text: what programs put around a table is taken off, and told.
 
 use super::columns::{LaxityError, known_columns};
-use super::format::LaxityFormat;
 use std::borrow::Cow;
 
 /// Lines above the header that may be titles or comments.
@@ -17,13 +16,13 @@ pub(super) struct Text<'a> {
     pub(super) separator: Option<char>,
 }
 
-/// The text of a table.
+/// The text of a table, of which so many lines are skipped; `declared` are names of columns beside the standard ones, in lower case.
 ///
 /// # Errors
 /// A workbook or another kind of file, by its name.
 pub(super) fn text<'a>(
     bytes: &'a [u8],
-    format: &LaxityFormat,
+    (skip_lines, declared): (usize, &[String]),
     warnings: &mut Vec<String>,
 ) -> Result<Text<'a>, LaxityError> {
     if let Some(kind) = crate::text::other_kind(bytes) {
@@ -32,17 +31,16 @@ pub(super) fn text<'a>(
     let (whole, told) = crate::text::decoded(bytes);
     warnings.extend(told.map(String::from));
     let mut separator = None;
-    let mut above = format.skip_lines;
-    let mut start = lines(&whole, above).ok_or_else(|| {
-        LaxityError::File(format!("skip_lines = {}, but the file has fewer lines", format.skip_lines))
-    })?;
+    let mut above = skip_lines;
+    let mut start = lines(&whole, above)
+        .ok_or_else(|| LaxityError::File(format!("skip_lines = {skip_lines}, but the file has fewer lines")))?;
     let first = whole[start..].lines().next().unwrap_or_default().trim().trim_matches('"');
     if let Some(rest) = first.to_ascii_lowercase().strip_prefix("sep=") {
         separator = first.chars().nth(4).filter(|_| !rest.is_empty());
         above += 1;
         start = lines(&whole, above).unwrap_or(whole.len());
     }
-    let titles = titles(&whole[start..], format);
+    let titles = titles(&whole[start..], declared);
     if titles > 0 {
         warnings.push(format!("{titles} lines above the header are passed over (titles or comments)"));
         start = lines(&whole, above + titles).unwrap_or(whole.len());
@@ -63,9 +61,9 @@ fn lines(text: &str, count: usize) -> Option<usize> {
 }
 
 /// How many lines stand above the header: the first line that names three columns or more; none where no line does.
-fn titles(text: &str, format: &LaxityFormat) -> usize {
+fn titles(text: &str, declared: &[String]) -> usize {
     let mut known: Vec<String> = known_columns().into_iter().collect();
-    known.extend(format.columns.values().map(|c| c.name().trim().to_lowercase()));
+    known.extend(declared.iter().cloned());
     let names = |line: &str| {
         let cells = line.split([',', ';', '\t']).map(|c| c.trim().trim_matches('"').trim().to_lowercase());
         cells.filter(|c| known.contains(c)).count()
