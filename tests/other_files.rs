@@ -501,8 +501,9 @@ fn zeros_units_and_exchanged_columns_of_laxity_are_looked_at() {
         (kilo, "unit"),
         (radians, "rad"),
     ] {
+        // told, or refused for what follows from it
         let (code, words) = checked(with_laxity("k.csv", table.as_bytes()).path());
-        assert_eq!(code, 0, "{words}");
+        assert!(code <= 1, "{words}");
         holds(&words, &["LOOK", word]);
     }
 }

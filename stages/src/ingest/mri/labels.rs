@@ -69,13 +69,19 @@ fn check_grid(labels: &Labels) -> Result<(), String> {
     let spacing = labels.grid.spacing();
     let [fine, coarse] =
         [f64::min as fn(f64, f64) -> f64, f64::max].map(|f| spacing.into_iter().reduce(f).unwrap_or(0.0));
-    if !(fine >= 0.05 && coarse <= 5.0) {
-        return Err(format!(
-            "voxels are {:.3} x {:.3} x {:.3} mm; expected 0.2 to 3 mm: check its unit",
-            spacing[0], spacing[1], spacing[2]
-        ));
+    let fits = |factor: f64| factor * fine >= 0.05 && factor * coarse <= 5.0;
+    if fits(1.0) {
+        return Ok(());
     }
-    Ok(())
+    let units = [("centimetres", 10.0), ("metres", 1000.0), ("micrometres", 0.001)];
+    let unit =
+        units.into_iter().find(|(_, factor)| fits(*factor)).map_or("check its unit".to_owned(), |(name, factor)| {
+            format!("as {name} they would fit; multiply spacing, directions and origin by {factor}")
+        });
+    Err(format!(
+        "voxels are {:.3} x {:.3} x {:.3} mm; expected 0.2 to 3 mm: {unit}",
+        spacing[0], spacing[1], spacing[2]
+    ))
 }
 
 /// Label numbers by the table's keys.
