@@ -191,7 +191,8 @@ fn a_patella_is_carried_along() {
     let run = |model: &Path| {
         let run = ["--protocol", "passive-flexion", "--to-flexion", "10", "--out"];
         build_model().arg("simulate").arg(model).args(run).arg(&results).assert().success();
-        text(&results)
+        // the last column names the model, whose digest is another
+        text(&results).lines().map(|l| l.split(",\"").next().unwrap().to_owned() + "\n").collect::<String>()
     };
     let path = build.join("09-assemble/model.json");
     let with = run(&path);

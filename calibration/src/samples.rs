@@ -47,6 +47,8 @@ pub struct Samples {
 pub struct Bands {
     /// Bands by column.
     pub rows: Vec<Vec<(String, Band)>>,
+    /// What the most probable knee tells in the same search, by column.
+    pub most_probable: Vec<Vec<(String, f64)>>,
     /// Samples asked.
     pub asked: usize,
     /// Largest number of samples without an equilibrium in a row.
@@ -115,11 +117,13 @@ impl Samples {
             knee.predicted(&z, near).unwrap_or_else(|_| vec![None; asked.len()])
         };
         let found: Vec<Vec<Option<Prediction>>> = (0..used).into_par_iter().map(at).collect();
+        let own = knee.predicted(&mode, near)?;
+        let most_probable = own.into_iter().map(|p| p.map_or(vec![], |p| p.outputs)).collect();
         let lacking = knee.lacking(&answers.state, self.of.seed ^ LACKING_SEED, used);
         let names = model.bundle_names();
         let rows: Vec<Vec<(String, Band)>> = (0..asked.len()).map(|i| self.row(&names, &found, &lacking, i)).collect();
         let lost = (0..asked.len()).map(|i| found.iter().filter(|f| f[i].is_none()).count()).max().unwrap_or(0);
-        Ok(Bands { rows, asked: used, lost })
+        Ok(Bands { rows, most_probable, asked: used, lost })
     }
 
     /// The bands of one trial.

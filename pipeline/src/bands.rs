@@ -5,7 +5,7 @@ use crate::model_file::LoadedModel;
 use crate::record::hash;
 use crate::store;
 use calibration::samples::{SCHEMA, Samples, group_sums};
-use sim::laxity::{LaxityTrial, TrialResult};
+use sim::laxity::{Band, LaxityTrial, TrialResult};
 
 /// The file beside a calibrated model.json.
 const FILE: &str = "samples.json";
@@ -72,8 +72,8 @@ pub(crate) fn by(
         Ok(bands) => bands,
         Err(e) => return format!("warning: no intervals: {e}\n"),
     };
-    for (r, row) in results.iter_mut().zip(bands.rows) {
-        r.bands = row;
+    for ((r, row), own) in results.iter_mut().zip(bands.rows).zip(&bands.most_probable) {
+        r.bands = row.into_iter().map(|(name, band)| (name.clone(), in_full(&name, band, r, own))).collect();
     }
     let n = (100.0 * samples.of.interval).round();
     let mut text = format!("mean and {n} % interval by {} samples of the posterior\n", bands.asked);
@@ -84,6 +84,20 @@ pub(crate) fn by(
         );
     }
     text
+}
+
+/// A band of contact area or pressure as the model's own mesh has it: the search merges contact nodes further, which spreads the contact, so the band is
+/// multiplied by what the model tells over what the search tells of the same knee. Every other band stays.
+fn in_full(name: &str, band: Band, result: &TrialResult, search: &[(String, f64)]) -> Band {
+    let is_spread = ["_area_mm2", "_mean_mpa", "_peak_mpa"].iter().any(|end| name.ends_with(end));
+    let of = |all: &[(String, f64)]| all.iter().find(|o| o.0 == name).map(|o| o.1).filter(|x| *x > 0.0);
+    match (is_spread, of(&result.outputs), of(search)) {
+        (true, Some(full), Some(coarse)) => {
+            let factor = full / coarse;
+            Band { mean: factor * band.mean, lower: factor * band.lower, upper: factor * band.upper }
+        }
+        _ => band,
+    }
 }
 
 /// The trial that a result answers: a protocol's row says its flexion in its pose.

@@ -189,8 +189,9 @@ pub fn digest(model: &LoadedModel) -> String {
     let mut hasher = blake3::Hasher::new();
     hasher.update(&json(&model.spec));
     for (name, mesh) in &model.meshes {
-        hasher.update(name.as_bytes());
+        // solids lie beside the model in an export; they are none of it
         if let MeshValue::Surface(mesh) = mesh {
+            hasher.update(name.as_bytes());
             let numbers = mesh.vertices.iter().flat_map(|p| p.coords.iter().copied().collect::<Vec<f64>>());
             numbers.for_each(|x| {
                 hasher.update(&x.to_le_bytes());

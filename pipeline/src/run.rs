@@ -11,6 +11,7 @@ use crate::run_log::{Range, RunLog};
 use crate::stage::list::{STAGES, folder_name, names};
 use crate::stage::parts;
 use crate::store::{self, BuildFolder};
+use crate::which_model::{WhichModel, chosen};
 use crate::{inspect, interrupted, report};
 use stages::specimen::{RawSpecimen, SpecimenFile};
 use std::collections::BTreeMap;
@@ -157,10 +158,10 @@ fn closing_words(out: &Path, (records, read): (&[Record], &[String]), page: &str
     }
     let done = |stage: &str| records.iter().any(|r| r.stage == stage && !r.outdated);
     if done("assemble") {
-        let _ = writeln!(text, "The model is {}", out.join(folder_name("assemble")).join("model.json").display());
-    }
-    if done("calibrate") {
-        let _ = writeln!(text, "Calibrated models are in {}", out.join(folder_name("calibrate")).display());
+        let best = chosen(out, &WhichModel::default());
+        let file = best.unwrap_or_else(|_| out.join(folder_name("assemble")).join("model.json"));
+        let standing = if done("calibrate") { "calibrated" } else { "assembled, not calibrated" };
+        let _ = writeln!(text, "The model is {} ({standing})", file.display());
     }
     text
 }

@@ -14,7 +14,7 @@ use sim::laxity::{LaxityTrial, Test, TrialResult, force_column};
 use sim::trials::{TrialOptions, solve_trials};
 use std::fmt::Write;
 
-/// `model.source.json`: the model that was exported; `forces.csv`: its ligament forces at rest and in drawers.
+/// `model.source.json`: the model that was exported; `ligament_forces.csv`: its ligament forces at rest and in drawers, `value_n` the model's own.
 pub(super) fn files(loaded: &LoadedModel) -> Result<Vec<File>, BuildError> {
     let spec = &loaded.spec;
     let (to, file) = (spec.calibrated.as_ref().map(|c| &c.to), loaded.place());
@@ -23,7 +23,7 @@ pub(super) fn files(loaded: &LoadedModel) -> Result<Vec<File>, BuildError> {
         "digest": crate::model_file::digest(loaded), "program": env!("CARGO_PKG_VERSION"),
     });
     let mut out = vec![("model.source.json".to_owned(), record::json(&told))];
-    out.extend(forces(loaded)?.map(|text| ("forces.csv".to_owned(), text.into_bytes())));
+    out.extend(forces(loaded)?.map(|text| ("ligament_forces.csv".to_owned(), text.into_bytes())));
     Ok(out)
 }
 

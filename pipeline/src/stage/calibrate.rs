@@ -203,7 +203,9 @@ fn calibrate_all(
         sources.insert(measured.0.clone(), found);
     }
     let mut out = Calibration { sources, joint, options: options.clone(), warnings: vec![], metrics: BTreeMap::new() };
-    let told = |(name, o): (&str, &Outcome)| o.warnings.iter().map(|w| format!("{name}: {w}")).collect::<Vec<_>>();
+    let named =
+        |name: &str, w: &String| if w.starts_with(&format!("{name}: ")) { w.clone() } else { format!("{name}: {w}") };
+    let told = |(name, o): (&str, &Outcome)| o.warnings.iter().map(|w| named(name, w)).collect::<Vec<_>>();
     out.warnings = out.all().flat_map(told).collect();
     out.metrics = out.all().map(|(name, o)| (name.to_owned(), reports::metrics(o))).collect();
     Ok(out)

@@ -39,7 +39,7 @@ fn history<'a>(sources: impl Iterator<Item = (&'a str, &'a Outcome)>) -> Chart {
                 best
             })
             .collect();
-        text += &format!(" {name}: {} evaluations, lowest cost {best:.1}.", costs.len());
+        text += &format!(" {name}: {} starts, lowest {best:.1}.", costs.len());
         let at: Vec<usize> = (1..=costs.len()).collect();
         plot.add_trace(Scatter::new(at, costs).mode(Mode::Lines).name(name).line(Line::new().color(colour)));
     }

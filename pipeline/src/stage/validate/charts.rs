@@ -5,7 +5,7 @@ use attachments::groups::GROUPS;
 use plotly::common::{ErrorData, ErrorType, Fill, Line, Marker, Mode};
 use plotly::layout::BarMode;
 use plotly::{Bar, Plot, Scatter};
-use sim::laxity::{Band, Test, TrialResult};
+use sim::laxity::{Band, Test, TrialResult, force_column};
 use validation::validate::Source;
 
 /// Force of a ligament below which a chart leaves it out, as the paper's tables do [N].
@@ -45,9 +45,11 @@ pub(super) fn charts(s: &Source) -> Vec<Chart> {
     out
 }
 
-/// A group's force in a result, with its band.
+/// A group's force in a result, with its band: that of its sum, or of its one bundle.
 pub(super) fn ligament(s: &Source, r: &TrialResult, group: usize) -> Told {
-    (s.groups(r)[group], r.band(&format!("force_{}_n", GROUPS[group].0)))
+    let (name, bundles) = GROUPS[group];
+    let of_bundle = || bundles.iter().find_map(|b| r.band(&force_column(b)));
+    (s.groups(r)[group], r.band(&format!("group_{name}_n")).or_else(of_bundle))
 }
 
 /// What the contact of a compartment tells, with its band.
