@@ -11,7 +11,7 @@ use std::sync::OnceLock;
 use tempfile::TempDir;
 
 /// A phantom built to the end of its calibration, with few starts and samples.
-fn specimen() -> &'static Path {
+pub(crate) fn specimen() -> &'static Path {
     static BUILT: OnceLock<(TempDir, PathBuf)> = OnceLock::new();
     let built = BUILT.get_or_init(|| {
         let folder = TempDir::new().unwrap();

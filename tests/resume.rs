@@ -140,7 +140,7 @@ fn a_change_of_an_option_or_a_file_runs_again_exactly_what_depends_on_it() {
     assert_eq!(planned(specimen.path(), out.path(), &[]), [""; 0]);
     // an option of every stage; that each option is in the key of its own stage alone is a test of the list of stages
     let options = [
-        ("ingest", "ingest.ras=[\"landmarks\"]"),
+        ("ingest", "ingest.ras=[\"points\"]"),
         ("register", "register.seed=7"),
         ("bones", "bones.edge_mm=2.5"),
         ("cartilage", "cartilage.least_thickness_mm=0.6"),

@@ -18,6 +18,8 @@ const TOLD_MM: f64 = 4.0;
 /// A change of unit, frame or columns is the cause where it brings points this near [mm], and to this share of how far they were [-]. Ours.
 const MENDED_MM: f64 = 6.0;
 const MENDED_SHARE: f64 = 0.3;
+/// Fewer points than these fit another unit or frame by chance, so they are told and not refused [-]. Ours: three make a triangle.
+const FEWEST: usize = 3;
 /// Fibres, or the spread of landmarks, of less than this are of another unit [mm]: the shortest ligament of a knee is 8 mm long.
 const SHORTEST_MM: f64 = 2.0;
 /// A patella farther than this from the femur is not where it belongs [mm]; the widest gap of a knee at rest is a few millimetres.
@@ -210,12 +212,12 @@ pub(super) fn points(
             continue;
         }
         let others = [PointFrame::Ct, PointFrame::ScanFemur, PointFrame::ScanTibfib];
-        let other = others.iter().find(|o| {
+        let other = others.iter().filter(|_| near.len() >= FEWEST).find(|o| {
             **o != frame && off(&near, |p| *p, |_, p| own(**o, p)) < (MENDED_SHARE * far).min(MENDED_MM * bones.scale)
         });
         let what = match other {
             Some(o) => format!("they lie on the surfaces of frame {}: correct the column frame", frame_name(*o)),
-            None => match cause(&near, far, bones.scale, distance) {
+            None => match cause(&near, far, bones.scale, distance).filter(|_| near.len() >= FEWEST) {
                 Some(what) => what,
                 None => {
                     warnings.push(format!(
