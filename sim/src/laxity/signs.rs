@@ -48,7 +48,11 @@ pub fn sign_doubts(trials: &[LaxityTrial]) -> Vec<SignDoubt> {
             ),
         });
     }
-    doubts.extend(super::doubts::doubts(trials));
+    // a column whose sign is turned round needs no other word
+    let more =
+        super::doubts::doubts(trials).into_iter().filter(|d| doubts.iter().all(|known| known.column != d.column));
+    let more: Vec<SignDoubt> = more.collect();
+    doubts.extend(more);
     doubts
 }
 
