@@ -503,8 +503,7 @@ fn zeros_units_and_exchanged_columns_of_laxity_are_looked_at() {
     ] {
         // told, or refused for what follows from it
         let (code, words) = checked(with_laxity("k.csv", table.as_bytes()).path());
-        assert!(code <= 1, "{words}");
-        holds(&words, &["LOOK", word]);
+        holds(&words, &[if code == 0 { "LOOK" } else { "FAULT" }, word]);
     }
 }
 

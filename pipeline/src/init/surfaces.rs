@@ -91,21 +91,10 @@ fn in_mm(mut given: Given) -> Result<(Given, bool), BuildError> {
 
 /// One bone of CT alone does not show which it is: its name tells.
 fn by_name(given: &[Given], guesses: &mut [stages::guess::Guess]) {
-    let lone: Vec<usize> =
-        (0..guesses.len()).filter(|&i| guesses[i].why.starts_with("closed, no colours: a bone in CT;")).collect();
+    let is_lone = |g: &stages::guess::Guess| g.role.is_none() && g.why.starts_with("closed, no colours: a bone in CT;");
+    let lone: Vec<usize> = (0..guesses.len()).filter(|&i| is_lone(&guesses[i])).collect();
     let [i] = lone[..] else { return };
     let name = file_name(&given[i].path).to_lowercase();
-    // the other bone of CT may be known by its shape, as one that is open where it was cut
-    let is_there = |role: Role| guesses.iter().any(|g| g.role == Some(role));
-    let other = match (is_there(Role::CtFemur), is_there(Role::CtTibfib)) {
-        (false, true) => Some((Role::CtFemur, "the femur, as the other is the tibia")),
-        (true, false) => Some((Role::CtTibfib, "the tibia, as the other is the femur")),
-        _ => None,
-    };
-    if let Some((role, what)) = other {
-        (guesses[i].role, guesses[i].why) = (Some(role), format!("closed, no colours: a bone in CT: {what}"));
-        return;
-    }
     let role = match (name.contains("fem"), name.contains("tib")) {
         (true, false) => Some((Role::CtFemur, "the femur")),
         (false, true) => Some((Role::CtTibfib, "the tibia")),

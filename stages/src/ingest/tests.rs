@@ -119,9 +119,9 @@ fn wrong_points_are_refused_with_file_and_line() {
         "{said}"
     );
     let head = "bundle,fibre,femur_x_mm,femur_y_mm,femur_z_mm,tibia_x_mm,tibia_y_mm,tibia_z_mm\n";
-    let fibres = with_file("attachments.csv", format!("{head}LCL,1,1,2,3,4,5,6\n").as_bytes());
+    let fibres = with_file("attachments.csv", format!("{head}LCL,1,0,0,42,0,42,0\n").as_bytes());
     let specimen = ingest(&fibres, &IngestOptions::default()).unwrap();
-    assert_eq!(specimen.given_fibres[0].tibia, Point::new(4.0, 5.0, 6.0));
+    assert_eq!(specimen.given_fibres[0].tibia, Point::new(0.0, 42.0, 0.0));
     assert!(specimen.warnings.iter().any(|w| w.contains("gives LCL 1 fibres")));
     let said = refusal(&with_file("attachments.csv", format!("{head}LCL,0,1,2,3,4,5,6\n").as_bytes()));
     assert!(said.contains("line 2: fibre is `0`"), "{said}");
