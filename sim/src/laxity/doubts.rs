@@ -71,17 +71,31 @@ fn tests(trials: &[LaxityTrial], c: Coordinate) -> Vec<&LaxityTrial> {
     trials.iter().filter(|t| t.test.coordinate() == Some(c)).collect()
 }
 
-/// The largest range of a coordinate within one test position.
+/// The largest range of a coordinate within one test position: of enough trials, or of a test that was loaded both ways, which shows its range in two.
 fn range(of: &[&LaxityTrial], c: Coordinate) -> Option<f64> {
-    let mut groups: BTreeMap<(i64, bool), (f64, f64, usize)> = BTreeMap::new();
-    for t in of {
-        let Some(x) = t.measured[c] else { continue };
-        let key = (t.nominal_flexion_deg.round() as i64, t.reference.is_some());
-        let start = if t.reference.is_some() { (0.0, 0.0, LEAST_TRIALS) } else { (x, x, 0) };
-        let group = groups.entry(key).or_insert(start);
-        *group = (group.0.min(x), group.1.max(x), group.2 + 1);
+    let mut groups: BTreeMap<(i64, bool), Vec<&LaxityTrial>> = BTreeMap::new();
+    for t in of.iter().filter(|t| t.measured[c].is_some()) {
+        groups.entry((t.nominal_flexion_deg.round() as i64, t.reference.is_some())).or_default().push(t);
     }
-    groups.values().filter(|g| g.2 >= LEAST_TRIALS).map(|g| g.1 - g.0).max_by(f64::total_cmp)
+    let span = |((_, displaced), group): ((i64, bool), Vec<&LaxityTrial>)| {
+        // displacements count from the unloaded pose
+        let zero = displaced.then_some(0.0);
+        let values = group.iter().filter_map(|t| t.measured[c]).chain(zero);
+        let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
+        (displaced || group.len() >= LEAST_TRIALS || both_ways(&group)).then_some(high - low)
+    };
+    groups.into_iter().filter_map(span).max_by(f64::total_cmp)
+}
+
+/// Whether the tests of a position reach the working load of their coordinate in both directions.
+fn both_ways(group: &[&LaxityTrial]) -> bool {
+    let works = |sign: f64| {
+        group.iter().any(|t| {
+            let own = t.test.coordinate().and_then(|c| WORKING_LOAD.iter().find(|(i, _)| *i == c));
+            own.is_some_and(|(c, least)| sign * t.load[*c] >= *least)
+        })
+    };
+    works(1.0) && works(-1.0)
 }
 
 fn largest_load(of: &[&LaxityTrial], c: Coordinate) -> f64 {
