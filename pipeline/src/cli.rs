@@ -206,8 +206,8 @@ pub fn main_of(words: impl IntoIterator<Item = OsString>) -> u8 {
     std::panic::set_hook(Box::new(|info| {
         eprintln!("build-model: internal error, please report it: {info}");
     }));
-    interrupted::listen();
     let words: Vec<OsString> = words.into_iter().collect();
+    interrupted::listen(words.iter().skip(1).map(|w| w.to_string_lossy().into_owned()).collect());
     match std::panic::catch_unwind(|| answer(parsed(&words))) {
         Ok(Ok(text)) => {
             // A reader that has seen enough (`| head`) is no fault of the input.

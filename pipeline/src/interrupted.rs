@@ -12,11 +12,10 @@ type Kept = Arc<dyn Fn() -> Option<String> + Send + Sync>;
 
 static AT_WORK: Mutex<Option<Kept>> = Mutex::new(None);
 
-/// From now on Ctrl-C ends the process with a word. The second call in a process does nothing.
-pub fn listen() {
-    let _ = ctrlc::set_handler(|| {
+/// From now on Ctrl-C ends the process with a word about `command`, without the program's name. The second call in a process does nothing.
+pub fn listen(command: Vec<String>) {
+    let _ = ctrlc::set_handler(move || {
         let at_work = AT_WORK.lock().unwrap_or_else(PoisonError::into_inner).clone();
-        let command: Vec<String> = std::env::args().skip(1).collect();
         eprintln!("\nbuild-model: interrupted. {}", words(at_work.and_then(|kept| kept()), &command));
         std::process::exit(STATUS);
     });

@@ -55,7 +55,9 @@ def test_models_are_saved_and_read_from_anywhere(model, trials, tmp_path):
     place = edited.save(tmp_path / "a" / "b")
     again = genu.Model(place)
     assert again.bundle("LCL")["reference_strain"] == 1.05
-    assert genu.simulate(again, few).equals(genu.simulate(edited, few))
+    # the column model has a digest of the names by which each file finds its surfaces
+    here, there = (genu.simulate(m, few).drop(columns="model") for m in (again, edited))
+    assert here.equals(there)
     assert {s.faces.shape[1] for s in again.surfaces().values()} == {3}
     names, ends = again.fibres()
     assert ends.shape == (len(names), 2, 3) and len(again.parameters()) == len(again.bundles)
