@@ -281,7 +281,7 @@ fn options_completions_manual_and_version() {
 #[test]
 fn pages_hold() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let program = build_model().get_program().to_owned();
+    let program = env!("CARGO_BIN_EXE_build-model");
     for (script, argument) in [("links.py", Some(program)), ("words.py", None)] {
         let run = Command::new("python3").arg(root.join("docs/words").join(script)).args(argument).output();
         let Ok(run) = run else { return };
