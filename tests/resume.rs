@@ -210,6 +210,9 @@ fn parts(folder: &Path) -> BTreeMap<String, std::time::SystemTime> {
     own.map(|e| (e.file_name().to_string_lossy().into_owned(), e.metadata().unwrap().modified().unwrap())).collect()
 }
 
+/// At how many moments of stages 10 to 12 a build is killed.
+const MOMENTS: u32 = 4;
+
 #[test]
 fn no_finished_calibration_is_made_twice() {
     let specimen = TempDir::new().unwrap();
@@ -223,7 +226,7 @@ fn no_finished_calibration_is_made_twice() {
     build(specimen.path(), whole.path(), &SHORT);
     let time = start.elapsed();
     let mut known = BTreeMap::new();
-    for moment in 0..10 {
+    for moment in 0..MOMENTS {
         let mut child = std::process::Command::new(assert_cmd::cargo::cargo_bin("build-model"))
             .arg(specimen.path())
             .arg("--out")
@@ -233,7 +236,7 @@ fn no_finished_calibration_is_made_twice() {
             .spawn()
             .unwrap();
         // further and further into what is left to do
-        std::thread::sleep(time.mul_f64(0.12 + 0.04 * f64::from(moment)));
+        std::thread::sleep(time.mul_f64(0.12 + 0.4 * f64::from(moment) / f64::from(MOMENTS)));
         let _ = child.kill();
         child.wait().unwrap();
         let now = parts(broken.path());
