@@ -1,8 +1,8 @@
-//! Bad input: one clear sentence on standard error, exit status 1, nothing left that a later run trusts.
+//! Bad input: one clear sentence on standard error, exit status 1, nothing left that a later run trusts. A machine that does not give what is needed: 3.
 #![allow(clippy::unwrap_used, reason = "tests")]
 #![expect(clippy::disallowed_methods, reason = "tests prepare broken files")]
 
-use crate::common::{build_model, copy, phantom, read, text, write};
+use crate::common::{build_model, built, copy, phantom, read, text, write};
 use std::fs;
 use std::path::Path;
 use std::sync::OnceLock;
@@ -186,9 +186,95 @@ fn a_disk_that_fills_up() {
         .output()
         .unwrap();
     let error = String::from_utf8_lossy(&run.stderr);
-    assert_eq!(run.status.code(), Some(1), "{error}");
+    assert_eq!(run.status.code(), Some(3), "{error}");
     assert!(error.contains("cannot write"), "{error}");
     let left: Vec<String> = crate::common::files(out.path()).into_keys().filter(|f| f.contains(".tmp-")).collect();
     assert!(left.is_empty(), "{left:?}");
     build_model().arg(good()).arg("--out").arg(out.path()).args(["--to", "bones", "--quiet"]).assert().success();
+}
+
+#[test]
+#[cfg(unix)]
+fn a_lock_and_a_full_device_are_the_machine_s_fault() {
+    let out = TempDir::new().unwrap();
+    let lock = fs::File::create(out.path().join(".lock")).unwrap();
+    lock.lock().unwrap();
+    let build = || build_model().arg(good()).arg("--out").arg(out.path()).args(["--to", "ingest", "--quiet"]).assert();
+    build().code(3).stderr(predicates::str::contains("another build-model is at work"));
+    drop(lock);
+    build().success();
+    if Path::new("/dev/full").exists() {
+        let run = build_model()
+            .args(["simulate", "--out", "/dev/full"])
+            .arg(model())
+            .arg("--trials")
+            .arg(asked())
+            .assert()
+            .code(3);
+        run.stderr(predicates::str::contains("/dev/full"));
+        assert!(!fs::metadata("/dev/full").unwrap().is_file());
+    }
+}
+
+/// A model that is not calibrated, and a trial to ask it.
+fn model() -> std::path::PathBuf {
+    built().join("build/09-assemble/model.json")
+}
+
+fn asked() -> std::path::PathBuf {
+    static ASKED: OnceLock<TempDir> = OnceLock::new();
+    let folder = ASKED.get_or_init(|| {
+        let folder = TempDir::new().unwrap();
+        write(
+            &folder.path().join("asked.csv"),
+            "trial,test,nominal_flexion_deg,load_vv_nm,load_ie_nm,load_ml_n,load_ap_n,load_si_n,fe_deg,vv_deg,ie_deg,ml_mm,ap_mm,si_mm\n\
+             a,anterior,30,0,0,0,50,20,30,,,,,\n",
+        );
+        folder
+    });
+    folder.path().join("asked.csv")
+}
+
+#[test]
+#[cfg(unix)]
+fn what_is_no_file_is_never_replaced_by_one() {
+    let folder = TempDir::new().unwrap();
+    let [target, link] = ["target.csv", "link.csv"].map(|n| folder.path().join(n));
+    write(&target, "old");
+    std::os::unix::fs::symlink("target.csv", &link).unwrap();
+    let simulate = |out: &str| {
+        build_model().args(["simulate", "--out", out]).arg(model()).arg("--trials").arg(asked()).assert().success()
+    };
+    simulate(link.to_str().unwrap());
+    assert!(fs::symlink_metadata(&link).unwrap().is_symlink());
+    let written = text(&target);
+    assert!(written.starts_with("trial,"), "{written}");
+    let said = simulate("-");
+    assert_eq!(String::from_utf8_lossy(&said.get_output().stdout), written);
+    assert!(!folder.path().join("-").exists() && !Path::new("-").exists());
+    simulate("/dev/stdout");
+    assert!(!fs::symlink_metadata("/dev/null").unwrap().is_file());
+    simulate("/dev/null");
+    assert!(!fs::symlink_metadata("/dev/null").unwrap().is_file());
+    build_model()
+        .args(["simulate", "--out"])
+        .arg(folder.path())
+        .arg(model())
+        .arg("--trials")
+        .arg(asked())
+        .assert()
+        .code(1)
+        .stderr(predicates::str::contains("it is a folder"));
+}
+
+#[test]
+fn an_edited_phantom_is_not_written_over() {
+    let folder = TempDir::new().unwrap();
+    copy(good(), folder.path());
+    let again = || build_model().args(["phantom", "S193761-phantom"]).arg(folder.path()).assert();
+    again().success();
+    let marks = folder.path().join("specimen.toml");
+    write(&marks, text(&marks) + "\n# mine\n");
+    again().code(1).stderr(predicates::str::contains("specimen.toml"));
+    assert!(text(&marks).ends_with("# mine\n"));
 }

@@ -7,7 +7,7 @@ use crate::calibrate::CalibrateArgs;
 use crate::check::{self, CheckArgs};
 use crate::cohort::{self, CohortArgs};
 use crate::diagnose::{self, DiagnoseArgs};
-use crate::error::BuildError;
+use crate::error::{BuildError, OUR_FAULT};
 use crate::exports::{self, Format};
 use crate::import::{self, ImportArgs};
 use crate::output::{self, Asked};
@@ -201,7 +201,8 @@ pub fn main() -> ExitCode {
     ExitCode::from(main_of(std::env::args_os()))
 }
 
-/// Runs the command line `words`, the program's name first; gives the exit status: 0 done, 1 the input is at fault, 2 wrong use.
+/// Runs the command line `words`, the program's name first; gives the exit status: 0 done, 1 the input is at fault, 2 wrong use, 3 the
+/// machine (disk, rights, a lock), 4 a fault of this program; 130 is an interruption.
 pub fn main_of(words: impl IntoIterator<Item = OsString>) -> u8 {
     std::panic::set_hook(Box::new(|info| {
         eprintln!("build-model: internal error, please report it: {info}");
@@ -211,7 +212,10 @@ pub fn main_of(words: impl IntoIterator<Item = OsString>) -> u8 {
     match std::panic::catch_unwind(|| answer(parsed(&words))) {
         Ok(Ok(text)) => {
             // A reader that has seen enough (`| head`) is no fault of the input.
-            let _ = std::io::stdout().write_all(text.as_bytes());
+            let _ = match writes_to_standard_output(&words) {
+                true => std::io::stderr().write_all(text.as_bytes()),
+                false => std::io::stdout().write_all(text.as_bytes()),
+            };
             0
         }
         Ok(Err(error)) => {
@@ -221,8 +225,13 @@ pub fn main_of(words: impl IntoIterator<Item = OsString>) -> u8 {
             eprintln!("build-model: {error}");
             error.exit_status()
         }
-        Err(_) => 1,
+        Err(_) => OUR_FAULT,
     }
+}
+
+/// Whether the result itself goes to standard output (`--out -`), so that what is told of it must not.
+fn writes_to_standard_output(words: &[OsString]) -> bool {
+    words.windows(2).any(|w| w[0] == "--out" && w[1] == "-") || words.iter().any(|w| w == "--out=-")
 }
 
 /// The arguments; a first word that is neither a command nor a folder is told as what it most likely is.

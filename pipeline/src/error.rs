@@ -1,6 +1,6 @@
 //! What stops a command, in one sentence for the person at the keyboard.
 
-/// The input, the data or the disk is at fault (exit status 1).
+/// What is at fault; [`BuildError::exit_status`] says which kind.
 #[derive(Debug, thiserror::Error)]
 pub enum BuildError {
     /// A stage cannot go on.
@@ -14,6 +14,9 @@ pub enum BuildError {
     /// A file cannot be read or written.
     #[error("{0}")]
     File(String),
+    /// The machine does not give what is needed: the disk is full, a folder may not be written, another program holds a lock (exit status 3).
+    #[error("{0}")]
+    Machine(String),
     /// A value of an options table is wrong.
     #[error("{0}")]
     Option(String),
@@ -38,10 +41,17 @@ pub enum BuildError {
     Reached,
 }
 
+/// The exit status of a fault of this program: it panicked.
+pub const OUR_FAULT: u8 = 4;
+
 impl BuildError {
-    /// The exit status of the command: 2 wrong use of the command line, otherwise 1.
+    /// The exit status of the command: 1 the data are at fault, 2 wrong use of the command line, 3 the machine.
     pub fn exit_status(&self) -> u8 {
-        if matches!(self, BuildError::Usage(_)) { 2 } else { 1 }
+        match self {
+            BuildError::Usage(_) => 2,
+            BuildError::Machine(_) => 3,
+            _ => 1,
+        }
     }
 
     /// An error of `stage`.

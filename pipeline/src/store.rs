@@ -19,13 +19,15 @@ const LARGEST_FILE: u64 = 2 << 30;
 /// Reads a file whole; refuses one beyond [`LARGEST_FILE`].
 pub fn read(path: &Path) -> Result<Vec<u8>, BuildError> {
     let wrong = |why: String| BuildError::File(format!("cannot read {}: {why}", path.display()));
-    let file = File::open(path).map_err(|e| wrong(format!("{}{}", words(&e), near_file(path, &e))))?;
-    let metadata = file.metadata().map_err(|e| wrong(words(&e)))?;
+    let failed =
+        |e: std::io::Error| fault(&e, format!("cannot read {}: {}{}", path.display(), words(&e), near_file(path, &e)));
+    let file = File::open(path).map_err(failed)?;
+    let metadata = file.metadata().map_err(failed)?;
     if metadata.is_dir() {
         return Err(wrong("it is a folder, a file was expected".into()));
     }
     let mut bytes = Vec::new();
-    file.take(LARGEST_FILE + 1).read_to_end(&mut bytes).map_err(|e| wrong(words(&e)))?;
+    file.take(LARGEST_FILE + 1).read_to_end(&mut bytes).map_err(failed)?;
     if bytes.len() as u64 > LARGEST_FILE {
         return Err(wrong(format!("it is larger than {} GiB; is it the right file?", LARGEST_FILE >> 30)));
     }
@@ -150,12 +152,15 @@ pub struct BuildFolder {
 impl BuildFolder {
     /// Opens or makes the folder, takes its lock, and sweeps what an interrupted build left behind.
     pub fn open(root: &Path) -> Result<BuildFolder, BuildError> {
-        let wrong = |e: std::io::Error| BuildError::File(format!("cannot write to {}: {}", root.display(), words(&e)));
+        let wrong = |e: std::io::Error| fault(&e, format!("cannot write to {}: {}", root.display(), words(&e)));
         in_the_way(root)?;
         fs::create_dir_all(root).map_err(wrong)?;
         let lock = File::options().create(true).truncate(false).write(true).open(root.join(".lock")).map_err(wrong)?;
         lock.try_lock().map_err(|_| {
-            BuildError::File(format!("another build-model is at work in {}; wait for it or give --out", root.display()))
+            BuildError::Machine(format!(
+                "another build-model is at work in {}; wait for it or give --out",
+                root.display()
+            ))
         })?;
         for entry in fs::read_dir(root).map_err(wrong)?.flatten() {
             if entry.file_name().to_string_lossy().starts_with(".tmp-") {
@@ -176,7 +181,7 @@ impl BuildFolder {
         let result = fs::write(&temporary, bytes).and_then(|()| fs::rename(&temporary, self.root.join(name)));
         result.map_err(|e| {
             remove(&temporary);
-            BuildError::File(format!("cannot write {}: {}", self.root.join(name).display(), words(&e)))
+            fault(&e, format!("cannot write {}: {}", self.root.join(name).display(), words(&e)))
         })
     }
 
@@ -195,7 +200,7 @@ impl BuildFolder {
         });
         result.map_err(|e| {
             remove(&temporary);
-            BuildError::File(format!("cannot write {}: {}", target.display(), words(&e)))
+            fault(&e, format!("cannot write {}: {}", target.display(), words(&e)))
         })
     }
 
@@ -261,9 +266,24 @@ pub fn write_all(folder: &Path, files: &[(String, Vec<u8>)]) -> Result<(), Build
     Ok(())
 }
 
-/// Writes one file whole or not at all, making its folder as needed.
+/// Writes one file whole or not at all, making its folder as needed. A link is followed, `-` is standard output, and a device or a pipe is written to:
+/// nothing that is not a file is replaced by one.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<(), BuildError> {
-    let wrong = |e: std::io::Error| BuildError::File(format!("cannot write {}: {}", path.display(), words(&e)));
+    let wrong = |e: std::io::Error| fault(&e, format!("cannot write {}: {}", path.display(), words(&e)));
+    if is_standard_output(path) {
+        return std::io::stdout().write_all(bytes).map_err(wrong);
+    }
+    let path = &linked(path);
+    match fs::metadata(path) {
+        Ok(there) if there.is_dir() => {
+            return Err(BuildError::File(format!("cannot write {}: it is a folder, name a file", path.display())));
+        }
+        Ok(there) if !there.is_file() => {
+            let device = File::options().write(true).open(path);
+            return device.and_then(|mut d| d.write_all(bytes)).map_err(wrong);
+        }
+        _ => {}
+    }
     let parent = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     fs::create_dir_all(parent).map_err(wrong)?;
     let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
@@ -274,17 +294,43 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<(), BuildError> {
     })
 }
 
+/// Whether a path stands for standard output.
+pub fn is_standard_output(path: &Path) -> bool {
+    path == Path::new("-")
+}
+
+/// Where a link leads, also one that leads to a file which is not there yet; the path itself where it is none.
+fn linked(path: &Path) -> PathBuf {
+    let mut place = path.to_path_buf();
+    for _ in 0..MOST_LINKS {
+        let Ok(next) = fs::read_link(&place) else { break };
+        place = place.parent().unwrap_or(Path::new("")).join(next);
+    }
+    place
+}
+
+/// Most links that are followed one after another, as Linux has it [-].
+const MOST_LINKS: usize = 40;
+
+/// A fault of the file that is named, or, of any other kind, of the machine.
+fn fault(e: &std::io::Error, told: String) -> BuildError {
+    use std::io::ErrorKind::{IsADirectory, NotADirectory, NotFound, UnexpectedEof};
+    match e.kind() {
+        NotFound | IsADirectory | NotADirectory | UnexpectedEof => BuildError::File(told),
+        _ => BuildError::Machine(told),
+    }
+}
+
 /// The path without links and dots; its folder must exist.
 pub fn absolute(path: &Path) -> Result<PathBuf, BuildError> {
     let path = if path.as_os_str().is_empty() { Path::new(".") } else { path };
-    path.canonicalize().map_err(|e| BuildError::File(format!("cannot read {}: {}", path.display(), words(&e))))
+    path.canonicalize().map_err(|e| fault(&e, format!("cannot read {}: {}", path.display(), words(&e))))
 }
 
 /// Makes a folder and those above it; gives it without links and dots.
 pub fn make_folder(path: &Path) -> Result<PathBuf, BuildError> {
     in_the_way(path)?;
-    fs::create_dir_all(path)
-        .map_err(|e| BuildError::File(format!("cannot write to {}: {}", path.display(), words(&e))))?;
+    fs::create_dir_all(path).map_err(|e| fault(&e, format!("cannot write to {}: {}", path.display(), words(&e))))?;
     absolute(path)
 }
 

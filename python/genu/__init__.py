@@ -38,7 +38,7 @@ Build, Model, Surface, Hexahedra, Frames, Calibration, Validation, Diagnosis
 
 Errors
 ------
-GenuError, with ``file``, ``row`` and ``stage``; StageError, InputError, OptionError and UsageError are its kinds.
+GenuError, with ``file``, ``row`` and ``stage``; StageError, InputError, MachineError, OptionError and UsageError are its kinds.
 
 Only numpy is needed. pandas, trimesh, pyvista, meshio are imported when a function needs them:
 ``pip install "./python[all]"`` in a clone brings them.
@@ -75,6 +75,7 @@ _HOMES = {
     "GenuError": "_errors",
     "StageError": "_errors",
     "InputError": "_errors",
+    "MachineError": "_errors",
     "OptionError": "_errors",
     "UsageError": "_errors",
 }

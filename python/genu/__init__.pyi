@@ -3,6 +3,7 @@ from genu._call import run as run
 from genu._errors import (
     GenuError as GenuError,
     InputError as InputError,
+    MachineError as MachineError,
     OptionError as OptionError,
     StageError as StageError,
     UsageError as UsageError,

@@ -38,7 +38,11 @@ class StageError(GenuError):
 
 
 class InputError(GenuError):
-    """A file cannot be read or written, or what it holds is at fault."""
+    """A file is not there, or what it holds is at fault."""
+
+
+class MachineError(GenuError, OSError):
+    """The machine does not give what is needed: a full disk, a folder that may not be written, a lock that another build holds."""
 
 
 class OptionError(GenuError, ValueError):
@@ -49,7 +53,7 @@ class UsageError(GenuError, ValueError):
     """The call itself is wrong: an unknown stage, option, ligament or method."""
 
 
-_KINDS = {"stage": StageError, "file": InputError, "option": OptionError, "usage": UsageError}
+_KINDS = {"stage": StageError, "file": InputError, "machine": MachineError, "option": OptionError, "usage": UsageError}
 
 
 def made(kind: str, stage: Optional[str], message: str) -> GenuError:

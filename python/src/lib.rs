@@ -130,6 +130,7 @@ fn exception(py: Python<'_>, failure: &Py<PyAny>, error: &BuildError) -> PyErr {
     let (kind, stage) = match error {
         BuildError::Stage { stage, .. } => ("stage", Some(*stage)),
         BuildError::File(_) | BuildError::Faults { .. } => ("file", None),
+        BuildError::Machine(_) => ("machine", None),
         BuildError::Option(_) => ("option", None),
         BuildError::Usage(_) => ("usage", None),
         BuildError::Unplanned(stage) => ("stage", Some(*stage)),
