@@ -8,6 +8,7 @@
 #![expect(clippy::disallowed_methods, reason = "reads and prints")]
 #![allow(clippy::print_stdout, clippy::unwrap_used, reason = "an example")]
 
+use calibration::inferred::DRAWER_N;
 use calibration::knee::Knee;
 use calibration::options::CalibrateOptions;
 use calibration::rig::RigOptions;
@@ -34,6 +35,10 @@ struct Tally {
     z: Vec<f64>,
     sds: Vec<f64>,
     bundle_errors: Vec<f64>,
+    /// Errors of group sums with nothing measured, by knee, beside those of `errors`.
+    knees: Vec<[f64; 2]>,
+    /// Shares of the variance that data and beliefs removed.
+    shares: Vec<[f64; 2]>,
 }
 
 /// A knee and its surfaces.
@@ -92,6 +97,37 @@ fn beyond(
     count
 }
 
+/// How many intervals of the sums of ACL and PCL in the drawers hold, of how many that carry anything.
+fn cruciates(out: &Outcome, (spec, meshes): (&ModelSpec, &BTreeMap<String, MeshValue>), truth: &Forces) -> [usize; 2] {
+    let (schema, model) = (calibration::samples::SCHEMA.to_owned(), String::new());
+    let samples = Samples { schema, model, counted_from: spec.clone(), of: out.found.unknowns.clone() };
+    let asked = |name: &String| {
+        let (test, flexion) = name.split_once('_').unwrap();
+        let ap = if test == "anterior" { DRAWER_N } else { -DRAWER_N };
+        let load = Load::new(0.0, 0.0, 0.0, ap, COMPRESSION_N);
+        LaxityTrial::asked(name.clone(), Test::Neutral, flexion.parse().unwrap(), load)
+    };
+    let drawers: Vec<&String> =
+        truth.keys().filter(|k| k.starts_with("anterior") || k.starts_with("posterior")).collect();
+    let trials: Vec<LaxityTrial> = drawers.iter().map(|n| asked(n)).collect();
+    let bands = samples.bands(meshes, &trials, &[], usize::MAX).unwrap();
+    let mut count = [0; 2];
+    for (name, row) in drawers.iter().zip(&bands.rows) {
+        for group in ["ACL", "PCL"] {
+            let sum: f64 = truth[*name].iter().filter(|b| ours(b.0).starts_with(group)).map(|b| b.1).sum();
+            let Some(band) = row.iter().find(|r| r.0 == format!("group_{group}_n")).map(|r| r.1) else { continue };
+            if sum.max(band.upper) > 5.0 {
+                count[0] += usize::from(band.lower - 1.0 <= sum && sum <= band.upper + 1.0);
+                count[1] += 1;
+            }
+        }
+    }
+    count
+}
+
+/// Axial load of the bench's drawers [N].
+const COMPRESSION_N: f64 = 20.0;
+
 fn laxity(path: &Path) -> Vec<LaxityTrial> {
     sim::laxity::read(&std::fs::read(path).unwrap()).unwrap().trials
 }
@@ -149,7 +185,7 @@ fn ours(name: &str) -> String {
 
 fn judge(found: &calibration::session::Outcome, truth: &Forces, tally: &mut Tally, more: bool) -> (f64, usize, usize) {
     let names: Vec<&str> = found.spec.bundles.iter().map(|b| b.name.as_str()).collect();
-    let mut sums: BTreeMap<(String, String), [f64; 2]> = BTreeMap::new();
+    let mut sums: BTreeMap<(String, String), [f64; 3]> = BTreeMap::new();
     let (mut held, mut counted) = (0, 0);
     for f in &found.found.forces {
         let name = names[f.bundle];
@@ -157,7 +193,8 @@ fn judge(found: &calibration::session::Outcome, truth: &Forces, tally: &mut Tall
         let (t, v) = (*t.1, f.value_n.unwrap_or(0.0));
         let group = name.split('_').next().unwrap().to_owned();
         let sum = sums.entry((f.trial.clone(), group)).or_default();
-        (sum[0], sum[1]) = (sum[0] + t, sum[1] + v);
+        *sum = [sum[0] + t, sum[1] + v, sum[2] + f.unmeasured.map_or(0.0, |u| u[0])];
+        tally.shares.push([f.determined, f.believed]);
         if t.max(f.upper_n) > 5.0 {
             counted += 1;
             let inside = f.lower_n - 1.0 <= t && t <= f.upper_n + 1.0;
@@ -171,7 +208,10 @@ fn judge(found: &calibration::session::Outcome, truth: &Forces, tally: &mut Tall
             }
         }
     }
-    let errors: Vec<f64> = sums.values().filter(|s| s[0].max(s[1]) > 5.0).map(|s| s[1] - s[0]).collect();
+    let carries = |s: &&[f64; 3]| s[0].max(s[1]) > 5.0;
+    let errors: Vec<f64> = sums.values().filter(carries).map(|s| s[1] - s[0]).collect();
+    let unmeasured: Vec<f64> = sums.values().filter(carries).map(|s| s[2] - s[0]).collect();
+    tally.knees.push([rms(&errors), rms(&unmeasured)]);
     let rms = rms(&errors);
     tally.errors.extend(errors);
     (tally.held, tally.counted) = (tally.held + held, tally.counted + counted);
@@ -222,7 +262,7 @@ fn main() {
     let asks_beyond = args.iter().any(|a| a == "--beyond");
     args.retain(|a| a != "--beyond");
     let (knee, meshes) = knee(Path::new(&args[0]), &options);
-    let mut all_beyond = [[0; 2]; 2];
+    let mut all_beyond = [[0; 2]; 3];
     let mut all: BTreeMap<&str, Tally> = BTreeMap::new();
     for (number, case) in args[1..].iter().enumerate() {
         let truth: serde_json::Value = match std::fs::read(format!("{case}.truth.json")) {
@@ -259,8 +299,12 @@ fn main() {
         let joint = run("joint", &sources, None);
         if asks_beyond {
             let [poses, forces] = beyond(&joint, (&knee.spec, &meshes), &truth_beyond);
-            println!("{line} beyond: poses {}/{}, forces {}/{}", poses[0], poses[1], forces[0], forces[1]);
-            for (sum, own) in all_beyond.iter_mut().zip([poses, forces]) {
+            let sums = cruciates(&joint, (&knee.spec, &meshes), &truth);
+            println!(
+                "{line} beyond: poses {}/{}, forces {}/{}; cruciate sums in drawers {}/{}",
+                poses[0], poses[1], forces[0], forces[1], sums[0], sums[1]
+            );
+            for (sum, own) in all_beyond.iter_mut().zip([poses, forces, sums]) {
                 (sum[0], sum[1]) = (sum[0] + own[0], sum[1] + own[1]);
             }
             continue;
@@ -274,7 +318,10 @@ fn main() {
     }
     if asks_beyond {
         let share = |[held, of]: [usize; 2]| 100.0 * held as f64 / of.max(1) as f64;
-        println!("beyond: {:.0} % of poses and {:.0} % of forces inside", share(all_beyond[0]), share(all_beyond[1]));
+        let [poses, forces, sums] = all_beyond.map(share);
+        println!(
+            "beyond: {poses:.0} % of poses and {forces:.0} % of forces inside; {sums:.0} % of cruciate sums in drawers"
+        );
     }
     for (name, t) in &all {
         println!(
@@ -285,6 +332,13 @@ fn main() {
             100.0 * t.held as f64 / t.counted.max(1) as f64,
             rms(&t.z),
             rms(&t.bundle_errors) / rms(&t.sds)
+        );
+        let column = |k: usize| t.knees.iter().map(|e| e[k]).collect::<Vec<f64>>();
+        let [data, beliefs] = [0, 1].map(|k| t.shares.iter().map(|s| s[k]).sum::<f64>() / t.shares.len().max(1) as f64);
+        println!(
+            "{name}: knee by knee {:.1} N, {:.1} N with nothing measured; of the variance data removed {data:.2} and beliefs {beliefs:.2}",
+            rms(&column(0)),
+            rms(&column(1)),
         );
     }
 }

@@ -7,21 +7,18 @@ use crate::error::CalibrationError;
 use crate::knee::Knee;
 use crate::next_test::next_tests;
 use crate::options::{CalibrateOptions, Method};
-use crate::posterior::{
-    ForceEstimate, NoiseEstimate, OtherEstimate, ParameterEstimate, RestEstimate, ends, mean, variance,
-};
+use crate::posterior::{NoiseEstimate, OtherEstimate, ParameterEstimate, RestEstimate, ends, mean, variance};
 use crate::priors::PRIORS;
 use crate::rig;
 use crate::targets::Targets;
-use crate::unknown::{UNLIKE_STREAM, Unknown, Unknowns};
+use crate::unknown::{Unknown, Unknowns};
 use crate::unknowns::{KnownFrames, parameters};
+use crate::unmeasured::{Unmeasured, share_removed};
 use inference::knee::{Answers, Asked, Belief, Lack, Quantity, Trials};
 use inference::noise::Likelihood;
 use inference::parameter::Parameter;
-use inference::posterior::{Forward, Found, Sample, infer};
-use inference::random::{normals, stream};
+use inference::posterior::{Found, Sample, infer};
 use nalgebra::{DMatrix, DVector};
-use rayon::prelude::*;
 use sim::coordinate::{AP, Coordinate, FREE, Free, Load};
 use sim::laxity::{LaxityTrial, Test};
 use std::collections::BTreeMap;
@@ -288,9 +285,13 @@ fn told(
     let read = |i: usize| Some(trials.read(&values, &mode.state, i));
     let predicted: Vec<Option<Free<f64>>> = (0..measured).map(read).collect();
     let cost = question.cost.cost(&predicted).value;
-    let drawers = measured..measured + drawer_names().len();
+    let names = drawer_names();
+    let drawers = measured..measured + names.len();
     let samples = &found.samples;
-    let estimate = |k: usize| estimate(&trials.parameters[k], mode.z[k], k, samples, interval);
+    let nobody_measured = measured..measured + names.len() + REST_DEG.len();
+    let unmeasured = Unmeasured::of(trials, (nobody_measured, names.len()), options);
+    let estimate =
+        |k: usize| estimate(&trials.parameters[k], mode.z[k], k, samples, (interval, unmeasured.variance(k)));
     let of_ligament = |k: usize| {
         let (v, e) = (&question.design.variables[k], estimate(k));
         ParameterEstimate {
@@ -323,7 +324,7 @@ fn told(
         lowest_cost: (cost, found_values.clone()),
         parameters: (0..n_ligaments).map(of_ligament).collect(),
         others,
-        forces: forces(trials, &found, measured, interval, options.seed),
+        forces: unmeasured.forces(trials, &found, (measured, &names), (interval, options.seed)),
         rest: rest(&found, measured, interval),
         next_tests: next_tests(trials, &found, drawers, (COMPRESSION_N, noise_of_a_test(question, likelihood))),
         noise_scale: Free::from_fn(|c| {
@@ -364,13 +365,19 @@ fn at(trials: &Trials, z: &DVector<f64>, ligaments: usize) -> Vec<f64> {
     trials.values(z).into_iter().take(ligaments).map(|v| v.0).collect()
 }
 
-/// A parameter's value at the mode and its interval.
-fn estimate(p: &Parameter<Quantity>, mode: f64, k: usize, samples: &[Sample<Answers>], interval: f64) -> OtherEstimate {
+/// A parameter's value at the mode and its interval; `before` is the variance of its number with nothing measured.
+fn estimate(
+    p: &Parameter<Quantity>,
+    mode: f64,
+    k: usize,
+    samples: &[Sample<Answers>],
+    (interval, before): (f64, f64),
+) -> OtherEstimate {
     let z: Vec<f64> = samples.iter().map(|s| s.z[k]).collect();
     let (low, high) =
         ends(&z, interval).map_or_else(|| p.prior.interval(interval), |(a, b)| (p.prior.at(a).0, p.prior.at(b).0));
     let value = p.prior.at(mode).0;
-    let determined = if z.len() < 2 { 0.0 } else { (1.0 - variance(&z)).clamp(0.0, 1.0) };
+    let determined = share_removed(&z, before);
     let (prior_lower, prior_upper) = p.prior.interval(interval);
     OtherEstimate {
         name: p.name.clone(),
@@ -380,66 +387,6 @@ fn estimate(p: &Parameter<Quantity>, mode: f64, k: usize, samples: &[Sample<Answ
         prior: [prior_lower, prior_upper],
         determined,
     }
-}
-
-/// Bundle forces in the drawers: mean and interval over the samples.
-fn forces(trials: &Trials, found: &Found<Answers>, measured: usize, interval: f64, seed: u64) -> Vec<ForceEstimate> {
-    let names = drawer_names();
-    let before = prior_forces(trials, measured, names.len(), seed);
-    let bundles = trials.model.bundles.len();
-    let own = |s: usize| normals(&mut stream(seed, UNLIKE_STREAM + s as u64), bundles);
-    let unlike: Vec<DVector<f64>> = (0..found.samples.len()).map(own).collect();
-    let mut out = Vec::new();
-    for (i, name) in names.iter().enumerate() {
-        for bundle in 0..bundles {
-            let mut all: Vec<f64> = found.samples.iter().map(|s| s.state[measured + i].forces_n[bundle]).collect();
-            if all.is_empty() {
-                all.push(found.modes[0].state[measured + i].forces_n[bundle]);
-            }
-            let prior: Vec<f64> = before.iter().map(|f| f[i][bundle]).collect();
-            let value = mean(&all);
-            if all.len() > 1 {
-                all.iter_mut().zip(&unlike).for_each(|(f, z)| *f = (*f + force_sd(*f) * z[bundle]).max(0.0));
-            }
-            let (lower_n, upper_n) = ends(&all, interval).unwrap_or((value, value));
-            let (a, b) = (variance(&all), variance(&prior));
-            let determined = if all.len() < 2 || b <= 0.0 { 0.0 } else { (1.0 - a / b).clamp(0.0, 1.0) };
-            out.push(ForceEstimate {
-                trial: name.clone(),
-                bundle,
-                value_n: Some(value),
-                lower_n: lower_n.min(value),
-                upper_n: upper_n.max(value),
-                determined,
-            });
-        }
-    }
-    out
-}
-
-/// Force by which fibres, toe and contact of another simulator change a bundle's variance [N], and the share of the force that they change it by [-]:
-/// measured between two simulators of the same knee (docs/theory/inference.md).
-const UNLIKE_N: f64 = 1.5;
-/// See [`UNLIKE_N`].
-const UNLIKE_SHARE: f64 = 0.1;
-
-/// Standard deviation of a bundle's force when the knee is known [N]; a slack one stays slack.
-pub(crate) fn force_sd(force_n: f64) -> f64 {
-    (UNLIKE_N * force_n + (UNLIKE_SHARE * force_n).powi(2)).max(0.0).sqrt()
-}
-
-/// Draws from the prior at which forces are asked, to tell what the data removed.
-const PRIOR_DRAWS: usize = 24;
-
-/// Forces in the drawers at draws from the prior.
-fn prior_forces(trials: &Trials, measured: usize, drawers: usize, seed: u64) -> Vec<Vec<Vec<f64>>> {
-    let asked = &trials.trials[measured..measured + drawers];
-    let of = Trials { trials: asked, beliefs: &[], ..*trials };
-    let draw = |k: usize| {
-        let z = normals(&mut stream(seed, 500_000 + k as u64), trials.parameters.len());
-        of.at(&z, None).map(|p| p.state.into_iter().map(|a| a.forces_n).collect::<Vec<_>>())
-    };
-    (0..PRIOR_DRAWS).into_par_iter().map(draw).collect::<Vec<_>>().into_iter().flatten().collect()
 }
 
 /// Tension of all ligaments at rest.
@@ -535,19 +482,4 @@ fn rms(sources: &[(String, Targets)], predicted: &[Option<Free<f64>>]) -> Free<O
         }
     }
     Free::from_fn(|c| squares.get(&c).filter(|s| !s.is_empty()).map(|s| mean(s).sqrt()))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_slack_bundle_stays_slack_and_a_taut_one_is_known_to_a_tenth_at_best() {
-        assert!(force_sd(0.0).abs() < 1e-12);
-        for pair in [1.0, 10.0, 100.0, 400.0].windows(2) {
-            assert!(force_sd(pair[0]) < force_sd(pair[1]));
-            assert!(force_sd(pair[1]) / pair[1] < force_sd(pair[0]) / pair[0]);
-        }
-        assert!(force_sd(400.0) >= UNLIKE_SHARE * 400.0);
-    }
 }

@@ -38,5 +38,6 @@ pub mod targets;
 mod toy;
 pub mod unknown;
 pub mod unknowns;
+mod unmeasured;
 
 pub use error::CalibrationError;

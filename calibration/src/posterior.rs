@@ -64,8 +64,13 @@ pub struct ForceEstimate {
     pub lower_n: f64,
     /// Upper end of its interval [N].
     pub upper_n: f64,
-    /// Share of the variance that parameters spread over their ranges would give, which the data removed, 0 to 1 [-].
+    /// Share of the variance with nothing measured which the data removed, 0 to 1 [-]: of all that is believed before, by an inference; of parameters
+    /// spread over their ranges, by the recipes.
     pub determined: f64,
+    /// Share of the parameters' own variance which beliefs about forces removed before anything was measured, 0 to 1 [-]; 0 by the recipes.
+    pub believed: f64,
+    /// Mean and ends of the interval with nothing measured [N]; `None` by the recipes and without samples.
+    pub unmeasured: Option<[f64; 3]>,
 }
 
 /// A number of the knee that is no ligament's, after a calibration: of a frame, of the contact.
@@ -261,6 +266,8 @@ pub fn forces(probes: &Probes, design: &Design, point: &[f64], found: &Found, in
                 lower_n: lower_n.min(here),
                 upper_n: upper_n.max(here),
                 determined,
+                believed: 0.0,
+                unmeasured: None,
             });
         }
     }

@@ -107,14 +107,21 @@ pub fn history(costs: &[f64]) -> String {
     out
 }
 
-/// forces.csv: bundle forces in the AP tests with their intervals, and whether those stay within 15 N of the value.
+/// forces.csv: bundle forces in the AP tests with their intervals, and whether those stay within 15 N of the value; then what beliefs removed of the
+/// variance before the measurements, and mean and interval with nothing measured.
 fn forces(found: &Calibrated, bundles: &[String]) -> String {
-    let mut out = "trial,bundle,value_n,lower_n,upper_n,determined,within_15_n\n".to_owned();
+    let mut out = "trial,bundle,value_n,lower_n,upper_n,determined,within_15_n".to_owned();
+    out += ",believed,unmeasured_n,unmeasured_lower_n,unmeasured_upper_n\n";
     for f in &found.forces {
         let name = bundles.get(f.bundle).map_or("", String::as_str);
         let value = f.value_n.map_or(String::new(), |v| format!("{v:.3}"));
         let (trial, within) = (&f.trial, f.is_determined());
-        let _ = writeln!(out, "{trial},{name},{value},{:.3},{:.3},{:.3},{within}", f.lower_n, f.upper_n, f.determined);
+        let before = f.unmeasured.map_or(",,".to_owned(), |[v, a, b]| format!("{v:.3},{a:.3},{b:.3}"));
+        let _ = writeln!(
+            out,
+            "{trial},{name},{value},{:.3},{:.3},{:.3},{within},{:.3},{before}",
+            f.lower_n, f.upper_n, f.determined, f.believed
+        );
     }
     out
 }

@@ -3,9 +3,10 @@
 //! A sample is a knee: ligaments, sites, frames, contact. Its equilibria under other loads are sought from those of the most probable knee.
 
 use crate::error::CalibrationError;
-use crate::inferred::{LACK, force_sd};
+use crate::inferred::LACK;
 use crate::posterior::{ends, mean};
 use crate::unknown::{UNLIKE_STREAM, Unknown, Unknowns};
+use crate::unmeasured::force_sd;
 use attachments::groups::GROUPS;
 use inference::knee::predict::Prediction;
 use inference::knee::{Asked, Quantity, Trials};

@@ -34,5 +34,6 @@ pub mod noise;
 pub mod parameter;
 pub mod posterior;
 pub mod random;
+pub mod shift;
 
 pub use error::InferenceError;

@@ -2,6 +2,7 @@
 
 use crate::error::InferenceError;
 use crate::least_squares::Quadratic;
+use crate::shift::Shift;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 /// Measured numbers and their scatter.
@@ -39,10 +40,12 @@ pub struct Linear {
     pub reading: DVector<f64>,
     /// Their slopes.
     pub slope: DMatrix<f64>,
-    /// Residuals of beliefs, of unit variance.
+    /// Residuals of beliefs, of unit variance, on whatever side.
     pub belief: DVector<f64>,
     /// Their slopes.
     pub belief_slope: DMatrix<f64>,
+    /// Whether a belief counts where its residual is above zero alone.
+    pub one_side: Vec<bool>,
     /// Where.
     pub z: DVector<f64>,
 }
@@ -108,26 +111,28 @@ impl Likelihood {
         self.factor.as_ref().and_then(|f| f.l_dirty().solve_lower_triangular(v)).unwrap_or_else(|| v.clone())
     }
 
-    /// Half the squared residuals at a point with the prior's centre at `centre`, and what it changes by; readings shifted by `noise` (white).
-    pub fn form(&self, at: &Linear, centre: &DVector<f64>, noise: Option<&DVector<f64>>) -> Quadratic {
+    /// The rows of a matrix over the factor of the covariance.
+    pub fn white_rows(&self, m: &DMatrix<f64>) -> DMatrix<f64> {
+        self.factor.as_ref().and_then(|f| f.l_dirty().solve_lower_triangular(m)).unwrap_or_else(|| m.clone())
+    }
+
+    /// Half the squared residuals at a point, and what it changes by, with what a sample changes.
+    pub fn form(&self, at: &Linear, shift: &Shift) -> Quadratic {
         let mut residual = self.white(&(&at.reading - &self.measured));
-        if let Some(e) = noise {
-            residual -= e;
+        if !shift.noise.is_empty() {
+            residual -= &shift.noise;
         }
-        let slope = self
-            .factor
-            .as_ref()
-            .and_then(|f| f.l_dirty().solve_lower_triangular(&at.slope))
-            .unwrap_or_else(|| at.slope.clone());
-        let pull = &at.z - centre;
+        let slope = self.white_rows(&at.slope);
+        let pull = &at.z - &shift.centre;
         let mut gradient = slope.tr_mul(&residual) + &pull;
         let mut hessian = slope.tr_mul(&slope);
-        if !at.belief.is_empty() {
-            gradient += at.belief_slope.tr_mul(&at.belief);
-            hessian += at.belief_slope.tr_mul(&at.belief_slope);
+        let (belief, belief_slope) = shift.heard(at);
+        if !belief.is_empty() {
+            gradient += belief_slope.tr_mul(&belief);
+            hessian += belief_slope.tr_mul(&belief_slope);
         }
         (0..hessian.nrows()).for_each(|k| hessian[(k, k)] += 1.0);
-        let value = 0.5 * (residual.norm_squared() + at.belief.norm_squared() + pull.norm_squared());
+        let value = 0.5 * (residual.norm_squared() + belief.norm_squared() + pull.norm_squared());
         Quadratic { value, gradient, hessian }
     }
 
@@ -153,14 +158,15 @@ impl Likelihood {
     pub fn infer_scales(&mut self, at: &Linear, scale_noise: bool) -> Result<(), InferenceError> {
         self.let_go(&at.reading);
         if scale_noise {
-            let (n, extra) = (self.sd.len(), at.belief.len());
+            let (belief, belief_slope) = Shift::none(at.z.len()).heard(at);
+            let (n, extra) = (self.sd.len(), belief.len());
             let rows = n + extra;
             let mut slope = DMatrix::zeros(rows, at.slope.ncols());
             slope.rows_mut(0, n).copy_from(&at.slope);
-            slope.rows_mut(n, extra).copy_from(&at.belief_slope);
+            slope.rows_mut(n, extra).copy_from(&belief_slope);
             let mut centred = DVector::zeros(rows);
             centred.rows_mut(0, n).copy_from(&(&self.measured - &at.reading));
-            centred.rows_mut(n, extra).copy_from(&-&at.belief);
+            centred.rows_mut(n, extra).copy_from(&-&belief);
             centred += &slope * &at.z;
             let base = &slope * slope.transpose();
             for _ in 0..ROUNDS {
@@ -228,6 +234,7 @@ mod tests {
             slope,
             belief: DVector::zeros(0),
             belief_slope: DMatrix::zeros(0, 20),
+            one_side: Vec::new(),
             z: DVector::zeros(20),
         };
         likelihood.robust = 1e9;
@@ -256,6 +263,7 @@ mod tests {
                 slope: none,
                 belief: DVector::zeros(0),
                 belief_slope: DMatrix::zeros(0, 1),
+                one_side: Vec::new(),
                 z: DVector::zeros(1),
             };
             (0..3).for_each(|_| likelihood.infer_scales(&at, true).unwrap());

@@ -1,13 +1,14 @@
 //! The posterior: modes by least squares from many starts, their evidence, samples.
 //!
-//! Samples by randomised maximum likelihood [oliver1996]: each is the fit to measurements shifted by their noise, under a prior whose centre is drawn
-//! from the prior. For a linear model these are exact; here a parameter that the data do not touch stays where the prior drew it. A fit may start from the
+//! Samples by randomised maximum likelihood [oliver1996]: each is the fit to measurements and beliefs shifted by their noise, under a prior whose centre
+//! is drawn from the prior ([`crate::shift`]). For a linear model these are exact; here a parameter that the data do not touch stays where the prior drew it. A fit may start from the
 //! sample's own draw ([`Forward::starts_anew`]): so samples reach modes that no start has found, of two bundles either one taut.
 
 use crate::error::InferenceError;
 use crate::least_squares::{Least, Quadratic, Stop, descend};
 use crate::noise::{Likelihood, Linear};
 use crate::random::{normals, stream};
+use crate::shift::{Shift, drawn};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -19,10 +20,12 @@ pub struct Point<S> {
     pub reading: DVector<f64>,
     /// Their slopes: a row a reading, a column a number.
     pub slope: DMatrix<f64>,
-    /// Residuals of beliefs that are no parameters' (forces, say), of unit variance.
+    /// Residuals of beliefs that are no parameters' (forces, say), of unit variance, on whatever side.
     pub belief: DVector<f64>,
     /// Their slopes.
     pub belief_slope: DMatrix<f64>,
+    /// Whether a belief counts where its residual is above zero alone.
+    pub one_side: Vec<bool>,
     /// What the next point close by starts from, and what else is wanted of this one.
     pub state: S,
 }
@@ -34,6 +37,7 @@ impl<S: Default> Default for Point<S> {
             slope: DMatrix::zeros(0, 0),
             belief: DVector::zeros(0),
             belief_slope: DMatrix::zeros(0, 0),
+            one_side: Vec::new(),
             state: S::default(),
         }
     }
@@ -152,6 +156,8 @@ pub struct Found<S> {
 const FALL: f64 = 0.02;
 /// The same of a sample [-].
 const SAMPLE_FALL: f64 = 0.5;
+/// Streams of the samples' scales of noise.
+const SCALES: u64 = 400_000;
 /// Modes less likely than the best by this much (natural logarithm) are not sampled.
 const UNLIKELY: f64 = 6.0;
 /// Modes no further apart than this in any number are one [-].
@@ -209,12 +215,15 @@ pub fn infer<F: Forward>(
         }
     }
     let modes = modes(likelihood, fits);
-    let (samples, spent) = samples(forward, likelihood, &modes, options);
+    let line = |m: &Mode<F::State>| forward.at(&m.z, Some((&m.z, &m.state))).map(|p| linear(&p, &m.z));
+    let lines: Vec<Option<Linear>> = modes.par_iter().map(line).collect();
+    let drawn = likelihood.measured.len() + lines.iter().flatten().map(|l| l.belief.len()).max().unwrap_or(0);
+    let (samples, spent) = samples(forward, likelihood, (&modes, &lines), options);
     // an interval of no samples would be of no width: a quarter is kept, however far from a fit
     let mut ended: Vec<f64> = samples.iter().flatten().map(|s| s.half_sum).collect();
     ended.sort_by(f64::total_cmp);
     let least = ended.get((options.samples / LEAST_KEPT).min(ended.len().saturating_sub(1)));
-    let limit = limit(&modes[0], likelihood.measured.len()).max(least.copied().unwrap_or(0.0));
+    let limit = limit(&modes[0], drawn).max(least.copied().unwrap_or(0.0));
     let wanted = samples.len();
     let samples: Vec<Sample<F::State>> = samples.into_iter().flatten().filter(|s| s.half_sum <= limit).collect();
     let stuck = wanted - samples.len();
@@ -241,19 +250,8 @@ fn linear<S>(point: &Point<S>, z: &DVector<f64>) -> Linear {
         slope: point.slope.clone(),
         belief: point.belief.clone(),
         belief_slope: point.belief_slope.clone(),
+        one_side: point.one_side.clone(),
         z: z.clone(),
-    }
-}
-
-/// What a sample changes: the centre of the prior and white noise on the measurements.
-struct Shift {
-    centre: DVector<f64>,
-    noise: Option<DVector<f64>>,
-}
-
-impl Shift {
-    fn none(n: usize) -> Shift {
-        Shift { centre: DVector::zeros(n), noise: None }
     }
 }
 
@@ -269,7 +267,7 @@ fn fit<F: Forward>(
         let from = last.or(near.map(|s| (close, s)));
         // far from what is close by there may be an answer all the same
         let point = forward.at(z, from).or_else(|| if last.is_none() { forward.at(z, None) } else { None })?;
-        let form = likelihood.form(&linear(&point, z), &shift.centre, shift.noise.as_ref());
+        let form = likelihood.form(&linear(&point, z), shift);
         form.value.is_finite().then_some((form, point.state))
     };
     let found = descend(start.clone(), evaluate, stop);
@@ -294,9 +292,9 @@ fn modes<S>(likelihood: &Likelihood, mut fits: Vec<Least<S>>) -> Vec<Mode<S>> {
 }
 
 /// Half the squared residuals above which a sample has not come near a fit: a sample's exceeds the best fit's by half a sum of as many squared normals as
-/// there are readings, give or take.
-fn limit<S>(best: &Mode<S>, readings: usize) -> f64 {
-    let n = readings as f64;
+/// there are readings and beliefs, give or take.
+fn limit<S>(best: &Mode<S>, drawn: usize) -> f64 {
+    let n = drawn as f64;
     best.form.value + 0.5 * (n + 4.0 * (6.0 * n).sqrt())
 }
 
@@ -304,7 +302,7 @@ fn limit<S>(best: &Mode<S>, readings: usize) -> f64 {
 fn samples<F: Forward>(
     forward: &F,
     likelihood: &Likelihood,
-    modes: &[Mode<F::State>],
+    (modes, lines): (&[Mode<F::State>], &[Option<Linear>]),
     options: &Options,
 ) -> (Vec<Option<Sample<F::State>>>, usize) {
     let best = modes.iter().map(|m| m.log_evidence).fold(f64::NEG_INFINITY, f64::max);
@@ -326,18 +324,19 @@ fn samples<F: Forward>(
         .into_par_iter()
         .map(|s| {
             let mode = mode_of((s as f64 + 0.5) / options.samples as f64);
-            let mut random = stream(options.seed, 1_000 + s as u64);
-            let centre = normals(&mut random, forward.size());
-            let noise = normals(&mut random, likelihood.measured.len());
+            let mut random = stream(options.seed, SCALES + s as u64);
             let mut own = likelihood.with_scales_at(&normals(&mut random, likelihood.scale.len()));
-            if own.prepare().is_err() {
-                return (None, 0);
-            }
-            let shift = Shift { centre, noise: Some(noise) };
+            let drawn =
+                own.prepare().ok().and(lines[mode].as_ref()).and_then(|at| drawn(&own, at, options.seed, s as u64));
+            let Some((shift, line)) = drawn else { return (None, 0) };
             let near = &modes[mode];
-            let start =
-                DVector::from_fn(near.z.len(), |k, _| if forward.starts_anew(k) { shift.centre[k] } else { near.z[k] });
-            let found = fit(forward, &own, (&start, &near.z, Some(&near.state)), &shift, stop);
+            let own_draws = |from: &DVector<f64>| {
+                let of = |k: usize| if forward.starts_anew(k) { shift.centre[k] } else { from[k] };
+                DVector::from_fn(from.len(), |k, _| of(k))
+            };
+            let fit_from = |start: DVector<f64>| fit(forward, &own, (&start, &near.z, Some(&near.state)), &shift, stop);
+            // where the linear model has the sample, or, where there is no answer, from the mode
+            let found = fit_from(own_draws(&line)).or_else(|| fit_from(own_draws(&near.z)));
             let spent = found.as_ref().map_or(1, |f| f.evaluations);
             (found.map(|f| Sample { z: f.z, state: f.state, mode, half_sum: f.form.value }), spent)
         })

@@ -21,3 +21,8 @@ pub fn normal(random: &mut ChaCha8Rng) -> f64 {
 pub fn normals(random: &mut ChaCha8Rng, n: usize) -> DVector<f64> {
     DVector::from_fn(n, |_, _| normal(random))
 }
+
+/// A number between 0 and 1, neither of them.
+pub fn uniform(random: &mut ChaCha8Rng) -> f64 {
+    random.random_range(f64::EPSILON..1.0)
+}

@@ -72,9 +72,6 @@ impl Trials<'_> {
         for (r, b) in self.beliefs.iter().enumerate() {
             let (answer, slopes) = &found[b.trial];
             let force: f64 = b.bundles.iter().map(|&k| answer.forces_n[k]).sum();
-            if b.only_above && force <= b.mean_n {
-                continue;
-            }
             belief[r] = (force - b.mean_n) / b.sd_n;
             for k in 0..n {
                 let by: f64 = b.bundles.iter().map(|&m| slopes.forces_n[(m, k)]).sum();
@@ -84,6 +81,7 @@ impl Trials<'_> {
         let state: Answers = found.into_iter().map(|f| f.0).collect();
         let plain: Vec<f64> = values.iter().map(|v| v.0).collect();
         let reading = DVector::from_iterator(rows.len(), rows.iter().map(|&(i, c)| self.read(&plain, &state, i)[c]));
-        Point { reading, slope, belief, belief_slope, state }
+        let one_side = self.beliefs.iter().map(|b| b.only_above).collect();
+        Point { reading, slope, belief, belief_slope, one_side, state }
     }
 }

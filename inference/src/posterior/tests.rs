@@ -17,7 +17,7 @@ impl Forward for Toy {
         let reading = s.map(|x| x + self.curve * x * x);
         let slope = DMatrix::from_fn(s.len(), z.len(), |i, k| (1.0 + 2.0 * self.curve * s[i]) * self.slope[(i, k)]);
         let none = DMatrix::zeros(0, z.len());
-        Some(Point { reading, slope, belief: DVector::zeros(0), belief_slope: none, state: () })
+        Some(Point { reading, slope, belief_slope: none, ..Point::default() })
     }
 }
 
@@ -187,5 +187,70 @@ fn as_many_fits_are_told_as_are_expected() {
         let options = Options { starts, finalists, rounds, samples, ..Options::default() };
         infer(&counted, &mut l, &[DVector::zeros(4)], &options).unwrap();
         assert_eq!(counted.1.into_inner(), options.fits(1));
+    }
+}
+
+/// One number, read once, and a belief that it is below a bound, or near it.
+struct Believed {
+    reading: f64,
+    belief: f64,
+    bound: f64,
+    one_side: bool,
+}
+
+impl Forward for Believed {
+    type State = ();
+    fn size(&self) -> usize {
+        1
+    }
+    fn at(&self, z: &DVector<f64>, _: Option<(&DVector<f64>, &())>) -> Option<Point<()>> {
+        let of = |slope: f64| DMatrix::from_element(1, 1, slope);
+        Some(Point {
+            reading: z * self.reading,
+            slope: of(self.reading),
+            belief: DVector::from_element(1, self.belief * z[0] - self.bound),
+            belief_slope: of(self.belief),
+            one_side: vec![self.one_side],
+            state: (),
+        })
+    }
+}
+
+impl Believed {
+    /// Mean and standard deviation of the posterior with a measurement of `measured`, by a sum.
+    fn exact(&self, measured: f64) -> (f64, f64) {
+        let density = |z: f64| {
+            let belief = self.belief * z - self.bound;
+            let heard = if self.one_side { belief.max(0.0) } else { belief };
+            (-0.5 * (z * z + (self.reading * z - measured).powi(2) + heard * heard)).exp()
+        };
+        let grid: Vec<f64> = (-8_000..=8_000).map(|i| f64::from(i) * 1e-3).collect();
+        let sum = |f: &dyn Fn(f64) -> f64| grid.iter().map(|z| density(*z) * f(*z)).sum::<f64>();
+        let mean = sum(&|z| z) / sum(&|_| 1.0);
+        (mean, (sum(&|z| (z - mean).powi(2)) / sum(&|_| 1.0)).sqrt())
+    }
+}
+
+#[test]
+fn samples_are_as_wide_as_the_posterior_with_beliefs() {
+    for belief in [0.0, 1.0, 2.0, 4.0] {
+        for (one_side, bound) in [(false, 0.0), (false, 2.0), (true, -2.0), (true, 0.0), (true, 2.0)] {
+            for reading in [0.0, 1.0] {
+                let toy = Believed { reading, belief, bound, one_side };
+                let measured = DVector::from_element(1, 0.7);
+                let mut l = Likelihood::independent(measured, vec![1.0], vec![0]);
+                l.robust = 1e9;
+                let options = Options { scale_noise: false, samples: 4000, ..Options::default() };
+                let found = infer(&toy, &mut l, &[], &options).unwrap();
+                let (mean, sd) = moments(&found.samples, 0);
+                let (exact, exact_sd) = toy.exact(0.7);
+                let told = format!(
+                    "slope {belief}, bound {bound}, one side {one_side}, reading {reading}: {mean:.3} {sd:.3}, exact {exact:.3} {exact_sd:.3}"
+                );
+                println!("{told}");
+                assert!((0.95..1.05).contains(&(sd / exact_sd)), "{told}");
+                assert!((mean - exact).abs() < 0.08 * exact_sd, "{told}");
+            }
+        }
     }
 }
