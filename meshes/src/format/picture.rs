@@ -82,7 +82,9 @@ pub fn read_labels(name: &str, bytes: &[u8], files: &BTreeMap<String, Vec<u8>>) 
         return metaimage::read(name, bytes, files)?.labels().map(whole);
     }
     if dicom::looks_dicom(bytes) {
-        let read = dicom::segmentation::read(bytes)?;
+        let read = dicom::segmentation::read(bytes).map_err(|e| {
+            FormatError(format!("the file is DICOM: {}; else export the segmentation as .seg.nrrd by 3D Slicer", e.0))
+        })?;
         let mut map = LabelMap { names: read.names, overlapping: read.overlapping, ..whole(read.labels) };
         map.notes.extend(read.notes);
         return Ok(map);

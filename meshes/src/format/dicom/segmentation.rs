@@ -113,7 +113,7 @@ pub(in crate::format) fn read(bytes: &[u8]) -> Result<Segmentation, FormatError>
         }
         bits => {
             return refuse(format!(
-                "a segmentation of {} bits a pixel{}, which is not read; export it uncompressed, or as .seg.nrrd by 3D Slicer",
+                "a segmentation of {} bits a pixel{}, which is not read; export it uncompressed",
                 bits.map_or("unknown".into(), u16::to_string),
                 if syntax.packing == Packing::None { "" } else { ", packed" }
             ));
@@ -173,12 +173,10 @@ impl Header {
     fn is_segmentation(&self) -> Result<(), FormatError> {
         let expected = "expected a DICOM segmentation (SEG), NIfTI, NRRD or MetaImage";
         if self.object == CONTOURS {
-            return refuse(format!(
-                "the file is a DICOM RT structure set, contours without voxels; {expected}: export it from 3D Slicer as .seg.nrrd"
-            ));
+            return refuse(format!("it is an RT structure set, contours without voxels; {expected}"));
         }
         if !SEGMENTATIONS.contains(&self.object.as_str()) {
-            return refuse(format!("the file is DICOM and no segmentation (kind {}); {expected}", self.object));
+            return refuse(format!("it is no segmentation (kind {}); {expected}", self.object));
         }
         if !["BINARY", "FRACTIONAL", "LABELMAP"].contains(&self.kind.as_str()) {
             return refuse(format!("a segmentation of type `{}`; expected BINARY, FRACTIONAL or LABELMAP", self.kind));
