@@ -134,6 +134,9 @@ fn hold(
     }
 }
 
+/// What is said where nothing tells left from right.
+pub const NO_FIBULA: &str = "no fibular shaft was found: nothing shows whether the side in specimen.toml is right";
+
 /// Holds given frames and bodies that are carried along against the bones.
 fn hold_bodies(
     file: &SpecimenFile,
@@ -144,6 +147,9 @@ fn hold_bodies(
     let side = file.specimen.side;
     if let Some(axes) = bodies::axes(&sources.ct.femur, &sources.ct.tibfib, side) {
         bodies::grown_together(&sources.ct.femur, &axes, "the femur", warnings);
+        if axes.fibula.is_none() {
+            warnings.push(NO_FIBULA.into());
+        }
     }
     if let (Some(given), Some(table), Some(bones)) = (given, &file.frames, held::Bones::of(&sources.ct)) {
         bodies::frames(&table.file, given, &bones, warnings)?;

@@ -254,12 +254,12 @@ def main():
     source, out = map(pathlib.Path, sys.argv[1:3])
     image = nibabel.load(source)
     values = numpy.ascontiguousarray(numpy.round(image.get_fdata()).astype(numpy.int16))
-    nifti(values, image.affine, out)
-    nrrd(values, image.affine, out)
-    metaimage(values, image.affine, out)
     structures = dict(word.split("=") for word in sys.argv[3:] if "=" in word)
     if structures:
         return segmentation(values, image.affine, out, {key: int(label) for key, label in structures.items()})
+    nifti(values, image.affine, out)
+    nrrd(values, image.affine, out)
+    metaimage(values, image.affine, out)
     if "--labels" not in sys.argv:
         series(values, image.affine, out)
         if (out / "dicom").is_dir():

@@ -126,3 +126,37 @@ fn frames_in_another_unit_or_frame_are_refused_by_it() {
     assert_eq!(code, 1, "{words}");
     holds(&words, &["frames.json", "RAS"]);
 }
+
+#[test]
+fn a_tibia_without_its_fibula_is_told() {
+    let without = relabelled(
+        |m| {
+            let grid = m.grid.clone();
+            let axis = (0..3).max_by(|a, b| grid.axes[(2, *a)].abs().total_cmp(&grid.axes[(2, *b)].abs())).unwrap();
+            let mut size = grid.size;
+            size[axis] = 1;
+            let slice = meshes::volume::Grid { size, ..grid.clone() };
+            // of each section the largest piece stays
+            for k in 0..grid.size[axis] {
+                let at = |i: usize| {
+                    let mut v = slice.voxel(i);
+                    v[axis] = k;
+                    grid.at(v)
+                };
+                let pieces = meshes::volume::components::components(&slice, |i| m.values[at(i)] == 6);
+                let largest = (1..pieces.voxels.len()).max_by_key(|p| pieces.voxels[*p]).unwrap_or(0);
+                for (i, piece) in pieces.piece.iter().enumerate().filter(|(_, p)| **p != 0) {
+                    if *piece as usize != largest {
+                        m.values[at(i)] = 0;
+                    }
+                }
+            }
+        },
+        "",
+    );
+    let (code, words) = built(without.path(), "ingest");
+    assert_eq!(code, 0, "{words}");
+    holds(&words, &["warning", "no fibular shaft", "side"]);
+    let (_, words) = checked(without.path());
+    assert_eq!(words.matches("no fibular shaft").count(), 1, "{words}");
+}

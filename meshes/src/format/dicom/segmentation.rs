@@ -162,7 +162,9 @@ impl Header {
                         0x0062_0005 => name = text(value),
                         _ => {}
                     })?;
-                    self.segments.extend(number.map(|n| (usize::from(n), name)));
+                    // a label map names its background, too
+                    let own = number.filter(|n| *n > 0 || self.kind != "LABELMAP");
+                    self.segments.extend(own.map(|n| (usize::from(n), name)));
                 }
             }
             _ => {}
