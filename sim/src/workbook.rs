@@ -1,4 +1,4 @@
-//! Workbooks of Excel (.xlsx) as tables of text: shared strings, dates by their format, cached values of formulas [ecma376].
+//! Workbooks of Excel (.xlsx) as tables of text: shared strings, dates by their format, cached values of formulas [ecma2021].
 //!
 //! What a part unpacks to is limited, and no size that a file claims is believed.
 

@@ -379,6 +379,57 @@ fn landmarks(name: &str, bytes: &[u8]) -> bool {
     stages::ingest::ingest(&raw, &Default::default()).is_ok()
 }
 
+/// Readers of decks, tables, lists of points and what a specimen says in words.
+fn tables() -> Vec<Reader> {
+    vec![
+        Reader {
+            name: "inp",
+            corpus: vec![
+                include_bytes!("../corpus/knee.inp").to_vec(),
+                include_bytes!("../corpus/keywords.inp").to_vec(),
+            ],
+            read: |b| {
+                let mut give = |name: &str| {
+                    if name == "main.inp" { Ok(b.to_vec()) } else { Err("not there".to_string()) }
+                };
+                decks::import("main.inp", &mut give).is_ok()
+            },
+        },
+        Reader {
+            name: "laxity",
+            corpus: vec![include_bytes!("../corpus/laxity.csv").to_vec()],
+            read: |b| sim::laxity::read(b).is_ok(),
+        },
+        Reader {
+            name: "passive",
+            corpus: vec![include_bytes!("../corpus/passive.csv").to_vec()],
+            read: |b| validation::passive::read(b).is_ok(),
+        },
+        Reader { name: "points", corpus: vec![POINTS.to_vec()], read: points },
+        Reader {
+            name: "toml",
+            corpus: vec![TOML.to_vec()],
+            read: |b| String::from_utf8(b.to_vec()).is_ok_and(|t| stages::ingest::parse_specimen_file(&t).is_ok()),
+        },
+        Reader {
+            name: "json",
+            corpus: vec![include_bytes!("../corpus/model.json").to_vec()],
+            read: |b| serde_json::from_slice::<sim::spec::ModelSpec>(b).is_ok(),
+        },
+        Reader { name: "picked points", corpus: vec![PICKED.to_vec()], read: picked },
+        Reader {
+            name: "workbook",
+            corpus: vec![include_bytes!("../corpus/laxity.xlsx").to_vec()],
+            read: |b| sim::laxity::read(b).is_ok(),
+        },
+        Reader {
+            name: "workbook's sheet",
+            corpus: vec![SHEET.to_vec()],
+            read: |b| sim::laxity::read(&workbook(b)).is_ok(),
+        },
+    ]
+}
+
 /// All readers.
 pub(crate) fn readers() -> Vec<Reader> {
     let plain_ply = surfaces(|out, mesh| ply::write_coloured(out, mesh).unwrap_or_default());
@@ -386,7 +437,7 @@ pub(crate) fn readers() -> Vec<Reader> {
     let ascii_stl = b"solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1.5e0 0\nendloop\nendfacet\nendsolid a\nsolid\nfacet normal 0 0 1\nouter loop\nvertex 0 0 5\nvertex 1 0 5\nvertex 0 1 5\nendloop\nendfacet\nendsolid\n".to_vec();
     let mut zipped = Vec::new();
     let _ = nifti::write(&mut zipped, &picture());
-    vec![
+    let mut all = vec![
         Reader {
             name: "stl",
             corpus: [surfaces(|out, m| stl::write(out, &m.mesh).unwrap_or_default()), vec![ascii_stl]].concat(),
@@ -429,51 +480,8 @@ pub(crate) fn readers() -> Vec<Reader> {
             corpus: vec![segmentation("BINARY"), segmentation("FRACTIONAL")],
             read: |b| picture::read_labels("a.dcm", b, &none()).is_ok(),
         },
-        Reader { name: "picked points", corpus: vec![PICKED.to_vec()], read: picked },
-        Reader {
-            name: "workbook",
-            corpus: vec![include_bytes!("../corpus/laxity.xlsx").to_vec()],
-            read: |b| sim::laxity::read(b).is_ok(),
-        },
-        Reader {
-            name: "workbook's sheet",
-            corpus: vec![SHEET.to_vec()],
-            read: |b| sim::laxity::read(&workbook(b)).is_ok(),
-        },
         Reader { name: "dicom", corpus: vec![slice(2), packed_slice()], read: series },
-        Reader {
-            name: "inp",
-            corpus: vec![
-                include_bytes!("../corpus/knee.inp").to_vec(),
-                include_bytes!("../corpus/keywords.inp").to_vec(),
-            ],
-            read: |b| {
-                let mut give = |name: &str| {
-                    if name == "main.inp" { Ok(b.to_vec()) } else { Err("not there".to_string()) }
-                };
-                decks::import("main.inp", &mut give).is_ok()
-            },
-        },
-        Reader {
-            name: "laxity",
-            corpus: vec![include_bytes!("../corpus/laxity.csv").to_vec()],
-            read: |b| sim::laxity::read(b).is_ok(),
-        },
-        Reader {
-            name: "passive",
-            corpus: vec![include_bytes!("../corpus/passive.csv").to_vec()],
-            read: |b| validation::passive::read(b).is_ok(),
-        },
-        Reader { name: "points", corpus: vec![POINTS.to_vec()], read: points },
-        Reader {
-            name: "toml",
-            corpus: vec![TOML.to_vec()],
-            read: |b| String::from_utf8(b.to_vec()).is_ok_and(|t| stages::ingest::parse_specimen_file(&t).is_ok()),
-        },
-        Reader {
-            name: "json",
-            corpus: vec![include_bytes!("../corpus/model.json").to_vec()],
-            read: |b| serde_json::from_slice::<sim::spec::ModelSpec>(b).is_ok(),
-        },
-    ]
+    ];
+    all.extend(tables());
+    all
 }
