@@ -3,6 +3,9 @@
 #![expect(clippy::disallowed_methods, reason = "tests write files")]
 #![expect(clippy::type_complexity, reason = "a table of segments")]
 
+mod bodies;
+mod tables;
+
 use crate::common::{build_model, copy, json, phantom, read, text, write};
 use meshes::format::{nifti, ply, read_surface, stl};
 use meshes::surface::ColouredMesh;
@@ -377,11 +380,9 @@ fn label_maps_of_other_programs_are_read_or_named() {
     assert_eq!(code, 1, "{words}");
     holds(&words, &["centimetres", "10"]);
     // kinds that are named
-    let mut dicom = vec![0; 128];
-    dicom.extend(b"DICM");
-    dicom.extend([0; 400]);
+    let slice = include_bytes!("corpus/dicom/enhanced-rle.dcm").to_vec();
     for (name, bytes, word) in
-        [("l.dcm", dicom, "DICOM"), ("l.img", vec![0; 600], ".hdr"), ("l.mgz", vec![1; 400], "FreeSurfer")]
+        [("l.dcm", slice, "segmentation"), ("l.img", vec![0; 600], ".hdr"), ("l.mgz", vec![1; 400], "FreeSurfer")]
     {
         let (code, words) = built(one(&bytes, name).path(), "ingest");
         assert!(code == 1 && words.contains(word), "{name}: {words}");
@@ -438,121 +439,30 @@ fn labels_within_a_thousandth_of_whole_numbers_are_these() {
     assert_eq!(nifti::read_labels(&bytes).unwrap().values, map.values);
 }
 
-/// The specimen with one laxity file of these bytes.
-fn with_laxity(name: &str, bytes: &[u8]) -> TempDir {
-    let folder = knee(&BUILT);
-    std::fs::create_dir_all(folder.path().join("laxity")).unwrap();
-    let toml = text(&folder.path().join("specimen.toml"));
-    let toml = toml.split("[laxity]").next().unwrap().to_owned();
-    write(&folder.path().join("specimen.toml"), format!("{toml}\n[laxity]\nk = \"laxity/{name}\"\n"));
-    write(&folder.path().join("laxity").join(name), bytes);
-    folder
-}
-
-/// Laxity of a knee: three flexions, both ways of three loads.
-fn laxity(row: impl Fn(&str, f64) -> String) -> String {
-    let mut out = String::from(
-        "trial,test,nominal_flexion_deg,load_vv_nm,load_ie_nm,load_ml_n,load_ap_n,load_si_n,fe_deg,vv_deg,ie_deg,ml_mm,ap_mm,si_mm\n",
-    );
-    for flexion in [0.0, 30.0, 90.0] {
-        for test in ["anterior", "posterior", "internal", "external", "varus", "valgus"] {
-            let _ = writeln!(out, "{}", row(test, flexion));
-        }
-    }
-    out
-}
-
-fn plain(test: &str, flexion: f64, fe: f64) -> String {
-    let s = |plus: &str, minus: &str| f64::from(i8::from(test == plus)) - f64::from(i8::from(test == minus));
-    let (ap, ie, vv) = (s("anterior", "posterior"), s("external", "internal"), s("valgus", "varus"));
-    format!(
-        "{test}{flexion},{test},{flexion},{},{},0,{},20,{fe},{},{},0.5,{},-28.5",
-        10.0 * vv,
-        5.0 * ie,
-        100.0 * ap,
-        4.0 * vv + 0.5,
-        15.0 * ie - 1.0,
-        5.0 * ap - 1.5
-    )
-}
-
 #[test]
-fn zeros_units_and_exchanged_columns_of_laxity_are_looked_at() {
-    let good = laxity(|t, f| plain(t, f, f + 0.3));
-    let (code, words) = checked(with_laxity("k.csv", good.as_bytes()).path());
-    assert!(code == 0 && !words.contains("LOOK    laxity.k"), "{words}");
-    let zeroed = laxity(|t, f| plain(t, f, f - 30.0));
-    let first = good.replacen(",30.3,0.5,-1,0.5,3.5,-28.5", ",30.3,0,0,0,0,0", 1);
-    let swapped = good.replace("ml_mm,ap_mm", "ap_mm,ml_mm");
-    let kilo = laxity(|t, f| plain(t, f, f + 0.3).replace(",100,", ",0.1,").replace(",-100,", ",-0.1,"));
-    let radians = laxity(|t, f| {
-        let row = plain(t, f, f + 0.3);
-        let cells: Vec<String> = row
-            .split(',')
-            .enumerate()
-            .map(|(k, c)| if k == 10 { (c.parse::<f64>().unwrap().to_radians()).to_string() } else { c.to_owned() })
-            .collect();
-        cells.join(",")
-    });
-    for (table, word) in [
-        (zeroed, "zeroed"),
-        (first, "counted from that trial"),
-        (swapped, "exchanged"),
-        (kilo, "unit"),
-        (radians, "rad"),
-    ] {
-        // told, or refused for what follows from it
-        let (code, words) = checked(with_laxity("k.csv", table.as_bytes()).path());
-        let named = [word, if code == 0 { "LOOK" } else { word }];
-        holds(&words, &named);
+fn a_segmentation_of_dicom_is_merged_by_its_segments() {
+    use crate::common::readers::segmentation;
+    use meshes::format::picture::read_labels;
+    for kind in ["BINARY", "FRACTIONAL"] {
+        let map = read_labels("l.dcm", &segmentation(kind), &Default::default()).unwrap();
+        let grid = &map.labels.grid;
+        assert_eq!((grid.size, map.overlapping), ([4, 3, 4], 2));
+        assert!((grid.spacing()[2] - 0.5).abs() < 1e-9 && grid.origin == meshes::Point::new(1.0, 2.0, 0.0));
+        assert_eq!(map.names, [("Femur".to_owned(), 1), ("Tibia".to_owned(), 2)]);
+        let slice = |k: usize| &map.labels.values[12 * k..12 * (k + 1)];
+        assert_eq!(slice(0), [1, 1, 1, 1, 1, 1, 1, 1, 2, 2, 2, 2]);
+        assert!(slice(1).iter().chain(slice(2)).all(|l| *l == 0) && slice(3).iter().all(|l| *l == 1));
+        assert!(map.notes.iter().any(|n| n.contains("2 slices")), "{:?}", map.notes);
     }
-}
-
-#[test]
-fn what_programs_put_around_a_table_is_taken_off_or_named() {
-    let good = laxity(|t, f| plain(t, f, f + 0.3));
-    let trials = |folder: &TempDir| {
-        let (code, words) =
-            said(build_model().arg("check").arg(folder.path()).arg("--write-laxity").arg(folder.path().join("std")));
-        assert_eq!(code, 0, "{words}");
-        text(&folder.path().join("std/k.csv"))
+    let told = |from: &[u8], to: &[u8]| {
+        let bytes = segmentation("BINARY");
+        let at = bytes.windows(from.len()).position(|w| w == from).unwrap();
+        let spoilt = [&bytes[..at], to, &bytes[at + to.len()..]].concat();
+        read_labels("l.dcm", &spoilt, &Default::default()).err().unwrap().0
     };
-    let right = trials(&with_laxity("k.csv", good.as_bytes()));
-    let wide: Vec<u8> = [0xff, 0xfe].into_iter().chain(good.encode_utf16().flat_map(u16::to_le_bytes)).collect();
-    let german = good.replace(',', ";").replace('.', ",");
-    let index: String = good
-        .lines()
-        .enumerate()
-        .map(|(k, l)| if k == 0 { format!(",{l}\n") } else { format!("{},{l}\n", k - 1) })
-        .collect();
-    let tail = format!("{good},,,,,,,,,,,,,\n,,,,,,,,,,,,,\n");
-    let cases: [Vec<u8>; 7] = [
-        wide,
-        format!("sep=;\n{german}").into_bytes(),
-        format!("# robot of 2019\n{good}").into_bytes(),
-        format!("Knee 7, left\n\n{good}").into_bytes(),
-        index.into_bytes(),
-        tail.into_bytes(),
-        good.replace(",-28.5", ",n/a").into_bytes(),
-    ];
-    for (k, bytes) in cases.iter().enumerate() {
-        let table = trials(&with_laxity("k.csv", bytes));
-        let same = table == right
-            || k == 6 && table == right.replace("-28.500000", "")
-            || k == 6 && table.lines().count() == right.lines().count();
-        assert!(same, "{k}:\n{table}\n{right}");
-    }
-    let latin: Vec<u8> = [b"\xb0 degrees\n", good.as_bytes()].concat();
-    let (code, words) = checked(with_laxity("k.csv", &latin).path());
-    assert_eq!(code, 0, "{words}");
-    holds(&words, &["Latin-1"]);
-    let (code, words) = checked(with_laxity("k.xlsx", b"PK\x03\x04....").path());
-    assert_eq!(code, 1, "{words}");
-    holds(&words, &["Excel workbook", "CSV"]);
-    let thousands = good.replace(',', "\t").replace("\t100\t", "\t1,000\t");
-    let (code, words) = checked(with_laxity("k.tsv", thousands.as_bytes()).path());
-    assert_eq!(code, 1, "{words}");
-    holds(&words, &["1,000", "thousand", "decimal"]);
+    holds(&told(b"1.2.840.10008.1.2.1\0", b"1.2.840.10008.1.2.5\0"), &["packed", ".seg.nrrd"]);
+    holds(&told(b"1.4.1.1.66.4", b"1.4.1.1.4811"), &["no segmentation"]);
+    holds(&told(b"BINARY", b"SOMEHO"), &["SOMEHO", "BINARY"]);
 }
 
 #[test]

@@ -1,8 +1,11 @@
 //! Traits of other people's files, drawn by a seed: each on each input of each phantom. The model is right within its limits, or the files are
-//! refused, or a warning names the trait; nothing is silently wrong. `GENU_TRAITS=300` draws 300 of them.
+//! refused by name, or a warning names the trait; nothing is silently wrong. `GENU_TRAITS=300` draws 300 of them.
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests")]
 #![expect(clippy::type_complexity, clippy::too_many_lines, reason = "a table of traits, each with what it does")]
 #![expect(clippy::disallowed_methods, reason = "tests prepare files")]
+
+mod labels;
+mod laxity;
 
 use crate::common::{build_model, copy, json, phantom, read, text, write};
 use meshes::Point;
@@ -99,7 +102,7 @@ fn give_fibres(folder: &Path, built: &Path) {
     write(&folder.join("attachments.csv"), rows.collect::<String>());
 }
 
-/// Draws a trait of an input.
+/// Draws a trait of an input of a dissected knee.
 fn draw(dice: &mut Dice, built: &Path) -> Trait {
     let mut all = changes(dice);
     let (name, change, by, words) = all.swap_remove(dice.below(all.len()));
@@ -248,58 +251,138 @@ fn apart(a: &Path, b: &Path) -> [f64; 3] {
     [mm, deg, if p.len() == q.len() { far.fold(0.0, f64::max) } else { f64::INFINITY }]
 }
 
+/// How a trait ended.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Verdict {
+    /// Refused, and the message names the trait.
+    Refused,
+    /// Told by a warning that names it.
+    Told,
+    /// The right model all the same.
+    Right,
+    /// Refused by a message that does not name it.
+    Unnamed,
+    /// Another model or other trials, and no word.
+    Silent,
+}
+
+fn named(words: &str, drawn: &Trait) -> bool {
+    drawn.words.iter().any(|w| words.to_lowercase().contains(&w.to_lowercase()))
+}
+
+fn refused(words: &str, drawn: &Trait) -> Verdict {
+    if named(words, drawn) { Verdict::Refused } else { Verdict::Unnamed }
+}
+
+/// What a build says of a changed knee; `clean` are the words of the knee as it was, `right` its build.
+fn build_verdict(folder: &Path, right: &Path, clean: &str, drawn: &Trait) -> (Verdict, String) {
+    let built = folder.join("build");
+    let mut said = run(folder, &built, "ingest");
+    if said.0 == Some(0) && !named(&new_warnings(&said.1, clean), drawn) {
+        said = run(folder, &built, "attachments");
+    }
+    let (code, words) = said;
+    let verdict = match code {
+        Some(1) => refused(&words, drawn),
+        Some(0) if named(&new_warnings(&words, clean), drawn) => Verdict::Told,
+        Some(0) => match apart(&built, right).iter().zip(RIGHT).all(|(o, r)| *o <= r) {
+            true => Verdict::Right,
+            false => Verdict::Silent,
+        },
+        code => panic!("{}: exit status {code:?}: {words}", drawn.name),
+    };
+    (
+        verdict,
+        if verdict == Verdict::Silent {
+            format!("{:.1?}; {}", apart(&built, right), new_warnings(&words, clean))
+        } else {
+            words
+        },
+    )
+}
+
+/// What `check` says of a changed laxity file; its trials in the standard shape are the right ones, or the trait is named.
+fn check_verdict(folder: &Path, right: &str, clean: &str, drawn: &Trait) -> (Verdict, String) {
+    let (code, words, trials) = checked(folder);
+    let new: String = words.lines().filter(|l| !clean.contains(*l)).map(|l| format!("{l}\n")).collect();
+    let verdict = match code {
+        Some(1) => refused(&new, drawn),
+        Some(0) if new.contains("LOOK") && named(&new, drawn) => Verdict::Told,
+        Some(0) if trials == right => Verdict::Right,
+        Some(0) => Verdict::Silent,
+        code => panic!("{}: exit status {code:?}: {words}", drawn.name),
+    };
+    (verdict, new)
+}
+
+/// Exit status and words of `check`, and the laxity file as it writes it.
+fn checked(folder: &Path) -> (Option<i32>, String, String) {
+    let out = folder.join("standard");
+    let done = build_model().arg("check").arg(folder).arg("--write-laxity").arg(&out).output().unwrap();
+    let words = String::from_utf8_lossy(&[done.stdout, done.stderr].concat()).into_owned();
+    let file = out.join("rks.csv");
+    (done.status.code(), words, if file.exists() { text(&file) } else { String::new() })
+}
+
+/// A phantom, built as far as traits are judged, and what the build said.
+fn built(id: &str) -> (TempDir, String) {
+    let folder = phantom(id);
+    if id == LIVING {
+        labels::coarse(folder.path());
+    }
+    let (code, words) = run(folder.path(), &folder.path().join("build"), "attachments");
+    assert_eq!(code, Some(0), "{words}");
+    (folder, words)
+}
+
+/// The phantom of a living knee.
+const LIVING: &str = "mri-phantom";
+/// Of so many traits two are of a dissected knee, one is of a label map, and one of a laxity file.
+const ROUND: usize = 4;
+
 #[test]
 fn no_trait_makes_a_wrong_model_without_a_word() {
     let count = std::env::var("GENU_TRAITS").ok().and_then(|n| n.parse().ok()).unwrap_or(FEW);
     let seed = std::env::var("GENU_SEED").ok().and_then(|n| n.parse().ok()).unwrap_or(55);
     let mut dice = Dice(seed);
-    let knees: Vec<(TempDir, String)> = PHANTOMS
-        .iter()
-        .map(|id| {
-            let folder = phantom(id);
-            let (code, words) = run(folder.path(), &folder.path().join("build"), "attachments");
-            assert_eq!(code, Some(0), "{words}");
-            (folder, words)
-        })
-        .collect();
-    let (mut right, mut warned, mut refused, mut silent) = (0, 0, 0, Vec::new());
+    let knees = PHANTOMS.map(built);
+    let living = built(LIVING);
+    // with laxity, which the program simulates
+    let folder = TempDir::new().unwrap();
+    let measured = folder.path().join("knee");
+    build_model().args(["phantom", PHANTOMS[0]]).arg(&measured).assert().success();
+    let standard = checked(&measured);
+    let mut ends: BTreeMap<&'static str, usize> = BTreeMap::new();
+    let mut wrong = Vec::new();
     for i in 0..count {
-        let (knee, clean) = &knees[i % knees.len()];
-        let drawn = draw(&mut dice, &knee.path().join("build"));
+        let (knee, clean) = if i % ROUND == 2 { &living } else { &knees[i % knees.len()] };
+        let drawn = match i % ROUND {
+            2 => labels::draw(&mut dice),
+            3 => laxity::draw(&mut dice),
+            _ => draw(&mut dice, &knee.path().join("build")),
+        };
         let folder = TempDir::new().unwrap();
-        copy(knee.path(), folder.path());
-        let built = folder.path().join("build");
-        let _ = std::fs::remove_dir_all(&built);
+        copy(if i % ROUND == 3 { &measured } else { knee.path() }, folder.path());
+        let right = knee.path().join("build");
+        let _ = std::fs::remove_dir_all(folder.path().join("build"));
         (drawn.apply)(folder.path());
-        let mut verdict = run(folder.path(), &built, "ingest");
-        let named = |words: &str| drawn.words.iter().any(|w| words.to_lowercase().contains(&w.to_lowercase()));
-        if verdict.0 == Some(0) && !named(&new_warnings(&verdict.1, clean)) {
-            verdict = run(folder.path(), &built, "attachments");
-        }
-        let (code, words) = verdict;
-        match code {
-            Some(1) => refused += 1,
-            Some(0) if named(&new_warnings(&words, clean)) => warned += 1,
-            Some(0) => {
-                let off = apart(&built, &knee.path().join("build"));
-                let scans_moved = off.iter().zip(RIGHT).all(|(o, r)| *o <= r);
-                if scans_moved {
-                    right += 1;
-                } else {
-                    let said = new_warnings(&words, clean);
-                    println!(
-                        "SILENT {i}: {}: frames {:.1} mm {:.1} deg, fibres {:.1} mm off; new warnings:\n{said}",
-                        drawn.name, off[0], off[1], off[2]
-                    );
-                    silent.push(drawn.name);
-                }
-            }
-            code => panic!("{i} {}: exit status {code:?}: {words}", drawn.name),
+        let (verdict, words) = match i % ROUND {
+            3 => check_verdict(folder.path(), &standard.2, &standard.1, &drawn),
+            _ => build_verdict(folder.path(), &right, clean, &drawn),
+        };
+        let name = match verdict {
+            Verdict::Refused => "refused by name",
+            Verdict::Told => "told",
+            Verdict::Right => "the right model",
+            Verdict::Unnamed => "refused without its name",
+            Verdict::Silent => "silently wrong",
+        };
+        *ends.entry(name).or_default() += 1;
+        if matches!(verdict, Verdict::Unnamed | Verdict::Silent) {
+            println!("{name} {i}: {}\n{words}", drawn.name);
+            wrong.push(format!("{i} {}", drawn.name));
         }
     }
-    println!(
-        "{count} traits: {refused} refused, {warned} told, {right} the right model, {} silently wrong",
-        silent.len()
-    );
-    assert!(silent.is_empty(), "{silent:?}");
+    println!("{count} traits: {ends:?}");
+    assert!(wrong.is_empty(), "{wrong:#?}");
 }

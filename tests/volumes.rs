@@ -158,3 +158,52 @@ fn a_label_map_gives_the_same_surfaces_in_every_format() {
         }
     }
 }
+
+/// The structures of the living phantom's label map, as specimen.toml has them.
+const STRUCTURES: [&str; 6] = [
+    "femoral_cartilage=1",
+    "tibial_cartilage_medial=2",
+    "tibial_cartilage_lateral=3",
+    "femur=5",
+    "tibia=6",
+    "patella=7",
+];
+
+#[test]
+fn a_dicom_segmentation_gives_the_surfaces_of_the_label_map() {
+    let test = "a_dicom_segmentation_gives_the_surfaces_of_the_label_map";
+    let picture = "mri/labels.nii.gz";
+    let Some((specimen, out, kinds)) = pictures(test, "mri-phantom", picture, &STRUCTURES) else { return };
+    let plain = TempDir::new().unwrap();
+    for (name, bytes) in stages::phantom::phantom("mri-phantom", 1).unwrap().files {
+        let path = plain.path().join(name);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        write(&path, bytes);
+    }
+    build_model().arg(plain.path()).args(["--to", "ingest", "--quiet"]).assert().success();
+    let surfaces = |folder: &Path| {
+        let mut found = files(&folder.join("build/01-ingest"));
+        found.retain(|name, _| name.ends_with(".ply"));
+        found
+    };
+    let right = surfaces(plain.path());
+    // segments have numbers of their own, from 1 on, so that their names are given
+    let toml = specimen.path().join("specimen.toml");
+    let named = STRUCTURES.iter().fold(text(&toml), |toml, structure| {
+        let (key, label) = structure.split_once('=').unwrap();
+        toml.replace(&format!("{key} = {label}\n"), &format!("{key} = \"{key}\"\n"))
+    });
+    write(&toml, named);
+    for (kind, name) in &kinds {
+        let folder = built(specimen.path(), picture, out.path(), name, "ingest");
+        let found = surfaces(folder.path());
+        assert_eq!(found.keys().collect::<Vec<_>>(), right.keys().collect::<Vec<_>>(), "{kind}");
+        for (surface, bytes) in &right {
+            let mesh = |bytes: &[u8]| read_surface(surface, bytes, &BTreeMap::new()).unwrap().mesh;
+            let off = apart(&mesh(&found[surface]), &mesh(bytes));
+            println!("{kind} {surface}: mean {:.5} mm, p99 {:.5} mm", off[0], off[1]);
+            // places in DICOM are decimals
+            assert!(off[0] < 2e-3 && off[1] < 0.02, "{kind} {surface}: {off:?}");
+        }
+    }
+}

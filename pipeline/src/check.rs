@@ -245,8 +245,8 @@ fn anatomy(report: &AnatomyReport) -> Vec<Item> {
         None => Item::new(
             "specimen.side",
             State::Look,
-            "no fibula was found",
-            "the side cannot be checked; LCL and PFL are left out",
+            ingest::NO_FIBULA,
+            "the side cannot be checked; LCL and PFL are left out where their sites are missing",
         ),
     };
     vec![side]

@@ -124,14 +124,18 @@ fn placed(from: &[PathBuf], filled: &mut Filled) -> Result<(Vec<Placed>, String)
             },
             Kind::Table => tables.push((path, bytes)),
             Kind::Markups => markups.push((path, bytes)),
-            Kind::Dicom => dicom.push((path, bytes)),
+            // a segmentation is a label map, slices are a CT
+            Kind::Dicom => match pictures::label_map(&path, bytes, filled) {
+                Ok(placed) => out.extend(placed),
+                Err(bytes) => dicom.push((path, bytes)),
+            },
             Kind::Picture => match pictures::label_map(&path, bytes, filled) {
                 Ok(placed) => out.extend(placed),
                 Err(bytes) => volumes.push((path, bytes)),
             },
             Kind::Companion => {}
             Kind::Unknown(what) => out.push(leave(format!(
-                "{what}; known are surfaces, tables (CSV), pictures (NIfTI, NRRD, MetaImage, DICOM) and points of 3D Slicer"
+                "{what}; known are surfaces, tables (CSV, XLSX), pictures (NIfTI, NRRD, MetaImage, DICOM) and points of 3D Slicer or MeshLab"
             ))),
         }
     }

@@ -38,6 +38,8 @@ pub mod text;
 pub mod trials;
 pub mod uncertainty;
 pub mod vtk;
+mod workbook;
+pub mod xml;
 
 pub use error::SimError;
 pub use model::{Model, compile};

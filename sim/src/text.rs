@@ -1,6 +1,34 @@
 //! The text of a file in the encodings that programs write, and files that are no text.
 
+use crate::workbook;
 use std::borrow::Cow;
+
+/// A table as text.
+#[derive(Debug)]
+pub struct Table<'a> {
+    /// The rows.
+    pub text: Cow<'a, str>,
+    /// What stands between cells, where it is known.
+    pub separator: Option<char>,
+    /// What is told of how it was read.
+    pub notes: Vec<String>,
+}
+
+/// The text of a table: of text in any encoding, or of a workbook's sheet with names of `known` (in lower case) in its header.
+///
+/// # Errors
+/// Another kind of file, by its name; a damaged workbook.
+pub fn table<'a>(bytes: &'a [u8], known: &[String]) -> Result<Table<'a>, String> {
+    if workbook::looks_zipped(bytes) {
+        let sheet = workbook::sheet(bytes, known)?;
+        return Ok(Table { text: Cow::Owned(sheet.text), separator: Some(';'), notes: sheet.notes });
+    }
+    if let Some(kind) = other_kind(bytes) {
+        return Err(kind.to_owned());
+    }
+    let (text, told) = decoded(bytes);
+    Ok(Table { text, separator: None, notes: told.map(String::from).into_iter().collect() })
+}
 
 /// Share of zero bytes from which on bytes without a mark are UTF-16 [-]: text in Latin letters has one in two.
 const WIDE: f64 = 0.3;
@@ -8,10 +36,9 @@ const WIDE: f64 = 0.3;
 const HEAD: usize = 1000;
 
 /// What a file is that is no table of text, in words; none where it may be one.
-pub fn other_kind(bytes: &[u8]) -> Option<&'static str> {
-    let kinds: [(&[u8], &str); 9] = [
-        (b"PK\x03\x04", "the file is an Excel workbook (.xlsx), an OpenDocument sheet or another zip archive"),
-        (&[0xd0, 0xcf, 0x11, 0xe0], "the file is an Excel workbook (.xls)"),
+fn other_kind(bytes: &[u8]) -> Option<&'static str> {
+    let kinds: [(&[u8], &str); 8] = [
+        (&[0xd0, 0xcf, 0x11, 0xe0], "the file is an Excel workbook of before 2007 (.xls), or one with a password"),
         (b"%PDF", "the file is a PDF"),
         (b"MATLAB 5.0", "the file is MATLAB's (.mat)"),
         (b"\x89HDF", "the file is HDF5 (MATLAB's, or another program's)"),
@@ -65,7 +92,8 @@ mod tests {
         let (text, told) = decoded(b"Winkel [\xb0]");
         assert_eq!(text, "Winkel [\u{b0}]");
         assert!(told.is_some_and(|t| t.contains("Latin-1")));
-        assert!(other_kind(b"PK\x03\x04...").is_some_and(|k| k.contains("Excel")));
+        assert!(table(b"PK\x03\x04...", &[]).is_err_and(|k| k.contains("workbook")));
+        assert!(table(b"%PDF-1.7", &[]).is_err_and(|k| k.contains("PDF")));
         assert!(other_kind(b"trial,test").is_none());
     }
 }

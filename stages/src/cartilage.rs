@@ -166,9 +166,39 @@ pub fn cartilage(
 ) -> Result<Cartilage, StageError> {
     check(options)?;
     let options = &for_size(options, &specimen.ct.femur);
-    if let Some(shown) = &specimen.mri {
-        return mri::of_mri(specimen, shown, registration, bones, options);
-    }
+    let mut made = match &specimen.mri {
+        Some(shown) => mri::of_mri(specimen, shown, registration, bones, options)?,
+        None => of_scans(specimen, registration, bones, options)?,
+    };
+    made.warnings.extend(too_thick(&made.metrics.solids));
+    Ok(made)
+}
+
+/// No cartilage of a tibia or femur is so thick over a twentieth of its area [mm]: the thickest plateaus reach 5 to 6 at one spot. Ours.
+const THICKEST_MM: f64 = 6.0;
+
+/// Names cartilages that are none by their thickness.
+fn too_thick(solids: &PerCartilage<SolidMetrics>) -> Vec<String> {
+    let named =
+        [("femur", &solids.femur), ("tibia_medial", &solids.tibia_medial), ("tibia_lateral", &solids.tibia_lateral)];
+    let thick = named.into_iter().filter(|(_, m)| m.thickness_p95_mm > THICKEST_MM);
+    thick
+        .map(|(name, m)| {
+            format!(
+                "{name}: {:.1} mm thick over a twentieth of its area, where cartilage is at most {THICKEST_MM}: an implant's insert, a meniscus, or a label of more than cartilage",
+                m.thickness_p95_mm
+            )
+        })
+        .collect()
+}
+
+/// The solids of a dissected knee.
+fn of_scans(
+    specimen: &Specimen,
+    registration: &Registration,
+    bones: &Bones,
+    options: &CartilageOptions,
+) -> Result<Cartilage, StageError> {
     let femur = Covered {
         name: "femur",
         count: 1,
@@ -272,9 +302,10 @@ fn of_bone(of: &Covered, options: &CartilageOptions) -> Result<Made, StageError>
     if patches.len() < count {
         return Err(StageError::Knee(format!(
             "cartilage: {} found on the {name}, expected {count}: no further patch of at least {} mm2 lies {least:.2} mm \
-             or more above the bone; check the registration and that the scan shows cartilage",
+             to {} mm above the bone; check the registration and that the scan shows cartilage, not an implant",
             patches.len(),
-            options.least_area_mm2
+            options.least_area_mm2,
+            options.reach_mm
         )));
     }
     if patches.len() > count {

@@ -1,9 +1,11 @@
 //! Stage 1, ingest: the specimen's files become checked values in mm.
 
+mod bodies;
 mod file;
 mod held;
 mod merge;
 mod mri;
+mod picked;
 mod points;
 mod slicer;
 mod space;
@@ -33,12 +35,14 @@ pub fn ingest(raw: &RawSpecimen, options: &IngestOptions) -> Result<Specimen, St
     ingest_file(&parse_specimen_file(&raw.toml)?, raw, options)
 }
 
-/// Names of the points in a file of 3D Slicer's; `None` for another kind of file.
+/// Names of the points in a file of 3D Slicer's or MeshLab's; `None` for another kind of file.
 ///
 /// # Errors
 /// A file that cannot be read.
 pub fn markup_names(path: &str, bytes: &[u8]) -> Option<Result<Vec<String>, StageError>> {
-    slicer::read(path, bytes).map(|read| Ok(read?.into_iter().map(|p| p.name).collect()))
+    slicer::read(path, bytes)
+        .or_else(|| picked::read(path, bytes))
+        .map(|read| Ok(read?.into_iter().map(|p| p.name).collect()))
 }
 
 /// Refuses options that mean nothing, before any work.
@@ -86,6 +90,7 @@ pub fn ingest_file(file: &SpecimenFile, raw: &RawSpecimen, options: &IngestOptio
     }
     space::check(&sources.ct, [&landmarks, &marks])?;
     hold(file, &sources, [&landmarks, &marks], &given_fibres, &mut warnings)?;
+    hold_bodies(file, &sources, given_frames.as_ref(), &mut warnings)?;
     let metrics = IngestMetrics {
         landmarks: landmarks.len(),
         marks: marks.len(),
@@ -127,6 +132,35 @@ fn hold(
         Some(patella) => held::patella(patella, &bones, warnings),
         None => Ok(()),
     }
+}
+
+/// What is said where nothing tells left from right.
+pub const NO_FIBULA: &str = "no fibular shaft was found: nothing shows whether the side in specimen.toml is right";
+
+/// Holds given frames and bodies that are carried along against the bones.
+fn hold_bodies(
+    file: &SpecimenFile,
+    sources: &Sources,
+    given: Option<&frames::given::GivenFrames>,
+    warnings: &mut Vec<String>,
+) -> Result<(), StageError> {
+    let side = file.specimen.side;
+    if let Some(axes) = bodies::axes(&sources.ct.femur, &sources.ct.tibfib, side) {
+        bodies::grown_together(&sources.ct.femur, &axes, "the femur", warnings);
+        if axes.fibula.is_none() {
+            warnings.push(NO_FIBULA.into());
+        }
+    }
+    if let (Some(given), Some(table), Some(bones)) = (given, &file.frames, held::Bones::of(&sources.ct)) {
+        bodies::frames(&table.file, given, &bones, warnings)?;
+    }
+    let Some(mri) = sources.mri.as_ref().filter(|m| !m.bodies.is_empty()) else { return Ok(()) };
+    // beside CT the bones of MRI stand where scans do
+    let own = PerBone { femur: sources.scans.femur.mesh.clone(), tibfib: sources.scans.tibfib.mesh.clone() };
+    if let Some(bones) = held::Bones::of(&own) {
+        bodies::carried(mri, &bones, bodies::axes(&own.femur, &own.tibfib, side).as_ref(), warnings);
+    }
+    Ok(())
 }
 
 /// What shows bones and cartilage.

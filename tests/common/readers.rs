@@ -253,6 +253,103 @@ fn series(bytes: &[u8]) -> bool {
     dicom::read_series(&files).is_ok()
 }
 
+/// A segmentation of two segments on 4 x 3 pixels: four frames, of which the second slice of segment 2 is left out; binary, or one byte a pixel.
+pub(crate) fn segmentation(kind: &str) -> Vec<u8> {
+    let long = |group: u16, number: u16, kind: &[u8; 2], value: &[u8]| {
+        let (g, e, n) = (group.to_le_bytes(), number.to_le_bytes(), (value.len() as u32).to_le_bytes());
+        [&g[..], &e, kind, &[0, 0], &n, value].concat()
+    };
+    let short = |group: u16, number: u16, kind: &[u8; 2], value: &[u8]| {
+        let value = if value.len() % 2 == 1 { [value, b" "].concat() } else { value.to_vec() };
+        let (g, e, n) = (group.to_le_bytes(), number.to_le_bytes(), (value.len() as u16).to_le_bytes());
+        [&g[..], &e, kind, &n, &value].concat()
+    };
+    let item = |body: Vec<u8>| [&[0xFE, 0xFF, 0x00, 0xE0][..], &(body.len() as u32).to_le_bytes(), &body].concat();
+    let sequence = |group: u16, number: u16, items: Vec<Vec<u8>>| long(group, number, b"SQ", &items.concat());
+    let word = |n: u16| n.to_le_bytes();
+    let mut out = [vec![0; 128], b"DICM".to_vec()].concat();
+    out.extend(short(2, 0x10, b"UI", b"1.2.840.10008.1.2.1\0"));
+    out.extend(short(8, 0x16, b"UI", b"1.2.840.10008.5.1.4.1.1.66.4\0\0"));
+    out.extend(short(0x28, 8, b"IS", b"3"));
+    let bits = if kind == "BINARY" { 1 } else { 8 };
+    for (number, value) in [(0x10, 3), (0x11, 4), (0x100, bits)] {
+        out.extend(short(0x28, number, b"US", &word(value)));
+    }
+    out.extend(short(0x62, 1, b"CS", kind.as_bytes()));
+    let segment =
+        |n: u16, name: &str| item([short(0x62, 4, b"US", &word(n)), short(0x62, 5, b"LO", name.as_bytes())].concat());
+    out.extend(sequence(0x62, 2, vec![segment(1, "Femur"), segment(2, "Tibia")]));
+    out.extend(short(0x62, 0xE, b"US", &word(200)));
+    let orientation = short(0x20, 0x37, b"DS", b"1\\0\\0\\0\\1\\0");
+    let measures = [short(0x18, 0x88, b"DS", b"0.5"), short(0x28, 0x30, b"DS", b"0.8\\0.7")].concat();
+    let shared =
+        [sequence(0x20, 0x9116, vec![item(orientation)]), sequence(0x28, 0x9110, vec![item(measures)])].concat();
+    out.extend(sequence(0x5200, 0x9229, vec![item(shared)]));
+    let frame = |segment: u16, slice: usize| {
+        let place = short(0x20, 0x32, b"DS", format!("1\\2\\{}", 0.5 * slice as f64).as_bytes());
+        let own = short(0x62, 0xB, b"US", &word(segment));
+        item([sequence(0x20, 0x9113, vec![item(place)]), sequence(0x62, 0xA, vec![item(own)])].concat())
+    };
+    out.extend(sequence(0x5200, 0x9230, vec![frame(1, 0), frame(1, 3), frame(2, 0)]));
+    // of the first frame pixels 0 to 7, of the second all, of the third the last six, of which two lie in segment 1, too
+    let pixels: Vec<bool> = (0..36)
+        .map(|k| match k / 12 {
+            0 => k % 12 < 8,
+            1 => true,
+            _ => k % 12 >= 6,
+        })
+        .collect();
+    let packed: Vec<u8> = match bits {
+        1 => pixels.chunks(8).map(|c| c.iter().enumerate().map(|(k, on)| u8::from(*on) << k).sum()).collect(),
+        _ => pixels.iter().map(|on| if *on { 150 } else { 40 }).collect(),
+    };
+    let packed = if packed.len() % 2 == 1 { [packed, vec![0]].concat() } else { packed };
+    out.extend(long(0x7FE0, 0x10, b"OB", &packed));
+    out
+}
+
+/// A sheet of laxity: shared strings, strings of its own, a formula with its value.
+pub(crate) const SHEET: &[u8] = br#"<worksheet><sheetData><row r="1"><c r="A1" t="s"><v>0</v></c><c r="B1" t="inlineStr"><is><t>test</t></is></c><c r="C1" t="str"><v>nominal_flexion_deg</v></c><c r="D1" t="str"><v>load_vv_nm</v></c><c r="E1" t="str"><v>load_ie_nm</v></c><c r="F1" t="str"><v>load_ml_n</v></c><c r="G1" t="str"><v>load_ap_n</v></c><c r="H1" t="str"><v>load_si_n</v></c><c r="I1" t="str"><v>fe_deg</v></c><c r="J1" t="str"><v>vv_deg</v></c><c r="K1" t="str"><v>ie_deg</v></c><c r="L1" t="str"><v>ml_mm</v></c><c r="M1" t="str"><v>ap_mm</v></c><c r="N1" t="str"><v>si_mm</v></c></row><row r="3"><c r="A3" t="str"><v>a1</v></c><c r="B3" t="str"><v>anterior</v></c><c r="C3"><v>30</v></c><c r="D3"><v>0</v></c><c r="E3"><v>0</v></c><c r="F3"><v>0</v></c><c r="G3"><f>50*2</f><v>100</v></c><c r="H3"><v>20</v></c><c r="I3"><v>3.05E1</v></c><c r="J3"><v>0.2</v></c><c r="K3"><v>-3.1</v></c><c r="L3"><v>1.2</v></c><c r="M3"><v>6.4</v></c><c r="N3"><v>-0.3</v></c></row></sheetData></worksheet>"#;
+
+/// A workbook about a sheet.
+pub(crate) fn workbook(sheet: &[u8]) -> Vec<u8> {
+    zipped(&[
+        (
+            "xl/workbook.xml",
+            br#"<workbook><workbookPr/><sheets><sheet name="a" sheetId="1" r:id="rId1"/></sheets></workbook>"#,
+        ),
+        (
+            "xl/_rels/workbook.xml.rels",
+            br#"<Relationships><Relationship Id="rId1" Target="worksheets/sheet1.xml"/></Relationships>"#,
+        ),
+        ("xl/sharedStrings.xml", b"<sst><si><t>trial</t></si></sst>"),
+        ("xl/worksheets/sheet1.xml", sheet),
+    ])
+}
+
+/// A zip archive of files that are not packed.
+pub(crate) fn zipped(files: &[(&str, &[u8])]) -> Vec<u8> {
+    let (mut out, mut table) = (Vec::new(), Vec::new());
+    for (name, bytes) in files {
+        let at = (out.len() as u32).to_le_bytes();
+        let (size, names) = ((bytes.len() as u32).to_le_bytes(), (name.len() as u16).to_le_bytes());
+        let about = [&[20, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0][..], &size, &size, &names, &[0, 0]].concat();
+        out.extend([&b"PK\x03\x04"[..], &about, name.as_bytes(), bytes].concat());
+        table.extend([&b"PK\x01\x02\x14\x00"[..], &about, &[0; 10], &at, name.as_bytes()].concat());
+    }
+    let (count, size, at) =
+        ((files.len() as u16).to_le_bytes(), (table.len() as u32).to_le_bytes(), (out.len() as u32).to_le_bytes());
+    let end = [&b"PK\x05\x06\0\0\0\0"[..], &count, &count, &size, &at, &[0, 0]].concat();
+    [out, table, end].concat()
+}
+
+const PICKED: &[u8] = b"<!DOCTYPE PickedPoints>\n<PickedPoints>\n <DocumentData><User name=\"a\"/></DocumentData>\n <point x=\"1.5\" y=\"2\" z=\"-3\" name=\"a\" active=\"1\"/>\n <point x=\"4\" y=\"5\" z=\"6\" name=\"b\" active=\"1\"/>\n</PickedPoints>\n";
+
+/// As [`points`], from a file of MeshLab's.
+fn picked(bytes: &[u8]) -> bool {
+    landmarks("a.pp", bytes)
+}
+
 const TOML: &[u8] = b"[specimen]\nid = \"K\"\nside = \"left\"\nage_years = 29\n\n[ct]\nfemur = \"ct/femur.stl\"\ntibfib = \"ct/tibfib.stl\"\n\n[scans]\nfemur = \"scans/femur.ply\"\ntibfib = \"scans/tibfib.ply\"\n\n[ligaments.ACL_AM]\nreference_strain = 1.07\n\n[options.bones]\nedge_mm = 2\n";
 const POINTS: &[u8] = b"name,frame,x_mm,y_mm,z_mm\na,ct,1.5,2.5,-3\na,scan_femur,4,5,6e1\n\"b, c\",scan_tibfib,7,8,9\n";
 
@@ -282,6 +379,57 @@ fn landmarks(name: &str, bytes: &[u8]) -> bool {
     stages::ingest::ingest(&raw, &Default::default()).is_ok()
 }
 
+/// Readers of decks, tables, lists of points and what a specimen says in words.
+fn tables() -> Vec<Reader> {
+    vec![
+        Reader {
+            name: "inp",
+            corpus: vec![
+                include_bytes!("../corpus/knee.inp").to_vec(),
+                include_bytes!("../corpus/keywords.inp").to_vec(),
+            ],
+            read: |b| {
+                let mut give = |name: &str| {
+                    if name == "main.inp" { Ok(b.to_vec()) } else { Err("not there".to_string()) }
+                };
+                decks::import("main.inp", &mut give).is_ok()
+            },
+        },
+        Reader {
+            name: "laxity",
+            corpus: vec![include_bytes!("../corpus/laxity.csv").to_vec()],
+            read: |b| sim::laxity::read(b).is_ok(),
+        },
+        Reader {
+            name: "passive",
+            corpus: vec![include_bytes!("../corpus/passive.csv").to_vec()],
+            read: |b| validation::passive::read(b).is_ok(),
+        },
+        Reader { name: "points", corpus: vec![POINTS.to_vec()], read: points },
+        Reader {
+            name: "toml",
+            corpus: vec![TOML.to_vec()],
+            read: |b| String::from_utf8(b.to_vec()).is_ok_and(|t| stages::ingest::parse_specimen_file(&t).is_ok()),
+        },
+        Reader {
+            name: "json",
+            corpus: vec![include_bytes!("../corpus/model.json").to_vec()],
+            read: |b| serde_json::from_slice::<sim::spec::ModelSpec>(b).is_ok(),
+        },
+        Reader { name: "picked points", corpus: vec![PICKED.to_vec()], read: picked },
+        Reader {
+            name: "workbook",
+            corpus: vec![include_bytes!("../corpus/laxity.xlsx").to_vec()],
+            read: |b| sim::laxity::read(b).is_ok(),
+        },
+        Reader {
+            name: "workbook's sheet",
+            corpus: vec![SHEET.to_vec()],
+            read: |b| sim::laxity::read(&workbook(b)).is_ok(),
+        },
+    ]
+}
+
 /// All readers.
 pub(crate) fn readers() -> Vec<Reader> {
     let plain_ply = surfaces(|out, mesh| ply::write_coloured(out, mesh).unwrap_or_default());
@@ -289,7 +437,7 @@ pub(crate) fn readers() -> Vec<Reader> {
     let ascii_stl = b"solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1.5e0 0\nendloop\nendfacet\nendsolid a\nsolid\nfacet normal 0 0 1\nouter loop\nvertex 0 0 5\nvertex 1 0 5\nvertex 0 1 5\nendloop\nendfacet\nendsolid\n".to_vec();
     let mut zipped = Vec::new();
     let _ = nifti::write(&mut zipped, &picture());
-    vec![
+    let mut all = vec![
         Reader {
             name: "stl",
             corpus: [surfaces(|out, m| stl::write(out, &m.mesh).unwrap_or_default()), vec![ascii_stl]].concat(),
@@ -327,40 +475,13 @@ pub(crate) fn readers() -> Vec<Reader> {
             ],
             read: enhanced,
         },
+        Reader {
+            name: "segmentation",
+            corpus: vec![segmentation("BINARY"), segmentation("FRACTIONAL")],
+            read: |b| picture::read_labels("a.dcm", b, &none()).is_ok(),
+        },
         Reader { name: "dicom", corpus: vec![slice(2), packed_slice()], read: series },
-        Reader {
-            name: "inp",
-            corpus: vec![
-                include_bytes!("../corpus/knee.inp").to_vec(),
-                include_bytes!("../corpus/keywords.inp").to_vec(),
-            ],
-            read: |b| {
-                let mut give = |name: &str| {
-                    if name == "main.inp" { Ok(b.to_vec()) } else { Err("not there".to_string()) }
-                };
-                decks::import("main.inp", &mut give).is_ok()
-            },
-        },
-        Reader {
-            name: "laxity",
-            corpus: vec![include_bytes!("../corpus/laxity.csv").to_vec()],
-            read: |b| sim::laxity::read(b).is_ok(),
-        },
-        Reader {
-            name: "passive",
-            corpus: vec![include_bytes!("../corpus/passive.csv").to_vec()],
-            read: |b| validation::passive::read(b).is_ok(),
-        },
-        Reader { name: "points", corpus: vec![POINTS.to_vec()], read: points },
-        Reader {
-            name: "toml",
-            corpus: vec![TOML.to_vec()],
-            read: |b| String::from_utf8(b.to_vec()).is_ok_and(|t| stages::ingest::parse_specimen_file(&t).is_ok()),
-        },
-        Reader {
-            name: "json",
-            corpus: vec![include_bytes!("../corpus/model.json").to_vec()],
-            read: |b| serde_json::from_slice::<sim::spec::ModelSpec>(b).is_ok(),
-        },
-    ]
+    ];
+    all.extend(tables());
+    all
 }

@@ -195,10 +195,68 @@ def enhanced(values, affine, out):
         print(name)
 
 
+def segmentation(values, affine, out, structures):
+    """highdicom's DICOM SEG, binary and fractional, of segments named as in specimen.toml; frames without a voxel are left out."""
+    try:
+        import highdicom
+        from pydicom.sr.codedict import codes
+        from pydicom.uid import ExplicitVRLittleEndian, RLELossless
+    except ImportError:
+        return left_out("seg", "highdicom")
+    source = []
+    for ds in slices(values, affine):
+        ds.StudyDate = ds.StudyTime = ds.AccessionNumber = ds.StudyID = ds.PatientBirthDate = ds.PatientSex = ds.ReferringPhysicianName = ""
+        source.append(ds)
+    planes = values.transpose(2, 1, 0)
+    stack = numpy.stack([planes == label for label in structures.values()], axis=-1)
+    described = [
+        highdicom.seg.SegmentDescription(
+            segment_number=k + 1,
+            segment_label=name,
+            segmented_property_category=codes.SCT.Tissue,
+            segmented_property_type=codes.SCT.Bone,
+            algorithm_type=highdicom.seg.SegmentAlgorithmTypeValues.MANUAL,
+        )
+        for k, name in enumerate(structures)
+    ]
+    kinds = highdicom.seg.SegmentationTypeValues
+    for name, kind, syntax in (
+        ("seg", kinds.BINARY, ExplicitVRLittleEndian),
+        ("seg_fractional", kinds.FRACTIONAL, ExplicitVRLittleEndian),
+        ("seg_fractional_rle", kinds.FRACTIONAL, RLELossless),
+        ("seg_labelmap", kinds.LABELMAP, ExplicitVRLittleEndian),
+    ):
+        try:
+            made = highdicom.seg.Segmentation(
+                source_images=source,
+                pixel_array=stack.astype(numpy.float32) if kind == kinds.FRACTIONAL else stack.astype(numpy.uint8),
+                segmentation_type=kind,
+                segment_descriptions=described,
+                series_instance_uid=highdicom.UID(),
+                series_number=2,
+                sop_instance_uid=highdicom.UID(),
+                instance_number=1,
+                manufacturer="Phantom",
+                manufacturer_model_name="Phantom",
+                software_versions="1",
+                device_serial_number="1",
+                transfer_syntax_uid=syntax,
+                omit_empty_frames=True,
+            )
+        except (AttributeError, RuntimeError, NotImplementedError, ValueError) as error:
+            left_out(name, f"a highdicom that writes it ({str(error).splitlines()[0]})")
+            continue
+        made.save_as(out / f"{name}.dcm")
+        print(name)
+
+
 def main():
     source, out = map(pathlib.Path, sys.argv[1:3])
     image = nibabel.load(source)
     values = numpy.ascontiguousarray(numpy.round(image.get_fdata()).astype(numpy.int16))
+    structures = dict(word.split("=") for word in sys.argv[3:] if "=" in word)
+    if structures:
+        return segmentation(values, image.affine, out, {key: int(label) for key, label in structures.items()})
     nifti(values, image.affine, out)
     nrrd(values, image.affine, out)
     metaimage(values, image.affine, out)

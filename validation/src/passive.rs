@@ -13,18 +13,19 @@ pub const COLUMNS: [&str; 6] = ["fe_deg", "vv_deg", "ie_deg", "ml_mm", "ap_mm", 
 pub fn read(bytes: &[u8]) -> Result<Vec<PoseSpec>, CalibrationError> {
     let refuse =
         |row: usize, what: String| Err(CalibrationError::Targets(format!("passive flexion, row {row}: {what}")));
-    if let Some(kind) = sim::text::other_kind(bytes) {
-        return refuse(1, format!("{kind}; expected a table of text: save it as CSV UTF-8"));
-    }
-    let (text, _) = sim::text::decoded(bytes);
-    let mut lines = text.lines().enumerate().filter(|(_, l)| !l.trim().is_empty());
-    let header: Vec<&str> = lines.next().map_or(vec![], |(_, l)| l.split(',').map(str::trim).collect());
+    let table = match sim::text::table(bytes, &COLUMNS.map(String::from)) {
+        Ok(table) => table,
+        Err(kind) => return refuse(1, format!("{kind}; expected a table: an Excel workbook (.xlsx) or CSV UTF-8")),
+    };
+    let separator = table.separator.unwrap_or(',');
+    let mut lines = table.text.lines().enumerate().filter(|(_, l)| !l.trim().is_empty());
+    let header: Vec<&str> = lines.next().map_or(vec![], |(_, l)| l.split(separator).map(str::trim).collect());
     if header != COLUMNS {
         return refuse(1, format!("columns {}, expected {}", header.join(","), COLUMNS.join(",")));
     }
     let mut out = Vec::new();
     for (i, line) in lines {
-        let cells: Vec<&str> = line.split(',').map(str::trim).collect();
+        let cells: Vec<&str> = line.split(separator).map(str::trim).collect();
         let mut values = [0.0; 6];
         if cells.len() != 6 {
             return refuse(i + 1, format!("{} cells, expected 6", cells.len()));

@@ -4,6 +4,7 @@
 mod element;
 mod frames;
 mod rle;
+pub(super) mod segmentation;
 mod slice;
 
 use super::FormatError;

@@ -11,7 +11,7 @@ pub enum Kind {
     Picture,
     /// A file of a DICOM series.
     Dicom,
-    /// Points of 3D Slicer.
+    /// Points of 3D Slicer or MeshLab.
     Markups,
     /// A table of text.
     Table,
@@ -28,7 +28,7 @@ impl Kind {
             Kind::Surface(_) => "a surface",
             Kind::Picture => "a picture of voxels",
             Kind::Dicom => "a DICOM picture",
-            Kind::Markups => "points of 3D Slicer",
+            Kind::Markups => "points of 3D Slicer or MeshLab",
             Kind::Table => "a table",
             Kind::Companion => "a material library, a texture or bare voxels",
             Kind::Unknown(what) => what,
@@ -45,11 +45,14 @@ pub fn kind_of(name: &str, bytes: &[u8]) -> Kind {
         Kind::Dicom
     } else if picture::looks_picture(bytes) || ends(&[".nii", ".nii.gz", ".nrrd", ".nhdr", ".mha", ".mhd"]) {
         Kind::Picture
-    } else if ends(&[".fcsv", ".mrk.json"]) || bytes.starts_with(b"# Markups") || (ends(&[".json"]) && is_slicers()) {
+    } else if ends(&[".fcsv", ".mrk.json", ".pp"])
+        || bytes.starts_with(b"# Markups")
+        || (ends(&[".json"]) && is_slicers())
+    {
         Kind::Markups
     } else if ends(&[".mtl", ".png", ".jpg", ".jpeg", ".raw", ".zraw"]) {
         Kind::Companion
-    } else if ends(&[".csv", ".tsv", ".txt"]) {
+    } else if ends(&[".csv", ".tsv", ".txt", ".xlsx"]) {
         Kind::Table
     } else {
         match surface_format(name, bytes) {
@@ -76,6 +79,8 @@ mod tests {
             ("knee.nii.gz", b"\x1f\x8b", Kind::Picture),
             ("F.fcsv", b"# Markups fiducial file version = 5.0\n", Kind::Markups),
             ("F.mrk.json", b"{\"markups\": []}", Kind::Markups),
+            ("F.pp", b"<!DOCTYPE PickedPoints>\n", Kind::Markups),
+            ("kla.xlsx", b"PK\x03\x04", Kind::Table),
             ("kla.csv", b"trial,test\n", Kind::Table),
             ("a.mtl", b"newmtl a\n", Kind::Companion),
         ] {

@@ -1,7 +1,7 @@
-//! Pictures of voxels, CT volumes and label maps: NIfTI-1 and -2, NRRD, MetaImage, told apart by content.
+//! Pictures of voxels, CT volumes and label maps: NIfTI-1 and -2, NRRD, MetaImage, DICOM segmentations, told apart by content.
 
 use super::raw::refuse;
-use super::{FormatError, metaimage, mgh, nifti, nrrd};
+use super::{FormatError, dicom, metaimage, mgh, nifti, nrrd};
 use crate::volume::{Grid, Labels, Volume};
 use std::collections::BTreeMap;
 
@@ -81,6 +81,14 @@ pub fn read_labels(name: &str, bytes: &[u8], files: &BTreeMap<String, Vec<u8>>) 
     if metaimage::looks_metaimage(bytes) {
         return metaimage::read(name, bytes, files)?.labels().map(whole);
     }
+    if dicom::looks_dicom(bytes) {
+        let read = dicom::segmentation::read(bytes).map_err(|e| {
+            FormatError(format!("the file is DICOM: {}; else export the segmentation as .seg.nrrd by 3D Slicer", e.0))
+        })?;
+        let mut map = LabelMap { names: read.names, overlapping: read.overlapping, ..whole(read.labels) };
+        map.notes.extend(read.notes);
+        return Ok(map);
+    }
     known(name, bytes)?;
     if mgh::looks_mgh(name, bytes) {
         return mgh::read(bytes)?.labels().map(whole);
@@ -116,10 +124,8 @@ fn known(name: &str, bytes: &[u8]) -> Result<(), FormatError> {
     let expected =
         "expected NIfTI (.nii, .nii.gz), NRRD (.nrrd, .nhdr, .seg.nrrd), MetaImage (.mha, .mhd) or FreeSurfer (.mgz)";
     let lower = name.to_ascii_lowercase();
-    if bytes.get(128..132) == Some(b"DICM") {
-        return refuse(format!(
-            "the file is DICOM; {expected}: open it in 3D Slicer (DICOM SEG needs its extension QuantitativeReporting) and export the segmentation as .seg.nrrd"
-        ));
+    if dicom::looks_dicom(bytes) {
+        return refuse(format!("the file is DICOM; {expected}, or the folder of the DICOM series"));
     }
     if lower.ends_with(".img") || lower.ends_with(".hdr") || lower.ends_with(".img.gz") {
         return refuse(format!(

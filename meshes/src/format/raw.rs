@@ -137,10 +137,23 @@ pub(super) fn broken(e: io::Error) -> FormatError {
     FormatError(format!("the file cannot be unpacked: {e}; it is damaged or cut short"))
 }
 
-/// Refuses a grid that lies nowhere.
+/// Voxels smaller than this are of another unit, or flat [mm3]: a thousandth of a millimetre a side.
+const LEAST_VOXEL_MM3: f64 = 1e-9;
+/// A voxel of this share of the box of its edges is not flat [-]. Ours.
+const SQUARE: f64 = 0.1;
+
+/// Refuses a grid that lies nowhere, or in metres.
 pub(super) fn placed(grid: Grid) -> Result<Grid, FormatError> {
     let finite = grid.axes.iter().chain(grid.origin.iter()).all(|x| x.is_finite() && x.abs() < 1e6);
-    if !finite || grid.axes.determinant().abs() < 1e-9 {
+    let volume = grid.axes.determinant().abs();
+    let spacing = grid.spacing();
+    if finite && volume < LEAST_VOXEL_MM3 && volume > SQUARE * spacing.iter().product::<f64>() {
+        return refuse(format!(
+            "voxels are {:.6} x {:.6} x {:.6} mm, which is a picture in metres: multiply spacing, directions and origin by 1000",
+            spacing[0], spacing[1], spacing[2]
+        ));
+    }
+    if !finite || volume < LEAST_VOXEL_MM3 {
         return refuse("the header places the voxels nowhere: its axes are flat or not finite; export the volume anew");
     }
     Ok(grid)

@@ -45,7 +45,10 @@ pub(super) fn judge(
                         "a build calibrates to the signs as they stand",
                     ));
                 }
-                items.extend(left_out(&input, &table.trials, options));
+                let (trials, thinner) = crate::thin::thinned(table.trials.clone());
+                let cost = "a calibration takes the readings, not the rows";
+                items.extend(thinner.map(|what| Item::new(&input, State::Look, what, cost)));
+                items.extend(left_out(&input, &trials, options));
                 measured.insert(name.clone(), table.trials);
             }
         }

@@ -225,7 +225,8 @@ fn raw(bytes: &[u8], format: &LaxityFormat, warnings: &mut Vec<String>) -> Resul
     let first = text.body.lines().next().unwrap_or_default();
     let count = |c: char| first.matches(c).count();
     let found = [';', '\t', ','].into_iter().max_by_key(|c| count(*c)).filter(|c| count(*c) > 0).unwrap_or(',');
-    let separator = match format.separator.or(text.separator) {
+    // a workbook's cells are parted already
+    let separator = match text.separator.or(format.separator) {
         None => found as u8,
         Some(c @ (',' | ';' | '\t')) => c as u8,
         Some(c) => return Err(LaxityError::File(format!("separator = \"{c}\"; expected \",\", \";\" or \"\\t\""))),

@@ -19,18 +19,21 @@ pub(super) struct Text<'a> {
 /// The text of a table, of which so many lines are skipped; `declared` are names of columns beside the standard ones, in lower case.
 ///
 /// # Errors
-/// A workbook or another kind of file, by its name.
+/// Another kind of file, by its name.
 pub(super) fn text<'a>(
     bytes: &'a [u8],
     (skip_lines, declared): (usize, &[String]),
     warnings: &mut Vec<String>,
 ) -> Result<Text<'a>, LaxityError> {
-    if let Some(kind) = crate::text::other_kind(bytes) {
-        return Err(LaxityError::File(format!("{kind}; expected a table of text: save the sheet as CSV UTF-8")));
-    }
-    let (whole, told) = crate::text::decoded(bytes);
-    warnings.extend(told.map(String::from));
-    let mut separator = None;
+    let mut known: Vec<String> = known_columns().into_iter().collect();
+    known.extend(declared.iter().cloned());
+    let table = crate::text::table(bytes, &known).map_err(|kind| {
+        LaxityError::File(format!(
+            "{kind}; expected a table: an Excel workbook (.xlsx), or the sheet saved as CSV UTF-8"
+        ))
+    })?;
+    warnings.extend(table.notes);
+    let (whole, mut separator) = (table.text, table.separator);
     let mut above = skip_lines;
     let mut start = lines(&whole, above)
         .ok_or_else(|| LaxityError::File(format!("skip_lines = {skip_lines}, but the file has fewer lines")))?;
@@ -40,7 +43,7 @@ pub(super) fn text<'a>(
         above += 1;
         start = lines(&whole, above).unwrap_or(whole.len());
     }
-    let titles = titles(&whole[start..], declared);
+    let titles = titles(&whole[start..], &known);
     if titles > 0 {
         warnings.push(format!("{titles} lines above the header are passed over (titles or comments)"));
         start = lines(&whole, above + titles).unwrap_or(whole.len());
@@ -61,9 +64,7 @@ fn lines(text: &str, count: usize) -> Option<usize> {
 }
 
 /// How many lines stand above the header: the first line that names three columns or more; none where no line does.
-fn titles(text: &str, declared: &[String]) -> usize {
-    let mut known: Vec<String> = known_columns().into_iter().collect();
-    known.extend(declared.iter().cloned());
+fn titles(text: &str, known: &[String]) -> usize {
     let names = |line: &str| {
         let cells = line.split([',', ';', '\t']).map(|c| c.trim().trim_matches('"').trim().to_lowercase());
         cells.filter(|c| known.contains(c)).count()

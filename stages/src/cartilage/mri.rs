@@ -127,8 +127,8 @@ fn one(of: &Shown, options: &CartilageOptions) -> Result<(CartilageSolid, Point,
         return Err(StageError::part(
             "cartilage",
             format_args!(
-                "no {} of {} mm2 or more lies on the {}; check which label or surface it is, and that bone and cartilage touch",
-                of.key, options.least_area_mm2, of.name
+                "no {} of {} mm2 or more and at most {} mm thick lies on the {}; check which label or surface it is (an implant's insert is none), and that bone and cartilage touch",
+                of.key, options.least_area_mm2, options.reach_mm, of.name
             ),
         ));
     };

@@ -10,7 +10,7 @@ use meshes::surface::{ColouredMesh, TriMesh};
 use meshes::{Point, Vector};
 
 /// Width of the knee that the lengths below are meant for [mm]; they grow with the femur's.
-const WIDTH_MM: f64 = 85.0;
+pub(super) const WIDTH_MM: f64 = 85.0;
 /// Points this far off their bone in the median lie elsewhere [mm]: half as far again as a rough point, both beyond the thickest cartilage. Ours.
 const OFF_MM: f64 = 15.0;
 /// Ends of fibres this far off their bone in the median are told [mm]: the format's 4 mm of a rough point.
@@ -42,7 +42,7 @@ pub(super) struct Bones {
     femur: SurfaceQuery,
     tibfib: SurfaceQuery,
     /// The knee's size over that of an adult's [-].
-    scale: f64,
+    pub(super) scale: f64,
 }
 
 impl Bones {
@@ -52,19 +52,24 @@ impl Bones {
         Some(Bones { femur: SurfaceQuery::new(&ct.femur)?, tibfib: SurfaceQuery::new(&ct.tibfib)?, scale })
     }
 
+    /// The femur, 0, or the tibia with the fibula.
+    pub(super) fn own(&self, bone: usize) -> &SurfaceQuery {
+        if bone == 0 { &self.femur } else { &self.tibfib }
+    }
+
     fn nearest(&self, p: &Point) -> f64 {
         self.femur.nearest(p).distance.min(self.tibfib.nearest(p).distance)
     }
 }
 
 /// How far points lie off their surface in the median, after a change.
-fn off(points: &[Point], change: impl Fn(&Point) -> Point, distance: impl Fn(usize, &Point) -> f64) -> f64 {
+pub(super) fn off(points: &[Point], change: impl Fn(&Point) -> Point, distance: impl Fn(usize, &Point) -> f64) -> f64 {
     let mut all: Vec<f64> = points.iter().enumerate().map(|(i, p)| distance(i, &change(p))).collect();
     percentile(&mut all, 0.5)
 }
 
 /// The likely cause of points that lie off: another unit, frame, or order of columns; with what mends it. The one that brings them nearest.
-fn cause(points: &[Point], far: f64, scale: f64, distance: impl Fn(usize, &Point) -> f64) -> Option<String> {
+pub(super) fn cause(points: &[Point], far: f64, scale: f64, distance: impl Fn(usize, &Point) -> f64) -> Option<String> {
     let mut best: Option<(f64, String)> = None;
     let mut consider = |left: f64, what: String| {
         let mends = left < MENDED_MM * scale && left < MENDED_SHARE * far;

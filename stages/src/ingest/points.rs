@@ -1,8 +1,8 @@
 //! landmarks.csv, marks.csv, attachments.csv; points of 3D Slicer.
 
 use super::file::OPTIONAL_PATHS;
-use super::slicer;
 use super::space::turned;
+use super::{picked, slicer};
 use crate::StageError;
 use crate::specimen::{IngestOptions, NamedPoint, PointFrame, RawSpecimen, SpecimenFile};
 use attachments::bundle::{BUNDLES, LIGAMENTS};
@@ -110,8 +110,15 @@ fn named_points(
 ) -> Result<Vec<NamedPoint>, StageError> {
     let columns = [name_column, "frame", "x_mm", "y_mm", "z_mm"];
     let mut points: Vec<NamedPoint> = Vec::new();
-    if let Some(read) = raw.files.get(path).and_then(|bytes| slicer::read(path, bytes)) {
-        for p in read? {
+    let own = raw.files.get(path).and_then(|bytes| slicer::read(path, bytes));
+    // MeshLab's files cannot say their frame, those of 3D Slicer do
+    let turns = own.is_none() && ras;
+    let other = || raw.files.get(path).and_then(|bytes| picked::read(path, bytes));
+    if let Some(read) = own.or_else(other) {
+        for mut p in read? {
+            if turns {
+                p.point = turned(&p.point);
+            }
             let refuse = |what: &str| Err(StageError::at(path, &p.place, what));
             if p.name.is_empty() {
                 return refuse("the point has no label; expected its name there");
@@ -184,12 +191,17 @@ fn rows<'a>(
 ) -> Result<Vec<Row<'a>>, StageError> {
     let Some(bytes) = raw.files.get(path) else { return Ok(Vec::new()) };
     let expected = columns.join(",");
-    if let Some(kind) = sim::text::other_kind(bytes) {
-        return Err(StageError::file(path, format_args!("{kind}; save the table as UTF-8 CSV with header {expected}")));
-    }
-    let (text, told) = sim::text::decoded(bytes);
-    warnings.extend(told.map(|what| format!("{path}: {what}")));
-    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).flexible(true).from_reader(text.as_bytes());
+    let known: Vec<String> = columns.iter().map(|c| (*c).to_owned()).collect();
+    let table = sim::text::table(bytes, &known).map_err(|kind| {
+        StageError::file(path, format_args!("{kind}; save the table as UTF-8 CSV with header {expected}"))
+    })?;
+    warnings.extend(table.notes.into_iter().map(|what| format!("{path}: {what}")));
+    let separator = table.separator.map_or(b',', |c| c as u8);
+    let mut reader = csv::ReaderBuilder::new()
+        .delimiter(separator)
+        .trim(csv::Trim::All)
+        .flexible(true)
+        .from_reader(table.text.as_bytes());
     let header = reader.headers().map_err(|e| StageError::file(path, e))?.clone();
     let refuse = |what: String| StageError::at(path, "line 1", format_args!("{what}; expected the header {expected}"));
     if header.len() == 1 && header.get(0).is_some_and(|h| h.contains(';') || h.contains('\t')) {

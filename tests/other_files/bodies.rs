@@ -1,0 +1,162 @@
+//! Bodies and frames where they do not belong: menisci, a patella grown to the femur, an implant, given frames.
+
+use super::{BUILT, built, change, checked, holds, knee, labels, nrrd, with_labels};
+use crate::common::{json, text, write};
+use meshes::volume::Labels;
+use tempfile::TempDir;
+
+/// The living knee with its labels changed, and more said of them in specimen.toml.
+fn relabelled(edit: impl Fn(&mut Labels), more: &str) -> TempDir {
+    let mut map = labels();
+    edit(&mut map);
+    let folder = with_labels("l.nrrd", nrrd(&map, std::slice::from_ref(&map.values), 1.0, ""));
+    change(folder.path(), "[segmentation]\n", &format!("[segmentation]\n{more}"));
+    folder
+}
+
+/// Voxels of nothing above (or of bone below) those of a label get another, so many of them: by the axis of the grid that runs up most.
+fn beside(map: &mut Labels, of: u8, over: u8, label: u8, mm: f64, up: f64) {
+    let axis = (0..3).max_by(|a, b| map.grid.axes[(2, *a)].abs().total_cmp(&map.grid.axes[(2, *b)].abs())).unwrap();
+    let step = if map.grid.axes[(2, axis)] * up > 0.0 { 1isize } else { -1 };
+    let count = (mm / map.grid.spacing()[axis]).round() as isize;
+    let stride = map.grid.strides()[axis] as isize;
+    let there: Vec<usize> = (0..map.values.len()).filter(|i| map.values[*i] == of).collect();
+    for i in there {
+        for n in 1..=count {
+            let at = i as isize + n * step * stride;
+            if let Some(value) = usize::try_from(at).ok().and_then(|at| map.values.get_mut(at)).filter(|v| **v == over)
+            {
+                *value = label;
+            }
+        }
+    }
+}
+
+#[test]
+fn menisci_on_the_wrong_side_are_told() {
+    let more = "meniscus_medial = 10\nmeniscus_lateral = 9\n";
+    let with = |medial: u8, lateral: u8| {
+        relabelled(
+            move |m| {
+                beside(m, 2, 0, medial, 2.0, 1.0);
+                beside(m, 3, 0, lateral, 2.0, 1.0);
+            },
+            more,
+        )
+    };
+    let (code, words) = built(with(10, 9).path(), "ingest");
+    assert!(code == 0 && !words.contains("other side"), "{words}");
+    let (code, words) = built(with(9, 10).path(), "ingest");
+    assert_eq!(code, 0, "{words}");
+    holds(&words, &["warning", "segmentation.meniscus_medial", "exchanged"]);
+}
+
+#[test]
+fn an_insert_of_an_implant_is_told() {
+    let plate = relabelled(
+        |m| {
+            for label in [2, 3] {
+                beside(m, label, 6, label, 8.0, -1.0);
+            }
+        },
+        "",
+    );
+    let (_, words) = built(plate.path(), "cartilage");
+    holds(&words, &["implant"]);
+}
+
+#[test]
+fn a_patella_that_hangs_on_the_femur_is_told() {
+    let fused = relabelled(
+        |m| {
+            let grid = m.grid.clone();
+            let axis = (0..3).max_by(|a, b| grid.axes[(1, *a)].abs().total_cmp(&grid.axes[(1, *b)].abs())).unwrap();
+            let stride = grid.strides()[axis];
+            // the shortest way along the axis that runs backwards, made bone three voxels wide
+            let mut best = (usize::MAX, 0, 0);
+            for line in (0..m.values.len()).filter(|i| grid.voxel(*i)[axis] == 0) {
+                let along: Vec<u8> = (0..grid.size[axis]).map(|n| m.values[line + n * stride]).collect();
+                let at = |l: u8| along.iter().enumerate().filter(move |(_, v)| **v == l).map(|(n, _)| n);
+                for (p, f) in at(7).flat_map(|p| at(5).map(move |f| (p, f))) {
+                    let bare = (p.min(f) + 1..p.max(f)).all(|n| ![5, 7].contains(&along[n]));
+                    if bare && p.abs_diff(f) < best.0 {
+                        best = (p.abs_diff(f), line + p.min(f) * stride, p.max(f) - p.min(f));
+                    }
+                }
+            }
+            let sides: Vec<usize> = (0..3).filter(|k| *k != axis).map(|k| grid.strides()[k]).collect();
+            for n in 0..=best.2 {
+                for k in 0..25 {
+                    let at = best.1 + n * stride + k % 5 * sides[0] + k / 5 * sides[1];
+                    m.values[at - 2 * sides[0] - 2 * sides[1]] = 5;
+                }
+            }
+            m.values.iter_mut().filter(|v| **v == 7).for_each(|v| *v = 5);
+        },
+        "",
+    );
+    change(fused.path(), "patella = 7\n", "");
+    let (code, words) = built(fused.path(), "ingest");
+    assert_eq!(code, 0, "{words}");
+    holds(&words, &["warning", "patella", "bridge"]);
+    let (_, words) = built(relabelled(|_| {}, "").path(), "ingest");
+    assert!(!words.contains("bridge"), "{words}");
+}
+
+#[test]
+fn frames_in_another_unit_or_frame_are_refused_by_it() {
+    let given = |edit: fn(f64, usize) -> f64| {
+        let folder = knee(&BUILT);
+        let mut frames = json(&BUILT.path().join("build/05-frames/frames.json"));
+        for bone in ["femur", "tibia"] {
+            let origin = frames[bone]["origin"].as_array_mut().unwrap();
+            origin.iter_mut().enumerate().for_each(|(k, x)| *x = edit(x.as_f64().unwrap(), k).into());
+        }
+        write(&folder.path().join("frames.json"), frames.to_string());
+        let toml = text(&folder.path().join("specimen.toml"));
+        write(&folder.path().join("specimen.toml"), format!("{toml}\n[frames]\nfile = \"frames.json\"\n"));
+        checked(folder.path())
+    };
+    let (code, words) = given(|x, _| x);
+    assert!(code == 0 && !words.contains("[frames]"), "{words}");
+    let (code, words) = given(|x, _| x / 1000.0);
+    assert_eq!(code, 1, "{words}");
+    holds(&words, &["frames.json", "metres", "1000"]);
+    let (code, words) = given(|x, k| if k < 2 { -x } else { x });
+    assert_eq!(code, 1, "{words}");
+    holds(&words, &["frames.json", "RAS"]);
+}
+
+#[test]
+fn a_tibia_without_its_fibula_is_told() {
+    let without = relabelled(
+        |m| {
+            let grid = m.grid.clone();
+            let axis = (0..3).max_by(|a, b| grid.axes[(2, *a)].abs().total_cmp(&grid.axes[(2, *b)].abs())).unwrap();
+            let mut size = grid.size;
+            size[axis] = 1;
+            let slice = meshes::volume::Grid { size, ..grid.clone() };
+            // of each section the largest piece stays
+            for k in 0..grid.size[axis] {
+                let at = |i: usize| {
+                    let mut v = slice.voxel(i);
+                    v[axis] = k;
+                    grid.at(v)
+                };
+                let pieces = meshes::volume::components::components(&slice, |i| m.values[at(i)] == 6);
+                let largest = (1..pieces.voxels.len()).max_by_key(|p| pieces.voxels[*p]).unwrap_or(0);
+                for (i, piece) in pieces.piece.iter().enumerate().filter(|(_, p)| **p != 0) {
+                    if *piece as usize != largest {
+                        m.values[at(i)] = 0;
+                    }
+                }
+            }
+        },
+        "",
+    );
+    let (code, words) = built(without.path(), "ingest");
+    assert_eq!(code, 0, "{words}");
+    holds(&words, &["warning", "no fibular shaft", "side"]);
+    let (_, words) = checked(without.path());
+    assert_eq!(words.matches("no fibular shaft").count(), 1, "{words}");
+}

@@ -1,0 +1,122 @@
+//! Traits of label maps: unit, axes, labels, crop.
+
+use super::{Dice, Trait};
+use crate::common::{read, text, write};
+use meshes::format::nifti;
+use meshes::volume::{Grid, Labels, crop};
+use std::path::Path;
+
+pub(super) const MAP: &str = "mri/labels.nii.gz";
+
+fn map(folder: &Path) -> Labels {
+    nifti::read_labels(&read(&folder.join(MAP))).unwrap()
+}
+
+fn save(folder: &Path, labels: &Labels) {
+    let mut bytes = Vec::new();
+    nifti::write_labels(&mut bytes, labels).unwrap();
+    write(&folder.join(MAP), bytes);
+}
+
+/// Every second voxel, so that a build is fast.
+pub(super) fn coarse(folder: &Path) {
+    let whole = map(folder);
+    let size = whole.grid.size.map(|n| n / 2);
+    let grid = Grid { size, origin: whole.grid.origin, axes: whole.grid.axes * 2.0 };
+    let at = |i: usize| whole.values[whole.grid.at(grid.voxel(i).map(|x| 2 * x))];
+    let values = (0..grid.count()).map(at).collect();
+    save(folder, &Labels { grid, values });
+}
+
+/// The map with its voxels in another order along the axes, the header as it was.
+fn reordered(labels: &Labels, size: [usize; 3], from: impl Fn([usize; 3]) -> [usize; 3]) -> Labels {
+    let grid = Grid { size, ..labels.grid.clone() };
+    let values = (0..grid.count()).map(|i| labels.values[labels.grid.at(from(grid.voxel(i)))]).collect();
+    Labels { grid, values }
+}
+
+fn changed(change: impl Fn(Labels) -> Labels + 'static) -> Box<dyn Fn(&Path)> {
+    Box::new(move |folder| save(folder, &change(map(folder))))
+}
+
+/// Draws a trait of the label map.
+pub(super) fn draw(dice: &mut Dice) -> Trait {
+    let axis = dice.below(3);
+    let pairs = [(1, 2), (2, 3), (1, 3), (5, 6), (5, 7), (1, 5), (3, 6)];
+    let (a, b) = pairs[dice.below(pairs.len())];
+    let (low, high) = (dice.below(12), dice.below(12));
+    let scaled = |name: &str, factor: f64, words: &'static [&'static str]| Trait {
+        name: format!("{name} of {MAP}"),
+        words,
+        apply: changed(move |mut m| {
+            m.grid.axes *= factor;
+            m.grid.origin = (m.grid.origin.coords * factor).into();
+            m
+        }),
+    };
+    match dice.below(8) {
+        0 => scaled("metres", 1e-3, &["metres"]),
+        1 => scaled("centimetres", 0.1, &["centimetres"]),
+        2 => scaled("spacing of another picture", 1.4, &["adults'", "unit"]),
+        3 => Trait {
+            name: format!("axis {axis} flipped in {MAP}"),
+            words: &["mirror", "side", "flip"],
+            apply: changed(move |m| {
+                let n = m.grid.size;
+                reordered(&m, n, |mut v| {
+                    v[axis] = n[axis] - 1 - v[axis];
+                    v
+                })
+            }),
+        },
+        4 => Trait {
+            name: format!("axes {axis} and {} exchanged in {MAP}", (axis + 1) % 3),
+            words: &["mirror", "side", "transposed", "axes", "adults'"],
+            apply: changed(move |m| {
+                let mut size = m.grid.size;
+                size.swap(axis, (axis + 1) % 3);
+                reordered(&m, size, |mut v| {
+                    v.swap(axis, (axis + 1) % 3);
+                    v
+                })
+            }),
+        },
+        5 => Trait {
+            name: format!("labels {a} and {b} exchanged in {MAP}"),
+            words: &["exchange", "label"],
+            apply: changed(move |mut m| {
+                let other = |l: u8| {
+                    if l == a {
+                        b
+                    } else if l == b {
+                        a
+                    } else {
+                        l
+                    }
+                };
+                m.values.iter_mut().for_each(|l| *l = other(*l));
+                m
+            }),
+        },
+        6 => Trait {
+            name: format!("{low} and {high} slices cropped along {axis} of {MAP}"),
+            words: &["cut", "crop", "border"],
+            apply: changed(move |m| {
+                let (mut from, mut to) = ([0; 3], m.grid.size.map(|n| n - 1));
+                from[axis] += low;
+                to[axis] -= high;
+                Labels { grid: m.grid.part(from, to), values: crop(&m.grid, &m.values, from, to) }
+            }),
+        },
+        _ => Trait {
+            name: "side of the living knee".into(),
+            words: &["side"],
+            apply: Box::new(|folder| {
+                let toml = text(&folder.join("specimen.toml"));
+                let [left, right] = ["side = \"left\"", "side = \"right\""];
+                let (from, to) = if toml.contains(left) { (left, right) } else { (right, left) };
+                write(&folder.join("specimen.toml"), toml.replace(from, to));
+            }),
+        },
+    }
+}

@@ -1,0 +1,98 @@
+//! Traits of laxity files: zeros, signs, units, decimal commas, encodings, thousands.
+
+use super::{Dice, Trait};
+use crate::common::{text, write};
+use std::path::Path;
+
+pub(super) const TABLE: &str = "laxity/rks.csv";
+
+/// The table with its cells changed, by column's name and row; `None` leaves a cell.
+fn cells(folder: &Path, change: impl Fn(&str, &[&str], &str) -> Option<String>) {
+    let path = folder.join(TABLE);
+    let table = text(&path);
+    let header: Vec<&str> = table.lines().next().unwrap().split(',').collect();
+    let mut out = header.join(",") + "\n";
+    for line in table.lines().skip(1) {
+        let row: Vec<&str> = line.split(',').collect();
+        let new = row.iter().zip(&header).map(|(c, h)| change(h, &row, c).unwrap_or_else(|| (*c).to_owned()));
+        out += &(new.collect::<Vec<_>>().join(",") + "\n");
+    }
+    write(&path, out);
+}
+
+/// One column's numbers changed.
+fn column(name: &'static str, change: fn(f64) -> f64) -> Box<dyn Fn(&Path)> {
+    Box::new(move |folder| {
+        cells(folder, |h, _, c| (h == name && !c.is_empty()).then(|| change(c.parse().unwrap()).to_string()));
+    })
+}
+
+fn whole(change: impl Fn(String) -> Vec<u8> + 'static) -> Box<dyn Fn(&Path)> {
+    Box::new(move |folder| {
+        let path = folder.join(TABLE);
+        write(&path, change(text(&path)));
+    })
+}
+
+/// Draws a trait of a laxity file.
+pub(super) fn draw(dice: &mut Dice) -> Trait {
+    let of = |name: &str, words: &'static [&'static str], apply: Box<dyn Fn(&Path)>| Trait {
+        name: format!("{name} of {TABLE}"),
+        words,
+        apply,
+    };
+    const TURNED: &[&str] = &["sign", "turned", "point that way"];
+    const UNIT: &[&str] = &["unit", "beyond"];
+    match dice.below(18) {
+        0 => of("flexion zeroed", &["zeroed"], {
+            Box::new(|folder| {
+                cells(folder, |h, row, c| {
+                    (h == "fe_deg").then(|| (c.parse::<f64>().unwrap() - row[2].parse::<f64>().unwrap()).to_string())
+                });
+            })
+        }),
+        1 => of("poses zeroed at the first trial", &["zeroed", "counted from"], {
+            Box::new(|folder| {
+                let table = text(&folder.join(TABLE));
+                let first: Vec<f64> =
+                    table.lines().nth(1).unwrap().split(',').skip(8).map(|c| c.parse().unwrap_or(0.0)).collect();
+                cells(folder, |h, row, c| {
+                    let at = ["vv_deg", "ie_deg", "ml_mm", "ap_mm", "si_mm"].iter().position(|n| *n == h)?;
+                    let _ = row;
+                    Some((c.parse::<f64>().ok()? - first[at + 1]).to_string())
+                });
+            })
+        }),
+        2 => of("sign of ap_mm", TURNED, column("ap_mm", |x| -x)),
+        3 => of("sign of ie_deg", TURNED, column("ie_deg", |x| -x)),
+        4 => of("sign of vv_deg", TURNED, column("vv_deg", |x| -x)),
+        5 => of("sign of load_ap_n", TURNED, column("load_ap_n", |x| -x)),
+        6 => of("radians in ie_deg", &["rad", "unit"], column("ie_deg", f64::to_radians)),
+        7 => of("metres in ap_mm", &["unit"], column("ap_mm", |x| x / 1000.0)),
+        8 => of("kN in load_ap_n", &["unit"], column("load_ap_n", |x| x / 1000.0)),
+        9 => of("N mm in load_ie_nm", UNIT, column("load_ie_nm", |x| x * 1000.0)),
+        10 => of("radians in fe_deg", &["nominal", "rad"], column("fe_deg", f64::to_radians)),
+        11 => of("decimal commas", &["comma"], whole(|t| t.replace(',', ";").replace('.', ",").into_bytes())),
+        12 => of("decimal commas among commas", &["comma"], {
+            whole(|t| {
+                let mut lines = t.lines();
+                let header = lines.next().unwrap().to_owned();
+                let rest = lines.map(|l| l.replace('.', ",") + "\n").collect::<String>();
+                (header + "\n" + &rest).into_bytes()
+            })
+        }),
+        13 => of("UTF-16", &["UTF"], {
+            whole(|t| [0xff, 0xfe].into_iter().chain(t.encode_utf16().flat_map(u16::to_le_bytes)).collect())
+        }),
+        14 => of("Latin-1", &["Latin"], whole(|t| [b"# 30 \xb0\n".to_vec(), t.into_bytes()].concat())),
+        15 => of("thousands", &["thousand"], {
+            whole(|t| t.replace(',', "\t").replacen("\t50.000000\t", "\t1,050\t", 3).into_bytes())
+        }),
+        16 => of("ml_mm and ap_mm exchanged", &["exchanged"], {
+            whole(|t| t.replacen("ml_mm,ap_mm", "ap_mm,ml_mm", 1).into_bytes())
+        }),
+        _ => of("load_vv_nm and load_ie_nm exchanged", &["exchanged", "unit", "point that way"], {
+            whole(|t| t.replacen("load_vv_nm,load_ie_nm", "load_ie_nm,load_vv_nm", 1).into_bytes())
+        }),
+    }
+}
