@@ -11,7 +11,7 @@
 use calibration::knee::Knee;
 use calibration::options::CalibrateOptions;
 use calibration::rig::RigOptions;
-use calibration::samples::Samples;
+use calibration::samples::{Question, Samples};
 use calibration::session::{Joint, Outcome, Session};
 use calibration::unknowns::KnownFrames;
 use inference::random::{normal, stream};
@@ -19,6 +19,7 @@ use sim::coordinate::{AP, FREE, Free, IE, Load};
 use sim::laxity::{LaxityTrial, Reference, Test, force_column};
 use sim::mesh::MeshValue;
 use sim::spec::ModelSpec;
+use sim::trials::{TrialOptions, solve_trials};
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -72,7 +73,13 @@ fn beyond(
         LaxityTrial::asked(name.clone(), Test::Neutral, b.flexion_deg, Load::new(vv, ie, ml, ap, si))
     };
     let trials: Vec<LaxityTrial> = truth.iter().map(asked).collect();
-    let bands = samples.bands(meshes, &trials, &[], usize::MAX).unwrap();
+    let model = sim::compile(&out.spec, meshes).unwrap();
+    let (answers, bundles) = (solve_trials(&model, &trials, &TrialOptions::default()), model.bundle_names());
+    let told = answers.into_iter().zip(&trials).map(|(a, t)| a.map_or(vec![], |a| a.result(t).columns(&bundles)));
+    let values: Vec<Vec<(String, f64)>> = told.collect();
+    let (most, values) = (usize::MAX, Some(&values[..]));
+    let question = Question { trials: &trials, without: &[], most, dislocation_ap_mm: None, values };
+    let bands = samples.bands(meshes, &question).unwrap();
     let mut count = [[0; 2]; 2];
     for (b, row) in truth.values().zip(&bands.rows) {
         let band = |name: &str| row.iter().find(|r| r.0 == name).map(|r| r.1);

@@ -15,7 +15,7 @@ use crate::rig;
 use crate::targets::Targets;
 use crate::unknown::{UNLIKE_STREAM, Unknown, Unknowns};
 use crate::unknowns::{KnownFrames, parameters};
-use inference::knee::{Answers, Asked, Belief, Lack, Quantity, Trials};
+use inference::knee::{Answers, Asked, Belief, Lack, Quantity, Trials, models_at};
 use inference::noise::Likelihood;
 use inference::parameter::Parameter;
 use inference::posterior::{Forward, Found, Sample, infer};
@@ -24,6 +24,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use sim::coordinate::{AP, Coordinate, FREE, Free, Load};
 use sim::laxity::{LaxityTrial, Test};
+use sim::trials::solve_trials;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -317,14 +318,15 @@ fn told(
     warnings.extend(others.iter().filter_map(OtherEstimate::odd));
     let frames = frames(question, trials, samples);
     let found_values = values[..n_ligaments].to_vec();
+    let last = last_forces(question.knee, trials, &values, measured);
     let calibrated = Calibrated {
         method: Method::Gradient,
         cost,
         lowest_cost: (cost, found_values.clone()),
         parameters: (0..n_ligaments).map(of_ligament).collect(),
         others,
-        forces: forces(trials, &found, measured, interval, options.seed),
-        rest: rest(&found, measured, interval),
+        forces: forces(trials, &found, &last, (measured, interval, options.seed)),
+        rest: rest(&found, &last, measured, interval),
         next_tests: next_tests(trials, &found, drawers, (COMPRESSION_N, noise_of_a_test(question, likelihood))),
         noise_scale: Free::from_fn(|c| {
             (0..sources.len())
@@ -382,8 +384,30 @@ fn estimate(p: &Parameter<Quantity>, mode: f64, k: usize, samples: &[Sample<Answ
     }
 }
 
+/// Bundle forces of the most probable knee in the drawers and at rest by the final mechanics, as `simulate` has them; none where it has no equilibrium.
+fn last_forces(knee: &Knee, trials: &Trials, values: &[f64], measured: usize) -> Vec<Option<Vec<f64>>> {
+    let imagined = &trials.trials[measured..measured + drawer_names().len() + REST_DEG.len()];
+    let plain = |t: &Asked| LaxityTrial::asked(String::new(), Test::Neutral, t.fe_deg, t.load);
+    let asked: Vec<LaxityTrial> = imagined.iter().map(plain).collect();
+    let Ok(models) = models_at(&knee.model, &knee.spec, trials.parameters, values) else {
+        return vec![None; asked.len()];
+    };
+    solve_trials(&models[0], &asked, &knee.options).into_iter().map(|a| a.ok().map(|a| a.forces_n)).collect()
+}
+
+/// Bundle forces of a sample in a trial, moved by what the final mechanics change of the most probable knee's.
+fn moved(sample: &[f64], mode: &[f64], last: Option<&Vec<f64>>) -> Vec<f64> {
+    let Some(last) = last else { return sample.to_vec() };
+    sample.iter().zip(mode).zip(last).map(|((f, from), to)| (f + (to - from)).max(0.0)).collect()
+}
+
 /// Bundle forces in the drawers: mean and interval over the samples.
-fn forces(trials: &Trials, found: &Found<Answers>, measured: usize, interval: f64, seed: u64) -> Vec<ForceEstimate> {
+fn forces(
+    trials: &Trials,
+    found: &Found<Answers>,
+    last: &[Option<Vec<f64>>],
+    (measured, interval, seed): (usize, f64, u64),
+) -> Vec<ForceEstimate> {
     let names = drawer_names();
     let before = prior_forces(trials, measured, names.len(), seed);
     let bundles = trials.model.bundles.len();
@@ -391,10 +415,14 @@ fn forces(trials: &Trials, found: &Found<Answers>, measured: usize, interval: f6
     let unlike: Vec<DVector<f64>> = (0..found.samples.len()).map(own).collect();
     let mut out = Vec::new();
     for (i, name) in names.iter().enumerate() {
+        let mode = &found.modes[0].state[measured + i].forces_n;
+        let of = |forces_n: &[f64]| moved(forces_n, mode, last[i].as_ref());
+        let (chosen, samples) =
+            (of(mode), found.samples.iter().map(|s| of(&s.state[measured + i].forces_n)).collect::<Vec<_>>());
         for bundle in 0..bundles {
-            let mut all: Vec<f64> = found.samples.iter().map(|s| s.state[measured + i].forces_n[bundle]).collect();
+            let mut all: Vec<f64> = samples.iter().map(|f| f[bundle]).collect();
             if all.is_empty() {
-                all.push(found.modes[0].state[measured + i].forces_n[bundle]);
+                all.push(chosen[bundle]);
             }
             let prior: Vec<f64> = before.iter().map(|f| f[i][bundle]).collect();
             let value = mean(&all);
@@ -443,8 +471,11 @@ fn prior_forces(trials: &Trials, measured: usize, drawers: usize, seed: u64) -> 
 }
 
 /// Tension of all ligaments at rest.
-fn rest(found: &Found<Answers>, measured: usize, interval: f64) -> Vec<RestEstimate> {
-    let total = |state: &Answers, i: usize| state[measured + i].forces_n.iter().sum::<f64>();
+fn rest(found: &Found<Answers>, last: &[Option<Vec<f64>>], measured: usize, interval: f64) -> Vec<RestEstimate> {
+    let mode = &found.modes[0].state;
+    let total = |state: &Answers, i: usize| {
+        moved(&state[measured + i].forces_n, &mode[measured + i].forces_n, last[i].as_ref()).iter().sum::<f64>()
+    };
     let from = drawer_names().len();
     let of = |(k, fe_deg): (usize, &f64)| {
         let mut all: Vec<f64> = found.samples.iter().map(|s| total(&s.state, from + k)).collect();

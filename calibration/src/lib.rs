@@ -21,6 +21,7 @@ pub mod hops;
 pub mod inferred;
 pub mod knee;
 pub mod levenberg;
+mod mechanics;
 pub mod next_test;
 pub mod options;
 pub mod posterior;

@@ -295,10 +295,11 @@ fn questions(checks: &[Check]) -> String {
     let rows: String = checks
         .iter()
         .map(|c| {
-            let sign = match c.good {
-                Some(true) => "within",
-                Some(false) => "<strong>outside</strong>",
-                None => "no limit",
+            let sign = match (c.good, &c.reaches) {
+                (Some(true), None) => "within".to_owned(),
+                (Some(true), Some(end)) => format!("within, but the interval reaches {}", escaped(end)),
+                (Some(false), _) => "<strong>outside</strong>".to_owned(),
+                (None, _) => "no limit".to_owned(),
             };
             format!(
                 "<tr><th scope=\"row\"><a href=\"#{}\">{}</a></th><td class=\"sign\">{sign}</td><td>{}</td></tr>",
