@@ -10,8 +10,6 @@ use crate::stage::list::Calibration;
 use crate::validate::Validation;
 use crate::which_model::JOINT;
 use calibration::session::Outcome;
-use inference::frames::{Terms, corrected};
-use inference::knee::Quantity;
 use serde::Serialize;
 use sim::joint::{Joint, Pose};
 use sim::laxity::{LaxityTrial, TrialResult};
@@ -92,20 +90,6 @@ fn model(v: &Values, spec: &ModelSpec) -> Option<Model> {
     sim::compile(spec, &loaded.meshes).ok()
 }
 
-/// The joint in the frames in which a data set reads poses: those of all data sets with its own turns and shifts, most probable, on the model's `frames`.
-fn joint_of(outcome: &Outcome, source: usize, frames: &FramesSpec) -> Option<Joint> {
-    let mut terms = Terms::default();
-    for u in &outcome.found.unknowns.unknowns {
-        match u.quantity {
-            Quantity::Frame(of, term) if of.is_none_or(|s| s == source) => terms[term] += u.most_probable,
-            _ => {}
-        }
-    }
-    // a recipe takes frames as given
-    let frames = if outcome.found.unknowns.unknowns.is_empty() { &outcome.spec.frames } else { frames };
-    Joint::new(&corrected(frames, outcome.spec.side, &terms).ok()?, outcome.spec.side).ok()
-}
-
 /// A calibrated model that moves.
 #[derive(Clone)]
 struct Knee<'a> {
@@ -135,7 +119,10 @@ impl Knee<'_> {
     fn measured(&self, outcome: &Outcome, frames: &FramesSpec) -> Vec<Motion> {
         let (sources, of) = &outcome.sources;
         let one = |(s, source): (usize, &String)| {
-            let knee = Knee { joint: joint_of(outcome, s, frames)?, ..self.clone() };
+            let knee = Knee {
+                joint: Joint::new(&outcome.frames_of(s, frames).ok()?, outcome.spec.side).ok()?,
+                ..self.clone()
+            };
             let mine = outcome.trials.iter().zip(&outcome.found.predicted).zip(of).filter(|(_, of)| **of == s);
             let steps: Vec<Step> =
                 mine.filter_map(|((t, p), _)| knee.trial(t, &pose(t, |c| p.as_ref().map(|p| p[c]))?)).collect();

@@ -130,11 +130,24 @@ fn calibrated(v: &Values, checks: &[Check], failure: Option<&Failure>) -> Answer
     answer(standing, word, words)
 }
 
+/// Coordinates in plain words, by their columns.
+const COORDINATES: [(&str, &str); 5] = [
+    ("vv_deg", "varus-valgus"),
+    ("ie_deg", "rotation"),
+    ("ml_mm", "mediolateral position"),
+    ("ap_mm", "anteroposterior position"),
+    ("si_mm", "proximal-distal position"),
+];
+
 /// Why a calibration is only in part one: what it misses most, and what that may come from.
 fn why_partly(found: &Calibrated) -> String {
     let share = |n: &&NoiseEstimate| n.inferred / n.stated.max(f64::MIN_POSITIVE);
+    let plain = |n: &NoiseEstimate| {
+        let named = COORDINATES.iter().find(|(column, _)| *column == n.coordinate);
+        named.map_or(n.coordinate.as_str(), |(_, words)| words).to_owned()
+    };
     let worst = found.noise.iter().max_by(|a, b| share(a).total_cmp(&share(b)));
-    let what = worst.map_or("One coordinate".to_owned(), |n| format!("{} of {}", n.coordinate, n.source));
+    let what = worst.map_or("A coordinate".to_owned(), |n| format!("In {}, {}", n.source, plain(n)));
     format!(
         "{what} is missed by more than {PARTLY_NOISE:.0} times the noise that was stated: the model lacks something, the data sets contradict each other, or the stated noise is too small."
     )
