@@ -205,6 +205,7 @@ fn files_of_every_kind_are_placed_or_told() {
     let (said, toml, _) = init(&[("my femur.stl", read("ct/femur.stl"))]);
     assert!(toml.contains("femur = \"ct/my femur.stl\"") && said.contains("by its name the femur"), "{said}");
     assert!(said.contains("Missing: the tibia with the fibula in CT") && said.contains("scans/femur.ply"), "{said}");
+    assert!(said.contains("Missing: the side") && said.contains("--side"), "nothing shows it: {said}");
     let (said, _, _) = init(&[("bone.stl", read("ct/femur.stl"))]);
     assert!(said.contains("left out") && said.contains("give the other bone too"), "{said}");
     // bones in metres are written in mm; a tibia that is open where it was cut is a bone all the same
@@ -246,6 +247,30 @@ fn files_of_every_kind_are_placed_or_told() {
     let (said, toml, folder) = init(&[("series/IM1", slice.clone()), ("series/IM2", slice)]);
     assert!(toml.contains("volume = \"ct/dicom\"") && said.contains("a DICOM series of 2 files"), "{said}");
     assert!(folder.path().join("knee/ct/dicom/IM2").exists());
+}
+
+#[test]
+fn a_side_is_told_from_the_bones_or_given() {
+    let made = phantom("S193761-phantom");
+    let folder = TempDir::new().unwrap();
+    let run = |name: &str, from: &[&str], side: &[&str]| {
+        let knee = folder.path().join(name);
+        let files = from.iter().map(|f| made.path().join(f));
+        let run = build_model().arg("init").arg(&knee).args(side).arg("--from").args(files).assert().success();
+        let said = String::from_utf8_lossy(&run.get_output().stdout).into_owned();
+        (said, fs::read_to_string(knee.join("specimen.toml")).unwrap())
+    };
+    let bones = ["ct/femur.stl", "ct/tibfib.stl"];
+    let (said, toml) = run("told", &bones, &[]);
+    let shown = if toml.contains("side = \"left\"") { "left" } else { "right" };
+    assert!(said.contains(&format!("side = \"{shown}\": the fibula lies there")), "{said}");
+    let other = if shown == "left" { "right" } else { "left" };
+    let (said, toml) = run("against", &bones, &["--side", other]);
+    assert!(said.contains(&format!("the files show a {shown} knee")), "{said}");
+    assert!(toml.contains(&format!("side = \"{other}\"")), "{toml}");
+    let (said, toml) = run("given", &bones[..1], &["--side", "right"]);
+    assert!(!said.contains("Missing: the side") && said.contains("as given"), "{said}");
+    assert!(toml.contains("side = \"right\""), "{toml}");
 }
 
 #[test]

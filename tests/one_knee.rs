@@ -123,14 +123,76 @@ fn drawers_have_the_intervals_that_the_calibration_tells() {
     assert!(!text(&trials).contains("ap_mm_mean"));
 }
 
-#[test]
-fn a_model_changed_by_hand_loses_its_samples_and_a_stale_one_is_refused() {
+/// A copy of the built specimen's build.
+fn copied() -> TempDir {
     let copy = TempDir::new().unwrap();
     for (name, bytes) in files(&specimen().join("build")) {
         let path = copy.path().join(name);
         std::fs::create_dir_all(path.parent().unwrap()).unwrap();
         write(&path, bytes);
     }
+    copy
+}
+
+#[test]
+fn samples_that_do_not_scatter_say_what_the_model_says() {
+    let copy = copied();
+    let file = copy.path().join("10-calibrate/joint/samples.json");
+    let mut samples: serde_json::Value = serde_json::from_str(&text(&file)).unwrap();
+    for unknown in samples["unknowns"].as_array_mut().unwrap() {
+        let n = unknown["samples"].as_array().unwrap().len();
+        unknown["samples"] = vec![unknown["most_probable"].clone(); n].into();
+    }
+    write(&file, serde_json::to_vec(&samples).unwrap());
+    let out = copy.path().join("r.csv");
+    let protocols = [["passive-flexion", ""], ["ap-laxity", ""], ["pivot-shift", ""], ["pivot-shift", "ACL"]];
+    for [protocol, without] in protocols {
+        let more = ["--protocol", protocol, "--out", out.to_str().unwrap()];
+        let cut = ["--without", without];
+        let more = [&more[..], if without.is_empty() { &[] } else { &cut[..] }].concat();
+        said(&["simulate"], copy.path(), &more);
+        let found = columns(&text(&out));
+        let banded: Vec<&String> = found.keys().filter(|c| found.contains_key(&format!("{c}_mean"))).collect();
+        assert!(banded.len() > 20, "{banded:?}");
+        for column in banded {
+            // what the model lacks and what another simulator would say scatter beside the samples; the contact's numbers have neither
+            let alone = column.starts_with("contact_");
+            for (row, value) in found[column].iter().enumerate().filter(|(_, v)| !v.is_empty()) {
+                for end in if alone { &["mean", "lower", "upper"][..] } else { &["mean"][..] } {
+                    let told = &found[&format!("{column}_{end}")][row];
+                    if !told.is_empty() {
+                        let near = (number(told) - number(value)).abs() < 1e-5 * number(value).abs().max(1.0);
+                        assert!(near, "{protocol} {without}: {column} {value}, {end} {told}");
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn what_the_build_tells_of_a_protocol_is_what_simulate_tells() {
+    let (knee, out) = (specimen(), TempDir::new().unwrap());
+    let path = out.path().join("r.csv");
+    for (source, file, more) in [
+        ("joint", "passive_flexion", &["--protocol", "passive-flexion"][..]),
+        ("joint", "ap_laxity", &["--protocol", "ap-laxity"]),
+        ("joint", "pivot_shift", &["--protocol", "pivot-shift"]),
+        ("joint", "pivot_shift_no_acl", &["--protocol", "pivot-shift", "--without", "ACL"]),
+        ("rks", "ap_laxity", &["--protocol", "ap-laxity", "--source", "rks"]),
+    ] {
+        said(&["simulate"], knee, &[more, &["--out", path.to_str().unwrap()]].concat());
+        let simulated = columns(&text(&path));
+        let built = columns(&text(&knee.join(format!("build/11-validate/{source}/{file}.csv"))));
+        for (column, told) in &built {
+            assert_eq!(simulated.get(column), Some(told), "{source}, {file}: {column}");
+        }
+    }
+}
+
+#[test]
+fn a_model_changed_by_hand_loses_its_samples_and_a_stale_one_is_refused() {
+    let copy = copied();
     let out = copy.path().join("r.csv").display().to_string();
     let model = copy.path().join("10-calibrate/joint/model.json");
     let whole = text(&model);

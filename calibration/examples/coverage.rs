@@ -12,7 +12,7 @@ use calibration::inferred::DRAWER_N;
 use calibration::knee::Knee;
 use calibration::options::CalibrateOptions;
 use calibration::rig::RigOptions;
-use calibration::samples::Samples;
+use calibration::samples::{Bands, Question, Samples};
 use calibration::session::{Joint, Outcome, Session};
 use calibration::unknowns::KnownFrames;
 use inference::random::{normal, stream};
@@ -20,6 +20,7 @@ use sim::coordinate::{AP, FREE, Free, IE, Load};
 use sim::laxity::{LaxityTrial, Reference, Test, force_column};
 use sim::mesh::MeshValue;
 use sim::spec::ModelSpec;
+use sim::trials::{TrialOptions, solve_trials};
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -64,20 +65,34 @@ struct Beyond {
     forces_n: BTreeMap<String, f64>,
 }
 
+/// Bands of a calibrated knee in trials, about what the final mechanics tell of its most probable values.
+fn bands_of(
+    out: &Outcome,
+    (spec, meshes): (&ModelSpec, &BTreeMap<String, MeshValue>),
+    trials: &[LaxityTrial],
+) -> Bands {
+    let (schema, model) = (calibration::samples::SCHEMA.to_owned(), String::new());
+    let samples = Samples { schema, model, counted_from: spec.clone(), of: out.found.unknowns.clone() };
+    let model = sim::compile(&out.spec, meshes).unwrap();
+    let (answers, bundles) = (solve_trials(&model, trials, &TrialOptions::default()), model.bundle_names());
+    let told = answers.into_iter().zip(trials).map(|(a, t)| a.map_or(vec![], |a| a.result(t).columns(&bundles)));
+    let values: Vec<Vec<(String, f64)>> = told.collect();
+    let (most, values) = (usize::MAX, Some(&values[..]));
+    samples.bands(meshes, &Question { trials, without: &[], most, dislocation_ap_mm: None, values }).unwrap()
+}
+
 /// How many intervals of a knee hold, of how many: of poses, and of forces of bundles that carry anything.
 fn beyond(
     out: &Outcome,
     (spec, meshes): (&ModelSpec, &BTreeMap<String, MeshValue>),
     truth: &BTreeMap<String, Beyond>,
 ) -> [[usize; 2]; 2] {
-    let (schema, model) = (calibration::samples::SCHEMA.to_owned(), String::new());
-    let samples = Samples { schema, model, counted_from: spec.clone(), of: out.found.unknowns.clone() };
     let asked = |(name, b): (&String, &Beyond)| {
         let [vv, ie, ml, ap, si] = b.load;
         LaxityTrial::asked(name.clone(), Test::Neutral, b.flexion_deg, Load::new(vv, ie, ml, ap, si))
     };
     let trials: Vec<LaxityTrial> = truth.iter().map(asked).collect();
-    let bands = samples.bands(meshes, &trials, &[], usize::MAX).unwrap();
+    let bands = bands_of(out, (spec, meshes), &trials);
     let mut count = [[0; 2]; 2];
     for (b, row) in truth.values().zip(&bands.rows) {
         let band = |name: &str| row.iter().find(|r| r.0 == name).map(|r| r.1);
@@ -99,8 +114,6 @@ fn beyond(
 
 /// How many intervals of the sums of ACL and PCL in the drawers hold, of how many that carry anything.
 fn cruciates(out: &Outcome, (spec, meshes): (&ModelSpec, &BTreeMap<String, MeshValue>), truth: &Forces) -> [usize; 2] {
-    let (schema, model) = (calibration::samples::SCHEMA.to_owned(), String::new());
-    let samples = Samples { schema, model, counted_from: spec.clone(), of: out.found.unknowns.clone() };
     let asked = |name: &String| {
         let (test, flexion) = name.split_once('_').unwrap();
         let ap = if test == "anterior" { DRAWER_N } else { -DRAWER_N };
@@ -110,7 +123,7 @@ fn cruciates(out: &Outcome, (spec, meshes): (&ModelSpec, &BTreeMap<String, MeshV
     let drawers: Vec<&String> =
         truth.keys().filter(|k| k.starts_with("anterior") || k.starts_with("posterior")).collect();
     let trials: Vec<LaxityTrial> = drawers.iter().map(|n| asked(n)).collect();
-    let bands = samples.bands(meshes, &trials, &[], usize::MAX).unwrap();
+    let bands = bands_of(out, (spec, meshes), &trials);
     let mut count = [0; 2];
     for (name, row) in drawers.iter().zip(&bands.rows) {
         for group in ["ACL", "PCL"] {
@@ -316,14 +329,19 @@ fn main() {
         }
         println!("{line}");
     }
-    if asks_beyond {
+    summed_up(asks_beyond.then_some(all_beyond), &all);
+}
+
+/// The last lines: shares of intervals that hold, errors, and what was known with nothing measured.
+fn summed_up(beyond: Option<[[usize; 2]; 3]>, all: &BTreeMap<&str, Tally>) {
+    if let Some(all_beyond) = beyond {
         let share = |[held, of]: [usize; 2]| 100.0 * held as f64 / of.max(1) as f64;
         let [poses, forces, sums] = all_beyond.map(share);
         println!(
             "beyond: {poses:.0} % of poses and {forces:.0} % of forces inside; {sums:.0} % of cruciate sums in drawers"
         );
     }
-    for (name, t) in &all {
+    for (name, t) in all {
         println!(
             "{name}: rms {:.1} N, {} of {} intervals hold ({:.0} %), error over sd {:.2}, rms error over rms sd {:.2}",
             rms(&t.errors),

@@ -5,6 +5,7 @@ use crate::cost::{CostFunction, residual};
 use crate::design::Design;
 use crate::error::CalibrationError;
 use crate::knee::Knee;
+use crate::last_forces::{last_forces, moved};
 use crate::next_test::next_tests;
 use crate::options::{CalibrateOptions, Method};
 use crate::posterior::{NoiseEstimate, OtherEstimate, ParameterEstimate, RestEstimate, ends, mean, variance};
@@ -289,7 +290,7 @@ fn told(
     let drawers = measured..measured + names.len();
     let samples = &found.samples;
     let nobody_measured = measured..measured + names.len() + REST_DEG.len();
-    let unmeasured = Unmeasured::of(trials, (nobody_measured, names.len()), options);
+    let unmeasured = Unmeasured::of(trials, (nobody_measured.clone(), names.len()), options);
     let estimate =
         |k: usize| estimate(&trials.parameters[k], mode.z[k], k, samples, (interval, unmeasured.variance(k)));
     let of_ligament = |k: usize| {
@@ -318,14 +319,15 @@ fn told(
     warnings.extend(others.iter().filter_map(OtherEstimate::odd));
     let frames = frames(question, trials, samples);
     let found_values = values[..n_ligaments].to_vec();
+    let last = last_forces(question.knee, trials, &values, nobody_measured.clone());
     let calibrated = Calibrated {
         method: Method::Gradient,
         cost,
         lowest_cost: (cost, found_values.clone()),
         parameters: (0..n_ligaments).map(of_ligament).collect(),
         others,
-        forces: unmeasured.forces(trials, &found, (measured, &names), (interval, options.seed)),
-        rest: rest(&found, measured, interval),
+        forces: unmeasured.forces(&found, (measured, &names), &last, (interval, options.seed)),
+        rest: rest(&found, &last, measured, interval),
         next_tests: next_tests(trials, &found, drawers, (COMPRESSION_N, noise_of_a_test(question, likelihood))),
         noise_scale: Free::from_fn(|c| {
             (0..sources.len())
@@ -390,8 +392,11 @@ fn estimate(
 }
 
 /// Tension of all ligaments at rest.
-fn rest(found: &Found<Answers>, measured: usize, interval: f64) -> Vec<RestEstimate> {
-    let total = |state: &Answers, i: usize| state[measured + i].forces_n.iter().sum::<f64>();
+fn rest(found: &Found<Answers>, last: &[Option<Vec<f64>>], measured: usize, interval: f64) -> Vec<RestEstimate> {
+    let mode = &found.modes[0].state;
+    let total = |state: &Answers, i: usize| {
+        moved(&state[measured + i].forces_n, &mode[measured + i].forces_n, last[i].as_ref()).iter().sum::<f64>()
+    };
     let from = drawer_names().len();
     let of = |(k, fe_deg): (usize, &f64)| {
         let mut all: Vec<f64> = found.samples.iter().map(|s| total(&s.state, from + k)).collect();

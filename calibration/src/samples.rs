@@ -4,6 +4,7 @@
 
 use crate::error::CalibrationError;
 use crate::inferred::LACK;
+use crate::mechanics::Mechanics;
 use crate::posterior::{ends, mean};
 use crate::unknown::{UNLIKE_STREAM, Unknown, Unknowns};
 use crate::unmeasured::force_sd;
@@ -18,7 +19,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use sim::contact::ContactOptions;
 use sim::coordinate::{FREE, Free, Load};
-use sim::laxity::{Band, LaxityTrial, TrialResult, force_column};
+use sim::laxity::{Band, LaxityTrial, force_column};
 use sim::mesh::MeshValue;
 use sim::model::compile_with;
 use sim::spec::ModelSpec;
@@ -48,12 +49,28 @@ pub struct Samples {
 pub struct Bands {
     /// Bands by column.
     pub rows: Vec<Vec<(String, Band)>>,
-    /// What the most probable knee tells in the same search, by column.
-    pub most_probable: Vec<Vec<(String, f64)>>,
+    /// Samples whose femur leaves the plateau, by row.
+    pub leaving: Vec<usize>,
     /// Samples asked.
     pub asked: usize,
     /// Largest number of samples without an equilibrium in a row.
     pub lost: usize,
+}
+
+/// What samples are asked.
+#[derive(Clone, Copy, Debug)]
+pub struct Question<'a> {
+    /// The trials.
+    pub trials: &'a [LaxityTrial],
+    /// Cut bundles or ligaments.
+    pub without: &'a [String],
+    /// How many samples at most.
+    pub most: usize,
+    /// AP from the CT pose beyond which the femur has left the plateau [mm]; none: as in a laxity trial.
+    pub dislocation_ap_mm: Option<f64>,
+    /// What the most probable model answers by the final mechanics (friction, its own mesh), by trial and column; the samples' answers are moved by what
+    /// that differs from the search's. None: they stay as the search has them.
+    pub values: Option<&'a [Vec<(String, f64)>]>,
 }
 
 /// Names and sums of the ligament groups that have several bundles, `group_ACL_n` and so on [N].
@@ -77,25 +94,22 @@ impl Samples {
         self.len() == 0
     }
 
-    /// Bands of what the knee does in trials, by the first `most` samples; `without` are cut bundles or ligaments.
+    /// Bands of what the knee does in trials.
     ///
     /// # Errors
     /// A model that does not compile; a most probable knee without equilibrium in a trial.
-    pub fn bands(
-        &self,
-        meshes: &BTreeMap<String, MeshValue>,
-        trials: &[LaxityTrial],
-        without: &[String],
-        most: usize,
-    ) -> Result<Bands, CalibrationError> {
-        if trials.is_empty() || self.is_empty() || most == 0 {
-            return Ok(Bands { rows: vec![vec![]; trials.len()], ..Bands::default() });
+    pub fn bands(&self, meshes: &BTreeMap<String, MeshValue>, question: &Question) -> Result<Bands, CalibrationError> {
+        let trials = question.trials;
+        if trials.is_empty() || self.is_empty() || question.most == 0 {
+            let (rows, leaving) = (vec![vec![]; trials.len()], vec![0; trials.len()]);
+            return Ok(Bands { rows, leaving, ..Bands::default() });
         }
         let coarse = ContactOptions { spacing_mm: self.of.search.contact_spacing_mm };
-        let model = compile_with(&self.counted_from, meshes, &coarse)?.with_friction(0.0)?.without(without)?;
+        let model = compile_with(&self.counted_from, meshes, &coarse)?.with_friction(0.0)?.without(question.without)?;
         let parameters: Vec<Parameter<Quantity>> = self.of.unknowns.iter().map(as_it_stands).collect();
         let asked: Vec<Asked> = trials.iter().map(imagined).collect();
-        let options = self.of.search.trials();
+        let mut options = self.of.search.trials();
+        options.dislocation_ap_mm = question.dislocation_ap_mm.unwrap_or(options.dislocation_ap_mm);
         let knee = Trials {
             model: &model,
             spec: &self.counted_from,
@@ -111,7 +125,7 @@ impl Samples {
         let answers = knee.at(&mode, None).ok_or_else(|| {
             CalibrationError::Targets("the most probable knee has no equilibrium in one of the trials".into())
         })?;
-        let used = self.len().min(most);
+        let used = self.len().min(question.most);
         let near = (&mode, &answers.state);
         let at = |s: usize| {
             let z = DVector::from_iterator(parameters.len(), self.of.unknowns.iter().map(|u| u.samples[s]));
@@ -119,31 +133,42 @@ impl Samples {
         };
         let found: Vec<Vec<Option<Prediction>>> = (0..used).into_par_iter().map(at).collect();
         let own = knee.predicted(&mode, near)?;
-        let most_probable = own.into_iter().map(|p| p.map_or(vec![], |p| p.outputs)).collect();
         let lacking = knee.lacking(&answers.state, self.of.seed ^ LACKING_SEED, used);
         let names = model.bundle_names();
-        let rows: Vec<Vec<(String, Band)>> = (0..asked.len()).map(|i| self.row(&names, &found, &lacking, i)).collect();
-        let lost = (0..asked.len()).map(|i| found.iter().filter(|f| f[i].is_none()).count()).max().unwrap_or(0);
-        Ok(Bands { rows, most_probable, asked: used, lost })
+        let mechanics = |i: usize| match (question.values.and_then(|v| v.get(i)), &own[i]) {
+            (Some(last), Some(p)) => Mechanics::between(&told(&names, p), last),
+            _ => Mechanics::default(),
+        };
+        let row = |i: usize| {
+            let here: Vec<(usize, &Prediction)> =
+                found.iter().enumerate().filter_map(|(s, f)| Some((s, f[i].as_ref()?))).collect();
+            let moved: Vec<Free<f64>> = lacking.iter().map(|l| l[i]).collect();
+            self.row(&names, &here, &moved, &mechanics(i))
+        };
+        let rows = (0..asked.len()).map(row).collect();
+        let count = |is: &dyn Fn(&Option<Prediction>) -> bool, i: usize| found.iter().filter(|f| is(&f[i])).count();
+        let leaves = |p: &Option<Prediction>| p.as_ref().is_some_and(|p| p.leaves_the_plateau);
+        let leaving = (0..asked.len()).map(|i| count(&leaves, i)).collect();
+        let lost = (0..asked.len()).map(|i| count(&Option::is_none, i)).max().unwrap_or(0);
+        Ok(Bands { rows, leaving, asked: used, lost })
     }
 
-    /// The bands of one trial.
+    /// The bands of one trial, of the samples `found` in it by number; `lacking` is by what each is moved for what the model lacks.
     fn row(
         &self,
         bundles: &[String],
-        found: &[Vec<Option<Prediction>>],
-        lacking: &[Vec<Free<f64>>],
-        trial: usize,
+        found: &[(usize, &Prediction)],
+        lacking: &[Free<f64>],
+        mechanics: &Mechanics,
     ) -> Vec<(String, Band)> {
         let mut columns: Vec<(String, Vec<f64>, Vec<f64>)> = Vec::new();
-        for (s, p) in found.iter().enumerate() {
-            let Some(p) = &p[trial] else { continue };
-            let unlike = normals(&mut stream(self.of.seed, UNLIKE_STREAM + s as u64), bundles.len());
-            let off: Vec<f64> =
-                p.forces_n.iter().zip(unlike.iter()).map(|(f, z)| (f + force_sd(*f) * z).max(0.0)).collect();
-            let told = told(bundles, p, &p.pose, &p.forces_n);
-            let moved = Free::from_fn(|c| p.pose[c] + lacking[s][trial][c]);
-            for ((name, value), (_, drawn)) in told.into_iter().zip(self::told(bundles, p, &moved, &off)) {
+        for (s, p) in found {
+            let p = mechanics.moved(bundles, p);
+            let unlike = normals(&mut stream(self.of.seed, UNLIKE_STREAM + *s as u64), bundles.len());
+            let off = p.forces_n.iter().zip(unlike.iter()).map(|(f, z)| (f + force_sd(*f) * z).max(0.0)).collect();
+            let pose = Free::from_fn(|c| p.pose[c] + lacking[*s][c]);
+            let drawn = Prediction { pose, forces_n: off, ..p.clone() };
+            for ((name, value), (_, drawn)) in told(bundles, &p).into_iter().zip(told(bundles, &drawn)) {
                 match columns.iter_mut().find(|c| c.0 == name) {
                     Some(c) => {
                         c.1.push(value);
@@ -162,19 +187,11 @@ impl Samples {
     }
 }
 
-/// Gives results their bands; group sums go among their outputs.
-pub fn with_bands(results: &mut [TrialResult], bundles: &[String], bands: Bands) {
-    for (r, row) in results.iter_mut().zip(bands.rows) {
-        r.outputs.extend(group_sums(bundles, &r.forces_n));
-        r.bands = row;
-    }
-}
-
-/// Columns of a prediction with this pose and these forces.
-fn told(bundles: &[String], p: &Prediction, pose: &Free<f64>, forces_n: &[f64]) -> Vec<(String, f64)> {
-    let poses = FREE.into_iter().map(|c| (c.column(), pose[c]));
-    let forces = bundles.iter().zip(forces_n).map(|(b, f)| (force_column(b), *f));
-    let groups = group_sums(bundles, forces_n);
+/// Columns of a prediction.
+fn told(bundles: &[String], p: &Prediction) -> Vec<(String, f64)> {
+    let poses = FREE.into_iter().map(|c| (c.column(), p.pose[c]));
+    let forces = bundles.iter().zip(&p.forces_n).map(|(b, f)| (force_column(b), *f));
+    let groups = group_sums(bundles, &p.forces_n);
     poses.chain(forces).chain(groups).chain(p.outputs.iter().cloned()).collect()
 }
 

@@ -11,10 +11,13 @@ use crate::options::{CalibrateOptions, Method};
 use crate::problem::{Probes, Problem};
 use crate::targets::{Targets, targets};
 use crate::unknowns::KnownFrames;
+use inference::frames::{Terms, corrected};
+use inference::knee::Quantity;
 use serde::{Deserialize, Serialize};
+use sim::SimError;
 use sim::coordinate::Load;
 use sim::laxity::{LaxityTrial, Test};
-use sim::spec::{ModelSpec, PoseSpec};
+use sim::spec::{FramesSpec, ModelSpec, PoseSpec};
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
@@ -58,6 +61,24 @@ pub struct Outcome {
     pub frames: Vec<KnownFrames>,
     /// What is odd but not fatal: about the targets, by row, then about the calibration.
     pub warnings: Vec<String>,
+}
+
+impl Outcome {
+    /// The frames in which a data set reads poses: `assembled`, those of the model before its calibration, with the most probable turns and shifts of all
+    /// data sets and its own. A recipe takes frames as given.
+    ///
+    /// # Errors
+    /// Frames that make no joint.
+    pub fn frames_of(&self, source: usize, assembled: &FramesSpec) -> Result<FramesSpec, SimError> {
+        let mut terms = Terms::default();
+        for u in &self.found.unknowns.unknowns {
+            match u.quantity {
+                Quantity::Frame(of, term) if of.is_none_or(|s| s == source) => terms[term] += u.most_probable,
+                _ => {}
+            }
+        }
+        corrected(assembled, self.spec.side, &terms)
+    }
 }
 
 /// Anterior and posterior loads of 133 N at 30, 60 and 90 deg [andreassen2025, section 2.6.2], with 20 N of compression.

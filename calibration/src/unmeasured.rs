@@ -1,5 +1,6 @@
 //! What is known of a knee's forces when nothing is measured: the prior with its beliefs, against which the data are counted.
 
+use crate::last_forces::moved;
 use crate::options::CalibrateOptions;
 use crate::posterior::{ForceEstimate, ends, mean, variance};
 use crate::unknown::UNLIKE_STREAM;
@@ -82,26 +83,29 @@ impl Unmeasured {
         if self.z.len() < 2 { 1.0 } else { variance(&self.z.iter().map(|z| z[k]).collect::<Vec<_>>()) }
     }
 
-    /// Bundle forces in the drawers: mean and interval over the samples, and the same with nothing measured.
+    /// Bundle forces in the drawers: mean and interval over the samples, moved to the final mechanics' `last` ones, and the same with nothing measured.
     pub(crate) fn forces(
         &self,
-        trials: &Trials,
         found: &Found<Answers>,
         (measured, names): (usize, &[String]),
+        last: &[Option<Vec<f64>>],
         (interval, seed): (f64, u64),
     ) -> Vec<ForceEstimate> {
-        let bundles = trials.model.bundles.len();
+        let bundles = found.modes[0].state[measured].forces_n.len();
         let samples = found.samples.len().max(self.forces.len());
         let own = |s: usize| normals(&mut stream(seed, UNLIKE_STREAM + s as u64), bundles);
         let unlike: Vec<DVector<f64>> = (0..samples).map(own).collect();
         let mut out = Vec::new();
         for (i, name) in names.iter().enumerate() {
+            let mode = &found.modes[0].state[measured + i].forces_n;
+            let to_last = |forces_n: &[f64]| moved(forces_n, mode, last[i].as_ref());
+            let chosen = to_last(mode);
+            let after: Vec<Vec<f64>> = found.samples.iter().map(|s| to_last(&s.state[measured + i].forces_n)).collect();
             for bundle in 0..bundles {
-                let chosen = found.modes[0].state[measured + i].forces_n[bundle];
-                let told = |all: Vec<f64>| told(all, chosen, &unlike, bundle, interval);
+                let told = |all: Vec<f64>| told(all, chosen[bundle], &unlike, bundle, interval);
                 let of = |all: &[Vec<Vec<f64>>]| all.iter().map(|f| f[i][bundle]).collect::<Vec<f64>>();
-                let all = found.samples.iter().map(|s| s.state[measured + i].forces_n[bundle]).collect();
-                let (after, before) = (told(all), told(of(&self.forces)));
+                let after = told(after.iter().map(|f| f[bundle]).collect());
+                let before = told(of(&self.forces));
                 let alone = variance(&told(of(&self.alone)).scattered);
                 out.push(ForceEstimate {
                     trial: name.clone(),

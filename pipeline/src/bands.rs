@@ -4,8 +4,8 @@ use crate::error::BuildError;
 use crate::model_file::LoadedModel;
 use crate::record::hash;
 use crate::store;
-use calibration::samples::{SCHEMA, Samples, group_sums};
-use sim::laxity::{Band, LaxityTrial, TrialResult};
+use calibration::samples::{Question, SCHEMA, Samples, group_sums};
+use sim::laxity::{LaxityTrial, TrialResult};
 
 /// The file beside a calibrated model.json.
 const FILE: &str = "samples.json";
@@ -37,43 +37,53 @@ pub(crate) fn of(loaded: &LoadedModel) -> Result<(Option<Samples>, String), Buil
     Ok((Some(samples), String::new()))
 }
 
-/// Gives results their bands by at most `most` samples, and the sums of ligament groups; gives the words to print.
-pub(crate) fn add(
-    loaded: &LoadedModel,
-    results: &mut [TrialResult],
-    bundles: &[String],
-    without: &[String],
-    most: usize,
-) -> Result<String, BuildError> {
+/// What is asked of the samples of a model.
+#[derive(Clone, Copy)]
+pub(crate) struct Asking<'a> {
+    /// Names of the bundles, in the order of the forces.
+    pub(crate) bundles: &'a [String],
+    /// Cut bundles or ligaments.
+    pub(crate) without: &'a [String],
+    /// How many samples at most.
+    pub(crate) most: usize,
+    /// AP from the CT pose beyond which the femur has left the plateau [mm]; none: as in a laxity trial.
+    pub(crate) dislocation_ap_mm: Option<f64>,
+}
+
+/// Gives results their bands, and the sums of ligament groups; gives the words to print.
+pub(crate) fn add(loaded: &LoadedModel, results: &mut [TrialResult], asking: &Asking) -> Result<String, BuildError> {
     for r in results.iter_mut() {
-        r.outputs.extend(group_sums(bundles, &r.forces_n));
+        r.outputs.extend(group_sums(asking.bundles, &r.forces_n));
     }
-    if most == 0 {
+    if asking.most == 0 {
         return Ok(String::new());
     }
     let (samples, text) = of(loaded)?;
     let Some(samples) = samples else { return Ok(text) };
-    Ok(text + &by(&samples, loaded, results, without, most))
+    Ok(text + &by(&samples, loaded, results, asking))
 }
 
-/// Gives results the bands of samples; gives the words to print.
-pub(crate) fn by(
-    samples: &Samples,
-    loaded: &LoadedModel,
-    results: &mut [TrialResult],
-    without: &[String],
-    most: usize,
-) -> String {
+/// Gives results the bands of samples, and flags where samples leave the plateau; gives the words to print.
+pub(crate) fn by(samples: &Samples, loaded: &LoadedModel, results: &mut [TrialResult], asking: &Asking) -> String {
     if !loaded.spec.components.is_empty() {
         return "warning: what was added to the model is in its values and not in its samples: no intervals\n".into();
     }
     let trials: Vec<LaxityTrial> = results.iter().map(asked).collect();
-    let bands = match samples.bands(&loaded.meshes, &trials, without, most) {
+    let values: Vec<Vec<(String, f64)>> = results.iter().map(|r| r.columns(asking.bundles)).collect();
+    let question = Question {
+        trials: &trials,
+        without: asking.without,
+        most: asking.most,
+        dislocation_ap_mm: asking.dislocation_ap_mm,
+        values: Some(&values),
+    };
+    let bands = match samples.bands(&loaded.meshes, &question) {
         Ok(bands) => bands,
         Err(e) => return format!("warning: no intervals: {e}\n"),
     };
-    for ((r, row), own) in results.iter_mut().zip(bands.rows).zip(&bands.most_probable) {
-        r.bands = row.into_iter().map(|(name, band)| (name.clone(), in_full(&name, band, r, own))).collect();
+    for ((r, row), leaving) in results.iter_mut().zip(bands.rows).zip(bands.leaving) {
+        r.bands = row;
+        r.flags.extend((leaving > 0).then(|| format!("{leaving} of {} {LEAVE}", bands.asked)));
     }
     let n = (100.0 * samples.of.interval).round();
     let mut text = format!("mean and {n} % interval by {} samples of the posterior\n", bands.asked);
@@ -86,21 +96,30 @@ pub(crate) fn by(
     text
 }
 
-/// A band of contact area or pressure as the model's own mesh has it: the search merges contact nodes further, which spreads the contact, so the band is
-/// multiplied by what the model tells over what the search tells of the same knee. Every other band stays.
-fn in_full(name: &str, band: Band, result: &TrialResult, search: &[(String, f64)]) -> Band {
-    let is_spread = ["_area_mm2", "_mean_mpa", "_peak_mpa"].iter().any(|end| name.ends_with(end));
-    let of = |all: &[(String, f64)]| all.iter().find(|o| o.0 == name).map(|o| o.1).filter(|x| *x > 0.0);
-    match (is_spread, of(&result.outputs), of(search)) {
-        (true, Some(full), Some(coarse)) => {
-            let factor = full / coarse;
-            Band { mean: factor * band.mean, lower: factor * band.lower, upper: factor * band.upper }
-        }
-        _ => band,
-    }
+/// How the flag of a row ends in which samples have left the plateau, after how many of how many.
+const LEAVE: &str = "samples leave the plateau";
+/// Share of samples off the plateau from which on a row is odd [-]: then an end of its 90 % interval is of such a knee.
+const MOST_LEAVING: f64 = 0.05;
+
+/// True of a flag that makes a row odd: any but that of a few samples.
+pub(crate) fn is_odd(flag: &str) -> bool {
+    let Some(counts) = flag.strip_suffix(LEAVE) else { return true };
+    let mut counts = counts.split_whitespace().filter_map(|w| w.parse::<f64>().ok());
+    counts.next().zip(counts.next()).is_none_or(|(leaving, all)| leaving > MOST_LEAVING * all)
 }
 
 /// The trial that a result answers: a protocol's row says its flexion in its pose.
 fn asked(r: &TrialResult) -> LaxityTrial {
     LaxityTrial { fe_deg: r.pose.fe_deg, ..r.trial.clone() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_row_is_odd_where_an_end_of_its_interval_is_of_a_knee_off_the_plateau() {
+        let flag = |n: usize| format!("{n} of 40 {LEAVE}");
+        assert!(is_odd("dislocated") && is_odd(&flag(3)) && !is_odd(&flag(2)));
+    }
 }

@@ -55,6 +55,9 @@ enum Verb {
         /// Surfaces, tables or folders of them: bones, scans, side and frames are guessed from geometry
         #[arg(long, num_args = 1.., value_name = "FILES")]
         from: Vec<PathBuf>,
+        /// Which knee, where the files do not show it, or show it wrongly
+        #[arg(long)]
+        side: Option<init::SideName>,
     },
     /// Read and judge all inputs of a specimen; build nothing
     Check(CheckArgs),
@@ -287,7 +290,7 @@ fn known_folder(args: &BuildArgs) -> Result<&BuildArgs, BuildError> {
 
 fn answer_verb(verb: Verb) -> Result<String, BuildError> {
     match verb {
-        Verb::Init { dir, from } => init::init(&dir, &from),
+        Verb::Init { dir, from, side } => init::init(&dir, &from, side),
         Verb::Check(args) => check::check(&args),
         Verb::Build(args) => run::run(&args),
         Verb::Open { dir, print } => open::open(&dir, print),

@@ -19,6 +19,8 @@ use std::path::{Path, PathBuf};
 struct Filled {
     id: String,
     side: Option<&'static str>,
+    /// What tells the side, in words; empty where nothing does.
+    side_by: &'static str,
     /// Paths by table and key.
     paths: BTreeMap<(String, String), String>,
     /// Labels of a label map by their keys of `[segmentation]`.
@@ -33,8 +35,26 @@ struct Placed {
     bytes: Vec<u8>,
 }
 
+/// Which knee, as it is given.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
+pub enum SideName {
+    /// The left one.
+    Left,
+    /// The right one.
+    Right,
+}
+
+impl SideName {
+    fn name(self) -> &'static str {
+        match self {
+            SideName::Left => "left",
+            SideName::Right => "right",
+        }
+    }
+}
+
 /// Writes a specimen folder to `dir`; what `from` holds is copied to where its geometry says it belongs.
-pub fn init(dir: &Path, from: &[PathBuf]) -> Result<String, BuildError> {
+pub fn init(dir: &Path, from: &[PathBuf], side: Option<SideName>) -> Result<String, BuildError> {
     if !store::list(dir).is_empty() {
         return Err(BuildError::File(format!(
             "{} is not empty; give a new folder: build-model init NEW_FOLDER",
@@ -43,7 +63,8 @@ pub fn init(dir: &Path, from: &[PathBuf]) -> Result<String, BuildError> {
     }
     let name = dir.file_name().map_or("K1".into(), |n| n.to_string_lossy().into_owned());
     let mut filled = Filled { id: name, ..Filled::default() };
-    let (placed, side) = placed(from, &mut filled)?;
+    let (placed, told) = placed(from, &mut filled)?;
+    let told = with_side(&mut filled, side.map(SideName::name), told);
     let mut files: Vec<(String, Vec<u8>)> = Vec::new();
     for p in &placed {
         files.extend(p.to.clone().map(|to| (to, p.bytes.clone())));
@@ -64,16 +85,30 @@ pub fn init(dir: &Path, from: &[PathBuf]) -> Result<String, BuildError> {
             let _ = writeln!(text, "{} {to}: {}", p.from, p.why);
         }
     }
-    text += &side;
+    text += &told;
     let _ = writeln!(text, "A specimen folder is in {}.", dir.display());
     if placed.is_empty() {
         text += "Put the bones of CT into ct/, the scans into scans/, and name them in specimen.toml.\n";
     } else {
         text += &missing(&filled);
+        if filled.side.is_none() {
+            text += "Missing: the side. Nothing that was given shows it; specimen.toml says \"left\", which is no more than a guess: correct it there, or give init --side left or right\n";
+        }
         text += "What was guessed is above. Read specimen.toml, and correct what is wrong.\n";
     }
     let _ = writeln!(text, "Next: build-model check {}", quoted(dir));
     Ok(text)
+}
+
+/// Takes the side that is given; gives what is told of the side.
+fn with_side(filled: &mut Filled, given: Option<&'static str>, told: String) -> String {
+    let Some(given) = given else { return told };
+    let shown = filled.side.filter(|shown| *shown != given);
+    (filled.side, filled.side_by) = (Some(given), "given");
+    match shown {
+        Some(shown) => format!("side = \"{given}\": as given; the files show a {shown} knee\n"),
+        None => format!("side = \"{given}\": as given\n"),
+    }
 }
 
 /// What a build needs and nobody gave, with what to do.

@@ -20,6 +20,7 @@ pub(crate) mod geometry;
 pub(crate) mod html;
 mod methods;
 mod motion;
+pub(crate) mod number;
 pub(crate) mod picture;
 mod pressure;
 pub(crate) mod scene;

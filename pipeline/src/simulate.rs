@@ -1,8 +1,9 @@
 //! `simulate`: what a model answers to laxity trials or to a protocol.
 
+use crate::bands::{self, Asking};
 use crate::error::BuildError;
 use crate::which_model::WhichModel;
-use crate::{bands, model_file, store};
+use crate::{model_file, store};
 use clap::Args;
 use rayon::prelude::*;
 use sim::Model;
@@ -99,7 +100,14 @@ pub fn simulate(args: &SimulateArgs) -> Result<String, BuildError> {
     };
     diagnosis::predict::apply(&model, &loaded.spec, args.read_as.as_deref(), &mut results)
         .map_err(|e| BuildError::File(format!("{}: {e}", args.model.display())))?;
-    text += &bands::add(&loaded, &mut results, &names, &args.without, args.samples)?;
+    let pivot = args.protocol == Some(ProtocolName::PivotShift);
+    let asking = Asking {
+        bundles: &names,
+        without: &args.without,
+        most: args.samples,
+        dislocation_ap_mm: pivot.then_some(ProtocolOptions::default().pivot_dislocation_ap_mm),
+    };
+    text += &bands::add(&loaded, &mut results, &asking)?;
     let csv = match args.protocol {
         Some(_) => laxity::protocol_csv(&names, &results),
         None => laxity::results_csv(&names, &results),

@@ -1,6 +1,6 @@
 //! `validate`: the protocols on calibrated models of one knee, and their comparison.
 
-use crate::bands;
+use crate::bands::{self, Asking};
 use crate::error::BuildError;
 use crate::given::read_passive;
 use crate::model_file::{self, LoadedModel};
@@ -158,11 +158,17 @@ pub(crate) fn band(
     if options.samples == 0 {
         return;
     }
-    let acl = ["ACL".to_owned()];
-    let rows = [&mut of.ap_laxity, &mut of.passive_flexion, &mut of.pivot_shift];
-    let all = rows.into_iter().map(|r| (r, &acl[..0])).chain([(&mut of.pivot_shift_no_acl, &acl[..])]);
-    for (rows, without) in all {
-        let told = bands::by(samples, model, rows, without, options.samples);
+    let (acl, bundles) = (["ACL".to_owned()], of.bundles.clone());
+    of.samples = samples.len().min(options.samples);
+    let pivot = Some(options.pivot_dislocation_ap_mm);
+    for (rows, without, dislocation_ap_mm) in [
+        (&mut of.ap_laxity, &acl[..0], None),
+        (&mut of.passive_flexion, &acl[..0], None),
+        (&mut of.pivot_shift, &acl[..0], pivot),
+        (&mut of.pivot_shift_no_acl, &acl[..], pivot),
+    ] {
+        let asking = Asking { bundles: &bundles, without, most: options.samples, dislocation_ap_mm };
+        let told = bands::by(samples, model, rows, &asking);
         warnings.extend(told.lines().filter_map(|l| l.strip_prefix("warning: ")).map(|w| format!("{}: {w}", of.name)));
     }
 }

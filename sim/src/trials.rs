@@ -298,7 +298,7 @@ impl<'a> Path<'a> {
 }
 
 /// What is odd about an answer: no cartilage bears load, pressure at a plateau's rim, or a joint limit passed.
-pub(crate) fn flags(model: &Model, gs: &Six, evaluation: &Evaluation, options: &TrialOptions) -> Vec<String> {
+pub fn flags(model: &Model, gs: &Six, evaluation: &Evaluation, options: &TrialOptions) -> Vec<String> {
     let ct = model.joint.ct_pose();
     let limits = [(ML, options.dislocation_mm), (SI, options.dislocation_mm), (AP, options.dislocation_ap_mm)];
     let far = limits.into_iter().any(|(c, limit)| (gs[c] - ct[c]).abs() > limit);

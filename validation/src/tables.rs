@@ -142,7 +142,7 @@ fn force(f: f64) -> String {
 fn table5(sources: &[Source]) -> Table {
     let mut header = vec!["test", "flexion_deg", "source", "origin"];
     header.extend(GROUPS.iter().map(|(g, _)| *g));
-    let title = "Table 5: ligament forces under the anterior and posterior load (N; below 5 N \"-\")";
+    let title = "Table 5: ligament forces under the anterior and posterior load (N; below 5 N \"-\"; computed: of the most probable model, no means)";
     let mut out = Table::new("table5", title, &header);
     let mut flexions: Vec<f64> = sources.iter().flat_map(Source::ap_flexions).collect();
     flexions.sort_by(f64::total_cmp);
@@ -202,11 +202,20 @@ fn pivot_rows(
     rows
 }
 
+/// With one decimal, never "-0.0".
+fn tenth(x: f64) -> String {
+    let text = format!("{x:.1}");
+    if text == "-0.0" { "0.0".to_owned() } else { text }
+}
+
 fn table6(sources: &[Source]) -> Table {
     let header = ["acl", "source", "origin", "dislocated", "fe_deg", "vv_deg", "ie_deg", "ml_mm", "ap_mm", "si_mm"];
-    let mut out = Table::new("table6", "Table 6: kinematics of the simulated pivot shift", &header);
-    let six =
-        |p: &PoseSpec| [p.fe_deg, p.vv_deg, p.ie_deg, p.ml_mm, p.ap_mm, p.si_mm].map(|x| format!("{x:.1}")).to_vec();
+    let mut out = Table::new(
+        "table6",
+        "Table 6: kinematics of the simulated pivot shift (computed: of the most probable model)",
+        &header,
+    );
+    let six = |p: &PoseSpec| [p.fe_deg, p.vv_deg, p.ie_deg, p.ml_mm, p.ap_mm, p.si_mm].map(tenth).to_vec();
     let known = |p: &published::PivotShift| six(&p.pose());
     out.rows = pivot_rows(sources, &|_, r| six(&r.pose), &known);
     out
@@ -215,7 +224,11 @@ fn table6(sources: &[Source]) -> Table {
 fn table7(sources: &[Source]) -> Table {
     let mut header = vec!["acl", "source", "origin", "dislocated"];
     header.extend(GROUPS.iter().map(|(g, _)| *g));
-    let mut out = Table::new("table7", "Table 7: ligament forces in the simulated pivot shift (N)", &header);
+    let mut out = Table::new(
+        "table7",
+        "Table 7: ligament forces in the simulated pivot shift (N; computed: of the most probable model, no means)",
+        &header,
+    );
     let known = |p: &published::PivotShift| {
         GROUPS.iter().map(|(g, _)| format!("{:.1}", p.forces_n.get(*g).copied().unwrap_or(0.0))).collect()
     };

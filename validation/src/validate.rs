@@ -22,6 +22,9 @@ pub struct Source {
     pub specimen: String,
     /// Bundle names, in the order of the forces.
     pub bundles: Vec<String>,
+    /// Samples of the posterior by which its results have intervals; 0 where none were asked.
+    #[serde(default)]
+    pub samples: usize,
     /// Values of the design variables X1 to X26 that it has, by number.
     pub parameters: Vec<(u32, f64)>,
     /// AP laxity, all steps.
@@ -43,6 +46,7 @@ impl Source {
             name: name.to_owned(),
             specimen: spec.id.clone(),
             bundles: spec.bundles.iter().map(|b| b.name.clone()).collect(),
+            samples: 0,
             parameters: design.variables.iter().map(|v| v.number).zip(values).collect(),
             ap_laxity: vec![],
             passive_flexion: vec![],

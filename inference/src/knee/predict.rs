@@ -8,7 +8,7 @@ use sim::SimError;
 use sim::contact::Nearby;
 use sim::coordinate::{FREE, Free, Six};
 use sim::quasistatic::{Goal, State, increment_near};
-use sim::trials::{chain_flexion, pose_spec, solve_trial};
+use sim::trials::{DISLOCATED, chain_flexion, flags, pose_spec, solve_trial};
 
 /// Prediction of a trial at a sample.
 #[derive(Clone, Debug)]
@@ -19,6 +19,8 @@ pub struct Prediction {
     pub forces_n: Vec<f64>,
     /// What cartilage and other bodies tell: names with their units, values.
     pub outputs: Vec<(String, f64)>,
+    /// Whether the femur has left the plateau.
+    pub leaves_the_plateau: bool,
 }
 
 /// Times that the contact force turned by a leaning surface is brought up to date [-]: a lean of some hundredths makes each error a hundred times less.
@@ -81,6 +83,7 @@ impl Trials<'_> {
             pose: pose_spec(&gs).free(),
             forces_n: model.bundle_forces(&solved.evaluation.fibres),
             outputs: model.outputs(&solved.evaluation),
+            leaves_the_plateau: flags(model, &gs, &solved.evaluation, self.options).iter().any(|f| f == DISLOCATED),
         })
     }
 

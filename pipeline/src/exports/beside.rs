@@ -1,6 +1,7 @@
 //! What lies beside every export: which model it is of, and what its ligaments carry, with intervals where it has samples.
 
 use super::File;
+use crate::bands::Asking;
 use crate::error::BuildError;
 use crate::model_file::LoadedModel;
 use crate::simulate::SAMPLES;
@@ -50,7 +51,8 @@ fn forces(loaded: &LoadedModel) -> Result<Option<String>, BuildError> {
         answers.into_iter().zip(&trials).map(|(a, t)| a.map(|a| a.result(t))).collect();
     let Ok(mut results) = results else { return Ok(None) };
     let bundles = model.bundle_names();
-    bands::add(loaded, &mut results, &bundles, &[], SAMPLES)?;
+    let asking = Asking { bundles: &bundles, without: &[], most: SAMPLES, dislocation_ap_mm: None };
+    bands::add(loaded, &mut results, &asking)?;
     let mut text = "trial,bundle,value_n,mean_n,lower_n,upper_n\n".to_owned();
     for r in &results {
         for (bundle, value) in bundles.iter().zip(&r.forces_n) {

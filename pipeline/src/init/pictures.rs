@@ -27,7 +27,10 @@ pub(super) fn label_map(path: &Path, bytes: Vec<u8>, filled: &mut Filled) -> Res
         Some(_) => "",
         None => "; no fibula is seen: see whether medial and lateral are exchanged",
     };
-    filled.side = found.side.map(|side| if side == Side::Left { "left" } else { "right" }).or(filled.side);
+    if let Some(side) = found.side {
+        (filled.side, filled.side_by) =
+            (Some(if side == Side::Left { "left" } else { "right" }), "told from the label map");
+    }
     filled.labels = found.labels;
     let why = format!("a label map; by volume, place and contact: {}{lateral}", said.join(", "));
     Ok(placed(("segmentation", "labels", "mri"), path, (bytes, why), filled))

@@ -67,7 +67,7 @@ pub(super) fn place(given: Vec<Given>, filled: &mut Filled) -> Result<Found, Bui
     }
     if let Some(side) = guesses.side {
         let name = if side.side == Side::Left { "left" } else { "right" };
-        filled.side = Some(name);
+        (filled.side, filled.side_by) = (Some(name), "told from the bones");
         let _ = writeln!(text, "side = \"{name}\": the fibula lies there (certainty {:.0} %)", 100.0 * side.confidence);
     }
     Ok((out, known, text))

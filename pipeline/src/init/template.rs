@@ -20,9 +20,9 @@ pub(super) fn specimen_toml(filled: &Filled) -> String {
     let _ = writeln!(out, "id = {:?}               # a name for this knee", filled.id);
     match filled.side {
         Some(side) => {
-            let _ = writeln!(out, "side = \"{side}\"           # left or right; told from the bones");
+            let _ = writeln!(out, "side = \"{side}\"           # left or right; {}", filled.side_by);
         }
-        None => out += "side = \"left\"           # left or right: correct it\n",
+        None => out += "side = \"left\"           # left or right: nothing tells which, correct it\n",
     }
     out += "# sex = \"female\"         # male or female\n\
             # age_years = 60\n# height_cm = 170.0\n# mass_kg = 70.0\n\

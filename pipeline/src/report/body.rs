@@ -160,9 +160,17 @@ impl<'a> Body<'a> {
         let link =
             |stage: &str, words: &str| format!("<li><a href=\"#{}\">{}</a></li>", escaped(stage), escaped(words));
         let mut items: Vec<String> = failure.iter().map(|f| link(&f.stage, "Where it stopped, and on what")).collect();
-        let bad = checks.iter().filter(|c| c.good == Some(false));
+        // of a question that several models fail the knee's own is enough: it stands first
+        let mut asked: Vec<&str> = Vec::new();
+        let mut is_new = |c: &&Check| {
+            !asked.contains(&c.question) && {
+                asked.push(c.question);
+                true
+            }
+        };
+        let bad: Vec<&Check> = checks.iter().filter(|c| c.good == Some(false)).filter(|c| is_new(c)).collect();
         let short = |answer: &str| answer.split([';', '(']).next().unwrap_or_default().trim().to_owned();
-        items.extend(bad.map(|c| link(c.stage, &format!("{} {}", c.question, short(&c.answer)))));
+        items.extend(bad.into_iter().map(|c| link(c.stage, &format!("{} {}", c.question, short(&c.answer)))));
         let groups = self.groups(checks);
         items.extend(groups.iter().filter(|g| g.heavy).filter_map(|g| Some(link(&g.stage, g.all.first()?))));
         let done = STAGES.iter().filter(|stage| self.stages.iter().any(|s| s == stage.name()));
@@ -295,10 +303,11 @@ fn questions(checks: &[Check]) -> String {
     let rows: String = checks
         .iter()
         .map(|c| {
-            let sign = match c.good {
-                Some(true) => "within",
-                Some(false) => "<strong>outside</strong>",
-                None => "no limit",
+            let sign = match (c.good, &c.reaches) {
+                (Some(true), None) => "within".to_owned(),
+                (Some(true), Some(end)) => format!("within, but the interval reaches {}", escaped(end)),
+                (Some(false), _) => "<strong>outside</strong>".to_owned(),
+                (None, _) => "no limit".to_owned(),
             };
             format!(
                 "<tr><th scope=\"row\"><a href=\"#{}\">{}</a></th><td class=\"sign\">{sign}</td><td>{}</td></tr>",

@@ -14,8 +14,9 @@ pub(crate) struct Chart {
     pub(crate) plot: String,
 }
 
-pub(crate) const COLOURS: [&str; 8] =
-    ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7b3fa0", "#555555"];
+/// As many as there are ligaments: no two of a chart are alike.
+pub(crate) const COLOURS: [&str; 9] =
+    ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#7b3fa0", "#777777", "#8b4513"];
 
 pub(crate) fn layout(x: &str, y: &str) -> Layout {
     let axis = |title: &str| Axis::new().title(Title::from(title)).zero_line(true).show_line(true);

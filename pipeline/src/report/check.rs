@@ -8,6 +8,8 @@ pub(crate) struct Check {
     pub(crate) answer: String,
     /// True where it is as it should be; `None` where there is no bound to hold it to.
     pub(crate) good: Option<bool>,
+    /// Where the value is within its limit and its interval is not: the end that is beyond, in words.
+    pub(crate) reaches: Option<String>,
     /// The stage that tells more.
     pub(crate) stage: &'static str,
 }

@@ -2,6 +2,7 @@
 //! measured loads, with the femur where it was measured.
 
 use super::geometry::{Pool, rounded};
+use super::number::fixed;
 use super::pressure::{Pressed, Surfaces};
 use crate::model_file::assembled_model;
 use crate::stage::Values;
@@ -13,7 +14,7 @@ use serde::Serialize;
 use sim::joint::{Joint, Pose};
 use sim::laxity::{LaxityTrial, TrialResult};
 use sim::model::Model;
-use sim::spec::{ModelSpec, PoseSpec};
+use sim::spec::{FramesSpec, ModelSpec, PoseSpec};
 use stages::assemble::Assembled;
 use stages::bones::Bones;
 use stages::cartilage::Cartilage;
@@ -65,8 +66,8 @@ pub(super) fn motions(v: &Values, pool: &Pool) -> Vec<Motion> {
         let knee = Knee { name, joint, spec: &outcome.spec, contact: model.as_ref().zip(surfaces), pool };
         let source = validation.sources.iter().find(|s| s.name == name);
         out.extend(source.into_iter().flat_map(|s| knee.protocols(s, &validation.passive)));
-        if name == main {
-            out.extend(knee.measured(outcome));
+        if let Some(assembled) = v.of::<Assembled>().filter(|_| name == main) {
+            out.extend(knee.measured(outcome, &assembled.spec.frames));
         }
     }
     told(&mut out);
@@ -90,6 +91,7 @@ fn model(v: &Values, spec: &ModelSpec) -> Option<Model> {
 }
 
 /// A calibrated model that moves.
+#[derive(Clone)]
 struct Knee<'a> {
     name: &'a str,
     joint: Joint,
@@ -114,34 +116,38 @@ impl Knee<'_> {
     }
 
     /// The loads of each data set: simulated, and measured where the whole pose was.
-    fn measured(&self, outcome: &Outcome) -> Vec<Motion> {
+    fn measured(&self, outcome: &Outcome, frames: &FramesSpec) -> Vec<Motion> {
         let (sources, of) = &outcome.sources;
         let one = |(s, source): (usize, &String)| {
+            let knee = Knee {
+                joint: Joint::new(&outcome.frames_of(s, frames).ok()?, outcome.spec.side).ok()?,
+                ..self.clone()
+            };
             let mine = outcome.trials.iter().zip(&outcome.found.predicted).zip(of).filter(|(_, of)| **of == s);
             let steps: Vec<Step> =
-                mine.filter_map(|((t, p), _)| self.trial(t, &pose(t, |c| p.as_ref().map(|p| p[c]))?)).collect();
+                mine.filter_map(|((t, p), _)| knee.trial(t, &pose(t, |c| p.as_ref().map(|p| p[c]))?)).collect();
             let name = match self.name {
                 JOINT => format!("{}: measured loads, {source}", self.name),
                 name => format!("{name}: measured loads"),
             };
-            Motion { name, most_mpa: 0.0, steps }
+            (!steps.is_empty()).then_some(Motion { name, most_mpa: 0.0, steps })
         };
-        sources.iter().enumerate().map(one).filter(|m| !m.steps.is_empty()).collect()
+        sources.iter().enumerate().filter_map(one).collect()
     }
 
     fn trial(&self, t: &LaxityTrial, simulated: &PoseSpec) -> Option<Step> {
         let measured = pose(t, |c| t.measured[c])?;
         let label = format!(
-            "{} {}, flexion {:.0} deg: simulated AP {:.1} mm, measured {:.1}; IE {:.1} deg, measured {:.1}; VV {:.1} deg, measured {:.1}",
+            "{} {}, flexion {} deg: simulated AP {} mm, measured {}; IE {} deg, measured {}; VV {} deg, measured {}",
             t.trial,
             t.test.name(),
-            t.fe_deg,
-            simulated.ap_mm,
-            measured.ap_mm,
-            simulated.ie_deg,
-            measured.ie_deg,
-            simulated.vv_deg,
-            measured.vv_deg
+            fixed(t.fe_deg, 0),
+            fixed(simulated.ap_mm, 1),
+            fixed(measured.ap_mm, 1),
+            fixed(simulated.ie_deg, 1),
+            fixed(measured.ie_deg, 1),
+            fixed(simulated.vv_deg, 1),
+            fixed(measured.vv_deg, 1)
         );
         let pose = self.pose(simulated)?;
         let force = self
@@ -168,8 +174,14 @@ impl Knee<'_> {
         let p = &r.pose;
         let flags = if r.flags.is_empty() { String::new() } else { format!(" ({})", r.flags.join(", ")) };
         let label = format!(
-            "{}: flexion {:.0}, valgus {:.1}, external {:.1} deg; lateral {:.1}, anterior {:.1}, superior {:.1} mm{flags}",
-            r.trial.trial, p.fe_deg, p.vv_deg, p.ie_deg, p.ml_mm, p.ap_mm, p.si_mm
+            "{}: flexion {}, valgus {}, external {} deg; lateral {}, anterior {}, superior {} mm{flags}",
+            r.trial.trial,
+            fixed(p.fe_deg, 0),
+            fixed(p.vv_deg, 1),
+            fixed(p.ie_deg, 1),
+            fixed(p.ml_mm, 1),
+            fixed(p.ap_mm, 1),
+            fixed(p.si_mm, 1)
         );
         Some(Step {
             label,

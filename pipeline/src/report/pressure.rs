@@ -15,6 +15,7 @@ const REACH_MM: f64 = 1.8;
 const NEAR_MM: f64 = 1.1;
 
 /// The cartilages as the page has them.
+#[derive(Clone)]
 pub(super) struct Surfaces {
     named: Vec<(String, Vec<Point>)>,
 }

@@ -25,6 +25,7 @@
     below: { eye: [0, 0, -1], up: [0, 1, 0] },
   };
   const DISTANCE = 1.9;
+  const NO_3D = "This browser has no WebGL, so nothing can be turned here; the still pictures show the same.";
   const opened = [];
   const dark = matchMedia("(prefers-color-scheme: dark)");
   const paper = matchMedia("print");
@@ -102,11 +103,16 @@
       all.push(a.map((v, k) => (v + lines[n + 1][k]) / 2));
     }
     const centre = [0, 1, 2].map((k) => all.reduce((sum, p) => sum + p[k], 0) / all.length);
-    for (const p of all) {
+    const places = all.map((p) => {
       const [dx, dy] = [p[0] - centre[0], p[1] - centre[1]], far = Math.hypot(dx, dy) || 1;
-      const at = [p[0] + (16 * dx) / far, p[1] + (16 * dy) / far, p[2]];
-      AXES.forEach((axis, k) => out[axis].push(at[k]));
+      return [p[0] + (16 * dx) / far, p[1] + (16 * dy) / far, p[2]];
+    });
+    // names of one side stand below each other, at least a line apart, mm
+    for (const side of [-1, 1]) {
+      const own = places.filter((p) => (p[0] < centre[0] ? -1 : 1) === side).sort((a, b) => b[2] - a[2]);
+      own.forEach((p, n) => { if (n) p[2] = Math.min(p[2], own[n - 1][2] - 8); });
     }
+    for (const p of places) AXES.forEach((axis, k) => out[axis].push(p[k]));
     return out;
   }
 
@@ -217,11 +223,12 @@
       };
       this.queue = Plotly.newPlot(this.plot, this.traces, layout, { responsive: true, displaylogo: false, displayModeBar: false, scrollZoom: true }).then(() => {
         this.plot.on("plotly_relayout", (e) => { if (e["scene.camera"]) this.took(e["scene.camera"]); });
+        if (this.plot.querySelector(".no-webgl")) return this.close(NO_3D);
         const canvas = this.plot.querySelector("canvas");
         if (canvas) canvas.setAttribute("aria-hidden", "true");
         this.figure.dataset.ready = "yes";
         if (this.motion) this.move();
-      }, () => this.close("This browser cannot draw in 3D; the still pictures show the same."));
+      }, () => this.close(NO_3D));
     }
 
     // one change at a time; of changes of a kind that wait only the last is made
@@ -472,6 +479,16 @@
     }
   }
 
+  // without WebGL the stills stay: plotly would put a slab of words in their place
+  const drawsIn3d = (() => {
+    try {
+      const gl = document.createElement("canvas").getContext("webgl");
+      const lose = gl && gl.getExtension("WEBGL_lose_context");
+      if (lose) lose.loseContext();
+      return Boolean(gl);
+    } catch { return false; }
+  })();
+
   function open(figure) {
     if (opened.some((v) => v.figure === figure)) return;
     while (opened.length >= MOST_LIVE) opened[0].close("");
@@ -521,7 +538,11 @@
       if (on && !at.dataset.shut) at.waits = setTimeout(() => open(at), 150);
     }
   }, { rootMargin: "50px" });
-  document.querySelectorAll("[data-scene]").forEach((figure) => {
+  document.querySelectorAll("[data-scene]").forEach((figure, n) => {
+    if (!drawsIn3d) {
+      if (n === 0) figure.querySelector(":scope > figcaption").append(" " + NO_3D);
+      return;
+    }
     const button = element("button", { type: "button", class: "open" }, "Show in 3D");
     button.addEventListener("click", () => { delete figure.dataset.shut; open(figure); });
     figure.querySelector(".still").after(button);

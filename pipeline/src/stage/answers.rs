@@ -1,6 +1,6 @@
 //! What one asks of a knee first, four questions apart: is the geometry sound, is it calibrated, does it predict what it has not seen, what is missing.
 
-use super::calibrate::{Calibrate, Calibration, MISFIT, MOST_NOISE, worst_misfit};
+use super::calibrate::{Calibrate, Calibration, MISFIT, MOST_NOISE, PARTLY_NOISE, worst_misfit};
 use super::diagnose::{Diagnose, Diagnosed, both_hold};
 use super::list::{STAGES, heading};
 use super::validate::{Validate, predictions};
@@ -8,6 +8,8 @@ use super::{Stage, Values};
 use crate::record::Failure;
 use crate::report::check::{Check, at_most};
 use crate::which_model::JOINT;
+use calibration::calibrate::Calibrated;
+use calibration::posterior::NoiseEstimate;
 use diagnosis::report::Verdict;
 use stages::assemble::Assembled;
 
@@ -116,13 +118,39 @@ fn calibrated(v: &Values, checks: &[Check], failure: Option<&Failure>) -> Answer
         .filter(|c| c.stage == stage && c.good == Some(false) && c.question != MISFIT && c.answer.starts_with(&whose))
         .collect();
     bad.iter().for_each(|c| words += &format!(" {} {}.", c.question, c.answer.trim_start_matches(&whose)));
-    let fits = at_most(worst, MOST_NOISE, 1);
-    let (standing, word) = match (fits, bad.is_empty()) {
-        (true, true) => (Standing::Good, "Yes"),
-        (true, false) => (Standing::Look, "Yes, but look"),
-        (false, _) => (Standing::Look, "Yes, with a misfit"),
+    let (standing, word) = match (at_most(worst, MOST_NOISE, 1), at_most(worst, PARTLY_NOISE, 1)) {
+        (true, _) if bad.is_empty() => (Standing::Good, "Yes"),
+        (true, _) => (Standing::Look, "Yes, but look"),
+        (false, true) => (Standing::Look, "Yes, with a misfit"),
+        (false, false) => (Standing::Look, "Only partly"),
     };
+    if word == "Only partly" {
+        words = format!("{} {words}", why_partly(found));
+    }
     answer(standing, word, words)
+}
+
+/// Coordinates in plain words, by their columns.
+const COORDINATES: [(&str, &str); 5] = [
+    ("vv_deg", "varus-valgus"),
+    ("ie_deg", "rotation"),
+    ("ml_mm", "mediolateral position"),
+    ("ap_mm", "anteroposterior position"),
+    ("si_mm", "proximal-distal position"),
+];
+
+/// Why a calibration is only in part one: what it misses most, and what that may come from.
+fn why_partly(found: &Calibrated) -> String {
+    let share = |n: &&NoiseEstimate| n.inferred / n.stated.max(f64::MIN_POSITIVE);
+    let plain = |n: &NoiseEstimate| {
+        let named = COORDINATES.iter().find(|(column, _)| *column == n.coordinate);
+        named.map_or(n.coordinate.as_str(), |(_, words)| words).to_owned()
+    };
+    let worst = found.noise.iter().max_by(|a, b| share(a).total_cmp(&share(b)));
+    let what = worst.map_or("A coordinate".to_owned(), |n| format!("In {}, {}", n.source, plain(n)));
+    format!(
+        "{what} is missed by more than {PARTLY_NOISE:.0} times the noise that was stated: the model lacks something, the data sets contradict each other, or the stated noise is too small."
+    )
 }
 
 fn predicts(v: &Values, failure: Option<&Failure>) -> Answer {
@@ -136,9 +164,9 @@ fn predicts(v: &Values, failure: Option<&Failure>) -> Answer {
     let words = found.iter().map(|p| p.words.as_str()).collect::<Vec<_>>().join(" ");
     if tested.is_empty() {
         let why = if v.of::<Calibration>().is_some() {
-            "Not tested: every measurement that there is was used to calibrate it. Measured passive flexion, or a diagnosis (which leaves trials out in turn), would test it."
+            "Every measurement that there is was used to calibrate it. Measured passive flexion, or a diagnosis (which leaves trials out in turn), would test it."
         } else {
-            "Not tested: nothing that was measured stands beside what the model says."
+            "Nothing that was measured stands beside what the model says."
         };
         return answer(Standing::Open, "Not tested", format!("{why} {words}").trim().to_owned());
     }
@@ -157,7 +185,7 @@ fn missing(v: &Values, failure: Option<&Failure>) -> Answer {
         return answer;
     }
     let Some(diagnosed) = v.of::<Diagnosed>() else {
-        let words = "Not asked. A diagnosis (build-model build DIR --to diagnose) asks whether the model or the measurement lacks something, and names it where the data can tell.";
+        let words = "A diagnosis (build-model build DIR --to diagnose) asks whether the model or the measurement lacks something, and names it where the data can tell.";
         return Answer { question, standing: Standing::Open, word: "Not asked".into(), words: words.into(), stage };
     };
     let d = &diagnosed.diagnosis;

@@ -179,6 +179,7 @@ impl Stage for Attach {
                 count(Source::Given)
             ),
             good: None,
+            reaches: None,
             stage: Self::NAME,
         }];
         out.extend(through_bone(a, v.options.attachments.crossing_limit_mm));
@@ -198,6 +199,7 @@ fn through_bone(a: &Attachments, limit: f64) -> Option<Check> {
             depths.len()
         ),
         good: Some(check::at_most(*most, limit, 1)),
+        reaches: None,
         stage: Attach::NAME,
     })
 }

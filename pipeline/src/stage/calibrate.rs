@@ -32,6 +32,10 @@ use std::time::Instant;
 /// Largest misfit of a calibration, in times the stated noise, that counts as an answer. Ours: beyond it the model lacks something.
 pub(crate) const MOST_NOISE: f64 = 2.0;
 
+/// Misfit beyond which a knee is calibrated only in part, in times the stated noise: on average the model misses by as much as one reading in 370 may by
+/// chance, three standard deviations.
+pub(crate) const PARTLY_NOISE: f64 = 3.0;
+
 /// The question that the misfit answers.
 pub(crate) const MISFIT: &str = "Does the model answer as the knee did?";
 
@@ -121,7 +125,9 @@ impl Stage for Calibrate {
 
     fn charts(v: &Values) -> Vec<Chart> {
         let mut all = v.of::<Calibration>().map_or(vec![], charts::charts);
-        all.extend(forces::charts(v.folder));
+        let of =
+            |name: &str| v.of::<Calibration>()?.all().find(|(n, _)| *n == name).map(|(_, o)| o.found.samples.len());
+        all.extend(forces::charts(v.folder, &|name| of(name).unwrap_or_default()));
         all
     }
 
@@ -154,7 +160,7 @@ impl Stage for Calibrate {
                     ligaments.len()
                 ),
                 good: Some(check::at_most(worst, MOST_NOISE, 1)),
-                stage: Self::NAME,
+                reaches: None, stage: Self::NAME,
             });
             out.extend(forces::checks(name, found, v.of()));
         }
@@ -206,7 +212,7 @@ fn calibrate_all(
     let named =
         |name: &str, w: &String| if w.starts_with(&format!("{name}: ")) { w.clone() } else { format!("{name}: {w}") };
     let told = |(name, o): (&str, &Outcome)| o.warnings.iter().map(|w| named(name, w)).collect::<Vec<_>>();
-    out.warnings = out.all().flat_map(told).collect();
+    out.warnings = out.main_first().flat_map(told).collect();
     out.metrics = out.all().map(|(name, o)| (name.to_owned(), reports::metrics(o))).collect();
     Ok(out)
 }

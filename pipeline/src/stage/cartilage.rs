@@ -135,6 +135,7 @@ impl Stage for MakeCartilage {
             question: "How much cartilage is there?",
             answer: words.join(", "),
             good: None,
+            reaches: None,
             stage: Self::NAME,
         }]
     }

@@ -42,7 +42,7 @@ pub(super) fn scene(id: &str, meshes: &PerCartilage<HexMesh>, pool: &mut Pool) -
             name: format!("{} edges", plain(name)),
             mesh: Some(key),
             edges: true,
-            colour: "#3a4149",
+            colour: "#7d8894",
             opacity: 1.0,
             on: true,
             ..Layer::default()

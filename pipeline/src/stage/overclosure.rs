@@ -112,6 +112,7 @@ impl Stage for Overclosure {
                 "smallest scaled Jacobian {worst:.2} after the overlap is taken out (0 or less is inverted)"
             ),
             good: Some(!check::at_most(worst, v.options.hexmesh.least_scaled_jacobian, 2)),
+            reaches: None,
             stage: Self::NAME,
         }];
         if let Some(gap) = h.metrics.gap_min_mm {
@@ -120,6 +121,7 @@ impl Stage for Overclosure {
                 question: "Is the cartilage free of overlap?",
                 answer: format!("largest overlap {before:.2} mm before, smallest gap {gap:.3} mm after"),
                 good: Some(check::at_least(gap, 0.0, 3)),
+                reaches: None,
                 stage: Self::NAME,
             });
         }

@@ -165,6 +165,7 @@ impl Stage for Register {
             question: "Do the scans lie on their bones?",
             answer: format!("predicted error at most {worst:.2} mm (limit {limit:.2})"),
             good: Some(check::at_most(worst, limit, 2)),
+            reaches: None,
             stage: Self::NAME,
         }]
     }

@@ -8,6 +8,7 @@ pub(crate) use predictions::predictions;
 
 use super::calibrate::Calibration;
 use super::{Files, Stage, Values, View, Work, reported};
+use crate::bands::is_odd;
 use crate::calibrate::samples;
 use crate::error::BuildError;
 use crate::given::PassiveFlexion;
@@ -21,6 +22,7 @@ use crate::validate::{Validation, band, files_of, source};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use calibration::cost::CostFunction;
+use sim::laxity::TrialResult;
 use sim::protocols::ProtocolOptions;
 use stages::assemble::Assembled;
 use stages::bones::Bones;
@@ -106,25 +108,36 @@ impl Stage for Validate {
     fn checks(v: &Values) -> Vec<Check> {
         let mut out = Vec::new();
         for source in v.of::<Validation>().into_iter().flat_map(|v| &v.sources) {
-            let odd: Vec<&str> = source
-                .protocols()
-                .into_iter()
-                .filter(|(_, rows)| rows.iter().any(|r| !r.flags.is_empty()))
-                .map(|(p, _)| p)
-                .collect();
+            let told: Vec<(bool, String)> =
+                source.protocols().into_iter().filter_map(|(p, rows)| flagged(p, rows)).collect();
+            let words: Vec<&str> = told.iter().map(|(_, words)| words.as_str()).collect();
+            let odd = told.iter().any(|(odd, _)| *odd);
             out.push(Check {
                 question: "Do the protocols run to their end?",
-                answer: if odd.is_empty() {
-                    format!("{}: all of them", source.name)
-                } else {
-                    format!("{}: look at {}", source.name, odd.join(", "))
+                answer: match (told.is_empty(), odd) {
+                    (true, _) => format!("{}: all of them", source.name),
+                    (_, true) => format!("{}: look at {}", source.name, words.join("; ")),
+                    (_, false) => format!("{}: all of them; {}", source.name, words.join("; ")),
                 },
-                good: Some(odd.is_empty()),
+                good: Some(!odd),
+                reaches: None,
                 stage: Self::NAME,
             });
         }
         out
     }
+}
+
+/// A protocol with the flags of its rows, each once, and whether any makes it odd; none where there is no flag.
+fn flagged(protocol: &str, rows: &[TrialResult]) -> Option<(bool, String)> {
+    let mut flags: Vec<&str> = Vec::new();
+    for flag in rows.iter().flat_map(|r| &r.flags) {
+        if !flags.contains(&flag.as_str()) {
+            flags.push(flag);
+        }
+    }
+    let odd = flags.iter().any(|f| is_odd(f));
+    (!flags.is_empty()).then(|| (odd, format!("{protocol} ({})", flags.join(", "))))
 }
 
 /// The knee's forces and its passive flexion for a page of paper.
@@ -137,7 +150,7 @@ pub(crate) fn on_paper(v: &Values) -> String {
             STANDARD.encode(svg)
         )
     });
-    tables::tables(knee).iter().map(tables::plain).collect::<String>() + &figure
+    tables::tables(knee).iter().map(tables::on_paper).collect::<String>() + &figure
 }
 
 /// Figures 5 and 6: the targets, and what misses them.

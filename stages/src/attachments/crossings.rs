@@ -67,10 +67,20 @@ fn told(bundle: &str, bone: &str, d: &Deepest, limit: f64) -> String {
         None => "in the CT pose".to_owned(),
         Some(flexion) => format!("at {flexion} deg ({:.1} mm in the CT pose)", d.in_ct_mm),
     };
+    let deep = beside(d.mm, limit);
     format!(
-        "bundle {bundle} runs up to {:.1} mm deep through the {bone} {place}, more than {limit} mm: fibres are straight and do not wrap, so its length is too short there; look at its sites",
-        d.mm
+        "bundle {bundle} runs up to {deep} mm deep through the {bone} {place}, more than {limit} mm: fibres are straight and do not wrap, so its length is too short there; look at its sites"
     )
+}
+
+/// Decimals with which a depth is told, and most of them.
+const DECIMALS: std::ops::Range<usize> = 1..6;
+
+/// A value beyond its limit with as many decimals as it takes to read as beyond it.
+fn beside(value: f64, limit: f64) -> String {
+    let told = |decimals: usize| format!("{value:.decimals$}");
+    let is_beyond = |text: &String| text.parse().is_ok_and(|x: f64| x > limit);
+    DECIMALS.map(told).find(is_beyond).unwrap_or_else(|| value.to_string())
 }
 
 /// A point of the tibia when the knee is flexed to an angle, the femur staying where it is; or, not `forth`, a point of the femur the tibia staying.
@@ -129,5 +139,10 @@ mod tests {
         for part in ["PCAP_L", "femur", "8.8 mm", "at 60 deg", "3.2 mm in the CT pose", "do not wrap"] {
             assert!(words.contains(part), "{words}");
         }
+    }
+
+    #[test]
+    fn a_depth_beyond_its_limit_reads_beyond_it() {
+        assert_eq!([2.04, 2.004, 3.21].map(|mm| beside(mm, 2.0)), ["2.04", "2.004", "3.2"]);
     }
 }

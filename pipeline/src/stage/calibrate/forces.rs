@@ -25,10 +25,15 @@ pub(super) fn checks(name: &str, found: &Calibrated, assembled: Option<&Assemble
         out.push(Check {
             question: "How tense are the ligaments without load?",
             answer: format!(
-                "{name}: at most {:.0} N in all, at {:.0} deg (90 % interval {:.0} to {:.0} N; limit {MOST_REST_N:.0} N)",
-                most.value_n, most.fe_deg, most.lower_n, most.upper_n
+                "{name}: at most {:.0} N in all, at {:.0} deg (90 % interval {:.0} to {:.0} N by {} samples; limit {MOST_REST_N:.0} N)",
+                most.value_n,
+                most.fe_deg,
+                most.lower_n,
+                most.upper_n,
+                found.samples.len()
             ),
             good: Some(check::at_most(most.value_n, MOST_REST_N, 0)),
+            reaches: reaches(most.upper_n, MOST_REST_N),
             stage: Calibrate::NAME,
         });
     }
@@ -41,8 +46,12 @@ pub(super) fn checks(name: &str, found: &Calibrated, assembled: Option<&Assemble
     if let Some((f, bundle, most)) = antagonist.max_by(|a, b| a.2.total_cmp(&b.2)) {
         out.push(Check {
             question: "Does a cruciate pull against a drawer that the other holds?",
-            answer: format!("{name}: at most {most:.0} N, {bundle} under {} (limit {MOST_ANTAGONIST_N:.0} N)", f.trial),
+            answer: format!(
+                "{name}: at most {most:.0} N, {bundle} under {} (90 % interval {:.0} to {:.0} N; limit {MOST_ANTAGONIST_N:.0} N)",
+                f.trial, f.lower_n, f.upper_n
+            ),
             good: Some(check::at_most(most, MOST_ANTAGONIST_N, 0)),
+            reaches: reaches(f.upper_n, MOST_ANTAGONIST_N),
             stage: Calibrate::NAME,
         });
     }
@@ -58,10 +67,15 @@ pub(super) fn checks(name: &str, found: &Calibrated, assembled: Option<&Assemble
                 "{name}: {open} of {all} bundle forces under drawers have a 90 % interval that reaches more than {FORCE_DETERMINED_N:.0} N from the value; the measurements removed {by_data:.0} % of the variance that the forces had without them, after beliefs about forces had removed {by_belief:.0} %{next}"
             ),
             good: None,
-            stage: Calibrate::NAME,
+            reaches: None, stage: Calibrate::NAME,
         });
     }
     out
+}
+
+/// The upper end of an interval where it is beyond the limit.
+fn reaches(upper_n: f64, limit_n: f64) -> Option<String> {
+    (!check::at_most(upper_n, limit_n, 0)).then(|| format!("{upper_n:.0} N"))
 }
 
 /// A row of forces.csv.
@@ -73,12 +87,12 @@ struct Force {
 }
 
 /// A chart a source: the interval of every bundle's force in each trial.
-pub(super) fn charts(folder: &BuildFolder) -> Vec<Chart> {
+pub(super) fn charts(folder: &BuildFolder, samples: &dyn Fn(&str) -> usize) -> Vec<Chart> {
     let files = folder.read_folder(&Calibrate.folder()).unwrap_or_default();
     files
         .iter()
         .filter_map(|(name, bytes)| Some((name.strip_suffix("/forces.csv")?, rows(bytes)?)))
-        .map(|(source, rows)| chart(source, &rows))
+        .map(|(source, rows)| chart(source, &rows, samples(source)))
         .collect()
 }
 
@@ -99,7 +113,7 @@ fn rows(bytes: &[u8]) -> Option<BTreeMap<String, Vec<Force>>> {
     (!out.is_empty()).then_some(out)
 }
 
-fn chart(source: &str, trials: &BTreeMap<String, Vec<Force>>) -> Chart {
+fn chart(source: &str, trials: &BTreeMap<String, Vec<Force>>, samples: usize) -> Chart {
     let mut plot = Plot::new();
     let mut widest: Option<(&Force, &str)> = None;
     let mut bundles: Vec<&str> = trials.values().flatten().map(|f| f.bundle.as_str()).collect();
@@ -134,7 +148,7 @@ fn chart(source: &str, trials: &BTreeMap<String, Vec<Force>>) -> Chart {
         id: format!("forces-{source}"),
         title: format!("{source}: ligament forces in the drawers, as intervals"),
         text: format!(
-            "The force of every bundle at 133 N anterior and posterior, with the interval that the data leave.{least}"
+            "The force of every bundle at 133 N anterior and posterior, with the 90 % interval that the data leave, by {samples} samples of the posterior.{least}"
         ),
         plot: plot.to_json(),
     }

@@ -1,6 +1,7 @@
 //! Charts of the calibrated knee: ligament and contact forces against flexion and load, with intervals where samples were asked.
 
 use crate::report::chart::{COLOURS, Chart, layout};
+use crate::report::number::{fixed, with_interval};
 use attachments::groups::GROUPS;
 use plotly::common::{ErrorData, ErrorType, Fill, Line, Marker, Mode};
 use plotly::layout::BarMode;
@@ -100,9 +101,9 @@ fn against_flexion(
     plot.set_layout(layout("flexion [deg]", unit));
     let told: Vec<String> = curves.iter().filter_map(|c| most(c, unit)).collect();
     let how = if banded {
-        "Means with their 90 % intervals (shaded)."
+        format!("Means with their 90 % intervals (shaded), by {} samples.", s.samples)
     } else {
-        "Most probable values; no samples were asked, so no intervals."
+        "Most probable values; no samples were asked, so no intervals.".to_owned()
     };
     Some(Chart {
         id: format!("{}-{id}", s.name),
@@ -116,21 +117,27 @@ fn against_flexion(
     })
 }
 
+/// How many samples the intervals of a source are by, in words that go on; nothing where none were asked.
+pub(super) fn by_samples(s: &Source) -> String {
+    if s.samples == 0 { String::new() } else { format!(", means with 90 % intervals by {} samples", s.samples) }
+}
+
 /// The largest value of a curve, in words.
 fn most(c: &Curve, unit: &str) -> Option<String> {
     let value = |t: &Told| t.1.map_or(t.0, |b| b.mean);
-    let (fe, told) = c.points.iter().max_by(|a, b| value(&a.1).total_cmp(&value(&b.1)))?;
+    let (fe, told) = *c.points.iter().max_by(|a, b| value(&a.1).total_cmp(&value(&b.1)))?;
     let unit = if unit.contains('N') { "N" } else { unit };
-    Some(format!("{} {} {unit} at {fe:.0} deg", c.name, number(told)))
+    Some(format!("{} {} {unit} at {} deg", c.name, number(&told), fixed(fe, 0)))
 }
+
+/// What reaches further is told without decimals [N, mm2, MPa].
+const WHOLE_FROM: f64 = 20.0;
 
 /// A value in words, its interval in brackets.
 pub(super) fn number(told: &Told) -> String {
     match told {
-        (_, Some(b)) if b.upper < 20.0 => format!("{:.1} ({:.1} to {:.1})", b.mean, b.lower, b.upper),
-        (_, Some(b)) => format!("{:.0} ({:.0} to {:.0})", b.mean, b.lower, b.upper),
-        (v, None) if *v < 20.0 => format!("{v:.1}"),
-        (v, None) => format!("{v:.0}"),
+        (_, Some(b)) => with_interval(b.mean, b.lower, b.upper, usize::from(b.upper < WHOLE_FROM)),
+        (v, None) => fixed(*v, usize::from(*v < WHOLE_FROM)),
     }
 }
 
@@ -182,7 +189,7 @@ fn pivot(s: &Source) -> Option<Chart> {
     Some(Chart {
         id: format!("{}-pivot", s.name),
         title: "Ligament forces at the end of the pivot shift".into(),
-        text: format!("Model {}. {}.", s.name, told.join(". ")),
+        text: format!("Model {}{}. {}.", s.name, by_samples(s), told.join(". ")),
         plot: plot.to_json(),
     })
 }

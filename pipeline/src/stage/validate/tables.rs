@@ -1,6 +1,6 @@
 //! Tables of the calibrated knee: ligament and contact forces with their intervals; and how tables stand in the page.
 
-use super::charts::{contact, ligament, number};
+use super::charts::{by_samples, contact, ligament, number};
 use crate::report::html::escaped;
 use attachments::groups::GROUPS;
 use sim::laxity::{Test, TrialResult};
@@ -17,13 +17,16 @@ pub(super) fn asked(s: &Source) -> Vec<(String, &TrialResult)> {
     }
     out.extend(s.pivot_end(true).map(|r| ("pivot shift".to_owned(), r)));
     out.extend(s.pivot_end(false).map(|r| ("pivot shift without ACL".to_owned(), r)));
+    for (words, r) in out.iter_mut().filter(|(_, r)| !r.flags.is_empty()) {
+        *words += &format!(" ({})", r.flags.join(", "));
+    }
     out
 }
 
 /// Forces of the ligaments, and contact by compartment.
 pub(super) fn tables(s: &Source) -> Vec<Table> {
     let rows = asked(s);
-    let mut forces = table(&format!("Ligament forces of the model {} [N]", s.name), &["test"]);
+    let mut forces = table(&format!("Ligament forces of the model {} [N]{}", s.name, by_samples(s)), &["test"]);
     forces.header.extend(GROUPS.iter().map(|(g, _)| (*g).to_owned()));
     for (words, r) in &rows {
         let told = (0..GROUPS.len()).map(|g| number(&ligament(s, r, g)));
@@ -31,7 +34,7 @@ pub(super) fn tables(s: &Source) -> Vec<Table> {
     }
     let columns =
         [("force_n", "force [N]"), ("area_mm2", "area [mm2]"), ("mean_mpa", "mean [MPa]"), ("peak_mpa", "peak [MPa]")];
-    let mut contacts = table(&format!("Contact of the model {} by compartment", s.name), &["test"]);
+    let mut contacts = table(&format!("Contact of the model {} by compartment{}", s.name, by_samples(s)), &["test"]);
     for side in ["medial", "lateral"] {
         contacts.header.extend(columns.iter().map(|(_, words)| format!("{side} {words}")));
     }
@@ -62,9 +65,11 @@ pub(super) fn html(t: &Table, open: bool) -> String {
     )
 }
 
-/// A table below its title.
-pub(super) fn plain(t: &Table) -> String {
-    format!("<p><b>{}</b></p>{}", escaped(&t.title), cells(t))
+/// A table below its title, for paper: intervals with a dash, so that a row is a line. No number in it is negative.
+pub(super) fn on_paper(t: &Table) -> String {
+    let shorter = |row: &Vec<String>| row.iter().map(|c| c.replace(" to ", "\u{2013}")).collect();
+    let t = Table { rows: t.rows.iter().map(shorter).collect(), ..t.clone() };
+    format!("<p><b>{}</b></p>{}", escaped(&t.title), cells(&t))
 }
 
 fn cells(t: &Table) -> String {

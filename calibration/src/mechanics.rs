@@ -1,0 +1,79 @@
+//! From the search's mechanics to the final ones.
+//!
+//! Samples are asked by the search: without friction, with merged contact nodes, from equilibria close by. What is told of a knee is by the final mechanics:
+//! with friction, with all contact nodes, along the path of loading. The most probable knee is asked both ways, and every sample is moved by the difference.
+
+use inference::knee::predict::Prediction;
+use sim::coordinate::Free;
+use sim::laxity::force_column;
+use std::collections::BTreeMap;
+
+/// What the final mechanics change of the search's answers to a trial, by column.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Mechanics(BTreeMap<String, Change>);
+
+/// A change of one number.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Change {
+    /// So much is added; what cannot be negative ends at 0.
+    Added(f64),
+    /// The number is so many times as large: contact area and pressure, which fewer contact nodes spread.
+    Times(f64),
+}
+
+impl Mechanics {
+    /// The change from what the search tells of a knee to what the final mechanics tell of it.
+    pub(crate) fn between(search: &[(String, f64)], last: &[(String, f64)]) -> Mechanics {
+        let of = |(name, from): &(String, f64)| {
+            let to = last.iter().find(|l| l.0 == *name)?.1;
+            let is_spread = ["_area_mm2", "_mean_mpa", "_peak_mpa"].iter().any(|end| name.ends_with(end));
+            let change = if is_spread && *from > 0.0 { Change::Times(to / from) } else { Change::Added(to - from) };
+            Some((name.clone(), change))
+        };
+        Mechanics(search.iter().filter_map(of).collect())
+    }
+
+    /// A number of a column after the change.
+    pub(crate) fn of(&self, name: &str, x: f64) -> f64 {
+        let is_size = |name: &str| {
+            ["force_", "group_"].iter().any(|begin| name.starts_with(begin))
+                || ["_force_n", "_area_mm2", "_mpa"].iter().any(|end| name.ends_with(end))
+        };
+        match self.0.get(name) {
+            Some(Change::Times(factor)) => factor * x,
+            Some(Change::Added(d)) if is_size(name) => (x + d).max(0.0),
+            Some(Change::Added(d)) => x + d,
+            None => x,
+        }
+    }
+
+    /// A sample's prediction after the change.
+    pub(crate) fn moved(&self, bundles: &[String], p: &Prediction) -> Prediction {
+        Prediction {
+            pose: Free::from_fn(|c| self.of(&c.column(), p.pose[c])),
+            forces_n: bundles.iter().zip(&p.forces_n).map(|(b, f)| self.of(&force_column(b), *f)).collect(),
+            outputs: p.outputs.iter().map(|(name, x)| (name.clone(), self.of(name, *x))).collect(),
+            ..p.clone()
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn told(ap: f64, force: f64, area: f64) -> Vec<(String, f64)> {
+        [("ap_mm", ap), ("force_ACL_AM_n", force), ("contact_medial_area_mm2", area)].map(|(n, x)| (n.into(), x)).into()
+    }
+
+    #[test]
+    fn the_most_probable_knee_ends_at_its_final_answer_and_no_size_below_nought() {
+        let change = Mechanics::between(&told(3.0, 30.0, 200.0), &told(2.5, 20.0, 100.0));
+        let last = |ap: f64, force: f64, area: f64| {
+            [change.of("ap_mm", ap), change.of("force_ACL_AM_n", force), change.of("contact_medial_area_mm2", area)]
+        };
+        assert_eq!(last(3.0, 30.0, 200.0), [2.5, 20.0, 100.0]);
+        assert_eq!(last(-1.0, 4.0, 50.0), [-1.5, 0.0, 25.0]);
+        assert!((change.of("ie_deg", 7.0) - 7.0).abs() < 1e-12, "what the final mechanics do not tell stays");
+    }
+}
