@@ -247,7 +247,6 @@ fn samples_are_as_wide_as_the_posterior_with_beliefs() {
                 let told = format!(
                     "slope {belief}, bound {bound}, one side {one_side}, reading {reading}: {mean:.3} {sd:.3}, exact {exact:.3} {exact_sd:.3}"
                 );
-                println!("{told}");
                 assert!((0.95..1.05).contains(&(sd / exact_sd)), "{told}");
                 assert!((mean - exact).abs() < 0.08 * exact_sd, "{told}");
             }
