@@ -314,4 +314,6 @@ fn pages_hold() {
     }
     let site = fs::read_to_string(root.join("mkdocs.yml")).unwrap();
     assert!(site.contains(&format!("site_name: Genu {}\n", env!("CARGO_PKG_VERSION"))), "mkdocs.yml: another version");
+    let cited = fs::read_to_string(root.join("CITATION.cff")).unwrap();
+    assert!(cited.contains(&format!("\nversion: {}\n", env!("CARGO_PKG_VERSION"))), "CITATION.cff: another version");
 }

@@ -3,7 +3,8 @@
 
     python3 docs/words/links.py BUILD-MODEL
 
-A link to a file or to a heading must lead there. A command `build-model VERB --option` must be one that the program knows.
+A link to a file or to a heading must lead there. A command `build-model VERB --option` must be one that the program knows, in pages and in recipes of
+containers.
 """
 import pathlib
 import re
@@ -39,8 +40,17 @@ def links(page):
             yield f"{page.relative_to(ROOT)}: no heading {target}"
 
 
+RECIPES = [ROOT / name for name in ("Dockerfile", "genu.def")]
+
+
 def commands(page):
     text = page.read_text()
+    if page in RECIPES:
+        for line in text.splitlines():
+            said = re.search(r"(build-model .*)$", line)
+            if said and not line.lstrip().startswith("exec"):
+                yield said.group(1).split("&&")[0].strip()
+        return
     shown = [line for block in re.findall(r"```(?:sh|bash)?\n(.*?)```", text, flags=re.S) for line in block.splitlines()]
     shown += re.findall(r"`(build-model [^`\n]+)`", text)
     for line in shown:
@@ -87,7 +97,7 @@ def main():
     count = 0
     if len(sys.argv) > 1:
         verbs = known(sys.argv[1])
-        for page in pages():
+        for page in [*pages(), *RECIPES]:
             for line in commands(page):
                 count += 1
                 wrong = fault(line, verbs)

@@ -21,6 +21,10 @@ const SECOND_KNEE: f64 = 0.3;
 const SPECK_SHARE: f64 = 0.02;
 /// Pieces of cartilage below this share of it are specks [-]; worn cartilage may be in several pieces.
 const CARTILAGE_SPECK_SHARE: f64 = 0.05;
+/// Largest volume of a part over that of the femur or tibia beside it [-]: a patella has 0.3 of a tibia that the picture cuts off early. Ours.
+const LARGEST_PART: f64 = 0.7;
+/// The structures that are larger than every other.
+const BONES: [&str; 2] = ["femur", "tibia"];
 /// Smallest cartilage [mm3]; a worn plateau's has 500.
 const LEAST_CARTILAGE_MM3: f64 = 100.0;
 
@@ -215,8 +219,28 @@ impl Found<'_> {
             .ok_or_else(|| self.fail(format!("{key} has no surface: its label is a voxel thick, or none")))
     }
 
+    /// Refuses labels that were exchanged: a patella, a cartilage or a meniscus as large as a bone.
+    fn check_sizes(&self) -> Result<(), StageError> {
+        let mut voxels = [0_usize; 256];
+        self.map.values.iter().for_each(|l| voxels[usize::from(*l)] += 1);
+        let size = |key: &str| self.labels.get(key).map(|l| voxels[usize::from(*l)] as f64 * self.map.grid.voxel_mm3());
+        for bone in BONES {
+            let Some(whole) = size(bone).filter(|s| *s > 0.0) else { continue };
+            for key in self.labels.keys().filter(|k| !BONES.contains(k)) {
+                let part = size(key).unwrap_or(0.0);
+                if part > LARGEST_PART * whole {
+                    return Err(self.fail(format!(
+                        "{key} ({part:.0} mm3) is too large beside {bone} ({whole:.0} mm3): were their labels exchanged?"
+                    )));
+                }
+            }
+        }
+        Ok(())
+    }
+
     /// The surfaces of the bones alone.
     pub(super) fn bones(&self, warnings: &mut Vec<String>) -> Result<PerBone<TriMesh>, StageError> {
+        self.check_sizes()?;
         let femur = self.part(&self.structure(&["femur"]), 1, SPECK_SHARE, warnings)?;
         let tibfib = self.part(&self.structure(&["tibia", "fibula"]), 2, SPECK_SHARE, warnings)?;
         Ok(PerBone { femur: self.outline("femur", &femur)?, tibfib: self.outline("tibia", &tibfib)? })
@@ -232,6 +256,7 @@ impl Found<'_> {
 
     /// Every surface of the map.
     fn surfaces(&self, beside_ct: bool, warnings: &mut Vec<String>) -> Result<Read, StageError> {
+        self.check_sizes()?;
         let femur = self.part(&self.structure(&["femur"]), 1, SPECK_SHARE, warnings)?;
         let tibfib = self.part(&self.structure(&["tibia", "fibula"]), 2, SPECK_SHARE, warnings)?;
         let bones = PerBone { femur: self.outline("femur", &femur)?, tibfib: self.outline("tibia", &tibfib)? };
