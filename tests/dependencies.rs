@@ -47,7 +47,7 @@ const DOUBLE: [&str; 14] = [
 ];
 
 /// Named by a manifest for its features alone: what else brings it then is compiled once for the program, the tests and the wheel.
-const FOR_FEATURES: [&str; 1] = ["syn"];
+const FOR_FEATURES: [&str; 5] = ["bitflags", "libc", "syn", "typenum", "zerocopy"];
 
 fn root() -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR"))

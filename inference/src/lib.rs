@@ -30,6 +30,7 @@ pub mod error;
 pub mod frames;
 pub mod knee;
 pub mod least_squares;
+pub mod linear;
 pub mod noise;
 pub mod parameter;
 pub mod posterior;

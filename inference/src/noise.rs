@@ -2,7 +2,7 @@
 
 use crate::error::InferenceError;
 use crate::least_squares::Quadratic;
-use crate::shift::Shift;
+use crate::linear::{Linear, Shift};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 /// Measured numbers and their scatter.
@@ -31,23 +31,6 @@ pub struct Likelihood {
     /// Factor on the whole covariance in fits, not in the inference of the noise [-]: how much less the readings are believed than their scatter says.
     pub temper: f64,
     factor: Option<Cholesky<f64, Dyn>>,
-}
-
-/// The linear model of all that is known about a point: residuals as if the prior's centre were the point, slopes by the standard normal numbers.
-#[derive(Clone, Debug)]
-pub struct Linear {
-    /// Predictions.
-    pub reading: DVector<f64>,
-    /// Their slopes.
-    pub slope: DMatrix<f64>,
-    /// Residuals of beliefs, of unit variance, on whatever side.
-    pub belief: DVector<f64>,
-    /// Their slopes.
-    pub belief_slope: DMatrix<f64>,
-    /// Whether a belief counts where its residual is above zero alone.
-    pub one_side: Vec<bool>,
-    /// Where.
-    pub z: DVector<f64>,
 }
 
 /// Prior of a scale's logarithm [-]: a laboratory states its noise to a quarter. Thirty readings that scatter by twice as much outweigh it.

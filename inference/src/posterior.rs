@@ -6,9 +6,10 @@
 
 use crate::error::InferenceError;
 use crate::least_squares::{Least, Quadratic, Stop, descend};
-use crate::noise::{Likelihood, Linear};
+use crate::linear::{Linear, Shift};
+use crate::noise::Likelihood;
 use crate::random::{normals, stream};
-use crate::shift::{Shift, drawn};
+use crate::shift::drawn;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -218,12 +219,13 @@ pub fn infer<F: Forward>(
     let line = |m: &Mode<F::State>| forward.at(&m.z, Some((&m.z, &m.state))).map(|p| linear(&p, &m.z));
     let lines: Vec<Option<Linear>> = modes.par_iter().map(line).collect();
     let drawn = likelihood.measured.len() + lines.iter().flatten().map(|l| l.belief.len()).max().unwrap_or(0);
-    let (samples, spent) = samples(forward, likelihood, (&modes, &lines), options);
+    let far = limit(&modes[0], drawn);
+    let (samples, spent) = samples(forward, likelihood, (&modes, &lines), far, options);
     // an interval of no samples would be of no width: a quarter is kept, however far from a fit
     let mut ended: Vec<f64> = samples.iter().flatten().map(|s| s.half_sum).collect();
     ended.sort_by(f64::total_cmp);
     let least = ended.get((options.samples / LEAST_KEPT).min(ended.len().saturating_sub(1)));
-    let limit = limit(&modes[0], drawn).max(least.copied().unwrap_or(0.0));
+    let limit = far.max(least.copied().unwrap_or(0.0));
     let wanted = samples.len();
     let samples: Vec<Sample<F::State>> = samples.into_iter().flatten().filter(|s| s.half_sum <= limit).collect();
     let stuck = wanted - samples.len();
@@ -303,6 +305,7 @@ fn samples<F: Forward>(
     forward: &F,
     likelihood: &Likelihood,
     (modes, lines): (&[Mode<F::State>], &[Option<Linear>]),
+    far: f64,
     options: &Options,
 ) -> (Vec<Option<Sample<F::State>>>, usize) {
     let best = modes.iter().map(|m| m.log_evidence).fold(f64::NEG_INFINITY, f64::max);
@@ -336,8 +339,12 @@ fn samples<F: Forward>(
             };
             let fit_from = |start: DVector<f64>| fit(forward, &own, (&start, &near.z, Some(&near.state)), &shift, stop);
             // where the linear model has the sample, or, where there is no answer, from the mode
-            let found = fit_from(own_draws(&line)).or_else(|| fit_from(own_draws(&near.z)));
-            let spent = found.as_ref().map_or(1, |f| f.evaluations);
+            let first = fit_from(own_draws(&line)).or_else(|| fit_from(own_draws(&near.z)));
+            let mut spent = first.as_ref().map_or(1, |f| f.evaluations);
+            // a start of its own that ends far from a fit is tried again from where the linear model has the sample
+            let again = if first.as_ref().is_some_and(|f| f.form.value <= far) { None } else { fit_from(line) };
+            spent += again.as_ref().map_or(0, |f| f.evaluations);
+            let found = [first, again].into_iter().flatten().min_by(|a, b| a.form.value.total_cmp(&b.form.value));
             (found.map(|f| Sample { z: f.z, state: f.state, mode, half_sum: f.form.value }), spent)
         })
         .collect();

@@ -5,44 +5,10 @@
 //! elliptical slice sampling [murray2010]; the beliefs that it violates count as normal terms from there on, the others as limits that it keeps. Then
 //! the draws are those of which the fit to a linear model gives this very sample: the innovations of a normal posterior do not depend on its draws.
 
-use crate::noise::{Likelihood, Linear};
+use crate::linear::{Linear, Shift};
+use crate::noise::Likelihood;
 use crate::random::{normal, normals, stream, uniform};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
-
-/// What a sample changes.
-#[derive(Clone, Debug)]
-pub struct Shift {
-    /// Centre of the prior.
-    pub centre: DVector<f64>,
-    /// White noise on the measurements; empty: none.
-    pub noise: DVector<f64>,
-    /// The same on beliefs; empty: none.
-    pub belief: DVector<f64>,
-    /// Whether a belief counts on both sides whatever it says of itself; empty: none does.
-    pub both_sides: Vec<bool>,
-}
-
-impl Shift {
-    /// Nothing is changed.
-    pub fn none(n: usize) -> Shift {
-        Shift { centre: DVector::zeros(n), noise: DVector::zeros(0), belief: DVector::zeros(0), both_sides: Vec::new() }
-    }
-
-    /// Residuals of beliefs as they count, and their slopes.
-    pub fn heard(&self, at: &Linear) -> (DVector<f64>, DMatrix<f64>) {
-        let (mut residual, mut slope) = (at.belief.clone(), at.belief_slope.clone());
-        if !self.belief.is_empty() {
-            residual -= &self.belief;
-        }
-        for (j, one_side) in at.one_side.iter().enumerate() {
-            if *one_side && !self.both_sides.get(j).unwrap_or(&false) && residual[j] <= 0.0 {
-                residual[j] = 0.0;
-                slope.row_mut(j).fill(0.0);
-            }
-        }
-        (residual, slope)
-    }
-}
 
 /// Streams of random numbers of a sample: centre and noise, beliefs, the linear model's sample.
 const STREAMS: [u64; 3] = [1_000, 200_000, 300_000];

@@ -273,17 +273,18 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<(), BuildError> {
     if is_standard_output(path) {
         return std::io::stdout().write_all(bytes).map_err(wrong);
     }
-    let path = &linked(path);
     match fs::metadata(path) {
         Ok(there) if there.is_dir() => {
             return Err(BuildError::File(format!("cannot write {}: it is a folder, name a file", path.display())));
         }
+        // a pipe among them, whose link leads to no path
         Ok(there) if !there.is_file() => {
             let device = File::options().write(true).open(path);
             return device.and_then(|mut d| d.write_all(bytes)).map_err(wrong);
         }
         _ => {}
     }
+    let path = &linked(path);
     let parent = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     fs::create_dir_all(parent).map_err(wrong)?;
     let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
