@@ -302,7 +302,7 @@ fn two_builds_do_not_write_one_folder() {
         .arg("--out")
         .arg(out.path())
         .assert()
-        .code(1)
+        .code(3)
         .stderr(predicates::str::contains("another build-model"));
     assert!(first.wait().unwrap().success());
 }
