@@ -247,11 +247,13 @@ fn infer_noise<F: Forward>(
 }
 
 fn linear<S>(point: &Point<S>, z: &DVector<f64>) -> Linear {
+    // a model without beliefs need not say of how many numbers they are
+    let no_beliefs = point.belief.is_empty();
     Linear {
         reading: point.reading.clone(),
         slope: point.slope.clone(),
         belief: point.belief.clone(),
-        belief_slope: point.belief_slope.clone(),
+        belief_slope: if no_beliefs { DMatrix::zeros(0, z.len()) } else { point.belief_slope.clone() },
         one_side: point.one_side.clone(),
         z: z.clone(),
     }
