@@ -8,16 +8,17 @@ use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
 /// Folder of each crate and which of ours it may use.
-const ARROWS: [(&str, &[&str]); 13] = [
+const ARROWS: [(&str, &[&str]); 14] = [
     ("meshes", &[]),
+    ("formats", &["meshes"]),
     // an attribute for tests; nothing that is shipped holds it
     ("needs-shared", &[]),
-    ("attachments", &["meshes"]),
+    ("attachments", &["meshes", "formats"]),
     ("sim", &["meshes"]),
-    ("decks", &["meshes", "sim"]),
-    ("stages", &["meshes", "attachments", "sim"]),
+    ("decks", &["meshes", "formats", "sim"]),
+    ("stages", &["meshes", "formats", "attachments", "sim"]),
     ("inference", &["meshes", "sim"]),
-    ("calibration", &["meshes", "attachments", "sim", "decks", "inference"]),
+    ("calibration", &["meshes", "formats", "attachments", "sim", "decks", "inference"]),
     ("validation", &["attachments", "sim", "calibration"]),
     ("diagnosis", &["meshes", "attachments", "sim", "decks", "inference", "calibration"]),
     ("blindbench", &["meshes"]),
@@ -25,6 +26,7 @@ const ARROWS: [(&str, &[&str]); 13] = [
         ".",
         &[
             "meshes",
+            "formats",
             "attachments",
             "sim",
             "decks",

@@ -44,7 +44,7 @@ fn built(specimen: &Path, out: &Path, stage: &str) -> (Option<i32>, String) {
 
 fn surface(out: &Path, name: &str) -> TriMesh {
     let name = format!("01-ingest/{name}.ply");
-    meshes::format::read_surface(&name, &read(&out.join(&name)), &Default::default()).unwrap().mesh
+    formats::read_surface(&name, &read(&out.join(&name)), &Default::default()).unwrap().mesh
 }
 
 /// How far a build's frames and attachment sites are from the right ones: mm, degrees, mm.

@@ -195,10 +195,10 @@ fn init(files: &[(&str, Vec<u8>)]) -> (String, String, TempDir) {
 fn files_of_every_kind_are_placed_or_told() {
     let made = phantom("S193761-phantom");
     let read = |name: &str| fs::read(made.path().join(name)).unwrap();
-    let mesh = |name: &str| meshes::format::read_surface(name, &read(name), &Default::default()).unwrap().mesh;
+    let mesh = |name: &str| formats::read_surface(name, &read(name), &Default::default()).unwrap().mesh;
     let stl = |mesh: &meshes::surface::TriMesh| {
         let mut out = Vec::new();
-        meshes::format::stl::write(&mut out, mesh).unwrap();
+        formats::stl::write(&mut out, mesh).unwrap();
         out
     };
     // a femur alone: by its name, and what is missing

@@ -3,7 +3,7 @@
 
 use crate::common::lines::{Ground, Line, Picture, Style, browned, drawn, free_places, textured};
 use attachments::marks::{MarkOptions, find_outlines, region::Region};
-use meshes::format::read_surface;
+use formats::read_surface;
 use meshes::surface::ColouredMesh;
 use stages::ingest::ingest;
 use stages::specimen::{IngestOptions, RawSpecimen, Specimen};

@@ -3,7 +3,7 @@
 #![expect(clippy::disallowed_methods, reason = "tests prepare files")]
 
 use crate::common::{build_model, phantom};
-use meshes::format::{read_surface, stl};
+use formats::{read_surface, stl};
 use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::fs;

@@ -7,7 +7,7 @@ mod bodies;
 mod tables;
 
 use crate::common::{build_model, copy, json, phantom, read, text, write};
-use meshes::format::{nifti, ply, read_surface, stl};
+use formats::{nifti, ply, read_surface, stl};
 use meshes::surface::ColouredMesh;
 use meshes::volume::Labels;
 use std::fmt::Write as _;
@@ -442,7 +442,7 @@ fn labels_within_a_thousandth_of_whole_numbers_are_these() {
 #[test]
 fn a_segmentation_of_dicom_is_merged_by_its_segments() {
     use crate::common::readers::segmentation;
-    use meshes::format::picture::read_labels;
+    use formats::picture::read_labels;
     for kind in ["BINARY", "FRACTIONAL"] {
         let map = read_labels("l.dcm", &segmentation(kind), &Default::default()).unwrap();
         let grid = &map.labels.grid;

@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests")]
 
 use crate::common::{build_model, json, phantom, read, text, write};
-use meshes::format::{ply, read_surface, stl};
+use formats::{ply, read_surface, stl};
 use meshes::query::SurfaceQuery;
 use meshes::shapes::icosphere;
 use meshes::surface::{ColouredMesh, TriMesh};

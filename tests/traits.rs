@@ -8,8 +8,8 @@ mod labels;
 mod laxity;
 
 use crate::common::{build_model, copy, json, phantom, read, text, write};
+use formats::{ply, read_surface, stl};
 use meshes::Point;
-use meshes::format::{ply, read_surface, stl};
 use meshes::surface::ColouredMesh;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;

@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests")]
 
 use crate::common::{build_model, json, phantom, text, write};
-use meshes::format::{ply, stl};
+use formats::{ply, stl};
 use meshes::plane::clipped;
 use meshes::query::SurfaceQuery;
 use meshes::remesh::{RemeshOptions, remesh};

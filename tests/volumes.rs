@@ -3,7 +3,7 @@
 #![expect(clippy::disallowed_methods, reason = "tests look at files and run other programs")]
 
 use crate::common::{build_model, copy, differing, files, read, reads, text, write};
-use meshes::format::{dicom, picture, read_surface, stl};
+use formats::{dicom, picture, read_surface, stl};
 use meshes::query::SurfaceQuery;
 use meshes::surface::TriMesh;
 use meshes::volume::Volume;

@@ -28,7 +28,7 @@ fn vector(list: &Value) -> Vector3<f64> {
 
 fn mesh(path: &Path) -> TriMesh {
     let bytes = std::fs::read(path).unwrap();
-    meshes::format::read_surface(&path.to_string_lossy(), &bytes, &Default::default()).unwrap().mesh
+    formats::read_surface(&path.to_string_lossy(), &bytes, &Default::default()).unwrap().mesh
 }
 
 /// Builds `specimen` and holds every figure against its truth.

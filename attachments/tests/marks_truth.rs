@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests")]
 
 use attachments::marks::{MarkOptions, find_outlines, project::project};
-use meshes::format::{ply, stl};
+use formats::{ply, stl};
 use meshes::query::SurfaceQuery;
 use meshes::{Isometry, Point};
 use nalgebra::{Matrix4, Rotation3, Translation3, UnitQuaternion};

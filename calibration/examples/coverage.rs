@@ -50,7 +50,7 @@ fn knee(path: &Path, options: &CalibrateOptions) -> (Knee, BTreeMap<String, Mesh
     let bones = spec.bodies.iter().map(|b| &b.bone);
     for name in bones.chain(spec.contact.meshes()) {
         let bytes = std::fs::read(folder.join(name)).unwrap();
-        let read = meshes::format::read_surface(name, &bytes, &BTreeMap::new()).unwrap();
+        let read = formats::read_surface(name, &bytes, &BTreeMap::new()).unwrap();
         meshes.insert(name.clone(), MeshValue::Surface(read.mesh));
     }
     (Knee::new(spec, &meshes, &options.search).unwrap(), meshes)

@@ -306,8 +306,8 @@ impl ImportedDeck {
         for (path, mesh) in &self.meshes {
             let mut bytes = Vec::new();
             match mesh {
-                MeshValue::Surface(m) => meshes::format::ply::write(&mut bytes, m, &[])?,
-                MeshValue::Hex(m) => meshes::format::vtu::write_hex(&mut bytes, m)?,
+                MeshValue::Surface(m) => formats::ply::write(&mut bytes, m, &[])?,
+                MeshValue::Hex(m) => formats::vtu::write_hex(&mut bytes, m)?,
                 MeshValue::Tet(m) => write_tet(&mut bytes, m)?,
             }
             files.push((path.clone(), bytes));

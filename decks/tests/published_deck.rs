@@ -73,7 +73,7 @@ fn the_decks_cartilage_gives_the_published_contact_faces() {
     {
         let mesh = surface(&deck, &format!("meshes/articular_{ours}.ply"));
         let bytes = std::fs::read(dir.join(format!("geometry/{theirs}_articular_mri.ply"))).unwrap();
-        let published = meshes::format::ply::read(&bytes).unwrap().mesh;
+        let published = formats::ply::read(&bytes).unwrap().mesh;
         println!(
             "{ours}: {} triangles {:.0} mm2, published {} {:.0} mm2",
             mesh.triangles.len(),

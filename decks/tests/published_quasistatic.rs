@@ -26,7 +26,7 @@ fn refined(test: &str) -> Option<Model> {
     let mut deck = decks::import("S192803_MAIN_LAXITY_Anterior_30deg_10.inp", read).expect("the deck is read");
     for (ours, theirs) in [("tibia_medial", "tibia_cart_med"), ("tibia_lateral", "tibia_cart_lat")] {
         let bytes = std::fs::read(dir.join(format!("geometry/{theirs}_articular_mri.ply"))).expect("a patch");
-        let mesh = meshes::format::ply::read(&bytes).expect("a surface").mesh;
+        let mesh = formats::ply::read(&bytes).expect("a surface").mesh;
         deck.meshes.insert(format!("meshes/articular_{ours}.ply"), sim::mesh::MeshValue::Surface(mesh));
     }
     Some(sim::compile(&deck.spec, &deck.meshes).expect("a model"))

@@ -67,7 +67,7 @@ fn judge(page: &mut Section, case: &str, off: &str, knee: &Knee, made: &Cartilag
             "femur" => ("femur.stl".into(), &knee.specimen.ct.femur),
             _ => (format!("{}.stl", name.replace("tibia", "tibfib")), &knee.specimen.ct.tibfib),
         };
-        let truth = meshes::format::stl::read(knee.truth_file(&file)).unwrap_or_default();
+        let truth = formats::stl::read(knee.truth_file(&file)).unwrap_or_default();
         let queries = (SurfaceQuery::new(bone), SurfaceQuery::new(&truth), SurfaceQuery::new(&part.solid));
         let (Some(to_bone), Some(to_truth), Some(to_made)) = queries else {
             page.add("volume, femur [%]", Limit::Most(3.5), case, f64::NAN);

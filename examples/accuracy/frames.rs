@@ -104,7 +104,7 @@ fn mirrored(specimen: &Specimen) -> Result<f64, String> {
 fn surface(path: &str) -> Result<TriMesh, String> {
     let path = shared(path);
     let bytes = genu::store::read(&path).map_err(|e| e.to_string())?;
-    let read = meshes::format::read_surface(&path.to_string_lossy(), &bytes, &Default::default());
+    let read = formats::read_surface(&path.to_string_lossy(), &bytes, &Default::default());
     Ok(read.map_err(|e| e.to_string())?.welded().mesh)
 }
 

@@ -6,7 +6,7 @@ use crate::lines::{Ground, Line, Picture, Style, drawn, free_places, textured};
 use crate::page::{Limit, Section};
 use attachments::marks::{MarkOptions, find_outlines};
 use attachments::site::Source;
-use meshes::format::read_surface;
+use formats::read_surface;
 use meshes::surface::ColouredMesh;
 
 const STYLES: [(&str, Style, Ground); 7] = [

@@ -94,7 +94,7 @@ fn judge(page: &mut Section, which: &str, case: &str, knee: &Knee, made: Result<
 
 fn truth(knee: &Knee, name: &str) -> TriMesh {
     let file = format!("{}.stl", name.replace("tibia", "tibfib"));
-    let truth = meshes::format::stl::read(knee.truth_file(&file)).unwrap_or_default();
+    let truth = formats::stl::read(knee.truth_file(&file)).unwrap_or_default();
     if truth.volume() < 0.0 { truth.flipped() } else { truth }
 }
 

@@ -1,6 +1,6 @@
 //! Geometry values of the knee and algorithms on them.
 //!
-//! Units throughout: millimetre, radian. No file system, no clock, no terminal: codecs read bytes and write to `Write`.
+//! Units throughout: millimetre, radian. No files, no clock, no terminal, no random numbers but of a seed: it runs in a browser, too. The crate `formats` reads and writes files.
 //! Surfaces are plain values ([`surface::TriMesh`], [`hex::HexMesh`]); queries on them are built once ([`query::SurfaceQuery`]).
 //!
 //! ```
@@ -15,7 +15,6 @@
 //! ```
 
 pub mod boolean;
-pub mod format;
 pub mod frame;
 pub mod gap;
 pub mod grnn;

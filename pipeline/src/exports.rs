@@ -105,7 +105,7 @@ fn solids(model: &mut LoadedModel) -> Result<Vec<String>, BuildError> {
             lacking.push(name);
             continue;
         }
-        let read = meshes::format::vtk::read_solids(&store::read(&place)?)
+        let read = formats::vtk::read_solids(&store::read(&place)?)
             .map_err(|e| BuildError::File(format!("{}: {e}", place.display())))?;
         let mesh = match read.tetrahedra.is_empty() {
             true => MeshValue::Hex(HexMesh { nodes: read.nodes, elements: read.hexahedra, ..HexMesh::default() }),
@@ -180,7 +180,7 @@ fn carried(model: &LoadedModel) -> Result<Vec<File>, BuildError> {
         })
         .map(|(name, mesh)| {
             let mut bytes = Vec::new();
-            meshes::format::stl::write(&mut bytes, mesh).map_err(|e| BuildError::File(format!("{name}: {e}")))?;
+            formats::stl::write(&mut bytes, mesh).map_err(|e| BuildError::File(format!("{name}: {e}")))?;
             Ok((format!("carried/{name}.stl"), bytes))
         })
         .collect()
@@ -200,8 +200,8 @@ fn surfaces(model: &LoadedModel, ending: &str) -> Result<Vec<File>, BuildError> 
         .map(|n| {
             let mut bytes = Vec::new();
             let wrote = match ending {
-                "stl" => meshes::format::stl::write(&mut bytes, n.mesh),
-                _ => meshes::format::ply::write(&mut bytes, n.mesh, &[]),
+                "stl" => formats::stl::write(&mut bytes, n.mesh),
+                _ => formats::ply::write(&mut bytes, n.mesh, &[]),
             };
             wrote.map_err(|e| BuildError::File(format!("{}: {e}", n.name)))?;
             Ok((format!("{}.{ending}", n.name), bytes))

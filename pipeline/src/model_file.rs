@@ -81,7 +81,7 @@ pub fn load_which(path: &Path, which: &WhichModel) -> Result<LoadedModel, BuildE
         let place = folder.join(name);
         let bytes =
             store::read(&place).map_err(|e| BuildError::File(format!("{} names {name}: {e}", path.display())))?;
-        let read = meshes::format::read_surface(name, &bytes, &BTreeMap::new())
+        let read = formats::read_surface(name, &bytes, &BTreeMap::new())
             .map_err(|e| BuildError::File(format!("{}: {e}", place.display())))?;
         meshes.insert(name.clone(), MeshValue::Surface(read.mesh));
     }

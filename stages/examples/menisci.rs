@@ -63,7 +63,7 @@ fn load(path: &Path) -> Result<LoadedModel, Box<dyn Error>> {
     let mut meshes = BTreeMap::new();
     for name in spec.contact.meshes() {
         let bytes = std::fs::read(folder.join(name))?;
-        let mesh = meshes::format::read_surface(name, &bytes, &BTreeMap::new())?.mesh;
+        let mesh = formats::read_surface(name, &bytes, &BTreeMap::new())?.mesh;
         meshes.insert(name.clone(), MeshValue::Surface(mesh));
     }
     Ok(LoadedModel { spec, meshes })

@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests")]
 
 use attachments::site::{Bone, Source};
-use meshes::format::{ply, stl};
+use formats::{ply, stl};
 use meshes::frame::{AnatomicalFrame, Pose, Side};
 use meshes::query::SurfaceQuery;
 use meshes::surface::{ColouredMesh, TriMesh};

@@ -35,7 +35,7 @@ fn specimens_become_closed_even_surfaces_near_their_ct() {
 #[needs_shared]
 fn a_whole_leg_is_cropped_alike_however_it_lies() {
     let Some(dir) = shared("bones of z013", "femora/z013") else { return };
-    let read = |b: &str| meshes::format::ply::read(&bytes(&dir.join(format!("z013_{b}_L.ply")))).unwrap().mesh;
+    let read = |b: &str| formats::ply::read(&bytes(&dir.join(format!("z013_{b}_L.ply")))).unwrap().mesh;
     let ct = PerBone { femur: read("Femur"), tibfib: TriMesh::joined([&read("Tibia"), &read("Fibula")]) };
     let pose = Isometry::new(Vector::new(30.0, -70.0, 500.0), Vector::new(0.8, -1.1, 0.4));
     let moved = PerBone { femur: ct.femur.moved(&pose), tibfib: ct.tibfib.moved(&pose) };

@@ -18,7 +18,7 @@ use stages::{PerBone, StageError};
 use std::path::Path;
 
 fn surface(path: &Path) -> TriMesh {
-    meshes::format::stl::read(&bytes(path)).unwrap()
+    formats::stl::read(&bytes(path)).unwrap()
 }
 
 /// The true registration, with the residual map that goes with it.
@@ -189,7 +189,7 @@ fn the_boolean_difference_of_a_phantom_has_the_phantom_s_volumes() {
     let made = by_boolean(&specimen, &registration).unwrap();
     let truth = |name: &str| {
         let path = format!("truth/{}.stl", name.replace("tibia", "tibfib"));
-        meshes::format::stl::read(&file(&path)).unwrap()
+        formats::stl::read(&file(&path)).unwrap()
     };
     // its cartilage ends in a step of 0.35 mm, less than what the difference keeps
     assert_boolean_near_truth("phantom", 0.7, &made, truth);

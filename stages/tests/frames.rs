@@ -41,7 +41,7 @@ fn degrees(a: &Vector, b: &Vector) -> f64 {
 
 fn mesh(path: &Path) -> TriMesh {
     let bytes = std::fs::read(path).unwrap();
-    meshes::format::read_surface(&path.to_string_lossy(), &bytes, &Default::default()).unwrap().welded().mesh
+    formats::read_surface(&path.to_string_lossy(), &bytes, &Default::default()).unwrap().welded().mesh
 }
 
 fn changed(specimen: &Specimen, point: impl Fn(&Point) -> Point, flip: bool) -> Specimen {

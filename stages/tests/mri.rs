@@ -4,7 +4,7 @@
 
 use crate::common::phantoms::made;
 use crate::common::{bytes, shared};
-use meshes::format::{nifti, stl};
+use formats::{nifti, stl};
 use meshes::measure::percentile;
 use meshes::query::SurfaceQuery;
 use meshes::surface::TriMesh;

@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::print_stdout, reason = "tests")]
 
 use crate::common::{bytes, shared};
-use meshes::format::stl;
+use formats::stl;
 use meshes::query::SurfaceQuery;
 use meshes::shapes::icosphere;
 use meshes::surface::TriMesh;

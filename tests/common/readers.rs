@@ -1,7 +1,7 @@
 //! Every reader of the program with files that it reads, and seeded corruption of them.
 #![allow(dead_code, reason = "each binary uses its part")]
 
-use meshes::format::{dicom, nifti, picture, ply, read_surface, stl};
+use formats::{dicom, nifti, picture, ply, read_surface, stl};
 use meshes::shapes::icosphere;
 use meshes::surface::ColouredMesh;
 use meshes::volume::{Grid, Labels, Volume};
@@ -121,7 +121,7 @@ fn textured(ending: &str, bytes: &[u8]) -> bool {
     }
     let obj = files["m.obj"].clone();
     let mtl = files["m.mtl"].clone();
-    let _ = (meshes::format::companions("m.obj", &obj), meshes::format::companions("m.mtl", &mtl));
+    let _ = (formats::companions("m.obj", &obj), formats::companions("m.mtl", &mtl));
     if ending == ".ply" {
         return read_surface("m.ply", bytes, &files).is_ok();
     }

@@ -2,7 +2,7 @@
 
 use super::{Dice, Trait};
 use crate::common::{read, text, write};
-use meshes::format::nifti;
+use formats::nifti;
 use meshes::volume::{Grid, Labels, crop};
 use std::path::Path;
 

@@ -1,7 +1,7 @@
 //! Pictures of voxels: label maps by what their labels show, CT volumes, DICOM series.
 
 use super::{Filled, Placed, companions, file_name};
-use meshes::format::picture::read_labels;
+use formats::picture::read_labels;
 use meshes::frame::Side;
 use stages::guess::guess_labels;
 use stages::ingest::ingest;

@@ -2,7 +2,7 @@
 
 use super::{Filled, Placed, companions, file_name};
 use crate::error::BuildError;
-use meshes::format::ply;
+use formats::ply;
 use meshes::frame::Side;
 use meshes::surface::{ColouredMesh, TriMesh};
 use stages::guess::{Role, guess};

@@ -1,6 +1,6 @@
 //! How surfaces and meshes are written to a stage's folder.
 
-use meshes::format::{ply, vtu};
+use formats::{ply, vtu};
 use meshes::hex::HexMesh;
 use meshes::surface::{ColouredMesh, TriMesh};
 use std::io;

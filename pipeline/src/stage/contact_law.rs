@@ -7,7 +7,7 @@ use crate::kept::Kept;
 use crate::options::BuildOptions;
 use crate::record::json;
 use crate::report::chart::Chart;
-use meshes::format::vtu;
+use formats::vtu;
 use meshes::hex::HexMesh;
 use serde_json::json as object;
 use stages::contact_law::{ContactLaw, ContactLawOptions, SolidFields, contact_law};

@@ -4,7 +4,7 @@ use super::{Files, Stage, Work, reported};
 use crate::given::Picture;
 use crate::kept::Kept;
 use crate::options::BuildOptions;
-use meshes::format::{nifti, stl};
+use formats::{nifti, stl};
 use stages::StageError;
 use stages::segment::{SegmentOptions, Segmented, segment_specimen};
 

@@ -1,7 +1,7 @@
 //! Which label of a map is which structure of the knee: by the names that the file gives, else by volume, place and contact.
 
+use formats::picture::LabelMap;
 use meshes::Point;
-use meshes::format::picture::LabelMap;
 use meshes::frame::Side;
 use std::collections::BTreeMap;
 
@@ -171,7 +171,7 @@ mod tests {
         let toml = String::from_utf8(files["specimen.toml"].clone()).unwrap();
         let said = crate::ingest::parse_specimen_file(&toml).unwrap();
         let s = said.segmentation.unwrap();
-        let map = meshes::format::picture::read_labels("labels", &files[&s.labels], &files).unwrap();
+        let map = formats::picture::read_labels("labels", &files[&s.labels], &files).unwrap();
         let number = |name: &LabelName| match name {
             LabelName::Number(n) => *n,
             LabelName::Name(name) => panic!("{name}"),

@@ -122,7 +122,7 @@ pub fn paths_of(file: &SpecimenFile) -> Vec<String> {
 
 /// Paths of the files that a loaded file names in turn: an OBJ's material libraries, their textures.
 pub fn paths_named_in(path: &str, bytes: &[u8]) -> Vec<String> {
-    meshes::format::companions(path, bytes)
+    formats::companions(path, bytes)
 }
 
 /// Refuses a specimen that lacks a file it names.

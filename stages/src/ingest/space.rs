@@ -2,7 +2,7 @@
 
 use crate::specimen::{IngestOptions, NamedPoint, PointFrame};
 use crate::{PerBone, StageError};
-use meshes::format::says_space;
+use formats::says_space;
 use meshes::query::SurfaceQuery;
 use meshes::surface::TriMesh;
 use meshes::{Point, Vector};

@@ -4,12 +4,13 @@ use super::space;
 use crate::StageError;
 use crate::specimen::SurfaceMetrics;
 use crate::specimen::{IngestOptions, RawSpecimen, SpecimenFile};
-use meshes::format::kind::{Kind, kind_of};
-use meshes::format::read_surface_told;
+use formats::companions;
+use formats::kind::{Kind, kind_of};
+use formats::read_surface_told;
 use meshes::surface::{ColouredMesh, TriMesh};
 use meshes::tidy::tidy;
 use meshes::topology::{Topology, vertex_neighbours};
-use meshes::{Point, Vector, format::companions};
+use meshes::{Point, Vector};
 use std::collections::BTreeMap;
 
 /// The width knees have [mm], the middle principal extent of a bone, whole or cropped.

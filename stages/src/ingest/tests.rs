@@ -1,7 +1,7 @@
 use super::*;
 use crate::specimen::PointFrame;
+use formats::{ply, stl};
 use meshes::Point;
-use meshes::format::{ply, stl};
 use meshes::shapes::icosphere;
 
 const TOML: &str = "[specimen]\nid = \"T1\"\nside = \"left\"\n\n[ct]\nfemur = \"ct/femur.stl\"\ntibfib = \"ct/tibfib.stl\"\n\n[scans]\nfemur = \"scans/femur.ply\"\ntibfib = \"scans/tibfib.ply\"\n\n[points]\nlandmarks = \"landmarks.csv\"\nmarks = \"marks.csv\"\n";

@@ -5,7 +5,7 @@ use super::shape::{self, Cover};
 use super::volume::{Scanner, ct_volume};
 use super::{Recipe, unit_cube};
 use crate::StageError;
-use meshes::format::{nifti, ply, stl};
+use formats::{nifti, ply, stl};
 use meshes::frame::Side;
 use meshes::surface::TriMesh;
 use meshes::{Isometry, Point, Vector};

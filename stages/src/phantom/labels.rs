@@ -4,7 +4,7 @@ use super::bone::Solid;
 use super::files::{cover_name, stl_bytes};
 use super::shape::{self, Cover};
 use crate::StageError;
-use meshes::format::nifti;
+use formats::nifti;
 use meshes::surface::TriMesh;
 use meshes::volume::{Grid, Labels};
 use meshes::{Isometry, Point, Vector};

@@ -1,8 +1,8 @@
 use super::*;
 use crate::ingest::ingest;
 use crate::specimen::{IngestOptions, PointFrame, RawSpecimen, Specimen};
+use formats::stl;
 use meshes::Point;
-use meshes::format::stl;
 use meshes::query::SurfaceQuery;
 use meshes::topology::Topology;
 use std::collections::BTreeMap;

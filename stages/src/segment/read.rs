@@ -3,7 +3,7 @@
 use super::{SegmentOptions, Segmented, segment};
 use crate::StageError;
 use crate::specimen::{CtPaths, RawSpecimen, SEGMENTED, SEGMENTED_PATELLA};
-use meshes::format::{dicom, picture, stl};
+use formats::{dicom, picture, stl};
 use meshes::volume::{Grid, Labels, Volume};
 use meshes::{Point, Vector};
 
@@ -76,7 +76,7 @@ fn absent(key: &str, path: &str) -> StageError {
 }
 
 fn volume(path: &str, raw: &RawSpecimen) -> Result<(Volume, Vec<String>), StageError> {
-    let fail = |e: meshes::format::FormatError| StageError::named(path, "ct.volume", e.0);
+    let fail = |e: formats::FormatError| StageError::named(path, "ct.volume", e.0);
     if let Some(bytes) = raw.files.get(path) {
         if dicom::looks_dicom(bytes) {
             return Err(StageError::Knee(format!(

@@ -7,7 +7,7 @@ pub(crate) mod registration;
 #[path = "../../../tests/common/shared.rs"]
 mod shared;
 
-use meshes::format::{ply, stl};
+use formats::{ply, stl};
 use meshes::frame::Side;
 use meshes::surface::{ColouredMesh, TriMesh};
 use stages::PerBone;

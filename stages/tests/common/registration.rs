@@ -30,8 +30,8 @@ pub(crate) enum Noise {
 
 /// The bone of a specimen whose files `read` gives by their path.
 pub(crate) fn case(read: impl Fn(&str) -> Vec<u8>, bone: &str) -> Case {
-    let ct = meshes::format::stl::read(&read(&format!("ct/{bone}.stl"))).unwrap();
-    let scan = meshes::format::ply::read(&read(&format!("scans/{bone}.ply"))).unwrap();
+    let ct = formats::stl::read(&read(&format!("ct/{bone}.stl"))).unwrap();
+    let scan = formats::ply::read(&read(&format!("scans/{bone}.ply"))).unwrap();
     let truth: serde_json::Value = serde_json::from_slice(&read("truth/truth.json")).unwrap();
     let at = |r: usize, c: usize| truth["scan_to_ct"][bone][r][c].as_f64().unwrap();
     let turn = UnitQuaternion::from_matrix(&Matrix3::from_fn(at));

@@ -7,7 +7,7 @@ use crate::specimen::MriMetrics;
 use crate::specimen::{IngestOptions, RawSpecimen};
 use crate::specimen::{LabelName, Mri, SegmentationPaths};
 use crate::{PerBone, PerCartilage, StageError};
-use meshes::format::picture::{LabelMap, read_labels};
+use formats::picture::{LabelMap, read_labels};
 use meshes::frame::Side;
 use meshes::surface::TriMesh;
 use meshes::volume::Labels;

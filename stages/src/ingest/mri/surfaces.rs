@@ -6,7 +6,7 @@ use crate::specimen::MriMetrics;
 use crate::specimen::{CartilageFrame, CartilagePaths, Mri};
 use crate::specimen::{IngestOptions, RawSpecimen};
 use crate::{PerBone, PerCartilage, StageError};
-use meshes::format::read_surface;
+use formats::read_surface;
 use meshes::query::SurfaceQuery;
 use meshes::surface::TriMesh;
 use meshes::tidy::tidy;
