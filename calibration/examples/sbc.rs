@@ -1,9 +1,10 @@
 //! Simulation-based calibration [talts2018]: knees drawn from all that is believed, measured by numbers, calibrated; where the truth lies among the samples.
 //!
-//! `sbc MODEL.json DATA.csv... [--knees N] [--seed S] [--wide F] [--shipped] [--truth MODEL.json] [--lean DEG] [--form MM]`: DATA are data sets whose loads and
+//! `sbc MODEL.json DATA.csv... [--knees N] [--seed S] [--wide F] [--shipped] [--truth MODEL.json] [--lean DEG] [--form MM] [--spacing MM]`: DATA are data sets whose loads and
 //! coordinates are asked; what was measured in them is not read. A truth is drawn from the prior times the beliefs, by elliptical slices of the model
 //! itself [murray2010], and none is left out. Readings scatter as the likelihood says, with scales of the noise from their prior.
 //! `--wide`: numbers of the truths are that many times as wide. `--shipped`: readings count as in a build (tempered), else as their scatter says.
+//! `--spacing`: contact nodes nearer than this are merged, in truth and analysis alike: coarser is quicker.
 //! `--truth`: the truth's mechanics are another model's. `--lean`, `--form`: its plateaus lean about the AP axis, and undulate over 20 mm.
 #![expect(clippy::disallowed_methods, reason = "reads and prints")]
 #![allow(clippy::print_stdout, clippy::unwrap_used, reason = "an example")]
@@ -52,6 +53,7 @@ struct Arguments {
     truth: Option<String>,
     lean_deg: f64,
     form_mm: f64,
+    spacing_mm: Option<f64>,
 }
 
 fn arguments() -> Arguments {
@@ -60,11 +62,12 @@ fn arguments() -> Arguments {
     let number = |text: Option<String>, default: f64| text.map_or(default, |t| t.parse().unwrap());
     let (knees, seed) = (number(option("--knees"), 200.0) as usize, number(option("--seed"), 1.0) as u64);
     let (wide, lean_deg) = (number(option("--wide"), 1.0), number(option("--lean"), 0.0));
+    let spacing_mm = option("--spacing").map(|t| t.parse().unwrap());
     let (form_mm, truth) = (number(option("--form"), 0.0), option("--truth"));
     let shipped = all.iter().any(|a| a == "--shipped");
     all.retain(|a| a != "--shipped");
     let model = all.remove(0);
-    Arguments { model, data: all, knees, seed, wide, shipped, truth, lean_deg, form_mm }
+    Arguments { model, data: all, knees, seed, wide, shipped, truth, lean_deg, form_mm, spacing_mm }
 }
 
 /// A knee; its plateaus lean and undulate.
@@ -248,7 +251,8 @@ fn tell(names: &[String], all: &[Vec<f64>]) {
 
 fn main() {
     let arguments = arguments();
-    let options = CalibrateOptions::default();
+    let mut options = CalibrateOptions::default();
+    options.search.contact_spacing_mm = arguments.spacing_mm.unwrap_or(options.search.contact_spacing_mm);
     let analysis = knee(&arguments.model, (0.0, 0.0), &options);
     let other = arguments.truth.as_ref().unwrap_or(&arguments.model);
     let truth = knee(other, (arguments.lean_deg, arguments.form_mm), &options);
@@ -271,6 +275,15 @@ fn main() {
     let (asked, beliefs) = imagined(&truth);
     let of_beliefs = Trials { trials: &asked, beliefs: &beliefs, ..truth.trials(None) };
     let each = arguments.knees.div_ceil(CHAINS);
+    let begun = std::time::Instant::now();
+    let middle = DVector::zeros(of_beliefs.size());
+    let at_rest = of_beliefs.at(&middle, None).unwrap();
+    let first = begun.elapsed().as_secs_f64();
+    for k in 0..5 {
+        let near = normals(&mut stream(arguments.seed, k), middle.len()) * 0.3;
+        of_beliefs.at(&near, Some((&middle, &at_rest.state))).unwrap();
+    }
+    println!("{first:.3} s, then {:.4} s", (begun.elapsed().as_secs_f64() - first) / 5.0);
     let begun = std::time::Instant::now();
     let truths: Vec<DVector<f64>> = (0..CHAINS as u64)
         .into_par_iter()
