@@ -19,6 +19,7 @@ use crate::search::{DiagnosisOptions, Search, Searcher};
 use crate::trial::Source;
 use crate::verdict::{Candidature, by_names, temper, verdict, weights};
 use crate::wildcard::{Wildcard, wildcard};
+use calibration::options::CalibrateOptions;
 use sim::Model;
 use sim::coordinate::{FREE, Free};
 use sim::spec::ModelSpec;
@@ -75,8 +76,16 @@ impl Outcome {
     }
 }
 
-/// Diagnoses a model against data. `calibrated` is where a calibration to all of the data ended ([`calibration::calibrate::Calibrated::mode`]): there the
-/// unknowns of a knee built from raw data are sought first.
+/// The calibration of a knee that is diagnosed.
+#[derive(Clone, Copy, Debug)]
+pub struct Calibration<'a> {
+    /// Its options: a diagnosis has the same ranges, priors, frames, noise and contact nodes.
+    pub options: &'a CalibrateOptions,
+    /// Where it ended with all of the data ([`calibration::calibrate::Calibrated::mode`]): there the unknowns of a knee built from raw data are sought first.
+    pub mode: Option<&'a BTreeMap<String, f64>>,
+}
+
+/// Diagnoses a model against data.
 ///
 /// Errors: data or model at fault.
 pub fn diagnose(
@@ -85,12 +94,12 @@ pub fn diagnose(
     sources: &[Source],
     catalogue: &Catalogue,
     options: &DiagnosisOptions,
-    calibrated: Option<&BTreeMap<String, f64>>,
+    calibration: Calibration,
 ) -> Result<Outcome, DiagnosisError> {
-    let problem = Problem::new(model, spec, sources, catalogue)?;
+    let problem = Problem::new(model, spec, sources, catalogue, calibration.options)?;
     let present = crate::component::present(spec, &problem.sources, &Catalogue::shipped())?;
     let problem = if present.is_empty() { problem } else { problem.with_present(present) };
-    conclude(&prepared(problem, options, calibrated)?, spec, options)
+    conclude(&prepared(problem, options, calibration.mode)?, spec, options)
 }
 
 fn conclude(problem: &Problem, spec: &ModelSpec, options: &DiagnosisOptions) -> Result<Outcome, DiagnosisError> {
