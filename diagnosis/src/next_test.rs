@@ -28,11 +28,16 @@ pub struct NextTest {
     pub expected_gain: f64,
 }
 
+/// Weight below which a rival is not worth a test of its own [-].
+const LEAST_WEIGHT: f64 = 0.01;
+/// Most rivals that a test is to tell apart [-].
+const MOST_RIVALS: usize = 3;
+
 /// The five best tests between rivals with their weights.
 ///
 /// Errors: a model that cannot be evaluated.
 pub fn next_tests(problem: &Problem, rivals: &[(&Fit, f64)]) -> Result<Vec<NextTest>, DiagnosisError> {
-    let few: Vec<&(&Fit, f64)> = rivals.iter().filter(|(_, w)| *w > 0.01).take(3).collect();
+    let few: Vec<&(&Fit, f64)> = rivals.iter().filter(|(_, w)| *w > LEAST_WEIGHT).take(MOST_RIVALS).collect();
     if few.len() < 2 {
         return Ok(vec![]);
     }

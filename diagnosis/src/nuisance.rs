@@ -50,6 +50,8 @@ pub struct Nuisances {
     pub(crate) felt: Vec<Felt>,
     /// Mean of each unknown's prior, from where the model stands [-]; the standard deviation is 1.
     pub mean: Vec<f64>,
+    /// Where the model stands that was handed in, before the question was moved: its unknowns [-].
+    pub given: Vec<f64>,
     /// The specification as assembled: sites and frames are counted from there.
     spec: ModelSpec,
     is_built: bool,
@@ -99,7 +101,8 @@ impl Nuisances {
         let values = design.values(spec);
         let base = |(k, p): (usize, &Parameter<Quantity>)| values.get(k).map_or(0.0, |x| p.prior.z_of(*x));
         let mean = list.iter().enumerate().map(|p| -base(p)).collect();
-        Nuisances { list, felt, mean, spec: spec.clone(), is_built }
+        let given = vec![0.0; list.len()];
+        Nuisances { list, felt, mean, given, spec: spec.clone(), is_built }
     }
 
     /// Number of parameters.
@@ -169,8 +172,8 @@ impl Nuisances {
 
     /// The same parameters counted from some values.
     pub fn centred_at(&self, unknowns: &[f64]) -> Nuisances {
-        let mean = self.mean.iter().zip(unknowns).map(|(m, x)| m - x).collect();
-        Nuisances { mean, ..self.clone() }
+        let from = |of: &[f64]| of.iter().zip(unknowns).map(|(own, x)| own - x).collect();
+        Nuisances { mean: from(&self.mean), given: from(&self.given), ..self.clone() }
     }
 
     /// Unknowns at which the parameters of these names have these values, and all others their prior's middle.

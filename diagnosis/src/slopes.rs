@@ -199,8 +199,12 @@ impl<'a> Slopes<'a> {
                     moved[k] += s * h;
                     candidate.active(&moved)
                 };
-                let (up, down) = (at(1.0), at(if flat { 0.0 } else { -1.0 }));
-                let width = if flat { h } else { 2.0 * h };
+                // beyond the whole nothing changes
+                let is_whole = candidate.effect.parameter[k]
+                    .whole
+                    .is_some_and(|w| candidate.effect.parameter[k].sd * (scaled[k] + h) > w);
+                let (up, down) = (at(if is_whole { 0.0 } else { 1.0 }), at(if flat { 0.0 } else { -1.0 }));
+                let width = if flat || is_whole { h } else { 2.0 * h };
                 if up.has_reading() {
                     let direct = (up.read(&gs, trial) - down.read(&gs, trial)) / width;
                     let mut miss = Six::zeros();
