@@ -24,6 +24,19 @@ pub const KINDS: [(&str, &[Size]); 15] = [
     ("extra_bundle", &[("k", 60.0, true)]),
 ];
 
+/// Structures that may be cut, whole or in part, in the order of their numbers in a truth. A kind is `cut_` and one of these; its size is the share lost.
+pub const CUT: [&str; 4] = ["ACL", "PCL", "sMCL", "LCL"];
+
+/// Name of a cut in a truth, as catalogues have it.
+pub(crate) const CUT_EFFECT: &str = "structure_loss";
+
+/// A cut of the kind `cut_ACL`; none where a kind is no cut.
+pub(crate) fn cut(kind: &str, share: f64) -> Option<Hidden> {
+    let structure = CUT.iter().position(|s| kind.strip_prefix("cut_") == Some(s))?;
+    let parameters = [("loss".to_owned(), share.clamp(0.0, 1.0)), ("structure".to_owned(), structure as f64)];
+    Some(Hidden { effect: CUT_EFFECT.into(), parameters: parameters.into() })
+}
+
 /// The tibial tuberosity: lateral, anterior, superior [mm].
 const TUBEROSITY: [f64; 3] = [-3.0, 33.0, -32.0];
 
@@ -34,6 +47,12 @@ fn patella(flexion: f64) -> Vector3<f64> {
 }
 
 impl Hidden {
+    /// The structure that it takes a share of the stiffness from, where it is a cut.
+    pub(crate) fn cuts(&self) -> Option<(&'static str, f64)> {
+        let structure = CUT.get(self.value("structure") as usize)?;
+        (self.effect == CUT_EFFECT).then_some((*structure, self.value("loss")))
+    }
+
     /// What it changes of the load or flexion that the knee truly gets.
     pub(crate) fn true_load(&self, asked: &Asked) -> Asked {
         let mut out = *asked;
@@ -151,6 +170,16 @@ impl Hidden {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_cut_is_of_the_structure_that_its_kind_names() {
+        for structure in CUT {
+            let hidden = cut(&format!("cut_{structure}"), 0.6).unwrap();
+            assert_eq!(hidden.cuts(), Some((structure, 0.6)));
+        }
+        assert!(cut("cut_XYZ", 1.0).is_none() && cut("meniscus", 1.0).is_none());
+        assert_eq!(Hidden { effect: "meniscus".into(), parameters: [("k".to_string(), 12.0)].into() }.cuts(), None);
+    }
 
     #[test]
     fn a_compartment_of_the_menisci_is_as_stiff_as_told() {

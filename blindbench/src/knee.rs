@@ -192,6 +192,12 @@ impl Knee {
         Ok(Knee { bundles, fibres, contact, contact_scale, ct: read(&ct) })
     }
 
+    /// Takes a share of its stiffness from a structure: all bundles of that name.
+    pub(crate) fn weaken(&mut self, structure: &str, loss: f64) {
+        let of = |name: &str| name.strip_prefix(structure).is_some_and(|rest| rest.is_empty() || rest.starts_with('_'));
+        self.bundles.iter_mut().filter(|b| of(&b.name)).for_each(|b| b.stiffness *= 1.0 - loss);
+    }
+
     /// The nodes that may come into contact near a pose, and how far each is from the femur.
     pub(crate) fn near(&self, flexion: f64, c: &Five) -> Vec<(usize, f64)> {
         let p = pose(flexion, c);

@@ -2,7 +2,7 @@
 
 use crate::BenchError;
 use crate::asked::{Asked, Hidden};
-use crate::hidden::KINDS;
+use crate::hidden::{KINDS, cut};
 use crate::knee::{Knee, KneeInput, normal};
 use crate::pose::components;
 use crate::rest::{Path, rest};
@@ -127,17 +127,19 @@ pub fn make(
     let effects = effects((kind, size), &sources, &mut random)?;
     let path = path(&knee, plan);
     let share: f64 = effects.iter().filter(|(h, _)| h.effect == "x_ct_scale").map(|(h, _)| h.value("share")).sum();
-    let subject = if share == 0.0 { None } else { Some(Knee::drawn(&unknown::true_size(input, share), seed ^ DRAWN)?) };
-    let subject = subject.as_ref().unwrap_or(&knee);
-    let with = simulate((subject, &path), plan, &effects, &mut random, true);
+    let cuts: Vec<(&str, f64)> = effects.iter().filter_map(|(h, _)| h.cuts()).collect();
+    let subject = if share == 0.0 && cuts.is_empty() { None } else { Some(subject(input, share, &cuts, seed)?) };
+    // a knee that lacks a structure rests elsewhere without load, too
+    let own = subject.as_ref().filter(|_| !cuts.is_empty()).map(|knee| self::path(knee, plan));
+    let (subject, own) = (subject.as_ref().unwrap_or(&knee), own.as_ref().unwrap_or(&path));
+    let with = simulate((subject, own), plan, &effects, &mut random, true);
     let mut quiet = ChaCha8Rng::seed_from_u64(seed);
-    let clean = |knee: &Knee, effects: &[(Hidden, String)], r: &mut ChaCha8Rng| {
-        simulate((knee, &path), plan, effects, r, false)
-    };
+    let clean =
+        |of: (&Knee, &Path), effects: &[(Hidden, String)], r: &mut ChaCha8Rng| simulate(of, plan, effects, r, false);
     let signature: Vec<[f64; 5]> = if effects.is_empty() {
         vec![[0.0; 5]; plan.len()]
     } else {
-        let (a, b) = (clean(subject, &effects, &mut quiet), clean(&knee, &[], &mut quiet));
+        let (a, b) = (clean((subject, own), &effects, &mut quiet), clean((&knee, &path), &[], &mut quiet));
         a.iter().zip(&b).map(|(x, y)| std::array::from_fn(|c| x[c] - y[c])).collect()
     };
     let squares: f64 =
@@ -156,11 +158,25 @@ pub fn make(
     Ok(Case { readings: noisy(with, plan, &mut random), truth })
 }
 
+/// The knee that is put to the tests where it is not the one in the CT: of another size by a share, or with structures that lost a share of theirs.
+fn subject(input: &KneeInput, share: f64, cuts: &[(&str, f64)], seed: u64) -> Result<Knee, BenchError> {
+    let mut knee = if share == 0.0 {
+        Knee::drawn(input, seed ^ DRAWN)?
+    } else {
+        Knee::drawn(&unknown::true_size(input, share), seed ^ DRAWN)?
+    };
+    cuts.iter().for_each(|(structure, loss)| knee.weaken(structure, *loss));
+    Ok(knee)
+}
+
 fn effects(
     (kind, factor): (&str, f64),
     sources: &[String],
     random: &mut ChaCha8Rng,
 ) -> Result<Vec<(Hidden, String)>, BenchError> {
+    if let Some(cut) = cut(kind, factor) {
+        return Ok(vec![(cut, "both".into())]);
+    }
     let names: Vec<String> = match kind {
         "null" => vec![],
         "unknown" => vec![UNKNOWN[(random.random::<f64>() * UNKNOWN.len() as f64) as usize].0.to_owned()],

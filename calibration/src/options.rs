@@ -194,6 +194,24 @@ impl Default for HopOptions {
 }
 
 impl CalibrateOptions {
+    /// Refuses options that the method does not hear.
+    fn refuse_unheard(&self) -> Result<(), CalibrationError> {
+        let refused = |what: &str| Err(CalibrationError::Option(what.into()));
+        if self.method == Method::Descent && !self.loads.is_empty() {
+            return refused(
+                "loads are not heard by the method descent: take gradient or swarm-simplex, or leave them out",
+            );
+        }
+        let (own, usual) = (&self.gradient, GradientOptions::default());
+        if self.method == Method::Gradient && own.samples != usual.samples {
+            return refused("gradient.samples is not heard by the method gradient: set inference.samples");
+        }
+        if self.method == Method::Gradient && own.scale_noise != usual.scale_noise {
+            return refused("gradient.scale_noise is not heard by the method gradient: set inference.scale_noise");
+        }
+        Ok(())
+    }
+
     /// Refuses options that mean nothing.
     ///
     /// # Errors
@@ -214,10 +232,7 @@ impl CalibrateOptions {
         least("descent.finalists", self.descent.finalists, 1)?;
         least("descent.evaluations", self.descent.evaluations, 2)?;
         least("descent.hop_evaluations", self.descent.hop_evaluations, 2)?;
-        if self.method == Method::Descent && !self.loads.is_empty() {
-            let what = "loads are not heard by the method descent: take gradient or swarm-simplex, or leave them out";
-            return Err(CalibrationError::Option(what.into()));
-        }
+        self.refuse_unheard()?;
         let between = |name: &str, value: f64, low: f64, high: f64| match value > low && value < high {
             true => Ok(()),
             false => Err(CalibrationError::Option(format!("{name} is {value}, expected between {low} and {high}"))),
@@ -267,5 +282,30 @@ pub struct FrameOptions {
 impl Default for FrameOptions {
     fn default() -> Self {
         FrameOptions { turn_sd_deg: None, shift_sd_mm: None, offset_turn_deg: 1.5, offset_shift_mm: 2.5 }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_option_that_the_method_does_not_hear_is_refused() {
+        type Change = fn(&mut CalibrateOptions);
+        let changes: [(&str, Change); 2] = [
+            ("gradient.samples", |o| o.gradient.samples = 12),
+            ("gradient.scale_noise", |o| o.gradient.scale_noise = false),
+        ];
+        for (name, change) in changes {
+            let mut options = CalibrateOptions::default();
+            change(&mut options);
+            assert!(options.check().unwrap_err().to_string().contains(name));
+            // the paper's recipe hears it
+            options.method = Method::SwarmSimplex;
+            assert!(options.check().is_ok());
+        }
+        // the calibration has one seed
+        let text = toml::to_string(&CalibrateOptions::default()).unwrap();
+        assert_eq!(text.matches("seed = ").count(), 1, "{text}");
     }
 }

@@ -13,6 +13,7 @@ use crate::robust::Mixture;
 use crate::screen::{Marginal, signatures};
 use crate::search::DiagnosisOptions;
 use crate::trial::Source;
+use calibration::options::CalibrateOptions;
 use nalgebra::{Cholesky, DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 use sim::Model;
@@ -62,9 +63,9 @@ pub fn atlas(
     spec: &ModelSpec,
     sources: &[Source],
     catalogue: &Catalogue,
-    options: &DiagnosisOptions,
+    (options, calibrate): (&DiagnosisOptions, &CalibrateOptions),
 ) -> Result<Atlas, DiagnosisError> {
-    let problem = Problem::new(model, spec, sources, catalogue)?;
+    let problem = Problem::new(model, spec, sources, catalogue, calibrate)?;
     let (fit, cov) = before_data(&problem, options)?;
     let readings = Readings::of(&problem, &|_| true);
     let candidates = problem.candidates();
@@ -120,8 +121,9 @@ pub fn promise(
     spec: &ModelSpec,
     sources: &[Source],
     signature: &[Free<f64>],
+    (options, calibrate): (&DiagnosisOptions, &CalibrateOptions),
 ) -> Result<Promise, DiagnosisError> {
-    let problem = Problem::new(model, spec, sources, &Catalogue::shipped())?;
+    let problem = Problem::new(model, spec, sources, &Catalogue::shipped(), calibrate)?;
     if signature.len() != problem.trials.len() {
         return Err(DiagnosisError::Data(format!(
             "a signature of {} rows for {} trials",
@@ -129,7 +131,7 @@ pub fn promise(
             problem.trials.len()
         )));
     }
-    let (fit, cov) = before_data(&problem, &DiagnosisOptions::default())?;
+    let (fit, cov) = before_data(&problem, options)?;
     let readings = Readings::of(&problem, &|_| true);
     let slope = readings.rows_of(&fit.linear.slope);
     let mixture = Mixture::new(&readings, readings.block_of(&cov) + &slope * slope.transpose(), &problem.trials)?;

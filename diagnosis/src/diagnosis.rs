@@ -15,10 +15,12 @@ use crate::missable::missable;
 use crate::next_test::next_tests;
 use crate::preparation::prepared;
 use crate::problem::Problem;
+use crate::regret::{Hidden, Regret, regret};
 use crate::search::{DiagnosisOptions, Search, Searcher};
 use crate::trial::Source;
 use crate::verdict::{Candidature, by_names, temper, verdict, weights};
 use crate::wildcard::{Wildcard, wildcard};
+use calibration::options::CalibrateOptions;
 use sim::Model;
 use sim::coordinate::{FREE, Free};
 use sim::spec::ModelSpec;
@@ -75,8 +77,16 @@ impl Outcome {
     }
 }
 
-/// Diagnoses a model against data. `calibrated` is where a calibration to all of the data ended ([`calibration::calibrate::Calibrated::mode`]): there the
-/// unknowns of a knee built from raw data are sought first.
+/// The calibration of a knee that is diagnosed.
+#[derive(Clone, Copy, Debug)]
+pub struct Calibration<'a> {
+    /// Its options: a diagnosis has the same ranges, priors, frames, noise and contact nodes.
+    pub options: &'a CalibrateOptions,
+    /// Where it ended with all of the data ([`calibration::calibrate::Calibrated::mode`]): there the unknowns of a knee built from raw data are sought first.
+    pub mode: Option<&'a BTreeMap<String, f64>>,
+}
+
+/// Diagnoses a model against data.
 ///
 /// Errors: data or model at fault.
 pub fn diagnose(
@@ -85,30 +95,62 @@ pub fn diagnose(
     sources: &[Source],
     catalogue: &Catalogue,
     options: &DiagnosisOptions,
-    calibrated: Option<&BTreeMap<String, f64>>,
+    calibration: Calibration,
 ) -> Result<Outcome, DiagnosisError> {
-    let problem = Problem::new(model, spec, sources, catalogue)?;
-    let present = crate::component::present(spec, &problem.sources, &Catalogue::shipped())?;
-    let problem = if present.is_empty() { problem } else { problem.with_present(present) };
-    conclude(&prepared(problem, options, calibrated)?, spec, options)
+    let problem = asked((model, spec), sources, catalogue, options, calibration)?;
+    let searcher = Searcher { problem: &problem, options };
+    conclude(&searcher, searcher.search()?, spec)
 }
 
-fn conclude(problem: &Problem, spec: &ModelSpec, options: &DiagnosisOptions) -> Result<Outcome, DiagnosisError> {
-    let searcher = Searcher { problem, options };
+/// A diagnosis beside the truth, for benches: what it told, and how far its search stayed behind.
+///
+/// Errors: as [`diagnose`], a truth that is not in the catalogue.
+#[expect(clippy::too_many_arguments, reason = "those of a diagnosis, and the truth")]
+pub fn diagnose_beside(
+    model: &Model,
+    spec: &ModelSpec,
+    sources: &[Source],
+    catalogue: &Catalogue,
+    options: &DiagnosisOptions,
+    calibration: Calibration,
+    truth: &[Hidden],
+) -> Result<(Diagnosis, Option<Regret>), DiagnosisError> {
+    let problem = asked((model, spec), sources, catalogue, options, calibration)?;
+    let searcher = Searcher { problem: &problem, options };
     let search = searcher.search()?;
+    let regret = regret(&problem, (&searcher, &search), truth)?;
+    Ok((conclude(&searcher, search, spec)?.diagnosis, regret))
+}
+
+/// The question, ready to be searched.
+fn asked(
+    (model, spec): (&Model, &ModelSpec),
+    sources: &[Source],
+    catalogue: &Catalogue,
+    options: &DiagnosisOptions,
+    calibration: Calibration,
+) -> Result<Problem, DiagnosisError> {
+    let problem = Problem::new(model, spec, sources, catalogue, calibration.options)?;
+    let present = crate::component::present(spec, &problem.sources, &Catalogue::shipped())?;
+    let problem = if present.is_empty() { problem } else { problem.with_present(present) };
+    prepared(problem, options, calibration.mode)
+}
+
+fn conclude(searcher: &Searcher, search: Search, spec: &ModelSpec) -> Result<Outcome, DiagnosisError> {
+    let (problem, options) = (searcher.problem, searcher.options);
     let best = search.rivals.first().unwrap_or(&search.base);
-    let is_named = !best.hypothesis.is_empty() && is_believed(&searcher, &search, best);
+    let is_named = !best.hypothesis.is_empty() && is_believed(searcher, &search, best);
     let believed = if is_named { best } else { &search.base };
     let data = (&search.readings, &search.covariance);
     let wild = wildcard(problem, data, believed)?;
     let (alone, alone_gain) =
-        if is_named { in_place(&searcher, &search, best)? } else { (wild.clone(), wild.log_bayes_factor) };
+        if is_named { in_place(searcher, &search, best)? } else { (wild.clone(), wild.log_bayes_factor) };
     let leaves = searcher.total(believed) / believed.residual.len() as f64;
     let exchange = exchange(problem, &search, believed, leaves.max(1.0))?;
-    let rivals = weights(&searcher, &search, believed);
-    let before = held_out(&searcher, &search, &search.base, options.folds, options.folds)?;
+    let rivals = weights(searcher, &search, believed);
+    let before = held_out(searcher, &search, &search.base, options.folds, options.folds)?;
     let after =
-        if is_named { held_out(&searcher, &search, best, options.folds, options.folds)? } else { before.clone() };
+        if is_named { held_out(searcher, &search, best, options.folds, options.folds)? } else { before.clone() };
     let gain = after.gain_over(&before);
     let of = Candidature {
         believed,
@@ -121,18 +163,20 @@ fn conclude(problem: &Problem, spec: &ModelSpec, options: &DiagnosisOptions) -> 
         gain,
         closes: closed(&before, &after),
     };
-    let verdict = verdict(&searcher, &rivals, &of);
+    let verdict = verdict(searcher, &rivals, &of);
     let answers = if matches!(verdict, Verdict::None | Verdict::Unnamed) {
         vec![]
     } else {
-        answers(problem, &searcher, &search, &rivals, (&before, gain))?
+        answers(problem, searcher, &search, &rivals, (&before, gain))?
     };
     let shown = if answers.is_empty() { &search.base } else { best };
     let shrunk = if answers.is_empty() { &before } else { &after };
-    let control = if answers.is_empty() { None } else { control(&searcher, &search, best, &before)? };
-    let threshold = search.threshold * temper(&searcher, best);
+    let control = if answers.is_empty() { None } else { control(searcher, &search, best, &before)? };
+    let threshold = search.threshold * temper(searcher, best);
     let missable = if verdict == Verdict::None { missable(problem, &search, threshold)? } else { vec![] };
-    let rival_fits: Vec<(&Fit, f64)> = rivals.iter().map(|(f, w)| (*f, *w)).collect();
+    // where nothing is named its rivals are worth telling apart all the same
+    let weight = |w: f64| if verdict == Verdict::Unnamed { 1.0 / rivals.len() as f64 } else { w };
+    let rival_fits: Vec<(&Fit, f64)> = rivals.iter().map(|(f, w)| (*f, weight(*w))).collect();
     let residuals = map(problem, &search, &search.base)?;
     let drawn = curves(problem, &residuals, &search.given, &search.base, (!answers.is_empty()).then_some(best));
     let diagnosis = Diagnosis {
@@ -158,12 +202,12 @@ fn conclude(problem: &Problem, spec: &ModelSpec, options: &DiagnosisOptions) -> 
         wildcard_alone: Some(alone_gain),
         exchanged: exchange.and_then(|e| told_exchange(problem, e)),
         misfit: [&search.base, best].map(|f| searcher.total(f) / f.residual.len() as f64),
-        best: named(problem, best, temper(&searcher, believed)),
+        best: named(problem, best, temper(searcher, believed)),
         best_log_bayes_factor: Some(searcher.gain(best, &search.base)),
         provenance: None,
     };
     let mut outcome = Outcome { diagnosis, components: vec![], model: None };
-    outcome.add(problem, spec, [&search.base, best], temper(&searcher, best))?;
+    outcome.add(problem, spec, [&search.base, best], temper(searcher, best))?;
     // what is told in words is all that is missing, not what the best answer leaves
     let told = if verdict == Verdict::Unnamed { alone } else { wild };
     outcome.diagnosis.description = crate::words::description(problem, &outcome.diagnosis, &told, &search);
@@ -172,10 +216,15 @@ fn conclude(problem: &Problem, spec: &ModelSpec, options: &DiagnosisOptions) -> 
 
 /// A field of no name in the place of an answer and its log Bayes factor against nothing missing: linear about nothing missing, or about the rests of the
 /// answer with its effects taken out, whichever explains more. A field that moves the knee far is seen as it is from the latter alone. The former is told
-/// against nothing missing in the same linear terms, since that fit's own evidence may lie nats off them; the latter can only be told against it.
+/// against nothing missing in the same linear terms, since that fit's own evidence may lie nats off them; the latter can only be told against it. The rests
+/// of a knee with a torn structure are those of that knee, whatever is taken out on a straight line: there the former alone is a field in the name's place.
 fn in_place(searcher: &Searcher, search: &Search, best: &Fit) -> Result<(Wildcard, f64), DiagnosisError> {
     let data = (&search.readings, &search.covariance);
     let far = wildcard(searcher.problem, data, &search.base)?;
+    if best.has_most_of_a_whole() {
+        let gain = far.log_bayes_factor;
+        return Ok((far, gain));
+    }
     let near = wildcard(searcher.problem, data, &searcher.stripped(best, &search.readings))?;
     let gains = [far.log_bayes_factor, near.log_evidence - search.base.log_evidence];
     Ok(if gains[1] > gains[0] { (near, gains[1]) } else { (far, gains[0]) })

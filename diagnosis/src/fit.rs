@@ -1,6 +1,7 @@
 //! The most probable ligaments, contact and effects under a hypothesis, and the evidence for it (Laplace's approximation).
 
-use crate::candidate::Candidate;
+use crate::candidate::{Candidate, sized};
+use crate::catalogue::Parameter;
 use crate::covariance::Readings;
 use crate::error::DiagnosisError;
 use crate::problem::{Linear, Problem};
@@ -76,13 +77,56 @@ fn prior(k: usize, means: &[f64], x: f64) -> (f64, f64, f64) {
     }
 }
 
-/// Whether each unknown may not be negative.
-fn one_sided(hypothesis: &[Candidate], nuisances: usize) -> Vec<bool> {
-    let mut out = vec![false; nuisances];
-    for c in hypothesis {
-        out.extend(c.effect.parameter.iter().map(|p| p.one_sided));
+/// Bounds of an unknown, in units of its prior.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Bounds {
+    /// Least.
+    low: f64,
+    /// Largest.
+    high: f64,
+}
+
+impl Bounds {
+    /// Of the unknowns of a hypothesis: sizes may not be negative where that means nothing, nor larger than the whole.
+    fn of(hypothesis: &[Candidate], nuisances: usize) -> Vec<Bounds> {
+        let mut out = vec![Bounds { low: -REACH, high: REACH }; nuisances];
+        for c in hypothesis {
+            out.extend(c.effect.parameter.iter().map(|p| Bounds {
+                low: if p.one_sided { 0.0 } else { -REACH },
+                high: p.whole.map_or(REACH, |whole| whole / p.sd),
+            }));
+        }
+        out
     }
-    out
+
+    fn clamp(self, x: f64) -> f64 {
+        x.clamp(self.low, self.high)
+    }
+
+    fn width(self) -> f64 {
+        self.high - self.low
+    }
+
+    fn to_unit(self, x: f64) -> f64 {
+        (x - self.low) / self.width()
+    }
+
+    /// Log of the posterior's share within the bounds over the prior's, where an unknown stands at `x` with a standard deviation: what lies outside is
+    /// neither believed before nor after. A prior reaches as far as it likes where nothing bounds it.
+    fn log_share(self, x: f64, sd: f64) -> f64 {
+        let is_bounded = [self.low > -REACH, self.high < REACH];
+        let below = |bound: f64| normal_below((bound - x) / sd);
+        let posterior =
+            if is_bounded[1] { below(self.high) } else { 1.0 } - if is_bounded[0] { below(self.low) } else { 0.0 };
+        let prior = if is_bounded[1] { heavy_below(self.high) } else { 1.0 } - if is_bounded[0] { 0.5 } else { 0.0 };
+        (posterior / prior).ln()
+    }
+}
+
+/// The distribution function of the effects' prior, Student's t with four degrees of freedom, in closed form.
+fn heavy_below(x: f64) -> f64 {
+    let t = x / (4.0 + x * x).sqrt();
+    0.5 + 0.75 * (t - t.powi(3) / 3.0)
 }
 
 /// How trials that no hypothesis explains are weighed.
@@ -92,11 +136,6 @@ enum Weighing {
     Mixed,
     /// Like all others.
     All,
-}
-
-/// An unknown within its bounds.
-fn clamp(sided: bool, x: f64) -> f64 {
-    x.clamp(if sided { 0.0 } else { -REACH }, REACH)
 }
 
 struct State {
@@ -137,17 +176,17 @@ impl Data<'_> {
     ///
     /// Errors: a model that cannot be evaluated.
     pub fn fit(&self, hypothesis: &[Candidate], start: &[f64], starts: &[Six]) -> Result<Fit, DiagnosisError> {
-        let sided = one_sided(hypothesis, self.problem.nuisances());
-        let unknowns: Vec<f64> = start.iter().enumerate().map(|(k, x)| clamp(sided[k], *x)).collect();
+        let bounds = Bounds::of(hypothesis, self.problem.nuisances());
+        let unknowns: Vec<f64> = start.iter().zip(&bounds).map(|(x, within)| within.clamp(*x)).collect();
         let starts: Vec<Six> = self.problem.nearer(hypothesis, &unknowns, starts)?.into_iter().map(|r| r.q).collect();
         let first = self.descend((hypothesis, Weighing::Mixed), unknowns, &starts)?;
         if first.weighed.odd.is_empty() || self.explains_little(&first) {
-            return Ok(self.conclude(hypothesis, first, &sided));
+            return Ok(self.conclude(hypothesis, first, &bounds));
         }
         let rests = |state: &State| -> Vec<Six> { state.linear.rests.iter().map(|r| r.q).collect() };
         let all = self.descend((hypothesis, Weighing::All), first.unknowns.clone(), &rests(&first))?;
         let second = self.descend((hypothesis, Weighing::Mixed), all.unknowns.clone(), &rests(&all))?;
-        let [first, second] = [first, second].map(|state| self.conclude(hypothesis, state, &sided));
+        let [first, second] = [first, second].map(|state| self.conclude(hypothesis, state, &bounds));
         Ok(if second.log_evidence > first.log_evidence { second } else { first })
     }
 
@@ -158,16 +197,16 @@ impl Data<'_> {
         unknowns: Vec<f64>,
         starts: &[Six],
     ) -> Result<State, DiagnosisError> {
-        let sided = one_sided(question.0, self.problem.nuisances());
+        let bounds = Bounds::of(question.0, self.problem.nuisances());
         let mut here = self.state(question, unknowns, starts)?;
         let mut damping = 1e-3;
         let mut tries = 0;
         while tries < self.steps && (tries < TRIES_OF_LITTLE || !self.explains_little(&here)) {
-            let Some((step, slope, promised)) = self.step(&here, &sided, damping) else { break };
+            let Some((step, slope, promised)) = self.step(&here, &bounds, damping) else { break };
             let mut share = 1.0;
             let next = loop {
-                let to =
-                    here.unknowns.iter().zip(step.iter()).enumerate().map(|(k, (x, s))| clamp(sided[k], x + share * s));
+                let steps = here.unknowns.iter().zip(step.iter());
+                let to = steps.zip(&bounds).map(|((x, s), within)| within.clamp(x + share * s));
                 let starts: Vec<Six> = here.linear.rests.iter().map(|r| r.q).collect();
                 let tried = self.state(question, to.collect(), &starts)?;
                 tries += 1;
@@ -201,7 +240,7 @@ impl Data<'_> {
 
     /// A step from a state to the least of a quadratic form within bounds, how fast the cost falls at its beginning, and by how much it should fall; none
     /// where that is next to nothing.
-    fn step(&self, here: &State, sided: &[bool], damping: f64) -> Option<(DVector<f64>, f64, f64)> {
+    fn step(&self, here: &State, bounds: &[Bounds], damping: f64) -> Option<(DVector<f64>, f64, f64)> {
         let n = self.problem.nuisances();
         let (hessian, gradient) = self.quadratic(here);
         let mut damped = hessian.clone();
@@ -211,8 +250,8 @@ impl Data<'_> {
         if self.frozen {
             (0..n).for_each(|k| damped[(k, k)] += 1e12);
         }
-        let unit: Vec<f64> = here.unknowns.iter().enumerate().map(|(k, x)| to_unit(sided[k], *x)).collect();
-        let widths = DVector::from_iterator(unit.len(), sided.iter().map(|s| width(*s)));
+        let unit: Vec<f64> = here.unknowns.iter().zip(bounds).map(|(x, within)| within.to_unit(*x)).collect();
+        let widths = DVector::from_iterator(unit.len(), bounds.iter().map(|within| within.width()));
         let scaled = DMatrix::from_fn(unit.len(), unit.len(), |a, b| damped[(a, b)] * widths[a] * widths[b]);
         let step = box_step(&scaled, &gradient.component_mul(&widths), &unit, 0.2).component_mul(&widths);
         let slope = -gradient.dot(&step);
@@ -231,16 +270,15 @@ impl Data<'_> {
         (hessian, gradient)
     }
 
-    fn conclude(&self, hypothesis: &[Candidate], here: State, sided: &[bool]) -> Fit {
+    fn conclude(&self, hypothesis: &[Candidate], here: State, bounds: &[Bounds]) -> Fit {
         let (hessian, _) = self.quadratic(&here);
         let (log_determinant, posterior) = match Cholesky::new(hessian) {
             Some(c) => (2.0 * c.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>(), c.inverse()),
             None => (f64::INFINITY, DMatrix::identity(here.unknowns.len(), here.unknowns.len())),
         };
         let mut log_evidence = -here.cost - 0.5 * (log_determinant + self.mixture.plain().log_determinant());
-        for k in (0..sided.len()).filter(|&k| sided[k]) {
-            let sd = posterior[(k, k)].sqrt().max(1e-9);
-            log_evidence += (2.0 * normal_below(here.unknowns[k] / sd)).ln();
+        for (k, within) in bounds.iter().enumerate().skip(self.problem.nuisances()) {
+            log_evidence += within.log_share(here.unknowns[k], posterior[(k, k)].sqrt().max(1e-9));
         }
         let means = self.problem.means(here.unknowns.len());
         Fit {
@@ -289,13 +327,24 @@ impl Fit {
         }
     }
 
-    /// The fit with no more evidence beyond `without` than its last `count` unknowns can have earned.
+    /// The fit with no more evidence beyond `without` than its last `count` unknowns can have earned. An effect that takes most of a whole (a torn
+    /// structure) has a size, and more or less of it is no normal distribution: that is left to the fits of nothing missing from its ligaments.
     pub fn earned(mut self, without: f64, count: usize) -> Fit {
         let own = self.own_evidence(count);
-        if own < DOUBTFUL {
+        if own < DOUBTFUL && !self.has_most_of_a_whole() {
             self.log_evidence = self.log_evidence.min(without + own.max(0.0) + SLACK);
         }
         self
+    }
+
+    /// Whether an effect of the hypothesis takes more than half of what can be taken.
+    pub fn has_most_of_a_whole(&self) -> bool {
+        let sizes: usize = self.hypothesis.iter().map(Candidate::size).sum();
+        let values = &self.unknowns[self.unknowns.len() - sizes..];
+        sized(&self.hypothesis, values).any(|(c, of)| {
+            let of_whole = |(p, x): (&Parameter, &f64)| p.whole.is_some_and(|whole| p.sd * x > 0.5 * whole);
+            c.effect.parameter.iter().zip(of).any(of_whole)
+        })
     }
 
     /// The posterior covariance if the data spoke `temper` times less loud: as loud as they speak where names are weighed.
@@ -330,14 +379,6 @@ impl Fit {
             })
             .collect()
     }
-}
-
-fn width(sided: bool) -> f64 {
-    if sided { REACH } else { 2.0 * REACH }
-}
-
-fn to_unit(sided: bool, x: f64) -> f64 {
-    if sided { x / REACH } else { (x + REACH) / (2.0 * REACH) }
 }
 
 /// The standard normal distribution function [abramowitz1964, 7.1.26].

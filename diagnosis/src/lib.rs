@@ -33,6 +33,7 @@ pub mod nuisance;
 pub mod predict;
 pub mod preparation;
 pub mod problem;
+pub mod regret;
 pub mod report;
 pub mod rim;
 pub mod robust;

@@ -6,7 +6,7 @@ use crate::error::DiagnosisError;
 use crate::fit::Fit;
 use crate::problem::{Problem, reading};
 use crate::slopes::Slopes;
-use crate::trial::{Trial, USUAL_NOISE};
+use crate::trial::Trial;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -28,11 +28,16 @@ pub struct NextTest {
     pub expected_gain: f64,
 }
 
+/// Weight below which a rival is not worth a test of its own [-].
+const LEAST_WEIGHT: f64 = 0.01;
+/// Most rivals that a test is to tell apart [-].
+const MOST_RIVALS: usize = 3;
+
 /// The five best tests between rivals with their weights.
 ///
 /// Errors: a model that cannot be evaluated.
 pub fn next_tests(problem: &Problem, rivals: &[(&Fit, f64)]) -> Result<Vec<NextTest>, DiagnosisError> {
-    let few: Vec<&(&Fit, f64)> = rivals.iter().filter(|(_, w)| *w > 0.01).take(3).collect();
+    let few: Vec<&(&Fit, f64)> = rivals.iter().filter(|(_, w)| *w > LEAST_WEIGHT).take(MOST_RIVALS).collect();
     if few.len() < 2 {
         return Ok(vec![]);
     }
@@ -45,7 +50,8 @@ pub fn next_tests(problem: &Problem, rivals: &[(&Fit, f64)]) -> Result<Vec<NextT
         for a in 0..few.len() {
             for b in 0..a {
                 let ((x, s), (y, u)) = (&predicted[a][t], &predicted[b][t]);
-                let noise = DMatrix::from_diagonal(&DVector::from_row_slice(&USUAL_NOISE.map(|sd| sd.powi(2)).0));
+                let noise =
+                    DMatrix::from_diagonal(&DVector::from_row_slice(&problem.usual_noise.map(|sd| sd.powi(2)).0));
                 let Ok(w) = Whitening::new((s + u) * 0.5 + noise) else { continue };
                 gain += few[a].1 * few[b].1 * w.white_vector(&(x - y)).norm_squared();
             }
@@ -98,7 +104,7 @@ fn plans(problem: &Problem) -> Vec<Trial> {
                     load: loads,
                     flexion: flexed,
                     measured: Free::all(None),
-                    sd: USUAL_NOISE,
+                    sd: problem.usual_noise,
                     condition: 0,
                     branch: None,
                     order: None,

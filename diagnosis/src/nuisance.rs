@@ -15,6 +15,7 @@ use nalgebra::{Matrix6, Vector3};
 use sim::Model;
 use sim::coordinate::Six;
 use sim::joint::Joint;
+use sim::sensitivity::End;
 use sim::spec::{FramesSpec, ModelSpec};
 use sim::uncertainty::FrameUncertainty;
 use std::collections::BTreeMap;
@@ -45,23 +46,63 @@ impl Models {
 pub struct Nuisances {
     /// What they are, with their priors.
     pub list: Vec<Parameter<Quantity>>,
+    /// What each of them moves.
+    pub(crate) felt: Vec<Felt>,
     /// Mean of each unknown's prior, from where the model stands [-]; the standard deviation is 1.
     pub mean: Vec<f64>,
+    /// Where the model stands that was handed in, before the question was moved: its unknowns [-].
+    pub given: Vec<f64>,
     /// The specification as assembled: sites and frames are counted from there.
     spec: ModelSpec,
     is_built: bool,
 }
 
+/// What a parameter of the knee moves in a trial: those kinds whose derivatives a diagnosis has ([`crate::slopes`]).
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum Felt {
+    /// Reference strain of bundles, by index.
+    ReferenceStrain(Vec<usize>),
+    /// Stiffness of bundles, by index.
+    Stiffness(Vec<usize>),
+    /// Scale of the contact.
+    ContactScale,
+    /// A turn or shift of a frame: of one data set, or of all.
+    Frame(Option<usize>, usize),
+    /// A coordinate of a bundle's end.
+    Site(usize, End, usize),
+}
+
+impl Felt {
+    /// Of a quantity; none of those that a diagnosis has no derivative of. A parameter of those kinds is never an unknown here, so that none has a
+    /// derivative of zero in silence.
+    fn of(quantity: &Quantity) -> Option<Felt> {
+        match quantity {
+            Quantity::ReferenceStrain(bundles) => Some(Felt::ReferenceStrain(bundles.clone())),
+            Quantity::Stiffness(bundles) => Some(Felt::Stiffness(bundles.clone())),
+            Quantity::ContactScale => Some(Felt::ContactScale),
+            Quantity::Frame(source, term) => Some(Felt::Frame(*source, *term)),
+            Quantity::Site(bundle, end, axis) => Some(Felt::Site(*bundle, *end, *axis)),
+            // in the scatter (crate::covariance)
+            Quantity::Cartilage | Quantity::Lean(..) => None,
+            // of data sets of displacements, which a diagnosis leaves out
+            Quantity::Compliance(..) | Quantity::Resting(..) => None,
+        }
+    }
+}
+
 impl Nuisances {
-    /// Of a model and its specification, measured in some data sets.
-    pub fn new(spec: &ModelSpec, design: &Design, sources: &[String]) -> Nuisances {
+    /// Of a model and its specification, measured in some data sets; the priors of a built knee are those of its calibration.
+    pub fn new(spec: &ModelSpec, design: &Design, sources: &[String], calibrate: &CalibrateOptions) -> Nuisances {
         let is_built = is_built(spec);
-        let list = if is_built { of_a_built_knee(spec, design, sources) } else { of_a_deck(spec, design) };
+        let all = if is_built { of_a_built_knee(spec, design, sources, calibrate) } else { of_a_deck(spec, design) };
+        let felt = |p: Parameter<Quantity>| Felt::of(&p.quantity).map(|felt| (p, felt));
+        let (list, felt): (Vec<_>, Vec<_>) = all.into_iter().filter_map(felt).unzip();
         // from where the model as given stands, whose ligaments may lie anywhere in their priors
         let values = design.values(spec);
         let base = |(k, p): (usize, &Parameter<Quantity>)| values.get(k).map_or(0.0, |x| p.prior.z_of(*x));
         let mean = list.iter().enumerate().map(|p| -base(p)).collect();
-        Nuisances { list, mean, spec: spec.clone(), is_built }
+        let given = vec![0.0; list.len()];
+        Nuisances { list, felt, mean, given, spec: spec.clone(), is_built }
     }
 
     /// Number of parameters.
@@ -131,8 +172,8 @@ impl Nuisances {
 
     /// The same parameters counted from some values.
     pub fn centred_at(&self, unknowns: &[f64]) -> Nuisances {
-        let mean = self.mean.iter().zip(unknowns).map(|(m, x)| m - x).collect();
-        Nuisances { mean, ..self.clone() }
+        let from = |of: &[f64]| of.iter().zip(unknowns).map(|(own, x)| own - x).collect();
+        Nuisances { mean: from(&self.mean), given: from(&self.given), ..self.clone() }
     }
 
     /// Unknowns at which the parameters of these names have these values, and all others their prior's middle.
@@ -159,17 +200,23 @@ impl Nuisances {
     }
 }
 
-/// How far the frames of one data set stand from those of all [deg, mm], standard deviations; ours: the repeatability of a good laboratory. The
-/// calibration allows more, whatever the cause. Here more has a name: a frame turned or an origin shifted in one data set.
+/// How far the frames of one data set stand from those of all at most [deg, mm], standard deviations; ours: the repeatability of a good laboratory. A
+/// calibration may allow more, whatever the cause. Here more has a name: a frame turned or an origin shifted in one data set. Less is heard.
 const OWN_FRAME: (f64, f64) = (0.5, 1.0);
 
 /// Those of the calibration. Cartilage is in the scatter ([`crate::covariance`]), and so are sites that are known well.
-fn of_a_built_knee(spec: &ModelSpec, design: &Design, sources: &[String]) -> Vec<Parameter<Quantity>> {
-    let mut options = CalibrateOptions::default();
-    (options.frames.offset_turn_deg, options.frames.offset_shift_mm) = OWN_FRAME;
+fn of_a_built_knee(
+    spec: &ModelSpec,
+    design: &Design,
+    sources: &[String],
+    calibrate: &CalibrateOptions,
+) -> Vec<Parameter<Quantity>> {
+    let mut options = calibrate.clone();
+    let own = &mut options.frames;
+    own.offset_turn_deg = own.offset_turn_deg.min(OWN_FRAME.0);
+    own.offset_shift_mm = own.offset_shift_mm.min(OWN_FRAME.1);
     let mut list = calibration::unknowns::parameters(spec, design, sources, &options, None);
     list.retain(|p| match (&p.quantity, p.prior) {
-        (Quantity::Cartilage | Quantity::Lean(..), _) => false,
         (Quantity::Site(..), Prior::Normal { sd, .. }) => sd > LEAST_SITE_MM,
         _ => true,
     });

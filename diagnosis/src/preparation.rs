@@ -67,24 +67,44 @@ fn centred(
 }
 
 /// Candidates that would earn a name at twice their usual size if frames or sites were known, and do not as they are. The readings' values play no part.
+/// An effect that may be whole is judged about the knee as it was given, too: calibrated to a knee that lacks a ligament, that ligament is slack already.
 fn absorbed(
     problem: &Problem,
     start: &Start,
     readings: &Readings,
     options: &DiagnosisOptions,
 ) -> Result<Vec<TakenUp>, DiagnosisError> {
-    let candidates = problem.candidates();
-    let signatures = signatures(problem, &start.base, &candidates)?;
     let evidence = TEMPER * options.least_evidence;
+    let here = taken_up(problem, (&start.base, &start.cov), readings, (problem.candidates(), evidence))?;
+    let may_be_whole = |t: &TakenUp| t.candidate.effect.parameter.iter().any(|p| p.whole.is_some());
+    let (whole, mut out): (Vec<TakenUp>, Vec<TakenUp>) = here.into_iter().partition(may_be_whole);
+    if whole.is_empty() {
+        return Ok(out);
+    }
+    let given = Searcher { problem, options }.standing(&[], problem.nuisance.given.clone(), readings)?;
+    let asked = whole.iter().map(|t| t.candidate.clone()).collect();
+    let there = taken_up(problem, (&given, &start.cov), readings, (asked, evidence))?;
+    out.extend(whole.into_iter().filter(|t| there.iter().any(|other| other.candidate == t.candidate)));
+    Ok(out)
+}
+
+/// Those of some candidates that a fit's frames or sites would take up, where an effect must earn `evidence`.
+fn taken_up(
+    problem: &Problem,
+    (at, cov): (&Fit, &DMatrix<f64>),
+    readings: &Readings,
+    (candidates, evidence): (Vec<Candidate>, f64),
+) -> Result<Vec<TakenUp>, DiagnosisError> {
+    let signatures = signatures(problem, at, &candidates)?;
     let is_frame = |p: &Parameter<Quantity>| matches!(p.quantity, Quantity::Frame(..));
     let is_site = |p: &Parameter<Quantity>| matches!(p.quantity, Quantity::Site(..));
-    let given = Marginal::new(&start.base, readings, &start.cov)?;
+    let given = Marginal::new(at, readings, cov)?;
     let knowing = |known: &dyn Fn(&Parameter<Quantity>) -> bool| {
-        let mut fit: Fit = start.base.clone();
+        let mut fit: Fit = at.clone();
         let all: Vec<usize> = (0..problem.nuisances()).filter(|&k| known(&problem.nuisance.list[k])).collect();
         all.into_iter()
             .for_each(|k| fit.linear.slope.set_column(k, &nalgebra::DVector::zeros(fit.linear.slope.nrows())));
-        Marginal::new(&fit, readings, &start.cov)
+        Marginal::new(&fit, readings, cov)
     };
     let others = [
         ("frames", knowing(&is_frame)?),

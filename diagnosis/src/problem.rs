@@ -11,6 +11,7 @@ use crate::nuisance::{Models, Nuisances};
 use crate::slopes::Slopes;
 use crate::trial::{NoiseScale, PER_UNIT, Source, Trial, at_row, row_of, trials};
 use calibration::design::Design;
+use calibration::options::CalibrateOptions;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 use sim::Model;
@@ -50,6 +51,8 @@ pub struct Problem {
     pub sources: Vec<String>,
     /// Standard deviation of a compartment's cartilage where the knee was built from raw data; 0 of a deck, whose contact the floor covers [mm].
     pub cartilage_mm: f64,
+    /// Measurement noise of a reading whose file gives none: VV, IE [deg], ML, AP, SI [mm].
+    pub usual_noise: Free<f64>,
     /// Measurement noise as the data have it; empty until it was asked for.
     pub noise: Vec<NoiseScale>,
     /// What its own unknowns would take up.
@@ -115,7 +118,7 @@ pub struct Linear {
 }
 
 impl Problem {
-    /// Sets the question up and finds the unloaded pose of every trial.
+    /// Sets the question up and finds the unloaded pose of every trial. Ranges, priors, frames and the usual noise are those of the knee's calibration.
     ///
     /// Errors: what the data or the model lack.
     pub fn new(
@@ -123,17 +126,19 @@ impl Problem {
         spec: &ModelSpec,
         sources: &[Source],
         catalogue: &Catalogue,
+        calibrate: &CalibrateOptions,
     ) -> Result<Problem, DiagnosisError> {
-        let design = Design::of_model(spec)?.separated(spec);
+        let design = Design::of_model(spec)?.with_ranges(&calibrate.ranges)?.separated(spec);
         let place = Place { femur: spec.frames.femur, tibia: spec.frames.tibia };
         let sources_of: Vec<String> = sources.iter().map(|s| s.name.clone()).collect();
-        let nuisance = Nuisances::new(spec, &design, &sources_of);
+        let nuisance = Nuisances::new(spec, &design, &sources_of, calibrate);
         // where the model brings a second contact, the diagnosis works with that one
         let assembled = model.with_second_share(1.0)?;
         let models = nuisance.apply(&assembled, &vec![0.0; nuisance.len()])?;
         let stated = spec.uncertainty.as_ref().filter(|_| nuisance.are_of_a_built_knee());
         let cartilage_mm = stated.map_or(0.0, |u| u.cartilage_mm);
-        let trials = trials(sources)?;
+        let usual_noise = calibrate.targets.noise;
+        let trials = trials(sources, &usual_noise)?;
         trials.iter().try_for_each(|t| model.pulled(t.quadriceps_n).map(drop))?;
         let mut problem = Problem {
             model: models.shared().clone(),
@@ -145,6 +150,7 @@ impl Problem {
             given: model.parameters(),
             sources: sources_of,
             cartilage_mm,
+            usual_noise,
             noise: vec![],
             absorbed: vec![],
             trials,

@@ -22,10 +22,14 @@ const SKIRT: f64 = 3.0;
 /// ([`SearchOptions::contact_spacing_mm`]): there other things are known far worse.
 ///
 /// Errors: a model that does not compile.
-pub fn prepared(spec: &ModelSpec, meshes: &BTreeMap<String, MeshValue>) -> Result<Model, DiagnosisError> {
+pub fn prepared(
+    spec: &ModelSpec,
+    meshes: &BTreeMap<String, MeshValue>,
+    search: &SearchOptions,
+) -> Result<Model, DiagnosisError> {
     let mut contact = ContactOptions::default();
     if is_built(spec) {
-        contact.spacing_mm = SearchOptions::default().contact_spacing_mm;
+        contact.spacing_mm = search.contact_spacing_mm;
     }
     let mut wider = meshes.clone();
     for pair in &spec.contact.pairs {

@@ -3,10 +3,8 @@
 use crate::bench::Bench;
 use crate::candidate::Candidate;
 use crate::effect::{Active, fibre_pull, moved_fibre};
-use crate::nuisance::{FrameSteps, Nuisances, frame_change, wrench};
+use crate::nuisance::{Felt, FrameSteps, Nuisances, frame_change, wrench};
 use crate::trial::{PER_UNIT, Trial};
-use inference::knee::Quantity;
-use inference::parameter::Parameter;
 use nalgebra::{Matrix6, Vector3};
 use sim::contact::Nearby;
 use sim::coordinate::{FE, Free, Six};
@@ -82,30 +80,27 @@ impl<'a> Slopes<'a> {
         let contact = self.contact();
         let frames = joints.get(source).map_or([Free::all(0.0); 12], |steps| self.frames(steps));
         let fibres = &self.bench.model.fibres;
-        let is_site = |p: &Parameter<Quantity>| matches!(p.quantity, Quantity::Site(..));
-        let ends = if of.list.iter().any(is_site) { self.attachments() } else { vec![] };
+        let is_site = |felt: &Felt| matches!(felt, Felt::Site(..));
+        let ends = if of.felt.iter().any(is_site) { self.attachments() } else { vec![] };
         let add = |sum: Free<f64>, by: &Free<f64>| Free::from_fn(|c| sum[c] + by[c]);
-        let by = |(k, p): (usize, &Parameter<Quantity>)| {
+        let by = |(k, felt): (usize, &Felt)| {
             let (value, slope) = of.at(k, unknowns[k]);
-            let column: Free<f64> = match &p.quantity {
-                Quantity::ReferenceStrain(these) => these.iter().map(|&b| &bundles[2 * b]).fold(Free::all(0.0), add),
-                Quantity::Stiffness(these) => these.iter().map(|&b| &bundles[2 * b + 1]).fold(Free::all(0.0), add),
-                Quantity::ContactScale => contact.map(|x| x / value),
-                Quantity::Frame(set, term) if set.is_none_or(|s| s == source) => frames[*term],
-                Quantity::Site(bundle, end, axis) => {
+            let column: Free<f64> = match felt {
+                Felt::ReferenceStrain(these) => these.iter().map(|&b| &bundles[2 * b]).fold(Free::all(0.0), add),
+                Felt::Stiffness(these) => these.iter().map(|&b| &bundles[2 * b + 1]).fold(Free::all(0.0), add),
+                Felt::ContactScale => contact.map(|x| x / value),
+                Felt::Frame(set, term) if set.is_none_or(|s| s == source) => frames[*term],
+                // the frames of another data set
+                Felt::Frame(..) => Free::all(0.0),
+                Felt::Site(bundle, end, axis) => {
                     let place = 3 * usize::from(*end == End::Tibia) + axis;
                     let own = (0..fibres.len()).filter(|&f| fibres[f].bundle == *bundle);
                     own.map(|f| &ends[6 * f + place]).fold(Free::all(0.0), add)
                 }
-                Quantity::Frame(..)
-                | Quantity::Cartilage
-                | Quantity::Lean(..)
-                | Quantity::Compliance(..)
-                | Quantity::Resting(..) => Free::all(0.0),
             };
             column.map(|x| x * slope)
         };
-        of.list.iter().enumerate().map(by).collect()
+        of.felt.iter().enumerate().map(by).collect()
     }
 
     /// By each bundle's reference strain, then its stiffness [N/mm].
@@ -204,8 +199,12 @@ impl<'a> Slopes<'a> {
                     moved[k] += s * h;
                     candidate.active(&moved)
                 };
-                let (up, down) = (at(1.0), at(if flat { 0.0 } else { -1.0 }));
-                let width = if flat { h } else { 2.0 * h };
+                // beyond the whole nothing changes
+                let is_whole = candidate.effect.parameter[k]
+                    .whole
+                    .is_some_and(|w| candidate.effect.parameter[k].sd * (scaled[k] + h) > w);
+                let (up, down) = (at(if is_whole { 0.0 } else { 1.0 }), at(if flat { 0.0 } else { -1.0 }));
+                let width = if flat || is_whole { h } else { 2.0 * h };
                 if up.has_reading() {
                     let direct = (up.read(&gs, trial) - down.read(&gs, trial)) / width;
                     let mut miss = Six::zeros();

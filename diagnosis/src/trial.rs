@@ -82,7 +82,7 @@ pub struct Trial {
 }
 
 impl Trial {
-    /// A trial by itself: no data set, no noise of its own, no history.
+    /// A trial by itself: no data set, nothing measured, no history.
     pub fn alone(t: &LaxityTrial) -> Trial {
         Trial {
             source: 0,
@@ -92,7 +92,7 @@ impl Trial {
             load: t.load.generalised(),
             flexion: t.fe_deg.to_radians(),
             measured: t.measured,
-            sd: USUAL_NOISE,
+            sd: Free::all(1.0),
             condition: 0,
             branch: t.branch.map(sign),
             order: None,
@@ -107,13 +107,10 @@ fn sign(branch: Branch) -> f64 {
     if branch == Branch::Loading { 1.0 } else { -1.0 }
 }
 
-/// Measurement noise where a file gives none: VV, IE [deg], ML, AP, SI [mm].
-pub const USUAL_NOISE: Free<f64> = Free([0.5, 0.5, 0.4, 0.4, 0.4]);
-
-/// All trials of all data sets, in the order given.
+/// All trials of all data sets, in the order given; `usual` is the measurement noise where a file gives none: VV, IE [deg], ML, AP, SI [mm].
 ///
 /// Errors: no data set, fewer than four trials in all, a noise of zero.
-pub fn trials(sources: &[Source]) -> Result<Vec<Trial>, DiagnosisError> {
+pub fn trials(sources: &[Source], usual: &Free<f64>) -> Result<Vec<Trial>, DiagnosisError> {
     let mut out = Vec::new();
     let mut conditions: BTreeMap<(usize, Test, i64), usize> = BTreeMap::new();
     for (s, source) in sources.iter().enumerate() {
@@ -133,7 +130,7 @@ pub fn trials(sources: &[Source]) -> Result<Vec<Trial>, DiagnosisError> {
                     source.name, t.trial, r.trial
                 )));
             }
-            let sd: Free<f64> = Free::from_fn(|c| t.sd[c].unwrap_or(USUAL_NOISE[c]));
+            let sd: Free<f64> = Free::from_fn(|c| t.sd[c].unwrap_or(usual[c]));
             if let Some(c) = FREE.into_iter().find(|&c| !(sd[c] > 0.0 && sd[c].is_finite())) {
                 return Err(DiagnosisError::Data(format!(
                     "{} trial {}: measurement noise of {c} is {}, expected above 0",

@@ -3,6 +3,7 @@
 
 use crate::common::shared;
 use calibration::design::Kind;
+use calibration::options::CalibrateOptions;
 use diagnosis::candidate::Candidate;
 use diagnosis::catalogue::Catalogue;
 use diagnosis::covariance::{Floor, Readings, covariance};
@@ -20,12 +21,13 @@ use std::path::Path;
 fn question(case: &Path, deck: &Path) -> (Problem, Vec<f64>) {
     let mut read = |name: &str| std::fs::read(deck.join(name)).map_err(|e| e.to_string());
     let deck = decks::import("S192803_MAIN_LAXITY_Anterior_0deg_0.inp", &mut read).unwrap();
-    let model = diagnosis::rim::prepared(&deck.spec, &deck.meshes).unwrap();
+    let model = diagnosis::rim::prepared(&deck.spec, &deck.meshes, &CalibrateOptions::default().search).unwrap();
     let sources = ["kla", "rks"].map(|name| Source {
         name: name.into(),
         trials: sim::laxity::read(&std::fs::read(case.join(format!("{name}.csv"))).unwrap()).unwrap().trials,
     });
-    let problem = Problem::new(&model, &deck.spec, &sources, &Catalogue::shipped()).unwrap();
+    let problem =
+        Problem::new(&model, &deck.spec, &sources, &Catalogue::shipped(), &CalibrateOptions::default()).unwrap();
     let name = case.file_name().unwrap().to_str().unwrap();
     let truth: serde_json::Value =
         serde_json::from_slice(&std::fs::read(case.with_file_name(format!("{name}.truth.json"))).unwrap()).unwrap();

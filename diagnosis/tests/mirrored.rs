@@ -2,9 +2,10 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use crate::common::shared;
+use calibration::options::CalibrateOptions;
 use decks::ImportedDeck;
 use diagnosis::catalogue::Catalogue;
-use diagnosis::diagnosis::{Diagnosis, diagnose};
+use diagnosis::diagnosis::{Calibration, Diagnosis, diagnose};
 use diagnosis::search::DiagnosisOptions;
 use diagnosis::trial::Source;
 use meshes::frame::{AnatomicalFrame, Side};
@@ -60,8 +61,10 @@ fn answer(deck: &ImportedDeck, case: &Path) -> Diagnosis {
         name: name.into(),
         trials: sim::laxity::read(&std::fs::read(case.join(format!("{name}.csv"))).unwrap()).unwrap().trials,
     });
-    let model = diagnosis::rim::prepared(&deck.spec, &deck.meshes).unwrap();
-    diagnose(&model, &deck.spec, &sources, &Catalogue::shipped(), &DiagnosisOptions::default(), None).unwrap().diagnosis
+    let (options, calibrate) = (DiagnosisOptions::default(), CalibrateOptions::default());
+    let model = diagnosis::rim::prepared(&deck.spec, &deck.meshes, &calibrate.search).unwrap();
+    let calibration = Calibration { options: &calibrate, mode: None };
+    diagnose(&model, &deck.spec, &sources, &Catalogue::shipped(), &options, calibration).unwrap().diagnosis
 }
 
 #[needs_shared]

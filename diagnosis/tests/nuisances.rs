@@ -2,17 +2,24 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use crate::common::shared;
+use calibration::options::CalibrateOptions;
 use diagnosis::catalogue::Catalogue;
 use diagnosis::problem::Problem;
 use diagnosis::trial::Source;
 use inference::knee::Quantity;
+use inference::parameter::Prior;
 use needs_shared::needs_shared;
-use sim::coordinate::Six;
+use sim::coordinate::{Free, Six};
 use sim::uncertainty::{FrameUncertainty, FramesUncertainty, SiteUncertainty, Uncertainty};
 
 /// The published deck as if it had been built from raw data, measured in two data sets.
-#[expect(clippy::disallowed_methods, reason = "published data")]
 fn built(test: &str) -> Option<Problem> {
+    built_and_calibrated(test, &CalibrateOptions::default())
+}
+
+/// The same of a knee that was calibrated so.
+#[expect(clippy::disallowed_methods, reason = "published data")]
+fn built_and_calibrated(test: &str, calibrate: &CalibrateOptions) -> Option<Problem> {
     let folder = shared(test, "published/S192803/deck")?;
     let mut read = |name: &str| std::fs::read(folder.join(name)).map_err(|e| e.to_string());
     let mut deck = decks::import("S192803_MAIN_LAXITY_Anterior_0deg_0.inp", &mut read).unwrap();
@@ -33,7 +40,8 @@ fn built(test: &str) -> Option<Problem> {
                 a,varus,30,8,0,0,0,50,30,0,0,0,0,0\n\
                 b,internal,60,0,-5,0,0,50,60,0,0,0,0,0\n";
     let source = |name: &str| Source { name: name.into(), trials: sim::laxity::read(text.as_bytes()).unwrap().trials };
-    Some(Problem::new(&model, &deck.spec, &[source("kla"), source("rks")], &Catalogue::shipped()).unwrap())
+    let sources = [source("kla"), source("rks")];
+    Some(Problem::new(&model, &deck.spec, &sources, &Catalogue::shipped(), calibrate).unwrap())
 }
 
 #[needs_shared]
@@ -78,4 +86,31 @@ fn the_frames_of_a_data_set_change_its_own_readings_alone() {
         }
     }
     assert_eq!(own, 24);
+}
+
+/// The prior of the first parameter that is this.
+fn prior_of(problem: &Problem, is_it: impl Fn(&Quantity) -> bool) -> Prior {
+    problem.nuisance.list.iter().find(|p| is_it(&p.quantity)).unwrap().prior
+}
+
+#[needs_shared]
+fn a_diagnosis_hears_the_priors_ranges_frames_and_noise_of_the_calibration() {
+    let usual = CalibrateOptions::default();
+    let mut other = usual.clone();
+    other.priors = false;
+    other.ranges.insert("X1".into(), [0.9, 1.0]);
+    (other.frames.turn_sd_deg, other.frames.offset_turn_deg, other.frames.offset_shift_mm) = (Some(0.25), 0.1, 3.0);
+    other.targets.noise = Free([0.1, 0.2, 0.3, 0.6, 0.7]);
+    let Some(before) = built_and_calibrated("options", &usual) else { return };
+    let Some(after) = built_and_calibrated("options", &other) else { return };
+    let both = |is_it: &dyn Fn(&Quantity) -> bool| [prior_of(&before, is_it), prior_of(&after, is_it)];
+    let normal = |sd: f64| Prior::Normal { mean: 0.0, sd };
+    let [strain, even] = both(&|q| matches!(q, Quantity::ReferenceStrain(_)));
+    assert!(matches!(strain, Prior::Truncated { .. }), "{strain:?}");
+    assert_eq!(even, Prior::Uniform { lower: 0.9, upper: 1.0 });
+    assert_eq!(both(&|q| *q == Quantity::Frame(None, 0)), [normal(2.0), normal(0.25)]);
+    // frames of a data set: less than a good laboratory's scatter is heard, more has a name
+    assert_eq!(both(&|q| *q == Quantity::Frame(Some(0), 0)), [normal(0.5), normal(0.1)]);
+    assert_eq!(both(&|q| *q == Quantity::Frame(Some(0), 3)), [normal(1.0), normal(1.0)]);
+    assert_eq!([&before, &after].map(|p| p.trials[0].sd), [usual.targets.noise, other.targets.noise]);
 }

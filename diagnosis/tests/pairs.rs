@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use crate::common::shared;
+use calibration::options::CalibrateOptions;
 use diagnosis::candidate::Candidate;
 use diagnosis::catalogue::Catalogue;
 use diagnosis::problem::Problem;
@@ -26,7 +27,8 @@ fn question(hidden: &[(&str, &str, &[f64])]) -> Option<Problem> {
         name: name.into(),
         trials: sim::laxity::read(&std::fs::read(case.join(format!("{name}.csv"))).unwrap()).unwrap().trials,
     });
-    let mut problem = Problem::new(&model, &deck.spec, &sources, &Catalogue::shipped()).unwrap();
+    let mut problem =
+        Problem::new(&model, &deck.spec, &sources, &Catalogue::shipped(), &CalibrateOptions::default()).unwrap();
     let mut hypothesis = Vec::new();
     let mut unknowns = vec![0.0; problem.nuisances()];
     for (id, scope, sizes) in hidden {

@@ -85,7 +85,8 @@ pub struct Options {
     pub samples: usize,
     /// Most evaluations of a sample [-]; ours.
     pub sample_evaluations: usize,
-    /// Seed of whatever is drawn.
+    /// Seed of whatever is drawn; no option of its own in a file, a calibration has one seed.
+    #[serde(skip)]
     pub seed: u64,
 }
 

@@ -6,7 +6,9 @@ use crate::{diagnose, model_file, store};
 use blindbench::knee::{BundleInput, KneeInput, Unlike};
 use blindbench::laboratory::{Case, Planned, Truth, kinds, make};
 use blindbench::score::{Said, Score, score};
+use calibration::options::CalibrateOptions;
 use calibration::priors::PRIORS;
+use calibration::targets::TargetOptions;
 use clap::{Args, Subcommand};
 use diagnosis::covariance::Floor;
 use diagnosis::diagnosis::Diagnosis;
@@ -221,12 +223,13 @@ fn unlike(spec: &sim::spec::ModelSpec) -> Option<Unlike> {
 }
 
 pub(crate) fn planned(source: &str, t: &LaxityTrial) -> Planned {
+    let usual = TargetOptions::default().noise;
     Planned {
         source: source.to_owned(),
         condition: format!("{} {}", t.test.name(), t.nominal_flexion_deg),
         flexion_deg: t.fe_deg,
         load: t.load.0.0,
-        sd: FREE.map(|c| t.sd[c].unwrap_or(diagnosis::trial::USUAL_NOISE[c])),
+        sd: FREE.map(|c| t.sd[c].unwrap_or(usual[c])),
     }
 }
 
@@ -309,6 +312,7 @@ fn answer(args: &AnswerArgs) -> Result<String, BuildError> {
             atlas: false,
             without_effect,
             options: None,
+            overrides: vec![],
             jobs: None,
         };
         diagnose::run_with(&question, &options)?;
@@ -360,7 +364,8 @@ fn score_answers(args: &ScoreArgs) -> Result<String, BuildError> {
 fn opened(args: &ScoreArgs) -> Result<Vec<Truth>, BuildError> {
     let (cases, sources, manifest) = bench(&args.bench)?;
     let loaded = model_file::load(&args.model)?;
-    let model = diagnose::prepared(&loaded).map_err(|e| BuildError::File(e.to_string()))?;
+    let (options, calibrate) = (DiagnosisOptions::default(), CalibrateOptions::default());
+    let model = diagnose::prepared(&loaded, &calibrate).map_err(|e| BuildError::File(e.to_string()))?;
     let mut truths = Vec::new();
     for case in cases.iter().filter(|c| args.answers.iter().any(|a| store::exists(&a.join(c).join("diagnosis.json")))) {
         let bytes = store::read(&args.bench.join(format!("{case}.truth.json")))?;
@@ -377,7 +382,7 @@ fn opened(args: &ScoreArgs) -> Result<Vec<Truth>, BuildError> {
             let (data, _) = diagnose::sources(&measured)?;
             let promise = {
                 let signature: Vec<Free<f64>> = truth.signature.iter().copied().map(Free).collect();
-                diagnosis::atlas::promise(&model, &loaded.spec, &data, &signature)
+                diagnosis::atlas::promise(&model, &loaded.spec, &data, &signature, (&options, &calibrate))
             }
             .map_err(|e| BuildError::File(format!("{case}: {e}")))?;
             truth.strength.expected_evidence = promise.all;

@@ -1,17 +1,18 @@
 //! `diagnose`: which effect a model lacks, judged by measured laxity.
 
-use crate::calibrate::{self, Watch};
+use crate::calibrate::Watch;
 use crate::error::BuildError;
 use crate::model_file::{self, LoadedModel};
+use crate::options::{BuildOptions, Override, parse_override, resolve};
 use crate::record::hash;
 use crate::report::diagnosis_page;
 use crate::store;
 use crate::which_model::WhichModel;
-use calibration::options::CalibrateOptions;
+use calibration::options::{CalibrateOptions, Method};
 use clap::Args;
 use diagnosis::catalogue::Catalogue;
 use diagnosis::component::{Component, Provenance};
-use diagnosis::diagnosis::{Diagnosis, Outcome, diagnose};
+use diagnosis::diagnosis::{Calibration, Diagnosis, Outcome, diagnose};
 use diagnosis::search::DiagnosisOptions;
 use diagnosis::trial::Source;
 use sim::names::{did_you_mean, with_suggestion};
@@ -42,6 +43,9 @@ pub struct DiagnoseArgs {
     /// Options of the diagnosis (TOML)
     #[arg(long, value_name = "OPTIONS.toml")]
     pub options: Option<PathBuf>,
+    /// Override an option of the knee's calibration, whose priors, frames, noise and contact a diagnosis shares; else those of the build that the model lies in
+    #[arg(long = "set", value_name = "calibrate.key=value", value_parser = parse_override)]
+    pub overrides: Vec<Override>,
     /// Threads; the result does not depend on it [default: all]
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub jobs: Option<u16>,
@@ -72,20 +76,22 @@ pub fn run_with(args: &DiagnoseArgs, options: &DiagnosisOptions) -> Result<Strin
     let loaded = model_file::load_which(&args.model, &args.which)?;
     text = loaded.line() + &text;
     let fault = |e: &dyn std::fmt::Display| BuildError::File(format!("{}: {e}", args.model.display()));
-    let model = prepared(&loaded).map_err(|e| fault(&e))?;
+    let calibrate = calibrate_options(args, &loaded)?;
+    let model = prepared(&loaded, &calibrate).map_err(|e| fault(&e))?;
     let catalogue = catalogue(&args.without_effect)?;
     let provenance = provenance(args, &loaded, &catalogue)?;
     if args.atlas {
         calibrated_first(args, &loaded)?;
-        let atlas =
-            diagnosis::atlas::atlas(&model, &loaded.spec, &sources, &catalogue, options).map_err(|e| fault(&e))?;
+        let atlas = diagnosis::atlas::atlas(&model, &loaded.spec, &sources, &catalogue, (options, &calibrate))
+            .map_err(|e| fault(&e))?;
         let json = as_json(&atlas)?;
         let page = diagnosis_page::atlas(&loaded.spec.id, &atlas);
         store::write_all(&args.out, &[("atlas.json".into(), json), ("atlas.html".into(), page.clone().into_bytes())])?;
         return Ok(text + &diagnosis::atlas::table(&atlas));
     }
-    let start = start(&loaded, &sources, options.seed)?;
-    let outcome = diagnose(&model, &loaded.spec, &sources, &catalogue, options, start.as_ref())
+    let start = start(&loaded, &sources, options.seed, &calibrate)?;
+    let calibration = Calibration { options: &calibrate, mode: start.as_ref() };
+    let outcome = diagnose(&model, &loaded.spec, &sources, &catalogue, options, calibration)
         .and_then(|o| o.with_provenance(&provenance))
         .map_err(|e| fault(&e))?;
     write(args, &loaded, &outcome)?;
@@ -105,18 +111,41 @@ fn calibrated_first(args: &DiagnoseArgs, loaded: &LoadedModel) -> Result<(), Bui
     )))
 }
 
+/// Options of the knee's calibration: those of the build that the model lies in, where it lies in one of this version, then what was set.
+fn calibrate_options(args: &DiagnoseArgs, loaded: &LoadedModel) -> Result<CalibrateOptions, BuildError> {
+    let mut given = BTreeMap::new();
+    let run = loaded.folder.ancestors().take(DEPTH).map(|f| f.join("run.toml")).find(|f| store::exists(f));
+    if let Some(file) = run {
+        let table = store::read_text(&file)?.parse::<toml::Table>().unwrap_or_default();
+        let of_build = table.get("options").cloned().filter(|o| o.clone().try_into::<BuildOptions>().is_ok());
+        if let Some(toml::Value::Table(calibrate)) = of_build.and_then(|o| o.get("calibrate").cloned()) {
+            given.insert("calibrate".to_owned(), calibrate);
+        }
+    }
+    Ok(resolve(&given, &args.overrides, None)?.calibrate)
+}
+
+/// Folders from that of a build's model up to the build's own: joint, 10-calibrate, the build [-].
+const DEPTH: usize = 3;
+
 /// Where a calibration of a built knee to all of the data ends; the diagnosis starts there. A deck starts from its own values.
-fn start(loaded: &LoadedModel, sources: &[Source], seed: u64) -> Result<Option<BTreeMap<String, f64>>, BuildError> {
+fn start(
+    loaded: &LoadedModel,
+    sources: &[Source],
+    seed: u64,
+    calibrate: &CalibrateOptions,
+) -> Result<Option<BTreeMap<String, f64>>, BuildError> {
     if !diagnosis::nuisance::is_built(&loaded.spec) {
         return Ok(None);
     }
     let measured: Vec<_> = sources.iter().map(|s| (s.name.clone(), s.trials.clone())).collect();
-    let mut options = CalibrateOptions::default();
+    let mut options = calibrate.clone();
+    options.method = Method::Gradient;
     // the most probable point alone is asked for
     options.inference.samples = 0;
     options.seed = seed;
     let watch = Watch { saved: None, keep: &mut |_| Ok(()), tell: &|_, _| () };
-    let outcome = calibrate::run((loaded, None), &measured, &options, "laxity", watch)?;
+    let outcome = crate::calibrate::run((loaded, None), &measured, &options, "laxity", watch)?;
     Ok(Some(outcome.found.mode))
 }
 
@@ -131,9 +160,9 @@ fn provenance(args: &DiagnoseArgs, loaded: &LoadedModel, catalogue: &Catalogue) 
     })
 }
 
-/// The model of a file, compiled for a diagnosis.
-pub fn prepared(loaded: &LoadedModel) -> Result<sim::Model, diagnosis::DiagnosisError> {
-    diagnosis::rim::prepared(&loaded.spec, &loaded.meshes)
+/// The model of a file, compiled for a diagnosis of a knee that was calibrated so.
+pub fn prepared(loaded: &LoadedModel, calibrate: &CalibrateOptions) -> Result<sim::Model, diagnosis::DiagnosisError> {
+    diagnosis::rim::prepared(&loaded.spec, &loaded.meshes, &calibrate.search)
 }
 
 /// Reads the data sets; names must differ.

@@ -1,11 +1,13 @@
 //! Joint refits of hypotheses: from a screen, from a typical size, in the scatter at the best, and each in its own.
 
+use super::steps::OVERTAKEN;
 use super::{FEW, Screened, Searcher, TRIES, is_in};
 use crate::candidate::{Candidate, Scope, sized};
 use crate::covariance::Readings;
 use crate::error::DiagnosisError;
 use crate::fit::Fit;
 use crate::robust::Mixture;
+use crate::screen::Marginal;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 
@@ -14,6 +16,12 @@ const OWN_SCATTER: usize = 5;
 
 /// From how many rivals' ligaments nothing missing is fitted, too [-].
 const OTHERS: usize = 3;
+
+/// Shares of a whole from which a torn structure is sought [-]: half of it, and all of it.
+const LOST_SHARES: [f64; 2] = [0.5, 1.0];
+
+/// How many of those starts are fitted at most, the most promising by their own linear evidence [-].
+const TORN_TRIED: usize = 4;
 
 /// How far short of the best a lifted rival stays at least [nats]: more than rounding takes, less than anything means.
 const SHORT: f64 = 1e-6;
@@ -122,6 +130,62 @@ impl Searcher<'_> {
         Ok(fits)
     }
 
+    /// Refits of effects that may be whole (a structure torn), each from half of it and all of it beside the knee as it was given. About a knee whose
+    /// ligaments were recalibrated to the data a torn structure is slack already, so that screens there see nothing of it.
+    pub(super) fn torn(
+        &self,
+        (readings, cov): (&Readings, &DMatrix<f64>),
+        candidates: &[Candidate],
+        without: f64,
+    ) -> Result<Vec<Fit>, DiagnosisError> {
+        let whole = |c: &Candidate| c.effect.parameter.iter().any(|p| p.whole.is_some());
+        let starts = candidates.iter().filter(|c| whole(c) && c.scope == Scope::Both);
+        let starts: Vec<(&Candidate, f64)> = starts.flat_map(|c| LOST_SHARES.map(|share| (c, share))).collect();
+        let mut promised: Vec<(f64, Fit)> = starts
+            .par_iter()
+            .map(|(c, share)| {
+                let sizes = c.effect.parameter.iter().map(|p| share * p.whole.unwrap_or(0.0) / p.sd);
+                let unknowns = self.problem.nuisance.given.iter().copied().chain(sizes).collect();
+                let at = self.standing(std::slice::from_ref(*c), unknowns, readings)?;
+                Ok((Marginal::new(&at, readings, cov)?.log_density(), at))
+            })
+            .collect::<Result<_, DiagnosisError>>()?;
+        promised.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let mixture = Mixture::new(readings, readings.block_of(cov), &self.problem.trials)?;
+        let mut fits: Vec<Fit> = Vec::new();
+        for (promise, at) in promised.iter().take(TORN_TRIED) {
+            let is_settled = |f: &Fit| f.hypothesis == at.hypothesis && !self.is_poor(f);
+            let best = fits.iter().map(|f| f.log_evidence).fold(f64::NEG_INFINITY, f64::max);
+            if *promise < best - OVERTAKEN || fits.iter().any(is_settled) {
+                continue;
+            }
+            let fit = self.fit_to(&at.hypothesis, &at.unknowns, &at.coordinates(), (readings, &mixture), TRIES)?;
+            fits.push(fit.earned(without, at.hypothesis[0].size()));
+        }
+        Ok(fits)
+    }
+
+    /// A hypothesis as it stands at some unknowns, not fitted, each trial led to its rest the whole way.
+    pub(crate) fn standing(
+        &self,
+        hypothesis: &[Candidate],
+        unknowns: Vec<f64>,
+        readings: &Readings,
+    ) -> Result<Fit, DiagnosisError> {
+        let linear = self.problem.linear(hypothesis, &unknowns, &[])?;
+        Ok(Fit {
+            hypothesis: hypothesis.to_vec(),
+            residual: &readings.measured - readings.pick(&linear.value),
+            misfit: 0.0,
+            odd: vec![],
+            log_evidence: 0.0,
+            posterior: DMatrix::identity(unknowns.len(), unknowns.len()),
+            means: self.problem.means(unknowns.len()),
+            unknowns,
+            linear,
+        })
+    }
+
     /// Answers of as many effects with one exchanged for another: what was found first may only have stood in for what came later. Free shapes are tried
     /// where what the screens ask for still leaves too much. What was `asked` for beside the same effects before is not asked for again.
     pub(super) fn exchanged(
@@ -210,15 +274,18 @@ impl Searcher<'_> {
             .map(|(x, f)| self.fit_to(&[], x, &f.coordinates(), (readings, &mixture), TRIES))
             .collect::<Result<_, _>>()?;
         let base = bases.into_iter().reduce(|a, b| if b.log_evidence > a.log_evidence { b } else { a }).unwrap_or(base);
-        // each from where it stands, and the first from the model's own ligaments: two valleys
-        let few: Vec<(&Fit, bool)> =
-            rivals.iter().take(6).map(|f| (f, false)).chain(rivals.iter().take(3).map(|f| (f, true))).collect();
+        // each from where it stands, and the first from the model's own ligaments: two valleys; a torn structure from those before any recalibration, too
+        let (own, first) = (rivals.iter().take(6), || rivals.iter().take(OTHERS));
+        let mut few: Vec<(&Fit, Option<&[f64]>)> = own.map(|f| (f, None)).collect();
+        few.extend(first().map(|f| (f, Some(&given[..]))));
+        let before = &self.problem.nuisance.given[..];
+        few.extend(first().filter(|f| f.has_most_of_a_whole()).map(|f| (f, Some(before))));
         let mut fits: Vec<Fit> = few
             .par_iter()
             .map(|(f, anew)| {
                 let mut start = f.unknowns.clone();
-                if *anew {
-                    start[..self.problem.nuisances()].fill(0.0);
+                if let Some(ligaments) = anew {
+                    start[..n].copy_from_slice(ligaments);
                 }
                 let size = f.hypothesis.iter().map(Candidate::size).sum();
                 let fit = self.fit_to(&f.hypothesis, &start, &f.coordinates(), (readings, &mixture), TRIES)?;

@@ -18,7 +18,7 @@ const EXCHANGES: usize = 3;
 pub(super) const HOPELESS: [f64; 2] = [3.0, 10.0];
 
 /// Nats that a refit may have more than the screen that proposed it [-].
-const OVERTAKEN: f64 = 10.0;
+pub(super) const OVERTAKEN: f64 = 10.0;
 
 /// How far behind the best, in its scatter, a rival may be to be weighed in its own against it [nats].
 const CLOSE: f64 = 5.0;
@@ -83,6 +83,7 @@ impl Searcher<'_> {
         found.rivals = self.refits(base, (readings, cov), candidates, (list, most), none)?;
         found.rivals.extend(self.refits(zero, (readings, cov), candidates, (&plain, few), none)?);
         found.rivals.extend(self.refits(held, (readings, cov), candidates, (&forces, most), none)?);
+        found.rivals.extend(self.torn_where_asked(&found, given)?);
         found = self.renewed(found, given)?;
         if self.is_poor(found.rivals.first().unwrap_or(&found.base)) {
             let none = found.base.log_evidence;
@@ -92,6 +93,20 @@ impl Searcher<'_> {
         }
         let found = self.screened_again(found, given)?;
         self.fairly(found, given)
+    }
+
+    /// Torn structures, sought from the knee as it was given, where the data ask for anything.
+    fn torn_where_asked(&self, found: &Found, given: Given) -> Result<Vec<Fit>, DiagnosisError> {
+        if !self.is_asked(found, given) {
+            return Ok(vec![]);
+        }
+        self.torn((given.readings, &found.cov), given.candidates, found.base.log_evidence)
+    }
+
+    /// Whether the data ask for anything: nothing missing leaves too much, or an effect passes the threshold.
+    fn is_asked(&self, found: &Found, given: Given) -> bool {
+        let is_passed = |fit: &Fit| self.gain(fit, &found.base) >= given.threshold;
+        self.is_poor(&found.base) || found.rivals.iter().any(is_passed)
     }
 
     /// Single effects that screens about the ligaments and in the scatter of the end ask for beside those that the first ones did: about nothing missing,

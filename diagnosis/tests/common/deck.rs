@@ -1,5 +1,6 @@
 //! The published deck as a question.
 use crate::common::shared;
+use calibration::options::CalibrateOptions;
 use diagnosis::catalogue::Catalogue;
 use diagnosis::problem::Problem;
 use diagnosis::trial::Source;
@@ -22,7 +23,7 @@ pub(crate) fn question(test: &str, sources: &[(&str, &[Asked])]) -> Option<Probl
     let deck = decks::import("S192803_MAIN_LAXITY_Anterior_0deg_0.inp", &mut read).unwrap();
     let model = sim::compile(&deck.spec, &deck.meshes).unwrap();
     let sources: Vec<Source> = sources.iter().map(|(name, trials)| source(name, trials)).collect();
-    Some(Problem::new(&model, &deck.spec, &sources, &Catalogue::shipped()).unwrap())
+    Some(Problem::new(&model, &deck.spec, &sources, &Catalogue::shipped(), &CalibrateOptions::default()).unwrap())
 }
 
 /// A data set, as a file of these trials is read.

@@ -12,7 +12,7 @@ use crate::report::diagnosis_page;
 use crate::report::html::escaped;
 use diagnosis::catalogue::Catalogue;
 use diagnosis::component::{Component, Provenance};
-use diagnosis::diagnosis::{Diagnosis, diagnose};
+use diagnosis::diagnosis::{Calibration as Calibrated, Diagnosis, diagnose};
 use diagnosis::report::{Named, Verdict};
 use diagnosis::search::DiagnosisOptions;
 use diagnosis::trial::Source;
@@ -130,11 +130,12 @@ fn diagnose_built(
         model: model_file::digest(model),
         data: measured.digests.clone(),
     };
-    let knee = prepared(model).map_err(|e| e.to_string())?;
+    let knee = prepared(model, &calibration.options).map_err(|e| e.to_string())?;
     let of_all =
         calibration.joint.as_ref().or_else(|| calibration.sources.values().next().filter(|_| sources.len() == 1));
     let mode = of_all.map(|c| &c.found.mode).filter(|mode| !mode.is_empty());
-    let outcome = diagnose(&knee, &model.spec, &sources, &catalogue, options, mode)
+    let calibrated = Calibrated { options: &calibration.options, mode };
+    let outcome = diagnose(&knee, &model.spec, &sources, &catalogue, options, calibrated)
         .and_then(|o| o.with_provenance(&provenance))
         .map_err(|e| e.to_string())?;
     let d = &outcome.diagnosis;
