@@ -2,8 +2,8 @@
 //! calibration, else that to the one data set, else the assembled model.
 
 use crate::error::BuildError;
-use crate::record::hash;
-use crate::{inspect, store};
+use crate::record::{hash, records};
+use crate::store;
 use clap::Args;
 use sim::spec::ModelSpec;
 use std::path::{Path, PathBuf};
@@ -76,7 +76,7 @@ fn best(build: &Path, source: Option<&str>) -> Result<Option<PathBuf>, BuildErro
 
 /// A model of a build, unless the log says that its stage is of an earlier run: the surfaces it names may be others by now.
 pub(crate) fn of_this_run(build: &Path, stage: &str, file: PathBuf) -> Result<PathBuf, BuildError> {
-    let log = if store::exists(&build.join("log.jsonl")) { inspect::records(build)? } else { Vec::new() };
+    let log = if store::exists(&build.join("log.jsonl")) { records(build)? } else { Vec::new() };
     if !log.iter().any(|r| r.stage == stage && r.outdated) {
         return Ok(file);
     }
