@@ -16,6 +16,7 @@ mod fetch;
 mod first_hour;
 mod inspect;
 mod living;
+mod machine;
 mod marks;
 mod mistakes;
 mod one_knee;

@@ -1,7 +1,7 @@
 //! The report: self-contained, small, the same bytes again; of a failed build; of two builds; in a browser.
 #![allow(clippy::unwrap_used, clippy::print_stderr, clippy::disallowed_methods, reason = "tests")]
 
-use crate::common::{build_model, built, phantom, text};
+use crate::common::{build_model, built, phantom, read, text, write};
 use std::path::Path;
 use std::process::Command;
 use tempfile::TempDir;
@@ -163,6 +163,34 @@ fn a_good_report_is_not_cut_down_and_the_log_is_that_of_the_folder() {
     assert!(text(&build.join("report.html")) == page && text(&build.join("methods.md")) == methods);
     let left = ["report-stopped.html", "methods-stopped.md", "failure.json"].map(|name| build.join(name).exists());
     assert_eq!(left, [false; 3]);
+    // what cannot be read is not vouched for
+    let value = build.join("04-cartilage/value.cbor");
+    let whole = read(&value);
+    write(&value, b"cut off");
+    run(&["--to", "bones"]).success();
+    assert_eq!(logged(&build), all([false, false, false, true]));
+    write(&value, whole);
+    run(&["--to", "bones"]).success();
+    assert_eq!(logged(&build), all([false; 4]));
+}
+
+#[test]
+fn a_model_of_an_earlier_run_is_refused_until_it_is_built_again() {
+    let folder = phantom("S192803-phantom");
+    let run = |more: &[&str]| build_model().arg(folder.path()).arg("--quiet").args(more).assert();
+    let out = folder.path().join("r.csv");
+    let simulate = || {
+        let mut command = build_model();
+        command.arg("simulate").arg(folder.path()).args(["--protocol", "pivot-shift", "--out"]).arg(&out).assert()
+    };
+    run(&[]).success();
+    simulate().success();
+    run(&["--to", "bones", "--set", "bones.edge_mm=2.5"]).success();
+    let told = text(&folder.path().join("build/methods.md"));
+    simulate().code(1).stderr(predicates::str::contains("09-assemble/model.json is of an earlier run"));
+    run(&["--to", "bones"]).success();
+    simulate().success();
+    assert!(text(&folder.path().join("build/methods.md")) == told, "the methods are those of the folders");
 }
 
 #[test]

@@ -25,7 +25,7 @@ fn the_kept_schemas_are_those_of_the_types() {
 }
 
 /// Whether `value` has what `schema` requires and nothing that it does not know; follows references and alternatives.
-fn obeys(value: &Value, schema: &Value, root: &Value) -> Result<(), String> {
+pub(crate) fn obeys(value: &Value, schema: &Value, root: &Value) -> Result<(), String> {
     if let Some(reference) = schema["$ref"].as_str() {
         let name = reference.trim_start_matches("#/$defs/");
         return obeys(value, &root["$defs"][name], root);

@@ -32,7 +32,8 @@ fn both_solvers_run_a_protocol_and_agree_and_a_dislocated_knee_is_told() {
         let out = folder.path().join(out);
         let mut command = build_model();
         command.arg("simulate").arg(folder.path().join("m")).args(["--protocol", "pivot-shift", "--solver", solver]);
-        let printed = command.args(more).arg("--out").arg(&out).assert().success().get_output().stdout.clone();
+        let run = command.args(more).arg("--out").arg(&out).assert().success();
+        let printed = [run.get_output().stdout.clone(), run.get_output().stderr.clone()].concat();
         let rows = columns(&out, &["step", "vv_deg", "ie_deg", "ml_mm", "ap_mm", "si_mm"]);
         (rows, String::from_utf8(printed).unwrap())
     };

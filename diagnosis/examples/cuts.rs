@@ -34,7 +34,7 @@ fn read(path: &Path) -> (ModelSpec, BTreeMap<String, MeshValue>) {
     let mut meshes = BTreeMap::new();
     for name in spec.bodies.iter().map(|b| &b.bone).chain(spec.contact.meshes()) {
         let bytes = std::fs::read(path.parent().unwrap().join(name)).unwrap();
-        let read = meshes::format::read_surface(name, &bytes, &BTreeMap::new()).unwrap();
+        let read = formats::read_surface(name, &bytes, &BTreeMap::new()).unwrap();
         meshes.insert(name.clone(), MeshValue::Surface(read.mesh));
     }
     (spec, meshes)

@@ -4,6 +4,7 @@
 use crate::candidate::Candidate;
 use crate::catalogue::Catalogue;
 use crate::covariance::{Readings, Whitening, covariance, remainders};
+use crate::criteria::NAMED;
 use crate::diagnosis::not_testable;
 use crate::error::DiagnosisError;
 use crate::fit::Fit;
@@ -38,7 +39,7 @@ pub struct AtlasRow {
     pub absorbed: f64,
     /// Expected log Bayes factor at one prior standard deviation [-].
     pub expected_evidence: f64,
-    /// Size, in prior standard deviations, that half of the data sets would reveal [-].
+    /// Size, in prior standard deviations, at which half of the data sets would earn the effect its name ([`NAMED`]) [-].
     pub detectable: f64,
     /// What it would be mistaken for: less than 3 of expected log odds apart.
     pub confusable: Vec<String>,
@@ -177,7 +178,7 @@ fn row(
         retained: (power / n).sqrt(),
         absorbed: 1.0 - kept[k].norm_squared() / raw[k].norm_squared().max(1e-12),
         expected_evidence: 0.5 * power - occam,
-        detectable: (2.0 * (4.0 + occam) / power.max(1e-9)).sqrt(),
+        detectable: (2.0 * (NAMED + occam) / power.max(1e-9)).sqrt(),
         confusable: confusable.into_iter().take(4).map(|(_, name)| name).collect(),
     }
 }

@@ -2,15 +2,18 @@
 """Checks that every link and every command shown in the pages holds.
 
     python3 docs/words/links.py BUILD-MODEL
+    python3 docs/words/links.py PAGE.md         what this page names alone
 
 A link to a file or to a heading must lead there. A command `build-model VERB --option` must be one that the program knows, in pages and in recipes of
-containers.
+containers. A command of cargo must name packages, tests, examples and benches that there are, and a file of the repository in backticks must be there.
 """
+import os
 import pathlib
 import re
 import shlex
 import subprocess
 import sys
+import tomllib
 
 sys.path.insert(0, str(pathlib.Path(__file__).parent))
 from words import ROOT, pages  # noqa: E402
@@ -38,6 +41,73 @@ def links(page):
             yield f"{page.relative_to(ROOT)}: no file {target}"
         elif part and file.suffix == ".md" and part not in headings(file):
             yield f"{page.relative_to(ROOT)}: no heading {target}"
+
+
+# What the machine that builds leaves beside the sources.
+NOT_SOURCES = {"target", ".git", "node_modules", "__pycache__"}
+
+
+def sources():
+    """Every file of the repository by its path from the root."""
+    found = set()
+    for folder, folders, names in os.walk(ROOT):
+        folders[:] = [f for f in folders if f not in NOT_SOURCES]
+        found |= {(pathlib.Path(folder) / name).relative_to(ROOT).as_posix() for name in [*folders, *names]}
+    return found
+
+
+def targets(files):
+    """What cargo may be asked for: packages, and targets by kind."""
+    found = {"-p": set(), "--test": set(), "--example": set(), "--bench": set()}
+    for file in files:
+        if file.split("/")[-1] == "Cargo.toml":
+            manifest = tomllib.loads((ROOT / file).read_text())
+            found["-p"] |= {manifest["package"]["name"]} if "package" in manifest else set()
+            for kind in ("test", "example", "bench"):
+                found[f"--{kind}"] |= {target["name"] for target in manifest.get(kind, [])}
+        for kind, folder in (("--test", "tests"), ("--example", "examples"), ("--bench", "benches")):
+            here = re.fullmatch(rf"(?:[\w-]+/)?{folder}/([\w-]+)(?:\.rs|/main\.rs)", file)
+            found[kind] |= {here.group(1)} if here else set()
+        # a folder of tests whose main.rs is its program has no other
+        main = re.fullmatch(r"((?:[\w-]+/)?)tests/main\.rs", file)
+        found["--test"] |= {"main"} if main else set()
+    found["--package"] = found["-p"]
+    return found
+
+
+def asked_of_cargo(line, known):
+    """What a command of cargo names and is not there."""
+    words = shlex.split(line.split("#")[0], posix=True)
+    for option, name in zip(words, words[1:]):
+        if option == "--":
+            return
+        if option in known and not re.search(r"[A-Z]", name) and name not in known[option]:
+            yield f"{line}: nothing is called {name} ({option})"
+
+
+def code(page):
+    """Commands in blocks, and whatever stands in backticks."""
+    text = page.read_text()
+    for block in re.findall(r"```\w*\n(.*?)```", text, flags=re.S):
+        yield from (line.strip() for line in block.splitlines())
+    yield from re.findall(r"`([^`\n]+)`", re.sub(r"```.*?```", "", text, flags=re.S))
+
+
+def named(page, files, known):
+    """Commands of cargo and files in backticks that are not there."""
+    folders = {f.split("/")[0] for f in files if "/" in f}
+    basenames = {f.split("/")[-1] for f in files}
+    for said in code(page):
+        if said.startswith(("cargo ", "-p ")):
+            yield from (f"{page.name}: {wrong}" for wrong in asked_of_cargo(said, known))
+        # a file of ours begins with a folder of ours, or is a source without a folder
+        path = said.rstrip("/")
+        if re.fullmatch(r"[\w.-]+(/[\w.-]+)+", path) and path.split("/")[0] in folders:
+            beside = (page.parent / path).exists()
+            if path not in files and not beside:
+                yield f"{page.name}: no file {said}"
+        elif re.fullmatch(r"[\w-]+\.(rs|py)", said) and said not in basenames:
+            yield f"{page.name}: no file {said}"
 
 
 RECIPES = [ROOT / name for name in ("Dockerfile", "genu.def")]
@@ -93,7 +163,14 @@ def fault(line, verbs):
 
 
 def main():
+    files = sources()
+    if len(sys.argv) > 1 and sys.argv[1].endswith(".md"):
+        faults = list(named(pathlib.Path(sys.argv[1]), files, targets(files)))
+        print("\n".join(faults))
+        sys.exit(1 if faults else 0)
     faults = [f for page in pages() for f in links(page)]
+    known_to_cargo = targets(files)
+    faults += [f for page in pages() for f in named(page, files, known_to_cargo)]
     count = 0
     if len(sys.argv) > 1:
         verbs = known(sys.argv[1])

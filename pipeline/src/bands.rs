@@ -11,11 +11,11 @@ use sim::laxity::{LaxityTrial, TrialResult};
 const FILE: &str = "samples.json";
 
 /// Samples of a model, and what to say of them; none where the model has none, or was changed since.
-pub(crate) fn of(loaded: &LoadedModel) -> Result<(Option<Samples>, String), BuildError> {
+pub(crate) fn of(loaded: &LoadedModel) -> Result<(Option<Samples>, Vec<String>), BuildError> {
     let file = loaded.folder.join(FILE);
     let is_calibrated = loaded.file.file_name().is_some_and(|n| n == "model.json") && loaded.spec.calibrated.is_some();
     if !is_calibrated || !store::exists(&file) {
-        return Ok((None, String::new()));
+        return Ok((None, vec![]));
     }
     let fault = |what: String| BuildError::File(format!("{}: {what}; expected what calibrate writes", file.display()));
     let samples: Samples =
@@ -29,12 +29,12 @@ pub(crate) fn of(loaded: &LoadedModel) -> Result<(Option<Samples>, String), Buil
     }
     if samples.model != hash(&store::read(&loaded.file)?) {
         let text = format!(
-            "warning: {} was changed since it was calibrated: its samples are not used, values have no intervals\n",
+            "{} was changed since it was calibrated: its samples are not used, values have no intervals",
             loaded.file.display()
         );
-        return Ok((None, text));
+        return Ok((None, vec![text]));
     }
-    Ok((Some(samples), String::new()))
+    Ok((Some(samples), vec![]))
 }
 
 /// What is asked of the samples of a model.
@@ -50,23 +50,40 @@ pub(crate) struct Asking<'a> {
     pub(crate) dislocation_ap_mm: Option<f64>,
 }
 
-/// Gives results their bands, and the sums of ligament groups; gives the words to print.
-pub(crate) fn add(loaded: &LoadedModel, results: &mut [TrialResult], asking: &Asking) -> Result<String, BuildError> {
-    for r in results.iter_mut() {
-        r.outputs.extend(group_sums(asking.bundles, &r.forces_n));
-    }
-    if asking.most == 0 {
-        return Ok(String::new());
-    }
-    let (samples, text) = of(loaded)?;
-    let Some(samples) = samples else { return Ok(text) };
-    Ok(text + &by(&samples, loaded, results, asking))
+/// What is said of results that were given bands.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Banded {
+    /// A line for a reader.
+    pub(crate) words: String,
+    /// What is odd.
+    pub(crate) warnings: Vec<String>,
+    /// By how many samples.
+    pub(crate) samples: usize,
 }
 
-/// Gives results the bands of samples, and flags where samples leave the plateau; gives the words to print.
-pub(crate) fn by(samples: &Samples, loaded: &LoadedModel, results: &mut [TrialResult], asking: &Asking) -> String {
+/// Gives results the sums of ligament groups.
+pub(crate) fn sum_up(results: &mut [TrialResult], bundles: &[String]) {
+    for r in results.iter_mut() {
+        r.outputs.extend(group_sums(bundles, &r.forces_n));
+    }
+}
+
+/// Gives results their bands, and the sums of ligament groups.
+pub(crate) fn add(loaded: &LoadedModel, results: &mut [TrialResult], asking: &Asking) -> Result<(), BuildError> {
+    sum_up(results, asking.bundles);
+    if asking.most > 0
+        && let (Some(samples), _) = of(loaded)?
+    {
+        by(&samples, loaded, results, asking);
+    }
+    Ok(())
+}
+
+/// Gives results the bands of samples, and flags where samples leave the plateau.
+pub(crate) fn by(samples: &Samples, loaded: &LoadedModel, results: &mut [TrialResult], asking: &Asking) -> Banded {
+    let none = |why: String| Banded { warnings: vec![why], ..Banded::default() };
     if !loaded.spec.components.is_empty() {
-        return "warning: what was added to the model is in its values and not in its samples: no intervals\n".into();
+        return none("what was added to the model is in its values and not in its samples: no intervals".into());
     }
     let trials: Vec<LaxityTrial> = results.iter().map(asked).collect();
     let values: Vec<Vec<(String, f64)>> = results.iter().map(|r| r.columns(asking.bundles)).collect();
@@ -79,21 +96,24 @@ pub(crate) fn by(samples: &Samples, loaded: &LoadedModel, results: &mut [TrialRe
     };
     let bands = match samples.bands(&loaded.meshes, &question) {
         Ok(bands) => bands,
-        Err(e) => return format!("warning: no intervals: {e}\n"),
+        Err(e) => return none(format!("no intervals: {e}")),
     };
     for ((r, row), leaving) in results.iter_mut().zip(bands.rows).zip(bands.leaving) {
         r.bands = row;
         r.flags.extend((leaving > 0).then(|| format!("{leaving} of {} {LEAVE}", bands.asked)));
     }
     let n = (100.0 * samples.of.interval).round();
-    let mut text = format!("mean and {n} % interval by {} samples of the posterior\n", bands.asked);
-    if bands.lost > 0 {
-        text += &format!(
-            "warning: up to {} of {} samples have no equilibrium in a row: intervals there are of those that have\n",
+    let lost = (bands.lost > 0).then(|| {
+        format!(
+            "up to {} of {} samples have no equilibrium in a row: intervals there are of those that have",
             bands.lost, bands.asked
-        );
+        )
+    });
+    Banded {
+        words: format!("mean and {n} % interval by {} samples of the posterior\n", bands.asked),
+        warnings: lost.into_iter().collect(),
+        samples: bands.asked,
     }
-    text
 }
 
 /// How the flag of a row ends in which samples have left the plateau, after how many of how many.

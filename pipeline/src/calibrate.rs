@@ -1,12 +1,13 @@
 //! `calibrate`: ligament parameters from laxity data.
 
-use crate::error::BuildError;
+use crate::error::{BuildError, Place};
 use crate::interrupted;
 use crate::model_file::{self, LoadedModel};
 use crate::options::{Override, parse_override, resolve};
 use crate::progress::Searching;
 use crate::record::{hash, json};
 use crate::store;
+use crate::told::{CalibrateTold, ModelTold, Told, schemas};
 use crate::which_model::{JOINT, WhichModel};
 use calibration::calibrate::Checkpoint;
 use calibration::cost::{CostFunction, CostOptions};
@@ -62,9 +63,6 @@ pub struct CalibrateArgs {
     /// Print nothing but errors
     #[arg(long)]
     pub quiet: bool,
-    /// Print the figures as JSON
-    #[arg(long)]
-    pub json: bool,
 }
 
 /// A method's name.
@@ -96,8 +94,8 @@ fn named(text: &str) -> Result<(String, PathBuf), String> {
     Ok((name, file))
 }
 
-/// Runs `calibrate`; gives the words to print.
-pub fn calibrate(args: &CalibrateArgs) -> Result<String, BuildError> {
+/// Runs `calibrate`.
+pub fn calibrate(args: &CalibrateArgs) -> Result<Told, BuildError> {
     if let Some(jobs) = args.jobs {
         // A second call in one process keeps the first pool; results do not depend on it.
         let _ = rayon::ThreadPoolBuilder::new().num_threads(jobs.into()).build_global();
@@ -110,20 +108,20 @@ pub fn calibrate(args: &CalibrateArgs) -> Result<String, BuildError> {
         None => {}
     }
     let model = model_file::load_which(&args.model, &args.which)?;
-    let (mut sources, mut text) = (Vec::new(), model.line());
+    let (mut sources, mut told) = (Vec::new(), Told { words: model.line(), ..Told::default() });
     if let Some(c) = &model.spec.calibrated {
-        text += &format!(
-            "warning: the model is calibrated to {} already, and its priors do not know that; to use the same data again, begin at the assembled model (--as-assembled)\n",
+        told.warnings.push(format!(
+            "the model is calibrated to {} already, and its priors do not know that; to use the same data again, begin at the assembled model (--as-assembled)",
             c.to.join(", ")
-        );
+        ));
     }
     for (name, file) in &args.targets {
         let (trials, more) = read_laxity(&file.display().to_string(), &store::read(file)?)?;
-        text += &more;
+        told.warnings.extend(more);
         if sources.iter().any(|s: &Measured| s.0 == *name) {
             return Err(BuildError::File(format!("--targets {name}=...: given twice; name each data set otherwise")));
         }
-        sources.push((name.clone(), without_components(&model, name, trials, &mut text)?));
+        sources.push((name.clone(), without_components(&model, name, trials, &mut told.words)?));
     }
     let out = store::make_folder(&args.out)?;
     let kept = out.join(CHECKPOINT);
@@ -135,12 +133,12 @@ pub fn calibrate(args: &CalibrateArgs) -> Result<String, BuildError> {
     let mut keep = |bytes: &[u8]| store::write(&kept, bytes);
     let bar = Searching::new(args.quiet, &what);
     let place = kept.clone();
-    let told = interrupted::working(move || {
+    let kept_word = interrupted::working(move || {
         store::exists(&place).then(|| format!("The search is kept in {}", place.display()))
     });
     let tell = |share: f64, words: &str| bar.show(share, words);
     let outcome = run((&model, None), &sources, &options, &what, Watch { saved, keep: &mut keep, tell: &tell })?;
-    drop((bar, told));
+    drop((bar, kept_word));
     let spec = model_file::moved(&outcome.spec, &model.folder, &out);
     let mut files =
         vec![("model.json".to_owned(), json(&spec)), ("metrics.json".to_owned(), json(&reports::metrics(&outcome)))];
@@ -148,14 +146,18 @@ pub fn calibrate(args: &CalibrateArgs) -> Result<String, BuildError> {
     files.extend(samples_file(&outcome, &spec, &model_file::moved(&model.spec, &model.folder, &out)));
     store::write_all(&out, &files)?;
     store::discard(&kept);
-    if args.quiet {
-        return Ok(String::new());
-    }
-    if args.json {
-        return Ok(String::from_utf8_lossy(&json(&reports::metrics(&outcome))).into_owned());
-    }
-    text.extend(outcome.warnings.iter().map(|w| format!("warning: {w}\n")));
-    Ok(text + &reports::words(&outcome) + &format!("The model is {}\n", out.join("model.json").display()))
+    told.warnings.extend(outcome.warnings.iter().cloned());
+    told.words += &reports::words(&outcome);
+    told.line(&format!("The model is {}", out.join("model.json").display()));
+    let data = CalibrateTold {
+        schema: schemas::CALIBRATE,
+        model: ModelTold::of(&model),
+        calibrated: out.join("model.json").display().to_string(),
+        folder: out.display().to_string(),
+        metrics: serde_json::to_value(reports::metrics(&outcome)).unwrap_or_default(),
+        warnings: told.warnings.clone(),
+    };
+    Ok(told.with(&data))
 }
 
 /// The targets with what the model's components do to them taken off; the data set is called as its file.
@@ -175,14 +177,14 @@ fn without_components(
     diagnosis::predict::taken_off(&knee, &model.spec, name, &trials).map_err(|e| fault(&e))
 }
 
-/// Reads measured laxity; the warnings as lines.
-pub fn read_laxity(name: &str, bytes: &[u8]) -> Result<(Vec<LaxityTrial>, String), BuildError> {
-    let table = laxity::read(bytes).map_err(|e| BuildError::File(format!("{name}: {e}")))?;
+/// Reads measured laxity, and what is odd of it.
+pub fn read_laxity(name: &str, bytes: &[u8]) -> Result<(Vec<LaxityTrial>, Vec<String>), BuildError> {
+    let table = laxity::read(bytes).map_err(|e| BuildError::at(Place::in_laxity(name, &e), format!("{name}: {e}")))?;
     let doubts: Vec<String> = laxity::sign_doubts(&table.trials).into_iter().map(|doubt| doubt.words).collect();
     let (trials, told) = crate::thin::thinned(table.trials);
     let all = table.warnings.iter().chain(&doubts).chain(&told);
-    let text = all.map(|w| format!("warning: {name}: {w}\n")).collect();
-    Ok((trials, text))
+    let odd = all.map(|w| format!("{name}: {w}")).collect();
+    Ok((trials, odd))
 }
 
 /// Where a calibration is taken up from and kept, and who sees it.

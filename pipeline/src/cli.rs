@@ -12,6 +12,7 @@ use crate::exports::{self, Format};
 use crate::import::{self, ImportArgs};
 use crate::output::{self, Asked};
 use crate::simulate::SimulateArgs;
+use crate::told::Told;
 use crate::validate::ValidateArgs;
 use crate::which_model::WhichModel;
 use crate::{
@@ -164,7 +165,7 @@ enum Verb {
     Cohort(CohortArgs),
     /// Print the JSON schema of a file that the program writes
     Schema {
-        /// model, diagnosis, samples or log
+        /// Which one; an unknown name lists those there are
         name: String,
     },
     /// Make data with hidden effects, answer them, score the answers
@@ -182,20 +183,20 @@ enum Verb {
 
 /// The command line as clap knows it, for completions and the manual.
 pub fn command() -> clap::Command {
-    output::with_json(Cli::command())
+    output::with_flags(Cli::command())
 }
 
-/// What was asked, and whether its telling is wanted as JSON.
+/// What was asked, and how its output is wanted.
 struct Call {
     cli: Cli,
-    json: Option<Asked>,
+    asked: Asked,
 }
 
 impl Call {
     fn read(words: impl IntoIterator<Item = OsString>) -> Result<Call, clap::Error> {
         let matches = command().try_get_matches_from(words)?;
         let cli = Cli::from_arg_matches(&matches).map_err(|e| e.format(&mut command()))?;
-        Ok(Call { cli, json: output::asked(&matches) })
+        Ok(Call { cli, asked: output::asked(&matches) })
     }
 }
 
@@ -207,17 +208,21 @@ pub fn main() -> ExitCode {
 /// Runs the command line `words`, the program's name first; gives the exit status: 0 done, 1 the input is at fault, 2 wrong use, 3 the
 /// machine (disk, rights, a lock), 4 a fault of this program; 130 is an interruption.
 pub fn main_of(words: impl IntoIterator<Item = OsString>) -> u8 {
-    std::panic::set_hook(Box::new(|info| {
-        eprintln!("build-model: internal error, please report it: {info}");
-    }));
     let words: Vec<OsString> = words.into_iter().collect();
+    let json = output::wants_json(&words);
+    std::panic::set_hook(Box::new(move |info| match json {
+        true => eprint!("{}", output::fault_as_json(&info.to_string())),
+        false => eprintln!("build-model: internal error, please report it: {info}"),
+    }));
     interrupted::listen(words.iter().skip(1).map(|w| w.to_string_lossy().into_owned()).collect());
     match std::panic::catch_unwind(|| answer(parsed(&words))) {
-        Ok(Ok(text)) => {
+        Ok(Ok((asked, told))) => {
+            let (out, err) = output::streams(&asked, &told);
+            eprint!("{err}");
             // A reader that has seen enough (`| head`) is no fault of the input.
             let _ = match writes_to_standard_output(&words) {
-                true => std::io::stderr().write_all(text.as_bytes()),
-                false => std::io::stdout().write_all(text.as_bytes()),
+                true => std::io::stderr().write_all(out.as_bytes()),
+                false => std::io::stdout().write_all(out.as_bytes()),
             };
             0
         }
@@ -225,7 +230,10 @@ pub fn main_of(words: impl IntoIterator<Item = OsString>) -> u8 {
             if let BuildError::Faults { table, .. } = &error {
                 let _ = std::io::stdout().write_all(table.as_bytes());
             }
-            eprintln!("build-model: {error}");
+            match json {
+                true => eprint!("{}", output::error_as_json(&error)),
+                false => eprintln!("build-model: {error}"),
+            }
             error.exit_status()
         }
         Err(_) => OUR_FAULT,
@@ -250,6 +258,11 @@ fn parsed(words: &[OsString]) -> Call {
             eprintln!("build-model: no command or folder is called {first}{near}");
             std::process::exit(2);
         }
+        if output::wants_json(words) && error.use_stderr() {
+            let wrong = BuildError::Usage(error.to_string().trim().to_owned());
+            eprint!("{}", output::error_as_json(&wrong));
+            std::process::exit(wrong.exit_status().into());
+        }
         error.exit()
     })
 }
@@ -264,16 +277,26 @@ pub fn verbs() -> Vec<String> {
 /// Errors: those of the command; a command line that clap refuses is [`BuildError::Usage`] with clap's words.
 pub fn call(words: impl IntoIterator<Item = OsString>) -> Result<String, BuildError> {
     let words = std::iter::once(OsString::from("build-model")).chain(words);
-    answer(Call::read(words).map_err(|e| BuildError::Usage(e.to_string().trim().to_owned()))?)
+    let (asked, told) = answer(Call::read(words).map_err(|e| BuildError::Usage(e.to_string().trim().to_owned()))?)?;
+    Ok(output::text(&asked, &told))
 }
 
-fn answer(call: Call) -> Result<String, BuildError> {
-    let text = match (call.cli.verb, call.cli.build) {
+/// The arguments of `simulate` in the words after it.
+pub fn simulate_args(words: impl IntoIterator<Item = OsString>) -> Result<SimulateArgs, BuildError> {
+    let words = ["build-model", "simulate"].map(OsString::from).into_iter().chain(words);
+    match Call::read(words).map_err(|e| BuildError::Usage(e.to_string().trim().to_owned()))?.cli.verb {
+        Some(Verb::Simulate(args)) => Ok(args),
+        _ => Err(BuildError::Usage("the arguments of simulate were expected".into())),
+    }
+}
+
+fn answer(call: Call) -> Result<(Asked, Told), BuildError> {
+    let told = match (call.cli.verb, call.cli.build) {
         (Some(verb), _) => answer_verb(verb),
-        (None, Some(build)) => run::run(known_folder(&build)?),
+        (None, Some(build)) => run::run(known_folder(&build)?).map(|text| Told::lines(&text)),
         (None, None) => Err(BuildError::Usage("a specimen folder was expected; see --help".into())),
     }?;
-    Ok(call.json.map_or_else(|| text.clone(), |asked| output::as_json(&asked, &text)))
+    Ok((call.asked, told))
 }
 
 /// The arguments of a build; a single word that is no folder and nearly a command is told as that command.
@@ -288,32 +311,35 @@ fn known_folder(args: &BuildArgs) -> Result<&BuildArgs, BuildError> {
     Ok(args)
 }
 
-fn answer_verb(verb: Verb) -> Result<String, BuildError> {
+fn answer_verb(verb: Verb) -> Result<Told, BuildError> {
+    let lines = |text: Result<String, BuildError>| text.map(|text| Told::lines(&text));
+    // what was asked for, warnings and all
+    let whole = |text: Result<String, BuildError>| text.map(|words| Told { words, ..Told::default() });
     match verb {
-        Verb::Init { dir, from, side } => init::init(&dir, &from, side),
-        Verb::Check(args) => check::check(&args),
-        Verb::Build(args) => run::run(&args),
-        Verb::Open { dir, print } => open::open(&dir, print),
-        Verb::Options { stage, json } => option_docs::options(stage.as_deref(), json),
-        Verb::Completions { shell } => Ok(manual::completions(shell, command())),
-        Verb::Man { out } => manual::pages(out.as_deref(), command()),
-        Verb::Inspect { dir, stage, json } => inspect::inspect(&dir, stage.as_deref(), json),
+        Verb::Init { dir, from, side } => lines(init::init(&dir, &from, side)),
+        Verb::Check(args) => whole(check::check(&args)),
+        Verb::Build(args) => lines(run::run(&args)),
+        Verb::Open { dir, print } => lines(open::open(&dir, print)),
+        Verb::Options { stage, json } => whole(option_docs::options(stage.as_deref(), json)),
+        Verb::Completions { shell } => whole(Ok(manual::completions(shell, command()))),
+        Verb::Man { out } => whole(manual::pages(out.as_deref(), command())),
+        Verb::Inspect { dir, stage, json } => whole(inspect::inspect(&dir, stage.as_deref(), json)),
         Verb::Phantom { id, dir, seed, volume, hide, build } => {
             let wrote = phantom::write(&id, seed, volume, hide.as_deref(), &dir)?;
-            if build { run::run(&BuildArgs::of(dir)) } else { Ok(wrote) }
+            lines(if build { run::run(&BuildArgs::of(dir)) } else { Ok(wrote) })
         }
-        Verb::Fetch { id, dir, mirror, patience } => fetch::fetch(&id, &dir, mirror.as_deref(), patience),
-        Verb::ImportAbaqus(args) => import::import_abaqus(&args),
+        Verb::Fetch { id, dir, mirror, patience } => lines(fetch::fetch(&id, &dir, mirror.as_deref(), patience)),
+        Verb::ImportAbaqus(args) => lines(import::import_abaqus(&args)),
         Verb::Export { model, which, format, poses, out } => {
             exports::export((&model, &which), format, poses.as_deref(), &out)
         }
         Verb::Simulate(args) => simulate::simulate(&args),
         Verb::Calibrate(args) => calibrate::calibrate(&args),
         Verb::Validate(args) => validate::validate(&args),
-        Verb::Diagnose(args) => diagnose::run(&args),
-        Verb::Cohort(args) => cohort::cohort(&args),
-        Verb::Schema { name } => schema::schema(&name),
-        Verb::Blind(verb) => blind::run(&verb),
-        Verb::Report { dir, compare } => report::rewrite(&dir, compare.as_deref()),
+        Verb::Diagnose(args) => lines(diagnose::run(&args)),
+        Verb::Cohort(args) => lines(cohort::cohort(&args)),
+        Verb::Schema { name } => whole(schema::schema(&name)),
+        Verb::Blind(verb) => lines(blind::run(&verb)),
+        Verb::Report { dir, compare } => lines(report::rewrite(&dir, compare.as_deref())),
     }
 }

@@ -1,7 +1,7 @@
 //! `diagnose`: which effect a model lacks, judged by measured laxity.
 
 use crate::calibrate::Watch;
-use crate::error::BuildError;
+use crate::error::{BuildError, Place};
 use crate::model_file::{self, LoadedModel};
 use crate::options::{BuildOptions, Override, parse_override, resolve};
 use crate::record::hash;
@@ -172,8 +172,10 @@ pub fn sources(measured: &[(String, PathBuf)]) -> Result<(Vec<Source>, String), 
         if sources.iter().any(|s| s.name == *name) {
             return Err(BuildError::Usage(format!("--measured {name} is given twice; names must differ")));
         }
-        let table =
-            sim::laxity::read(&store::read(path)?).map_err(|e| BuildError::File(format!("{}: {e}", path.display())))?;
+        let table = sim::laxity::read(&store::read(path)?).map_err(|e| {
+            let file = path.display().to_string();
+            BuildError::at(Place::in_laxity(&file, &e), format!("{file}: {e}"))
+        })?;
         text.extend(table.warnings.iter().map(|w| format!("warning: {}: {w}\n", path.display())));
         sources.push(Source { name: name.clone(), trials: table.trials });
     }

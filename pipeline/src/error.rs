@@ -1,5 +1,9 @@
 //! What stops a command, in one sentence for the person at the keyboard.
 
+use sim::laxity::LaxityError;
+use stages::StageError;
+use std::path::Path;
+
 /// What is at fault; [`BuildError::exit_status`] says which kind.
 #[derive(Debug, thiserror::Error)]
 pub enum BuildError {
@@ -10,10 +14,20 @@ pub enum BuildError {
         stage: &'static str,
         /// Why, and what to do.
         message: String,
+        /// The file at fault, where one is.
+        place: Option<Place>,
     },
     /// A file cannot be read or written.
     #[error("{0}")]
     File(String),
+    /// A file is at fault, at a place that is known.
+    #[error("{told}")]
+    At {
+        /// Where.
+        place: Place,
+        /// The sentence, which names the place too.
+        told: String,
+    },
     /// The machine does not give what is needed: the disk is full, a folder may not be written, another program holds a lock (exit status 3).
     #[error("{0}")]
     Machine(String),
@@ -41,6 +55,65 @@ pub enum BuildError {
     Reached,
 }
 
+/// A place in a file, as far as it is known.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Place {
+    /// The file, as it was named.
+    pub file: String,
+    /// Its row or line, the first being 1.
+    pub row: Option<usize>,
+    /// Its column: a name of a table's header, or a number.
+    pub column: Option<String>,
+}
+
+impl Place {
+    /// A file as a whole.
+    pub fn of(file: &Path) -> Place {
+        Place { file: file.display().to_string(), ..Place::default() }
+    }
+
+    /// Where a laxity file is at fault.
+    pub fn in_laxity(file: &str, e: &LaxityError) -> Place {
+        let whole = Place { file: file.to_owned(), ..Place::default() };
+        match e {
+            LaxityError::Row { row, column, .. } => {
+                let column = column.as_ref().map(|c| c.trim_matches('"').to_owned());
+                Place { row: Some(*row).filter(|r| *r > 0), column, ..whole }
+            }
+            LaxityError::File(_) => whole,
+        }
+    }
+
+    /// Where JSON is at fault.
+    pub fn in_json(file: &Path, e: &serde_json::Error) -> Place {
+        Place { row: Some(e.line()), column: Some(e.column().to_string()), ..Place::of(file) }
+    }
+}
+
+/// Why a stage cannot go on.
+pub trait Fault: ToString {
+    /// The file at fault, where one is.
+    fn place(&self) -> Option<Place> {
+        None
+    }
+}
+
+impl Fault for String {}
+
+impl Fault for BuildError {
+    fn place(&self) -> Option<Place> {
+        BuildError::place(self).cloned()
+    }
+}
+
+impl Fault for StageError {
+    fn place(&self) -> Option<Place> {
+        let StageError::File { path, place, .. } = self else { return None };
+        let row = place.at.as_deref().and_then(|at| at.strip_prefix("line "));
+        Some(Place { file: path.clone(), row: row.and_then(|r| r.parse().ok()), column: None })
+    }
+}
+
 /// The exit status of a fault of this program: it panicked.
 pub const OUR_FAULT: u8 = 4;
 
@@ -54,8 +127,46 @@ impl BuildError {
         }
     }
 
+    /// An error at a place.
+    pub fn at(place: Place, told: String) -> BuildError {
+        BuildError::At { place, told }
+    }
+
+    /// The place at fault, where it is known.
+    pub fn place(&self) -> Option<&Place> {
+        match self {
+            BuildError::At { place, .. } => Some(place),
+            BuildError::Stage { place, .. } => place.as_ref(),
+            _ => None,
+        }
+    }
+
+    /// The kind of fault in one word, for programs.
+    pub fn code(&self) -> &'static str {
+        match self {
+            BuildError::Stage { .. } | BuildError::Unplanned(_) | BuildError::Reached => "stage",
+            BuildError::File(_) | BuildError::At { .. } | BuildError::Faults { .. } => "file",
+            BuildError::Machine(_) => "machine",
+            BuildError::Option(_) => "option",
+            BuildError::Usage(_) => "usage",
+        }
+    }
+
+    /// The stage of a build that stopped.
+    pub fn stopped_at(&self) -> Option<&'static str> {
+        match self {
+            BuildError::Stage { stage, .. } | BuildError::Unplanned(stage) => Some(stage),
+            _ => None,
+        }
+    }
+
     /// An error of `stage`.
     pub fn stage(stage: &'static str, message: impl ToString) -> BuildError {
-        BuildError::Stage { stage, message: message.to_string() }
+        BuildError::Stage { stage, message: message.to_string(), place: None }
+    }
+
+    /// What stopped `stage`, with the file at fault.
+    pub fn of_stage(stage: &'static str, fault: &impl Fault) -> BuildError {
+        BuildError::Stage { stage, message: fault.to_string(), place: fault.place() }
     }
 }

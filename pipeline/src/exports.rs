@@ -3,6 +3,7 @@
 use crate::error::BuildError;
 use crate::model_file::{LoadedModel, left_out, load_which};
 use crate::store;
+use crate::told::{ExportTold, ModelTold, Told, schemas};
 use crate::which_model::WhichModel;
 use meshes::hex::HexMesh;
 use meshes::surface::TriMesh;
@@ -44,14 +45,14 @@ pub fn export(
     format: Format,
     poses: Option<&Path>,
     out: &Path,
-) -> Result<String, BuildError> {
+) -> Result<Told, BuildError> {
     if poses.is_some() && format != Format::Vtk {
         return Err(BuildError::Usage("--poses goes with --format vtk".into()));
     }
     let mut loaded = load_which(model, which)?;
     let lacking = if format == Format::Abaqus { solids(&mut loaded)? } else { vec![] };
-    let mut text = loaded.line() + &left_out(&loaded.spec, "export");
-    let (files, warnings) = match (format, poses) {
+    let left = left_out(&loaded.spec, "export");
+    let (mut files, mut warnings): (Vec<File>, Vec<String>) = match (format, poses) {
         (Format::Abaqus, _) => {
             let deck = decks::export(&loaded.spec, &loaded.meshes)
                 .map_err(|e| BuildError::File(format!("{}: {e}", model.display())))?;
@@ -73,8 +74,7 @@ pub fn export(
         (Format::Ply, _) => (surfaces(&loaded, "ply")?, Vec::new()),
         (Format::Glb, _) => (vec![("model.glb".to_owned(), gltf::glb(&loaded))], Vec::new()),
     };
-    let mut files = files;
-    let mut warnings = warnings;
+    warnings.splice(0..0, left);
     if [Format::Abaqus, Format::Febio, Format::Opensim].contains(&format) {
         let beside = carried(&loaded)?;
         if !beside.is_empty() {
@@ -89,9 +89,16 @@ pub fn export(
     files.iter_mut().for_each(|file| beside::label(file, &loaded));
     files.extend(beside::files(&loaded)?);
     store::write_all(out, &files)?;
-    text.extend(warnings.iter().map(|w| format!("warning: {w}\n")));
-    let names: Vec<&str> = files.iter().map(|(name, _)| name.as_str()).collect();
-    Ok(format!("{text}{} in {}\n", names.join(", "), out.display()))
+    let names: Vec<String> = files.into_iter().map(|(name, _)| name).collect();
+    let words = format!("{}{} in {}\n", loaded.line(), names.join(", "), out.display());
+    let data = ExportTold {
+        schema: schemas::EXPORT,
+        model: ModelTold::of(&loaded),
+        folder: out.display().to_string(),
+        files: names,
+        warnings: warnings.clone(),
+    };
+    Ok(Told { words, warnings, data: None }.with(&data))
 }
 
 /// Reads the cartilage solids that the model names into its meshes; gives the paths of those that are not there.

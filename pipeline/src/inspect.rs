@@ -2,6 +2,7 @@
 
 use crate::alike::firsts;
 use crate::error::BuildError;
+pub use crate::record::records;
 use crate::record::{Failure, Record};
 use crate::stage::list::{folder_name, named};
 use crate::store;
@@ -98,19 +99,6 @@ pub fn build_folder(dir: &Path) -> Result<PathBuf, BuildError> {
             dir.display()
         ))
     })
-}
-
-/// The lines of a build's log.
-pub fn records(build: &Path) -> Result<Vec<Record>, BuildError> {
-    let path = build.join("log.jsonl");
-    store::read_text(&path)?
-        .lines()
-        .enumerate()
-        .map(|(i, line)| {
-            serde_json::from_str(line)
-                .map_err(|e| BuildError::File(format!("{} line {}: {e}; run build-model again", path.display(), i + 1)))
-        })
-        .collect()
 }
 
 /// What stopped the build in `build`, if anything did.

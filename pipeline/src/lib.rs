@@ -46,7 +46,7 @@ pub mod simulate;
 pub(crate) mod stage;
 pub mod stale;
 pub mod store;
-
 mod thin;
+pub mod told;
 pub mod validate;
 pub mod which_model;

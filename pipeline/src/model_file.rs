@@ -1,6 +1,6 @@
 //! model.json and the meshes it names, in and out.
 
-use crate::error::BuildError;
+use crate::error::{BuildError, Place};
 use crate::record::json;
 use crate::store;
 use crate::which_model::{WhichModel, chosen, standing};
@@ -63,12 +63,13 @@ pub fn load_which(path: &Path, which: &WhichModel) -> Result<LoadedModel, BuildE
     let path = chosen(path, which)?;
     let text = store::read_text(&path)?;
     let spec: ModelSpec = serde_json::from_str(&text).map_err(|e| {
-        BuildError::File(format!(
+        let told = format!(
             "{} line {} column {}: {e}; expected a model.json as build-model writes it",
             path.display(),
             e.line(),
             e.column()
-        ))
+        );
+        BuildError::at(Place::in_json(&path, &e), told)
     })?;
     let folder = path.parent().unwrap_or(Path::new("."));
     let mut meshes = BTreeMap::new();
@@ -137,6 +138,15 @@ pub fn moved(spec: &ModelSpec, from: &Path, to: &Path) -> ModelSpec {
     out
 }
 
+/// [`moved`] of the text of a model.json.
+pub fn moved_text(text: &str, from: &Path, to: &Path) -> Result<String, BuildError> {
+    let spec: ModelSpec = serde_json::from_str(text).map_err(|e| {
+        let told = format!("the model as edited: {e}; expected what model.json has, build-model schema model");
+        BuildError::File(told)
+    })?;
+    Ok(String::from_utf8_lossy(&json(&moved(&spec, from, to))).into_owned())
+}
+
 /// The path of `file` from the folder `from`, with forward slashes.
 pub(crate) fn between(from: &Path, file: &Path) -> String {
     let plain = |path: &Path| {
@@ -158,13 +168,11 @@ pub(crate) fn between(from: &Path, file: &Path) -> String {
     up.chain(file[shared..].iter().cloned()).collect::<Vec<_>>().join("/")
 }
 
-/// A warning for a verb that leaves a model's added effects out; empty where there are none.
-pub fn left_out(spec: &ModelSpec, verb: &str) -> String {
+/// A warning for a verb that leaves a model's added effects out; none where there are none.
+pub fn left_out(spec: &ModelSpec, verb: &str) -> Option<String> {
     let names: Vec<&str> = spec.components.iter().filter_map(|c| c["effect"].as_str()).collect();
-    if names.is_empty() {
-        return String::new();
-    }
-    format!("warning: {verb} leaves out what was added to the model: {} (diagnose takes it in)\n", names.join(", "))
+    let told = format!("{verb} leaves out what was added to the model: {} (diagnose takes it in)", names.join(", "));
+    (!names.is_empty()).then_some(told)
 }
 
 /// What a verb takes into its predictions of a model's added effects, and what it leaves out; empty where there are none.

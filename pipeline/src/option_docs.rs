@@ -22,6 +22,8 @@ pub struct OptionDoc {
     pub key: String,
     /// Its default, as TOML writes it.
     pub default: String,
+    /// The same as a value; null where there is none.
+    pub value: serde_json::Value,
     /// Its unit; `-` for a number without one, empty where it is no number.
     pub unit: String,
     /// Where the default comes from: a key of docs/bibliography.bib, or `ours`.
@@ -101,6 +103,7 @@ fn walk(prefix: &str, name: &str, defaults: Option<&Value>, found: &mut Vec<Opti
         found.push(OptionDoc {
             key,
             default: default.map_or("none".to_owned(), Value::to_string),
+            value: default.and_then(|d| serde_json::to_value(d).ok()).unwrap_or_default(),
             unit,
             source,
             meaning,

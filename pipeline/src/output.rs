@@ -1,60 +1,124 @@
-//! `--json` of verbs that print words: the same lines and warnings, for programs.
+//! What is printed where: words on standard output and warnings on standard error; with `--json` data on the one and errors as data on the other.
 
+use crate::error::{BuildError, OUR_FAULT};
 use crate::model_file::MODEL_LINE;
 use crate::store;
+use crate::told::{ErrorTold, Told, schemas};
 use clap::{Arg, ArgAction, ArgMatches, Command};
-use serde_json::{Value, json};
+use schemars::JsonSchema;
+use serde::Serialize;
+use serde_json::Value;
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 /// The id of the flag, which is not that of a verb's own `--json`.
-const ID: &str = "output_as_json";
-/// Verbs without the flag: a schema is JSON, a script and a manual are for others than people.
+const JSON: &str = "output_as_json";
+/// The same of `--quiet`.
+const QUIET: &str = "print_nothing";
+/// Verbs without the flags: a schema is JSON, a script and a manual are for others than people.
 const OTHERS: [&str; 4] = ["schema", "completions", "man", "help"];
 
-/// Gives `--json` to every verb that has none of its own.
-pub fn with_json(command: Command) -> Command {
+/// Gives `--json` and `--quiet` to every verb that has none of its own.
+pub fn with_flags(command: Command) -> Command {
     command.mut_subcommands(|verb| {
         if verb.has_subcommands() {
-            return with_json(verb);
+            return with_flags(verb);
         }
-        let own = verb.get_arguments().any(|a| a.get_long() == Some("json"));
-        if own || OTHERS.contains(&verb.get_name()) {
+        if OTHERS.contains(&verb.get_name()) {
             return verb;
         }
-        verb.arg(Arg::new(ID).long("json").action(ArgAction::SetTrue).help("Print its output as JSON"))
+        let flags = [
+            (JSON, "json", "Print its output as JSON, and errors as JSON on standard error"),
+            (QUIET, "quiet", "Print nothing but errors"),
+        ];
+        flags.into_iter().fold(verb, |verb, (id, long, help)| {
+            if verb.get_arguments().any(|a| a.get_long() == Some(long)) {
+                return verb;
+            }
+            verb.arg(Arg::new(id).long(long).action(ArgAction::SetTrue).help(help))
+        })
     })
 }
 
-/// A verb whose output is wanted as JSON.
+/// How the output of a verb is wanted.
+#[derive(Clone, Debug, Default)]
 pub struct Asked {
     verb: String,
     out: Option<PathBuf>,
+    json: bool,
+    quiet: bool,
 }
 
-/// The verb, where `--json` was given to one that has none of its own.
-pub fn asked(matches: &ArgMatches) -> Option<Asked> {
-    let (verb, inner) = matches.subcommand()?;
-    if let Some(asked) = asked(inner) {
-        return Some(Asked { verb: format!("{verb} {}", asked.verb), ..asked });
+/// What was asked of the output, for a verb that does not see to it itself.
+pub fn asked(matches: &ArgMatches) -> Asked {
+    let Some((verb, inner)) = matches.subcommand() else { return Asked::default() };
+    let within = asked(inner);
+    if !within.verb.is_empty() {
+        return Asked { verb: format!("{verb} {}", within.verb), ..within };
     }
-    let flag = inner.try_get_one::<bool>(ID).ok().flatten().copied().unwrap_or(false);
+    let flag = |id: &str| inner.try_get_one::<bool>(id).ok().flatten().copied().unwrap_or(false);
     let out = inner.try_get_one::<PathBuf>("out").ok().flatten().cloned();
-    flag.then(|| Asked { verb: verb.to_owned(), out })
+    Asked { verb: verb.to_owned(), out, json: flag(JSON), quiet: flag(QUIET) || flag("quiet") }
 }
 
-/// What a verb printed, as JSON: `{"schema": "output/1", "verb", "models": [..], "warnings": [..], "lines": [..]}`, lines as they would be printed,
-/// those that name the models of the answer apart; `diagnose` with what it wrote to diagnosis.json (or atlas.json) under `result`.
-pub fn as_json(asked: &Asked, text: &str) -> String {
-    let (warnings, lines): (Vec<&str>, Vec<&str>) = text.lines().partition(|l| l.starts_with("warning: "));
-    let warnings: Vec<&str> = warnings.iter().map(|w| w.trim_start_matches("warning: ")).collect();
-    let models: Vec<&str> = lines.iter().filter_map(|l| l.strip_prefix(MODEL_LINE)).collect();
-    let mut value =
-        json!({"schema": "output/1", "verb": asked.verb, "models": models, "warnings": warnings, "lines": lines});
-    let written = asked.out.as_deref().filter(|_| asked.verb == "diagnose").and_then(result);
-    if let Some(result) = written {
-        value["result"] = result;
+/// Whether the words of a command line ask for JSON; told of a line that cannot be read, too.
+pub fn wants_json(words: &[OsString]) -> bool {
+    words.iter().any(|w| w == "--json")
+}
+
+/// `--json` of a verb that has its words only.
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+pub struct Output {
+    /// output/1
+    schema: &'static str,
+    /// The verb.
+    verb: String,
+    /// The lines that name the models of the answer.
+    models: Vec<String>,
+    /// What is odd.
+    warnings: Vec<String>,
+    /// Its lines, as they would be printed.
+    lines: Vec<String>,
+    /// Of `diagnose`: diagnosis.json, or atlas.json.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    result: Option<Value>,
+}
+
+/// Version of [`Output`].
+pub const OUTPUT: &str = "output/1";
+
+/// What goes to standard output, and what to standard error.
+pub fn streams(asked: &Asked, told: &Told) -> (String, String) {
+    match (asked.json, asked.quiet) {
+        (true, _) => (as_json(asked, told), String::new()),
+        (false, true) => (String::new(), String::new()),
+        (false, false) => (told.words.clone(), told.warning_lines()),
     }
-    let mut text = serde_json::to_string_pretty(&value).unwrap_or_default();
+}
+
+/// All that a caller in the same process is told, in one text.
+pub fn text(asked: &Asked, told: &Told) -> String {
+    if asked.json { as_json(asked, told) } else { told.all_lines() }
+}
+
+fn as_json(asked: &Asked, told: &Told) -> String {
+    let lines = || told.words.lines().map(str::to_owned);
+    let value = told.data.clone().or_else(|| {
+        serde_json::to_value(Output {
+            schema: OUTPUT,
+            verb: asked.verb.clone(),
+            models: lines().filter_map(|l| l.strip_prefix(MODEL_LINE).map(str::to_owned)).collect(),
+            warnings: told.warnings.clone(),
+            lines: lines().collect(),
+            result: asked.out.as_deref().filter(|_| asked.verb == "diagnose").and_then(result),
+        })
+        .ok()
+    });
+    pretty(&value)
+}
+
+fn pretty(value: &impl Serialize) -> String {
+    let mut text = serde_json::to_string_pretty(value).unwrap_or_default();
     text.push('\n');
     text
 }
@@ -65,26 +129,88 @@ fn result(out: &Path) -> Option<Value> {
     serde_json::from_str(&store::read_text(&place).ok()?).ok()
 }
 
+/// An error as JSON.
+pub fn error_as_json(error: &BuildError) -> String {
+    let place = error.place();
+    pretty(&ErrorTold {
+        schema: schemas::ERROR,
+        code: error.code(),
+        status: error.exit_status(),
+        message: error.to_string(),
+        stage: error.stopped_at().map(str::to_owned),
+        file: place.map(|p| p.file.clone()),
+        row: place.and_then(|p| p.row),
+        column: place.and_then(|p| p.column.clone()),
+        advice: advice(error.code()),
+    })
+}
+
+/// A fault of this program as JSON.
+pub fn fault_as_json(what: &str) -> String {
+    pretty(&ErrorTold {
+        schema: schemas::ERROR,
+        code: "internal",
+        status: OUR_FAULT,
+        message: format!("internal error, please report it: {what}"),
+        stage: None,
+        file: None,
+        row: None,
+        column: None,
+        advice: advice("internal"),
+    })
+}
+
+/// What a kind of fault asks for.
+fn advice(code: &str) -> &'static str {
+    match code {
+        "stage" => "correct what the message names, and build again; finished stages are kept",
+        "machine" => "see to the disk, the rights or the lock, and run the same command again",
+        "option" => "correct the option; build-model options lists all with their meaning",
+        "usage" => "see --help of the command",
+        "internal" => "report it, with the command and its input",
+        _ => "correct the file, and run the same command again",
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::error::Place;
+    use serde_json::json;
 
     #[test]
     fn warnings_are_apart_from_the_rest() {
-        let asked = Asked { verb: "simulate".into(), out: None };
-        let value: Value = serde_json::from_str(&as_json(&asked, "warning: a: odd\n2 rows in b\n")).unwrap();
-        assert_eq!(value["warnings"], json!(["a: odd"]));
-        assert_eq!(value["lines"], json!(["2 rows in b"]));
+        let told = Told::lines("warning: a: odd\n2 rows in b\n");
+        let asked = |json, quiet| Asked { verb: "init".into(), json, quiet, out: None };
+        assert_eq!(streams(&asked(false, false), &told), ("2 rows in b\n".into(), "warning: a: odd\n".into()));
+        assert_eq!(streams(&asked(false, true), &told), (String::new(), String::new()));
+        let (out, err) = streams(&asked(true, true), &told);
+        let value: Value = serde_json::from_str(&out).unwrap();
+        assert_eq!((&value["warnings"], &value["lines"]), (&json!(["a: odd"]), &json!(["2 rows in b"])));
+        assert!(err.is_empty());
     }
 
     #[test]
-    fn every_verb_takes_the_flag() {
+    fn every_verb_takes_the_flags() {
         let all = crate::cli::command();
         let mut seen = 0;
         for verb in all.get_subcommands().filter(|v| !OTHERS.contains(&v.get_name()) && !v.has_subcommands()) {
-            assert!(verb.get_arguments().any(|a| a.get_long() == Some("json")), "{}", verb.get_name());
+            for flag in ["json", "quiet"] {
+                assert!(verb.get_arguments().any(|a| a.get_long() == Some(flag)), "{} --{flag}", verb.get_name());
+            }
             seen += 1;
         }
         assert!(seen > 10);
+    }
+
+    #[test]
+    fn an_error_tells_its_parts() {
+        let place = Place { file: "a.csv".into(), row: Some(3), column: Some("load_ap_n".into()) };
+        let value: Value = serde_json::from_str(&error_as_json(&BuildError::at(place, "odd".into()))).unwrap();
+        assert_eq!(
+            [&value["file"], &value["row"], &value["column"]],
+            [&json!("a.csv"), &json!(3), &json!("load_ap_n")]
+        );
+        assert_eq!([&value["code"], &value["status"], &value["message"]], [&json!("file"), &json!(1), &json!("odd")]);
     }
 }

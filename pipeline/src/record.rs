@@ -1,6 +1,9 @@
 //! What a build keeps of each stage.
 
+use crate::error::BuildError;
+use crate::store;
 use serde::{Deserialize, Serialize};
+use std::path::Path;
 
 /// A line of log.jsonl.
 #[derive(Clone, Debug, Serialize, Deserialize, schemars::JsonSchema)]
@@ -31,6 +34,19 @@ pub struct Failure {
     pub stage: String,
     /// Why, and what to do.
     pub message: String,
+}
+
+/// The lines of a build's log.
+pub fn records(build: &Path) -> Result<Vec<Record>, BuildError> {
+    let path = build.join("log.jsonl");
+    store::read_text(&path)?
+        .lines()
+        .enumerate()
+        .map(|(i, line)| {
+            serde_json::from_str(line)
+                .map_err(|e| BuildError::File(format!("{} line {}: {e}; run build-model again", path.display(), i + 1)))
+        })
+        .collect()
 }
 
 /// The records of stages that are what the last run made or found unchanged.

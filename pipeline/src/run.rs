@@ -47,7 +47,8 @@ pub fn run(args: &BuildArgs) -> Result<String, BuildError> {
         return Ok(format!("Nothing is built in {} yet: every stage would run\n", out.display()));
     }
     let folder = BuildFolder::open(&out)?;
-    let mut log = RunLog::new(&folder, &options, range, Progress::new(args.quiet, STAGES.len()));
+    let progress = Progress::new(args.quiet, expected(&file, &options, args.to.as_deref()));
+    let mut log = RunLog::new(&folder, &options, range, progress);
     if args.plan {
         return planned(build_model(&file, &raw, &mut log), &log.records, args.json);
     }
@@ -73,6 +74,19 @@ pub fn run(args: &BuildArgs) -> Result<String, BuildError> {
     } else {
         closing_words(&out, (&records, &read), page)
     })
+}
+
+/// How many stages a build will go through; `register` is left out only by a specimen that ingest has read.
+fn expected(file: &SpecimenFile, options: &BuildOptions, to: Option<&str>) -> usize {
+    let goes_through = |stage: &str| match stage {
+        "segment" => file.ct.volume.is_some(),
+        "contact-law" => options.contact_law.fit,
+        "calibrate" | "validate" => !file.laxity.is_empty(),
+        "diagnose" => !file.laxity.is_empty() && options.diagnose.run,
+        _ => true,
+    };
+    let last = to.and_then(|to| names().iter().position(|n| *n == to)).unwrap_or(STAGES.len() - 1);
+    names()[..=last].iter().filter(|stage| goes_through(stage)).count()
 }
 
 /// The words of a plan: which stages would run; as JSON, the log's lines as they would be, those that would run with `cached` false.
@@ -107,7 +121,7 @@ fn kept(out: &Path) -> String {
 /// What is kept of the error that stopped a build.
 fn failure(error: &BuildError) -> Failure {
     match error {
-        BuildError::Stage { stage, message } => Failure { stage: (*stage).to_owned(), message: message.clone() },
+        BuildError::Stage { stage, message, .. } => Failure { stage: (*stage).to_owned(), message: message.clone() },
         other => Failure { stage: "input".into(), message: other.to_string() },
     }
 }

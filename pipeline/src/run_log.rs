@@ -5,7 +5,7 @@ use crate::kept::{Inputs, Kept};
 use crate::options::BuildOptions;
 use crate::progress::Progress;
 use crate::record::{Record, hash, json};
-use crate::stage::list::{folder_name, names};
+use crate::stage::list::{Diagnose, folder_name, names};
 use crate::stage::{Files, Reported, Stage, VALUE, Work, parts, section};
 use crate::store::{self, BuildFolder};
 use serde::{Deserialize, Serialize};
@@ -107,7 +107,7 @@ impl<'a> RunLog<'a> {
             parts::discard(self.folder, S::NAME);
         }
         let work = Work { folder: self.folder, tell: &self.progress.teller(), stage: (S::NAME, &key) };
-        let value = S::run(inputs, options, &work).map_err(|e| BuildError::stage(S::NAME, e))?;
+        let value = S::run(inputs, options, &work).map_err(|e| BuildError::of_stage(S::NAME, &e))?;
         let kept = self.keep::<S>(key, value, inputs)?;
         parts::discard(self.folder, S::NAME);
         let seconds = start.elapsed().as_secs_f64();
@@ -166,23 +166,23 @@ impl<'a> RunLog<'a> {
         }
     }
 
-    /// The end of a run: every line of the log. What earlier runs left and this one did not come to is outdated, unless it went through and all that
-    /// was made is as it was.
+    /// The end of a run: every line of the log. What earlier runs left and this one did not come to is outdated. Of a run that went through and made
+    /// all as it was, a stage that runs only where it is asked for is not.
     pub fn settled(&mut self, stopped: bool) -> Result<Vec<Record>, BuildError> {
-        let same = |r: &Record| r.outdated || self.earlier.get(&r.stage).is_some_and(|e| e.digest == r.digest);
-        let outdated = stopped || self.records.iter().any(|r| r.outdated) || !self.records.iter().all(same);
-        let all = self.with_left(outdated);
+        let same = |r: &Record| self.earlier.get(&r.stage).is_some_and(|e| e.digest == r.digest);
+        let as_it_was = !stopped && self.records.iter().all(|r| !r.outdated && same(r));
+        let all = self.with_left(|stage| !(as_it_was && stage == Diagnose::NAME));
         self.write(&all)?;
         Ok(all)
     }
 
     /// The records of this run and those of other stages that have a folder, in the order of the stages.
-    fn with_left(&self, outdated: bool) -> Vec<Record> {
+    fn with_left(&self, outdated: impl Fn(&str) -> bool) -> Vec<Record> {
         let here = |stage: &str| self.records.iter().find(|r| r.stage == stage).cloned();
         let left = |stage: &str| {
             let record = self.earlier.get(stage)?;
             let there = store::is_folder(&self.folder.path().join(folder_name(stage)));
-            there.then(|| Record { cached: true, outdated: outdated || record.outdated, ..record.clone() })
+            there.then(|| Record { cached: true, outdated: outdated(stage) || record.outdated, ..record.clone() })
         };
         names().into_iter().filter_map(|stage| here(stage).or_else(|| left(stage))).collect()
     }
@@ -219,7 +219,7 @@ impl<'a> RunLog<'a> {
             return Ok(());
         }
         // until it is looked at, what an earlier run left is not known to be this run's
-        self.write(&self.with_left(true))
+        self.write(&self.with_left(|_| true))
     }
 
     fn write(&self, records: &[Record]) -> Result<(), BuildError> {

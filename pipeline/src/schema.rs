@@ -1,7 +1,9 @@
 //! `schema`: what other programs may rely on in the files that the program writes, generated from the types that write them.
 
 use crate::error::BuildError;
+use crate::output::{OUTPUT, Output};
 use crate::record::Record;
+use crate::told::{CalibrateTold, ErrorTold, ExportTold, SimulateTold, ValidateTold, schemas};
 use schemars::{JsonSchema, schema_for};
 use serde_json::Value;
 
@@ -14,7 +16,7 @@ struct Entry {
     make: fn() -> Value,
 }
 
-const ALL: [Entry; 4] = [
+const ALL: [Entry; 10] = [
     Entry { name: "model", version: "model/1", what: "model.json", make: made::<sim::spec::ModelSpec> },
     Entry {
         name: "diagnosis",
@@ -29,6 +31,12 @@ const ALL: [Entry; 4] = [
         make: made::<calibration::samples::Samples>,
     },
     Entry { name: "log", version: "log/1", what: "a line of log.jsonl", make: made::<Record> },
+    Entry { name: "simulate", version: schemas::SIMULATE, what: "simulate --json", make: made::<SimulateTold> },
+    Entry { name: "calibrate", version: schemas::CALIBRATE, what: "calibrate --json", make: made::<CalibrateTold> },
+    Entry { name: "validate", version: schemas::VALIDATE, what: "validate --json", make: made::<ValidateTold> },
+    Entry { name: "export", version: schemas::EXPORT, what: "export --json", make: made::<ExportTold> },
+    Entry { name: "output", version: OUTPUT, what: "--json of a verb that has words only", make: made::<Output> },
+    Entry { name: "error", version: schemas::ERROR, what: "an error, with --json", make: made::<ErrorTold> },
 ];
 
 fn made<T: JsonSchema>() -> Value {
@@ -36,7 +44,7 @@ fn made<T: JsonSchema>() -> Value {
 }
 
 /// The names of the schemas.
-pub fn names() -> [&'static str; 4] {
+pub fn names() -> [&'static str; 10] {
     ALL.map(|e| e.name)
 }
 

@@ -1,9 +1,12 @@
 //! `simulate`: what a model answers to laxity trials or to a protocol.
 
 use crate::bands::{self, Asking};
-use crate::error::BuildError;
+use crate::error::{BuildError, Place};
+use crate::model_file::{self, LoadedModel};
+use crate::store;
+use crate::told::{Flagged, ModelTold, SimulateTold, Told, schemas};
 use crate::which_model::WhichModel;
-use crate::{model_file, store};
+use calibration::samples::Samples;
 use clap::Args;
 use rayon::prelude::*;
 use sim::Model;
@@ -12,6 +15,7 @@ use sim::laxity::{self, LaxityTrial, TrialResult};
 use sim::protocols::{self, Protocol, ProtocolOptions};
 use sim::trials::{TrialOptions, solve_trials};
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 /// `build-model simulate`.
 #[derive(Args, Clone, Debug)]
@@ -77,29 +81,92 @@ pub enum Solver {
     Explicit,
 }
 
-/// Runs the trials or the protocol and writes the results; gives the words to print.
-pub fn simulate(args: &SimulateArgs) -> Result<String, BuildError> {
+/// A model that is ready to answer: read and compiled once, for any number of calls.
+pub struct Compiled {
+    loaded: LoadedModel,
+    model: Model,
+    /// Samples beside it, and what to say of them; read by the first call that asks for intervals.
+    samples: OnceLock<(Option<Samples>, Vec<String>)>,
+}
+
+impl Compiled {
+    /// The model that `path` means, and its surfaces.
+    pub fn read(path: &Path, which: &WhichModel) -> Result<Compiled, BuildError> {
+        let loaded = model_file::load_which(path, which)?;
+        let fault = |e: sim::SimError| BuildError::at(Place::of(path), format!("{}: {e}", path.display()));
+        let model = sim::compile(&loaded.spec, &loaded.meshes).map_err(fault)?;
+        Ok(Compiled { loaded, model, samples: OnceLock::new() })
+    }
+
+    /// The samples beside the model.
+    fn samples(&self) -> Result<&(Option<Samples>, Vec<String>), BuildError> {
+        if let Some(known) = self.samples.get() {
+            return Ok(known);
+        }
+        let read = bands::of(&self.loaded)?;
+        Ok(self.samples.get_or_init(|| read))
+    }
+}
+
+/// The results of a simulation as a CSV file, and what is told of them.
+pub struct Answered {
+    /// The file.
+    pub csv: Vec<u8>,
+    /// Words, warnings, data.
+    pub told: Told,
+}
+
+/// Runs the trials or the protocol and writes the results.
+pub fn simulate(args: &SimulateArgs) -> Result<Told, BuildError> {
     if let Some(jobs) = args.jobs {
         // A second call in one process keeps the first pool; results do not depend on it.
         let _ = rayon::ThreadPoolBuilder::new().num_threads(jobs.into()).build_global();
     }
-    let (trials, mut text) = match &args.trials {
-        Some(path) => read_trials(path)?,
-        None => (Vec::new(), String::new()),
+    // a fault of the trials is told before a model is compiled for them
+    let trials = args.trials.as_deref().map(read_trials).transpose()?;
+    let compiled = Compiled::read(&args.model, &args.which)?;
+    let mut answered = answers_to(&compiled, trials, args)?;
+    store::write(&args.out, &answered.csv)?;
+    answered.told.line(&format!("{} in {}", rows(&answered.told), args.out.display()));
+    Ok(answered.told)
+}
+
+/// "12 rows".
+fn rows(told: &Told) -> String {
+    let n = told.data.as_ref().and_then(|d| d["rows"].as_u64()).unwrap_or(0);
+    format!("{n} row{}", if n == 1 { "" } else { "s" })
+}
+
+/// What a compiled model answers; nothing is written.
+pub fn answered(compiled: &Compiled, args: &SimulateArgs) -> Result<Answered, BuildError> {
+    let trials = args.trials.as_deref().map(read_trials).transpose()?;
+    answers_to(compiled, trials, args)
+}
+
+fn answers_to(
+    compiled: &Compiled,
+    trials: Option<(Vec<LaxityTrial>, Vec<String>)>,
+    args: &SimulateArgs,
+) -> Result<Answered, BuildError> {
+    let (trials, mut warnings) = trials.unwrap_or_default();
+    let loaded = &compiled.loaded;
+    let mut words = loaded.line() + &model_file::taken_in(&loaded.spec, args.read_as.as_deref())?;
+    let fault = |e: &dyn std::fmt::Display| {
+        let file = &loaded.file;
+        BuildError::at(Place::of(file), format!("{}: {e}", file.display()))
     };
-    let loaded = model_file::load_which(&args.model, &args.which)?;
-    text = loaded.line() + &text;
-    text += &model_file::taken_in(&loaded.spec, args.read_as.as_deref())?;
-    let fault = |e: sim::SimError| BuildError::File(format!("{}: {e}", args.model.display()));
-    let model = sim::compile(&loaded.spec, &loaded.meshes).map_err(fault)?;
-    let model = model.without(&args.without).map_err(|e| BuildError::Usage(format!("--without: {e}")))?;
+    let cut = if args.without.is_empty() {
+        None
+    } else {
+        Some(compiled.model.without(&args.without).map_err(|e| BuildError::Usage(format!("--without: {e}")))?)
+    };
+    let model = cut.as_ref().unwrap_or(&compiled.model);
     let names = model.bundle_names();
     let mut results = match args.protocol {
-        Some(protocol) => run_protocol(&model, protocol, args).map_err(fault)?,
-        None => answers(&model, &trials, args.solver).map_err(fault)?,
+        Some(protocol) => run_protocol(model, protocol, args).map_err(|e| fault(&e))?,
+        None => answers(model, &trials, args.solver).map_err(|e| fault(&e))?,
     };
-    diagnosis::predict::apply(&model, &loaded.spec, args.read_as.as_deref(), &mut results)
-        .map_err(|e| BuildError::File(format!("{}: {e}", args.model.display())))?;
+    diagnosis::predict::apply(model, &loaded.spec, args.read_as.as_deref(), &mut results).map_err(|e| fault(&e))?;
     let pivot = args.protocol == Some(ProtocolName::PivotShift);
     let asking = Asking {
         bundles: &names,
@@ -107,16 +174,59 @@ pub fn simulate(args: &SimulateArgs) -> Result<String, BuildError> {
         most: args.samples,
         dislocation_ap_mm: pivot.then_some(ProtocolOptions::default().pivot_dislocation_ap_mm),
     };
-    text += &bands::add(&loaded, &mut results, &asking)?;
+    let by = banded(compiled, &mut results, &asking, (&mut words, &mut warnings))?;
     let csv = match args.protocol {
         Some(_) => laxity::protocol_csv(&names, &results),
         None => laxity::results_csv(&names, &results),
     };
-    store::write(&args.out, &of_model(&csv, &loaded)?)?;
-    for r in results.iter().filter(|r| !r.flags.is_empty()) {
-        text += &format!("warning: {}: {}\n", r.trial.trial, r.flags.join("; "));
+    let csv = of_model(&csv, loaded)?;
+    let told = told(loaded, &results, (&csv, args), by, (words, warnings));
+    Ok(Answered { csv, told })
+}
+
+/// Gives results their intervals where the model has samples; gives by how many.
+fn banded(
+    compiled: &Compiled,
+    results: &mut [TrialResult],
+    asking: &Asking,
+    (words, warnings): (&mut String, &mut Vec<String>),
+) -> Result<usize, BuildError> {
+    bands::sum_up(results, asking.bundles);
+    if asking.most == 0 {
+        return Ok(0);
     }
-    Ok(text + &format!("{} rows in {}\n", results.len(), args.out.display()))
+    let (samples, odd) = compiled.samples()?;
+    warnings.extend(odd.iter().cloned());
+    let Some(samples) = samples else { return Ok(0) };
+    let banded = bands::by(samples, &compiled.loaded, results, asking);
+    *words += &banded.words;
+    warnings.extend(banded.warnings);
+    Ok(banded.samples)
+}
+
+/// What is told of results.
+fn told(
+    loaded: &LoadedModel,
+    results: &[TrialResult],
+    (csv, args): (&[u8], &SimulateArgs),
+    samples: usize,
+    (words, mut warnings): (String, Vec<String>),
+) -> Told {
+    let header = String::from_utf8_lossy(csv.split(|b| *b == b'\n').next().unwrap_or_default()).into_owned();
+    let odd = results.iter().filter(|r| !r.flags.is_empty());
+    let flagged: Vec<Flagged> = odd.map(|r| Flagged { trial: r.trial.trial.clone(), flags: r.flags.clone() }).collect();
+    warnings.extend(flagged.iter().map(|f| format!("{}: {}", f.trial, f.flags.join("; "))));
+    let data = SimulateTold {
+        schema: schemas::SIMULATE,
+        model: ModelTold::of(loaded),
+        file: args.out.display().to_string(),
+        rows: results.len(),
+        columns: header.split(',').map(str::to_owned).collect(),
+        samples,
+        flagged,
+        warnings: warnings.clone(),
+    };
+    Told { words, warnings, data: None }.with(&data)
 }
 
 /// A results file with a last column that names the model.
@@ -168,9 +278,9 @@ fn run_protocol(model: &Model, protocol: ProtocolName, args: &SimulateArgs) -> R
 }
 
 /// The trials of a file, and its warnings.
-fn read_trials(path: &Path) -> Result<(Vec<laxity::LaxityTrial>, String), BuildError> {
-    let bytes = store::read(path)?;
-    let table = laxity::read(&bytes).map_err(|e| BuildError::File(format!("{}: {e}", path.display())))?;
-    let text = table.warnings.iter().map(|w| format!("warning: {}: {w}\n", path.display())).collect();
-    Ok((table.trials, text))
+fn read_trials(path: &Path) -> Result<(Vec<LaxityTrial>, Vec<String>), BuildError> {
+    let (bytes, name) = (store::read(path)?, path.display().to_string());
+    let table =
+        laxity::read(&bytes).map_err(|e| BuildError::at(Place::in_laxity(&name, &e), format!("{name}: {e}")))?;
+    Ok((table.trials, table.warnings.iter().map(|w| format!("{name}: {w}")).collect()))
 }

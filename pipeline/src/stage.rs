@@ -31,7 +31,7 @@ pub(crate) use layers::{bone_layers, ct_layers};
 pub(crate) use validate::on_paper;
 pub(crate) use values::Values;
 
-use crate::error::BuildError;
+use crate::error::{BuildError, Fault};
 use crate::kept::Inputs;
 use crate::options::BuildOptions;
 use crate::report::chart::Chart;
@@ -116,7 +116,7 @@ pub(crate) trait Stage: Sync + 'static {
     /// What it makes.
     type Value: Serialize + DeserializeOwned + Reported + 'static;
     /// What it says where it cannot go on.
-    type Fault: ToString;
+    type Fault: Fault;
 
     /// Its section of the options.
     fn options(all: &BuildOptions) -> &Self::Options;

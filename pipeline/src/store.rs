@@ -1,10 +1,11 @@
 //! The one door to the file system.
 #![expect(clippy::disallowed_methods, reason = "the one door to the file system")]
 
+pub mod given;
 #[cfg(feature = "fetch")]
 pub mod part;
 
-use crate::error::BuildError;
+use crate::error::{BuildError, Place};
 use crate::quoted::quoted;
 use sim::names::did_you_mean;
 use stages::specimen::{RawSpecimen, SpecimenFile};
@@ -18,9 +19,13 @@ const LARGEST_FILE: u64 = 2 << 30;
 
 /// Reads a file whole; refuses one beyond [`LARGEST_FILE`].
 pub fn read(path: &Path) -> Result<Vec<u8>, BuildError> {
-    let wrong = |why: String| BuildError::File(format!("cannot read {}: {why}", path.display()));
-    let failed =
-        |e: std::io::Error| fault(&e, format!("cannot read {}: {}{}", path.display(), words(&e), near_file(path, &e)));
+    if let Some(bytes) = given::bytes(path) {
+        return Ok(bytes);
+    }
+    let wrong = |why: String| BuildError::at(Place::of(path), format!("cannot read {}: {why}", path.display()));
+    let failed = |e: std::io::Error| {
+        fault(&e, path, format!("cannot read {}: {}{}", path.display(), words(&e), near_file(path, &e)))
+    };
     let file = File::open(path).map_err(failed)?;
     let metadata = file.metadata().map_err(failed)?;
     if metadata.is_dir() {
@@ -55,7 +60,8 @@ fn near_file(path: &Path, e: &std::io::Error) -> String {
 /// Reads a UTF-8 file.
 pub fn read_text(path: &Path) -> Result<String, BuildError> {
     String::from_utf8(read(path)?).map_err(|e| {
-        BuildError::File(format!("{}: not UTF-8 at byte {}", path.display(), e.utf8_error().valid_up_to()))
+        let told = format!("{}: not UTF-8 at byte {}", path.display(), e.utf8_error().valid_up_to());
+        BuildError::at(Place::of(path), told)
     })
 }
 
@@ -97,7 +103,7 @@ pub fn read_specimen(folder: &Path) -> Result<(SpecimenFile, RawSpecimen), Build
     }
     let toml = read_text(&folder.join("specimen.toml"))?;
     let mut files: BTreeMap<String, Vec<u8>> = BTreeMap::new();
-    let file = stages::ingest::parse_specimen_file(&toml).map_err(|e| BuildError::stage("ingest", e))?;
+    let file = stages::ingest::parse_specimen_file(&toml).map_err(|e| BuildError::of_stage("ingest", &e))?;
     let mut wanted = stages::ingest::paths_of(&file);
     wanted.extend(stages::ingest::OPTIONAL_PATHS.map(String::from));
     while let Some(path) = wanted.pop() {
@@ -152,7 +158,7 @@ pub struct BuildFolder {
 impl BuildFolder {
     /// Opens or makes the folder, takes its lock, and sweeps what an interrupted build left behind.
     pub fn open(root: &Path) -> Result<BuildFolder, BuildError> {
-        let wrong = |e: std::io::Error| fault(&e, format!("cannot write to {}: {}", root.display(), words(&e)));
+        let wrong = |e: std::io::Error| fault(&e, root, format!("cannot write to {}: {}", root.display(), words(&e)));
         in_the_way(root)?;
         fs::create_dir_all(root).map_err(wrong)?;
         let lock = File::options().create(true).truncate(false).write(true).open(root.join(".lock")).map_err(wrong)?;
@@ -181,7 +187,8 @@ impl BuildFolder {
         let result = fs::write(&temporary, bytes).and_then(|()| fs::rename(&temporary, self.root.join(name)));
         result.map_err(|e| {
             remove(&temporary);
-            fault(&e, format!("cannot write {}: {}", self.root.join(name).display(), words(&e)))
+            let place = self.root.join(name);
+            fault(&e, &place, format!("cannot write {}: {}", place.display(), words(&e)))
         })
     }
 
@@ -200,7 +207,7 @@ impl BuildFolder {
         });
         result.map_err(|e| {
             remove(&temporary);
-            fault(&e, format!("cannot write {}: {}", target.display(), words(&e)))
+            fault(&e, &target, format!("cannot write {}: {}", target.display(), words(&e)))
         })
     }
 
@@ -269,7 +276,7 @@ pub fn write_all(folder: &Path, files: &[(String, Vec<u8>)]) -> Result<(), Build
 /// Writes one file whole or not at all, making its folder as needed. A link is followed, `-` is standard output, and a device or a pipe is written to:
 /// nothing that is not a file is replaced by one.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<(), BuildError> {
-    let wrong = |e: std::io::Error| fault(&e, format!("cannot write {}: {}", path.display(), words(&e)));
+    let wrong = |e: std::io::Error| fault(&e, path, format!("cannot write {}: {}", path.display(), words(&e)));
     if is_standard_output(path) {
         return std::io::stdout().write_all(bytes).map_err(wrong);
     }
@@ -314,10 +321,10 @@ fn linked(path: &Path) -> PathBuf {
 const MOST_LINKS: usize = 40;
 
 /// A fault of the file that is named, or, of any other kind, of the machine.
-fn fault(e: &std::io::Error, told: String) -> BuildError {
+fn fault(e: &std::io::Error, path: &Path, told: String) -> BuildError {
     use std::io::ErrorKind::{IsADirectory, NotADirectory, NotFound, UnexpectedEof};
     match e.kind() {
-        NotFound | IsADirectory | NotADirectory | UnexpectedEof => BuildError::File(told),
+        NotFound | IsADirectory | NotADirectory | UnexpectedEof => BuildError::at(Place::of(path), told),
         _ => BuildError::Machine(told),
     }
 }
@@ -325,13 +332,14 @@ fn fault(e: &std::io::Error, told: String) -> BuildError {
 /// The path without links and dots; its folder must exist.
 pub fn absolute(path: &Path) -> Result<PathBuf, BuildError> {
     let path = if path.as_os_str().is_empty() { Path::new(".") } else { path };
-    path.canonicalize().map_err(|e| fault(&e, format!("cannot read {}: {}", path.display(), words(&e))))
+    path.canonicalize().map_err(|e| fault(&e, path, format!("cannot read {}: {}", path.display(), words(&e))))
 }
 
 /// Makes a folder and those above it; gives it without links and dots.
 pub fn make_folder(path: &Path) -> Result<PathBuf, BuildError> {
     in_the_way(path)?;
-    fs::create_dir_all(path).map_err(|e| fault(&e, format!("cannot write to {}: {}", path.display(), words(&e))))?;
+    fs::create_dir_all(path)
+        .map_err(|e| fault(&e, path, format!("cannot write to {}: {}", path.display(), words(&e))))?;
     absolute(path)
 }
 
@@ -342,7 +350,7 @@ pub fn discard(path: &Path) {
 
 /// Whether a path exists.
 pub fn exists(path: &Path) -> bool {
-    path.exists()
+    given::is(path) || path.exists()
 }
 
 /// Whether a path is a folder.

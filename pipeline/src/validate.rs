@@ -6,7 +6,8 @@ use crate::given::read_passive;
 use crate::model_file::{self, LoadedModel};
 use crate::options::{Override, parse_override, resolve};
 use crate::store;
-use crate::which_model::{JOINT, WhichModel};
+use crate::told::{DifferenceTold, ModelTold, Told, ValidateTold, schemas};
+use crate::which_model::{JOINT, WhichModel, of_this_run};
 use calibration::samples::{Samples, group_sums};
 use clap::Args;
 use serde::{Deserialize, Serialize};
@@ -51,8 +52,8 @@ fn named(text: &str) -> Result<(String, PathBuf), String> {
     Ok((name.trim().to_owned(), PathBuf::from(path)))
 }
 
-/// Runs `validate`; gives the words to print.
-pub fn validate(args: &ValidateArgs) -> Result<String, BuildError> {
+/// Runs `validate`.
+pub fn validate(args: &ValidateArgs) -> Result<Told, BuildError> {
     if let Some(jobs) = args.jobs {
         // A second call in one process keeps the first pool; results do not depend on it.
         let _ = rayon::ThreadPoolBuilder::new().num_threads(jobs.into()).build_global();
@@ -65,7 +66,8 @@ pub fn validate(args: &ValidateArgs) -> Result<String, BuildError> {
         .map(|(name, path)| read_passive(name, &path.display().to_string(), &store::read(path)?))
         .collect::<Result<Vec<_>, _>>()?;
     let (mut models, mut text) = (Vec::new(), String::new());
-    for (name, path) in args.models.iter().flat_map(|text| models_of(text, &args.which)) {
+    let named = args.models.iter().map(|text| models_of(text, &args.which)).collect::<Result<Vec<_>, _>>()?;
+    for (name, path) in named.into_iter().flatten() {
         let model = model_file::load_which(&path, &args.which)?;
         text += &model.line();
         if models.iter().any(|(n, m): &(String, model_file::LoadedModel)| *n == name && m.spec.id == model.spec.id) {
@@ -78,7 +80,7 @@ pub fn validate(args: &ValidateArgs) -> Result<String, BuildError> {
     for (name, model) in &models {
         let mut of = source(name, &model.spec, &model.meshes, &options, &mut warnings)?;
         let (samples, told) = bands::of(model)?;
-        warnings.extend(told.lines().map(|w| w.trim_start_matches("warning: ").to_owned()));
+        warnings.extend(told);
         if let Some(samples) = samples {
             band(&mut of, &samples, model, &options, &mut warnings);
         }
@@ -86,24 +88,48 @@ pub fn validate(args: &ValidateArgs) -> Result<String, BuildError> {
     }
     let validation = Validation::new(sources, passive, warnings);
     store::write_all(&store::make_folder(&args.out)?, &files_of(&validation))?;
-    text.extend(validation.warnings.iter().map(|w| format!("warning: {w}\n")));
-    Ok(text + &words(&validation) + &format!("Results are in {}\n", args.out.display()))
+    let data = ValidateTold {
+        schema: schemas::VALIDATE,
+        models: models.iter().map(|(_, model)| ModelTold::of(model)).collect(),
+        folder: args.out.display().to_string(),
+        differences: validation.differences.iter().map(difference).collect(),
+        warnings: validation.warnings.clone(),
+    };
+    let words = text + &words(&validation) + &format!("Results are in {}\n", args.out.display());
+    Ok(Told { words, warnings: validation.warnings, data: None }.with(&data))
+}
+
+fn difference(d: &Difference) -> DifferenceTold {
+    DifferenceTold {
+        a: d.a.clone(),
+        b: d.b.clone(),
+        protocol: d.protocol.to_string(),
+        quantity: d.quantity.to_string(),
+        rmsd: d.rmsd,
+        unit: d.unit.to_string(),
+        published: d.published,
+        note: d.note.to_string(),
+    }
 }
 
 /// The models that an argument names: one, or every calibrated model of a build, the joint one first.
-fn models_of(text: &str, which: &WhichModel) -> Vec<(String, PathBuf)> {
+fn models_of(text: &str, which: &WhichModel) -> Result<Vec<(String, PathBuf)>, BuildError> {
     let (name, path) = name_of(text);
     if which.as_assembled || which.source.is_some() {
-        return vec![(name, path)];
+        return Ok(vec![(name, path)]);
     }
     let named = text.contains('=');
     let folders = [path.join("build/10-calibrate"), path.join("10-calibrate")];
-    let Some(folder) = folders.into_iter().find(|f| store::is_folder(f)) else { return vec![(name, path)] };
+    let Some(folder) = folders.into_iter().find(|f| store::is_folder(f)) else { return Ok(vec![(name, path)]) };
+    let folder = match folder.parent() {
+        Some(build) => of_this_run(build, "calibrate", folder.clone())?,
+        None => folder,
+    };
     let sources = store::list(&folder).into_iter().filter(|s| store::exists(&folder.join(s).join("model.json")));
     let called = |s: &String| if named { format!("{name}-{s}") } else { s.clone() };
     let mut found: Vec<(String, PathBuf)> = sources.map(|s| (called(&s), folder.join(&s).join("model.json"))).collect();
     found.sort_by_key(|(_, file)| !file.ends_with(Path::new(JOINT).join("model.json")));
-    if found.is_empty() { vec![(name, path)] } else { found }
+    Ok(if found.is_empty() { vec![(name, path)] } else { found })
 }
 
 /// `NAME=PATH`, or a path whose last folder is the name.
@@ -170,7 +196,7 @@ pub(crate) fn band(
     ] {
         let asking = Asking { bundles: &bundles, without, most: options.samples, dislocation_ap_mm };
         let told = bands::by(samples, model, rows, &asking);
-        warnings.extend(told.lines().filter_map(|l| l.strip_prefix("warning: ")).map(|w| format!("{}: {w}", of.name)));
+        warnings.extend(told.warnings.iter().map(|w| format!("{}: {w}", of.name)));
     }
 }
 

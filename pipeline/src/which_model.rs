@@ -2,7 +2,7 @@
 //! calibration, else that to the one data set, else the assembled model.
 
 use crate::error::BuildError;
-use crate::record::hash;
+use crate::record::{hash, records};
 use crate::store;
 use clap::Args;
 use sim::spec::ModelSpec;
@@ -45,12 +45,10 @@ pub fn chosen(path: &Path, which: &WhichModel) -> Result<PathBuf, BuildError> {
             path.display()
         )));
     };
-    if which.as_assembled {
-        return Ok(build.join(ASSEMBLED));
-    }
-    match best(build, which.source.as_deref())? {
+    let calibrated = if which.as_assembled { None } else { best(build, which.source.as_deref())? };
+    match calibrated {
         Some(file) => unless_outdated(build, file),
-        None => Ok(build.join(ASSEMBLED)),
+        None => of_this_run(build, "assemble", build.join(ASSEMBLED)),
     }
 }
 
@@ -76,6 +74,19 @@ fn best(build: &Path, source: Option<&str>) -> Result<Option<PathBuf>, BuildErro
     }
 }
 
+/// A model of a build, unless the log says that its stage is of an earlier run: the surfaces it names may be others by now.
+pub(crate) fn of_this_run(build: &Path, stage: &str, file: PathBuf) -> Result<PathBuf, BuildError> {
+    let log = if store::exists(&build.join("log.jsonl")) { records(build)? } else { Vec::new() };
+    if !log.iter().any(|r| r.stage == stage && r.outdated) {
+        return Ok(file);
+    }
+    let assembled = if stage == "assemble" { "" } else { ", or take --as-assembled" };
+    Err(BuildError::File(format!(
+        "{} is of an earlier run, and the build was changed since; build again without --to (build-model build DIR){assembled}",
+        file.display()
+    )))
+}
+
 /// A calibrated model of a build, unless the build's assembled model is another by now.
 fn unless_outdated(build: &Path, file: PathBuf) -> Result<PathBuf, BuildError> {
     let assembled = build.join(ASSEMBLED);
@@ -87,7 +98,7 @@ fn unless_outdated(build: &Path, file: PathBuf) -> Result<PathBuf, BuildError> {
             file.display(),
             assembled.display()
         ))),
-        _ => Ok(file),
+        _ => of_this_run(build, "calibrate", file),
     }
 }
 

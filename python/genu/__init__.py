@@ -23,8 +23,12 @@ Load its model, change a number, calibrate it::
 
 Functions
 ---------
-build, phantom
-    Make a build from a specimen's folder; make a synthetic specimen.
+init, check, phantom
+    Make a specimen's folder, judge its inputs; make a synthetic specimen.
+build, inspect, options
+    Make a build from a specimen's folder; what its stages made; what may be set.
+cohort
+    Many builds on one page and in tables.
 simulate, calibrate, validate, diagnose, export, import_abaqus
     Work with a model.
 read_surface, read_hexahedra, read_table
@@ -34,11 +38,11 @@ run
 
 Classes
 -------
-Build, Model, Surface, Hexahedra, Frames, Calibration, Validation, Diagnosis
+Build, Model, Surface, Hexahedra, Frames, Calibration, Validation, Diagnosis, Check, Specimen, Cohort
 
 Errors
 ------
-GenuError, with ``file``, ``row`` and ``stage``; StageError, InputError, MachineError, OptionError and UsageError are its kinds.
+GenuError, with ``file``, ``row``, ``column`` and ``stage``; StageError, InputError, MachineError, OptionError and UsageError are its kinds.
 
 Only numpy is needed. pandas, trimesh, pyvista, meshio are imported when a function needs them:
 ``pip install "./python[all]"`` in a clone brings them.
@@ -63,6 +67,14 @@ _HOMES = {
     "Calibration": "_verbs",
     "Validation": "_verbs",
     "Diagnosis": "_verbs",
+    "check": "_specimens",
+    "init": "_specimens",
+    "inspect": "_specimens",
+    "options": "_specimens",
+    "cohort": "_specimens",
+    "Check": "_specimens",
+    "Specimen": "_specimens",
+    "Cohort": "_specimens",
     "run": "_call",
     "Build": "_build",
     "Frames": "_build",

@@ -10,6 +10,16 @@ from genu._errors import (
 )
 from genu._meshes import Hexahedra as Hexahedra, Surface as Surface, read_hexahedra as read_hexahedra, read_surface as read_surface
 from genu._model import Model as Model
+from genu._specimens import (
+    Check as Check,
+    Cohort as Cohort,
+    Specimen as Specimen,
+    check as check,
+    cohort as cohort,
+    init as init,
+    inspect as inspect,
+    options as options,
+)
 from genu._tables import read_table as read_table
 from genu._verbs import (
     Calibration as Calibration,

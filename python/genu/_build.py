@@ -5,18 +5,19 @@ from __future__ import annotations
 import json
 import os
 from dataclasses import dataclass, field
-from typing import Any, Optional
+from typing import Any, Literal, Optional
 
 import numpy as np
 
-from genu._call import Path
+from genu._call import as_html, wanted
 from genu._errors import InputError
 from genu._meshes import Hexahedra, Surface, read_hexahedra, read_surface
 from genu._model import Model
 from genu._tables import read_table
+from genu._types import Floats, Path, Stage
 
 
-@dataclass
+@dataclass(eq=False)
 class Frames:
     """Anatomical frames.
 
@@ -32,10 +33,19 @@ class Frames:
         frames.json as it stands.
     """
 
-    femur: np.ndarray
-    tibia: np.ndarray
+    femur: Floats
+    tibia: Floats
     pose: dict[str, float]
     raw: dict[str, Any] = field(repr=False, default_factory=dict)
+
+    def __eq__(self, other: object) -> bool:
+        """Whether frames and pose are the same numbers."""
+        if not isinstance(other, Frames):
+            return NotImplemented
+        same = np.array_equal(self.femur, other.femur) and np.array_equal(self.tibia, other.tibia)
+        return same and self.pose == other.pose
+
+    __hash__ = None  # type: ignore[assignment]  # arrays change
 
 
 class Build:
@@ -68,6 +78,13 @@ class Build:
     def __repr__(self) -> str:
         return f"<genu.Build {self.folder}: {', '.join(self.stages) or 'no stage done'}>"
 
+    def _repr_html_(self) -> str:
+        stages = ", ".join(self.stages) or "none"
+        rows = {"folder": self.folder, "stages": stages, "warnings": sum(map(len, self.warnings.values()))}
+        stopped = {"stopped at": self.failure["stage"]} if self.failure else {}
+        of_earlier = {"of an earlier run": ", ".join(self.outdated)} if self.outdated else {}
+        return as_html("genu.Build", {**rows, **stopped, **of_earlier})
+
     @property
     def log(self) -> list[dict[str, Any]]:
         """The lines of log.jsonl: ``stage``, ``seconds``, ``peak_memory_mib``, ``digest``, ``cached``, ``warnings``, ``metrics``;
@@ -85,6 +102,11 @@ class Build:
         return [r["stage"] for r in self._current]
 
     @property
+    def outdated(self) -> list[str]:
+        """Stages whose folders an earlier run left, made of other inputs or options; :func:`genu.build` makes them anew."""
+        return [r["stage"] for r in self.log if r.get("outdated")]
+
+    @property
     def metrics(self) -> dict[str, dict[str, Any]]:
         """By stage, its figures with dotted names, such as ``metrics["cartilage"]["femur.volume_mm3"]``."""
         return {r["stage"]: _flat(r["metrics"]) for r in self._current}
@@ -98,7 +120,8 @@ class Build:
     def failure(self) -> Optional[dict[str, str]]:
         """What stopped the build, ``stage`` and ``message``; None where nothing did."""
         path = os.path.join(self.folder, "failure.json")
-        return self._json(path) if os.path.isfile(path) else None
+        found: Optional[dict[str, str]] = self._json(path) if os.path.isfile(path) else None
+        return found
 
     @property
     def report(self) -> str:
@@ -107,8 +130,6 @@ class Build:
 
     def summary(self) -> Any:
         """The log as a pandas frame: a row a stage, with seconds, memory [MiB] and the number of warnings."""
-        from genu._call import wanted
-
         rows = [
             {
                 "stage": r["stage"],
@@ -121,7 +142,7 @@ class Build:
         ]
         return wanted("pandas", "tables").DataFrame(rows)
 
-    def path(self, stage: str, *names: str) -> str:
+    def path(self, stage: Stage, *names: str) -> str:
         """The path of a stage's folder, or of a file in it.
 
         Parameters
@@ -142,13 +163,13 @@ class Build:
                 return os.path.join(self.folder, entry, *names)
         raise InputError(f"{self.folder}: stage {stage} has not been run; done are {', '.join(self.stages) or 'none'}")
 
-    def files(self, stage: str) -> list[str]:
+    def files(self, stage: Stage) -> list[str]:
         """The files of a stage, by their paths below its folder, in order."""
         top = self.path(stage)
         found = [os.path.relpath(os.path.join(d, f), top) for d, _, fs in os.walk(top) for f in fs]
         return sorted(f.replace(os.sep, "/") for f in found)
 
-    def surface(self, stage: str, name: str) -> Surface:
+    def surface(self, stage: Stage, name: str) -> Surface:
         """A surface of a stage.
 
         Parameters
@@ -165,7 +186,7 @@ class Build:
         """
         return read_surface(self._one(stage, name, ".ply"))
 
-    def hexahedra(self, name: str, stage: str = "overclosure") -> Hexahedra:
+    def hexahedra(self, name: str, stage: Literal["overclosure", "hexmesh"] = "overclosure") -> Hexahedra:
         """The hexahedra of a cartilage.
 
         Parameters
@@ -182,11 +203,11 @@ class Build:
         """
         return read_hexahedra(self._one(stage, name, ".vtu"))
 
-    def table(self, stage: str, name: str) -> Any:
+    def table(self, stage: Stage, name: str) -> Any:
         """A table of a stage as a pandas frame; ``name`` is the path below its folder without ``.csv``."""
         return read_table(self._one(stage, name, ".csv"))
 
-    def json(self, stage: str, name: str) -> Any:
+    def json(self, stage: Stage, name: str) -> Any:
         """A JSON file of a stage; ``name`` is the path below its folder without ``.json``."""
         return self._json(self._one(stage, name, ".json"))
 
@@ -197,7 +218,7 @@ class Build:
         return Frames(_matrix(raw["femur"]), _matrix(raw["tibia"]), dict(raw["gs_ct_pose"]), raw)
 
     @property
-    def transforms(self) -> dict[str, np.ndarray]:
+    def transforms(self) -> dict[str, Floats]:
         """CT from each scan's frame, 4 x 4 [mm], by bone; of stage ``register``."""
         raw = self.json("register", "transforms")
         return {bone: np.array(t["ct_from_scan"], dtype=np.float64) for bone, t in raw.items() if "ct_from_scan" in t}
@@ -210,8 +231,6 @@ class Build:
     @property
     def sites(self) -> Any:
         """The attachment sites as a pandas frame; ``centroid`` [mm] in the CT frame."""
-        from genu._call import wanted
-
         return wanted("pandas", "tables").DataFrame(self.json("attachments", "sites"))
 
     @property
@@ -236,7 +255,7 @@ class Build:
         """The model calibrated to ``source``, such as ``"kla"`` or ``"joint"``."""
         return Model(self.path("calibrate", source, "model.json"))
 
-    def _one(self, stage: str, name: str, ending: str) -> str:
+    def _one(self, stage: Stage, name: str, ending: str) -> str:
         path = self.path(stage, *name.split("/")) + ending
         if not os.path.isfile(path):
             there = [f[: -len(ending)] for f in self.files(stage) if f.endswith(ending)]
@@ -249,7 +268,7 @@ class Build:
             return json.load(file)
 
 
-def _matrix(frame: dict[str, Any]) -> np.ndarray:
+def _matrix(frame: dict[str, Any]) -> Floats:
     out = np.eye(4)
     out[:3] = np.column_stack([frame[k] for k in ("medial", "anterior", "superior", "origin")])
     return out

@@ -5,33 +5,23 @@ from __future__ import annotations
 import os
 import sys
 from contextlib import contextmanager
-from typing import Any, Callable, Iterator, Mapping, Optional, Sequence, Union
+from typing import TYPE_CHECKING, Any, Callable, Iterator, Mapping, Optional, Sequence
 
 from genu import _errors, _genu
 
-Path = Union[str, "os.PathLike[str]"]
+if TYPE_CHECKING:
+    from genu._types import Path, Progress
 
-# Whether this process was forked from one in which a call was made: the threads of that call are not here.
-_called = False
-_orphan = False
-
-
-def _forked() -> None:
-    global _orphan
-    _orphan = _called
-
-
-if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_forked)
-
-Progress = Union[None, bool, Callable[[str, float, str], Any]]
+Watcher = Callable[[str, float, str], Any]
+# Files in memory, by the paths at which the program finds them.
+Files = dict[str, bytes]
 
 
 def run(*words: Any, jobs: Optional[int] = None, progress: Progress = None) -> str:
     """Run a command line of ``build-model`` in this process.
 
-    Python's lock is not held meanwhile. Ctrl-C stops the work between two steps and raises KeyboardInterrupt;
-    what was finished is kept, and the same call goes on from there.
+    Python's lock is not held meanwhile, and calls from several threads do not disturb each other. Ctrl-C stops the
+    work between two steps and raises KeyboardInterrupt; what was finished is kept, and the same call goes on from there.
 
     Parameters
     ----------
@@ -40,8 +30,8 @@ def run(*words: Any, jobs: Optional[int] = None, progress: Progress = None) -> s
     jobs : int, optional
         Number of threads; all where None. Results do not depend on it.
     progress : callable, True or None
-        Called as ``progress(stage, share, message)`` with the share done, 0 to 1. True draws a bar
-        (by tqdm where it is installed). An exception it raises stops the work.
+        Called as ``progress(stage, share, message)`` with the share done, 0 to 1; the last call has 1. True draws a
+        bar (by tqdm where it is installed). An exception it raises stops this call's work and no other.
 
     Returns
     -------
@@ -53,19 +43,22 @@ def run(*words: Any, jobs: Optional[int] = None, progress: Progress = None) -> s
     GenuError
         One of its kinds, with the command's sentence.
     """
-    global _called
-    if _orphan:
-        raise _errors.UsageError(
-            "this process was forked from one that had called genu, whose threads are not here; "
-            'start processes afresh: multiprocessing.get_context("spawn"), or set_start_method("spawn")'
-        )
-    _called = True
+    return called(words, {}, jobs=jobs, progress=progress)
+
+
+def called(words: Sequence[Any], files: Files, *, jobs: Optional[int] = None, progress: Progress = None) -> str:
+    """:func:`run` with files in memory."""
     with watching(progress) as watcher:
-        return _genu.call([os.fspath(w) if hasattr(w, "__fspath__") else str(w) for w in words], _errors.made, jobs, watcher)
+        return _genu.call(spoken(words), _errors.made, (jobs, watcher), files)
+
+
+def spoken(words: Sequence[Any]) -> list[str]:
+    """The words as text."""
+    return [os.fspath(w) if hasattr(w, "__fspath__") else str(w) for w in words]
 
 
 @contextmanager
-def watching(progress: Progress) -> Iterator[Optional[Callable[[str, float, str], Any]]]:
+def watching(progress: Progress) -> Iterator[Optional[Watcher]]:
     """The callback of ``progress``; a bar where it is True."""
     if progress is None or progress is False:
         yield None
@@ -79,9 +72,9 @@ def watching(progress: Progress) -> Iterator[Optional[Callable[[str, float, str]
 
 
 @contextmanager
-def _bar() -> Iterator[Callable[[str, float, str], Any]]:
+def _bar() -> Iterator[Watcher]:
     try:
-        from tqdm.auto import tqdm
+        from tqdm.auto import tqdm  # type: ignore[import-untyped,import-not-found,unused-ignore]
     except ImportError:
         def line(stage: str, share: float, message: str) -> None:
             print(f"{100 * share:3.0f} %  {stage}: {message}", file=sys.stderr)
@@ -100,6 +93,11 @@ def _bar() -> Iterator[Callable[[str, float, str], Any]]:
 def absolute(path: Path) -> str:
     """The path, so that no word of it is taken for a verb or an option."""
     return os.path.abspath(os.fspath(path))
+
+
+def names(given: Any) -> list[str]:
+    """Names as a list; a text is one name and not its letters."""
+    return [given] if isinstance(given, str) else [str(name) for name in given]
 
 
 def settings(options: Optional[Mapping[str, Any]], stage: Optional[str] = None) -> list[str]:
@@ -141,3 +139,11 @@ def wanted(module: str, extra: str) -> Any:
         return importlib.import_module(module)
     except ImportError as error:
         raise ImportError(f'{module} is needed here and not installed: in a clone, pip install "./python[{extra}]"') from error
+
+
+def as_html(title: str, rows: Mapping[str, Any]) -> str:
+    """A small table of HTML, as notebooks show an object."""
+    from html import escape
+
+    cells = "".join(f"<tr><th style='text-align:left'>{escape(k)}</th><td>{escape(str(v))}</td></tr>" for k, v in rows.items())
+    return f"<table><caption>{escape(title)}</caption>{cells}</table>"

@@ -9,6 +9,9 @@ _ROW = re.compile(r"\b(?:line|row)\s+(\d+)\b")
 # A path stands in front of what is wrong with it, after "cannot read" or the stage's name.
 _FILE = re.compile(r"(?:^|cannot (?:read|write) |names |\s)((?:[A-Za-z]:)?[^\s:,;\"']*\.[A-Za-z][A-Za-z0-9.]{0,8})(?=$|[\s:,;\"'])")
 
+# File, row and column, as far as they are known.
+Place = tuple[Optional[str], Optional[int], Optional[str]]
+
 
 class GenuError(Exception):
     """Why a command cannot go on, in one sentence: which file, what was expected, what to do.
@@ -16,21 +19,25 @@ class GenuError(Exception):
     Attributes
     ----------
     file : str or None
-        The file at fault, as the sentence names it.
+        The file at fault; ``"trials"`` and so on where a table was given from memory.
     row : int or None
         Its line, counted from 1.
+    column : str or None
+        Its column: a name of a table's header, or a number.
     stage : str or None
         The stage of a build that stopped, such as ``"register"``.
     """
 
-    def __init__(self, message: str, *, stage: Optional[str] = None) -> None:
+    def __init__(self, message: str, *, stage: Optional[str] = None, place: Place = (None, None, None), table: Optional[str] = None) -> None:
         super().__init__(message)
         self.stage = stage
-        said = message[len(stage) + 2 :] if stage and message.startswith(f"{stage}: ") else message
-        found = _FILE.search(said)
-        self.file: Optional[str] = found.group(1) if found else None
-        row = _ROW.search(said)
-        self.row: Optional[int] = int(row.group(1)) if row else None
+        self.table = table
+        self.file, self.row, self.column = place
+        if self.file is None:  # the sentence alone knows
+            said = message[len(stage) + 2 :] if stage and message.startswith(f"{stage}: ") else message
+            found, row = _FILE.search(said), _ROW.search(said)
+            self.file = found.group(1) if found else None
+            self.row = int(row.group(1)) if row else None
 
 
 class StageError(GenuError):
@@ -56,6 +63,6 @@ class UsageError(GenuError, ValueError):
 _KINDS = {"stage": StageError, "file": InputError, "machine": MachineError, "option": OptionError, "usage": UsageError}
 
 
-def made(kind: str, stage: Optional[str], message: str) -> GenuError:
+def made(kind: str, stage: Optional[str], message: str, place: Place = (None, None, None), table: Optional[str] = None) -> GenuError:
     """The exception of a failure that the program tells."""
-    return _KINDS.get(kind, GenuError)(message, stage=stage)
+    return _KINDS.get(kind, GenuError)(message, stage=stage, place=place, table=table)

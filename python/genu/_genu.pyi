@@ -2,16 +2,18 @@ from typing import Any, Callable, Optional, Sequence
 
 __version__: str
 
-def call(
-    words: Sequence[str],
-    failure: Callable[[str, Optional[str], str], BaseException],
-    jobs: Optional[int] = None,
-    watcher: Optional[Callable[[str, float, str], Any]] = None,
-) -> str: ...
-def model_file(
-    path: str,
-    failure: Callable[[str, Optional[str], str], BaseException],
-    as_assembled: bool = False,
-    source: Optional[str] = None,
-) -> str: ...
+_Failure = Callable[
+    [str, Optional[str], str, tuple[Optional[str], Optional[int], Optional[str]], Optional[str]], BaseException
+]
+_How = tuple[Optional[int], Optional[Callable[[str, float, str], Any]]]
+
+def call(words: Sequence[str], failure: _Failure, how: _How = (None, None), files: dict[str, bytes] = {}) -> str: ...
+def model_file(path: str, failure: _Failure, as_assembled: bool = False, source: Optional[str] = None) -> str: ...
+def moved(text: str, from_: str, to: str, failure: _Failure) -> str: ...
 def main(words: Sequence[str]) -> int: ...
+
+class Compiled:
+    def __new__(cls, path: str, failure: _Failure, files: dict[str, bytes] = {}) -> Compiled: ...
+    def simulate(
+        self, words: Sequence[str], failure: _Failure, how: _How = (None, None), files: dict[str, bytes] = {}
+    ) -> tuple[str, list[str]]: ...

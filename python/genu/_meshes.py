@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from genu._call import Path, wanted
+from genu._call import as_html, wanted
 from genu._errors import InputError
+from genu._types import Array, Path
 
 _PLY = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1", "short": "<i2", "int16": "<i2", "ushort": "<u2", "uint16": "<u2",
@@ -19,7 +20,7 @@ _PLY = {
 _VTK_HEXAHEDRON = 12
 
 
-@dataclass
+@dataclass(eq=False)
 class Surface:
     """A surface of triangles.
 
@@ -35,10 +36,22 @@ class Surface:
         The file's name without its ending.
     """
 
-    vertices: np.ndarray
-    faces: np.ndarray
-    point_data: dict[str, np.ndarray] = field(default_factory=dict)
+    vertices: Array
+    faces: Array
+    point_data: dict[str, Array] = field(default_factory=dict)
     name: str = ""
+
+    def __eq__(self, other: object) -> bool:
+        """Whether vertices, faces and point data are the same numbers; the name does not matter."""
+        if not isinstance(other, Surface):
+            return NotImplemented
+        return _same((self.vertices, self.faces), (other.vertices, other.faces)) and _same_data(self.point_data, other.point_data)
+
+    __hash__ = None  # type: ignore[assignment]  # arrays change
+
+    def _repr_html_(self) -> str:
+        data = ", ".join(self.point_data) or "none"
+        return as_html("genu.Surface", {"name": self.name, "vertices": len(self.vertices), "faces": len(self.faces), "point data": data})
 
     def to_trimesh(self) -> Any:
         """The surface as ``trimesh.Trimesh``, its vertices as they are; ``vertex_attributes`` hold the point data."""
@@ -60,7 +73,7 @@ class Surface:
         return meshio.Mesh(self.vertices, [("triangle", self.faces)], point_data=dict(self.point_data))
 
 
-@dataclass
+@dataclass(eq=False)
 class Hexahedra:
     """A mesh of hexahedra.
 
@@ -76,10 +89,22 @@ class Hexahedra:
         The file's name without its ending.
     """
 
-    points: np.ndarray
-    cells: np.ndarray
-    cell_data: dict[str, np.ndarray] = field(default_factory=dict)
+    points: Array
+    cells: Array
+    cell_data: dict[str, Array] = field(default_factory=dict)
     name: str = ""
+
+    def __eq__(self, other: object) -> bool:
+        """Whether points, cells and cell data are the same numbers; the name does not matter."""
+        if not isinstance(other, Hexahedra):
+            return NotImplemented
+        return _same((self.points, self.cells), (other.points, other.cells)) and _same_data(self.cell_data, other.cell_data)
+
+    __hash__ = None  # type: ignore[assignment]  # arrays change
+
+    def _repr_html_(self) -> str:
+        data = ", ".join(self.cell_data) or "none"
+        return as_html("genu.Hexahedra", {"name": self.name, "points": len(self.points), "cells": len(self.cells), "cell data": data})
 
     def to_meshio(self) -> Any:
         """The mesh as ``meshio.Mesh`` with cells ``hexahedron``; its ``write`` knows VTU, Abaqus, Gmsh and more."""
@@ -94,6 +119,15 @@ class Hexahedra:
         for name, values in self.cell_data.items():
             grid.cell_data[name] = values
         return grid
+
+
+def _same(a: tuple[Array, ...], b: tuple[Array, ...]) -> bool:
+    return all(np.array_equal(x, y) for x, y in zip(a, b))
+
+
+def _same_data(a: dict[str, Array], b: dict[str, Array]) -> bool:
+    # a number that is not known is the same as one that is not known
+    return a.keys() == b.keys() and all(np.array_equal(a[k], b[k], equal_nan=a[k].dtype.kind == "f") for k in a)
 
 
 def read_surface(path: Path) -> Surface:
@@ -126,7 +160,7 @@ def read_surface(path: Path) -> Surface:
         elif words[:1] == ["property"] and elements:
             elements[-1][2].append(words[1:])
     at = end + len(b"end_header\n")
-    found: dict[str, np.ndarray] = {}
+    found: dict[str, Array] = {}
     for name, count, properties in elements:
         dtype = _ply_type(path, properties)
         if at + count * dtype.itemsize > len(raw):
@@ -143,8 +177,8 @@ def read_surface(path: Path) -> Surface:
     return Surface(vertices, face["list"].astype(np.int64), data, _stem(path))
 
 
-def _ply_type(path: str, properties: list[list[str]]) -> np.dtype:
-    fields: list[tuple] = []
+def _ply_type(path: str, properties: list[list[str]]) -> np.dtype[Any]:
+    fields: list[Any] = []
     for words in properties:
         if words[0] == "list":
             fields += [("count", _PLY[words[1]]), ("list", _PLY[words[2]], (3,))]
@@ -189,7 +223,7 @@ def read_hexahedra(path: Path) -> Hexahedra:
     return Hexahedra(nodes, cells, data, _stem(path))
 
 
-def _numbers(array: ElementTree.Element, kind: Any) -> np.ndarray:
+def _numbers(array: ElementTree.Element, kind: Any) -> Array:
     return np.array((array.text or "").split(), dtype=kind)
 
 

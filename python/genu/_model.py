@@ -10,13 +10,16 @@ from typing import Any, Optional
 import numpy as np
 
 from genu import _errors, _genu
-from genu._call import Path
+from genu._call import Files, as_html, wanted
 from genu._errors import InputError
 from genu._meshes import Surface, read_surface
+from genu._types import Floats, Path
 
 
 class Model:
     """A knee model: model.json and the surfaces it names.
+
+    The first call of :func:`genu.simulate` compiles it; the next ones answer at once, until a number is edited.
 
     Parameters
     ----------
@@ -59,6 +62,7 @@ class Model:
         self.folder = os.path.dirname(place)
         self.file = place
         self._as_read = copy.deepcopy(self.spec)
+        self._ready: Optional[tuple[str, _genu.Compiled]] = None
 
     def __repr__(self) -> str:
         return f"<genu.Model {self.id}: {self.side}, {len(self.bundles)} bundles, {len(self.spec['fibres'])} fibres>"
@@ -66,12 +70,12 @@ class Model:
     @property
     def id(self) -> str:
         """The specimen's name."""
-        return self.spec["id"]
+        return str(self.spec["id"])
 
     @property
     def side(self) -> str:
         """``"left"`` or ``"right"``."""
-        return self.spec["side"]
+        return str(self.spec["side"])
 
     @property
     def bundles(self) -> list[str]:
@@ -96,18 +100,17 @@ class Model:
         KeyError
             No such bundle; the message names those there are.
         """
-        for bundle in self.spec["bundles"]:
+        bundles: list[dict[str, Any]] = self.spec["bundles"]
+        for bundle in bundles:
             if bundle["name"] == name:
                 return bundle
         raise KeyError(f"no bundle {name}; the model has {', '.join(self.bundles)}")
 
     def parameters(self) -> Any:
         """The bundles as a pandas frame, a row each. A copy: edit by :meth:`bundle` or ``spec``."""
-        from genu._call import wanted
-
         return wanted("pandas", "tables").DataFrame(copy.deepcopy(self.spec["bundles"]))
 
-    def fibres(self) -> tuple[list[str], np.ndarray]:
+    def fibres(self) -> tuple[list[str], Floats]:
         """The fibres' bundle names and their ends.
 
         Returns
@@ -145,40 +148,77 @@ class Model:
         -------
         str
             The file's path.
+
+        Raises
+        ------
+        InputError
+            A number or a name in ``spec`` is none that a model.json may have.
         """
         place = os.path.abspath(os.fspath(path))
         if not place.endswith(".json"):
             place = os.path.join(place, "model.json")
         folder = os.path.dirname(place)
         os.makedirs(folder, exist_ok=True)
+        own, there = os.path.realpath(self.folder), os.path.realpath(folder)  # links would break the way up
+        text = _genu.moved(self._text(), own, there, _errors.made)
         temporary = f"{place}.tmp"
         with open(temporary, "w", encoding="utf-8") as file:
-            json.dump(self._seen_from(folder), file, indent=2)
-            file.write("\n")
+            file.write(text)
         os.replace(temporary, place)
         return place
 
-    def _seen_from(self, folder: str) -> dict[str, Any]:
-        spec = copy.deepcopy(self.spec)
-        own, there = os.path.realpath(self.folder), os.path.realpath(folder)  # links would break the way up
+    def _text(self) -> str:
+        """model.json with the numbers as they are now."""
+        try:
+            return json.dumps(self.spec, default=_plain, allow_nan=False)
+        except ValueError as error:
+            raise InputError(f"the model as edited: {error}; a model's numbers are finite") from None
 
-        def moved(name: str) -> str:
-            return os.path.relpath(os.path.join(own, name), there).replace(os.sep, "/")
+    def _given(self, name: str) -> tuple[str, Files]:
+        """The path at which the program finds this model, and its text where the file on the disk is another."""
+        if self.spec == self._as_read and os.path.isfile(self.file):  # its samples lie beside it
+            return self.file, {}
+        # in the folder of the file, so that mesh paths hold as they stand
+        place = f"{self.file} as edited" + ("" if name == "model" else f" ({name})")
+        return place, {place: self._text().encode()}
 
-        for body in spec["bodies"]:
-            body["bone"] = moved(body["bone"])
-            body["cartilage"] = [moved(c) for c in body["cartilage"]]
-        for pair in spec["contact"]["pairs"]:
-            pair["femur"], pair["tibia"] = moved(pair["femur"]), moved(pair["tibia"])
-        return spec
+    def _compiled(self) -> _genu.Compiled:
+        """The model ready to answer; compiled anew only where a number was edited since."""
+        text = self._text()
+        if self._ready is None or self._ready[0] != text:
+            place, files = self._given("model")
+            self._ready = (text, _genu.Compiled(place, _errors.made, files))
+        return self._ready[1]
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "_ready": None}  # what is compiled belongs to this process
+
+    def _repr_html_(self) -> str:
+        rows = {"specimen": self.id, "side": self.side, "file": self.file, "bundles": ", ".join(self.bundles)}
+        edited = " (edited)" if self.spec != self._as_read else ""
+        return as_html(f"genu.Model{edited}", {**rows, "fibres": len(self.spec["fibres"])})
 
 
-def model_file(model: Any, folder: str, name: str = "model") -> str:
-    """The path of a model: as given, or of an edited one written below ``folder``."""
+def _plain(value: Any) -> Any:
+    """Scalars and arrays of numpy as JSON has them."""
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    raise InputError(f"the model as edited: {value!r} is a {type(value).__name__}; a number, text, list or dict was expected")
+
+
+def model_at(model: Any, name: str = "model") -> tuple[str, Files]:
+    """The path at which the program finds a model, and files in memory where it was edited."""
     if isinstance(model, Model):
-        if model.spec == model._as_read and os.path.isfile(model.file):  # its samples lie beside it
-            return model.file
-        return model.save(os.path.join(folder, f"{name}.json"))
+        return model._given(name)
     if hasattr(model, "model") and isinstance(model.model, Model):  # a build, a calibration, a diagnosis
-        return model_file(model.model, folder, name)
-    return os.path.abspath(os.fspath(model))
+        return model_at(model.model, name)
+    return os.path.abspath(os.fspath(model)), {}
+
+
+def compiled(model: Any) -> _genu.Compiled:
+    """A model, a build, a calibration or a path, ready to answer."""
+    if isinstance(model, Model):
+        return model._compiled()
+    if hasattr(model, "model") and isinstance(model.model, Model):
+        return model.model._compiled()
+    return _genu.Compiled(os.path.abspath(os.fspath(model)), _errors.made, {})

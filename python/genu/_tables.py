@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import csv
+import io
 import os
 from typing import Any
 
-from genu._call import Path, wanted
+from genu._call import Files, wanted
 from genu._errors import InputError
+from genu._types import Path
 
 
 def read_table(path: Path) -> Any:
@@ -35,8 +37,8 @@ def read_table(path: Path) -> Any:
     return pandas.read_csv(path)
 
 
-def write_table(table: Any, path: str) -> None:
-    """Write rows to CSV: a frame of pandas or polars, a dict of columns, or a list of dicts. NaN, NA and None are empty cells.
+def table_text(table: Any) -> str:
+    """Rows as CSV: a frame of pandas or polars, a dict of columns, or a list of dicts. NaN, NA and None are empty cells.
 
     Raises
     ------
@@ -44,11 +46,9 @@ def write_table(table: Any, path: str) -> None:
         Columns of unequal length; a row that is no dict.
     """
     if hasattr(table, "to_csv"):
-        _with_index(table).to_csv(path, index=False)
-        return
+        return str(_with_index(table).to_csv(index=False))
     if hasattr(table, "write_csv"):  # polars
-        table.write_csv(path)
-        return
+        return str(table.write_csv())
     if hasattr(table, "keys"):
         names = list(table.keys())
         columns = [_column(name, table[name]) for name in names]
@@ -61,11 +61,12 @@ def write_table(table: Any, path: str) -> None:
     else:
         rows = [_row(row) for row in table]
         names = list(dict.fromkeys(name for row in rows for name in row))
-    with open(path, "w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(names)
-        for row in rows:
-            writer.writerow([_cell(row.get(name)) for name in names])
+    file = io.StringIO(newline="")
+    writer = csv.writer(file, lineterminator="\n")
+    writer.writerow(names)
+    for row in rows:
+        writer.writerow([_cell(row.get(name)) for name in names])
+    return file.getvalue()
 
 
 def _with_index(frame: Any) -> Any:
@@ -96,10 +97,14 @@ def _cell(value: Any) -> Any:
         return ""
 
 
-def table_file(table: Any, folder: str, name: str) -> str:
-    """The path of a table: as given, or of the rows written to ``folder/name.csv``."""
+def table_at(table: Any, name: str, files: Files) -> str:
+    """The path at which the program finds a table: as given, or ``name``, whose text goes into ``files``."""
     if isinstance(table, (str, os.PathLike)):
         return os.path.abspath(os.fspath(table))
-    path = os.path.join(folder, f"{name}.csv")
-    write_table(table, path)
-    return path
+    files[name] = table_text(table).encode()
+    return name
+
+
+def frame_of(text: str) -> Any:
+    """The text of a CSV file as a pandas frame."""
+    return wanted("pandas", "tables").read_csv(io.StringIO(text))

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import json
 import os
-import tempfile
 from dataclasses import dataclass, field
-from typing import Any, Mapping, Optional, Sequence
+from typing import Any, Mapping, Optional, Sequence, Union
 
+from genu import _errors
 from genu._build import Build
-from genu._call import Path, Progress, absolute, run, settings
+from genu._call import absolute, as_html, called, names, run, settings, spoken, watching
 from genu._errors import GenuError
-from genu._model import Model, model_file
-from genu._tables import read_table, table_file
+from genu._model import Model, compiled, model_at
+from genu._tables import frame_of, read_table, table_at
+from genu._types import Format, Method, Path, Progress, Protocol, Solver, Stage
 
 
 def phantom(id: str, folder: Path, *, seed: int = 1, volume: bool = False) -> str:
@@ -48,8 +49,8 @@ def build(
     specimen: Path,
     *,
     out: Optional[Path] = None,
-    to: Optional[str] = None,
-    from_: Optional[str] = None,
+    to: Optional[Stage] = None,
+    from_: Optional[Stage] = None,
     options: Optional[Mapping[str, Any]] = None,
     force: bool = False,
     seed: Optional[int] = None,
@@ -106,9 +107,9 @@ def simulate(
     model: Any,
     trials: Any = None,
     *,
-    protocol: Optional[str] = None,
-    without: Sequence[str] = (),
-    solver: str = "quasistatic",
+    protocol: Optional[Protocol] = None,
+    without: Union[str, Sequence[str]] = (),
+    solver: Solver = "quasistatic",
     read_as: Optional[str] = None,
     to_flexion_deg: Optional[float] = None,
     compression_n: Optional[float] = None,
@@ -127,8 +128,8 @@ def simulate(
         ``load_ie_nm``, ``load_ml_n``, ``load_ap_n``, ``load_si_n``, ``fe_deg``. Clinical signs, of the tibia.
     protocol : str, optional
         ``"ap-laxity"``, ``"passive-flexion"`` or ``"pivot-shift"``, in place of trials.
-    without : sequence of str
-        Bundles or ligaments to cut, such as ``["ACL"]``.
+    without : str or sequence of str
+        Bundles or ligaments to cut, such as ``"ACL"`` or ``["ACL", "LCL"]``.
     solver : str
         ``"quasistatic"`` or ``"explicit"``.
     read_as : str, optional
@@ -148,6 +149,7 @@ def simulate(
         A row a trial: the columns of the trials with predicted ``vv_deg``, ``ie_deg``, ``ml_mm``, ``ap_mm``, ``si_mm``,
         a force per bundle, ``force_ACL_AM_n``, ... [N], sums of ligaments, ``group_ACL_n``, ..., and the contact of each
         compartment, ``contact_medial_force_n``, ...; of a calibrated model each with ``_mean``, ``_lower``, ``_upper``.
+        ``attrs["warnings"]`` lists what is odd.
 
     Raises
     ------
@@ -156,18 +158,21 @@ def simulate(
     UsageError
         Neither or both of ``trials`` and ``protocol``; an unknown ligament.
     """
-    with tempfile.TemporaryDirectory(prefix="genu-") as folder:
-        results = os.path.join(folder, "results.csv")
-        words: list[Any] = ["simulate", model_file(model, folder), "--out", results, "--solver", solver]
-        words += ["--trials", table_file(trials, folder, "trials")] if trials is not None else []
-        words += ["--protocol", protocol] if protocol is not None else []
-        words += ["--without", ",".join(without)] if without else []
-        words += ["--read-as", read_as] if read_as is not None else []
-        words += ["--to-flexion", to_flexion_deg] if to_flexion_deg is not None else []
-        words += ["--compression", compression_n] if compression_n is not None else []
-        words += ["--samples", samples] if samples is not None else []
-        run(*words, jobs=jobs, progress=progress)
-        return read_table(results)
+    files: dict[str, bytes] = {}
+    words: list[Any] = ["model", "--out", "results", "--solver", solver]
+    words += ["--trials", table_at(trials, "trials", files)] if trials is not None else []
+    words += ["--protocol", protocol] if protocol is not None else []
+    words += ["--without", ",".join(names(without))] if names(without) else []
+    words += ["--read-as", read_as] if read_as is not None else []
+    words += ["--to-flexion", to_flexion_deg] if to_flexion_deg is not None else []
+    words += ["--compression", compression_n] if compression_n is not None else []
+    words += ["--samples", samples] if samples is not None else []
+    with watching(progress) as watcher:
+        ready = compiled(model)
+        text, warnings = ready.simulate(spoken(words), _errors.made, (jobs, watcher), files)
+    found = frame_of(text)
+    found.attrs["warnings"] = warnings
+    return found
 
 
 @dataclass
@@ -201,13 +206,17 @@ class Calibration:
         """Another table of the folder as a pandas frame, such as ``"forces"`` or ``"fit"``."""
         return read_table(os.path.join(self.folder, f"{name}.csv"))
 
+    def _repr_html_(self) -> str:
+        rms = ", ".join(f"{name} {value}" for name, value in self.metrics.get("rms", {}).items())
+        return as_html("genu.Calibration", {"folder": self.folder, "trials": self.metrics.get("trials"), "rms": rms})
+
 
 def calibrate(
     model: Any,
     targets: Any,
     out: Path,
     *,
-    method: str = "gradient",
+    method: Method = "gradient",
     options: Optional[Mapping[str, Any]] = None,
     seed: Optional[int] = None,
     force: bool = False,
@@ -240,12 +249,12 @@ def calibrate(
     InputError, OptionError, UsageError
     """
     place = absolute(out)
-    with tempfile.TemporaryDirectory(prefix="genu-") as folder:
-        words: list[Any] = ["calibrate", model_file(model, folder), "--targets", table_file(targets, folder, "targets")]
-        words += ["--out", place, "--method", method, *settings(options, "calibrate")]
-        words += ["--seed", seed] if seed is not None else []
-        words += ["--force"] if force else []
-        told = run(*words, jobs=jobs, progress=progress)
+    start, files = model_at(model)
+    words: list[Any] = ["calibrate", start, "--targets", table_at(targets, "targets", files)]
+    words += ["--out", place, "--method", method, *settings(options, "calibrate")]
+    words += ["--seed", seed] if seed is not None else []
+    words += ["--force"] if force else []
+    told = called(words, files, jobs=jobs, progress=progress)
     return Calibration(
         place,
         Model(place),
@@ -316,12 +325,15 @@ def validate(
     InputError, UsageError
     """
     place = absolute(out)
-    with tempfile.TemporaryDirectory(prefix="genu-") as folder:
-        words: list[Any] = ["validate", "--out", place, *settings(options, "validate")]
-        for name, table in (passive or {}).items():
-            words += ["--passive", f"{name}={table_file(table, folder, f'passive-{name}')}"]
-        words += [f"{name}={model_file(model, folder, name)}" for name, model in models.items()]
-        told = run(*words, jobs=jobs, progress=progress)
+    files: dict[str, bytes] = {}
+    words: list[Any] = ["validate", "--out", place, *settings(options, "validate")]
+    for name, table in (passive or {}).items():
+        words += ["--passive", f"{name}={table_at(table, f'passive {name}', files)}"]
+    for name, model in models.items():
+        path, more = model_at(model, name)
+        files.update(more)
+        words.append(f"{name}={path}")
+    told = called(words, files, jobs=jobs, progress=progress)
     return Validation(place, read_table(os.path.join(place, "compare.csv")), told)
 
 
@@ -346,22 +358,26 @@ class Diagnosis:
     @property
     def verdict(self) -> str:
         """``"decisive"``, ``"probable"``, ``"one_of"``, ``"unnamed"`` or ``"none"``."""
-        return self.raw["verdict"]
+        return str(self.raw["verdict"])
 
     @property
     def answers(self) -> list[dict[str, Any]]:
         """Rival answers, best first."""
-        return self.raw["answers"]
+        found: list[dict[str, Any]] = self.raw["answers"]
+        return found
 
     @property
     def description(self) -> str:
         """Words for a reader."""
-        return self.raw["description"]
+        return str(self.raw["description"])
 
     @property
     def report(self) -> str:
         """The path of report.html."""
         return os.path.join(self.folder, "report.html")
+
+    def _repr_html_(self) -> str:
+        return as_html("genu.Diagnosis", {"verdict": self.verdict, "description": self.description, "report": self.report})
 
 
 def diagnose(
@@ -369,7 +385,7 @@ def diagnose(
     measured: Mapping[str, Any],
     out: Path,
     *,
-    without_effect: Sequence[str] = (),
+    without_effect: Union[str, Sequence[str]] = (),
     options: Optional[Path] = None,
     jobs: Optional[int] = None,
     progress: Progress = None,
@@ -400,17 +416,17 @@ def diagnose(
     InputError, OptionError, UsageError
     """
     place = absolute(out)
-    with tempfile.TemporaryDirectory(prefix="genu-") as folder:
-        words: list[Any] = ["diagnose", model_file(model, folder), "--out", place]
-        for name, table in measured.items():
-            words += ["--measured", f"{name}={table_file(table, folder, f'measured-{name}')}"]
-        words += ["--without-effect", ",".join(without_effect)] if without_effect else []
-        words += ["--options", absolute(options)] if options is not None else []
-        run(*words, jobs=jobs, progress=progress)
+    path, files = model_at(model)
+    words: list[Any] = ["diagnose", path, "--out", place]
+    for name, table in measured.items():
+        words += ["--measured", f"{name}={table_at(table, f'measured {name}', files)}"]
+    words += ["--without-effect", ",".join(names(without_effect))] if names(without_effect) else []
+    words += ["--options", absolute(options)] if options is not None else []
+    called(words, files, jobs=jobs, progress=progress)
     return Diagnosis(place, _json(os.path.join(place, "diagnosis.json")), Model(place))
 
 
-def export(model: Any, format: str, out: Path, *, poses: Any = None) -> list[str]:
+def export(model: Any, format: Format, out: Path, *, poses: Any = None) -> list[str]:
     """Write a model as another program reads it.
 
     Parameters
@@ -434,10 +450,10 @@ def export(model: Any, format: str, out: Path, *, poses: Any = None) -> list[str
     InputError, UsageError
     """
     place = absolute(out)
-    with tempfile.TemporaryDirectory(prefix="genu-") as folder:
-        words: list[Any] = ["export", model_file(model, folder), "--format", format, "--out", place]
-        words += ["--poses", table_file(poses, folder, "poses")] if poses is not None else []
-        run(*words)
+    path, files = model_at(model)
+    words: list[Any] = ["export", path, "--format", format, "--out", place]
+    words += ["--poses", table_at(poses, "poses", files)] if poses is not None else []
+    called(words, files)
     return sorted(os.path.join(d, f) for d, _, fs in os.walk(place) for f in fs)
 
 

@@ -1,0 +1,216 @@
+//! What a verb tells: words for a person, and the same as data for a program, of a type that has a schema.
+
+use crate::model_file::{self, LoadedModel};
+use crate::which_model::standing;
+use schemars::JsonSchema;
+use serde::Serialize;
+use serde_json::Value;
+use std::fmt::Write;
+
+/// What a verb tells.
+#[derive(Clone, Debug, Default)]
+pub struct Told {
+    /// Lines for a person, each with its end.
+    pub words: String,
+    /// What is odd; beside the words, never among them.
+    pub warnings: Vec<String>,
+    /// The same for a program; `None` of a verb that has its words only.
+    pub data: Option<Value>,
+}
+
+impl Told {
+    /// Words among which lines that begin with "warning: " stand; for verbs that tell no data.
+    pub fn lines(text: &str) -> Told {
+        let mut told = Told::default();
+        for line in text.lines() {
+            match line.strip_prefix("warning: ") {
+                Some(warning) => told.warnings.push(warning.to_owned()),
+                None => told.line(line),
+            }
+        }
+        told
+    }
+
+    /// One more line.
+    pub fn line(&mut self, line: &str) {
+        let _ = writeln!(self.words, "{line}");
+    }
+
+    /// With data.
+    pub fn with<T: Serialize>(self, data: &T) -> Told {
+        Told { data: serde_json::to_value(data).ok(), ..self }
+    }
+
+    /// The warnings as lines.
+    pub fn warning_lines(&self) -> String {
+        self.warnings.iter().map(|w| format!("warning: {w}\n")).collect()
+    }
+
+    /// Words and warnings in one text, as a caller in the same process reads them.
+    pub fn all_lines(&self) -> String {
+        self.warning_lines() + &self.words
+    }
+}
+
+/// Which model an answer is of.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct ModelTold {
+    /// The specimen's name.
+    pub id: String,
+    /// What was done to it, in words: "calibrated to kla and rks together".
+    pub standing: String,
+    /// The data sets that it is calibrated to; empty where it is not.
+    pub calibrated_to: Vec<String>,
+    /// Its file.
+    pub file: String,
+    /// blake3 of the model and the surfaces it names.
+    pub digest: String,
+}
+
+impl ModelTold {
+    /// Of a model that was read.
+    pub fn of(loaded: &LoadedModel) -> ModelTold {
+        ModelTold {
+            id: loaded.spec.id.clone(),
+            standing: standing(&loaded.spec),
+            calibrated_to: loaded.spec.calibrated.as_ref().map(|c| c.to.clone()).unwrap_or_default(),
+            file: loaded.file.display().to_string(),
+            digest: model_file::digest(loaded),
+        }
+    }
+}
+
+/// What is odd in one row of results.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct Flagged {
+    /// The trial.
+    pub trial: String,
+    /// What is odd.
+    pub flags: Vec<String>,
+}
+
+/// `simulate --json`.
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+pub struct SimulateTold {
+    /// simulate/1
+    pub schema: &'static str,
+    /// The model.
+    pub model: ModelTold,
+    /// The results' file.
+    pub file: String,
+    /// Rows of results.
+    pub rows: usize,
+    /// Their columns, in order.
+    pub columns: Vec<String>,
+    /// Samples of the posterior by which intervals stand; 0: no intervals.
+    pub samples: usize,
+    /// Rows that are odd.
+    pub flagged: Vec<Flagged>,
+    /// What is odd.
+    pub warnings: Vec<String>,
+}
+
+/// `calibrate --json`.
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+pub struct CalibrateTold {
+    /// calibrate/1
+    pub schema: &'static str,
+    /// The model from which the search began.
+    pub model: ModelTold,
+    /// The calibrated model.json.
+    pub calibrated: String,
+    /// Where the tables lie.
+    pub folder: String,
+    /// The figures of metrics.json.
+    pub metrics: Value,
+    /// What is odd.
+    pub warnings: Vec<String>,
+}
+
+/// How far two models, or a model and what was measured, differ.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct DifferenceTold {
+    /// The first.
+    pub a: String,
+    /// The second.
+    pub b: String,
+    /// The protocol.
+    pub protocol: String,
+    /// What differs.
+    pub quantity: String,
+    /// Root of the mean squared difference, in `unit`.
+    pub rmsd: f64,
+    /// Its unit.
+    pub unit: String,
+    /// The published figure, in the same unit.
+    pub published: Option<f64>,
+    /// What must be known of it; empty where nothing.
+    pub note: String,
+}
+
+/// `validate --json`.
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+pub struct ValidateTold {
+    /// validate/1
+    pub schema: &'static str,
+    /// The models, in the order given.
+    pub models: Vec<ModelTold>,
+    /// Where the tables lie.
+    pub folder: String,
+    /// How far they differ.
+    pub differences: Vec<DifferenceTold>,
+    /// What is odd.
+    pub warnings: Vec<String>,
+}
+
+/// `export --json`.
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+pub struct ExportTold {
+    /// export/1
+    pub schema: &'static str,
+    /// The model.
+    pub model: ModelTold,
+    /// Where the files lie.
+    pub folder: String,
+    /// The files, by their paths below the folder.
+    pub files: Vec<String>,
+    /// What is odd.
+    pub warnings: Vec<String>,
+}
+
+/// An error on standard error, where `--json` was asked for.
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+pub struct ErrorTold {
+    /// error/1
+    pub schema: &'static str,
+    /// The kind of fault: stage, file, machine, option, usage, internal.
+    pub code: &'static str,
+    /// The exit status.
+    pub status: u8,
+    /// The sentence: what is wrong, what was expected, what to do.
+    pub message: String,
+    /// The stage of a build that stopped.
+    pub stage: Option<String>,
+    /// The file at fault.
+    pub file: Option<String>,
+    /// Its row or line, the first being 1.
+    pub row: Option<usize>,
+    /// Its column: a name of a table's header, or a number.
+    pub column: Option<String>,
+    /// What the kind of fault asks for.
+    pub advice: &'static str,
+}
+
+/// Versions of what verbs tell.
+pub mod schemas {
+    /// Of [`super::SimulateTold`].
+    pub const SIMULATE: &str = "simulate/1";
+    /// Of [`super::CalibrateTold`].
+    pub const CALIBRATE: &str = "calibrate/1";
+    /// Of [`super::ValidateTold`].
+    pub const VALIDATE: &str = "validate/1";
+    /// Of [`super::ExportTold`].
+    pub const EXPORT: &str = "export/1";
+    /// Of [`super::ErrorTold`].
+    pub const ERROR: &str = "error/1";
+}

@@ -1,0 +1,108 @@
+//! What programs read: `--json` is data that obeys its schema, errors are data, warnings stand on standard error, `--quiet` is silence.
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+use crate::common::{build_model, text, write};
+use crate::one_knee;
+use crate::schema::obeys;
+use serde_json::Value;
+use tempfile::TempDir;
+
+/// A value of the program's output, held against the schema that the program tells.
+fn held(name: &str, bytes: &[u8]) -> Value {
+    let schema: Value = serde_json::from_str(&genu::schema::schema(name).unwrap()).unwrap();
+    let value = serde_json::from_slice(bytes).unwrap_or_else(|e| panic!("{e}: {}", String::from_utf8_lossy(bytes)));
+    obeys(&value, &schema, &schema).unwrap_or_else(|e| panic!("{name}: {e}"));
+    value
+}
+
+#[test]
+fn four_verbs_tell_data_of_their_schemas() {
+    let (knee, out) = (one_knee::specimen(), TempDir::new().unwrap());
+    let path = |name: &str| out.path().join(name).display().to_string();
+    let run = |name: &str, arguments: &[&str]| {
+        let mut command = build_model();
+        let run = command.arg(name).args(arguments).arg("--json").assert().success();
+        assert!(run.get_output().stderr.is_empty(), "{}", String::from_utf8_lossy(&run.get_output().stderr));
+        held(name, &run.get_output().stdout)
+    };
+    let place = knee.to_str().unwrap();
+    let told = run("simulate", &[place, "--protocol", "pivot-shift", "--out", &path("r.csv")]);
+    let rows = text(out.path().join("r.csv").as_path());
+    let columns: Vec<&str> = told["columns"].as_array().unwrap().iter().map(|c| c.as_str().unwrap()).collect();
+    assert_eq!(columns.join(","), rows.lines().next().unwrap());
+    assert_eq!(told["rows"], rows.lines().count() - 1);
+    assert_eq!((&told["samples"], &told["model"]["calibrated_to"]), (&12.into(), &serde_json::json!(["kla", "rks"])));
+
+    let told = run("export", &[place, "--format", "stl", "--out", &path("stl")]);
+    let files = told["files"].as_array().unwrap();
+    assert!(files.len() > 3 && files.iter().all(|f| out.path().join("stl").join(f.as_str().unwrap()).exists()));
+
+    let told = run("validate", &[place, "--out", &path("v"), "--samples", "0"]);
+    assert_eq!(told["models"].as_array().unwrap().len(), 3);
+    assert!(told["differences"].as_array().unwrap().iter().all(|d| d["rmsd"].as_f64().unwrap() >= 0.0));
+
+    let targets = knee.join("laxity/rks.csv").display().to_string();
+    let few = ["inference.starts=1", "inference.finalists=1", "inference.rounds=1", "inference.samples=0"];
+    let few = few.map(|option| format!("calibrate.{option}"));
+    let set: Vec<&str> = few.iter().flat_map(|option| ["--set", option]).collect();
+    let search = ["--as-assembled", "--targets", &targets, "--out", &path("c")];
+    let told = run("calibrate", &[&[place], &search[..], &set].concat());
+    assert_eq!(told["metrics"], serde_json::from_str::<Value>(&text(&out.path().join("c/metrics.json"))).unwrap());
+    assert_eq!(
+        told["calibrated"].as_str().unwrap(),
+        out.path().join("c/model.json").canonicalize().unwrap().display().to_string()
+    );
+}
+
+#[test]
+fn an_error_is_data_with_its_file_row_and_column() {
+    let folder = TempDir::new().unwrap();
+    let trials = folder.path().join("bad.csv");
+    write(&trials, text(&one_knee::specimen().join("laxity/kla.csv")).replacen(",30,", ",thirty,", 1));
+    let model = one_knee::specimen().display().to_string();
+    let run = |arguments: &[&str]| {
+        let mut command = build_model();
+        let out = command.args(arguments).arg("--json").output().unwrap();
+        let told = held("error", &out.stderr);
+        assert_eq!(told["status"], out.status.code().unwrap());
+        assert!(out.stdout.is_empty());
+        told
+    };
+    let out = folder.path().join("r.csv").display().to_string();
+    let bad = trials.display().to_string();
+    let told = run(&["simulate", &model, "--trials", &bad, "--out", &out]);
+    assert_eq!((&told["code"], &told["file"]), (&"file".into(), &bad.as_str().into()));
+    assert!(told["row"].as_u64().is_some() && told["column"].is_string(), "{told}");
+    assert!(told["message"].as_str().unwrap().contains("thirty"));
+
+    write(&folder.path().join("model.json"), "{\n  \"schema\": ,\n}");
+    let broken = folder.path().join("model.json").display().to_string();
+    let told = run(&["simulate", &broken, "--protocol", "pivot-shift", "--out", &out]);
+    assert_eq!((&told["file"], &told["row"]), (&broken.as_str().into(), &2.into()));
+
+    assert_eq!(run(&["simulate", &model, "--protocol", "pivot", "--out", &out])["code"], "usage");
+    assert_eq!(run(&["simulate", &model, "--protocol", "pivot-shift", "--out", "/dev/full"])["code"], "machine");
+    let told = run(&[&model, "--set", "register.error_limit_mm=0.000001", "--from", "register", "--out", &out]);
+    assert_eq!((&told["code"], &told["stage"]), (&"stage".into(), &"register".into()));
+}
+
+#[test]
+fn quiet_is_silence_in_every_verb() {
+    let (knee, out) = (one_knee::specimen(), TempDir::new().unwrap());
+    let path = |name: &str| out.path().join(name).display().to_string();
+    let place = knee.to_str().unwrap();
+    for arguments in [
+        &["simulate", place, "--protocol", "pivot-shift", "--samples", "0", "--out", &path("r.csv")][..],
+        &["export", place, "--format", "abaqus", "--out", &path("deck")],
+        &["validate", place, "--samples", "0", "--out", &path("v")],
+        &["phantom", "right-phantom", &path("phantom")],
+        &["init", &path("new")],
+        &["check", place, "--out", &path("check")],
+        &["inspect", place],
+        &["report", place],
+        &["cohort", place, "--out", &path("cohort")],
+    ] {
+        let run = build_model().args(arguments).arg("--quiet").assert().success();
+        assert!(run.get_output().stdout.is_empty() && run.get_output().stderr.is_empty(), "{arguments:?}");
+    }
+}
