@@ -46,20 +46,17 @@ fn cut(structure: &str) -> Option<Problem> {
 }
 
 #[needs_shared]
-fn a_cut_ligament_is_named_and_the_search_does_not_stay_behind_the_truth() {
+fn a_cut_acl_is_named_and_the_search_does_not_stay_behind_the_truth() {
     let options = DiagnosisOptions { nulls: 50, ..DiagnosisOptions::default() };
-    for structure in ["ACL", "sMCL"] {
-        let Some(problem) = cut(structure) else { return };
-        let searcher = Searcher { problem: &problem, options: &options };
-        let search = searcher.search().unwrap();
-        let best = &search.rivals[0];
-        let named: Vec<_> = best.hypothesis.iter().map(|c| (c.name(), c.variant_name())).collect();
-        assert_eq!(named, [("structure_loss".to_owned(), Some(structure.to_owned()))]);
-        let short =
-            regret(&problem, (&searcher, &search), &[("structure_loss", structure, vec![1.0])]).unwrap().unwrap();
-        assert!(short.short() <= MOST_REGRET, "{structure}: {short:?}");
-        // more than all is not lost
-        let whole = 1.0 / best.hypothesis[0].effect.parameter[0].sd;
-        assert!(best.unknowns[problem.nuisances()] <= whole, "{:?}", best.unknowns.last());
-    }
+    let Some(problem) = cut("ACL") else { return };
+    let searcher = Searcher { problem: &problem, options: &options };
+    let search = searcher.search().unwrap();
+    let best = &search.rivals[0];
+    let named: Vec<_> = best.hypothesis.iter().map(|c| (c.name(), c.variant_name())).collect();
+    assert_eq!(named, [("structure_loss".to_owned(), Some("ACL".to_owned()))]);
+    let regret = regret(&problem, (&searcher, &search), &[("structure_loss", "ACL", vec![1.0])]).unwrap().unwrap();
+    assert!(regret.short() <= MOST_REGRET, "{regret:?}");
+    // more than all is not lost
+    let whole = 1.0 / best.hypothesis[0].effect.parameter[0].sd;
+    assert!(best.unknowns[problem.nuisances()] <= whole, "{:?}", best.unknowns.last());
 }
