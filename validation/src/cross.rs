@@ -161,7 +161,8 @@ mod tests {
             measured,
             predicted: Band { mean: 10.0, lower: 8.0, upper: 12.5 },
         };
-        let counted = counts(&[of(8.0), of(12.6), of(7.9)]);
+        let all = [of(8.0), of(12.6), of(7.9)];
+        let counted = counts(&all);
         assert_eq!(counted[&("a", "b")], [1, 3]);
     }
 }
