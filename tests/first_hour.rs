@@ -302,6 +302,35 @@ fn options_completions_manual_and_version() {
     build_model().arg("--version").assert().success().stdout(contains("("));
 }
 
+/// A page that names what is not there is found out, one that names what is there is not. Left out where there is no python3.
+#[test]
+fn what_a_page_names_must_be_there() {
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/words/links.py");
+    let folder = TempDir::new().unwrap();
+    let page = folder.path().join("page.md");
+    let told = |text: &str| {
+        fs::write(&page, text).unwrap();
+        let run = Command::new("python3").arg(&script).arg(&page).output().ok()?;
+        Some((run.status.success(), String::from_utf8_lossy(&[run.stdout, run.stderr].concat()).into_owned()))
+    };
+    for (wrong, words) in [
+        ("`cargo test -p sim`", "nothing is called sim"),
+        ("`-p sim`", "nothing is called sim"),
+        ("```sh\ncargo run --release --example nothing -- --test x\n```", "nothing is called nothing"),
+        ("`cargo bench --bench nothing`", "nothing is called nothing"),
+        ("`sim/tests/published_deck.rs`", "no file sim/tests/published_deck.rs"),
+        ("`tests/fields.rs`", "no file tests/fields.rs"),
+        ("`score_solver.py`", "no file score_solver.py"),
+    ] {
+        let Some((good, said)) = told(wrong) else { return };
+        assert!(!good && said.contains(words), "{wrong}: {said}");
+    }
+    let right = "`cargo test --release -p genu-sim --test main`, `cargo bench --bench solver`, `-p genu`, `diagnosis/tests/fields.rs`, \
+                 `stages/src/`, `links.py`, `laxity/kla.csv`, `cargo run --release --example paper`";
+    let Some((good, said)) = told(right) else { return };
+    assert!(good, "{said}");
+}
+
 /// The pages: links, commands, words. Left out where there is no python3.
 #[test]
 fn pages_hold() {

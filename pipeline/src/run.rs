@@ -56,7 +56,8 @@ pub fn run(args: &BuildArgs) -> Result<String, BuildError> {
     let _told = interrupted::working(move || Some(kept(&place)));
     folder.write_file("run.toml", run_toml(&raw, &file, &options)?.as_bytes())?;
     let (stopped, whole) = match build_model(&file, &raw, &mut log) {
-        Ok(()) => (None, true),
+        // beyond --to an earlier run's values may have carried it to the end
+        Ok(()) => (None, !log.records.iter().any(|r| r.outdated)),
         Err(BuildError::Reached) => (None, false),
         Err(error) => (Some(error), false),
     };
