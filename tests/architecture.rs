@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
 /// Folder of each crate and which of ours it may use.
-const ARROWS: [(&str, &[&str]); 14] = [
+const ARROWS: [(&str, &[&str]); 15] = [
     ("meshes", &[]),
     ("formats", &["meshes"]),
     // an attribute for tests; nothing that is shipped holds it
@@ -22,6 +22,7 @@ const ARROWS: [(&str, &[&str]); 14] = [
     ("validation", &["attachments", "sim", "calibration"]),
     ("diagnosis", &["meshes", "attachments", "sim", "decks", "inference", "calibration"]),
     ("blindbench", &["meshes"]),
+    ("live", &["meshes", "sim", "calibration"]),
     (
         ".",
         &[
@@ -36,6 +37,7 @@ const ARROWS: [(&str, &[&str]); 14] = [
             "validation",
             "diagnosis",
             "blindbench",
+            "live",
         ],
     ),
     ("python", &["genu", "sim"]),
@@ -95,6 +97,29 @@ fn every_crate_inherits_the_lints() {
         let inherits = table.get("lints").and_then(|l| l.get("workspace")).and_then(Value::as_bool);
         assert_eq!(inherits, Some(true), "{member}/Cargo.toml: [lints] workspace = true is missing");
     }
+}
+
+/// An exported name must be unique in the module, which the compiler cannot check. It is the only thing of ours that is unsafe.
+#[test]
+fn only_the_doors_of_the_web_are_unsafe() {
+    let doors = Path::new("live/src/web.rs");
+    for file in ["src", "tests", "benches", "examples"].into_iter().flat_map(sources) {
+        let text = fs::read_to_string(&file).unwrap();
+        let says = |line: &&str| {
+            let code = line.split("//").next().unwrap_or_default();
+            code.contains("unsafe(")
+                || code.contains("unsafe {")
+                || code.contains("unsafe fn")
+                || code.contains("(unsafe_code")
+        };
+        let at = text.lines().filter(says).count();
+        // this test names what it looks for
+        let may = file.ends_with(doors) || file.ends_with("tests/architecture.rs");
+        assert!(at == 0 || may, "{}: unsafe; only {} may", file.display(), doors.display());
+    }
+    let text = fs::read_to_string(root().join(doors)).unwrap();
+    let unsafe_words = text.lines().filter(|l| l.contains("unsafe(") || l.contains("unsafe {")).count();
+    assert_eq!(unsafe_words, text.matches("#[unsafe(no_mangle)]").count(), "the doors hold more than exported names");
 }
 
 /// All Rust files of `folder`.

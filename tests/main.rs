@@ -15,6 +15,7 @@ mod faults;
 mod fetch;
 mod first_hour;
 mod inspect;
+mod live;
 mod living;
 mod machine;
 mod marks;

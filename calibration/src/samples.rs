@@ -21,7 +21,7 @@ use sim::contact::ContactOptions;
 use sim::coordinate::{Coordinate, FREE, Free, Load};
 use sim::laxity::{Band, LaxityTrial, force_column};
 use sim::mesh::MeshValue;
-use sim::model::compile_with;
+use sim::model::{Model, compile_with};
 use sim::spec::ModelSpec;
 use std::collections::BTreeMap;
 
@@ -108,6 +108,13 @@ pub fn group_sums(bundles: &[String], forces_n: &[f64]) -> Vec<(String, f64)> {
     GROUPS.iter().filter_map(|(name, members)| Some((format!("group_{name}_n"), sum(members)?))).collect()
 }
 
+impl Bands {
+    /// Of trials that no sample was asked.
+    fn nothing(trials: usize) -> Bands {
+        Bands { rows: vec![vec![]; trials], leaving: vec![0; trials], ..Bands::default() }
+    }
+}
+
 impl Samples {
     /// How many there are.
     pub fn len(&self) -> usize {
@@ -119,16 +126,36 @@ impl Samples {
         self.len() == 0
     }
 
+    /// The model that samples are asked of: merged contact nodes, no friction.
+    ///
+    /// # Errors
+    /// A model that does not compile.
+    pub fn searched(&self, meshes: &BTreeMap<String, MeshValue>) -> Result<Model, CalibrationError> {
+        let coarse = ContactOptions { spacing_mm: self.of.search.contact_spacing_mm };
+        Ok(compile_with(&self.counted_from, meshes, &coarse)?.with_friction(0.0)?)
+    }
+
     /// Bands of what the knee does in trials.
     ///
     /// # Errors
     /// A model that does not compile; a most probable knee without equilibrium in a trial.
     pub fn bands(&self, meshes: &BTreeMap<String, MeshValue>, question: &Question) -> Result<Bands, CalibrationError> {
+        if question.trials.is_empty() || self.is_empty() || question.most == 0 {
+            return Ok(Bands::nothing(question.trials.len()));
+        }
+        self.bands_of(&self.searched(meshes)?, question)
+    }
+
+    /// [`Samples::bands`] by the model of [`Samples::searched`], for whoever asks more than once.
+    ///
+    /// # Errors
+    /// A name of no bundle; a most probable knee without equilibrium in a trial.
+    pub fn bands_of(&self, searched: &Model, question: &Question) -> Result<Bands, CalibrationError> {
         let trials = question.trials;
         if trials.is_empty() || self.is_empty() || question.most == 0 {
-            let (rows, leaving) = (vec![vec![]; trials.len()], vec![0; trials.len()]);
-            return Ok(Bands { rows, leaving, ..Bands::default() });
+            return Ok(Bands::nothing(trials.len()));
         }
+<<<<<<< HEAD
         let Drawn { names, own, found, lacking } = self.drawn(meshes, question)?;
         let mechanics = |i: usize| match (question.values.and_then(|v| v.get(i)), &own[i]) {
             (Some(last), Some(p)) => Mechanics::between(&told(&names, p), last),
@@ -185,6 +212,9 @@ impl Samples {
     fn drawn(&self, meshes: &BTreeMap<String, MeshValue>, question: &Question) -> Result<Drawn, CalibrationError> {
         let coarse = ContactOptions { spacing_mm: self.of.search.contact_spacing_mm };
         let model = compile_with(&self.counted_from, meshes, &coarse)?.with_friction(0.0)?.without(question.without)?;
+=======
+        let model = searched.without(question.without)?;
+>>>>>>> live
         let parameters: Vec<Parameter<Quantity>> = self.of.unknowns.iter().map(as_it_stands).collect();
         let asked: Vec<Asked> = question.trials.iter().map(imagined).collect();
         let mut options = self.of.search.trials();

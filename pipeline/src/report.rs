@@ -18,11 +18,11 @@ pub(crate) mod diagnosis_page;
 mod failed;
 pub(crate) mod geometry;
 pub(crate) mod html;
+mod live;
 mod methods;
 mod motion;
 pub(crate) mod number;
 pub(crate) mod picture;
-mod pressure;
 pub(crate) mod scene;
 mod sheet;
 mod warnings;
@@ -117,7 +117,8 @@ fn page(folder: &BuildFolder, records: &[Record], failure: Option<&Failure>) -> 
     html += "<button type=\"button\" class=\"one-page\" hidden>Print one page</button></header>";
     html += &body.sheet(failure);
     html += &body.first(failure);
-    html += &contents(records, failure);
+    html += &body.live();
+    html += &contents(records, failure, body.is_live());
     html += "<main id=\"stages\">";
     for record in records {
         html += &format!("<section id=\"{}\"><h2>{}</h2>", record.stage, heading(&record.stage));
@@ -129,14 +130,18 @@ fn page(folder: &BuildFolder, records: &[Record], failure: Option<&Failure>) -> 
     }
     html += &body.methods(records);
     html += "</main>";
-    Ok(html + &foot(json!({"a": body.data()})))
+    let live = body.live_data();
+    Ok(html + &foot(json!({"a": body.data()}), &live))
 }
 
-fn contents(records: &[Record], failure: Option<&Failure>) -> String {
+fn contents(records: &[Record], failure: Option<&Failure>, live: bool) -> String {
     let stages = records.iter().map(|r| r.stage.as_str()).chain(failure.map(|f| f.stage.as_str()));
     let mut links: Vec<String> =
         stages.map(|s| format!("<li><a href=\"#{0}\">{1}</a></li>", escaped(s), escaped(&heading(s)))).collect();
     links.dedup();
+    if live {
+        links.insert(0, "<li><a href=\"#live\">pull at the knee</a></li>".into());
+    }
     links.push("<li><a href=\"#methods\">methods</a></li>".into());
     format!("<nav aria-label=\"Stages\"><ul>{}</ul></nav>", links.concat())
 }

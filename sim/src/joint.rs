@@ -9,10 +9,11 @@
 use crate::coordinate::{AP, Coordinate, FE, IE, ML, SI, Six, VV};
 use crate::deck::ChainCoordinate;
 use crate::error::SimError;
+use crate::portable;
 use crate::spec::{AxisSpec, ChainSpec, FramesSpec};
 use meshes::frame::{AnatomicalFrame, Side};
 use meshes::{Isometry, Point, Vector};
-use nalgebra::{Matrix3, Matrix6, Rotation3, Translation3, UnitQuaternion};
+use nalgebra::{Matrix3, Matrix6, Translation3, UnitQuaternion};
 
 /// Place of each coordinate along the chain, counted from the tibia.
 const RANK: [usize; 6] = [4, 2, 0, 5, 3, 1];
@@ -152,10 +153,11 @@ impl Joint {
     /// Grood-Suntay coordinates of a femur moved by `femur` from the CT pose [rad, mm].
     pub fn grood_suntay_of(&self, femur: &Isometry) -> Six {
         let (r, t) = self.tibia_in_femur(femur);
-        let fe = r[(1, 2)].atan2(r[(2, 2)]);
-        let vv = r[(0, 2)].clamp(-1.0, 1.0).asin();
-        let ie = (-r[(0, 1)]).atan2(r[(0, 0)]);
-        Six::new(fe, vv, ie, -t.x, t.y * fe.cos() - t.z * fe.sin(), r.column(2).dot(&t))
+        let fe = libm::atan2(r[(1, 2)], r[(2, 2)]);
+        let vv = libm::asin(r[(0, 2)].clamp(-1.0, 1.0));
+        let ie = libm::atan2(-r[(0, 1)], r[(0, 0)]);
+        let (sin, cos) = libm::sincos(fe);
+        Six::new(fe, vv, ie, -t.x, t.y * cos - t.z * sin, r.column(2).dot(&t))
     }
 
     /// Derivative of the Grood-Suntay coordinates with respect to `q`, 6 x 6.
@@ -166,8 +168,7 @@ impl Joint {
         let f = pose.femur.rotation.to_rotation_matrix().matrix() * f;
         let tibia = axes_matrix(&self.tibia);
         let origin = (pose.femur * self.femur.origin).coords;
-        let fe = r[(1, 2)].atan2(r[(2, 2)]);
-        let (sin, cos) = fe.sin_cos();
+        let (sin, cos) = libm::sincos(libm::atan2(r[(1, 2)], r[(2, 2)]));
         let mut d = Matrix6::zeros();
         for j in 0..6 {
             let screw = &pose.screws[j];
@@ -219,10 +220,7 @@ fn axes_matrix(frame: &AnatomicalFrame) -> Matrix3<f64> {
 
 /// Turn by `angle` about the axis, then shift by `shift` along it.
 fn cylinder(axis: &AxisSpec, angle: f64, shift: f64) -> Isometry {
-    let turn = UnitQuaternion::from_rotation_matrix(&Rotation3::from_axis_angle(
-        &nalgebra::Unit::new_unchecked(axis.direction),
-        angle,
-    ));
+    let turn = UnitQuaternion::from_rotation_matrix(&portable::turn(&axis.direction, angle));
     let p = axis.point.coords;
     Isometry::from_parts(Translation3::from(p - turn * p + axis.direction * shift), turn)
 }

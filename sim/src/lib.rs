@@ -29,6 +29,7 @@ pub mod mesh;
 pub mod model;
 pub mod names;
 pub mod patella;
+mod portable;
 pub mod protocols;
 pub mod quasistatic;
 pub mod sensitivity;

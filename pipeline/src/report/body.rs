@@ -6,6 +6,7 @@ use super::check::{Check, KeyFigure};
 use super::failed;
 use super::geometry::Pool;
 use super::html::{escaped, flatten};
+use super::live::LiveKnee;
 use super::methods::Methods;
 use super::motion::{self, Motion};
 use super::scene::{Scene, named_places, places};
@@ -41,6 +42,8 @@ pub(super) struct Body<'a> {
     stages: Vec<String>,
     /// Whether the knee stands on the first screen already.
     knee_shown: bool,
+    /// The knee that the reader pulls at.
+    live: Option<LiveKnee>,
 }
 
 impl<'a> Body<'a> {
@@ -64,6 +67,7 @@ impl<'a> Body<'a> {
             motions,
             stages: stages.into_iter().map(String::from).collect(),
             knee_shown: false,
+            live: None,
         }
     }
 
@@ -85,6 +89,32 @@ impl<'a> Body<'a> {
         html += &self.next(&checks, failure);
         html += &format!("</div>{picture}</div>");
         html + &self.details(&checks)
+    }
+
+    /// The section in which the reader pulls at the knee; nothing of a build that was not calibrated.
+    pub(super) fn live(&mut self) -> String {
+        let Some(knee) = LiveKnee::of(&self.values, &self.pool) else { return String::new() };
+        // the live view moves, whether or not motions were stored
+        let moves = std::mem::replace(&mut self.values.moves, true);
+        let scene = knee.scene(&self.values, &mut self.pool);
+        self.values.moves = moves;
+        let Some(scene) = scene else { return String::new() };
+        // its stills stand on the first screen
+        let stills = std::mem::replace(&mut self.stills, false);
+        let html = knee.section(&self.figure(scene, &Assemble));
+        self.stills = stills;
+        self.live = Some(knee);
+        html
+    }
+
+    /// Whether the page has such a section.
+    pub(super) fn is_live(&self) -> bool {
+        self.live.is_some()
+    }
+
+    /// What the section's script opens; nothing where there is none.
+    pub(super) fn live_data(&self) -> String {
+        self.live.as_ref().map_or(String::new(), LiveKnee::data)
     }
 
     /// The verdict, the questions and the warnings, without the knee.

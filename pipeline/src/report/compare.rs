@@ -53,7 +53,7 @@ pub(super) fn page(builds: [(&BuildFolder, &Vec<Record>); 2], places: [&Path; 2]
     }
     html += "</main>";
     let [a, b] = bodies;
-    Ok(html + &foot(json!({"a": a.data(), "b": b.data()})))
+    Ok(html + &foot(json!({"a": a.data(), "b": b.data()}), ""))
 }
 
 /// The figures of both, those that differ first.

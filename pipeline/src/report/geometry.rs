@@ -28,6 +28,11 @@ impl Pool {
         Pool { axes, meshes: BTreeMap::new() }
     }
 
+    /// The page's axes from CT.
+    pub(crate) fn axes(&self) -> Isometry {
+        self.axes
+    }
+
     /// A CT point in the page's axes.
     pub(crate) fn point(&self, p: &Point) -> Point {
         self.axes * p

@@ -12,12 +12,13 @@ pub(crate) fn head(title: &str) -> String {
     )
 }
 
-/// The data, plotly.js and what draws with it. A page without JavaScript shows the still pictures.
-pub(super) fn foot(data: Value) -> String {
+/// The data, plotly.js and what draws with it; `live` is what a live knee needs, or nothing. A page without JavaScript shows the still pictures.
+pub(super) fn foot(data: Value, live: &str) -> String {
     // a `</` inside a string would end the script
     let data = data.to_string().replace("</", "<\\/");
+    let asks = if live.is_empty() { String::new() } else { format!("{live}<script>{}</script>", super::live::SCRIPT) };
     format!(
-        "<script type=\"application/json\" id=\"data\">{data}</script>{}<script>{}</script></body></html>\n",
+        "<script type=\"application/json\" id=\"data\">{data}</script>{}<script>{}</script>{asks}</body></html>\n",
         plotly_js(),
         include_str!("viewer.js")
     )

@@ -3,18 +3,24 @@
 
 use super::geometry::{Pool, rounded};
 use super::number::fixed;
-use super::pressure::{Pressed, Surfaces};
 use crate::model_file::assembled_model;
 use crate::stage::Values;
+use crate::stage::contact_surface;
 use crate::stage::list::Calibration;
 use crate::validate::Validation;
 use crate::which_model::JOINT;
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
 use calibration::session::Outcome;
+use live::pressure::{Pressed, Surfaces};
+use meshes::Point;
+use meshes::surface::TriMesh;
 use serde::Serialize;
 use sim::joint::{Joint, Pose};
 use sim::laxity::{LaxityTrial, TrialResult};
 use sim::model::Model;
 use sim::spec::{FramesSpec, ModelSpec, PoseSpec};
+use stages::PerCartilage;
 use stages::assemble::Assembled;
 use stages::bones::Bones;
 use stages::cartilage::Cartilage;
@@ -62,7 +68,7 @@ pub(super) fn motions(v: &Values, pool: &Pool) -> Vec<Motion> {
     for (name, outcome) in calibration.main_first() {
         let Ok(joint) = Joint::new(&outcome.spec.frames, outcome.spec.side) else { continue };
         let model = if name == main { model(v, &outcome.spec) } else { None };
-        let surfaces = v.of::<Assembled>().map(|a| Surfaces::new(&a.contact));
+        let surfaces = v.of::<Assembled>().map(|a| Surfaces::new(corners(&a.contact)));
         let knee = Knee { name, joint, spec: &outcome.spec, contact: model.as_ref().zip(surfaces), pool };
         let source = validation.sources.iter().find(|s| s.name == name);
         out.extend(source.into_iter().flat_map(|s| knee.protocols(s, &validation.passive)));
@@ -80,8 +86,27 @@ fn told(motions: &mut [Motion]) {
     let most = motions.iter().map(steps).fold(0.0, f64::max);
     for m in motions {
         m.most_mpa = rounded(most, 100.0);
-        m.steps.iter_mut().for_each(|s| s.pressure = s.pressed.packed(m.most_mpa));
+        m.steps.iter_mut().for_each(|s| s.pressure = packed(&s.pressed, m.most_mpa));
     }
+}
+
+/// The corners of the cartilages in contact as the page has them, by their keys there: femur, medial tibia, lateral tibia.
+pub(super) fn corners(contact: &PerCartilage<TriMesh>) -> Vec<(String, Vec<Point>)> {
+    let one = |(name, mesh): (&'static str, &TriMesh)| {
+        let (key, thin) = contact_surface(name, mesh);
+        (key, thin.vertices)
+    };
+    contact.named().into_iter().map(one).collect()
+}
+
+/// By surface the corners as 16-bit numbers and their pressures in 8-bit steps up to `high` [MPa], base64.
+fn packed(pressed: &Pressed, high: f64) -> BTreeMap<String, [String; 2]> {
+    let one = |all: &Vec<(u16, f64)>| {
+        let corners: Vec<u8> = all.iter().flat_map(|(n, _)| n.to_le_bytes()).collect();
+        let values: Vec<u8> = all.iter().map(|(_, p)| (255.0 * p / high).round().clamp(0.0, 255.0) as u8).collect();
+        [STANDARD.encode(corners), STANDARD.encode(values)]
+    };
+    pressed.by_surface.iter().map(|(key, all)| (key.clone(), one(all))).collect()
 }
 
 /// The calibrated model, to ask it for its contact.

@@ -124,6 +124,7 @@
       const at = new Uint16Array(bytes(told[0]).buffer), value = bytes(told[1]);
       at.forEach((corner, n) => { out[corner] = (high * value[n]) / 255; });
     }
+    for (const [corner, mpa] of (step && step.pressed && step.pressed[layer.mesh]) || []) out[corner] = mpa;
     return out;
   }
 
@@ -211,7 +212,7 @@
       this.buttons();
       this.layers();
       this.plane();
-      if (this.motion) this.slider();
+      if (this.motion && this.id !== "live") this.slider();
       this.frame.addEventListener("keydown", (e) => this.key(e));
       // the page scrolls under the wheel until the view is chosen
       this.frame.addEventListener("wheel", (e) => { if (!this.frame.contains(document.activeElement)) e.stopPropagation(); }, { capture: true });
@@ -227,7 +228,8 @@
         const canvas = this.plot.querySelector("canvas");
         if (canvas) canvas.setAttribute("aria-hidden", "true");
         this.figure.dataset.ready = "yes";
-        if (this.motion) this.move();
+        if (this.which) this.move();
+        this.figure.dispatchEvent(new CustomEvent("shown", { detail: this }));
       }, () => this.close(NO_3D));
     }
 
@@ -325,17 +327,14 @@
 
     buttons() {
       const group = element("div", { role: "group", "aria-label": "Look from" });
-      for (const name of Object.keys(VIEWS)) {
-        const b = element("button", { type: "button" }, name);
-        b.addEventListener("click", () => { this.look(name); this.aim(); });
+      const act = (words, does, attributes = {}) => {
+        const b = element("button", { type: "button", ...attributes }, words);
+        b.addEventListener("click", does);
         group.append(b);
-      }
-      const still = element("button", { type: "button", class: "shut" }, "Still pictures");
-      still.addEventListener("click", () => { this.close(""); this.figure.dataset.shut = "yes"; });
-      group.append(still);
-      const save = element("button", { type: "button" }, "Save PNG");
-      save.addEventListener("click", () => Plotly.downloadImage(this.plot, { format: "png", scale: 3, filename: this.id }));
-      group.append(save);
+      };
+      Object.keys(VIEWS).forEach((name) => act(name, () => { this.look(name); this.aim(); }));
+      if (this.figure.querySelector(".still").childElementCount) act("Still pictures", () => { this.close(""); this.figure.dataset.shut = "yes"; }, { class: "shut" });
+      act("Save PNG", () => Plotly.downloadImage(this.plot, { format: "png", scale: 3, filename: this.id }));
       this.tools.append(group);
     }
 
@@ -443,20 +442,24 @@
       const step = motion.steps[Number(this.at.value)];
       this.step.textContent = step.label;
       this.at.setAttribute("aria-valuetext", step.label);
-      const change = { x: [], y: [], z: [] }, which = [], lines = [];
-      const pressed = [], values = [];
+      this.place(step, motion.most_mpa);
+    }
+
+    // the femur, the fibres and the pressures of a step; the colours' ends grow with what a live knee bears
+    place(step, high) {
+      const most = this.most || { n: mostForce(this.motion), mpa: mostPressure(this.motion) };
+      this.most = { n: Math.max(most.n, ...step.force), mpa: Math.max(most.mpa, ...Object.values(step.pressed || {}).flat().map((p) => p[1])) };
+      // one change of all: what a layer does not have is left as it is
+      const change = { x: [], y: [], z: [], "line.color": [], "line.cmax": [], intensity: [], cmax: [] }, which = [];
       this.scene.layers.forEach((layer, n) => {
-        if (layer.presses) { pressed.push(n); values.push(pressures(this.pool, layer, step, motion.most_mpa)); }
-        if (!layer.moves) return;
-        const at = this.placed(layer, step);
-        AXES.forEach((axis) => change[axis].push(at[axis]));
+        if (!layer.moves && !layer.presses) return;
+        const at = layer.moves ? this.placed(layer, step) : {}, fibres = layer.moves === "fibres";
+        const pressure = layer.presses ? { intensity: pressures(this.pool, layer, step, high), cmax: this.most.mpa } : {};
+        const own = { ...at, ...pressure, "line.color": fibres ? at.color : undefined, "line.cmax": fibres ? this.most.n : undefined };
+        Object.keys(change).forEach((key) => change[key].push(own[key]));
         which.push(n);
-        lines.push(at.color || layer.colour);
       });
-      this.later("move", () => {
-        const moved = Plotly.restyle(this.plot, { ...change, "line.color": lines }, which);
-        return pressed.length ? moved.then(() => Plotly.restyle(this.plot, { intensity: values }, pressed)) : moved;
-      });
+      this.later("move", () => Plotly.restyle(this.plot, change, which));
     }
 
     placed(layer, step) {

@@ -6,6 +6,7 @@
 
 use super::cells::Cells;
 use crate::error::SimError;
+use crate::portable;
 use meshes::surface::TriMesh;
 use meshes::topology::Topology;
 use meshes::{Isometry, Point, Vector};
@@ -360,6 +361,6 @@ fn check(mesh: &TriMesh, name: &str) -> Result<(), SimError> {
 pub fn bone_frame(frame: &meshes::frame::AnatomicalFrame) -> Isometry {
     let first = frame.anterior.cross(&frame.superior);
     let rows = Matrix3::from_rows(&[first.transpose(), frame.anterior.transpose(), frame.superior.transpose()]);
-    let turn = nalgebra::UnitQuaternion::from_rotation_matrix(&nalgebra::Rotation3::from_matrix(&rows));
+    let turn = nalgebra::UnitQuaternion::from_rotation_matrix(&portable::nearest_rotation(&rows));
     Isometry::from_parts((-(turn * frame.origin.coords)).into(), turn)
 }

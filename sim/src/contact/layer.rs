@@ -93,7 +93,8 @@ impl Layer {
 fn logarithmic(x: f64) -> (f64, f64, f64) {
     let y = x.min(MOST_STRAIN);
     let left = 1.0 - y;
-    let (f, f1, f2) = (y + left * left.ln(), -left.ln(), 1.0 / left);
+    let ln = libm::log(left);
+    let (f, f1, f2) = (y + left * ln, -ln, 1.0 / left);
     let past = x - y;
     (f + past * (f1 + 0.5 * past * f2), f1 + past * f2, f2)
 }

@@ -1,4 +1,5 @@
 use super::*;
+use nalgebra::Rotation3;
 
 /// A left knee with slightly oblique frames, and its mirror image.
 pub(crate) fn frames(side: Side) -> FramesSpec {

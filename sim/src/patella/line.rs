@@ -36,15 +36,15 @@ impl Cylinder {
         let plane = |p: &Vector| {
             let r = p - self.point;
             let (x, y) = (r.dot(&self.axes[1]), r.dot(&self.axes[2]));
-            (x.hypot(y), y.atan2(x))
+            (libm::hypot(x, y), libm::atan2(y, x))
         };
         let ((near_at, near_angle), (far_at, far_angle)) = (plane(near), plane(far));
         if near_at <= self.radius || far_at <= self.radius {
             // an end inside the cylinder: nothing to wrap over
             return straight(near, far);
         }
-        let touch = near_angle + (self.radius / near_at).acos();
-        let arc = far_angle - (self.radius / far_at).acos() - touch;
+        let touch = near_angle + libm::acos(self.radius / near_at);
+        let arc = far_angle - libm::acos(self.radius / far_at) - touch;
         if arc <= 0.0 {
             return straight(near, far);
         }
@@ -52,9 +52,9 @@ impl Cylinder {
         let free = (near_at * near_at - self.radius * self.radius).sqrt();
         let across = free + self.radius * arc + (far_at * far_at - self.radius * self.radius).sqrt();
         let along = (near - far).dot(&axis);
-        let out = front * touch.cos() + up * touch.sin();
-        let course = front * touch.sin() - up * touch.cos();
-        let value = across.hypot(along);
+        let (sin, cos) = libm::sincos(touch);
+        let (out, course) = (front * cos + up * sin, front * sin - up * cos);
+        let value = libm::hypot(across, along);
         let gradient = (course * across + axis * along) / value;
         let bend = out * out.transpose() * (across / free);
         let hessian =

@@ -1,43 +1,35 @@
 //! Contact pressure on the page's cartilages: at the corners of the thinned surfaces, the pressed ones alone.
 
-use crate::stage::contact_surface;
-use base64::Engine;
-use base64::engine::general_purpose::STANDARD;
-use meshes::surface::TriMesh;
 use meshes::{Isometry, Point};
 use sim::contact::Contact;
 use sim::joint::Pose;
-use stages::PerCartilage;
 use std::collections::BTreeMap;
 
 /// How far from a corner a node counts [mm]; and how near one must be for the corner to count as pressed.
 const REACH_MM: f64 = 1.8;
 const NEAR_MM: f64 = 1.1;
 
-/// The cartilages as the page has them.
-#[derive(Clone)]
-pub(super) struct Surfaces {
+/// The cartilages as a page has them.
+#[derive(Clone, Debug)]
+pub struct Surfaces {
     named: Vec<(String, Vec<Point>)>,
 }
 
 /// Pressures [MPa] of corners, by surface.
-#[derive(Default)]
-pub(super) struct Pressed {
-    by_surface: BTreeMap<String, Vec<(u16, f64)>>,
+#[derive(Clone, Debug, Default)]
+pub struct Pressed {
+    /// Corners by their numbers, and their pressures.
+    pub by_surface: BTreeMap<String, Vec<(u16, f64)>>,
 }
 
 impl Surfaces {
-    /// Of the surfaces in contact: femur, medial tibia, lateral tibia.
-    pub(super) fn new(contact: &PerCartilage<TriMesh>) -> Surfaces {
-        let one = |(name, mesh): (&'static str, &TriMesh)| {
-            let (key, thin) = contact_surface(name, mesh);
-            (key, thin.vertices)
-        };
-        Surfaces { named: contact.named().into_iter().map(one).collect() }
+    /// Of surfaces in contact: names and corners in CT [mm]. The femur's name ends in "femur", all others are the tibia's.
+    pub fn new(named: Vec<(String, Vec<Point>)>) -> Surfaces {
+        Surfaces { named }
     }
 
     /// The corners that are pressed at a pose.
-    pub(super) fn pressed(&self, contact: &Contact, pose: &Pose) -> Pressed {
+    pub fn pressed(&self, contact: &Contact, pose: &Pose) -> Pressed {
         let nodes = contact.node_pressures(pose);
         let back = pose.femur.inverse();
         let of = |tibial: bool, place: Isometry| -> Vec<(Point, f64)> {
@@ -77,18 +69,8 @@ fn spread(corners: &[Point], nodes: &[(Point, f64)]) -> Vec<(u16, f64)> {
 
 impl Pressed {
     /// The largest [MPa].
-    pub(super) fn most(&self) -> f64 {
+    pub fn most(&self) -> f64 {
         self.by_surface.values().flatten().map(|(_, p)| *p).fold(0.0, f64::max)
-    }
-
-    /// By surface the corners as 16-bit numbers and their pressures in 8-bit steps up to `high`, base64.
-    pub(super) fn packed(&self, high: f64) -> BTreeMap<String, [String; 2]> {
-        let one = |all: &Vec<(u16, f64)>| {
-            let corners: Vec<u8> = all.iter().flat_map(|(n, _)| n.to_le_bytes()).collect();
-            let values: Vec<u8> = all.iter().map(|(_, p)| (255.0 * p / high).round().clamp(0.0, 255.0) as u8).collect();
-            [STANDARD.encode(corners), STANDARD.encode(values)]
-        };
-        self.by_surface.iter().map(|(key, all)| (key.clone(), one(all))).collect()
     }
 }
 

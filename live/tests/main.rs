@@ -1,0 +1,2 @@
+//! The crate's one test program.
+mod answers;

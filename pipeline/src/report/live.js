@@ -1,0 +1,410 @@
+// The knee in the reader's hands: what is asked, the workers that solve it, and the answer in words, tables and the picture.
+"use strict";
+(() => {
+  const section = document.getElementById("live");
+  if (!section) return;
+  // loads act on the tibia; least, most and step of the sliders are ours: beyond any clinical test, within what was calibrated
+  const SLIDERS = [
+    { key: "flexion", words: "Flexion", unit: "deg", least: 0, most: 120, step: 1 },
+    { key: "ap", words: "Pull forwards (below 0: push backwards)", unit: "N", least: -200, most: 200, step: 1 },
+    { key: "ie", words: "Twist outwards (below 0: inwards)", unit: "N m", least: -12, most: 12, step: 0.1 },
+    { key: "vv", words: "Valgus bend (below 0: varus)", unit: "N m", least: -15, most: 15, step: 0.1 },
+    { key: "ml", words: "Push to the outer side (below 0: inner)", unit: "N", least: -100, most: 100, step: 1 },
+    { key: "si", words: "Compression", unit: "N", least: 0, most: 500, step: 1 },
+  ];
+  const COMPRESSION_N = 20; // as in the measured tests and the protocols
+  const REST = { flexion: 30, vv: 0, ie: 0, ml: 0, ap: 0, si: COMPRESSION_N };
+  // 133 N, 8 and 4 N m: the protocols of the validation; 5 N m for the dial test and 10 N m for the stress tests are ours
+  const PRESETS = {
+    "At rest": { flexion: 30 },
+    Lachman: { flexion: 30, ap: 133 },
+    "Anterior drawer, 90 deg": { flexion: 90, ap: 133 },
+    "Posterior drawer, 90 deg": { flexion: 90, ap: -133 },
+    "Dial test, 30 deg": { flexion: 30, ie: 5 },
+    "Dial test, 90 deg": { flexion: 90, ie: 5 },
+    "Valgus stress, 30 deg": { flexion: 30, vv: 10 },
+    "Varus stress, 30 deg": { flexion: 30, vv: -10 },
+    "Pivot shift": { flexion: 30, vv: 8, ie: -4 },
+  };
+  const POSE = [
+    ["vv_deg", "valgus", "varus", "deg"], ["ie_deg", "external", "internal", "deg"],
+    ["ml_mm", "lateral", "medial", "mm"], ["ap_mm", "anterior", "posterior", "mm"], ["si_mm", "superior", "inferior", "mm"],
+  ];
+  const TOLD_FIRST = ["ap_mm", "ie_deg", "vv_deg", "ml_mm", "si_mm"];
+  const CONTACT = [["force_n", "force", "N", 0], ["area_mm2", "area", "mm2", 0], ["mean_mpa", "mean pressure", "MPa", 2], ["peak_mpa", "peak pressure", "MPa", 2]];
+  const LEAST_TOLD = 0.05; // a smaller change reads as none [mm, deg]
+  const STRAIN = 0.1, STIFFNESS = 4; // how far a reader may change a ligament [-]
+  const SAMPLES = [8, 32]; // intervals come early from few samples, then from more
+  const QUIET_MS = 350; // so long nothing changes before intervals are sought
+  const KEPT = 60; // answers kept for comparison
+  const note = section.querySelector(".live-note");
+  const element = (name, attributes = {}, ...inner) => {
+    const e = document.createElement(name);
+    for (const [key, value] of Object.entries(attributes)) e.setAttribute(key, value);
+    e.append(...inner);
+    return e;
+  };
+  const fixed = (x, digits) => (Number.isFinite(x) ? (Math.abs(x) < 0.5 * 10 ** -digits ? 0 : x).toFixed(digits) : "");
+  const clone = (s) => JSON.parse(JSON.stringify(s));
+  const fresh = () => ({ ...REST, cut: [], strain: {}, stiffness: {} });
+
+  // ---- the workers
+
+  const source = (id) => Uint8Array.from(atob(document.getElementById(id).textContent), (c) => c.charCodeAt(0));
+  class Solver {
+    constructor() {
+      this.waiting = new Map();
+      this.worker = new Worker(URL.createObjectURL(new Blob([document.getElementById("live-worker").textContent], { type: "text/javascript" })));
+      this.worker.onmessage = ({ data }) => {
+        this.ms = data.ms;
+        this.waiting.get(data.id)(data.reply);
+        this.waiting.delete(data.id);
+      };
+      this.worker.onerror = (e) => { this.waiting.forEach((done) => done({ fault: e.message || "the worker stopped", broken: true })); this.waiting.clear(); };
+      this.opened = this.send({ open: { module: source("live-module"), knee: source("live-knee") } });
+    }
+
+    send(message) {
+      this.count = (this.count || 0) + 1;
+      const id = this.count;
+      return new Promise((done) => { this.waiting.set(id, done); this.worker.postMessage({ id, ...message }); });
+    }
+
+    async ask(request) {
+      const about = await this.opened;
+      return about.fault ? about : this.send({ request });
+    }
+  }
+
+  // ---- what is asked
+
+  let state = fresh(), about = null, solver = null, sampler = null, view = null;
+  const past = [];
+  const shown = { told: null, rest: null, intact: null, bands: null };
+  const kept = new Map();
+  const asked = (s) => ({ flexion_deg: s.flexion, load: [s.vv, s.ie, s.ml, s.ap, s.si], cut: s.cut, strain: s.strain, stiffness: s.stiffness });
+  const intactOf = (s) => ({ ...s, cut: [], strain: {}, stiffness: {} });
+  const restOf = (s) => ({ ...fresh(), flexion: s.flexion, si: s.si });
+  const isChanged = (s) => Object.keys(s.strain).length + Object.keys(s.stiffness).length > 0;
+  const isIntact = (s) => !isChanged(s) && !s.cut.length;
+
+  async function answer(s) {
+    const key = JSON.stringify(asked(s));
+    if (!kept.has(key)) {
+      const reply = await solver.ask({ trial: asked(s) });
+      if (!reply.fault) section.dataset.ms = solver.ms.toFixed(1);
+      if (reply.broken) return reply;
+      if (kept.size >= KEPT) kept.delete(kept.keys().next().value);
+      kept.set(key, reply);
+    }
+    return kept.get(key);
+  }
+
+  let running = false, again = false, quiet = 0;
+  async function solve() {
+    section.dataset.busy = "yes";
+    clearTimeout(quiet);
+    again = true;
+    if (running) return;
+    running = true;
+    while (again) {
+      again = false;
+      const s = clone(state);
+      const told = await answer(s);
+      const rest = await answer(restOf(s)), intact = isIntact(s) ? told : await answer(intactOf(s));
+      Object.assign(shown, { told, rest, intact, bands: null, state: s });
+      show();
+    }
+    running = false;
+    delete section.dataset.busy;
+    spoken.textContent = words.textContent;
+    quiet = setTimeout(intervals, QUIET_MS);
+  }
+
+  async function intervals() {
+    delete section.dataset.samples;
+    if (!about.samples || shown.told.fault || isChanged(state)) return;
+    sampler = sampler || new Solver();
+    const mine = JSON.stringify(state);
+    for (const most of SAMPLES) {
+      const bands = await sampler.ask({ bands: { trial: asked(JSON.parse(mine)), most } });
+      if (mine !== JSON.stringify(state) || section.dataset.busy) return;
+      shown.bands = bands.fault ? null : bands;
+      said.textContent = bands.fault || `${Math.round(100 * about.interval)} % intervals by ${bands.asked - bands.lost} of ${about.samples} samples of the calibration.`;
+      show();
+      section.dataset.samples = bands.fault ? 0 : bands.asked;
+    }
+  }
+
+  function change(next, remembered = true) {
+    if (remembered) past.push(clone(state));
+    state = next;
+    controls();
+    solve();
+  }
+
+  // ---- the answer
+
+  const words = element("p", { class: "live-words" });
+  const spoken = element("p", { class: "unseen", role: "status" });
+  const said = element("p", { class: "live-said" });
+  const towards = (of, [key, more, less, unit]) => (Math.abs(of) < LEAST_TOLD ? null : `${fixed(Math.abs(of), 1)} ${unit} ${of > 0 ? more : less}`);
+  const pose = (key) => POSE.find((p) => p[0] === key);
+  const moves = (a, b) => TOLD_FIRST.map((key) => towards(a.pose[key] - b.pose[key], pose(key))).filter(Boolean).slice(0, 3).join(", ") || "not at all";
+  const FLAGS = { dislocated: "The femur has left the plateau: the model does not know what comes next.", "patella out of balance": "The patella's forces do not balance." };
+
+  function sentence() {
+    const { told, rest, intact, state: s } = shown;
+    if (told.fault) return `No answer: ${told.fault}. Undo, or choose smaller loads.`;
+    const flags = told.flags.map((f) => FLAGS[f] || f).join(" ");
+    let text = `At ${fixed(told.pose.fe_deg, 0)} deg the tibia goes ${rest.fault ? "to a pose without a rest to compare" : moves(told, rest)} from rest.`;
+    if (!isIntact(s) && !intact.fault) text += ` Against the knee as it was calibrated, under the same loads: ${moves(told, intact)}.`;
+    if (s.cut.length) text += ` Cut: ${s.cut.join(", ")}.`;
+    return `${text} ${flags}`.trim();
+  }
+
+  function show() {
+    words.textContent = sentence();
+    words.classList.toggle("odd", Boolean(shown.told.fault || shown.told.flags.length));
+    if (shown.told.fault) return;
+    poses();
+    ligaments();
+    contacts();
+    picture();
+  }
+
+  const band = (column) => shown.bands && shown.bands.bands[column];
+  const interval = (column, digits, off = 0) => { const b = band(column); return b ? `${fixed(b.lower - off, digits)} to ${fixed(b.upper - off, digits)}` : ""; };
+  const cells = (row, texts) => texts.forEach((text, n) => { row.cells[n + 1].textContent = text; });
+  const table = (id, caption, heads, rows) => {
+    const body = element("tbody", {}, ...rows.map((r) => element("tr", { "data-row": r.key }, element("th", { scope: "row" }, r.words), ...heads.slice(1).map(() => element("td")))));
+    const head = element("thead", {}, element("tr", {}, ...heads.map((h) => element("th", { scope: "col" }, h))));
+    return element("div", { class: "wide" }, element("table", { id }, element("caption", {}, caption), head, body));
+  };
+
+  const poseTable = table("live-pose", "Pose of the tibia under the femur", ["", "pose", "90 % interval", "from rest", "against the calibrated knee"], POSE.map(([key, more, less, unit]) => ({ key, words: `${more}, ${unit} (${less} below 0)` })));
+  function poses() {
+    const { told, rest, intact } = shown;
+    poseTable.querySelectorAll("tbody tr").forEach((row) => {
+      const key = row.dataset.row;
+      const less = (from) => (from.fault ? "" : fixed(told.pose[key] - from.pose[key], 2));
+      cells(row, [fixed(told.pose[key], 2), interval(key, 2), less(rest), less(intact)]);
+    });
+  }
+
+  let ligamentTable = null, contactTable = null, mostForce = 50;
+  function ligaments() {
+    const { told, intact, state: s } = shown;
+    mostForce = Math.max(mostForce, ...told.forces_n, ...(shown.bands ? about.bundles.map((b) => (band(`force_${b.name}_n`) || { upper: 0 }).upper) : []));
+    about.bundles.forEach(({ name }, n) => {
+      const row = ligamentTable.querySelector(`[data-row="${name}"]`), isCut = s.cut.includes(name);
+      cells(row, [fixed(told.forces_n[n], 1)]);
+      row.cells[3].textContent = isCut ? "" : interval(`force_${name}_n`, 1);
+      row.cells[4].textContent = told.strains[n] === null ? "cut" : fixed(100 * told.strains[n], 1);
+      row.cells[5].textContent = intact.fault ? "" : fixed(intact.forces_n[n], 1);
+      const share = (x) => `${(100 * Math.min(1, x / mostForce)).toFixed(1)}%`, b = isCut ? null : band(`force_${name}_n`);
+      row.querySelector(".fill").style.width = share(told.forces_n[n]);
+      const range = row.querySelector(".range");
+      range.hidden = !b;
+      if (b) { range.style.left = share(b.lower); range.style.width = share(b.upper - b.lower); }
+    });
+  }
+
+  const output = (told, name) => (told.outputs.find((o) => o[0] === name) || [name, NaN])[1];
+  function contacts() {
+    contactTable.querySelectorAll("tbody tr").forEach((row) => {
+      const name = row.dataset.row, digits = Number(name.endsWith("mpa")) * 2;
+      cells(row, [fixed(output(shown.told, name), digits), interval(name, digits), shown.intact.fault ? "" : fixed(output(shown.intact, name), digits)]);
+    });
+  }
+
+  function picture() {
+    if (view && !view.closed) view.place({ femur: shown.told.femur, force: shown.told.fibres_n, pressed: shown.told.pressure, label: "" });
+  }
+
+  // ---- controls
+
+  const inputs = {};
+  const button = (text, act, attributes = {}) => {
+    const b = element("button", { type: "button", ...attributes }, text);
+    b.addEventListener("click", act);
+    return b;
+  };
+
+  function slider({ key, words: text, unit, least, most, step }) {
+    const range = element("input", { type: "range", id: `live-${key}`, min: least, max: most, step });
+    const number = element("input", { type: "text", inputmode: "decimal", size: 6, "aria-label": `${text}, ${unit}` });
+    let held = false;
+    range.addEventListener("input", () => { change({ ...clone(state), [key]: Number(range.value) }, !held); held = true; });
+    range.addEventListener("change", () => { held = false; });
+    // a comma is a decimal point, too
+    number.addEventListener("change", () => {
+      const value = Number(number.value.trim().replace(",", "."));
+      if (Number.isFinite(value) && number.value.trim()) change({ ...clone(state), [key]: Math.min(most, Math.max(least, value)) });
+      else controls();
+    });
+    inputs[key] = { range, number, unit };
+    return element("div", { class: "live-slider" }, element("label", { for: `live-${key}` }, text), range, number, ` ${unit}`);
+  }
+
+  // the bundles of a ligament: those that share what stands before the underscore
+  const groups = () => {
+    const out = new Map();
+    about.bundles.forEach(({ name }) => { const g = name.split("_")[0]; out.set(g, [...(out.get(g) || []), name]); });
+    return out;
+  };
+  const toggled = (names) => {
+    const all = names.every((n) => state.cut.includes(n));
+    const cut = state.cut.filter((n) => !names.includes(n));
+    change({ ...clone(state), cut: about.bundles.map((b) => b.name).filter((n) => cut.includes(n) || (!all && names.includes(n))) });
+  };
+
+  function tuning(name) {
+    const one = (what, words_, least, most, step, none, unit) => {
+      const range = element("input", { type: "range", min: least, max: most, step, "aria-label": `${words_} of ${name}` });
+      const told = element("output");
+      let held = false;
+      range.addEventListener("input", () => {
+        const next = clone(state), value = what === "stiffness" ? 2 ** Number(range.value) : Number(range.value);
+        if (Math.abs(value - none) < 1e-9) delete next[what][name]; else next[what][name] = value;
+        change(next, !held);
+        held = true;
+      });
+      range.addEventListener("change", () => { held = false; });
+      inputs[`${what} ${name}`] = { paint: () => {
+        const value = state[what][name] ?? none;
+        range.value = what === "stiffness" ? Math.log2(value) : value;
+        told.textContent = unit(value);
+        range.setAttribute("aria-valuetext", told.textContent);
+      } };
+      return element("label", { class: "live-tune" }, `${words_} `, range, told);
+    };
+    const [low, high] = [-Math.log2(STIFFNESS), Math.log2(STIFFNESS)];
+    return element("details", {}, element("summary", { "aria-label": `Change ${name}` }, "Change"),
+      one("strain", "strain in CT", -STRAIN, STRAIN, 0.005, 0, (v) => `${v >= 0 ? "+" : ""}${fixed(100 * v, 1)} %`),
+      one("stiffness", "stiffness", low, high, 0.1, 1, (v) => `x ${fixed(v, 2)}`));
+  }
+
+  function build() {
+    const presets = element("div", { role: "group", "aria-label": "Tests", class: "live-presets" });
+    for (const [name, loads] of Object.entries(PRESETS)) presets.append(button(name, () => change({ ...clone(state), ...REST, ...loads }), { "data-preset": name }));
+    const cuts = element("div", { role: "group", "aria-label": "Cut a ligament", class: "live-cuts" }, "Cut: ");
+    for (const [name, names] of groups()) {
+      const b = button(name, () => toggled(names), { "data-cut": name, "aria-pressed": "false" });
+      inputs[`cut ${name}`] = { paint: () => b.setAttribute("aria-pressed", String(names.every((n) => state.cut.includes(n)))) };
+      cuts.append(b);
+    }
+    const acts = element("div", { role: "group", "aria-label": "State", class: "live-acts" },
+      button("Undo", () => { if (past.length) change(past.pop(), false); }, { "data-act": "undo" }), button("Reset", () => { if (view) view.most = null; change(fresh()); }, { "data-act": "reset" }),
+      button("Save CSV", csv, { "data-act": "csv" }), element("a", { href: "#live", id: "live-link" }, "Link to this state"));
+    section.querySelector(".live-controls").append(presets, ...SLIDERS.map(slider), cuts, acts, words, spoken);
+    const rows = about.bundles.map(({ name }) => ({ key: name, words: name }));
+    ligamentTable = table("live-ligaments", "Ligaments", ["", "force, N", "", "90 % interval, N", "strain, %", "as calibrated, N", "", ""], rows);
+    ligamentTable.querySelectorAll("tbody tr").forEach((row) => {
+      const name = row.dataset.row;
+      row.cells[2].append(element("div", { class: "bar", "aria-hidden": "true" }, element("div", { class: "fill" }), element("div", { class: "range", hidden: "" })));
+      const b = button("Cut", () => toggled([name]));
+      inputs[`bundle ${name}`] = { paint: () => {
+        const is = state.cut.includes(name);
+        b.textContent = is ? "Restore" : "Cut";
+        b.setAttribute("aria-label", `${b.textContent} ${name}`);
+        row.classList.toggle("cut", is);
+      } };
+      row.cells[6].append(b);
+      row.cells[7].append(tuning(name));
+    });
+    const contact = ["medial", "lateral"].flatMap((side) => CONTACT.map(([what, text, unit]) => ({ key: `contact_${side}_${what}`, words: `${side} ${text}, ${unit}` })));
+    contactTable = table("live-contact", "Contact of the cartilages", ["", "value", "90 % interval", "as calibrated"], contact);
+    section.querySelector(".live-answer").append(said, ligamentTable, element("div", { class: "live-two" }, poseTable, contactTable));
+  }
+
+  function controls() {
+    for (const { key } of SLIDERS) {
+      const { range, number, unit } = inputs[key];
+      range.value = state[key];
+      range.setAttribute("aria-valuetext", `${state[key]} ${unit}`);
+      number.value = String(state[key]);
+    }
+    Object.values(inputs).forEach((i) => i.paint && i.paint());
+    const link = document.getElementById("live-link");
+    link.setAttribute("href", fragment(state));
+    if (isChanged(state)) said.textContent = "Intervals are those of the calibrated ligaments; with changed ones there are none.";
+    else said.textContent = about.samples ? "" : "This calibration left no samples, so there are no intervals.";
+  }
+
+  // ---- link and file
+
+  const pairs = (map) => Object.entries(map).map(([k, v]) => `${k}:${v}`).join(",");
+  const fragment = (s) => {
+    const parts = SLIDERS.filter(({ key }) => s[key] !== REST[key] || key === "flexion").map(({ key }) => [key, s[key]]);
+    const more = [["cut", s.cut.join(",")], ["strain", pairs(s.strain)], ["stiffness", pairs(s.stiffness)]].filter(([, v]) => v);
+    return "#live&" + new URLSearchParams([...parts, ...more]);
+  };
+  // what does not fit this knee is left out
+  const restored = (hash) => {
+    const given = new URLSearchParams(hash.replace(/^#live&/, "")), out = fresh();
+    const is = (name) => about.bundles.some((b) => b.name === name);
+    for (const { key, least, most } of SLIDERS) {
+      const value = Number(given.get(key) ?? REST[key]);
+      if (Number.isFinite(value)) out[key] = Math.min(most, Math.max(least, value));
+    }
+    out.cut = (given.get("cut") || "").split(",").filter(is);
+    for (const [what, least, most] of [["strain", -STRAIN, STRAIN], ["stiffness", 1 / STIFFNESS, STIFFNESS]]) {
+      for (const [name, value] of (given.get(what) || "").split(",").map((p) => p.split(":"))) {
+        if (is(name) && Number.isFinite(Number(value))) out[what][name] = Math.min(most, Math.max(least, Number(value)));
+      }
+    }
+    return out;
+  };
+
+  function csv() {
+    const { told, rest, intact, bands } = shown;
+    const line = (name, of) => {
+      const b = bands && bands.bands[name];
+      return [name, ...[of(told), b && b.mean, b && b.lower, b && b.upper, of(intact), of(rest)].map((x) => (Number.isFinite(x) ? String(x) : ""))].join(",");
+    };
+    const asks = SLIDERS.map(({ key }) => [key === "flexion" ? "asked_flexion_deg" : `load_${key}_${key === "vv" || key === "ie" ? "nm" : "n"}`, state[key], "", "", "", "", ""].join(","));
+    const lines = [...asks, ...Object.keys(told.pose).map((key) => line(key, (t) => t.pose && t.pose[key])),
+      ...about.bundles.map((b, n) => line(`force_${b.name}_n`, (t) => t.forces_n && t.forces_n[n])),
+      ...about.bundles.map((b, n) => line(`strain_${b.name}`, (t) => t.strains && (t.strains[n] ?? NaN))),
+      ...told.outputs.map(([name]) => line(name, (t) => t.outputs && output(t, name)))];
+    const text = ["name,value,mean,lower,upper,as_calibrated,at_rest", ...lines, ""].join("\n");
+    const link = element("a", { href: URL.createObjectURL(new Blob([text], { type: "text/csv" })), download: `${about.id}-live.csv` });
+    section.dataset.csv = text;
+    link.click();
+  }
+
+  // ---- the start
+
+  async function start() {
+    if (solver) return;
+    note.textContent = "The knee is being opened.";
+    const from = performance.now();
+    try {
+      solver = new Solver();
+      about = await solver.opened;
+    } catch (error) { about = { fault: String(error) }; }
+    if (about.fault) {
+      note.textContent = `The knee cannot be opened here (${about.fault}). The motions that were stored with the report show it: see the knee in 3D above.`;
+      return;
+    }
+    section.dataset.opened = (performance.now() - from).toFixed(0);
+    note.remove();
+    build();
+    if (location.hash.startsWith("#live&")) state = restored(location.hash);
+    controls();
+    await solve();
+    section.dataset.ready = "yes";
+  }
+
+  const figure = section.querySelector("figure");
+  figure.addEventListener("shown", (e) => { view = e.detail; if (shown.told && !shown.told.fault) picture(); });
+  const able = typeof WebAssembly === "object" && typeof Worker === "function" && typeof DecompressionStream === "function";
+  if (!able) {
+    note.firstChild.textContent = "This browser has no WebAssembly, so nothing can be pulled at. The motions that were stored with the report show the knee: ";
+    return;
+  }
+  window.addEventListener("hashchange", () => { if (about && !about.fault && location.hash.startsWith("#live&")) { change(restored(location.hash)); section.scrollIntoView(); } });
+  new IntersectionObserver((entries) => { if (entries.some((e) => e.isIntersecting)) start(); }, { rootMargin: "200px" }).observe(section);
+  if (location.hash.startsWith("#live&")) { section.scrollIntoView(); start(); }
+})();

@@ -1,0 +1,91 @@
+//! The knee that the reader pulls at: the calibrated model in the page, with the module that solves it.
+
+use super::geometry::Pool;
+use super::html::escaped;
+use super::motion::corners;
+use super::scene::Scene;
+use crate::calibrate::samples;
+use crate::model_file::assembled_model;
+use crate::stage::list::{Assemble, Calibration};
+use crate::stage::{Values, View};
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use flate2::Compression;
+use flate2::write::GzEncoder;
+use live::{Packed, pack};
+use stages::assemble::Assembled;
+use stages::bones::Bones;
+use stages::cartilage::Cartilage;
+use std::io::Write;
+
+/// The module from the crate `live`, made by `.ci/module`; a machine that installs the program may not have the target to make it.
+const MODULE: &[u8] = include_bytes!("../../../live/module/live.wasm.gz");
+
+/// A knee in a page.
+pub(super) struct LiveKnee {
+    /// The packed knee, compressed.
+    knee: Vec<u8>,
+    /// Which of its models.
+    name: String,
+}
+
+impl LiveKnee {
+    /// The knee of a build that was calibrated; `None` of others, and of one whose values another version kept.
+    pub(super) fn of(v: &Values, pool: &Pool) -> Option<LiveKnee> {
+        let (name, outcome) = v.of::<Calibration>()?.main()?;
+        let assembled = v.of::<Assembled>()?;
+        let loaded = assembled_model(assembled, v.of::<Bones>()?, v.of::<Cartilage>()?);
+        let bytes = pack(&Packed {
+            spec: outcome.spec.clone(),
+            samples: samples(outcome, &assembled.spec),
+            meshes: loaded.meshes,
+            faces: corners(&assembled.contact),
+            axes: pool.axes(),
+        });
+        Some(LiveKnee { knee: gzip(&bytes.ok()?)?, name: name.to_owned() })
+    }
+
+    /// The scene that it moves.
+    pub(super) fn scene(&self, v: &Values, pool: &mut Pool) -> Option<Scene> {
+        let mut scene = Assemble.scene(v, pool)?;
+        scene.layers.retain(|l| l.moves != Some("measured"));
+        scene.id = "live".into();
+        scene.title = "The knee under your loads".into();
+        scene.text = format!(
+            "The femur moves on the tibia, which stands still, as the model \"{}\" answers. Fibres are coloured by force, cartilage by contact pressure. The tables say the same in numbers.",
+            self.name
+        );
+        Some(scene)
+    }
+
+    /// The section; `figure` is the scene's. The page's script fills what needs an answer.
+    pub(super) fn section(&self, figure: &str) -> String {
+        format!(
+            "<section id=\"live\" data-name=\"{0}\"><h2>Pull at the knee</h2>\
+             <p>Choose a test or move a slider. The page itself solves the calibrated model \"{0}\", without network. Cut a ligament and read what changes.</p>\
+             <p class=\"live-note\" role=\"status\">This needs JavaScript with WebAssembly. Without them the motions that were stored with the report show the knee: <a href=\"#scene-a-knee\">the knee in 3D</a>.</p>\
+             <div class=\"live-grid\"><div class=\"live-controls\"></div><div class=\"live-seen\">{figure}</div></div><div class=\"live-answer\"></div></section>",
+            escaped(&self.name)
+        )
+    }
+
+    /// What the section's script opens: the module and the knee.
+    pub(super) fn data(&self) -> String {
+        let part = |id: &str, bytes: &[u8]| {
+            format!("<script type=\"application/gzip\" id=\"{id}\">{}</script>", STANDARD.encode(bytes))
+        };
+        part("live-module", MODULE)
+            + &part("live-knee", &self.knee)
+            + &format!("<script type=\"text/plain\" id=\"live-worker\">{}</script>", include_str!("live_worker.js"))
+    }
+}
+
+/// The script that asks the knee; it comes after the viewer.
+pub(super) const SCRIPT: &str = include_str!("live.js");
+
+/// Compressed, without time or name: the same bytes give the same bytes.
+fn gzip(bytes: &[u8]) -> Option<Vec<u8>> {
+    let mut out = GzEncoder::new(Vec::new(), Compression::best());
+    out.write_all(bytes).ok()?;
+    out.finish().ok()
+}

@@ -1,0 +1,38 @@
+// Solves the knee off the page's thread: opens the module and the pack, then answers requests in order.
+"use strict";
+const unpacked = (bytes) => new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"))).arrayBuffer();
+let doors = null;
+
+const written = (bytes) => {
+  const at = doors.room(bytes.length);
+  new Uint8Array(doors.memory.buffer, at, bytes.length).set(bytes);
+};
+
+// the memory may have grown while the knee was asked, so it is looked at anew
+const read = () => JSON.parse(new TextDecoder().decode(new Uint8Array(doors.memory.buffer, doors.reply(), doors.reply_length())));
+
+async function opened(module, knee) {
+  const [code, pack] = await Promise.all([unpacked(module), unpacked(knee)]);
+  doors = (await WebAssembly.instantiate(code)).instance.exports;
+  written(new Uint8Array(pack));
+  doors.open();
+  return read();
+}
+
+function asked(request) {
+  if (!doors) return { fault: "no knee is open" };
+  written(new TextEncoder().encode(JSON.stringify(request)));
+  doors.ask();
+  return read();
+}
+
+onmessage = async ({ data }) => {
+  const from = performance.now();
+  let reply;
+  try {
+    reply = data.open ? await opened(data.open.module, data.open.knee) : asked(data.request);
+  } catch (error) {
+    reply = { fault: String(error), broken: true };
+  }
+  postMessage({ id: data.id, reply, ms: performance.now() - from });
+};

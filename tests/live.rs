@@ -1,0 +1,192 @@
+//! The knee in the report answers as `simulate` does: by the library, by the module outside a browser, and by the page in Chromium.
+#![allow(clippy::unwrap_used, clippy::print_stderr, clippy::disallowed_methods, reason = "tests")]
+
+use crate::common::{build_model, json, text, write};
+use crate::one_knee::specimen;
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use flate2::read::GzDecoder;
+use live::{Asked, Knee};
+use serde_json::Value;
+use sim::coordinate::FREE;
+use sim::laxity::read;
+use std::collections::BTreeMap;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use tempfile::TempDir;
+
+/// Module and library may differ by what two compilers make of a sine [mm, deg, N].
+const TOLERANCE: f64 = 1e-6;
+/// A report grows by no more than this [bytes].
+const MOST_GROWTH: usize = 3 << 20;
+/// The module is no larger [bytes].
+const MOST_MODULE: usize = 3 << 19;
+
+/// What stands in the page under `id`, unpacked.
+fn part(page: &str, id: &str) -> (usize, Vec<u8>) {
+    let from = page.find(&format!("id=\"{id}\">")).unwrap_or_else(|| panic!("no {id}"));
+    let coded = page[from..].split('>').nth(1).unwrap().split('<').next().unwrap();
+    let mut bytes = Vec::new();
+    GzDecoder::new(&STANDARD.decode(coded).unwrap()[..]).read_to_end(&mut bytes).unwrap();
+    (coded.len(), bytes)
+}
+
+fn report() -> String {
+    text(&specimen().join("build/report.html"))
+}
+
+/// The trials of both data sets, whole and without the ACL.
+fn asked() -> Vec<Asked> {
+    let trials =
+        |name: &str| read(&std::fs::read(specimen().join(format!("laxity/{name}.csv"))).unwrap()).unwrap().trials;
+    let all = trials("kla").into_iter().chain(trials("rks"));
+    let both = |t: sim::laxity::LaxityTrial| {
+        let cut = |cut: &[&str]| Asked {
+            flexion_deg: t.fe_deg,
+            load: t.load,
+            cut: cut.iter().map(|c| (*c).to_owned()).collect(),
+            ..Asked::default()
+        };
+        [cut(&[]), cut(&["ACL"])]
+    };
+    all.flat_map(both).collect()
+}
+
+/// What `simulate` says, by row and column.
+fn simulated(set: &str, without: &[&str]) -> Vec<BTreeMap<String, String>> {
+    let out = TempDir::new().unwrap();
+    let file = out.path().join("results.csv");
+    let mut command = build_model();
+    command.arg("simulate").arg(specimen()).arg("--trials").arg(specimen().join(format!("laxity/{set}.csv")));
+    without.iter().for_each(|name| {
+        command.args(["--without", name]);
+    });
+    command.arg("--out").arg(&file).assert().success();
+    let table = text(&file);
+    let mut lines = table.lines().map(|l| l.split(',').map(str::to_owned).collect::<Vec<_>>());
+    let header = lines.next().unwrap();
+    lines.map(|l| header.iter().cloned().zip(l).collect()).collect()
+}
+
+#[test]
+fn the_page_carries_the_knee_within_its_room() {
+    let page = report();
+    let (module_coded, module) = part(&page, "live-module");
+    let (knee_coded, _) = part(&page, "live-knee");
+    assert!(module.len() <= MOST_MODULE, "{} bytes of module", module.len());
+    assert!(module_coded + knee_coded <= MOST_GROWTH, "{} bytes", module_coded + knee_coded);
+    assert!(page.contains("<a href=\"#live\">") && page.contains("data-scene=\"a/live\""));
+}
+
+#[test]
+fn the_packed_knee_says_what_simulate_says_bands_included() {
+    let knee = Knee::open(&part(&report(), "live-knee").1).unwrap();
+    for (set, without) in [("kla", &[][..]), ("rks", &["ACL"])] {
+        let rows = simulated(set, without);
+        let trials = read(&std::fs::read(specimen().join(format!("laxity/{set}.csv"))).unwrap()).unwrap().trials;
+        assert_eq!(rows.len(), trials.len());
+        for (row, trial) in rows.iter().zip(&trials).step_by(5) {
+            let cut = without.iter().map(|c| (*c).to_owned()).collect();
+            let asked = Asked { flexion_deg: trial.fe_deg, load: trial.load, cut, ..Asked::default() };
+            let told = knee.told(&asked).unwrap();
+            let number =
+                |column: &str| row[column].parse::<f64>().unwrap_or_else(|_| panic!("{column}: {}", row[column]));
+            let pose = told.pose.free();
+            // the file has four decimals
+            for c in FREE {
+                assert!((number(&c.column()) - pose[c]).abs() <= 5.1e-5, "{} {}", trial.trial, c.column());
+            }
+            for (bundle, force) in knee.about().bundles.iter().zip(&told.forces_n) {
+                assert!((number(&format!("force_{}_n", bundle.name)) - force).abs() <= 5.1e-5, "{}", bundle.name);
+            }
+        }
+    }
+}
+
+#[test]
+fn the_module_says_what_the_library_says() {
+    if !Command::new("node").arg("--version").output().is_ok_and(|o| o.status.success()) {
+        eprintln!("the_module_says_what_the_library_says: skipped, node is not there");
+        return;
+    }
+    let knee = Knee::open(&part(&report(), "live-knee").1).unwrap();
+    let out = TempDir::new().unwrap();
+    let path = |name: &str| out.path().join(name);
+    let mut requests: Vec<Value> = asked().iter().map(|a| serde_json::json!({"trial": a})).collect();
+    let bands = |a: &Asked| serde_json::json!({"bands": {"trial": a, "most": 4}});
+    requests.extend(asked().iter().step_by(17).map(bands));
+    write(&path("requests.json"), serde_json::to_vec(&requests).unwrap());
+    let mut command = Command::new("node");
+    command.arg(script("module.mjs")).arg(specimen().join("build/report.html"));
+    command.args([path("requests.json"), path("replies.json")]);
+    // CI gives the module that it has built anew
+    command.args(std::env::var_os("GENU_MODULE").map(PathBuf::from));
+    let run = command.output().unwrap();
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    let replies = json(&path("replies.json"));
+    let replies = replies.as_array().unwrap();
+    assert_eq!(replies.len(), requests.len() + 1);
+    assert!(replies[0]["bundles"].is_array(), "{}", replies[0]);
+    let mut most = 0.0;
+    for (request, reply) in requests.iter().zip(&replies[1..]) {
+        let own: Value = serde_json::from_slice(&live::answer(&knee, request.to_string().as_bytes())).unwrap();
+        assert_eq!(own.get("fault"), reply.get("fault"), "{request}");
+        apart(&own, reply, "", &mut most);
+    }
+    assert!(most <= TOLERANCE, "{most}");
+}
+
+/// The largest difference of two replies, by their numbers.
+fn apart(a: &Value, b: &Value, key: &str, most: &mut f64) {
+    match (a, b) {
+        // how many evaluations it took, and which corners count as pressed, may turn on the last bit
+        _ if ["evaluations", "pressure"].contains(&key) => {}
+        (Value::Object(x), Value::Object(y)) => {
+            assert_eq!(x.keys().collect::<Vec<_>>(), y.keys().collect::<Vec<_>>(), "{key}");
+            x.iter().for_each(|(k, v)| apart(v, &y[k], k, most));
+        }
+        (Value::Array(x), Value::Array(y)) => {
+            assert_eq!(x.len(), y.len(), "{key}");
+            x.iter().zip(y).for_each(|(v, w)| apart(v, w, key, most));
+        }
+        (Value::Number(x), Value::Number(y)) => *most = most.max((x.as_f64().unwrap() - y.as_f64().unwrap()).abs()),
+        _ => assert_eq!(a, b, "{key}"),
+    }
+}
+
+fn script(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/browser").join(name)
+}
+
+#[test]
+fn a_reader_pulls_at_the_knee_in_a_browser() {
+    let there = |program: &str| Command::new(program).arg("--version").output().is_ok_and(|o| o.status.success());
+    let missing: Vec<&str> = ["chromium", "chromedriver", "python3"].into_iter().filter(|p| !there(p)).collect();
+    if !missing.is_empty() {
+        eprintln!("a_reader_pulls_at_the_knee_in_a_browser: skipped, {} not there", missing.join(", "));
+        return;
+    }
+    // what the page must show, from the library
+    let knee = Knee::open(&part(&report(), "live-knee").1).unwrap();
+    let lachman = |cut: &[&str]| {
+        let load = sim::coordinate::Load::new(0.0, 0.0, 0.0, 133.0, 20.0);
+        let cut = cut.iter().map(|c| (*c).to_owned()).collect();
+        serde_json::to_value(knee.told(&Asked { flexion_deg: 30.0, load, cut, ..Asked::default() }).unwrap()).unwrap()
+    };
+    let expected = serde_json::json!({"about": knee.about(), "lachman": lachman(&[]), "cut": lachman(&["ACL"])});
+    let out = TempDir::new().unwrap();
+    write(&out.path().join("expected.json"), expected.to_string());
+    let run = Command::new("python3")
+        .arg(script("live.py"))
+        .arg(specimen().join("build/report.html"))
+        .args([out.path().join("expected.json"), out.path().join("shots")])
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&[run.stdout, run.stderr].concat()).into_owned();
+    if run.status.code() == Some(77) {
+        eprintln!("a_reader_pulls_at_the_knee_in_a_browser: skipped, {said}");
+        return;
+    }
+    assert!(run.status.success(), "{said}");
+}
