@@ -155,8 +155,7 @@ impl Samples {
         if trials.is_empty() || self.is_empty() || question.most == 0 {
             return Ok(Bands::nothing(trials.len()));
         }
-<<<<<<< HEAD
-        let Drawn { names, own, found, lacking } = self.drawn(meshes, question)?;
+        let Drawn { names, own, found, lacking } = self.drawn(searched, question)?;
         let mechanics = |i: usize| match (question.values.and_then(|v| v.get(i)), &own[i]) {
             (Some(last), Some(p)) => Mechanics::between(&told(&names, p), last),
             _ => Mechanics::default(),
@@ -190,7 +189,7 @@ impl Samples {
         }
         let trials: Vec<LaxityTrial> = changes.iter().flat_map(|c| c.trials.clone()).collect();
         let question = Question { trials: &trials, without: &[], most, dislocation_ap_mm: None, values: None };
-        let Drawn { found, lacking, .. } = self.drawn(meshes, &question)?;
+        let Drawn { found, lacking, .. } = self.drawn(&self.searched(meshes)?, &question)?;
         let band = |(k, change): (usize, &Change)| {
             let c = change.coordinate;
             let by = |(s, all): (usize, &Vec<Option<Prediction>>)| {
@@ -209,12 +208,8 @@ impl Samples {
     }
 
     /// What the samples answer to trials.
-    fn drawn(&self, meshes: &BTreeMap<String, MeshValue>, question: &Question) -> Result<Drawn, CalibrationError> {
-        let coarse = ContactOptions { spacing_mm: self.of.search.contact_spacing_mm };
-        let model = compile_with(&self.counted_from, meshes, &coarse)?.with_friction(0.0)?.without(question.without)?;
-=======
+    fn drawn(&self, searched: &Model, question: &Question) -> Result<Drawn, CalibrationError> {
         let model = searched.without(question.without)?;
->>>>>>> live
         let parameters: Vec<Parameter<Quantity>> = self.of.unknowns.iter().map(as_it_stands).collect();
         let asked: Vec<Asked> = question.trials.iter().map(imagined).collect();
         let mut options = self.of.search.trials();
