@@ -9,7 +9,6 @@ use crate::last_forces::{last_forces, moved};
 use crate::next_test::next_tests;
 use crate::options::{CalibrateOptions, Method};
 use crate::posterior::{NoiseEstimate, OtherEstimate, ParameterEstimate, RestEstimate, ends, mean, variance};
-use crate::priors::PRIORS;
 use crate::rig;
 use crate::targets::Targets;
 use crate::unknown::{Unknown, Unknowns};
@@ -208,7 +207,7 @@ fn beliefs(
     measured: usize,
 ) -> Result<Vec<Belief>, CalibrationError> {
     let mut out = Vec::new();
-    for p in PRIORS.force.iter().filter(|_| question.options.priors) {
+    for p in question.options.priors.forces() {
         let of: Vec<usize> = (0..bundles.len()).filter(|&b| p.is_of(&bundles[b])).collect();
         if of.is_empty() {
             continue;

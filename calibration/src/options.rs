@@ -3,6 +3,7 @@
 use crate::cost::CostOptions;
 use crate::error::CalibrationError;
 use crate::knee::SearchOptions;
+use crate::priors::PriorTable;
 use crate::rig::RigOptions;
 use crate::targets::TargetOptions;
 use serde::{Deserialize, Serialize};
@@ -29,7 +30,7 @@ impl Default for CalibrateOptions {
             targets: TargetOptions::default(),
             cost: CostOptions::default(),
             ranges: BTreeMap::new(),
-            priors: true,
+            priors: PriorTable::default(),
             loads: vec![],
             swarm: SwarmOptions::default(),
             frames: FrameOptions::default(),
@@ -55,9 +56,9 @@ pub struct CalibrateOptions {
     pub cost: CostOptions,
     /// Ranges instead of Table 3's [- or N/mm], by name ("X3" or "LCL.reference_strain").
     pub ranges: BTreeMap<String, [f64; 2]>,
-    /// Whether physiological priors (data/priors.toml) are used: reference strains, forces in drawers and at rest. Without, strains are even over Table 3.
-    /// The paper's recipe never uses them.
-    pub priors: bool,
+    /// Which physiological priors are used, of reference strains and of forces in drawers and at rest: data/priors.toml (also `usual`), none of them
+    /// (also `none`), or what was read in its source (docs/theory/priors.md). Without, strains are even over Table 3. The paper's recipe never uses them.
+    pub priors: PriorTable,
     /// What else is believed of ligament loads; nothing by default.
     pub loads: Vec<LoadPrior>,
     /// The paper's recipe.

@@ -2,7 +2,7 @@
 
 use crate::design::{Design, Kind};
 use crate::options::{CalibrateOptions, FrameOptions};
-use crate::priors::PRIORS;
+use crate::priors::PriorTable;
 use inference::frames::term_name;
 use inference::knee::{KNOTS, Quantity};
 use inference::parameter::{Parameter, Prior};
@@ -84,12 +84,12 @@ fn ligaments(
         let strain = v.kind == Kind::ReferenceStrain;
         let pick = |l: &LigamentUncertainty| if strain { l.reference_strain } else { l.stiffness_n_per_mm };
         let (lower, upper) = (v.lower, v.upper);
-        let general = || match v.bundles.first().and_then(|b| PRIORS.reference_strain.get(b)) {
+        let general = || match v.bundles.first().and_then(|b| options.priors.reference_strain(b)) {
             Some(p) if strain => Prior::Truncated { mean: p.mean, sd: p.sd, lower, upper },
             _ => Prior::Uniform { lower, upper },
         };
         let prior = match own.and_then(pick) {
-            _ if !options.priors => Prior::Uniform { lower, upper },
+            _ if options.priors == PriorTable::None => Prior::Uniform { lower, upper },
             Some(ParameterPrior::Uniform { lower, upper }) => Prior::Uniform { lower, upper },
             Some(ParameterPrior::Normal { mean, sd, lower: l, upper: u }) => {
                 Prior::Truncated { mean, sd, lower: l.unwrap_or(lower), upper: u.unwrap_or(upper) }
@@ -140,6 +140,48 @@ fn known_frames(known: &KnownFrames, sources: &[String], out: &mut Vec<Parameter
         }
         if let Some((mean, sd)) = own {
             out.push(normal(format!("{source}.{name}"), Quantity::Frame(Some(0), term), *mean, *sd));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn prior_of(name: &str, priors: PriorTable, own: Option<ParameterPrior>) -> Prior {
+        let design = Design::table3();
+        let names: Vec<String> = design.variables.iter().flat_map(|v| v.bundles.clone()).collect();
+        let mut uncertainty = Uncertainty::of_deck(&names);
+        let of_bundle = LigamentUncertainty { reference_strain: own, ..Default::default() };
+        uncertainty.ligaments.insert("ACL_AM".into(), of_bundle);
+        let options = CalibrateOptions { priors, ..Default::default() };
+        let all = ligaments(&names, &design, &uncertainty, &options);
+        all.into_iter().find(|p| p.name.contains(name)).expect("a parameter").prior
+    }
+
+    #[test]
+    fn each_table_of_priors_is_heard_in_the_strains() {
+        let strain = |priors| match prior_of("ACL_AM.reference_strain", priors, None) {
+            Prior::Truncated { mean, .. } => Some(mean),
+            Prior::Uniform { .. } => None,
+            other => panic!("{other:?}"),
+        };
+        let of = |table: PriorTable| table.reference_strain("ACL_AM").map(|p| p.mean);
+        let tables = [PriorTable::Usual, PriorTable::None, PriorTable::Published];
+        let heard = tables.map(strain);
+        assert_eq!(heard, tables.map(of));
+        assert!(heard[0].is_some() && heard[1].is_none() && heard[2].is_some() && heard[0] != heard[2]);
+    }
+
+    #[test]
+    fn a_bundle_that_a_table_does_not_hold_is_even_over_table_3_and_a_models_own_prior_goes_first() {
+        let als = |priors| prior_of("ALS.reference_strain", priors, None);
+        assert!(matches!(als(PriorTable::Usual), Prior::Truncated { .. }));
+        assert!(matches!(als(PriorTable::Published), Prior::Uniform { .. }));
+        let own = ParameterPrior::Normal { mean: 1.01, sd: 0.02, lower: None, upper: None };
+        for table in [PriorTable::Usual, PriorTable::Published] {
+            let told = prior_of("ACL_AM.reference_strain", table, Some(own));
+            assert!(matches!(told, Prior::Truncated { sd: 0.02, .. }), "{table:?}: {told:?}");
         }
     }
 }

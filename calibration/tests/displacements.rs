@@ -5,6 +5,7 @@
 use calibration::design::Design;
 use calibration::knee::{Knee, SearchOptions, model_at};
 use calibration::options::CalibrateOptions;
+use calibration::priors::PriorTable;
 use calibration::session::{Outcome, Session};
 use inference::knee::{Asked, Lack, Quantity, Trials};
 use inference::parameter::{Parameter, Prior};
@@ -192,7 +193,7 @@ fn few_displacements_move_what_they_touch_and_no_more() {
         .map(|t| LaxityTrial { sd: Free::all(None), ..t })
         .collect();
     assert_eq!(few.len(), 5);
-    let options = CalibrateOptions { priors: false, ..quick() };
+    let options = CalibrateOptions { priors: PriorTable::None, ..quick() };
     let outcome = calibrated(&knee, &few, &options);
     let names = knee.model.bundle_names();
     let unloaded = few.iter().filter_map(LaxityTrial::unloaded);

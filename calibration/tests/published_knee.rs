@@ -7,6 +7,7 @@ use calibration::design::{Design, Kind};
 use calibration::experiment::Experiment;
 use calibration::knee::{Knee, SearchOptions};
 use calibration::options::{CalibrateOptions, Method};
+use calibration::priors::PriorTable;
 use calibration::session::Session;
 use needs_shared::needs_shared;
 use sim::coordinate::{Free, Load};
@@ -140,7 +141,7 @@ fn least_squares_beat_the_best_published_evaluation() {
     let coarse = cost.cost(&searched.predictions(&best)).value;
     assert!((coarse - theirs).abs() < 0.05 * theirs, "the search sees {coarse}, simulate {theirs}");
 
-    (options.inference.starts, options.inference.samples, options.priors) = (3, 0, false);
+    (options.inference.starts, options.inference.samples, options.priors) = (3, 0, PriorTable::None);
     let session =
         Session::new(&knee.spec, "deck", &[("kla".into(), trials.clone())], &options).expect("usable targets");
     let begin = session.begin(None).expect("a beginning");
