@@ -130,7 +130,7 @@ fn page(folder: &BuildFolder, records: &[Record], failure: Option<&Failure>) -> 
     }
     html += &body.methods(records);
     html += "</main>";
-    let live = body.live_data();
+    let live = body.live_scripts();
     Ok(html + &foot(json!({"a": body.data()}), &live))
 }
 

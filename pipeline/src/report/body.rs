@@ -112,9 +112,9 @@ impl<'a> Body<'a> {
         self.live.is_some()
     }
 
-    /// What the section's script opens; nothing where there is none.
-    pub(super) fn live_data(&self) -> String {
-        self.live.as_ref().map_or(String::new(), LiveKnee::data)
+    /// The section's scripts; nothing where there is none.
+    pub(super) fn live_scripts(&self) -> String {
+        self.live.as_ref().map_or(String::new(), LiveKnee::scripts)
     }
 
     /// The verdict, the questions and the warnings, without the knee.

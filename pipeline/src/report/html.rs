@@ -12,13 +12,12 @@ pub(crate) fn head(title: &str) -> String {
     )
 }
 
-/// The data, plotly.js and what draws with it; `live` is what a live knee needs, or nothing. A page without JavaScript shows the still pictures.
-pub(super) fn foot(data: Value, live: &str) -> String {
+/// The data, plotly.js and what draws with it; then `more`, scripts of a section of the page's own. A page without JavaScript shows the still pictures.
+pub(super) fn foot(data: Value, more: &str) -> String {
     // a `</` inside a string would end the script
     let data = data.to_string().replace("</", "<\\/");
-    let asks = if live.is_empty() { String::new() } else { format!("{live}<script>{}</script>", super::live::SCRIPT) };
     format!(
-        "<script type=\"application/json\" id=\"data\">{data}</script>{}<script>{}</script>{asks}</body></html>\n",
+        "<script type=\"application/json\" id=\"data\">{data}</script>{}<script>{}</script>{more}</body></html>\n",
         plotly_js(),
         include_str!("viewer.js")
     )

@@ -69,19 +69,17 @@ impl LiveKnee {
         )
     }
 
-    /// What the section's script opens: the module and the knee.
-    pub(super) fn data(&self) -> String {
+    /// The module and the knee, and the scripts that ask it; they come after the viewer.
+    pub(super) fn scripts(&self) -> String {
         let part = |id: &str, bytes: &[u8]| {
             format!("<script type=\"application/gzip\" id=\"{id}\">{}</script>", STANDARD.encode(bytes))
         };
         part("live-module", MODULE)
             + &part("live-knee", &self.knee)
             + &format!("<script type=\"text/plain\" id=\"live-worker\">{}</script>", include_str!("live_worker.js"))
+            + &format!("<script>{}</script>", include_str!("live.js"))
     }
 }
-
-/// The script that asks the knee; it comes after the viewer.
-pub(super) const SCRIPT: &str = include_str!("live.js");
 
 /// Compressed, without time or name: the same bytes give the same bytes.
 fn gzip(bytes: &[u8]) -> Option<Vec<u8>> {
