@@ -14,7 +14,7 @@ use crate::rig;
 use crate::targets::Targets;
 use crate::unknown::{Unknown, Unknowns};
 use crate::unknowns::{KnownFrames, parameters};
-use crate::unmeasured::{Unmeasured, share_removed};
+use crate::unmeasured::{self, Unmeasured, share_removed};
 use inference::knee::{Answers, Asked, Belief, Lack, Quantity, Trials};
 use inference::noise::Likelihood;
 use inference::parameter::Parameter;
@@ -75,36 +75,73 @@ pub struct Inferred {
     pub frames: Vec<KnownFrames>,
 }
 
+/// A question as an inference is asked it.
+pub struct Posed<'a> {
+    /// The model that answers, without friction.
+    pub model: sim::Model,
+    /// Everything that is not known.
+    pub parameters: Vec<Parameter<Quantity>>,
+    /// Measured trials, then imagined ones: drawers ([`drawer_names`]), then rests ([`REST_DEG`]), then those from whose poses displacements count.
+    pub asked: Vec<Asked>,
+    /// How many of them were measured.
+    pub measured: usize,
+    /// What is believed of forces.
+    pub beliefs: Vec<Belief>,
+    question: &'a Question<'a>,
+}
+
+impl<'a> Posed<'a> {
+    /// Poses a question.
+    ///
+    /// # Errors
+    /// A belief about an unknown bundle; a prior that is no distribution.
+    pub fn of(question: &'a Question<'a>) -> Result<Posed<'a>, CalibrationError> {
+        let names: Vec<String> = question.sources.iter().map(|s| s.0.clone()).collect();
+        let (spec, options) = (&question.knee.spec, question.options);
+        let mut parameters = parameters(spec, question.design, &names, options, question.frames);
+        parameters.extend(rig::parameters(question.sources, &options.rig));
+        let model = question.knee.search_model().with_friction(0.0)?;
+        let (asked, measured) = trials(question.sources);
+        let beliefs = beliefs(question, &model.bundle_names(), &asked, measured)?;
+        let posed = Posed { model, parameters, asked, measured, beliefs, question };
+        posed.trials(None).check()?;
+        Ok(posed)
+    }
+
+    /// The forward model; `on_fit` is told of fits.
+    pub fn trials<'b>(&'b self, on_fit: Option<&'b (dyn Fn() + Sync)>) -> Trials<'b> {
+        Trials {
+            model: &self.model,
+            spec: &self.question.knee.spec,
+            parameters: &self.parameters,
+            trials: &self.asked,
+            beliefs: &self.beliefs,
+            options: self.question.knee.search_options(),
+            load_sd: LOAD_SD,
+            lack: LACK,
+            on_fit,
+        }
+    }
+
+    /// Readings as measured, with their scatter.
+    pub fn likelihood(&self) -> Likelihood {
+        likelihood(self.question.sources, &self.trials(None), self.question.options)
+    }
+}
+
 /// Infers.
 ///
 /// # Errors
 /// A belief about an unknown bundle; no start has an answer; a prior that is no distribution.
 pub fn inferred(question: &Question) -> Result<Inferred, CalibrationError> {
-    let names: Vec<String> = question.sources.iter().map(|s| s.0.clone()).collect();
-    let (spec, options) = (&question.knee.spec, question.options);
-    let mut parameters = parameters(spec, question.design, &names, options, question.frames);
-    parameters.extend(rig::parameters(question.sources, &options.rig));
-    let model = question.knee.search_model().with_friction(0.0)?;
-    let (asked, measured) = trials(question.sources);
-    let beliefs = beliefs(question, &model.bundle_names(), &asked, measured)?;
-    let mut starts = vec![start(question, &parameters)];
-    starts.extend(question.joint.map(|values| joint_start(values, &parameters)));
+    let (options, posed) = (question.options, Posed::of(question)?);
+    let mut starts = vec![start(question, &posed.parameters)];
+    starts.extend(question.joint.map(|values| joint_start(values, &posed.parameters)));
     let inference = inference::posterior::Options { seed: options.seed, ..options.inference.clone() };
-    let (done, expected) = (AtomicUsize::new(0), inference.fits(starts.len()));
+    let (done, expected) = (AtomicUsize::new(0), inference.fits(starts.len()) + unmeasured::fits(options));
     let on_fit = || (question.on_fit)((done.fetch_add(1, Ordering::Relaxed) + 1).min(expected), expected);
-    let trials = Trials {
-        model: &model,
-        spec,
-        parameters: &parameters,
-        trials: &asked,
-        beliefs: &beliefs,
-        options: question.knee.search_options(),
-        load_sd: LOAD_SD,
-        lack: LACK,
-        on_fit: Some(&on_fit),
-    };
-    trials.check()?;
-    let mut likelihood = likelihood(question.sources, &trials, options);
+    let trials = posed.trials(Some(&on_fit));
+    let mut likelihood = posed.likelihood();
     let found = infer(&trials, &mut likelihood, &starts, &inference)?;
     told(question, &trials, &likelihood, found)
 }

@@ -18,7 +18,7 @@ use nalgebra::DVector;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use sim::contact::ContactOptions;
-use sim::coordinate::{FREE, Free, Load};
+use sim::coordinate::{Coordinate, FREE, Free, Load};
 use sim::laxity::{Band, LaxityTrial, force_column};
 use sim::mesh::MeshValue;
 use sim::model::{Model, compile_with};
@@ -29,6 +29,8 @@ use std::collections::BTreeMap;
 pub const SCHEMA: &str = "samples/1";
 /// Seed of the loads that the model lacks, beside the calibration's own.
 const LACKING_SEED: u64 = 0x6c61_636b;
+/// The same of the noise of readings.
+const READING_SEED: u64 = 0x7265_6164;
 
 /// The file of samples.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -71,6 +73,29 @@ pub struct Question<'a> {
     /// What the most probable model answers by the final mechanics (friction, its own mesh), by trial and column; the samples' answers are moved by what
     /// that differs from the search's. None: they stay as the search has them.
     pub values: Option<&'a [Vec<(String, f64)>]>,
+}
+
+/// What the samples answer to trials.
+struct Drawn {
+    /// Bundles.
+    names: Vec<String>,
+    /// Answers of the most probable knee.
+    own: Vec<Option<Prediction>>,
+    /// Answers of each sample, a trial each.
+    found: Vec<Vec<Option<Prediction>>>,
+    /// By what each sample is moved for what the model lacks, a trial each.
+    lacking: Vec<Vec<Free<f64>>>,
+}
+
+/// A change of a coordinate from one trial to another, as an apparatus reads it: no zero of its frame counts.
+#[derive(Clone, Debug)]
+pub struct Change {
+    /// From which trial to which.
+    pub trials: [LaxityTrial; 2],
+    /// Of what.
+    pub coordinate: Coordinate,
+    /// Standard deviation of its reading [deg, mm].
+    pub noise: f64,
 }
 
 /// Names and sums of the ligament groups that have several bundles, `group_ACL_n` and so on [N].
@@ -130,9 +155,63 @@ impl Samples {
         if trials.is_empty() || self.is_empty() || question.most == 0 {
             return Ok(Bands::nothing(trials.len()));
         }
+        let Drawn { names, own, found, lacking } = self.drawn(searched, question)?;
+        let mechanics = |i: usize| match (question.values.and_then(|v| v.get(i)), &own[i]) {
+            (Some(last), Some(p)) => Mechanics::between(&told(&names, p), last),
+            _ => Mechanics::default(),
+        };
+        let row = |i: usize| {
+            let here: Vec<(usize, &Prediction)> =
+                found.iter().enumerate().filter_map(|(s, f)| Some((s, f[i].as_ref()?))).collect();
+            let moved: Vec<Free<f64>> = lacking.iter().map(|l| l[i]).collect();
+            self.row(&names, &here, &moved, &mechanics(i))
+        };
+        let rows = (0..trials.len()).map(row).collect();
+        let count = |is: &dyn Fn(&Option<Prediction>) -> bool, i: usize| found.iter().filter(|f| is(&f[i])).count();
+        let leaves = |p: &Option<Prediction>| p.as_ref().is_some_and(|p| p.leaves_the_plateau);
+        let leaving = (0..trials.len()).map(|i| count(&leaves, i)).collect();
+        let lost = (0..trials.len()).map(|i| count(&Option::is_none, i)).max().unwrap_or(0);
+        Ok(Bands { rows, leaving, asked: found.len(), lost })
+    }
+
+    /// Bands of readings of changes, an entry each; `None` where fewer than two samples have both equilibria.
+    ///
+    /// # Errors
+    /// As [`Samples::bands`].
+    pub fn changes(
+        &self,
+        meshes: &BTreeMap<String, MeshValue>,
+        changes: &[Change],
+        most: usize,
+    ) -> Result<Vec<Option<Band>>, CalibrationError> {
+        if changes.is_empty() || self.is_empty() || most == 0 {
+            return Ok(vec![None; changes.len()]);
+        }
+        let trials: Vec<LaxityTrial> = changes.iter().flat_map(|c| c.trials.clone()).collect();
+        let question = Question { trials: &trials, without: &[], most, dislocation_ap_mm: None, values: None };
+        let Drawn { found, lacking, .. } = self.drawn(&self.searched(meshes)?, &question)?;
+        let band = |(k, change): (usize, &Change)| {
+            let c = change.coordinate;
+            let by = |(s, all): (usize, &Vec<Option<Prediction>>)| {
+                let (from, to) = (all[2 * k].as_ref()?, all[2 * k + 1].as_ref()?);
+                let noise = normals(&mut stream(self.of.seed ^ READING_SEED, s as u64), changes.len())[k];
+                let lack = lacking[s][2 * k + 1][c] - lacking[s][2 * k][c];
+                let plain = to.pose[c] - from.pose[c];
+                Some((plain, plain + lack + change.noise * noise))
+            };
+            let (plain, drawn): (Vec<f64>, Vec<f64>) = found.iter().enumerate().filter_map(by).unzip();
+            let (lower, upper) = ends(&drawn, self.of.interval)?;
+            let mean = mean(&plain);
+            Some(Band { mean, lower: lower.min(mean), upper: upper.max(mean) })
+        };
+        Ok(changes.iter().enumerate().map(band).collect())
+    }
+
+    /// What the samples answer to trials, asked of the model of [`Samples::searched`].
+    fn drawn(&self, searched: &Model, question: &Question) -> Result<Drawn, CalibrationError> {
         let model = searched.without(question.without)?;
         let parameters: Vec<Parameter<Quantity>> = self.of.unknowns.iter().map(as_it_stands).collect();
-        let asked: Vec<Asked> = trials.iter().map(imagined).collect();
+        let asked: Vec<Asked> = question.trials.iter().map(imagined).collect();
         let mut options = self.of.search.trials();
         options.dislocation_ap_mm = question.dislocation_ap_mm.unwrap_or(options.dislocation_ap_mm);
         let knee = Trials {
@@ -159,23 +238,7 @@ impl Samples {
         let found: Vec<Vec<Option<Prediction>>> = (0..used).into_par_iter().map(at).collect();
         let own = knee.predicted(&mode, near)?;
         let lacking = knee.lacking(&answers.state, self.of.seed ^ LACKING_SEED, used);
-        let names = model.bundle_names();
-        let mechanics = |i: usize| match (question.values.and_then(|v| v.get(i)), &own[i]) {
-            (Some(last), Some(p)) => Mechanics::between(&told(&names, p), last),
-            _ => Mechanics::default(),
-        };
-        let row = |i: usize| {
-            let here: Vec<(usize, &Prediction)> =
-                found.iter().enumerate().filter_map(|(s, f)| Some((s, f[i].as_ref()?))).collect();
-            let moved: Vec<Free<f64>> = lacking.iter().map(|l| l[i]).collect();
-            self.row(&names, &here, &moved, &mechanics(i))
-        };
-        let rows = (0..asked.len()).map(row).collect();
-        let count = |is: &dyn Fn(&Option<Prediction>) -> bool, i: usize| found.iter().filter(|f| is(&f[i])).count();
-        let leaves = |p: &Option<Prediction>| p.as_ref().is_some_and(|p| p.leaves_the_plateau);
-        let leaving = (0..asked.len()).map(|i| count(&leaves, i)).collect();
-        let lost = (0..asked.len()).map(|i| count(&Option::is_none, i)).max().unwrap_or(0);
-        Ok(Bands { rows, leaving, asked: used, lost })
+        Ok(Drawn { names: model.bundle_names(), own, found, lacking })
     }
 
     /// The bands of one trial, of the samples `found` in it by number; `lacking` is by what each is moved for what the model lacks.

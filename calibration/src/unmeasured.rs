@@ -50,16 +50,9 @@ impl Unmeasured {
         options: &CalibrateOptions,
     ) -> Unmeasured {
         let (asked, beliefs) = imagined(trials, places);
-        let of = Trials { trials: &asked, beliefs: &beliefs, on_fit: None, ..*trials };
+        let of = Trials { trials: &asked, beliefs: &beliefs, ..*trials };
         let mut nothing = Likelihood::independent(DVector::zeros(0), Vec::new(), Vec::new());
-        let inference = Options {
-            starts: 0,
-            finalists: 1,
-            rounds: 0,
-            scale_noise: false,
-            seed: options.seed,
-            ..options.inference.clone()
-        };
+        let inference = search(options);
         if inference.samples == 0 {
             return Unmeasured::default();
         }
@@ -121,6 +114,18 @@ impl Unmeasured {
         }
         out
     }
+}
+
+/// How the knee is sought when nothing is measured: from its prior's centre alone.
+fn search(options: &CalibrateOptions) -> Options {
+    let of = options.inference.clone();
+    Options { starts: 0, finalists: 1, rounds: 0, scale_noise: false, seed: options.seed, ..of }
+}
+
+/// How many fits [`Unmeasured::of`] tells of.
+pub(crate) fn fits(options: &CalibrateOptions) -> usize {
+    let search = search(options);
+    if search.samples == 0 { 0 } else { search.fits(0) }
 }
 
 /// A force over samples.

@@ -1,4 +1,4 @@
-//! Least squares under a standard normal prior by Levenberg and Marquardt [marquardt1963].
+//! Least squares under a standard normal prior by Levenberg and Marquardt [marquardt1963], with steps no longer than they are trusted [conn2000].
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
@@ -58,6 +58,67 @@ pub struct Least<S> {
 
 /// Furthest that a number goes in one step [-], in standard deviations of its prior: no further than samples of the prior lie apart.
 const LONGEST: f64 = 2.5;
+/// Damping of the first step, and the least of all [-]. Where bundles fall slack the form bends within a step: with less damping real knees' steps were
+/// the same, and as many were refused.
+const DAMPING: [f64; 2] = [1e-2, 3e-3];
+/// Least damping after a refused step [-]: less did not change the next one.
+const AFTER_REFUSAL: f64 = 0.1;
+/// Share of a refused step that is tried next, at least, at most, and where there was no answer [-].
+const SHARE: [f64; 3] = [0.1, 0.5, 0.25];
+/// Share of the promised fall that a good step and a poor step bring [-], by which the trusted length grows and shrinks [conn2000].
+const GOOD_AND_POOR: [f64; 2] = [0.75, 0.25];
+/// Factors on the length of a good and a poor step that is trusted next [-] [conn2000].
+const LENGTHS: [f64; 2] = [3.0, 0.7];
+/// Damping at which a search gives up [-].
+const STUCK: f64 = 1e8;
+
+/// How far the quadratic form is trusted.
+struct Trust {
+    damping: f64,
+    growth: f64,
+    length: f64,
+}
+
+impl Trust {
+    fn new() -> Trust {
+        Trust { damping: DAMPING[0], growth: 4.0, length: f64::INFINITY }
+    }
+
+    /// The next step; `None` where the form has none.
+    fn step(&self, form: &Quadratic) -> Option<DVector<f64>> {
+        let mut step = form.step(self.damping)?;
+        let most = step.amax();
+        if most > LONGEST {
+            step *= LONGEST / most;
+        }
+        let length = step.norm();
+        if length > self.length {
+            step *= self.length / length;
+        }
+        Some(step)
+    }
+
+    /// A step was refused: the next one ends where a parabola through both values has its least.
+    fn refused(&mut self, form: &Quadratic, step: &DVector<f64>, reached: Option<f64>) {
+        let slope = form.gradient.dot(step);
+        let least = |r: f64| (-slope / (2.0 * (r - form.value - slope))).clamp(SHARE[0], SHARE[1]);
+        self.length = reached.map_or(SHARE[2], least) * step.norm();
+        self.damping = (self.damping * self.growth).max(AFTER_REFUSAL);
+        self.growth *= 2.0;
+    }
+
+    /// A step was taken that brought `gain` times the promised fall.
+    fn taken(&mut self, gain: f64, step: &DVector<f64>) {
+        let length = step.norm();
+        if gain > GOOD_AND_POOR[0] {
+            self.length = self.length.max(LENGTHS[0] * length);
+        } else if gain < GOOD_AND_POOR[1] {
+            self.length = self.length.min(LENGTHS[1] * length);
+        }
+        self.damping = (self.damping * (1.0 - (2.0 * gain.min(2.0) - 1.0).powi(3)).max(0.1)).max(DAMPING[1]);
+        self.growth = 4.0;
+    }
+}
 
 /// Descends from `start`; `None` when it cannot be evaluated. A point that cannot be evaluated is a failed step.
 pub fn descend<S: Clone>(
@@ -67,13 +128,9 @@ pub fn descend<S: Clone>(
 ) -> Option<Least<S>> {
     let mut z = start;
     let (mut form, mut state) = evaluate(&z, None)?;
-    let (mut damping, mut growth, mut evaluations, mut converged) = (1e-3, 4.0, 1, false);
-    while evaluations < stop.evaluations {
-        let Some(mut step) = form.step(damping) else { break };
-        let most = step.amax();
-        if most > LONGEST {
-            step *= LONGEST / most;
-        }
+    let (mut trust, mut evaluations, mut converged) = (Trust::new(), 1, false);
+    while evaluations < stop.evaluations && trust.damping <= STUCK {
+        let Some(step) = trust.step(&form) else { break };
         let promised = form.fall(&step);
         if promised < stop.fall {
             converged = true;
@@ -81,19 +138,63 @@ pub fn descend<S: Clone>(
         }
         let tried = &z + &step;
         evaluations += 1;
-        let next = evaluate(&tried, Some((&z, &state))).filter(|(f, _)| f.value < form.value);
-        let Some((next, left)) = next else {
-            damping *= growth;
-            growth *= 2.0;
-            if damping > 1e8 {
-                break;
-            }
+        let found = evaluate(&tried, Some((&z, &state)));
+        let reached = found.as_ref().map(|(f, _)| f.value);
+        let Some((next, left)) = found.filter(|(f, _)| f.value < form.value) else {
+            trust.refused(&form, &step, reached);
             continue;
         };
-        let gain = ((form.value - next.value) / promised).min(2.0);
-        damping = (damping * (1.0 - (2.0 * gain - 1.0).powi(3)).max(0.1)).max(1e-6);
-        growth = 4.0;
+        trust.taken((form.value - next.value) / promised, &step);
         (z, form, state) = (tried, next, left);
     }
     Some(Least { z, form, state, evaluations, converged })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A bundle's kind of form: a number is pulled to 3, and another residual, 40 times as steep, begins where the number is above 1.
+    fn kinked(z: &DVector<f64>) -> (Quadratic, ()) {
+        let (pull, bent) = (z[0] - 3.0, 40.0 * (z[0] - 1.0).max(0.0));
+        let steep = if bent > 0.0 { 40.0 } else { 0.0 };
+        let value = 0.5 * (z[0] * z[0] + pull * pull + bent * bent);
+        let gradient = DVector::from_element(1, z[0] + pull + steep * bent);
+        (Quadratic { value, gradient, hessian: DMatrix::from_element(1, 1, 2.0 + steep * steep) }, ())
+    }
+
+    #[test]
+    fn the_least_point_behind_a_kink_is_found_from_either_side() {
+        // where all three residuals pull: z + (z - 3) + 1600 (z - 1) = 0
+        let least = 1603.0 / 1602.0;
+        for start in [-4.0, 0.0, 0.9, 1.1, 4.0] {
+            let stop = Stop { evaluations: 12, fall: 1e-6 };
+            let found = descend(DVector::from_element(1, start), |z, _| Some(kinked(z)), stop).unwrap();
+            let above = found.form.value - kinked(&DVector::from_element(1, least)).0.value;
+            assert!((0.0..0.05).contains(&above), "{start}: {above} above the least after {}", found.evaluations);
+        }
+    }
+
+    #[test]
+    fn a_refused_step_is_followed_by_a_shorter_one_and_an_answer_missing_costs_no_fit() {
+        let mut asked = Vec::new();
+        let wall = |z: &DVector<f64>, _: Option<(&DVector<f64>, &())>| {
+            asked.push(z[0]);
+            (z[0] < 1.2).then(|| {
+                let of = |x: f64| DVector::from_element(1, x);
+                let value = 0.5 * (z[0] * z[0] + 9.0 * (z[0] - 2.0).powi(2));
+                (
+                    Quadratic {
+                        value,
+                        gradient: of(z[0] + 9.0 * (z[0] - 2.0)),
+                        hessian: DMatrix::from_element(1, 1, 10.0),
+                    },
+                    (),
+                )
+            })
+        };
+        let found = descend(DVector::zeros(1), wall, Stop { evaluations: 20, fall: 1e-4 }).unwrap();
+        assert!(found.z[0] > 1.0 && found.z[0] < 1.2, "{}", found.z[0]);
+        assert!(asked[1] > 1.2 && asked[2] < 0.6 * asked[1], "{asked:?}");
+    }
 }

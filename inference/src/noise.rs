@@ -94,6 +94,11 @@ impl Likelihood {
         self.factor.as_ref().and_then(|f| f.l_dirty().solve_lower_triangular(v)).unwrap_or_else(|| v.clone())
     }
 
+    /// Scatter of the readings of which `white` are standard normal numbers: the factor of the covariance times it.
+    pub fn scattered(&self, white: &DVector<f64>) -> DVector<f64> {
+        self.factor.as_ref().map_or_else(|| white.clone(), |f| f.l() * white)
+    }
+
     /// The rows of a matrix over the factor of the covariance.
     pub fn white_rows(&self, m: &DMatrix<f64>) -> DMatrix<f64> {
         self.factor.as_ref().and_then(|f| f.l_dirty().solve_lower_triangular(m)).unwrap_or_else(|| m.clone())

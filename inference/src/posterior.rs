@@ -52,7 +52,8 @@ pub trait Forward: Sync {
     fn size(&self) -> usize;
     /// The answer at a point, from another close by where there is one; `None` where it has none.
     fn at(&self, z: &DVector<f64>, near: Option<(&DVector<f64>, &Self::State)>) -> Option<Point<Self::State>>;
-    /// Told of every fit that has ended, on whatever thread it was made; [`Options::fits`] says how many to expect.
+    /// Told of every start, every fit of a round and every sample that has ended, on whatever thread; [`Options::fits`] says how many to expect. A sample
+    /// that is tried again is told once.
     fn fitted(&self) {}
     /// Whether a sample's fit starts from its own draw of a number, not from a mode's.
     fn starts_anew(&self, _number: usize) -> bool {
@@ -105,7 +106,7 @@ impl Default for Options {
 }
 
 impl Options {
-    /// How many fits [`infer`] makes from `given` starts: every start, the best of them anew in each round, samples. Fewer where one has no answer.
+    /// How many fits [`infer`] tells of from `given` starts: every start, the best of them anew in each round, samples. Fewer where one has no answer.
     pub fn fits(&self, given: usize) -> usize {
         let starts = given + 1 + self.starts;
         starts + (self.rounds + 1) * self.finalists.min(starts) + self.samples
@@ -192,7 +193,7 @@ pub fn infer<F: Forward>(
     }
     let stop = Stop { evaluations: options.first_evaluations, fall: FALL };
     let fits: Vec<Option<Least<F::State>>> =
-        starts.par_iter().map(|z| fit(forward, likelihood, (z, z, None), &Shift::none(n), stop)).collect();
+        starts.par_iter().map(|z| told_fit(forward, likelihood, (z, z, None), stop)).collect();
     let mut evaluations: usize = fits.iter().flatten().map(|f| f.evaluations).sum();
     let values = fits.iter().map(|f| f.as_ref().map_or(f64::INFINITY, |f| f.form.value)).collect();
     let mut fits: Vec<Least<F::State>> = fits.into_iter().flatten().collect();
@@ -203,10 +204,7 @@ pub fn infer<F: Forward>(
     for round in 0..=options.rounds {
         fits.sort_by(|a, b| a.form.value.total_cmp(&b.form.value));
         fits.truncate(options.finalists);
-        let again = fits.par_iter().map(|f| {
-            let near = (&f.z, &f.z, Some(&f.state));
-            fit(forward, likelihood, near, &Shift::none(n), stop)
-        });
+        let again = fits.par_iter().map(|f| told_fit(forward, likelihood, (&f.z, &f.z, Some(&f.state)), stop));
         let again: Vec<Option<Least<F::State>>> = again.collect();
         evaluations += again.iter().flatten().map(|f| f.evaluations).sum::<usize>();
         fits = again.into_iter().zip(fits).map(|(new, old)| new.unwrap_or(old)).collect();
@@ -274,7 +272,17 @@ fn fit<F: Forward>(
         let form = likelihood.form(&linear(&point, z), shift);
         form.value.is_finite().then_some((form, point.state))
     };
-    let found = descend(start.clone(), evaluate, stop);
+    descend(start.clone(), evaluate, stop)
+}
+
+/// The same, and told of.
+fn told_fit<F: Forward>(
+    forward: &F,
+    likelihood: &Likelihood,
+    from: (&DVector<f64>, &DVector<f64>, Option<&F::State>),
+    stop: Stop,
+) -> Option<Least<F::State>> {
+    let found = fit(forward, likelihood, from, &Shift::none(forward.size()), stop);
     forward.fitted();
     found
 }
@@ -333,7 +341,10 @@ fn samples<F: Forward>(
             let mut own = likelihood.with_scales_at(&normals(&mut random, likelihood.scale.len()));
             let drawn =
                 own.prepare().ok().and(lines[mode].as_ref()).and_then(|at| drawn(&own, at, options.seed, s as u64));
-            let Some((shift, line)) = drawn else { return (None, 0) };
+            let Some((shift, line)) = drawn else {
+                forward.fitted();
+                return (None, 0);
+            };
             let near = &modes[mode];
             let own_draws = |from: &DVector<f64>| {
                 let of = |k: usize| if forward.starts_anew(k) { shift.centre[k] } else { from[k] };
@@ -347,6 +358,7 @@ fn samples<F: Forward>(
             let again = if first.as_ref().is_some_and(|f| f.form.value <= far) { None } else { fit_from(line) };
             spent += again.as_ref().map_or(0, |f| f.evaluations);
             let found = [first, again].into_iter().flatten().min_by(|a, b| a.form.value.total_cmp(&b.form.value));
+            forward.fitted();
             (found.map(|f| Sample { z: f.z, state: f.state, mode, half_sum: f.form.value }), spent)
         })
         .collect();

@@ -15,7 +15,7 @@ const STREAMS: [u64; 3] = [1_000, 200_000, 300_000];
 /// Steps of the slice sampler: a step costs a product of a vector with a triangle, and a few dozen forget the start of a normal with up to a hundred
 /// beliefs; ours.
 const SLICES: usize = 150;
-/// Beliefs whose residual changes by less than this within the posterior of the linear model say nothing there [-].
+/// Beliefs whose residual's variance under the prior, in the linear model, is less than this say nothing there [-].
 const STILL: f64 = 1e-9;
 
 /// The normal posterior of the linear model without beliefs of one side.

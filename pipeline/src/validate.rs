@@ -16,6 +16,7 @@ use sim::protocols::ProtocolOptions;
 use sim::spec::ModelSpec;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use validation::cross::{CrossPrediction, counts};
 use validation::validate::{Difference, Passive, Source, compare};
 use validation::{figures, tables};
 
@@ -184,6 +185,8 @@ pub struct Validation {
     pub passive: Vec<Passive>,
     /// How far they differ.
     pub differences: Vec<Difference>,
+    /// What models of single data sets predict of the others' laxity.
+    pub cross: Vec<CrossPrediction>,
     /// What is odd but not fatal.
     pub warnings: Vec<String>,
     /// Differences by pair of models, then by protocol and quantity, for metrics.json.
@@ -202,7 +205,16 @@ impl Validation {
             let pair = metrics.entry(format!("{} {}", d.a, d.b)).or_default();
             pair.insert(format!("{}.{}", d.protocol, d.quantity), d.rmsd);
         }
-        Validation { specimen, sources, passive, differences, warnings, metrics }
+        Validation { specimen, sources, passive, differences, cross: vec![], warnings, metrics }
+    }
+
+    /// The same with what its models predict of each other's data.
+    pub(crate) fn with_cross(mut self, cross: Vec<CrossPrediction>) -> Validation {
+        for ((model, data), [inside, of]) in counts(&cross) {
+            let pair = self.metrics.entry(format!("{model} predicts {data}")).or_default();
+            pair.extend([("ranges_inside".to_owned(), inside as f64), ("ranges".to_owned(), of as f64)]);
+        }
+        Validation { cross, ..self }
     }
 }
 
@@ -214,7 +226,8 @@ pub(crate) fn files_of(v: &Validation) -> Vec<(String, Vec<u8>)> {
             files.push((format!("{}/{name}.csv", s.label(&v.sources)), protocol_csv(&s.bundles, rows)));
         }
     }
-    let all = tables::tables(&v.sources);
+    let mut all = tables::tables(&v.sources);
+    all.extend((!v.cross.is_empty()).then(|| tables::cross_predictions(&v.cross)));
     let differences = tables::differences(&v.differences);
     files.extend(all.iter().chain([&differences]).map(|t| (format!("{}.csv", t.name), t.csv())));
     files.push(("tables.md".into(), tables::page(&v.specimen, &all, &differences)));

@@ -9,6 +9,7 @@
 //! assert!(table4.is_some_and(|row| !row.is_empty()));
 //! ```
 
+pub mod cross;
 pub mod figures;
 pub mod paper;
 pub mod parameters;

@@ -1,5 +1,6 @@
 //! The paper's Tables 4 to 7 for the specimen at hand, with the published values beside where it is one of the paper's, and compare.csv.
 
+use crate::cross::CrossPrediction;
 use crate::published;
 use crate::validate::{Difference, Source};
 use attachments::groups::GROUPS;
@@ -56,6 +57,44 @@ impl Table {
 /// Tables 4 to 7.
 pub fn tables(sources: &[Source]) -> Vec<Table> {
     vec![table4(sources), table5(sources), table6(sources), table7(sources)]
+}
+
+/// What models of single data sets predict of the others' laxity.
+pub fn cross_predictions(all: &[CrossPrediction]) -> Table {
+    let header = [
+        "model",
+        "data",
+        "change of",
+        "flexion [deg]",
+        "from",
+        "to",
+        "measured",
+        "predicted",
+        "lower",
+        "upper",
+        "inside",
+    ];
+    let mut t = Table::new(
+        "cross_prediction",
+        "Laxity of one data set as predicted by the knee calibrated to another",
+        &header,
+    );
+    for p in all {
+        let (unit, load) = if p.coordinate == "ap" { ("mm", "N") } else { ("deg", "N m") };
+        let [from, to] = p.loads.map(|l| format!("{l:.1} {load}"));
+        let mut row = vec![
+            p.model.clone(),
+            p.data.clone(),
+            format!("{} [{unit}]", p.coordinate),
+            format!("{:.0}", p.flexion_deg),
+            from,
+            to,
+        ];
+        row.extend([p.measured, p.predicted.mean, p.predicted.lower, p.predicted.upper].map(|x| format!("{x:.1}")));
+        row.push(if p.is_inside() { "yes" } else { "no" }.into());
+        t.rows.push(row);
+    }
+    t
 }
 
 /// All tables and the differences on one page.

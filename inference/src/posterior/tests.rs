@@ -181,10 +181,13 @@ impl Forward for Counted {
 
 #[test]
 fn as_many_fits_are_told_as_are_expected() {
-    for (starts, finalists, rounds, samples) in [(8, 3, 2, 48), (0, 3, 1, 0), (1, 1, 0, 5)] {
+    // samples of one evaluation end far from a fit: each is tried again, and told once
+    for (starts, finalists, rounds, samples, each) in
+        [(8, 3, 2, 48, 14), (0, 3, 1, 0, 14), (1, 1, 0, 5, 14), (1, 1, 0, 40, 1)]
+    {
         let counted = Counted(toy(12, 4, 0.02, 4), 0.into());
         let mut l = likelihood(&counted.0, &normals(&mut stream(4, 9), 4), 0.3, 4);
-        let options = Options { starts, finalists, rounds, samples, ..Options::default() };
+        let options = Options { starts, finalists, rounds, samples, sample_evaluations: each, ..Options::default() };
         infer(&counted, &mut l, &[DVector::zeros(4)], &options).unwrap();
         assert_eq!(counted.1.into_inner(), options.fits(1));
     }

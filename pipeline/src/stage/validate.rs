@@ -13,7 +13,7 @@ use crate::calibrate::samples;
 use crate::error::BuildError;
 use crate::given::PassiveFlexion;
 use crate::kept::Kept;
-use crate::model_file::assembled_model;
+use crate::model_file::{LoadedModel, assembled_model};
 use crate::options::BuildOptions;
 use crate::report::chart::Chart;
 use crate::report::check::Check;
@@ -22,12 +22,14 @@ use crate::validate::{Validation, band, files_of, source};
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use calibration::cost::CostFunction;
+use calibration::samples::Change;
 use sim::laxity::TrialResult;
 use sim::protocols::ProtocolOptions;
 use stages::assemble::Assembled;
 use stages::bones::Bones;
 use stages::cartilage::Cartilage;
 use std::fmt::Write;
+use validation::cross::{CrossPrediction, ranges};
 use validation::figures;
 
 reported!(Validation);
@@ -69,7 +71,13 @@ impl Stage for Validate {
             sources.push(found);
             warnings.extend(told);
         }
-        Ok(Validation::new(sources, passive.0.clone(), warnings))
+        let cross = if calibration.sources.len() > 1 {
+            (work.tell)("validate across data sets");
+            work.part("cross-prediction", || cross(calibration, &model, options))?
+        } else {
+            vec![]
+        };
+        Ok(Validation::new(sources, passive.0.clone(), warnings).with_cross(cross))
     }
 
     /// A folder a source, the comparison, tables and figures of the models and of the targets.
@@ -101,7 +109,8 @@ impl Stage for Validate {
         let own = validation.sources.first().map_or(vec![], tables::tables);
         let all = validation::tables::tables(&validation.sources);
         let differences = validation::tables::differences(&validation.differences);
-        let open = own.iter().map(|t| tables::html(t, true));
+        let cross = (!validation.cross.is_empty()).then(|| validation::tables::cross_predictions(&validation.cross));
+        let open = own.iter().chain(&cross).map(|t| tables::html(t, true));
         open.chain(all.iter().chain([&differences]).map(|t| tables::html(t, false))).collect::<String>() + &html
     }
 
@@ -126,6 +135,37 @@ impl Stage for Validate {
         }
         out
     }
+}
+
+/// What each data set's knee predicts of the ranges that the others measured.
+fn cross(
+    calibration: &Calibration,
+    model: &LoadedModel,
+    options: &ProtocolOptions,
+) -> Result<Vec<CrossPrediction>, BuildError> {
+    let mut out = Vec::new();
+    for (name, outcome) in &calibration.sources {
+        let Some(samples) = samples(outcome, &model.spec) else { continue };
+        let others = calibration.sources.iter().filter(|(other, _)| *other != name);
+        for (data, other) in others {
+            let ranges = ranges(&other.trials, &calibration.options.targets);
+            let changes: Vec<Change> = ranges.iter().map(|r| r.change.clone()).collect();
+            let fault = |e| BuildError::File(format!("{name} in the trials of {data}: {e}"));
+            let bands = samples.changes(&model.meshes, &changes, options.samples).map_err(fault)?;
+            out.extend(ranges.iter().zip(bands).filter_map(|(r, predicted)| {
+                Some(CrossPrediction {
+                    model: name.clone(),
+                    data: data.clone(),
+                    coordinate: r.change.coordinate.name().to_owned(),
+                    flexion_deg: r.flexion_deg,
+                    loads: r.loads(),
+                    measured: r.measured,
+                    predicted: predicted?,
+                })
+            }));
+        }
+    }
+    Ok(out)
 }
 
 /// A protocol with the flags of its rows, each once, and whether any makes it odd; none where there is no flag.

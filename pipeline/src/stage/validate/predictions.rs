@@ -5,6 +5,7 @@ use super::super::calibrate::Calibration;
 use super::super::diagnose::Diagnosed;
 use crate::report::check::at_most;
 use crate::validate::Validation;
+use validation::cross::counts;
 
 /// A prediction beside what was measured.
 pub(crate) struct Prediction {
@@ -22,7 +23,7 @@ const MOST_SCATTER: f64 = 2.0;
 
 /// All of them: passive flexion as measured, trials left out in turn; and how far models of single sources agree where neither was calibrated.
 pub(crate) fn predictions(v: &Values) -> Vec<Prediction> {
-    passive(v).into_iter().chain(held_out(v)).chain(agreement(v)).collect()
+    passive(v).into_iter().chain(held_out(v)).chain(across(v)).chain(agreement(v)).collect()
 }
 
 /// Passive flexion, to which nothing is calibrated.
@@ -46,6 +47,34 @@ fn passive(v: &Values) -> Option<Prediction> {
         ),
         good: Some(good),
     })
+}
+
+/// Intervals that hold, by themselves, of what they say [-]: those of samples are of 90 %.
+const HOLD: f64 = 0.9;
+/// Chance below which more intervals than were counted would fail by chance [-]; ours.
+const BY_CHANCE: f64 = 0.01;
+
+/// Laxity of one data set as the knee calibrated to another predicts it.
+fn across(v: &Values) -> Vec<Prediction> {
+    let Some(validation) = v.of::<Validation>() else { return vec![] };
+    let told = |((model, data), [inside, of]): ((&str, &str), [usize; 2])| Prediction {
+        words: format!(
+            "Calibrated to {model} alone, the knee puts {inside} of {of} ranges of laxity that {data} measured within its 90 % intervals."
+        ),
+        good: Some(fail_by_chance(of, of - inside) >= BY_CHANCE),
+    };
+    counts(&validation.cross).into_iter().map(told).collect()
+}
+
+/// Chance that at least `failed` of so many intervals fail, each by itself.
+fn fail_by_chance(of: usize, failed: usize) -> f64 {
+    let mut exactly = HOLD.powi(of as i32);
+    let mut fewer = 0.0;
+    for k in 0..failed {
+        fewer += exactly;
+        exactly *= (of - k) as f64 / (k + 1) as f64 * (1.0 - HOLD) / HOLD;
+    }
+    1.0 - fewer
 }
 
 /// How far models of single sources differ in the pivot shift, which nobody measured.
@@ -83,4 +112,17 @@ fn held_out(v: &Values) -> Option<Prediction> {
         ),
         good: Some(at_most(miss, MOST_SCATTER, 1)),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn of_ten_intervals_of_nine_tenths_three_may_fail_and_five_may_not() {
+        assert!((fail_by_chance(10, 0) - 1.0).abs() < 1e-12);
+        assert!((fail_by_chance(10, 1) - (1.0 - 0.9_f64.powi(10))).abs() < 1e-12);
+        assert!(fail_by_chance(10, 3) > BY_CHANCE && fail_by_chance(10, 5) < BY_CHANCE);
+        assert!((fail_by_chance(3, 3) - 0.001).abs() < 1e-12);
+    }
 }
