@@ -18,6 +18,8 @@ use tempfile::TempDir;
 
 /// Module and library may differ by what two compilers make of a sine [mm, deg, N].
 const TOLERANCE: f64 = 1e-6;
+/// The last digit of a results file [mm, deg, N].
+const DIGIT: f64 = 1e-6;
 /// A report grows by no more than this [bytes].
 const MOST_GROWTH: usize = 3 << 20;
 /// The module is no larger [bytes].
@@ -93,12 +95,21 @@ fn the_packed_knee_says_what_simulate_says_bands_included() {
             let number =
                 |column: &str| row[column].parse::<f64>().unwrap_or_else(|_| panic!("{column}: {}", row[column]));
             let pose = told.pose.free();
-            // the file has four decimals
             for c in FREE {
-                assert!((number(&c.column()) - pose[c]).abs() <= 5.1e-5, "{} {}", trial.trial, c.column());
+                assert!((number(&c.column()) - pose[c]).abs() <= DIGIT, "{} {}", trial.trial, c.column());
+            }
+            // `simulate` asks all samples
+            let bands = knee.bands(&asked, knee.about().samples).unwrap().bands;
+            assert!(bands.contains_key("ap_mm") && bands.contains_key("force_LCL_n"));
+            for (column, band) in &bands {
+                let ends = [("mean", band.mean), ("lower", band.lower), ("upper", band.upper)];
+                for (end, value) in ends {
+                    let told = number(&format!("{column}_{end}"));
+                    assert!((told - value).abs() <= DIGIT, "{} {column}_{end}: {told}, {value}", trial.trial);
+                }
             }
             for (bundle, force) in knee.about().bundles.iter().zip(&told.forces_n) {
-                assert!((number(&format!("force_{}_n", bundle.name)) - force).abs() <= 5.1e-5, "{}", bundle.name);
+                assert!((number(&format!("force_{}_n", bundle.name)) - force).abs() <= DIGIT, "{}", bundle.name);
             }
         }
     }

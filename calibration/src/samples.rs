@@ -207,7 +207,7 @@ impl Samples {
         Ok(changes.iter().enumerate().map(band).collect())
     }
 
-    /// What the samples answer to trials.
+    /// What the samples answer to trials, asked of the model of [`Samples::searched`].
     fn drawn(&self, searched: &Model, question: &Question) -> Result<Drawn, CalibrationError> {
         let model = searched.without(question.without)?;
         let parameters: Vec<Parameter<Quantity>> = self.of.unknowns.iter().map(as_it_stands).collect();

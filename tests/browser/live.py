@@ -153,6 +153,23 @@ class Live(Check):
             sorted_ = sorted(t[k] for t in times)
             print(f"{words}: median {sorted_[6]:.0f} ms, most {sorted_[11]:.0f} ms of {len(sorted_)}")
 
+    def broken(self):
+        """A worker that breaks off is said, and the next question is answered by a new one."""
+        self.browser.run("const p=Worker.prototype.postMessage; Worker.prototype.postMessage=function(m) { Worker.prototype.postMessage=p; this.onmessage({ data: { id: m.id, ms: 0, reply: { fault: 'out of memory', broken: true } } }); }")
+        self.press_button("[data-preset='Dial test, 90 deg']")
+        self.expect("No answer: out of memory" in self.words(), f"a broken worker is not said: {self.words()}")
+        self.press_button("[data-preset='Dial test, 30 deg']")
+        self.expect("external" in self.words(), f"after a broken worker: {self.words()}")
+
+    def without(self, page):
+        """Without WebAssembly the section says so and points to the stored motions."""
+        self.browser.ask("/goog/cdp/execute", {"cmd": "Page.addScriptToEvaluateOnNewDocument", "params": {"source": "delete window.WebAssembly"}})
+        self.browser.ask("/url", {"url": "about:blank"})
+        self.browser.ask("/url", {"url": page.as_uri() + "#live"})
+        said = self.browser.run("const n=document.querySelector('.live-note'); return [n.textContent, n.querySelector('a').getAttribute('href'), document.querySelectorAll('#live [data-preset]').length]")
+        self.expect("no WebAssembly" in said[0] and said[1:] == ["#scene-a-knee", 0], f"without WebAssembly: {said}")
+        self.expect(self.browser.run("return !!document.getElementById('scene-a-knee')"), "the stored motions are not there")
+
     def shot(self, name, width, scheme):
         cdp = lambda cmd, params: self.browser.ask("/goog/cdp/execute", {"cmd": cmd, "params": params})
         cdp("Emulation.setDeviceMetricsOverride", {"width": width, "height": 1000, "deviceScaleFactor": 1, "mobile": False})
@@ -183,10 +200,12 @@ def use(check, page, expected):
     check.file()
     check.keyboard()
     check.frames()
+    check.broken()
     for width in [400, 820, 1400]:
         for scheme in ["light", "dark"]:
             check.shot(f"live-{width}-{scheme}", width, scheme)
     check.link(page)
+    check.without(page)
     for entry in browser.log("browser"):
         check.expect(entry["level"] != "SEVERE", f"console: {entry['message']}")
     for entry in browser.log("performance"):

@@ -70,6 +70,12 @@
       return new Promise((done) => { this.waiting.set(id, done); this.worker.postMessage({ id, ...message }); });
     }
 
+    // a module that has broken off answers nothing more
+    again() {
+      this.worker.terminate();
+      return new Solver();
+    }
+
     async ask(request) {
       const about = await this.opened;
       return about.fault ? about : this.send({ request });
@@ -93,7 +99,7 @@
     if (!kept.has(key)) {
       const reply = await solver.ask({ trial: asked(s) });
       if (!reply.fault) section.dataset.ms = solver.ms.toFixed(1);
-      if (reply.broken) return reply;
+      if (reply.broken) { solver = solver.again(); return reply; }
       if (kept.size >= KEPT) kept.delete(kept.keys().next().value);
       kept.set(key, reply);
     }
@@ -128,6 +134,7 @@
     const mine = JSON.stringify(state);
     for (const most of SAMPLES) {
       const bands = await sampler.ask({ bands: { trial: asked(JSON.parse(mine)), most } });
+      if (bands.broken) sampler = sampler.again();
       if (mine !== JSON.stringify(state) || section.dataset.busy) return;
       shown.bands = bands.fault ? null : bands;
       said.textContent = bands.fault || `${Math.round(100 * about.interval)} % intervals by ${bands.asked - bands.lost} of ${about.samples} samples of the calibration.`;
