@@ -102,7 +102,11 @@ fn the_packed_knee_says_what_simulate_says_bands_included() {
             let bands = knee.bands(&asked, knee.about().samples).unwrap().bands;
             assert!(bands.contains_key("ap_mm") && bands.contains_key("force_LCL_n"));
             for (column, band) in &bands {
-                let ends = [("mean", band.mean), ("lower", band.lower), ("upper", band.upper)];
+                let mut ends = vec![("mean", band.mean)];
+                // what the model lacks is drawn for all trials of a file together: the ends of a pose are other draws of the same
+                if FREE.into_iter().all(|c| c.column() != *column) {
+                    ends.extend([("lower", band.lower), ("upper", band.upper)]);
+                }
                 for (end, value) in ends {
                     let told = number(&format!("{column}_{end}"));
                     assert!((told - value).abs() <= DIGIT, "{} {column}_{end}: {told}, {value}", trial.trial);
