@@ -141,7 +141,7 @@ fn chain(trials: &Trials, (seed, chain): (u64, u64), count: usize, wide: f64) ->
             }
             angle = low + (high - low) * uniform(&mut random);
         }
-        if slice >= BURN_IN && (slice + 1 - BURN_IN) % THIN == 0 {
+        if slice >= BURN_IN && (slice + 1 - BURN_IN).is_multiple_of(THIN) {
             out.push(z.clone());
         }
     }
