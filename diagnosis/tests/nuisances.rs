@@ -97,7 +97,7 @@ fn prior_of(problem: &Problem, is_it: impl Fn(&Quantity) -> bool) -> Prior {
 fn a_diagnosis_hears_the_priors_ranges_frames_and_noise_of_the_calibration() {
     let usual = CalibrateOptions::default();
     let mut other = usual.clone();
-    other.priors = false;
+    other.priors = calibration::priors::PriorTable::None;
     other.ranges.insert("X1".into(), [0.9, 1.0]);
     (other.frames.turn_sd_deg, other.frames.offset_turn_deg, other.frames.offset_shift_mm) = (Some(0.25), 0.1, 3.0);
     other.targets.noise = Free([0.1, 0.2, 0.3, 0.6, 0.7]);
