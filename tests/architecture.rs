@@ -20,7 +20,7 @@ const ARROWS: [(&str, &[&str]); 15] = [
     ("inference", &["meshes", "sim"]),
     ("calibration", &["meshes", "formats", "attachments", "sim", "decks", "inference"]),
     ("validation", &["attachments", "sim", "calibration"]),
-    ("diagnosis", &["meshes", "attachments", "sim", "decks", "inference", "calibration"]),
+    ("diagnosis", &["meshes", "formats", "attachments", "sim", "decks", "inference", "calibration"]),
     ("blindbench", &["meshes"]),
     ("live", &["meshes", "sim", "calibration"]),
     (

@@ -98,5 +98,5 @@ fn contact_by_thickness_without_a_fit_is_an_option_and_is_simulated() {
     assert!(text(&results).lines().count() > 5);
     let mut export = build_model();
     export.arg("export").arg(&path).args(["--format", "opensim", "--out"]).arg(out.path().join("osim"));
-    export.assert().success().stdout(predicates::str::contains("contact is that of the table"));
+    export.assert().success().stderr(predicates::str::contains("contact is that of the table"));
 }
