@@ -23,29 +23,8 @@ pub enum Method {
     Descent,
 }
 
-impl Default for CalibrateOptions {
-    fn default() -> Self {
-        CalibrateOptions {
-            method: Method::default(),
-            targets: TargetOptions::default(),
-            cost: CostOptions::default(),
-            ranges: BTreeMap::new(),
-            priors: PriorTable::default(),
-            loads: vec![],
-            swarm: SwarmOptions::default(),
-            frames: FrameOptions::default(),
-            rig: RigOptions::default(),
-            search: SearchOptions::default(),
-            inference: inference::posterior::Options::default(),
-            gradient: GradientOptions::default(),
-            descent: HopOptions::default(),
-            seed: 0,
-        }
-    }
-}
-
 /// Options of a calibration.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct CalibrateOptions {
     /// How.
