@@ -154,8 +154,8 @@ class Live(Check):
             print(f"{words}: median {sorted_[6]:.0f} ms, most {sorted_[11]:.0f} ms of {len(sorted_)}")
 
     def broken(self):
-        """A worker that breaks off is said, and the next question is answered by a new one."""
-        self.browser.run("const p=Worker.prototype.postMessage; Worker.prototype.postMessage=function(m) { Worker.prototype.postMessage=p; this.onmessage({ data: { id: m.id, ms: 0, reply: { fault: 'out of memory', broken: true } } }); }")
+        """A worker that breaks off in a trial is said, and the next question is answered by a new one. Intervals of an earlier state may still be asked."""
+        self.browser.run("const p=Worker.prototype.postMessage; Worker.prototype.postMessage=function(m) { if (!m.request || !m.request.trial) return p.call(this, m); Worker.prototype.postMessage=p; this.onmessage({ data: { id: m.id, ms: 0, reply: { fault: 'out of memory', broken: true } } }); }")
         self.press_button("[data-preset='Dial test, 90 deg']")
         self.expect("No answer: out of memory" in self.words(), f"a broken worker is not said: {self.words()}")
         self.press_button("[data-preset='Dial test, 30 deg']")
