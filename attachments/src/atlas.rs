@@ -118,6 +118,11 @@ pub const WIDTH_MM: f64 = 82.0;
 /// A rule that leads farther from the bone than this leads to where there is none, at the atlas' size [mm]. Ours.
 const OFF_BONE_MM: f64 = 12.0;
 
+/// Farthest that a covered place is moved to bare bone [mm]. Ours.
+const BESIDE_MM: f64 = 25.0;
+/// Bare vertices that are farther than the nearest by this count e times less [mm]: about a vertex' spacing. Ours.
+const BLUR_MM: f64 = 1.5;
+
 /// The ligament's site on `bone` by the literature, on the surface and at least `clearance_mm` from `cartilage` (surfaces that cover
 /// bone); `None` where the bone lacks what the rule refers to (no fibula, a shaft cut short), or no rule exists.
 pub fn place(
@@ -142,8 +147,7 @@ pub fn place(
     }
     let mut centroid = nearest.point;
     if covered(&centroid) {
-        let free = mesh.vertices.iter().filter(|p| (*p - centroid).norm() < 25.0 && !covered(p));
-        centroid = *free.min_by(|a, b| (*a - centroid).norm().total_cmp(&(*b - centroid).norm()))?;
+        centroid = beside(&centroid, mesh, &query, &covered)?;
     }
     let (region, area_mm2) = ellipse(&centroid, rule, frame, scale, &query);
     let region: Vec<Point> = region.into_iter().filter(|p| !covered(p)).collect();
@@ -156,6 +160,19 @@ pub fn place(
         projection_mm: 0.0,
         region: if region.is_empty() { vec![centroid] } else { region },
     })
+}
+
+/// Bare bone next to a covered place: the mean of the nearest bare vertices, so that no single one of them decides, laid on the bone.
+fn beside(place: &Point, mesh: &TriMesh, bone: &SurfaceQuery, covered: &dyn Fn(&Point) -> bool) -> Option<Point> {
+    let near = mesh.vertices.iter().map(|p| (*p, (p - place).norm()));
+    let bare: Vec<(Point, f64)> = near.filter(|(p, d)| *d < BESIDE_MM && !covered(p)).collect();
+    let least = bare.iter().map(|b| b.1).min_by(f64::total_cmp)?;
+    let weigh = |d: f64| (-(d - least) / BLUR_MM).exp();
+    let weight: f64 = bare.iter().map(|b| weigh(b.1)).sum();
+    let mean = bare.iter().map(|(p, d)| p.coords * weigh(*d)).sum::<Vector>() / weight;
+    let mean = bone.nearest(&mean.into()).point;
+    let nearest = || bare.iter().map(|b| b.0).min_by(|a, b| (a - mean).norm().total_cmp(&(b - mean).norm()));
+    if covered(&mean) { nearest() } else { Some(mean) }
 }
 
 fn found(anatomy: &Anatomy, bone: Bone, at: &At, scale: f64) -> Option<Point> {

@@ -26,6 +26,8 @@ pub struct Shaft {
     pub size_mm: f64,
     /// Heights above the joint point between which sections are whole [mm].
     pub range_mm: [f64; 2],
+    /// How far the axis turns where the farthest third of its sections is left out [deg]: a shaft that is cut short is unsure by as much.
+    pub turn_deg: f64,
 }
 
 /// Rough anatomical directions of the knee, CT frame; mutually orthogonal unit vectors, good to about 10 degrees.
@@ -185,7 +187,8 @@ pub fn shaft(bone: &TriMesh, joint: &Point, name: &str) -> Result<Shaft, StageEr
         ))
     })?;
     let away = (0..4).fold(away, |d, _| along_the_walls(bone, joint, &d));
-    let mut line = Shaft { point: *joint, direction: away, sections: 0, size_mm: 0.0, range_mm: [0.0; 2] };
+    let mut line =
+        Shaft { point: *joint, direction: away, sections: 0, size_mm: 0.0, range_mm: [0.0; 2], turn_deg: 0.0 };
     for _ in 0..6 {
         line = refit(bone, joint, &line);
     }
@@ -242,7 +245,16 @@ fn refit(bone: &TriMesh, joint: &Point, line: &Shaft) -> Shaft {
         if part.len() >= LEAST_SECTIONS {
             let centroids: Vec<Point> = part.iter().map(|s| s.1.centroid).collect();
             let (point, direction) = fitted_line(&centroids, &d);
-            return Shaft { point, direction, sections: part.len(), size_mm: size, range_mm: [first.0, last.0] };
+            let (_, near) = fitted_line(&centroids[..centroids.len() - centroids.len() / 3], &d);
+            let turn_deg = direction.angle(&near).to_degrees();
+            return Shaft {
+                point,
+                direction,
+                sections: part.len(),
+                size_mm: size,
+                range_mm: [first.0, last.0],
+                turn_deg,
+            };
         }
     }
     Shaft { size_mm: size, ..*line }

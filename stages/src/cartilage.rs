@@ -230,7 +230,7 @@ fn of_scans(
     let [femur, first, second]: [(CartilageSolid, Point); 3] =
         made.try_into().map_err(|_| StageError::part("cartilage", "not three solids"))?;
     let lateral = lateral(specimen.identity.side, bones, &femur.0.solid, &first.1, &second.1).ok_or_else(|| {
-        StageError::part("cartilage", "medial and lateral cannot be told: check that both bones are of one knee")
+        StageError::part("cartilage", "medial and lateral cannot be told: check that both bones are of one knee and lie in one frame, none shifted or turned against the other")
     })?;
     let turned = (first.1 - second.1).dot(&lateral) > 0.0;
     let (medial, outer) = if turned { (second.0, first.0) } else { (first.0, second.0) };

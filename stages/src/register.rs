@@ -322,7 +322,7 @@ fn believe(fitted: &fit::Fitted, scan: &bare::Scan, options: &RegisterOptions) -
     Err(StageError::Knee(format!(
         "the scan does not fit the CT bone: bare bone kept out of the fit lies {:.2} mm (rms, limit {:.2}) from it, {:.0} % \
          of the bone-like scan lies on it (limit {:.0} %), predicted mean error {:.2} mm (limit {:.2}){place}; \
-         check that scan and CT are the same bone of the same knee, in mm, at one scale and not mirrored",
+         check that scan and CT are the same bone of the same knee, in mm, at one scale and not mirrored (two columns exchanged mirror a bone)",
         fitted.held_out_rms,
         options.rms_limit_mm,
         100.0 * fitted.inlier_fraction,

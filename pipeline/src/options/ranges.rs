@@ -4,7 +4,7 @@ use super::BuildOptions;
 use toml::{Table, Value};
 
 /// Ranges that no stage's own check holds: a key, least and most. A key of a list is that of each of its numbers.
-const RANGES: [(&str, f64, f64); 38] = [
+const RANGES: [(&str, f64, f64); 39] = [
     ("segment.threshold", -3e4, 1e6),
     ("ingest.least_width_mm", 1.0, 1e3),
     ("ingest.greatest_width_mm", 1.0, 1e4),
@@ -19,6 +19,7 @@ const RANGES: [(&str, f64, f64); 38] = [
     ("bones.smoothing_rounds", 0.0, 1e3),
     ("cartilage.cleft_mm", 0.0, 20.0),
     ("frames.valgus_deg", -20.0, 20.0),
+    ("frames.least_shaft_share", 0.0, 5.0),
     ("frames.condylar_angle_range_deg", -45.0, 45.0),
     ("attachments.span", 0.0, 1.0),
     ("attachments.place_reach", 0.0, 10.0),

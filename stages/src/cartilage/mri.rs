@@ -100,7 +100,7 @@ fn check_sides(
     let Some(lateral) = lateral(specimen.identity.side, bones, femoral, medial, outer) else {
         return Err(StageError::part(
             "cartilage",
-            "medial and lateral cannot be told: check that both bones are of one knee",
+            "medial and lateral cannot be told: check that both bones are of one knee and lie in one frame, none shifted or turned against the other",
         ));
     };
     if (outer - medial).dot(&lateral) > 0.0 {
