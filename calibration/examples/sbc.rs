@@ -171,9 +171,10 @@ impl<'a> Judged<'a> {
             true => format!("ACL in {d} [N]"),
             false => format!("PCL in {d} [N]"),
         });
+        let poses = self.drawers.iter().map(|d| format!("AP in {d} [mm]"));
         let rests = [0, 30, 60, 90].map(|f| format!("all at rest, {f} deg [N]"));
         let parameters = self.parameters.iter().map(|&k| self.posed.parameters[k].name.clone());
-        sums.chain(rests).chain(parameters).collect()
+        sums.chain(poses).chain(rests).chain(parameters).collect()
     }
 
     fn values(&self, z: &DVector<f64>, state: &Answers) -> Vec<f64> {
@@ -183,8 +184,9 @@ impl<'a> Judged<'a> {
         };
         let drawers = self.drawers.iter().enumerate();
         let sums = drawers.map(|(i, d)| sum(i, if d.starts_with("anterior") { "ACL" } else { "PCL" }));
+        let poses = (0..self.drawers.len()).map(|i| state[self.posed.measured + i].predicted[sim::coordinate::AP]);
         let rests = (0..4).map(|k| sum(self.drawers.len() + k, ""));
-        sums.chain(rests).chain(self.parameters.iter().map(|&k| z[k])).collect()
+        sums.chain(poses).chain(rests).chain(self.parameters.iter().map(|&k| z[k])).collect()
     }
 }
 

@@ -368,4 +368,6 @@ fn samples<F: Forward>(
 }
 
 #[cfg(test)]
+mod simulated;
+#[cfg(test)]
 mod tests;
