@@ -113,7 +113,12 @@ fn beyond(
 }
 
 /// How many intervals of the sums of ACL and PCL in the drawers hold, of how many that carry anything.
-fn cruciates(out: &Outcome, (spec, meshes): (&ModelSpec, &BTreeMap<String, MeshValue>), truth: &Forces) -> [usize; 2] {
+fn cruciates(
+    out: &Outcome,
+    (spec, meshes): (&ModelSpec, &BTreeMap<String, MeshValue>),
+    truth: &Forces,
+    more: bool,
+) -> [usize; 2] {
     let asked = |name: &String| {
         let (test, flexion) = name.split_once('_').unwrap();
         let ap = if test == "anterior" { DRAWER_N } else { -DRAWER_N };
@@ -130,8 +135,12 @@ fn cruciates(out: &Outcome, (spec, meshes): (&ModelSpec, &BTreeMap<String, MeshV
             let sum: f64 = truth[*name].iter().filter(|b| ours(b.0).starts_with(group)).map(|b| b.1).sum();
             let Some(band) = row.iter().find(|r| r.0 == format!("group_{group}_n")).map(|r| r.1) else { continue };
             if sum.max(band.upper) > 5.0 {
-                count[0] += usize::from(band.lower - 1.0 <= sum && sum <= band.upper + 1.0);
+                let inside = band.lower - 1.0 <= sum && sum <= band.upper + 1.0;
+                count[0] += usize::from(inside);
                 count[1] += 1;
+                if more && !inside {
+                    println!("    {name} {group}: {sum:.0}, told {:.0} to {:.0}", band.lower, band.upper);
+                }
             }
         }
     }
@@ -312,7 +321,7 @@ fn main() {
         let joint = run("joint", &sources, None);
         if asks_beyond {
             let [poses, forces] = beyond(&joint, (&knee.spec, &meshes), &truth_beyond);
-            let sums = cruciates(&joint, (&knee.spec, &meshes), &truth);
+            let sums = cruciates(&joint, (&knee.spec, &meshes), &truth, more);
             println!(
                 "{line} beyond: poses {}/{}, forces {}/{}; cruciate sums in drawers {}/{}",
                 poses[0], poses[1], forces[0], forces[1], sums[0], sums[1]
