@@ -43,6 +43,14 @@ fn first_hour(specimen: &Path, to: &str) -> (String, String) {
     assert!(!knee.join("build/01-ingest").exists(), "check builds nothing");
     build_model().arg("build").arg(&knee).args(["--to", to, "--quiet"]).assert().success();
     build_model().arg("open").arg(&knee).arg("--print").assert().success().stdout(contains("report.html"));
+    // its build came to no model
+    build_model()
+        .arg("open")
+        .arg(&knee)
+        .args(["--print", "--view"])
+        .assert()
+        .failure()
+        .stderr(contains("no knee to pull at"));
     let methods = fs::read_to_string(knee.join("build/methods.md")).unwrap();
     assert!(methods.contains("was built with Genu"), "{methods}");
     (checked, fs::read_to_string(knee.join("specimen.toml")).unwrap())

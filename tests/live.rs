@@ -38,6 +38,19 @@ fn report() -> String {
     text(&specimen().join("build/report.html"))
 }
 
+#[test]
+fn open_goes_to_the_knee_in_the_report() {
+    let folder = specimen();
+    let told = build_model().arg("open").arg(folder).args(["--print", "--view"]).assert().success();
+    let told = text_of(&told.get_output().stdout);
+    assert!(told.starts_with("file:///") && told.trim_end().ends_with("build/report.html#live&"), "{told}");
+    assert!(!told.trim_end().contains(' '), "{told}");
+}
+
+fn text_of(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
 /// The trials of both data sets, whole and without the ACL.
 fn asked() -> Vec<Asked> {
     let trials =

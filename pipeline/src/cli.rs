@@ -71,6 +71,9 @@ enum Verb {
         /// Print its path only
         #[arg(long)]
         print: bool,
+        /// Go to the knee that can be pulled at
+        #[arg(long)]
+        view: bool,
     },
     /// List options with default, unit, source and meaning
     Options {
@@ -319,7 +322,7 @@ fn answer_verb(verb: Verb) -> Result<Told, BuildError> {
         Verb::Init { dir, from, side } => lines(init::init(&dir, &from, side)),
         Verb::Check(args) => whole(check::check(&args)),
         Verb::Build(args) => lines(run::run(&args)),
-        Verb::Open { dir, print } => lines(open::open(&dir, print)),
+        Verb::Open { dir, print, view } => lines(open::open(&dir, print, view)),
         Verb::Options { stage, json } => whole(option_docs::options(stage.as_deref(), json)),
         Verb::Completions { shell } => whole(Ok(manual::completions(shell, command()))),
         Verb::Man { out } => whole(manual::pages(out.as_deref(), command())),

@@ -5,19 +5,46 @@ use crate::quoted::quoted;
 use crate::{inspect, store};
 use std::path::{Path, PathBuf};
 
-/// Opens the report in or below `dir`; gives the words to print.
-pub fn open(dir: &Path, print: bool) -> Result<String, BuildError> {
+/// Opens the report in or below `dir`, with `view` at the knee that can be pulled at; gives the words to print.
+pub fn open(dir: &Path, print: bool, view: bool) -> Result<String, BuildError> {
     let page = report(dir)?;
-    let told = format!("{}\n", page.display());
+    let place = if view { Some(address(&page)?) } else { None };
+    let told = format!("{}\n", place.clone().unwrap_or_else(|| page.display().to_string()));
     if print {
         return Ok(told);
     }
     let page = store::absolute(&page)?;
-    open::that_detached(&page).map_err(|e| {
-        BuildError::File(format!("no browser could be started ({e}); open this file in one: {}", page.display()))
+    let opened = match &place {
+        Some(address) => open::that_detached(address),
+        None => open::that_detached(&page),
+    };
+    opened.map_err(|e| {
+        BuildError::File(format!("no browser could be started ({e}); open this in one: {}", told.trim_end()))
     })?;
     Ok(told)
 }
+
+/// The address of a report's live view; a fragment needs an address, not a path.
+fn address(page: &Path) -> Result<String, BuildError> {
+    if !store::read_text(page)?.contains(LIVE) {
+        return Err(BuildError::File(format!(
+            "{} has no knee to pull at: its build was not calibrated; give laxity, and build to stage calibrate or farther",
+            page.display()
+        )));
+    }
+    let mut out = "file://".to_owned();
+    for byte in store::absolute(page)?.to_string_lossy().bytes() {
+        match byte {
+            b'/' | b'.' | b'-' | b'_' | b'~' => out.push(byte.into()),
+            _ if byte.is_ascii_alphanumeric() => out.push(byte.into()),
+            _ => out += &format!("%{byte:02X}"),
+        }
+    }
+    Ok(out + "#live&")
+}
+
+/// What a page with a live view has.
+const LIVE: &str = "id=\"live-module\"";
 
 /// report.html of a build or a diagnosis.
 fn report(dir: &Path) -> Result<PathBuf, BuildError> {

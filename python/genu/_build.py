@@ -48,6 +48,34 @@ class Frames:
     __hash__ = None  # type: ignore[assignment]  # arrays change
 
 
+class View:
+    """A page of a knee that can be pulled at, in a frame of a notebook.
+
+    Attributes
+    ----------
+    page : str
+        The page, as HTML.
+    height_px : int
+        Height of the frame [px].
+    """
+
+    def __init__(self, page: str, height_px: int) -> None:
+        self.page, self.height_px = page, height_px
+
+    def __repr__(self) -> str:
+        return f"<genu.View of {len(self.page) / 1e6:.1f} MB: the last value of a notebook's cell shows it>"
+
+    def _repr_html_(self) -> str:
+        from html import escape
+
+        # a frame without an address takes the place of the knee from a script, not from a link
+        page = self.page.replace("<head>", "<head><script>location.hash = 'live&';</script>", 1)
+        return (
+            f"<iframe title='Pull at the knee' srcdoc='{escape(page)}' style='width:100%;height:{self.height_px}px;border:0'>"
+            "</iframe>"
+        )
+
+
 class Build:
     """A build's folder: stages, metrics, warnings, and what each stage made.
 
@@ -127,6 +155,33 @@ class Build:
     def report(self) -> str:
         """The path of report.html."""
         return os.path.join(self.folder, "report.html")
+
+    def view(self, height_px: int = 900) -> View:
+        """The knee that can be pulled at, as the report shows it; in a notebook the last value of a cell.
+
+        Parameters
+        ----------
+        height_px : int
+            Height of the frame [px].
+
+        Returns
+        -------
+        View
+            Shown by notebooks; offline, the page is inside.
+
+        Raises
+        ------
+        InputError
+            No report, or one of a knee that was not calibrated.
+        """
+        try:
+            with open(self.report, encoding="utf-8") as file:
+                page = file.read()
+        except OSError as error:
+            raise InputError(f"cannot read {self.report}: {error.strerror}; genu.report writes it") from None
+        if 'id="live-module"' not in page:
+            raise InputError(f"{self.report} has no knee to pull at: its build was not calibrated; give laxity, and build to stage calibrate or farther")
+        return View(page, height_px)
 
     def summary(self) -> Any:
         """The log as a pandas frame: a row a stage, with seconds, memory [MiB] and the number of warnings."""

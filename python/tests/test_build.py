@@ -5,11 +5,13 @@ import os
 import pathlib
 import subprocess
 import sys
+from html import unescape
 
 import numpy as np
 import pytest
 
 import genu
+from genu._build import View
 
 
 def digests(folder):
@@ -113,6 +115,16 @@ def test_options_threads_and_the_last_stage(specimen, build, tmp_path):
     assert one.metrics["bones"]["femur.edge_p50_mm"] > 1.3 * build.metrics["bones"]["femur.edge_p50_mm"]
     with pytest.raises(genu.UsageError, match="edge_mn"):
         genu.build(specimen, out=tmp_path / "other", options={"bones.edge_mn": 2.0})
+
+
+def test_the_knee_that_can_be_pulled_at_stands_in_a_frame(build):
+    with pytest.raises(genu.InputError, match="was not calibrated"):
+        build.view()
+    page = "<!doctype html><html><head></head><body><p title='a \"b\"'>&amp;</p></body></html>"
+    html = View(page, 700)._repr_html_()
+    inside = html.split("srcdoc='", 1)[1].split("'", 1)[0]
+    assert html.startswith("<iframe") and "height:700px" in html
+    assert unescape(inside).replace("<script>location.hash = 'live&';</script>", "") == page
 
 
 def test_what_is_not_there_is_told(build, tmp_path):
