@@ -36,7 +36,7 @@ pub fn export(spec: &ModelSpec, meshes: &BTreeMap<String, MeshValue>) -> Result<
     let mut files = vec![
         ("geometry.inp".to_owned(), parts::geometry(spec, meshes, &mut warnings)?),
         ("joint.inp".to_owned(), parts::joint(spec, &joint)),
-        ("ligaments.inp".to_owned(), parts::ligaments(spec)),
+        ("ligaments.inp".to_owned(), parts::ligaments(spec)?),
         ("contact.inp".to_owned(), parts::contact(spec)),
     ];
     if !spec.menisci.is_empty() {

@@ -228,8 +228,9 @@ fn bundle(
             Law::Smooth
         },
     };
-    let exact = |x: f64| if x < 2.0 * toe { slope * x * x / (4.0 * toe) } else { slope * (x - toe) };
-    let off = table[slack..].iter().map(|p| (p[0] - exact(p[1] - d0)).abs()).fold(0.0, f64::max);
+    let law = sim::ligament::of_fibres(&BundleSpec { law: Law::Smooth, ..spec.clone() }, fibres, None)
+        .map_err(|e| DeckError::whole(e.to_string()))?;
+    let off = table[slack..].iter().map(|p| (p[0] - law.response(p[1] - d0).force).abs()).fold(0.0, f64::max);
     if off > 1e-6 * last[0] {
         warnings.push(format!("{name}: the deck's force table departs from toe and line by up to {off:.3} N"));
     }

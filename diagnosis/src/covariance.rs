@@ -150,14 +150,7 @@ struct Scatter {
 /// Contact force at which another exponent of its law changes nothing [N]; the law's scale is free beside it.
 const REFERENCE: f64 = 100.0;
 
-/// What a fibre of stiffness `k` at stretch `x` gains in tension when its toe, which ends at `2 toe`, becomes wider by a share of itself about the line's
-/// root, which stays.
-fn wider(k: f64, toe: f64, x: f64) -> f64 {
-    let s = x / (2.0 * toe);
-    if s > 0.0 && s < 1.0 { k * toe * s * (1.0 - s) } else { 0.0 }
-}
-
-/// The same for all fibres, as generalised forces.
+/// What all fibres gain in tension as their toes become wider ([`sim::ligament::Bundle::gain_by_wider_toe`]), as generalised forces.
 fn wider_toe(model: &Model, pose: &Pose) -> Six {
     let states = model.fibre_states(pose);
     model.fibres.iter().zip(&states).filter(|(_, s)| s.response.force > 0.0).fold(
@@ -165,8 +158,7 @@ fn wider_toe(model: &Model, pose: &Pose) -> Six {
         |sum, (fibre, state)| {
             let b = &model.bundles[fibre.bundle];
             let stretch = state.line.length - fibre.initial_length + b.initial_stretch();
-            let gain = wider(b.stiffness / b.fibres as f64, b.toe_strain * b.slack_length(), stretch);
-            sum + state.line.gradient * gain
+            sum + state.line.gradient * b.gain_by_wider_toe(stretch)
         },
     )
 }
@@ -408,25 +400,5 @@ impl Whitening {
     /// The lower factor.
     pub fn lower(&self) -> DMatrix<f64> {
         self.0.l()
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_wider_toe_gains_what_the_parabola_about_the_same_root_does() {
-        // a toe of half width `w` about the root at 1: a parabola that meets the line `k (x - 1)` at `1 + w`
-        let (k, toe) = (50.0, 1.0);
-        let force = |w: f64, x: f64| match x - toe + w {
-            u if u <= 0.0 => 0.0,
-            u if u >= 2.0 * w => k * (x - toe),
-            u => k * u * u / (4.0 * w),
-        };
-        for x in [-0.5, 0.2, 0.7, 1.0, 1.6, 1.95, 2.3] {
-            let slope = (force(toe + 1e-5, x) - force(toe - 1e-5, x)) / 2e-5 * toe;
-            assert!((slope - wider(k, toe, x)).abs() < 1e-3, "{x}: {slope}");
-        }
     }
 }

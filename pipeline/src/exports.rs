@@ -8,7 +8,9 @@ use crate::which_model::WhichModel;
 use meshes::hex::HexMesh;
 use meshes::surface::TriMesh;
 use meshes::{Isometry, Vector};
+use sim::ligament::{Bundle, of_fibres};
 use sim::mesh::{MeshValue, TetMesh};
+use sim::spec::BundleSpec;
 use std::path::Path;
 
 mod beside;
@@ -230,6 +232,12 @@ fn thickened(face: &TriMesh, depth: f64) -> TriMesh {
         triangles.extend([[b, a, a + n], [b, a + n, b + n]]);
     }
     TriMesh { vertices, triangles }
+}
+
+/// The force law of a bundle of so many fibres.
+fn law_of(model: &LoadedModel, bundle: &BundleSpec, fibres: usize) -> Result<Bundle, BuildError> {
+    let end = model.spec.toe_end_multiple.get(&bundle.name).copied();
+    of_fibres(bundle, fibres, end).map_err(|e| BuildError::File(format!("{}: {e}", model.folder.display())))
 }
 
 /// Pressure per overclosure by which the model continues its contact table [MPa/mm]: the slope of the table's end.

@@ -2,6 +2,9 @@
 //!
 //! The stretch of fibre i is measured from the CT pose: `x = (l_i - l_i,CT) + L_bundle - L0`, `L0 = L_bundle / e`; so every fibre of a bundle has
 //! the same strain in the CT pose, whatever its own length. A bundle's force is shared equally by its fibres.
+//!
+//! [`Bundle::response`] and [`Bundle::bends`] are the only places that know a law: exports, scatter and imports sample them. A law is a shape in multiples of
+//! the toe's length, times stiffness and toe; its last line points at one toe. A new one is an entry of [`Law`] and its two arms here.
 
 use crate::coordinate::Six;
 use crate::error::SimError;
@@ -84,10 +87,53 @@ impl Bundle {
         let share = 1.0 / self.fibres as f64;
         let toe = self.toe_strain * self.slack_length();
         let r = match self.law {
-            Law::Smooth => smooth(self.stiffness, toe, x),
+            Law::Smooth => toe_then_line(self.stiffness, toe, x),
             Law::Tabular => tabular(self.stiffness, toe, self.table_end, x),
         };
         Response { energy: r.energy * share, force: r.force * share, stiffness: r.stiffness * share }
+    }
+
+    /// Where the law bends, in toes from slack [-]: ascending, with as many steps between as a curve needs to be followed by chords. Beyond the last the
+    /// force is a line.
+    fn bends(&self) -> Vec<f64> {
+        match self.law {
+            Law::Smooth => (0..=CHORDS).map(|n| 2.0 * n as f64 / CHORDS as f64).collect(),
+            Law::Tabular => table(self.table_end).map(|p| p.0).to_vec(),
+        }
+    }
+
+    /// Length of the toe [mm].
+    pub fn toe_mm(&self) -> f64 {
+        self.toe_strain * self.slack_length()
+    }
+
+    /// The law of one fibre as another program's table takes it: stretch in toes [-] and force over stiffness times toe [-], from slack to the last bend.
+    /// Chords between the rows follow the law; both columns stay as they are while stiffness and slack length change.
+    pub fn shape(&self) -> Vec<[f64; 2]> {
+        let unit = self.stiffness * self.toe_mm() / self.fibres as f64;
+        self.bends().into_iter().map(|x| [x, self.response(x * self.toe_mm()).force / unit]).collect()
+    }
+
+    /// The law of one fibre as stretch [mm] and force [N], from slack to `beyond_mm` behind the last bend.
+    pub fn table(&self, beyond_mm: f64) -> Vec<[f64; 2]> {
+        let mut stretch: Vec<f64> = self.bends().into_iter().map(|x| x * self.toe_mm()).collect();
+        stretch.extend(stretch.last().map(|last| last + beyond_mm));
+        stretch.into_iter().map(|x| [x, self.response(x).force]).collect()
+    }
+
+    /// How far the bundle's force departs from a parabola and its tangent [N], up to a stretch of `toes` [-]; for programs that know no other law.
+    pub fn off_toe_and_line(&self, toes: f64) -> f64 {
+        let toe = self.toe_mm();
+        let stretch = (0..=SAMPLES).map(|n| toes * toe * n as f64 / SAMPLES as f64);
+        let off =
+            |x: f64| (self.response(x).force * self.fibres as f64 - toe_then_line(self.stiffness, toe, x).force).abs();
+        stretch.map(off).fold(0.0, f64::max)
+    }
+
+    /// What a fibre gains in tension at stretch `x` [mm] as its toe becomes wider by a share of itself, about the root of its last line, which stays [N].
+    pub fn gain_by_wider_toe(&self, x: f64) -> f64 {
+        let r = self.response(x);
+        if x > 0.0 { r.force - (x - self.toe_mm()) * r.stiffness } else { 0.0 }
     }
 
     /// Stretch in the CT pose [mm], negative when slack.
@@ -107,8 +153,13 @@ impl Bundle {
     }
 }
 
+/// Chords of an exported parabola [-]: it departs from them by a sixteen-hundredth of stiffness times toe.
+const CHORDS: usize = 20;
+/// Stretches at which two laws are compared [-].
+const SAMPLES: usize = 400;
+
 /// Quadratic up to twice the toe, then linear.
-fn smooth(k: f64, toe: f64, x: f64) -> Response {
+pub(crate) fn toe_then_line(k: f64, toe: f64, x: f64) -> Response {
     if x <= 0.0 {
         Response::default()
     } else if x <= 2.0 * toe {
@@ -120,9 +171,14 @@ fn smooth(k: f64, toe: f64, x: f64) -> Response {
     }
 }
 
+/// The tabular law's points: stretch in toes, force over stiffness times toe.
+fn table(end: f64) -> [(f64, f64); 7] {
+    [(0.0, 0.0), (0.5, 0.0625), (1.0, 0.25), (1.5, 0.5625), (2.0, 1.0), (4.0, 3.0), (end, end - 1.0)]
+}
+
 /// Linear between the smooth law's values at 0, 0.5, 1, 1.5, 2, 4 and `end` toes; constant beyond.
 fn tabular(k: f64, toe: f64, end: f64, x: f64) -> Response {
-    let table = [(0.0, 0.0), (0.5, 0.0625), (1.0, 0.25), (1.5, 0.5625), (2.0, 1.0), (4.0, 3.0), (end, end - 1.0)];
+    let table = table(end);
     if x <= 0.0 {
         return Response::default();
     }
@@ -196,6 +252,14 @@ pub fn compile(spec: &ModelSpec) -> Result<(Vec<Bundle>, Vec<Fibre>), SimError> 
     }
 }
 
+/// A bundle of so many fibres, its numbers checked; `table_end` as in [`Bundle`], where the specification says it.
+///
+/// # Errors
+/// A number out of range.
+pub fn of_fibres(b: &BundleSpec, fibres: usize, table_end: Option<f64>) -> Result<Bundle, SimError> {
+    Ok(Bundle { fibres: fibres.max(1), ..bundle(b, table_end)? })
+}
+
 /// One bundle without fibres yet, its numbers checked; `table_end` as in [`Bundle`].
 pub(crate) fn bundle(b: &BundleSpec, table_end: Option<f64>) -> Result<Bundle, SimError> {
     let table_end = table_end.unwrap_or(TABLE_END);
@@ -244,7 +308,7 @@ mod tests {
 
     #[test]
     fn force_is_the_slope_of_energy_and_stiffness_that_of_force() {
-        for law in [Law::Smooth, Law::Tabular] {
+        for law in Law::ALL {
             let b = bundle(law);
             for x in [-1.0, 0.3, 0.8, 1.2, 1.7, 2.4, 5.0, 20.0] {
                 let (lo, hi, r) = (b.response(x - 1e-6), b.response(x + 1e-6), b.response(x));
@@ -257,7 +321,7 @@ mod tests {
 
     #[test]
     fn parameters_move_the_force_as_finite_differences_say() {
-        for law in [Law::Smooth, Law::Tabular] {
+        for law in Law::ALL {
             for u in [-0.5, 0.4, 3.0] {
                 let b = bundle(law);
                 let force = |b: &Bundle| b.response(u + b.initial_stretch()).force;
@@ -271,6 +335,50 @@ mod tests {
                 );
             }
         }
+    }
+
+    #[test]
+    fn a_table_follows_its_law_and_keeps_its_shape() {
+        for law in Law::ALL {
+            let b = bundle(law);
+            let rows = b.table(40.0);
+            for pair in rows.windows(2) {
+                let [[x0, f0], [x1, f1]] = [pair[0], pair[1]];
+                for share in [0.0, 0.3, 0.7, 1.0] {
+                    let off = f0 + share * (f1 - f0) - b.response(x0 + share * (x1 - x0)).force;
+                    assert!(off.abs() < 1e-3 * b.stiffness * b.toe_mm(), "{law:?} between {x0} and {x1} mm: {off} N");
+                }
+            }
+            let stiffer = Bundle { stiffness: 130.0, reference_strain: 0.98, ..b.clone() };
+            for (a, c) in b.shape().into_iter().flatten().zip(stiffer.shape().into_iter().flatten()) {
+                assert!((a - c).abs() < 1e-12);
+            }
+        }
+    }
+
+    #[test]
+    fn a_wider_toe_moves_the_force_as_a_difference_says_and_keeps_the_last_line() {
+        for law in Law::ALL {
+            let b = bundle(law);
+            let (toe, by) = (b.toe_mm(), 1e-6);
+            // wider about the last line's root, one toe from slack: slack moves back
+            let force = |by: f64, x: f64| {
+                let wide = Bundle { toe_strain: b.toe_strain * (1.0 + by), ..b.clone() };
+                wide.response(x + by * toe).force
+            };
+            for x in [0.2, 0.7, 1.1, 1.9, 3.0] {
+                let x = x * toe;
+                let slope = (force(by, x) - force(-by, x)) / (2.0 * by);
+                assert!((slope - b.gain_by_wider_toe(x)).abs() < 1e-4, "{law:?} {x}: {slope}");
+            }
+            assert!(b.gain_by_wider_toe(3.0 * toe).abs() < 1e-9 && b.gain_by_wider_toe(-1.0) == 0.0);
+        }
+    }
+
+    #[test]
+    fn only_the_smooth_law_is_a_toe_and_a_line() {
+        assert_eq!(bundle(Law::Smooth).off_toe_and_line(4.0), 0.0);
+        assert!(bundle(Law::Tabular).off_toe_and_line(4.0) > 0.1);
     }
 
     #[test]

@@ -266,6 +266,11 @@ pub enum Law {
     Tabular,
 }
 
+impl Law {
+    /// Every law; what must hold of one is tested of all.
+    pub const ALL: [Law; 2] = [Law::Smooth, Law::Tabular];
+}
+
 /// A ligament bundle.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]

@@ -5,7 +5,7 @@ use meshes::{Point, Vector};
 use sim::SimError;
 use sim::joint::Joint;
 use sim::mesh::MeshValue;
-use sim::spec::{AxisSpec, BundleSpec, Law, ModelSpec};
+use sim::spec::{AxisSpec, BundleSpec, ModelSpec};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
@@ -195,7 +195,7 @@ fn nearest_point(a: &AxisSpec, b: &AxisSpec) -> Point {
 }
 
 /// Fibres as axial connectors with the bundle's force table, in terms of its parameters.
-pub(super) fn ligaments(spec: &ModelSpec) -> String {
+pub(super) fn ligaments(spec: &ModelSpec) -> Result<String, SimError> {
     let mut out = String::new();
     let mut label = 2001;
     let mut sets = Vec::new();
@@ -214,14 +214,14 @@ pub(super) fn ligaments(spec: &ModelSpec) -> String {
         }
         let name = &b.name;
         let _ = write!(out, "*NODE\n{nodes}*ELEMENT, TYPE=CONN3D2, ELSET={name}_1D\n{elements}*MPC\n{ties}");
-        force_table(&mut out, b, fibres.len(), spec.toe_end_multiple.get(name).copied().unwrap_or(TOE_END));
+        force_table(&mut out, b, fibres.len(), spec.toe_end_multiple.get(name).copied().unwrap_or(TOE_END))?;
         sets.push(format!("{name}_1D"));
     }
     let _ = writeln!(out, "*ELSET, ELSET=FIBRES\n{}", sets.join("\n"));
-    out
+    Ok(out)
 }
 
-fn force_table(out: &mut String, b: &BundleSpec, fibres: usize, multiple: f64) {
+fn force_table(out: &mut String, b: &BundleSpec, fibres: usize, multiple: f64) -> Result<(), SimError> {
     let n = &b.name;
     let _ = writeln!(out, "*CONNECTOR SECTION, ELSET={n}_1D, BEHAVIOR={n}_BEHAVIOR\nAXIAL,\n*PARAMETER");
     for (key, value) in [
@@ -234,24 +234,28 @@ fn force_table(out: &mut String, b: &BundleSpec, fibres: usize, multiple: f64) {
         let _ = writeln!(out, "{n}_{key}={}", number(value));
     }
     let _ = writeln!(out, "{n}_L0={n}_L/{n}_EREF\n{n}_T={n}_ET*{n}_L0\n{n}_D0={n}_L0-{n}_L\n{n}_DF={n}_D0-50.0");
-    let toe: Vec<f64> = match b.law {
-        Law::Tabular => vec![0.5, 1.0, 1.5, 2.0],
-        Law::Smooth => (1..=20).map(|k| f64::from(k) / 10.0).collect(),
-    };
     let mut rows = format!("0.0, <{n}_DF>\n0.0, <{n}_D0>\n");
-    for (i, x) in toe.iter().copied().chain([4.0, multiple.max(5.0)]).enumerate() {
-        let x = number(x);
-        let _ = writeln!(out, "{n}_U{i}={n}_D0+{x}*{n}_T");
-        if i < toe.len() {
-            let _ = writeln!(out, "{n}_F{i}={n}_K2/{n}_N*{n}_T*{x}*{x}/4.0");
-        } else {
-            let _ = writeln!(out, "{n}_F{i}={n}_K2/{n}_N*{n}_T*({x}-1.0)");
-        }
+    for (i, [x, f]) in rows_of(b, fibres, multiple)?.into_iter().enumerate() {
+        let _ = writeln!(out, "{n}_U{i}={n}_D0+{}*{n}_T\n{n}_F{i}={n}_K2/{n}_N*{n}_T*{}", number(x), number(f));
         let _ = writeln!(rows, "<{n}_F{i}>, <{n}_U{i}>");
     }
     let _ =
         write!(out, "*CONNECTOR BEHAVIOR, NAME={n}_BEHAVIOR\n*CONNECTOR ELASTICITY, COMPONENT=1, NONLINEAR\n{rows}");
     out.push_str("*CONNECTOR DAMPING, COMPONENT=1\n0.05\n");
+    Ok(())
+}
+
+/// Rows of a law's table behind slack: stretch in toes, force over stiffness times toe; its last line by two points, as the published decks have it.
+fn rows_of(b: &BundleSpec, fibres: usize, multiple: f64) -> Result<Vec<[f64; 2]>, SimError> {
+    let law = sim::ligament::of_fibres(b, fibres, Some(multiple.max(5.0)))?;
+    let mut rows: Vec<[f64; 2]> = law.shape().into_iter().skip(1).collect();
+    for toes in [4.0, multiple.max(5.0)] {
+        if rows.last().is_none_or(|last| last[0] < toes) {
+            let force = law.response(toes * law.toe_mm()).force;
+            rows.push([toes, force * fibres as f64 / (law.stiffness * law.toe_mm())]);
+        }
+    }
+    Ok(rows)
 }
 
 /// The pressure-overclosure law and the pairs.

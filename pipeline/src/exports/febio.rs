@@ -4,15 +4,18 @@
 
 mod menisci;
 
-use super::{File, bent, contact_name, contact_stiffness, named};
+use super::{File, bent, contact_name, contact_stiffness, law_of, named};
 use crate::error::BuildError;
 use crate::model_file::LoadedModel;
 use meshes::Point;
-use sim::spec::{BundleSpec, Law};
+use sim::spec::BundleSpec;
 use std::fmt::Write;
 
 /// Compression that presses the femur on [N].
 const COMPRESSION_N: f64 = 20.0;
+/// How far a fibre's curve reaches into slack and along its last line [mm]; FEBio goes on straight from there.
+const FAR_SLACK_MM: f64 = 100.0;
+const FAR_LINE_MM: f64 = 50.0;
 
 /// What the file does otherwise than the model.
 pub(super) fn warnings(model: &LoadedModel) -> Vec<String> {
@@ -20,9 +23,6 @@ pub(super) fn warnings(model: &LoadedModel) -> Vec<String> {
     out.push("bones are rigid shells; contact is FEBio's sliding-elastic by penalty, without friction; not run here, as FEBio is not at hand".into());
     if !model.spec.menisci.is_empty() {
         out.push("menisci are deformable there, and their coronary ligament is left out".into());
-    }
-    if model.spec.bundles.iter().any(|b| b.law == Law::Tabular) {
-        out.push("tabular ligaments get the smooth law they were sampled from".into());
     }
     out
 }
@@ -165,7 +165,7 @@ fn fibres(model: &LoadedModel, nodes: usize) -> Result<Fibres, BuildError> {
                 fibre.bundle
             )));
         };
-        let count = all.iter().filter(|f| f.bundle == fibre.bundle).count() as f64;
+        let count = all.iter().filter(|f| f.bundle == fibre.bundle).count();
         let name = format!("{}_{}", bundle.name, k + 1);
         let _ = writeln!(
             out.sets,
@@ -173,7 +173,8 @@ fn fibres(model: &LoadedModel, nodes: usize) -> Result<Fibres, BuildError> {
             nodes + 2 * k + 1,
             nodes + 2 * k + 2
         );
-        let points: String = curve(bundle, count).iter().map(|(x, f)| format!("<pt>{x:.6},{f:.6}</pt>")).collect();
+        let points: String =
+            curve(model, bundle, count)?.iter().map(|(x, f)| format!("<pt>{x:.6},{f:.6}</pt>")).collect();
         let _ = writeln!(
             out.discrete,
             "<discrete_material id=\"{0}\" name=\"{name}\" type=\"nonlinear spring\"><scale>1</scale><measure>elongation</measure><force type=\"point\"><interpolate>LINEAR</interpolate><extend>EXTRAPOLATE</extend><points>{points}</points></force></discrete_material>",
@@ -185,19 +186,12 @@ fn fibres(model: &LoadedModel, nodes: usize) -> Result<Fibres, BuildError> {
     Ok(out)
 }
 
-/// Force of a fibre over its lengthening from the CT pose: quadratic toe by 20 chords, then straight.
-fn curve(bundle: &BundleSpec, count: f64) -> Vec<(f64, f64)> {
-    let slack = bundle.reference_length_mm / bundle.reference_strain;
-    let (toe, first) = (bundle.toe_strain * slack, slack - bundle.reference_length_mm);
-    let k = bundle.stiffness_n_per_mm / count;
-    let mut points = vec![(first - 100.0, 0.0)];
-    points.extend((0..=20).map(|n| {
-        let x = 2.0 * toe * f64::from(n) / 20.0;
-        (first + x, k * x * x / (4.0 * toe))
-    }));
-    let x = 2.0 * toe + 50.0;
-    points.push((first + x, k * (x - toe)));
-    points
+/// Force of a fibre over its lengthening from the CT pose: the law's own table, between a far slack and a far line.
+fn curve(model: &LoadedModel, bundle: &BundleSpec, fibres: usize) -> Result<Vec<(f64, f64)>, BuildError> {
+    let law = law_of(model, bundle, fibres)?;
+    let first = law.slack_length() - law.reference_length;
+    let rows = law.table(FAR_LINE_MM).into_iter().map(|[x, f]| (first + x, f));
+    Ok([(first - FAR_SLACK_MM, 0.0)].into_iter().chain(rows).collect())
 }
 
 fn place(p: &Point) -> String {

@@ -5,14 +5,14 @@
 //! passes. Contact meshes must be closed there: the faces are thickened away from
 //! the contact, by more than twice the deepest overclosure that is to be expected.
 
-use super::{File, bent, contact_name, contact_stiffness, named, thickened};
+use super::{File, bent, contact_name, contact_stiffness, law_of, named, thickened};
 use crate::error::BuildError;
 use crate::model_file::LoadedModel;
 use meshes::surface::TriMesh;
 use meshes::{Point, Vector};
 use sim::coordinate::{AP, FE, IE, ML, SI, Six, VV};
 use sim::joint::Joint;
-use sim::spec::Law;
+use sim::spec::BundleSpec;
 use std::fmt::Write;
 
 /// How far the back of a contact mesh lies behind its face [mm]; a point deeper than half of it would be pushed out at the back.
@@ -23,11 +23,22 @@ const LINK_KG: f64 = 0.01;
 /// What the file does otherwise than the model.
 pub(super) fn warnings(model: &LoadedModel) -> Vec<String> {
     let mut out: Vec<String> = bent(model).into_iter().collect();
-    if model.spec.bundles.iter().any(|b| b.law == Law::Tabular) {
-        out.push("tabular ligaments get the smooth law they were sampled from".into());
-    }
+    out.extend(other_laws(model));
     out
 }
+
+/// OpenSim's ligament is a toe and a line: what that makes of other laws.
+fn other_laws(model: &LoadedModel) -> Option<String> {
+    let off = |b: &BundleSpec| law_of(model, b, 1).map_or(0.0, |law| law.off_toe_and_line(COMPARED_TOES));
+    let of = model.spec.bundles.iter().map(|b| (off(b), &b.name));
+    let (most, name) = of.max_by(|a, b| a.0.total_cmp(&b.0)).filter(|(off, _)| *off > 0.0)?;
+    Some(format!(
+        "ligaments of another law become a toe and a line, as OpenSim has them: {name} differs by up to {most:.2} N up to {COMPARED_TOES} toe strains"
+    ))
+}
+
+/// Stretch up to which laws are compared, in toe strains [-]: ligaments fail soon after.
+const COMPARED_TOES: f64 = 4.0;
 
 /// model.osim and Geometry/.
 pub(super) fn files(model: &LoadedModel) -> Result<Vec<File>, BuildError> {

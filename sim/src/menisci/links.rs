@@ -3,6 +3,7 @@
 use super::shape::Part;
 use super::{put, shift};
 use crate::condensed::Parts;
+use crate::ligament::toe_then_line;
 use crate::spec::{HornSpec, MeniscusSpec};
 use meshes::Vector;
 use nalgebra::Matrix3;
@@ -56,17 +57,9 @@ impl Link {
 
     /// Energy, force and stiffness along the link at a stretch [mm].
     fn stretched(&self, x: f64) -> (f64, f64, f64) {
-        let toe = TOE * self.rest.norm();
-        let (k, c) = (self.fibres, self.along);
-        let (e, f, s) = if x <= 0.0 {
-            (0.0, 0.0, 0.0)
-        } else if x < toe {
-            (k * x * x * x / (6.0 * toe), k * x * x / (2.0 * toe), k * x / toe)
-        } else {
-            let y = x - 0.5 * toe;
-            (0.5 * k * y * y + k * toe * toe / 24.0, k * y, k)
-        };
-        (e + 0.5 * c * x * x, f + c * x, s + c)
+        // the parabola ends at TOE
+        let (r, c) = (toe_then_line(self.fibres, 0.5 * TOE * self.rest.norm(), x), self.along);
+        (r.energy + 0.5 * c * x * x, r.force + c * x, r.stiffness + c)
     }
 
     /// Tension [N]; below 0 where it is pressed.
