@@ -1,10 +1,9 @@
-//! A calibration from beginning to end: either method as a state that advances a step at a time, is saved between steps, and goes on
+//! A calibration from beginning to end: a recipe as a state that advances a step at a time, is saved between steps, and goes on
 //! from where it was saved to the same bytes.
 
 use crate::cost::FAILED;
 use crate::design::Design;
 use crate::error::CalibrationError;
-use crate::hops::Hops;
 use crate::next_test::NextTest;
 use crate::options::{CalibrateOptions, Method};
 use crate::posterior::{self, ForceEstimate, NoiseEstimate, OtherEstimate, ParameterEstimate, RestEstimate};
@@ -45,7 +44,6 @@ enum State {
     Recipe(Recipe),
     /// All at once: nothing is kept between.
     Inference,
-    Descent(Hops),
 }
 
 /// How far a calibration has come.
@@ -120,8 +118,7 @@ impl Checkpoint {
         let start = identity.design.unit(&identity.start);
         let state = match o.method {
             Method::SwarmSimplex => State::Recipe(Recipe::new(&start, &o.swarm, o.seed)),
-            Method::Gradient => State::Inference,
-            Method::Descent => State::Descent(Hops::new(&start, o.seed)),
+            Method::Posterior => State::Inference,
         };
         Ok(Checkpoint { identity, state })
     }
@@ -164,7 +161,6 @@ impl Checkpoint {
         match &self.state {
             State::Recipe(r) => r.is_finished(),
             State::Inference => true,
-            State::Descent(h) => h.is_finished(&self.identity.options.descent),
         }
     }
 
@@ -179,12 +175,6 @@ impl Checkpoint {
                 lowest_cost: r.best().map_or(f64::INFINITY, |b| b.0),
             },
             State::Inference => Progress { phase: "fits", share: 0.0, evaluations: 0, lowest_cost: f64::INFINITY },
-            State::Descent(h) => Progress {
-                phase: "descents",
-                share: h.share(&o.descent),
-                evaluations: h.history.len(),
-                lowest_cost: h.best().first().map_or(f64::INFINITY, |b| b.0),
-            },
         }
     }
 
@@ -203,10 +193,6 @@ impl Checkpoint {
                 }
             }
             State::Inference => Ok(()),
-            State::Descent(h) => {
-                h.advance(problem, &o.descent);
-                Ok(())
-            }
         }
     }
 }
@@ -251,18 +237,16 @@ fn finish(checkpoint: &Checkpoint, problem: &Problem, probes: &Probes) -> Result
     let none = || no_answer(problem, &checkpoint.identity.start);
     let (lowest, rivals) = match &checkpoint.state {
         State::Recipe(r) => (r.best().ok_or_else(none)?, r.rivals()),
-        State::Descent(h) => (h.best().first().cloned().ok_or_else(none)?, h.starts.clone()),
-        State::Inference => return Err(CalibrationError::Option("method: gradient is no recipe".into())),
+        State::Inference => return Err(CalibrationError::Option("method: posterior is no recipe".into())),
     };
     let found = posterior::of_recipe(problem, &lowest.1, rivals, &o.gradient, o.seed);
-    let lowest = judged(problem, &checkpoint.state, lowest);
+    let lowest = judged(problem, lowest);
     let point = lowest.1.clone();
     let values = design.at(&point);
     let predicted = problem.in_full.predictions(&values);
     let history = match &checkpoint.state {
         State::Recipe(r) => r.history.clone(),
         State::Inference => vec![],
-        State::Descent(h) => h.history.clone(),
     };
     Ok(Calibrated {
         mode: BTreeMap::new(),
@@ -288,17 +272,10 @@ fn finish(checkpoint: &Checkpoint, problem: &Problem, probes: &Probes) -> Result
     })
 }
 
-/// The lowest cost as the model in full has it, among the three lowest met, and where.
-fn judged(problem: &Problem, state: &State, lowest: (f64, Vec<f64>)) -> (f64, Vec<f64>) {
-    let mut candidates = match state {
-        State::Descent(h) => h.best().to_vec(),
-        State::Recipe(_) | State::Inference => vec![lowest.clone()],
-    };
-    candidates.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let design = problem.experiment.design;
-    let in_full = |p: &Vec<f64>| problem.cost.cost(&problem.in_full.predictions(&design.at(p))).value;
-    let best = candidates.into_iter().take(3).map(|(_, p)| (in_full(&p), p));
-    best.reduce(|a, b| if b.0 < a.0 { b } else { a }).unwrap_or(lowest)
+/// The lowest cost as the model in full has it, and where.
+fn judged(problem: &Problem, lowest: (f64, Vec<f64>)) -> (f64, Vec<f64>) {
+    let values = problem.experiment.design.at(&lowest.1);
+    (problem.cost.cost(&problem.in_full.predictions(&values)).value, lowest.1)
 }
 
 /// Root mean square of predicted minus measured, a coordinate each.

@@ -357,7 +357,7 @@ fn told(
     let found_values = values[..n_ligaments].to_vec();
     let last = last_forces(question.knee, trials, &values, nobody_measured.clone());
     let calibrated = Calibrated {
-        method: Method::Gradient,
+        method: Method::Posterior,
         cost,
         lowest_cost: (cost, found_values.clone()),
         parameters: (0..n_ligaments).map(of_ligament).collect(),

@@ -13,11 +13,9 @@
 
 pub mod calibrate;
 pub mod cost;
-pub mod descent;
 pub mod design;
 pub mod error;
 pub mod experiment;
-pub mod hops;
 pub mod inferred;
 pub mod knee;
 mod last_forces;

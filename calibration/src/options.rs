@@ -16,11 +16,10 @@ use std::collections::BTreeMap;
 pub enum Method {
     /// The posterior of everything that is not known, by the solver's derivatives.
     #[default]
-    Gradient,
+    #[serde(alias = "gradient")]
+    Posterior,
     /// Particle swarm, then simplex: the paper's recipe.
     SwarmSimplex,
-    /// Descents on the cost with the solver's derivatives, from many starts and from points about the best: the recipe's question, answered sooner.
-    Descent,
 }
 
 /// Options of a calibration.
@@ -44,7 +43,7 @@ pub struct CalibrateOptions {
     pub swarm: SwarmOptions,
     /// How far the frames of the measurements may stand from the model's; the paper's recipe and imported decks take them as given.
     pub frames: FrameOptions,
-    /// The apparatus and the limb where readings are displacements; heard by the method gradient.
+    /// The apparatus and the limb where readings are displacements; heard by the method posterior.
     pub rig: RigOptions,
     /// How answers are sought on the way.
     pub search: SearchOptions,
@@ -52,8 +51,6 @@ pub struct CalibrateOptions {
     pub inference: inference::posterior::Options,
     /// Intervals and outliers.
     pub gradient: GradientOptions,
-    /// Descents on the cost.
-    pub descent: HopOptions,
     /// Seed of every random number.
     pub seed: u64,
 }
@@ -136,58 +133,16 @@ impl Default for GradientOptions {
     }
 }
 
-/// Descents on the cost.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(default, deny_unknown_fields)]
-pub struct HopOptions {
-    /// Starts: the model's own values, then points of a Latin hypercube [-].
-    pub starts: usize,
-    /// Most evaluations of a descent from a start [-]; ours.
-    pub first_evaluations: usize,
-    /// Starts descended from once more, the best so far [-]; ours.
-    pub finalists: usize,
-    /// Most evaluations of those descents [-]; ours.
-    pub evaluations: usize,
-    /// Descents from points about the best [-]; ours.
-    pub hops: usize,
-    /// Most evaluations of a hop's descent [-]; ours.
-    pub hop_evaluations: usize,
-    /// Furthest a hop moves a variable, in widths of its range [-]; ours.
-    pub hop_size: f64,
-    /// Share of the variables that a hop moves [-]; ours.
-    pub hop_share: f64,
-}
-
-impl Default for HopOptions {
-    fn default() -> Self {
-        HopOptions {
-            starts: 16,
-            first_evaluations: 8,
-            finalists: 4,
-            evaluations: 12,
-            hops: 24,
-            hop_evaluations: 8,
-            hop_size: 0.3,
-            hop_share: 0.4,
-        }
-    }
-}
-
 impl CalibrateOptions {
     /// Refuses options that the method does not hear.
     fn refuse_unheard(&self) -> Result<(), CalibrationError> {
         let refused = |what: &str| Err(CalibrationError::Option(what.into()));
-        if self.method == Method::Descent && !self.loads.is_empty() {
-            return refused(
-                "loads are not heard by the method descent: take gradient or swarm-simplex, or leave them out",
-            );
-        }
         let (own, usual) = (&self.gradient, GradientOptions::default());
-        if self.method == Method::Gradient && own.samples != usual.samples {
-            return refused("gradient.samples is not heard by the method gradient: set inference.samples");
+        if self.method == Method::Posterior && own.samples != usual.samples {
+            return refused("gradient.samples is not heard by the method posterior: set inference.samples");
         }
-        if self.method == Method::Gradient && own.scale_noise != usual.scale_noise {
-            return refused("gradient.scale_noise is not heard by the method gradient: set inference.scale_noise");
+        if self.method == Method::Posterior && own.scale_noise != usual.scale_noise {
+            return refused("gradient.scale_noise is not heard by the method posterior: set inference.scale_noise");
         }
         Ok(())
     }
@@ -207,11 +162,6 @@ impl CalibrateOptions {
         least("inference.finalists", self.inference.finalists, 1)?;
         least("inference.evaluations", self.inference.evaluations, 2)?;
         least("inference.sample_evaluations", self.inference.sample_evaluations, 1)?;
-        least("descent.starts", self.descent.starts, 1)?;
-        least("descent.first_evaluations", self.descent.first_evaluations, 2)?;
-        least("descent.finalists", self.descent.finalists, 1)?;
-        least("descent.evaluations", self.descent.evaluations, 2)?;
-        least("descent.hop_evaluations", self.descent.hop_evaluations, 2)?;
         self.refuse_unheard()?;
         let between = |name: &str, value: f64, low: f64, high: f64| match value > low && value < high {
             true => Ok(()),
@@ -219,8 +169,6 @@ impl CalibrateOptions {
         };
         between("swarm.simplex_size", self.swarm.simplex_size, 0.0, 0.5)?;
         between("gradient.interval", self.gradient.interval, 0.0, 1.0)?;
-        between("descent.hop_size", self.descent.hop_size, 0.0, 1.0)?;
-        between("descent.hop_share", self.descent.hop_share, 0.0, 1.0)?;
         for (name, sd) in [
             ("frames.turn_sd_deg", self.frames.turn_sd_deg.unwrap_or(0.0)),
             ("frames.shift_sd_mm", self.frames.shift_sd_mm.unwrap_or(0.0)),

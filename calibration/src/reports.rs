@@ -96,7 +96,7 @@ fn rest(found: &Calibrated) -> String {
     out
 }
 
-/// history.csv: what the method lowers and the best so far. Of a recipe it is the cost of every evaluation; of method gradient, half the sum of
+/// history.csv: what the method lowers and the best so far. Of a recipe it is the cost of every evaluation; of the method posterior, half the sum of
 /// squares that each start left.
 pub fn history(costs: &[f64]) -> String {
     let (mut out, mut best) = ("evaluation,cost,best_cost\n".to_owned(), f64::INFINITY);

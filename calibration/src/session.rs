@@ -105,8 +105,8 @@ impl Session {
         options: &CalibrateOptions,
     ) -> Result<Session, CalibrationError> {
         options.check()?;
-        if measured.len() > 1 && options.method != Method::Gradient {
-            let what = "method: a recipe takes one data set; several together are for the method gradient";
+        if measured.len() > 1 && options.method != Method::Posterior {
+            let what = "method: a recipe takes one data set; several together are for the method posterior";
             return Err(CalibrationError::Option(what.into()));
         }
         let ct: &PoseSpec = &spec.frames.gs_ct_pose;
@@ -163,7 +163,7 @@ impl Session {
         self.run_told(knee, checkpoint, watch, &|_, _| ())
     }
 
-    /// [`Session::run`]; `on_fit` is told of every fit of the method gradient that has ended, on whatever thread: how many, and of how many.
+    /// [`Session::run`]; `on_fit` is told of every fit of the method posterior that has ended, on whatever thread: how many, and of how many.
     ///
     /// # Errors
     /// Those of [`Session::run`].
@@ -174,7 +174,7 @@ impl Session {
         watch: &mut dyn FnMut(&Checkpoint) -> ControlFlow<()>,
         on_fit: &(dyn Fn(usize, usize) + Sync),
     ) -> Result<Outcome, CalibrationError> {
-        if self.identity.options.method == Method::Gradient {
+        if self.identity.options.method == Method::Posterior {
             return self.infer(knee, &checkpoint, watch, on_fit);
         }
         let search = knee.searching(&self.design, &self.targets.trials);

@@ -45,7 +45,7 @@ pub struct CalibrateArgs {
     /// Folder for model.json, parameters.csv, history.csv and more
     #[arg(long)]
     pub out: PathBuf,
-    /// gradient: the posterior of all that is not known, by the solver's derivatives; swarm-simplex: the paper's recipe; descent: its cost by derivatives [default: gradient]
+    /// posterior: of all that is not known, by the solver's derivatives; swarm-simplex: the paper's recipe [default: posterior]
     #[arg(long)]
     pub method: Option<MethodName>,
     /// Override an option; may be given more than once
@@ -69,11 +69,10 @@ pub struct CalibrateArgs {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum MethodName {
     /// The posterior of all that is not known, by the solver's derivatives
-    Gradient,
+    #[value(alias = "gradient")]
+    Posterior,
     /// Particle swarm, then simplex
     SwarmSimplex,
-    /// Descents on the recipe's cost, with the solver's derivatives
-    Descent,
 }
 
 /// A data set: its name and its trials.
@@ -102,9 +101,8 @@ pub fn calibrate(args: &CalibrateArgs) -> Result<Told, BuildError> {
     }
     let mut options = resolve(&BTreeMap::new(), &args.overrides, args.seed)?.calibrate;
     match args.method {
-        Some(MethodName::Gradient) => options.method = Method::Gradient,
+        Some(MethodName::Posterior) => options.method = Method::Posterior,
         Some(MethodName::SwarmSimplex) => options.method = Method::SwarmSimplex,
-        Some(MethodName::Descent) => options.method = Method::Descent,
         None => {}
     }
     let model = model_file::load_which(&args.model, &args.which)?;

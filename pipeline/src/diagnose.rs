@@ -140,7 +140,7 @@ fn start(
     }
     let measured: Vec<_> = sources.iter().map(|s| (s.name.clone(), s.trials.clone())).collect();
     let mut options = calibrate.clone();
-    options.method = Method::Gradient;
+    options.method = Method::Posterior;
     // the most probable point alone is asked for
     options.inference.samples = 0;
     options.seed = seed;

@@ -15,7 +15,7 @@ Progress = Union[None, bool, Callable[[str, float, str], Any]]
 
 Protocol = Literal["ap-laxity", "passive-flexion", "pivot-shift"]
 Solver = Literal["quasistatic", "explicit"]
-Method = Literal["gradient", "swarm-simplex", "descent"]
+Method = Literal["posterior", "swarm-simplex"]
 Format = Literal["abaqus", "febio", "opensim", "vtk", "stl", "ply", "glb"]
 Side = Literal["left", "right"]
 Stage = Literal[

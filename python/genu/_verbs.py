@@ -188,7 +188,7 @@ class Calibration:
     parameters : pandas.DataFrame
         ``design_variable``, ``bundle``, ``kind``, ``value``, ``lower``, ``upper``, ...: 90 % intervals.
     history : pandas.DataFrame
-        What the method lowers: the cost by evaluation; of ``gradient``, half the sum of squares that each start left.
+        What the method lowers: the cost by evaluation; of ``posterior``, half the sum of squares that each start left.
     metrics : dict
         Figures: ``cost``, ``rms`` by coordinate, ``trials``, ...
     words : str
@@ -216,7 +216,7 @@ def calibrate(
     targets: Any,
     out: Path,
     *,
-    method: Method = "gradient",
+    method: Method = "posterior",
     options: Optional[Mapping[str, Any]] = None,
     seed: Optional[int] = None,
     force: bool = False,
@@ -234,7 +234,7 @@ def calibrate(
     out : str or path-like
         Folder for model.json, parameters.csv, history.csv and more.
     method : str
-        ``"gradient"``, ``"swarm-simplex"`` (the paper's recipe) or ``"descent"``.
+        ``"posterior"`` or ``"swarm-simplex"`` (the paper's recipe).
     options : dict, optional
         Of stage ``calibrate``: ``{"inference.starts": 3}``.
     seed, force, jobs, progress

@@ -89,28 +89,26 @@ fn go_on(_: &Checkpoint) -> ControlFlow<()> {
 #[test]
 fn interrupted_and_resumed_gives_the_same_bytes() {
     let b = bench(&truth(1), 1.0, 1);
-    for method in [Method::SwarmSimplex, Method::Descent] {
-        let mut o = quick(method);
-        o.gradient.samples = 12;
-        let whole = b.run(&o, &mut go_on).unwrap();
-        for stop_at in [1, 3, 5, 8] {
-            let mut steps = 0;
-            let mut kept = vec![];
-            let stopped = b.run(&o, &mut |c| {
-                steps += 1;
-                kept = c.to_bytes();
-                if steps == stop_at { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-            });
-            if stopped.is_ok() {
-                break;
-            }
-            assert_eq!(stopped.unwrap_err(), CalibrationError::Stopped);
-            let back = Checkpoint::from_bytes(&kept, &b.identity(&o)).unwrap();
-            assert_eq!(
-                serde_json::to_vec(&b.resume(back, &o, &mut go_on).unwrap()).unwrap(),
-                serde_json::to_vec(&whole).unwrap()
-            );
+    let mut o = quick(Method::SwarmSimplex);
+    o.gradient.samples = 12;
+    let whole = b.run(&o, &mut go_on).unwrap();
+    for stop_at in [1, 3, 5, 8] {
+        let mut steps = 0;
+        let mut kept = vec![];
+        let stopped = b.run(&o, &mut |c| {
+            steps += 1;
+            kept = c.to_bytes();
+            if steps == stop_at { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        });
+        if stopped.is_ok() {
+            break;
         }
+        assert_eq!(stopped.unwrap_err(), CalibrationError::Stopped);
+        let back = Checkpoint::from_bytes(&kept, &b.identity(&o)).unwrap();
+        assert_eq!(
+            serde_json::to_vec(&b.resume(back, &o, &mut go_on).unwrap()).unwrap(),
+            serde_json::to_vec(&whole).unwrap()
+        );
     }
 }
 
@@ -129,32 +127,20 @@ fn a_checkpoint_of_another_calibration_is_refused_by_what_differs() {
 #[test]
 fn any_number_of_threads_gives_the_same_answer() {
     let b = bench(&truth(3), 1.0, 3);
-    for method in [Method::SwarmSimplex, Method::Descent] {
-        let mut o = quick(method);
-        o.gradient.samples = 8;
-        let on = |threads: usize| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
-            pool.install(|| b.run(&o, &mut go_on).unwrap())
-        };
-        assert_eq!(on(1), on(3));
-    }
+    let mut o = quick(Method::SwarmSimplex);
+    o.gradient.samples = 8;
+    let on = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| b.run(&o, &mut go_on).unwrap())
+    };
+    assert_eq!(on(1), on(3));
 }
 
 #[test]
-fn descents_on_the_cost_end_no_higher_than_the_recipe() {
-    let b = bench(&truth(6), 1.0, 6);
-    let mut shares = vec![];
-    let found = b
-        .run(&quick(Method::Descent), &mut |c| {
-            shares.push(c.progress().share);
-            ControlFlow::Continue(())
-        })
-        .unwrap();
-    let recipe = b.run(&CalibrateOptions { method: Method::SwarmSimplex, ..Default::default() }, &mut go_on).unwrap();
-    assert!(found.cost <= recipe.cost, "{} against {}", found.cost, recipe.cost);
-    assert!(found.cost == found.lowest_cost.0 && found.history.iter().all(|h| *h >= found.cost));
-    assert!(found.history.len() < 400 && recipe.history.len() > 1000);
-    assert!(shares.windows(2).all(|w| w[0] < w[1]) && shares.last() == Some(&1.0), "{shares:?}");
+fn the_posteriors_old_name_is_taken_and_written_anew() {
+    let method: Method = serde_json::from_str("\"gradient\"").unwrap();
+    assert_eq!((method, serde_json::to_string(&method).unwrap().as_str()), (Method::Posterior, "\"posterior\""));
+    assert!(serde_json::from_str::<Method>("\"descent\"").is_err());
 }
 
 #[test]
@@ -176,8 +162,6 @@ fn a_belief_about_a_force_is_heard() {
     let told = b.run(&o, &mut go_on).unwrap();
     let force = |c: &Calibrated| c.forces.iter().find(|f| f.bundle == 0).and_then(|f| f.value_n).unwrap();
     assert!((force(&told) - 20.0).abs() < (force(&plain) - 20.0).abs(), "{} {}", force(&told), force(&plain));
-    let deaf = CalibrateOptions { loads: vec![belief.clone()], ..quick(Method::Descent) };
-    assert!(deaf.check().unwrap_err().to_string().contains("not heard"));
     let unknown = LoadPrior { bundles: vec!["Z".into()], ..belief };
     let o = CalibrateOptions { loads: vec![unknown], ..quick(Method::SwarmSimplex) };
     let simulate = |v: &[f64], _: bool| toy::answers(&b.design, &b.targets.trials, v);

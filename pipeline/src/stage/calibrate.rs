@@ -199,7 +199,7 @@ fn calibrate_all(
         Ok(outcome)
     };
     // finished ones are kept until all are: an interruption costs no more than one
-    let together = every.len() > 1 && options.method == Method::Gradient;
+    let together = every.len() > 1 && options.method == Method::Posterior;
     let joint = if together { Some(work.part(JOINT, || one(&every, JOINT, None))?) } else { None };
     let mut sources = BTreeMap::new();
     for (s, measured) in every.iter().enumerate() {
