@@ -8,15 +8,16 @@ use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
 /// Folder of each crate and which of ours it may use.
-const ARROWS: [(&str, &[&str]); 15] = [
+const ARROWS: [(&str, &[&str]); 16] = [
     ("meshes", &[]),
     ("formats", &["meshes"]),
     // an attribute for tests; nothing that is shipped holds it
     ("needs-shared", &[]),
     ("attachments", &["meshes", "formats"]),
     ("sim", &["meshes"]),
+    ("deformable", &["meshes"]),
     ("decks", &["meshes", "formats", "sim"]),
-    ("stages", &["meshes", "formats", "attachments", "sim"]),
+    ("stages", &["meshes", "formats", "attachments", "sim", "deformable"]),
     ("inference", &["meshes", "sim"]),
     ("calibration", &["meshes", "formats", "attachments", "sim", "decks", "inference"]),
     ("validation", &["attachments", "sim", "calibration"]),

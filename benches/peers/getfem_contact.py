@@ -1,4 +1,4 @@
-"""Two cartilages pressed together by GetFEM, beside sim/tests/calculix.rs: triquadratic elements, neo-Hookean, contact by augmented Lagrangian.
+"""Two cartilages pressed together by GetFEM, beside deformable/tests/calculix.rs: triquadratic elements, neo-Hookean, contact by augmented Lagrangian.
 
 usage: getfem_contact.py layers N       the test's two layers, a quarter of them, N elements through each thickness, with curved elements
        getfem_contact.py CASE.inp       the deck that the test wrote for CalculiX: its hexahedra and surfaces

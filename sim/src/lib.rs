@@ -16,7 +16,6 @@ pub mod condensed;
 pub mod contact;
 pub mod coordinate;
 pub mod deck;
-pub mod deformable;
 pub mod equilibrium;
 pub mod error;
 pub mod explicit;

@@ -1,7 +1,5 @@
 //! The integration tests of sim, one program: each further one would link everything again.
 
-mod calculix;
-mod deformable;
 mod displacements;
 mod laxity_shapes;
 mod verification;

@@ -9,14 +9,13 @@ use crate::frames::Frames;
 use crate::overclosure::Separated;
 use crate::specimen::Specimen;
 use crate::{PerCartilage, StageError};
+use deformable::{Law, Material};
 pub use fit::{Fitted, RigidCurve};
 pub use layers::FittedLayer;
 use layers::LayerMetrics;
 pub use loading::Curve;
 use meshes::hex::HexMesh;
 use serde::{Deserialize, Serialize};
-use sim::SimError;
-use sim::deformable::{Law, Material};
 use sim::spec::LayerLaw;
 
 /// The published law of S192803 [mm, MPa] [andreassen2025].
@@ -280,7 +279,7 @@ fn metrics(
         .map(|c| {
             // shares of energies say nothing while hardly anything touches
             let told = || c.levels.iter().filter(|l| l.force_n >= o.least_force_n);
-            let most = |f: fn(&sim::deformable::press::Level) -> f64| told().map(f).fold(0.0, f64::max);
+            let most = |f: fn(&deformable::press::Level) -> f64| told().map(f).fold(0.0, f64::max);
             FlexionMetrics {
                 flexion_deg: c.flexion_deg,
                 levels: c.levels.len(),
@@ -338,6 +337,6 @@ pub fn check(o: &ContactLawOptions) -> Result<(), StageError> {
     Ok(())
 }
 
-fn fault(e: SimError) -> StageError {
+fn fault(e: impl std::error::Error) -> StageError {
     StageError::Knee(e.to_string())
 }

@@ -4,13 +4,13 @@ use super::pose::{Rigid, Start, motion};
 use super::{ContactLawOptions, Snapshot, SolidFields, fault};
 use crate::overclosure::Separated;
 use crate::{PerCartilage, StageError};
+use deformable::press::{Level, PressOptions, press as press_to};
+use deformable::{
+    Assembly, Body, Damping, Face, Masses, Model, Motion, Options, Scaling, Solid, State, compile, fields,
+};
 use meshes::hex::HexMesh;
 use meshes::{Point, Vector};
 use serde::{Deserialize, Serialize};
-use sim::deformable::press::{Level, PressOptions, press as press_to};
-use sim::deformable::{
-    Assembly, Body, Damping, Face, Masses, Model, Motion, Options, Scaling, Solid, State, compile, fields,
-};
 
 /// Increment that every element is given in dynamic relaxation [s]: numerical.
 const INCREMENT_S: f64 = 1e-5;
@@ -105,7 +105,7 @@ fn solver(o: &ContactLawOptions) -> Options {
 
 fn assembly(rigid: &Rigid, start: &Start, separated: &Separated, o: &ContactLawOptions) -> Assembly {
     let apart = rigid.pressed(&start.pose, -CLEAR_MM);
-    let still = sim::deformable::Ramp::constant(0.0);
+    let still = deformable::Ramp::constant(0.0);
     let bodies = vec![
         Body { name: "tibia".into(), motion: Motion::Fixed },
         Body {

@@ -2,14 +2,15 @@
 #![expect(clippy::print_stdout, reason = "figures for the reader of the log")]
 #![allow(clippy::unwrap_used, reason = "tests")]
 
+mod calculix;
 mod closed;
 mod contact;
 mod faults;
 mod laws;
 
+use deformable::{Assembly, Body, Damping, Face, Law, Material, Motion, Options, RigidFace, Scaling, Solid};
 use meshes::hex::HexMesh;
 use meshes::{Point, Vector};
-use sim::deformable::{Assembly, Body, Damping, Face, Law, Material, Motion, Options, RigidFace, Scaling, Solid};
 
 /// A block of `n` elements and `size` mm; its lower face is bony, its upper face articular.
 fn block(n: [usize; 3], size: [f64; 3]) -> HexMesh {
@@ -89,7 +90,7 @@ fn fixed() -> Body {
 }
 
 fn moved(shift: Vector) -> Body {
-    let ramp = sim::deformable::Ramp::constant(0.0);
+    let ramp = deformable::Ramp::constant(0.0);
     Body {
         name: "press".into(),
         motion: Motion::Prescribed { turn: Vector::zeros(), about: Point::origin(), shift, ramp },

@@ -1,8 +1,8 @@
 //! Closed answers.
 
 use super::*;
-use sim::deformable::press::{PressOptions, press};
-use sim::deformable::{Ramp, State, compile, fields};
+use deformable::press::{PressOptions, press};
+use deformable::{Ramp, State, compile, fields};
 
 #[test]
 fn patch_of_distorted_elements_is_exact() {

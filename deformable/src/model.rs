@@ -7,7 +7,7 @@ use super::mass::{Masses, Weigh, highest_squared};
 use super::touch::Pass;
 use super::wide::LANES;
 use super::{Assembly, Face, Motion, Options, Solid, check};
-use crate::error::SimError;
+use crate::error::DeformableError;
 use std::collections::BTreeMap;
 
 /// A node that no body carries.
@@ -83,7 +83,7 @@ impl Model {
 /// Checks and compiles an assembly.
 ///
 /// Errors: numbers that are not finite or in the wrong unit, inverted or flat elements (by number), solids fixed to nothing.
-pub fn compile(assembly: Assembly, options: &Options) -> Result<Model, SimError> {
+pub fn compile(assembly: Assembly, options: &Options) -> Result<Model, DeformableError> {
     check::assembly(&assembly, options)?;
     let mut parts = Parts::default();
     for solid in &assembly.solids {

@@ -1,7 +1,7 @@
 //! Errors that say what is wrong.
 
 use super::*;
-use sim::deformable::{Ramp, State, compile};
+use deformable::{Ramp, State, compile};
 
 type Change = Box<dyn Fn(&mut Assembly)>;
 

@@ -1,6 +1,6 @@
 //! Deformable contact beside CalculiX (C3D8R, surface-to-surface penalty and mortar contact, neo-Hookean in both): two layers, and the plateau of a built knee.
 //!
-//! `GENU_BUILD=DIR/build cargo test --release -p genu-sim --test integration calculix -- --ignored --nocapture` with `ccx` of calculix-ccx on the path;
+//! `GENU_BUILD=DIR/build cargo test --release -p deformable --test integration calculix -- --ignored --nocapture` with `ccx` of calculix-ccx on the path;
 //! without GENU_BUILD the layers alone. `GENU_LAYERS=3,4,6` are the elements through a layer's thickness, a mesh each; GENU_BUILD may be several
 //! builds with commas, coarse to fine. Of three meshes and more the limit of ever finer ones is printed too. `GENU_PENALTY=3000` takes another
 //! penalty for ours [MPa/mm]. `GENU_DECKS=DIR` writes CalculiX's decks and solves ours alone (`benches/peers/getfem_contact.py` reads them).
@@ -8,14 +8,14 @@
 #![expect(clippy::disallowed_methods, reason = "files of CalculiX")]
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-use meshes::hex::HexMesh;
-use meshes::{Point, Vector};
-use serde::Deserialize;
-use sim::deformable::press::{Level, PressOptions, press};
-use sim::deformable::{
+use deformable::press::{Level, PressOptions, press};
+use deformable::{
     Assembly, Body, Damping, Face, Law, Material, Motion, Options, Ramp, Scaling, Solid, State, compile,
     contact_pressure,
 };
+use meshes::hex::HexMesh;
+use meshes::{Point, Vector};
+use serde::Deserialize;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};

@@ -2,7 +2,7 @@
 
 use super::body::{Motion, Ramp};
 use super::{Model, State};
-use crate::error::SimError;
+use crate::error::DeformableError;
 use meshes::{Point, Vector};
 use serde::{Deserialize, Serialize};
 
@@ -59,7 +59,7 @@ pub fn press(
     (body, direction): (usize, &Vector),
     (from_mm, shift_mm): (f64, f64),
     options: &PressOptions,
-) -> Result<Level, SimError> {
+) -> Result<Level, DeformableError> {
     let dt = model.masses().increment_s;
     let ramp = Ramp {
         start_s: state.time,

@@ -1,15 +1,15 @@
 //! Refuses what cannot be simulated, in words that say which solid, node or element and what was expected.
 
 use super::{Assembly, Face, Law, Motion, Options, Scaling, Solid};
-use crate::error::SimError;
+use crate::error::DeformableError;
 use meshes::Point;
 
-fn fault<T>(message: String) -> Result<T, SimError> {
-    Err(SimError::Spec(message))
+fn fault<T>(message: String) -> Result<T, DeformableError> {
+    Err(DeformableError::Spec(message))
 }
 
 /// Checks everything but the elements' volumes.
-pub(super) fn assembly(a: &Assembly, options: &Options) -> Result<(), SimError> {
+pub(super) fn assembly(a: &Assembly, options: &Options) -> Result<(), DeformableError> {
     check_options(options)?;
     for body in &a.bodies {
         motion(&body.name, &body.motion)?;
@@ -40,7 +40,7 @@ pub(super) fn assembly(a: &Assembly, options: &Options) -> Result<(), SimError> 
     Ok(())
 }
 
-fn check_options(o: &Options) -> Result<(), SimError> {
+fn check_options(o: &Options) -> Result<(), DeformableError> {
     let within = [
         ("hourglass_stiffness", o.hourglass_stiffness, 0.0, 1.0),
         ("hourglass_viscosity", o.hourglass_viscosity, 0.0, 1.0),
@@ -51,18 +51,18 @@ fn check_options(o: &Options) -> Result<(), SimError> {
     ];
     for (name, x, low, high) in within {
         if !(low..=high).contains(&x) {
-            return Err(SimError::Input(format!("deformable.{name} is {x}, expected {low} to {high}")));
+            return Err(DeformableError::Input(format!("deformable.{name} is {x}, expected {low} to {high}")));
         }
     }
     if let Scaling::AtLeast(dt) | Scaling::Even(dt) = o.scaling
         && !(1e-12..=1.0).contains(&dt)
     {
-        return Err(SimError::Input(format!("deformable.scaling: increment {dt} s, expected 1e-12 to 1")));
+        return Err(DeformableError::Input(format!("deformable.scaling: increment {dt} s, expected 1e-12 to 1")));
     }
     Ok(())
 }
 
-fn motion(name: &str, motion: &Motion) -> Result<(), SimError> {
+fn motion(name: &str, motion: &Motion) -> Result<(), DeformableError> {
     let finite = |list: &[f64]| list.iter().all(|x| x.is_finite());
     let good = match motion {
         Motion::Fixed => true,
@@ -88,7 +88,7 @@ fn motion(name: &str, motion: &Motion) -> Result<(), SimError> {
     if good { Ok(()) } else { fault(format!("body {name}: its motion holds a number that is not finite")) }
 }
 
-fn solid(s: &Solid, bodies: usize) -> Result<(), SimError> {
+fn solid(s: &Solid, bodies: usize) -> Result<(), DeformableError> {
     let name = &s.name;
     let m = &s.material;
     let within = [
@@ -130,7 +130,7 @@ fn solid(s: &Solid, bodies: usize) -> Result<(), SimError> {
 }
 
 /// Refuses thin, flat, turned-over and absurdly sized elements, by number.
-fn elements(s: &Solid) -> Result<(), SimError> {
+fn elements(s: &Solid) -> Result<(), DeformableError> {
     let name = &s.name;
     for (e, nodes) in s.mesh.elements.iter().enumerate() {
         let p = nodes.map(|n| s.mesh.nodes[n as usize]);
@@ -154,7 +154,7 @@ fn elements(s: &Solid) -> Result<(), SimError> {
     Ok(())
 }
 
-fn points(name: &str, nodes: &[Point]) -> Result<(), SimError> {
+fn points(name: &str, nodes: &[Point]) -> Result<(), DeformableError> {
     if let Some(n) = nodes.iter().position(|p| !p.coords.iter().all(|x| x.abs() < 1e5)) {
         let p = nodes[n];
         return fault(format!("{name}: node {n} lies at ({}, {}, {}), expected finite places in mm", p.x, p.y, p.z));
@@ -162,7 +162,7 @@ fn points(name: &str, nodes: &[Point]) -> Result<(), SimError> {
     Ok(())
 }
 
-fn quads(name: &str, quads: &[[u32; 4]], nodes: usize) -> Result<(), SimError> {
+fn quads(name: &str, quads: &[[u32; 4]], nodes: usize) -> Result<(), DeformableError> {
     if let Some(q) = quads.iter().position(|q| q.iter().any(|&n| n as usize >= nodes)) {
         return fault(format!("{name}: quadrilateral {q} names a node that is not there"));
     }

@@ -1,9 +1,9 @@
 //! Laws: rotation, energy, threads.
 
 use super::*;
+use deformable::press::{PressOptions, press};
+use deformable::{Ramp, State, compile, fields};
 use nalgebra::Rotation3;
-use sim::deformable::press::{PressOptions, press};
-use sim::deformable::{Ramp, State, compile, fields};
 
 #[test]
 fn a_rotation_leaves_no_stress_and_turns_what_there_is() {

@@ -7,7 +7,7 @@ use super::kernel::{BlockForces, BlockState};
 use super::model::{FREE, Model};
 use super::touch::Contact;
 use super::wide::LANES;
-use crate::error::SimError;
+use crate::error::DeformableError;
 use meshes::{Point, Vector};
 use rayon::prelude::*;
 
@@ -144,7 +144,7 @@ impl State {
     }
 
     /// Force on each node by the elements, as places are [N]: what a patch test looks at.
-    pub fn internal_forces(&mut self, model: &Model) -> Result<Vec<Vector>, SimError> {
+    pub fn internal_forces(&mut self, model: &Model) -> Result<Vec<Vector>, DeformableError> {
         self.element_forces(model)?;
         Ok(self.internal.iter().map(|f| Vector::from(*f)).collect())
     }
@@ -152,7 +152,7 @@ impl State {
     /// One increment.
     ///
     /// Errors: an element that turns over, a place that is not finite, a node that moves by more than an element's edge.
-    pub fn advance(&mut self, model: &Model) -> Result<(), SimError> {
+    pub fn advance(&mut self, model: &Model) -> Result<(), DeformableError> {
         if self.increments % RENEWED == RENEWED - 1 {
             self.share = model.increment_left(&self.x);
         }
@@ -175,7 +175,7 @@ impl State {
         self.increments += 1;
         let fastest = self.sums.iter().fold(0.0, |m: f64, s| if s.fastest >= m { s.fastest } else { m.max(s.fastest) });
         if !self.energy.kinetic.is_finite() || fastest * dt > model.shortest.max(1e-3) {
-            return Err(SimError::Solver(format!(
+            return Err(DeformableError::Solver(format!(
                 "blew up at increment {}, {:.3e} s: a node moves {:.3e} mm in one increment; {}; shorter increments (safety), lower penalty or slower loading may help",
                 self.increments,
                 self.time,
@@ -186,7 +186,7 @@ impl State {
         Ok(())
     }
 
-    fn element_forces(&mut self, model: &Model) -> Result<(), SimError> {
+    fn element_forces(&mut self, model: &Model) -> Result<(), DeformableError> {
         let (x, v) = (&self.x, &self.v);
         self.forces.par_chunks_mut(BLOCKS).zip(self.told.par_chunks_mut(BLOCKS)).enumerate().for_each(
             |(c, (forces, told))| {
@@ -214,12 +214,12 @@ impl State {
         Ok(())
     }
 
-    fn turned_over(&self, model: &Model, block: usize) -> SimError {
+    fn turned_over(&self, model: &Model, block: usize) -> DeformableError {
         let b = &model.blocks[block];
         let ratio = b.stress(&self.x).1.0;
         let lane = (0..b.count as usize).find(|&k| ratio[k].is_nan() || ratio[k] <= FLAT).unwrap_or(0);
         let name = model.solids().get(b.solid as usize).map_or("", |s| s.name.as_str());
-        SimError::Solver(format!(
+        DeformableError::Solver(format!(
             "solid {name}: element {} turned over at increment {}, {:.3e} s (volume {:.3} of its first); load more slowly, or mend the mesh there",
             b.first as usize + lane,
             self.increments,

@@ -1,8 +1,8 @@
 //! Contact against closed answers.
 
 use super::*;
-use sim::deformable::press::{PressOptions, press};
-use sim::deformable::{State, compile};
+use deformable::press::{PressOptions, press};
+use deformable::{State, compile};
 
 /// A rigid sphere of radius 10 mm pressed 0.1 mm into a bonded layer of 12 mm, a quarter of it: force over that of a layer [dimitriadis2002].
 #[test]
