@@ -5,9 +5,10 @@ from __future__ import annotations
 import json
 import os
 from dataclasses import dataclass, field
-from typing import Any, Optional, Sequence, Union
+from typing import Any, Mapping, Optional, Sequence, Union
 
 from genu._call import absolute, as_html, run
+from genu._arrays import SurfaceLike, specimen_of
 from genu._errors import InputError
 from genu._tables import read_table
 from genu._types import Input, Option, Path, Side, Stage
@@ -90,6 +91,56 @@ class Specimen:
 
     def __fspath__(self) -> str:
         return self.folder
+
+    @classmethod
+    def from_arrays(
+        cls,
+        folder: Path,
+        *,
+        side: Side,
+        bones: Mapping[str, SurfaceLike],
+        scans: Optional[Mapping[str, SurfaceLike]] = None,
+        cartilage: Optional[Mapping[str, SurfaceLike]] = None,
+        landmarks: Optional[Mapping[str, Sequence[float]]] = None,
+        laxity: Optional[Mapping[str, Any]] = None,
+        name: str = "knee",
+    ) -> Specimen:
+        """Write a specimen folder from surfaces and tables in memory.
+
+        Parameters
+        ----------
+        folder : str or path-like
+            A new or empty folder.
+        side : ``"left"`` or ``"right"``
+            Which knee.
+        bones : dict
+            ``femur`` and ``tibfib``, and ``patella`` where it is there: closed surfaces [mm], CT frame. Each is a
+            :class:`Surface`, an object with ``vertices`` and ``faces`` (trimesh), or a pair of arrays (n, 3) and (m, 3).
+        scans : dict, optional
+            Of the same names: scans of the dissected bones with cartilage on [mm], each in its own frame.
+        cartilage : dict, optional
+            ``femur``, ``tibia_medial``, ``tibia_lateral`` [mm], CT frame, in place of scans.
+        landmarks : dict, optional
+            Points of the CT frame by name [mm], such as ``femoral_head_center``.
+        laxity : dict, optional
+            Measured laxity by the name of its data set; tables as in :func:`simulate`.
+        name : str
+            The specimen's id.
+
+        Returns
+        -------
+        Specimen
+
+        Raises
+        ------
+        InputError
+            A name that is not known, an array of another shape, a face of a vertex that is not there, a folder with something in it.
+
+        Examples
+        --------
+        >>> knee = genu.Specimen.from_arrays("knee1", side="left", bones={"femur": (v, f), "tibfib": tibia})  # doctest: +SKIP
+        """
+        return cls(*specimen_of(folder, side, name, bones, scans or {}, cartilage or {}, landmarks or {}, laxity or {}))
 
 
 def init(folder: Path, files: Union[Path, Sequence[Path]] = (), *, side: Optional[Side] = None) -> Specimen:

@@ -2,6 +2,7 @@
 
 import json
 import multiprocessing
+import os
 import pickle
 import threading
 
@@ -201,3 +202,43 @@ def test_a_cohort_is_tables(build, tmp_path):
     assert [k["status"] for k in found.knees].count("built") == 1 and len(found.knees) == 2
     assert found.tables and len(found.table(found.tables[0])) >= 0
     json.dumps(found.knees)
+
+
+def bones_of(build):
+    return {"femur": build.surface("bones", "femur"), "tibfib": build.surface("bones", "tibfib")}
+
+
+def test_a_specimen_is_made_of_arrays(build, trials, tmp_path):
+    bones = bones_of(build)
+    femur, tibfib = bones["femur"], bones["tibfib"]
+    knee = genu.Specimen.from_arrays(
+        tmp_path / "knee",
+        side="left",
+        bones={"femur": femur, "tibfib": (tibfib.vertices, tibfib.faces.astype("uint16"))},
+        cartilage={part: build.surface("cartilage", part) for part in ("femur", "tibia_medial", "tibia_lateral")},
+        landmarks={"ankle_center": tibfib.vertices.mean(axis=0) - [0, 0, 300]},
+        laxity={"kla": trials},
+    )
+    again = genu.read_surface(os.path.join(knee.folder, "ct", "tibfib.ply"))
+    assert np.array_equal(again.vertices, tibfib.vertices) and np.array_equal(again.faces, tibfib.faces)
+    assert genu.check(knee).ok, knee.words
+    frames = genu.build(knee, to="frames").frames
+    assert frames.pose["fe_deg"] == pytest.approx(build.frames.pose["fe_deg"], abs=3.0)
+
+
+def test_arrays_of_no_surface_are_told_and_nothing_is_left(build, tmp_path):
+    bones = bones_of(build)
+    femur = bones["femur"]
+    for wrong, words in [
+        ((femur.vertices[:, :2], femur.faces), r"bones|ct.femur.*\(n, 3\)"),
+        ((femur.vertices, femur.faces + len(femur.vertices)), "faces name vertices"),
+        ((np.full_like(femur.vertices, np.nan), femur.faces), "finite"),
+        (7, "pair of arrays"),
+    ]:
+        with pytest.raises(genu.InputError, match=words):
+            genu.Specimen.from_arrays(tmp_path / "knee", side="left", bones={**bones, "femur": wrong})
+        assert not (tmp_path / "knee").exists()
+    with pytest.raises(genu.InputError, match="tibfib missing"):
+        genu.Specimen.from_arrays(tmp_path / "knee", side="left", bones={"femur": femur})
+    with pytest.raises(genu.InputError, match="fibula is not known"):
+        genu.Specimen.from_arrays(tmp_path / "knee", side="left", bones={**bones, "fibula": femur})

@@ -1,0 +1,150 @@
+"""A specimen's folder written from arrays."""
+
+from __future__ import annotations
+
+import csv
+import os
+import shutil
+from typing import Any, Mapping, Sequence, Tuple, Union
+
+import numpy as np
+
+from genu._call import Files, absolute, run, toml
+from genu._errors import InputError
+from genu._meshes import Surface
+from genu._tables import table_at
+from genu._types import Array, Path
+
+SurfaceLike = Union[Surface, Tuple[Any, Any], Any]
+
+_BONES = ("femur", "tibfib", "patella")
+_CARTILAGE = ("femur", "tibia_medial", "tibia_lateral")
+
+
+def arrays_of(name: str, given: SurfaceLike) -> tuple[Array, Array]:
+    """Vertices (n, 3) [mm] and faces (m, 3) of whatever holds them, checked."""
+    pair = (given.vertices, given.faces) if hasattr(given, "faces") else given
+    try:
+        vertices, faces = (np.asarray(a) for a in pair)
+    except (TypeError, ValueError):
+        raise InputError(f"{name}: a surface, or a pair of arrays (vertices, faces), was expected, not {type(given).__name__}") from None
+    if vertices.ndim != 2 or vertices.shape[1] != 3 or vertices.dtype.kind not in "fiu" or not np.isfinite(vertices).all():
+        raise InputError(f"{name}: vertices of shape {vertices.shape}, {vertices.dtype}; finite numbers of shape (n, 3) [mm] were expected")
+    if faces.ndim != 2 or faces.shape[1] != 3 or faces.dtype.kind not in "iu":
+        raise InputError(f"{name}: faces of shape {faces.shape}, {faces.dtype}; whole numbers of shape (m, 3) were expected")
+    if len(faces) == 0 or faces.min() < 0 or faces.max() >= len(vertices):
+        raise InputError(f"{name}: faces name vertices from 0 to {len(vertices) - 1}; others were given, or none")
+    return vertices.astype("<f8"), faces.astype("<i4")
+
+
+def written(path: str, name: str, given: SurfaceLike) -> None:
+    """A surface as binary PLY."""
+    vertices, faces = arrays_of(name, given)
+    head = (
+        f"ply\nformat binary_little_endian 1.0\nelement vertex {len(vertices)}\nproperty double x\nproperty double y\nproperty double z\n"
+        f"element face {len(faces)}\nproperty list uchar int vertex_indices\nend_header\n"
+    )
+    rows = np.empty(len(faces), dtype=[("count", "u1"), ("list", "<i4", (3,))])
+    rows["count"], rows["list"] = 3, faces
+    os.makedirs(os.path.dirname(path), exist_ok=True)
+    with open(path, "wb") as file:
+        file.write(head.encode() + vertices.tobytes() + rows.tobytes())
+
+
+def copied(given: str, path: str, data: str) -> None:
+    """A table's file, as it is."""
+    try:
+        shutil.copyfile(given, path)
+    except OSError as error:
+        raise InputError(f"laxity.{data}: cannot read {given}: {error.strerror}") from None
+
+
+def _known(what: str, given: Mapping[str, Any], known: Sequence[str], needed: Sequence[str]) -> None:
+    for name in given:
+        if name not in known:
+            raise InputError(f"{what}: {name} is not known; expected {', '.join(known)}")
+    missing = [name for name in needed if name not in given]
+    if missing:
+        raise InputError(f"{what}: {', '.join(missing)} missing")
+
+
+def specimen_of(
+    folder: Path,
+    side: str,
+    name: str,
+    bones: Mapping[str, SurfaceLike],
+    scans: Mapping[str, SurfaceLike],
+    cartilage: Mapping[str, SurfaceLike],
+    landmarks: Mapping[str, Sequence[float]],
+    laxity: Mapping[str, Any],
+) -> tuple[str, str]:
+    """Writes the folder, whole or not at all; gives its path and what a check says of it."""
+    _known("bones", bones, _BONES, ("femur", "tibfib"))
+    _known("scans", scans, _BONES, ("femur", "tibfib") if scans else ())
+    _known("cartilage", cartilage, _CARTILAGE, _CARTILAGE if cartilage else ())
+    if side not in ("left", "right"):
+        raise InputError(f"side is {side!r}; left or right was expected")
+    for data in laxity:
+        if not data.replace("_", "").replace("-", "").isalnum():
+            raise InputError(f"laxity: {data!r} is no name of a data set; letters, digits, _ and - were expected")
+    place = absolute(folder)
+    if os.path.isdir(place) and os.listdir(place):
+        raise InputError(f"{place} is not empty; give a new folder")
+    made = not os.path.isdir(place)
+    try:
+        _write(place, side, name, bones, scans, cartilage, landmarks, laxity)
+    except BaseException:
+        shutil.rmtree(place, ignore_errors=True)
+        if not made:
+            os.makedirs(place, exist_ok=True)
+        raise
+    try:
+        return place, run("check", place)
+    except InputError as error:  # the folder stands as asked for; what it lacks is told
+        return place, str(error)
+
+
+def _write(
+    place: str,
+    side: str,
+    name: str,
+    bones: Mapping[str, SurfaceLike],
+    scans: Mapping[str, SurfaceLike],
+    cartilage: Mapping[str, SurfaceLike],
+    landmarks: Mapping[str, Sequence[float]],
+    laxity: Mapping[str, Any],
+) -> None:
+    lines = ["[specimen]", f"id = {toml(name)}", f"side = {toml(side)}"]
+    for table, surfaces, where in (("ct", bones, "ct"), ("scans", scans, "scans"), ("cartilage", cartilage, "cartilage")):
+        if surfaces:
+            lines += ["", f"[{table}]"]
+        for part, given in surfaces.items():
+            written(os.path.join(place, where, f"{part}.ply"), f"{table}.{part}", given)
+            lines.append(f"{part} = {toml(f'{where}/{part}.ply')}")
+    if cartilage:
+        lines.append('frame = "ct"')
+    if landmarks:
+        lines += ["", "[points]", 'landmarks = "landmarks.csv"']
+        with open(os.path.join(place, "landmarks.csv"), "w", encoding="utf-8", newline="") as points:
+            rows = csv.writer(points, lineterminator="\n")
+            rows.writerow(["name", "frame", "x_mm", "y_mm", "z_mm"])
+            for point, at in landmarks.items():
+                numbers = np.asarray(at, dtype=float)
+                if numbers.shape != (3,) or not np.isfinite(numbers).all():
+                    raise InputError(f"landmarks: {point} is {at!r}; three finite numbers [mm] were expected")
+                rows.writerow([point, "ct", *(repr(float(x)) for x in numbers)])
+    if laxity:
+        lines += ["", "[laxity]"]
+        os.makedirs(os.path.join(place, "laxity"), exist_ok=True)
+    for data, table in laxity.items():
+        files: Files = {}
+        at = table_at(table, data, files)
+        path = os.path.join(place, "laxity", f"{data}.csv")
+        if at in files:
+            with open(path, "wb") as file:
+                file.write(files[at])
+        else:
+            copied(at, path, data)
+        lines.append(f"{data} = {toml(f'laxity/{data}.csv')}")
+    with open(os.path.join(place, "specimen.toml"), "w", encoding="utf-8") as toml_file:
+        toml_file.write("\n".join(lines) + "\n")
