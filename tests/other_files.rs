@@ -473,3 +473,15 @@ fn no_page_advises_a_package_of_another_project() {
         assert!(!words.contains("pip install genu") && !words.contains("pip install \"genu["), "{page}");
     }
 }
+
+#[test]
+fn an_ankle_far_below_a_cropped_tibia_is_no_shifted_table() {
+    let folder = knee(&BUILT);
+    let file = folder.path().join("landmarks.csv");
+    let ct = |l: &&str| l.split(',').nth(1) != Some("ct");
+    let header_and_scans: Vec<String> = text(&file).lines().filter(ct).map(str::to_owned).collect();
+    write(&file, header_and_scans.join("\n") + "\nankle_center,ct,0,0,-400\n");
+    let (_, words) = checked(folder.path());
+    assert!(!words.contains("off its surfaces"), "{words}");
+    holds(&words, &["1 in ct"]);
+}

@@ -12,7 +12,7 @@ use meshes::frame::Side;
 use meshes::query::SurfaceQuery;
 use serde::Serialize;
 use stages::anatomy::{AnatomyReport, check_anatomy};
-use stages::ingest::{self, OPTIONAL_PATHS};
+use stages::ingest::{self, OPTIONAL_PATHS, of_knee};
 use stages::specimen::{NamedPoint, PointFrame, RawSpecimen, Specimen, SpecimenFile};
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -262,14 +262,18 @@ fn points(input: &str, specimen: &Specimen, all: &[NamedPoint]) -> Item {
     let (mut found, mut far) = (Vec::new(), Vec::new());
     for (frame, name, meshes) in frames {
         let queries: Vec<SurfaceQuery> = meshes.iter().filter_map(|m| SurfaceQuery::new(m)).collect();
+        let of_frame = all.iter().filter(|p| p.frame == frame).count();
+        if of_frame > 0 {
+            found.push(format!("{of_frame} in {name}"));
+        }
+        // points of hip, shaft and ankle may lie outside a cropped bone
         let mut off: Vec<f64> = all
             .iter()
-            .filter(|p| p.frame == frame)
+            .filter(|p| p.frame == frame && of_knee(&p.name))
             .map(|p| queries.iter().map(|q| q.nearest(&p.point).distance).fold(f64::INFINITY, f64::min))
             .collect();
         off.sort_by(f64::total_cmp);
         let Some(middle) = off.get(off.len() / 2) else { continue };
-        found.push(format!("{} in {name}", off.len()));
         if *middle > FAR_MM {
             far.push(format!("those in {name} lie {middle:.0} mm off its surfaces"));
         }

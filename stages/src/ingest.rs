@@ -12,6 +12,7 @@ mod space;
 mod surfaces;
 
 pub use file::{OPTIONAL_PATHS, named, parse_specimen_file, paths_named_by, paths_named_in, paths_of};
+pub use space::of_knee;
 pub use surfaces::{Judged, judge_surfaces, middle_extent};
 
 use crate::frames;

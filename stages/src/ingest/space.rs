@@ -100,7 +100,7 @@ pub(super) fn check(ct: &PerBone<TriMesh>, points: [&[NamedPoint]; 2]) -> Result
 }
 
 /// Whether a landmark lies on the bones about the knee; the hip's and the ankle's do not.
-pub(super) fn of_knee(name: &str) -> bool {
+pub fn of_knee(name: &str) -> bool {
     !["femoral_head_center", "ankle_center", "tibial_shaft_distal"].contains(&name)
 }
 
