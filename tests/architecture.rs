@@ -8,18 +8,19 @@ use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
 /// Folder of each crate and which of ours it may use.
-const ARROWS: [(&str, &[&str]); 15] = [
+const ARROWS: [(&str, &[&str]); 16] = [
     ("meshes", &[]),
-    ("formats", &["meshes"]),
+    ("notices", &[]),
+    ("formats", &["meshes", "notices"]),
     // an attribute for tests; nothing that is shipped holds it
     ("needs-shared", &[]),
     ("attachments", &["meshes", "formats"]),
-    ("sim", &["meshes"]),
-    ("decks", &["meshes", "formats", "sim"]),
-    ("stages", &["meshes", "formats", "attachments", "sim"]),
+    ("sim", &["meshes", "notices"]),
+    ("decks", &["meshes", "notices", "formats", "sim"]),
+    ("stages", &["meshes", "notices", "formats", "attachments", "sim"]),
     ("inference", &["meshes", "sim"]),
-    ("calibration", &["meshes", "formats", "attachments", "sim", "decks", "inference"]),
-    ("validation", &["attachments", "sim", "calibration"]),
+    ("calibration", &["meshes", "notices", "formats", "attachments", "sim", "decks", "inference"]),
+    ("validation", &["notices", "attachments", "sim", "calibration"]),
     ("diagnosis", &["meshes", "formats", "attachments", "sim", "decks", "inference", "calibration"]),
     ("blindbench", &["meshes"]),
     ("live", &["meshes", "sim", "calibration"]),
@@ -27,6 +28,7 @@ const ARROWS: [(&str, &[&str]); 15] = [
         ".",
         &[
             "meshes",
+            "notices",
             "formats",
             "attachments",
             "sim",

@@ -14,7 +14,10 @@ pub fn open(dir: &Path, print: bool) -> Result<String, BuildError> {
     }
     let page = store::absolute(&page)?;
     open::that_detached(&page).map_err(|e| {
-        BuildError::File(format!("no browser could be started ({e}); open this file in one: {}", page.display()))
+        BuildError::of_file(
+            &page,
+            format!("no browser could be started ({e}); open this file in one: {}", page.display()),
+        )
     })?;
     Ok(told)
 }
@@ -28,6 +31,9 @@ fn report(dir: &Path) -> Result<PathBuf, BuildError> {
     let page = inspect::build_folder(dir)?.join("report.html");
     match store::exists(&page) {
         true => Ok(page),
-        false => Err(BuildError::File(format!("no {}; write it: build-model report {}", page.display(), quoted(dir)))),
+        false => Err(BuildError::of_file(
+            &page,
+            format!("no {}; write it: build-model report {}", page.display(), quoted(dir)),
+        )),
     }
 }

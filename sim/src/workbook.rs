@@ -5,6 +5,7 @@
 mod parts;
 
 use crate::xml::{Tag, Tags, plain};
+use notices::{Kind, Notice};
 use parts::Parts;
 use std::collections::BTreeMap;
 
@@ -33,7 +34,7 @@ pub(crate) fn looks_zipped(bytes: &[u8]) -> bool {
 /// A sheet as text: rows of cells between semicolons, and what is told of it.
 pub(crate) struct Sheet {
     pub(crate) text: String,
-    pub(crate) notes: Vec<String>,
+    pub(crate) notes: Vec<Notice>,
 }
 
 /// Cells by row and column, from 0.
@@ -72,7 +73,7 @@ pub(crate) fn sheet(bytes: &[u8], known: &[String]) -> Result<Sheet, String> {
     if count > 1 {
         let more =
             if fitting.len() > 1 { format!(", the first of {} such tables", fitting.len()) } else { String::new() };
-        notes.push(format!("of {count} sheets, \"{name}\" is read{more}"));
+        notes.push(Kind::SheetChosen.notice(format!("of {count} sheets, \"{name}\" is read{more}")));
     }
     if let Some((row, column)) = read.valueless {
         return Err(format!(

@@ -19,6 +19,7 @@ use attachments::site::{Bone, Fibre, Site, Source};
 use meshes::Point;
 use meshes::frame::AnatomicalFrame;
 use meshes::query::SurfaceQuery;
+use notices::Notice;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -30,7 +31,7 @@ pub struct Attachments {
     /// Table 3's fibres, in its order.
     pub fibres: Vec<Fibre>,
     /// What is odd but not fatal; bundles that could not be placed are named here.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Notice>,
     /// For metrics.json.
     pub metrics: AttachmentsMetrics,
 }

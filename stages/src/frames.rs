@@ -12,6 +12,7 @@ use crate::specimen::{PointFrame, Specimen};
 use meshes::frame::{AnatomicalFrame, Side};
 use meshes::surface::TriMesh;
 use meshes::{Point, Vector};
+use notices::{Kind, Notice};
 use serde::{Deserialize, Serialize};
 use sim::coordinate::{AP, FE, IE, ML, SI, VV};
 use sim::joint::Joint;
@@ -54,7 +55,7 @@ pub struct Frames {
     /// Epicondyles used, medial then lateral [mm].
     pub epicondyles: [Point; 2],
     /// What is odd but not fatal.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Notice>,
     /// For metrics.json.
     pub metrics: FramesMetrics,
 }
@@ -126,10 +127,14 @@ pub fn frames(specimen: &Specimen, bones: &Bones, options: &FramesOptions) -> Re
     let plateaus = "; where no landmark tells, it is taken from the plateaus";
     for (name, shaft, instead) in [("femur", &rough.femur_shaft, ""), ("tibia", &rough.tibia_shaft, plateaus)] {
         if shaft.sections < LEAST_SECTIONS {
-            warnings.push(format!(
-                "the {name}'s shaft is too short for its axis to be found well ({} whole sections){instead}",
-                shaft.sections
-            ));
+            warnings.push(
+                Kind::ShortShaft
+                    .notice(format!(
+                        "the {name}'s shaft is too short for its axis to be found well ({} whole sections){instead}",
+                        shaft.sections
+                    ))
+                    .of(name),
+            );
         }
     }
     let mark = |name: &str| landmark(specimen, name);
@@ -143,17 +148,17 @@ pub fn frames(specimen: &Specimen, bones: &Bones, options: &FramesOptions) -> Re
     let angle = axial_angle_deg(&cylinder.direction, &femoral);
     let [least, most] = options.condylar_angle_range_deg;
     if !(least..=most).contains(&angle.abs()) {
-        warnings.push(format!(
+        warnings.push(Kind::CondylarAxis.notice(format!(
             "the condylar axis lies {:.1} deg from the transepicondylar axis in the axial plane, outside {least} to {most} deg: look at the epicondyles in the report, or give epicondyle_medial and epicondyle_lateral in landmarks.csv",
             angle.abs()
-        ));
+        )));
     }
     let [vv, ie] = options.ct_rotation_limit_deg;
     if gs_ct_pose.vv_deg.abs() > vv || gs_ct_pose.ie_deg.abs() > ie {
-        warnings.push(format!(
+        warnings.push(Kind::CtPoseTurned.notice(format!(
             "in the CT pose the tibia stands at {:.0} deg of varus-valgus and {:.0} deg of internal-external rotation, more than {vv} and {ie} deg: an axis of one bone may be wrong; look at both frames in the report",
             gs_ct_pose.vv_deg, gs_ct_pose.ie_deg
-        ));
+        )));
     }
     let metrics = FramesMetrics {
         gs_ct_pose,
@@ -209,7 +214,7 @@ fn femoral_frame(
     side: Side,
     mark: &dyn Fn(&str) -> Option<Point>,
     options: &FramesOptions,
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<Notice>,
 ) -> Result<(AnatomicalFrame, Cylinder, [Point; 2]), StageError> {
     let along = match mark("femoral_head_center") {
         Some(head) => (head - rough.joint).normalize(),
@@ -233,14 +238,17 @@ fn femoral_frame(
             for (name, given, seen) in [("medial", medial, found[0]), ("lateral", lateral, found[1])] {
                 let apart = (given - seen).norm();
                 if apart > options.landmark_limit_mm {
-                    warnings.push(format!("landmark epicondyle_{name} lies {apart:.0} mm from the epicondyle that the bone shows; the landmark is used"));
+                    warnings.push(Kind::EpicondyleFar.notice(format!("landmark epicondyle_{name} lies {apart:.0} mm from the epicondyle that the bone shows; the landmark is used")));
                 }
             }
             [medial, lateral]
         }
         (None, None) => found,
         _ => {
-            warnings.push("of the epicondyles only one is given as a landmark; both are taken from the bone".into());
+            warnings.push(
+                Kind::OneEpicondyle
+                    .notice("of the epicondyles only one is given as a landmark; both are taken from the bone"),
+            );
             found
         }
     };
@@ -266,7 +274,7 @@ fn tibial_frame(
     side: Side,
     mark: &dyn Fn(&str) -> Option<Point>,
     options: &FramesOptions,
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<Notice>,
 ) -> Result<(AnatomicalFrame, AnatomicalFrame), StageError> {
     let d = Directions { medial: -rough.lateral, anterior: rough.anterior, superior: rough.superior };
     let [medial, lateral] = plateau_centres(tibfib, &d, &rough.joint).ok_or_else(|| {
@@ -278,10 +286,10 @@ fn tibial_frame(
         && rough.tibia_shaft.sections >= LEAST_SECTIONS
         && off_line(&p, &rough.tibia_shaft) > options.landmark_limit_mm
     {
-        warnings.push(format!(
+        warnings.push(Kind::ShaftLandmarkFar.notice(format!(
             "landmark tibial_shaft_distal lies {:.0} mm from the shaft's axis; the shaft is used",
             off_line(&p, &rough.tibia_shaft)
-        ));
+        )));
     }
     let superior = match (mark("ankle_center"), distal) {
         (Some(ankle), _) => origin - ankle,
@@ -304,7 +312,7 @@ fn tibial_frame(
     let place = match tips {
         Some([a, b]) => nalgebra::center(&a, &b),
         None => {
-            warnings.push("the bone shows no two intercondylar eminences: the tibia's origin lies on the bone above the middle of the plateaus; eminence_medial and eminence_lateral in landmarks.csv would tell".into());
+            warnings.push(Kind::NoEminences.notice("the bone shows no two intercondylar eminences: the tibia's origin lies on the bone above the middle of the plateaus; eminence_medial and eminence_lateral in landmarks.csv would tell"));
             origin
         }
     };

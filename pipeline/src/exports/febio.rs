@@ -8,6 +8,7 @@ use super::{File, bent, contact_name, contact_stiffness, named};
 use crate::error::BuildError;
 use crate::model_file::LoadedModel;
 use meshes::Point;
+use notices::{Kind, Notice};
 use sim::spec::{BundleSpec, Law};
 use std::fmt::Write;
 
@@ -15,14 +16,14 @@ use std::fmt::Write;
 const COMPRESSION_N: f64 = 20.0;
 
 /// What the file does otherwise than the model.
-pub(super) fn warnings(model: &LoadedModel) -> Vec<String> {
-    let mut out: Vec<String> = bent(model).into_iter().collect();
-    out.push("bones are rigid shells; contact is FEBio's sliding-elastic by penalty, without friction; not run here, as FEBio is not at hand".into());
+pub(super) fn warnings(model: &LoadedModel) -> Vec<Notice> {
+    let mut out: Vec<Notice> = bent(model).into_iter().collect();
+    out.push(Kind::NotInFormat.notice("bones are rigid shells; contact is FEBio's sliding-elastic by penalty, without friction; not run here, as FEBio is not at hand"));
     if !model.spec.menisci.is_empty() {
-        out.push("menisci are deformable there, and their coronary ligament is left out".into());
+        out.push(Kind::NotInFormat.notice("menisci are deformable there, and their coronary ligament is left out"));
     }
     if model.spec.bundles.iter().any(|b| b.law == Law::Tabular) {
-        out.push("tabular ligaments get the smooth law they were sampled from".into());
+        out.push(Kind::NotInFormat.notice("tabular ligaments get the smooth law they were sampled from"));
     }
     out
 }

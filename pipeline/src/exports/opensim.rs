@@ -10,6 +10,7 @@ use crate::error::BuildError;
 use crate::model_file::LoadedModel;
 use meshes::surface::TriMesh;
 use meshes::{Point, Vector};
+use notices::{Kind, Notice};
 use sim::coordinate::{AP, FE, IE, ML, SI, Six, VV};
 use sim::joint::Joint;
 use sim::spec::Law;
@@ -21,17 +22,17 @@ const THICKENED_MM: f64 = 4.0;
 const LINK_KG: f64 = 0.01;
 
 /// What the file does otherwise than the model.
-pub(super) fn warnings(model: &LoadedModel) -> Vec<String> {
-    let mut out: Vec<String> = bent(model).into_iter().collect();
+pub(super) fn warnings(model: &LoadedModel) -> Vec<Notice> {
+    let mut out: Vec<Notice> = bent(model).into_iter().collect();
     if model.spec.bundles.iter().any(|b| b.law == Law::Tabular) {
-        out.push("tabular ligaments get the smooth law they were sampled from".into());
+        out.push(Kind::NotInFormat.notice("tabular ligaments get the smooth law they were sampled from"));
     }
     out
 }
 
 /// model.osim and Geometry/.
 pub(super) fn files(model: &LoadedModel) -> Result<Vec<File>, BuildError> {
-    let fault = |e: sim::SimError| BuildError::File(format!("{}: {e}", model.folder.display()));
+    let fault = |e: sim::SimError| BuildError::in_file(&model.folder, e);
     let joint = Joint::new(&model.spec.frames, model.spec.side).map_err(fault)?;
     let mut files = vec![("model.osim".to_owned(), document(model, &joint)?.into_bytes())];
     for n in named(model) {
