@@ -8,19 +8,20 @@ use std::path::{Path, PathBuf};
 use toml::{Table, Value};
 
 /// Folder of each crate and which of ours it may use.
-const ARROWS: [(&str, &[&str]); 16] = [
+const ARROWS: [(&str, &[&str]); 17] = [
     ("meshes", &[]),
-    ("formats", &["meshes"]),
+    ("notices", &[]),
+    ("formats", &["meshes", "notices"]),
     // an attribute for tests; nothing that is shipped holds it
     ("needs-shared", &[]),
     ("attachments", &["meshes", "formats"]),
-    ("sim", &["meshes"]),
+    ("sim", &["meshes", "notices"]),
     ("deformable", &["meshes"]),
-    ("decks", &["meshes", "formats", "sim"]),
-    ("stages", &["meshes", "formats", "attachments", "sim", "deformable"]),
+    ("decks", &["meshes", "notices", "formats", "sim"]),
+    ("stages", &["meshes", "notices", "formats", "attachments", "sim", "deformable"]),
     ("inference", &["meshes", "sim"]),
-    ("calibration", &["meshes", "formats", "attachments", "sim", "decks", "inference"]),
-    ("validation", &["attachments", "sim", "calibration"]),
+    ("calibration", &["meshes", "notices", "formats", "attachments", "sim", "decks", "inference"]),
+    ("validation", &["notices", "attachments", "sim", "calibration"]),
     ("diagnosis", &["meshes", "formats", "attachments", "sim", "decks", "inference", "calibration"]),
     ("blindbench", &["meshes"]),
     ("live", &["meshes", "sim", "calibration"]),
@@ -28,6 +29,7 @@ const ARROWS: [(&str, &[&str]); 16] = [
         ".",
         &[
             "meshes",
+            "notices",
             "formats",
             "attachments",
             "sim",

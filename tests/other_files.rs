@@ -485,3 +485,31 @@ fn an_ankle_far_below_a_cropped_tibia_is_no_shifted_table() {
     assert!(!words.contains("off its surfaces"), "{words}");
     holds(&words, &["1 in ct"]);
 }
+
+#[test]
+fn marks_of_two_ligaments_in_each_other_s_place_are_told() {
+    for (a, b) in [("ACL", "PCL"), ("LCL", "sMCL")] {
+        let folder = knee(&BUILT);
+        let file = folder.path().join("marks.csv");
+        let other = |l: &str| match l.split_once(',') {
+            Some((name, rest)) if name == a => format!("{b},{rest}\n"),
+            Some((name, rest)) if name == b => format!("{a},{rest}\n"),
+            _ => format!("{l}\n"),
+        };
+        write(&file, text(&file).lines().map(other).collect::<String>());
+        let (_, words) = built(folder.path(), "attachments");
+        holds(&words, &[&format!("marks of {a} and {b} lie in each other's place")]);
+    }
+}
+
+#[test]
+fn a_hip_beside_the_knee_is_refused() {
+    let folder = knee(&BUILT);
+    let file = folder.path().join("landmarks.csv");
+    let rest: String =
+        text(&file).lines().filter(|l| !l.starts_with("femoral_head_center,ct")).map(|l| format!("{l}\n")).collect();
+    write(&file, rest + "femoral_head_center,ct,300,0,0\n");
+    let (code, words) = built(folder.path(), "frames");
+    assert_eq!(code, 1, "{words}");
+    holds(&words, &["femoral_head_center", "off the direction of the shaft"]);
+}

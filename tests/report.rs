@@ -1,7 +1,7 @@
 //! The report: self-contained, small, the same bytes again; of a failed build; of two builds; in a browser.
 #![allow(clippy::unwrap_used, clippy::print_stderr, clippy::disallowed_methods, reason = "tests")]
 
-use crate::common::{build_model, built, phantom, read, text, write};
+use crate::common::{build_model, built, copy, phantom, read, text, write};
 use std::path::Path;
 use std::process::Command;
 use tempfile::TempDir;
@@ -242,4 +242,75 @@ fn report_works_in_a_browser() {
         return;
     }
     assert!(run.status.success(), "{said}");
+}
+
+/// A build's first screen and groups of warnings without their words, and the places that warnings and messages mark.
+fn judged(folder: &Path) -> (Vec<String>, Vec<String>, Vec<String>) {
+    build_model().arg("report").arg(folder).assert().success();
+    let page = text(&folder.join("build/report.html"));
+    let answers = ["geometry", "calibrated", "predicts", "missing"].map(|a| standing(&page, a).to_owned());
+    let summaries = page.split("<details class=\"warnings ").skip(1);
+    let groups = summaries.map(|s| s[..s.find("</summary>").unwrap()].to_owned());
+    let marked = ["places that warnings name", "places that the message names"].into_iter();
+    let places = marked.filter_map(|layer| {
+        let at = page.find(&format!("\"name\":\"{layer}\""))?;
+        let points = at + page[at..].find("\"points\":")?;
+        Some(page[points..points + page[points..].find("]]")?].to_owned())
+    });
+    (answers.to_vec(), groups.collect(), places.collect())
+}
+
+/// Sentences are for people: whatever they say, verdict, groups and places stay.
+#[test]
+fn a_reworded_build_is_judged_alike() {
+    let folder = TempDir::new().unwrap();
+    copy(built(), folder.path());
+    let log = folder.path().join("build/log.jsonl");
+    let failure = folder.path().join("build/failure.json");
+    let told = text(&built().join("build/log.jsonl"));
+    let reworded = |reword: bool, places: bool| {
+        let line = |line: &str| {
+            let mut record: serde_json::Value = serde_json::from_str(line).unwrap();
+            if record["stage"] == "bones" {
+                for (name, z) in [("femur", 2.5), ("tibfib", 3.5)] {
+                    let (heavy, at) = (serde_json::json!("spikes"), serde_json::json!([[1.5, z, -3.0]]));
+                    let mut notice = serde_json::json!({"kind": heavy, "weight": "heavy", "stage": "bones", "element": name, "text": "odd"});
+                    if places {
+                        notice["places"] = at;
+                    }
+                    record["notices"].as_array_mut().unwrap().push(notice);
+                    record["warnings"].as_array_mut().unwrap().push("odd".into());
+                }
+            }
+            if reword {
+                // words by which a warning was once taken for a heavy one, and a place in words
+                let other =
+                    |k: usize| format!("wording {k}: wrong, left out, too small, at (9, 9, 9), row {k} of other.csv");
+                let all = record["notices"].as_array_mut().unwrap();
+                all.iter_mut().enumerate().for_each(|(k, n)| n["text"] = other(k).into());
+                let all = record["warnings"].as_array_mut().unwrap();
+                all.iter_mut().enumerate().for_each(|(k, w)| *w = other(k).into());
+            }
+            format!("{record}\n")
+        };
+        write(&log, told.lines().map(line).collect::<String>());
+        let message = if reword { "nothing at (7, 7, 7)" } else { "element 3 at (1, 2, 3)" };
+        let marks = if places {
+            serde_json::json!([{"name": "element 3", "place": [1.0, 2.0, 3.0]}])
+        } else {
+            serde_json::json!([])
+        };
+        write(&failure, serde_json::json!({"stage": "diagnose", "message": message, "marks": marks}).to_string());
+        judged(folder.path())
+    };
+    let as_told = reworded(false, true);
+    assert!(
+        as_told.1.iter().any(|g| g.starts_with("heavy")) && as_told.1.iter().any(|g| g.starts_with("light")),
+        "{:?}",
+        as_told.1
+    );
+    assert_eq!(as_told.2.len(), 2, "{:?}", as_told.2);
+    assert_eq!(reworded(true, true), as_told);
+    assert_ne!(reworded(true, false).2, as_told.2, "places are of the values");
+    assert!(text(&folder.path().join("build/report.html")).contains("wording 0"));
 }

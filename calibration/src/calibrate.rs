@@ -9,6 +9,7 @@ use crate::options::{CalibrateOptions, Method};
 use crate::posterior::{self, ForceEstimate, NoiseEstimate, OtherEstimate, ParameterEstimate, RestEstimate};
 use crate::problem::{Probes, Problem};
 use crate::recipe::Recipe;
+use notices::Notice;
 use serde::{Deserialize, Serialize};
 use sim::coordinate::Free;
 use sim::laxity::LaxityTrial;
@@ -104,7 +105,7 @@ pub struct Calibrated {
     #[serde(default)]
     pub mode: BTreeMap<String, f64>,
     /// What is odd but not fatal.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Notice>,
 }
 
 impl Checkpoint {

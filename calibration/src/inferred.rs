@@ -19,6 +19,7 @@ use inference::noise::Likelihood;
 use inference::parameter::Parameter;
 use inference::posterior::{Found, Sample, infer};
 use nalgebra::{DMatrix, DVector};
+use notices::{Kind, Notice};
 use sim::coordinate::{AP, Coordinate, FREE, Free, Load};
 use sim::laxity::{LaxityTrial, Test};
 use std::collections::BTreeMap;
@@ -294,14 +295,14 @@ const FURTHEST: f64 = 4.0;
 const BETTER: f64 = 3.0;
 
 /// What is told where a data set's own starts ended worse than the start from all of them together.
-fn joint_was_better(question: &Question, starts: &[f64]) -> Option<String> {
+fn joint_was_better(question: &Question, starts: &[f64]) -> Option<Notice> {
     question.joint?;
     let joint = *starts.get(1)?;
     let own = starts.iter().enumerate().filter(|(k, _)| *k != 1).map(|(_, v)| *v).fold(f64::INFINITY, f64::min);
     (own - joint > BETTER).then(|| {
-        format!(
+        Kind::JointWasBetter.notice(format!(
             "the fit begins from the joint calibration: by its own starts half the sum of squares was {own:.0}, from there {joint:.0}"
-        )
+        ))
     })
 }
 
@@ -346,7 +347,11 @@ fn told(
     let mut warnings = Vec::new();
     if found.stuck * 2 > options.inference.samples {
         let (got, of) = (samples.len(), options.inference.samples);
-        warnings.push(format!("{got} of {of} samples of the posterior ended near a fit; intervals are rough"));
+        warnings.push(
+            Kind::FewSamples
+                .notice(format!("{got} of {of} samples of the posterior ended near a fit; intervals are rough"))
+                .count(got),
+        );
     }
     warnings.extend(joint_was_better(question, &found.starts));
     let noise = noise(question, likelihood);

@@ -9,6 +9,7 @@ use crate::problem::Probes;
 use crate::problem::Problem;
 use inference::random::{normal, stream};
 use nalgebra::DVector;
+use notices::Notice;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -27,7 +28,7 @@ pub struct Found {
     /// What other starts found, lowest cost first.
     pub rivals: Vec<(f64, Vec<f64>)>,
     /// What is odd.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Notice>,
 }
 
 /// A design variable after a calibration.
@@ -92,13 +93,15 @@ pub struct OtherEstimate {
 
 impl OtherEstimate {
     /// A warning where it lies outside the interval it had before.
-    pub fn odd(&self) -> Option<String> {
+    pub fn odd(&self) -> Option<Notice> {
         let outside = self.value < self.prior[0] || self.value > self.prior[1];
         outside.then(|| {
-            format!(
-                "{} is {:.2} ({:.2} to {:.2}), expected {:.2} to {:.2} before anything was measured",
-                self.name, self.value, self.lower, self.upper, self.prior[0], self.prior[1]
-            )
+            notices::Kind::OutsidePrior
+                .notice(format!(
+                    "{} is {:.2} ({:.2} to {:.2}), expected {:.2} to {:.2} before anything was measured",
+                    self.name, self.value, self.lower, self.upper, self.prior[0], self.prior[1]
+                ))
+                .of(&self.name)
         })
     }
 }
@@ -122,20 +125,23 @@ pub struct NoiseEstimate {
 
 impl NoiseEstimate {
     /// What is told where the interval does not hold what is stated, by a factor of 1.5 or more.
-    pub fn odd(&self, interval: f64) -> Option<String> {
+    pub fn odd(&self, interval: f64) -> Option<Notice> {
         let off = self.stated < self.lower || self.stated > self.upper;
         let far = self.inferred > 1.5 * self.stated || self.inferred < self.stated / 1.5;
         (off && far).then(|| {
-            format!(
-                "{}: {} scatters by {:.2} ({:.2} to {:.2}, {:.0} %), the file states {:.2}",
-                self.source,
-                self.coordinate,
-                self.inferred,
-                self.lower,
-                self.upper,
-                100.0 * interval,
-                self.stated
-            )
+            notices::Kind::NoiseStated
+                .notice(format!(
+                    "{}: {} scatters by {:.2} ({:.2} to {:.2}, {:.0} %), the file states {:.2}",
+                    self.source,
+                    self.coordinate,
+                    self.inferred,
+                    self.lower,
+                    self.upper,
+                    100.0 * interval,
+                    self.stated
+                ))
+                .of(&self.source)
+                .column(&self.coordinate)
         })
     }
 }
@@ -186,7 +192,8 @@ pub fn of_recipe(
         hessian.cholesky()
     });
     let Some(chol) = chol else {
-        let warnings = vec!["the solver has no derivatives at the best point: no intervals".to_owned()];
+        let warnings =
+            vec![notices::Kind::NoDerivatives.notice("the solver has no derivatives at the best point: no intervals")];
         return Found { samples: vec![], prior, noise_scale, rivals, warnings };
     };
     let mut random = stream(seed, u64::MAX);

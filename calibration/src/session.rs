@@ -13,6 +13,7 @@ use crate::targets::{Targets, targets};
 use crate::unknowns::KnownFrames;
 use inference::frames::{Terms, corrected};
 use inference::knee::Quantity;
+use notices::Notice;
 use serde::{Deserialize, Serialize};
 use sim::SimError;
 use sim::coordinate::Load;
@@ -60,7 +61,7 @@ pub struct Outcome {
     /// Frames as each data set has them; empty where they were not inferred.
     pub frames: Vec<KnownFrames>,
     /// What is odd but not fatal: about the targets, by row, then about the calibration.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Notice>,
 }
 
 impl Outcome {
@@ -229,7 +230,7 @@ fn together(sources: &[(String, Targets)]) -> Targets {
         out.trials.extend(t.trials.iter().cloned());
         out.rows.extend(&t.rows);
         out.noise.extend(&t.noise);
-        let told = |w: &String| if sources.len() > 1 { format!("{name}: {w}") } else { w.clone() };
+        let told = |w: &Notice| if sources.len() > 1 { w.clone().whose(name) } else { w.clone() };
         out.warnings.extend(t.warnings.iter().map(told));
     }
     out

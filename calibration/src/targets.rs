@@ -6,6 +6,7 @@ mod doubt;
 
 use crate::cost::CostOptions;
 use crate::error::CalibrationError;
+use notices::{Kind, Notice};
 use serde::{Deserialize, Serialize};
 use sim::coordinate::{Coordinate, FREE, Free};
 use sim::laxity::{Branch, LaxityTrial, Test};
@@ -72,7 +73,7 @@ pub struct Targets {
     /// Measurement noise of each: VV, IE [deg], ML, AP, SI [mm], one standard deviation.
     pub noise: Vec<Free<f64>>,
     /// What is odd but not fatal, by row.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Notice>,
 }
 
 /// The usable trials of a set.
@@ -155,7 +156,7 @@ fn check(options: &TargetOptions) -> Result<(), CalibrationError> {
 }
 
 /// Indices of the set's trials; warns of conditions of the set that are not there.
-fn of_set(measured: &[LaxityTrial], set: TargetSet, warnings: &mut Vec<String>) -> Vec<usize> {
+fn of_set(measured: &[LaxityTrial], set: TargetSet, warnings: &mut Vec<Notice>) -> Vec<usize> {
     use Test::{Anterior, External, Internal, Neutral, Posterior, Valgus, Varus};
     let (tests, flexions, name): (&[Test], &[f64], &str) = match set {
         TargetSet::All => return (0..measured.len()).collect(),
@@ -184,7 +185,7 @@ fn of_set(measured: &[LaxityTrial], set: TargetSet, warnings: &mut Vec<String>) 
     }
     take(Neutral, 0.0, false);
     if !missing.is_empty() {
-        warnings.push(format!("the {name} set has no {}", missing.join(", ")));
+        warnings.push(Kind::SetLacks.notice(format!("the {name} set has no {}", missing.join(", "))).of(name));
     }
     chosen.sort_unstable();
     chosen
@@ -196,18 +197,28 @@ fn primary_load(t: &LaxityTrial) -> f64 {
 }
 
 /// Whether a trial has a coordinate that counts; warns of those it lacks.
-fn is_usable(t: &LaxityTrial, row: usize, cost: &CostOptions, warnings: &mut Vec<String>) -> bool {
+fn is_usable(t: &LaxityTrial, row: usize, cost: &CostOptions, warnings: &mut Vec<Notice>) -> bool {
     let weights = cost.weights_of(t.test);
     let counts: Vec<Coordinate> = FREE.into_iter().filter(|&c| weights[c] > 0.0).collect();
     let names = |which: &[Coordinate]| which.iter().map(|c| c.column()).collect::<Vec<_>>().join(", ");
     let missing: Vec<Coordinate> = counts.iter().copied().filter(|&c| t.measured[c].is_none()).collect();
     if missing.len() == counts.len() {
-        warnings.push(format!("row {row} ({}): left out, {} not measured", t.trial, names(&counts)));
+        warnings.push(
+            Kind::RowLeftOut
+                .notice(format!("row {row} ({}): left out, {} not measured", t.trial, names(&counts)))
+                .row(row)
+                .of(&t.trial),
+        );
         return false;
     }
     // an arthrometer shows one coordinate
     if !missing.is_empty() && t.reference.is_none() {
-        warnings.push(format!("row {row} ({}): {} not measured, counts without", t.trial, names(&missing)));
+        warnings.push(
+            Kind::RowInPart
+                .notice(format!("row {row} ({}): {} not measured, counts without", t.trial, names(&missing)))
+                .row(row)
+                .of(&t.trial),
+        );
     }
     true
 }

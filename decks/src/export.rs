@@ -4,6 +4,7 @@ mod menisci;
 mod parts;
 
 use meshes::frame::Side;
+use notices::{Kind, Notice};
 use sim::SimError;
 use sim::deck::{Amplitude, ChainCoordinate, Control, ControlKind, Curve, DeckProtocol, DeckStep};
 use sim::joint::Joint;
@@ -20,7 +21,7 @@ pub struct ExportedDeck {
     /// The main files' names.
     pub mains: Vec<String>,
     /// What a deck cannot express.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Notice>,
 }
 
 /// Writes `spec` as an Abaqus deck; `meshes` by the paths that `spec` names.
@@ -43,15 +44,19 @@ pub fn export(spec: &ModelSpec, meshes: &BTreeMap<String, MeshValue>) -> Result<
         files.push(("menisci.inp".to_owned(), menisci::parts(spec)));
         files.push(("menisci_contact.inp".to_owned(), menisci::contact(spec)));
         warnings.push(
-            "menisci are deformable in the deck; their coronary ligament is left out, and an import leaves them out"
+            Kind::NotInFormat.notice("menisci are deformable in the deck; their coronary ligament is left out, and an import leaves them out")
                 .into(),
         );
     }
     if !spec.components.is_empty() {
-        warnings.push(format!(
-            "{} added components have no counterpart in the deck; they are left out",
-            spec.components.len()
-        ));
+        warnings.push(
+            Kind::ComponentsLeftOut
+                .notice(format!(
+                    "{} added components have no counterpart in the deck; they are left out",
+                    spec.components.len()
+                ))
+                .count(spec.components.len()),
+        );
     }
     let given = if spec.protocols.is_empty() { vec![settle_and_flex(spec, &joint)] } else { spec.protocols.clone() };
     let mut mains = Vec::new();

@@ -10,6 +10,7 @@ use meshes::Vector;
 use meshes::frame::{AnatomicalFrame, Side};
 use meshes::query::SurfaceQuery;
 use meshes::surface::TriMesh;
+use notices::{Kind, Notice};
 use sim::joint::Joint;
 use sim::mesh::{MeshValue, TetMesh};
 use sim::spec::{BodySpec, ContactSpec, FramesSpec, ModelSpec, PairSpec, PoseSpec, Units};
@@ -30,7 +31,7 @@ pub struct ImportedDeck {
     /// Its meshes by path relative to model.json.
     pub meshes: BTreeMap<String, MeshValue>,
     /// Odd but not fatal; also in `spec.warnings`.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Notice>,
 }
 
 /// Imports the deck that begins in file `main`; `read` hands over a file by the name the deck gives it.
@@ -74,7 +75,7 @@ pub fn import(main: &str, read: &mut ReadFile) -> Result<ImportedDeck, DeckError
     let across = fibre_sides(&spec.fibres)?;
     orient(&mut spec, &across);
     spec.frames.gs_ct_pose = ct_pose(&spec)?;
-    spec.warnings.clone_from(&warnings);
+    spec.warnings = notices::texts(&warnings);
     Ok(ImportedDeck { spec, meshes, warnings })
 }
 
@@ -145,7 +146,7 @@ fn geometry(
     model: &DeckModel,
     bodies: &Bodies,
     meshes: &mut BTreeMap<String, MeshValue>,
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<Notice>,
 ) -> Result<(Vec<BodySpec>, ContactSpec), DeckError> {
     let mut specs = Vec::new();
     let mut faces: BTreeMap<String, TriMesh> = BTreeMap::new();
@@ -172,8 +173,13 @@ fn geometry(
             if solid_set(set) {
                 let solid = solid(model, set, &query)?;
                 if matches!(solid.mesh, MeshValue::Tet(_)) {
-                    warnings
-                        .push(format!("{part}: tetrahedra where hexahedra are usual; contact uses their outer faces"));
+                    warnings.push(
+                        Kind::Tetrahedra
+                            .notice(format!(
+                                "{part}: tetrahedra where hexahedra are usual; contact uses their outer faces"
+                            ))
+                            .of(&part),
+                    );
                 }
                 if paired(set) {
                     faces.insert((*set).clone(), solid.articular(&query));

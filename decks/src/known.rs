@@ -2,6 +2,7 @@
 
 use super::DeckError;
 use super::keyword::{Block, DeckText};
+use notices::{Kind, Notice};
 use sim::names::did_you_mean;
 use std::collections::BTreeMap;
 use std::sync::LazyLock;
@@ -59,7 +60,7 @@ pub fn keywords() -> &'static BTreeMap<&'static str, Known> {
 ///
 /// # Errors
 /// A keyword that is refused, or one that Abaqus does not have and that resembles one that is read.
-pub(super) fn judge(deck: &DeckText) -> Result<Vec<String>, DeckError> {
+pub(super) fn judge(deck: &DeckText) -> Result<Vec<Notice>, DeckError> {
     let mut told: BTreeMap<String, (usize, String)> = BTreeMap::new();
     for block in &deck.blocks {
         let mut tell = |what: String| {
@@ -93,6 +94,7 @@ fn unknown(deck: &DeckText, block: &Block) -> Result<String, DeckError> {
     Ok(format!("*{} is passed over: Abaqus' manual of 2024 has no such keyword", block.keyword))
 }
 
-fn said(what: &str, count: usize, place: &str) -> String {
-    if count == 1 { format!("{place}: {what}") } else { format!("{place}: {what} ({count} times)") }
+fn said(what: &str, count: usize, place: &str) -> Notice {
+    let text = if count == 1 { format!("{place}: {what}") } else { format!("{place}: {what} ({count} times)") };
+    Kind::KeywordPassedOver.notice(text).count(count)
 }

@@ -4,6 +4,7 @@ use super::bodies::{Bodies, position};
 use super::expression::lookup;
 use super::model::{Behaviour, Connector, DeckModel, Element};
 use crate::DeckError;
+use notices::{Kind, Notice};
 use sim::spec::{BundleSpec, FibreSpec, Law};
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
@@ -42,7 +43,7 @@ pub(super) struct Ligaments {
     pub(super) fibres: Vec<FibreSpec>,
     pub(super) toe_end_multiple: BTreeMap<String, f64>,
     /// Element labels' order: bundle name and places of its elements, for reports.
-    pub(super) warnings: Vec<String>,
+    pub(super) warnings: Vec<Notice>,
 }
 
 /// A set of connectors or springs that is a bundle: its place in Table 3, its name there, its own and its law.
@@ -63,7 +64,11 @@ pub(super) fn ligaments(
     let mut found: Vec<Found> = Vec::new();
     for set in model.connectors.iter().filter(|c| c.kind == "axial") {
         if set.spring && !set_joins_bones(model, bodies, set) {
-            out.warnings.push(format!("springs {}: not read, as they do not lead from bone to bone", set.elset));
+            out.warnings.push(
+                Kind::SpringsUnread
+                    .notice(format!("springs {}: not read, as they do not lead from bone to bone", set.elset))
+                    .of(&set.elset),
+            );
             continue;
         }
         let stem = set.elset.rsplit('.').next().unwrap_or(&set.elset);
@@ -96,7 +101,11 @@ fn read_bundle(
     let name = NAMES.get(f.rank).map_or_else(|| f.stem.to_uppercase(), |(_, ours)| (*ours).to_owned());
     if f.rank == NAMES.len() {
         let kind = if f.set.spring { "springs" } else { "connector set" };
-        out.warnings.push(format!("{kind} {}: no bundle of Table 3 has this name; kept as {name}", f.set.elset));
+        out.warnings.push(
+            Kind::UnknownBundle
+                .notice(format!("{kind} {}: no bundle of Table 3 has this name; kept as {name}", f.set.elset))
+                .of(&f.set.elset),
+        );
     }
     let elements = model.elsets.get(&f.set.elset).map_or(&[][..], Vec::as_slice);
     for &e in elements {
@@ -108,14 +117,18 @@ fn read_bundle(
         model.error(f.set.at, e.message + if f.set.spring { springs } else { "" })
     })?;
     if !f.set.spring && (f.behaviour.damping - 0.05).abs() > 1e-9 {
-        out.warnings.push(format!("{name}: fibre damping {} N s/mm, 0.05 assumed", f.behaviour.damping));
+        out.warnings.push(
+            Kind::FibreDamping
+                .notice(format!("{name}: fibre damping {} N s/mm, 0.05 assumed", f.behaviour.damping))
+                .of(&name),
+        );
     }
     if !USUAL_N_PER_MM.contains(&bundle.stiffness_n_per_mm) {
         let [low, high] = [USUAL_N_PER_MM.start(), USUAL_N_PER_MM.end()];
-        out.warnings.push(format!(
+        out.warnings.push(Kind::OddStiffness.notice(format!(
             "{name}: a stiffness of {:.3} N/mm, where ligaments have {low} to {high}: check the unit of the deck's forces (N) and lengths (mm)",
             bundle.stiffness_n_per_mm
-        ));
+        )).of(&name));
     }
     out.toe_end_multiple.insert(name, multiple);
     out.bundles.push(bundle);
@@ -151,7 +164,7 @@ fn set_joins_bones(model: &DeckModel, bodies: &Bodies, set: &Connector) -> bool 
 }
 
 /// Says which elements no rigid body, connector or mass uses; of those from bone to bone, which may be a ligament, none is passed over.
-fn unread(model: &DeckModel, bodies: &Bodies, warnings: &mut Vec<String>) -> Result<(), DeckError> {
+fn unread(model: &DeckModel, bodies: &Bodies, warnings: &mut Vec<Notice>) -> Result<(), DeckError> {
     let kinds = ["axial", "cylindrical", "beam"];
     let read = model.connectors.iter().filter(|c| kinds.contains(&c.kind.as_str())).map(|c| &c.elset);
     let sets = model.rigid.iter().map(|(set, _)| set).chain(read).chain(model.mass.keys()).chain(model.inertia.keys());
@@ -169,11 +182,11 @@ fn unread(model: &DeckModel, bodies: &Bodies, warnings: &mut Vec<String>) -> Res
         }
         *counts.entry((set, &element.kind)).or_default() += 1;
     }
-    warnings.extend(
-        counts
-            .iter()
-            .map(|((set, kind), n)| format!("{n} elements of type {kind} ({set}) are on neither bone and not read")),
-    );
+    warnings.extend(counts.iter().map(|((set, kind), n)| {
+        Kind::ElementsUnread
+            .notice(format!("{n} elements of type {kind} ({set}) are on neither bone and not read"))
+            .count(*n)
+    }));
     Ok(())
 }
 
@@ -196,7 +209,7 @@ fn bundle(
     behaviour: &Behaviour,
     fibres: usize,
     parameters: &BTreeMap<String, f64>,
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<Notice>,
 ) -> Result<(BundleSpec, f64), DeckError> {
     let table = &behaviour.elastic;
     let bad = |what: &str| DeckError::whole(format!("{name}: force table {what}; expected slack, toe, line"));
@@ -232,7 +245,11 @@ fn bundle(
         .map_err(|e| DeckError::whole(e.to_string()))?;
     let off = table[slack..].iter().map(|p| (p[0] - law.response(p[1] - d0).force).abs()).fold(0.0, f64::max);
     if off > 1e-6 * last[0] {
-        warnings.push(format!("{name}: the deck's force table departs from toe and line by up to {off:.3} N"));
+        warnings.push(
+            Kind::ForceTable
+                .notice(format!("{name}: the deck's force table departs from toe and line by up to {off:.3} N"))
+                .of(name),
+        );
     }
     let multiple = (last[1] - d0) / toe;
     let whole = multiple.round();

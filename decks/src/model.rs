@@ -4,6 +4,7 @@ use super::keyword::{Block, DeckText};
 use super::place::{self, Scoped, Scopes};
 use crate::DeckError;
 use meshes::{Isometry, Point};
+use notices::{Kind, Notice};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// An element.
@@ -109,7 +110,7 @@ pub struct DeckModel {
     /// Nodes held in all directions.
     pub fixed: Vec<u64>,
     /// What is odd but not fatal.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Notice>,
     /// The assembly and its instances.
     pub(super) scopes: Scopes,
     /// Names of files.
@@ -152,7 +153,10 @@ impl DeckModel {
             model.block(deck, at, &mut context)?;
         }
         let odd = std::mem::take(&mut model.odd);
-        model.warnings.extend(odd.into_iter().map(|(what, (count, place))| format!("{place}: {count} {what}")));
+        model.warnings.extend(
+            odd.into_iter()
+                .map(|(what, (count, place))| Kind::DeckOdd.notice(format!("{place}: {count} {what}")).count(count)),
+        );
         Ok(model)
     }
 

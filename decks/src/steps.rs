@@ -77,6 +77,11 @@ fn amplitude(deck: &DeckText, block: &Block) -> Result<Amplitude, DeckError> {
         let what = format!("DEFINITION={} is not read; expected TABULAR or SMOOTH STEP", definition.to_uppercase());
         return Err(deck.error(block, block.line, what));
     }
+    let value = block.option("VALUE").unwrap_or_default();
+    if !["", "relative"].contains(&value.as_str()) {
+        let what = format!("VALUE={} is not read; expected RELATIVE, factors of a magnitude", value.to_uppercase());
+        return Err(deck.error(block, block.line, what));
+    }
     let step = definition.starts_with("smooth");
     let curve = if step { Curve::SmoothStep } else { Curve::Linear { smooth } };
     let name = block.options.get("NAME").cloned().unwrap_or_default();

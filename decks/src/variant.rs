@@ -3,6 +3,7 @@
 use super::ligaments::bundle_name;
 use super::{DeckError, ImportedDeck};
 use meshes::{Isometry, Point};
+use notices::Kind;
 use sim::mesh::MeshValue;
 use sim::spec::FibreSpec;
 use std::collections::BTreeMap;
@@ -121,5 +122,5 @@ pub fn lower_cartilage(deck: &mut ImportedDeck, part: &str, by_mm: f64) -> Resul
 
 fn tell(deck: &mut ImportedDeck, words: String) {
     deck.spec.warnings.push(words.clone());
-    deck.warnings.push(words);
+    deck.warnings.push(Kind::DeckChanged.notice(words));
 }

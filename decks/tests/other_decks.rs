@@ -195,10 +195,22 @@ fn springs_between_the_bones_are_a_ligament_and_nothing_like_it_is_lost() {
 }
 
 #[test]
+fn amplitudes_that_are_no_factors_are_refused_and_a_restart_is_told() {
+    let with = |words: &str| {
+        read(KNEE.replacen("*ELSET, ELSET=FIBRES", &format!("{words}*ELSET, ELSET=FIBRES"), 1).as_bytes())
+    };
+    let refused = with("*AMPLITUDE, NAME=RAMP, VALUE=ABSOLUTE\n0., 0., 1., 1.\n").unwrap_err();
+    assert!(refused.to_string().contains("VALUE=ABSOLUTE") && refused.line > 1, "{refused}");
+    let told = |words: &str| with(words).unwrap().warnings.iter().map(|w| format!("{w}\n")).collect::<String>();
+    assert!(told("*RESTART, READ, STEP=1\n").contains("READ"));
+    assert!(!told("*RESTART, WRITE, FREQUENCY=0\n").contains("RESTART"));
+}
+
+#[test]
 fn a_node_defined_twice_is_told() {
     let deck =
         read(KNEE.replacen("*ELSET, ELSET=FIBRES", "*NODE\n1000001, 0., 0., 0.\n*ELSET, ELSET=FIBRES", 1).as_bytes());
-    let told = deck.unwrap().warnings.join("\n");
+    let told: String = deck.unwrap().warnings.iter().map(|w| format!("{w}\n")).collect();
     assert!(told.contains("second time"), "{told}");
 }
 

@@ -11,6 +11,7 @@ use super::FormatError;
 use meshes::volume::{Grid, Volume};
 use meshes::{Point, Vector};
 use nalgebra::Matrix3;
+use notices::{Kind, Notice};
 use slice::Slice;
 
 /// What a series of slices gives.
@@ -21,7 +22,7 @@ pub struct Series {
     /// Angle between the way the slices are stacked and their normal: the gantry's tilt [deg].
     pub tilt_deg: f64,
     /// What is odd but not fatal.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Notice>,
 }
 
 /// Two slices nearer than this lie at one place [mm].
@@ -63,12 +64,16 @@ pub fn read_series(files: &[(&str, &[u8])]) -> Result<Series, FormatError> {
         slices.extend(read);
     }
     if !strangers.is_empty() {
-        warnings.push(format!(
-            "{} of {} files are no slices and left out, {} first",
-            strangers.len(),
-            files.len(),
-            strangers[0]
-        ));
+        warnings.push(
+            Kind::StrangeFiles
+                .notice(format!(
+                    "{} of {} files are no slices and left out, {} first",
+                    strangers.len(),
+                    files.len(),
+                    strangers[0]
+                ))
+                .count(strangers.len()),
+        );
     }
     let mut slices = one_series(slices, &mut warnings)?;
     let Some(first) = slices.first() else {
@@ -86,7 +91,10 @@ pub fn read_series(files: &[(&str, &[u8])]) -> Result<Series, FormatError> {
     let step = even_stack(&slices, &normal)?;
     let tilt_deg = step.angle(&normal).to_degrees();
     if tilt_deg > 0.5 {
-        warnings.push(format!("the gantry was tilted by {tilt_deg:.1} degrees; the slices are placed accordingly"));
+        warnings.push(
+            Kind::TiltedGantry
+                .notice(format!("the gantry was tilted by {tilt_deg:.1} degrees; the slices are placed accordingly")),
+        );
     }
     let first = &slices[0];
     let grid = Grid {
@@ -109,7 +117,7 @@ pub fn read_series(files: &[(&str, &[u8])]) -> Result<Series, FormatError> {
 }
 
 /// The slices of the one series there is; pictures of another size or direction that are few are left out.
-fn one_series<'a>(slices: Vec<Slice<'a>>, warnings: &mut Vec<String>) -> Result<Vec<Slice<'a>>, FormatError> {
+fn one_series<'a>(slices: Vec<Slice<'a>>, warnings: &mut Vec<Notice>) -> Result<Vec<Slice<'a>>, FormatError> {
     let mut groups: Vec<Vec<Slice>> = Vec::new();
     for slice in slices {
         match groups.iter_mut().find(|g| g[0].goes_with(&slice)) {
@@ -130,12 +138,16 @@ fn one_series<'a>(slices: Vec<Slice<'a>>, warnings: &mut Vec<String>) -> Result<
         ));
     }
     for group in groups.iter().skip(1) {
-        warnings.push(format!("{} pictures of another kind are left out, {} first", group.len(), group[0].name));
+        warnings.push(
+            Kind::OtherPictures
+                .notice(format!("{} pictures of another kind are left out, {} first", group.len(), group[0].name))
+                .count(group.len()),
+        );
     }
     Ok(groups.into_iter().next().unwrap_or_default())
 }
 
-fn without_doubles(slices: &mut Vec<Slice>, normal: &Vector, warnings: &mut Vec<String>) -> Result<(), FormatError> {
+fn without_doubles(slices: &mut Vec<Slice>, normal: &Vector, warnings: &mut Vec<Notice>) -> Result<(), FormatError> {
     let mut k = 1;
     let mut doubled = 0;
     while k < slices.len() {
@@ -145,7 +157,9 @@ fn without_doubles(slices: &mut Vec<Slice>, normal: &Vector, warnings: &mut Vec<
         } else if a.same_picture(b) {
             doubled += 1;
             if doubled == 1 {
-                warnings.push(format!("{} repeats {}; doubled slices are left out", b.name, a.name));
+                warnings.push(
+                    Kind::DoubledSlices.notice(format!("{} repeats {}; doubled slices are left out", b.name, a.name)),
+                );
             }
             slices.remove(k);
         } else {

@@ -20,6 +20,7 @@ pub mod vtu;
 
 use meshes::surface::ColouredMesh;
 use meshes::{Point, Vector};
+use notices::{Kind, Notice};
 use std::collections::BTreeMap;
 
 /// What a codec refuses, in words for the person who owns the file.
@@ -54,7 +55,7 @@ pub fn read_surface_told(
     name: &str,
     bytes: &[u8],
     files: &BTreeMap<String, Vec<u8>>,
-) -> Result<(ColouredMesh, Vec<String>), FormatError> {
+) -> Result<(ColouredMesh, Vec<Notice>), FormatError> {
     let bare = |mesh| (ColouredMesh { mesh, colours: Vec::new() }, Vec::new());
     let (mut read, mut notes) = match surface_format(name, bytes)? {
         SurfaceFormat::Stl => bare(stl::read(bytes)?),
@@ -66,7 +67,10 @@ pub fn read_surface_told(
         read.mesh.vertices.iter_mut().for_each(|p| *p = Point::new(-p.x, -p.y, p.z));
     }
     if let Some(first) = read.colours.first().filter(|c| read.colours.iter().all(|d| d == *c)) {
-        notes.push(format!("all its vertices have one colour ({first:?}): no outline can be found on it"));
+        notes.push(
+            Kind::OneColour
+                .notice(format!("all its vertices have one colour ({first:?}): no outline can be found on it")),
+        );
     }
     notes.extend(coarse(&read.mesh.vertices));
     Ok((read, notes))
@@ -76,14 +80,14 @@ pub fn read_surface_told(
 const COARSE_MM: f64 = 0.02;
 
 /// Single precision far from the origin: how far apart its numbers lie.
-fn coarse(vertices: &[Point]) -> Option<String> {
+fn coarse(vertices: &[Point]) -> Option<Notice> {
     let farthest = vertices.iter().flat_map(|p| p.coords.iter().copied()).fold(0.0f64, |a, x| a.max(x.abs()));
     let step = f64::from(f32::EPSILON) * farthest.log2().floor().exp2();
     let single = || vertices.iter().flat_map(|p| p.coords.iter().copied()).all(|x| f64::from(x as f32) == x);
     (step.is_finite() && step > COARSE_MM && single()).then(|| {
-        format!(
+        Kind::CoarseNumbers.notice(format!(
             "its numbers are of single precision and lie up to {farthest:.0} from the origin, so they come in steps of {step:.2} mm: move the surface near the origin before it is exported"
-        )
+        ))
     })
 }
 

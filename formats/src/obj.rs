@@ -8,6 +8,7 @@ use super::texture::{Library, Paint};
 use super::{FormatError, beside, cut_polygon, full_scale, refuse_not_finite};
 use meshes::Point;
 use meshes::surface::{ColouredMesh, TriMesh};
+use notices::{Kind, Notice};
 use std::collections::BTreeMap;
 
 /// Reads an OBJ. Colours: of the vertices where each has one, else of the materials' textures at each vertex's texture
@@ -22,7 +23,7 @@ pub(super) fn read_told(
     name: &str,
     bytes: &[u8],
     files: &BTreeMap<String, Vec<u8>>,
-) -> Result<(ColouredMesh, Vec<String>), FormatError> {
+) -> Result<(ColouredMesh, Vec<Notice>), FormatError> {
     let obj = parse(bytes)?;
     let mut notes = Vec::new();
     refuse_not_finite(&obj.positions)?;
@@ -38,17 +39,21 @@ pub(super) fn read_told(
     let coloured = obj.colours.iter().flatten().count();
     let own = if coloured == obj.colours.len() { obj.vertex_colours(&mut notes) } else { Vec::new() };
     if coloured > 0 && own.is_empty() {
-        notes.push(format!(
+        notes.push(Kind::ColoursUnused.notice(format!(
             "{coloured} of {} vertices have a colour; colours of vertices are not used",
             obj.colours.len()
-        ));
+        )));
     }
     if !own.is_empty() && own.iter().any(|c| *c != own[0]) {
         return Ok((ColouredMesh { mesh, colours: own }, notes));
     }
     let paints = paints(name, &obj, files)?;
     for material in obj.materials.iter().filter(|m| !obj.libraries.is_empty() && !paints.contains_key(*m)) {
-        notes.push(format!("the material {material} has no texture or colour that is there"));
+        notes.push(
+            Kind::NoTexture
+                .notice(format!("the material {material} has no texture or colour that is there"))
+                .of(material),
+        );
     }
     let scan = textured(&obj, mesh, &face_of, &paints);
     Ok(match (scan.colours.is_empty(), own.is_empty()) {
@@ -168,11 +173,14 @@ impl Parsed {
     }
 
     /// The vertices' colours, from 0 to 1 or from 0 to 255 as their largest number says.
-    fn vertex_colours(&self, notes: &mut Vec<String>) -> Vec<[u8; 3]> {
+    fn vertex_colours(&self, notes: &mut Vec<Notice>) -> Vec<[u8; 3]> {
         let largest = self.colours.iter().flatten().flatten().fold(0.0f64, |a, b| a.max(*b));
         let full = full_scale(largest);
         if full > 1.0 {
-            notes.push(format!("colours of vertices are read as 0 to {full:.0}, since one is {largest}"));
+            notes.push(
+                Kind::ColourScale
+                    .notice(format!("colours of vertices are read as 0 to {full:.0}, since one is {largest}")),
+            );
         }
         let byte = |x: f64| (x / full * 255.0).round().clamp(0.0, 255.0) as u8;
         self.colours.iter().flatten().map(|c| c.map(byte)).collect()

@@ -3,6 +3,7 @@
 use super::raw::refuse;
 use super::{FormatError, dicom, metaimage, mgh, nifti, nrrd};
 use meshes::volume::{Grid, Labels, Volume};
+use notices::{Kind, Notice};
 use std::collections::BTreeMap;
 
 /// A label map with the names that its file gives the labels.
@@ -17,7 +18,7 @@ pub struct LabelMap {
     /// Of several layers: the label that the file states for each of `names`, none where it states none. Else empty.
     pub stated: Vec<Option<u8>>,
     /// What is odd about the file but not fatal.
-    pub notes: Vec<String>,
+    pub notes: Vec<Notice>,
 }
 
 impl LabelMap {
@@ -31,12 +32,12 @@ impl LabelMap {
 const SHEAR_DEG: f64 = 0.2;
 
 /// What is said of a grid whose axes are not square to each other.
-pub fn sheared(grid: &Grid) -> Option<String> {
+pub fn sheared(grid: &Grid) -> Option<Notice> {
     let columns: Vec<_> = grid.axes.column_iter().map(|c| c.into_owned()).collect();
     let off = |(a, b): (usize, usize)| (columns[a].angle(&columns[b]).to_degrees() - 90.0).abs();
     let worst = [(0, 1), (0, 2), (1, 2)].into_iter().map(off).fold(0.0, f64::max);
     (worst > SHEAR_DEG).then(|| {
-        format!("the axes of its voxels are sheared by {worst:.1} deg: a tilted gantry, or an affine registration that was saved into the header")
+        Kind::ShearedGrid.notice(format!("the axes of its voxels are sheared by {worst:.1} deg: a tilted gantry, or an affine registration that was saved into the header"))
     })
 }
 
@@ -96,7 +97,7 @@ pub fn read_labels(name: &str, bytes: &[u8], files: &BTreeMap<String, Vec<u8>>) 
     let mut map = nifti::read_labels(bytes).map(whole)?;
     if !nifti::says_place(bytes) {
         map.notes.push(
-            "the header says not where its voxels lie (qform and sform are 0), so no one knows which way is left: axes are taken as right, anterior, superior".into(),
+            Kind::NoHeaderPlace.notice("the header says not where its voxels lie (qform and sform are 0), so no one knows which way is left: axes are taken as right, anterior, superior"),
         );
     }
     Ok(map)

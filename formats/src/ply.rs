@@ -5,6 +5,7 @@ use super::texture::{Paint, texture};
 use super::{FormatError, beside, cut_polygon, full_scale, refuse_not_finite};
 use meshes::Point;
 use meshes::surface::{ColouredMesh, TriMesh};
+use notices::{Kind, Notice};
 use ply_rs_bw::parser::{Parser, Reader};
 use ply_rs_bw::ply::{ElementDef, Encoding, Header, PropertyAccess, PropertyAccessResult, PropertyType, ScalarType};
 use std::collections::BTreeMap;
@@ -22,7 +23,7 @@ pub(super) fn read_told(
     name: &str,
     bytes: &[u8],
     files: &BTreeMap<String, Vec<u8>>,
-) -> Result<(ColouredMesh, Vec<String>), FormatError> {
+) -> Result<(ColouredMesh, Vec<Notice>), FormatError> {
     let parsed = parse(bytes)?;
     let mut paints = Vec::new();
     for path in textures(bytes).iter().filter_map(|t| beside(name, t)) {
@@ -31,7 +32,9 @@ pub(super) fn read_told(
     let scan = parsed.surface()?;
     let mut notes = parsed.notes();
     if !paints.iter().all(Option::is_none) && !parsed.has_places() {
-        notes.push("it names a texture and has no texture coordinates: the texture is not used".into());
+        notes.push(
+            Kind::TextureUnplaced.notice("it names a texture and has no texture coordinates: the texture is not used"),
+        );
     }
     if paints.iter().all(Option::is_none) || !parsed.has_places() {
         return Ok((scan, notes));
@@ -132,10 +135,10 @@ impl Parsed {
     }
 
     /// What is odd about the colours.
-    fn notes(&self) -> Vec<String> {
+    fn notes(&self) -> Vec<Notice> {
         let faces = self.coloured.is_none() && self.faces_coloured.is_some();
         faces
-            .then(|| "its colours lie on the faces: each vertex gets the mean of its faces".to_owned())
+            .then(|| Kind::FaceColours.notice("its colours lie on the faces: each vertex gets the mean of its faces"))
             .into_iter()
             .collect()
     }

@@ -5,19 +5,22 @@ use crate::model_file::LoadedModel;
 use crate::record::hash;
 use crate::store;
 use calibration::samples::{Question, SCHEMA, Samples, group_sums};
+use notices::{Kind, Notice};
 use sim::laxity::{LaxityTrial, TrialResult};
 
 /// The file beside a calibrated model.json.
 const FILE: &str = "samples.json";
 
 /// Samples of a model, and what to say of them; none where the model has none, or was changed since.
-pub(crate) fn of(loaded: &LoadedModel) -> Result<(Option<Samples>, Vec<String>), BuildError> {
+pub(crate) fn of(loaded: &LoadedModel) -> Result<(Option<Samples>, Vec<Notice>), BuildError> {
     let file = loaded.folder.join(FILE);
     let is_calibrated = loaded.file.file_name().is_some_and(|n| n == "model.json") && loaded.spec.calibrated.is_some();
     if !is_calibrated || !store::exists(&file) {
         return Ok((None, vec![]));
     }
-    let fault = |what: String| BuildError::File(format!("{}: {what}; expected what calibrate writes", file.display()));
+    let fault = |what: String| {
+        BuildError::of_file(&file, format!("{}: {what}; expected what calibrate writes", file.display()))
+    };
     let samples: Samples =
         serde_json::from_slice(&store::read(&file)?).map_err(|e| fault(format!("column {}: {e}", e.column())))?;
     if samples.schema != SCHEMA {
@@ -32,7 +35,7 @@ pub(crate) fn of(loaded: &LoadedModel) -> Result<(Option<Samples>, Vec<String>),
             "{} was changed since it was calibrated: its samples are not used, values have no intervals",
             loaded.file.display()
         );
-        return Ok((None, vec![text]));
+        return Ok((None, vec![Kind::ModelChanged.notice(text)]));
     }
     Ok((Some(samples), vec![]))
 }
@@ -56,7 +59,7 @@ pub(crate) struct Banded {
     /// A line for a reader.
     pub(crate) words: String,
     /// What is odd.
-    pub(crate) warnings: Vec<String>,
+    pub(crate) warnings: Vec<Notice>,
     /// By how many samples.
     pub(crate) samples: usize,
 }
@@ -81,7 +84,7 @@ pub(crate) fn add(loaded: &LoadedModel, results: &mut [TrialResult], asking: &As
 
 /// Gives results the bands of samples, and flags where samples leave the plateau.
 pub(crate) fn by(samples: &Samples, loaded: &LoadedModel, results: &mut [TrialResult], asking: &Asking) -> Banded {
-    let none = |why: String| Banded { warnings: vec![why], ..Banded::default() };
+    let none = |why: String| Banded { warnings: vec![Kind::NoIntervals.notice(why)], ..Banded::default() };
     if !loaded.spec.components.is_empty() {
         return none("what was added to the model is in its values and not in its samples: no intervals".into());
     }
@@ -104,10 +107,12 @@ pub(crate) fn by(samples: &Samples, loaded: &LoadedModel, results: &mut [TrialRe
     }
     let n = (100.0 * samples.of.interval).round();
     let lost = (bands.lost > 0).then(|| {
-        format!(
-            "up to {} of {} samples have no equilibrium in a row: intervals there are of those that have",
-            bands.lost, bands.asked
-        )
+        Kind::SamplesLost
+            .notice(format!(
+                "up to {} of {} samples have no equilibrium in a row: intervals there are of those that have",
+                bands.lost, bands.asked
+            ))
+            .count(bands.lost)
     });
     Banded {
         words: format!("mean and {n} % interval by {} samples of the posterior\n", bands.asked),

@@ -275,8 +275,8 @@ fn knee(loaded: &model_file::LoadedModel) -> Result<KneeInput, BuildError> {
 /// Cases and data sets of a bench.
 fn bench(folder: &Path) -> Result<(Vec<String>, Vec<String>, serde_json::Value), BuildError> {
     let path = folder.join("bench.json");
-    let value: serde_json::Value = serde_json::from_str(&store::read_text(&path)?)
-        .map_err(|e| BuildError::File(format!("{}: {e}", path.display())))?;
+    let value: serde_json::Value =
+        serde_json::from_str(&store::read_text(&path)?).map_err(|e| BuildError::in_file(&path, e))?;
     let cases = value["seals"].as_object().map(|o| o.keys().cloned().collect()).unwrap_or_default();
     let list = value["sources"].as_array().cloned().unwrap_or_default();
     let sources = list.iter().filter_map(|s| s.as_str().map(str::to_owned)).collect();
@@ -399,8 +399,8 @@ fn said(answers: &Path, case: &str) -> Result<Option<Said>, BuildError> {
     if !store::exists(&path) {
         return Ok(None);
     }
-    let diagnosis: Diagnosis = serde_json::from_slice(&store::read(&path)?)
-        .map_err(|e| BuildError::File(format!("{}: {e}", path.display())))?;
+    let diagnosis: Diagnosis =
+        serde_json::from_slice(&store::read(&path)?).map_err(|e| BuildError::in_file(&path, e))?;
     Ok(Some(reduced(&diagnosis)))
 }
 

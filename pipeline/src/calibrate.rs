@@ -17,6 +17,7 @@ use calibration::reports;
 use calibration::samples::{SCHEMA, Samples};
 use calibration::session::{Joint, Outcome, Session};
 use clap::Args;
+use notices::{Kind, Notice};
 use sim::laxity::{self, LaxityTrial};
 use sim::spec::{CalibratedSpec, ModelSpec};
 use std::collections::BTreeMap;
@@ -108,10 +109,10 @@ pub fn calibrate(args: &CalibrateArgs) -> Result<Told, BuildError> {
     let model = model_file::load_which(&args.model, &args.which)?;
     let (mut sources, mut told) = (Vec::new(), Told { words: model.line(), ..Told::default() });
     if let Some(c) = &model.spec.calibrated {
-        told.warnings.push(format!(
+        told.warnings.push(Kind::CalibratedAlready.notice(format!(
             "the model is calibrated to {} already, and its priors do not know that; to use the same data again, begin at the assembled model (--as-assembled)",
             c.to.join(", ")
-        ));
+        )));
     }
     for (name, file) in &args.targets {
         let (trials, more) = read_laxity(&file.display().to_string(), &store::read(file)?)?;
@@ -153,7 +154,8 @@ pub fn calibrate(args: &CalibrateArgs) -> Result<Told, BuildError> {
         calibrated: out.join("model.json").display().to_string(),
         folder: out.display().to_string(),
         metrics: serde_json::to_value(reports::metrics(&outcome)).unwrap_or_default(),
-        warnings: told.warnings.clone(),
+        warnings: notices::texts(&told.warnings),
+        notices: told.warnings.clone(),
     };
     Ok(told.with(&data))
 }
@@ -170,18 +172,18 @@ fn without_components(
     }
     let name = Some(name);
     *text += &model_file::taken_in(&model.spec, name)?;
-    let fault = |e: &dyn std::fmt::Display| BuildError::File(format!("{}: {e}", model.folder.display()));
+    let fault = |e: &dyn std::fmt::Display| BuildError::in_file(&model.folder, e);
     let knee = sim::compile(&model.spec, &model.meshes).map_err(|e| fault(&e))?;
     diagnosis::predict::taken_off(&knee, &model.spec, name, &trials).map_err(|e| fault(&e))
 }
 
 /// Reads measured laxity, and what is odd of it.
-pub fn read_laxity(name: &str, bytes: &[u8]) -> Result<(Vec<LaxityTrial>, Vec<String>), BuildError> {
+pub fn read_laxity(name: &str, bytes: &[u8]) -> Result<(Vec<LaxityTrial>, Vec<Notice>), BuildError> {
     let table = laxity::read(bytes).map_err(|e| BuildError::at(Place::in_laxity(name, &e), format!("{name}: {e}")))?;
-    let doubts: Vec<String> = laxity::sign_doubts(&table.trials).into_iter().map(|doubt| doubt.words).collect();
+    let doubts: Vec<Notice> = laxity::sign_doubts(&table.trials).into_iter().map(laxity::SignDoubt::notice).collect();
     let (trials, told) = crate::thin::thinned(table.trials);
     let all = table.warnings.iter().chain(&doubts).chain(&told);
-    let odd = all.map(|w| format!("{name}: {w}")).collect();
+    let odd = all.map(|w| w.clone().in_file(name)).collect();
     Ok((trials, odd))
 }
 
@@ -210,7 +212,7 @@ pub fn run(
     }
     let checkpoint = session.begin(watch.saved.as_deref()).map_err(fault)?;
     let knee = Knee::new(model.spec.clone(), &model.meshes, &options.search)
-        .map_err(|e| BuildError::File(format!("{}: {e}", model.folder.display())))?;
+        .map_err(|e| BuildError::in_file(&model.folder, e))?;
     let (mut last, mut failed, tell) = (Instant::now(), None, watch.tell);
     let mut see = |c: &Checkpoint| {
         let p = c.progress();

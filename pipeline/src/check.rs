@@ -228,8 +228,8 @@ fn whole(file: &SpecimenFile, raw: &RawSpecimen, options: &BuildOptions, items: 
         });
     }
     for warning in &specimen.warnings {
-        if !items.iter().any(|i| i.found.contains(warning.as_str())) {
-            items.push(Item::new("specimen", State::Look, warning.clone(), "a build goes on"));
+        if !items.iter().any(|i| i.found.contains(warning.text.as_str())) {
+            items.push(Item::new("specimen", State::Look, warning.text.clone(), "a build goes on"));
         }
     }
 }

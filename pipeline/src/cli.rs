@@ -296,7 +296,7 @@ pub fn simulate_args(words: impl IntoIterator<Item = OsString>) -> Result<Simula
 fn answer(call: Call) -> Result<(Asked, Told), BuildError> {
     let told = match (call.cli.verb, call.cli.build) {
         (Some(verb), _) => answer_verb(verb),
-        (None, Some(build)) => run::run(known_folder(&build)?).map(|text| Told::lines(&text)),
+        (None, Some(build)) => run::run(known_folder(&build)?),
         (None, None) => Err(BuildError::Usage("a specimen folder was expected; see --help".into())),
     }?;
     Ok((call.asked, told))
@@ -315,34 +315,32 @@ fn known_folder(args: &BuildArgs) -> Result<&BuildArgs, BuildError> {
 }
 
 fn answer_verb(verb: Verb) -> Result<Told, BuildError> {
-    let lines = |text: Result<String, BuildError>| text.map(|text| Told::lines(&text));
-    // what was asked for, warnings and all
-    let whole = |text: Result<String, BuildError>| text.map(|words| Told { words, ..Told::default() });
+    let words = |text: Result<String, BuildError>| text.map(Told::words);
     match verb {
-        Verb::Init { dir, from, side } => lines(init::init(&dir, &from, side)),
-        Verb::Check(args) => whole(check::check(&args)),
-        Verb::Build(args) => lines(run::run(&args)),
-        Verb::Open { dir, print, view } => lines(open::open(&dir, print, view)),
-        Verb::Options { stage, json } => whole(option_docs::options(stage.as_deref(), json)),
-        Verb::Completions { shell } => whole(Ok(manual::completions(shell, command()))),
-        Verb::Man { out } => whole(manual::pages(out.as_deref(), command())),
-        Verb::Inspect { dir, stage, json } => whole(inspect::inspect(&dir, stage.as_deref(), json)),
+        Verb::Init { dir, from, side } => words(init::init(&dir, &from, side)),
+        Verb::Check(args) => words(check::check(&args)),
+        Verb::Build(args) => run::run(&args),
+        Verb::Open { dir, print, view } => words(open::open(&dir, print, view)),
+        Verb::Options { stage, json } => words(option_docs::options(stage.as_deref(), json)),
+        Verb::Completions { shell } => words(Ok(manual::completions(shell, command()))),
+        Verb::Man { out } => words(manual::pages(out.as_deref(), command())),
+        Verb::Inspect { dir, stage, json } => words(inspect::inspect(&dir, stage.as_deref(), json)),
         Verb::Phantom { id, dir, seed, volume, hide, build } => {
             let wrote = phantom::write(&id, seed, volume, hide.as_deref(), &dir)?;
-            lines(if build { run::run(&BuildArgs::of(dir)) } else { Ok(wrote) })
+            if build { run::run(&BuildArgs::of(dir)) } else { Ok(Told::words(wrote)) }
         }
-        Verb::Fetch { id, dir, mirror, patience } => lines(fetch::fetch(&id, &dir, mirror.as_deref(), patience)),
-        Verb::ImportAbaqus(args) => lines(import::import_abaqus(&args)),
+        Verb::Fetch { id, dir, mirror, patience } => words(fetch::fetch(&id, &dir, mirror.as_deref(), patience)),
+        Verb::ImportAbaqus(args) => import::import_abaqus(&args),
         Verb::Export { model, which, format, poses, out } => {
             exports::export((&model, &which), format, poses.as_deref(), &out)
         }
         Verb::Simulate(args) => simulate::simulate(&args),
         Verb::Calibrate(args) => calibrate::calibrate(&args),
         Verb::Validate(args) => validate::validate(&args),
-        Verb::Diagnose(args) => lines(diagnose::run(&args)),
-        Verb::Cohort(args) => lines(cohort::cohort(&args)),
-        Verb::Schema { name } => whole(schema::schema(&name)),
-        Verb::Blind(verb) => lines(blind::run(&verb)),
-        Verb::Report { dir, compare } => lines(report::rewrite(&dir, compare.as_deref())),
+        Verb::Diagnose(args) => diagnose::run(&args),
+        Verb::Cohort(args) => words(cohort::cohort(&args)),
+        Verb::Schema { name } => words(schema::schema(&name)),
+        Verb::Blind(verb) => words(blind::run(&verb)),
+        Verb::Report { dir, compare } => words(report::rewrite(&dir, compare.as_deref())),
     }
 }

@@ -7,6 +7,7 @@ use crate::options::{BuildOptions, Override, parse_override, resolve};
 use crate::record::hash;
 use crate::report::diagnosis_page;
 use crate::store;
+use crate::told::Told;
 use crate::which_model::WhichModel;
 use calibration::options::{CalibrateOptions, Method};
 use clap::Args;
@@ -15,6 +16,7 @@ use diagnosis::component::{Component, Provenance};
 use diagnosis::diagnosis::{Calibration, Diagnosis, Outcome, diagnose};
 use diagnosis::search::DiagnosisOptions;
 use diagnosis::trial::Source;
+use notices::Notice;
 use sim::names::{did_you_mean, with_suggestion};
 use sim::spec::ModelSpec;
 use std::collections::BTreeMap;
@@ -62,20 +64,21 @@ pub fn named_file(text: &str) -> Result<(String, PathBuf), String> {
 }
 
 /// Diagnoses and writes; gives the words to print.
-pub fn run(args: &DiagnoseArgs) -> Result<String, BuildError> {
+pub fn run(args: &DiagnoseArgs) -> Result<Told, BuildError> {
     run_with(args, &options(args.options.as_deref())?)
 }
 
 /// [`run`] with options already read.
-pub fn run_with(args: &DiagnoseArgs, options: &DiagnosisOptions) -> Result<String, BuildError> {
+pub fn run_with(args: &DiagnoseArgs, options: &DiagnosisOptions) -> Result<Told, BuildError> {
     if let Some(jobs) = args.jobs {
         // A second call in one process keeps the first pool; results do not depend on it.
         let _ = rayon::ThreadPoolBuilder::new().num_threads(jobs.into()).build_global();
     }
-    let (sources, mut text) = sources(&args.measured)?;
+    let (sources, odd) = sources(&args.measured)?;
     let loaded = model_file::load_which(&args.model, &args.which)?;
-    text = loaded.line() + &text;
-    let fault = |e: &dyn std::fmt::Display| BuildError::File(format!("{}: {e}", args.model.display()));
+    let told = Told { models: vec![loaded.told()], ..Told::words(loaded.line()).odd(odd) };
+    let tell = |words: String| Told { words: told.words.clone() + &words, ..told.clone() };
+    let fault = |e: &dyn std::fmt::Display| BuildError::in_file(&args.model, e);
     let calibrate = calibrate_options(args, &loaded)?;
     let model = prepared(&loaded, &calibrate).map_err(|e| fault(&e))?;
     let catalogue = catalogue(&args.without_effect)?;
@@ -87,7 +90,7 @@ pub fn run_with(args: &DiagnoseArgs, options: &DiagnosisOptions) -> Result<Strin
         let json = as_json(&atlas)?;
         let page = diagnosis_page::atlas(&loaded.spec.id, &atlas);
         store::write_all(&args.out, &[("atlas.json".into(), json), ("atlas.html".into(), page.clone().into_bytes())])?;
-        return Ok(text + &diagnosis::atlas::table(&atlas));
+        return Ok(tell(diagnosis::atlas::table(&atlas)));
     }
     let start = start(&loaded, &sources, options.seed, &calibrate)?;
     let calibration = Calibration { options: &calibrate, mode: start.as_ref() };
@@ -95,8 +98,8 @@ pub fn run_with(args: &DiagnoseArgs, options: &DiagnosisOptions) -> Result<Strin
         .and_then(|o| o.with_provenance(&provenance))
         .map_err(|e| fault(&e))?;
     write(args, &loaded, &outcome)?;
-    text += &format!("{}\nLook at {}\n", outcome.diagnosis.description, args.out.join("report.html").display());
-    Ok(text)
+    let page = args.out.join("report.html");
+    Ok(tell(format!("{}\nLook at {}\n", outcome.diagnosis.description, page.display())))
 }
 
 /// Refuses an atlas of a built knee whose ligaments nobody calibrated: what is slack or taut there says nothing of the knee.
@@ -104,11 +107,14 @@ fn calibrated_first(args: &DiagnoseArgs, loaded: &LoadedModel) -> Result<(), Bui
     if loaded.spec.calibrated.is_some() || !diagnosis::nuisance::is_built(&loaded.spec) {
         return Ok(());
     }
-    Err(BuildError::File(format!(
-        "{}: its ligaments are not calibrated, so an atlas of it would tell of another knee; calibrate first (build-model calibrate \"{}\" --targets ...)",
-        loaded.file.display(),
-        args.model.display()
-    )))
+    Err(BuildError::of_file(
+        &loaded.file,
+        format!(
+            "{}: its ligaments are not calibrated, so an atlas of it would tell of another knee; calibrate first (build-model calibrate \"{}\" --targets ...)",
+            loaded.file.display(),
+            args.model.display()
+        ),
+    ))
 }
 
 /// Options of the knee's calibration: those of the build that the model lies in, where it lies in one of this version, then what was set.
@@ -166,8 +172,8 @@ pub fn prepared(loaded: &LoadedModel, calibrate: &CalibrateOptions) -> Result<si
 }
 
 /// Reads the data sets; names must differ.
-pub fn sources(measured: &[(String, PathBuf)]) -> Result<(Vec<Source>, String), BuildError> {
-    let (mut sources, mut text) = (Vec::<Source>::new(), String::new());
+pub fn sources(measured: &[(String, PathBuf)]) -> Result<(Vec<Source>, Vec<Notice>), BuildError> {
+    let (mut sources, mut odd) = (Vec::<Source>::new(), Vec::new());
     for (name, path) in measured {
         if sources.iter().any(|s| s.name == *name) {
             return Err(BuildError::Usage(format!("--measured {name} is given twice; names must differ")));
@@ -176,10 +182,10 @@ pub fn sources(measured: &[(String, PathBuf)]) -> Result<(Vec<Source>, String), 
             let file = path.display().to_string();
             BuildError::at(Place::in_laxity(&file, &e), format!("{file}: {e}"))
         })?;
-        text.extend(table.warnings.iter().map(|w| format!("warning: {}: {w}\n", path.display())));
+        odd.extend(table.warnings.into_iter().map(|w| w.in_file(&path.display().to_string())));
         sources.push(Source { name: name.clone(), trials: table.trials });
     }
-    Ok((sources, text))
+    Ok((sources, odd))
 }
 
 fn catalogue(without: &[String]) -> Result<Catalogue, BuildError> {

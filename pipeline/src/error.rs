@@ -2,6 +2,8 @@
 
 use sim::laxity::LaxityError;
 use stages::StageError;
+use stages::error::Mark;
+use std::fmt::Display;
 use std::path::Path;
 
 /// What is at fault; [`BuildError::exit_status`] says which kind.
@@ -16,6 +18,8 @@ pub enum BuildError {
         message: String,
         /// The file at fault, where one is.
         place: Option<Place>,
+        /// The places of the knee that are at fault.
+        marks: Vec<Mark>,
     },
     /// A file cannot be read or written.
     #[error("{0}")]
@@ -29,8 +33,13 @@ pub enum BuildError {
         told: String,
     },
     /// The machine does not give what is needed: the disk is full, a folder may not be written, another program holds a lock (exit status 3).
-    #[error("{0}")]
-    Machine(String),
+    #[error("{told}")]
+    Machine {
+        /// The sentence.
+        told: String,
+        /// The file or folder, where one is.
+        place: Option<Place>,
+    },
     /// A value of an options table is wrong.
     #[error("{0}")]
     Option(String),
@@ -96,6 +105,11 @@ pub trait Fault: ToString {
     fn place(&self) -> Option<Place> {
         None
     }
+
+    /// The places of the knee that are at fault.
+    fn marks(&self) -> Vec<Mark> {
+        vec![]
+    }
 }
 
 impl Fault for String {}
@@ -104,13 +118,23 @@ impl Fault for BuildError {
     fn place(&self) -> Option<Place> {
         BuildError::place(self).cloned()
     }
+
+    fn marks(&self) -> Vec<Mark> {
+        match self {
+            BuildError::Stage { marks, .. } => marks.clone(),
+            _ => vec![],
+        }
+    }
 }
 
 impl Fault for StageError {
     fn place(&self) -> Option<Place> {
         let StageError::File { path, place, .. } = self else { return None };
-        let row = place.at.as_deref().and_then(|at| at.strip_prefix("line "));
-        Some(Place { file: path.clone(), row: row.and_then(|r| r.parse().ok()), column: None })
+        Some(Place { file: path.clone(), row: place.row, column: None })
+    }
+
+    fn marks(&self) -> Vec<Mark> {
+        StageError::marks(self).to_vec()
     }
 }
 
@@ -122,9 +146,19 @@ impl BuildError {
     pub fn exit_status(&self) -> u8 {
         match self {
             BuildError::Usage(_) => 2,
-            BuildError::Machine(_) => 3,
+            BuildError::Machine { .. } => 3,
             _ => 1,
         }
+    }
+
+    /// A file at fault, as a whole.
+    pub fn in_file(file: &Path, what: impl Display) -> BuildError {
+        BuildError::of_file(file, format!("{}: {what}", file.display()))
+    }
+
+    /// The same with a sentence that names the file otherwise.
+    pub fn of_file(file: &Path, told: String) -> BuildError {
+        BuildError::At { place: Place::of(file), told }
     }
 
     /// An error at a place.
@@ -136,7 +170,7 @@ impl BuildError {
     pub fn place(&self) -> Option<&Place> {
         match self {
             BuildError::At { place, .. } => Some(place),
-            BuildError::Stage { place, .. } => place.as_ref(),
+            BuildError::Stage { place, .. } | BuildError::Machine { place, .. } => place.as_ref(),
             _ => None,
         }
     }
@@ -146,7 +180,7 @@ impl BuildError {
         match self {
             BuildError::Stage { .. } | BuildError::Unplanned(_) | BuildError::Reached => "stage",
             BuildError::File(_) | BuildError::At { .. } | BuildError::Faults { .. } => "file",
-            BuildError::Machine(_) => "machine",
+            BuildError::Machine { .. } => "machine",
             BuildError::Option(_) => "option",
             BuildError::Usage(_) => "usage",
         }
@@ -162,11 +196,11 @@ impl BuildError {
 
     /// An error of `stage`.
     pub fn stage(stage: &'static str, message: impl ToString) -> BuildError {
-        BuildError::Stage { stage, message: message.to_string(), place: None }
+        BuildError::Stage { stage, message: message.to_string(), place: None, marks: vec![] }
     }
 
     /// What stopped `stage`, with the file at fault.
     pub fn of_stage(stage: &'static str, fault: &impl Fault) -> BuildError {
-        BuildError::Stage { stage, message: fault.to_string(), place: fault.place() }
+        BuildError::Stage { stage, message: fault.to_string(), place: fault.place(), marks: fault.marks() }
     }
 }

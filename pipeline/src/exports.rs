@@ -8,6 +8,7 @@ use crate::which_model::WhichModel;
 use meshes::hex::HexMesh;
 use meshes::surface::TriMesh;
 use meshes::{Isometry, Vector};
+use notices::{Kind, Notice};
 use sim::ligament::{Bundle, of_fibres};
 use sim::mesh::{MeshValue, TetMesh};
 use sim::spec::BundleSpec;
@@ -54,15 +55,15 @@ pub fn export(
     let mut loaded = load_which(model, which)?;
     let lacking = if format == Format::Abaqus { solids(&mut loaded)? } else { vec![] };
     let left = left_out(&loaded.spec, "export");
-    let (mut files, mut warnings): (Vec<File>, Vec<String>) = match (format, poses) {
+    let (mut files, mut warnings): (Vec<File>, Vec<Notice>) = match (format, poses) {
         (Format::Abaqus, _) => {
-            let deck = decks::export(&loaded.spec, &loaded.meshes)
-                .map_err(|e| BuildError::File(format!("{}: {e}", model.display())))?;
-            let warnings = deck.warnings.into_iter().filter(|w| !lacking.iter().any(|path| w.starts_with(path)));
+            let deck = decks::export(&loaded.spec, &loaded.meshes).map_err(|e| BuildError::in_file(&model, e))?;
+            let warnings =
+                deck.warnings.into_iter().filter(|w| !lacking.iter().any(|path| w.file.as_ref() == Some(path)));
             let lacking = lacking.iter().map(|path| {
-                format!(
+                Kind::SolidMissing.notice(format!(
                     "{path} is not there: its cartilage is left out of the deck as a solid (contact does not need it)"
-                )
+                )).file(path)
             });
             (texts(deck.files), warnings.chain(lacking).collect())
         }
@@ -81,11 +82,14 @@ pub fn export(
         let beside = carried(&loaded)?;
         if !beside.is_empty() {
             let but = if loaded.spec.menisci.is_empty() { "" } else { "; the menisci that act are parts of their own" };
-            warnings.push(format!("patella and menisci lie in carried/ as surfaces in the model's frame; no contact or ligament of the model knows them{but}"));
+            warnings.push(Kind::NotInFormat.notice(format!("patella and menisci lie in carried/ as surfaces in the model's frame; no contact or ligament of the model knows them{but}")));
         }
         files.extend(beside);
         if loaded.spec.contact.layer.is_some() {
-            warnings.push("contact is that of the table: no such format knows the model's law by thickness".into());
+            warnings.push(
+                Kind::NotInFormat
+                    .notice("contact is that of the table: no such format knows the model's law by thickness"),
+            );
         }
     }
     files.iter_mut().for_each(|file| beside::label(file, &loaded));
@@ -98,9 +102,10 @@ pub fn export(
         model: ModelTold::of(&loaded),
         folder: out.display().to_string(),
         files: names,
-        warnings: warnings.clone(),
+        warnings: notices::texts(&warnings),
+        notices: warnings.clone(),
     };
-    Ok(Told { words, warnings, data: None }.with(&data))
+    Ok(Told::words(words).odd(warnings).with(&data))
 }
 
 /// Reads the cartilage solids that the model names into its meshes; gives the paths of those that are not there.
@@ -114,8 +119,7 @@ fn solids(model: &mut LoadedModel) -> Result<Vec<String>, BuildError> {
             lacking.push(name);
             continue;
         }
-        let read = formats::vtk::read_solids(&store::read(&place)?)
-            .map_err(|e| BuildError::File(format!("{}: {e}", place.display())))?;
+        let read = formats::vtk::read_solids(&store::read(&place)?).map_err(|e| BuildError::in_file(&place, e))?;
         let mesh = match read.tetrahedra.is_empty() {
             true => MeshValue::Hex(HexMesh { nodes: read.nodes, elements: read.hexahedra, ..HexMesh::default() }),
             false if read.hexahedra.is_empty() => {
@@ -123,7 +127,7 @@ fn solids(model: &mut LoadedModel) -> Result<Vec<String>, BuildError> {
             }
             false => {
                 let what = "hexahedra and tetrahedra in one mesh; expected one kind throughout";
-                return Err(BuildError::File(format!("{}: {what}", place.display())));
+                return Err(BuildError::in_file(&place, what));
             }
         };
         model.meshes.insert(name, mesh);
@@ -250,12 +254,16 @@ fn contact_stiffness(model: &LoadedModel) -> f64 {
 }
 
 /// How far the contact table bends from the straight line of its end's slope, as a sentence; none where it is straight.
-fn bent(model: &LoadedModel) -> Option<String> {
+fn bent(model: &LoadedModel) -> Option<Notice> {
     let (c, k) = (&model.spec.contact, contact_stiffness(model));
     let most = c.overclosure_mm.iter().zip(&c.pressure_mpa).filter(|(d, _)| **d > 0.0);
     let most = most.map(|(d, p)| (p / (k * d) - 1.0).abs()).fold(0.0, f64::max);
-    (most > 1e-6)
-        .then(|| format!("contact is linear there: {k:.3} MPa/mm, up to {:.1} % off the model's table", 100.0 * most))
+    (most > 1e-6).then(|| {
+        Kind::NotInFormat.notice(format!(
+            "contact is linear there: {k:.3} MPa/mm, up to {:.1} % off the model's table",
+            100.0 * most
+        ))
+    })
 }
 
 #[cfg(test)]

@@ -1,13 +1,15 @@
 //! What a build is given: the files of a specimen, parted by the stages that read them, so that a change of one touches no other.
 
-use crate::error::BuildError;
+use crate::error::{BuildError, Place};
 use crate::kept::{Kept, Read};
 use crate::record::hash;
+use notices::{Kind, Notice};
 use serde::Serialize;
-use sim::laxity::LaxityTrial;
+use sim::laxity::{LaxityTrial, SignDoubt};
 use stages::ingest::{named, paths_named_in};
 use stages::specimen::{CtPaths, RawSpecimen, SpecimenFile};
 use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
 use validation::validate::Passive;
 
 /// The CT volume and the label map beside it: what `segment` reads.
@@ -34,7 +36,7 @@ pub struct Measured {
     /// Of each laxity file, by data set.
     pub digests: BTreeMap<String, String>,
     /// What is odd in the files.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Notice>,
 }
 
 /// Measured passive flexion: what `validate` compares with.
@@ -100,7 +102,10 @@ fn files_of(raw: &RawSpecimen, wanted: impl Fn(&str) -> bool) -> RawSpecimen {
 pub fn measured(file: &SpecimenFile, raw: &RawSpecimen) -> Result<(Kept<Measured>, Kept<PassiveFlexion>), BuildError> {
     let bytes = |table: &str, name: &str, path: &str| {
         raw.files.get(path).ok_or_else(|| {
-            BuildError::File(format!("specimen.toml [{table}] {name}: no file {path} in the specimen's folder"))
+            BuildError::of_file(
+                Path::new(path),
+                format!("specimen.toml [{table}] {name}: no file {path} in the specimen's folder"),
+            )
         })
     };
     let (mut laxity, mut digests, mut warnings) = (BTreeMap::new(), BTreeMap::new(), Vec::new());
@@ -108,11 +113,11 @@ pub fn measured(file: &SpecimenFile, raw: &RawSpecimen) -> Result<(Kept<Measured
         let found = bytes("laxity", name, path)?;
         let format = file.laxity_format.get(name).cloned().unwrap_or_default();
         let table = sim::laxity::read_as(found, &format, file.specimen.side)
-            .map_err(|e| BuildError::File(format!("{path}: {e}")))?;
+            .map_err(|e| BuildError::at(Place::in_laxity(path, &e), format!("{path}: {e}")))?;
         warnings.extend(told(path, &table));
         digests.insert(name.clone(), hash(found));
         let (trials, thinner) = crate::thin::thinned(table.trials);
-        warnings.extend(thinner.map(|what| format!("{path}: {what}")));
+        warnings.extend(thinner.map(|what| what.in_file(path)));
         laxity.insert(name.clone(), trials);
     }
     let mut passive = Vec::new();
@@ -126,20 +131,23 @@ pub fn measured(file: &SpecimenFile, raw: &RawSpecimen) -> Result<(Kept<Measured
 const REPEATED: usize = 5;
 
 /// What a build says of a laxity file: what the reader found odd, and what looks turned, zeroed or scaled.
-fn told(path: &str, table: &sim::laxity::LaxityTable) -> Vec<String> {
-    let doubts = sim::laxity::sign_doubts(&table.trials).into_iter().map(|doubt| doubt.words);
-    let mut all: Vec<String> = doubts.chain(table.warnings.iter().take(REPEATED).cloned()).collect();
+fn told(path: &str, table: &sim::laxity::LaxityTable) -> Vec<Notice> {
+    let doubts = sim::laxity::sign_doubts(&table.trials).into_iter().map(SignDoubt::notice);
+    let mut all: Vec<Notice> = doubts.chain(table.warnings.iter().take(REPEATED).cloned()).collect();
     if table.warnings.len() > REPEATED {
-        all.push(format!("{} more warnings like these: build-model check lists them", table.warnings.len() - REPEATED));
+        let more = table.warnings.len() - REPEATED;
+        let text = format!("{more} more warnings like these: build-model check lists them");
+        all.push(Kind::MoreLikeThese.notice(text).count(more));
     }
-    all.into_iter().map(|w| format!("{path}: {w}")).collect()
+    all.into_iter().map(|w| w.in_file(path)).collect()
 }
 
 /// Measured passive flexion under its name.
 ///
 /// Errors: a table that cannot be read.
 pub fn read_passive(name: &str, file: &str, bytes: &[u8]) -> Result<Passive, BuildError> {
-    let poses = validation::passive::read(bytes).map_err(|e| BuildError::File(format!("{file}: {e}")))?;
+    let poses =
+        validation::passive::read(bytes).map_err(|e| BuildError::of_file(Path::new(file), format!("{file}: {e}")))?;
     Ok(Passive { name: name.to_owned(), poses })
 }
 

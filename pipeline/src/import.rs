@@ -1,7 +1,8 @@
 //! `import-abaqus`: a published deck becomes a model, as it stands or as another variant of the knee.
 
-use crate::error::BuildError;
+use crate::error::{BuildError, Place};
 use crate::store;
+use crate::told::Told;
 use clap::Args;
 use decks::{ImportedDeck, lower_cartilage, replace_fibres};
 use std::path::{Path, PathBuf};
@@ -44,7 +45,10 @@ fn part(text: &str) -> Result<(String, f64), String> {
 
 /// Reads the deck and makes the variant that is asked for.
 pub fn imported(args: &ImportArgs) -> Result<ImportedDeck, BuildError> {
-    let fault = |e: decks::DeckError| BuildError::File(e.to_string());
+    let fault = |e: decks::DeckError| match e.line {
+        0 => BuildError::of_file(&args.deck, e.to_string()),
+        line => BuildError::at(Place { file: e.file.clone(), row: Some(line), column: None }, e.to_string()),
+    };
     let folder = args.deck.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let main = args.deck.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
     let mut read = |name: &str| store::read_beside(folder, name).map_err(|e| e.to_string());
@@ -52,7 +56,7 @@ pub fn imported(args: &ImportArgs) -> Result<ImportedDeck, BuildError> {
     if let (Some(table), Some(variant)) = (&args.fibres, &args.variant) {
         let text = store::read_text(table)?;
         replace_fibres(&mut deck, &text, variant, args.parameters.as_deref())
-            .map_err(|e| BuildError::File(format!("{}: {e}", table.display())))?;
+            .map_err(|e| BuildError::in_file(&table, e))?;
     }
     for (part, mm) in &args.lowered {
         lower_cartilage(&mut deck, part, *mm).map_err(fault)?;
@@ -61,17 +65,17 @@ pub fn imported(args: &ImportArgs) -> Result<ImportedDeck, BuildError> {
 }
 
 /// Writes the model; gives the words to print.
-pub fn import_abaqus(args: &ImportArgs) -> Result<String, BuildError> {
+pub fn import_abaqus(args: &ImportArgs) -> Result<Told, BuildError> {
     let deck = imported(args)?;
     let files = deck.files().map_err(|e| BuildError::File(e.to_string()))?;
     store::write_all(&args.out, &files)?;
-    let warnings: String = deck.warnings.iter().map(|w| format!("warning: {w}\n")).collect();
-    Ok(format!(
-        "{warnings}{}: {} fibres in {} bundles, {} contact pairs\nThe model is {}\n",
+    let words = format!(
+        "{}: {} fibres in {} bundles, {} contact pairs\nThe model is {}\n",
         deck.spec.id,
         deck.spec.fibres.len(),
         deck.spec.bundles.len(),
         deck.spec.contact.pairs.len(),
         args.out.join("model.json").display()
-    ))
+    );
+    Ok(Told::words(words).odd(deck.warnings))
 }

@@ -56,10 +56,10 @@ impl SideName {
 /// Writes a specimen folder to `dir`; what `from` holds is copied to where its geometry says it belongs.
 pub fn init(dir: &Path, from: &[PathBuf], side: Option<SideName>) -> Result<String, BuildError> {
     if !store::list(dir).is_empty() {
-        return Err(BuildError::File(format!(
-            "{} is not empty; give a new folder: build-model init NEW_FOLDER",
-            dir.display()
-        )));
+        return Err(BuildError::of_file(
+            dir,
+            format!("{} is not empty; give a new folder: build-model init NEW_FOLDER", dir.display()),
+        ));
     }
     let name = dir.file_name().map_or("K1".into(), |n| n.to_string_lossy().into_owned());
     let mut filled = Filled { id: name, ..Filled::default() };

@@ -1,11 +1,11 @@
 //! `inspect`: what each stage made.
 
-use crate::alike::firsts;
 use crate::error::BuildError;
 pub use crate::record::records;
 use crate::record::{Failure, Record};
 use crate::stage::list::{folder_name, named};
 use crate::store;
+use notices::{Notice, firsts};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -22,12 +22,15 @@ pub fn inspect(dir: &Path, stage: Option<&str>, json: bool) -> Result<String, Bu
         });
     };
     let record = records.iter().find(|r| r.stage == stage).ok_or_else(|| {
-        BuildError::File(format!("{}: stage {stage} has not been run; run build-model first", build.display()))
+        BuildError::of_file(
+            &build,
+            format!("{}: stage {stage} has not been run; run build-model first", build.display()),
+        )
     })?;
     if json {
         return Ok(facts(&build, std::slice::from_ref(record), failure.as_ref().filter(|f| f.stage == stage)));
     }
-    let mut text = table(std::slice::from_ref(record));
+    let mut text = told(std::slice::from_ref(record));
     let _ = writeln!(text, "\nfiles in {}:", build.join(folder_name(stage)).display());
     for (name, bytes) in store::sizes(&build.join(folder_name(stage))) {
         let _ = writeln!(text, "  {:>10}  {name}", size(bytes));
@@ -37,9 +40,15 @@ pub fn inspect(dir: &Path, stage: Option<&str>, json: bool) -> Result<String, Bu
     Ok(text)
 }
 
+/// The table, then what the stages warn of.
+fn told(records: &[Record]) -> String {
+    let warnings: String = notices(records).iter().map(|n| format!("warning: {n}\n")).collect();
+    table(records) + &warnings
+}
+
 /// The table, the files, what it all took, and what stopped the build.
 fn overview(build: &Path, records: &[Record], failure: Option<&Failure>) -> String {
-    let mut text = table(records);
+    let mut text = told(records);
     let _ = writeln!(text, "\nfiles in {}:", build.display());
     let mut all = 0;
     for r in records {
@@ -94,10 +103,10 @@ fn facts(build: &Path, records: &[Record], failure: Option<&Failure>) -> String 
 /// The build folder of `dir`, which is one or holds one.
 pub fn build_folder(dir: &Path) -> Result<PathBuf, BuildError> {
     [dir.join("build"), dir.to_path_buf()].into_iter().find(|d| store::exists(&d.join("log.jsonl"))).ok_or_else(|| {
-        BuildError::File(format!(
-            "no build in {}: no log.jsonl there or in build/; run build-model first",
-            dir.display()
-        ))
+        BuildError::of_file(
+            dir,
+            format!("no build in {}: no log.jsonl there or in build/; run build-model first", dir.display()),
+        )
     })
 }
 
@@ -110,7 +119,7 @@ pub fn failure(build: &Path) -> Option<Failure> {
     serde_json::from_str(&store::read_text(&path).ok()?).ok()
 }
 
-/// A line a stage, then what it warns of.
+/// A line a stage.
 pub fn table(records: &[Record]) -> String {
     let mut text = format!("{:3} {:12} {:>8} {:>9}  metrics\n", "", "stage", "seconds", "MiB");
     for r in records {
@@ -129,19 +138,25 @@ pub fn table(records: &[Record]) -> String {
             brief(&r.stage, &r.metrics)
         );
     }
-    // one stage is told in full
-    let all = records.len() == 1;
+    text
+}
+
+/// What the stages warn of, the first of each kind; of one stage, all. Each begins with the stage's name.
+pub fn notices(records: &[Record]) -> Vec<Notice> {
+    let mut all = Vec::new();
     for r in records {
-        let firsts = if all { r.warnings.iter().map(|w| (w.as_str(), 0)).collect() } else { firsts(&r.warnings) };
-        for (warning, more) in firsts {
+        let told = r.told();
+        // one stage is told in full
+        let firsts = if records.len() == 1 { told.iter().map(|n| (n, 0)).collect() } else { firsts(&told) };
+        all.extend(firsts.into_iter().map(|(notice, more)| {
             let like = match more {
                 0 => String::new(),
                 n => format!(" (and {n} more of this kind: build-model inspect DIR {})", r.stage),
             };
-            let _ = writeln!(text, "warning: {}: {warning}{like}", r.stage);
-        }
+            Notice { text: format!("{}: {}{like}", r.stage, notice.text), ..notice.clone() }
+        }));
     }
-    text
+    all
 }
 
 /// The log as one JSON array.

@@ -7,8 +7,7 @@
 //! assert!(text.contains("hexmesh.edge_length_mm"));
 //! ```
 
-pub(crate) mod alike;
-mod bands;
+pub(crate) mod bands;
 pub mod blind;
 pub mod build;
 pub mod build_args;

@@ -4,6 +4,7 @@ use crate::error::{BuildError, Place};
 use crate::record::json;
 use crate::store;
 use crate::which_model::{WhichModel, chosen, standing};
+use notices::{Kind, Notice};
 use sim::mesh::MeshValue;
 use sim::spec::ModelSpec;
 use stages::PerCartilage;
@@ -26,10 +27,15 @@ pub struct LoadedModel {
 }
 
 impl LoadedModel {
-    /// The first line of every answer: which model it is of, where it lies, what it was calibrated to, and its digest.
+    /// The first line of every answer: which model it is of.
     pub fn line(&self) -> String {
+        format!("model {}\n", self.told())
+    }
+
+    /// Its id, what it was calibrated to, where it lies and its digest.
+    pub fn told(&self) -> String {
         let (id, standing) = (&self.spec.id, standing(&self.spec));
-        format!("{MODEL_LINE}{id}, {standing}: {} (digest {})\n", self.file.display(), self.short_digest())
+        format!("{id}, {standing}: {} (digest {})", self.file.display(), self.short_digest())
     }
 
     /// The model in one line of a file, the same wherever the build lies: id, stage, what it was calibrated to, digest.
@@ -80,10 +86,9 @@ pub fn load_which(path: &Path, which: &WhichModel) -> Result<LoadedModel, BuildE
             continue;
         }
         let place = folder.join(name);
-        let bytes =
-            store::read(&place).map_err(|e| BuildError::File(format!("{} names {name}: {e}", path.display())))?;
-        let read = formats::read_surface(name, &bytes, &BTreeMap::new())
-            .map_err(|e| BuildError::File(format!("{}: {e}", place.display())))?;
+        let bytes = store::read(&place)
+            .map_err(|e| BuildError::of_file(&path, format!("{} names {name}: {e}", path.display())))?;
+        let read = formats::read_surface(name, &bytes, &BTreeMap::new()).map_err(|e| BuildError::in_file(&place, e))?;
         meshes.insert(name.clone(), MeshValue::Surface(read.mesh));
     }
     let folder = store::absolute(folder)?;
@@ -169,10 +174,10 @@ pub(crate) fn between(from: &Path, file: &Path) -> String {
 }
 
 /// A warning for a verb that leaves a model's added effects out; none where there are none.
-pub fn left_out(spec: &ModelSpec, verb: &str) -> Option<String> {
+pub fn left_out(spec: &ModelSpec, verb: &str) -> Option<Notice> {
     let names: Vec<&str> = spec.components.iter().filter_map(|c| c["effect"].as_str()).collect();
     let told = format!("{verb} leaves out what was added to the model: {} (diagnose takes it in)", names.join(", "));
-    (!names.is_empty()).then_some(told)
+    (!names.is_empty()).then(|| Kind::ComponentsLeftOut.notice(told).count(names.len()))
 }
 
 /// What a verb takes into its predictions of a model's added effects, and what it leaves out; empty where there are none.

@@ -19,7 +19,7 @@ pub fn open(dir: &Path, print: bool, view: bool) -> Result<String, BuildError> {
         None => open::that_detached(&page),
     };
     opened.map_err(|e| {
-        BuildError::File(format!("no browser could be started ({e}); open this in one: {}", told.trim_end()))
+        BuildError::of_file(&page, format!("no browser could be started ({e}); open this in one: {}", told.trim_end()))
     })?;
     Ok(told)
 }
@@ -55,6 +55,9 @@ fn report(dir: &Path) -> Result<PathBuf, BuildError> {
     let page = inspect::build_folder(dir)?.join("report.html");
     match store::exists(&page) {
         true => Ok(page),
-        false => Err(BuildError::File(format!("no {}; write it: build-model report {}", page.display(), quoted(dir)))),
+        false => Err(BuildError::of_file(
+            &page,
+            format!("no {}; write it: build-model report {}", page.display(), quoted(dir)),
+        )),
     }
 }

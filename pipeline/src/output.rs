@@ -1,10 +1,10 @@
 //! What is printed where: words on standard output and warnings on standard error; with `--json` data on the one and errors as data on the other.
 
 use crate::error::{BuildError, OUR_FAULT};
-use crate::model_file::MODEL_LINE;
 use crate::store;
 use crate::told::{ErrorTold, Told, schemas};
 use clap::{Arg, ArgAction, ArgMatches, Command};
+use notices::Notice;
 use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::Value;
@@ -75,8 +75,10 @@ pub struct Output {
     verb: String,
     /// The lines that name the models of the answer.
     models: Vec<String>,
-    /// What is odd.
+    /// What is odd, in sentences.
     warnings: Vec<String>,
+    /// The same as values.
+    notices: Vec<Notice>,
     /// Its lines, as they would be printed.
     lines: Vec<String>,
     /// Of `diagnose`: diagnosis.json, or atlas.json.
@@ -107,8 +109,9 @@ fn as_json(asked: &Asked, told: &Told) -> String {
         serde_json::to_value(Output {
             schema: OUTPUT,
             verb: asked.verb.clone(),
-            models: lines().filter_map(|l| l.strip_prefix(MODEL_LINE).map(str::to_owned)).collect(),
-            warnings: told.warnings.clone(),
+            models: told.models.clone(),
+            warnings: notices::texts(&told.warnings),
+            notices: told.warnings.clone(),
             lines: lines().collect(),
             result: asked.out.as_deref().filter(|_| asked.verb == "diagnose").and_then(result),
         })
@@ -176,17 +179,19 @@ fn advice(code: &str) -> &'static str {
 mod tests {
     use super::*;
     use crate::error::Place;
+    use notices::Kind;
     use serde_json::json;
 
     #[test]
     fn warnings_are_apart_from_the_rest() {
-        let told = Told::lines("warning: a: odd\n2 rows in b\n");
+        let told = Told::words("2 rows in b\n").odd(vec![Kind::DeckOdd.notice("a: odd")]);
         let asked = |json, quiet| Asked { verb: "init".into(), json, quiet, out: None };
         assert_eq!(streams(&asked(false, false), &told), ("2 rows in b\n".into(), "warning: a: odd\n".into()));
         assert_eq!(streams(&asked(false, true), &told), (String::new(), String::new()));
         let (out, err) = streams(&asked(true, true), &told);
         let value: Value = serde_json::from_str(&out).unwrap();
         assert_eq!((&value["warnings"], &value["lines"]), (&json!(["a: odd"]), &json!(["2 rows in b"])));
+        assert_eq!(value["notices"], json!([{"kind": "deck-odd", "weight": "light", "text": "a: odd"}]));
         assert!(err.is_empty());
     }
 

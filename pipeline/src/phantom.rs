@@ -25,14 +25,17 @@ pub fn write(id: &str, seed: u64, volume: bool, hide: Option<&str>, dir: &Path) 
     measure(&mut made, protocols, hide.unwrap_or("null"), seed).map_err(fail)?;
     let same = store::read_text(&dir.join("specimen.toml")).is_ok_and(|t| t.contains(&format!("id = \"{id}\"")));
     if !store::list(dir).is_empty() && !same {
-        return Err(BuildError::File(format!("{} is not empty; give a new folder", dir.display())));
+        return Err(BuildError::of_file(dir, format!("{} is not empty; give a new folder", dir.display())));
     }
     let edited = |(name, bytes): &&(String, Vec<u8>)| store::read(&dir.join(name)).is_ok_and(|there| there != *bytes);
     if let Some((name, _)) = made.files.iter().find(edited) {
-        return Err(BuildError::File(format!(
-            "{} is not as this phantom has it, so it is not written over; give a new folder, or move that file away",
-            dir.join(name).display()
-        )));
+        return Err(BuildError::of_file(
+            &dir.join(name),
+            format!(
+                "{} is not as this phantom has it, so it is not written over; give a new folder, or move that file away",
+                dir.join(name).display()
+            ),
+        ));
     }
     store::write_all(dir, &made.files)?;
     Ok(format!(

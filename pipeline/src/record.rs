@@ -1,8 +1,10 @@
 //! What a build keeps of each stage.
 
-use crate::error::BuildError;
+use crate::error::{BuildError, Place};
 use crate::store;
+use notices::{Kind, Notice};
 use serde::{Deserialize, Serialize};
+use stages::error::Mark;
 use std::path::Path;
 
 /// A line of log.jsonl.
@@ -21,8 +23,11 @@ pub struct Record {
     /// Left by an earlier run with other inputs or options, or not looked at since: its folder stands, and is not what this run would make.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub outdated: bool,
-    /// What it warns of.
+    /// What it warns of, in sentences.
     pub warnings: Vec<String>,
+    /// The same as values; empty in a log that another version wrote.
+    #[serde(default)]
+    pub notices: Vec<Notice>,
     /// Its metrics.
     pub metrics: serde_json::Value,
 }
@@ -34,6 +39,25 @@ pub struct Failure {
     pub stage: String,
     /// Why, and what to do.
     pub message: String,
+    /// The file at fault.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub file: Option<String>,
+    /// Its row or line, the first being 1.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub row: Option<usize>,
+    /// The places that the message names, in CT.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub marks: Vec<Mark>,
+}
+
+impl Record {
+    /// What it warns of, as values; of a log that another version wrote, sentences of no known kind.
+    pub fn told(&self) -> Vec<Notice> {
+        if !self.notices.is_empty() {
+            return self.notices.clone();
+        }
+        self.warnings.iter().map(|w| Kind::Other.notice(w.as_str()).told_by(&self.stage)).collect()
+    }
 }
 
 /// The lines of a build's log.
@@ -43,8 +67,10 @@ pub fn records(build: &Path) -> Result<Vec<Record>, BuildError> {
         .lines()
         .enumerate()
         .map(|(i, line)| {
-            serde_json::from_str(line)
-                .map_err(|e| BuildError::File(format!("{} line {}: {e}; run build-model again", path.display(), i + 1)))
+            serde_json::from_str(line).map_err(|e| {
+                let told = format!("{} line {}: {e}; run build-model again", path.display(), i + 1);
+                BuildError::at(Place { row: Some(i + 1), ..Place::of(&path) }, told)
+            })
         })
         .collect()
 }

@@ -11,6 +11,7 @@ use crate::run_log::{Range, RunLog};
 use crate::stage::list::{STAGES, folder_name, names};
 use crate::stage::parts;
 use crate::store::{self, BuildFolder};
+use crate::told::Told;
 use crate::which_model::{WhichModel, chosen};
 use crate::{inspect, interrupted, report};
 use stages::specimen::{RawSpecimen, SpecimenFile};
@@ -18,8 +19,8 @@ use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;
 
-/// Builds a specimen's model; gives the words to print.
-pub fn run(args: &BuildArgs) -> Result<String, BuildError> {
+/// Builds a specimen's model; gives what is told.
+pub fn run(args: &BuildArgs) -> Result<Told, BuildError> {
     check_range(args)?;
     if let Some(jobs) = args.jobs {
         // A second call in one process keeps the first pool; results do not depend on it.
@@ -44,13 +45,13 @@ pub fn run(args: &BuildArgs) -> Result<String, BuildError> {
     let out = args.out.clone().unwrap_or_else(|| args.dir.join("build"));
     let range = Range { from: args.from.clone(), to: args.to.clone(), force: args.force, plan: args.plan };
     if args.plan && !store::exists(&out.join("log.jsonl")) {
-        return Ok(format!("Nothing is built in {} yet: every stage would run\n", out.display()));
+        return Ok(Told::words(format!("Nothing is built in {} yet: every stage would run\n", out.display())));
     }
     let folder = BuildFolder::open(&out)?;
     let progress = Progress::new(args.quiet, expected(&file, &options, args.to.as_deref()));
     let mut log = RunLog::new(&folder, &options, range, progress);
     if args.plan {
-        return planned(build_model(&file, &raw, &mut log), &log.records, args.json);
+        return planned(build_model(&file, &raw, &mut log), &log.records, args.json).map(Told::words);
     }
     let place = out.clone();
     let _told = interrupted::working(move || Some(kept(&place)));
@@ -69,11 +70,13 @@ pub fn run(args: &BuildArgs) -> Result<String, BuildError> {
         return Err(error);
     }
     Ok(if args.json {
-        inspect::as_json(&records)
+        Told::words(inspect::as_json(&records))
     } else if args.quiet {
-        String::new()
+        Told::default()
     } else {
-        closing_words(&out, (&records, &read), page)
+        let mut odd = inspect::notices(&records);
+        odd.extend(read);
+        Told::words(closing_words(&out, &records, page)).odd(odd)
     })
 }
 
@@ -121,9 +124,12 @@ fn kept(out: &Path) -> String {
 
 /// What is kept of the error that stopped a build.
 fn failure(error: &BuildError) -> Failure {
+    let (file, row) = error.place().map_or((None, None), |p| (Some(p.file.clone()), p.row));
     match error {
-        BuildError::Stage { stage, message, .. } => Failure { stage: (*stage).to_owned(), message: message.clone() },
-        other => Failure { stage: "input".into(), message: other.to_string() },
+        BuildError::Stage { stage, message, marks, .. } => {
+            Failure { stage: (*stage).to_owned(), message: message.clone(), file, row, marks: marks.clone() }
+        }
+        other => Failure { stage: "input".into(), message: other.to_string(), file, row, marks: vec![] },
     }
 }
 
@@ -155,11 +161,8 @@ fn run_toml(raw: &RawSpecimen, file: &SpecimenFile, options: &BuildOptions) -> R
     toml::to_string(&table).map_err(|e| BuildError::File(format!("run.toml: {e}")))
 }
 
-fn closing_words(out: &Path, (records, read): (&[Record], &[String]), page: &str) -> String {
+fn closing_words(out: &Path, records: &[Record], page: &str) -> String {
     let mut text = inspect::table(records);
-    for warning in read {
-        let _ = writeln!(text, "warning: {warning}");
-    }
     let _ = writeln!(text, "\nThe report is {}. Open it: build-model open {}", out.join(page).display(), quoted(out));
     let left: Vec<&str> = records.iter().filter(|r| r.outdated).map(|r| r.stage.as_str()).collect();
     if !left.is_empty() {

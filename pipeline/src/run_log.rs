@@ -8,6 +8,7 @@ use crate::record::{Record, hash, json};
 use crate::stage::list::{Diagnose, folder_name, names};
 use crate::stage::{Files, Reported, Stage, VALUE, Work, parts, section};
 use crate::store::{self, BuildFolder};
+use notices::Notice;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::time::Instant;
@@ -46,7 +47,7 @@ pub struct RunLog<'a> {
     /// One record a finished stage; of a plan, one a stage that would be there.
     pub records: Vec<Record>,
     /// What is odd in what was read, before any stage.
-    pub read_warnings: Vec<String>,
+    pub read_warnings: Vec<Notice>,
 }
 
 const SEAL: &str = "stage.json";
@@ -241,7 +242,8 @@ fn record<T: Reported>(stage: &str, kept: &Kept<T>, took: (f64, f64), cached: bo
         digest: kept.digest().to_owned(),
         cached,
         outdated: false,
-        warnings: kept.warnings().to_vec(),
+        warnings: notices::texts(kept.warnings()),
+        notices: kept.warnings().iter().map(|n| n.clone().told_by(stage)).collect(),
         metrics: kept.metrics(),
     }
 }

@@ -8,6 +8,7 @@ use crate::told::{Flagged, ModelTold, SimulateTold, Told, schemas};
 use crate::which_model::WhichModel;
 use calibration::samples::Samples;
 use clap::Args;
+use notices::{Kind, Notice};
 use rayon::prelude::*;
 use sim::Model;
 use sim::explicit::{ExplicitOptions, TrialSteps, explicit_protocol, explicit_trial, unobserved};
@@ -86,7 +87,7 @@ pub struct Compiled {
     loaded: LoadedModel,
     model: Model,
     /// Samples beside it, and what to say of them; read by the first call that asks for intervals.
-    samples: OnceLock<(Option<Samples>, Vec<String>)>,
+    samples: OnceLock<(Option<Samples>, Vec<Notice>)>,
 }
 
 impl Compiled {
@@ -99,7 +100,7 @@ impl Compiled {
     }
 
     /// The samples beside the model.
-    fn samples(&self) -> Result<&(Option<Samples>, Vec<String>), BuildError> {
+    fn samples(&self) -> Result<&(Option<Samples>, Vec<Notice>), BuildError> {
         if let Some(known) = self.samples.get() {
             return Ok(known);
         }
@@ -145,7 +146,7 @@ pub fn answered(compiled: &Compiled, args: &SimulateArgs) -> Result<Answered, Bu
 
 fn answers_to(
     compiled: &Compiled,
-    trials: Option<(Vec<LaxityTrial>, Vec<String>)>,
+    trials: Option<(Vec<LaxityTrial>, Vec<Notice>)>,
     args: &SimulateArgs,
 ) -> Result<Answered, BuildError> {
     let (trials, mut warnings) = trials.unwrap_or_default();
@@ -189,7 +190,7 @@ fn banded(
     compiled: &Compiled,
     results: &mut [TrialResult],
     asking: &Asking,
-    (words, warnings): (&mut String, &mut Vec<String>),
+    (words, warnings): (&mut String, &mut Vec<Notice>),
 ) -> Result<usize, BuildError> {
     bands::sum_up(results, asking.bundles);
     if asking.most == 0 {
@@ -210,12 +211,12 @@ fn told(
     results: &[TrialResult],
     (csv, args): (&[u8], &SimulateArgs),
     samples: usize,
-    (words, mut warnings): (String, Vec<String>),
+    (words, mut warnings): (String, Vec<Notice>),
 ) -> Told {
     let header = String::from_utf8_lossy(csv.split(|b| *b == b'\n').next().unwrap_or_default()).into_owned();
     let odd = results.iter().filter(|r| !r.flags.is_empty());
     let flagged: Vec<Flagged> = odd.map(|r| Flagged { trial: r.trial.trial.clone(), flags: r.flags.clone() }).collect();
-    warnings.extend(flagged.iter().map(|f| format!("{}: {}", f.trial, f.flags.join("; "))));
+    warnings.extend(flagged.iter().map(|f| Kind::RowFlagged.notice(f.flags.join("; ")).whose(&f.trial)));
     let data = SimulateTold {
         schema: schemas::SIMULATE,
         model: ModelTold::of(loaded),
@@ -224,9 +225,10 @@ fn told(
         columns: header.split(',').map(str::to_owned).collect(),
         samples,
         flagged,
-        warnings: warnings.clone(),
+        warnings: notices::texts(&warnings),
+        notices: warnings.clone(),
     };
-    Told { words, warnings, data: None }.with(&data)
+    Told::words(words).odd(warnings).with(&data)
 }
 
 /// A results file with a last column that names the model.
@@ -278,9 +280,9 @@ fn run_protocol(model: &Model, protocol: ProtocolName, args: &SimulateArgs) -> R
 }
 
 /// The trials of a file, and its warnings.
-fn read_trials(path: &Path) -> Result<(Vec<LaxityTrial>, Vec<String>), BuildError> {
+fn read_trials(path: &Path) -> Result<(Vec<LaxityTrial>, Vec<Notice>), BuildError> {
     let (bytes, name) = (store::read(path)?, path.display().to_string());
     let table =
         laxity::read(&bytes).map_err(|e| BuildError::at(Place::in_laxity(&name, &e), format!("{name}: {e}")))?;
-    Ok((table.trials, table.warnings.iter().map(|w| format!("{name}: {w}")).collect()))
+    Ok((table.trials, table.warnings.into_iter().map(|w| w.in_file(&name)).collect()))
 }

@@ -40,6 +40,7 @@ use crate::report::geometry::Pool;
 use crate::report::picture::Picture;
 use crate::report::scene::Scene;
 use crate::store::BuildFolder;
+use notices::Notice;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use std::any::{Any, TypeId};
@@ -52,7 +53,7 @@ pub(crate) trait Reported {
     /// For metrics.json.
     fn metrics(&self) -> serde_json::Value;
     /// What is odd but not fatal.
-    fn warnings(&self) -> &[String];
+    fn warnings(&self) -> &[Notice];
 }
 
 /// A value whose fields `metrics` and `warnings` tell of it.
@@ -62,7 +63,7 @@ macro_rules! reported {
             fn metrics(&self) -> serde_json::Value {
                 serde_json::to_value(&self.metrics).unwrap_or_default()
             }
-            fn warnings(&self) -> &[String] {
+            fn warnings(&self) -> &[notices::Notice] {
                 &self.warnings
             }
         }

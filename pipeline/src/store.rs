@@ -87,19 +87,25 @@ pub fn first_that_exists(paths: &[PathBuf]) -> PathBuf {
 /// Reads specimen.toml and every file it names that is there, relative to `folder`.
 pub fn read_specimen(folder: &Path) -> Result<(SpecimenFile, RawSpecimen), BuildError> {
     if !folder.is_dir() {
-        return Err(BuildError::File(format!(
-            "{} is not a specimen folder: no such folder{}; expected the folder that holds specimen.toml. A new one: build-model init {}",
-            folder.display(),
-            near_folder(folder),
-            quoted(folder)
-        )));
+        return Err(BuildError::of_file(
+            folder,
+            format!(
+                "{} is not a specimen folder: no such folder{}; expected the folder that holds specimen.toml. A new one: build-model init {}",
+                folder.display(),
+                near_folder(folder),
+                quoted(folder)
+            ),
+        ));
     }
     if !folder.join("specimen.toml").exists() {
-        return Err(BuildError::File(format!(
-            "{} holds no specimen.toml; expected a specimen folder. Make one from these files: build-model init NEW_FOLDER --from {}",
-            folder.display(),
-            quoted(folder)
-        )));
+        return Err(BuildError::of_file(
+            folder,
+            format!(
+                "{} holds no specimen.toml; expected a specimen folder. Make one from these files: build-model init NEW_FOLDER --from {}",
+                folder.display(),
+                quoted(folder)
+            ),
+        ));
     }
     let toml = read_text(&folder.join("specimen.toml"))?;
     let mut files: BTreeMap<String, Vec<u8>> = BTreeMap::new();
@@ -134,10 +140,10 @@ fn series(folder: &Path, name: &str) -> Result<Vec<String>, BuildError> {
             }
         }
         if found.len() > 20_000 {
-            return Err(BuildError::File(format!(
-                "{}: more than 20000 files; expected the folder of one DICOM series",
-                folder.display()
-            )));
+            return Err(BuildError::of_file(
+                folder,
+                format!("{}: more than 20000 files; expected the folder of one DICOM series", folder.display()),
+            ));
         }
     }
     Ok(found)
@@ -163,10 +169,8 @@ impl BuildFolder {
         fs::create_dir_all(root).map_err(wrong)?;
         let lock = File::options().create(true).truncate(false).write(true).open(root.join(".lock")).map_err(wrong)?;
         lock.try_lock().map_err(|_| {
-            BuildError::Machine(format!(
-                "another build-model is at work in {}; wait for it or give --out",
-                root.display()
-            ))
+            let told = format!("another build-model is at work in {}; wait for it or give --out", root.display());
+            BuildError::Machine { told, place: Some(Place::of(root)) }
         })?;
         for entry in fs::read_dir(root).map_err(wrong)?.flatten() {
             if entry.file_name().to_string_lossy().starts_with(".tmp-") {
@@ -256,11 +260,14 @@ fn gather(folder: &Path, prefix: &str, files: &mut BTreeMap<String, Vec<u8>>) ->
 fn in_the_way(path: &Path) -> Result<(), BuildError> {
     match path.ancestors().find(|p| p.exists()).filter(|p| !p.is_dir()) {
         None => Ok(()),
-        Some(file) => Err(BuildError::File(format!(
-            "cannot write to {}: {} is a file, a folder was expected; name another, or move the file away",
-            path.display(),
-            file.display()
-        ))),
+        Some(file) => Err(BuildError::of_file(
+            file,
+            format!(
+                "cannot write to {}: {} is a file, a folder was expected; name another, or move the file away",
+                path.display(),
+                file.display()
+            ),
+        )),
     }
 }
 
@@ -282,7 +289,10 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<(), BuildError> {
     }
     match fs::metadata(path) {
         Ok(there) if there.is_dir() => {
-            return Err(BuildError::File(format!("cannot write {}: it is a folder, name a file", path.display())));
+            return Err(BuildError::of_file(
+                path,
+                format!("cannot write {}: it is a folder, name a file", path.display()),
+            ));
         }
         // a pipe among them, whose link leads to no path
         Ok(there) if !there.is_file() => {
@@ -325,7 +335,7 @@ fn fault(e: &std::io::Error, path: &Path, told: String) -> BuildError {
     use std::io::ErrorKind::{IsADirectory, NotADirectory, NotFound, UnexpectedEof};
     match e.kind() {
         NotFound | IsADirectory | NotADirectory | UnexpectedEof => BuildError::at(Place::of(path), told),
-        _ => BuildError::Machine(told),
+        _ => BuildError::Machine { told, place: Some(Place::of(path)) },
     }
 }
 

@@ -1,5 +1,6 @@
 //! A raw log as readings: rows of one test, flexion and branch are averaged by their load, and what is lost is told.
 
+use notices::{Kind, Notice};
 use sim::coordinate::{AP, Coordinate, FREE, Free};
 use sim::laxity::LaxityTrial;
 use std::collections::BTreeMap;
@@ -13,7 +14,7 @@ const KEPT: usize = 240;
 type Key = (u8, i64, u8);
 
 /// The trials as they are; of a file of too many, the means of rows of like load, and what is said of it.
-pub(crate) fn thinned(trials: Vec<LaxityTrial>) -> (Vec<LaxityTrial>, Option<String>) {
+pub(crate) fn thinned(trials: Vec<LaxityTrial>) -> (Vec<LaxityTrial>, Option<Notice>) {
     // displacements count from a trial by its name, and each stands for itself
     if trials.len() <= MOST_READINGS || trials.iter().any(|t| t.reference.is_some()) {
         return (trials, None);
@@ -41,7 +42,7 @@ pub(crate) fn thinned(trials: Vec<LaxityTrial>) -> (Vec<LaxityTrial>, Option<Str
         kept.len(),
         lost.join(", ")
     );
-    (kept, Some(words))
+    (kept, Some(Kind::Averaged.notice(words).count(rows)))
 }
 
 /// Rows of like load, at most `count` sets between the least and the largest load.

@@ -2,6 +2,7 @@
 
 use crate::model_file::{self, LoadedModel};
 use crate::which_model::standing;
+use notices::Notice;
 use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::Value;
@@ -13,22 +14,22 @@ pub struct Told {
     /// Lines for a person, each with its end.
     pub words: String,
     /// What is odd; beside the words, never among them.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Notice>,
+    /// The models of the answer, a line each.
+    pub models: Vec<String>,
     /// The same for a program; `None` of a verb that has its words only.
     pub data: Option<Value>,
 }
 
 impl Told {
-    /// Words among which lines that begin with "warning: " stand; for verbs that tell no data.
-    pub fn lines(text: &str) -> Told {
-        let mut told = Told::default();
-        for line in text.lines() {
-            match line.strip_prefix("warning: ") {
-                Some(warning) => told.warnings.push(warning.to_owned()),
-                None => told.line(line),
-            }
-        }
-        told
+    /// Words alone.
+    pub fn words(words: impl Into<String>) -> Told {
+        Told { words: words.into(), ..Told::default() }
+    }
+
+    /// With what is odd.
+    pub fn odd(self, warnings: Vec<Notice>) -> Told {
+        Told { warnings, ..self }
     }
 
     /// One more line.
@@ -39,6 +40,16 @@ impl Told {
     /// With data.
     pub fn with<T: Serialize>(self, data: &T) -> Told {
         Told { data: serde_json::to_value(data).ok(), ..self }
+    }
+
+    /// The warnings in sentences.
+    pub fn warning_texts(&self) -> Vec<String> {
+        notices::texts(&self.warnings)
+    }
+
+    /// The warnings as JSON.
+    pub fn warnings_as_json(&self) -> String {
+        serde_json::to_string(&self.warnings).unwrap_or_default()
     }
 
     /// The warnings as lines.
@@ -106,8 +117,10 @@ pub struct SimulateTold {
     pub samples: usize,
     /// Rows that are odd.
     pub flagged: Vec<Flagged>,
-    /// What is odd.
+    /// What is odd, in sentences.
     pub warnings: Vec<String>,
+    /// The same as values.
+    pub notices: Vec<Notice>,
 }
 
 /// `calibrate --json`.
@@ -123,8 +136,10 @@ pub struct CalibrateTold {
     pub folder: String,
     /// The figures of metrics.json.
     pub metrics: Value,
-    /// What is odd.
+    /// What is odd, in sentences.
     pub warnings: Vec<String>,
+    /// The same as values.
+    pub notices: Vec<Notice>,
 }
 
 /// How far two models, or a model and what was measured, differ.
@@ -159,8 +174,10 @@ pub struct ValidateTold {
     pub folder: String,
     /// How far they differ.
     pub differences: Vec<DifferenceTold>,
-    /// What is odd.
+    /// What is odd, in sentences.
     pub warnings: Vec<String>,
+    /// The same as values.
+    pub notices: Vec<Notice>,
 }
 
 /// `export --json`.
@@ -174,8 +191,10 @@ pub struct ExportTold {
     pub folder: String,
     /// The files, by their paths below the folder.
     pub files: Vec<String>,
-    /// What is odd.
+    /// What is odd, in sentences.
     pub warnings: Vec<String>,
+    /// The same as values.
+    pub notices: Vec<Notice>,
 }
 
 /// An error on standard error, where `--json` was asked for.

@@ -10,6 +10,7 @@ use crate::told::{DifferenceTold, ModelTold, Told, ValidateTold, schemas};
 use crate::which_model::{JOINT, WhichModel, of_this_run};
 use calibration::samples::{Samples, group_sums};
 use clap::Args;
+use notices::Notice;
 use serde::{Deserialize, Serialize};
 use sim::laxity::protocol_csv;
 use sim::mesh::MeshValue;
@@ -93,10 +94,11 @@ pub fn validate(args: &ValidateArgs) -> Result<Told, BuildError> {
         models: models.iter().map(|(_, model)| ModelTold::of(model)).collect(),
         folder: args.out.display().to_string(),
         differences: validation.differences.iter().map(difference).collect(),
-        warnings: validation.warnings.clone(),
+        warnings: notices::texts(&validation.warnings),
+        notices: validation.warnings.clone(),
     };
     let words = text + &words(&validation) + &format!("Results are in {}\n", args.out.display());
-    Ok(Told { words, warnings: validation.warnings, data: None }.with(&data))
+    Ok(Told::words(words).odd(validation.warnings).with(&data))
 }
 
 fn difference(d: &Difference) -> DifferenceTold {
@@ -152,7 +154,7 @@ pub(crate) fn source(
     spec: &ModelSpec,
     meshes: &BTreeMap<String, MeshValue>,
     options: &ProtocolOptions,
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<Notice>,
 ) -> Result<Source, BuildError> {
     let fault = |e: sim::SimError| BuildError::File(format!("{name}: {e}"));
     let model = sim::compile(spec, meshes).map_err(fault)?;
@@ -180,7 +182,7 @@ pub(crate) fn band(
     samples: &Samples,
     model: &LoadedModel,
     options: &ProtocolOptions,
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<Notice>,
 ) {
     if options.samples == 0 {
         return;
@@ -196,7 +198,7 @@ pub(crate) fn band(
     ] {
         let asking = Asking { bundles: &bundles, without, most: options.samples, dislocation_ap_mm };
         let told = bands::by(samples, model, rows, &asking);
-        warnings.extend(told.warnings.iter().map(|w| format!("{}: {w}", of.name)));
+        warnings.extend(told.warnings.into_iter().map(|w| w.whose(&of.name)));
     }
 }
 
@@ -214,14 +216,14 @@ pub struct Validation {
     /// What models of single data sets predict of the others' laxity.
     pub cross: Vec<CrossPrediction>,
     /// What is odd but not fatal.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Notice>,
     /// Differences by pair of models, then by protocol and quantity, for metrics.json.
     pub metrics: BTreeMap<String, BTreeMap<String, f64>>,
 }
 
 impl Validation {
     /// Of models with their answers, and what they are compared with.
-    pub(crate) fn new(sources: Vec<Source>, passive: Vec<Passive>, warnings: Vec<String>) -> Validation {
+    pub(crate) fn new(sources: Vec<Source>, passive: Vec<Passive>, warnings: Vec<Notice>) -> Validation {
         let differences = compare(&sources, &passive);
         let mut ids: Vec<&str> = sources.iter().map(|s| s.specimen.as_str()).collect();
         ids.dedup();

@@ -40,10 +40,13 @@ pub fn chosen(path: &Path, which: &WhichModel) -> Result<PathBuf, BuildError> {
     let builds = [path.join("build"), path.to_path_buf()];
     let is_build = |b: &&PathBuf| store::exists(&b.join(ASSEMBLED)) || store::is_folder(&b.join(CALIBRATED));
     let Some(build) = builds.iter().find(is_build) else {
-        return Err(BuildError::File(format!(
-            "no model in {}; expected model.json there, or a build with {ASSEMBLED}: build-model build \"{0}\"",
-            path.display()
-        )));
+        return Err(BuildError::of_file(
+            path,
+            format!(
+                "no model in {}; expected model.json there, or a build with {ASSEMBLED}: build-model build \"{0}\"",
+                path.display()
+            ),
+        ));
     };
     let calibrated = if which.as_assembled { None } else { best(build, which.source.as_deref())? };
     match calibrated {
@@ -62,15 +65,18 @@ fn best(build: &Path, source: Option<&str>) -> Result<Option<PathBuf>, BuildErro
         Some(name) => {
             let have =
                 if names.is_empty() { "it is not calibrated".into() } else { format!("it has {}", names.join(", ")) };
-            Err(BuildError::File(format!("{}: no model calibrated to \"{name}\"; {have}", build.display())))
+            Err(BuildError::of_file(&build, format!("{}: no model calibrated to \"{name}\"; {have}", build.display())))
         }
         None if names.iter().any(|n| n == JOINT) => Ok(Some(file(JOINT))),
         None if names.len() < 2 => Ok(names.first().map(|n| file(n))),
-        None => Err(BuildError::File(format!(
-            "{}: calibrated to {} each by itself, not jointly; choose one by --source NAME, or --as-assembled",
-            build.display(),
-            names.join(", ")
-        ))),
+        None => Err(BuildError::of_file(
+            &build,
+            format!(
+                "{}: calibrated to {} each by itself, not jointly; choose one by --source NAME, or --as-assembled",
+                build.display(),
+                names.join(", ")
+            ),
+        )),
     }
 }
 
@@ -81,10 +87,13 @@ pub(crate) fn of_this_run(build: &Path, stage: &str, file: PathBuf) -> Result<Pa
         return Ok(file);
     }
     let assembled = if stage == "assemble" { "" } else { ", or take --as-assembled" };
-    Err(BuildError::File(format!(
-        "{} is of an earlier run, and the build was changed since; build again without --to (build-model build DIR){assembled}",
-        file.display()
-    )))
+    Err(BuildError::of_file(
+        &file,
+        format!(
+            "{} is of an earlier run, and the build was changed since; build again without --to (build-model build DIR){assembled}",
+            file.display()
+        ),
+    ))
 }
 
 /// A calibrated model of a build, unless the build's assembled model is another by now.
@@ -93,11 +102,14 @@ fn unless_outdated(build: &Path, file: PathBuf) -> Result<PathBuf, BuildError> {
     let from = serde_json::from_str::<ModelSpec>(&store::read_text(&file)?).ok().and_then(|s| s.calibrated);
     let now = if store::exists(&assembled) { Some(hash(&store::read(&assembled)?)) } else { None };
     match (from, now) {
-        (Some(from), Some(now)) if from.from != now => Err(BuildError::File(format!(
-            "{} was calibrated from another model than {} is now; build again (build-model build DIR), or take --as-assembled",
-            file.display(),
-            assembled.display()
-        ))),
+        (Some(from), Some(now)) if from.from != now => Err(BuildError::of_file(
+            &file,
+            format!(
+                "{} was calibrated from another model than {} is now; build again (build-model build DIR), or take --as-assembled",
+                file.display(),
+                assembled.display()
+            ),
+        )),
         _ => of_this_run(build, "calibrate", file),
     }
 }

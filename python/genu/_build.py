@@ -10,7 +10,7 @@ from typing import Any, Literal, Optional
 import numpy as np
 
 from genu._call import as_html, wanted
-from genu._errors import InputError
+from genu._errors import InputError, at
 from genu._meshes import Hexahedra, Surface, read_hexahedra, read_surface
 from genu._model import Model
 from genu._tables import read_table
@@ -100,7 +100,7 @@ class Build:
         places = [os.path.join(given, "build"), given]
         found = [p for p in places if os.path.isfile(os.path.join(p, "log.jsonl"))]
         if not found:
-            raise InputError(f"no build in {given}: no log.jsonl there or in build/; run genu.build first")
+            raise InputError(f"no build in {given}: no log.jsonl there or in build/; run genu.build first", place=at(given))
         self.folder = found[0]
 
     def __repr__(self) -> str:
@@ -145,10 +145,17 @@ class Build:
         return {r["stage"]: list(r["warnings"]) for r in self._current if r["warnings"]}
 
     @property
-    def failure(self) -> Optional[dict[str, str]]:
-        """What stopped the build, ``stage`` and ``message``; None where nothing did."""
+    def notices(self) -> dict[str, list[dict[str, Any]]]:
+        """By stage, what it warns of as values: ``kind``, ``weight``, ``text``; ``file``, ``row``, ``column``, ``element``, ``places``
+        and ``count`` where they are known."""
+        return {r["stage"]: list(r["notices"]) for r in self._current if r.get("notices")}
+
+    @property
+    def failure(self) -> Optional[dict[str, Any]]:
+        """What stopped the build, ``stage`` and ``message``, with ``file``, ``row`` and ``marks`` where they are known; None where
+        nothing did."""
         path = os.path.join(self.folder, "failure.json")
-        found: Optional[dict[str, str]] = self._json(path) if os.path.isfile(path) else None
+        found: Optional[dict[str, Any]] = self._json(path) if os.path.isfile(path) else None
         return found
 
     @property
@@ -216,7 +223,7 @@ class Build:
             number, dash, name = entry.partition("-")
             if dash and name == stage and number[:2].isdigit():
                 return os.path.join(self.folder, entry, *names)
-        raise InputError(f"{self.folder}: stage {stage} has not been run; done are {', '.join(self.stages) or 'none'}")
+        raise InputError(f"{self.folder}: stage {stage} has not been run; done are {', '.join(self.stages) or 'none'}", place=at(self.folder))
 
     def files(self, stage: Stage) -> list[str]:
         """The files of a stage, by their paths below its folder, in order."""
@@ -314,7 +321,7 @@ class Build:
         path = self.path(stage, *name.split("/")) + ending
         if not os.path.isfile(path):
             there = [f[: -len(ending)] for f in self.files(stage) if f.endswith(ending)]
-            raise InputError(f"{path}: no such file; stage {stage} has {', '.join(there) or 'none of this kind'}")
+            raise InputError(f"{path}: no such file; stage {stage} has {', '.join(there) or 'none of this kind'}", place=at(path))
         return path
 
     @staticmethod

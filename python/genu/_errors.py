@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import re
-from typing import Optional
-
-_ROW = re.compile(r"\b(?:line|row)\s+(\d+)\b")
-# A path stands in front of what is wrong with it, after "cannot read" or the stage's name.
-_FILE = re.compile(r"(?:^|cannot (?:read|write) |names |\s)((?:[A-Za-z]:)?[^\s:,;\"']*\.[A-Za-z][A-Za-z0-9.]{0,8})(?=$|[\s:,;\"'])")
+import os
+from typing import Any, Optional
 
 # File, row and column, as far as they are known.
 Place = tuple[Optional[str], Optional[int], Optional[str]]
+
+
+def at(path: Any, row: Optional[int] = None) -> Place:
+    """A file, or a row of it."""
+    return os.fspath(path), row, None
 
 
 class GenuError(Exception):
@@ -33,11 +34,6 @@ class GenuError(Exception):
         self.stage = stage
         self.table = table
         self.file, self.row, self.column = place
-        if self.file is None:  # the sentence alone knows
-            said = message[len(stage) + 2 :] if stage and message.startswith(f"{stage}: ") else message
-            found, row = _FILE.search(said), _ROW.search(said)
-            self.file = found.group(1) if found else None
-            self.row = int(row.group(1)) if row else None
 
 
 class StageError(GenuError):

@@ -10,7 +10,7 @@ from typing import Any, Mapping, Optional, Sequence, Union
 from genu import _errors
 from genu._build import Build
 from genu._call import absolute, as_html, called, names, run, settings, spoken, watching
-from genu._errors import GenuError
+from genu._errors import GenuError, at
 from genu._model import Model, compiled, model_at
 from genu._tables import frame_of, read_table, table_at
 from genu._types import Format, Method, Path, Progress, Protocol, Solver, Stage
@@ -149,7 +149,8 @@ def simulate(
         A row a trial: the columns of the trials with predicted ``vv_deg``, ``ie_deg``, ``ml_mm``, ``ap_mm``, ``si_mm``,
         a force per bundle, ``force_ACL_AM_n``, ... [N], sums of ligaments, ``group_ACL_n``, ..., and the contact of each
         compartment, ``contact_medial_force_n``, ...; of a calibrated model each with ``_mean``, ``_lower``, ``_upper``.
-        ``attrs["warnings"]`` lists what is odd.
+        ``attrs["warnings"]`` lists what is odd, ``attrs["notices"]`` the same as dicts with ``kind``, ``weight``, ``row``
+        and more.
 
     Raises
     ------
@@ -169,9 +170,10 @@ def simulate(
     words += ["--samples", samples] if samples is not None else []
     with watching(progress) as watcher:
         ready = compiled(model)
-        text, warnings = ready.simulate(spoken(words), _errors.made, (jobs, watcher), files)
+        text, warnings, notices = ready.simulate(spoken(words), _errors.made, (jobs, watcher), files)
     found = frame_of(text)
     found.attrs["warnings"] = warnings
+    found.attrs["notices"] = json.loads(notices)
     return found
 
 
@@ -475,4 +477,4 @@ def _json(path: str) -> Any:
         with open(path, encoding="utf-8") as file:
             return json.load(file)
     except OSError as error:
-        raise GenuError(f"cannot read {path}: {error.strerror}") from None
+        raise GenuError(f"cannot read {path}: {error.strerror}", place=at(path)) from None

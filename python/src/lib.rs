@@ -128,7 +128,7 @@ fn at_work<T: Send + 'static>(
             given.here();
         })
         .build()
-        .map_err(|e| BuildError::Machine(format!("no threads could be started: {e}")))?;
+        .map_err(|e| BuildError::Machine { told: format!("no threads could be started: {e}"), place: None })?;
     let value = pool.install(|| watched(watcher, work))?;
     let stage = last.lock().unwrap_or_else(PoisonError::into_inner).clone();
     let _ = sender.send(Told::Event(Event { stage, share: 1.0, message: "done".into() }));
@@ -177,7 +177,7 @@ impl Compiled {
         Ok(Compiled(Arc::new(made)))
     }
 
-    /// Its answers to the words after `simulate`: a CSV file, and what is odd.
+    /// Its answers to the words after `simulate`: a CSV file, what is odd in sentences, and the same as JSON.
     #[pyo3(signature = (words, failure, how=(None, None), files=BTreeMap::new()))]
     fn simulate(
         &self,
@@ -186,12 +186,13 @@ impl Compiled {
         failure: Py<PyAny>,
         how: How,
         files: BTreeMap<PathBuf, Vec<u8>>,
-    ) -> PyResult<(String, Vec<String>)> {
+    ) -> PyResult<(String, Vec<String>, String)> {
         let (jobs, watcher) = how;
         let compiled = Arc::clone(&self.0);
         called(py, Calling { failure, jobs, watcher, files }, move || {
             let answered = genu::simulate::answered(&compiled, &genu::cli::simulate_args(words)?)?;
-            Ok((String::from_utf8_lossy(&answered.csv).into_owned(), answered.told.warnings))
+            let told = answered.told;
+            Ok((String::from_utf8_lossy(&answered.csv).into_owned(), told.warning_texts(), told.warnings_as_json()))
         })
     }
 }

@@ -1,6 +1,7 @@
 //! The text of a file in the encodings that programs write, and files that are no text.
 
 use crate::workbook;
+use notices::{Kind, Notice};
 use std::borrow::Cow;
 
 /// A table as text.
@@ -11,7 +12,7 @@ pub struct Table<'a> {
     /// What stands between cells, where it is known.
     pub separator: Option<char>,
     /// What is told of how it was read.
-    pub notes: Vec<String>,
+    pub notes: Vec<Notice>,
 }
 
 /// The text of a table: of text in any encoding, or of a workbook's sheet with names of `known` (in lower case) in its header.
@@ -27,7 +28,7 @@ pub fn table<'a>(bytes: &'a [u8], known: &[String]) -> Result<Table<'a>, String>
         return Err(kind.to_owned());
     }
     let (text, told) = decoded(bytes);
-    Ok(Table { text, separator: None, notes: told.map(String::from).into_iter().collect() })
+    Ok(Table { text, separator: None, notes: told.map(|what| Kind::Encoding.notice(what)).into_iter().collect() })
 }
 
 /// Share of zero bytes from which on bytes without a mark are UTF-16 [-]: text in Latin letters has one in two.

@@ -5,6 +5,7 @@
 mod parts;
 
 use crate::xml::{Tag, Tags, plain};
+use notices::{Kind, Notice};
 use parts::Parts;
 use std::collections::BTreeMap;
 
@@ -33,7 +34,7 @@ pub(crate) fn looks_zipped(bytes: &[u8]) -> bool {
 /// A sheet as text: rows of cells between semicolons, and what is told of it.
 pub(crate) struct Sheet {
     pub(crate) text: String,
-    pub(crate) notes: Vec<String>,
+    pub(crate) notes: Vec<Notice>,
 }
 
 /// Cells by row and column, from 0.
@@ -61,7 +62,7 @@ pub(crate) fn sheet(bytes: &[u8], known: &[String]) -> Result<Sheet, String> {
         sheets.push((name, read));
     }
     let count = sheets.len();
-    let fits = |read: &Read| has_header(&read.cells, known);
+    let fits = |read: &Read| header(&read.cells, known).is_some();
     let fitting: Vec<usize> = (0..count).filter(|k| fits(&sheets[*k].1)).collect();
     let at = fitting.first().copied().unwrap_or(0);
     let mut notes = Vec::new();
@@ -72,7 +73,7 @@ pub(crate) fn sheet(bytes: &[u8], known: &[String]) -> Result<Sheet, String> {
     if count > 1 {
         let more =
             if fitting.len() > 1 { format!(", the first of {} such tables", fitting.len()) } else { String::new() };
-        notes.push(format!("of {count} sheets, \"{name}\" is read{more}"));
+        notes.push(Kind::SheetChosen.notice(format!("of {count} sheets, \"{name}\" is read{more}")));
     }
     if let Some((row, column)) = read.valueless {
         return Err(format!(
@@ -81,16 +82,37 @@ pub(crate) fn sheet(bytes: &[u8], known: &[String]) -> Result<Sheet, String> {
             row + 1
         ));
     }
+    let header = header(&read.cells, known);
+    if let Some((cells, _)) = read.merged.iter().find(|(_, last)| header.is_some_and(|h| *last > h)) {
+        return Err(format!(
+            "sheet \"{name}\", cells {cells}: merged over several rows, so that all but the first are empty; unmerge them and write the value into each"
+        ));
+    }
+    if read.hidden > 0 {
+        notes.push(
+            Kind::HiddenRows
+                .notice(format!("sheet \"{name}\": {} rows that Excel hides are read", read.hidden))
+                .count(read.hidden),
+        );
+    }
     Ok(Sheet { text: text(&read.cells), notes })
 }
 
-/// Whether one of the first rows holds names that are known.
-fn has_header(cells: &Cells, known: &[String]) -> bool {
+/// The cells that a merged range calls, and its last row, where it has several.
+fn several_rows(tag: &Tag) -> Option<(String, usize)> {
+    let range = tag.attribute("ref")?;
+    let (from, to) = range.split_once(':')?;
+    let (first, last) = (place_of(from)?.0, place_of(to)?.0);
+    (last > first).then(|| (range.to_string(), last))
+}
+
+/// The first of the rows that holds names that are known.
+fn header(cells: &Cells, known: &[String]) -> Option<usize> {
     let mut names = [0; HEAD];
     for ((row, _), cell) in cells.range(..(HEAD, 0)) {
         names[*row] += usize::from(known.contains(&cell.trim().to_lowercase()));
     }
-    names.iter().any(|n| *n >= LEAST_NAMES)
+    names.iter().position(|n| *n >= LEAST_NAMES)
 }
 
 /// The cells as lines of text, each of the same number of cells.
@@ -148,6 +170,10 @@ struct Book {
 struct Read {
     cells: Cells,
     valueless: Option<(usize, usize)>,
+    /// Cells that stand for several rows: as they are called, and their last row.
+    merged: Vec<(String, usize)>,
+    /// Rows with cells that Excel does not show.
+    hidden: usize,
 }
 
 impl Book {
@@ -179,7 +205,7 @@ impl Book {
 
     /// The cells of a sheet that hold anything.
     fn cells(&self, sheet: &str) -> Result<Read, String> {
-        let mut read = Read { cells: Cells::new(), valueless: None };
+        let mut read = Read { cells: Cells::new(), valueless: None, merged: Vec::new(), hidden: 0 };
         let (mut row, mut column) = (0usize, 0usize);
         let mut tags = Tags::of(sheet);
         let mut rows = 0usize;
@@ -189,7 +215,9 @@ impl Book {
                     row =
                         tag.attribute("r").and_then(|r| r.parse::<usize>().ok()).unwrap_or(rows + 1).saturating_sub(1);
                     (rows, column) = (row + 1, 0);
+                    read.hidden += usize::from(tag.attribute("hidden").is_some_and(|h| h == "1" || h == "true"));
                 }
+                "mergeCell" if !tag.closing => read.merged.extend(several_rows(&tag)),
                 "c" if !tag.closing => {
                     if let Some((r, c)) = tag.attribute("r").and_then(|place| place_of(&place)) {
                         (row, column) = (r, c);

@@ -196,6 +196,24 @@ fn turned_signs_are_found() {
     assert_eq!(turned(&|t: &mut LaxityTrial| t.load[SI] = -t.load[SI]), ["load_si_n"]);
 }
 
+/// Units and zeros that no knee has are doubted, each at its column.
+#[test]
+fn loads_ranges_and_origins_of_no_knee_are_doubted() {
+    let changed = |change: &dyn Fn(&mut LaxityTrial)| {
+        let mut trials = made();
+        trials.iter_mut().for_each(change);
+        sign_doubts(&trials).into_iter().map(|d| d.column).collect::<Vec<_>>()
+    };
+    let times = |t: &mut LaxityTrial, c: Coordinate, by: f64| t.measured[c] = t.measured[c].map(|v| by * v);
+    assert!(changed(&|t: &mut LaxityTrial| t.load[AP] *= 100.0).contains(&"load_ap_n".to_owned()));
+    assert!(changed(&|t: &mut LaxityTrial| t.load[SI] *= 1000.0).contains(&"load_si_n".to_owned()));
+    assert!(changed(&|t: &mut LaxityTrial| t.load[IE] *= 88.5).contains(&"load_ie_nm".to_owned()));
+    assert!(changed(&|t: &mut LaxityTrial| times(t, IE, 57.3)).contains(&"ie_deg".to_owned()));
+    for by in [0.1, 1.0 / 25.4, 25.4] {
+        assert!(changed(&|t: &mut LaxityTrial| times(t, SI, by)).contains(&"si_mm".to_owned()), "{by}");
+    }
+}
+
 #[test]
 fn what_cannot_be_read_is_refused_with_its_mend() {
     let refused = |format: &str, csv: &str| {

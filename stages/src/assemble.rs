@@ -14,6 +14,7 @@ use crate::{PerCartilage, StageError};
 use attachments::bundle::{BUNDLES, Bundle};
 use meshes::hex::HexMesh;
 use meshes::surface::TriMesh;
+use notices::{Kind, Notice};
 use serde::{Deserialize, Serialize};
 use sim::spec::{
     BodySpec, BundleSpec, ContactSpec, FibreSpec, FramesSpec, Law, LayerLaw, LayerSpec, ModelSpec, PairSpec, PoseSpec,
@@ -132,7 +133,7 @@ pub struct Assembled {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub patella: Option<Patellofemoral>,
     /// What is odd but not fatal.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Notice>,
     /// For metrics.json.
     pub metrics: AssembleMetrics,
 }
@@ -233,7 +234,7 @@ pub fn assemble(
         calibrated: None,
         uncertainty: Some(uncertainty::uncertainty(specimen, attachments, options.own_law)),
         patella: patella.as_ref().map(|p| p.spec.clone()),
-        warnings: warnings.iter().chain(&attachments.warnings).cloned().collect(),
+        warnings: warnings.iter().chain(&attachments.warnings).map(|w| w.text.clone()).collect(),
     };
     Ok(Assembled { spec, contact, bony, patella, warnings, metrics })
 }
@@ -290,14 +291,18 @@ fn bundles(
     specimen: &Specimen,
     attachments: &Attachments,
     options: &AssembleOptions,
-) -> (Vec<BundleSpec>, Vec<String>) {
+) -> (Vec<BundleSpec>, Vec<Notice>) {
     let mut warnings = Vec::new();
     let mut specs = Vec::new();
     for bundle in BUNDLES.iter() {
         let lengths: Vec<f64> =
             attachments.fibres.iter().filter(|f| f.bundle == bundle.name).map(|f| (f.femur - f.tibia).norm()).collect();
         if lengths.is_empty() {
-            warnings.push(format!("bundle {} is left out: it has no fibre", bundle.name));
+            warnings.push(
+                Kind::BundleLeftOut
+                    .notice(format!("bundle {} is left out: it has no fibre", bundle.name))
+                    .of(&bundle.name),
+            );
             continue;
         }
         specs.push(bundle_spec(bundle, &lengths, specimen, options));

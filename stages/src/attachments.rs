@@ -1,6 +1,7 @@
 //! Stage 6, attachments: marked, literature and given sites; fibres.
 
 mod crossings;
+mod exchanged;
 mod fibres;
 mod given;
 mod marked;
@@ -19,6 +20,7 @@ use attachments::site::{Bone, Fibre, Site, Source};
 use meshes::Point;
 use meshes::frame::AnatomicalFrame;
 use meshes::query::SurfaceQuery;
+use notices::Notice;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -30,7 +32,7 @@ pub struct Attachments {
     /// Table 3's fibres, in its order.
     pub fibres: Vec<Fibre>,
     /// What is odd but not fatal; bundles that could not be placed are named here.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Notice>,
     /// For metrics.json.
     pub metrics: AttachmentsMetrics,
 }
@@ -151,6 +153,7 @@ pub fn attachments(
         let mark = beyond.iter().find(same);
         mark.is_some_and(|(_, place)| (place.point - site.centroid).norm() > options.literature_reach_mm)
     };
+    exchanged::warn(&anatomy(bones, frames, &[]), &sites, width / attachments::atlas::WIDTH_MM, &mut warnings);
     let literature = literature(specimen, bones, cartilage, frames, &sites, options);
     sites.extend(literature.into_iter().filter(|site| !contradicted(site)));
     let anatomy = anatomy(bones, frames, &[]);

@@ -13,6 +13,7 @@ use meshes::smooth::{TaubinOptions, taubin};
 use meshes::surface::TriMesh;
 use meshes::topology::Topology;
 use meshes::{Point, Vector};
+use notices::{Kind, Notice};
 use serde::{Deserialize, Serialize};
 
 /// The rigid bones, closed, about 1.5 mm edges, CT frame; tibia and fibula are bodies of one surface.
@@ -24,7 +25,7 @@ pub struct Bones {
     #[serde(default)]
     pub patella: Option<TriMesh>,
     /// What is odd but not fatal.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Notice>,
     /// For metrics.json.
     pub metrics: BonesMetrics,
 }
@@ -149,7 +150,7 @@ fn bone(
     ct: &TriMesh,
     other: Option<&Point>,
     options: &BonesOptions,
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<Notice>,
 ) -> Result<(TriMesh, BoneMetrics), StageError> {
     let solid = solidify(ct, options.speck_share);
     tell(name, &solid, warnings);
@@ -187,22 +188,27 @@ fn bone(
     Ok((mesh, metrics))
 }
 
-fn tell(name: &str, solid: &Solidified, warnings: &mut Vec<String>) {
+fn tell(name: &str, solid: &Solidified, warnings: &mut Vec<Notice>) {
     for hole in &solid.holes {
         let p = hole.centre;
-        warnings.push(format!(
-            "{name}: hole of {:.0} mm around at ({:.1}, {:.1}, {:.1}) filled",
-            hole.perimeter_mm, p.x, p.y, p.z
-        ));
+        warnings.push(
+            Kind::HoleFilled
+                .notice(format!(
+                    "{name}: hole of {:.0} mm around at ({:.1}, {:.1}, {:.1}) filled",
+                    hole.perimeter_mm, p.x, p.y, p.z
+                ))
+                .of(name)
+                .at([p.x, p.y, p.z]),
+        );
     }
-    for (count, what) in [
-        (solid.dropped_triangles, "degenerate, doubled or crowded triangles dropped"),
-        (solid.turned_triangles, "triangles turned over"),
-        (solid.specks, "specks dropped"),
-        (solid.inner_shells, "inner shells dropped"),
+    for (kind, count, what) in [
+        (Kind::DroppedTriangles, solid.dropped_triangles, "degenerate, doubled or crowded triangles dropped"),
+        (Kind::TurnedTriangles, solid.turned_triangles, "triangles turned over"),
+        (Kind::Specks, solid.specks, "specks dropped"),
+        (Kind::Cavities, solid.inner_shells, "inner shells dropped"),
     ] {
         if count > 0 {
-            warnings.push(format!("{name}: {count} {what}"));
+            warnings.push(kind.notice(format!("{name}: {count} {what}")).of(name).count(count));
         }
     }
 }

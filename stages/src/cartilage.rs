@@ -19,6 +19,7 @@ use meshes::frame::Side;
 use meshes::measure::{edge_quality, percentile};
 use meshes::surface::{ColouredMesh, TriMesh};
 use meshes::{Point, Vector};
+use notices::{Kind, Notice};
 use region::Patch;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -43,7 +44,7 @@ pub struct Cartilage {
     #[serde(default)]
     pub bodies: BTreeMap<String, TriMesh>,
     /// What is odd but not fatal.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Notice>,
     /// For metrics.json.
     pub metrics: CartilageMetrics,
 }
@@ -178,16 +179,16 @@ pub fn cartilage(
 const THICKEST_MM: f64 = 6.0;
 
 /// Names cartilages that are none by their thickness.
-fn too_thick(solids: &PerCartilage<SolidMetrics>) -> Vec<String> {
+fn too_thick(solids: &PerCartilage<SolidMetrics>) -> Vec<Notice> {
     let named =
         [("femur", &solids.femur), ("tibia_medial", &solids.tibia_medial), ("tibia_lateral", &solids.tibia_lateral)];
     let thick = named.into_iter().filter(|(_, m)| m.thickness_p95_mm > THICKEST_MM);
     thick
         .map(|(name, m)| {
-            format!(
+            Kind::TooThick.notice(format!(
                 "{name}: {:.1} mm thick over a twentieth of its area, where cartilage is at most {THICKEST_MM}: an implant's insert, a meniscus, or a label of more than cartilage",
                 m.thickness_p95_mm
-            )
+            )).of(name)
         })
         .collect()
 }
@@ -225,7 +226,7 @@ fn of_scans(
     let (femur, tibfib) = rayon::join(|| one(&femur, options), || one(&tibfib, options));
     let (femur, tibfib) = (femur?, tibfib?);
     let noise = PerBone { femur: femur.bare_sd, tibfib: tibfib.bare_sd };
-    let warnings: Vec<String> = femur.warnings.into_iter().chain(tibfib.warnings).collect();
+    let warnings: Vec<Notice> = femur.warnings.into_iter().chain(tibfib.warnings).collect();
     let made: Vec<(CartilageSolid, Point)> = femur.solids.into_iter().chain(tibfib.solids).collect();
     let [femur, first, second]: [(CartilageSolid, Point); 3] =
         made.try_into().map_err(|_| StageError::part("cartilage", "not three solids"))?;
@@ -266,7 +267,7 @@ struct Made {
     solids: Vec<(CartilageSolid, Point)>,
     /// Scatter of the scan about bare bone [mm].
     bare_sd: f64,
-    warnings: Vec<String>,
+    warnings: Vec<Notice>,
 }
 
 /// A bone with its cartilages.
@@ -297,7 +298,7 @@ fn of_bone(of: &Covered, options: &CartilageOptions) -> Result<Made, StageError>
     let (patches, parted) = region::patches(&domain, least, facing, options);
     if parted {
         let what = "the cartilages of both plateaus had run together and were parted where they are thinnest";
-        warnings.push(format!("{name}: {what}"));
+        warnings.push(Kind::PlateausParted.notice(format!("{name}: {what}")).of(name));
     }
     if patches.len() < count {
         return Err(StageError::Knee(format!(
@@ -309,7 +310,11 @@ fn of_bone(of: &Covered, options: &CartilageOptions) -> Result<Made, StageError>
         )));
     }
     if patches.len() > count {
-        warnings.push(format!("{name}: {} smaller patches above the bone left out", patches.len() - count));
+        warnings.push(
+            Kind::SmallerPatches
+                .notice(format!("{name}: {} smaller patches above the bone left out", patches.len() - count))
+                .of(name),
+        );
     }
     let solid = |p: &_| Ok((solid::solid(name, p, &scan, options)?, p.centre()));
     let solids = patches[..count].iter().map(solid).collect::<Result<_, StageError>>()?;

@@ -15,6 +15,7 @@ pub use layers::FittedLayer;
 use layers::LayerMetrics;
 pub use loading::Curve;
 use meshes::hex::HexMesh;
+use notices::{Kind, Notice};
 use serde::{Deserialize, Serialize};
 use sim::spec::LayerLaw;
 
@@ -148,7 +149,7 @@ pub struct ContactLaw {
     /// The meshes that the fields belong to.
     pub meshes: PerCartilage<HexMesh>,
     /// What is odd but not fatal.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Notice>,
     /// For metrics.json.
     pub metrics: ContactLawMetrics,
 }
@@ -246,9 +247,9 @@ pub fn contact_law(
         _ => (ContactRule::Table, fitted.worst_percent),
     };
     if worst > 10.0 {
-        warnings.push(format!(
+        warnings.push(Kind::LawMisses.notice(format!(
             "the fitted law misses the deformable model's force by up to {worst:.1} %: one law does not serve all flexions"
-        ));
+        )));
     }
     let metrics = metrics(&curves, &fitted, (layer.as_ref(), rules), options);
     Ok(ContactLaw {

@@ -9,6 +9,8 @@ pub struct Place {
     pub key: Option<String>,
     /// The line, the header being line 1, or a program's own name for the place: `line 12`, `control point 3`.
     pub at: Option<String>,
+    /// The number of the line.
+    pub row: Option<usize>,
 }
 
 impl Display for Place {
@@ -18,8 +20,17 @@ impl Display for Place {
     }
 }
 
+/// A place that an error names.
+#[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Mark {
+    /// What lies there, such as `element 12`; empty where it has no name.
+    pub name: String,
+    /// Where in CT [mm].
+    pub place: [f64; 3],
+}
+
 /// Why a stage cannot go on.
-#[derive(Debug, thiserror::Error, Clone, PartialEq, Eq)]
+#[derive(Debug, thiserror::Error, Clone, PartialEq)]
 pub enum StageError {
     /// A file of the specimen cannot be used as it is.
     #[error("{path}{place}: {what}")]
@@ -48,10 +59,20 @@ pub enum StageError {
         part: String,
         /// What is wrong, what was expected, what to do.
         what: String,
+        /// Where.
+        marks: Vec<Mark>,
     },
     /// The knee as a whole, or the data together, are not as they must be.
     #[error("{0}")]
     Knee(String),
+    /// The same, at places that are known.
+    #[error("{what}")]
+    At {
+        /// What is wrong, what was expected, what to do.
+        what: String,
+        /// Where.
+        marks: Vec<Mark>,
+    },
 }
 
 impl StageError {
@@ -62,13 +83,19 @@ impl StageError {
 
     /// A file that `key` of specimen.toml names.
     pub fn named(path: &str, key: &str, what: impl Display) -> StageError {
-        let place = Place { key: Some(key.into()), at: None };
+        let place = Place { key: Some(key.into()), ..Place::default() };
         StageError::File { path: path.into(), place, what: what.to_string() }
     }
 
     /// A place in a file.
     pub fn at(path: &str, at: impl Display, what: impl Display) -> StageError {
-        let place = Place { key: None, at: Some(at.to_string()) };
+        let place = Place { at: Some(at.to_string()), ..Place::default() };
+        StageError::File { path: path.into(), place, what: what.to_string() }
+    }
+
+    /// A line of a file.
+    pub fn line(path: &str, line: usize, what: impl Display) -> StageError {
+        let place = Place { at: Some(format!("line {line}")), row: Some(line), key: None };
         StageError::File { path: path.into(), place, what: what.to_string() }
     }
 
@@ -84,7 +111,28 @@ impl StageError {
 
     /// A part that is not as it must be.
     pub fn part(part: impl Display, what: impl Display) -> StageError {
-        StageError::Part { part: part.to_string(), what: what.to_string() }
+        StageError::Part { part: part.to_string(), what: what.to_string(), marks: vec![] }
+    }
+
+    /// The same fault of a part, at the same places.
+    pub fn of_part(self, part: impl Display) -> StageError {
+        let what = self.to_string();
+        StageError::Part { part: part.to_string(), what, marks: self.into_marks() }
+    }
+
+    /// The places that it names.
+    pub fn marks(&self) -> &[Mark] {
+        match self {
+            StageError::Part { marks, .. } | StageError::At { marks, .. } => marks,
+            _ => &[],
+        }
+    }
+
+    fn into_marks(self) -> Vec<Mark> {
+        match self {
+            StageError::Part { marks, .. } | StageError::At { marks, .. } => marks,
+            _ => vec![],
+        }
     }
 }
 
@@ -97,7 +145,7 @@ mod tests {
         let said = [
             StageError::file("marks.csv", "empty"),
             StageError::named("a.stl", "ct.femur", "open"),
-            StageError::at("marks.csv", "line 3", "frame is `x`"),
+            StageError::line("marks.csv", 3, "frame is `x`"),
             StageError::specimen("[ct]: nothing"),
             StageError::option("bones.edge_mm", 0.1, "0.2 mm or more"),
             StageError::part("cartilage femur", "empty"),

@@ -12,6 +12,7 @@ use crate::specimen::{PointFrame, Specimen};
 use meshes::frame::{AnatomicalFrame, Side};
 use meshes::surface::TriMesh;
 use meshes::{Point, Vector};
+use notices::{Kind, Notice};
 use serde::{Deserialize, Serialize};
 use sim::coordinate::{AP, FE, IE, ML, SI, VV};
 use sim::joint::Joint;
@@ -54,7 +55,7 @@ pub struct Frames {
     /// Epicondyles used, medial then lateral [mm].
     pub epicondyles: [Point; 2],
     /// What is odd but not fatal.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Notice>,
     /// For metrics.json.
     pub metrics: FramesMetrics,
 }
@@ -96,6 +97,9 @@ pub struct FramesOptions {
     pub least_shaft_share: f64,
     /// Distance of a given landmark from what the bone shows beyond which a warning is given [mm].
     pub landmark_limit_mm: f64,
+    /// How far the way to the femoral head or the ankle may lie from the shaft's direction [deg]; beyond, the landmark is refused. Ours: the mechanical
+    /// axis lies 5 to 7 deg from the femoral shaft [yoshioka1987], and a shaft cut short shows its axis within a few degrees.
+    pub far_landmark_limit_deg: f64,
     /// How far an axis [deg] and an origin [mm] of a laboratory's own frames may lie from those that the bones show without a warning. Ours: twice
     /// what two constructions of a frame differ by.
     pub given_limits: [f64; 2],
@@ -111,6 +115,7 @@ impl Default for FramesOptions {
             condylar_angle_range_deg: [0.8, 6.5],
             least_shaft_share: 0.4,
             landmark_limit_mm: 12.0,
+            far_landmark_limit_deg: 20.0,
             given_limits: [12.0, 12.0],
             ct_rotation_limit_deg: [10.0, 18.0],
         }
@@ -134,10 +139,14 @@ pub fn frames(specimen: &Specimen, bones: &Bones, options: &FramesOptions) -> Re
     let plateaus = "; where no landmark tells, it is taken from the plateaus";
     for (name, shaft, instead) in [("femur", &rough.femur_shaft, ""), ("tibia", &rough.tibia_shaft, plateaus)] {
         if shaft.sections < LEAST_SECTIONS {
-            warnings.push(format!(
-                "the {name}'s shaft is too short for its axis to be found well ({} whole sections){instead}",
-                shaft.sections
-            ));
+            warnings.push(
+                Kind::ShortShaft
+                    .notice(format!(
+                        "the {name}'s shaft is too short for its axis to be found well ({} whole sections){instead}",
+                        shaft.sections
+                    ))
+                    .of(name),
+            );
         }
     }
     let mark = |name: &str| landmark(specimen, name);
@@ -152,17 +161,17 @@ pub fn frames(specimen: &Specimen, bones: &Bones, options: &FramesOptions) -> Re
     let angle = axial_angle_deg(&cylinder.direction, &femoral);
     let [least, most] = options.condylar_angle_range_deg;
     if !(least..=most).contains(&angle.abs()) {
-        warnings.push(format!(
+        warnings.push(Kind::CondylarAxis.notice(format!(
             "the condylar axis lies {:.1} deg from the transepicondylar axis in the axial plane, outside {least} to {most} deg: look at the epicondyles in the report, or give epicondyle_medial and epicondyle_lateral in landmarks.csv",
             angle.abs()
-        ));
+        )));
     }
     let [vv, ie] = options.ct_rotation_limit_deg;
     if gs_ct_pose.vv_deg.abs() > vv || gs_ct_pose.ie_deg.abs() > ie {
-        warnings.push(format!(
+        warnings.push(Kind::CtPoseTurned.notice(format!(
             "in the CT pose the tibia stands at {:.0} deg of varus-valgus and {:.0} deg of internal-external rotation, more than {vv} and {ie} deg: an axis of one bone may be wrong; look at both frames in the report",
             gs_ct_pose.vv_deg, gs_ct_pose.ie_deg
-        ));
+        )));
     }
     let metrics = FramesMetrics {
         gs_ct_pose,
@@ -216,7 +225,7 @@ fn short_shafts(
     width_mm: f64,
     mark: &dyn Fn(&str) -> Option<Point>,
     options: &FramesOptions,
-) -> Vec<String> {
+) -> Vec<Notice> {
     let least = options.least_shaft_share * width_mm;
     let bones = [("femur", &rough.femur_shaft, "femoral_head_center"), ("tibia", &rough.tibia_shaft, "ankle_center")];
     let shown = |shaft: &Shaft| shaft.range_mm[1] - shaft.range_mm[0];
@@ -224,11 +233,12 @@ fn short_shafts(
         shaft.sections >= LEAST_SECTIONS && shown(shaft) < least && mark(landmark).is_none()
     });
     let told = short.map(|(bone, shaft, landmark)| {
-        format!(
+        Kind::ShaftCutShort.notice(format!(
             "the {bone}'s shaft is cut short: {:.0} mm of it show its axis (expected {least:.0} or more), which turns by {:.1} deg without the farthest third; flexion or varus-valgus may be off by as much; {landmark} in landmarks.csv, or a taller picture, would tell",
             shown(shaft),
             shaft.turn_deg
-        )
+        ))
+        .of(bone)
     });
     told.collect()
 }
@@ -243,10 +253,10 @@ fn femoral_frame(
     side: Side,
     mark: &dyn Fn(&str) -> Option<Point>,
     options: &FramesOptions,
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<Notice>,
 ) -> Result<(AnatomicalFrame, Cylinder, [Point; 2]), StageError> {
     let along = match mark("femoral_head_center") {
-        Some(head) => (head - rough.joint).normalize(),
+        Some(head) => towards("femoral_head_center", &(head - rough.joint), &rough.femur_shaft, options)?,
         None => from_shaft(rough, options.valgus_deg),
     };
     let like = Directions { medial: -rough.lateral, anterior: rough.anterior, superior: rough.superior };
@@ -267,14 +277,17 @@ fn femoral_frame(
             for (name, given, seen) in [("medial", medial, found[0]), ("lateral", lateral, found[1])] {
                 let apart = (given - seen).norm();
                 if apart > options.landmark_limit_mm {
-                    warnings.push(format!("landmark epicondyle_{name} lies {apart:.0} mm from the epicondyle that the bone shows; the landmark is used"));
+                    warnings.push(Kind::EpicondyleFar.notice(format!("landmark epicondyle_{name} lies {apart:.0} mm from the epicondyle that the bone shows; the landmark is used")));
                 }
             }
             [medial, lateral]
         }
         (None, None) => found,
         _ => {
-            warnings.push("of the epicondyles only one is given as a landmark; both are taken from the bone".into());
+            warnings.push(
+                Kind::OneEpicondyle
+                    .notice("of the epicondyles only one is given as a landmark; both are taken from the bone"),
+            );
             found
         }
     };
@@ -284,6 +297,19 @@ fn femoral_frame(
         StageError::Knee("the transepicondylar axis and the femur's long axis are parallel: check the landmarks epicondyle_* and femoral_head_center".into())
     })?;
     Ok((frame, cylinder, ends))
+}
+
+/// The direction to a landmark at a bone's far end, as its shaft shows that it may be.
+fn towards(name: &str, way: &Vector, shaft: &Shaft, options: &FramesOptions) -> Result<Vector, StageError> {
+    let off = way.angle(&shaft.direction).to_degrees();
+    if shaft.sections >= LEAST_SECTIONS && !(off <= options.far_landmark_limit_deg) {
+        return Err(StageError::Knee(format!(
+            "landmark {name} lies {:.0} mm from the knee, {off:.0} deg off the direction of the shaft (limit {}): check its unit, frame and sign",
+            way.norm(),
+            options.far_landmark_limit_deg
+        )));
+    }
+    Ok(way.normalize())
 }
 
 /// The femoral shaft's direction turned in the coronal plane, its upper end medially.
@@ -300,7 +326,7 @@ fn tibial_frame(
     side: Side,
     mark: &dyn Fn(&str) -> Option<Point>,
     options: &FramesOptions,
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<Notice>,
 ) -> Result<(AnatomicalFrame, AnatomicalFrame), StageError> {
     let d = Directions { medial: -rough.lateral, anterior: rough.anterior, superior: rough.superior };
     let [medial, lateral] = plateau_centres(tibfib, &d, &rough.joint).ok_or_else(|| {
@@ -312,13 +338,13 @@ fn tibial_frame(
         && rough.tibia_shaft.sections >= LEAST_SECTIONS
         && off_line(&p, &rough.tibia_shaft) > options.landmark_limit_mm
     {
-        warnings.push(format!(
+        warnings.push(Kind::ShaftLandmarkFar.notice(format!(
             "landmark tibial_shaft_distal lies {:.0} mm from the shaft's axis; the shaft is used",
             off_line(&p, &rough.tibia_shaft)
-        ));
+        )));
     }
     let superior = match (mark("ankle_center"), distal) {
-        (Some(ankle), _) => origin - ankle,
+        (Some(ankle), _) => -towards("ankle_center", &(ankle - origin), &rough.tibia_shaft, options)?,
         (None, Some(p)) if rough.tibia_shaft.sections < LEAST_SECTIONS => origin - p,
         _ => rough.superior,
     };
@@ -338,7 +364,7 @@ fn tibial_frame(
     let place = match tips {
         Some([a, b]) => nalgebra::center(&a, &b),
         None => {
-            warnings.push("the bone shows no two intercondylar eminences: the tibia's origin lies on the bone above the middle of the plateaus; eminence_medial and eminence_lateral in landmarks.csv would tell".into());
+            warnings.push(Kind::NoEminences.notice("the bone shows no two intercondylar eminences: the tibia's origin lies on the bone above the middle of the plateaus; eminence_medial and eminence_lateral in landmarks.csv would tell"));
             origin
         }
     };

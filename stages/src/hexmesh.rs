@@ -1,6 +1,7 @@
 //! Stage 7, hexmesh: cartilage solids become hexahedra.
 
 use crate::cartilage::{Cartilage, CartilageSolid};
+use crate::error::Mark;
 use crate::{PerCartilage, StageError};
 use meshes::hex::HexMesh;
 use meshes::parametrise::{Flat, flatten};
@@ -9,6 +10,7 @@ use meshes::query::SurfaceQuery;
 use meshes::surface::TriMesh;
 use meshes::sweep::{Columns, Faces};
 use meshes::{Point, Vector};
+use notices::{Kind, Notice};
 use serde::{Deserialize, Serialize};
 
 mod faces;
@@ -63,7 +65,7 @@ pub struct HexCartilage {
     /// The meshes.
     pub meshes: PerCartilage<HexMesh>,
     /// What is odd but not fatal.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Notice>,
     /// For metrics.json.
     pub metrics: PerCartilage<HexQuality>,
 }
@@ -95,7 +97,7 @@ pub struct HexQuality {
 pub fn hexmesh(cartilage: &Cartilage, options: &HexmeshOptions) -> Result<HexCartilage, StageError> {
     check(options)?;
     let one = |name: &str, solid: &CartilageSolid| {
-        mesh_solid(solid, options).map_err(|e| StageError::part(format_args!("cartilage {name}"), e))
+        mesh_solid(solid, options).map_err(|e| e.of_part(format_args!("cartilage {name}")))
     };
     let solids = &cartilage.solids;
     let (femur, (medial, lateral)) = rayon::join(
@@ -105,7 +107,7 @@ pub fn hexmesh(cartilage: &Cartilage, options: &HexmeshOptions) -> Result<HexCar
     let meshed = PerCartilage { femur: femur?, tibia_medial: medial?, tibia_lateral: lateral? };
     let mut warnings = Vec::new();
     for (name, (_, notes)) in meshed.named() {
-        warnings.extend(notes.iter().map(|n| format!("cartilage {name}: {n}")));
+        warnings.extend(notes.iter().map(|n| n.clone().whose(&format!("cartilage {name}"))));
     }
     let meshes = PerCartilage {
         femur: meshed.femur.0,
@@ -168,7 +170,7 @@ pub fn check(options: &HexmeshOptions) -> Result<(), StageError> {
 }
 
 /// The mesh of one solid and what was odd about it.
-fn mesh_solid(solid: &CartilageSolid, options: &HexmeshOptions) -> Result<(HexMesh, Vec<String>), StageError> {
+fn mesh_solid(solid: &CartilageSolid, options: &HexmeshOptions) -> Result<(HexMesh, Vec<Notice>), StageError> {
     let mut notes = Vec::new();
     let sheet = faces::split(solid, &mut notes)?;
     let queries = SurfaceQuery::new(&sheet.bony).zip(SurfaceQuery::new(&sheet.articular));
@@ -184,12 +186,20 @@ fn mesh_solid(solid: &CartilageSolid, options: &HexmeshOptions) -> Result<(HexMe
     }
     let raised = thicken(&mut columns, 0.5 * options.min_thickness_mm);
     if raised > 0 {
-        notes.push(format!("{raised} columns were thinner than half the minimum thickness and were raised to it"));
+        notes.push(
+            Kind::RaisedColumns
+                .notice(format!("{raised} columns were thinner than half the minimum thickness and were raised to it"))
+                .count(raised),
+        );
     }
     let mesh = columns.hexahedra(options.layers);
     let inverted = (0..mesh.elements.len()).filter(|&e| mesh.scaled_jacobian(e) <= 0.0).count();
     if inverted > 0 {
-        notes.push(format!("{inverted} of {} elements are inverted", mesh.elements.len()));
+        notes.push(
+            Kind::InvertedElements
+                .notice(format!("{inverted} of {} elements are inverted", mesh.elements.len()))
+                .count(inverted),
+        );
     }
     refuse_bad(&mesh, options)?;
     Ok((mesh, notes))
@@ -209,28 +219,36 @@ fn refuse_bad(mesh: &HexMesh, options: &HexmeshOptions) -> Result<(), StageError
         return Ok(());
     }
     bad.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    let named: Vec<String> = bad
+    let named: Vec<(Mark, f64)> = bad
         .iter()
         .take(NAMED_ELEMENTS)
         .map(|&(q, e)| {
             let middle = mesh.elements[e].iter().map(|&n| mesh.nodes[n as usize].coords).sum::<Vector>() / 8.0;
-            format!("element {} at ({:.1}, {:.1}, {:.1}) {q:.2}", e + 1, middle.x, middle.y, middle.z)
+            (Mark { name: format!("element {}", e + 1), place: middle.into() }, q)
         })
         .collect();
-    Err(StageError::Knee(format!(
+    let words: Vec<String> = named
+        .iter()
+        .map(|(mark, q)| {
+            let [x, y, z] = mark.place;
+            format!("{} at ({x:.1}, {y:.1}, {z:.1}) {q:.2}", mark.name)
+        })
+        .collect();
+    let what = format!(
         "{} of {} elements have a scaled Jacobian of {} or less, expected at most a hundredth; the worst: {}; look at the solid there, or change hexmesh.edge_length_mm or min_thickness_mm",
         bad.len(),
         mesh.elements.len(),
         options.least_scaled_jacobian,
-        named.join(", ")
-    )))
+        words.join(", ")
+    );
+    Err(StageError::At { what, marks: named.into_iter().map(|(mark, _)| mark).collect() })
 }
 
 /// Lays the bony face flat and covers it with quadrilaterals wherever the cartilage is thick enough.
 fn plan(
     sheet: &faces::Sheet,
     options: &HexmeshOptions,
-    notes: &mut Vec<String>,
+    notes: &mut Vec<Notice>,
 ) -> Result<(Vec<Flat>, QuadGrid), StageError> {
     let edge = options.edge_length_mm;
     let flat = flatten(&sheet.bony).ok_or_else(|| StageError::Knee("the bony face cannot be laid flat".into()))?;
@@ -239,7 +257,11 @@ fn plan(
     let flat: Vec<Flat> = flat.iter().map(|p| turn * p).collect();
     let (outline, holes) = outline(sheet, &flat, options)?;
     if holes > 0 {
-        notes.push(format!("{holes} thin spots of at most {} mm2 meshed over", options.filled_hole_mm2));
+        notes.push(
+            Kind::ThinSpots
+                .notice(format!("{holes} thin spots of at most {} mm2 meshed over", options.filled_hole_mm2))
+                .count(holes),
+        );
     }
     let grid = quads_within(&outline, edge);
     if grid.quads.is_empty() {

@@ -12,6 +12,7 @@ mod space;
 mod surfaces;
 
 pub use file::{OPTIONAL_PATHS, named, parse_specimen_file, paths_named_by, paths_named_in, paths_of};
+use notices::{Kind, Notice};
 pub use space::of_knee;
 pub use surfaces::{Judged, judge_surfaces, middle_extent};
 
@@ -72,7 +73,7 @@ pub fn ingest_file(file: &SpecimenFile, raw: &RawSpecimen, options: &IngestOptio
     let mut warnings = Vec::new();
     file::check_present(file, raw)?;
     let surface =
-        |key: &str, path: &str, warnings: &mut Vec<String>| surfaces::checked(key, path, &raw.files, options, warnings);
+        |key: &str, path: &str, warnings: &mut Vec<Notice>| surfaces::checked(key, path, &raw.files, options, warnings);
     let sources = sources(file, raw, options, &mut warnings, &surface)?;
     let landmarks = points::landmarks(file, raw, options, &mut warnings)?;
     warnings.extend(points::missing(file, raw, &landmarks));
@@ -85,8 +86,16 @@ pub fn ingest_file(file: &SpecimenFile, raw: &RawSpecimen, options: &IngestOptio
     for bundle in BUNDLES.iter() {
         let given = given_fibres.iter().filter(|f| f.bundle == bundle.name).count();
         if given > 0 && given != bundle.fibres {
-            warnings
-                .push(format!("attachments.csv gives {} {given} fibres, Table 3 has {}", bundle.name, bundle.fibres));
+            warnings.push(
+                Kind::FibreCount
+                    .notice(format!(
+                        "attachments.csv gives {} {given} fibres, Table 3 has {}",
+                        bundle.name, bundle.fibres
+                    ))
+                    .file("attachments.csv")
+                    .of(&bundle.name)
+                    .count(given),
+            );
         }
     }
     space::check(&sources.ct, [&landmarks, &marks])?;
@@ -121,7 +130,7 @@ fn hold(
     sources: &Sources,
     [landmarks, marks]: [&[NamedPoint]; 2],
     fibres: &[Fibre],
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<Notice>,
 ) -> Result<(), StageError> {
     let Some(bones) = held::Bones::of(&sources.ct) else { return Ok(()) };
     let given = [&file.points.landmarks, &file.points.marks, &file.points.attachments];
@@ -143,13 +152,13 @@ fn hold_bodies(
     file: &SpecimenFile,
     sources: &Sources,
     given: Option<&frames::given::GivenFrames>,
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<Notice>,
 ) -> Result<(), StageError> {
     let side = file.specimen.side;
     if let Some(axes) = bodies::axes(&sources.ct.femur, &sources.ct.tibfib, side) {
         bodies::grown_together(&sources.ct.femur, &axes, "the femur", warnings);
         if axes.fibula.is_none() {
-            warnings.push(NO_FIBULA.into());
+            warnings.push(Kind::NoFibula.notice(NO_FIBULA));
         }
     }
     if let (Some(given), Some(table), Some(bones)) = (given, &file.frames, held::Bones::of(&sources.ct)) {
@@ -179,7 +188,7 @@ fn sources(
     file: &SpecimenFile,
     raw: &RawSpecimen,
     options: &IngestOptions,
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<Notice>,
     surface: &Read,
 ) -> Result<Sources, StageError> {
     if let (Some(table), true) = (&file.segmentation, file.ct.is_empty()) {
@@ -212,7 +221,11 @@ fn sources(
     };
     for (key, scan) in [("scans.femur", &scan_femur), ("scans.tibfib", &scan_tibfib)] {
         if scan.colours.iter().all(|c| *c == scan.colours[0]) {
-            warnings.push(format!("{key} has no colours: outlined attachment sites cannot be found on it"));
+            warnings.push(
+                Kind::NoColours
+                    .notice(format!("{key} has no colours: outlined attachment sites cannot be found on it"))
+                    .of(key),
+            );
         }
     }
     let metrics =
@@ -227,12 +240,12 @@ fn of_mri(
     read: mri::Read,
     patella: Option<Patella>,
     metrics: IngestMetrics,
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<Notice>,
 ) -> Sources {
     let register = if read.mri.in_ct { "register is left out, and " } else { "" };
-    warnings.push(format!(
+    warnings.push(Kind::NoScans.notice(format!(
         "no scans: {register}no outlines are looked for; ligaments without points in marks.csv or attachments.csv are placed by the literature"
-    ));
+    )));
     let metrics = IngestMetrics { mri: Some(read.metrics), ..metrics };
     let bare = |mesh: TriMesh| ColouredMesh { mesh, colours: Vec::new() };
     let scans = PerBone { femur: bare(read.bones.femur), tibfib: bare(read.bones.tibfib) };
@@ -240,20 +253,23 @@ fn of_mri(
 }
 
 /// Reads a surface by key and path, with its counts.
-type Read<'a> = dyn Fn(&str, &str, &mut Vec<String>) -> Result<(ColouredMesh, SurfaceMetrics), StageError> + 'a;
+type Read<'a> = dyn Fn(&str, &str, &mut Vec<Notice>) -> Result<(ColouredMesh, SurfaceMetrics), StageError> + 'a;
 
 /// The patella that specimen.toml names, or that stage 0 found.
 fn patella(
     file: &SpecimenFile,
     raw: &RawSpecimen,
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<Notice>,
     surface: &Read,
 ) -> Result<Option<Patella>, StageError> {
     let found = raw.files.contains_key(SEGMENTED_PATELLA).then_some(SEGMENTED_PATELLA);
     let scan_path = file.scans.as_ref().and_then(|s| s.patella.as_deref());
     let Some(path) = file.ct.patella.as_deref().or(found) else {
         if scan_path.is_some() {
-            warnings.push("scans.patella is left out: CT shows no patella to lay it on; name one as ct.patella".into());
+            warnings.push(
+                Kind::PatellaScanLeftOut
+                    .notice("scans.patella is left out: CT shows no patella to lay it on; name one as ct.patella"),
+            );
         }
         return Ok(None);
     };

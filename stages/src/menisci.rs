@@ -10,6 +10,7 @@ use atlas::Plateau;
 use meshes::frame::AnatomicalFrame;
 use meshes::surface::TriMesh;
 use meshes::{Point, Vector};
+use notices::{Kind, Notice};
 use serde::{Deserialize, Serialize};
 use sim::spec::{HornSpec, MeniscusMaterial, MeniscusSpec, SectionSpec};
 use sizes::SIZES;
@@ -91,7 +92,7 @@ pub struct Laid {
     /// Medial, lateral.
     pub menisci: Vec<MeniscusSpec>,
     /// What is odd but not fatal.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Notice>,
     /// Of each.
     pub metrics: Vec<MeniscusMetrics>,
 }
@@ -167,7 +168,7 @@ fn meniscus(
 }
 
 /// What is told of horns that end elsewhere than the literature has it.
-fn odd_roots(between: &Between, roots: &[Point; 2], of_atlas: &[Point; 2]) -> Vec<String> {
+fn odd_roots(between: &Between, roots: &[Point; 2], of_atlas: &[Point; 2]) -> Vec<Notice> {
     let up = between.frame.superior;
     let off = |n: usize| {
         let d = roots[n] - of_atlas[n];
@@ -177,23 +178,23 @@ fn odd_roots(between: &Between, roots: &[Point; 2], of_atlas: &[Point; 2]) -> Ve
         .into_iter()
         .filter(|(n, _)| off(*n) > ROOT_OFF_MM)
         .map(|(n, which)| {
-            format!(
+            Kind::HornFar.notice(format!(
                 "{}: its {which} horn ends {:.0} mm from where the literature has its root, and is held there: check whether the segmentation is cut short",
                 between.name(),
                 off(n)
-            )
+            )).of(&between.name())
         })
         .collect()
 }
 
 /// What is told of a shape of another volume than the body's.
-fn odd_volume(m: &MeniscusMetrics) -> Option<String> {
+fn odd_volume(m: &MeniscusMetrics) -> Option<Notice> {
     let given = m.segmented_mm3?;
     ((m.volume_mm3 / given - 1.0).abs() > VOLUME_SHARE).then(|| {
-        format!(
+        Kind::MeniscusVolume.notice(format!(
             "{}: its wedges have {:.0} mm3, the segmented body {given:.0} mm3: look for a body that is not wedge-shaped, or lies within a cartilage",
             m.name, m.volume_mm3
-        )
+        )).of(&m.name)
     })
 }
 

@@ -8,6 +8,7 @@ use crate::{PerCartilage, StageError};
 use meshes::gap::{ContactFace, probes};
 use meshes::hex::HexMesh;
 use meshes::{Point, Vector, grnn};
+use notices::{Kind, Notice};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -65,7 +66,7 @@ pub struct Separated {
     /// The meshes.
     pub meshes: PerCartilage<HexMesh>,
     /// What is odd but not fatal.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Notice>,
     /// For metrics.json.
     pub metrics: OverclosureMetrics,
 }
@@ -348,24 +349,32 @@ fn report(
     }
     let mut warnings = Vec::new();
     if after < options.gap_mm {
-        warnings.push(format!("smallest gap {after:.3} mm after {iterations} iterations, wanted {}", options.gap_mm));
+        warnings.push(
+            Kind::SmallGap
+                .notice(format!("smallest gap {after:.3} mm after {iterations} iterations, wanted {}", options.gap_mm)),
+        );
     }
     let largest = feet::moves(&meshes, hexes, |m| &m.articular_nodes).into_iter().fold(0.0, f64::max);
     let lifts = feet::moves(&meshes, hexes, |m| &m.bony_nodes);
     let lift = lifts.iter().copied().fold(0.0, f64::max);
     if lift > NOTABLE_LIFT_MM {
         let lifted = lifts.iter().filter(|l| **l > NOTABLE_LIFT_MM).count();
-        warnings.push(format!(
+        warnings.push(Kind::LiftedOff.notice(format!(
             "cartilage was lifted off its bone by up to {lift:.2} mm, at {lifted} of {} bony nodes, to separate cartilages {:.2} mm deep in each other: thinning alone would change its elements by more than {:.1} % or spoil them; check the registration",
             lifts.len(),
             -before,
             100.0 * options.volume_change_max
-        ));
+        )).count(lifted));
     }
     for (name, mesh) in meshes.named() {
         let inverted = (0..mesh.elements.len()).filter(|&e| mesh.scaled_jacobian(e) <= 0.0).count();
         if inverted > 0 {
-            warnings.push(format!("cartilage {name}: {inverted} of {} elements are inverted", mesh.elements.len()));
+            warnings.push(
+                Kind::InvertedElements
+                    .notice(format!("cartilage {name}: {inverted} of {} elements are inverted", mesh.elements.len()))
+                    .of(name)
+                    .count(inverted),
+            );
         }
     }
     // No probe of one cartilage near the other: no gap to tell.

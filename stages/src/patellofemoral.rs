@@ -15,6 +15,7 @@ use meshes::Point;
 use meshes::frame::AnatomicalFrame;
 use meshes::query::SurfaceQuery;
 use meshes::surface::TriMesh;
+use notices::{Kind, Notice};
 use serde::{Deserialize, Serialize};
 use sim::spec::{
     AxisSpec, BandSpec, EndsSpec, HeadSpec, PatellaContactSpec, PatellaSource, PatellaSpec, QuadricepsSpec,
@@ -77,7 +78,7 @@ pub struct Patellofemoral {
     /// A closed surface to be seen, where the knee's own is not there.
     pub seen: Option<TriMesh>,
     /// What is odd but not fatal.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Notice>,
     /// For metrics.json.
     pub metrics: PatellaMetrics,
 }
@@ -244,19 +245,19 @@ const GAPS: [f64; 2] = [-1.5, 6.0];
 const INSALL_SALVATI: [f64; 2] = [0.7, 1.4];
 
 /// What is odd about a patella.
-fn warnings(gap: f64, ratio: f64) -> Vec<String> {
+fn warnings(gap: f64, ratio: f64) -> Vec<Notice> {
     let mut out = Vec::new();
     if !(GAPS[0]..=GAPS[1]).contains(&gap) {
-        out.push(format!(
+        out.push(Kind::PatellaGap.notice(format!(
             "patella: the least gap to the trochlea is {gap:.1} mm in the CT pose, expected {} to {}: is it where the femur is?",
             GAPS[0], GAPS[1]
-        ));
+        )).of("patella"));
     }
     if !(INSALL_SALVATI[0]..=INSALL_SALVATI[1]).contains(&ratio) {
-        out.push(format!(
+        out.push(Kind::TendonLength.notice(format!(
             "patella: the tendon is {ratio:.2} times as long as the patella, usual are {} to {}; a landmark tibial_tuberosity would correct a tuberosity wrongly found",
             INSALL_SALVATI[0], INSALL_SALVATI[1]
-        ));
+        )).of("patella"));
     }
     out
 }

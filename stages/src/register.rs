@@ -2,6 +2,7 @@
 
 mod capsule;
 
+use crate::error::Mark;
 use crate::specimen::{NamedPoint, Patella, PointFrame, Specimen};
 use crate::{PerBone, StageError};
 use meshes::frame::{Ct, Pose, Scan};
@@ -9,6 +10,7 @@ use meshes::registration::{bare, fit, icp, sample, start, target::Target};
 use meshes::surface::{ColouredMesh, TriMesh};
 use meshes::{Isometry, Point, Vector};
 use nalgebra::{Matrix3, SymmetricEigen};
+use notices::{Kind, Notice};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -43,7 +45,7 @@ pub struct Registration {
     #[serde(default)]
     pub patella: Option<BoneRegistration>,
     /// What is odd but not fatal.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Notice>,
     /// For metrics.json.
     pub metrics: Option<RegisterMetrics>,
 }
@@ -135,15 +137,15 @@ pub fn register(specimen: &Specimen, options: &RegisterOptions) -> Result<Regist
         let mut warnings = Vec::new();
         let pairs = landmark_pairs(&specimen.landmarks, frame);
         let points: Vec<(Point, Point)> = pairs.iter().map(|p| (p.1, p.2)).collect();
-        let bone = register_bone(ct, scan, &points, options).map_err(|e| StageError::part(name, e))?;
+        let bone = register_bone(ct, scan, &points, options).map_err(|e| e.of_part(name))?;
         if bone.level_mm != 0.0 {
             let (by, size) = (bone.level_mm.abs(), if bone.level_mm > 0.0 { "small" } else { "large" });
-            warnings.push(format!("{name}: the CT bone is about {by:.2} mm too {size} all over: look at the threshold it was segmented with"));
+            warnings.push(Kind::CtSize.notice(format!("{name}: the CT bone is about {by:.2} mm too {size} all over: look at the threshold it was segmented with")).of(name));
         }
         for (landmark, from, to) in &pairs {
             let apart = (bone.ct_from_scan.point(from) - to).norm();
             if apart > options.landmark_limit_mm {
-                warnings.push(format!("{name}: landmark {landmark} of scan and CT lie {apart:.1} mm apart after registration: misplaced in one of them"));
+                warnings.push(Kind::LandmarkMisplaced.notice(format!("{name}: landmark {landmark} of scan and CT lie {apart:.1} mm apart after registration: misplaced in one of them")).of(landmark));
             }
         }
         Ok::<_, StageError>((bone, warnings))
@@ -173,11 +175,11 @@ pub fn register(specimen: &Specimen, options: &RegisterOptions) -> Result<Regist
 }
 
 /// The patella's scan on its CT surface; a warning where it does not fit, since no simulation needs it.
-fn patella(patella: &Patella, options: &RegisterOptions, warnings: &mut Vec<String>) -> Option<BoneRegistration> {
+fn patella(patella: &Patella, options: &RegisterOptions, warnings: &mut Vec<Notice>) -> Option<BoneRegistration> {
     match register_bone(&patella.ct, patella.scan.as_ref()?, &[], options) {
         Ok(found) => Some(found),
         Err(e) => {
-            warnings.push(format!("patella: its scan is left out: {e}"));
+            warnings.push(Kind::PatellaUnfit.notice(format!("patella: its scan is left out: {e}")).of("patella"));
             None
         }
     }
@@ -308,7 +310,8 @@ fn believe(fitted: &fit::Fitted, scan: &bare::Scan, options: &RegisterOptions) -
     if trusted {
         return Ok(());
     }
-    let place = fitted.worst_place(scan).map_or(String::new(), |w| {
+    let worst = fitted.worst_place(scan);
+    let place = worst.as_ref().map_or(String::new(), |w| {
         format!(
             "; worst in the third {}, about ({:.0}, {:.0}, {:.0}) mm of the scan, {:.1} mm {} the CT bone",
             ["nearest the cut end", "midway", "farthest from the cut end"][w.third],
@@ -319,7 +322,7 @@ fn believe(fitted: &fit::Fitted, scan: &bare::Scan, options: &RegisterOptions) -
             if w.residual > 0.0 { "outside" } else { "inside" }
         )
     });
-    Err(StageError::Knee(format!(
+    let what = format!(
         "the scan does not fit the CT bone: bare bone kept out of the fit lies {:.2} mm (rms, limit {:.2}) from it, {:.0} % \
          of the bone-like scan lies on it (limit {:.0} %), predicted mean error {:.2} mm (limit {:.2}){place}; \
          check that scan and CT are the same bone of the same knee, in mm, at one scale and not mirrored (two columns exchanged mirror a bone)",
@@ -329,5 +332,8 @@ fn believe(fitted: &fit::Fitted, scan: &bare::Scan, options: &RegisterOptions) -
         100.0 * options.inlier_limit,
         fitted.predicted_error,
         options.error_limit_mm,
-    )))
+    );
+    // told in the scan's frame, marked in that of CT
+    let mark = |p: &Point| Mark { name: String::new(), place: (fitted.pose * p).into() };
+    Err(StageError::At { what, marks: worst.iter().map(|w| mark(&w.point)).collect() })
 }

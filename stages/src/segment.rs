@@ -7,6 +7,7 @@ mod solid;
 mod surface;
 mod threshold;
 
+use notices::Notice;
 pub use read::{segment_specimen, with_surfaces};
 
 use crate::StageError;
@@ -30,7 +31,7 @@ pub struct Segmented {
     /// Which voxel is which bone, on the volume's own grid, to be mended by hand where it is wrong.
     pub labels: Labels,
     /// What is odd but not fatal.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Notice>,
     /// For metrics.json.
     pub metrics: SegmentMetrics,
 }

@@ -3,6 +3,7 @@
 mod mri;
 
 pub use mri::{CartilageFrame, CartilagePaths, LabelName, Mri, SegmentationPaths};
+use notices::Notice;
 
 use crate::PerBone;
 use crate::PerCartilage;
@@ -236,7 +237,7 @@ pub struct Specimen {
     /// Where bundles' parameters start.
     pub ligaments: BTreeMap<String, LigamentStart>,
     /// What is odd but not fatal.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Notice>,
     /// For metrics.json.
     pub metrics: IngestMetrics,
 }

@@ -126,7 +126,7 @@ fn what_programs_put_around_a_table_is_taken_off_or_named() {
 fn trials(bytes: &[u8]) -> (Vec<sim::laxity::LaxityTrial>, Vec<String>) {
     let mut table = sim::laxity::read(bytes).unwrap();
     table.trials.iter_mut().for_each(|t| t.row = None);
-    (table.trials, table.warnings)
+    (table.trials, notices::texts(&table.warnings))
 }
 
 #[test]

@@ -4,6 +4,7 @@
 use crate::{parameters, published};
 use attachments::groups::group_forces;
 use calibration::design::Design;
+use notices::{Kind, Notice};
 use serde::{Deserialize, Serialize};
 use sim::SimError;
 use sim::coordinate::{AP, FREE, Free, IE, ML, SI, VV};
@@ -64,7 +65,7 @@ impl Source {
         spec: &ModelSpec,
         model: &Model,
         options: &ProtocolOptions,
-    ) -> Result<(Source, Vec<String>), SimError> {
+    ) -> Result<(Source, Vec<Notice>), SimError> {
         let mut warnings = Vec::new();
         let without = model.without(&["ACL".to_owned()]);
         let (pairs, rest) = rayon::join(
@@ -78,7 +79,7 @@ impl Source {
         );
         let [ap_laxity, pivot_shift] = pairs;
         let pivot_shift_no_acl = rest.1.unwrap_or_else(|e| {
-            warnings.push(format!("{name}: no pivot shift without ACL: {e}"));
+            warnings.push(Kind::NoPivotShift.notice(format!("{name}: no pivot shift without ACL: {e}")).of(name));
             vec![]
         });
         let source = Source {
@@ -90,7 +91,11 @@ impl Source {
         };
         for (protocol, rows) in source.protocols() {
             if rows.iter().any(Source::is_dislocated) {
-                warnings.push(format!("{name}: {protocol}: the femur leaves the plateau; its rows are unreliable"));
+                warnings.push(
+                    Kind::LeavesPlateau
+                        .notice(format!("{name}: {protocol}: the femur leaves the plateau; its rows are unreliable"))
+                        .of(name),
+                );
             }
         }
         Ok((source, warnings))

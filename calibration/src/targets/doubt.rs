@@ -1,6 +1,7 @@
 //! Rows that cannot be what they say.
 
 use super::Targets;
+use notices::Kind;
 use sim::coordinate::{AP, Coordinate, FREE, Free, IE, Load, SI, VV};
 use sim::laxity::{LaxityTrial, Test};
 use sim::spec::PoseSpec;
@@ -103,7 +104,7 @@ pub(super) fn contradictions(targets: &mut Targets) -> Vec<String> {
                 if gap > (REFUSE * sd).max(*harmless) {
                     faults.push(format!("{text}: one of them is wrong; correct or remove it"));
                 } else if gap > WARN * sd {
-                    targets.warnings.push(text);
+                    targets.warnings.push(Kind::RepeatsDiffer.notice(text).row(targets.rows[j]));
                 }
             }
         }
@@ -143,14 +144,14 @@ pub(super) fn against_the_load(targets: &mut Targets) {
         let most = rows.iter().fold(rows[0], |a, b| if b.0 > a.0 { *b } else { a });
         let fall = least.1 - most.1;
         if most.0 > least.0 && fall > WARN * least.2.hypot(most.2) {
-            targets.warnings.push(format!(
+            targets.warnings.push(Kind::AgainstTheLoad.notice(format!(
                 "rows {} and {}: at {flexion} deg {} falls by {fall:.1} while its load grows from {} to {}; is a sign wrong?",
                 least.3,
                 most.3,
                 c.column(),
                 least.0,
                 most.0
-            ));
+            )).row(most.3));
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use super::number;
 use meshes::{Point, Vector};
+use notices::{Kind, Notice};
 use sim::SimError;
 use sim::joint::Joint;
 use sim::mesh::MeshValue;
@@ -38,7 +39,7 @@ impl Labels {
 pub(super) fn geometry(
     spec: &ModelSpec,
     meshes: &BTreeMap<String, MeshValue>,
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<Notice>,
 ) -> Result<String, SimError> {
     let mut out = String::new();
     for (label, name) in [(TIBIA, "tibia"), (FEMUR, "femur")] {
@@ -61,7 +62,11 @@ pub(super) fn geometry(
                     let set = set_name("CART", path, femur);
                     let _ = writeln!(out, "*SOLID SECTION, ELSET={set}, MATERIAL=CARTILAGE\n1.0,");
                 }
-                _ => warnings.push(format!("{path}: no solid mesh given, left out (contact does not need it)")),
+                _ => warnings.push(
+                    Kind::SolidMissing
+                        .notice(format!("{path}: no solid mesh given, left out (contact does not need it)"))
+                        .file(path),
+                ),
             }
         }
     }

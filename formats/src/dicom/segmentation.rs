@@ -7,6 +7,7 @@ use crate::raw;
 use meshes::volume::{Grid, Labels};
 use meshes::{Point, Vector};
 use nalgebra::Matrix3;
+use notices::{Kind, Notice};
 use std::collections::BTreeMap;
 
 /// Kinds of objects: segmentations, and contours that are often taken for one.
@@ -32,7 +33,7 @@ pub(crate) struct Segmentation {
     /// Voxels that lay in several segments and stay in the first [-].
     pub(crate) overlapping: usize,
     /// What is odd about the file but not fatal.
-    pub(crate) notes: Vec<String>,
+    pub(crate) notes: Vec<Notice>,
 }
 
 /// What is said of a frame, or of all.
@@ -383,10 +384,17 @@ impl<'a> Merge<'a> {
         let names = header.segments.iter().map(|(n, name)| (name.clone(), *n as u8)).collect();
         let mut notes = Vec::new();
         if empty > 0 {
-            notes.push(format!("{empty} slices between the first and the last have no frame and are background"));
+            notes.push(
+                Kind::EmptySlices
+                    .notice(format!("{empty} slices between the first and the last have no frame and are background"))
+                    .count(empty),
+            );
         }
         if header.kind == "FRACTIONAL" {
-            notes.push("the segmentation is fractional; voxels of half or more belong to a segment".into());
+            notes.push(
+                Kind::FractionalLabels
+                    .notice("the segmentation is fractional; voxels of half or more belong to a segment"),
+            );
         }
         let labels = Labels { grid: self.stack.grid.clone(), values: self.values };
         Segmentation { labels, names, overlapping: self.overlapping, notes }

@@ -3,6 +3,7 @@
 use super::{Item, State};
 use crate::options::BuildOptions;
 use calibration::targets::targets;
+use notices::{Kind, Notice};
 use sim::laxity::{LaxityTrial, read_as, sign_doubts};
 use sim::spec::PoseSpec;
 use stages::specimen::{RawSpecimen, SpecimenFile};
@@ -47,7 +48,7 @@ pub(super) fn judge(
                 }
                 let (trials, thinner) = crate::thin::thinned(table.trials.clone());
                 let cost = "a calibration takes the readings, not the rows";
-                items.extend(thinner.map(|what| Item::new(&input, State::Look, what, cost)));
+                items.extend(thinner.map(|what| Item::new(&input, State::Look, what.text, cost)));
                 items.extend(left_out(&input, &trials, options));
                 measured.insert(name.clone(), table.trials);
             }
@@ -64,7 +65,7 @@ pub(super) fn judge(
 const SHOWN: usize = 3;
 
 /// Counts, flexions, what is given beside.
-fn summary(input: &str, trials: &[LaxityTrial], warnings: &[String]) -> Item {
+fn summary(input: &str, trials: &[LaxityTrial], warnings: &[Notice]) -> Item {
     let tests: BTreeSet<&str> = trials.iter().map(|t| t.test.name()).collect();
     let flexions: BTreeSet<i64> = trials.iter().map(|t| t.nominal_flexion_deg.round() as i64).collect();
     let list: Vec<String> = flexions.iter().map(i64::to_string).collect();
@@ -96,7 +97,7 @@ fn left_out(input: &str, trials: &[LaxityTrial], options: &BuildOptions) -> Opti
     match targets(trials, &PoseSpec::default(), &o.cost, &o.targets) {
         Err(e) => Some(Item::new(input, State::Fault, e.to_string(), "")),
         Ok(t) => {
-            let out: Vec<&String> = t.warnings.iter().filter(|w| w.contains("left out")).collect();
+            let out: Vec<&Notice> = t.warnings.iter().filter(|w| w.kind == Kind::RowLeftOut).collect();
             let first = out.first()?;
             let found = format!("{} trials are left out of the calibration, the first: {first}", out.len());
             Some(Item::new(input, State::Look, found, ""))

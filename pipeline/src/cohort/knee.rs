@@ -155,7 +155,7 @@ impl Knee {
             Ok(records) => self.records = current(&records),
             Err(e) => return failed("log", e.to_string()),
         }
-        if let Some(Failure { stage, message }) = inspect::failure(folder) {
+        if let Some(Failure { stage, message, .. }) = inspect::failure(folder) {
             return failed(&stage, message);
         }
         if store::exists(&folder.join(STOPPED)) || !store::exists(&folder.join(REPORT)) {

@@ -8,6 +8,7 @@ use super::{File, bent, contact_name, contact_stiffness, law_of, named};
 use crate::error::BuildError;
 use crate::model_file::LoadedModel;
 use meshes::Point;
+use notices::{Kind, Notice};
 use sim::spec::BundleSpec;
 use std::fmt::Write;
 
@@ -18,11 +19,11 @@ const FAR_SLACK_MM: f64 = 100.0;
 const FAR_LINE_MM: f64 = 50.0;
 
 /// What the file does otherwise than the model.
-pub(super) fn warnings(model: &LoadedModel) -> Vec<String> {
-    let mut out: Vec<String> = bent(model).into_iter().collect();
-    out.push("bones are rigid shells; contact is FEBio's sliding-elastic by penalty, without friction; not run here, as FEBio is not at hand".into());
+pub(super) fn warnings(model: &LoadedModel) -> Vec<Notice> {
+    let mut out: Vec<Notice> = bent(model).into_iter().collect();
+    out.push(Kind::NotInFormat.notice("bones are rigid shells; contact is FEBio's sliding-elastic by penalty, without friction; not run here, as FEBio is not at hand"));
     if !model.spec.menisci.is_empty() {
-        out.push("menisci are deformable there, and their coronary ligament is left out".into());
+        out.push(Kind::NotInFormat.notice("menisci are deformable there, and their coronary ligament is left out"));
     }
     out
 }

@@ -10,6 +10,7 @@ use crate::error::BuildError;
 use crate::model_file::LoadedModel;
 use meshes::surface::TriMesh;
 use meshes::{Point, Vector};
+use notices::{Kind, Notice};
 use sim::coordinate::{AP, FE, IE, ML, SI, Six, VV};
 use sim::joint::Joint;
 use sim::spec::BundleSpec;
@@ -21,9 +22,9 @@ const THICKENED_MM: f64 = 4.0;
 const LINK_KG: f64 = 0.01;
 
 /// What the file does otherwise than the model.
-pub(super) fn warnings(model: &LoadedModel) -> Vec<String> {
-    let mut out: Vec<String> = bent(model).into_iter().collect();
-    out.extend(other_laws(model));
+pub(super) fn warnings(model: &LoadedModel) -> Vec<Notice> {
+    let mut out: Vec<Notice> = bent(model).into_iter().collect();
+    out.extend(other_laws(model).map(|text| Kind::NotInFormat.notice(text)));
     out
 }
 
@@ -42,7 +43,7 @@ const COMPARED_TOES: f64 = 4.0;
 
 /// model.osim and Geometry/.
 pub(super) fn files(model: &LoadedModel) -> Result<Vec<File>, BuildError> {
-    let fault = |e: sim::SimError| BuildError::File(format!("{}: {e}", model.folder.display()));
+    let fault = |e: sim::SimError| BuildError::in_file(&model.folder, e);
     let joint = Joint::new(&model.spec.frames, model.spec.side).map_err(fault)?;
     let mut files = vec![("model.osim".to_owned(), document(model, &joint)?.into_bytes())];
     for n in named(model) {

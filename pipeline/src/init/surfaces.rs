@@ -84,7 +84,7 @@ fn in_mm(mut given: Given) -> Result<(Given, bool), BuildError> {
         true => ply::write(&mut bytes, &given.mesh.mesh, &[]),
         false => ply::write_coloured(&mut bytes, &given.mesh),
     };
-    wrote.map_err(|e| BuildError::File(format!("{}: {e}", given.path.display())))?;
+    wrote.map_err(|e| BuildError::in_file(&given.path, e))?;
     let path = given.path.with_extension("mm.ply");
     Ok((Given { path, bytes, ..given }, true))
 }

@@ -4,7 +4,7 @@ use super::BuildOptions;
 use toml::{Table, Value};
 
 /// Ranges that no stage's own check holds: a key, least and most. A key of a list is that of each of its numbers.
-const RANGES: [(&str, f64, f64); 39] = [
+const RANGES: [(&str, f64, f64); 40] = [
     ("segment.threshold", -3e4, 1e6),
     ("ingest.least_width_mm", 1.0, 1e3),
     ("ingest.greatest_width_mm", 1.0, 1e4),
@@ -20,6 +20,7 @@ const RANGES: [(&str, f64, f64); 39] = [
     ("cartilage.cleft_mm", 0.0, 20.0),
     ("frames.valgus_deg", -20.0, 20.0),
     ("frames.least_shaft_share", 0.0, 5.0),
+    ("frames.far_landmark_limit_deg", 0.0, 90.0),
     ("frames.condylar_angle_range_deg", -45.0, 45.0),
     ("attachments.span", 0.0, 1.0),
     ("attachments.place_reach", 0.0, 10.0),

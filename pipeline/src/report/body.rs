@@ -9,7 +9,7 @@ use super::html::{escaped, flatten};
 use super::live::LiveKnee;
 use super::methods::Methods;
 use super::motion::{self, Motion};
-use super::scene::{Scene, named_places, places};
+use super::scene::{Scene, named_places};
 use super::sheet::Sheet;
 use super::warnings::{self, Group};
 use crate::options::BuildOptions;
@@ -21,6 +21,7 @@ use crate::which_model::JOINT;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use meshes::Point;
+use notices::Notice;
 use serde_json::{Map, Value, json};
 use stages::frames::Frames;
 use stages::specimen::Specimen;
@@ -29,7 +30,7 @@ use std::fmt::Write;
 /// A build's part of a page, and the data that its scenes and charts draw.
 pub(super) struct Body<'a> {
     values: Values<'a>,
-    warnings: Vec<(String, String)>,
+    warnings: Vec<Notice>,
     /// Its key in the page's data.
     key: &'static str,
     /// With still pictures.
@@ -55,7 +56,7 @@ impl<'a> Body<'a> {
         let pool = Pool::new(values.of::<Frames>());
         let motions = motion::motions(&values, &pool);
         values.moves = !motions.is_empty();
-        let warnings = records.iter().flat_map(|r| r.warnings.iter().map(|w| (r.stage.clone(), w.clone()))).collect();
+        let warnings = records.iter().flat_map(Record::told).collect();
         Body {
             values,
             warnings,
@@ -200,7 +201,7 @@ impl<'a> Body<'a> {
         };
         let bad: Vec<&Check> = checks.iter().filter(|c| c.good == Some(false)).filter(|c| is_new(c)).collect();
         let short = |answer: &str| answer.split([';', '(']).next().unwrap_or_default().trim().to_owned();
-        items.extend(bad.into_iter().map(|c| link(c.stage, &format!("{} {}", c.question, short(&c.answer)))));
+        items.extend(bad.into_iter().map(|c| link(c.stage, &format!("{} {}", c.question, short(&c.told())))));
         let groups = self.groups(checks);
         items.extend(groups.iter().filter(|g| g.heavy).filter_map(|g| Some(link(&g.stage, g.all.first()?))));
         let done = STAGES.iter().filter(|stage| self.stages.iter().any(|s| s == stage.name()));
@@ -220,7 +221,7 @@ impl<'a> Body<'a> {
 
     /// A stage's warnings, scenes, charts, tables and figures.
     pub(super) fn stage(&mut self, record: &Record) -> String {
-        let mine: Vec<(String, String)> = self.warnings.iter().filter(|(s, _)| *s == record.stage).cloned().collect();
+        let mine: Vec<Notice> = self.told_by(&record.stage).cloned().collect();
         let mut html = warnings::html(&warnings::groups(&mine, &outside(&self.checks())));
         if record.stage == Assemble::NAME && self.knee_shown {
             html += "<p>The knee in 3D stands <a href=\"#verdict\">at the top</a>.</p>";
@@ -237,14 +238,18 @@ impl<'a> Body<'a> {
         Methods::read(&run, records).map_or(String::new(), |m| m.html())
     }
 
+    /// What a stage warns of.
+    fn told_by(&self, stage: &str) -> impl Iterator<Item = &Notice> {
+        self.warnings.iter().filter(move |w| w.stage.as_deref() == Some(stage))
+    }
+
     /// The scene of a stage with its stills; places that its warnings name are marked in it.
     pub(super) fn scenes(&mut self, name: &str) -> String {
         let Some(stage) = named(name).filter(|s| s.name() != Assemble::NAME || !self.knee_shown) else {
             return String::new();
         };
         let Some(mut scene) = stage.scene(&self.values, &mut self.pool) else { return String::new() };
-        let warnings = self.warnings.iter().filter(|(s, _)| s == name);
-        let marked: Vec<Point> = warnings.flat_map(|(_, w)| places(w)).collect();
+        let marked: Vec<Point> = self.told_by(name).flat_map(|w| &w.places).map(|p| Point::from(*p)).collect();
         if !marked.is_empty() && name != Assemble::NAME {
             scene.layers.push(named_places("places that warnings name", &marked, &self.pool));
         }
@@ -343,7 +348,7 @@ fn questions(checks: &[Check]) -> String {
                 "<tr><th scope=\"row\"><a href=\"#{}\">{}</a></th><td class=\"sign\">{sign}</td><td>{}</td></tr>",
                 c.stage,
                 escaped(c.question),
-                escaped(&c.answer)
+                escaped(&c.told())
             )
         })
         .collect();

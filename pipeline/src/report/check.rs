@@ -10,8 +10,17 @@ pub(crate) struct Check {
     pub(crate) good: Option<bool>,
     /// Where the value is within its limit and its interval is not: the end that is beyond, in words.
     pub(crate) reaches: Option<String>,
+    /// The calibrated model that it is asked of, where there are several.
+    pub(crate) model: Option<String>,
     /// The stage that tells more.
     pub(crate) stage: &'static str,
+}
+
+impl Check {
+    /// The answer with the model's name.
+    pub(crate) fn told(&self) -> String {
+        self.model.as_ref().map_or_else(|| self.answer.clone(), |model| format!("{model}: {}", self.answer))
+    }
 }
 
 /// One of the figures that matter most.

@@ -1,14 +1,14 @@
 //! The scene of a build that stopped.
 
 use super::geometry::{Pool, thinned};
-use super::scene::{Layer, Scene, named_in, named_places, plain};
+use super::scene::{Layer, Scene, named_places, plain};
 use crate::record::Failure;
 use crate::stage::{Values, bone_layers, ct_layers};
 use meshes::Point;
 use stages::cartilage::Cartilage;
 use stages::specimen::Specimen;
 
-/// What the failed stage was given, with the places that the message names as `(x, y, z)`.
+/// What the failed stage was given, with the places that the message names.
 pub(super) fn scene(failure: &Failure, v: &Values, pool: &mut Pool) -> Option<Scene> {
     let mut layers = bone_layers(v, pool, 0.6);
     if layers.is_empty() {
@@ -26,13 +26,13 @@ pub(super) fn scene(failure: &Failure, v: &Values, pool: &mut Pool) -> Option<Sc
             ..Layer::default()
         });
     }
-    let named = named_in(&failure.message);
-    let count = named.len();
+    let marks = &failure.marks;
+    let count = marks.len();
     if count > 0 {
-        let points: Vec<Point> = named.iter().map(|n| n.1).collect();
+        let points: Vec<Point> = marks.iter().map(|m| Point::from(m.place)).collect();
         let mut layer = named_places("places that the message names", &points, pool);
-        for (label, (name, _)) in layer.labels.iter_mut().zip(&named).filter(|(_, (name, _))| !name.is_empty()) {
-            *label = format!("{name} {label}");
+        for (label, mark) in layer.labels.iter_mut().zip(marks).filter(|(_, mark)| !mark.name.is_empty()) {
+            *label = format!("{} {label}", mark.name);
         }
         layers.push(layer);
     }

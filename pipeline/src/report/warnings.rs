@@ -1,7 +1,7 @@
 //! Warnings grouped by kind and weight, so that seventeen of one kind are one line.
 
 use super::html::escaped;
-use crate::alike::kind;
+use notices::{Kind, Notice, Weight};
 use std::fmt::Write;
 
 /// Warnings of one kind from one stage.
@@ -14,35 +14,16 @@ pub(super) struct Group {
     pub(super) all: Vec<String>,
 }
 
-/// Words by which a warning says that the model may be wrong: something is missing, misplaced, or did not come to its end.
-const HEAVY: [&str; 14] = [
-    "left out",
-    "misplaced",
-    "inverted",
-    "not converged",
-    "dislocated",
-    "too small",
-    "too large",
-    "turned round",
-    "damaged",
-    "wrong",
-    "crosses",
-    "runs in bone",
-    "does not point",
-    "at the edge",
-];
-
-/// The groups, heavy ones first, then the most frequent. Of a stage in `outside`, whose own answer is outside its limit, all are heavy:
-/// the value weighs, not the words.
-pub(super) fn groups(warnings: &[(String, String)], outside: &[&str]) -> Vec<Group> {
-    let mut found: Vec<(String, Group)> = Vec::new();
-    for (stage, text) in warnings {
-        let key = format!("{stage} {}", kind(text));
-        match found.iter_mut().find(|(k, _)| *k == key) {
-            Some((_, group)) => group.all.push(text.clone()),
+/// The groups, heavy ones first, then the most frequent. Of a stage in `outside`, whose own answer is outside its limit, all are heavy.
+pub(super) fn groups(warnings: &[Notice], outside: &[&str]) -> Vec<Group> {
+    let mut found: Vec<(Kind, Group)> = Vec::new();
+    for notice in warnings {
+        let stage = notice.stage.clone().unwrap_or_default();
+        match found.iter_mut().find(|(k, g)| *k == notice.kind && g.stage == stage) {
+            Some((_, group)) => group.all.push(notice.text.clone()),
             None => {
-                let heavy = outside.contains(&stage.as_str()) || HEAVY.iter().any(|w| text.contains(w));
-                found.push((key, Group { stage: stage.clone(), heavy, all: vec![text.clone()] }));
+                let heavy = outside.contains(&stage.as_str()) || notice.weight == Weight::Heavy;
+                found.push((notice.kind, Group { stage, heavy, all: vec![notice.text.clone()] }));
             }
         }
     }
@@ -95,13 +76,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn warnings_that_differ_in_names_and_numbers_are_one_kind() {
-        let of = |stage: &str, text: &str| (stage.to_owned(), text.to_owned());
+    fn warnings_of_one_kind_and_stage_are_one_group_whatever_they_say() {
         let all = [
-            of("attachments", "ACL_AM fibre 1 runs 2.1 mm deep through the femur"),
-            of("ingest", "landmarks.csv gives no head"),
-            of("attachments", "PFL fibre 3 runs 4.0 mm deep through the tibia"),
-            of("attachments", "LCL is left out: no fibula"),
+            Kind::ThroughBone.notice("ACL_AM fibre 1 runs 2.1 mm deep through the femur").told_by("attachments"),
+            Kind::NoFemoralHead.notice("landmarks.csv gives no head").told_by("ingest"),
+            Kind::ThroughBone.notice("PFL: another wording").told_by("attachments"),
+            Kind::BundleLeftOut.notice("LCL is not built: no fibula").told_by("attachments"),
         ];
         let groups = groups(&all, &[]);
         assert_eq!(groups.len(), 3);

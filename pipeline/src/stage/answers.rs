@@ -112,12 +112,13 @@ fn calibrated(v: &Values, checks: &[Check], failure: Option<&Failure>) -> Answer
         rms.join(", "),
         found.parameters.len()
     );
-    let whose = format!("{name}: ");
     let bad: Vec<&Check> = checks
         .iter()
-        .filter(|c| c.stage == stage && c.good == Some(false) && c.question != MISFIT && c.answer.starts_with(&whose))
+        .filter(|c| {
+            c.stage == stage && c.good == Some(false) && c.question != MISFIT && c.model.as_deref() == Some(name)
+        })
         .collect();
-    bad.iter().for_each(|c| words += &format!(" {} {}.", c.question, c.answer.trim_start_matches(&whose)));
+    bad.iter().for_each(|c| words += &format!(" {} {}.", c.question, c.answer));
     let (standing, word) = match (at_most(worst, MOST_NOISE, 1), at_most(worst, PARTLY_NOISE, 1)) {
         (true, _) if bad.is_empty() => (Standing::Good, "Yes"),
         (true, _) => (Standing::Look, "Yes, but look"),

@@ -239,7 +239,14 @@ fn whose_law(v: &Values) -> Option<Check> {
     } else {
         "the one given in the options".to_owned()
     };
-    Some(Check { question: "Whose contact law is it?", answer, good: None, reaches: None, stage: Assemble::NAME })
+    Some(Check {
+        question: "Whose contact law is it?",
+        answer,
+        good: None,
+        reaches: None,
+        model: None,
+        stage: Assemble::NAME,
+    })
 }
 
 /// Whose shape the menisci have, where they act.
@@ -258,6 +265,7 @@ fn whose_menisci(v: &Values) -> Option<Check> {
         answer,
         good: None,
         reaches: None,
+        model: None,
         stage: Assemble::NAME,
     })
 }

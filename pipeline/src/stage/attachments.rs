@@ -180,6 +180,7 @@ impl Stage for Attach {
             ),
             good: None,
             reaches: None,
+            model: None,
             stage: Self::NAME,
         }];
         out.extend(through_bone(a, v.options.attachments.crossing_limit_mm));
@@ -200,6 +201,7 @@ fn through_bone(a: &Attachments, limit: f64) -> Option<Check> {
         ),
         good: Some(check::at_most(*most, limit, 1)),
         reaches: None,
+        model: None,
         stage: Attach::NAME,
     })
 }

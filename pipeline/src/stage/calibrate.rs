@@ -20,6 +20,7 @@ use calibration::calibrate::Calibrated;
 use calibration::options::{CalibrateOptions, Method};
 use calibration::reports;
 use calibration::session::{Joint, Outcome, Session};
+use notices::Notice;
 use serde::{Deserialize, Serialize};
 use sim::laxity::LaxityTrial;
 use stages::assemble::Assembled;
@@ -49,7 +50,7 @@ pub(crate) struct Calibration {
     /// The options of the cost.
     pub(crate) options: CalibrateOptions,
     /// What is odd but not fatal.
-    pub(crate) warnings: Vec<String>,
+    pub(crate) warnings: Vec<Notice>,
     /// For metrics.json.
     pub(crate) metrics: BTreeMap<String, reports::CalibrationMetrics>,
 }
@@ -154,13 +155,15 @@ impl Stage for Calibrate {
             out.push(Check {
                 question: MISFIT,
                 answer: format!(
-                    "{name}: misses by {} (root mean square of {} trials), up to {worst:.1} times the noise stated; {determined} of {} ligament parameters determined by the data",
+                    "misses by {} (root mean square of {} trials), up to {worst:.1} times the noise stated; {determined} of {} ligament parameters determined by the data",
                     rms.join(", "),
                     outcome.trials.len(),
                     ligaments.len()
                 ),
                 good: Some(check::at_most(worst, MOST_NOISE, 1)),
-                reaches: None, stage: Self::NAME,
+                reaches: None,
+                model: Some(name.to_owned()),
+                stage: Self::NAME,
             });
             out.extend(forces::checks(name, found, v.of()));
         }
@@ -209,8 +212,10 @@ fn calibrate_all(
         sources.insert(measured.0.clone(), found);
     }
     let mut out = Calibration { sources, joint, options: options.clone(), warnings: vec![], metrics: BTreeMap::new() };
-    let named =
-        |name: &str, w: &String| if w.starts_with(&format!("{name}: ")) { w.clone() } else { format!("{name}: {w}") };
+    let named = |name: &str, w: &Notice| {
+        let says = w.element.as_deref() == Some(name);
+        if says { w.clone() } else { w.clone().whose(name) }
+    };
     let told = |(name, o): (&str, &Outcome)| o.warnings.iter().map(|w| named(name, w)).collect::<Vec<_>>();
     out.warnings = out.main_first().flat_map(told).collect();
     out.metrics = out.all().map(|(name, o)| (name.to_owned(), reports::metrics(o))).collect();

@@ -136,6 +136,7 @@ impl Stage for MakeCartilage {
             answer: words.join(", "),
             good: None,
             reaches: None,
+            model: None,
             stage: Self::NAME,
         }]
     }

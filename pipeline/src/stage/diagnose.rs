@@ -16,6 +16,7 @@ use diagnosis::diagnosis::{Calibration as Calibrated, Diagnosis, diagnose};
 use diagnosis::report::{Named, Verdict};
 use diagnosis::search::DiagnosisOptions;
 use diagnosis::trial::Source;
+use notices::{Kind, Notice};
 use serde::{Deserialize, Serialize};
 use sim::laxity::LaxityTrial;
 use sim::spec::ModelSpec;
@@ -34,7 +35,7 @@ pub(crate) struct Diagnosed {
     /// The model with it, or as assembled.
     pub(crate) model: ModelSpec,
     /// What is odd but not fatal.
-    pub(crate) warnings: Vec<String>,
+    pub(crate) warnings: Vec<Notice>,
     /// For metrics.json.
     pub(crate) metrics: DiagnosisMetrics,
 }
@@ -140,18 +141,23 @@ fn diagnose_built(
         .map_err(|e| e.to_string())?;
     let d = &outcome.diagnosis;
     let clear = d.noise.iter().filter(|n| n.taken);
-    let mut warnings: Vec<String> = left_out
+    let mut warnings: Vec<Notice> = left_out
         .iter()
         .map(|(name, _)| {
-            format!("laxity.{name} is left out of the diagnosis: it holds displacements, poses are needed")
+            Kind::DisplacementsLeftOut
+                .notice(format!("laxity.{name} is left out of the diagnosis: it holds displacements, poses are needed"))
+                .of(name)
         })
         .collect();
     warnings.extend(clear.map(|n| {
         let unit = if ["vv", "ie"].contains(&n.coordinate.as_str()) { "deg" } else { "mm" };
-        format!(
-            "{} {}: the file states a noise of {:.2} {unit}, neighbouring loads say {:.2} ({:.2} to {:.2})",
-            n.source, n.coordinate, n.stated, n.inferred, n.lower, n.upper
-        )
+        Kind::NoiseStated
+            .notice(format!(
+                "{} {}: the file states a noise of {:.2} {unit}, neighbouring loads say {:.2} ({:.2} to {:.2})",
+                n.source, n.coordinate, n.stated, n.inferred, n.lower, n.upper
+            ))
+            .of(&n.source)
+            .column(&n.coordinate)
     }));
     let metrics = DiagnosisMetrics {
         verdict: d.verdict,

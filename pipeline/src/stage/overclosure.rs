@@ -113,6 +113,7 @@ impl Stage for Overclosure {
             ),
             good: Some(!check::at_most(worst, v.options.hexmesh.least_scaled_jacobian, 2)),
             reaches: None,
+            model: None,
             stage: Self::NAME,
         }];
         if let Some(gap) = h.metrics.gap_min_mm {
@@ -122,6 +123,7 @@ impl Stage for Overclosure {
                 answer: format!("largest overlap {before:.2} mm before, smallest gap {gap:.3} mm after"),
                 good: Some(check::at_least(gap, 0.0, 3)),
                 reaches: None,
+                model: None,
                 stage: Self::NAME,
             });
         }

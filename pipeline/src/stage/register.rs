@@ -166,6 +166,7 @@ impl Stage for Register {
             answer: format!("predicted error at most {worst:.2} mm (limit {limit:.2})"),
             good: Some(check::at_most(worst, limit, 2)),
             reaches: None,
+            model: None,
             stage: Self::NAME,
         }]
     }

@@ -130,6 +130,7 @@ impl Stage for Validate {
                 },
                 good: Some(!odd),
                 reaches: None,
+                model: None,
                 stage: Self::NAME,
             });
         }

@@ -17,7 +17,9 @@ pub struct PartFile {
 impl PartFile {
     /// Takes up what an earlier attempt left, or begins.
     pub fn take_up(target: &Path) -> Result<PartFile, BuildError> {
-        let wrong = |e: std::io::Error| BuildError::File(format!("cannot write {}: {}", target.display(), words(&e)));
+        let wrong = |e: std::io::Error| {
+            BuildError::of_file(&target, format!("cannot write {}: {}", target.display(), words(&e)))
+        };
         if let Some(parent) = target.parent() {
             fs::create_dir_all(parent).map_err(wrong)?;
         }
@@ -25,7 +27,7 @@ impl PartFile {
         let place = target.with_file_name(format!("{name}.part"));
         let file = File::options().create(true).append(true).open(&place).map_err(wrong)?;
         file.try_lock().map_err(|_| {
-            BuildError::File(format!("another build-model is fetching {}; wait for it", target.display()))
+            BuildError::of_file(target, format!("another build-model is fetching {}; wait for it", target.display()))
         })?;
         let length = file.metadata().map_err(wrong)?.len();
         Ok(PartFile { target: target.to_path_buf(), place, file, length })
@@ -39,7 +41,9 @@ impl PartFile {
     /// Adds bytes.
     pub fn add(&mut self, bytes: &[u8]) -> Result<(), BuildError> {
         let result = self.file.write_all(bytes);
-        result.map_err(|e| BuildError::File(format!("cannot write {}: {}", self.place.display(), words(&e))))?;
+        result.map_err(|e| {
+            BuildError::of_file(&self.place, format!("cannot write {}: {}", self.place.display(), words(&e)))
+        })?;
         self.length += bytes.len() as u64;
         Ok(())
     }
@@ -47,7 +51,9 @@ impl PartFile {
     /// Begins anew.
     pub fn restart(&mut self) -> Result<(), BuildError> {
         let result = self.file.set_len(0);
-        result.map_err(|e| BuildError::File(format!("cannot write {}: {}", self.place.display(), words(&e))))?;
+        result.map_err(|e| {
+            BuildError::of_file(&self.place, format!("cannot write {}: {}", self.place.display(), words(&e)))
+        })?;
         self.length = 0;
         Ok(())
     }
@@ -60,7 +66,9 @@ impl PartFile {
     /// The file is whole and takes its name.
     pub fn finish(self) -> Result<(), BuildError> {
         let result = self.file.sync_all().and_then(|()| fs::rename(&self.place, &self.target));
-        result.map_err(|e| BuildError::File(format!("cannot write {}: {}", self.target.display(), words(&e))))
+        result.map_err(|e| {
+            BuildError::of_file(&self.target, format!("cannot write {}: {}", self.target.display(), words(&e)))
+        })
     }
 
     /// The file is worthless and goes.
@@ -71,7 +79,8 @@ impl PartFile {
 
 /// Gives a file's content to `see`, in pieces.
 pub fn pieces(path: &Path, mut see: impl FnMut(&[u8])) -> Result<(), BuildError> {
-    let wrong = |e: std::io::Error| BuildError::File(format!("cannot read {}: {}", path.display(), words(&e)));
+    let wrong =
+        |e: std::io::Error| BuildError::of_file(&path, format!("cannot read {}: {}", path.display(), words(&e)));
     let mut file = File::open(path).map_err(wrong)?;
     let mut buffer = vec![0; 1 << 16];
     loop {

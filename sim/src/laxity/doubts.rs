@@ -15,6 +15,13 @@ const LEAST_TRIALS: usize = 4;
 /// Below these, the largest load of a coordinate's tests is of another unit: VV, IE [N m], AP [N]. A twentieth of the paper's
 /// protocols [andreassen2025, section 2.6]; ours.
 const LEAST_LOAD: [(Coordinate, f64); 3] = [(VV, 0.5), (IE, 0.25), (AP, 5.0)];
+/// Loads beyond these are of another unit: VV, IE [N m], ML, AP, SI [N]. Twice what arthrometers and robots apply; of SI three times the
+/// weight of a heavy person. Ours.
+const MOST_LOAD: [(Coordinate, f64); 5] = [(VV, 60.0), (IE, 30.0), (ML, 500.0), (AP, 500.0), (SI, 3000.0)];
+/// A knee's whole range under its tests is less: VV, IE [deg], AP [mm]. One and a half times that of knees without their cruciates; ours.
+const MOST_MOTION: [(Coordinate, f64); 3] = [(VV, 45.0), (IE, 110.0), (AP, 60.0)];
+/// The tibia's origin lies so far below the femur's in the mean of poses [mm]: 20 to 35 in knees, with room for children and giants. Ours.
+const USUAL_SI_MM: [f64; 2] = [-60.0, -8.0];
 /// A knee moves by more than this under the loads of its tests: VV, IE [deg], AP [mm]. A tenth of a stiff knee's; ours.
 const LEAST_MOTION: [(Coordinate, f64); 3] = [(VV, 0.3), (IE, 1.0), (AP, 0.5)];
 /// Loads from which on that motion is expected: VV, IE [N m], AP [N]; half of the paper's protocols.
@@ -26,6 +33,9 @@ pub(super) fn doubts(trials: &[LaxityTrial]) -> Vec<SignDoubt> {
     found.extend(pose_zero(trials));
     found.extend(LEAST_LOAD.iter().filter_map(|limit| small_load(trials, *limit)));
     found.extend(LEAST_MOTION.iter().filter_map(|limit| small_motion(trials, *limit)));
+    found.extend(MOST_LOAD.iter().filter_map(|limit| large_load(trials, *limit)));
+    found.extend(MOST_MOTION.iter().filter_map(|limit| large_motion(trials, *limit)));
+    found.extend(far_origin(trials));
     found.extend([(AP, ML), (AP, SI), (IE, VV)].iter().filter_map(|pair| exchanged(trials, *pair)));
     found
 }
@@ -112,6 +122,51 @@ fn small_load(trials: &[LaxityTrial], (c, least): (Coordinate, f64)) -> Option<S
             "{} is at most {largest} {} in the tests by that name. Expected more than {least}: is its unit another, or are columns exchanged? Declare the unit by [laxity_format.NAME.columns]",
             c.load_column(),
             c.load_unit()
+        ),
+    })
+}
+
+/// A load that no laxity test applies.
+fn large_load(trials: &[LaxityTrial], (c, most): (Coordinate, f64)) -> Option<SignDoubt> {
+    let worst = trials.iter().max_by(|a, b| a.load[c].abs().total_cmp(&b.load[c].abs()))?;
+    (worst.load[c].abs() > most).then(|| SignDoubt {
+        column: c.load_column(),
+        words: format!(
+            "{} is {:.0} {} in trial \"{}\". Expected at most {most}: is its unit another (in lbf, N mm, kN), or are columns exchanged? Declare the unit by [laxity_format.NAME.columns]",
+            c.load_column(),
+            worst.load[c],
+            c.load_unit(),
+            worst.trial
+        ),
+    })
+}
+
+/// Tests whose readings move farther than any knee does.
+fn large_motion(trials: &[LaxityTrial], (c, most): (Coordinate, f64)) -> Option<SignDoubt> {
+    let moved = range(&tests(trials, c), c).filter(|r| *r > most)?;
+    Some(SignDoubt {
+        column: c.column(),
+        words: format!(
+            "{} moves by {moved:.0} {} in its own tests. Expected at most {most}: is its unit another, or are columns exchanged? Declare the unit by [laxity_format.NAME.columns]",
+            c.column(),
+            c.unit()
+        ),
+    })
+}
+
+/// Poses whose SI is that of no pair of origins: another unit, or another zero.
+fn far_origin(trials: &[LaxityTrial]) -> Option<SignDoubt> {
+    let poses = trials.iter().filter(|t| t.reference.is_none());
+    let values: Vec<f64> = poses.filter_map(|t| t.measured[SI]).collect();
+    if values.len() < LEAST_TRIALS {
+        return None;
+    }
+    let mean = values.iter().sum::<f64>() / values.len() as f64;
+    let [least, most] = USUAL_SI_MM;
+    (!(least..=most).contains(&mean)).then(|| SignDoubt {
+        column: SI.column(),
+        words: format!(
+            "si_mm is {mean:.1} mm in the mean. The tibia's origin lies 20 to 35 mm below the femur's: expected {least:.0} to {most:.0}. Is the unit another (cm, in), or do poses count from another zero? Declare the unit by [laxity_format.NAME.columns], or readings = \"difference\""
         ),
     })
 }

@@ -10,6 +10,7 @@ use crate::coordinate::{AP, Coordinate, FREE, Free, IE, Load, VV};
 use crate::names::did_you_mean;
 use csv::StringRecord;
 use meshes::frame::Side;
+use notices::{Kind, Notice};
 use serde::{Deserialize, Serialize};
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -179,7 +180,7 @@ pub(super) struct Standard {
     pub(super) rows: Vec<(usize, StringRecord)>,
     /// The laboratory's name of a standard column, where it differs.
     pub(super) called: BTreeMap<String, String>,
-    pub(super) warnings: Vec<String>,
+    pub(super) warnings: Vec<Notice>,
 }
 
 /// The cells of a file as they stand.
@@ -219,7 +220,7 @@ pub(super) fn standard(bytes: &[u8], format: &LaxityFormat, side: Side) -> Resul
 }
 
 /// Splits a file into cells.
-fn raw(bytes: &[u8], format: &LaxityFormat, warnings: &mut Vec<String>) -> Result<Raw, LaxityError> {
+fn raw(bytes: &[u8], format: &LaxityFormat, warnings: &mut Vec<Notice>) -> Result<Raw, LaxityError> {
     let declared: Vec<String> = format.columns.values().map(|c| c.name().trim().to_lowercase()).collect();
     let text = text::text(bytes, (format.skip_lines, &declared), warnings)?;
     let first = text.body.lines().next().unwrap_or_default();
@@ -248,7 +249,8 @@ fn raw(bytes: &[u8], format: &LaxityFormat, warnings: &mut Vec<String>) -> Resul
         }
     }
     if blank > 0 {
-        warnings.push(format!("{blank} rows without a single cell are passed over"));
+        warnings
+            .push(Kind::BlankRows.notice(format!("{blank} rows without a single cell are passed over")).count(blank));
     }
     let is_units =
         |r: &StringRecord| r.iter().filter(|c| unit(c).is_some()).count() >= 3 && r.iter().all(|c| !number(c));
@@ -269,7 +271,7 @@ fn raw(bytes: &[u8], format: &LaxityFormat, warnings: &mut Vec<String>) -> Resul
 }
 
 /// Leaves out a first column that only counts the rows, as other programs write their index.
-fn drop_index(raw: &mut Raw, warnings: &mut Vec<String>) {
+fn drop_index(raw: &mut Raw, warnings: &mut Vec<Notice>) {
     let Some(name) = raw.header.first() else { return };
     let nameless = name.is_empty() || name.starts_with("Unnamed") || name.eq_ignore_ascii_case("index");
     let cell = |r: &StringRecord| r.get(0).and_then(|c| c.parse::<usize>().ok());
@@ -278,7 +280,7 @@ fn drop_index(raw: &mut Raw, warnings: &mut Vec<String>) {
     if !nameless || raw.header.len() < 2 || !from.is_some_and(counts) {
         return;
     }
-    warnings.push("the first column counts the rows (an index) and is left out".into());
+    warnings.push(Kind::IndexColumn.notice("the first column counts the rows (an index) and is left out"));
     raw.header.remove(0);
     if !raw.units.is_empty() {
         raw.units.remove(0);
@@ -287,7 +289,7 @@ fn drop_index(raw: &mut Raw, warnings: &mut Vec<String>) {
 }
 
 /// Empties the cells that say in words that nothing was measured.
-fn unmeasured(raw: &mut Raw, warnings: &mut Vec<String>) {
+fn unmeasured(raw: &mut Raw, warnings: &mut Vec<Notice>) {
     let mut words = 0;
     for (_, record) in &mut raw.rows {
         let found = record.iter().filter(|c| text::says_nothing(c)).count();
@@ -297,7 +299,11 @@ fn unmeasured(raw: &mut Raw, warnings: &mut Vec<String>) {
         }
     }
     if words > 0 {
-        warnings.push(format!("{words} cells such as n/a or NaN are read as not measured"));
+        warnings.push(
+            Kind::WordsForNothing
+                .notice(format!("{words} cells such as n/a or NaN are read as not measured"))
+                .count(words),
+        );
     }
 }
 
@@ -361,7 +367,7 @@ fn places(
     format: &LaxityFormat,
     declared: bool,
     side: Side,
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<Notice>,
 ) -> Result<Vec<Place>, LaxityError> {
     let mut used: BTreeSet<usize> = BTreeSet::new();
     let mut places = Vec::new();
@@ -397,7 +403,11 @@ fn places(
         places.push(Place { column: name.clone(), name: name.clone(), at, factor });
     }
     if !left.is_empty() {
-        warnings.push(format!("columns that the format does not name are left out: {}", left.join(", ")));
+        warnings.push(
+            Kind::UnnamedColumns
+                .notice(format!("columns that the format does not name are left out: {}", left.join(", ")))
+                .count(left.len()),
+        );
     }
     for place in places.iter_mut().filter(|p| p.column.starts_with("sd_")) {
         place.factor = place.factor.abs();

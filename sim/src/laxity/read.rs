@@ -8,6 +8,7 @@ use crate::coordinate::{AP, FREE, Free, IE, Load, VV};
 use crate::names::did_you_mean;
 use csv::StringRecord;
 use meshes::frame::Side;
+use notices::{Kind, Notice};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// The trials of a file and what is odd but not fatal in it.
@@ -16,7 +17,7 @@ pub struct LaxityTable {
     /// The trials, in the order of the file.
     pub trials: Vec<LaxityTrial>,
     /// Odd but not fatal, with row and column.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Notice>,
 }
 
 /// Loads beyond these are taken for another unit.
@@ -151,7 +152,7 @@ impl Row<'_> {
 }
 
 /// One trial from one row.
-fn trial(row: &Row, warnings: &mut Vec<String>) -> Result<LaxityTrial, LaxityError> {
+fn trial(row: &Row, warnings: &mut Vec<Notice>) -> Result<LaxityTrial, LaxityError> {
     let name = row.text("trial").to_owned();
     if name.is_empty() {
         return row.refuse("trial", "empty; every trial needs a name");
@@ -169,7 +170,12 @@ fn trial(row: &Row, warnings: &mut Vec<String>) -> Result<LaxityTrial, LaxityErr
         load[c] = match row.bounded(&column, LARGEST_LOAD[c], unit)? {
             Some(value) => value,
             None => {
-                warnings.push(format!("row {}, column \"{column}\": no load measured, taken as 0 {unit}", row.number));
+                warnings.push(
+                    Kind::NoLoad
+                        .notice(format!("row {}, column \"{column}\": no load measured, taken as 0 {unit}", row.number))
+                        .row(row.number)
+                        .column(&column),
+                );
                 0.0
             }
         };
@@ -181,11 +187,11 @@ fn trial(row: &Row, warnings: &mut Vec<String>) -> Result<LaxityTrial, LaxityErr
     }
     let fe_deg = flexion(row, nominal, warnings)?;
     if !agrees(test, &load) {
-        warnings.push(format!(
+        warnings.push(Kind::LoadAgainstTest.notice(format!(
             "row {}: test \"{}\" but its load does not point that way; clinical signs expected (valgus, external, anterior +)",
             row.number,
             test.name()
-        ));
+        )).row(row.number));
     }
     let (branch, order) = (branch(row)?, order(row)?);
     Ok(LaxityTrial {
@@ -250,9 +256,14 @@ fn order(row: &Row) -> Result<Option<i64>, LaxityError> {
 }
 
 /// The prescribed flexion: as measured, else nominal with a warning.
-fn flexion(row: &Row, nominal: f64, warnings: &mut Vec<String>) -> Result<f64, LaxityError> {
+fn flexion(row: &Row, nominal: f64, warnings: &mut Vec<Notice>) -> Result<f64, LaxityError> {
     let Some(fe) = row.bounded("fe_deg", 180.0, "deg")? else {
-        warnings.push(format!("row {}, column \"fe_deg\": not measured, nominal {nominal} deg taken", row.number));
+        warnings.push(
+            Kind::NoFlexion
+                .notice(format!("row {}, column \"fe_deg\": not measured, nominal {nominal} deg taken", row.number))
+                .row(row.number)
+                .column("fe_deg"),
+        );
         return Ok(nominal);
     };
     if nominal.abs() >= 20.0 && (fe - nominal.to_radians()).abs() < 0.2 {
@@ -260,7 +271,12 @@ fn flexion(row: &Row, nominal: f64, warnings: &mut Vec<String>) -> Result<f64, L
             .refuse("fe_deg", &format!("{fe} beside nominal {nominal} deg looks like radians; degrees expected"));
     }
     if (fe - nominal).abs() > 30.0 {
-        warnings.push(format!("row {}, column \"fe_deg\": {fe} deg is far from nominal {nominal} deg", row.number));
+        warnings.push(
+            Kind::FlexionFarFromNominal
+                .notice(format!("row {}, column \"fe_deg\": {fe} deg is far from nominal {nominal} deg", row.number))
+                .row(row.number)
+                .column("fe_deg"),
+        );
     }
     Ok(fe)
 }

@@ -3,6 +3,7 @@
 use super::LaxityTrial;
 use super::read::agrees;
 use crate::coordinate::{AP, Coordinate, IE, SI, VV};
+use notices::{Kind, Notice};
 use std::collections::BTreeMap;
 
 /// A convention that looks turned round.
@@ -12,6 +13,13 @@ pub struct SignDoubt {
     pub column: String,
     /// What was seen, and what to declare, in a sentence.
     pub words: String,
+}
+
+impl SignDoubt {
+    /// The doubt as a notice.
+    pub fn notice(self) -> Notice {
+        Kind::SignDoubt.notice(self.words).column(&self.column)
+    }
 }
 
 /// Loads that differ by less show no direction: VV, IE [N m], AP [N]. A fifth of the smallest of the paper's loads. Ours.

@@ -1,6 +1,7 @@
 //! From the bytes of a table to its text: what programs put around a table is taken off, and told.
 
 use super::columns::{LaxityError, known_columns};
+use notices::{Kind, Notice};
 use std::borrow::Cow;
 
 /// Lines above the header that may be titles or comments.
@@ -23,7 +24,7 @@ pub(super) struct Text<'a> {
 pub(super) fn text<'a>(
     bytes: &'a [u8],
     (skip_lines, declared): (usize, &[String]),
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<Notice>,
 ) -> Result<Text<'a>, LaxityError> {
     let mut known: Vec<String> = known_columns().into_iter().collect();
     known.extend(declared.iter().cloned());
@@ -45,7 +46,11 @@ pub(super) fn text<'a>(
     }
     let titles = titles(&whole[start..], &known);
     if titles > 0 {
-        warnings.push(format!("{titles} lines above the header are passed over (titles or comments)"));
+        warnings.push(
+            Kind::TitleLines
+                .notice(format!("{titles} lines above the header are passed over (titles or comments)"))
+                .count(titles),
+        );
         start = lines(&whole, above + titles).unwrap_or(whole.len());
     }
     let body = match whole {

@@ -8,6 +8,7 @@ use attachments::layout::depth_inside;
 use attachments::site::Fibre;
 use meshes::{Point, Vector};
 use nalgebra::{Rotation3, Unit};
+use notices::{Kind, Notice};
 use std::collections::BTreeMap;
 
 /// Flexions at which fibres are looked at beside the CT pose [deg]; those of the paper's protocols.
@@ -29,7 +30,7 @@ pub(super) fn warn(
     frames: &Frames,
     fibres: &[Fibre],
     limit: f64,
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<Notice>,
 ) -> BTreeMap<String, f64> {
     let mut depths = BTreeMap::new();
     for bundle in BUNDLES.iter() {
@@ -62,15 +63,15 @@ pub(super) fn warn(
     depths
 }
 
-fn told(bundle: &str, bone: &str, d: &Deepest, limit: f64) -> String {
+fn told(bundle: &str, bone: &str, d: &Deepest, limit: f64) -> Notice {
     let place = match d.flexion_deg {
         None => "in the CT pose".to_owned(),
         Some(flexion) => format!("at {flexion} deg ({:.1} mm in the CT pose)", d.in_ct_mm),
     };
     let deep = beside(d.mm, limit);
-    format!(
+    Kind::ThroughBone.notice(format!(
         "bundle {bundle} runs up to {deep} mm deep through the {bone} {place}, more than {limit} mm: fibres are straight and do not wrap, so its length is too short there; look at its sites"
-    )
+    )).of(bundle)
 }
 
 /// Decimals with which a depth is told, and most of them.

@@ -7,6 +7,7 @@ use attachments::layout::{counting_direction, ends, uncross};
 use attachments::lengths::usual_range_mm;
 use attachments::site::{Bone, Fibre, Site, Source};
 use meshes::{Point, Vector};
+use notices::{Kind, Notice};
 
 /// The fibres of every bundle that has both sites, in Table 3's order; those given by hand stand for their bundle, and their
 /// ligament's site where nothing better is known of it.
@@ -15,7 +16,7 @@ pub(super) fn lay(
     sites: &mut Vec<Site>,
     given: &[Fibre],
     options: &AttachmentsOptions,
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<Notice>,
 ) -> Vec<Fibre> {
     let mut fibres = Vec::new();
     for ligament in LIGAMENTS {
@@ -33,7 +34,11 @@ pub(super) fn lay(
                 by_hand.sort_by_key(|f| f.fibre);
                 fibres.extend(by_hand);
             } else if own.is_empty() {
-                warnings.push(format!("bundle {} is left out: {}", bundle.name, missing(sites, ligament)));
+                warnings.push(
+                    Kind::BundleLeftOut
+                        .notice(format!("bundle {} is left out: {}", bundle.name, missing(sites, ligament)))
+                        .of(&bundle.name),
+                );
             } else {
                 fibres.extend(own.into_iter().enumerate().map(|(i, f)| Fibre {
                     bundle: bundle.name.clone(),
@@ -101,16 +106,16 @@ fn given_sites(ligament: &str, bundles: &[&Bundle], given: &[Fibre]) -> [Site; 2
 }
 
 /// Warns of ligaments longer or shorter than published ones; `scale` is the knee's size over the atlas'.
-pub(super) fn warn_of_lengths(fibres: &[Fibre], scale: f64, warnings: &mut Vec<String>) {
+pub(super) fn warn_of_lengths(fibres: &[Fibre], scale: f64, warnings: &mut Vec<Notice>) {
     for ligament in LIGAMENTS {
         let of = |f: &&Fibre| BUNDLES.iter().any(|b| b.ligament == ligament && b.name == f.bundle);
         let lengths: Vec<f64> = fibres.iter().filter(of).map(|f| (f.femur - f.tibia).norm()).collect();
         let Some([least, most]) = usual_range_mm(ligament, scale).filter(|_| !lengths.is_empty()) else { continue };
         let mean = lengths.iter().sum::<f64>() / lengths.len() as f64;
         if !(least..=most).contains(&mean) {
-            warnings.push(format!(
+            warnings.push(Kind::FibreLength.notice(format!(
                 "the fibres of {ligament} are {mean:.0} mm long in the mean, outside the {least:.0} to {most:.0} mm of knees of this size: look at its two sites in the report, or mark them"
-            ));
+            )).of(ligament));
         }
     }
 }

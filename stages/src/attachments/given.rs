@@ -5,6 +5,7 @@ use attachments::atlas::{Anatomy, place};
 use attachments::bundle::{BUNDLES, LIGAMENTS};
 use attachments::site::{Bone, Fibre, Site, Source};
 use meshes::{Point, Vector};
+use notices::{Kind, Notice};
 
 /// A given site this far from the literature's place is told, at the atlas' size [mm]: the literature's largest error, as of marks.
 const FAR_MM: f64 = 15.0;
@@ -14,7 +15,7 @@ const SHIFT_MM: f64 = 7.0;
 const LEAST_SITES: usize = 4;
 
 /// Warns where given fibres end far from where the literature has their ligament, each and all together.
-pub(super) fn compare(anatomy: &Anatomy, given: &[Fibre], scale: f64, warnings: &mut Vec<String>) {
+pub(super) fn compare(anatomy: &Anatomy, given: &[Fibre], scale: f64, warnings: &mut Vec<Notice>) {
     for (bone, name) in [(Bone::Femur, "femur"), (Bone::Tibfib, "tibia")] {
         let mut offs: Vec<(&str, Vector)> = Vec::new();
         for ligament in LIGAMENTS {
@@ -32,10 +33,10 @@ pub(super) fn compare(anatomy: &Anatomy, given: &[Fibre], scale: f64, warnings: 
         if offs.len() >= LEAST_SITES && mean.norm() > SHIFT_MM * scale {
             let frame = if bone == Bone::Femur { anatomy.femur_frame } else { anatomy.tibia_frame };
             let [m, a, s] = [frame.medial, frame.anterior, frame.superior].map(|axis| mean.dot(&axis));
-            warnings.push(format!(
+            warnings.push(Kind::GivenShifted.notice(format!(
                 "attachments.csv: its {} sites on the {name} lie {:.0} mm from their usual places together ({m:+.0} medial, {a:+.0} anterior, {s:+.0} superior), expected within {:.0}: a shift, or another frame than [ct]",
                 offs.len(), mean.norm(), SHIFT_MM * scale
-            ));
+            )).file("attachments.csv").of(name));
         }
         let far: Vec<String> = offs
             .iter()
@@ -43,16 +44,21 @@ pub(super) fn compare(anatomy: &Anatomy, given: &[Fibre], scale: f64, warnings: 
             .map(|(ligament, off)| format!("{ligament} {:.0} mm", off.norm()))
             .collect();
         if !far.is_empty() {
-            warnings.push(format!(
-                "attachments.csv: given sites on the {name} lie far from the literature's places: {}",
-                far.join(", ")
-            ));
+            warnings.push(
+                Kind::GivenFar
+                    .notice(format!(
+                        "attachments.csv: given sites on the {name} lie far from the literature's places: {}",
+                        far.join(", ")
+                    ))
+                    .file("attachments.csv")
+                    .of(name),
+            );
         }
     }
 }
 
 /// Says which sites the literature gives although a scan with colours might have shown them.
-pub(super) fn tell_unmarked(specimen: &Specimen, sites: &[Site], warnings: &mut Vec<String>) {
+pub(super) fn tell_unmarked(specimen: &Specimen, sites: &[Site], warnings: &mut Vec<Notice>) {
     for (bone, name, scan) in
         [(Bone::Femur, "femur", &specimen.scans.femur), (Bone::Tibfib, "tibfib", &specimen.scans.tibfib)]
     {
@@ -69,7 +75,11 @@ pub(super) fn tell_unmarked(specimen: &Specimen, sites: &[Site], warnings: &mut 
             false => "no closed outline was found for them",
         };
         if !own.is_empty() {
-            warnings.push(format!("scans.{name} has colours, but {} come from the literature: {why}", own.join(", ")));
+            warnings.push(
+                Kind::Unmarked
+                    .notice(format!("scans.{name} has colours, but {} come from the literature: {why}", own.join(", ")))
+                    .of(name),
+            );
         }
     }
 }

@@ -12,6 +12,7 @@ use meshes::Point;
 use meshes::frame::{Ct, Pose, Scan};
 use meshes::query::SurfaceQuery;
 use meshes::surface::ColouredMesh;
+use notices::{Kind, Notice};
 
 pub(super) struct MarkedScan<'a> {
     pub(super) scan: &'a ColouredMesh,
@@ -34,7 +35,7 @@ pub(super) fn sites(
     marks: &[NamedPoint],
     width: f64,
     options: &AttachmentsOptions,
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<Notice>,
 ) -> Result<Marked, StageError> {
     let regions = find_outlines(scan.scan, &options.marks);
     let footprints: Vec<Footprint> = regions.iter().map(|r| project(r, scan.pose.motion(), side.query)).collect();
@@ -48,10 +49,10 @@ pub(super) fn sites(
     let mut found = Marked { sites: Vec::new(), beyond };
     for place in points.iter().filter(|p| !names.contains(&Some(p.name.clone())) && is_ligament(&p.name)) {
         let nearest = side.query.nearest(&place.point);
-        warnings.push(format!(
+        warnings.push(Kind::NoOutline.notice(format!(
             "{} on the {}: no outline within {} mm of the point given in marks.csv, the point itself is the site, as rough as it is",
             place.name, side.name, options.mark_reach_mm
-        ));
+        )).of(&place.name));
         found.sites.push(point_site(side.bone, &place.name, nearest.point, nearest.distance));
     }
     let usual: Vec<Place> = usual_places(side.bone, side.frame, width)
@@ -64,7 +65,12 @@ pub(super) fn sites(
         if regions[k].gap_fraction > 0.0 {
             let percent = 100.0 * regions[k].gap_fraction;
             let whose = name.as_deref().unwrap_or("without a name");
-            warnings.push(format!("outline {whose} on the {} is broken: {percent:.0} % of it was bridged", side.name));
+            warnings.push(
+                Kind::BrokenOutline.notice(format!(
+                    "outline {whose} on the {} is broken: {percent:.0} % of it was bridged",
+                    side.name
+                )),
+            );
         }
         match name {
             Some(ligament) if is_ligament(&ligament) => found.sites.push(Site {
@@ -77,10 +83,10 @@ pub(super) fn sites(
                 region: footprint.points,
             }),
             Some(_) => {}
-            None => warnings.push(format!(
+            None => warnings.push(Kind::UnexpectedOutline.notice(format!(
                 "an outline on the {} at CT ({:.1}, {:.1}, {:.1}) mm is none that is expected there and is left out; name it in marks.csv",
                 side.name, c.x, c.y, c.z
-            )),
+            )).of(side.name).at([c.x, c.y, c.z])),
         }
     }
     Ok(found)
@@ -95,14 +101,14 @@ fn point_site(bone: Bone, ligament: &str, centroid: Point, projection_mm: f64) -
     Site { ligament, bone, centroid, area_mm2: 0.0, source: Source::Marked, projection_mm, region: vec![centroid] }
 }
 
-fn refusal(side: &Side, place: &Place, options: &AttachmentsOptions) -> String {
-    format!(
+fn refusal(side: &Side, place: &Place, options: &AttachmentsOptions) -> Notice {
+    Kind::MarkOffBone.notice(format!(
         "{} on the {}: the point given in marks.csv lies {:.1} mm off the bone, more than {} mm: it is not used; either the bone is missing there (a shaft cut short, no fibula) or the point is off: check its coordinates, and that scan and CT are of one size",
         place.name,
         side.name,
         side.query.nearest(&place.point).distance,
         options.mark_off_site_mm
-    )
+    )).file("marks.csv").of(&place.name)
 }
 
 /// The rows of marks.csv for this bone, CT frame: those on it, and those whose bone is missing.

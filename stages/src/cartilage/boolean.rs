@@ -10,6 +10,7 @@ use meshes::repair::solidify;
 use meshes::surface::TriMesh;
 use meshes::topology::Topology;
 use meshes::{Point, Vector};
+use notices::Kind;
 
 /// Bodies below this share of the largest volume are films and specks [-]; the smaller plateau has a third of the larger's or more.
 const SPECK_SHARE: f64 = 0.1;
@@ -44,7 +45,16 @@ pub(super) fn of_bone(of: &Covered, options: &CartilageOptions) -> Result<Made, 
     }
     let mut warnings = Vec::new();
     if all > kept.len() {
-        warnings.push(format!("{}: {} films and specks of the Boolean difference left out", of.name, all - kept.len()));
+        warnings.push(
+            Kind::FilmsLeftOut
+                .notice(format!(
+                    "{}: {} films and specks of the Boolean difference left out",
+                    of.name,
+                    all - kept.len()
+                ))
+                .of(of.name)
+                .count(all - kept.len()),
+        );
     }
     let mut solids = Vec::new();
     for (_, mesh, of_scan) in kept {
@@ -54,7 +64,11 @@ pub(super) fn of_bone(of: &Covered, options: &CartilageOptions) -> Result<Made, 
         let solid = finished(of.name, &back, &of_scan, options)?;
         let tunnels = 1 - Topology::of(&solid.solid).euler_characteristic / 2;
         if tunnels > 0 {
-            warnings.push(format!("{}: a cartilage has {tunnels} tunnels through thin places", of.name));
+            warnings.push(
+                Kind::Tunnels
+                    .notice(format!("{}: a cartilage has {tunnels} tunnels through thin places", of.name))
+                    .of(of.name),
+            );
         }
         solids.push((solid, centre));
     }

@@ -12,6 +12,7 @@ use meshes::query::SurfaceQuery;
 use meshes::surface::TriMesh;
 use meshes::topology::Topology;
 use meshes::{Isometry, Point};
+use notices::{Kind, Notice};
 use std::collections::BTreeMap;
 
 /// A solid whose volume differs by more than this share from what was given is told [-].
@@ -63,7 +64,7 @@ pub(super) fn of_mri(
         || rayon::join(|| one(&parts[1], options), || one(&parts[2], options)),
     )];
     let mut warnings = Vec::new();
-    let mut take = |made: Result<(CartilageSolid, Point, Vec<String>), StageError>| {
+    let mut take = |made: Result<(CartilageSolid, Point, Vec<Notice>), StageError>| {
         let (solid, centre, notes) = made?;
         warnings.extend(notes);
         Ok::<_, StageError>((solid, centre))
@@ -111,7 +112,7 @@ fn check_sides(
     ).to_lowercase()))
 }
 
-fn one(of: &Shown, options: &CartilageOptions) -> Result<(CartilageSolid, Point, Vec<String>), StageError> {
+fn one(of: &Shown, options: &CartilageOptions) -> Result<(CartilageSolid, Point, Vec<Notice>), StageError> {
     let mut notes = Vec::new();
     let cover = of.cover.moved(&of.pose);
     let domain = match of.bare {
@@ -133,15 +134,20 @@ fn one(of: &Shown, options: &CartilageOptions) -> Result<(CartilageSolid, Point,
         ));
     };
     if patches.len() > 1 {
-        notes.push(format!("{}: {} smaller pieces left out: a solid is one piece", of.key, patches.len() - 1));
+        notes.push(
+            Kind::SmallerPieces
+                .notice(format!("{}: {} smaller pieces left out: a solid is one piece", of.key, patches.len() - 1))
+                .of(of.key)
+                .count(patches.len() - 1),
+        );
     }
     let solid = solid::solid(of.name, patch, &cover, options)?;
     let volume = solid.solid.volume();
     if of.given_mm3 > 0.0 && (volume / of.given_mm3 - 1.0).abs() > VOLUME_SHARE {
-        notes.push(format!(
+        notes.push(Kind::CartilageVolume.notice(format!(
             "{}: {volume:.0} mm3 on the bone, {:.0} mm3 were given: look for cartilage off the bone, or a hole in it",
             of.key, of.given_mm3
-        ));
+        )).of(of.key));
     }
     Ok((solid, patch.centre(), notes))
 }

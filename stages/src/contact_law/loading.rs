@@ -10,6 +10,7 @@ use deformable::{
 };
 use meshes::hex::HexMesh;
 use meshes::{Point, Vector};
+use notices::{Kind, Notice};
 use serde::{Deserialize, Serialize};
 
 /// Increment that every element is given in dynamic relaxation [s]: numerical.
@@ -33,7 +34,7 @@ pub struct Curve {
 pub(super) struct Pressed {
     pub(super) curve: Curve,
     pub(super) snapshots: Vec<Snapshot>,
-    pub(super) warnings: Vec<String>,
+    pub(super) warnings: Vec<Notice>,
 }
 
 /// Presses the femur's cartilage down the tibia's axis until the force wanted is reached.
@@ -64,10 +65,10 @@ pub(super) fn press(
         let level = level.map_err(|e| StageError::part(format_args!("flexion {} deg", start.flexion_deg), e))?;
         (at, force) = (next, level.force_n);
         if !level.at_rest {
-            out.warnings.push(format!(
+            out.warnings.push(Kind::NotAtRest.notice(format!(
                 "flexion {} deg, {force:.0} N: not quite at rest (forces differ by {:.1e})",
                 start.flexion_deg, level.imbalance
-            ));
+            )));
         }
         out.curve.levels.push(Level { shift_mm: next - CLEAR_MM, ..level });
         let last = force >= o.force_n;
@@ -80,10 +81,10 @@ pub(super) fn press(
     }
     out.curve.energy_balance_error = state.energy.balance_error();
     if force < o.force_n {
-        out.warnings.push(format!(
+        out.warnings.push(Kind::ForceNotReached.notice(format!(
             "flexion {} deg: {force:.0} N at {at:.2} mm, {} N were wanted",
             start.flexion_deg, o.force_n
-        ));
+        )));
     }
     Ok(out)
 }

@@ -4,6 +4,7 @@ use super::FramesOptions;
 use crate::StageError;
 use meshes::frame::{AnatomicalFrame, Side};
 use meshes::{Point, Vector};
+use notices::{Kind, Notice};
 use serde::{Deserialize, Serialize};
 
 /// How far axes may be from unit length and from square, and still be taken for rounded ones [-].
@@ -51,7 +52,7 @@ pub(super) fn frames(
     found: [&AnatomicalFrame; 2],
     side: Side,
     options: &FramesOptions,
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<Notice>,
 ) -> Result<(AnatomicalFrame, AnatomicalFrame), StageError> {
     let femur = checked("femur", &given.femur, side)?;
     let tibia = checked("tibia", &given.tibia, side)?;
@@ -93,20 +94,20 @@ fn checked(bone: &str, given: &GivenFrame, side: Side) -> Result<AnatomicalFrame
 }
 
 /// Warns where a given frame is far from what the bone shows.
-fn compare(bone: &str, own: &AnatomicalFrame, seen: &AnatomicalFrame, o: &FramesOptions, warnings: &mut Vec<String>) {
+fn compare(bone: &str, own: &AnatomicalFrame, seen: &AnatomicalFrame, o: &FramesOptions, warnings: &mut Vec<Notice>) {
     let [most_deg, most_mm] = o.given_limits;
     for (name, a, b) in [("medial", own.medial, seen.medial), ("superior", own.superior, seen.superior)] {
         let angle = a.cross(&b).norm().atan2(a.dot(&b)).to_degrees();
         if angle > most_deg {
-            warnings.push(format!(
+            warnings.push(Kind::GivenAxisFar.notice(format!(
                 "[frames] {bone}: the {name} axis lies {angle:.0} deg from the one that the bone shows, more than {most_deg}; the given one is used: check its frame and sign"
-            ));
+            )).of(bone));
         }
     }
     let apart = (own.origin - seen.origin).norm();
     if apart > most_mm {
-        warnings.push(format!(
+        warnings.push(Kind::GivenOriginFar.notice(format!(
             "[frames] {bone}: the origin lies {apart:.0} mm from the one that the bone shows, more than {most_mm}; the given one is used: check its unit and frame"
-        ));
+        )).of(bone));
     }
 }

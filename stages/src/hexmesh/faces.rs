@@ -6,6 +6,7 @@ use meshes::query::SurfaceQuery;
 use meshes::surface::TriMesh;
 use meshes::topology::Topology;
 use meshes::{Point, Vector};
+use notices::{Kind, Notice};
 use std::collections::BTreeMap;
 
 /// The bony face as one sheet, and the articular face; normals of both towards the articular side.
@@ -22,7 +23,7 @@ const NEGLIGIBLE: f64 = 0.01;
 const INTO_BONE: f64 = 0.3;
 
 /// Splits a solid; the bony face is its largest part, small holes capped.
-pub(super) fn split(solid: &CartilageSolid, notes: &mut Vec<String>) -> Result<Sheet, StageError> {
+pub(super) fn split(solid: &CartilageSolid, notes: &mut Vec<Notice>) -> Result<Sheet, StageError> {
     let (vertices, triangles) = (solid.solid.vertices.len(), solid.solid.triangles.len());
     if solid.articular.len() != triangles || solid.thickness_mm.len() != vertices {
         return Err(StageError::Knee(format!(
@@ -65,7 +66,7 @@ fn away_from_bone(articular: &TriMesh, bony: &TriMesh) -> TriMesh {
 }
 
 /// The largest connected part of a face and the old index of its vertices; a note when it is not nearly all.
-fn largest_part(face: &TriMesh, name: &str, notes: &mut Vec<String>) -> (TriMesh, Vec<u32>) {
+fn largest_part(face: &TriMesh, name: &str, notes: &mut Vec<Notice>) -> (TriMesh, Vec<u32>) {
     let parts = Topology::of(face).component_of_triangle;
     let count = parts.iter().max().map_or(0, |m| m + 1) as usize;
     let mut areas = vec![0.0; count];
@@ -75,8 +76,14 @@ fn largest_part(face: &TriMesh, name: &str, notes: &mut Vec<String>) -> (TriMesh
     let main = (0..count).max_by(|&a, &b| areas[a].total_cmp(&areas[b])).unwrap_or(0);
     let whole: f64 = areas.iter().sum();
     if areas.get(main).is_some_and(|a| *a < (1.0 - NEGLIGIBLE) * whole) {
-        notes
-            .push(format!("the {name} face has {count} parts; the largest used, {:.0} of {whole:.0} mm2", areas[main]));
+        notes.push(
+            Kind::FaceParts
+                .notice(format!(
+                    "the {name} face has {count} parts; the largest used, {:.0} of {whole:.0} mm2",
+                    areas[main]
+                ))
+                .count(count),
+        );
     }
     face.submesh(|t| parts[t] as usize == main)
 }

@@ -9,6 +9,7 @@ use meshes::Point;
 use meshes::frame::Side;
 use meshes::section::section;
 use meshes::surface::TriMesh;
+use notices::{Kind, Notice};
 
 /// The origin of a given frame lies this near its bone [mm]: that of the femur deep between the condyles. Ours.
 const ORIGIN_MM: f64 = 40.0;
@@ -40,7 +41,7 @@ pub(super) fn frames(
     path: &str,
     given: &GivenFrames,
     bones: &Bones,
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<Notice>,
 ) -> Result<(), StageError> {
     let origins = [given.femur.origin, given.tibia.origin].map(Point::from);
     if origins.iter().any(|p| !p.coords.iter().all(|x| x.is_finite())) {
@@ -59,16 +60,16 @@ pub(super) fn frames(
             Err(StageError::file(path, format_args!("an origin of [frames] lies {far:.0} mm off its bone; {what}")))
         }
         None => {
-            warnings.push(format!(
+            warnings.push(Kind::FrameOriginFar.notice(format!(
                 "{path}: an origin of [frames] lies {far:.0} mm off its bone, expected within {limit:.0}: check its unit (mm) and frame ([ct])"
-            ));
+            )).file(path));
             Ok(())
         }
     }
 }
 
 /// Holds what a label map carries along against its bones: distance, and the side of menisci.
-pub(super) fn carried(mri: &Mri, bones: &Bones, axes: Option<&RoughAxes>, warnings: &mut Vec<String>) {
+pub(super) fn carried(mri: &Mri, bones: &Bones, axes: Option<&RoughAxes>, warnings: &mut Vec<Notice>) {
     for (name, body) in &mri.bodies {
         let (bone, whose) = match name.starts_with("meniscus") {
             true => (bones.own(1), "tibia"),
@@ -77,9 +78,9 @@ pub(super) fn carried(mri: &Mri, bones: &Bones, axes: Option<&RoughAxes>, warnin
         let far = body.vertices.iter().map(|p| bone.nearest(p).distance).fold(f64::INFINITY, f64::min);
         let limit = CARRIED_MM * bones.scale;
         if far > limit {
-            warnings.push(format!(
+            warnings.push(Kind::BodyFar.notice(format!(
                 "segmentation.{name} lies {far:.0} mm from the {whose}, expected within {limit:.0}: check which label it is"
-            ));
+            )).of(name));
         }
         let (Some(axes), Some(middle)) = (axes, body.centroid()) else { continue };
         let lateral = (middle - axes.joint).dot(&axes.lateral);
@@ -89,16 +90,16 @@ pub(super) fn carried(mri: &Mri, bones: &Bones, axes: Option<&RoughAxes>, warnin
             _ => continue,
         };
         if sign * lateral < -SIDE_MM * bones.scale {
-            warnings.push(format!(
+            warnings.push(Kind::SidesExchanged.notice(format!(
                 "segmentation.{name} lies {:.0} mm on the other side of the joint: medial and lateral are exchanged, or the side is wrong",
                 lateral.abs()
-            ));
+            )).of(name));
         }
     }
 }
 
 /// What is said of a femur whose surface holds a patella, too: in several sections across the bone a second piece lies in front.
-pub(super) fn grown_together(femur: &TriMesh, axes: &RoughAxes, key: &str, warnings: &mut Vec<String>) {
+pub(super) fn grown_together(femur: &TriMesh, axes: &RoughAxes, key: &str, warnings: &mut Vec<Notice>) {
     let up = axes.femur_shaft.direction;
     let heights = femur.vertices.iter().map(|p| (p - axes.joint).dot(&up));
     let low = heights.fold(f64::INFINITY, f64::min);
@@ -122,8 +123,8 @@ pub(super) fn grown_together(femur: &TriMesh, axes: &RoughAxes, key: &str, warni
         seen += usize::from(others.iter().any(|o| in_front(&o)));
     }
     if seen >= SECTIONS {
-        warnings.push(format!(
+        warnings.push(Kind::GrownTogether.notice(format!(
             "{key}: {seen} sections across the femur show a second body in front of it: a patella that hangs on by a bridge; cut it off, or give it a label of its own"
-        ));
+        )));
     }
 }

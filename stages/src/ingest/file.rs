@@ -21,7 +21,7 @@ pub fn parse_specimen_file(text: &str) -> Result<SpecimenFile, StageError> {
             Some(span) => {
                 let before = text.get(..span.start).unwrap_or(text);
                 let line = before.matches('\n').count() + 1;
-                StageError::at("specimen.toml", format_args!("line {line}"), what)
+                StageError::line("specimen.toml", line, what)
             }
             None => StageError::specimen(what),
         }

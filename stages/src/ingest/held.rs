@@ -8,6 +8,7 @@ use meshes::measure::percentile;
 use meshes::query::SurfaceQuery;
 use meshes::surface::{ColouredMesh, TriMesh};
 use meshes::{Point, Vector};
+use notices::{Kind, Notice};
 
 /// Width of the knee that the lengths below are meant for [mm]; they grow with the femur's.
 pub(super) const WIDTH_MM: f64 = 85.0;
@@ -114,7 +115,7 @@ pub(super) fn fibres(
     path: &str,
     fibres: &[Fibre],
     bones: &Bones,
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<Notice>,
 ) -> Result<(), StageError> {
     if fibres.is_empty() {
         return Ok(());
@@ -149,17 +150,17 @@ pub(super) fn fibres(
         ));
     }
     if far > TOLD_MM * bones.scale {
-        warnings.push(format!(
+        warnings.push(Kind::FibresOffBones.notice(format!(
             "{path}: its points lie {far:.1} mm off their bones in the median, expected within {:.1}: check their frame (a shift?) and unit",
             TOLD_MM * bones.scale
-        ));
+        )).file(path));
     }
     single(path, fibres, bones, warnings);
     Ok(())
 }
 
 /// Names the fibres of which one end lies far off its bone.
-fn single(path: &str, fibres: &[Fibre], bones: &Bones, warnings: &mut Vec<String>) {
+fn single(path: &str, fibres: &[Fibre], bones: &Bones, warnings: &mut Vec<Notice>) {
     let limit = OFF_MM * bones.scale;
     let ends = fibres.iter().flat_map(|f| [(f, "femur", &bones.femur, f.femur), (f, "tibia", &bones.tibfib, f.tibia)]);
     let lost: Vec<String> = ends
@@ -170,7 +171,12 @@ fn single(path: &str, fibres: &[Fibre], bones: &Bones, warnings: &mut Vec<String
         .collect();
     if !lost.is_empty() {
         let shown = lost.iter().take(5).cloned().collect::<Vec<_>>().join(", ");
-        warnings.push(format!("{path}: {} ends of fibres lie off their bone: {shown}", lost.len()));
+        warnings.push(
+            Kind::FibreEndsOffBone
+                .notice(format!("{path}: {} ends of fibres lie off their bone: {shown}", lost.len()))
+                .file(path)
+                .count(lost.len()),
+        );
     }
 }
 
@@ -183,7 +189,7 @@ pub(super) fn points(
     all: &[NamedPoint],
     bones: &Bones,
     scans: &PerBone<ColouredMesh>,
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<Notice>,
 ) -> Result<(), StageError> {
     let scan = |mesh: &ColouredMesh| SurfaceQuery::new(&mesh.mesh).filter(|_| !mesh.mesh.triangles.is_empty());
     let (femur, tibfib) = (scan(&scans.femur), scan(&scans.tibfib));
@@ -209,10 +215,10 @@ pub(super) fn points(
         let far = if near.is_empty() { 0.0 } else { off(&near, |p| *p, distance) };
         if far <= OFF_MM * bones.scale {
             if far > TOLD_MM * bones.scale {
-                warnings.push(format!(
+                warnings.push(Kind::PointsOffSurface.notice(format!(
                     "{path}: {whose} lie {far:.1} mm off its surfaces in the median, expected within {:.1}: check their frame (a shift?) and unit",
                     TOLD_MM * bones.scale
-                ));
+                )).file(path));
             }
             continue;
         }
@@ -225,9 +231,9 @@ pub(super) fn points(
             None => match cause(&near, far, bones.scale, distance).filter(|_| near.len() >= FEWEST) {
                 Some(what) => what,
                 None => {
-                    warnings.push(format!(
+                    warnings.push(Kind::PointsOffSurface.notice(format!(
                         "{path}: {whose} lie {far:.0} mm off its surfaces in the median: check the column frame, and the unit (mm)"
-                    ));
+                    )).file(path));
                     continue;
                 }
             },
@@ -258,7 +264,7 @@ fn one_place(points: &[Point], scale: f64) -> Option<()> {
 ///
 /// # Errors
 /// A patella in another frame.
-pub(super) fn patella(given: &Patella, bones: &Bones, warnings: &mut Vec<String>) -> Result<(), StageError> {
+pub(super) fn patella(given: &Patella, bones: &Bones, warnings: &mut Vec<Notice>) -> Result<(), StageError> {
     let vertices = &given.ct.vertices;
     let gap = |change: &dyn Fn(&Point) -> Point| {
         vertices
@@ -270,10 +276,10 @@ pub(super) fn patella(given: &Patella, bones: &Bones, warnings: &mut Vec<String>
     let far = gap(&|p| *p);
     let inside = vertices.iter().filter(|p| bones.femur.signed_distance(p) < -SHORTEST_MM * bones.scale).count();
     if inside as f64 > PATELLA_INSIDE * vertices.len() as f64 {
-        warnings.push(format!(
+        warnings.push(Kind::PatellaInFemur.notice(format!(
             "ct.patella: {:.0} % of it lies inside the femur: check that it is in the frame of the other bones of [ct]",
             100.0 * inside as f64 / vertices.len() as f64
-        ));
+        )).of("patella"));
     }
     if far <= PATELLA_MM * bones.scale {
         return Ok(());
@@ -286,10 +292,14 @@ pub(super) fn patella(given: &Patella, bones: &Bones, warnings: &mut Vec<String>
             Err(StageError::Knee(format!("the patella of [ct] lies {far:.0} mm from the femur; it is {what}")))
         }
         None => {
-            warnings.push(format!(
-                "ct.patella lies {far:.0} mm from the femur, expected within {:.0}: check its frame and unit",
-                PATELLA_MM * bones.scale
-            ));
+            warnings.push(
+                Kind::PatellaFar
+                    .notice(format!(
+                        "ct.patella lies {far:.0} mm from the femur, expected within {:.0}: check its frame and unit",
+                        PATELLA_MM * bones.scale
+                    ))
+                    .of("patella"),
+            );
             Ok(())
         }
     }

@@ -10,6 +10,7 @@ use meshes::registration::sample::{Samples, spread};
 use meshes::registration::target::Target;
 use meshes::surface::{ColouredMesh, TriMesh};
 use meshes::{Isometry, holes::boundary_loops};
+use notices::{Kind, Notice};
 use std::collections::BTreeSet;
 
 /// Points by which a piece is laid on the others [-].
@@ -29,7 +30,7 @@ pub(super) fn scan(
     key: &str,
     pieces: &Pieces,
     ct: &TriMesh,
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<Notice>,
     read: &Read,
 ) -> Result<(ColouredMesh, SurfaceMetrics), StageError> {
     let [first, others @ ..] = pieces.paths() else {
@@ -42,7 +43,11 @@ pub(super) fn scan(
         let laid = laid(&whole.mesh, &piece.mesh, ct).map_err(fault)?;
         let added = added(&whole, &piece, &laid.pose).map_err(fault)?;
         if piece.colours.is_empty() != whole.colours.is_empty() {
-            warnings.push(format!("{path}: one scan of {key} has colours and another has none: grey is put in"));
+            warnings.push(
+                Kind::MixedColours
+                    .notice(format!("{path}: one scan of {key} has colours and another has none: grey is put in"))
+                    .file(path),
+            );
         }
         counts.merged.push(MergedPiece {
             path: path.clone(),

@@ -8,6 +8,7 @@ use crate::specimen::{IngestOptions, NamedPoint, PointFrame, RawSpecimen, Specim
 use attachments::bundle::{BUNDLES, LIGAMENTS};
 use attachments::site::{Fibre, Source};
 use meshes::Point;
+use notices::{Kind, Notice};
 use sim::names::did_you_mean;
 
 /// The landmarks; empty without a file.
@@ -15,7 +16,7 @@ pub(super) fn landmarks(
     file: &SpecimenFile,
     raw: &RawSpecimen,
     options: &IngestOptions,
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<Notice>,
 ) -> Result<Vec<NamedPoint>, StageError> {
     named_points(
         (raw, options.is_ras("points")),
@@ -27,11 +28,13 @@ pub(super) fn landmarks(
 }
 
 /// What is said where a file of landmarks lacks the one that frames build on: it may have been cut short.
-pub(super) fn missing(file: &SpecimenFile, raw: &RawSpecimen, landmarks: &[NamedPoint]) -> Option<String> {
+pub(super) fn missing(file: &SpecimenFile, raw: &RawSpecimen, landmarks: &[NamedPoint]) -> Option<Notice> {
     let path = file.points.landmarks.as_deref().unwrap_or(OPTIONAL_PATHS[0]);
     let given = landmarks.iter().any(|l| l.frame == PointFrame::Ct && l.name == "femoral_head_center");
     let what = "the femur's superior axis is found from its shape, which is rougher";
-    (raw.files.contains_key(path) && !given).then(|| format!("{path} gives no femoral_head_center in frame ct: {what}"))
+    (raw.files.contains_key(path) && !given).then(|| {
+        Kind::NoFemoralHead.notice(format!("{path} gives no femoral_head_center in frame ct: {what}")).file(path)
+    })
 }
 
 /// The marks; empty without a file.
@@ -39,7 +42,7 @@ pub(super) fn marks(
     file: &SpecimenFile,
     raw: &RawSpecimen,
     options: &IngestOptions,
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<Notice>,
 ) -> Result<Vec<NamedPoint>, StageError> {
     named_points(
         (raw, options.is_ras("points")),
@@ -65,7 +68,7 @@ pub(super) fn fibres(
     file: &SpecimenFile,
     raw: &RawSpecimen,
     options: &IngestOptions,
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<Notice>,
 ) -> Result<Vec<Fibre>, StageError> {
     let place = |p: Point| if options.is_ras("points") { turned(&p) } else { p };
     let path = file.points.attachments.as_deref().unwrap_or(OPTIONAL_PATHS[2]);
@@ -106,7 +109,7 @@ fn named_points(
     path: &str,
     name_column: &str,
     check: impl Fn(&str) -> Result<(), String>,
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<Notice>,
 ) -> Result<Vec<NamedPoint>, StageError> {
     let columns = [name_column, "frame", "x_mm", "y_mm", "z_mm"];
     let mut points: Vec<NamedPoint> = Vec::new();
@@ -164,7 +167,7 @@ struct Row<'a> {
 
 impl Row<'_> {
     fn refuse(&self, what: &str) -> StageError {
-        StageError::at(self.path, format_args!("line {}", self.line), what)
+        StageError::line(self.path, self.line as usize, what)
     }
 
     fn point(&self, at: usize, columns: &[&str]) -> Result<Point, StageError> {
@@ -187,7 +190,7 @@ fn rows<'a>(
     raw: &RawSpecimen,
     path: &'a str,
     columns: &[&str],
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<Notice>,
 ) -> Result<Vec<Row<'a>>, StageError> {
     let Some(bytes) = raw.files.get(path) else { return Ok(Vec::new()) };
     let expected = columns.join(",");
@@ -195,7 +198,7 @@ fn rows<'a>(
     let table = sim::text::table(bytes, &known).map_err(|kind| {
         StageError::file(path, format_args!("{kind}; save the table as UTF-8 CSV with header {expected}"))
     })?;
-    warnings.extend(table.notes.into_iter().map(|what| format!("{path}: {what}")));
+    warnings.extend(table.notes.into_iter().map(|what| what.in_file(path)));
     let separator = table.separator.map_or(b',', |c| c as u8);
     let mut reader = csv::ReaderBuilder::new()
         .delimiter(separator)
@@ -203,7 +206,7 @@ fn rows<'a>(
         .flexible(true)
         .from_reader(table.text.as_bytes());
     let header = reader.headers().map_err(|e| StageError::file(path, e))?.clone();
-    let refuse = |what: String| StageError::at(path, "line 1", format_args!("{what}; expected the header {expected}"));
+    let refuse = |what: String| StageError::line(path, 1, format_args!("{what}; expected the header {expected}"));
     if header.len() == 1 && header.get(0).is_some_and(|h| h.contains(';') || h.contains('\t')) {
         return Err(refuse("the columns are not separated by commas".into()));
     }

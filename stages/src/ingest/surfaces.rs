@@ -11,6 +11,7 @@ use meshes::surface::{ColouredMesh, TriMesh};
 use meshes::tidy::tidy;
 use meshes::topology::{Topology, vertex_neighbours};
 use meshes::{Point, Vector};
+use notices::Notice;
 use std::collections::BTreeMap;
 
 /// The width knees have [mm], the middle principal extent of a bone, whole or cropped.
@@ -26,14 +27,14 @@ pub(super) fn checked(
     path: &str,
     files: &BTreeMap<String, Vec<u8>>,
     options: &IngestOptions,
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<Notice>,
 ) -> Result<(ColouredMesh, SurfaceMetrics), StageError> {
     let refuse = |what: String| StageError::named(path, key, what);
     let Some(bytes) = files.get(path) else { return Err(refuse("the file is not there".into())) };
     missing_companions(path, bytes, files, warnings);
     let (mut read, notes) =
         read_surface_told(path, bytes, files).map_err(|e| refuse(no_surface(path, bytes, &e.to_string())))?;
-    warnings.extend(notes.into_iter().map(|note| format!("{path}: {note}")));
+    warnings.extend(notes.into_iter().map(|note| note.in_file(path)));
     space::to_lps(&mut read.mesh, key, path, bytes, options);
     if read.mesh.triangles.len() < LEAST_TRIANGLES {
         return Err(refuse(format!(
@@ -48,32 +49,41 @@ pub(super) fn checked(
     // A patella is half as wide as a knee.
     check_unit(if key.ends_with("patella") { 2.0 * width } else { width }, options).map_err(refuse)?;
     if let Some((count, first)) = spikes(&surface.mesh) {
-        warnings.push(format!(
+        warnings.push(notices::Kind::Spikes.notice(format!(
             "{path}: {count} vertices stand far off all their neighbours, the first at ({:.1}, {:.1}, {:.1}): damaged or stray points",
             first.x, first.y, first.z
-        ));
+        )).file(path).count(count).at([first.x, first.y, first.z]));
     }
     let topology = Topology::of(&surface.mesh);
-    let mut warn = |count: usize, what: &str| {
+    let mut warn = |kind: notices::Kind, count: usize, what: &str| {
         if count > 0 {
-            warnings.push(format!("{path}: {count} {what}"));
+            warnings.push(kind.notice(format!("{path}: {count} {what}")).file(path).count(count));
         }
     };
-    warn(repairs.degenerate_triangles, "triangles without area dropped");
-    warn(repairs.doubled_triangles, "doubled triangles dropped");
-    warn(repairs.turned_triangles, "triangles turned outward");
-    warn(repairs.cavities, "cavities inside the bone left as they are");
-    warn(topology.irregular_edges, "edges shared by more than two triangles, or by two turned alike");
+    warn(notices::Kind::DroppedTriangles, repairs.degenerate_triangles, "triangles without area dropped");
+    warn(notices::Kind::DroppedTriangles, repairs.doubled_triangles, "doubled triangles dropped");
+    warn(notices::Kind::TurnedTriangles, repairs.turned_triangles, "triangles turned outward");
+    warn(notices::Kind::Cavities, repairs.cavities, "cavities inside the bone left as they are");
+    warn(
+        notices::Kind::IrregularEdges,
+        topology.irregular_edges,
+        "edges shared by more than two triangles, or by two turned alike",
+    );
     if key.starts_with("ct.") {
-        warn(topology.boundary_edges, "open edges in a CT surface, which should be closed");
+        warn(notices::Kind::OpenEdges, topology.boundary_edges, "open edges in a CT surface, which should be closed");
     }
     let bodies = if key == "ct.tibfib" { 2 } else { 1 };
     if topology.components > bodies {
-        warn(topology.components - bodies, "loose pieces besides the bone");
+        warn(notices::Kind::PiecesBeside, topology.components - bodies, "loose pieces besides the bone");
     }
     if key.starts_with("scans.") && topology.boundary_edges == 0 {
-        warnings
-            .push(format!("{path}: the scan is closed: its holes may have been filled with surface nobody measured"));
+        warnings.push(
+            notices::Kind::ClosedScan
+                .notice(format!(
+                    "{path}: the scan is closed: its holes may have been filled with surface nobody measured"
+                ))
+                .file(path),
+        );
     }
     let counts = SurfaceMetrics {
         vertices: surface.mesh.vertices.len(),
@@ -114,7 +124,7 @@ pub struct Judged {
     /// Counts as in metrics.json, or what is wrong.
     pub result: Result<SurfaceMetrics, StageError>,
     /// What is odd but not fatal.
-    pub warnings: Vec<String>,
+    pub warnings: Vec<Notice>,
 }
 
 /// Judges every surface that specimen.toml names, each by itself, so that one bad file does not hide another.
@@ -149,7 +159,7 @@ fn spikes(mesh: &TriMesh) -> Option<(usize, Point)> {
     found.first().map(|&v| (found.len(), mesh.vertices[v]))
 }
 
-fn missing_companions(path: &str, bytes: &[u8], files: &BTreeMap<String, Vec<u8>>, warnings: &mut Vec<String>) {
+fn missing_companions(path: &str, bytes: &[u8], files: &BTreeMap<String, Vec<u8>>, warnings: &mut Vec<Notice>) {
     let mut named: Vec<(String, String)> = companions(path, bytes).into_iter().map(|c| (path.to_string(), c)).collect();
     let mut next = 0;
     while let Some((by, companion)) = named.get(next).cloned() {
@@ -161,7 +171,11 @@ fn missing_companions(path: &str, bytes: &[u8], files: &BTreeMap<String, Vec<u8>
                 named.extend(more);
             }
             Some(_) => {}
-            None => warnings.push(format!("{by} names {companion}, which is not there: its colours are lost")),
+            None => warnings.push(
+                notices::Kind::NoCompanion
+                    .notice(format!("{by} names {companion}, which is not there: its colours are lost"))
+                    .file(&by),
+            ),
         }
     }
 }
@@ -198,15 +212,15 @@ pub fn middle_extent(mesh: &TriMesh) -> f64 {
 const ADULT_MM: std::ops::RangeInclusive<f64> = 60.0..=110.0;
 
 /// What is said of a bone that no adult has.
-pub(super) fn odd_size(key: &str, path: &str, width: f64) -> Option<String> {
+pub(super) fn odd_size(key: &str, path: &str, width: f64) -> Option<Notice> {
     let bone = key.ends_with("femur") || key.ends_with("tibfib");
     let odd = bone && width.is_finite() && !ADULT_MM.contains(&width);
     odd.then(|| {
-        format!(
+        notices::Kind::OddSize.notice(format!(
             "{path}: the bone is {width:.0} mm wide, where adults' are {:.0} to {:.0}: a child's or a giant's, or a wrong scale or pixel spacing",
             ADULT_MM.start(),
             ADULT_MM.end()
-        )
+        )).file(path)
     })
 }
 

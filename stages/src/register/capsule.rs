@@ -10,6 +10,7 @@ use meshes::registration::sample::{Samples, spread};
 use meshes::registration::target::Target;
 use meshes::surface::TriMesh;
 use nalgebra::Matrix3;
+use notices::{Kind, Notice};
 use serde::{Deserialize, Serialize};
 
 /// Samples of the capsule scan.
@@ -37,7 +38,7 @@ pub(super) fn check(
     specimen: &Specimen,
     bones: &PerBone<BoneRegistration>,
     seed: u64,
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<Notice>,
 ) -> PerBone<Option<CapsuleMetrics>> {
     let samples = spread(scan, SAMPLES);
     let mut figures = Vec::new();
@@ -49,11 +50,11 @@ pub(super) fn check(
         let own = SurfaceQuery::new(&bone.ct_from_scan.mesh(&own.mesh));
         let found = target.as_ref().zip(own).and_then(|(target, own)| one(&samples, target, &own, &starts));
         match &found {
-            None => warnings.push(format!("{name}: the capsule scan shows too little of it for a check")),
-            Some(f) if f.median > MOST_APART_MM => warnings.push(format!(
+            None => warnings.push(Kind::CapsuleTooLittle.notice(format!("{name}: the capsule scan shows too little of it for a check")).of(name)),
+            Some(f) if f.median > MOST_APART_MM => warnings.push(Kind::CapsuleApart.notice(format!(
                 "{name}: its scan and the capsule scan lie {:.2} mm (median) apart where both show bare bone; expected {MOST_APART_MM} mm or less: look at the registration",
                 f.median
-            )),
+            )).of(name)),
             Some(_) => {}
         }
         figures.push(found.map(|f| CapsuleMetrics { share: f.share, median_to_scan_mm: f.median }));

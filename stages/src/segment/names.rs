@@ -6,6 +6,7 @@ use crate::StageError;
 use meshes::volume::{Labels, Volume};
 use meshes::{Point, Vector};
 use nalgebra::Matrix3;
+use notices::{Kind, Notice};
 
 /// A body above this share of the largest is a femur or a tibia [-]; a patella has a tenth of a cropped femur.
 const LARGE_SHARE: f64 = 0.35;
@@ -29,7 +30,7 @@ pub(super) fn named(
     volume: &Volume,
     bodies: &Bodies,
     options: &SegmentOptions,
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<Notice>,
 ) -> Result<Labels, StageError> {
     let part = volume.grid.part(bodies.low, bodies.high);
     let count = bodies.body.iter().copied().max().unwrap_or(0);
@@ -75,7 +76,7 @@ fn shapes(part: &meshes::volume::Grid, body: &[u32], count: u32, least: f64) -> 
     shapes
 }
 
-fn by_shape(shapes: &[Shape], count: u32, warnings: &mut Vec<String>) -> Result<Vec<u8>, StageError> {
+fn by_shape(shapes: &[Shape], count: u32, warnings: &mut Vec<Notice>) -> Result<Vec<u8>, StageError> {
     let largest = shapes.first().map_or(0.0, |s| s.volume);
     let large = shapes.iter().filter(|s| s.volume >= LARGE_SHARE * largest && s.slenderness < 2.0 * LONG).count();
     if large != 2 {
@@ -102,9 +103,9 @@ fn by_shape(shapes: &[Shape], count: u32, warnings: &mut Vec<String>) -> Result<
     }
     let unnamed = shapes.iter().filter(|s| name[s.number as usize] == 0).count();
     if unnamed > 0 {
-        warnings.push(format!(
+        warnings.push(Kind::BodiesLeftOut.notice(format!(
             "{unnamed} more bodies of bone in the CT volume are left out: they are no femur, tibia, fibula or patella"
-        ));
+        )));
     }
     Ok(name)
 }

@@ -6,6 +6,7 @@ use crate::specimen::{CtPaths, RawSpecimen, SEGMENTED, SEGMENTED_PATELLA};
 use formats::{dicom, picture, stl};
 use meshes::volume::{Grid, Labels, Volume};
 use meshes::{Point, Vector};
+use notices::{Kind, Notice};
 
 /// Reads the CT volume and label map that `[ct]` names and segments it.
 ///
@@ -25,7 +26,7 @@ pub fn segment_specimen(ct: &CtPaths, raw: &RawSpecimen, options: &SegmentOption
         None => None,
     };
     let mut made = segment(&volume, labels.as_ref(), options).map_err(|e| StageError::file(path, e))?;
-    made.warnings.splice(0..0, warnings.into_iter().map(|w| format!("{path}: {w}")));
+    made.warnings.splice(0..0, warnings.into_iter().map(|w| w.in_file(path)));
     Ok(made)
 }
 
@@ -37,7 +38,7 @@ const LEAST_INSIDE: f64 = 0.95;
 ///
 /// # Errors
 /// A map that lies elsewhere.
-fn on_grid(path: &str, labels: Labels, grid: &Grid, warnings: &mut Vec<String>) -> Result<Labels, StageError> {
+fn on_grid(path: &str, labels: Labels, grid: &Grid, warnings: &mut Vec<Notice>) -> Result<Labels, StageError> {
     let refuse = |what: String| StageError::named(path, "ct.labels", what);
     if labels.grid.same_places(grid) {
         return Ok(labels);
@@ -64,10 +65,10 @@ fn on_grid(path: &str, labels: Labels, grid: &Grid, warnings: &mut Vec<String>) 
         )));
     }
     let value = |v: usize| at(&from, &labels.grid, place(grid, v)).map_or(0, |i| labels.values[i]);
-    warnings.push(format!(
+    warnings.push(Kind::OtherGrid.notice(format!(
         "{path} lies on another grid than the volume ({:?} voxels, the volume {:?}) in the same space: each voxel takes the label of the nearest",
         labels.grid.size, grid.size
-    ));
+    )).file(path));
     Ok(Labels { values: (0..grid.count()).map(value).collect(), grid: grid.clone() })
 }
 
@@ -75,7 +76,7 @@ fn absent(key: &str, path: &str) -> StageError {
     StageError::specimen(format!("{key} names {path}, which is not there; put the file there or correct the path"))
 }
 
-fn volume(path: &str, raw: &RawSpecimen) -> Result<(Volume, Vec<String>), StageError> {
+fn volume(path: &str, raw: &RawSpecimen) -> Result<(Volume, Vec<Notice>), StageError> {
     let fail = |e: formats::FormatError| StageError::named(path, "ct.volume", e.0);
     if let Some(bytes) = raw.files.get(path) {
         if dicom::looks_dicom(bytes) {

@@ -13,6 +13,7 @@ use meshes::topology::Topology;
 use meshes::volume::components::neighbours;
 use meshes::volume::{Grid, Labels, Volume};
 use meshes::{Point, Vector};
+use notices::Kind;
 
 /// Bodies below this share of the largest are specks [-].
 const SPECK_SHARE: f64 = 0.01;
@@ -42,7 +43,11 @@ pub(super) fn surfaces(
     {
         let bodies = mesh.map_or(0, |m| Topology::of(m).components);
         if bodies > most {
-            warnings.push(format!("the {name} came out in {bodies} pieces: look at 00-segment/labels.nii.gz"));
+            warnings.push(
+                Kind::InPieces
+                    .notice(format!("the {name} came out in {bodies} pieces: look at 00-segment/labels.nii.gz"))
+                    .of(name),
+            );
         }
     }
     let voxel = labels.grid.voxel_mm3();

@@ -25,7 +25,7 @@ pub(super) fn checks(name: &str, found: &Calibrated, assembled: Option<&Assemble
         out.push(Check {
             question: "How tense are the ligaments without load?",
             answer: format!(
-                "{name}: at most {:.0} N in all, at {:.0} deg (90 % interval {:.0} to {:.0} N by {} samples; limit {MOST_REST_N:.0} N)",
+                "at most {:.0} N in all, at {:.0} deg (90 % interval {:.0} to {:.0} N by {} samples; limit {MOST_REST_N:.0} N)",
                 most.value_n,
                 most.fe_deg,
                 most.lower_n,
@@ -34,6 +34,7 @@ pub(super) fn checks(name: &str, found: &Calibrated, assembled: Option<&Assemble
             ),
             good: Some(check::at_most(most.value_n, MOST_REST_N, 0)),
             reaches: reaches(most.upper_n, MOST_REST_N),
+            model: Some(name.to_owned()),
             stage: Calibrate::NAME,
         });
     }
@@ -47,11 +48,12 @@ pub(super) fn checks(name: &str, found: &Calibrated, assembled: Option<&Assemble
         out.push(Check {
             question: "Does a cruciate pull against a drawer that the other holds?",
             answer: format!(
-                "{name}: at most {most:.0} N, {bundle} under {} (90 % interval {:.0} to {:.0} N; limit {MOST_ANTAGONIST_N:.0} N)",
+                "at most {most:.0} N, {bundle} under {} (90 % interval {:.0} to {:.0} N; limit {MOST_ANTAGONIST_N:.0} N)",
                 f.trial, f.lower_n, f.upper_n
             ),
             good: Some(check::at_most(most, MOST_ANTAGONIST_N, 0)),
             reaches: reaches(f.upper_n, MOST_ANTAGONIST_N),
+            model: Some(name.to_owned()),
             stage: Calibrate::NAME,
         });
     }
@@ -64,10 +66,12 @@ pub(super) fn checks(name: &str, found: &Calibrated, assembled: Option<&Assemble
         out.push(Check {
             question: "Which ligament forces does laxity leave open?",
             answer: format!(
-                "{name}: {open} of {all} bundle forces under drawers have a 90 % interval that reaches more than {FORCE_DETERMINED_N:.0} N from the value; the measurements removed {by_data:.0} % of the variance that the forces had without them, after beliefs about forces had removed {by_belief:.0} %{next}"
+                "{open} of {all} bundle forces under drawers have a 90 % interval that reaches more than {FORCE_DETERMINED_N:.0} N from the value; the measurements removed {by_data:.0} % of the variance that the forces had without them, after beliefs about forces had removed {by_belief:.0} %{next}"
             ),
             good: None,
-            reaches: None, stage: Calibrate::NAME,
+            reaches: None,
+            model: Some(name.to_owned()),
+            stage: Calibrate::NAME,
         });
     }
     out

@@ -12,6 +12,7 @@ use meshes::frame::Side;
 use meshes::surface::TriMesh;
 use meshes::volume::Labels;
 use meshes::volume::outline::{Part, border, outline};
+use notices::{Kind, Notice};
 use std::collections::BTreeMap;
 
 /// A second piece of a bone above this share of the first is a second knee [-]; a fibula in a short field of view has a tenth of
@@ -43,16 +44,21 @@ pub(in crate::ingest) fn from_labels(
     raw: &RawSpecimen,
     options: &IngestOptions,
     (beside_ct, side): (bool, Side),
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<Notice>,
 ) -> Result<Read, StageError> {
     let path = &table.labels;
     let fail = |what: String| StageError::named(path, "segmentation.labels", what);
     let bytes = raw.files.get(path).ok_or_else(|| fail("the file is not there".into()))?;
     let mut map = read_labels(path, bytes, &raw.files).map_err(|e| fail(e.0))?;
     check_grid(&map.labels).map_err(fail)?;
-    warnings.extend(map.notes.drain(..).map(|note| format!("{path}: {note}")));
+    warnings.extend(map.notes.drain(..).map(|note| note.in_file(path)));
     if map.overlapping > 0 {
-        warnings.push(format!("{path}: {} voxels lie in several segments and stay in the first", map.overlapping));
+        warnings.push(
+            Kind::OverlappingSegments
+                .notice(format!("{path}: {} voxels lie in several segments and stay in the first", map.overlapping))
+                .file(path)
+                .count(map.overlapping),
+        );
     }
     let labels = structures(table, &map).map_err(fail)?;
     let one =
@@ -159,7 +165,7 @@ fn own_number(map: &LabelMap, key: &str, n: u8) -> Result<u8, String> {
     }
 }
 
-fn tell_unnamed(found: &Found, map: &LabelMap, warnings: &mut Vec<String>) {
+fn tell_unnamed(found: &Found, map: &LabelMap, warnings: &mut Vec<Notice>) {
     let mut counts = [0usize; 256];
     map.labels.values.iter().for_each(|l| counts[usize::from(*l)] += 1);
     let unnamed: Vec<String> = (1u8..=255)
@@ -167,11 +173,16 @@ fn tell_unnamed(found: &Found, map: &LabelMap, warnings: &mut Vec<String>) {
         .map(|l| l.to_string())
         .collect();
     if !unnamed.is_empty() {
-        warnings.push(format!(
-            "{}: labels {} are named nowhere in [segmentation] and left out",
-            found.path,
-            unnamed.join(", ")
-        ));
+        warnings.push(
+            Kind::UnnamedLabels
+                .notice(format!(
+                    "{}: labels {} are named nowhere in [segmentation] and left out",
+                    found.path,
+                    unnamed.join(", ")
+                ))
+                .file(found.path)
+                .count(unnamed.len()),
+        );
     }
 }
 
@@ -198,7 +209,7 @@ impl Found<'_> {
     }
 
     /// The voxels of a structure, mended; what was mended is told.
-    fn part(&self, of: &Structure, most: usize, share: f64, warnings: &mut Vec<String>) -> Result<Part, StageError> {
+    fn part(&self, of: &Structure, most: usize, share: f64, warnings: &mut Vec<Notice>) -> Result<Part, StageError> {
         let missing = || self.fail(format!("{} has no voxel", of.key));
         let around = border(&self.map.grid, self.sigma());
         let mut part = Part::new(self.map, around, |l| of.labels.contains(&l)).ok_or_else(missing)?;
@@ -239,7 +250,7 @@ impl Found<'_> {
     }
 
     /// The surfaces of the bones alone.
-    pub(super) fn bones(&self, warnings: &mut Vec<String>) -> Result<PerBone<TriMesh>, StageError> {
+    pub(super) fn bones(&self, warnings: &mut Vec<Notice>) -> Result<PerBone<TriMesh>, StageError> {
         self.check_sizes()?;
         let femur = self.part(&self.structure(&["femur"]), 1, SPECK_SHARE, warnings)?;
         let tibfib = self.part(&self.structure(&["tibia", "fibula"]), 2, SPECK_SHARE, warnings)?;
@@ -247,7 +258,7 @@ impl Found<'_> {
     }
 
     /// The size of the knee over an adult's; told where no adult has it.
-    fn size(&self, bones: &PerBone<TriMesh>, warnings: &mut Vec<String>) -> Result<f64, StageError> {
+    fn size(&self, bones: &PerBone<TriMesh>, warnings: &mut Vec<Notice>) -> Result<f64, StageError> {
         let width = surfaces::middle_extent(&bones.femur);
         surfaces::check_unit(width, self.options).map_err(|what| self.fail(what))?;
         warnings.extend(surfaces::odd_size("femur", self.path, width));
@@ -255,7 +266,7 @@ impl Found<'_> {
     }
 
     /// Every surface of the map.
-    fn surfaces(&self, beside_ct: bool, warnings: &mut Vec<String>) -> Result<Read, StageError> {
+    fn surfaces(&self, beside_ct: bool, warnings: &mut Vec<Notice>) -> Result<Read, StageError> {
         self.check_sizes()?;
         let femur = self.part(&self.structure(&["femur"]), 1, SPECK_SHARE, warnings)?;
         let tibfib = self.part(&self.structure(&["tibia", "fibula"]), 2, SPECK_SHARE, warnings)?;
@@ -308,20 +319,37 @@ impl Found<'_> {
     }
 }
 
-fn tell(path: &str, of: &Structure, mended: &Mended, warnings: &mut Vec<String>) {
+fn tell(path: &str, of: &Structure, mended: &Mended, warnings: &mut Vec<Notice>) {
     let key = of.key;
     if mended.bridged > 0 {
-        warnings.push(format!(
-            "{path}: {} pieces of {key} that hung on by a bridge of a voxel were cut off",
-            mended.bridged
-        ));
+        warnings.push(
+            Kind::BridgeCut
+                .notice(format!(
+                    "{path}: {} pieces of {key} that hung on by a bridge of a voxel were cut off",
+                    mended.bridged
+                ))
+                .file(path)
+                .of(key)
+                .count(mended.bridged),
+        );
     }
     if let [first, ..] = mended.specks_mm3[..] {
         let n = mended.specks_mm3.len();
-        warnings.push(format!("{path}: {n} loose pieces of {key} left out, the largest of {first:.1} mm3"));
+        warnings.push(
+            Kind::LoosePieces
+                .notice(format!("{path}: {n} loose pieces of {key} left out, the largest of {first:.1} mm3"))
+                .file(path)
+                .of(key)
+                .count(n),
+        );
     }
     if mended.holes_mm3 > 0.0 {
-        warnings.push(format!("{path}: holes of {:.1} mm3 within {key} filled", mended.holes_mm3));
+        warnings.push(
+            Kind::VoidsFilled
+                .notice(format!("{path}: holes of {:.1} mm3 within {key} filled", mended.holes_mm3))
+                .file(path)
+                .of(key),
+        );
     }
 }
 

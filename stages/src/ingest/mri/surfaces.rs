@@ -11,6 +11,7 @@ use meshes::query::SurfaceQuery;
 use meshes::surface::TriMesh;
 use meshes::tidy::tidy;
 use meshes::topology::Topology;
+use notices::Notice;
 use std::collections::BTreeMap;
 
 /// Least area of a surface of cartilage [mm2].
@@ -27,7 +28,7 @@ pub(in crate::ingest) fn from_surfaces(
     raw: &RawSpecimen,
     ct: PerBone<&TriMesh>,
     options: &IngestOptions,
-    warnings: &mut Vec<String>,
+    warnings: &mut Vec<Notice>,
 ) -> Result<Read, StageError> {
     let in_ct = table.frame == CartilageFrame::Ct;
     let mut bone = |key: &str, path: &Option<String>, ct: &TriMesh| match path {

@@ -6,6 +6,7 @@ use crate::anatomy::rough_axes;
 use meshes::frame::Side;
 use meshes::volume::components::components;
 use meshes::{Point, Vector};
+use notices::{Kind, Notice};
 
 /// Share of the largest piece above which both plateaus are one piece, and are parted by the plane between them [-].
 const ONE_PIECE: f64 = 0.85;
@@ -15,7 +16,7 @@ impl Found<'_> {
     ///
     /// # Errors
     /// Bones whose directions cannot be told; a cartilage on one side alone.
-    pub(super) fn parted(&self, side: Side, warnings: &mut Vec<String>) -> Result<(u8, Vec<u8>), StageError> {
+    pub(super) fn parted(&self, side: Side, warnings: &mut Vec<Notice>) -> Result<(u8, Vec<u8>), StageError> {
         let label = self.labels.get("tibial_cartilage_medial").copied().unwrap_or_default();
         let free = (1..=255u8).find(|l| !self.map.values.contains(l));
         let Some(free) = free else {
@@ -56,8 +57,14 @@ impl Found<'_> {
             }
         }
         let how = if whole { "its pieces" } else { "the middle of the joint, as it is one piece" };
-        warnings
-            .push(format!("{}: label {label} holds the cartilage of both plateaus; it is parted by {how}", self.path));
+        warnings.push(
+            Kind::BothPlateaus
+                .notice(format!(
+                    "{}: label {label} holds the cartilage of both plateaus; it is parted by {how}",
+                    self.path
+                ))
+                .file(self.path),
+        );
         Ok((free, values))
     }
 }
