@@ -77,15 +77,19 @@ fn amplitude(deck: &DeckText, block: &Block) -> Result<Amplitude, DeckError> {
         let what = format!("DEFINITION={} is not read; expected TABULAR or SMOOTH STEP", definition.to_uppercase());
         return Err(deck.error(block, block.line, what));
     }
-    let value = block.option("VALUE").unwrap_or_default();
-    if !["", "relative"].contains(&value.as_str()) {
-        let what = format!("VALUE={} is not read; expected RELATIVE, factors of a magnitude", value.to_uppercase());
-        return Err(deck.error(block, block.line, what));
-    }
     let step = definition.starts_with("smooth");
     let curve = if step { Curve::SmoothStep } else { Curve::Linear { smooth } };
     let name = block.options.get("NAME").cloned().unwrap_or_default();
     Ok(Amplitude { name, curve, points })
+}
+
+/// Whether an amplitude holds values in place of factors of a magnitude.
+fn is_absolute(deck: &DeckText, name: &str) -> bool {
+    let mut own = deck
+        .blocks
+        .iter()
+        .filter(|b| b.keyword == "AMPLITUDE" && b.options.get("NAME").is_some_and(|n| n.eq_ignore_ascii_case(name)));
+    own.any(|b| b.option("VALUE").as_deref() == Some("absolute"))
 }
 
 /// The motions or loads of a block; OP=NEW drops those carried over from the step before.
@@ -105,6 +109,11 @@ fn controls(
     let amplitude = match block.options.get("AMPLITUDE") {
         None => None,
         Some(name) => match amplitudes.get(&name.to_lowercase()) {
+            Some(_) if is_absolute(deck, name) => {
+                let what =
+                    format!("amplitude \"{name}\" has VALUE=ABSOLUTE; expected RELATIVE, factors of a magnitude");
+                return Err(deck.error(block, block.line, what));
+            }
             Some(found) => Some(found.clone()),
             None => return Err(deck.error(block, block.line, format!("amplitude \"{name}\" is not defined above"))),
         },
