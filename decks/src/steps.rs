@@ -109,15 +109,11 @@ fn controls(
     let amplitude = match block.options.get("AMPLITUDE") {
         None => None,
         Some(name) => match amplitudes.get(&name.to_lowercase()) {
-            Some(_) if is_absolute(deck, name) => {
-                let what =
-                    format!("amplitude \"{name}\" has VALUE=ABSOLUTE; expected RELATIVE, factors of a magnitude");
-                return Err(deck.error(block, block.line, what));
-            }
             Some(found) => Some(found.clone()),
             None => return Err(deck.error(block, block.line, format!("amplitude \"{name}\" is not defined above"))),
         },
     };
+    let absolute = amplitude.as_ref().is_some_and(|a| is_absolute(deck, &a.name));
     for (line, cells) in block.rows() {
         let set = cells.first().unwrap_or(&"").to_lowercase();
         let Some(axis) = bodies.axes.iter().position(|a| *a == set || a.rsplit('.').next() == Some(&set)) else {
@@ -134,6 +130,8 @@ fn controls(
             _ => return Err(deck.error(block, line, format!("component \"{component}\"; expected 1 or 4"))),
         };
         let magnitude = deck.number(block, line, cells.get(2).unwrap_or(&""))?;
+        // such an amplitude holds the values themselves, whatever the magnitude
+        let magnitude = if absolute { 1.0 } else { magnitude };
         step.controls.retain(|c| c.coordinate != coordinate || c.kind != kind);
         step.controls.push(Control { coordinate, kind, magnitude, amplitude: amplitude.clone() });
     }
