@@ -49,7 +49,8 @@ pub struct Samples {
 /// Bands of results, a row each, and how many samples had no answer in some row.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Bands {
-    /// Bands by column.
+    /// Bands by column, of the samples whose femur stays on the plateau: beyond it nothing bears, and a pose or force there is none of this knee. Empty
+    /// where more than half leave it.
     pub rows: Vec<Vec<(String, Band)>>,
     /// Samples whose femur leaves the plateau, by row.
     pub leaving: Vec<usize>,
@@ -161,8 +162,12 @@ impl Samples {
             _ => Mechanics::default(),
         };
         let row = |i: usize| {
-            let here: Vec<(usize, &Prediction)> =
-                found.iter().enumerate().filter_map(|(s, f)| Some((s, f[i].as_ref()?))).collect();
+            let answers = || found.iter().enumerate().filter_map(|(s, f)| Some((s, f[i].as_ref()?)));
+            let here: Vec<(usize, &Prediction)> = answers().filter(|(_, p)| !p.leaves_the_plateau).collect();
+            // what few samples say on the plateau is no interval of this knee
+            if 2 * here.len() < answers().count() {
+                return Vec::new();
+            }
             let moved: Vec<Free<f64>> = lacking.iter().map(|l| l[i]).collect();
             self.row(&names, &here, &moved, &mechanics(i))
         };
