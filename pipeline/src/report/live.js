@@ -127,6 +127,12 @@
     quiet = setTimeout(intervals, QUIET_MS);
   }
 
+  const intervalWords = ({ asked, lost, leaving, bands }) => {
+    if (!Object.keys(bands).length) return `In ${leaving} of ${asked} samples the femur leaves the plateau: no intervals are shown.`;
+    const share = `${Math.round(100 * about.interval)} % intervals by ${asked - lost - leaving} of ${about.samples} samples of the calibration.`;
+    return leaving ? `${share} In ${leaving} more the femur leaves the plateau.` : share;
+  };
+
   async function intervals() {
     delete section.dataset.samples;
     if (!about.samples || shown.told.fault || isChanged(state)) return;
@@ -137,7 +143,7 @@
       if (bands.broken) sampler = sampler.again();
       if (mine !== JSON.stringify(state) || section.dataset.busy) return;
       shown.bands = bands.fault ? null : bands;
-      said.textContent = bands.fault || `${Math.round(100 * about.interval)} % intervals by ${bands.asked - bands.lost} of ${about.samples} samples of the calibration.`;
+      said.textContent = bands.fault || intervalWords(bands);
       show();
       section.dataset.samples = bands.fault ? 0 : bands.asked;
     }
