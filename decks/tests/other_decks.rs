@@ -198,7 +198,7 @@ fn springs_between_the_bones_are_a_ligament_and_nothing_like_it_is_lost() {
 fn a_node_defined_twice_is_told() {
     let deck =
         read(KNEE.replacen("*ELSET, ELSET=FIBRES", "*NODE\n1000001, 0., 0., 0.\n*ELSET, ELSET=FIBRES", 1).as_bytes());
-    let told = deck.unwrap().warnings.join("\n");
+    let told = notices::texts(&deck.unwrap().warnings).join("\n");
     assert!(told.contains("second time"), "{told}");
 }
 
