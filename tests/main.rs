@@ -18,6 +18,7 @@ mod inspect;
 mod live;
 mod living;
 mod machine;
+mod made;
 mod marks;
 mod mistakes;
 mod one_knee;
