@@ -76,6 +76,9 @@ enum Verb {
     Options {
         /// One stage's only
         stage: Option<String>,
+        /// Also those of the method, which a laboratory leaves alone
+        #[arg(long)]
+        all: bool,
         /// Print as JSON
         #[arg(long)]
         json: bool,
@@ -98,6 +101,9 @@ enum Verb {
         /// One stage only, in full
         #[arg(value_parser = stage_name)]
         stage: Option<String>,
+        /// Also those of the method, which a laboratory leaves alone
+        #[arg(long)]
+        all: bool,
         /// Print as JSON
         #[arg(long)]
         json: bool,
@@ -318,7 +324,7 @@ fn answer_verb(verb: Verb) -> Result<Told, BuildError> {
         Verb::Check(args) => words(check::check(&args)),
         Verb::Build(args) => run::run(&args),
         Verb::Open { dir, print } => words(open::open(&dir, print)),
-        Verb::Options { stage, json } => words(option_docs::options(stage.as_deref(), json)),
+        Verb::Options { stage, all, json } => words(option_docs::options(stage.as_deref(), all, json)),
         Verb::Completions { shell } => words(Ok(manual::completions(shell, command()))),
         Verb::Man { out } => words(manual::pages(out.as_deref(), command())),
         Verb::Inspect { dir, stage, json } => words(inspect::inspect(&dir, stage.as_deref(), json)),
