@@ -7,6 +7,7 @@ mod cli;
 mod common;
 mod contact_law;
 mod corruptions;
+mod credibility;
 mod dependencies;
 mod diagnose;
 mod exports;
