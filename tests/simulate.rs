@@ -3,7 +3,9 @@
 #![expect(clippy::disallowed_methods, reason = "looks at what the program wrote")]
 
 use crate::common::{build_model, shared};
+use crate::one_knee::specimen;
 use needs_shared::needs_shared;
+use predicates::prelude::PredicateBooleanExt;
 use predicates::str::contains;
 use std::path::Path;
 use tempfile::TempDir;
@@ -70,4 +72,23 @@ fn a_model_cut_short_is_one_clear_error() {
     let bytes = std::fs::read(&mesh).unwrap();
     std::fs::write(&mesh, &bytes[..bytes.len() / 2]).unwrap();
     refused("articular_femur");
+}
+
+/// A data set that a model does not know would be read as none at all.
+#[test]
+fn a_data_set_that_the_model_does_not_know_is_refused() {
+    let folder = TempDir::new().unwrap();
+    let out = folder.path().join("r.csv");
+    let run = |words: &[&str]| {
+        let mut command = build_model();
+        command.arg("simulate").arg(specimen()).args(["--protocol", "ap-laxity", "--samples", "0"]).args(words);
+        command.arg("--out").arg(&out).assert()
+    };
+    run(&["--read-as", "kla"]).success();
+    std::fs::remove_file(&out).unwrap();
+    run(&["--read-as", "klaa"])
+        .code(2)
+        .stderr(contains("no such data set; did you mean kla").and(contains("knows kla, rks")));
+    run(&["--read-as", "kla", "--as-assembled"]).code(2).stderr(contains("knows no data set"));
+    assert!(!out.exists());
 }

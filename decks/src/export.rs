@@ -43,10 +43,9 @@ pub fn export(spec: &ModelSpec, meshes: &BTreeMap<String, MeshValue>) -> Result<
     if !spec.menisci.is_empty() {
         files.push(("menisci.inp".to_owned(), menisci::parts(spec)));
         files.push(("menisci_contact.inp".to_owned(), menisci::contact(spec)));
-        warnings.push(
-            Kind::NotInFormat.notice("menisci are deformable in the deck; their coronary ligament is left out, and an import leaves them out")
-                .into(),
-        );
+        warnings.push(Kind::NotInFormat.notice(
+            "menisci are deformable in the deck; their coronary ligament is left out, and an import leaves them out",
+        ));
     }
     if !spec.components.is_empty() {
         warnings.push(

@@ -219,7 +219,7 @@ fn amplitudes_of_values_are_obeyed_and_a_restart_is_told() {
 fn a_node_defined_twice_is_told() {
     let deck =
         read(KNEE.replacen("*ELSET, ELSET=FIBRES", "*NODE\n1000001, 0., 0., 0.\n*ELSET, ELSET=FIBRES", 1).as_bytes());
-    let told: String = deck.unwrap().warnings.iter().map(|w| format!("{w}\n")).collect();
+    let told = notices::texts(&deck.unwrap().warnings).join("\n");
     assert!(told.contains("second time"), "{told}");
 }
 

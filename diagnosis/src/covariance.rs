@@ -35,7 +35,7 @@ pub struct Floor {
     pub contact_share: f64,
     /// Flexion over which that difference changes [deg].
     pub contact_range_deg: f64,
-    /// Share, in common to all trials, that the model's own contact may have in the truth beside that of the diagnosis ([`crate::rim`]) [-].
+    /// Share, in common to all trials, that the model's own contact may have in the truth beside that of the diagnosis [-].
     pub contact_law: f64,
     /// Share of the contact force that facets and friction of the contact may add to a trial across it, by a lever of 20 mm for moments [-].
     pub roughness: f64,

@@ -6,6 +6,7 @@ use crate::build_args::{BuildArgs, stage_name};
 use crate::calibrate::CalibrateArgs;
 use crate::check::{self, CheckArgs};
 use crate::cohort::{self, CohortArgs};
+use crate::credibility::{self, CredibilityArgs};
 use crate::diagnose::{self, DiagnoseArgs};
 use crate::error::{BuildError, OUR_FAULT};
 use crate::exports::{self, Format};
@@ -79,6 +80,9 @@ enum Verb {
     Options {
         /// One stage's only
         stage: Option<String>,
+        /// Also those of the method, which a laboratory leaves alone
+        #[arg(long)]
+        all: bool,
         /// Print as JSON
         #[arg(long)]
         json: bool,
@@ -164,6 +168,8 @@ enum Verb {
     Validate(ValidateArgs),
     /// Find the effect that a model lacks, by measured laxity
     Diagnose(DiagnoseArgs),
+    /// Tell what speaks for a knee's model, factor by factor as ASME V&V 40 asks, each number with its file and digest
+    Credibility(CredibilityArgs),
     /// Put many builds on one page and into tidy tables
     Cohort(CohortArgs),
     /// Print the JSON schema of a file that the program writes
@@ -321,7 +327,7 @@ fn answer_verb(verb: Verb) -> Result<Told, BuildError> {
         Verb::Check(args) => words(check::check(&args)),
         Verb::Build(args) => run::run(&args),
         Verb::Open { dir, print, view } => words(open::open(&dir, print, view)),
-        Verb::Options { stage, json } => words(option_docs::options(stage.as_deref(), json)),
+        Verb::Options { stage, all, json } => words(option_docs::options(stage.as_deref(), all, json)),
         Verb::Completions { shell } => words(Ok(manual::completions(shell, command()))),
         Verb::Man { out } => words(manual::pages(out.as_deref(), command())),
         Verb::Inspect { dir, stage, json } => words(inspect::inspect(&dir, stage.as_deref(), json)),
@@ -338,6 +344,7 @@ fn answer_verb(verb: Verb) -> Result<Told, BuildError> {
         Verb::Calibrate(args) => calibrate::calibrate(&args),
         Verb::Validate(args) => validate::validate(&args),
         Verb::Diagnose(args) => diagnose::run(&args),
+        Verb::Credibility(args) => credibility::credibility(&args),
         Verb::Cohort(args) => words(cohort::cohort(&args)),
         Verb::Schema { name } => words(schema::schema(&name)),
         Verb::Blind(verb) => words(blind::run(&verb)),

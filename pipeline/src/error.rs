@@ -19,7 +19,7 @@ pub enum BuildError {
         /// The file at fault, where one is.
         place: Option<Place>,
         /// The places of the knee that are at fault.
-        marks: Vec<Mark>,
+        marks: Box<[Mark]>,
     },
     /// A file cannot be read or written.
     #[error("{0}")]
@@ -121,7 +121,7 @@ impl Fault for BuildError {
 
     fn marks(&self) -> Vec<Mark> {
         match self {
-            BuildError::Stage { marks, .. } => marks.clone(),
+            BuildError::Stage { marks, .. } => marks.to_vec(),
             _ => vec![],
         }
     }
@@ -196,11 +196,11 @@ impl BuildError {
 
     /// An error of `stage`.
     pub fn stage(stage: &'static str, message: impl ToString) -> BuildError {
-        BuildError::Stage { stage, message: message.to_string(), place: None, marks: vec![] }
+        BuildError::Stage { stage, message: message.to_string(), place: None, marks: Box::default() }
     }
 
     /// What stopped `stage`, with the file at fault.
     pub fn of_stage(stage: &'static str, fault: &impl Fault) -> BuildError {
-        BuildError::Stage { stage, message: fault.to_string(), place: fault.place(), marks: fault.marks() }
+        BuildError::Stage { stage, message: fault.to_string(), place: fault.place(), marks: fault.marks().into() }
     }
 }

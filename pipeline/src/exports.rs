@@ -57,7 +57,7 @@ pub fn export(
     let left = left_out(&loaded.spec, "export");
     let (mut files, mut warnings): (Vec<File>, Vec<Notice>) = match (format, poses) {
         (Format::Abaqus, _) => {
-            let deck = decks::export(&loaded.spec, &loaded.meshes).map_err(|e| BuildError::in_file(&model, e))?;
+            let deck = decks::export(&loaded.spec, &loaded.meshes).map_err(|e| BuildError::in_file(model, e))?;
             let warnings =
                 deck.warnings.into_iter().filter(|w| !lacking.iter().any(|path| w.file.as_ref() == Some(path)));
             let lacking = lacking.iter().map(|path| {

@@ -56,7 +56,7 @@ pub fn imported(args: &ImportArgs) -> Result<ImportedDeck, BuildError> {
     if let (Some(table), Some(variant)) = (&args.fibres, &args.variant) {
         let text = store::read_text(table)?;
         replace_fibres(&mut deck, &text, variant, args.parameters.as_deref())
-            .map_err(|e| BuildError::in_file(&table, e))?;
+            .map_err(|e| BuildError::in_file(table, e))?;
     }
     for (part, mm) in &args.lowered {
         lower_cartilage(&mut deck, part, *mm).map_err(fault)?;

@@ -15,6 +15,7 @@ pub mod calibrate;
 pub mod check;
 pub mod cli;
 pub mod cohort;
+pub mod credibility;
 pub mod diagnose;
 pub mod error;
 pub mod exports;

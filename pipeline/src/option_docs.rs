@@ -32,13 +32,75 @@ pub struct OptionDoc {
     pub meaning: String,
     /// The values it may take, where it is a choice.
     pub choices: Vec<String>,
+    /// Whether a laboratory sets it, so that `options` shows it without `--all`.
+    pub shown: bool,
 }
+
+/// Options that a laboratory sets: what the knee, its scans, its measurements and its questions ask for. All others are of the method.
+const SHOWN: [&str; 56] = [
+    "segment.threshold",
+    "segment.closing_mm",
+    "segment.labels_are",
+    "segment.smoothing_rounds",
+    "ingest.ras",
+    "ingest.label_blur",
+    "register.seed",
+    "register.rms_limit_mm",
+    "register.error_limit_mm",
+    "register.landmark_limit_mm",
+    "bones.crop_mm",
+    "bones.edge_mm",
+    "cartilage.method",
+    "cartilage.least_thickness_mm",
+    "cartilage.reach_mm",
+    "cartilage.edge_mm",
+    "frames.landmark_limit_mm",
+    "frames.given_limits",
+    "attachments.mark_reach_mm",
+    "attachments.mark_off_bone_mm",
+    "attachments.crossing_limit_mm",
+    "hexmesh.edge_length_mm",
+    "hexmesh.layers",
+    "hexmesh.min_thickness_mm",
+    "overclosure.gap_mm",
+    "contact-law.fit",
+    "contact-law.law",
+    "contact-law.youngs_modulus_mpa",
+    "contact-law.poissons_ratio",
+    "contact-law.flexions_deg",
+    "contact-law.force_n",
+    "assemble.overclosure_mm",
+    "assemble.pressure_mpa",
+    "assemble.friction",
+    "assemble.toe_strain",
+    "assemble.law",
+    "assemble.menisci",
+    "assemble.patella",
+    "calibrate.method",
+    "calibrate.targets.set",
+    "calibrate.targets.flexion_deg",
+    "calibrate.targets.coordinates",
+    "calibrate.targets.noise",
+    "calibrate.ranges",
+    "calibrate.priors",
+    "calibrate.loads",
+    "calibrate.gradient.samples",
+    "calibrate.gradient.interval",
+    "calibrate.seed",
+    "validate.compression_n",
+    "validate.ap_flexions_deg",
+    "validate.ap_load_n",
+    "validate.to_flexion_deg",
+    "validate.samples",
+    "diagnose.run",
+    "diagnose.seed",
+];
 
 /// Longest line on a terminal.
 const WIDTH: usize = 100;
 
-/// Every option, or those of one stage, in words or as JSON.
-pub fn options(stage: Option<&str>, json: bool) -> Result<String, BuildError> {
+/// The options that a laboratory sets, or with `every` all, of one stage or of all, in words; as JSON always all.
+pub fn options(stage: Option<&str>, every: bool, json: bool) -> Result<String, BuildError> {
     let all = all()?;
     let stages: Vec<&str> = members("BuildOptions").iter().map(|m| m.0).collect();
     if let Some(stage) = stage
@@ -55,13 +117,18 @@ pub fn options(stage: Option<&str>, json: bool) -> Result<String, BuildError> {
     if json {
         return Ok(String::from_utf8_lossy(&crate::record::json(&chosen)).into_owned());
     }
+    let more = if every { 0 } else { chosen.iter().filter(|o| !o.shown).count() };
     let mut text = String::new();
-    for o in &chosen {
+    for o in chosen.iter().filter(|o| every || o.shown) {
         let unit = if o.unit.is_empty() { String::new() } else { format!(" [{}]", o.unit) };
         let _ = writeln!(text, "{} = {}{unit}", o.key, o.default);
         let source = if o.source.is_empty() { String::new() } else { format!(" Source: {}.", o.source) };
         let choices = if o.choices.is_empty() { String::new() } else { format!(" One of {}.", o.choices.join(", ")) };
         text += &wrapped(&format!("{}{choices}{source}", o.meaning));
+    }
+    if more > 0 {
+        let of = stage.map_or(String::new(), |s| format!(" {s}"));
+        let _ = writeln!(text, "\n{more} more are of the method: build-model options{of} --all");
     }
     let example = chosen.iter().find(|o| o.unit == "mm").or(chosen.first());
     if let Some(o) = example {
@@ -101,6 +168,7 @@ fn walk(prefix: &str, name: &str, defaults: Option<&Value>, found: &mut Vec<Opti
         let mut named = comments::CHOICES.iter().filter(|(n, _)| n == kind);
         let choices = named.clone().find(is_default).or(named.next()).map_or(&[][..], |(_, m)| m);
         found.push(OptionDoc {
+            shown: SHOWN.contains(&key.as_str()),
             key,
             default: default.map_or("none".to_owned(), Value::to_string),
             value: default.and_then(|d| serde_json::to_value(d).ok()).unwrap_or_default(),
@@ -139,7 +207,17 @@ fn parted(comment: &str) -> (String, String, String) {
         meaning = meaning.replace(from, to);
     }
     let mut words = meaning.split_whitespace().collect::<Vec<_>>().join(" ");
-    for (from, to) in [(" ;", ";"), (" .", "."), (" ,", ","), (";.", "."), (" :", ":")] {
+    for (from, to) in [
+        (" ;", ";"),
+        (" .", "."),
+        (" ,", ","),
+        (";.", "."),
+        (" :", ":"),
+        (", )", ")"),
+        (",)", ")"),
+        ("(, ", "("),
+        (" ()", ""),
+    ] {
         words = words.replace(from, to);
     }
     (words, unit, sources.join("; "))
@@ -187,6 +265,40 @@ mod tests {
         };
         assert_eq!(of(&|o| o.meaning.is_empty()), [""; 0], "options without a meaning");
         assert_eq!(of(&|o| number(o) && o.unit.is_empty()), [""; 0], "options without a unit");
+    }
+
+    #[test]
+    fn a_laboratory_is_shown_few_options_and_all_of_them_are_there() {
+        let all = all().unwrap();
+        let shown: Vec<&str> = all.iter().filter(|o| o.shown).map(|o| o.key.as_str()).collect();
+        assert!(shown.len() <= 60 && shown.len() == SHOWN.len(), "{} shown, {SHOWN:?}", shown.len());
+        let told = options(None, false, false).unwrap();
+        let lines = |text: &str| {
+            let has = |key: &str| text.lines().any(|l| l.starts_with(&format!("{key} = ")));
+            all.iter().filter(|o| has(&o.key)).count()
+        };
+        assert_eq!(lines(&told), shown.len());
+        assert_eq!(lines(&options(None, true, false).unwrap()), all.len());
+        assert!(told.contains(&format!("{} more are of the method", all.len() - shown.len())));
+    }
+
+    /// What a citation left where it was cut out, and what only a reader of the source can follow.
+    fn odd(meaning: &str) -> bool {
+        let left = ["(,", ",)", ", )", "()", "( )", "(;", ";)", ",,", "..", " ,", " ."];
+        left.iter().any(|w| meaning.contains(w)) || meaning.contains("::")
+    }
+
+    #[test]
+    fn no_text_has_a_hole_where_a_citation_was_or_a_path_of_the_source() {
+        assert!(
+            odd("half the smallest (LCL 48 mm2, ) is 24") && odd("the diagnosis' (crate::rim)") && !odd("0.5 (ours)")
+        );
+        let all = all().unwrap();
+        let odd: Vec<&OptionDoc> = all.iter().filter(|o| odd(&o.meaning)).collect();
+        assert!(odd.is_empty(), "{odd:?}");
+        // the cut itself leaves no hole
+        assert_eq!(parted("Half (LCL 48 mm2, [laprade2003]) is 24 [mm2].").0, "Half (LCL 48 mm2) is 24.");
+        assert_eq!(parted("Half ([laprade2003]) is 24 [mm2].").0, "Half is 24.");
     }
 
     #[test]

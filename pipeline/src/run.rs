@@ -127,7 +127,7 @@ fn failure(error: &BuildError) -> Failure {
     let (file, row) = error.place().map_or((None, None), |p| (Some(p.file.clone()), p.row));
     match error {
         BuildError::Stage { stage, message, marks, .. } => {
-            Failure { stage: (*stage).to_owned(), message: message.clone(), file, row, marks: marks.clone() }
+            Failure { stage: (*stage).to_owned(), message: message.clone(), file, row, marks: marks.to_vec() }
         }
         other => Failure { stage: "input".into(), message: other.to_string(), file, row, marks: vec![] },
     }

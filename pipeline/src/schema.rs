@@ -16,7 +16,7 @@ struct Entry {
     make: fn() -> Value,
 }
 
-const ALL: [Entry; 10] = [
+const ALL: [Entry; 11] = [
     Entry { name: "model", version: "model/1", what: "model.json", make: made::<sim::spec::ModelSpec> },
     Entry {
         name: "diagnosis",
@@ -35,6 +35,12 @@ const ALL: [Entry; 10] = [
     Entry { name: "calibrate", version: schemas::CALIBRATE, what: "calibrate --json", make: made::<CalibrateTold> },
     Entry { name: "validate", version: schemas::VALIDATE, what: "validate --json", make: made::<ValidateTold> },
     Entry { name: "export", version: schemas::EXPORT, what: "export --json", make: made::<ExportTold> },
+    Entry {
+        name: "credibility",
+        version: crate::credibility::SCHEMA,
+        what: "credibility.json",
+        make: made::<crate::credibility::CredibilityTold>,
+    },
     Entry { name: "output", version: OUTPUT, what: "--json of a verb that has words only", make: made::<Output> },
     Entry { name: "error", version: schemas::ERROR, what: "an error, with --json", make: made::<ErrorTold> },
 ];
@@ -44,7 +50,7 @@ fn made<T: JsonSchema>() -> Value {
 }
 
 /// The names of the schemas.
-pub fn names() -> [&'static str; 10] {
+pub fn names() -> [&'static str; 11] {
     ALL.map(|e| e.name)
 }
 

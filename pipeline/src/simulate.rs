@@ -13,8 +13,10 @@ use rayon::prelude::*;
 use sim::Model;
 use sim::explicit::{ExplicitOptions, TrialSteps, explicit_protocol, explicit_trial, unobserved};
 use sim::laxity::{self, LaxityTrial, TrialResult};
+use sim::names::did_you_mean;
 use sim::protocols::{self, Protocol, ProtocolOptions};
 use sim::trials::{TrialOptions, solve_trials};
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
@@ -151,6 +153,7 @@ fn answers_to(
 ) -> Result<Answered, BuildError> {
     let (trials, mut warnings) = trials.unwrap_or_default();
     let loaded = &compiled.loaded;
+    known_data_set(loaded, args.read_as.as_deref())?;
     let mut words = loaded.line() + &model_file::taken_in(&loaded.spec, args.read_as.as_deref())?;
     let fault = |e: &dyn std::fmt::Display| {
         let file = &loaded.file;
@@ -184,6 +187,33 @@ fn answers_to(
     let told = told(loaded, &results, (&csv, args), by, (words, warnings));
     Ok(Answered { csv, told })
 }
+
+/// Refuses to read as a data set that the model does not know: it knows those it is calibrated to, and those whose effects were added to it.
+fn known_data_set(loaded: &LoadedModel, name: Option<&str>) -> Result<(), BuildError> {
+    let Some(name) = name else { return Ok(()) };
+    let spec = &loaded.spec;
+    let scopes = spec.components.iter().filter_map(|c| c["scope"].as_str()).filter(|s| *s != BOTH);
+    let diagnosed = spec.components.iter().filter_map(|c| c["provenance"]["data"].as_object());
+    let mut known: BTreeSet<&str> = scopes.chain(diagnosed.flat_map(|data| data.keys().map(String::as_str))).collect();
+    known.extend(spec.calibrated.iter().flat_map(|c| c.to.iter().map(String::as_str)));
+    if known.contains(name) {
+        return Ok(());
+    }
+    let file = loaded.file.display();
+    Err(BuildError::Usage(match known.is_empty() {
+        true => {
+            format!("--read-as {name}: {file} knows no data set; it is not calibrated, and nothing was added to it")
+        }
+        false => {
+            let near = did_you_mean(name, known.iter().copied());
+            let known: Vec<&str> = known.into_iter().collect();
+            format!("--read-as {name}: no such data set{near}; {file} knows {}", known.join(", "))
+        }
+    }))
+}
+
+/// The scope of an effect that acts in every data set.
+const BOTH: &str = "both";
 
 /// Gives results their intervals where the model has samples; gives by how many.
 fn banded(

@@ -368,6 +368,35 @@ pub fn is_folder(path: &Path) -> bool {
     path.is_dir()
 }
 
+/// The day on which a file was written, as `2026-11-27` (UTC); `None` where the system does not tell.
+pub fn written_on(path: &Path) -> Option<String> {
+    let written = fs::metadata(path).ok()?.modified().ok()?;
+    let seconds = written.duration_since(std::time::UNIX_EPOCH).ok()?.as_secs();
+    Some(day(seconds / SECONDS_A_DAY))
+}
+
+const SECONDS_A_DAY: u64 = 86_400;
+
+/// The date so many days after 1970-01-01.
+fn day(mut days: u64) -> String {
+    let is_leap = |y: u64| y.is_multiple_of(4) && (!y.is_multiple_of(100) || y.is_multiple_of(400));
+    let mut year = 1970;
+    while days >= 365 + u64::from(is_leap(year)) {
+        days -= 365 + u64::from(is_leap(year));
+        year += 1;
+    }
+    let lengths = [31, 28 + u64::from(is_leap(year)), 31, 30, 31, 30, 31, 31, 30, 31, 30, 31];
+    let mut month = 1;
+    for length in lengths {
+        if days < length {
+            break;
+        }
+        days -= length;
+        month += 1;
+    }
+    format!("{year}-{month:02}-{:02}", days + 1)
+}
+
 /// Names in a folder, ascending; empty where it cannot be read.
 pub fn list(folder: &Path) -> Vec<String> {
     let mut names: Vec<String> = fs::read_dir(folder)
@@ -428,5 +457,17 @@ fn words(e: &std::io::Error) -> String {
         std::io::ErrorKind::PermissionDenied => "no permission".into(),
         std::io::ErrorKind::StorageFull => "the disk is full; free some space or give --out on another disk".into(),
         _ => e.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::day;
+
+    #[test]
+    fn days_are_dates_also_about_leap_years() {
+        let dates = [0, 58, 59, 789, 790, 11_016, 20_784].map(day);
+        let known = ["1970-01-01", "1970-02-28", "1970-03-01", "1972-02-29", "1972-03-01", "2000-02-29", "2026-11-27"];
+        assert_eq!(dates, known);
     }
 }

@@ -65,12 +65,12 @@ fn best(build: &Path, source: Option<&str>) -> Result<Option<PathBuf>, BuildErro
         Some(name) => {
             let have =
                 if names.is_empty() { "it is not calibrated".into() } else { format!("it has {}", names.join(", ")) };
-            Err(BuildError::of_file(&build, format!("{}: no model calibrated to \"{name}\"; {have}", build.display())))
+            Err(BuildError::of_file(build, format!("{}: no model calibrated to \"{name}\"; {have}", build.display())))
         }
         None if names.iter().any(|n| n == JOINT) => Ok(Some(file(JOINT))),
         None if names.len() < 2 => Ok(names.first().map(|n| file(n))),
         None => Err(BuildError::of_file(
-            &build,
+            build,
             format!(
                 "{}: calibrated to {} each by itself, not jointly; choose one by --source NAME, or --as-assembled",
                 build.display(),

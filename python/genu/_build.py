@@ -10,7 +10,7 @@ from typing import Any, Literal, Optional
 import numpy as np
 
 from genu._call import as_html, wanted
-from genu._errors import InputError, at
+from genu._errors import InputError, in_file
 from genu._meshes import Hexahedra, Surface, read_hexahedra, read_surface
 from genu._model import Model
 from genu._tables import read_table
@@ -100,7 +100,7 @@ class Build:
         places = [os.path.join(given, "build"), given]
         found = [p for p in places if os.path.isfile(os.path.join(p, "log.jsonl"))]
         if not found:
-            raise InputError(f"no build in {given}: no log.jsonl there or in build/; run genu.build first", place=at(given))
+            raise InputError(f"no build in {given}: no log.jsonl there or in build/; run genu.build first", place=in_file(given))
         self.folder = found[0]
 
     def __repr__(self) -> str:
@@ -223,7 +223,7 @@ class Build:
             number, dash, name = entry.partition("-")
             if dash and name == stage and number[:2].isdigit():
                 return os.path.join(self.folder, entry, *names)
-        raise InputError(f"{self.folder}: stage {stage} has not been run; done are {', '.join(self.stages) or 'none'}", place=at(self.folder))
+        raise InputError(f"{self.folder}: stage {stage} has not been run; done are {', '.join(self.stages) or 'none'}", place=in_file(self.folder))
 
     def files(self, stage: Stage) -> list[str]:
         """The files of a stage, by their paths below its folder, in order."""
@@ -321,7 +321,7 @@ class Build:
         path = self.path(stage, *name.split("/")) + ending
         if not os.path.isfile(path):
             there = [f[: -len(ending)] for f in self.files(stage) if f.endswith(ending)]
-            raise InputError(f"{path}: no such file; stage {stage} has {', '.join(there) or 'none of this kind'}", place=at(path))
+            raise InputError(f"{path}: no such file; stage {stage} has {', '.join(there) or 'none of this kind'}", place=in_file(path))
         return path
 
     @staticmethod

@@ -9,7 +9,7 @@ from typing import Any, Optional
 Place = tuple[Optional[str], Optional[int], Optional[str]]
 
 
-def at(path: Any, row: Optional[int] = None) -> Place:
+def in_file(path: Any, row: Optional[int] = None) -> Place:
     """A file, or a row of it."""
     return os.fspath(path), row, None
 

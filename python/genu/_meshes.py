@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from genu._call import as_html, wanted
-from genu._errors import InputError, at
+from genu._errors import InputError, in_file
 from genu._types import Array, Path
 
 _PLY = {
@@ -151,7 +151,7 @@ def read_surface(path: Path) -> Surface:
     raw = _bytes(path)
     end = raw.find(b"end_header\n")
     if not raw.startswith(b"ply") or end < 0 or b"format binary_little_endian" not in raw[:end]:
-        raise InputError(f"{path}: not a binary little-endian PLY; a surface as build-model writes it was expected", place=at(path))
+        raise InputError(f"{path}: not a binary little-endian PLY; a surface as build-model writes it was expected", place=in_file(path))
     elements: list[tuple[str, int, list[list[str]]]] = []
     for line in raw[:end].decode("ascii", "replace").splitlines():
         words = line.split()
@@ -164,14 +164,14 @@ def read_surface(path: Path) -> Surface:
     for name, count, properties in elements:
         dtype = _ply_type(path, properties)
         if at + count * dtype.itemsize > len(raw):
-            raise InputError(f"{path}: cut off: {count} of element {name} were expected", place=at(path))
+            raise InputError(f"{path}: cut off: {count} of element {name} were expected", place=in_file(path))
         found[name] = np.frombuffer(raw, dtype, count, at)
         at += count * dtype.itemsize
     if "vertex" not in found or "face" not in found:
-        raise InputError(f"{path}: no elements vertex and face; a surface was expected", place=at(path))
+        raise InputError(f"{path}: no elements vertex and face; a surface was expected", place=in_file(path))
     vertex, face = found["vertex"], found["face"]
     if len(face) and not (face["count"] == 3).all():
-        raise InputError(f"{path}: faces that are not triangles", place=at(path))
+        raise InputError(f"{path}: faces that are not triangles", place=in_file(path))
     vertices = np.column_stack([vertex[c] for c in "xyz"]).astype(np.float64)
     data = {name: np.array(vertex[name]) for name in vertex.dtype.names or () if name not in ("x", "y", "z")}
     return Surface(vertices, face["list"].astype(np.int64), data, _stem(path))
@@ -185,7 +185,7 @@ def _ply_type(path: str, properties: list[list[str]]) -> np.dtype[Any]:
         elif words[0] in _PLY:
             fields.append((words[1], _PLY[words[0]]))
         else:
-            raise InputError(f"{path}: property of the unknown type {words[0]}", place=at(path))
+            raise InputError(f"{path}: property of the unknown type {words[0]}", place=in_file(path))
     return np.dtype(fields)
 
 
@@ -210,16 +210,16 @@ def read_hexahedra(path: Path) -> Hexahedra:
     try:
         piece = ElementTree.fromstring(_bytes(path)).find("UnstructuredGrid/Piece")
     except ElementTree.ParseError as error:
-        raise InputError(f"{path}: {error}; a VTU as build-model writes it was expected", place=at(path)) from None
+        raise InputError(f"{path}: {error}; a VTU as build-model writes it was expected", place=in_file(path)) from None
     points = None if piece is None else piece.find("Points/DataArray")
     connectivity = None if piece is None else piece.find("Cells/DataArray[@Name='connectivity']")
     if piece is None or points is None or connectivity is None or points.get("format") != "ascii":
-        raise InputError(f"{path}: not an unstructured grid in text; a VTU as build-model writes it was expected", place=at(path))
+        raise InputError(f"{path}: not an unstructured grid in text; a VTU as build-model writes it was expected", place=in_file(path))
     data = {a.get("Name", ""): _numbers(a, float) for a in piece.findall("CellData/DataArray")}
     try:
         nodes, cells = _numbers(points, float).reshape(-1, 3), _numbers(connectivity, np.int64).reshape(-1, 8)
     except ValueError:
-        raise InputError(f"{path}: cells that are not hexahedra", place=at(path)) from None
+        raise InputError(f"{path}: cells that are not hexahedra", place=in_file(path)) from None
     return Hexahedra(nodes, cells, data, _stem(path))
 
 
@@ -232,7 +232,7 @@ def _bytes(path: str) -> bytes:
         with open(path, "rb") as file:
             return file.read()
     except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror}", place=at(path)) from None
+        raise InputError(f"cannot read {path}: {error.strerror}", place=in_file(path)) from None
 
 
 def _stem(path: str) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 
 from genu import _errors, _genu
 from genu._call import Files, as_html, wanted
-from genu._errors import InputError, at
+from genu._errors import InputError, in_file
 from genu._meshes import Surface, read_surface
 from genu._types import Floats, Path
 
@@ -53,14 +53,14 @@ class Model:
             with open(place, encoding="utf-8") as file:
                 self.spec: dict[str, Any] = json.load(file)
         except OSError as error:
-            raise InputError(f"cannot read {place}: {error.strerror}", place=at(place)) from None
+            raise InputError(f"cannot read {place}: {error.strerror}", place=in_file(place)) from None
         except ValueError as error:
             row = error.lineno if isinstance(error, json.JSONDecodeError) else None
             where = f" line {row}" if row else ""
             told = f"{place}{where}: {error}; expected a model.json as build-model writes it"
-            raise InputError(told, place=at(place, row)) from None
+            raise InputError(told, place=in_file(place, row)) from None
         if not isinstance(self.spec, dict) or "bundles" not in self.spec:
-            raise InputError(f"{place}: no bundles in it; expected a model.json as build-model writes it", place=at(place))
+            raise InputError(f"{place}: no bundles in it; expected a model.json as build-model writes it", place=in_file(place))
         self.folder = os.path.dirname(place)
         self.file = place
         self._as_read = copy.deepcopy(self.spec)

@@ -8,7 +8,7 @@ import os
 from typing import Any
 
 from genu._call import Files, wanted
-from genu._errors import InputError, at
+from genu._errors import InputError, in_file
 from genu._types import Path
 
 
@@ -33,7 +33,7 @@ def read_table(path: Path) -> Any:
     pandas = wanted("pandas", "tables")
     path = os.fspath(path)
     if not os.path.isfile(path):
-        raise InputError(f"cannot read {path}: no such file", place=at(path))
+        raise InputError(f"cannot read {path}: no such file", place=in_file(path))
     return pandas.read_csv(path)
 
 

@@ -10,7 +10,7 @@ from typing import Any, Mapping, Optional, Sequence, Union
 from genu import _errors
 from genu._build import Build
 from genu._call import absolute, as_html, called, names, run, settings, spoken, watching
-from genu._errors import GenuError, at
+from genu._errors import GenuError, in_file
 from genu._model import Model, compiled, model_at
 from genu._tables import frame_of, read_table, table_at
 from genu._types import Format, Method, Path, Progress, Protocol, Solver, Stage
@@ -477,4 +477,4 @@ def _json(path: str) -> Any:
         with open(path, encoding="utf-8") as file:
             return json.load(file)
     except OSError as error:
-        raise GenuError(f"cannot read {path}: {error.strerror}", place=at(path)) from None
+        raise GenuError(f"cannot read {path}: {error.strerror}", place=in_file(path)) from None

@@ -182,7 +182,7 @@ fn odd_roots(between: &Between, roots: &[Point; 2], of_atlas: &[Point; 2]) -> Ve
                 "{}: its {which} horn ends {:.0} mm from where the literature has its root, and is held there: check whether the segmentation is cut short",
                 between.name(),
                 off(n)
-            )).of(&between.name())
+            )).of(between.name())
         })
         .collect()
 }

@@ -19,7 +19,7 @@ struct Row {
 
 /// model.pvd and model_0000.vtu, ...: a file a row of `table` (results of `simulate`, protocols of `validate`), time being the row's number.
 pub(super) fn files(model: &LoadedModel, place: &Path, table: &[u8]) -> Result<Vec<File>, BuildError> {
-    let fault = |e: String| BuildError::in_file(&place, e);
+    let fault = |e: String| BuildError::in_file(place, e);
     let joint = Joint::new(&model.spec.frames, model.spec.side).map_err(|e| fault(e.to_string()))?;
     let mut out = Vec::new();
     let mut list = "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\"><Collection>\n".to_owned();

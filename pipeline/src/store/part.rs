@@ -18,7 +18,7 @@ impl PartFile {
     /// Takes up what an earlier attempt left, or begins.
     pub fn take_up(target: &Path) -> Result<PartFile, BuildError> {
         let wrong = |e: std::io::Error| {
-            BuildError::of_file(&target, format!("cannot write {}: {}", target.display(), words(&e)))
+            BuildError::of_file(target, format!("cannot write {}: {}", target.display(), words(&e)))
         };
         if let Some(parent) = target.parent() {
             fs::create_dir_all(parent).map_err(wrong)?;
@@ -79,8 +79,7 @@ impl PartFile {
 
 /// Gives a file's content to `see`, in pieces.
 pub fn pieces(path: &Path, mut see: impl FnMut(&[u8])) -> Result<(), BuildError> {
-    let wrong =
-        |e: std::io::Error| BuildError::of_file(&path, format!("cannot read {}: {}", path.display(), words(&e)));
+    let wrong = |e: std::io::Error| BuildError::of_file(path, format!("cannot read {}: {}", path.display(), words(&e)));
     let mut file = File::open(path).map_err(wrong)?;
     let mut buffer = vec![0; 1 << 16];
     loop {

@@ -1,0 +1,110 @@
+#!/usr/bin/env python3
+"""Says which pages have figures that an older program made.
+
+    python3 docs/words/made.py --check                 names pages whose crates changed since; ends with 0: figures may still hold
+    python3 docs/words/made.py --made PAGE...          the page was made anew: keeps the digests of its crates as they are now
+    python3 docs/words/made.py --made PAGE... --at C   the same as they were at the commit C
+
+docs/made.toml has a page's crates and their digests. A digest is of the code and data of a crate, without blank lines and lines that are comments.
+Asked for is whether a figure was made by today's code, not whether it would be another: only making it anew tells that.
+"""
+import argparse
+import hashlib
+import io
+import pathlib
+import re
+import subprocess
+import sys
+import tarfile
+import tomllib
+
+HERE = pathlib.Path(__file__).resolve().parent.parent.parent
+DIGITS = 16  # hexadecimal digits of a digest that are kept
+
+
+def of_files(files):
+    """The digest of files by path."""
+    whole = hashlib.sha256()
+    for path in sorted(files):
+        lines = files[path].decode("utf-8", "replace").splitlines()
+        code = [line.strip() for line in lines if line.strip() and not line.strip().startswith("//")]
+        whole.update("\n".join([path, *code]).encode())
+    return whole.hexdigest()[:DIGITS]
+
+
+def now(root, crate):
+    """A crate's files as they are."""
+    found = {}
+    for part in ("src", "data"):
+        for path in sorted((root / crate / part).rglob("*")):
+            if path.suffix in (".rs", ".toml"):
+                found[path.relative_to(root).as_posix()] = path.read_bytes()
+    return found
+
+
+def at(root, crate, commit):
+    """A crate's files at a commit; none where it was not there."""
+    run = subprocess.run(["git", "archive", commit, crate], cwd=root, capture_output=True, check=False)
+    if run.returncode != 0:
+        return {}
+    found = {}
+    with tarfile.open(fileobj=io.BytesIO(run.stdout)) as archive:
+        for entry in archive:
+            inner = entry.name.split("/")
+            if entry.isfile() and inner[1] in ("src", "data") and entry.name.endswith((".rs", ".toml")):
+                found[entry.name] = archive.extractfile(entry).read()
+    return found
+
+
+def read(root):
+    """The table: pages in order."""
+    with open(root / "docs/made.toml", "rb") as file:
+        return tomllib.load(file)["page"]
+
+
+def check(root):
+    """Tells of every page; gives how many are stale."""
+    stale = 0
+    for page in read(root):
+        changed = [c for c in page["crates"] if page["digests"].get(c) != of_files(now(root, c))]
+        missing = [c for c in page["crates"] if not now(root, c)]
+        if missing or not (root / page["name"]).exists():
+            sys.exit(f"docs/made.toml: {page['name']} or a crate of it is not there: {', '.join(missing)}")
+        stale += bool(changed)
+        state = f"stale: {', '.join(changed)} changed since; {page['by']}" if changed else "as its crates are"
+        print(f"{page['name']}: {state}")
+    return stale
+
+
+def made(root, names, commit):
+    """Keeps the digests of pages that were made anew."""
+    file = root / "docs/made.toml"
+    text = file.read_text()
+    known = {page["name"]: page for page in read(root)}
+    for name in names:
+        if name not in known:
+            sys.exit(f"{name}: not in docs/made.toml, which has {', '.join(known)}")
+        crates = known[name]["crates"]
+        files = {c: at(root, c, commit) if commit else now(root, c) for c in crates}
+        line = ", ".join(f'{c} = "{of_files(files[c])}"' for c in crates)
+        begin = text.index(f'name = "{name}"')
+        text = text[:begin] + re.sub(r"digests = \{.*\}", f"digests = {{ {line} }}", text[begin:], count=1)
+    file.write_text(text)
+
+
+def main():
+    """The command line."""
+    asked = argparse.ArgumentParser()
+    asked.add_argument("--check", action="store_true")
+    asked.add_argument("--made", nargs="+", metavar="PAGE")
+    asked.add_argument("--at", metavar="COMMIT")
+    asked.add_argument("--root", type=pathlib.Path, default=HERE)
+    given = asked.parse_args()
+    if given.made:
+        made(given.root, given.made, given.at)
+    stale = check(given.root)
+    print(f"{stale} of {len(read(given.root))} pages have figures of an older program")
+
+
+if __name__ == "__main__":
+    main()

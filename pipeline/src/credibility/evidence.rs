@@ -1,0 +1,138 @@
+//! Factors, grades and pieces of evidence.
+
+use super::context::Context;
+use super::grade::{Grade, Level};
+use schemars::JsonSchema;
+use serde::Serialize;
+
+/// A credibility factor, in the order of the standard.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Factor {
+    /// Does the code solve its equations?
+    CodeVerification,
+    /// Are they solved closely enough for this knee?
+    CalculationVerification,
+    /// Are they the right ones?
+    ModelForm,
+    /// Are its inputs known?
+    ModelInputs,
+    /// How many and which samples was it held against, under which conditions?
+    Comparator,
+    /// Were model and measurement asked the same?
+    Equivalence,
+    /// How far apart are they?
+    OutputComparison,
+    /// Does all this bear on what is asked?
+    Applicability,
+}
+
+/// All factors, in order.
+pub(super) const FACTORS: [Factor; 8] = [
+    Factor::CodeVerification,
+    Factor::CalculationVerification,
+    Factor::ModelForm,
+    Factor::ModelInputs,
+    Factor::Comparator,
+    Factor::Equivalence,
+    Factor::OutputComparison,
+    Factor::Applicability,
+];
+
+impl Factor {
+    /// Its name, and what it asks.
+    pub(super) fn words(self) -> (&'static str, &'static str) {
+        match self {
+            Factor::CodeVerification => ("Code verification", "Does the program solve its equations?"),
+            Factor::CalculationVerification => ("Calculation verification", "Are they solved closely enough here?"),
+            Factor::ModelForm => ("Model form", "Are they the right equations?"),
+            Factor::ModelInputs => ("Model inputs", "Is what goes in known?"),
+            Factor::Comparator => ("Comparator", "What was it held against: samples and conditions?"),
+            Factor::Equivalence => ("Equivalence of inputs", "Were model and measurement asked the same?"),
+            Factor::OutputComparison => ("Output comparison", "How far apart are they?"),
+            Factor::Applicability => ("Applicability", "Does all this bear on what is asked?"),
+        }
+    }
+}
+
+/// One number, what made it, and what it is worth.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct Evidence {
+    /// Its name, for programs.
+    pub id: &'static str,
+    /// The factor it speaks to.
+    pub factor: Factor,
+    /// What was measured or counted.
+    pub what: String,
+    /// The number; none where there is no evidence.
+    pub value: Option<f64>,
+    /// Its unit; "-" for a share or a count.
+    pub unit: String,
+    /// From where on the grade is strong, and adequate.
+    pub limits: [f64; 2],
+    /// Whether more is better.
+    pub more_is_better: bool,
+    /// The grade.
+    pub grade: Grade,
+    /// Why the limits are as they are.
+    pub why: String,
+    /// The stage of the build that made it; none of what a test of the program made.
+    pub stage: Option<String>,
+    /// The test that made it; none of what the build made.
+    pub test: Option<String>,
+    /// The file that holds it.
+    pub file: String,
+    /// blake3 of that file.
+    pub digest: Option<String>,
+    /// The day on which that file was written.
+    pub date: Option<String>,
+    /// Whether the file is as the stage left it.
+    pub as_built: Option<bool>,
+}
+
+/// A factor with its evidence.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct FactorTold {
+    /// The factor.
+    pub factor: Factor,
+    /// Its name.
+    pub name: &'static str,
+    /// What it asks.
+    pub question: &'static str,
+    /// The grade of its weakest evidence; of nothing, "no evidence".
+    pub grade: Grade,
+    /// Whether that is what the model risk asks for; none where no risk is stated.
+    pub enough: Option<bool>,
+    /// The evidence, and what there is none of.
+    pub evidence: Vec<Evidence>,
+}
+
+impl FactorTold {
+    pub(super) fn of(factor: Factor, evidence: Vec<Evidence>, risk: Option<Level>) -> FactorTold {
+        let known = evidence.iter().map(|e| e.grade).filter(|g| *g != Grade::NoEvidence);
+        let grade = known.min().unwrap_or(Grade::NoEvidence);
+        let (name, question) = factor.words();
+        FactorTold { factor, name, question, grade, enough: risk.map(|r| grade >= r.asks_for()), evidence }
+    }
+}
+
+/// credibility.json.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct Told {
+    /// credibility/1
+    pub schema: &'static str,
+    /// The specimen.
+    pub knee: String,
+    /// The calibrated model that is judged; none where none is calibrated.
+    pub model: Option<String>,
+    /// Version and source digest of the program that built it.
+    pub program: String,
+    /// Question, context of use, risk, as stated.
+    pub context: Context,
+    /// Model risk; none where it is not stated.
+    pub model_risk: Option<Level>,
+    /// The factors, in order.
+    pub factors: Vec<FactorTold>,
+    /// Files that are not as their stage left them; what they hold is no evidence.
+    pub changed: Vec<String>,
+}

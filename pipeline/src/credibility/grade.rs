@@ -1,0 +1,64 @@
+//! Grades of evidence and levels of risk.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Low, medium or high.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Level {
+    /// Little.
+    Low,
+    /// Some.
+    Medium,
+    /// Much.
+    High,
+}
+
+impl Level {
+    /// In a word.
+    pub(super) fn word(self) -> &'static str {
+        match self {
+            Level::Low => "low",
+            Level::Medium => "medium",
+            Level::High => "high",
+        }
+    }
+}
+
+/// How much a number speaks for the model, worst first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Grade {
+    /// Nothing is known.
+    NoEvidence,
+    /// Known, and beyond the limit of what is adequate.
+    Weak,
+    /// Within what is usual in the field.
+    Adequate,
+    /// Well within.
+    Strong,
+}
+
+impl Grade {
+    /// In words.
+    pub fn word(self) -> &'static str {
+        match self {
+            Grade::NoEvidence => "no evidence",
+            Grade::Weak => "weak",
+            Grade::Adequate => "adequate",
+            Grade::Strong => "strong",
+        }
+    }
+}
+
+impl Level {
+    /// The grade that a factor needs where the model risk is so.
+    pub fn asks_for(self) -> Grade {
+        match self {
+            Level::Low => Grade::Weak,
+            Level::Medium => Grade::Adequate,
+            Level::High => Grade::Strong,
+        }
+    }
+}

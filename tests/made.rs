@@ -1,0 +1,49 @@
+//! Pages say which code made their figures: docs/words/made.py names those whose code changed since.
+#![allow(clippy::unwrap_used, clippy::disallowed_methods, clippy::print_stderr, reason = "tests")]
+
+use crate::common::write;
+use std::path::Path;
+use std::process::Command;
+use tempfile::TempDir;
+
+/// What the script prints of the pages of `root`.
+fn said(root: &Path, words: &[&str]) -> Option<String> {
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/words/made.py");
+    let run = Command::new("python3").arg(script).args(words).arg("--root").arg(root).output().ok()?;
+    assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+    Some(String::from_utf8_lossy(&run.stdout).into_owned())
+}
+
+#[test]
+fn a_page_is_stale_where_the_code_that_made_it_changed_and_a_comment_changes_nothing() {
+    let folder = TempDir::new().unwrap();
+    let root = folder.path();
+    for crate_of_ours in ["one", "two"] {
+        std::fs::create_dir_all(root.join(crate_of_ours).join("src")).unwrap();
+        write(&root.join(crate_of_ours).join("src/lib.rs"), "const A: f64 = 1.0;\n");
+    }
+    std::fs::create_dir_all(root.join("docs")).unwrap();
+    let page = |name: &str, of: &str| {
+        write(&root.join("docs").join(name), "a figure: 1.0\n");
+        format!("[[page]]\nname = \"docs/{name}\"\nby = \"make it\"\ncrates = [{of}]\ndigests = {{}}\n")
+    };
+    let table = page("a.md", "\"one\"") + &page("b.md", "\"one\", \"two\"");
+    write(&root.join("docs/made.toml"), table);
+    let Some(before) = said(root, &["--check"]) else {
+        eprintln!("made: skipped, python3 is not there");
+        return;
+    };
+    assert!(before.contains("2 of 2 pages"), "{before}");
+    let kept = said(root, &["--made", "docs/a.md", "docs/b.md"]).unwrap();
+    assert!(kept.contains("0 of 2 pages"), "{kept}");
+    write(&root.join("two/src/lib.rs"), "// a remark\n\nconst A: f64 = 1.0;\n");
+    assert!(said(root, &["--check"]).unwrap().contains("0 of 2 pages"));
+    write(&root.join("two/src/lib.rs"), "const A: f64 = 1.1;\n");
+    let told = said(root, &["--check"]).unwrap();
+    assert!(
+        told.contains("docs/a.md: as its crates are") && told.contains("docs/b.md: stale: two changed since"),
+        "{told}"
+    );
+    let again = said(root, &["--made", "docs/b.md"]).unwrap();
+    assert!(again.contains("0 of 2 pages"), "{again}");
+}
