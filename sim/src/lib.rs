@@ -20,6 +20,7 @@ pub mod deformable;
 pub mod equilibrium;
 pub mod error;
 pub mod explicit;
+pub mod flags;
 pub mod interrupt;
 pub mod joint;
 pub mod laxity;
