@@ -88,7 +88,8 @@ fn drawn(model: &Model) -> Result<Vec<[Answer; 2]>, sim::SimError> {
         let load = Load::new(0.0, 0.0, 0.0, ap, COMPRESSION_N);
         LaxityTrial::asked(format!("{fe} deg, {ap} N"), Test::Anterior, fe, load)
     };
-    let trials: Vec<LaxityTrial> = CADAVERS.iter().flat_map(|(fe, _)| [asked(*fe, 0.0), asked(*fe, DRAWER_N)]).collect();
+    let trials: Vec<LaxityTrial> =
+        CADAVERS.iter().flat_map(|(fe, _)| [asked(*fe, 0.0), asked(*fe, DRAWER_N)]).collect();
     let mut answers = solve_trials(model, &trials, &TrialOptions::default()).into_iter();
     let mut out = Vec::new();
     while let (Some(rest), Some(drawn)) = (answers.next(), answers.next()) {

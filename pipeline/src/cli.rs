@@ -11,6 +11,7 @@ use crate::error::{BuildError, OUR_FAULT};
 use crate::exports::{self, Format};
 use crate::import::{self, ImportArgs};
 use crate::output::{self, Asked};
+use crate::plan::{self, PlanArgs};
 use crate::simulate::SimulateArgs;
 use crate::told::Told;
 use crate::validate::ValidateArgs;
@@ -161,6 +162,8 @@ enum Verb {
     Validate(ValidateArgs),
     /// Find the effect that a model lacks, by measured laxity
     Diagnose(DiagnoseArgs),
+    /// Plan a ligament's reconstruction: cut, graft, and what the knee does then
+    Plan(PlanArgs),
     /// Put many builds on one page and into tidy tables
     Cohort(CohortArgs),
     /// Print the JSON schema of a file that the program writes
@@ -337,6 +340,7 @@ fn answer_verb(verb: Verb) -> Result<Told, BuildError> {
         Verb::Calibrate(args) => calibrate::calibrate(&args),
         Verb::Validate(args) => validate::validate(&args),
         Verb::Diagnose(args) => lines(diagnose::run(&args)),
+        Verb::Plan(args) => plan::plan(&args),
         Verb::Cohort(args) => lines(cohort::cohort(&args)),
         Verb::Schema { name } => whole(schema::schema(&name)),
         Verb::Blind(verb) => lines(blind::run(&verb)),

@@ -6,8 +6,8 @@
 use crate::contact::Nearby;
 use crate::coordinate::{AP, FE, FREE, Free, IE, Load, ML, SI, Six, VV};
 use crate::error::SimError;
-pub use crate::flags::{DISLOCATED, PATELLA_UNBALANCED, SUBLUXED, flags};
 use crate::flags::SEVERAL;
+pub use crate::flags::{DISLOCATED, PATELLA_UNBALANCED, SUBLUXED, flags};
 use crate::laxity::{LaxityTrial, TrialResult};
 use crate::model::{Evaluation, Model};
 use crate::quasistatic::{Dashpots, Goal, Phase, Solved, SolverOptions, State, follow, increment_near};
@@ -321,7 +321,8 @@ impl<'a> Path<'a> {
                 from.q[coordinate] += sign * by;
                 let goal = Goal { flexion: solved.state.q[FE], load: self.load, flow: None };
                 // the way there has its own lists: what the path goes on with stays as it was
-                let found = increment_near(self.model, &from, &goal, &self.options.solver, true, &mut Nearby::default());
+                let found =
+                    increment_near(self.model, &from, &goal, &self.options.solver, true, &mut Nearby::default());
                 let Ok(found) = found else { continue };
                 self.evaluations += found.evaluations;
                 let apart = self.model.joint.grood_suntay(&found.state.q) - here;

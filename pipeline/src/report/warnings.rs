@@ -15,12 +15,14 @@ pub(super) struct Group {
 }
 
 /// Words by which a warning says that the model may be wrong: something is missing, misplaced, or did not come to its end.
-const HEAVY: [&str; 14] = [
+const HEAVY: [&str; 16] = [
     "left out",
     "misplaced",
     "inverted",
     "not converged",
     "dislocated",
+    "subluxed",
+    "failure load",
     "too small",
     "too large",
     "turned round",
