@@ -1,6 +1,5 @@
 //! `plan`: the laws of grafts, samples, files, faults.
 #![allow(clippy::unwrap_used, reason = "tests")]
-#![expect(clippy::disallowed_methods, reason = "looks at what the program wrote")]
 
 use crate::common::{build_model, built, json, phantom, text, write};
 use crate::schema::obeys;
@@ -44,6 +43,9 @@ fn value(out: &Outcome, test: &str, flexion: f64, state: &str, name: &str) -> f6
 #[test]
 fn a_graft_like_the_native_ligament_in_its_place_is_the_intact_knee() {
     let (_, spec, surfaces) = knee();
+    // friction remembers the last bits of the way: without it an answer is an equilibrium and nothing else
+    let mut spec = spec.clone();
+    spec.contact.friction = 0.0;
     let mut text = String::from("cut = [\"ACL\"]\n");
     for name in ["ACL_AM", "ACL_PL"] {
         let b = spec.bundles.iter().find(|b| b.name == name).unwrap();
@@ -55,13 +57,12 @@ fn a_graft_like_the_native_ligament_in_its_place_is_the_intact_knee() {
             b.reference_length_mm / b.reference_strain
         );
     }
-    let out = outcome(spec, surfaces, &parsed(&text).unwrap()).unwrap();
+    let out = outcome(&spec, surfaces, &parsed(&text).unwrap()).unwrap();
     assert!(out.tests.len() > 20);
     let mut bears = 0.0_f64;
     for t in &out.tests {
         for (name, off) in &t.off {
-            // friction remembers the way, whose steps end within 0.01 mm
-            assert!(off.value.abs() < 2e-3, "{} at {}: {name} off by {}", t.test, t.flexion_deg, off.value);
+            assert!(off.value.abs() < 1e-4, "{} at {}: {name} off by {}", t.test, t.flexion_deg, off.value);
         }
         bears = bears.max(t.states["reconstructed"]["graft_my ACL_AM_n"].value);
     }

@@ -6,7 +6,6 @@
 use crate::contact::rim::Bearing;
 use crate::coordinate::{AP, FE, IE, ML, SI, Six};
 use crate::model::{Evaluation, Model};
-use crate::trials::TrialOptions;
 
 /// Flag of an answer in which one compartment bears at its rim, the other within.
 pub const SUBLUXED: &str = "subluxed";
@@ -31,7 +30,7 @@ const TURNS_SPARE_DEG: f64 = 15.0;
 /// A compartment that bears less of the load than this is not asked where [-]; ours.
 const LEAST_SHARE: f64 = 0.1;
 
-/// A tibia lies beyond the condyle from this part of [`TrialOptions::rim_mm`] on [-]; ours: a condyle's cartilage ends on bone as round as itself, and
+/// A tibia lies beyond the condyle from this part of [`Limits::rim_mm`] on [-]; ours: a condyle's cartilage ends on bone as round as itself, and
 /// sound knees bear within 2 mm of such an end (S193761 at 80 deg).
 const CONDYLE_END: f64 = 0.5;
 
@@ -52,9 +51,22 @@ const FAILURE_N: [(&str, f64); 10] = [
     ("PCAP_L", 500.0),
 ];
 
+/// Where a femur has left its plateau; the fields of [`crate::trials::TrialOptions`] of the same names.
+#[derive(Clone, Copy, Debug)]
+pub struct Limits {
+    /// ML and SI from the CT pose [mm].
+    pub dislocation_mm: f64,
+    /// AP from the CT pose [mm].
+    pub dislocation_ap_mm: f64,
+    /// From a rim [mm].
+    pub rim_mm: f64,
+    /// Of a compartment's load, so near to a rim [-].
+    pub rim_share: f64,
+}
+
 /// What is odd about an answer at Grood-Suntay coordinates `gs` [rad, mm].
-pub fn flags(model: &Model, gs: &Six, evaluation: &Evaluation, options: &TrialOptions) -> Vec<String> {
-    let mut out: Vec<String> = place(model, gs, evaluation, options).into_iter().map(str::to_owned).collect();
+pub fn flags(model: &Model, gs: &Six, evaluation: &Evaluation, limits: &Limits) -> Vec<String> {
+    let mut out: Vec<String> = place(model, gs, evaluation, limits).into_iter().map(str::to_owned).collect();
     out.extend(is_turned_too_far(gs).then(|| ROTATED.to_owned()));
     out.extend(torn(model, evaluation));
     let astray = model.patella_state(evaluation).is_some_and(|p| !p.is_balanced());
@@ -63,21 +75,21 @@ pub fn flags(model: &Model, gs: &Six, evaluation: &Evaluation, options: &TrialOp
 }
 
 /// Whether the femur has left the plateau, wholly or in part.
-fn place(model: &Model, gs: &Six, evaluation: &Evaluation, options: &TrialOptions) -> Option<&'static str> {
+fn place(model: &Model, gs: &Six, evaluation: &Evaluation, limits: &Limits) -> Option<&'static str> {
     let ct = model.joint.ct_pose();
-    let limits = [(ML, options.dislocation_mm), (SI, options.dislocation_mm), (AP, options.dislocation_ap_mm)];
-    if limits.into_iter().any(|(c, limit)| (gs[c] - ct[c]).abs() > limit) {
+    let most = [(ML, limits.dislocation_mm), (SI, limits.dislocation_mm), (AP, limits.dislocation_ap_mm)];
+    if most.into_iter().any(|(c, limit)| (gs[c] - ct[c]).abs() > limit) {
         return Some(DISLOCATED);
     }
     let frames = [model.joint.femur(), model.joint.tibia()];
-    let bearings = model.contact.bearings(&evaluation.pose, frames, options.rim_mm);
+    let bearings = model.contact.bearings(&evaluation.pose, frames, limits.rim_mm);
     let load: f64 = bearings.iter().map(|b| b.load_n).sum();
     let asked: Vec<&Bearing> = bearings.iter().filter(|b| b.load_n >= LEAST_SHARE * load).collect();
     let between =
         || model.bodies.iter().zip(&evaluation.bodies).any(|(b, rest)| b.bears(&evaluation.pose, &rest.inner));
     let leaves = |b: &Bearing| {
         let [plateau, condyle] = b.inside_mm;
-        plateau < options.rim_mm || b.at_rim[0] > options.rim_share || condyle < CONDYLE_END * options.rim_mm
+        plateau < limits.rim_mm || b.at_rim[0] > limits.rim_share || condyle < CONDYLE_END * limits.rim_mm
     };
     match (asked.len(), asked.iter().filter(|b| leaves(b)).count()) {
         (0, _) if !between() => Some(DISLOCATED),

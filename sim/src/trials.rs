@@ -6,8 +6,8 @@
 use crate::contact::Nearby;
 use crate::coordinate::{AP, FE, FREE, Free, IE, Load, ML, SI, Six, VV};
 use crate::error::SimError;
-use crate::flags::SEVERAL;
-pub use crate::flags::{DISLOCATED, PATELLA_UNBALANCED, SUBLUXED, flags};
+use crate::flags::{self, Limits};
+pub use crate::flags::{DISLOCATED, PATELLA_UNBALANCED, SUBLUXED};
 use crate::laxity::{LaxityTrial, TrialResult};
 use crate::model::{Evaluation, Model};
 use crate::quasistatic::{Dashpots, Goal, Phase, Solved, SolverOptions, State, follow, increment_near};
@@ -99,6 +99,16 @@ impl TrialOptions {
             return fault("increments", *n as f64, "1 to 100000");
         }
         self.solver.check()
+    }
+
+    /// Where a femur has left its plateau.
+    fn limits(&self) -> Limits {
+        Limits {
+            dislocation_mm: self.dislocation_mm,
+            dislocation_ap_mm: self.dislocation_ap_mm,
+            rim_mm: self.rim_mm,
+            rim_share: self.rim_share,
+        }
     }
 
     /// Dashpots after settling: the fibres' and the joint's small one.
@@ -228,6 +238,11 @@ pub fn solve_from(
     path.rest()
 }
 
+/// What is odd about an answer at Grood-Suntay coordinates `gs` [rad, mm].
+pub fn flags(model: &Model, gs: &Six, evaluation: &Evaluation, options: &TrialOptions) -> Vec<String> {
+    flags::flags(model, gs, evaluation, &options.limits())
+}
+
 /// A path under way.
 pub(crate) struct Path<'a> {
     model: &'a Model,
@@ -294,7 +309,7 @@ impl<'a> Path<'a> {
         let gs = self.model.joint.grood_suntay(&solved.state.q);
         let forces_n = self.model.bundle_forces(&solved.evaluation.fibres);
         let mut flags = flags(self.model, &gs, &solved.evaluation, self.options);
-        flags.extend(self.has_another(&solved)?.then(|| SEVERAL.to_owned()));
+        flags.extend(self.has_another(&solved)?.then(|| flags::SEVERAL.to_owned()));
         let outputs = self.model.outputs(&solved.evaluation);
         let evaluations = self.evaluations;
         Ok(Answer {

@@ -10,6 +10,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use sim::contact::ContactOptions;
 use sim::coordinate::{AP, Coordinate, IE, VV};
+use sim::flags::DISLOCATED;
 use sim::mesh::MeshValue;
 use sim::spec::ModelSpec;
 use std::collections::BTreeMap;
@@ -278,14 +279,25 @@ fn test(file: &PlanFile, asked: &[Asked], t: usize, numbers: &Numbers, interval:
             values.extend(numbers.value(&change, interval).map(|v| ("laxity".to_owned(), v)));
         }
         told.states.insert(name.to_owned(), values);
-        let flags =
-            numbers.best[state][t].as_ref().map_or(vec!["no equilibrium".to_owned()], |f: &Found| f.flags.clone());
-        told.flags.insert(name.to_owned(), flags);
+        told.flags.insert(name.to_owned(), odd(numbers, state, t));
     }
     for c in [AP, IE, VV] {
         told.off.extend(numbers.value(&|a| off(a, t, c), interval).map(|v| (c.column(), v)));
     }
     told
+}
+
+/// What is odd about a state in a test: the most probable knee's flags, and how many samples have left the plateau.
+fn odd(numbers: &Numbers, state: usize, t: usize) -> Vec<String> {
+    let none = || vec!["no equilibrium".to_owned()];
+    let mut flags = numbers.best[state][t].as_ref().map_or_else(none, |f: &Found| f.flags.clone());
+    let of = |is: &dyn Fn(&Option<Found>) -> bool| numbers.samples.iter().filter(|a| is(&a[state][t])).count();
+    let leaving = of(&|f| f.as_ref().is_some_and(|f| f.flags.iter().any(|f| f == DISLOCATED)));
+    let lost = of(&Option::is_none);
+    let all = numbers.samples.len();
+    flags.extend((leaving > 0).then(|| format!("{leaving} of {all} samples leave the plateau")));
+    flags.extend((lost > 0).then(|| format!("{lost} of {all} samples have no equilibrium")));
+    flags
 }
 
 /// The chances of a plan: of the forward drawer alone, and of every test.

@@ -10,10 +10,14 @@ use validation::plot::{Series, colour, draw, panel};
 /// Size of a figure [pixels].
 const SIZE: (u32, u32) = (640, 320);
 
+/// A figure is as wide as its column, on the screen and on paper.
+const FIGURES: &str = "<style>.paper svg{max-width:100%;height:auto}</style>";
+
 /// The page.
 pub(super) fn page(out: &Outcome, label: &str) -> String {
     let title = if out.plan.is_empty() { "Plan" } else { &out.plan };
     let mut text = head(&format!("{title}: plan"));
+    text += FIGURES;
     let _ = write!(text, "<header><h1>{}</h1><p>{}</p></header><main id=\"stages\">", escaped(title), escaped(label));
     text += &summary(out);
     text += &grafts(out);

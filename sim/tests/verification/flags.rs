@@ -4,8 +4,8 @@ use meshes::Point;
 use meshes::frame::Side;
 use sim::Model;
 use sim::coordinate::{AP, FE, IE, Load, ML, Six};
-use sim::flags::{DISLOCATED, ROTATED, SEVERAL, SUBLUXED, TORN, flags};
-use sim::trials::{TrialOptions, solve};
+use sim::flags::{DISLOCATED, ROTATED, SEVERAL, SUBLUXED, TORN};
+use sim::trials::{TrialOptions, flags, solve};
 
 /// Flags of the rig knee at chain coordinates.
 fn at(model: &Model, set: &[(sim::coordinate::Coordinate, f64)]) -> Vec<String> {
