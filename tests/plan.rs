@@ -1,7 +1,8 @@
 //! `plan`: the laws of grafts, samples, files, faults.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-use crate::common::{build_model, built, json, phantom, text, write};
+use crate::common::{build_model, json, phantom, text, write};
+use crate::one_knee::specimen;
 use crate::schema::obeys;
 use genu::model_file::load;
 use genu::plan::{EXAMPLE, Outcome, PlanFile, Surfaces, TestsFile, outcome, parsed};
@@ -251,7 +252,7 @@ fn samples_give_each_number_an_interval_and_each_promise_a_chance() {
     write(&file, EXAMPLE.replace("flexions_deg = [0.0, 30.0, 60.0, 90.0]", "flexions_deg = [30.0]"));
     let run = |to: &str, more: &[&str]| {
         let mut c = build_model();
-        c.arg("plan").arg(built()).arg(&file).arg("--out").arg(out.path().join(to)).args(more).assert().success();
+        c.arg("plan").arg(specimen()).arg(&file).arg("--out").arg(out.path().join(to)).args(more).assert().success();
         json(&out.path().join(to).join("plan.json"))
     };
     let (banded, plain) = (run("a", &["--samples", "4"]), run("b", &["--samples", "0"]));
