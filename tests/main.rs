@@ -27,6 +27,7 @@ mod other_files;
 mod paper;
 mod parts;
 mod phantom_laxity;
+mod plan;
 mod quirks;
 mod readers;
 mod report;

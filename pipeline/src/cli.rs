@@ -12,6 +12,7 @@ use crate::error::{BuildError, OUR_FAULT};
 use crate::exports::{self, Format};
 use crate::import::{self, ImportArgs};
 use crate::output::{self, Asked};
+use crate::plan::{self, PlanArgs};
 use crate::simulate::SimulateArgs;
 use crate::told::Told;
 use crate::validate::ValidateArgs;
@@ -168,6 +169,8 @@ enum Verb {
     Validate(ValidateArgs),
     /// Find the effect that a model lacks, by measured laxity
     Diagnose(DiagnoseArgs),
+    /// Plan a ligament's reconstruction: cut, graft, and what the knee does then
+    Plan(PlanArgs),
     /// Tell what speaks for a knee's model, factor by factor as ASME V&V 40 asks, each number with its file and digest
     Credibility(CredibilityArgs),
     /// Put many builds on one page and into tidy tables
@@ -344,6 +347,7 @@ fn answer_verb(verb: Verb) -> Result<Told, BuildError> {
         Verb::Calibrate(args) => calibrate::calibrate(&args),
         Verb::Validate(args) => validate::validate(&args),
         Verb::Diagnose(args) => diagnose::run(&args),
+        Verb::Plan(args) => plan::plan(&args),
         Verb::Credibility(args) => credibility::credibility(&args),
         Verb::Cohort(args) => words(cohort::cohort(&args)),
         Verb::Schema { name } => words(schema::schema(&name)),

@@ -35,6 +35,7 @@ pub mod options;
 pub mod output;
 pub mod paper;
 pub mod phantom;
+pub mod plan;
 pub mod progress;
 pub mod quoted;
 pub mod record;

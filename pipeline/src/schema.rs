@@ -2,6 +2,7 @@
 
 use crate::error::BuildError;
 use crate::output::{OUTPUT, Output};
+use crate::plan;
 use crate::record::Record;
 use crate::told::{CalibrateTold, ErrorTold, ExportTold, SimulateTold, ValidateTold, schemas};
 use schemars::{JsonSchema, schema_for};
@@ -16,7 +17,7 @@ struct Entry {
     make: fn() -> Value,
 }
 
-const ALL: [Entry; 11] = [
+const ALL: [Entry; 12] = [
     Entry { name: "model", version: "model/1", what: "model.json", make: made::<sim::spec::ModelSpec> },
     Entry {
         name: "diagnosis",
@@ -30,6 +31,7 @@ const ALL: [Entry; 11] = [
         what: "samples.json",
         make: made::<calibration::samples::Samples>,
     },
+    Entry { name: "plan", version: plan::SCHEMA, what: "plan.json and plan --json", make: made::<plan::Outcome> },
     Entry { name: "log", version: "log/1", what: "a line of log.jsonl", make: made::<Record> },
     Entry { name: "simulate", version: schemas::SIMULATE, what: "simulate --json", make: made::<SimulateTold> },
     Entry { name: "calibrate", version: schemas::CALIBRATE, what: "calibrate --json", make: made::<CalibrateTold> },
@@ -50,7 +52,7 @@ fn made<T: JsonSchema>() -> Value {
 }
 
 /// The names of the schemas.
-pub fn names() -> [&'static str; 11] {
+pub fn names() -> [&'static str; 12] {
     ALL.map(|e| e.name)
 }
 

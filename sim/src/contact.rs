@@ -14,7 +14,7 @@ mod layered;
 mod near;
 mod nodes;
 pub mod press;
-mod rim;
+pub mod rim;
 mod thickness;
 
 use crate::coordinate::Six;
@@ -78,6 +78,8 @@ pub(crate) struct Pair {
 pub(crate) struct Side {
     pub(crate) nodes: Nodes,
     pub(crate) field: Field,
+    /// The edge of an open patch.
+    pub(crate) rim: Vec<rim::RimEdge>,
 }
 
 /// One pass of a pair at a pose: `nodes` into `field`.
@@ -455,7 +457,7 @@ fn side(
     let mesh = surfaces.get(name).ok_or_else(|| SimError::Spec(format!("contact.pairs: no surface {name}")))?;
     let thickness = layered::thickness(name, mesh, spec, surfaces)?;
     let field = Field::with_thickness(mesh, &thickness, frame, name)?;
-    Ok(Side { nodes: Nodes::new(mesh, &thickness, &frame, options.spacing_mm), field })
+    Ok(Side { nodes: Nodes::new(mesh, &thickness, &frame, options.spacing_mm), field, rim: rim::RimEdge::of(mesh) })
 }
 
 #[cfg(test)]

@@ -101,6 +101,11 @@ impl Joint {
         &self.tibia
     }
 
+    /// The femur's frame in the CT pose.
+    pub fn femur(&self) -> &AnatomicalFrame {
+        &self.femur
+    }
+
     /// Tibial, floating and femoral axis in the CT pose, turned superior, posterior, lateral.
     pub fn axes(&self) -> &[AxisSpec; 3] {
         &self.axes

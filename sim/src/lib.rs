@@ -19,6 +19,7 @@ pub mod deck;
 pub mod equilibrium;
 pub mod error;
 pub mod explicit;
+pub mod flags;
 pub mod interrupt;
 pub mod joint;
 pub mod laxity;

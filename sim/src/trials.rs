@@ -4,8 +4,10 @@
 //! and load, then hold. Loads begin to change a third into the flexing, as in the published decks. Signs are clinical, whatever the side.
 
 use crate::contact::Nearby;
-use crate::coordinate::{AP, FE, Free, IE, Load, ML, SI, Six, VV};
+use crate::coordinate::{AP, FE, FREE, Free, IE, Load, ML, SI, Six, VV};
 use crate::error::SimError;
+use crate::flags::{self, Limits};
+pub use crate::flags::{DISLOCATED, PATELLA_UNBALANCED, SUBLUXED};
 use crate::laxity::{LaxityTrial, TrialResult};
 use crate::model::{Evaluation, Model};
 use crate::quasistatic::{Dashpots, Goal, Phase, Solved, SolverOptions, State, follow, increment_near};
@@ -14,11 +16,10 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
 
-/// Flag of an answer whose femur has left the plateau.
-pub const DISLOCATED: &str = "dislocated";
-
-/// Flag of an answer whose patella's forces do not balance.
-pub const PATELLA_UNBALANCED: &str = "patella out of balance";
+/// How far a second search turns where it shifts by a millimetre [deg]; ours.
+const DEG_PER_MM: f64 = 2.0;
+/// Equilibria that are further apart than this in a coordinate are two [mm or deg]; ours: friction holds a knee within less.
+const ANOTHER: f64 = 1.0;
 
 /// The path of a trial and how it is solved.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -42,10 +43,15 @@ pub struct TrialOptions {
     pub flexion_deg: [f64; 2],
     /// ML or SI further than this from the CT pose is a dislocation [mm]; the joint limits of the cost.
     pub dislocation_mm: f64,
-    /// AP further than this from the CT pose is a dislocation [mm]; ours: three quarters of the depth of a plateau (38 mm in Specimen 1).
+    /// AP further than this from the CT pose is a dislocation, wherever the contact lies [mm]; ours: the depth of a plateau (38 mm in Specimen 1).
     pub dislocation_ap_mm: f64,
-    /// A centre of pressure nearer than this to the front, back or side of its tibial patch is a dislocation [mm]; ours.
+    /// A compartment bears at the rim where its centre of pressure is nearer than this to it [mm]; ours.
     pub rim_mm: f64,
+    /// So it does where more than this share of its load lies so near [-]; ours.
+    pub rim_share: f64,
+    /// A second search begins this far on either side of the answer, AP [mm] and IE [2 deg for each mm]; it flags an answer beside which another
+    /// equilibrium is found. 0: none; ours.
+    pub second_search_mm: f64,
     /// The solver's.
     pub solver: SolverOptions,
 }
@@ -62,8 +68,10 @@ impl Default for TrialOptions {
             increments: [1, 12, 2],
             flexion_deg: [-30.0, 160.0],
             dislocation_mm: 20.0,
-            dislocation_ap_mm: 28.0,
-            rim_mm: 1.0,
+            dislocation_ap_mm: 38.0,
+            rim_mm: 2.0,
+            rim_share: 0.5,
+            second_search_mm: 0.0,
             solver: SolverOptions::default(),
         }
     }
@@ -84,10 +92,23 @@ impl TrialOptions {
         if !(0.0..1.0).contains(&self.load_from) {
             return fault("load_from", self.load_from, "0 to below 1");
         }
+        if !(0.0..=50.0).contains(&self.second_search_mm) {
+            return fault("second_search_mm", self.second_search_mm, "0 to 50");
+        }
         if let Some(n) = self.increments.iter().find(|n| !(1..=100_000).contains(*n)) {
             return fault("increments", *n as f64, "1 to 100000");
         }
         self.solver.check()
+    }
+
+    /// Where a femur has left its plateau.
+    fn limits(&self) -> Limits {
+        Limits {
+            dislocation_mm: self.dislocation_mm,
+            dislocation_ap_mm: self.dislocation_ap_mm,
+            rim_mm: self.rim_mm,
+            rim_share: self.rim_share,
+        }
     }
 
     /// Dashpots after settling: the fibres' and the joint's small one.
@@ -217,6 +238,11 @@ pub fn solve_from(
     path.rest()
 }
 
+/// What is odd about an answer at Grood-Suntay coordinates `gs` [rad, mm].
+pub fn flags(model: &Model, gs: &Six, evaluation: &Evaluation, options: &TrialOptions) -> Vec<String> {
+    flags::flags(model, gs, evaluation, &options.limits())
+}
+
 /// A path under way.
 pub(crate) struct Path<'a> {
     model: &'a Model,
@@ -282,7 +308,8 @@ impl<'a> Path<'a> {
         self.state = solved.state.clone();
         let gs = self.model.joint.grood_suntay(&solved.state.q);
         let forces_n = self.model.bundle_forces(&solved.evaluation.fibres);
-        let flags = flags(self.model, &gs, &solved.evaluation, self.options);
+        let mut flags = flags(self.model, &gs, &solved.evaluation, self.options);
+        flags.extend(self.has_another(&solved)?.then(|| flags::SEVERAL.to_owned()));
         let outputs = self.model.outputs(&solved.evaluation);
         let evaluations = self.evaluations;
         Ok(Answer {
@@ -295,21 +322,30 @@ impl<'a> Path<'a> {
             evaluations,
         })
     }
-}
 
-/// What is odd about an answer: no cartilage bears load, pressure at a plateau's rim, or a joint limit passed.
-pub fn flags(model: &Model, gs: &Six, evaluation: &Evaluation, options: &TrialOptions) -> Vec<String> {
-    let ct = model.joint.ct_pose();
-    let limits = [(ML, options.dislocation_mm), (SI, options.dislocation_mm), (AP, options.dislocation_ap_mm)];
-    let far = limits.into_iter().any(|(c, limit)| (gs[c] - ct[c]).abs() > limit);
-    let inside = model.contact.inside_rim(&evaluation.pose);
-    let between =
-        || model.bodies.iter().zip(&evaluation.bodies).any(|(b, rest)| b.bears(&evaluation.pose, &rest.inner));
-    let off = inside.is_empty() && !between() || inside.iter().any(|x| *x < options.rim_mm);
-    let astray = model.patella_state(evaluation).is_some_and(|p| !p.is_balanced());
-    [(far || off, DISLOCATED), (astray, PATELLA_UNBALANCED)]
-        .into_iter()
-        .filter(|f| f.0)
-        .map(|f| f.1.to_owned())
-        .collect()
+    /// Whether searches that begin beside an equilibrium end in another: forwards and backwards, turned inwards and outwards.
+    fn has_another(&mut self, solved: &Solved) -> Result<bool, SimError> {
+        let far = self.options.second_search_mm;
+        if far <= 0.0 {
+            return Ok(false);
+        }
+        let here = self.model.joint.grood_suntay(&solved.state.q);
+        for (coordinate, by) in [(AP, far), (IE, (DEG_PER_MM * far).to_radians())] {
+            for sign in [-1.0, 1.0] {
+                let mut from = State::at(solved.state.q);
+                from.q[coordinate] += sign * by;
+                let goal = Goal { flexion: solved.state.q[FE], load: self.load, flow: None };
+                // the way there has its own lists: what the path goes on with stays as it was
+                let found =
+                    increment_near(self.model, &from, &goal, &self.options.solver, true, &mut Nearby::default());
+                let Ok(found) = found else { continue };
+                self.evaluations += found.evaluations;
+                let apart = self.model.joint.grood_suntay(&found.state.q) - here;
+                if FREE.into_iter().any(|c| c.to_file(apart[c]).abs() > ANOTHER) {
+                    return Ok(true);
+                }
+            }
+        }
+        Ok(false)
+    }
 }

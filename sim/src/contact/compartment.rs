@@ -97,6 +97,19 @@ impl Contact {
         self.passes(pose).enumerate().flat_map(of).collect()
     }
 
+    /// Every node that presses, of both passes: its pair, its place at the pose (CT coordinates), its share of the load [N].
+    pub(super) fn node_forces(&self, pose: &Pose) -> Vec<(usize, Point, f64)> {
+        let mut near = Nearby::once();
+        let of = |(n, pass): (usize, Pass)| {
+            let node = |node: Pressed| {
+                let at = pass.ct_from_field * Point::from(node.place);
+                (pass.pair, at, pass.share * node.force.norm())
+            };
+            self.pressed(&pass, near.pass(n)).into_iter().map(node).collect::<Vec<_>>()
+        };
+        self.passes(pose).enumerate().flat_map(of).filter(|n| n.2 > 0.0).collect()
+    }
+
     /// The nodes of a pass that press, by the law of the contact.
     fn pressed(&self, pass: &Pass, near: &mut super::Kept) -> Vec<Pressed> {
         if let Some(layer) = &self.layer {
@@ -136,12 +149,12 @@ fn turned(tibia: &AnatomicalFrame, v: &Vector) -> Vector {
 }
 
 /// Lateral, anterior, superior of the tibial origin [mm].
-fn placed(tibia: &AnatomicalFrame, p: &Point) -> Vector {
+pub(super) fn placed(tibia: &AnatomicalFrame, p: &Point) -> Vector {
     turned(tibia, &(p - tibia.origin))
 }
 
 /// The compartment that a pair lies in as a whole, by its tibial patch.
-fn side_of(pair: &Pair, tibia: &AnatomicalFrame) -> Option<usize> {
+pub(super) fn side_of(pair: &Pair, tibia: &AnatomicalFrame) -> Option<usize> {
     let lateral = pair.tibia.nodes.position.iter().map(|p| placed(tibia, &Point::from(*p)).x);
     let (low, high) = lateral.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)));
     let across = |inside: f64| inside.max(0.0) < ACROSS * (high - low);

@@ -74,10 +74,4 @@ impl Nodes {
         }
         nodes
     }
-
-    /// Least and greatest coordinates in another frame.
-    pub(crate) fn extent_in(&self, to: &Isometry) -> (Point, Point) {
-        let empty = (Point::from([f64::INFINITY; 3]), Point::from([f64::NEG_INFINITY; 3]));
-        self.position.iter().map(|p| to * Point::from(*p)).fold(empty, |(low, high), p| (low.inf(&p), high.sup(&p)))
-    }
 }

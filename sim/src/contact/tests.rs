@@ -40,7 +40,8 @@ fn sphere_on_plate(spacing_mm: f64) -> Contact {
     let sphere = icosphere(20.0, 5).moved(&Isometry::translation(0.0, 0.0, 19.7));
     let side = |mesh: &TriMesh, name: &str| {
         let at = field::bone_frame(&frame());
-        Arc::new(Side { nodes: Nodes::new(mesh, &[], &at, spacing_mm), field: Field::new(mesh, at, name).unwrap() })
+        let (nodes, field) = (Nodes::new(mesh, &[], &at, spacing_mm), Field::new(mesh, at, name).unwrap());
+        Arc::new(Side { nodes, field, rim: super::rim::RimEdge::of(mesh) })
     };
     let pair = Pair { femur: side(&sphere, "sphere"), tibia: side(&plate(24), "plate") };
     let law = PressureLaw::new(&[0.0, 1.0], &[0.0, 5.0]).unwrap();

@@ -5,6 +5,7 @@
 mod closed;
 mod convergence;
 mod faults;
+mod flags;
 mod laws;
 mod layers;
 mod menisci;

@@ -1,0 +1,105 @@
+//! `plan`: a ligament's reconstruction on a knee, before it is done: intact, deficient and reconstructed side by side.
+
+mod file;
+mod knee;
+mod outcome;
+mod page;
+mod sites;
+mod table;
+
+use crate::bands;
+use crate::error::{BuildError, Place};
+use crate::model_file::{self, LoadedModel};
+use crate::record::json;
+use crate::store;
+use crate::told::{ModelTold, Told};
+use crate::which_model::WhichModel;
+use calibration::samples::Samples;
+use clap::Args;
+pub use file::{EXAMPLE, GraftFile, PlanFile, SiteFile, TestsFile, parsed, read};
+pub use outcome::{ChanceTold, GraftTold, Outcome, SCHEMA, Surfaces, TestTold, Value, outcome};
+use std::path::PathBuf;
+
+/// Samples asked unless told; ours: 90 % intervals of so many have ends of two samples or so.
+const SAMPLES: usize = 32;
+
+/// `build-model plan`.
+#[derive(Args, Clone, Debug)]
+pub struct PlanArgs {
+    /// model.json, or the folder of a build or specimen: then its joint calibrated model, else that of its one data set, else the assembled one
+    #[arg(required_unless_present = "example")]
+    pub model: Option<PathBuf>,
+    /// What is cut and what is put in; see --example
+    #[arg(value_name = "graft.toml", required_unless_present = "example")]
+    pub plan: Option<PathBuf>,
+    /// Which model of a build
+    #[command(flatten)]
+    pub which: WhichModel,
+    /// Folder for plan.json, plan.csv and plan.html
+    #[arg(long, default_value = "plan")]
+    pub out: PathBuf,
+    /// Samples of the posterior, where the model has any: mean and 90 % interval stand beside every value; 0: the one model alone
+    #[arg(long, value_name = "N", default_value_t = SAMPLES)]
+    pub samples: usize,
+    /// Draws which samples are asked, where fewer are asked than there are; without it the first
+    #[arg(long)]
+    pub seed: Option<u64>,
+    /// Print an example of graft.toml, with every key, and do nothing else
+    #[arg(long)]
+    pub example: bool,
+    /// Threads; the result does not depend on it [default: all]
+    #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub jobs: Option<u16>,
+}
+
+/// Plans, and writes what comes of it.
+pub fn plan(args: &PlanArgs) -> Result<Told, BuildError> {
+    if args.example {
+        return Ok(Told { words: EXAMPLE.to_owned(), ..Told::default() });
+    }
+    let (Some(model), Some(path)) = (&args.model, &args.plan) else {
+        return Err(BuildError::Usage("a model and a graft.toml were expected; see --help".into()));
+    };
+    if let Some(jobs) = args.jobs {
+        // A second call in one process keeps the first pool; results do not depend on it.
+        let _ = rayon::ThreadPoolBuilder::new().num_threads(jobs.into()).build_global();
+    }
+    // a fault of the plan is told before a model is read for it
+    let file = read(path)?;
+    let loaded = model_file::load_which(model, &args.which)?;
+    let (samples, mut notices) = if args.samples > 0 { bands::of(&loaded)? } else { (None, vec![]) };
+    notices.extend(model_file::left_out(&loaded.spec, "plan"));
+    let which = samples.as_ref().map(|s| (s, chosen(s, args)));
+    let asked = which.as_ref().map(|(s, w)| (*s, w.as_slice()));
+    let name = path.display().to_string();
+    let mut out = outcome::outcome_of(&loaded.spec, &loaded.meshes, &file, asked)
+        .map_err(|what| BuildError::At { place: Place::of(path), told: format!("{name}: {what}") })?;
+    notices.append(&mut out.notices);
+    (out.warnings, out.notices, out.model) = (notices::texts(&notices), notices, Some(ModelTold::of(&loaded)));
+    let files = [
+        ("plan.json".to_owned(), json(&out)),
+        ("plan.csv".to_owned(), table::csv(&out).into_bytes()),
+        ("plan.html".to_owned(), page::page(&out, &loaded.label()).into_bytes()),
+    ];
+    store::write_all(&args.out, &files)?;
+    Ok(told(&out, &loaded, args))
+}
+
+/// Numbers of the samples that are asked.
+fn chosen(samples: &Samples, args: &PlanArgs) -> Vec<usize> {
+    let mut all: Vec<usize> = (0..samples.len()).collect();
+    if let Some(seed) = args.seed {
+        // a shuffle by a digest of seed and number: the same on every machine
+        all.sort_by_key(|n| *blake3::hash(&[seed.to_le_bytes(), (*n as u64).to_le_bytes()].concat()).as_bytes());
+    }
+    all.truncate(args.samples);
+    all
+}
+
+/// What is told of a plan.
+fn told(out: &Outcome, loaded: &LoadedModel, args: &PlanArgs) -> Told {
+    let mut words = loaded.line();
+    words += &table::words(out);
+    words += &format!("plan.json, plan.csv and plan.html in {}\n", args.out.display());
+    Told::words(words).odd(out.notices.clone()).with(out)
+}

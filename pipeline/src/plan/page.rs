@@ -1,0 +1,183 @@
+//! plan.html: one page to print. Plain words, tables, figures; nothing is loaded from elsewhere.
+
+use super::knee::STATES;
+use super::outcome::{Outcome, TestTold, Value};
+use super::table::{chance, shown, unit, value};
+use crate::report::{escaped, head};
+use std::fmt::Write;
+use validation::plot::{Series, colour, draw, panel};
+
+/// Size of a figure [pixels].
+const SIZE: (u32, u32) = (640, 320);
+
+/// A figure is as wide as its column, on the screen and on paper.
+const FIGURES: &str = "<style>.paper svg{max-width:100%;height:auto}</style>";
+
+/// The page.
+pub(super) fn page(out: &Outcome, label: &str) -> String {
+    let title = if out.plan.is_empty() { "Plan" } else { &out.plan };
+    let mut text = head(&format!("{title}: plan"));
+    text += FIGURES;
+    let _ = write!(text, "<header><h1>{}</h1><p>{}</p></header><main id=\"stages\">", escaped(title), escaped(label));
+    text += &summary(out);
+    text += &grafts(out);
+    text += "<h2>How far the knee gives</h2><p>From its own unloaded pose, in mm or deg. Behind each number stands its 90 % interval where the model has \
+             samples.</p>";
+    text += &laxities(out);
+    text += &figures(out);
+    text += "<h2>Against the intact knee, under the same load</h2><p>Reconstructed less intact: forward, external and valgus count as more.</p>";
+    text += &differences(out);
+    text += &limits();
+    if !out.warnings.is_empty() {
+        let all: String = out.warnings.iter().map(|w| format!("<li>{}</li>", escaped(w))).collect();
+        let _ = write!(text, "<h2>What is odd</h2><ul>{all}</ul>");
+    }
+    text + "</main></body></html>\n"
+}
+
+/// What a reader wants first.
+fn summary(out: &Outcome) -> String {
+    let mut text = String::from("<h2>In short</h2><p>");
+    let cut = if out.cut.is_empty() { "Nothing is cut.".into() } else { format!("Cut: {}.", out.cut.join(", ")) };
+    let _ = write!(text, "{} ", escaped(&cut));
+    match out.samples {
+        0 => text += "The knee is taken as known: no intervals.",
+        n => {
+            let _ = write!(text, "{n} knees that fit the measurements were operated on.");
+        }
+    }
+    text += "</p><ul>";
+    for c in &out.chances {
+        let _ = write!(text, "<li>{}: {}</li>", escaped(&c.of), chance(c.chance, c.most_probable));
+    }
+    text + "</ul>"
+}
+
+fn table(header: &[String], rows: impl Iterator<Item = Vec<String>>) -> String {
+    let cells =
+        |tag: &str, row: &[String]| row.iter().map(|c| format!("<{tag}>{}</{tag}>", escaped(c))).collect::<String>();
+    let body: String = rows.map(|r| format!("<tr>{}</tr>", cells("td", &r))).collect();
+    format!(
+        "<div class=\"wide\"><table><thead><tr>{}</tr></thead><tbody>{body}</tbody></table></div>",
+        cells("th", header)
+    )
+}
+
+fn words(all: &[&str]) -> Vec<String> {
+    all.iter().map(|w| (*w).to_owned()).collect()
+}
+
+fn grafts(out: &Outcome) -> String {
+    if out.grafts.is_empty() {
+        return "<h2>Grafts</h2><p>None.</p>".into();
+    }
+    let percent = |p: Option<[f64; 2]>| p.map_or("none".into(), |[a, b]| format!("{a:.0} and {b:.0}"));
+    let rows = out.grafts.iter().map(|g| {
+        vec![
+            g.name.clone(),
+            percent(g.quadrant_percent),
+            percent(g.plateau_percent),
+            format!("{:.1}", g.length_mm),
+            format!("{:.1}", g.slack_length_mm),
+            format!("{:.0}", g.stiffness_n_per_mm),
+        ]
+    });
+    let header = words(&[
+        "graft",
+        "femur: depth and height, % (quadrant)",
+        "tibia: from the front and from medial, %",
+        "length in CT, mm",
+        "slack length, mm",
+        "stiffness, N/mm",
+    ]);
+    format!("<h2>Grafts</h2>{}", table(&header, rows))
+}
+
+fn laxities(out: &Outcome) -> String {
+    let rows = out.tests.iter().filter(|t| t.test != "unloaded").map(|t| {
+        let odd: Vec<String> =
+            t.flags.iter().filter(|(_, f)| !f.is_empty()).map(|(s, f)| format!("{s}: {}", f.join(", "))).collect();
+        let mut row = vec![t.test.clone(), format!("{}", t.flexion_deg)];
+        row.extend(STATES.map(|s| shown(value(t, s, "laxity"), 1)));
+        row.extend([unit(t).to_owned(), odd.join("; ")]);
+        row
+    });
+    table(&words(&["test", "flexion, deg", "intact", "deficient", "reconstructed", "unit", "odd"]), rows)
+}
+
+fn differences(out: &Outcome) -> String {
+    let rows = out.tests.iter().map(|t| {
+        let mut row = vec![t.test.clone(), format!("{}", t.flexion_deg)];
+        row.extend(["ap_mm", "ie_deg", "vv_deg"].map(|c| shown(t.off.get(c), 1)));
+        for side in ["medial", "lateral"] {
+            let name = format!("contact_{side}_force_n");
+            row.extend([0, 2].map(|s| shown(value(t, STATES[s], &name), 0)));
+        }
+        row
+    });
+    let header = words(&[
+        "test",
+        "flexion, deg",
+        "AP, mm",
+        "IE, deg",
+        "VV, deg",
+        "medial contact intact, N",
+        "reconstructed",
+        "lateral contact intact, N",
+        "reconstructed",
+    ]);
+    table(&header, rows)
+}
+
+/// Points of a value over flexion, with half the interval's width about the mean where there is one.
+fn series<'a>(name: &str, k: usize, of: impl Iterator<Item = (&'a TestTold, Option<&'a Value>)>) -> Series {
+    let (mut points, mut spread) = (vec![], vec![]);
+    for (t, v) in of {
+        let Some(v) = v else { continue };
+        let banded = v.lower.zip(v.upper);
+        points.push((t.flexion_deg, banded.map_or(v.value, |(l, u)| 0.5 * (l + u))));
+        spread.push(banded.map_or(0.0, |(l, u)| 0.5 * (u - l)));
+    }
+    Series { name: name.to_owned(), points, spread, colour: colour(k), line: true, thin: false }
+}
+
+fn figures(out: &Outcome) -> String {
+    let mut text = String::new();
+    for (kind, axis) in
+        [("anterior drawer", "forward, mm"), ("internal rotation", "external, deg"), ("valgus", "valgus, deg")]
+    {
+        let of = |s: &str| {
+            out.tests.iter().filter(|t| t.test == kind).map(|t| (t, value(t, s, "laxity"))).collect::<Vec<_>>()
+        };
+        let all: Vec<Series> = STATES.iter().enumerate().map(|(k, s)| series(s, k, of(s).into_iter())).collect();
+        text += &figure((kind, axis), &all);
+    }
+    let passive = || out.tests.iter().filter(|t| t.test == "unloaded");
+    let forces: Vec<Series> = out
+        .grafts
+        .iter()
+        .enumerate()
+        .map(|(k, g)| {
+            let name = format!("graft_{}_n", g.name);
+            series(&g.name, k, passive().map(|t| (t, value(t, STATES[2], &name))))
+        })
+        .collect();
+    if !forces.is_empty() {
+        text += &figure(("graft force without load", "N"), &forces);
+    }
+    format!("<div class=\"charts\">{text}</div>")
+}
+
+fn figure((title, axis): (&str, &str), all: &[Series]) -> String {
+    let svg = draw(SIZE, |area| panel(area, (title, "flexion, deg", axis), all, true));
+    format!("<figure class=\"paper\">{svg}<figcaption>{title}, {axis}. Bars are 90 % intervals.</figcaption></figure>")
+}
+
+/// What a reader must know before believing any of it.
+fn limits() -> String {
+    "<h2>What this does not know</h2><ul>\
+     <li>It is a model of one knee, no advice. Nobody has held a plan against an operated knee.</li>\
+     <li>A graft is a straight line between its two places. It does not heal, creep or slip.</li>\
+     <li>Intervals hold what is not known of this knee. What every such model lacks is not in them.</li></ul>"
+        .into()
+}

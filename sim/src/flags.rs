@@ -1,0 +1,120 @@
+//! What is odd about an answer, in the words of its flags: a knee that has left its plateau, turned further than any knee, torn a ligament, or that
+//! might as well rest elsewhere.
+//!
+//! Flags change no number. Where the limits come from: docs/theory/solver.md.
+
+use crate::contact::rim::Bearing;
+use crate::coordinate::{AP, FE, IE, ML, SI, Six};
+use crate::model::{Evaluation, Model};
+
+/// Flag of an answer in which one compartment bears at its rim, the other within.
+pub const SUBLUXED: &str = "subluxed";
+/// Flag of an answer whose femur has left the plateau: what bears, bears at a rim.
+pub const DISLOCATED: &str = "dislocated";
+/// Flag of an answer that is turned further than knees turn.
+pub const ROTATED: &str = "rotated beyond any knee";
+/// Flag of an answer beside which another equilibrium was found.
+pub const SEVERAL: &str = "several equilibria";
+/// How the flag of a ligament ends that bears more than it can.
+pub const TORN: &str = "beyond its failure load";
+/// Flag of an answer whose patella's forces do not balance.
+pub const PATELLA_UNBALANCED: &str = "patella out of balance";
+
+/// Internal and external rotation to which living knees are turned by hand [deg], at 5 deg of flexion (those without ACL, the looser) and from 30 deg
+/// on; means of 17 and 19 persons [zarins1983].
+const TURNS_DEG: [[f64; 2]; 2] = [[14.0, 41.0], [25.0, 45.0]];
+/// Between these flexions the limits go from the one to the other [deg]; [zarins1983].
+const TURNS_AT_DEG: [f64; 2] = [5.0, 30.0];
+/// A rotation is odd this far beyond those means [deg]; ours: for the scatter of persons and for another zero of the frames.
+const TURNS_SPARE_DEG: f64 = 15.0;
+/// A compartment that bears less of the load than this is not asked where [-]; ours.
+const LEAST_SHARE: f64 = 0.1;
+
+/// A tibia lies beyond the condyle from this part of [`Limits::rim_mm`] on [-]; ours: a condyle's cartilage ends on bone as round as itself, and
+/// sound knees bear within 2 mm of such an end (S193761 at 80 deg).
+const CONDYLE_END: f64 = 0.5;
+
+/// A ligament, all its bundles together, and the tension at which it fails [N].
+///
+/// ACL: persons of 22 to 35 years [woo1991]. PCL: what [race1994] expects of young persons. MCL, as the superficial one: [cho2020]. LCL, PFL:
+/// [laprade2005]. ALS: [helito2016]. Deep MCL, POL and capsule: ours.
+const FAILURE_N: [(&str, f64); 10] = [
+    ("ACL", 2160.0),
+    ("PCL", 4000.0),
+    ("LCL", 295.0),
+    ("PFL", 298.0),
+    ("ALS", 204.8),
+    ("sMCL", 498.5),
+    ("dMCL", 200.0),
+    ("POL", 300.0),
+    ("PCAP_M", 500.0),
+    ("PCAP_L", 500.0),
+];
+
+/// Where a femur has left its plateau; the fields of [`crate::trials::TrialOptions`] of the same names.
+#[derive(Clone, Copy, Debug)]
+pub struct Limits {
+    /// ML and SI from the CT pose [mm].
+    pub dislocation_mm: f64,
+    /// AP from the CT pose [mm].
+    pub dislocation_ap_mm: f64,
+    /// From a rim [mm].
+    pub rim_mm: f64,
+    /// Of a compartment's load, so near to a rim [-].
+    pub rim_share: f64,
+}
+
+/// What is odd about an answer at Grood-Suntay coordinates `gs` [rad, mm].
+pub fn flags(model: &Model, gs: &Six, evaluation: &Evaluation, limits: &Limits) -> Vec<String> {
+    let mut out: Vec<String> = place(model, gs, evaluation, limits).into_iter().map(str::to_owned).collect();
+    out.extend(is_turned_too_far(gs).then(|| ROTATED.to_owned()));
+    out.extend(torn(model, evaluation));
+    let astray = model.patella_state(evaluation).is_some_and(|p| !p.is_balanced());
+    out.extend(astray.then(|| PATELLA_UNBALANCED.to_owned()));
+    out
+}
+
+/// Whether the femur has left the plateau, wholly or in part.
+fn place(model: &Model, gs: &Six, evaluation: &Evaluation, limits: &Limits) -> Option<&'static str> {
+    let ct = model.joint.ct_pose();
+    let most = [(ML, limits.dislocation_mm), (SI, limits.dislocation_mm), (AP, limits.dislocation_ap_mm)];
+    if most.into_iter().any(|(c, limit)| (gs[c] - ct[c]).abs() > limit) {
+        return Some(DISLOCATED);
+    }
+    let frames = [model.joint.femur(), model.joint.tibia()];
+    let bearings = model.contact.bearings(&evaluation.pose, frames, limits.rim_mm);
+    let load: f64 = bearings.iter().map(|b| b.load_n).sum();
+    let asked: Vec<&Bearing> = bearings.iter().filter(|b| b.load_n >= LEAST_SHARE * load).collect();
+    let between =
+        || model.bodies.iter().zip(&evaluation.bodies).any(|(b, rest)| b.bears(&evaluation.pose, &rest.inner));
+    let leaves = |b: &Bearing| {
+        let [plateau, condyle] = b.inside_mm;
+        plateau < limits.rim_mm || b.at_rim[0] > limits.rim_share || condyle < CONDYLE_END * limits.rim_mm
+    };
+    match (asked.len(), asked.iter().filter(|b| leaves(b)).count()) {
+        (0, _) if !between() => Some(DISLOCATED),
+        (1.., leaving) if leaving == asked.len() => Some(DISLOCATED),
+        (_, 1..) => Some(SUBLUXED),
+        _ => None,
+    }
+}
+
+/// Whether the tibia is turned further than knees turn.
+fn is_turned_too_far(gs: &Six) -> bool {
+    let [low, high] = TURNS_AT_DEG;
+    let along = ((gs[FE].to_degrees() - low) / (high - low)).clamp(0.0, 1.0);
+    let [internal, external] =
+        [0, 1].map(|k| TURNS_DEG[0][k] + (TURNS_DEG[1][k] - TURNS_DEG[0][k]) * along + TURNS_SPARE_DEG);
+    let turned = gs[IE].to_degrees();
+    turned < -internal || turned > external
+}
+
+/// Ligaments that bear more than they can.
+fn torn(model: &Model, evaluation: &Evaluation) -> Vec<String> {
+    let forces = model.bundle_forces(&evaluation.fibres);
+    let bears = |ligament: &str| -> f64 {
+        let own = |name: &str| name == ligament || name.strip_prefix(ligament).is_some_and(|r| r.starts_with('_'));
+        model.bundles.iter().zip(&forces).filter(|(b, _)| own(&b.name)).map(|(_, f)| *f).sum()
+    };
+    FAILURE_N.iter().filter(|(name, most)| bears(name) > *most).map(|(name, _)| format!("{name} {TORN}")).collect()
+}

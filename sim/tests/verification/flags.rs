@@ -1,0 +1,112 @@
+//! Flags: a knee at its rim, one turned too far, a ligament that bears too much, an answer that is not the only one.
+use crate::verification::rig::Rig;
+use meshes::Point;
+use meshes::frame::Side;
+use sim::Model;
+use sim::coordinate::{AP, FE, IE, Load, ML, Six};
+use sim::flags::{DISLOCATED, ROTATED, SEVERAL, SUBLUXED, TORN};
+use sim::trials::{TrialOptions, flags, solve};
+
+/// Flags of the rig knee at chain coordinates.
+fn at(model: &Model, set: &[(sim::coordinate::Coordinate, f64)]) -> Vec<String> {
+    let mut q = Six::zeros();
+    set.iter().for_each(|(c, x)| q[*c] = *x);
+    flags(model, &model.joint.grood_suntay(&q), &model.evaluate(&q), &TrialOptions::default())
+}
+
+/// The rig knee: condyles 22 mm to either side, over plateaus that end 18 mm before and behind them.
+fn knee() -> Rig {
+    let mut rig = Rig::knee();
+    // slack: places are looked at, not forces
+    rig.spec.bundles.iter_mut().for_each(|b| b.reference_strain = 0.5);
+    rig
+}
+
+#[test]
+fn a_knee_is_told_by_where_it_bears_on_its_plateaus() {
+    let model = knee().compiled();
+    let none: Vec<String> = vec![];
+    for far in [0.0, 8.0, 14.0] {
+        assert_eq!((at(&model, &[(AP, far)]), at(&model, &[(AP, -far)])), (none.clone(), none.clone()), "{far}");
+    }
+    for off in [17.0, 18.5, 25.0] {
+        for sign in [-1.0, 1.0] {
+            assert_eq!(at(&model, &[(AP, sign * off)]), [DISLOCATED], "{off}");
+        }
+    }
+    // turned about one plateau, so that the other bears at its rim
+    let turn = (17.0_f64 / 44.0).asin();
+    for sign in [-1.0, 1.0] {
+        assert_eq!(at(&model, &[(IE, turn), (AP, sign * 8.5)]), [SUBLUXED]);
+        // sideways one compartment goes over its outer rim, the other towards the eminence
+        assert_eq!(at(&model, &[(ML, sign * 17.0)]), [SUBLUXED]);
+    }
+}
+
+#[test]
+fn a_right_knee_is_flagged_as_the_left() {
+    let rig = knee();
+    let (left, right) = (rig.compiled(), rig.mapped(Side::Right, |p| Point::new(-p.x, p.y, p.z)).compiled());
+    let bear = |model: &Model, q: &Six| {
+        model.contact.bearings(&model.joint.pose(q), [model.joint.femur(), model.joint.tibia()], 2.0)
+    };
+    for (ap, ie, ml) in [(3.0, 0.1, 0.0), (9.0, 0.38, 0.0), (-9.0, 0.38, 0.0), (0.0, 0.0, 17.0), (17.0, 0.0, 0.0)] {
+        let mut q = Six::zeros();
+        (q[AP], q[IE], q[ML]) = (ap, ie, ml);
+        assert_eq!(at(&left, &[(AP, ap), (IE, ie), (ML, ml)]), at(&right, &[(AP, ap), (IE, ie), (ML, ml)]));
+        let (a, b) = (bear(&left, &q), bear(&right, &q));
+        assert!(!a.is_empty() && a.len() == b.len());
+        for (a, b) in a.iter().zip(&b) {
+            assert_eq!(a.compartment, b.compartment);
+            assert!((a.load_n - b.load_n).abs() < 1e-6 * a.load_n && (a.inside_mm[0] - b.inside_mm[0]).abs() < 1e-3);
+        }
+    }
+}
+
+#[test]
+fn a_rotation_is_odd_beyond_what_living_knees_turn() {
+    let model = knee().compiled();
+    let evaluation = model.evaluate(&Six::zeros());
+    let told = |fe: f64, ie: f64| {
+        let mut gs = Six::zeros();
+        (gs[FE], gs[IE]) = (fe.to_radians(), ie.to_radians());
+        flags(&model, &gs, &evaluation, &TrialOptions::default()) == [ROTATED]
+    };
+    assert!(told(30.0, -66.0) && told(90.0, 66.0) && told(0.0, -35.0) && told(5.0, 57.0));
+    assert!(!told(30.0, -38.0) && !told(60.0, 55.0) && !told(0.0, -25.0) && !told(0.0, 50.0));
+}
+
+#[test]
+fn a_ligament_is_flagged_where_all_its_bundles_together_bear_too_much() {
+    let torn = |names: [&str; 2], stretch: f64| {
+        let mut rig = knee();
+        for (k, name) in names.into_iter().enumerate() {
+            let b = &mut rig.spec.bundles[k];
+            (b.name, b.stiffness_n_per_mm, b.toe_strain) = (name.into(), 60.0, 1e-6);
+            b.reference_strain = b.reference_length_mm / (b.reference_length_mm - stretch);
+            rig.spec.fibres[k].bundle = name.into();
+        }
+        at(&rig.compiled(), &[])
+    };
+    // 60 N/mm and 298 N: nearly 5 mm
+    assert!(torn(["PFL", "other"], 4.5).is_empty());
+    assert_eq!(torn(["PFL", "other"], 5.5), [format!("PFL {TORN}")]);
+    // 498.5 N over two bundles: 4.2 mm each; a name that only begins alike is another ligament's
+    assert!(torn(["sMCL_A", "sMCLX"], 4.5).is_empty());
+    assert_eq!(torn(["sMCL_A", "sMCL_P"], 4.5), [format!("sMCL {TORN}")]);
+}
+
+#[test]
+fn a_second_search_tells_an_answer_that_is_not_the_only_one() {
+    let options = TrialOptions { second_search_mm: 4.0, ..TrialOptions::default() };
+    // flat plateaus without ligaments hold a knee nowhere in particular
+    let mut loose = knee();
+    loose.spec.contact.friction = 0.0;
+    let load = Load::compression(20.0);
+    let told = |rig: &Rig, options: &TrialOptions| solve(&rig.compiled(), 0.0, &load, options).unwrap().flags;
+    assert_eq!(told(&loose, &options), [SEVERAL]);
+    assert!(told(&loose, &TrialOptions::default()).is_empty());
+    let mut held = Rig::knee();
+    held.spec.contact.friction = 0.0;
+    assert!(told(&held, &options).is_empty());
+}

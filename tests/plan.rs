@@ -1,0 +1,272 @@
+//! `plan`: the laws of grafts, samples, files, faults.
+#![allow(clippy::unwrap_used, reason = "tests")]
+
+use crate::common::{build_model, json, phantom, text, write};
+use crate::one_knee::specimen;
+use crate::schema::obeys;
+use genu::model_file::load;
+use genu::plan::{EXAMPLE, Outcome, PlanFile, Surfaces, TestsFile, outcome, parsed};
+use meshes::frame::{AnatomicalFrame, Side};
+use meshes::{Point, Vector};
+use predicates::str::contains;
+use sim::mesh::MeshValue;
+use sim::spec::ModelSpec;
+use sim::trials::{TrialOptions, solve_trials};
+use std::path::Path;
+use std::sync::OnceLock;
+use tempfile::TempDir;
+
+/// A phantom, assembled: its ligaments are the table's.
+fn knee() -> &'static (TempDir, ModelSpec, Surfaces) {
+    static KNEE: OnceLock<(TempDir, ModelSpec, Surfaces)> = OnceLock::new();
+    KNEE.get_or_init(|| {
+        let folder = phantom("S193761-phantom");
+        build_model().arg(folder.path()).args(["--to", "assemble", "--quiet"]).assert().success();
+        let loaded = load(folder.path()).unwrap();
+        (folder, loaded.spec, loaded.meshes)
+    })
+}
+
+/// A single bundle between the native footprints, with what is changed of it.
+fn single(femur: &str, more: &str) -> PlanFile {
+    let text = format!(
+        "cut = [\"ACL\"]\n[[graft]]\nname = \"g\"\nfemur = {{ native = \"ACL\"{femur} }}\ntibia = {{ native = \"ACL\" }}\n\
+         stiffness_n_per_mm = 200\n{more}\n[tests]\nflexions_deg = [30]\npassive_deg = [0, 20, 60, 90]\n"
+    );
+    parsed(&text).unwrap()
+}
+
+fn value(out: &Outcome, test: &str, flexion: f64, state: &str, name: &str) -> f64 {
+    let found = out.tests.iter().find(|t| t.test == test && t.flexion_deg == flexion).unwrap();
+    found.states[state][name].value
+}
+
+#[test]
+fn a_graft_like_the_native_ligament_in_its_place_is_the_intact_knee() {
+    let (_, spec, surfaces) = knee();
+    // friction remembers the last bits of the way: without it an answer is an equilibrium and nothing else
+    let mut spec = spec.clone();
+    spec.contact.friction = 0.0;
+    let mut text = String::from("cut = [\"ACL\"]\n");
+    for name in ["ACL_AM", "ACL_PL"] {
+        let b = spec.bundles.iter().find(|b| b.name == name).unwrap();
+        text += &format!(
+            "[[graft]]\nname = \"my {name}\"\nfemur = {{ native = \"{name}\" }}\ntibia = {{ native = \"{name}\" }}\n\
+             stiffness_n_per_mm = {}\ntoe_strain = {}\nslack_length_mm = {}\n",
+            b.stiffness_n_per_mm,
+            b.toe_strain,
+            b.reference_length_mm / b.reference_strain
+        );
+    }
+    let out = outcome(&spec, surfaces, &parsed(&text).unwrap()).unwrap();
+    assert!(out.tests.len() > 20);
+    let mut bears = 0.0_f64;
+    for t in &out.tests {
+        for (name, off) in &t.off {
+            assert!(off.value.abs() < 1e-4, "{} at {}: {name} off by {}", t.test, t.flexion_deg, off.value);
+        }
+        bears = bears.max(t.states["reconstructed"]["graft_my ACL_AM_n"].value);
+    }
+    // the grafts work: this is no knee that needs none
+    let drawn = |state: &str| value(&out, "anterior drawer", 30.0, state, "laxity");
+    assert!(bears > 20.0 && drawn("deficient") > drawn("intact") + 1.0);
+    assert!(out.chances.iter().all(|c| c.most_probable && c.chance.is_none()));
+}
+
+#[test]
+fn a_femoral_site_further_forwards_loads_a_graft_in_flexion_and_further_back_slackens_it() {
+    let (_, spec, surfaces) = knee();
+    let at = |mm: f64| {
+        let plan = single(&format!(", move_mm = [{mm:.1}, 0, 0]"), "tension_n = 40\nat_flexion_deg = 20");
+        let out = outcome(spec, surfaces, &plan).unwrap();
+        [20.0, 90.0].map(|fe| value(&out, "unloaded", fe, "reconstructed", "graft_g_n"))
+    };
+    let [back, native, front] = [-4.0, 0.0, 4.0].map(at);
+    // all are fixed at one tension, and part with flexion
+    assert!([back, native, front].iter().all(|f| (f[0] - 40.0).abs() < 1.0), "{back:?} {native:?} {front:?}");
+    assert!(front[1] > native[1] + 20.0 && native[1] > back[1], "{back:?} {native:?} {front:?}");
+    // forwards: taut in flexion; backwards: slacker than where it was fixed
+    assert!(front[1] > front[0] && back[1] < back[0], "{back:?} {front:?}");
+}
+
+#[test]
+fn more_tension_draws_the_tibia_back_and_presses_the_knee_together() {
+    let (_, spec, surfaces) = knee();
+    let at = |n: f64| {
+        let out = outcome(spec, surfaces, &single("", &format!("tension_n = {n}\nat_flexion_deg = 20"))).unwrap();
+        let of = |name: &str| value(&out, "unloaded", 20.0, "reconstructed", name);
+        [of("ap_mm"), of("contact_medial_force_n") + of("contact_lateral_force_n"), of("graft_g_n")]
+    };
+    let all = [10.0, 40.0, 120.0].map(at);
+    for pair in all.windows(2) {
+        assert!(pair[1][0] < pair[0][0] - 0.1 && pair[1][1] > pair[0][1], "{all:?}");
+    }
+    assert!(all.iter().zip([10.0, 40.0, 120.0]).all(|(a, n)| (a[2] - n).abs() < 1.0), "{all:?}");
+}
+
+#[test]
+fn without_a_graft_the_knee_is_that_of_simulate_without() {
+    let (_, spec, surfaces) = knee();
+    let plan = parsed("cut = [\"ACL\", \"sMCL_A\"]").unwrap();
+    let out = outcome(spec, surfaces, &plan).unwrap();
+    let model = sim::compile(spec, surfaces).unwrap().without(&plan.cut).unwrap();
+    for t in &out.tests {
+        let load = sim::coordinate::Load(sim::coordinate::Free(t.load));
+        let trial = sim::laxity::LaxityTrial::asked("t".into(), sim::laxity::Test::Neutral, t.flexion_deg, load);
+        let answer = solve_trials(&model, &[trial], &TrialOptions::default()).remove(0).unwrap();
+        for state in ["deficient", "reconstructed"] {
+            for (c, x) in answer.predicted().each() {
+                assert_eq!(t.states[state][&c.column()].value, *x, "{} {state}", t.test);
+            }
+        }
+    }
+    assert_eq!(out.cut, ["ACL_AM", "ACL_PL", "sMCL_A"]);
+}
+
+/// The other knee: everything mirrored.
+fn mirrored(spec: &ModelSpec, surfaces: &Surfaces) -> (ModelSpec, Surfaces) {
+    let (mut spec, vector) = (spec.clone(), |v: Vector| Vector::new(-v.x, v.y, v.z));
+    let point = |p: Point| Point::new(-p.x, p.y, p.z);
+    spec.side = if spec.side == Side::Left { Side::Right } else { Side::Left };
+    for f in [&mut spec.frames.femur, &mut spec.frames.tibia] {
+        *f = AnatomicalFrame {
+            origin: point(f.origin),
+            medial: vector(f.medial),
+            anterior: vector(f.anterior),
+            superior: vector(f.superior),
+        };
+    }
+    spec.frames.chain = None;
+    spec.fibres.iter_mut().for_each(|f| (f.femur, f.tibia) = (point(f.femur), point(f.tibia)));
+    let turned = |mesh: &MeshValue| match mesh {
+        MeshValue::Surface(m) => {
+            let mut m = m.clone();
+            m.vertices.iter_mut().for_each(|v| *v = point(*v));
+            MeshValue::Surface(m.flipped())
+        }
+        other => other.clone(),
+    };
+    (spec, surfaces.iter().map(|(name, mesh)| (name.clone(), turned(mesh))).collect())
+}
+
+#[test]
+fn the_other_knee_mirrors_this_one_by_every_way_to_give_a_site() {
+    let (_, spec, surfaces) = knee();
+    let mut plan = parsed(EXAMPLE).unwrap();
+    plan.tests = TestsFile { flexions_deg: vec![30.0], passive_deg: vec![0.0, 90.0], ..TestsFile::default() };
+    let (other, faces) = mirrored(spec, surfaces);
+    let (here, there) = (outcome(spec, surfaces, &plan).unwrap(), outcome(&other, &faces, &plan).unwrap());
+    let (a, b) = (&here.grafts[0], &there.grafts[0]);
+    assert!((a.femur_mm[0] + b.femur_mm[0]).abs() < 1e-6 && (a.tibia_mm[0] + b.tibia_mm[0]).abs() < 1e-6);
+    assert!((a.slack_length_mm - b.slack_length_mm).abs() < 0.05, "{a:?} {b:?}");
+    // the quadrant's site is where it was asked
+    assert!(a.quadrant_percent.unwrap().iter().zip([24.8, 28.5]).all(|(x, y)| (x - y).abs() < 0.1), "{a:?}");
+    for (t, u) in here.tests.iter().zip(&there.tests) {
+        for state in ["intact", "reconstructed"] {
+            for c in ["ap_mm", "ie_deg", "vv_deg"] {
+                let (x, y) = (t.states[state][c].value, u.states[state][c].value);
+                assert!((x - y).abs() < 0.1, "{} at {} deg, {state}: {c} {x} {y}", t.test, t.flexion_deg);
+            }
+        }
+    }
+}
+
+#[test]
+fn files_hold_what_is_told_and_threads_change_nothing() {
+    let (folder, ..) = knee();
+    let out = TempDir::new().unwrap();
+    let file = out.path().join("graft.toml");
+    build_model().args(["plan", "--example"]).assert().success().stdout(contains("quadrant_percent"));
+    write(&file, EXAMPLE);
+    let run = |to: &str, jobs: &str| {
+        let mut c = build_model();
+        c.arg("plan")
+            .arg(folder.path())
+            .arg(&file)
+            .arg("--out")
+            .arg(out.path().join(to))
+            .args(["--jobs", jobs, "--json"]);
+        let done = c.assert().success();
+        String::from_utf8(done.get_output().stdout.clone()).unwrap()
+    };
+    let (said, _) = (run("a", "1"), run("b", "3"));
+    for name in ["plan.json", "plan.csv", "plan.html"] {
+        let of = |to: &str| text(&out.path().join(to).join(name));
+        assert!(of("a") == of("b") && !of("a").is_empty(), "{name}");
+    }
+    let told = json(&out.path().join("a/plan.json"));
+    assert_eq!(serde_json::from_str::<serde_json::Value>(&said).unwrap(), told);
+    let schema = json(&Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/schema/plan.schema.json"));
+    obeys(&told, &schema, &schema).unwrap();
+    let page = text(&out.path().join("a/plan.html"));
+    assert!(page.contains("<svg") && page.contains("hamstring") && !page.contains("src=\"http"));
+}
+
+#[test]
+fn a_plan_that_means_nothing_is_one_clear_error() {
+    let (folder, ..) = knee();
+    let out = TempDir::new().unwrap();
+    let file = out.path().join("graft.toml");
+    let graft = |more: &str| {
+        format!("[[graft]]\nname = \"g\"\nfemur = {{ native = \"ACL\" }}\ntibia = {{ native = \"ACL\" }}\n{more}\n")
+    };
+    let stiff = "stiffness_n_per_mm = 200\n";
+    for (plan, words) in [
+        ("cut = [\"ACK\"]".to_owned(), "did you mean ACL?"),
+        ("cuts = [\"ACL\"]".to_owned(), "line 1"),
+        (graft("tension_n = 40"), "expected stiffness_n_per_mm, or cross_section_mm2 with modulus_mpa"),
+        (graft(stiff), "expected one of tension_n and slack_length_mm"),
+        (graft(&format!("{stiff}tension_n = 4000")), "tension_n is 4000, expected 1 to 500"),
+        (graft(&format!("{stiff}tension_n = 40\nat_flexion_deg = 200")), "at_flexion_deg is 200"),
+        (
+            graft(&format!("{stiff}tension_n = 40")).replace("femur = { native = \"ACL\" }", "femur = {}"),
+            "femur has no place",
+        ),
+        (
+            graft(&format!("{stiff}tension_n = 40"))
+                .replace("native = \"ACL\" }\nt", "plateau_percent = [40, 40] }\nt"),
+            "place of the other bone",
+        ),
+        (
+            graft(&format!("{stiff}tension_n = 40"))
+                .replace("femur = { native = \"ACL\" }", "femur = { point_mm = [900, 0, 0] }"),
+            "mm off the bone",
+        ),
+        ("[tests]\nflexions_deg = []".to_owned(), "tests.flexions_deg has 0 flexions"),
+    ] {
+        write(&file, &plan);
+        let run =
+            build_model().arg("plan").arg(folder.path()).arg(&file).arg("--out").arg(out.path().join("x")).assert();
+        let run = run.code(1).stderr(contains(words)).stderr(contains("graft.toml"));
+        let said = String::from_utf8_lossy(&run.get_output().stderr).into_owned();
+        assert!(said.lines().count() <= 2, "{said}");
+        assert!(!out.path().join("x").exists());
+    }
+    build_model().arg("plan").assert().code(2);
+}
+
+#[test]
+fn samples_give_each_number_an_interval_and_each_promise_a_chance() {
+    let out = TempDir::new().unwrap();
+    let file = out.path().join("graft.toml");
+    write(&file, EXAMPLE.replace("flexions_deg = [0.0, 30.0, 60.0, 90.0]", "flexions_deg = [30.0]"));
+    let run = |to: &str, more: &[&str]| {
+        let mut c = build_model();
+        c.arg("plan").arg(specimen()).arg(&file).arg("--out").arg(out.path().join(to)).args(more).assert().success();
+        json(&out.path().join(to).join("plan.json"))
+    };
+    let (banded, plain) = (run("a", &["--samples", "4"]), run("b", &["--samples", "0"]));
+    assert_eq!((banded["samples"].as_u64(), plain["samples"].as_u64()), (Some(4), Some(0)));
+    let drawn = |told: &serde_json::Value| {
+        let tests = told["tests"].as_array().unwrap();
+        let t = tests.iter().find(|t| t["test"] == "anterior drawer").unwrap();
+        t["states"]["reconstructed"]["laxity"].clone()
+    };
+    let (a, b) = (drawn(&banded), drawn(&plain));
+    // the most probable knee is the same, whatever stands beside it
+    assert!(a["value"] == b["value"] && b["mean"].is_null());
+    let of = |key: &str| a[key].as_f64().unwrap();
+    assert!(of("lower") < of("upper") && of("lower") <= of("mean") && of("mean") <= of("upper"));
+    let chances = banded["chances"].as_array().unwrap();
+    assert!(chances.iter().all(|c| (0.0..=1.0).contains(&c["chance"].as_f64().unwrap())) && chances.len() == 3);
+}
