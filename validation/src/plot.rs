@@ -25,7 +25,7 @@ pub fn colour(k: usize) -> RGBColor {
 
 /// A line or points of a panel.
 pub struct Series {
-    /// Its name in the legend.
+    /// Its name in the legend; without one the bars alone are drawn.
     pub name: String,
     /// Its points, in the units of the axes.
     pub points: Vec<(f64, f64)>,
@@ -71,7 +71,7 @@ pub fn panel(area: &Area, labels: (&str, &str, &str), series: &[Series], legend:
     let ((x0, x1), (y0, data_top)) = (span(&|p| p.0), span(&|p| p.1));
     // room above the data for the legend: about 18 pixels a name, of what captions and axes leave
     let plot = (f64::from(area.dim_in_pixel().1) - 80.0).max(1.0);
-    let share = if legend { ((18.0 * series.len() as f64 + 14.0) / plot).min(0.5) } else { 0.0 };
+    let share = if legend { ((18.0 * series.iter().filter(|s| !s.name.is_empty()).count() as f64 + 14.0) / plot).min(0.5) } else { 0.0 };
     let y1 = data_top + (data_top - y0) * share / (1.0 - share);
     let mut chart = ChartBuilder::on(area)
         .caption(labels.0, ("sans-serif", 15))
@@ -90,6 +90,9 @@ pub fn panel(area: &Area, labels: (&str, &str, &str), series: &[Series], legend:
         .draw()?;
     for s in series {
         bars(&mut chart, s)?;
+        if s.name.is_empty() {
+            continue;
+        }
         let style = s.colour.stroke_width(if s.thin { 1 } else { 2 });
         let points = s.points.iter().copied().filter(|p| p.0.is_finite() && p.1.is_finite());
         let colour = s.colour;

@@ -129,16 +129,26 @@ fn differences(out: &Outcome) -> String {
     table(&header, rows)
 }
 
-/// Points of a value over flexion, with half the interval's width about the mean where there is one.
-fn series<'a>(name: &str, k: usize, of: impl Iterator<Item = (&'a TestTold, Option<&'a Value>)>) -> Series {
-    let (mut points, mut spread) = (vec![], vec![]);
+/// A value over flexion, and its intervals as bars, which need not lie evenly about it.
+fn series<'a>(name: &str, k: usize, of: impl Iterator<Item = (&'a TestTold, Option<&'a Value>)>) -> [Series; 2] {
+    let (mut points, mut middles, mut spread) = (vec![], vec![], vec![]);
     for (t, v) in of {
         let Some(v) = v else { continue };
-        let banded = v.lower.zip(v.upper);
-        points.push((t.flexion_deg, banded.map_or(v.value, |(l, u)| 0.5 * (l + u))));
-        spread.push(banded.map_or(0.0, |(l, u)| 0.5 * (u - l)));
+        points.push((t.flexion_deg, v.value));
+        if let Some((low, high)) = v.lower.zip(v.upper) {
+            middles.push((t.flexion_deg, f64::midpoint(low, high)));
+            spread.push(0.5 * (high - low));
+        }
     }
-    Series { name: name.to_owned(), points, spread, colour: colour(k), line: true, thin: false }
+    let of = |name: &str, points, spread| Series {
+        name: name.to_owned(),
+        points,
+        spread,
+        colour: colour(k),
+        line: true,
+        thin: false,
+    };
+    [of(name, points, vec![]), of("", middles, spread)]
 }
 
 fn figures(out: &Outcome) -> String {
@@ -149,7 +159,7 @@ fn figures(out: &Outcome) -> String {
         let of = |s: &str| {
             out.tests.iter().filter(|t| t.test == kind).map(|t| (t, value(t, s, "laxity"))).collect::<Vec<_>>()
         };
-        let all: Vec<Series> = STATES.iter().enumerate().map(|(k, s)| series(s, k, of(s).into_iter())).collect();
+        let all: Vec<Series> = STATES.iter().enumerate().flat_map(|(k, s)| series(s, k, of(s).into_iter())).collect();
         text += &figure((kind, axis), &all);
     }
     let passive = || out.tests.iter().filter(|t| t.test == "unloaded");
@@ -157,7 +167,7 @@ fn figures(out: &Outcome) -> String {
         .grafts
         .iter()
         .enumerate()
-        .map(|(k, g)| {
+        .flat_map(|(k, g)| {
             let name = format!("graft_{}_n", g.name);
             series(&g.name, k, passive().map(|t| (t, value(t, STATES[2], &name))))
         })
