@@ -258,3 +258,40 @@ fn an_atlas_of_a_knee_that_nobody_calibrated_is_refused() {
         .arg(out.path());
     command.assert().code(1).stderr(contains("not calibrated"));
 }
+
+/// Largest distance of a pose read as a data set's from what its calibration predicted for it: friction, and contact nodes that the search merges
+/// [mm, deg].
+const SEARCH_DIFFERS: f64 = 0.6;
+
+#[test]
+fn poses_read_as_a_data_set_are_in_its_frames() {
+    let (knee, out) = (specimen(), TempDir::new().unwrap());
+    let trials = knee.join("laxity/kla.csv");
+    let fit = columns(&text(&knee.join("build/10-calibrate/joint/fit.csv")));
+    let asked = |name: &str, more: &[&str]| {
+        let file = out.path().join(name);
+        let mut words = vec!["--trials", trials.to_str().unwrap(), "--samples", "0", "--out", file.to_str().unwrap()];
+        words.extend(more);
+        (said(&["simulate"], knee, &words), columns(&text(&file)))
+    };
+    let (words, read) = asked("kla.csv", &["--read-as", "kla"]);
+    assert!(words.contains("poses in the frames of kla"), "{words}");
+    let (_, shared) = asked("shared.csv", &[]);
+    let median = |poses: &BTreeMap<String, Vec<String>>, c: &str| {
+        let trial = |r: usize| format!("kla/{}", poses["trial"][r]);
+        let mut off: Vec<f64> = (0..poses[c].len())
+            .map(|r| {
+                let row = fit["trial"].iter().position(|t| *t == trial(r)).unwrap();
+                (number(&poses[c][r]) - number(&fit[&format!("predicted_{c}")][row])).abs()
+            })
+            .collect();
+        off.sort_by(f64::total_cmp);
+        off[off.len() / 2]
+    };
+    let mut moved = 0.0_f64;
+    for c in ["vv_deg", "ie_deg", "ml_mm", "ap_mm", "si_mm"] {
+        assert!(median(&read, c) < SEARCH_DIFFERS, "{c}: {:.3}", median(&read, c));
+        moved = moved.max(median(&shared, c));
+    }
+    assert!(moved > SEARCH_DIFFERS, "{moved:.3}: the frames of all data sets would do");
+}

@@ -78,7 +78,9 @@ fn bands_of(
     let told = answers.into_iter().zip(trials).map(|(a, t)| a.map_or(vec![], |a| a.result(t).columns(&bundles)));
     let values: Vec<Vec<(String, f64)>> = told.collect();
     let (most, values) = (usize::MAX, Some(&values[..]));
-    samples.bands(meshes, &Question { trials, without: &[], most, dislocation_ap_mm: None, values }).unwrap()
+    samples
+        .bands(meshes, &Question { trials, without: &[], source: None, most, dislocation_ap_mm: None, values })
+        .unwrap()
 }
 
 /// How many intervals of a knee hold, of how many: of poses, and of forces of bundles that carry anything.

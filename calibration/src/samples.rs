@@ -67,6 +67,8 @@ pub struct Question<'a> {
     pub trials: &'a [LaxityTrial],
     /// Cut bundles or ligaments.
     pub without: &'a [String],
+    /// In the frames of which data set, by its place; none: in those that all share.
+    pub source: Option<usize>,
     /// How many samples at most.
     pub most: usize,
     /// AP from the CT pose beyond which the femur has left the plateau [mm]; none: as in a laxity trial.
@@ -218,7 +220,8 @@ impl Samples {
             return Ok(vec![None; changes.len()]);
         }
         let trials: Vec<LaxityTrial> = changes.iter().flat_map(|c| c.trials.clone()).collect();
-        let question = Question { trials: &trials, without: &[], most, dislocation_ap_mm: None, values: None };
+        let question =
+            Question { trials: &trials, without: &[], source: None, most, dislocation_ap_mm: None, values: None };
         let Drawn { found, lacking, .. } = self.drawn(&self.searched(meshes)?, &question)?;
         let band = |(k, change): (usize, &Change)| {
             let c = change.coordinate;
@@ -241,7 +244,7 @@ impl Samples {
     fn drawn(&self, searched: &Model, question: &Question) -> Result<Drawn, CalibrationError> {
         let model = searched.without(question.without)?;
         let parameters: Vec<Parameter<Quantity>> = self.of.unknowns.iter().map(as_it_stands).collect();
-        let asked: Vec<Asked> = question.trials.iter().map(imagined).collect();
+        let asked: Vec<Asked> = question.trials.iter().map(|t| imagined(t, question.source)).collect();
         let mut options = self.of.search.trials();
         options.dislocation_ap_mm = question.dislocation_ap_mm.unwrap_or(options.dislocation_ap_mm);
         let knee = Trials {
@@ -320,7 +323,7 @@ fn as_it_stands(u: &Unknown) -> Parameter<Quantity> {
 }
 
 /// A trial of no data set, all of whose coordinates are told.
-fn imagined(t: &LaxityTrial) -> Asked {
+fn imagined(t: &LaxityTrial, source: Option<usize>) -> Asked {
     let (load, fe_deg, quadriceps_n) = (t.load, t.fe_deg, t.quadriceps_n);
-    Asked { source: None, load, fe_deg, quadriceps_n, reads: Free::all(true), from: None }
+    Asked { source, load, fe_deg, quadriceps_n, reads: Free::all(true), from: None }
 }

@@ -11,8 +11,6 @@ use crate::options::{CalibrateOptions, Method};
 use crate::problem::{Probes, Problem};
 use crate::targets::{Targets, targets};
 use crate::unknowns::KnownFrames;
-use inference::frames::{Terms, corrected};
-use inference::knee::Quantity;
 use notices::Notice;
 use serde::{Deserialize, Serialize};
 use sim::SimError;
@@ -71,14 +69,7 @@ impl Outcome {
     /// # Errors
     /// Frames that make no joint.
     pub fn frames_of(&self, source: usize, assembled: &FramesSpec) -> Result<FramesSpec, SimError> {
-        let mut terms = Terms::default();
-        for u in &self.found.unknowns.unknowns {
-            match u.quantity {
-                Quantity::Frame(of, term) if of.is_none_or(|s| s == source) => terms[term] += u.most_probable,
-                _ => {}
-            }
-        }
-        corrected(assembled, self.spec.side, &terms)
+        self.found.unknowns.frames_of(source, assembled, self.spec.side)
     }
 }
 

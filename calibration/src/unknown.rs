@@ -1,8 +1,12 @@
 //! What samples of the posterior hold: every unknown of a knee, its most probable value and its value in each sample.
 
 use crate::knee::SearchOptions;
+use inference::frames::{Terms, corrected};
 use inference::knee::Quantity;
+use meshes::frame::Side;
 use serde::{Deserialize, Serialize};
+use sim::SimError;
+use sim::spec::FramesSpec;
 
 /// Stream of random numbers of the forces by which another simulator differs, a number a bundle, the same for every question that is asked of a sample.
 pub(crate) const UNLIKE_STREAM: u64 = 700_000;
@@ -31,4 +35,31 @@ pub struct Unknowns {
     pub interval: f64,
     /// How the search asks the model.
     pub search: SearchOptions,
+}
+
+impl Unknowns {
+    /// The place of a data set that reads poses in frames of its own.
+    pub fn source(&self, name: &str) -> Option<usize> {
+        let own = |u: &Unknown| u.name.strip_prefix(name).is_some_and(|rest| rest.starts_with('.'));
+        self.unknowns.iter().filter(|u| own(u)).find_map(|u| match u.quantity {
+            Quantity::Frame(source, _) => source,
+            _ => None,
+        })
+    }
+
+    /// The frames in which a data set reads poses: `assembled`, those of the model before its calibration, with the most probable turns and shifts of
+    /// all data sets and its own.
+    ///
+    /// # Errors
+    /// Frames that make no joint.
+    pub fn frames_of(&self, source: usize, assembled: &FramesSpec, side: Side) -> Result<FramesSpec, SimError> {
+        let mut terms = Terms::default();
+        for u in &self.unknowns {
+            match u.quantity {
+                Quantity::Frame(of, term) if of.is_none_or(|s| s == source) => terms[term] += u.most_probable,
+                _ => {}
+            }
+        }
+        corrected(assembled, side, &terms)
+    }
 }

@@ -176,8 +176,14 @@ impl Knee {
         let (_, result) = solved(&model, asked)?;
         let values = [result.columns(&model.bundle_names())];
         let trials = [result.trial];
-        let question =
-            Question { trials: &trials, without: &asked.cut, most, dislocation_ap_mm: None, values: Some(&values) };
+        let question = Question {
+            trials: &trials,
+            without: &asked.cut,
+            source: None,
+            most,
+            dislocation_ap_mm: None,
+            values: Some(&values),
+        };
         let found = samples.bands_of(self.searched(samples)?, &question).map_err(|e| e.to_string())?;
         Ok(Bands {
             bands: found.rows.into_iter().flatten().collect(),

@@ -47,6 +47,8 @@ pub(crate) struct Asking<'a> {
     pub(crate) bundles: &'a [String],
     /// Cut bundles or ligaments.
     pub(crate) without: &'a [String],
+    /// In the frames of which data set, by its place; none: in those that all share.
+    pub(crate) source: Option<usize>,
     /// How many samples at most.
     pub(crate) most: usize,
     /// AP from the CT pose beyond which the femur has left the plateau [mm]; none: as in a laxity trial.
@@ -93,6 +95,7 @@ pub(crate) fn by(samples: &Samples, loaded: &LoadedModel, results: &mut [TrialRe
     let question = Question {
         trials: &trials,
         without: asking.without,
+        source: asking.source,
         most: asking.most,
         dislocation_ap_mm: asking.dislocation_ap_mm,
         values: Some(&values),

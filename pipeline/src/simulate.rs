@@ -38,7 +38,7 @@ pub struct SimulateArgs {
     /// Cut a bundle or a ligament ("ACL" is both its bundles); may be given more than once
     #[arg(long, value_name = "LIGAMENT", value_delimiter = ',')]
     pub without: Vec<String>,
-    /// Predict what the apparatus of this data set would read, with what diagnose added to it; otherwise what belongs to the knee alone
+    /// Predict what the apparatus of this data set would read: in its frames, with what diagnose added to it; otherwise what belongs to the knee alone
     #[arg(long, value_name = "NAME")]
     pub read_as: Option<String>,
     /// Where the predicted poses and ligament forces go
@@ -101,6 +101,17 @@ impl Compiled {
         Ok(Compiled { loaded, model, samples: OnceLock::new() })
     }
 
+    /// The model in the frames in which a data set reads poses, and the data set's place; `None` where its calibration found none of its own.
+    fn read_by(&self, name: &str) -> Result<Option<(Model, usize)>, BuildError> {
+        let (Some(samples), _) = self.samples()? else { return Ok(None) };
+        let Some(source) = samples.of.source(name) else { return Ok(None) };
+        let loaded = &self.loaded;
+        let fault = |e: sim::SimError| BuildError::in_file(&loaded.file, e);
+        let mut spec = loaded.spec.clone();
+        spec.frames = samples.of.frames_of(source, &samples.counted_from.frames, spec.side).map_err(fault)?;
+        Ok(Some((sim::compile(&spec, &loaded.meshes).map_err(fault)?, source)))
+    }
+
     /// The samples beside the model.
     fn samples(&self) -> Result<&(Option<Samples>, Vec<Notice>), BuildError> {
         if let Some(known) = self.samples.get() {
@@ -159,12 +170,20 @@ fn answers_to(
         let file = &loaded.file;
         BuildError::at(Place::of(file), format!("{}: {e}", file.display()))
     };
+    let read = match &args.read_as {
+        Some(name) => compiled.read_by(name)?,
+        None => None,
+    };
+    let (base, source) = read.as_ref().map_or((&compiled.model, None), |(model, source)| (model, Some(*source)));
+    if source.is_some() {
+        words += &format!("poses in the frames of {}\n", args.read_as.as_deref().unwrap_or_default());
+    }
     let cut = if args.without.is_empty() {
         None
     } else {
-        Some(compiled.model.without(&args.without).map_err(|e| BuildError::Usage(format!("--without: {e}")))?)
+        Some(base.without(&args.without).map_err(|e| BuildError::Usage(format!("--without: {e}")))?)
     };
-    let model = cut.as_ref().unwrap_or(&compiled.model);
+    let model = cut.as_ref().unwrap_or(base);
     let names = model.bundle_names();
     let mut results = match args.protocol {
         Some(protocol) => run_protocol(model, protocol, args).map_err(|e| fault(&e))?,
@@ -175,6 +194,7 @@ fn answers_to(
     let asking = Asking {
         bundles: &names,
         without: &args.without,
+        source,
         most: args.samples,
         dislocation_ap_mm: pivot.then_some(ProtocolOptions::default().pivot_dislocation_ap_mm),
     };

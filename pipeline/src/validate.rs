@@ -196,7 +196,7 @@ pub(crate) fn band(
         (&mut of.pivot_shift, &acl[..0], pivot),
         (&mut of.pivot_shift_no_acl, &acl[..], pivot),
     ] {
-        let asking = Asking { bundles: &bundles, without, most: options.samples, dislocation_ap_mm };
+        let asking = Asking { bundles: &bundles, without, source: None, most: options.samples, dislocation_ap_mm };
         let told = bands::by(samples, model, rows, &asking);
         warnings.extend(told.warnings.into_iter().map(|w| w.whose(&of.name)));
     }

@@ -71,7 +71,11 @@ pub fn panel(area: &Area, labels: (&str, &str, &str), series: &[Series], legend:
     let ((x0, x1), (y0, data_top)) = (span(&|p| p.0), span(&|p| p.1));
     // room above the data for the legend: about 18 pixels a name, of what captions and axes leave
     let plot = (f64::from(area.dim_in_pixel().1) - 80.0).max(1.0);
-    let share = if legend { ((18.0 * series.iter().filter(|s| !s.name.is_empty()).count() as f64 + 14.0) / plot).min(0.5) } else { 0.0 };
+    let share = if legend {
+        ((18.0 * series.iter().filter(|s| !s.name.is_empty()).count() as f64 + 14.0) / plot).min(0.5)
+    } else {
+        0.0
+    };
     let y1 = data_top + (data_top - y0) * share / (1.0 - share);
     let mut chart = ChartBuilder::on(area)
         .caption(labels.0, ("sans-serif", 15))

@@ -51,7 +51,7 @@ fn forces(loaded: &LoadedModel) -> Result<Option<String>, BuildError> {
         answers.into_iter().zip(&trials).map(|(a, t)| a.map(|a| a.result(t))).collect();
     let Ok(mut results) = results else { return Ok(None) };
     let bundles = model.bundle_names();
-    let asking = Asking { bundles: &bundles, without: &[], most: SAMPLES, dislocation_ap_mm: None };
+    let asking = Asking { bundles: &bundles, without: &[], source: None, most: SAMPLES, dislocation_ap_mm: None };
     bands::add(loaded, &mut results, &asking)?;
     let mut text = "trial,bundle,value_n,mean_n,lower_n,upper_n\n".to_owned();
     for r in &results {
