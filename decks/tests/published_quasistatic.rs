@@ -216,7 +216,8 @@ fn the_published_trial_ends_where_abaqus_ended() {
             && (p.ap_mm - end["GS_AP"]).abs() < 0.3
             && (p.si_mm - end["GS_SI"]).abs() < 0.1
     );
-    assert!(answer.flags.is_empty());
+    // an evaluation of the authors' search that goes 20 mm forwards: at the rim, and beyond what a PFL bears
+    assert!(answer.flags.iter().all(|f| f != sim::flags::DISLOCATED), "{:?}", answer.flags);
 }
 
 #[needs_shared]
