@@ -107,8 +107,14 @@ fn drawers_have_the_intervals_that_the_calibration_tells() {
     assert!(printed.contains("interval by"), "{printed}");
     let (found, told) = (columns(&text(&results)), columns(&text(&knee.join("build/10-calibrate/joint/forces.csv"))));
     let place = |trial: &str| found["trial"].iter().position(|t| t == trial).unwrap();
+    let mut compared = 0;
     for (k, (trial, bundle)) in told["trial"].iter().zip(&told["bundle"]).enumerate() {
         let row = place(trial);
+        // intervals of a load are of the samples that stay on the plateau under it
+        if found["flags"][row].contains("leave the plateau") {
+            continue;
+        }
+        compared += 1;
         for (end, column) in [("mean", "value_n"), ("lower", "lower_n"), ("upper", "upper_n")] {
             let here = number(&found[&format!("force_{bundle}_n_{end}")][row]);
             let there = number(&told[column][k]);
@@ -119,6 +125,7 @@ fn drawers_have_the_intervals_that_the_calibration_tells() {
             );
         }
     }
+    assert!(compared >= told["trial"].len() / 2, "{compared} of {}", told["trial"].len());
     for column in ["ap_mm", "group_ACL_n", "contact_medial_force_n", "contact_si_n"] {
         let end = |e: &str| number(&found[&format!("{column}_{e}")][0]);
         assert!(end("lower") <= end("mean") && end("mean") <= end("upper"), "{column}");
