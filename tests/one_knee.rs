@@ -85,9 +85,10 @@ fn a_folder_of_a_build_is_its_joint_model_in_every_verb() {
     command.assert().code(2).stderr(contains("give its folder"));
 }
 
-/// Forces of one equilibrium that is found from two points differ by less [N], a large one by this share of it [-]: the search ends at some hundredths of
-/// a millimetre.
+/// Forces of one equilibrium that is found from two points differ by less [N], a large one by this share of it [-].
 const SAME_N: f64 = 0.5;
+/// The search ends within this [mm]: a stiff bundle's force differs by its stiffness times it.
+const SAME_MM: f64 = 0.01;
 /// See [`SAME_N`].
 const SAME_SHARE: f64 = 0.005;
 
@@ -107,6 +108,11 @@ fn drawers_have_the_intervals_that_the_calibration_tells() {
     assert!(printed.contains("interval by"), "{printed}");
     let (found, told) = (columns(&text(&results)), columns(&text(&knee.join("build/10-calibrate/joint/forces.csv"))));
     let place = |trial: &str| found["trial"].iter().position(|t| t == trial).unwrap();
+    let model: serde_json::Value =
+        serde_json::from_str(&text(&knee.join("build/10-calibrate/joint/model.json"))).unwrap();
+    let bundles = model["bundles"].as_array().unwrap().iter();
+    let stiffness: BTreeMap<&str, f64> =
+        bundles.map(|b| (b["name"].as_str().unwrap(), b["stiffness_n_per_mm"].as_f64().unwrap())).collect();
     let mut compared = 0;
     for (k, (trial, bundle)) in told["trial"].iter().zip(&told["bundle"]).enumerate() {
         let row = place(trial);
@@ -120,7 +126,7 @@ fn drawers_have_the_intervals_that_the_calibration_tells() {
             let there = number(&told[column][k]);
             // found from another point close by, to the end of the same search
             assert!(
-                (here - there).abs() < SAME_N.max(SAME_SHARE * there),
+                (here - there).abs() < SAME_N.max(SAME_SHARE * there).max(SAME_MM * stiffness[bundle.as_str()]),
                 "{bundle} in {trial}: {end} {here}, calibration {there}"
             );
         }
