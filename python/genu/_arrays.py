@@ -5,17 +5,17 @@ from __future__ import annotations
 import csv
 import os
 import shutil
-from typing import Any, Mapping, Sequence, Tuple, Union
+from typing import Any, Mapping, Sequence
 
 import numpy as np
 
 from genu._call import Files, absolute, run, toml
 from genu._errors import InputError
-from genu._meshes import Surface
 from genu._tables import table_at
 from genu._types import Array, Path
 
-SurfaceLike = Union[Surface, Tuple[Any, Any], Any]
+# a Surface, whatever has vertices and faces (trimesh), or a pair of arrays
+SurfaceLike = Any
 
 _BONES = ("femur", "tibfib", "patella")
 _CARTILAGE = ("femur", "tibia_medial", "tibia_lateral")
@@ -23,7 +23,7 @@ _CARTILAGE = ("femur", "tibia_medial", "tibia_lateral")
 
 def arrays_of(name: str, given: SurfaceLike) -> tuple[Array, Array]:
     """Vertices (n, 3) [mm] and faces (m, 3) of whatever holds them, checked."""
-    pair = (given.vertices, given.faces) if hasattr(given, "faces") else given
+    pair: Any = (given.vertices, given.faces) if hasattr(given, "faces") else given
     try:
         vertices, faces = (np.asarray(a) for a in pair)
     except (TypeError, ValueError):
@@ -128,10 +128,10 @@ def _write(
         with open(os.path.join(place, "landmarks.csv"), "w", encoding="utf-8", newline="") as points:
             rows = csv.writer(points, lineterminator="\n")
             rows.writerow(["name", "frame", "x_mm", "y_mm", "z_mm"])
-            for point, at in landmarks.items():
-                numbers = np.asarray(at, dtype=float)
+            for point, place_mm in landmarks.items():
+                numbers = np.asarray(place_mm, dtype=float)
                 if numbers.shape != (3,) or not np.isfinite(numbers).all():
-                    raise InputError(f"landmarks: {point} is {at!r}; three finite numbers [mm] were expected")
+                    raise InputError(f"landmarks: {point} is {place_mm!r}; three finite numbers [mm] were expected")
                 rows.writerow([point, "ct", *(repr(float(x)) for x in numbers)])
     if laxity:
         lines += ["", "[laxity]"]
