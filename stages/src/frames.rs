@@ -302,7 +302,9 @@ fn femoral_frame(
 /// The direction to a landmark at a bone's far end, as its shaft shows that it may be.
 fn towards(name: &str, way: &Vector, shaft: &Shaft, options: &FramesOptions) -> Result<Vector, StageError> {
     let off = way.angle(&shaft.direction).to_degrees();
-    if shaft.sections >= LEAST_SECTIONS && !(off <= options.far_landmark_limit_deg) {
+    // a landmark at the knee itself has no direction
+    let along = (0.0..=options.far_landmark_limit_deg).contains(&off);
+    if shaft.sections >= LEAST_SECTIONS && !along {
         return Err(StageError::Knee(format!(
             "landmark {name} lies {:.0} mm from the knee, {off:.0} deg off the direction of the shaft (limit {}): check its unit, frame and sign",
             way.norm(),
