@@ -3,7 +3,7 @@
 //! Start with [`run::run`], one build; [`build::build_model`] shows the order of the work.
 //!
 //! ```
-//! let text = genu::option_docs::options(Some("hexmesh"), false).unwrap();
+//! let text = genu::option_docs::options(Some("hexmesh"), false, false).unwrap();
 //! assert!(text.contains("hexmesh.edge_length_mm"));
 //! ```
 
