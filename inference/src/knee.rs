@@ -20,7 +20,7 @@ use sim::contact::Nearby;
 use sim::coordinate::{Coordinate, FE, FREE, Free, Load, Six};
 use sim::joint::Joint;
 use sim::laxity::{LaxityTrial, Test};
-use sim::quasistatic::{Goal, State, increment_near};
+use sim::quasistatic::{Goal, close};
 use sim::sensitivity::End;
 use sim::spec::ModelSpec;
 use sim::trials::{TrialOptions, chain_flexion, pose_spec, solve_trials};
@@ -143,6 +143,16 @@ pub struct Answer {
     coordinates: DMatrix<f64>,
     /// Derivatives of the prediction by the loads: a row a coordinate.
     by_load: Free<Free<f64>>,
+    /// Where cartilage nearly touches, for answers close by.
+    near: Nearby,
+}
+
+/// Where an answer is sought from.
+struct Start {
+    q: Six,
+    /// Size of the contact force there [N].
+    pressed: f64,
+    near: Nearby,
 }
 
 /// Answers of all trials.
@@ -258,8 +268,8 @@ impl Trials<'_> {
     }
 
     /// Answers along the paths of loading, without derivatives: where nothing close by is known.
-    fn restarted_from_afar(&self, knee: &Knee) -> Option<Vec<(Six, f64)>> {
-        let mut found: Vec<Option<(Six, f64)>> = vec![None; self.trials.len()];
+    fn restarted_from_afar(&self, knee: &Knee) -> Option<Vec<Start>> {
+        let mut found: Vec<Option<Start>> = self.trials.iter().map(|_| None).collect();
         for source in std::iter::once(None).chain((0..self.sources()).map(Some)) {
             let of: Vec<usize> = (0..self.trials.len()).filter(|&i| self.trials[i].source == source).collect();
             let Some(&first) = of.first() else { continue };
@@ -267,25 +277,28 @@ impl Trials<'_> {
             let trials: Vec<_> = of.iter().map(|&i| plain(&borne(i))).collect();
             let model = knee.of(&self.trials[first]).0;
             for (i, answer) in of.into_iter().zip(solve_trials(model, &trials, self.options)) {
-                found[i] = answer.ok().map(|a| (a.state.q, pressed(&a.evaluation.contact.wrench)));
+                found[i] = answer.ok().map(|a| Start {
+                    q: a.state.q,
+                    pressed: pressed(&a.evaluation.contact.wrench),
+                    near: Nearby::default(),
+                });
             }
         }
         found.into_iter().collect()
     }
 
     /// An answer from coordinates close by.
-    fn answer(&self, knee: &Knee, trial: &Asked, start: Six, force: f64) -> Result<(Answer, Slopes), SimError> {
+    fn answer(&self, knee: &Knee, trial: &Asked, start: Start) -> Result<(Answer, Slopes), SimError> {
         let (model, terms) = knee.of(trial);
         let model = &*model.pulled(trial.quadriceps_n)?;
         let lean = self.lean(&knee.values, trial.fe_deg);
         let goal = Goal {
             flexion: chain_flexion(model, trial.fe_deg, self.options)?,
-            load: self.borne(&knee.values, trial).generalised() + lean * force,
+            load: self.borne(&knee.values, trial).generalised() + lean * start.pressed,
             flow: None,
         };
-        let solver = &self.options.solver;
-        let mut near = Nearby::default();
-        let solved = increment_near(model, &State::at(start), &goal, solver, true, &mut near)?;
+        let mut near = start.near;
+        let solved = close(model, start.q, &goal, &self.options.solver, &mut near)?;
         let gs = model.joint.grood_suntay(&solved.state.q);
         let forces_n = model.bundle_forces(&solved.evaluation.fibres);
         let found = sim::trials::Answer {
@@ -297,7 +310,7 @@ impl Trials<'_> {
             flags: vec![],
             evaluations: solved.evaluations,
         };
-        self.with_slopes((model, terms), trial, found)
+        self.with_slopes((model, terms), trial, found, &mut near)
     }
 
     /// Where an answer is sought from: the other point's answer moved by what its derivatives say, in the frames of this point.
@@ -428,10 +441,13 @@ impl Forward for Trials<'_> {
     fn at(&self, z: &DVector<f64>, near: Option<(&DVector<f64>, &Answers)>) -> Option<Point<Answers>> {
         let values = self.values(z);
         let knee = self.knee(values.iter().map(|v| v.0).collect()).ok()?;
-        let starts: Vec<(Six, f64)> = match near {
+        let starts: Vec<Start> = match near {
             Some((other, answers)) => {
                 let before = self.knee(self.values(other).into_iter().map(|v| v.0).collect()).ok()?;
-                let start = |(t, a): (&Asked, &Answer)| self.start(&knee, &before, t, a).ok().map(|q| (q, a.pressed));
+                let start = |(t, a): (&Asked, &Answer)| {
+                    let q = self.start(&knee, &before, t, a).ok()?;
+                    Some(Start { q, pressed: a.pressed, near: a.near.clone() })
+                };
                 self.trials.iter().zip(answers).map(start).collect::<Option<_>>()?
             }
             None => self.restarted_from_afar(&knee)?,
@@ -440,7 +456,7 @@ impl Forward for Trials<'_> {
             .trials
             .par_iter()
             .zip(starts)
-            .map(|(t, (q, force))| self.answer(&knee, t, q, force).ok())
+            .map(|(t, start)| self.answer(&knee, t, start).ok())
             .collect::<Option<_>>()?;
         Some(self.point(found, &values))
     }

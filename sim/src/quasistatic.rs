@@ -17,6 +17,8 @@ use serde::{Deserialize, Serialize};
 const ARM: f64 = 30.0;
 /// Furthest a coordinate may move in one Newton step [mm, or rad times [`ARM`]].
 const LONGEST_STEP: f64 = 2.0;
+/// A step below this ends a search that is [`close`], unseen [mm, or rad times [`ARM`]]: what is left is of its square, about 1e-5 mm.
+const CLOSE_STEP: f64 = 3e-3;
 /// An increment is halved this often at most.
 const MOST_HALVINGS: i32 = 6;
 
@@ -110,6 +112,18 @@ pub struct Goal {
     pub flow: Option<(f64, Dashpots)>,
 }
 
+impl Goal {
+    /// The loads, that of flexion left out.
+    fn checked_load(&self) -> Result<Six, SimError> {
+        let mut load = self.load;
+        load[FE] = 0.0;
+        if !(load.iter().all(|x| x.is_finite()) && self.flexion.is_finite()) {
+            return Err(SimError::Input(format!("loads {:?}, flexion {}: not finite", load.as_slice(), self.flexion)));
+        }
+        Ok(load)
+    }
+}
+
 /// One piece of a path: flexion and loads go from where they stand to these.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Phase {
@@ -199,11 +213,7 @@ pub fn increment_near(
     near: &mut Nearby,
 ) -> Result<Solved, SimError> {
     crate::interrupt::check();
-    let mut load = goal.load;
-    load[FE] = 0.0;
-    if !(load.iter().all(|x| x.is_finite()) && goal.flexion.is_finite()) {
-        return Err(SimError::Input(format!("loads {:?}, flexion {}: not finite", load.as_slice(), goal.flexion)));
-    }
+    let load = goal.checked_load()?;
     let pose = model.joint.pose(&from.q);
     let viscous = goal.flow.map(|(seconds, dashpots)| damping(model, &pose, &dashpots) / seconds);
     let patches = model.contact.patches(&pose, &from.friction, options.slip_mm, near);
@@ -218,7 +228,8 @@ pub fn increment_near(
     near.set_on_the_way(!end);
     let found = minimise(&problem, start, (tolerance, end), options.iterations, near);
     near.set_on_the_way(false);
-    let (value, q, evaluations) = found?;
+    let Minimum { value, q, evaluations, .. } = found?;
+
     let step = q - from.q;
     let (mut friction_gradient, mut unused) = (Six::zeros(), (0.0, Matrix6::zeros()));
     problem.patches.add(&step, &mut unused.0, &mut friction_gradient, &mut unused.1);
@@ -226,6 +237,32 @@ pub fn increment_near(
     let state = State { q, friction: problem.patches.after(&step), friction_gradient, rate };
     let departure = if goal.flow.is_some() { distance(&(q - predicted)) } else { 0.0 };
     Ok(Solved { state, evaluation: value.evaluation, departure, evaluations })
+}
+
+/// The equilibrium without friction that is sought from `start`, close enough for a search among parameters: the last step, below [`CLOSE_STEP`], is
+/// taken unseen. Fibres are those at its end, the gradient is the tangent's; the rest of the evaluation is that of the place before.
+///
+/// # Errors
+/// As [`increment`].
+pub fn close(
+    model: &Model,
+    start: Six,
+    goal: &Goal,
+    options: &SolverOptions,
+    near: &mut Nearby,
+) -> Result<Solved, SimError> {
+    crate::interrupt::check();
+    let from = State::at(start);
+    let problem =
+        Increment { model, from: &from, load: goal.checked_load()?, viscous: None, patches: Patches::default() };
+    let mut start = start;
+    start[FE] = goal.flexion;
+    let Minimum { value, q, unseen, evaluations } =
+        minimise(&problem, start, (CLOSE_STEP, false), options.iterations, near)?;
+    let mut evaluation = value.evaluation;
+    evaluation.gradient += evaluation.hessian * unseen;
+    evaluation.fibres = model.fibre_states(&model.joint.pose(&q));
+    Ok(Solved { state: State::at(q), evaluation, departure: 0.0, evaluations })
 }
 
 /// Size of a change of the coordinates [mm], angles times [`ARM`].
@@ -248,6 +285,24 @@ fn damping(model: &Model, pose: &crate::joint::Pose, dashpots: &Dashpots) -> Mat
     c
 }
 
+/// Where [`minimise`] ended.
+struct Minimum {
+    /// The last place that was looked at.
+    value: Value,
+    /// The place.
+    q: Six,
+    /// The step from the last place that was looked at.
+    unseen: Six,
+    evaluations: usize,
+}
+
+impl Minimum {
+    /// At the last place that was looked at.
+    fn seen(value: Value, q: Six, evaluations: usize) -> Minimum {
+        Minimum { value, q, unseen: Six::zeros(), evaluations }
+    }
+}
+
 /// Newton's method in a trust region until steps are shorter than `tolerance`; the last is taken without looking where it led unless `checked`; the exact step by the eigenvectors of the scaled Hessian.
 fn minimise(
     problem: &Increment,
@@ -255,7 +310,7 @@ fn minimise(
     (tolerance, checked): (f64, bool),
     iterations: usize,
     near: &mut Nearby,
-) -> Result<(Value, Six, usize), SimError> {
+) -> Result<Minimum, SimError> {
     let (mut q, mut value) = (start, problem.at(&start, near));
     let mut radius = LONGEST_STEP;
     for evaluations in 1..=iterations {
@@ -266,7 +321,7 @@ fn minimise(
         let expected = -(gradient.dot(&step) + 0.5 * step.dot(&(hessian * step)));
         let next = q + unscaled(&step);
         if !checked && length < tolerance && length < radius {
-            return Ok((value, next, evaluations));
+            return Ok(Minimum { value, q: next, unseen: next - q, evaluations });
         }
         let tried = problem.at(&next, near);
         let gained = value.objective - tried.objective;
@@ -283,7 +338,7 @@ fn minimise(
         if better {
             (q, value) = (next, tried);
             if length < tolerance && length < radius {
-                return Ok((value, q, evaluations + 1));
+                return Ok(Minimum::seen(value, q, evaluations + 1));
             }
             if gained > 0.7 * expected {
                 radius = radius.max((2.0 * length).min(LONGEST_STEP));
@@ -291,7 +346,7 @@ fn minimise(
         } else {
             radius = 0.3 * length;
             if radius < 1e-12 {
-                return Ok((value, q, evaluations + 1));
+                return Ok(Minimum::seen(value, q, evaluations + 1));
             }
         }
     }

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use sim::SimError;
 use sim::contact::Nearby;
 use sim::coordinate::{FREE, Free, Six};
-use sim::quasistatic::{Goal, State, increment_near};
+use sim::quasistatic::{Goal, State, close, increment_near};
 use sim::trials::{DISLOCATED, chain_flexion, flags, pose_spec, solve_trial};
 
 /// Prediction of a trial at a sample.
@@ -43,10 +43,11 @@ impl Trials<'_> {
         let before = self.knee(self.values(near.0).into_iter().map(|v| v.0).collect())?;
         let of = |(trial, answer): (&Asked, &super::Answer)| {
             let start = self.start(&knee, &before, trial, answer).ok();
-            let close = start.and_then(|q| self.prediction(&knee, trial, q, answer.pressed).ok());
-            close.or_else(|| {
+            let near = || answer.near.clone();
+            let found = start.and_then(|q| self.prediction(&knee, trial, q, (answer.pressed, near())).ok());
+            found.or_else(|| {
                 let (q, force) = self.along_the_path(&knee, trial).ok()?;
-                self.prediction(&knee, trial, q, force).ok()
+                self.prediction(&knee, trial, q, (force, near())).ok()
             })
         };
         Ok(self.trials.par_iter().zip(near.1).map(of).collect())
@@ -61,23 +62,27 @@ impl Trials<'_> {
 
     /// A trial's equilibrium from coordinates close by. The lean of the bearing surface turns a part of the contact force, which is `force` at first and
     /// then what was found.
-    fn prediction(&self, knee: &Knee, trial: &Asked, start: Six, force: f64) -> Result<Prediction, SimError> {
+    fn prediction(
+        &self,
+        knee: &Knee,
+        trial: &Asked,
+        start: Six,
+        (force, mut near): (f64, Nearby),
+    ) -> Result<Prediction, SimError> {
         let (model, _) = knee.of(trial);
         let model = &*model.pulled(trial.quadriceps_n)?;
         let lean = self.lean(&knee.values, trial.fe_deg);
         let flexion = chain_flexion(model, trial.fe_deg, self.options)?;
         let borne = self.borne(&knee.values, trial).generalised();
-        let mut near = Nearby::default();
-        let mut solve = |from: &State, force: f64| {
-            let goal = Goal { flexion, load: borne + lean * force, flow: None };
-            increment_near(model, from, &goal, &self.options.solver, true, &mut near)
-        };
-        let mut solved = solve(&State::at(start), force)?;
+        let goal = |force: f64| Goal { flexion, load: borne + lean * force, flow: None };
+        let (mut start, mut force) = (start, force);
         if lean != Six::zeros() {
             for _ in 0..LEAN_ROUNDS {
-                solved = solve(&solved.state, pressed(&solved.evaluation.contact.wrench))?;
+                let solved = close(model, start, &goal(force), &self.options.solver, &mut near)?;
+                (start, force) = (solved.state.q, pressed(&solved.evaluation.contact.wrench));
             }
         }
+        let solved = increment_near(model, &State::at(start), &goal(force), &self.options.solver, true, &mut near)?;
         let gs = model.joint.grood_suntay(&solved.state.q);
         Ok(Prediction {
             pose: pose_spec(&gs).free(),

@@ -5,6 +5,7 @@ use crate::frames::Terms;
 use nalgebra::{DMatrix, Matrix6};
 use sim::Model;
 use sim::SimError;
+use sim::contact::Nearby;
 use sim::coordinate::{FE, FREE, Free, Load, Six, free_block, free_part};
 use sim::joint::Pose;
 use sim::sensitivity::{Parameter as Of, Sensitivities, sensitivities};
@@ -34,6 +35,7 @@ impl Trials<'_> {
         (model, terms): (&Model, &Terms),
         trial: &Asked,
         found: sim::trials::Answer,
+        near: &mut Nearby,
     ) -> Result<(Answer, Slopes), SimError> {
         let (asked, place) = self.columns();
         let s = sensitivities(model, &found, &asked)?;
@@ -57,7 +59,7 @@ impl Trials<'_> {
                     }
                     known[*term].clone().unwrap_or_else(|| (Free::all(0.0), vec![0.0; bundles], Six::zeros()))
                 }
-                Quantity::Cartilage => self.by_cartilage(model, &found, &s)?,
+                Quantity::Cartilage => self.by_cartilage(model, (&found, near), &s)?,
                 Quantity::Lean(coordinate, knot) => {
                     let mut load = Load::default();
                     load[*coordinate] = force * shares(trial.fe_deg)[*knot];
@@ -82,6 +84,7 @@ impl Trials<'_> {
             forces_n: found.forces_n,
             coordinates: std::mem::replace(&mut slopes.coordinates, DMatrix::zeros(0, 0)),
             by_load,
+            near: near.lists(),
         };
         Ok((answer, slopes))
     }
@@ -109,11 +112,17 @@ impl Trials<'_> {
     }
 
     /// By cartilage thicker than the model's: what the contact then pushes more.
-    fn by_cartilage(&self, model: &Model, found: &sim::trials::Answer, s: &Sensitivities) -> Result<Column, SimError> {
+    fn by_cartilage(
+        &self,
+        model: &Model,
+        (found, near): (&sim::trials::Answer, &mut Nearby),
+        s: &Sensitivities,
+    ) -> Result<Column, SimError> {
         let now: f64 = self.thickness(model);
         let law = &self.spec.contact;
         let shifted: Vec<f64> = law.overclosure_mm.iter().map(|x| x - now - CARTILAGE_STEP).collect();
-        let other = model.contact.with_law(&shifted, &law.pressure_mpa)?.evaluate(&found.evaluation.pose).gradient;
+        let thicker = model.contact.with_law(&shifted, &law.pressure_mpa)?;
+        let other = thicker.evaluate_near(&found.evaluation.pose, near).gradient;
         let push = (found.evaluation.contact.gradient - other) / CARTILAGE_STEP;
         let load = Load::from_fn(|c| push[c] / c.to_force(1.0));
         Ok(by_loads(s, &load))

@@ -49,7 +49,7 @@ impl Cells {
         if -start <= HIGHEST { f64::from(self.apart[at]) * self.spacing } else { 0.0 }
     }
 
-    /// Lower bound of the motion [mm], of less than a spacing, without which a point at an offset from a cell's node cannot come deeper than `start`.
+    /// Lower bound of the motion [mm] without which a point at an offset from a cell's node cannot come deeper than `start`.
     #[inline]
     pub(super) fn clearance(&self, at: usize, offset: &[f64; 3], start: f64) -> f64 {
         let apart = self.apart(at, start);
@@ -61,7 +61,8 @@ impl Cells {
             + f64::from(rise[0]) * offset[0]
             + f64::from(rise[1]) * offset[1]
             + f64::from(rise[2]) * offset[2];
-        (above + start).max(0.0) / f64::from(steepest)
+        // the gradient is bounded within a spacing
+        ((above + start).max(0.0) / f64::from(steepest)).min(self.spacing)
     }
 }
 

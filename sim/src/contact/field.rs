@@ -159,7 +159,7 @@ impl Field {
         self.cell(p).map_or(f64::INFINITY, |(at, _)| self.cells.apart(at, start))
     }
 
-    /// Lower bound of the motion [mm] without which a local point cannot come deeper than `start`; holds for motions of less than a spacing.
+    /// Lower bound of the motion [mm] without which a local point cannot come deeper than `start`.
     #[inline]
     pub(crate) fn clearance(&self, p: &[f64; 3], start: f64) -> f64 {
         self.cell(p).map_or(f64::INFINITY, |(at, offset)| self.cells.clearance(at, &offset, start))

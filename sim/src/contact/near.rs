@@ -4,13 +4,15 @@
 use super::{field::Field, nodes::Nodes};
 use crate::condensed::Rest;
 use meshes::Isometry;
+use std::sync::Arc;
 
-/// Motion over which a list of nodes holds [mm]; less than the field's grid spacing, over which its clearances hold.
-const REACH: f64 = 0.5;
+/// Motion over which a list of nodes holds [mm]: about that from one sample's knee to the next. Counted: a list costs two evaluations.
+const REACH: f64 = 1.5;
 /// The same of nodes far from the other surface [mm].
-const FAR: f64 = 0.8;
+const FAR: f64 = 2.0;
 
 /// Lists of nodes near contact, one a pass, and where bodies in between rested. It belongs to one contact (and its copies with other parameters).
+/// A copy shares the lists until it makes its own.
 #[derive(Clone, Debug, Default)]
 pub struct Nearby {
     passes: Vec<Kept>,
@@ -24,7 +26,9 @@ pub struct Nearby {
 pub(super) struct Kept {
     listed_at: Option<Isometry>,
     extent: [[f64; 3]; 2],
-    nodes: Vec<Candidate>,
+    /// Overclosure that the list counts clearance from [mm].
+    start: f64,
+    nodes: Arc<Vec<Candidate>>,
     once: bool,
     /// Nodes in contact at the last pose, for room to be made.
     pub(super) touching: usize,
@@ -43,6 +47,11 @@ impl Nearby {
     /// Lists for one pose only, which are quicker made.
     pub fn once() -> Nearby {
         Nearby { once: true, ..Nearby::default() }
+    }
+
+    /// The lists alone, shared: for a knee close by, whose bodies in between rest elsewhere.
+    pub fn lists(&self) -> Nearby {
+        Nearby { passes: self.passes.clone(), ..Nearby::default() }
     }
 
     /// Says that poses are those on the way of a path, where bodies in between need not be quite at rest.
@@ -93,7 +102,7 @@ impl Kept {
         mut visit: impl FnMut(&[f64; 3], f64, f64),
     ) {
         let now = affine(to_field);
-        let moved = match self.moved(nodes, &now) {
+        let moved = match self.moved(nodes, &now, start) {
             Some(moved) => moved,
             None => {
                 self.list((nodes, field), (to_field, &now), start);
@@ -105,8 +114,9 @@ impl Kept {
         }
     }
 
-    /// The furthest a listed node can have moved since the list was made [mm]; `None` where the list holds no more.
-    fn moved(&self, nodes: &Nodes, now: &Affine) -> Option<f64> {
+    /// The furthest a listed node can have come towards contact since the list was made [mm]: by its motion, and where contact now starts earlier;
+    /// `None` where the list holds no more.
+    fn moved(&self, nodes: &Nodes, now: &Affine, start: f64) -> Option<f64> {
         let then = affine(&self.listed_at?);
         let change: Affine = (
             std::array::from_fn(|i| std::array::from_fn(|j| now.0[i][j] - then.0[i][j])),
@@ -117,15 +127,18 @@ impl Kept {
             let corners = (0..8).map(|c| std::array::from_fn(|a| extent[c >> a & 1][a]));
             corners.map(|p| map(&change, &p).iter().map(|x| x * x).sum::<f64>()).fold(0.0, f64::max).sqrt()
         };
-        let near = furthest(&self.extent);
-        (near <= REACH && furthest(&nodes.extent) <= FAR).then_some(near + 1e-9)
+        let earlier = (self.start - start).max(0.0);
+        let near = furthest(&self.extent) + earlier;
+        (near <= REACH && furthest(&nodes.extent) + earlier <= FAR).then_some(near + 1e-9)
     }
 
     /// Lists the nodes that a motion of [`REACH`] may bring into contact.
     fn list(&mut self, (nodes, field): (&Nodes, &Field), (at, affine): (&Isometry, &Affine), start: f64) {
-        self.listed_at = Some(*at);
+        (self.listed_at, self.start) = (Some(*at), start);
         self.extent = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
-        self.nodes.clear();
+        // the memory is taken again where nobody else has the list
+        let mut listed = Arc::get_mut(&mut self.nodes).map(std::mem::take).unwrap_or_default();
+        listed.clear();
         let (reach, far) = if self.once { (0.0, 0.0) } else { (REACH, FAR) };
         for cluster in &nodes.clusters {
             if field.apart(&map(affine, &cluster.centre), start) > cluster.radius + far {
@@ -139,9 +152,10 @@ impl Kept {
                 let position = nodes.position[i];
                 let clear = field.clearance(&map(affine, &position), start);
                 if clear <= reach {
-                    self.nodes.push(Candidate { position, area: nodes.area[i], thickness: nodes.thickness[i], clear });
+                    listed.push(Candidate { position, area: nodes.area[i], thickness: nodes.thickness[i], clear });
                 }
             }
         }
+        self.nodes = Arc::new(listed);
     }
 }

@@ -221,8 +221,12 @@ fn lists_kept_from_pose_to_pose_change_no_byte() {
 
 fn change_no_byte(contact: &Contact) {
     let joint = joint();
+    // cartilage that is thicker touches earlier, by the same lists
+    let thicker = |by: f64| contact.with_law(&[-by, 1.0 - by], &[0.0, 5.0]).unwrap();
+    let contacts = [contact.clone(), thicker(0.04), thicker(0.4), thicker(-0.3)];
     let (mut near, mut touching) = (Nearby::default(), 0);
     for k in 0..400 {
+        let contact = &contacts[k as usize * 7 % 4];
         // over the rim and back, with steps from 0.01 to 2 mm
         let t = f64::from(k) * 0.05;
         let q = Six::new(
