@@ -5,15 +5,16 @@
 
 /// Cells looked at either way along each axis.
 const WINDOW: usize = 9;
-/// Where the distance is above this there is no contact [mm]; laws that begin before have no bounds.
-const HIGHEST: f64 = 0.05;
+/// Distances above which there is no contact, by when a law begins [mm]: as the surfaces lie, and with cartilage thicker by up to three standard
+/// deviations of its thickness. Laws that begin earlier still have no bounds.
+const HIGHEST: [f64; 2] = [0.1, 0.6];
 
 /// Bounds of every cell.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Cells {
     spacing: f64,
-    /// Lower bound of the distance to where the spline is below [`HIGHEST`] [grid spacings], at most `WINDOW - 1`.
-    apart: Vec<f32>,
+    /// Lower bounds of the distance to where the spline is below each of [`HIGHEST`] [grid spacings], at most `WINDOW - 1`.
+    apart: [Vec<f32>; 2],
     /// Planes below the spline, of the cells that are neither apart nor deep inside.
     under: Vec<Plane>,
 }
@@ -33,10 +34,10 @@ impl Cells {
     /// Bounds of the quadratic spline with these coefficients on a grid of `spacing` [mm].
     pub(super) fn new(coefficients: &[f32], size: [usize; 3], spacing: f64) -> Cells {
         let grid = Grid { coefficients, strides: [1, size[0], size[0] * size[1]], size };
-        let apart = grid.apart((HIGHEST * 1.001) as f32);
+        let apart = HIGHEST.map(|h| grid.apart((h * 1.001) as f32));
         let mut under = vec![Plane::default(); coefficients.len()];
         grid.each_cell(|at| {
-            if apart[at] == 0.0 && !grid.is_deep(at) {
+            if apart[1][at] == 0.0 && !grid.is_deep(at) {
                 under[at] = grid.plane(at, spacing as f32);
             }
         });
@@ -46,7 +47,8 @@ impl Cells {
     /// Lower bound of the distance [mm] from any point of a cell to anything deeper than `start`.
     #[inline]
     pub(super) fn apart(&self, at: usize, start: f64) -> f64 {
-        if -start <= HIGHEST { f64::from(self.apart[at]) * self.spacing } else { 0.0 }
+        let apart = level(start).map(|k| self.apart[k][at]);
+        apart.map_or(0.0, |a| f64::from(a) * self.spacing)
     }
 
     /// Lower bound of the motion [mm] without which a point at an offset from a cell's node cannot come deeper than `start`.
@@ -64,6 +66,16 @@ impl Cells {
         // the gradient is bounded within a spacing
         ((above + start).max(0.0) / f64::from(steepest)).min(self.spacing)
     }
+}
+
+/// Which of [`HIGHEST`] bounds a law that begins at an overclosure `start` [mm].
+fn level(start: f64) -> Option<usize> {
+    HIGHEST.iter().position(|h| -start <= *h)
+}
+
+/// The earliest beginning of a law [mm] whose bounds hold for one that begins at `start`.
+pub(super) fn earliest(start: f64) -> f64 {
+    level(start).map_or(start, |k| -HIGHEST[k])
 }
 
 /// Coefficients and how they lie.

@@ -1,7 +1,7 @@
 //! Nodes that may touch, kept from pose to pose while the bones move little. What is left out would add nothing, so that results do not depend
 //! on what was kept.
 
-use super::{field::Field, nodes::Nodes};
+use super::{cells::earliest, field::Field, nodes::Nodes};
 use crate::condensed::Rest;
 use meshes::Isometry;
 use std::sync::Arc;
@@ -26,7 +26,7 @@ pub struct Nearby {
 pub(super) struct Kept {
     listed_at: Option<Isometry>,
     extent: [[f64; 3]; 2],
-    /// Overclosure that the list counts clearance from [mm].
+    /// Overclosure from which the list counts [mm]: of every law that begins there or later.
     start: f64,
     nodes: Arc<Vec<Candidate>>,
     once: bool,
@@ -105,7 +105,7 @@ impl Kept {
         let moved = match self.moved(nodes, &now, start) {
             Some(moved) => moved,
             None => {
-                self.list((nodes, field), (to_field, &now), start);
+                self.list((nodes, field), (to_field, &now), earliest(start));
                 0.0
             }
         };
@@ -114,10 +114,9 @@ impl Kept {
         }
     }
 
-    /// The furthest a listed node can have come towards contact since the list was made [mm]: by its motion, and where contact now starts earlier;
-    /// `None` where the list holds no more.
+    /// The furthest a listed node can have moved since the list was made [mm]; `None` where the list holds no more, or contact now begins earlier.
     fn moved(&self, nodes: &Nodes, now: &Affine, start: f64) -> Option<f64> {
-        let then = affine(&self.listed_at?);
+        let then = affine(&self.listed_at.filter(|_| start >= self.start)?);
         let change: Affine = (
             std::array::from_fn(|i| std::array::from_fn(|j| now.0[i][j] - then.0[i][j])),
             std::array::from_fn(|i| now.1[i] - then.1[i]),
@@ -127,9 +126,8 @@ impl Kept {
             let corners = (0..8).map(|c| std::array::from_fn(|a| extent[c >> a & 1][a]));
             corners.map(|p| map(&change, &p).iter().map(|x| x * x).sum::<f64>()).fold(0.0, f64::max).sqrt()
         };
-        let earlier = (self.start - start).max(0.0);
-        let near = furthest(&self.extent) + earlier;
-        (near <= REACH && furthest(&nodes.extent) + earlier <= FAR).then_some(near + 1e-9)
+        let near = furthest(&self.extent);
+        (near <= REACH && furthest(&nodes.extent) <= FAR).then_some(near + 1e-9)
     }
 
     /// Lists the nodes that a motion of [`REACH`] may bring into contact.
