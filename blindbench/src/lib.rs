@@ -12,6 +12,7 @@
 //! ```
 
 pub mod asked;
+pub mod frames;
 pub mod hidden;
 pub mod knee;
 pub mod laboratory;
