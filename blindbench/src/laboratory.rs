@@ -2,10 +2,11 @@
 
 use crate::BenchError;
 use crate::asked::{Asked, Hidden};
-use crate::frames::{Frames, Read, Repeat};
+use crate::frames::{Frames, Repeat};
 use crate::hidden::{KINDS, cut};
 use crate::knee::{Knee, KneeInput, normal};
 use crate::pose::components;
+use crate::read::Read;
 use crate::rest::{Path, rest};
 use crate::unknown::{self, UNKNOWN};
 use rand::{RngExt, SeedableRng};
@@ -150,7 +151,7 @@ pub fn make_read(
     // a knee that lacks a structure rests elsewhere without load, too
     let own = subject.as_ref().filter(|_| !cuts.is_empty()).map(|knee| self::path(knee, plan));
     let frames = repeat.drawn(&sources, seed);
-    let read = |of| Read::new(of, &frames, plan);
+    let read = |of| Read::new(of, &frames, &|knee| self::path(knee, plan));
     let subject = read((subject.as_ref().unwrap_or(&knee), own.as_ref().unwrap_or(&path)))?;
     let with = simulate(&subject, plan, &effects, &mut random, true);
     let mut quiet = ChaCha8Rng::seed_from_u64(seed);
@@ -259,7 +260,7 @@ fn beyond(knee: &Knee, path: &Path) -> BTreeMap<String, Beyond> {
 }
 
 /// Unloaded rests up to the plan's deepest flexion, and up to the drawers'.
-pub(crate) fn path(knee: &Knee, plan: &[Planned]) -> Path {
+fn path(knee: &Knee, plan: &[Planned]) -> Path {
     let last = plan.iter().map(|p| p.flexion_deg).fold(90.0, f64::max).to_radians();
     let compression = plan.iter().map(|p| p.load[4]).sum::<f64>() / plan.len() as f64;
     Path::new(knee, last, compression)

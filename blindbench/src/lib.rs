@@ -17,6 +17,7 @@ pub mod hidden;
 pub mod knee;
 pub mod laboratory;
 mod pose;
+mod read;
 mod rest;
 pub mod score;
 pub mod unknown;
