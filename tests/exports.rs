@@ -3,6 +3,10 @@
 #![expect(clippy::disallowed_methods, reason = "tests look at files and run other programs")]
 
 use crate::common::{build_model, built, copy, json, reads, write};
+use sim::coordinate::Load;
+use sim::mesh::MeshValue;
+use sim::trials::{TrialOptions, solve};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use tempfile::TempDir;
@@ -141,6 +145,55 @@ fn an_abaqus_deck_has_the_hexahedra_of_stage_8_and_comes_back_with_the_same_forc
     let apart = ours.iter().zip(&theirs).map(|((_, a), (_, b))| (a - b).abs() / (1.0 + a.abs())).fold(0.0, f64::max);
     println!("import-abaqus of the exported deck: results within {apart:.1e}");
     assert!(apart < 1e-6, "{apart}");
+}
+
+/// Forces of one model at one pose, read from two places, agree to within this share [-]: numbers are written so that they come back.
+const SAME_SHARE: f64 = 1e-9;
+
+/// The calibrated knee's friction, which the other tests of this file leave out: searches along a path of friction end where the path led them.
+const FRICTION: f64 = 0.03;
+
+#[test]
+fn a_deck_that_is_read_back_is_the_same_model_at_every_pose() {
+    let ours = genu::model_file::load(model()).unwrap();
+    let out = exported("abaqus", &[]);
+    let main = std::fs::read_dir(out.path()).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap());
+    let main = main.into_iter().find(|name| name.ends_with("_settle_flex.inp")).unwrap();
+    let read = |name: &str| std::fs::read(out.path().join(name)).map_err(|e| e.to_string());
+    let theirs = decks::import(&main, &mut |name: &str| read(name)).unwrap();
+    // the surfaces that bear: the same vertices in the same order
+    let surface = |of: &BTreeMap<String, MeshValue>, name: &str| match &of[name] {
+        MeshValue::Surface(mesh) => mesh.clone(),
+        other => panic!("{name}: {other:?}"),
+    };
+    assert_eq!(ours.spec.contact.pairs.len(), theirs.spec.contact.pairs.len());
+    for (a, b) in ours.spec.contact.pairs.iter().zip(&theirs.spec.contact.pairs) {
+        for (x, y) in [(&a.femur, &b.femur), (&a.tibia, &b.tibia)] {
+            let (x, y) = (surface(&ours.meshes, x), surface(&theirs.meshes, y));
+            assert!(x.vertices.len() > 100 && x.triangles == y.triangles);
+            let far = x.vertices.iter().zip(&y.vertices).map(|(p, q)| (p - q).norm() / (1.0 + p.coords.norm()));
+            assert!(far.fold(0.0, f64::max) < 1e-12);
+        }
+    }
+    let compiled = |spec, meshes| sim::compile(spec, meshes).unwrap().with_friction(FRICTION).unwrap();
+    let (ours, theirs) = (compiled(&ours.spec, &ours.meshes), compiled(&theirs.spec, &theirs.meshes));
+    let (mut pulled, mut pressed) = (0, 0);
+    for (flexion, ap, ie) in [(20.0, 60.0, 0.0), (40.0, -60.0, 0.0), (60.0, 0.0, -3.0), (90.0, 0.0, 3.0)] {
+        let load = Load::new(0.0, ie, 0.0, ap, 50.0);
+        let q = solve(&ours, flexion, &load, &TrialOptions::default()).unwrap().state.q;
+        let [a, b] = [&ours, &theirs].map(|model| model.evaluate(&q));
+        let [x, y] = [(&ours, &a), (&theirs, &b)].map(|(model, e)| model.bundle_forces(&e.fibres));
+        for (f, g) in x.iter().zip(&y) {
+            assert!((f - g).abs() <= SAME_SHARE * f.max(1.0), "{flexion} deg: {f} {g}");
+            pulled += usize::from(*f > 1.0);
+        }
+        for (f, g) in a.contact.wrench.iter().zip(&b.contact.wrench) {
+            let apart = (f.0 - g.0).norm() / f.0.norm().max(1.0);
+            assert!(apart <= SAME_SHARE, "{flexion} deg: {:?} {:?}", f.0, g.0);
+            pressed += usize::from(f.0.norm() > 1.0);
+        }
+    }
+    assert!(pulled >= 8 && pressed >= 4, "{pulled} {pressed}");
 }
 
 /// Every pose and force of a table of results, by column.

@@ -1,7 +1,8 @@
 //! The laboratory's knee: bones' frames, fibres of its own, cartilage as it lies.
 
 use crate::BenchError;
-use crate::pose::{Five, Pose, pose, read};
+use crate::frames::Frames;
+use crate::pose::{Five, Pose, components, pose, read};
 use meshes::Point;
 use meshes::frame::AnatomicalFrame;
 use meshes::query::SurfaceQuery;
@@ -90,6 +91,7 @@ impl KneeInput {
     }
 }
 
+#[derive(Clone, Copy)]
 struct Fibre {
     bundle: usize,
     /// In the femur's frame.
@@ -121,6 +123,8 @@ pub struct Knee {
 
 struct Contact {
     femur: SurfaceQuery,
+    /// The femur's surface, in its frame.
+    mesh: TriMesh,
     /// Nodes in the tibia's frame and their areas.
     nodes: Vec<(Vector3<f64>, f64)>,
     slope: f64,
@@ -190,6 +194,23 @@ impl Knee {
         let contact = Contact::new(input)?;
         let contact_scale = (0.2 * normal(&mut random)).exp();
         Ok(Knee { bundles, fibres, contact, contact_scale, ct: read(&ct) })
+    }
+
+    /// The same knee, read in other frames.
+    pub(crate) fn in_frames(&self, frames: &Frames) -> Result<Knee, BenchError> {
+        let moved = |f: &Fibre| Fibre { femur: frames.point(0, &f.femur), tibia: frames.point(1, &f.tibia), ..*f };
+        let mut mesh = self.contact.mesh.clone();
+        mesh.vertices.iter_mut().for_each(|p| *p = Point::from(frames.point(0, &p.coords)));
+        let femur =
+            SurfaceQuery::new(&mesh).ok_or_else(|| BenchError::Knee("the femoral surface is empty".to_owned()))?;
+        let nodes = self.contact.nodes.iter().map(|(p, area)| (frames.point(1, p), *area)).collect();
+        Ok(Knee {
+            bundles: self.bundles.clone(),
+            fibres: self.fibres.iter().map(moved).collect(),
+            contact: Contact { femur, mesh, nodes, slope: self.contact.slope },
+            contact_scale: self.contact_scale,
+            ct: read(&frames.pose(&pose(self.ct[0], &components(&self.ct)))),
+        })
     }
 
     /// Takes a share of its stiffness from a structure: all bundles of that name.
@@ -325,7 +346,7 @@ impl Contact {
         if nodes.is_empty() {
             return Err(BenchError::Knee("the tibial surfaces are empty".into()));
         }
-        Ok(Contact { femur, nodes, slope: input.contact_slope })
+        Ok(Contact { femur, mesh, nodes, slope: input.contact_slope })
     }
 }
 

@@ -2,9 +2,11 @@
 
 use crate::BenchError;
 use crate::asked::{Asked, Hidden};
+use crate::frames::{Frames, Repeat};
 use crate::hidden::{KINDS, cut};
 use crate::knee::{Knee, KneeInput, normal};
 use crate::pose::components;
+use crate::read::Read;
 use crate::rest::{Path, rest};
 use crate::unknown::{self, UNKNOWN};
 use rand::{RngExt, SeedableRng};
@@ -47,6 +49,9 @@ pub struct Truth {
     /// What the knee without effects does beyond the plan: in the pivot shift and in passive flexion; truths of earlier versions have none.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub beyond: BTreeMap<String, Beyond>,
+    /// Frames in which each data set reads poses, from the knee's own; none where all read in those.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub frames: BTreeMap<String, Frames>,
     /// What the effects change of the readings without noise: a row a trial, VV, IE [deg], ML, AP, SI [mm].
     pub signature: Vec<[f64; 5]>,
     /// Root mean square of it in noises, and the evidence an analysis can expect (filled in by the scorer).
@@ -113,6 +118,20 @@ pub fn make(
     (kind, size): (&str, f64),
     seed: u64,
 ) -> Result<Case, BenchError> {
+    make_read(input, plan, name, (kind, size), (seed, &Repeat::default()))
+}
+
+/// [`make`], each data set read in frames of its own.
+///
+/// # Errors
+/// As [`make`].
+pub fn make_read(
+    input: &KneeInput,
+    plan: &[Planned],
+    name: &str,
+    (kind, size): (&str, f64),
+    (seed, repeat): (u64, &Repeat),
+) -> Result<Case, BenchError> {
     if plan.is_empty() {
         return Err(BenchError::Plan("no trials".into()));
     }
@@ -131,15 +150,17 @@ pub fn make(
     let subject = if share == 0.0 && cuts.is_empty() { None } else { Some(subject(input, share, &cuts, seed)?) };
     // a knee that lacks a structure rests elsewhere without load, too
     let own = subject.as_ref().filter(|_| !cuts.is_empty()).map(|knee| self::path(knee, plan));
-    let (subject, own) = (subject.as_ref().unwrap_or(&knee), own.as_ref().unwrap_or(&path));
-    let with = simulate((subject, own), plan, &effects, &mut random, true);
+    let frames = repeat.drawn(&sources, seed);
+    let read = |of| Read::new(of, &frames, &|knee| self::path(knee, plan));
+    let subject = read((subject.as_ref().unwrap_or(&knee), own.as_ref().unwrap_or(&path)))?;
+    let with = simulate(&subject, plan, &effects, &mut random, true);
     let mut quiet = ChaCha8Rng::seed_from_u64(seed);
-    let clean =
-        |of: (&Knee, &Path), effects: &[(Hidden, String)], r: &mut ChaCha8Rng| simulate(of, plan, effects, r, false);
+    let clean = |of: &Read, effects: &[(Hidden, String)], r: &mut ChaCha8Rng| simulate(of, plan, effects, r, false);
     let signature: Vec<[f64; 5]> = if effects.is_empty() {
         vec![[0.0; 5]; plan.len()]
     } else {
-        let (a, b) = (clean((subject, own), &effects, &mut quiet), clean((&knee, &path), &[], &mut quiet));
+        let sound = read((&knee, &path))?;
+        let (a, b) = (clean(&subject, &effects, &mut quiet), clean(&sound, &[], &mut quiet));
         a.iter().zip(&b).map(|(x, y)| std::array::from_fn(|c| x[c] - y[c])).collect()
     };
     let squares: f64 =
@@ -152,6 +173,7 @@ pub fn make(
         contact_scale: knee.contact_scale,
         forces_n: drawers(&knee, &path),
         beyond: beyond(&knee, &path),
+        frames,
         signature,
         strength: Strength { raw_rms_sd: (squares / (5 * plan.len()) as f64).sqrt(), ..Strength::default() },
     };
@@ -246,7 +268,7 @@ fn path(knee: &Knee, plan: &[Planned]) -> Path {
 
 /// Readings VV, IE [deg], ML, AP, SI [mm], without tracking noise.
 fn simulate(
-    (knee, path): (&Knee, &Path),
+    read: &Read,
     plan: &[Planned],
     effects: &[(Hidden, String)],
     random: &mut ChaCha8Rng,
@@ -265,6 +287,7 @@ fn simulate(
         .map(|(p, noise)| {
             let here: Vec<Hidden> =
                 effects.iter().filter(|(_, s)| s == "both" || *s == p.source).map(|(h, _)| h.clone()).collect();
+            let (knee, path) = read.by(&p.source);
             let recorded = p.flexion_deg.to_radians();
             let load = [1000.0, 1000.0, 1.0, 1.0, 1.0];
             let mut asked = Asked { flexion: recorded, load: std::array::from_fn(|j| p.load[j] * load[j]) };

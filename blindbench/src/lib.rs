@@ -12,10 +12,12 @@
 //! ```
 
 pub mod asked;
+pub mod frames;
 pub mod hidden;
 pub mod knee;
 pub mod laboratory;
 mod pose;
+mod read;
 mod rest;
 pub mod score;
 pub mod unknown;

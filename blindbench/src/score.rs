@@ -220,6 +220,7 @@ mod tests {
             contact_scale: 1.0,
             forces_n: BTreeMap::default(),
             beyond: BTreeMap::new(),
+            frames: BTreeMap::new(),
             signature: vec![],
             strength: Strength { expected_evidence: 30.0, settled_evidence: 12.0, ..Strength::default() },
         };
@@ -245,6 +246,7 @@ mod tests {
             contact_scale: 1.0,
             forces_n: BTreeMap::default(),
             beyond: BTreeMap::new(),
+            frames: BTreeMap::new(),
             signature: vec![],
             strength: strength(evidence),
         };
@@ -274,6 +276,7 @@ mod tests {
             contact_scale: 1.0,
             forces_n: BTreeMap::default(),
             beyond: BTreeMap::new(),
+            frames: BTreeMap::new(),
             signature: vec![],
             strength: Strength::default(),
         };

@@ -3,6 +3,8 @@
 //!
 //! `coverage MODEL.json BENCH...`: each BENCH holds folders `case_N` of kla.csv, rks.csv, and `case_N.truth.json` beside them with `forces_n`.
 //! `--beyond`: intervals of poses and forces in the pivot shift and in passive flexion, which no trial of the bench has; the truths hold them under `beyond`.
+//! `--terms` with it: of what the width of the intervals of poses is made, by holding kinds of unknowns at their most probable values in turn.
+//! Shares of intervals that hold are told with a 90 % interval, by drawing knees again.
 //! `--displaced`: kla.csv is asked as an arthrometer would read it: drawer at 30 deg, rotation at 30 and 90 deg, one coordinate each, from the trial
 //! without load; without stated noise. `--rig SEED`: with offset, compliance and noise of an apparatus drawn from the program's priors.
 #![expect(clippy::disallowed_methods, reason = "reads and prints")]
@@ -11,12 +13,15 @@
 use calibration::inferred::DRAWER_N;
 use calibration::knee::Knee;
 use calibration::options::CalibrateOptions;
+use calibration::posterior::{ends, mean};
 use calibration::rig::RigOptions;
 use calibration::samples::{Bands, Question, Samples};
 use calibration::session::{Joint, Outcome, Session};
 use calibration::unknowns::KnownFrames;
+use inference::knee::Quantity;
 use inference::random::{normal, stream};
-use sim::coordinate::{AP, FREE, Free, IE, Load};
+use rand::RngExt;
+use sim::coordinate::{AP, Coordinate, FREE, Free, IE, Load};
 use sim::laxity::{LaxityTrial, Reference, Test, force_column};
 use sim::mesh::MeshValue;
 use sim::spec::ModelSpec;
@@ -36,6 +41,8 @@ struct Tally {
     z: Vec<f64>,
     sds: Vec<f64>,
     bundle_errors: Vec<f64>,
+    /// Intervals that hold and that count, by knee.
+    by_knee: Vec<[usize; 2]>,
     /// Errors of group sums with nothing measured, by knee, beside those of `errors`.
     knees: Vec<[f64; 2]>,
     /// Shares of the variance that data and beliefs removed.
@@ -65,14 +72,19 @@ struct Beyond {
     forces_n: BTreeMap<String, f64>,
 }
 
-/// Bands of a calibrated knee in trials, about what the final mechanics tell of its most probable values.
+/// Bands of a calibrated knee in trials, about what the final mechanics tell of its most probable values; unknowns of which `held` is true stay at
+/// their most probable values.
 fn bands_of(
     out: &Outcome,
     (spec, meshes): (&ModelSpec, &BTreeMap<String, MeshValue>),
     trials: &[LaxityTrial],
+    held: &dyn Fn(&Quantity) -> bool,
 ) -> Bands {
     let (schema, model) = (calibration::samples::SCHEMA.to_owned(), String::new());
-    let samples = Samples { schema, model, counted_from: spec.clone(), of: out.found.unknowns.clone() };
+    let mut samples = Samples { schema, model, counted_from: spec.clone(), of: out.found.unknowns.clone() };
+    for u in samples.of.unknowns.iter_mut().filter(|u| held(&u.quantity)) {
+        u.samples.fill(u.most_probable);
+    }
     let model = sim::compile(&out.spec, meshes).unwrap();
     let (answers, bundles) = (solve_trials(&model, trials, &TrialOptions::default()), model.bundle_names());
     let told = answers.into_iter().zip(trials).map(|(a, t)| a.map_or(vec![], |a| a.result(t).columns(&bundles)));
@@ -83,31 +95,73 @@ fn bands_of(
         .unwrap()
 }
 
+/// The trials of the truths beyond the bench's.
+fn trials_beyond(truth: &BTreeMap<String, Beyond>) -> Vec<LaxityTrial> {
+    let asked = |(name, b): (&String, &Beyond)| {
+        let [vv, ie, ml, ap, si] = b.load;
+        LaxityTrial::asked(name.clone(), Test::Neutral, b.flexion_deg, Load::new(vv, ie, ml, ap, si))
+    };
+    truth.iter().map(asked).collect()
+}
+
+/// A kind of unknowns, and which belong to it.
+type Kind = (&'static str, fn(&Quantity) -> bool);
+
+/// Kinds of unknowns; of none, what the model lacks is left.
+const KINDS: [Kind; 6] = [
+    ("none", |_| false),
+    ("frames", |q| matches!(q, Quantity::Frame(..))),
+    ("sites", |q| matches!(q, Quantity::Site(..))),
+    ("ligaments", |q| matches!(q, Quantity::ReferenceStrain(_) | Quantity::Stiffness(_))),
+    ("cartilage and its lean", |q| matches!(q, Quantity::Cartilage | Quantity::ContactScale | Quantity::Lean(..))),
+    ("all", |_| true),
+];
+
+/// Width of the intervals of poses by trial, with kinds of unknowns held in turn.
+fn terms(out: &Outcome, of: (&ModelSpec, &BTreeMap<String, MeshValue>), truth: &BTreeMap<String, Beyond>) {
+    let trials = trials_beyond(truth);
+    for (name, held) in KINDS {
+        let bands = bands_of(out, of, &trials, &held);
+        for (trial, row) in truth.keys().zip(&bands.rows) {
+            let width = |c: Coordinate| {
+                let band = row.iter().find(|x| x.0 == c.column());
+                format!("{} {:.2}", c.column(), band.map_or(f64::NAN, |(_, b)| b.upper - b.lower))
+            };
+            println!("    held {name}, {trial}: width {}", FREE.map(width).join(", "));
+        }
+    }
+}
+
 /// How many intervals of a knee hold, of how many: of poses, and of forces of bundles that carry anything.
 fn beyond(
     out: &Outcome,
     (spec, meshes): (&ModelSpec, &BTreeMap<String, MeshValue>),
     truth: &BTreeMap<String, Beyond>,
+    more: bool,
 ) -> [[usize; 2]; 2] {
-    let asked = |(name, b): (&String, &Beyond)| {
-        let [vv, ie, ml, ap, si] = b.load;
-        LaxityTrial::asked(name.clone(), Test::Neutral, b.flexion_deg, Load::new(vv, ie, ml, ap, si))
-    };
-    let trials: Vec<LaxityTrial> = truth.iter().map(asked).collect();
-    let bands = bands_of(out, (spec, meshes), &trials);
+    let trials = trials_beyond(truth);
+    let bands = bands_of(out, (spec, meshes), &trials, &|_| false);
     let mut count = [[0; 2]; 2];
-    for (b, row) in truth.values().zip(&bands.rows) {
+    for ((trial, b), row) in truth.iter().zip(&bands.rows) {
         let band = |name: &str| row.iter().find(|r| r.0 == name).map(|r| r.1);
         for (c, pose) in FREE.into_iter().zip(b.pose) {
             let Some(band) = band(&c.column()) else { continue };
-            count[0][0] += usize::from(band.lower <= pose && pose <= band.upper);
+            let inside = band.lower <= pose && pose <= band.upper;
+            count[0][0] += usize::from(inside);
             count[0][1] += 1;
+            if more && !inside {
+                println!("    {trial} {}: {pose:.2}, told {:.2} to {:.2}", c.column(), band.lower, band.upper);
+            }
         }
         for (name, force) in &b.forces_n {
             let Some(band) = band(&force_column(&ours(name))) else { continue };
             if force.max(band.upper) > 5.0 {
-                count[1][0] += usize::from(band.lower - 1.0 <= *force && *force <= band.upper + 1.0);
+                let inside = band.lower - 1.0 <= *force && *force <= band.upper + 1.0;
+                count[1][0] += usize::from(inside);
                 count[1][1] += 1;
+                if more && !inside {
+                    println!("    {trial} {name}: {force:.0}, told {:.0} to {:.0}", band.lower, band.upper);
+                }
             }
         }
     }
@@ -130,7 +184,7 @@ fn cruciates(
     let drawers: Vec<&String> =
         truth.keys().filter(|k| k.starts_with("anterior") || k.starts_with("posterior")).collect();
     let trials: Vec<LaxityTrial> = drawers.iter().map(|n| asked(n)).collect();
-    let bands = bands_of(out, (spec, meshes), &trials);
+    let bands = bands_of(out, (spec, meshes), &trials, &|_| false);
     let mut count = [0; 2];
     for (name, row) in drawers.iter().zip(&bands.rows) {
         for group in ["ACL", "PCL"] {
@@ -214,21 +268,22 @@ fn judge(found: &calibration::session::Outcome, truth: &Forces, tally: &mut Tall
     for f in &found.found.forces {
         let name = names[f.bundle];
         let Some(t) = truth.get(&f.trial).and_then(|t| t.iter().find(|(n, _)| ours(n) == name)) else { continue };
+        let Some([lower, upper]) = f.interval_n else { continue };
         let (t, v) = (*t.1, f.value_n.unwrap_or(0.0));
         let group = name.split('_').next().unwrap().to_owned();
         let sum = sums.entry((f.trial.clone(), group)).or_default();
         *sum = [sum[0] + t, sum[1] + v, sum[2] + f.unmeasured.map_or(0.0, |u| u[0])];
         tally.shares.push([f.determined, f.believed]);
-        if t.max(f.upper_n) > 5.0 {
+        if t.max(upper) > 5.0 {
             counted += 1;
-            let inside = f.lower_n - 1.0 <= t && t <= f.upper_n + 1.0;
+            let inside = lower - 1.0 <= t && t <= upper + 1.0;
             held += usize::from(inside);
-            let sd = (f.upper_n - f.lower_n) / 3.29;
+            let sd = (upper - lower) / 3.29;
             tally.z.push((v - t) / sd.max(1.0));
             tally.sds.push(sd);
             tally.bundle_errors.push(v - t);
             if more && (!inside || (v - t).abs() > 60.0) {
-                println!("    {} {name}: {t:.0}, told {v:.0} ({:.0} to {:.0})", f.trial, f.lower_n, f.upper_n);
+                println!("    {} {name}: {t:.0}, told {v:.0} ({lower:.0} to {upper:.0})", f.trial);
             }
         }
     }
@@ -236,6 +291,7 @@ fn judge(found: &calibration::session::Outcome, truth: &Forces, tally: &mut Tall
     let errors: Vec<f64> = sums.values().filter(carries).map(|s| s[1] - s[0]).collect();
     let unmeasured: Vec<f64> = sums.values().filter(carries).map(|s| s[2] - s[0]).collect();
     tally.knees.push([rms(&errors), rms(&unmeasured)]);
+    tally.by_knee.push([held, counted]);
     let rms = rms(&errors);
     tally.errors.extend(errors);
     (tally.held, tally.counted) = (tally.held + held, tally.counted + counted);
@@ -262,10 +318,7 @@ fn tell(name: &str, out: &calibration::session::Outcome) {
         );
     }
     for r in &out.found.rest {
-        println!(
-            "    rest at {}: {:.0} N ({:.0} to {:.0}), model {:.0}",
-            r.fe_deg, r.value_n, r.lower_n, r.upper_n, r.model_n
-        );
+        println!("    rest at {}: {:.0} N ({:.0?}), model {:.0}", r.fe_deg, r.value_n, r.interval_n, r.mode_n);
     }
     out.warnings.iter().for_each(|w| println!("    warning: {w}"));
     println!(
@@ -285,8 +338,10 @@ fn main() {
     let options = CalibrateOptions::default();
     let asks_beyond = args.iter().any(|a| a == "--beyond");
     args.retain(|a| a != "--beyond");
+    let asks_terms = args.iter().any(|a| a == "--terms");
+    args.retain(|a| a != "--terms");
     let (knee, meshes) = knee(Path::new(&args[0]), &options);
-    let mut all_beyond = [[0; 2]; 3];
+    let mut all_beyond: Vec<[[usize; 2]; 3]> = Vec::new();
     let mut all: BTreeMap<&str, Tally> = BTreeMap::new();
     for (number, case) in args[1..].iter().enumerate() {
         let truth: serde_json::Value = match std::fs::read(format!("{case}.truth.json")) {
@@ -322,14 +377,15 @@ fn main() {
         }
         let joint = run("joint", &sources, None);
         if asks_beyond {
-            let [poses, forces] = beyond(&joint, (&knee.spec, &meshes), &truth_beyond);
+            let [poses, forces] = beyond(&joint, (&knee.spec, &meshes), &truth_beyond, more);
             let sums = cruciates(&joint, (&knee.spec, &meshes), &truth, more);
             println!(
                 "{line} beyond: poses {}/{}, forces {}/{}; cruciate sums in drawers {}/{}",
                 poses[0], poses[1], forces[0], forces[1], sums[0], sums[1]
             );
-            for (sum, own) in all_beyond.iter_mut().zip([poses, forces, sums]) {
-                (sum[0], sum[1]) = (sum[0] + own[0], sum[1] + own[1]);
+            all_beyond.push([poses, forces, sums]);
+            if asks_terms {
+                terms(&joint, (&knee.spec, &meshes), &truth_beyond);
             }
             continue;
         }
@@ -340,25 +396,43 @@ fn main() {
         }
         println!("{line}");
     }
-    summed_up(asks_beyond.then_some(all_beyond), &all);
+    summed_up(&all_beyond, &all);
+}
+
+/// Times that knees are drawn again for an interval [-].
+const DRAWS: usize = 2000;
+
+/// A share of intervals that hold with its 90 % interval, by drawing knees again, and the least and the mean of the knees.
+fn by_knee(knees: &[[usize; 2]]) -> String {
+    let share = |of: &mut dyn Iterator<Item = [usize; 2]>| {
+        let [held, counted] = of.fold([0, 0], |sum, k| [sum[0] + k[0], sum[1] + k[1]]);
+        100.0 * held as f64 / counted.max(1) as f64
+    };
+    let mut random = stream(1, 1);
+    let mut again = || share(&mut (0..knees.len()).map(|_| knees[random.random_range(0..knees.len())]));
+    let drawn: Vec<f64> = (0..DRAWS).map(|_| again()).collect();
+    let (lower, upper) = ends(&drawn, 0.9).unwrap_or_default();
+    let each: Vec<f64> = knees.iter().filter(|k| k[1] > 0).map(|k| share(&mut std::iter::once(*k))).collect();
+    let least = each.iter().copied().fold(f64::INFINITY, f64::min);
+    let (all, middle) = (share(&mut knees.iter().copied()), mean(&each));
+    format!("{all:.0} % ({lower:.0} to {upper:.0} by knee); lowest knee {least:.0}, mean of knees {middle:.0}")
 }
 
 /// The last lines: shares of intervals that hold, errors, and what was known with nothing measured.
-fn summed_up(beyond: Option<[[usize; 2]; 3]>, all: &BTreeMap<&str, Tally>) {
-    if let Some(all_beyond) = beyond {
-        let share = |[held, of]: [usize; 2]| 100.0 * held as f64 / of.max(1) as f64;
-        let [poses, forces, sums] = all_beyond.map(share);
-        println!(
-            "beyond: {poses:.0} % of poses and {forces:.0} % of forces inside; {sums:.0} % of cruciate sums in drawers"
-        );
+fn summed_up(beyond: &[[[usize; 2]; 3]], all: &BTreeMap<&str, Tally>) {
+    for (k, what) in ["poses", "forces", "cruciate sums in drawers"].into_iter().enumerate() {
+        let own: Vec<[usize; 2]> = beyond.iter().map(|b| b[k]).filter(|n| n[1] > 0).collect();
+        if !own.is_empty() {
+            println!("beyond: {what}: {}", by_knee(&own));
+        }
     }
     for (name, t) in all {
         println!(
-            "{name}: rms {:.1} N, {} of {} intervals hold ({:.0} %), error over sd {:.2}, rms error over rms sd {:.2}",
+            "{name}: rms {:.1} N, {} of {} intervals hold ({}), error over sd {:.2}, rms error over rms sd {:.2}",
             rms(&t.errors),
             t.held,
             t.counted,
-            100.0 * t.held as f64 / t.counted.max(1) as f64,
+            by_knee(&t.by_knee),
             rms(&t.z),
             rms(&t.bundle_errors) / rms(&t.sds)
         );

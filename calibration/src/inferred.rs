@@ -8,6 +8,7 @@ use crate::knee::Knee;
 use crate::last_forces::{last_forces, moved};
 use crate::next_test::next_tests;
 use crate::options::{CalibrateOptions, Method};
+use crate::plateau::Staying;
 use crate::posterior::{NoiseEstimate, OtherEstimate, ParameterEstimate, RestEstimate, ends, mean, variance};
 use crate::rig;
 use crate::targets::Targets;
@@ -20,6 +21,7 @@ use inference::parameter::Parameter;
 use inference::posterior::{Found, Sample, infer};
 use nalgebra::{DMatrix, DVector};
 use notices::{Kind, Notice};
+use rayon::prelude::*;
 use sim::coordinate::{AP, Coordinate, FREE, Free, Load};
 use sim::laxity::{LaxityTrial, Test};
 use std::collections::BTreeMap;
@@ -361,15 +363,22 @@ fn told(
     let frames = frames(question, trials, samples);
     let found_values = values[..n_ligaments].to_vec();
     let last = last_forces(question.knee, trials, &values, nobody_measured.clone());
+    let leaves: Vec<Vec<Option<bool>>> =
+        samples.par_iter().map(|s| trials.leaving(&s.z, &s.state, nobody_measured.clone())).collect();
     let calibrated = Calibrated {
         method: Method::Posterior,
         cost,
         lowest_cost: (cost, found_values.clone()),
         parameters: (0..n_ligaments).map(of_ligament).collect(),
         others,
-        forces: unmeasured.forces(&found, (measured, &names), &last, (interval, options.seed)),
-        rest: rest(&found, &last, measured, interval),
-        next_tests: next_tests(trials, &found, drawers, (COMPRESSION_N, noise_of_a_test(question, likelihood))),
+        forces: unmeasured.forces(&found, (measured, &names, &leaves), &last, (interval, options.seed)),
+        rest: rest(&found, (&last, &leaves), measured, interval),
+        next_tests: next_tests(
+            trials,
+            &found,
+            (drawers, &leaves),
+            (COMPRESSION_N, noise_of_a_test(question, likelihood)),
+        ),
         noise_scale: Free::from_fn(|c| {
             (0..sources.len())
                 .map(|s| likelihood.scale.get(noise_group(s, c)).copied().unwrap_or(1.0))
@@ -432,22 +441,26 @@ fn estimate(
     }
 }
 
-/// Tension of all ligaments at rest.
-fn rest(found: &Found<Answers>, last: &[Option<Vec<f64>>], measured: usize, interval: f64) -> Vec<RestEstimate> {
+/// Tension of all ligaments at rest: mean and interval of the samples that stay on the plateau (`leaves`, by sample and imagined trial).
+fn rest(
+    found: &Found<Answers>,
+    (last, leaves): (&[Option<Vec<f64>>], &[Vec<Option<bool>>]),
+    measured: usize,
+    interval: f64,
+) -> Vec<RestEstimate> {
     let mode = &found.modes[0].state;
     let total = |state: &Answers, i: usize| {
         moved(&state[measured + i].forces_n, &mode[measured + i].forces_n, last[i].as_ref()).iter().sum::<f64>()
     };
     let from = drawer_names().len();
     let of = |(k, fe_deg): (usize, &f64)| {
-        let mut all: Vec<f64> = found.samples.iter().map(|s| total(&s.state, from + k)).collect();
-        let chosen = total(&found.modes[0].state, from + k);
-        if all.is_empty() {
-            all.push(chosen);
-        }
-        let value = mean(&all);
-        let (lower_n, upper_n) = ends(&all, interval).unwrap_or((value, value));
-        RestEstimate { fe_deg: *fe_deg, value_n: value, lower_n, upper_n, model_n: chosen }
+        let staying = Staying::of(leaves.iter().map(|l| l[from + k]));
+        let all: Vec<f64> = staying.here.iter().map(|&s| total(&found.samples[s].state, from + k)).collect();
+        let mode_n = total(&found.modes[0].state, from + k);
+        let value_n = if all.is_empty() { mode_n } else { mean(&all) };
+        let (lower, upper) = ends(&all, interval).unwrap_or((value_n, value_n));
+        let interval_n = (!all.is_empty() || staying.leaving == 0).then_some([lower, upper]);
+        RestEstimate { fe_deg: *fe_deg, value_n, interval_n, mode_n, leaving: staying.leaving }
     };
     REST_DEG.iter().enumerate().map(of).collect()
 }

@@ -23,6 +23,7 @@ pub mod levenberg;
 mod mechanics;
 pub mod next_test;
 pub mod options;
+pub mod plateau;
 pub mod posterior;
 pub mod priors;
 pub mod problem;

@@ -1,6 +1,7 @@
 //! Which test would narrow the intervals of ligament forces most, had it been done: the variance that its reading would remove
 //! [lindley1956], by the samples and the derivatives there are. No knee is solved again but for the tests themselves.
 
+use crate::plateau::Staying;
 use crate::posterior::{mean, variance};
 use inference::knee::{Answers, Asked, Trials};
 use inference::posterior::{Forward, Found};
@@ -82,12 +83,13 @@ fn plan(compression_n: f64) -> (Vec<Asked>, Vec<(Test, f64, f64)>) {
     (asked, told)
 }
 
-/// The tests that would narrow the forces of `drawers`, places of trials, most; the best first. Each reads one displacement from the unloaded pose,
+/// The tests that would narrow the forces of `drawers`, places of trials, most; the best first. `leaves` tells by sample and drawer which leave the
+/// plateau. Each reads one displacement from the unloaded pose,
 /// with a noise of `sd` [deg, mm]; none where there are too few samples, or the knee cannot be put to the tests.
 pub fn next_tests(
     trials: &Trials,
     found: &Found<Answers>,
-    drawers: std::ops::Range<usize>,
+    (drawers, leaves): (std::ops::Range<usize>, &[Vec<Option<bool>>]),
     (compression_n, sd): (f64, Free<f64>),
 ) -> Vec<NextTest> {
     let mode = &found.modes[0].z;
@@ -98,18 +100,24 @@ pub fn next_tests(
     }
     let Some(point) = of.at(mode, None) else { return vec![] };
     let scatter = of.scatter(&point.state);
-    let forces: Vec<Vec<f64>> = drawers
-        .flat_map(|i| (0..trials.model.bundles.len()).map(move |b| (i, b)))
-        .map(|(i, b)| found.samples.iter().map(|s| s.state[i].forces_n[b]).collect())
+    let staying: Vec<Staying> = (0..drawers.len()).map(|k| Staying::of(leaves.iter().map(|l| l[k]))).collect();
+    let forces: Vec<(&[usize], Vec<f64>)> = drawers
+        .zip(&staying)
+        .filter(|(_, staying)| !staying.here.is_empty())
+        .flat_map(|(i, staying)| (0..trials.model.bundles.len()).map(move |b| (i, b, &staying.here[..])))
+        .map(|(i, b, here)| (here, here.iter().map(|s| found.samples[*s].state[i].forces_n[b]).collect()))
         .collect();
-    let now = mean(&forces.iter().map(|f| variance(f).sqrt()).collect::<Vec<_>>());
+    let now = mean(&forces.iter().map(|(_, f)| variance(f).sqrt()).collect::<Vec<_>>());
     let rows = of.rows();
     let mut out = Vec::new();
     for (r, (test, flexion_deg, load)) in told.into_iter().enumerate() {
         let row: DVector<f64> = point.slope.row(r).transpose();
         let reading: Vec<f64> = found.samples.iter().map(|s| row.dot(&(&s.z - mode))).collect();
         let own = scatter.as_ref().map_or(0.0, |s| s[(r, r)]) + sd[rows[r].1].powi(2);
-        let after: Vec<f64> = forces.iter().map(|f| narrowed(f, &reading, own)).collect();
+        let narrowed = |(here, f): &(&[usize], Vec<f64>)| {
+            narrowed(f, &here.iter().map(|s| reading[*s]).collect::<Vec<f64>>(), own)
+        };
+        let after: Vec<f64> = forces.iter().map(narrowed).collect();
         out.push(NextTest { test, flexion_deg, load, sd_now_n: now, sd_after_n: mean(&after) });
     }
     out.sort_by(|a, b| a.sd_after_n.total_cmp(&b.sd_after_n));

@@ -7,6 +7,7 @@ use crate::experiment::Experiment;
 use crate::options::GradientOptions;
 use crate::problem::Probes;
 use crate::problem::Problem;
+use inference::parameter::Prior;
 use inference::random::{normal, stream};
 use nalgebra::DVector;
 use notices::Notice;
@@ -59,12 +60,17 @@ pub struct ForceEstimate {
     pub trial: String,
     /// Index of the bundle.
     pub bundle: usize,
-    /// Mean over the posterior [N], the least wrong number to tell; of the recipes at the values chosen, `None` where the trial has no answer there.
+    /// The least wrong number to tell [N]: the mean over the samples; of the recipes, and where no samples count, that of the values chosen. `None` where
+    /// the trial has no answer there.
     pub value_n: Option<f64>,
-    /// Lower end of its interval [N].
-    pub lower_n: f64,
-    /// Upper end of its interval [N].
-    pub upper_n: f64,
+    /// Mean over the samples that count ([`crate::plateau`]) [N]; `None` where none do.
+    pub mean_n: Option<f64>,
+    /// Of the single most probable model, or of the values chosen [N].
+    pub mode_n: Option<f64>,
+    /// Ends of its interval [N]; `None` where more than half of the samples leave the plateau.
+    pub interval_n: Option<[f64; 2]>,
+    /// Samples whose femur leaves the plateau in the trial, which do not count; 0 by the recipes, which do not look.
+    pub leaving: usize,
     /// Share of the variance with nothing measured which the data removed, 0 to 1 [-]: of all that is believed before, by an inference; of parameters
     /// spread over their ranges, by the recipes.
     pub determined: f64,
@@ -151,15 +157,23 @@ impl NoiseEstimate {
 pub struct RestEstimate {
     /// Flexion [deg].
     pub fe_deg: f64,
-    /// Mean over the posterior [N].
+    /// Mean over the samples that count ([`crate::plateau`]) [N]; of the single most probable model where none do.
     pub value_n: f64,
-    /// Lower end of its interval [N].
-    pub lower_n: f64,
-    /// Upper end of its interval [N].
-    pub upper_n: f64,
-    /// Of the calibrated model [N].
-    pub model_n: f64,
+    /// Ends of its interval [N]; `None` where more than half of the samples leave the plateau.
+    pub interval_n: Option<[f64; 2]>,
+    /// Of the single most probable model [N].
+    pub mode_n: f64,
+    /// Samples whose femur leaves the plateau, which do not count.
+    pub leaving: usize,
 }
+
+/// Whether a value lies outside an interval by what a table shows.
+pub fn is_outside(value: f64, [lower, upper]: [f64; 2]) -> bool {
+    value < lower - SHOWN || value > upper + SHOWN
+}
+
+/// Tables have three digits after the point [N, deg, mm].
+const SHOWN: f64 = 1e-3;
 
 /// A force whose interval reaches no further than this from its value is called determined [N].
 pub const FORCE_DETERMINED_N: f64 = 15.0;
@@ -168,7 +182,17 @@ impl ForceEstimate {
     /// Whether there is an interval, and it stays within [`FORCE_DETERMINED_N`] of the value.
     pub fn is_determined(&self) -> bool {
         let near = |end: f64| self.value_n.is_some_and(|v| (end - v).abs() <= FORCE_DETERMINED_N);
-        self.determined > 0.0 && near(self.lower_n) && near(self.upper_n)
+        self.determined > 0.0 && self.interval_n.is_some_and(|ends| ends.into_iter().all(near))
+    }
+
+    /// Whether the single most probable model lies outside the interval of the samples: it is one knee, and no middle of theirs.
+    pub fn mode_is_outside(&self) -> bool {
+        self.mode_n.zip(self.interval_n).is_some_and(|(mode, interval)| is_outside(mode, interval))
+    }
+
+    /// Upper end of the interval, or the value where there is none [N].
+    pub fn most_n(&self) -> f64 {
+        self.interval_n.map_or(self.value_n.unwrap_or(0.0), |i| i[1])
     }
 }
 
@@ -270,8 +294,10 @@ pub fn forces(probes: &Probes, design: &Design, point: &[f64], found: &Found, in
                 trial: name.clone(),
                 bundle,
                 value_n,
-                lower_n: lower_n.min(here),
-                upper_n: upper_n.max(here),
+                mean_n: (!posterior.is_empty()).then(|| mean(&posterior)),
+                mode_n: value_n,
+                interval_n: Some([lower_n.min(here), upper_n.max(here)]),
+                leaving: 0,
                 determined,
                 believed: 0.0,
                 unmeasured: None,
@@ -295,6 +321,14 @@ pub fn ends(values: &[f64], share: f64) -> Option<(f64, f64)> {
     Some((at(0.5 - 0.5 * share), at(0.5 + 0.5 * share)))
 }
 
+/// Standard error of an end of an interval by so many samples, as a share of half the interval [-]: that of a quantile of a normal distribution, by its
+/// density there; `None` of fewer than two samples.
+pub fn error_of_ends(samples: usize, interval: f64) -> Option<f64> {
+    let z = Prior::Normal { mean: 0.0, sd: 1.0 }.interval(interval).1;
+    let (tail, density) = (0.5 * (1.0 - interval), (-0.5 * z * z).exp() / (2.0 * std::f64::consts::PI).sqrt());
+    (samples > 1 && z > 0.0).then(|| (tail * (1.0 - tail) / samples as f64).sqrt() / (density * z))
+}
+
 /// Mean of values; 0 of none.
 pub fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
@@ -308,4 +342,44 @@ pub fn variance(values: &[f64]) -> f64 {
     }
     let mean = values.iter().sum::<f64>() / n;
     values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use inference::random::normals;
+
+    #[test]
+    fn ends_by_few_samples_err_as_much_as_is_told() {
+        let (n, share, of) = (48, 0.9, 4000);
+        let lower = |k: u64| ends(normals(&mut stream(3, k), n).as_slice(), share).unwrap().0;
+        let all: Vec<f64> = (0..of).map(lower).collect();
+        let half = Prior::Normal { mean: 0.0, sd: 1.0 }.interval(share).1;
+        let (found, told) = (variance(&all).sqrt() / half, error_of_ends(n, share).unwrap());
+        // the formula is that of many samples
+        assert!((found / told - 1.0).abs() < 0.1, "{found} {told}");
+        assert!((told - 0.185).abs() < 0.001, "{told}");
+        assert!(error_of_ends(1, share).is_none());
+    }
+
+    #[test]
+    fn a_single_model_outside_the_samples_interval_is_told() {
+        let at = |mode_n: f64, interval_n: Option<[f64; 2]>| ForceEstimate {
+            trial: "anterior_30".into(),
+            bundle: 0,
+            value_n: Some(20.0),
+            mean_n: Some(20.0),
+            mode_n: Some(mode_n),
+            interval_n,
+            leaving: 0,
+            determined: 0.5,
+            believed: 0.0,
+            unmeasured: None,
+        };
+        let inside = |mode: f64| !at(mode, Some([10.0, 30.0])).mode_is_outside();
+        assert!(inside(10.0) && inside(30.0) && !inside(9.9) && !inside(30.1));
+        assert!(
+            !at(50.0, None).mode_is_outside() && at(50.0, None).most_n() == 20.0 && !at(50.0, None).is_determined()
+        );
+    }
 }

@@ -3,6 +3,7 @@
 use crate::calibrate::Calibrated;
 use crate::cost::residual;
 use crate::options::Method;
+use crate::posterior::is_outside;
 use crate::session::Outcome;
 use serde::{Deserialize, Serialize};
 use sim::coordinate::{Coordinate, FREE, Free};
@@ -87,11 +88,46 @@ fn next_tests(found: &Calibrated) -> String {
     out
 }
 
-/// rest.csv: tension of all ligaments together without load but 20 N of compression [N]: mean and interval, and of the calibrated model.
+/// rest.csv: tension of all ligaments together without load but 20 N of compression [N]: the best estimate and its interval, the single most probable
+/// model twice (`model_n` is its old name), the samples' mean, whether that model lies outside the interval, and how many samples leave the plateau.
 fn rest(found: &Calibrated) -> String {
-    let mut out = "fe_deg,value_n,lower_n,upper_n,model_n\n".to_owned();
+    let mut out = "fe_deg,value_n,lower_n,upper_n,model_n,mean_n,mode_n,outside,leaving\n".to_owned();
     for r in &found.rest {
-        let _ = writeln!(out, "{},{:.3},{:.3},{:.3},{:.3}", r.fe_deg, r.value_n, r.lower_n, r.upper_n, r.model_n);
+        let outside = r.interval_n.is_some_and(|i| is_outside(r.mode_n, i));
+        let ends = ends(r.interval_n);
+        let _ = writeln!(
+            out,
+            "{},{:.3},{ends},{:.3},{:.3},{:.3},{outside},{}",
+            r.fe_deg, r.value_n, r.mode_n, r.value_n, r.mode_n, r.leaving
+        );
+    }
+    out
+}
+
+/// Both ends of an interval as two cells; `nan` where there is none, which readers of numbers take.
+fn ends(interval_n: Option<[f64; 2]>) -> String {
+    interval_n.map_or("nan,nan".to_owned(), |[lower, upper]| format!("{lower:.3},{upper:.3}"))
+}
+
+/// A line about forces that are told with their intervals: how many of the single most probable model lie outside them, and how many samples at most
+/// are left out of one; empty where neither is.
+pub fn outside_words(found: &Calibrated) -> String {
+    let outside = found.forces.iter().filter(|f| f.mode_is_outside()).count();
+    let leaving = found.forces.iter().map(|f| f.leaving).chain(found.rest.iter().map(|r| r.leaving)).max().unwrap_or(0);
+    let mut out = String::new();
+    if outside > 0 {
+        let of = found.forces.len();
+        let _ = writeln!(
+            out,
+            "{outside} of {of} bundle forces of the single most probable model lie outside their interval (forces.csv, outside)"
+        );
+    }
+    if leaving > 0 {
+        let of = found.samples.len();
+        let _ = writeln!(
+            out,
+            "up to {leaving} of {of} samples leave the plateau in a drawer or at rest, and do not count there"
+        );
     }
     out
 }
@@ -108,19 +144,25 @@ pub fn history(costs: &[f64]) -> String {
 }
 
 /// forces.csv: bundle forces in the AP tests with their intervals, and whether those stay within 15 N of the value; then what beliefs removed of the
-/// variance before the measurements, and mean and interval with nothing measured.
+/// variance before the measurements, and mean and interval with nothing measured; then the samples' mean and the single most probable model, whether that
+/// lies outside the interval, and how many samples leave the plateau.
 fn forces(found: &Calibrated, bundles: &[String]) -> String {
     let mut out = "trial,bundle,value_n,lower_n,upper_n,determined,within_15_n".to_owned();
-    out += ",believed,unmeasured_n,unmeasured_lower_n,unmeasured_upper_n\n";
+    out += ",believed,unmeasured_n,unmeasured_lower_n,unmeasured_upper_n,mean_n,mode_n,outside,leaving\n";
     for f in &found.forces {
         let name = bundles.get(f.bundle).map_or("", String::as_str);
-        let value = f.value_n.map_or(String::new(), |v| format!("{v:.3}"));
+        let cell = |x: Option<f64>| x.map_or(String::new(), |v| format!("{v:.3}"));
+        let [value, mean, mode] = [f.value_n, f.mean_n, f.mode_n].map(cell);
         let (trial, within) = (&f.trial, f.is_determined());
         let before = f.unmeasured.map_or(",,".to_owned(), |[v, a, b]| format!("{v:.3},{a:.3},{b:.3}"));
         let _ = writeln!(
             out,
-            "{trial},{name},{value},{:.3},{:.3},{:.3},{within},{:.3},{before}",
-            f.lower_n, f.upper_n, f.determined, f.believed
+            "{trial},{name},{value},{},{:.3},{within},{:.3},{before},{mean},{mode},{},{}",
+            ends(f.interval_n),
+            f.determined,
+            f.believed,
+            f.mode_is_outside(),
+            f.leaving
         );
     }
     out

@@ -5,6 +5,7 @@
 use crate::error::CalibrationError;
 use crate::inferred::LACK;
 use crate::mechanics::Mechanics;
+use crate::plateau::Staying;
 use crate::posterior::{ends, mean};
 use crate::unknown::{UNLIKE_STREAM, Unknown, Unknowns};
 use crate::unmeasured::force_sd;
@@ -49,8 +50,7 @@ pub struct Samples {
 /// Bands of results, a row each, and how many samples had no answer in some row.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Bands {
-    /// Bands by column, of the samples whose femur stays on the plateau: beyond it nothing bears, and a pose or force there is none of this knee. Empty
-    /// where more than half leave it.
+    /// Bands by column, of the samples whose femur stays on the plateau ([`crate::plateau`]).
     pub rows: Vec<Vec<(String, Band)>>,
     /// Samples whose femur leaves the plateau, by row.
     pub leaving: Vec<usize>,
@@ -86,8 +86,8 @@ struct Drawn {
     own: Vec<Option<Prediction>>,
     /// Answers of each sample, a trial each.
     found: Vec<Vec<Option<Prediction>>>,
-    /// By what each sample is moved for what the model lacks, a trial each.
-    lacking: Vec<Vec<Free<f64>>>,
+    /// Poses of each sample under the loads that the model lacks, too, a trial each; `None` without equilibrium or off the plateau.
+    pushed: Vec<Vec<Option<Free<f64>>>>,
 }
 
 /// A change of a coordinate from one trial to another, as an apparatus reads it: no zero of its frame counts.
@@ -183,30 +183,27 @@ impl Samples {
         if trials.is_empty() || self.is_empty() || question.most == 0 {
             return Ok(Bands::nothing(trials.len()));
         }
-        let Drawn { names, own, found, lacking } = self.drawn(searched, question)?;
+        let Drawn { names, own, found, pushed } = self.drawn(searched, question)?;
         let mechanics = |i: usize| match (question.values.and_then(|v| v.get(i)), &own[i]) {
             (Some(last), Some(p)) => Mechanics::between(&told(&names, p), last),
             _ => Mechanics::default(),
         };
-        let row = |i: usize| {
-            let answers = || found.iter().enumerate().filter_map(|(s, f)| Some((s, f[i].as_ref()?)));
-            let here: Vec<(usize, &Prediction)> = answers().filter(|(_, p)| !p.leaves_the_plateau).collect();
-            // what few samples say on the plateau is no interval of this knee
-            if 2 * here.len() < answers().count() {
-                return Vec::new();
-            }
-            let moved: Vec<Free<f64>> = lacking.iter().map(|l| l[i]).collect();
-            self.row(&names, &here, &moved, &mechanics(i))
+        let leaves = |f: &Vec<Option<Prediction>>, i: usize| f[i].as_ref().map(|p| p.leaves_the_plateau);
+        let staying: Vec<Staying> =
+            (0..trials.len()).map(|i| Staying::of(found.iter().map(|f| leaves(f, i)))).collect();
+        let row = |(i, staying): (usize, &Staying)| {
+            let here: Vec<(usize, &Prediction)> =
+                staying.here.iter().filter_map(|s| Some((*s, found[*s][i].as_ref()?))).collect();
+            let pushed: Vec<Option<Free<f64>>> = pushed.iter().map(|p| p[i]).collect();
+            self.row(&names, &here, &pushed, &mechanics(i))
         };
-        let rows = (0..trials.len()).map(row).collect();
-        let count = |is: &dyn Fn(&Option<Prediction>) -> bool, i: usize| found.iter().filter(|f| is(&f[i])).count();
-        let leaves = |p: &Option<Prediction>| p.as_ref().is_some_and(|p| p.leaves_the_plateau);
-        let leaving = (0..trials.len()).map(|i| count(&leaves, i)).collect();
-        let lost = (0..trials.len()).map(|i| count(&Option::is_none, i)).max().unwrap_or(0);
+        let rows = staying.iter().enumerate().map(row).collect();
+        let leaving = staying.iter().map(|s| s.leaving).collect();
+        let lost = staying.iter().map(|s| s.lost).max().unwrap_or(0);
         Ok(Bands { rows, leaving, asked: found.len(), lost })
     }
 
-    /// Bands of readings of changes, an entry each; `None` where fewer than two samples have both equilibria.
+    /// Bands of readings of changes, an entry each, of the samples that stay on the plateau at both ends; `None` where fewer than two do.
     ///
     /// # Errors
     /// As [`Samples::bands`].
@@ -222,17 +219,20 @@ impl Samples {
         let trials: Vec<LaxityTrial> = changes.iter().flat_map(|c| c.trials.clone()).collect();
         let question =
             Question { trials: &trials, without: &[], source: None, most, dislocation_ap_mm: None, values: None };
-        let Drawn { found, lacking, .. } = self.drawn(&self.searched(meshes)?, &question)?;
+        let Drawn { found, pushed, .. } = self.drawn(&self.searched(meshes)?, &question)?;
         let band = |(k, change): (usize, &Change)| {
             let c = change.coordinate;
-            let by = |(s, all): (usize, &Vec<Option<Prediction>>)| {
-                let (from, to) = (all[2 * k].as_ref()?, all[2 * k + 1].as_ref()?);
-                let noise = normals(&mut stream(self.of.seed ^ READING_SEED, s as u64), changes.len())[k];
-                let lack = lacking[s][2 * k + 1][c] - lacking[s][2 * k][c];
-                let plain = to.pose[c] - from.pose[c];
-                Some((plain, plain + lack + change.noise * noise))
+            let leaves = |all: &Vec<Option<Prediction>>| {
+                ends_of(all, k).map(|(from, to)| from.leaves_the_plateau || to.leaves_the_plateau)
             };
-            let (plain, drawn): (Vec<f64>, Vec<f64>) = found.iter().enumerate().filter_map(by).unzip();
+            let by = |s: &usize| {
+                let (s, (from, to)) = (*s, ends_of(&found[*s], k)?);
+                let noise = normals(&mut stream(self.of.seed ^ READING_SEED, s as u64), changes.len())[k];
+                let drawn = pushed[s][2 * k + 1]?[c] - pushed[s][2 * k]?[c];
+                Some((to.pose[c] - from.pose[c], drawn + change.noise * noise))
+            };
+            let staying = Staying::of(found.iter().map(leaves));
+            let (plain, drawn): (Vec<f64>, Vec<f64>) = staying.here.iter().filter_map(by).unzip();
             let (lower, upper) = ends(&drawn, self.of.interval)?;
             let mean = mean(&plain);
             Some(Band { mean, lower: lower.min(mean), upper: upper.max(mean) })
@@ -264,22 +264,26 @@ impl Samples {
         })?;
         let used = self.len().min(question.most);
         let near = (&mode, &answers.state);
+        let lacking = knee.lacking(self.of.seed ^ LACKING_SEED, used);
         let at = |s: usize| {
             let z = DVector::from_iterator(parameters.len(), self.of.unknowns.iter().map(|u| u.samples[s]));
-            knee.predicted(&z, near).unwrap_or_else(|_| vec![None; asked.len()])
+            let of = |knee: &Trials| knee.predicted(&z, near).unwrap_or_else(|_| vec![None; asked.len()]);
+            let pushed: Vec<Asked> = asked.iter().zip(&lacking[s]).map(|(asked, by)| under(asked, by)).collect();
+            let stays = |p: &Prediction| (!p.leaves_the_plateau).then_some(p.pose);
+            let poses = of(&Trials { trials: &pushed, ..knee }).iter().map(|p| p.as_ref().and_then(stays)).collect();
+            (of(&knee), poses)
         };
-        let found: Vec<Vec<Option<Prediction>>> = (0..used).into_par_iter().map(at).collect();
+        let (found, pushed) = (0..used).into_par_iter().map(at).unzip();
         let own = knee.predicted(&mode, near)?;
-        let lacking = knee.lacking(&answers.state, self.of.seed ^ LACKING_SEED, used);
-        Ok(Drawn { names: model.bundle_names(), own, found, lacking })
+        Ok(Drawn { names: model.bundle_names(), own, found, pushed })
     }
 
-    /// The bands of one trial, of the samples `found` in it by number; `lacking` is by what each is moved for what the model lacks.
+    /// The bands of one trial, of the samples `found` in it by number; `pushed` has every sample's pose under the loads that the model lacks, too.
     fn row(
         &self,
         bundles: &[String],
         found: &[(usize, &Prediction)],
-        lacking: &[Free<f64>],
+        pushed: &[Option<Free<f64>>],
         mechanics: &Mechanics,
     ) -> Vec<(String, Band)> {
         let mut columns: Vec<(String, Vec<f64>, Vec<f64>)> = Vec::new();
@@ -287,15 +291,18 @@ impl Samples {
             let p = mechanics.moved(bundles, p);
             let unlike = normals(&mut stream(self.of.seed, UNLIKE_STREAM + *s as u64), bundles.len());
             let off = p.forces_n.iter().zip(unlike.iter()).map(|(f, z)| (f + force_sd(*f) * z).max(0.0)).collect();
-            let pose = Free::from_fn(|c| p.pose[c] + lacking[*s][c]);
-            let drawn = Prediction { pose, forces_n: off, ..p.clone() };
-            for ((name, value), (_, drawn)) in told(bundles, &p).into_iter().zip(told(bundles, &drawn)) {
+            let pose = pushed[*s].map(|pose| Free::from_fn(|c| mechanics.of(&c.column(), pose[c])));
+            let drawn = Prediction { pose: pose.unwrap_or(p.pose), forces_n: off, ..p.clone() };
+            for (k, ((name, value), (_, drawn))) in told(bundles, &p).into_iter().zip(told(bundles, &drawn)).enumerate()
+            {
+                // the poses come first; one that no load could push to says nothing of the ends
+                let drawn = (k >= FREE.len() || pose.is_some()).then_some(drawn);
                 match columns.iter_mut().find(|c| c.0 == name) {
                     Some(c) => {
                         c.1.push(value);
-                        c.2.push(drawn);
+                        c.2.extend(drawn);
                     }
-                    None => columns.push((name, vec![value], vec![drawn])),
+                    None => columns.push((name, vec![value], drawn.into_iter().collect())),
                 }
             }
         }
@@ -306,6 +313,11 @@ impl Samples {
         };
         columns.into_iter().filter_map(band).collect()
     }
+}
+
+/// Both ends of a change, by its number.
+fn ends_of(all: &[Option<Prediction>], change: usize) -> Option<(&Prediction, &Prediction)> {
+    Some((all[2 * change].as_ref()?, all[2 * change + 1].as_ref()?))
 }
 
 /// Columns of a prediction.
@@ -320,6 +332,11 @@ fn told(bundles: &[String], p: &Prediction) -> Vec<(String, f64)> {
 fn as_it_stands(u: &Unknown) -> Parameter<Quantity> {
     let prior = Prior::Normal { mean: 0.0, sd: 1.0 };
     Parameter { name: u.name.clone(), quantity: u.quantity.clone(), prior }
+}
+
+/// A trial with loads beside its own.
+fn under(asked: &Asked, by: &Load) -> Asked {
+    Asked { load: Load::from_fn(|c| asked.load[c] + by[c]), ..asked.clone() }
 }
 
 /// A trial of no data set, all of whose coordinates are told.

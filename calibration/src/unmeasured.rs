@@ -2,6 +2,7 @@
 
 use crate::last_forces::moved;
 use crate::options::CalibrateOptions;
+use crate::plateau::Staying;
 use crate::posterior::{ForceEstimate, ends, mean, variance};
 use crate::unknown::UNLIKE_STREAM;
 use inference::knee::{Answers, Asked, Belief, Trials};
@@ -20,10 +21,31 @@ use std::ops::Range;
 pub(crate) struct Unmeasured {
     /// Numbers of each sample.
     z: Vec<DVector<f64>>,
-    /// Forces of each: trial, bundle [N].
-    forces: Vec<Vec<Vec<f64>>>,
-    /// Forces without beliefs, too: the parameters' own distributions alone.
-    alone: Vec<Vec<Vec<f64>>>,
+    /// What each does in the drawers.
+    drawn: Vec<InDrawers>,
+    /// The same without beliefs, too: the parameters' own distributions alone.
+    alone: Vec<InDrawers>,
+}
+
+/// What a sample does in the drawers.
+pub(crate) struct InDrawers {
+    /// Forces: trial, bundle [N].
+    forces_n: Vec<Vec<f64>>,
+    /// Whether its femur leaves the plateau, by trial; `None` where that cannot be told.
+    leaves: Vec<Option<bool>>,
+}
+
+impl InDrawers {
+    /// Of a sample at `z` with its answers, the first `drawers` of which are of drawers.
+    fn of(trials: &Trials, z: &DVector<f64>, state: &Answers, drawers: usize) -> InDrawers {
+        let forces_n = state.iter().take(drawers).map(|a| a.forces_n.clone()).collect();
+        InDrawers { forces_n, leaves: trials.leaving(z, state, 0..drawers) }
+    }
+}
+
+/// The samples of all that count in a trial.
+fn staying(all: &[InDrawers], trial: usize) -> Staying {
+    Staying::of(all.iter().map(|s| s.leaves[trial]))
 }
 
 /// Force by which fibres, toe and contact of another simulator change a bundle's variance [N], and the share of the force that they change it by [-]:
@@ -57,16 +79,16 @@ impl Unmeasured {
             return Unmeasured::default();
         }
         let Ok(found) = infer(&of, &mut nothing, &[], &inference) else { return Unmeasured::default() };
-        let in_drawers = |state: &Answers| state.iter().take(drawers).map(|a| a.forces_n.clone()).collect::<Vec<_>>();
-        let forces = found.samples.iter().map(|s| in_drawers(&s.state)).collect();
+        let drawn = found.samples.par_iter().map(|s| InDrawers::of(&of, &s.z, &s.state, drawers)).collect();
         let plain = Trials { trials: &asked[..drawers], beliefs: &[], on_fit: None, ..*trials };
-        let alone = (0..inference.samples)
-            .into_par_iter()
-            .map(|s| Some(in_drawers(&plain.at(&centre_of(options.seed, s as u64, plain.size()), None)?.state)));
+        let alone = (0..inference.samples).into_par_iter().map(|s| {
+            let z = centre_of(options.seed, s as u64, plain.size());
+            Some(InDrawers::of(&plain, &z, &plain.at(&z, None)?.state, drawers))
+        });
         let alone: Vec<Option<_>> = alone.collect();
         Unmeasured {
             z: found.samples.into_iter().map(|s| s.z).collect(),
-            forces,
+            drawn,
             alone: alone.into_iter().flatten().collect(),
         }
     }
@@ -76,16 +98,17 @@ impl Unmeasured {
         if self.z.len() < 2 { 1.0 } else { variance(&self.z.iter().map(|z| z[k]).collect::<Vec<_>>()) }
     }
 
-    /// Bundle forces in the drawers: mean and interval over the samples, moved to the final mechanics' `last` ones, and the same with nothing measured.
+    /// Bundle forces in the drawers: mean and interval over the samples that stay on the plateau (`leaves`, by sample and trial), moved to the final
+    /// mechanics' `last` ones, and the same with nothing measured.
     pub(crate) fn forces(
         &self,
         found: &Found<Answers>,
-        (measured, names): (usize, &[String]),
+        (measured, names, leaves): (usize, &[String], &[Vec<Option<bool>>]),
         last: &[Option<Vec<f64>>],
         (interval, seed): (f64, u64),
     ) -> Vec<ForceEstimate> {
         let bundles = found.modes[0].state[measured].forces_n.len();
-        let samples = found.samples.len().max(self.forces.len());
+        let samples = found.samples.len().max(self.drawn.len()).max(self.alone.len());
         let own = |s: usize| normals(&mut stream(seed, UNLIKE_STREAM + s as u64), bundles);
         let unlike: Vec<DVector<f64>> = (0..samples).map(own).collect();
         let mut out = Vec::new();
@@ -93,22 +116,34 @@ impl Unmeasured {
             let mode = &found.modes[0].state[measured + i].forces_n;
             let to_last = |forces_n: &[f64]| moved(forces_n, mode, last[i].as_ref());
             let chosen = to_last(mode);
-            let after: Vec<Vec<f64>> = found.samples.iter().map(|s| to_last(&s.state[measured + i].forces_n)).collect();
+            let staying = [
+                Staying::of(leaves.iter().map(|l| l[i])),
+                self::staying(&self.drawn, i),
+                self::staying(&self.alone, i),
+            ];
+            let moved = |s: usize| to_last(&found.samples[s].state[measured + i].forces_n);
+            let after: Vec<(usize, Vec<f64>)> = staying[0].here.iter().map(|&s| (s, moved(s))).collect();
             for bundle in 0..bundles {
-                let told = |all: Vec<f64>| told(all, chosen[bundle], &unlike, bundle, interval);
-                let of = |all: &[Vec<Vec<f64>>]| all.iter().map(|f| f[i][bundle]).collect::<Vec<f64>>();
-                let after = told(after.iter().map(|f| f[bundle]).collect());
-                let before = told(of(&self.forces));
-                let alone = variance(&told(of(&self.alone)).scattered);
+                let told = |all: Vec<(usize, f64)>| told(&all, &unlike, bundle, interval);
+                let of = |all: &[InDrawers], here: &Staying| {
+                    here.here.iter().map(|&s| (s, all[s].forces_n[i][bundle])).collect::<Vec<_>>()
+                };
+                let after = told(after.iter().map(|(s, f)| (*s, f[bundle])).collect());
+                let before = told(of(&self.drawn, &staying[1]));
+                let alone = told(of(&self.alone, &staying[2]));
+                let has_none = staying[0].leaving > 0 && after.mean.is_none();
                 out.push(ForceEstimate {
                     trial: name.clone(),
                     bundle,
-                    value_n: Some(after.value),
-                    lower_n: after.lower,
-                    upper_n: after.upper,
+                    value_n: Some(after.mean.unwrap_or(chosen[bundle])),
+                    mean_n: after.mean,
+                    mode_n: Some(chosen[bundle]),
+                    interval_n: (!has_none)
+                        .then(|| after.interval.unwrap_or([after.mean.unwrap_or(chosen[bundle]); 2])),
+                    leaving: staying[0].leaving,
                     determined: share_removed(&after.scattered, variance(&before.scattered)),
-                    believed: share_removed(&before.scattered, alone),
-                    unmeasured: (!self.forces.is_empty()).then_some([before.value, before.lower, before.upper]),
+                    believed: share_removed(&before.scattered, variance(&alone.scattered)),
+                    unmeasured: before.mean.zip(before.interval).map(|(mean, [lower, upper])| [mean, lower, upper]),
                 });
             }
         }
@@ -128,25 +163,20 @@ pub(crate) fn fits(options: &CalibrateOptions) -> usize {
     if search.samples == 0 { 0 } else { search.fits(0) }
 }
 
-/// A force over samples.
+/// A force over samples; without a mean where there is none, without an interval where there is but one.
 struct Told {
-    value: f64,
-    lower: f64,
-    upper: f64,
+    mean: Option<f64>,
+    interval: Option<[f64; 2]>,
     scattered: Vec<f64>,
 }
 
-/// Mean and interval of a bundle's force, each sample scattered as another simulator would have it; `chosen` where there is no sample.
-fn told(mut all: Vec<f64>, chosen: f64, unlike: &[DVector<f64>], bundle: usize, interval: f64) -> Told {
-    if all.is_empty() {
-        all.push(chosen);
-    }
-    let value = mean(&all);
-    if all.len() > 1 {
-        all.iter_mut().zip(unlike).for_each(|(f, z)| *f = (*f + force_sd(*f) * z[bundle]).max(0.0));
-    }
-    let (lower, upper) = ends(&all, interval).unwrap_or((value, value));
-    Told { value, lower: lower.min(value), upper: upper.max(value), scattered: all }
+/// Mean and interval of a bundle's force in samples by their numbers, each scattered as another simulator would have it.
+fn told(all: &[(usize, f64)], unlike: &[DVector<f64>], bundle: usize, interval: f64) -> Told {
+    let plain: Vec<f64> = all.iter().map(|(_, f)| *f).collect();
+    let mean = (!plain.is_empty()).then(|| mean(&plain));
+    let scattered: Vec<f64> = all.iter().map(|(s, f)| (f + force_sd(*f) * unlike[*s][bundle]).max(0.0)).collect();
+    let ends = mean.zip(ends(&scattered, interval));
+    Told { mean, interval: ends.map(|(m, (lower, upper))| [lower.min(m), upper.max(m)]), scattered }
 }
 
 /// The imagined trials, and measured ones of which something is believed, as mere loads; and the beliefs about them.

@@ -173,7 +173,8 @@ fn a_constant_in_both_poses_changes_nothing_and_both_kinds_of_reading_agree() {
     let mut apart = Vec::new();
     for (a, d) in absolute.found.forces.iter().zip(&difference.found.forces) {
         assert_eq!((&a.trial, a.bundle), (&d.trial, d.bundle));
-        let width = (a.upper_n - a.lower_n).hypot(d.upper_n - d.lower_n) / 3.29;
+        let [of_a, of_d] = [a, d].map(|f| f.interval_n.map(|[lower, upper]| upper - lower).expect("an interval"));
+        let width = of_a.hypot(of_d) / 3.29;
         let gap = a.value_n.expect("a value") - d.value_n.expect("a value");
         apart.push(gap / width.max(3.0));
     }

@@ -4,8 +4,10 @@ use crate::error::BuildError;
 use crate::model_file::LoadedModel;
 use crate::record::hash;
 use crate::store;
+use calibration::posterior::{error_of_ends, is_outside};
 use calibration::samples::{Question, SCHEMA, Samples, group_sums};
 use notices::{Kind, Notice};
+use sim::coordinate::FREE;
 use sim::laxity::{LaxityTrial, TrialResult};
 
 /// The file beside a calibrated model.json.
@@ -64,6 +66,8 @@ pub(crate) struct Banded {
     pub(crate) warnings: Vec<Notice>,
     /// By how many samples.
     pub(crate) samples: usize,
+    /// Poses and forces that the single model has outside its interval, and the rows in which it has any.
+    pub(crate) outside: [usize; 2],
 }
 
 /// Gives results the sums of ligament groups.
@@ -84,7 +88,7 @@ pub(crate) fn add(loaded: &LoadedModel, results: &mut [TrialResult], asking: &As
     Ok(())
 }
 
-/// Gives results the bands of samples, and flags where samples leave the plateau.
+/// Gives results the bands of samples, and flags where samples leave the plateau and where the single model lies outside its interval.
 pub(crate) fn by(samples: &Samples, loaded: &LoadedModel, results: &mut [TrialResult], asking: &Asking) -> Banded {
     let none = |why: String| Banded { warnings: vec![Kind::NoIntervals.notice(why)], ..Banded::default() };
     if !loaded.spec.components.is_empty() {
@@ -104,11 +108,24 @@ pub(crate) fn by(samples: &Samples, loaded: &LoadedModel, results: &mut [TrialRe
         Ok(bands) => bands,
         Err(e) => return none(format!("no intervals: {e}")),
     };
-    for ((r, row), leaving) in results.iter_mut().zip(bands.rows).zip(bands.leaving) {
+    let (mut outside, mut told) = ([0; 2], 0);
+    for (((r, row), leaving), values) in results.iter_mut().zip(bands.rows).zip(bands.leaving).zip(&values) {
         r.bands = row;
         r.flags.extend((leaving > 0).then(|| format!("{leaving} of {} {LEAVE}", bands.asked)));
+        let own = outside_of(r, values);
+        told += r.bands.iter().filter(|(name, _)| is_pose_or_force(name)).count();
+        outside = [outside[0] + own.len(), outside[1] + usize::from(!own.is_empty())];
+        r.flags.extend((!own.is_empty()).then(|| format!("{OUTSIDE}{}", own.join(" "))));
     }
     let n = (100.0 * samples.of.interval).round();
+    let error = error_of_ends(bands.asked, samples.of.interval)
+        .map_or(String::new(), |e| format!("; an end errs by {:.0} % of half an interval", 100.0 * e));
+    let of_one = match outside {
+        [0, _] => String::new(),
+        [k, rows] => format!(
+            "{k} of {told} poses and forces of the single most probable model lie outside their interval, in {rows} rows (flags)\n"
+        ),
+    };
     let lost = (bands.lost > 0).then(|| {
         Kind::SamplesLost
             .notice(format!(
@@ -118,10 +135,24 @@ pub(crate) fn by(samples: &Samples, loaded: &LoadedModel, results: &mut [TrialRe
             .count(bands.lost)
     });
     Banded {
-        words: format!("mean and {n} % interval by {} samples of the posterior\n", bands.asked),
+        words: format!("mean and {n} % interval by {} samples of the posterior{error}\n{of_one}", bands.asked),
         warnings: lost.into_iter().collect(),
         samples: bands.asked,
+        outside,
     }
+}
+
+/// Columns in which the single model lies outside its interval.
+fn outside_of(r: &TrialResult, values: &[(String, f64)]) -> Vec<String> {
+    let lies_outside = |(name, value): &&(String, f64)| {
+        is_pose_or_force(name) && r.band(name).is_some_and(|b| is_outside(*value, [b.lower, b.upper]))
+    };
+    values.iter().filter(lies_outside).map(|(name, _)| name.clone()).collect()
+}
+
+/// True of columns of poses, bundles and sums of bundles: the others have less scatter than another simulator would give them.
+fn is_pose_or_force(column: &str) -> bool {
+    column.starts_with("force_") || column.starts_with("group_") || FREE.iter().any(|c| c.column() == column)
 }
 
 /// How the flag of a row ends in which samples have left the plateau, after how many of how many.
@@ -129,8 +160,19 @@ const LEAVE: &str = "samples leave the plateau";
 /// Share of samples off the plateau from which on a row is odd [-]: then an end of its 90 % interval is of such a knee.
 const MOST_LEAVING: f64 = 0.05;
 
-/// True of a flag that makes a row odd: any but that of a few samples.
+/// How the flag of a row begins in which the single most probable model lies outside its own interval; the columns follow.
+const OUTSIDE: &str = "outside its interval: ";
+
+/// True of a flag that tells columns outside their interval: it is of single models in general, and makes no row odd.
+pub(crate) fn is_of_the_single_model(flag: &str) -> bool {
+    flag.starts_with(OUTSIDE)
+}
+
+/// True of a flag that makes a row odd: any but that of a few samples, and that of the single model.
 pub(crate) fn is_odd(flag: &str) -> bool {
+    if is_of_the_single_model(flag) {
+        return false;
+    }
     let Some(counts) = flag.strip_suffix(LEAVE) else { return true };
     let mut counts = counts.split_whitespace().filter_map(|w| w.parse::<f64>().ok());
     counts.next().zip(counts.next()).is_none_or(|(leaving, all)| leaving > MOST_LEAVING * all)
@@ -144,10 +186,37 @@ fn asked(r: &TrialResult) -> LaxityTrial {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use sim::coordinate::Load;
+    use sim::laxity::{Band, Test};
+    use sim::spec::PoseSpec;
 
     #[test]
     fn a_row_is_odd_where_an_end_of_its_interval_is_of_a_knee_off_the_plateau() {
         let flag = |n: usize| format!("{n} of 40 {LEAVE}");
         assert!(is_odd("dislocated") && is_odd(&flag(3)) && !is_odd(&flag(2)));
+        assert!(!is_odd(&format!("{OUTSIDE}ap_mm")));
+    }
+
+    #[test]
+    fn a_single_model_outside_its_interval_is_told_by_column() {
+        let band = |lower: f64, upper: f64| Band { mean: 0.5 * (lower + upper), lower, upper };
+        let trial = LaxityTrial::asked("t".into(), Test::Neutral, 30.0, Load::default());
+        let mut r = TrialResult {
+            trial,
+            pose: PoseSpec { ap_mm: 3.0, ..PoseSpec::default() },
+            forces_n: vec![40.0, 10.0],
+            outputs: vec![("contact_medial_force_n".into(), 9.0)],
+            flags: vec![],
+            bands: vec![],
+        };
+        r.bands = vec![
+            ("ap_mm".into(), band(3.5, 5.0)),
+            ("ie_deg".into(), band(-1.0, 1.0)),
+            ("force_ACL_AM_n".into(), band(10.0, 39.0)),
+            ("force_LCL_n".into(), band(5.0, 15.0)),
+            ("contact_medial_force_n".into(), band(1.0, 2.0)),
+        ];
+        let values = r.columns(&["ACL_AM".to_owned(), "LCL".to_owned()]);
+        assert_eq!(outside_of(&r, &values), ["ap_mm", "force_ACL_AM_n"]);
     }
 }

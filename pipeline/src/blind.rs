@@ -3,8 +3,9 @@
 use crate::error::BuildError;
 use crate::which_model::WhichModel;
 use crate::{diagnose, model_file, store};
+use blindbench::frames::Repeat;
 use blindbench::knee::{BundleInput, KneeInput, Unlike};
-use blindbench::laboratory::{Case, Planned, Truth, kinds, make};
+use blindbench::laboratory::{Case, Planned, Truth, kinds, make_read};
 use blindbench::score::{Said, Score, score};
 use calibration::options::CalibrateOptions;
 use calibration::priors::PRIORS;
@@ -54,6 +55,9 @@ pub struct MakeArgs {
     /// Factor on the sizes of effects: below 1 for weak ones
     #[arg(long, default_value_t = 1.0)]
     pub size: f64,
+    /// Each data set reads poses in frames of its own, as far from the knee's as calibrate.frames believes: sensors are calibrated anew, points probed again
+    #[arg(long)]
+    pub own_frames: bool,
 }
 
 /// `blind answer`.
@@ -137,7 +141,7 @@ fn make_cases(args: &MakeArgs) -> Result<String, BuildError> {
     for (k, kind) in kinds.iter().enumerate() {
         let name = format!("case_{:04}", k + 1);
         let seed = args.seed.wrapping_mul(1_000_003).wrapping_add(k as u64);
-        let case = drawn((&loaded.spec, &input), &plan, &name, (kind, args.size), seed)?;
+        let case = drawn((&loaded.spec, &input), &plan, &name, (kind, args.size), (seed, &repeat(args)))?;
         let mut readings = case.readings.iter();
         for source in &sources {
             let results: Vec<TrialResult> =
@@ -159,6 +163,15 @@ fn make_cases(args: &MakeArgs) -> Result<String, BuildError> {
     Ok(format!("{} cases in {}\n", kinds.len(), args.out.display()))
 }
 
+/// How well frames repeat in a bench: not at all asked for, or as a calibration believes.
+fn repeat(args: &MakeArgs) -> Repeat {
+    let believed = CalibrateOptions::default().frames;
+    if !args.own_frames {
+        return Repeat::default();
+    }
+    Repeat { turn_deg: believed.offset_turn_deg, shift_mm: believed.offset_shift_mm }
+}
+
 /// Tells the draws of the laboratory's knee from those of its day.
 const UNLIKE: u64 = 0x5bd1_e995;
 /// Tells one draw of a case's knee from the next.
@@ -177,10 +190,11 @@ fn drawn(
     plan: &[Planned],
     name: &str,
     kind: (&str, f64),
-    seed: u64,
+    (seed, repeat): (u64, &Repeat),
 ) -> Result<Case, BuildError> {
-    let make =
-        |input: &KneeInput, seed: u64| make(input, plan, name, kind, seed).map_err(|e| BuildError::File(e.to_string()));
+    let make = |input: &KneeInput, seed: u64| {
+        make_read(input, plan, name, kind, (seed, repeat)).map_err(|e| BuildError::File(e.to_string()))
+    };
     let Some(by) = unlike(spec) else { return make(input, seed) };
     for draw in 0..DRAWS {
         let seed = seed.wrapping_add(draw.wrapping_mul(AGAIN));

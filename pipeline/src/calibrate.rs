@@ -147,6 +147,7 @@ pub fn calibrate(args: &CalibrateArgs) -> Result<Told, BuildError> {
     store::discard(&kept);
     told.warnings.extend(outcome.warnings.iter().cloned());
     told.words += &reports::words(&outcome);
+    told.words += &reports::outside_words(&outcome.found);
     told.line(&format!("The model is {}", out.join("model.json").display()));
     let data = CalibrateTold {
         schema: schemas::CALIBRATE,

@@ -79,9 +79,7 @@ pub fn load_which(path: &Path, which: &WhichModel) -> Result<LoadedModel, BuildE
     })?;
     let folder = path.parent().unwrap_or(Path::new("."));
     let mut meshes = BTreeMap::new();
-    let bones = spec.bodies.iter().map(|b| &b.bone);
-    let patella = spec.patella.iter().flat_map(|p| p.contact.meshes()).map(|(_, name)| name);
-    for name in bones.chain(spec.contact.meshes()).chain(patella) {
+    for name in surfaces(&spec) {
         if meshes.contains_key(name) {
             continue;
         }
@@ -93,6 +91,24 @@ pub fn load_which(path: &Path, which: &WhichModel) -> Result<LoadedModel, BuildE
     }
     let folder = store::absolute(folder)?;
     Ok(LoadedModel { spec, meshes, folder, file: path })
+}
+
+/// The surfaces that a model names.
+fn surfaces(spec: &ModelSpec) -> impl Iterator<Item = &String> {
+    let bones = spec.bodies.iter().map(|b| &b.bone);
+    let patella = spec.patella.iter().flat_map(|p| p.contact.meshes()).map(|(_, name)| name);
+    bones.chain(spec.contact.meshes()).chain(patella)
+}
+
+/// A calibrated model of a build as it would be read back: `spec`, whose paths are those of the assembled model, in the folder of a source.
+pub(crate) fn calibrated_model(assembled: &LoadedModel, spec: &ModelSpec, source: &str) -> LoadedModel {
+    let (from, folder) = (Path::new("/09-assemble"), Path::new("/10-calibrate").join(source));
+    let own = |name: &String| {
+        let mesh = assembled.meshes.get(name)?.clone();
+        Some((between(&folder, &from.join(name)), mesh))
+    };
+    let meshes = surfaces(spec).filter_map(own).collect();
+    LoadedModel { spec: moved(spec, from, &folder), meshes, file: folder.join("model.json"), folder }
 }
 
 /// The model of a build as it would be read back.

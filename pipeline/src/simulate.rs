@@ -6,6 +6,7 @@ use crate::model_file::{self, LoadedModel};
 use crate::store;
 use crate::told::{Flagged, ModelTold, SimulateTold, Told, schemas};
 use crate::which_model::WhichModel;
+use calibration::posterior::error_of_ends;
 use calibration::samples::Samples;
 use clap::Args;
 use notices::{Kind, Notice};
@@ -61,6 +62,8 @@ pub struct SimulateArgs {
     pub jobs: Option<u16>,
 }
 
+/// Share of the samples between the ends of an interval [-]; of every calibration, unless its options say otherwise.
+const INTERVAL: f64 = 0.9;
 /// Samples asked unless told; all that a calibration leaves.
 pub(crate) const SAMPLES: usize = 48;
 
@@ -203,7 +206,7 @@ fn answers_to(
         Some(_) => laxity::protocol_csv(&names, &results),
         None => laxity::results_csv(&names, &results),
     };
-    let csv = of_model(&csv, loaded)?;
+    let csv = of_model(&csv, &loaded.label())?;
     let told = told(loaded, &results, (&csv, args), by, (words, warnings));
     Ok(Answered { csv, told })
 }
@@ -266,7 +269,11 @@ fn told(
     let header = String::from_utf8_lossy(csv.split(|b| *b == b'\n').next().unwrap_or_default()).into_owned();
     let odd = results.iter().filter(|r| !r.flags.is_empty());
     let flagged: Vec<Flagged> = odd.map(|r| Flagged { trial: r.trial.trial.clone(), flags: r.flags.clone() }).collect();
-    warnings.extend(flagged.iter().map(|f| Kind::RowFlagged.notice(f.flags.join("; ")).whose(&f.trial)));
+    for f in &flagged {
+        // that one knee is no middle of all is counted in the words
+        let odd: Vec<&str> = f.flags.iter().map(String::as_str).filter(|f| !bands::is_of_the_single_model(f)).collect();
+        warnings.extend((!odd.is_empty()).then(|| Kind::RowFlagged.notice(odd.join("; ")).whose(&f.trial)));
+    }
     let data = SimulateTold {
         schema: schemas::SIMULATE,
         model: ModelTold::of(loaded),
@@ -274,6 +281,7 @@ fn told(
         rows: results.len(),
         columns: header.split(',').map(str::to_owned).collect(),
         samples,
+        error_of_ends: error_of_ends(samples, INTERVAL),
         flagged,
         warnings: notices::texts(&warnings),
         notices: warnings.clone(),
@@ -282,14 +290,13 @@ fn told(
 }
 
 /// A results file with a last column that names the model.
-fn of_model(csv: &str, loaded: &model_file::LoadedModel) -> Result<Vec<u8>, BuildError> {
+pub(crate) fn of_model(csv: &str, label: &str) -> Result<Vec<u8>, BuildError> {
     let fault = |e: csv::Error| BuildError::File(format!("results: {e}"));
     let mut out = csv::WriterBuilder::new().terminator(csv::Terminator::Any(b'\n')).from_writer(Vec::new());
     let mut rows = csv::ReaderBuilder::new().has_headers(false).from_reader(csv.as_bytes());
-    let label = loaded.label();
     for (k, row) in rows.records().enumerate() {
         let mut row = row.map_err(fault)?;
-        row.push_field(if k == 0 { "model" } else { &label });
+        row.push_field(if k == 0 { "model" } else { label });
         out.write_record(&row).map_err(fault)?;
     }
     out.into_inner().map_err(|e| BuildError::File(format!("results: {e}")))

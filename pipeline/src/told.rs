@@ -115,7 +115,9 @@ pub struct SimulateTold {
     pub columns: Vec<String>,
     /// Samples of the posterior by which intervals stand; 0: no intervals.
     pub samples: usize,
-    /// Rows that are odd.
+    /// Standard error of an end of a 90 % interval by so few samples, as a share of half the interval, of a normal distribution; null without samples.
+    pub error_of_ends: Option<f64>,
+    /// Rows that are odd, and those in which the single model lies outside its interval.
     pub flagged: Vec<Flagged>,
     /// What is odd, in sentences.
     pub warnings: Vec<String>,

@@ -5,6 +5,7 @@ use crate::error::BuildError;
 use crate::given::read_passive;
 use crate::model_file::{self, LoadedModel};
 use crate::options::{Override, parse_override, resolve};
+use crate::simulate::of_model;
 use crate::store;
 use crate::told::{DifferenceTold, ModelTold, Told, ValidateTold, schemas};
 use crate::which_model::{JOINT, WhichModel, of_this_run};
@@ -80,15 +81,21 @@ pub fn validate(args: &ValidateArgs) -> Result<Told, BuildError> {
     let mut sources = Vec::new();
     for (name, model) in &models {
         let mut of = source(name, &model.spec, &model.meshes, &options, &mut warnings)?;
+        of.model = model.label();
         let (samples, told) = bands::of(model)?;
         warnings.extend(told);
         if let Some(samples) = samples {
-            band(&mut of, &samples, model, &options, &mut warnings);
+            let [columns, rows] = band(&mut of, &samples, model, &options, &mut warnings);
+            if columns > 0 {
+                text += &format!(
+                    "{name}: {columns} poses and forces of the single most probable model lie outside their interval, in {rows} rows (flags)\n"
+                );
+            }
         }
         sources.push(of);
     }
     let validation = Validation::new(sources, passive, warnings);
-    store::write_all(&store::make_folder(&args.out)?, &files_of(&validation))?;
+    store::write_all(&store::make_folder(&args.out)?, &files_of(&validation)?)?;
     let data = ValidateTold {
         schema: schemas::VALIDATE,
         models: models.iter().map(|(_, model)| ModelTold::of(model)).collect(),
@@ -176,16 +183,18 @@ pub(crate) fn source(
     Ok(source)
 }
 
-/// Gives a source's answers their intervals; what is odd about them is a warning.
+/// Gives a source's answers their intervals; what is odd about them is a warning. Gives how many poses and forces of the single model lie outside, and in
+/// how many rows.
 pub(crate) fn band(
     of: &mut Source,
     samples: &Samples,
     model: &LoadedModel,
     options: &ProtocolOptions,
     warnings: &mut Vec<Notice>,
-) {
+) -> [usize; 2] {
+    let mut outside = [0; 2];
     if options.samples == 0 {
-        return;
+        return outside;
     }
     let (acl, bundles) = (["ACL".to_owned()], of.bundles.clone());
     of.samples = samples.len().min(options.samples);
@@ -199,7 +208,9 @@ pub(crate) fn band(
         let asking = Asking { bundles: &bundles, without, source: None, most: options.samples, dislocation_ap_mm };
         let told = bands::by(samples, model, rows, &asking);
         warnings.extend(told.warnings.into_iter().map(|w| w.whose(&of.name)));
+        outside = [outside[0] + told.outside[0], outside[1] + told.outside[1]];
     }
+    outside
 }
 
 /// A validation: of a build, or of models given by hand.
@@ -247,13 +258,15 @@ impl Validation {
 }
 
 /// A folder a source, the comparison, tables, and figures 7 and 8.
-pub(crate) fn files_of(v: &Validation) -> Vec<(String, Vec<u8>)> {
-    let mut files: Vec<(String, String)> = Vec::new();
+pub(crate) fn files_of(v: &Validation) -> Result<Vec<(String, Vec<u8>)>, BuildError> {
+    let mut protocols: Vec<(String, Vec<u8>)> = Vec::new();
     for s in &v.sources {
         for (name, rows) in s.protocols() {
-            files.push((format!("{}/{name}.csv", s.label(&v.sources)), protocol_csv(&s.bundles, rows)));
+            let csv = of_model(&protocol_csv(&s.bundles, rows), &s.model)?;
+            protocols.push((format!("{}/{name}.csv", s.label(&v.sources)), csv));
         }
     }
+    let mut files: Vec<(String, String)> = Vec::new();
     let mut all = tables::tables(&v.sources);
     all.extend((!v.cross.is_empty()).then(|| tables::cross_predictions(&v.cross)));
     let differences = tables::differences(&v.differences);
@@ -261,7 +274,8 @@ pub(crate) fn files_of(v: &Validation) -> Vec<(String, Vec<u8>)> {
     files.push(("tables.md".into(), tables::page(&v.specimen, &all, &differences)));
     files.push(("figure7.svg".into(), figures::figure7(&v.sources)));
     files.push(("figure8.svg".into(), figures::figure8(&v.sources, &v.passive)));
-    files.into_iter().map(|(name, text)| (name, text.into_bytes())).collect()
+    protocols.extend(files.into_iter().map(|(name, text)| (name, text.into_bytes())));
+    Ok(protocols)
 }
 
 /// The differences, for the terminal.

@@ -21,6 +21,9 @@ pub struct Source {
     pub name: String,
     /// Whose knee it is.
     pub specimen: String,
+    /// The model in one line, as its files name it; empty where nobody said.
+    #[serde(default)]
+    pub model: String,
     /// Bundle names, in the order of the forces.
     pub bundles: Vec<String>,
     /// Samples of the posterior by which its results have intervals; 0 where none were asked.
@@ -46,6 +49,7 @@ impl Source {
         Source {
             name: name.to_owned(),
             specimen: spec.id.clone(),
+            model: String::new(),
             bundles: spec.bundles.iter().map(|b| b.name.clone()).collect(),
             samples: 0,
             parameters: design.variables.iter().map(|v| v.number).zip(values).collect(),

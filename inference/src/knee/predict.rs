@@ -6,9 +6,11 @@ use nalgebra::{Cholesky, DMatrix, DVector};
 use rayon::prelude::*;
 use sim::SimError;
 use sim::contact::Nearby;
-use sim::coordinate::{FREE, Free, Six};
+use sim::coordinate::{FREE, Free, Load, Six};
+use sim::model::{Evaluation, Model};
 use sim::quasistatic::{Goal, State, close, increment_near};
 use sim::trials::{DISLOCATED, chain_flexion, flags, pose_spec, solve_trial};
+use std::ops::Range;
 
 /// Prediction of a trial at a sample.
 #[derive(Clone, Debug)]
@@ -88,27 +90,42 @@ impl Trials<'_> {
             pose: pose_spec(&gs).free(),
             forces_n: model.bundle_forces(&solved.evaluation.fibres),
             outputs: model.outputs(&solved.evaluation),
-            leaves_the_plateau: flags(model, &gs, &solved.evaluation, self.options).iter().any(|f| f == DISLOCATED),
+            leaves_the_plateau: self.is_off_the_plateau(model, &gs, &solved.evaluation),
         })
     }
 
-    /// Displacements by which a knee differs from its model in the trials, a draw for each of `draws`: the loads that the model lacks
-    /// ([`super::Lack`]), as far as they move the knee that `answers` are of.
-    pub fn lacking(&self, answers: &Answers, seed: u64, draws: usize) -> Vec<Vec<Free<f64>>> {
+    /// Whether the femur has left the plateau in an answer at Grood-Suntay coordinates `gs`.
+    fn is_off_the_plateau(&self, model: &Model, gs: &Six, evaluation: &Evaluation) -> bool {
+        flags(model, gs, evaluation, self.options).iter().any(|f| f == DISLOCATED)
+    }
+
+    /// Whether the femur has left the plateau in the trials at `places`, of the knee at values `z` with the answers `found`; `None` where there is no
+    /// such knee.
+    pub fn leaving(&self, z: &DVector<f64>, found: &Answers, places: Range<usize>) -> Vec<Option<bool>> {
+        let knee = self.knee(self.values(z).into_iter().map(|v| v.0).collect()).ok();
+        let of = |i: usize| {
+            let trial = &self.trials[i];
+            let model = &*knee.as_ref()?.of(trial).0.pulled(trial.quadriceps_n).ok()?;
+            let q = &found[i].q;
+            Some(self.is_off_the_plateau(model, &model.joint.grood_suntay(q), &model.evaluate(q)))
+        };
+        places.map(of).collect()
+    }
+
+    /// Loads that the model lacks in the trials ([`super::Lack`]), a draw for each of `draws`, by draw and trial. A knee bears them beside the trial's: in a
+    /// slack knee they reach as far as its ligaments let them, which no compliance tells.
+    pub fn lacking(&self, seed: u64, draws: usize) -> Vec<Vec<Load>> {
         let n = self.trials.len();
         let alike = DMatrix::from_fn(n, n, |i, k| {
             self.lack.alike(&self.trials[i], &self.trials[k]) + if i == k { JITTER } else { 0.0 }
         });
         let Some(factor) = Cholesky::new(alike).map(Cholesky::unpack) else {
-            return vec![vec![Free::all(0.0); n]; draws];
+            return vec![vec![Load::default(); n]; draws];
         };
         let draw = |s: usize| {
             let mut random = stream(seed, s as u64);
             let loads = FREE.map(|l| &factor * normals(&mut random, n) * self.lack.sd[l]);
-            let moved = |i: usize| {
-                Free::from_fn(|c| FREE.into_iter().map(|l| answers[i].by_load[c][l] * loads[l.free_index()][i]).sum())
-            };
-            (0..n).map(moved).collect()
+            (0..n).map(|i| Load::from_fn(|l| loads[l.free_index()][i])).collect()
         };
         (0..draws).into_par_iter().map(draw).collect()
     }

@@ -8,6 +8,7 @@ use crate::simulate::SAMPLES;
 use crate::which_model::standing;
 use crate::{bands, record};
 use calibration::inferred::REST_DEG;
+use calibration::posterior::is_outside;
 use calibration::session::ap_probes;
 use serde_json::json;
 use sim::coordinate::Load;
@@ -15,7 +16,7 @@ use sim::laxity::{LaxityTrial, Test, TrialResult, force_column};
 use sim::trials::{TrialOptions, solve_trials};
 use std::fmt::Write;
 
-/// `model.source.json`: the model that was exported; `ligament_forces.csv`: its ligament forces at rest and in drawers, `value_n` the model's own.
+/// `model.source.json`: the model that was exported; `ligament_forces.csv`: its ligament forces at rest and in drawers, `mode_n` the model's own.
 pub(super) fn files(loaded: &LoadedModel) -> Result<Vec<File>, BuildError> {
     let spec = &loaded.spec;
     let (to, file) = (spec.calibrated.as_ref().map(|c| &c.to), loaded.place());
@@ -53,11 +54,13 @@ fn forces(loaded: &LoadedModel) -> Result<Option<String>, BuildError> {
     let bundles = model.bundle_names();
     let asking = Asking { bundles: &bundles, without: &[], source: None, most: SAMPLES, dislocation_ap_mm: None };
     bands::add(loaded, &mut results, &asking)?;
-    let mut text = "trial,bundle,value_n,mean_n,lower_n,upper_n\n".to_owned();
+    let mut text = "trial,bundle,mode_n,mean_n,lower_n,upper_n,outside\n".to_owned();
     for r in &results {
         for (bundle, value) in bundles.iter().zip(&r.forces_n) {
-            let band = r.band(&force_column(bundle)).map(|b| [b.mean, b.lower, b.upper]);
-            let cells = band.map_or(",,".to_owned(), |b| b.map(|x| format!("{x:.3}")).join(","));
+            let cells = r.band(&force_column(bundle)).map_or(",,,".to_owned(), |b| {
+                let outside = is_outside(*value, [b.lower, b.upper]);
+                format!("{:.3},{:.3},{:.3},{outside}", b.mean, b.lower, b.upper)
+            });
             let _ = writeln!(text, "{},{bundle},{value:.3},{cells}", r.trial.trial);
         }
     }

@@ -6,6 +6,7 @@ use meshes::Point;
 use sim::SimError;
 use sim::contact::{ContactOptions, Nearby};
 use sim::coordinate::{AP, FE, FREE, Free, IE, Load, Six, VV};
+use sim::flags::DISLOCATED;
 use sim::laxity::{LaxityTrial, Test};
 use sim::mesh::MeshValue;
 use sim::model::{Model, compile_with};
@@ -63,6 +64,13 @@ pub(super) struct Found {
     pub(super) gs: Six,
     pub(super) values: Vec<f64>,
     pub(super) flags: Vec<String>,
+}
+
+impl Found {
+    /// Whether the femur has left the plateau.
+    pub(super) fn leaves_the_plateau(&self) -> bool {
+        self.flags.iter().any(|f| f == DISLOCATED)
+    }
 }
 
 /// The answers of a knee: by state and test.

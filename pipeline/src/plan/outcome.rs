@@ -4,6 +4,7 @@ use super::file::PlanFile;
 use super::knee::{Answers, Asked, Found, Knee, Placed, STATES, columns, main_coordinate, mean_length, pose_of, tests};
 use super::sites::{Bone, bones};
 use crate::told::ModelTold;
+use calibration::plateau::Staying;
 use calibration::samples::Samples;
 use notices::{Kind, Notice};
 use rayon::prelude::*;
@@ -11,7 +12,6 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use sim::contact::ContactOptions;
 use sim::coordinate::{AP, Coordinate, IE, VV};
-use sim::flags::DISLOCATED;
 use sim::mesh::MeshValue;
 use sim::spec::ModelSpec;
 use std::collections::BTreeMap;
@@ -102,7 +102,7 @@ pub struct TestTold {
 pub struct ChanceTold {
     /// What must hold, in words.
     pub of: String,
-    /// Share of the samples in which it holds [-]; absent without samples.
+    /// Share of the samples in which it holds, of those whose intact knee stays on the plateau [-]; absent without samples.
     pub chance: Option<f64>,
     /// Whether it holds in the most probable knee.
     pub most_probable: bool,
@@ -113,6 +113,8 @@ pub(super) struct Numbers {
     pub(super) best: Answers,
     pub(super) mode: Option<Answers>,
     pub(super) samples: Vec<Answers>,
+    /// The same without answers that do not count ([`calibration::plateau`]).
+    pub(super) counted: Vec<Answers>,
 }
 
 /// The surfaces of a model by name.
@@ -137,7 +139,7 @@ pub(super) fn outcome_of(
     let asked = tests(&file.tests);
     let (knee, placed) = Knee::new(spec, surfaces, file, (&ContactOptions::default(), None))?;
     let best = knee.answers(&asked);
-    let mut numbers = Numbers { best, mode: None, samples: vec![] };
+    let mut numbers = Numbers { best, mode: None, samples: vec![], counted: vec![] };
     let mut notices = vec![];
     if let Some((samples, which)) = samples {
         drawn(samples, which, (surfaces, file), &asked, &mut numbers, &mut notices)?;
@@ -194,6 +196,7 @@ fn drawn(
         notices.push(Kind::SamplesLost.notice(text).count(lost.len()));
     }
     numbers.samples = found.into_iter().filter_map(Result::ok).collect();
+    numbers.counted = on_the_plateau(&numbers.samples);
     numbers.mode = Some(mode);
     Ok(())
 }
@@ -239,8 +242,25 @@ impl Numbers {
             (Some(best), Some(mode)) => best - mode,
             _ => 0.0,
         };
-        self.samples.iter().filter_map(of).map(|x| x + by).collect()
+        self.counted.iter().filter_map(of).map(|x| x + by).collect()
     }
+
+    /// Whether a sample says nothing of a knee that is restored in a test: its intact knee is off the plateau there.
+    fn is_left_out(&self, sample: usize, test: usize) -> bool {
+        self.samples[sample][0][test].is_some() && self.counted[sample][0][test].is_none()
+    }
+}
+
+/// The answers of samples that count: those of knees that stay on the plateau, by state and test.
+fn on_the_plateau(samples: &[Answers]) -> Vec<Answers> {
+    let mut out = samples.to_vec();
+    let tests = samples.first().map_or(0, |a| a[0].len());
+    for (state, test) in (0..STATES.len()).flat_map(|s| (0..tests).map(move |t| (s, t))) {
+        let staying = Staying::of(samples.iter().map(|a| a[state][test].as_ref().map(Found::leaves_the_plateau)));
+        let left_out = out.iter_mut().enumerate().filter(|(sample, _)| !staying.here.contains(sample));
+        left_out.for_each(|(_, answers)| answers[state][test] = None);
+    }
+    out
 }
 
 /// A quantile of sorted numbers, between neighbours in proportion.
@@ -300,7 +320,7 @@ fn odd(numbers: &Numbers, state: usize, t: usize) -> Vec<String> {
     let none = || vec!["no equilibrium".to_owned()];
     let mut flags = numbers.best[state][t].as_ref().map_or_else(none, |f: &Found| f.flags.clone());
     let of = |is: &dyn Fn(&Option<Found>) -> bool| numbers.samples.iter().filter(|a| is(&a[state][t])).count();
-    let leaving = of(&|f| f.as_ref().is_some_and(|f| f.flags.iter().any(|f| f == DISLOCATED)));
+    let leaving = of(&|f| f.as_ref().is_some_and(Found::leaves_the_plateau));
     let lost = of(&Option::is_none);
     let all = numbers.samples.len();
     flags.extend((leaving > 0).then(|| format!("{leaving} of {all} samples leave the plateau")));
@@ -314,19 +334,24 @@ fn chances(file: &PlanFile, asked: &[Asked], numbers: &Numbers) -> Vec<ChanceTol
     let limits = [(AP, mm), (IE, deg), (VV, deg)];
     let chance = |of: String, limits: &[(Coordinate, f64)], holds: &dyn Fn(&Asked) -> bool| {
         let tests: Vec<usize> = (0..asked.len()).filter(|t| holds(&asked[*t])).collect();
-        // a knee is restored where each coordinate of each test is within its limit; the samples are moved as all numbers are
-        let mut failed = vec![false; numbers.samples.len()];
+        // a knee is restored where each coordinate of each test is within its limit; the samples are moved as all numbers are. One whose intact knee is
+        // off the plateau is left out; one that is off it only with its graft is not restored
+        let mut restored = vec![Some(true); numbers.samples.len()];
         let mut best = true;
         for (t, (c, most)) in tests.iter().flat_map(|t| limits.iter().map(move |l| (*t, *l))) {
             let of = |a: &Answers| off(a, t, c);
             best &= of(&numbers.best).is_some_and(|x| x.abs() <= most);
             let by = of(&numbers.best).zip(numbers.mode.as_ref().and_then(of)).map_or(0.0, |(b, m)| b - m);
-            for (failed, a) in failed.iter_mut().zip(&numbers.samples) {
-                *failed |= of(a).is_none_or(|x| (x + by).abs() > most);
+            for (sample, restored) in restored.iter_mut().enumerate() {
+                let a = &numbers.samples[sample];
+                let stays = a[2][t].as_ref().is_some_and(|f| !f.leaves_the_plateau());
+                let near = stays && of(a).is_some_and(|x| (x + by).abs() <= most);
+                *restored = restored.filter(|_| !numbers.is_left_out(sample, t)).map(|r| r && near);
             }
         }
-        let n = failed.len();
-        let share = (n > 0).then(|| failed.iter().filter(|f| !**f).count() as f64 / n as f64);
+        let count = |wanted: bool| restored.iter().filter(|r| **r == Some(wanted)).count();
+        let n = count(true) + count(false);
+        let share = (n > 0).then(|| count(true) as f64 / n as f64);
         ChanceTold { of, chance: share, most_probable: best }
     };
     vec![
@@ -336,4 +361,45 @@ fn chances(file: &PlanFile, asked: &[Asked], numbers: &Numbers) -> Vec<ChanceTol
         chance(format!("pivot shift within {mm} mm and {deg} deg"), &limits, &|a| a.kind == "pivot shift"),
         chance(format!("every loaded test within {mm} mm and {deg} deg"), &limits, &|a| a.kind != "unloaded"),
     ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use sim::coordinate::Six;
+    use sim::flags::DISLOCATED;
+
+    /// A knee that in every state of one test has this AP, reconstructed a little more; off the plateau where that is asked for.
+    fn knee(ap: f64, off_plateau: [bool; 3]) -> Answers {
+        [0, 1, 2].map(|state: usize| {
+            let mut values = vec![0.0; 7];
+            values[AP.free_index()] = ap + if state == 2 { 0.5 } else { 0.0 };
+            let flags = if off_plateau[state] { vec![DISLOCATED.to_owned()] } else { vec![] };
+            vec![Some(Found { gs: Six::zeros(), values, flags })]
+        })
+    }
+
+    #[test]
+    fn a_sample_off_the_plateau_has_no_place_in_a_plans_intervals_and_chances() {
+        let mut samples: Vec<Answers> = (0..9).map(|k| knee(f64::from(k), [false; 3])).collect();
+        let numbers = |samples: &[Answers]| Numbers {
+            best: knee(4.0, [false; 3]),
+            mode: None,
+            samples: samples.to_vec(),
+            counted: on_the_plateau(samples),
+        };
+        let ap = |n: &Numbers, state: usize| n.value(&|a| column(a, state, 0, AP.free_index()), 0.9).unwrap();
+        let plain = ap(&numbers(&samples), 0);
+        samples.push(knee(90.0, [true, false, false]));
+        samples.push(knee(91.0, [false, false, true]));
+        let with = numbers(&samples);
+        assert!((ap(&with, 2).mean.unwrap() - ((36.0 + 90.0) / 10.0 + 0.5)).abs() < 1e-12);
+        assert!((ap(&with, 0).mean.unwrap() - (36.0 + 91.0) / 10.0).abs() < 1e-12 && plain.mean == Some(4.0));
+        assert!(with.is_left_out(9, 0) && !with.is_left_out(10, 0));
+        assert_eq!(odd(&with, 0, 0), ["1 of 11 samples leave the plateau"]);
+        // of more than half off the plateau there is no interval, and the value stays
+        let most: Vec<Answers> = (0..9).map(|k| knee(f64::from(k), [k < 5, false, false])).collect();
+        let none = ap(&numbers(&most), 0);
+        assert_eq!((none.value, none.mean, none.lower), (4.0, None, None));
+    }
 }

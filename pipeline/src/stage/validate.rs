@@ -8,12 +8,12 @@ pub(crate) use predictions::predictions;
 
 use super::calibrate::Calibration;
 use super::{Files, Stage, Values, View, Work, reported};
-use crate::bands::is_odd;
+use crate::bands::{is_odd, is_of_the_single_model};
 use crate::calibrate::samples;
 use crate::error::BuildError;
 use crate::given::PassiveFlexion;
 use crate::kept::Kept;
-use crate::model_file::{LoadedModel, assembled_model};
+use crate::model_file::{LoadedModel, assembled_model, calibrated_model};
 use crate::options::BuildOptions;
 use crate::report::chart::Chart;
 use crate::report::check::Check;
@@ -63,6 +63,7 @@ impl Stage for Validate {
             let (found, told) = work.part(name, || {
                 let mut told = Vec::new();
                 let mut found = source(name, &outcome.spec, &model.meshes, options, &mut told)?;
+                found.model = calibrated_model(&model, &outcome.spec, name).label();
                 if let Some(samples) = samples(outcome, &model.spec) {
                     band(&mut found, &samples, &model, options, &mut told);
                 }
@@ -82,7 +83,7 @@ impl Stage for Validate {
 
     /// A folder a source, the comparison, tables and figures of the models and of the targets.
     fn artifacts(v: &Validation, (_, _, _, calibration, _): Self::Inputs<'_>) -> Files {
-        let mut files = files_of(v);
+        let mut files = files_of(v).map_err(|e| std::io::Error::other(e.to_string()))?;
         files.extend(figures_of_targets(calibration));
         Ok(files)
     }
@@ -172,7 +173,7 @@ fn cross(
 /// A protocol with the flags of its rows, each once, and whether any makes it odd; none where there is no flag.
 fn flagged(protocol: &str, rows: &[TrialResult]) -> Option<(bool, String)> {
     let mut flags: Vec<&str> = Vec::new();
-    for flag in rows.iter().flat_map(|r| &r.flags) {
+    for flag in rows.iter().flat_map(|r| &r.flags).filter(|f| !is_of_the_single_model(f)) {
         if !flags.contains(&flag.as_str()) {
             flags.push(flag);
         }

@@ -25,15 +25,14 @@ pub(super) fn checks(name: &str, found: &Calibrated, assembled: Option<&Assemble
         out.push(Check {
             question: "How tense are the ligaments without load?",
             answer: format!(
-                "at most {:.0} N in all, at {:.0} deg (90 % interval {:.0} to {:.0} N by {} samples; limit {MOST_REST_N:.0} N)",
+                "at most {:.0} N in all, at {:.0} deg ({} by {} samples; limit {MOST_REST_N:.0} N)",
                 most.value_n,
                 most.fe_deg,
-                most.lower_n,
-                most.upper_n,
+                interval(most.interval_n),
                 found.samples.len()
             ),
             good: Some(check::at_most(most.value_n, MOST_REST_N, 0)),
-            reaches: reaches(most.upper_n, MOST_REST_N),
+            reaches: reaches(most.interval_n, MOST_REST_N),
             model: Some(name.to_owned()),
             stage: Calibrate::NAME,
         });
@@ -48,16 +47,17 @@ pub(super) fn checks(name: &str, found: &Calibrated, assembled: Option<&Assemble
         out.push(Check {
             question: "Does a cruciate pull against a drawer that the other holds?",
             answer: format!(
-                "at most {most:.0} N, {bundle} under {} (90 % interval {:.0} to {:.0} N; limit {MOST_ANTAGONIST_N:.0} N)",
-                f.trial, f.lower_n, f.upper_n
+                "at most {most:.0} N, {bundle} under {} ({}; limit {MOST_ANTAGONIST_N:.0} N)",
+                f.trial,
+                interval(f.interval_n)
             ),
             good: Some(check::at_most(most, MOST_ANTAGONIST_N, 0)),
-            reaches: reaches(f.upper_n, MOST_ANTAGONIST_N),
+            reaches: reaches(f.interval_n, MOST_ANTAGONIST_N),
             model: Some(name.to_owned()),
             stage: Calibrate::NAME,
         });
     }
-    let open = forces.clone().filter(|(f, ..)| f.upper_n > FORCE_DETERMINED_N && !f.is_determined()).count();
+    let open = forces.clone().filter(|(f, ..)| f.most_n() > FORCE_DETERMINED_N && !f.is_determined()).count();
     let share = |of: fn(&ForceEstimate) -> f64| 100.0 * mean(&forces.clone().map(|(f, ..)| of(f)).collect::<Vec<_>>());
     let (by_data, by_belief) = (share(|f| f.determined), share(|f| f.believed));
     let all = forces.count();
@@ -77,8 +77,16 @@ pub(super) fn checks(name: &str, found: &Calibrated, assembled: Option<&Assemble
     out
 }
 
+/// An interval in words.
+fn interval(interval_n: Option<[f64; 2]>) -> String {
+    interval_n.map_or("no interval: most samples leave the plateau".to_owned(), |[lower, upper]| {
+        format!("90 % interval {lower:.0} to {upper:.0} N")
+    })
+}
+
 /// The upper end of an interval where it is beyond the limit.
-fn reaches(upper_n: f64, limit_n: f64) -> Option<String> {
+fn reaches(interval_n: Option<[f64; 2]>, limit_n: f64) -> Option<String> {
+    let [_, upper_n] = interval_n?;
     (!check::at_most(upper_n, limit_n, 0)).then(|| format!("{upper_n:.0} N"))
 }
 
@@ -112,6 +120,10 @@ fn rows(bytes: &[u8]) -> Option<BTreeMap<String, Vec<Force>>> {
         let cell = |k: usize| record.get(places[k]).unwrap_or("");
         let number = |k: usize| cell(k).parse::<f64>().ok();
         let force = Force { bundle: cell(1).into(), value: number(2)?, lower: number(3)?, upper: number(4)? };
+        // a force without an interval has no bar
+        if !(force.lower.is_finite() && force.upper.is_finite()) {
+            continue;
+        }
         out.entry(cell(0).into()).or_default().push(force);
     }
     (!out.is_empty()).then_some(out)

@@ -1,0 +1,124 @@
+//! How each data set reads a knee: in frames of its own, or in those of the knee.
+
+use crate::BenchError;
+use crate::frames::{Frames, Repeat};
+use crate::knee::{Knee, normal};
+use crate::rest::Path;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use std::collections::BTreeMap;
+
+/// Tells the draws of frames from all others.
+const FRAMED: u64 = 0x2545_f491;
+
+impl Repeat {
+    /// Frames of each data set; none where all share them.
+    pub(crate) fn drawn(&self, sources: &[String], seed: u64) -> BTreeMap<String, Frames> {
+        if *self == Repeat::default() {
+            return BTreeMap::new();
+        }
+        let mut random = ChaCha8Rng::seed_from_u64(seed ^ FRAMED);
+        let mut three = |sd: f64| std::array::from_fn(|_| sd * normal(&mut random));
+        let mut one = || {
+            let turn_deg = [three(self.turn_deg), three(self.turn_deg)];
+            Frames { turn_deg, shift_mm: [three(self.shift_mm), three(self.shift_mm)] }
+        };
+        sources.iter().map(|s| (s.clone(), one())).collect()
+    }
+}
+
+/// A knee and its unloaded rests, as each data set reads it.
+pub(crate) struct Read<'a> {
+    shared: (&'a Knee, &'a Path),
+    own: BTreeMap<String, (Knee, Path)>,
+}
+
+impl<'a> Read<'a> {
+    /// A knee read in each data set's `frames`, or in its own.
+    pub(crate) fn new(
+        shared: (&'a Knee, &'a Path),
+        frames: &BTreeMap<String, Frames>,
+        path: &dyn Fn(&Knee) -> Path,
+    ) -> Result<Read<'a>, BenchError> {
+        let of = |(source, frames): (&String, &Frames)| {
+            let knee = shared.0.in_frames(frames)?;
+            let path = path(&knee);
+            Ok((source.clone(), (knee, path)))
+        };
+        Ok(Read { shared, own: frames.iter().map(of).collect::<Result<_, BenchError>>()? })
+    }
+
+    /// As a data set reads it.
+    pub(crate) fn by(&self, source: &str) -> (&Knee, &Path) {
+        self.own.get(source).map_or(self.shared, |(knee, path)| (knee, path))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::knee::{BundleInput, KneeInput};
+    use crate::pose::{components, pose, read};
+    use meshes::Point;
+    use meshes::frame::AnatomicalFrame;
+    use meshes::surface::TriMesh;
+    use nalgebra::Vector3;
+
+    /// A flat femur above a flat tibia, and two bundles.
+    fn knee() -> Knee {
+        let frame = |z: f64| AnatomicalFrame {
+            origin: Point::new(0.0, 0.0, z),
+            medial: -Vector3::x(),
+            anterior: -Vector3::y(),
+            superior: Vector3::z(),
+        };
+        let flat = |z: f64, up: bool| {
+            let at = |k: usize| Point::new((k % 9) as f64 * 5.0 - 20.0, (k / 9) as f64 * 5.0 - 20.0, z);
+            let square = |k: usize| {
+                let [a, b, c, d] = [k, k + 1, k + 9, k + 10].map(|k| k as u32);
+                if up { [[a, b, d], [a, d, c]] } else { [[a, d, b], [a, c, d]] }
+            };
+            let squares = (0..72).filter(|k| k % 9 < 8);
+            TriMesh { vertices: (0..81).map(at).collect(), triangles: squares.flat_map(square).collect() }
+        };
+        let bundle = |name: &str, x: f64| BundleInput {
+            name: name.into(),
+            reference_strain: 1.05,
+            stiffness: 60.0,
+            reference_length: 30.0,
+            fibres: vec![(Point::new(x, 4.0, 12.0), Point::new(x, -6.0, -15.0))],
+        };
+        let input = KneeInput {
+            frames: (frame(8.0), frame(-2.0)),
+            bundles: vec![bundle("ACL_AM", 9.0), bundle("LCL", -21.0)],
+            femur: flat(0.0, false),
+            tibia: vec![flat(-0.3, true)],
+            contact_slope: 8.0,
+        };
+        Knee::drawn(&input, 5).unwrap()
+    }
+
+    #[test]
+    fn a_knee_read_in_other_frames_is_the_same_knee() {
+        let (knee, repeat) = (knee(), Repeat { turn_deg: 4.0, shift_mm: 3.0 });
+        let drawn = repeat.drawn(&["kla".into(), "rks".into()], 3);
+        assert_ne!(drawn["kla"], drawn["rks"]);
+        let frames = drawn["kla"];
+        let framed = knee.in_frames(&frames).unwrap();
+        let mut pressed = 0;
+        for (flexion, c) in [(0.0, [0.01, 0.05, 0.4, 1.0, -9.6]), (0.3, [-0.02, -0.1, 1.0, -2.0, -9.5])] {
+            let there = read(&frames.pose(&pose(flexion, &c)));
+            let (turned, own) = (there[0], components(&there));
+            for (a, b) in knee.tensions(flexion, &c).values().zip(framed.tensions(turned, &own).values()) {
+                assert!((a - b).abs() < 1e-9 * (1.0 + a), "{a} {b}");
+            }
+            let energy = |k: &Knee, f: f64, c| k.energy(f, c, &k.near(f, c), 1.0).0;
+            let (a, b) = (energy(&knee, flexion, &c), energy(&framed, turned, &own));
+            assert!((a - b).abs() < 1e-7 * (1.0 + a.abs()), "{a} {b}");
+            pressed += usize::from(knee.near(flexion, &c).iter().any(|n| n.1 == 0.0));
+            assert!((there[2] - c[1]).abs() > 1e-3, "it reads otherwise");
+        }
+        assert!(pressed > 0, "contact is among what is compared");
+        assert!(Repeat::default().drawn(&["kla".into()], 3).is_empty());
+    }
+}
