@@ -9,6 +9,7 @@ mkdir -p "$work"
 wheel() {
   rm -rf "$work/wheels" "$work/venv"
   [ -x "$work/maturin/bin/maturin" ] || { python3 -m venv "$work/maturin" && "$work/maturin/bin/pip" install -q "maturin>=1.9,<2"; }
+  python3 python/third_party.py
   "$work/maturin/bin/maturin" build --release --locked -m python/Cargo.toml -o "$work/wheels"
 
   python3 -m venv "$work/venv"
@@ -16,6 +17,8 @@ wheel() {
   size=$(stat -c %s "$work"/wheels/*.whl)
   echo "wheel: $((size / 1024)) KiB"
   [ "$size" -le $((25 * 1024 * 1024)) ] || { echo "the wheel is larger than 25 MiB"; exit 1; }
+
+  python3 -m zipfile -l "$(ls "$work"/wheels/*.whl)" | grep -q "licenses/THIRD-PARTY-NOTICES.txt" || { echo "the wheel has no notices of third parties"; exit 1; }
 
   # Outside the sources: what is installed is what is tried.
   cd "$work"
