@@ -27,12 +27,14 @@ wheel() {
   test -s first-knee/thickness.png && test -s first-knee/drawer.png
 }
 
-# Three knees, one of them broken, by Snakemake: killed on the way, run again.
+# Three knees, one of them broken, by Snakemake: killed on the way, run again. Then two on a full disk.
 cohort() {
   cd "$work"
   [ -x "$work/snakemake/bin/snakemake" ] || { python3 -m venv "$work/snakemake" && "$work/snakemake/bin/pip" install -q "snakemake>=9,<10"; }
   "$work/venv/bin/python" ../../workflow/try.py --command "$work/venv/bin/build-model" --snakemake "$work/snakemake/bin/snakemake" \
     --folder "$work/cohort" --ids S192803-phantom --seeds 1 2 3 --to cartilage --kill-after 6
+  "$work/venv/bin/python" ../../workflow/try_full.py --command "$work/venv/bin/build-model" --snakemake "$work/snakemake/bin/snakemake" \
+    --folder "$work/full"
 }
 
 case ${1:-all} in
