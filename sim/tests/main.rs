@@ -1,6 +1,6 @@
 //! The integration tests of sim, one program: each further one would link everything again.
 
 mod displacements;
-mod laxity_sources;
 mod laxity_shapes;
+mod laxity_sources;
 mod verification;

@@ -160,8 +160,7 @@ pub fn check_anatomy(specimen: &Specimen) -> Result<AnatomyReport, StageError> {
 }
 
 /// What is said after bones that show no knee.
-const CHECK_AXES: &str =
-    "; check that both bones are in one frame, and that the columns of neither are exchanged (x, y, z written as y, x, z)";
+const CHECK_AXES: &str = "; check that both bones are in one frame, and that the columns of neither are exchanged (x, y, z written as y, x, z)";
 
 /// What is said of bones in each other's place, by where they came from.
 fn exchanged_bones(specimen: &Specimen) -> &'static str {

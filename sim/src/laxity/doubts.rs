@@ -19,7 +19,8 @@ const LEAST_LOAD: [(Coordinate, f64); 3] = [(VV, 2.0), (IE, 1.0), (AP, 60.0)];
 /// there is named. Ours.
 const USUAL_LOAD: [(Coordinate, [f64; 2]); 3] = [(VV, [4.0, 20.0]), (IE, [2.5, 15.0]), (AP, [60.0, 300.0])];
 /// Units of a force and of a moment that a number may be in, or be turned from for nothing, and what they are in N or N m.
-const FORCES: [(&str, f64); 4] = [("kN", 1000.0), ("lbf", 4.448_221_615_260_5), ("N, not in lbf", 0.224_808_943_1), ("mN", 0.001)];
+const FORCES: [(&str, f64); 4] =
+    [("kN", 1000.0), ("lbf", 4.448_221_615_260_5), ("N, not in lbf", 0.224_808_943_1), ("mN", 0.001)];
 const MOMENTS: [(&str, f64); 4] =
     [("kN m", 1000.0), ("N mm", 0.001), ("lbf in", 0.112_984_829_027_616_7), ("N m, not in lbf in", 8.850_745_791_3)];
 /// Loads beyond these are of another unit: VV, IE [N m], ML, AP, SI [N]. Twice what arthrometers and robots apply; of SI three times the
@@ -143,7 +144,8 @@ fn likely_unit(c: Coordinate, load: f64) -> String {
     let Some((_, [least, most])) = USUAL_LOAD.iter().find(|(i, _)| *i == c) else { return String::new() };
     let units = if c.load_unit() == "N" { FORCES } else { MOMENTS };
     let fits = units.iter().filter(|(_, factor)| (*least..=*most).contains(&(load * factor)));
-    fits.map(|(unit, factor)| format!(" In {unit} it would be {:.3} {}, as tests have.", load * factor, c.load_unit())).collect()
+    fits.map(|(unit, factor)| format!(" In {unit} it would be {:.3} {}, as tests have.", load * factor, c.load_unit()))
+        .collect()
 }
 
 /// A load that no laxity test applies.

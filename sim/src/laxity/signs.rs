@@ -133,7 +133,8 @@ fn slopes(trials: &[LaxityTrial], c: Coordinate) -> (usize, usize) {
 /// Whether flexion is the angle between the shafts, or falls where nominal flexion rises.
 fn flexion(trials: &[LaxityTrial]) -> Option<SignDoubt> {
     let n = trials.len() as f64;
-    let off = |of: fn(&LaxityTrial) -> f64| trials.iter().map(|t| (of(t) - t.nominal_flexion_deg).abs()).sum::<f64>() / n;
+    let off =
+        |of: fn(&LaxityTrial) -> f64| trials.iter().map(|t| (of(t) - t.nominal_flexion_deg).abs()).sum::<f64>() / n;
     let (own, other) = (off(|t| t.fe_deg), off(|t| 180.0 - t.fe_deg));
     let supplement = other < NEAR_SUPPLEMENT_DEG && own > 2.0 * NEAR_SUPPLEMENT_DEG;
     if let Some(t) = trials.iter().find(|t| supplement || t.fe_deg > MOST_FLEXION_DEG) {

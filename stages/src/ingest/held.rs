@@ -90,7 +90,9 @@ pub(super) fn cause(points: &[Point], far: f64, scale: f64, distance: impl Fn(us
         let left = off(points, |p| Point::new(p[order[0]], p[order[1]], p[order[2]]), &distance);
         consider(
             left,
-            format!("they fit where their columns are read in the order {words}: name the columns in their order, or those of the bones if they are exchanged"),
+            format!(
+                "they fit where their columns are read in the order {words}: name the columns in their order, or those of the bones if they are exchanged"
+            ),
         );
     }
     best.map(|(_, what)| what)
