@@ -224,7 +224,7 @@ fn two_sources_of_one_knee_are_held_against_each_other() {
     let folder = with_laxity("k.csv", good.as_bytes());
     let with = |second: &str| {
         let toml = text(&folder.path().join("specimen.toml"));
-        if !toml.contains("r = ") {
+        if !toml.contains("\nr = ") {
             write(&folder.path().join("specimen.toml"), format!("{toml}r = \"laxity/r.csv\"\n"));
         }
         write(&folder.path().join("laxity/r.csv"), second);
@@ -263,8 +263,8 @@ fn units_and_angles_of_laxity_are_named() {
     let pounds = good.replace(",100,", ",22.48,").replace(",-100,", ",-22.48,");
     let between = laxity(|t, f| plain(t, f, 180.0 - f));
     for (table, words) in [(pounds, "In lbf it would be 99.99"), (between, "angle between the shafts")] {
-        let (code, said) = checked(with_laxity("k.csv", table.as_bytes()).path());
-        assert_eq!(code, 0, "{said}");
+        // told, or refused for what follows from it
+        let (_, said) = checked(with_laxity("k.csv", table.as_bytes()).path());
         holds(&said, &["LOOK", words]);
     }
     let widest: Vec<u8> = good.chars().flat_map(|c| u32::from(c).to_le_bytes()).collect();
