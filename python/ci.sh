@@ -9,6 +9,7 @@ mkdir -p "$work"
 wheel() {
   rm -rf "$work/wheels" "$work/venv"
   [ -x "$work/maturin/bin/maturin" ] || { python3 -m venv "$work/maturin" && "$work/maturin/bin/pip" install -q "maturin>=1.9,<2"; }
+  python3 python/third_party.py
   "$work/maturin/bin/maturin" build --release --locked -m python/Cargo.toml -o "$work/wheels"
 
   python3 -m venv "$work/venv"
@@ -17,6 +18,8 @@ wheel() {
   echo "wheel: $((size / 1024)) KiB"
   [ "$size" -le $((25 * 1024 * 1024)) ] || { echo "the wheel is larger than 25 MiB"; exit 1; }
 
+  python3 -m zipfile -l "$(ls "$work"/wheels/*.whl)" | grep -q "licenses/THIRD-PARTY-NOTICES.txt" || { echo "the wheel has no notices of third parties"; exit 1; }
+
   # Outside the sources: what is installed is what is tried.
   cd "$work"
   "$work/venv/bin/python" -m pytest -q -p no:cacheprovider ../../python/tests
@@ -24,12 +27,14 @@ wheel() {
   test -s first-knee/thickness.png && test -s first-knee/drawer.png
 }
 
-# Three knees, one of them broken, by Snakemake: killed on the way, run again.
+# Three knees, one of them broken, by Snakemake: killed on the way, run again. Then two on a full disk.
 cohort() {
   cd "$work"
   [ -x "$work/snakemake/bin/snakemake" ] || { python3 -m venv "$work/snakemake" && "$work/snakemake/bin/pip" install -q "snakemake>=9,<10"; }
   "$work/venv/bin/python" ../../workflow/try.py --command "$work/venv/bin/build-model" --snakemake "$work/snakemake/bin/snakemake" \
     --folder "$work/cohort" --ids S192803-phantom --seeds 1 2 3 --to cartilage --kill-after 6
+  "$work/venv/bin/python" ../../workflow/try_full.py --command "$work/venv/bin/build-model" --snakemake "$work/snakemake/bin/snakemake" \
+    --folder "$work/full"
 }
 
 case ${1:-all} in

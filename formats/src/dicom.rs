@@ -49,6 +49,62 @@ pub fn looks_dicom(bytes: &[u8]) -> bool {
 /// A damaged file, a compression we do not read, several series, a missing slice, two different slices at one place, uneven or sideways
 /// shifted slices: with the files' names.
 pub fn read_series(files: &[(&str, &[u8])]) -> Result<Series, FormatError> {
+    let (Survey { grid, tilt_deg, warnings, .. }, slices) = stack(files, Pixels::Unpacked)?;
+    let mut values = Vec::new();
+    for slice in &slices {
+        slice.values(&mut values).map_err(|e| FormatError(format!("{}: {}", slice.name, e.0)))?;
+    }
+    Ok(Series { volume: Volume { grid, values }, tilt_deg, warnings })
+}
+
+/// What the headers of a series say.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Survey {
+    /// Where its voxels will lie.
+    pub grid: Grid,
+    /// The gantry's tilt [deg].
+    pub tilt_deg: f64,
+    /// Which way its slices are cut: axial, coronal or sagittal, and oblique where they stand between.
+    pub cut: &'static str,
+    /// Its kind of picture as the file says it (CT); empty where it does not.
+    pub modality: String,
+    /// What is odd but not fatal.
+    pub warnings: Vec<Notice>,
+}
+
+/// What [`read_series`] would find, from the headers alone: no pixel is unpacked.
+///
+/// # Errors
+/// As [`read_series`], but for damaged pixels.
+pub fn survey(files: &[(&str, &[u8])]) -> Result<Survey, FormatError> {
+    stack(files, Pixels::AsTheyAre).map(|(survey, _)| survey)
+}
+
+/// Whether pixels are wanted as numbers.
+#[derive(Clone, Copy, PartialEq)]
+enum Pixels {
+    Unpacked,
+    /// As the file has them, to see whether two slices are one.
+    AsTheyAre,
+}
+
+/// Axes that lie this near the body's are along them [-]: the cosine of 20 deg, a common tilt of a positioned leg.
+const ALONG: f64 = 0.94;
+
+/// The cut of slices with this normal.
+fn cut(normal: &Vector) -> &'static str {
+    match (normal.iamax(), normal.amax() >= ALONG) {
+        (0, true) => "sagittal",
+        (1, true) => "coronal",
+        (2, true) => "axial",
+        (0, false) => "sagittal, oblique",
+        (1, false) => "coronal, oblique",
+        _ => "axial, oblique",
+    }
+}
+
+/// The one series of the files, sorted and checked.
+fn stack<'a>(files: &[(&'a str, &'a [u8])], pixels: Pixels) -> Result<(Survey, Vec<Slice<'a>>), FormatError> {
     let mut warnings = Vec::new();
     let mut slices = Vec::new();
     let mut strangers = Vec::new();
@@ -57,7 +113,7 @@ pub fn read_series(files: &[(&str, &[u8])]) -> Result<Series, FormatError> {
             strangers.push(name);
             continue;
         }
-        let read = slice::read(name, bytes).map_err(|e| FormatError(format!("{name}: {}", e.0)))?;
+        let read = slice::read(name, bytes, pixels).map_err(|e| FormatError(format!("{name}: {}", e.0)))?;
         if read.is_empty() {
             strangers.push(name);
         }
@@ -109,11 +165,8 @@ pub fn read_series(files: &[(&str, &[u8])]) -> Result<Series, FormatError> {
             super::nifti::MOST_VOXELS
         ));
     }
-    let mut values = Vec::new();
-    for slice in &slices {
-        slice.values(&mut values).map_err(|e| FormatError(format!("{}: {}", slice.name, e.0)))?;
-    }
-    Ok(Series { volume: Volume { grid, values }, tilt_deg, warnings })
+    let modality = first.modality.clone();
+    Ok((Survey { grid, tilt_deg, cut: cut(&normal), modality, warnings }, slices))
 }
 
 /// The slices of the one series there is; pictures of another size or direction that are few are left out.

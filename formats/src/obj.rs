@@ -114,7 +114,9 @@ fn parse(bytes: &[u8]) -> Result<Parsed, FormatError> {
         };
         let refuse = |what: String| FormatError(format!("line {}: {what}", number + 1));
         match keyword {
-            "v" => obj.vertex(rest).ok_or_else(|| refuse(format!("expected `v x y z`, found `{}`", short(&whole))))?,
+            "v" => obj.vertex(rest).ok_or_else(|| {
+                refuse(format!("expected `v x y z`, found `{}`{}", short(&whole), decimal_commas(rest)))
+            })?,
             "vt" => match numbers(rest).as_deref() {
                 Some(&[u, v] | &[u, v, _]) => obj.texture_coordinates.push([u, v]),
                 Some(&[u]) => obj.texture_coordinates.push([u, 0.0]),
@@ -153,6 +155,14 @@ fn uncommented(line: &str) -> &str {
 
 fn short(line: &str) -> String {
     line.chars().take(60).collect()
+}
+
+/// What is said of words that are numbers once their commas are points.
+fn decimal_commas(rest: &str) -> &'static str {
+    match rest.contains(',') && numbers(&rest.replace(',', ".")).is_some() {
+        true => ": decimal commas; export it with decimal points (an English locale)",
+        false => "",
+    }
 }
 
 fn numbers(text: &str) -> Option<Vec<f64>> {

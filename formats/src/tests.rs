@@ -446,3 +446,13 @@ proptest! {
         assault(&bytes, &[], &["a.stl", "a.ply", "a.obj", "a"], &none());
     }
 }
+
+#[test]
+fn an_obj_with_decimal_commas_is_named() {
+    let text = "v 0,5 1,25 2\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+    let error = read_surface("a.obj", text.as_bytes(), &BTreeMap::new()).unwrap_err().0;
+    assert!(error.contains("line 1") && error.contains("decimal commas"), "{error}");
+    assert!(read_surface("a.obj", text.replace(',', ".").as_bytes(), &BTreeMap::new()).is_ok());
+    let error = read_surface("a.obj", b"v a,b c d\n", &BTreeMap::new()).unwrap_err().0;
+    assert!(!error.contains("commas"), "{error}");
+}

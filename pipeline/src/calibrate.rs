@@ -122,6 +122,11 @@ pub fn calibrate(args: &CalibrateArgs) -> Result<Told, BuildError> {
         }
         sources.push((name.clone(), without_components(&model, name, trials, &mut told.words)?));
     }
+    let sets: Vec<laxity::Named> = sources.iter().map(|(name, trials)| (name.as_str(), trials.as_slice())).collect();
+    if let Some(what) = crate::given::twice(&sets) {
+        return Err(BuildError::File(format!("--targets: {what}")));
+    }
+    told.warnings.extend(laxity::between(&sets).into_iter().map(laxity::SignDoubt::notice));
     let out = store::make_folder(&args.out)?;
     let kept = out.join(CHECKPOINT);
     if args.force {

@@ -13,6 +13,7 @@ use meshes::query::SurfaceQuery;
 use serde::Serialize;
 use stages::anatomy::{AnatomyReport, check_anatomy};
 use stages::ingest::{self, OPTIONAL_PATHS, of_knee};
+use stages::segment::look;
 use stages::specimen::{NamedPoint, PointFrame, RawSpecimen, Specimen, SpecimenFile};
 use std::fmt::Write;
 use std::path::PathBuf;
@@ -172,28 +173,41 @@ fn geometry(file: &SpecimenFile, raw: &RawSpecimen, options: &BuildOptions) -> V
             }
         });
     }
-    for (key, path) in [("ct.volume", &file.ct.volume), ("ct.labels", &file.ct.labels)] {
-        if let Some(path) = path {
-            items.push(match there(path) {
-                true => Item::new(
-                    key,
-                    State::Ok,
-                    path.clone(),
-                    "the bones are segmented by the build; nothing more is judged here",
-                ),
-                false => Item::new(
-                    key,
-                    State::Fault,
-                    format!("{path} is not there"),
-                    "put it there, or correct the path in specimen.toml",
-                ),
-            });
-        }
+    let pictures = [("ct.volume", &file.ct.volume), ("ct.labels", &file.ct.labels)];
+    let absent: Vec<Item> = pictures
+        .iter()
+        .filter_map(|(key, path)| Some((*key, path.as_deref().filter(|p| !there(p.trim_end_matches('/')))?)))
+        .map(|(key, path)| {
+            let what = format!("{path} is not there");
+            Item::new(key, State::Fault, what, "put it there, or correct the path in specimen.toml")
+        })
+        .collect();
+    if absent.is_empty() && file.ct.volume.is_some() {
+        items.extend(volume(file, raw, options));
     }
+    items.extend(absent);
     if file.ct.volume.is_none() && items.iter().all(|i| i.state != State::Fault) {
         whole(file, raw, options, &mut items);
     }
     items
+}
+
+/// The CT volume and the label map beside it, as far as their files tell.
+fn volume(file: &SpecimenFile, raw: &RawSpecimen, options: &BuildOptions) -> Vec<Item> {
+    let cost = "the bones are segmented by the build";
+    match look(&file.ct, raw, &options.segment) {
+        Err(e) => {
+            let words = e.to_string();
+            let key = if words.contains("ct.labels") { "ct.labels" } else { "ct.volume" };
+            vec![Item::new(key, State::Fault, words, "")]
+        }
+        Ok(seen) => {
+            let odd: String = seen.warnings.iter().map(|w| format!("; {w}")).collect();
+            let state = if odd.is_empty() { State::Ok } else { State::Look };
+            let labels = seen.labels.map(|held| Item::new("ct.labels", State::Ok, format!("labels of {held}"), ""));
+            std::iter::once(Item::new("ct.volume", state, seen.volume + &odd, cost)).chain(labels).collect()
+        }
+    }
 }
 
 /// What shows only when every surface is read: side, exchange, points.

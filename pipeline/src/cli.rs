@@ -26,6 +26,7 @@ use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use sim::names::did_you_mean;
 use std::ffi::OsString;
 use std::io::Write;
+use std::panic::UnwindSafe;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -222,23 +223,38 @@ pub fn main() -> ExitCode {
 pub fn main_of(words: impl IntoIterator<Item = OsString>) -> u8 {
     let words: Vec<OsString> = words.into_iter().collect();
     let json = output::wants_json(&words);
-    std::panic::set_hook(Box::new(move |info| match json {
-        true => eprint!("{}", output::fault_as_json(&info.to_string())),
-        false => eprintln!("build-model: internal error, please report it: {info}"),
-    }));
+    std::panic::set_hook(Box::new(move |info| eprint!("{}", fault_told(json, &info.to_string()))));
     interrupted::listen(words.iter().skip(1).map(|w| w.to_string_lossy().into_owned()).collect());
-    match std::panic::catch_unwind(|| answer(parsed(&words))) {
-        Ok(Ok((asked, told))) => {
+    guarded(|| status(&words, json))
+}
+
+/// What is printed of a fault of this program.
+fn fault_told(json: bool, what: &str) -> String {
+    match json {
+        true => output::fault_as_json(what),
+        false => format!("build-model: internal error, please report it: {what}\n"),
+    }
+}
+
+/// The exit status of `work`; 4 where it panics, which the panic hook tells.
+fn guarded(work: impl FnOnce() -> u8 + UnwindSafe) -> u8 {
+    std::panic::catch_unwind(work).unwrap_or(OUR_FAULT)
+}
+
+/// Runs the command line, prints what came of it, and gives the exit status.
+fn status(words: &[OsString], json: bool) -> u8 {
+    match answer(parsed(words)) {
+        Ok((asked, told)) => {
             let (out, err) = output::streams(&asked, &told);
             eprint!("{err}");
             // A reader that has seen enough (`| head`) is no fault of the input.
-            let _ = match writes_to_standard_output(&words) {
+            let _ = match writes_to_standard_output(words) {
                 true => std::io::stderr().write_all(out.as_bytes()),
                 false => std::io::stdout().write_all(out.as_bytes()),
             };
             0
         }
-        Ok(Err(error)) => {
+        Err(error) => {
             if let BuildError::Faults { table, .. } = &error {
                 let _ = std::io::stdout().write_all(table.as_bytes());
             }
@@ -248,7 +264,6 @@ pub fn main_of(words: impl IntoIterator<Item = OsString>) -> u8 {
             }
             error.exit_status()
         }
-        Err(_) => OUR_FAULT,
     }
 }
 
@@ -353,5 +368,28 @@ fn answer_verb(verb: Verb) -> Result<Told, BuildError> {
         Verb::Schema { name } => words(schema::schema(&name)),
         Verb::Blind(verb) => words(blind::run(&verb)),
         Verb::Report { dir, compare } => words(report::rewrite(&dir, compare.as_deref())),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_panic_ends_with_4_and_asks_to_be_reported() {
+        let hook = std::panic::take_hook();
+        let (said, hears) = std::sync::mpsc::channel();
+        let said = std::sync::Mutex::new(said);
+        std::panic::set_hook(Box::new(move |info| {
+            let _ = said.lock().map(|s| s.send(fault_told(false, &info.to_string())));
+        }));
+        let ended = [guarded(|| panic!("a made fault")), guarded(|| 3)];
+        std::panic::set_hook(hook);
+        assert_eq!(ended, [OUR_FAULT, 3]);
+        assert_eq!(OUR_FAULT, 4);
+        let told: Vec<String> = hears.try_iter().collect();
+        assert!(told.iter().any(|t| t.contains("please report it") && t.contains("a made fault")), "{told:?}");
+        let json: serde_json::Value = serde_json::from_str(&fault_told(true, "a made fault")).unwrap();
+        assert_eq!((&json["status"], &json["code"]), (&4.into(), &"internal".into()));
     }
 }

@@ -5,7 +5,7 @@ use crate::kept::{Kept, Read};
 use crate::record::hash;
 use notices::{Kind, Notice};
 use serde::Serialize;
-use sim::laxity::{LaxityTrial, SignDoubt};
+use sim::laxity::{LaxityTrial, Named, SignDoubt};
 use stages::ingest::{named, paths_named_in};
 use stages::specimen::{CtPaths, RawSpecimen, SpecimenFile};
 use std::collections::{BTreeMap, BTreeSet};
@@ -120,11 +120,24 @@ pub fn measured(file: &SpecimenFile, raw: &RawSpecimen) -> Result<(Kept<Measured
         warnings.extend(thinner.map(|what| what.in_file(path)));
         laxity.insert(name.clone(), trials);
     }
+    let sets: Vec<Named> =
+        laxity.iter().map(|(name, t): (&String, &Vec<LaxityTrial>)| (name.as_str(), &t[..])).collect();
+    if let Some(what) = twice(&sets) {
+        return Err(BuildError::File(format!("specimen.toml [laxity]: {what}")));
+    }
+    warnings.extend(sim::laxity::between(&sets).into_iter().map(SignDoubt::notice));
     let mut passive = Vec::new();
     for (name, path) in &file.passive {
         passive.push(read_passive(name, path, bytes("passive", name, path)?)?);
     }
     Ok((Kept::read(Measured { laxity, digests, warnings })?, Kept::read(PassiveFlexion(passive))?))
+}
+
+/// What is said of a file that is given as two data sets; none where each is its own.
+pub fn twice(sets: &[Named]) -> Option<String> {
+    sim::laxity::repeated(sets).map(|[a, b]| {
+        format!("{a} and {b} hold the same measurements: one file was given twice, which would count each reading double; name the file of each source")
+    })
 }
 
 /// Warnings of a reader that a build repeats; `check` has the rest.

@@ -6,7 +6,7 @@ use crate::error::BuildError;
 use calibration::options::CalibrateOptions;
 use diagnosis::search::DiagnosisOptions;
 use serde::{Deserialize, Serialize};
-use sim::names::did_you_mean;
+use sim::names::{did_you_mean, nearest};
 use sim::protocols::ProtocolOptions;
 use stages::assemble::AssembleOptions;
 use stages::attachments::AttachmentsOptions;
@@ -147,15 +147,28 @@ pub(crate) fn typed(
         let keys = known_keys(options);
         place_at(options, key, value);
         check(stage, options).map_err(|e| {
-            let more = match keys.iter().any(|k| k == key) {
-                true => format!("; see build-model options {stage}"),
-                false => format!("{}; known: {}", did_you_mean(key, &keys), keys.join(", ")),
+            let near = nearest(key, &keys);
+            let more = match (keys.iter().any(|k| k == key), near) {
+                (true, _) if matches!(value, Value::String(s) if s.is_empty()) => {
+                    format!("; no value stands after the =; see build-model options {stage}")
+                }
+                (true, _) => format!("; see build-model options {stage}"),
+                (false, near) => {
+                    let near = near.map(|n| format!("; did you mean {n}?")).unwrap_or_default();
+                    match keys.len() <= MOST_LISTED {
+                        true => format!("{near}; known: {}", keys.join(", ")),
+                        false => format!("{near}; all {} are told by build-model options {stage}", keys.len()),
+                    }
+                }
             };
             wrong(format!("{place} {stage}.{key}: {e}{more}"))
         })?;
     }
     table.try_into().map_err(|e: toml::de::Error| wrong(e.message().to_string()))
 }
+
+/// Keys of a stage that a message lists; of more it says where they are told.
+const MOST_LISTED: usize = 16;
 
 /// Puts a value at a key, which may lead into tables by dots; a table is merged with the one there.
 fn place_at(options: &mut Table, key: &str, value: &Value) {
@@ -230,6 +243,8 @@ mod tests {
             ("assemble.frction=1", "frction"),
             ("asemble.friction=1", "asemble"),
             ("assemble.friction=\"a\"", "friction"),
+            ("calibrate.samples=", "did you mean gradient.samples?"),
+            ("calibrate.seed=", "no value stands after the ="),
         ] {
             let error = resolve(&BTreeMap::new(), &[set(text)], None).unwrap_err().to_string();
             assert!(error.contains(named), "{error}");

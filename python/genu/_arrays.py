@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import os
 import shutil
+from dataclasses import dataclass, field
 from typing import Any, Mapping, Sequence
 
 import numpy as np
@@ -68,31 +69,39 @@ def _known(what: str, given: Mapping[str, Any], known: Sequence[str], needed: Se
         raise InputError(f"{what}: {', '.join(missing)} missing")
 
 
-def specimen_of(
-    folder: Path,
-    side: str,
-    name: str,
-    bones: Mapping[str, SurfaceLike],
-    scans: Mapping[str, SurfaceLike],
-    cartilage: Mapping[str, SurfaceLike],
-    landmarks: Mapping[str, Sequence[float]],
-    laxity: Mapping[str, Any],
-) -> tuple[str, str]:
-    """Writes the folder, whole or not at all; gives its path and what a check says of it."""
-    _known("bones", bones, _BONES, ("femur", "tibfib"))
-    _known("scans", scans, _BONES, ("femur", "tibfib") if scans else ())
-    _known("cartilage", cartilage, _CARTILAGE, _CARTILAGE if cartilage else ())
-    if side not in ("left", "right"):
-        raise InputError(f"side is {side!r}; left or right was expected")
-    for data in laxity:
+@dataclass(frozen=True)
+class Given:
+    """What a specimen is made of, as it was given."""
+
+    side: str
+    name: str
+    bones: Mapping[str, SurfaceLike]
+    scans: Mapping[str, SurfaceLike] = field(default_factory=dict)
+    cartilage: Mapping[str, SurfaceLike] = field(default_factory=dict)
+    landmarks: Mapping[str, Sequence[float]] = field(default_factory=dict)
+    laxity: Mapping[str, Any] = field(default_factory=dict)
+
+
+def _checked(given: Given) -> None:
+    _known("bones", given.bones, _BONES, ("femur", "tibfib"))
+    _known("scans", given.scans, _BONES, ("femur", "tibfib") if given.scans else ())
+    _known("cartilage", given.cartilage, _CARTILAGE, _CARTILAGE if given.cartilage else ())
+    if given.side not in ("left", "right"):
+        raise InputError(f"side is {given.side!r}; left or right was expected")
+    for data in given.laxity:
         if not data.replace("_", "").replace("-", "").isalnum():
             raise InputError(f"laxity: {data!r} is no name of a data set; letters, digits, _ and - were expected")
+
+
+def specimen_of(folder: Path, given: Given) -> tuple[str, str]:
+    """Writes the folder, whole or not at all; gives its path and what a check says of it."""
+    _checked(given)
     place = absolute(folder)
     if os.path.isdir(place) and os.listdir(place):
         raise InputError(f"{place} is not empty; give a new folder")
     made = not os.path.isdir(place)
     try:
-        _write(place, side, name, bones, scans, cartilage, landmarks, laxity)
+        _write(place, given)
     except BaseException:
         shutil.rmtree(place, ignore_errors=True)
         if not made:
@@ -104,38 +113,41 @@ def specimen_of(
         return place, str(error)
 
 
-def _write(
-    place: str,
-    side: str,
-    name: str,
-    bones: Mapping[str, SurfaceLike],
-    scans: Mapping[str, SurfaceLike],
-    cartilage: Mapping[str, SurfaceLike],
-    landmarks: Mapping[str, Sequence[float]],
-    laxity: Mapping[str, Any],
-) -> None:
-    lines = ["[specimen]", f"id = {toml(name)}", f"side = {toml(side)}"]
-    for table, surfaces, where in (("ct", bones, "ct"), ("scans", scans, "scans"), ("cartilage", cartilage, "cartilage")):
+def _write(place: str, given: Given) -> None:
+    lines = ["[specimen]", f"id = {toml(given.name)}", f"side = {toml(given.side)}"]
+    for table, surfaces in (("ct", given.bones), ("scans", given.scans), ("cartilage", given.cartilage)):
         if surfaces:
             lines += ["", f"[{table}]"]
-        for part, given in surfaces.items():
-            written(os.path.join(place, where, f"{part}.ply"), f"{table}.{part}", given)
-            lines.append(f"{part} = {toml(f'{where}/{part}.ply')}")
-    if cartilage:
+        for part, surface in surfaces.items():
+            written(os.path.join(place, table, f"{part}.ply"), f"{table}.{part}", surface)
+            lines.append(f"{part} = {toml(f'{table}/{part}.ply')}")
+    if given.cartilage:
         lines.append('frame = "ct"')
-    if landmarks:
+    if given.landmarks:
         lines += ["", "[points]", 'landmarks = "landmarks.csv"']
-        with open(os.path.join(place, "landmarks.csv"), "w", encoding="utf-8", newline="") as points:
-            rows = csv.writer(points, lineterminator="\n")
-            rows.writerow(["name", "frame", "x_mm", "y_mm", "z_mm"])
-            for point, place_mm in landmarks.items():
-                numbers = np.asarray(place_mm, dtype=float)
-                if numbers.shape != (3,) or not np.isfinite(numbers).all():
-                    raise InputError(f"landmarks: {point} is {place_mm!r}; three finite numbers [mm] were expected")
-                rows.writerow([point, "ct", *(repr(float(x)) for x in numbers)])
-    if laxity:
+        _write_landmarks(os.path.join(place, "landmarks.csv"), given.landmarks)
+    if given.laxity:
         lines += ["", "[laxity]"]
-        os.makedirs(os.path.join(place, "laxity"), exist_ok=True)
+        lines += _write_laxity(place, given.laxity)
+    with open(os.path.join(place, "specimen.toml"), "w", encoding="utf-8") as toml_file:
+        toml_file.write("\n".join(lines) + "\n")
+
+
+def _write_landmarks(path: str, landmarks: Mapping[str, Sequence[float]]) -> None:
+    with open(path, "w", encoding="utf-8", newline="") as points:
+        rows = csv.writer(points, lineterminator="\n")
+        rows.writerow(["name", "frame", "x_mm", "y_mm", "z_mm"])
+        for point, place_mm in landmarks.items():
+            numbers = np.asarray(place_mm, dtype=float)
+            if numbers.shape != (3,) or not np.isfinite(numbers).all():
+                raise InputError(f"landmarks: {point} is {place_mm!r}; three finite numbers [mm] were expected")
+            rows.writerow([point, "ct", *(repr(float(x)) for x in numbers)])
+
+
+def _write_laxity(place: str, laxity: Mapping[str, Any]) -> list[str]:
+    """Writes each table; gives its line of specimen.toml."""
+    lines = []
+    os.makedirs(os.path.join(place, "laxity"), exist_ok=True)
     for data, table in laxity.items():
         files: Files = {}
         at = table_at(table, data, files)
@@ -146,5 +158,4 @@ def _write(
         else:
             copied(at, path, data)
         lines.append(f"{data} = {toml(f'laxity/{data}.csv')}")
-    with open(os.path.join(place, "specimen.toml"), "w", encoding="utf-8") as toml_file:
-        toml_file.write("\n".join(lines) + "\n")
+    return lines

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Any, Mapping, Optional, Sequence, Union
 
 from genu._call import absolute, as_html, run
-from genu._arrays import SurfaceLike, specimen_of
+from genu._arrays import Given, SurfaceLike, specimen_of
 from genu._errors import InputError
 from genu._tables import read_table
 from genu._types import Input, Option, Path, Side, Stage
@@ -140,7 +140,7 @@ class Specimen:
         --------
         >>> knee = genu.Specimen.from_arrays("knee1", side="left", bones={"femur": (v, f), "tibfib": tibia})  # doctest: +SKIP
         """
-        return cls(*specimen_of(folder, side, name, bones, scans or {}, cartilage or {}, landmarks or {}, laxity or {}))
+        return cls(*specimen_of(folder, Given(side, name, bones, scans or {}, cartilage or {}, landmarks or {}, laxity or {})))
 
 
 def init(folder: Path, files: Union[Path, Sequence[Path]] = (), *, side: Optional[Side] = None) -> Specimen:

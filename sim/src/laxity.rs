@@ -2,6 +2,7 @@
 //!
 //! Loads act on the tibia in the signs of the coordinates, N m for VV and IE, N for ML, AP and SI; poses in degrees and mm.
 
+mod between;
 mod columns;
 mod differences;
 mod doubts;
@@ -11,6 +12,7 @@ mod signs;
 mod text;
 mod write;
 
+pub use between::{Named, between, repeated};
 pub use columns::LaxityError;
 pub use format::{Bone, Column, FullColumn, LaxityFormat, Readings};
 pub use read::{LaxityTable, read, read_as};

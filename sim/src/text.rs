@@ -33,6 +33,8 @@ pub fn table<'a>(bytes: &'a [u8], known: &[String]) -> Result<Table<'a>, String>
 
 /// Share of zero bytes from which on bytes without a mark are UTF-16 [-]: text in Latin letters has one in two.
 const WIDE: f64 = 0.3;
+/// Share of zero bytes from which on they are UTF-32 [-]: text in Latin letters has three in four.
+const WIDEST: f64 = 0.7;
 /// Bytes of a file that are looked at for it.
 const HEAD: usize = 1000;
 
@@ -51,8 +53,11 @@ fn other_kind(bytes: &[u8]) -> Option<&'static str> {
     kinds.iter().find(|(start, _)| bytes.starts_with(start)).map(|(_, what)| *what)
 }
 
-/// The text of UTF-8, of UTF-16 with or without a mark, else of Latin-1, which is told.
+/// The text of UTF-8, of UTF-16 or UTF-32 with or without a mark, else of Latin-1, which is told.
 pub fn decoded(bytes: &[u8]) -> (Cow<'_, str>, Option<&'static str>) {
+    if let Some(text) = widest(bytes) {
+        return (Cow::Owned(text), None);
+    }
     let wide = |rest: &[u8], of: fn([u8; 2]) -> u16| {
         let units: Vec<u16> = rest.as_chunks::<2>().0.iter().map(|pair| of(*pair)).collect();
         (Cow::Owned(String::from_utf16_lossy(&units)), None)
@@ -77,6 +82,21 @@ pub fn decoded(bytes: &[u8]) -> (Cow<'_, str>, Option<&'static str>) {
     }
 }
 
+/// The text of UTF-32, by its mark or its zeros; none of another encoding. The mark of UTF-16 begins that of UTF-32, so this comes first.
+fn widest(bytes: &[u8]) -> Option<String> {
+    let head = &bytes[..bytes.len().min(HEAD)];
+    let zeros = head.iter().filter(|b| **b == 0).count() as f64;
+    let (rest, little) = match bytes {
+        [0xff, 0xfe, 0, 0, rest @ ..] => (rest, true),
+        [0, 0, 0xfe, 0xff, rest @ ..] => (rest, false),
+        [first, ..] if bytes.len().is_multiple_of(4) && zeros > WIDEST * head.len() as f64 => (bytes, *first != 0),
+        _ => return None,
+    };
+    let of = if little { u32::from_le_bytes } else { u32::from_be_bytes };
+    let words = rest.as_chunks::<4>().0.iter();
+    Some(words.map(|w| char::from_u32(of(*w)).unwrap_or(char::REPLACEMENT_CHARACTER)).collect())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -88,6 +108,11 @@ mod tests {
             mark.into_iter().chain(text.encode_utf16().flat_map(u16::to_le_bytes)).collect()
         };
         for bytes in [b"\xef\xbb\xbfa,b".to_vec(), wide("a,b", true), wide("a,b", false), b"a,b".to_vec()] {
+            assert_eq!(decoded(&bytes).0, "a,b");
+        }
+        let widest = |of: fn(u32) -> [u8; 4]| -> Vec<u8> { "a,b".chars().flat_map(|c| of(u32::from(c))).collect() };
+        let marked = [&[0xff, 0xfe, 0, 0][..], &widest(u32::to_le_bytes)].concat();
+        for bytes in [widest(u32::to_le_bytes), widest(u32::to_be_bytes), marked] {
             assert_eq!(decoded(&bytes).0, "a,b");
         }
         let (text, told) = decoded(b"Winkel [\xb0]");

@@ -2,4 +2,5 @@
 
 mod displacements;
 mod laxity_shapes;
+mod laxity_sources;
 mod verification;

@@ -138,9 +138,12 @@ pub fn looks_swapped(femur: &TriMesh, tibfib: &TriMesh) -> bool {
 pub fn check_anatomy(specimen: &Specimen) -> Result<AnatomyReport, StageError> {
     let (femur, tibfib) = (&specimen.ct.femur, &specimen.ct.tibfib);
     if looks_swapped(femur, tibfib) {
-        return Err(StageError::Knee("ct.femur looks like a tibia with its fibula and ct.tibfib like a femur: exchange the two paths in [ct] of specimen.toml (and check those in [scans])".into()));
+        return Err(StageError::Knee(exchanged_bones(specimen).into()));
     }
-    let axes = rough_axes(femur, tibfib, specimen.identity.side)?;
+    let axes = rough_axes(femur, tibfib, specimen.identity.side).map_err(|e| match e {
+        StageError::Knee(what) => StageError::Knee(format!("{what}{CHECK_AXES}")),
+        other => other,
+    })?;
     let side = side_of(&axes);
     if let Some(SideEvidence { side, confidence }) = side
         && side != specimen.identity.side
@@ -148,12 +151,27 @@ pub fn check_anatomy(specimen: &Specimen) -> Result<AnatomyReport, StageError> {
     {
         let name = |s| if s == Side::Left { "left" } else { "right" };
         return Err(StageError::Knee(format!(
-            "the bones are those of a {} knee (the fibula lies there), but specimen.toml says side = \"{}\": correct the side, or the export if it mirrored the bones",
+            "the bones are those of a {} knee (the fibula lies there), but specimen.toml says side = \"{}\": correct the side, or the export if it mirrored the bones: flipped an axis, or exchanged two columns of the coordinates (x, y, z written as y, x, z)",
             name(side),
             name(specimen.identity.side)
         )));
     }
     Ok(AnatomyReport { axes, side })
+}
+
+/// What is said after bones that show no knee.
+const CHECK_AXES: &str = "; check that both bones are in one frame, and that the columns of neither are exchanged (x, y, z written as y, x, z)";
+
+/// What is said of bones in each other's place, by where they came from.
+fn exchanged_bones(specimen: &Specimen) -> &'static str {
+    match (&specimen.metrics.ct_femur, &specimen.mri) {
+        (None, Some(_)) => {
+            "the label of segmentation.femur looks like a tibia with its fibula and that of segmentation.tibia like a femur: exchange the two labels in [segmentation] of specimen.toml"
+        }
+        _ => {
+            "ct.femur looks like a tibia with its fibula and ct.tibfib like a femur: exchange the two paths in [ct] of specimen.toml (and check those in [scans])"
+        }
+    }
 }
 
 /// Mean of the femur's points that are within 8 mm more than the least distance of the tibia, by area.

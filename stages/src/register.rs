@@ -301,6 +301,11 @@ fn turned(
     believed.min_by(|a, b| a.held_out_rms.total_cmp(&b.held_out_rms))
 }
 
+/// A length in words; where no bare bone was left to measure there is none.
+fn length(mm: f64) -> String {
+    if mm.is_finite() { format!("{mm:.2} mm") } else { "too far to be measured".into() }
+}
+
 /// Refuses what cannot be trusted.
 fn believe(fitted: &fit::Fitted, scan: &bare::Scan, options: &RegisterOptions) -> Result<(), StageError> {
     let trusted = fitted.held_out_rms < options.rms_limit_mm
@@ -323,14 +328,14 @@ fn believe(fitted: &fit::Fitted, scan: &bare::Scan, options: &RegisterOptions) -
         )
     });
     let what = format!(
-        "the scan does not fit the CT bone: bare bone kept out of the fit lies {:.2} mm (rms, limit {:.2}) from it, {:.0} % \
-         of the bone-like scan lies on it (limit {:.0} %), predicted mean error {:.2} mm (limit {:.2}){place}; \
-         check that scan and CT are the same bone of the same knee, in mm, at one scale and not mirrored (two columns exchanged mirror a bone)",
-        fitted.held_out_rms,
+        "the scan does not fit the CT bone: bare bone kept out of the fit lies {} (rms, limit {:.2}) from it, {:.0} % \
+         of the bone-like scan lies on it (limit {:.0} %), predicted mean error {} (limit {:.2}){place}; \
+         check that scan and CT are the same bone of the same knee, in mm, at one scale (the distance of slices counts, too) and not mirrored (two columns exchanged mirror a bone)",
+        length(fitted.held_out_rms),
         options.rms_limit_mm,
         100.0 * fitted.inlier_fraction,
         100.0 * options.inlier_limit,
-        fitted.predicted_error,
+        length(fitted.predicted_error),
         options.error_limit_mm,
     );
     // told in the scan's frame, marked in that of CT

@@ -8,7 +8,7 @@ mod surface;
 mod threshold;
 
 use notices::Notice;
-pub use read::{segment_specimen, with_surfaces};
+pub use read::{Seen, look, segment_specimen, with_surfaces};
 
 use crate::StageError;
 use meshes::surface::TriMesh;
@@ -114,10 +114,7 @@ impl Default for SegmentOptions {
 pub fn segment(volume: &Volume, given: Option<&Labels>, options: &SegmentOptions) -> Result<Segmented, StageError> {
     check(volume, given, options)?;
     let mut warnings = Vec::new();
-    let threshold = match options.threshold {
-        Some(t) => t,
-        None => threshold::from_histogram(volume)?,
-    };
+    let threshold = threshold_of(volume, options)?;
     let labels = match given.filter(|_| options.labels_are == LabelMeaning::Masks) {
         Some(given) => given.clone(),
         None => {
@@ -130,18 +127,17 @@ pub fn segment(volume: &Volume, given: Option<&Labels>, options: &SegmentOptions
     Ok(made)
 }
 
+/// The threshold that is given, or that the histogram shows.
+fn threshold_of(volume: &Volume, options: &SegmentOptions) -> Result<f64, StageError> {
+    options.threshold.map_or_else(|| threshold::from_histogram(volume), Ok)
+}
+
 fn check(volume: &Volume, given: Option<&Labels>, options: &SegmentOptions) -> Result<(), StageError> {
     let fail = |what: String| Err(StageError::Knee(what));
     let grid = &volume.grid;
-    if grid.size.iter().any(|n| *n < 8) || grid.index_from_mm().is_none() || volume.values.len() != grid.count() {
-        return fail(format!(
-            "the CT volume has {:?} voxels; expected a picture of a knee, hundreds along each axis",
-            grid.size
-        ));
-    }
-    let coarse = grid.spacing().into_iter().fold(0.0, f64::max);
-    if !(0.05..=5.0).contains(&coarse) {
-        return fail(format!("the CT volume's voxels are {coarse:.3} mm apart; expected 0.2 to 2 mm: check its unit"));
+    check_grid(grid)?;
+    if volume.values.len() != grid.count() {
+        return fail(format!("the CT volume has {} numbers for {:?} voxels", volume.values.len(), grid.size));
     }
     if let Some(at) = volume.values.iter().position(|x| !x.is_finite()) {
         return fail(format!("voxel {:?} of the CT volume is not a finite number", grid.voxel(at)));
@@ -150,6 +146,23 @@ fn check(volume: &Volume, given: Option<&Labels>, options: &SegmentOptions) -> R
         check_labels(grid, given)?;
     }
     check_options(options)
+}
+
+/// Refuses voxels that show no knee.
+fn check_grid(grid: &Grid) -> Result<(), StageError> {
+    if grid.size.iter().any(|n| *n < 8) || grid.index_from_mm().is_none() {
+        return Err(StageError::Knee(format!(
+            "the CT volume has {:?} voxels; expected a picture of a knee, hundreds along each axis",
+            grid.size
+        )));
+    }
+    let coarse = grid.spacing().into_iter().fold(0.0, f64::max);
+    if !(0.05..=5.0).contains(&coarse) {
+        return Err(StageError::Knee(format!(
+            "the CT volume's voxels are {coarse:.3} mm apart; expected 0.2 to 2 mm: check its unit"
+        )));
+    }
+    Ok(())
 }
 
 /// Refuses options that mean nothing, before any work.

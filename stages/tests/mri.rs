@@ -138,6 +138,10 @@ fn what_cannot_be_built_is_refused_in_one_sentence() {
     ] {
         assert!(words.iter().all(|w| text.contains(w)), "{words:?}: {text}");
     }
+    // a key whose label no voxel has
+    let absent = change("patella = 7", "patella = 77");
+    let told = ingest(&absent, &IngestOptions::default()).unwrap().warnings;
+    assert!(told.iter().any(|w| w.contains("segmentation.patella") && w.contains("77")), "{told:?}");
     let unnamed = relabelled(&raw, |labels, i, l| if l == 0 && labels.grid.voxel(i)[0] == 0 { 9 } else { l });
     let specimen = ingest(&unnamed, &IngestOptions::default()).unwrap();
     assert!(specimen.warnings.iter().any(|w| w.contains("labels 9")), "{:?}", specimen.warnings);

@@ -160,3 +160,85 @@ fn a_tibia_without_its_fibula_is_told() {
     let (_, words) = checked(without.path());
     assert_eq!(words.matches("no fibular shaft").count(), 1, "{words}");
 }
+
+#[test]
+fn labels_of_femur_and_tibia_exchanged_are_told_by_their_table() {
+    let folder = with_labels("l.nrrd", nrrd(&labels(), std::slice::from_ref(&labels().values), 1.0, ""));
+    let toml = text(&folder.path().join("specimen.toml"));
+    let [femur, tibia] = ["femur", "tibia"].map(|key| {
+        let line = toml.lines().find(|l| l.starts_with(&format!("{key} = "))).unwrap();
+        line.split(" = ").nth(1).unwrap().to_owned()
+    });
+    change(folder.path(), &format!("femur = {femur}\n"), "femur = X\n");
+    change(folder.path(), &format!("tibia = {tibia}\n"), &format!("tibia = {femur}\n"));
+    change(folder.path(), "femur = X\n", &format!("femur = {tibia}\n"));
+    let (code, words) = checked(folder.path());
+    assert_eq!(code, 1, "{words}");
+    holds(&words, &["[segmentation]", "exchange"]);
+    assert!(!words.contains("paths in [ct]"), "{words}");
+}
+
+#[test]
+fn columns_of_one_bone_exchanged_are_named() {
+    let orders: [([usize; 3], &str); 2] = [([1, 0, 2], "y, x, z"), ([2, 1, 0], "z, y, x")];
+    for (order, words) in orders {
+        let folder = knee(&BUILT);
+        let path = folder.path().join("ct/femur.stl");
+        let mut bytes = std::fs::read(&path).unwrap();
+        for facet in bytes[84..].chunks_exact_mut(50) {
+            for corner in facet[12..48].chunks_exact_mut(12) {
+                let old = corner.to_vec();
+                order
+                    .iter()
+                    .enumerate()
+                    .for_each(|(k, from)| corner[4 * k..][..4].copy_from_slice(&old[4 * from..][..4]));
+            }
+        }
+        write(&path, bytes);
+        let (code, said) = checked(folder.path());
+        assert_eq!(code, 1, "{said}");
+        holds(&said, &["faced inwards", "two columns exchanged", words]);
+    }
+}
+
+#[test]
+fn check_reads_the_headers_of_a_dicom_series() {
+    let folder = knee(&BUILT);
+    let toml = text(&folder.path().join("specimen.toml"));
+    let at = toml.find("[ct]").unwrap();
+    let end = toml[at + 1..].find('[').map_or(toml.len(), |k| at + 1 + k);
+    let toml = format!("{}[ct]\nvolume = \"ct/dicom\"\n\n{}", &toml[..at], &toml[end..]);
+    write(&folder.path().join("specimen.toml"), toml);
+    std::fs::create_dir_all(folder.path().join("ct/dicom")).unwrap();
+    let slices = [
+        include_bytes!("../corpus/dicom/lossless-0.dcm").as_slice(),
+        include_bytes!("../corpus/dicom/lossless-1.dcm"),
+        include_bytes!("../corpus/dicom/lossless-2.dcm"),
+    ];
+    let place = |k: usize| folder.path().join(format!("ct/dicom/IM{k}"));
+    // a stack of ten, 1 mm apart
+    let at = slices[0].windows(6).position(|w| w == b"1\\2\\0 ").unwrap();
+    for k in 0..10usize {
+        let mut bytes = slices[0].to_vec();
+        bytes[at + 4] = b'0' + k as u8;
+        write(&place(k), bytes);
+    }
+    let (_, words) = checked(folder.path());
+    holds(&words, &["ok      ct.volume", "x 10 voxels", "one series of 10 files, CT, axial"]);
+    std::fs::remove_file(place(4)).unwrap();
+    holds(&checked(folder.path()).1, &["FAULT   ct.volume", "1 slices are missing between"]);
+    (0..10).for_each(|k| drop(std::fs::remove_file(place(k))));
+    slices.iter().enumerate().for_each(|(k, bytes)| write(&place(k), bytes));
+    // three slices are a series, and no knee
+    let (code, words) = checked(folder.path());
+    assert_eq!(code, 1, "{words}");
+    holds(&words, &["FAULT   ct.volume", "[40, 48, 3] voxels"]);
+    std::fs::remove_file(place(1)).unwrap();
+    holds(&checked(folder.path()).1, &["FAULT   ct.volume", "2 slices"]);
+    let other: Vec<u8> = slices[1].to_vec();
+    let kind = other.windows(8).position(|w| w == [8, 0, 0x60, 0, b'C', b'S', 2, 0]).unwrap();
+    let mut magnetic = other;
+    magnetic[kind + 8..kind + 10].copy_from_slice(b"MR");
+    write(&place(1), magnetic);
+    holds(&checked(folder.path()).1, &["FAULT   ct.volume", "IM1", "kind MR", "expected CT"]);
+}

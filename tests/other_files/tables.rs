@@ -217,3 +217,57 @@ fn check_tells_how_many_readings_a_raw_log_makes() {
     assert_eq!(code, 0, "{words}");
     holds(&words, &["6000 rows are averaged to", "readings", "scatter"]);
 }
+
+#[test]
+fn two_sources_of_one_knee_are_held_against_each_other() {
+    let good = laxity(|t, f| plain(t, f, f + 0.3));
+    let folder = with_laxity("k.csv", good.as_bytes());
+    let with = |second: &str| {
+        let toml = text(&folder.path().join("specimen.toml"));
+        if !toml.contains("\nr = ") {
+            write(&folder.path().join("specimen.toml"), format!("{toml}r = \"laxity/r.csv\"\n"));
+        }
+        write(&folder.path().join("laxity/r.csv"), second);
+        checked(folder.path())
+    };
+    let (code, words) = with(&good.replace("anterior0,", "another0,"));
+    assert_eq!(code, 1, "{words}");
+    holds(&words, &["k and r hold the same measurements", "given twice"]);
+    let (code, words) = built(folder.path(), "calibrate");
+    assert_eq!(code, 1, "{words}");
+    holds(&words, &["[laxity]", "k and r hold the same measurements"]);
+    // the second apparatus pulls harder, and has a zero of its own
+    let harder = |ap: f64| {
+        good.replace(",100,", ",120,").replace(",-28.5", ",-28.4").replace(",3.5,", &format!(",{},", 4.1 + ap))
+    };
+    let (code, words) = with(&harder(0.0));
+    assert!(code == 0 && !words.contains("LOOK    laxity "), "{words}");
+    let shifted: String = harder(0.0)
+        .lines()
+        .map(|l| {
+            let mut cells: Vec<String> = l.split(',').map(String::from).collect();
+            if let Ok(x) = cells[12].parse::<f64>() {
+                cells[12] = (x + 12.0).to_string();
+            }
+            cells.join(",") + "\n"
+        })
+        .collect();
+    let (code, words) = with(&shifted);
+    assert_eq!(code, 0, "{words}");
+    holds(&words, &["LOOK    laxity ", "ap_mm", "offset"]);
+}
+
+#[test]
+fn units_and_angles_of_laxity_are_named() {
+    let good = laxity(|t, f| plain(t, f, f + 0.3));
+    let pounds = good.replace(",100,", ",22.48,").replace(",-100,", ",-22.48,");
+    let between = laxity(|t, f| plain(t, f, 180.0 - f));
+    for (table, words) in [(pounds, "In lbf it would be 99.99"), (between, "angle between the shafts")] {
+        // told, or refused for what follows from it
+        let (_, said) = checked(with_laxity("k.csv", table.as_bytes()).path());
+        holds(&said, &["LOOK", words]);
+    }
+    let widest: Vec<u8> = good.chars().flat_map(|c| u32::from(c).to_le_bytes()).collect();
+    let (code, said) = checked(with_laxity("k.csv", &widest).path());
+    assert!(code == 0 && said.contains("18 trials"), "{said}");
+}

@@ -56,7 +56,7 @@ pub(super) fn frames<'a>(
 }
 
 /// The packed bytes of each frame: a fragment each, or by the table of offsets.
-fn fragments<'a>(all: &[&'a [u8]], count: usize) -> Result<Vec<Cow<'a, [u8]>>, FormatError> {
+pub(super) fn fragments<'a>(all: &[&'a [u8]], count: usize) -> Result<Vec<Cow<'a, [u8]>>, FormatError> {
     let Some((table, parts)) = all.split_first() else { return refuse("the file has no pixels; it is cut short") };
     if count == 1 {
         return Ok(vec![Cow::Owned(parts.concat())]);

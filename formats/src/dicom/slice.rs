@@ -1,7 +1,7 @@
 //! One slice, or the frames of a file that holds several.
 
 use super::element::{Element, Packing, Reader, Syntax, data, items, text};
-use super::{frames, point, refuse};
+use super::{Pixels, frames, point, refuse};
 use crate::FormatError;
 use meshes::{Point, Vector};
 use std::borrow::Cow;
@@ -18,6 +18,8 @@ pub(super) struct Slice<'a> {
     pub pixel: [f64; 2],
     pub rows: usize,
     pub columns: usize,
+    /// Kind of picture.
+    pub modality: String,
     series: String,
     slope: f64,
     intercept: f64,
@@ -63,19 +65,19 @@ const MOST_FRAMES: usize = 20_000;
 const SHORTS: [u32; 7] = [0x0028_0010, 0x0028_0011, 0x0028_0100, 0x0028_0101, 0x0028_0102, 0x0028_0103, 0x0028_0002];
 
 /// Reads the slices of a file; none for a DICOM file that is no picture.
-pub(super) fn read<'a>(name: &'a str, bytes: &'a [u8]) -> Result<Vec<Slice<'a>>, FormatError> {
+pub(super) fn read<'a>(name: &'a str, bytes: &'a [u8], want: Pixels) -> Result<Vec<Slice<'a>>, FormatError> {
     let (data, syntax) = data(bytes)?;
     match data {
-        Cow::Borrowed(own) => slices(name, own, syntax),
+        Cow::Borrowed(own) => slices(name, own, syntax, want),
         // A deflated slice's own bytes live only here, so its pixels are copied out.
         Cow::Owned(own) => {
-            let made = slices(name, &own, syntax)?;
+            let made = slices(name, &own, syntax, want)?;
             Ok(made.into_iter().map(|s| s.owned(name)).collect())
         }
     }
 }
 
-fn slices<'a>(name: &'a str, bytes: &'a [u8], syntax: Syntax) -> Result<Vec<Slice<'a>>, FormatError> {
+fn slices<'a>(name: &'a str, bytes: &'a [u8], syntax: Syntax, want: Pixels) -> Result<Vec<Slice<'a>>, FormatError> {
     let mut reader = Reader { bytes, at: 0, syntax };
     let mut found = Found::default();
     let mut shared = Vec::new();
@@ -111,7 +113,12 @@ fn slices<'a>(name: &'a str, bytes: &'a [u8], syntax: Syntax) -> Result<Vec<Slic
     }
     let (rows, columns, bits) = (found.short(0)?, found.short(1)?, found.short(2)?);
     let shape = frames::Shape { rows: rows.into(), columns: columns.into(), bytes: usize::from(bits).div_ceil(8) };
-    let parts = frames::frames(pixels, syntax.packing, &shape, count)?;
+    let packed = syntax.packing != Packing::None;
+    let parts = match want {
+        Pixels::AsTheyAre if packed => frames::fragments(&pixels.fragments, count)?,
+        _ => frames::frames(pixels, syntax.packing, &shape, count)?,
+    };
+    let whole_pixels = want == Pixels::Unpacked || !packed;
     // Unpacked pixels are little-endian whatever the file is.
     let big = syntax.big && syntax.packing == Packing::None;
     let one = |(k, own): (usize, Cow<'a, [u8]>)| {
@@ -119,7 +126,7 @@ fn slices<'a>(name: &'a str, bytes: &'a [u8], syntax: Syntax) -> Result<Vec<Slic
             Some(each) => found.with(each),
             None => found.clone(),
         };
-        slice(name, whole, own, big)
+        slice(name, whole, own, (big, whole_pixels))
     };
     parts.into_iter().enumerate().map(one).collect()
 }
@@ -183,7 +190,12 @@ impl Found {
     }
 }
 
-fn slice<'a>(name: &'a str, found: Found, pixels: Cow<'a, [u8]>, big: bool) -> Result<Slice<'a>, FormatError> {
+fn slice<'a>(
+    name: &'a str,
+    found: Found,
+    pixels: Cow<'a, [u8]>,
+    (big, whole): (bool, bool),
+) -> Result<Slice<'a>, FormatError> {
     if !["", "CT"].contains(&found.kind.as_str()) {
         return refuse(format!("a picture of kind {}; expected CT", found.kind));
     }
@@ -208,7 +220,7 @@ fn slice<'a>(name: &'a str, found: Found, pixels: Cow<'a, [u8]>, big: bool) -> R
         big,
     };
     let wanted = rows * columns * bits.bytes;
-    if rows == 0 || columns == 0 || pixels.len() < wanted {
+    if rows == 0 || columns == 0 || (whole && pixels.len() < wanted) {
         return refuse(format!(
             "{rows} x {columns} pixels take {wanted} bytes, {} are there; the file is cut short",
             pixels.len()
@@ -228,8 +240,22 @@ fn slice<'a>(name: &'a str, found: Found, pixels: Cow<'a, [u8]>, big: bool) -> R
     if !(slope.is_finite() && intercept.is_finite() && slope != 0.0) {
         return Err(wrong("the rescale slope or intercept"));
     }
-    let series = found.series;
-    Ok(Slice { name, position, along_row, along_column, pixel, rows, columns, series, slope, intercept, bits, pixels })
+    let (series, modality) = (found.series, found.kind);
+    Ok(Slice {
+        name,
+        position,
+        along_row,
+        along_column,
+        pixel,
+        rows,
+        columns,
+        modality,
+        series,
+        slope,
+        intercept,
+        bits,
+        pixels,
+    })
 }
 
 impl Slice<'_> {
@@ -243,6 +269,7 @@ impl Slice<'_> {
             pixel: self.pixel,
             rows: self.rows,
             columns: self.columns,
+            modality: self.modality,
             series: self.series,
             slope: self.slope,
             intercept: self.intercept,

@@ -42,8 +42,13 @@ fn stack(n: usize) -> Vec<(String, Vec<u8>)> {
     (0..n).map(|k| (format!("ct/{:03}", (k * 7) % n), file(k, [0.0; 3], "1.2"))).collect()
 }
 
+/// Reads a series, and sees that its headers alone tell the same, or refuse with the same words.
 fn read(files: &[(String, Vec<u8>)]) -> Result<Series, FormatError> {
-    read_series(&files.iter().map(|(n, b)| (n.as_str(), b.as_slice())).collect::<Vec<_>>())
+    let files: Vec<(&str, &[u8])> = files.iter().map(|(n, b)| (n.as_str(), b.as_slice())).collect();
+    let read = read_series(&files);
+    let seen = survey(&files).map(|s| (s.grid, s.tilt_deg, s.warnings)).map_err(|e| e.0);
+    assert_eq!(seen, read.clone().map(|s| (s.volume.grid, s.tilt_deg, s.warnings)).map_err(|e| e.0));
+    read
 }
 
 #[test]
@@ -154,6 +159,10 @@ fn packed_and_enhanced_files_of_other_programs_are_the_plain_volume() {
         for n in (200..bytes.len() - 8).step_by(97) {
             assert!(read_series(&[(name, &bytes[..n])]).is_err(), "{name} cut at {n}");
         }
+    }
+    for bytes in [corpus!("enhanced-plain.dcm"), corpus!("enhanced-rle.dcm"), corpus!("enhanced-j2k.dcm")] {
+        let seen = survey(&[("a", bytes)]).unwrap();
+        assert_eq!((&seen.grid, seen.cut, seen.modality.as_str()), (&plain.grid, "axial", "CT"));
     }
     let slices = [("0", corpus!("lossless-0.dcm")), ("1", corpus!("lossless-1.dcm")), ("2", corpus!("lossless-2.dcm"))];
     let lossless = read_series(&slices).unwrap().volume;

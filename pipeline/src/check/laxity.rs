@@ -1,10 +1,11 @@
 //! Laxity files of a specimen: what they hold, what a calibration leaves out, and whether their signs are the clinical ones.
 
 use super::{Item, State};
+use crate::given;
 use crate::options::BuildOptions;
 use calibration::targets::targets;
 use notices::{Kind, Notice};
-use sim::laxity::{LaxityTrial, read_as, sign_doubts};
+use sim::laxity::{LaxityTrial, Named, between, read_as, sign_doubts};
 use sim::spec::PoseSpec;
 use stages::specimen::{RawSpecimen, SpecimenFile};
 use std::collections::{BTreeMap, BTreeSet};
@@ -54,11 +55,22 @@ pub(super) fn judge(
             }
         }
     }
+    against_each_other(&measured, items);
     if file.laxity.len() == 1 {
         let cost = "one source alone: nothing shows how far its apparatus can be trusted";
         items.push(Item::new("laxity", State::Missing, "no second source", cost));
     }
     measured
+}
+
+/// What two sources of one knee contradict each other in.
+fn against_each_other(measured: &BTreeMap<String, Vec<LaxityTrial>>, items: &mut Vec<Item>) {
+    let sets: Vec<Named> = measured.iter().map(|(name, trials)| (name.as_str(), trials.as_slice())).collect();
+    if let Some(what) = given::twice(&sets) {
+        return items.push(Item::new("laxity", State::Fault, what, "name the file of each source, or leave one out"));
+    }
+    let cost = "a build calibrates to both as they stand";
+    items.extend(between(&sets).into_iter().map(|doubt| Item::new("laxity", State::Look, doubt.words, cost)));
 }
 
 /// Warnings of the reader that are shown; more are counted.

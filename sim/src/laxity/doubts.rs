@@ -12,14 +12,25 @@ const LEAST_ZEROS: usize = 3;
 const EXCHANGED: f64 = 2.0;
 /// Fewest trials of a coordinate's tests from which its range is taken.
 const LEAST_TRIALS: usize = 4;
-/// Below these, the largest load of a coordinate's tests is of another unit: VV, IE [N m], AP [N]. A twentieth of the paper's
-/// protocols [andreassen2025, section 2.6]; ours.
-const LEAST_LOAD: [(Coordinate, f64); 3] = [(VV, 0.5), (IE, 0.25), (AP, 5.0)];
+/// Below these, the largest load of a coordinate's tests is of another unit: VV, IE [N m], AP [N]. Arthrometers begin at 67 N (15 lbf), robots at
+/// 5 N m; of moments two fifths and a fifth, since some are turned by hand. Ours.
+const LEAST_LOAD: [(Coordinate, f64); 3] = [(VV, 2.0), (IE, 1.0), (AP, 60.0)];
+/// Where the largest loads of tests lie: VV, IE [N m], AP [N]. From arthrometers (67 to 178 N) and robots (5 to 15 N m); a unit that brings a load
+/// there is named. Ours.
+const USUAL_LOAD: [(Coordinate, [f64; 2]); 3] = [(VV, [4.0, 20.0]), (IE, [2.5, 15.0]), (AP, [60.0, 300.0])];
+/// Units of a force and of a moment that a number may be in, or be turned from for nothing, and what they are in N or N m.
+const FORCES: [(&str, f64); 4] =
+    [("kN", 1000.0), ("lbf", 4.448_221_615_260_5), ("N, not in lbf", 0.224_808_943_1), ("mN", 0.001)];
+const MOMENTS: [(&str, f64); 4] =
+    [("kN m", 1000.0), ("N mm", 0.001), ("lbf in", 0.112_984_829_027_616_7), ("N m, not in lbf in", 8.850_745_791_3)];
 /// Loads beyond these are of another unit: VV, IE [N m], ML, AP, SI [N]. Twice what arthrometers and robots apply; of SI three times the
 /// weight of a heavy person. Ours.
 const MOST_LOAD: [(Coordinate, f64); 5] = [(VV, 60.0), (IE, 30.0), (ML, 500.0), (AP, 500.0), (SI, 3000.0)];
 /// A knee's whole range under its tests is less: VV, IE [deg], AP [mm]. One and a half times that of knees without their cruciates; ours.
 const MOST_MOTION: [(Coordinate, f64); 3] = [(VV, 45.0), (IE, 110.0), (AP, 60.0)];
+/// Where other coordinates lie in the mean of poses: VV, IE [deg], ML, AP [mm]. Twice the range of knees under load in their frames; ours.
+const USUAL_MEAN: [(Coordinate, [f64; 2]); 4] =
+    [(VV, [-15.0, 15.0]), (IE, [-40.0, 40.0]), (ML, [-12.0, 12.0]), (AP, [-20.0, 30.0])];
 /// The tibia's origin lies so far below the femur's in the mean of poses [mm]: 20 to 35 in knees, with room for children and giants. Ours.
 const USUAL_SI_MM: [f64; 2] = [-60.0, -8.0];
 /// A knee moves by more than this under the loads of its tests: VV, IE [deg], AP [mm]. A tenth of a stiff knee's; ours.
@@ -36,6 +47,7 @@ pub(super) fn doubts(trials: &[LaxityTrial]) -> Vec<SignDoubt> {
     found.extend(MOST_LOAD.iter().filter_map(|limit| large_load(trials, *limit)));
     found.extend(MOST_MOTION.iter().filter_map(|limit| large_motion(trials, *limit)));
     found.extend(far_origin(trials));
+    found.extend(USUAL_MEAN.iter().filter_map(|usual| far_mean(trials, *usual)));
     found.extend([(AP, ML), (AP, SI), (IE, VV)].iter().filter_map(|pair| exchanged(trials, *pair)));
     found
 }
@@ -119,11 +131,21 @@ fn small_load(trials: &[LaxityTrial], (c, least): (Coordinate, f64)) -> Option<S
     (!own.is_empty() && largest < least).then(|| SignDoubt {
         column: c.load_column(),
         words: format!(
-            "{} is at most {largest} {} in the tests by that name. Expected more than {least}: is its unit another, or are columns exchanged? Declare the unit by [laxity_format.NAME.columns]",
+            "{} is at most {largest} {} in the tests by that name. Expected more than {least}: is its unit another, or are columns exchanged?{} Declare the unit by [laxity_format.NAME.columns]",
             c.load_column(),
-            c.load_unit()
+            c.load_unit(),
+            likely_unit(c, largest)
         ),
     })
+}
+
+/// The units in which a test's largest load would be a usual one, in words; nothing where there are none.
+fn likely_unit(c: Coordinate, load: f64) -> String {
+    let Some((_, [least, most])) = USUAL_LOAD.iter().find(|(i, _)| *i == c) else { return String::new() };
+    let units = if c.load_unit() == "N" { FORCES } else { MOMENTS };
+    let fits = units.iter().filter(|(_, factor)| (*least..=*most).contains(&(load * factor)));
+    fits.map(|(unit, factor)| format!(" In {unit} it would be {:.3} {}, as tests have.", load * factor, c.load_unit()))
+        .collect()
 }
 
 /// A load that no laxity test applies.
@@ -132,11 +154,12 @@ fn large_load(trials: &[LaxityTrial], (c, most): (Coordinate, f64)) -> Option<Si
     (worst.load[c].abs() > most).then(|| SignDoubt {
         column: c.load_column(),
         words: format!(
-            "{} is {:.0} {} in trial \"{}\". Expected at most {most}: is its unit another (in lbf, N mm, kN), or are columns exchanged? Declare the unit by [laxity_format.NAME.columns]",
+            "{} is {:.0} {} in trial \"{}\". Expected at most {most}: is its unit another (in lbf, N mm, kN), or are columns exchanged?{} Declare the unit by [laxity_format.NAME.columns]",
             c.load_column(),
             worst.load[c],
             c.load_unit(),
-            worst.trial
+            worst.trial,
+            likely_unit(c, worst.load[c].abs())
         ),
     })
 }
@@ -154,14 +177,29 @@ fn large_motion(trials: &[LaxityTrial], (c, most): (Coordinate, f64)) -> Option<
     })
 }
 
+/// The mean of a coordinate over poses; none of few.
+fn mean(trials: &[LaxityTrial], c: Coordinate) -> Option<f64> {
+    let poses = trials.iter().filter(|t| t.reference.is_none());
+    let values: Vec<f64> = poses.filter_map(|t| t.measured[c]).collect();
+    (values.len() >= LEAST_TRIALS).then(|| values.iter().sum::<f64>() / values.len() as f64)
+}
+
+/// Poses about another zero than a knee's.
+fn far_mean(trials: &[LaxityTrial], (c, [least, most]): (Coordinate, [f64; 2])) -> Option<SignDoubt> {
+    let mean = mean(trials, c).filter(|m| !(least..=most).contains(m))?;
+    Some(SignDoubt {
+        column: c.column(),
+        words: format!(
+            "{} is {mean:.1} {unit} in the mean. Expected {least:.0} to {most:.0} {unit}: does it have an offset, counted from another zero, or another unit? Take the offset off, or declare readings = \"difference\"",
+            c.column(),
+            unit = c.unit()
+        ),
+    })
+}
+
 /// Poses whose SI is that of no pair of origins: another unit, or another zero.
 fn far_origin(trials: &[LaxityTrial]) -> Option<SignDoubt> {
-    let poses = trials.iter().filter(|t| t.reference.is_none());
-    let values: Vec<f64> = poses.filter_map(|t| t.measured[SI]).collect();
-    if values.len() < LEAST_TRIALS {
-        return None;
-    }
-    let mean = values.iter().sum::<f64>() / values.len() as f64;
+    let mean = mean(trials, SI)?;
     let [least, most] = USUAL_SI_MM;
     (!(least..=most).contains(&mean)).then(|| SignDoubt {
         column: SI.column(),

@@ -105,7 +105,7 @@ impl Column {
 }
 
 /// Units by quantity, with the factor to the standard unit.
-const UNITS: [(&str, &[&str], f64); 13] = [
+const UNITS: [(&str, &[&str], f64); 15] = [
     ("deg", &["deg", "degree", "degrees", "°"], 1.0),
     ("deg", &["rad", "radian", "radians"], 57.295_779_513_082_32),
     ("mm", &["mm", "millimetre", "millimeter"], 1.0),
@@ -118,6 +118,8 @@ const UNITS: [(&str, &[&str], f64); 13] = [
     ("nm", &["nm", "n m", "n*m", "n·m", "n.m", "n-m"], 1.0),
     ("nm", &["nmm", "n mm", "n*mm", "n·mm", "n.mm", "n-mm"], 0.001),
     ("nm", &["in lbf", "in-lbf", "lbf in", "lbf-in", "in lb"], 0.112_984_829_027_616_7),
+    ("nm", &["ft lbf", "ft-lbf", "lbf ft", "lbf-ft", "ft lb"], 1.355_817_948_331_4),
+    ("nm", &["kn m", "knm", "kn*m", "kn·m", "kn.m", "kn-m"], 1000.0),
     ("s", &["s", "sec", "seconds"], 1.0),
 ];
 

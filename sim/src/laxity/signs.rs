@@ -31,6 +31,10 @@ const WORDS: [(Coordinate, &str, &str); 3] =
 const ABOVE_MM: f64 = 5.0;
 /// Mean SI load below this is traction, which no laxity test applies [N].
 const TRACTION_N: f64 = -5.0;
+/// No laxity is tested at so much flexion [deg]: a heel at the buttock is 150 to 160. Ours.
+const MOST_FLEXION_DEG: f64 = 140.0;
+/// The angle between the shafts is 180 deg less flexion; a mean nearer to it than this shows that it was given [deg]. Ours.
+const NEAR_SUPPLEMENT_DEG: f64 = 20.0;
 
 /// What looks turned round, coordinate by coordinate. A file whose loads, displacements and names of tests are all turned is not found.
 pub fn sign_doubts(trials: &[LaxityTrial]) -> Vec<SignDoubt> {
@@ -126,9 +130,22 @@ fn slopes(trials: &[LaxityTrial], c: Coordinate) -> (usize, usize) {
     (with, opposed)
 }
 
-/// Whether measured flexion falls where nominal flexion rises.
+/// Whether flexion is the angle between the shafts, or falls where nominal flexion rises.
 fn flexion(trials: &[LaxityTrial]) -> Option<SignDoubt> {
     let n = trials.len() as f64;
+    let off =
+        |of: fn(&LaxityTrial) -> f64| trials.iter().map(|t| (of(t) - t.nominal_flexion_deg).abs()).sum::<f64>() / n;
+    let (own, other) = (off(|t| t.fe_deg), off(|t| 180.0 - t.fe_deg));
+    let supplement = other < NEAR_SUPPLEMENT_DEG && own > 2.0 * NEAR_SUPPLEMENT_DEG;
+    if let Some(t) = trials.iter().find(|t| supplement || t.fe_deg > MOST_FLEXION_DEG) {
+        return Some(SignDoubt {
+            column: "fe_deg".into(),
+            words: format!(
+                "fe_deg is {:.0} deg in trial \"{}\": the angle between the shafts (180 deg less flexion)? Expected flexion, 0 in a straight knee: write 180 less the angle, and the same for nominal_flexion_deg where it is such an angle",
+                t.fe_deg, t.trial
+            ),
+        });
+    }
     let mean = |of: fn(&LaxityTrial) -> f64| trials.iter().map(of).sum::<f64>() / n;
     let (x, y) = (mean(|t| t.nominal_flexion_deg), mean(|t| t.fe_deg));
     let along: f64 = trials.iter().map(|t| (t.nominal_flexion_deg - x) * (t.fe_deg - y)).sum();

@@ -90,7 +90,9 @@ pub(super) fn cause(points: &[Point], far: f64, scale: f64, distance: impl Fn(us
         let left = off(points, |p| Point::new(p[order[0]], p[order[1]], p[order[2]]), &distance);
         consider(
             left,
-            format!("they fit where their columns are read in the order {words}: name the columns in their order"),
+            format!(
+                "they fit where their columns are read in the order {words}: name the columns in their order, or those of the bones if they are exchanged"
+            ),
         );
     }
     best.map(|(_, what)| what)
@@ -213,6 +215,9 @@ pub(super) fn points(
             ));
         }
         let far = if near.is_empty() { 0.0 } else { off(&near, |p| *p, distance) };
+        if let Some(what) = of_one_bone(&near, bones.scale, distance) {
+            return Err(StageError::file(path, format_args!("of {whose} {what}")));
+        }
         if far <= OFF_MM * bones.scale {
             if far > TOLD_MM * bones.scale {
                 warnings.push(Kind::PointsOffSurface.notice(format!(
@@ -244,6 +249,20 @@ pub(super) fn points(
         ));
     }
     Ok(())
+}
+
+/// The cause of points of which some lie on their surface and some far off it: those of one bone, whose own columns may be exchanged.
+fn of_one_bone(near: &[Point], scale: f64, distance: impl Fn(usize, &Point) -> f64) -> Option<String> {
+    let lost: Vec<Point> = near.iter().filter(|p| distance(0, p) > OFF_MM * scale).copied().collect();
+    let some = lost.len() >= FEWEST && lost.len() < near.len();
+    let far = some.then(|| off(&lost, |p| *p, &distance))?;
+    let what = cause(&lost, far, scale, &distance)?;
+    Some(format!(
+        "{} of {} lie {far:.0} mm off the surfaces in the median and the others on them; the {}",
+        lost.len(),
+        near.len(),
+        what.replacen("they", "first", 1)
+    ))
 }
 
 fn frame_name(frame: PointFrame) -> &'static str {

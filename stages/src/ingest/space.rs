@@ -13,9 +13,9 @@ pub(super) const TURNS: [([f64; 3], &str); 4] = [
         [-1.0, -1.0, 1.0],
         "a half turn about z: one part is in RAS and the other in LPS; export both in one, or set options.ingest.ras to what is in RAS (ct, cartilage, points)",
     ),
-    ([-1.0, 1.0, 1.0], "a mirror image left to right: one export flipped x"),
-    ([1.0, -1.0, 1.0], "a mirror image front to back: one export flipped y"),
-    ([1.0, 1.0, -1.0], "a mirror image top to bottom: one export flipped z"),
+    ([-1.0, 1.0, 1.0], "a mirror image left to right: one export flipped x, or exchanged two columns (axes)"),
+    ([1.0, -1.0, 1.0], "a mirror image front to back: one export flipped y, or exchanged two columns (axes)"),
+    ([1.0, 1.0, -1.0], "a mirror image top to bottom: one export flipped z, or exchanged two columns (axes)"),
 ];
 /// Points this near a bone in the median lie on it [mm].
 const ON_MM: f64 = 15.0;

@@ -21,6 +21,11 @@ const SPIKE_MM: f64 = 1.0;
 /// Fewer triangles make no bone.
 const LEAST_TRIANGLES: usize = 100;
 
+/// Share of the triangles that face inwards, from which on the whole surface does [-].
+const INSIDE_OUT: f64 = 0.9;
+/// What is said of such a surface: a mirror turns a surface inside out, and so do two columns that are exchanged.
+const TURNED_WHOLE: &str = "triangles turned outward: the whole surface faced inwards, as one does that was mirrored (an axis flipped, or two columns exchanged: x, y, z written as y, x, z); check it, unless its program writes them so";
+
 /// Reads, checks and repairs the surface that `key` of specimen.toml names; and its counts for metrics.json.
 pub(super) fn checked(
     key: &str,
@@ -62,7 +67,12 @@ pub(super) fn checked(
     };
     warn(notices::Kind::DroppedTriangles, repairs.degenerate_triangles, "triangles without area dropped");
     warn(notices::Kind::DroppedTriangles, repairs.doubled_triangles, "doubled triangles dropped");
-    warn(notices::Kind::TurnedTriangles, repairs.turned_triangles, "triangles turned outward");
+    let inside_out = repairs.turned_triangles as f64 > INSIDE_OUT * read.mesh.triangles.len() as f64;
+    warn(
+        notices::Kind::TurnedTriangles,
+        repairs.turned_triangles,
+        if inside_out { TURNED_WHOLE } else { "triangles turned outward" },
+    );
     warn(notices::Kind::Cavities, repairs.cavities, "cavities inside the bone left as they are");
     warn(
         notices::Kind::IrregularEdges,

@@ -16,18 +16,77 @@ pub fn segment_specimen(ct: &CtPaths, raw: &RawSpecimen, options: &SegmentOption
     let path = ct.volume.as_deref().unwrap_or_default();
     let (volume, mut warnings) = volume(path, raw)?;
     warnings.extend(picture::sheared(&volume.grid));
-    let labels = match &ct.labels {
-        Some(path) => {
-            let bytes = raw.files.get(path).ok_or_else(|| absent("ct.labels", path))?;
-            let read = picture::read_labels(path, bytes, &raw.files);
-            let read = read.map_err(|e| StageError::named(path, "ct.labels", e.0))?;
-            Some(on_grid(path, read.labels, &volume.grid, &mut warnings)?)
-        }
-        None => None,
-    };
+    let labels = labels(ct, raw, &volume.grid, &mut warnings)?;
     let mut made = segment(&volume, labels.as_ref(), options).map_err(|e| StageError::file(path, e))?;
     made.warnings.splice(0..0, warnings.into_iter().map(|w| w.in_file(path)));
     Ok(made)
+}
+
+/// What a CT volume's files say, before any of its bones is looked for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Seen {
+    /// The volume, in words: voxels, their size, how it is cut, of what kind.
+    pub volume: String,
+    /// The label map beside it, in words.
+    pub labels: Option<String>,
+    /// What is odd but not fatal.
+    pub warnings: Vec<Notice>,
+}
+
+/// Reads the headers of a DICOM series, or a picture, and the label map, as far as [`segment_specimen`] would refuse them at once.
+///
+/// # Errors
+/// As the readers, with key and file: several series, a missing slice, another kind of picture, voxels in another unit, labels elsewhere.
+pub fn look(ct: &CtPaths, raw: &RawSpecimen, options: &SegmentOptions) -> Result<Seen, StageError> {
+    let path = ct.volume.as_deref().unwrap_or_default();
+    let named = |e: &dyn std::fmt::Display| StageError::named(path, "ct.volume", e.to_string());
+    let (grid, how, mut warnings) = match raw.files.get(path) {
+        Some(_) => {
+            let (volume, warnings) = volume(path, raw)?;
+            super::check(&volume, None, options).map_err(|e| named(&e))?;
+            super::threshold_of(&volume, options).map_err(|e| named(&e))?;
+            (volume.grid, String::new(), warnings)
+        }
+        None => {
+            let files = in_folder(path, raw)?;
+            let seen = dicom::survey(&files).map_err(|e| named(&e))?;
+            super::check_grid(&seen.grid).map_err(|e| named(&e))?;
+            let kind = if seen.modality.is_empty() { "of no stated kind" } else { seen.modality.as_str() };
+            (seen.grid, format!(", one series of {} files, {kind}, {}", files.len(), seen.cut), seen.warnings)
+        }
+    };
+    warnings.extend(picture::sheared(&grid));
+    let [x, y, z] = grid.spacing();
+    let [nx, ny, nz] = grid.size;
+    let volume = format!(
+        "{nx} x {ny} x {nz} voxels of {x:.2} x {y:.2} x {z:.2} mm, {:.0} x {:.0} x {:.0} mm{how}",
+        nx as f64 * x,
+        ny as f64 * y,
+        nz as f64 * z
+    );
+    let labels = match labels(ct, raw, &grid, &mut warnings)? {
+        None => None,
+        Some(labels) => {
+            super::check_labels(&grid, &labels)
+                .map_err(|e| StageError::named(ct.labels.as_deref().unwrap_or_default(), "ct.labels", e.to_string()))?;
+            let held = super::LABELS.iter().filter(|(n, _)| labels.values.contains(n)).map(|(_, name)| *name);
+            Some(held.collect::<Vec<_>>().join(", "))
+        }
+    };
+    Ok(Seen { volume, labels, warnings: warnings.into_iter().map(|w| w.in_file(path)).collect() })
+}
+
+/// The label map beside the volume, on the volume's grid.
+fn labels(
+    ct: &CtPaths,
+    raw: &RawSpecimen,
+    grid: &Grid,
+    warnings: &mut Vec<Notice>,
+) -> Result<Option<Labels>, StageError> {
+    let Some(path) = &ct.labels else { return Ok(None) };
+    let bytes = raw.files.get(path).ok_or_else(|| absent("ct.labels", path))?;
+    let read = picture::read_labels(path, bytes, &raw.files).map_err(|e| StageError::named(path, "ct.labels", e.0))?;
+    on_grid(path, read.labels, grid, warnings).map(Some)
 }
 
 /// Share of the labelled voxels that must lie in the volume for the two to be of one space [-]; a map of a larger field may lose a little.
@@ -86,6 +145,12 @@ fn volume(path: &str, raw: &RawSpecimen) -> Result<(Volume, Vec<Notice>), StageE
         }
         return Ok((picture::read_volume(path, bytes, &raw.files).map_err(fail)?, Vec::new()));
     }
+    let series = dicom::read_series(&in_folder(path, raw)?).map_err(fail)?;
+    Ok((series.volume, series.warnings))
+}
+
+/// The files of a series' folder.
+fn in_folder<'a>(path: &str, raw: &'a RawSpecimen) -> Result<Vec<(&'a str, &'a [u8])>, StageError> {
     let folder = format!("{}/", path.trim_end_matches('/'));
     let files: Vec<(&str, &[u8])> = raw
         .files
@@ -93,11 +158,7 @@ fn volume(path: &str, raw: &RawSpecimen) -> Result<(Volume, Vec<Notice>), StageE
         .take_while(|(name, _)| name.starts_with(&folder))
         .map(|(name, bytes)| (name.as_str(), bytes.as_slice()))
         .collect();
-    if files.is_empty() {
-        return Err(absent("ct.volume", path));
-    }
-    let series = dicom::read_series(&files).map_err(fail)?;
-    Ok((series.volume, series.warnings))
+    if files.is_empty() { Err(absent("ct.volume", path)) } else { Ok(files) }
 }
 
 /// The specimen with the surfaces found in its volume in place of the volume.

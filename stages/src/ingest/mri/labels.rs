@@ -60,7 +60,7 @@ pub(in crate::ingest) fn from_labels(
                 .count(map.overlapping),
         );
     }
-    let labels = structures(table, &map).map_err(fail)?;
+    let labels = structures(table, &map, warnings).map_err(fail)?;
     let one =
         (labels.get("tibial_cartilage_medial") == labels.get("tibial_cartilage_lateral")).then_some(labels.clone());
     let mut found = Found { path, labels, map: &map.labels, options };
@@ -95,7 +95,11 @@ fn check_grid(labels: &Labels) -> Result<(), String> {
 }
 
 /// Label numbers by the table's keys.
-fn structures(table: &SegmentationPaths, map: &LabelMap) -> Result<BTreeMap<&'static str, u8>, String> {
+fn structures(
+    table: &SegmentationPaths,
+    map: &LabelMap,
+    warnings: &mut Vec<Notice>,
+) -> Result<BTreeMap<&'static str, u8>, String> {
     let wanted: [(&'static str, Option<&LabelName>); 10] = [
         ("femur", Some(&table.femur)),
         ("tibia", Some(&table.tibia)),
@@ -136,6 +140,14 @@ fn structures(table: &SegmentationPaths, map: &LabelMap) -> Result<BTreeMap<&'st
         }
         if counts[usize::from(number)] == 0 {
             if optional.contains(&key) {
+                warnings.push(
+                    Kind::UnnamedLabels
+                        .notice(format!(
+                            "segmentation.{key} = {number}: no voxel of {} has this label, so it is left out; the file has {there}",
+                            table.labels
+                        ))
+                        .of(key),
+                );
                 continue;
             }
             return Err(format!("segmentation.{key}: no voxel has label {number}; the file has {there}"));
