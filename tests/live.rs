@@ -6,9 +6,13 @@ use crate::one_knee::specimen;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use flate2::read::GzDecoder;
+use genu::model_file::load;
+use genu::plan::{Outcome, PlanFile, outcome, parsed};
 use live::{Asked, Knee};
+use meshes::Point;
 use serde_json::Value;
-use sim::coordinate::FREE;
+use sim::coordinate::{FREE, Free, Load};
+use sim::graft::{COMPRESSION_N, Drawn, Graft, TOE_STRAIN};
 use sim::laxity::read;
 use std::collections::BTreeMap;
 use std::io::Read;
@@ -132,6 +136,113 @@ fn the_packed_knee_says_what_simulate_says_bands_included() {
     }
 }
 
+/// A graft as plan and page have it: between places of the knee's own ACL, drawn to 60 N at 25 deg while the ACL is cut.
+fn planned() -> PlanFile {
+    let text = "cut = [\"ACL\"]\n[[graft]]\nname = \"graft 1\"\nfemur = { native = \"ACL_AM\" }\ntibia = { native = \"ACL_PL\" }\n\
+                stiffness_n_per_mm = 180\ntension_n = 60\nat_flexion_deg = 25\n[tests]\nflexions_deg = [30]\npassive_deg = [25]\n";
+    parsed(text).unwrap()
+}
+
+fn lachman(cut: &[&str]) -> Asked {
+    let load = Load::new(0.0, 0.0, 0.0, 133.0, 20.0);
+    Asked { flexion_deg: 30.0, load, cut: cut.iter().map(|c| (*c).to_owned()).collect(), ..Asked::default() }
+}
+
+/// A knee whose ACL is replaced by the graft of [`planned`], whose ends a plan tells.
+fn grafted(out: &Outcome) -> Asked {
+    let g = &out.grafts[0];
+    let drawn = Drawn::Tension { tension_n: 60.0, at_flexion_deg: 25.0, compression_n: COMPRESSION_N };
+    let ends = vec![[Point::from(g.femur_mm), Point::from(g.tibia_mm)]];
+    let (name, toe_strain) = (g.name.clone(), TOE_STRAIN);
+    let graft = Graft { name, ends, stiffness_n_per_mm: g.stiffness_n_per_mm, toe_strain, like: None, drawn };
+    Asked { grafts: vec![graft], ..lachman(&["ACL_AM", "ACL_PL"]) }
+}
+
+fn plan_of_the_knee() -> Outcome {
+    let loaded = load(specimen()).unwrap();
+    outcome(&loaded.spec, &loaded.meshes, &planned()).unwrap()
+}
+
+#[test]
+fn a_plan_and_the_page_give_a_graft_the_same_answer() {
+    let knee = Knee::open(&part(&report(), "live-knee").1).unwrap();
+    let out = plan_of_the_knee();
+    let asked = grafted(&out);
+    let mut bears = 0.0_f64;
+    for test in out.tests {
+        let load = Load(Free(test.load));
+        let told = knee.told(&Asked { flexion_deg: test.flexion_deg, load, ..asked.clone() }).unwrap();
+        let by_plan = &test.states["reconstructed"];
+        for c in FREE {
+            let off = told.pose.free()[c] - by_plan[&c.column()].value;
+            assert!(off.abs() <= TOLERANCE, "{} {}: {off}", test.test, c.column());
+        }
+        let force = told.forces_n.last().unwrap();
+        assert!((force - by_plan["graft_graft 1_n"].value).abs() <= TOLERANCE, "{}", test.test);
+        bears = bears.max(*force);
+    }
+    assert!(bears > 30.0, "the graft bears {bears} N at most");
+    let told = knee.told(&asked).unwrap();
+    assert!((told.grafts[0].slack_length_mm - out.grafts[0].slack_length_mm).abs() <= TOLERANCE);
+}
+
+#[test]
+fn intervals_of_a_changed_knee_are_those_of_samples_that_are_changed_alike() {
+    const SAMPLES: usize = 16;
+    let knee = Knee::open(&part(&report(), "live-knee").1).unwrap();
+    let asked = lachman(&[]);
+    let plain = knee.bands(&asked, SAMPLES).unwrap().bands;
+    // what changes nothing gives the same bits
+    let nothing =
+        Asked { strain: [("ACL_AM".into(), 0.0)].into(), stiffness: [("PCL_AL".into(), 1.0)].into(), ..asked.clone() };
+    assert_eq!(knee.bands(&nothing, SAMPLES).unwrap().bands, plain);
+    // a slacker, softer ACL: the samples' mean moves as the most probable knee does, and half the change moves it less
+    let slack = |share: f64| Asked {
+        strain: ["ACL_AM", "ACL_PL"].map(|b| (b.to_owned(), -0.04 * share)).into(),
+        stiffness: [("ACL_AM".to_owned(), 1.0 - 0.4 * share)].into(),
+        ..asked.clone()
+    };
+    let ap = |a: &Asked| knee.told(a).unwrap().pose.ap_mm;
+    let mean = |a: &Asked| knee.bands(a, SAMPLES).unwrap().bands["ap_mm"].mean;
+    let (moved, by_samples) = (ap(&slack(1.0)) - ap(&asked), mean(&slack(1.0)) - plain["ap_mm"].mean);
+    assert!(moved > 0.5 && (by_samples / moved - 1.0).abs() < 0.5, "{moved} {by_samples}");
+    let half = mean(&slack(0.5)) - plain["ap_mm"].mean;
+    assert!(half > 0.1 * by_samples && half < by_samples, "{half} {by_samples}");
+    // in every sample a graft is drawn to its tension anew
+    let graft = Asked { flexion_deg: 25.0, load: Load::compression(COMPRESSION_N), ..grafted(&plan_of_the_knee()) };
+    let band = knee.bands(&graft, SAMPLES).unwrap().bands["force_graft0_n"];
+    assert!((band.mean - 60.0).abs() < 1.0 && band.lower < band.upper, "{band:?}");
+}
+
+#[test]
+fn the_page_of_a_plan_carries_the_knee_with_its_grafts() {
+    let out = TempDir::new().unwrap();
+    let (file, to) = (out.path().join("graft.toml"), out.path().join("plan"));
+    let text = "cut = [\"ACL\"]\n[[graft]]\nname = \"g\"\nfemur = { native = \"ACL\" }\ntibia = { native = \"ACL\" }\nstiffness_n_per_mm = 200\n\
+                tension_n = 40\n[tests]\nflexions_deg = [30]\npassive_deg = [20]\n";
+    write(&file, text);
+    build_model()
+        .arg("plan")
+        .arg(specimen())
+        .arg(&file)
+        .args(["--samples", "0"])
+        .arg("--out")
+        .arg(&to)
+        .assert()
+        .success();
+    let page = text_of(&std::fs::read(to.join("plan.html")).unwrap());
+    let knee = Knee::open(&part(&page, "live-knee").1).unwrap();
+    let from = page.find("data-start=\"").unwrap() + "data-start=\"".len();
+    let start = page[from..].split('"').next().unwrap().replace("&quot;", "\"");
+    let start: Asked = serde_json::from_str(&start).unwrap();
+    let told = knee.told(&start).unwrap();
+    let plan = json(&to.join("plan.json"));
+    assert!((told.forces_n.last().unwrap() - 40.0).abs() < 0.5, "{:?}", told.forces_n);
+    let slack = plan["grafts"][0]["slack_length_mm"].as_f64().unwrap();
+    assert!((told.grafts[0].slack_length_mm - slack).abs() <= TOLERANCE);
+    in_a_browser("plan.py", &to.join("plan.html"), &serde_json::json!({"told": told, "about": knee.about()}));
+}
+
 #[test]
 fn the_module_says_what_the_library_says() {
     if !Command::new("node").arg("--version").output().is_ok_and(|o| o.status.success()) {
@@ -144,6 +255,8 @@ fn the_module_says_what_the_library_says() {
     let mut requests: Vec<Value> = asked().iter().map(|a| serde_json::json!({"trial": a})).collect();
     let bands = |a: &Asked| serde_json::json!({"bands": {"trial": a, "most": 4}});
     requests.extend(asked().iter().step_by(17).map(bands));
+    let graft = grafted(&plan_of_the_knee());
+    requests.extend([serde_json::json!({"trial": graft}), bands(&graft)]);
     write(&path("requests.json"), serde_json::to_vec(&requests).unwrap());
     let mut command = Command::new("node");
     command.arg(script("module.mjs")).arg(specimen().join("build/report.html"));
@@ -189,32 +302,40 @@ fn script(name: &str) -> PathBuf {
 
 #[test]
 fn a_reader_pulls_at_the_knee_in_a_browser() {
+    // what the page must show, from the library
+    let knee = Knee::open(&part(&report(), "live-knee").1).unwrap();
+    let told = |asked: &Asked| serde_json::to_value(knee.told(asked).unwrap()).unwrap();
+    let graft = grafted(&plan_of_the_knee());
+    let expected = serde_json::json!({
+        "about": knee.about(),
+        "lachman": told(&lachman(&[])),
+        "cut": told(&lachman(&["ACL"])),
+        "graft": {"asked": graft, "told": told(&graft), "bands": knee.bands(&graft, 32).unwrap()},
+    });
+    in_a_browser("live.py", &specimen().join("build/report.html"), &expected);
+}
+
+/// Drives a page with a script of tests/browser; left out where there is no browser.
+fn in_a_browser(name: &str, page: &Path, expected: &Value) {
     let there = |program: &str| Command::new(program).arg("--version").output().is_ok_and(|o| o.status.success());
     let missing: Vec<&str> = ["chromium", "chromedriver", "python3"].into_iter().filter(|p| !there(p)).collect();
     if !missing.is_empty() {
-        eprintln!("a_reader_pulls_at_the_knee_in_a_browser: skipped, {} not there", missing.join(", "));
+        eprintln!("{name}: skipped, {} not there", missing.join(", "));
         return;
     }
-    // what the page must show, from the library
-    let knee = Knee::open(&part(&report(), "live-knee").1).unwrap();
-    let lachman = |cut: &[&str]| {
-        let load = sim::coordinate::Load::new(0.0, 0.0, 0.0, 133.0, 20.0);
-        let cut = cut.iter().map(|c| (*c).to_owned()).collect();
-        serde_json::to_value(knee.told(&Asked { flexion_deg: 30.0, load, cut, ..Asked::default() }).unwrap()).unwrap()
-    };
-    let expected = serde_json::json!({"about": knee.about(), "lachman": lachman(&[]), "cut": lachman(&["ACL"])});
     let out = TempDir::new().unwrap();
     write(&out.path().join("expected.json"), expected.to_string());
     let run = Command::new("python3")
-        .arg(script("live.py"))
-        .arg(specimen().join("build/report.html"))
+        .arg(script(name))
+        .arg(page)
         .args([out.path().join("expected.json"), out.path().join("shots")])
         .output()
         .unwrap();
     let said = String::from_utf8_lossy(&[run.stdout, run.stderr].concat()).into_owned();
     if run.status.code() == Some(77) {
-        eprintln!("a_reader_pulls_at_the_knee_in_a_browser: skipped, {said}");
+        eprintln!("{name}: skipped, {said}");
         return;
     }
     assert!(run.status.success(), "{said}");
+    print!("{said}");
 }

@@ -12,6 +12,7 @@
 //! ```
 
 pub mod calibrate;
+pub mod changed;
 pub mod cost;
 pub mod design;
 pub mod error;

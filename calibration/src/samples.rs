@@ -2,6 +2,7 @@
 //!
 //! A sample is a knee: ligaments, sites, frames, contact. Its equilibria under other loads are sought from those of the most probable knee.
 
+use crate::changed::{Changed, Fixed};
 use crate::error::CalibrationError;
 use crate::inferred::LACK;
 use crate::mechanics::Mechanics;
@@ -11,7 +12,7 @@ use crate::unknown::{UNLIKE_STREAM, Unknown, Unknowns};
 use crate::unmeasured::force_sd;
 use attachments::groups::GROUPS;
 use inference::knee::predict::Prediction;
-use inference::knee::{Asked, Quantity, Trials};
+use inference::knee::{Asked, Quantity, Trials, models_at};
 use inference::parameter::{Parameter, Prior};
 use inference::posterior::Forward;
 use inference::random::{normals, stream};
@@ -20,6 +21,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use sim::contact::ContactOptions;
 use sim::coordinate::{Coordinate, FREE, Free, Load};
+use sim::graft::{as_fixed, strains, with_grafts};
 use sim::laxity::{Band, LaxityTrial, force_column};
 use sim::mesh::MeshValue;
 use sim::model::{Model, compile_with};
@@ -179,11 +181,24 @@ impl Samples {
     /// # Errors
     /// A name of no bundle; a most probable knee without equilibrium in a trial.
     pub fn bands_of(&self, searched: &Model, question: &Question) -> Result<Bands, CalibrationError> {
+        self.bands_changed(searched, question, (&Changed::default(), &Fixed::default()))
+    }
+
+    /// [`Samples::bands_of`] a knee that was changed, with its grafts as [`Samples::fixed`] has them, of as many samples or more.
+    ///
+    /// # Errors
+    /// As [`Samples::bands_of`].
+    pub fn bands_changed(
+        &self,
+        searched: &Model,
+        question: &Question,
+        change: (&Changed, &Fixed),
+    ) -> Result<Bands, CalibrationError> {
         let trials = question.trials;
         if trials.is_empty() || self.is_empty() || question.most == 0 {
             return Ok(Bands::nothing(trials.len()));
         }
-        let Drawn { names, own, found, pushed } = self.drawn(searched, question)?;
+        let Drawn { names, own, found, pushed } = self.drawn(searched, question, change)?;
         let mechanics = |i: usize| match (question.values.and_then(|v| v.get(i)), &own[i]) {
             (Some(last), Some(p)) => Mechanics::between(&told(&names, p), last),
             _ => Mechanics::default(),
@@ -219,7 +234,8 @@ impl Samples {
         let trials: Vec<LaxityTrial> = changes.iter().flat_map(|c| c.trials.clone()).collect();
         let question =
             Question { trials: &trials, without: &[], source: None, most, dislocation_ap_mm: None, values: None };
-        let Drawn { found, pushed, .. } = self.drawn(&self.searched(meshes)?, &question)?;
+        let unchanged = (&Changed::default(), &Fixed::default());
+        let Drawn { found, pushed, .. } = self.drawn(&self.searched(meshes)?, &question, unchanged)?;
         let band = |(k, change): (usize, &Change)| {
             let c = change.coordinate;
             let leaves = |all: &Vec<Option<Prediction>>| {
@@ -240,10 +256,49 @@ impl Samples {
         Ok(changes.iter().enumerate().map(band).collect())
     }
 
-    /// What the samples answer to trials, asked of the model of [`Samples::searched`].
-    fn drawn(&self, searched: &Model, question: &Question) -> Result<Drawn, CalibrationError> {
-        let model = searched.without(question.without)?;
-        let parameters: Vec<Parameter<Quantity>> = self.of.unknowns.iter().map(as_it_stands).collect();
+    /// Fixes the grafts of a change in the most probable knee and in the first samples, at most `most`, while `cut` is cut. `searched` is the model of
+    /// [`Samples::searched`].
+    ///
+    /// # Errors
+    /// A graft that cannot be fixed in the most probable knee.
+    pub fn fixed(
+        &self,
+        searched: &Model,
+        (changed, cut): (&Changed, &[String]),
+        most: usize,
+    ) -> Result<Fixed, CalibrationError> {
+        if changed.grafts.is_empty() {
+            return Ok(Fixed::default());
+        }
+        let tuned = changed.tuned(searched)?;
+        let unknowns = changed.unknowns(&self.of.unknowns, &searched.bundle_names());
+        let parameters: Vec<Parameter<Quantity>> = unknowns.iter().map(as_it_stands).collect();
+        let at = |of: &dyn Fn(&Unknown) -> f64, near: Option<&[f64]>| {
+            let values: Vec<f64> = unknowns.iter().map(of).collect();
+            let models = models_at(&tuned, &self.counted_from, &parameters, &values)?;
+            let fixed = with_grafts(&models[0], &changed.grafts, cut, near)?;
+            Ok::<_, sim::SimError>(strains(&fixed, changed.grafts.len()))
+        };
+        let own = at(&|u| u.most_probable, None)?;
+        let one = |s: usize| at(&|u: &Unknown| u.samples[s], Some(&own)).ok();
+        let samples = (0..self.len().min(most)).into_par_iter().map(one).collect();
+        Ok(Fixed { own, samples })
+    }
+
+    /// What the samples answer to trials, asked of the model of [`Samples::searched`] with what was changed.
+    fn drawn(
+        &self,
+        searched: &Model,
+        question: &Question,
+        (changed, fixed): (&Changed, &Fixed),
+    ) -> Result<Drawn, CalibrationError> {
+        let with = |strains: &[f64]| {
+            let model = changed.tuned(searched)?;
+            as_fixed(&model, &changed.grafts, strains)?.without(question.without)
+        };
+        let model = with(&fixed.own)?;
+        let unknowns = changed.unknowns(&self.of.unknowns, &searched.bundle_names());
+        let parameters: Vec<Parameter<Quantity>> = unknowns.iter().map(as_it_stands).collect();
         let asked: Vec<Asked> = question.trials.iter().map(|t| imagined(t, question.source)).collect();
         let mut options = self.of.search.trials();
         options.dislocation_ap_mm = question.dislocation_ap_mm.unwrap_or(options.dislocation_ap_mm);
@@ -258,7 +313,7 @@ impl Samples {
             lack: LACK,
             on_fit: None,
         };
-        let mode = DVector::from_iterator(parameters.len(), self.of.unknowns.iter().map(|u| u.most_probable));
+        let mode = DVector::from_iterator(parameters.len(), unknowns.iter().map(|u| u.most_probable));
         let answers = knee.at(&mode, None).ok_or_else(|| {
             CalibrationError::Targets("the most probable knee has no equilibrium in one of the trials".into())
         })?;
@@ -266,8 +321,18 @@ impl Samples {
         let near = (&mode, &answers.state);
         let lacking = knee.lacking(self.of.seed ^ LACKING_SEED, used);
         let at = |s: usize| {
-            let z = DVector::from_iterator(parameters.len(), self.of.unknowns.iter().map(|u| u.samples[s]));
-            let of = |knee: &Trials| knee.predicted(&z, near).unwrap_or_else(|_| vec![None; asked.len()]);
+            let z = DVector::from_iterator(parameters.len(), unknowns.iter().map(|u| u.samples[s]));
+            let nothing = || vec![None; asked.len()];
+            let own = if changed.grafts.is_empty() {
+                None
+            } else {
+                let Some(strains) = fixed.samples.get(s).and_then(Option::as_deref) else {
+                    return (nothing(), vec![None; asked.len()]);
+                };
+                with(strains).ok()
+            };
+            let knee = Trials { model: own.as_ref().unwrap_or(&model), ..knee };
+            let of = |knee: &Trials| knee.predicted(&z, near).unwrap_or_else(|_| nothing());
             let pushed: Vec<Asked> = asked.iter().zip(&lacking[s]).map(|(asked, by)| under(asked, by)).collect();
             let stays = |p: &Prediction| (!p.leaves_the_plateau).then_some(p.pose);
             let poses = of(&Trials { trials: &pushed, ..knee }).iter().map(|p| p.as_ref().and_then(stays)).collect();

@@ -2,16 +2,19 @@
 
 use crate::pack::{Packed, unpack};
 use crate::pressure::Surfaces;
+use calibration::changed::{Changed, Fixed};
 use calibration::samples::{Question, Samples, group_sums};
 use meshes::Isometry;
+use meshes::frame::Side;
 use serde::{Deserialize, Serialize};
 use sim::Model;
 use sim::coordinate::Load;
+use sim::graft::{self, Graft};
 use sim::laxity::{Band, LaxityTrial, Test, TrialResult};
 use sim::mesh::MeshValue;
 use sim::spec::{ModelSpec, PoseSpec};
 use sim::trials::{Answer, TrialOptions, solve_trial};
-use std::cell::OnceCell;
+use std::cell::{OnceCell, RefCell};
 use std::collections::BTreeMap;
 
 /// A knee that answers.
@@ -24,6 +27,17 @@ pub struct Knee {
     of_samples: OnceCell<Model>,
     faces: Surfaces,
     axes: Isometry,
+    /// The model that was asked last, by what was done to it: fixing a graft takes as long as ten trials.
+    last: RefCell<Option<(Done, Model)>>,
+    /// The grafts of the last bands, by what was done and of so many samples.
+    last_fixed: RefCell<Option<(Done, usize, Fixed)>>,
+}
+
+/// What is done to a knee before it is asked.
+#[derive(Clone, Debug, PartialEq)]
+struct Done {
+    cut: Vec<String>,
+    changed: Changed,
 }
 
 /// What is asked of a knee.
@@ -43,6 +57,9 @@ pub struct Asked {
     /// Factor on the stiffness of a bundle [-].
     #[serde(default)]
     pub stiffness: BTreeMap<String, f64>,
+    /// Grafts in the order of fixing, which comes after the cuts; ends in CT. Their bundles follow the knee's own in every list.
+    #[serde(default)]
+    pub grafts: Vec<Graft>,
 }
 
 /// What a page must know of the knee before it asks.
@@ -60,6 +77,36 @@ pub struct About {
     pub samples: usize,
     /// Probability that an interval holds [-].
     pub interval: f64,
+    /// Which knee.
+    pub side: Side,
+    /// Number of the bundle of each fibre.
+    pub fibres: Vec<usize>,
+    /// Rows of the 3 x 4 matrix that takes a point of the page to CT.
+    pub ct: [f64; 12],
+    /// What a graft is unless the reader says otherwise.
+    pub graft: Offered,
+}
+
+/// A graft as it is offered; the numbers are those of `build-model plan`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Offered {
+    /// [N/mm]
+    pub stiffness_n_per_mm: f64,
+    /// Least and most of it [N/mm].
+    pub stiffnesses_n_per_mm: [f64; 2],
+    /// [N]
+    pub tension_n: f64,
+    /// Least and most of it [N].
+    pub tensions_n: [f64; 2],
+}
+
+/// A graft as it was fixed.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct GraftTold {
+    /// Mean length of its fibres in the CT pose [mm].
+    pub length_mm: f64,
+    /// Slack length [mm].
+    pub slack_length_mm: f64,
 }
 
 /// A bundle as it was calibrated.
@@ -92,6 +139,8 @@ pub struct Told {
     pub fibres_n: Vec<f64>,
     /// By surface of the page: pressed corners and their pressures [MPa].
     pub pressure: BTreeMap<String, Vec<(u16, f64)>>,
+    /// The grafts as they were fixed.
+    pub grafts: Vec<GraftTold>,
     /// Evaluations of the model it took.
     pub evaluations: usize,
 }
@@ -118,7 +167,17 @@ impl Knee {
         let Packed { spec, samples, meshes, faces, axes } = unpack(bytes)?;
         let model = sim::compile(&spec, &meshes).map_err(|e| e.to_string())?;
         let faces = Surfaces::new(faces);
-        Ok(Knee { spec, model, meshes, samples, of_samples: OnceCell::new(), faces, axes })
+        Ok(Knee {
+            spec,
+            model,
+            meshes,
+            samples,
+            of_samples: OnceCell::new(),
+            faces,
+            axes,
+            last: RefCell::default(),
+            last_fixed: RefCell::default(),
+        })
     }
 
     /// What a page must know before it asks.
@@ -135,6 +194,15 @@ impl Knee {
             flexion_deg: TrialOptions::default().flexion_deg,
             samples: self.samples.as_ref().map_or(0, Samples::len),
             interval: self.samples.as_ref().map_or(0.0, |s| s.of.interval),
+            side: self.spec.side,
+            fibres: self.model.fibres.iter().map(|f| f.bundle).collect(),
+            ct: rows(&self.axes.inverse()),
+            graft: Offered {
+                stiffness_n_per_mm: graft::STIFFNESS_N_PER_MM,
+                stiffnesses_n_per_mm: graft::STIFFNESSES_N_PER_MM,
+                tension_n: graft::TENSION_N,
+                tensions_n: graft::TENSIONS_N,
+            },
         }
     }
 
@@ -156,21 +224,19 @@ impl Knee {
             femur: rows(&(self.axes * pose.femur * self.axes.inverse())),
             fibres_n: fibres.iter().map(|f| f.response.force).collect(),
             pressure: self.faces.pressed(&model.contact, pose).by_surface,
+            grafts: self.grafts(&model, &asked.grafts),
             evaluations: answer.evaluations,
         })
     }
 
-    /// Mean and interval of every number of the answer, by at most `most` samples.
+    /// Mean and interval of every number of the answer, by at most `most` samples; what is done to the knee is done to each.
     ///
     /// # Errors
-    /// As [`Knee::told`]; a knee without samples, or with ligaments that no sample has.
+    /// As [`Knee::told`]; a knee without samples, or with effects that no sample has.
     pub fn bands(&self, asked: &Asked, most: usize) -> Result<Bands, String> {
         let samples = self.samples.as_ref().ok_or("this knee has no samples, so nothing has an interval")?;
         if !self.spec.components.is_empty() {
             return Err("what was added to the model is in its values and not in its samples: no intervals".into());
-        }
-        if asked.strain.values().any(|x| *x != 0.0) || asked.stiffness.values().any(|x| *x != 1.0) {
-            return Err("intervals are those of the calibrated ligaments; with changed ones there are none".into());
         }
         let model = self.model(asked)?;
         let (_, result) = solved(&model, asked)?;
@@ -184,13 +250,29 @@ impl Knee {
             dislocation_ap_mm: None,
             values: Some(&values),
         };
-        let found = samples.bands_of(self.searched(samples)?, &question).map_err(|e| e.to_string())?;
+        let (searched, done) = (self.searched(samples)?, done(asked));
+        let fixed = self.fixed(samples, &done, most)?;
+        let found = samples.bands_changed(searched, &question, (&done.changed, &fixed)).map_err(|e| e.to_string())?;
         Ok(Bands {
             bands: found.rows.into_iter().flatten().collect(),
             asked: found.asked,
             lost: found.lost,
             leaving: found.leaving.into_iter().sum(),
         })
+    }
+
+    /// Grafts as the samples have them; those that were sought last are kept.
+    fn fixed(&self, samples: &Samples, done: &Done, most: usize) -> Result<Fixed, String> {
+        if let Some((of, count, fixed)) = &*self.last_fixed.borrow()
+            && of == done
+            && *count >= most
+        {
+            return Ok(fixed.clone());
+        }
+        let found = samples.fixed(self.searched(samples)?, (&done.changed, &done.cut), most);
+        let found = found.map_err(|e| e.to_string())?;
+        *self.last_fixed.borrow_mut() = Some((done.clone(), most, found.clone()));
+        Ok(found)
     }
 
     /// The model that samples are asked of.
@@ -202,22 +284,36 @@ impl Knee {
         self.of_samples.get().ok_or_else(|| "the samples have no model".to_owned())
     }
 
-    /// The model with what is cut and changed.
+    /// The model with what is cut and changed; the last one is kept.
     fn model(&self, asked: &Asked) -> Result<Model, String> {
-        let mut parameters = self.model.parameters();
-        let place = |name: &String| {
-            let at = self.model.bundles.iter().position(|b| b.name == *name);
-            at.ok_or_else(|| format!("no bundle is named {name:?}"))
-        };
-        for (name, added) in &asked.strain {
-            parameters[place(name)?].reference_strain += added;
+        let done = done(asked);
+        if let Some((of, model)) = &*self.last.borrow()
+            && *of == done
+        {
+            return Ok(model.clone());
         }
-        for (name, factor) in &asked.stiffness {
-            parameters[place(name)?].stiffness_n_per_mm *= factor;
-        }
-        let changed = self.model.with_parameters(&parameters).map_err(|e| e.to_string())?;
-        changed.without(&asked.cut).map_err(|e| e.to_string())
+        let whole = done.changed.done_to(&self.model, &done.cut, None).map_err(|e| e.to_string())?;
+        let model = whole.without(&done.cut).map_err(|e| e.to_string())?;
+        *self.last.borrow_mut() = Some((done, model.clone()));
+        Ok(model)
     }
+
+    /// The grafts of a model as they were fixed.
+    fn grafts(&self, model: &Model, grafts: &[Graft]) -> Vec<GraftTold> {
+        let own = &model.bundles[self.model.bundles.len()..];
+        let of = |(g, b): (&Graft, &sim::ligament::Bundle)| GraftTold {
+            length_mm: sim::ligament::mean_length(&g.ends),
+            slack_length_mm: b.slack_length(),
+        };
+        grafts.iter().zip(own).map(of).collect()
+    }
+}
+
+/// What is done to the knee that is asked.
+fn done(asked: &Asked) -> Done {
+    let changed =
+        Changed { strain: asked.strain.clone(), stiffness: asked.stiffness.clone(), grafts: asked.grafts.clone() };
+    Done { cut: asked.cut.clone(), changed }
 }
 
 /// The answer of a model and its row of results, with the sums of ligaments.

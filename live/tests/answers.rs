@@ -11,8 +11,10 @@ use meshes::{Isometry, Point, Vector};
 use rig::Rig;
 use serde_json::{Value, json};
 use sim::coordinate::Load;
+use sim::graft::{COMPRESSION_N, Drawn, Graft};
 use sim::laxity::{LaxityTrial, Test};
 use sim::mesh::MeshValue;
+use sim::spec::{BundleSpec, FibreSpec, Law, fibre_damping};
 use sim::trials::{Answer, TrialOptions, solve_trial};
 
 /// A knee of springs on a plate, in axes of a page that lie askew.
@@ -107,6 +109,64 @@ fn a_cut_bundle_bears_nothing_and_what_is_undone_is_as_before() {
     assert_eq!((again.pose, again.forces_n), (whole.pose, whole.forces_n));
 }
 
+/// A graft between the ends of the rig's first fibre, a little aside, drawn to a tension.
+fn graft() -> Graft {
+    let f = &packed().spec.fibres[0];
+    let aside = Vector::new(1.0, -2.0, 0.5);
+    Graft {
+        name: "g".into(),
+        ends: vec![[f.femur + aside, f.tibia - aside]],
+        stiffness_n_per_mm: 90.0,
+        toe_strain: 0.03,
+        like: None,
+        drawn: Drawn::Tension { tension_n: 25.0, at_flexion_deg: 10.0, compression_n: COMPRESSION_N },
+    }
+}
+
+#[test]
+fn a_graft_in_a_packed_knee_is_the_same_bundle_in_an_edited_model() {
+    let knee = opened();
+    let (flexion_deg, load) = loads()[1];
+    let cut = vec![knee.about().bundles[0].name.clone()];
+    let asked =
+        |flexion_deg, load| Asked { flexion_deg, load, cut: cut.clone(), grafts: vec![graft()], ..Asked::default() };
+    let told = knee.told(&asked(flexion_deg, load)).unwrap();
+    // the same bundle by hand, as an edited model.json has it
+    let mut edited = packed();
+    let [end] = graft().ends[..] else { panic!("one fibre") };
+    let length = (end[0] - end[1]).norm();
+    edited.spec.bundles.push(BundleSpec {
+        name: "graft0".into(),
+        reference_strain: length / told.grafts[0].slack_length_mm,
+        stiffness_n_per_mm: 90.0,
+        reference_length_mm: length,
+        toe_strain: 0.03,
+        law: Law::Smooth,
+        damping_n_s_per_mm: fibre_damping(),
+    });
+    edited.spec.fibres.push(FibreSpec { bundle: "graft0".into(), femur: end[0], tibia: end[1] });
+    let model = sim::compile(&edited.spec, &edited.meshes).unwrap().without(&cut).unwrap();
+    for (flexion_deg, load) in loads() {
+        let told = knee.told(&asked(flexion_deg, load)).unwrap();
+        let trial = LaxityTrial::asked("edited".into(), Test::Neutral, flexion_deg, load);
+        let direct = solve_trial(&model, &trial, &TrialOptions::default()).unwrap();
+        assert_eq!(told.forces_n.len(), direct.forces_n.len());
+        for (a, b) in told.forces_n.iter().zip(&direct.forces_n) {
+            assert!((a - b).abs() < 1e-6, "{:?} {:?}", told.forces_n, direct.forces_n);
+        }
+        for (a, b) in told.pose.six().iter().zip(direct.pose.six().iter()) {
+            assert!((a - b).abs() < 1e-6, "{:?} {:?}", told.pose, direct.pose);
+        }
+    }
+    // it bears its tension where it was fixed; taken out, the knee is as before
+    let fixed = knee.told(&asked(10.0, Load::compression(COMPRESSION_N))).unwrap();
+    assert!((fixed.forces_n.last().unwrap() - 25.0).abs() < 0.3, "{:?}", fixed.forces_n);
+    let without = knee.told(&Asked { flexion_deg, load, cut: cut.clone(), ..Asked::default() }).unwrap();
+    assert_eq!(without.forces_n.len() + 1, told.forces_n.len());
+    assert!((without.pose.ap_mm - told.pose.ap_mm).abs() > 1e-3, "the graft does nothing");
+    assert!(without.grafts.is_empty());
+}
+
 #[test]
 fn the_page_moves_the_femur_in_its_own_axes() {
     let (knee, axes) = (opened(), packed().axes);
@@ -152,6 +212,10 @@ fn what_cannot_be_answered_is_said_in_one_sentence() {
         (r#"{"trial":{"flexion_deg":30,"load":[0,0,0,0,20],"cut":["ABC"]}}"#, "no bundle is named"),
         (r#"{"trial":{"flexion_deg":30,"load":[0,0,0,0,20],"strain":{"ABC":1}}}"#, "no bundle is named"),
         (r#"{"trial":{"flexion_deg":30,"load":[0,0,0,0,20],"stiffness":{"spring0":-1}}}"#, "out of range"),
+        (
+            r#"{"trial":{"flexion_deg":30,"load":[0,0,0,0,20],"grafts":[{"name":"g","ends":[],"stiffness_n_per_mm":200,"drawn":{"slack_length_mm":30}}]}}"#,
+            "has no fibres",
+        ),
         (r#"{"bands":{"trial":{"flexion_deg":30,"load":[0,0,0,0,20]},"most":8}}"#, "no samples"),
     ];
     for (request, says) in asks {

@@ -19,6 +19,7 @@ mod failed;
 pub(crate) mod geometry;
 pub(crate) mod html;
 mod live;
+pub(crate) mod live_model;
 mod methods;
 mod motion;
 pub(crate) mod number;

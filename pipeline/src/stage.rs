@@ -26,9 +26,9 @@ mod values;
 
 pub(crate) use answers::{Answer, Standing, answers};
 pub(crate) use artifacts::Files;
-pub(crate) use assemble::contact_surface;
+pub(crate) use assemble::{contact_surface, fibre_layers};
 pub(crate) use calibrate::{MOST_NOISE, PARTLY_NOISE};
-pub(crate) use layers::{bone_layers, ct_layers};
+pub(crate) use layers::{CONTEXT_MM, bone_layers, ct_layers};
 pub(crate) use validate::on_paper;
 pub(crate) use values::Values;
 

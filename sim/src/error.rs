@@ -23,10 +23,16 @@ pub enum SimError {
 impl SimError {
     /// The same, with the trial it is about.
     pub(crate) fn of_trial(self, trial: &str) -> SimError {
+        self.of(&format!("trial {trial}"))
+    }
+
+    /// The same, with what it is about.
+    pub(crate) fn of(self, what: &str) -> SimError {
         match self {
-            SimError::Input(m) => SimError::Input(format!("trial {trial}: {m}")),
-            SimError::Solver(m) => SimError::Solver(format!("trial {trial}: {m}")),
-            other => other,
+            SimError::Spec(m) => SimError::Spec(format!("{what}: {m}")),
+            SimError::Input(m) => SimError::Input(format!("{what}: {m}")),
+            SimError::Solver(m) => SimError::Solver(format!("{what}: {m}")),
+            other @ SimError::Cancelled { .. } => other,
         }
     }
 }

@@ -20,6 +20,7 @@ pub mod equilibrium;
 pub mod error;
 pub mod explicit;
 pub mod flags;
+pub mod graft;
 pub mod interrupt;
 pub mod joint;
 pub mod laxity;

@@ -239,17 +239,30 @@ pub fn compile(spec: &ModelSpec) -> Result<(Vec<Bundle>, Vec<Fibre>), SimError> 
         let Some(bundle) = bundles.iter().position(|b| b.name == f.bundle) else {
             return Err(SimError::Spec(format!("fibres[{i}]: no bundle is named {:?}", f.bundle)));
         };
-        let initial_length = (f.femur - f.tibia).norm();
-        if !(initial_length > 1e-3 && initial_length < 1e4) {
-            return Err(SimError::Spec(format!("fibres[{i}] of {}: length {initial_length} mm", f.bundle)));
-        }
         bundles[bundle].fibres += 1;
-        fibres.push(Fibre { bundle, femur: f.femur.coords, tibia: f.tibia.coords, initial_length });
+        fibres.push(
+            fibre(bundle, &[f.femur, f.tibia])
+                .map_err(|length| SimError::Spec(format!("fibres[{i}] of {}: length {length} mm", f.bundle)))?,
+        );
     }
     match bundles.iter().find(|b| b.fibres == 0) {
         Some(b) => Err(SimError::Spec(format!("bundle {} has no fibres", b.name))),
         None => Ok((bundles, fibres)),
     }
+}
+
+/// A fibre between its femoral and its tibial end; else the length that none has [mm].
+pub(crate) fn fibre(bundle: usize, [femur, tibia]: &[meshes::Point; 2]) -> Result<Fibre, f64> {
+    let initial_length = (femur - tibia).norm();
+    if !(initial_length > 1e-3 && initial_length < 1e4) {
+        return Err(initial_length);
+    }
+    Ok(Fibre { bundle, femur: femur.coords, tibia: tibia.coords, initial_length })
+}
+
+/// Mean length of lines [mm].
+pub fn mean_length(lines: &[[meshes::Point; 2]]) -> f64 {
+    lines.iter().map(|[a, b]| (a - b).norm()).sum::<f64>() / lines.len().max(1) as f64
 }
 
 /// A bundle of so many fibres, its numbers checked; `table_end` as in [`Bundle`], where the specification says it.

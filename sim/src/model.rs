@@ -14,7 +14,7 @@ use crate::joint::{Joint, Pose};
 use crate::ligament::{self, Bundle, Fibre, Line, Response};
 use crate::mesh::MeshValue;
 use crate::patella::{self, Patella, PatellaState};
-use crate::spec::ModelSpec;
+use crate::spec::{BundleSpec, ModelSpec};
 use meshes::Vector;
 use nalgebra::Matrix6;
 use serde::{Deserialize, Serialize};
@@ -322,6 +322,32 @@ impl Model {
         let mut model = self.clone();
         let f = &mut model.fibres[fibre];
         *f = Fibre { bundle: f.bundle, femur: femur.coords, tibia: tibia.coords, initial_length: length };
+        Ok(model)
+    }
+
+    /// The model with one bundle more, its last, of fibres between femoral and tibial ends in the CT pose; contact is shared. `table_end` as in [`Bundle`].
+    ///
+    /// Errors: a name that another bundle has, a number out of range, no fibre or one without length.
+    pub fn with_bundle(
+        &self,
+        bundle: &BundleSpec,
+        table_end: Option<f64>,
+        ends: &[[meshes::Point; 2]],
+    ) -> Result<Model, SimError> {
+        let fault = |what: String| SimError::Input(format!("bundle {}: {what}", bundle.name));
+        if ends.is_empty() {
+            return Err(fault("it has no fibres".into()));
+        }
+        if self.bundles.iter().any(|b| b.name == bundle.name) {
+            return Err(fault("another bundle has this name".into()));
+        }
+        let number = self.bundles.len();
+        let fibre = |e| ligament::fibre(number, e).map_err(|length| fault(format!("a fibre has length {length} mm")));
+        let fibres = ends.iter().map(fibre).collect::<Result<Vec<_>, _>>()?;
+        let mut model = self.clone();
+        model.bundles.push(ligament::of_fibres(bundle, fibres.len(), table_end)?);
+        model.fibres.extend(fibres);
+        model.removed.push(false);
         Ok(model)
     }
 

@@ -3,17 +3,12 @@
 use crate::error::{BuildError, Place};
 use crate::store;
 use serde::{Deserialize, Serialize};
+use sim::graft::{COMPRESSION_N, FIXED_AT_DEG, STIFFNESSES_N_PER_MM, TENSIONS_N, TOE_STRAIN};
 use std::path::Path;
 
 /// An example, as `build-model plan --example` prints it.
 pub const EXAMPLE: &str = include_str!("example.toml");
 
-/// Toe strain of a graft unless the file says otherwise [-]; as of the ligaments [andreassen2025].
-const TOE_STRAIN: f64 = 0.03;
-/// Flexion at which a graft is fixed unless the file says otherwise [deg]; ours: most are fixed between 0 and 30.
-const FIXED_AT_DEG: f64 = 20.0;
-/// Most that a tension may be [N], beyond what a hand pulls; ours.
-const MOST_TENSION_N: f64 = 500.0;
 /// Flexions that may be asked [deg].
 const FLEXIONS_DEG: [f64; 2] = [-10.0, 140.0];
 
@@ -114,7 +109,7 @@ impl Default for TestsFile {
             rotation_nm: 5.0,
             varus_valgus_nm: 10.0,
             pivot: [30.0, 8.0, 4.0],
-            compression_n: 20.0,
+            compression_n: COMPRESSION_N,
             restored_mm: 2.0,
             restored_deg: 3.0,
         }
@@ -174,7 +169,7 @@ impl PlanFile {
 impl GraftFile {
     fn check(&self) -> Result<(), String> {
         let stiff = match (self.stiffness_n_per_mm, self.cross_section_mm2, self.modulus_mpa) {
-            (Some(k), None, None) => within("stiffness_n_per_mm", k, [0.1, 5000.0]),
+            (Some(k), None, None) => within("stiffness_n_per_mm", k, STIFFNESSES_N_PER_MM),
             (None, Some(a), Some(e)) => {
                 within("cross_section_mm2", a, [0.1, 1000.0]).and(within("modulus_mpa", e, [0.1, 10_000.0]))
             }
@@ -182,7 +177,7 @@ impl GraftFile {
         };
         stiff?;
         match (self.tension_n, self.slack_length_mm) {
-            (Some(t), None) => within("tension_n", t, [1.0, MOST_TENSION_N])?,
+            (Some(t), None) => within("tension_n", t, TENSIONS_N)?,
             (None, Some(l)) => within("slack_length_mm", l, [1.0, 300.0])?,
             _ => return Err("expected one of tension_n and slack_length_mm".into()),
         }

@@ -7,25 +7,18 @@ use sim::SimError;
 use sim::contact::{ContactOptions, Nearby};
 use sim::coordinate::{AP, FE, FREE, Free, IE, Load, Six, VV};
 use sim::flags::DISLOCATED;
+use sim::graft::{Drawn, FIXED_AT_DEG, Graft, TENSION_N, bundle_name, with_grafts};
 use sim::laxity::{LaxityTrial, Test};
+use sim::ligament::mean_length;
 use sim::mesh::MeshValue;
 use sim::model::{Model, compile_with};
 use sim::quasistatic::{Goal, State, increment_near};
-use sim::spec::{BundleSpec, FibreSpec, Law, ModelSpec, fibre_damping};
+use sim::spec::{BundleSpec, ModelSpec};
 use sim::trials::{Answer, TrialOptions, chain_flexion, flags, pose_spec, solve, solve_trials};
 use std::collections::BTreeMap;
 
 /// The states of a plan, in their order.
 pub(super) const STATES: [&str; 3] = ["intact", "deficient", "reconstructed"];
-
-/// How a graft's bundle is called in the model: no name of a ligament begins so.
-const GRAFT: &str = "graft";
-/// A tension is met within this [N].
-const MET_N: f64 = 0.2;
-/// Most steps to a tension [-].
-const MOST_STEPS: usize = 40;
-/// A graft is made shorter up to this ratio of its length in CT to its slack length to reach its tension [-]; ours: a loose knee follows it far.
-const MOST_STRAIN: f64 = 3.0;
 
 /// Where a graft runs and what it is, in one knee.
 #[derive(Clone, Debug)]
@@ -35,7 +28,7 @@ pub(super) struct Placed {
     /// [N/mm].
     pub(super) stiffness: f64,
     /// The bundle whose place it takes fibre by fibre, where it does.
-    whole: Option<BundleSpec>,
+    whole: Option<String>,
 }
 
 /// A test: its name, flexion, loads.
@@ -181,37 +174,43 @@ pub(super) fn placed(spec: &ModelSpec, bones: &[Bone; 2], graft: &GraftFile) -> 
         (_, Some(area), Some(modulus)) => area * modulus / graft.free_length_mm.unwrap_or(length),
         _ => return Err(fault("it has no stiffness".into())),
     };
-    Ok(Placed { ends: lines, stiffness, whole: whole.cloned() })
+    Ok(Placed { ends: lines, stiffness, whole: whole.map(|b| b.name.clone()) })
 }
 
-/// Mean length of lines [mm].
-pub(super) fn mean_length(lines: &[[Point; 2]]) -> f64 {
-    lines.iter().map(|[a, b]| (a - b).norm()).sum::<f64>() / lines.len().max(1) as f64
-}
-
-/// A specification with the grafts among its bundles, last.
-fn with_grafts(spec: &ModelSpec, file: &PlanFile, placed: &[Placed]) -> ModelSpec {
-    let mut out = spec.clone();
-    for (k, (graft, at)) in file.graft.iter().zip(placed).enumerate() {
-        let (name, length) = (format!("{GRAFT}{k}"), mean_length(&at.ends));
-        // the length that a slack length is counted from: a bundle's own, where the graft lies in its place
-        let reference = at.whole.as_ref().map_or(length, |b| b.reference_length_mm);
-        if let Some(end) = at.whole.as_ref().and_then(|b| spec.toe_end_multiple.get(&b.name)) {
-            out.toe_end_multiple.insert(name.clone(), *end);
-        }
-        out.bundles.push(BundleSpec {
-            name: name.clone(),
-            reference_strain: graft.slack_length_mm.map_or(1.0, |l| reference / l),
-            stiffness_n_per_mm: at.stiffness,
-            reference_length_mm: reference,
-            toe_strain: graft.toe_strain,
-            law: at.whole.as_ref().map_or(Law::Smooth, |b| b.law),
-            damping_n_s_per_mm: at.whole.as_ref().map_or(fibre_damping(), |b| b.damping_n_s_per_mm),
-        });
-        let fibre = |[femur, tibia]: &[Point; 2]| FibreSpec { bundle: name.clone(), femur: *femur, tibia: *tibia };
-        out.fibres.extend(at.ends.iter().map(fibre));
+/// A graft for the solver.
+pub(super) fn for_solver(graft: &GraftFile, at: &Placed, compression_n: f64) -> Graft {
+    Graft {
+        name: graft.name.clone(),
+        ends: at.ends.clone(),
+        stiffness_n_per_mm: at.stiffness,
+        toe_strain: graft.toe_strain,
+        like: at.whole.clone(),
+        drawn: match (graft.slack_length_mm, graft.tension_n) {
+            (Some(slack_length_mm), _) => Drawn::Slack { slack_length_mm },
+            // a file without either is refused before
+            (None, tension) => {
+                let tension_n = tension.unwrap_or(TENSION_N);
+                Drawn::Tension { tension_n, at_flexion_deg: graft.at_flexion_deg, compression_n }
+            }
+        },
     }
-    out
+}
+
+/// What a plan does to a knee, for a page that goes on from there: unloaded, at the flexion where the first graft is fixed.
+pub(super) fn begun(
+    spec: &ModelSpec,
+    surfaces: &BTreeMap<String, MeshValue>,
+    file: &PlanFile,
+) -> Result<live::Asked, String> {
+    let bones = bones(spec, surfaces)?;
+    let one = |g| placed(spec, &bones, g).map(|p| for_solver(g, &p, file.tests.compression_n));
+    Ok(live::Asked {
+        flexion_deg: file.graft.first().map_or(FIXED_AT_DEG, |g| g.at_flexion_deg),
+        load: Load::compression(file.tests.compression_n),
+        cut: cut(spec, file)?,
+        grafts: file.graft.iter().map(one).collect::<Result<_, _>>()?,
+        ..live::Asked::default()
+    })
 }
 
 impl Knee {
@@ -228,28 +227,23 @@ impl Knee {
         let told = |e: SimError| e.to_string();
         let bones = bones(spec, surfaces)?;
         let placed = file.graft.iter().map(|g| placed(spec, &bones, g)).collect::<Result<Vec<_>, _>>()?;
-        let mut model = compile_with(&with_grafts(spec, file, &placed), surfaces, contact).map_err(told)?;
+        let mut model = compile_with(spec, surfaces, contact).map_err(told)?;
         if let Some(friction) = friction {
             model = model.with_friction(friction).map_err(told)?;
         }
-        let names: Vec<String> = (0..file.graft.len()).map(|k| format!("{GRAFT}{k}")).collect();
+        let names: Vec<String> = (0..file.graft.len()).map(bundle_name).collect();
         let cut = cut(spec, file)?;
-        let [intact, deficient] =
-            [names.clone(), [names.clone(), cut.clone()].concat()].map(|out| model.without(&out).map_err(told));
-        let (intact, deficient) = (intact?, deficient?);
+        let grafts: Vec<Graft> =
+            file.graft.iter().zip(&placed).map(|(g, p)| for_solver(g, p, file.tests.compression_n)).collect();
+        let model = with_grafts(&model, &grafts, &cut, None).map_err(told)?;
+        let [intact, deficient, reconstructed] =
+            [names.clone(), [names.clone(), cut.clone()].concat(), cut].map(|out| model.without(&out).map_err(told));
         let first = spec.bundles.len();
-        let mut knee = Knee {
-            models: [intact, deficient.clone(), deficient],
-            slack_mm: Vec::new(),
+        let knee = Knee {
+            models: [intact?, deficient?, reconstructed?],
+            slack_mm: model.bundles[first..].iter().map(|b| b.slack_length()).collect(),
             grafts: (first..first + names.len()).collect(),
         };
-        for (k, graft) in file.graft.iter().enumerate() {
-            // those that follow are not in yet
-            let out = [cut.clone(), names[k + 1..].to_vec()].concat();
-            model = fixed(&model, graft, &out, (first + k, file.tests.compression_n))?;
-            knee.slack_mm.push(model.bundles[first + k].slack_length());
-        }
-        knee.models[2] = model.without(&cut).map_err(told)?;
         Ok((knee, placed))
     }
 
@@ -304,56 +298,6 @@ fn close_by(model: &Model, trial: &LaxityTrial, gs: &Six, options: &TrialOptions
         evaluation: solved.evaluation,
         evaluations: solved.evaluations,
     })
-}
-
-/// The model in which a graft is as short as its tension asks where it is fixed; one with a slack length stays as it is.
-fn fixed(
-    model: &Model,
-    graft: &GraftFile,
-    out: &[String],
-    (bundle, compression): (usize, f64),
-) -> Result<Model, String> {
-    let Some(tension) = graft.tension_n else { return Ok(model.clone()) };
-    let fault =
-        |e: &dyn std::fmt::Display| format!("graft {:?}: fixed at {} deg: {e}", graft.name, graft.at_flexion_deg);
-    let with = |strain: f64| -> Result<Model, SimError> {
-        let mut parameters = model.parameters();
-        parameters[bundle].reference_strain = strain;
-        model.with_parameters(&parameters)
-    };
-    let options = TrialOptions::default();
-    let load = Load::compression(compression);
-    let at = |strain: f64| -> Result<f64, String> {
-        let knee = with(strain).and_then(|m| m.without(out)).map_err(|e| fault(&e))?;
-        let answer = solve(&knee, graft.at_flexion_deg, &load, &options).map_err(|e| fault(&e))?;
-        Ok(answer.forces_n[bundle] - tension)
-    };
-    // slack at first; then shorter and shorter until it bears more than is asked
-    let (mut low, mut high) = (0.5, 0.8);
-    let (mut under, mut over) = (-tension, at(high)?);
-    while over < 0.0 {
-        (low, under) = (high, over);
-        high *= 1.04;
-        if high > MOST_STRAIN {
-            return Err(fault(&format!("tension_n {tension} is out of reach; expected less, or a stiffer graft")));
-        }
-        over = at(high)?;
-    }
-    // regula falsi; the end that stays is believed by half each time
-    for _ in 0..MOST_STEPS {
-        let middle =
-            if over - under > 1e-12 { low + (high - low) * -under / (over - under) } else { 0.5 * (low + high) };
-        let miss = at(middle)?;
-        if miss.abs() < MET_N || high - low < 1e-9 {
-            return with(middle).map_err(|e| fault(&e));
-        }
-        if miss < 0.0 {
-            (low, under, over) = (middle, miss, 0.5 * over);
-        } else {
-            (high, over, under) = (middle, miss, 0.5 * under);
-        }
-    }
-    Err(fault(&format!("tension_n {tension} was not met")))
 }
 
 /// Poses of the free coordinates, as five columns.

@@ -1,7 +1,7 @@
 //! What comes of a plan: every state in every test, with mean and interval by samples, and the chance that the knee is like the intact one.
 
 use super::file::PlanFile;
-use super::knee::{Answers, Asked, Found, Knee, Placed, STATES, columns, main_coordinate, mean_length, pose_of, tests};
+use super::knee::{Answers, Asked, Found, Knee, Placed, STATES, columns, main_coordinate, pose_of, tests};
 use super::sites::{Bone, bones};
 use crate::told::ModelTold;
 use calibration::plateau::Staying;
@@ -12,6 +12,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use sim::contact::ContactOptions;
 use sim::coordinate::{AP, Coordinate, IE, VV};
+use sim::ligament::mean_length;
 use sim::mesh::MeshValue;
 use sim::spec::ModelSpec;
 use std::collections::BTreeMap;

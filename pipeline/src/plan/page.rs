@@ -3,6 +3,7 @@
 use super::knee::STATES;
 use super::outcome::{Outcome, TestTold, Value};
 use super::table::{chance, shown, unit, value};
+use crate::report::live_model::LivePart;
 use crate::report::{escaped, head};
 use std::fmt::Write;
 use validation::plot::{Series, colour, draw, panel};
@@ -13,8 +14,8 @@ const SIZE: (u32, u32) = (640, 320);
 /// A figure is as wide as its column, on the screen and on paper.
 const FIGURES: &str = "<style>.paper svg{max-width:100%;height:auto}</style>";
 
-/// The page.
-pub(super) fn page(out: &Outcome, label: &str) -> String {
+/// The page; at its end its reader pulls at the knee, where the surfaces for that are there.
+pub(super) fn page(out: &Outcome, label: &str, live: Option<&LivePart>) -> String {
     let title = if out.plan.is_empty() { "Plan" } else { &out.plan };
     let mut text = head(&format!("{title}: plan"));
     text += FIGURES;
@@ -32,7 +33,9 @@ pub(super) fn page(out: &Outcome, label: &str) -> String {
         let all: String = out.warnings.iter().map(|w| format!("<li>{}</li>", escaped(w))).collect();
         let _ = write!(text, "<h2>What is odd</h2><ul>{all}</ul>");
     }
-    text + "</main></body></html>\n"
+    text += live.map_or("", |l| &l.section);
+    text += "</main>";
+    text + live.map_or("</body></html>\n", |l| &l.foot)
 }
 
 /// What a reader wants first.

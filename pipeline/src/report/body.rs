@@ -102,7 +102,7 @@ impl<'a> Body<'a> {
         let Some(scene) = scene else { return String::new() };
         // its stills stand on the first screen
         let stills = std::mem::replace(&mut self.stills, false);
-        let html = knee.section(&self.figure(scene, &Assemble));
+        let html = knee.section(&self.figure(scene, &Assemble), None);
         self.stills = stills;
         self.live = Some(knee);
         html

@@ -2,6 +2,7 @@
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
+use meshes::frame::AnatomicalFrame;
 use meshes::surface::TriMesh;
 use meshes::{Isometry, Point, Vector};
 use nalgebra::{Matrix3, Rotation3, Translation3, UnitQuaternion};
@@ -18,13 +19,15 @@ pub(crate) struct Pool {
 impl Pool {
     /// An empty pool in the tibia's axes, or in CT's where frames have not been found.
     pub(crate) fn new(frames: Option<&Frames>) -> Pool {
-        let axes = frames.map_or(Isometry::identity(), |f| {
-            let t = &f.tibia;
-            let right = t.anterior.cross(&t.superior);
-            let rows = Matrix3::from_rows(&[right.transpose(), t.anterior.transpose(), t.superior.transpose()]);
-            let turn = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix(&rows));
-            Isometry::from_parts(Translation3::from(-(turn * t.origin.coords)), turn)
-        });
+        frames.map_or(Pool { axes: Isometry::identity(), meshes: BTreeMap::new() }, |f| Pool::of(&f.tibia))
+    }
+
+    /// An empty pool in a tibia's axes.
+    pub(crate) fn of(t: &AnatomicalFrame) -> Pool {
+        let right = t.anterior.cross(&t.superior);
+        let rows = Matrix3::from_rows(&[right.transpose(), t.anterior.transpose(), t.superior.transpose()]);
+        let turn = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix(&rows));
+        let axes = Isometry::from_parts(Translation3::from(-(turn * t.origin.coords)), turn);
         Pool { axes, meshes: BTreeMap::new() }
     }
 

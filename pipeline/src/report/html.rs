@@ -17,8 +17,9 @@ pub(super) fn foot(data: Value, more: &str) -> String {
     // a `</` inside a string would end the script
     let data = data.to_string().replace("</", "<\\/");
     format!(
-        "<script type=\"application/json\" id=\"data\">{data}</script>{}<script>{}</script>{more}</body></html>\n",
+        "<script type=\"application/json\" id=\"data\">{data}</script>{}<script>{}</script><script>{}</script>{more}</body></html>\n",
         plotly_js(),
+        include_str!("geometry.js"),
         include_str!("viewer.js")
     )
 }

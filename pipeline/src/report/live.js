@@ -46,7 +46,13 @@
   };
   const fixed = (x, digits) => (Number.isFinite(x) ? (Math.abs(x) < 0.5 * 10 ** -digits ? 0 : x).toFixed(digits) : "");
   const clone = (s) => JSON.parse(JSON.stringify(s));
-  const fresh = () => ({ ...REST, cut: [], strain: {}, stiffness: {} });
+  const fresh = () => ({ ...REST, cut: [], strain: {}, stiffness: {}, grafts: [] });
+  // where the reader begins and Reset goes: the knee as it was calibrated, or a plan's
+  const begun = () => {
+    if (!section.dataset.start) return fresh();
+    const { flexion_deg, cut, grafts } = JSON.parse(section.dataset.start);
+    return { ...fresh(), flexion: flexion_deg, cut, grafts: liveGraft.restored(JSON.stringify(grafts), about) };
+  };
 
   // ---- the workers
 
@@ -88,11 +94,12 @@
   const past = [];
   const shown = { told: null, rest: null, intact: null, bands: null };
   const kept = new Map();
-  const asked = (s) => ({ flexion_deg: s.flexion, load: [s.vv, s.ie, s.ml, s.ap, s.si], cut: s.cut, strain: s.strain, stiffness: s.stiffness });
-  const intactOf = (s) => ({ ...s, cut: [], strain: {}, stiffness: {} });
+  const asked = (s) => ({ flexion_deg: s.flexion, load: [s.vv, s.ie, s.ml, s.ap, s.si], cut: s.cut, strain: s.strain, stiffness: s.stiffness, grafts: s.grafts });
+  const intactOf = (s) => ({ ...s, cut: [], strain: {}, stiffness: {}, grafts: [] });
   const restOf = (s) => ({ ...fresh(), flexion: s.flexion, si: s.si });
-  const isChanged = (s) => Object.keys(s.strain).length + Object.keys(s.stiffness).length > 0;
-  const isIntact = (s) => !isChanged(s) && !s.cut.length;
+  const isIntact = (s) => !(Object.keys(s.strain).length + Object.keys(s.stiffness).length + s.cut.length + s.grafts.length);
+  // every bundle of a state with its place in the answer's lists
+  const bundles = (s) => [...about.bundles.map((b) => b.name), ...s.grafts.map((_, k) => `graft${k}`)];
 
   async function answer(s) {
     const key = JSON.stringify(asked(s));
@@ -135,9 +142,9 @@
 
   async function intervals() {
     delete section.dataset.samples;
-    if (!about.samples || shown.told.fault || isChanged(state)) return;
+    if (!about.samples || shown.told.fault || section.dataset.pulling) return;
     sampler = sampler || new Solver();
-    const mine = JSON.stringify(state);
+    const mine = JSON.stringify(state), from = performance.now();
     for (const most of SAMPLES) {
       const bands = await sampler.ask({ bands: { trial: asked(JSON.parse(mine)), most } });
       if (bands.broken) sampler = sampler.again();
@@ -145,6 +152,7 @@
       shown.bands = bands.fault ? null : bands;
       said.textContent = bands.fault || intervalWords(bands);
       show();
+      section.dataset.bandsMs = (performance.now() - from).toFixed(0);
       section.dataset.samples = bands.fault ? 0 : bands.asked;
     }
   }
@@ -173,6 +181,7 @@
     let text = `At ${fixed(told.pose.fe_deg, 0)} deg the tibia goes ${rest.fault ? "to a pose without a rest to compare" : moves(told, rest)} from rest.`;
     if (!isIntact(s) && !intact.fault) text += ` Against the knee as it was calibrated, under the same loads: ${moves(told, intact)}.`;
     if (s.cut.length) text += ` Cut: ${s.cut.join(", ")}.`;
+    s.grafts.forEach((g, k) => { text += ` ${g.name[0].toUpperCase()}${g.name.slice(1)} bears ${fixed(told.forces_n[about.bundles.length + k], 0)} N.`; });
     return `${text} ${flags}`.trim();
   }
 
@@ -189,13 +198,14 @@
   const band = (column) => shown.bands && shown.bands.bands[column];
   const interval = (column, digits, off = 0) => { const b = band(column); return b ? `${fixed(b.lower - off, digits)} to ${fixed(b.upper - off, digits)}` : ""; };
   const cells = (row, texts) => texts.forEach((text, n) => { row.cells[n + 1].textContent = text; });
+  // a head in brackets is for a screen reader alone
   const table = (id, caption, heads, rows) => {
     const body = element("tbody", {}, ...rows.map((r) => element("tr", { "data-row": r.key }, element("th", { scope: "row" }, r.words), ...heads.slice(1).map(() => element("td")))));
-    const head = element("thead", {}, element("tr", {}, ...heads.map((h) => element("th", { scope: "col" }, h))));
+    const head = element("thead", {}, element("tr", {}, ...heads.map((h) => element("th", { scope: "col" }, h.startsWith("(") ? element("span", { class: "unseen" }, h.slice(1, -1)) : h))));
     return element("div", { class: "wide" }, element("table", { id }, element("caption", {}, caption), head, body));
   };
 
-  const poseTable = table("live-pose", "Pose of the tibia under the femur", ["", "pose", "90 % interval", "from rest", "against the calibrated knee"], POSE.map(([key, more, less, unit]) => ({ key, words: `${more}, ${unit} (${less} below 0)` })));
+  const poseTable = table("live-pose", "Pose of the tibia under the femur", ["(direction)", "pose", "90 % interval", "from rest", "against the calibrated knee"], POSE.map(([key, more, less, unit]) => ({ key, words: `${more}, ${unit} (${less} below 0)` })));
   function poses() {
     const { told, rest, intact } = shown;
     poseTable.querySelectorAll("tbody tr").forEach((row) => {
@@ -206,21 +216,42 @@
   }
 
   let ligamentTable = null, contactTable = null, mostForce = 50;
+  const forceBar = () => element("div", { class: "bar", "aria-hidden": "true" }, element("div", { class: "fill" }), element("div", { class: "range", hidden: "" }));
+  // a row for each graft below the knee's own bundles
+  function graftRows(s) {
+    const body = ligamentTable.querySelector("tbody");
+    [...body.querySelectorAll("[data-graft]")].slice(s.grafts.length).forEach((row) => row.remove());
+    s.grafts.forEach((g, k) => {
+      let row = body.querySelector(`[data-graft="${k}"]`);
+      if (!row) {
+        row = element("tr", { "data-row": `graft${k}`, "data-graft": k }, element("th", { scope: "row" }), ...Array.from({ length: 7 }, () => element("td")));
+        row.cells[2].append(forceBar());
+        row.cells[6].append(button("Take out", () => grafts.taken(k)));
+        body.append(row);
+      }
+      row.cells[0].textContent = g.name;
+      row.querySelector("button").setAttribute("aria-label", `Take out ${g.name}`);
+    });
+  }
+
   function ligaments() {
     const { told, intact, state: s } = shown;
-    mostForce = Math.max(mostForce, ...told.forces_n, ...(shown.bands ? about.bundles.map((b) => (band(`force_${b.name}_n`) || { upper: 0 }).upper) : []));
-    about.bundles.forEach(({ name }, n) => {
-      const row = ligamentTable.querySelector(`[data-row="${name}"]`), isCut = s.cut.includes(name);
+    graftRows(s);
+    const all = bundles(s);
+    mostForce = Math.max(mostForce, ...told.forces_n, ...(shown.bands ? all.map((b) => (band(`force_${b}_n`) || { upper: 0 }).upper) : []));
+    all.forEach((name, n) => {
+      const row = ligamentTable.querySelector(`[data-row="${name}"]`), isCut = s.cut.includes(name), before = intact.fault ? NaN : intact.forces_n[n];
       cells(row, [fixed(told.forces_n[n], 1)]);
       row.cells[3].textContent = isCut ? "" : interval(`force_${name}_n`, 1);
       row.cells[4].textContent = told.strains[n] === null ? "cut" : fixed(100 * told.strains[n], 1);
-      row.cells[5].textContent = intact.fault ? "" : fixed(intact.forces_n[n], 1);
+      row.cells[5].textContent = fixed(before, 1);
       const share = (x) => `${(100 * Math.min(1, x / mostForce)).toFixed(1)}%`, b = isCut ? null : band(`force_${name}_n`);
       row.querySelector(".fill").style.width = share(told.forces_n[n]);
       const range = row.querySelector(".range");
       range.hidden = !b;
       if (b) { range.style.left = share(b.lower); range.style.width = share(b.upper - b.lower); }
     });
+    grafts.paint(s, told.grafts);
   }
 
   const output = (told, name) => (told.outputs.find((o) => o[0] === name) || [name, NaN])[1];
@@ -232,8 +263,63 @@
   }
 
   function picture() {
-    if (view && !view.closed) view.place({ femur: shown.told.femur, force: shown.told.fibres_n, pressed: shown.told.pressure, label: "" });
+    if (!view || view.closed) return;
+    const { told, state: s } = shown;
+    const cut = new Set(about.fibres.flatMap((b, f) => (s.cut.includes(about.bundles[b].name) ? [f] : [])));
+    view.place({ femur: told.femur, force: told.fibres_n, pressed: told.pressure, grafts: liveGraft.lines(s.grafts, about), cut, label: "" });
   }
+
+  // ---- the pointer on the picture
+
+  const side = () => (about.side === "left" ? -1 : 1); // the page's x is the patient's right
+  let pulledFrom = null, grafts = null;
+  const way = element("select", { id: "live-way" }, element("option", { value: "pull" }, "pulls at it"), element("option", { value: "turn" }, "turns it"), element("option", { value: "" }, "turns the picture"));
+  const springs = element("input", { type: "checkbox", id: "live-springs" });
+  const stepped = (key, x) => { const { least, most, step } = SLIDERS.find((s) => s.key === key); return Number(Math.min(most, Math.max(least, Math.round(x / step) * step)).toFixed(3)); };
+  const signed = (x, unit) => `${x > 0 ? "+" : ""}${fixed(x, unit === "N" ? 0 : 1)} ${unit}`;
+
+  // meanwhile no intervals are sought, and fewer pixels drawn
+  const heldOn = () => { section.dataset.pulling = "yes"; if (view && !view.closed) view.draft(true); };
+  const letGo = () => { delete section.dataset.pulling; if (view && !view.closed) view.draft(false); };
+
+  // the loads of a pull, added to those before it and held within the sliders
+  function pulled({ force: [x, y, z], moment: [, about_y, about_z] }, turns) {
+    const b = pulledFrom;
+    const added = turns ? { vv: -side() * about_y, ie: -side() * about_z } : { ap: y, ml: side() * x, si: z };
+    const next = { ...clone(state), ...Object.fromEntries(SLIDERS.map(({ key }) => [key, b[key]])) };
+    for (const [key, by] of Object.entries(added)) next[key] = stepped(key, b[key] + by);
+    change(next, false);
+    if (turns) return { force: [x, y, z], words: `valgus ${signed(next.vv, "N m")}, external ${signed(next.ie, "N m")}` };
+    const borne = [side() * (next.ml - b.ml), next.ap - b.ap, next.si - b.si];
+    return { force: borne, words: `${fixed(Math.hypot(...borne), 0)} N: forwards ${signed(next.ap, "N")}, outwards ${signed(next.ml, "N")}, up ${signed(next.si, "N")}` };
+  }
+
+  function hand() {
+    liveHand.attach(view, {
+      way: () => (about && !about.fault && shown.told ? way.value : ""),
+      placing: () => grafts.placing(),
+      began: () => { pulledFrom = clone(state); past.push(clone(state)); heldOn(); },
+      pulled,
+      ended: (kept) => {
+        letGo();
+        // Escape, or let go of a spring: as before, and nothing to undo
+        if (!kept || springs.checked) change(past.pop(), false); else solve();
+      },
+      clicked: ({ bone, fibre }) => {
+        if (!shown.told || shown.told.fault || grafts.clicked(bone) || fibre < 0) return;
+        const b = about.fibres[fibre];
+        if (b !== undefined) toggled(groups().get(about.bundles[b].name.split("_")[0]));
+        else grafts.taken(graftOf(fibre - about.fibres.length));
+      },
+    });
+  }
+  // the ends of the knee's own fibres in CT, in the page's axes
+  const fibreLines = () => {
+    const [pool, id] = section.querySelector("figure").dataset.scene.split("/");
+    return JSON.parse(document.getElementById("data").textContent)[pool].scenes.find((x) => x.id === id).layers.find((l) => l.moves === "fibres").lines;
+  };
+  // the graft that a fibre behind the knee's own belongs to
+  const graftOf = (n) => { let k = 0; for (const g of state.grafts) { n -= g.ends.length; if (n < 0) return k; k++; } return k; };
 
   // ---- controls
 
@@ -248,8 +334,8 @@
     const range = element("input", { type: "range", id: `live-${key}`, min: least, max: most, step });
     const number = element("input", { type: "text", inputmode: "decimal", size: 6, "aria-label": `${text}, ${unit}` });
     let held = false;
-    range.addEventListener("input", () => { change({ ...clone(state), [key]: Number(range.value) }, !held); held = true; });
-    range.addEventListener("change", () => { held = false; });
+    range.addEventListener("input", () => { heldOn(); change({ ...clone(state), [key]: Number(range.value) }, !held); held = true; });
+    range.addEventListener("change", () => { held = false; letGo(); solve(); });
     // a comma is a decimal point, too
     number.addEventListener("change", () => {
       const value = Number(number.value.trim().replace(",", "."));
@@ -308,14 +394,17 @@
       cuts.append(b);
     }
     const acts = element("div", { role: "group", "aria-label": "State", class: "live-acts" },
-      button("Undo", () => { if (past.length) change(past.pop(), false); }, { "data-act": "undo" }), button("Reset", () => { if (view) view.most = null; change(fresh()); }, { "data-act": "reset" }),
+      button("Undo", () => { if (past.length) change(past.pop(), false); }, { "data-act": "undo" }), button("Reset", () => { if (view) view.most = null; grafts.stop(); change(begun()); }, { "data-act": "reset" }),
       button("Save CSV", csv, { "data-act": "csv" }), element("a", { href: "#live", id: "live-link" }, "Link to this state"));
-    section.querySelector(".live-controls").append(presets, ...SLIDERS.map(slider), cuts, acts, words, spoken);
+    const pointer = element("p", { class: "live-pointer" }, element("label", { for: "live-way" }, "A drag on the tibia "), way, " ", element("label", {}, springs, " and springs back"),
+      element("span", {}, "With Shift a pull is a turn and a turn a pull. Escape takes it back. A click on a ligament cuts it."));
+    grafts = liveGraft.controls({ about, element, button, fixed, get: () => clone(state), change, femur: () => shown.told.femur, lines: () => fibreLines() });
+    section.querySelector(".live-controls").append(presets, ...SLIDERS.map(slider), pointer, cuts, grafts.html, acts, words, spoken);
     const rows = about.bundles.map(({ name }) => ({ key: name, words: name }));
-    ligamentTable = table("live-ligaments", "Ligaments", ["", "force, N", "", "90 % interval, N", "strain, %", "as calibrated, N", "", ""], rows);
+    ligamentTable = table("live-ligaments", "Ligaments", ["(ligament)", "force, N", "(force as a bar)", "90 % interval, N", "strain, %", "as calibrated, N", "(cut or restore)", "(change)"], rows);
     ligamentTable.querySelectorAll("tbody tr").forEach((row) => {
       const name = row.dataset.row;
-      row.cells[2].append(element("div", { class: "bar", "aria-hidden": "true" }, element("div", { class: "fill" }), element("div", { class: "range", hidden: "" })));
+      row.cells[2].append(forceBar());
       const b = button("Cut", () => toggled([name]));
       inputs[`bundle ${name}`] = { paint: () => {
         const is = state.cut.includes(name);
@@ -327,7 +416,7 @@
       row.cells[7].append(tuning(name));
     });
     const contact = ["medial", "lateral"].flatMap((side) => CONTACT.map(([what, text, unit]) => ({ key: `contact_${side}_${what}`, words: `${side} ${text}, ${unit}` })));
-    contactTable = table("live-contact", "Contact of the cartilages", ["", "value", "90 % interval", "as calibrated"], contact);
+    contactTable = table("live-contact", "Contact of the cartilages", ["(of what)", "value", "90 % interval", "as calibrated"], contact);
     section.querySelector(".live-answer").append(said, ligamentTable, element("div", { class: "live-two" }, poseTable, contactTable));
   }
 
@@ -341,8 +430,7 @@
     Object.values(inputs).forEach((i) => i.paint && i.paint());
     const link = document.getElementById("live-link");
     link.setAttribute("href", fragment(state));
-    if (isChanged(state)) said.textContent = "Intervals are those of the calibrated ligaments; with changed ones there are none.";
-    else said.textContent = about.samples ? "" : "This calibration left no samples, so there are no intervals.";
+    said.textContent = about.samples ? "" : "This calibration left no samples, so there are no intervals.";
   }
 
   // ---- link and file
@@ -350,7 +438,7 @@
   const pairs = (map) => Object.entries(map).map(([k, v]) => `${k}:${v}`).join(",");
   const fragment = (s) => {
     const parts = SLIDERS.filter(({ key }) => s[key] !== REST[key] || key === "flexion").map(({ key }) => [key, s[key]]);
-    const more = [["cut", s.cut.join(",")], ["strain", pairs(s.strain)], ["stiffness", pairs(s.stiffness)]].filter(([, v]) => v);
+    const more = [["cut", s.cut.join(",")], ["strain", pairs(s.strain)], ["stiffness", pairs(s.stiffness)], ["graft", s.grafts.length ? JSON.stringify(s.grafts) : ""]].filter(([, v]) => v);
     return "#live&" + new URLSearchParams([...parts, ...more]);
   };
   // what does not fit this knee is left out
@@ -367,6 +455,7 @@
         if (is(name) && Number.isFinite(Number(value))) out[what][name] = Math.min(most, Math.max(least, Number(value)));
       }
     }
+    out.grafts = liveGraft.restored(given.get("graft") || "[]", about);
     return out;
   };
 
@@ -378,8 +467,8 @@
     };
     const asks = SLIDERS.map(({ key }) => [key === "flexion" ? "asked_flexion_deg" : `load_${key}_${key === "vv" || key === "ie" ? "nm" : "n"}`, state[key], "", "", "", "", ""].join(","));
     const lines = [...asks, ...Object.keys(told.pose).map((key) => line(key, (t) => t.pose && t.pose[key])),
-      ...about.bundles.map((b, n) => line(`force_${b.name}_n`, (t) => t.forces_n && t.forces_n[n])),
-      ...about.bundles.map((b, n) => line(`strain_${b.name}`, (t) => t.strains && (t.strains[n] ?? NaN))),
+      ...bundles(state).map((b, n) => line(`force_${b}_n`, (t) => t.forces_n && t.forces_n[n])),
+      ...bundles(state).map((b, n) => line(`strain_${b}`, (t) => t.strains && (t.strains[n] ?? NaN))),
       ...told.outputs.map(([name]) => line(name, (t) => t.outputs && output(t, name)))];
     const text = ["name,value,mean,lower,upper,as_calibrated,at_rest", ...lines, ""].join("\n");
     const link = element("a", { href: URL.createObjectURL(new Blob([text], { type: "text/csv" })), download: `${about.id}-live.csv` });
@@ -398,23 +487,25 @@
       about = await solver.opened;
     } catch (error) { about = { fault: String(error) }; }
     if (about.fault) {
-      note.textContent = `The knee cannot be opened here (${about.fault}). The motions that were stored with the report show it: see the knee in 3D above.`;
+      const stored = document.getElementById("scene-a-knee") ? " The motions that were stored with the report show it: see the knee in 3D above." : "";
+      note.textContent = `The knee cannot be opened here (${about.fault}).${stored}`;
       return;
     }
     section.dataset.opened = (performance.now() - from).toFixed(0);
     note.remove();
     build();
-    if (location.hash.startsWith("#live&")) state = restored(location.hash);
+    state = location.hash.startsWith("#live&") ? restored(location.hash) : begun();
     controls();
+    if (view) hand();
     await solve();
     section.dataset.ready = "yes";
   }
 
   const figure = section.querySelector("figure");
-  figure.addEventListener("shown", (e) => { view = e.detail; if (shown.told && !shown.told.fault) picture(); });
+  figure.addEventListener("shown", (e) => { view = e.detail; if (grafts) hand(); if (shown.told && !shown.told.fault) picture(); });
   const able = typeof WebAssembly === "object" && typeof Worker === "function" && typeof DecompressionStream === "function";
   if (!able) {
-    note.firstChild.textContent = "This browser has no WebAssembly, so nothing can be pulled at. The motions that were stored with the report show the knee: ";
+    note.firstElementChild.textContent = "This browser has no WebAssembly, so nothing can be pulled at.";
     return;
   }
   window.addEventListener("hashchange", () => { if (about && !about.fault && location.hash.startsWith("#live&")) { change(restored(location.hash)); section.scrollIntoView(); } });

@@ -12,7 +12,7 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use flate2::Compression;
 use flate2::write::GzEncoder;
-use live::{Packed, pack};
+use live::{Asked, Packed, pack};
 use stages::assemble::Assembled;
 use stages::bones::Bones;
 use stages::cartilage::Cartilage;
@@ -35,14 +35,27 @@ impl LiveKnee {
         let (name, outcome) = v.of::<Calibration>()?.main()?;
         let assembled = v.of::<Assembled>()?;
         let loaded = assembled_model(assembled, v.of::<Bones>()?, v.of::<Cartilage>()?);
-        let bytes = pack(&Packed {
+        let packed = Packed {
             spec: outcome.spec.clone(),
             samples: samples(outcome, &assembled.spec),
             meshes: loaded.meshes,
             faces: corners(&assembled.contact),
             axes: pool.axes(),
-        });
-        Some(LiveKnee { knee: gzip(&bytes.ok()?)?, name: name.to_owned() })
+        };
+        LiveKnee::packed(&packed, name)
+    }
+
+    /// A knee of a name; `None` where a surface that it needs is missing.
+    pub(super) fn packed(knee: &Packed, name: &str) -> Option<LiveKnee> {
+        Some(LiveKnee { knee: gzip(&pack(knee).ok()?)?, name: name.to_owned() })
+    }
+
+    /// What its scene shows.
+    pub(super) fn caption(&self) -> String {
+        format!(
+            "The femur moves on the tibia, which stands still, as the model \"{}\" answers. Fibres are coloured by force, cartilage by contact pressure. The tables say the same in numbers.",
+            self.name
+        )
     }
 
     /// The scene that it moves.
@@ -51,19 +64,30 @@ impl LiveKnee {
         scene.layers.retain(|l| l.moves != Some("measured"));
         scene.id = "live".into();
         scene.title = "The knee under your loads".into();
-        scene.text = format!(
-            "The femur moves on the tibia, which stands still, as the model \"{}\" answers. Fibres are coloured by force, cartilage by contact pressure. The tables say the same in numbers.",
-            self.name
-        );
+        scene.text = self.caption();
         Some(scene)
     }
 
-    /// The section; `figure` is the scene's. The page's script fills what needs an answer.
-    pub(super) fn section(&self, figure: &str) -> String {
+    /// The section; `figure` is the scene's. The page's script fills what needs an answer, and begins with `start`: a plan's cuts and grafts. Without, the
+    /// knee as it was calibrated, and without a browser that can do it the stored motions.
+    pub(super) fn section(&self, figure: &str, start: Option<&Asked>) -> String {
+        let (cut, else_) = match start {
+            None => (
+                "Cut a ligament and read what changes.",
+                "the motions that were stored with the report show the knee: <a href=\"#scene-a-knee\">the knee in 3D</a>",
+            ),
+            Some(_) => (
+                "The plan's cuts and grafts are in it; Undo and Reset come back to them.",
+                "the tables of the plan stand above",
+            ),
+        };
+        let start = start
+            .and_then(|s| serde_json::to_string(s).ok())
+            .map_or(String::new(), |s| format!(" data-start=\"{}\"", escaped(&s)));
         format!(
-            "<section id=\"live\" data-name=\"{0}\"><h2>Pull at the knee</h2>\
-             <p>Choose a test or move a slider. The page itself solves the calibrated model \"{0}\", without network. Cut a ligament and read what changes.</p>\
-             <p class=\"live-note\" role=\"status\">This needs JavaScript with WebAssembly. Without them the motions that were stored with the report show the knee: <a href=\"#scene-a-knee\">the knee in 3D</a>.</p>\
+            "<section id=\"live\" data-name=\"{0}\"{start}><h2>Pull at the knee</h2>\
+             <p>Choose a test, move a slider, or pull at the tibia in the picture. The page itself solves the model \"{0}\", without network. {cut}</p>\
+             <p class=\"live-note\" role=\"status\"><span>This needs JavaScript with WebAssembly.</span> Without them {else_}.</p>\
              <div class=\"live-grid\"><div class=\"live-controls\"></div><div class=\"live-seen\">{figure}</div></div><div class=\"live-answer\"></div></section>",
             escaped(&self.name)
         )
@@ -77,7 +101,9 @@ impl LiveKnee {
         part("live-module", MODULE)
             + &part("live-knee", &self.knee)
             + &format!("<script type=\"text/plain\" id=\"live-worker\">{}</script>", include_str!("live_worker.js"))
-            + &format!("<script>{}</script>", include_str!("live.js"))
+            + &[include_str!("live_hand.js"), include_str!("live_graft.js"), include_str!("live.js")]
+                .map(|script| format!("<script>{script}</script>"))
+                .concat()
     }
 }
 

@@ -13,7 +13,8 @@
     pressure: [[0, "#9cc3e0"], [0.02, "#ffffb2"], [0.25, "#fecc5c"], [0.5, "#fd8d3c"], [0.75, "#f03b20"], [1, "#8e0021"]],
     force: [[0, "#9aa0a6"], [0.02, "#2c7bb6"], [0.5, "#fdae61"], [1, "#d7191c"]],
   };
-  const AXES = ["x", "y", "z"];
+  const { AXES, bytes, apply, moved, segments, quadEdges, middles } = geometry;
+  const surface = (pool, name) => geometry.surface(data, pool, name), pressures = (...of) => geometry.pressures(data, ...of);
   const PLANES = ["left to right", "back to front", "bottom to top"];
   // x is the patient's right, y forwards, z up
   const VIEWS = {
@@ -31,7 +32,6 @@
   const paper = matchMedia("print");
   const colours = () => (dark.matches && !paper.matches ? { ground: "#16181b", ink: "#e6e6e6", line: "#5a606a" } : { ground: "#ffffff", ink: "#222222", line: "#cccccc" });
 
-  const bytes = (text) => Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
   const element = (name, attributes = {}, text = "") => {
     const e = document.createElement(name);
     for (const [key, value] of Object.entries(attributes)) e.setAttribute(key, value);
@@ -39,94 +39,7 @@
     return e;
   };
 
-  // ---- geometry
-
-  const unpacked = new Map();
-  function surface(pool, name) {
-    const key = pool + "/" + name;
-    if (!unpacked.has(key)) {
-      const m = data[pool].meshes[name];
-      const steps = new Uint16Array(bytes(m.corners).buffer);
-      const indices = new (m.wide ? Uint32Array : Uint16Array)(bytes(m.triangles).buffer);
-      const every3 = (from, k, value) => from.filter((_, n) => n % 3 === k).map(value);
-      const [x, y, z] = [0, 1, 2].map((k) => Float32Array.from(every3(steps, k, (s) => s), (s) => m.low[k] + m.step[k] * s));
-      const [i, j, k] = [0, 1, 2].map((c) => Uint32Array.from(every3(indices, c, (s) => s)));
-      unpacked.set(key, { x, y, z, i, j, k });
-    }
-    return unpacked.get(key);
-  }
-
-  function moved(s, m) {
-    const out = { x: new Float32Array(s.x.length), y: new Float32Array(s.x.length), z: new Float32Array(s.x.length) };
-    for (let n = 0; n < s.x.length; n++) {
-      AXES.forEach((axis, r) => {
-        out[axis][n] = m[4 * r] * s.x[n] + m[4 * r + 1] * s.y[n] + m[4 * r + 2] * s.z[n] + m[4 * r + 3];
-      });
-    }
-    return out;
-  }
-
-  const apply = (p, m) => [0, 1, 2].map((r) => m[4 * r] * p[0] + m[4 * r + 1] * p[1] + m[4 * r + 2] * p[2] + m[4 * r + 3]);
-
-  // ends of lines, broken after every second; with a number a line where there are any
-  function segments(lines, m, force) {
-    const out = { x: [], y: [], z: [], color: [] };
-    for (let n = 0; n < lines.length; n += 2) {
-      const ends = [m ? apply(lines[n], m) : lines[n], lines[n + 1]];
-      AXES.forEach((axis, k) => out[axis].push(ends[0][k], ends[1][k], null));
-      const f = force ? force[n / 2] : 0;
-      out.color.push(f, f, f);
-    }
-    return out;
-  }
-
-  // edges of quads whose two triangles follow each other, each once
-  function quadEdges(s) {
-    const out = { x: [], y: [], z: [] }, seen = new Set();
-    for (let t = 0; t + 1 < s.i.length; t += 2) {
-      const ring = [s.i[t], s.j[t], s.k[t], s.k[t + 1]];
-      ring.forEach((a, n) => {
-        const b = ring[(n + 1) % 4], key = Math.min(a, b) * 4294967 + Math.max(a, b);
-        if (seen.has(key)) return;
-        seen.add(key);
-        AXES.forEach((axis) => out[axis].push(s[axis][a], s[axis][b], null));
-      });
-    }
-    return out;
-  }
-
-  // where names stand: in the middle of each line, pushed outwards from the middle of all
-  function middles(lines, m) {
-    const out = { x: [], y: [], z: [] }, all = [];
-    for (let n = 0; n < lines.length; n += 2) {
-      const a = m ? apply(lines[n], m) : lines[n];
-      all.push(a.map((v, k) => (v + lines[n + 1][k]) / 2));
-    }
-    const centre = [0, 1, 2].map((k) => all.reduce((sum, p) => sum + p[k], 0) / all.length);
-    const places = all.map((p) => {
-      const [dx, dy] = [p[0] - centre[0], p[1] - centre[1]], far = Math.hypot(dx, dy) || 1;
-      return [p[0] + (16 * dx) / far, p[1] + (16 * dy) / far, p[2]];
-    });
-    // names of one side stand below each other, at least a line apart, mm
-    for (const side of [-1, 1]) {
-      const own = places.filter((p) => (p[0] < centre[0] ? -1 : 1) === side).sort((a, b) => b[2] - a[2]);
-      own.forEach((p, n) => { if (n) p[2] = Math.min(p[2], own[n - 1][2] - 8); });
-    }
-    for (const p of places) AXES.forEach((axis, k) => out[axis].push(p[k]));
-    return out;
-  }
-
-  // pressure at every corner of a surface: the few that are pressed are told
-  function pressures(pool, layer, step, high) {
-    const out = new Float32Array(surface(pool, layer.mesh).x.length);
-    const told = step && step.pressure && step.pressure[layer.mesh];
-    if (told) {
-      const at = new Uint16Array(bytes(told[0]).buffer), value = bytes(told[1]);
-      at.forEach((corner, n) => { out[corner] = (high * value[n]) / 255; });
-    }
-    for (const [corner, mpa] of (step && step.pressed && step.pressed[layer.mesh]) || []) out[corner] = mpa;
-    return out;
-  }
+  // ---- what a layer is to plotly
 
   function trace(pool, layer, motion) {
     const common = { name: layer.name, visible: layer.on, showlegend: false, hoverinfo: layer.labels ? "text" : "skip", opacity: layer.opacity };
@@ -447,25 +360,65 @@
 
     // the femur, the fibres and the pressures of a step; the colours' ends grow with what a live knee bears
     place(step, high) {
+      this.femur = step.femur;
       const most = this.most || { n: mostForce(this.motion), mpa: mostPressure(this.motion) };
       this.most = { n: Math.max(most.n, ...step.force), mpa: Math.max(most.mpa, ...Object.values(step.pressed || {}).flat().map((p) => p[1])) };
-      // one change of all: what a layer does not have is left as it is
-      const change = { x: [], y: [], z: [], "line.color": [], "line.cmax": [], intensity: [], cmax: [] }, which = [];
-      this.scene.layers.forEach((layer, n) => {
-        if (!layer.moves && !layer.presses) return;
+      const grown = !this.placedOnce || most.n !== this.most.n || most.mpa !== this.most.mpa;
+      this.placedOnce = true;
+      const changes = this.scene.layers.flatMap((layer, n) => {
+        if (!layer.moves && !layer.presses) return [];
         const at = layer.moves ? this.placed(layer, step) : {}, fibres = layer.moves === "fibres";
         const pressure = layer.presses ? { intensity: pressures(this.pool, layer, step, high), cmax: this.most.mpa } : {};
-        const own = { ...at, ...pressure, "line.color": fibres ? at.color : undefined, "line.cmax": fibres ? this.most.n : undefined };
-        Object.keys(change).forEach((key) => change[key].push(own[key]));
-        which.push(n);
+        return [[n, { ...at, ...pressure, "line.color": fibres ? at.color : undefined, "line.cmax": fibres ? this.most.n : undefined }]];
       });
-      this.later("move", () => Plotly.restyle(this.plot, change, which));
+      this.later("move", () => (!grown && this.redrawn(changes)) || this.restyled(changes));
+    }
+
+    // one change of all: what a layer does not have is left as it is
+    restyled(changes) {
+      const keys = ["x", "y", "z", "line.color", "line.cmax", "intensity", "cmax"];
+      return Plotly.restyle(this.plot, Object.fromEntries(keys.map((key) => [key, changes.map(([, own]) => own[key])])), changes.map(([n]) => n));
+    }
+
+    // the layers that changed and no others: plotly.js hands every surface to the graphics card again. False where it must look at all itself
+    redrawn(changes) {
+      const scene = (this.plot._fullLayout.scene || {})._scene, full = this.plot._fullData;
+      if (!scene || !scene.traces || !scene.glplot || changes.some(([n, own]) => own.x && own.x.length !== full[n].x.length)) return false;
+      for (const [n, own] of changes) {
+        for (const trace of [full[n], this.plot.data[n]]) {
+          for (const key of ["x", "y", "z", "intensity"]) if (own[key]) trace[key] = own[key];
+          if (own["line.color"]) trace.line.color = own["line.color"];
+        }
+        const drawn = scene.traces[full[n].uid];
+        if (drawn && full[n].visible === true) drawn.update(full[n]);
+      }
+      // plotly.js draws all once more to know what lies under the pointer; the live view knows it by itself
+      for (const drawn of scene.glplot.objects) drawn.drawPick = null;
+      scene.glplot.redraw();
+      return true;
+    }
+
+    // while the knee is pulled at, as many pixels are drawn as the screen has; plotly.js draws twice as many each way
+    draft(on) {
+      const { glplot } = (this.plot._fullLayout.scene || {})._scene || {}, ratio = on ? Math.max(1, Math.min(2, devicePixelRatio)) : 2;
+      if (!glplot || glplot.pixelRatio === ratio) return;
+      glplot.pixelRatio = ratio;
+      glplot.redraw();
     }
 
     placed(layer, step) {
       if (layer.moves === "femur") return moved(surface(this.pool, layer.mesh), step.femur);
       if (layer.moves === "measured") return moved(surface(this.pool, layer.mesh), step.measured || step.femur);
-      return layer.moves === "names" ? middles(layer.lines, step.femur) : segments(layer.lines, step.femur, step.force);
+      if (layer.moves === "names") return middles(layer.lines, step.femur);
+      const lines = [...layer.lines, ...(step.grafts || [])];
+      this.ends = lines.map((p, n) => (n % 2 ? p : apply(p, step.femur)));
+      return segments(lines, step.femur, step.force, step.cut);
+    }
+
+    // the surface of a layer as it was placed last
+    solid(n) {
+      const layer = this.scene.layers[n], s = surface(this.pool, layer.mesh);
+      return this.femur && (layer.moves === "femur" || layer.moves === "measured") ? { ...s, ...moved(s, this.femur) } : s;
     }
 
     close(words) {

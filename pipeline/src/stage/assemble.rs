@@ -193,7 +193,7 @@ pub(crate) fn contact_surface(name: &str, mesh: &TriMesh) -> (String, TriMesh) {
 }
 
 /// The fibres, and the names of the ligaments beside them.
-fn fibre_layers(spec: &ModelSpec, pool: &Pool) -> [Layer; 2] {
+pub(crate) fn fibre_layers(spec: &ModelSpec, pool: &Pool) -> [Layer; 2] {
     let fibres = &spec.fibres;
     let lines = fibres.iter().flat_map(|f| [at(pool, &f.femur), at(pool, &f.tibia)]).collect();
     let (mut middles, mut labels) = (Vec::new(), Vec::new());

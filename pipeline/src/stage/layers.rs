@@ -8,7 +8,7 @@ use stages::specimen::Specimen;
 
 const BONE: &str = "#e1d5be";
 /// Edge of the cubes in which corners are drawn together, of bones that are there to see the rest by [mm].
-pub(super) const CONTEXT_MM: f64 = 2.2;
+pub(crate) const CONTEXT_MM: f64 = 2.2;
 
 /// Bones as layers, the femur movable.
 pub(crate) fn bone_layers(v: &Values, pool: &mut Pool, opacity: f64) -> Vec<Layer> {

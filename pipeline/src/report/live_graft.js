@@ -1,0 +1,124 @@
+// Grafts of the live knee: put in by two clicks on the bones, or between the footprints of a ligament; listed, and as a plan has them.
+"use strict";
+const liveGraft = (() => {
+  const MOST = 4; // grafts at a time; ours
+  const DIGITS = 100; // ends are kept to a hundredth of a millimetre
+  const rounded = (p) => p.map((x) => Math.round(x * DIGITS) / DIGITS);
+  const moved = (m, p) => [0, 1, 2].map((r) => m[4 * r] * p[0] + m[4 * r + 1] * p[1] + m[4 * r + 2] * p[2] + m[4 * r + 3]);
+  // the way back of a rigid motion
+  const back = (m) => {
+    const turn = (p) => [0, 1, 2].map((c) => m[c] * p[0] + m[4 + c] * p[1] + m[8 + c] * p[2]);
+    const from = turn([m[3], m[7], m[11]]);
+    return (p) => turn(p).map((x, k) => x - from[k]);
+  };
+  const inside = (x, [least, most]) => Math.min(most, Math.max(least, x));
+
+  // what a link says of grafts, as far as it makes sense
+  function restored(text, about) {
+    let given = [];
+    try { given = JSON.parse(text); } catch { return []; }
+    const point = (p) => Array.isArray(p) && p.length === 3 && p.every(Number.isFinite);
+    const sound = (g) => g && typeof g === "object" && Array.isArray(g.ends) && g.ends.length && g.ends.every((e) => Array.isArray(e) && e.length === 2 && e.every(point)) && Number.isFinite(g.stiffness_n_per_mm)
+      && g.drawn && (Number.isFinite(g.drawn.tension_n) ? Number.isFinite(g.drawn.at_flexion_deg) : Number.isFinite(g.drawn.slack_length_mm));
+    const kept = ({ name, ends, stiffness_n_per_mm, toe_strain, like, drawn }) => {
+      const out = { name: String(name), ends, stiffness_n_per_mm: inside(stiffness_n_per_mm, about.graft.stiffnesses_n_per_mm), drawn: { ...drawn } };
+      if (Number.isFinite(toe_strain)) out.toe_strain = toe_strain;
+      if (about.bundles.some((b) => b.name === like)) out.like = like;
+      if ("tension_n" in drawn) out.drawn.tension_n = inside(drawn.tension_n, about.graft.tensions_n);
+      return out;
+    };
+    return Array.isArray(given) ? given.filter(sound).slice(0, MOST).map(kept) : [];
+  }
+
+  // a place in CT, in the middle of the fibres of a bundle
+  const middle = (points) => [0, 1, 2].map((k) => points.reduce((sum, p) => sum + p[k], 0) / points.length);
+
+  // `of` has: about, element(), button(), fixed(), get() the state, change(state), femur() its motion, lines() of the fibres in the page's axes
+  function controls(of) {
+    const { about, element, button, fixed } = of;
+    const told = element("p", { class: "live-graft-said", role: "status" });
+    const number = (words, unit, value, range, id) => {
+      const input = element("input", { type: "text", inputmode: "decimal", size: 6, id, value: String(value) });
+      const read = () => {
+        const x = Number(input.value.trim().replace(",", "."));
+        const good = Number.isFinite(x) && input.value.trim() ? inside(x, range) : value;
+        input.value = String(good);
+        return good;
+      };
+      input.addEventListener("change", read);
+      return { read, html: element("label", {}, `${words}, ${unit} `, input) };
+    };
+    const stiffness = number("stiffness", "N/mm", about.graft.stiffness_n_per_mm, about.graft.stiffnesses_n_per_mm, "live-graft-stiffness");
+    const tension = number("tension when fixed", "N", about.graft.tension_n, about.graft.tensions_n, "live-graft-tension");
+    let first = null, placing = false;
+    const say = (text) => { told.textContent = text; };
+    const stop = (text = "") => { placing = false; first = null; begin.setAttribute("aria-pressed", "false"); begin.textContent = "Add a graft"; say(text); };
+    const begin = button("Add a graft", () => {
+      if (placing) { stop(); return; }
+      if (of.get().grafts.length >= MOST) { say(`There are ${MOST} grafts; take one out first.`); return; }
+      placing = true;
+      begin.setAttribute("aria-pressed", "true");
+      begin.textContent = "Stop placing";
+      say("Click the femur where the graft leaves it.");
+    }, { "data-act": "graft", "aria-pressed": "false" });
+    const put = (ends) => {
+      const state = of.get(), names = state.grafts.map((g) => g.name);
+      let n = 1;
+      while (names.includes(`graft ${n}`)) n++;
+      const graft = { name: `graft ${n}`, ends: [ends.map(rounded)], stiffness_n_per_mm: stiffness.read(), drawn: { tension_n: tension.read(), at_flexion_deg: state.flexion } };
+      of.change({ ...state, grafts: [...state.grafts, graft] });
+      stop(`The graft is in: ${graft.drawn.tension_n} N at ${graft.drawn.at_flexion_deg} deg of flexion.`);
+    };
+    const taken = (n) => { const state = of.get(); of.change({ ...state, grafts: state.grafts.filter((_, k) => k !== n) }); say("The graft is out."); };
+    // without a pointer
+    const where = element("select", { id: "live-graft-where" }, ...about.bundles.map((b) => element("option", { value: b.name }, b.name)));
+    const there = button("Add it there", () => {
+      const b = about.bundles.findIndex((x) => x.name === where.value), lines = of.lines();
+      const own = about.fibres.flatMap((bundle, f) => (bundle === b ? [[lines[2 * f], lines[2 * f + 1]]] : []));
+      if (of.get().grafts.length >= MOST) { say(`There are ${MOST} grafts; take one out first.`); return; }
+      put([0, 1].map((end) => moved(about.ct, middle(own.map((l) => l[end])))));
+    }, { "data-act": "graft-there" });
+    const list = element("ul", { class: "live-grafts" });
+    const plan = element("pre", {}), asPlan = element("details", { hidden: "" }, element("summary", {}, "The same for build-model plan"), plan);
+    const html = element("fieldset", { class: "live-graft" }, element("legend", {}, "Graft"), begin, stiffness.html, tension.html,
+      element("label", { for: "live-graft-where" }, "or between the footprints of "), where, there, told, list, asPlan);
+
+    function paint(state, grafts) {
+      list.replaceChildren(...state.grafts.map((g, n) => {
+        const t = grafts && grafts[n], how = "tension_n" in g.drawn ? `${Number(g.drawn.tension_n.toFixed(1))} N at ${Number(g.drawn.at_flexion_deg.toFixed(1))} deg` : "by its slack length";
+        const long = t ? `; ${fixed(t.length_mm, 1)} mm in CT, slack length ${fixed(t.slack_length_mm, 1)} mm` : "";
+        return element("li", {}, `${g.name}: ${fixed(g.stiffness_n_per_mm, 0)} N/mm, fixed with ${how}${long} `, button("Take out", () => taken(n), { "data-take": n, "aria-label": `Take out ${g.name}` }));
+      }));
+      asPlan.hidden = !state.grafts.length;
+      plan.textContent = toml(state);
+    }
+
+    // a click on the knee while a graft is placed; true where that was what it meant
+    function clicked(bone) {
+      if (!placing) return false;
+      const wanted = first ? "tibia" : "femur";
+      if (!bone || bone.name !== wanted) { say(`That is not the ${wanted}. Click the ${wanted}${first ? " where the graft is fixed" : " where the graft leaves it"}.`); return true; }
+      if (!first) {
+        first = moved(about.ct, back(of.femur())(bone.point));
+        say("Now click the tibia.");
+      } else put([first, moved(about.ct, bone.point)]);
+      return true;
+    }
+    return { html, paint, clicked, taken, placing: () => placing, stop };
+  }
+
+  // graft.toml of a state
+  function toml(state) {
+    const text = (s) => JSON.stringify(s), list = (xs) => `[${xs.join(", ")}]`;
+    const one = (g) => {
+      const end = (k) => `{ point_mm = ${list(middle(g.ends.map((e) => e[k])).map((x) => x.toFixed(2)))} }`;
+      const drawn = "tension_n" in g.drawn ? `tension_n = ${g.drawn.tension_n}\nat_flexion_deg = ${g.drawn.at_flexion_deg}` : `slack_length_mm = ${g.drawn.slack_length_mm}`;
+      return `\n[[graft]]\nname = ${text(g.name)}\nfemur = ${end(0)}\ntibia = ${end(1)}\nstiffness_n_per_mm = ${g.stiffness_n_per_mm}\n${drawn}\n`;
+    };
+    return `cut = ${list(state.cut.map(text))}\n${state.grafts.map(one).join("")}`;
+  }
+
+  // the grafts in the page's axes, two ends a fibre, as the picture has them
+  const lines = (grafts, about) => { const page = back(about.ct); return grafts.flatMap((g) => g.ends.flatMap((e) => e.map(page))); };
+  return { controls, restored, lines };
+})();

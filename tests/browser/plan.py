@@ -1,0 +1,36 @@
+"""Pulls at the knee on the page of a plan: it begins with the plan's cuts and grafts, and goes back to them.
+
+usage: plan.py PLAN.html EXPECTED.json SCREENSHOTS_FOLDER
+EXPECTED.json: {"about": ..., "told": the answer to the plan's knee at rest}. Ends as report.py does: 0, 1 with a line a fault, 77.
+"""
+
+import live
+
+
+def use(check, page, expected):
+    browser, about, told = check.browser, expected["about"], expected["told"]
+    browser.ask("/url", {"url": page.as_uri()})
+    browser.run(live.CATCH)
+    browser.run("document.getElementById('live').scrollIntoView()")
+    check.expect(check.settled(120), "the knee is not open after 120 s: " + browser.run("return document.getElementById('live').textContent.slice(0, 400)"))
+    if check.faults:
+        return
+    check.wait("return document.querySelector('#live figure').dataset.ready === 'yes'")
+    force = lambda: check.cell("live-ligaments", "graft0", 1)
+    check.says(told, about, "as planned")
+    check.expect(abs(force() - told["forces_n"][-1]) <= live.SHOWN["force"], f"the graft bears {force()}, expected {told['forces_n'][-1]}")
+    check.press_button("[data-preset='Lachman']")
+    check.expect(force() > told["forces_n"][-1] + 5, f"under Lachman the graft bears {force()}")
+    check.press_button("[data-take='0']")
+    check.expect("graft" not in check.state(), "a graft that was taken out is in")
+    check.press_button("[data-act='reset']")
+    check.says(told, about, "after Reset")
+    hit = browser.run(live.BONE, "tibia")
+    check.expect(hit is not None and browser.run(live.BONE, "femur") is not None, "the bones are not in the picture")
+    for width, scheme in [(400, "light"), (1400, "dark")]:
+        check.shot(f"plan-{width}-{scheme}", width, scheme)
+    check.quiet()
+
+
+if __name__ == "__main__":
+    live.main(use)
