@@ -3,6 +3,7 @@
 use crate::candidate::{Candidate, Scope};
 use crate::criteria::INTERVAL_90;
 use crate::curves::Curve;
+use crate::excluded::MayBeTorn;
 use crate::fit::Fit;
 use crate::map::Cell;
 use crate::next_test::NextTest;
@@ -210,6 +211,9 @@ pub struct Diagnosis {
     pub verdict: Verdict,
     /// Rival answers, best first; empty for none and unnamed.
     pub answers: Vec<Answer>,
+    /// What the verdict means and what would tell, in plain words; answers of earlier versions have none.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub plain: String,
     /// In words.
     pub description: String,
     /// Component files written.
@@ -253,6 +257,9 @@ pub struct Diagnosis {
     /// Two trials whose readings fit each other's place, where there are such.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exchanged: Option<Exchanged>,
+    /// Where nothing is missing: structures that may be torn all the same, those first that carry most in the model as given.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub may_be_torn: Vec<MayBeTorn>,
     /// Whitened sum of squares of nothing missing and of the best hypothesis, over the number of readings [-].
     pub misfit: [f64; 2],
     /// The best hypothesis' effects, whether named or not.

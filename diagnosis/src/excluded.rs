@@ -1,0 +1,110 @@
+//! Where nothing is named: structures that may be torn all the same. Recalibrated ligaments take a tear up where a slack structure does as well, and a
+//! structure that no trial loads is never missed. What these trials leave open is told, with the test that would close it.
+
+use crate::candidate::Candidate;
+use crate::criteria::{LEAST_EVIDENCE, told_apart};
+use crate::error::DiagnosisError;
+use crate::fit::Fit;
+use crate::problem::Problem;
+use crate::search::{Search, Searcher};
+use crate::verdict::temper;
+use inference::knee::Quantity;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// Force that a structure must have carried in some trial to be missed there [N]. Declared: less is within what calibrations of one knee differ by.
+const CARRIED_N: f64 = 40.0;
+/// Share of it that a slack structure still carries at most [-]. Declared.
+const STILL: f64 = 0.2;
+
+/// A structure that may be torn, by these trials.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MayBeTorn {
+    /// The structure.
+    pub structure: String,
+    /// Log odds of the data for a tear against nothing missing, both refitted, before any prior of a tear [nats].
+    pub log_odds: f64,
+    /// The most that it carries in a trial in the model as given [N].
+    pub given_n: f64,
+    /// The most that it carries with the ligaments recalibrated [N].
+    pub now_n: f64,
+    /// How much slacker its bundles are than in the model as given, the largest change of a reference strain [-].
+    pub slack: f64,
+    /// What the data hold against the structure as it was given [nats].
+    pub against_given: f64,
+}
+
+impl MayBeTorn {
+    /// Whether the data want it slack: it carries next to nothing where the model as given has it carry, and they hold that against the model as given.
+    pub fn is_slackened(&self) -> bool {
+        self.given_n >= CARRIED_N && self.now_n <= STILL * self.given_n && self.against_given >= LEAST_EVIDENCE
+    }
+}
+
+/// Such structures, those first that carry most, each with two fits: as it was given, and torn.
+///
+/// Errors: a model that cannot be evaluated.
+pub(crate) fn may_be_torn(searcher: &Searcher, search: &Search) -> Result<Vec<(MayBeTorn, [Fit; 2])>, DiagnosisError> {
+    let (problem, base) = (searcher.problem, &search.base);
+    let given = searcher.standing(&[], problem.nuisance.given.clone(), &search.readings)?;
+    let is_whole = |c: &Candidate| c.effect.parameter.iter().any(|p| p.whole.is_some());
+    let candidates: Vec<Candidate> = problem.candidates().into_iter().filter(is_whole).collect();
+    let all: Vec<_> = candidates
+        .par_iter()
+        .filter_map(|c| Some((c, c.variant_name()?)))
+        .map(|(c, structure)| one(searcher, search, &given, (c, structure)))
+        .collect::<Result<_, DiagnosisError>>()?;
+    let least = -told_apart() * temper(searcher, base);
+    let mut out: Vec<_> = all.into_iter().filter(|(t, _)| t.log_odds > least).collect();
+    out.sort_by(|a, b| b.0.given_n.total_cmp(&a.0.given_n));
+    Ok(out)
+}
+
+fn one(
+    searcher: &Searcher,
+    search: &Search,
+    given: &Fit,
+    (candidate, structure): (&Candidate, String),
+) -> Result<(MayBeTorn, [Fit; 2]), DiagnosisError> {
+    let (problem, base) = (searcher.problem, &search.base);
+    let [given_n, now_n] = [most(problem, given, &structure)?, most(problem, base, &structure)?];
+    let own = problem.nuisance.of_structure(&structure);
+    let start = searcher.put_back(base, candidate);
+    let as_given = searcher.fit_holding(&own, (&start, &base.coordinates()), search)?;
+    let whole = candidate.effect.parameter.iter().map(|p| p.whole.unwrap_or(0.0) / p.sd);
+    let start: Vec<f64> = start.into_iter().chain(whole).collect();
+    let torn = searcher.standing(std::slice::from_ref(candidate), start, &search.readings)?;
+    let torn = searcher.refitted(&torn, search)?;
+    let cost = |fit: &Fit| 0.5 * searcher.total(fit);
+    let told = MayBeTorn {
+        structure,
+        log_odds: cost(base) - cost(&torn),
+        given_n,
+        now_n,
+        slack: slack(problem, base, &own),
+        against_given: cost(&as_given) - cost(base),
+    };
+    Ok((told, [as_given, torn]))
+}
+
+/// The largest fall of a reference strain among some unknowns, from the model as given to a fit [-].
+fn slack(problem: &Problem, fit: &Fit, own: &[usize]) -> f64 {
+    let nuisance = &problem.nuisance;
+    let is_strain = |k: &&usize| matches!(nuisance.list[**k].quantity, Quantity::ReferenceStrain(_));
+    let fall = |&k: &usize| nuisance.at(k, nuisance.given[k]).0 - nuisance.at(k, fit.unknowns[k]).0;
+    own.iter().filter(is_strain).map(fall).fold(0.0, f64::max)
+}
+
+/// The most that a structure carries in any trial at a fit [N].
+fn most(problem: &Problem, fit: &Fit, structure: &str) -> Result<f64, DiagnosisError> {
+    let models = problem.models_at(&fit.unknowns)?;
+    let names = models.shared().bundle_names();
+    let in_trial = |(trial, rest): (&crate::trial::Trial, &sim::equilibrium::Equilibrium)| {
+        let model = models.of(trial.source);
+        let forces = model.bundle_forces(&model.fibre_states(&model.joint.pose(&rest.q)));
+        let own = names.iter().zip(&forces).filter(|(name, _)| crate::effect::belongs(name, structure));
+        own.map(|(_, f)| f).sum::<f64>()
+    };
+    Ok(problem.trials.iter().zip(&fit.linear.rests).map(in_trial).fold(0.0, f64::max))
+}
