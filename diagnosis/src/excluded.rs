@@ -1,8 +1,8 @@
 //! Where nothing is named: structures that may be torn all the same. Recalibrated ligaments take a tear up where a slack structure does as well, and a
 //! structure that no trial loads is never missed. What these trials leave open is told, with the test that would close it.
 
-use crate::candidate::Candidate;
-use crate::criteria::{LEAST_EVIDENCE, told_apart};
+use crate::candidate::{Candidate, Scope};
+use crate::criteria::{NAMED, told_apart};
 use crate::error::DiagnosisError;
 use crate::fit::Fit;
 use crate::problem::Problem;
@@ -14,8 +14,6 @@ use serde::{Deserialize, Serialize};
 
 /// Force that a structure must have carried in some trial to be missed there [N]. Declared: less is within what calibrations of one knee differ by.
 const CARRIED_N: f64 = 40.0;
-/// Share of it that a slack structure still carries at most [-]. Declared.
-const STILL: f64 = 0.2;
 
 /// A structure that may be torn, by these trials.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -36,9 +34,9 @@ pub struct MayBeTorn {
 }
 
 impl MayBeTorn {
-    /// Whether the data want it slack: it carries next to nothing where the model as given has it carry, and they hold that against the model as given.
+    /// Whether the data want it slacker than the model as given, in which it carries what these trials feel.
     pub fn is_slackened(&self) -> bool {
-        self.given_n >= CARRIED_N && self.now_n <= STILL * self.given_n && self.against_given >= LEAST_EVIDENCE
+        self.given_n >= CARRIED_N && self.now_n < self.given_n && self.against_given >= NAMED
     }
 }
 
@@ -48,7 +46,7 @@ impl MayBeTorn {
 pub(crate) fn may_be_torn(searcher: &Searcher, search: &Search) -> Result<Vec<(MayBeTorn, [Fit; 2])>, DiagnosisError> {
     let (problem, base) = (searcher.problem, &search.base);
     let given = searcher.standing(&[], problem.nuisance.given.clone(), &search.readings)?;
-    let is_whole = |c: &Candidate| c.effect.parameter.iter().any(|p| p.whole.is_some());
+    let is_whole = |c: &Candidate| c.scope == Scope::Both && c.effect.parameter.iter().any(|p| p.whole.is_some());
     let candidates: Vec<Candidate> = problem.candidates().into_iter().filter(is_whole).collect();
     let all: Vec<_> = candidates
         .par_iter()
@@ -71,12 +69,13 @@ fn one(
     let [given_n, now_n] = [most(problem, given, &structure)?, most(problem, base, &structure)?];
     let own = problem.nuisance.of_structure(&structure);
     let start = searcher.put_back(base, candidate);
-    let as_given = searcher.fit_holding(&own, (&start, &base.coordinates()), search)?;
-    let whole = candidate.effect.parameter.iter().map(|p| p.whole.unwrap_or(0.0) / p.sd);
-    let start: Vec<f64> = start.into_iter().chain(whole).collect();
-    let torn = searcher.standing(std::slice::from_ref(candidate), start, &search.readings)?;
-    let torn = searcher.refitted(&torn, search)?;
+    let as_given = searcher.fit_holding((&[], &own), (&start, &base.coordinates()), search)?;
     let cost = |fit: &Fit| 0.5 * searcher.total(fit);
+    let mut torn = fit_torn(searcher, search, candidate, start)?;
+    if cost(&torn) > cost(base) {
+        let other = fit_torn(searcher, search, candidate, problem.nuisance.given.clone())?;
+        torn = if cost(&other) < cost(&torn) { other } else { torn };
+    }
     let told = MayBeTorn {
         structure,
         log_odds: cost(base) - cost(&torn),
@@ -86,6 +85,21 @@ fn one(
         against_given: cost(&as_given) - cost(base),
     };
     Ok((told, [as_given, torn]))
+}
+
+/// A fit with all of a structure lost, from a knee.
+fn fit_torn(
+    searcher: &Searcher,
+    search: &Search,
+    candidate: &Candidate,
+    knee: Vec<f64>,
+) -> Result<Fit, DiagnosisError> {
+    let nuisances = knee.len();
+    let whole = candidate.effect.parameter.iter().map(|p| p.whole.unwrap_or(0.0) / p.sd);
+    let start = knee.into_iter().chain(whole).collect();
+    let torn = searcher.standing(std::slice::from_ref(candidate), start, &search.readings)?;
+    let sizes: Vec<usize> = (nuisances..torn.unknowns.len()).collect();
+    searcher.fit_holding((&torn.hypothesis, &sizes), (&torn.unknowns, &torn.coordinates()), search)
 }
 
 /// The largest fall of a reference strain among some unknowns, from the model as given to a fit [-].

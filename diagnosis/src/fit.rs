@@ -314,11 +314,10 @@ const TORN: f64 = 0.5;
 /// How near to its bound a size is at it, in units of its prior [-]: more than rounding takes.
 const AT_BOUND: f64 = 1e-6;
 
-/// The unknown that may be whole, where the hypothesis is one effect that may.
+/// The first unknown of a hypothesis that may be whole.
 fn whole(hypothesis: &[Candidate], nuisances: usize) -> Option<usize> {
-    let [only] = hypothesis else { return None };
-    let k = only.effect.parameter.iter().position(|p| p.whole.is_some())?;
-    Some(nuisances + k)
+    let parameters = hypothesis.iter().flat_map(|c| &c.effect.parameter);
+    parameters.zip(nuisances..).find(|(p, _)| p.whole.is_some()).map(|(_, k)| k)
 }
 
 /// Log evidence of an effect of which the share [`TORN`] of the prior stands at the whole.
@@ -422,4 +421,29 @@ pub fn normal_below(x: f64) -> f64 {
         ((((1.061_405_429 * t - 1.453_152_027) * t + 1.421_413_741) * t - 0.284_496_736) * t + 0.254_829_592) * t;
     let erf = 1.0 - poly * (-z * z).exp();
     (if x >= 0.0 { 0.5 * (1.0 + erf) } else { 0.5 * (1.0 - erf) }).max(1e-300)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tear_shares_the_prior_with_part_losses_and_is_worth_what_it_explains() {
+        // what only a part explains, what only a tear does, what both do
+        assert!((shared(10.0, f64::NEG_INFINITY) - (10.0 + (1.0 - TORN).ln())).abs() < 1e-12);
+        assert!((shared(-1e9, 10.0) - (10.0 + TORN.ln())).abs() < 1e-12);
+        assert!((shared(7.0, 7.0) - 7.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn what_may_be_whole_has_a_point_of_its_own_wherever_it_stands() {
+        let of = |id: &str| {
+            let effect = crate::catalogue::Catalogue::shipped().effect.into_iter().find(|e| e.id == id).unwrap();
+            Candidate { effect, variant: 0, scope: crate::candidate::Scope::Both }
+        };
+        assert_eq!(whole(&[of("structure_loss")], 5), Some(5));
+        assert_eq!(whole(&[of("load_gain")], 5), None);
+        assert_eq!(whole(&[of("load_gain"), of("structure_loss")], 5), Some(6));
+        assert_eq!(whole(&[], 5), None);
+    }
 }

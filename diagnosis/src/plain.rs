@@ -59,7 +59,7 @@ fn nothing(d: &Diagnosis) -> String {
     for t in slack {
         let _ = write!(
             out,
-            " But the {} carries {:.0} N at most once the ligaments are recalibrated, {:.0} N in the model as given: it is torn, or slack by {:.0} % of its \
+            " But it fits only with a slacker {} than the model as given has ({:.0} N at most in these trials, not {:.0} N): that is torn, or slack by {:.0} % of its \
              length or more, and these trials cannot tell which.",
             t.structure,
             t.now_n,

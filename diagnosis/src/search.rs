@@ -309,22 +309,17 @@ impl Searcher<'_> {
         Data { problem: self.problem, readings, mixture, steps, held: &held }.fit(hypothesis, start, starts)
     }
 
-    /// A fit again, from where it stands, to all that a search was fitted to.
-    pub(crate) fn refitted(&self, fit: &Fit, search: &Search) -> Result<Fit, DiagnosisError> {
-        self.fit(&fit.hypothesis, &fit.unknowns, &fit.coordinates(), &search.covariance, &search.readings, TRIES)
-    }
-
-    /// Nothing missing, some unknowns of the knee held where `start` has them.
+    /// Fits a hypothesis to all that a search was fitted to, some unknowns held where `start` has them.
     pub(crate) fn fit_holding(
         &self,
-        held: &[usize],
+        (hypothesis, held): (&[Candidate], &[usize]),
         (start, starts): (&[f64], &[sim::coordinate::Six]),
         search: &Search,
     ) -> Result<Fit, DiagnosisError> {
         let mixture =
             Mixture::new(&search.readings, search.readings.block_of(&search.covariance), &self.problem.trials)?;
         let (problem, readings) = (self.problem, &search.readings);
-        Data { problem, readings, mixture: &mixture, steps: TRIES, held }.fit(&[], start, starts)
+        Data { problem, readings, mixture: &mixture, steps: TRIES, held }.fit(hypothesis, start, starts)
     }
 
     /// Log Bayes factor and estimate of every candidate beside what a fit has already, best first; and the threshold by simulated nulls.

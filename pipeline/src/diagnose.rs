@@ -99,11 +99,11 @@ pub fn run_with(args: &DiagnoseArgs, options: &DiagnosisOptions) -> Result<Told,
         .map_err(|e| fault(&e))?;
     write(args, &loaded, &outcome)?;
     let page = args.out.join("report.html");
-    Ok(tell(told(&outcome.diagnosis, &page)))
+    Ok(tell(in_words(&outcome.diagnosis, &page)))
 }
 
 /// What is told at the end: plain words, the numbers, the page.
-fn told(d: &Diagnosis, page: &Path) -> String {
+fn in_words(d: &Diagnosis, page: &Path) -> String {
     format!("{}\n\n{}\nLook at {}\n", d.plain, d.description, page.display())
 }
 
