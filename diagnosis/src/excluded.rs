@@ -2,43 +2,16 @@
 //! structure that no trial loads is never missed. What these trials leave open is told, with the test that would close it.
 
 use crate::candidate::{Candidate, Scope};
-use crate::criteria::{NAMED, told_apart};
+use crate::catalogue::Effect;
+use crate::criteria::told_apart;
 use crate::error::DiagnosisError;
 use crate::fit::Fit;
 use crate::problem::Problem;
+use crate::report::MayBeTorn;
 use crate::search::{Search, Searcher};
 use crate::verdict::temper;
 use inference::knee::Quantity;
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
-
-/// Force that a structure must have carried in some trial to be missed there [N]. Declared: less is within what calibrations of one knee differ by.
-const CARRIED_N: f64 = 40.0;
-
-/// A structure that may be torn, by these trials.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct MayBeTorn {
-    /// The structure.
-    pub structure: String,
-    /// Log odds of the data for a tear against nothing missing, both refitted, before any prior of a tear [nats].
-    pub log_odds: f64,
-    /// The most that it carries in a trial in the model as given [N].
-    pub given_n: f64,
-    /// The most that it carries with the ligaments recalibrated [N].
-    pub now_n: f64,
-    /// How much slacker its bundles are than in the model as given, the largest change of a reference strain [-].
-    pub slack: f64,
-    /// What the data hold against the structure as it was given [nats].
-    pub against_given: f64,
-}
-
-impl MayBeTorn {
-    /// Whether the data want it slacker than the model as given, in which it carries what these trials feel.
-    pub fn is_slackened(&self) -> bool {
-        self.given_n >= CARRIED_N && self.now_n < self.given_n && self.against_given >= NAMED
-    }
-}
 
 /// Such structures, those first that carry most, each with two fits: as it was given, and torn.
 ///
@@ -46,8 +19,7 @@ impl MayBeTorn {
 pub(crate) fn may_be_torn(searcher: &Searcher, search: &Search) -> Result<Vec<(MayBeTorn, [Fit; 2])>, DiagnosisError> {
     let (problem, base) = (searcher.problem, &search.base);
     let given = searcher.standing(&[], problem.nuisance.given.clone(), &search.readings)?;
-    let is_whole = |c: &Candidate| c.scope == Scope::Both && c.effect.parameter.iter().any(|p| p.whole.is_some());
-    let candidates: Vec<Candidate> = problem.candidates().into_iter().filter(is_whole).collect();
+    let candidates = structures(problem);
     let all: Vec<_> = candidates
         .par_iter()
         .filter_map(|c| Some((c, c.variant_name()?)))
@@ -57,6 +29,17 @@ pub(crate) fn may_be_torn(searcher: &Searcher, search: &Search) -> Result<Vec<(M
     let mut out: Vec<_> = all.into_iter().filter(|(t, _)| t.log_odds > least).collect();
     out.sort_by(|a, b| b.0.given_n.total_cmp(&a.0.given_n));
     Ok(out)
+}
+
+/// A loss of each structure that the model has, whether or not these trials could name it.
+fn structures(problem: &Problem) -> Vec<Candidate> {
+    let may_be_whole = |e: &&Effect| e.parameter.iter().any(|p| p.whole.is_some());
+    let all = problem.catalogue.effect.iter().filter(may_be_whole).flat_map(|effect| {
+        let of = |variant| Candidate { effect: effect.clone(), variant, scope: Scope::Both };
+        (0..effect.variants.len()).map(of)
+    });
+    let has = |c: &Candidate| c.variant_name().is_some_and(|s| !problem.nuisance.of_structure(&s).is_empty());
+    all.filter(has).collect()
 }
 
 fn one(

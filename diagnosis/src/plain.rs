@@ -1,9 +1,8 @@
 //! The answer in plain words, before any number of statistics: what it means, and what would tell.
 
 use crate::catalogue::Catalogue;
-use crate::excluded::MayBeTorn;
 use crate::next_test::NextTest;
-use crate::report::{Answer, Carried, Diagnosis, Named, Verdict};
+use crate::report::{Answer, Carried, Diagnosis, MayBeTorn, Named, Verdict};
 use crate::words::{figures, with_unit};
 use std::fmt::Write;
 

@@ -1,9 +1,8 @@
 //! The values of a report: diagnosis.json.
 
 use crate::candidate::{Candidate, Scope};
-use crate::criteria::INTERVAL_90;
+use crate::criteria::{INTERVAL_90, NAMED};
 use crate::curves::Curve;
-use crate::excluded::MayBeTorn;
 use crate::fit::Fit;
 use crate::map::Cell;
 use crate::next_test::NextTest;
@@ -54,6 +53,34 @@ pub struct Carried {
     pub without_n: f64,
     /// With the answer [N].
     pub with_n: f64,
+}
+
+/// Force that a structure must have carried in some trial to be missed there [N]. Declared: less is within what calibrations of one knee differ by.
+const CARRIED_N: f64 = 40.0;
+
+/// A structure that may be torn, by these trials.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MayBeTorn {
+    /// The structure.
+    pub structure: String,
+    /// Log odds of the data for a tear against nothing missing, both refitted, before any prior of a tear [nats].
+    pub log_odds: f64,
+    /// The most that it carries in a trial in the model as given [N].
+    pub given_n: f64,
+    /// The most that it carries with the ligaments recalibrated [N].
+    pub now_n: f64,
+    /// How much slacker its bundles are than in the model as given, the largest change of a reference strain [-].
+    pub slack: f64,
+    /// What the data hold against the structure as it was given [nats].
+    pub against_given: f64,
+}
+
+impl MayBeTorn {
+    /// Whether the data want it slacker than the model as given, in which it carries what these trials feel.
+    pub fn is_slackened(&self) -> bool {
+        self.given_n >= CARRIED_N && self.now_n < self.given_n && self.against_given >= NAMED
+    }
 }
 
 /// A size below which an effect would more often have been missed than named.

@@ -5,7 +5,7 @@ use crate::common::deck::{Asked, published, question, source};
 use calibration::options::CalibrateOptions;
 use diagnosis::candidate::Candidate;
 use diagnosis::catalogue::Catalogue;
-use diagnosis::diagnosis::{Calibration, Verdict, diagnose};
+use diagnosis::diagnosis::{Calibration, Diagnosis, Verdict, diagnose};
 use diagnosis::problem::{Problem, reading};
 use diagnosis::regret::regret;
 use diagnosis::search::{DiagnosisOptions, Searcher};
@@ -32,6 +32,14 @@ const PLAN: [Asked; 12] = [
     ("j", "external", 60.0, [0.0, 3.0, 0.0, 0.0], [0.0; 5]),
     ("k", "varus", 30.0, [6.0, 0.0, 0.0, 0.0], [0.0; 5]),
     ("l", "valgus", 30.0, [-6.0, 0.0, 0.0, 0.0], [0.0; 5]),
+];
+
+/// Bent aside near extension, where the PCL is slack.
+const BENT: [Asked; 4] = [
+    ("a", "varus", 15.0, [6.0, 0.0, 0.0, 0.0], [0.0; 5]),
+    ("b", "valgus", 15.0, [-6.0, 0.0, 0.0, 0.0], [0.0; 5]),
+    ("c", "varus", 30.0, [6.0, 0.0, 0.0, 0.0], [0.0; 5]),
+    ("d", "valgus", 30.0, [-6.0, 0.0, 0.0, 0.0], [0.0; 5]),
 ];
 
 /// The question of a deck whose readings are those of the model itself with a structure cut, and noise.
@@ -61,13 +69,11 @@ fn answered(problem: &Problem, structure: &str) -> Vec<Free<Option<f64>>> {
     problem.trials.iter().zip(&rests).map(noisy).collect()
 }
 
-#[needs_shared]
-fn a_cut_that_the_trials_cannot_show_is_told_as_open_with_the_test_that_would_show_it() {
-    let Some(deck) = published("cuts") else { return };
+/// The diagnosis of the deck under some trials, of which the PCL is cut.
+fn of_a_cut_pcl(trials: &[Asked]) -> Option<Diagnosis> {
+    let deck = published("cuts")?;
     let (model, options) = (sim::compile(&deck.spec, &deck.meshes).unwrap(), CalibrateOptions::default());
-    // no drawer: nothing loads the PCL
-    let turned: Vec<Asked> = PLAN[6..].to_vec();
-    let mut sources = vec![source("rks", &turned)];
+    let mut sources = vec![source("rks", trials)];
     let catalogue = Catalogue::shipped();
     let problem = Problem::new(&model, &deck.spec, &sources, &catalogue, &options).unwrap();
     for (trial, there) in sources[0].trials.iter_mut().zip(answered(&problem, "PCL")) {
@@ -75,7 +81,24 @@ fn a_cut_that_the_trials_cannot_show_is_told_as_open_with_the_test_that_would_sh
     }
     let few = DiagnosisOptions { nulls: 50, most_effects: 1, shortlist: 2, folds: 2, ..DiagnosisOptions::default() };
     let calibration = Calibration { options: &options, mode: None };
-    let told = diagnose(&model, &deck.spec, &sources, &catalogue, &few, calibration).unwrap().diagnosis;
+    Some(diagnose(&model, &deck.spec, &sources, &catalogue, &few, calibration).unwrap().diagnosis)
+}
+
+#[needs_shared]
+fn a_cut_is_told_in_plain_words_with_what_looks_like_it_and_the_test_that_would_tell() {
+    // turned, bent, not pulled
+    let Some(told) = of_a_cut_pcl(&PLAN[6..]) else { return };
+    let names = told.answers.iter().flat_map(|a| &a.effects).map(|e| (e.effect.as_str(), e.variant.as_deref()));
+    assert!(names.clone().any(|n| n == ("structure_loss", Some("PCL"))), "{}", told.plain);
+    // such trials do not tell a torn ligament from one that is attached where it is slack
+    assert!(names.clone().any(|n| n.0 == "attachment_PCL"), "{}", told.plain);
+    assert_ne!(told.verdict, Verdict::Decisive, "{}", told.plain);
+    assert!(told.plain.contains("the PCL is torn") && told.plain.contains("osterior drawer"), "{}", told.plain);
+}
+
+#[needs_shared]
+fn a_cut_that_the_trials_cannot_show_is_told_as_open_with_the_test_that_would_show_it() {
+    let Some(told) = of_a_cut_pcl(&BENT) else { return };
     assert_eq!(told.verdict, Verdict::None, "{}", told.plain);
     assert!(told.may_be_torn.iter().any(|t| t.structure == "PCL"), "{}", told.plain);
     assert!(told.plain.contains("would tell") && told.next_tests[0].expected_gain > 1.0, "{}", told.plain);
