@@ -322,17 +322,13 @@ impl Samples {
         let lacking = knee.lacking(self.of.seed ^ LACKING_SEED, used);
         let at = |s: usize| {
             let z = DVector::from_iterator(parameters.len(), unknowns.iter().map(|u| u.samples[s]));
-            let nothing = || vec![None; asked.len()];
-            let own = if changed.grafts.is_empty() {
-                None
-            } else {
-                let Some(strains) = fixed.samples.get(s).and_then(Option::as_deref) else {
-                    return (nothing(), vec![None; asked.len()]);
-                };
-                with(strains).ok()
-            };
+            // a graft is fixed in each sample's own knee
+            let own = fixed.samples.get(s).and_then(Option::as_deref).and_then(|strains| with(strains).ok());
+            if own.is_none() && !changed.grafts.is_empty() {
+                return (vec![None; asked.len()], vec![None; asked.len()]);
+            }
             let knee = Trials { model: own.as_ref().unwrap_or(&model), ..knee };
-            let of = |knee: &Trials| knee.predicted(&z, near).unwrap_or_else(|_| nothing());
+            let of = |knee: &Trials| knee.predicted(&z, near).unwrap_or_else(|_| vec![None; asked.len()]);
             let pushed: Vec<Asked> = asked.iter().zip(&lacking[s]).map(|(asked, by)| under(asked, by)).collect();
             let stays = |p: &Prediction| (!p.leaves_the_plateau).then_some(p.pose);
             let poses = of(&Trials { trials: &pushed, ..knee }).iter().map(|p| p.as_ref().and_then(stays)).collect();

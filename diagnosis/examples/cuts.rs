@@ -1,8 +1,9 @@
 //! Cuts: does a diagnosis find the ligament that was cut, and how far does its search stay behind the truth?
 //!
-//! `cuts MODEL.json KLA.csv RKS.csv LIGAMENT[=LOSS]|none SEED...`: the model answers the trials of both plans with the ligament cut (or weakened), noise is
-//! added, and the model as it was is diagnosed. A line a seed: verdict, answers, log Bayes factors, and the regret: by how much the evidence of a fit that
-//! starts at the truth is ahead of the best that was found, in the scatter at the best.
+//! `cuts MODEL.json KLA.csv RKS.csv LIGAMENT[=LOSS]|none SEED...`: the model answers the trials of both plans with the ligament cut (or a share of it
+//! lost), noise is added, and the model as it was is diagnosed. A row a seed: verdict, the first answer, what else is in the set, the loss found. Then, in
+//! nats: what these trials tell of the cut without noise (little: `none` is right), what a fit earns that starts at the truth, what the best earns, and the
+//! regret. With the variable `CUTS_TEXT` set the words of the diagnosis follow.
 #![expect(clippy::disallowed_methods, reason = "reads and prints")]
 #![allow(clippy::print_stdout, clippy::unwrap_used, reason = "an example")]
 
@@ -12,6 +13,8 @@ use calibration::session::Session;
 use diagnosis::catalogue::Catalogue;
 use diagnosis::diagnosis::{Calibration, Diagnosis, diagnose_beside};
 use diagnosis::nuisance::is_built;
+use diagnosis::regret::Regret;
+use diagnosis::report::Named;
 use diagnosis::search::DiagnosisOptions;
 use diagnosis::trial::Source;
 use inference::random::{normal, stream};
@@ -90,38 +93,53 @@ fn mode(knee: &Knee, sources: &[Source], options: &CalibrateOptions, seed: u64) 
     session.run_told(knee, begun, &mut |_| ControlFlow::Continue(()), &|_, _| ()).unwrap().found.mode
 }
 
-fn told(d: &Diagnosis) -> String {
-    let of = |effects: &[diagnosis::report::Named]| {
-        let one = |e: &diagnosis::report::Named| {
-            let sizes: Vec<String> = e.parameters.iter().map(|(k, v)| format!("{k} {:.2}", v.value)).collect();
-            format!(
-                "{}{} ({}) {}",
-                e.effect,
-                e.variant.as_ref().map_or(String::new(), |v| format!(" {v}")),
-                e.scope,
-                sizes.join(" ")
-            )
-        };
-        effects.iter().map(one).collect::<Vec<_>>().join(" + ")
+/// An answer in short: its effects with their sizes.
+fn told(effects: &[Named]) -> String {
+    let one = |e: &Named| {
+        let about = e.variant.as_ref().map_or(String::new(), |v| format!(" {v}"));
+        let place = if e.scope == "both" { String::new() } else { format!(" ({})", e.scope) };
+        let sizes: Vec<String> = e.parameters.iter().map(|(k, v)| format!(" {k} {:.2}", v.value)).collect();
+        format!("{}{about}{place}{}", e.effect, sizes.concat())
     };
-    let answers: Vec<String> = d
-        .answers
-        .iter()
-        .map(|a| format!("{} w {:.2} lnB {:.1}", of(&a.effects), a.weight, a.log_bayes_factor))
-        .collect();
-    let best = d.best_log_bayes_factor.unwrap_or_default();
-    format!(
-        "{:?} | {} | best {} lnB {best:.1} | misfit {:.2} {:.2} | field {:.1} {:.1} | closed {:.2}",
-        d.verdict,
-        answers.join("; "),
-        of(&d.best),
-        d.misfit[0],
-        d.misfit[1],
-        d.wildcard,
-        d.wildcard_alone.unwrap_or_default(),
-        d.gap.held_out.closed
-    )
+    effects.iter().map(one).collect::<Vec<_>>().join(" + ")
 }
+
+/// The share that an answer says the ligament has lost.
+fn loss_found(d: &Diagnosis, ligament: &str) -> Option<f64> {
+    let is_it = |e: &&Named| e.effect == "structure_loss" && e.variant.as_deref() == Some(ligament);
+    let found = d.answers.iter().find_map(|a| a.effects.iter().find(is_it))?;
+    found.parameters.get("loss").map(|v| v.value)
+}
+
+/// The row of a cut.
+fn row((ligament, loss, seed): (&str, f64, u64), d: &Diagnosis, regret: Option<Regret>, seconds: f64) -> String {
+    let answers: Vec<String> = d.answers.iter().map(|a| format!("{} [{:.2}]", told(&a.effects), a.weight)).collect();
+    let figure = |x: Option<f64>, places: usize| x.map_or("-".to_owned(), |x| format!("{x:.places$}"));
+    let test = d.next_tests.first().map_or("-".to_owned(), |t| {
+        format!("{} {:.0} deg {} gain {:.1}", t.test, t.flexion_deg, t.source, t.expected_gain)
+    });
+    let cells = [
+        ligament.to_owned(),
+        format!("{loss}"),
+        seed.to_string(),
+        format!("{:?}", d.verdict),
+        answers.first().cloned().unwrap_or_else(|| format!("- (best {})", told(&d.best))),
+        answers.get(1..).unwrap_or_default().join(", "),
+        figure(loss_found(d, ligament), 2),
+        figure(regret.map(|r| r.information), 1),
+        figure(regret.map(|r| r.truth), 1),
+        figure(d.best_log_bayes_factor, 1),
+        figure(regret.map(|r| r.short()), 1),
+        format!("{:.1} {:.1}", d.wildcard, d.wildcard_alone.unwrap_or_default()),
+        format!("{:.2} {:.2}", d.misfit[0], d.misfit[1]),
+        test,
+        format!("{seconds:.0}"),
+    ];
+    format!("| {} |", cells.join(" | "))
+}
+
+/// What stands in a row.
+const HEAD: &str = "| cut | share | seed | verdict | first | others of the set | loss found | information | truth earns | best earns | regret | field beside, in place | left before, after | next test | s |";
 
 fn main() {
     let args: Vec<String> = std::env::args().skip(1).collect();
@@ -137,22 +155,18 @@ fn main() {
     let (options, calibrate) = (DiagnosisOptions::default(), CalibrateOptions::default());
     let model = diagnosis::rim::prepared(&spec, &meshes, &calibrate.search).unwrap();
     let knee = Knee::new(spec.clone(), &meshes, &calibrate.search).unwrap();
+    println!("{HEAD}");
     for seed in args[4..].iter().map(|s| s.parse::<u64>().unwrap()) {
         let begun = Instant::now();
         let sources = measured((&spec, &meshes), (ligament, loss), &plan, seed);
         let mode = is_built(&spec).then(|| mode(&knee, &sources, &calibrate, options.seed));
-        let calibrated = begun.elapsed().as_secs_f64();
         let truth = if loss > 0.0 { vec![("structure_loss", ligament, vec![loss])] } else { vec![] };
         let calibration = Calibration { options: &calibrate, mode: mode.as_ref() };
         let (d, regret) =
             diagnose_beside(&model, &spec, &sources, &Catalogue::shipped(), &options, calibration, &truth).unwrap();
-        println!(
-            "{} seed {seed}: {} | regret {} | {:.0} and {:.0} s",
-            args[3],
-            told(&d),
-            regret.map_or("-".into(), |r| format!("{:.1} (truth {:.1})", r.short(), r.truth)),
-            calibrated,
-            begun.elapsed().as_secs_f64() - calibrated
-        );
+        println!("{}", row((ligament, loss, seed), &d, regret, begun.elapsed().as_secs_f64()));
+        if std::env::var_os("CUTS_TEXT").is_some() {
+            println!("{}\n{}\n{:?}", d.plain, d.description, d.may_be_torn);
+        }
     }
 }

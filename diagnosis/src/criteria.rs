@@ -58,6 +58,11 @@ pub fn ahead() -> f64 {
 /// calibration each.
 pub const STARTS_DIFFER: f64 = 1.5;
 
+/// Expected log odds, over the temper, below which two answers are kin: these trials cannot tell them apart. Derived: [`SURE`], as [`LEFT_OUT`].
+pub fn told_apart() -> f64 {
+    SURE.ln()
+}
+
 /// Least log Bayes factor of a decisive answer. Derived: a share [`KIN_DIFFER`] of it tells an unknown one of its kind apart by odds of [`SURE`].
 pub fn decided() -> f64 {
     SURE.ln() / KIN_DIFFER
@@ -113,6 +118,7 @@ mod tests {
             ("exchanged records", mixed_up()),
             ("a field beside a decisive name", likelier()),
             ("a field in a name's place", ahead()),
+            ("kin of an answer", told_apart()),
             ("a decisive answer", decided()),
             ("share of a field beside a name", ANOTHER),
             ("weight of a decisive answer", DECISIVE_WEIGHT),

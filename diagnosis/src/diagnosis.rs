@@ -4,10 +4,11 @@ use crate::candidate::Candidate;
 use crate::carried::carried;
 use crate::catalogue::Catalogue;
 use crate::component::{Component, Provenance, augmented, components};
-use crate::criteria::{DECISIVE_WEIGHT, LEFT_OUT};
+use crate::criteria::{DECISIVE_WEIGHT, LEFT_OUT, told_apart};
 use crate::curves::curves;
 use crate::error::DiagnosisError;
 use crate::exchange::{Exchange, exchange};
+use crate::excluded::may_be_torn;
 use crate::fit::Fit;
 use crate::held_out::{HeldOut, closed, held_out};
 use crate::map::{map, map_left_out};
@@ -138,6 +139,7 @@ fn asked(
 
 fn conclude(searcher: &Searcher, search: Search, spec: &ModelSpec) -> Result<Outcome, DiagnosisError> {
     let (problem, options) = (searcher.problem, searcher.options);
+    let (search, kin) = with_kin(searcher, search)?;
     let best = search.rivals.first().unwrap_or(&search.base);
     let is_named = !best.hypothesis.is_empty() && is_believed(searcher, &search, best);
     let believed = if is_named { best } else { &search.base };
@@ -162,28 +164,31 @@ fn conclude(searcher: &Searcher, search: Search, spec: &ModelSpec) -> Result<Out
         exchanged: exchange.map_or(f64::NEG_INFINITY, |e| e.log_bayes_factor),
         gain,
         closes: closed(&before, &after),
+        has_kin: kin.iter().any(|f| f.hypothesis != best.hypothesis),
     };
     let verdict = verdict(searcher, &rivals, &of);
     let answers = if matches!(verdict, Verdict::None | Verdict::Unnamed) {
         vec![]
     } else {
-        answers(problem, searcher, &search, &rivals, (&before, gain))?
+        answers(searcher, &search, (&rivals, &kin), (&before, gain))?
     };
     let shown = if answers.is_empty() { &search.base } else { best };
     let shrunk = if answers.is_empty() { &before } else { &after };
     let control = if answers.is_empty() { None } else { control(searcher, &search, best, &before)? };
     let threshold = search.threshold * temper(searcher, best);
     let missable = if verdict == Verdict::None { missable(problem, &search, threshold)? } else { vec![] };
-    // where nothing is named its rivals are worth telling apart all the same
-    let weight = |w: f64| if verdict == Verdict::Unnamed { 1.0 / rivals.len() as f64 } else { w };
-    let rival_fits: Vec<(&Fit, f64)> = rivals.iter().map(|(f, w)| (*f, weight(*w))).collect();
+    let open = if verdict == Verdict::None { may_be_torn(searcher, &search)? } else { vec![] };
+    let first = open.iter().find(|(t, _)| t.is_slackened()).or(open.first()).map(|(_, fits)| fits);
+    let rival_fits = to_tell_apart(verdict, &search.base, (&rivals, &kin), first);
     let residuals = map(problem, &search, &search.base)?;
     let drawn = curves(problem, &residuals, &search.given, &search.base, (!answers.is_empty()).then_some(best));
     let diagnosis = Diagnosis {
         schema: "diagnosis/1".into(),
         verdict,
         answers,
+        plain: String::new(),
         description: String::new(),
+        may_be_torn: open.iter().map(|(t, _)| t.clone()).collect(),
         added: vec![],
         gap: GapReport { held_out: gap(&before, shrunk), control },
         map: residuals,
@@ -211,7 +216,46 @@ fn conclude(searcher: &Searcher, search: Search, spec: &ModelSpec) -> Result<Out
     // what is told in words is all that is missing, not what the best answer leaves
     let told = if verdict == Verdict::Unnamed { alone } else { wild };
     outcome.diagnosis.description = crate::words::description(problem, &outcome.diagnosis, &told, &search);
+    outcome.diagnosis.plain = crate::plain::plain(&problem.catalogue, &outcome.diagnosis);
     Ok(outcome)
+}
+
+/// The search with the kin of its best, where that is believed.
+fn with_kin(searcher: &Searcher, search: Search) -> Result<(Search, Vec<Fit>), DiagnosisError> {
+    match search.rivals.first() {
+        Some(best) if !searcher.options.by_error && is_believed(searcher, &search, best) => {
+            let told_apart = told_apart() * temper(searcher, best);
+            searcher.closed(search, told_apart)
+        }
+        _ => Ok((search, vec![])),
+    }
+}
+
+/// Fits that a next test is to tell apart, with their weights: the answers with their kin; where nothing is named, the rivals all the same; where nothing is
+/// missing, a structure as it was given and torn.
+fn to_tell_apart<'a>(
+    verdict: Verdict,
+    base: &'a Fit,
+    (rivals, kin): (&[(&'a Fit, f64)], &[Fit]),
+    open: Option<&'a [Fit; 2]>,
+) -> Vec<(&'a Fit, f64)> {
+    let alike = |fits: Vec<&'a Fit>| -> Vec<(&'a Fit, f64)> {
+        let weight = 1.0 / fits.len().max(1) as f64;
+        fits.into_iter().map(|f| (f, weight)).collect()
+    };
+    match verdict {
+        Verdict::None => match open {
+            Some(fits) => alike(fits.iter().collect()),
+            None => alike(std::iter::once(base).chain(rivals.iter().take(1).map(|(f, _)| *f)).collect()),
+        },
+        Verdict::Unnamed => alike(rivals.iter().map(|(f, _)| *f).collect()),
+        _ if kin.is_empty() => rivals.to_vec(),
+        _ => {
+            let is_kin = |f: &Fit| kin.iter().any(|k| k.hypothesis == f.hypothesis);
+            let first = rivals.iter().take(1).map(|(f, _)| *f);
+            alike(first.chain(rivals.iter().skip(1).map(|(f, _)| *f).filter(|f| is_kin(f))).collect())
+        }
+    }
 }
 
 /// A field of no name in the place of an answer and its log Bayes factor against nothing missing: linear about nothing missing, or about the rests of the
@@ -256,14 +300,13 @@ fn is_believed(searcher: &Searcher, search: &Search, best: &Fit) -> bool {
     searcher.gain(best, &search.base) >= search.threshold * temper(searcher, best)
 }
 
-/// The smallest set of answers with 95 % of the belief; the first gains `gain` over `before` on held-out trials, what the others gain is found here.
+/// The smallest set of answers with 95 % of the belief, and the kin of the first; the first gains `gain` over `before` on held-out trials, what the others gain is found here.
 ///
 /// Errors: a model that cannot be evaluated.
 fn answers(
-    problem: &Problem,
     searcher: &Searcher,
     search: &Search,
-    rivals: &[(&Fit, f64)],
+    (rivals, kin): (&[(&Fit, f64)], &[Fit]),
     (before, gain): (&HeldOut, f64),
 ) -> Result<Vec<Answer>, DiagnosisError> {
     let mut out = Vec::new();
@@ -271,15 +314,16 @@ fn answers(
     for (k, (fit, weight)) in by_names(rivals).into_iter().enumerate() {
         // all that the data cannot tell from the first by log odds of 3 stay in
         let close = out.first().is_some_and(|a: &Answer| weight > LEFT_OUT * a.weight);
-        if sum >= DECISIVE_WEIGHT && k > 0 && !close {
-            break;
+        let is_kin = kin.iter().any(|f| f.hypothesis == fit.hypothesis);
+        if sum >= DECISIVE_WEIGHT && k > 0 && !close && !is_kin {
+            continue;
         }
         sum += weight;
         let folds = searcher.options.folds;
         let held_out_gain =
             if k == 0 { gain } else { held_out(searcher, search, fit, folds, folds)?.gain_over(before) };
         out.push(Answer {
-            effects: named(problem, fit, temper(searcher, fit)),
+            effects: named(searcher.problem, fit, temper(searcher, fit)),
             weight,
             log_bayes_factor: searcher.gain(fit, &search.base),
             held_out_gain,

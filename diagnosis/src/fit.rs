@@ -21,6 +21,9 @@ const LITTLE: f64 = 1.0;
 /// Most evaluations of a fit's steps where it still explains little.
 const TRIES_OF_LITTLE: usize = 12;
 
+/// Curvature that holds an unknown [-]: a step of it is nothing beside any other.
+const HELD: f64 = 1e12;
+
 /// Below this log Bayes factor of its own size, an effect's evidence is looked into.
 const DOUBTFUL: f64 = 15.0;
 /// Evidence that may come on top of it, since Laplace's approximation is one.
@@ -60,8 +63,8 @@ pub struct Data<'a> {
     pub mixture: &'a Mixture,
     /// Most evaluations of a fit's steps.
     pub steps: usize,
-    /// Whether ligaments and contact are held (for comparison only).
-    pub frozen: bool,
+    /// Unknowns that are held where the fit starts.
+    pub held: &'a [usize],
 }
 
 /// Minus the log prior with its slope and curvature: normal about their `means` for nuisance parameters, Student's t with four degrees for effects.
@@ -241,15 +244,12 @@ impl Data<'_> {
     /// A step from a state to the least of a quadratic form within bounds, how fast the cost falls at its beginning, and by how much it should fall; none
     /// where that is next to nothing.
     fn step(&self, here: &State, bounds: &[Bounds], damping: f64) -> Option<(DVector<f64>, f64, f64)> {
-        let n = self.problem.nuisances();
         let (hessian, gradient) = self.quadratic(here);
         let mut damped = hessian.clone();
         for k in 0..damped.nrows() {
             damped[(k, k)] *= 1.0 + damping;
         }
-        if self.frozen {
-            (0..n).for_each(|k| damped[(k, k)] += 1e12);
-        }
+        self.held.iter().for_each(|&k| damped[(k, k)] += HELD);
         let unit: Vec<f64> = here.unknowns.iter().zip(bounds).map(|(x, within)| within.to_unit(*x)).collect();
         let widths = DVector::from_iterator(unit.len(), bounds.iter().map(|within| within.width()));
         let scaled = DMatrix::from_fn(unit.len(), unit.len(), |a, b| damped[(a, b)] * widths[a] * widths[b]);
@@ -270,6 +270,14 @@ impl Data<'_> {
         (hessian, gradient)
     }
 
+    /// Log evidence of a state whose unknown `k` is known to stand where it does, its prior still counted.
+    fn evidence_without(&self, here: &State, k: usize) -> f64 {
+        let (hessian, _) = self.quadratic(here);
+        let log_determinant = Cholesky::new(hessian.remove_row(k).remove_column(k))
+            .map_or(f64::INFINITY, |c| 2.0 * c.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>());
+        -here.cost - 0.5 * (log_determinant + self.mixture.plain().log_determinant())
+    }
+
     fn conclude(&self, hypothesis: &[Candidate], here: State, bounds: &[Bounds]) -> Fit {
         let (hessian, _) = self.quadratic(&here);
         let (log_determinant, posterior) = match Cholesky::new(hessian) {
@@ -279,6 +287,11 @@ impl Data<'_> {
         let mut log_evidence = -here.cost - 0.5 * (log_determinant + self.mixture.plain().log_determinant());
         for (k, within) in bounds.iter().enumerate().skip(self.problem.nuisances()) {
             log_evidence += within.log_share(here.unknowns[k], posterior[(k, k)].sqrt().max(1e-9));
+        }
+        if let Some(k) = whole(hypothesis, self.problem.nuisances()) {
+            let at_whole = here.unknowns[k] >= bounds[k].high - AT_BOUND;
+            let alone = || self.evidence_without(&here, k) + prior(k, &self.problem.nuisance.mean, here.unknowns[k]).0;
+            log_evidence = shared(log_evidence, if at_whole { alone() } else { f64::NEG_INFINITY });
         }
         let means = self.problem.means(here.unknowns.len());
         Fit {
@@ -293,6 +306,25 @@ impl Data<'_> {
             posterior,
         }
     }
+}
+
+/// Share of the prior of a loss that stands at the whole [-]. Declared: a cut and most injuries take all, a disease takes part. So "torn" is a hypothesis of
+/// its own, not the end of "weakened".
+const TORN: f64 = 0.5;
+/// How near to its bound a size is at it, in units of its prior [-]: more than rounding takes.
+const AT_BOUND: f64 = 1e-6;
+
+/// The first unknown of a hypothesis that may be whole.
+fn whole(hypothesis: &[Candidate], nuisances: usize) -> Option<usize> {
+    let parameters = hypothesis.iter().flat_map(|c| &c.effect.parameter);
+    parameters.zip(nuisances..).find(|(p, _)| p.whole.is_some()).map(|(_, k)| k)
+}
+
+/// Log evidence of an effect of which the share [`TORN`] of the prior stands at the whole.
+fn shared(part: f64, whole: f64) -> f64 {
+    let (part, whole) = (part + (1.0 - TORN).ln(), whole + TORN.ln());
+    let most = part.max(whole);
+    most + ((part - most).exp() + (whole - most).exp()).ln()
 }
 
 impl Fit {
@@ -389,4 +421,29 @@ pub fn normal_below(x: f64) -> f64 {
         ((((1.061_405_429 * t - 1.453_152_027) * t + 1.421_413_741) * t - 0.284_496_736) * t + 0.254_829_592) * t;
     let erf = 1.0 - poly * (-z * z).exp();
     (if x >= 0.0 { 0.5 * (1.0 + erf) } else { 0.5 * (1.0 - erf) }).max(1e-300)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_tear_shares_the_prior_with_part_losses_and_is_worth_what_it_explains() {
+        // what only a part explains, what only a tear does, what both do
+        assert!((shared(10.0, f64::NEG_INFINITY) - (10.0 + (1.0 - TORN).ln())).abs() < 1e-12);
+        assert!((shared(-1e9, 10.0) - (10.0 + TORN.ln())).abs() < 1e-12);
+        assert!((shared(7.0, 7.0) - 7.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn what_may_be_whole_has_a_point_of_its_own_wherever_it_stands() {
+        let of = |id: &str| {
+            let effect = crate::catalogue::Catalogue::shipped().effect.into_iter().find(|e| e.id == id).unwrap();
+            Candidate { effect, variant: 0, scope: crate::candidate::Scope::Both }
+        };
+        assert_eq!(whole(&[of("structure_loss")], 5), Some(5));
+        assert_eq!(whole(&[of("load_gain")], 5), None);
+        assert_eq!(whole(&[of("load_gain"), of("structure_loss")], 5), Some(6));
+        assert_eq!(whole(&[], 5), None);
+    }
 }

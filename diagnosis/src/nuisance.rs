@@ -5,6 +5,7 @@
 //!
 //! An unknown is the standard normal number of a parameter's prior, counted from where the model stands.
 
+use crate::effect::belongs;
 use crate::error::DiagnosisError;
 use calibration::design::{Design, Kind, Variable};
 use calibration::options::CalibrateOptions;
@@ -168,6 +169,17 @@ impl Nuisances {
     /// Errors: values out of the model's range.
     pub fn apply(&self, assembled: &Model, unknowns: &[f64]) -> Result<Models, DiagnosisError> {
         Ok(Models(models_at(assembled, &self.spec, &self.list, &self.values(unknowns))?))
+    }
+
+    /// Which of them are of a structure's own bundles: their strain, stiffness and sites.
+    pub(crate) fn of_structure(&self, structure: &str) -> Vec<usize> {
+        let is_its = |b: &usize| self.spec.bundles.get(*b).is_some_and(|b| belongs(&b.name, structure));
+        let of = |felt: &Felt| match felt {
+            Felt::ReferenceStrain(bundles) | Felt::Stiffness(bundles) => bundles.iter().any(is_its),
+            Felt::Site(bundle, ..) => is_its(bundle),
+            Felt::ContactScale | Felt::Frame(..) => false,
+        };
+        (0..self.len()).filter(|&k| of(&self.felt[k])).collect()
     }
 
     /// The same parameters counted from some values.

@@ -2,7 +2,9 @@
 
 use crate::candidate::{Candidate, Scope};
 use crate::catalogue::Catalogue;
+use crate::covariance::Readings;
 use crate::error::DiagnosisError;
+use crate::fit::Fit;
 use crate::problem::Problem;
 use crate::search::{Search, Searcher, TRIES};
 use sim::coordinate::Six;
@@ -15,8 +17,10 @@ pub type Hidden<'a> = (&'a str, &'a str, Vec<f64>);
 pub struct Regret {
     /// Of the best answer that was found.
     pub found: f64,
-    /// Of a fit that starts at the truth: the model as it was given, with what is hidden.
+    /// Of a fit that starts at the truth: the model as it was given, with what is hidden; or the same beside the ligaments where nothing missing fits best.
     pub truth: f64,
+    /// What these trials tell of the truth: the same on readings without noise, both sides refitted. Where this is little, `none` is the right answer.
+    pub information: f64,
 }
 
 impl Regret {
@@ -52,9 +56,53 @@ pub fn regret(
     let (hypothesis, sizes) = hypothesis(&problem.catalogue, truth)?;
     let start = [&problem.nuisance.given[..], &sizes].concat();
     let rests: Vec<Six> = problem.nearer(&hypothesis, &start, &[])?.iter().map(|r| r.q).collect();
-    let fit = searcher.fit(&hypothesis, &start, &rests, &search.covariance, &search.readings, TRIES)?;
+    let own = searcher.fit(&hypothesis, &start, &rests, &search.covariance, &search.readings, TRIES)?;
+    let beside = beside((searcher, search), &hypothesis, &sizes, &search.readings)?;
+    let fit = if beside.log_evidence > own.log_evidence { beside } else { own };
     let best = search.rivals.first().unwrap_or(&search.base);
-    Ok(Some(Regret { found: searcher.gain(best, &search.base).max(0.0), truth: searcher.gain(&fit, &search.base) }))
+    Ok(Some(Regret {
+        found: searcher.gain(best, &search.base).max(0.0),
+        truth: searcher.gain(&fit, &search.base),
+        information: information(problem, (searcher, search), (&hypothesis, &start))?,
+    }))
+}
+
+/// A fit from true sizes beside the knee that fits best with nothing missing.
+fn beside(
+    (searcher, search): (&Searcher, &Search),
+    hypothesis: &[Candidate],
+    sizes: &[f64],
+    readings: &Readings,
+) -> Result<Fit, DiagnosisError> {
+    let knee = hypothesis.first().map_or(vec![], |c| searcher.put_back(&search.base, c));
+    let start = [&knee[..], sizes].concat();
+    searcher.fit(hypothesis, &start, &search.base.coordinates(), &search.covariance, readings, TRIES)
+}
+
+/// What the trials tell of a hypothesis that is true at some unknowns, against nothing missing: both are refitted to what it would read without noise, nothing
+/// missing from the model as given and from where it fits the data at hand.
+fn information(
+    problem: &Problem,
+    (searcher, search): (&Searcher, &Search),
+    (hypothesis, truth): (&[Candidate], &[f64]),
+) -> Result<f64, DiagnosisError> {
+    let at = searcher.standing(hypothesis, truth.to_vec(), &search.readings)?;
+    let readings = Readings { measured: search.readings.pick(&at.linear.value), ..search.readings.clone() };
+    let rests = at.coordinates();
+    let fit = |hypothesis: &[Candidate], start: &[f64]| {
+        searcher.fit(hypothesis, start, &rests, &search.covariance, &readings, TRIES)
+    };
+    let mut with = fit(hypothesis, truth)?;
+    let other = beside((searcher, search), hypothesis, &truth[problem.nuisances()..], &readings)?;
+    if other.log_evidence > with.log_evidence {
+        with = other;
+    }
+    let mut without = fit(&[], &problem.nuisance.given)?;
+    let other = fit(&[], &search.base.unknowns)?;
+    if other.log_evidence > without.log_evidence {
+        without = other;
+    }
+    Ok(searcher.gain(&with, &without))
 }
 
 #[cfg(test)]
@@ -63,8 +111,8 @@ mod tests {
 
     #[test]
     fn a_search_ahead_of_the_truth_regrets_nothing() {
-        assert_eq!(Regret { found: 12.0, truth: 10.0 }.short(), 0.0);
-        assert_eq!(Regret { found: 12.0, truth: 32.0 }.short(), 20.0);
+        assert_eq!(Regret { found: 12.0, truth: 10.0, information: 10.0 }.short(), 0.0);
+        assert_eq!(Regret { found: 12.0, truth: 32.0, information: 32.0 }.short(), 20.0);
     }
 
     #[test]

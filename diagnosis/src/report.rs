@@ -1,7 +1,7 @@
 //! The values of a report: diagnosis.json.
 
 use crate::candidate::{Candidate, Scope};
-use crate::criteria::INTERVAL_90;
+use crate::criteria::{INTERVAL_90, NAMED};
 use crate::curves::Curve;
 use crate::fit::Fit;
 use crate::map::Cell;
@@ -53,6 +53,34 @@ pub struct Carried {
     pub without_n: f64,
     /// With the answer [N].
     pub with_n: f64,
+}
+
+/// Force that a structure must have carried in some trial to be missed there [N]. Declared: less is within what calibrations of one knee differ by.
+const CARRIED_N: f64 = 40.0;
+
+/// A structure that may be torn, by these trials.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct MayBeTorn {
+    /// The structure.
+    pub structure: String,
+    /// Log odds of the data for a tear against nothing missing, both refitted, before any prior of a tear [nats].
+    pub log_odds: f64,
+    /// The most that it carries in a trial in the model as given [N].
+    pub given_n: f64,
+    /// The most that it carries with the ligaments recalibrated [N].
+    pub now_n: f64,
+    /// How much slacker its bundles are than in the model as given, the largest change of a reference strain [-].
+    pub slack: f64,
+    /// What the data hold against the structure as it was given [nats].
+    pub against_given: f64,
+}
+
+impl MayBeTorn {
+    /// Whether the data want it slacker than the model as given, in which it carries what these trials feel.
+    pub fn is_slackened(&self) -> bool {
+        self.given_n >= CARRIED_N && self.now_n < self.given_n && self.against_given >= NAMED
+    }
 }
 
 /// A size below which an effect would more often have been missed than named.
@@ -210,6 +238,9 @@ pub struct Diagnosis {
     pub verdict: Verdict,
     /// Rival answers, best first; empty for none and unnamed.
     pub answers: Vec<Answer>,
+    /// What the verdict means and what would tell, in plain words; answers of earlier versions have none.
+    #[serde(default, skip_serializing_if = "String::is_empty")]
+    pub plain: String,
     /// In words.
     pub description: String,
     /// Component files written.
@@ -253,6 +284,9 @@ pub struct Diagnosis {
     /// Two trials whose readings fit each other's place, where there are such.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exchanged: Option<Exchanged>,
+    /// Where nothing is missing: structures that may be torn all the same, those first that carry most in the model as given.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub may_be_torn: Vec<MayBeTorn>,
     /// Whitened sum of squares of nothing missing and of the best hypothesis, over the number of readings [-].
     pub misfit: [f64; 2],
     /// The best hypothesis' effects, whether named or not.

@@ -1,5 +1,6 @@
 //! The search for what is missing: baseline, screen, joint refits, one effect after another.
 
+mod kin;
 mod pairs;
 mod refit;
 mod steps;
@@ -304,8 +305,21 @@ impl Searcher<'_> {
         (readings, mixture): (&Readings, &Mixture),
         steps: usize,
     ) -> Result<Fit, DiagnosisError> {
-        let frozen = self.options.frozen_ligaments;
-        Data { problem: self.problem, readings, mixture, steps, frozen }.fit(hypothesis, start, starts)
+        let held: Vec<usize> = (0..if self.options.frozen_ligaments { self.problem.nuisances() } else { 0 }).collect();
+        Data { problem: self.problem, readings, mixture, steps, held: &held }.fit(hypothesis, start, starts)
+    }
+
+    /// Fits a hypothesis to all that a search was fitted to, some unknowns held where `start` has them.
+    pub(crate) fn fit_holding(
+        &self,
+        (hypothesis, held): (&[Candidate], &[usize]),
+        (start, starts): (&[f64], &[sim::coordinate::Six]),
+        search: &Search,
+    ) -> Result<Fit, DiagnosisError> {
+        let mixture =
+            Mixture::new(&search.readings, search.readings.block_of(&search.covariance), &self.problem.trials)?;
+        let (problem, readings) = (self.problem, &search.readings);
+        Data { problem, readings, mixture: &mixture, steps: TRIES, held }.fit(hypothesis, start, starts)
     }
 
     /// Log Bayes factor and estimate of every candidate beside what a fit has already, best first; and the threshold by simulated nulls.

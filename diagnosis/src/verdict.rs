@@ -48,6 +48,8 @@ pub(crate) struct Candidature<'a> {
     pub gain: f64,
     /// Share of the held-out gap that it closes [-].
     pub closes: f64,
+    /// Whether these trials cannot tell it from another answer.
+    pub has_kin: bool,
 }
 
 /// What a verdict rests on.
@@ -77,6 +79,8 @@ struct Grounds {
     gain: f64,
     /// Share of the held-out gap that it closes [-].
     closes: f64,
+    /// Whether these trials cannot tell it from another answer.
+    has_kin: bool,
     /// Weight of the answer among its rivals [-].
     weight: f64,
     /// Its log Bayes factor against nothing missing [-].
@@ -103,6 +107,7 @@ impl Grounds {
             exchanged: of.exchanged,
             gain: of.gain,
             closes: of.closes,
+            has_kin: of.has_kin,
             weight: by_names(rivals).first().map_or(0.0, |g| g.1),
             evidence,
         }
@@ -138,6 +143,7 @@ impl Grounds {
             && self.evidence >= decided()
             && self.gain > 0.0
             && self.closes >= CLOSES_MOST
+            && !self.has_kin
             && rests
     }
 }
@@ -236,6 +242,7 @@ mod tests {
         exchanged: f64::NEG_INFINITY,
         gain: 50.0,
         closes: 0.9,
+        has_kin: false,
         weight: 0.99,
         evidence: 60.0,
     };
@@ -286,6 +293,7 @@ mod tests {
             Grounds { closes: 0.4, ..CLEAN },
             Grounds { excess: 80.0, ..CLEAN },
             Grounds { evidence: 25.0, ..CLEAN },
+            Grounds { has_kin: true, ..CLEAN },
         ] {
             assert_eq!(judged(doubtful), Verdict::Probable, "{doubtful:?}");
         }

@@ -34,7 +34,7 @@ pub(crate) fn description(problem: &Problem, d: &Diagnosis, wild: &Wildcard, sea
                 _ => "One of several, the likeliest",
             };
             if let Some(a) = d.answers.first() {
-                let _ = write!(out, "{}{how}: {}.", lost(&problem.catalogue, a), answer(problem, a));
+                let _ = write!(out, "{how}: {}.", answer(problem, a));
             }
             for rival in d.answers.iter().skip(1) {
                 let _ = write!(out, " Or: {} (weight {:.2}).", answer(problem, rival), rival.weight);
@@ -102,24 +102,6 @@ fn nearest(problem: &Problem, d: &Diagnosis, search: &Search) -> String {
 
 fn answer(problem: &Problem, a: &Answer) -> String {
     a.effects.iter().map(|e| named(&problem.catalogue, e)).collect::<Vec<_>>().join("; together with ")
-}
-
-/// What an answer means for a ligament that it takes something from, in plain words.
-fn lost(catalogue: &Catalogue, a: &Answer) -> String {
-    let mut out = String::new();
-    for e in &a.effects {
-        let whole = |p: &crate::catalogue::Parameter| Some((e.parameters.get(&p.key)?, p.whole?));
-        let found = catalogue.find(&e.effect).ok().and_then(|(f, _)| f.parameter.iter().find_map(whole));
-        let (Some((value, whole)), Some(structure)) = (found, &e.variant) else { continue };
-        let share = |x: f64| 100.0 * (x / whole).clamp(0.0, 1.0);
-        let (low, high) = value.interval(true);
-        let _ = if high >= whole {
-            write!(out, "The {structure} is torn, or has lost {:.0} % or more of what it carries. ", share(low))
-        } else {
-            write!(out, "The {structure} has lost {:.0} to {:.0} % of what it carries. ", share(low), share(high))
-        };
-    }
-    out
 }
 
 /// The test that would tell the answers apart best, where there are several or none.

@@ -1,14 +1,19 @@
 //! A ligament that was cut is named, and no search stays behind a fit that starts at the truth.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-use crate::common::deck::{Asked, question};
+use crate::common::deck::{Asked, published, question, source};
+use calibration::options::CalibrateOptions;
 use diagnosis::candidate::Candidate;
+use diagnosis::catalogue::Catalogue;
+use diagnosis::diagnosis::{Calibration, Diagnosis, Verdict, diagnose};
 use diagnosis::problem::{Problem, reading};
 use diagnosis::regret::regret;
 use diagnosis::search::{DiagnosisOptions, Searcher};
+use diagnosis::trial::Trial;
 use inference::random::{normal, stream};
 use needs_shared::needs_shared;
-use sim::coordinate::FREE;
+use sim::coordinate::{FREE, Free};
+use sim::equilibrium::Equilibrium;
 
 /// Most that a search may stay behind the truth [nats].
 const MOST_REGRET: f64 = 2.0;
@@ -29,20 +34,74 @@ const PLAN: [Asked; 12] = [
     ("l", "valgus", 30.0, [-6.0, 0.0, 0.0, 0.0], [0.0; 5]),
 ];
 
+/// Bent aside near extension, where the PCL is slack.
+const BENT: [Asked; 4] = [
+    ("a", "varus", 15.0, [6.0, 0.0, 0.0, 0.0], [0.0; 5]),
+    ("b", "valgus", 15.0, [-6.0, 0.0, 0.0, 0.0], [0.0; 5]),
+    ("c", "varus", 30.0, [6.0, 0.0, 0.0, 0.0], [0.0; 5]),
+    ("d", "valgus", 30.0, [-6.0, 0.0, 0.0, 0.0], [0.0; 5]),
+];
+
 /// The question of a deck whose readings are those of the model itself with a structure cut, and noise.
 fn cut(structure: &str) -> Option<Problem> {
     let mut problem = question("cuts", &[("rks", &PLAN)])?;
+    let readings = answered(&problem, structure);
+    for (trial, there) in problem.trials.iter_mut().zip(readings) {
+        trial.measured = there;
+    }
+    // poses held at what is measured are found anew
+    Some(problem.with_present(vec![]))
+}
+
+/// What the model itself answers to its trials with a structure cut, with noise.
+fn answered(problem: &Problem, structure: &str) -> Vec<Free<Option<f64>>> {
     let is_it = |c: &Candidate| c.effect.id == "structure_loss" && c.variant_name().as_deref() == Some(structure);
     let torn = problem.candidates().into_iter().find(is_it).unwrap();
     let unknowns = [vec![0.0; problem.nuisances()], vec![1.0 / torn.effect.parameter[0].sd]].concat();
     let rests = problem.rests(&[torn], &unknowns, &[]).unwrap();
     let mut random = stream(7, 0);
-    for (trial, rest) in problem.trials.iter_mut().zip(&rests) {
+    let noisy = |(trial, rest): (&Trial, &Equilibrium)| {
         let there = reading(rest);
-        FREE.into_iter().for_each(|c| trial.measured[c] = Some(there[c] + trial.sd[c] * normal(&mut random)));
+        let mut out = Free::all(None);
+        FREE.into_iter().for_each(|c| out[c] = Some(there[c] + trial.sd[c] * normal(&mut random)));
+        out
+    };
+    problem.trials.iter().zip(&rests).map(noisy).collect()
+}
+
+/// The diagnosis of the deck under some trials, of which the PCL is cut.
+fn of_a_cut_pcl(trials: &[Asked]) -> Option<Diagnosis> {
+    let deck = published("cuts")?;
+    let (model, options) = (sim::compile(&deck.spec, &deck.meshes).unwrap(), CalibrateOptions::default());
+    let mut sources = vec![source("rks", trials)];
+    let catalogue = Catalogue::shipped();
+    let problem = Problem::new(&model, &deck.spec, &sources, &catalogue, &options).unwrap();
+    for (trial, there) in sources[0].trials.iter_mut().zip(answered(&problem, "PCL")) {
+        trial.measured = there;
     }
-    // poses held at what is measured are found anew
-    Some(problem.with_present(vec![]))
+    let few = DiagnosisOptions { nulls: 50, most_effects: 1, shortlist: 2, folds: 2, ..DiagnosisOptions::default() };
+    let calibration = Calibration { options: &options, mode: None };
+    Some(diagnose(&model, &deck.spec, &sources, &catalogue, &few, calibration).unwrap().diagnosis)
+}
+
+#[needs_shared]
+fn a_cut_is_told_in_plain_words_with_what_looks_like_it_and_the_test_that_would_tell() {
+    // turned, bent, not pulled
+    let Some(told) = of_a_cut_pcl(&PLAN[6..]) else { return };
+    let names = told.answers.iter().flat_map(|a| &a.effects).map(|e| (e.effect.as_str(), e.variant.as_deref()));
+    assert!(names.clone().any(|n| n == ("structure_loss", Some("PCL"))), "{}", told.plain);
+    // such trials do not tell a torn ligament from one that is attached where it is slack
+    assert!(names.clone().any(|n| n.0 == "attachment_PCL"), "{}", told.plain);
+    assert_ne!(told.verdict, Verdict::Decisive, "{}", told.plain);
+    assert!(told.plain.contains("the PCL is torn") && told.plain.contains("osterior drawer"), "{}", told.plain);
+}
+
+#[needs_shared]
+fn a_cut_that_the_trials_cannot_show_is_told_as_open_with_the_test_that_would_show_it() {
+    let Some(told) = of_a_cut_pcl(&BENT) else { return };
+    assert_eq!(told.verdict, Verdict::None, "{}", told.plain);
+    assert!(told.may_be_torn.iter().any(|t| t.structure == "PCL"), "{}", told.plain);
+    assert!(told.plain.contains("would tell") && told.next_tests[0].expected_gain > 1.0, "{}", told.plain);
 }
 
 #[needs_shared]
@@ -57,6 +116,8 @@ fn a_cut_acl_is_named_and_the_search_does_not_stay_behind_the_truth() {
     assert_eq!(named, [("structure_loss".to_owned(), Some("ACL".to_owned()))]);
     let regret = regret(&problem, (&searcher, &search), &[("structure_loss", "ACL", vec![1.0])]).unwrap().unwrap();
     assert!(regret.short() <= MOST_REGRET, "{regret:?}");
+    // what these trials tell of the cut is what the search finds of it, but for the noise
+    assert!(regret.information > 0.5 * regret.truth && regret.information < 2.0 * regret.truth, "{regret:?}");
     // more than all is not lost
     let whole = 1.0 / best.hypothesis[0].effect.parameter[0].sd;
     assert!(best.unknowns[problem.nuisances()] <= whole, "{:?}", best.unknowns.last());

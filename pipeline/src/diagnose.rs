@@ -99,7 +99,12 @@ pub fn run_with(args: &DiagnoseArgs, options: &DiagnosisOptions) -> Result<Told,
         .map_err(|e| fault(&e))?;
     write(args, &loaded, &outcome)?;
     let page = args.out.join("report.html");
-    Ok(tell(format!("{}\nLook at {}\n", outcome.diagnosis.description, page.display())))
+    Ok(tell(in_words(&outcome.diagnosis, &page)))
+}
+
+/// What is told at the end: plain words, the numbers, the page.
+fn in_words(d: &Diagnosis, page: &Path) -> String {
+    format!("{}\n\n{}\nLook at {}\n", d.plain, d.description, page.display())
 }
 
 /// Refuses an atlas of a built knee whose ligaments nobody calibrated: what is slack or taut there says nothing of the knee.

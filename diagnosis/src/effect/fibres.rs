@@ -28,7 +28,7 @@ impl About {
 }
 
 /// Whether a bundle belongs to a structure.
-pub(super) fn belongs(bundle: &str, structure: &str) -> bool {
+pub(crate) fn belongs(bundle: &str, structure: &str) -> bool {
     bundle.strip_prefix(structure).is_some_and(|rest| rest.is_empty() || rest.starts_with('_'))
 }
 

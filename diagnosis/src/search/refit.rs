@@ -17,8 +17,8 @@ const OWN_SCATTER: usize = 5;
 /// From how many rivals' ligaments nothing missing is fitted, too [-].
 const OTHERS: usize = 3;
 
-/// Shares of a whole from which a torn structure is sought [-]: half of it, and all of it.
-const LOST_SHARES: [f64; 2] = [0.5, 1.0];
+/// Shares of a whole from which a torn structure is sought [-], and whether beside the recalibrated knee instead of the given one.
+const TORN: [(f64, bool); 3] = [(0.5, false), (1.0, false), (1.0, true)];
 
 /// How many of those starts are fitted at most, the most promising by their own linear evidence [-].
 const TORN_TRIED: usize = 4;
@@ -35,7 +35,7 @@ fn lifts(common: &[f64], own: &[f64]) -> Vec<f64> {
 }
 
 /// The best of a screen that are as large as their names ask: two scopes or variants of an effect, or of a pair, at most.
-fn proposed<'a>(list: &'a [Screened], candidates: &[Candidate], most: usize) -> Vec<&'a Screened> {
+pub(super) fn proposed<'a>(list: &'a [Screened], candidates: &[Candidate], most: usize) -> Vec<&'a Screened> {
     let mut chosen: Vec<&Screened> = Vec::new();
     let ids =
         |of: &Screened| -> Vec<&str> { of.candidates.iter().map(|k| candidates[*k].effect.id.as_str()).collect() };
@@ -130,22 +130,26 @@ impl Searcher<'_> {
         Ok(fits)
     }
 
-    /// Refits of effects that may be whole (a structure torn), each from half of it and all of it beside the knee as it was given. About a knee whose
-    /// ligaments were recalibrated to the data a torn structure is slack already, so that screens there see nothing of it.
+    /// Refits of effects that may be whole (a structure torn), each from half of it and all of it beside the knee as it was given, and from all of it beside
+    /// the knee as it was recalibrated with this structure put back. About a knee whose ligaments were recalibrated to the data a torn structure is slack
+    /// already, so that screens there see nothing of it.
     pub(super) fn torn(
         &self,
         (readings, cov): (&Readings, &DMatrix<f64>),
         candidates: &[Candidate],
-        without: f64,
+        base: &Fit,
     ) -> Result<Vec<Fit>, DiagnosisError> {
+        let without = base.log_evidence;
         let whole = |c: &Candidate| c.effect.parameter.iter().any(|p| p.whole.is_some());
         let starts = candidates.iter().filter(|c| whole(c) && c.scope == Scope::Both);
-        let starts: Vec<(&Candidate, f64)> = starts.flat_map(|c| LOST_SHARES.map(|share| (c, share))).collect();
+        let starts: Vec<(&Candidate, f64, bool)> =
+            starts.flat_map(|c| TORN.map(|(share, anew)| (c, share, anew))).collect();
         let mut promised: Vec<(f64, Fit)> = starts
             .par_iter()
-            .map(|(c, share)| {
+            .map(|(c, share, recalibrated)| {
                 let sizes = c.effect.parameter.iter().map(|p| share * p.whole.unwrap_or(0.0) / p.sd);
-                let unknowns = self.problem.nuisance.given.iter().copied().chain(sizes).collect();
+                let knee = if *recalibrated { self.put_back(base, c) } else { self.problem.nuisance.given.clone() };
+                let unknowns = knee.into_iter().chain(sizes).collect();
                 let at = self.standing(std::slice::from_ref(*c), unknowns, readings)?;
                 Ok((Marginal::new(&at, readings, cov)?.log_density(), at))
             })
@@ -163,6 +167,15 @@ impl Searcher<'_> {
             fits.push(fit.earned(without, at.hypothesis[0].size()));
         }
         Ok(fits)
+    }
+
+    /// The knee of a fit, the structure that a candidate is about as it was given.
+    pub(crate) fn put_back(&self, fit: &Fit, candidate: &Candidate) -> Vec<f64> {
+        let nuisance = &self.problem.nuisance;
+        let mut knee = fit.unknowns[..nuisance.len()].to_vec();
+        let own = candidate.variant_name().map_or(vec![], |structure| nuisance.of_structure(&structure));
+        own.into_iter().for_each(|k| knee[k] = nuisance.given[k]);
+        knee
     }
 
     /// A hypothesis as it stands at some unknowns, not fitted, each trial led to its rest the whole way.

@@ -100,7 +100,7 @@ impl Searcher<'_> {
         if !self.is_asked(found, given) {
             return Ok(vec![]);
         }
-        self.torn((given.readings, &found.cov), given.candidates, found.base.log_evidence)
+        self.torn((given.readings, &found.cov), given.candidates, &found.base)
     }
 
     /// Whether the data ask for anything: nothing missing leaves too much, or an effect passes the threshold.

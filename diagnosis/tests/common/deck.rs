@@ -1,6 +1,7 @@
 //! The published deck as a question.
 use crate::common::shared;
 use calibration::options::CalibrateOptions;
+use decks::ImportedDeck;
 use diagnosis::catalogue::Catalogue;
 use diagnosis::problem::Problem;
 use diagnosis::trial::Source;
@@ -17,18 +18,24 @@ pub(crate) fn deck(test: &str, trials: &[Asked]) -> Option<Problem> {
 /// The question of the published deck under the trials of several data sets.
 #[expect(clippy::unwrap_used, reason = "tests")]
 pub(crate) fn question(test: &str, sources: &[(&str, &[Asked])]) -> Option<Problem> {
-    let folder = shared(test, "published/S192803/deck")?;
-    #[expect(clippy::disallowed_methods, reason = "published data")]
-    let mut read = |name: &str| std::fs::read(folder.join(name)).map_err(|e| e.to_string());
-    let deck = decks::import("S192803_MAIN_LAXITY_Anterior_0deg_0.inp", &mut read).unwrap();
+    let deck = published(test)?;
     let model = sim::compile(&deck.spec, &deck.meshes).unwrap();
     let sources: Vec<Source> = sources.iter().map(|(name, trials)| source(name, trials)).collect();
     Some(Problem::new(&model, &deck.spec, &sources, &Catalogue::shipped(), &CalibrateOptions::default()).unwrap())
 }
 
+/// The published deck; `None` where it is not there.
+#[expect(clippy::unwrap_used, reason = "tests")]
+pub(crate) fn published(test: &str) -> Option<ImportedDeck> {
+    let folder = shared(test, "published/S192803/deck")?;
+    #[expect(clippy::disallowed_methods, reason = "published data")]
+    let mut read = |name: &str| std::fs::read(folder.join(name)).map_err(|e| e.to_string());
+    Some(decks::import("S192803_MAIN_LAXITY_Anterior_0deg_0.inp", &mut read).unwrap())
+}
+
 /// A data set, as a file of these trials is read.
 #[expect(clippy::unwrap_used, reason = "tests")]
-fn source(name: &str, trials: &[Asked]) -> Source {
+pub(crate) fn source(name: &str, trials: &[Asked]) -> Source {
     let mut text = "trial,test,nominal_flexion_deg,load_vv_nm,load_ie_nm,load_ml_n,load_ap_n,load_si_n,\
                     fe_deg,vv_deg,ie_deg,ml_mm,ap_mm,si_mm\n"
         .to_owned();

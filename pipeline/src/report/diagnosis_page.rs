@@ -40,6 +40,9 @@ pub(crate) fn part(model: &str, d: &Diagnosis) -> String {
 
 fn body(model: &str, d: &Diagnosis) -> String {
     let mut out = format!("<h1>What is missing: {}</h1>", escape(model));
+    if !d.plain.is_empty() {
+        let _ = write!(out, "<p><strong>{}</strong></p>", escape(&d.plain));
+    }
     let _ = write!(out, "<div class=\"verdict\">{}</div>", escape(&d.description));
     answers(&mut out, d);
     meanings(&mut out, d);

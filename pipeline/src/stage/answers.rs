@@ -197,7 +197,8 @@ fn missing(v: &Values, failure: Option<&Failure>) -> Answer {
         Verdict::Unnamed => (Standing::Look, "Something unnamed"),
         Verdict::None => (Standing::Good, "Nothing that shows"),
     };
-    let first = d.description.split_inclusive(". ").take(2).collect::<String>();
+    let first = [d.plain.as_str(), &d.description].into_iter().find(|text| !text.is_empty()).unwrap_or_default();
+    let first = first.split_inclusive(". ").take(2).collect::<String>();
     let words = first.trim().to_owned() + &both_hold(v, d.verdict).unwrap_or_default();
     Answer { question, standing, word: word.into(), words, stage }
 }
