@@ -18,7 +18,7 @@ from report import Browser, Check, NoBrowser
 SHOWN = {"force": 0.051, "pose": 0.0051}  # half the last digit that the tables show, and rounding [N; deg, mm]
 TAB, ENTER, RIGHT, SHIFT, ESCAPE = "\ue004", "\ue007", "\ue014", "\ue008", "\ue00c"
 # `view` is what the page draws with; the figure hands it out when it is drawn
-CATCH = "document.querySelector('#live figure').addEventListener('shown', e => { window.view = e.detail; })"
+CATCH = {"source": "document.addEventListener('shown', e => { if (e.target.closest('#live')) window.view = e.detail; }, true)"}
 # a free place on the tibia: no fibre near, and room to drag to the right of it
 TIBIA = """const b=view.plot.getBoundingClientRect(); for (let y=b.height-30; y>b.height/2; y-=6) for (let x=b.width/2; x>b.width/5; x-=6) {
   const hit=liveHand.bone(view,x,y); if (hit && hit.name==='tibia' && liveHand.fibre(view,x,y,'touch',hit)<0) return {x, y, point: hit.point}; } return null"""
@@ -422,8 +422,8 @@ class Live(Check):
 
 def use(check, page, expected):
     browser = check.browser
+    check.cdp("Page.addScriptToEvaluateOnNewDocument", CATCH)
     browser.ask("/url", {"url": page.as_uri()})
-    browser.run(CATCH)
     browser.run("document.getElementById('live').scrollIntoView()")
     check.side = expected["about"]["side"]
     check.expect(check.settled(120), "the knee is not open after 120 s: " + browser.run("return document.getElementById('live').textContent.slice(0, 400)"))

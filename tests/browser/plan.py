@@ -9,8 +9,8 @@ import live
 
 def use(check, page, expected):
     browser, about, told = check.browser, expected["about"], expected["told"]
+    check.cdp("Page.addScriptToEvaluateOnNewDocument", live.CATCH)
     browser.ask("/url", {"url": page.as_uri()})
-    browser.run(live.CATCH)
     browser.run("document.getElementById('live').scrollIntoView()")
     check.expect(check.settled(120), "the knee is not open after 120 s: " + browser.run("return document.getElementById('live').textContent.slice(0, 400)"))
     if check.faults:
@@ -25,8 +25,10 @@ def use(check, page, expected):
     check.expect("graft" not in check.state(), "a graft that was taken out is in")
     check.press_button("[data-act='reset']")
     check.says(told, about, "after Reset")
-    hit = browser.run(live.BONE, "tibia")
-    check.expect(hit is not None and browser.run(live.BONE, "femur") is not None, "the bones are not in the picture")
+    # below the knee's middle lies the tibia, above it the femur [mm]
+    at = "const p = liveHand.project(view, [0, 0, arguments[0]]); return (liveHand.bone(view, p.x, p.y) || {}).name"
+    bones = [browser.run(at, z) for z in (-30, 40)]
+    check.expect(bones == ["tibia", "femur"], f"the bones in the picture are {bones}")
     for width, scheme in [(400, "light"), (1400, "dark")]:
         check.shot(f"plan-{width}-{scheme}", width, scheme)
     check.quiet()
