@@ -308,6 +308,13 @@ fn joint_was_better(question: &Question, starts: &[f64]) -> Option<Notice> {
     })
 }
 
+/// What is told where few of the samples asked for ended near a fit.
+fn few_samples(found: &Found<Answers>, asked: usize) -> Option<Notice> {
+    let got = found.samples.len();
+    let text = format!("{got} of {asked} samples of the posterior ended near a fit; intervals are rough");
+    (found.stuck * 2 > asked).then(|| Kind::FewSamples.notice(text).count(got))
+}
+
 /// What was found, in the words of a calibration.
 fn told(
     question: &Question,
@@ -347,14 +354,7 @@ fn told(
     };
     let is_told = |k: &usize| !matches!(trials.parameters[*k].quantity, Quantity::Site(..) | Quantity::Lean(..));
     let mut warnings = Vec::new();
-    if found.stuck * 2 > options.inference.samples {
-        let (got, of) = (samples.len(), options.inference.samples);
-        warnings.push(
-            Kind::FewSamples
-                .notice(format!("{got} of {of} samples of the posterior ended near a fit; intervals are rough"))
-                .count(got),
-        );
-    }
+    warnings.extend(few_samples(&found, options.inference.samples));
     warnings.extend(joint_was_better(question, &found.starts));
     let noise = noise(question, likelihood);
     warnings.extend(noise.iter().filter_map(|n| n.odd(interval)));
@@ -441,13 +441,11 @@ fn estimate(
     }
 }
 
+/// Of imagined trials: forces by the final mechanics, and of each sample whether it leaves the plateau.
+type ByTrial<'a> = (&'a [Option<Vec<f64>>], &'a [Vec<Option<bool>>]);
+
 /// Tension of all ligaments at rest: mean and interval of the samples that stay on the plateau (`leaves`, by sample and imagined trial).
-fn rest(
-    found: &Found<Answers>,
-    (last, leaves): (&[Option<Vec<f64>>], &[Vec<Option<bool>>]),
-    measured: usize,
-    interval: f64,
-) -> Vec<RestEstimate> {
+fn rest(found: &Found<Answers>, (last, leaves): ByTrial, measured: usize, interval: f64) -> Vec<RestEstimate> {
     let mode = &found.modes[0].state;
     let total = |state: &Answers, i: usize| {
         moved(&state[measured + i].forces_n, &mode[measured + i].forces_n, last[i].as_ref()).iter().sum::<f64>()
