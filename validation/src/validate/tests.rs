@@ -36,6 +36,7 @@ fn source_of(specimen: &str, name: &str, ap: f64) -> Source {
     let mut s = Source {
         name: name.into(),
         specimen: specimen.into(),
+        model: name.into(),
         samples: 0,
         bundles: ["ACL_AM", "ACL_PL", "LCL"].map(String::from).to_vec(),
         parameters: vec![(1, 1.1 + 0.01 * ap), (15, 80.0 + ap)],
