@@ -337,5 +337,4 @@ fn in_a_browser(name: &str, page: &Path, expected: &Value) {
         return;
     }
     assert!(run.status.success(), "{said}");
-    print!("{said}");
 }

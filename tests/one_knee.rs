@@ -142,8 +142,6 @@ fn drawers_have_the_intervals_that_the_calibration_tells() {
         let [mode, lower, upper] = ["mode_n", "lower_n", "upper_n"].map(|c| number(&told[c][k]));
         mode < lower - 2e-3 || mode > upper + 2e-3
     };
-    let outside = (0..told["trial"].len()).filter(|k| is_outside(*k)).count();
-    println!("{outside} of {} forces of the single model lie outside their interval", told["trial"].len());
     for (k, said) in told["outside"].iter().enumerate().filter(|(k, _)| is_outside(*k)) {
         assert_eq!(said, "true", "{} {}", told["trial"][k], told["bundle"][k]);
     }
