@@ -18,7 +18,9 @@ wheel() {
   echo "wheel: $((size / 1024)) KiB"
   [ "$size" -le $((25 * 1024 * 1024)) ] || { echo "the wheel is larger than 25 MiB"; exit 1; }
 
-  python3 -m zipfile -l "$(ls "$work"/wheels/*.whl)" | grep -q "licenses/THIRD-PARTY-NOTICES.txt" || { echo "the wheel has no notices of third parties"; exit 1; }
+  # the list is read to its end: a reader that leaves early would break the pipe
+  listed=$(python3 -m zipfile -l "$(ls "$work"/wheels/*.whl)")
+  [[ $listed == *licenses/THIRD-PARTY-NOTICES.txt* ]] || { echo "the wheel has no notices of third parties"; exit 1; }
 
   # Outside the sources: what is installed is what is tried.
   cd "$work"
