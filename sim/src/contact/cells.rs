@@ -44,6 +44,16 @@ impl Cells {
         Cells { spacing, apart, under }
     }
 
+    /// Whether there are bounds for a law that begins at an overclosure `start` [mm].
+    pub(super) fn bounds(start: f64) -> bool {
+        level(start).is_some()
+    }
+
+    /// Whether a cell may be in contact by the earliest law that has bounds.
+    pub(super) fn may_touch(&self, at: usize) -> bool {
+        self.apart[1][at] == 0.0
+    }
+
     /// Lower bound of the distance [mm] from any point of a cell to anything deeper than `start`.
     #[inline]
     pub(super) fn apart(&self, at: usize, start: f64) -> f64 {

@@ -42,6 +42,8 @@ pub struct Field {
     thickness: Vec<f32>,
     /// How far the points nearest to each grid node are from contact.
     cells: Cells,
+    /// By axis, whether contact may lie at the grid's first and last cells: behind an open patch everything is deep, as far as the grid reaches.
+    open: [[bool; 2]; 3],
 }
 
 /// Distance, gradient, second derivatives (xx, xy, xz, yy, yz, zz).
@@ -87,10 +89,12 @@ impl Field {
             coefficients: Vec::new(),
             thickness: Vec::new(),
             cells: Cells::default(),
+            open: Default::default(),
         };
         let (distances, thicknesses) = field.sample_blocks(&exact, blocks, thickness);
         field.coefficients = field.prefiltered(&distances);
         field.cells = Cells::new(&field.coefficients, field.size, SPACING);
+        field.open = field.open_faces();
         if !thicknesses.is_empty() {
             field.thickness = field.prefiltered(&thicknesses);
         }
@@ -156,13 +160,51 @@ impl Field {
     /// Lower bound of the distance [mm] from a local point to anything deeper than `start`.
     #[inline]
     pub(crate) fn apart(&self, p: &[f64; 3], start: f64) -> f64 {
-        self.cell(p).map_or(f64::INFINITY, |(at, _)| self.cells.apart(at, start))
+        self.cell(p).map_or_else(|| self.beyond(p, start), |(at, _)| self.cells.apart(at, start))
     }
 
     /// Lower bound of the motion [mm] without which a local point cannot come deeper than `start`.
     #[inline]
     pub(crate) fn clearance(&self, p: &[f64; 3], start: f64) -> f64 {
-        self.cell(p).map_or(f64::INFINITY, |(at, offset)| self.cells.clearance(at, &offset, start))
+        self.cell(p).map_or_else(|| self.beyond(p, start), |(at, offset)| self.cells.clearance(at, &offset, start))
+    }
+
+    /// By axis, whether any of the first and of the last cells may be in contact.
+    fn open_faces(&self) -> [[bool; 2]; 3] {
+        let last = self.size.map(|n| n - 2);
+        let mut open = [[false; 2]; 3];
+        for k in 1..=last[2] {
+            for j in 1..=last[1] {
+                for i in 1..=last[0] {
+                    let place = [i, j, k];
+                    let at_face = (0..3).any(|a| place[a] == 1 || place[a] == last[a]);
+                    if at_face && self.cells.may_touch((k * self.size[1] + j) * self.size[0] + i) {
+                        for a in 0..3 {
+                            open[a][0] |= place[a] == 1;
+                            open[a][1] |= place[a] == last[a];
+                        }
+                    }
+                }
+            }
+        }
+        open
+    }
+
+    /// Lower bound of the distance [mm] from a point off the grid to anything deeper than `start`: to the nearest face behind which there may be contact.
+    #[cold]
+    fn beyond(&self, p: &[f64; 3], start: f64) -> f64 {
+        let x: [f64; 3] = std::array::from_fn(|a| p[a] / SPACING - self.low[a]);
+        let inside: [f64; 3] = std::array::from_fn(|a| x[a].clamp(1.0, self.high[a]));
+        let mut least = f64::INFINITY;
+        for a in 0..3 {
+            for (side, face) in [1.0, self.high[a]].into_iter().enumerate() {
+                if self.open[a][side] || !Cells::bounds(start) {
+                    let square: f64 = (0..3).map(|b| (x[b] - if b == a { face } else { inside[b] }).powi(2)).sum();
+                    least = least.min(square);
+                }
+            }
+        }
+        least.sqrt() * SPACING
     }
 
     /// Three coefficients along x, at `j`, `k` of the 27 around a cell's node.

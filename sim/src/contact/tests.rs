@@ -250,6 +250,24 @@ fn change_no_byte(contact: &Contact) {
     assert!((100..390).contains(&touching), "{touching}");
 }
 
+/// Behind an open patch everything is deep, as far as the grid of its distance reaches.
+#[test]
+fn lists_hold_where_bones_are_pushed_through_each_other() {
+    let (joint, contact) = (joint(), sphere_on_plate(0.8));
+    // a law that begins so early has no bounds: every node is looked at
+    let every = contact.with_law(&[-3.0, 0.0, 1.0], &[0.0, 0.0, 5.0]).unwrap();
+    let (mut near, mut deepest) = (Nearby::default(), 0f64);
+    for k in 0..600 {
+        let t = f64::from(k) * 0.05;
+        let q = Six::new(0.3 * t.sin(), 0.0, 0.2 * t.cos(), 25.0 * (0.9 * t).sin(), 3.0, 16.0 * (0.7 * t).sin());
+        let pose = joint.pose(&q);
+        let (kept, all) = (contact.evaluate_near(&pose, &mut near), every.evaluate(&pose));
+        assert!((kept.energy - all.energy).abs() < 1e-9 * (1.0 + all.energy), "{k}: {} {}", kept.energy, all.energy);
+        deepest = deepest.max(all.deepest);
+    }
+    assert!(deepest > 6.0, "{deepest}");
+}
+
 #[test]
 fn nodes_passed_over_touch_nothing() {
     let (joint, contact) = (joint(), sphere_on_plate(0.8));
