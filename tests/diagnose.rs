@@ -281,8 +281,8 @@ fn a_sealed_set_is_made_answered_and_scored_and_a_broken_seal_is_refused() {
 const SEED: u64 = 7;
 /// That noise: VV, IE [deg], ML, AP, SI [mm]; as is taken where a file states none.
 const NOISE: [f64; 5] = [0.5, 0.5, 0.4, 0.4, 0.4];
-/// Tension of the quadriceps that is hidden [N].
-const HIDDEN_N: f64 = 150.0;
+/// Tension of the quadriceps that is hidden [N]. These trials tell it within 38 N or so: 150 N earn about what a name needs, and noise decides.
+const HIDDEN_N: f64 = 250.0;
 
 /// A phantom's model with a patella of mean shape, and the folder it lies in.
 fn knee_with_a_patella() -> (TempDir, PathBuf) {
