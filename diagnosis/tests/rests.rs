@@ -121,7 +121,9 @@ fn where_no_rest_is_near_what_is_out_of_balance_counts_and_grows_with_its_cause(
     let mut before = 0.0;
     for by in [-2.0, -3.0, -4.0, -6.0] {
         let x = loosened(&problem, by);
-        assert!(off(&problem, &problem.rests(&[], &x, &[]).unwrap())[0] > 30.0);
+        // thrown out of the joint, as above
+        let alone = off(&problem, &problem.rests(&[], &x, &[]).unwrap())[0];
+        assert!(alone > 20.0, "{by}: {alone}");
         let led = problem.nearer(&[], &x, &[]).unwrap();
         let now = off(&problem, &led)[0];
         assert!(led[0].miss.norm() > 1000.0 && now > before && now < 10.0, "{by}: {now}, {before}");
