@@ -255,6 +255,9 @@ class Live(Check):
         self.expect(abs(self.cell("live-ligaments", "graft0", 1) - told["forces_n"][-1]) <= SHOWN["force"], "the graft's force")
         most = expected["graft"]["bands"]["asked"]
         self.expect(self.wait(f"return Number(document.getElementById('live').dataset.samples) === {most}", seconds=180), "no intervals of a knee with a graft")
+        band = expected["graft"]["bands"]["bands"]["force_graft0_n"]
+        shown = self.browser.run("return document.querySelector(`#live-ligaments [data-row='graft0']`).cells[3].textContent").split(" to ")
+        self.expect(abs(float(shown[0]) - band["lower"]) < SHOWN["force"] and abs(float(shown[1]) - band["upper"]) < SHOWN["force"], f"the interval {shown}, expected {band}")
         print("intervals of a grafted knee by", most, "samples after", self.browser.run("return document.getElementById('live').dataset.bandsMs"), "ms")
         self.press_button("[data-act='reset']")
 

@@ -116,6 +116,7 @@
   let running = false, again = false, quiet = 0;
   async function solve() {
     section.dataset.busy = "yes";
+    delete section.dataset.samples; // those of the state before
     clearTimeout(quiet);
     again = true;
     if (running) return;
