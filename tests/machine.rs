@@ -16,7 +16,7 @@ fn held(name: &str, bytes: &[u8]) -> Value {
 }
 
 #[test]
-fn four_verbs_tell_data_of_their_schemas() {
+fn verbs_that_compute_tell_data_of_their_schemas() {
     let (knee, out) = (one_knee::specimen(), TempDir::new().unwrap());
     let path = |name: &str| out.path().join(name).display().to_string();
     let run = |name: &str, arguments: &[&str]| {
@@ -52,6 +52,43 @@ fn four_verbs_tell_data_of_their_schemas() {
         told["calibrated"].as_str().unwrap(),
         out.path().join("c/model.json").canonicalize().unwrap().display().to_string()
     );
+}
+
+/// The verbs that answer with what they found or wrote.
+#[test]
+fn what_was_found_and_written_is_data_too() {
+    let (knee, out) = (one_knee::specimen(), TempDir::new().unwrap());
+    let path = |name: &str| out.path().join(name).display().to_string();
+    let run = |name: &str, arguments: &[&str]| {
+        let run = build_model().args(arguments).arg("--json").assert().success();
+        held(name, &run.get_output().stdout)
+    };
+    let place = knee.to_str().unwrap();
+    let bones = knee.join("ct").display().to_string();
+    let told = run("init", &["init", &path("new"), "--from", &bones]);
+    let placed = told["files"].as_array().unwrap().iter().filter_map(|f| f["to"].as_str());
+    assert!(placed.map(|to| assert!(out.path().join("new").join(to).exists(), "{to}")).count() >= 2);
+    let wanted = told["missing"].as_array().unwrap();
+    assert!(wanted.iter().any(|m| m.as_str().unwrap().contains("scans/femur.ply")), "{wanted:?}");
+
+    let told = run("phantom", &["phantom", "right-phantom", &path("phantom")]);
+    assert!(told["files"].as_array().unwrap().iter().any(|f| f == "specimen.toml"));
+    let told = run("check", &["check", place, "--out", &path("check")]);
+    assert!(told.as_array().unwrap().iter().all(|item| item["state"] != "fault"));
+    let told = run("inspect", &["inspect", place]);
+    assert!(told.as_array().unwrap().iter().any(|s| s["stage"] == "assemble" && s["files"][0]["bytes"].is_u64()));
+    let told = run("cohort", &["cohort", place, "--out", &path("cohort")]);
+    assert_eq!((&told["knees"][0]["status"], &told["knees"][0]["failed"]), (&"built".into(), &Value::Null));
+    run("options", &["options"]);
+
+    let laxity = format!("rks={}", knee.join("laxity/rks.csv").display());
+    let told = run("diagnose", &["diagnose", place, "--measured", &laxity, "--atlas", "--out", &path("atlas")]);
+    assert_eq!(told["result"], serde_json::from_str::<Value>(&text(&out.path().join("atlas/atlas.json"))).unwrap());
+    let told = run("export", &["export", place, "--format", "abaqus", "--out", &path("deck")]);
+    let main = told["files"].as_array().unwrap().iter().filter_map(Value::as_str).find(|f| f.ends_with("_flex.inp"));
+    let deck = out.path().join("deck").join(main.unwrap()).display().to_string();
+    let told = run("import", &["import-abaqus", &deck, "--out", &path("model")]);
+    assert!(told["fibres"].as_u64().unwrap() >= 30 && out.path().join("model/model.json").exists());
 }
 
 #[test]

@@ -10,6 +10,7 @@ use crate::store;
 use clap::Args;
 use meshes::frame::Side;
 use meshes::query::SurfaceQuery;
+use schemars::JsonSchema;
 use serde::Serialize;
 use stages::anatomy::{AnatomyReport, check_anatomy};
 use stages::ingest::{self, OPTIONAL_PATHS, of_knee};
@@ -35,7 +36,7 @@ pub struct CheckArgs {
 }
 
 /// How an input stands.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, JsonSchema)]
 #[serde(rename_all = "lowercase")]
 pub enum State {
     /// There, and good.
@@ -49,7 +50,7 @@ pub enum State {
 }
 
 /// An input with what was found and what it means.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct Item {
     /// What it is, by its key in specimen.toml.
     pub input: String,

@@ -341,7 +341,7 @@ fn known_folder(args: &BuildArgs) -> Result<&BuildArgs, BuildError> {
 fn answer_verb(verb: Verb) -> Result<Told, BuildError> {
     let words = |text: Result<String, BuildError>| text.map(Told::words);
     match verb {
-        Verb::Init { dir, from, side } => words(init::init(&dir, &from, side)),
+        Verb::Init { dir, from, side } => init::init(&dir, &from, side),
         Verb::Check(args) => words(check::check(&args)),
         Verb::Build(args) => run::run(&args),
         Verb::Open { dir, print, view } => words(open::open(&dir, print, view)),
@@ -351,7 +351,7 @@ fn answer_verb(verb: Verb) -> Result<Told, BuildError> {
         Verb::Inspect { dir, stage, json } => words(inspect::inspect(&dir, stage.as_deref(), json)),
         Verb::Phantom { id, dir, seed, volume, hide, build } => {
             let wrote = phantom::write(&id, seed, volume, hide.as_deref(), &dir)?;
-            if build { run::run(&BuildArgs::of(dir)) } else { Ok(Told::words(wrote)) }
+            if build { run::run(&BuildArgs::of(dir)) } else { Ok(wrote) }
         }
         Verb::Fetch { id, dir, mirror, patience } => words(fetch::fetch(&id, &dir, mirror.as_deref(), patience)),
         Verb::ImportAbaqus(args) => import::import_abaqus(&args),
@@ -364,7 +364,7 @@ fn answer_verb(verb: Verb) -> Result<Told, BuildError> {
         Verb::Diagnose(args) => diagnose::run(&args),
         Verb::Plan(args) => plan::plan(&args),
         Verb::Credibility(args) => credibility::credibility(&args),
-        Verb::Cohort(args) => words(cohort::cohort(&args)),
+        Verb::Cohort(args) => cohort::cohort(&args),
         Verb::Schema { name } => words(schema::schema(&name)),
         Verb::Blind(verb) => words(blind::run(&verb)),
         Verb::Report { dir, compare } => words(report::rewrite(&dir, compare.as_deref())),

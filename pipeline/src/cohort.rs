@@ -2,8 +2,10 @@
 
 use crate::error::BuildError;
 use crate::store;
+use crate::told::{Told, schemas};
 use clap::Args;
-use serde_json::json;
+use schemars::JsonSchema;
+use serde::Serialize;
 use std::path::{Path, PathBuf};
 
 mod knee;
@@ -24,15 +26,53 @@ pub struct CohortArgs {
     /// Folder for cohort.html and the tables (CSV and Parquet)
     #[arg(long)]
     pub out: PathBuf,
-    /// Print who failed, who needs a look and why, as JSON
-    #[arg(long)]
-    pub json: bool,
+}
+
+/// `cohort --json`.
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+pub struct CohortTold {
+    /// cohort/1
+    pub schema: &'static str,
+    /// Every knee, in the order given.
+    pub knees: Vec<KneeTold>,
+    /// The page and the tables.
+    pub files: Vec<String>,
+}
+
+/// A knee of a cohort.
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+pub struct KneeTold {
+    /// Its name in the cohort.
+    pub knee: String,
+    /// The specimen's own name.
+    pub specimen: String,
+    /// built or failed.
+    pub status: String,
+    /// Where and why its build stopped; null where it did not.
+    pub failed: Option<FailedTold>,
+    /// The last stage that stands; null where none does.
+    pub last_stage: Option<String>,
+    /// How many warnings its build has.
+    pub warnings: usize,
+    /// In what it stands out of the cohort, a sentence each.
+    pub outliers: Vec<String>,
+    /// Its report; null where there is none.
+    pub report: Option<String>,
+}
+
+/// What stopped a build.
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+pub struct FailedTold {
+    /// The stage.
+    pub stage: String,
+    /// Why, and what to do.
+    pub message: String,
 }
 
 /// Reads every build and writes the page and the tables; gives the words to print.
 ///
 /// A build that failed, or is not there, is a row like any other. Errors: no build at all, files that cannot be written.
-pub fn cohort(args: &CohortArgs) -> Result<String, BuildError> {
+pub fn cohort(args: &CohortArgs) -> Result<Told, BuildError> {
     let knees: Vec<Knee> =
         names(&args.builds).iter().zip(&args.builds).map(|(n, place)| Knee::read(n, place)).collect();
     if knees.iter().all(|k| k.folder.is_none()) {
@@ -51,10 +91,7 @@ pub fn cohort(args: &CohortArgs) -> Result<String, BuildError> {
     }
     files.push(("cohort.html".to_owned(), page::page(&knees, &outliers, &tables, &out).into_bytes()));
     store::write_all(&out, &files)?;
-    if args.json {
-        return Ok(as_json(&knees, &outliers, &files, &out));
-    }
-    Ok(words(&knees, &outliers, &out))
+    Ok(Told::words(words(&knees, &outliers, &out)).with(&as_data(&knees, &outliers, &files, &out)))
 }
 
 /// What each knee is called: its folder's name, with as many folders above it as tell it from the others.
@@ -105,27 +142,25 @@ fn words(knees: &[Knee], outliers: &[Outlier], out: &Path) -> String {
     text + &format!("{} knees, {failed} failed\nLook at {}\n", knees.len(), out.join("cohort.html").display())
 }
 
-fn as_json(knees: &[Knee], outliers: &[Outlier], files: &[(String, Vec<u8>)], out: &Path) -> String {
-    let each: Vec<serde_json::Value> = knees
-        .iter()
-        .map(|k| {
-            let failed = match &k.status {
-                Status::Failed { stage, message } => json!({"stage": stage, "message": message}),
-                Status::Built => serde_json::Value::Null,
-            };
-            json!({
-                "knee": k.name, "specimen": k.specimen, "status": k.status.name(), "failed": failed,
-                "last_stage": k.last_stage(), "warnings": k.warnings().count(),
-                "outliers": of(outliers, k).iter().map(|o| o.words()).collect::<Vec<_>>(),
-                "report": k.report().map(|p| p.display().to_string()),
-            })
-        })
-        .collect();
-    let files: Vec<String> = files.iter().map(|(name, _)| out.join(name).display().to_string()).collect();
-    let mut text =
-        serde_json::to_string_pretty(&json!({"schema": "cohort/1", "knees": each, "files": files})).unwrap_or_default();
-    text.push('\n');
-    text
+fn as_data(knees: &[Knee], outliers: &[Outlier], files: &[(String, Vec<u8>)], out: &Path) -> CohortTold {
+    let knee = |k: &Knee| KneeTold {
+        knee: k.name.clone(),
+        specimen: k.specimen.clone(),
+        status: k.status.name().to_owned(),
+        failed: match &k.status {
+            Status::Failed { stage, message } => Some(FailedTold { stage: stage.clone(), message: message.clone() }),
+            Status::Built => None,
+        },
+        last_stage: k.last_stage().map(str::to_owned),
+        warnings: k.warnings().count(),
+        outliers: of(outliers, k).iter().map(|o| o.words()).collect(),
+        report: k.report().map(|p| p.display().to_string()),
+    };
+    CohortTold {
+        schema: schemas::COHORT,
+        knees: knees.iter().map(knee).collect(),
+        files: files.iter().map(|(name, _)| out.join(name).display().to_string()).collect(),
+    }
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@ use crate::options::{BuildOptions, Override, parse_override, resolve};
 use crate::record::hash;
 use crate::report::diagnosis_page;
 use crate::store;
-use crate::told::Told;
+use crate::told::{ModelTold, Told, schemas};
 use crate::which_model::WhichModel;
 use calibration::options::{CalibrateOptions, Method};
 use clap::Args;
@@ -17,6 +17,9 @@ use diagnosis::diagnosis::{Calibration, Diagnosis, Outcome, diagnose};
 use diagnosis::search::DiagnosisOptions;
 use diagnosis::trial::Source;
 use notices::Notice;
+use schemars::JsonSchema;
+use serde::Serialize;
+use serde_json::Value;
 use sim::names::{did_you_mean, with_suggestion};
 use sim::spec::ModelSpec;
 use std::collections::BTreeMap;
@@ -53,6 +56,25 @@ pub struct DiagnoseArgs {
     pub jobs: Option<u16>,
 }
 
+/// `diagnose --json`.
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+pub struct DiagnoseTold {
+    /// diagnose/1
+    pub schema: &'static str,
+    /// The model that was held against the trials.
+    pub model: ModelTold,
+    /// Where the files lie.
+    pub folder: String,
+    /// The page to look at.
+    pub page: String,
+    /// diagnosis.json, of the schema diagnosis/1; with `--atlas` atlas.json.
+    pub result: Value,
+    /// What is odd, in sentences.
+    pub warnings: Vec<String>,
+    /// The same as values.
+    pub notices: Vec<Notice>,
+}
+
 /// `kla=laxity/kla.csv`.
 pub fn named_file(text: &str) -> Result<(String, PathBuf), String> {
     match text.split_once('=') {
@@ -77,7 +99,18 @@ pub fn run_with(args: &DiagnoseArgs, options: &DiagnosisOptions) -> Result<Told,
     let (sources, odd) = sources(&args.measured)?;
     let loaded = model_file::load_which(&args.model, &args.which)?;
     let told = Told { models: vec![loaded.told()], ..Told::words(loaded.line()).odd(odd) };
-    let tell = |words: String| Told { words: told.words.clone() + &words, ..told.clone() };
+    let tell = |words: String, page: &str, json: &[u8]| {
+        let data = DiagnoseTold {
+            schema: schemas::DIAGNOSE,
+            model: ModelTold::of(&loaded),
+            folder: args.out.display().to_string(),
+            page: args.out.join(page).display().to_string(),
+            result: serde_json::from_slice(json).unwrap_or_default(),
+            warnings: told.warning_texts(),
+            notices: told.warnings.clone(),
+        };
+        Told { words: told.words.clone() + &words, ..told.clone() }.with(&data)
+    };
     let fault = |e: &dyn std::fmt::Display| BuildError::in_file(&args.model, e);
     let calibrate = calibrate_options(args, &loaded)?;
     let model = prepared(&loaded, &calibrate).map_err(|e| fault(&e))?;
@@ -89,18 +122,23 @@ pub fn run_with(args: &DiagnoseArgs, options: &DiagnosisOptions) -> Result<Told,
             .map_err(|e| fault(&e))?;
         let json = as_json(&atlas)?;
         let page = diagnosis_page::atlas(&loaded.spec.id, &atlas);
-        store::write_all(&args.out, &[("atlas.json".into(), json), ("atlas.html".into(), page.clone().into_bytes())])?;
-        return Ok(tell(diagnosis::atlas::table(&atlas)));
+        let files = [("atlas.json".to_owned(), json.clone()), ("atlas.html".to_owned(), page.into_bytes())];
+        store::write_all(&args.out, &files)?;
+        return Ok(tell(diagnosis::atlas::table(&atlas), "atlas.html", &json));
     }
     let start = start(&loaded, &sources, options.seed, &calibrate)?;
     let calibration = Calibration { options: &calibrate, mode: start.as_ref() };
     let outcome = diagnose(&model, &loaded.spec, &sources, &catalogue, options, calibration)
         .and_then(|o| o.with_provenance(&provenance))
         .map_err(|e| fault(&e))?;
-    write(args, &loaded, &outcome)?;
-    let page = args.out.join("report.html");
-    Ok(tell(in_words(&outcome.diagnosis, &page)))
+    let json = write(args, &loaded, &outcome)?;
+    Ok(tell(in_words(&outcome.diagnosis, &args.out.join(PAGE)), PAGE, &json))
 }
+
+/// The page of a diagnosis.
+const PAGE: &str = "report.html";
+/// The diagnosis for programs.
+const DIAGNOSIS: &str = "diagnosis.json";
 
 /// What is told at the end: plain words, the numbers, the page.
 fn in_words(d: &Diagnosis, page: &Path) -> String {
@@ -219,13 +257,15 @@ pub fn options(path: Option<&Path>) -> Result<DiagnosisOptions, BuildError> {
     })
 }
 
-fn write(args: &DiagnoseArgs, loaded: &LoadedModel, outcome: &Outcome) -> Result<(), BuildError> {
+/// Writes all files; gives diagnosis.json.
+fn write(args: &DiagnoseArgs, loaded: &LoadedModel, outcome: &Outcome) -> Result<Vec<u8>, BuildError> {
     let out = store::make_folder(&args.out)?;
     let files = files_of(&outcome.diagnosis, &outcome.components, |added| {
         let spec = outcome.model.as_ref().filter(|_| added).unwrap_or(&loaded.spec);
         model_file::moved(spec, &loaded.folder, &out)
     })?;
-    store::write_all(&out, &files)
+    store::write_all(&out, &files)?;
+    Ok(files.into_iter().find(|(name, _)| name == DIAGNOSIS).map(|(_, bytes)| bytes).unwrap_or_default())
 }
 
 /// diagnosis.json, report.html, components/ and model.json; `model` gives the latter, with what was added or as it was.
@@ -244,8 +284,8 @@ pub(crate) fn files_of(
     }
     let spec = model(!components.is_empty());
     files.push(("model.json".into(), as_json(&spec)?));
-    files.push(("report.html".into(), diagnosis_page::page(&spec.id, &diagnosis).into_bytes()));
-    files.push(("diagnosis.json".into(), as_json(&diagnosis)?));
+    files.push((PAGE.into(), diagnosis_page::page(&spec.id, &diagnosis).into_bytes()));
+    files.push((DIAGNOSIS.into(), as_json(&diagnosis)?));
     Ok(files)
 }
 

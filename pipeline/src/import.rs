@@ -2,9 +2,12 @@
 
 use crate::error::{BuildError, Place};
 use crate::store;
-use crate::told::Told;
+use crate::told::{Told, schemas};
 use clap::Args;
 use decks::{ImportedDeck, lower_cartilage, replace_fibres};
+use notices::Notice;
+use schemars::JsonSchema;
+use serde::Serialize;
 use std::path::{Path, PathBuf};
 
 /// `build-model import-abaqus`.
@@ -64,6 +67,29 @@ pub fn imported(args: &ImportArgs) -> Result<ImportedDeck, BuildError> {
     Ok(deck)
 }
 
+/// `import-abaqus --json`.
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+pub struct ImportTold {
+    /// import/1
+    pub schema: &'static str,
+    /// The specimen's name.
+    pub id: String,
+    /// The model.json.
+    pub model: String,
+    /// All files, by their paths below the folder of `--out`.
+    pub files: Vec<String>,
+    /// Bundles of ligaments.
+    pub bundles: usize,
+    /// Their fibres.
+    pub fibres: usize,
+    /// Pairs of cartilages in contact.
+    pub contact_pairs: usize,
+    /// What is odd, in sentences.
+    pub warnings: Vec<String>,
+    /// The same as values.
+    pub notices: Vec<Notice>,
+}
+
 /// Writes the model; gives the words to print.
 pub fn import_abaqus(args: &ImportArgs) -> Result<Told, BuildError> {
     let deck = imported(args)?;
@@ -77,5 +103,16 @@ pub fn import_abaqus(args: &ImportArgs) -> Result<Told, BuildError> {
         deck.spec.contact.pairs.len(),
         args.out.join("model.json").display()
     );
-    Ok(Told::words(words).odd(deck.warnings))
+    let data = ImportTold {
+        schema: schemas::IMPORT,
+        id: deck.spec.id.clone(),
+        model: args.out.join("model.json").display().to_string(),
+        files: files.iter().map(|(name, _)| name.clone()).collect(),
+        bundles: deck.spec.bundles.len(),
+        fibres: deck.spec.fibres.len(),
+        contact_pairs: deck.spec.contact.pairs.len(),
+        warnings: notices::texts(&deck.warnings),
+        notices: deck.warnings.clone(),
+    };
+    Ok(Told::words(words).odd(deck.warnings).with(&data))
 }

@@ -8,8 +8,11 @@ mod template;
 use crate::error::BuildError;
 use crate::quoted::quoted;
 use crate::store;
+use crate::told::{Told, schemas};
 use formats::kind::{Kind, kind_of};
 use formats::read_surface;
+use schemars::JsonSchema;
+use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -35,6 +38,32 @@ struct Placed {
     bytes: Vec<u8>,
 }
 
+/// A file that was given, with its place.
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+pub struct PlacedTold {
+    /// The file as given.
+    pub from: String,
+    /// Its place in the specimen's folder; null where it was left out.
+    pub to: Option<String>,
+    /// What it was taken for, or why it was left out.
+    pub why: String,
+}
+
+/// `init --json`.
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+pub struct InitTold {
+    /// init/1
+    pub schema: &'static str,
+    /// The specimen's folder.
+    pub folder: String,
+    /// What became of every given file.
+    pub files: Vec<PlacedTold>,
+    /// left or right; null where nothing shows it, and specimen.toml then says left.
+    pub side: Option<String>,
+    /// What a build needs and nobody gave, a sentence each.
+    pub missing: Vec<String>,
+}
+
 /// Which knee, as it is given.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
 pub enum SideName {
@@ -54,7 +83,7 @@ impl SideName {
 }
 
 /// Writes a specimen folder to `dir`; what `from` holds is copied to where its geometry says it belongs.
-pub fn init(dir: &Path, from: &[PathBuf], side: Option<SideName>) -> Result<String, BuildError> {
+pub fn init(dir: &Path, from: &[PathBuf], side: Option<SideName>) -> Result<Told, BuildError> {
     if !store::list(dir).is_empty() {
         return Err(BuildError::of_file(
             dir,
@@ -78,26 +107,43 @@ pub fn init(dir: &Path, from: &[PathBuf], side: Option<SideName>) -> Result<Stri
     for folder in ["ct", "scans", "laxity"].into_iter().filter(|f| *f == "laxity" || !without_scans) {
         store::make_folder(&dir.join(folder))?;
     }
+    let data = InitTold {
+        schema: schemas::INIT,
+        folder: dir.display().to_string(),
+        files: placed
+            .iter()
+            .map(|p| PlacedTold { from: p.from.clone(), to: p.to.clone(), why: p.why.clone() })
+            .collect(),
+        side: filled.side.map(str::to_owned),
+        missing: missing(&filled),
+    };
+    Ok(Told::words(words(dir, &placed, &filled, &told)).with(&data))
+}
+
+/// What was placed where, what is missing, and what to type next.
+fn words(dir: &Path, placed: &[Placed], filled: &Filled, told: &str) -> String {
     let mut text = String::new();
-    for p in &placed {
+    for p in placed {
         let to = p.to.as_deref().map_or("left out".into(), |to| format!("-> {to}"));
         if !p.why.is_empty() {
             let _ = writeln!(text, "{} {to}: {}", p.from, p.why);
         }
     }
-    text += &told;
+    text += told;
     let _ = writeln!(text, "A specimen folder is in {}.", dir.display());
     if placed.is_empty() {
         text += "Put the bones of CT into ct/, the scans into scans/, and name them in specimen.toml.\n";
     } else {
-        text += &missing(&filled);
+        for what in missing(filled) {
+            let _ = writeln!(text, "Missing: {what}");
+        }
         if filled.side.is_none() {
             text += "Missing: the side. Nothing that was given shows it; specimen.toml says \"left\", which is no more than a guess: correct it there, or give init --side left or right\n";
         }
         text += "What was guessed is above. Read specimen.toml, and correct what is wrong.\n";
     }
     let _ = writeln!(text, "Next: build-model check {}", quoted(dir));
-    Ok(text)
+    text
 }
 
 /// Takes the side that is given; gives what is told of the side.
@@ -112,12 +158,12 @@ fn with_side(filled: &mut Filled, given: Option<&'static str>, told: String) -> 
 }
 
 /// What a build needs and nobody gave, with what to do.
-fn missing(filled: &Filled) -> String {
+fn missing(filled: &Filled) -> Vec<String> {
     let has = |table: &str, key: &str| filled.paths.contains_key(&(table.to_owned(), key.to_owned()));
-    let mut out = String::new();
+    let mut out = Vec::new();
     let mut lacks = |is: bool, what: &str| {
         if is {
-            let _ = writeln!(out, "Missing: {what}");
+            out.push(what.to_owned());
         }
     };
     if !filled.labels.is_empty() {

@@ -6,8 +6,40 @@ use crate::record::{Failure, Record};
 use crate::stage::list::{folder_name, named};
 use crate::store;
 use notices::{Notice, firsts};
+use schemars::JsonSchema;
+use serde::Serialize;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
+
+/// An entry of `inspect --json`.
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+#[serde(untagged)]
+pub enum StageTold {
+    /// What a stage made.
+    Made {
+        /// Its line of the log.
+        #[serde(flatten)]
+        record: Record,
+        /// Its folder's name.
+        folder: String,
+        /// What lies there.
+        files: Vec<FileTold>,
+    },
+    /// The last entry of a build that stopped.
+    Stopped {
+        /// What stopped it.
+        failed: Failure,
+    },
+}
+
+/// A file of a stage.
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+pub struct FileTold {
+    /// Its path below the stage's folder.
+    pub name: String,
+    /// Its size.
+    pub bytes: u64,
+}
 
 /// What the stages of a build made, or one stage in full.
 pub fn inspect(dir: &Path, stage: Option<&str>, json: bool) -> Result<String, BuildError> {
@@ -82,19 +114,13 @@ fn size(bytes: u64) -> String {
 
 /// The log as one JSON array, every stage with its folder and files; what stopped the build as a last element `{"failed": {...}}`.
 fn facts(build: &Path, records: &[Record], failure: Option<&Failure>) -> String {
-    let mut all: Vec<serde_json::Value> = records
-        .iter()
-        .map(|r| {
-            let files = store::sizes(&build.join(folder_name(&r.stage)));
-            let files: Vec<_> =
-                files.iter().map(|(name, bytes)| serde_json::json!({"name": name, "bytes": bytes})).collect();
-            let mut value = serde_json::to_value(r).unwrap_or_default();
-            value["folder"] = folder_name(&r.stage).into();
-            value["files"] = files.into();
-            value
-        })
-        .collect();
-    all.extend(failure.map(|f| serde_json::json!({"failed": f})));
+    let stage = |r: &Record| {
+        let files = store::sizes(&build.join(folder_name(&r.stage)));
+        let files = files.into_iter().map(|(name, bytes)| FileTold { name, bytes }).collect();
+        StageTold::Made { record: r.clone(), folder: folder_name(&r.stage), files }
+    };
+    let mut all: Vec<StageTold> = records.iter().map(stage).collect();
+    all.extend(failure.map(|f| StageTold::Stopped { failed: f.clone() }));
     let mut text = serde_json::to_string_pretty(&all).unwrap_or_default();
     text.push('\n');
     text

@@ -16,7 +16,7 @@ mod comments {
 }
 
 /// An option as it is shown.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, schemars::JsonSchema)]
 pub struct OptionDoc {
     /// `stage.key`, as after `--set`.
     pub key: String,

@@ -1,15 +1,12 @@
 //! What is printed where: words on standard output and warnings on standard error; with `--json` data on the one and errors as data on the other.
 
 use crate::error::{BuildError, OUR_FAULT};
-use crate::store;
 use crate::told::{ErrorTold, Told, schemas};
 use clap::{Arg, ArgAction, ArgMatches, Command};
 use notices::Notice;
 use schemars::JsonSchema;
 use serde::Serialize;
-use serde_json::Value;
 use std::ffi::OsString;
-use std::path::{Path, PathBuf};
 
 /// The id of the flag, which is not that of a verb's own `--json`.
 const JSON: &str = "output_as_json";
@@ -44,7 +41,6 @@ pub fn with_flags(command: Command) -> Command {
 #[derive(Clone, Debug, Default)]
 pub struct Asked {
     verb: String,
-    out: Option<PathBuf>,
     json: bool,
     quiet: bool,
 }
@@ -57,8 +53,7 @@ pub fn asked(matches: &ArgMatches) -> Asked {
         return Asked { verb: format!("{verb} {}", within.verb), ..within };
     }
     let flag = |id: &str| inner.try_get_one::<bool>(id).ok().flatten().copied().unwrap_or(false);
-    let out = inner.try_get_one::<PathBuf>("out").ok().flatten().cloned();
-    Asked { verb: verb.to_owned(), out, json: flag(JSON), quiet: flag(QUIET) || flag("quiet") }
+    Asked { verb: verb.to_owned(), json: flag(JSON), quiet: flag(QUIET) || flag("quiet") }
 }
 
 /// Whether the words of a command line ask for JSON; told of a line that cannot be read, too.
@@ -81,9 +76,6 @@ pub struct Output {
     notices: Vec<Notice>,
     /// Its lines, as they would be printed.
     lines: Vec<String>,
-    /// Of `diagnose`: diagnosis.json, or atlas.json.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    result: Option<Value>,
 }
 
 /// Version of [`Output`].
@@ -113,7 +105,6 @@ fn as_json(asked: &Asked, told: &Told) -> String {
             warnings: notices::texts(&told.warnings),
             notices: told.warnings.clone(),
             lines: lines().collect(),
-            result: asked.out.as_deref().filter(|_| asked.verb == "diagnose").and_then(result),
         })
         .ok()
     });
@@ -124,12 +115,6 @@ fn pretty(value: &impl Serialize) -> String {
     let mut text = serde_json::to_string_pretty(value).unwrap_or_default();
     text.push('\n');
     text
-}
-
-/// What a diagnosis wrote last.
-fn result(out: &Path) -> Option<Value> {
-    let place = store::first_that_exists(&[out.join("diagnosis.json"), out.join("atlas.json")]);
-    serde_json::from_str(&store::read_text(&place).ok()?).ok()
 }
 
 /// An error as JSON.
@@ -180,12 +165,12 @@ mod tests {
     use super::*;
     use crate::error::Place;
     use notices::Kind;
-    use serde_json::json;
+    use serde_json::{Value, json};
 
     #[test]
     fn warnings_are_apart_from_the_rest() {
         let told = Told::words("2 rows in b\n").odd(vec![Kind::DeckOdd.notice("a: odd")]);
-        let asked = |json, quiet| Asked { verb: "init".into(), json, quiet, out: None };
+        let asked = |json, quiet| Asked { verb: "init".into(), json, quiet };
         assert_eq!(streams(&asked(false, false), &told), ("2 rows in b\n".into(), "warning: a: odd\n".into()));
         assert_eq!(streams(&asked(false, true), &told), (String::new(), String::new()));
         let (out, err) = streams(&asked(true, true), &told);

@@ -3,11 +3,13 @@
 use crate::error::BuildError;
 use crate::record::json;
 use crate::store;
+use crate::told::{Told, schemas};
 use blindbench::knee::{BundleInput, KneeInput};
 use blindbench::laboratory::{Case, Planned, make};
 use meshes::Point;
 use meshes::frame::AnatomicalFrame;
-use serde::Deserialize;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
 use sim::coordinate::{AP, Free, Load, SI};
 use sim::laxity::{LaxityTrial, Reference, Test, TrialResult, results_csv, trials_csv};
 use sim::spec::PoseSpec;
@@ -16,8 +18,23 @@ use stages::phantom::{MRI_PHANTOM, PhantomSpecimen};
 use std::collections::BTreeMap;
 use std::path::Path;
 
+/// `phantom --json`, without `--build`.
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+pub struct PhantomTold {
+    /// phantom/1
+    pub schema: &'static str,
+    /// Which knee.
+    pub id: String,
+    /// The seed of its noise.
+    pub seed: u64,
+    /// The specimen's folder.
+    pub folder: String,
+    /// Its files, by their paths below the folder.
+    pub files: Vec<String>,
+}
+
 /// Writes the phantom `id` to `dir`; gives the words to print. `hide`, an effect of the blind bench, is hidden in its laxity.
-pub fn write(id: &str, seed: u64, volume: bool, hide: Option<&str>, dir: &Path) -> Result<String, BuildError> {
+pub fn write(id: &str, seed: u64, volume: bool, hide: Option<&str>, dir: &Path) -> Result<Told, BuildError> {
     let fail = |e: String| BuildError::stage("phantom", e);
     let made = if volume { stages::phantom::phantom_volume(id, seed) } else { stages::phantom::phantom(id, seed) };
     let mut made = made.map_err(|e| fail(e.to_string()))?;
@@ -38,11 +55,19 @@ pub fn write(id: &str, seed: u64, volume: bool, hide: Option<&str>, dir: &Path) 
         ));
     }
     store::write_all(dir, &made.files)?;
-    Ok(format!(
+    let data = PhantomTold {
+        schema: schemas::PHANTOM,
+        id: id.to_owned(),
+        seed,
+        folder: dir.display().to_string(),
+        files: made.files.iter().map(|(name, _)| name.clone()).collect(),
+    };
+    let words = format!(
         "A synthetic knee, {id}, is in {}. Build its model: build-model {}\n",
         dir.display(),
         crate::quoted::quoted(dir)
-    ))
+    );
+    Ok(Told::words(words).with(&data))
 }
 
 /// What truth.json tells that a laboratory needs.

@@ -33,7 +33,7 @@ pub struct Record {
 }
 
 /// What stopped a build; kept as failure.json until a build goes through.
-#[derive(Clone, Debug, Serialize, Deserialize)]
+#[derive(Clone, Debug, Serialize, Deserialize, schemars::JsonSchema)]
 pub struct Failure {
     /// The stage.
     pub stage: String,
@@ -47,6 +47,7 @@ pub struct Failure {
     pub row: Option<usize>,
     /// The places that the message names, in CT.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    #[schemars(with = "Vec<serde_json::Value>")]
     pub marks: Vec<Mark>,
 }
 

@@ -1,7 +1,15 @@
 //! `schema`: what other programs may rely on in the files that the program writes, generated from the types that write them.
 
+use crate::check;
+use crate::cohort::CohortTold;
+use crate::diagnose::DiagnoseTold;
 use crate::error::BuildError;
+use crate::import::ImportTold;
+use crate::init::InitTold;
+use crate::inspect;
+use crate::option_docs;
 use crate::output::{OUTPUT, Output};
+use crate::phantom::PhantomTold;
 use crate::plan;
 use crate::record::Record;
 use crate::told::{CalibrateTold, ErrorTold, ExportTold, SimulateTold, ValidateTold, schemas};
@@ -17,7 +25,7 @@ struct Entry {
     make: fn() -> Value,
 }
 
-const ALL: [Entry; 12] = [
+const ALL: [Entry; 20] = [
     Entry { name: "model", version: "model/1", what: "model.json", make: made::<sim::spec::ModelSpec> },
     Entry {
         name: "diagnosis",
@@ -37,6 +45,14 @@ const ALL: [Entry; 12] = [
     Entry { name: "calibrate", version: schemas::CALIBRATE, what: "calibrate --json", make: made::<CalibrateTold> },
     Entry { name: "validate", version: schemas::VALIDATE, what: "validate --json", make: made::<ValidateTold> },
     Entry { name: "export", version: schemas::EXPORT, what: "export --json", make: made::<ExportTold> },
+    Entry { name: "diagnose", version: schemas::DIAGNOSE, what: "diagnose --json", make: made::<DiagnoseTold> },
+    Entry { name: "init", version: schemas::INIT, what: "init --json", make: made::<InitTold> },
+    Entry { name: "check", version: "check/1", what: "check --json: every input", make: made::<Vec<check::Item>> },
+    Entry { name: "inspect", version: "inspect/1", what: "inspect --json", make: made::<Vec<inspect::StageTold>> },
+    Entry { name: "options", version: "options/1", what: "options --json", make: made::<Vec<option_docs::OptionDoc>> },
+    Entry { name: "phantom", version: schemas::PHANTOM, what: "phantom --json", make: made::<PhantomTold> },
+    Entry { name: "import", version: schemas::IMPORT, what: "import-abaqus --json", make: made::<ImportTold> },
+    Entry { name: "cohort", version: schemas::COHORT, what: "cohort --json", make: made::<CohortTold> },
     Entry {
         name: "credibility",
         version: crate::credibility::SCHEMA,
@@ -52,7 +68,7 @@ fn made<T: JsonSchema>() -> Value {
 }
 
 /// The names of the schemas.
-pub fn names() -> [&'static str; 12] {
+pub fn names() -> [&'static str; 20] {
     ALL.map(|e| e.name)
 }
 

@@ -232,6 +232,16 @@ pub mod schemas {
     pub const VALIDATE: &str = "validate/1";
     /// Of [`super::ExportTold`].
     pub const EXPORT: &str = "export/1";
+    /// Of [`crate::init::InitTold`].
+    pub const INIT: &str = "init/1";
+    /// Of [`crate::import::ImportTold`].
+    pub const IMPORT: &str = "import/1";
+    /// Of [`crate::phantom::PhantomTold`].
+    pub const PHANTOM: &str = "phantom/1";
+    /// Of [`crate::diagnose::DiagnoseTold`].
+    pub const DIAGNOSE: &str = "diagnose/1";
+    /// Of [`crate::cohort::CohortTold`].
+    pub const COHORT: &str = "cohort/1";
     /// Of [`super::ErrorTold`].
     pub const ERROR: &str = "error/1";
 }
