@@ -137,7 +137,7 @@ impl NoiseEstimate {
         (off && far).then(|| {
             notices::Kind::NoiseStated
                 .notice(format!(
-                    "{}: {} scatters by {:.2} ({:.2} to {:.2}, {:.0} %), the file states {:.2}",
+                    "{}: {} scatters by {:.2} ({:.2} to {:.2}, {:.0} %), {:.2} was taken",
                     self.source,
                     self.coordinate,
                     self.inferred,

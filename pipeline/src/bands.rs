@@ -42,6 +42,9 @@ pub(crate) fn of(loaded: &LoadedModel) -> Result<(Option<Samples>, Vec<Notice>),
     Ok((Some(samples), vec![]))
 }
 
+/// An interval needs so many samples [-].
+const FEWEST: usize = 2;
+
 /// What is asked of the samples of a model.
 #[derive(Clone, Copy)]
 pub(crate) struct Asking<'a> {
@@ -117,6 +120,16 @@ pub(crate) fn by(samples: &Samples, loaded: &LoadedModel, results: &mut [TrialRe
         outside = [outside[0] + own.len(), outside[1] + usize::from(!own.is_empty())];
         r.flags.extend((!own.is_empty()).then(|| format!("{OUTSIDE}{}", own.join(" "))));
     }
+    if bands.asked < FEWEST {
+        let what =
+            format!("--samples {}: no intervals; they need {FEWEST} samples, 0 is the single model", bands.asked);
+        return none(what);
+    }
+    let fewer = if asking.most > bands.asked {
+        format!(" (all that it left; {} were asked for)", asking.most)
+    } else {
+        String::new()
+    };
     let n = (100.0 * samples.of.interval).round();
     let error = error_of_ends(bands.asked, samples.of.interval)
         .map_or(String::new(), |e| format!("; an end errs by {:.0} % of half an interval", 100.0 * e));
@@ -135,7 +148,7 @@ pub(crate) fn by(samples: &Samples, loaded: &LoadedModel, results: &mut [TrialRe
             .count(bands.lost)
     });
     Banded {
-        words: format!("mean and {n} % interval by {} samples of the posterior{error}\n{of_one}", bands.asked),
+        words: format!("mean and {n} % interval by {} samples of the posterior{fewer}{error}\n{of_one}", bands.asked),
         warnings: lost.into_iter().collect(),
         samples: bands.asked,
         outside,

@@ -187,10 +187,27 @@ fn geometry(file: &SpecimenFile, raw: &RawSpecimen, options: &BuildOptions) -> V
         items.extend(volume(file, raw, options));
     }
     items.extend(absent);
-    if file.ct.volume.is_none() && items.iter().all(|i| i.state != State::Fault) {
-        whole(file, raw, options, &mut items);
+    if file.ct.volume.is_none() {
+        if items.iter().all(|i| i.state != State::Fault) {
+            whole(file, raw, options, &mut items);
+        } else {
+            items.extend(not_yet(file));
+        }
     }
     items
+}
+
+/// Points that are named and not looked at, because surfaces are at fault.
+fn not_yet(file: &SpecimenFile) -> impl Iterator<Item = Item> {
+    let named = [
+        ("points.landmarks", &file.points.landmarks),
+        ("points.marks", &file.points.marks),
+        ("points.attachments", &file.points.attachments),
+    ];
+    named.into_iter().filter_map(|(key, path)| {
+        let found = format!("{}: not looked at, because a surface is at fault", path.as_ref()?);
+        Some(Item::new(key, State::Look, found, "mend what is a FAULT, then check again"))
+    })
 }
 
 /// The CT volume and the label map beside it, as far as their files tell.

@@ -6,7 +6,7 @@ use crate::error::BuildError;
 use calibration::options::CalibrateOptions;
 use diagnosis::search::DiagnosisOptions;
 use serde::{Deserialize, Serialize};
-use sim::names::{did_you_mean, nearest};
+use sim::names::{did_you_mean, in_words, nearest};
 use sim::protocols::ProtocolOptions;
 use stages::assemble::AssembleOptions;
 use stages::attachments::AttachmentsOptions;
@@ -214,7 +214,7 @@ fn check(stage: &str, options: &Table) -> Result<(), String> {
         message
             .split_once(", expected one of")
             .filter(|_| message.starts_with("unknown field"))
-            .map_or(message.clone(), |(first, _)| first.to_owned())
+            .map_or_else(|| in_words(&message), |(first, _)| first.to_owned())
     })
 }
 

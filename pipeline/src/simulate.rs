@@ -180,6 +180,11 @@ fn answers_to(
     let (base, source) = read.as_ref().map_or((&compiled.model, None), |(model, source)| (model, Some(*source)));
     if source.is_some() {
         words += &format!("poses in the frames of {}\n", args.read_as.as_deref().unwrap_or_default());
+    } else if let (Some(calibrated), true) = (&loaded.spec.calibrated, args.trials.is_some()) {
+        words += &format!(
+            "poses in the knee's own frames; --read-as {} gives them as that data set reads them\n",
+            calibrated.to.join(" or ")
+        );
     }
     let cut = if args.without.is_empty() {
         None

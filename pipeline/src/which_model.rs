@@ -40,13 +40,15 @@ pub fn chosen(path: &Path, which: &WhichModel) -> Result<PathBuf, BuildError> {
     let builds = [path.join("build"), path.to_path_buf()];
     let is_build = |b: &&PathBuf| store::exists(&b.join(ASSEMBLED)) || store::is_folder(&b.join(CALIBRATED));
     let Some(build) = builds.iter().find(is_build) else {
-        return Err(BuildError::of_file(
-            path,
-            format!(
-                "no model in {}; expected model.json there, or a build with {ASSEMBLED}: build-model build \"{0}\"",
+        let of_stage = path.parent().filter(|build| store::exists(&build.join("log.jsonl")));
+        let advice = match of_stage {
+            Some(build) => format!("it is a stage of a build, so give the build's folder: \"{}\"", build.display()),
+            None => format!(
+                "expected model.json there, or a build with {ASSEMBLED}: build-model build \"{}\"",
                 path.display()
             ),
-        ));
+        };
+        return Err(BuildError::of_file(path, format!("no model in {}; {advice}", path.display())));
     };
     let calibrated = if which.as_assembled { None } else { best(build, which.source.as_deref())? };
     match calibrated {

@@ -38,8 +38,20 @@ pub fn with_suggestion(message: &str) -> String {
         Some((name, known)) if message.starts_with("unknown") => {
             format!("{message}{}", did_you_mean(name, known.iter().copied()))
         }
-        _ => message.to_owned(),
+        _ => in_words(message),
     }
+}
+
+/// Types of the parser in words that its reader has.
+pub fn in_words(message: &str) -> String {
+    let words = [
+        ("expected f64", "expected a number"),
+        ("expected usize", "expected a whole number, 0 or more"),
+        ("expected u64", "expected a whole number, 0 or more"),
+        ("expected u32", "expected a whole number, 0 or more"),
+        ("expected a boolean", "expected true or false"),
+    ];
+    words.iter().fold(message.to_owned(), |text, (from, to)| text.replace(from, to))
 }
 
 #[cfg(test)]

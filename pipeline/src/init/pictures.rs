@@ -73,7 +73,10 @@ pub(super) fn series(files: Vec<(PathBuf, Vec<u8>)>, filled: &mut Filled) -> Vec
             out.push(leave("a smaller series than another; name it in [ct] volume if it is the knee's"));
         } else {
             filled.paths.insert(("ct".into(), "volume".into()), "ct/dicom".into());
-            let mut first = Some(format!("a DICOM series of {} files, taken for the knee's CT", files.len()));
+            let mut first = Some(format!(
+                "a DICOM series of {} files, taken for the knee's CT; all lie beside this one",
+                files.len()
+            ));
             for (path, bytes) in files {
                 let to = Some(format!("ct/dicom/{}", file_name(&path)));
                 let told = first.take();

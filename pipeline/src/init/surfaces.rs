@@ -27,13 +27,14 @@ pub(super) type Found = (Vec<Placed>, BTreeMap<Role, TriMesh>, String);
 /// Places the surfaces.
 pub(super) fn place(given: Vec<Given>, filled: &mut Filled) -> Result<Found, BuildError> {
     let (mut out, mut known, mut text) = (Vec::new(), BTreeMap::new(), String::new());
+    let names: Vec<String> = given.iter().map(|g| g.path.display().to_string()).collect();
     let (given, metres): (Vec<Given>, Vec<bool>) =
         given.into_iter().map(in_mm).collect::<Result<Vec<_>, _>>()?.into_iter().unzip();
     let meshes: Vec<ColouredMesh> = given.iter().map(|g| g.mesh.clone()).collect();
     let mut guesses = guess(&meshes);
     by_name(&given, &mut guesses.surfaces);
     let both = [Role::CtFemur, Role::CtTibfib].iter().all(|r| guesses.surfaces.iter().any(|g| g.role == Some(*r)));
-    for ((g, guess), metres) in given.into_iter().zip(guesses.surfaces).zip(metres) {
+    for (((g, guess), metres), from) in given.into_iter().zip(guesses.surfaces).zip(metres).zip(names) {
         let (mut why, mut role) = (guess.why, guess.role);
         if !filled.labels.is_empty() && !both {
             role = None;
@@ -63,7 +64,7 @@ pub(super) fn place(given: Vec<Given>, filled: &mut Filled) -> Result<Found, Bui
                 out.push(Placed { from: name, to, why: "named by a surface".into(), bytes });
             }
         }
-        out.push(Placed { from: g.path.display().to_string(), to, why, bytes: g.bytes });
+        out.push(Placed { from, to, why, bytes: g.bytes });
     }
     if let Some(side) = guesses.side {
         let name = if side.side == Side::Left { "left" } else { "right" };

@@ -186,7 +186,17 @@ fn missing(v: &Values, failure: Option<&Failure>) -> Answer {
         return answer;
     }
     let Some(diagnosed) = v.of::<Diagnosed>() else {
-        let words = "A diagnosis (build-model build DIR --to diagnose) asks whether the model or the measurement lacks something, and names it where the data can tell.";
+        if v.of::<Calibration>().is_none() {
+            let words = "What it lacks shows where it is held against measured laxity, which this knee has none of. With a laxity file in specimen.toml the knee is calibrated, and a diagnosis can be asked.";
+            return Answer {
+                question,
+                standing: Standing::Open,
+                word: "Cannot be asked".into(),
+                words: words.into(),
+                stage,
+            };
+        }
+        let words = "A diagnosis (build-model build SPECIMEN --to diagnose) asks whether the model or the measurement lacks something, and names it where the data can tell.";
         return Answer { question, standing: Standing::Open, word: "Not asked".into(), words: words.into(), stage };
     };
     let d = &diagnosed.diagnosis;

@@ -131,12 +131,13 @@ impl Stage for Assemble {
             id: "knee".into(),
             title: if moves { "The knee in motion" } else { "The assembled knee" }.into(),
             text: format!(
-                "The assembled knee: {} bundles of {} fibres, {} contact pairs{}.",
+                "{}: {} bundles of {} fibres, {} contact pairs{}.",
+                if main.is_some() { "The calibrated knee" } else { "The assembled knee" },
                 assembled.spec.bundles.len(),
                 fibres.len(),
                 assembled.spec.contact.pairs.len(),
                 if moves {
-                    "; Play or the slider moves it through passive flexion, drawers, pivot shift and the measured loads. Fibres are coloured by force, cartilage by contact pressure; where a pose was measured, the femur stands there too, in green. The tibia stands still"
+                    "; Play or the slider moves it through passive flexion, drawers, pivot shift and the measured loads. Fibres are coloured by force, cartilage by contact pressure; where a pose was measured, \"femur as measured\" shows it there, in green. The tibia stands still"
                 } else {
                     ", as in CT"
                 }

@@ -153,7 +153,7 @@ fn diagnose_built(
         let unit = if ["vv", "ie"].contains(&n.coordinate.as_str()) { "deg" } else { "mm" };
         Kind::NoiseStated
             .notice(format!(
-                "{} {}: the file states a noise of {:.2} {unit}, neighbouring loads say {:.2} ({:.2} to {:.2})",
+                "{} {}: a noise of {:.2} {unit} was taken, neighbouring loads say {:.2} ({:.2} to {:.2})",
                 n.source, n.coordinate, n.stated, n.inferred, n.lower, n.upper
             ))
             .of(&n.source)

@@ -27,7 +27,7 @@ pub(super) fn charts(c: &Calibration) -> Vec<Chart> {
 
 fn history<'a>(sources: impl Iterator<Item = (&'a str, &'a Outcome)>) -> Chart {
     let mut plot = Plot::new();
-    let mut text = String::new();
+    let (mut text, mut by_starts) = (String::new(), false);
     for ((name, outcome), colour) in sources.zip(COLOURS) {
         let mut best = f64::INFINITY;
         let costs: Vec<f64> = outcome
@@ -39,17 +39,23 @@ fn history<'a>(sources: impl Iterator<Item = (&'a str, &'a Outcome)>) -> Chart {
                 best
             })
             .collect();
-        text += &format!(" {name}: {} starts, lowest {best:.1}.", costs.len());
+        text += &format!(" {name}: {}, lowest {best:.1}.", costs.len());
+        by_starts = !outcome.found.mode.is_empty();
         let at: Vec<usize> = (1..=costs.len()).collect();
         plot.add_trace(Scatter::new(at, costs).mode(Mode::Lines).name(name).line(Line::new().color(colour)));
     }
-    let cost = Axis::new().title(Title::from("best cost")).type_(AxisType::Log).show_line(true);
-    let layout = layout("evaluation", "best cost").y_axis(cost);
+    // a recipe lowers the cost; the posterior lowers misfit and prior together, which is another number
+    let (what, by) = match by_starts {
+        true => ("half the sum of squares of misfit and prior", "start"),
+        false => ("cost", "evaluation"),
+    };
+    let cost = Axis::new().title(Title::from(format!("lowest {what}"))).type_(AxisType::Log).show_line(true);
+    let layout = layout(by, what).y_axis(cost);
     plot.set_layout(layout);
     Chart {
         id: "history".into(),
         title: "Calibration history".into(),
-        text: format!("Best cost by evaluation.{text}"),
+        text: format!("Lowest {what} by {by}.{text}"),
         plot: plot.to_json(),
     }
 }
