@@ -224,6 +224,7 @@ fn files_of_every_kind_are_placed_or_told() {
     let scans = [("c.ply", read("scans/femur.ply")), ("d.ply", read("scans/tibfib.ply"))];
     let (said, toml, folder) = init(&[[("a.stl", stl(&femur)), ("b.stl", stl(&open))].as_slice(), &scans].concat());
     assert!(toml.contains("femur = \"ct/a.mm.ply\"") && said.contains("was in metres"), "{said}");
+    assert!(said.contains("a.stl -> ct/a.mm.ply"), "a file is called as it was given: {said}");
     assert!(toml.contains("tibfib = \"ct/b.stl\"") && toml.contains("tibfib = \"scans/d.ply\""), "{said}");
     build_model().arg("check").arg(folder.path().join("knee")).assert().success();
     // VTK, points of 3D Slicer, a DICOM series, and what is none of these

@@ -330,13 +330,23 @@ fn poses_read_as_a_data_set_are_in_its_frames() {
     let fit = columns(&text(&knee.join("build/10-calibrate/joint/fit.csv")));
     let asked = |name: &str, more: &[&str]| {
         let file = out.path().join(name);
-        let mut words = vec!["--trials", trials.to_str().unwrap(), "--samples", "0", "--out", file.to_str().unwrap()];
+        let mut words = vec!["--trials", trials.to_str().unwrap(), "--out", file.to_str().unwrap()];
         words.extend(more);
+        if !more.contains(&"--samples") {
+            words.extend(["--samples", "0"]);
+        }
         (said(&["simulate"], knee, &words), columns(&text(&file)))
     };
+    let stage = knee.join("build/10-calibrate");
+    let mut of_stage = build_model();
+    of_stage.arg("simulate").arg(&stage).args(["--protocol", "pivot-shift", "--out", "r.csv"]);
+    of_stage.assert().code(1).stderr(contains("give the build's folder").and(contains("build-model build").not()));
+    let (words, of_one) = asked("one.csv", &["--samples", "1"]);
+    assert!(!words.contains("interval by") && !of_one.contains_key("ap_mm_lower"), "{words}");
     let (words, read) = asked("kla.csv", &["--read-as", "kla"]);
     assert!(words.contains("poses in the frames of kla"), "{words}");
-    let (_, shared) = asked("shared.csv", &[]);
+    let (words, shared) = asked("shared.csv", &[]);
+    assert!(words.contains("--read-as kla or rks"), "{words}");
     let median = |poses: &BTreeMap<String, Vec<String>>, c: &str| {
         let trial = |r: usize| format!("kla/{}", poses["trial"][r]);
         let mut off: Vec<f64> = (0..poses[c].len())

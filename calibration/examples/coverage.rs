@@ -1,7 +1,7 @@
 //! How often intervals of bundle forces hold the truth, and how far point values are off: calibrations of one model to many data sets whose ligaments are
 //! known.
 //!
-//! `coverage MODEL.json BENCH...`: each BENCH holds folders `case_N` of kla.csv, rks.csv, and `case_N.truth.json` beside them with `forces_n`.
+//! `coverage MODEL.json CASE...`: each CASE is a folder of a bench (`case_0001`) with kla.csv and rks.csv; `case_0001.truth.json` beside it has `forces_n`.
 //! `--beyond`: intervals of poses and forces in the pivot shift and in passive flexion, which no trial of the bench has; the truths hold them under `beyond`.
 //! `--terms` with it: of what the width of the intervals of poses is made, by holding kinds of unknowns at their most probable values in turn.
 //! Shares of intervals that hold are told with a 90 % interval, by drawing knees again.

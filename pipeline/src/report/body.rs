@@ -14,7 +14,7 @@ use super::sheet::Sheet;
 use super::warnings::{self, Group};
 use crate::options::BuildOptions;
 use crate::record::{Failure, Record};
-use crate::stage::list::{Assemble, Calibration, STAGES, folder_name, heading, named};
+use crate::stage::list::{Assemble, Calibration, STAGES, Validate, folder_name, heading, named};
 use crate::stage::{Answer, Stage, Standing, Values, View, answers, on_paper};
 use crate::store::BuildFolder;
 use crate::which_model::JOINT;
@@ -200,8 +200,13 @@ impl<'a> Body<'a> {
             }
         };
         let bad: Vec<&Check> = checks.iter().filter(|c| c.good == Some(false)).filter(|c| is_new(c)).collect();
+        let unseen = self
+            .four(checks, failure)
+            .into_iter()
+            .filter(|a| a.stage == Validate::NAME && a.standing == Standing::Look);
+        items.extend(unseen.map(|a| link(a.stage, &format!("{} {}", a.question, a.word))));
         let short = |answer: &str| answer.split([';', '(']).next().unwrap_or_default().trim().to_owned();
-        items.extend(bad.into_iter().map(|c| link(c.stage, &format!("{} {}", c.question, short(&c.told())))));
+        items.extend(bad.into_iter().map(|c| link(c.stage, &format!("{} {}", c.question, capital(&short(&c.told()))))));
         let groups = self.groups(checks);
         items.extend(groups.iter().filter(|g| g.heavy).filter_map(|g| Some(link(&g.stage, g.all.first()?))));
         let done = STAGES.iter().filter(|stage| self.stages.iter().any(|s| s == stage.name()));
@@ -376,4 +381,10 @@ fn metrics_table(record: &Record) -> String {
         let _ = write!(html, "<tr><td>{}</td><td>{}</td></tr>", escaped(&name), escaped(&value));
     }
     html + "</table></details>"
+}
+
+/// With a capital letter.
+fn capital(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect())
 }
