@@ -4,7 +4,7 @@
 use crate::problem::Problem;
 use crate::trial::Trial;
 use sim::Model;
-use sim::coordinate::Six;
+use sim::coordinate::{SI, Six};
 use sim::flags::DISLOCATED;
 use sim::trials::{TrialOptions, flags};
 
@@ -14,11 +14,17 @@ const MOST: f64 = 0.5;
 /// Fewest trials of all data sets that stay [-]: fewer are no data.
 const FEWEST: usize = 4;
 
-/// Whether the femur lies off its plateau at some coordinates.
+/// How far a reading's noise may lift a femur off its plateau [mm], in steps: four standard deviations of the usual noise along the axis of the tibia.
+const LIFTED_MM: [f64; 4] = [0.0, 0.5, 1.0, 1.5];
+
+/// Whether the femur lies off its plateau at some coordinates, and also where it is pressed down by what noise may have lifted it.
 fn is_out(model: &Model, q: &Six) -> bool {
-    let evaluation = model.evaluate(q);
-    let found = flags(model, &model.joint.grood_suntay(q), &evaluation, &TrialOptions::default());
-    found.iter().any(|f| f == DISLOCATED)
+    LIFTED_MM.iter().all(|by| {
+        let mut q = *q;
+        q[SI] += by;
+        let found = flags(model, &model.joint.grood_suntay(&q), &model.evaluate(&q), &TrialOptions::default());
+        found.iter().any(|f| f == DISLOCATED)
+    })
 }
 
 /// Which of so many trials stay, those out of the joint given with their data sets: all of a set where most of it would go.
