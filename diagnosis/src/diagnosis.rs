@@ -198,7 +198,7 @@ fn conclude(searcher: &Searcher, search: Search, spec: &ModelSpec) -> Result<Out
         not_testable: not_testable(problem),
         without: left_out(&problem.catalogue),
         missable,
-        next_tests: next_tests(problem, &rival_fits)?,
+        next_tests: next_tests(problem, &rival_fits, options.seed)?,
         noise: problem.noise.clone(),
         ligaments: absorbed(problem, &search.base, shown),
         ligament_forces: vec![],
