@@ -19,6 +19,7 @@ use diagnosis::search::DiagnosisOptions;
 use diagnosis::trial::Source;
 use inference::random::{normal, stream};
 use sim::coordinate::Free;
+use sim::flags::DISLOCATED;
 use sim::laxity::LaxityTrial;
 use sim::mesh::MeshValue;
 use sim::model::compile;
@@ -43,7 +44,8 @@ fn read(path: &Path) -> (ModelSpec, BTreeMap<String, MeshValue>) {
     (spec, meshes)
 }
 
-/// What the knee of `spec` with a share of a ligament lost answers to the trials, with noise.
+/// What the knee of `spec` with a share of a ligament lost answers to the trials, with noise. Trials in which it falls out of its joint are left out: no
+/// laboratory reads them.
 fn measured(
     (spec, meshes): (&ModelSpec, &BTreeMap<String, MeshValue>),
     (ligament, loss): (&str, f64),
@@ -66,7 +68,7 @@ fn measured(
                 let key = (t.test.name().to_owned(), t.nominal_flexion_deg.round() as i64);
                 let common = *shared.entry(key).or_insert_with(|| std::array::from_fn(|_| normal(&mut random)));
                 let own: [f64; 5] = std::array::from_fn(|_| normal(&mut random));
-                let answer = a.ok()?.predicted();
+                let answer = a.ok().filter(|a| a.flags.iter().all(|f| f != DISLOCATED))?.predicted();
                 let mut out = t.clone();
                 let mut k = 0;
                 out.measured = Free::from_fn(|c| {
@@ -112,7 +114,13 @@ fn loss_found(d: &Diagnosis, ligament: &str) -> Option<f64> {
 }
 
 /// The row of a cut.
-fn row((ligament, loss, seed): (&str, f64, u64), d: &Diagnosis, regret: Option<Regret>, seconds: f64) -> String {
+fn row(
+    (ligament, loss, seed): (&str, f64, u64),
+    trials: usize,
+    d: &Diagnosis,
+    regret: Option<Regret>,
+    seconds: f64,
+) -> String {
     let answers: Vec<String> = d.answers.iter().map(|a| format!("{} [{:.2}]", told(&a.effects), a.weight)).collect();
     let figure = |x: Option<f64>, places: usize| x.map_or("-".to_owned(), |x| format!("{x:.places$}"));
     let test = d.next_tests.first().map_or("-".to_owned(), |t| {
@@ -122,6 +130,7 @@ fn row((ligament, loss, seed): (&str, f64, u64), d: &Diagnosis, regret: Option<R
         ligament.to_owned(),
         format!("{loss}"),
         seed.to_string(),
+        trials.to_string(),
         format!("{:?}", d.verdict),
         answers.first().cloned().unwrap_or_else(|| format!("- (best {})", told(&d.best))),
         answers.get(1..).unwrap_or_default().join(", "),
@@ -130,6 +139,7 @@ fn row((ligament, loss, seed): (&str, f64, u64), d: &Diagnosis, regret: Option<R
         figure(regret.map(|r| r.truth), 1),
         figure(d.best_log_bayes_factor, 1),
         figure(regret.map(|r| r.short()), 1),
+        figure(regret.map(|r| r.leaves), 2),
         format!("{:.1} {:.1}", d.wildcard, d.wildcard_alone.unwrap_or_default()),
         format!("{:.2} {:.2}", d.misfit[0], d.misfit[1]),
         test,
@@ -139,7 +149,7 @@ fn row((ligament, loss, seed): (&str, f64, u64), d: &Diagnosis, regret: Option<R
 }
 
 /// What stands in a row.
-const HEAD: &str = "| cut | share | seed | verdict | first | others of the set | loss found | information | truth earns | best earns | regret | field beside, in place | left before, after | next test | s |";
+const HEAD: &str = "| cut | share | seed | trials | verdict | first | others of the set | loss found | information | truth earns | best earns | regret | truth leaves | field beside, in place | left before, after | next test | s |";
 
 fn main() {
     let args: Vec<String> = std::env::args().skip(1).collect();
@@ -164,7 +174,8 @@ fn main() {
         let calibration = Calibration { options: &calibrate, mode: mode.as_ref() };
         let (d, regret) =
             diagnose_beside(&model, &spec, &sources, &Catalogue::shipped(), &options, calibration, &truth).unwrap();
-        println!("{}", row((ligament, loss, seed), &d, regret, begun.elapsed().as_secs_f64()));
+        let trials = sources.iter().map(|s| s.trials.len()).sum();
+        println!("{}", row((ligament, loss, seed), trials, &d, regret, begun.elapsed().as_secs_f64()));
         if std::env::var_os("CUTS_TEXT").is_some() {
             println!("{}\n{}\n{:?}", d.plain, d.description, d.may_be_torn);
         }

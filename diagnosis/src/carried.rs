@@ -64,6 +64,10 @@ fn under(model: &Model, spec: &ModelSpec, effects: &[Active], trial: &LaxityTria
     let plain = Bench { model, effects: &[], place: &place };
     trial.neutral = plain.neutral(&trial).q;
     let rest = Bench { effects, ..plain }.walk(&trial);
-    let forces = model.bundle_forces(&model.fibre_states(&model.joint.pose(&rest.q)));
-    rest.balanced.then(|| group_forces(&model.bundle_names(), &forces))
+    let mut forces = model.bundle_forces(&model.fibre_states(&model.joint.pose(&rest.q)));
+    let names = model.bundle_names();
+    // what a structure has lost it does not carry, though the model's own fibres do not know of it
+    let left = |name: &str| effects.iter().map(|e| 1.0 - e.lost(name)).product::<f64>();
+    forces.iter_mut().zip(&names).for_each(|(force, name)| *force *= left(name));
+    rest.balanced.then(|| group_forces(&names, &forces))
 }

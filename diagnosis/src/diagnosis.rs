@@ -150,9 +150,9 @@ fn conclude(searcher: &Searcher, search: Search, spec: &ModelSpec) -> Result<Out
     let leaves = searcher.total(believed) / believed.residual.len() as f64;
     let exchange = exchange(problem, &search, believed, leaves.max(1.0))?;
     let rivals = weights(searcher, &search, believed);
-    let before = held_out(searcher, &search, &search.base, options.folds, options.folds)?;
-    let after =
-        if is_named { held_out(searcher, &search, best, options.folds, options.folds)? } else { before.clone() };
+    let scored = |fit: &Fit| held_out(searcher, &search.covariance, fit, options.folds, options.folds);
+    let before = scored(&search.base)?;
+    let after = if is_named { scored(best)? } else { before.clone() };
     let gain = after.gain_over(&before);
     let of = Candidature {
         believed,
@@ -198,7 +198,7 @@ fn conclude(searcher: &Searcher, search: Search, spec: &ModelSpec) -> Result<Out
         not_testable: not_testable(problem),
         without: left_out(&problem.catalogue),
         missable,
-        next_tests: next_tests(problem, &rival_fits)?,
+        next_tests: next_tests(problem, &rival_fits, options.seed)?,
         noise: problem.noise.clone(),
         ligaments: absorbed(problem, &search.base, shown),
         ligament_forces: vec![],
@@ -321,7 +321,7 @@ fn answers(
         sum += weight;
         let folds = searcher.options.folds;
         let held_out_gain =
-            if k == 0 { gain } else { held_out(searcher, search, fit, folds, folds)?.gain_over(before) };
+            if k == 0 { gain } else { held_out(searcher, &search.covariance, fit, folds, folds)?.gain_over(before) };
         out.push(Answer {
             effects: named(searcher.problem, fit, temper(searcher, fit)),
             weight,
@@ -359,7 +359,7 @@ fn control(
     let hypothesis = [candidate.clone()];
     let fit =
         searcher.fit(&hypothesis, &start, &search.base.coordinates(), &search.covariance, &search.readings, 10)?;
-    let after = held_out(searcher, search, &fit, searcher.options.folds, searcher.options.folds)?;
+    let after = held_out(searcher, &search.covariance, &fit, searcher.options.folds, searcher.options.folds)?;
     Ok(Some(Control { effect: candidate.name(), closed: closed(before, &after) }))
 }
 

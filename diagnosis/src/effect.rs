@@ -98,6 +98,10 @@ pub trait Force: Debug + Send + Sync {
     fn tension(&self, _model: &Model, _trial: &Trial) -> f64 {
         0.0
     }
+    /// Share of its force that a bundle of this name loses [-].
+    fn lost(&self, _bundle: &str) -> f64 {
+        0.0
+    }
     /// Whether its parameters must be stepped far to be felt (no slope at zero).
     fn has_no_slope_at_zero(&self) -> bool {
         false
@@ -182,6 +186,14 @@ impl Active {
     pub fn tension(&self, model: &Model, trial: &Trial) -> f64 {
         match self {
             Active::Force(f) => f.tension(model, trial),
+            Active::Reading(_) => 0.0,
+        }
+    }
+
+    /// Share of its force that a bundle of this name loses by it [-].
+    pub fn lost(&self, bundle: &str) -> f64 {
+        match self {
+            Active::Force(f) => f.lost(bundle),
             Active::Reading(_) => 0.0,
         }
     }

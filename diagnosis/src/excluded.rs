@@ -53,24 +53,23 @@ fn one(
     let own = problem.nuisance.of_structure(&structure);
     let start = searcher.put_back(base, candidate);
     let as_given = searcher.fit_holding((&[], &own), (&start, &base.coordinates()), search)?;
-    let cost = |fit: &Fit| 0.5 * searcher.total(fit);
     let mut torn = fit_torn(searcher, search, candidate, start)?;
-    if cost(&torn) > cost(base) {
+    if torn.log_evidence < base.log_evidence {
         let other = fit_torn(searcher, search, candidate, problem.nuisance.given.clone())?;
-        torn = if cost(&other) < cost(&torn) { other } else { torn };
+        torn = if other.log_evidence > torn.log_evidence { other } else { torn };
     }
     let told = MayBeTorn {
         structure,
-        log_odds: cost(base) - cost(&torn),
+        log_odds: torn.log_evidence - base.log_evidence,
         given_n,
         now_n,
         slack: slack(problem, base, &own),
-        against_given: cost(&as_given) - cost(base),
+        against_given: base.log_evidence - as_given.log_evidence,
     };
     Ok((told, [as_given, torn]))
 }
 
-/// A fit with all of a structure lost, from a knee.
+/// A fit with all of a structure lost, from a knee. The loss is held, so that its evidence is that of the tear, whatever the prior of one.
 fn fit_torn(
     searcher: &Searcher,
     search: &Search,

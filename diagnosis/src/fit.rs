@@ -126,6 +126,11 @@ impl Bounds {
     }
 }
 
+/// Unknowns of a hypothesis within their bounds, in units of their priors.
+pub(crate) fn within(hypothesis: &[Candidate], nuisances: usize, unknowns: impl Iterator<Item = f64>) -> Vec<f64> {
+    unknowns.zip(Bounds::of(hypothesis, nuisances)).map(|(x, bounds)| bounds.clamp(x)).collect()
+}
+
 /// The distribution function of the effects' prior, Student's t with four degrees of freedom, in closed form.
 fn heavy_below(x: f64) -> f64 {
     let t = x / (4.0 + x * x).sqrt();
@@ -270,27 +275,28 @@ impl Data<'_> {
         (hessian, gradient)
     }
 
-    /// Log evidence of a state whose unknown `k` is known to stand where it does, its prior still counted.
-    fn evidence_without(&self, here: &State, k: usize) -> f64 {
-        let (hessian, _) = self.quadratic(here);
-        let log_determinant = Cholesky::new(hessian.remove_row(k).remove_column(k))
-            .map_or(f64::INFINITY, |c| 2.0 * c.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>());
-        -here.cost - 0.5 * (log_determinant + self.mixture.plain().log_determinant())
-    }
-
-    fn conclude(&self, hypothesis: &[Candidate], here: State, bounds: &[Bounds]) -> Fit {
-        let (hessian, _) = self.quadratic(&here);
+    /// Log evidence of a state given that some unknowns stand where they do, and its posterior covariance: what is known has no prior and no width.
+    fn given(&self, here: &State, known: &[usize]) -> (f64, DMatrix<f64>) {
+        let (mut hessian, _) = self.quadratic(here);
+        known.iter().for_each(|&k| hessian[(k, k)] += HELD);
         let (log_determinant, posterior) = match Cholesky::new(hessian) {
             Some(c) => (2.0 * c.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>(), c.inverse()),
             None => (f64::INFINITY, DMatrix::identity(here.unknowns.len(), here.unknowns.len())),
         };
-        let mut log_evidence = -here.cost - 0.5 * (log_determinant + self.mixture.plain().log_determinant());
-        for (k, within) in bounds.iter().enumerate().skip(self.problem.nuisances()) {
-            log_evidence += within.log_share(here.unknowns[k], posterior[(k, k)].sqrt().max(1e-9));
+        let widths = log_determinant - HELD.ln() * known.len() as f64;
+        let priors: f64 = known.iter().map(|&k| prior(k, &self.problem.nuisance.mean, here.unknowns[k]).0).sum();
+        (priors - here.cost - 0.5 * (widths + self.mixture.plain().log_determinant()), posterior)
+    }
+
+    fn conclude(&self, hypothesis: &[Candidate], here: State, bounds: &[Bounds]) -> Fit {
+        let (mut log_evidence, posterior) = self.given(&here, self.held);
+        let is_sought = |k: &usize| !self.held.contains(k);
+        for k in (self.problem.nuisances()..here.unknowns.len()).filter(is_sought) {
+            log_evidence += bounds[k].log_share(here.unknowns[k], posterior[(k, k)].sqrt().max(1e-9));
         }
-        if let Some(k) = whole(hypothesis, self.problem.nuisances()) {
+        if let Some(k) = whole(hypothesis, self.problem.nuisances()).filter(is_sought) {
             let at_whole = here.unknowns[k] >= bounds[k].high - AT_BOUND;
-            let alone = || self.evidence_without(&here, k) + prior(k, &self.problem.nuisance.mean, here.unknowns[k]).0;
+            let alone = || self.given(&here, &[self.held, &[k]].concat()).0;
             log_evidence = shared(log_evidence, if at_whole { alone() } else { f64::NEG_INFINITY });
         }
         let means = self.problem.means(here.unknowns.len());

@@ -5,7 +5,7 @@ use crate::error::DiagnosisError;
 use crate::fit::Fit;
 use crate::problem::Problem;
 use crate::robust::Mixture;
-use crate::search::{Search, Searcher};
+use crate::search::Searcher;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 use sim::coordinate::Free;
@@ -30,12 +30,12 @@ impl HeldOut {
     }
 }
 
-/// Scores of a fit, over `folds` folds of conditions; `which` are the folds used.
+/// Scores of a fit in some scatter, five readings a trial, over `folds` folds of conditions; `which` are the folds used.
 ///
 /// Errors: a model that cannot be evaluated.
 pub fn held_out(
     searcher: &Searcher,
-    search: &Search,
+    cov: &DMatrix<f64>,
     fit: &Fit,
     folds: usize,
     which: usize,
@@ -50,8 +50,8 @@ pub fn held_out(
                 return Ok(Part::default());
             }
             let start = fit.coordinates();
-            let again = searcher.fit(&fit.hypothesis, &fit.unknowns, &start, &search.covariance, &seen, 10)?;
-            part(problem, &again, &unseen, &search.covariance)
+            let again = searcher.fit(&fit.hypothesis, &fit.unknowns, &start, cov, &seen, 10)?;
+            part(problem, &again, &unseen, cov)
         })
         .collect::<Result<_, DiagnosisError>>()?;
     let count: f64 = parts.iter().map(|p| p.count).sum::<f64>().max(1.0);

@@ -9,6 +9,7 @@
 //! assert!(catalogue.find("meniscus").is_ok());
 //! ```
 
+mod astray;
 pub mod atlas;
 pub mod bench;
 pub mod candidate;

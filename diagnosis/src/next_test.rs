@@ -1,13 +1,16 @@
 //! Which laxity test would tell the remaining answers apart: the symmetric divergence of what they predict [lopezfidalgo2007].
 
 use crate::bench::Bench;
-use crate::covariance::Whitening;
+use crate::covariance::{Whitening, normal};
 use crate::error::DiagnosisError;
-use crate::fit::Fit;
+use crate::fit::{Fit, within};
 use crate::problem::{Problem, reading};
+use crate::robust::alone;
 use crate::slopes::Slopes;
 use crate::trial::Trial;
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{Cholesky, DMatrix, DVector};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use sim::coordinate::{AP, FREE, Free, IE, SI, Six, VV};
@@ -24,8 +27,11 @@ pub struct NextTest {
     pub load: f64,
     /// Data set whose apparatus would do it.
     pub source: String,
-    /// Expected log odds that it adds between the answers, weighed by belief [-].
+    /// Expected log odds that it adds between the answers, weighed by belief, as loud as the diagnosis lets one trial speak [-].
     pub expected_gain: f64,
+    /// Whether the answers lie so far apart there that the knee gives way in one of them: such a trial counts for no more than an odd one.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub gives_way: bool,
 }
 
 /// Weight below which a rival is not worth a test of its own [-].
@@ -33,40 +39,76 @@ const LEAST_WEIGHT: f64 = 0.01;
 /// Most rivals that a test is to tell apart [-].
 const MOST_RIVALS: usize = 3;
 
-/// The five best tests between rivals with their weights.
+/// Most tests that are told [-].
+const MOST_TESTS: usize = 5;
+/// Tests whose predictions are drawn, too, the most promising first [-].
+const DRAWN: usize = 2 * MOST_TESTS;
+/// Draws of each rival [-]: with two rivals, twice as many as readings and the degrees of freedom of two means.
+const DRAWS: usize = 6;
+
+/// The best tests between rivals with their weights. A test that promises much on a straight line is predicted again from draws of either rival: where a
+/// small change of a ligament throws the knee onto another branch the straight line knows nothing, and the lesser of both promises counts.
 ///
 /// Errors: a model that cannot be evaluated.
-pub fn next_tests(problem: &Problem, rivals: &[(&Fit, f64)]) -> Result<Vec<NextTest>, DiagnosisError> {
+pub fn next_tests(problem: &Problem, rivals: &[(&Fit, f64)], seed: u64) -> Result<Vec<NextTest>, DiagnosisError> {
     let few: Vec<&(&Fit, f64)> = rivals.iter().filter(|(_, w)| *w > LEAST_WEIGHT).take(MOST_RIVALS).collect();
     if few.len() < 2 {
         return Ok(vec![]);
     }
+    let weights: Vec<f64> = few.iter().map(|(_, w)| *w).collect();
     let plans = plans(problem);
-    let predicted: Vec<Vec<Forecast>> =
+    let linear: Vec<Vec<Forecast>> =
         few.iter().map(|(fit, _)| predictions(problem, fit, &plans)).collect::<Result<_, _>>()?;
-    let mut out = Vec::new();
-    for (t, plan) in plans.iter().enumerate() {
-        let mut gain = 0.0;
-        for a in 0..few.len() {
-            for b in 0..a {
-                let ((x, s), (y, u)) = (&predicted[a][t], &predicted[b][t]);
-                let noise =
-                    DMatrix::from_diagonal(&DVector::from_row_slice(&problem.usual_noise.map(|sd| sd.powi(2)).0));
-                let Ok(w) = Whitening::new((s + u) * 0.5 + noise) else { continue };
-                gain += few[a].1 * few[b].1 * w.white_vector(&(x - y)).norm_squared();
-            }
-        }
+    let mut ranked: Vec<(usize, Told)> = (0..plans.len())
+        .map(|t| (t, told_by(problem, &linear.iter().map(|of| &of[t]).collect::<Vec<_>>(), &weights)))
+        .collect();
+    ranked.sort_by(|a, b| b.1.gain.total_cmp(&a.1.gain));
+    ranked.truncate(DRAWN);
+    let asked: Vec<Trial> = ranked.iter().map(|(t, _)| plans[*t].clone()).collect();
+    let drawn: Vec<Vec<Forecast>> =
+        few.iter().map(|(fit, _)| drawn(problem, fit, &asked, seed)).collect::<Result<_, _>>()?;
+    let mut out: Vec<NextTest> = Vec::new();
+    for (k, (plan, (_, linear))) in asked.iter().zip(&ranked).enumerate() {
+        let sampled = told_by(problem, &drawn.iter().map(|of| &of[k]).collect::<Vec<_>>(), &weights);
         out.push(NextTest {
             test: plan.test.name().into(),
             flexion_deg: plan.nominal,
             load: size(plan),
             source: problem.sources[plan.source].clone(),
-            expected_gain: gain,
+            expected_gain: linear.gain.min(sampled.gain),
+            gives_way: linear.is_odd && sampled.is_odd,
         });
     }
     out.sort_by(|a, b| b.expected_gain.total_cmp(&a.expected_gain));
-    out.truncate(5);
+    out.truncate(MOST_TESTS);
     Ok(out)
+}
+
+/// What a test tells between rivals.
+#[derive(Clone, Copy)]
+struct Told {
+    /// Log odds, weighed by belief.
+    gain: f64,
+    /// Whether some two lie so far apart that either would call the other's trial odd.
+    is_odd: bool,
+}
+
+/// What one test tells between rivals of some weights, by what each predicts.
+fn told_by(problem: &Problem, of: &[&Forecast], weights: &[f64]) -> Told {
+    let noise = DMatrix::from_diagonal(&DVector::from_row_slice(&problem.usual_noise.map(|sd| sd.powi(2)).0));
+    let mut told = Told { gain: 0.0, is_odd: false };
+    for a in 0..of.len() {
+        for b in 0..a {
+            let ((x, s), (y, u)) = (of[a], of[b]);
+            let Ok(w) = Whitening::new((s + u) * 0.5 + &noise) else { continue };
+            let squares = w.white_vector(&(x - y)).norm_squared();
+            let cost = alone(squares, FREE.len());
+            // either may be the true one
+            told.gain += 2.0 * weights[a] * weights[b] * cost;
+            told.is_odd |= cost < 0.5 * squares;
+        }
+    }
+    told
 }
 
 fn size(plan: &Trial) -> f64 {
@@ -144,4 +186,56 @@ fn predictions(problem: &Problem, fit: &Fit, plans: &[Trial]) -> Result<Vec<Fore
             (DVector::from_row_slice(&reading(&rest).0), &j * &fit.posterior * j.transpose())
         })
         .collect())
+}
+
+/// Predictions of a fit from draws of its unknowns, each led the whole way; a draw that finds no rest tells what it would read there all the same.
+fn drawn(problem: &Problem, fit: &Fit, plans: &[Trial], seed: u64) -> Result<Vec<Forecast>, DiagnosisError> {
+    let half = Cholesky::new(fit.posterior.clone()).map(|c| c.l());
+    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let draws: Vec<Vec<f64>> = (0..DRAWS)
+        .map(|_| {
+            let z = DVector::from_fn(fit.unknowns.len(), |_, _| normal(&mut random));
+            let by = half.as_ref().map_or_else(|| DVector::zeros(z.len()), |l| l * &z);
+            within(&fit.hypothesis, problem.nuisances(), fit.unknowns.iter().zip(by.iter()).map(|(x, d)| x + d))
+        })
+        .collect();
+    let read: Vec<Vec<DVector<f64>>> = draws
+        .par_iter()
+        .map(|x| {
+            let models = problem.models_at(x)?;
+            let trials = problem.unloaded_at(plans, &models, &fit.hypothesis);
+            let one = |plan: &Trial| {
+                let effects = problem.effects_in(plan.source, &fit.hypothesis, x);
+                let bench = Bench { model: models.of(plan.source), effects: &effects, place: &problem.place };
+                DVector::from_row_slice(&reading(&bench.walk(plan)).0)
+            };
+            Ok(trials.par_iter().map(one).collect())
+        })
+        .collect::<Result<_, DiagnosisError>>()?;
+    Ok((0..plans.len()).map(|t| moments(&read.iter().map(|of| &of[t]).collect::<Vec<_>>())).collect())
+}
+
+/// Mean and covariance of some draws.
+fn moments(draws: &[&DVector<f64>]) -> Forecast {
+    let count = draws.len() as f64;
+    let mean = draws.iter().fold(DVector::zeros(draws[0].len()), |sum, x| sum + *x) / count;
+    let scatter = draws.iter().fold(DMatrix::zeros(mean.len(), mean.len()), |sum, x| {
+        let off = *x - &mean;
+        sum + &off * off.transpose()
+    });
+    (mean, scatter / (count - 1.0).max(1.0))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn draws_on_two_branches_scatter_as_far_as_the_branches_lie_apart() {
+        let draws = [[0.0, 1.0], [10.0, 1.0], [0.0, 3.0], [10.0, 3.0]].map(|x| DVector::from_row_slice(&x));
+        let (mean, scatter) = moments(&draws.iter().collect::<Vec<_>>());
+        assert_eq!(mean.as_slice(), [5.0, 2.0]);
+        assert!((scatter[(0, 0)] - 100.0 / 3.0).abs() < 1e-12 && (scatter[(1, 1)] - 4.0 / 3.0).abs() < 1e-12);
+        assert!(scatter[(0, 1)].abs() < 1e-12);
+    }
 }

@@ -126,7 +126,8 @@ fn test(d: &Diagnosis) -> String {
     }
     let about = d.may_be_torn.iter().find(|t| t.is_slackened()).or(d.may_be_torn.first());
     let which = about.map_or(String::new(), |t| format!(" of the {}", t.structure));
-    format!(" {} would tell{which}.", capital(&told(best)))
+    let careful = if best.gives_way { " The knee may give way in it: begin with less load." } else { "" };
+    format!(" {} would tell{which}.{careful}", capital(&told(best)))
 }
 
 /// A test as a clinician calls it.
@@ -180,6 +181,7 @@ mod tests {
             load: 130.0,
             source: "kla".into(),
             expected_gain: 4.0,
+            gives_way: false,
         };
         assert_eq!(told(&at(15.0)), "a Lachman test (130 N forward at 15 deg, in kla)");
         assert_eq!(told(&at(75.0)), "an anterior drawer (130 N at 75 deg, in kla)");

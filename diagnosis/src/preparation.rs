@@ -27,6 +27,7 @@ pub(crate) fn prepared(
     options: &DiagnosisOptions,
     calibrated: Option<&BTreeMap<String, f64>>,
 ) -> Result<Problem, DiagnosisError> {
+    let problem = problem.within_the_joint();
     let is_built = problem.nuisance.are_of_a_built_knee();
     let problem = if is_built { centred(problem, options, calibrated)? } else { problem };
     let mut problem = problem.with_far_rests(true);

@@ -59,6 +59,8 @@ pub struct Problem {
     pub absorbed: Vec<TakenUp>,
     /// Trials of all of them.
     pub trials: Vec<Trial>,
+    /// Names of those that were left out, since the knee lies out of its joint there.
+    pub astray: Vec<String>,
     /// What may be named.
     pub catalogue: Catalogue,
     /// Effects the model has already, with the scope of each.
@@ -154,6 +156,7 @@ impl Problem {
             noise: vec![],
             absorbed: vec![],
             trials,
+            astray: vec![],
             catalogue: catalogue.clone(),
             present: vec![],
             held: vec![],
@@ -225,6 +228,19 @@ impl Problem {
             bench.model.joint.coordinates(&measured).ok().map(|q| bench.held(t, &measured, &q))
         };
         self.held = self.trials.par_iter().map(near).collect();
+    }
+
+    /// Coordinates of the poses next to the measured ones.
+    pub(crate) fn held_coordinates(&self) -> Vec<Option<Six>> {
+        self.held.iter().map(|held| held.as_ref().map(|rest| rest.q)).collect()
+    }
+
+    /// Keeps those trials that stay.
+    pub(crate) fn keep(&mut self, stay: &[bool]) {
+        let mut of = stay.iter();
+        self.trials.retain(|_| of.next().is_none_or(|s| *s));
+        let mut of = stay.iter();
+        self.held.retain(|_| of.next().is_none_or(|s| *s));
     }
 
     /// Predictions and derivatives of the model as given, linear about the measured poses instead of its own: an effect that moves the knee far is

@@ -21,6 +21,9 @@ pub struct Regret {
     pub truth: f64,
     /// What these trials tell of the truth: the same on readings without noise, both sides refitted. Where this is little, `none` is the right answer.
     pub information: f64,
+    /// Sum of squares that the fit from the truth leaves, over the number of readings [-]. Well above 1 the data are not what the diagnosis' own model
+    /// would answer with the truth, and no search can do better.
+    pub leaves: f64,
 }
 
 impl Regret {
@@ -64,6 +67,7 @@ pub fn regret(
         found: searcher.gain(best, &search.base).max(0.0),
         truth: searcher.gain(&fit, &search.base),
         information: information(problem, (searcher, search), (&hypothesis, &start))?,
+        leaves: searcher.total(&fit) / fit.residual.len() as f64,
     }))
 }
 
@@ -111,8 +115,8 @@ mod tests {
 
     #[test]
     fn a_search_ahead_of_the_truth_regrets_nothing() {
-        assert_eq!(Regret { found: 12.0, truth: 10.0, information: 10.0 }.short(), 0.0);
-        assert_eq!(Regret { found: 12.0, truth: 32.0, information: 32.0 }.short(), 20.0);
+        assert_eq!(Regret { found: 12.0, truth: 10.0, information: 10.0, leaves: 1.0 }.short(), 0.0);
+        assert_eq!(Regret { found: 12.0, truth: 32.0, information: 32.0, leaves: 1.0 }.short(), 20.0);
     }
 
     #[test]

@@ -144,6 +144,12 @@ pub fn price(odd: usize) -> f64 {
     -SHARE.ln() * odd as f64
 }
 
+/// What one trial costs whose whitened residual has this sum of squares over so many readings, by itself: as it is, or set aside [nats].
+pub fn alone(squares: f64, readings: usize) -> f64 {
+    let aside = price(1) + 0.5 * readings as f64 * WIDER.ln() + 0.5 * squares / WIDER;
+    aside.min(0.5 * squares)
+}
+
 /// A covariance of five readings a trial, with odd trials wide.
 pub fn widened(covariance: &DMatrix<f64>, odd: &[usize]) -> DMatrix<f64> {
     let mut out = covariance.clone();
@@ -182,6 +188,24 @@ mod tests {
         let weighed = mixture.weigh(&residual);
         assert!(weighed.odd.is_empty() && weighed.whitening.is_none());
         assert_eq!(weighed.cost, 0.5 * mixture.plain().white_vector(&residual).norm_squared());
+    }
+
+    #[test]
+    fn a_trial_by_itself_costs_what_the_mixture_has_it_cost() {
+        let text = "trial,test,nominal_flexion_deg,load_vv_nm,load_ie_nm,load_ml_n,load_ap_n,load_si_n,fe_deg,vv_deg,ie_deg,ml_mm,ap_mm,si_mm\n\
+            a,anterior,30,0,0,0,100,20,30,0,0,0,9,-21\n";
+        let trial = Trial::alone(&sim::laxity::read(text.as_bytes()).unwrap().trials[0]);
+        // ten are needed for one to be set aside
+        let trials: Vec<Trial> = vec![trial; 10];
+        let all = Readings { rows: (0..50).map(|r| (r / 5, FREE[r % 5])).collect(), measured: DVector::zeros(50) };
+        let mixture = Mixture::new(&all, DMatrix::identity(50, 50), &trials).unwrap();
+        for size in [1.0, 3.0, 5.0, 8.0, 40.0] {
+            let mut residual = DVector::zeros(50);
+            residual[2] = size;
+            let cost = mixture.weigh(&residual).cost;
+            assert!((alone(size * size, 5) - cost).abs() < 1e-9, "{size} {cost}");
+        }
+        assert!(alone(40.0 * 40.0, 5) < 30.0);
     }
 
     #[test]

@@ -4,6 +4,7 @@ mod kin;
 mod pairs;
 mod refit;
 mod steps;
+mod unseen;
 
 use crate::candidate::{Candidate, Scope, sized};
 use crate::covariance::{Floor, Readings, covariance, normal, remainders};

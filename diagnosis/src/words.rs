@@ -211,7 +211,11 @@ fn set_aside(problem: &Problem, search: &Search) -> String {
         .filter(|i| search.base.odd.contains(i))
         .map(|&i| format!("{} {}", problem.sources[problem.trials[i].source], problem.trials[i].name))
         .collect();
-    if odd.is_empty() { String::new() } else { format!(" Set aside as outliers: {}.", odd.join(", ")) }
+    let aside = if odd.is_empty() { String::new() } else { format!(" Set aside as outliers: {}.", odd.join(", ")) };
+    if problem.astray.is_empty() {
+        return aside;
+    }
+    format!("{aside} Left out, since the knee lies out of its joint there: {}.", problem.astray.join(", "))
 }
 
 fn worst(map: &[Cell]) -> String {

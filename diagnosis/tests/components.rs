@@ -112,3 +112,19 @@ fn hamstrings_take_load_off_the_acl_and_what_belongs_to_an_apparatus_off_none() 
         assert!(same.len() > 4 && same.iter().all(|c| c.with_n == c.without_n), "{same:?}");
     }
 }
+
+#[needs_shared]
+fn a_ligament_that_is_lost_carries_nothing_under_any_test() {
+    let Some((spec, model)) = deck() else { return };
+    let acl = |loss: f64| {
+        let mut other = spec.clone();
+        let mut torn = component("structure_loss", "specimen", "both", &[("loss", loss)]);
+        torn["variant"] = "ACL".into();
+        other.components = vec![torn];
+        let all = carried([(&model, &spec), (&model, &other)]).unwrap();
+        all.into_iter().filter(|c| c.ligament == "ACL").collect::<Vec<_>>()
+    };
+    assert!(acl(1.0).len() > 1 && acl(1.0).iter().all(|c| c.without_n > 20.0 && c.with_n < 1e-6), "{:?}", acl(1.0));
+    // half of it carries less than all of it did, and more than nothing
+    assert!(acl(0.5).iter().all(|c| c.with_n > 1.0 && c.with_n < c.without_n), "{:?}", acl(0.5));
+}

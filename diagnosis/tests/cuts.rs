@@ -5,14 +5,17 @@ use crate::common::deck::{Asked, published, question, source};
 use calibration::options::CalibrateOptions;
 use diagnosis::candidate::Candidate;
 use diagnosis::catalogue::Catalogue;
+use diagnosis::covariance::{Floor, Readings, covariance};
 use diagnosis::diagnosis::{Calibration, Diagnosis, Verdict, diagnose};
+use diagnosis::fit::Data;
 use diagnosis::problem::{Problem, reading};
 use diagnosis::regret::regret;
-use diagnosis::search::{DiagnosisOptions, Searcher};
+use diagnosis::robust::Mixture;
+use diagnosis::search::{DiagnosisOptions, Searcher, TRIES};
 use diagnosis::trial::Trial;
 use inference::random::{normal, stream};
 use needs_shared::needs_shared;
-use sim::coordinate::{FREE, Free};
+use sim::coordinate::{AP, FREE, Free, SI};
 use sim::equilibrium::Equilibrium;
 
 /// Most that a search may stay behind the truth [nats].
@@ -121,4 +124,61 @@ fn a_cut_acl_is_named_and_the_search_does_not_stay_behind_the_truth() {
     // more than all is not lost
     let whole = 1.0 / best.hypothesis[0].effect.parameter[0].sd;
     assert!(best.unknowns[problem.nuisances()] <= whole, "{:?}", best.unknowns.last());
+}
+
+#[needs_shared]
+fn what_is_held_is_known_and_costs_neither_a_prior_nor_a_width() {
+    // trials that recalibrated ligaments fit, so that fits end by themselves
+    let Some(mut problem) = question("held", &[("rks", &PLAN[6..])]) else { return };
+    let readings = answered(&problem, "PCL");
+    problem.trials.iter_mut().zip(readings).for_each(|(trial, there)| trial.measured = there);
+    let problem = problem.with_present(vec![]);
+    let given = vec![0.0; problem.nuisances()];
+    let rests = problem.nearer(&[], &given, &[]).unwrap();
+    let scatter = covariance(&problem, &[], &given, &rests, &Floor::default()).unwrap();
+    let readings = Readings::of(&problem, &|_| true);
+    let mixture = Mixture::new(&readings, readings.block_of(&scatter), &problem.trials).unwrap();
+    let fit = |from: &[f64], starts: &[sim::coordinate::Six], held: &[usize]| {
+        Data { problem: &problem, readings: &readings, mixture: &mixture, steps: TRIES, held }
+            .fit(&[], from, starts)
+            .unwrap()
+    };
+    let free = fit(&given, &rests.iter().map(|r| r.q).collect::<Vec<_>>(), &[]);
+    // where the data tell most of it
+    let told = |k: &usize| free.posterior[(*k, *k)];
+    let k = (0..given.len()).min_by(|a, b| told(a).total_cmp(&told(b))).unwrap();
+    let held = fit(&free.unknowns, &free.coordinates(), &[k]);
+    // the posterior's density over the prior's (Savage and Dickey's ratio), at the mode
+    let off = free.unknowns[k] - free.means[k];
+    let ratio = 0.5 * off * off - 0.5 * told(&k).ln();
+    assert!(told(&k) < 0.9 && (held.unknowns[k] - free.unknowns[k]).abs() < 1e-6, "{}", told(&k));
+    assert!(
+        (held.log_evidence - free.log_evidence - ratio).abs() < 0.3,
+        "{} {ratio}",
+        held.log_evidence - free.log_evidence
+    );
+    assert!(held.posterior[(k, k)] < 1e-9);
+}
+
+#[needs_shared]
+fn a_reading_of_a_knee_that_left_its_joint_is_left_out_and_told_and_a_shifted_origin_is_none() {
+    let Some(mut problem) = question("astray", &[("rks", &PLAN)]) else { return };
+    let given = vec![0.0; problem.nuisances()];
+    let there: Vec<_> = problem.rests(&[], &given, &[]).unwrap().iter().map(reading).collect();
+    problem.trials.iter_mut().zip(there).for_each(|(trial, there)| trial.measured = there.map(Some));
+    let far = |of: &dyn Fn(usize) -> bool, ap: f64, si: f64| {
+        let mut moved = problem.clone();
+        for (_, t) in moved.trials.iter_mut().enumerate().filter(|(i, _)| of(*i)) {
+            t.measured[AP] = t.measured[AP].map(|x| x + ap);
+            t.measured[SI] = t.measured[SI].map(|x| x + si);
+        }
+        moved.with_present(vec![]).within_the_joint()
+    };
+    let usual = far(&|_| false, 0.0, 0.0);
+    assert!(usual.astray.is_empty() && usual.trials.len() == PLAN.len(), "{:?}", usual.astray);
+    let one = far(&|i| i == 3, 30.0, 40.0);
+    assert_eq!(one.astray, ["rks d_3"]);
+    assert!(one.trials.len() == PLAN.len() - 1 && one.trials.iter().all(|t| t.name != "d_3"));
+    // all of a set as far off: its origin is, not the knee
+    assert!(far(&|_| true, 30.0, 40.0).astray.is_empty());
 }

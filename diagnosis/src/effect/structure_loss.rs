@@ -18,10 +18,13 @@ impl Force for StructureLoss {
         let states = here.model.fibre_states(&here.pose);
         let mut out = Six::zeros();
         for (fibre, state) in here.model.fibres.iter().zip(&states) {
-            if belongs(&here.model.bundles[fibre.bundle].name, &self.variant) {
-                out += state.line.gradient * (state.response.force * self.loss.min(1.0));
-            }
+            let lost = self.lost(&here.model.bundles[fibre.bundle].name);
+            out += state.line.gradient * (state.response.force * lost);
         }
         out
+    }
+
+    fn lost(&self, bundle: &str) -> f64 {
+        if belongs(bundle, &self.variant) { self.loss.min(1.0) } else { 0.0 }
     }
 }

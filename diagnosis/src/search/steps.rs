@@ -190,7 +190,9 @@ impl Searcher<'_> {
             more.rivals.extend(self.further(&best, &found, given, (least, is_asked))?);
         }
         self.sort(&mut more.rivals);
-        let Some(k) = self.worth_more(&more.rivals, &best, given, least)? else { return Ok((found, false)) };
+        let Some(k) = self.worth_more((&more.rivals, &found.cov), &best, given, least)? else {
+            return Ok((found, false));
+        };
         let taken = more.rivals.remove(k);
         more.rivals.insert(0, taken);
         let (base, rivals, cov) = self.again(more.base, more.rivals, given.readings, given.extra)?;
@@ -205,8 +207,14 @@ impl Searcher<'_> {
         Ok((Found { base, rivals, cov }, false))
     }
 
-    /// Which of some fits, sorted, has an effect more than the best and is worth it by most.
-    fn worth_more(&self, fits: &[Fit], best: &Fit, given: Given, least: f64) -> Result<Option<usize>, DiagnosisError> {
+    /// Which of some fits in a scatter, sorted, has an effect more than the best, predicts unseen trials better by it, and is worth it by most.
+    fn worth_more(
+        &self,
+        (fits, cov): (&[Fit], &DMatrix<f64>),
+        best: &Fit,
+        given: Given,
+        least: f64,
+    ) -> Result<Option<usize>, DiagnosisError> {
         let in_common = |k: usize| self.log(&fits[k]) - self.log(best);
         let is_longer = |k: &usize| fits[*k].hypothesis.len() > best.hypothesis.len();
         let longer = (0..fits.len()).filter(is_longer);
@@ -216,7 +224,9 @@ impl Searcher<'_> {
             .map(|&k| self.ahead_in_own_scatter(&fits[k], best, given))
             .collect::<Result<_, DiagnosisError>>()?;
         let worth = near.iter().zip(&in_own).filter_map(|(&k, own)| Some((k, worth(in_common(k), *own, least)?)));
-        Ok(worth.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(k, _)| k))
+        let mut worth: Vec<(usize, f64)> = worth.collect();
+        worth.sort_by(|a, b| b.1.total_cmp(&a.1));
+        self.first_that_predicts((fits, best), cov, worth.into_iter().map(|(k, _)| k))
     }
 
     /// The best with one more effect each, where the screen beside it promises `least`, much is left, or fields ask for one.
