@@ -8,7 +8,7 @@ use crate::problem::{Linear, Problem};
 use crate::robust::{Mixture, Weighed};
 use calibration::levenberg::box_step;
 use nalgebra::{Cholesky, DMatrix, DVector};
-use sim::coordinate::Six;
+use sim::equilibrium::{Start, starts_of};
 
 /// Bounds of the unknowns, in units of their prior.
 pub(crate) const REACH: f64 = 8.0;
@@ -156,7 +156,7 @@ impl Data<'_> {
         &self,
         (hypothesis, weighing): (&[Candidate], Weighing),
         unknowns: Vec<f64>,
-        starts: &[Six],
+        starts: &[Start],
     ) -> Result<State, DiagnosisError> {
         let linear = self.problem.linear(hypothesis, &unknowns, starts)?;
         let residual = &self.readings.measured - self.readings.pick(&linear.value);
@@ -178,17 +178,17 @@ impl Data<'_> {
     /// trials are fitted once, and then as before; the better of the two ends counts. Not where a fit explains little.
     ///
     /// Errors: a model that cannot be evaluated.
-    pub fn fit(&self, hypothesis: &[Candidate], start: &[f64], starts: &[Six]) -> Result<Fit, DiagnosisError> {
+    pub fn fit(&self, hypothesis: &[Candidate], start: &[f64], starts: &[Start]) -> Result<Fit, DiagnosisError> {
         let bounds = Bounds::of(hypothesis, self.problem.nuisances());
         let unknowns: Vec<f64> = start.iter().zip(&bounds).map(|(x, within)| within.clamp(*x)).collect();
-        let starts: Vec<Six> = self.problem.nearer(hypothesis, &unknowns, starts)?.into_iter().map(|r| r.q).collect();
-        let first = self.descend((hypothesis, Weighing::Mixed), unknowns, &starts)?;
+        let rests = self.problem.nearer(hypothesis, &unknowns, starts)?;
+        let first = self.descend((hypothesis, Weighing::Mixed), unknowns, &starts_of(&rests))?;
         if first.weighed.odd.is_empty() || self.explains_little(&first) {
             return Ok(self.conclude(hypothesis, first, &bounds));
         }
-        let rests = |state: &State| -> Vec<Six> { state.linear.rests.iter().map(|r| r.q).collect() };
-        let all = self.descend((hypothesis, Weighing::All), first.unknowns.clone(), &rests(&first))?;
-        let second = self.descend((hypothesis, Weighing::Mixed), all.unknowns.clone(), &rests(&all))?;
+        let all = self.descend((hypothesis, Weighing::All), first.unknowns.clone(), &starts_of(&first.linear.rests))?;
+        let second =
+            self.descend((hypothesis, Weighing::Mixed), all.unknowns.clone(), &starts_of(&all.linear.rests))?;
         let [first, second] = [first, second].map(|state| self.conclude(hypothesis, state, &bounds));
         Ok(if second.log_evidence > first.log_evidence { second } else { first })
     }
@@ -198,7 +198,7 @@ impl Data<'_> {
         &self,
         question: (&[Candidate], Weighing),
         unknowns: Vec<f64>,
-        starts: &[Six],
+        starts: &[Start],
     ) -> Result<State, DiagnosisError> {
         let bounds = Bounds::of(question.0, self.problem.nuisances());
         let mut here = self.state(question, unknowns, starts)?;
@@ -210,7 +210,7 @@ impl Data<'_> {
             let next = loop {
                 let steps = here.unknowns.iter().zip(step.iter());
                 let to = steps.zip(&bounds).map(|((x, s), within)| within.clamp(x + share * s));
-                let starts: Vec<Six> = here.linear.rests.iter().map(|r| r.q).collect();
+                let starts = starts_of(&here.linear.rests);
                 let tried = self.state(question, to.collect(), &starts)?;
                 tries += 1;
                 if tried.cost < here.cost || share < 1.0 || tries == self.steps {
@@ -338,9 +338,9 @@ impl Fit {
         DVector::from_iterator(self.unknowns.len(), self.unknowns.iter().zip(&self.means).map(|(x, m)| x - m))
     }
 
-    /// Coordinates of the rests.
-    pub fn coordinates(&self) -> Vec<Six> {
-        self.linear.rests.iter().map(|r| r.q).collect()
+    /// The rests, to begin from.
+    pub fn coordinates(&self) -> Vec<Start> {
+        starts_of(&self.linear.rests)
     }
 
     /// Log Bayes factor of the last `count` unknowns against zero by their own distribution alone (Savage and Dickey's ratio [dickey1971]): what is

@@ -10,8 +10,8 @@ use crate::trial::Trial;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use sim::coordinate::{AP, FREE, Free, IE, SI, Six, VV};
-use sim::laxity::Test;
+use sim::coordinate::{AP, FREE, IE, Load, SI, Six, VV};
+use sim::laxity::{LaxityTrial, Test};
 
 /// A test worth doing.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -96,22 +96,12 @@ fn plans(problem: &Problem) -> Vec<Trial> {
                     .trials
                     .iter()
                     .min_by(|a, b| (a.flexion - flexed).abs().total_cmp(&(b.flexion - flexed).abs()));
-                out.push(Trial {
-                    source,
-                    name: format!("{}_{flexion}", test.name()),
-                    test,
-                    nominal: flexion,
-                    load: loads,
-                    flexion: flexed,
-                    measured: Free::all(None),
-                    sd: problem.usual_noise,
-                    condition: 0,
-                    branch: None,
-                    order: None,
-                    time: None,
-                    quadriceps_n: 0.0,
-                    neutral: near.map_or_else(Six::zeros, |t| t.neutral),
-                });
+                let name = format!("{}_{flexion}", test.name());
+                let asked = LaxityTrial::asked(name, test, flexion, Load::default());
+                let mut plan =
+                    Trial { source, sd: problem.usual_noise, load: loads, flexion: flexed, ..Trial::alone(&asked) };
+                near.into_iter().for_each(|t| plan.rest_at(t.unloaded()));
+                out.push(plan);
             }
         }
     }

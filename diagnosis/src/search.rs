@@ -20,6 +20,7 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use sim::coordinate::FREE;
+use sim::equilibrium::{self, starts_of};
 use steps::{Found, Given, HOPELESS};
 
 /// How a diagnosis is made.
@@ -254,7 +255,7 @@ impl Searcher<'_> {
                 linear.rests.len()
             )));
         }
-        let starts: Vec<_> = linear.rests.iter().map(|r| r.q).collect();
+        let starts = starts_of(&linear.rests);
         let extra = remainders(self.problem, &starts, self.options.draws, &self.options.floor)?
             * self.options.floor.nonlinear.powi(2);
         let cov = covariance(self.problem, &[], &x, &linear.rests, &self.options.floor)? + &extra;
@@ -288,7 +289,7 @@ impl Searcher<'_> {
         &self,
         hypothesis: &[Candidate],
         start: &[f64],
-        starts: &[sim::coordinate::Six],
+        starts: &[equilibrium::Start],
         cov: &DMatrix<f64>,
         readings: &Readings,
         steps: usize,
@@ -301,7 +302,7 @@ impl Searcher<'_> {
         &self,
         hypothesis: &[Candidate],
         start: &[f64],
-        starts: &[sim::coordinate::Six],
+        starts: &[equilibrium::Start],
         (readings, mixture): (&Readings, &Mixture),
         steps: usize,
     ) -> Result<Fit, DiagnosisError> {
@@ -313,7 +314,7 @@ impl Searcher<'_> {
     pub(crate) fn fit_holding(
         &self,
         (hypothesis, held): (&[Candidate], &[usize]),
-        (start, starts): (&[f64], &[sim::coordinate::Six]),
+        (start, starts): (&[f64], &[equilibrium::Start]),
         search: &Search,
     ) -> Result<Fit, DiagnosisError> {
         let mixture =

@@ -6,12 +6,15 @@ use crate::effect::{Active, fibre_pull, moved_fibre};
 use crate::nuisance::{Felt, FrameSteps, Nuisances, frame_change, wrench};
 use crate::trial::{PER_UNIT, Trial};
 use nalgebra::{Matrix6, Vector3};
+use sim::Model;
 use sim::contact::Nearby;
-use sim::coordinate::{FE, Free, Six};
-use sim::equilibrium::Equilibrium;
+use sim::coordinate::{FE, Free, SI, Six};
+use sim::equilibrium::{Equilibrium, Start};
 use sim::joint::Joint;
 use sim::ligament::Fibre;
+use sim::model::Evaluation;
 use sim::sensitivity::End;
+use std::cell::OnceCell;
 
 /// Derivatives of a trial's reading at its rest.
 pub struct Slopes<'a> {
@@ -20,14 +23,41 @@ pub struct Slopes<'a> {
     rest: &'a Equilibrium,
     /// Of the reading by what is out of balance.
     answer: Option<Matrix6<f64>>,
+    /// The model at the rest.
+    loaded: At,
     /// The unloaded pose, where an effect departs from it.
     root: Option<Root>,
 }
 
+/// A pose at which something gets out of balance.
+pub struct At {
+    /// Chain coordinates [rad, mm].
+    pub q: Six,
+    near: Nearby,
+    found: OnceCell<Evaluation>,
+}
+
+impl At {
+    fn new(start: Start) -> At {
+        At { q: start.q, near: start.near, found: OnceCell::new() }
+    }
+
+    /// What the model does there; always the same model.
+    fn of(&self, model: &Model) -> &Evaluation {
+        self.found.get_or_init(|| model.evaluate_near(&self.q, &mut self.near.lists()))
+    }
+
+    /// Force on the femur and its moment about the CT's origin, by a model's contact, a pair each [N, N mm]; so much higher up [mm].
+    pub fn wrenches_above(&self, model: &Model, by: f64) -> Vec<(Vector3<f64>, Vector3<f64>)> {
+        let mut q = self.q;
+        q[SI] += by;
+        model.contact_near(&model.joint.pose(&q), &mut self.near.lists()).wrench
+    }
+}
+
 /// The unloaded pose that an effect departs from: what moves that pose moves the effect with it.
 struct Root {
-    /// Its chain coordinates [rad, mm].
-    q: Six,
+    at: At,
     /// What is out of balance under load by what is out of balance there.
     lever: Matrix6<f64>,
 }
@@ -40,9 +70,11 @@ impl Root {
             return None;
         }
         let plain = Bench { effects: &[], ..*bench };
-        let inverse = plain.neutral_near(trial, &trial.neutral).tangent.try_inverse()?;
+        let unloaded = plain.neutral_near(trial);
+        let inverse = unloaded.tangent.try_inverse()?;
         let holds = Bench { effects: &departing, ..*bench }.effects_tangent(trial, &trial.load, &rest.q);
-        Some(Root { q: trial.neutral, lever: holds * inverse })
+        let at = At::new(Start { q: trial.neutral, near: unloaded.near });
+        Some(Root { at, lever: holds * inverse })
     }
 }
 
@@ -51,14 +83,25 @@ impl<'a> Slopes<'a> {
     pub fn new(bench: Bench<'a>, trial: &'a Trial, rest: &'a Equilibrium) -> Slopes<'a> {
         let reading = bench.observe_derivative(trial, &rest.q);
         let answer = rest.tangent.try_inverse().map(|inverse| reading * inverse);
-        Slopes { bench, trial, rest, answer, root: Root::new(&bench, trial, rest) }
+        let loaded = At::new(rest.start());
+        Slopes { bench, trial, rest, answer, loaded, root: Root::new(&bench, trial, rest) }
+    }
+
+    /// What the model does at one of its poses, under the quadriceps.
+    pub fn at<'b>(&self, at: &'b At) -> &'b Evaluation {
+        at.of(&self.bench.pulled(self.trial))
+    }
+
+    /// The model at the rest.
+    pub fn loaded(&self) -> &Evaluation {
+        self.at(&self.loaded)
     }
 
     /// Change of the reading [deg, mm] by changes of the knee itself that put `out_of_balance` what it tells at a pose: under load, and unloaded where an
     /// effect departs from there.
-    pub fn of_the_knee(&self, out_of_balance: impl Fn(&Six) -> Vec<Six>) -> Vec<Free<f64>> {
-        let loaded = out_of_balance(&self.rest.q);
-        let unloaded = self.root.as_ref().map(|root| (out_of_balance(&root.q), root.lever));
+    pub fn of_the_knee(&self, out_of_balance: impl Fn(&At) -> Vec<Six>) -> Vec<Free<f64>> {
+        let loaded = out_of_balance(&self.loaded);
+        let unloaded = self.root.as_ref().map(|root| (out_of_balance(&root.at), root.lever));
         let by = |k: usize, miss: Six| {
             let moved = unloaded.as_ref().map_or(Six::zeros(), |(there, lever)| lever * balanced(there[k]));
             self.by(&balanced(miss - moved), &Six::zeros())
@@ -106,10 +149,9 @@ impl<'a> Slopes<'a> {
     /// By each bundle's reference strain, then its stiffness [N/mm].
     fn bundles(&self) -> Vec<Free<f64>> {
         let model = self.bench.model;
-        self.of_the_knee(|q| {
-            let states = model.fibre_states(&model.joint.pose(q));
+        self.of_the_knee(|at| {
             let mut by_bundle = vec![Six::zeros(); 2 * model.bundles.len()];
-            for (fibre, state) in model.fibres.iter().zip(&states) {
+            for (fibre, state) in model.fibres.iter().zip(&self.at(at).fibres) {
                 let bundle = &model.bundles[fibre.bundle];
                 let [strain, stiffness] = bundle.parameter_derivatives(state.line.length - fibre.initial_length);
                 by_bundle[2 * fibre.bundle] += state.line.gradient * strain;
@@ -121,9 +163,7 @@ impl<'a> Slopes<'a> {
 
     /// By the log of the contact's scale.
     fn contact(&self) -> Free<f64> {
-        let model = self.bench.model;
-        let force = |q: &Six| model.contact_near(&model.joint.pose(q), &mut Nearby::once()).gradient;
-        self.of_the_knee(|q| vec![force(q)])[0]
+        self.of_the_knee(|at| vec![self.at(at).contact.gradient])[0]
     }
 
     /// By turns [deg] and shifts [mm] of the frames: what is read, and the generalised forces of the same wrench, are of other axes then.
@@ -131,9 +171,8 @@ impl<'a> Slopes<'a> {
         if steps.iter().all(Option::is_none) {
             return [Free::all(0.0); 12];
         }
-        let (model, q) = (self.bench.pulled(self.trial), &self.rest.q);
-        let effects = self.bench.effects_at(self.trial, &self.trial.load, q);
-        let at = model.evaluate_near(q, &mut Nearby::once());
+        let effects = self.bench.effects_at(self.trial, &self.trial.load, &self.rest.q);
+        let at = self.loaded();
         let read = |gs: &Six| self.bench.effects.iter().fold(*gs, |gs, e| e.read(&gs, self.trial));
         let wrench = wrench(&at.pose, &(at.gradient - effects));
         let by = |joints: &[Joint; 2]| {
@@ -150,11 +189,11 @@ impl<'a> Slopes<'a> {
         if !model.has_second_contact() {
             return Free::all(0.0);
         }
-        let differs = |q: &Six| {
-            let pose = model.joint.pose(q);
-            model.contact.evaluate(&pose).gradient - model.contact_near(&pose, &mut Nearby::once()).gradient
+        let differs = |at: &At| {
+            let there = self.at(at);
+            model.contact.evaluate(&there.pose).gradient - there.contact.gradient
         };
-        self.of_the_knee(|q| vec![differs(q)])[0]
+        self.of_the_knee(|at| vec![differs(at)])[0]
     }
 
     /// By each load: VV, IE [N mm], ML, AP, SI [N].
@@ -170,8 +209,8 @@ impl<'a> Slopes<'a> {
     pub fn attachments(&self) -> Vec<Free<f64>> {
         let model = self.bench.model;
         let h = 0.05;
-        self.of_the_knee(|q| {
-            let here = self.bench.place.situation(model, self.trial, &self.trial.load, q);
+        self.of_the_knee(|at| {
+            let here = self.bench.place.situation(model, self.trial, &self.trial.load, &at.q);
             let by = |fibre: &Fibre, k: usize| {
                 let mut ends = [Vector3::zeros(); 2];
                 ends[k / 3][k % 3] = h;
