@@ -6,7 +6,7 @@ use crate::covariance::Readings;
 use crate::error::DiagnosisError;
 use crate::problem::{Linear, Problem};
 use crate::robust::{Mixture, Weighed};
-use calibration::levenberg::box_step;
+use inference::box_step::box_step;
 use nalgebra::{Cholesky, DMatrix, DVector};
 use sim::equilibrium::{Start, starts_of};
 

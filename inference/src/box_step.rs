@@ -2,15 +2,6 @@
 
 use nalgebra::{DMatrix, DVector};
 
-/// A sum of squares at a point: residuals and their derivatives.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Residuals {
-    /// The residuals.
-    pub value: DVector<f64>,
-    /// A row a residual, a column a coordinate.
-    pub jacobian: DMatrix<f64>,
-}
-
 /// Least of `g d + d H d / 2` with `point + d` in the unit box and no coordinate of `d` beyond `radius`, for a positive definite H: a primal
 /// active-set method [nocedal2006, section 16.5] from d = 0, one wall at a time.
 pub fn box_step(hessian: &DMatrix<f64>, gradient: &DVector<f64>, point: &[f64], radius: f64) -> DVector<f64> {
