@@ -6,7 +6,7 @@ use crate::covariance::Readings;
 use crate::error::DiagnosisError;
 use crate::problem::{Linear, Problem};
 use crate::robust::{Mixture, Weighed};
-use inference::box_step::box_step;
+use inference::least_squares::{Bounds, Quadratic, Stop, descend};
 use nalgebra::{Cholesky, DMatrix, DVector};
 use sim::equilibrium::{Start, starts_of};
 
@@ -20,9 +20,6 @@ const SMALL: f64 = 0.05;
 const LITTLE: f64 = 1.0;
 /// Most evaluations of a fit's steps where it still explains little.
 const TRIES_OF_LITTLE: usize = 12;
-
-/// Curvature that holds an unknown [-]: a step of it is nothing beside any other.
-const HELD: f64 = 1e12;
 
 /// Below this log Bayes factor of its own size, an effect's evidence is looked into.
 const DOUBTFUL: f64 = 15.0;
@@ -80,50 +77,27 @@ fn prior(k: usize, means: &[f64], x: f64) -> (f64, f64, f64) {
     }
 }
 
-/// Bounds of an unknown, in units of its prior.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Bounds {
-    /// Least.
-    low: f64,
-    /// Largest.
-    high: f64,
+/// Bounds of the unknowns of a hypothesis, in units of their prior: sizes may not be negative where that means nothing, nor larger than the whole.
+fn bounds_of(hypothesis: &[Candidate], nuisances: usize) -> Vec<Bounds> {
+    let mut out = vec![Bounds { low: -REACH, high: REACH }; nuisances];
+    for c in hypothesis {
+        out.extend(c.effect.parameter.iter().map(|p| Bounds {
+            low: if p.one_sided { 0.0 } else { -REACH },
+            high: p.whole.map_or(REACH, |whole| whole / p.sd),
+        }));
+    }
+    out
 }
 
-impl Bounds {
-    /// Of the unknowns of a hypothesis: sizes may not be negative where that means nothing, nor larger than the whole.
-    fn of(hypothesis: &[Candidate], nuisances: usize) -> Vec<Bounds> {
-        let mut out = vec![Bounds { low: -REACH, high: REACH }; nuisances];
-        for c in hypothesis {
-            out.extend(c.effect.parameter.iter().map(|p| Bounds {
-                low: if p.one_sided { 0.0 } else { -REACH },
-                high: p.whole.map_or(REACH, |whole| whole / p.sd),
-            }));
-        }
-        out
-    }
-
-    fn clamp(self, x: f64) -> f64 {
-        x.clamp(self.low, self.high)
-    }
-
-    fn width(self) -> f64 {
-        self.high - self.low
-    }
-
-    fn to_unit(self, x: f64) -> f64 {
-        (x - self.low) / self.width()
-    }
-
-    /// Log of the posterior's share within the bounds over the prior's, where an unknown stands at `x` with a standard deviation: what lies outside is
-    /// neither believed before nor after. A prior reaches as far as it likes where nothing bounds it.
-    fn log_share(self, x: f64, sd: f64) -> f64 {
-        let is_bounded = [self.low > -REACH, self.high < REACH];
-        let below = |bound: f64| normal_below((bound - x) / sd);
-        let posterior =
-            if is_bounded[1] { below(self.high) } else { 1.0 } - if is_bounded[0] { below(self.low) } else { 0.0 };
-        let prior = if is_bounded[1] { heavy_below(self.high) } else { 1.0 } - if is_bounded[0] { 0.5 } else { 0.0 };
-        (posterior / prior).ln()
-    }
+/// Log of the posterior's share within bounds over the prior's, where an unknown stands at `x` with a standard deviation: what lies outside is neither
+/// believed before nor after. A prior reaches as far as it likes where nothing bounds it.
+fn log_share(within: Bounds, x: f64, sd: f64) -> f64 {
+    let is_bounded = [within.low > -REACH, within.high < REACH];
+    let below = |bound: f64| normal_below((bound - x) / sd);
+    let posterior =
+        if is_bounded[1] { below(within.high) } else { 1.0 } - if is_bounded[0] { below(within.low) } else { 0.0 };
+    let prior = if is_bounded[1] { heavy_below(within.high) } else { 1.0 } - if is_bounded[0] { 0.5 } else { 0.0 };
+    (posterior / prior).ln()
 }
 
 /// The distribution function of the effects' prior, Student's t with four degrees of freedom, in closed form.
@@ -179,7 +153,7 @@ impl Data<'_> {
     ///
     /// Errors: a model that cannot be evaluated.
     pub fn fit(&self, hypothesis: &[Candidate], start: &[f64], starts: &[Start]) -> Result<Fit, DiagnosisError> {
-        let bounds = Bounds::of(hypothesis, self.problem.nuisances());
+        let bounds = bounds_of(hypothesis, self.problem.nuisances());
         let unknowns: Vec<f64> = start.iter().zip(&bounds).map(|(x, within)| within.clamp(*x)).collect();
         let rests = self.problem.nearer(hypothesis, &unknowns, starts)?;
         let first = self.descend((hypothesis, Weighing::Mixed), unknowns, &starts_of(&rests))?;
@@ -193,70 +167,35 @@ impl Data<'_> {
         Ok(if second.log_evidence > first.log_evidence { second } else { first })
     }
 
-    /// Gauss and Newton's steps from a state, damped.
+    /// The least cost near some unknowns, by damped least squares.
     fn descend(
         &self,
         question: (&[Candidate], Weighing),
         unknowns: Vec<f64>,
         starts: &[Start],
     ) -> Result<State, DiagnosisError> {
-        let bounds = Bounds::of(question.0, self.problem.nuisances());
-        let mut here = self.state(question, unknowns, starts)?;
-        let mut damping = 1e-3;
-        let mut tries = 0;
-        while tries < self.steps && (tries < TRIES_OF_LITTLE || !self.explains_little(&here)) {
-            let Some((step, slope, promised)) = self.step(&here, &bounds, damping) else { break };
-            let mut share = 1.0;
-            let next = loop {
-                let steps = here.unknowns.iter().zip(step.iter());
-                let to = steps.zip(&bounds).map(|((x, s), within)| within.clamp(x + share * s));
-                let starts = starts_of(&here.linear.rests);
-                let tried = self.state(question, to.collect(), &starts)?;
-                tries += 1;
-                if tried.cost < here.cost || share < 1.0 || tries == self.steps {
-                    break tried;
-                }
-                // where one soft trial bends the way, the least of the parabola through both ends lies before the end
-                let least = 0.5 * slope / (tried.cost - here.cost + slope);
-                share = if least.is_nan() { 0.1 } else { least.clamp(0.1, 0.5) };
-            };
-            let gain = here.cost - next.cost;
-            if gain > 0.0 {
-                damping *= if share == 1.0 && gain > 0.5 * promised { 0.2 } else { 2.0 };
-                here = next;
-                if gain < SMALL {
-                    break;
-                }
-            } else {
-                damping = (damping * 10.0).max(0.1);
-                if damping > 1e4 {
-                    break;
-                }
-            }
-        }
-        Ok(here)
+        let mut bounds = bounds_of(question.0, self.problem.nuisances());
+        self.held.iter().for_each(|&k| bounds[k] = Bounds { low: unknowns[k], high: unknowns[k] });
+        let mut fault = DiagnosisError::Model("a fit has no start".into());
+        let evaluate = |x: &DVector<f64>, last: Option<(&DVector<f64>, &State)>| {
+            let begin = last.map(|(_, here)| starts_of(&here.linear.rests));
+            let state = self.state(question, x.as_slice().to_vec(), begin.as_deref().unwrap_or(starts));
+            let state = state.map_err(|e| fault = e).ok()?;
+            let (hessian, gradient) = self.quadratic(&state);
+            Some((Quadratic { value: state.cost, gradient, hessian }, state))
+        };
+        let stop = Stop {
+            evaluations: self.steps + 1,
+            fall: SMALL,
+            poor: LITTLE * self.readings.rows.len() as f64,
+            poor_evaluations: TRIES_OF_LITTLE + 1,
+        };
+        let found = descend(DVector::from_vec(unknowns), &bounds, evaluate, stop).map(|least| least.state);
+        found.ok_or(fault)
     }
 
     fn explains_little(&self, state: &State) -> bool {
         state.cost > LITTLE * self.readings.rows.len() as f64
-    }
-
-    /// A step from a state to the least of a quadratic form within bounds, how fast the cost falls at its beginning, and by how much it should fall; none
-    /// where that is next to nothing.
-    fn step(&self, here: &State, bounds: &[Bounds], damping: f64) -> Option<(DVector<f64>, f64, f64)> {
-        let (hessian, gradient) = self.quadratic(here);
-        let mut damped = hessian.clone();
-        for k in 0..damped.nrows() {
-            damped[(k, k)] *= 1.0 + damping;
-        }
-        self.held.iter().for_each(|&k| damped[(k, k)] += HELD);
-        let unit: Vec<f64> = here.unknowns.iter().zip(bounds).map(|(x, within)| within.to_unit(*x)).collect();
-        let widths = DVector::from_iterator(unit.len(), bounds.iter().map(|within| within.width()));
-        let scaled = DMatrix::from_fn(unit.len(), unit.len(), |a, b| damped[(a, b)] * widths[a] * widths[b]);
-        let step = box_step(&scaled, &gradient.component_mul(&widths), &unit, 0.2).component_mul(&widths);
-        let slope = -gradient.dot(&step);
-        let promised = slope - 0.5 * step.dot(&(&hessian * &step));
-        (promised >= SMALL).then_some((step, slope, promised))
     }
 
     fn quadratic(&self, here: &State) -> (DMatrix<f64>, DVector<f64>) {
@@ -286,7 +225,7 @@ impl Data<'_> {
         };
         let mut log_evidence = -here.cost - 0.5 * (log_determinant + self.mixture.plain().log_determinant());
         for (k, within) in bounds.iter().enumerate().skip(self.problem.nuisances()) {
-            log_evidence += within.log_share(here.unknowns[k], posterior[(k, k)].sqrt().max(1e-9));
+            log_evidence += log_share(*within, here.unknowns[k], posterior[(k, k)].sqrt().max(1e-9));
         }
         if let Some(k) = whole(hypothesis, self.problem.nuisances()) {
             let at_whole = here.unknowns[k] >= bounds[k].high - AT_BOUND;
