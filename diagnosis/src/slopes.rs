@@ -2,7 +2,7 @@
 
 use crate::bench::Bench;
 use crate::candidate::Candidate;
-use crate::effect::{Active, fibre_pull, moved_fibre};
+use crate::effect::Active;
 use crate::nuisance::{Felt, FrameSteps, Nuisances, frame_change, wrench};
 use crate::trial::{PER_UNIT, Trial};
 use nalgebra::{Matrix6, Vector3};
@@ -11,9 +11,8 @@ use sim::contact::Nearby;
 use sim::coordinate::{FE, Free, SI, Six};
 use sim::equilibrium::{Equilibrium, Start};
 use sim::joint::Joint;
-use sim::ligament::Fibre;
 use sim::model::Evaluation;
-use sim::sensitivity::End;
+use sim::sensitivity::{End, Parameter as Number, out_of_balance};
 use std::cell::OnceCell;
 
 /// Derivatives of a trial's reading at its rest.
@@ -119,51 +118,29 @@ impl<'a> Slopes<'a> {
     /// By the nuisance parameters at some values; `joints` are the steps of the frames of each data set.
     pub(crate) fn nuisances(&self, of: &Nuisances, unknowns: &[f64], joints: &[FrameSteps]) -> Vec<Free<f64>> {
         let source = self.trial.source;
-        let bundles = self.bundles();
-        let contact = self.contact();
+        let values: Vec<(f64, f64)> = unknowns.iter().enumerate().take(of.len()).map(|(k, x)| of.at(k, *x)).collect();
+        let numbers: Vec<(Vec<Number>, f64)> =
+            of.list.iter().zip(&values).map(|(p, value)| p.quantity.numbers(value.0)).collect();
+        let model = self.of_the_knee(|at| numbers.iter().map(|(n, factor)| self.by_numbers(at, n) * *factor).collect());
         let frames = joints.get(source).map_or([Free::all(0.0); 12], |steps| self.frames(steps));
-        let fibres = &self.bench.model.fibres;
-        let is_site = |felt: &Felt| matches!(felt, Felt::Site(..));
-        let ends = if of.felt.iter().any(is_site) { self.attachments() } else { vec![] };
-        let add = |sum: Free<f64>, by: &Free<f64>| Free::from_fn(|c| sum[c] + by[c]);
         let by = |(k, felt): (usize, &Felt)| {
-            let (value, slope) = of.at(k, unknowns[k]);
-            let column: Free<f64> = match felt {
-                Felt::ReferenceStrain(these) => these.iter().map(|&b| &bundles[2 * b]).fold(Free::all(0.0), add),
-                Felt::Stiffness(these) => these.iter().map(|&b| &bundles[2 * b + 1]).fold(Free::all(0.0), add),
-                Felt::ContactScale => contact.map(|x| x / value),
+            let column = match felt {
+                Felt::Model => model[k],
                 Felt::Frame(set, term) if set.is_none_or(|s| s == source) => frames[*term],
                 // the frames of another data set
                 Felt::Frame(..) => Free::all(0.0),
-                Felt::Site(bundle, end, axis) => {
-                    let place = 3 * usize::from(*end == End::Tibia) + axis;
-                    let own = (0..fibres.len()).filter(|&f| fibres[f].bundle == *bundle);
-                    own.map(|f| &ends[6 * f + place]).fold(Free::all(0.0), add)
-                }
             };
-            column.map(|x| x * slope)
+            column.map(|x| x * values[k].1)
         };
         of.felt.iter().enumerate().map(by).collect()
     }
 
-    /// By each bundle's reference strain, then its stiffness [N/mm].
-    fn bundles(&self) -> Vec<Free<f64>> {
+    /// What some numbers of the model, all by one unit, put out of balance at a pose [N mm, N].
+    fn by_numbers(&self, at: &At, numbers: &[Number]) -> Six {
         let model = self.bench.model;
-        self.of_the_knee(|at| {
-            let mut by_bundle = vec![Six::zeros(); 2 * model.bundles.len()];
-            for (fibre, state) in model.fibres.iter().zip(&self.at(at).fibres) {
-                let bundle = &model.bundles[fibre.bundle];
-                let [strain, stiffness] = bundle.parameter_derivatives(state.line.length - fibre.initial_length);
-                by_bundle[2 * fibre.bundle] += state.line.gradient * strain;
-                by_bundle[2 * fibre.bundle + 1] += state.line.gradient * stiffness;
-            }
-            by_bundle
-        })
-    }
-
-    /// By the log of the contact's scale.
-    fn contact(&self) -> Free<f64> {
-        self.of_the_knee(|at| vec![self.at(at).contact.gradient])[0]
+        let one =
+            |n: &Number| out_of_balance(model, self.at(at), *n).expect("a parameter is of bundles that the model has");
+        numbers.iter().map(one).sum()
     }
 
     /// By turns [deg] and shifts [mm] of the frames: what is read, and the generalised forces of the same wrench, are of other axes then.
@@ -207,18 +184,10 @@ impl<'a> Slopes<'a> {
 
     /// By each end of each fibre moved along the axes [per mm].
     pub fn attachments(&self) -> Vec<Free<f64>> {
-        let model = self.bench.model;
-        let h = 0.05;
-        self.of_the_knee(|at| {
-            let here = self.bench.place.situation(model, self.trial, &self.trial.load, &at.q);
-            let by = |fibre: &Fibre, k: usize| {
-                let mut ends = [Vector3::zeros(); 2];
-                ends[k / 3][k % 3] = h;
-                let pull = |s: f64| fibre_pull(&here, &moved_fibre(fibre, &(ends[0] * s), &(ends[1] * s)));
-                (pull(-1.0) - pull(1.0)) / (2.0 * h)
-            };
-            model.fibres.iter().flat_map(|fibre| (0..6).map(move |k| (fibre, k))).map(|(f, k)| by(f, k)).collect()
-        })
+        let ends = [End::Femur, End::Tibia].into_iter().flat_map(|end| (0..3).map(move |axis| (end, axis)));
+        let of = |fibre: usize| ends.clone().map(move |(end, axis)| Number::Attachment(fibre, end, axis));
+        let all: Vec<Number> = (0..self.bench.model.fibres.len()).flat_map(of).collect();
+        self.of_the_knee(|at| all.iter().map(|n| self.by_numbers(at, &[*n])).collect())
     }
 
     /// By the scaled parameters of a candidate at `scaled`; zero where it does not act.

@@ -21,7 +21,7 @@ use sim::coordinate::{Coordinate, FE, FREE, Free, Load, Six};
 use sim::joint::Joint;
 use sim::laxity::{LaxityTrial, Test};
 use sim::quasistatic::{Goal, close};
-use sim::sensitivity::End;
+use sim::sensitivity::{End, Parameter as Number};
 use sim::spec::ModelSpec;
 use sim::trials::{TrialOptions, chain_flexion, pose_spec, solve_trials};
 use slopes::Slopes;
@@ -49,6 +49,24 @@ pub enum Quantity {
     Compliance(usize, Coordinate),
     /// Load that the knee bears in all trials of a data set beside the recorded one [N m, N]: data set, coordinate.
     Resting(usize, Coordinate),
+}
+
+impl Quantity {
+    /// The model's own numbers that it is, and by how much each changes per unit where it has a value; none of what stands beside the model.
+    pub fn numbers(&self, value: f64) -> (Vec<Number>, f64) {
+        match self {
+            Quantity::ReferenceStrain(of) => (of.iter().map(|&b| Number::ReferenceStrain(b)).collect(), 1.0),
+            Quantity::Stiffness(of) => (of.iter().map(|&b| Number::Stiffness(b)).collect(), 1.0),
+            Quantity::Site(bundle, end, axis) => (vec![Number::Site(*bundle, *end, *axis)], 1.0),
+            // the model counts from its own pressures
+            Quantity::ContactScale => (vec![Number::ContactScale], 1.0 / value),
+            Quantity::Frame(..)
+            | Quantity::Cartilage
+            | Quantity::Lean(..)
+            | Quantity::Compliance(..)
+            | Quantity::Resting(..) => (vec![], 0.0),
+        }
+    }
 }
 
 /// Flexions between which leans of the bearing surface are interpolated [deg]; ours: contact wanders over a plateau's third in each.
@@ -289,8 +307,7 @@ impl Trials<'_> {
 
     /// An answer from coordinates close by.
     fn answer(&self, knee: &Knee, trial: &Asked, start: Start) -> Result<(Answer, Slopes), SimError> {
-        let (model, terms) = knee.of(trial);
-        let model = &*model.pulled(trial.quadriceps_n)?;
+        let model = &*knee.of(trial).0.pulled(trial.quadriceps_n)?;
         let lean = self.lean(&knee.values, trial.fe_deg);
         let goal = Goal {
             flexion: chain_flexion(model, trial.fe_deg, self.options)?,
@@ -310,7 +327,7 @@ impl Trials<'_> {
             flags: vec![],
             evaluations: solved.evaluations,
         };
-        self.with_slopes((model, terms), trial, found, &mut near)
+        self.with_slopes(knee, model, trial, found, &mut near)
     }
 
     /// Where an answer is sought from: the other point's answer moved by what its derivatives say, in the frames of this point.
