@@ -14,12 +14,12 @@ pub struct Answer {
     /// What is odd about it ("dislocated"); empty when nothing is.
     pub flags: Vec<String>,
     /// Derivatives by each design variable, where asked for.
-    pub slopes: Option<Slopes>,
+    pub jacobian: Option<Jacobian>,
 }
 
 /// Derivatives of an answer by the design variables, each per unit of the variable.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Slopes {
+pub struct Jacobian {
     /// Of the prediction: a row a variable.
     pub predicted: Vec<Free<f64>>,
     /// Of the bundle forces: a row a variable, a column a bundle.
@@ -42,8 +42,8 @@ pub struct Experiment<'a> {
 
 impl Experiment<'_> {
     /// Answers to all trials, in order.
-    pub fn answers(&self, values: &[f64], slopes: bool) -> Vec<Result<Answer, SimError>> {
-        (self.simulate)(values, slopes)
+    pub fn answers(&self, values: &[f64], jacobian: bool) -> Vec<Result<Answer, SimError>> {
+        (self.simulate)(values, jacobian)
     }
 
     /// Predictions of all trials; `None` where the solver has none.

@@ -96,17 +96,17 @@ impl<'a> Problem<'a> {
         let mut rows: Vec<DVector<f64>> = Vec::new();
         for (i, answer) in answers.iter().enumerate() {
             let (answer, t) = (answer.as_ref().ok()?, &self.targets.trials[i]);
-            let slopes = answer.slopes.as_ref()?;
+            let jacobian = answer.jacobian.as_ref()?;
             let residual = crate::cost::residual(t, &answer.predicted);
             for (c, r) in residual.each() {
                 let Some(r) = r else { continue };
                 let sd = self.targets.noise[i][c] * noise_scale[c];
-                let by = DVector::from_fn(n, |k, _| slopes.predicted[k][c] * widths[k] / sd);
+                let by = DVector::from_fn(n, |k, _| jacobian.predicted[k][c] * widths[k] / sd);
                 rows.push(by * huber(r / sd, self.robust));
             }
             for (p, index) in self.loads.iter().filter(|(p, _)| self.applies(p, i)) {
                 let slope = load_residual(p, total(&answer.forces_n, index)).1;
-                rows.push(DVector::from_fn(n, |k, _| slope * total(&slopes.forces_n[k], index) * widths[k]));
+                rows.push(DVector::from_fn(n, |k, _| slope * total(&jacobian.forces_n[k], index) * widths[k]));
             }
         }
         rows.extend((0..n).map(|k| DVector::from_fn(n, |j, _| if j == k { 1.0 / UNIFORM_SD } else { 0.0 })));

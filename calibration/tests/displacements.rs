@@ -7,7 +7,7 @@ use calibration::knee::{Knee, SearchOptions, model_at};
 use calibration::options::CalibrateOptions;
 use calibration::priors::PriorTable;
 use calibration::session::{Outcome, Session};
-use inference::knee::{Asked, Lack, Quantity, Trials};
+use inference::knee::{Asked, ModelDiscrepancy, Quantity, Trials};
 use inference::parameter::{Parameter, Prior};
 use inference::posterior::Forward;
 use inference::random::{normal, stream};
@@ -116,7 +116,11 @@ fn a_displacement_is_the_difference_of_two_poses_and_its_slopes_are_right() {
             beliefs: &[],
             options: knee.search_options(),
             load_sd: Load::new(0.1, 0.1, 2.0, 2.0, 2.0),
-            lack: Lack { sd: Load(Free::all(1.0)), flexion_deg: 25.0, load: Load::new(6.0, 3.0, 60.0, 60.0, 60.0) },
+            discrepancy: ModelDiscrepancy {
+                sd: Load(Free::all(1.0)),
+                flexion_deg: 25.0,
+                load: Load::new(6.0, 3.0, 60.0, 60.0, 60.0),
+            },
             on_fit: None,
         };
         let point = trials.at(z, None).expect("an answer");

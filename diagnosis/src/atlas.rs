@@ -95,7 +95,7 @@ fn before_data(problem: &Problem, options: &DiagnosisOptions) -> Result<(Fit, DM
         hypothesis: vec![],
         residual: DVector::zeros(readings.rows.len()),
         misfit: 0.0,
-        odd: vec![],
+        outliers: vec![],
         log_evidence: 0.0,
         posterior: DMatrix::identity(unknowns.len(), unknowns.len()),
         means: problem.means(unknowns.len()),

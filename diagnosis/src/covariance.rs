@@ -4,8 +4,8 @@
 use crate::bench::Bench;
 use crate::candidate::Candidate;
 use crate::error::DiagnosisError;
+use crate::jacobian::{At, Jacobian};
 use crate::problem::{Linear, Problem};
-use crate::slopes::{At, Slopes};
 use crate::trial::{Trial, row_of};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rand::{RngExt, SeedableRng};
@@ -185,17 +185,17 @@ pub fn covariance(
 
 /// Derivatives that the scatter needs, of a trial at its rest.
 fn scatter_of(bench: Bench, trial: &Trial, rest: &Equilibrium, with_thickness: bool) -> Scatter {
-    let slopes = Slopes::new(bench, trial, rest);
+    let jacobian = Jacobian::new(bench, trial, rest);
     let model = bench.model;
     let pushed = |(f, m): &(meshes::Vector, meshes::Vector), pose: &Pose| {
         Six::from_fn(|j, _| -(f.dot(&pose.screws[j].linear) + m.dot(&pose.screws[j].angular)))
     };
-    let compartments = slopes.of_the_knee(|at| {
-        let there = slopes.at(at);
+    let compartments = jacobian.of_the_knee(|at| {
+        let there = jacobian.at(at);
         there.contact.wrench.iter().map(|w| pushed(w, &there.pose)).collect()
     });
-    let laws = slopes.of_the_knee(|at| {
-        let there = slopes.at(at);
+    let laws = jacobian.of_the_knee(|at| {
+        let there = jacobian.at(at);
         let steeper = |(f, m): &(meshes::Vector, meshes::Vector)| {
             let more = (f.norm() / REFERENCE).max(1e-6).ln();
             pushed(&(f * more, m * more), &there.pose)
@@ -203,7 +203,7 @@ fn scatter_of(bench: Bench, trial: &Trial, rest: &Equilibrium, with_thickness: b
         vec![there.contact.wrench.iter().map(steeper).sum(), wider_toe(model, &there.fibres)]
     });
     let thickness = |at: &At| {
-        let pose = &slopes.at(at).pose;
+        let pose = &jacobian.at(at).pose;
         let sides = [THICKER, -THICKER].map(|by| at.wrenches_above(model, by));
         let differs = |(up, down)| (pushed(up, pose) - pushed(down, pose)) / (2.0 * THICKER);
         sides[0].iter().zip(&sides[1]).map(differs).collect()
@@ -211,13 +211,13 @@ fn scatter_of(bench: Bench, trial: &Trial, rest: &Equilibrium, with_thickness: b
     let mut tilted = Six::zeros();
     tilted[VV] = rest.q[VV] - trial.neutral[VV];
     Scatter {
-        loads: slopes.loads(),
-        attachments: slopes.attachments(),
+        loads: jacobian.loads(),
+        attachments: jacobian.attachments(),
         compartments: modes(&compartments),
-        pressed: slopes.loaded().contact.wrench.iter().map(|(f, _)| f.norm()).sum(),
-        own_contact: slopes.own_contact(),
-        tilt: slopes.by(&tilted, &Six::zeros()),
-        thickness: if with_thickness { slopes.of_the_knee(thickness) } else { vec![] },
+        pressed: jacobian.loaded().contact.wrench.iter().map(|(f, _)| f.norm()).sum(),
+        own_contact: jacobian.own_contact(),
+        tilt: jacobian.by(&tilted, &Six::zeros()),
+        thickness: if with_thickness { jacobian.of_the_knee(thickness) } else { vec![] },
         laws: [laws[0], laws[1]],
     }
 }

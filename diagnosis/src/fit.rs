@@ -39,10 +39,10 @@ pub struct Fit {
     pub linear: Linear,
     /// Measured minus predicted, of the readings fitted.
     pub residual: DVector<f64>,
-    /// Whitened sum of squares of the residual; an odd trial's limited to what it costs.
+    /// Whitened sum of squares of the residual; an outlier's limited to what it costs.
     pub misfit: f64,
     /// Trials that it does not explain, set aside ([`crate::robust`]).
-    pub odd: Vec<usize>,
+    pub outliers: Vec<usize>,
     /// Log of the evidence, the scatter it was weighed with included; up to a constant common to all hypotheses fitted to the same readings.
     pub log_evidence: f64,
     /// Posterior covariance of the unknowns.
@@ -157,7 +157,7 @@ impl Data<'_> {
         let unknowns: Vec<f64> = start.iter().zip(&bounds).map(|(x, within)| within.clamp(*x)).collect();
         let rests = self.problem.nearer(hypothesis, &unknowns, starts)?;
         let first = self.descend((hypothesis, Weighing::Mixed), unknowns, &starts_of(&rests))?;
-        if first.weighed.odd.is_empty() || self.explains_little(&first) {
+        if first.weighed.outliers.is_empty() || self.explains_little(&first) {
             return Ok(self.conclude(hypothesis, first, &bounds));
         }
         let all = self.descend((hypothesis, Weighing::All), first.unknowns.clone(), &starts_of(&first.linear.rests))?;
@@ -236,7 +236,7 @@ impl Data<'_> {
         Fit {
             hypothesis: hypothesis.to_vec(),
             misfit: 2.0 * here.weighed.cost,
-            odd: here.weighed.odd,
+            outliers: here.weighed.outliers,
             unknowns: here.unknowns,
             linear: here.linear,
             residual: here.residual,

@@ -4,8 +4,8 @@ use crate::bench::Bench;
 use crate::covariance::Whitening;
 use crate::error::DiagnosisError;
 use crate::fit::Fit;
+use crate::jacobian::Jacobian;
 use crate::problem::{Problem, reading};
-use crate::slopes::Slopes;
 use crate::trial::Trial;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -122,13 +122,13 @@ fn predictions(problem: &Problem, fit: &Fit, plans: &[Trial]) -> Result<Vec<Fore
             let effects = problem.effects_in(plan.source, &fit.hypothesis, &fit.unknowns);
             let bench = Bench { model: models.of(plan.source), effects: &effects, place: &problem.place };
             let rest = bench.walk(plan);
-            let slopes = Slopes::new(bench, plan, &rest);
-            let mut columns = slopes.nuisances(&problem.nuisance, &fit.unknowns, &joints);
+            let jacobian = Jacobian::new(bench, plan, &rest);
+            let mut columns = jacobian.nuisances(&problem.nuisance, &fit.unknowns, &joints);
             let mut at = problem.nuisances();
             for c in &fit.hypothesis {
                 let scaled = &fit.unknowns[at..at + c.size()];
                 at += c.size();
-                columns.extend(slopes.candidate(c, scaled, c.scope.covers(plan.source)));
+                columns.extend(jacobian.candidate(c, scaled, c.scope.covers(plan.source)));
             }
             let j = DMatrix::from_fn(FREE.len(), columns.len(), |r, c| columns[c].0[r]);
             (DVector::from_row_slice(&reading(&rest).0), &j * &fit.posterior * j.transpose())

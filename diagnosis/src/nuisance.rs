@@ -57,7 +57,7 @@ pub struct Nuisances {
     is_built: bool,
 }
 
-/// What a parameter of the knee moves in a trial: those kinds whose derivatives a diagnosis has ([`crate::slopes`]).
+/// What a parameter of the knee moves in a trial: those kinds whose derivatives a diagnosis has ([`crate::jacobian`]).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Felt {
     /// Numbers of the model.

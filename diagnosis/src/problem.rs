@@ -7,8 +7,8 @@ use crate::candidate::{Candidate, Scope, sized};
 use crate::catalogue::Catalogue;
 use crate::effect::{Active, Place};
 use crate::error::DiagnosisError;
+use crate::jacobian::Jacobian;
 use crate::nuisance::{Models, Nuisances};
-use crate::slopes::Slopes;
 use crate::trial::{NoiseScale, PER_UNIT, Source, Trial, at_row, row_of, trials};
 use calibration::design::Design;
 use calibration::options::CalibrateOptions;
@@ -238,7 +238,7 @@ impl Problem {
         for (i, rest) in linear.rests.iter().enumerate() {
             let effects = self.effects_in(self.trials[i].source, &[], &unknowns);
             let bench = Bench { effects: &effects, ..self.plain(&self.trials[i]) };
-            let moved = Slopes::new(bench, &self.trials[i], rest).by(&rest.miss, &Six::zeros());
+            let moved = Jacobian::new(bench, &self.trials[i], rest).by(&rest.miss, &Six::zeros());
             FREE.into_iter().for_each(|c| linear.value[row_of(i, c)] += moved[c]);
         }
         Ok(linear)
@@ -422,7 +422,7 @@ impl Problem {
     fn imagined(&self, bench: Bench, trial: &Trial, held: &Equilibrium) -> Equilibrium {
         let tangent = bench.stiffened(trial, &held.tangent);
         let mut rest = Equilibrium { tangent, ..bench.held(trial, &self.measured(trial), &held.start()) };
-        let moved = Slopes::new(bench, trial, &rest).by(&rest.miss, &Six::zeros());
+        let moved = Jacobian::new(bench, trial, &rest).by(&rest.miss, &Six::zeros());
         FREE.iter().zip(moved).zip(PER_UNIT).for_each(|((&j, m), unit)| rest.observed[j] += m * unit);
         rest
     }
@@ -452,13 +452,13 @@ impl Problem {
     fn linear_in(&self, knee: &Knee, hypothesis: &[Candidate], unknowns: &[f64], rests: Vec<Equilibrium>) -> Linear {
         let joints = self.nuisance.joints(unknowns, self.sources.len());
         let by_unknowns = |(trial, rest): (&Trial, &Equilibrium)| {
-            let slopes = Slopes::new(knee.bench(trial), trial, rest);
-            let mut columns = slopes.nuisances(&self.nuisance, unknowns, &joints);
+            let jacobian = Jacobian::new(knee.bench(trial), trial, rest);
+            let mut columns = jacobian.nuisances(&self.nuisance, unknowns, &joints);
             let mut at = self.nuisances();
             for candidate in hypothesis {
                 let scaled = &unknowns[at..at + candidate.size()];
                 at += candidate.size();
-                columns.extend(slopes.candidate(candidate, scaled, candidate.scope.covers(trial.source)));
+                columns.extend(jacobian.candidate(candidate, scaled, candidate.scope.covers(trial.source)));
             }
             columns
         };

@@ -264,7 +264,7 @@ impl Searcher<'_> {
             hypothesis: vec![],
             residual: &readings.measured - readings.pick(&linear.value),
             misfit: 0.0,
-            odd: vec![],
+            outliers: vec![],
             log_evidence: 0.0,
             posterior: DMatrix::identity(x.len(), x.len()),
             means: self.problem.means(x.len()),

@@ -16,7 +16,7 @@ use sim::sensitivity::{End, Parameter as Number, out_of_balance};
 use std::cell::OnceCell;
 
 /// Derivatives of a trial's reading at its rest.
-pub struct Slopes<'a> {
+pub struct Jacobian<'a> {
     bench: Bench<'a>,
     trial: &'a Trial,
     rest: &'a Equilibrium,
@@ -77,13 +77,13 @@ impl Root {
     }
 }
 
-impl<'a> Slopes<'a> {
+impl<'a> Jacobian<'a> {
     /// Prepares the derivatives of `trial` at `rest`.
-    pub fn new(bench: Bench<'a>, trial: &'a Trial, rest: &'a Equilibrium) -> Slopes<'a> {
+    pub fn new(bench: Bench<'a>, trial: &'a Trial, rest: &'a Equilibrium) -> Jacobian<'a> {
         let reading = bench.observe_derivative(trial, &rest.q);
         let answer = rest.tangent.try_inverse().map(|inverse| reading * inverse);
         let loaded = At::new(rest.start());
-        Slopes { bench, trial, rest, answer, loaded, root: Root::new(&bench, trial, rest) }
+        Jacobian { bench, trial, rest, answer, loaded, root: Root::new(&bench, trial, rest) }
     }
 
     /// What the model does at one of its poses, under the quadriceps.

@@ -16,7 +16,7 @@ use std::ops::Range;
 const CARTILAGE_STEP: f64 = 0.02;
 
 /// Derivatives of an answer, a column a parameter, per unit of its value.
-pub(super) struct Slopes {
+pub(super) struct Jacobian {
     /// Of VV, IE [deg], ML, AP, SI [mm]: 5 rows.
     pub(super) predicted: DMatrix<f64>,
     /// Of the bundle forces [N]: a row a bundle.
@@ -29,24 +29,24 @@ type Column = (Free<f64>, Vec<f64>, Six);
 
 impl Trials<'_> {
     /// An answer with its derivatives.
-    pub(super) fn with_slopes(
+    pub(super) fn with_jacobian(
         &self,
         knee: &Knee,
         model: &Model,
         trial: &Asked,
         found: sim::trials::Answer,
         near: &mut Nearby,
-    ) -> Result<(Answer, Slopes), SimError> {
+    ) -> Result<(Answer, Jacobian), SimError> {
         let (asked, place) = self.columns(&knee.values);
         let s = sensitivities(model, &found, &asked)?;
         let force = pressed(&found.evaluation.contact.wrench);
         let (bundles, n) = (model.bundles.len(), self.parameters.len());
-        let mut slopes = Slopes {
+        let mut jacobian = Jacobian {
             predicted: DMatrix::zeros(5, n),
             forces_n: DMatrix::zeros(bundles, n),
             coordinates: DMatrix::zeros(6, n),
         };
-        let frames = FrameSlopes::new(self, model, knee.of(trial).1, trial, &found)?;
+        let frames = FrameJacobian::new(self, model, knee.of(trial).1, trial, &found)?;
         let mut known: [Option<Column>; 12] = Default::default();
         for (k, p) in self.parameters.iter().enumerate() {
             let column = match &p.quantity {
@@ -76,9 +76,9 @@ impl Trials<'_> {
                 // of the apparatus: it moves what is read, not the knee
                 Quantity::Compliance(..) => continue,
             };
-            FREE.into_iter().for_each(|c| slopes.predicted[(c.free_index(), k)] = column.0[c]);
-            (0..bundles).for_each(|b| slopes.forces_n[(b, k)] = column.1[b]);
-            slopes.coordinates.set_column(k, &column.2);
+            FREE.into_iter().for_each(|c| jacobian.predicted[(c.free_index(), k)] = column.0[c]);
+            (0..bundles).for_each(|b| jacobian.forces_n[(b, k)] = column.1[b]);
+            jacobian.coordinates.set_column(k, &column.2);
         }
         let by_load = Free::from_fn(|c| Free::from_fn(|l| s.pose[(c.free_index(), l.free_index())]));
         let answer = Answer {
@@ -86,11 +86,11 @@ impl Trials<'_> {
             pressed: force,
             predicted: found.predicted(),
             forces_n: found.forces_n,
-            coordinates: std::mem::replace(&mut slopes.coordinates, DMatrix::zeros(0, 0)),
+            coordinates: std::mem::replace(&mut jacobian.coordinates, DMatrix::zeros(0, 0)),
             by_load,
             near: near.lists(),
         };
-        Ok((answer, slopes))
+        Ok((answer, jacobian))
     }
 
     /// What the solver is asked derivatives by, the five loads first, and which of those make each parameter's, each times a factor.
@@ -151,7 +151,7 @@ fn by_loads(s: &Sensitivities, load: &Load) -> Column {
 }
 
 /// Derivatives by frames of one answer.
-struct FrameSlopes<'a> {
+struct FrameJacobian<'a> {
     trials: &'a Trials<'a>,
     model: &'a Model,
     terms: &'a Terms,
@@ -161,18 +161,18 @@ struct FrameSlopes<'a> {
     tangent: nalgebra::LU<f64, nalgebra::Const<5>, nalgebra::Const<5>>,
 }
 
-impl<'a> FrameSlopes<'a> {
+impl<'a> FrameJacobian<'a> {
     fn new(
         trials: &'a Trials<'a>,
         model: &'a Model,
         terms: &'a Terms,
         trial: &'a Asked,
         found: &'a sim::trials::Answer,
-    ) -> Result<FrameSlopes<'a>, SimError> {
+    ) -> Result<FrameJacobian<'a>, SimError> {
         let free = free_block(&found.evaluation.hessian);
         let tangent = (free + free.transpose()) * 0.5;
         let gs = model.joint.grood_suntay_of(&model.joint.pose(&found.state.q).femur);
-        Ok(FrameSlopes { trials, model, terms, trial, found, gs, tangent: tangent.lu() })
+        Ok(FrameJacobian { trials, model, terms, trial, found, gs, tangent: tangent.lu() })
     }
 
     /// By a turn or shift [per deg, per mm]: the same bones in the other frames, flexed to the trial's flexion and brought back to equilibrium by one
