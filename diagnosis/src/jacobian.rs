@@ -41,11 +41,6 @@ impl At {
         At { q: start.q, near: start.near, found: OnceCell::new() }
     }
 
-    /// What the model does there; always the same model.
-    fn of(&self, model: &Model) -> &Evaluation {
-        self.found.get_or_init(|| model.evaluate_near(&self.q, &mut self.near.lists()))
-    }
-
     /// Force on the femur and its moment about the CT's origin, by a model's contact, a pair each [N, N mm]; so much higher up [mm].
     pub fn wrenches_above(&self, model: &Model, by: f64) -> Vec<(Vector3<f64>, Vector3<f64>)> {
         let mut q = self.q;
@@ -88,7 +83,7 @@ impl<'a> Jacobian<'a> {
 
     /// What the model does at one of its poses, under the quadriceps.
     pub fn at<'b>(&self, at: &'b At) -> &'b Evaluation {
-        at.of(&self.bench.pulled(self.trial))
+        at.found.get_or_init(|| self.bench.pulled(self.trial).evaluate_near(&at.q, &mut at.near.lists()))
     }
 
     /// The model at the rest.
