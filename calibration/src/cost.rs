@@ -101,22 +101,18 @@ pub fn residual(trial: &LaxityTrial, predicted: &Free<f64>) -> Free<Option<f64>>
 }
 
 /// The p-th percentile by linear interpolation between the sorted values x_k at 100 (k - 1/2) / n, clamped at the ends: MATLAB's
-/// `prctile`, since the published calibration ran there. Returns the value and each input's share in it (shares sum to 1).
-pub fn percentile(values: &[f64], p: f64) -> (f64, Vec<f64>) {
+/// `prctile`, since the published calibration ran there.
+pub fn percentile(values: &[f64], p: f64) -> f64 {
     let n = values.len();
-    let mut share = vec![0.0; n];
     if n == 0 {
-        return (0.0, share);
+        return 0.0;
     }
-    let mut order: Vec<usize> = (0..n).collect();
-    order.sort_by(|&a, &b| values[a].total_cmp(&values[b]));
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
     let place = (p / 100.0 * n as f64 - 0.5).clamp(0.0, (n - 1) as f64);
     let below = place.floor() as usize;
-    let above = (below + 1).min(n - 1);
     let t = place - below as f64;
-    share[order[below]] += 1.0 - t;
-    share[order[above]] += t;
-    (values[order[below]] * (1.0 - t) + values[order[above]] * t, share)
+    sorted[below] * (1.0 - t) + sorted[(below + 1).min(n - 1)] * t
 }
 
 impl CostFunction {
@@ -164,62 +160,24 @@ impl CostFunction {
 
     /// The cost of these predictions, one a trial (VV, IE [deg], ML, AP, SI [mm]); `None` is a trial without an answer.
     pub fn cost(&self, predicted: &[Option<Free<f64>>]) -> Cost {
-        self.with_slopes(predicted).0
-    }
-
-    /// The cost, and its derivative by each prediction: of a percentile that of the trials it lies between.
-    pub fn with_slopes(&self, predicted: &[Option<Free<f64>>]) -> (Cost, Vec<Free<f64>>) {
-        let mut slopes = vec![Free::all(0.0); predicted.len()];
         let unanswered: Vec<usize> = (0..predicted.len()).filter(|&i| predicted[i].is_none()).collect();
         if !unanswered.is_empty() {
-            let cost = Cost { value: FAILED, sum: FAILED, errors: vec![], at_limit: vec![], unanswered };
-            return (cost, slopes);
+            return Cost { value: FAILED, sum: FAILED, errors: vec![], at_limit: vec![], unanswered };
         }
         let beyond = |i: usize, p: &Free<f64>| LIMITED.iter().any(|&c| (p[c] - self.from[i][c]).abs() >= self.limit_mm);
         let at_limit: Vec<usize> =
             (0..predicted.len()).filter(|&i| predicted[i].is_some_and(|p| beyond(i, &p))).collect();
         let (mut sum, mut errors) = (0.0, Vec::with_capacity(self.terms.len()));
         for term in &self.terms {
-            let signed: Vec<f64> = term.trials.iter().map(|&i| self.error(predicted, i, term.coordinate)).collect();
-            let absolute: Vec<f64> = signed.iter().map(|e| e.abs()).collect();
-            let (error, share) = percentile(&absolute, self.percentile);
-            let scale = term.weight / term.range;
-            sum += scale * error;
+            let absolute: Vec<f64> =
+                term.trials.iter().map(|&i| self.error(predicted, i, term.coordinate).abs()).collect();
+            let error = percentile(&absolute, self.percentile);
+            sum += term.weight / term.range * error;
             errors.push(error);
-            for ((&i, e), s) in term.trials.iter().zip(&signed).zip(&share) {
-                slopes[i][term.coordinate] += scale * s * e.signum();
-            }
         }
         // squaring must not make a cost below 1 smaller
         let value = if at_limit.is_empty() { sum } else { sum * sum.max(1.0) };
-        if !at_limit.is_empty() {
-            let factor = if sum > 1.0 { 2.0 * sum } else { 1.0 };
-            slopes.iter_mut().flat_map(Free::iter_mut).for_each(|s| *s *= factor);
-        }
-        (Cost { value, sum, errors, at_limit, unanswered }, slopes)
-    }
-
-    /// Of each trial and coordinate: the weight of its absolute error when the percentile's share is spread over the group's sorted errors as a
-    /// bell of standard deviation `spread` percent, its signed error, and the coordinate's range. For reweighted least squares.
-    pub fn spread_weights(&self, predicted: &[Option<Free<f64>>], spread: f64) -> Vec<Free<(f64, f64, f64)>> {
-        let mut out = vec![Free::all((0.0, 0.0, 1.0)); predicted.len()];
-        for term in &self.terms {
-            let n = term.trials.len();
-            let errors: Vec<f64> = term.trials.iter().map(|&i| self.error(predicted, i, term.coordinate)).collect();
-            let mut order: Vec<usize> = (0..n).collect();
-            order.sort_by(|&a, &b| errors[a].abs().total_cmp(&errors[b].abs()));
-            let bell = |k: usize| {
-                let place = 100.0 * (k as f64 + 0.5) / n as f64;
-                let ends = (50.0 / n as f64, 100.0 - 50.0 / n as f64);
-                (-0.5 * ((place - self.percentile.clamp(ends.0, ends.1)) / spread).powi(2)).exp()
-            };
-            let total: f64 = (0..n).map(bell).sum::<f64>().max(1e-300);
-            for (k, &m) in order.iter().enumerate() {
-                let weight = term.weight / term.range * bell(k) / total;
-                out[term.trials[m]][term.coordinate] = (weight, errors[m], term.range);
-            }
-        }
-        out
+        Cost { value, sum, errors, at_limit, unanswered }
     }
 
     /// Predicted minus measured; zero where either is missing.

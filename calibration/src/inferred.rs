@@ -15,7 +15,7 @@ use crate::targets::Targets;
 use crate::unknown::{Unknown, Unknowns};
 use crate::unknowns::{KnownFrames, parameters};
 use crate::unmeasured::{self, Unmeasured, share_removed};
-use inference::knee::{Answers, Asked, Belief, Lack, Quantity, Trials};
+use inference::knee::{Answers, Asked, Belief, ModelDiscrepancy, Quantity, Trials};
 use inference::noise::Likelihood;
 use inference::parameter::Parameter;
 use inference::posterior::{Found, Sample, infer};
@@ -32,8 +32,11 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 const LOAD_SD: Load = Load::new(0.14, 0.14, 4.4, 4.4, 2.0);
 /// What the model lacks (docs/theory/inference.md), of the size by which two simulators of one knee differ on the bench: 0.3 deg, 1 deg, 0.3 mm, 0.7 mm,
 /// 0.2 mm over the compliance of a knee.
-pub(crate) const LACK: Lack =
-    Lack { sd: Load::new(1.5, 0.25, 8.0, 6.0, 10.0), flexion_deg: 25.0, load: Load::new(6.0, 3.0, 60.0, 60.0, 60.0) };
+pub(crate) const MODEL_DISCREPANCY: ModelDiscrepancy = ModelDiscrepancy {
+    sd: Load::new(1.5, 0.25, 8.0, 6.0, 10.0),
+    flexion_deg: 25.0,
+    load: Load::new(6.0, 3.0, 60.0, 60.0, 60.0),
+};
 /// However many readings there are, they say no more than this many that were right but for their scatter [miller2019]; set on the bench's nulls.
 const READINGS_BELIEVED: f64 = 100.0;
 /// Repositioning of the knee between conditions, in measurement noises [-]; as the diagnosis has it.
@@ -120,7 +123,7 @@ impl<'a> Posed<'a> {
             beliefs: &self.beliefs,
             options: self.question.knee.search_options(),
             load_sd: LOAD_SD,
-            lack: LACK,
+            discrepancy: MODEL_DISCREPANCY,
             on_fit,
         }
     }

@@ -4,7 +4,7 @@
 //! the end comes from the model and path of `simulate`. How far the two differ: docs/stages/calibrate.md.
 
 use crate::design::{Design, Kind};
-use crate::experiment::{Answer, Slopes};
+use crate::experiment::{Answer, Jacobian};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use sim::SimError;
@@ -103,7 +103,7 @@ impl Knee {
         trials: &'a [LaxityTrial],
     ) -> impl Fn(&[f64], bool) -> Vec<Result<Answer, SimError>> + Sync + 'a {
         let questions = Questions { model: &self.search, options: &self.search_options, design, trials };
-        move |values, slopes| questions.answers(values, slopes)
+        move |values, jacobian| questions.answers(values, jacobian)
     }
 
     /// Answers to trials, as `simulate` gives them.
@@ -113,7 +113,7 @@ impl Knee {
         trials: &'a [LaxityTrial],
     ) -> impl Fn(&[f64], bool) -> Vec<Result<Answer, SimError>> + Sync + 'a {
         let questions = Questions { model: &self.model, options: &self.options, design, trials };
-        move |values, slopes| questions.answers(values, slopes)
+        move |values, jacobian| questions.answers(values, jacobian)
     }
 }
 
@@ -144,13 +144,13 @@ struct Questions<'a> {
 
 impl Questions<'_> {
     /// Answers at design values, in order; displacements where a trial's readings are.
-    fn answers(&self, values: &[f64], slopes: bool) -> Vec<Result<Answer, SimError>> {
+    fn answers(&self, values: &[f64], jacobian: bool) -> Vec<Result<Answer, SimError>> {
         let unloaded: Vec<LaxityTrial> = self.trials.iter().filter_map(LaxityTrial::unloaded).collect();
-        let here = self.poses(values, slopes);
+        let here = self.poses(values, jacobian);
         if unloaded.is_empty() {
             return here;
         }
-        let mut there = Questions { trials: &unloaded, ..*self }.poses(values, slopes).into_iter();
+        let mut there = Questions { trials: &unloaded, ..*self }.poses(values, jacobian).into_iter();
         let displaced = |(t, a): (&LaxityTrial, Result<Answer, SimError>)| match t.reference {
             Some(_) => match there.next() {
                 Some(zero) => Ok(from(a?, &zero?)),
@@ -162,7 +162,7 @@ impl Questions<'_> {
     }
 
     /// Poses at design values, in order; trials in parallel, after what those of one compression share.
-    fn poses(&self, values: &[f64], slopes: bool) -> Vec<Result<Answer, SimError>> {
+    fn poses(&self, values: &[f64], jacobian: bool) -> Vec<Result<Answer, SimError>> {
         let model = match model_at(self.model, self.design, values) {
             Ok(found) => found,
             Err(e) => return self.trials.iter().map(|_| Err(e.clone())).collect(),
@@ -170,19 +170,19 @@ impl Questions<'_> {
         let found = solve_trials(&model, self.trials, self.options);
         let answer = |found: Result<sim::trials::Answer, SimError>| {
             let found = found?;
-            let slopes = if slopes { Some(self.slopes(&model, &found)?) } else { None };
-            Ok(Answer { predicted: found.predicted(), forces_n: found.forces_n, flags: found.flags, slopes })
+            let jacobian = if jacobian { Some(self.jacobian(&model, &found)?) } else { None };
+            Ok(Answer { predicted: found.predicted(), forces_n: found.forces_n, flags: found.flags, jacobian })
         };
         found.into_par_iter().map(answer).collect()
     }
 
     /// Derivatives by design variables: of a shared one the sum over its bundles.
-    fn slopes(&self, model: &Model, found: &sim::trials::Answer) -> Result<Slopes, SimError> {
+    fn jacobian(&self, model: &Model, found: &sim::trials::Answer) -> Result<Jacobian, SimError> {
         let bundles = model.bundles.len();
         let all: Vec<Parameter> =
             (0..bundles).map(Parameter::ReferenceStrain).chain((0..bundles).map(Parameter::Stiffness)).collect();
         let s = sensitivities(model, found, &all)?;
-        let mut out = Slopes { predicted: vec![], forces_n: vec![] };
+        let mut out = Jacobian { predicted: vec![], forces_n: vec![] };
         for v in &self.design.variables {
             let (mut pose, mut forces) = (Free::all(0.0), vec![0.0; bundles]);
             for b in (0..bundles).filter(|&b| v.bundles.contains(&model.bundles[b].name)) {
@@ -200,11 +200,11 @@ impl Questions<'_> {
 /// A trial's answer with its pose counted from another's; forces stay the trial's own.
 fn from(answer: Answer, zero: &Answer) -> Answer {
     let less = |a: Free<f64>, b: &Free<f64>| Free::from_fn(|c| a[c] - b[c]);
-    let slopes = answer.slopes.zip(zero.slopes.as_ref()).map(|(s, z)| Slopes {
+    let jacobian = answer.jacobian.zip(zero.jacobian.as_ref()).map(|(s, z)| Jacobian {
         predicted: s.predicted.into_iter().zip(&z.predicted).map(|(a, b)| less(a, b)).collect(),
         ..s
     });
     let mut flags = answer.flags;
     flags.extend(zero.flags.iter().map(|f| format!("unloaded: {f}")));
-    Answer { predicted: less(answer.predicted, &zero.predicted), slopes, flags, ..answer }
+    Answer { predicted: less(answer.predicted, &zero.predicted), jacobian, flags, ..answer }
 }

@@ -20,7 +20,6 @@ pub mod experiment;
 pub mod inferred;
 pub mod knee;
 mod last_forces;
-pub mod levenberg;
 mod mechanics;
 pub mod next_test;
 pub mod options;

@@ -211,10 +211,7 @@ pub fn of_recipe(
         if options.scale_noise { problem.misses(&predicted, &Free::all(1.0), options.robust) } else { Free::all(1.0) };
     let prior: Vec<Vec<f64>> = (0..options.samples).map(|s| prior_point(seed, s, n)).collect();
     let rivals = rivals.into_iter().filter(|r| r.0 < FAILED).collect();
-    let chol = problem.least_squares(point, &noise_scale).and_then(|r| {
-        let hessian = r.jacobian.tr_mul(&r.jacobian);
-        hessian.cholesky()
-    });
+    let chol = problem.jacobian(point, &noise_scale).and_then(|j| j.tr_mul(&j).cholesky());
     let Some(chol) = chol else {
         let warnings =
             vec![notices::Kind::NoDerivatives.notice("the solver has no derivatives at the best point: no intervals")];

@@ -1,9 +1,8 @@
-//! A calibration's question: trials, what was measured, the cost, and the least-squares form of it.
+//! A calibration's question: trials, what was measured, the cost, and the derivatives of its residuals.
 
 use crate::cost::{Cost, CostFunction, FAILED};
 use crate::error::CalibrationError;
 use crate::experiment::{Answer, Experiment};
-use crate::levenberg::Residuals;
 use crate::options::{CalibrateOptions, LoadPrior};
 use crate::targets::Targets;
 use nalgebra::{DMatrix, DVector};
@@ -88,36 +87,31 @@ impl<'a> Problem<'a> {
         p.applies(&self.targets.trials[trial])
     }
 
-    /// Residuals in standard deviations, scaled by `noise_scale`, at unit coordinates, with derivatives; `None` when a trial has no answer.
-    pub fn least_squares(&self, unit: &[f64], noise_scale: &Free<f64>) -> Option<Residuals> {
+    /// Derivatives by unit coordinates of the residuals in standard deviations, scaled by `noise_scale`, and of the beliefs: a row a number. `None` when a
+    /// trial has no answer.
+    pub fn jacobian(&self, unit: &[f64], noise_scale: &Free<f64>) -> Option<DMatrix<f64>> {
         let design = self.experiment.design;
         let answers = self.experiment.answers(&design.at(unit), true);
         let (n, widths) = (unit.len(), design.variables.iter().map(crate::design::Variable::width).collect::<Vec<_>>());
-        let mut rows: Vec<(f64, DVector<f64>)> = Vec::new();
+        let mut rows: Vec<DVector<f64>> = Vec::new();
         for (i, answer) in answers.iter().enumerate() {
             let (answer, t) = (answer.as_ref().ok()?, &self.targets.trials[i]);
-            let slopes = answer.slopes.as_ref()?;
+            let jacobian = answer.jacobian.as_ref()?;
             let residual = crate::cost::residual(t, &answer.predicted);
             for (c, r) in residual.each() {
                 let Some(r) = r else { continue };
                 let sd = self.targets.noise[i][c] * noise_scale[c];
-                let by = DVector::from_fn(n, |k, _| slopes.predicted[k][c] * widths[k] / sd);
-                rows.push(huber(r / sd, by, self.robust));
+                let by = DVector::from_fn(n, |k, _| jacobian.predicted[k][c] * widths[k] / sd);
+                rows.push(by * huber(r / sd, self.robust));
             }
             for (p, index) in self.loads.iter().filter(|(p, _)| self.applies(p, i)) {
-                let (value, slope) = load_residual(p, total(&answer.forces_n, index));
-                let by = DVector::from_fn(n, |k, _| slope * total(&slopes.forces_n[k], index) * widths[k]);
-                rows.push((value, by));
+                let slope = load_residual(p, total(&answer.forces_n, index)).1;
+                rows.push(DVector::from_fn(n, |k, _| slope * total(&jacobian.forces_n[k], index) * widths[k]));
             }
         }
-        for (k, x) in unit.iter().enumerate() {
-            let by = DVector::from_fn(n, |j, _| if j == k { 1.0 / UNIFORM_SD } else { 0.0 });
-            rows.push(((x - 0.5) / UNIFORM_SD, by));
-        }
-        let value = DVector::from_iterator(rows.len(), rows.iter().map(|r| r.0));
-        let jacobian = DMatrix::from_fn(rows.len(), n, |i, k| rows[i].1[k]);
-        let finite = value.iter().chain(jacobian.iter()).all(|x| x.is_finite());
-        finite.then_some(Residuals { value, jacobian })
+        rows.extend((0..n).map(|k| DVector::from_fn(n, |j, _| if j == k { 1.0 / UNIFORM_SD } else { 0.0 })));
+        let jacobian = DMatrix::from_fn(rows.len(), n, |i, k| rows[i][k]);
+        jacobian.iter().all(|x| x.is_finite()).then_some(jacobian)
     }
 
     /// By how much predictions miss the measurements in standard deviations, a coordinate each, and no less than 1: root mean square of residuals
@@ -160,13 +154,9 @@ fn load_residual(p: &LoadPrior, force: f64) -> (f64, f64) {
     }
 }
 
-/// A residual whose square is Huber's loss [huber1964]: itself up to `k`, beyond that `sqrt(2 k |z| - k^2)`.
-fn huber(z: f64, by: DVector<f64>, k: f64) -> (f64, DVector<f64>) {
-    if z.abs() <= k {
-        return (z, by);
-    }
-    let r = (2.0 * k * z.abs() - k * k).sqrt();
-    (r * z.signum(), by * (k / r))
+/// Derivative by `z` of a residual whose square is Huber's loss [huber1964]: of `z` itself up to `k`, beyond that of `sqrt(2 k |z| - k^2)`.
+fn huber(z: f64, k: f64) -> f64 {
+    if z.abs() <= k { 1.0 } else { k / (2.0 * k * z.abs() - k * k).sqrt() }
 }
 
 /// A trial whose bundle forces are estimated, beside the targets.

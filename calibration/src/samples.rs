@@ -4,7 +4,7 @@
 
 use crate::changed::{Changed, Fixed};
 use crate::error::CalibrationError;
-use crate::inferred::LACK;
+use crate::inferred::MODEL_DISCREPANCY;
 use crate::mechanics::Mechanics;
 use crate::plateau::Staying;
 use crate::posterior::{ends, mean};
@@ -155,7 +155,7 @@ impl Samples {
             beliefs: &[],
             options: &self.of.search.trials(),
             load_sd: Load::default(),
-            lack: LACK,
+            discrepancy: MODEL_DISCREPANCY,
             on_fit: None,
         };
         let at = |of: &dyn Fn(&Unknown) -> f64| {
@@ -310,7 +310,7 @@ impl Samples {
             beliefs: &[],
             options: &options,
             load_sd: Load::default(),
-            lack: LACK,
+            discrepancy: MODEL_DISCREPANCY,
             on_fit: None,
         };
         let mode = DVector::from_iterator(parameters.len(), unknowns.iter().map(|u| u.most_probable));

@@ -1,7 +1,7 @@
 //! A knee of springs for tests: answers are smooth functions of the design variables and the load.
 
 use crate::design::Design;
-use crate::experiment::{Answer, Slopes};
+use crate::experiment::{Answer, Jacobian};
 use sim::SimError;
 use sim::coordinate::{AP, Coordinate, FREE, Free, IE, Load, SI};
 use sim::laxity::{LaxityTrial, Test};
@@ -46,12 +46,12 @@ pub(crate) fn answer(design: &Design, trials: &[LaxityTrial], values: &[f64], i:
         if (k + c).is_multiple_of(2) { phase.sin() / (n as f64).sqrt() } else { 0.0 }
     };
     let mut predicted = Free::all(0.0);
-    let mut slopes = vec![Free::all(0.0); n];
+    let mut jacobian = vec![Free::all(0.0); n];
     for c in FREE {
         let s: f64 = unit.iter().enumerate().map(|(k, u)| mix(c, k) * u).sum();
         let y = s + 0.3 * s * s;
         predicted[c] = size[c] * (drive + y) + if c == SI { -20.0 } else { 0.0 };
-        for (k, slope) in slopes.iter_mut().enumerate() {
+        for (k, slope) in jacobian.iter_mut().enumerate() {
             slope[c] = size[c] * (1.0 + 0.6 * s) * mix(c, k) / design.variables[k].width();
         }
     }
@@ -59,5 +59,5 @@ pub(crate) fn answer(design: &Design, trials: &[LaxityTrial], values: &[f64], i:
     let mut by = vec![vec![0.0; 2]; n];
     by[0][0] = 100.0 / design.variables[0].width();
     by[1][1] = 50.0 / design.variables[1].width();
-    Ok(Answer { predicted, forces_n, flags: vec![], slopes: Some(Slopes { predicted: slopes, forces_n: by }) })
+    Ok(Answer { predicted, forces_n, flags: vec![], jacobian: Some(Jacobian { predicted: jacobian, forces_n: by }) })
 }

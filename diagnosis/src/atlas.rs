@@ -18,7 +18,8 @@ use calibration::options::CalibrateOptions;
 use nalgebra::{Cholesky, DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 use sim::Model;
-use sim::coordinate::{Free, Six};
+use sim::coordinate::Free;
+use sim::equilibrium::starts_of;
 use sim::spec::ModelSpec;
 use std::fmt::Write;
 
@@ -86,7 +87,7 @@ pub fn atlas(
 fn before_data(problem: &Problem, options: &DiagnosisOptions) -> Result<(Fit, DMatrix<f64>), DiagnosisError> {
     let unknowns = vec![0.0; problem.nuisances()];
     let linear = problem.linear(&[], &unknowns, &[])?;
-    let starts: Vec<Six> = linear.rests.iter().map(|r| r.q).collect();
+    let starts = starts_of(&linear.rests);
     let extra = remainders(problem, &starts, options.draws, &options.floor)? * options.floor.nonlinear.powi(2);
     let cov = covariance(problem, &[], &unknowns, &linear.rests, &options.floor)? + extra;
     let readings = Readings::of(problem, &|_| true);
@@ -94,7 +95,7 @@ fn before_data(problem: &Problem, options: &DiagnosisOptions) -> Result<(Fit, DM
         hypothesis: vec![],
         residual: DVector::zeros(readings.rows.len()),
         misfit: 0.0,
-        odd: vec![],
+        outliers: vec![],
         log_evidence: 0.0,
         posterior: DMatrix::identity(unknowns.len(), unknowns.len()),
         means: problem.means(unknowns.len()),

@@ -5,7 +5,7 @@ use crate::trial::Trial;
 use nalgebra::Matrix6;
 use sim::Model;
 use sim::coordinate::{SI, Six};
-use sim::equilibrium::{Ask, Equilibrium, Restraint, Rig};
+use sim::equilibrium::{Ask, Equilibrium, Restraint, Rig, Start};
 use std::borrow::Cow;
 
 /// Force at which a spring that holds the measured pose gives way by the noise [N].
@@ -49,7 +49,7 @@ impl Bench<'_> {
     }
 
     /// The equilibrium under `trial`, from nearby coordinates.
-    pub fn settle(&self, trial: &Trial, start: &Six) -> Equilibrium {
+    pub fn settle(&self, trial: &Trial, start: &Start) -> Equilibrium {
         self.rigged(trial, |rig| rig.settle(&asked(trial), start))
     }
 
@@ -63,19 +63,19 @@ impl Bench<'_> {
         self.walk(&unloaded(trial))
     }
 
-    /// The same from nearby coordinates.
-    pub fn neutral_near(&self, trial: &Trial, start: &Six) -> Equilibrium {
-        self.settle(&unloaded(trial), start)
+    /// The same from the trial's own unloaded pose.
+    pub fn neutral_near(&self, trial: &Trial) -> Equilibrium {
+        self.settle(&unloaded(trial), &trial.unloaded())
     }
 
     /// The pose from `start` that reads next to what was `measured` (Grood-Suntay coordinates [rad, mm]), held there by springs that give way by about
     /// the measurement's noise: what is then out of balance is what the model lacks in that trial, however far it would move the knee.
-    pub fn held(&self, trial: &Trial, measured: &Six, start: &Six) -> Equilibrium {
+    pub fn held(&self, trial: &Trial, measured: &Six, start: &Start) -> Equilibrium {
         self.rigged(trial, |rig| rig.restrained(&asked(trial), &restraint(trial, measured), start))
     }
 
     /// The equilibrium that is reached when those springs are let go little by little.
-    pub fn released(&self, trial: &Trial, measured: &Six, start: &Six) -> Equilibrium {
+    pub fn released(&self, trial: &Trial, measured: &Six, start: &Start) -> Equilibrium {
         self.rigged(trial, |rig| rig.released(&asked(trial), &restraint(trial, measured), start))
     }
 

@@ -62,7 +62,7 @@ fn under(model: &Model, spec: &ModelSpec, effects: &[Active], trial: &LaxityTria
     let place = Place { femur: spec.frames.femur, tibia: spec.frames.tibia };
     let mut trial = Trial::alone(trial);
     let plain = Bench { model, effects: &[], place: &place };
-    trial.neutral = plain.neutral(&trial).q;
+    trial.rest_at(plain.neutral(&trial).start());
     let rest = Bench { effects, ..plain }.walk(&trial);
     let mut forces = model.bundle_forces(&model.fibre_states(&model.joint.pose(&rest.q)));
     let names = model.bundle_names();

@@ -4,8 +4,8 @@
 use crate::bench::Bench;
 use crate::candidate::Candidate;
 use crate::error::DiagnosisError;
+use crate::jacobian::{At, Jacobian};
 use crate::problem::{Linear, Problem};
-use crate::slopes::Slopes;
 use crate::trial::{Trial, row_of};
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rand::{RngExt, SeedableRng};
@@ -13,10 +13,10 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use sim::Model;
-use sim::contact::Nearby;
-use sim::coordinate::{AP, Coordinate, FREE, Free, ML, SI, Six, VV};
-use sim::equilibrium::Equilibrium;
+use sim::coordinate::{AP, Coordinate, FREE, Free, ML, Six, VV};
+use sim::equilibrium::{Equilibrium, Start, starts_of};
 use sim::joint::Pose;
+use sim::model::FibreState;
 
 /// Scatter that is not in the files. Every number is one standard deviation.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -151,16 +151,12 @@ struct Scatter {
 const REFERENCE: f64 = 100.0;
 
 /// What all fibres gain in tension as their toes become wider ([`sim::ligament::Bundle::gain_by_wider_toe`]), as generalised forces.
-fn wider_toe(model: &Model, pose: &Pose) -> Six {
-    let states = model.fibre_states(pose);
-    model.fibres.iter().zip(&states).filter(|(_, s)| s.response.force > 0.0).fold(
-        Six::zeros(),
-        |sum, (fibre, state)| {
-            let b = &model.bundles[fibre.bundle];
-            let stretch = state.line.length - fibre.initial_length + b.initial_stretch();
-            sum + state.line.gradient * b.gain_by_wider_toe(stretch)
-        },
-    )
+fn wider_toe(model: &Model, states: &[FibreState]) -> Six {
+    model.fibres.iter().zip(states).filter(|(_, s)| s.response.force > 0.0).fold(Six::zeros(), |sum, (fibre, state)| {
+        let b = &model.bundles[fibre.bundle];
+        let stretch = state.line.length - fibre.initial_length + b.initial_stretch();
+        sum + state.line.gradient * b.gain_by_wider_toe(stretch)
+    })
 }
 
 /// Covariance of all readings (five a trial) about the predictions at an answer.
@@ -189,47 +185,39 @@ pub fn covariance(
 
 /// Derivatives that the scatter needs, of a trial at its rest.
 fn scatter_of(bench: Bench, trial: &Trial, rest: &Equilibrium, with_thickness: bool) -> Scatter {
-    let slopes = Slopes::new(bench, trial, rest);
+    let jacobian = Jacobian::new(bench, trial, rest);
     let model = bench.model;
-    let forces = |q: &Six| {
-        let pose = model.joint.pose(q);
-        (model.contact_near(&pose, &mut Nearby::once()).wrench, pose)
-    };
     let pushed = |(f, m): &(meshes::Vector, meshes::Vector), pose: &Pose| {
         Six::from_fn(|j, _| -(f.dot(&pose.screws[j].linear) + m.dot(&pose.screws[j].angular)))
     };
-    let compartments = slopes.of_the_knee(|q| {
-        let (wrench, pose) = forces(q);
-        wrench.iter().map(|w| pushed(w, &pose)).collect()
+    let compartments = jacobian.of_the_knee(|at| {
+        let there = jacobian.at(at);
+        there.contact.wrench.iter().map(|w| pushed(w, &there.pose)).collect()
     });
-    let laws = slopes.of_the_knee(|q| {
-        let (wrench, pose) = forces(q);
+    let laws = jacobian.of_the_knee(|at| {
+        let there = jacobian.at(at);
         let steeper = |(f, m): &(meshes::Vector, meshes::Vector)| {
             let more = (f.norm() / REFERENCE).max(1e-6).ln();
-            pushed(&(f * more, m * more), &pose)
+            pushed(&(f * more, m * more), &there.pose)
         };
-        vec![wrench.iter().map(steeper).sum(), wider_toe(model, &pose)]
+        vec![there.contact.wrench.iter().map(steeper).sum(), wider_toe(model, &there.fibres)]
     });
-    let thickness = |q: &Six| {
-        let pose = model.joint.pose(q);
-        let at = |by: f64| {
-            let mut q = *q;
-            q[SI] += by;
-            forces(&q).0
-        };
-        let sides = at(THICKER).into_iter().zip(at(-THICKER));
-        sides.map(|(up, down)| (pushed(&up, &pose) - pushed(&down, &pose)) / (2.0 * THICKER)).collect()
+    let thickness = |at: &At| {
+        let pose = &jacobian.at(at).pose;
+        let sides = [THICKER, -THICKER].map(|by| at.wrenches_above(model, by));
+        let differs = |(up, down)| (pushed(up, pose) - pushed(down, pose)) / (2.0 * THICKER);
+        sides[0].iter().zip(&sides[1]).map(differs).collect()
     };
     let mut tilted = Six::zeros();
     tilted[VV] = rest.q[VV] - trial.neutral[VV];
     Scatter {
-        loads: slopes.loads(),
-        attachments: slopes.attachments(),
+        loads: jacobian.loads(),
+        attachments: jacobian.attachments(),
         compartments: modes(&compartments),
-        pressed: forces(&rest.q).0.iter().map(|(f, _)| f.norm()).sum(),
-        own_contact: slopes.own_contact(),
-        tilt: slopes.by(&tilted, &Six::zeros()),
-        thickness: if with_thickness { slopes.of_the_knee(thickness) } else { vec![] },
+        pressed: jacobian.loaded().contact.wrench.iter().map(|(f, _)| f.norm()).sum(),
+        own_contact: jacobian.own_contact(),
+        tilt: jacobian.by(&tilted, &Six::zeros()),
+        thickness: if with_thickness { jacobian.of_the_knee(thickness) } else { vec![] },
         laws: [laws[0], laws[1]],
     }
 }
@@ -311,7 +299,7 @@ fn assemble(problem: &Problem, scatter: &[Scatter], floor: &Floor) -> DMatrix<f6
 /// Errors: a model that cannot be evaluated.
 pub fn remainders(
     problem: &Problem,
-    starts: &[Six],
+    starts: &[Start],
     draws: usize,
     floor: &Floor,
 ) -> Result<DMatrix<f64>, DiagnosisError> {
@@ -319,7 +307,7 @@ pub fn remainders(
     let (n, m) = (problem.trials.len(), problem.nuisances());
     let given = vec![0.0; m];
     let linear = problem.linear_at(&[], &given, problem.rests(&[], &given, starts)?)?;
-    let starts: Vec<Six> = linear.rests.iter().map(|r| r.q).collect();
+    let starts = starts_of(&linear.rests);
     let spread = if problem.nuisance.are_of_a_built_knee() { posterior_root(problem, &linear, floor)? } else { None };
     let mut out = DMatrix::zeros(5 * n, 5 * n);
     for _ in 0..draws {

@@ -33,7 +33,7 @@ mod structure_loss;
 mod turned_frame;
 mod viscoelastic;
 
-pub(crate) use fibres::{belongs, fibre_pull, moved_fibre};
+pub(crate) use fibres::{belongs, fibre_pull};
 pub(crate) use lines::pull;
 pub(crate) use turned_frame::turned;
 

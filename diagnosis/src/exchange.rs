@@ -25,7 +25,7 @@ pub struct Exchange {
 ///
 /// Errors: a covariance that is not positive definite.
 pub fn exchange(problem: &Problem, search: &Search, fit: &Fit, loud: f64) -> Result<Option<Exchange>, DiagnosisError> {
-    if fit.odd.is_empty() {
+    if fit.outliers.is_empty() {
         return Ok(None);
     }
     let readings = &search.readings;
@@ -35,12 +35,12 @@ pub fn exchange(problem: &Problem, search: &Search, fit: &Fit, loud: f64) -> Res
     let now = mixture.weigh(&fit.residual).cost;
     let pairs = (problem.trials.len() * problem.trials.len().saturating_sub(1)) as f64 / 2.0;
     let others = |one: usize| (0..problem.trials.len()).map(move |other| [one, other]);
-    let gains = fit.odd.iter().flat_map(|&one| others(one)).filter_map(|trials| {
+    let gains = fit.outliers.iter().flat_map(|&one| others(one)).filter_map(|trials| {
         let measured = changed(readings, &rows, trials)?;
         let [mut rest, there] = [&predicted.0, &predicted.1].map(|p| &measured - p);
         trials.iter().for_each(|&t| take_the_nearer(&mut rest, &there, &rows[t], &problem.trials[t].sd));
         let exchanged = mixture.weigh(&rest);
-        if trials.iter().any(|t| exchanged.odd.contains(t)) {
+        if trials.iter().any(|t| exchanged.outliers.contains(t)) {
             return None;
         }
         let alone = |record| mixture.weigh(&moved(&rest, &fit.residual, &rows, trials, record)).cost;
@@ -63,7 +63,7 @@ fn predicted(
     let there: Vec<f64> = walked.iter().flat_map(reading).collect();
     let there = readings.pick(&there);
     for (row, (trial, _)) in readings.rows.iter().enumerate() {
-        if fit.odd.contains(trial) {
+        if fit.outliers.contains(trial) {
             here[row] = there[row];
         }
     }

@@ -6,9 +6,9 @@ use crate::covariance::Readings;
 use crate::error::DiagnosisError;
 use crate::problem::{Linear, Problem};
 use crate::robust::{Mixture, Weighed};
-use calibration::levenberg::box_step;
+use inference::least_squares::{Bounds, Quadratic, Stop, descend};
 use nalgebra::{Cholesky, DMatrix, DVector};
-use sim::coordinate::Six;
+use sim::equilibrium::{Start, starts_of};
 
 /// Bounds of the unknowns, in units of their prior.
 pub(crate) const REACH: f64 = 8.0;
@@ -20,9 +20,6 @@ const SMALL: f64 = 0.05;
 const LITTLE: f64 = 1.0;
 /// Most evaluations of a fit's steps where it still explains little.
 const TRIES_OF_LITTLE: usize = 12;
-
-/// Curvature that holds an unknown [-]: a step of it is nothing beside any other.
-const HELD: f64 = 1e12;
 
 /// Below this log Bayes factor of its own size, an effect's evidence is looked into.
 const DOUBTFUL: f64 = 15.0;
@@ -42,10 +39,10 @@ pub struct Fit {
     pub linear: Linear,
     /// Measured minus predicted, of the readings fitted.
     pub residual: DVector<f64>,
-    /// Whitened sum of squares of the residual; an odd trial's limited to what it costs.
+    /// Whitened sum of squares of the residual; an outlier's limited to what it costs.
     pub misfit: f64,
     /// Trials that it does not explain, set aside ([`crate::robust`]).
-    pub odd: Vec<usize>,
+    pub outliers: Vec<usize>,
     /// Log of the evidence, the scatter it was weighed with included; up to a constant common to all hypotheses fitted to the same readings.
     pub log_evidence: f64,
     /// Posterior covariance of the unknowns.
@@ -80,55 +77,32 @@ fn prior(k: usize, means: &[f64], x: f64) -> (f64, f64, f64) {
     }
 }
 
-/// Bounds of an unknown, in units of its prior.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Bounds {
-    /// Least.
-    low: f64,
-    /// Largest.
-    high: f64,
+/// Bounds of the unknowns of a hypothesis, in units of their prior: sizes may not be negative where that means nothing, nor larger than the whole.
+fn bounds_of(hypothesis: &[Candidate], nuisances: usize) -> Vec<Bounds> {
+    let mut out = vec![Bounds { low: -REACH, high: REACH }; nuisances];
+    for c in hypothesis {
+        out.extend(c.effect.parameter.iter().map(|p| Bounds {
+            low: if p.one_sided { 0.0 } else { -REACH },
+            high: p.whole.map_or(REACH, |whole| whole / p.sd),
+        }));
+    }
+    out
 }
 
-impl Bounds {
-    /// Of the unknowns of a hypothesis: sizes may not be negative where that means nothing, nor larger than the whole.
-    fn of(hypothesis: &[Candidate], nuisances: usize) -> Vec<Bounds> {
-        let mut out = vec![Bounds { low: -REACH, high: REACH }; nuisances];
-        for c in hypothesis {
-            out.extend(c.effect.parameter.iter().map(|p| Bounds {
-                low: if p.one_sided { 0.0 } else { -REACH },
-                high: p.whole.map_or(REACH, |whole| whole / p.sd),
-            }));
-        }
-        out
-    }
-
-    fn clamp(self, x: f64) -> f64 {
-        x.clamp(self.low, self.high)
-    }
-
-    fn width(self) -> f64 {
-        self.high - self.low
-    }
-
-    fn to_unit(self, x: f64) -> f64 {
-        (x - self.low) / self.width()
-    }
-
-    /// Log of the posterior's share within the bounds over the prior's, where an unknown stands at `x` with a standard deviation: what lies outside is
-    /// neither believed before nor after. A prior reaches as far as it likes where nothing bounds it.
-    fn log_share(self, x: f64, sd: f64) -> f64 {
-        let is_bounded = [self.low > -REACH, self.high < REACH];
-        let below = |bound: f64| normal_below((bound - x) / sd);
-        let posterior =
-            if is_bounded[1] { below(self.high) } else { 1.0 } - if is_bounded[0] { below(self.low) } else { 0.0 };
-        let prior = if is_bounded[1] { heavy_below(self.high) } else { 1.0 } - if is_bounded[0] { 0.5 } else { 0.0 };
-        (posterior / prior).ln()
-    }
+/// Log of the posterior's share within bounds over the prior's, where an unknown stands at `x` with a standard deviation: what lies outside is neither
+/// believed before nor after. A prior reaches as far as it likes where nothing bounds it.
+fn log_share(within: Bounds, x: f64, sd: f64) -> f64 {
+    let is_bounded = [within.low > -REACH, within.high < REACH];
+    let below = |bound: f64| normal_below((bound - x) / sd);
+    let posterior =
+        if is_bounded[1] { below(within.high) } else { 1.0 } - if is_bounded[0] { below(within.low) } else { 0.0 };
+    let prior = if is_bounded[1] { heavy_below(within.high) } else { 1.0 } - if is_bounded[0] { 0.5 } else { 0.0 };
+    (posterior / prior).ln()
 }
 
 /// Unknowns of a hypothesis within their bounds, in units of their priors.
 pub(crate) fn within(hypothesis: &[Candidate], nuisances: usize, unknowns: impl Iterator<Item = f64>) -> Vec<f64> {
-    unknowns.zip(Bounds::of(hypothesis, nuisances)).map(|(x, bounds)| bounds.clamp(x)).collect()
+    unknowns.zip(bounds_of(hypothesis, nuisances)).map(|(x, bounds)| bounds.clamp(x)).collect()
 }
 
 /// The distribution function of the effects' prior, Student's t with four degrees of freedom, in closed form.
@@ -161,7 +135,7 @@ impl Data<'_> {
         &self,
         (hypothesis, weighing): (&[Candidate], Weighing),
         unknowns: Vec<f64>,
-        starts: &[Six],
+        starts: &[Start],
     ) -> Result<State, DiagnosisError> {
         let linear = self.problem.linear(hypothesis, &unknowns, starts)?;
         let residual = &self.readings.measured - self.readings.pick(&linear.value);
@@ -183,85 +157,50 @@ impl Data<'_> {
     /// trials are fitted once, and then as before; the better of the two ends counts. Not where a fit explains little.
     ///
     /// Errors: a model that cannot be evaluated.
-    pub fn fit(&self, hypothesis: &[Candidate], start: &[f64], starts: &[Six]) -> Result<Fit, DiagnosisError> {
-        let bounds = Bounds::of(hypothesis, self.problem.nuisances());
+    pub fn fit(&self, hypothesis: &[Candidate], start: &[f64], starts: &[Start]) -> Result<Fit, DiagnosisError> {
+        let bounds = bounds_of(hypothesis, self.problem.nuisances());
         let unknowns: Vec<f64> = start.iter().zip(&bounds).map(|(x, within)| within.clamp(*x)).collect();
-        let starts: Vec<Six> = self.problem.nearer(hypothesis, &unknowns, starts)?.into_iter().map(|r| r.q).collect();
-        let first = self.descend((hypothesis, Weighing::Mixed), unknowns, &starts)?;
-        if first.weighed.odd.is_empty() || self.explains_little(&first) {
+        let rests = self.problem.nearer(hypothesis, &unknowns, starts)?;
+        let first = self.descend((hypothesis, Weighing::Mixed), unknowns, &starts_of(&rests))?;
+        if first.weighed.outliers.is_empty() || self.explains_little(&first) {
             return Ok(self.conclude(hypothesis, first, &bounds));
         }
-        let rests = |state: &State| -> Vec<Six> { state.linear.rests.iter().map(|r| r.q).collect() };
-        let all = self.descend((hypothesis, Weighing::All), first.unknowns.clone(), &rests(&first))?;
-        let second = self.descend((hypothesis, Weighing::Mixed), all.unknowns.clone(), &rests(&all))?;
+        let all = self.descend((hypothesis, Weighing::All), first.unknowns.clone(), &starts_of(&first.linear.rests))?;
+        let second =
+            self.descend((hypothesis, Weighing::Mixed), all.unknowns.clone(), &starts_of(&all.linear.rests))?;
         let [first, second] = [first, second].map(|state| self.conclude(hypothesis, state, &bounds));
         Ok(if second.log_evidence > first.log_evidence { second } else { first })
     }
 
-    /// Gauss and Newton's steps from a state, damped.
+    /// The least cost near some unknowns, by damped least squares.
     fn descend(
         &self,
         question: (&[Candidate], Weighing),
         unknowns: Vec<f64>,
-        starts: &[Six],
+        starts: &[Start],
     ) -> Result<State, DiagnosisError> {
-        let bounds = Bounds::of(question.0, self.problem.nuisances());
-        let mut here = self.state(question, unknowns, starts)?;
-        let mut damping = 1e-3;
-        let mut tries = 0;
-        while tries < self.steps && (tries < TRIES_OF_LITTLE || !self.explains_little(&here)) {
-            let Some((step, slope, promised)) = self.step(&here, &bounds, damping) else { break };
-            let mut share = 1.0;
-            let next = loop {
-                let steps = here.unknowns.iter().zip(step.iter());
-                let to = steps.zip(&bounds).map(|((x, s), within)| within.clamp(x + share * s));
-                let starts: Vec<Six> = here.linear.rests.iter().map(|r| r.q).collect();
-                let tried = self.state(question, to.collect(), &starts)?;
-                tries += 1;
-                if tried.cost < here.cost || share < 1.0 || tries == self.steps {
-                    break tried;
-                }
-                // where one soft trial bends the way, the least of the parabola through both ends lies before the end
-                let least = 0.5 * slope / (tried.cost - here.cost + slope);
-                share = if least.is_nan() { 0.1 } else { least.clamp(0.1, 0.5) };
-            };
-            let gain = here.cost - next.cost;
-            if gain > 0.0 {
-                damping *= if share == 1.0 && gain > 0.5 * promised { 0.2 } else { 2.0 };
-                here = next;
-                if gain < SMALL {
-                    break;
-                }
-            } else {
-                damping = (damping * 10.0).max(0.1);
-                if damping > 1e4 {
-                    break;
-                }
-            }
-        }
-        Ok(here)
+        let mut bounds = bounds_of(question.0, self.problem.nuisances());
+        self.held.iter().for_each(|&k| bounds[k] = Bounds { low: unknowns[k], high: unknowns[k] });
+        let mut fault = DiagnosisError::Model("a fit has no start".into());
+        let evaluate = |x: &DVector<f64>, last: Option<(&DVector<f64>, &State)>| {
+            let begin = last.map(|(_, here)| starts_of(&here.linear.rests));
+            let state = self.state(question, x.as_slice().to_vec(), begin.as_deref().unwrap_or(starts));
+            let state = state.map_err(|e| fault = e).ok()?;
+            let (hessian, gradient) = self.quadratic(&state);
+            Some((Quadratic { value: state.cost, gradient, hessian }, state))
+        };
+        let stop = Stop {
+            evaluations: self.steps + 1,
+            fall: SMALL,
+            poor: LITTLE * self.readings.rows.len() as f64,
+            poor_evaluations: TRIES_OF_LITTLE + 1,
+        };
+        let found = descend(DVector::from_vec(unknowns), &bounds, evaluate, stop).map(|least| least.state);
+        found.ok_or(fault)
     }
 
     fn explains_little(&self, state: &State) -> bool {
         state.cost > LITTLE * self.readings.rows.len() as f64
-    }
-
-    /// A step from a state to the least of a quadratic form within bounds, how fast the cost falls at its beginning, and by how much it should fall; none
-    /// where that is next to nothing.
-    fn step(&self, here: &State, bounds: &[Bounds], damping: f64) -> Option<(DVector<f64>, f64, f64)> {
-        let (hessian, gradient) = self.quadratic(here);
-        let mut damped = hessian.clone();
-        for k in 0..damped.nrows() {
-            damped[(k, k)] *= 1.0 + damping;
-        }
-        self.held.iter().for_each(|&k| damped[(k, k)] += HELD);
-        let unit: Vec<f64> = here.unknowns.iter().zip(bounds).map(|(x, within)| within.to_unit(*x)).collect();
-        let widths = DVector::from_iterator(unit.len(), bounds.iter().map(|within| within.width()));
-        let scaled = DMatrix::from_fn(unit.len(), unit.len(), |a, b| damped[(a, b)] * widths[a] * widths[b]);
-        let step = box_step(&scaled, &gradient.component_mul(&widths), &unit, 0.2).component_mul(&widths);
-        let slope = -gradient.dot(&step);
-        let promised = slope - 0.5 * step.dot(&(&hessian * &step));
-        (promised >= SMALL).then_some((step, slope, promised))
     }
 
     fn quadratic(&self, here: &State) -> (DMatrix<f64>, DVector<f64>) {
@@ -292,7 +231,7 @@ impl Data<'_> {
         let (mut log_evidence, posterior) = self.given(&here, self.held);
         let is_sought = |k: &usize| !self.held.contains(k);
         for k in (self.problem.nuisances()..here.unknowns.len()).filter(is_sought) {
-            log_evidence += bounds[k].log_share(here.unknowns[k], posterior[(k, k)].sqrt().max(1e-9));
+            log_evidence += log_share(bounds[k], here.unknowns[k], posterior[(k, k)].sqrt().max(1e-9));
         }
         if let Some(k) = whole(hypothesis, self.problem.nuisances()).filter(is_sought) {
             let at_whole = here.unknowns[k] >= bounds[k].high - AT_BOUND;
@@ -303,7 +242,7 @@ impl Data<'_> {
         Fit {
             hypothesis: hypothesis.to_vec(),
             misfit: 2.0 * here.weighed.cost,
-            odd: here.weighed.odd,
+            outliers: here.weighed.outliers,
             unknowns: here.unknowns,
             linear: here.linear,
             residual: here.residual,
@@ -317,6 +256,8 @@ impl Data<'_> {
 /// Share of the prior of a loss that stands at the whole [-]. Declared: a cut and most injuries take all, a disease takes part. So "torn" is a hypothesis of
 /// its own, not the end of "weakened".
 const TORN: f64 = 0.5;
+/// Curvature of an unknown that is known to stand where it does [1, whitened]: no reading moves it.
+const HELD: f64 = 1e12;
 /// How near to its bound a size is at it, in units of its prior [-]: more than rounding takes.
 const AT_BOUND: f64 = 1e-6;
 
@@ -344,9 +285,9 @@ impl Fit {
         DVector::from_iterator(self.unknowns.len(), self.unknowns.iter().zip(&self.means).map(|(x, m)| x - m))
     }
 
-    /// Coordinates of the rests.
-    pub fn coordinates(&self) -> Vec<Six> {
-        self.linear.rests.iter().map(|r| r.q).collect()
+    /// The rests, to begin from.
+    pub fn coordinates(&self) -> Vec<Start> {
+        starts_of(&self.linear.rests)
     }
 
     /// Log Bayes factor of the last `count` unknowns against zero by their own distribution alone (Savage and Dickey's ratio [dickey1971]): what is

@@ -4,17 +4,17 @@ use crate::bench::Bench;
 use crate::covariance::{Whitening, normal};
 use crate::error::DiagnosisError;
 use crate::fit::{Fit, within};
+use crate::jacobian::Jacobian;
 use crate::problem::{Problem, reading};
 use crate::robust::alone;
-use crate::slopes::Slopes;
 use crate::trial::Trial;
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use sim::coordinate::{AP, FREE, Free, IE, SI, Six, VV};
-use sim::laxity::Test;
+use sim::coordinate::{AP, FREE, IE, Load, SI, Six, VV};
+use sim::laxity::{LaxityTrial, Test};
 
 /// A test worth doing.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -138,22 +138,12 @@ fn plans(problem: &Problem) -> Vec<Trial> {
                     .trials
                     .iter()
                     .min_by(|a, b| (a.flexion - flexed).abs().total_cmp(&(b.flexion - flexed).abs()));
-                out.push(Trial {
-                    source,
-                    name: format!("{}_{flexion}", test.name()),
-                    test,
-                    nominal: flexion,
-                    load: loads,
-                    flexion: flexed,
-                    measured: Free::all(None),
-                    sd: problem.usual_noise,
-                    condition: 0,
-                    branch: None,
-                    order: None,
-                    time: None,
-                    quadriceps_n: 0.0,
-                    neutral: near.map_or_else(Six::zeros, |t| t.neutral),
-                });
+                let name = format!("{}_{flexion}", test.name());
+                let asked = LaxityTrial::asked(name, test, flexion, Load::default());
+                let mut plan =
+                    Trial { source, sd: problem.usual_noise, load: loads, flexion: flexed, ..Trial::alone(&asked) };
+                near.into_iter().for_each(|t| plan.rest_at(t.unloaded()));
+                out.push(plan);
             }
         }
     }
@@ -174,13 +164,13 @@ fn predictions(problem: &Problem, fit: &Fit, plans: &[Trial]) -> Result<Vec<Fore
             let effects = problem.effects_in(plan.source, &fit.hypothesis, &fit.unknowns);
             let bench = Bench { model: models.of(plan.source), effects: &effects, place: &problem.place };
             let rest = bench.walk(plan);
-            let slopes = Slopes::new(bench, plan, &rest);
-            let mut columns = slopes.nuisances(&problem.nuisance, &fit.unknowns, &joints);
+            let jacobian = Jacobian::new(bench, plan, &rest);
+            let mut columns = jacobian.nuisances(&problem.nuisance, &fit.unknowns, &joints);
             let mut at = problem.nuisances();
             for c in &fit.hypothesis {
                 let scaled = &fit.unknowns[at..at + c.size()];
                 at += c.size();
-                columns.extend(slopes.candidate(c, scaled, c.scope.covers(plan.source)));
+                columns.extend(jacobian.candidate(c, scaled, c.scope.covers(plan.source)));
             }
             let j = DMatrix::from_fn(FREE.len(), columns.len(), |r, c| columns[c].0[r]);
             (DVector::from_row_slice(&reading(&rest).0), &j * &fit.posterior * j.transpose())

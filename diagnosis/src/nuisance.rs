@@ -9,14 +9,13 @@ use crate::effect::belongs;
 use crate::error::DiagnosisError;
 use calibration::design::{Design, Kind, Variable};
 use calibration::options::CalibrateOptions;
-use inference::frames::{Terms, corrected};
+use inference::frames::{STEP, Terms, corrected};
 use inference::knee::{Quantity, models_at};
 use inference::parameter::{Parameter, Prior};
 use nalgebra::{Matrix6, Vector3};
 use sim::Model;
 use sim::coordinate::Six;
 use sim::joint::Joint;
-use sim::sensitivity::End;
 use sim::spec::{FramesSpec, ModelSpec};
 use sim::uncertainty::FrameUncertainty;
 use std::collections::BTreeMap;
@@ -58,19 +57,13 @@ pub struct Nuisances {
     is_built: bool,
 }
 
-/// What a parameter of the knee moves in a trial: those kinds whose derivatives a diagnosis has ([`crate::slopes`]).
-#[derive(Clone, Debug, PartialEq)]
+/// What a parameter of the knee moves in a trial: those kinds whose derivatives a diagnosis has ([`crate::jacobian`]).
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Felt {
-    /// Reference strain of bundles, by index.
-    ReferenceStrain(Vec<usize>),
-    /// Stiffness of bundles, by index.
-    Stiffness(Vec<usize>),
-    /// Scale of the contact.
-    ContactScale,
+    /// Numbers of the model.
+    Model,
     /// A turn or shift of a frame: of one data set, or of all.
     Frame(Option<usize>, usize),
-    /// A coordinate of a bundle's end.
-    Site(usize, End, usize),
 }
 
 impl Felt {
@@ -78,11 +71,10 @@ impl Felt {
     /// derivative of zero in silence.
     fn of(quantity: &Quantity) -> Option<Felt> {
         match quantity {
-            Quantity::ReferenceStrain(bundles) => Some(Felt::ReferenceStrain(bundles.clone())),
-            Quantity::Stiffness(bundles) => Some(Felt::Stiffness(bundles.clone())),
-            Quantity::ContactScale => Some(Felt::ContactScale),
+            Quantity::ReferenceStrain(_) | Quantity::Stiffness(_) | Quantity::ContactScale | Quantity::Site(..) => {
+                Some(Felt::Model)
+            }
             Quantity::Frame(source, term) => Some(Felt::Frame(*source, *term)),
-            Quantity::Site(bundle, end, axis) => Some(Felt::Site(*bundle, *end, *axis)),
             // in the scatter (crate::covariance)
             Quantity::Cartilage | Quantity::Lean(..) => None,
             // of data sets of displacements, which a diagnosis leaves out
@@ -174,12 +166,17 @@ impl Nuisances {
     /// Which of them are of a structure's own bundles: their strain, stiffness and sites.
     pub(crate) fn of_structure(&self, structure: &str) -> Vec<usize> {
         let is_its = |b: &usize| self.spec.bundles.get(*b).is_some_and(|b| belongs(&b.name, structure));
-        let of = |felt: &Felt| match felt {
-            Felt::ReferenceStrain(bundles) | Felt::Stiffness(bundles) => bundles.iter().any(is_its),
-            Felt::Site(bundle, ..) => is_its(bundle),
-            Felt::ContactScale | Felt::Frame(..) => false,
+        let of = |p: &Parameter<Quantity>| match &p.quantity {
+            Quantity::ReferenceStrain(bundles) | Quantity::Stiffness(bundles) => bundles.iter().any(is_its),
+            Quantity::Site(bundle, ..) => is_its(bundle),
+            Quantity::ContactScale
+            | Quantity::Frame(..)
+            | Quantity::Cartilage
+            | Quantity::Lean(..)
+            | Quantity::Compliance(..)
+            | Quantity::Resting(..) => false,
         };
-        (0..self.len()).filter(|&k| of(&self.felt[k])).collect()
+        (0..self.len()).filter(|&k| of(&self.list[k])).collect()
     }
 
     /// The same parameters counted from some values.
@@ -205,7 +202,7 @@ impl Nuisances {
                     terms[t] += by;
                     Joint::new(&corrected(&self.spec.frames, self.spec.side, &terms).ok()?, self.spec.side).ok()
                 };
-                if is_asked(t) { Some([at(FRAME_STEP)?, at(-FRAME_STEP)?]) } else { None }
+                if is_asked(t) { Some([at(STEP)?, at(-STEP)?]) } else { None }
             })
         };
         (0..sources).map(Some).chain([None]).map(of).collect()
@@ -257,9 +254,6 @@ fn of_a_deck(spec: &ModelSpec, design: &Design) -> Vec<Parameter<Quantity>> {
 /// A stiffness of nothing has no logarithm [N/mm].
 const LEAST_STIFFNESS: f64 = 1e-3;
 
-/// Turn [deg] or shift [mm] over which derivatives by frames are taken.
-pub(crate) const FRAME_STEP: f64 = 0.02;
-
 /// For each turn and shift that is unknown, the joint with the frame moved a little forward and back.
 pub(crate) type FrameSteps = [Option<[Joint; 2]>; 12];
 
@@ -284,7 +278,7 @@ pub(crate) fn frame_change(
         let force = Six::from_fn(|j, _| wrench[0].dot(&pose.screws[j].linear) + wrench[1].dot(&pose.screws[j].angular));
         Some((read(&gs), force))
     };
-    let ([up, down], per) = ([at(&joints[0])?, at(&joints[1])?], 1.0 / (2.0 * FRAME_STEP));
+    let ([up, down], per) = ([at(&joints[0])?, at(&joints[1])?], 1.0 / (2.0 * STEP));
     Some(((up.0 - down.0) * per, (up.1 - down.1) * per))
 }
 

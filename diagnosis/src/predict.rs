@@ -40,9 +40,9 @@ pub fn displacements(model: &Model, spec: &ModelSpec, effects: &[Active], trials
         .map(|t| {
             let mut trial = Trial::alone(t);
             let plain = Bench { model, effects: &[], place: &place };
-            trial.neutral = plain.neutral(&trial).q;
+            trial.rest_at(plain.neutral(&trial).start());
             let without = plain.walk(&trial);
-            let with = Bench { effects, ..plain }.settle(&trial, &without.q);
+            let with = Bench { effects, ..plain }.settle(&trial, &without.start());
             let (a, b) = (reading(&without), reading(&with));
             Free::from_fn(|c| b[c] - a[c])
         })

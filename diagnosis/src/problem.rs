@@ -7,8 +7,8 @@ use crate::candidate::{Candidate, Scope, sized};
 use crate::catalogue::Catalogue;
 use crate::effect::{Active, Place};
 use crate::error::DiagnosisError;
+use crate::jacobian::Jacobian;
 use crate::nuisance::{Models, Nuisances};
-use crate::slopes::Slopes;
 use crate::trial::{NoiseScale, PER_UNIT, Source, Trial, at_row, row_of, trials};
 use calibration::design::Design;
 use calibration::options::CalibrateOptions;
@@ -16,7 +16,7 @@ use nalgebra::DMatrix;
 use rayon::prelude::*;
 use sim::Model;
 use sim::coordinate::{Coordinate, FE, FREE, Free, Six};
-use sim::equilibrium::Equilibrium;
+use sim::equilibrium::{Equilibrium, Start};
 use sim::model::BundleParameters;
 use sim::spec::ModelSpec;
 use std::borrow::Cow;
@@ -194,10 +194,8 @@ impl Problem {
 
     /// Finds the unloaded pose of every trial.
     fn unload(&mut self) {
-        let neutral: Vec<Six> = self.trials.par_iter().map(|t| self.plain(t).neutral(t).q).collect();
-        for (t, q) in self.trials.iter_mut().zip(neutral) {
-            t.neutral = q;
-        }
+        let neutral: Vec<Start> = self.trials.par_iter().map(|t| self.plain(t).neutral(t).start()).collect();
+        self.trials.iter_mut().zip(neutral).for_each(|(t, at)| t.rest_at(at));
     }
 
     /// The same question of a model that has effects already.
@@ -225,7 +223,7 @@ impl Problem {
             let effects = self.effects_in(t.source, &[], &[]);
             let bench = Bench { effects: &effects, ..self.plain(t) };
             let measured = self.measured(t);
-            bench.model.joint.coordinates(&measured).ok().map(|q| bench.held(t, &measured, &q))
+            bench.model.joint.coordinates(&measured).ok().map(|q| bench.held(t, &measured, &Start::at(q)))
         };
         self.held = self.trials.par_iter().map(near).collect();
     }
@@ -256,7 +254,7 @@ impl Problem {
         for (i, rest) in linear.rests.iter().enumerate() {
             let effects = self.effects_in(self.trials[i].source, &[], &unknowns);
             let bench = Bench { effects: &effects, ..self.plain(&self.trials[i]) };
-            let moved = Slopes::new(bench, &self.trials[i], rest).by(&rest.miss, &Six::zeros());
+            let moved = Jacobian::new(bench, &self.trials[i], rest).by(&rest.miss, &Six::zeros());
             FREE.into_iter().for_each(|c| linear.value[row_of(i, c)] += moved[c]);
         }
         Ok(linear)
@@ -324,16 +322,20 @@ impl Problem {
         if !departs {
             return Cow::Borrowed(trials);
         }
-        let moved = |(t, neutral): (&Trial, Six)| Trial { neutral, ..t.clone() };
+        let moved = |(t, at): (&Trial, Start)| {
+            let mut moved = t.clone();
+            moved.rest_at(at);
+            moved
+        };
         Cow::Owned(trials.iter().zip(self.neutrals(trials, models)).map(moved).collect())
     }
 
-    /// Unloaded poses of a model's ligaments, next to those of the trials; where it finds none, those [rad, mm].
-    pub fn neutrals(&self, trials: &[Trial], models: &Models) -> Vec<Six> {
+    /// Unloaded poses of a model's ligaments, next to those of the trials; where it finds none, those.
+    pub fn neutrals(&self, trials: &[Trial], models: &Models) -> Vec<Start> {
         let moved = |t: &Trial| {
             let plain = Bench { model: models.of(t.source), effects: &[], place: &self.place };
-            let rest = plain.neutral_near(t, &t.neutral);
-            if rest.balanced { rest.q } else { t.neutral }
+            let rest = plain.neutral_near(t);
+            if rest.balanced { rest.start() } else { t.unloaded() }
         };
         trials.par_iter().map(moved).collect()
     }
@@ -350,11 +352,11 @@ impl Problem {
         &self,
         hypothesis: &[Candidate],
         unknowns: &[f64],
-        starts: &[Six],
+        starts: &[Start],
     ) -> Result<Vec<Equilibrium>, DiagnosisError> {
         let knee = self.knee(hypothesis, unknowns)?;
         let rest = |(i, trial): (usize, &Trial)| match starts.get(i) {
-            Some(q) => knee.bench(trial).settle(trial, q),
+            Some(start) => knee.bench(trial).settle(trial, start),
             None => knee.bench(trial).walk(trial),
         };
         Ok(knee.trials.par_iter().enumerate().map(rest).collect())
@@ -366,14 +368,14 @@ impl Problem {
         &self,
         hypothesis: &[Candidate],
         unknowns: &[f64],
-        starts: &[Six],
+        starts: &[Start],
     ) -> Result<Vec<Equilibrium>, DiagnosisError> {
         Ok(self.nearer_in(&self.knee(hypothesis, unknowns)?, starts))
     }
 
-    fn nearer_in(&self, knee: &Knee, starts: &[Six]) -> Vec<Equilibrium> {
+    fn nearer_in(&self, knee: &Knee, starts: &[Start]) -> Vec<Equilibrium> {
         let first = |(i, trial): (usize, &Trial)| match starts.get(i) {
-            Some(q) => knee.bench(trial).settle(trial, q),
+            Some(start) => knee.bench(trial).settle(trial, start),
             None => knee.bench(trial).walk(trial),
         };
         let first: Vec<Equilibrium> = knee.trials.par_iter().enumerate().map(first).collect();
@@ -396,14 +398,14 @@ impl Problem {
             if (b.balanced || !a.balanced) && miss(&b) < 0.5 * miss(&a) { b } else { a }
         };
         let Some(held) = &self.held[i] else { return first };
-        let second = nearer(first, bench.settle(trial, &held.q));
+        let second = nearer(first, bench.settle(trial, &held.start()));
         if miss(&second) <= lost {
             return second;
         }
         if quickly {
             return self.imagined(bench, trial, held);
         }
-        let third = nearer(second, bench.released(trial, &self.measured(trial), &held.q));
+        let third = nearer(second, bench.released(trial, &self.measured(trial), &held.start()));
         if miss(&third) > lost { self.imagined(bench, trial, held) } else { third }
     }
 
@@ -435,14 +437,19 @@ impl Problem {
     /// is out of balance there counts, no matter how far it would throw the knee.
     fn imagined(&self, bench: Bench, trial: &Trial, held: &Equilibrium) -> Equilibrium {
         let tangent = bench.stiffened(trial, &held.tangent);
-        let mut rest = Equilibrium { tangent, ..bench.held(trial, &self.measured(trial), &held.q) };
-        let moved = Slopes::new(bench, trial, &rest).by(&rest.miss, &Six::zeros());
+        let mut rest = Equilibrium { tangent, ..bench.held(trial, &self.measured(trial), &held.start()) };
+        let moved = Jacobian::new(bench, trial, &rest).by(&rest.miss, &Six::zeros());
         FREE.iter().zip(moved).zip(PER_UNIT).for_each(|((&j, m), unit)| rest.observed[j] += m * unit);
         rest
     }
 
     /// Predictions and derivatives by all unknowns of a hypothesis.
-    pub fn linear(&self, hypothesis: &[Candidate], unknowns: &[f64], starts: &[Six]) -> Result<Linear, DiagnosisError> {
+    pub fn linear(
+        &self,
+        hypothesis: &[Candidate],
+        unknowns: &[f64],
+        starts: &[Start],
+    ) -> Result<Linear, DiagnosisError> {
         let knee = self.knee(hypothesis, unknowns)?;
         let rests = self.nearer_in(&knee, starts);
         Ok(self.linear_in(&knee, hypothesis, unknowns, rests))
@@ -461,13 +468,13 @@ impl Problem {
     fn linear_in(&self, knee: &Knee, hypothesis: &[Candidate], unknowns: &[f64], rests: Vec<Equilibrium>) -> Linear {
         let joints = self.nuisance.joints(unknowns, self.sources.len());
         let by_unknowns = |(trial, rest): (&Trial, &Equilibrium)| {
-            let slopes = Slopes::new(knee.bench(trial), trial, rest);
-            let mut columns = slopes.nuisances(&self.nuisance, unknowns, &joints);
+            let jacobian = Jacobian::new(knee.bench(trial), trial, rest);
+            let mut columns = jacobian.nuisances(&self.nuisance, unknowns, &joints);
             let mut at = self.nuisances();
             for candidate in hypothesis {
                 let scaled = &unknowns[at..at + candidate.size()];
                 at += candidate.size();
-                columns.extend(slopes.candidate(candidate, scaled, candidate.scope.covers(trial.source)));
+                columns.extend(jacobian.candidate(candidate, scaled, candidate.scope.covers(trial.source)));
             }
             columns
         };

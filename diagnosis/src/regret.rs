@@ -7,7 +7,7 @@ use crate::error::DiagnosisError;
 use crate::fit::Fit;
 use crate::problem::Problem;
 use crate::search::{Search, Searcher, TRIES};
-use sim::coordinate::Six;
+use sim::equilibrium::starts_of;
 
 /// An effect that is there in all data sets: its name, its variant, and its parameters in the catalogue's units.
 pub type Hidden<'a> = (&'a str, &'a str, Vec<f64>);
@@ -58,7 +58,7 @@ pub fn regret(
     }
     let (hypothesis, sizes) = hypothesis(&problem.catalogue, truth)?;
     let start = [&problem.nuisance.given[..], &sizes].concat();
-    let rests: Vec<Six> = problem.nearer(&hypothesis, &start, &[])?.iter().map(|r| r.q).collect();
+    let rests = starts_of(&problem.nearer(&hypothesis, &start, &[])?);
     let own = searcher.fit(&hypothesis, &start, &rests, &search.covariance, &search.readings, TRIES)?;
     let beside = beside((searcher, search), &hypothesis, &sizes, &search.readings)?;
     let fit = if beside.log_evidence > own.log_evidence { beside } else { own };

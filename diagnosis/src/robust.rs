@@ -1,7 +1,7 @@
 //! Single trials that no hypothesis explains: an outlier of the tracking, or a knee that took another branch.
 //!
 //! A trial's scatter is a mixture: as declared, or with a small probability ten times as wide [box1968]. Which trials are wide is chosen with the
-//! unknowns, at a price, so that one odd trial costs a hypothesis a limited number of nats instead of hundreds, and does not bend its parameters.
+//! unknowns, at a price, so that one outlier costs a hypothesis a limited number of nats instead of hundreds, and does not bend its parameters.
 
 use crate::covariance::{Readings, Whitening};
 use crate::error::DiagnosisError;
@@ -10,14 +10,14 @@ use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use sim::coordinate::FREE;
 use sim::laxity::Test;
 
-/// Probability that a trial is odd [-].
+/// Probability that a trial is an outlier [-].
 const SHARE: f64 = 0.01;
-/// How much wider an odd trial's scatter is, as a variance [-].
+/// How much wider an outlier's scatter is, as a variance [-].
 const WIDER: f64 = 100.0;
-/// Most trials that may be odd, as a share of all [-]: more are no outliers.
+/// Most trials that may be outliers, as a share of all [-]: more are no accident.
 const MOST: f64 = 0.1;
 
-/// Scatter of readings with what is needed to find odd trials.
+/// Scatter of readings with what is needed to find outliers.
 #[derive(Clone, Debug)]
 pub struct Mixture {
     plain: Whitening,
@@ -30,20 +30,20 @@ pub struct Mixture {
 #[derive(Clone, Debug)]
 struct Group {
     trial: usize,
-    /// Data set and test: of each, one trial at most is odd. Several that are off together are no accident.
+    /// Data set and test: of each, one trial at most is an outlier. Several that are off together are no accident.
     kin: (usize, Test),
     first: usize,
     count: usize,
 }
 
-/// A residual weighed: the odd trials, the scatter with them wide, and minus the log density up to a constant.
+/// A residual weighed: the outliers, the scatter with them wide, and minus the log density up to a constant.
 #[derive(Clone, Debug)]
 pub struct Weighed {
     /// Trials set aside, by index.
-    pub odd: Vec<usize>,
+    pub outliers: Vec<usize>,
     /// Scatter with them wide; `None` where there are none.
     pub whitening: Option<Whitening>,
-    /// Half the whitened squares, what is paid for odd trials included [nats].
+    /// Half the whitened squares, what is paid for outliers included [nats].
     pub cost: f64,
 }
 
@@ -67,14 +67,14 @@ impl Mixture {
         Ok(Mixture { plain, scatter, inverse, groups })
     }
 
-    /// The scatter without odd trials.
+    /// The scatter without outliers.
     pub fn plain(&self) -> &Whitening {
         &self.plain
     }
 
     /// Weighs a residual with no trial set aside.
     pub fn weigh_all(&self, residual: &DVector<f64>) -> Weighed {
-        Weighed { odd: vec![], whitening: None, cost: 0.5 * self.plain.white_vector(residual).norm_squared() }
+        Weighed { outliers: vec![], whitening: None, cost: 0.5 * self.plain.white_vector(residual).norm_squared() }
     }
 
     /// Weighs a residual: trials are set aside one after another, each that lowers the cost most, while it falls.
@@ -103,7 +103,7 @@ impl Mixture {
             for g in &chosen {
                 scatter.view_mut((g.first, g.first), (g.count, g.count)).scale_mut(WIDER);
             }
-            out.odd = chosen.iter().map(|g| g.trial).collect();
+            out.outliers = chosen.iter().map(|g| g.trial).collect();
             out.whitening = Whitening::new(scatter).ok();
         }
         out
@@ -140,8 +140,8 @@ impl Mixture {
 }
 
 /// What it costs to set trials aside, before their scatter is the wider [nats].
-pub fn price(odd: usize) -> f64 {
-    -SHARE.ln() * odd as f64
+pub fn price(outliers: usize) -> f64 {
+    -SHARE.ln() * outliers as f64
 }
 
 /// What one trial costs whose whitened residual has this sum of squares over so many readings, by itself: as it is, or set aside [nats].
@@ -150,10 +150,10 @@ pub fn alone(squares: f64, readings: usize) -> f64 {
     aside.min(0.5 * squares)
 }
 
-/// A covariance of five readings a trial, with odd trials wide.
-pub fn widened(covariance: &DMatrix<f64>, odd: &[usize]) -> DMatrix<f64> {
+/// A covariance of five readings a trial, with outliers wide.
+pub fn widened(covariance: &DMatrix<f64>, outliers: &[usize]) -> DMatrix<f64> {
     let mut out = covariance.clone();
-    for i in odd {
+    for i in outliers {
         for a in FREE {
             for b in FREE {
                 out[(row_of(*i, a), row_of(*i, b))] *= WIDER;
@@ -186,7 +186,7 @@ mod tests {
         let residual = DVector::from_fn(60, |r, _| (r as f64 * 1.7).sin() * 1.4);
         let mixture = mixture();
         let weighed = mixture.weigh(&residual);
-        assert!(weighed.odd.is_empty() && weighed.whitening.is_none());
+        assert!(weighed.outliers.is_empty() && weighed.whitening.is_none());
         assert_eq!(weighed.cost, 0.5 * mixture.plain().white_vector(&residual).norm_squared());
     }
 
@@ -215,10 +215,10 @@ mod tests {
         let mut odd = usual.clone();
         odd[30] += 30.0;
         let weighed = mixture.weigh(&odd);
-        assert_eq!(weighed.odd, [10]);
+        assert_eq!(weighed.outliers, [10]);
         let extra = weighed.cost - mixture.weigh(&usual).cost;
         assert!(extra > 5.0 && extra < 25.0, "{extra}");
-        // the cost is that of the scatter with the odd trial wide
+        // the cost is that of the scatter with the outlier wide
         let wide = weighed.whitening.unwrap();
         let price = 0.5 * (wide.log_determinant() - mixture.plain().log_determinant()) - SHARE.ln();
         assert!((weighed.cost - 0.5 * wide.white_vector(&odd).norm_squared() - price).abs() < 1e-8);
@@ -227,7 +227,7 @@ mod tests {
             odd[3 * trial] += 30.0;
         }
         let weighed = mixture.weigh(&odd);
-        assert_eq!(weighed.odd.len(), 1);
+        assert_eq!(weighed.outliers.len(), 1);
         assert!(weighed.cost > 500.0);
     }
 }

@@ -5,8 +5,8 @@ use crate::candidate::Candidate;
 use crate::covariance::{Readings, Whitening};
 use crate::error::DiagnosisError;
 use crate::fit::{Fit, REACH};
+use crate::jacobian::Jacobian;
 use crate::problem::Problem;
-use crate::slopes::Slopes;
 use crate::trial::at_row;
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rayon::prelude::*;
@@ -36,8 +36,8 @@ pub fn signatures(problem: &Problem, at: &Fit, candidates: &[Candidate]) -> Resu
         .map(|(trial, rest)| {
             let effects = problem.effects_in(trial.source, &at.hypothesis, &at.unknowns);
             let model = models.of(trial.source);
-            let slopes = Slopes::new(Bench { model, effects: &effects, place: &problem.place }, trial, rest);
-            kinds.iter().map(|c| slopes.candidate(c, &c.nothing(), true)).collect()
+            let jacobian = Jacobian::new(Bench { model, effects: &effects, place: &problem.place }, trial, rest);
+            kinds.iter().map(|c| jacobian.candidate(c, &c.nothing(), true)).collect()
         })
         .collect();
     let rows = 5 * problem.trials.len();
@@ -70,7 +70,7 @@ impl Marginal {
     /// Errors: a covariance that is not positive definite.
     pub fn new(fit: &Fit, readings: &Readings, covariance: &DMatrix<f64>) -> Result<Marginal, DiagnosisError> {
         let slope = readings.rows_of(&fit.linear.slope);
-        let covariance = crate::robust::widened(covariance, &fit.odd);
+        let covariance = crate::robust::widened(covariance, &fit.outliers);
         let whitening = Whitening::new(readings.block_of(&covariance) + &slope * slope.transpose())?;
         let before = &fit.residual + slope * fit.from_means();
         Ok(Marginal { white: whitening.white_vector(&before), before, whitening })

@@ -21,6 +21,7 @@ use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use sim::coordinate::FREE;
+use sim::equilibrium::{self, starts_of};
 use steps::{Found, Given, HOPELESS};
 
 /// How a diagnosis is made.
@@ -255,7 +256,7 @@ impl Searcher<'_> {
                 linear.rests.len()
             )));
         }
-        let starts: Vec<_> = linear.rests.iter().map(|r| r.q).collect();
+        let starts = starts_of(&linear.rests);
         let extra = remainders(self.problem, &starts, self.options.draws, &self.options.floor)?
             * self.options.floor.nonlinear.powi(2);
         let cov = covariance(self.problem, &[], &x, &linear.rests, &self.options.floor)? + &extra;
@@ -264,7 +265,7 @@ impl Searcher<'_> {
             hypothesis: vec![],
             residual: &readings.measured - readings.pick(&linear.value),
             misfit: 0.0,
-            odd: vec![],
+            outliers: vec![],
             log_evidence: 0.0,
             posterior: DMatrix::identity(x.len(), x.len()),
             means: self.problem.means(x.len()),
@@ -289,7 +290,7 @@ impl Searcher<'_> {
         &self,
         hypothesis: &[Candidate],
         start: &[f64],
-        starts: &[sim::coordinate::Six],
+        starts: &[equilibrium::Start],
         cov: &DMatrix<f64>,
         readings: &Readings,
         steps: usize,
@@ -302,7 +303,7 @@ impl Searcher<'_> {
         &self,
         hypothesis: &[Candidate],
         start: &[f64],
-        starts: &[sim::coordinate::Six],
+        starts: &[equilibrium::Start],
         (readings, mixture): (&Readings, &Mixture),
         steps: usize,
     ) -> Result<Fit, DiagnosisError> {
@@ -314,7 +315,7 @@ impl Searcher<'_> {
     pub(crate) fn fit_holding(
         &self,
         (hypothesis, held): (&[Candidate], &[usize]),
-        (start, starts): (&[f64], &[sim::coordinate::Six]),
+        (start, starts): (&[f64], &[equilibrium::Start]),
         search: &Search,
     ) -> Result<Fit, DiagnosisError> {
         let mixture =

@@ -2,7 +2,9 @@
 
 use crate::error::DiagnosisError;
 use serde::{Deserialize, Serialize};
+use sim::contact::Nearby;
 use sim::coordinate::{Coordinate, FREE, Free, Six};
+use sim::equilibrium::Start;
 use sim::laxity::{Branch, LaxityTrial, Test};
 use std::collections::BTreeMap;
 
@@ -79,6 +81,8 @@ pub struct Trial {
     pub quadriceps_n: f64,
     /// The unloaded pose at its flexion, chain coordinates; set once for the model as given.
     pub neutral: Six,
+    /// Where cartilage nearly touches there.
+    pub near: Nearby,
 }
 
 impl Trial {
@@ -99,7 +103,18 @@ impl Trial {
             time: None,
             quadriceps_n: t.quadriceps_n,
             neutral: Six::zeros(),
+            near: Nearby::default(),
         }
+    }
+
+    /// The unloaded pose, to begin from.
+    pub fn unloaded(&self) -> Start {
+        Start { q: self.neutral, near: self.near.clone() }
+    }
+
+    /// Sets the unloaded pose.
+    pub fn rest_at(&mut self, unloaded: Start) {
+        (self.neutral, self.near) = (unloaded.q, unloaded.near);
     }
 }
 

@@ -13,10 +13,10 @@ use crate::candidate::Scope;
 use crate::covariance::Readings;
 use crate::error::DiagnosisError;
 use crate::fit::Fit;
+use crate::jacobian::Jacobian;
 use crate::problem::Problem;
 use crate::robust::price;
 use crate::screen::Marginal;
-use crate::slopes::Slopes;
 use crate::trial::at_row;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -77,10 +77,10 @@ fn responses(problem: &Problem, fit: &Fit) -> Result<Vec<Response>, DiagnosisErr
         .map(|(trial, rest)| {
             let effects = problem.effects_in(trial.source, &fit.hypothesis, &fit.unknowns);
             let model = models.of(trial.source);
-            let slopes = Slopes::new(Bench { model, effects: &effects, place: &problem.place }, trial, rest);
+            let jacobian = Jacobian::new(Bench { model, effects: &effects, place: &problem.place }, trial, rest);
             let mut bent = Six::zeros();
             bent[FE] = 1f64.to_radians();
-            Response { loads: slopes.loads(), flexion: slopes.by(&bent, &Six::zeros()) }
+            Response { loads: jacobian.loads(), flexion: jacobian.by(&bent, &Six::zeros()) }
         })
         .collect())
 }
@@ -117,7 +117,7 @@ pub fn wildcard(
     let log_bayes_factor = flat[k] + all.ln();
     Ok(Wildcard {
         log_bayes_factor,
-        log_evidence: log_bayes_factor + marginal.log_density() - price(fit.odd.len()),
+        log_evidence: log_bayes_factor + marginal.log_density() - price(fit.outliers.len()),
         is_force: kind.is_force,
         course: kind.course,
         scope: kind.scope,

@@ -206,9 +206,9 @@ fn mixed_up(d: &Diagnosis) -> String {
 fn set_aside(problem: &Problem, search: &Search) -> String {
     let best = search.rivals.first().unwrap_or(&search.base);
     let odd: Vec<String> = best
-        .odd
+        .outliers
         .iter()
-        .filter(|i| search.base.odd.contains(i))
+        .filter(|i| search.base.outliers.contains(i))
         .map(|&i| format!("{} {}", problem.sources[problem.trials[i].source], problem.trials[i].name))
         .collect();
     let aside = if odd.is_empty() { String::new() } else { format!(" Set aside as outliers: {}.", odd.join(", ")) };

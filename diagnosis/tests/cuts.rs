@@ -138,12 +138,12 @@ fn what_is_held_is_known_and_costs_neither_a_prior_nor_a_width() {
     let scatter = covariance(&problem, &[], &given, &rests, &Floor::default()).unwrap();
     let readings = Readings::of(&problem, &|_| true);
     let mixture = Mixture::new(&readings, readings.block_of(&scatter), &problem.trials).unwrap();
-    let fit = |from: &[f64], starts: &[sim::coordinate::Six], held: &[usize]| {
+    let fit = |from: &[f64], starts: &[sim::equilibrium::Start], held: &[usize]| {
         Data { problem: &problem, readings: &readings, mixture: &mixture, steps: TRIES, held }
             .fit(&[], from, starts)
             .unwrap()
     };
-    let free = fit(&given, &rests.iter().map(|r| r.q).collect::<Vec<_>>(), &[]);
+    let free = fit(&given, &sim::equilibrium::starts_of(&rests), &[]);
     // where the data tell most of it
     let told = |k: &usize| free.posterior[(*k, *k)];
     let k = (0..given.len()).min_by(|a, b| told(a).total_cmp(&told(b))).unwrap();

@@ -14,6 +14,7 @@ use diagnosis::search::{DiagnosisOptions, Searcher, TRIES};
 use diagnosis::trial::Source;
 use nalgebra::DMatrix;
 use needs_shared::needs_shared;
+use sim::equilibrium::starts_of;
 use std::path::Path;
 
 /// The published deck's question of a set with nothing hidden, and the ligaments and contact that made it, in units of their prior.
@@ -59,7 +60,7 @@ fn question(case: &Path, deck: &Path) -> (Problem, Vec<f64>) {
 fn fitted(problem: &Problem, hypothesis: &[Candidate], from: &[f64], scatter: &DMatrix<f64>) -> f64 {
     let options = DiagnosisOptions::default();
     let searcher = Searcher { problem, options: &options };
-    let starts: Vec<_> = problem.nearer(hypothesis, from, &[]).unwrap().iter().map(|r| r.q).collect();
+    let starts = starts_of(&problem.nearer(hypothesis, from, &[]).unwrap());
     let readings = Readings::of(problem, &|_| true);
     searcher.fit(hypothesis, from, &starts, scatter, &readings, TRIES).unwrap().log_evidence
 }

@@ -9,7 +9,8 @@ use diagnosis::trial::Source;
 use inference::knee::Quantity;
 use inference::parameter::Prior;
 use needs_shared::needs_shared;
-use sim::coordinate::{Free, Six};
+use sim::coordinate::Free;
+use sim::equilibrium::starts_of;
 use sim::uncertainty::{FrameUncertainty, FramesUncertainty, SiteUncertainty, Uncertainty};
 
 /// The published deck as if it had been built from raw data, measured in two data sets.
@@ -49,7 +50,7 @@ fn readings_change_with_each_parameter_as_their_derivatives_say() {
     let Some(problem) = built("derivatives") else { return };
     let here = vec![0.0; problem.nuisances()];
     let linear = problem.linear_at(&[], &here, problem.rests(&[], &here, &[]).unwrap()).unwrap();
-    let starts: Vec<Six> = linear.rests.iter().map(|r| r.q).collect();
+    let starts = starts_of(&linear.rests);
     // wide enough that the tolerance of an equilibrium does not count; a bundle may become taut on the way
     let h = 0.05;
     let mut off = Vec::new();

@@ -11,7 +11,7 @@ use diagnosis::problem::{Problem, reading};
 use nalgebra::Matrix6;
 use needs_shared::needs_shared;
 use sim::coordinate::{Six, VV};
-use sim::equilibrium::Equilibrium;
+use sim::equilibrium::{Equilibrium, Start, starts_of};
 
 /// The published deck under 10 N m of varus and of valgus at 30, 60 and 90 deg, measured where the deck itself rests.
 fn problem() -> Option<Problem> {
@@ -106,7 +106,7 @@ fn how_far_from_any_rest_a_trial_was_measured_is_no_scatter() {
         let near = problem.nearer(&[], &given, &[]).unwrap();
         // nothing rests next to what was measured so far off
         assert!(varus == 0.0 || near[2..].iter().all(|r| r.miss.norm() > 1000.0));
-        let starts: Vec<Six> = near.iter().map(|r| r.q).collect();
+        let starts = starts_of(&near);
         let left = remainders(&problem, &starts, 8, &Floor::default()).unwrap();
         // 60 and 30 deg: one rest each
         Some((10..30).map(|r| left[(r, r)].sqrt()).collect())
@@ -155,14 +155,14 @@ fn springs_hold_what_is_read_however_much_it_misreads() {
     let effects = [Active::new(turned, 0, &[3.0, -2.0]).unwrap()];
     let bench = Bench { model: &problem.model, effects: &effects, place: &problem.place };
     for trial in &problem.trials {
-        let rest = bench.settle(trial, &trial.neutral);
+        let rest = bench.settle(trial, &trial.unloaded());
         if !rest.balanced {
             continue;
         }
         // measured where a knee whose frame is turned reads: nothing pulls, from wherever the pose is sought
         let sought = problem.model.joint.coordinates(&rest.observed).unwrap();
         assert!((sought - rest.q)[1].abs().to_degrees() > 1.0, "the frame turns what is read");
-        let held = bench.held(trial, &rest.observed, &sought);
+        let held = bench.held(trial, &rest.observed, &Start::at(sought));
         assert!((held.q - rest.q).amax() < 0.02 && held.miss.amax() < 20.0, "{}: {}", trial.name, held.miss);
     }
 }

@@ -4,7 +4,9 @@
 use crate::common::deck::{Asked, deck};
 use diagnosis::candidate::{Candidate, Scope};
 use diagnosis::problem::Problem;
+use diagnosis::trial::Trial;
 use needs_shared::needs_shared;
+use sim::equilibrium::starts_of;
 
 /// A stiff capsule, and menisci without play, as large as the tests need them; of variants, those about the unloaded pose.
 fn tissues(problem: &Problem) -> Vec<(Candidate, Vec<f64>)> {
@@ -35,7 +37,7 @@ fn without_load_they_leave_the_knee_where_its_ligaments_do() {
     let moved = plain.iter().zip(&problem.trials).map(|(r, t)| (r.q - t.neutral).amax()).fold(0.0, f64::max);
     assert!(moved > 0.5, "other ligaments rest elsewhere: {moved}");
     for (tissue, size) in tissues(&problem) {
-        let starts: Vec<_> = problem.trials.iter().map(|t| t.neutral).collect();
+        let starts: Vec<_> = problem.trials.iter().map(Trial::unloaded).collect();
         let rests = problem.rests(std::slice::from_ref(&tissue), &[x.clone(), size].concat(), &starts).unwrap();
         for (a, b) in rests.iter().zip(&plain) {
             assert!(a.balanced && (a.q - b.q).amax() < 0.01, "{}: {}", tissue.name(), a.q - b.q);
@@ -56,7 +58,7 @@ fn derivatives_by_ligaments_and_contact_hold_what_moves_the_unloaded_pose() {
         let hypothesis = [tissue.clone()];
         let x = [others(&problem), size].concat();
         let rests = problem.rests(&hypothesis, &x, &[]).unwrap();
-        let starts: Vec<_> = rests.iter().map(|r| r.q).collect();
+        let starts = starts_of(&rests);
         let linear = problem.linear_at(&hypothesis, &x, rests).unwrap();
         let at = |k: usize, h: f64| {
             let mut y = x.clone();

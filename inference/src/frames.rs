@@ -13,6 +13,9 @@ use sim::trials::pose_spec;
 /// Turns about, then shifts along, the medial, anterior and superior axis of the femur, then of the tibia [deg, mm].
 pub type Terms = [f64; 12];
 
+/// Turn [deg] or shift [mm] over which derivatives by frames are taken; ours: far beyond rounding, far below what bends an answer.
+pub const STEP: f64 = 0.05;
+
 /// Names of the terms, in order: bone and axis, `deg` or `mm`.
 pub fn term_name(term: usize) -> String {
     let bone = ["femur", "tibia"][term / 6];

@@ -3,14 +3,15 @@
 //! Each trial's answer is an equilibrium without friction, found from the one of a point close by and what moves it; the first along the path of its
 //! loading ([`sim::trials`]). Derivatives are the implicit function theorem's.
 
+mod jacobian;
 pub mod predict;
 mod reading;
-mod slopes;
 
 use crate::error::InferenceError;
 use crate::frames::{Terms, corrected};
 use crate::parameter::Parameter;
 use crate::posterior::{Forward, Point};
+use jacobian::Jacobian;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -21,10 +22,9 @@ use sim::coordinate::{Coordinate, FE, FREE, Free, Load, Six};
 use sim::joint::Joint;
 use sim::laxity::{LaxityTrial, Test};
 use sim::quasistatic::{Goal, close};
-use sim::sensitivity::End;
+use sim::sensitivity::{End, Parameter as Number};
 use sim::spec::ModelSpec;
 use sim::trials::{TrialOptions, chain_flexion, pose_spec, solve_trials};
-use slopes::Slopes;
 
 /// What of a knee a parameter is.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -49,6 +49,24 @@ pub enum Quantity {
     Compliance(usize, Coordinate),
     /// Load that the knee bears in all trials of a data set beside the recorded one [N m, N]: data set, coordinate.
     Resting(usize, Coordinate),
+}
+
+impl Quantity {
+    /// The model's own numbers that it is, and by how much each changes per unit where it has a value; none of what stands beside the model.
+    pub fn numbers(&self, value: f64) -> (Vec<Number>, f64) {
+        match self {
+            Quantity::ReferenceStrain(of) => (of.iter().map(|&b| Number::ReferenceStrain(b)).collect(), 1.0),
+            Quantity::Stiffness(of) => (of.iter().map(|&b| Number::Stiffness(b)).collect(), 1.0),
+            Quantity::Site(bundle, end, axis) => (vec![Number::Site(*bundle, *end, *axis)], 1.0),
+            // the model counts from its own pressures
+            Quantity::ContactScale => (vec![Number::ContactScale], 1.0 / value),
+            Quantity::Frame(..)
+            | Quantity::Cartilage
+            | Quantity::Lean(..)
+            | Quantity::Compliance(..)
+            | Quantity::Resting(..) => (vec![], 0.0),
+        }
+    }
 }
 
 /// Flexions between which leans of the bearing surface are interpolated [deg]; ours: contact wanders over a plateau's third in each.
@@ -103,15 +121,15 @@ pub struct Trials<'a> {
     /// Scatter of loads as recorded.
     pub load_sd: Load,
     /// What the model lacks.
-    pub lack: Lack,
+    pub discrepancy: ModelDiscrepancy,
     /// Told of every fit of an inference that has ended.
     pub on_fit: Option<&'a (dyn Fn() + Sync)>,
 }
 
-/// What a model lacks of a knee, as loads that nobody applied [kennedy2001]: alike in trials of like flexion and load, whichever data set has them, and
+/// Model discrepancy: what a model lacks of a knee, as loads that nobody applied [kennedy2001]: alike in trials of like flexion and load, whichever data set has them, and
 /// so as large in millimetres as the knee is slack.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Lack {
+pub struct ModelDiscrepancy {
     /// Standard deviation of those loads.
     pub sd: Load,
     /// Flexion over which they change [deg].
@@ -120,7 +138,7 @@ pub struct Lack {
     pub load: Load,
 }
 
-impl Lack {
+impl ModelDiscrepancy {
     /// How alike it is in two trials [-].
     fn alike(&self, a: &Asked, b: &Asked) -> f64 {
         let loads = FREE.into_iter().map(|l| ((a.load[l] - b.load[l]) / self.load[l]).powi(2)).sum::<f64>();
@@ -288,9 +306,8 @@ impl Trials<'_> {
     }
 
     /// An answer from coordinates close by.
-    fn answer(&self, knee: &Knee, trial: &Asked, start: Start) -> Result<(Answer, Slopes), SimError> {
-        let (model, terms) = knee.of(trial);
-        let model = &*model.pulled(trial.quadriceps_n)?;
+    fn answer(&self, knee: &Knee, trial: &Asked, start: Start) -> Result<(Answer, Jacobian), SimError> {
+        let model = &*knee.of(trial).0.pulled(trial.quadriceps_n)?;
         let lean = self.lean(&knee.values, trial.fe_deg);
         let goal = Goal {
             flexion: chain_flexion(model, trial.fe_deg, self.options)?,
@@ -310,7 +327,7 @@ impl Trials<'_> {
             flags: vec![],
             evaluations: solved.evaluations,
         };
-        self.with_slopes((model, terms), trial, found, &mut near)
+        self.with_jacobian(knee, model, trial, found, &mut near)
     }
 
     /// Where an answer is sought from: the other point's answer moved by what its derivatives say, in the frames of this point.
@@ -452,7 +469,7 @@ impl Forward for Trials<'_> {
             }
             None => self.restarted_from_afar(&knee)?,
         };
-        let found: Vec<(Answer, Slopes)> = self
+        let found: Vec<(Answer, Jacobian)> = self
             .trials
             .par_iter()
             .zip(starts)
@@ -476,7 +493,7 @@ mod tests {
 
     #[test]
     fn what_a_model_lacks_is_alike_in_like_trials_and_makes_a_covariance() {
-        let lack = Lack {
+        let discrepancy = ModelDiscrepancy {
             sd: Load::new(1.0, 1.0, 1.0, 1.0, 1.0),
             flexion_deg: 25.0,
             load: Load::new(6.0, 3.0, 60.0, 60.0, 60.0),
@@ -492,11 +509,11 @@ mod tests {
         let trials: Vec<Asked> =
             [-130.0, -60.0, 0.0, 60.0, 130.0].iter().flat_map(|&l| [0.0, 30.0, 90.0].map(|f| at(l, f))).collect();
         let n = trials.len();
-        let alike = DMatrix::from_fn(n, n, |i, k| lack.alike(&trials[i], &trials[k]));
+        let alike = DMatrix::from_fn(n, n, |i, k| discrepancy.alike(&trials[i], &trials[k]));
         assert!((0..n).all(|i| (alike[(i, i)] - 1.0).abs() < 1e-12));
         assert!(alike[(0, 1)] > alike[(0, 2)] && alike[(0, 3)] > alike[(0, 6)]);
         assert!(alike.clone().symmetric_eigenvalues().min() > -1e-12);
         let other = Asked { source: Some(1), ..trials[0].clone() };
-        assert!((lack.alike(&trials[0], &other) - 1.0).abs() < 1e-12, "whichever data set has them");
+        assert!((discrepancy.alike(&trials[0], &other) - 1.0).abs() < 1e-12, "whichever data set has them");
     }
 }

@@ -1,5 +1,8 @@
-//! Least squares under a standard normal prior by Levenberg and Marquardt [marquardt1963], with steps no longer than they are trusted [conn2000].
+//! Least squares under a prior, within bounds where there are some, by Levenberg and Marquardt [marquardt1963], with steps no longer than they are trusted
+//! [conn2000].
 
+pub use crate::box_step::Bounds;
+use crate::box_step::box_step;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 
 /// Half a sum of squares at a point: its value, gradient and Gauss-Newton Hessian, the prior included.
@@ -19,11 +22,14 @@ impl Quadratic {
         Cholesky::new(self.hessian.clone())
     }
 
-    /// The step to the least point of the quadratic form, each diagonal entry enlarged by the share `damping`.
-    fn step(&self, damping: f64) -> Option<DVector<f64>> {
+    /// The step to the least point of the quadratic form with `room` for each number, each diagonal entry enlarged by the share `damping`.
+    fn step(&self, damping: f64, room: &[Bounds]) -> Option<DVector<f64>> {
         let mut damped = self.hessian.clone();
         (0..damped.nrows()).for_each(|k| damped[(k, k)] *= 1.0 + damping);
-        Some(-Cholesky::new(damped)?.solve(&self.gradient))
+        if room.is_empty() {
+            return Some(-Cholesky::new(damped)?.solve(&self.gradient));
+        }
+        Some(box_step(&damped, &self.gradient, room))
     }
 
     /// By how much the form falls along a step.
@@ -39,6 +45,21 @@ pub struct Stop {
     pub evaluations: usize,
     /// Fall of half the sum of squares below which it has converged [-]: log probability.
     pub fall: f64,
+    /// Half the sum of squares above which a fit is poor [-], and which of its valleys it lies in no matter.
+    pub poor: f64,
+    /// Most evaluations of a poor fit.
+    pub poor_evaluations: usize,
+}
+
+impl Stop {
+    /// After so many evaluations, however poor the fit, or a smaller fall than this.
+    pub fn after(evaluations: usize, fall: f64) -> Stop {
+        Stop { evaluations, fall, poor: f64::INFINITY, poor_evaluations: evaluations }
+    }
+
+    fn allows(&self, evaluations: usize, value: f64) -> bool {
+        evaluations < if value > self.poor { self.poor_evaluations.min(self.evaluations) } else { self.evaluations }
+    }
 }
 
 /// Where a descent ended.
@@ -85,8 +106,8 @@ impl Trust {
     }
 
     /// The next step; `None` where the form has none.
-    fn step(&self, form: &Quadratic) -> Option<DVector<f64>> {
-        let mut step = form.step(self.damping)?;
+    fn step(&self, form: &Quadratic, room: &[Bounds]) -> Option<DVector<f64>> {
+        let mut step = form.step(self.damping, room)?;
         let most = step.amax();
         if most > LONGEST {
             step *= LONGEST / most;
@@ -120,23 +141,27 @@ impl Trust {
     }
 }
 
-/// Descends from `start`; `None` when it cannot be evaluated. A point that cannot be evaluated is a failed step.
-pub fn descend<S: Clone>(
+/// Descends from `start`, each number within its own of the `bounds` where there are some; `None` when it cannot be evaluated. A point that cannot be
+/// evaluated is a failed step.
+pub fn descend<S>(
     start: DVector<f64>,
+    bounds: &[Bounds],
     mut evaluate: impl FnMut(&DVector<f64>, Option<(&DVector<f64>, &S)>) -> Option<(Quadratic, S)>,
     stop: Stop,
 ) -> Option<Least<S>> {
     let mut z = start;
     let (mut form, mut state) = evaluate(&z, None)?;
     let (mut trust, mut evaluations, mut converged) = (Trust::new(), 1, false);
-    while evaluations < stop.evaluations && trust.damping <= STUCK {
-        let Some(step) = trust.step(&form) else { break };
+    while stop.allows(evaluations, form.value) && trust.damping <= STUCK {
+        let room: Vec<Bounds> = bounds.iter().zip(&z).map(|(b, x)| b.from(*x)).collect();
+        let Some(step) = trust.step(&form, &room) else { break };
         let promised = form.fall(&step);
-        if promised < stop.fall {
-            converged = true;
+        if promised < stop.fall || promised.is_nan() {
+            converged = !promised.is_nan();
             break;
         }
-        let tried = &z + &step;
+        let mut tried = &z + &step;
+        tried.iter_mut().zip(bounds).for_each(|(x, b)| *x = b.clamp(*x));
         evaluations += 1;
         let found = evaluate(&tried, Some((&z, &state)));
         let reached = found.as_ref().map(|(f, _)| f.value);
@@ -168,8 +193,8 @@ mod tests {
         // where all three residuals pull: z + (z - 3) + 1600 (z - 1) = 0
         let least = 1603.0 / 1602.0;
         for start in [-4.0, 0.0, 0.9, 1.1, 4.0] {
-            let stop = Stop { evaluations: 12, fall: 1e-6 };
-            let found = descend(DVector::from_element(1, start), |z, _| Some(kinked(z)), stop).unwrap();
+            let stop = Stop::after(12, 1e-6);
+            let found = descend(DVector::from_element(1, start), &[], |z, _| Some(kinked(z)), stop).unwrap();
             let above = found.form.value - kinked(&DVector::from_element(1, least)).0.value;
             assert!((0.0..0.05).contains(&above), "{start}: {above} above the least after {}", found.evaluations);
         }
@@ -193,8 +218,48 @@ mod tests {
                 )
             })
         };
-        let found = descend(DVector::zeros(1), wall, Stop { evaluations: 20, fall: 1e-4 }).unwrap();
+        let found = descend(DVector::zeros(1), &[], wall, Stop::after(20, 1e-4)).unwrap();
         assert!(found.z[0] > 1.0 && found.z[0] < 1.2, "{}", found.z[0]);
         assert!(asked[1] > 1.2 && asked[2] < 0.6 * asked[1], "{asked:?}");
+    }
+
+    /// A valley along which two numbers hang together, its least at (3, -1) outside of the unit box.
+    fn valley(z: &DVector<f64>) -> (Quadratic, ()) {
+        let hessian = DMatrix::from_row_slice(2, 2, &[2.0, 1.8, 1.8, 2.0]);
+        let from = z - DVector::from_vec(vec![3.0, -1.0]);
+        let gradient = &hessian * &from;
+        (Quadratic { value: 0.5 * from.dot(&gradient), gradient, hessian }, ())
+    }
+
+    #[test]
+    fn bounds_are_kept_and_the_least_point_within_them_is_found() {
+        let bounds = [Bounds { low: 0.0, high: 1.0 }; 2];
+        let value = |x: f64, y: f64| valley(&DVector::from_vec(vec![x, y])).0.value;
+        let grid = (0..=50).flat_map(|i| (0..=50).map(move |j| (f64::from(i) / 50.0, f64::from(j) / 50.0)));
+        let least = grid.map(|(x, y)| value(x, y)).fold(f64::INFINITY, f64::min);
+        for start in [[0.0, 0.0], [1.0, 1.0], [0.5, 0.9]] {
+            let within = |z: &DVector<f64>| z.iter().zip(&bounds).all(|(x, b)| (b.low..=b.high).contains(x));
+            let evaluate = |z: &DVector<f64>, _: Option<(&DVector<f64>, &())>| {
+                assert!(within(z), "{z}");
+                Some(valley(z))
+            };
+            let found = descend(DVector::from_row_slice(&start), &bounds, evaluate, Stop::after(20, 1e-9)).unwrap();
+            assert!(found.form.value < least + 1e-6, "{start:?}: {} beside {least}", found.form.value);
+        }
+        // a number that is held stays, and the other goes where it is least beside it
+        let held = [Bounds { low: 0.5, high: 0.5 }, Bounds { low: -10.0, high: 10.0 }];
+        let found =
+            descend(DVector::from_element(2, 0.5), &held, |z, _| Some(valley(z)), Stop::after(20, 1e-12)).unwrap();
+        assert!(found.z[0] == 0.5 && (found.z[1] - 1.25).abs() < 1e-3, "{}", found.z);
+    }
+
+    #[test]
+    fn a_poor_fit_ends_sooner() {
+        let evaluations = |poor: f64| {
+            let stop = Stop { poor, poor_evaluations: 2, ..Stop::after(12, 1e-9) };
+            descend(DVector::from_element(1, -4.0), &[], |z, _| Some(kinked(z)), stop).unwrap().evaluations
+        };
+        assert_eq!(evaluations(0.1), 2);
+        assert!(evaluations(1e9) > 2);
     }
 }

@@ -26,6 +26,7 @@
 //! assert!((found.modes[0].z[0] - 2.2 / 3.0).abs() < 0.01 / 3f64.sqrt());
 //! ```
 
+mod box_step;
 pub mod error;
 pub mod frames;
 pub mod knee;

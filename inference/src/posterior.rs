@@ -192,7 +192,7 @@ pub fn infer<F: Forward>(
         likelihood.share(shared);
         likelihood.prepare()?;
     }
-    let stop = Stop { evaluations: options.first_evaluations, fall: FALL };
+    let stop = Stop::after(options.first_evaluations, FALL);
     let fits: Vec<Option<Least<F::State>>> =
         starts.par_iter().map(|z| told_fit(forward, likelihood, (z, z, None), stop)).collect();
     let mut evaluations: usize = fits.iter().flatten().map(|f| f.evaluations).sum();
@@ -201,7 +201,7 @@ pub fn infer<F: Forward>(
     if fits.is_empty() {
         return Err(InferenceError::NoStart { starts: starts.len() });
     }
-    let stop = Stop { evaluations: options.evaluations, fall: FALL };
+    let stop = Stop::after(options.evaluations, FALL);
     for round in 0..=options.rounds {
         fits.sort_by(|a, b| a.form.value.total_cmp(&b.form.value));
         fits.truncate(options.finalists);
@@ -273,7 +273,7 @@ fn fit<F: Forward>(
         let form = likelihood.form(&linear(&point, z), shift);
         form.value.is_finite().then_some((form, point.state))
     };
-    descend(start.clone(), evaluate, stop)
+    descend(start.clone(), &[], evaluate, stop)
 }
 
 /// The same, and told of.
@@ -333,7 +333,7 @@ fn samples<F: Forward>(
         });
         found.unwrap_or(0)
     };
-    let stop = Stop { evaluations: options.sample_evaluations, fall: SAMPLE_FALL };
+    let stop = Stop::after(options.sample_evaluations, SAMPLE_FALL);
     let drawn: Vec<(Option<Sample<F::State>>, usize)> = (0..options.samples)
         .into_par_iter()
         .map(|s| {

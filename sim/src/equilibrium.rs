@@ -42,6 +42,31 @@ pub struct Equilibrium {
     pub balanced: bool,
     /// What is out of balance there; nearly nothing where the balance was reached.
     pub miss: Six,
+    /// Where cartilage nearly touches there, for poses close by.
+    pub near: Nearby,
+}
+
+impl Equilibrium {
+    /// A search that begins here.
+    pub fn start(&self) -> Start {
+        Start { q: self.q, near: self.near.clone() }
+    }
+}
+
+/// Where a search for an equilibrium begins.
+#[derive(Clone, Debug)]
+pub struct Start {
+    /// Chain coordinates [rad, mm].
+    pub q: Six,
+    /// Where cartilage nearly touches there, as far as that is known: it saves time, and no answer depends on it.
+    pub near: Nearby,
+}
+
+impl Start {
+    /// At coordinates of which nothing else is known.
+    pub fn at(q: Six) -> Start {
+        Start { q, near: Nearby::default() }
+    }
 }
 
 /// Loads [N mm, N] at a read flexion [rad].
@@ -82,8 +107,8 @@ pub struct Restraint {
 
 impl Rig<'_> {
     /// The equilibrium next to some coordinates.
-    pub fn settle(&self, ask: &Ask, start: &Six) -> Equilibrium {
-        let (mut q, mut near) = (*start, Nearby::default());
+    pub fn settle(&self, ask: &Ask, start: &Start) -> Equilibrium {
+        let (mut q, mut near) = (start.q, start.near.lists());
         let mut trust = 1.0;
         let mut before = f64::INFINITY;
         let mut state = self.balance(ask, &q, &mut near);
@@ -100,7 +125,7 @@ impl Rig<'_> {
             q += step;
             state = self.balance(ask, &q, &mut near);
         }
-        Equilibrium { q, observed: state.observed, tangent: state.tangent, balanced, miss: state.miss }
+        state.at(q, balanced, &near)
     }
 
     /// The whole way from the CT pose: compression, then flexion, then the load.
@@ -109,24 +134,24 @@ impl Rig<'_> {
         compression[SI] = ask.load[SI];
         let from = self.model.joint.ct_pose()[FE];
         let steps = ((ask.flexion - from).abs() / FLEXION_STEP).ceil().max(1.0) as usize;
-        let mut q = Six::zeros();
+        let mut at = Start::at(Six::zeros());
         for k in 0..=steps {
             let flexion = from + (ask.flexion - from) * k as f64 / steps as f64;
-            q = self.settle(&Ask { load: compression, flexion }, &q).q;
+            at = self.settle(&Ask { load: compression, flexion }, &at).start();
         }
         for part in [0.25, 0.5, 0.75] {
             let load = compression + (ask.load - compression) * part;
-            q = self.settle(&Ask { load, ..*ask }, &q).q;
+            at = self.settle(&Ask { load, ..*ask }, &at).start();
         }
         // the load's last part as the sum above has it, so that the way does not depend on rounding
         let load = compression + (ask.load - compression) * 1.0;
-        self.settle(&Ask { load, ..*ask }, &q)
+        self.settle(&Ask { load, ..*ask }, &at)
     }
 
     /// The pose next to some coordinates that springs hold: what is then out of balance is what the model lacks there.
-    pub fn restrained(&self, ask: &Ask, by: &Restraint, start: &Six) -> Equilibrium {
+    pub fn restrained(&self, ask: &Ask, by: &Restraint, start: &Start) -> Equilibrium {
         let springs = Matrix6::from_diagonal(&Six::from(by.springs()));
-        let (mut q, mut near) = (*start, Nearby::default());
+        let (mut q, mut near) = (start.q, start.near.lists());
         let mut state = self.balance(ask, &q, &mut near);
         for _ in 0..MOST_STEPS[1] {
             // the springs act on what is read: a misreading moves where they hold
@@ -145,13 +170,13 @@ impl Rig<'_> {
             q += limited(&pulled.step(), RESTRAINED_STEP);
             state = self.balance(ask, &q, &mut near);
         }
-        Equilibrium { q, observed: state.observed, tangent: state.tangent, balanced: true, miss: state.miss }
+        state.at(q, true, &near)
     }
 
     /// The equilibrium that is reached when the springs are let go little by little: on the branch of the pose that they hold, where a loaded knee has several.
-    pub fn released(&self, ask: &Ask, from: &Restraint, start: &Six) -> Equilibrium {
-        let q = LET_GO.iter().fold(*start, |q, part| self.restrained(ask, &from.weaker(*part), &q).q);
-        self.settle(ask, &q)
+    pub fn released(&self, ask: &Ask, from: &Restraint, start: &Start) -> Equilibrium {
+        let held = |at: Start, part: &f64| self.restrained(ask, &from.weaker(*part), &at).start();
+        self.settle(ask, &LET_GO.iter().fold(start.clone(), held))
     }
 
     fn balance(&self, ask: &Ask, q: &Six, near: &mut Nearby) -> Balance {
@@ -245,6 +270,11 @@ impl Restraint {
     }
 }
 
+/// Searches that begin at these equilibria.
+pub fn starts_of(rests: &[Equilibrium]) -> Vec<Start> {
+    rests.iter().map(Equilibrium::start).collect()
+}
+
 /// Balance at a pose.
 struct Balance {
     /// What is out of balance; the first is the read flexion's miss.
@@ -254,6 +284,11 @@ struct Balance {
 }
 
 impl Balance {
+    /// The pose as it is told.
+    fn at(self, q: Six, balanced: bool, near: &Nearby) -> Equilibrium {
+        Equilibrium { q, observed: self.observed, tangent: self.tangent, balanced, miss: self.miss, near: near.lists() }
+    }
+
     fn is_balanced(&self) -> bool {
         self.miss[FE].abs() < SAME_FLEXION && FREE.iter().all(|&c| self.miss[c].abs() < BALANCED[c.index()])
     }

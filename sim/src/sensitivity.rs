@@ -5,7 +5,7 @@
 
 use crate::coordinate::{Coordinate, FE, FREE, Six, free_block, free_part};
 use crate::error::SimError;
-use crate::model::Model;
+use crate::model::{Evaluation, Model};
 use crate::trials::Answer;
 use nalgebra::{DMatrix, Matrix3, Matrix5, SymmetricEigen, Vector3, Vector5};
 use serde::{Deserialize, Serialize};
@@ -93,7 +93,7 @@ pub fn sensitivities(model: &Model, answer: &Answer, parameters: &[Parameter]) -
     let mut forces = DMatrix::zeros(model.bundles.len(), parameters.len());
     let mut coordinates = DMatrix::zeros(6, parameters.len());
     for (column, parameter) in parameters.iter().enumerate() {
-        let direct = direct(model, answer, *parameter)?;
+        let direct = direct(model, &answer.evaluation, *parameter)?;
         let residual = free_part(&direct.residual).component_mul(&Vector5::from(arm));
         let moved = inverse * -residual;
         let mut dq = Six::zeros();
@@ -112,6 +112,14 @@ pub fn sensitivities(model: &Model, answer: &Answer, parameters: &[Parameter]) -
     Ok(Sensitivities { pose, forces_n: forces, coordinates, least_stiffness: least })
 }
 
+/// What gets out of balance [N mm, N], per unit of a parameter, where the pose stays.
+///
+/// # Errors
+/// A parameter the model does not have.
+pub fn out_of_balance(model: &Model, at: &Evaluation, parameter: Parameter) -> Result<Six, SimError> {
+    Ok(direct(model, at, parameter)?.residual)
+}
+
 /// What a parameter changes while the free coordinates stay.
 #[derive(Default)]
 struct Direct {
@@ -122,7 +130,7 @@ struct Direct {
     force: Option<(usize, f64)>,
 }
 
-fn direct(model: &Model, answer: &Answer, parameter: Parameter) -> Result<Direct, SimError> {
+fn direct(model: &Model, answer: &Evaluation, parameter: Parameter) -> Result<Direct, SimError> {
     let unknown = || SimError::Input(format!("the model has no parameter {parameter:?}"));
     match parameter {
         Parameter::ReferenceStrain(b) if b < model.bundles.len() => Ok(law(model, answer, b, 0)),
@@ -146,19 +154,19 @@ fn direct(model: &Model, answer: &Answer, parameter: Parameter) -> Result<Direct
         }
         Parameter::Flexion => {
             let flexion = 1f64.to_radians();
-            let residual: Six = answer.evaluation.hessian.column(FE.index()) * flexion;
+            let residual: Six = answer.hessian.column(FE.index()) * flexion;
             Ok(Direct { residual, flexion, force: None })
         }
-        Parameter::ContactScale => Ok(Direct { residual: answer.evaluation.contact.gradient, ..Direct::default() }),
+        Parameter::ContactScale => Ok(Direct { residual: answer.contact.gradient, ..Direct::default() }),
         _ => Err(unknown()),
     }
 }
 
 /// A bundle's reference strain (0) or stiffness (1).
-fn law(model: &Model, answer: &Answer, bundle: usize, which: usize) -> Direct {
+fn law(model: &Model, answer: &Evaluation, bundle: usize, which: usize) -> Direct {
     let (mut residual, mut force) = (Six::zeros(), 0.0);
     if !model.is_removed(bundle) {
-        let fibres = model.fibres.iter().zip(&answer.evaluation.fibres).filter(|(f, _)| f.bundle == bundle);
+        let fibres = model.fibres.iter().zip(&answer.fibres).filter(|(f, _)| f.bundle == bundle);
         for (fibre, state) in fibres {
             let longer = state.line.length - fibre.initial_length;
             let change = model.bundles[bundle].parameter_derivatives(longer)[which];
@@ -170,10 +178,10 @@ fn law(model: &Model, answer: &Answer, bundle: usize, which: usize) -> Direct {
 }
 
 /// A coordinate of a fibre's end in the CT pose.
-fn attachment(model: &Model, answer: &Answer, fibre: usize, end: End, axis: usize) -> Direct {
-    let (f, state) = (&model.fibres[fibre], &answer.evaluation.fibres[fibre]);
+fn attachment(model: &Model, answer: &Evaluation, fibre: usize, end: End, axis: usize) -> Direct {
+    let (f, state) = (&model.fibres[fibre], &answer.fibres[fibre]);
     let (line, response) = (&state.line, &state.response);
-    let pose = &answer.evaluation.pose;
+    let pose = &answer.pose;
     let unit = Vector3::ith(axis, 1.0);
     let initial = (f.femur - f.tibia) / f.initial_length;
     // displacement of the end, and change of the length in the CT pose

@@ -52,32 +52,11 @@ fn the_worked_example_of_the_page_comes_out() {
 }
 
 #[test]
-fn slopes_are_those_of_finite_differences() {
-    let (trials, mut predicted) = page();
-    let f = CostFunction::new(&trials, &CT, &CostOptions::default()).unwrap();
-    for si in [-20.0, -43.0] {
-        predicted[1].as_mut().unwrap()[SI] = si;
-        let (_, slopes) = f.with_slopes(&predicted);
-        for (i, of_trial) in slopes.iter().enumerate() {
-            for (c, expected) in of_trial.each() {
-                let mut moved = predicted.clone();
-                moved[i].as_mut().unwrap()[c] += 1e-6;
-                let up = f.cost(&moved).value;
-                moved[i].as_mut().unwrap()[c] -= 2e-6;
-                let slope = (up - f.cost(&moved).value) / 2e-6;
-                assert!((slope - expected).abs() < 1e-5 * slope.abs().max(1.0), "{i} {c} {slope} {}", expected);
-            }
-        }
-    }
-}
-
-#[test]
 fn percentiles_are_matlabs() {
     // prctile([1 2 3 4 5], 75) = 4.25; prctile([1 2 3 4 5], [5 10 50 95]) = 1 1 3 5
     let five = [3.0, 1.0, 5.0, 4.0, 2.0];
-    assert_eq!([75.0, 5.0, 10.0, 50.0, 95.0].map(|p| percentile(&five, p).0), [4.25, 1.0, 1.0, 3.0, 5.0]);
-    assert_eq!(percentile(&[7.0], 75.0), (7.0, vec![1.0]));
-    assert_eq!(percentile(&five, 75.0).1, [0.0, 0.0, 0.25, 0.75, 0.0]);
+    assert_eq!([75.0, 5.0, 10.0, 50.0, 95.0].map(|p| percentile(&five, p)), [4.25, 1.0, 1.0, 3.0, 5.0]);
+    assert_eq!(percentile(&[7.0], 75.0), 7.0);
 }
 
 #[test]

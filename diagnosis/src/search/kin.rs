@@ -37,7 +37,7 @@ impl Searcher<'_> {
         }
         let (cov, candidates) = (&search.covariance, self.problem.candidates());
         let readings = Readings { measured: search.readings.pick(&member.linear.value), ..search.readings.clone() };
-        let exact = Fit { residual: DVector::zeros(member.residual.len()), odd: vec![], ..member.clone() };
+        let exact = Fit { residual: DVector::zeros(member.residual.len()), outliers: vec![], ..member.clone() };
         let at = self.stripped(&exact, &readings);
         let (mut list, _) = self.screen(&at, &readings, cov, &candidates)?;
         let of = |k: usize| std::slice::from_ref(&candidates[k]);

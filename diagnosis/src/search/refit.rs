@@ -190,7 +190,7 @@ impl Searcher<'_> {
             hypothesis: hypothesis.to_vec(),
             residual: &readings.measured - readings.pick(&linear.value),
             misfit: 0.0,
-            odd: vec![],
+            outliers: vec![],
             log_evidence: 0.0,
             posterior: DMatrix::identity(unknowns.len(), unknowns.len()),
             means: self.problem.means(unknowns.len()),

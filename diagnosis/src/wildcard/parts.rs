@@ -7,6 +7,7 @@ use crate::problem::Problem;
 use crate::trial::PER_UNIT;
 use nalgebra::DMatrix;
 use sim::coordinate::{Coordinate, FE, FREE, Six};
+use sim::equilibrium::Start;
 
 /// Over which flexion and which motion the field changes, in the order of [`Six`] [rad, mm].
 const RANGES: [f64; 6] = [0.52, 0.05, 0.17, 4.0, 5.0, 4.0];
@@ -15,7 +16,7 @@ const SMALL: f64 = 1e-4;
 
 /// Independent components of a field of amplitude 1 about a fit, whose ligaments leave the knee at the poses `unloaded`; none where the model has nothing of
 /// what it is about.
-pub(super) fn parts(problem: &Problem, (fit, unloaded): (&Fit, &[Six]), kind: &Kind) -> Vec<Part> {
+pub(super) fn parts(problem: &Problem, (fit, unloaded): (&Fit, &[Start]), kind: &Kind) -> Vec<Part> {
     match kind.course {
         Course::Larger { apart } => acting(problem, fit, kind, &|here| vec![larger(here, apart)]),
         Course::Impinging(from) => acting(problem, fit, kind, &|here| vec![impinging(here, from)]),
@@ -29,7 +30,7 @@ pub(super) fn parts(problem: &Problem, (fit, unloaded): (&Fit, &[Six]), kind: &K
 }
 
 /// Those in coordinate `c`.
-fn along(problem: &Problem, (fit, unloaded): (&Fit, &[Six]), kind: &Kind, c: Coordinate) -> Vec<Part> {
+fn along(problem: &Problem, (fit, unloaded): (&Fit, &[Start]), kind: &Kind, c: Coordinate) -> Vec<Part> {
     let n = problem.trials.len();
     let acts = |i: usize| kind.scope.covers(problem.trials[i].source);
     let amplitude = amplitude(kind.is_force, c);
@@ -38,7 +39,7 @@ fn along(problem: &Problem, (fit, unloaded): (&Fit, &[Six]), kind: &Kind, c: Coo
         (0..n).map(|i| Six::from_fn(|k, _| if k == c.index() { at(i) } else { 0.0 })).collect()
     };
     let load = |i: usize, d: Coordinate| problem.trials[i].load[d] / LOADS[d.index()];
-    let moved = |i: usize| fit.linear.rests[i].q[c] - unloaded[i][c];
+    let moved = |i: usize| fit.linear.rests[i].q[c] - unloaded[i].q[c];
     match kind.course {
         Course::Constant => vec![column(&|_| 1.0)],
         Course::Load => vec![column(&|i| load(i, c))],

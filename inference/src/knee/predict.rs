@@ -112,19 +112,19 @@ impl Trials<'_> {
         places.map(of).collect()
     }
 
-    /// Loads that the model lacks in the trials ([`super::Lack`]), a draw for each of `draws`, by draw and trial. A knee bears them beside the trial's: in a
+    /// Loads that the model lacks in the trials ([`super::ModelDiscrepancy`]), a draw for each of `draws`, by draw and trial. A knee bears them beside the trial's: in a
     /// slack knee they reach as far as its ligaments let them, which no compliance tells.
     pub fn lacking(&self, seed: u64, draws: usize) -> Vec<Vec<Load>> {
         let n = self.trials.len();
         let alike = DMatrix::from_fn(n, n, |i, k| {
-            self.lack.alike(&self.trials[i], &self.trials[k]) + if i == k { JITTER } else { 0.0 }
+            self.discrepancy.alike(&self.trials[i], &self.trials[k]) + if i == k { JITTER } else { 0.0 }
         });
         let Some(factor) = Cholesky::new(alike).map(Cholesky::unpack) else {
             return vec![vec![Load::default(); n]; draws];
         };
         let draw = |s: usize| {
             let mut random = stream(seed, s as u64);
-            let loads = FREE.map(|l| &factor * normals(&mut random, n) * self.lack.sd[l]);
+            let loads = FREE.map(|l| &factor * normals(&mut random, n) * self.discrepancy.sd[l]);
             (0..n).map(|i| Load::from_fn(|l| loads[l.free_index()][i])).collect()
         };
         (0..draws).into_par_iter().map(draw).collect()

@@ -1,6 +1,6 @@
 //! Readings of a knee in trials: poses, or displacements from the pose of another trial, as an apparatus shows them.
 
-use super::slopes::Slopes;
+use super::jacobian::Jacobian;
 use super::{Answer, Answers, Asked, Quantity, Trials};
 use crate::posterior::Point;
 use nalgebra::{DMatrix, DVector};
@@ -43,10 +43,10 @@ impl Trials<'_> {
     /// Covariance of the readings by loads that are not as recorded, and by loads that the model lacks.
     pub(super) fn shared_scatter(&self, state: &Answers) -> DMatrix<f64> {
         let (rows, n) = (self.rows(), self.trials.len());
-        let alike = DMatrix::from_fn(n, n, |i, k| self.lack.alike(&self.trials[i], &self.trials[k]));
+        let alike = DMatrix::from_fn(n, n, |i, k| self.discrepancy.alike(&self.trials[i], &self.trials[k]));
         let size = |i: usize, k: usize, l: Coordinate| {
             let own = if i == k { self.load_sd[l].powi(2) } else { 0.0 };
-            own + alike[(i, k)] * self.lack.sd[l].powi(2)
+            own + alike[(i, k)] * self.discrepancy.sd[l].powi(2)
         };
         let both = |(i, c): (usize, Coordinate), (k, d): (usize, Coordinate)| -> f64 {
             FREE.into_iter().map(|l| state[i].by_load[c][l] * state[k].by_load[d][l] * size(i, k, l)).sum()
@@ -59,7 +59,7 @@ impl Trials<'_> {
     }
 
     /// Answers and their derivatives as a point; `values` are those of the parameters, with their derivatives by the standard normal numbers.
-    pub(super) fn point(&self, found: Vec<(Answer, Slopes)>, values: &[(f64, f64)]) -> Point<Answers> {
+    pub(super) fn point(&self, found: Vec<(Answer, Jacobian)>, values: &[(f64, f64)]) -> Point<Answers> {
         let (rows, n) = (self.rows(), values.len());
         let slope = DMatrix::from_fn(rows.len(), n, |r, k| {
             let (trial, c) = rows[r];
@@ -70,11 +70,11 @@ impl Trials<'_> {
         let mut belief = DVector::zeros(self.beliefs.len());
         let mut belief_slope = DMatrix::zeros(self.beliefs.len(), n);
         for (r, b) in self.beliefs.iter().enumerate() {
-            let (answer, slopes) = &found[b.trial];
+            let (answer, jacobian) = &found[b.trial];
             let force: f64 = b.bundles.iter().map(|&k| answer.forces_n[k]).sum();
             belief[r] = (force - b.mean_n) / b.sd_n;
             for k in 0..n {
-                let by: f64 = b.bundles.iter().map(|&m| slopes.forces_n[(m, k)]).sum();
+                let by: f64 = b.bundles.iter().map(|&m| jacobian.forces_n[(m, k)]).sum();
                 belief_slope[(r, k)] = by * values[k].1 / b.sd_n;
             }
         }

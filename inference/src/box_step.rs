@@ -1,22 +1,33 @@
-//! The least point of a quadratic form in a unit box, walls by an active set.
+//! The least point of a quadratic form in a box, walls by an active set.
 
 use nalgebra::{DMatrix, DVector};
 
-/// A sum of squares at a point: residuals and their derivatives.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Residuals {
-    /// The residuals.
-    pub value: DVector<f64>,
-    /// A row a residual, a column a coordinate.
-    pub jacobian: DMatrix<f64>,
+/// Least and largest that a number may be.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bounds {
+    /// Least.
+    pub low: f64,
+    /// Largest.
+    pub high: f64,
 }
 
-/// Least of `g d + d H d / 2` with `point + d` in the unit box and no coordinate of `d` beyond `radius`, for a positive definite H: a primal
-/// active-set method [nocedal2006, section 16.5] from d = 0, one wall at a time.
-pub fn box_step(hessian: &DMatrix<f64>, gradient: &DVector<f64>, point: &[f64], radius: f64) -> DVector<f64> {
-    let n = point.len();
-    let low: Vec<f64> = point.iter().map(|x| (-x).max(-radius)).collect();
-    let high: Vec<f64> = point.iter().map(|x| (1.0 - x).min(radius)).collect();
+impl Bounds {
+    /// The value within the bounds that is nearest to `x`.
+    pub fn clamp(self, x: f64) -> f64 {
+        x.clamp(self.low, self.high)
+    }
+
+    /// The same bounds, counted from `x`.
+    pub(crate) fn from(self, x: f64) -> Bounds {
+        Bounds { low: self.low - x, high: self.high - x }
+    }
+}
+
+/// Least of `g d + d H d / 2` with `room` for each number of `d`, for a positive definite H: a primal active-set method [nocedal2006, section 16.5]
+/// from d = 0, one wall at a time.
+pub(crate) fn box_step(hessian: &DMatrix<f64>, gradient: &DVector<f64>, room: &[Bounds]) -> DVector<f64> {
+    let n = room.len();
+    let (low, high): (Vec<f64>, Vec<f64>) = room.iter().map(|r| (r.low.min(0.0), r.high.max(0.0))).unzip();
     let mut step = DVector::zeros(n);
     let mut fixed: Vec<bool> =
         (0..n).map(|k| (low[k] >= 0.0 && gradient[k] > 0.0) || (high[k] <= 0.0 && gradient[k] < 0.0)).collect();
@@ -73,7 +84,8 @@ mod tests {
         for g in [[-3.0, 1.0], [1.0, -3.0], [-1.0, -1.0], [0.5, 0.2], [-2.0, 3.0]] {
             let g = DVector::from_row_slice(&g);
             let value = |d: &DVector<f64>| g.dot(d) + 0.5 * d.dot(&(&h * d));
-            let step = box_step(&h, &g, &[0.4, 0.7], 0.5);
+            let room = [0.4, 0.7].map(|x: f64| Bounds { low: -x, high: (1.0 - x).min(0.5) });
+            let step = box_step(&h, &g, &room);
             let best = value(&step);
             for i in 0..=50 {
                 for j in 0..=50 {

@@ -1,7 +1,7 @@
 //! Derivatives of an answer by every parameter.
 
-use super::{Answer, Asked, Quantity, Trials, pressed, shares};
-use crate::frames::Terms;
+use super::{Answer, Asked, Knee, Quantity, Trials, pressed, shares};
+use crate::frames::{STEP, Terms};
 use nalgebra::{DMatrix, Matrix6};
 use sim::Model;
 use sim::SimError;
@@ -10,14 +10,13 @@ use sim::coordinate::{FE, FREE, Free, Load, Six, free_block, free_part};
 use sim::joint::Pose;
 use sim::sensitivity::{Parameter as Of, Sensitivities, sensitivities};
 use sim::trials::{chain_flexion, pose_spec};
+use std::ops::Range;
 
-/// Step of the derivatives by frames [deg or mm].
-const FRAME_STEP: f64 = 0.05;
 /// Step of the derivative by cartilage thickness [mm].
 const CARTILAGE_STEP: f64 = 0.02;
 
 /// Derivatives of an answer, a column a parameter, per unit of its value.
-pub(super) struct Slopes {
+pub(super) struct Jacobian {
     /// Of VV, IE [deg], ML, AP, SI [mm]: 5 rows.
     pub(super) predicted: DMatrix<f64>,
     /// Of the bundle forces [N]: a row a bundle.
@@ -30,23 +29,24 @@ type Column = (Free<f64>, Vec<f64>, Six);
 
 impl Trials<'_> {
     /// An answer with its derivatives.
-    pub(super) fn with_slopes(
+    pub(super) fn with_jacobian(
         &self,
-        (model, terms): (&Model, &Terms),
+        knee: &Knee,
+        model: &Model,
         trial: &Asked,
         found: sim::trials::Answer,
         near: &mut Nearby,
-    ) -> Result<(Answer, Slopes), SimError> {
-        let (asked, place) = self.columns();
+    ) -> Result<(Answer, Jacobian), SimError> {
+        let (asked, place) = self.columns(&knee.values);
         let s = sensitivities(model, &found, &asked)?;
         let force = pressed(&found.evaluation.contact.wrench);
         let (bundles, n) = (model.bundles.len(), self.parameters.len());
-        let mut slopes = Slopes {
+        let mut jacobian = Jacobian {
             predicted: DMatrix::zeros(5, n),
             forces_n: DMatrix::zeros(bundles, n),
             coordinates: DMatrix::zeros(6, n),
         };
-        let frames = FrameSlopes::new(self, model, terms, trial, &found)?;
+        let frames = FrameJacobian::new(self, model, knee.of(trial).1, trial, &found)?;
         let mut known: [Option<Column>; 12] = Default::default();
         for (k, p) in self.parameters.iter().enumerate() {
             let column = match &p.quantity {
@@ -70,11 +70,15 @@ impl Trials<'_> {
                     load[*coordinate] = f64::from(trial.source == Some(*source));
                     by_loads(&s, &load)
                 }
-                _ => sum(&s, &place[k]),
+                Quantity::ReferenceStrain(_) | Quantity::Stiffness(_) | Quantity::Site(..) | Quantity::ContactScale => {
+                    sum(&s, &place[k])
+                }
+                // of the apparatus: it moves what is read, not the knee
+                Quantity::Compliance(..) => continue,
             };
-            FREE.into_iter().for_each(|c| slopes.predicted[(c.free_index(), k)] = column.0[c]);
-            (0..bundles).for_each(|b| slopes.forces_n[(b, k)] = column.1[b]);
-            slopes.coordinates.set_column(k, &column.2);
+            FREE.into_iter().for_each(|c| jacobian.predicted[(c.free_index(), k)] = column.0[c]);
+            (0..bundles).for_each(|b| jacobian.forces_n[(b, k)] = column.1[b]);
+            jacobian.coordinates.set_column(k, &column.2);
         }
         let by_load = Free::from_fn(|c| Free::from_fn(|l| s.pose[(c.free_index(), l.free_index())]));
         let answer = Answer {
@@ -82,32 +86,22 @@ impl Trials<'_> {
             pressed: force,
             predicted: found.predicted(),
             forces_n: found.forces_n,
-            coordinates: std::mem::replace(&mut slopes.coordinates, DMatrix::zeros(0, 0)),
+            coordinates: std::mem::replace(&mut jacobian.coordinates, DMatrix::zeros(0, 0)),
             by_load,
             near: near.lists(),
         };
-        Ok((answer, slopes))
+        Ok((answer, jacobian))
     }
 
-    /// What the solver is asked derivatives by, the five loads first, and which of those make each parameter's.
-    fn columns(&self) -> (Vec<Of>, Vec<Vec<usize>>) {
+    /// What the solver is asked derivatives by, the five loads first, and which of those make each parameter's, each times a factor.
+    fn columns(&self, values: &[f64]) -> (Vec<Of>, Vec<(Range<usize>, f64)>) {
         let mut asked: Vec<Of> = FREE.map(Of::Load).to_vec();
-        let mut place = Vec::with_capacity(self.parameters.len());
-        for p in self.parameters {
-            let from = asked.len();
-            match &p.quantity {
-                Quantity::ReferenceStrain(of) => asked.extend(of.iter().map(|&b| Of::ReferenceStrain(b))),
-                Quantity::Stiffness(of) => asked.extend(of.iter().map(|&b| Of::Stiffness(b))),
-                Quantity::Site(bundle, end, axis) => asked.push(Of::Site(*bundle, *end, *axis)),
-                Quantity::ContactScale => asked.push(Of::ContactScale),
-                Quantity::Frame(..)
-                | Quantity::Cartilage
-                | Quantity::Lean(..)
-                | Quantity::Compliance(..)
-                | Quantity::Resting(..) => {}
-            }
-            place.push((from..asked.len()).collect());
-        }
+        let place = self.parameters.iter().zip(values).map(|(p, x)| {
+            let (from, (numbers, factor)) = (asked.len(), p.quantity.numbers(*x));
+            asked.extend(numbers);
+            (from..asked.len(), factor)
+        });
+        let place = place.collect();
         (asked, place)
     }
 
@@ -134,13 +128,13 @@ impl Trials<'_> {
     }
 }
 
-/// The sum of some columns.
-fn sum(s: &Sensitivities, columns: &[usize]) -> Column {
+/// The sum of some columns times a factor.
+fn sum(s: &Sensitivities, (columns, factor): &(Range<usize>, f64)) -> Column {
     let mut out = (Free::all(0.0), vec![0.0; s.forces_n.nrows()], Six::zeros());
-    for &k in columns {
-        FREE.into_iter().for_each(|c| out.0[c] += s.pose[(c.free_index(), k)]);
-        out.1.iter_mut().zip(s.forces_n.column(k).iter()).for_each(|(x, d)| *x += d);
-        out.2 += s.coordinates.column(k);
+    for k in columns.clone() {
+        FREE.into_iter().for_each(|c| out.0[c] += factor * s.pose[(c.free_index(), k)]);
+        out.1.iter_mut().zip(s.forces_n.column(k).iter()).for_each(|(x, d)| *x += factor * d);
+        out.2 += s.coordinates.column(k) * *factor;
     }
     out
 }
@@ -157,7 +151,7 @@ fn by_loads(s: &Sensitivities, load: &Load) -> Column {
 }
 
 /// Derivatives by frames of one answer.
-struct FrameSlopes<'a> {
+struct FrameJacobian<'a> {
     trials: &'a Trials<'a>,
     model: &'a Model,
     terms: &'a Terms,
@@ -167,18 +161,18 @@ struct FrameSlopes<'a> {
     tangent: nalgebra::LU<f64, nalgebra::Const<5>, nalgebra::Const<5>>,
 }
 
-impl<'a> FrameSlopes<'a> {
+impl<'a> FrameJacobian<'a> {
     fn new(
         trials: &'a Trials<'a>,
         model: &'a Model,
         terms: &'a Terms,
         trial: &'a Asked,
         found: &'a sim::trials::Answer,
-    ) -> Result<FrameSlopes<'a>, SimError> {
+    ) -> Result<FrameJacobian<'a>, SimError> {
         let free = free_block(&found.evaluation.hessian);
         let tangent = (free + free.transpose()) * 0.5;
         let gs = model.joint.grood_suntay_of(&model.joint.pose(&found.state.q).femur);
-        Ok(FrameSlopes { trials, model, terms, trial, found, gs, tangent: tangent.lu() })
+        Ok(FrameJacobian { trials, model, terms, trial, found, gs, tangent: tangent.lu() })
     }
 
     /// By a turn or shift [per deg, per mm]: the same bones in the other frames, flexed to the trial's flexion and brought back to equilibrium by one
@@ -186,7 +180,7 @@ impl<'a> FrameSlopes<'a> {
     fn by(&self, term: usize) -> Result<Column, SimError> {
         let (model, found) = (self.model, self.found);
         let mut moved = *self.terms;
-        moved[term] += FRAME_STEP;
+        moved[term] += STEP;
         let mut other = model.clone();
         other.joint = self.trials.joint(&moved)?;
         let place = model.joint.pose(&found.state.q).femur;
@@ -205,8 +199,8 @@ impl<'a> FrameSlopes<'a> {
         let (now, before) = (pose_spec(&other.joint.grood_suntay(&q)).free(), pose_spec(&self.gs).free());
         let forces = other.bundle_forces(&other.fibre_states(&other.joint.pose(&q)));
         Ok((
-            Free::from_fn(|c| (now[c] - before[c]) / FRAME_STEP),
-            forces.iter().zip(&found.forces_n).map(|(a, b)| (a - b) / FRAME_STEP).collect(),
+            Free::from_fn(|c| (now[c] - before[c]) / STEP),
+            forces.iter().zip(&found.forces_n).map(|(a, b)| (a - b) / STEP).collect(),
             // starts in other frames are found from the place of the bones
             Six::zeros(),
         ))

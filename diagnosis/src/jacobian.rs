@@ -2,32 +2,56 @@
 
 use crate::bench::Bench;
 use crate::candidate::Candidate;
-use crate::effect::{Active, fibre_pull, moved_fibre};
+use crate::effect::Active;
 use crate::nuisance::{Felt, FrameSteps, Nuisances, frame_change, wrench};
 use crate::trial::{PER_UNIT, Trial};
 use nalgebra::{Matrix6, Vector3};
+use sim::Model;
 use sim::contact::Nearby;
-use sim::coordinate::{FE, Free, Six};
-use sim::equilibrium::Equilibrium;
+use sim::coordinate::{FE, Free, SI, Six};
+use sim::equilibrium::{Equilibrium, Start};
 use sim::joint::Joint;
-use sim::ligament::Fibre;
-use sim::sensitivity::End;
+use sim::model::Evaluation;
+use sim::sensitivity::{End, Parameter as Number, out_of_balance};
+use std::cell::OnceCell;
 
 /// Derivatives of a trial's reading at its rest.
-pub struct Slopes<'a> {
+pub struct Jacobian<'a> {
     bench: Bench<'a>,
     trial: &'a Trial,
     rest: &'a Equilibrium,
     /// Of the reading by what is out of balance.
     answer: Option<Matrix6<f64>>,
+    /// The model at the rest.
+    loaded: At,
     /// The unloaded pose, where an effect departs from it.
     root: Option<Root>,
 }
 
+/// A pose at which something gets out of balance.
+pub struct At {
+    /// Chain coordinates [rad, mm].
+    pub q: Six,
+    near: Nearby,
+    found: OnceCell<Evaluation>,
+}
+
+impl At {
+    fn new(start: Start) -> At {
+        At { q: start.q, near: start.near, found: OnceCell::new() }
+    }
+
+    /// Force on the femur and its moment about the CT's origin, by a model's contact, a pair each [N, N mm]; so much higher up [mm].
+    pub fn wrenches_above(&self, model: &Model, by: f64) -> Vec<(Vector3<f64>, Vector3<f64>)> {
+        let mut q = self.q;
+        q[SI] += by;
+        model.contact_near(&model.joint.pose(&q), &mut self.near.lists()).wrench
+    }
+}
+
 /// The unloaded pose that an effect departs from: what moves that pose moves the effect with it.
 struct Root {
-    /// Its chain coordinates [rad, mm].
-    q: Six,
+    at: At,
     /// What is out of balance under load by what is out of balance there.
     lever: Matrix6<f64>,
 }
@@ -40,25 +64,38 @@ impl Root {
             return None;
         }
         let plain = Bench { effects: &[], ..*bench };
-        let inverse = plain.neutral_near(trial, &trial.neutral).tangent.try_inverse()?;
+        let unloaded = plain.neutral_near(trial);
+        let inverse = unloaded.tangent.try_inverse()?;
         let holds = Bench { effects: &departing, ..*bench }.effects_tangent(trial, &trial.load, &rest.q);
-        Some(Root { q: trial.neutral, lever: holds * inverse })
+        let at = At::new(Start { q: trial.neutral, near: unloaded.near });
+        Some(Root { at, lever: holds * inverse })
     }
 }
 
-impl<'a> Slopes<'a> {
+impl<'a> Jacobian<'a> {
     /// Prepares the derivatives of `trial` at `rest`.
-    pub fn new(bench: Bench<'a>, trial: &'a Trial, rest: &'a Equilibrium) -> Slopes<'a> {
+    pub fn new(bench: Bench<'a>, trial: &'a Trial, rest: &'a Equilibrium) -> Jacobian<'a> {
         let reading = bench.observe_derivative(trial, &rest.q);
         let answer = rest.tangent.try_inverse().map(|inverse| reading * inverse);
-        Slopes { bench, trial, rest, answer, root: Root::new(&bench, trial, rest) }
+        let loaded = At::new(rest.start());
+        Jacobian { bench, trial, rest, answer, loaded, root: Root::new(&bench, trial, rest) }
+    }
+
+    /// What the model does at one of its poses, under the quadriceps.
+    pub fn at<'b>(&self, at: &'b At) -> &'b Evaluation {
+        at.found.get_or_init(|| self.bench.pulled(self.trial).evaluate_near(&at.q, &mut at.near.lists()))
+    }
+
+    /// The model at the rest.
+    pub fn loaded(&self) -> &Evaluation {
+        self.at(&self.loaded)
     }
 
     /// Change of the reading [deg, mm] by changes of the knee itself that put `out_of_balance` what it tells at a pose: under load, and unloaded where an
     /// effect departs from there.
-    pub fn of_the_knee(&self, out_of_balance: impl Fn(&Six) -> Vec<Six>) -> Vec<Free<f64>> {
-        let loaded = out_of_balance(&self.rest.q);
-        let unloaded = self.root.as_ref().map(|root| (out_of_balance(&root.q), root.lever));
+    pub fn of_the_knee(&self, out_of_balance: impl Fn(&At) -> Vec<Six>) -> Vec<Free<f64>> {
+        let loaded = out_of_balance(&self.loaded);
+        let unloaded = self.root.as_ref().map(|root| (out_of_balance(&root.at), root.lever));
         let by = |k: usize, miss: Six| {
             let moved = unloaded.as_ref().map_or(Six::zeros(), |(there, lever)| lever * balanced(there[k]));
             self.by(&balanced(miss - moved), &Six::zeros())
@@ -76,54 +113,29 @@ impl<'a> Slopes<'a> {
     /// By the nuisance parameters at some values; `joints` are the steps of the frames of each data set.
     pub(crate) fn nuisances(&self, of: &Nuisances, unknowns: &[f64], joints: &[FrameSteps]) -> Vec<Free<f64>> {
         let source = self.trial.source;
-        let bundles = self.bundles();
-        let contact = self.contact();
+        let values: Vec<(f64, f64)> = unknowns.iter().enumerate().take(of.len()).map(|(k, x)| of.at(k, *x)).collect();
+        let numbers: Vec<(Vec<Number>, f64)> =
+            of.list.iter().zip(&values).map(|(p, value)| p.quantity.numbers(value.0)).collect();
+        let model = self.of_the_knee(|at| numbers.iter().map(|(n, factor)| self.by_numbers(at, n) * *factor).collect());
         let frames = joints.get(source).map_or([Free::all(0.0); 12], |steps| self.frames(steps));
-        let fibres = &self.bench.model.fibres;
-        let is_site = |felt: &Felt| matches!(felt, Felt::Site(..));
-        let ends = if of.felt.iter().any(is_site) { self.attachments() } else { vec![] };
-        let add = |sum: Free<f64>, by: &Free<f64>| Free::from_fn(|c| sum[c] + by[c]);
         let by = |(k, felt): (usize, &Felt)| {
-            let (value, slope) = of.at(k, unknowns[k]);
-            let column: Free<f64> = match felt {
-                Felt::ReferenceStrain(these) => these.iter().map(|&b| &bundles[2 * b]).fold(Free::all(0.0), add),
-                Felt::Stiffness(these) => these.iter().map(|&b| &bundles[2 * b + 1]).fold(Free::all(0.0), add),
-                Felt::ContactScale => contact.map(|x| x / value),
+            let column = match felt {
+                Felt::Model => model[k],
                 Felt::Frame(set, term) if set.is_none_or(|s| s == source) => frames[*term],
                 // the frames of another data set
                 Felt::Frame(..) => Free::all(0.0),
-                Felt::Site(bundle, end, axis) => {
-                    let place = 3 * usize::from(*end == End::Tibia) + axis;
-                    let own = (0..fibres.len()).filter(|&f| fibres[f].bundle == *bundle);
-                    own.map(|f| &ends[6 * f + place]).fold(Free::all(0.0), add)
-                }
             };
-            column.map(|x| x * slope)
+            column.map(|x| x * values[k].1)
         };
         of.felt.iter().enumerate().map(by).collect()
     }
 
-    /// By each bundle's reference strain, then its stiffness [N/mm].
-    fn bundles(&self) -> Vec<Free<f64>> {
+    /// What some numbers of the model, all by one unit, put out of balance at a pose [N mm, N].
+    fn by_numbers(&self, at: &At, numbers: &[Number]) -> Six {
         let model = self.bench.model;
-        self.of_the_knee(|q| {
-            let states = model.fibre_states(&model.joint.pose(q));
-            let mut by_bundle = vec![Six::zeros(); 2 * model.bundles.len()];
-            for (fibre, state) in model.fibres.iter().zip(&states) {
-                let bundle = &model.bundles[fibre.bundle];
-                let [strain, stiffness] = bundle.parameter_derivatives(state.line.length - fibre.initial_length);
-                by_bundle[2 * fibre.bundle] += state.line.gradient * strain;
-                by_bundle[2 * fibre.bundle + 1] += state.line.gradient * stiffness;
-            }
-            by_bundle
-        })
-    }
-
-    /// By the log of the contact's scale.
-    fn contact(&self) -> Free<f64> {
-        let model = self.bench.model;
-        let force = |q: &Six| model.contact_near(&model.joint.pose(q), &mut Nearby::once()).gradient;
-        self.of_the_knee(|q| vec![force(q)])[0]
+        let one =
+            |n: &Number| out_of_balance(model, self.at(at), *n).expect("a parameter is of bundles that the model has");
+        numbers.iter().map(one).sum()
     }
 
     /// By turns [deg] and shifts [mm] of the frames: what is read, and the generalised forces of the same wrench, are of other axes then.
@@ -131,9 +143,8 @@ impl<'a> Slopes<'a> {
         if steps.iter().all(Option::is_none) {
             return [Free::all(0.0); 12];
         }
-        let (model, q) = (self.bench.pulled(self.trial), &self.rest.q);
-        let effects = self.bench.effects_at(self.trial, &self.trial.load, q);
-        let at = model.evaluate_near(q, &mut Nearby::once());
+        let effects = self.bench.effects_at(self.trial, &self.trial.load, &self.rest.q);
+        let at = self.loaded();
         let read = |gs: &Six| self.bench.effects.iter().fold(*gs, |gs, e| e.read(&gs, self.trial));
         let wrench = wrench(&at.pose, &(at.gradient - effects));
         let by = |joints: &[Joint; 2]| {
@@ -150,11 +161,11 @@ impl<'a> Slopes<'a> {
         if !model.has_second_contact() {
             return Free::all(0.0);
         }
-        let differs = |q: &Six| {
-            let pose = model.joint.pose(q);
-            model.contact.evaluate(&pose).gradient - model.contact_near(&pose, &mut Nearby::once()).gradient
+        let differs = |at: &At| {
+            let there = self.at(at);
+            model.contact.evaluate(&there.pose).gradient - there.contact.gradient
         };
-        self.of_the_knee(|q| vec![differs(q)])[0]
+        self.of_the_knee(|at| vec![differs(at)])[0]
     }
 
     /// By each load: VV, IE [N mm], ML, AP, SI [N].
@@ -168,18 +179,10 @@ impl<'a> Slopes<'a> {
 
     /// By each end of each fibre moved along the axes [per mm].
     pub fn attachments(&self) -> Vec<Free<f64>> {
-        let model = self.bench.model;
-        let h = 0.05;
-        self.of_the_knee(|q| {
-            let here = self.bench.place.situation(model, self.trial, &self.trial.load, q);
-            let by = |fibre: &Fibre, k: usize| {
-                let mut ends = [Vector3::zeros(); 2];
-                ends[k / 3][k % 3] = h;
-                let pull = |s: f64| fibre_pull(&here, &moved_fibre(fibre, &(ends[0] * s), &(ends[1] * s)));
-                (pull(-1.0) - pull(1.0)) / (2.0 * h)
-            };
-            model.fibres.iter().flat_map(|fibre| (0..6).map(move |k| (fibre, k))).map(|(f, k)| by(f, k)).collect()
-        })
+        let ends = [End::Femur, End::Tibia].into_iter().flat_map(|end| (0..3).map(move |axis| (end, axis)));
+        let of = |fibre: usize| ends.clone().map(move |(end, axis)| Number::Attachment(fibre, end, axis));
+        let all: Vec<Number> = (0..self.bench.model.fibres.len()).flat_map(of).collect();
+        self.of_the_knee(|at| all.iter().map(|n| self.by_numbers(at, &[*n])).collect())
     }
 
     /// By the scaled parameters of a candidate at `scaled`; zero where it does not act.

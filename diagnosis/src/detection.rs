@@ -1,4 +1,4 @@
-//! What a diagnosis that names nothing would have missed: the sizes of effects that half of such data would reveal.
+//! Limits of detection: the sizes of effects that half of such data would reveal. Smaller ones a diagnosis that names nothing would have missed.
 
 use crate::candidate::Candidate;
 use crate::error::DiagnosisError;
@@ -11,7 +11,11 @@ use crate::search::{Search, log_prior};
 /// marginalised. Shapes, and effects without a slope at nothing, have none.
 ///
 /// Errors: a model that cannot be evaluated.
-pub fn missable(problem: &Problem, search: &Search, threshold: f64) -> Result<Vec<Missable>, DiagnosisError> {
+pub fn limits_of_detection(
+    problem: &Problem,
+    search: &Search,
+    threshold: f64,
+) -> Result<Vec<Missable>, DiagnosisError> {
     let candidates = problem.candidates();
     let signatures = signatures(problem, &search.base, &candidates)?;
     let marginal = Marginal::new(&search.base, &search.readings, &search.covariance)?;
