@@ -61,10 +61,7 @@ pub(crate) struct Path(Taut);
 ///
 /// # Errors
 /// A body or a bundle that is not there, a bone whose mesh is not given.
-pub(crate) fn bones(
-    spec: &ModelSpec,
-    meshes: &BTreeMap<String, MeshValue>,
-) -> Result<Option<Arc<Bones>>, SimError> {
+pub(crate) fn bones(spec: &ModelSpec, meshes: &BTreeMap<String, MeshValue>) -> Result<Option<Arc<Bones>>, SimError> {
     let Some(wrap) = &spec.wrap else { return Ok(None) };
     if let Some(name) = wrap.bundles.iter().find(|name| spec.bundles.iter().all(|b| b.name != **name)) {
         return Err(SimError::Spec(format!("wrap.bundles: no bundle is named {name:?}")));

@@ -302,7 +302,9 @@ pub fn check_options(options: &AssembleOptions) -> Result<(), StageError> {
     }
     if let Some(name) = options.wrap.iter().find(|n| !BUNDLES.iter().any(|b| is_named(&b.name, n))) {
         let known = BUNDLES.iter().map(|b| b.name.as_str()).collect::<Vec<_>>().join(", ");
-        return Err(StageError::Knee(format!("assemble.wrap names {name:?}; \"{ALL}\" or some of {known} were expected")));
+        return Err(StageError::Knee(format!(
+            "assemble.wrap names {name:?}; \"{ALL}\" or some of {known} were expected"
+        )));
     }
     Ok(())
 }

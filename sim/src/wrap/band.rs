@@ -110,7 +110,8 @@ impl Way<'_> {
         self.bones.iter().all(|bone| {
             let mut i = 0;
             while i < straight.len() {
-                let height = bone.obstacle.distance(&bone.local(&straight[i])) + self.allowed[i][usize::from(bone.moves)];
+                let height =
+                    bone.obstacle.distance(&bone.local(&straight[i])) + self.allowed[i][usize::from(bone.moves)];
                 if height < 0.0 {
                     return false;
                 }
@@ -264,7 +265,9 @@ impl Taut {
         for t in self.touches.iter().filter(|t| t.moves) {
             let v: [Vector; 6] = std::array::from_fn(|j| pose.screws[j].at(&self.nodes[t.node]));
             let (k, push) = (t.stiffness(true), t.push());
-            u += pair(|first, last| v[first].dot(&(k * v[last])) - push.dot(&pose.screws[last].angular.cross(&v[first])));
+            u += pair(|first, last| {
+                v[first].dot(&(k * v[last])) - push.dot(&pose.screws[last].angular.cross(&v[first]))
+            });
         }
         let mixed = self.mixed_with_all(pose);
         let moved = self.chain().solved(&mixed);

@@ -11,8 +11,12 @@ use meshes::surface::TriMesh;
 const RADIUS: f64 = 20.0;
 
 fn frames() -> FramesSpec {
-    let frame =
-        AnatomicalFrame { origin: Point::origin(), medial: -Vector::x(), anterior: -Vector::y(), superior: Vector::z() };
+    let frame = AnatomicalFrame {
+        origin: Point::origin(),
+        medial: -Vector::x(),
+        anterior: -Vector::y(),
+        superior: Vector::z(),
+    };
     FramesSpec { femur: frame, tibia: frame, gs_ct_pose: PoseSpec::default(), chain: None }
 }
 
@@ -217,7 +221,7 @@ fn where_a_path_is_sought_from_does_not_change_it() {
 fn length_has_no_step_where_a_path_begins_to_touch() {
     let (joint, fibre, _) = between_two();
     // sideways, off both balls
-    let at = |ml: f64| fibre.line(&joint.pose(&Six::new(0.0, 0.3, 0.0, ml, -25.0, 0.0)));
+    let at = |ml: f64| fibre.line(&joint.pose(&Six::new(0.0, 0.3, 0.0, ml, -28.0, 0.0)));
     let mut last = at(0.0);
     let mut touched = [false; 2];
     for k in 1..400 {
