@@ -219,16 +219,16 @@ fn where_a_path_is_sought_from_does_not_change_it() {
 
 #[test]
 fn length_has_no_step_where_a_path_begins_to_touch() {
-    let (joint, fibre, _) = between_two();
-    // sideways, off both balls
-    let at = |ml: f64| fibre.line(&joint.pose(&Six::new(0.0, 0.3, 0.0, ml, -28.0, 0.0)));
-    let mut last = at(0.0);
-    let mut touched = [false; 2];
-    for k in 1..400 {
-        let ml = f64::from(k) * 0.1;
-        let line = at(ml);
-        let expected = 0.5 * (line.gradient + last.gradient)[crate::coordinate::ML.index()] * 0.1;
-        assert!((line.length - last.length - expected).abs() < 2e-3, "{ml}: {} after {}", line.length, last.length);
+    let joint = Joint::new(&frames(), Side::Left).unwrap();
+    let fibre = fibre(&over_femur(&icosphere(RADIUS, 5)), [3.0, -15.0, 45.0], [0.0, -15.0, -38.0]);
+    // the tibial end goes forwards, until the line passes before the ball
+    let step = 0.125;
+    let at = |k: i32| fibre.line(&joint.pose(&Six::new(0.0, 0.02, 0.05, 1.0, step * f64::from(k), 0.0)));
+    let (mut last, mut touched) = (at(-200), [false; 2]);
+    for k in -199..=200 {
+        let line = at(k);
+        let expected = 0.5 * (line.gradient + last.gradient)[crate::coordinate::AP.index()] * step;
+        assert!((line.length - last.length - expected).abs() < 2e-3, "{k}: {} after {}", line.length, last.length);
         touched[usize::from(line.length > (line.femur - fibre.tibia).norm() + 1e-9)] = true;
         last = line;
     }
