@@ -143,6 +143,7 @@ impl Obstacle {
 
     /// Signed distance at a local point [mm]; off the grid nothing is in the way.
     #[inline]
+    #[expect(clippy::needless_range_loop, reason = "rows and planes are counted, not gone through")]
     pub(super) fn distance(&self, p: &Vector) -> f64 {
         let Some((at, offset)) = self.cell(p) else { return f64::INFINITY };
         let [wx, wy, wz] = offset.map(|t| weights(t).0);
