@@ -63,6 +63,7 @@ pub fn import(main: &str, read: &mut ReadFile) -> Result<ImportedDeck, DeckError
         contact,
         bundles,
         fibres,
+        wrap: None,
         menisci: Vec::new(),
         toe_end_multiple,
         protocols: protocol.into_iter().collect(),

@@ -75,6 +75,7 @@ fn knee() -> (ModelSpec, BTreeMap<String, MeshValue>) {
         },
         bundles: vec![bundle("LCL", Law::Smooth), bundle("sMCL_A", Law::Tabular)],
         fibres: vec![fibre("LCL", -30.0), fibre("LCL", -31.0), fibre("sMCL_A", 30.0)],
+        wrap: None,
         menisci: vec![],
         toe_end_multiple: BTreeMap::new(),
         protocols: vec![],

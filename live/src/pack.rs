@@ -37,14 +37,14 @@ struct Head {
     faces: Vec<(String, usize)>,
 }
 
-/// Packs a knee. Surfaces that contact does not need are left out.
+/// Packs a knee. Surfaces that neither contact nor a ligament's way needs are left out.
 ///
 /// # Errors
 /// A surface that the model names is not there.
 pub fn pack(knee: &Packed) -> Result<Vec<u8>, String> {
     let mut surfaces: BTreeMap<&String, &TriMesh> = BTreeMap::new();
     let patella = knee.spec.patella.iter().flat_map(|p| p.contact.meshes()).map(|(_, name)| name);
-    for name in knee.spec.contact.meshes().chain(patella) {
+    for name in knee.spec.contact.meshes().chain(patella).chain(knee.spec.wrapped_bones()) {
         match knee.meshes.get(name) {
             Some(MeshValue::Surface(mesh)) => surfaces.insert(name, mesh),
             _ => return Err(format!("the model names {name}, which is no surface of its own")),

@@ -85,6 +85,9 @@ pub fn export(
             warnings.push(Kind::NotInFormat.notice(format!("patella and menisci lie in carried/ as surfaces in the model's frame; no contact or ligament of the model knows them{but}")));
         }
         files.extend(beside);
+        if let Some(wraps) = loaded.wraps() {
+            warnings.push(Kind::NotInFormat.notice(format!("{wraps} in the model; they are straight lines here")));
+        }
         if loaded.spec.contact.layer.is_some() {
             warnings.push(
                 Kind::NotInFormat

@@ -29,7 +29,17 @@ pub struct LoadedModel {
 impl LoadedModel {
     /// The first line of every answer: which model it is of.
     pub fn line(&self) -> String {
-        format!("model {}\n", self.told())
+        format!("model {}\n{}", self.told(), self.wraps().map_or(String::new(), |told| format!("{told}\n")))
+    }
+
+    /// Which ligaments wrap over which bones, in words; none where all are straight.
+    pub fn wraps(&self) -> Option<String> {
+        let wrap = self.spec.wrap.as_ref()?;
+        let bundles = match wrap.bundles.len() {
+            n if n == self.spec.bundles.len() => "all ligaments".to_owned(),
+            _ => wrap.bundles.join(", "),
+        };
+        Some(format!("{bundles} wrap over {}", wrap.over.join(" and ")))
     }
 
     /// Its id, what it was calibrated to, where it lies and its digest.

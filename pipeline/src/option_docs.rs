@@ -37,7 +37,7 @@ pub struct OptionDoc {
 }
 
 /// Options that a laboratory sets: what the knee, its scans, its measurements and its questions ask for. All others are of the method.
-const SHOWN: [&str; 56] = [
+const SHOWN: [&str; 57] = [
     "segment.threshold",
     "segment.closing_mm",
     "segment.labels_are",
@@ -74,6 +74,7 @@ const SHOWN: [&str; 56] = [
     "assemble.friction",
     "assemble.toe_strain",
     "assemble.law",
+    "assemble.wrap",
     "assemble.menisci",
     "assemble.patella",
     "calibrate.method",

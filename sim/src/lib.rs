@@ -41,6 +41,7 @@ pub mod trials;
 pub mod uncertainty;
 pub mod vtk;
 mod workbook;
+pub mod wrap;
 pub mod xml;
 
 pub use error::SimError;

@@ -1,4 +1,4 @@
-//! Ligament fibres: straight, tension only, toe then linear [blankevoort1991], with a dashpot.
+//! Ligament fibres: straight or wrapping over bone ([`crate::wrap`]), tension only, toe then linear [blankevoort1991], with a dashpot.
 //!
 //! The stretch of fibre i is measured from the CT pose: `x = (l_i - l_i,CT) + L_bundle - L0`, `L0 = L_bundle / e`; so every fibre of a bundle has
 //! the same strain in the CT pose, whatever its own length. A bundle's force is shared equally by its fibres.
@@ -10,8 +10,10 @@ use crate::coordinate::Six;
 use crate::error::SimError;
 use crate::joint::{Pose, comes_first};
 use crate::spec::{BundleSpec, Law, ModelSpec};
+use crate::wrap::{Bones, Laid, Path, Wrap};
 use meshes::Vector;
 use nalgebra::Matrix6;
+use std::sync::Arc;
 
 /// Where the tabular law's last point lies unless the specification says otherwise, in multiples of the toe's end.
 const TABLE_END: f64 = 10.0;
@@ -50,6 +52,8 @@ pub struct Fibre {
     pub tibia: Vector,
     /// Length in the CT pose.
     pub initial_length: f64,
+    /// How it wraps over bone, where it does.
+    pub(crate) wrap: Option<Arc<Wrap>>,
 }
 
 /// A force law at one stretch, for one fibre.
@@ -68,7 +72,7 @@ pub struct Response {
 pub struct Line {
     /// Length [mm].
     pub length: f64,
-    /// Unit vector from the tibial to the femoral end.
+    /// Unit vector along which the femoral end goes away: from the tibial end, or from where the fibre leaves bone.
     pub direction: Vector,
     /// Femoral end [mm].
     pub femur: Vector,
@@ -197,8 +201,48 @@ fn tabular(k: f64, toe: f64, end: f64, x: f64) -> Response {
 }
 
 impl Fibre {
+    /// A straight fibre between a femoral and a tibial end, of a length in the CT pose [mm].
+    pub fn straight(bundle: usize, femur: Vector, tibia: Vector, initial_length: f64) -> Fibre {
+        Fibre { bundle, femur, tibia, initial_length, wrap: None }
+    }
+
+    /// The fibre with other ends in the CT pose, over the same bones.
+    pub fn with_ends(&self, femur: Vector, tibia: Vector) -> Fibre {
+        let straight = Fibre::straight(self.bundle, femur, tibia, (femur - tibia).norm());
+        match &self.wrap {
+            Some(wrap) => straight.over(wrap.bones()),
+            None => straight,
+        }
+    }
+
+    /// The fibre as it wraps over bones.
+    pub(crate) fn over(mut self, bones: &Arc<Bones>) -> Fibre {
+        let (wrap, length) = bones.wrap(&self.femur, &self.tibia);
+        (self.wrap, self.initial_length) = (Some(Arc::new(wrap)), length);
+        self
+    }
+
+    /// Whether it wraps over bone where bone is in its way.
+    pub fn wraps(&self) -> bool {
+        self.wrap.is_some()
+    }
+
     /// The fibre at a pose of the femur.
     pub fn line(&self, pose: &Pose) -> Line {
+        match self.path(pose, &mut Laid::default(), 0.0) {
+            Some(path) => path.line(pose, (pose.femur * meshes::Point::from(self.femur)).coords),
+            None => self.straight_line(pose),
+        }
+    }
+
+    /// Its path where it touches bone, sought from where it lay; of a fibre that is surely shorter than `slack` [mm] an upper bound.
+    pub(crate) fn path(&self, pose: &Pose, laid: &mut Laid, slack: f64) -> Option<Path> {
+        let femur = (pose.femur * meshes::Point::from(self.femur)).coords;
+        self.wrap.as_ref()?.path([self.tibia, femur], pose, laid, slack)
+    }
+
+    /// The straight line between its ends.
+    pub(crate) fn straight_line(&self, pose: &Pose) -> Line {
         let femur = (pose.femur * meshes::Point::from(self.femur)).coords;
         let v = femur - self.tibia;
         let length = v.norm().max(1e-9);
@@ -257,7 +301,7 @@ pub(crate) fn fibre(bundle: usize, [femur, tibia]: &[meshes::Point; 2]) -> Resul
     if !(initial_length > 1e-3 && initial_length < 1e4) {
         return Err(initial_length);
     }
-    Ok(Fibre { bundle, femur: femur.coords, tibia: tibia.coords, initial_length })
+    Ok(Fibre::straight(bundle, femur.coords, tibia.coords, initial_length))
 }
 
 /// Mean length of lines [mm].

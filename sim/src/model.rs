@@ -15,6 +15,7 @@ use crate::ligament::{self, Bundle, Fibre, Line, Response};
 use crate::mesh::MeshValue;
 use crate::patella::{self, Patella, PatellaState};
 use crate::spec::{BundleSpec, ModelSpec};
+use crate::wrap;
 use meshes::Vector;
 use nalgebra::Matrix6;
 use serde::{Deserialize, Serialize};
@@ -103,7 +104,8 @@ pub fn compile_with(
     let femur_mass = check::bodies(spec, meshes)?;
     let surfaces = check::contact_surfaces(spec, meshes)?;
     let joint = Joint::new(&spec.frames, spec.side)?;
-    let (bundles, fibres) = ligament::compile(spec)?;
+    let (bundles, mut fibres) = ligament::compile(spec)?;
+    wrap::lay(spec, meshes, &mut fibres)?;
     let contact = Contact::new(spec, &surfaces, options)?;
     let removed = vec![false; bundles.len()];
     let menisci = crate::menisci::compile(spec, &contact)?;
@@ -321,7 +323,7 @@ impl Model {
         }
         let mut model = self.clone();
         let f = &mut model.fibres[fibre];
-        *f = Fibre { bundle: f.bundle, femur: femur.coords, tibia: tibia.coords, initial_length: length };
+        *f = f.with_ends(femur.coords, tibia.coords);
         Ok(model)
     }
 
@@ -358,18 +360,38 @@ impl Model {
 
     /// Every fibre at a pose.
     pub fn fibre_states(&self, pose: &Pose) -> Vec<FibreState> {
-        self.fibres
-            .iter()
-            .map(|fibre| {
-                let line = fibre.line(pose);
-                let response = if self.removed[fibre.bundle] {
-                    Response::default()
-                } else {
-                    self.bundles[fibre.bundle].response(self.stretch(fibre, line.length))
-                };
-                FibreState { line, response }
-            })
-            .collect()
+        let mut cold = Nearby::once();
+        (0..self.fibres.len()).map(|f| self.drawn(f, pose, &mut cold, false).0).collect()
+    }
+
+    /// [`Model::fibre_states`], quicker where `near` knows how they lay close by. A fibre that is slack all the same may be told longer than it is.
+    pub(crate) fn fibre_states_near(&self, pose: &Pose, near: &mut Nearby) -> Vec<FibreState> {
+        (0..self.fibres.len()).map(|f| self.drawn(f, pose, near, true).0).collect()
+    }
+
+    /// A fibre at a pose, and its path where it touches bone; `only_tight`: the length of a slack one need not be known.
+    fn drawn(&self, f: usize, pose: &Pose, near: &mut Nearby, only_tight: bool) -> (FibreState, Option<wrap::Path>) {
+        let fibre = &self.fibres[f];
+        if self.removed[fibre.bundle] || fibre.wrap.is_none() {
+            let line = fibre.straight_line(pose);
+            return (self.state_of(fibre, line), None);
+        }
+        let slack = fibre.initial_length - self.bundles[fibre.bundle].initial_stretch();
+        let path = fibre.path(pose, near.laid(f), if only_tight { slack } else { 0.0 });
+        let line = match &path {
+            Some(path) => path.line(pose, (pose.femur * meshes::Point::from(fibre.femur)).coords),
+            None => fibre.straight_line(pose),
+        };
+        (self.state_of(fibre, line), path)
+    }
+
+    fn state_of(&self, fibre: &Fibre, line: Line) -> FibreState {
+        let response = if self.removed[fibre.bundle] {
+            Response::default()
+        } else {
+            self.bundles[fibre.bundle].response(self.stretch(fibre, line.length))
+        };
+        FibreState { line, response }
     }
 
     /// Tension of each bundle [N], the sum over its fibres.
@@ -391,11 +413,11 @@ impl Model {
         let pose = self.joint.pose(q);
         let mut once = Nearby::once();
         if !with_contact {
-            return self.evaluation(pose, ContactResponse::default(), Vec::new());
+            return self.evaluation(pose, ContactResponse::default(), Vec::new(), &mut once);
         }
         let contact = self.contact_near(&pose, &mut once);
         let bodies = self.bodies_near((q, &pose), &mut once);
-        self.evaluation(pose, contact, bodies)
+        self.evaluation(pose, contact, bodies, &mut once)
     }
 
     /// [`Model::evaluate`], quicker where `near` holds the lists of a pose close by.
@@ -403,7 +425,7 @@ impl Model {
         let pose = self.joint.pose(q);
         let contact = self.contact_near(&pose, near);
         let bodies = self.bodies_near((q, &pose), near);
-        self.evaluation(pose, contact, bodies)
+        self.evaluation(pose, contact, bodies, near)
     }
 
     /// The bodies in between, at rest at a pose.
@@ -425,18 +447,37 @@ impl Model {
         names.into_iter().zip(whole.iter().copied()).chain(each).chain(bodies).collect()
     }
 
-    fn evaluation(&self, pose: Pose, contact: ContactResponse, bodies: Vec<Condensed>) -> Evaluation {
+    fn evaluation(
+        &self,
+        pose: Pose,
+        contact: ContactResponse,
+        bodies: Vec<Condensed>,
+        near: &mut Nearby,
+    ) -> Evaluation {
         let (mut energy, mut gradient, mut hessian) = (contact.energy, contact.gradient, contact.hessian);
         for body in &bodies {
             energy += body.energy;
             gradient += body.gradient;
             hessian += body.hessian;
         }
-        let fibres = self.fibre_states(&pose);
-        for FibreState { line, response } in fibres.iter().filter(|s| s.response.energy > 0.0) {
-            energy += response.energy;
-            gradient += line.gradient * response.force;
-            ligament::add_hessian(&mut hessian, line, &pose, response.force, response.stiffness);
+        let mut fibres = Vec::with_capacity(self.fibres.len());
+        for f in 0..self.fibres.len() {
+            let (state, path) = self.drawn(f, &pose, near, true);
+            let FibreState { line, response } = &state;
+            if response.energy > 0.0 {
+                energy += response.energy;
+                gradient += line.gradient * response.force;
+                match path {
+                    Some(path) => {
+                        let along = line.gradient * line.gradient.transpose() * response.stiffness;
+                        hessian += path.curve(&pose) * response.force + along;
+                    }
+                    None => {
+                        ligament::add_hessian(&mut hessian, line, &pose, response.force, response.stiffness);
+                    }
+                }
+            }
+            fibres.push(state);
         }
         Evaluation { pose, energy, gradient, hessian, fibres, contact, bodies }
     }

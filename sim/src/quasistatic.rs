@@ -215,7 +215,7 @@ pub fn increment_near(
     crate::interrupt::check();
     let load = goal.checked_load()?;
     let pose = model.joint.pose(&from.q);
-    let viscous = goal.flow.map(|(seconds, dashpots)| damping(model, &pose, &dashpots) / seconds);
+    let viscous = goal.flow.map(|(seconds, dashpots)| damping(model, &pose, &dashpots, near) / seconds);
     let patches = model.contact.patches(&pose, &from.friction, options.slip_mm, near);
     let problem = Increment { model, from, load, viscous, patches };
     let mut start = from.q;
@@ -261,7 +261,7 @@ pub fn close(
         minimise(&problem, start, (CLOSE_STEP, false), options.iterations, near)?;
     let mut evaluation = value.evaluation;
     evaluation.gradient += evaluation.hessian * unseen;
-    evaluation.fibres = model.fibre_states(&model.joint.pose(&q));
+    evaluation.fibres = model.fibre_states_near(&model.joint.pose(&q), near);
     Ok(Solved { state: State::at(q), evaluation, departure: 0.0, evaluations })
 }
 
@@ -271,13 +271,13 @@ fn distance(step: &Six) -> f64 {
 }
 
 /// Resistance of all dashpots at a pose [N s/mm and its like].
-fn damping(model: &Model, pose: &crate::joint::Pose, dashpots: &Dashpots) -> Matrix6<f64> {
+fn damping(model: &Model, pose: &crate::joint::Pose, dashpots: &Dashpots, near: &mut Nearby) -> Matrix6<f64> {
     let (r, t) = (dashpots.rotation, dashpots.translation);
     let mut c = Matrix6::from_diagonal(&Six::new(r, r, r, t, t, t));
     if dashpots.fibres {
-        for (i, fibre) in model.fibres.iter().enumerate() {
+        for (fibre, state) in model.fibres.iter().zip(model.fibre_states_near(pose, near)) {
             if !model.is_removed(fibre.bundle) {
-                let g = model.fibres[i].line(pose).gradient;
+                let g = state.line.gradient;
                 c += g * g.transpose() * model.bundles[fibre.bundle].damping;
             }
         }

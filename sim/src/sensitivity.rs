@@ -7,6 +7,7 @@ use crate::coordinate::{Coordinate, FE, FREE, Six, free_block, free_part};
 use crate::error::SimError;
 use crate::model::{Evaluation, Model};
 use crate::trials::Answer;
+use crate::wrap::Laid;
 use nalgebra::{DMatrix, Matrix3, Matrix5, SymmetricEigen, Vector3, Vector5};
 use serde::{Deserialize, Serialize};
 
@@ -183,11 +184,25 @@ fn attachment(model: &Model, answer: &Evaluation, fibre: usize, end: End, axis: 
     let (line, response) = (&state.line, &state.response);
     let pose = &answer.pose;
     let unit = Vector3::ith(axis, 1.0);
-    let initial = (f.femur - f.tibia) / f.initial_length;
     // displacement of the end, and change of the length in the CT pose
     let (moved, side) = match end {
         End::Femur => (pose.femur.rotation * unit, 1.0),
         End::Tibia => (unit, -1.0),
+    };
+    if let Some(wrap) = &f.wrap
+        && !model.is_removed(f.bundle)
+    {
+        let before = wrap.initial(end).dot(&unit);
+        if let Some(path) = f.path(pose, &mut Laid::default(), 0.0) {
+            let stretch = path.by_end(end, &moved) - before;
+            let turned = path.curve_by_end(pose, end, &moved) * response.force;
+            let residual = line.gradient * (response.stiffness * stretch) + turned;
+            return Direct { residual, flexion: 0.0, force: Some((f.bundle, response.stiffness * stretch)) };
+        }
+    }
+    let initial = match &f.wrap {
+        Some(wrap) => wrap.initial(end) * side,
+        None => (f.femur - f.tibia) / f.initial_length,
     };
     let stretch = side * (line.direction.dot(&moved) - initial.dot(&unit));
     let across = (Matrix3::identity() - line.direction * line.direction.transpose()) * moved * (side / line.length);

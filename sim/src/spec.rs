@@ -31,6 +31,9 @@ pub struct ModelSpec {
     pub bundles: Vec<BundleSpec>,
     /// Ligament fibres, CT frame.
     pub fibres: Vec<FibreSpec>,
+    /// Which ligaments wrap over which bones; absent: every fibre is straight.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub wrap: Option<WrapSpec>,
     /// Menisci that act; without them the femur meets the tibia alone.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub menisci: Vec<MeniscusSpec>,
@@ -55,6 +58,24 @@ pub struct ModelSpec {
     /// What could not be placed.
     #[serde(default)]
     pub warnings: Vec<String>,
+}
+
+/// Ligaments that wrap over bone.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct WrapSpec {
+    /// Bodies whose bone is in the way: "femur", "tibia".
+    pub over: Vec<String>,
+    /// Bundles whose fibres wrap.
+    pub bundles: Vec<String>,
+}
+
+impl ModelSpec {
+    /// The bones over which ligaments wrap: a simulation needs them.
+    pub fn wrapped_bones(&self) -> impl Iterator<Item = &String> {
+        let over = |b: &&BodySpec| self.wrap.iter().any(|w| w.over.contains(&b.name));
+        self.bodies.iter().filter(over).map(|b| &b.bone)
+    }
 }
 
 /// Where a calibrated model comes from.
@@ -297,7 +318,7 @@ pub fn fibre_damping() -> f64 {
     0.05
 }
 
-/// A straight fibre, CT frame.
+/// A fibre by its ends, CT frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct FibreSpec {

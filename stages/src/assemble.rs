@@ -16,9 +16,10 @@ use meshes::hex::HexMesh;
 use meshes::surface::TriMesh;
 use notices::{Kind, Notice};
 use serde::{Deserialize, Serialize};
+use sim::mesh::MeshValue;
 use sim::spec::{
     BodySpec, BundleSpec, ContactSpec, FibreSpec, FramesSpec, Law, LayerLaw, LayerSpec, ModelSpec, PairSpec, PoseSpec,
-    Units,
+    Units, WrapSpec,
 };
 use std::collections::BTreeMap;
 
@@ -48,6 +49,9 @@ pub struct AssembleOptions {
     pub by_thickness: bool,
     /// The layers of contact by thickness.
     pub layer: LayerMaterial,
+    /// Ligaments or bundles that wrap over femur and tibia in place of running straight through them, or "all"; none: every fibre is straight.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub wrap: Vec<String>,
     /// Whether menisci act in the model: off, on (the knee's own where segmented, else the atlas') or atlas.
     pub menisci: Menisci,
     /// Which patella acts: off, on (the knee's own) or generic.
@@ -112,6 +116,7 @@ impl Default for AssembleOptions {
             own_law: false,
             by_thickness: false,
             layer: LayerMaterial::default(),
+            wrap: Vec::new(),
             menisci: Menisci::Off,
             patella: PatellaChoice::Off,
             patellofemoral: PatellaOptions::default(),
@@ -217,7 +222,9 @@ pub fn assemble(
         menisci: laid.metrics,
         patella: patella.as_ref().map(|p| p.metrics.clone()),
     };
-    let spec = ModelSpec {
+    let wrap = wrap_spec(&bundles, options);
+    let wraps = |w: &&Notice| w.kind != Kind::ThroughBone || wrap.is_none();
+    let mut spec = ModelSpec {
         schema: "model/1".into(),
         id: specimen.identity.id.clone(),
         side: specimen.identity.side,
@@ -227,6 +234,7 @@ pub fn assemble(
         contact: contact_spec(options),
         bundles,
         fibres,
+        wrap: wrap.clone(),
         menisci: laid.menisci,
         toe_end_multiple: Default::default(),
         protocols: Vec::new(),
@@ -234,9 +242,40 @@ pub fn assemble(
         calibrated: None,
         uncertainty: Some(uncertainty::uncertainty(specimen, attachments, options.own_law)),
         patella: patella.as_ref().map(|p| p.spec.clone()),
-        warnings: warnings.iter().chain(&attachments.warnings).map(|w| w.text.clone()).collect(),
+        warnings: warnings.iter().chain(attachments.warnings.iter().filter(wraps)).map(|w| w.text.clone()).collect(),
     };
+    if wrap.is_some() {
+        measure_wrapped(&mut spec, bones)?;
+    }
     Ok(Assembled { spec, contact, bony, patella, warnings, metrics })
+}
+
+/// Which bundles wrap: those whose own name or whose ligament's is among the options'.
+fn wrap_spec(bundles: &[BundleSpec], options: &AssembleOptions) -> Option<WrapSpec> {
+    let wraps = |b: &&BundleSpec| options.wrap.iter().any(|name| is_named(&b.name, name));
+    let bundles: Vec<String> = bundles.iter().filter(wraps).map(|b| b.name.clone()).collect();
+    (!bundles.is_empty()).then(|| WrapSpec { over: ["femur", "tibia"].map(str::to_owned).to_vec(), bundles })
+}
+
+/// Whether a bundle is meant by its name, its ligament's or "all".
+fn is_named(bundle: &str, name: &str) -> bool {
+    name == ALL || bundle == name || bundle.strip_prefix(name).is_some_and(|rest| rest.starts_with('_'))
+}
+
+/// The name of all bundles in `wrap`.
+const ALL: &str = "all";
+
+/// Gives bundles that wrap the mean length of their fibres' paths in CT, so that a reference strain means what it means of a straight one.
+fn measure_wrapped(spec: &mut ModelSpec, bones: &Bones) -> Result<(), StageError> {
+    let mesh = |(name, mesh): (&str, &TriMesh)| (format!("../03-bones/{name}.ply"), MeshValue::Surface(mesh.clone()));
+    let meshes: BTreeMap<String, MeshValue> = bones.surfaces.named().map(mesh).into_iter().collect();
+    let lengths = sim::wrap::lengths(spec, &meshes).map_err(|e| StageError::Knee(e.to_string()))?;
+    for bundle in &mut spec.bundles {
+        let of = |(f, l): (&FibreSpec, &f64)| (f.bundle == bundle.name).then_some(*l);
+        let own: Vec<f64> = spec.fibres.iter().zip(&lengths).filter_map(of).collect();
+        bundle.reference_length_mm = own.iter().sum::<f64>() / own.len().max(1) as f64;
+    }
+    Ok(())
 }
 
 fn check(specimen: &Specimen, options: &AssembleOptions) -> Result<(), StageError> {
@@ -260,6 +299,12 @@ pub fn check_options(options: &AssembleOptions) -> Result<(), StageError> {
         return Err(StageError::Knee(
             "assemble.overclosure_mm and assemble.pressure_mpa: two equally long ascending lists were expected".into(),
         ));
+    }
+    if let Some(name) = options.wrap.iter().find(|n| !BUNDLES.iter().any(|b| is_named(&b.name, n))) {
+        let known = BUNDLES.iter().map(|b| b.name.as_str()).collect::<Vec<_>>().join(", ");
+        return Err(StageError::Knee(format!(
+            "assemble.wrap names {name:?}; \"{ALL}\" or some of {known} were expected"
+        )));
     }
     Ok(())
 }

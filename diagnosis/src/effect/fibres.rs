@@ -35,7 +35,7 @@ pub(crate) fn belongs(bundle: &str, structure: &str) -> bool {
 /// The fibre with its ends moved in the CT pose; its strain there stays.
 pub(super) fn moved_fibre(fibre: &Fibre, femoral: &Vector3<f64>, tibial: &Vector3<f64>) -> Fibre {
     let (femur, tibia) = (fibre.femur + femoral, fibre.tibia + tibial);
-    Fibre { bundle: fibre.bundle, femur, tibia, initial_length: (femur - tibia).norm() }
+    fibre.with_ends(femur, tibia)
 }
 
 /// Generalised force of a fibre.

@@ -17,7 +17,7 @@ pub(super) fn point(frame: &AnatomicalFrame, [medial, anterior, superior]: [f64;
 pub(super) fn line(here: &Situation, femur: [f64; 3], tibia: [f64; 3]) -> (Line, f64) {
     let (femur, tibia) = (point(&here.place.femur, femur), point(&here.place.tibia, tibia));
     let initial_length = (femur - tibia).norm();
-    (Fibre { bundle: 0, femur, tibia, initial_length }.line(&here.pose), initial_length)
+    (Fibre::straight(0, femur, tibia, initial_length).line(&here.pose), initial_length)
 }
 
 /// A pull between two points.

@@ -68,5 +68,5 @@ pub(super) fn patellar_tendon(here: &Situation, further: f64, lateral: f64) -> S
     let apex = unloaded.inverse_transform_point(&(tuberosity + way * TENDON_MM).into()).coords;
     let femur = &here.place.femur;
     let apex = apex - femur.medial * femur.medial.dot(&(apex - femur.origin.coords));
-    -Fibre { bundle: 0, femur: apex, tibia: tuberosity, initial_length: TENDON_MM }.line(&here.pose).gradient
+    -Fibre::straight(0, apex, tuberosity, TENDON_MM).line(&here.pose).gradient
 }

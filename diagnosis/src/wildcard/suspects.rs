@@ -53,11 +53,12 @@ fn force_of_larger(here: &Situation, apart: bool, share: f64) -> Six {
     let place = here.place;
     let fibres = here.model.fibres.iter().map(|f| {
         let (femur, tibia) = (grown(&f.femur, &place.femur.origin), grown(&f.tibia, &place.tibia.origin));
-        let in_ct = if apart { f.initial_length * (1.0 + share) } else { (femur - tibia).norm() };
+        let mut moved = f.with_ends(femur, tibia);
+        let in_ct = if apart { f.initial_length * (1.0 + share) } else { moved.initial_length };
         // the slack length grows with the length in the CT
         let more = here.model.bundles[f.bundle].initial_stretch() * (in_ct / f.initial_length - 1.0);
-        let initial_length = in_ct - more;
-        fibre_pull(here, &Fibre { bundle: f.bundle, femur, tibia, initial_length })
+        moved.initial_length = in_ct - more;
+        fibre_pull(here, &moved)
     });
     let pull = fibres.fold(Six::zeros(), |sum, f| sum + f);
     // surfaces larger by a share touch as they are where the bones are nearer by it; springs of a stiffness give as much more, and levers are longer

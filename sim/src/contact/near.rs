@@ -3,6 +3,7 @@
 
 use super::{cells::earliest, field::Field, nodes::Nodes};
 use crate::condensed::Rest;
+use crate::wrap::Laid;
 use meshes::Isometry;
 use std::sync::Arc;
 
@@ -11,12 +12,13 @@ const REACH: f64 = 1.5;
 /// The same of nodes far from the other surface [mm].
 const FAR: f64 = 2.0;
 
-/// Lists of nodes near contact, one a pass, and where bodies in between rested. It belongs to one contact (and its copies with other parameters).
+/// Lists of nodes near contact, one a pass, and where bodies in between rested and fibres lay. It belongs to one contact (and its copies with other parameters).
 /// A copy shares the lists until it makes its own.
 #[derive(Clone, Debug, Default)]
 pub struct Nearby {
     passes: Vec<Kept>,
     rests: Vec<Rest>,
+    laid: Vec<Laid>,
     once: bool,
     on_the_way: bool,
 }
@@ -65,6 +67,14 @@ impl Nearby {
             self.passes.resize_with(n + 1, || Kept { once: self.once, ..Kept::default() });
         }
         &mut self.passes[n]
+    }
+
+    /// Where the `n`-th fibre lay.
+    pub(crate) fn laid(&mut self, n: usize) -> &mut Laid {
+        if self.laid.len() <= n {
+            self.laid.resize_with(n + 1, Laid::default);
+        }
+        &mut self.laid[n]
     }
 
     /// Where the `n`-th body in between rested last.

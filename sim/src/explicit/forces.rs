@@ -31,7 +31,7 @@ pub(super) struct Forces {
 pub(super) fn at(
     model: &Model,
     pose: &Pose,
-    near: Option<&mut Nearby>,
+    mut near: Option<&mut Nearby>,
     options: &ExplicitOptions,
     state: &ExplicitState,
 ) -> Forces {
@@ -44,7 +44,11 @@ pub(super) fn at(
         stiffness: Matrix6::zeros(),
         held: FrictionState::default(),
     };
-    for (fibre, state) in model.fibres.iter().zip(model.fibre_states(pose)) {
+    let states = match &mut near {
+        Some(near) => model.fibre_states_near(pose, near),
+        None => model.fibre_states(pose),
+    };
+    for (fibre, state) in model.fibres.iter().zip(states) {
         if model.is_removed(fibre.bundle) {
             continue;
         }

@@ -12,6 +12,7 @@ mod menisci;
 mod patella;
 mod quasistatic;
 mod rig;
+mod wrap;
 
 use sim::explicit::{Control, ExplicitOptions};
 

@@ -54,6 +54,7 @@ impl Rig {
             },
             bundles: Vec::new(),
             fibres: Vec::new(),
+            wrap: None,
             menisci: Vec::new(),
             toe_end_multiple: BTreeMap::new(),
             protocols: Vec::new(),
