@@ -101,7 +101,7 @@ fn wrapping(loaded: &LoadedModel) -> Result<ModelSpec, String> {
     }
     let bundles = spec.bundles.iter().map(|b| b.name.clone()).collect();
     spec.wrap = Some(WrapSpec { over: vec!["femur".into(), "tibia".into()], bundles });
-    let lengths = sim::wrap::lengths(&spec, &loaded.meshes).map_err(|e| e.to_string())?;
+    let lengths = sim::ligament::lengths(&spec, &loaded.meshes).map_err(|e| e.to_string())?;
     for b in &mut spec.bundles {
         let own: Vec<f64> =
             spec.fibres.iter().zip(&lengths).filter(|(f, _)| f.bundle == b.name).map(|(_, l)| *l).collect();

@@ -96,7 +96,10 @@ fn a_cut_is_told_in_plain_words_with_what_looks_like_it_and_the_test_that_would_
     // such trials do not tell a torn ligament from one that is attached where it is slack
     assert!(names.clone().any(|n| n.0 == "attachment_PCL"), "{}", told.plain);
     assert_ne!(told.verdict, Verdict::Decisive, "{}", told.plain);
-    assert!(told.plain.contains("the PCL is torn") && told.plain.contains("osterior drawer"), "{}", told.plain);
+    // under both the PCL carries nothing, so a drawer may read the same; the page then says that no test would tell
+    let tells =
+        ["osterior drawer", "No single test of usual load would tell"].iter().any(|words| told.plain.contains(words));
+    assert!(told.plain.contains("the PCL is torn") && tells, "{}", told.plain);
 }
 
 #[needs_shared]

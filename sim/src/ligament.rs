@@ -9,10 +9,13 @@
 use crate::coordinate::Six;
 use crate::error::SimError;
 use crate::joint::{Pose, comes_first};
+use crate::mesh::MeshValue;
 use crate::spec::{BundleSpec, Law, ModelSpec};
-use crate::wrap::{Bones, Laid, Path, Wrap};
+pub use crate::wrap::Line;
+use crate::wrap::{self, Bones, Laid, Path, Wrap};
 use meshes::Vector;
 use nalgebra::Matrix6;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Where the tabular law's last point lies unless the specification says otherwise, in multiples of the toe's end.
@@ -65,19 +68,6 @@ pub struct Response {
     pub force: f64,
     /// Derivative of the tension by the stretch [N/mm].
     pub stiffness: f64,
-}
-
-/// Length of a fibre and how it changes.
-#[derive(Clone, Copy, Debug)]
-pub struct Line {
-    /// Length [mm].
-    pub length: f64,
-    /// Unit vector along which the femoral end goes away: from the tibial end, or from where the fibre leaves bone.
-    pub direction: Vector,
-    /// Femoral end [mm].
-    pub femur: Vector,
-    /// Derivative of the length by each coordinate.
-    pub gradient: Six,
 }
 
 impl Bundle {
@@ -250,6 +240,44 @@ impl Fibre {
         let gradient = Six::from_fn(|j, _| direction.dot(&pose.screws[j].at(&femur)));
         Line { length, direction, femur, gradient }
     }
+}
+
+impl Fibre {
+    /// Its path at a pose, from the tibial to the femoral end: a straight line, or where it wraps, over bone.
+    pub fn way(&self, pose: &Pose) -> Vec<meshes::Point> {
+        let femur = (pose.femur * meshes::Point::from(self.femur)).coords;
+        let path = self.path(pose, &mut Laid::default(), 0.0);
+        let inner = path.iter().flat_map(|p| p.nodes()).copied();
+        std::iter::once(self.tibia).chain(inner).chain(std::iter::once(femur)).map(meshes::Point::from).collect()
+    }
+}
+
+/// Length of each fibre of a specification in the CT pose [mm], over bone where it wraps.
+///
+/// # Errors
+/// A body or a bundle that is not there, a bone whose mesh is not given, a fibre without length.
+pub fn lengths(spec: &ModelSpec, meshes: &BTreeMap<String, MeshValue>) -> Result<Vec<f64>, SimError> {
+    let (_, mut fibres) = compile(spec)?;
+    lay(spec, meshes, &mut fibres)?;
+    Ok(fibres.iter().map(|f| f.initial_length).collect())
+}
+
+/// Lays the fibres that a specification lets wrap over its bones.
+///
+/// # Errors
+/// As of [`crate::wrap`]: a body or a bundle that is not there, a bone whose mesh is not given.
+pub(crate) fn lay(
+    spec: &ModelSpec,
+    meshes: &BTreeMap<String, MeshValue>,
+    fibres: &mut [Fibre],
+) -> Result<(), SimError> {
+    let (Some(bones), Some(named)) = (wrap::bones(spec, meshes)?, &spec.wrap) else { return Ok(()) };
+    for (fibre, own) in fibres.iter_mut().zip(&spec.fibres) {
+        if named.bundles.contains(&own.bundle) {
+            *fibre = fibre.clone().over(&bones);
+        }
+    }
+    Ok(())
 }
 
 /// Adds `force x second derivative of the length + stiffness x gradient x gradient` to a Hessian.

@@ -105,7 +105,7 @@ pub fn compile_with(
     let surfaces = check::contact_surfaces(spec, meshes)?;
     let joint = Joint::new(&spec.frames, spec.side)?;
     let (bundles, mut fibres) = ligament::compile(spec)?;
-    wrap::lay(spec, meshes, &mut fibres)?;
+    crate::ligament::lay(spec, meshes, &mut fibres)?;
     let contact = Contact::new(spec, &surfaces, options)?;
     let removed = vec![false; bundles.len()];
     let menisci = crate::menisci::compile(spec, &contact)?;

@@ -7,19 +7,10 @@ use crate::coordinate::{Coordinate, FE, FREE, Six, free_block, free_part};
 use crate::error::SimError;
 use crate::model::{Evaluation, Model};
 use crate::trials::Answer;
+pub use crate::wrap::End;
 use crate::wrap::Laid;
 use nalgebra::{DMatrix, Matrix3, Matrix5, SymmetricEigen, Vector3, Vector5};
 use serde::{Deserialize, Serialize};
-
-/// Which end of a fibre.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum End {
-    /// On the femur.
-    Femur,
-    /// On the tibia.
-    Tibia,
-}
 
 /// A number of the model or of the trial.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]

@@ -8,14 +8,13 @@ use crate::contact::field::bone_frame;
 use crate::coordinate::Six;
 use crate::error::SimError;
 use crate::joint::{Pose, Screw};
-use crate::ligament::{Fibre, Line};
 use crate::mesh::MeshValue;
-use crate::sensitivity::End;
 use crate::spec::ModelSpec;
 use band::{Seen, Taut, Way};
 use meshes::{Isometry, Point, Vector};
 use nalgebra::Matrix6;
 use obstacle::Obstacle;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -29,6 +28,29 @@ const PIECE: f64 = 6.0;
 const PIECES: [usize; 2] = [6, 18];
 /// Beyond the highest and lowest site nothing is in a fibre's way [mm]; sites of a posterior move by less.
 const BEYOND: f64 = 15.0;
+
+/// Which end of a fibre.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum End {
+    /// On the femur.
+    Femur,
+    /// On the tibia.
+    Tibia,
+}
+
+/// Length of a fibre and how it changes.
+#[derive(Clone, Copy, Debug)]
+pub struct Line {
+    /// Length [mm].
+    pub length: f64,
+    /// Unit vector along which the femoral end goes away: from the tibial end, or from where the fibre leaves bone.
+    pub direction: Vector,
+    /// Femoral end [mm].
+    pub femur: Vector,
+    /// Derivative of the length by each coordinate.
+    pub gradient: Six,
+}
 
 /// The bones that fibres wrap over.
 #[derive(Debug, PartialEq)]
@@ -85,34 +107,6 @@ pub(crate) fn bones(spec: &ModelSpec, meshes: &BTreeMap<String, MeshValue>) -> R
         (heights[0] < heights[1]).then(|| Obstacle::new(mesh, frame, heights, &body.bone)).transpose()
     };
     Ok(Some(Arc::new(Bones { tibia: bone("tibia")?, femur: bone("femur")? })))
-}
-
-/// Length of each fibre of a specification in the CT pose [mm], over bone where it wraps.
-///
-/// # Errors
-/// A body or a bundle that is not there, a bone whose mesh is not given, a fibre without length.
-pub fn lengths(spec: &ModelSpec, meshes: &BTreeMap<String, MeshValue>) -> Result<Vec<f64>, SimError> {
-    let (_, mut fibres) = crate::ligament::compile(spec)?;
-    lay(spec, meshes, &mut fibres)?;
-    Ok(fibres.iter().map(|f| f.initial_length).collect())
-}
-
-/// Lays the fibres that a specification lets wrap over its bones.
-///
-/// # Errors
-/// As [`bones`].
-pub(crate) fn lay(
-    spec: &ModelSpec,
-    meshes: &BTreeMap<String, MeshValue>,
-    fibres: &mut [Fibre],
-) -> Result<(), SimError> {
-    let (Some(bones), Some(wrap)) = (bones(spec, meshes)?, &spec.wrap) else { return Ok(()) };
-    for (fibre, own) in fibres.iter_mut().zip(&spec.fibres) {
-        if wrap.bundles.contains(&own.bundle) {
-            *fibre = fibre.clone().over(&bones);
-        }
-    }
-    Ok(())
 }
 
 impl Bones {
@@ -206,16 +200,6 @@ impl Path {
     /// Its inner nodes, from the tibia on.
     pub(crate) fn nodes(&self) -> &[Vector] {
         &self.0.nodes
-    }
-}
-
-impl Fibre {
-    /// Its path at a pose, from the tibial to the femoral end: a straight line, or where it wraps, over bone.
-    pub fn way(&self, pose: &Pose) -> Vec<Point> {
-        let femur = (pose.femur * Point::from(self.femur)).coords;
-        let path = self.path(pose, &mut Laid::default(), 0.0);
-        let inner = path.iter().flat_map(|p| p.nodes()).copied();
-        std::iter::once(self.tibia).chain(inner).chain(std::iter::once(femur)).map(Point::from).collect()
     }
 }
 

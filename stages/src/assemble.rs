@@ -269,7 +269,7 @@ const ALL: &str = "all";
 fn measure_wrapped(spec: &mut ModelSpec, bones: &Bones) -> Result<(), StageError> {
     let mesh = |(name, mesh): (&str, &TriMesh)| (format!("../03-bones/{name}.ply"), MeshValue::Surface(mesh.clone()));
     let meshes: BTreeMap<String, MeshValue> = bones.surfaces.named().map(mesh).into_iter().collect();
-    let lengths = sim::wrap::lengths(spec, &meshes).map_err(|e| StageError::Knee(e.to_string()))?;
+    let lengths = sim::ligament::lengths(spec, &meshes).map_err(|e| StageError::Knee(e.to_string()))?;
     for bundle in &mut spec.bundles {
         let of = |(f, l): (&FibreSpec, &f64)| (f.bundle == bundle.name).then_some(*l);
         let own: Vec<f64> = spec.fibres.iter().zip(&lengths).filter_map(of).collect();

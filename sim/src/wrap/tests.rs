@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::joint::Joint;
+use crate::ligament::Fibre;
 use crate::spec::{FramesSpec, PoseSpec};
 use meshes::frame::{AnatomicalFrame, Side};
 use meshes::shapes::icosphere;
