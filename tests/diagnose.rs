@@ -159,6 +159,7 @@ fn an_effect_hidden_in_a_phantom_is_named_and_sized_and_none_where_none_is_hidde
         assert!((value - size).abs() < 1.645 * sd && sd < 0.25 * size.abs(), "{key}: {value} +- {sd} against {size}");
     }
     assert!(found["gap"]["held_out"]["closed"].as_f64().unwrap() > 0.75);
+    crate::live::page_answers_as_its_model(&folder.path().join("found"));
     let none = told(&plain, "none");
     assert_eq!(none["verdict"], "none");
     assert!(none["answers"].as_array().unwrap().is_empty());

@@ -82,7 +82,12 @@ fn simulated(set: &str, without: &[&str]) -> Vec<BTreeMap<String, String>> {
         command.args(["--without", name]);
     });
     command.arg("--out").arg(&file).assert().success();
-    let table = text(&file);
+    rows_of(&file)
+}
+
+/// The rows of a table by column.
+fn rows_of(file: &Path) -> Vec<BTreeMap<String, String>> {
+    let table = text(file);
     let mut lines = table.lines().map(|l| l.split(',').map(str::to_owned).collect::<Vec<_>>());
     let header = lines.next().unwrap();
     lines.map(|l| header.iter().cloned().zip(l).collect()).collect()
@@ -294,6 +299,35 @@ fn apart(a: &Value, b: &Value, key: &str, most: &mut f64) {
         (Value::Number(x), Value::Number(y)) => *most = most.max((x.as_f64().unwrap() - y.as_f64().unwrap()).abs()),
         _ => assert_eq!(a, b, "{key}"),
     }
+}
+
+/// The page of a diagnosis holds the model that it leaves, and a browser shows what that model answers.
+pub(crate) fn page_answers_as_its_model(folder: &Path) {
+    let page = text(&folder.join("report.html"));
+    let knee = Knee::open(&part(&page, "live-knee").1).unwrap();
+    let trials = folder.join("trials.csv");
+    write(
+        &trials,
+        "trial,test,nominal_flexion_deg,load_vv_nm,load_ie_nm,load_ml_n,load_ap_n,load_si_n,fe_deg,vv_deg,ie_deg,ml_mm,ap_mm,si_mm\n\
+        rest,neutral,30,0,0,0,0,20,30,,,,,\nlachman,anterior,30,0,0,0,133,20,30,,,,,\n",
+    );
+    let results = folder.join("results.csv");
+    let mut command = build_model();
+    command.arg("simulate").arg(folder.join("model.json")).arg("--trials").arg(&trials).args(["--samples", "0"]);
+    command.arg("--out").arg(&results).assert().success();
+    let rows = rows_of(&results);
+    let rest = Asked { load: Load::compression(COMPRESSION_N), ..lachman(&[]) };
+    let asked = [rest, lachman(&[])];
+    for (row, asked) in rows.iter().zip(&asked) {
+        let pose = knee.told(asked).unwrap().pose.free();
+        for c in FREE {
+            let simulated: f64 = row[&c.column()].parse().unwrap();
+            assert!((simulated - pose[c]).abs() <= DIGIT, "{}: {simulated}, {}", c.column(), pose[c]);
+        }
+    }
+    let told = asked.map(|a| serde_json::to_value(knee.told(&a).unwrap()).unwrap());
+    let expected = serde_json::json!({"about": knee.about(), "rest": told[0], "lachman": told[1]});
+    in_a_browser("diagnosis.py", &folder.join("report.html"), &expected);
 }
 
 fn script(name: &str) -> PathBuf {

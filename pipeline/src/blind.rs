@@ -2,7 +2,7 @@
 
 use crate::error::BuildError;
 use crate::which_model::WhichModel;
-use crate::{diagnose, model_file, store};
+use crate::{diagnose, diagnosis_files, model_file, store};
 use blindbench::frames::Repeat;
 use blindbench::knee::{BundleInput, KneeInput, Unlike};
 use blindbench::laboratory::{Case, Planned, Truth, kinds, make_read};
@@ -379,7 +379,7 @@ fn opened(args: &ScoreArgs) -> Result<Vec<Truth>, BuildError> {
     let (cases, sources, manifest) = bench(&args.bench)?;
     let loaded = model_file::load(&args.model)?;
     let (options, calibrate) = (DiagnosisOptions::default(), CalibrateOptions::default());
-    let model = diagnose::prepared(&loaded, &calibrate).map_err(|e| BuildError::File(e.to_string()))?;
+    let model = diagnosis_files::prepared(&loaded, &calibrate).map_err(|e| BuildError::File(e.to_string()))?;
     let mut truths = Vec::new();
     for case in cases.iter().filter(|c| args.answers.iter().any(|a| store::exists(&a.join(c).join("diagnosis.json")))) {
         let bytes = store::read(&args.bench.join(format!("{case}.truth.json")))?;

@@ -1,18 +1,22 @@
 //! `diagnose`: which effect a model lacks, judged by measured laxity.
 
+use crate::bands;
 use crate::calibrate::Watch;
+use crate::diagnosis_files::{DIAGNOSIS, PAGE, as_json, files_of, prepared};
 use crate::error::{BuildError, Place};
 use crate::model_file::{self, LoadedModel};
 use crate::options::{BuildOptions, Override, parse_override, resolve};
 use crate::record::hash;
 use crate::report::diagnosis_page;
+use crate::report::live::Begin;
+use crate::report::live_model::live_part;
 use crate::store;
 use crate::told::{ModelTold, Told, schemas};
 use crate::which_model::WhichModel;
 use calibration::options::{CalibrateOptions, Method};
 use clap::Args;
 use diagnosis::catalogue::Catalogue;
-use diagnosis::component::{Component, Provenance};
+use diagnosis::component::Provenance;
 use diagnosis::diagnosis::{Calibration, Diagnosis, Outcome, diagnose};
 use diagnosis::search::DiagnosisOptions;
 use diagnosis::trial::Source;
@@ -21,7 +25,6 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::Value;
 use sim::names::{did_you_mean, with_suggestion};
-use sim::spec::ModelSpec;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -135,11 +138,6 @@ pub fn run_with(args: &DiagnoseArgs, options: &DiagnosisOptions) -> Result<Told,
     Ok(tell(in_words(&outcome.diagnosis, &args.out.join(PAGE)), PAGE, &json))
 }
 
-/// The page of a diagnosis.
-const PAGE: &str = "report.html";
-/// The diagnosis for programs.
-const DIAGNOSIS: &str = "diagnosis.json";
-
 /// What is told at the end: plain words, the numbers, the page.
 fn in_words(d: &Diagnosis, page: &Path) -> String {
     format!("{}\n\n{}\nLook at {}\n", d.plain, d.description, page.display())
@@ -209,11 +207,6 @@ fn provenance(args: &DiagnoseArgs, loaded: &LoadedModel, catalogue: &Catalogue) 
     })
 }
 
-/// The model of a file, compiled for a diagnosis of a knee that was calibrated so.
-pub fn prepared(loaded: &LoadedModel, calibrate: &CalibrateOptions) -> Result<sim::Model, diagnosis::DiagnosisError> {
-    diagnosis::rim::prepared(&loaded.spec, &loaded.meshes, &calibrate.search)
-}
-
 /// Reads the data sets; names must differ.
 pub fn sources(measured: &[(String, PathBuf)]) -> Result<(Vec<Source>, Vec<Notice>), BuildError> {
     let (mut sources, mut odd) = (Vec::<Source>::new(), Vec::new());
@@ -260,35 +253,14 @@ pub fn options(path: Option<&Path>) -> Result<DiagnosisOptions, BuildError> {
 /// Writes all files; gives diagnosis.json.
 fn write(args: &DiagnoseArgs, loaded: &LoadedModel, outcome: &Outcome) -> Result<Vec<u8>, BuildError> {
     let out = store::make_folder(&args.out)?;
-    let files = files_of(&outcome.diagnosis, &outcome.components, |added| {
-        let spec = outcome.model.as_ref().filter(|_| added).unwrap_or(&loaded.spec);
-        model_file::moved(spec, &loaded.folder, &out)
-    })?;
+    let added = outcome.model.as_ref().filter(|_| !outcome.components.is_empty());
+    let spec = added.unwrap_or(&loaded.spec);
+    // the samples are of the knee before anything was added
+    let samples = if added.is_none() { bands::of(loaded)?.0 } else { None };
+    let begin = Begin::Diagnosed { added: added.is_some() };
+    let live = live_part(spec, &loaded.meshes, samples.as_ref(), begin);
+    let moved = model_file::moved(spec, &loaded.folder, &out);
+    let files = files_of(&outcome.diagnosis, &outcome.components, &moved, live.as_ref())?;
     store::write_all(&out, &files)?;
     Ok(files.into_iter().find(|(name, _)| name == DIAGNOSIS).map(|(_, bytes)| bytes).unwrap_or_default())
-}
-
-/// diagnosis.json, report.html, components/ and model.json; `model` gives the latter, with what was added or as it was.
-pub(crate) fn files_of(
-    diagnosis: &Diagnosis,
-    components: &[Component],
-    model: impl FnOnce(bool) -> ModelSpec,
-) -> Result<Vec<(String, Vec<u8>)>, BuildError> {
-    let mut diagnosis = diagnosis.clone();
-    let mut files = Vec::new();
-    for (k, component) in components.iter().enumerate() {
-        let name = format!("components/{}-{}.toml", component.effect, k + 1);
-        let text = toml::to_string(component).map_err(|e| BuildError::File(format!("{name}: {e}")))?;
-        files.push((name.clone(), text.into_bytes()));
-        diagnosis.added.push(name);
-    }
-    let spec = model(!components.is_empty());
-    files.push(("model.json".into(), as_json(&spec)?));
-    files.push((PAGE.into(), diagnosis_page::page(&spec.id, &diagnosis).into_bytes()));
-    files.push((DIAGNOSIS.into(), as_json(&diagnosis)?));
-    Ok(files)
-}
-
-fn as_json(value: &impl serde::Serialize) -> Result<Vec<u8>, BuildError> {
-    serde_json::to_vec_pretty(value).map_err(|e| BuildError::File(format!("cannot write as JSON: {e}")))
 }

@@ -17,6 +17,7 @@ pub mod cli;
 pub mod cohort;
 pub mod credibility;
 pub mod diagnose;
+mod diagnosis_files;
 pub mod error;
 pub mod exports;
 #[cfg_attr(not(feature = "fetch"), path = "fetch/without.rs")]

@@ -11,6 +11,7 @@ use crate::bands;
 use crate::error::{BuildError, Place};
 use crate::model_file::{self, LoadedModel};
 use crate::record::json;
+use crate::report::live::Begin;
 use crate::report::live_model::live_part;
 use crate::store;
 use crate::told::{ModelTold, Told};
@@ -78,7 +79,8 @@ pub fn plan(args: &PlanArgs) -> Result<Told, BuildError> {
     notices.append(&mut out.notices);
     (out.warnings, out.notices, out.model) = (notices::texts(&notices), notices, Some(ModelTold::of(&loaded)));
     let begun = knee::begun(&loaded.spec, &loaded.meshes, &file);
-    let live = begun.ok().and_then(|start| live_part(&loaded.spec, &loaded.meshes, samples.as_ref(), &start));
+    let live =
+        begun.ok().and_then(|start| live_part(&loaded.spec, &loaded.meshes, samples.as_ref(), Begin::Plan(&start)));
     let files = [
         ("plan.json".to_owned(), json(&out)),
         ("plan.csv".to_owned(), table::csv(&out).into_bytes()),

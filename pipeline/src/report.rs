@@ -18,7 +18,7 @@ pub(crate) mod diagnosis_page;
 mod failed;
 pub(crate) mod geometry;
 pub(crate) mod html;
-mod live;
+pub(crate) mod live;
 pub(crate) mod live_model;
 mod methods;
 mod motion;

@@ -3,7 +3,7 @@
 use super::knee::STATES;
 use super::outcome::{Outcome, TestTold, Value};
 use super::table::{chance, shown, unit, value};
-use crate::report::live_model::LivePart;
+use crate::report::html::LivePart;
 use crate::report::{escaped, head};
 use std::fmt::Write;
 use validation::plot::{Series, colour, draw, panel};

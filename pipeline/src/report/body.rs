@@ -6,7 +6,7 @@ use super::check::{Check, KeyFigure};
 use super::failed;
 use super::geometry::Pool;
 use super::html::{escaped, flatten};
-use super::live::LiveKnee;
+use super::live::{Begin, LiveKnee};
 use super::methods::Methods;
 use super::motion::{self, Motion};
 use super::scene::{Scene, named_places};
@@ -102,7 +102,7 @@ impl<'a> Body<'a> {
         let Some(scene) = scene else { return String::new() };
         // its stills stand on the first screen
         let stills = std::mem::replace(&mut self.stills, false);
-        let html = knee.section(&self.figure(scene, &Assemble), None);
+        let html = knee.section(&self.figure(scene, &Assemble), Begin::Calibrated);
         self.stills = stills;
         self.live = Some(knee);
         html

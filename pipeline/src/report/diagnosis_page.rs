@@ -1,6 +1,7 @@
 //! The page of a diagnosis: one self-contained file that opens offline; and the same inside the report of a build.
 
 use super::diagnosis_curves::picture;
+use super::html::{LivePart, head};
 use diagnosis::atlas::{Atlas, table};
 use diagnosis::carried::LEAST_N;
 use diagnosis::catalogue::Catalogue;
@@ -21,8 +22,13 @@ td,th{border:1px solid var(--line,#ccc);padding:.2em .5em;text-align:right}th{ba
 /// Pictures on a white ground are turned dark with the page that holds them.
 const DARK: &str = "@media screen and (prefers-color-scheme:dark){svg{filter:invert(.91) hue-rotate(180deg)}}";
 
-/// The page of a diagnosis of `model`.
-pub(crate) fn page(model: &str, d: &Diagnosis) -> String {
+/// The page of a diagnosis of `model`; at its end its reader pulls at the knee, where the surfaces for that are there.
+pub(crate) fn page(model: &str, d: &Diagnosis, live: Option<&LivePart>) -> String {
+    if let Some(live) = live {
+        let head = head(&format!("What is missing: {model}"));
+        let header = format!("<header><h1>{}: diagnosis</h1></header>", escape(model));
+        return format!("{head}{header}<main id=\"stages\">{}{}</main>{}", part(model, d), live.section, live.foot);
+    }
     format!(
         "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>What is missing: {}</title><style>{STYLE}</style><body>{}</body></html>",
         escape(model),

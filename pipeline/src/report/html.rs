@@ -12,6 +12,14 @@ pub(crate) fn head(title: &str) -> String {
     )
 }
 
+/// The parts of a page in which its reader pulls at a model.
+pub(crate) struct LivePart {
+    /// The section.
+    pub(crate) section: String,
+    /// The end of the page, with all scripts.
+    pub(crate) foot: String,
+}
+
 /// The data, plotly.js and what draws with it; then `more`, scripts of a section of the page's own. A page without JavaScript shows the still pictures.
 pub(super) fn foot(data: Value, more: &str) -> String {
     // a `</` inside a string would end the script

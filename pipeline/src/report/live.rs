@@ -21,6 +21,43 @@ use std::io::Write;
 /// The module from the crate `live`, made by `.ci/module`; a machine that installs the program may not have the target to make it.
 const MODULE: &[u8] = include_bytes!("../../../live/module/live.wasm.gz");
 
+/// What the reader of a page begins with.
+#[derive(Clone, Copy)]
+pub(crate) enum Begin<'a> {
+    /// The knee as it was calibrated.
+    Calibrated,
+    /// A plan's cuts and grafts.
+    Plan(&'a Asked),
+    /// The model that a diagnosis leaves.
+    Diagnosed {
+        /// Whether an answer was added to it.
+        added: bool,
+    },
+}
+
+impl Begin<'_> {
+    /// What it is; and what stands in its place where a browser cannot solve it.
+    fn words(self) -> (&'static str, &'static str) {
+        match self {
+            Begin::Calibrated => (
+                "Cut a ligament and read what changes.",
+                "the motions that were stored with the report show the knee: <a href=\"#scene-a-knee\">the knee in 3D</a>",
+            ),
+            Begin::Plan(_) => (
+                "The plan's cuts and grafts are in it; Undo and Reset come back to them.",
+                "the tables of the plan stand above",
+            ),
+            Begin::Diagnosed { added: true } => (
+                "The first answer is added to it and the ligaments are recalibrated: the model.json beside this page. What belongs to one data set alone does not act here. It has no intervals yet: calibrate it for them.",
+                "the tables of the diagnosis stand above",
+            ),
+            Begin::Diagnosed { added: false } => {
+                ("Nothing was added to it: the model as it was given.", "the tables of the diagnosis stand above")
+            }
+        }
+    }
+}
+
 /// A knee in a page.
 pub(super) struct LiveKnee {
     /// The packed knee, compressed.
@@ -68,26 +105,18 @@ impl LiveKnee {
         Some(scene)
     }
 
-    /// The section; `figure` is the scene's. The page's script fills what needs an answer, and begins with `start`: a plan's cuts and grafts. Without, the
-    /// knee as it was calibrated, and without a browser that can do it the stored motions.
-    pub(super) fn section(&self, figure: &str, start: Option<&Asked>) -> String {
-        let (cut, else_) = match start {
-            None => (
-                "Cut a ligament and read what changes.",
-                "the motions that were stored with the report show the knee: <a href=\"#scene-a-knee\">the knee in 3D</a>",
-            ),
-            Some(_) => (
-                "The plan's cuts and grafts are in it; Undo and Reset come back to them.",
-                "the tables of the plan stand above",
-            ),
+    /// The section; `figure` is the scene's. The page's script fills what needs an answer.
+    pub(super) fn section(&self, figure: &str, begin: Begin) -> String {
+        let (told, without) = begin.words();
+        let start = match begin {
+            Begin::Plan(asked) => serde_json::to_string(asked).ok(),
+            Begin::Calibrated | Begin::Diagnosed { .. } => None,
         };
-        let start = start
-            .and_then(|s| serde_json::to_string(s).ok())
-            .map_or(String::new(), |s| format!(" data-start=\"{}\"", escaped(&s)));
+        let start = start.map_or(String::new(), |s| format!(" data-start=\"{}\"", escaped(&s)));
         format!(
             "<section id=\"live\" data-name=\"{0}\"{start}><h2>Pull at the knee</h2>\
-             <p>Choose a test, move a slider, or pull at the tibia in the picture. The page itself solves the model \"{0}\", without network. {cut}</p>\
-             <p class=\"live-note\" role=\"status\"><span>This needs JavaScript with WebAssembly.</span> Without them {else_}.</p>\
+             <p>Choose a test, move a slider, or pull at the tibia in the picture. The page itself solves the model \"{0}\", without network. {told}</p>\
+             <p class=\"live-note\" role=\"status\"><span>This needs JavaScript with WebAssembly.</span> Without them {without}.</p>\
              <div class=\"live-grid\"><div class=\"live-controls\"></div><div class=\"live-seen\">{figure}</div></div><div class=\"live-answer\"></div></section>",
             escaped(&self.name)
         )

@@ -1,12 +1,12 @@
-//! The live knee of a model that was read from a file, on a page that is no report: a plan's.
+//! The live knee of a model that was read from a file, on a page that is no report: a plan's, a diagnosis'.
 
 use super::geometry::{Pool, thinned};
-use super::html::{escaped, foot};
-use super::live::LiveKnee;
+use super::html::{LivePart, escaped, foot};
+use super::live::{Begin, LiveKnee};
 use super::scene::{Layer, Scene, plain};
 use crate::stage::{CONTEXT_MM, contact_surface, fibre_layers};
 use calibration::samples::Samples;
-use live::{Asked, Packed};
+use live::Packed;
 use meshes::surface::TriMesh;
 use serde_json::json;
 use sim::mesh::MeshValue;
@@ -17,20 +17,12 @@ use std::collections::BTreeMap;
 const BONE_COLOUR: &str = "#e1d5be";
 const CARTILAGE_COLOUR: &str = "#7fb0d8";
 
-/// The parts of a page in which its reader pulls at a model.
-pub(crate) struct LivePart {
-    /// The section.
-    pub(crate) section: String,
-    /// The end of the page, with all scripts.
-    pub(crate) foot: String,
-}
-
-/// A model whose reader begins with `start`; `None` where its surfaces are not at hand.
+/// A model whose reader begins so; `None` where its surfaces are not at hand.
 pub(crate) fn live_part(
     spec: &ModelSpec,
     meshes: &BTreeMap<String, MeshValue>,
     samples: Option<&Samples>,
-    start: &Asked,
+    begin: Begin,
 ) -> Option<LivePart> {
     let mut pool = Pool::of(&spec.frames.tibia);
     let mut layers = bones(spec, meshes, &mut pool);
@@ -67,7 +59,7 @@ pub(crate) fn live_part(
         escaped(&scene.title),
         escaped(&scene.text)
     );
-    let section = knee.section(&figure, Some(start));
+    let section = knee.section(&figure, begin);
     let data = json!({"a": {"meshes": pool.json(), "scenes": [scene], "charts": {}, "motions": []}});
     Some(LivePart { section, foot: foot(data, &knee.scripts()) })
 }

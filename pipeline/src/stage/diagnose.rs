@@ -2,7 +2,7 @@
 
 use super::calibrate::{Calibration, MOST_NOISE};
 use super::{Files, Stage, Values, Work, reported};
-use crate::diagnose::{files_of, prepared};
+use crate::diagnosis_files::{files_of, prepared};
 use crate::given::Measured;
 use crate::kept::Kept;
 use crate::model_file::{self, LoadedModel, assembled_model};
@@ -84,10 +84,9 @@ impl Stage for Diagnose {
 
     /// What `build-model diagnose` writes.
     fn artifacts(d: &Diagnosed, _: Self::Inputs<'_>) -> Files {
-        files_of(&d.diagnosis, &d.components, |_| {
-            model_file::moved(&d.model, Path::new("/09-assemble"), Path::new("/12-diagnose"))
-        })
-        .map_err(std::io::Error::other)
+        let spec = model_file::moved(&d.model, Path::new("/09-assemble"), Path::new("/12-diagnose"));
+        // the report of the build has the knee to pull at
+        files_of(&d.diagnosis, &d.components, &spec, None).map_err(std::io::Error::other)
     }
 
     /// The page of the diagnosis.
