@@ -88,8 +88,8 @@ fn flags(model: &Model, q: &Six, moved: [f64; 6]) -> Vec<String> {
 #[test]
 fn a_patella_off_its_groove_is_flagged_and_one_on_it_is_not() {
     let model = pulled(&Rig::patellar_knee());
-    // beyond 100 deg the rig's ball has rolled out of its saddle
-    for q in &poses()[..3] {
+    // the rig's patella is a ball: flexed further it turns in its saddle, against the way out
+    for q in &poses()[..2] {
         assert_eq!(flags(&model, q, [0.0; 6]), Vec::<String>::new(), "{:.0} deg", q[FE].to_degrees());
     }
     // angles are in units of an arm of 20 mm
