@@ -93,10 +93,11 @@ fn a_patella_off_its_groove_is_flagged_and_one_on_it_is_not() {
         assert_eq!(flags(&model, q, [0.0; 6]), Vec::<String>::new(), "{:.0} deg", q[FE].to_degrees());
     }
     // angles are in units of an arm of 20 mm
-    let off = |moved| flags(&model, &poses()[1], moved).contains(&PATELLA_OFF_GROOVE.to_owned());
+    let off = |moved| flags(&model, &poses()[0], moved).contains(&PATELLA_OFF_GROOVE.to_owned());
     assert!(off([0.0, 0.0, 0.0, 14.0, 0.0, 0.0]) && off([0.0, 0.0, 0.0, -14.0, 0.0, 0.0]));
-    assert!(off([-20.0, 0.0, 0.0, 0.0, 0.0, 0.0]) && off([0.0, 0.0, 20.0, 0.0, 0.0, 0.0]));
-    assert!(!off([0.0, 0.0, 0.0, 4.0, 0.0, 0.0]) && !off([-4.0, 0.0, 0.0, 0.0, 0.0, 0.0]));
+    assert!(off([0.0, 0.0, 0.0, 0.0, 0.0, 60.0]) && off([0.0, 0.0, 20.0, 0.0, 0.0, 0.0]));
+    // patellar flexion goes along the groove
+    assert!(!off([0.0, 0.0, 0.0, 4.0, 0.0, 0.0]) && !off([10.0, 0.0, 0.0, 0.0, 0.0, 0.0]));
 }
 
 #[test]
