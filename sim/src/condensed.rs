@@ -116,6 +116,17 @@ impl Rest {
         (!self.inner.is_empty()).then_some(self.at)
     }
 
+    /// Inner coordinates at another pose, by how the rest moves with it.
+    pub(crate) fn extrapolated(&self, q: &Six) -> Vec<f64> {
+        let moved = q - self.at;
+        self.inner.iter().zip(&self.slope).map(|(u, s)| u + s.dot(&moved)).collect()
+    }
+
+    /// The inner coordinates there.
+    pub(crate) fn inner(&self) -> &[f64] {
+        &self.inner
+    }
+
     /// Inner coordinates at a pose close by; at zero where nothing is known.
     fn guess(&self, q: &Six, size: usize, longest: f64) -> Vec<f64> {
         if self.inner.len() != size {
@@ -129,9 +140,14 @@ impl Rest {
     }
 }
 
+/// The body at rest at a pose: led near it where it must be, then [`settle`]d.
+pub fn condense(body: &dyn Inner, at: (&Six, &Pose), rest: &mut Rest) -> Condensed {
+    body.approach(at.0, rest);
+    settle(body, at, rest)
+}
+
 /// The body at rest at a pose: Newton's method with a line search from where it rested last.
-pub fn condense(body: &dyn Inner, (q, pose): (&Six, &Pose), rest: &mut Rest) -> Condensed {
-    body.approach(q, rest);
+pub(crate) fn settle(body: &dyn Inner, (q, pose): (&Six, &Pose), rest: &mut Rest) -> Condensed {
     let (size, longest) = (body.size().0, body.longest_step());
     let small = if rest.on_the_way { body.step_on_the_way() } else { SMALL_STEP };
     let mut inner = rest.guess(q, size, longest);

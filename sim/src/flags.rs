@@ -19,6 +19,10 @@ pub const SEVERAL: &str = "several equilibria";
 pub const TORN: &str = "beyond its failure load";
 /// Flag of an answer whose patella's forces do not balance.
 pub const PATELLA_UNBALANCED: &str = "patella out of balance";
+/// Flag of an answer whose patella lies beside its groove, or in the notch.
+pub const PATELLA_OFF_GROOVE: &str = "patella off the groove";
+/// Flag of an answer whose patella rests elsewhere within a degree of flexion, or where it is sought from the other side.
+pub const PATELLA_SNAPS: &str = "patella snaps";
 
 /// Internal and external rotation to which living knees are turned by hand [deg], at 5 deg of flexion (those without ACL, the looser) and from 30 deg
 /// on; means of 17 and 19 persons [zarins1983].
@@ -59,9 +63,20 @@ pub fn flags(model: &Model, gs: &Six, evaluation: &Evaluation, limits: &Limits) 
     let mut out: Vec<String> = place(model, gs, evaluation, limits).into_iter().map(str::to_owned).collect();
     out.extend(is_turned_too_far(gs).then(|| ROTATED.to_owned()));
     out.extend(torn(model, evaluation));
-    let astray = model.patella_state(evaluation).is_some_and(|p| !p.is_balanced());
-    out.extend(astray.then(|| PATELLA_UNBALANCED.to_owned()));
+    out.extend(patella(model, gs, evaluation).into_iter().map(str::to_owned));
     out
+}
+
+/// What is odd about the patella.
+fn patella(model: &Model, gs: &Six, evaluation: &Evaluation) -> Vec<&'static str> {
+    let Some(state) = model.patella_state(evaluation) else { return Vec::new() };
+    let doubts = model.patella_doubts(gs, evaluation).unwrap_or_default();
+    let flags = [
+        (!state.is_balanced(), PATELLA_UNBALANCED),
+        (doubts.off_groove, PATELLA_OFF_GROOVE),
+        (doubts.snaps, PATELLA_SNAPS),
+    ];
+    flags.into_iter().filter(|f| f.0).map(|f| f.1).collect()
 }
 
 /// Whether the femur has left the plateau, wholly or in part.

@@ -286,6 +286,13 @@ impl Model {
         Some(self.patella.as_ref()?.state(&evaluation.pose, &evaluation.bodies.get(place)?.inner))
     }
 
+    /// What is odd about the patella's place at Grood-Suntay coordinates [rad, mm], where the quadriceps pull.
+    pub(crate) fn patella_doubts(&self, gs: &Six, evaluation: &Evaluation) -> Option<patella::Doubts> {
+        let place = self.bodies.iter().position(|b| b.name() == patella::NAME)?;
+        let q = self.joint.coordinates(gs).ok()?;
+        Some(self.patella.as_ref()?.doubts(&q, &evaluation.bodies.get(place)?.inner))
+    }
+
     /// Generalised force [N mm, N] of the patella under a tension of the quadriceps [N]; zero without patella or tension.
     pub fn pull_of_quadriceps(&self, q: &Six, tension: f64) -> Six {
         match &self.patella {

@@ -8,8 +8,10 @@
 //! ([`crate::condensed`]). Without tension of the quadriceps it acts on nothing.
 
 mod line;
+mod place;
+mod way;
 
-use crate::condensed::{Inner, Parts, Rest, condense};
+use crate::condensed::{Inner, Parts, Rest};
 use crate::contact::{self, Contact, ContactOptions, ContactResponse, Nearby};
 use crate::coordinate::Six;
 use crate::error::SimError;
@@ -22,6 +24,7 @@ use line::{Cylinder, Length, straight};
 use meshes::surface::TriMesh;
 use meshes::{Point, Vector};
 use nalgebra::Matrix3;
+pub(crate) use place::Doubts;
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -32,14 +35,8 @@ const ARM: f64 = 20.0;
 const LONGEST_STEP: f64 = 0.5;
 /// Newton steps below this end the search for the patella's place on the way of a path [mm, angles times [`ARM`]].
 const STEP_ON_THE_WAY: f64 = 3e-3;
-/// Furthest the knee goes between two equilibria of the patella that are sought one from the other [rad, mm].
-const STRIDE: [f64; 6] = [0.15, 0.15, 0.15, 6.0, 6.0, 6.0];
 /// Nodes of the patella lie this much further apart than the knee's [-]: its contact is larger and flatter.
 const COARSER: f64 = 2.0;
-/// Tension with which the patella is first laid on the trochlea [N]; it is doubled until it is all there.
-const FIRST_TENSION: f64 = 10.0;
-/// More strides than this are no motion of a knee [-].
-const MOST_STRIDES: f64 = 1e3;
 /// Its name among the model's bodies.
 pub const NAME: &str = "patella";
 /// Forces on the patella balance within this share of the quadriceps' tension, moments at [`ARM`] [-].
@@ -163,26 +160,12 @@ impl Inner for Patella {
         LONGEST_STEP
     }
 
-    /// From where it rested last in strides; else from the CT pose, where the tension is put on little by little.
+    /// From where it rested last; else from the CT pose, where the tension is put on little by little.
     fn approach(&self, q: &Six, rest: &mut Rest) {
-        let from = rest.at().unwrap_or_else(|| {
-            *rest = Rest::known(&Six::zeros(), vec![0.0; 6]);
-            let pose = self.knee.pose(&Six::zeros());
-            let mut tension = FIRST_TENSION;
-            while tension < self.tension {
-                condense(&self.with_tension(tension), (&Six::zeros(), &pose), rest);
-                tension *= 2.0;
-            }
-            condense(self, (&Six::zeros(), &pose), rest);
-            Six::zeros()
-        });
-        let moved = q - from;
-        let strides = (0..6).map(|i| (moved[i] / STRIDE[i]).abs()).fold(0.0, f64::max).ceil();
-        let count = if strides < MOST_STRIDES { strides as usize } else { 0 };
-        for k in 1..count {
-            let at = from + moved * (k as f64 / count as f64);
-            condense(self, (&at, &self.knee.pose(&at)), rest);
+        if rest.at().is_none() {
+            *rest = self.laid();
         }
+        self.lead(q, rest);
     }
 
     fn outputs(&self, pose: &Pose, inner: &[f64]) -> Vec<(String, f64)> {

@@ -364,6 +364,10 @@ const HEAD_LENGTHS: [f64; 2] = [3.0, 1.2];
 /// How far the shaft leans outwards against the axis to the femoral head [deg]; common.
 const SHAFT_DEG: f64 = 6.0;
 
+/// The middle of the quadriceps' tendon runs this far above the groove on which the tendon lies: half its thickness [mm]
+/// [staeubli1999].
+const HALF_TENDON_MM: f64 = 4.0;
+
 fn quadriceps(shape: &Shape, ground: &Ground) -> QuadricepsSpec {
     let (f, frame) = (&shape.frame, &ground.frames.femur);
     let [width, height] = shape.size;
@@ -383,6 +387,6 @@ fn quadriceps(shape: &Shape, ground: &Ground) -> QuadricepsSpec {
     QuadricepsSpec {
         heads: HEADS.map(head).into(),
         wrap: AxisSpec { point: ground.trochlea.centre, direction: frame.medial },
-        wrap_radius_mm: ground.trochlea.radius,
+        wrap_radius_mm: ground.trochlea.radius + HALF_TENDON_MM,
     }
 }

@@ -70,6 +70,9 @@ fn a_patella_lies_before_its_trochlea_on_a_tendon_of_its_length() {
         let face = &patella.face;
         let back: f64 = (0..face.triangles.len()).map(|t| -face.area_vector(t).dot(&patella.spec.frame.anterior)).sum();
         assert!(back > 0.7 * face.area());
+        // the quadriceps' lines are the middle of a tendon that lies on the groove, and is less than 12 mm thick
+        let above = patella.spec.quadriceps.wrap_radius_mm - m.groove_radius_mm;
+        assert!((2.0..6.0).contains(&above), "{above}");
         let shares: f64 = patella.spec.quadriceps.heads.iter().map(|h| h.share).sum();
         assert!((shares - 1.0).abs() < 1e-9);
     }

@@ -173,7 +173,7 @@
   const towards = (of, [key, more, less, unit]) => (Math.abs(of) < LEAST_TOLD ? null : `${fixed(Math.abs(of), 1)} ${unit} ${of > 0 ? more : less}`);
   const pose = (key) => POSE.find((p) => p[0] === key);
   const moves = (a, b) => TOLD_FIRST.map((key) => towards(a.pose[key] - b.pose[key], pose(key))).filter(Boolean).slice(0, 3).join(", ") || "not at all";
-  const FLAGS = { subluxed: "One compartment bears at the rim of its plateau.", dislocated: "The femur has left the plateau: the model does not know what comes next.", "patella out of balance": "The patella's forces do not balance." };
+  const FLAGS = { subluxed: "One compartment bears at the rim of its plateau.", dislocated: "The femur has left the plateau: the model does not know what comes next.", "patella out of balance": "The patella's forces do not balance.", "patella off the groove": "The patella lies beside its groove, or in the notch.", "patella snaps": "The patella rests elsewhere a degree of flexion further, or where it comes from the other side." };
 
   function sentence() {
     const { told, rest, intact, state: s } = shown;

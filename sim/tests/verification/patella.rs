@@ -7,6 +7,9 @@ use meshes::{Isometry, Point, Vector};
 use sim::Model;
 use sim::coordinate::{AP, FE, Six};
 use sim::explicit::ExplicitOptions;
+use sim::flags::PATELLA_OFF_GROOVE;
+use sim::model::Evaluation;
+use sim::trials::TrialOptions;
 
 /// Tension of the quadriceps [N].
 const TENSION: f64 = 120.0;
@@ -71,6 +74,62 @@ fn the_patella_rests_alike_however_the_pose_was_reached() {
     let miss = (warm.gradient - cold.gradient).amax() / cold.gradient.amax();
     println!("patella: gradient by way of 40 steps and at once {miss:.1e} apart");
     assert!(miss < 1e-7 && (warm.energy - cold.energy).abs() < 1e-7 * cold.energy.abs());
+}
+
+/// Flags of a model at a pose, the patella moved from where it rests.
+fn flags(model: &Model, q: &Six, moved: [f64; 6]) -> Vec<String> {
+    let mut evaluation = model.evaluate(q);
+    let body = evaluation.bodies.last_mut().unwrap();
+    body.inner.iter_mut().zip(moved).for_each(|(u, by)| *u += by);
+    let told = sim::trials::flags(model, &model.joint.grood_suntay(q), &evaluation, &TrialOptions::default());
+    told.into_iter().filter(|f| f.starts_with("patella")).collect()
+}
+
+#[test]
+fn a_patella_off_its_groove_is_flagged_and_one_on_it_is_not() {
+    let model = pulled(&Rig::patellar_knee());
+    // the rig's patella is a ball: flexed further it turns in its saddle, against the way out
+    for q in &poses()[..2] {
+        assert_eq!(flags(&model, q, [0.0; 6]), Vec::<String>::new(), "{:.0} deg", q[FE].to_degrees());
+    }
+    // angles are in units of an arm of 20 mm
+    let off = |moved| flags(&model, &poses()[0], moved).contains(&PATELLA_OFF_GROOVE.to_owned());
+    assert!(off([0.0, 0.0, 0.0, 14.0, 0.0, 0.0]) && off([0.0, 0.0, 0.0, -14.0, 0.0, 0.0]));
+    assert!(off([0.0, 0.0, 0.0, 0.0, 0.0, 60.0]) && off([0.0, 0.0, 20.0, 0.0, 0.0, 0.0]));
+    // patellar flexion goes along the groove
+    assert!(!off([0.0, 0.0, 0.0, 4.0, 0.0, 0.0]) && !off([10.0, 0.0, 0.0, 0.0, 0.0, 0.0]));
+}
+
+#[test]
+fn no_step_of_the_patella_in_a_degree_of_flexion_goes_unflagged() {
+    let names = ["flexion_deg", "spin_deg", "tilt_deg", "ml_mm", "ap_mm", "si_mm"].map(|n| format!("patella_{n}"));
+    let mut steps = 0;
+    for tension in [60.0, 300.0, 1200.0, 4000.0] {
+        let model = Rig::patellar_knee().compiled().with_quadriceps(tension).unwrap();
+        let mut near = sim::contact::Nearby::default();
+        let is_flagged = |(q, evaluation): &(Six, Evaluation)| {
+            let gs = model.joint.grood_suntay(q);
+            let told = sim::trials::flags(&model, &gs, evaluation, &TrialOptions::default());
+            told.iter().any(|f| f.starts_with("patella"))
+        };
+        let mut last: Option<([f64; 6], (Six, Evaluation))> = None;
+        for degrees in 0..=115 {
+            let mut q = Six::zeros();
+            q[FE] = f64::from(degrees).to_radians();
+            let evaluation = model.evaluate_near(&q, &mut near);
+            let all = model.outputs(&evaluation);
+            let here = names.each_ref().map(|name| all.iter().find(|(n, _)| n == name).unwrap().1);
+            let now = (q, evaluation);
+            if let Some((before, then)) = last {
+                let far = (0..6).any(|i| (here[i] - before[i]).abs() > if i < 3 { 5.0 } else { 3.0 });
+                steps += usize::from(far);
+                assert!(!far || is_flagged(&now) || is_flagged(&then), "{tension} N, {degrees} deg: {here:?}");
+            }
+            last = Some((here, now));
+        }
+    }
+    println!("patella: {steps} steps, each flagged");
+    assert!(steps > 0, "nothing was tried");
 }
 
 #[test]
