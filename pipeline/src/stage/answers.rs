@@ -196,7 +196,7 @@ fn missing(v: &Values, failure: Option<&Failure>) -> Answer {
                 stage,
             };
         }
-        let words = "A diagnosis (build-model build SPECIMEN --to diagnose) asks whether the model or the measurement lacks something, and names it where the data can tell.";
+        let words = "A build with --to diagnose asks whether the model or the measurement lacks something, and names it where the data can tell.";
         return Answer { question, standing: Standing::Open, word: "Not asked".into(), words: words.into(), stage };
     };
     let d = &diagnosed.diagnosis;
