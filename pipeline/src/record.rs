@@ -1,5 +1,6 @@
 //! What a build keeps of each stage.
 
+use crate::again::building_again;
 use crate::error::{BuildError, Place};
 use crate::store;
 use notices::{Kind, Notice};

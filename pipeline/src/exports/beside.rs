@@ -76,7 +76,7 @@ fn forces(loaded: &LoadedModel) -> Result<Option<String>, BuildError> {
 const HEADER: &str = "trial,bundle,value_n,lower_n,upper_n,mean_n,mode_n,outside";
 
 /// The best estimate is the samples' mean; without samples the single model's.
-fn cells(mode: f64, band: Option<&Band>) -> String {
+fn cells(mode: f64, band: Option<Band>) -> String {
     match band {
         Some(b) => {
             let (outside, [mean, lower, upper]) = (is_outside(mode, [b.lower, b.upper]), [b.mean, b.lower, b.upper]);

@@ -1,6 +1,7 @@
 //! Tables of the calibrated knee: ligament and contact forces with their intervals; and how tables stand in the page.
 
 use super::charts::{by_samples, contact, ligament, number};
+use crate::bands::is_of_the_single_model;
 use crate::report::html::escaped;
 use attachments::groups::GROUPS;
 use sim::laxity::{Test, TrialResult};
@@ -17,8 +18,12 @@ pub(super) fn asked(s: &Source) -> Vec<(String, &TrialResult)> {
     }
     out.extend(s.pivot_end(true).map(|r| ("pivot shift".to_owned(), r)));
     out.extend(s.pivot_end(false).map(|r| ("pivot shift without ACL".to_owned(), r)));
-    for (words, r) in out.iter_mut().filter(|(_, r)| !r.flags.is_empty()) {
-        *words += &format!(" ({})", r.flags.join(", "));
+    for (words, r) in &mut out {
+        // the tables tell means: that the single model lies beside its interval is no flag of theirs
+        let odd: Vec<&str> = r.flags.iter().map(String::as_str).filter(|f| !is_of_the_single_model(f)).collect();
+        if !odd.is_empty() {
+            *words += &format!(" ({})", odd.join(", "));
+        }
     }
     out
 }
