@@ -267,7 +267,7 @@ fn files_of_forces_have_one_name_for_the_single_model_and_one_for_the_mean() {
     {
         said(&["simulate"], knee, &["--protocol", protocol, "--out", path.to_str().unwrap()]);
         let simulated = columns(&text(&path));
-        for (row, trial) in simulated["trial"].iter().enumerate() {
+        for (row, trial) in simulated["step"].iter().enumerate() {
             let own = format!("{name} {trial}");
             let rows: Vec<usize> = (0..exported["trial"].len()).filter(|j| exported["trial"][*j] == own).collect();
             assert_eq!(rows.len(), bundles_of(&simulated), "{own}");

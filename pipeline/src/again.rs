@@ -1,17 +1,30 @@
 //! The command that builds again what lies in a build's folder.
 
 use crate::store;
-use crate::suggested::{command, command_on};
+use crate::suggested::command;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 /// The command that builds again what lies in `build`; in words where the specimen lies elsewhere.
-pub fn building_again(build: &Path) -> String {
-    match specimen_of(build) {
-        Some(specimen) if build.file_name().is_some_and(|n| n == "build") => command_on("build", &specimen),
-        Some(specimen) => command("build", [specimen.as_os_str(), OsStr::new("--out"), build.as_os_str()]),
-        None => format!("the command that made {}", build.display()),
+pub(crate) fn building_again(build: &Path) -> String {
+    building(build, &[])
+}
+
+/// [`building_again`] as far as a stage.
+pub(crate) fn building_to(build: &Path, stage: &str) -> String {
+    building(build, &["--to", stage])
+}
+
+fn building(build: &Path, more: &[&str]) -> String {
+    let Some(specimen) = specimen_of(build) else {
+        return [&["the command that made", &build.display().to_string()], more].concat().join(" ");
+    };
+    let mut words = vec![specimen.as_os_str()];
+    if build.file_name().is_none_or(|n| n != "build") {
+        words.extend([OsStr::new("--out"), build.as_os_str()]);
     }
+    words.extend(more.iter().map(OsStr::new));
+    command("build", words)
 }
 
 /// The specimen of a build: the folder that holds it, where it is one.
@@ -36,7 +49,8 @@ mod tests {
         let build = specimen.join("build");
         assert!(!building_again(&build).contains("build-model"), "no specimen there");
         std::fs::write(specimen.join("specimen.toml"), "").unwrap();
-        assert_eq!(building_again(&build), command_on("build", &specimen));
+        assert_eq!(building_again(&build), command("build", [&specimen]));
+        assert!(building_to(&build, "diagnose").ends_with(" --to diagnose"));
         let other = specimen.join("other");
         assert!(building_again(&other).contains("--out"), "{}", building_again(&other));
     }

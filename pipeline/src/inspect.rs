@@ -1,6 +1,6 @@
 //! `inspect`: what each stage made.
 
-use crate::again::building_again;
+use crate::again::building_to;
 use crate::error::BuildError;
 pub use crate::record::records;
 use crate::record::{Failure, Record};
@@ -59,7 +59,7 @@ pub fn inspect(dir: &Path, stage: Option<&str>, json: bool) -> Result<String, Bu
     let record = records.iter().find(|r| r.stage == stage).ok_or_else(|| {
         BuildError::of_file(
             &build,
-            format!("{}: stage {stage} has not been run; run it: {}", build.display(), building_again(&build)),
+            format!("{}: stage {stage} has not been run; run it: {}", build.display(), building_to(&build, stage)),
         )
     })?;
     if json {
@@ -135,7 +135,7 @@ pub fn build_folder(dir: &Path) -> Result<PathBuf, BuildError> {
         BuildError::of_file(
             dir,
             format!(
-                "no build in {}: no log.jsonl there or in build/; first {}",
+                "no build in {}: no log.jsonl there or in build/; build it first: {}",
                 dir.display(),
                 command_on("build", dir)
             ),

@@ -121,7 +121,7 @@ fn unless_outdated(build: &Path, file: PathBuf) -> Result<PathBuf, BuildError> {
 pub fn standing(spec: &ModelSpec) -> String {
     let is_built = spec.uncertainty.as_ref().is_some_and(|_| spec.protocols.is_empty());
     match &spec.calibrated {
-        Some(c) if c.to.len() > 1 => format!("calibrated to {} together", c.to.join(", ")),
+        Some(c) if c.to.len() > 1 => format!("calibrated to {} together", c.to.join(" and ")),
         Some(c) => format!("calibrated to {}", c.to.join(", ")),
         None if is_built => "assembled, not calibrated".into(),
         None => "as given".into(),

@@ -181,7 +181,7 @@ fn predicts(v: &Values, checks: &[Check], failure: Option<&Failure>) -> Answer {
     let main = v.of::<Calibration>().and_then(Calibration::main).map(|(name, _)| name);
     let cut_off = |c: &&Check| c.stage == stage && c.good == Some(false) && c.model.as_deref() == main;
     let odd: String =
-        checks.iter().filter(cut_off).map(|c| format!(" But not every protocol is sure: {}.", c.answer)).collect();
+        checks.iter().filter(cut_off).map(|c| format!(" Not every protocol is sure: {}.", c.answer)).collect();
     let words = words + &odd;
     let (standing, word) = match (tested.len(), bad) {
         (_, 0) if !odd.is_empty() => (Standing::Look, "Yes, but look"),

@@ -203,7 +203,7 @@ pub(crate) fn on_paper(v: &Values) -> String {
             STANDARD.encode(svg)
         )
     });
-    tables::tables(knee).iter().map(tables::on_paper).collect::<String>() + &figure
+    tables::on_paper(&tables::tables(knee)) + &figure
 }
 
 /// Figures 5 and 6: the targets, and what misses them.
