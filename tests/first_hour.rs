@@ -254,7 +254,11 @@ fn files_of_every_kind_are_placed_or_told() {
     assert!(said.contains("notes.docx left out: the file is a zip archive"), "{said}");
     build_model().arg("check").arg(folder.path().join("knee")).assert().success();
     let (said, toml, folder) = init(&[("series/IM1", slice.clone()), ("series/IM2", slice)]);
-    assert!(toml.contains("volume = \"ct/dicom\"") && said.contains("a DICOM series of 2 files"), "{said}");
+    assert!(
+        toml.contains("volume = \"ct/dicom\"") && said.contains("-> ct/dicom: a DICOM series of 2 files"),
+        "{said}"
+    );
+    assert!(!said.contains("IM1") && !said.contains("IM2"), "a series is told by its folder: {said}");
     assert!(folder.path().join("knee/ct/dicom/IM2").exists());
 }
 

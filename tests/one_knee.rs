@@ -160,6 +160,11 @@ fn drawers_have_the_intervals_that_the_calibration_tells() {
     assert!(!text(&trials).contains("ap_mm_mean"));
 }
 
+/// How many bundles have a force among the columns.
+fn bundles_of(columns: &BTreeMap<String, Vec<String>>) -> usize {
+    columns.keys().filter(|c| c.starts_with("force_") && columns.contains_key(&format!("{c}_mean"))).count()
+}
+
 /// A copy of the built specimen's build.
 fn copied() -> TempDir {
     let copy = TempDir::new().unwrap();
@@ -244,7 +249,7 @@ fn files_of_forces_have_one_name_for_the_single_model_and_one_for_the_mean() {
     said(&["export", "--format", "stl"], knee, &["--out", out.path().to_str().unwrap()]);
     let exported = columns(&text(&out.path().join("ligament_forces.csv")));
     let told = columns(&text(&knee.join("build/10-calibrate/joint/forces.csv")));
-    assert!(!exported.contains_key("value_n"), "the scorers' best estimate is in forces.csv alone");
+    assert_eq!(exported["value_n"], exported["mean_n"], "the best estimate is the mean");
     assert_eq!(told["value_n"], told["mean_n"], "the best estimate is the mean");
     let mut compared = 0;
     for (k, trial) in told["trial"].iter().enumerate() {
@@ -255,6 +260,28 @@ fn files_of_forces_have_one_name_for_the_single_model_and_one_for_the_mean() {
         compared += usize::from(there > 0.0);
     }
     assert!(compared > 10, "{compared}");
+    // a protocol is told as `simulate` tells it
+    let path = out.path().join("r.csv");
+    for (name, protocol) in
+        [("passive_flexion", "passive-flexion"), ("ap_laxity", "ap-laxity"), ("pivot_shift", "pivot-shift")]
+    {
+        said(&["simulate"], knee, &["--protocol", protocol, "--out", path.to_str().unwrap()]);
+        let simulated = columns(&text(&path));
+        for (row, trial) in simulated["step"].iter().enumerate() {
+            let own = format!("{name} {trial}");
+            let rows: Vec<usize> = (0..exported["trial"].len()).filter(|j| exported["trial"][*j] == own).collect();
+            assert_eq!(rows.len(), bundles_of(&simulated), "{own}");
+            for j in rows {
+                let force = format!("force_{}_n", exported["bundle"][j]);
+                for (end, column) in [("", "mode_n"), ("_mean", "mean_n"), ("_lower", "lower_n"), ("_upper", "upper_n")]
+                {
+                    let (here, there) =
+                        (number(&exported[column][j]), number(&simulated[&format!("{force}{end}")][row]));
+                    assert!((here - there).abs() < 2e-3, "{own} {force}{end}: {here} {there}");
+                }
+            }
+        }
+    }
     let rest = columns(&text(&knee.join("build/10-calibrate/joint/rest.csv")));
     assert_eq!((&rest["mean_n"], &rest["mode_n"]), (&rest["value_n"], &rest["model_n"]));
 }

@@ -5,8 +5,8 @@ mod page;
 
 use crate::error::BuildError;
 use crate::options::{BuildOptions, resolve};
-use crate::quoted::quoted;
 use crate::store;
+use crate::suggested::command_on;
 use clap::Args;
 use meshes::frame::Side;
 use meshes::query::SurfaceQuery;
@@ -132,7 +132,7 @@ fn words(file: &SpecimenFile, items: &[Item], plots: Option<PathBuf>, args: &Che
         let _ = writeln!(text, "Load against displacement: {}", place.display());
     }
     if count(State::Fault) == 0 {
-        let _ = writeln!(text, "Next: build-model build {}", quoted(&args.dir));
+        let _ = writeln!(text, "Next: {}", command_on("build", &args.dir));
     }
     text
 }

@@ -2,6 +2,7 @@
 
 use crate::error::BuildError;
 use crate::store;
+use crate::suggested::command;
 use crate::told::{Told, schemas};
 use clap::Args;
 use schemars::JsonSchema;
@@ -78,8 +79,9 @@ pub fn cohort(args: &CohortArgs) -> Result<Told, BuildError> {
     if knees.iter().all(|k| k.folder.is_none()) {
         let first = args.builds.first().map(|p| p.display().to_string()).unwrap_or_default();
         return Err(BuildError::File(format!(
-            "no build in any of the {} folders given ({first}, ...): no log.jsonl or failure.json there or in build/; run build-model first",
-            knees.len()
+            "no build in any of the {} folders given ({first}, ...): no log.jsonl or failure.json there or in build/; build them first: {}",
+            knees.len(),
+            command("build", args.builds.first())
         )));
     }
     let outliers = outliers::outliers(&knees);

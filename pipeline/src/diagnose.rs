@@ -11,6 +11,7 @@ use crate::report::diagnosis_page;
 use crate::report::live::Begin;
 use crate::report::live_model::live_part;
 use crate::store;
+use crate::suggested::command;
 use crate::told::{ModelTold, Told, schemas};
 use crate::which_model::WhichModel;
 use calibration::options::{CalibrateOptions, Method};
@@ -143,6 +144,16 @@ fn in_words(d: &Diagnosis, page: &Path) -> String {
     format!("{}\n\n{}\nLook at {}\n", d.plain, d.description, page.display())
 }
 
+/// The command that calibrates the model to what was measured.
+fn calibrating(args: &DiagnoseArgs, loaded: &LoadedModel) -> String {
+    let mut words = vec![loaded.file.clone().into_os_string()];
+    for (name, file) in &args.measured {
+        words.extend(["--targets".into(), format!("{name}={}", file.display()).into()]);
+    }
+    words.extend(["--out".into(), args.out.join("calibrated").into_os_string()]);
+    command("calibrate", words)
+}
+
 /// Refuses an atlas of a built knee whose ligaments nobody calibrated: what is slack or taut there says nothing of the knee.
 fn calibrated_first(args: &DiagnoseArgs, loaded: &LoadedModel) -> Result<(), BuildError> {
     if loaded.spec.calibrated.is_some() || !diagnosis::nuisance::is_built(&loaded.spec) {
@@ -151,9 +162,9 @@ fn calibrated_first(args: &DiagnoseArgs, loaded: &LoadedModel) -> Result<(), Bui
     Err(BuildError::of_file(
         &loaded.file,
         format!(
-            "{}: its ligaments are not calibrated, so an atlas of it would tell of another knee; calibrate first (build-model calibrate \"{}\" --targets ...)",
+            "{}: its ligaments are not calibrated, so an atlas of it would tell of another knee; calibrate it first, to laxity of this knee: {}",
             loaded.file.display(),
-            args.model.display()
+            calibrating(args, loaded)
         ),
     ))
 }

@@ -149,7 +149,7 @@ fn told(path: &str, table: &sim::laxity::LaxityTable) -> Vec<Notice> {
     let mut all: Vec<Notice> = doubts.chain(table.warnings.iter().take(REPEATED).cloned()).collect();
     if table.warnings.len() > REPEATED {
         let more = table.warnings.len() - REPEATED;
-        let text = format!("{more} more warnings like these: build-model check lists them");
+        let text = format!("{more} more warnings like these; all are told by the command check");
         all.push(Kind::MoreLikeThese.notice(text).count(more));
     }
     all.into_iter().map(|w| w.in_file(path)).collect()

@@ -6,8 +6,8 @@ mod surfaces;
 mod template;
 
 use crate::error::BuildError;
-use crate::quoted::quoted;
 use crate::store;
+use crate::suggested::{command, command_on};
 use crate::told::{Told, schemas};
 use formats::kind::{Kind, kind_of};
 use formats::read_surface;
@@ -35,6 +35,8 @@ struct Placed {
     from: String,
     to: Option<String>,
     why: String,
+    /// A line in place of the file's own: of a series its folder has one, and the other files none.
+    line: Option<String>,
     bytes: Vec<u8>,
 }
 
@@ -87,7 +89,7 @@ pub fn init(dir: &Path, from: &[PathBuf], side: Option<SideName>) -> Result<Told
     if !store::list(dir).is_empty() {
         return Err(BuildError::of_file(
             dir,
-            format!("{} is not empty; give a new folder: build-model init NEW_FOLDER", dir.display()),
+            format!("{} is not empty; give a new folder: {}", dir.display(), beginning_in(dir, from)),
         ));
     }
     let name = dir.file_name().map_or("K1".into(), |n| n.to_string_lossy().into_owned());
@@ -120,10 +122,25 @@ pub fn init(dir: &Path, from: &[PathBuf], side: Option<SideName>) -> Result<Told
     Ok(Told::words(words(dir, &placed, &filled, &told)).with(&data))
 }
 
+/// The command that begins in a folder beside `dir` that is not there yet.
+fn beginning_in(dir: &Path, from: &[PathBuf]) -> String {
+    let mut words = vec![store::free_beside(dir).into_os_string()];
+    if !from.is_empty() {
+        words.push("--from".into());
+        words.extend(from.iter().map(|path| path.clone().into_os_string()));
+    }
+    command("init", words)
+}
+
 /// What was placed where, what is missing, and what to type next.
 fn words(dir: &Path, placed: &[Placed], filled: &Filled, told: &str) -> String {
     let mut text = String::new();
     for p in placed {
+        if let Some(line) = &p.line {
+            text += line;
+            text += if line.is_empty() { "" } else { "\n" };
+            continue;
+        }
         let to = p.to.as_deref().map_or("left out".into(), |to| format!("-> {to}"));
         if !p.why.is_empty() {
             let _ = writeln!(text, "{} {to}: {}", p.from, p.why);
@@ -142,7 +159,7 @@ fn words(dir: &Path, placed: &[Placed], filled: &Filled, told: &str) -> String {
         }
         text += "What was guessed is above. Read specimen.toml, and correct what is wrong.\n";
     }
-    let _ = writeln!(text, "Next: build-model check {}", quoted(dir));
+    let _ = writeln!(text, "Next: {}", command_on("check", dir));
     text
 }
 
@@ -197,7 +214,7 @@ fn placed(from: &[PathBuf], filled: &mut Filled) -> Result<(Vec<Placed>, String)
     for path in expanded(from)? {
         let bytes = store::read(&path)?;
         let name = path.display().to_string();
-        let leave = |why: String| Placed { from: name.clone(), to: None, why, bytes: vec![] };
+        let leave = |why: String| Placed { from: name.clone(), to: None, why, line: None, bytes: vec![] };
         match kind_of(&file_name(&path), &bytes) {
             Kind::Surface(_) => match read_surface(&file_name(&path), &bytes, &companions(&path)) {
                 Ok(mesh) => given.push(surfaces::Given { path, bytes, mesh }),

@@ -1,13 +1,16 @@
 //! `inspect`: what each stage made.
 
+use crate::again::building_to;
 use crate::error::BuildError;
 pub use crate::record::records;
 use crate::record::{Failure, Record};
 use crate::stage::list::{folder_name, named};
 use crate::store;
+use crate::suggested::{command, command_on};
 use notices::{Notice, firsts};
 use schemars::JsonSchema;
 use serde::Serialize;
+use std::ffi::OsStr;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -56,13 +59,13 @@ pub fn inspect(dir: &Path, stage: Option<&str>, json: bool) -> Result<String, Bu
     let record = records.iter().find(|r| r.stage == stage).ok_or_else(|| {
         BuildError::of_file(
             &build,
-            format!("{}: stage {stage} has not been run; run build-model first", build.display()),
+            format!("{}: stage {stage} has not been run; run it: {}", build.display(), building_to(&build, stage)),
         )
     })?;
     if json {
         return Ok(facts(&build, std::slice::from_ref(record), failure.as_ref().filter(|f| f.stage == stage)));
     }
-    let mut text = told(std::slice::from_ref(record));
+    let mut text = told(std::slice::from_ref(record), &build);
     let _ = writeln!(text, "\nfiles in {}:", build.join(folder_name(stage)).display());
     for (name, bytes) in store::sizes(&build.join(folder_name(stage))) {
         let _ = writeln!(text, "  {:>10}  {name}", size(bytes));
@@ -73,14 +76,14 @@ pub fn inspect(dir: &Path, stage: Option<&str>, json: bool) -> Result<String, Bu
 }
 
 /// The table, then what the stages warn of.
-fn told(records: &[Record]) -> String {
-    let warnings: String = notices(records).iter().map(|n| format!("warning: {n}\n")).collect();
+fn told(records: &[Record], build: &Path) -> String {
+    let warnings: String = notices(records, build).iter().map(|n| format!("warning: {n}\n")).collect();
     table(records) + &warnings
 }
 
 /// The table, the files, what it all took, and what stopped the build.
 fn overview(build: &Path, records: &[Record], failure: Option<&Failure>) -> String {
-    let mut text = told(records);
+    let mut text = told(records, build);
     let _ = writeln!(text, "\nfiles in {}:", build.display());
     let mut all = 0;
     for r in records {
@@ -131,7 +134,11 @@ pub fn build_folder(dir: &Path) -> Result<PathBuf, BuildError> {
     [dir.join("build"), dir.to_path_buf()].into_iter().find(|d| store::exists(&d.join("log.jsonl"))).ok_or_else(|| {
         BuildError::of_file(
             dir,
-            format!("no build in {}: no log.jsonl there or in build/; run build-model first", dir.display()),
+            format!(
+                "no build in {}: no log.jsonl there or in build/; build it first: {}",
+                dir.display(),
+                command_on("build", dir)
+            ),
         )
     })
 }
@@ -168,7 +175,7 @@ pub fn table(records: &[Record]) -> String {
 }
 
 /// What the stages warn of, the first of each kind; of one stage, all. Each begins with the stage's name.
-pub fn notices(records: &[Record]) -> Vec<Notice> {
+pub fn notices(records: &[Record], build: &Path) -> Vec<Notice> {
     let mut all = Vec::new();
     for r in records {
         let told = r.told();
@@ -177,7 +184,10 @@ pub fn notices(records: &[Record]) -> Vec<Notice> {
         all.extend(firsts.into_iter().map(|(notice, more)| {
             let like = match more {
                 0 => String::new(),
-                n => format!(" (and {n} more of this kind: build-model inspect DIR {})", r.stage),
+                n => {
+                    let all = command("inspect", [build.as_os_str(), OsStr::new(&r.stage)]);
+                    format!(" (and {n} more of this kind: {all})")
+                }
             };
             Notice { text: format!("{}: {}{like}", r.stage, notice.text), ..notice.clone() }
         }));

@@ -1,7 +1,7 @@
 //! Ctrl-C at the command line: what is kept of the work, and how to go on.
 #![expect(clippy::print_stderr, reason = "the command line talks to the person at it")]
 
-use crate::quoted::word;
+use crate::suggested::command;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// The exit status of a command that was interrupted.
@@ -44,9 +44,9 @@ fn words(kept: Option<String>, command: &[String]) -> String {
 }
 
 /// The command that goes on: as it was given, without what would begin anew.
-fn again(command: &[String]) -> String {
-    let mut out = vec!["build-model".to_owned()];
-    let mut words = command.iter();
+fn again(given: &[String]) -> String {
+    let mut out = Vec::new();
+    let mut words = given.iter();
     while let Some(w) = words.next() {
         match w.as_str() {
             "--force" => {}
@@ -54,10 +54,13 @@ fn again(command: &[String]) -> String {
                 words.next();
             }
             w if w.starts_with("--from=") => {}
-            w => out.push(word(w)),
+            w => out.push(w),
         }
     }
-    out.join(" ")
+    match out.split_first() {
+        Some((first, rest)) => command(first, rest),
+        None => command("build", [] as [&str; 0]),
+    }
 }
 
 #[cfg(test)]

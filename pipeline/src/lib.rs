@@ -7,6 +7,7 @@
 //! assert!(text.contains("hexmesh.edge_length_mm"));
 //! ```
 
+pub(crate) mod again;
 pub(crate) mod bands;
 pub mod blind;
 pub mod build;
@@ -38,7 +39,6 @@ pub mod paper;
 pub mod phantom;
 pub mod plan;
 pub mod progress;
-pub mod quoted;
 pub mod record;
 pub mod report;
 pub mod run;
@@ -48,6 +48,7 @@ pub mod simulate;
 pub(crate) mod stage;
 pub mod stale;
 pub mod store;
+pub mod suggested;
 mod thin;
 pub mod told;
 pub mod validate;

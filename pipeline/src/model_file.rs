@@ -45,12 +45,12 @@ impl LoadedModel {
     /// Its id, what it was calibrated to, where it lies and its digest.
     pub fn told(&self) -> String {
         let (id, standing) = (&self.spec.id, standing(&self.spec));
-        format!("{id}, {standing}: {} (digest {})", self.file.display(), self.short_digest())
+        format!("{id}, {standing}: {} (digest {})", self.file.display(), self.told_digest())
     }
 
     /// The model in one line of a file, the same wherever the build lies: id, stage, what it was calibrated to, digest.
     pub fn label(&self) -> String {
-        format!("{}, {}: {}, digest {}", self.spec.id, standing(&self.spec), self.place(), self.short_digest())
+        format!("{}, {}: {}, digest {}", self.spec.id, standing(&self.spec), self.place(), self.told_digest())
     }
 
     /// Where in its build the model lies ("10-calibrate/joint/model.json"), or its file's name.
@@ -58,6 +58,11 @@ impl LoadedModel {
         let parts: Vec<String> = self.file.components().map(|c| c.as_os_str().to_string_lossy().into_owned()).collect();
         let stage = parts.iter().rposition(|p| p.starts_with("09-") || p.starts_with("10-") || p.starts_with("12-"));
         parts[stage.unwrap_or(parts.len().saturating_sub(1))..].join("/")
+    }
+
+    /// The first digits of its digest, and what they are of: a file's own digest is another.
+    fn told_digest(&self) -> String {
+        format!("{} of model and surfaces", self.short_digest())
     }
 
     /// The first digits of its digest.

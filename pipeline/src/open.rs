@@ -1,7 +1,7 @@
 //! `open`: a report in the browser.
 
 use crate::error::BuildError;
-use crate::quoted::quoted;
+use crate::suggested::command_on;
 use crate::{inspect, store};
 use std::path::{Path, PathBuf};
 
@@ -55,9 +55,8 @@ fn report(dir: &Path) -> Result<PathBuf, BuildError> {
     let page = inspect::build_folder(dir)?.join("report.html");
     match store::exists(&page) {
         true => Ok(page),
-        false => Err(BuildError::of_file(
-            &page,
-            format!("no {}; write it: build-model report {}", page.display(), quoted(dir)),
-        )),
+        false => {
+            Err(BuildError::of_file(&page, format!("no {}; write it: {}", page.display(), command_on("report", dir))))
+        }
     }
 }

@@ -136,7 +136,7 @@ pub fn options(stage: Option<&str>, every: bool, json: bool) -> Result<String, B
         let (stage, key) = o.key.split_once('.').unwrap_or(("", &o.key));
         let _ = writeln!(
             text,
-            "\nChange one: build-model build DIR --set {}={}\nor in specimen.toml: [options.{stage}] {key} = {}",
+            "\nChange one for a single build: --set {}={}, beside its folder\nor for all, in specimen.toml: [options.{stage}] {key} = {}",
             o.key, o.default, o.default
         );
     }

@@ -63,9 +63,9 @@ pub fn write(id: &str, seed: u64, volume: bool, hide: Option<&str>, dir: &Path) 
         files: made.files.iter().map(|(name, _)| name.clone()).collect(),
     };
     let words = format!(
-        "A synthetic knee, {id}, is in {}. Build its model: build-model {}\n",
+        "A synthetic knee, {id}, is in {}. Build its model: {}\n",
         dir.display(),
-        crate::quoted::quoted(dir)
+        crate::suggested::command_on("build", dir)
     );
     Ok(Told::words(words).with(&data))
 }

@@ -1,5 +1,6 @@
 //! What a build keeps of each stage.
 
+use crate::again::building_again;
 use crate::error::{BuildError, Place};
 use crate::store;
 use notices::{Kind, Notice};
@@ -69,7 +70,7 @@ pub fn records(build: &Path) -> Result<Vec<Record>, BuildError> {
         .enumerate()
         .map(|(i, line)| {
             serde_json::from_str(line).map_err(|e| {
-                let told = format!("{} line {}: {e}; run build-model again", path.display(), i + 1);
+                let told = format!("{} line {}: {e}; run again: {}", path.display(), i + 1, building_again(build));
                 BuildError::at(Place { row: Some(i + 1), ..Place::of(&path) }, told)
             })
         })

@@ -5,12 +5,12 @@ use crate::build_args::BuildArgs;
 use crate::error::BuildError;
 use crate::options::{BuildOptions, resolve};
 use crate::progress::Progress;
-use crate::quoted::quoted;
 use crate::record::{self, Failure, Record, hash};
 use crate::run_log::{Range, RunLog};
 use crate::stage::list::{STAGES, folder_name, names};
 use crate::stage::parts;
 use crate::store::{self, BuildFolder};
+use crate::suggested::command_on;
 use crate::told::Told;
 use crate::which_model::{WhichModel, chosen};
 use crate::{inspect, interrupted, report};
@@ -74,7 +74,7 @@ pub fn run(args: &BuildArgs) -> Result<Told, BuildError> {
     } else if args.quiet {
         Told::default()
     } else {
-        let mut odd = inspect::notices(&records);
+        let mut odd = inspect::notices(&records, &out);
         odd.extend(read);
         Told::words(closing_words(&out, &records, page)).odd(odd)
     })
@@ -163,7 +163,7 @@ fn run_toml(raw: &RawSpecimen, file: &SpecimenFile, options: &BuildOptions) -> R
 
 fn closing_words(out: &Path, records: &[Record], page: &str) -> String {
     let mut text = inspect::table(records);
-    let _ = writeln!(text, "\nThe report is {}. Open it: build-model open {}", out.join(page).display(), quoted(out));
+    let _ = writeln!(text, "\nThe report is {}. Open it: {}", out.join(page).display(), command_on("open", out));
     let left: Vec<&str> = records.iter().filter(|r| r.outdated).map(|r| r.stage.as_str()).collect();
     if !left.is_empty() {
         let beside = if page == report::REPORT { "" } else { " and report.html: to build them anew, leave --to out" };

@@ -6,10 +6,11 @@ pub mod given;
 pub mod part;
 
 use crate::error::{BuildError, Place};
-use crate::quoted::quoted;
+use crate::suggested::{command, command_on};
 use sim::names::did_you_mean;
 use stages::specimen::{RawSpecimen, SpecimenFile};
 use std::collections::BTreeMap;
+use std::ffi::OsStr;
 use std::fs::{self, File};
 use std::io::{Read, Write};
 use std::path::{Component, Path, PathBuf};
@@ -84,16 +85,29 @@ pub fn first_that_exists(paths: &[PathBuf]) -> PathBuf {
     paths.iter().find(|p| p.is_file()).or(paths.last()).cloned().unwrap_or_default()
 }
 
+/// A folder beside `dir` that is not there: `knee-2`, `knee-3`, ...
+pub fn free_beside(dir: &Path) -> PathBuf {
+    let name = match dir.file_name() {
+        Some(name) => name.to_string_lossy().into_owned(),
+        None => "knee".into(),
+    };
+    let beside = |n: usize| match dir.file_name() {
+        Some(_) => dir.with_file_name(format!("{name}-{n}")),
+        None => dir.join(format!("{name}-{n}")),
+    };
+    (2..).map(beside).find(|place| !place.exists()).unwrap_or_else(|| beside(2))
+}
+
 /// Reads specimen.toml and every file it names that is there, relative to `folder`.
 pub fn read_specimen(folder: &Path) -> Result<(SpecimenFile, RawSpecimen), BuildError> {
     if !folder.is_dir() {
         return Err(BuildError::of_file(
             folder,
             format!(
-                "{} is not a specimen folder: no such folder{}; expected the folder that holds specimen.toml. A new one: build-model init {}",
+                "{} is not a specimen folder: no such folder{}; expected the folder that holds specimen.toml. A new one: {}",
                 folder.display(),
                 near_folder(folder),
-                quoted(folder)
+                command_on("init", folder)
             ),
         ));
     }
@@ -101,9 +115,9 @@ pub fn read_specimen(folder: &Path) -> Result<(SpecimenFile, RawSpecimen), Build
         return Err(BuildError::of_file(
             folder,
             format!(
-                "{} holds no specimen.toml; expected a specimen folder. Make one from these files: build-model init NEW_FOLDER --from {}",
+                "{} holds no specimen.toml; expected a specimen folder. Make one from these files: {}",
                 folder.display(),
-                quoted(folder)
+                command("init", [free_beside(folder).as_os_str(), OsStr::new("--from"), folder.as_os_str()])
             ),
         ));
     }

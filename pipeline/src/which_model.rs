@@ -1,9 +1,11 @@
 //! Which model is meant by a path: a model.json, its folder, or the folder of a build or specimen. Of a build the best known is taken: the joint
 //! calibration, else that to the one data set, else the assembled model.
 
+use crate::again::building_again;
 use crate::error::BuildError;
 use crate::record::{hash, records};
 use crate::store;
+use crate::suggested::{command_on, quoted};
 use clap::Args;
 use sim::spec::ModelSpec;
 use std::path::{Path, PathBuf};
@@ -42,11 +44,8 @@ pub fn chosen(path: &Path, which: &WhichModel) -> Result<PathBuf, BuildError> {
     let Some(build) = builds.iter().find(is_build) else {
         let of_stage = path.parent().filter(|build| store::exists(&build.join("log.jsonl")));
         let advice = match of_stage {
-            Some(build) => format!("it is a stage of a build, so give the build's folder: \"{}\"", build.display()),
-            None => format!(
-                "expected model.json there, or a build with {ASSEMBLED}: build-model build \"{}\"",
-                path.display()
-            ),
+            Some(build) => format!("it is a stage of a build, so give the build's folder: {}", quoted(build)),
+            None => format!("expected model.json there, or a build with {ASSEMBLED}: {}", command_on("build", path)),
         };
         return Err(BuildError::of_file(path, format!("no model in {}; {advice}", path.display())));
     };
@@ -92,8 +91,9 @@ pub(crate) fn of_this_run(build: &Path, stage: &str, file: PathBuf) -> Result<Pa
     Err(BuildError::of_file(
         &file,
         format!(
-            "{} is of an earlier run, and the build was changed since; build again without --to (build-model build DIR){assembled}",
-            file.display()
+            "{} is of an earlier run, and the build was changed since; build again without --to ({}){assembled}",
+            file.display(),
+            building_again(build)
         ),
     ))
 }
@@ -107,9 +107,10 @@ fn unless_outdated(build: &Path, file: PathBuf) -> Result<PathBuf, BuildError> {
         (Some(from), Some(now)) if from.from != now => Err(BuildError::of_file(
             &file,
             format!(
-                "{} was calibrated from another model than {} is now; build again (build-model build DIR), or take --as-assembled",
+                "{} was calibrated from another model than {} is now; build again ({}), or take --as-assembled",
                 file.display(),
-                assembled.display()
+                assembled.display(),
+                building_again(build)
             ),
         )),
         _ => of_this_run(build, "calibrate", file),
@@ -120,7 +121,7 @@ fn unless_outdated(build: &Path, file: PathBuf) -> Result<PathBuf, BuildError> {
 pub fn standing(spec: &ModelSpec) -> String {
     let is_built = spec.uncertainty.as_ref().is_some_and(|_| spec.protocols.is_empty());
     match &spec.calibrated {
-        Some(c) if c.to.len() > 1 => format!("calibrated to {} together", c.to.join(", ")),
+        Some(c) if c.to.len() > 1 => format!("calibrated to {} together", c.to.join(" and ")),
         Some(c) => format!("calibrated to {}", c.to.join(", ")),
         None if is_built => "assembled, not calibrated".into(),
         None => "as given".into(),

@@ -64,10 +64,31 @@ class Model:
         self.folder = os.path.dirname(place)
         self.file = place
         self._as_read = copy.deepcopy(self.spec)
+        self._known: Optional[tuple[str, tuple[str, str, str]]] = None
         self._ready: Optional[tuple[str, _genu.Compiled]] = None
 
     def __repr__(self) -> str:
-        return f"<genu.Model {self.id}: {self.side}, {len(self.bundles)} bundles, {len(self.spec['fibres'])} fibres>"
+        size = f"{self.side}, {len(self.bundles)} bundles, {len(self.spec['fibres'])} fibres"
+        try:
+            told = f"{self.standing}: {self.stage}, digest {self.digest[:12]} of model and surfaces"
+        except InputError:  # as edited it is no model; the next call says why
+            told = f"no model as it stands: {self.file}"
+        return f"<genu.Model {self.id}, {told}; {size}>"
+
+    @property
+    def standing(self) -> str:
+        """What was done to the model, in the command's words: ``"calibrated to kla and rks together"``."""
+        return self._told()[0]
+
+    @property
+    def stage(self) -> str:
+        """Where in its build the model lies, ``"10-calibrate/joint/model.json"``, or its file's name; followed by ``as edited`` where it was."""
+        return self._told()[1]
+
+    @property
+    def digest(self) -> str:
+        """blake3 of the model as it stands and of the surfaces that it names, as the command tells it; no digest of a file."""
+        return self._told()[2]
 
     @property
     def id(self) -> str:
@@ -184,6 +205,14 @@ class Model:
         place = f"{self.file} as edited" + ("" if name == "model" else f" ({name})")
         return place, {place: self._text().encode()}
 
+    def _told(self) -> tuple[str, str, str]:
+        """What the command tells of the model; asked anew only where a number was edited since."""
+        text = self._text()
+        if self._known is None or self._known[0] != text:
+            place, files = self._given("model")
+            self._known = (text, _genu.told(place, _errors.made, files))
+        return self._known[1]
+
     def _compiled(self) -> _genu.Compiled:
         """The model ready to answer; compiled anew only where a number was edited since."""
         text = self._text()
@@ -196,7 +225,11 @@ class Model:
         return {**self.__dict__, "_ready": None}  # what is compiled belongs to this process
 
     def _repr_html_(self) -> str:
-        rows = {"specimen": self.id, "side": self.side, "file": self.file, "bundles": ", ".join(self.bundles)}
+        try:
+            told = dict(zip(("standing", "stage", "digest of model and surfaces"), self._told()))
+        except InputError:  # as edited it is no model; the next call says why
+            told = {"standing": "no model as it stands"}
+        rows = {"specimen": self.id, **told, "side": self.side, "file": self.file, "bundles": ", ".join(self.bundles)}
         edited = " (edited)" if self.spec != self._as_read else ""
         return as_html(f"genu.Model{edited}", {**rows, "fibres": len(self.spec["fibres"])})
 

@@ -197,6 +197,22 @@ impl Compiled {
     }
 }
 
+/// What the command tells of the model at `path`: what was done to it, its place in a build, the digest of the model and its surfaces.
+#[pyfunction]
+#[pyo3(signature = (path, failure, files=BTreeMap::new()))]
+fn told(
+    py: Python<'_>,
+    path: PathBuf,
+    failure: Py<PyAny>,
+    files: BTreeMap<PathBuf, Vec<u8>>,
+) -> PyResult<(String, String, String)> {
+    called(py, Calling { failure, jobs: Some(1), watcher: None, files }, move || {
+        let loaded = genu::model_file::load(&path)?;
+        let told = genu::told::ModelTold::of(&loaded);
+        Ok((told.standing, loaded.place(), told.digest))
+    })
+}
+
 /// The text of model.json as it reads from the folder `to`, when its mesh paths are relative to the folder `from`; both absolute.
 #[pyfunction]
 fn moved(py: Python<'_>, text: &str, from: PathBuf, to: PathBuf, failure: Py<PyAny>) -> PyResult<String> {
@@ -234,5 +250,6 @@ fn _genu(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<Compiled>()?;
     module.add_function(wrap_pyfunction!(main, module)?)?;
     module.add_function(wrap_pyfunction!(moved, module)?)?;
+    module.add_function(wrap_pyfunction!(told, module)?)?;
     module.add_function(wrap_pyfunction!(model_file, module)?)
 }

@@ -2,6 +2,8 @@
 
 import json
 import os
+import subprocess
+import sys
 
 import pytest
 
@@ -155,3 +157,22 @@ def test_diagnose_answers(model, measured, tmp_path):
     assert found.verdict in {"decisive", "probable", "one_of", "unnamed", "none"}
     assert found.description and os.path.isfile(found.report)
     assert found.model.bundles == model.bundles
+
+
+def test_a_model_tells_what_it_is_as_the_command_does(model, trials, tmp_path):
+    trials.head(1).to_csv(tmp_path / "one.csv", index=False)
+    words = ["simulate", model.file, "--trials", str(tmp_path / "one.csv"), "--out", str(tmp_path / "r.csv"), "--json"]
+    run = subprocess.run([sys.executable, "-m", "genu", *words], capture_output=True, text=True, check=True)
+    told = json.loads(run.stdout)["model"]
+    assert (model.standing, model.digest) == (told["standing"], told["digest"])
+    assert model.stage == "09-assemble/model.json"
+    for part in (told["id"], told["standing"], model.stage, told["digest"][:12]):
+        assert part in repr(model), repr(model)
+    # a number that is edited is another model, and says so
+    edited = model.copy()
+    edited.bundle("ACL_AM")["stiffness_n_per_mm"] *= 2
+    assert edited.digest != model.digest and "as edited" in edited.stage and "as edited" in repr(edited)
+    edited.bundle("ACL_AM")["stiffness_n_per_mm"] /= 2
+    assert edited.digest == model.digest
+    edited.bundle("ACL_AM")["stiffness_n_per_mm"] = "stiff"
+    assert "no model as it stands" in repr(edited)

@@ -224,7 +224,7 @@ fn check_reads_the_headers_of_a_dicom_series() {
         write(&place(k), bytes);
     }
     let (_, words) = checked(folder.path());
-    holds(&words, &["ok      ct.volume", "x 10 voxels", "one series of 10 files, CT, axial"]);
+    holds(&words, &["ok      ct.volume", "x 10 voxels", "a DICOM series of 10 slices, CT, axial"]);
     std::fs::remove_file(place(4)).unwrap();
     holds(&checked(folder.path()).1, &["FAULT   ct.volume", "1 slices are missing between"]);
     (0..10).for_each(|k| drop(std::fs::remove_file(place(k))));

@@ -1,6 +1,7 @@
 //! What the paper reports of its two specimens [andreassen2025, tables 4 to 7, section 3].
 
-use serde::Deserialize;
+use attachments::groups::ligament_called;
+use serde::{Deserialize, Deserializer};
 use sim::laxity::Test;
 use sim::spec::PoseSpec;
 use std::collections::BTreeMap;
@@ -39,6 +40,7 @@ pub struct ApForces {
     test: Test,
     flexion_deg: f64,
     /// By group [N]; below 5 N left out.
+    #[serde(deserialize_with = "by_ligament")]
     pub forces_n: BTreeMap<String, f64>,
 }
 
@@ -54,7 +56,14 @@ pub struct PivotShift {
     /// FE, VV, IE [deg], ML, AP, SI [mm].
     pose: [f64; 6],
     /// By group [N].
+    #[serde(deserialize_with = "by_ligament")]
     pub forces_n: BTreeMap<String, f64>,
+}
+
+/// Forces under the program's names of the paper's groups.
+fn by_ligament<'de, D: Deserializer<'de>>(from: D) -> Result<BTreeMap<String, f64>, D::Error> {
+    let theirs = BTreeMap::<String, f64>::deserialize(from)?;
+    Ok(theirs.into_iter().map(|(name, force)| (ligament_called(&name).to_owned(), force)).collect())
 }
 
 impl PivotShift {

@@ -1,5 +1,6 @@
 //! One build as the cohort sees it: the files that FORMAT.md fixes, nothing of the program's own.
 
+use crate::again::building_again;
 use crate::inspect;
 use crate::record::{Failure, Record, current};
 use crate::report::{REPORT, STOPPED};
@@ -108,7 +109,7 @@ impl Knee {
             folder: None,
             status: Status::Failed {
                 stage: "input".into(),
-                message: format!("no build in {}; build-model did not come so far, or was not run", place.display()),
+                message: format!("no build in {}; its build did not come so far, or was not run", place.display()),
             },
             program: String::new(),
             records: Vec::new(),
@@ -162,7 +163,7 @@ impl Knee {
             let after = self.last_stage().unwrap_or("the beginning").to_owned();
             return failed(
                 "unfinished",
-                format!("stopped after {after}; run build-model again, it goes on from there"),
+                format!("stopped after {after}; it goes on from there: {}", building_again(folder)),
             );
         }
         Status::Built

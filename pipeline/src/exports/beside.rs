@@ -11,12 +11,14 @@ use calibration::inferred::REST_DEG;
 use calibration::posterior::is_outside;
 use calibration::session::ap_probes;
 use serde_json::json;
+use sim::Model;
 use sim::coordinate::Load;
-use sim::laxity::{LaxityTrial, Test, TrialResult, force_column};
+use sim::laxity::{Band, LaxityTrial, Test, TrialResult, force_column};
+use sim::protocols::{self, Protocol, ProtocolOptions};
 use sim::trials::{TrialOptions, solve_trials};
 use std::fmt::Write;
 
-/// `model.source.json`: the model that was exported; `ligament_forces.csv`: its ligament forces at rest and in drawers, `mode_n` the model's own.
+/// `model.source.json`: the model that was exported; `ligament_forces.csv`: its ligament forces at rest, in drawers and in the paper's protocols.
 pub(super) fn files(loaded: &LoadedModel) -> Result<Vec<File>, BuildError> {
     let spec = &loaded.spec;
     let (to, file) = (spec.calibrated.as_ref().map(|c| &c.to), loaded.place());
@@ -41,30 +43,73 @@ pub(super) fn label((name, bytes): &mut File, loaded: &LoadedModel) {
     }
 }
 
-/// Forces of every bundle [N]; none where the model has no equilibrium in one of the trials.
+/// Forces of every bundle [N] at rest, in drawers and in each protocol of the paper; a part without an equilibrium is left out, and none is no file.
 fn forces(loaded: &LoadedModel) -> Result<Option<String>, BuildError> {
     let Ok(model) = sim::compile(&loaded.spec, &loaded.meshes) else { return Ok(None) };
+    let bundles = model.bundle_names();
+    let mut text = String::new();
+    for (protocol, mut results) in parts(&model) {
+        let pivot = protocol == Some(Protocol::PivotShift);
+        let asking = Asking {
+            bundles: &bundles,
+            without: &[],
+            source: None,
+            most: SAMPLES,
+            dislocation_ap_mm: pivot.then_some(ProtocolOptions::default().pivot_dislocation_ap_mm),
+        };
+        bands::add(loaded, &mut results, &asking)?;
+        for r in &results {
+            for (bundle, value) in bundles.iter().zip(&r.forces_n) {
+                let _ = writeln!(
+                    text,
+                    "{},{bundle},{}",
+                    of_part(protocol, r),
+                    cells(*value, r.band(&force_column(bundle)))
+                );
+            }
+        }
+    }
+    Ok((!text.is_empty()).then(|| format!("{HEADER}\n{text}")))
+}
+
+/// Columns as in forces.csv of a calibration: best estimate, its interval, then the mean of the samples and the single model.
+const HEADER: &str = "trial,bundle,value_n,lower_n,upper_n,mean_n,mode_n,outside";
+
+/// The best estimate is the samples' mean; without samples the single model's.
+fn cells(mode: f64, band: Option<Band>) -> String {
+    match band {
+        Some(b) => {
+            let (outside, [mean, lower, upper]) = (is_outside(mode, [b.lower, b.upper]), [b.mean, b.lower, b.upper]);
+            format!("{mean:.3},{lower:.3},{upper:.3},{mean:.3},{mode:.3},{outside}")
+        }
+        None => format!("{mode:.3},,,,{mode:.3},"),
+    }
+}
+
+/// A row's name: drawers as in forces.csv of a calibration, rows of a protocol with its name before theirs.
+fn of_part(protocol: Option<Protocol>, r: &TrialResult) -> String {
+    match protocol {
+        None => r.trial.trial.clone(),
+        Some(Protocol::ApLaxity) => format!("ap_laxity {}", r.trial.trial),
+        Some(Protocol::PassiveFlexion) => format!("passive_flexion {}", r.trial.trial),
+        Some(Protocol::PivotShift) => format!("pivot_shift {}", r.trial.trial),
+    }
+}
+
+/// Rest and drawers, then the protocols; those without an equilibrium left out.
+fn parts(model: &Model) -> Vec<(Option<Protocol>, Vec<TrialResult>)> {
     let rest =
         |f: &f64| LaxityTrial::asked(format!("neutral_{f}"), Test::Neutral, *f, Load::compression(COMPRESSION_N));
     let trials: Vec<LaxityTrial> = REST_DEG.iter().map(rest).chain(ap_probes()).collect();
-    let answers = solve_trials(&model, &trials, &TrialOptions::default());
-    let results: Result<Vec<TrialResult>, _> =
+    let answers = solve_trials(model, &trials, &TrialOptions::default());
+    let asked: Result<Vec<TrialResult>, _> =
         answers.into_iter().zip(&trials).map(|(a, t)| a.map(|a| a.result(t))).collect();
-    let Ok(mut results) = results else { return Ok(None) };
-    let bundles = model.bundle_names();
-    let asking = Asking { bundles: &bundles, without: &[], source: None, most: SAMPLES, dislocation_ap_mm: None };
-    bands::add(loaded, &mut results, &asking)?;
-    let mut text = "trial,bundle,mode_n,mean_n,lower_n,upper_n,outside\n".to_owned();
-    for r in &results {
-        for (bundle, value) in bundles.iter().zip(&r.forces_n) {
-            let cells = r.band(&force_column(bundle)).map_or(",,,".to_owned(), |b| {
-                let outside = is_outside(*value, [b.lower, b.upper]);
-                format!("{:.3},{:.3},{:.3},{outside}", b.mean, b.lower, b.upper)
-            });
-            let _ = writeln!(text, "{},{bundle},{value:.3},{cells}", r.trial.trial);
-        }
+    let mut out: Vec<_> = asked.into_iter().map(|results| (None, results)).collect();
+    for protocol in [Protocol::ApLaxity, Protocol::PassiveFlexion, Protocol::PivotShift] {
+        let run = protocols::run(model, protocol, &ProtocolOptions::default());
+        out.extend(run.into_iter().map(|results| (Some(protocol), results)));
     }
-    Ok(Some(text))
+    out
 }
 
 /// Joint compression in these trials [N]; the paper's.

@@ -55,5 +55,5 @@ pub(super) fn specimen(id: &str, side: &str, dir: &Path, have: &[PathBuf]) -> Re
         }
     }
     store::write(&dir.join("specimen.toml"), toml.as_bytes())?;
-    Ok(format!("Build its model: build-model {}\n", crate::quoted::quoted(dir)))
+    Ok(format!("Build its model: {}\n", crate::suggested::command_on("build", dir)))
 }

@@ -40,7 +40,13 @@ pub(super) fn label_map(path: &Path, bytes: Vec<u8>, filled: &mut Filled) -> Res
 pub(super) fn volume(path: &Path, bytes: Vec<u8>, filled: &mut Filled) -> Vec<Placed> {
     match taken(filled) {
         Some(why) => {
-            vec![Placed { from: path.display().to_string(), to: None, why: format!("a volume; {why}"), bytes }]
+            vec![Placed {
+                from: path.display().to_string(),
+                to: None,
+                why: format!("a volume; {why}"),
+                line: None,
+                bytes,
+            }]
         }
         None => placed(("ct", "volume", "ct"), path, (bytes, "a volume, taken for the knee's CT".into()), filled),
     }
@@ -66,22 +72,24 @@ pub(super) fn series(files: Vec<(PathBuf, Vec<u8>)>, filled: &mut Filled) -> Vec
     let mut out = Vec::new();
     for (folder, files) in by_folder {
         let from = format!("{} ({} DICOM files)", folder.display(), files.len());
-        let leave = |why: &str| Placed { from: from.clone(), to: None, why: why.to_owned(), bytes: vec![] };
+        let leave = |why: &str| Placed { from: from.clone(), to: None, why: why.to_owned(), line: None, bytes: vec![] };
         if let Some(why) = taken(filled) {
             out.push(leave(&format!("a volume; {why}")));
         } else if Some(files.len()) != most {
             out.push(leave("a smaller series than another; name it in [ct] volume if it is the knee's"));
         } else {
             filled.paths.insert(("ct".into(), "volume".into()), "ct/dicom".into());
-            let mut first = Some(format!(
-                "a DICOM series of {} files, taken for the knee's CT; all lie beside this one",
+            let line = format!(
+                "{} -> ct/dicom: a DICOM series of {} files, taken for the knee's CT",
+                folder.display(),
                 files.len()
-            ));
+            );
+            let mut lines = std::iter::once(line);
+            let why = format!("one of the {} files of a DICOM series, taken for the knee's CT", files.len());
             for (path, bytes) in files {
                 let to = Some(format!("ct/dicom/{}", file_name(&path)));
-                let told = first.take();
-                let from = if told.is_some() { folder.display().to_string() } else { String::new() };
-                out.push(Placed { from, to, why: told.unwrap_or_default(), bytes });
+                let line = Some(lines.next().unwrap_or_default());
+                out.push(Placed { from: path.display().to_string(), to, why: why.clone(), line, bytes });
             }
         }
     }
@@ -98,10 +106,10 @@ fn placed(
     filled.paths.insert((table.into(), key.into()), to.clone());
     let beside = companions(path).into_iter().map(|(name, bytes)| {
         let to = Some(format!("{folder}/{name}"));
-        Placed { from: name, to, why: "named by a picture's header".into(), bytes }
+        Placed { from: name, to, why: "named by a picture's header".into(), line: None, bytes }
     });
     let mut out: Vec<Placed> = beside.collect();
-    out.push(Placed { from: path.display().to_string(), to: Some(to), why, bytes });
+    out.push(Placed { from: path.display().to_string(), to: Some(to), why, line: None, bytes });
     out
 }
 

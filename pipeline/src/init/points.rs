@@ -23,7 +23,7 @@ const COLUMNS: [&str; 16] = [
 /// Points of 3D Slicer or MeshLab: marks where every label is a ligament's, else landmarks.
 pub(super) fn markups(path: &Path, bytes: Vec<u8>, filled: &mut Filled) -> Placed {
     let from = path.display().to_string();
-    let leave = |why: String| Placed { from: from.clone(), to: None, why, bytes: vec![] };
+    let leave = |why: String| Placed { from: from.clone(), to: None, why, line: None, bytes: vec![] };
     let names = match markup_names(&file_name(path), &bytes) {
         Some(Ok(names)) if !names.is_empty() => names,
         Some(Err(e)) => return leave(format!("cannot be read: {e}")),
@@ -44,7 +44,7 @@ pub(super) fn markups(path: &Path, bytes: Vec<u8>, filled: &mut Filled) -> Place
         false => String::new(),
     };
     let why = format!("{} {key}, taken to lie in the frame of CT: {}{hint}", names.len(), names.join(", "));
-    Placed { from, to: Some(to), why, bytes }
+    Placed { from, to: Some(to), why, line: None, bytes }
 }
 
 /// A table's place, by its header; points without a frame get that of the surface they lie on.
@@ -55,7 +55,7 @@ pub(super) fn table(path: &Path, bytes: Vec<u8>, known: &BTreeMap<Role, TriMesh>
         // a workbook's rows as they would stand in a CSV
         Ok(table) if table.separator.is_some() => (table.text.replace(';', ","), "xlsx"),
         Ok(table) => (table.text.into_owned(), "csv"),
-        Err(kind) => return Placed { from, to: None, why: format!("no table: {kind}"), bytes },
+        Err(kind) => return Placed { from, to: None, why: format!("no table: {kind}"), line: None, bytes },
     };
     let header = header(&text, &names);
     let has = |column: &str| header.split([',', ';', '\t']).any(|c| c.trim() == column);
@@ -84,7 +84,7 @@ pub(super) fn table(path: &Path, bytes: Vec<u8>, known: &BTreeMap<Role, TriMesh>
     } else {
         (None, format!("no table that is known; its header is {header}"), bytes)
     };
-    Placed { from, to, why, bytes }
+    Placed { from, to, why, line: None, bytes }
 }
 
 /// The header in lower case: the first line that has three known names, else the first.

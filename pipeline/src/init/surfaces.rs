@@ -61,10 +61,10 @@ pub(super) fn place(given: Vec<Given>, filled: &mut Filled) -> Result<Found, Bui
         if let Some(place) = to.as_deref().and_then(|t| t.rsplit_once('/')).filter(|_| !metres) {
             for (name, bytes) in companions(&g.path) {
                 let to = Some(format!("{}/{name}", place.0));
-                out.push(Placed { from: name, to, why: "named by a surface".into(), bytes });
+                out.push(Placed { from: name, to, why: "named by a surface".into(), line: None, bytes });
             }
         }
-        out.push(Placed { from, to, why, bytes: g.bytes });
+        out.push(Placed { from, to, why, line: None, bytes: g.bytes });
     }
     if let Some(side) = guesses.side {
         let name = if side.side == Side::Left { "left" } else { "right" };

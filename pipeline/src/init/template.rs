@@ -15,7 +15,7 @@ pub(super) fn specimen_toml(filled: &Filled) -> String {
     let mut out = String::from(
         "# One knee. Lengths in mm, angles in degrees, forces in N, moments in N m.\n\
          # A key after `#` is optional: remove the `#` to use it.\n\
-         # When it is filled in: build-model check FOLDER\n\n[specimen]\n",
+         # When it is filled in: build-model check . (in this folder)\n\n[specimen]\n",
     );
     let _ = writeln!(out, "id = {:?}               # a name for this knee", filled.id);
     match filled.side {

@@ -191,7 +191,9 @@ impl<'a> Body<'a> {
         let link =
             |stage: &str, words: &str| format!("<li><a href=\"#{}\">{}</a></li>", escaped(stage), escaped(words));
         let mut items: Vec<String> = failure.iter().map(|f| link(&f.stage, "Where it stopped, and on what")).collect();
-        // of a question that several models fail the knee's own is enough: it stands first
+        // only the knee's own model is asked about here, where there is one: the others are rivals, and are told below
+        let main = self.values.of::<Calibration>().and_then(Calibration::main).map(|(name, _)| name);
+        let is_own = |c: &&Check| main.is_none() || c.model.is_none() || c.model.as_deref() == main;
         let mut asked: Vec<&str> = Vec::new();
         let mut is_new = |c: &&Check| {
             !asked.contains(&c.question) && {
@@ -199,7 +201,8 @@ impl<'a> Body<'a> {
                 true
             }
         };
-        let bad: Vec<&Check> = checks.iter().filter(|c| c.good == Some(false)).filter(|c| is_new(c)).collect();
+        let bad: Vec<&Check> =
+            checks.iter().filter(|c| c.good == Some(false)).filter(is_own).filter(|c| is_new(c)).collect();
         let unseen = self
             .four(checks, failure)
             .into_iter()

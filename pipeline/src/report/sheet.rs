@@ -22,6 +22,12 @@ impl Sheet<'_> {
     /// The page.
     pub(super) fn html(&self) -> String {
         let made = if self.synthetic { " Synthetic: made by the program, not measured." } else { "" };
+        let told = match self.forces.is_empty() {
+            true => "",
+            false => {
+                " Forces in N, means with 90 % intervals in brackets where samples were asked, else most probable values."
+            }
+        };
         let card = |a: &Answer| {
             format!(
                 "<li class=\"{}\"><b>{} {}.</b> {}</li>",
@@ -35,7 +41,7 @@ impl Sheet<'_> {
             format!("<img alt=\"{}\" src=\"data:image/png;base64,{}\">", escaped(&p.caption), STANDARD.encode(&p.png))
         };
         format!(
-            "<section class=\"sheet\" aria-label=\"One page\"><h1>{}: model of the knee on one page</h1><p>{}{made} Forces in N, means with 90 % intervals in brackets where samples were asked, else most probable values. Version {}.</p><ul class=\"answers\">{}</ul><div class=\"pictures\">{}</div>{}</section>",
+            "<section class=\"sheet\" aria-label=\"One page\"><h1>{}: model of the knee on one page</h1><p>{}{made}{told} Version {}.</p><ul class=\"answers\">{}</ul><div class=\"pictures\">{}</div>{}</section>",
             escaped(self.id),
             escaped(self.verdict),
             env!("CARGO_PKG_VERSION"),

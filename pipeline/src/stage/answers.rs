@@ -46,7 +46,12 @@ const LATER: [&str; 3] = [Calibrate::NAME, Validate::NAME, Diagnose::NAME];
 
 /// The four answers. `heavy` are the stages with warnings by which the model may be wrong.
 pub(crate) fn answers(v: &Values, checks: &[Check], heavy: &[&str], failure: Option<&Failure>) -> [Answer; 4] {
-    [geometry(v, checks, heavy, failure), calibrated(v, checks, failure), predicts(v, failure), missing(v, failure)]
+    [
+        geometry(v, checks, heavy, failure),
+        calibrated(v, checks, failure),
+        predicts(v, checks, failure),
+        missing(v, failure),
+    ]
 }
 
 /// The answer of a stage that failed.
@@ -154,7 +159,7 @@ fn why_partly(found: &Calibrated) -> String {
     )
 }
 
-fn predicts(v: &Values, failure: Option<&Failure>) -> Answer {
+fn predicts(v: &Values, checks: &[Check], failure: Option<&Failure>) -> Answer {
     let (question, stage) = ("Does it predict what it has not seen?", Validate::NAME);
     if let Some(answer) = failed(question, stage, failure) {
         return answer;
@@ -172,7 +177,14 @@ fn predicts(v: &Values, failure: Option<&Failure>) -> Answer {
         return answer(Standing::Open, "Not tested", format!("{why} {words}").trim().to_owned());
     }
     let bad = tested.iter().filter(|good| !**good).count();
+    // what the knee's own protocols could not be run to, or not with all samples, is no prediction
+    let main = v.of::<Calibration>().and_then(Calibration::main).map(|(name, _)| name);
+    let cut_off = |c: &&Check| c.stage == stage && c.good == Some(false) && c.model.as_deref() == main;
+    let odd: String =
+        checks.iter().filter(cut_off).map(|c| format!(" Not every protocol is sure: {}.", c.answer)).collect();
+    let words = words + &odd;
     let (standing, word) = match (tested.len(), bad) {
+        (_, 0) if !odd.is_empty() => (Standing::Look, "Yes, but look"),
         (_, 0) => (Standing::Good, "Yes"),
         (all, bad) if bad < all => (Standing::Look, "In part"),
         _ => (Standing::Look, "Not well"),
@@ -196,7 +208,7 @@ fn missing(v: &Values, failure: Option<&Failure>) -> Answer {
                 stage,
             };
         }
-        let words = "A diagnosis (build-model build SPECIMEN --to diagnose) asks whether the model or the measurement lacks something, and names it where the data can tell.";
+        let words = "A build with --to diagnose asks whether the model or the measurement lacks something, and names it where the data can tell.";
         return Answer { question, standing: Standing::Open, word: "Not asked".into(), words: words.into(), stage };
     };
     let d = &diagnosed.diagnosis;

@@ -125,13 +125,13 @@ impl Stage for Validate {
             out.push(Check {
                 question: "Do the protocols run to their end?",
                 answer: match (told.is_empty(), odd) {
-                    (true, _) => format!("{}: all of them", source.name),
-                    (_, true) => format!("{}: look at {}", source.name, words.join("; ")),
-                    (_, false) => format!("{}: all of them; {}", source.name, words.join("; ")),
+                    (true, _) => "all of them".to_owned(),
+                    (_, true) => format!("look at {}", words.join("; ")),
+                    (_, false) => format!("all of them; {}", words.join("; ")),
                 },
                 good: Some(!odd),
                 reaches: None,
-                model: None,
+                model: Some(source.name.clone()),
                 stage: Self::NAME,
             });
         }
@@ -170,6 +170,17 @@ fn cross(
     Ok(out)
 }
 
+/// A protocol's name for a reader.
+fn in_words(protocol: &str) -> &str {
+    match protocol {
+        "ap_laxity" => "drawers",
+        "passive_flexion" => "passive flexion",
+        "pivot_shift" => "pivot shift",
+        "pivot_shift_no_acl" => "pivot shift without ACL",
+        other => other,
+    }
+}
+
 /// A protocol with the flags of its rows, each once, and whether any makes it odd; none where there is no flag.
 fn flagged(protocol: &str, rows: &[TrialResult]) -> Option<(bool, String)> {
     let mut flags: Vec<&str> = Vec::new();
@@ -179,7 +190,7 @@ fn flagged(protocol: &str, rows: &[TrialResult]) -> Option<(bool, String)> {
         }
     }
     let odd = flags.iter().any(|f| is_odd(f));
-    (!flags.is_empty()).then(|| (odd, format!("{protocol} ({})", flags.join(", "))))
+    (!flags.is_empty()).then(|| (odd, format!("{} ({})", in_words(protocol), flags.join(", "))))
 }
 
 /// The knee's forces and its passive flexion for a page of paper.
@@ -188,11 +199,11 @@ pub(crate) fn on_paper(v: &Values) -> String {
     let figure = v.folder.read_file(&format!("{}/figure8.svg", Validate.folder()));
     let figure = figure.map_or(String::new(), |svg| {
         format!(
-            "<img class=\"paper\" alt=\"Passive flexion of every model, and as measured\" src=\"data:image/svg+xml;base64,{}\">",
+            "<p><b>Passive flexion of every model, and as measured where it was</b></p><img class=\"paper\" alt=\"Passive flexion of every model, and as measured\" src=\"data:image/svg+xml;base64,{}\">",
             STANDARD.encode(svg)
         )
     });
-    tables::tables(knee).iter().map(tables::on_paper).collect::<String>() + &figure
+    tables::on_paper(&tables::tables(knee)) + &figure
 }
 
 /// Figures 5 and 6: the targets, and what misses them.

@@ -4,6 +4,7 @@ use super::{AttachmentsOptions, Side};
 use crate::StageError;
 use crate::specimen::{NamedPoint, PointFrame};
 use attachments::bundle::LIGAMENTS;
+use attachments::groups::ligament_called;
 use attachments::marks::find_outlines;
 use attachments::marks::project::{Footprint, project};
 use attachments::naming::{Place, assign, usual_places};
@@ -131,7 +132,7 @@ fn rough_points(
         } else {
             continue;
         };
-        let name = if mark.name == "MCL" { "sMCL".to_owned() } else { mark.name.clone() };
+        let name = ligament_called(&mark.name).to_owned();
         rows.push((row + 2, off, Place { name, point }));
     }
     let far: Vec<&(usize, f64, Place)> = rows.iter().filter(|r| r.1 > options.mark_off_bone_mm).collect();

@@ -52,7 +52,9 @@ pub fn look(ct: &CtPaths, raw: &RawSpecimen, options: &SegmentOptions) -> Result
             let seen = dicom::survey(&files).map_err(|e| named(&e))?;
             super::check_grid(&seen.grid).map_err(|e| named(&e))?;
             let kind = if seen.modality.is_empty() { "of no stated kind" } else { seen.modality.as_str() };
-            (seen.grid, format!(", one series of {} files, {kind}, {}", files.len(), seen.cut), seen.warnings)
+            let slices = seen.grid.size[2];
+            let how = format!("; {path}, a DICOM series of {slices} slices, {kind}, {}", seen.cut);
+            (seen.grid, how, seen.warnings)
         }
     };
     warnings.extend(picture::sheared(&grid));

@@ -100,7 +100,7 @@ fn pivot_shift(sources: &[Source]) -> Vec<[String; 3]> {
             out.push([format!("{}: without ACL more {what}", s.name), format!("{theirs:+.1}"), format!("{ours:+.1}")]);
         }
         let collateral = |f: [f64; 9]| f[2] + f[3] + f[4];
-        let paper: f64 = ["LCL", "MCL_S", "MCL_D"].iter().filter_map(|g| p.forces_n.get(*g)).sum();
+        let paper: f64 = ["LCL", "sMCL", "dMCL"].iter().filter_map(|g| p.forces_n.get(*g)).sum();
         out.push([
             format!("{}: LCL and MCL together, intact [N]", s.name),
             format!("{paper:.1}"),

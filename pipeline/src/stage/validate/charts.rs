@@ -49,7 +49,11 @@ pub(super) fn charts(s: &Source) -> Vec<Chart> {
 /// A group's force in a result, with its band: that of its sum, or of its one bundle.
 pub(super) fn ligament(s: &Source, r: &TrialResult, group: usize) -> Told {
     let (name, bundles) = GROUPS[group];
-    let of_bundle = || bundles.iter().find_map(|b| r.band(&force_column(b)));
+    // of several bundles no single one's band is the sum's
+    let of_bundle = || {
+        let mut bands = bundles.iter().filter_map(|b| r.band(&force_column(b)));
+        bands.next().filter(|_| bands.next().is_none())
+    };
     (s.groups(r)[group], r.band(&format!("group_{name}_n")).or_else(of_bundle))
 }
 

@@ -1,6 +1,7 @@
 //! Tables of the calibrated knee: ligament and contact forces with their intervals; and how tables stand in the page.
 
 use super::charts::{by_samples, contact, ligament, number};
+use crate::bands::is_of_the_single_model;
 use crate::report::html::escaped;
 use attachments::groups::GROUPS;
 use sim::laxity::{Test, TrialResult};
@@ -17,8 +18,12 @@ pub(super) fn asked(s: &Source) -> Vec<(String, &TrialResult)> {
     }
     out.extend(s.pivot_end(true).map(|r| ("pivot shift".to_owned(), r)));
     out.extend(s.pivot_end(false).map(|r| ("pivot shift without ACL".to_owned(), r)));
-    for (words, r) in out.iter_mut().filter(|(_, r)| !r.flags.is_empty()) {
-        *words += &format!(" ({})", r.flags.join(", "));
+    for (words, r) in &mut out {
+        // the tables tell means: that the single model lies beside its interval is no flag of theirs
+        let odd: Vec<&str> = r.flags.iter().map(String::as_str).filter(|f| !is_of_the_single_model(f)).collect();
+        if !odd.is_empty() {
+            *words += &format!(" ({})", odd.join(", "));
+        }
     }
     out
 }
@@ -65,11 +70,31 @@ pub(super) fn html(t: &Table, open: bool) -> String {
     )
 }
 
-/// A table below its title, for paper: intervals with a dash, so that a row is a line. No number in it is negative.
-pub(super) fn on_paper(t: &Table) -> String {
-    let shorter = |row: &Vec<String>| row.iter().map(|c| c.replace(" to ", "\u{2013}")).collect();
-    let t = Table { rows: t.rows.iter().map(shorter).collect(), ..t.clone() };
-    format!("<p><b>{}</b></p>{}", escaped(&t.title), cells(&t))
+/// Tables below their titles, for paper: intervals with a dash and flags below, so that a row is a line. No number in them is negative.
+pub(super) fn on_paper(tables: &[Table]) -> String {
+    let mut notes: Vec<String> = Vec::new();
+    let mut html = String::new();
+    for t in tables {
+        let rows = t.rows.iter().map(|row| {
+            let mut cells: Vec<String> = row.iter().map(|c| c.replace(" to ", "\u{2013}")).collect();
+            if let Some(first) = cells.first_mut()
+                && let Some((name, flags)) = first.clone().split_once(" (")
+            {
+                let note = format!("{name}: {}", flags.trim_end_matches(')'));
+                if !notes.contains(&note) {
+                    notes.push(note);
+                }
+                *first = format!("{name} *");
+            }
+            cells
+        });
+        let t = Table { rows: rows.collect(), ..t.clone() };
+        html += &format!("<p><b>{}</b></p>{}", escaped(&t.title), cells(&t));
+    }
+    if !notes.is_empty() {
+        html += &format!("<p>* {}.</p>", escaped(&notes.join("; ")));
+    }
+    html
 }
 
 fn cells(t: &Table) -> String {
