@@ -236,6 +236,70 @@ fn opensim_finds_the_same_equilibrium() {
     reads("opensim_finds_the_same_equilibrium", "opensim_statics.py", &[&folder, &spec, &poses, "8"]);
 }
 
+/// The model with contact by one line, as OpenSim and JAM have it.
+fn with_straight_contact(folder: &Path) -> PathBuf {
+    copy(model().parent().unwrap().parent().unwrap(), &folder.join("build"));
+    let path = folder.join("build/09-assemble/model.json");
+    let mut model = json(&path);
+    let ends = |key: &str| -> Vec<f64> {
+        model["contact"][key].as_array().unwrap().iter().rev().take(2).map(|x| x.as_f64().unwrap()).collect()
+    };
+    let (d, p) = (ends("overclosure_mm"), ends("pressure_mpa"));
+    let slope = (p[0] - p[1]) / (d[0] - d[1]);
+    model["contact"]["overclosure_mm"] = vec![0.0, 1.0].into();
+    model["contact"]["pressure_mpa"] = vec![0.0, slope].into();
+    write(&path, serde_json::to_vec(&model).unwrap());
+    path
+}
+
+#[test]
+fn a_knee_written_for_jam_comes_back_and_opensim_answers_as_it_does() {
+    let folder = TempDir::new().unwrap();
+    let [jam, plain, back] = ["jam", "osim", "back"].map(|name| folder.path().join(name));
+    let ours = with_straight_contact(folder.path());
+    for (out, contact) in [(&jam, "jam"), (&plain, "elastic")] {
+        let mut run = build_model();
+        run.arg("export").arg(&ours).args(["--format", "opensim", "--contact", contact, "--out"]).arg(out);
+        run.assert().success();
+    }
+    build_model().arg("import-opensim").arg(jam.join("model.osim")).arg("--out").arg(&back).assert().success();
+    let trials = loaded(folder.path()).with_file_name("trials.csv");
+    let theirs = back.join("model.json");
+    let [a, b] = [(&ours, "ours.csv"), (&theirs, "theirs.csv")].map(|(model, name)| {
+        let results = folder.path().join(name);
+        build_model()
+            .arg("simulate")
+            .arg(model)
+            .arg("--trials")
+            .arg(&trials)
+            .arg("--out")
+            .arg(&results)
+            .assert()
+            .success();
+        numbers(&results)
+    });
+    assert!(a.len() > 100 && a.len() == b.len(), "{} {}", a.len(), b.len());
+    for ((name, x), (_, y)) in a.iter().zip(&b) {
+        assert!((x - y).abs() <= 1e-4 * (1.0 + x.abs()), "{name}: {x} {y}");
+    }
+    // OpenSim 4.6 has no contact of JAM's: the same knee with its own contact, against what the model read back answers
+    let [osim, spec, results] = [&plain, &theirs, &folder.path().join("theirs.csv")].map(|p| p.display().to_string());
+    reads("a_knee_written_for_jam_comes_back", "opensim_statics.py", &[&osim, &spec, &results, "8"]);
+}
+
+#[test]
+fn contact_goes_with_opensim_alone_and_a_file_that_is_none_is_told() {
+    let folder = TempDir::new().unwrap();
+    let mut run = build_model();
+    run.arg("export").arg(model()).args(["--format", "stl", "--contact", "jam", "--out"]).arg(folder.path());
+    run.assert().code(2).stderr(predicates::str::contains("--contact goes with --format opensim"));
+    let bad = folder.path().join("bad.osim");
+    write(&bad, "solid");
+    let mut run = build_model();
+    run.arg("import-opensim").arg(&bad).arg("--out").arg(folder.path().join("m"));
+    run.assert().code(1).stderr(predicates::str::contains("expected an OpenSim model"));
+}
+
 #[test]
 fn poses_go_with_vtk_alone_and_bad_ones_are_told() {
     let folder = TempDir::new().unwrap();

@@ -129,7 +129,7 @@ fn orient(spec: &mut ModelSpec, across: &Vector) {
     }
 }
 
-fn ct_pose(spec: &ModelSpec) -> Result<PoseSpec, DeckError> {
+pub(crate) fn ct_pose(spec: &ModelSpec) -> Result<PoseSpec, DeckError> {
     let joint = Joint::new(&spec.frames, spec.side).map_err(|e| DeckError::whole(e.to_string()))?;
     let q = joint.ct_pose();
     Ok(PoseSpec {
@@ -202,7 +202,7 @@ fn geometry(
 }
 
 /// Refuses a bone whose size is a knee's in another unit.
-fn check_unit(name: &str, bone: &TriMesh) -> Result<(), DeckError> {
+pub(crate) fn check_unit(name: &str, bone: &TriMesh) -> Result<(), DeckError> {
     let Some((low, high)) = bone.bounds() else { return Ok(()) };
     let mut extents: Vec<f64> = (high - low).iter().copied().collect();
     extents.sort_by(f64::total_cmp);

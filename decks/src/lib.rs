@@ -20,6 +20,7 @@ pub mod keyword;
 pub mod known;
 mod ligaments;
 pub mod model;
+pub mod opensim;
 mod place;
 mod sets;
 mod steps;

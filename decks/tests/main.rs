@@ -2,6 +2,7 @@
 
 mod common;
 mod decks;
+mod opensim;
 mod other_decks;
 mod published_deck;
 mod published_explicit;

@@ -9,8 +9,8 @@ use crate::cohort::{self, CohortArgs};
 use crate::credibility::{self, CredibilityArgs};
 use crate::diagnose::{self, DiagnoseArgs};
 use crate::error::{BuildError, OUR_FAULT};
-use crate::exports::{self, Format};
-use crate::import::{self, ImportArgs};
+use crate::exports::{self, Format, OpensimContact};
+use crate::import::{self, ImportArgs, ImportOpensimArgs};
 use crate::output::{self, Asked};
 use crate::plan::{self, PlanArgs};
 use crate::simulate::SimulateArgs;
@@ -145,6 +145,8 @@ enum Verb {
     },
     /// Turn a published Abaqus knee deck into a model
     ImportAbaqus(ImportArgs),
+    /// Turn an OpenSim knee with JAM's ligaments and contact into a model
+    ImportOpensim(ImportOpensimArgs),
     /// Write a model as another program reads it
     Export {
         /// model.json, or the folder of a build or specimen: then its joint calibrated model, else that of its one data set, else the assembled one
@@ -155,6 +157,9 @@ enum Verb {
         /// For which program
         #[arg(long)]
         format: Format,
+        /// Contact of an OpenSim model [default: elastic]
+        #[arg(long)]
+        contact: Option<OpensimContact>,
         /// Poses for a time series (results of simulate or a protocol; with --format vtk)
         #[arg(long, value_name = "RESULTS.csv")]
         poses: Option<PathBuf>,
@@ -355,8 +360,9 @@ fn answer_verb(verb: Verb) -> Result<Told, BuildError> {
         }
         Verb::Fetch { id, dir, mirror, patience } => words(fetch::fetch(&id, &dir, mirror.as_deref(), patience)),
         Verb::ImportAbaqus(args) => import::import_abaqus(&args),
-        Verb::Export { model, which, format, poses, out } => {
-            exports::export((&model, &which), format, poses.as_deref(), &out)
+        Verb::ImportOpensim(args) => import::import_opensim(&args),
+        Verb::Export { model, which, format, contact, poses, out } => {
+            exports::export((&model, &which), (format, contact), poses.as_deref(), &out)
         }
         Verb::Simulate(args) => simulate::simulate(&args),
         Verb::Calibrate(args) => calibrate::calibrate(&args),

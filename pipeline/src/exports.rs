@@ -5,9 +5,10 @@ use crate::model_file::{LoadedModel, left_out, load_which};
 use crate::store;
 use crate::told::{ExportTold, ModelTold, Told, schemas};
 use crate::which_model::WhichModel;
+use decks::opensim::thickened;
+use meshes::Isometry;
 use meshes::hex::HexMesh;
 use meshes::surface::TriMesh;
-use meshes::{Isometry, Vector};
 use notices::{Kind, Notice};
 use sim::ligament::{Bundle, of_fibres};
 use sim::mesh::{MeshValue, TetMesh};
@@ -39,19 +40,33 @@ pub enum Format {
     Glb,
 }
 
+/// What presses in an exported OpenSim model.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum OpensimContact {
+    /// ElasticFoundationForce, which OpenSim itself has.
+    #[default]
+    Elastic,
+    /// Smith2018ArticularContactForce, for OpenSim with JAM; import-opensim reads it.
+    Jam,
+}
+
 /// A file name and what is in it.
 type File = (String, Vec<u8>);
 
 /// `export`: a model as other programs read it, in `out`; `poses` (results of `simulate`) make a time series of VTK files.
 pub fn export(
     (model, which): (&Path, &WhichModel),
-    format: Format,
+    (format, contact): (Format, Option<OpensimContact>),
     poses: Option<&Path>,
     out: &Path,
 ) -> Result<Told, BuildError> {
     if poses.is_some() && format != Format::Vtk {
         return Err(BuildError::Usage("--poses goes with --format vtk".into()));
     }
+    if contact.is_some() && format != Format::Opensim {
+        return Err(BuildError::Usage("--contact goes with --format opensim".into()));
+    }
+    let contact = contact.unwrap_or_default();
     let mut loaded = load_which(model, which)?;
     let lacking = if format == Format::Abaqus { solids(&mut loaded)? } else { vec![] };
     let left = left_out(&loaded.spec, "export");
@@ -68,7 +83,7 @@ pub fn export(
             (texts(deck.files), warnings.chain(lacking).collect())
         }
         (Format::Febio, _) => (febio::files(&loaded)?, febio::warnings(&loaded)),
-        (Format::Opensim, _) => (opensim::files(&loaded)?, opensim::warnings(&loaded)),
+        (Format::Opensim, _) => (opensim::files(&loaded, contact)?, opensim::warnings(&loaded, contact)),
         (Format::Vtk, None) => {
             (texts(sim::vtk::export(&loaded.spec, &loaded.meshes, &Isometry::identity(), &[])), Vec::new())
         }
@@ -88,7 +103,8 @@ pub fn export(
         if let Some(wraps) = loaded.wraps() {
             warnings.push(Kind::NotInFormat.notice(format!("{wraps} in the model; they are straight lines here")));
         }
-        if loaded.spec.contact.layer.is_some() {
+        let by_thickness = format == Format::Opensim && contact == OpensimContact::Jam;
+        if loaded.spec.contact.layer.is_some() && !by_thickness {
             warnings.push(
                 Kind::NotInFormat
                     .notice("contact is that of the table: no such format knows the model's law by thickness"),
@@ -223,22 +239,6 @@ fn surfaces(model: &LoadedModel, ending: &str) -> Result<Vec<File>, BuildError> 
             Ok((format!("{}.{ending}", n.name), bytes))
         })
         .collect()
-}
-
-/// An open face made a closed solid: the face, the same `depth` mm behind it turned over, and walls along the border.
-fn thickened(face: &TriMesh, depth: f64) -> TriMesh {
-    let normals = face.vertex_normals();
-    let n = face.vertices.len() as u32;
-    let mut vertices = face.vertices.clone();
-    vertices.extend(face.vertices.iter().zip(&normals).map(|(p, normal): (_, &Vector)| p - normal * depth));
-    let mut triangles = face.triangles.clone();
-    triangles.extend(face.triangles.iter().map(|&[a, b, c]| [a + n, c + n, b + n]));
-    let directed: std::collections::BTreeSet<(u32, u32)> =
-        face.triangles.iter().flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)]).collect();
-    for &(a, b) in directed.iter().filter(|(a, b)| !directed.contains(&(*b, *a))) {
-        triangles.extend([[b, a, a + n], [b, a + n, b + n]]);
-    }
-    TriMesh { vertices, triangles }
 }
 
 /// The force law of a bundle of so many fibres.

@@ -1,10 +1,13 @@
-//! `import-abaqus`: a published deck becomes a model, as it stands or as another variant of the knee.
+//! `import-abaqus`: a published deck becomes a model, as it stands or as another variant of the knee. `import-opensim`: so does an OpenSim knee.
 
 use crate::error::{BuildError, Place};
+use crate::init::SideName;
 use crate::store;
 use crate::told::{Told, schemas};
 use clap::Args;
+use decks::opensim::{self, Given};
 use decks::{ImportedDeck, lower_cartilage, replace_fibres};
+use meshes::frame::Side;
 use notices::Notice;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -46,14 +49,46 @@ fn part(text: &str) -> Result<(String, f64), String> {
     Ok((part.trim().to_owned(), mm))
 }
 
+/// `build-model import-opensim`.
+#[derive(Args, Clone, Debug)]
+pub struct ImportOpensimArgs {
+    /// The model file (.osim), its meshes beside it or in its folder Geometry
+    pub model: PathBuf,
+    /// Folder for model.json and its meshes
+    #[arg(long)]
+    pub out: PathBuf,
+    /// The femur's body, where names and contact do not tell it
+    #[arg(long, value_name = "BODY")]
+    pub femur: Option<String>,
+    /// The tibia's body, where names and contact do not tell it
+    #[arg(long, value_name = "BODY")]
+    pub tibia: Option<String>,
+    /// Which knee, where ligaments and names do not tell it
+    #[arg(long)]
+    pub side: Option<SideName>,
+}
+
+/// A deck's or model's fault, with its place.
+fn fault(file: &Path, e: &decks::DeckError) -> BuildError {
+    match e.line {
+        0 => BuildError::in_file(file, &e.message),
+        line => BuildError::at(Place { file: e.file.clone(), row: Some(line), column: None }, e.to_string()),
+    }
+}
+
+/// The folder of a file, and its name there.
+fn parted(file: &Path) -> (&Path, String) {
+    let folder = file.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    (folder, file.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default())
+}
+
 /// Reads the deck and makes the variant that is asked for.
 pub fn imported(args: &ImportArgs) -> Result<ImportedDeck, BuildError> {
     let fault = |e: decks::DeckError| match e.line {
         0 => BuildError::of_file(&args.deck, e.to_string()),
-        line => BuildError::at(Place { file: e.file.clone(), row: Some(line), column: None }, e.to_string()),
+        _ => fault(&args.deck, &e),
     };
-    let folder = args.deck.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let main = args.deck.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    let (folder, main) = parted(&args.deck);
     let mut read = |name: &str| store::read_beside(folder, name).map_err(|e| e.to_string());
     let mut deck = decks::import(&main, &mut read).map_err(fault)?;
     if let (Some(table), Some(variant)) = (&args.fibres, &args.variant) {
@@ -67,7 +102,7 @@ pub fn imported(args: &ImportArgs) -> Result<ImportedDeck, BuildError> {
     Ok(deck)
 }
 
-/// `import-abaqus --json`.
+/// `import-abaqus --json` and `import-opensim --json`.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct ImportTold {
     /// import/1
@@ -90,23 +125,41 @@ pub struct ImportTold {
     pub notices: Vec<Notice>,
 }
 
-/// Writes the model; gives the words to print.
+/// Writes the model of a deck; gives the words to print.
 pub fn import_abaqus(args: &ImportArgs) -> Result<Told, BuildError> {
-    let deck = imported(args)?;
+    written(imported(args)?, &args.out)
+}
+
+/// Writes the model of an OpenSim knee; gives the words to print.
+pub fn import_opensim(args: &ImportOpensimArgs) -> Result<Told, BuildError> {
+    let (folder, main) = parted(&args.model);
+    let given = Given {
+        femur: args.femur.clone(),
+        tibia: args.tibia.clone(),
+        side: args.side.map(|s| if s == SideName::Left { Side::Left } else { Side::Right }),
+    };
+    let mut read = |name: &str| store::read_beside(folder, name).map_err(|e| e.to_string());
+    let bytes = store::read(&args.model)?;
+    let knee = opensim::import(&main, &bytes, &mut read, &given).map_err(|e| fault(&args.model, &e))?;
+    written(knee, &args.out)
+}
+
+/// Writes a model into a folder.
+fn written(deck: ImportedDeck, out: &Path) -> Result<Told, BuildError> {
     let files = deck.files().map_err(|e| BuildError::File(e.to_string()))?;
-    store::write_all(&args.out, &files)?;
+    store::write_all(out, &files)?;
+    let model = out.join("model.json").display().to_string();
     let words = format!(
-        "{}: {} fibres in {} bundles, {} contact pairs\nThe model is {}\n",
+        "{}: {} fibres in {} bundles, {} contact pairs\nThe model is {model}\n",
         deck.spec.id,
         deck.spec.fibres.len(),
         deck.spec.bundles.len(),
-        deck.spec.contact.pairs.len(),
-        args.out.join("model.json").display()
+        deck.spec.contact.pairs.len()
     );
     let data = ImportTold {
         schema: schemas::IMPORT,
         id: deck.spec.id.clone(),
-        model: args.out.join("model.json").display().to_string(),
+        model,
         files: files.iter().map(|(name, _)| name.clone()).collect(),
         bundles: deck.spec.bundles.len(),
         fibres: deck.spec.fibres.len(),

@@ -51,7 +51,12 @@ const ALL: [Entry; 20] = [
     Entry { name: "inspect", version: "inspect/1", what: "inspect --json", make: made::<Vec<inspect::StageTold>> },
     Entry { name: "options", version: "options/1", what: "options --json", make: made::<Vec<option_docs::OptionDoc>> },
     Entry { name: "phantom", version: schemas::PHANTOM, what: "phantom --json", make: made::<PhantomTold> },
-    Entry { name: "import", version: schemas::IMPORT, what: "import-abaqus --json", make: made::<ImportTold> },
+    Entry {
+        name: "import",
+        version: schemas::IMPORT,
+        what: "import-abaqus --json and import-opensim --json",
+        make: made::<ImportTold>,
+    },
     Entry { name: "cohort", version: schemas::COHORT, what: "cohort --json", make: made::<CohortTold> },
     Entry {
         name: "credibility",

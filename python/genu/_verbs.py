@@ -472,6 +472,35 @@ def import_abaqus(deck: Path, out: Path) -> Model:
     return Model(place)
 
 
+def import_opensim(
+    file: Path, out: Path, *, femur: str | None = None, tibia: str | None = None, side: str | None = None
+) -> Model:
+    """Turn an OpenSim knee with JAM's ligaments and contact into a model in the folder ``out``.
+
+    Parameters
+    ----------
+    file : str or path-like
+        The model (.osim), its meshes beside it or in its folder Geometry.
+    out : str or path-like
+        Folder for the model.
+    femur, tibia : str, optional
+        Names of the bodies, where names and contact do not tell them.
+    side : {"left", "right"}, optional
+        Which knee, where ligaments and names do not tell it.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read; ``file`` and ``row`` say where.
+    """
+    place = absolute(out)
+    words: list[Any] = ["import-opensim", absolute(file), "--out", place]
+    for name, value in (("--femur", femur), ("--tibia", tibia), ("--side", side)):
+        words += [name, value] if value is not None else []
+    run(*words)
+    return Model(place)
+
+
 def _json(path: str) -> Any:
     try:
         with open(path, encoding="utf-8") as file:

@@ -1,15 +1,18 @@
-//! OpenSim: three cylindrical joints, a Blankevoort1991Ligament a fibre, elastic-foundation contact. Metres, newtons, radians.
+//! OpenSim: three cylindrical joints, a Blankevoort1991Ligament a fibre, elastic-foundation contact or JAM's. Metres, newtons, radians.
 //!
 //! The tibia is ground. Coordinates are the model's: clinical displacements from the CT pose. A fibre's slack length and stiffness are set so that its
 //! force is the model's at every length. Both faces of a contact pair carry springs and OpenSim halves their areas, which is the model's mean of both
 //! passes. Contact meshes must be closed there: the faces are thickened away from
 //! the contact, by more than twice the deepest overclosure that is to be expected.
 
-use super::{File, bent, contact_name, contact_stiffness, law_of, named, thickened};
+use super::{File, OpensimContact, bent, contact_name, contact_stiffness, law_of, named, thickened};
 use crate::error::BuildError;
 use crate::model_file::LoadedModel;
+use decks::opensim::ANATOMICAL;
+use meshes::frame::{AnatomicalFrame, Side};
 use meshes::surface::TriMesh;
 use meshes::{Point, Vector};
+use nalgebra::{Matrix3, Rotation3};
 use notices::{Kind, Notice};
 use sim::coordinate::{AP, FE, IE, ML, SI, Six, VV};
 use sim::joint::Joint;
@@ -21,9 +24,15 @@ const THICKENED_MM: f64 = 4.0;
 /// Mass of a link between two joints [kg]: OpenSim asks for one.
 const LINK_KG: f64 = 0.01;
 
+mod jam;
+
 /// What the file does otherwise than the model.
-pub(super) fn warnings(model: &LoadedModel) -> Vec<Notice> {
-    let mut out: Vec<Notice> = bent(model).into_iter().collect();
+pub(super) fn warnings(model: &LoadedModel, contact: OpensimContact) -> Vec<Notice> {
+    let table = contact == OpensimContact::Elastic || model.spec.contact.layer.is_none();
+    let mut out: Vec<Notice> = bent(model).into_iter().filter(|_| table).collect();
+    if contact == OpensimContact::Jam && model.spec.contact.friction > 0.0 {
+        out.push(Kind::NotInFormat.notice("contact is without friction there"));
+    }
     out.extend(other_laws(model).map(|text| Kind::NotInFormat.notice(text)));
     out
 }
@@ -42,23 +51,28 @@ fn other_laws(model: &LoadedModel) -> Option<String> {
 const COMPARED_TOES: f64 = 4.0;
 
 /// model.osim and Geometry/.
-pub(super) fn files(model: &LoadedModel) -> Result<Vec<File>, BuildError> {
+pub(super) fn files(model: &LoadedModel, contact: OpensimContact) -> Result<Vec<File>, BuildError> {
     let fault = |e: sim::SimError| BuildError::in_file(&model.folder, e);
     let joint = Joint::new(&model.spec.frames, model.spec.side).map_err(fault)?;
-    let mut files = vec![("model.osim".to_owned(), document(model, &joint)?.into_bytes())];
+    let mut files = vec![("model.osim".to_owned(), document(model, &joint, contact)?.into_bytes())];
+    if contact == OpensimContact::Jam {
+        files.extend(jam::backs(model).map(|(name, mesh)| (format!("Geometry/{name}"), obj(mesh).into_bytes())));
+    }
     for n in named(model) {
-        let mesh = if n.bone { n.mesh.clone() } else { thickened(n.mesh, THICKENED_MM) };
+        let open = n.bone || contact == OpensimContact::Jam;
+        let mesh = if open { n.mesh.clone() } else { thickened(n.mesh, THICKENED_MM) };
         files.push((format!("Geometry/{}.obj", n.name), obj(&mesh).into_bytes()));
     }
     Ok(files)
 }
 
-fn document(model: &LoadedModel, joint: &Joint) -> Result<String, BuildError> {
+fn document(model: &LoadedModel, joint: &Joint, law: OpensimContact) -> Result<String, BuildError> {
     let id = model.spec.id.replace(['<', '>', '&', '"'], "_");
     let mut out = format!(
         "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<OpenSimDocument Version=\"40600\">\n<Model name=\"{id}\">\n\
          <gravity>0 0 0</gravity><length_units>meters</length_units><force_units>N</force_units>\n\
-         <Ground name=\"ground\"><attached_geometry>{}</attached_geometry></Ground>\n<BodySet name=\"bodyset\"><objects>\n",
+         <Ground name=\"ground\">{}<attached_geometry>{}</attached_geometry></Ground>\n<BodySet name=\"bodyset\"><objects>\n",
+        anatomical(&model.spec.frames.tibia, model.spec.side, "/ground"),
         geometry(model, false, "/ground")
     );
     let femur = model.spec.bodies.iter().find(|b| b.name == "femur");
@@ -66,10 +80,13 @@ fn document(model: &LoadedModel, joint: &Joint) -> Result<String, BuildError> {
     for (name, mass, inertia) in
         [("link_tibial", LINK_KG, 1e-6), ("link_floating", LINK_KG, 1e-6), ("femur", mass, inertia)]
     {
-        let shown = if name == "femur" { geometry(model, true, "/bodyset/femur") } else { String::new() };
+        let is_femur = name == "femur";
+        let shown = if is_femur { geometry(model, true, "/bodyset/femur") } else { String::new() };
+        let frame = |name: &str| anatomical(&model.spec.frames.femur, model.spec.side, name);
+        let frame = if is_femur { frame("/bodyset/femur") } else { String::new() };
         let _ = writeln!(
             out,
-            "<Body name=\"{name}\"><mass>{mass:?}</mass><mass_center>0 0 0</mass_center><inertia>{inertia:?} {inertia:?} {inertia:?} 0 0 0</inertia><attached_geometry>{shown}</attached_geometry></Body>"
+            "<Body name=\"{name}\">{frame}<mass>{mass:?}</mass><mass_center>0 0 0</mass_center><inertia>{inertia:?} {inertia:?} {inertia:?} 0 0 0</inertia><attached_geometry>{shown}</attached_geometry></Body>"
         );
     }
     out += "</objects></BodySet>\n<JointSet name=\"jointset\"><objects>\n";
@@ -77,6 +94,10 @@ fn document(model: &LoadedModel, joint: &Joint) -> Result<String, BuildError> {
     out += "</objects></JointSet>\n<ContactGeometrySet name=\"contactgeometryset\"><objects>\n";
     for n in named(model).iter().filter(|n| !n.bone) {
         let frame = if n.femur { "/bodyset/femur" } else { "/ground" };
+        if law == OpensimContact::Jam {
+            out += &jam::mesh(model, n, frame);
+            continue;
+        }
         let _ = writeln!(
             out,
             "<ContactMesh name=\"{0}\"><socket_frame>{frame}</socket_frame><location>0 0 0</location><orientation>0 0 0</orientation><filename>Geometry/{0}.obj</filename></ContactMesh>",
@@ -85,9 +106,26 @@ fn document(model: &LoadedModel, joint: &Joint) -> Result<String, BuildError> {
     }
     out += "</objects></ContactGeometrySet>\n<ForceSet name=\"forceset\"><objects>\n";
     out += &ligaments(model)?;
-    out += &contact(model);
+    out += &match law {
+        OpensimContact::Elastic => contact(model),
+        OpensimContact::Jam => jam::forces(model),
+    };
     out += "</objects></ForceSet>\n</Model>\n</OpenSimDocument>\n";
     Ok(out)
+}
+
+/// A frame as OpenSim has one: x forwards, y to the head, z to the right.
+fn anatomical(frame: &AnatomicalFrame, side: Side, body: &str) -> String {
+    let right = if side == Side::Left { frame.medial } else { -frame.medial };
+    let turn = Matrix3::from_columns(&[frame.anterior, frame.superior, right]);
+    // x-y-z angles; the first is taken off before the others are read, so that they are exact where the second is a right angle
+    let x = (-turn[(1, 2)]).atan2(turn[(2, 2)]);
+    let rest = Rotation3::from_axis_angle(&Vector::x_axis(), -x).into_inner() * turn;
+    let (y, z) = (rest[(0, 2)].atan2(rest[(2, 2)]), rest[(1, 0)].atan2(rest[(1, 1)]));
+    format!(
+        "<components><PhysicalOffsetFrame name=\"{ANATOMICAL}\"><socket_parent>{body}</socket_parent><translation>{}</translation><orientation>{x:?} {y:?} {z:?}</orientation></PhysicalOffsetFrame></components>",
+        metres(&frame.origin)
+    )
 }
 
 /// The chain: the axes' rotations and shifts turned so that coordinates have clinical signs.

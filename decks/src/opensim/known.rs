@@ -1,0 +1,135 @@
+//! Every element of an OpenSim model and what becomes of it: read, without effect, told, or refused.
+
+use super::tree::{Tree, name_of, shown};
+use crate::DeckError;
+use crate::known::Class;
+use notices::{Kind, Notice};
+use roxmltree::Node;
+use sim::names::did_you_mean;
+use std::collections::BTreeMap;
+use std::sync::LazyLock;
+
+/// The table, a line an element.
+const TABLE: &str = include_str!("elements.txt");
+
+/// An element of the table.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Element {
+    /// What becomes of it.
+    pub class: Class,
+    /// Of an obeyed one: properties that are read, or change nothing.
+    pub properties: Vec<&'static str>,
+    /// Of another: why, as the message says it.
+    pub why: &'static str,
+}
+
+static ELEMENTS: LazyLock<BTreeMap<&'static str, Element>> = LazyLock::new(|| TABLE.lines().filter_map(row).collect());
+
+fn row(line: &'static str) -> Option<(&'static str, Element)> {
+    let mut cells = line.split('|').map(str::trim);
+    let class = match cells.next()? {
+        "obeyed" => Class::Obeyed,
+        "harmless" => Class::Harmless,
+        "told" => Class::Told,
+        "refused" => Class::Refused,
+        _ => return None,
+    };
+    let (name, rest) = (cells.next()?, cells.next()?);
+    let obeyed = class == Class::Obeyed;
+    let properties = rest.split_whitespace().filter(|_| obeyed).collect();
+    Some((name, Element { class, properties, why: if obeyed { "" } else { rest } }))
+}
+
+/// The classes of OpenSim 4.6, and those of JAM.
+pub fn elements() -> &'static BTreeMap<&'static str, Element> {
+    &ELEMENTS
+}
+
+/// The objects of a model that are read, in the order of the file, and what is told of the others.
+pub(super) struct Judged<'a, 'i> {
+    pub(super) objects: Vec<Node<'a, 'i>>,
+    pub(super) told: Vec<Notice>,
+}
+
+/// Counted notices, each with the place where it was met first.
+#[derive(Default)]
+struct Counted(BTreeMap<String, (usize, usize)>);
+
+impl Counted {
+    fn tell(&mut self, tree: &Tree<'_>, node: Node<'_, '_>, what: String) {
+        self.0.entry(what).or_insert_with(|| (0, tree.line(node))).0 += 1;
+    }
+}
+
+/// Holds every element of a model against the table.
+///
+/// # Errors
+/// An element that is refused, or one that OpenSim does not have and that resembles one that is read.
+pub(super) fn judge<'a, 'i>(tree: &Tree<'_>, model: Node<'a, 'i>) -> Result<Judged<'a, 'i>, DeckError> {
+    let mut told = Counted::default();
+    let mut objects = Vec::new();
+    let mut open = vec![model];
+    while let Some(object) = open.pop() {
+        let Some(known) = ELEMENTS.get(object.tag_name().name()) else {
+            told.tell(tree, object, unknown(tree, object)?);
+            continue;
+        };
+        match known.class {
+            Class::Refused => return Err(tree.error(object, format!("is not read: it {}", known.why))),
+            Class::Told => {
+                told.tell(tree, object, format!("{} is passed over: {}", object.tag_name().name(), known.why));
+            }
+            Class::Harmless => {}
+            Class::Obeyed => {
+                objects.push(object);
+                let mut within = inner(tree, object, known, &mut told)?;
+                within.reverse();
+                open.extend(within);
+            }
+        }
+    }
+    let said = |(what, (count, line)): (String, (usize, usize))| {
+        let times = if count == 1 { String::new() } else { format!(" ({count} times)") };
+        let text = format!("{}:{line}: {what}{times}", tree.file);
+        Kind::KeywordPassedOver.notice(text).count(count)
+    };
+    Ok(Judged { objects, told: told.0.into_iter().map(said).collect() })
+}
+
+/// The objects within an object: those of its properties, and those that stand in it by their class.
+fn inner<'a, 'i>(
+    tree: &Tree<'_>,
+    object: Node<'a, 'i>,
+    known: &Element,
+    told: &mut Counted,
+) -> Result<Vec<Node<'a, 'i>>, DeckError> {
+    let mut found = Vec::new();
+    let class = object.tag_name().name();
+    for part in object.children().filter(Node::is_element) {
+        let name = part.tag_name().name();
+        if known.properties.contains(&name) {
+            found.extend(part.children().filter(Node::is_element));
+        } else if ELEMENTS.contains_key(name) {
+            found.push(part);
+        } else {
+            let read = known.properties.iter().copied();
+            let hint = did_you_mean(name, read);
+            if !hint.is_empty() {
+                return Err(tree.error(part, format!("{} has no such property{hint}", shown(object))));
+            }
+            told.tell(tree, part, format!("{class}: the property {name} is passed over"));
+        }
+    }
+    Ok(found)
+}
+
+/// What is said of an element that OpenSim does not have.
+fn unknown(tree: &Tree<'_>, object: Node<'_, '_>) -> Result<String, DeckError> {
+    let name = object.tag_name().name();
+    let read = ELEMENTS.iter().filter(|(_, k)| k.class == Class::Obeyed).map(|(name, _)| *name);
+    let hint = did_you_mean(name, read);
+    if !hint.is_empty() && !name_of(object).is_empty() {
+        return Err(tree.error(object, format!("OpenSim has no such element{hint}")));
+    }
+    Ok(format!("{name} is passed over: OpenSim 4.6 and JAM have no such element"))
+}

@@ -1,0 +1,276 @@
+//! Blankevoort1991Ligament: each becomes a fibre, and fibres of one law a bundle.
+//!
+//! OpenSim: `F = k / (2 t) s^2` up to the strain `t`, `F = k (s - t / 2)` from there on, with `s = (l - l0) / l0` and `k` in N. A model counts stretch
+//! `x = l - l0` in mm, so its stiffness is `k / l0` and its toe strain `t / 2`. What a path has on one bone alone never changes its length: it
+//! is taken off `l` and `l0`, and the stretch stays.
+
+use super::knee::Knee;
+use super::places::Places;
+use super::tree::{Tree, child, name_of, text};
+use super::{MM_PER_M, point};
+use crate::DeckError;
+use meshes::Point;
+use notices::{Kind, Notice};
+use roxmltree::Node;
+use sim::spec::{BundleSpec, FibreSpec, Law};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// OpenSim's values where a file has none: strain at the toe's end [-], damping [s].
+const TRANSITION_STRAIN: f64 = 0.06;
+const DAMPING_S: f64 = 0.003;
+/// Fibres whose laws differ by less than this share, or so many mm, are of one bundle: numbers are written so that they come back.
+const SAME: f64 = 1e-9;
+/// Ligaments whose name goes on without a line: `ACLam1` becomes `ACL_am1`, so that `--without ACL` cuts it.
+const LIGAMENTS: [&str; 5] = ["ACL", "PCL", "MCL", "LCL", "PFL"];
+
+/// Bundles and fibres of a knee.
+pub(super) struct Ligaments {
+    pub(super) bundles: Vec<BundleSpec>,
+    pub(super) fibres: Vec<FibreSpec>,
+    pub(super) told: Vec<Notice>,
+}
+
+/// A ligament as a line between the bones.
+struct Line {
+    name: String,
+    femur: Point,
+    tibia: Point,
+    /// Length of its path, and that at which it begins to pull [mm].
+    length: f64,
+    slack: f64,
+    stiffness: f64,
+    toe_strain: f64,
+    damping: f64,
+}
+
+impl Line {
+    /// Stretch, toe, stiffness and damping [mm, N/mm, N s/mm]: what the fibres of a bundle share.
+    fn law(&self) -> [f64; 4] {
+        [self.length - self.slack, self.toe_strain * self.slack, self.stiffness, self.damping]
+    }
+}
+
+/// Reads the ligaments among `objects`.
+///
+/// Errors: a ligament with numbers that no ligament has; none from femur to tibia.
+pub(super) fn ligaments<'a, 'i>(
+    tree: &Tree<'_>,
+    places: &Places<'a, 'i>,
+    knee: &Knee,
+    objects: &[Node<'a, 'i>],
+) -> Result<Ligaments, DeckError> {
+    let (mut lines, mut elsewhere, mut odd) = (Vec::new(), BTreeMap::new(), BTreeMap::new());
+    let mut names = BTreeSet::new();
+    let all = objects.iter().copied().filter(|o| o.tag_name().name() == "Blankevoort1991Ligament");
+    for node in all {
+        if !tree.flag(node, "appliesForce", true)? {
+            odd.entry("are switched off (appliesForce is false) and left out")
+                .or_insert_with(Vec::new)
+                .push(name_of(node));
+            continue;
+        }
+        if path(tree, node)?.is_some_and(|p| child(p, "PathWrapSet").is_some_and(wraps)) {
+            odd.entry("wrap over objects there; here they are straight").or_insert_with(Vec::new).push(name_of(node));
+        }
+        match line(tree, places, knee, node)? {
+            Ok(line) if names.insert(line.name.clone()) => lines.push(line),
+            Ok(_) => return Err(tree.error(node, "another ligament has its name; expected a name of its own")),
+            Err(where_to) => elsewhere.entry(where_to).or_insert_with(Vec::new).push(name_of(node)),
+        }
+    }
+    if lines.is_empty() {
+        return Err(DeckError {
+            file: tree.file.to_owned(),
+            line: 0,
+            message: format!(
+                "no Blankevoort1991Ligament leads from {} to {}; expected the knee's ligaments as such",
+                places.name(knee.femur),
+                places.name(knee.tibia)
+            ),
+        });
+    }
+    let mut told: Vec<Notice> = Vec::new();
+    for (what, which) in odd {
+        told.push(
+            Kind::DeckOdd.notice(format!("{} ligaments {what}: {}", which.len(), which.join(", "))).count(which.len()),
+        );
+    }
+    for (what, which) in elsewhere {
+        let text = format!("{} ligaments are left out, since they {what}: {}", which.len(), which.join(", "));
+        told.push(Kind::SpringsUnread.notice(text).count(which.len()));
+    }
+    let (bundles, fibres) = bundles(lines);
+    Ok(Ligaments { bundles, fibres, told })
+}
+
+/// Whether a PathWrapSet holds something.
+fn wraps(set: Node<'_, '_>) -> bool {
+    set.descendants().any(|n| n.tag_name().name() == "PathWrap")
+}
+
+/// The path of a ligament.
+fn path<'a, 'i>(tree: &Tree<'_>, node: Node<'a, 'i>) -> Result<Option<Node<'a, 'i>>, DeckError> {
+    let found = child(node, "GeometryPath").or_else(|| child(child(node, "path")?, "GeometryPath"));
+    match found {
+        None => Err(tree.error(node, "<GeometryPath> is missing; expected a path with two points or more")),
+        found => Ok(found),
+    }
+}
+
+/// One ligament; the inner error says why it is none of the knee's.
+fn line<'a, 'i>(
+    tree: &Tree<'_>,
+    places: &Places<'a, 'i>,
+    knee: &Knee,
+    node: Node<'a, 'i>,
+) -> Result<Result<Line, String>, DeckError> {
+    let points = path(tree, node)?.and_then(|p| child(p, "PathPointSet")).and_then(|s| child(s, "objects"));
+    let points = points.into_iter().flat_map(|o| o.children().filter(Node::is_element));
+    let mut way: Vec<(usize, Point)> = Vec::new();
+    for p in points {
+        let frame = places.socket(p, "socket_parent_frame")?;
+        let at = point(tree, p, "location")?;
+        let Some(place) = knee.place(frame.body) else {
+            return Ok(Err(format!("end on {}", places.name(frame.body))));
+        };
+        way.push((knee.bone(frame.body), place * frame.place * at));
+    }
+    if way.len() < 2 {
+        return Err(tree.error(node, format!("its path has {} points, expected two or more", way.len())));
+    }
+    let crossings: Vec<usize> = (1..way.len()).filter(|&k| way[k].0 != way[k - 1].0).collect();
+    let [at] = crossings[..] else {
+        let times = match crossings.len() {
+            0 => "lead from a bone to itself".to_owned(),
+            n => format!("cross the joint {n} times"),
+        };
+        return Ok(Err(times));
+    };
+    let length: f64 = way.windows(2).map(|w| (w[1].1 - w[0].1).norm()).sum();
+    let (a, b) = (way[at - 1], way[at]);
+    let (femur, tibia) = if a.0 == knee.femur { (a.1, b.1) } else { (b.1, a.1) };
+    Ok(Ok(law(tree, node, length, (femur, tibia))?))
+}
+
+/// The law of a ligament whose path is `length` mm long.
+fn law(tree: &Tree<'_>, node: Node<'_, '_>, length: f64, (femur, tibia): (Point, Point)) -> Result<Line, DeckError> {
+    let slack = tree.number(node, "slack_length", 0.0)? * MM_PER_M;
+    let stiffness = tree.number(node, "linear_stiffness", 0.0)?;
+    let transition = tree.number(node, "transition_strain", TRANSITION_STRAIN)?;
+    let damping = tree.number(node, "damping_coefficient", DAMPING_S)?;
+    let fault = |what: String| Err(tree.error(node, what));
+    if slack <= 0.0 || slack > LONGEST_MM {
+        let given = text(node, "slack_length").unwrap_or("missing");
+        return fault(format!(
+            "<slack_length> is {given}, expected metres, above 0 and at most {}",
+            LONGEST_MM / MM_PER_M
+        ));
+    }
+    if stiffness <= 0.0 {
+        return fault(format!("<linear_stiffness> is {stiffness}, expected N a unit of strain, above 0"));
+    }
+    if transition <= 0.0 || transition >= 1.0 {
+        return fault(format!("<transition_strain> is {transition}, expected above 0 and below 1"));
+    }
+    if damping < 0.0 {
+        return fault(format!("<damping_coefficient> is {damping}, expected seconds, 0 or more"));
+    }
+    if (femur - tibia).norm() < 1e-6 {
+        return fault("its ends on femur and tibia are one point".into());
+    }
+    Ok(Line {
+        name: bundle_name(name_of(node)),
+        femur,
+        tibia,
+        length,
+        slack,
+        stiffness: stiffness / slack,
+        toe_strain: transition / 2.0,
+        damping: stiffness * damping / slack,
+    })
+}
+
+/// Longer than any ligament of a knee [mm]: a length in mm in place of metres is beyond it. Ours.
+const LONGEST_MM: f64 = 1000.0;
+
+/// A name as columns and options can hold it.
+fn bundle_name(name: &str) -> String {
+    let plain: String = name.chars().map(|c| if c.is_alphanumeric() { c } else { '_' }).collect();
+    let whole = |l: &&&str| plain.strip_prefix(**l).is_some_and(|r| !r.is_empty() && !r.starts_with('_'));
+    match LIGAMENTS.iter().find(whole) {
+        Some(ligament) => format!("{ligament}_{}", &plain[ligament.len()..]),
+        None if plain.is_empty() => "ligament".to_owned(),
+        None => plain,
+    }
+}
+
+/// Bundles of the fibres: those of one name but for a number are one bundle where all have one law, else each is a bundle.
+fn bundles(lines: Vec<Line>) -> (Vec<BundleSpec>, Vec<FibreSpec>) {
+    let stem = |name: &str| name.trim_end_matches(|c: char| c.is_ascii_digit()).trim_end_matches('_').to_owned();
+    let mut groups: Vec<(String, Vec<Line>)> = Vec::new();
+    for line in lines {
+        let own = stem(&line.name);
+        let place = groups.iter().position(|(name, _)| *name == own && !own.is_empty());
+        match place {
+            Some(k) => groups[k].1.push(line),
+            None => groups.push((own, vec![line])),
+        }
+    }
+    let taken: BTreeSet<String> = groups.iter().flat_map(|(_, l)| l).map(|l| l.name.clone()).collect();
+    let (mut specs, mut fibres) = (Vec::new(), Vec::new());
+    for (name, group) in groups {
+        let first = group[0].law();
+        let same = |l: &Line| l.law().iter().zip(&first).all(|(a, b)| (a - b).abs() <= SAME * b.abs().max(1.0));
+        // a fibre alone is of a bundle where its number stands apart, as in ALS_1
+        let apart = |l: &Line| l.name.len() > name.len() && l.name[name.len()..].starts_with('_');
+        let whole = group.len() > 1 || apart(&group[0]);
+        let one = whole && group.iter().all(same) && !taken.contains(&name);
+        let parts: Vec<(String, Vec<&Line>)> = match one {
+            true => vec![(name, group.iter().collect())],
+            false => group.iter().map(|l| (l.name.clone(), vec![l])).collect(),
+        };
+        for (name, of) in parts {
+            fibres.extend(of.iter().map(|l| FibreSpec { bundle: name.clone(), femur: l.femur, tibia: l.tibia }));
+            specs.push(bundle(name, &of));
+        }
+    }
+    (specs, fibres)
+}
+
+/// A bundle of fibres of one law: the mean of their lengths stands for each.
+fn bundle(name: String, of: &[&Line]) -> BundleSpec {
+    let count = of.len() as f64;
+    let [stretch, toe, stiffness, damping] = of[0].law();
+    // one fibre keeps its own numbers to the last digit
+    let slack = of.iter().map(|l| l.slack).sum::<f64>() / count;
+    let length = if of.len() == 1 { of[0].length } else { slack + stretch };
+    BundleSpec {
+        name,
+        reference_strain: length / slack,
+        stiffness_n_per_mm: stiffness * count,
+        reference_length_mm: length,
+        toe_strain: toe / slack,
+        law: Law::Smooth,
+        damping_n_s_per_mm: damping,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_ligaments_are_parted_so_that_a_cut_finds_them() {
+        for (given, wanted) in [
+            ("ACLam1", "ACL_am1"),
+            ("ACL_AM_1", "ACL_AM_1"),
+            ("PCLal3", "PCL_al3"),
+            ("ACL", "ACL"),
+            ("sMCL_A_2", "sMCL_A_2"),
+            ("PT 1,2", "PT_1_2"),
+            ("", "ligament"),
+        ] {
+            assert_eq!(bundle_name(given), wanted, "{given}");
+        }
+    }
+}
