@@ -141,8 +141,8 @@ fn read(text: &str) -> Result<ImportedDeck, DeckError> {
 
 /// Where the knee stands under a load at a flexion, in Grood-Suntay coordinates, and its fibres' forces.
 fn answer(deck: &ImportedDeck, flexion: f64, load: &Load) -> (Vec<f64>, Vec<f64>) {
-    let model = sim::compile(&deck.spec, &deck.meshes).unwrap();
-    let q = solve(&model, flexion, load, &TrialOptions::default()).unwrap().state.q;
+    let model = sim::compile(&deck.spec, &deck.meshes).expect("a model");
+    let q = solve(&model, flexion, load, &TrialOptions::default()).expect("an equilibrium").state.q;
     let forces = model.bundle_forces(&model.evaluate(&q).fibres);
     (model.joint.grood_suntay(&q).as_slice().to_vec(), forces)
 }

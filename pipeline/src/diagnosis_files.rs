@@ -15,7 +15,10 @@ pub(crate) const PAGE: &str = "report.html";
 pub(crate) const DIAGNOSIS: &str = "diagnosis.json";
 
 /// The model of a file, compiled for a diagnosis of a knee that was calibrated so.
-pub(crate) fn prepared(loaded: &LoadedModel, calibrate: &CalibrateOptions) -> Result<sim::Model, diagnosis::DiagnosisError> {
+pub(crate) fn prepared(
+    loaded: &LoadedModel,
+    calibrate: &CalibrateOptions,
+) -> Result<sim::Model, diagnosis::DiagnosisError> {
     diagnosis::rim::prepared(&loaded.spec, &loaded.meshes, &calibrate.search)
 }
 

@@ -284,6 +284,7 @@ mod tests {
     use super::*;
 
     #[test]
+    #[expect(clippy::approx_constant, reason = "knots as a file of OpenSim has them")]
     fn a_spline_is_that_of_opensim() {
         let xs = [-2.0944, -1.74533, -1.39626, -1.0472, -0.698132, 0.0, 0.3];
         let ys = [-0.0032, 0.00179, 0.00411, 0.0041, 0.00212, -0.0041, -0.00525];
