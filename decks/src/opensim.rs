@@ -5,6 +5,7 @@
 
 mod bones;
 mod contact;
+mod forces;
 mod joints;
 mod knee;
 mod known;
@@ -54,7 +55,7 @@ pub fn import(main: &str, bytes: &[u8], read: &mut ReadFile, given: &Given) -> R
     let known::Judged { objects, told } = known::judge(&tree, model)?;
     let mut files = Files { main, read };
     let places = places::Places::new(&tree, model, &objects)?;
-    let forces = contact::forces(&tree, &places, &objects)?;
+    let forces = forces::forces(&tree, &places, &objects)?;
     let knee = knee::Knee::find(&tree, &places, &forces, given)?;
     let ligaments = ligaments::ligaments(&tree, &places, &knee, &objects)?;
     let axes = knee::axes(&tree, &places, &knee, &ligaments.fibres, given.side)?;

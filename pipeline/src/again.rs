@@ -37,7 +37,6 @@ fn specimen_of(build: &Path) -> Option<PathBuf> {
 }
 
 #[cfg(test)]
-#[expect(clippy::disallowed_methods, reason = "tests prepare files")]
 mod tests {
     use super::*;
 
@@ -45,10 +44,10 @@ mod tests {
     fn a_build_is_made_again_from_the_folder_that_holds_it() {
         let folder = tempfile::TempDir::new().unwrap();
         let specimen = folder.path().join("my knee");
-        std::fs::create_dir_all(&specimen).unwrap();
+        store::make_folder(&specimen).unwrap();
         let build = specimen.join("build");
         assert!(!building_again(&build).contains("build-model"), "no specimen there");
-        std::fs::write(specimen.join("specimen.toml"), "").unwrap();
+        store::write(&specimen.join("specimen.toml"), b"").unwrap();
         assert_eq!(building_again(&build), command("build", [&specimen]));
         assert!(building_to(&build, "diagnose").ends_with(" --to diagnose"));
         let other = specimen.join("other");

@@ -1,6 +1,6 @@
 //! Bone surfaces: what a body shows, or where nothing fits, its contact surface made a solid.
 
-use super::contact::names_file;
+use super::forces::names_file;
 use super::knee::Knee;
 use super::places::Places;
 use super::tree::{Tree, child, text};

@@ -1,6 +1,6 @@
 //! Which bodies are femur and tibia, where they are, and the knee's frames.
 
-use super::contact::Force;
+use super::forces::Force;
 use super::places::{Frame, Places};
 use super::tree::Tree;
 use super::{Given, MM_PER_M};
@@ -116,7 +116,7 @@ impl Knee {
 const FEMORAL: [&str; 3] = ["femur", "femoral", "thigh"];
 const TIBIAL: [&str; 3] = ["tibia", "tibial", "shank"];
 
-impl super::contact::Mesh {
+impl super::forces::Mesh {
     /// Whether its name or its body's says that it is of a bone.
     fn is_of(&self, words: &[&str; 3]) -> bool {
         let says = |name: &str| words.iter().any(|w| name.to_lowercase().contains(w));
