@@ -1,7 +1,6 @@
 //! Joints of an OpenSim model: how the child's frame stands in the parent's, and about which axes it turns.
 
 use super::MM_PER_M;
-use super::places::{Frame, Places};
 use super::tree::{Tree, child, name_of, text};
 use crate::DeckError;
 use meshes::{Isometry, Vector};
@@ -11,6 +10,15 @@ use std::collections::BTreeMap;
 
 /// Points of a spline are no more than this. Ours.
 const MOST_POINTS: usize = 10_000;
+
+/// A frame: its body, and where it is in that.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Frame {
+    /// Index of the body.
+    pub(super) body: usize,
+    /// From the frame's coordinates to the body's [mm].
+    pub(super) place: Isometry,
+}
 
 /// A joint.
 pub(super) struct Joint<'a, 'i> {
@@ -67,12 +75,12 @@ impl Joint<'_, '_> {
     }
 }
 
-/// Reads a joint.
+/// Reads a joint between two frames, its parent's and its child's.
 ///
-/// Errors: a socket without a frame, an axis without a direction, a function that is not read.
+/// Errors: one body twice, an axis without a direction, a function that is not read.
 pub(super) fn joint<'a, 'i>(
     tree: &Tree<'_>,
-    places: &Places<'a, 'i>,
+    [parent, child]: [Frame; 2],
     node: Node<'a, 'i>,
 ) -> Result<Joint<'a, 'i>, DeckError> {
     let coordinates = coordinates(tree, node)?;
@@ -81,8 +89,6 @@ pub(super) fn joint<'a, 'i>(
         "CustomJoint" => custom(tree, node, &coordinates)?,
         class => plain(class, &values),
     };
-    let parent = places.socket(node, "socket_parent_frame")?;
-    let child = places.socket(node, "socket_child_frame")?;
     if parent.body == child.body {
         return Err(tree.error(node, "joins a body with itself; expected two bodies"));
     }

@@ -1,7 +1,8 @@
 //! Which bodies are femur and tibia, where they are, and the knee's frames.
 
 use super::forces::Force;
-use super::places::{Frame, Places};
+use super::joints::Frame;
+use super::places::Places;
 use super::tree::Tree;
 use super::{Given, MM_PER_M};
 use crate::DeckError;

@@ -1,6 +1,6 @@
 //! Where bodies and frames of an OpenSim model are, in the pose of its coordinates' default values.
 
-use super::joints::{Joint, joint};
+use super::joints::{Frame, Joint, joint};
 use super::tree::{Tree, brief, name_of, shown, text};
 use crate::DeckError;
 use meshes::Isometry;
@@ -24,15 +24,6 @@ pub(super) const JOINTS: [&str; 9] = [
     "PlanarJoint",
     "FreeJoint",
 ];
-
-/// A frame: its body, and where it is in that.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Frame {
-    /// Index of the body.
-    pub(super) body: usize,
-    /// From the frame's coordinates to the body's [mm].
-    pub(super) place: Isometry,
-}
 
 /// Bodies, frames and joints of a model.
 pub(super) struct Places<'a, 'i> {
@@ -79,7 +70,8 @@ impl<'a, 'i> Places<'a, 'i> {
             places.paths.entry(path_of(frame)).or_insert(frame);
         }
         for node in objects.iter().copied().filter(|o| JOINTS.contains(&o.tag_name().name())) {
-            let joint = joint(tree, &places, node)?;
+            let frames = [places.socket(node, "socket_parent_frame")?, places.socket(node, "socket_child_frame")?];
+            let joint = joint(tree, frames, node)?;
             places.joints.push(joint);
         }
         Ok(places)
