@@ -1,4 +1,4 @@
-//! Every keyword of Abaqus and what becomes of it: read, without effect, told, or refused.
+//! Every keyword of Abaqus and what becomes of it: read, without effect, told, or refused. Tables of that kind are read here.
 
 use super::DeckError;
 use super::keyword::{Block, DeckText};
@@ -23,20 +23,25 @@ pub enum Class {
     Refused,
 }
 
-/// A keyword of the table.
+/// A row of a table: a keyword, or an element of a file.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Known {
     /// What becomes of it.
     pub class: Class,
-    /// Of an obeyed one: parameters that are read, or change nothing.
-    pub parameters: Vec<&'static str>,
+    /// Of an obeyed one: its parts (parameters, properties) that are read, or change nothing.
+    pub parts: Vec<&'static str>,
     /// Of another: why, as the message says it.
     pub why: &'static str,
 }
 
-static KEYWORDS: LazyLock<BTreeMap<&'static str, Known>> = LazyLock::new(|| TABLE.lines().filter_map(row).collect());
+static KEYWORDS: LazyLock<BTreeMap<&'static str, Known>> = LazyLock::new(|| rows(TABLE, '+'));
 
-fn row(line: &'static str) -> Option<(&'static str, Known)> {
+/// The rows of a table by their names: `class | name | parts`, or `class | name | why`. Parts stand between separators.
+pub(crate) fn rows(table: &'static str, separator: char) -> BTreeMap<&'static str, Known> {
+    table.lines().filter_map(|line| row(line, separator)).collect()
+}
+
+fn row(line: &'static str, separator: char) -> Option<(&'static str, Known)> {
     let mut cells = line.split('|').map(str::trim);
     let class = match cells.next()? {
         "obeyed" => Class::Obeyed,
@@ -47,8 +52,8 @@ fn row(line: &'static str) -> Option<(&'static str, Known)> {
     };
     let (name, rest) = (cells.next()?, cells.next()?);
     let obeyed = class == Class::Obeyed;
-    let parameters = rest.split('+').map(str::trim).filter(|p| obeyed && !p.is_empty()).collect();
-    Some((name, Known { class, parameters, why: if obeyed { "" } else { rest } }))
+    let parts = rest.split(separator).map(str::trim).filter(|p| obeyed && !p.is_empty()).collect();
+    Some((name, Known { class, parts, why: if obeyed { "" } else { rest } }))
 }
 
 /// The keywords of the index of Abaqus' manual, upper case.
@@ -74,7 +79,7 @@ pub(super) fn judge(deck: &DeckText) -> Result<Vec<Notice>, DeckError> {
                 tell(format!("*{} is passed over: {}", block.keyword, known.why));
             }
             Some(known) if known.class == Class::Obeyed => {
-                let odd = block.options.keys().filter(|p| !known.parameters.contains(&p.as_str()));
+                let odd = block.options.keys().filter(|p| !known.parts.contains(&p.as_str()));
                 odd.for_each(|p| tell(format!("*{}: the parameter {p} is passed over", block.keyword)));
             }
             Some(_) => {}

@@ -18,14 +18,14 @@ use crate::import::{ImportedDeck, check_unit, ct_pose};
 use crate::keyword::ReadFile;
 pub use bones::thickened;
 pub use knee::ANATOMICAL;
-pub use known::{Element, elements};
+pub use known::elements;
 use meshes::Point;
 use meshes::frame::Side;
 use meshes::surface::TriMesh;
 use notices::{Kind, Notice};
 use roxmltree::Node;
 use sim::mesh::MeshValue;
-use sim::spec::{BodySpec, FramesSpec, ModelSpec, PoseSpec, Units};
+use sim::spec::{BodySpec, ContactSpec, FramesSpec, ModelSpec, PoseSpec, Units};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use tree::{Tree, name_of, text};
@@ -65,26 +65,7 @@ pub fn import(main: &str, bytes: &[u8], read: &mut ReadFile, given: &Given) -> R
     warnings.extend(model_told(&tree, &places, &knee, (model, &objects))?);
     warnings.extend([ligaments.told, axes.told, contact.told].into_iter().flatten());
     let mut meshes = contact.meshes;
-    let mut bodies = Vec::new();
-    for femur in [true, false] {
-        let pair = &contact.spec.pairs[0];
-        let face = match meshes.get(if femur { &pair.femur } else { &pair.tibia }) {
-            Some(MeshValue::Surface(mesh)) => mesh.clone(),
-            _ => TriMesh::default(),
-        };
-        let bone = bones::bone(&tree, &places, &knee, (femur, &objects, &face), &mut files, &mut warnings)?;
-        let (name, file) = if femur { ("femur", "femur") } else { ("tibia", "tibfib") };
-        check_unit(name, &bone).map_err(|e| files.fault(0, e.message))?;
-        let body = if femur { knee.femur } else { knee.tibia };
-        let ((mass_tonne, inertia_tonne_mm2), usual) = knee::mass(&tree, &places, body)?;
-        if usual {
-            let what = format!("{}: no mass or inertia above 0: 1 kg and 0.01 kg m2 are taken", places.name(body));
-            warnings.push(Kind::DeckOdd.notice(what).of(name));
-        }
-        let path = format!("meshes/{file}.ply");
-        meshes.insert(path.clone(), MeshValue::Surface(bone));
-        bodies.push(BodySpec { name: name.into(), bone: path, cartilage: vec![], mass_tonne, inertia_tonne_mm2 });
-    }
+    let bodies = bodies((&tree, &places, &knee), (&objects, &contact.spec), (&mut meshes, &mut warnings), &mut files)?;
     let mut spec = ModelSpec {
         schema: "model/1".into(),
         id: identity(main, model),
@@ -109,6 +90,36 @@ pub fn import(main: &str, bytes: &[u8], read: &mut ReadFile, given: &Given) -> R
     // what a simulation would refuse is refused here, where the file is known
     sim::compile(&spec, &meshes).map_err(|e| files.fault(0, e.to_string()))?;
     Ok(ImportedDeck { spec, meshes, warnings })
+}
+
+/// Femur and tibia with their bones, which are put among the meshes.
+fn bodies(
+    (tree, places, knee): (&Tree<'_>, &places::Places<'_, '_>, &knee::Knee),
+    (objects, contact): (&[Node<'_, '_>], &ContactSpec),
+    (meshes, warnings): (&mut BTreeMap<String, MeshValue>, &mut Vec<Notice>),
+    files: &mut Files<'_, '_>,
+) -> Result<Vec<BodySpec>, DeckError> {
+    let pair = &contact.pairs[0];
+    let mut bodies = Vec::new();
+    for femur in [true, false] {
+        let face = match meshes.get(if femur { &pair.femur } else { &pair.tibia }) {
+            Some(MeshValue::Surface(mesh)) => mesh.clone(),
+            _ => TriMesh::default(),
+        };
+        let bone = bones::bone(tree, places, knee, (femur, objects, &face), files, warnings)?;
+        let (name, file) = if femur { ("femur", "femur") } else { ("tibia", "tibfib") };
+        check_unit(name, &bone).map_err(|e| files.fault(0, e.message))?;
+        let body = if femur { knee.femur } else { knee.tibia };
+        let ((mass_tonne, inertia_tonne_mm2), usual) = knee::mass(tree, places, body)?;
+        if usual {
+            let what = format!("{}: no mass or inertia above 0: 1 kg and 0.01 kg m2 are taken", places.name(body));
+            warnings.push(Kind::DeckOdd.notice(what).of(name));
+        }
+        let path = format!("meshes/{file}.ply");
+        meshes.insert(path.clone(), MeshValue::Surface(bone));
+        bodies.push(BodySpec { name: name.into(), bone: path, cartilage: vec![], mass_tonne, inertia_tonne_mm2 });
+    }
+    Ok(bodies)
 }
 
 /// The file as text: UTF-8, with OpenSim's doubled colons put into names that XML's parsers take, without moving a line.

@@ -355,7 +355,7 @@ fn every_element_of_the_table_is_what_the_table_says() {
         let e = read(&text).unwrap_err();
         assert!(e.line == line(&text, &element(name)) && e.message.contains(why), "{name}: {e}");
     }
-    assert!(elements().values().all(|e| (e.class == Class::Obeyed) != e.properties.is_empty()));
+    assert!(elements().values().all(|e| (e.class == Class::Obeyed) != e.parts.is_empty()));
     let counts = [Class::Told, Class::Harmless, Class::Refused].map(|class| of(class).count());
     assert!(counts[0] > 150 && counts[1] > 40 && counts[2] > 2, "{counts:?}");
     // an element that nobody knows is told; one that is nearly known is refused

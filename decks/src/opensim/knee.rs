@@ -47,30 +47,9 @@ impl Knee {
             }),
         };
         let asked = (body("--femur", &given.femur)?, body("--tibia", &given.tibia)?);
-        let mut pairs = BTreeSet::new();
-        for force in forces {
-            for (a, b) in [(&force.meshes[0], &force.meshes[1]), (&force.meshes[1], &force.meshes[0])] {
-                let femoral =
-                    asked.0.map_or_else(|| a.is_of(&FEMORAL), |body| places.welded_to(body).contains(&a.body));
-                let tibial = asked.1.map_or_else(|| b.is_of(&TIBIAL), |body| places.welded_to(body).contains(&b.body));
-                if femoral && tibial && a.body != b.body {
-                    pairs.insert((a.body, b.body));
-                }
-            }
-        }
-        let pairs: Vec<(usize, usize)> = pairs.into_iter().collect();
-        let (femur, tibia) = match (asked, pairs.as_slice()) {
-            ((Some(femur), Some(tibia)), _) => (femur, tibia),
-            (_, [one]) => *one,
-            (_, []) => return Err(whole(none_found(places, forces))),
-            (_, several) => {
-                let shown = |(f, t): &(usize, usize)| format!("{} and {}", places.name(*f), places.name(*t));
-                let which: Vec<String> = several.iter().map(shown).collect();
-                return Err(whole(format!(
-                    "the model has more than one knee: {}; say which: --femur BODY --tibia BODY",
-                    which.join("; ")
-                )));
-            }
+        let (femur, tibia) = match asked {
+            (Some(femur), Some(tibia)) => (femur, tibia),
+            _ => the_one(places, forces, &pairs(places, forces, asked)).map_err(whole)?,
         };
         let (femoral, tibial) = (places.welded_to(femur), places.welded_to(tibia));
         let own = femoral.iter().chain(&tibial).copied();
@@ -124,6 +103,40 @@ impl super::forces::Mesh {
         let other = if words == &FEMORAL { &TIBIAL } else { &FEMORAL };
         let denies = other.iter().any(|w| self.body_name.to_lowercase().contains(w));
         says(&self.body_name) || (says(&self.name) && !denies)
+    }
+}
+
+/// Femur and tibia that a contact force joins: of the bodies that were asked for, else of those whose names say so.
+fn pairs(places: &Places<'_, '_>, forces: &[Force], asked: (Option<usize>, Option<usize>)) -> BTreeSet<(usize, usize)> {
+    let mut pairs = BTreeSet::new();
+    for force in forces {
+        for (a, b) in [(&force.meshes[0], &force.meshes[1]), (&force.meshes[1], &force.meshes[0])] {
+            let femoral = asked.0.map_or_else(|| a.is_of(&FEMORAL), |body| places.welded_to(body).contains(&a.body));
+            let tibial = asked.1.map_or_else(|| b.is_of(&TIBIAL), |body| places.welded_to(body).contains(&b.body));
+            if femoral && tibial && a.body != b.body {
+                pairs.insert((a.body, b.body));
+            }
+        }
+    }
+    pairs
+}
+
+/// The pair, if it is one; else what to say.
+fn the_one(
+    places: &Places<'_, '_>,
+    forces: &[Force],
+    pairs: &BTreeSet<(usize, usize)>,
+) -> Result<(usize, usize), String> {
+    let mut all = pairs.iter();
+    match (all.next(), all.next()) {
+        (Some(one), None) => Ok(*one),
+        (None, _) => Err(none_found(places, forces)),
+        _ => {
+            let shown = |(f, t): &(usize, usize)| format!("{} and {}", places.name(*f), places.name(*t));
+            let which: Vec<String> = pairs.iter().map(shown).collect();
+            let which = which.join("; ");
+            Err(format!("the model has more than one knee: {which}; say which: --femur BODY --tibia BODY"))
+        }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::tree::{Tree, name_of, shown};
 use crate::DeckError;
-use crate::known::Class;
+use crate::known::{Class, Known, rows};
 use notices::{Kind, Notice};
 use roxmltree::Node;
 use sim::names::did_you_mean;
@@ -12,36 +12,10 @@ use std::sync::LazyLock;
 /// The table, a line an element.
 const TABLE: &str = include_str!("elements.txt");
 
-/// An element of the table.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Element {
-    /// What becomes of it.
-    pub class: Class,
-    /// Of an obeyed one: properties that are read, or change nothing.
-    pub properties: Vec<&'static str>,
-    /// Of another: why, as the message says it.
-    pub why: &'static str,
-}
-
-static ELEMENTS: LazyLock<BTreeMap<&'static str, Element>> = LazyLock::new(|| TABLE.lines().filter_map(row).collect());
-
-fn row(line: &'static str) -> Option<(&'static str, Element)> {
-    let mut cells = line.split('|').map(str::trim);
-    let class = match cells.next()? {
-        "obeyed" => Class::Obeyed,
-        "harmless" => Class::Harmless,
-        "told" => Class::Told,
-        "refused" => Class::Refused,
-        _ => return None,
-    };
-    let (name, rest) = (cells.next()?, cells.next()?);
-    let obeyed = class == Class::Obeyed;
-    let properties = rest.split_whitespace().filter(|_| obeyed).collect();
-    Some((name, Element { class, properties, why: if obeyed { "" } else { rest } }))
-}
+static ELEMENTS: LazyLock<BTreeMap<&'static str, Known>> = LazyLock::new(|| rows(TABLE, ' '));
 
 /// The classes of OpenSim 4.6, and those of JAM.
-pub fn elements() -> &'static BTreeMap<&'static str, Element> {
+pub fn elements() -> &'static BTreeMap<&'static str, Known> {
     &ELEMENTS
 }
 
@@ -100,19 +74,19 @@ pub(super) fn judge<'a, 'i>(tree: &Tree<'_>, model: Node<'a, 'i>) -> Result<Judg
 fn inner<'a, 'i>(
     tree: &Tree<'_>,
     object: Node<'a, 'i>,
-    known: &Element,
+    known: &Known,
     told: &mut Counted,
 ) -> Result<Vec<Node<'a, 'i>>, DeckError> {
     let mut found = Vec::new();
     let class = object.tag_name().name();
     for part in object.children().filter(Node::is_element) {
         let name = part.tag_name().name();
-        if known.properties.contains(&name) {
+        if known.parts.contains(&name) {
             found.extend(part.children().filter(Node::is_element));
         } else if ELEMENTS.contains_key(name) {
             found.push(part);
         } else {
-            let read = known.properties.iter().copied();
+            let read = known.parts.iter().copied();
             let hint = did_you_mean(name, read);
             if !hint.is_empty() {
                 return Err(tree.error(part, format!("{} has no such property{hint}", shown(object))));
