@@ -1,7 +1,7 @@
 //! A hidden effect is found, named, sized, added, and taken in by the other verbs; nothing is named where nothing is hidden.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-use crate::common::{build_model, json, shared, text};
+use crate::common::{build_model, json, shared, text, thinned};
 use diagnosis::catalogue::Catalogue;
 use diagnosis::effect::{Active, Place};
 use diagnosis::trial::Trial;
@@ -18,6 +18,13 @@ fn deck(test: &str) -> Option<TempDir> {
     let folder = TempDir::new().unwrap();
     build_model().arg("import-abaqus").arg(deck).arg("--out").arg(folder.path().join("m")).assert().success();
     Some(folder)
+}
+
+/// A set with one of `every` trials, and with those of the names `kept`: enough for what acts in every trial.
+fn fewer(case: &Path, to: &Path, every: usize, kept: &[&str]) {
+    for name in ["kla.csv", "rks.csv"] {
+        crate::common::write(&to.join(name), thinned(&text(&case.join(name)), every, kept));
+    }
 }
 
 /// `kla=...` and `rks=...` of a set.
@@ -101,7 +108,8 @@ fn curves_come_nearer(told: &serde_json::Value) {
 fn nothing_is_named_where_nothing_is_hidden_whatever_the_number_of_threads() {
     let Some(case) = shared("diagnose", "blind/case_003") else { return };
     let Some(folder) = deck("diagnose") else { return };
-    let [one, two] = ["1", "2"].map(|jobs| diagnose(folder.path(), &case, jobs, &["--jobs", jobs]));
+    fewer(&case, folder.path(), 2, &[]);
+    let [one, two] = ["1", "2"].map(|jobs| diagnose(folder.path(), folder.path(), jobs, &["--jobs", jobs]));
     assert_eq!(
         crate::common::differing(&crate::common::files(&one), &crate::common::files(&two)),
         Vec::<String>::new()
@@ -191,6 +199,7 @@ fn records_that_were_mixed_up_are_told_by_name() {
     let mixed = folder.path().join("mixed");
     let two = ["posterior_30deg_203.5", "external_60deg_7.5"];
     exchanged(&case, &mixed, "rks.csv", two);
+    fewer(&mixed, &mixed, 2, &two);
     let told = json(&diagnose(folder.path(), &mixed, "told", &[]).join("diagnosis.json"));
     assert_eq!(told["verdict"], "unnamed");
     let mut names: Vec<&str> =
@@ -204,7 +213,8 @@ fn records_that_were_mixed_up_are_told_by_name() {
 fn an_effect_struck_from_the_catalogue_is_unnamed_and_an_unknown_one_is_refused() {
     let Some(case) = shared("diagnose", "blind/case_008") else { return };
     let Some(folder) = deck("diagnose") else { return };
-    let out = diagnose(folder.path(), &case, "struck", &["--without-effect", "load_misalign"]);
+    fewer(&case, folder.path(), 2, &[]);
+    let out = diagnose(folder.path(), folder.path(), "struck", &["--without-effect", "load_misalign"]);
     let told = json(&out.join("diagnosis.json"));
     assert_eq!(told["verdict"], "unnamed");
     assert!(told["description"].as_str().unwrap().contains("nearest relatives"));
@@ -212,7 +222,7 @@ fn an_effect_struck_from_the_catalogue_is_unnamed_and_an_unknown_one_is_refused(
     let refused = build_model()
         .arg("diagnose")
         .arg(folder.path().join("m/model.json"))
-        .args(measured(&case))
+        .args(measured(folder.path()))
         .args(["--without-effect", "no_such", "--out"])
         .arg(folder.path().join("none"))
         .assert()
@@ -222,25 +232,15 @@ fn an_effect_struck_from_the_catalogue_is_unnamed_and_an_unknown_one_is_refused(
     assert!(!folder.path().join("none").exists());
 }
 
-/// Every fourth trial of a set's files: enough for a shift of the origin, which every trial tells.
-fn thinned(case: &Path, to: &Path) -> [String; 2] {
-    ["kla", "rks"].map(|name| {
-        let all = text(&case.join(format!("{name}.csv")));
-        let kept = all.lines().enumerate().filter(|(n, _)| *n == 0 || n % 4 == 1);
-        let file = to.join(format!("{name}.csv"));
-        crate::common::write(&file, kept.map(|(_, line)| format!("{line}\n")).collect::<String>());
-        format!("{name}={}", file.display())
-    })
-}
-
 #[needs_shared]
 fn a_sealed_set_is_made_answered_and_scored_and_a_broken_seal_is_refused() {
     let Some(case) = shared("diagnose", "blind/case_001") else { return };
     let Some(folder) = deck("diagnose") else { return };
     let [bench, answers, model] = ["bench", "answers", "m/model.json"].map(|name| folder.path().join(name));
-    let like = thinned(&case, folder.path());
+    fewer(&case, folder.path(), 4, &[]);
+    let [_, kla, _, rks] = measured(folder.path());
     let mut make = build_model();
-    make.args(["blind", "make"]).arg(&model).args(["--like", &like[0], "--like", &like[1], "--out"]).arg(&bench);
+    make.args(["blind", "make"]).arg(&model).args(["--like", &kla, "--like", &rks, "--out"]).arg(&bench);
     make.args(["--kind", "origin_shift", "--count", "1", "--seed", "5"]).assert().success();
     build_model().args(["blind", "answer"]).arg(&model).arg(&bench).arg("--out").arg(&answers).assert().success();
     let score = || {

@@ -85,6 +85,13 @@ pub(crate) fn write(path: &Path, bytes: impl AsRef<[u8]>) {
     fs::write(path, bytes).unwrap();
 }
 
+/// A table with one of `every` rows, from the first on, and with those of the names `kept`.
+pub(crate) fn thinned(table: &str, every: usize, kept: &[&str]) -> String {
+    let named = |line: &str| kept.contains(&line.split(',').next().unwrap());
+    let stays = |n: usize, line: &str| n == 0 || n % every == 1 % every || named(line);
+    table.lines().enumerate().filter(|(n, line)| stays(*n, line)).map(|(_, line)| format!("{line}\n")).collect()
+}
+
 /// Reads a file.
 pub(crate) fn read(path: &Path) -> Vec<u8> {
     fs::read(path).unwrap()
