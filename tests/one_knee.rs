@@ -48,6 +48,24 @@ fn number(text: &str) -> f64 {
 }
 
 #[test]
+fn what_nobody_measured_is_told_as_extrapolated_and_what_was_is_not() {
+    let (knee, out) = (specimen(), TempDir::new().unwrap());
+    let path = out.path().join("rows.csv").display().to_string();
+    let told = |more: &[&str]| {
+        let mut command = build_model();
+        command.arg("simulate").arg(knee).args(more).args(["--samples", "0", "--out", &path]);
+        String::from_utf8(command.assert().success().get_output().stderr.clone()).unwrap()
+    };
+    let beyond = "ask for more than the knee was calibrated to";
+    for set in ["kla", "rks"] {
+        let own = told(&["--trials", knee.join(format!("laxity/{set}.csv")).to_str().unwrap()]);
+        assert!(!own.contains(beyond), "{own}");
+    }
+    let bent = told(&["--protocol", "passive-flexion", "--to-flexion", "120"]);
+    assert!(bent.contains(beyond) && bent.contains("flexion of 120 deg (trials reach"), "{bent}");
+}
+
+#[test]
 fn a_folder_of_a_build_is_its_joint_model_in_every_verb() {
     let (knee, out) = (specimen(), TempDir::new().unwrap());
     let (build, joint) = (knee.join("build"), knee.join("build/10-calibrate/joint"));

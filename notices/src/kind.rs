@@ -175,6 +175,7 @@ kinds! {
     NoPivotShift Light "No pivot shift without ACL.",
     LeavesPlateau Light "Rows in which the femur leaves the plateau.",
     RowFlagged Light "A row of results that is odd.",
+    BeyondCalibration Light "Trials that ask for more than the knee was calibrated to.",
     ModelChanged Light "A model changed since its calibration.",
     NoIntervals Light "Values without intervals.",
     SamplesLost Light "Samples without an equilibrium.",

@@ -18,7 +18,7 @@ use calibration::samples::{SCHEMA, Samples};
 use calibration::session::{Joint, Outcome, Session};
 use clap::Args;
 use notices::{Kind, Notice};
-use sim::laxity::{self, LaxityTrial};
+use sim::laxity::{self, LaxityTrial, Reach};
 use sim::spec::{CalibratedSpec, ModelSpec};
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
@@ -240,7 +240,8 @@ pub fn run(
     }
     let mut outcome = outcome.map_err(fault)?;
     let to = sources.iter().map(|s| s.0.clone()).collect();
-    outcome.spec.calibrated = Some(CalibratedSpec { to, from: hash(&json(&model.spec)) });
+    let reach = Reach::of(sources.iter().flat_map(|s| &s.1));
+    outcome.spec.calibrated = Some(CalibratedSpec { to, from: hash(&json(&model.spec)), reach });
     Ok(outcome)
 }
 

@@ -9,6 +9,7 @@
 
 pub(crate) mod again;
 pub(crate) mod bands;
+pub(crate) mod beyond;
 pub mod blind;
 pub mod build;
 pub mod build_args;

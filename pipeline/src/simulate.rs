@@ -1,6 +1,7 @@
 //! `simulate`: what a model answers to laxity trials or to a protocol.
 
 use crate::bands::{self, Asking};
+use crate::beyond;
 use crate::error::{BuildError, Place};
 use crate::model_file::{self, LoadedModel};
 use crate::store;
@@ -197,6 +198,7 @@ fn answers_to(
         Some(protocol) => run_protocol(model, protocol, args).map_err(|e| fault(&e))?,
         None => answers(model, &trials, args.solver).map_err(|e| fault(&e))?,
     };
+    warnings.extend(beyond::calibration(&loaded.spec, results.iter().map(|r| &r.trial)));
     diagnosis::predict::apply(model, &loaded.spec, args.read_as.as_deref(), &mut results).map_err(|e| fault(&e))?;
     let pivot = args.protocol == Some(ProtocolName::PivotShift);
     let asking = Asking {

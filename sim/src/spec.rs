@@ -79,13 +79,16 @@ impl ModelSpec {
 }
 
 /// Where a calibrated model comes from.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CalibratedSpec {
     /// The data sets that it was calibrated to, together.
     pub to: Vec<String>,
     /// blake3 digest of the model.json that it was calibrated from.
     pub from: String,
+    /// How far the trials of those data sets reached; absent in models of before it was kept.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub reach: Option<crate::laxity::Reach>,
 }
 
 /// Unit names, stated so that a reader need not guess.
