@@ -2,7 +2,8 @@
 
 use notices::{Kind, Notice};
 use sim::coordinate::{Coordinate, FE};
-use sim::laxity::{Beyond, LaxityTrial};
+use sim::laxity::LaxityTrial;
+use sim::reach::Beyond;
 use sim::spec::ModelSpec;
 use std::collections::BTreeMap;
 

@@ -18,8 +18,8 @@ use calibration::samples::{SCHEMA, Samples};
 use calibration::session::{Joint, Outcome, Session};
 use clap::Args;
 use notices::{Kind, Notice};
-use sim::laxity::{self, LaxityTrial, Reach};
-use sim::spec::{CalibratedSpec, ModelSpec};
+use sim::laxity::{self, LaxityTrial};
+use sim::spec::{CalibratedSpec, ModelSpec, ReachSpec};
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
@@ -240,7 +240,7 @@ pub fn run(
     }
     let mut outcome = outcome.map_err(fault)?;
     let to = sources.iter().map(|s| s.0.clone()).collect();
-    let reach = Reach::of(sources.iter().flat_map(|s| &s.1));
+    let reach = ReachSpec::of(sources.iter().flat_map(|s| &s.1));
     outcome.spec.calibrated = Some(CalibratedSpec { to, from: hash(&json(&model.spec)), reach });
     Ok(outcome)
 }

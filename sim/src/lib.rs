@@ -33,6 +33,7 @@ pub mod patella;
 mod portable;
 pub mod protocols;
 pub mod quasistatic;
+pub mod reach;
 pub mod sensitivity;
 pub mod spec;
 pub mod steps;

@@ -88,7 +88,25 @@ pub struct CalibratedSpec {
     pub from: String,
     /// How far the trials of those data sets reached; absent in models of before it was kept.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub reach: Option<crate::laxity::Reach>,
+    pub reach: Option<ReachSpec>,
+}
+
+/// Least and most of the flexions and loads of a calibration's trials.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ReachSpec {
+    /// Flexion [deg].
+    pub flexion_deg: [f64; 2],
+    /// Load along VV [N m].
+    pub vv_nm: [f64; 2],
+    /// Load along IE [N m].
+    pub ie_nm: [f64; 2],
+    /// Load along ML [N].
+    pub ml_n: [f64; 2],
+    /// Load along AP [N].
+    pub ap_n: [f64; 2],
+    /// Load along SI [N].
+    pub si_n: [f64; 2],
 }
 
 /// Unit names, stated so that a reader need not guess.

@@ -1,8 +1,8 @@
 //! How far the trials of a calibration reached, and which trials ask for more: there a model extrapolates.
 
-use super::LaxityTrial;
 use crate::coordinate::{AP, Coordinate, FE, FREE, Free, IE, ML, SI, VV};
-use serde::{Deserialize, Serialize};
+use crate::laxity::LaxityTrial;
+use crate::spec::ReachSpec;
 
 /// A trial asks for more when its flexion lies so far beyond the calibration's [deg]. Ours: as far as trials of one position lie apart.
 const FLEXION_SPARE_DEG: f64 = 5.0;
@@ -10,24 +10,6 @@ const FLEXION_SPARE_DEG: f64 = 5.0;
 const LOAD_SPARE_SHARE: f64 = 0.1;
 /// Moments [N m] and forces [N] that are nothing: what hands and robots hold a load to. Ours.
 const LOAD_SPARE: [f64; 2] = [0.5, 5.0];
-
-/// Least and most of the flexions and loads of a calibration's trials.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Reach {
-    /// Flexion [deg].
-    pub flexion_deg: [f64; 2],
-    /// Load along VV [N m].
-    pub vv_nm: [f64; 2],
-    /// Load along IE [N m].
-    pub ie_nm: [f64; 2],
-    /// Load along ML [N].
-    pub ml_n: [f64; 2],
-    /// Load along AP [N].
-    pub ap_n: [f64; 2],
-    /// Load along SI [N].
-    pub si_n: [f64; 2],
-}
 
 /// What a trial asks for beyond a calibration's trials.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,9 +22,9 @@ pub struct Beyond {
     pub reached: f64,
 }
 
-impl Reach {
+impl ReachSpec {
     /// The reach of trials; none of no trials.
-    pub fn of<'a>(trials: impl IntoIterator<Item = &'a LaxityTrial>) -> Option<Reach> {
+    pub fn of<'a>(trials: impl IntoIterator<Item = &'a LaxityTrial>) -> Option<ReachSpec> {
         let (mut flexion, mut loads) =
             ([f64::INFINITY, f64::NEG_INFINITY], Free::all([f64::INFINITY, f64::NEG_INFINITY]));
         let widen = |range: &mut [f64; 2], x: f64| *range = [range[0].min(x), range[1].max(x)];
@@ -51,7 +33,7 @@ impl Reach {
             FREE.into_iter().for_each(|c| widen(&mut loads[c], trial.load[c]));
         }
         let [vv_nm, ie_nm, ml_n, ap_n, si_n] = [VV, IE, ML, AP, SI].map(|c| loads[c]);
-        flexion[0].is_finite().then_some(Reach { flexion_deg: flexion, vv_nm, ie_nm, ml_n, ap_n, si_n })
+        flexion[0].is_finite().then_some(ReachSpec { flexion_deg: flexion, vv_nm, ie_nm, ml_n, ap_n, si_n })
     }
 
     /// The range of a coordinate: of flexion, or of the load along it.
@@ -86,7 +68,7 @@ mod tests {
         LaxityTrial::asked("t".into(), Test::Neutral, fe_deg, load)
     }
 
-    fn beyond(reach: &Reach, fe_deg: f64, load: Load) -> Vec<Coordinate> {
+    fn beyond(reach: &ReachSpec, fe_deg: f64, load: Load) -> Vec<Coordinate> {
         reach.beyond(&trial(fe_deg, load)).iter().map(|b| b.coordinate).collect()
     }
 
@@ -94,7 +76,7 @@ mod tests {
     fn no_trial_of_a_calibration_is_beyond_it_and_what_is_is_told_on_its_side() {
         let all = [(0.0, 0.0, 133.0), (92.0, 0.0, -133.0), (30.0, 8.0, 0.0), (60.0, -10.0, 0.0)]
             .map(|(fe, vv, ap)| trial(fe, Load::new(vv, 0.0, 0.0, ap, 20.0)));
-        let reach = Reach::of(&all).unwrap();
+        let reach = ReachSpec::of(&all).unwrap();
         assert!(all.iter().all(|t| reach.beyond(t).is_empty()));
         assert!(beyond(&reach, 95.0, Load::compression(20.0)).is_empty());
         assert_eq!(beyond(&reach, 120.0, Load::compression(20.0)), [FE]);
@@ -104,6 +86,6 @@ mod tests {
         assert_eq!(beyond(&reach, 30.0, Load::new(0.0, 4.0, 0.0, -250.0, 500.0)), [IE, AP, SI]);
         let told = reach.beyond(&trial(120.0, Load::compression(20.0)))[0];
         assert_eq!((told.asked, told.reached), (120.0, 92.0));
-        assert_eq!(Reach::of(&[]), None);
+        assert_eq!(ReachSpec::of(&[]), None);
     }
 }
