@@ -175,6 +175,8 @@ kinds! {
     NoPivotShift Light "No pivot shift without ACL.",
     LeavesPlateau Light "Rows in which the femur leaves the plateau.",
     RowFlagged Light "A row of results that is odd.",
+    ExplicitStopped Light "Explicit dynamics that were stopped early.",
+    SolversApart Light "Rows in which the two solvers differ.",
     ModelChanged Light "A model changed since its calibration.",
     NoIntervals Light "Values without intervals.",
     SamplesLost Light "Samples without an equilibrium.",
