@@ -70,7 +70,7 @@ fn table(path: &Path) -> Result<(), BuildError> {
         }
         let told = |k: usize, name: &str, a: &Answer| match a.flags.is_empty() {
             true => None,
-            false => Some(format!("{} {name}: {}", ["intact", "cut"][k], a.flags.join(", "))),
+            false => Some(format!("{} {name}: {}", ["intact", "cut"][k], sim::flags::sentences(&a.flags).join(", "))),
         };
         let flags = (0..2).flat_map(|s| {
             let [rest, drawn] = &answers[s][k];

@@ -3,6 +3,7 @@
 use crate::design::Design;
 use sim::SimError;
 use sim::coordinate::Free;
+use sim::flags::Flag;
 
 /// What a model answers to one trial.
 #[derive(Clone, Debug, PartialEq)]
@@ -11,8 +12,8 @@ pub struct Answer {
     pub predicted: Free<f64>,
     /// Force of each bundle [N].
     pub forces_n: Vec<f64>,
-    /// What is odd about it ("dislocated"); empty when nothing is.
-    pub flags: Vec<String>,
+    /// What is odd about it; empty when nothing is.
+    pub flags: Vec<Flag>,
     /// Derivatives by each design variable, where asked for.
     pub jacobian: Option<Jacobian>,
 }

@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use sim::SimError;
 use sim::contact::ContactOptions;
 use sim::coordinate::Free;
+use sim::flags::Flag;
 use sim::laxity::LaxityTrial;
 use sim::mesh::MeshValue;
 use sim::model::{BundleParameters, Model, compile_with};
@@ -205,6 +206,6 @@ fn from(answer: Answer, zero: &Answer) -> Answer {
         ..s
     });
     let mut flags = answer.flags;
-    flags.extend(zero.flags.iter().map(|f| format!("unloaded: {f}")));
+    flags.extend(zero.flags.iter().map(|f| Flag::Unloaded(Box::new(f.clone()))));
     Answer { predicted: less(answer.predicted, &zero.predicted), jacobian, flags, ..answer }
 }

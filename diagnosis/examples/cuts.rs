@@ -19,7 +19,7 @@ use diagnosis::search::DiagnosisOptions;
 use diagnosis::trial::Source;
 use inference::random::{normal, stream};
 use sim::coordinate::Free;
-use sim::flags::DISLOCATED;
+use sim::flags::Flag;
 use sim::laxity::LaxityTrial;
 use sim::mesh::MeshValue;
 use sim::model::compile;
@@ -68,7 +68,7 @@ fn measured(
                 let key = (t.test.name().to_owned(), t.nominal_flexion_deg.round() as i64);
                 let common = *shared.entry(key).or_insert_with(|| std::array::from_fn(|_| normal(&mut random)));
                 let own: [f64; 5] = std::array::from_fn(|_| normal(&mut random));
-                let answer = a.ok().filter(|a| a.flags.iter().all(|f| f != DISLOCATED))?.predicted();
+                let answer = a.ok().filter(|a| !a.flags.contains(&Flag::Dislocated))?.predicted();
                 let mut out = t.clone();
                 let mut k = 0;
                 out.measured = Free::from_fn(|c| {

@@ -5,7 +5,7 @@ use crate::problem::Problem;
 use crate::trial::Trial;
 use sim::Model;
 use sim::coordinate::{SI, Six};
-use sim::flags::DISLOCATED;
+use sim::flags::Flag;
 use sim::trials::{TrialOptions, flags};
 
 /// Largest share of a data set's trials that may be left out of it [-]. Declared: where more lie out of the joint, its frames or its origin are off, and that
@@ -23,7 +23,7 @@ fn is_out(model: &Model, q: &Six) -> bool {
         let mut q = *q;
         q[SI] += by;
         let found = flags(model, &model.joint.grood_suntay(&q), &model.evaluate(&q), &TrialOptions::default());
-        found.iter().any(|f| f == DISLOCATED)
+        found.contains(&Flag::Dislocated)
     })
 }
 

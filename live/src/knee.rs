@@ -9,6 +9,7 @@ use meshes::frame::Side;
 use serde::{Deserialize, Serialize};
 use sim::Model;
 use sim::coordinate::Load;
+use sim::flags::sentences;
 use sim::graft::{self, Graft};
 use sim::laxity::{Band, LaxityTrial, Test, TrialResult};
 use sim::mesh::MeshValue;
@@ -220,7 +221,7 @@ impl Knee {
             strains: strains(&model, &answer),
             forces_n: result.forces_n,
             outputs: result.outputs,
-            flags: result.flags,
+            flags: sentences(&result.flags),
             femur: rows(&(self.axes * pose.femur * self.axes.inverse())),
             fibres_n: fibres.iter().map(|f| f.response.force).collect(),
             pressure: self.faces.pressed(&model.contact, pose).by_surface,

@@ -176,6 +176,8 @@ kinds! {
     LeavesPlateau Light "Rows in which the femur leaves the plateau.",
     RowFlagged Light "A row of results that is odd.",
     BeyondCalibration Light "Trials that ask for more than the knee was calibrated to.",
+    ExplicitStopped Light "Explicit dynamics that were stopped early.",
+    SolversApart Light "Rows in which the two solvers differ.",
     ModelChanged Light "A model changed since its calibration.",
     NoIntervals Light "Values without intervals.",
     SamplesLost Light "Samples without an equilibrium.",

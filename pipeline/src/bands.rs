@@ -8,6 +8,7 @@ use calibration::posterior::{error_of_ends, is_outside};
 use calibration::samples::{Question, SCHEMA, Samples, group_sums};
 use notices::{Kind, Notice};
 use sim::coordinate::FREE;
+use sim::flags::Flag;
 use sim::laxity::{LaxityTrial, TrialResult};
 
 /// The file beside a calibrated model.json.
@@ -114,11 +115,11 @@ pub(crate) fn by(samples: &Samples, loaded: &LoadedModel, results: &mut [TrialRe
     let (mut outside, mut told) = ([0; 2], 0);
     for (((r, row), leaving), values) in results.iter_mut().zip(bands.rows).zip(bands.leaving).zip(&values) {
         r.bands = row;
-        r.flags.extend((leaving > 0).then(|| format!("{leaving} of {} {LEAVE}", bands.asked)));
+        r.flags.extend((leaving > 0).then_some(Flag::SamplesLeave { count: leaving, of: bands.asked }));
         let own = outside_of(r, values);
         told += r.bands.iter().filter(|(name, _)| is_pose_or_force(name)).count();
         outside = [outside[0] + own.len(), outside[1] + usize::from(!own.is_empty())];
-        r.flags.extend((!own.is_empty()).then(|| format!("{OUTSIDE}{}", own.join(" "))));
+        r.flags.extend((!own.is_empty()).then_some(Flag::OutsideInterval(own)));
     }
     if bands.asked < FEWEST {
         let what =
@@ -168,29 +169,6 @@ fn is_pose_or_force(column: &str) -> bool {
     column.starts_with("force_") || column.starts_with("group_") || FREE.iter().any(|c| c.column() == column)
 }
 
-/// How the flag of a row ends in which samples have left the plateau, after how many of how many.
-const LEAVE: &str = "samples leave the plateau";
-/// Share of samples off the plateau from which on a row is odd [-]: then an end of its 90 % interval is of such a knee.
-const MOST_LEAVING: f64 = 0.05;
-
-/// How the flag of a row begins in which the single most probable model lies outside its own interval; the columns follow.
-const OUTSIDE: &str = "outside its interval: ";
-
-/// True of a flag that tells columns outside their interval: it is of single models in general, and makes no row odd.
-pub(crate) fn is_of_the_single_model(flag: &str) -> bool {
-    flag.starts_with(OUTSIDE)
-}
-
-/// True of a flag that makes a row odd: any but that of a few samples, and that of the single model.
-pub(crate) fn is_odd(flag: &str) -> bool {
-    if is_of_the_single_model(flag) {
-        return false;
-    }
-    let Some(counts) = flag.strip_suffix(LEAVE) else { return true };
-    let mut counts = counts.split_whitespace().filter_map(|w| w.parse::<f64>().ok());
-    counts.next().zip(counts.next()).is_none_or(|(leaving, all)| leaving > MOST_LEAVING * all)
-}
-
 /// The trial that a result answers: a protocol's row says its flexion in its pose.
 fn asked(r: &TrialResult) -> LaxityTrial {
     LaxityTrial { fe_deg: r.pose.fe_deg, ..r.trial.clone() }
@@ -202,13 +180,6 @@ mod tests {
     use sim::coordinate::Load;
     use sim::laxity::{Band, Test};
     use sim::spec::PoseSpec;
-
-    #[test]
-    fn a_row_is_odd_where_an_end_of_its_interval_is_of_a_knee_off_the_plateau() {
-        let flag = |n: usize| format!("{n} of 40 {LEAVE}");
-        assert!(is_odd("dislocated") && is_odd(&flag(3)) && !is_odd(&flag(2)));
-        assert!(!is_odd(&format!("{OUTSIDE}ap_mm")));
-    }
 
     #[test]
     fn a_single_model_outside_its_interval_is_told_by_column() {

@@ -12,6 +12,7 @@ use meshes::frame::Side;
 use meshes::query::SurfaceQuery;
 use schemars::JsonSchema;
 use serde::Serialize;
+use stages::StageError;
 use stages::anatomy::{AnatomyReport, check_anatomy};
 use stages::ingest::{self, OPTIONAL_PATHS, of_knee};
 use stages::segment::look;
@@ -215,9 +216,9 @@ fn volume(file: &SpecimenFile, raw: &RawSpecimen, options: &BuildOptions) -> Vec
     let cost = "the bones are segmented by the build";
     match look(&file.ct, raw, &options.segment) {
         Err(e) => {
-            let words = e.to_string();
-            let key = if words.contains("ct.labels") { "ct.labels" } else { "ct.volume" };
-            vec![Item::new(key, State::Fault, words, "")]
+            let of_labels = matches!(&e, StageError::File { place, .. } if place.key.as_deref() == Some("ct.labels"));
+            let key = if of_labels { "ct.labels" } else { "ct.volume" };
+            vec![Item::new(key, State::Fault, e.to_string(), "")]
         }
         Ok(seen) => {
             let odd: String = seen.warnings.iter().map(|w| format!("; {w}")).collect();

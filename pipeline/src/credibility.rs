@@ -3,6 +3,7 @@
 mod context;
 mod evidence;
 mod grade;
+mod of_program;
 mod page;
 mod read;
 mod rows;

@@ -37,7 +37,7 @@ pub struct OptionDoc {
 }
 
 /// Options that a laboratory sets: what the knee, its scans, its measurements and its questions ask for. All others are of the method.
-const SHOWN: [&str; 57] = [
+const SHOWN: [&str; 58] = [
     "segment.threshold",
     "segment.closing_mm",
     "segment.labels_are",
@@ -93,6 +93,7 @@ const SHOWN: [&str; 57] = [
     "validate.ap_load_n",
     "validate.to_flexion_deg",
     "validate.samples",
+    "validate.solver",
     "diagnose.run",
     "diagnose.seed",
 ];

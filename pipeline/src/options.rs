@@ -112,12 +112,20 @@ pub fn resolve(
     let table = Table::try_from(&options).map_err(|e| BuildError::Option(e.to_string()))?;
     ranges::check(&options, &table).map_err(|fault| {
         let more = format!("{}; see build-model options {}", fault.what, fault.section);
-        match overrides.iter().find(|o| o.stage == fault.section && fault.what.contains(&o.key)) {
+        match overrides.iter().find(|o| o.stage == fault.section && is_well_without(o, specimen, overrides, seed)) {
             Some(o) => BuildError::Usage(format!("--set {}.{}: {more}", o.stage, o.key)),
             None => BuildError::Option(format!("specimen.toml [options.{}]: {more}", fault.section)),
         }
     })?;
     Ok(options)
+}
+
+/// Whether the section of an override is as it should be once that one is left out.
+fn is_well_without(o: &Override, specimen: &BTreeMap<String, Table>, all: &[Override], seed: Option<u64>) -> bool {
+    let others: Vec<Override> = all.iter().filter(|x| *x != o).cloned().collect();
+    let Ok(options) = typed(specimen, &others, seed) else { return false };
+    let Ok(table) = Table::try_from(&options) else { return false };
+    ranges::check(&options, &table).map_or_else(|fault| fault.section != o.stage, |()| true)
 }
 
 /// The options in force, their names known and of the right type.

@@ -14,6 +14,7 @@ use notices::{Kind, Notice};
 use rayon::prelude::*;
 use sim::Model;
 use sim::explicit::{ExplicitOptions, TrialSteps, explicit_protocol, explicit_trial, unobserved};
+use sim::flags::{Flag, sentences};
 use sim::laxity::{self, LaxityTrial, TrialResult};
 use sim::names::did_you_mean;
 use sim::protocols::{self, Protocol, ProtocolOptions};
@@ -86,6 +87,16 @@ pub enum Solver {
     Quasistatic,
     /// Explicit dynamics through the paper's steps, to rest at each row
     Explicit,
+}
+
+impl Solver {
+    /// The solver.
+    pub(crate) fn solver(self) -> protocols::Solver {
+        match self {
+            Solver::Quasistatic => protocols::Solver::Quasistatic,
+            Solver::Explicit => protocols::Solver::Explicit,
+        }
+    }
 }
 
 /// A model that is ready to answer: read and compiled once, for any number of calls.
@@ -275,11 +286,11 @@ fn told(
 ) -> Told {
     let header = String::from_utf8_lossy(csv.split(|b| *b == b'\n').next().unwrap_or_default()).into_owned();
     let odd = results.iter().filter(|r| !r.flags.is_empty());
-    let flagged: Vec<Flagged> = odd.map(|r| Flagged { trial: r.trial.trial.clone(), flags: r.flags.clone() }).collect();
-    for f in &flagged {
+    let flagged: Vec<Flagged> = odd.map(flagged_row).collect();
+    for r in results {
         // that one knee is no middle of all is counted in the words
-        let odd: Vec<&str> = f.flags.iter().map(String::as_str).filter(|f| !bands::is_of_the_single_model(f)).collect();
-        warnings.extend((!odd.is_empty()).then(|| Kind::RowFlagged.notice(odd.join("; ")).whose(&f.trial)));
+        let odd = sentences(r.flags.iter().filter(|f| !f.is_of_the_single_model()));
+        warnings.extend((!odd.is_empty()).then(|| Kind::RowFlagged.notice(odd.join("; ")).whose(&r.trial.trial)));
     }
     let data = SimulateTold {
         schema: schemas::SIMULATE,
@@ -296,17 +307,30 @@ fn told(
     Told::words(words).odd(warnings).with(&data)
 }
 
-/// A results file with a last column that names the model.
-pub(crate) fn of_model(csv: &str, label: &str) -> Result<Vec<u8>, BuildError> {
+fn flagged_row(r: &TrialResult) -> Flagged {
+    Flagged { trial: r.trial.trial.clone(), flags: sentences(&r.flags), odd: r.flags.iter().any(Flag::is_odd) }
+}
+
+/// A results file with further columns: their names, and a cell a row.
+pub(crate) fn with_columns(csv: &str, more: &[(String, Vec<String>)]) -> Result<String, BuildError> {
     let fault = |e: csv::Error| BuildError::File(format!("results: {e}"));
     let mut out = csv::WriterBuilder::new().terminator(csv::Terminator::Any(b'\n')).from_writer(Vec::new());
     let mut rows = csv::ReaderBuilder::new().has_headers(false).from_reader(csv.as_bytes());
     for (k, row) in rows.records().enumerate() {
         let mut row = row.map_err(fault)?;
-        row.push_field(if k == 0 { "model" } else { label });
+        for (name, cells) in more {
+            row.push_field(k.checked_sub(1).map_or(name, |k| cells.get(k).map_or("", String::as_str)));
+        }
         out.write_record(&row).map_err(fault)?;
     }
-    out.into_inner().map_err(|e| BuildError::File(format!("results: {e}")))
+    let bytes = out.into_inner().map_err(|e| BuildError::File(format!("results: {e}")))?;
+    String::from_utf8(bytes).map_err(|e| BuildError::File(format!("results: {e}")))
+}
+
+/// A results file with a last column that names the model.
+pub(crate) fn of_model(csv: &str, label: &str) -> Result<Vec<u8>, BuildError> {
+    let rows = csv.lines().count().saturating_sub(1);
+    Ok(with_columns(csv, &[("model".to_owned(), vec![label.to_owned(); rows])])?.into_bytes())
 }
 
 /// The answers to all trials.

@@ -96,8 +96,10 @@ impl ModelTold {
 pub struct Flagged {
     /// The trial.
     pub trial: String,
-    /// What is odd.
+    /// What is odd, in sentences.
     pub flags: Vec<String>,
+    /// Whether any of it makes the row odd; else they tell of the single model, of a few samples or of friction.
+    pub odd: bool,
 }
 
 /// `simulate --json`.
@@ -163,6 +165,35 @@ pub struct DifferenceTold {
     pub published: Option<f64>,
     /// What must be known of it; empty where nothing.
     pub note: String,
+    /// Whether `b` was measured; else it is a model.
+    pub measured: bool,
+}
+
+/// The largest difference of both solvers in a protocol and a unit, with its place.
+#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
+pub struct SolversTold {
+    /// The model.
+    pub model: String,
+    /// The protocol.
+    pub protocol: String,
+    /// What is cut; empty for the intact knee.
+    pub cut: String,
+    /// The row.
+    pub step: String,
+    /// Its flexion [deg].
+    pub flexion_deg: f64,
+    /// The column of the coordinate or of the bundle's force.
+    pub column: String,
+    /// Its unit.
+    pub unit: String,
+    /// By explicit dynamics.
+    pub explicit: f64,
+    /// By the quasi-static solver.
+    pub quasistatic: f64,
+    /// How far apart they may lie.
+    pub limit: f64,
+    /// Why they lie further apart; null where they do not.
+    pub cause: Option<String>,
 }
 
 /// `validate --json`.
@@ -176,6 +207,8 @@ pub struct ValidateTold {
     pub folder: String,
     /// How far they differ.
     pub differences: Vec<DifferenceTold>,
+    /// Largest differences of explicit dynamics and the quasi-static solver, of the models that were told by both.
+    pub solvers: Vec<SolversTold>,
     /// What is odd, in sentences.
     pub warnings: Vec<String>,
     /// The same as values.

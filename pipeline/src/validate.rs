@@ -5,23 +5,27 @@ use crate::error::BuildError;
 use crate::given::read_passive;
 use crate::model_file::{self, LoadedModel};
 use crate::options::{Override, parse_override, resolve};
-use crate::simulate::of_model;
+use crate::simulate::{Solver as SolverName, of_model, with_columns};
 use crate::store;
-use crate::told::{DifferenceTold, ModelTold, Told, ValidateTold, schemas};
+use crate::told::{DifferenceTold, ModelTold, SolversTold, Told, ValidateTold, schemas};
 use crate::which_model::{JOINT, WhichModel, of_this_run};
 use calibration::samples::{Samples, group_sums};
 use clap::Args;
 use notices::Notice;
 use serde::{Deserialize, Serialize};
-use sim::laxity::protocol_csv;
+use sim::Model;
+use sim::coordinate::FREE;
+use sim::flags::Flag;
+use sim::laxity::{TrialResult, force_column, protocol_csv};
 use sim::mesh::MeshValue;
-use sim::protocols::ProtocolOptions;
+use sim::protocols::{ProtocolOptions, Solver};
 use sim::spec::ModelSpec;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use validation::apart::Apart;
 use validation::cross::{CrossPrediction, counts};
 use validation::validate::{Difference, Passive, Source, compare};
-use validation::{figures, tables};
+use validation::{figures, sensitivity, solvers, tables};
 
 /// `build-model validate`.
 #[derive(Args, Clone, Debug)]
@@ -44,6 +48,9 @@ pub struct ValidateArgs {
     /// Samples of the posterior, where a model has any: mean and 90 % interval stand beside every value; 0: the models alone
     #[arg(long, value_name = "N")]
     pub samples: Option<usize>,
+    /// How the joint model, or every model where none is joint, is solved; those of single data sets beside it are quasi-static [default: explicit]
+    #[arg(long)]
+    pub solver: Option<SolverName>,
     /// Threads; the result does not depend on it [default: all]
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub jobs: Option<u16>,
@@ -62,6 +69,7 @@ pub fn validate(args: &ValidateArgs) -> Result<Told, BuildError> {
     }
     let mut options = resolve(&BTreeMap::new(), &args.overrides, None)?.validate;
     options.samples = args.samples.unwrap_or(options.samples);
+    options.solver = args.solver.map_or(options.solver, SolverName::solver);
     let passive = args
         .passive
         .iter()
@@ -80,7 +88,8 @@ pub fn validate(args: &ValidateArgs) -> Result<Told, BuildError> {
     let mut warnings = Vec::new();
     let mut sources = Vec::new();
     for (name, model) in &models {
-        let mut of = source(name, &model.spec, &model.meshes, &options, &mut warnings)?;
+        let is_knee = is_the_knee(is_joint(model), models.iter().any(|(_, m)| is_joint(m)));
+        let mut of = source(name, (&model.spec, &model.meshes), (is_knee, &options), &mut warnings)?;
         of.model = model.label();
         let (samples, told) = bands::of(model)?;
         warnings.extend(told);
@@ -101,6 +110,7 @@ pub fn validate(args: &ValidateArgs) -> Result<Told, BuildError> {
         models: models.iter().map(|(_, model)| ModelTold::of(model)).collect(),
         folder: args.out.display().to_string(),
         differences: validation.differences.iter().map(difference).collect(),
+        solvers: solvers_told(&validation),
         warnings: notices::texts(&validation.warnings),
         notices: validation.warnings.clone(),
     };
@@ -118,7 +128,32 @@ fn difference(d: &Difference) -> DifferenceTold {
         unit: d.unit.to_string(),
         published: d.published,
         note: d.note.to_string(),
+        measured: d.measured,
     }
+}
+
+/// Whether a model is calibrated to several data sets together.
+fn is_joint(model: &LoadedModel) -> bool {
+    model.spec.calibrated.as_ref().is_some_and(|c| c.to.len() > 1)
+}
+
+/// The largest differences of both solvers.
+fn solvers_told(v: &Validation) -> Vec<SolversTold> {
+    let of = |s: &Source, a: &Apart| SolversTold {
+        model: s.label(&v.sources),
+        protocol: a.protocol.clone(),
+        cut: a.cut.clone(),
+        step: a.step.clone(),
+        flexion_deg: a.flexion_deg,
+        column: a.column.clone(),
+        unit: a.unit.clone(),
+        explicit: a.explicit,
+        quasistatic: a.quasistatic,
+        limit: a.limit,
+        cause: a.cause.map(|c| c.words().to_owned()),
+    };
+    let checked = v.sources.iter().filter_map(|s| Some((s, s.check.as_ref()?)));
+    checked.flat_map(|(s, c)| c.largest.iter().map(move |a| of(s, a))).collect()
 }
 
 /// The models that an argument names: one, or every calibrated model of a build, the joint one first.
@@ -158,24 +193,43 @@ fn name_of(text: &str) -> (String, PathBuf) {
 /// A model's answers to the protocols.
 pub(crate) fn source(
     name: &str,
-    spec: &ModelSpec,
-    meshes: &BTreeMap<String, MeshValue>,
-    options: &ProtocolOptions,
+    (spec, meshes): (&ModelSpec, &BTreeMap<String, MeshValue>),
+    (is_knee, options): (bool, &ProtocolOptions),
     warnings: &mut Vec<Notice>,
 ) -> Result<Source, BuildError> {
     let fault = |e: sim::SimError| BuildError::File(format!("{name}: {e}"));
     let model = sim::compile(spec, meshes).map_err(fault)?;
-    let (mut source, told) = Source::simulated(name, spec, &model, options).map_err(fault)?;
+    let (quasi, told) = Source::simulated(name, spec, &model, options).map_err(fault)?;
     warnings.extend(told);
-    // what was added to the knee; nothing of an apparatus
+    if !is_knee {
+        return with_effects(quasi, spec, &model);
+    }
+    let sensitivity = sensitivity::moved(spec, meshes, options).map_err(fault)?;
+    if options.solver == Solver::Quasistatic {
+        return Ok(Source { sensitivity, ..with_effects(quasi, spec, &model)? });
+    }
+    let (explicit, told) = solvers::explicit(&quasi, &model, options).map_err(fault)?;
+    warnings.extend(told);
+    let (mut source, quasi) = (with_effects(explicit, spec, &model)?, with_effects(quasi, spec, &model)?);
+    warnings.extend(solvers::hold_against(&mut source, &quasi, &model, options).map_err(fault)?);
+    source.sensitivity = sensitivity;
+    Ok(source)
+}
+
+/// Whether a model is told by the solver that is asked for: the joint one is. Those of single data sets are where none is joint.
+pub(crate) fn is_the_knee(is_joint: bool, any_joint: bool) -> bool {
+    is_joint || !any_joint
+}
+
+/// The sums of ligament groups, and what was added to the knee; nothing of an apparatus.
+fn with_effects(mut source: Source, spec: &ModelSpec, model: &Model) -> Result<Source, BuildError> {
+    let name = source.name.clone();
     let bundles = source.bundles.clone();
-    let all =
-        [&mut source.ap_laxity, &mut source.passive_flexion, &mut source.pivot_shift, &mut source.pivot_shift_no_acl];
-    for r in all.into_iter().flatten() {
+    for r in source.protocols_mut().into_iter().flat_map(|(_, rows)| rows) {
         r.outputs.extend(group_sums(&bundles, &r.forces_n));
     }
     for rows in [&mut source.ap_laxity, &mut source.passive_flexion, &mut source.pivot_shift] {
-        diagnosis::predict::apply(&model, spec, None, rows).map_err(|e| BuildError::File(format!("{name}: {e}")))?;
+        diagnosis::predict::apply(model, spec, None, rows).map_err(|e| BuildError::File(format!("{name}: {e}")))?;
     }
     let cut = model.without(&["ACL".to_owned()]).unwrap_or_else(|_| model.clone());
     diagnosis::predict::apply(&cut, spec, None, &mut source.pivot_shift_no_acl)
@@ -244,6 +298,12 @@ impl Validation {
             let pair = metrics.entry(format!("{} {}", d.a, d.b)).or_default();
             pair.insert(format!("{}.{}", d.protocol, d.quantity), d.rmsd);
         }
+        for s in &sources {
+            let told = ["mm", "deg", "N"].into_iter().filter_map(|unit| s.check.as_ref()?.worst(unit));
+            let of = told.map(|a| (format!("largest_{}", a.unit.to_lowercase()), a.difference().abs()));
+            metrics.entry(format!("{} solvers", s.name)).or_default().extend(of);
+        }
+        metrics.retain(|_, figures| !figures.is_empty());
         Validation { specimen, sources, passive, differences, cross: vec![], warnings, metrics }
     }
 
@@ -261,14 +321,18 @@ impl Validation {
 pub(crate) fn files_of(v: &Validation) -> Result<Vec<(String, Vec<u8>)>, BuildError> {
     let mut protocols: Vec<(String, Vec<u8>)> = Vec::new();
     for s in &v.sources {
-        for (name, rows) in s.protocols() {
-            let csv = of_model(&protocol_csv(&s.bundles, rows), &s.model)?;
+        for (k, (name, rows)) in s.protocols().into_iter().enumerate() {
+            let beside = s.check.as_ref().map(|c| c.quasistatic[k].as_slice());
+            let csv = with_solvers(&protocol_csv(&s.bundles, rows), &s.bundles, (rows, beside))?;
+            let csv = of_model(&csv, &s.model)?;
             protocols.push((format!("{}/{name}.csv", s.label(&v.sources)), csv));
         }
     }
     let mut files: Vec<(String, String)> = Vec::new();
     let mut all = tables::tables(&v.sources);
     all.extend((!v.cross.is_empty()).then(|| tables::cross_predictions(&v.cross)));
+    let of_knee = [tables::solvers(&v.sources), tables::sensitivity(&v.sources)];
+    all.extend(of_knee.into_iter().filter(|t| !t.rows.is_empty()));
     let differences = tables::differences(&v.differences);
     files.extend(all.iter().chain([&differences]).map(|t| (format!("{}.csv", t.name), t.csv())));
     files.push(("tables.md".into(), tables::page(&v.specimen, &all, &differences)));
@@ -278,9 +342,56 @@ pub(crate) fn files_of(v: &Validation) -> Result<Vec<(String, Vec<u8>)>, BuildEr
     Ok(protocols)
 }
 
+/// A protocol's file with the solver of each row, and where it is explicit dynamics the quasi-static pose and forces beside: `ap_mm_quasistatic`.
+fn with_solvers(
+    csv: &str,
+    bundles: &[String],
+    (rows, beside): (&[TrialResult], Option<&[TrialResult]>),
+) -> Result<String, BuildError> {
+    let by = |r: &TrialResult| {
+        let quasi = beside.is_none() || r.flags.contains(&Flag::Stopped);
+        if quasi { "quasistatic" } else { "explicit" }.to_owned()
+    };
+    let mut more = vec![("solver".to_owned(), rows.iter().map(by).collect::<Vec<_>>())];
+    let columns = FREE.map(|c| c.column()).into_iter().chain(bundles.iter().map(|b| force_column(b)));
+    for (k, column) in columns.enumerate().filter(|_| beside.is_some_and(|b| !b.is_empty())) {
+        let cell = |r: &TrialResult| {
+            let value = r.columns(bundles)[k].1;
+            format!("{:.6}", if value.abs() < LEAST_TOLD { 0.0 } else { value })
+        };
+        more.push((format!("{column}_quasistatic"), beside.into_iter().flatten().map(cell).collect()));
+    }
+    with_columns(csv, &more)
+}
+
+/// Smaller than this is told as 0 [mm, deg, N]: half of the last digit.
+const LEAST_TOLD: f64 = 5e-7;
+
+/// The largest differences of both solvers, for the terminal.
+fn of_solvers(v: &Validation) -> String {
+    let mut text = String::new();
+    for s in &v.sources {
+        for a in ["mm", "deg", "N"].into_iter().filter_map(|unit| s.check.as_ref()?.worst(unit)) {
+            let cut = if a.cut.is_empty() { String::new() } else { format!(" without {}", a.cut) };
+            let cause = a.cause.map_or(String::new(), |c| format!(" [{}]", c.words()));
+            text += &format!(
+                "{}: explicit - quasi-static: at most {:.3} {} (limit {}), {}{cut}, {}, {}{cause}\n",
+                s.label(&v.sources),
+                a.difference(),
+                a.unit,
+                a.limit,
+                a.protocol,
+                a.step,
+                a.column
+            );
+        }
+    }
+    text
+}
+
 /// The differences, for the terminal.
 fn words(v: &Validation) -> String {
-    let mut text = String::new();
+    let mut text = of_solvers(v);
     for d in v.differences.iter().filter(|d| !d.quantity.ends_with("_si") && !d.quantity.ends_with("_ml")) {
         let published = d.published.map_or(String::new(), |p| format!(" (published {p:.2})"));
         let note = if d.note.is_empty() { String::new() } else { format!(" [{}]", d.note) };

@@ -299,6 +299,7 @@ def validate(
     out: Path,
     *,
     passive: Optional[Mapping[str, Any]] = None,
+    solver: Optional[str] = None,
     options: Optional[Mapping[str, Any]] = None,
     jobs: Optional[int] = None,
     progress: Progress = None,
@@ -313,6 +314,10 @@ def validate(
         Folder for the results.
     passive : dict, optional
         By name, measured passive flexion: a table with ``fe_deg``, ``vv_deg``, ``ie_deg``, ``ml_mm``, ``ap_mm``, ``si_mm``, or its path.
+    solver : {"explicit", "quasistatic"}, optional
+        How the joint model is solved, or every model where none is joint; models of single data sets beside a joint one are quasi-static.
+        With ``"explicit"``, the default, the quasi-static answer stands beside it: columns ``ap_mm_quasistatic`` and so on, and
+        ``table("solvers")``.
     options : dict, optional
         Of stage ``validate``: ``{"ap_flexions_deg": [30, 60]}``.
     jobs, progress
@@ -329,6 +334,8 @@ def validate(
     place = absolute(out)
     files: dict[str, bytes] = {}
     words: list[Any] = ["validate", "--out", place, *settings(options, "validate")]
+    if solver is not None:
+        words += ["--solver", solver]
     for name, table in (passive or {}).items():
         words += ["--passive", f"{name}={table_at(table, f'passive {name}', files)}"]
     for name, model in models.items():

@@ -9,7 +9,7 @@
 mod energy;
 mod forces;
 mod increment;
-mod options;
+pub(crate) mod options;
 pub mod program;
 pub mod protocol;
 mod state;
@@ -19,7 +19,7 @@ mod twist;
 pub use energy::Energies;
 pub use options::{Control, ExplicitOptions};
 pub use program::{Course, Drive, Program, Step};
-pub use protocol::explicit_protocol;
+pub use protocol::{explicit_protocol, explicit_rows};
 pub use state::ExplicitState;
 pub use trial::{TrialSteps, deck_program, explicit_trial};
 
@@ -65,7 +65,7 @@ pub struct Snapshot {
 /// Runs `program` from `state` to its end; a state of an interrupted run goes on where it stopped, to the same bytes.
 ///
 /// Errors: an option or drive out of range, an increment that cannot be stable, a motion that blows up (increment, time and energies are
-/// named), an observer's wish to stop (`state` can be run on).
+/// named), more increments than the options allow, an observer's wish to stop (`state` can be run on).
 pub fn run(
     model: &Model,
     program: &Program,
@@ -77,6 +77,7 @@ pub fn run(
     program.check(options)?;
     let total: f64 = program.steps.iter().map(|s| s.duration_s).sum();
     let mut near = Nearby::default();
+    let most = state.increments.saturating_add(options.most_increments);
     while let Some(step) = program.steps.get(state.step) {
         let earlier = &program.steps[..state.step];
         let cut = failed(model, &program.steps[..=state.step])?;
@@ -86,6 +87,12 @@ pub fn run(
         let before: f64 = earlier.iter().map(|s| s.duration_s).sum();
         while state.time_s < step.duration_s {
             crate::interrupt::check();
+            if state.increments >= most {
+                return Err(SimError::Solver(format!(
+                    "stopped after {} increments, at {:.4} of {:.4} s of step {}; allow more by explicit.most_increments, or raise explicit.mass_scale",
+                    options.most_increments, state.time_s, step.duration_s, step.name
+                )));
+            }
             let done = stepper.advance(state, &mut near)?;
             let (increment_s, drive) = (done.increment_s, done.drive);
             let fraction = (before + state.time_s) / total;

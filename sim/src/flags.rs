@@ -5,24 +5,8 @@
 
 use crate::contact::rim::Bearing;
 use crate::coordinate::{AP, FE, IE, ML, SI, Six};
+pub use crate::flag::{Cause, Flag, sentences};
 use crate::model::{Evaluation, Model};
-
-/// Flag of an answer in which one compartment bears at its rim, the other within.
-pub const SUBLUXED: &str = "subluxed";
-/// Flag of an answer whose femur has left the plateau: what bears, bears at a rim.
-pub const DISLOCATED: &str = "dislocated";
-/// Flag of an answer that is turned further than knees turn.
-pub const ROTATED: &str = "rotated beyond any knee";
-/// Flag of an answer beside which another equilibrium was found.
-pub const SEVERAL: &str = "several equilibria";
-/// How the flag of a ligament ends that bears more than it can.
-pub const TORN: &str = "beyond its failure load";
-/// Flag of an answer whose patella's forces do not balance.
-pub const PATELLA_UNBALANCED: &str = "patella out of balance";
-/// Flag of an answer whose patella lies beside its groove, or in the notch.
-pub const PATELLA_OFF_GROOVE: &str = "patella off the groove";
-/// Flag of an answer whose patella rests elsewhere within a degree of flexion, or where it is sought from the other side.
-pub const PATELLA_SNAPS: &str = "patella snaps";
 
 /// Internal and external rotation to which living knees are turned by hand [deg], at 5 deg of flexion (those without ACL, the looser) and from 30 deg
 /// on; means of 17 and 19 persons [zarins1983].
@@ -59,32 +43,32 @@ pub struct Limits {
 }
 
 /// What is odd about an answer at Grood-Suntay coordinates `gs` [rad, mm].
-pub fn flags(model: &Model, gs: &Six, evaluation: &Evaluation, limits: &Limits) -> Vec<String> {
-    let mut out: Vec<String> = place(model, gs, evaluation, limits).into_iter().map(str::to_owned).collect();
-    out.extend(is_turned_too_far(gs).then(|| ROTATED.to_owned()));
+pub fn flags(model: &Model, gs: &Six, evaluation: &Evaluation, limits: &Limits) -> Vec<Flag> {
+    let mut out: Vec<Flag> = place(model, gs, evaluation, limits).into_iter().collect();
+    out.extend(is_turned_too_far(gs).then_some(Flag::Rotated));
     out.extend(torn(model, evaluation));
-    out.extend(patella(model, gs, evaluation).into_iter().map(str::to_owned));
+    out.extend(patella(model, gs, evaluation));
     out
 }
 
 /// What is odd about the patella.
-fn patella(model: &Model, gs: &Six, evaluation: &Evaluation) -> Vec<&'static str> {
+fn patella(model: &Model, gs: &Six, evaluation: &Evaluation) -> Vec<Flag> {
     let Some(state) = model.patella_state(evaluation) else { return Vec::new() };
     let doubts = model.patella_doubts(gs, evaluation).unwrap_or_default();
     let flags = [
-        (!state.is_balanced(), PATELLA_UNBALANCED),
-        (doubts.off_groove, PATELLA_OFF_GROOVE),
-        (doubts.snaps, PATELLA_SNAPS),
+        (!state.is_balanced(), Flag::PatellaUnbalanced),
+        (doubts.off_groove, Flag::PatellaOffGroove),
+        (doubts.snaps, Flag::PatellaSnaps),
     ];
     flags.into_iter().filter(|f| f.0).map(|f| f.1).collect()
 }
 
 /// Whether the femur has left the plateau, wholly or in part.
-fn place(model: &Model, gs: &Six, evaluation: &Evaluation, limits: &Limits) -> Option<&'static str> {
+fn place(model: &Model, gs: &Six, evaluation: &Evaluation, limits: &Limits) -> Option<Flag> {
     let ct = model.joint.ct_pose();
     let most = [(ML, limits.dislocation_mm), (SI, limits.dislocation_mm), (AP, limits.dislocation_ap_mm)];
     if most.into_iter().any(|(c, limit)| (gs[c] - ct[c]).abs() > limit) {
-        return Some(DISLOCATED);
+        return Some(Flag::Dislocated);
     }
     let frames = [model.joint.femur(), model.joint.tibia()];
     let bearings = model.contact.bearings(&evaluation.pose, frames, limits.rim_mm);
@@ -97,9 +81,9 @@ fn place(model: &Model, gs: &Six, evaluation: &Evaluation, limits: &Limits) -> O
         plateau < limits.rim_mm || b.at_rim[0] > limits.rim_share || condyle < CONDYLE_END * limits.rim_mm
     };
     match (asked.len(), asked.iter().filter(|b| leaves(b)).count()) {
-        (0, _) if !between() => Some(DISLOCATED),
-        (1.., leaving) if leaving == asked.len() => Some(DISLOCATED),
-        (_, 1..) => Some(SUBLUXED),
+        (0, _) if !between() => Some(Flag::Dislocated),
+        (1.., leaving) if leaving == asked.len() => Some(Flag::Dislocated),
+        (_, 1..) => Some(Flag::Subluxed),
         _ => None,
     }
 }
@@ -115,11 +99,15 @@ fn is_turned_too_far(gs: &Six) -> bool {
 }
 
 /// Ligaments that bear more than they can.
-fn torn(model: &Model, evaluation: &Evaluation) -> Vec<String> {
+fn torn(model: &Model, evaluation: &Evaluation) -> Vec<Flag> {
     let forces = model.bundle_forces(&evaluation.fibres);
     let bears = |ligament: &str| -> f64 {
         let own = |name: &str| name == ligament || name.strip_prefix(ligament).is_some_and(|r| r.starts_with('_'));
         model.bundles.iter().zip(&forces).filter(|(b, _)| own(&b.name)).map(|(_, f)| *f).sum()
     };
-    FAILURE_N.iter().filter(|(name, most)| bears(name) > *most).map(|(name, _)| format!("{name} {TORN}")).collect()
+    FAILURE_N
+        .iter()
+        .filter(|(name, most)| bears(name) > *most)
+        .map(|(name, _)| Flag::Torn((*name).to_owned()))
+        .collect()
 }

@@ -19,6 +19,7 @@ pub mod deck;
 pub mod equilibrium;
 pub mod error;
 pub mod explicit;
+mod flag;
 pub mod flags;
 pub mod graft;
 pub mod interrupt;

@@ -4,6 +4,7 @@
 
 use crate::coordinate::{FE, Load};
 use crate::error::SimError;
+use crate::explicit::options::ExplicitOptions;
 use crate::laxity::{LaxityTrial, Test, TrialResult};
 use crate::model::Model;
 use crate::quasistatic::Phase;
@@ -21,6 +22,34 @@ pub enum Protocol {
     PassiveFlexion,
     /// Valgus with internal moment.
     PivotShift,
+}
+
+/// How a protocol is solved.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Solver {
+    /// Equilibrium along the path of loading.
+    Quasistatic,
+    /// Explicit dynamics through the paper's steps, to rest at each row.
+    Explicit,
+}
+
+/// How far apart two solvers may lie.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Agreement {
+    /// In a translation [mm]; ours: a tenth of what tells a sound knee from one with a torn ACL.
+    pub mm: f64,
+    /// In a rotation [deg]; ours: a tenth of a laxity's scatter.
+    pub deg: f64,
+    /// In a bundle's force [N]; ours: a fiftieth of the drawers' load.
+    pub n: f64,
+}
+
+impl Default for Agreement {
+    fn default() -> Self {
+        Agreement { mm: 0.2, deg: 0.3, n: 3.0 }
+    }
 }
 
 /// The protocols' numbers.
@@ -56,7 +85,13 @@ pub struct ProtocolOptions {
     pub pivot_dislocation_ap_mm: f64,
     /// Samples of the posterior by which intervals of a calibrated model's answers are told [-]; 0 leaves them out; ours.
     pub samples: usize,
-    /// Path and solver.
+    /// By which solver the knee's rows are told: explicit or quasistatic. With the explicit one the quasi-static answer stands beside it; ours.
+    pub solver: Solver,
+    /// How far apart both solvers may lie before a row is flagged.
+    pub agree: Agreement,
+    /// The explicit solver; its steps are the paper's [andreassen2025, section 2.4.5].
+    pub explicit: ExplicitOptions,
+    /// Path and solver of the quasi-static answer.
     pub trials: TrialOptions,
 }
 
@@ -77,8 +112,21 @@ impl Default for ProtocolOptions {
             pivot_internal_nm: 4.0,
             pivot_dislocation_ap_mm: 19.0,
             samples: 48,
+            solver: Solver::Explicit,
+            agree: Agreement::default(),
+            explicit: ExplicitOptions::default(),
             trials: TrialOptions::default(),
         }
+    }
+}
+
+impl ProtocolOptions {
+    /// Path, solver and limits of a protocol: in a pivot shift less AP is a dislocation.
+    pub(crate) fn of(&self, protocol: Protocol) -> TrialOptions {
+        let ap = self.trials.dislocation_ap_mm;
+        let dislocation_ap_mm =
+            if protocol == Protocol::PivotShift { ap.min(self.pivot_dislocation_ap_mm) } else { ap };
+        TrialOptions { dislocation_ap_mm, ..self.trials.clone() }
     }
 }
 
@@ -95,10 +143,7 @@ pub(crate) struct Leg {
 /// Errors: options out of range, a solver that finds no equilibrium.
 pub fn run(model: &Model, protocol: Protocol, options: &ProtocolOptions) -> Result<Vec<TrialResult>, SimError> {
     let paths = paths(model, protocol, options)?;
-    let mut options = options.clone();
-    if protocol == Protocol::PivotShift {
-        options.trials.dislocation_ap_mm = options.trials.dislocation_ap_mm.min(options.pivot_dislocation_ap_mm);
-    }
+    let options = ProtocolOptions { trials: options.of(protocol), ..options.clone() };
     let each = paths.par_iter().map(|legs| quasi_static(model, legs, &options));
     Ok(each.collect::<Result<Vec<_>, _>>()?.concat())
 }
@@ -158,6 +203,9 @@ pub fn check(o: &ProtocolOptions) -> Result<(), SimError> {
         ("pivot_valgus_nm", o.pivot_valgus_nm, -150.0, 150.0),
         ("pivot_internal_nm", o.pivot_internal_nm, -150.0, 150.0),
         ("pivot_dislocation_ap_mm", o.pivot_dislocation_ap_mm, 1.0, 1e3),
+        ("agree.mm", o.agree.mm, 1e-6, 100.0),
+        ("agree.deg", o.agree.deg, 1e-6, 100.0),
+        ("agree.n", o.agree.n, 1e-6, 1e4),
     ] {
         if !(x >= least && x <= most) {
             return fault(format!("{key} is {x}, expected {least} to {most}"));

@@ -6,8 +6,7 @@
 use crate::contact::Nearby;
 use crate::coordinate::{AP, FE, FREE, Free, IE, Load, ML, SI, Six, VV};
 use crate::error::SimError;
-use crate::flags::{self, Limits};
-pub use crate::flags::{DISLOCATED, PATELLA_UNBALANCED, SUBLUXED};
+use crate::flags::{self, Flag, Limits};
 use crate::laxity::{LaxityTrial, TrialResult};
 use crate::model::{Evaluation, Model};
 use crate::quasistatic::{Dashpots, Goal, Phase, Solved, SolverOptions, State, follow, increment_near};
@@ -130,8 +129,8 @@ pub struct Answer {
     pub forces_n: Vec<f64>,
     /// What bodies with coordinates of their own tell of themselves: names with their units, values.
     pub outputs: Vec<(String, f64)>,
-    /// What is odd ("dislocated"); empty when nothing is.
-    pub flags: Vec<String>,
+    /// What is odd; empty when nothing is.
+    pub flags: Vec<Flag>,
     /// Evaluations of the model it took.
     pub evaluations: usize,
 }
@@ -239,7 +238,7 @@ pub fn solve_from(
 }
 
 /// What is odd about an answer at Grood-Suntay coordinates `gs` [rad, mm].
-pub fn flags(model: &Model, gs: &Six, evaluation: &Evaluation, options: &TrialOptions) -> Vec<String> {
+pub fn flags(model: &Model, gs: &Six, evaluation: &Evaluation, options: &TrialOptions) -> Vec<Flag> {
     flags::flags(model, gs, evaluation, &options.limits())
 }
 
@@ -309,7 +308,7 @@ impl<'a> Path<'a> {
         let gs = self.model.joint.grood_suntay(&solved.state.q);
         let forces_n = self.model.bundle_forces(&solved.evaluation.fibres);
         let mut flags = flags(self.model, &gs, &solved.evaluation, self.options);
-        flags.extend(self.has_another(&solved)?.then(|| flags::SEVERAL.to_owned()));
+        flags.extend(self.has_another(&solved)?.then_some(Flag::Several));
         let outputs = self.model.outputs(&solved.evaluation);
         let evaluations = self.evaluations;
         Ok(Answer {

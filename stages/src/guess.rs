@@ -48,6 +48,8 @@ pub struct Guess {
     pub role: Option<Role>,
     /// The evidence, in words.
     pub why: String,
+    /// Whether it is a bone of CT beside which no other was found.
+    pub lone_bone: bool,
 }
 
 /// What was guessed of all.
@@ -72,7 +74,7 @@ const BONE_MM: f64 = 70.0;
 /// Which surface is what. CT surfaces have no colours and are closed, or two open ones are all that there are; a scan is laid on both bones, and
 /// belongs to the one it fits.
 pub fn guess(surfaces: &[ColouredMesh]) -> Guesses {
-    let unknown = |why: &str| Guess { role: None, why: why.into() };
+    let unknown = |why: &str| Guess { role: None, why: why.into(), lone_bone: false };
     let mut found: Vec<Guess> = surfaces.iter().map(|_| unknown("")).collect();
     let (mut ct, mut scans, mut bare) = (Vec::new(), Vec::new(), Vec::new());
     for (i, s) in surfaces.iter().enumerate() {
@@ -88,8 +90,8 @@ pub fn guess(surfaces: &[ColouredMesh]) -> Guesses {
         } else if extent < BONE_MM && 2.0 * s.mesh.volume().abs() / s.mesh.area() < SHEET_MM {
             found[i].why = "closed and thin: a cartilage or a meniscus, no bone".into();
         } else if extent < PATELLA_MM {
-            found[i] =
-                Guess { role: Some(Role::CtPatella), why: format!("closed, {extent:.0} mm wide: a patella in CT") };
+            let why = format!("closed, {extent:.0} mm wide: a patella in CT");
+            found[i] = Guess { role: Some(Role::CtPatella), why, lone_bone: false };
         } else {
             ct.push(i);
             found[i].why = "closed, no colours: a bone in CT".into();
@@ -106,6 +108,9 @@ pub fn guess(surfaces: &[ColouredMesh]) -> Guesses {
     let [a, b] = ct[..] else {
         for i in ct.iter().chain(&scans) {
             found[*i].why += &format!("; {} bones in CT were found where two are needed to tell more", ct.len());
+        }
+        if let [lone] = ct[..] {
+            found[lone].lone_bone = true;
         }
         // a patella alone is no CT
         found.iter_mut().for_each(|g| g.role = None);

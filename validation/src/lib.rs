@@ -9,6 +9,7 @@
 //! assert!(table4.is_some_and(|row| !row.is_empty()));
 //! ```
 
+pub mod apart;
 pub mod cross;
 pub mod figures;
 pub mod paper;
@@ -16,5 +17,7 @@ pub mod parameters;
 pub mod passive;
 pub mod plot;
 pub mod published;
+pub mod sensitivity;
+pub mod solvers;
 pub mod tables;
 pub mod validate;

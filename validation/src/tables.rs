@@ -97,6 +97,61 @@ pub fn cross_predictions(all: &[CrossPrediction]) -> Table {
     t
 }
 
+/// The largest differences of explicit dynamics and the quasi-static solver, of every source that was told by both.
+pub fn solvers(sources: &[Source]) -> Table {
+    let header = [
+        "source",
+        "protocol",
+        "cut",
+        "step",
+        "flexion_deg",
+        "quantity",
+        "unit",
+        "explicit",
+        "quasistatic",
+        "difference",
+        "limit",
+        "within",
+        "cause",
+    ];
+    let mut out =
+        Table::new("solvers", "Explicit dynamics against the quasi-static solver: largest differences", &header);
+    for s in sources {
+        for a in s.check.iter().flat_map(|c| &c.largest) {
+            let mut row = vec![s.label(sources), a.protocol.clone(), a.cut.clone(), a.step.clone()];
+            row.extend([format!("{:.0}", a.flexion_deg), a.column.clone(), a.unit.clone()]);
+            row.extend([a.explicit, a.quasistatic, a.difference()].map(|x| format!("{x:.3}")));
+            row.extend([format!("{}", a.limit), if a.share() <= 1.0 { "yes" } else { "no" }.into()]);
+            row.push(a.cause.map_or("", |c| c.words()).to_owned());
+            out.rows.push(row);
+        }
+    }
+    out
+}
+
+fn yes(is: bool) -> String {
+    if is { "yes" } else { "no" }.to_owned()
+}
+
+/// How far the tests of a knee move with what a calibration does not settle.
+pub fn sensitivity(sources: &[Source]) -> Table {
+    let header =
+        ["source", "changed", "by", "test", "flexion_deg", "ap_mm", "ie_deg", "vv_deg", "force_n", "bundle", "drawer"];
+    let title = "What moves the knee: size of the change of each test";
+    let mut out = Table::new("sensitivity", title, &header);
+    for s in sources {
+        for m in &s.sensitivity {
+            let texts = [&s.label(sources), m.changed.name(), m.changed.by(), &m.step];
+            let mut row = texts.map(str::to_owned).to_vec();
+            row.push(format!("{:.0}", m.flexion_deg));
+            row.extend([m.ap_mm, m.ie_deg, m.vv_deg].map(|x| format!("{x:.3}")));
+            row.extend([format!("{:.1}", m.force_n), m.bundle.clone(), yes(m.drawer)]);
+            out.rows.push(row);
+        }
+    }
+    out
+}
+
 /// All tables and the differences on one page.
 pub fn page(specimen: &str, tables: &[Table], differences: &Table) -> String {
     let whose = published::title(specimen).map_or(String::new(), |t| {
@@ -133,13 +188,15 @@ pub fn cost_table(cost: &CostFunction, predicted: &[Option<Free<f64>>]) -> Table
 
 /// compare.csv.
 pub fn differences(all: &[Difference]) -> Table {
-    let header = ["source_a", "source_b", "protocol", "quantity", "unit", "rmsd", "count", "published", "note"];
+    let header =
+        ["source_a", "source_b", "protocol", "quantity", "unit", "rmsd", "count", "published", "note", "against"];
     let mut out = Table::new("compare", "Differences between models (root mean square)", &header);
     for d in all {
         let published = d.published.map_or(String::new(), |p| format!("{p:.2}"));
         let texts = [&d.a, &d.b, &d.protocol, &d.quantity, &d.unit];
         let mut row: Vec<String> = texts.iter().map(|t| (*t).clone()).collect();
         row.extend([format!("{:.4}", d.rmsd), d.count.to_string(), published, d.note.clone()]);
+        row.push(if d.measured { "measurement" } else { "model" }.into());
         out.rows.push(row);
     }
     out

@@ -1,6 +1,8 @@
 //! The comparison of models of one knee, calibrated from different sources, or of several knees: AP laxity, passive flexion, pivot shift with and without ACL
 //! [andreassen2025, section 2.6].
 
+use crate::apart::Checked;
+use crate::sensitivity::Moved;
 use crate::{parameters, published};
 use attachments::groups::group_forces;
 use calibration::design::Design;
@@ -8,6 +10,7 @@ use notices::{Kind, Notice};
 use serde::{Deserialize, Serialize};
 use sim::SimError;
 use sim::coordinate::{AP, FREE, Free, IE, ML, SI, VV};
+use sim::flags::Flag;
 use sim::laxity::{Test, TrialResult};
 use sim::model::Model;
 use sim::protocols::{Protocol, ProtocolOptions, run};
@@ -39,6 +42,12 @@ pub struct Source {
     pub pivot_shift: Vec<TrialResult>,
     /// The same without ACL.
     pub pivot_shift_no_acl: Vec<TrialResult>,
+    /// Where its rows are by explicit dynamics: the quasi-static ones beside them. None: they are quasi-static.
+    #[serde(default)]
+    pub check: Option<Checked>,
+    /// How far its tests move with what a calibration does not settle; empty where that was not asked.
+    #[serde(default)]
+    pub sensitivity: Vec<Moved>,
 }
 
 impl Source {
@@ -57,6 +66,8 @@ impl Source {
             passive_flexion: vec![],
             pivot_shift: vec![],
             pivot_shift_no_acl: vec![],
+            check: None,
+            sensitivity: vec![],
         }
     }
 
@@ -124,6 +135,16 @@ impl Source {
         ]
     }
 
+    /// The same to be changed.
+    pub fn protocols_mut(&mut self) -> [(&'static str, &mut Vec<TrialResult>); 4] {
+        [
+            ("ap_laxity", &mut self.ap_laxity),
+            ("passive_flexion", &mut self.passive_flexion),
+            ("pivot_shift", &mut self.pivot_shift),
+            ("pivot_shift_no_acl", &mut self.pivot_shift_no_acl),
+        ]
+    }
+
     /// The answer under the full anterior or posterior load at a flexion; of equals the first.
     pub fn ap_end(&self, test: Test, flexion_deg: f64) -> Option<&TrialResult> {
         let sign = if test == Test::Posterior { -1.0 } else { 1.0 };
@@ -157,7 +178,7 @@ impl Source {
 
     /// True where a result says that the femur left the plateau.
     pub fn is_dislocated(result: &TrialResult) -> bool {
-        result.flags.iter().any(|f| f.contains("dislocat"))
+        result.flags.contains(&Flag::Dislocated)
     }
 }
 
@@ -182,6 +203,9 @@ pub struct Difference {
     pub published: Option<f64>,
     /// Why not to rely on it; empty where nothing is known against it.
     pub note: String,
+    /// Whether `b` was measured; else it is a model.
+    #[serde(default)]
+    pub measured: bool,
 }
 
 /// Measured passive flexion of one origin.
@@ -239,7 +263,18 @@ impl Pair<'_> {
         let rmsd = (d.iter().map(|x| x * x).sum::<f64>() / d.len() as f64).sqrt();
         let (protocol, quantity, unit) = (what.0.into(), what.1.into(), what.2.into());
         let [a, b] = self.names.clone();
-        out.push(Difference { a, b, protocol, quantity, unit, rmsd, count: d.len(), published, note: String::new() });
+        out.push(Difference {
+            a,
+            b,
+            protocol,
+            quantity,
+            unit,
+            rmsd,
+            count: d.len(),
+            published,
+            note: String::new(),
+            measured: false,
+        });
         Some(out.len() - 1)
     }
 
@@ -337,6 +372,7 @@ fn against_measured(a: &Source, name: &str, m: &Passive, out: &mut Vec<Differenc
                 count,
                 published: None,
                 note: String::new(),
+                measured: true,
             });
         }
     }
@@ -388,6 +424,7 @@ fn means(sources: &[Source], out: &mut Vec<Difference>) {
                 count: sets.len(),
                 published: published.then_some(kind.published[usize::from(between)]),
                 note: parameters::NOTE.into(),
+                measured: false,
             });
         }
     }

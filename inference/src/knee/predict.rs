@@ -7,9 +7,10 @@ use rayon::prelude::*;
 use sim::SimError;
 use sim::contact::Nearby;
 use sim::coordinate::{FREE, Free, Load, Six};
+use sim::flags::Flag;
 use sim::model::{Evaluation, Model};
 use sim::quasistatic::{Goal, State, close, increment_near};
-use sim::trials::{DISLOCATED, chain_flexion, flags, pose_spec, solve_trial};
+use sim::trials::{chain_flexion, flags, pose_spec, solve_trial};
 use std::ops::Range;
 
 /// Prediction of a trial at a sample.
@@ -96,7 +97,7 @@ impl Trials<'_> {
 
     /// Whether the femur has left the plateau in an answer at Grood-Suntay coordinates `gs`.
     fn is_off_the_plateau(&self, model: &Model, gs: &Six, evaluation: &Evaluation) -> bool {
-        flags(model, gs, evaluation, self.options).iter().any(|f| f == DISLOCATED)
+        flags(model, gs, evaluation, self.options).contains(&Flag::Dislocated)
     }
 
     /// Whether the femur has left the plateau in the trials at `places`, of the knee at values `z` with the answers `found`; `None` where there is no

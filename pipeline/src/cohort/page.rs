@@ -195,14 +195,16 @@ fn files(tables: &[Table]) -> String {
 fn strips(knees: &[Knee], outliers: &[Outlier]) -> Vec<Strip> {
     let far: BTreeSet<(&str, &str, &str)> =
         outliers.iter().map(|o| (o.knee.as_str(), o.quantity.name.as_str(), o.quantity.part.as_str())).collect();
-    let mut groups: BTreeMap<(&str, String), Vec<Dot>> = BTreeMap::new();
+    // by stage, title and whether it is a pose
+    let mut groups: BTreeMap<(&str, String, bool), Vec<Dot>> = BTreeMap::new();
     for ((stage, name, part), values) in by_quantity(knees) {
-        let (title, category) = match (name.strip_prefix("pose_"), part.is_empty()) {
+        let coordinate = name.strip_prefix("pose_");
+        let (title, category) = match (coordinate, part.is_empty()) {
             (Some(c), _) => (format!("pose in CT [{}]", if c.ends_with("_mm") { "mm" } else { "deg" }), c.to_owned()),
             (None, true) => (name.clone(), String::new()),
             (None, false) => (name.clone(), part.clone()),
         };
-        let dots = groups.entry((stage, title)).or_default();
+        let dots = groups.entry((stage, title, coordinate.is_some())).or_default();
         for (knee, value) in values {
             let outlier = far.contains(&(knees[knee].name.as_str(), name.as_str(), part.as_str()));
             dots.push(Dot { category: category.clone(), knee, value, interval: None, outlier });
@@ -210,10 +212,10 @@ fn strips(knees: &[Knee], outliers: &[Outlier]) -> Vec<Strip> {
     }
     let order = crate::stage::list::names();
     let mut groups: Vec<_> = groups.into_iter().collect();
-    groups.sort_by_key(|((stage, _), _)| order.iter().position(|s| s == stage));
+    groups.sort_by_key(|((stage, ..), _)| order.iter().position(|s| s == stage));
     let mut out: Vec<Strip> = groups
         .into_iter()
-        .flat_map(|((stage, title), dots)| panels(knees, &format!("{stage}: {title}"), dots))
+        .flat_map(|((stage, title, is_pose), dots)| panels(knees, (&format!("{stage}: {title}"), is_pose), dots))
         .collect();
     out.extend(of_rows(knees, |k| &k.parameters, ("kind", "bundle"), ["value", "lower", "upper"]));
     out.extend(of_rows(knees, |k| &k.forces, ("trial", "bundle"), ["value_n", "lower_n", "upper_n"]));
@@ -243,13 +245,13 @@ fn of_rows(knees: &[Knee], rows: impl Fn(&Knee) -> &Vec<Rows>, by: (&str, &str),
 }
 
 /// One chart; one for every category where one scale would flatten some of them.
-fn panels(knees: &[Knee], title: &str, dots: Vec<Dot>) -> Vec<Strip> {
+fn panels(knees: &[Knee], (title, is_pose): (&str, bool), dots: Vec<Dot>) -> Vec<Strip> {
     let mut by: BTreeMap<String, Vec<Dot>> = BTreeMap::new();
     dots.into_iter().for_each(|d| by.entry(d.category.clone()).or_default().push(d));
     let middles: Vec<f64> = by.values().map(|d| median(&d.iter().map(|d| d.value).collect::<Vec<_>>()).abs()).collect();
     let (least, most) =
         (middles.iter().copied().fold(f64::INFINITY, f64::min), middles.iter().copied().fold(0.0, f64::max));
-    if title.contains("pose") || most <= SAME_SCALE * least {
+    if is_pose || most <= SAME_SCALE * least {
         return vec![strip(knees, title, &by.into_values().flatten().collect::<Vec<_>>())];
     }
     by.into_iter().map(|(part, dots)| strip(knees, &format!("{title}, {}", part.replace('_', " ")), &dots)).collect()

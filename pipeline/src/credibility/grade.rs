@@ -62,3 +62,19 @@ impl Level {
         }
     }
 }
+
+/// Whether more of a number is better, by its limits: strong, adequate.
+pub(super) fn more_is_better([strong, adequate]: [f64; 2]) -> bool {
+    strong >= adequate
+}
+
+/// What a number is worth; of what is not finite, nothing.
+pub(super) fn grade(value: f64, limits: [f64; 2]) -> Grade {
+    let reaches = |limit: f64| if more_is_better(limits) { value >= limit } else { value <= limit };
+    match value.is_finite() {
+        false => Grade::NoEvidence,
+        true if reaches(limits[0]) => Grade::Strong,
+        true if reaches(limits[1]) => Grade::Adequate,
+        true => Grade::Weak,
+    }
+}

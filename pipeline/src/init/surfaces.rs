@@ -92,9 +92,7 @@ fn in_mm(mut given: Given) -> Result<(Given, bool), BuildError> {
 
 /// One bone of CT alone does not show which it is: its name tells.
 fn by_name(given: &[Given], guesses: &mut [stages::guess::Guess]) {
-    let is_lone = |g: &stages::guess::Guess| g.role.is_none() && g.why.starts_with("closed, no colours: a bone in CT;");
-    let lone: Vec<usize> = (0..guesses.len()).filter(|&i| is_lone(&guesses[i])).collect();
-    let [i] = lone[..] else { return };
+    let Some(i) = guesses.iter().position(|g| g.lone_bone) else { return };
     let name = file_name(&given[i].path).to_lowercase();
     let role = match (name.contains("fem"), name.contains("tib")) {
         (true, false) => Some((Role::CtFemur, "the femur")),

@@ -4,7 +4,7 @@ use super::BuildOptions;
 use toml::{Table, Value};
 
 /// Ranges that no stage's own check holds: a key, least and most. A key of a list is that of each of its numbers.
-const RANGES: [(&str, f64, f64); 40] = [
+const RANGES: [(&str, f64, f64); 45] = [
     ("segment.threshold", -3e4, 1e6),
     ("ingest.least_width_mm", 1.0, 1e3),
     ("ingest.greatest_width_mm", 1.0, 1e4),
@@ -42,6 +42,11 @@ const RANGES: [(&str, f64, f64); 40] = [
     ("calibrate.targets.flexion_deg", -30.0, 160.0),
     ("calibrate.search.contact_spacing_mm", 0.1, 20.0),
     ("validate.ap_flexions_deg", -30.0, 160.0),
+    ("validate.explicit.longest_increment_s", 1e-9, 0.1),
+    ("validate.explicit.safety", 0.01, 1.0),
+    ("validate.explicit.mass_scale", 1e-6, 1e9),
+    ("validate.explicit.slip_mm", 1e-6, 1.0),
+    ("validate.explicit.most_increments", 1.0, 1e9),
     ("validate.trials.flexion_deg", -180.0, 180.0),
     ("diagnose.folds", 2.0, 100.0),
     ("diagnose.draws", 1.0, 1e4),

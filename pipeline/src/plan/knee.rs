@@ -6,7 +6,7 @@ use meshes::Point;
 use sim::SimError;
 use sim::contact::{ContactOptions, Nearby};
 use sim::coordinate::{AP, FE, FREE, Free, IE, Load, Six, VV};
-use sim::flags::DISLOCATED;
+use sim::flags::Flag;
 use sim::graft::{Drawn, FIXED_AT_DEG, Graft, TENSION_N, bundle_name, with_grafts};
 use sim::laxity::{LaxityTrial, Test};
 use sim::ligament::mean_length;
@@ -56,13 +56,13 @@ pub(super) struct Knee {
 pub(super) struct Found {
     pub(super) gs: Six,
     pub(super) values: Vec<f64>,
-    pub(super) flags: Vec<String>,
+    pub(super) flags: Vec<Flag>,
 }
 
 impl Found {
     /// Whether the femur has left the plateau.
     pub(super) fn leaves_the_plateau(&self) -> bool {
-        self.flags.iter().any(|f| f == DISLOCATED)
+        self.flags.contains(&Flag::Dislocated)
     }
 }
 

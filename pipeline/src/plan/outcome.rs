@@ -12,6 +12,7 @@ use schemars::JsonSchema;
 use serde::Serialize;
 use sim::contact::ContactOptions;
 use sim::coordinate::{AP, Coordinate, IE, VV};
+use sim::flags::{Flag, sentences};
 use sim::ligament::mean_length;
 use sim::mesh::MeshValue;
 use sim::spec::ModelSpec;
@@ -318,15 +319,15 @@ fn test(file: &PlanFile, asked: &[Asked], t: usize, numbers: &Numbers, interval:
 
 /// What is odd about a state in a test: the most probable knee's flags, and how many samples have left the plateau.
 fn odd(numbers: &Numbers, state: usize, t: usize) -> Vec<String> {
-    let none = || vec!["no equilibrium".to_owned()];
+    let none = || vec![Flag::NoEquilibrium];
     let mut flags = numbers.best[state][t].as_ref().map_or_else(none, |f: &Found| f.flags.clone());
     let of = |is: &dyn Fn(&Option<Found>) -> bool| numbers.samples.iter().filter(|a| is(&a[state][t])).count();
     let leaving = of(&|f| f.as_ref().is_some_and(Found::leaves_the_plateau));
     let lost = of(&Option::is_none);
     let all = numbers.samples.len();
-    flags.extend((leaving > 0).then(|| format!("{leaving} of {all} samples leave the plateau")));
-    flags.extend((lost > 0).then(|| format!("{lost} of {all} samples have no equilibrium")));
-    flags
+    flags.extend((leaving > 0).then_some(Flag::SamplesLeave { count: leaving, of: all }));
+    flags.extend((lost > 0).then_some(Flag::SamplesLost { count: lost, of: all }));
+    sentences(&flags)
 }
 
 /// The chances of a plan: of the forward drawer alone, and of every test.
@@ -368,14 +369,13 @@ fn chances(file: &PlanFile, asked: &[Asked], numbers: &Numbers) -> Vec<ChanceTol
 mod tests {
     use super::*;
     use sim::coordinate::Six;
-    use sim::flags::DISLOCATED;
 
     /// A knee that in every state of one test has this AP, reconstructed a little more; off the plateau where that is asked for.
     fn knee(ap: f64, off_plateau: [bool; 3]) -> Answers {
         [0, 1, 2].map(|state: usize| {
             let mut values = vec![0.0; 7];
             values[AP.free_index()] = ap + if state == 2 { 0.5 } else { 0.0 };
-            let flags = if off_plateau[state] { vec![DISLOCATED.to_owned()] } else { vec![] };
+            let flags = if off_plateau[state] { vec![Flag::Dislocated] } else { vec![] };
             vec![Some(Found { gs: Six::zeros(), values, flags })]
         })
     }

@@ -197,7 +197,11 @@ impl Knee<'_> {
             rounded(force.map_or(0.0, |n| n / count(bundle)), 10.0)
         };
         let p = &r.pose;
-        let flags = if r.flags.is_empty() { String::new() } else { format!(" ({})", r.flags.join(", ")) };
+        let flags = if r.flags.is_empty() {
+            String::new()
+        } else {
+            format!(" ({})", sim::flags::sentences(&r.flags).join(", "))
+        };
         let label = format!(
             "{}: flexion {}, valgus {}, external {} deg; lateral {}, anterior {}, superior {} mm{flags}",
             r.trial.trial,

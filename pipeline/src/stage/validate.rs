@@ -8,7 +8,6 @@ pub(crate) use predictions::predictions;
 
 use super::calibrate::Calibration;
 use super::{Files, Stage, Values, View, Work, reported};
-use crate::bands::{is_odd, is_of_the_single_model};
 use crate::calibrate::samples;
 use crate::error::BuildError;
 use crate::given::PassiveFlexion;
@@ -18,19 +17,23 @@ use crate::options::BuildOptions;
 use crate::report::chart::Chart;
 use crate::report::check::Check;
 use crate::report::html::escaped;
-use crate::validate::{Validation, band, files_of, source};
+use crate::validate::{Validation, band, files_of, is_the_knee, source};
+use crate::which_model::JOINT;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use calibration::cost::CostFunction;
 use calibration::samples::Change;
+use sim::flags::{Flag, sentences};
 use sim::laxity::TrialResult;
 use sim::protocols::ProtocolOptions;
 use stages::assemble::Assembled;
 use stages::bones::Bones;
 use stages::cartilage::Cartilage;
 use std::fmt::Write;
+use validation::apart::Apart;
 use validation::cross::{CrossPrediction, ranges};
 use validation::figures;
+use validation::validate::Source;
 
 reported!(Validation);
 
@@ -62,7 +65,8 @@ impl Stage for Validate {
             (work.tell)(&format!("validate {name}"));
             let (found, told) = work.part(name, || {
                 let mut told = Vec::new();
-                let mut found = source(name, &outcome.spec, &model.meshes, options, &mut told)?;
+                let is_knee = is_the_knee(name == JOINT, calibration.joint.is_some());
+                let mut found = source(name, (&outcome.spec, &model.meshes), (is_knee, options), &mut told)?;
                 found.model = calibrated_model(&model, &outcome.spec, name).label();
                 if let Some(samples) = samples(outcome, &model.spec) {
                     band(&mut found, &samples, &model, options, &mut told);
@@ -111,7 +115,10 @@ impl Stage for Validate {
         let all = validation::tables::tables(&validation.sources);
         let differences = validation::tables::differences(&validation.differences);
         let cross = (!validation.cross.is_empty()).then(|| validation::tables::cross_predictions(&validation.cross));
-        let open = own.iter().chain(&cross).map(|t| tables::html(t, true));
+        let sources = &validation.sources;
+        let of_knee = [validation::tables::solvers(sources), validation::tables::sensitivity(sources)];
+        let of_knee: Vec<_> = of_knee.into_iter().filter(|t| !t.rows.is_empty()).collect();
+        let open = own.iter().chain(&cross).chain(&of_knee).map(|t| tables::html(t, true));
         open.chain(all.iter().chain([&differences]).map(|t| tables::html(t, false))).collect::<String>() + &html
     }
 
@@ -134,6 +141,7 @@ impl Stage for Validate {
                 model: Some(source.name.clone()),
                 stage: Self::NAME,
             });
+            out.extend(agreement(source));
         }
         out
     }
@@ -170,6 +178,48 @@ fn cross(
     Ok(out)
 }
 
+/// Whether explicit dynamics and the quasi-static solver agree; none where a source was told by one of them.
+fn agreement(source: &Source) -> Option<Check> {
+    let check = source.check.as_ref()?;
+    let rows = || source.protocols().into_iter().flat_map(|(_, rows)| rows);
+    let stopped = rows().filter(|r| r.flags.contains(&Flag::Stopped)).count();
+    let odd = rows().flat_map(|r| &r.flags).any(|f| matches!(f, Flag::Apart(_)) && f.is_odd());
+    let told = ["mm", "deg", "N"].into_iter().filter_map(|unit| Some(largest(check.worst(unit)?)));
+    let told: Vec<String> = told.collect();
+    let stop = if stopped == 0 {
+        String::new()
+    } else {
+        format!("; in {stopped} rows the explicit one was stopped early, they are quasi-static")
+    };
+    let answer = if told.is_empty() {
+        "no row was told by both".to_owned()
+    } else {
+        format!("at most {} apart", told.join(", "))
+    };
+    Some(Check {
+        question: "Do explicit dynamics and the quasi-static solver agree?",
+        answer: answer + &stop,
+        good: Some(!odd && stopped == 0),
+        reaches: None,
+        model: Some(source.name.clone()),
+        stage: Validate::NAME,
+    })
+}
+
+/// The largest difference of a unit with its place, its limit and the cause where it is beyond.
+fn largest(a: &Apart) -> String {
+    let cause = a.cause.map_or(String::new(), |c| format!(": {}", c.words()));
+    format!(
+        "{:.2} {} ({} of {}, {:.0} deg; limit {}{cause})",
+        a.difference().abs(),
+        a.unit,
+        a.quantity,
+        in_words(&a.protocol),
+        a.flexion_deg,
+        a.limit
+    )
+}
+
 /// A protocol's name for a reader.
 fn in_words(protocol: &str) -> &str {
     match protocol {
@@ -183,14 +233,14 @@ fn in_words(protocol: &str) -> &str {
 
 /// A protocol with the flags of its rows, each once, and whether any makes it odd; none where there is no flag.
 fn flagged(protocol: &str, rows: &[TrialResult]) -> Option<(bool, String)> {
-    let mut flags: Vec<&str> = Vec::new();
-    for flag in rows.iter().flat_map(|r| &r.flags).filter(|f| !is_of_the_single_model(f)) {
-        if !flags.contains(&flag.as_str()) {
+    let mut flags: Vec<&Flag> = Vec::new();
+    for flag in rows.iter().flat_map(|r| &r.flags).filter(|f| !f.is_of_the_single_model()) {
+        if !flags.contains(&flag) {
             flags.push(flag);
         }
     }
-    let odd = flags.iter().any(|f| is_odd(f));
-    (!flags.is_empty()).then(|| (odd, format!("{} ({})", in_words(protocol), flags.join(", "))))
+    let odd = flags.iter().any(|f| f.is_odd());
+    (!flags.is_empty()).then(|| (odd, format!("{} ({})", in_words(protocol), sentences(flags).join(", "))))
 }
 
 /// The knee's forces and its passive flexion for a page of paper.
@@ -203,7 +253,7 @@ pub(crate) fn on_paper(v: &Values) -> String {
             STANDARD.encode(svg)
         )
     });
-    tables::on_paper(&tables::tables(knee)) + &figure
+    tables::on_paper(knee) + &figure
 }
 
 /// Figures 5 and 6: the targets, and what misses them.

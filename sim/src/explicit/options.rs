@@ -28,6 +28,8 @@ pub struct ExplicitOptions {
     pub mass_scale: f64,
     /// Slip over which a contact patch reaches its Coulomb limit [mm]; as in the quasi-static solver.
     pub slip_mm: f64,
+    /// Most increments of a run before it is stopped [-]; ours: twenty times what a row of the published knee takes.
+    pub most_increments: usize,
 }
 
 impl Default for ExplicitOptions {
@@ -38,6 +40,7 @@ impl Default for ExplicitOptions {
             safety: 0.7,
             mass_scale: 1.0,
             slip_mm: 0.02,
+            most_increments: 200_000,
         }
     }
 }
@@ -54,6 +57,9 @@ impl ExplicitOptions {
             if !(low..=high).contains(&value) {
                 return Err(SimError::Input(format!("explicit.{key} is {value}, expected {low} to {high}")));
             }
+        }
+        if self.most_increments == 0 {
+            return Err(SimError::Input("explicit.most_increments is 0, expected 1 or more".into()));
         }
         Ok(())
     }

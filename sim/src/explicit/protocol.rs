@@ -11,7 +11,7 @@ use crate::error::SimError;
 use crate::laxity::TrialResult;
 use crate::model::Model;
 use crate::protocols::{Leg, Protocol, ProtocolOptions, paths};
-use crate::trials::chain_flexion;
+use crate::trials::{TrialOptions, chain_flexion};
 use rayon::prelude::*;
 
 /// Rest of a protocol's row after its loads are reached [s]: what the fibres' dashpots need to die away.
@@ -27,22 +27,45 @@ pub fn explicit_protocol(
     steps: &TrialSteps,
     options: &ExplicitOptions,
 ) -> Result<Vec<TrialResult>, SimError> {
-    let paths = paths(model, protocol, numbers)?;
-    let each = paths.par_iter().map(|legs| follow(model, legs, numbers, steps, options));
-    Ok(each.collect::<Result<Vec<_>, _>>()?.concat())
+    explicit_rows(model, protocol, numbers, steps, options)?.into_iter().collect()
 }
 
-/// One path: the paper's settling, then its legs.
-fn follow(
+/// The same row by row: where a path is lost or stopped, its rows from there on say why, and other paths stand.
+///
+/// Errors: options out of range.
+pub fn explicit_rows(
     model: &Model,
-    legs: &[Leg],
+    protocol: Protocol,
     numbers: &ProtocolOptions,
     steps: &TrialSteps,
     options: &ExplicitOptions,
-) -> Result<Vec<TrialResult>, SimError> {
+) -> Result<Vec<Result<TrialResult, SimError>>, SimError> {
+    options.check()?;
+    let paths = paths(model, protocol, numbers)?;
+    let trials = numbers.of(protocol);
+    let each = paths.par_iter().map(|legs| {
+        let (mut rows, mut lost) = (Vec::with_capacity(legs.len()), None);
+        if let Err(e) = follow(model, legs, (numbers, &trials), (steps, options), &mut rows) {
+            lost = Some(e);
+        }
+        let mut rows: Vec<Result<TrialResult, SimError>> = rows.into_iter().map(Ok).collect();
+        let left = legs.len().saturating_sub(rows.len());
+        rows.extend(lost.iter().flat_map(|e| vec![Err(e.clone()); left]));
+        rows
+    });
+    Ok(each.collect::<Vec<_>>().concat())
+}
+
+/// One path: the paper's settling, then its legs. Rows that are at rest stand in `rows`, whatever becomes of the next.
+fn follow(
+    model: &Model,
+    legs: &[Leg],
+    (numbers, trials): (&ProtocolOptions, &TrialOptions),
+    (steps, options): (&TrialSteps, &ExplicitOptions),
+    rows: &mut Vec<TrialResult>,
+) -> Result<(), SimError> {
     let mut state = ExplicitState::at_rest();
     let mut load = Load::compression(numbers.compression_n).generalised();
-    let mut rows = Vec::with_capacity(legs.len());
     for (n, leg) in legs.iter().enumerate() {
         let trial = &leg.trial;
         let next = trial.load.generalised();
@@ -57,10 +80,10 @@ fn follow(
         }
         state = state.restarted();
         run(model, &program, options, &mut state, &mut unobserved).map_err(|e| e.of_trial(&trial.trial))?;
-        rows.push(result(model, trial, &state));
+        rows.push(result(model, trial, &state, trials));
         load = next;
     }
-    Ok(rows)
+    Ok(())
 }
 
 /// Flexion and loads go straight to where they shall be within `seconds` and stay.

@@ -7,6 +7,7 @@ use super::{Observer, run};
 use crate::coordinate::{AP, FE, SI, Six};
 use crate::deck::{Control, ControlKind, Curve, DeckProtocol};
 use crate::error::SimError;
+use crate::flags::Flag;
 use crate::joint::Joint;
 use crate::laxity::{LaxityTrial, TrialResult};
 use crate::model::Model;
@@ -131,17 +132,20 @@ pub fn explicit_trial(
     let program = steps.program(&model.joint, trial.fe_deg, &trial.load.generalised()).map_err(named)?;
     let mut state = ExplicitState::at_rest();
     run(model, &program, options, &mut state, observer).map_err(named)?;
-    Ok(result(model, trial, &state))
+    Ok(result(model, trial, &state, &trials::TrialOptions::default()))
 }
 
 /// What a trial or a protocol's row tells where a run stands.
-pub(super) fn result(model: &Model, trial: &LaxityTrial, state: &ExplicitState) -> TrialResult {
+pub(super) fn result(
+    model: &Model,
+    trial: &LaxityTrial,
+    state: &ExplicitState,
+    options: &trials::TrialOptions,
+) -> TrialResult {
     let gs = model.joint.grood_suntay(&state.q);
     let evaluation = model.evaluate(&state.q);
-    let mut flags = trials::flags(model, &gs, &evaluation, &trials::TrialOptions::default());
-    if state.rate.amax() > MOVING {
-        flags.push("still moving".to_owned());
-    }
+    let mut flags = trials::flags(model, &gs, &evaluation, options);
+    flags.extend((state.rate.amax() > MOVING).then_some(Flag::Moving));
     let forces_n = model.bundle_forces(&evaluation.fibres);
     TrialResult {
         trial: trial.clone(),

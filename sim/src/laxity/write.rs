@@ -3,6 +3,7 @@
 use super::columns::{QUADRICEPS_COLUMN, required_columns, sd_column};
 use super::{Branch, LaxityTrial};
 use crate::coordinate::{Coordinate, FREE, Free};
+use crate::flags::{Flag, sentences};
 use crate::spec::PoseSpec;
 use serde::{Deserialize, Serialize};
 use std::fmt::Write;
@@ -20,8 +21,8 @@ pub struct TrialResult {
     /// What bodies with coordinates of their own tell of themselves: names with their units, values.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub outputs: Vec<(String, f64)>,
-    /// What is odd about the answer ("not converged", "dislocated"); empty when nothing is.
-    pub flags: Vec<String>,
+    /// What is odd about the answer; empty when nothing is.
+    pub flags: Vec<Flag>,
     /// What samples of the posterior say of its columns, by their names; empty where none were asked.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub bands: Vec<(String, Band)>,
@@ -92,7 +93,7 @@ pub fn results_csv(bundles: &[String], results: &[TrialResult]) -> String {
         cells.extend(r.forces_n.iter().map(|v| number(*v)));
         cells.extend(output_cells(r, &outputs));
         cells.extend(band_cells(r, from, &banded));
-        cells.push(r.flags.join("; "));
+        cells.push(sentences(&r.flags).join("; "));
         out += &line(&cells);
     }
     out
@@ -132,7 +133,8 @@ fn branch(t: &LaxityTrial) -> &'static str {
     }
 }
 
-/// The file of a validation protocol: a row a step, `fe_deg,...,si_mm`, the loads, `force_BUNDLE_n` per bundle, `flags`.
+/// The file of a validation protocol: a row a step, `fe_deg,...,si_mm`, the loads, `force_BUNDLE_n` per bundle, `flags`, and
+/// whether any of them makes the row odd.
 /// Each step is a result whose trial holds the loads.
 pub fn protocol_csv(bundles: &[String], steps: &[TrialResult]) -> String {
     let mut header = vec!["fe_deg".to_owned()];
@@ -143,14 +145,15 @@ pub fn protocol_csv(bundles: &[String], steps: &[TrialResult]) -> String {
     header.extend(outputs.iter().cloned());
     let banded = banded_columns(steps);
     header.extend(banded.iter().flat_map(|c| band_columns(c)));
-    header.extend(["flags".to_owned(), "step".to_owned()]);
+    header.extend(["flags", "odd", "step"].map(str::to_owned));
     let mut out = line(&header);
     for r in steps {
         let mut cells = vec![number(r.pose.fe_deg)];
         cells.extend(r.predicted().iter().chain(&r.trial.load).chain(&r.forces_n).map(|v| number(*v)));
         cells.extend(output_cells(r, &outputs));
         cells.extend(band_cells(r, None, &banded));
-        cells.extend([r.flags.join("; "), r.trial.trial.clone()]);
+        let odd = if r.flags.iter().any(Flag::is_odd) { "yes" } else { "no" };
+        cells.extend([sentences(&r.flags).join("; "), odd.to_owned(), r.trial.trial.clone()]);
         out += &line(&cells);
     }
     out

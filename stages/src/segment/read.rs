@@ -134,7 +134,8 @@ fn on_grid(path: &str, labels: Labels, grid: &Grid, warnings: &mut Vec<Notice>) 
 }
 
 fn absent(key: &str, path: &str) -> StageError {
-    StageError::specimen(format!("{key} names {path}, which is not there; put the file there or correct the path"))
+    let what = format!("{path} is not there; put the file there or correct the path");
+    StageError::named("specimen.toml", key, what)
 }
 
 fn volume(path: &str, raw: &RawSpecimen) -> Result<(Volume, Vec<Notice>), StageError> {

@@ -44,6 +44,8 @@ fn source_of(specimen: &str, name: &str, ap: f64) -> Source {
         passive_flexion: vec![],
         pivot_shift: vec![],
         pivot_shift_no_acl: vec![],
+        check: None,
+        sensitivity: vec![],
     };
     for fe in [30.0, 60.0, 90.0] {
         for load in [66.0, 133.0, -133.0, 133.0] {
@@ -70,7 +72,7 @@ fn source_of(specimen: &str, name: &str, ap: f64) -> Source {
         Free::all(2.0 * ap),
         0.0,
     ));
-    s.pivot_shift_no_acl[0].flags.push("dislocated: medial femur off its plateau".into());
+    s.pivot_shift_no_acl[0].flags.push(Flag::Dislocated);
     s
 }
 

@@ -7,9 +7,11 @@ use crate::stage::View;
 use crate::store::BuildFolder;
 use calibration::calibrate::Calibrated;
 use calibration::posterior::{FORCE_DETERMINED_N, ForceEstimate, mean};
+use calibration::session::ap_probes;
 use plotly::common::{ErrorData, ErrorType, Marker, Mode};
 use plotly::layout::Axis;
 use plotly::{Plot, Scatter};
+use sim::laxity::Test;
 use stages::assemble::Assembled;
 use std::collections::BTreeMap;
 
@@ -39,8 +41,10 @@ pub(super) fn checks(name: &str, found: &Calibrated, assembled: Option<&Assemble
     }
     let Some(bundles) = assembled.map(|a| &a.spec.bundles) else { return out };
     let forces = found.forces.iter().filter_map(|f| Some((f, bundles.get(f.bundle)?.name.as_str(), f.value_n?)));
+    let probes = ap_probes();
     let antagonist = forces.clone().filter(|(f, bundle, _)| {
-        let against = if f.trial.starts_with("anterior") { "PCL" } else { "ACL" };
+        let test = probes.iter().find(|p| p.trial == f.trial).map(|p| p.test);
+        let against = if test == Some(Test::Anterior) { "PCL" } else { "ACL" };
         bundle.starts_with(against)
     });
     if let Some((f, bundle, most)) = antagonist.max_by(|a, b| a.2.total_cmp(&b.2)) {

@@ -33,12 +33,12 @@ pub(super) fn charts(s: &Source) -> Vec<Chart> {
     ];
     let mut out = Vec::new();
     for (id, words, rows) in &sets {
-        out.extend(against_flexion(s, id, words, rows, &ligaments(s, rows), ("force [N]", "Ligament forces")));
+        out.extend(against_flexion(s, id, words, rows, &ligaments(s, rows), ("N", "Ligament forces")));
     }
     out.extend(pivot(s));
     for (id, words, rows) in &sets {
         let force = compartments(rows, "force_n");
-        out.extend(against_flexion(s, &format!("contact-{id}"), words, rows, &force, ("force [N]", "Contact force")));
+        out.extend(against_flexion(s, &format!("contact-{id}"), words, rows, &force, ("N", "Contact force")));
     }
     let (id, words, rows) = &sets[0];
     let peak = compartments(rows, "peak_mpa");
@@ -93,6 +93,7 @@ fn against_flexion(
     if curves.is_empty() || rows.len() < 2 {
         return None;
     }
+    let axis = if unit == "N" { "force [N]" } else { unit };
     let mut plot = Plot::new();
     let banded = curves.iter().any(|c| c.points.iter().any(|(_, (_, b))| b.is_some()));
     for (curve, colour) in curves.iter().zip(COLOURS.iter().cycle()) {
@@ -102,7 +103,7 @@ fn against_flexion(
         let trace = Scatter::new(x, y).mode(Mode::LinesMarkers).name(&curve.name);
         plot.add_trace(trace.line(Line::new().color(*colour)).marker(Marker::new().color(*colour).size(5)));
     }
-    plot.set_layout(layout("flexion [deg]", unit));
+    plot.set_layout(layout("flexion [deg]", axis));
     let told: Vec<String> = curves.iter().filter_map(|c| most(c, unit)).collect();
     let how = if banded {
         format!("Means with their 90 % intervals (shaded), by {} samples.", s.samples)
@@ -130,7 +131,6 @@ pub(super) fn by_samples(s: &Source) -> String {
 fn most(c: &Curve, unit: &str) -> Option<String> {
     let value = |t: &Told| t.1.map_or(t.0, |b| b.mean);
     let (fe, told) = *c.points.iter().max_by(|a, b| value(&a.1).total_cmp(&value(&b.1)))?;
-    let unit = if unit.contains('N') { "N" } else { unit };
     Some(format!("{} {} {unit} at {} deg", c.name, number(&told), fixed(fe, 0)))
 }
 

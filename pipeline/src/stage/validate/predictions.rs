@@ -30,9 +30,7 @@ pub(crate) fn predictions(v: &Values) -> Vec<Prediction> {
 fn passive(v: &Values) -> Option<Prediction> {
     let (validation, calibration) = (v.of::<Validation>()?, v.of::<Calibration>()?);
     let (name, _) = calibration.main()?;
-    let mine = |d: &&validation::validate::Difference| {
-        d.a == name && d.b.starts_with("measured ") && d.protocol == "passive_flexion"
-    };
+    let mine = |d: &&validation::validate::Difference| d.a == name && d.measured && d.protocol == "passive_flexion";
     let (mut told, mut good) = (Vec::new(), true);
     for (quantity, unit, most) in MOST_PASSIVE {
         let all = validation.differences.iter().filter(mine).filter(|d| d.quantity == quantity);

@@ -1,15 +1,36 @@
 //! Tables of the calibrated knee: ligament and contact forces with their intervals; and how tables stand in the page.
 
 use super::charts::{by_samples, contact, ligament, number};
-use crate::bands::is_of_the_single_model;
 use crate::report::html::escaped;
 use attachments::groups::GROUPS;
+use sim::flags::sentences;
 use sim::laxity::{Test, TrialResult};
 use validation::tables::Table;
 use validation::validate::Source;
 
+/// A result that one asks of a knee.
+pub(super) struct Asked<'a> {
+    /// The test.
+    words: String,
+    /// What is odd about it.
+    odd: Vec<String>,
+    result: &'a TrialResult,
+}
+
+impl Asked<'_> {
+    /// The test, with what is odd.
+    fn whole(&self) -> String {
+        if self.odd.is_empty() { self.words.clone() } else { format!("{} ({})", self.words, self.odd.join(", ")) }
+    }
+
+    /// The test, with a mark where a note below says what is odd.
+    fn marked(&self) -> String {
+        if self.odd.is_empty() { self.words.clone() } else { format!("{} *", self.words) }
+    }
+}
+
 /// Results that one asks of a knee: the drawers at every flexion, the ends of the pivot shift.
-pub(super) fn asked(s: &Source) -> Vec<(String, &TrialResult)> {
+pub(super) fn asked(s: &Source) -> Vec<Asked<'_>> {
     let mut out = Vec::new();
     for (test, words) in [(Test::Anterior, "anterior drawer"), (Test::Posterior, "posterior drawer")] {
         for fe in s.ap_flexions() {
@@ -18,24 +39,23 @@ pub(super) fn asked(s: &Source) -> Vec<(String, &TrialResult)> {
     }
     out.extend(s.pivot_end(true).map(|r| ("pivot shift".to_owned(), r)));
     out.extend(s.pivot_end(false).map(|r| ("pivot shift without ACL".to_owned(), r)));
-    for (words, r) in &mut out {
-        // the tables tell means: that the single model lies beside its interval is no flag of theirs
-        let odd: Vec<&str> = r.flags.iter().map(String::as_str).filter(|f| !is_of_the_single_model(f)).collect();
-        if !odd.is_empty() {
-            *words += &format!(" ({})", odd.join(", "));
-        }
-    }
-    out
+    // the tables tell means: that the single model lies beside its interval is no flag of theirs
+    let odd = |r: &TrialResult| sentences(r.flags.iter().filter(|f| !f.is_of_the_single_model()));
+    out.into_iter().map(|(words, result)| Asked { words, odd: odd(result), result }).collect()
 }
 
 /// Forces of the ligaments, and contact by compartment.
 pub(super) fn tables(s: &Source) -> Vec<Table> {
-    let rows = asked(s);
+    labelled(s, &asked(s), Asked::whole)
+}
+
+/// The same with the tests labelled.
+fn labelled(s: &Source, rows: &[Asked], label: fn(&Asked) -> String) -> Vec<Table> {
     let mut forces = table(&format!("Ligament forces of the model {} [N]{}", s.name, by_samples(s)), &["test"]);
     forces.header.extend(GROUPS.iter().map(|(g, _)| (*g).to_owned()));
-    for (words, r) in &rows {
-        let told = (0..GROUPS.len()).map(|g| number(&ligament(s, r, g)));
-        forces.rows.push(std::iter::once(words.clone()).chain(told).collect());
+    for a in rows {
+        let told = (0..GROUPS.len()).map(|g| number(&ligament(s, a.result, g)));
+        forces.rows.push(std::iter::once(label(a)).chain(told).collect());
     }
     let columns =
         [("force_n", "force [N]"), ("area_mm2", "area [mm2]"), ("mean_mpa", "mean [MPa]"), ("peak_mpa", "peak [MPa]")];
@@ -43,13 +63,15 @@ pub(super) fn tables(s: &Source) -> Vec<Table> {
     for side in ["medial", "lateral"] {
         contacts.header.extend(columns.iter().map(|(_, words)| format!("{side} {words}")));
     }
-    for (words, r) in &rows {
+    for a in rows {
         let told: Vec<String> = ["medial", "lateral"]
             .iter()
-            .flat_map(|side| columns.map(|(what, _)| contact(r, side, what).map_or(String::new(), |t| number(&t))))
+            .flat_map(|side| {
+                columns.map(|(what, _)| contact(a.result, side, what).map_or(String::new(), |t| number(&t)))
+            })
             .collect();
         if told.iter().any(|t| !t.is_empty()) {
-            contacts.rows.push(std::iter::once(words.clone()).chain(told).collect());
+            contacts.rows.push(std::iter::once(label(a)).chain(told).collect());
         }
     }
     [forces, contacts].into_iter().filter(|t| !t.rows.is_empty()).collect()
@@ -71,26 +93,15 @@ pub(super) fn html(t: &Table, open: bool) -> String {
 }
 
 /// Tables below their titles, for paper: intervals with a dash and flags below, so that a row is a line. No number in them is negative.
-pub(super) fn on_paper(tables: &[Table]) -> String {
-    let mut notes: Vec<String> = Vec::new();
+pub(super) fn on_paper(s: &Source) -> String {
+    let rows = asked(s);
     let mut html = String::new();
-    for t in tables {
-        let rows = t.rows.iter().map(|row| {
-            let mut cells: Vec<String> = row.iter().map(|c| c.replace(" to ", "\u{2013}")).collect();
-            if let Some(first) = cells.first_mut()
-                && let Some((name, flags)) = first.clone().split_once(" (")
-            {
-                let note = format!("{name}: {}", flags.trim_end_matches(')'));
-                if !notes.contains(&note) {
-                    notes.push(note);
-                }
-                *first = format!("{name} *");
-            }
-            cells
-        });
-        let t = Table { rows: rows.collect(), ..t.clone() };
+    for mut t in labelled(s, &rows, Asked::marked) {
+        t.rows.iter_mut().flatten().for_each(|c| *c = c.replace(" to ", "\u{2013}"));
         html += &format!("<p><b>{}</b></p>{}", escaped(&t.title), cells(&t));
     }
+    let notes: Vec<String> =
+        rows.iter().filter(|a| !a.odd.is_empty()).map(|a| format!("{}: {}", a.words, a.odd.join(", "))).collect();
     if !notes.is_empty() {
         html += &format!("<p>* {}.</p>", escaped(&notes.join("; ")));
     }

@@ -1,0 +1,142 @@
+//! What may be odd about an answer, as a value. Its sentence is for people; whoever decides reads the value.
+
+use serde::{Deserialize, Serialize};
+use std::fmt::{self, Display, Formatter};
+
+/// Share of samples off the plateau from which on a row is odd [-]: then an end of its 90 % interval is of such a knee.
+const MOST_LEAVING: f64 = 0.05;
+
+/// What is odd about an answer.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Flag {
+    /// One compartment bears at its rim, the other within.
+    Subluxed,
+    /// The femur has left the plateau: what bears, bears at a rim.
+    Dislocated,
+    /// Turned further than knees turn.
+    Rotated,
+    /// Another equilibrium was found beside it.
+    Several,
+    /// This ligament bears more than it can.
+    Torn(String),
+    /// The patella's forces do not balance.
+    PatellaUnbalanced,
+    /// The patella lies beside its groove, or in the notch.
+    PatellaOffGroove,
+    /// The patella rests elsewhere within a degree of flexion, or where it is sought from the other side.
+    PatellaSnaps,
+    /// Explicit dynamics that ended before they were at rest.
+    Moving,
+    /// Explicit dynamics that were stopped on the way: the answer is the quasi-static one.
+    Stopped,
+    /// The two solvers lie further apart than they may.
+    Apart(Cause),
+    /// So many samples of the posterior leave the plateau.
+    SamplesLeave {
+        /// How many.
+        count: usize,
+        /// Of how many.
+        of: usize,
+    },
+    /// So many samples of the posterior have no equilibrium.
+    SamplesLost {
+        /// How many.
+        count: usize,
+        /// Of how many.
+        of: usize,
+    },
+    /// No equilibrium was found.
+    NoEquilibrium,
+    /// The single most probable model lies outside its own interval in these columns.
+    OutsideInterval(Vec<String>),
+    /// Of the unloaded trial from which the readings count.
+    Unloaded(Box<Flag>),
+}
+
+/// Why two solvers lie apart.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Cause {
+    /// Without friction both come to the same rest: friction holds them on different places of their ways.
+    Friction,
+    /// Without friction each stays near where it was: there is more than one equilibrium.
+    Equilibria,
+    /// In one of them the femur has left the plateau.
+    OffPlateau,
+    /// The explicit one is not at rest.
+    Moving,
+    /// Friction is no cause, and no rest without friction was found.
+    Unknown,
+}
+
+impl Cause {
+    /// In words.
+    pub fn words(self) -> &'static str {
+        match self {
+            Cause::Friction => "friction keeps another place of the way",
+            Cause::Equilibria => "several equilibria",
+            Cause::OffPlateau => "the femur leaves the plateau",
+            Cause::Moving => "the explicit one is not at rest",
+            Cause::Unknown => "cause not found",
+        }
+    }
+}
+
+impl Flag {
+    /// Whether it makes a row odd. A few samples do not, nor that one knee is no middle of all, nor what friction keeps of a way.
+    pub fn is_odd(&self) -> bool {
+        match self {
+            Flag::OutsideInterval(_) | Flag::Apart(Cause::Friction) => false,
+            Flag::SamplesLeave { count, of } => *count as f64 > MOST_LEAVING * *of as f64,
+            _ => true,
+        }
+    }
+
+    /// Whether it speaks of the single most probable model alone, as beside its interval.
+    pub fn is_of_the_single_model(&self) -> bool {
+        matches!(self, Flag::OutsideInterval(_))
+    }
+}
+
+/// The sentence of a flag.
+impl Display for Flag {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        match self {
+            Flag::Subluxed => f.write_str("subluxed"),
+            Flag::Dislocated => f.write_str("dislocated"),
+            Flag::Rotated => f.write_str("rotated beyond any knee"),
+            Flag::Several => f.write_str("several equilibria"),
+            Flag::Torn(ligament) => write!(f, "{ligament} beyond its failure load"),
+            Flag::PatellaUnbalanced => f.write_str("patella out of balance"),
+            Flag::PatellaOffGroove => f.write_str("patella off the groove"),
+            Flag::PatellaSnaps => f.write_str("patella snaps"),
+            Flag::Moving => f.write_str("still moving"),
+            Flag::Stopped => f.write_str("explicit dynamics stopped early: the quasi-static answer"),
+            Flag::Apart(cause) => write!(f, "solvers apart: {}", cause.words()),
+            Flag::SamplesLeave { count, of } => write!(f, "{count} of {of} samples leave the plateau"),
+            Flag::SamplesLost { count, of } => write!(f, "{count} of {of} samples have no equilibrium"),
+            Flag::NoEquilibrium => f.write_str("no equilibrium"),
+            Flag::OutsideInterval(columns) => write!(f, "outside its interval: {}", columns.join(" ")),
+            Flag::Unloaded(flag) => write!(f, "unloaded: {flag}"),
+        }
+    }
+}
+
+/// The sentences of flags.
+pub fn sentences<'a>(flags: impl IntoIterator<Item = &'a Flag>) -> Vec<String> {
+    flags.into_iter().map(Flag::to_string).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_row_is_odd_where_an_end_of_its_interval_is_of_a_knee_off_the_plateau() {
+        let leave = |count| Flag::SamplesLeave { count, of: 40 };
+        assert!(Flag::Dislocated.is_odd() && leave(3).is_odd() && !leave(2).is_odd());
+        assert!(!Flag::OutsideInterval(vec!["ap_mm".into()]).is_odd());
+        assert!(Flag::Apart(Cause::Equilibria).is_odd() && !Flag::Apart(Cause::Friction).is_odd());
+    }
+}
