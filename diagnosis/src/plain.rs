@@ -2,6 +2,7 @@
 
 use crate::catalogue::Catalogue;
 use crate::next_test::NextTest;
+use crate::plain_unnamed::{contradictions, meaning, noise};
 use crate::report::{Answer, Carried, Diagnosis, MayBeTorn, Named, Verdict};
 use crate::words::{figures, with_unit};
 use std::fmt::Write;
@@ -23,6 +24,10 @@ pub(crate) fn plain(catalogue: &Catalogue, d: &Diagnosis) -> String {
         Verdict::Unnamed => unnamed(catalogue, d),
         _ => named(catalogue, d),
     };
+    if d.verdict != Verdict::Unnamed {
+        out += &contradictions(&d.contradictions);
+    }
+    out += &noise(&d.noise);
     out += &test(d);
     out += &unlikely(&d.ligament_forces);
     out
@@ -45,7 +50,7 @@ fn named(catalogue: &Catalogue, d: &Diagnosis) -> String {
 
 fn unnamed(catalogue: &Catalogue, d: &Diagnosis) -> String {
     let near: Vec<String> = d.best.iter().map(|e| effect(catalogue, e)).collect();
-    let mut out = "Something is missing from the model that no effect of the catalogue explains.".to_owned();
+    let mut out = meaning(d);
     if !near.is_empty() {
         let _ = write!(out, " The nearest, though not good enough: {}.", near.join(", and "));
     }
@@ -70,6 +75,9 @@ fn nothing(d: &Diagnosis) -> String {
     if let Some((last, others)) = open.split_last() {
         let list = if others.is_empty() { (*last).to_owned() } else { format!("{} or {last}", others.join(", ")) };
         let _ = write!(out, " They would not have shown a torn {list}: slacker ligaments fit as well.");
+    }
+    if !d.may_be_torn.is_empty() && d.before.is_empty() {
+        out += " What the same knee read while it was whole would tell, too (--before NAME=FILE).";
     }
     out
 }
