@@ -17,8 +17,8 @@ use sim::coordinate::{Coordinate, FREE};
 use sim::equilibrium::Start;
 use std::collections::BTreeMap;
 
-/// Flexions that are near each other [deg]. Declared, as are the loads: near enough for a reader to lay two records side by side.
-const NEAR_FLEXION_DEG: f64 = 15.0;
+/// Flexions that are near each other [deg]. Declared, as are the loads: a reader may lay such records side by side. Usual plans have a flexion every 30 deg.
+const NEAR_FLEXION_DEG: f64 = 30.0;
 /// Moments and forces that are near each other: VV, IE [N m], ML, AP, SI [N].
 const NEAR_LOADS: [f64; 5] = [3.0, 2.5, 50.0, 50.0, 60.0];
 /// Tensions of the quadriceps that are near each other [N].
@@ -74,16 +74,18 @@ struct Pair {
     log_odds: f64,
 }
 
-/// The clearest contradictions beside what a fit explains, each trial in one of them at most; none where chance among so many pairs may do it.
+/// The clearest contradictions beside what a fit explains, each trial in one of them at most; none where chance among so many pairs may do it. Where
+/// something `is_missing` for certain, only the place of it is asked, and no choice is paid for.
 ///
 /// Errors: a model that cannot be evaluated.
 pub(crate) fn contradictions(
     searcher: &Searcher,
     search: &Search,
     fit: &Fit,
+    is_missing: bool,
 ) -> Result<Vec<Contradiction>, DiagnosisError> {
     let pairs = pairs(searcher.problem, search, fit);
-    let bar = contradicted(pairs.len());
+    let bar = contradicted(if is_missing { 1 } else { pairs.len() });
     let likely = promising(pairs, bar);
     let mut found: Vec<(Pair, Contradiction)> = likely
         .into_par_iter()

@@ -192,7 +192,7 @@ fn conclude(searcher: &Searcher, search: Search, spec: &ModelSpec) -> Result<Out
         plain: String::new(),
         description: String::new(),
         before: names_before(problem),
-        contradictions: contradictions(searcher, &search, shown)?,
+        contradictions: contradictions(searcher, &search, shown, verdict == Verdict::Unnamed)?,
         unexplained: why,
         may_be_torn: open.iter().map(|(t, _)| t.clone()).collect(),
         added: vec![],

@@ -27,7 +27,10 @@ pub(crate) fn plain(catalogue: &Catalogue, d: &Diagnosis) -> String {
     if d.verdict != Verdict::Unnamed {
         out += &contradictions(&d.contradictions);
     }
-    out += &noise(&d.noise);
+    // beside an answer, what is rough may be the answer's own
+    if d.answers.is_empty() {
+        out += &noise(&d.noise);
+    }
     out += &test(d);
     out += &unlikely(&d.ligament_forces);
     out
@@ -96,9 +99,9 @@ fn effect(catalogue: &Catalogue, e: &Named) -> String {
         let (low, high) = value.interval(true);
         let percent = |x: f64| 100.0 * (x / whole).clamp(0.0, 1.0);
         return if high >= whole {
-            format!("the {about} is torn, or has lost {:.0} % or more of what it carries", percent(low))
+            format!("the {about} is torn{place}, or has lost {:.0} % or more of what it carries", percent(low))
         } else {
-            format!("the {about} has lost {:.0} to {:.0} % of what it carries", percent(low), percent(high))
+            format!("the {about} has lost {:.0} to {:.0} % of what it carries{place}", percent(low), percent(high))
         };
     }
     if found.id == "attachment" {

@@ -27,7 +27,7 @@ pub(crate) fn meaning(d: &Diagnosis) -> String {
 
 /// Whether each data set is a knee's, and all are one knee's; nothing where the data sets say nothing of it.
 fn agreement(sets: &[DataSetAlone]) -> String {
-    let (fitted, odd): (Vec<&DataSetAlone>, Vec<&DataSetAlone>) = sets.iter().partition(|s| s.alone <= FITS);
+    let (fitted, odd): (Vec<&DataSetAlone>, Vec<&DataSetAlone>) = sets.iter().partition(|s| s.alone + s.cost <= FITS);
     let list = |of: &[&DataSetAlone]| {
         let each: Vec<String> = of.iter().map(|s| format!("{} {}", s.source, figures(s.alone))).collect();
         each.join(", ")
@@ -107,20 +107,21 @@ fn share(t: &Tried) -> f64 {
     t.closes_held_out.unwrap_or(t.closes)
 }
 
-/// What scatters otherwise than its file states, as a finding; nothing where all is as stated.
+/// What scatters more than its file states, as a finding; nothing where all is as stated, or less.
 pub(crate) fn noise(of: &[NoiseScale]) -> String {
     let mut out = String::new();
     let mut told: Vec<&str> = Vec::new();
-    for set in of.iter().filter(|n| n.taken) {
+    let is_more = |n: &&NoiseScale| n.taken && n.inferred > n.stated;
+    for set in of.iter().filter(is_more) {
         if told.contains(&set.source.as_str()) {
             continue;
         }
         told.push(&set.source);
-        let own = of.iter().filter(|n| n.taken && n.source == set.source);
+        let own = of.iter().filter(is_more).filter(|n| n.source == set.source);
         let each: Vec<String> = own.map(scatter).collect();
         let _ = write!(
             out,
-            " {} scatters between neighbouring loads otherwise than its file states: {}.",
+            " {} scatters between neighbouring loads more than its file states: {}.",
             set.source,
             each.join(", ")
         );
@@ -161,8 +162,13 @@ mod tests {
 
     #[test]
     fn data_sets_that_one_knee_does_not_fit_are_told_from_one_that_no_knee_fits() {
-        let set =
-            |source: &str, alone, together| DataSetAlone { source: source.into(), readings: 100, alone, together };
+        let set = |source: &str, alone, together| DataSetAlone {
+            source: source.into(),
+            readings: 100,
+            alone,
+            cost: 0.2,
+            together,
+        };
         assert!(agreement(&[set("kla", 1.1, 4.0), set("rks", 1.3, 6.0)]).contains("Each alone is a knee"));
         let odd = agreement(&[set("kla", 1.1, 4.0), set("rks", 5.0, 6.0)]);
         assert!(odd.contains("all readings of rks, even alone") && !odd.contains("of kla,"), "{odd}");
@@ -180,9 +186,12 @@ mod tests {
             upper: 1.2 * inferred,
             taken,
         };
-        let told = noise(&[of("vv", 4.0, true), of("ml", 0.52, false)]);
+        let told = noise(&[of("vv", 4.0, true), of("ml", 0.52, false), of("ap", 0.2, true)]);
         assert!(
-            told.contains("kla scatters") && told.contains("VV by 4.00 deg (stated: 0.500)") && !told.contains("ML")
+            told.contains("kla scatters")
+                && told.contains("VV by 4.00 deg (stated: 0.500)")
+                && !told.contains("ML")
+                && !told.contains("AP")
         );
         assert_eq!(noise(&[of("ml", 0.52, false)]), "");
     }

@@ -8,10 +8,16 @@ use crate::report::{Named, named};
 use crate::robust::Mixture;
 use crate::search::{Search, Searcher, TRIES};
 use crate::verdict::temper;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// Effects whose share is asked on held-out trials, too, the likeliest first [-]: each costs a refit a fold.
 const HELD_OUT: usize = 5;
+
+/// How often a fit is led on [-].
+const MOST_ROUNDS: usize = 4;
+/// What a round must gain for another to be worth it [nats].
+const WORTH_A_ROUND: f64 = 1.0;
 
 /// What a knee leaves of one data set.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -21,9 +27,11 @@ pub struct DataSetAlone {
     pub source: String,
     /// Its readings [-].
     pub readings: usize,
-    /// Sum of squares that a knee of its own leaves of it, what its ligaments cost included, over the number of readings: about 1 where it fits [-].
+    /// Sum of squares that a knee of its own leaves of it, over the number of readings: 1 or less where it fits [-].
     pub alone: f64,
-    /// The same of the one knee of all data sets, without what its ligaments cost [-].
+    /// What the ligaments, sites and frames of that knee cost, by their priors, over the same number [-].
+    pub cost: f64,
+    /// What the one knee of all data sets leaves of it [-].
     pub together: f64,
 }
 
@@ -80,10 +88,11 @@ fn alone(searcher: &Searcher, search: &Search) -> Result<(Vec<DataSetAlone>, Opt
         if readings.rows.is_empty() {
             continue;
         }
-        let fit = |from: &[f64]| searcher.fit(&[], from, &base.coordinates(), &search.covariance, &readings, TRIES);
-        let fits = [fit(&base.unknowns)?, fit(&problem.nuisance.given)?];
-        let [one, other] = fits;
+        let rests = base.coordinates();
+        let of = |from: &[f64]| searcher.fit(&[], from, &rests, &search.covariance, &readings, TRIES);
+        let [one, other] = [of(&base.unknowns)?, of(&problem.nuisance.given)?];
         let own = if other.log_evidence > one.log_evidence { other } else { one };
+        let own = to_its_end(searcher, search, own, &readings)?;
         let count = readings.rows.len();
         let mixture = Mixture::new(&readings, readings.block_of(&search.covariance), &problem.trials)?;
         let shared = &readings.measured - readings.pick(&base.linear.value);
@@ -91,18 +100,41 @@ fn alone(searcher: &Searcher, search: &Search) -> Result<(Vec<DataSetAlone>, Opt
         out.push(DataSetAlone {
             source: source.clone(),
             readings: count,
-            alone: searcher.total(&own) / count as f64,
+            alone: own.misfit / count as f64,
+            cost: problem.nuisance.squares(&own.unknowns) / count as f64,
             together: 2.0 * mixture.weigh(&shared).cost / count as f64,
         });
     }
     Ok((out, Some(evidence - base.log_evidence)))
 }
 
+/// A fit led on to where it gains no more: one that explains little ends early, which is no proof.
+fn to_its_end(searcher: &Searcher, search: &Search, fit: Fit, readings: &Readings) -> Result<Fit, DiagnosisError> {
+    let mut here = fit;
+    for _ in 0..MOST_ROUNDS {
+        let rests = here.coordinates();
+        let on = searcher.fit(&here.hypothesis, &here.unknowns, &rests, &search.covariance, readings, TRIES)?;
+        let gain = on.log_evidence - here.log_evidence;
+        if gain > 0.0 {
+            here = on;
+        }
+        if gain < WORTH_A_ROUND {
+            break;
+        }
+    }
+    Ok(here)
+}
+
 /// Each effect by itself, and what was found together.
 fn tried(searcher: &Searcher, search: &Search, before: &HeldOut) -> Result<Vec<Tried>, DiagnosisError> {
     let mut fits = searcher.each_effect(search)?;
     fits.extend(search.rivals.first().filter(|f| f.hypothesis.len() > 1).cloned());
-    fits.sort_by(|a, b| searcher.gain(b, &search.base).total_cmp(&searcher.gain(a, &search.base)));
+    let likelier = |a: &Fit, b: &Fit| searcher.gain(b, &search.base).total_cmp(&searcher.gain(a, &search.base));
+    fits.sort_by(likelier);
+    let led_on = fits.par_iter().take(HELD_OUT).map(|f| to_its_end(searcher, search, f.clone(), &search.readings));
+    let led_on: Vec<Fit> = led_on.collect::<Result<_, DiagnosisError>>()?;
+    fits.splice(..led_on.len(), led_on);
+    fits.sort_by(likelier);
     let folds = searcher.options.folds;
     let one = |(k, fit): (usize, &Fit)| {
         let unseen = if k < HELD_OUT {

@@ -7,7 +7,6 @@ use diagnosis::catalogue::Catalogue;
 use diagnosis::diagnosis::{Calibration, Diagnosis, diagnose};
 use diagnosis::problem::{Problem, reading};
 use diagnosis::search::DiagnosisOptions;
-use diagnosis::trial::Source;
 use inference::random::{normal, stream};
 use needs_shared::needs_shared;
 use sim::coordinate::{AP, Coordinate, FREE, Free, IE};
@@ -33,19 +32,13 @@ fn changed(trial: usize, c: Coordinate, by: f64) -> Option<Diagnosis> {
     let problem = Problem::new(&model, &deck.spec, &sources, &catalogue, &options).unwrap();
     let rests = problem.rests(&[], &vec![0.0; problem.nuisances()], &[]).unwrap();
     let mut random = stream(3, 0);
-    let of_all = |s: &mut [Source]| {
-        let trials = s.iter_mut().flat_map(|s| &mut s.trials);
-        for (own, (t, rest)) in trials.zip(problem.trials.iter().zip(&rests)) {
-            let there = reading(rest);
-            let mut out = Free::all(None);
-            FREE.into_iter().for_each(|c| out[c] = Some(there[c] + t.sd[c] * normal(&mut random)));
-            own.measured = out;
-        }
-    };
-    {
-        of_all
+    let trials = sources.iter_mut().flat_map(|s| &mut s.trials);
+    for (own, (t, rest)) in trials.zip(problem.trials.iter().zip(&rests)) {
+        let there = reading(rest);
+        let mut out = Free::all(None);
+        FREE.into_iter().for_each(|c| out[c] = Some(there[c] + t.sd[c] * normal(&mut random)));
+        own.measured = out;
     }
-    (&mut sources);
     let edited = &mut sources[1].trials[trial].measured;
     edited[c] = edited[c].map(|x| x + by);
     let few = DiagnosisOptions { nulls: 50, most_effects: 1, shortlist: 2, folds: 2, ..DiagnosisOptions::default() };

@@ -37,14 +37,15 @@ pub(super) fn contradicting(out: &mut String, d: &Diagnosis) {
 pub(super) fn why_unnamed(out: &mut String, d: &Diagnosis) {
     let Some(why) = &d.unexplained else { return };
     if !why.data_sets.is_empty() {
-        *out += "<h2>One knee, or one for each data set</h2><p class=\"note\">Sum of squares over the number of readings: about 1 where a knee of the model fits.</p><table><tr><th>data set</th><th>readings</th><th>by a knee of its own</th><th>by the knee of all</th></tr>";
+        *out += "<h2>One knee, or one for each data set</h2><p class=\"note\">Sum of squares over the number of readings: about 1 where a knee of the model fits.</p><table><tr><th>data set</th><th>readings</th><th>by a knee of its own</th><th>what that knee costs by its priors</th><th>by the knee of all</th></tr>";
         for s in &why.data_sets {
             let _ = write!(
                 out,
-                "<tr><td>{}</td><td>{}</td><td>{:.2}</td><td>{:.2}</td></tr>",
+                "<tr><td>{}</td><td>{}</td><td>{:.2}</td><td>{:.2}</td><td>{:.2}</td></tr>",
                 escape(&s.source),
                 s.readings,
                 s.alone,
+                s.cost,
                 s.together
             );
         }
@@ -87,7 +88,7 @@ pub(super) fn noise(out: &mut String, d: &Diagnosis) {
     if !d.noise.iter().any(|n| n.taken) {
         return;
     }
-    *out += "<h2>Noise other than its file states</h2><p class=\"note\">From what is rough between neighbouring loads of one condition; the diagnosis takes it in place of the stated one. Look for trials that were read before the knee had settled, for loose markers, and for a noise that was copied from another apparatus.</p><table><tr><th>data set</th><th>coordinate</th><th>stated</th><th>found</th><th>90 % interval</th></tr>";
+    *out += "<h2>Noise other than its file states</h2><p class=\"note\">From what is rough between neighbouring loads of one condition; the diagnosis takes it in place of the stated one. What is missing may pass for part of it. Look for trials that were read before the knee had settled, for loose markers, and for a noise that was copied from another apparatus.</p><table><tr><th>data set</th><th>coordinate</th><th>stated</th><th>found</th><th>90 % interval</th></tr>";
     for n in d.noise.iter().filter(|n| n.taken) {
         let _ = write!(
             out,
