@@ -1,9 +1,10 @@
 //! Cuts: does a diagnosis find the ligament that was cut, and how far does its search stay behind the truth?
 //!
-//! `cuts MODEL.json KLA.csv RKS.csv LIGAMENT[=LOSS]|none SEED...`: the model answers the trials of both plans with the ligament cut (or a share of it
+//! `cuts MODEL.json KLA.csv RKS.csv LIGAMENT[=LOSS]|none|read SEED...`: with `read` the trials are taken as they were read. Else the model answers the trials of both plans with the ligament cut (or a share of it
 //! lost), noise is added, and the model as it was is diagnosed. A row a seed: verdict, the first answer, what else is in the set, the loss found. Then, in
 //! nats: what these trials tell of the cut without noise (little: `none` is right), what a fit earns that starts at the truth, what the best earns, and the
-//! regret. With the variable `CUTS_TEXT` set the words of the diagnosis follow.
+//! regret. With the variable `CUTS_BEFORE` set the
+//! diagnosis also has what the whole knee answered to the same plan, on another day. With `CUTS_TEXT` set the words of the diagnosis follow.
 #![expect(clippy::disallowed_methods, reason = "reads and prints")]
 #![allow(clippy::print_stdout, clippy::unwrap_used, reason = "an example")]
 
@@ -30,6 +31,8 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
 
+/// What the seed of the noise of the day before differs by [-].
+const OTHER_DAY: u64 = 1_000_000;
 /// Repositioning of a condition, in noises [-]; as the blind bench has it.
 const REPOSITIONING: f64 = 0.4;
 
@@ -79,7 +82,7 @@ fn measured(
                 Some(out)
             };
             let trials = source.trials.iter().zip(answers).filter_map(with).collect();
-            Source { name: source.name.clone(), trials }
+            Source::new(&source.name, trials)
         })
         .collect()
 }
@@ -155,21 +158,25 @@ fn main() {
     let args: Vec<String> = std::env::args().skip(1).collect();
     let (spec, meshes) = read(Path::new(&args[0]));
     let plan: Vec<Source> = [("kla", &args[1]), ("rks", &args[2])]
-        .map(|(name, path)| Source {
-            name: name.into(),
-            trials: sim::laxity::read(&std::fs::read(path).unwrap()).unwrap().trials,
-        })
+        .map(|(name, path)| Source::new(name, sim::laxity::read(&std::fs::read(path).unwrap()).unwrap().trials))
         .to_vec();
     let (ligament, loss) = args[3].split_once('=').map_or((args[3].as_str(), 1.0), |(l, s)| (l, s.parse().unwrap()));
-    let loss = if ligament == "none" { 0.0 } else { loss };
+    let loss = if ["none", "read"].contains(&ligament) { 0.0 } else { loss };
     let (options, calibrate) = (DiagnosisOptions::default(), CalibrateOptions::default());
     let model = diagnosis::rim::prepared(&spec, &meshes, &calibrate.search).unwrap();
     let knee = Knee::new(spec.clone(), &meshes, &calibrate.search).unwrap();
+    let has_before = std::env::var_os("CUTS_BEFORE").is_some();
     println!("{HEAD}");
     for seed in args[4..].iter().map(|s| s.parse::<u64>().unwrap()) {
         let begun = Instant::now();
-        let sources = measured((&spec, &meshes), (ligament, loss), &plan, seed);
-        let mode = is_built(&spec).then(|| mode(&knee, &sources, &calibrate, options.seed));
+        let made = |loss, seed| measured((&spec, &meshes), (ligament, loss), &plan, seed);
+        let mut sources = if ligament == "read" { plan.clone() } else { made(loss, seed) };
+        let whole = if has_before { made(0.0, seed + OTHER_DAY) } else { vec![] };
+        let named = |s: Source| Source::before(format!("{}_before", s.name), s.trials);
+        let first: Vec<Source> = whole.into_iter().map(named).collect();
+        let known = if has_before { &first } else { &sources };
+        let mode = is_built(&spec).then(|| mode(&knee, known, &calibrate, options.seed));
+        sources.extend(first);
         let truth = if loss > 0.0 { vec![("structure_loss", ligament, vec![loss])] } else { vec![] };
         let calibration = Calibration { options: &calibrate, mode: mode.as_ref() };
         let (d, regret) =
@@ -177,7 +184,7 @@ fn main() {
         let trials = sources.iter().map(|s| s.trials.len()).sum();
         println!("{}", row((ligament, loss, seed), trials, &d, regret, begun.elapsed().as_secs_f64()));
         if std::env::var_os("CUTS_TEXT").is_some() {
-            println!("{}\n{}\n{:?}", d.plain, d.description, d.may_be_torn);
+            println!("{}\n{}\n{:?}\n{}", d.plain, d.description, d.may_be_torn, serde_json::to_string(&d).unwrap());
         }
     }
 }

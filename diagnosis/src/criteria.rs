@@ -47,6 +47,12 @@ pub fn mixed_up() -> f64 {
     nameless()
 }
 
+/// Log odds for two knees from which two readings contradict each other, the likeliest of so many `pairs`; of one, where something is missing for certain. Derived: odds of [`SURE`] beyond the choice, as
+/// loud as the data may speak.
+pub fn contradicted(pairs: usize) -> f64 {
+    TEMPER * (SURE.ln() + (pairs.max(1) as f64).ln())
+}
+
 /// Log Bayes factor of a field beside a name from which the name is no longer the likelier of the two, and by which a rival takes the place of the best.
 /// Derived: nine of ten missing things have a name, as loud as the data may speak.
 pub fn likelier() -> f64 {

@@ -25,7 +25,7 @@ pub fn limits_of_detection(
         if c.active(&vec![0.0; c.size()]).has_no_slope_at_zero() {
             continue;
         }
-        let needed = threshold - log_prior(c, problem.sources.len());
+        let needed = threshold - log_prior(c, problem.asked().len());
         let parameters = c.effect.parameter.iter().enumerate().filter(|(_, p)| !p.shape);
         out.extend(parameters.filter_map(|(k, p)| {
             let size = (p.sd * score.size_for(k, needed)?).max(p.least);

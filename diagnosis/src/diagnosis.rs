@@ -4,6 +4,7 @@ use crate::candidate::Candidate;
 use crate::carried::carried;
 use crate::catalogue::Catalogue;
 use crate::component::{Component, Provenance, augmented, components};
+use crate::contradiction::contradictions;
 use crate::criteria::{DECISIVE_WEIGHT, LEFT_OUT, told_apart};
 use crate::curves::curves;
 use crate::detection::limits_of_detection;
@@ -19,6 +20,7 @@ use crate::problem::Problem;
 use crate::regret::{Hidden, Regret, regret};
 use crate::search::{DiagnosisOptions, Search, Searcher};
 use crate::trial::Source;
+use crate::unexplained::unexplained;
 use crate::verdict::{Candidature, by_names, temper, verdict, weights};
 use crate::wildcard::{Wildcard, wildcard};
 use calibration::options::CalibrateOptions;
@@ -180,6 +182,7 @@ fn conclude(searcher: &Searcher, search: Search, spec: &ModelSpec) -> Result<Out
     let open = if verdict == Verdict::None { may_be_torn(searcher, &search)? } else { vec![] };
     let first = open.iter().find(|(t, _)| t.is_slackened()).or(open.first()).map(|(_, fits)| fits);
     let rival_fits = to_tell_apart(verdict, &search.base, (&rivals, &kin), first);
+    let why = if verdict == Verdict::Unnamed { Some(unexplained(searcher, &search, &before)?) } else { None };
     let residuals = map(problem, &search, &search.base)?;
     let drawn = curves(problem, &residuals, &search.given, &search.base, (!answers.is_empty()).then_some(best));
     let diagnosis = Diagnosis {
@@ -188,6 +191,9 @@ fn conclude(searcher: &Searcher, search: Search, spec: &ModelSpec) -> Result<Out
         answers,
         plain: String::new(),
         description: String::new(),
+        before: names_before(problem),
+        contradictions: contradictions(searcher, &search, shown, verdict == Verdict::Unnamed)?,
+        unexplained: why,
         may_be_torn: open.iter().map(|(t, _)| t.clone()).collect(),
         added: vec![],
         gap: GapReport { held_out: gap(&before, shrunk), control },
@@ -272,6 +278,11 @@ fn in_place(searcher: &Searcher, search: &Search, best: &Fit) -> Result<(Wildcar
     let near = wildcard(searcher.problem, data, &searcher.stripped(best, &search.readings))?;
     let gains = [far.log_bayes_factor, near.log_evidence - search.base.log_evidence];
     Ok(if gains[1] > gains[0] { (near, gains[1]) } else { (far, gains[0]) })
+}
+
+/// Names of the data sets that were measured before.
+fn names_before(problem: &Problem) -> Vec<String> {
+    problem.sources.iter().zip(&problem.before).filter(|(_, b)| **b).map(|(name, _)| name.clone()).collect()
 }
 
 /// How many effects the data could name.

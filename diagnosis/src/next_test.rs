@@ -127,7 +127,7 @@ fn plans(problem: &Problem) -> Vec<Trial> {
         (Test::Neutral, SI, 50.0),
     ];
     let mut out = Vec::new();
-    for source in 0..problem.sources.len() {
+    for source in problem.asked() {
         for flexion in [0.0, 15.0, 45.0, 75.0] {
             for (test, coordinate, load) in tests {
                 let mut loads = Six::zeros();
@@ -170,7 +170,7 @@ fn predictions(problem: &Problem, fit: &Fit, plans: &[Trial]) -> Result<Vec<Fore
             for c in &fit.hypothesis {
                 let scaled = &fit.unknowns[at..at + c.size()];
                 at += c.size();
-                columns.extend(jacobian.candidate(c, scaled, c.scope.covers(plan.source)));
+                columns.extend(jacobian.candidate(c, scaled, problem.acts(c.scope, plan.source)));
             }
             let j = DMatrix::from_fn(FREE.len(), columns.len(), |r, c| columns[c].0[r]);
             (DVector::from_row_slice(&reading(&rest).0), &j * &fit.posterior * j.transpose())

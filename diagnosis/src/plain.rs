@@ -2,6 +2,7 @@
 
 use crate::catalogue::Catalogue;
 use crate::next_test::NextTest;
+use crate::plain_unnamed::{contradictions, meaning, noise};
 use crate::report::{Answer, Carried, Diagnosis, MayBeTorn, Named, Verdict};
 use crate::words::{figures, with_unit};
 use std::fmt::Write;
@@ -23,6 +24,13 @@ pub(crate) fn plain(catalogue: &Catalogue, d: &Diagnosis) -> String {
         Verdict::Unnamed => unnamed(catalogue, d),
         _ => named(catalogue, d),
     };
+    if d.verdict != Verdict::Unnamed {
+        out += &contradictions(&d.contradictions);
+    }
+    // beside an answer, what is rough may be the answer's own
+    if d.answers.is_empty() {
+        out += &noise(&d.noise);
+    }
     out += &test(d);
     out += &unlikely(&d.ligament_forces);
     out
@@ -45,7 +53,7 @@ fn named(catalogue: &Catalogue, d: &Diagnosis) -> String {
 
 fn unnamed(catalogue: &Catalogue, d: &Diagnosis) -> String {
     let near: Vec<String> = d.best.iter().map(|e| effect(catalogue, e)).collect();
-    let mut out = "Something is missing from the model that no effect of the catalogue explains.".to_owned();
+    let mut out = meaning(d);
     if !near.is_empty() {
         let _ = write!(out, " The nearest, though not good enough: {}.", near.join(", and "));
     }
@@ -71,6 +79,9 @@ fn nothing(d: &Diagnosis) -> String {
         let list = if others.is_empty() { (*last).to_owned() } else { format!("{} or {last}", others.join(", ")) };
         let _ = write!(out, " They would not have shown a torn {list}: slacker ligaments fit as well.");
     }
+    if !d.may_be_torn.is_empty() && d.before.is_empty() {
+        out += " What the same knee read while it was whole would tell, too (--before NAME=FILE).";
+    }
     out
 }
 
@@ -88,9 +99,9 @@ fn effect(catalogue: &Catalogue, e: &Named) -> String {
         let (low, high) = value.interval(true);
         let percent = |x: f64| 100.0 * (x / whole).clamp(0.0, 1.0);
         return if high >= whole {
-            format!("the {about} is torn, or has lost {:.0} % or more of what it carries", percent(low))
+            format!("the {about} is torn{place}, or has lost {:.0} % or more of what it carries", percent(low))
         } else {
-            format!("the {about} has lost {:.0} to {:.0} % of what it carries", percent(low), percent(high))
+            format!("the {about} has lost {:.0} to {:.0} % of what it carries{place}", percent(low), percent(high))
         };
     }
     if found.id == "attachment" {

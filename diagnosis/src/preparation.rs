@@ -131,7 +131,7 @@ fn taken_up(
 pub(crate) fn told(problem: &Problem) -> Vec<NotTestable> {
     let one = |t: &TakenUp| {
         let place = match t.candidate.scope {
-            Scope::Both if problem.sources.len() > 1 => "in all data sets alike".to_owned(),
+            Scope::Both if problem.asked().len() > 1 => "in all data sets alike".to_owned(),
             Scope::Both => "in the one data set there is".to_owned(),
             Scope::Only(s) => format!("in {} alone", problem.sources[s]),
         };

@@ -49,6 +49,8 @@ pub struct Problem {
     pub given: Vec<BundleParameters>,
     /// Names of the data sets.
     pub sources: Vec<String>,
+    /// Which of them were measured before what is asked about.
+    pub before: Vec<bool>,
     /// Standard deviation of a compartment's cartilage where the knee was built from raw data; 0 of a deck, whose contact the floor covers [mm].
     pub cartilage_mm: f64,
     /// Measurement noise of a reading whose file gives none: VV, IE [deg], ML, AP, SI [mm].
@@ -150,6 +152,7 @@ impl Problem {
             design,
             nuisance,
             given: model.parameters(),
+            before: sources.iter().map(|s| s.before).collect(),
             sources: sources_of,
             cartilage_mm,
             usual_noise,
@@ -272,11 +275,22 @@ impl Problem {
         out
     }
 
+    /// Whether what has a scope acts in a data set: not in one that was measured before.
+    pub fn acts(&self, scope: Scope, source: usize) -> bool {
+        !self.before[source] && scope.covers(source)
+    }
+
+    /// Data sets in which effects may act, those that were not measured before.
+    pub fn asked(&self) -> Vec<usize> {
+        (0..self.sources.len()).filter(|s| !self.before[*s]).collect()
+    }
+
     /// Every testable effect, variant and scope.
     pub fn candidates(&self) -> Vec<Candidate> {
         let mut scopes: Vec<Scope> = vec![Scope::Both];
-        if self.sources.len() > 1 {
-            scopes.extend((0..self.sources.len()).map(Scope::Only));
+        let asked = self.asked();
+        if asked.len() > 1 {
+            scopes.extend(asked.into_iter().map(Scope::Only));
         }
         let mut out = Vec::new();
         for effect in &self.catalogue.effect {
@@ -310,7 +324,7 @@ impl Problem {
         let mut out: Vec<Active> =
             self.present.iter().filter(|(_, s)| s.covers(source)).map(|(a, _)| a.clone()).collect();
         let values = unknowns.get(self.nuisances()..).unwrap_or_default();
-        let acting = sized(hypothesis, values).filter(|(c, _)| c.scope.covers(source));
+        let acting = sized(hypothesis, values).filter(|(c, _)| self.acts(c.scope, source));
         out.extend(acting.map(|(c, values)| c.active(values)));
         out
     }
@@ -474,7 +488,7 @@ impl Problem {
             for candidate in hypothesis {
                 let scaled = &unknowns[at..at + candidate.size()];
                 at += candidate.size();
-                columns.extend(jacobian.candidate(candidate, scaled, candidate.scope.covers(trial.source)));
+                columns.extend(jacobian.candidate(candidate, scaled, self.acts(candidate.scope, trial.source)));
             }
             columns
         };

@@ -1,6 +1,7 @@
 //! The values of a report: diagnosis.json.
 
 use crate::candidate::{Candidate, Scope};
+use crate::contradiction::Contradiction;
 use crate::criteria::{INTERVAL_90, NAMED};
 use crate::curves::Curve;
 use crate::fit::Fit;
@@ -8,6 +9,7 @@ use crate::map::Cell;
 use crate::next_test::NextTest;
 use crate::problem::Problem;
 use crate::trial::NoiseScale;
+use crate::unexplained::Unexplained;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -284,6 +286,15 @@ pub struct Diagnosis {
     /// Two trials whose readings fit each other's place, where there are such.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exchanged: Option<Exchanged>,
+    /// Data sets that were measured before what is asked about.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub before: Vec<String>,
+    /// Readings that contradict each other in any knee of the model, the clearest first.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub contradictions: Vec<Contradiction>,
+    /// Why nothing is named, where the verdict is `unnamed`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub unexplained: Option<Unexplained>,
     /// Where nothing is missing: structures that may be torn all the same, those first that carry most in the model as given.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub may_be_torn: Vec<MayBeTorn>,
@@ -324,7 +335,9 @@ pub fn named(problem: &Problem, fit: &Fit, temper: f64) -> Vec<Named> {
 pub fn scope_name(problem: &Problem, candidate: &Candidate) -> String {
     match candidate.scope {
         Scope::Only(s) => problem.sources[s].clone(),
-        Scope::Both if problem.sources.len() == 1 => problem.sources[0].clone(),
-        Scope::Both => "both".into(),
+        Scope::Both => match problem.asked()[..] {
+            [only] => problem.sources[only].clone(),
+            _ => "both".into(),
+        },
     }
 }

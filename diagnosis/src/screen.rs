@@ -47,7 +47,7 @@ pub fn signatures(problem: &Problem, at: &Fit, candidates: &[Candidate]) -> Resu
         .map(|(c, &kind)| {
             DMatrix::from_fn(rows, c.size(), |r, k| {
                 let (i, d) = at_row(r);
-                if c.scope.covers(problem.trials[i].source) { columns[i][kind][k][d] } else { 0.0 }
+                if problem.acts(c.scope, problem.trials[i].source) { columns[i][kind][k][d] } else { 0.0 }
             })
         })
         .collect())

@@ -4,6 +4,7 @@ mod kin;
 mod pairs;
 mod refit;
 mod steps;
+mod tried;
 mod unseen;
 
 use crate::candidate::{Candidate, Scope, sized};
@@ -202,7 +203,7 @@ impl Searcher<'_> {
                 .flat_map(|t| FREE.into_iter().filter(|c| t.measured[*c].is_some()).map(|c| t.sd[c]));
             return -0.5 * fit.residual.iter().zip(noises).map(|(r, sd)| (r / sd).powi(2)).sum::<f64>();
         }
-        weighed(fit, self.problem.sources.len())
+        weighed(fit, self.problem.asked().len())
     }
 
     /// Whether a fit leaves more than noise and floor do, by one standard deviation of their sum of squares.
@@ -369,7 +370,7 @@ impl Searcher<'_> {
         candidates: &[Candidate],
         signatures: &[DMatrix<f64>],
     ) -> Vec<(usize, Score, f64)> {
-        let sources = self.problem.sources.len();
+        let sources = self.problem.asked().len();
         let open = candidates.iter().enumerate().filter(|(k, c)| !is_in(at, c) && self.is_felt(c, &signatures[*k]));
         let score = |k: usize| Score::new(&signatures[k], readings, marginal, WIDTH);
         open.filter_map(|(k, c)| Some((k, score(k)?, log_prior(c, sources)))).collect()
@@ -388,6 +389,6 @@ impl Searcher<'_> {
             (0..signature.nrows())
                 .any(|r| trials[at_row(r).0].source == source && signature.row(r).iter().any(|v| *v != 0.0))
         };
-        candidate.effect.one_knee || candidate.scope != Scope::Both || (0..self.problem.sources.len()).all(felt)
+        candidate.effect.one_knee || candidate.scope != Scope::Both || self.problem.asked().into_iter().all(felt)
     }
 }

@@ -28,6 +28,20 @@ pub struct Source {
     pub name: String,
     /// Its trials, as read.
     pub trials: Vec<LaxityTrial>,
+    /// Whether it was measured before what is asked about: no effect acts in it, and the knee's ligaments, sites and frames are the same.
+    pub before: bool,
+}
+
+impl Source {
+    /// A data set that is asked about.
+    pub fn new(name: impl Into<String>, trials: Vec<LaxityTrial>) -> Source {
+        Source { name: name.into(), trials, before: false }
+    }
+
+    /// One that was measured before what is asked about.
+    pub fn before(name: impl Into<String>, trials: Vec<LaxityTrial>) -> Source {
+        Source { name: name.into(), trials, before: true }
+    }
 }
 
 /// Noise of one coordinate of one data set.
@@ -55,6 +69,8 @@ pub struct NoiseScale {
 pub struct Trial {
     /// Index of its data set.
     pub source: usize,
+    /// Row of its file, the header being row 1; none where no file holds it.
+    pub row: Option<usize>,
     /// Its name in the file.
     pub name: String,
     /// What it tests.
@@ -90,6 +106,7 @@ impl Trial {
     pub fn alone(t: &LaxityTrial) -> Trial {
         Trial {
             source: 0,
+            row: t.row,
             name: t.trial.clone(),
             test: t.test,
             nominal: t.nominal_flexion_deg,
@@ -163,6 +180,11 @@ pub fn trials(sources: &[Source], usual: &Free<f64>) -> Result<Vec<Trial>, Diagn
                 ..Trial::alone(t)
             });
         }
+    }
+    if sources.iter().all(|s| s.before) {
+        return Err(DiagnosisError::Data(
+            "no data set to ask about: all of them were measured before; give what was measured since".into(),
+        ));
     }
     if out.len() < 4 {
         return Err(DiagnosisError::Data(format!(

@@ -96,7 +96,7 @@ pub fn wildcard(
     let responses = responses(problem, fit)?;
     let marginal = Marginal::new(fit, readings, covariance)?;
     let is_one = |k: &Kind| k.is_felt(problem) && !k.has_a_name(&problem.catalogue);
-    let kinds: Vec<Kind> = kinds(problem.sources.len()).into_iter().filter(is_one).collect();
+    let kinds: Vec<Kind> = kinds(&problem.asked()).into_iter().filter(is_one).collect();
     let unloaded = problem.neutrals(&problem.trials, &problem.models_at(&fit.unknowns)?);
     let gains: Vec<[f64; 3]> = kinds
         .par_iter()

@@ -83,7 +83,7 @@ fn unnamed(problem: &Problem, d: &Diagnosis, wild: &Wildcard, search: &Search) -
 
 /// What came nearest where nothing is named, refitted where the screen asked for it.
 fn nearest(problem: &Problem, d: &Diagnosis, search: &Search) -> String {
-    let sources = problem.sources.len();
+    let sources = problem.asked().len();
     let earned =
         |f: &crate::fit::Fit| crate::search::weighed(f, sources) - crate::search::weighed(&search.base, sources);
     let asked = format!("{:.1} are asked for", d.threshold);

@@ -12,7 +12,7 @@ use diagnosis::problem::{Problem, reading};
 use diagnosis::regret::regret;
 use diagnosis::robust::Mixture;
 use diagnosis::search::{DiagnosisOptions, Searcher, TRIES};
-use diagnosis::trial::Trial;
+use diagnosis::trial::{Source, Trial};
 use inference::random::{normal, stream};
 use needs_shared::needs_shared;
 use sim::coordinate::{AP, FREE, Free, SI};
@@ -100,6 +100,38 @@ fn a_cut_is_told_in_plain_words_with_what_looks_like_it_and_the_test_that_would_
     let tells =
         ["osterior drawer", "No single test of usual load would tell"].iter().any(|words| told.plain.contains(words));
     assert!(told.plain.contains("the PCL is torn") && tells, "{}", told.plain);
+}
+
+/// The diagnosis of a deck whose PCL is cut, under some trials, beside what the whole knee read in them before.
+fn of_a_cut_pcl_after(trials: &[Asked]) -> Option<Diagnosis> {
+    let deck = published("cuts")?;
+    let (model, options) = (sim::compile(&deck.spec, &deck.meshes).unwrap(), CalibrateOptions::default());
+    let mut sources = [source("rks", trials), Source::before("rks_before", source("rks", trials).trials)];
+    let catalogue = Catalogue::shipped();
+    let problem = Problem::new(&model, &deck.spec, &sources, &catalogue, &options).unwrap();
+    // a loss acts in what was measured since, alone
+    let all = answered(&problem, "PCL");
+    let given = problem.rests(&[], &vec![0.0; problem.nuisances()], &[]).unwrap();
+    let both = sources.iter_mut().flat_map(|s| &mut s.trials).zip(all).zip(problem.trials.iter().zip(&given));
+    for ((own, there), (trial, rest)) in both {
+        let (whole, is_before) = (reading(rest), problem.before[trial.source]);
+        let near = FREE.into_iter().all(|c| there[c].is_some_and(|x| (x - whole[c]).abs() < 5.0 * trial.sd[c]));
+        assert!(near || !is_before, "{} {there:?} {whole:?}", trial.name);
+        own.measured = there;
+    }
+    let few = DiagnosisOptions { nulls: 50, most_effects: 1, shortlist: 2, folds: 2, ..DiagnosisOptions::default() };
+    let calibration = Calibration { options: &options, mode: None };
+    Some(diagnose(&model, &deck.spec, &sources, &catalogue, &few, calibration).unwrap().diagnosis)
+}
+
+#[needs_shared]
+fn a_cut_is_named_where_the_whole_knee_was_measured_before() {
+    // without what was measured before such trials leave a torn PCL open (below)
+    let Some(told) = of_a_cut_pcl_after(&[&PLAN[..], &BENT[..]].concat()) else { return };
+    let first = &told.answers.first().unwrap_or_else(|| panic!("{}", told.plain)).effects[0];
+    assert_eq!((first.effect.as_str(), first.variant.as_deref()), ("structure_loss", Some("PCL")), "{}", told.plain);
+    assert_eq!((first.scope.as_str(), &told.before[..]), ("rks", &["rks_before".to_owned()][..]));
+    assert!(told.plain.contains("the PCL is torn"), "{}", told.plain);
 }
 
 #[needs_shared]

@@ -23,9 +23,8 @@ fn question(case: &Path, deck: &Path) -> (Problem, Vec<f64>) {
     let mut read = |name: &str| std::fs::read(deck.join(name)).map_err(|e| e.to_string());
     let deck = decks::import("S192803_MAIN_LAXITY_Anterior_0deg_0.inp", &mut read).unwrap();
     let model = diagnosis::rim::prepared(&deck.spec, &deck.meshes, &CalibrateOptions::default().search).unwrap();
-    let sources = ["kla", "rks"].map(|name| Source {
-        name: name.into(),
-        trials: sim::laxity::read(&std::fs::read(case.join(format!("{name}.csv"))).unwrap()).unwrap().trials,
+    let sources = ["kla", "rks"].map(|name| {
+        Source::new(name, sim::laxity::read(&std::fs::read(case.join(format!("{name}.csv"))).unwrap()).unwrap().trials)
     });
     let problem =
         Problem::new(&model, &deck.spec, &sources, &Catalogue::shipped(), &CalibrateOptions::default()).unwrap();

@@ -2,6 +2,7 @@
 
 mod common;
 mod components;
+mod contradictions;
 mod cuts;
 mod fields;
 mod fits;

@@ -57,9 +57,8 @@ fn mirrored(mut deck: ImportedDeck) -> ImportedDeck {
 
 #[expect(clippy::disallowed_methods, reason = "published data")]
 fn answer(deck: &ImportedDeck, case: &Path) -> Diagnosis {
-    let sources = ["kla", "rks"].map(|name| Source {
-        name: name.into(),
-        trials: sim::laxity::read(&std::fs::read(case.join(format!("{name}.csv"))).unwrap()).unwrap().trials,
+    let sources = ["kla", "rks"].map(|name| {
+        Source::new(name, sim::laxity::read(&std::fs::read(case.join(format!("{name}.csv"))).unwrap()).unwrap().trials)
     });
     let (options, calibrate) = (DiagnosisOptions::default(), CalibrateOptions::default());
     let model = diagnosis::rim::prepared(&deck.spec, &deck.meshes, &calibrate.search).unwrap();

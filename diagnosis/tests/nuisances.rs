@@ -40,7 +40,7 @@ fn built_and_calibrated(test: &str, calibrate: &CalibrateOptions) -> Option<Prob
                 fe_deg,vv_deg,ie_deg,ml_mm,ap_mm,si_mm\n\
                 a,varus,30,8,0,0,0,50,30,0,0,0,0,0\n\
                 b,internal,60,0,-5,0,0,50,60,0,0,0,0,0\n";
-    let source = |name: &str| Source { name: name.into(), trials: sim::laxity::read(text.as_bytes()).unwrap().trials };
+    let source = |name: &str| Source::new(name, sim::laxity::read(text.as_bytes()).unwrap().trials);
     let sources = [source("kla"), source("rks")];
     Some(Problem::new(&model, &deck.spec, &sources, &Catalogue::shipped(), calibrate).unwrap())
 }

@@ -322,6 +322,7 @@ fn answer(args: &AnswerArgs) -> Result<String, BuildError> {
             which: WhichModel::default(),
             model: args.model.clone(),
             measured,
+            before: vec![],
             out,
             atlas: false,
             without_effect,

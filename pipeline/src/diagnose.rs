@@ -40,6 +40,9 @@ pub struct DiagnoseArgs {
     /// A data set and its laxity trials; may be given more than once
     #[arg(long, value_name = "NAME=LAXITY.csv", required = true, value_parser = named_file)]
     pub measured: Vec<(String, PathBuf)>,
+    /// What the same knee read before: whole, or before it was treated. Nothing is sought in it; may be given more than once
+    #[arg(long, value_name = "NAME=LAXITY.csv", value_parser = named_file)]
+    pub before: Vec<(String, PathBuf)>,
     /// Where diagnosis.json, report.html, components/ and model.json go
     #[arg(long)]
     pub out: PathBuf,
@@ -100,7 +103,19 @@ pub fn run_with(args: &DiagnoseArgs, options: &DiagnosisOptions) -> Result<Told,
         // A second call in one process keeps the first pool; results do not depend on it.
         let _ = rayon::ThreadPoolBuilder::new().num_threads(jobs.into()).build_global();
     }
-    let (sources, odd) = sources(&args.measured)?;
+    let (mut sources, mut odd) = sources(&args.measured)?;
+    let (first, more) = before(&args.before)?;
+    odd.extend(more);
+    let start_from = if first.is_empty() { sources.clone() } else { first.clone() };
+    for s in first {
+        if sources.iter().any(|other| other.name == s.name) {
+            return Err(BuildError::Usage(format!(
+                "--before makes a data set {}, which there is already; rename it",
+                s.name
+            )));
+        }
+        sources.push(s);
+    }
     let loaded = model_file::load_which(&args.model, &args.which)?;
     let told = Told { models: vec![loaded.told()], ..Told::words(loaded.line()).odd(odd) };
     let tell = |words: String, page: &str, json: &[u8]| {
@@ -130,7 +145,7 @@ pub fn run_with(args: &DiagnoseArgs, options: &DiagnosisOptions) -> Result<Told,
         store::write_all(&args.out, &files)?;
         return Ok(tell(diagnosis::atlas::table(&atlas), "atlas.html", &json));
     }
-    let start = start(&loaded, &sources, options.seed, &calibrate)?;
+    let start = start(&loaded, &start_from, options.seed, &calibrate)?;
     let calibration = Calibration { options: &calibrate, mode: start.as_ref() };
     let outcome = diagnose(&model, &loaded.spec, &sources, &catalogue, options, calibration)
         .and_then(|o| o.with_provenance(&provenance))
@@ -210,12 +225,22 @@ fn start(
 /// What an answer is found with.
 fn provenance(args: &DiagnoseArgs, loaded: &LoadedModel, catalogue: &Catalogue) -> Result<Provenance, BuildError> {
     let digest = |(name, path): &(String, PathBuf)| Ok((name.clone(), hash(&store::read(path)?)));
+    let first: Vec<_> = args.before.iter().map(|(name, path)| (format!("{name}{BEFORE}"), path.clone())).collect();
     Ok(Provenance {
         program: env!("CARGO_PKG_VERSION").into(),
         catalogue: catalogue.version.clone(),
         model: model_file::digest(loaded),
-        data: args.measured.iter().map(digest).collect::<Result<_, BuildError>>()?,
+        data: args.measured.iter().chain(&first).map(digest).collect::<Result<_, BuildError>>()?,
     })
+}
+
+/// Ending of the name of a data set that was measured before.
+const BEFORE: &str = "_before";
+
+/// Reads the data sets that were measured before; each has a name of its own beside what was measured since.
+fn before(measured: &[(String, PathBuf)]) -> Result<(Vec<Source>, Vec<Notice>), BuildError> {
+    let (read, odd) = sources(measured)?;
+    Ok((read.into_iter().map(|s| Source::before(s.name + BEFORE, s.trials)).collect(), odd))
 }
 
 /// Reads the data sets; names must differ.
@@ -230,7 +255,7 @@ pub fn sources(measured: &[(String, PathBuf)]) -> Result<(Vec<Source>, Vec<Notic
             BuildError::at(Place::in_laxity(&file, &e), format!("{file}: {e}"))
         })?;
         odd.extend(table.warnings.into_iter().map(|w| w.in_file(&path.display().to_string())));
-        sources.push(Source { name: name.clone(), trials: table.trials });
+        sources.push(Source::new(name, table.trials));
     }
     Ok((sources, odd))
 }

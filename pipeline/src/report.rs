@@ -15,6 +15,7 @@ pub(crate) mod check;
 mod compare;
 mod diagnosis_curves;
 pub(crate) mod diagnosis_page;
+mod diagnosis_unnamed;
 mod failed;
 pub(crate) mod geometry;
 pub(crate) mod html;

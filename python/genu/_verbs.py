@@ -394,6 +394,7 @@ def diagnose(
     measured: Mapping[str, Any],
     out: Path,
     *,
+    before: Optional[Mapping[str, Any]] = None,
     without_effect: Union[str, Sequence[str]] = (),
     options: Optional[Path] = None,
     jobs: Optional[int] = None,
@@ -409,6 +410,8 @@ def diagnose(
         By the data set's name (``"kla"``, ``"rks"``), laxity trials as a table or a path.
     out : str or path-like
         Folder for diagnosis.json, report.html, components/ and model.json.
+    before : dict, optional
+        What the same knee read before, whole or untreated, as `measured`: nothing is sought in it.
     without_effect : sequence of str
         Effects to leave out of the catalogue.
     options : str or path-like, optional
@@ -429,6 +432,8 @@ def diagnose(
     words: list[Any] = ["diagnose", path, "--out", place]
     for name, table in measured.items():
         words += ["--measured", f"{name}={table_at(table, f'measured {name}', files)}"]
+    for name, table in (before or {}).items():
+        words += ["--before", f"{name}={table_at(table, f'before {name}', files)}"]
     words += ["--without-effect", ",".join(names(without_effect))] if names(without_effect) else []
     words += ["--options", absolute(options)] if options is not None else []
     called(words, files, jobs=jobs, progress=progress)

@@ -55,7 +55,7 @@ pub(super) fn proposed<'a>(list: &'a [Screened], candidates: &[Candidate], most:
 }
 
 /// Where a refit of a fit with a proposal starts: its hypothesis and unknowns.
-fn start_with(at: &Fit, item: &Screened, candidates: &[Candidate]) -> (Vec<Candidate>, Vec<f64>) {
+pub(super) fn start_with(at: &Fit, item: &Screened, candidates: &[Candidate]) -> (Vec<Candidate>, Vec<f64>) {
     let mut hypothesis = at.hypothesis.clone();
     let beside = item.beside.iter().zip(&at.unknowns);
     let mut start: Vec<f64> = beside.map(|(x, own)| x.clamp(own - 1.5, own + 1.5)).collect();

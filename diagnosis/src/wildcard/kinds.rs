@@ -109,7 +109,8 @@ impl Kind {
             Course::Across(d) => Some(d),
             _ => None,
         };
-        let loaded = |d: Coordinate| problem.trials.iter().any(|t| self.scope.covers(t.source) && t.load[d] != 0.0);
+        let loaded =
+            |d: Coordinate| problem.trials.iter().any(|t| problem.acts(self.scope, t.source) && t.load[d] != 0.0);
         axis.is_none_or(loaded)
     }
 
@@ -135,10 +136,10 @@ pub(super) fn amplitude(is_force: bool, c: Coordinate) -> f64 {
 }
 
 /// All kinds of field; [`shares`] tells how likely each is.
-pub(super) fn kinds(sources: usize) -> Vec<Kind> {
+pub(super) fn kinds(sources: &[usize]) -> Vec<Kind> {
     use Course::{Across, Constant, Flexion, Impinging, Larger, Load, Motion, Near, Pull, Scale, Stop, Sway};
-    let scopes: Vec<Scope> =
-        std::iter::once(Scope::Both).chain((0..if sources > 1 { sources } else { 0 }).map(Scope::Only)).collect();
+    let each = if sources.len() > 1 { sources } else { &[] };
+    let scopes: Vec<Scope> = std::iter::once(Scope::Both).chain(each.iter().copied().map(Scope::Only)).collect();
     let mut shapes: Vec<(bool, Course, Option<Coordinate>)> = Vec::new();
     for only in std::iter::once(None).chain(FREE.map(Some)) {
         // a misreading that follows the motion in any way would be the motion itself; in proportion it is a scale
@@ -187,7 +188,7 @@ mod tests {
 
     #[test]
     fn fields_act_in_all_data_sets_or_in_one_and_misreadings_follow_no_motion() {
-        let two = kinds(2);
+        let two = kinds(&[0, 1]);
         // eight courses in one coordinate or all five, misread flexion two ways, loads across: twenty pairs, as forces and as misreadings; two stops
         // each way and two ends of flexion in each coordinate; two bones whose tracker sways, two along which something pulls; larger bones two ways,
         // cruciates of three sizes
@@ -195,12 +196,12 @@ mod tests {
         assert!((shares(&two).iter().sum::<f64>() - 1.0).abs() < 1e-9);
         assert!(two.iter().all(|k| k.is_force || k.course != Course::Motion));
         assert!(two.iter().all(|k| k.only != Some(FE) || !k.is_force));
-        assert!(kinds(1).iter().all(|k| k.scope == Scope::Both));
+        assert!(kinds(&[0]).iter().all(|k| k.scope == Scope::Both));
     }
 
     #[test]
     fn what_the_catalogue_has_a_name_for_is_not_nameless() {
-        let all = kinds(1);
+        let all = kinds(&[0]);
         let named = |catalogue: &Catalogue| all.iter().filter(|k| k.has_a_name(catalogue)).count();
         let shipped = Catalogue::shipped();
         // constant loads of three axes, one load across, six constant misreadings, three in proportion to the load

@@ -32,7 +32,7 @@ pub(super) fn parts(problem: &Problem, (fit, unloaded): (&Fit, &[Start]), kind: 
 /// Those in coordinate `c`.
 fn along(problem: &Problem, (fit, unloaded): (&Fit, &[Start]), kind: &Kind, c: Coordinate) -> Vec<Part> {
     let n = problem.trials.len();
-    let acts = |i: usize| kind.scope.covers(problem.trials[i].source);
+    let acts = |i: usize| problem.acts(kind.scope, problem.trials[i].source);
     let amplitude = amplitude(kind.is_force, c);
     let column = |value: &dyn Fn(usize) -> f64| -> Part {
         let at = |i: usize| if acts(i) { amplitude * value(i) } else { 0.0 };
@@ -74,7 +74,7 @@ fn along(problem: &Problem, (fit, unloaded): (&Fit, &[Start]), kind: &Kind, c: C
 fn sways(problem: &Problem, fit: &Fit, kind: &Kind, bone: Bone) -> Vec<Part> {
     let misread = |i: usize, axis: usize| -> Six {
         let trial = &problem.trials[i];
-        if !kind.scope.covers(trial.source) {
+        if !problem.acts(kind.scope, trial.source) {
             return Six::zeros();
         }
         let gs = problem.models.of(trial.source).joint.grood_suntay(&fit.linear.rests[i].q);

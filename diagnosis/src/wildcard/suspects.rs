@@ -31,7 +31,7 @@ pub(super) fn acting(
     // a fit whose model cannot be made has been told of before its fields are asked for
     let Ok(models) = problem.models_at(&fit.unknowns) else { return vec![] };
     let at = |(trial, rest): (&crate::trial::Trial, &sim::equilibrium::Equilibrium)| -> Vec<Six> {
-        let acts = if kind.scope.covers(trial.source) { 1.0 } else { 0.0 };
+        let acts = if problem.acts(kind.scope, trial.source) { 1.0 } else { 0.0 };
         let forces = forces(&problem.place.situation(models.of(trial.source), trial, &trial.load, &rest.q));
         // flexion is prescribed: no force moves it
         forces.iter().map(|f| Six::from_fn(|c, _| if c == FE.index() { 0.0 } else { acts * f[c] })).collect()

@@ -14,7 +14,7 @@ const NAMES: [&str; 6] =
 impl Wildcard {
     /// In words.
     pub fn words(&self, problem: &Problem) -> String {
-        let acts = |i: usize| self.scope.covers(problem.trials[i].source);
+        let acts = |i: usize| problem.acts(self.scope, problem.trials[i].source);
         let place = match self.scope {
             Scope::Both => "in every data set".to_owned(),
             Scope::Only(s) => format!("in {} only", problem.sources[s]),

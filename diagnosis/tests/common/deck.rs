@@ -43,5 +43,5 @@ pub(crate) fn source(name: &str, trials: &[Asked]) -> Source {
         text +=
             &format!("{trial}_{k},{test},{flexion},{lvv},{lie},{lml},{lap},50,{flexion},{vv},{ie},{ml},{ap},{si}\n");
     }
-    Source { name: name.into(), trials: sim::laxity::read(text.as_bytes()).unwrap().trials }
+    Source::new(name, sim::laxity::read(text.as_bytes()).unwrap().trials)
 }

@@ -1,6 +1,7 @@
 //! The page of a diagnosis: one self-contained file that opens offline; and the same inside the report of a build.
 
 use super::diagnosis_curves::picture;
+use super::diagnosis_unnamed::{contradicting, noise, why_unnamed};
 use super::html::{LivePart, head};
 use diagnosis::atlas::{Atlas, table};
 use diagnosis::carried::LEAST_N;
@@ -50,8 +51,11 @@ fn body(model: &str, d: &Diagnosis) -> String {
         let _ = write!(out, "<p><strong>{}</strong></p>", escape(&d.plain));
     }
     let _ = write!(out, "<div class=\"verdict\">{}</div>", escape(&d.description));
+    contradicting(&mut out, d);
     answers(&mut out, d);
     meanings(&mut out, d);
+    why_unnamed(&mut out, d);
+    noise(&mut out, d);
     maps(&mut out, d);
     bars(&mut out, d);
     curves(&mut out, d);
@@ -88,7 +92,7 @@ fn provenance(d: &Diagnosis) -> String {
     out + "</table><p class=\"note\">Digests are BLAKE3, of the model with its surfaces and of each data file.</p>"
 }
 
-fn escape(text: &str) -> String {
+pub(super) fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }
 

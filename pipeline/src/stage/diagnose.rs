@@ -121,8 +121,7 @@ fn diagnose_built(
         let what = "every data set holds displacements; a diagnosis needs poses of at least one apparatus";
         return Err(what.into());
     }
-    let sources: Vec<Source> =
-        kept.into_iter().map(|(name, trials)| Source { name: name.clone(), trials: trials.clone() }).collect();
+    let sources: Vec<Source> = kept.into_iter().map(|(name, trials)| Source::new(name, trials.clone())).collect();
     let catalogue = Catalogue::shipped();
     let provenance = Provenance {
         program: env!("CARGO_PKG_VERSION").into(),
@@ -152,7 +151,7 @@ fn diagnose_built(
         let unit = if ["vv", "ie"].contains(&n.coordinate.as_str()) { "deg" } else { "mm" };
         Kind::NoiseStated
             .notice(format!(
-                "{} {}: a noise of {:.2} {unit} was taken, neighbouring loads say {:.2} ({:.2} to {:.2})",
+                "{} {}: a noise of {:.2} {unit} is stated, neighbouring loads say {:.2} ({:.2} to {:.2}), which was taken",
                 n.source, n.coordinate, n.stated, n.inferred, n.lower, n.upper
             ))
             .of(&n.source)

@@ -1,0 +1,234 @@
+//! Measurements that contradict each other: two readings, near the same load and flexion, that no knee of the model gives both.
+//!
+//! The knee is fitted to either reading alone and to both, with all of its priors. What both together have less than each by itself are the log odds for two
+//! different knees. So a contradiction is one of the data: no ligament, site or frame of any knee of the model explains it.
+
+use crate::covariance::Readings;
+use crate::criteria::contradicted;
+use crate::error::DiagnosisError;
+use crate::fit::Fit;
+use crate::problem::Problem;
+use crate::search::{Search, Searcher, TRIES};
+use crate::trial::{Trial, row_of};
+use nalgebra::DMatrix;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+use sim::coordinate::{Coordinate, FREE};
+use sim::equilibrium::Start;
+use std::collections::BTreeMap;
+
+/// Flexions that are near each other [deg]. Declared, as are the loads: a reader may lay such records side by side. Usual plans have a flexion every 30 deg.
+const NEAR_FLEXION_DEG: f64 = 30.0;
+/// Moments and forces that are near each other: VV, IE [N m], ML, AP, SI [N].
+const NEAR_LOADS: [f64; 5] = [3.0, 2.5, 50.0, 50.0, 60.0];
+/// Tensions of the quadriceps that are near each other [N].
+const NEAR_QUADRICEPS_N: f64 = 50.0;
+/// Pairs whose knees are fitted, the most promising on a straight line first [-].
+const FITTED: usize = 12;
+/// Of them with the same trial at most [-].
+const FITTED_OF_A_TRIAL: usize = 3;
+/// Contradictions that are told at most [-].
+const MOST: usize = 3;
+
+/// One of two readings.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Witness {
+    /// Data set.
+    pub source: String,
+    /// Row of its file, the header being row 1; none where no file holds it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub row: Option<usize>,
+    /// Name of the trial.
+    pub trial: String,
+    /// Flexion [deg].
+    pub flexion_deg: f64,
+    /// Loads by their columns in the file [N m, N].
+    pub loads: BTreeMap<String, f64>,
+    /// What was read [deg or mm].
+    pub value: f64,
+}
+
+/// Two readings of one coordinate that contradict each other.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Contradiction {
+    /// Coordinate: vv, ie, ml, ap or si.
+    pub dof: String,
+    /// The two readings.
+    pub readings: [Witness; 2],
+    /// What a knee of the model that gives the first reading gives in the second trial [deg or mm].
+    pub expected: f64,
+    /// Its standard deviation, with noise, frames and all that is unknown of the knee [deg or mm].
+    pub sd: f64,
+    /// Log odds for two different knees against one [nats].
+    pub log_odds: f64,
+}
+
+/// Two readings by their places among all, the first trial first.
+#[derive(Clone, Copy)]
+struct Pair {
+    rows: [usize; 2],
+    trials: [usize; 2],
+    dof: Coordinate,
+    log_odds: f64,
+}
+
+/// The clearest contradictions beside what a fit explains, each trial in one of them at most; none where chance among so many pairs may do it. Where
+/// something `is_missing` for certain, only the place of it is asked, and no choice is paid for.
+///
+/// Errors: a model that cannot be evaluated.
+pub(crate) fn contradictions(
+    searcher: &Searcher,
+    search: &Search,
+    fit: &Fit,
+    is_missing: bool,
+) -> Result<Vec<Contradiction>, DiagnosisError> {
+    let pairs = pairs(searcher.problem, search, fit);
+    let bar = contradicted(if is_missing { 1 } else { pairs.len() });
+    let likely = promising(pairs, bar);
+    let mut found: Vec<(Pair, Contradiction)> = likely
+        .into_par_iter()
+        .map(|pair| Ok((pair, fitted(searcher, search, fit, pair)?)))
+        .collect::<Result<_, DiagnosisError>>()?;
+    found.retain(|(_, c)| c.log_odds >= bar);
+    found.sort_by(|a, b| b.1.log_odds.total_cmp(&a.1.log_odds));
+    let mut told: Vec<(Pair, Contradiction)> = Vec::new();
+    for (pair, contradiction) in found {
+        let is_told = told.iter().any(|(other, _)| pair.trials.iter().any(|t| other.trials.contains(t)));
+        if !is_told && told.len() < MOST {
+            told.push((pair, contradiction));
+        }
+    }
+    Ok(told.into_iter().map(|(_, c)| c).collect())
+}
+
+/// Those that may pass the bar on a straight line, the most promising first.
+fn promising(mut pairs: Vec<Pair>, bar: f64) -> Vec<Pair> {
+    pairs.retain(|p| p.log_odds >= bar);
+    pairs.sort_by(|a, b| b.log_odds.total_cmp(&a.log_odds));
+    let mut out: Vec<Pair> = Vec::new();
+    for pair in pairs {
+        let of = |t: &usize| out.iter().filter(|p| p.trials.contains(t)).count();
+        if out.len() < FITTED && pair.trials.iter().all(|t| of(t) < FITTED_OF_A_TRIAL) {
+            out.push(pair);
+        }
+    }
+    out
+}
+
+/// All pairs of readings of one coordinate near the same load and flexion, with their log odds on a straight line about a fit.
+fn pairs(problem: &Problem, search: &Search, fit: &Fit) -> Vec<Pair> {
+    let readings = &search.readings;
+    let slope = readings.rows_of(&fit.linear.slope);
+    let scatter = readings.block_of(&search.covariance) + &slope * slope.transpose();
+    let before = &fit.residual + &slope * fit.from_means();
+    let mut out = Vec::new();
+    for (b, &(second, dof)) in readings.rows.iter().enumerate() {
+        for (a, &(first, other)) in readings.rows[..b].iter().enumerate() {
+            if other != dof || first == second || !are_near(&problem.trials[first], &problem.trials[second]) {
+                continue;
+            }
+            let [x, y] = [a, b].map(|r| before[r] / scatter[(r, r)].sqrt());
+            let together = scatter[(a, b)] / (scatter[(a, a)] * scatter[(b, b)]).sqrt();
+            out.push(Pair { rows: [a, b], trials: [first, second], dof, log_odds: log_odds([x, y], together) });
+        }
+    }
+    out
+}
+
+/// Log odds for two knees against one by two standard normal numbers that would go together, by their correlation, in one knee.
+fn log_odds([x, y]: [f64; 2], together: f64) -> f64 {
+    let alone = 1.0 - together * together;
+    if alone <= 0.0 {
+        return 0.0;
+    }
+    let one = (x * x + y * y - 2.0 * together * x * y) / alone;
+    0.5 * (one - x * x - y * y + alone.ln())
+}
+
+/// Whether two trials are near each other: a reader may lay them side by side. Loading and unloading are not.
+fn are_near(a: &Trial, b: &Trial) -> bool {
+    let near = |x: f64, y: f64, most: f64| (x - y).abs() <= most;
+    let branches = a.branch.zip(b.branch).is_none_or(|(a, b)| a == b);
+    branches
+        && near(a.flexion.to_degrees(), b.flexion.to_degrees(), NEAR_FLEXION_DEG)
+        && near(a.quadriceps_n, b.quadriceps_n, NEAR_QUADRICEPS_N)
+        && FREE.into_iter().zip(NEAR_LOADS).all(|(c, most)| near(a.load[c], b.load[c], c.to_force(most)))
+}
+
+/// A pair weighed by knees that are fitted to either reading and to both: from where the fit at hand stands and from the model as given, and to both also
+/// from where either alone ends.
+fn fitted(searcher: &Searcher, search: &Search, fit: &Fit, pair: Pair) -> Result<Contradiction, DiagnosisError> {
+    let whole = searcher.problem;
+    let mut problem = whole.clone();
+    problem.keep(&(0..whole.trials.len()).map(|t| pair.trials.contains(&t)).collect::<Vec<_>>());
+    let [a, b] = pair.rows.map(|r| search.readings.measured[r]);
+    let readings = |which: &[(usize, f64)]| Readings {
+        rows: which.iter().map(|(t, _)| (*t, pair.dof)).collect(),
+        measured: nalgebra::DVector::from_iterator(which.len(), which.iter().map(|(_, x)| *x)),
+    };
+    let scatter = scatter_of(search, pair.trials);
+    let few = Searcher { problem: &problem, options: searcher.options };
+    let rests: Vec<Start> = fit.coordinates();
+    let here = (fit.unknowns.clone(), pair.trials.map(|t| rests[t].clone()).to_vec());
+    let mut given = fit.unknowns.clone();
+    given[..problem.nuisances()].copy_from_slice(&problem.nuisance.given);
+    let there = (given, here.1.clone());
+    let best = |to: &Readings, from: &[&(Vec<f64>, Vec<Start>)]| -> Result<Fit, DiagnosisError> {
+        let fits = from.iter().map(|(x, at)| few.fit(&fit.hypothesis, x, at, &scatter, to, TRIES));
+        let fits: Vec<Fit> = fits.collect::<Result<_, _>>()?;
+        let best = fits.into_iter().max_by(|a, b| a.log_evidence.total_cmp(&b.log_evidence));
+        best.ok_or_else(|| DiagnosisError::Model("a fit has no start".into()))
+    };
+    let one = best(&readings(&[(0, a)]), &[&here, &there])?;
+    let other = best(&readings(&[(1, b)]), &[&here, &there])?;
+    let ends = [&one, &other].map(|f| (f.unknowns.clone(), f.coordinates()));
+    let both = best(&readings(&[(0, a), (1, b)]), &[&ends[0], &ends[1], &here])?;
+    let at = row_of(1, pair.dof);
+    let slope = one.linear.slope.row(at).transpose();
+    let spread = (slope.transpose() * &one.posterior * &slope)[(0, 0)] + scatter[(at, at)];
+    Ok(Contradiction {
+        dof: pair.dof.name().to_owned(),
+        readings: [witness(whole, pair.trials[0], a), witness(whole, pair.trials[1], b)],
+        expected: one.linear.value[at],
+        sd: spread.max(0.0).sqrt(),
+        log_odds: one.log_evidence + other.log_evidence - both.log_evidence,
+    })
+}
+
+/// The scatter of two trials, five rows each.
+fn scatter_of(search: &Search, trials: [usize; 2]) -> DMatrix<f64> {
+    let n = FREE.len();
+    let at = |r: usize| n * trials[r / n] + r % n;
+    DMatrix::from_fn(2 * n, 2 * n, |r, k| search.covariance[(at(r), at(k))])
+}
+
+fn witness(problem: &Problem, trial: usize, value: f64) -> Witness {
+    let t = &problem.trials[trial];
+    Witness {
+        source: problem.sources[t.source].clone(),
+        row: t.row,
+        trial: t.name.clone(),
+        flexion_deg: t.flexion.to_degrees(),
+        loads: FREE.into_iter().map(|c| (c.load_column(), t.load[c] / c.to_force(1.0))).collect(),
+        value,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_readings_that_would_go_together_and_do_not_are_of_two_knees() {
+        // one knee would have them alike: as alike as that, they speak for one knee
+        assert!(log_odds([1.0, 1.0], 0.99) < 0.0);
+        // far apart, though either alone is nothing odd
+        assert!(log_odds([1.5, -1.5], 0.99) > 100.0);
+        // what does not go together contradicts nothing
+        assert_eq!(log_odds([5.0, -5.0], 0.0), 0.0);
+        // which comes first does not matter
+        assert!((log_odds([2.0, -1.0], 0.9) - log_odds([-1.0, 2.0], 0.9)).abs() < 1e-12);
+    }
+}
