@@ -66,13 +66,14 @@ pub fn import(main: &str, bytes: &[u8], read: &mut ReadFile, given: &Given) -> R
     warnings.extend([ligaments.told, axes.told, contact.told].into_iter().flatten());
     let mut meshes = contact.meshes;
     let mut bodies = Vec::new();
+    let mut bones = [None, None];
     for femur in [true, false] {
         let pair = &contact.spec.pairs[0];
         let face = match meshes.get(if femur { &pair.femur } else { &pair.tibia }) {
             Some(MeshValue::Surface(mesh)) => mesh.clone(),
             _ => TriMesh::default(),
         };
-        let bone = bones::bone(&tree, &places, &knee, (femur, &objects, &face), &mut files, &mut warnings)?;
+        let (bone, shown) = bones::bone(&tree, &places, &knee, (femur, &objects, &face), &mut files, &mut warnings)?;
         let (name, file) = if femur { ("femur", "femur") } else { ("tibia", "tibfib") };
         check_unit(name, &bone).map_err(|e| files.fault(0, e.message))?;
         let body = if femur { knee.femur } else { knee.tibia };
@@ -82,9 +83,11 @@ pub fn import(main: &str, bytes: &[u8], read: &mut ReadFile, given: &Given) -> R
             warnings.push(Kind::DeckOdd.notice(what).of(name));
         }
         let path = format!("meshes/{file}.ply");
+        bones[usize::from(!femur)] = shown.then(|| bone.clone());
         meshes.insert(path.clone(), MeshValue::Surface(bone));
         bodies.push(BodySpec { name: name.into(), bone: path, cartilage: vec![], mass_tonne, inertia_tonne_mm2 });
     }
+    warnings.extend(crate::held::ends(&ligaments.fibres, bones.each_ref().map(Option::as_ref)));
     let mut spec = ModelSpec {
         schema: "model/1".into(),
         id: identity(main, model),
