@@ -15,7 +15,7 @@ use notices::Notice;
 use serde::{Deserialize, Serialize};
 use sim::SimError;
 use sim::coordinate::Load;
-use sim::laxity::{LaxityTrial, Test};
+use sim::laxity::{LaxityTrial, SignDoubt, Test, against_model};
 use sim::spec::{FramesSpec, ModelSpec, PoseSpec};
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
@@ -205,9 +205,24 @@ impl Session {
         Ok(self.outcome(found.found, found.spec, found.frames))
     }
 
+    /// Data sets in which the tibia goes to the other side than the calibrated model's.
+    fn sides(&self, found: &Calibrated) -> Vec<Notice> {
+        let mut from = 0;
+        let mut told = Vec::new();
+        for (name, targets) in &self.sources {
+            let to = from + targets.trials.len();
+            let answers = found.predicted.get(from..to).unwrap_or_default();
+            let doubt = against_model(&targets.trials, answers).map(SignDoubt::notice);
+            told.extend(doubt.map(|n| if self.sources.len() > 1 { n.whose(name) } else { n }));
+            from = to;
+        }
+        told
+    }
+
     fn outcome(&self, found: Calibrated, spec: ModelSpec, frames: Vec<KnownFrames>) -> Outcome {
         let mut warnings = self.targets.warnings.clone();
         warnings.extend(found.warnings.iter().cloned());
+        warnings.extend(self.sides(&found));
         let names = self.sources.iter().map(|s| s.0.clone()).collect();
         let of = self.sources.iter().enumerate().flat_map(|(s, (_, t))| vec![s; t.trials.len()]).collect();
         Outcome { found, spec, trials: self.targets.trials.clone(), sources: (names, of), frames, warnings }

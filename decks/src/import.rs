@@ -2,6 +2,7 @@
 
 use super::bodies::{Bodies, frame};
 use super::contact::{rigid_surface, solid};
+use super::held;
 use super::keyword::{ReadFile, read_blocks};
 use super::ligaments::{Ligaments, ligaments};
 use super::model::{DeckModel, Interaction};
@@ -50,6 +51,11 @@ pub fn import(main: &str, read: &mut ReadFile) -> Result<ImportedDeck, DeckError
     let Ligaments { bundles, fibres, toe_end_multiple, mut warnings } = ligaments(&model, &bodies, &deck.parameters)?;
     let mut meshes = BTreeMap::new();
     let (body_specs, contact) = geometry(&model, &bodies, &mut meshes, &mut warnings)?;
+    let bone = |k: usize| match body_specs.get(k).and_then(|b| meshes.get(&b.bone)) {
+        Some(MeshValue::Surface(mesh)) => Some(mesh),
+        _ => None,
+    };
+    warnings.extend(held::ends(&fibres, [bone(0), bone(1)]));
     let frames = frames(&model, &bodies)?;
     let side = side(&frames, &fibres)?;
     let protocol = steps::protocol(&deck, &bodies, stem)?;

@@ -15,6 +15,7 @@ mod bodies;
 mod contact;
 mod export;
 pub mod expression;
+mod held;
 mod import;
 pub mod keyword;
 pub mod known;

@@ -65,7 +65,9 @@ pub fn import(main: &str, bytes: &[u8], read: &mut ReadFile, given: &Given) -> R
     warnings.extend(model_told(&tree, &places, &knee, (model, &objects))?);
     warnings.extend([ligaments.told, axes.told, contact.told].into_iter().flatten());
     let mut meshes = contact.meshes;
-    let bodies = bodies((&tree, &places, &knee), (&objects, &contact.spec), (&mut meshes, &mut warnings), &mut files)?;
+    let (bodies, bones) =
+        bodies((&tree, &places, &knee), (&objects, &contact.spec), (&mut meshes, &mut warnings), &mut files)?;
+    warnings.extend(crate::held::ends(&ligaments.fibres, bones.each_ref().map(Option::as_ref)));
     let mut spec = ModelSpec {
         schema: "model/1".into(),
         id: identity(main, model),
@@ -92,21 +94,21 @@ pub fn import(main: &str, bytes: &[u8], read: &mut ReadFile, given: &Given) -> R
     Ok(ImportedDeck { spec, meshes, warnings })
 }
 
-/// Femur and tibia with their bones, which are put among the meshes.
+/// Femur and tibia, whose bones are put among the meshes, and the bones that the model shows.
 fn bodies(
     (tree, places, knee): (&Tree<'_>, &places::Places<'_, '_>, &knee::Knee),
     (objects, contact): (&[Node<'_, '_>], &ContactSpec),
     (meshes, warnings): (&mut BTreeMap<String, MeshValue>, &mut Vec<Notice>),
     files: &mut Files<'_, '_>,
-) -> Result<Vec<BodySpec>, DeckError> {
+) -> Result<(Vec<BodySpec>, [Option<TriMesh>; 2]), DeckError> {
     let pair = &contact.pairs[0];
-    let mut bodies = Vec::new();
+    let (mut bodies, mut bones) = (Vec::new(), [None, None]);
     for femur in [true, false] {
         let face = match meshes.get(if femur { &pair.femur } else { &pair.tibia }) {
             Some(MeshValue::Surface(mesh)) => mesh.clone(),
             _ => TriMesh::default(),
         };
-        let bone = bones::bone(tree, places, knee, (femur, objects, &face), files, warnings)?;
+        let (bone, shown) = bones::bone(tree, places, knee, (femur, objects, &face), files, warnings)?;
         let (name, file) = if femur { ("femur", "femur") } else { ("tibia", "tibfib") };
         check_unit(name, &bone).map_err(|e| files.fault(0, e.message))?;
         let body = if femur { knee.femur } else { knee.tibia };
@@ -116,10 +118,11 @@ fn bodies(
             warnings.push(Kind::DeckOdd.notice(what).of(name));
         }
         let path = format!("meshes/{file}.ply");
+        bones[usize::from(!femur)] = shown.then(|| bone.clone());
         meshes.insert(path.clone(), MeshValue::Surface(bone));
         bodies.push(BodySpec { name: name.into(), bone: path, cartilage: vec![], mass_tonne, inertia_tonne_mm2 });
     }
-    Ok(bodies)
+    Ok((bodies, bones))
 }
 
 /// The file as text: UTF-8, with OpenSim's doubled colons put into names that XML's parsers take, without moving a line.

@@ -334,6 +334,37 @@ fn what_is_no_part_of_the_knee_is_told() {
 }
 
 #[test]
+fn an_end_off_the_bone_that_the_file_shows_is_told() {
+    let geometry = "<attached_geometry><Mesh name=\"bone\"><mesh_file>bone.obj</mesh_file></Mesh></attached_geometry></Body>\n<Body name=\"tibia_r\">";
+    let text = knee().replace("</Body>\n<Body name=\"tibia_r\">", geometry);
+    let whole = |_: &str| {
+        let mesh = meshes::shapes::icosphere(0.04, 4);
+        let mut obj: String = mesh.vertices.iter().map(|p| format!("v {} {} {}\n", p.x, p.y, p.z)).collect();
+        mesh.triangles.iter().for_each(|t| obj += &format!("f {} {} {}\n", t[0] + 1, t[1] + 1, t[2] + 1));
+        obj.into_bytes()
+    };
+    let told = |text: &str| {
+        let files = files();
+        let mut read = |name: &str| match name.ends_with("bone.obj") {
+            true => Ok(whole(name)),
+            false => files.get(name).cloned().ok_or_else(|| format!("{name} is not there")),
+        };
+        import("ball.osim", text.as_bytes(), &mut read, &Given::default()).unwrap().spec.warnings.join("\n")
+    };
+    // the cruciates end 25 mm inside of a ball of 40: told of those alone
+    let right = told(&text);
+    assert!(!right.contains("MCLs") && !right.contains("LCL1"), "{right}");
+    // without a location a point lies at its body's origin
+    let lost = text.replacen(&format!("<location>{:?} {:?} {:?}</location>", 0.0, 0.0, 0.04), "", 1);
+    assert_ne!(lost, text);
+    let said = told(&lost);
+    assert!(
+        said.contains("lie far off their bone") && said.contains("LCL") && said.contains("off the femur"),
+        "{said}"
+    );
+}
+
+#[test]
 fn every_element_of_the_table_is_what_the_table_says() {
     let with = |part: &str| {
         knee().replace("<!--MORE-->", &format!("<ComponentSet><objects>\n{part}</objects></ComponentSet>"))

@@ -259,12 +259,15 @@ fn contact_stiffness(model: &LoadedModel) -> f64 {
 /// How far the contact table bends from the straight line of its end's slope, as a sentence; none where it is straight.
 fn bent(model: &LoadedModel) -> Option<Notice> {
     let (c, k) = (&model.spec.contact, contact_stiffness(model));
-    let most = c.overclosure_mm.iter().zip(&c.pressure_mpa).filter(|(d, _)| **d > 0.0);
-    let most = most.map(|(d, p)| (p / (k * d) - 1.0).abs()).fold(0.0, f64::max);
-    (most > 1e-6).then(|| {
+    let off = |(d, p): &(&f64, &f64)| (k * **d - **p).abs();
+    let points = c.overclosure_mm.iter().zip(&c.pressure_mpa).filter(|(d, _)| **d > 0.0);
+    let worst = points.max_by(|a, b| off(a).total_cmp(&off(b)))?;
+    let largest = c.pressure_mpa.last().copied().unwrap_or(0.0);
+    (off(&worst) > 1e-6 * largest).then(|| {
+        let (d, p) = worst;
         Kind::NotInFormat.notice(format!(
-            "contact is linear there: {k:.3} MPa/mm, up to {:.1} % off the model's table",
-            100.0 * most
+            "contact is linear there: {k:.3} MPa/mm, at most {:.3} MPa off the model's table, at {d:.2} mm of overclosure ({:.3} MPa for {p:.3}); the table ends at {largest:.2} MPa",
+            off(&worst), k * d
         ))
     })
 }

@@ -16,6 +16,7 @@ Progress = Union[None, bool, Callable[[str, float, str], Any]]
 Protocol = Literal["ap-laxity", "passive-flexion", "pivot-shift"]
 Solver = Literal["quasistatic", "explicit"]
 Method = Literal["posterior", "swarm-simplex"]
+Contact = Literal["elastic", "jam"]
 Format = Literal["abaqus", "febio", "opensim", "vtk", "stl", "ply", "glb"]
 Side = Literal["left", "right"]
 Stage = Literal[

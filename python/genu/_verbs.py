@@ -13,7 +13,7 @@ from genu._call import absolute, as_html, called, names, run, settings, spoken, 
 from genu._errors import GenuError, in_file
 from genu._model import Model, compiled, model_at
 from genu._tables import frame_of, read_table, table_at
-from genu._types import Format, Method, Path, Progress, Protocol, Solver, Stage
+from genu._types import Contact, Format, Method, Path, Progress, Protocol, Solver, Stage
 
 
 def phantom(id: str, folder: Path, *, seed: int = 1, volume: bool = False) -> str:
@@ -440,7 +440,9 @@ def diagnose(
     return Diagnosis(place, _json(os.path.join(place, "diagnosis.json")), Model(place))
 
 
-def export(model: Any, format: Format, out: Path, *, poses: Any = None) -> list[str]:
+def export(
+    model: Any, format: Format, out: Path, *, poses: Any = None, contact: Contact | None = None
+) -> list[str]:
     """Write a model as another program reads it.
 
     Parameters
@@ -453,6 +455,9 @@ def export(model: Any, format: Format, out: Path, *, poses: Any = None) -> list[
         Folder for the files.
     poses : pandas.DataFrame, str or path-like, optional
         Results of :func:`simulate`, for a time series (with ``"vtk"``).
+    contact : {"elastic", "jam"}, optional
+        Contact of an OpenSim model: ElasticFoundationForce, which OpenSim itself has, or Smith2018ArticularContactForce, for
+        OpenSim with JAM, which :func:`import_opensim` reads. The first where none is given.
 
     Returns
     -------
@@ -467,6 +472,7 @@ def export(model: Any, format: Format, out: Path, *, poses: Any = None) -> list[
     path, files = model_at(model)
     words: list[Any] = ["export", path, "--format", format, "--out", place]
     words += ["--poses", table_at(poses, "poses", files)] if poses is not None else []
+    words += ["--contact", contact] if contact is not None else []
     called(words, files)
     return sorted(os.path.join(d, f) for d, _, fs in os.walk(place) for f in fs)
 

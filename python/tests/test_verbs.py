@@ -114,6 +114,23 @@ def test_export_writes_what_meshio_reads(model, tmp_path):
     assert genu.import_abaqus(main, tmp_path / "back").bundles == model.bundles
 
 
+def test_an_opensim_knee_goes_out_and_comes_back(model, tmp_path):
+    files = genu.export(model, "opensim", tmp_path / "jam", contact="jam")
+    osim = next(f for f in files if f.endswith(".osim"))
+    back = genu.import_opensim(osim, tmp_path / "back")
+    assert back.side == model.side and len(back.fibres()[0]) == len(model.fibres()[0])
+    broken = tmp_path / "broken.osim"
+    broken.write_text("<OpenSimDocument>")
+    with pytest.raises(genu.InputError, match="broken.osim"):
+        genu.import_opensim(broken, tmp_path / "none")
+    with pytest.raises(genu.GenuError, match="--contact goes with --format opensim"):
+        genu.export(model, "stl", tmp_path / "stl", contact="jam")
+    # what OpenSim itself has is no contact that import_opensim knows
+    plain = next(f for f in genu.export(model, "opensim", tmp_path / "plain") if f.endswith(".osim"))
+    with pytest.raises(genu.InputError, match="Smith2018ArticularContactForce"):
+        genu.import_opensim(plain, tmp_path / "none")
+
+
 def test_errors_carry_their_parts(model, trials, tmp_path):
     bad = trials.head(2).astype({"load_ap_n": object})
     bad.loc[1, "load_ap_n"] = "many"

@@ -7,12 +7,13 @@ mod columns;
 mod differences;
 mod doubts;
 mod format;
+mod numbers;
 mod read;
 mod signs;
 mod text;
 mod write;
 
-pub use between::{Named, between, repeated};
+pub use between::{Named, against_model, between, repeated};
 pub use columns::LaxityError;
 pub use format::{Bone, Column, FullColumn, LaxityFormat, Readings};
 pub use read::{LaxityTable, read, read_as};

@@ -6,7 +6,7 @@ const NEAR: f64 = 0.85;
 /// Shortest name that is looked for inside longer ones: `edge` in `edge_length_mm`.
 const SHORTEST_PART: usize = 3;
 
-/// The known name nearest to `name`, if one is near.
+/// The known name nearest to `name`, if one is near; of equals the first of the list.
 pub fn nearest<'a, S: AsRef<str> + ?Sized + 'a>(name: &str, known: impl IntoIterator<Item = &'a S>) -> Option<&'a str> {
     let name = name.to_lowercase().replace('-', "_");
     let score = |k: &str| {
@@ -22,7 +22,7 @@ pub fn nearest<'a, S: AsRef<str> + ?Sized + 'a>(name: &str, known: impl IntoIter
         .into_iter()
         .map(|k| (score(k.as_ref()), k.as_ref()))
         .filter(|(s, _)| *s >= NEAR)
-        .max_by(|a, b| a.0.total_cmp(&b.0).then(b.1.cmp(a.1)))
+        .reduce(|best, next| if next.0 > best.0 { next } else { best })
         .map(|(_, k)| k)
 }
 
@@ -72,6 +72,7 @@ mod tests {
             assert_eq!(nearest(slip, stages), meant, "{slip}");
         }
         assert_eq!(nearest("PLC", ["ACL", "PCL", "LCL", "sMCL"]), Some("PCL"));
+        assert_eq!(nearest("MCL", ["ACL", "sMCL", "dMCL"]), Some("sMCL"), "of equals the first");
         assert_eq!(nearest("edge", ["layers", "edge_length_mm"]), Some("edge_length_mm"));
         let told = with_suggestion("unknown field `fmur`, expected one of `femur`, `tibfib`");
         assert!(told.ends_with("; did you mean femur?"), "{told}");

@@ -1,8 +1,8 @@
 //! Two data sets of one knee: one file given twice, a side that is turned, a zero that is shifted; units that a test's largest load shows.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-use sim::coordinate::{AP, Coordinate, FREE, IE, ML, SI, VV};
-use sim::laxity::{LaxityTrial, between, read, repeated, sign_doubts};
+use sim::coordinate::{AP, Coordinate, FREE, Free, IE, ML, SI, VV};
+use sim::laxity::{LaxityTrial, against_model, between, read, repeated, sign_doubts};
 
 /// Drawers and moments at flexions, whose loads are `size` times those of the first apparatus; it goes to the side with valgus and drawer.
 fn made(size: f64) -> Vec<LaxityTrial> {
@@ -121,4 +121,78 @@ fn poses_about_another_zero_than_a_knee_s_are_doubted() {
         let doubts = sign_doubts(&trials);
         assert!(doubts.iter().any(|d| d.column == c.column() && d.words.contains("offset")), "{doubts:?}");
     }
+}
+
+#[test]
+fn a_side_turned_in_every_set_shows_against_a_model() {
+    let trials = made(1.0);
+    // a model that is stiffer, has its zero elsewhere, and leaves out a trial
+    let answer = |by: f64| -> Vec<_> {
+        let one = |t: &LaxityTrial| Free::from_fn(|c| by * 0.5 * t.measured[c].unwrap() + 4.0);
+        trials.iter().enumerate().map(|(i, t)| (i != 3).then(|| one(t))).collect()
+    };
+    assert!(against_model(&trials, &answer(1.0)).is_none());
+    let told = against_model(&trials, &answer(-1.0)).unwrap();
+    assert!(told.column == "ml_mm" && told.words.contains("positive = \"medial\""), "{}", told.words);
+    assert!(against_model(&trials[..4], &answer(-1.0)[..4]).is_none(), "few tests show nothing");
+}
+
+/// Columns that are doubted after a change.
+fn doubted(change: &dyn Fn(&mut LaxityTrial)) -> Vec<(String, String)> {
+    let mut trials = made(1.4);
+    trials.iter_mut().for_each(change);
+    sign_doubts(&trials).into_iter().map(|d| (d.column, d.words)).collect()
+}
+
+#[test]
+fn loads_that_are_round_in_another_unit_are_told_and_others_are_not() {
+    assert!(doubted(&|_| ()).is_empty());
+    let moments = |by: f64| {
+        move |t: &mut LaxityTrial| {
+            // two loads, as tests have
+            let size = if t.nominal_flexion_deg > 60.0 { 5.0 / 7.0 } else { 1.0 };
+            t.load[IE] = (t.load[IE] * by * size * 1e4).round() / 1e4;
+        }
+    };
+    for (by, unit) in [(0.737_562, "ft lbf"), (1.0, ""), (0.7, ""), (1.0 / 9.806_65, "kgf m")] {
+        let told = doubted(&moments(by));
+        let named = told.iter().any(|(c, words)| c == "load_ie_nm" && words.contains(&format!("in {unit} it and")));
+        assert_eq!(named, !unit.is_empty(), "{by}: {told:?}");
+    }
+    // one load alone shows nothing
+    assert!(doubted(&|t| t.load[IE] *= 0.737_562).is_empty());
+}
+
+#[test]
+fn a_cell_filled_with_zero_is_told_and_a_zero_that_is_read_is_not() {
+    let one = |test: &'static str, c: Coordinate| {
+        move |t: &mut LaxityTrial| {
+            t.measured[c] = t.measured[c].map(|x| if t.trial == test { 0.0 } else { x + 0.012_345 });
+        }
+    };
+    let told = doubted(&one("external_30", IE));
+    assert!(matches!(&told[..], [(c, words)] if c == "ie_deg" && words.contains("external_30")), "{told:?}");
+    // without load a knee may stand at 0
+    let unloaded = |t: &mut LaxityTrial| {
+        one("external_30", IE)(t);
+        if t.trial == "external_30" {
+            t.load[IE] = 0.0;
+        }
+    };
+    assert!(doubted(&unloaded).iter().all(|(c, _)| c != "ie_deg"));
+    // readings of one decimal pass through 0
+    let coarse = |t: &mut LaxityTrial| {
+        one("external_30", IE)(t);
+        t.measured[IE] = t.measured[IE].map(f64::round);
+    };
+    assert!(doubted(&coarse).is_empty());
+    // a coordinate that is held is 0 throughout
+    assert!(doubted(&|t| t.measured[VV] = Some(0.0)).is_empty());
+}
+
+#[test]
+fn flexion_that_counts_negative_throughout_is_told() {
+    let turned = |t: &mut LaxityTrial| (t.fe_deg, t.nominal_flexion_deg) = (-t.fe_deg, -t.nominal_flexion_deg);
+    let told = doubted(&turned);
+    assert!(matches!(&told[..], [(c, words)] if c == "fe_deg" && words.contains("negative throughout")), "{told:?}");
 }

@@ -16,7 +16,7 @@ use std::collections::BTreeSet;
 /// How thick a contact surface is made where it stands for a bone [mm]. Ours: only pictures and wrapping look at bones.
 const SOLID_MM: f64 = 5.0;
 
-/// The bone of femur or tibia in the knee's coordinates.
+/// The bone of femur or tibia in the knee's coordinates, and whether the file shows it.
 ///
 /// Errors: numbers that cannot be read. A file that is not there, or no bone, is told.
 pub(super) fn bone<'a, 'i>(
@@ -26,7 +26,7 @@ pub(super) fn bone<'a, 'i>(
     (femur, objects, contact): (bool, &[Node<'a, 'i>], &TriMesh),
     files: &mut Files<'_, '_>,
     told: &mut Vec<Notice>,
-) -> Result<TriMesh, DeckError> {
+) -> Result<(TriMesh, bool), DeckError> {
     let name = if femur { "femur" } else { "tibia" };
     let bodies = knee.bodies(femur);
     let mut why = "the body shows no surface of its own".to_owned();
@@ -45,12 +45,12 @@ pub(super) fn bone<'a, 'i>(
             }
         }
         if let Some(surface) = best {
-            return Ok(surface);
+            return Ok((surface, true));
         }
     }
     let text = format!("{name}: {why}; its contact surface, {SOLID_MM} mm thick, stands for the bone in pictures");
     told.push(Kind::DeckOdd.notice(text).of(name));
-    Ok(thickened(contact, SOLID_MM))
+    Ok((thickened(contact, SOLID_MM), false))
 }
 
 /// A shown surface in the knee's coordinates; the inner error says why it is no bone.

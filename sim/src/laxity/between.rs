@@ -1,7 +1,7 @@
 //! Whether the data sets of one knee are two, and agree about its sides and zeros.
 
 use super::{LaxityTrial, SignDoubt, Test};
-use crate::coordinate::{AP, Coordinate, IE, ML, SI, VV};
+use crate::coordinate::{AP, Coordinate, Free, IE, ML, SI, VV};
 use std::collections::BTreeMap;
 
 /// A data set: its name and its trials.
@@ -64,6 +64,42 @@ fn mean(values: &[f64]) -> f64 {
 /// Whether the tibia goes to the other side in one set. No test loads ML, so that its own loads do not show its sign.
 fn side(a: Named, b: Named) -> Option<SignDoubt> {
     let all = shared(a, b, ML);
+    turned(&all).map(|r| SignDoubt {
+        column: ML.column(),
+        words: format!(
+            "laxity.{} and laxity.{}: in the {} tests that both hold ml_mm goes to the other side in one of them (correlation {r:.2}): its sign is turned there. Expected lateral +: {} for that file",
+            a.0,
+            b.0,
+            all.len(),
+            DECLARE_MEDIAL
+        ),
+    })
+}
+
+/// What to declare of an ML that is turned.
+const DECLARE_MEDIAL: &str = "declare columns.ml_mm = { name = \"...\", positive = \"medial\" }";
+
+/// Whether the tibia goes to the other side than a model's does: `answers` to the trials of one set, in their order. Where ML is turned in every
+/// set of a knee, only its bones show it.
+pub fn against_model(trials: &[LaxityTrial], answers: &[Option<Free<f64>>]) -> Option<SignDoubt> {
+    let both = trials.iter().zip(answers).filter_map(|(t, a)| Some((t, a.as_ref()?)));
+    let answered = |(t, a): (&LaxityTrial, &Free<f64>)| {
+        let predicted = LaxityTrial { measured: Free::from_fn(|c| t.measured[c].map(|_| a[c])), ..t.clone() };
+        (t.clone(), predicted)
+    };
+    let (measured, predicted): (Vec<LaxityTrial>, Vec<LaxityTrial>) = both.map(answered).unzip();
+    let all = shared(("", &measured), ("", &predicted), ML);
+    turned(&all).map(|r| SignDoubt {
+        column: ML.column(),
+        words: format!(
+            "ml_mm goes to the other side than the calibrated model's in {} tests (correlation {r:.2}): its sign is turned, or the side of the knee. Expected lateral +: {DECLARE_MEDIAL}",
+            all.len()
+        ),
+    })
+}
+
+/// The correlation of two sets about the mean of each flexion, where it shows that one is turned.
+fn turned(all: &[((Test, i64), [f64; 2])]) -> Option<f64> {
     let centred: Vec<[f64; 2]> = all
         .iter()
         .map(|((_, flexion), values)| {
@@ -74,16 +110,7 @@ fn side(a: Named, b: Named) -> Option<SignDoubt> {
     let product = |i: usize, j: usize| centred.iter().map(|v| v[i] * v[j]).sum::<f64>();
     let spread = [0, 1].map(|k| (product(k, k) / all.len().max(1) as f64).sqrt());
     let r = product(0, 1) / (product(0, 0) * product(1, 1)).sqrt();
-    let turned = all.len() >= LEAST_SHARED && spread.iter().all(|s| *s > LEAST_SPREAD_MM) && r < TURNED;
-    turned.then(|| SignDoubt {
-        column: ML.column(),
-        words: format!(
-            "laxity.{} and laxity.{}: in the {} tests that both hold ml_mm goes to the other side in one of them (correlation {r:.2}): its sign is turned there. Expected lateral +: declare columns.ml_mm = {{ name = \"...\", positive = \"medial\" }} for that file",
-            a.0,
-            b.0,
-            all.len()
-        ),
-    })
+    (all.len() >= LEAST_SHARED && spread.iter().all(|s| *s > LEAST_SPREAD_MM) && r < TURNED).then_some(r)
 }
 
 /// Coordinates whose zeros differ alike at every flexion.

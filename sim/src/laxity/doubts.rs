@@ -19,10 +19,20 @@ const LEAST_LOAD: [(Coordinate, f64); 3] = [(VV, 2.0), (IE, 1.0), (AP, 60.0)];
 /// there is named. Ours.
 const USUAL_LOAD: [(Coordinate, [f64; 2]); 3] = [(VV, [4.0, 20.0]), (IE, [2.5, 15.0]), (AP, [60.0, 300.0])];
 /// Units of a force and of a moment that a number may be in, or be turned from for nothing, and what they are in N or N m.
-const FORCES: [(&str, f64); 4] =
-    [("kN", 1000.0), ("lbf", 4.448_221_615_260_5), ("N, not in lbf", 0.224_808_943_1), ("mN", 0.001)];
-const MOMENTS: [(&str, f64); 4] =
-    [("kN m", 1000.0), ("N mm", 0.001), ("lbf in", 0.112_984_829_027_616_7), ("N m, not in lbf in", 8.850_745_791_3)];
+const FORCES: [(&str, f64); 5] = [
+    ("kN", 1000.0),
+    ("lbf", 4.448_221_615_260_5),
+    ("kgf", 9.806_65),
+    ("N, not in lbf", 0.224_808_943_1),
+    ("mN", 0.001),
+];
+const MOMENTS: [(&str, f64); 5] = [
+    ("kN m", 1000.0),
+    ("N mm", 0.001),
+    ("N cm", 0.01),
+    ("lbf in", 0.112_984_829_027_616_7),
+    ("N m, not in lbf in", 8.850_745_791_3),
+];
 /// Loads beyond these are of another unit: VV, IE [N m], ML, AP, SI [N]. Twice what arthrometers and robots apply; of SI three times the
 /// weight of a heavy person. Ours.
 const MOST_LOAD: [(Coordinate, f64); 5] = [(VV, 60.0), (IE, 30.0), (ML, 500.0), (AP, 500.0), (SI, 3000.0)];
@@ -42,6 +52,7 @@ const WORKING_LOAD: [(Coordinate, f64); 3] = [(VV, 5.0), (IE, 2.5), (AP, 60.0)];
 pub(super) fn doubts(trials: &[LaxityTrial]) -> Vec<SignDoubt> {
     let mut found: Vec<SignDoubt> = flexion_zero(trials).into_iter().collect();
     found.extend(pose_zero(trials));
+    found.extend(super::numbers::doubts(trials));
     found.extend(LEAST_LOAD.iter().filter_map(|limit| small_load(trials, *limit)));
     found.extend(LEAST_MOTION.iter().filter_map(|limit| small_motion(trials, *limit)));
     found.extend(MOST_LOAD.iter().filter_map(|limit| large_load(trials, *limit)));

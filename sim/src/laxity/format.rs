@@ -105,7 +105,7 @@ impl Column {
 }
 
 /// Units by quantity, with the factor to the standard unit.
-const UNITS: [(&str, &[&str], f64); 15] = [
+const UNITS: [(&str, &[&str], f64); 18] = [
     ("deg", &["deg", "degree", "degrees", "°"], 1.0),
     ("deg", &["rad", "radian", "radians"], 57.295_779_513_082_32),
     ("mm", &["mm", "millimetre", "millimeter"], 1.0),
@@ -115,8 +115,11 @@ const UNITS: [(&str, &[&str], f64); 15] = [
     ("n", &["n", "newton"], 1.0),
     ("n", &["kn"], 1000.0),
     ("n", &["lbf", "lb"], 4.448_221_615_260_5),
+    ("n", &["kgf", "kp"], 9.806_65),
     ("nm", &["nm", "n m", "n*m", "n·m", "n.m", "n-m"], 1.0),
     ("nm", &["nmm", "n mm", "n*mm", "n·mm", "n.mm", "n-mm"], 0.001),
+    ("nm", &["ncm", "n cm", "n*cm", "n·cm", "n.cm", "n-cm"], 0.01),
+    ("nm", &["kgf m", "kgfm", "kgf*m", "kgf·m", "kgf.m", "kgf-m", "kp m"], 9.806_65),
     ("nm", &["in lbf", "in-lbf", "lbf in", "lbf-in", "in lb"], 0.112_984_829_027_616_7),
     ("nm", &["ft lbf", "ft-lbf", "lbf ft", "lbf-ft", "ft lb"], 1.355_817_948_331_4),
     ("nm", &["kn m", "knm", "kn*m", "kn·m", "kn.m", "kn-m"], 1000.0),

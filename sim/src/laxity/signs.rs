@@ -31,6 +31,8 @@ const WORDS: [(Coordinate, &str, &str); 3] =
 const ABOVE_MM: f64 = 5.0;
 /// Mean SI load below this is traction, which no laxity test applies [N].
 const TRACTION_N: f64 = -5.0;
+/// No knee is extended further than this beyond straight in a laxity test [deg]. Ours: 10 to 15 is the most of healthy ones.
+const MOST_HYPEREXTENSION_DEG: f64 = 20.0;
 /// No laxity is tested at so much flexion [deg]: a heel at the buttock is 150 to 160. Ours.
 const MOST_FLEXION_DEG: f64 = 140.0;
 /// The angle between the shafts is 180 deg less flexion; a mean nearer to it than this shows that it was given [deg]. Ours.
@@ -144,6 +146,16 @@ fn flexion(trials: &[LaxityTrial]) -> Option<SignDoubt> {
                 "fe_deg is {:.0} deg in trial \"{}\": the angle between the shafts (180 deg less flexion)? Expected flexion, 0 in a straight knee: write 180 less the angle, and the same for nominal_flexion_deg where it is such an angle",
                 t.fe_deg, t.trial
             ),
+        });
+    }
+    if trials.iter().all(|t| t.fe_deg.max(t.nominal_flexion_deg) <= 0.0)
+        && trials
+            .iter()
+            .any(|t| t.fe_deg < -MOST_HYPEREXTENSION_DEG && t.nominal_flexion_deg < -MOST_HYPEREXTENSION_DEG)
+    {
+        return Some(SignDoubt {
+            column: "fe_deg".into(),
+            words: "fe_deg and nominal_flexion_deg are negative throughout: flexion counts negative. Expected flexion +: write both with the other sign".into(),
         });
     }
     let mean = |of: fn(&LaxityTrial) -> f64| trials.iter().map(of).sum::<f64>() / n;

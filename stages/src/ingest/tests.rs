@@ -115,7 +115,7 @@ fn wrong_points_are_refused_with_file_and_line() {
     }
     let said = refusal(&with_file("marks.csv", b"ligament,frame,x_mm,y_mm,z_mm\nMCL,scan_femur,1,2,3\n"));
     assert!(
-        said.contains("marks.csv, line 2: no ligament is called `MCL`; did you mean dMCL?; expected one of ACL"),
+        said.contains("marks.csv, line 2: no ligament is called `MCL`; did you mean sMCL?; expected one of ACL"),
         "{said}"
     );
     let head = "bundle,fibre,femur_x_mm,femur_y_mm,femur_z_mm,tibia_x_mm,tibia_y_mm,tibia_z_mm\n";

@@ -1,0 +1,103 @@
+//! What the numbers themselves show: zeros that stand for nothing, loads that are round in another unit.
+
+use super::{LaxityTrial, SignDoubt};
+use crate::coordinate::{AP, Coordinate, FREE, IE, VV};
+use std::collections::BTreeMap;
+
+/// Readings from which on zeros among them are looked at.
+const LEAST_READINGS: usize = 6;
+/// Share of readings that may be 0 and still stand out [-]: a coordinate that is held, or one that no test moves, is 0 throughout. Ours.
+const MOST_ZEROS: f64 = 0.1;
+/// A reading is round where this many times it is a whole number: two decimals. One of more decimals is 0 by chance in fewer than one of 1000.
+const ROUND: f64 = 100.0;
+/// A zero lies outside of the others of its test and flexion by more than this share of their range [-]. Ours.
+const OUTSIDE: f64 = 0.5;
+/// Others of its test and flexion with which a zero is compared.
+const LEAST_OTHERS: usize = 3;
+/// Different loads that must all be round in the other unit [-]: of a number with four digits one in 50 is by chance. Ours.
+const LEAST_LOADS: usize = 2;
+/// How near a load is to a round number [-], as written with four digits.
+const NEAR: f64 = 1.5e-4;
+/// Round loads: as read in N m and N, to two decimals; and what tests apply in the other unit, in steps of 0.05. Ours.
+const STEP_READ: f64 = 0.01;
+const STEP_MEANT: f64 = 0.05;
+/// Units in which loads may be given, and what they are in N m or N.
+const MOMENTS: [(&str, f64); 3] =
+    [("ft lbf", 1.355_817_948_331_4), ("lbf in", 0.112_984_829_027_616_7), ("kgf m", 9.806_65)];
+const FORCES: [(&str, f64); 2] = [("lbf", 4.448_221_615_260_5), ("kgf", 9.806_65)];
+
+/// Doubts about single readings and about the unit of loads.
+pub(super) fn doubts(trials: &[LaxityTrial]) -> Vec<SignDoubt> {
+    let zeros = FREE.iter().filter_map(|c| zeros(trials, *c));
+    let units = [(&[VV, IE][..], &MOMENTS[..]), (&[AP][..], &FORCES[..])];
+    zeros.chain(units.iter().filter_map(|(of, units)| round_elsewhere(trials, of, units))).collect()
+}
+
+/// Whether the trial loads what it tests: without load a displacement may well be 0.
+fn loaded(t: &LaxityTrial) -> bool {
+    t.test.coordinate().is_some_and(|c| t.load[c] != 0.0)
+}
+
+/// A few readings of exactly 0 under load among others that are not: cells that were filled for want of a reading.
+fn zeros(trials: &[LaxityTrial], c: Coordinate) -> Option<SignDoubt> {
+    let given: Vec<(&LaxityTrial, f64)> = trials.iter().filter_map(|t| Some((t, t.measured[c]?))).collect();
+    let is_zero = |x: f64| x == 0.0;
+    let found: Vec<&LaxityTrial> = given.iter().filter(|(t, x)| is_zero(*x) && loaded(t)).map(|(t, _)| *t).collect();
+    let count = given.iter().filter(|(_, x)| is_zero(*x)).count();
+    if given.len() < LEAST_READINGS || count as f64 > (MOST_ZEROS * given.len() as f64).max(1.0) {
+        return None;
+    }
+    let fine = |x: f64| ((x * ROUND).round() - x * ROUND).abs() > 1e-6;
+    let mostly_fine = 2 * given.iter().filter(|(_, x)| fine(*x)).count() > given.len();
+    let odd = |t: &&&LaxityTrial| mostly_fine || outside(&given, t);
+    let odd: Vec<&&LaxityTrial> = found.iter().filter(odd).collect();
+    let first = odd.first()?;
+    Some(SignDoubt {
+        column: c.column(),
+        words: format!(
+            "{} is exactly 0 in {} of {} readings, the first in trial \"{}\", and not near 0 beside it: was it not read? Expected an empty cell where nothing was read",
+            c.column(),
+            odd.len(),
+            given.len(),
+            first.trial
+        ),
+    })
+}
+
+/// Whether 0 lies outside of what the other readings of the trial's test and flexion are.
+fn outside(given: &[(&LaxityTrial, f64)], zero: &LaxityTrial) -> bool {
+    let position = |t: &LaxityTrial| (t.test, t.nominal_flexion_deg.round() as i64, t.reference.is_some());
+    let others = given.iter().filter(|(t, x)| *x != 0.0 && position(t) == position(zero)).map(|(_, x)| *x);
+    let others: Vec<f64> = others.collect();
+    let (low, high) = others.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
+    let out = low.max(-high);
+    others.len() >= LEAST_OTHERS && out > OUTSIDE * (high - low) && out > 0.0
+}
+
+/// Loads that are round numbers in another unit and none as they are read.
+fn round_elsewhere(trials: &[LaxityTrial], of: &[Coordinate], units: &[(&str, f64)]) -> Option<SignDoubt> {
+    let mut loads: BTreeMap<u64, (Coordinate, f64)> = BTreeMap::new();
+    for t in trials {
+        let own = t.test.coordinate().filter(|c| of.contains(c));
+        if let Some((c, load)) = own.map(|c| (c, t.load[c].abs())).filter(|(_, load)| *load > 0.0) {
+            loads.entry(load.to_bits()).or_insert((c, load));
+        }
+    }
+    let round = |load: f64, step: f64| ((load / step).round() * step - load).abs() < NEAR * load;
+    let all = |factor: f64, step: f64| loads.values().all(|(_, load)| round(load * factor, step));
+    if loads.len() < LEAST_LOADS || loads.values().any(|(_, load)| round(*load, STEP_READ)) {
+        return None;
+    }
+    let (unit, factor) = units.iter().find(|(_, factor)| all(*factor, STEP_MEANT))?;
+    let (c, most) = loads.values().max_by(|a, b| a.1.total_cmp(&b.1))?;
+    Some(SignDoubt {
+        column: c.load_column(),
+        words: format!(
+            "{} is {most:.4} {n} at most, no round number; in {unit} it and {} other loads would be round: {:.2} {n}. Is {unit} its unit? Declare the unit by [laxity_format.NAME.columns]",
+            c.load_column(),
+            loads.len() - 1,
+            most * factor,
+            n = c.load_unit()
+        ),
+    })
+}
