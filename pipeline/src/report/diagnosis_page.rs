@@ -2,7 +2,7 @@
 
 use super::diagnosis_curves::picture;
 use super::diagnosis_unnamed::{contradicting, noise, why_unnamed};
-use super::html::{LivePart, head};
+use super::html::{LivePart, escaped, head};
 use diagnosis::atlas::{Atlas, table};
 use diagnosis::carried::LEAST_N;
 use diagnosis::catalogue::Catalogue;
@@ -27,12 +27,12 @@ const DARK: &str = "@media screen and (prefers-color-scheme:dark){svg{filter:inv
 pub(crate) fn page(model: &str, d: &Diagnosis, live: Option<&LivePart>) -> String {
     if let Some(live) = live {
         let head = head(&format!("What is missing: {model}"));
-        let header = format!("<header><h1>{}: diagnosis</h1></header>", escape(model));
+        let header = format!("<header><h1>{}: diagnosis</h1></header>", escaped(model));
         return format!("{head}{header}<main id=\"stages\">{}{}</main>{}", part(model, d), live.section, live.foot);
     }
     format!(
         "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>What is missing: {}</title><style>{STYLE}</style><body>{}</body></html>",
-        escape(model),
+        escaped(model),
         body(model, d)
     )
 }
@@ -46,11 +46,11 @@ pub(crate) fn part(model: &str, d: &Diagnosis) -> String {
 }
 
 fn body(model: &str, d: &Diagnosis) -> String {
-    let mut out = format!("<h1>What is missing: {}</h1>", escape(model));
+    let mut out = format!("<h1>What is missing: {}</h1>", escaped(model));
     if !d.plain.is_empty() {
-        let _ = write!(out, "<p><strong>{}</strong></p>", escape(&d.plain));
+        let _ = write!(out, "<p><strong>{}</strong></p>", escaped(&d.plain));
     }
-    let _ = write!(out, "<div class=\"verdict\">{}</div>", escape(&d.description));
+    let _ = write!(out, "<div class=\"verdict\">{}</div>", escaped(&d.description));
     contradicting(&mut out, d);
     answers(&mut out, d);
     meanings(&mut out, d);
@@ -65,7 +65,7 @@ fn body(model: &str, d: &Diagnosis) -> String {
     missed(&mut out, d);
     out += "<h2>What could not be tested</h2><ul>";
     for n in &d.not_testable {
-        let _ = write!(out, "<li>{}: {}</li>", escape(&n.effect), escape(&n.why));
+        let _ = write!(out, "<li>{}: {}</li>", escaped(&n.effect), escaped(&n.why));
     }
     let _ = write!(
         out,
@@ -82,18 +82,14 @@ fn provenance(d: &Diagnosis) -> String {
     let Some(p) = &d.provenance else { return String::new() };
     let mut out = format!(
         "<h2>What this was found with</h2><table class=\"words\"><tr><td>program</td><td>{}</td></tr><tr><td>catalogue</td><td>{}</td></tr><tr><td>model</td><td>{}</td></tr>",
-        escape(&p.program),
-        escape(&p.catalogue),
-        escape(&p.model)
+        escaped(&p.program),
+        escaped(&p.catalogue),
+        escaped(&p.model)
     );
     for (name, digest) in &p.data {
-        let _ = write!(out, "<tr><td>data: {}</td><td>{}</td></tr>", escape(name), escape(digest));
+        let _ = write!(out, "<tr><td>data: {}</td><td>{}</td></tr>", escaped(name), escaped(digest));
     }
     out + "</table><p class=\"note\">Digests are BLAKE3, of the model with its surfaces and of each data file.</p>"
-}
-
-pub(super) fn escape(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }
 
 fn answers(out: &mut String, d: &Diagnosis) {
@@ -109,12 +105,12 @@ fn answers(out: &mut String, d: &Diagnosis) {
             .map(|e| format!("{}{}", e.effect, e.variant.as_ref().map(|v| format!(" ({v})")).unwrap_or_default()))
             .collect();
         let places: Vec<&str> = a.effects.iter().map(|e| e.scope.as_str()).collect();
-        let sizes: Vec<String> = a.effects.iter().flat_map(|e| sizes(&catalogue, e, "")).map(|t| escape(&t)).collect();
+        let sizes: Vec<String> = a.effects.iter().flat_map(|e| sizes(&catalogue, e, "")).map(|t| escaped(&t)).collect();
         let _ = write!(
             out,
             "<tr><td>{}</td><td>{}</td><td>{}</td><td>{:.2}</td><td>{:.1}</td><td>{:.1}</td></tr>",
-            escape(&names.join(" + ")),
-            escape(&places.join(" + ")),
+            escaped(&names.join(" + ")),
+            escaped(&places.join(" + ")),
             sizes.join("<br>"),
             a.weight,
             a.log_bayes_factor,
@@ -141,7 +137,7 @@ fn meanings(out: &mut String, d: &Diagnosis) {
         if told.contains(&found.id.as_str()) {
             continue;
         }
-        let cells = [&found.title, &found.words, &found.clinical, &found.bench].map(|t| escape(t));
+        let cells = [&found.title, &found.words, &found.clinical, &found.bench].map(|t| escaped(t));
         let _ = write!(out, "<tr><td>{}</td></tr>", cells.join("</td><td>"));
         told.push(&found.id);
     }
@@ -173,7 +169,7 @@ fn maps(out: &mut String, d: &Diagnosis) {
     *out += "</tr>";
     for ((source, test, flexion, sign), by) in &rows {
         let load = if *sign == 0 { " unloaded" } else { "" };
-        let _ = write!(out, "<tr><td>{} {test} {flexion}&deg;{load}</td>", escape(source));
+        let _ = write!(out, "<tr><td>{} {test} {flexion}&deg;{load}</td>", escaped(source));
         for k in 0..maps.len() {
             *out += "<td class=\"gap\"></td>";
             FREE.iter().for_each(|c| cell(out, by.get(&(k, c.name())).copied()));
@@ -222,7 +218,7 @@ fn bars(out: &mut String, d: &Diagnosis) {
     }
     let _ = write!(out, "</tr></table><p>{:.0} % of the gap is closed.", 100.0 * g.closed);
     if let Some(c) = &d.gap.control {
-        let _ = write!(out, " As a control, {} closes {:.0} %.", escape(&c.effect), 100.0 * c.closed);
+        let _ = write!(out, " As a control, {} closes {:.0} %.", escaped(&c.effect), 100.0 * c.closed);
     }
     *out += "</p>";
 }
@@ -256,11 +252,11 @@ fn forces(out: &mut String, d: &Diagnosis) {
         LEAST_N
     );
     for test in &tests {
-        let _ = write!(out, "<th colspan=\"2\">{}</th>", escape(test));
+        let _ = write!(out, "<th colspan=\"2\">{}</th>", escaped(test));
     }
     *out += "</tr>";
     for (ligament, by) in &rows {
-        let _ = write!(out, "<tr><td>{}</td>", escape(ligament));
+        let _ = write!(out, "<tr><td>{}</td>", escaped(ligament));
         for test in &tests {
             match by.get(test) {
                 Some(c) => {
@@ -280,7 +276,7 @@ fn ligaments(out: &mut String, d: &Diagnosis) {
         let _ = write!(
             out,
             "<tr><td>{} {}</td><td>{:.3}</td><td>{:.3}</td><td>{:.3}</td><td>{:.3}</td></tr>",
-            escape(&l.bundle),
+            escaped(&l.bundle),
             parameter(&l.parameter),
             l.given,
             l.without,
@@ -303,7 +299,7 @@ fn next(out: &mut String, d: &Diagnosis) {
             t.test,
             t.flexion_deg,
             t.load,
-            escape(&t.source),
+            escaped(&t.source),
             t.expected_gain
         );
     }
@@ -329,13 +325,13 @@ fn missed(out: &mut String, d: &Diagnosis) {
     }
     *out += "<h2>What would have been missed</h2><p class=\"note\">Half of such data would have revealed an effect of this size, were it alone; ligaments and contact recalibrated, linear.</p><table class=\"words\"><tr><th>effect</th>";
     for s in &scopes {
-        let _ = write!(out, "<th>{}</th>", escape(s));
+        let _ = write!(out, "<th>{}</th>", escaped(s));
     }
     *out += "</tr>";
     for (m, by) in &rows {
         let told = |v: &&String| !m.effect.ends_with(v.as_str());
         let about = m.variant.as_ref().filter(told).map(|v| format!(" ({v})")).unwrap_or_default();
-        let _ = write!(out, "<tr><td>{}</td>", escape(&format!("{}{about}", m.effect)));
+        let _ = write!(out, "<tr><td>{}</td>", escaped(&format!("{}{about}", m.effect)));
         for s in &scopes {
             let cell = by.get(s).map_or(String::new(), |sizes| sizes.join("<br>"));
             let _ = write!(out, "<td>{}</td>", cell);
@@ -347,7 +343,7 @@ fn missed(out: &mut String, d: &Diagnosis) {
 
 /// The page of an atlas.
 pub(crate) fn atlas(model: &str, found: &Atlas) -> String {
-    let text = escape(&table(found));
+    let text = escaped(&table(found));
     format!(
         "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>What could be named: {model}</title><body><h1>What could be named: {model}</h1><p>Sizes are one prior standard deviation of each effect; raw and retained are root mean square signatures in scatters, before and after ligaments and contact are recalibrated; detectable is the size, in prior standard deviations, that half of such data would reveal.</p><pre>{text}</pre></body></html>"
     )

@@ -1,6 +1,6 @@
 //! Of the page of a diagnosis: rows that contradict each other, what each effect of the catalogue explains where none is enough, noise other than stated.
 
-use super::diagnosis_page::escape;
+use super::html::escaped;
 use diagnosis::catalogue::Catalogue;
 use diagnosis::contradiction::Witness;
 use diagnosis::plain_unnamed::{load, row};
@@ -15,7 +15,7 @@ pub(super) fn contradicting(out: &mut String, d: &Diagnosis) {
     }
     *out += "<h2>Rows that contradict each other</h2><p class=\"note\">Near the same load and flexion, and yet of no one knee of the model, whatever its ligaments, sites and frames. Expected: what a knee that gives the first reading gives in the second trial, with its standard deviation. Log odds: for two different knees against one. Look at the records of these rows first: their signs, their loads, the order of their labels, what was done to the knee between them.</p><table class=\"words\"><tr><th>coordinate</th><th>first</th><th>reads</th><th>second</th><th>reads</th><th>expected</th><th>log odds</th></tr>";
     for c in &d.contradictions {
-        let place = |w: &Witness| escape(&format!("{}, {}: {}, {:.1} deg", row(w), w.trial, load(w), w.flexion_deg));
+        let place = |w: &Witness| escaped(&format!("{}, {}: {}, {:.1} deg", row(w), w.trial, load(w), w.flexion_deg));
         let [one, other] = &c.readings;
         let _ = write!(
             out,
@@ -42,7 +42,7 @@ pub(super) fn why_unnamed(out: &mut String, d: &Diagnosis) {
             let _ = write!(
                 out,
                 "<tr><td>{}</td><td>{}</td><td>{:.2}</td><td>{:.2}</td><td>{:.2}</td></tr>",
-                escape(&s.source),
+                escaped(&s.source),
                 s.readings,
                 s.alone,
                 s.cost,
@@ -64,17 +64,17 @@ fn each_effect(out: &mut String, why: &diagnosis::unexplained::Unexplained) {
     for t in &why.tried {
         let name = |e: &Named| {
             let about = e.variant.as_ref().map(|v| format!(" ({v})")).unwrap_or_default();
-            escape(&format!("{}{about}", e.effect))
+            escaped(&format!("{}{about}", e.effect))
         };
         let all =
             |of: &dyn Fn(&Named) -> String, between: &str| t.effects.iter().map(of).collect::<Vec<_>>().join(between);
-        let size = |e: &Named| sizes(&catalogue, e, "").iter().map(|s| escape(s)).collect::<Vec<_>>().join("<br>");
+        let size = |e: &Named| sizes(&catalogue, e, "").iter().map(|s| escaped(s)).collect::<Vec<_>>().join("<br>");
         let unseen = t.closes_held_out.map_or(String::new(), |x| format!("{:.0} %", 100.0 * x));
         let _ = write!(
             out,
             "<tr><td>{}</td><td>{}</td><td>{}</td><td>{:.0} %</td><td>{unseen}</td><td>{:.1}</td></tr>",
             all(&name, " + "),
-            all(&|e| escape(&e.scope), " + "),
+            all(&|e| escaped(&e.scope), " + "),
             all(&size, "<br>"),
             100.0 * t.closes,
             t.log_bayes_factor
@@ -93,7 +93,7 @@ pub(super) fn noise(out: &mut String, d: &Diagnosis) {
         let _ = write!(
             out,
             "<tr><td>{}</td><td>{}</td><td>{:.2}</td><td>{:.2}</td><td>{:.2} to {:.2}</td></tr>",
-            escape(&n.source),
+            escaped(&n.source),
             n.coordinate.to_uppercase(),
             n.stated,
             n.inferred,
