@@ -154,7 +154,8 @@ fn both_solvers_agree_on_a_hung_femur_and_the_difference_told_is_the_true_one() 
             assert!(most < 5e-3, "{protocol}: {most} {unit} apart");
         }
         let moved = rows.iter().any(|r| r.predicted().iter().any(|x| x.abs() > 0.1));
-        assert!(moved, "{protocol}");
+        // flexed without a load, the springs hold it in its middle
+        assert_eq!(moved, protocol != "passive_flexion", "{protocol}");
     }
 }
 

@@ -50,7 +50,7 @@ pub(super) fn tables(s: &Source) -> Vec<Table> {
 }
 
 /// The same with the tests labelled.
-fn labelled(s: &Source, rows: &[Asked], label: fn(&Asked) -> String) -> Vec<Table> {
+fn labelled<'a>(s: &Source, rows: &[Asked<'a>], label: fn(&Asked<'a>) -> String) -> Vec<Table> {
     let mut forces = table(&format!("Ligament forces of the model {} [N]{}", s.name, by_samples(s)), &["test"]);
     forces.header.extend(GROUPS.iter().map(|(g, _)| (*g).to_owned()));
     for a in rows {
