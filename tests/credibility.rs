@@ -80,6 +80,9 @@ fn changes() -> Vec<(&'static str, &'static str, Change, &'static str)> {
         ("protocols-run", "11-validate/joint/ap_laxity.csv", Column("odd", "yes"), "weak"),
         ("solvers-agree", "11-validate/solvers.csv", Column("difference", "9.0"), "weak"),
         ("explicit-runs", "11-validate/joint/ap_laxity.csv", Column("solver", "quasistatic"), "weak"),
+        ("strain-sensitivity", "11-validate/sensitivity.csv", Column("ap_mm", "9.0"), "weak"),
+        ("stiffness-sensitivity", "11-validate/sensitivity.csv", Column("ap_mm", "9.0"), "weak"),
+        ("contact-sensitivity", "11-validate/sensitivity.csv", Column("ap_mm", "9.0"), "weak"),
         ("misfit", calibrated, Json("/joint/noise_scale/vv_deg", json!(9.0)), "weak"),
         ("fibres-in-bone", "06-attachments/metrics.json", Json("/through_bone_mm", json!({"LCL": 0.0})), "strong"),
         ("registration", "02-register/metrics.json", Json("/femur/held_out_rms_mm", json!(0.9)), "weak"),
@@ -137,7 +140,7 @@ fn the_page_is_whole_in_order_and_says_what_is_not_known() {
     let bare = told(folder.path());
     let names: Vec<&str> = bare["factors"].as_array().unwrap().iter().map(|f| f["factor"].as_str().unwrap()).collect();
     assert_eq!(names, ORDER);
-    for id in ["contact-law", "missing-effects", "passive-flexion", "flexion-range"] {
+    for id in ["contact-law", "missing-effects", "menisci-sensitivity", "starts", "passive-flexion", "flexion-range"] {
         let e = evidence(&bare, id);
         assert!(e["grade"] == "no-evidence" && e["value"].is_null() && e["digest"].is_null(), "{e}");
     }

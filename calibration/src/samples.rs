@@ -198,18 +198,20 @@ impl Samples {
         if trials.is_empty() || self.is_empty() || question.most == 0 {
             return Ok(Bands::nothing(trials.len()));
         }
-        let Drawn { names, own, found, pushed } = self.drawn(searched, question, change)?;
-        let mechanics = |i: usize| match (question.values.and_then(|v| v.get(i)), &own[i]) {
+        let (each, place) = different(trials);
+        let Drawn { names, own, found, pushed } =
+            self.drawn(searched, &Question { trials: &each, ..*question }, change)?;
+        let mechanics = |i: usize| match (question.values.and_then(|v| v.get(i)), &own[place[i]]) {
             (Some(last), Some(p)) => Mechanics::between(&told(&names, p), last),
             _ => Mechanics::default(),
         };
-        let leaves = |f: &Vec<Option<Prediction>>, i: usize| f[i].as_ref().map(|p| p.leaves_the_plateau);
+        let leaves = |f: &Vec<Option<Prediction>>, i: usize| f[place[i]].as_ref().map(|p| p.leaves_the_plateau);
         let staying: Vec<Staying> =
             (0..trials.len()).map(|i| Staying::of(found.iter().map(|f| leaves(f, i)))).collect();
         let row = |(i, staying): (usize, &Staying)| {
             let here: Vec<(usize, &Prediction)> =
-                staying.here.iter().filter_map(|s| Some((*s, found[*s][i].as_ref()?))).collect();
-            let pushed: Vec<Option<Free<f64>>> = pushed.iter().map(|p| p[i]).collect();
+                staying.here.iter().filter_map(|s| Some((*s, found[*s][place[i]].as_ref()?))).collect();
+            let pushed: Vec<Option<Free<f64>>> = pushed.iter().map(|p| p[place[i]]).collect();
             self.row(&names, &here, &pushed, &mechanics(i))
         };
         let rows = staying.iter().enumerate().map(row).collect();
@@ -374,6 +376,20 @@ impl Samples {
         };
         columns.into_iter().filter_map(band).collect()
     }
+}
+
+/// Trials without repeats, and the place among them of each: samples have no friction, so a load answers alike on its way there and back.
+fn different(trials: &[LaxityTrial]) -> (Vec<LaxityTrial>, Vec<usize>) {
+    let mut each: Vec<LaxityTrial> = Vec::new();
+    let place = trials.iter().map(|t| {
+        let same = |e: &LaxityTrial| (e.load, e.fe_deg, e.quadriceps_n) == (t.load, t.fe_deg, t.quadriceps_n);
+        each.iter().position(same).unwrap_or_else(|| {
+            each.push(t.clone());
+            each.len() - 1
+        })
+    });
+    let place = place.collect();
+    (each, place)
 }
 
 /// Both ends of a change, by its number.

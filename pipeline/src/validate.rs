@@ -204,7 +204,7 @@ pub(crate) fn source(
     if !is_knee {
         return with_effects(quasi, spec, &model);
     }
-    let sensitivity = sensitivity::moved(spec, meshes, options).map_err(fault)?;
+    let sensitivity = sensitivity::moved(&model, (spec, meshes), options).map_err(fault)?;
     if options.solver == Solver::Quasistatic {
         return Ok(Source { sensitivity, ..with_effects(quasi, spec, &model)? });
     }
@@ -375,7 +375,7 @@ fn of_solvers(v: &Validation) -> String {
             let cut = if a.cut.is_empty() { String::new() } else { format!(" without {}", a.cut) };
             let cause = a.cause.map_or(String::new(), |c| format!(" [{}]", c.words()));
             text += &format!(
-                "{}: explicit - quasi-static: at most {:.3} {} (limit {}), {}{cut}, {}, {}{cause}\n",
+                "{}: explicit - quasi-static: largest {:.3} {} (limit {}), {}{cut}, {}, {}{cause}\n",
                 s.label(&v.sources),
                 a.difference(),
                 a.unit,

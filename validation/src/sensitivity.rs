@@ -82,41 +82,41 @@ pub struct Moved {
 /// Sizes of the moves of a test: of the pose, and of each bundle's force.
 type Sizes = (Free<f64>, Vec<f64>);
 
-/// All moves of the quasi-static drawers and pivot shift of a knee; a change under which a test has no equilibrium has no row.
+/// All moves of the quasi-static drawers and pivot shift of a knee, `model` being that of `spec`; a change under which a test has no equilibrium has no row.
 ///
 /// # Errors
-/// A model that does not compile.
+/// A model without menisci that does not compile.
 pub fn moved(
-    spec: &ModelSpec,
-    meshes: &BTreeMap<String, MeshValue>,
+    model: &Model,
+    (spec, meshes): (&ModelSpec, &BTreeMap<String, MeshValue>),
     options: &ProtocolOptions,
 ) -> Result<Vec<Moved>, SimError> {
-    let model = sim::compile(spec, meshes)?;
     let trials = tests(options);
     let solved = |m: &Model| -> Vec<Option<Answer>> {
         solve_trials(m, &trials, &options.trials).into_iter().map(Result::ok).collect()
     };
-    let own = solved(&model);
+    let own = solved(model);
     let mut out = Vec::new();
     for changed in [Changed::ReferenceStrain, Changed::Stiffness] {
-        let sizes = own.iter().map(|a| by_each(&model, a.as_ref()?, changed)).collect();
-        out.extend(rows(changed, &trials, &model, sizes));
+        let sizes = own.iter().map(|a| by_each(model, a.as_ref()?, changed)).collect();
+        out.extend(rows(changed, &trials, model, sizes));
     }
-    let changed_by = |change: &dyn Fn(&mut ModelSpec)| -> Result<Vec<Option<Sizes>>, SimError> {
-        let mut other = spec.clone();
-        change(&mut other);
-        let found = solved(&sim::compile(&other, meshes)?);
-        Ok(own.iter().zip(found).map(|(a, b)| Some(between(a.as_ref()?, &b?))).collect())
+    let by = |other: &Model| -> Vec<Option<Sizes>> {
+        own.iter().zip(solved(other)).map(|(a, b)| Some(between(a.as_ref()?, &b?))).collect()
     };
-    let [half, twice] = PRESSURE.map(|factor| changed_by(&|s| s.contact.scale_pressure(factor)));
-    let larger = half?.into_iter().zip(twice?).map(|(a, b)| {
+    let [half, twice] = PRESSURE.map(|factor| {
+        let mut other = model.clone();
+        other.contact.scale *= factor;
+        by(&other)
+    });
+    let larger = half.into_iter().zip(twice).map(|(a, b)| {
         let ((a, f), (b, g)) = (a?, b?);
         Some((Free::from_fn(|c| a[c].max(b[c])), f.iter().zip(g).map(|(f, g)| f.max(g)).collect()))
     });
-    out.extend(rows(Changed::ContactLaw, &trials, &model, larger.collect()));
+    out.extend(rows(Changed::ContactLaw, &trials, model, larger.collect()));
     if !spec.menisci.is_empty() {
-        let without = changed_by(&|s| s.menisci.clear())?;
-        out.extend(rows(Changed::Menisci, &trials, &model, without));
+        let without = ModelSpec { menisci: vec![], ..spec.clone() };
+        out.extend(rows(Changed::Menisci, &trials, model, by(&sim::compile(&without, meshes)?)));
     }
     Ok(out)
 }
