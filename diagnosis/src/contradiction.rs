@@ -1,7 +1,7 @@
 //! Measurements that contradict each other: two readings, near the same load and flexion, that no knee of the model gives both.
 //!
-//! The knee is fitted to either reading alone and to both, with all of its priors. What both together have less than each by itself are the log odds for two
-//! different knees. So a contradiction is one of the data: no ligament, site or frame of any knee of the model explains it.
+//! The knee is fitted to either reading alone and to both, with all of its priors. What both cost more than the cheaper of them alone is how far off the
+//! other is in any knee that gives that one. So a contradiction is one of the data: no ligament, site or frame of any knee of the model explains it.
 
 use crate::covariance::Readings;
 use crate::criteria::contradicted;
@@ -55,14 +55,14 @@ pub struct Witness {
 pub struct Contradiction {
     /// Coordinate: vv, ie, ml, ap or si.
     pub dof: String,
-    /// The two readings.
+    /// The two readings; that first which a knee of the model gives more easily.
     pub readings: [Witness; 2],
     /// What a knee of the model that gives the first reading gives in the second trial [deg or mm].
     pub expected: f64,
     /// Its standard deviation, with noise, frames and all that is unknown of the knee [deg or mm].
     pub sd: f64,
-    /// Log odds for two different knees against one [nats].
-    pub log_odds: f64,
+    /// What both cost the best knee more than the first alone: half the square of the standard deviations by which the second is off [nats].
+    pub surprise: f64,
 }
 
 /// Two readings by their places among all, the first trial first.
@@ -71,7 +71,7 @@ struct Pair {
     rows: [usize; 2],
     trials: [usize; 2],
     dof: Coordinate,
-    log_odds: f64,
+    surprise: f64,
 }
 
 /// The clearest contradictions beside what a fit explains, each trial in one of them at most; none where chance among so many pairs may do it. Where
@@ -84,15 +84,21 @@ pub(crate) fn contradictions(
     fit: &Fit,
     is_missing: bool,
 ) -> Result<Vec<Contradiction>, DiagnosisError> {
-    let pairs = pairs(searcher.problem, search, fit);
+    // where the knee itself rests: next to a reading that no knee gives, another stiffness would stand in for its own
+    let problem = searcher.problem.clone().with_far_rests(true);
+    let linear = problem.linear(&fit.hypothesis, &fit.unknowns, &[])?;
+    let residual = &search.readings.measured - search.readings.pick(&linear.value);
+    let fit = &Fit { linear, residual, ..fit.clone() };
+    let searcher = &Searcher { problem: &problem, options: searcher.options };
+    let pairs = pairs(&problem, search, fit);
     let bar = contradicted(if is_missing { 1 } else { pairs.len() });
     let likely = promising(pairs, bar);
     let mut found: Vec<(Pair, Contradiction)> = likely
         .into_par_iter()
         .map(|pair| Ok((pair, fitted(searcher, search, fit, pair)?)))
         .collect::<Result<_, DiagnosisError>>()?;
-    found.retain(|(_, c)| c.log_odds >= bar);
-    found.sort_by(|a, b| b.1.log_odds.total_cmp(&a.1.log_odds));
+    found.retain(|(_, c)| c.surprise >= bar);
+    found.sort_by(|a, b| b.1.surprise.total_cmp(&a.1.surprise));
     let mut told: Vec<(Pair, Contradiction)> = Vec::new();
     for (pair, contradiction) in found {
         let is_told = told.iter().any(|(other, _)| pair.trials.iter().any(|t| other.trials.contains(t)));
@@ -105,8 +111,8 @@ pub(crate) fn contradictions(
 
 /// Those that may pass the bar on a straight line, the most promising first.
 fn promising(mut pairs: Vec<Pair>, bar: f64) -> Vec<Pair> {
-    pairs.retain(|p| p.log_odds >= bar);
-    pairs.sort_by(|a, b| b.log_odds.total_cmp(&a.log_odds));
+    pairs.retain(|p| p.surprise >= bar);
+    pairs.sort_by(|a, b| b.surprise.total_cmp(&a.surprise));
     let mut out: Vec<Pair> = Vec::new();
     for pair in pairs {
         let of = |t: &usize| out.iter().filter(|p| p.trials.contains(t)).count();
@@ -117,7 +123,7 @@ fn promising(mut pairs: Vec<Pair>, bar: f64) -> Vec<Pair> {
     out
 }
 
-/// All pairs of readings of one coordinate near the same load and flexion, with their log odds on a straight line about a fit.
+/// All pairs of readings of one coordinate near the same load and flexion, with their surprise on a straight line about a fit.
 fn pairs(problem: &Problem, search: &Search, fit: &Fit) -> Vec<Pair> {
     let readings = &search.readings;
     let slope = readings.rows_of(&fit.linear.slope);
@@ -131,20 +137,19 @@ fn pairs(problem: &Problem, search: &Search, fit: &Fit) -> Vec<Pair> {
             }
             let [x, y] = [a, b].map(|r| before[r] / scatter[(r, r)].sqrt());
             let together = scatter[(a, b)] / (scatter[(a, a)] * scatter[(b, b)]).sqrt();
-            out.push(Pair { rows: [a, b], trials: [first, second], dof, log_odds: log_odds([x, y], together) });
+            out.push(Pair { rows: [a, b], trials: [first, second], dof, surprise: surprise([x, y], together) });
         }
     }
     out
 }
 
-/// Log odds for two knees against one by two standard normal numbers that would go together, by their correlation, in one knee.
-fn log_odds([x, y]: [f64; 2], together: f64) -> f64 {
+/// What two standard normal numbers that go together, by their correlation, cost more than the lesser of them alone [nats].
+fn surprise([x, y]: [f64; 2], together: f64) -> f64 {
     let alone = 1.0 - together * together;
     if alone <= 0.0 {
         return 0.0;
     }
-    let one = (x * x + y * y - 2.0 * together * x * y) / alone;
-    0.5 * (one - x * x - y * y + alone.ln())
+    0.5 * ((x * x + y * y - 2.0 * together * x * y) / alone - x.abs().min(y.abs()).powi(2))
 }
 
 /// Whether two trials are near each other: a reader may lay them side by side. Loading and unloading are not.
@@ -185,15 +190,18 @@ fn fitted(searcher: &Searcher, search: &Search, fit: &Fit, pair: Pair) -> Result
     let other = best(&readings(&[(1, b)]), &[&here, &there])?;
     let ends = [&one, &other].map(|f| (f.unknowns.clone(), f.coordinates()));
     let both = best(&readings(&[(0, a), (1, b)]), &[&ends[0], &ends[1], &here])?;
-    let at = row_of(1, pair.dof);
-    let slope = one.linear.slope.row(at).transpose();
-    let spread = (slope.transpose() * &one.posterior * &slope)[(0, 0)] + scatter[(at, at)];
+    let [alone, beside] = [&one, &other].map(|f| 0.5 * few.total(f));
+    let (first, fit) = if alone <= beside { (0, one) } else { (1, other) };
+    let at = row_of(1 - first, pair.dof);
+    let slope = fit.linear.slope.row(at).transpose();
+    let spread = (slope.transpose() * &fit.posterior * &slope)[(0, 0)] + scatter[(at, at)];
+    let witness = |k: usize| witness(whole, pair.trials[k], [a, b][k]);
     Ok(Contradiction {
         dof: pair.dof.name().to_owned(),
-        readings: [witness(whole, pair.trials[0], a), witness(whole, pair.trials[1], b)],
-        expected: one.linear.value[at],
+        readings: [witness(first), witness(1 - first)],
+        expected: fit.linear.value[at],
         sd: spread.max(0.0).sqrt(),
-        log_odds: one.log_evidence + other.log_evidence - both.log_evidence,
+        surprise: 0.5 * few.total(&both) - alone.min(beside),
     })
 }
 
@@ -221,14 +229,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn two_readings_that_would_go_together_and_do_not_are_of_two_knees() {
-        // one knee would have them alike: as alike as that, they speak for one knee
-        assert!(log_odds([1.0, 1.0], 0.99) < 0.0);
+    fn two_readings_that_would_go_together_and_do_not_are_of_no_one_knee() {
+        // one knee would have them alike
+        assert!(surprise([1.0, 1.0], 0.99) < 0.1);
         // far apart, though either alone is nothing odd
-        assert!(log_odds([1.5, -1.5], 0.99) > 100.0);
-        // what does not go together contradicts nothing
-        assert_eq!(log_odds([5.0, -5.0], 0.0), 0.0);
+        assert!(surprise([1.5, -1.5], 0.99) > 100.0);
+        // what does not go together is as odd as the odder of the two
+        assert!((surprise([0.5, -5.0], 0.0) - 12.5).abs() < 1e-12);
         // which comes first does not matter
-        assert!((log_odds([2.0, -1.0], 0.9) - log_odds([-1.0, 2.0], 0.9)).abs() < 1e-12);
+        assert!((surprise([2.0, -1.0], 0.9) - surprise([-1.0, 2.0], 0.9)).abs() < 1e-12);
     }
 }

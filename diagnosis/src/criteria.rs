@@ -47,7 +47,7 @@ pub fn mixed_up() -> f64 {
     nameless()
 }
 
-/// Log odds for two knees from which two readings contradict each other, the likeliest of so many `pairs`; of one, where something is missing for certain. Derived: odds of [`SURE`] beyond the choice, as
+/// Surprise from which two readings contradict each other [nats], the likeliest of so many `pairs`; of one, where something is missing for certain. Derived: odds of [`SURE`] beyond the choice, as
 /// loud as the data may speak.
 pub fn contradicted(pairs: usize) -> f64 {
     TEMPER * (SURE.ln() + (pairs.max(1) as f64).ln())

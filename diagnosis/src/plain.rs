@@ -2,7 +2,7 @@
 
 use crate::catalogue::Catalogue;
 use crate::next_test::NextTest;
-use crate::plain_unnamed::{contradictions, meaning, noise};
+use crate::plain_unnamed::{closing, contradictions, meaning, noise};
 use crate::report::{Answer, Carried, Diagnosis, MayBeTorn, Named, Verdict};
 use crate::words::{figures, with_unit};
 use std::fmt::Write;
@@ -55,7 +55,7 @@ fn unnamed(catalogue: &Catalogue, d: &Diagnosis) -> String {
     let near: Vec<String> = d.best.iter().map(|e| effect(catalogue, e)).collect();
     let mut out = meaning(d);
     if !near.is_empty() {
-        let _ = write!(out, " The nearest, though not good enough: {}.", near.join(", and "));
+        let _ = write!(out, " The nearest, though not good enough: {}{}.", near.join(", and "), closing(d));
     }
     out
 }

@@ -103,6 +103,14 @@ fn best(why: &Unexplained) -> String {
     )
 }
 
+/// What the best that was found closes on trials that it was not fitted to; nothing where nobody asked.
+pub(crate) fn closing(d: &Diagnosis) -> String {
+    let of_best = |t: &&Tried| t.effects.iter().map(|e| &e.effect).eq(d.best.iter().map(|e| &e.effect));
+    let found = d.unexplained.iter().flat_map(|why| &why.tried).find(of_best);
+    let Some(unseen) = found.and_then(|t| t.closes_held_out) else { return String::new() };
+    format!(", which closes {:.0} %", 100.0 * unseen.max(0.0))
+}
+
 fn share(t: &Tried) -> f64 {
     t.closes_held_out.unwrap_or(t.closes)
 }
@@ -149,7 +157,7 @@ mod tests {
     fn a_contradiction_names_both_rows_what_was_read_and_what_a_knee_would_read() {
         let readings = [witness("kla", Some(11), 178.0, 4.8), witness("rks", None, 0.0, 14.4)];
         let told =
-            contradictions(&[Contradiction { dof: "ap".into(), readings, expected: 6.25, sd: 1.1, log_odds: 30.0 }]);
+            contradictions(&[Contradiction { dof: "ap".into(), readings, expected: 6.25, sd: 1.1, surprise: 30.0 }]);
         for part in [
             "row 11 of kla (178 N of AP, 74 deg) reads 4.80 mm of AP",
             "Anterior_90deg_40 of rks (unloaded",

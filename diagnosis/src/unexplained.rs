@@ -8,16 +8,10 @@ use crate::report::{Named, named};
 use crate::robust::Mixture;
 use crate::search::{Search, Searcher, TRIES};
 use crate::verdict::temper;
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 /// Effects whose share is asked on held-out trials, too, the likeliest first [-]: each costs a refit a fold.
 const HELD_OUT: usize = 5;
-
-/// How often a fit is led on [-].
-const MOST_ROUNDS: usize = 4;
-/// What a round must gain for another to be worth it [nats].
-const WORTH_A_ROUND: f64 = 1.0;
 
 /// What a knee leaves of one data set.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -92,7 +86,7 @@ fn alone(searcher: &Searcher, search: &Search) -> Result<(Vec<DataSetAlone>, Opt
         let of = |from: &[f64]| searcher.fit(&[], from, &rests, &search.covariance, &readings, TRIES);
         let [one, other] = [of(&base.unknowns)?, of(&problem.nuisance.given)?];
         let own = if other.log_evidence > one.log_evidence { other } else { one };
-        let own = to_its_end(searcher, search, own, &readings)?;
+        let own = searcher.to_its_end(search, own, &readings)?;
         let count = readings.rows.len();
         let mixture = Mixture::new(&readings, readings.block_of(&search.covariance), &problem.trials)?;
         let shared = &readings.measured - readings.pick(&base.linear.value);
@@ -108,33 +102,11 @@ fn alone(searcher: &Searcher, search: &Search) -> Result<(Vec<DataSetAlone>, Opt
     Ok((out, Some(evidence - base.log_evidence)))
 }
 
-/// A fit led on to where it gains no more: one that explains little ends early, which is no proof.
-fn to_its_end(searcher: &Searcher, search: &Search, fit: Fit, readings: &Readings) -> Result<Fit, DiagnosisError> {
-    let mut here = fit;
-    for _ in 0..MOST_ROUNDS {
-        let rests = here.coordinates();
-        let on = searcher.fit(&here.hypothesis, &here.unknowns, &rests, &search.covariance, readings, TRIES)?;
-        let gain = on.log_evidence - here.log_evidence;
-        if gain > 0.0 {
-            here = on;
-        }
-        if gain < WORTH_A_ROUND {
-            break;
-        }
-    }
-    Ok(here)
-}
-
 /// Each effect by itself, and what was found together.
 fn tried(searcher: &Searcher, search: &Search, before: &HeldOut) -> Result<Vec<Tried>, DiagnosisError> {
     let mut fits = searcher.each_effect(search)?;
     fits.extend(search.rivals.first().filter(|f| f.hypothesis.len() > 1).cloned());
-    let likelier = |a: &Fit, b: &Fit| searcher.gain(b, &search.base).total_cmp(&searcher.gain(a, &search.base));
-    fits.sort_by(likelier);
-    let led_on = fits.par_iter().take(HELD_OUT).map(|f| to_its_end(searcher, search, f.clone(), &search.readings));
-    let led_on: Vec<Fit> = led_on.collect::<Result<_, DiagnosisError>>()?;
-    fits.splice(..led_on.len(), led_on);
-    fits.sort_by(likelier);
+    fits.sort_by(|a, b| searcher.gain(b, &search.base).total_cmp(&searcher.gain(a, &search.base)));
     let folds = searcher.options.folds;
     let one = |(k, fit): (usize, &Fit)| {
         let unseen = if k < HELD_OUT {

@@ -13,7 +13,7 @@ pub(super) fn contradicting(out: &mut String, d: &Diagnosis) {
     if d.contradictions.is_empty() {
         return;
     }
-    *out += "<h2>Rows that contradict each other</h2><p class=\"note\">Near the same load and flexion, and yet of no one knee of the model, whatever its ligaments, sites and frames. Expected: what a knee that gives the first reading gives in the second trial, with its standard deviation. Log odds: for two different knees against one. Look at the records of these rows first: their signs, their loads, the order of their labels, what was done to the knee between them.</p><table class=\"words\"><tr><th>coordinate</th><th>first</th><th>reads</th><th>second</th><th>reads</th><th>expected</th><th>log odds</th></tr>";
+    *out += "<h2>Rows that contradict each other</h2><p class=\"note\">Near the same load and flexion, and yet of no one knee of the model, whatever its ligaments, sites and frames. Expected: what a knee that gives the first reading gives in the second trial, with its standard deviation. Surprise: half the square of the standard deviations by which the second is off, in nats. Look at the records of these rows first: their signs, their loads, the order of their labels, what was done to the knee between them.</p><table class=\"words\"><tr><th>coordinate</th><th>first</th><th>reads</th><th>second</th><th>reads</th><th>expected</th><th>surprise</th></tr>";
     for c in &d.contradictions {
         let place = |w: &Witness| escaped(&format!("{}, {}: {}, {:.1} deg", row(w), w.trial, load(w), w.flexion_deg));
         let [one, other] = &c.readings;
@@ -27,7 +27,7 @@ pub(super) fn contradicting(out: &mut String, d: &Diagnosis) {
             other.value,
             c.expected,
             c.sd,
-            c.log_odds
+            c.surprise
         );
     }
     *out += "</table>";
