@@ -187,8 +187,33 @@ pub(crate) fn is_odd(flag: &str) -> bool {
         return false;
     }
     let Some(counts) = flag.strip_suffix(LEAVE) else { return true };
-    let mut counts = counts.split_whitespace().filter_map(|w| w.parse::<f64>().ok());
-    counts.next().zip(counts.next()).is_none_or(|(leaving, all)| leaving > MOST_LEAVING * all)
+    counted(counts).is_none_or(|(leaving, all)| leaving > MOST_LEAVING * all)
+}
+
+/// The two counts of a flag of samples that leave the plateau: so many, of all.
+fn counted(words: &str) -> Option<(f64, f64)> {
+    let mut counts = words.split_whitespace().filter_map(|w| w.parse::<f64>().ok());
+    counts.next().zip(counts.next())
+}
+
+/// Flags of rows, each once; of rows that differ in how many samples leave the plateau alone, the most.
+pub(crate) fn each_once<'a>(flags: impl Iterator<Item = &'a String>) -> Vec<String> {
+    let mut found: Vec<String> = Vec::new();
+    let mut leaving: Vec<&str> = Vec::new();
+    for flag in flags.map(String::as_str) {
+        match flag.ends_with(LEAVE) {
+            true if !leaving.contains(&flag) => leaving.push(flag),
+            false if !found.iter().any(|f| f == flag) => found.push(flag.to_owned()),
+            _ => {}
+        }
+    }
+    let count = |flag: &str| counted(flag).map_or(0.0, |c| c.0);
+    let most = leaving.iter().max_by(|a, b| count(a).total_cmp(&count(b)));
+    let several = leaving.len() > 1;
+    found.extend(
+        most.map(|flag| if several { format!("in one pose {flag}, in others fewer") } else { (*flag).to_owned() }),
+    );
+    found
 }
 
 /// The trial that a result answers: a protocol's row says its flexion in its pose.
@@ -202,6 +227,15 @@ mod tests {
     use sim::coordinate::Load;
     use sim::laxity::{Band, Test};
     use sim::spec::PoseSpec;
+
+    #[test]
+    fn rows_that_differ_in_a_count_alone_are_one_flag() {
+        let flags = ["1 of 48 samples leave the plateau", "unloaded", "11 of 48 samples leave the plateau", "unloaded"];
+        let flags = flags.map(str::to_owned);
+        assert_eq!(each_once(flags[..1].iter()), ["1 of 48 samples leave the plateau"]);
+        let told = each_once(flags.iter());
+        assert_eq!(told, ["unloaded", "in one pose 11 of 48 samples leave the plateau, in others fewer"]);
+    }
 
     #[test]
     fn a_row_is_odd_where_an_end_of_its_interval_is_of_a_knee_off_the_plateau() {

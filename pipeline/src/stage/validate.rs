@@ -8,7 +8,7 @@ pub(crate) use predictions::predictions;
 
 use super::calibrate::Calibration;
 use super::{Files, Stage, Values, View, Work, reported};
-use crate::bands::{is_odd, is_of_the_single_model};
+use crate::bands::{each_once, is_odd, is_of_the_single_model};
 use crate::calibrate::samples;
 use crate::error::BuildError;
 use crate::given::PassiveFlexion;
@@ -23,13 +23,14 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use calibration::cost::CostFunction;
 use calibration::samples::Change;
+use notices::{Kind, Notice};
 use sim::laxity::TrialResult;
 use sim::protocols::ProtocolOptions;
 use stages::assemble::Assembled;
 use stages::bones::Bones;
 use stages::cartilage::Cartilage;
 use std::fmt::Write;
-use validation::cross::{CrossPrediction, ranges};
+use validation::cross::{CrossPrediction, Range, ranges};
 use validation::figures;
 
 reported!(Validation);
@@ -74,7 +75,7 @@ impl Stage for Validate {
         }
         let cross = if calibration.sources.len() > 1 {
             (work.tell)("validate across data sets");
-            work.part("cross-prediction", || cross(calibration, &model, options))?
+            work.part("cross-prediction", || Ok(cross(calibration, &model, options, &mut warnings)))?
         } else {
             vec![]
         };
@@ -139,12 +140,13 @@ impl Stage for Validate {
     }
 }
 
-/// What each data set's knee predicts of the ranges that the others measured.
+/// What each data set's knee predicts of the ranges that the others measured. Where it has no equilibrium under their loads, that is told.
 fn cross(
     calibration: &Calibration,
     model: &LoadedModel,
     options: &ProtocolOptions,
-) -> Result<Vec<CrossPrediction>, BuildError> {
+    warnings: &mut Vec<Notice>,
+) -> Vec<CrossPrediction> {
     let mut out = Vec::new();
     for (name, outcome) in &calibration.sources {
         let Some(samples) = samples(outcome, &model.spec) else { continue };
@@ -152,8 +154,30 @@ fn cross(
         for (data, other) in others {
             let ranges = ranges(&other.trials, &calibration.options.targets);
             let changes: Vec<Change> = ranges.iter().map(|r| r.change.clone()).collect();
-            let fault = |e| BuildError::File(format!("{name} in the trials of {data}: {e}"));
-            let bands = samples.changes(&model.meshes, &changes, options.samples).map_err(fault)?;
+            let predict = |of: &[Change]| samples.changes(&model.meshes, of, options.samples);
+            let mut lost = Vec::new();
+            let bands = predict(&changes).unwrap_or_else(|_| {
+                // one pose that cannot be found must not take the others with it
+                let mut alone = |(c, r): (&Change, &Range)| match predict(std::slice::from_ref(c)) {
+                    Ok(band) => band.into_iter().next().flatten(),
+                    Err(e) => {
+                        let place = format!("{} at {:.0} deg", c.coordinate.name().to_uppercase(), r.flexion_deg);
+                        lost.push((place, e.to_string()));
+                        None
+                    }
+                };
+                changes.iter().zip(&ranges).map(&mut alone).collect()
+            });
+            if let Some((_, why)) = lost.first() {
+                let places: Vec<&str> = lost.iter().map(|(place, _)| place.as_str()).collect();
+                let text = format!(
+                    "the knee of {name} does not predict {} of {} ranges that {data} measured ({}): {why}",
+                    lost.len(),
+                    ranges.len(),
+                    places.join(", ")
+                );
+                warnings.push(Kind::CrossLeftOut.notice(text).whose(name).count(lost.len()));
+            }
             out.extend(ranges.iter().zip(bands).filter_map(|(r, predicted)| {
                 Some(CrossPrediction {
                     model: name.clone(),
@@ -167,7 +191,7 @@ fn cross(
             }));
         }
     }
-    Ok(out)
+    out
 }
 
 /// A protocol's name for a reader.
@@ -183,13 +207,9 @@ fn in_words(protocol: &str) -> &str {
 
 /// A protocol with the flags of its rows, each once, and whether any makes it odd; none where there is no flag.
 fn flagged(protocol: &str, rows: &[TrialResult]) -> Option<(bool, String)> {
-    let mut flags: Vec<&str> = Vec::new();
-    for flag in rows.iter().flat_map(|r| &r.flags).filter(|f| !is_of_the_single_model(f)) {
-        if !flags.contains(&flag.as_str()) {
-            flags.push(flag);
-        }
-    }
-    let odd = flags.iter().any(|f| is_odd(f));
+    let all = || rows.iter().flat_map(|r| &r.flags).filter(|f| !is_of_the_single_model(f));
+    let flags = each_once(all());
+    let odd = all().any(|f| is_odd(f));
     (!flags.is_empty()).then(|| (odd, format!("{} ({})", in_words(protocol), flags.join(", "))))
 }
 
