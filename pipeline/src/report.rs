@@ -116,7 +116,8 @@ fn page(folder: &BuildFolder, records: &[Record], failure: Option<&Failure>) -> 
     if synthetic {
         html += "<p class=\"synthetic\">This knee is synthetic: made by the program, not measured.</p>";
     }
-    html += "<button type=\"button\" class=\"one-page\" hidden>Print one page</button></header>";
+    html += "<button type=\"button\" class=\"print\" hidden>Print one page</button>";
+    html += "<button type=\"button\" class=\"print\" data-whole hidden>Print the whole report</button></header>";
     html += &body.sheet(failure);
     html += &body.first(failure);
     html += &body.live();

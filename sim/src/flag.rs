@@ -128,9 +128,39 @@ pub fn sentences<'a>(flags: impl IntoIterator<Item = &'a Flag>) -> Vec<String> {
     flags.into_iter().map(Flag::to_string).collect()
 }
 
+/// The sentences of rows' flags, each once; of rows that differ in how many samples leave the plateau alone, the most.
+pub fn each_once<'a>(flags: impl Iterator<Item = &'a Flag>) -> Vec<String> {
+    let (mut found, mut leaving): (Vec<&Flag>, Vec<(usize, &Flag)>) = (Vec::new(), Vec::new());
+    for flag in flags {
+        match flag {
+            Flag::SamplesLeave { count, .. } => leaving.push((*count, flag)),
+            _ if !found.contains(&flag) => found.push(flag),
+            _ => {}
+        }
+    }
+    let most = leaving.iter().max_by_key(|(count, _)| *count);
+    let told = most.map(|(_, flag)| match leaving.iter().all(|(_, other)| other == flag) {
+        true => flag.to_string(),
+        false => format!("in one pose {flag}, in others fewer"),
+    });
+    sentences(found).into_iter().chain(told).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn rows_that_differ_in_a_count_alone_are_one_flag() {
+        let leave = |count| Flag::SamplesLeave { count, of: 48 };
+        let flags = [leave(1), Flag::Rotated, leave(11), Flag::Rotated];
+        assert_eq!(each_once(flags[..1].iter()), ["1 of 48 samples leave the plateau"]);
+        let told = each_once(flags.iter());
+        assert_eq!(
+            told,
+            ["rotated beyond any knee", "in one pose 11 of 48 samples leave the plateau, in others fewer"]
+        );
+    }
 
     #[test]
     fn a_row_is_odd_where_an_end_of_its_interval_is_of_a_knee_off_the_plateau() {

@@ -7,6 +7,7 @@ status 77 where chromium cannot be started.
 
 import base64
 import pathlib
+import re
 import sys
 import time
 
@@ -63,10 +64,17 @@ class Looks:
 
     def paper(self, page):
         self.show(page, 1400, False)
-        pdf = base64.b64decode(self.command("Page.printToPDF", printBackground=True)["data"])
-        (self.folder / f"{page.stem}.pdf").write_bytes(pdf)
-        if not pdf.startswith(b"%PDF") or len(pdf) < 50_000:
-            self.faults.append(f"{page.stem}: printed, it is blank ({len(pdf)} bytes)")
+        has_sheet = self.browser.run("return !!document.querySelector('body>.sheet')")
+        for whole in (False, True) if has_sheet else (True,):
+            self.browser.run(f"document.body.classList.toggle('whole', {str(whole).lower()})")
+            pdf = base64.b64decode(self.command("Page.printToPDF", printBackground=True, preferCSSPageSize=True)["data"])
+            name = page.stem if whole else f"{page.stem}-one-page"
+            (self.folder / f"{name}.pdf").write_bytes(pdf)
+            if not pdf.startswith(b"%PDF") or len(pdf) < 50_000:
+                self.faults.append(f"{name}: printed, it is blank ({len(pdf)} bytes)")
+            sheets = len(re.findall(rb"/Type\s*/Page\b", pdf))
+            if sheets != 1 and not whole:
+                self.faults.append(f"{name}: printed, it has {sheets} pages, expected one")
 
 
 def main():

@@ -520,12 +520,12 @@
   };
   dark.addEventListener("change", again);
   paper.addEventListener("change", again);
-  // one page alone, for whoever has no time for more
-  document.querySelectorAll("button.one-page").forEach((button) => {
+  // paper has one page alone, for whoever has no time for more, unless the whole report is asked for
+  document.querySelectorAll("button.print").forEach((button) => {
     button.hidden = false;
     button.addEventListener("click", () => {
-      document.body.classList.add("one-page");
-      window.addEventListener("afterprint", () => document.body.classList.remove("one-page"), { once: true });
+      document.body.classList.toggle("whole", "whole" in button.dataset);
+      window.addEventListener("afterprint", () => document.body.classList.remove("whole"), { once: true });
       window.print();
     });
   });

@@ -23,7 +23,8 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use calibration::cost::CostFunction;
 use calibration::samples::Change;
-use sim::flags::{Flag, sentences};
+use notices::{Kind, Notice};
+use sim::flags::{Flag, each_once};
 use sim::laxity::TrialResult;
 use sim::protocols::ProtocolOptions;
 use stages::assemble::Assembled;
@@ -31,7 +32,7 @@ use stages::bones::Bones;
 use stages::cartilage::Cartilage;
 use std::fmt::Write;
 use validation::apart::Apart;
-use validation::cross::{CrossPrediction, ranges};
+use validation::cross::{CrossPrediction, Range, ranges};
 use validation::figures;
 use validation::validate::Source;
 
@@ -78,7 +79,7 @@ impl Stage for Validate {
         }
         let cross = if calibration.sources.len() > 1 {
             (work.tell)("validate across data sets");
-            work.part("cross-prediction", || cross(calibration, &model, options))?
+            work.part("cross-prediction", || Ok(cross(calibration, &model, options, &mut warnings)))?
         } else {
             vec![]
         };
@@ -147,12 +148,13 @@ impl Stage for Validate {
     }
 }
 
-/// What each data set's knee predicts of the ranges that the others measured.
+/// What each data set's knee predicts of the ranges that the others measured. Where it has no equilibrium under their loads, that is told.
 fn cross(
     calibration: &Calibration,
     model: &LoadedModel,
     options: &ProtocolOptions,
-) -> Result<Vec<CrossPrediction>, BuildError> {
+    warnings: &mut Vec<Notice>,
+) -> Vec<CrossPrediction> {
     let mut out = Vec::new();
     for (name, outcome) in &calibration.sources {
         let Some(samples) = samples(outcome, &model.spec) else { continue };
@@ -160,8 +162,30 @@ fn cross(
         for (data, other) in others {
             let ranges = ranges(&other.trials, &calibration.options.targets);
             let changes: Vec<Change> = ranges.iter().map(|r| r.change.clone()).collect();
-            let fault = |e| BuildError::File(format!("{name} in the trials of {data}: {e}"));
-            let bands = samples.changes(&model.meshes, &changes, options.samples).map_err(fault)?;
+            let predict = |of: &[Change]| samples.changes(&model.meshes, of, options.samples);
+            let mut lost = Vec::new();
+            let bands = predict(&changes).unwrap_or_else(|_| {
+                // one pose that cannot be found must not take the others with it
+                let mut alone = |(c, r): (&Change, &Range)| match predict(std::slice::from_ref(c)) {
+                    Ok(band) => band.into_iter().next().flatten(),
+                    Err(e) => {
+                        let place = format!("{} at {:.0} deg", c.coordinate.name().to_uppercase(), r.flexion_deg);
+                        lost.push((place, e.to_string()));
+                        None
+                    }
+                };
+                changes.iter().zip(&ranges).map(&mut alone).collect()
+            });
+            if let Some((_, why)) = lost.first() {
+                let places: Vec<&str> = lost.iter().map(|(place, _)| place.as_str()).collect();
+                let text = format!(
+                    "the knee of {name} does not predict {} of {} ranges that {data} measured ({}): {why}",
+                    lost.len(),
+                    ranges.len(),
+                    places.join(", ")
+                );
+                warnings.push(Kind::CrossLeftOut.notice(text).whose(name).count(lost.len()));
+            }
             out.extend(ranges.iter().zip(bands).filter_map(|(r, predicted)| {
                 Some(CrossPrediction {
                     model: name.clone(),
@@ -175,7 +199,7 @@ fn cross(
             }));
         }
     }
-    Ok(out)
+    out
 }
 
 /// Whether explicit dynamics and the quasi-static solver agree; none where a source was told by one of them.
@@ -233,14 +257,9 @@ fn in_words(protocol: &str) -> &str {
 
 /// A protocol with the flags of its rows, each once, and whether any makes it odd; none where there is no flag.
 fn flagged(protocol: &str, rows: &[TrialResult]) -> Option<(bool, String)> {
-    let mut flags: Vec<&Flag> = Vec::new();
-    for flag in rows.iter().flat_map(|r| &r.flags).filter(|f| !f.is_of_the_single_model()) {
-        if !flags.contains(&flag) {
-            flags.push(flag);
-        }
-    }
-    let odd = flags.iter().any(|f| f.is_odd());
-    (!flags.is_empty()).then(|| (odd, format!("{} ({})", in_words(protocol), sentences(flags).join(", "))))
+    let all = || rows.iter().flat_map(|r| &r.flags).filter(|f| !f.is_of_the_single_model());
+    let flags = each_once(all());
+    (!flags.is_empty()).then(|| (all().any(Flag::is_odd), format!("{} ({})", in_words(protocol), flags.join(", "))))
 }
 
 /// The knee's forces and its passive flexion for a page of paper.
