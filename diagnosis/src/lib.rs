@@ -46,7 +46,7 @@ pub mod robust;
 pub mod screen;
 pub mod search;
 pub mod trial;
-pub mod unexplained;
+pub(crate) mod unexplained;
 mod verdict;
 pub mod wildcard;
 pub mod words;

@@ -2,8 +2,8 @@
 
 use crate::contradiction::{Contradiction, Witness};
 use crate::report::Diagnosis;
+use crate::report::{DataSetAlone, Tried, Unexplained};
 use crate::trial::NoiseScale;
-use crate::unexplained::{DataSetAlone, Tried, Unexplained};
 use crate::words::{figures, with_unit};
 use sim::coordinate::{AP, Coordinate, IE, ML, VV};
 use std::fmt::Write;

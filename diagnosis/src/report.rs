@@ -9,7 +9,6 @@ use crate::map::Cell;
 use crate::next_test::NextTest;
 use crate::problem::Problem;
 use crate::trial::NoiseScale;
-use crate::unexplained::Unexplained;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -228,6 +227,50 @@ pub struct Absorbed {
     pub with: f64,
     /// Standard deviation with it.
     pub sd: f64,
+}
+
+/// What a knee leaves of one data set.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct DataSetAlone {
+    /// Data set.
+    pub source: String,
+    /// Its readings [-].
+    pub readings: usize,
+    /// Sum of squares that a knee of its own leaves of it, over the number of readings: 1 or less where it fits [-].
+    pub alone: f64,
+    /// What the ligaments, sites and frames of that knee cost, by their priors, over the same number [-].
+    pub cost: f64,
+    /// What the one knee of all data sets leaves of it [-].
+    pub together: f64,
+}
+
+/// What the best fit of an effect, or of several, explains.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Tried {
+    /// The effects.
+    pub effects: Vec<Named>,
+    /// Share that it closes of what recalibrated ligaments leave beyond noise [-].
+    pub closes: f64,
+    /// The same on trials that it was not fitted to; of the likeliest alone [-].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub closes_held_out: Option<f64>,
+    /// Log Bayes factor against nothing missing [-].
+    pub log_bayes_factor: f64,
+}
+
+/// Why nothing is named.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Unexplained {
+    /// What a knee leaves of each data set; empty where there is one alone.
+    pub data_sets: Vec<DataSetAlone>,
+    /// Log odds for a knee of its own in each data set against one knee in all [nats].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub two_knees: Option<f64>,
+    /// Each effect of the catalogue, fitted from both ends, and the best that was found together; the likeliest first.
+    pub tried: Vec<Tried>,
 }
 
 /// diagnosis.json.

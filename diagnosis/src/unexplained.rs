@@ -4,58 +4,13 @@ use crate::covariance::Readings;
 use crate::error::DiagnosisError;
 use crate::fit::Fit;
 use crate::held_out::{HeldOut, closed, held_out};
-use crate::report::{Named, named};
+use crate::report::{DataSetAlone, Tried, Unexplained, named};
 use crate::robust::Mixture;
 use crate::search::{Search, Searcher, TRIES};
 use crate::verdict::temper;
-use serde::{Deserialize, Serialize};
 
 /// Effects whose share is asked on held-out trials, too, the likeliest first [-]: each costs a refit a fold.
 const HELD_OUT: usize = 5;
-
-/// What a knee leaves of one data set.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct DataSetAlone {
-    /// Data set.
-    pub source: String,
-    /// Its readings [-].
-    pub readings: usize,
-    /// Sum of squares that a knee of its own leaves of it, over the number of readings: 1 or less where it fits [-].
-    pub alone: f64,
-    /// What the ligaments, sites and frames of that knee cost, by their priors, over the same number [-].
-    pub cost: f64,
-    /// What the one knee of all data sets leaves of it [-].
-    pub together: f64,
-}
-
-/// What the best fit of an effect, or of several, explains.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Tried {
-    /// The effects.
-    pub effects: Vec<Named>,
-    /// Share that it closes of what recalibrated ligaments leave beyond noise [-].
-    pub closes: f64,
-    /// The same on trials that it was not fitted to; of the likeliest alone [-].
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub closes_held_out: Option<f64>,
-    /// Log Bayes factor against nothing missing [-].
-    pub log_bayes_factor: f64,
-}
-
-/// Why nothing is named.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-#[serde(deny_unknown_fields)]
-pub struct Unexplained {
-    /// What a knee leaves of each data set; empty where there is one alone.
-    pub data_sets: Vec<DataSetAlone>,
-    /// Log odds for a knee of its own in each data set against one knee in all [nats].
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub two_knees: Option<f64>,
-    /// Each effect of the catalogue, fitted from both ends, and the best that was found together; the likeliest first.
-    pub tried: Vec<Tried>,
-}
 
 /// Why nothing is named; `before` is the score of nothing missing on held-out trials.
 ///

@@ -58,7 +58,7 @@ pub(super) fn why_unnamed(out: &mut String, d: &Diagnosis) {
 }
 
 /// What each effect of the catalogue explains.
-fn each_effect(out: &mut String, why: &diagnosis::unexplained::Unexplained) {
+fn each_effect(out: &mut String, why: &diagnosis::report::Unexplained) {
     let catalogue = Catalogue::shipped();
     *out += "<h2>What each effect of the catalogue would explain</h2><p class=\"note\">Each was fitted with the ligaments from both ends: beside recalibrated ligaments, and from the force that is out of balance at the measured poses. Its best end counts. Closes: share of what recalibrated ligaments leave beyond noise, on the trials that were fitted, and for the likeliest on trials that were not.</p><table><tr><th>effect</th><th>where</th><th>size (90 % interval)</th><th>closes</th><th>on other trials</th><th>log Bayes factor</th></tr>";
     for t in &why.tried {
