@@ -421,3 +421,29 @@ fn imagined(t: &LaxityTrial, source: Option<usize>) -> Asked {
     let (load, fe_deg, quadriceps_n) = (t.load, t.fe_deg, t.quadriceps_n);
     Asked { source, load, fe_deg, quadriceps_n, reads: Free::all(true), from: None }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use sim::laxity::Test;
+
+    #[test]
+    fn a_load_on_its_way_back_is_asked_once_and_another_flexion_or_tension_by_itself() {
+        let trial = |name: &str, fe: f64, ap: f64| {
+            LaxityTrial::asked(name.into(), Test::Anterior, fe, Load::new(0.0, 0.0, 0.0, ap, 20.0))
+        };
+        let pulled = LaxityTrial { quadriceps_n: 60.0, ..trial("pulled", 30.0, 50.0) };
+        let all = [
+            trial("there", 30.0, 50.0),
+            trial("further", 30.0, 100.0),
+            trial("back", 30.0, 50.0),
+            trial("bent", 60.0, 50.0),
+            pulled,
+        ];
+        let (each, place) = different(&all);
+        assert_eq!(place, [0, 1, 0, 2, 3]);
+        for (t, k) in all.iter().zip(place) {
+            assert_eq!((t.load, t.fe_deg, t.quadriceps_n), (each[k].load, each[k].fe_deg, each[k].quadriceps_n));
+        }
+    }
+}
