@@ -21,7 +21,7 @@ const ARROWS: [(&str, &[&str]); 17] = [
     ("stages", &["meshes", "notices", "formats", "attachments", "sim", "deformable"]),
     ("inference", &["meshes", "sim"]),
     ("calibration", &["meshes", "notices", "formats", "attachments", "sim", "decks", "inference"]),
-    ("validation", &["notices", "attachments", "meshes", "sim", "calibration"]),
+    ("validation", &["notices", "attachments", "sim", "calibration"]),
     ("diagnosis", &["meshes", "formats", "attachments", "sim", "decks", "inference", "calibration"]),
     ("blindbench", &["meshes"]),
     ("live", &["meshes", "sim", "calibration"]),

@@ -29,10 +29,10 @@ use sim::coordinate::{FREE, Free};
 use sim::spec::ModelSpec;
 use std::collections::BTreeMap;
 
-use crate::report::named;
 pub use crate::report::{
     Absorbed, Answer, Control, Diagnosis, Exchanged, Gap, GapReport, Named, NotTestable, Value, Verdict,
 };
+use crate::report::{MayBeTorn, Missable, named};
 
 /// The diagnosis with what is needed to add its answer.
 #[derive(Clone, Debug)]
@@ -145,8 +145,7 @@ fn conclude(searcher: &Searcher, search: Search, spec: &ModelSpec) -> Result<Out
     let best = search.rivals.first().unwrap_or(&search.base);
     let is_named = !best.hypothesis.is_empty() && is_believed(searcher, &search, best);
     let believed = if is_named { best } else { &search.base };
-    let data = (&search.readings, &search.covariance);
-    let wild = wildcard(problem, data, believed)?;
+    let wild = wildcard(problem, (&search.readings, &search.covariance), believed)?;
     let (alone, alone_gain) =
         if is_named { in_place(searcher, &search, best)? } else { (wild.clone(), wild.log_bayes_factor) };
     let leaves = searcher.total(believed) / believed.residual.len() as f64;
@@ -178,11 +177,9 @@ fn conclude(searcher: &Searcher, search: Search, spec: &ModelSpec) -> Result<Out
     let shrunk = if answers.is_empty() { &before } else { &after };
     let control = if answers.is_empty() { None } else { control(searcher, &search, best, &before)? };
     let threshold = search.threshold * temper(searcher, best);
-    let missable = if verdict == Verdict::None { limits_of_detection(problem, &search, threshold)? } else { vec![] };
-    let open = if verdict == Verdict::None { may_be_torn(searcher, &search)? } else { vec![] };
+    let (missable, open) = left_open(searcher, &search, verdict, threshold)?;
     let first = open.iter().find(|(t, _)| t.is_slackened()).or(open.first()).map(|(_, fits)| fits);
     let rival_fits = to_tell_apart(verdict, &search.base, (&rivals, &kin), first);
-    let why = if verdict == Verdict::Unnamed { Some(unexplained(searcher, &search, &before)?) } else { None };
     let residuals = map(problem, &search, &search.base)?;
     let drawn = curves(problem, &residuals, &search.given, &search.base, (!answers.is_empty()).then_some(best));
     let diagnosis = Diagnosis {
@@ -193,7 +190,7 @@ fn conclude(searcher: &Searcher, search: Search, spec: &ModelSpec) -> Result<Out
         description: String::new(),
         before: names_before(problem),
         contradictions: contradictions(searcher, &search, shown, verdict == Verdict::Unnamed)?,
-        unexplained: why,
+        unexplained: unexplained(searcher, &search, &before, verdict)?,
         may_be_torn: open.iter().map(|(t, _)| t.clone()).collect(),
         added: vec![],
         gap: GapReport { held_out: gap(&before, shrunk), control },
@@ -278,6 +275,17 @@ fn in_place(searcher: &Searcher, search: &Search, best: &Fit) -> Result<(Wildcar
     let near = wildcard(searcher.problem, data, &searcher.stripped(best, &search.readings))?;
     let gains = [far.log_bayes_factor, near.log_evidence - search.base.log_evidence];
     Ok(if gains[1] > gains[0] { (near, gains[1]) } else { (far, gains[0]) })
+}
+
+/// What would have been missed, and which structures may be torn, each with two fits.
+type Open = (Vec<Missable>, Vec<(MayBeTorn, [Fit; 2])>);
+
+/// What these trials leave open where nothing is named.
+fn left_open(searcher: &Searcher, search: &Search, verdict: Verdict, threshold: f64) -> Result<Open, DiagnosisError> {
+    if verdict != Verdict::None {
+        return Ok((vec![], vec![]));
+    }
+    Ok((limits_of_detection(searcher.problem, search, threshold)?, may_be_torn(searcher, search)?))
 }
 
 /// Names of the data sets that were measured before.

@@ -4,7 +4,7 @@ use crate::covariance::Readings;
 use crate::error::DiagnosisError;
 use crate::fit::Fit;
 use crate::held_out::{HeldOut, closed, held_out};
-use crate::report::{DataSetAlone, Tried, Unexplained, named};
+use crate::report::{DataSetAlone, Tried, Unexplained, Verdict, named};
 use crate::robust::Mixture;
 use crate::search::{Search, Searcher, TRIES};
 use crate::verdict::temper;
@@ -12,16 +12,20 @@ use crate::verdict::temper;
 /// Effects whose share is asked on held-out trials, too, the likeliest first [-]: each costs a refit a fold.
 const HELD_OUT: usize = 5;
 
-/// Why nothing is named; `before` is the score of nothing missing on held-out trials.
+/// Why nothing is named, where the verdict is that; `before` is the score of nothing missing on held-out trials.
 ///
 /// Errors: a model that cannot be evaluated.
 pub(crate) fn unexplained(
     searcher: &Searcher,
     search: &Search,
     before: &HeldOut,
-) -> Result<Unexplained, DiagnosisError> {
+    verdict: Verdict,
+) -> Result<Option<Unexplained>, DiagnosisError> {
+    if verdict != Verdict::Unnamed {
+        return Ok(None);
+    }
     let (data_sets, two_knees) = alone(searcher, search)?;
-    Ok(Unexplained { data_sets, two_knees, tried: tried(searcher, search, before)? })
+    Ok(Some(Unexplained { data_sets, two_knees, tried: tried(searcher, search, before)? }))
 }
 
 /// Each data set with a knee of its own.
@@ -41,7 +45,7 @@ fn alone(searcher: &Searcher, search: &Search) -> Result<(Vec<DataSetAlone>, Opt
         let of = |from: &[f64]| searcher.fit(&[], from, &rests, &search.covariance, &readings, TRIES);
         let [one, other] = [of(&base.unknowns)?, of(&problem.nuisance.given)?];
         let own = if other.log_evidence > one.log_evidence { other } else { one };
-        let own = searcher.to_its_end(search, own, &readings)?;
+        let own = searcher.led_on(search, own, &readings)?;
         let count = readings.rows.len();
         let mixture = Mixture::new(&readings, readings.block_of(&search.covariance), &problem.trials)?;
         let shared = &readings.measured - readings.pick(&base.linear.value);

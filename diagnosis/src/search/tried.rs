@@ -65,13 +65,13 @@ impl Searcher<'_> {
             is_new
         });
         let mut fits: Vec<Fit> =
-            fits.into_par_iter().map(|f| self.to_its_end(search, f, &search.readings)).collect::<Result<_, _>>()?;
+            fits.into_par_iter().map(|f| self.led_on(search, f, &search.readings)).collect::<Result<_, _>>()?;
         fits.sort_by(|a, b| self.log(b).total_cmp(&self.log(a)));
         Ok(fits)
     }
 
     /// A fit led on to where it gains no more: one that explains little ends early, which is no proof.
-    pub(crate) fn to_its_end(&self, search: &Search, fit: Fit, readings: &Readings) -> Result<Fit, DiagnosisError> {
+    pub(crate) fn led_on(&self, search: &Search, fit: Fit, readings: &Readings) -> Result<Fit, DiagnosisError> {
         let mut here = fit;
         for _ in 0..MOST_ROUNDS {
             let rests = here.coordinates();
