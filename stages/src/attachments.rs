@@ -153,15 +153,17 @@ pub fn attachments(
         let mark = beyond.iter().find(same);
         mark.is_some_and(|(_, place)| (place.point - site.centroid).norm() > options.literature_reach_mm)
     };
-    exchanged::warn(&anatomy(bones, frames, &[]), &sites, width / attachments::atlas::WIDTH_MM, &mut warnings);
+    let scale = width / attachments::atlas::WIDTH_MM;
+    exchanged::warn(&anatomy(bones, frames, &[]), &sites, Source::Marked, scale, &mut warnings);
     let literature = literature(specimen, bones, cartilage, frames, &sites, options);
     sites.extend(literature.into_iter().filter(|site| !contradicted(site)));
     let anatomy = anatomy(bones, frames, &[]);
-    given::compare(&anatomy, &specimen.given_fibres, width / attachments::atlas::WIDTH_MM, &mut warnings);
+    given::compare(&anatomy, &specimen.given_fibres, scale, &mut warnings);
     given::tell_unmarked(specimen, &sites, &mut warnings);
     let fibres = fibres::lay(&sides, &mut sites, &specimen.given_fibres, options, &mut warnings);
+    exchanged::warn(&anatomy, &sites, Source::Given, scale, &mut warnings);
     let through_bone = crossings::warn(&sides, frames, &fibres, options.crossing_limit_mm, &mut warnings);
-    fibres::warn_of_lengths(&fibres, width / attachments::atlas::WIDTH_MM, &mut warnings);
+    fibres::warn_of_lengths(&fibres, scale, &mut warnings);
     let rank = |s: &Site| (LIGAMENTS.iter().position(|l| *l == s.ligament), s.bone);
     sites.sort_by_key(rank);
     let count = |source: Source| sites.iter().filter(|s| s.source == source).count();

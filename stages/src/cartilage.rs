@@ -172,7 +172,39 @@ pub fn cartilage(
         None => of_scans(specimen, registration, bones, options)?,
     };
     made.warnings.extend(too_thick(&made.metrics.solids));
+    made.warnings.extend(one_condyle(&made.solids));
     Ok(made)
+}
+
+/// A condyle with less than this share of the femur's cartilage is bare [-]: 40 to 50 % is usual, a worn one keeps its back. Ours.
+const LEAST_SHARE: f64 = 0.2;
+
+/// Names a condyle that is as good as bare.
+fn one_condyle(solids: &PerCartilage<CartilageSolid>) -> Option<Notice> {
+    let middle = |s: &CartilageSolid| {
+        let sum = s.solid.vertices.iter().map(|p| p.coords).sum::<Vector>();
+        Point::from(sum / s.solid.vertices.len().max(1) as f64)
+    };
+    let (medial, lateral) = (middle(&solids.tibia_medial), middle(&solids.tibia_lateral));
+    let centre = nalgebra::center(&medial, &lateral);
+    let femoral = &solids.femur.solid;
+    let [mut of_medial, mut whole] = [0.0; 2];
+    for triangle in 0..femoral.triangles.len() {
+        let [a, b, c] = femoral.corners(triangle);
+        let area = (b - a).cross(&(c - a)).norm();
+        whole += area;
+        if ((a.coords + b.coords + c.coords) / 3.0 - centre.coords).dot(&(medial - lateral)) > 0.0 {
+            of_medial += area;
+        }
+    }
+    let share = of_medial / whole;
+    let (least, name) = if share < 0.5 { (share, "medial") } else { (1.0 - share, "lateral") };
+    (least < LEAST_SHARE).then(|| {
+        Kind::OneCondyle.notice(format!(
+            "femur: {:.0} % of its cartilage lies on the {name} side, expected {:.0} % or more: a label or surface is missing (some programs give each condyle its own; name both), or that condyle is worn to the bone",
+            100.0 * least, 100.0 * LEAST_SHARE
+        )).of("femur")
+    })
 }
 
 /// No cartilage of a tibia or femur is so thick over a twentieth of its area [mm]: the thickest plateaus reach 5 to 6 at one spot. Ours.
@@ -391,5 +423,34 @@ impl Patch {
     fn centre(&self) -> Point {
         let sum: Vector = self.bone.vertices.iter().map(|p| p.coords).sum();
         Point::from(sum / self.bone.vertices.len().max(1) as f64)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "tests")]
+    use super::*;
+    use meshes::shapes::icosphere;
+
+    #[test]
+    fn a_condyle_without_cartilage_is_told_on_its_side() {
+        let at = |centres: &[f64]| {
+            let mut solid = TriMesh::default();
+            for x in centres {
+                let ball = icosphere(15.0, 2);
+                let n = solid.vertices.len() as u32;
+                solid.vertices.extend(ball.vertices.iter().map(|p| p + Vector::new(*x, 0.0, 0.0)));
+                solid.triangles.extend(ball.triangles.iter().map(|t| t.map(|v| v + n)));
+            }
+            CartilageSolid { solid, articular: Vec::new(), thickness_mm: Vec::new() }
+        };
+        let told = |femur: &[f64]| {
+            let solids = PerCartilage { femur: at(femur), tibia_medial: at(&[22.0]), tibia_lateral: at(&[-22.0]) };
+            one_condyle(&solids).map(|n| n.text)
+        };
+        assert_eq!(told(&[22.0, -22.0]), None);
+        assert_eq!(told(&[22.0, 0.0, -22.0]), None);
+        assert!(told(&[22.0]).unwrap().contains("on the lateral side"));
+        assert!(told(&[-22.0]).unwrap().contains("on the medial side"));
     }
 }

@@ -379,6 +379,23 @@ fn landmarks(name: &str, bytes: &[u8]) -> bool {
     stages::ingest::ingest(&raw, &Default::default()).is_ok()
 }
 
+/// A cap of a ball of 30 mm whose lowest point, and a plane whose middle, lies 30 mm below the origin, as OBJ [m].
+fn bowl(round: bool) -> Vec<u8> {
+    const SIDE: usize = 9;
+    let mut out = String::new();
+    for i in 0..SIDE * SIDE {
+        let [u, v] = [i % SIDE, i / SIDE].map(|k| 0.02 * (k as f64 / (SIDE - 1) as f64 * 2.0 - 1.0));
+        let y = if round { -(0.03_f64.powi(2) - u * u - v * v).sqrt() } else { -0.03 };
+        out += &format!("v {u} {y} {v}\n");
+    }
+    for i in (0..SIDE * (SIDE - 1)).filter(|i| i % SIDE != SIDE - 1) {
+        let [a, b, c, d] = [i + 1, i + 2, i + SIDE + 2, i + SIDE + 1];
+        out +=
+            &if round { format!("f {a} {b} {c}\nf {a} {c} {d}\n") } else { format!("f {a} {c} {b}\nf {a} {d} {c}\n") };
+    }
+    out.into_bytes()
+}
+
 /// Readers of decks, tables, lists of points and what a specimen says in words.
 fn tables() -> Vec<Reader> {
     vec![
@@ -393,6 +410,18 @@ fn tables() -> Vec<Reader> {
                     if name == "main.inp" { Ok(b.to_vec()) } else { Err("not there".to_string()) }
                 };
                 decks::import("main.inp", &mut give).is_ok()
+            },
+        },
+        Reader {
+            name: "osim",
+            corpus: vec![include_bytes!("../corpus/ball.osim").to_vec()],
+            read: |b| {
+                let mut give = |name: &str| match name.rsplit('/').next() {
+                    Some("femur.obj") => Ok(bowl(true)),
+                    Some("tibia.obj") => Ok(bowl(false)),
+                    _ => Err("not there".to_string()),
+                };
+                decks::opensim::import("main.osim", b, &mut give, &Default::default()).is_ok()
             },
         },
         Reader {

@@ -54,7 +54,7 @@ pub(super) fn draw(dice: &mut Dice) -> Trait {
             m
         }),
     };
-    match dice.below(8) {
+    match dice.below(10) {
         0 => scaled("metres", 1e-3, &["metres"]),
         1 => scaled("centimetres", 0.1, &["centimetres"]),
         2 => scaled("spacing of another picture", 1.4, &["adults'", "unit"]),
@@ -106,6 +106,28 @@ pub(super) fn draw(dice: &mut Dice) -> Trait {
                 from[axis] += low;
                 to[axis] -= high;
                 Labels { grid: m.grid.part(from, to), values: crop(&m.grid, &m.values, from, to) }
+            }),
+        },
+        7 => {
+            // a stretch forwards keeps the femur's proportions that are looked at
+            let stretched = [0, 2][axis % 2];
+            Trait {
+                name: format!("spacing along {stretched} of another picture in {MAP}"),
+                words: &["spacing", "stretched"],
+                apply: changed(move |mut m| {
+                    m.grid.axes.column_mut(stretched).scale_mut(1.43);
+                    m
+                }),
+            }
+        }
+        8 => Trait {
+            name: format!("one condyle's cartilage missing in {MAP}"),
+            words: &["condyle"],
+            apply: changed(move |mut m| {
+                let all: Vec<usize> = (0..m.values.len()).filter(|i| m.values[*i] == 1).collect();
+                let middle = all.iter().map(|i| m.grid.voxel(*i)[0]).sum::<usize>() / all.len();
+                all.iter().filter(|i| m.grid.voxel(**i)[0] < middle).for_each(|i| m.values[*i] = 0);
+                m
             }),
         },
         _ => Trait {

@@ -43,7 +43,7 @@ pub(super) fn draw(dice: &mut Dice) -> Trait {
     };
     const TURNED: &[&str] = &["sign", "turned", "point that way"];
     const UNIT: &[&str] = &["unit", "beyond"];
-    match dice.below(18) {
+    match dice.below(21) {
         0 => of("flexion zeroed", &["zeroed"], {
             Box::new(|folder| {
                 cells(folder, |h, row, c| {
@@ -90,6 +90,29 @@ pub(super) fn draw(dice: &mut Dice) -> Trait {
         }),
         16 => of("ml_mm and ap_mm exchanged", &["exchanged"], {
             whole(|t| t.replacen("ml_mm,ap_mm", "ap_mm,ml_mm", 1).into_bytes())
+        }),
+        17 => of("moments in ft lbf", &["ft lbf"], {
+            Box::new(|folder| {
+                cells(folder, |h, _, c| {
+                    let moment = h == "load_vv_nm" || h == "load_ie_nm";
+                    moment.then(|| format!("{:.4}", c.parse::<f64>().unwrap() * 0.737_562_149))
+                });
+            })
+        }),
+        18 => of("0 for readings that are missing", &["not read"], {
+            Box::new(|folder| {
+                cells(folder, |h, row, c| {
+                    let filled = h == "ie_deg" && row[0].starts_with("internal_30") && !c.is_empty();
+                    filled.then(|| "0".to_owned())
+                });
+            })
+        }),
+        19 => of("flexion counts negative", &["negative throughout", "beyond the model"], {
+            Box::new(|folder| {
+                cells(folder, |h, _, c| {
+                    (h == "fe_deg" || h == "nominal_flexion_deg").then(|| (-c.parse::<f64>().unwrap()).to_string())
+                });
+            })
         }),
         _ => of("load_vv_nm and load_ie_nm exchanged", &["exchanged", "unit", "point that way"], {
             whole(|t| t.replacen("load_vv_nm,load_ie_nm", "load_ie_nm,load_vv_nm", 1).into_bytes())

@@ -27,11 +27,13 @@ pub(super) fn lay(
             sites.extend(given_sites(ligament, &bundles, given));
         }
         let mut laid = laid(sides, sites, ligament, &bundles, options).into_iter();
+        let mut places = Vec::new();
         for bundle in bundles {
             let own: Vec<Fibre> = laid.by_ref().take(bundle.fibres).collect();
             let mut by_hand: Vec<Fibre> = given.iter().filter(|f| f.bundle == bundle.name).cloned().collect();
             if !by_hand.is_empty() {
                 by_hand.sort_by_key(|f| f.fibre);
+                places.extend(super::exchanged::Placed::of(&bundle.name, &by_hand, &own));
                 fibres.extend(by_hand);
             } else if own.is_empty() {
                 warnings.push(
@@ -47,6 +49,7 @@ pub(super) fn lay(
                 }));
             }
         }
+        super::exchanged::warn_of_bundles(&places, warnings);
     }
     fibres.sort_by_key(|f| BUNDLES.iter().position(|b| b.name == f.bundle));
     fibres
