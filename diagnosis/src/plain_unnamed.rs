@@ -97,7 +97,7 @@ fn best(why: &Unexplained) -> String {
     let most = single.clone().filter(unseen).max_by(|a, b| share(a).total_cmp(&share(b)));
     let Some(most) = most else { return String::new() };
     format!(
-        " Each of {} effects of the catalogue was fitted from both ends: none closes more than {:.0} % of the gap on trials that it was not fitted to.",
+        " Each of {} effects of the catalogue was fitted from both ends: of the likeliest, none closes more than {:.0} % of the gap on trials that it was not fitted to.",
         single.count(),
         100.0 * share(most).max(0.0)
     )
