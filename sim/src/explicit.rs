@@ -17,7 +17,7 @@ pub mod trial;
 mod twist;
 
 pub use energy::Energies;
-pub use options::{Control, ExplicitOptions};
+pub use options::{ExplicitOptions, Increments};
 pub use program::{Course, Drive, Program, Step};
 pub use protocol::{explicit_protocol, explicit_rows};
 pub use state::ExplicitState;

@@ -228,7 +228,8 @@ fn ap_laxity(fe_deg: f64, o: &ProtocolOptions) -> Vec<Leg> {
     let mut legs = vec![leg(name("load", o.ap_load_n), Test::Anterior, fe_deg, at(o.ap_load_n), None)];
     for (what, from) in [("backwards", 1.0), ("forwards", -1.0)] {
         for k in 1..=o.ap_rows {
-            let ap = o.ap_load_n * from * (1.0 - 2.0 * k as f64 / o.ap_rows as f64);
+            // + 0: half-way is 0 N, not -0
+            let ap = o.ap_load_n * from * (1.0 - 2.0 * k as f64 / o.ap_rows as f64) + 0.0;
             legs.push(leg(name(what, ap), test(ap), fe_deg, at(ap), Some((o.ap_way_s / o.ap_rows as f64, 2))));
         }
     }

@@ -1,7 +1,7 @@
 //! One increment.
 
 use super::forces::{self, Forces};
-use super::options::{Control, ExplicitOptions};
+use super::options::{ExplicitOptions, Increments};
 use super::program::{Drive, Step};
 use super::state::ExplicitState;
 use super::twist::twists;
@@ -198,7 +198,7 @@ impl<'a> Stepper<'a> {
         damping: &Matrix6<f64>,
     ) -> Result<(f64, bool), SimError> {
         let mut length = self.longest;
-        if self.options.control == Control::Stable {
+        if self.options.control == Increments::Stable {
             let last = state.last_increment_s;
             let mut guess = last;
             for _ in 0..4 {

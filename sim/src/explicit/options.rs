@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 /// What sets the length of an increment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Control {
+pub enum Increments {
     /// The stable increment, found anew each time; never above the longest.
     Stable,
     /// The longest increment, as it is.
@@ -18,7 +18,7 @@ pub enum Control {
 #[serde(default, deny_unknown_fields)]
 pub struct ExplicitOptions {
     /// Whether increments are stable or fixed.
-    pub control: Control,
+    pub control: Increments,
     /// Longest increment [s]; the published decks' 1e-3. A step may name its own.
     pub longest_increment_s: f64,
     /// Fraction of the stable increment that is taken [-].
@@ -35,7 +35,7 @@ pub struct ExplicitOptions {
 impl Default for ExplicitOptions {
     fn default() -> Self {
         ExplicitOptions {
-            control: Control::Stable,
+            control: Increments::Stable,
             longest_increment_s: 1e-3,
             safety: 0.7,
             mass_scale: 1.0,

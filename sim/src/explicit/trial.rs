@@ -159,7 +159,7 @@ pub(super) fn result(
 
 /// A deck's own steps, with its quirks: its signs, degree factor, flexion base, lost half increments. `chain` is the specification's.
 ///
-/// Fixed increments become the longest ones: where the decks' are not stable in [`super::Control::Stable`], shorter ones are taken.
+/// Fixed increments become the longest ones: where the decks' are not stable in [`super::Increments::Stable`], shorter ones are taken.
 pub fn deck_program(joint: &Joint, chain: Option<&ChainSpec>, protocol: &DeckProtocol) -> Program {
     let steps = protocol.steps.iter().map(|deck| {
         let mut drive: [Drive; 6] = std::array::from_fn(|_| Drive::Load(Course::constant(0.0)));

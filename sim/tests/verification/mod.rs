@@ -14,12 +14,12 @@ mod quasistatic;
 mod rig;
 mod wrap;
 
-use sim::explicit::{Control, ExplicitOptions};
+use sim::explicit::{ExplicitOptions, Increments};
 
 /// Fixed increments and the specification's own masses.
 fn fixed(increment_s: f64) -> ExplicitOptions {
     ExplicitOptions {
-        control: Control::Fixed,
+        control: Increments::Fixed,
         longest_increment_s: increment_s,
         mass_scale: 1.0,
         ..ExplicitOptions::default()
