@@ -17,7 +17,7 @@ const MOST_OPEN: usize = 4;
 /// drawer [sakane1997].
 const UNLIKELY_N: f64 = 267.0;
 
-/// The head of a diagnosis in plain words.
+/// The head of a diagnosis in plain words: what it means first; then a line for each thing to know or to do.
 pub(crate) fn plain(catalogue: &Catalogue, d: &Diagnosis) -> String {
     let mut out = match d.verdict {
         Verdict::None => nothing(d),
@@ -31,8 +31,9 @@ pub(crate) fn plain(catalogue: &Catalogue, d: &Diagnosis) -> String {
     if d.answers.is_empty() {
         out += &noise(&d.noise);
     }
-    out += &test(d);
-    out += &unlikely(&d.ligament_forces);
+    for more in [test(d), unlikely(&d.ligament_forces)].iter().filter(|m| !m.is_empty()) {
+        let _ = write!(out, "\n{more}");
+    }
     out
 }
 
@@ -52,10 +53,11 @@ fn named(catalogue: &Catalogue, d: &Diagnosis) -> String {
 }
 
 fn unnamed(catalogue: &Catalogue, d: &Diagnosis) -> String {
-    let near: Vec<String> = d.best.iter().map(|e| effect(catalogue, e)).collect();
+    let bare = |words: String| words.trim_start_matches("there is").trim_start_matches([':', ' ']).to_owned();
+    let near: Vec<String> = d.best.iter().map(|e| bare(effect(catalogue, e))).collect();
     let mut out = meaning(d);
     if !near.is_empty() {
-        let _ = write!(out, " The nearest, though not good enough: {}{}.", near.join(", and "), closing(d));
+        let _ = write!(out, "\nThe nearest, though not good enough: {}{}.", near.join(", with "), closing(d));
     }
     out
 }
@@ -130,7 +132,7 @@ fn test(d: &Diagnosis) -> String {
     let Some(best) = d.next_tests.first().filter(|_| is_open) else { return String::new() };
     if best.expected_gain < WOULD_TELL {
         return format!(
-            " No single test of usual load would tell; the best is {} (it changes the log odds by {} at most).",
+            "No single test of usual load would tell; the best is {} (it changes the log odds by {} at most).",
             told(best),
             figures(best.expected_gain)
         );
@@ -138,7 +140,7 @@ fn test(d: &Diagnosis) -> String {
     let about = d.may_be_torn.iter().find(|t| t.is_slackened()).or(d.may_be_torn.first());
     let which = about.map_or(String::new(), |t| format!(" of the {}", t.structure));
     let careful = if best.gives_way { " The knee may give way in it: begin with less load." } else { "" };
-    format!(" {} would tell{which}.{careful}", capital(&told(best)))
+    format!("{} would tell{which}.{careful}", capital(&told(best)))
 }
 
 /// A test as a clinician calls it.
@@ -160,10 +162,7 @@ fn unlikely(forces: &[Carried]) -> String {
     let is_unlikely = |c: &&Carried| c.with_n >= UNLIKELY_N && c.with_n > c.without_n;
     let most = forces.iter().filter(is_unlikely).max_by(|a, b| a.with_n.total_cmp(&b.with_n));
     most.map_or(String::new(), |c| {
-        format!(
-            " Beware: the answer has the {} carry {:.0} N under {}, an unlikely load.",
-            c.ligament, c.with_n, c.test
-        )
+        format!("Beware: the answer has the {} carry {:.0} N under {}, an unlikely load.", c.ligament, c.with_n, c.test)
     })
 }
 

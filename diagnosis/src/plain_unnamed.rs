@@ -59,7 +59,7 @@ pub(crate) fn contradictions(of: &[Contradiction]) -> String {
         let [one, other] = &c.readings;
         let unit = Coordinate::named(&c.dof).map_or("", Coordinate::unit);
         let place = |w: &Witness| format!("{} ({}, {:.0} deg)", row(w), load(w), w.flexion_deg);
-        let lead = if k == 0 { " Look at these rows first: " } else { " Then at " };
+        let lead = if k == 0 { "\nLook at these rows first: " } else { "\nThen at these: " };
         let _ = write!(
             out,
             "{lead}{} reads {} of {}, {} reads {}. A knee of the model that gives the first gives {} (sd {}) in the second, whatever its ligaments.",
@@ -97,7 +97,7 @@ fn best(why: &Unexplained) -> String {
     let most = single.clone().filter(unseen).max_by(|a, b| share(a).total_cmp(&share(b)));
     let Some(most) = most else { return String::new() };
     format!(
-        " Each of {} effects of the catalogue was fitted from both ends: of the likeliest, none closes more than {:.0} % of the gap on trials that it was not fitted to.",
+        "\nEach of {} effects of the catalogue was fitted from both ends: of the likeliest, none closes more than {:.0} % of the gap on trials that it was not fitted to.",
         single.count(),
         100.0 * share(most).max(0.0)
     )
@@ -108,7 +108,7 @@ pub(crate) fn closing(d: &Diagnosis) -> String {
     let of_best = |t: &&Tried| t.effects.iter().map(|e| &e.effect).eq(d.best.iter().map(|e| &e.effect));
     let found = d.unexplained.iter().flat_map(|why| &why.tried).find(of_best);
     let Some(unseen) = found.and_then(|t| t.closes_held_out) else { return String::new() };
-    format!(", which closes {:.0} %", 100.0 * unseen.max(0.0))
+    format!("; it closes {:.0} % of that gap", 100.0 * unseen.max(0.0))
 }
 
 fn share(t: &Tried) -> f64 {
@@ -129,7 +129,7 @@ pub(crate) fn noise(of: &[NoiseScale]) -> String {
         let each: Vec<String> = own.map(scatter).collect();
         let _ = write!(
             out,
-            " {} scatters between neighbouring loads more than its file states: {}.",
+            "\n{} scatters between neighbouring loads more than its file states: {}.",
             set.source,
             each.join(", ")
         );

@@ -47,8 +47,11 @@ pub(crate) fn part(model: &str, d: &Diagnosis) -> String {
 
 fn body(model: &str, d: &Diagnosis) -> String {
     let mut out = format!("<h1>What is missing: {}</h1>", escaped(model));
-    if !d.plain.is_empty() {
-        let _ = write!(out, "<p><strong>{}</strong></p>", escaped(&d.plain));
+    let mut lines = d.plain.lines();
+    if let Some(first) = lines.next() {
+        let _ = write!(out, "<p><strong>{}</strong></p>", escaped(first));
+        let more: String = lines.map(|line| format!("<li>{}</li>", escaped(line))).collect();
+        out += &if more.is_empty() { more } else { format!("<ul>{more}</ul>") };
     }
     let _ = write!(out, "<div class=\"verdict\">{}</div>", escaped(&d.description));
     contradicting(&mut out, d);

@@ -220,7 +220,7 @@ fn missing(v: &Values, failure: Option<&Failure>) -> Answer {
         Verdict::None => (Standing::Good, "Nothing that shows"),
     };
     let first = [d.plain.as_str(), &d.description].into_iter().find(|text| !text.is_empty()).unwrap_or_default();
-    let first = first.split_inclusive(". ").take(2).collect::<String>();
-    let words = first.trim().to_owned() + &both_hold(v, d.verdict).unwrap_or_default();
+    let sentences = first.lines().flat_map(|line| line.split_inclusive(". ")).map(str::trim);
+    let words = sentences.take(2).collect::<Vec<_>>().join(" ") + &both_hold(v, d.verdict).unwrap_or_default();
     Answer { question, standing, word: word.into(), words, stage }
 }
