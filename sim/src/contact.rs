@@ -6,6 +6,7 @@
 
 mod cells;
 pub mod compartment;
+mod compiled;
 pub mod field;
 pub mod friction;
 pub mod law;
@@ -21,6 +22,7 @@ use crate::coordinate::Six;
 use crate::error::SimError;
 use crate::joint::{Pose, Screw, comes_first};
 use crate::spec::{ContactSpec, FramesSpec, ModelSpec};
+use compiled::Source;
 use field::Field;
 pub use friction::{FrictionState, Patches};
 use law::PressureLaw;
@@ -183,7 +185,7 @@ impl Contact {
                 let key = (name.clone(), moves);
                 if !sides.contains_key(&key) {
                     let frame = field::bone_frame(if moves { &frames.femur } else { &frames.tibia });
-                    sides.insert(key.clone(), Arc::new(side(name, spec, surfaces, frame, options)?));
+                    sides.insert(key.clone(), side(name, spec, surfaces, frame, options)?);
                 }
                 both.push(sides[&key].clone());
             }
@@ -453,11 +455,10 @@ fn side(
     surfaces: &BTreeMap<String, TriMesh>,
     frame: Isometry,
     options: &ContactOptions,
-) -> Result<Side, SimError> {
+) -> Result<Arc<Side>, SimError> {
     let mesh = surfaces.get(name).ok_or_else(|| SimError::Spec(format!("contact.pairs: no surface {name}")))?;
     let thickness = layered::thickness(name, mesh, spec, surfaces)?;
-    let field = Field::with_thickness(mesh, &thickness, frame, name)?;
-    Ok(Side { nodes: Nodes::new(mesh, &thickness, &frame, options.spacing_mm), field, rim: rim::RimEdge::of(mesh) })
+    compiled::side(Source { mesh: mesh.clone(), thickness, frame, spacing_mm: options.spacing_mm }, name)
 }
 
 #[cfg(test)]

@@ -317,3 +317,22 @@ fn an_inside_out_or_broken_surface_is_refused() {
     nan.vertices[3].x = f64::NAN;
     assert!(fault(&nan).contains("vertex 3"));
 }
+
+#[test]
+fn a_side_is_shared_by_equal_surfaces_alone() {
+    let frame = field::bone_frame(&frame());
+    let source = |mesh: TriMesh, spacing_mm: f64| compiled::Source { mesh, thickness: Vec::new(), frame, spacing_mm };
+    let plate = plate(6);
+    let mut moved = plate.clone();
+    moved.vertices[7].z += 1e-12;
+    let side = |mesh: &TriMesh, spacing_mm: f64| compiled::side(source(mesh.clone(), spacing_mm), "plate").unwrap();
+    let first = side(&plate, 0.8);
+    assert!(Arc::ptr_eq(&first, &side(&plate, 0.8)));
+    assert!(!Arc::ptr_eq(&first, &side(&moved, 0.8)));
+    assert!(!Arc::ptr_eq(&first, &side(&plate, 0.7)));
+    let deeper = frame * Isometry::translation(0.0, 0.0, 1e-9);
+    let turned = compiled::Source { frame: deeper, ..source(plate.clone(), 0.8) };
+    assert!(!Arc::ptr_eq(&first, &compiled::side(turned, "plate").unwrap()));
+    let layered = compiled::Source { thickness: vec![2.0; plate.vertices.len()], ..source(plate, 0.8) };
+    assert!(!Arc::ptr_eq(&first, &compiled::side(layered, "plate").unwrap()));
+}
