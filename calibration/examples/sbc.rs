@@ -9,39 +9,24 @@
 #![expect(clippy::disallowed_methods, reason = "reads and prints")]
 #![allow(clippy::print_stdout, clippy::unwrap_used, reason = "an example")]
 
+mod made;
+
 use calibration::cost::CostFunction;
 use calibration::design::Design;
 use calibration::inferred::{Posed, Question, drawer_names};
-use calibration::knee::Knee;
 use calibration::options::CalibrateOptions;
-use calibration::targets::{Targets, targets};
-use inference::knee::{Answers, Asked, Belief, Trials};
+use inference::knee::Answers;
 use inference::posterior::{Forward, Options, infer};
 use inference::random::{normals, stream, uniform};
 use nalgebra::DVector;
-use rayon::prelude::*;
-use sim::coordinate::Free;
-use sim::mesh::MeshValue;
-use sim::spec::ModelSpec;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
-use std::collections::BTreeMap;
-use std::f64::consts::TAU;
-use std::path::Path;
 
-/// Chains of truths: independent, so that they run side by side [-].
-const CHAINS: usize = 10;
-/// Slices before a chain's first truth [-].
-const BURN_IN: usize = 150;
-/// Slices between truths [-].
-const THIN: usize = 40;
 /// Bins of ranks [-].
 const BINS: usize = 10;
 /// Intervals that are judged [-].
 const SHARES: [f64; 3] = [0.5, 0.8, 0.9];
-/// Length of an undulation of a plateau [mm].
-const WAVE_MM: f64 = 20.0;
-/// Streams of random numbers: chains, noise, ties.
-const STREAMS: [u64; 3] = [5_000_000, 6_000_000, 7_000_000];
+/// Streams of random numbers: noise, ties.
+const STREAMS: [u64; 2] = [6_000_000, 7_000_000];
 
 struct Arguments {
     model: String,
@@ -68,84 +53,6 @@ fn arguments() -> Arguments {
     all.retain(|a| a != "--shipped");
     let model = all.remove(0);
     Arguments { model, data: all, knees, seed, wide, shipped, truth, lean_deg, form_mm, spacing_mm }
-}
-
-/// A knee; its plateaus lean and undulate.
-fn knee(path: &str, (lean_deg, form_mm): (f64, f64), options: &CalibrateOptions) -> Knee {
-    let path = Path::new(path);
-    let spec: ModelSpec = serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap();
-    let mut meshes = BTreeMap::new();
-    for name in spec.bodies.iter().map(|b| &b.bone).chain(spec.contact.meshes()) {
-        let bytes = std::fs::read(path.parent().unwrap().join(name)).unwrap();
-        let mut mesh = formats::read_surface(name, &bytes, &BTreeMap::new()).unwrap().mesh;
-        if spec.contact.pairs.iter().any(|p| &p.tibia == name) {
-            let centre = mesh.vertices.iter().map(|v| v.coords).sum::<meshes::Vector>() / mesh.vertices.len() as f64;
-            let wave = |x: f64| (TAU * x / WAVE_MM).sin();
-            for v in &mut mesh.vertices {
-                v.z += lean_deg.to_radians().tan() * (v.x - centre.x) + form_mm * wave(v.x) * wave(v.y);
-            }
-        }
-        meshes.insert(name.clone(), MeshValue::Surface(mesh));
-    }
-    Knee::new(spec, &meshes, &options.search).unwrap()
-}
-
-fn sources(spec: &ModelSpec, files: &[String], options: &CalibrateOptions) -> Vec<(String, Targets)> {
-    let of = |(k, file): (usize, &String)| {
-        let trials = sim::laxity::read(&std::fs::read(file).unwrap()).unwrap().trials;
-        let of = targets(&trials, &spec.frames.gs_ct_pose, &options.cost, &options.targets).unwrap();
-        (format!("set{}", k + 1), of)
-    };
-    files.iter().enumerate().map(of).collect()
-}
-
-/// The trials that nobody measured, with what is believed of them.
-fn imagined(posed: &Posed) -> (Vec<Asked>, Vec<Belief>) {
-    let asked = posed.asked[posed.measured..].iter().filter(|t| t.from.is_none() && t.source.is_none());
-    let asked = asked.map(|t| Asked { reads: Free::all(false), ..t.clone() }).collect();
-    let moved = |b: &Belief| Belief { trial: b.trial - posed.measured, ..b.clone() };
-    (asked, posed.beliefs.iter().map(moved).collect())
-}
-
-/// Truths of one chain: numbers of the prior times what is believed.
-fn chain(trials: &Trials, (seed, chain): (u64, u64), count: usize, wide: f64) -> Vec<DVector<f64>> {
-    let mut random = stream(seed, STREAMS[0] + chain);
-    let n = trials.size();
-    let believed = |z: &DVector<f64>, near: Option<(&DVector<f64>, &Answers)>| {
-        let point = trials.at(z, near).or_else(|| trials.at(z, None))?;
-        let heard = point.belief.iter().zip(&point.one_side).map(|(r, one)| if *one { r.max(0.0) } else { *r });
-        Some((-0.5 * heard.map(|r| r * r).sum::<f64>(), point.state))
-    };
-    let mut z = normals(&mut random, n) * wide;
-    let mut last = believed(&z, None);
-    let mut out = Vec::new();
-    for slice in 0..BURN_IN + count * THIN {
-        let other = normals(&mut random, n) * wide;
-        let least = last.as_ref().map_or(f64::NEG_INFINITY, |l| l.0) + uniform(&mut random).ln();
-        let mut angle = TAU * uniform(&mut random);
-        let (mut low, mut high) = (angle - TAU, angle);
-        loop {
-            let tried = &z * angle.cos() + &other * angle.sin();
-            let found = believed(&tried, last.as_ref().map(|l| (&z, &l.1)));
-            if found.as_ref().is_some_and(|f| f.0 >= least) {
-                (z, last) = (tried, found);
-                break;
-            }
-            if high - low < 1e-9 {
-                break;
-            }
-            if angle < 0.0 {
-                low = angle
-            } else {
-                high = angle
-            }
-            angle = low + (high - low) * uniform(&mut random);
-        }
-        if slice >= BURN_IN && (slice + 1 - BURN_IN).is_multiple_of(THIN) {
-            out.push(z.clone());
-        }
-    }
-    out
 }
 
 /// What is judged: names, and their values at a point.
@@ -210,7 +117,7 @@ fn places(
     if !arguments.shipped {
         likelihood.temper = 1.0;
     }
-    let mut random = stream(arguments.seed, STREAMS[1] + number);
+    let mut random = stream(arguments.seed, STREAMS[0] + number);
     let mut scatter = likelihood.with_scales_at(&normals(&mut random, likelihood.scale.len()));
     scatter.share(made.scatter(&point.state)?);
     scatter.temper = 1.0;
@@ -221,7 +128,7 @@ fn places(
     let found = infer(&analysis.trials(None), &mut likelihood, &[start], &inference).ok()?;
     let (of, judged) = (Judged::new(truth).values(z, &point.state), Judged::new(analysis));
     let samples: Vec<Vec<f64>> = found.samples.iter().map(|s| judged.values(&s.z, &s.state)).collect();
-    let mut ties = stream(arguments.seed, STREAMS[2] + number);
+    let mut ties = stream(arguments.seed, STREAMS[1] + number);
     let column = |k: usize| samples.iter().map(|s| s[k]).collect::<Vec<f64>>();
     Some((of.iter().enumerate().map(|(k, t)| place(*t, &column(k), &mut ties)).collect(), samples.len()))
 }
@@ -255,10 +162,13 @@ fn main() {
     let arguments = arguments();
     let mut options = CalibrateOptions::default();
     options.search.contact_spacing_mm = arguments.spacing_mm.unwrap_or(options.search.contact_spacing_mm);
-    let analysis = knee(&arguments.model, (0.0, 0.0), &options);
+    let analysis = made::knee(&arguments.model, (0.0, 0.0), &options);
     let other = arguments.truth.as_ref().unwrap_or(&arguments.model);
-    let truth = knee(other, (arguments.lean_deg, arguments.form_mm), &options);
-    let sources = sources(&analysis.spec, &arguments.data, &options);
+    let truth = made::knee(other, (arguments.lean_deg, arguments.form_mm), &options);
+    let of = |(k, file): (usize, &String)| {
+        (format!("set{}", k + 1), made::targets_of(&analysis.spec, &made::laxity(file), &options))
+    };
+    let sources: Vec<_> = arguments.data.iter().enumerate().map(of).collect();
     let design = Design::of_model(&analysis.spec).unwrap();
     let measured: Vec<_> = sources.iter().flat_map(|s| s.1.trials.clone()).collect();
     let cost = CostFunction::new(&measured, &analysis.spec.frames.gs_ct_pose, &options.cost).unwrap();
@@ -274,23 +184,8 @@ fn main() {
     };
     let (of_analysis, of_truth) = (question(&analysis), question(&truth));
     let (analysis, truth) = (Posed::of(&of_analysis).unwrap(), Posed::of(&of_truth).unwrap());
-    let (asked, beliefs) = imagined(&truth);
-    let of_beliefs = Trials { trials: &asked, beliefs: &beliefs, ..truth.trials(None) };
-    let each = arguments.knees.div_ceil(CHAINS);
     let begun = std::time::Instant::now();
-    let middle = DVector::zeros(of_beliefs.size());
-    let at_rest = of_beliefs.at(&middle, None).unwrap();
-    let first = begun.elapsed().as_secs_f64();
-    for k in 0..5 {
-        let near = normals(&mut stream(arguments.seed, k), middle.len()) * 0.3;
-        of_beliefs.at(&near, Some((&middle, &at_rest.state))).unwrap();
-    }
-    println!("{first:.3} s, then {:.4} s", (begun.elapsed().as_secs_f64() - first) / 5.0);
-    let begun = std::time::Instant::now();
-    let truths: Vec<DVector<f64>> = (0..CHAINS as u64)
-        .into_par_iter()
-        .flat_map(|c| chain(&of_beliefs, (arguments.seed, c), each, arguments.wide))
-        .collect();
+    let truths = made::truths(&truth, (arguments.seed, arguments.knees, arguments.wide));
     println!("{} truths in {:.0} s", truths.len(), begun.elapsed().as_secs_f64());
     let mut all = Vec::new();
     for (number, z) in truths.iter().take(arguments.knees).enumerate() {

@@ -404,7 +404,7 @@ fn told(
 }
 
 /// Every unknown of every sample.
-fn unknowns(trials: &Trials, found: &Found<Answers>, options: &CalibrateOptions) -> Unknowns {
+pub fn unknowns(trials: &Trials, found: &Found<Answers>, options: &CalibrateOptions) -> Unknowns {
     let of = |(k, p): (usize, &Parameter<Quantity>)| Unknown {
         name: p.name.clone(),
         quantity: p.quantity.clone(),

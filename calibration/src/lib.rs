@@ -35,6 +35,7 @@ pub mod session;
 pub mod simplex;
 pub mod swarm;
 pub mod targets;
+pub mod test_set;
 #[cfg(test)]
 mod toy;
 pub mod unknown;

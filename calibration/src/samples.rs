@@ -258,6 +258,18 @@ impl Samples {
         Ok(changes.iter().enumerate().map(band).collect())
     }
 
+    /// What each sample answers to trials, by sample and trial; `None` where it has no equilibrium. `searched` is the model of [`Samples::searched`].
+    ///
+    /// # Errors
+    /// A name of no bundle; a most probable knee without equilibrium in a trial.
+    pub fn answers(
+        &self,
+        searched: &Model,
+        question: &Question,
+    ) -> Result<Vec<Vec<Option<Prediction>>>, CalibrationError> {
+        Ok(self.drawn(searched, question, (&Changed::default(), &Fixed::default()))?.found)
+    }
+
     /// Fixes the grafts of a change in the most probable knee and in the first samples, at most `most`, while `cut` is cut. `searched` is the model of
     /// [`Samples::searched`].
     ///

@@ -11,6 +11,7 @@ use crate::diagnose::{self, DiagnoseArgs};
 use crate::error::{BuildError, OUR_FAULT};
 use crate::exports::{self, Format, OpensimContact};
 use crate::import::{self, ImportArgs, ImportOpensimArgs};
+use crate::next_tests::{self, NextTestsArgs};
 use crate::output::{self, Asked};
 use crate::plan::{self, PlanArgs};
 use crate::simulate::SimulateArgs;
@@ -177,6 +178,8 @@ enum Verb {
     Diagnose(DiagnoseArgs),
     /// Plan a ligament's reconstruction: cut, graft, and what the knee does then
     Plan(PlanArgs),
+    /// Choose the laxity tests that would narrow a force or a motion of a calibrated knee most
+    NextTests(NextTestsArgs),
     /// Tell what speaks for a knee's model, factor by factor as ASME V&V 40 asks, each number with its file and digest
     Credibility(CredibilityArgs),
     /// Put many builds on one page and into tidy tables
@@ -369,6 +372,7 @@ fn answer_verb(verb: Verb) -> Result<Told, BuildError> {
         Verb::Validate(args) => validate::validate(&args),
         Verb::Diagnose(args) => diagnose::run(&args),
         Verb::Plan(args) => plan::plan(&args),
+        Verb::NextTests(args) => next_tests::next_tests(&args),
         Verb::Credibility(args) => credibility::credibility(&args),
         Verb::Cohort(args) => cohort::cohort(&args),
         Verb::Schema { name } => words(schema::schema(&name)),

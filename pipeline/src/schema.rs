@@ -7,6 +7,7 @@ use crate::error::BuildError;
 use crate::import::ImportTold;
 use crate::init::InitTold;
 use crate::inspect;
+use crate::next_tests::{self, NextTestsTold};
 use crate::option_docs;
 use crate::output::{OUTPUT, Output};
 use crate::phantom::PhantomTold;
@@ -25,7 +26,7 @@ struct Entry {
     make: fn() -> Value,
 }
 
-const ALL: [Entry; 20] = [
+const ALL: [Entry; 21] = [
     Entry { name: "model", version: "model/1", what: "model.json", make: made::<sim::spec::ModelSpec> },
     Entry {
         name: "diagnosis",
@@ -40,6 +41,7 @@ const ALL: [Entry; 20] = [
         make: made::<calibration::samples::Samples>,
     },
     Entry { name: "plan", version: plan::SCHEMA, what: "plan.json and plan --json", make: made::<plan::Outcome> },
+    Entry { name: "next-tests", version: next_tests::SCHEMA, what: "next-tests --json", make: made::<NextTestsTold> },
     Entry { name: "log", version: "log/1", what: "a line of log.jsonl", make: made::<Record> },
     Entry { name: "simulate", version: schemas::SIMULATE, what: "simulate --json", make: made::<SimulateTold> },
     Entry { name: "calibrate", version: schemas::CALIBRATE, what: "calibrate --json", make: made::<CalibrateTold> },
@@ -73,7 +75,7 @@ fn made<T: JsonSchema>() -> Value {
 }
 
 /// The names of the schemas.
-pub fn names() -> [&'static str; 20] {
+pub fn names() -> [&'static str; 21] {
     ALL.map(|e| e.name)
 }
 
