@@ -22,6 +22,7 @@ mod machine;
 mod made;
 mod marks;
 mod mistakes;
+mod next_tests;
 mod one_knee;
 mod other_files;
 mod paper;

@@ -113,7 +113,10 @@ impl Bench<'_> {
         self.asked(more, |question| {
             let posed = Posed::of(question).unwrap();
             let trials = posed.trials(None);
-            let point = trials.at(z, None)?;
+            let Some(point) = trials.at(z, None) else {
+                println!("  the truth has no equilibrium in one of the trials");
+                return None;
+            };
             let mut likelihood = posed.likelihood();
             let mut scatter = likelihood.clone();
             scatter.share(trials.scatter(&point.state)?);
@@ -156,7 +159,7 @@ impl Bench<'_> {
             compression_n: COMPRESSION_N,
             most: samples.len(),
         };
-        let set = test_set(&samples, &model, &asking).ok()?;
+        let set = test_set(&samples, &model, &asking).inspect_err(|e| println!("  {e}")).ok()?;
         let chosen: Vec<Candidate> = set.tests.iter().map(|c| c.test.clone()).collect();
         let all = candidates(COMPRESSION_N, false);
         let usual =

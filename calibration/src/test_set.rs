@@ -32,8 +32,8 @@ const DRAWER_N: f64 = 133.0;
 const DRAWERS_DEG: [f64; 3] = [30.0, 60.0, 90.0];
 /// The pivot shift: flexion [deg], valgus and internal moment [N m]; the paper's.
 const PIVOT: (f64, f64, f64) = (30.0, 8.0, 4.0);
-/// Fewer samples tell no correlation [-]; as of a single next test.
-const LEAST_SAMPLES: usize = 12;
+/// Fewer samples tell no correlation [-]; ours: each is predicted by the others.
+const LEAST_SAMPLES: usize = 8;
 /// A test in which more of the samples than this leave the plateau is not thought of [-]: its reading is none of this knee.
 const MOST_LEAVING: f64 = 0.1;
 
@@ -181,10 +181,9 @@ impl Answered {
         };
         let here: Vec<usize> = (0..self.read.len()).filter(counts).collect();
         if here.len() < LEAST_SAMPLES {
-            return Err(CalibrationError::Targets(format!(
-                "{} of {} samples of the posterior stay on the plateau where it matters; {LEAST_SAMPLES} are needed to choose tests",
-                here.len(),
-                self.read.len()
+            let (lost, all) = (self.read.len() - here.len(), self.read.len());
+            return Err(CalibrationError::Model(format!(
+                "in {lost} of {all} samples the femur leaves the plateau where the quantity is wanted, or under the tests; {LEAST_SAMPLES} must stay on it. Ask for another quantity, or calibrate to more data first"
             )));
         }
         Ok(here)

@@ -229,12 +229,15 @@ fn words(found: &TestSet, loaded: &LoadedModel, args: &NextTestsArgs) -> String 
     if found.tests.is_empty() {
         let _ = writeln!(text, "no test of {} would narrow {}{cut} by 2 % or more", found.thought_of, args.wanted);
     } else {
-        let _ = writeln!(text, "tests that narrow {}{cut} most, of {} thought of:", args.wanted, found.thought_of);
+        let _ = writeln!(text, "tests that narrow {}{cut} most, of {} tests:", args.wanted, found.thought_of);
     }
     for (k, chosen) in found.tests.iter().enumerate() {
         let (name, flexion, left) = (chosen.test.name(), chosen.test.flexion_deg, 100.0 * chosen.left);
         let n = k + 1;
         let _ = writeln!(text, "{n}. {name} at {flexion} deg ({}): {left:.0} % of the spread is left", loads(chosen));
+    }
+    if (1..usize::from(args.count)).contains(&found.tests.len()) {
+        text += "no further test would take 2 % of what is left\n";
     }
     for (quantity, now, then) in &found.spread {
         let _ = writeln!(text, "{quantity}: sd {now:.2} now, {then:.2} expected");
