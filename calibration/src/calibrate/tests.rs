@@ -169,3 +169,46 @@ fn a_belief_about_a_force_is_heard() {
     let cost = CostFunction::new(&b.targets.trials, &b.ct, &o.cost).unwrap();
     assert!(Problem::new((experiment, experiment), &b.targets, cost, &["A".to_owned()], &o).is_err());
 }
+
+#[test]
+fn derivatives_of_residuals_and_beliefs_by_unit_coordinates_are_those_of_their_values() {
+    let b = bench(&truth(3), 1.0, 3);
+    let belief = LoadPrior {
+        bundles: vec!["A".into()],
+        test: None,
+        nominal_flexion_deg: None,
+        mean_n: Some(20.0),
+        most_n: None,
+        sd_n: 7.0,
+        weight: 1.0,
+    };
+    let mut o = CalibrateOptions { loads: vec![belief], ..quick(Method::SwarmSimplex) };
+    o.gradient.robust = 1e9; // no residual is far off: its derivative is its own
+    let simulate = |v: &[f64], _: bool| toy::answers(&b.design, &b.targets.trials, v);
+    let experiment = Experiment { design: &b.design, simulate: &simulate, trials: b.targets.trials.len() };
+    let cost = CostFunction::new(&b.targets.trials, &b.ct, &o.cost).unwrap();
+    let bundles = ["A".to_owned(), "B".to_owned()];
+    let problem = Problem::new((experiment, experiment), &b.targets, cost, &bundles, &o).unwrap();
+    let (unit, scale, step) = (vec![0.4; b.design.len()], Free::all(2.0), 1e-5);
+    // a trial's residuals, then its belief; the priors' rows come last
+    let rows = |unit: &[f64]| -> Vec<f64> {
+        let answers = experiment.answers(&b.design.at(unit), false);
+        let predicted: Vec<Option<Free<f64>>> = answers.iter().map(|a| Some(a.as_ref().unwrap().predicted)).collect();
+        let z = problem.standardised(&predicted);
+        let of = |(i, z): (usize, &Free<Option<f64>>)| {
+            let force = answers[i].as_ref().unwrap().forces_n[0];
+            let residuals: Vec<f64> = z.iter().flatten().map(|z| z / 2.0).collect();
+            [residuals, vec![(force - 20.0) / 7.0]].concat()
+        };
+        z.iter().enumerate().flat_map(of).collect()
+    };
+    let jacobian = problem.jacobian(&unit, &scale).unwrap();
+    for k in 0..unit.len() {
+        let at = |by: f64| rows(&(0..unit.len()).map(|j| unit[j] + if j == k { by } else { 0.0 }).collect::<Vec<_>>());
+        for (i, (up, down)) in at(step).iter().zip(at(-step)).enumerate() {
+            let slope = (up - down) / (2.0 * step);
+            let told = jacobian[(i, k)];
+            assert!((slope - told).abs() < 1e-5 * (1.0 + slope.abs()), "row {i}, variable {k}: {told}, {slope}");
+        }
+    }
+}
