@@ -11,7 +11,7 @@ use sim::coordinate::{Coordinate, Free, Load};
 use sim::laxity::Test;
 
 /// Tests thought of, with the load along the test's coordinate [N m or N]: what an examiner's hand or an arthrometer applies.
-const TESTS: [(Test, f64); 6] = [
+pub(crate) const TESTS: [(Test, f64); 6] = [
     (Test::Anterior, 134.0),
     (Test::Posterior, -134.0),
     (Test::Internal, -5.0),

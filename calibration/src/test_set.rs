@@ -7,6 +7,7 @@ mod choice;
 mod wanted;
 
 use crate::error::CalibrationError;
+use crate::next_test::TESTS;
 use crate::samples::{Question, Samples};
 use choice::{Choice, Known};
 use inference::knee::predict::Prediction;
@@ -15,21 +16,8 @@ use sim::coordinate::{Coordinate, Free, Load};
 use sim::laxity::{LaxityTrial, Test};
 use sim::model::Model;
 
-/// Loads thought of, by test [N m or N]: what an examiner's hand or an arthrometer applies.
-const LOADS: [(Test, f64); 6] = [
-    (Test::Anterior, 134.0),
-    (Test::Posterior, -134.0),
-    (Test::Internal, -5.0),
-    (Test::External, 5.0),
-    (Test::Varus, -10.0),
-    (Test::Valgus, 10.0),
-];
 /// Flexions thought of [deg]; those of the laxity protocols, and extension.
 const FLEXIONS_DEG: [f64; 5] = [0.0, 15.0, 30.0, 60.0, 90.0];
-/// Drawer in which a ligament's force is wanted [N], at [`DRAWERS_DEG`]; the paper's.
-const DRAWER_N: f64 = 133.0;
-/// Flexions of those drawers [deg]; the paper's.
-const DRAWERS_DEG: [f64; 3] = [30.0, 60.0, 90.0];
 /// The pivot shift: flexion [deg], valgus and internal moment [N m]; the paper's.
 const PIVOT: (f64, f64, f64) = (30.0, 8.0, 4.0);
 /// Fewer samples tell no correlation [-]; ours: each is predicted by the others.
@@ -111,9 +99,9 @@ pub struct Asking<'a> {
 
 /// Every test at each flexion: single loads, then pairs of two coordinates where they may be combined.
 pub fn candidates(compression_n: f64, combined: bool) -> Vec<Candidate> {
-    let mut loads: Vec<Vec<(Test, f64)>> = LOADS.iter().map(|l| vec![*l]).collect();
-    for (k, a) in LOADS.iter().enumerate() {
-        let pairs = LOADS[k + 1..].iter().filter(|b| b.0.coordinate() != a.0.coordinate());
+    let mut loads: Vec<Vec<(Test, f64)>> = TESTS.iter().map(|l| vec![*l]).collect();
+    for (k, a) in TESTS.iter().enumerate() {
+        let pairs = TESTS[k + 1..].iter().filter(|b| b.0.coordinate() != a.0.coordinate());
         loads.extend(pairs.filter(|_| combined).map(|b| vec![*a, *b]));
     }
     let of = |fe: f64, parts: &[(Test, f64)]| {

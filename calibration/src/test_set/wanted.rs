@@ -1,6 +1,7 @@
 //! What one wants to know of a knee, as trials and as numbers of each sample.
 
-use super::{Asking, DRAWER_N, DRAWERS_DEG, PIVOT, Wanted, trial};
+use super::{Asking, PIVOT, Wanted, trial};
+use crate::inferred::{DRAWER_N, DRAWERS_DEG};
 use inference::knee::predict::Prediction;
 use nalgebra::DVector;
 use sim::coordinate::{AP, Coordinate, IE, Load, VV};
