@@ -1,7 +1,7 @@
 //! A hidden effect is found, named, sized, added, and taken in by the other verbs; nothing is named where nothing is hidden.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-use crate::common::{build_model, json, shared, text, thinned};
+use crate::common::{build_model, built, json, shared, text, thinned};
 use diagnosis::catalogue::Catalogue;
 use diagnosis::effect::{Active, Place};
 use diagnosis::trial::Trial;
@@ -218,6 +218,10 @@ fn an_effect_struck_from_the_catalogue_is_unnamed_and_an_unknown_one_is_refused(
     let told = json(&out.join("diagnosis.json"));
     assert_eq!(told["verdict"], "unnamed");
     assert!(told["description"].as_str().unwrap().contains("nearest relatives"));
+    // no effect that was tried by itself is ahead of the best that was found
+    let best = told["best_log_bayes_factor"].as_f64().unwrap();
+    let tried = told["unexplained"]["tried"].as_array().unwrap();
+    assert!(!tried.is_empty() && tried.iter().all(|t| t["log_bayes_factor"].as_f64().unwrap() <= best), "{tried:?}");
     assert!(text(&out.join("report.html")).contains("What came nearest"));
     let refused = build_model()
         .arg("diagnose")
@@ -379,4 +383,48 @@ fn a_patella_under_tension_is_the_effect_and_has_a_slope_at_none() {
             assert!((force(10.001) - force(9.999)).amax() < 1e-3 * force(10.0).amax());
         }
     }
+}
+
+/// A few trials of one flexion: what tests of an intact and of a hurt knee ask.
+const PLAN: &str = "trial,test,nominal_flexion_deg,load_vv_nm,load_ie_nm,load_ml_n,load_ap_n,load_si_n,\
+    fe_deg,vv_deg,ie_deg,ml_mm,ap_mm,si_mm\n\
+    a,anterior,30,0,0,0,80,50,30,,,,,\nb,posterior,30,0,0,0,-80,50,30,,,,,\n\
+    c,internal,30,0,-3,0,0,50,30,,,,,\nd,external,30,0,3,0,0,50,30,,,,,\n\
+    e,varus,30,-6,0,0,0,50,30,,,,,\nf,valgus,30,6,0,0,0,50,30,,,,,\n";
+
+#[test]
+fn what_was_measured_before_is_of_the_same_knee_and_nothing_is_sought_in_it() {
+    let (folder, model) = (TempDir::new().unwrap(), built().join("build/09-assemble/model.json"));
+    let [plan, whole, cut] = ["plan.csv", "whole.csv", "cut.csv"].map(|name| folder.path().join(name));
+    crate::common::write(&plan, PLAN);
+    for (to, words) in [(&whole, &[][..]), (&cut, &["--without", "PCL_AL", "--without", "PCL_PM"])] {
+        let simulate = ["simulate".into(), model.clone(), "--trials".into(), plan.clone(), "--out".into(), to.clone()];
+        build_model().args(simulate).args(words).assert().success();
+    }
+    let asked = |measured: &[(&str, &Path)], out: &str| {
+        let mut command = build_model();
+        command.arg("diagnose").arg(&model).arg("--out").arg(folder.path().join(out));
+        measured.iter().for_each(|(word, file)| {
+            command.args([*word, &format!("kla={}", file.display())]);
+        });
+        command
+    };
+    let both = [("--measured", &*cut), ("--before", &*whole)];
+    asked(&both, "both").assert().success();
+    let told = json(&folder.path().join("both/diagnosis.json"));
+    assert_eq!(told["before"], serde_json::json!(["kla_before"]));
+    let effects = || told["answers"].as_array().unwrap().iter().flat_map(|a| a["effects"].as_array().unwrap());
+    assert!(effects().all(|e| e["scope"] == "kla"), "{}", told["answers"]);
+    assert!(effects().any(|e| e["effect"] == "structure_loss" && e["variant"] == "PCL"), "{}", told["plain"]);
+    // what was read before is named by its file, and is one of the data
+    let digest = blake3::hash(&crate::common::read(&whole)).to_hex().to_string();
+    assert_eq!(told["provenance"]["data"]["kla_before"].as_str(), Some(&*digest));
+    // without it a slacker PCL does as well as a torn one, and the page asks for it
+    asked(&both[..1], "alone").assert().success();
+    let alone = json(&folder.path().join("alone/diagnosis.json"));
+    assert_eq!((&alone["verdict"], alone.get("before")), (&serde_json::json!("none"), None), "{}", alone["plain"]);
+    assert!(alone["plain"].as_str().unwrap().contains("--before NAME=FILE"), "{}", alone["plain"]);
+    let missing = folder.path().join("no_such.csv");
+    let refused = asked(&[both[0], ("--before", &missing)], "none").assert().failure();
+    assert!(String::from_utf8_lossy(&refused.get_output().stderr).contains("no_such.csv"));
 }

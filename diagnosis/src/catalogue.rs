@@ -35,6 +35,14 @@ pub struct Parameter {
     pub from: Option<f64>,
 }
 
+impl Parameter {
+    /// The least and the most that it can be [unit]: nothing where negative values mean nothing, all of a whole, what no knee exceeds.
+    pub fn can_be(&self) -> [f64; 2] {
+        let most = self.most.unwrap_or(f64::INFINITY);
+        [if self.one_sided { 0.0 } else { -most }, self.whole.map_or(most, |whole| whole.min(most))]
+    }
+}
+
 /// An effect a model may lack.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]

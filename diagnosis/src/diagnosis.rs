@@ -102,7 +102,7 @@ pub fn diagnose(
 ) -> Result<Outcome, DiagnosisError> {
     let problem = asked((model, spec), sources, catalogue, options, calibration)?;
     let searcher = Searcher { problem: &problem, options };
-    conclude(&searcher, searcher.search()?, spec)
+    conclude(&searcher, &judged(&searcher, searcher.search()?)?, spec)
 }
 
 /// A diagnosis beside the truth, for benches: what it told, and how far its search stayed behind.
@@ -120,9 +120,9 @@ pub fn diagnose_beside(
 ) -> Result<(Diagnosis, Option<Regret>), DiagnosisError> {
     let problem = asked((model, spec), sources, catalogue, options, calibration)?;
     let searcher = Searcher { problem: &problem, options };
-    let search = searcher.search()?;
-    let regret = regret(&problem, (&searcher, &search), truth)?;
-    Ok((conclude(&searcher, search, spec)?.diagnosis, regret))
+    let judged = judged(&searcher, searcher.search()?)?;
+    let regret = regret(&problem, (&searcher, &judged.search), truth)?;
+    Ok((conclude(&searcher, &judged, spec)?.diagnosis, regret))
 }
 
 /// The question, ready to be searched.
@@ -139,48 +139,110 @@ fn asked(
     prepared(problem, options, calibration.mode)
 }
 
-fn conclude(searcher: &Searcher, search: Search, spec: &ModelSpec) -> Result<Outcome, DiagnosisError> {
-    let (problem, options) = (searcher.problem, searcher.options);
+/// A search with its verdict and what that rests on.
+struct Judged {
+    search: Search,
+    verdict: Verdict,
+    /// Whether the evidence of its best passes the threshold.
+    is_named: bool,
+    /// What these trials cannot tell from its best.
+    kin: Vec<Fit>,
+    /// A field of no name beside the best.
+    wild: Wildcard,
+    /// The same in its place, with its log Bayes factor.
+    alone: (Wildcard, f64),
+    exchange: Option<Exchange>,
+    /// Nothing missing and the best on held-out trials.
+    held_out: [HeldOut; 2],
+    /// Each effect by itself, where the verdict is `unnamed`.
+    each: Option<Vec<Fit>>,
+}
+
+impl Judged {
+    /// The best hypothesis, believed or not.
+    fn best(&self) -> &Fit {
+        self.search.rivals.first().unwrap_or(&self.search.base)
+    }
+
+    /// The best where it is believed, else nothing missing.
+    fn believed(&self) -> &Fit {
+        if self.is_named { self.best() } else { &self.search.base }
+    }
+
+    /// What the best gains on held-out trials.
+    fn gain(&self) -> f64 {
+        self.held_out[1].gain_over(&self.held_out[0])
+    }
+}
+
+/// A search with its verdict. Before nothing is named, each effect is tried by itself from all its starts; where that finds a better answer, it is judged.
+fn judged(searcher: &Searcher, search: Search) -> Result<Judged, DiagnosisError> {
+    let mut first = judged_as_it_is(searcher, search.clone())?;
+    if first.verdict != Verdict::Unnamed {
+        return Ok(first);
+    }
+    let found = search.rivals.first().map(|f| f.unknowns.clone());
+    let (wide, each) = searcher.widened(search)?;
+    let is_new = wide.rivals.first().map(|f| &f.unknowns) != found.as_ref();
+    let out = if is_new {
+        judged_as_it_is(searcher, wide)?
+    } else {
+        searcher.take_in(&mut first.search, &each);
+        first
+    };
+    let each = (out.verdict == Verdict::Unnamed).then_some(each);
+    Ok(Judged { each, ..out })
+}
+
+/// The verdict of a search, no further looked for.
+fn judged_as_it_is(searcher: &Searcher, search: Search) -> Result<Judged, DiagnosisError> {
+    let (problem, folds) = (searcher.problem, searcher.options.folds);
     let (search, kin) = with_kin(searcher, search)?;
     let best = search.rivals.first().unwrap_or(&search.base);
     let is_named = !best.hypothesis.is_empty() && is_believed(searcher, &search, best);
     let believed = if is_named { best } else { &search.base };
     let wild = wildcard(problem, (&search.readings, &search.covariance), believed)?;
-    let (alone, alone_gain) =
-        if is_named { in_place(searcher, &search, best)? } else { (wild.clone(), wild.log_bayes_factor) };
+    let alone = if is_named { in_place(searcher, &search, best)? } else { (wild.clone(), wild.log_bayes_factor) };
     let leaves = searcher.total(believed) / believed.residual.len() as f64;
     let exchange = exchange(problem, &search, believed, leaves.max(1.0))?;
-    let rivals = weights(searcher, &search, believed);
-    let scored = |fit: &Fit| held_out(searcher, &search.covariance, fit, options.folds, options.folds);
+    let scored = |fit: &Fit| held_out(searcher, &search.covariance, fit, folds, folds);
     let before = scored(&search.base)?;
     let after = if is_named { scored(best)? } else { before.clone() };
-    let gain = after.gain_over(&before);
     let of = Candidature {
         believed,
         base: &search.base,
         is_named,
         wild: wild.log_bayes_factor,
-        alone: alone_gain,
+        alone: alone.1,
         names: nameable(problem),
         exchanged: exchange.map_or(f64::NEG_INFINITY, |e| e.log_bayes_factor),
-        gain,
+        gain: after.gain_over(&before),
         closes: closed(&before, &after),
         has_kin: kin.iter().any(|f| f.hypothesis != best.hypothesis),
     };
-    let verdict = verdict(searcher, &rivals, &of);
+    let verdict = verdict(searcher, &weights(searcher, &search, believed), &of);
+    Ok(Judged { verdict, is_named, kin, wild, alone, exchange, held_out: [before, after], each: None, search })
+}
+
+fn conclude(searcher: &Searcher, judged: &Judged, spec: &ModelSpec) -> Result<Outcome, DiagnosisError> {
+    let (problem, options) = (searcher.problem, searcher.options);
+    let Judged { search, kin, verdict, wild, exchange, .. } = judged;
+    let (verdict, best, believed) = (*verdict, judged.best(), judged.believed());
+    let rivals = weights(searcher, search, believed);
+    let [before, after] = &judged.held_out;
     let answers = if matches!(verdict, Verdict::None | Verdict::Unnamed) {
         vec![]
     } else {
-        answers(searcher, &search, (&rivals, &kin), (&before, gain))?
+        answers(searcher, search, (&rivals, kin), (before, judged.gain()))?
     };
     let shown = if answers.is_empty() { &search.base } else { best };
-    let shrunk = if answers.is_empty() { &before } else { &after };
-    let control = if answers.is_empty() { None } else { control(searcher, &search, best, &before)? };
+    let shrunk = if answers.is_empty() { before } else { after };
+    let control = if answers.is_empty() { None } else { control(searcher, search, best, before)? };
     let threshold = search.threshold * temper(searcher, best);
-    let (missable, open) = left_open(searcher, &search, verdict, threshold)?;
+    let (missable, open) = left_open(searcher, search, verdict, threshold)?;
     let first = open.iter().find(|(t, _)| t.is_slackened()).or(open.first()).map(|(_, fits)| fits);
-    let rival_fits = to_tell_apart(verdict, &search.base, (&rivals, &kin), first);
-    let residuals = map(problem, &search, &search.base)?;
+    let rival_fits = to_tell_apart(verdict, &search.base, (&rivals, kin), first);
+    let residuals = map(problem, search, &search.base)?;
     let drawn = curves(problem, &residuals, &search.given, &search.base, (!answers.is_empty()).then_some(best));
     let diagnosis = Diagnosis {
         schema: "diagnosis/1".into(),
@@ -189,14 +251,14 @@ fn conclude(searcher: &Searcher, search: Search, spec: &ModelSpec) -> Result<Out
         plain: String::new(),
         description: String::new(),
         before: names_before(problem),
-        contradictions: contradictions(searcher, &search, shown, verdict == Verdict::Unnamed)?,
-        unexplained: unexplained(searcher, &search, &before, verdict)?,
+        contradictions: contradictions(searcher, search, shown, verdict == Verdict::Unnamed)?,
+        unexplained: unexplained(searcher, search, before, judged.each.as_deref())?,
         may_be_torn: open.iter().map(|(t, _)| t.clone()).collect(),
         added: vec![],
-        gap: GapReport { held_out: gap(&before, shrunk), control },
+        gap: GapReport { held_out: gap(before, shrunk), control },
         map: residuals,
-        map_after: map(problem, &search, shown)?,
-        map_left_out: map_left_out(problem, &search, &search.base)?,
+        map_after: map(problem, search, shown)?,
+        map_left_out: map_left_out(problem, search, &search.base)?,
         curves: drawn,
         not_testable: not_testable(problem),
         without: left_out(&problem.catalogue),
@@ -207,7 +269,7 @@ fn conclude(searcher: &Searcher, search: Search, spec: &ModelSpec) -> Result<Out
         ligament_forces: vec![],
         threshold,
         wildcard: wild.log_bayes_factor,
-        wildcard_alone: Some(alone_gain),
+        wildcard_alone: Some(judged.alone.1),
         exchanged: exchange.and_then(|e| told_exchange(problem, e)),
         misfit: [&search.base, best].map(|f| searcher.total(f) / f.residual.len() as f64),
         best: named(problem, best, temper(searcher, believed)),
@@ -217,8 +279,8 @@ fn conclude(searcher: &Searcher, search: Search, spec: &ModelSpec) -> Result<Out
     let mut outcome = Outcome { diagnosis, components: vec![], model: None };
     outcome.add(problem, spec, [&search.base, best], temper(searcher, best))?;
     // what is told in words is all that is missing, not what the best answer leaves
-    let told = if verdict == Verdict::Unnamed { alone } else { wild };
-    outcome.diagnosis.description = crate::words::description(problem, &outcome.diagnosis, &told, &search);
+    let told = if verdict == Verdict::Unnamed { &judged.alone.0 } else { wild };
+    outcome.diagnosis.description = crate::words::description(problem, &outcome.diagnosis, told, search);
     outcome.diagnosis.plain = crate::plain::plain(&problem.catalogue, &outcome.diagnosis);
     Ok(outcome)
 }

@@ -96,10 +96,10 @@ fn effect(catalogue: &Catalogue, e: &Named) -> String {
     let place = if e.scope == "both" { String::new() } else { format!(" in {}", e.scope) };
     let Ok((found, _)) = catalogue.find(&e.effect) else { return format!("{}{place}", e.effect) };
     let about = e.variant.as_deref().filter(|v| !v.starts_with("about ")).unwrap_or("ligament");
-    let share = found.parameter.iter().find_map(|p| Some((e.parameters.get(&p.key)?, p.whole?)));
-    if let Some((value, whole)) = share {
-        let (low, high) = value.interval(true);
-        let percent = |x: f64| 100.0 * (x / whole).clamp(0.0, 1.0);
+    let share = found.parameter.iter().find_map(|p| Some((e.parameters.get(&p.key)?, p, p.whole?)));
+    if let Some((value, of, whole)) = share {
+        let (low, high) = value.interval(Some(of));
+        let percent = |x: f64| 100.0 * x / whole;
         return if high >= whole {
             format!("the {about} is torn{place}, or has lost {:.0} % or more of what it carries", percent(low))
         } else {

@@ -1,6 +1,7 @@
 //! The values of a report: diagnosis.json.
 
 use crate::candidate::{Candidate, Scope};
+use crate::catalogue::Parameter;
 use crate::contradiction::Contradiction;
 use crate::criteria::{INTERVAL_90, NAMED};
 use crate::curves::Curve;
@@ -116,10 +117,11 @@ pub struct Value {
 }
 
 impl Value {
-    /// Its 90 % interval; from nothing where negative values mean nothing.
-    pub fn interval(&self, one_sided: bool) -> (f64, f64) {
-        let (low, high) = (self.value - INTERVAL_90 * self.sd, self.value + INTERVAL_90 * self.sd);
-        (if one_sided { low.max(0.0) } else { low }, high)
+    /// Its 90 % interval, no further than its parameter can be.
+    pub fn interval(&self, of: Option<&Parameter>) -> (f64, f64) {
+        let [least, most] = of.map_or([f64::NEG_INFINITY, f64::INFINITY], Parameter::can_be);
+        let end = |deviations: f64| (self.value + deviations * self.sd).clamp(least, most);
+        (end(-INTERVAL_90), end(INTERVAL_90))
     }
 }
 

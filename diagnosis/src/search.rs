@@ -6,6 +6,7 @@ mod refit;
 mod steps;
 mod tried;
 mod unseen;
+mod wide;
 
 use crate::candidate::{Candidate, Scope, sized};
 use crate::covariance::{Floor, Readings, covariance, normal, remainders};
@@ -24,6 +25,7 @@ use serde::{Deserialize, Serialize};
 use sim::coordinate::FREE;
 use sim::equilibrium::{self, starts_of};
 use steps::{Found, Given, HOPELESS};
+use wide::Met;
 
 /// How a diagnosis is made.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -105,6 +107,10 @@ pub struct Search {
     pub threshold: f64,
     /// The screen at the baseline: candidate and log Bayes factor, best first.
     pub screened: Vec<(Candidate, f64)>,
+    /// Where it started.
+    start: Start,
+    /// Every single effect that was refitted on the way, whatever became of it.
+    met: Met,
 }
 
 /// A candidate in a screen, or two that act together: the log Bayes factor, places in the list of candidates, sizes, and where the ligaments would go beside
@@ -117,6 +123,7 @@ struct Screened {
 }
 
 /// Where a search starts.
+#[derive(Clone, Debug)]
 pub(crate) struct Start {
     /// The model as given.
     zero: Fit,
@@ -176,22 +183,28 @@ impl Searcher<'_> {
         let screened: Vec<(Candidate, f64)> =
             list.iter().map(|l| (candidates[l.candidates[0]].clone(), l.gain)).collect();
         let given = Given { readings: &readings, candidates: &candidates, extra: &start.extra, threshold };
-        let mut found = self.singles(&start, given, &list)?;
+        let found = self.singles(&start, given, &list)?;
+        let Found { base, rivals, cov, met } = self.grown(&start, found, given)?;
+        let given = start.zero.linear.value.clone();
+        Ok(Search { readings, covariance: cov, given, base, rivals, threshold, screened, start, met })
+    }
+
+    /// The best single effects with what acts beside them, weighed.
+    fn grown(&self, start: &Start, mut found: Found, given: Given) -> Result<Found, DiagnosisError> {
         for _ in 1..self.options.most_effects {
             let more;
-            (found, more) = self.another(&start, found, given)?;
+            (found, more) = self.another(start, found, given)?;
             if !more {
                 break;
             }
             found = self.exchange(found, given)?;
         }
-        let Found { base, mut rivals, cov } = found;
-        let is_hopeful = |best: &Fit| self.gain(best, &base) >= threshold && self.leaves(best) < HOPELESS[1];
+        let Found { base, rivals, .. } = &mut found;
+        let is_hopeful = |best: &Fit| self.gain(best, base) >= given.threshold && self.leaves(best) < HOPELESS[1];
         if rivals.first().is_some_and(is_hopeful) {
-            self.weigh_in_own_scatter(&mut rivals, &readings, &start.extra)?;
+            self.weigh_in_own_scatter(rivals, given.readings, given.extra)?;
         }
-        let given = start.zero.linear.value;
-        Ok(Search { readings, covariance: cov, given, base, rivals, threshold, screened })
+        Ok(found)
     }
 
     fn log(&self, fit: &Fit) -> f64 {

@@ -4,28 +4,26 @@ use crate::covariance::Readings;
 use crate::error::DiagnosisError;
 use crate::fit::Fit;
 use crate::held_out::{HeldOut, closed, held_out};
-use crate::report::{DataSetAlone, Tried, Unexplained, Verdict, named};
+use crate::report::{DataSetAlone, Tried, Unexplained, named};
 use crate::robust::Mixture;
 use crate::search::{Search, Searcher, TRIES};
 use crate::verdict::temper;
 
-/// Effects whose share is asked on held-out trials, too, the likeliest first [-]: each costs a refit a fold.
+/// Effects whose share is asked on held-out trials, too, the likeliest first [-]: each costs a refit a fold. One that earns nothing is not asked.
 const HELD_OUT: usize = 5;
 
-/// Why nothing is named, where the verdict is that; `before` is the score of nothing missing on held-out trials.
+/// Why nothing is named, where each effect was tried by itself; `before` is the score of nothing missing on held-out trials.
 ///
 /// Errors: a model that cannot be evaluated.
 pub(crate) fn unexplained(
     searcher: &Searcher,
     search: &Search,
     before: &HeldOut,
-    verdict: Verdict,
+    each: Option<&[Fit]>,
 ) -> Result<Option<Unexplained>, DiagnosisError> {
-    if verdict != Verdict::Unnamed {
-        return Ok(None);
-    }
+    let Some(each) = each else { return Ok(None) };
     let (data_sets, two_knees) = alone(searcher, search)?;
-    Ok(Some(Unexplained { data_sets, two_knees, tried: tried(searcher, search, before)? }))
+    Ok(Some(Unexplained { data_sets, two_knees, tried: tried(searcher, search, before, each)? }))
 }
 
 /// Each data set with a knee of its own.
@@ -62,13 +60,13 @@ fn alone(searcher: &Searcher, search: &Search) -> Result<(Vec<DataSetAlone>, Opt
 }
 
 /// Each effect by itself, and what was found together.
-fn tried(searcher: &Searcher, search: &Search, before: &HeldOut) -> Result<Vec<Tried>, DiagnosisError> {
-    let mut fits = searcher.each_effect(search)?;
-    fits.extend(search.rivals.first().filter(|f| f.hypothesis.len() > 1).cloned());
+fn tried(searcher: &Searcher, search: &Search, before: &HeldOut, each: &[Fit]) -> Result<Vec<Tried>, DiagnosisError> {
+    let mut fits = each.to_vec();
+    fits.extend(search.rivals.iter().find(|f| f.hypothesis.len() > 1).cloned());
     fits.sort_by(|a, b| searcher.gain(b, &search.base).total_cmp(&searcher.gain(a, &search.base)));
     let folds = searcher.options.folds;
     let one = |(k, fit): (usize, &Fit)| {
-        let unseen = if k < HELD_OUT {
+        let unseen = if k < HELD_OUT && searcher.gain(fit, &search.base) > 0.0 {
             Some(closed(before, &held_out(searcher, &search.covariance, fit, folds, folds)?))
         } else {
             None

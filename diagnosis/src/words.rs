@@ -131,8 +131,7 @@ fn named(catalogue: &Catalogue, e: &Named) -> String {
 pub fn sizes(catalogue: &Catalogue, e: &Named, label: &str) -> Vec<String> {
     let found = catalogue.find(&e.effect).ok().map(|(f, _)| f);
     let one = |(k, v): (&String, &crate::report::Value)| {
-        let one_sided = found.is_some_and(|f| f.parameter.iter().any(|p| p.key == *k && p.one_sided));
-        let (low, high) = v.interval(one_sided);
+        let (low, high) = v.interval(found.and_then(|f| f.parameter.iter().find(|p| p.key == *k)));
         let size = with_unit(v.value, &v.unit);
         format!("{k} {size} ({label}{} to {})", figures(low), figures(high))
     };
@@ -266,4 +265,39 @@ fn shifts(d: &Diagnosis) -> String {
         })
         .collect();
     format!(" The ligaments had taken up part of it: with the effect {}.", told.join(", "))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::Value;
+
+    /// An effect with one parameter, in words.
+    fn told(effect: &str, key: &str, value: f64, sd: f64, unit: &str) -> String {
+        let parameters = [(key.to_owned(), Value { value, sd, unit: unit.into() })].into();
+        let named = Named { effect: effect.into(), scope: "both".into(), variant: None, parameters };
+        sizes(&Catalogue::shipped(), &named, "").concat()
+    }
+
+    #[test]
+    fn an_interval_ends_where_its_parameter_does() {
+        assert_eq!(told("structure_loss", "loss", 1.0, 0.168, "-"), "loss 1.00 (0.724 to 1.00)");
+        assert_eq!(told("load_gain", "gain", -0.7, 0.2, "-"), "gain -0.700 (-0.750 to -0.371)");
+        assert_eq!(told("gravity", "weight_n", 55.0, 10.0, "N"), "weight_n 55.0 N (38.5 to 60.0)");
+        assert_eq!(told("joint_compression", "si_n", 50.0, 100.0, "N"), "si_n 50.0 N (0 to 214)");
+        // what nothing bounds, and what the catalogue does not know
+        assert_eq!(told("flexion_offset", "fe_deg", 5.0, 10.0, "deg"), "fe_deg 5.00 deg (-11.4 to 21.4)");
+        assert_eq!(told("ghost", "loss", 1.0, 1.0, "-"), "loss 1.00 (-0.645 to 2.65)");
+    }
+
+    #[test]
+    fn no_interval_of_the_catalogue_leaves_what_can_be() {
+        for p in Catalogue::shipped().effect.iter().flat_map(|e| &e.parameter) {
+            let [least, most] = p.can_be();
+            for value in [least, most, 0.0].into_iter().filter(|x| x.is_finite()) {
+                let (low, high) = Value { value, sd: 3.0 * p.sd, unit: p.unit.clone() }.interval(Some(p));
+                assert!(least <= low && low <= value && value <= high && high <= most, "{} {low} {high}", p.key);
+            }
+        }
+    }
 }

@@ -46,7 +46,7 @@ const BENT: [Asked; 4] = [
 ];
 
 /// The question of a deck whose readings are those of the model itself with a structure cut, and noise.
-fn cut(structure: &str) -> Option<Problem> {
+pub(crate) fn cut(structure: &str) -> Option<Problem> {
     let mut problem = question("cuts", &[("rks", &PLAN)])?;
     let readings = answered(&problem, structure);
     for (trial, there) in problem.trials.iter_mut().zip(readings) {

@@ -13,3 +13,4 @@ mod pulls;
 mod rests;
 mod suspects;
 mod unloaded;
+mod wide;

@@ -1,5 +1,6 @@
 //! The steps of a search: single effects, one more beside the best, one exchanged for another.
 
+use super::wide::Met;
 use super::{Screened, Searcher, Start, TRIES};
 use crate::candidate::Candidate;
 use crate::covariance::Readings;
@@ -65,6 +66,8 @@ pub(super) struct Found {
     pub rivals: Vec<Fit>,
     /// The scatter at the best.
     pub cov: DMatrix<f64>,
+    /// Single effects that were refitted on the way.
+    pub met: Met,
 }
 
 impl Searcher<'_> {
@@ -73,7 +76,7 @@ impl Searcher<'_> {
     pub(super) fn singles(&self, start: &Start, given: Given, list: &[Screened]) -> Result<Found, DiagnosisError> {
         let Start { zero, held, base, extra, cov } = start;
         let (readings, candidates) = (given.readings, given.candidates);
-        let mut found = Found { base: base.clone(), rivals: vec![], cov: cov.clone() };
+        let mut found = Found { base: base.clone(), rivals: vec![], cov: cov.clone(), met: Met::default() };
         let near = self.scatter(held, extra)?;
         let (forces, _) = self.screen(held, readings, &near, candidates)?;
         // a large effect bends the ligaments of the baseline and the poses: screen and start from the model's own and at the measured, too
@@ -131,7 +134,7 @@ impl Searcher<'_> {
     }
 
     /// The same with a rival in the place of the best where it is the likelier by the mean of both scatters: that at the best favours the best.
-    fn fairly(&self, mut found: Found, given: Given) -> Result<Found, DiagnosisError> {
+    pub(super) fn fairly(&self, mut found: Found, given: Given) -> Result<Found, DiagnosisError> {
         let Some(best) = found.rivals.first() else { return Ok(found) };
         if self.options.by_error || self.gain(best, &found.base) < given.threshold {
             return Ok(found);
@@ -146,8 +149,7 @@ impl Searcher<'_> {
         let Some(k) = likelier(&in_common, &in_own) else { return Ok(found) };
         let taken = found.rivals.remove(k + 1);
         found.rivals.insert(0, taken);
-        let (base, rivals, cov) = self.again(found.base, found.rivals, given.readings, given.extra)?;
-        Ok(Found { base, rivals, cov })
+        self.refitted(found, given)
     }
 
     /// By how much a fit is ahead of another in its own scatter.
@@ -195,16 +197,14 @@ impl Searcher<'_> {
         };
         let taken = more.rivals.remove(k);
         more.rivals.insert(0, taken);
-        let (base, rivals, cov) = self.again(more.base, more.rivals, given.readings, given.extra)?;
-        let more = Found { base, rivals, cov };
+        let more = self.refitted(more, given)?;
         let without = self.in_scatter(&best, given.readings, &more.cov)?;
         let is_longer = |f: &Fit| f.hypothesis.len() > best.hypothesis.len();
         if more.rivals.first().is_some_and(|f| is_longer(f) && self.log(f) >= self.log(&without) + least) {
             return Ok((more, true));
         }
-        let fewer: Vec<Fit> = std::iter::once(without).chain(found.rivals.into_iter().skip(1)).collect();
-        let (base, rivals, cov) = self.again(more.base, fewer, given.readings, given.extra)?;
-        Ok((Found { base, rivals, cov }, false))
+        let rivals: Vec<Fit> = std::iter::once(without).chain(found.rivals.into_iter().skip(1)).collect();
+        Ok((self.refitted(Found { rivals, ..more }, given)?, false))
     }
 
     /// Which of some fits in a scatter, sorted, has an effect more than the best, predicts unseen trials better by it, and is worth it by most.
@@ -267,7 +267,7 @@ impl Searcher<'_> {
     }
 
     /// A fit again in another scatter.
-    fn in_scatter(&self, fit: &Fit, readings: &Readings, cov: &DMatrix<f64>) -> Result<Fit, DiagnosisError> {
+    pub(super) fn in_scatter(&self, fit: &Fit, readings: &Readings, cov: &DMatrix<f64>) -> Result<Fit, DiagnosisError> {
         self.fit(&fit.hypothesis, &fit.unknowns, &fit.coordinates(), cov, readings, TRIES)
     }
 
@@ -297,10 +297,16 @@ impl Searcher<'_> {
     }
 
     /// The best again with the scatter at the best.
-    fn renewed(&self, mut found: Found, given: Given) -> Result<Found, DiagnosisError> {
+    pub(super) fn renewed(&self, mut found: Found, given: Given) -> Result<Found, DiagnosisError> {
         self.sort(&mut found.rivals);
+        self.refitted(found, given)
+    }
+
+    /// The same, the first of the rivals being the best.
+    fn refitted(&self, mut found: Found, given: Given) -> Result<Found, DiagnosisError> {
+        self.meet(&mut found);
         let (base, rivals, cov) = self.again(found.base, found.rivals, given.readings, given.extra)?;
-        Ok(Found { base, rivals, cov })
+        Ok(Found { base, rivals, cov, met: found.met })
     }
 }
 
