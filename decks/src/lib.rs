@@ -17,6 +17,7 @@ mod contact;
 mod export;
 pub mod expression;
 mod faces;
+pub mod febio;
 mod held;
 mod import;
 pub mod keyword;

@@ -2,7 +2,7 @@
 
 use meshes::Point;
 use sim::spec::{BundleSpec, FibreSpec, Law};
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Fibres whose laws differ by less than this share, or so many mm, are of one bundle: numbers are written so that they come back.
 const SAME: f64 = 1e-9;
@@ -20,12 +20,15 @@ pub(crate) struct Line {
     pub(crate) stiffness: f64,
     pub(crate) toe_strain: f64,
     pub(crate) damping: f64,
+    /// Of a law of lines between points: the multiple of the toe from which the force stays.
+    pub(crate) end: Option<f64>,
 }
 
 impl Line {
-    /// Stretch, toe, stiffness and damping [mm, N/mm, N s/mm]: what the fibres of a bundle share.
-    fn law(&self) -> [f64; 4] {
-        [self.length - self.slack, self.toe_strain * self.slack, self.stiffness, self.damping]
+    /// Stretch, toe, stiffness, damping and the points' end [mm, N/mm, N s/mm, -]: what the fibres of a bundle share.
+    fn law(&self) -> [f64; 5] {
+        let end = self.end.unwrap_or(0.0);
+        [self.length - self.slack, self.toe_strain * self.slack, self.stiffness, self.damping, end]
     }
 }
 
@@ -40,8 +43,16 @@ pub(crate) fn bundle_name(name: &str) -> String {
     }
 }
 
+/// What lines make: bundles, fibres, and the ends of those laws that are lines between points.
+#[derive(Default)]
+pub(crate) struct Bundles {
+    pub(crate) bundles: Vec<BundleSpec>,
+    pub(crate) fibres: Vec<FibreSpec>,
+    pub(crate) ends: BTreeMap<String, f64>,
+}
+
 /// Bundles of the fibres: those of one name but for a number are one bundle where all have one law, else each is a bundle.
-pub(crate) fn bundles(lines: Vec<Line>) -> (Vec<BundleSpec>, Vec<FibreSpec>) {
+pub(crate) fn bundles(lines: Vec<Line>) -> Bundles {
     let stem = |name: &str| name.trim_end_matches(|c: char| c.is_ascii_digit()).trim_end_matches('_').to_owned();
     let mut groups: Vec<(String, Vec<Line>)> = Vec::new();
     for line in lines {
@@ -53,7 +64,7 @@ pub(crate) fn bundles(lines: Vec<Line>) -> (Vec<BundleSpec>, Vec<FibreSpec>) {
         }
     }
     let taken: BTreeSet<String> = groups.iter().flat_map(|(_, l)| l).map(|l| l.name.clone()).collect();
-    let (mut specs, mut fibres) = (Vec::new(), Vec::new());
+    let mut out = Bundles::default();
     for (name, group) in groups {
         let first = group[0].law();
         let same = |l: &Line| l.law().iter().zip(&first).all(|(a, b)| (a - b).abs() <= SAME * b.abs().max(1.0));
@@ -66,17 +77,19 @@ pub(crate) fn bundles(lines: Vec<Line>) -> (Vec<BundleSpec>, Vec<FibreSpec>) {
             false => group.iter().map(|l| (l.name.clone(), vec![l])).collect(),
         };
         for (name, of) in parts {
-            fibres.extend(of.iter().map(|l| FibreSpec { bundle: name.clone(), femur: l.femur, tibia: l.tibia }));
-            specs.push(bundle(name, &of));
+            let fibre = |l: &&Line| FibreSpec { bundle: name.clone(), femur: l.femur, tibia: l.tibia };
+            out.fibres.extend(of.iter().map(fibre));
+            out.ends.extend(of[0].end.map(|end| (name.clone(), end)));
+            out.bundles.push(bundle(name, &of));
         }
     }
-    (specs, fibres)
+    out
 }
 
 /// A bundle of fibres of one law: the mean of their lengths stands for each.
 fn bundle(name: String, of: &[&Line]) -> BundleSpec {
     let count = of.len() as f64;
-    let [stretch, toe, stiffness, damping] = of[0].law();
+    let [stretch, toe, stiffness, damping, _] = of[0].law();
     // one fibre keeps its own numbers to the last digit
     let slack = of.iter().map(|l| l.slack).sum::<f64>() / count;
     let length = if of.len() == 1 { of[0].length } else { slack + stretch };
@@ -86,7 +99,7 @@ fn bundle(name: String, of: &[&Line]) -> BundleSpec {
         stiffness_n_per_mm: stiffness * count,
         reference_length_mm: length,
         toe_strain: toe / slack,
-        law: Law::Smooth,
+        law: if of[0].end.is_some() { Law::Tabular } else { Law::Smooth },
         damping_n_s_per_mm: damping,
     }
 }

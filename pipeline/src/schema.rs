@@ -54,7 +54,7 @@ const ALL: [Entry; 20] = [
     Entry {
         name: "import",
         version: schemas::IMPORT,
-        what: "import-abaqus --json and import-opensim --json",
+        what: "import-abaqus, import-opensim and import-febio --json",
         make: made::<ImportTold>,
     },
     Entry { name: "cohort", version: schemas::COHORT, what: "cohort --json", make: made::<CohortTold> },

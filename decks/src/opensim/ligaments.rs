@@ -8,7 +8,7 @@ use super::knee::Knee;
 use super::places::Places;
 use super::{MM_PER_M, point};
 use crate::DeckError;
-use crate::lines::{Line, bundle_name, bundles};
+use crate::lines::{Bundles, Line, bundle_name, bundles};
 use crate::tree::{Tree, child, name_of, text};
 use meshes::Point;
 use notices::{Kind, Notice};
@@ -76,7 +76,7 @@ pub(super) fn ligaments<'a, 'i>(
         let text = format!("{} ligaments are left out, since they {what}: {}", which.len(), which.join(", "));
         told.push(Kind::SpringsUnread.notice(text).count(which.len()));
     }
-    let (bundles, fibres) = bundles(lines);
+    let Bundles { bundles, fibres, .. } = bundles(lines);
     Ok(Ligaments { bundles, fibres, told })
 }
 
@@ -164,6 +164,7 @@ fn law(tree: &Tree<'_>, node: Node<'_, '_>, length: f64, (femur, tibia): (Point,
         stiffness: stiffness / slack,
         toe_strain: transition / 2.0,
         damping: stiffness * damping / slack,
+        end: None,
     })
 }
 
