@@ -315,6 +315,7 @@ fn linear_springs_pull_from_their_own_length_and_those_that_push_are_told() {
             // a toe of a ten-thousandth of the length stands for none
             assert!((force - wanted).abs() < 25.0 * 1e-4 * 82.0, "{kind} {x}: {force} {wanted}");
         }
+        assert!(!told(&deck).contains("depart from"), "{}", told(&deck));
         assert_eq!(
             told(&deck).contains("1 springs push there when they are shorter than slack; here they are slack: cord"),
             pushes
@@ -443,6 +444,10 @@ fn cartilage_that_deforms_is_a_layer_of_its_material_and_thickness() {
     let rigid = read(&knee().text().replace("<penalty>4.0<", &format!("<penalty>{:?}<", m / 5.0))).unwrap();
     let [a, b] = [&linear, &rigid].map(|deck| answer(deck, 20.0, &pressed(30.0)));
     assert!(apart(&a.0, &b.0) < 5e-3 && apart(&a.1, &b.1) < 5e-2, "{a:?} {b:?}");
+    // of another material: its line is named
+    let text = layered("type=\"Ogden\"><c1>1</c1>").text();
+    let e = read(&text).unwrap_err();
+    assert!(e.line > 0 && e.message.contains("a cartilage is of \"Ogden\"; expected neo-Hookean"), "{e}");
     // tied to bone in place of fixed
     let mut tied = layered("type=\"neo-Hookean\"><E>5</E><v>0.45</v>");
     tied.face("bone", |u, v| plateau(-33.0, u, v), false);

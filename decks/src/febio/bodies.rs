@@ -31,9 +31,11 @@ impl<'a, 'i> Bodies<'a, 'i> {
     /// Reads materials, domains, locks and the nodes that are fixed to bodies.
     ///
     /// Errors: names that lead nowhere, a node on two bodies.
-    pub(super) fn new(tree: &Tree<'_>, mesh: &Mesh, objects: &[Node<'a, 'i>]) -> Result<Self, DeckError> {
+    pub(super) fn new(tree: &'a Tree<'i>, mesh: &Mesh, objects: &[Node<'a, 'i>]) -> Result<Self, DeckError> {
         let of = |name: &'static str| objects.iter().copied().filter(move |o| o.tag_name().name() == name);
-        let materials: Vec<Material> = of("material")
+        // those that are passed over among them: a message may have to name one
+        let all = tree.root().descendants().filter(|n| n.tag_name().name() == "material");
+        let materials: Vec<Material> = all
             .map(|node| {
                 let id = node.attribute("id").unwrap_or("").trim().to_owned();
                 let name = Some(name_of(node).trim()).filter(|n| !n.is_empty()).unwrap_or(&id).to_owned();
@@ -90,7 +92,7 @@ impl<'a, 'i> Bodies<'a, 'i> {
             let named = domain.and_then(|d| d.attribute("mat")).or(part.material.as_deref());
             let Some(named) = named else { continue };
             let found = self.named(named);
-            if found.is_none() && !tree.root().descendants().any(|n| is_material(n, named)) {
+            if found.is_none() {
                 let at = domain.copied().unwrap_or(tree.root());
                 return Err(tree.error(at, format!("\"{}\" is no material of the file", brief(named))));
             }
@@ -158,18 +160,13 @@ impl<'a, 'i> Bodies<'a, 'i> {
     }
 }
 
-fn is_material(node: Node<'_, '_>, named: &str) -> bool {
-    let own = |a: &str| node.attribute(a).map(str::trim) == Some(named.trim());
-    node.tag_name().name() == "material" && (own("name") || own("id"))
-}
-
 /// Femur and tibia.
 pub(super) struct Knee {
     pub(super) femur: usize,
     pub(super) tibia: usize,
 }
 
-/// A body in contact, and what names say of it.
+/// A body in contact, and the names of its surface and part.
 pub(super) type Sided = (usize, String);
 
 impl Knee {
@@ -196,7 +193,7 @@ impl Knee {
         let (femur, tibia) = (asked("--femur", &given.femur)?, asked("--tibia", &given.tibia)?);
         let (femur, tibia) = match (femur, tibia) {
             (Some(femur), Some(tibia)) => (femur, tibia),
-            _ => one(bodies, &pairs(contacts, femur, tibia), contacts).map_err(whole)?,
+            _ => one(bodies, &pairs(bodies, contacts, (femur, tibia)), contacts).map_err(whole)?,
         };
         if femur == tibia {
             return Err(whole(format!("femur and tibia are one rigid body, {}", bodies.name(femur))));
@@ -210,16 +207,22 @@ impl Knee {
     }
 }
 
-fn pairs(contacts: &[[Sided; 2]], femur: Option<usize>, tibia: Option<usize>) -> BTreeSet<(usize, usize)> {
-    let says = |names: &str, own: &[&str; 3], other: &[&str; 3]| {
-        let names = names.to_lowercase();
-        own.iter().any(|w| names.contains(w)) && !other.iter().any(|w| names.contains(w))
+/// Bodies that contact joins: those asked for, else those whose names say so, or failing that the names of their surfaces.
+fn pairs(
+    bodies: &Bodies<'_, '_>,
+    contacts: &[[Sided; 2]],
+    (femur, tibia): (Option<usize>, Option<usize>),
+) -> BTreeSet<(usize, usize)> {
+    let has = |name: &str, words: &[&str; 3]| words.iter().any(|w| name.to_lowercase().contains(w));
+    let says = |side: &Sided, own: &[&str; 3], other: &[&str; 3]| {
+        let name = bodies.name(side.0);
+        has(name, own) || (!has(name, other) && has(&side.1, own) && !has(&side.1, other))
     };
     let mut found = BTreeSet::new();
     for [one, two] in contacts {
         for (a, b) in [(one, two), (two, one)] {
-            let femoral = femur.map_or_else(|| says(&a.1, &FEMORAL, &TIBIAL), |f| a.0 == f);
-            let tibial = tibia.map_or_else(|| says(&b.1, &TIBIAL, &FEMORAL), |t| b.0 == t);
+            let femoral = femur.map_or_else(|| says(a, &FEMORAL, &TIBIAL), |f| a.0 == f);
+            let tibial = tibia.map_or_else(|| says(b, &TIBIAL, &FEMORAL), |t| b.0 == t);
             if femoral && tibial && a.0 != b.0 {
                 found.insert((a.0, b.0));
             }

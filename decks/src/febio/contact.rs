@@ -137,7 +137,7 @@ impl Finder<'_, '_, '_> {
             faces.iter_mut().for_each(|f| f.reverse());
         }
         let part = layer.as_ref().map_or("", |(_, part, _)| self.mesh.parts[*part].name.as_str());
-        let names = format!("{} {surface} {part}", self.bodies.name(body));
+        let names = format!("{surface} {part}");
         let layer = layer.map(|(_, part, bony)| (part, bony));
         Ok(Some(Side { surface: surface.to_owned(), body, faces, layer, names }))
     }

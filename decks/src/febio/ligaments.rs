@@ -11,9 +11,7 @@ use roxmltree::Node;
 use sim::spec::fibre_damping;
 use std::collections::{BTreeMap, BTreeSet};
 
-/// A law that is nearer to its curve than this share of stiffness times toe [-], and this [N], is the curve. Ours: an export writes a toe by chords that are
-/// off by a sixteen-hundredth.
-const NEAR: f64 = 1e-3;
+/// Forces that differ by less are written with few digits [N]. Ours.
 const NEAR_N: f64 = 0.01;
 /// A curve that goes on this far beyond a fibre's length in the file is never left [-]: ligaments tear before. Ours.
 const FAR: f64 = 0.3;
@@ -143,7 +141,7 @@ fn pairs<'n, 'm>(
 }
 
 fn say(odd: &mut Said, law: &Spring, fit: &Fitted, (name, length): (&str, f64)) {
-    if fit.off > NEAR_N + NEAR * fit.stiffness * fit.toe {
+    if fit.off > NEAR_N + fit.owed {
         odd.of("have curves that depart from slack, toe and line", format!("{name} (by {:.2} N)", fit.off));
     }
     if fit.pushes {

@@ -23,7 +23,9 @@ const FAR_LINE_MM: f64 = 50.0;
 /// What the file does otherwise than the model.
 pub(super) fn warnings(model: &LoadedModel) -> Vec<Notice> {
     let mut out: Vec<Notice> = bent(model).into_iter().collect();
-    out.push(Kind::NotInFormat.notice("bones are rigid shells; contact is FEBio's sliding-elastic by penalty, without friction; not run here, as FEBio is not at hand"));
+    out.push(Kind::NotInFormat.notice(
+        "bones are rigid shells; contact is FEBio's sliding-elastic by penalty; not run here, as FEBio is not at hand",
+    ));
     if !model.spec.menisci.is_empty() {
         out.push(Kind::NotInFormat.notice("menisci are deformable there, and their coronary ligament is left out"));
     }
@@ -137,8 +139,9 @@ fn contact(model: &LoadedModel) -> String {
     let pairs = model.spec.contact.pairs.iter().map(|pair| {
         let name = format!("{}_on_{}", contact_name(model, &pair.femur, true), contact_name(model, &pair.tibia, false));
         format!(
-            "<contact name=\"{name}\" type=\"sliding-elastic\" surface_pair=\"{name}\"><laugon>PENALTY</laugon><penalty>{:.6}</penalty><auto_penalty>0</auto_penalty><two_pass>1</two_pass><search_radius>5</search_radius><symmetric_stiffness>0</symmetric_stiffness></contact>",
-            penalty(model)
+            "<contact name=\"{name}\" type=\"sliding-elastic\" surface_pair=\"{name}\"><laugon>PENALTY</laugon><penalty>{:.6}</penalty><auto_penalty>0</auto_penalty><two_pass>1</two_pass><search_radius>5</search_radius><symmetric_stiffness>0</symmetric_stiffness><fric_coeff>{}</fric_coeff></contact>",
+            penalty(model),
+            model.spec.contact.friction
         )
     });
     pairs.collect()
