@@ -252,6 +252,58 @@ fn with_straight_contact(folder: &Path) -> PathBuf {
     path
 }
 
+/// Both models answer the same loaded trials alike, within so many mm, deg or N and that share.
+fn answer_alike(folder: &Path, models: [&Path; 2], within: f64) {
+    let trials = loaded(folder).with_file_name("trials.csv");
+    let [a, b] = [0, 1].map(|k| {
+        let results = folder.join(["ours.csv", "theirs.csv"][k]);
+        let mut run = build_model();
+        run.arg("simulate").arg(models[k]).arg("--trials").arg(&trials).arg("--out").arg(&results);
+        run.assert().success();
+        numbers(&results)
+    });
+    assert!(a.len() > 100 && a.len() == b.len(), "{} {}", a.len(), b.len());
+    let off = |((_, x), (_, y)): (&(String, f64), &(String, f64))| (x - y).abs() / (1.0 + x.abs());
+    println!("models apart by at most {:e}", a.iter().zip(&b).map(off).fold(0.0, f64::max));
+    for ((name, x), (_, y)) in a.iter().zip(&b) {
+        assert!((x - y).abs() <= within * (1.0 + x.abs()), "{name}: {x} {y}");
+    }
+}
+
+#[test]
+fn a_knee_written_for_febio_comes_back_and_answers_as_it_did() {
+    let folder = TempDir::new().unwrap();
+    let ours = with_straight_contact(folder.path());
+    let mut rough = json(&ours);
+    rough["contact"]["friction"] = 0.03.into();
+    write(&ours, serde_json::to_vec(&rough).unwrap());
+    let [feb, back] = ["feb", "back"].map(|name| folder.path().join(name));
+    build_model().arg("export").arg(&ours).args(["--format", "febio", "--out"]).arg(&feb).assert().success();
+    build_model().arg("import-febio").arg(feb.join("model.feb")).arg("--out").arg(&back).assert().success();
+    let theirs = back.join("model.json");
+    let names = |path: &Path| -> Vec<String> {
+        let bundles = json(path)["bundles"].as_array().unwrap().clone();
+        bundles.iter().map(|b| b["name"].as_str().unwrap().to_owned()).collect()
+    };
+    assert_eq!(names(&ours), names(&theirs));
+    answer_alike(folder.path(), [&ours, &theirs], 1e-4);
+}
+
+#[test]
+fn a_file_that_is_no_febio_knee_is_told_and_writes_nothing() {
+    let folder = TempDir::new().unwrap();
+    let out = folder.path().join("m");
+    for (text, wanted) in
+        [("solid", "expected a FEBio file (.feb)"), ("<febio_spec version=\"4.0\"/>", "no sliding contact is between")]
+    {
+        let bad = folder.path().join("bad.feb");
+        write(&bad, text);
+        let run = build_model().arg("import-febio").arg(&bad).arg("--out").arg(&out).assert();
+        run.code(1).stderr(predicates::str::contains(wanted));
+        assert!(!out.exists());
+    }
+}
+
 #[test]
 fn a_knee_written_for_jam_comes_back_and_opensim_answers_as_it_does() {
     let folder = TempDir::new().unwrap();
@@ -263,25 +315,8 @@ fn a_knee_written_for_jam_comes_back_and_opensim_answers_as_it_does() {
         run.assert().success();
     }
     build_model().arg("import-opensim").arg(jam.join("model.osim")).arg("--out").arg(&back).assert().success();
-    let trials = loaded(folder.path()).with_file_name("trials.csv");
     let theirs = back.join("model.json");
-    let [a, b] = [(&ours, "ours.csv"), (&theirs, "theirs.csv")].map(|(model, name)| {
-        let results = folder.path().join(name);
-        build_model()
-            .arg("simulate")
-            .arg(model)
-            .arg("--trials")
-            .arg(&trials)
-            .arg("--out")
-            .arg(&results)
-            .assert()
-            .success();
-        numbers(&results)
-    });
-    assert!(a.len() > 100 && a.len() == b.len(), "{} {}", a.len(), b.len());
-    for ((name, x), (_, y)) in a.iter().zip(&b) {
-        assert!((x - y).abs() <= 1e-4 * (1.0 + x.abs()), "{name}: {x} {y}");
-    }
+    answer_alike(folder.path(), [&ours, &theirs], 1e-4);
     // OpenSim 4.6 has no contact of JAM's: the same knee with its own contact, against what the model read back answers
     let [osim, spec, results] = [&plain, &theirs, &folder.path().join("theirs.csv")].map(|p| p.display().to_string());
     reads("a_knee_written_for_jam_comes_back", "opensim_statics.py", &[&osim, &spec, &results, "8"]);

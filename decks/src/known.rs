@@ -2,7 +2,9 @@
 
 use super::DeckError;
 use super::keyword::{Block, DeckText};
+use super::tree::Tree;
 use notices::{Kind, Notice};
+use roxmltree::Node;
 use sim::names::did_you_mean;
 use std::collections::BTreeMap;
 use std::sync::LazyLock;
@@ -102,4 +104,25 @@ fn unknown(deck: &DeckText, block: &Block) -> Result<String, DeckError> {
 fn said(what: &str, count: usize, place: &str) -> Notice {
     let text = if count == 1 { format!("{place}: {what}") } else { format!("{place}: {what} ({count} times)") };
     Kind::KeywordPassedOver.notice(text).count(count)
+}
+
+/// Counted notices, each with the place where it was met first.
+#[derive(Default)]
+pub(crate) struct Counted(BTreeMap<String, (usize, usize)>);
+
+impl Counted {
+    /// Counts what is said of an element.
+    pub(crate) fn tell(&mut self, tree: &Tree<'_>, node: Node<'_, '_>, what: String) {
+        self.0.entry(what).or_insert_with(|| (0, tree.line(node))).0 += 1;
+    }
+
+    /// What is told: once a kind, with the place of the first and how many there are.
+    pub(crate) fn told(self, tree: &Tree<'_>) -> Vec<Notice> {
+        let said = |(what, (count, line)): (String, (usize, usize))| {
+            let times = if count == 1 { String::new() } else { format!(" ({count} times)") };
+            let text = format!("{}:{line}: {what}{times}", tree.file);
+            Kind::KeywordPassedOver.notice(text).count(count)
+        };
+        self.0.into_iter().map(said).collect()
+    }
 }

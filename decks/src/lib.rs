@@ -11,20 +11,25 @@
 //! assert_eq!(decks::expression::evaluate("2*k + 1", &names), Ok(101.0));
 //! ```
 
+mod axes;
 mod bodies;
 mod contact;
 mod export;
 pub mod expression;
+mod faces;
+pub mod febio;
 mod held;
 mod import;
 pub mod keyword;
 pub mod known;
 mod ligaments;
+mod lines;
 pub mod model;
 pub mod opensim;
 mod place;
 mod sets;
 mod steps;
+mod tree;
 mod variant;
 
 pub use export::{ExportedDeck, export};

@@ -5,18 +5,19 @@
 
 mod bones;
 mod contact;
+mod document;
 mod forces;
 mod joints;
 mod knee;
 mod known;
 mod ligaments;
 mod places;
-mod tree;
 
 use crate::DeckError;
+pub use crate::faces::thickened;
 use crate::import::{ImportedDeck, check_unit, ct_pose};
 use crate::keyword::ReadFile;
-pub use bones::thickened;
+use crate::tree::{Tree, name_of, text};
 pub use knee::ANATOMICAL;
 pub use known::elements;
 use meshes::Point;
@@ -28,7 +29,6 @@ use sim::mesh::MeshValue;
 use sim::spec::{BodySpec, ContactSpec, FramesSpec, ModelSpec, PoseSpec, Units};
 use std::borrow::Cow;
 use std::collections::BTreeMap;
-use tree::{Tree, name_of, text};
 
 /// OpenSim's lengths are in m.
 const MM_PER_M: f64 = 1000.0;
@@ -50,7 +50,7 @@ pub struct Given {
 /// The file and line that cannot be read or are refused, or what the model lacks of a knee.
 pub fn import(main: &str, bytes: &[u8], read: &mut ReadFile, given: &Given) -> Result<ImportedDeck, DeckError> {
     let text = plain(main, bytes)?;
-    let tree = Tree::new(main, &text)?;
+    let tree = Tree::new(main, &text, "an OpenSim model", None)?;
     let model = tree.model()?;
     let known::Judged { objects, told } = known::judge(&tree, model)?;
     let mut files = Files { main, read };

@@ -2,6 +2,7 @@
 
 mod common;
 mod decks;
+mod febio;
 mod opensim;
 mod other_decks;
 mod published_deck;

@@ -10,7 +10,7 @@ use crate::credibility::{self, CredibilityArgs};
 use crate::diagnose::{self, DiagnoseArgs};
 use crate::error::{BuildError, OUR_FAULT};
 use crate::exports::{self, Format, OpensimContact};
-use crate::import::{self, ImportArgs, ImportOpensimArgs};
+use crate::import::{self, ImportArgs, ImportFebioArgs, ImportOpensimArgs};
 use crate::next_tests::{self, NextTestsArgs};
 use crate::output::{self, Asked};
 use crate::plan::{self, PlanArgs};
@@ -148,6 +148,8 @@ enum Verb {
     ImportAbaqus(ImportArgs),
     /// Turn an OpenSim knee with JAM's ligaments and contact into a model
     ImportOpensim(ImportOpensimArgs),
+    /// Turn a FEBio knee of rigid bones, springs and sliding contact into a model
+    ImportFebio(ImportFebioArgs),
     /// Write a model as another program reads it
     Export {
         /// model.json, or the folder of a build or specimen: then its joint calibrated model, else that of its one data set, else the assembled one
@@ -364,6 +366,7 @@ fn answer_verb(verb: Verb) -> Result<Told, BuildError> {
         Verb::Fetch { id, dir, mirror, patience } => words(fetch::fetch(&id, &dir, mirror.as_deref(), patience)),
         Verb::ImportAbaqus(args) => import::import_abaqus(&args),
         Verb::ImportOpensim(args) => import::import_opensim(&args),
+        Verb::ImportFebio(args) => import::import_febio(&args),
         Verb::Export { model, which, format, contact, poses, out } => {
             exports::export((&model, &which), (format, contact), poses.as_deref(), &out)
         }

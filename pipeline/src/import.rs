@@ -1,4 +1,4 @@
-//! `import-abaqus`: a published deck becomes a model, as it stands or as another variant of the knee. `import-opensim`: so does an OpenSim knee.
+//! `import-abaqus`: a published deck becomes a model, as it stands or as another variant of the knee. `import-opensim`, `import-febio`: so does an OpenSim or a FEBio knee.
 
 use crate::error::{BuildError, Place};
 use crate::init::SideName;
@@ -6,7 +6,7 @@ use crate::store;
 use crate::told::{Told, schemas};
 use clap::Args;
 use decks::opensim::{self, Given};
-use decks::{ImportedDeck, lower_cartilage, replace_fibres};
+use decks::{ImportedDeck, febio, lower_cartilage, replace_fibres};
 use meshes::frame::Side;
 use notices::Notice;
 use schemars::JsonSchema;
@@ -68,6 +68,31 @@ pub struct ImportOpensimArgs {
     pub side: Option<SideName>,
 }
 
+/// `build-model import-febio`.
+#[derive(Args, Clone, Debug)]
+pub struct ImportFebioArgs {
+    /// The file (.feb), of format 4.0, 3.0 or 2.5, in mm, N and MPa
+    pub model: PathBuf,
+    /// Folder for model.json and its meshes
+    #[arg(long)]
+    pub out: PathBuf,
+    /// The femur's rigid body, where names and contact do not tell it
+    #[arg(long, value_name = "BODY")]
+    pub femur: Option<String>,
+    /// The tibia's rigid body, where names and contact do not tell it
+    #[arg(long, value_name = "BODY")]
+    pub tibia: Option<String>,
+    /// Which knee, where ligaments and names do not tell it
+    #[arg(long)]
+    pub side: Option<SideName>,
+}
+
+/// What is said of a knee where its file does not tell it.
+fn given(femur: Option<&String>, tibia: Option<&String>, side: Option<SideName>) -> Given {
+    let side = side.map(|s| if s == SideName::Left { Side::Left } else { Side::Right });
+    Given { femur: femur.cloned(), tibia: tibia.cloned(), side }
+}
+
 /// A deck's or model's fault, with its place.
 fn fault(file: &Path, e: &decks::DeckError) -> BuildError {
     match e.line {
@@ -102,7 +127,7 @@ pub fn imported(args: &ImportArgs) -> Result<ImportedDeck, BuildError> {
     Ok(deck)
 }
 
-/// `import-abaqus --json` and `import-opensim --json`.
+/// `--json` of `import-abaqus`, `import-opensim` and `import-febio`.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct ImportTold {
     /// import/1
@@ -133,14 +158,19 @@ pub fn import_abaqus(args: &ImportArgs) -> Result<Told, BuildError> {
 /// Writes the model of an OpenSim knee; gives the words to print.
 pub fn import_opensim(args: &ImportOpensimArgs) -> Result<Told, BuildError> {
     let (folder, main) = parted(&args.model);
-    let given = Given {
-        femur: args.femur.clone(),
-        tibia: args.tibia.clone(),
-        side: args.side.map(|s| if s == SideName::Left { Side::Left } else { Side::Right }),
-    };
+    let given = given(args.femur.as_ref(), args.tibia.as_ref(), args.side);
     let mut read = |name: &str| store::read_beside(folder, name).map_err(|e| e.to_string());
     let bytes = store::read(&args.model)?;
     let knee = opensim::import(&main, &bytes, &mut read, &given).map_err(|e| fault(&args.model, &e))?;
+    written(knee, &args.out)
+}
+
+/// Writes the model of a FEBio knee; gives the words to print.
+pub fn import_febio(args: &ImportFebioArgs) -> Result<Told, BuildError> {
+    let (_, main) = parted(&args.model);
+    let given = given(args.femur.as_ref(), args.tibia.as_ref(), args.side);
+    let bytes = store::read(&args.model)?;
+    let knee = febio::import(&main, &bytes, &given).map_err(|e| fault(&args.model, &e))?;
     written(knee, &args.out)
 }
 

@@ -56,7 +56,7 @@ const ALL: [Entry; 21] = [
     Entry {
         name: "import",
         version: schemas::IMPORT,
-        what: "import-abaqus --json and import-opensim --json",
+        what: "import-abaqus, import-opensim and import-febio --json",
         make: made::<ImportTold>,
     },
     Entry { name: "cohort", version: schemas::COHORT, what: "cohort --json", make: made::<CohortTold> },

@@ -29,7 +29,7 @@ build, inspect, options
     Make a build from a specimen's folder; what its stages made; what may be set.
 cohort
     Many builds on one page and in tables.
-simulate, calibrate, validate, diagnose, export, import_abaqus, import_opensim
+simulate, calibrate, validate, diagnose, export, import_abaqus, import_opensim, import_febio
     Work with a model.
 read_surface, read_hexahedra, read_table
     Open single files of a build.
@@ -65,6 +65,7 @@ _HOMES = {
     "export": "_verbs",
     "import_abaqus": "_verbs",
     "import_opensim": "_verbs",
+    "import_febio": "_verbs",
     "Calibration": "_verbs",
     "Validation": "_verbs",
     "Diagnosis": "_verbs",

@@ -30,6 +30,7 @@ from genu._verbs import (
     diagnose as diagnose,
     export as export,
     import_abaqus as import_abaqus,
+    import_febio as import_febio,
     import_opensim as import_opensim,
     phantom as phantom,
     simulate as simulate,

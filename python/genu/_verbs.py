@@ -511,9 +511,38 @@ def import_opensim(
     InputError
         The file cannot be read; ``file`` and ``row`` say where.
     """
+    return _imported("import-opensim", file, out, (femur, tibia, side))
+
+
+def import_febio(
+    file: Path, out: Path, *, femur: str | None = None, tibia: str | None = None, side: str | None = None
+) -> Model:
+    """Turn a FEBio knee of rigid bones, springs and sliding contact into a model in the folder ``out``.
+
+    Parameters
+    ----------
+    file : str or path-like
+        The file (.feb), of format 4.0, 3.0 or 2.5, in mm, N and MPa.
+    out : str or path-like
+        Folder for the model.
+    femur, tibia : str, optional
+        Names of the rigid bodies, where names and contact do not tell them.
+    side : {"left", "right"}, optional
+        Which knee, where ligaments and names do not tell it.
+
+    Raises
+    ------
+    InputError
+        The file cannot be read; ``file`` and ``row`` say where.
+    """
+    return _imported("import-febio", file, out, (femur, tibia, side))
+
+
+def _imported(verb: str, file: Path, out: Path, given: tuple[str | None, str | None, str | None]) -> Model:
+    """A model by one of the imports that take bodies and a side."""
     place = absolute(out)
-    words: list[Any] = ["import-opensim", absolute(file), "--out", place]
-    for name, value in (("--femur", femur), ("--tibia", tibia), ("--side", side)):
+    words: list[Any] = [verb, absolute(file), "--out", place]
+    for name, value in zip(("--femur", "--tibia", "--side"), given, strict=True):
         words += [name, value] if value is not None else []
     run(*words)
     return Model(place)

@@ -131,6 +131,18 @@ def test_an_opensim_knee_goes_out_and_comes_back(model, tmp_path):
         genu.import_opensim(plain, tmp_path / "none")
 
 
+def test_a_febio_knee_goes_out_and_comes_back(model, tmp_path):
+    feb = next(f for f in genu.export(model, "febio", tmp_path / "feb") if f.endswith(".feb"))
+    back = genu.import_febio(feb, tmp_path / "back")
+    assert back.side == model.side and len(back.fibres()[0]) == len(model.fibres()[0])
+    broken = tmp_path / "broken.feb"
+    broken.write_text("<febio_spec>")
+    with pytest.raises(genu.InputError, match="broken.feb"):
+        genu.import_febio(broken, tmp_path / "none")
+    with pytest.raises(genu.InputError, match="no rigid body thigh"):
+        genu.import_febio(feb, tmp_path / "none", femur="thigh", tibia="tibia")
+
+
 def test_errors_carry_their_parts(model, trials, tmp_path):
     bad = trials.head(2).astype({"load_ap_n": object})
     bad.loc[1, "load_ap_n"] = "many"

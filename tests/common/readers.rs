@@ -425,6 +425,11 @@ fn tables() -> Vec<Reader> {
             },
         },
         Reader {
+            name: "feb",
+            corpus: vec![include_bytes!("../corpus/ball.feb").to_vec()],
+            read: |b| decks::febio::import("main.feb", b, &Default::default()).is_ok(),
+        },
+        Reader {
             name: "laxity",
             corpus: vec![include_bytes!("../corpus/laxity.csv").to_vec()],
             read: |b| sim::laxity::read(b).is_ok(),

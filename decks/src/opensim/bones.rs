@@ -3,18 +3,15 @@
 use super::forces::names_file;
 use super::knee::Knee;
 use super::places::Places;
-use super::tree::{Tree, child, text};
 use super::{Files, MM_PER_M};
 use crate::DeckError;
+use crate::faces::{SOLID_MM, extent, thickened};
+use crate::tree::{Tree, child, text};
 use meshes::surface::TriMesh;
 use meshes::topology::Topology;
 use meshes::{Isometry, Point, Vector};
 use notices::{Kind, Notice};
 use roxmltree::Node;
-use std::collections::BTreeSet;
-
-/// How thick a contact surface is made where it stands for a bone [mm]. Ours: only pictures and wrapping look at bones.
-const SOLID_MM: f64 = 5.0;
 
 /// The bone of femur or tibia in the knee's coordinates, and whether the file shows it.
 ///
@@ -84,24 +81,4 @@ fn read<'a, 'i>(
         true => Ok(surface),
         false => Err(format!("{file} is open")),
     })
-}
-
-fn extent(mesh: &TriMesh) -> f64 {
-    mesh.bounds().map_or(0.0, |(low, high)| (high - low).norm())
-}
-
-/// An open face made a closed solid: the face, the same `depth` mm behind it turned over, and walls along the border.
-pub fn thickened(face: &TriMesh, depth: f64) -> TriMesh {
-    let normals = face.vertex_normals();
-    let n = face.vertices.len() as u32;
-    let mut vertices = face.vertices.clone();
-    vertices.extend(face.vertices.iter().zip(&normals).map(|(p, normal): (_, &Vector)| p - normal * depth));
-    let mut triangles = face.triangles.clone();
-    triangles.extend(face.triangles.iter().map(|&[a, b, c]| [a + n, c + n, b + n]));
-    let directed: BTreeSet<(u32, u32)> =
-        face.triangles.iter().flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)]).collect();
-    for &(a, b) in directed.iter().filter(|(a, b)| !directed.contains(&(*b, *a))) {
-        triangles.extend([[b, a, a + n], [b, a + n, b + n]]);
-    }
-    TriMesh { vertices, triangles }
 }

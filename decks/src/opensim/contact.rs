@@ -6,6 +6,7 @@ use super::forces::{Force, Mesh};
 use super::knee::Knee;
 use super::{Files, MM_PER_M};
 use crate::DeckError;
+use crate::faces::{behind, facing, free_path, same};
 use meshes::Isometry;
 use meshes::surface::TriMesh;
 use meshes::topology::Topology;
@@ -17,8 +18,6 @@ use std::collections::BTreeMap;
 /// Least and largest thickness that a model takes [mm].
 const THINNEST_MM: f64 = 0.05;
 const THICKEST_MM: f64 = 5.0;
-/// Laws that differ by less than this share are one.
-const SAME: f64 = 1e-9;
 
 impl Mesh {
     /// A file of it in the knee's coordinates [mm].
@@ -89,21 +88,6 @@ pub(super) fn contact(
     Ok(out)
 }
 
-fn same(a: &ContactSpec, b: &ContactSpec) -> bool {
-    let close = |a: &[f64], b: &[f64]| {
-        a.len() == b.len() && a.iter().zip(b).all(|(a, b)| (a - b).abs() <= SAME * (1.0 + b.abs()))
-    };
-    close(&a.overclosure_mm, &b.overclosure_mm) && close(&a.pressure_mpa, &b.pressure_mpa)
-}
-
-fn free_path(bone: &str, taken: &BTreeMap<String, MeshValue>) -> String {
-    let name = |n: usize| match n {
-        0 => format!("meshes/articular_{bone}.ply"),
-        n => format!("meshes/articular_{bone}_{}.ply", n + 1),
-    };
-    (0..).map(name).find(|n| !taken.contains_key(n)).unwrap_or_default()
-}
-
 /// Takes a surface, and the face on bone where thickness is counted from it.
 fn take(
     (knee, frames): (&Knee, &FramesSpec),
@@ -147,24 +131,6 @@ fn take(
     }
     out.meshes.insert(path.to_owned(), MeshValue::Surface(surface));
     Ok(())
-}
-
-/// The side of a closed cartilage towards the joint: of the tibia what looks up, of the femur what looks away from its axis.
-fn facing(surface: &TriMesh, femoral: bool, frames: &FramesSpec) -> TriMesh {
-    let (origin, across) = (frames.femur.origin, frames.femur.medial);
-    let keep = |t: usize| {
-        let [a, b, c] = surface.corners(t);
-        let from = (a.coords + b.coords + c.coords) / 3.0 - origin.coords;
-        let way = if femoral { from - across * from.dot(&across) } else { frames.tibia.superior };
-        surface.area_vector(t).dot(&way) > 0.0
-    };
-    surface.submesh(keep).0
-}
-
-fn behind(surface: &TriMesh, depth: f64) -> TriMesh {
-    let normals = surface.vertex_normals();
-    let vertices = surface.vertices.iter().zip(&normals).map(|(p, n)| p - n * depth).collect();
-    TriMesh { vertices, triangles: surface.triangles.clone() }
 }
 
 /// The contact of a force without its pairs.

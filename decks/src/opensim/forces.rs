@@ -5,8 +5,8 @@
 
 use super::MM_PER_M;
 use super::places::Places;
-use super::tree::{Tree, child, name_of, text};
 use crate::DeckError;
+use crate::tree::{Tree, child, name_of, text};
 use meshes::{Isometry, Vector};
 use roxmltree::Node;
 use sim::contact::layer::confined_modulus;

@@ -1,8 +1,8 @@
 //! Joints of an OpenSim model: how the child's frame stands in the parent's, and about which axes it turns.
 
 use super::MM_PER_M;
-use super::tree::{Tree, child, name_of, text};
 use crate::DeckError;
+use crate::tree::{Tree, child, name_of, text};
 use meshes::{Isometry, Vector};
 use nalgebra::{Translation3, Unit, UnitQuaternion};
 use roxmltree::Node;

@@ -1,9 +1,9 @@
 //! Every element of an OpenSim model and what becomes of it: read, without effect, told, or refused.
 
-use super::tree::{Tree, name_of, shown};
 use crate::DeckError;
-use crate::known::{Class, Known, rows};
-use notices::{Kind, Notice};
+use crate::known::{Class, Counted, Known, rows};
+use crate::tree::{Tree, name_of, shown};
+use notices::Notice;
 use roxmltree::Node;
 use sim::names::did_you_mean;
 use std::collections::BTreeMap;
@@ -23,16 +23,6 @@ pub fn elements() -> &'static BTreeMap<&'static str, Known> {
 pub(super) struct Judged<'a, 'i> {
     pub(super) objects: Vec<Node<'a, 'i>>,
     pub(super) told: Vec<Notice>,
-}
-
-/// Counted notices, each with the place where it was met first.
-#[derive(Default)]
-struct Counted(BTreeMap<String, (usize, usize)>);
-
-impl Counted {
-    fn tell(&mut self, tree: &Tree<'_>, node: Node<'_, '_>, what: String) {
-        self.0.entry(what).or_insert_with(|| (0, tree.line(node))).0 += 1;
-    }
 }
 
 /// Holds every element of a model against the table.
@@ -62,12 +52,7 @@ pub(super) fn judge<'a, 'i>(tree: &Tree<'_>, model: Node<'a, 'i>) -> Result<Judg
             }
         }
     }
-    let said = |(what, (count, line)): (String, (usize, usize))| {
-        let times = if count == 1 { String::new() } else { format!(" ({count} times)") };
-        let text = format!("{}:{line}: {what}{times}", tree.file);
-        Kind::KeywordPassedOver.notice(text).count(count)
-    };
-    Ok(Judged { objects, told: told.0.into_iter().map(said).collect() })
+    Ok(Judged { objects, told: told.told(tree) })
 }
 
 /// The objects within an object: those of its properties, and those that stand in it by their class.

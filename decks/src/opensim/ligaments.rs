@@ -6,48 +6,25 @@
 
 use super::knee::Knee;
 use super::places::Places;
-use super::tree::{Tree, child, name_of, text};
 use super::{MM_PER_M, point};
 use crate::DeckError;
+use crate::lines::{Bundles, Line, bundle_name, bundles};
+use crate::tree::{Tree, child, name_of, text};
 use meshes::Point;
 use notices::{Kind, Notice};
 use roxmltree::Node;
-use sim::spec::{BundleSpec, FibreSpec, Law};
+use sim::spec::{BundleSpec, FibreSpec};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// OpenSim's values where a file has none: strain at the toe's end [-], damping [s].
 const TRANSITION_STRAIN: f64 = 0.06;
 const DAMPING_S: f64 = 0.003;
-/// Fibres whose laws differ by less than this share, or so many mm, are of one bundle: numbers are written so that they come back.
-const SAME: f64 = 1e-9;
-/// Ligaments whose name goes on without a line: `ACLam1` becomes `ACL_am1`, so that `--without ACL` cuts it.
-const LIGAMENTS: [&str; 5] = ["ACL", "PCL", "MCL", "LCL", "PFL"];
 
 /// Bundles and fibres of a knee.
 pub(super) struct Ligaments {
     pub(super) bundles: Vec<BundleSpec>,
     pub(super) fibres: Vec<FibreSpec>,
     pub(super) told: Vec<Notice>,
-}
-
-/// A ligament as a line between the bones.
-struct Line {
-    name: String,
-    femur: Point,
-    tibia: Point,
-    /// Length of its path, and that at which it begins to pull [mm].
-    length: f64,
-    slack: f64,
-    stiffness: f64,
-    toe_strain: f64,
-    damping: f64,
-}
-
-impl Line {
-    /// Stretch, toe, stiffness and damping [mm, N/mm, N s/mm]: what the fibres of a bundle share.
-    fn law(&self) -> [f64; 4] {
-        [self.length - self.slack, self.toe_strain * self.slack, self.stiffness, self.damping]
-    }
 }
 
 /// Reads the ligaments among `objects`.
@@ -99,7 +76,7 @@ pub(super) fn ligaments<'a, 'i>(
         let text = format!("{} ligaments are left out, since they {what}: {}", which.len(), which.join(", "));
         told.push(Kind::SpringsUnread.notice(text).count(which.len()));
     }
-    let (bundles, fibres) = bundles(lines);
+    let Bundles { bundles, fibres, .. } = bundles(lines);
     Ok(Ligaments { bundles, fibres, told })
 }
 
@@ -187,90 +164,9 @@ fn law(tree: &Tree<'_>, node: Node<'_, '_>, length: f64, (femur, tibia): (Point,
         stiffness: stiffness / slack,
         toe_strain: transition / 2.0,
         damping: stiffness * damping / slack,
+        end: None,
     })
 }
 
 /// Longer than any ligament of a knee [mm]: a length in mm in place of metres is beyond it. Ours.
 const LONGEST_MM: f64 = 1000.0;
-
-/// A name as columns and options can hold it.
-fn bundle_name(name: &str) -> String {
-    let plain: String = name.chars().map(|c| if c.is_alphanumeric() { c } else { '_' }).collect();
-    let whole = |l: &&&str| plain.strip_prefix(**l).is_some_and(|r| !r.is_empty() && !r.starts_with('_'));
-    match LIGAMENTS.iter().find(whole) {
-        Some(ligament) => format!("{ligament}_{}", &plain[ligament.len()..]),
-        None if plain.is_empty() => "ligament".to_owned(),
-        None => plain,
-    }
-}
-
-/// Bundles of the fibres: those of one name but for a number are one bundle where all have one law, else each is a bundle.
-fn bundles(lines: Vec<Line>) -> (Vec<BundleSpec>, Vec<FibreSpec>) {
-    let stem = |name: &str| name.trim_end_matches(|c: char| c.is_ascii_digit()).trim_end_matches('_').to_owned();
-    let mut groups: Vec<(String, Vec<Line>)> = Vec::new();
-    for line in lines {
-        let own = stem(&line.name);
-        let place = groups.iter().position(|(name, _)| *name == own && !own.is_empty());
-        match place {
-            Some(k) => groups[k].1.push(line),
-            None => groups.push((own, vec![line])),
-        }
-    }
-    let taken: BTreeSet<String> = groups.iter().flat_map(|(_, l)| l).map(|l| l.name.clone()).collect();
-    let (mut specs, mut fibres) = (Vec::new(), Vec::new());
-    for (name, group) in groups {
-        let first = group[0].law();
-        let same = |l: &Line| l.law().iter().zip(&first).all(|(a, b)| (a - b).abs() <= SAME * b.abs().max(1.0));
-        // a fibre alone is of a bundle where its number stands apart, as in ALS_1
-        let apart = |l: &Line| l.name.len() > name.len() && l.name[name.len()..].starts_with('_');
-        let whole = group.len() > 1 || apart(&group[0]);
-        let one = whole && group.iter().all(same) && !taken.contains(&name);
-        let parts: Vec<(String, Vec<&Line>)> = match one {
-            true => vec![(name, group.iter().collect())],
-            false => group.iter().map(|l| (l.name.clone(), vec![l])).collect(),
-        };
-        for (name, of) in parts {
-            fibres.extend(of.iter().map(|l| FibreSpec { bundle: name.clone(), femur: l.femur, tibia: l.tibia }));
-            specs.push(bundle(name, &of));
-        }
-    }
-    (specs, fibres)
-}
-
-/// A bundle of fibres of one law: the mean of their lengths stands for each.
-fn bundle(name: String, of: &[&Line]) -> BundleSpec {
-    let count = of.len() as f64;
-    let [stretch, toe, stiffness, damping] = of[0].law();
-    // one fibre keeps its own numbers to the last digit
-    let slack = of.iter().map(|l| l.slack).sum::<f64>() / count;
-    let length = if of.len() == 1 { of[0].length } else { slack + stretch };
-    BundleSpec {
-        name,
-        reference_strain: length / slack,
-        stiffness_n_per_mm: stiffness * count,
-        reference_length_mm: length,
-        toe_strain: toe / slack,
-        law: Law::Smooth,
-        damping_n_s_per_mm: damping,
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn names_of_ligaments_are_parted_so_that_a_cut_finds_them() {
-        for (given, wanted) in [
-            ("ACLam1", "ACL_am1"),
-            ("ACL_AM_1", "ACL_AM_1"),
-            ("PCLal3", "PCL_al3"),
-            ("ACL", "ACL"),
-            ("sMCL_A_2", "sMCL_A_2"),
-            ("PT 1,2", "PT_1_2"),
-            ("", "ligament"),
-        ] {
-            assert_eq!(bundle_name(given), wanted, "{given}");
-        }
-    }
-}

@@ -1,8 +1,8 @@
 //! Where bodies and frames of an OpenSim model are, in the pose of its coordinates' default values.
 
 use super::joints::{Frame, Joint, joint};
-use super::tree::{Tree, brief, name_of, shown, text};
 use crate::DeckError;
+use crate::tree::{Tree, brief, name_of, shown, text};
 use meshes::Isometry;
 use roxmltree::Node;
 use std::collections::{BTreeMap, BTreeSet};

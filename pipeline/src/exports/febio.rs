@@ -14,6 +14,8 @@ use std::fmt::Write;
 
 /// Compression that presses the femur on [N].
 const COMPRESSION_N: f64 = 20.0;
+/// How far from the origin the points lie that show a bone's axes [mm]: coordinates have six decimals, so directions have eight.
+const AXIS_MM: f64 = 100.0;
 /// How far a fibre's curve reaches into slack and along its last line [mm]; FEBio goes on straight from there.
 const FAR_SLACK_MM: f64 = 100.0;
 const FAR_LINE_MM: f64 = 50.0;
@@ -21,7 +23,9 @@ const FAR_LINE_MM: f64 = 50.0;
 /// What the file does otherwise than the model.
 pub(super) fn warnings(model: &LoadedModel) -> Vec<Notice> {
     let mut out: Vec<Notice> = bent(model).into_iter().collect();
-    out.push(Kind::NotInFormat.notice("bones are rigid shells; contact is FEBio's sliding-elastic by penalty, without friction; not run here, as FEBio is not at hand"));
+    out.push(Kind::NotInFormat.notice(
+        "bones are rigid shells; contact is FEBio's sliding-elastic by penalty; not run here, as FEBio is not at hand",
+    ));
     if !model.spec.menisci.is_empty() {
         out.push(Kind::NotInFormat.notice("menisci are deformable there, and their coronary ligament is left out"));
     }
@@ -60,7 +64,8 @@ pub(super) fn files(model: &LoadedModel) -> Result<Vec<File>, BuildError> {
     }
     let fibres = fibres(model, node)?;
     let count = model.spec.fibres.len();
-    let between = menisci::menisci(model, (node + 2 * count, element, count));
+    let frames = frames(model, node + 2 * count);
+    let between = menisci::menisci(model, (node + 2 * count + FRAME_NODES, element, count));
     let mut pairs = String::new();
     for pair in &model.spec.contact.pairs {
         let (f, t) = (contact_name(model, &pair.femur, true), contact_name(model, &pair.tibia, false));
@@ -73,21 +78,24 @@ pub(super) fn files(model: &LoadedModel) -> Result<Vec<File>, BuildError> {
         "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<febio_spec version=\"4.0\">\n<Module type=\"solid\"/>\n\
          <Control><analysis>STATIC</analysis><time_steps>20</time_steps><step_size>0.05</step_size><solver type=\"solid\"><symmetric_stiffness>non-symmetric</symmetric_stiffness></solver></Control>\n\
          <Globals><Constants><T>0</T><R>0</R><Fc>0</Fc></Constants></Globals>\n\
-         <Material>{}{}</Material>\n<Mesh>\n{nodes}{}{}{elements}{}{surfaces}{}{}{}{pairs}{}</Mesh>\n<MeshDomains>\n{domains}{}</MeshDomains>\n\
-         <Boundary>{}{}</Boundary>\n<Rigid>{}</Rigid>\n<Contact>{}{}</Contact>\n<Discrete>{}{}{}</Discrete>\n<LoadData>\n{}</LoadData>\n\
+         <Material>{}{}</Material>\n<Mesh>\n{nodes}{}{}{}{elements}{}{surfaces}{}{}{}{}{pairs}{}</Mesh>\n<MeshDomains>\n{domains}{}</MeshDomains>\n\
+         <Boundary>{}{}{}</Boundary>\n<Rigid>{}</Rigid>\n<Contact>{}{}</Contact>\n<Discrete>{}{}{}</Discrete>\n<LoadData>\n{}</LoadData>\n\
          <Output><logfile><rigid_body_data data=\"x;y;z;qx;qy;qz;qw;Fx;Fy;Fz;Mx;My;Mz\"/></logfile>\
          <plotfile type=\"febio\"><var type=\"displacement\"/><var type=\"contact pressure\"/></plotfile></Output>\n</febio_spec>\n",
         materials(model),
         between.materials,
         fibres.nodes,
+        frames.nodes,
         between.nodes,
         between.elements,
         between.surfaces,
         fibres.sets,
+        frames.sets,
         between.sets,
         between.pairs,
         between.domains,
         fibres.boundary,
+        frames.boundary,
         between.boundary,
         rigid(model),
         contact(model),
@@ -122,15 +130,54 @@ fn rigid(model: &LoadedModel) -> String {
     fixed.to_owned() + &loads
 }
 
+/// Penalty by which a contact of two passes presses as the model does [MPa/mm]: each pass adds its own force.
+fn penalty(model: &LoadedModel) -> f64 {
+    contact_stiffness(model) / 2.0
+}
+
 fn contact(model: &LoadedModel) -> String {
     let pairs = model.spec.contact.pairs.iter().map(|pair| {
         let name = format!("{}_on_{}", contact_name(model, &pair.femur, true), contact_name(model, &pair.tibia, false));
         format!(
-            "<contact name=\"{name}\" type=\"sliding-elastic\" surface_pair=\"{name}\"><laugon>PENALTY</laugon><penalty>{:.6}</penalty><auto_penalty>0</auto_penalty><two_pass>1</two_pass><search_radius>5</search_radius><symmetric_stiffness>0</symmetric_stiffness></contact>",
-            contact_stiffness(model)
+            "<contact name=\"{name}\" type=\"sliding-elastic\" surface_pair=\"{name}\"><laugon>PENALTY</laugon><penalty>{:.6}</penalty><auto_penalty>0</auto_penalty><two_pass>1</two_pass><search_radius>5</search_radius><symmetric_stiffness>0</symmetric_stiffness><fric_coeff>{}</fric_coeff></contact>",
+            penalty(model),
+            model.spec.contact.friction
         )
     });
     pairs.collect()
+}
+
+/// What the anatomical frames are in each section of the file.
+struct Frames {
+    nodes: String,
+    sets: String,
+    boundary: String,
+}
+
+/// Nodes of both frames.
+const FRAME_NODES: usize = 8;
+
+/// The anatomical frames as nodes that move with the bones: of each the origin, and one medial, anterior and superior of it. `import-febio` reads them, and who
+/// logs them has the knee's motion.
+fn frames(model: &LoadedModel, nodes: usize) -> Frames {
+    let mut out =
+        Frames { nodes: "<Nodes name=\"frame_points\">\n".into(), sets: String::new(), boundary: String::new() };
+    let both = [("femur", &model.spec.frames.femur), ("tibia", &model.spec.frames.tibia)];
+    let mut node = nodes;
+    for (bone, frame) in both {
+        let set = format!("{bone}{}", decks::febio::ANATOMICAL);
+        let mut ids = Vec::new();
+        for way in [meshes::Vector::zeros(), frame.medial, frame.anterior, frame.superior] {
+            node += 1;
+            ids.push(node.to_string());
+            let _ = writeln!(out.nodes, "<node id=\"{node}\">{}</node>", place(&(frame.origin + way * AXIS_MM)));
+        }
+        let _ = writeln!(out.sets, "<NodeSet name=\"{set}\">{}</NodeSet>", ids.join(","));
+        let _ =
+            write!(out.boundary, "<bc name=\"frame of {bone}\" type=\"rigid\" node_set=\"{set}\"><rb>{bone}</rb></bc>");
+    }
+    out.nodes += "</Nodes>\n";
+    out
 }
 
 /// What the fibres are in each section of the file.

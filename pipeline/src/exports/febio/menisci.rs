@@ -1,6 +1,6 @@
 //! Menisci in a FEBio file: transversely isotropic hexahedra, horns as springs, contact with both cartilage faces.
 
-use super::{contact_name, contact_stiffness, place};
+use super::{contact_name, penalty, place};
 use crate::model_file::LoadedModel;
 use sim::menisci::hexahedra;
 use sim::spec::meniscus::{POISSON_ACROSS, POISSON_ALONG, SHEAR_ALONG_MPA};
@@ -70,7 +70,7 @@ pub(super) fn menisci(model: &LoadedModel, (mut node, mut element, mut spring): 
             let _ = write!(
                 out.contact,
                 "<contact name=\"{name}_{face}_on_{other}\" type=\"sliding-elastic\" surface_pair=\"{name}_{face}_on_{other}\"><laugon>PENALTY</laugon><penalty>{:.6}</penalty><auto_penalty>0</auto_penalty><two_pass>1</two_pass><search_radius>5</search_radius><symmetric_stiffness>0</symmetric_stiffness></contact>",
-                contact_stiffness(model)
+                penalty(model)
             );
         }
         let ring = 2 * m.sections[0].lower.len();
