@@ -235,7 +235,7 @@ fn apart(a: &[f64], b: &[f64]) -> f64 {
 }
 
 fn pressure(c: &ContactSpec, d: f64) -> f64 {
-    sim::contact::law::PressureLaw::new(&c.overclosure_mm, &c.pressure_mpa).unwrap().at(d).1
+    sim::contact::law::PressureLaw::new(&c.overclosure_mm, &c.pressure_mpa).expect("a law").at(d).1
 }
 
 fn told(deck: &ImportedDeck) -> String {
