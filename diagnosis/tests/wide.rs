@@ -12,7 +12,9 @@ const ONE_VALLEY: f64 = 1.0;
 /// A knee whose torn PCL has no name, so that other effects are tried in its place.
 fn nameless() -> Option<Problem> {
     let mut problem = cut("PCL")?;
-    problem.catalogue = problem.catalogue.without(&["structure_loss", "attachment"]);
+    // nor are effects that take long tried
+    let slow = ["extra_bundle", "meniscus", "capsule_envelope", "mcl_wrap", "pcap_wrap", "itb", "quad_passive"];
+    problem.catalogue = problem.catalogue.without(&["structure_loss", "attachment"]).without(&slow);
     Some(problem)
 }
 
