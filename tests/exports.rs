@@ -274,19 +274,22 @@ fn answer_alike(folder: &Path, models: [&Path; 2], within: f64) {
 fn a_knee_written_for_febio_comes_back_and_answers_as_it_did() {
     let folder = TempDir::new().unwrap();
     let ours = with_straight_contact(folder.path());
-    let mut rough = json(&ours);
-    rough["contact"]["friction"] = 0.03.into();
-    write(&ours, serde_json::to_vec(&rough).unwrap());
-    let [feb, back] = ["feb", "back"].map(|name| folder.path().join(name));
-    build_model().arg("export").arg(&ours).args(["--format", "febio", "--out"]).arg(&feb).assert().success();
-    build_model().arg("import-febio").arg(feb.join("model.feb")).arg("--out").arg(&back).assert().success();
-    let theirs = back.join("model.json");
-    let names = |path: &Path| -> Vec<String> {
-        let bundles = json(path)["bundles"].as_array().unwrap().clone();
-        bundles.iter().map(|b| b["name"].as_str().unwrap().to_owned()).collect()
-    };
-    assert_eq!(names(&ours), names(&theirs));
-    answer_alike(folder.path(), [&ours, &theirs], 1e-4);
+    // with friction a pose remembers its way there: digits that a file has not are seen
+    for (friction, within) in [(0.0, 1e-4), (0.03, 1e-2)] {
+        let mut model = json(&ours);
+        model["contact"]["friction"] = friction.into();
+        write(&ours, serde_json::to_vec(&model).unwrap());
+        let [feb, back] = ["feb", "back"].map(|name| folder.path().join(format!("{name}{friction}")));
+        build_model().arg("export").arg(&ours).args(["--format", "febio", "--out"]).arg(&feb).assert().success();
+        build_model().arg("import-febio").arg(feb.join("model.feb")).arg("--out").arg(&back).assert().success();
+        let theirs = back.join("model.json");
+        let names = |path: &Path| -> Vec<String> {
+            let bundles = json(path)["bundles"].as_array().unwrap().clone();
+            bundles.iter().map(|b| b["name"].as_str().unwrap().to_owned()).collect()
+        };
+        assert_eq!(names(&ours), names(&theirs));
+        answer_alike(folder.path(), [&ours, &theirs], within);
+    }
 }
 
 #[test]

@@ -10,6 +10,7 @@ mod frames;
 mod known;
 mod ligaments;
 mod mesh;
+mod sides;
 
 use crate::DeckError;
 use crate::faces::{SOLID_MM, extent, thickened};
@@ -20,7 +21,6 @@ use bodies::{Bodies, Knee};
 pub use frames::ANATOMICAL;
 pub use known::elements;
 use mesh::Mesh;
-use meshes::Point;
 use meshes::surface::TriMesh;
 use meshes::topology::Topology;
 use notices::{Kind, Notice};
@@ -49,10 +49,10 @@ pub fn import(main: &str, bytes: &[u8], given: &Given) -> Result<ImportedDeck, D
     module(&tree, &objects)?;
     let mesh = Mesh::new(&tree, &objects)?;
     let bodies = Bodies::new(&tree, &mesh, &objects)?;
-    let contacts = contact::contacts(&tree, &mesh, &bodies, &objects)?;
-    let knee = Knee::find(&tree, &bodies, &contact::sided(&contacts), given)?;
+    let contacts = sides::contacts(&tree, &mesh, &bodies, &objects)?;
+    let knee = Knee::find(&tree, &bodies, &sides::sided(&contacts), given)?;
     let (ligaments, springs_told) = ligaments::ligaments(&tree, (&mesh, &bodies, &knee), &objects)?;
-    let middles = contact::middles(&mesh, &contacts, &knee);
+    let middles = sides::middles(&mesh, &contacts, &knee);
     let axes = frames::axes(&tree, (&mesh, &bodies, &knee), (&ligaments.fibres, middles), &objects, given.side)?;
     let frames = FramesSpec { femur: axes.femur, tibia: axes.tibia, gs_ct_pose: PoseSpec::default(), chain: None };
     let contact = contact::contact(&tree, (&mesh, &bodies, &knee), &contacts, &frames)?;
@@ -197,10 +197,4 @@ fn largest(mesh: &Mesh, bodies: &Bodies<'_, '_>, body: usize) -> Option<TriMesh>
         }
     }
     best
-}
-
-/// The middle of points.
-fn middle(points: &[Point]) -> Option<Point> {
-    let sum: meshes::Vector = points.iter().map(|p| p.coords).sum();
-    (!points.is_empty()).then(|| Point::from(sum / points.len() as f64))
 }

@@ -3,6 +3,7 @@
 mod common;
 mod decks;
 mod febio;
+mod febio_knee;
 mod opensim;
 mod other_decks;
 mod published_deck;
