@@ -32,6 +32,7 @@ pub mod interrupted;
 pub mod kept;
 pub mod manual;
 pub mod model_file;
+mod numbers;
 pub mod open;
 pub mod option_docs;
 pub mod options;
