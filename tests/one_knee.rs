@@ -56,7 +56,7 @@ fn what_nobody_measured_is_told_as_extrapolated_and_what_was_is_not() {
         command.arg("simulate").arg(knee).args(more).args(["--samples", "0", "--out", &path]);
         String::from_utf8(command.assert().success().get_output().stderr.clone()).unwrap()
     };
-    let beyond = "ask for more than the knee was calibrated to";
+    let beyond = "ask for what the knee was not calibrated to";
     for set in ["kla", "rks"] {
         let own = told(&["--trials", knee.join(format!("laxity/{set}.csv")).to_str().unwrap()]);
         assert!(!own.contains(beyond), "{own}");

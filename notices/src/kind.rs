@@ -177,7 +177,7 @@ kinds! {
     NoPivotShift Light "No pivot shift without ACL.",
     LeavesPlateau Light "Rows in which the femur leaves the plateau.",
     RowFlagged Light "A row of results that is odd.",
-    BeyondCalibration Light "Trials that ask for more than the knee was calibrated to.",
+    BeyondCalibration Light "Trials that ask for what the knee was not calibrated to.",
     ExplicitStopped Light "Explicit dynamics that were stopped early.",
     SolversApart Light "Rows in which the two solvers differ.",
     ModelChanged Light "A model changed since its calibration.",

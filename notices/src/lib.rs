@@ -9,8 +9,10 @@
 //! ```
 
 mod kind;
+mod number;
 
 pub use kind::{Kind, Weight};
+pub use number::plain;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -206,7 +206,15 @@ enum Verb {
 
 /// The command line as clap knows it, for completions and the manual.
 pub fn command() -> clap::Command {
-    output::with_flags(Cli::command())
+    with_negative_numbers(output::with_flags(Cli::command()))
+}
+
+/// Takes "-1" behind an option for its value, which then is refused for what it is; else it were an argument that is not known.
+fn with_negative_numbers(command: clap::Command) -> clap::Command {
+    let takes = |a: &clap::Arg| !a.is_positional() && a.get_action().takes_values();
+    command
+        .mut_args(|a| if takes(&a) { a.allow_negative_numbers(true) } else { a })
+        .mut_subcommands(with_negative_numbers)
 }
 
 /// What was asked, and how its output is wanted.

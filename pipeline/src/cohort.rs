@@ -7,6 +7,7 @@ use crate::told::{Told, schemas};
 use clap::Args;
 use schemars::JsonSchema;
 use serde::Serialize;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 mod knee;
@@ -78,11 +79,18 @@ pub fn cohort(args: &CohortArgs) -> Result<Told, BuildError> {
         names(&args.builds).iter().zip(&args.builds).map(|(n, place)| Knee::read(n, place)).collect();
     if knees.iter().all(|k| k.folder.is_none()) {
         let first = args.builds.first().map(|p| p.display().to_string()).unwrap_or_default();
+        let given = match knees.len() {
+            1 => first,
+            n => format!("any of the {n} folders given ({first}, ...)"),
+        };
         return Err(BuildError::File(format!(
-            "no build in any of the {} folders given ({first}, ...): no log.jsonl or failure.json there or in build/; build them first: {}",
-            knees.len(),
+            "no build in {given}: no log.jsonl or failure.json there or in build/; build them first: {}",
             command("build", args.builds.first())
         )));
+    }
+    if let Some((a, b)) = twice(&knees) {
+        let (a, b) = (args.builds[a].display(), args.builds[b].display());
+        return Err(BuildError::Usage(format!("{a} and {b} are one build; expected each knee once")));
     }
     let outliers = outliers::outliers(&knees);
     let out = store::make_folder(&args.out)?;
@@ -94,6 +102,14 @@ pub fn cohort(args: &CohortArgs) -> Result<Told, BuildError> {
     files.push(("cohort.html".to_owned(), page::page(&knees, &outliers, &tables, &out).into_bytes()));
     store::write_all(&out, &files)?;
     Ok(Told::words(words(&knees, &outliers, &out)).with(&as_data(&knees, &outliers, &files, &out)))
+}
+
+/// Two of the knees that are one build; it would weigh twice among the others.
+fn twice(knees: &[Knee]) -> Option<(usize, usize)> {
+    let mut places: BTreeMap<PathBuf, usize> = BTreeMap::new();
+    let whole = |k: &Knee| k.folder.as_ref().and_then(|f| f.canonicalize().ok());
+    let known = |(n, place)| places.insert(place, n).map(|first| (first, n));
+    knees.iter().enumerate().filter_map(|(n, k)| Some((n, whole(k)?))).find_map(known)
 }
 
 /// What each knee is called: its folder's name, with as many folders above it as tell it from the others.
@@ -141,7 +157,8 @@ fn words(knees: &[Knee], outliers: &[Outlier], out: &Path) -> String {
         }
     }
     let failed = knees.iter().filter(|k| k.failed()).count();
-    text + &format!("{} knees, {failed} failed\nLook at {}\n", knees.len(), out.join("cohort.html").display())
+    let count = if knees.len() == 1 { "1 knee".to_owned() } else { format!("{} knees", knees.len()) };
+    text + &format!("{count}, {failed} failed\nLook at {}\n", out.join("cohort.html").display())
 }
 
 fn as_data(knees: &[Knee], outliers: &[Outlier], files: &[(String, Vec<u8>)], out: &Path) -> CohortTold {

@@ -132,14 +132,14 @@ fn facts(build: &Path, records: &[Record], failure: Option<&Failure>) -> String 
 /// The build folder of `dir`, which is one or holds one.
 pub fn build_folder(dir: &Path) -> Result<PathBuf, BuildError> {
     [dir.join("build"), dir.to_path_buf()].into_iter().find(|d| store::exists(&d.join("log.jsonl"))).ok_or_else(|| {
-        BuildError::of_file(
-            dir,
-            format!(
-                "no build in {}: no log.jsonl there or in build/; build it first: {}",
-                dir.display(),
-                command_on("build", dir)
-            ),
-        )
+        let next = match (dir.exists(), store::exists(&dir.join("specimen.toml"))) {
+            (false, _) => "no such file or folder; expected a build, or a specimen's folder with one".to_owned(),
+            (true, true) => format!("no log.jsonl there or in build/; build it first: {}", command_on("build", dir)),
+            (true, false) => {
+                "no log.jsonl there or in build/; expected a build, or a specimen's folder with one".to_owned()
+            }
+        };
+        BuildError::of_file(dir, format!("no build in {}: {next}", dir.display()))
     })
 }
 

@@ -33,6 +33,7 @@ pub mod kept;
 pub mod manual;
 pub mod model_file;
 pub mod next_tests;
+mod numbers;
 pub mod open;
 pub mod option_docs;
 pub mod options;

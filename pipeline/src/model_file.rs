@@ -71,6 +71,19 @@ impl LoadedModel {
     }
 }
 
+/// What is wrong with a text that should be a model, behind the name of its file.
+fn fault_of(text: &str, e: &serde_json::Error) -> String {
+    let begins = text.trim_start().chars().next();
+    match begins {
+        None => " is empty".to_owned(),
+        Some('{') => {
+            let place = format!(" at line {} column {}", e.line(), e.column());
+            format!(" line {} column {}: {}", e.line(), e.column(), e.to_string().trim_end_matches(&place))
+        }
+        Some(_) => " is no JSON file".to_owned(),
+    }
+}
+
 /// How the line that names the model begins.
 pub const MODEL_LINE: &str = "model ";
 
@@ -84,12 +97,7 @@ pub fn load_which(path: &Path, which: &WhichModel) -> Result<LoadedModel, BuildE
     let path = chosen(path, which)?;
     let text = store::read_text(&path)?;
     let spec: ModelSpec = serde_json::from_str(&text).map_err(|e| {
-        let told = format!(
-            "{} line {} column {}: {e}; expected a model.json as build-model writes it",
-            path.display(),
-            e.line(),
-            e.column()
-        );
+        let told = format!("{}{}; expected a model.json as build-model writes it", path.display(), fault_of(&text, &e));
         BuildError::at(Place::in_json(&path, &e), told)
     })?;
     let folder = path.parent().unwrap_or(Path::new("."));

@@ -41,7 +41,7 @@ pub struct PlanArgs {
     #[arg(long, default_value = "plan")]
     pub out: PathBuf,
     /// Samples of the posterior, where the model has any: mean and 90 % interval stand beside every value; 0: the one model alone
-    #[arg(long, value_name = "N", default_value_t = SAMPLES)]
+    #[arg(long, value_name = "N", default_value_t = SAMPLES, value_parser = crate::numbers::count)]
     pub samples: usize,
     /// Draws which samples are asked, where fewer are asked than there are; without it the first
     #[arg(long)]

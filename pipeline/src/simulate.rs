@@ -4,6 +4,7 @@ use crate::bands::{self, Asking};
 use crate::beyond;
 use crate::error::{BuildError, Place};
 use crate::model_file::{self, LoadedModel};
+use crate::numbers::{between, count};
 use crate::store;
 use crate::told::{Flagged, ModelTold, SimulateTold, Told, schemas};
 use crate::which_model::WhichModel;
@@ -17,8 +18,8 @@ use sim::explicit::{ExplicitOptions, TrialSteps, explicit_protocol, explicit_tri
 use sim::flags::{Flag, sentences};
 use sim::laxity::{self, LaxityTrial, TrialResult};
 use sim::names::did_you_mean;
-use sim::protocols::{self, Protocol, ProtocolOptions};
-use sim::trials::{TrialOptions, solve_trials};
+use sim::protocols::{self, COMPRESSION_N, Protocol, ProtocolOptions};
+use sim::trials::{FLEXION_DEG, TrialOptions, solve_trials};
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -51,13 +52,13 @@ pub struct SimulateArgs {
     #[arg(long, default_value = "quasistatic")]
     pub solver: Solver,
     /// Passive flexion ends here [deg]
-    #[arg(long, value_name = "DEG", default_value_t = 90.0)]
+    #[arg(long, value_name = "DEG", default_value_t = 90.0, value_parser = between([0.0, FLEXION_DEG[1]]))]
     pub to_flexion: f64,
     /// Joint compression in a protocol [N]
-    #[arg(long, value_name = "N", default_value_t = 20.0)]
+    #[arg(long, value_name = "N", default_value_t = 20.0, value_parser = between(COMPRESSION_N))]
     pub compression: f64,
     /// Samples of the posterior, where the model has any: mean and 90 % interval stand beside every value; 0: the one model alone
-    #[arg(long, value_name = "N", default_value_t = SAMPLES)]
+    #[arg(long, value_name = "N", default_value_t = SAMPLES, value_parser = count)]
     pub samples: usize,
     /// Threads; the result does not depend on it [default: all]
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]

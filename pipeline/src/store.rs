@@ -98,8 +98,21 @@ pub fn free_beside(dir: &Path) -> PathBuf {
     (2..).map(beside).find(|place| !place.exists()).unwrap_or_else(|| beside(2))
 }
 
+/// The specimen's folder, where its build or one of its files is given in its place.
+fn specimen_of(given: &Path) -> Option<PathBuf> {
+    let inside = given.is_file() || (exists(&given.join("log.jsonl")) && !exists(&given.join("specimen.toml")));
+    let above = given.parent().map(|p| if p.as_os_str().is_empty() { Path::new(".") } else { p });
+    above.filter(|above| inside && exists(&above.join("specimen.toml"))).map(Path::to_path_buf)
+}
+
 /// Reads specimen.toml and every file it names that is there, relative to `folder`.
 pub fn read_specimen(folder: &Path) -> Result<(SpecimenFile, RawSpecimen), BuildError> {
+    if let Some(own) = specimen_of(folder) {
+        let what = if folder.is_dir() { "the folder of a build" } else { "a file" };
+        let told =
+            format!("{} is {what}; expected the specimen's folder, which is {}", folder.display(), own.display());
+        return Err(BuildError::of_file(folder, told));
+    }
     if !folder.is_dir() {
         return Err(BuildError::of_file(
             folder,

@@ -46,7 +46,7 @@ pub struct ValidateArgs {
     #[command(flatten)]
     pub which: WhichModel,
     /// Samples of the posterior, where a model has any: mean and 90 % interval stand beside every value; 0: the models alone
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = crate::numbers::count)]
     pub samples: Option<usize>,
     /// How the joint model, or every model where none is joint, is solved; those of single data sets beside it are quasi-static [default: explicit]
     #[arg(long)]

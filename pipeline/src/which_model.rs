@@ -45,7 +45,10 @@ pub fn chosen(path: &Path, which: &WhichModel) -> Result<PathBuf, BuildError> {
         let of_stage = path.parent().filter(|build| store::exists(&build.join("log.jsonl")));
         let advice = match of_stage {
             Some(build) => format!("it is a stage of a build, so give the build's folder: {}", quoted(build)),
-            None => format!("expected model.json there, or a build with {ASSEMBLED}: {}", command_on("build", path)),
+            None if store::exists(&path.join("specimen.toml")) => {
+                format!("expected model.json there, or a build with {ASSEMBLED}: {}", command_on("build", path))
+            }
+            None => format!("expected model.json there, a build with {ASSEMBLED}, or a specimen's folder with one"),
         };
         return Err(BuildError::of_file(path, format!("no model in {}; {advice}", path.display())));
     };

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import warnings
 from dataclasses import dataclass, field
 from typing import Any, Mapping, Optional, Sequence, Union
 
@@ -14,6 +15,9 @@ from genu._errors import GenuError, in_file
 from genu._model import Model, compiled, model_at
 from genu._tables import frame_of, read_table, table_at
 from genu._types import Contact, Format, Method, Path, Progress, Protocol, Solver, Stage
+
+# How a line begins that tells what is odd.
+ODD = "warning: "
 
 
 def phantom(id: str, folder: Path, *, seed: int = 1, volume: bool = False) -> str:
@@ -462,7 +466,7 @@ def export(
     Returns
     -------
     list of str
-        Paths of the files in ``out``.
+        Paths of the files in ``out``. What the format cannot hold of the model is told by :func:`warnings.warn`.
 
     Raises
     ------
@@ -473,7 +477,9 @@ def export(
     words: list[Any] = ["export", path, "--format", format, "--out", place]
     words += ["--poses", table_at(poses, "poses", files)] if poses is not None else []
     words += ["--contact", contact] if contact is not None else []
-    called(words, files)
+    for line in called(words, files).splitlines():
+        if line.startswith(ODD):
+            warnings.warn(line.removeprefix(ODD), stacklevel=2)
     return sorted(os.path.join(d, f) for d, _, fs in os.walk(place) for f in fs)
 
 

@@ -12,6 +12,9 @@ use crate::trials::{Path, TrialOptions, chain_flexion};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+/// Least and largest joint compression of a protocol [N]. Ours: several times the weight of a body.
+pub const COMPRESSION_N: [f64; 2] = [0.0, 5000.0];
+
 /// A protocol.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -194,7 +197,7 @@ fn quasi_static(model: &Model, legs: &[Leg], o: &ProtocolOptions) -> Result<Vec<
 pub fn check(o: &ProtocolOptions) -> Result<(), SimError> {
     let fault = |m: String| Err(SimError::Input(format!("protocol: {m}")));
     for (key, x, least, most) in [
-        ("compression_n", o.compression_n, 0.0, 5000.0),
+        ("compression_n", o.compression_n, COMPRESSION_N[0], COMPRESSION_N[1]),
         ("ap_load_n", o.ap_load_n, 0.0, 2000.0),
         ("ap_way_s", o.ap_way_s, 1e-3, 1e6),
         ("ap_rows", o.ap_rows as f64, 1.0, 1e4),

@@ -11,6 +11,7 @@ use crate::laxity::{LaxityTrial, TrialResult};
 use crate::model::{Evaluation, Model};
 use crate::quasistatic::{Dashpots, Goal, Phase, Solved, SolverOptions, State, follow, increment_near};
 use crate::spec::PoseSpec;
+use notices::plain;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::borrow::Cow;
@@ -19,6 +20,9 @@ use std::borrow::Cow;
 const DEG_PER_MM: f64 = 2.0;
 /// Equilibria that are further apart than this in a coordinate are two [mm or deg]; ours: friction holds a knee within less.
 const ANOTHER: f64 = 1.0;
+
+/// Flexions that can be asked for [deg]. Ours: farther than any knee bends.
+pub const FLEXION_DEG: [f64; 2] = [-30.0, 160.0];
 
 /// The path of a trial and how it is solved.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -65,7 +69,7 @@ impl Default for TrialOptions {
             hold_s: 0.6,
             damping: 0.01,
             increments: [1, 12, 2],
-            flexion_deg: [-30.0, 160.0],
+            flexion_deg: FLEXION_DEG,
             dislocation_mm: 20.0,
             dislocation_ap_mm: 38.0,
             rim_mm: 2.0,
@@ -172,7 +176,10 @@ pub fn pose_spec(gs: &Six) -> PoseSpec {
 pub fn chain_flexion(model: &Model, fe_deg: f64, options: &TrialOptions) -> Result<f64, SimError> {
     let [least, most] = options.flexion_deg;
     if !(fe_deg >= least && fe_deg <= most) {
-        return Err(SimError::Input(format!("flexion {fe_deg} deg is impossible; expected {least} to {most}")));
+        return Err(SimError::Input(format!(
+            "flexion {} deg is impossible; expected {least} to {most}",
+            plain(fe_deg)
+        )));
     }
     Ok(fe_deg.to_radians() - model.joint.ct_pose()[FE])
 }

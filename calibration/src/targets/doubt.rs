@@ -1,7 +1,7 @@
 //! Rows that cannot be what they say.
 
 use super::Targets;
-use notices::Kind;
+use notices::{Kind, plain};
 use sim::coordinate::{AP, Coordinate, FREE, Free, IE, Load, SI, VV};
 use sim::laxity::{LaxityTrial, Test};
 use sim::spec::PoseSpec;
@@ -28,7 +28,7 @@ pub(super) fn beyond_flexion(targets: &Targets, limits: [f64; 2]) -> Vec<String>
         .map(|(t, row)| {
             format!(
                 "row {row} ({}): fe_deg {} is beyond the model, which is made for {} to {} deg (option targets.flexion_deg)",
-                t.trial, t.fe_deg, limits[0], limits[1]
+                t.trial, plain(t.fe_deg), limits[0], limits[1]
             )
         })
         .collect()
@@ -41,7 +41,7 @@ pub(super) fn other_units(targets: &Targets, ct: &PoseSpec) -> Vec<String> {
         let rows = loaded(targets, c, &test, least);
         // both ways under load within 0.7: no knee is that stiff (10 deg and more are usual), but 0.35 rad is 20 deg
         if rows.len() >= 2 && rows.iter().all(|r| r.1.abs() < 0.7) {
-            let names: Vec<String> = rows.iter().map(|r| format!("row {}: {}", r.0, r.1)).collect();
+            let names: Vec<String> = rows.iter().map(|r| format!("row {}: {}", r.0, plain(r.1))).collect();
             out.push(format!(
                 "{} stays within 0.7 deg under {least} N m and more ({}): is it in radians? degrees expected",
                 c.column(),
@@ -149,8 +149,8 @@ pub(super) fn against_the_load(targets: &mut Targets) {
                 least.3,
                 most.3,
                 c.column(),
-                least.0,
-                most.0
+                plain(least.0),
+                plain(most.0)
             )).row(most.3));
         }
     }

@@ -8,6 +8,7 @@ use super::places::Places;
 use crate::DeckError;
 use crate::tree::{Tree, child, name_of, text};
 use meshes::{Isometry, Vector};
+use notices::plain;
 use roxmltree::Node;
 use sim::contact::layer::confined_modulus;
 use sim::spec::LayerLaw;
@@ -124,7 +125,7 @@ fn read_mesh<'a, 'i>(tree: &Tree<'_>, places: &Places<'a, 'i>, node: Node<'a, 'i
         ));
     }
     if !(thickness > 0.0 && thickness <= 20.0) {
-        return fault(format!("<thickness> is {thickness} mm, expected metres: above 0 and at most 0.02"));
+        return fault(format!("<thickness> is {} mm, expected metres: above 0 and at most 0.02", plain(thickness)));
     }
     let (name, body_name) = (name_of(node).to_owned(), places.name(frame.body).to_owned());
     let (scale, place, line) = (Vector::from(scale), frame.place * own, tree.line(node));

@@ -32,7 +32,8 @@ impl Context {
         let context: Context = toml::from_str(&text).map_err(|e| {
             let row = e.span().map(|s| text[..s.start].matches('\n').count() + 1);
             let expected = "question, context_of_use, influence, consequence (low, medium, high), flexion_deg";
-            let told = format!("{}: {}; expected {expected}", file.display(), e.message());
+            let line = row.map_or(String::new(), |row| format!(" line {row}"));
+            let told = format!("{}{line}: {}; expected {expected}", file.display(), e.message());
             BuildError::at(Place { row, ..Place::of(file) }, told)
         })?;
         match context.flexion_deg {

@@ -2,6 +2,7 @@
 "use strict";
 (() => {
   const data = JSON.parse(document.getElementById("data").textContent);
+  const MOST_LEVEL = 9; // names below an axis that have room side by side
   const MOST_LIVE = 3; // browsers give a page only so many WebGL contexts
   const SCALES = {
     distance: [[0, "#2166ac"], [0.25, "#f7f7f7"], [0.6, "#f4a582"], [1, "#b2182b"]],
@@ -462,8 +463,11 @@
     const c = colours();
     const axis = (a) => ({ ...a, automargin: true, gridcolor: c.line, linecolor: c.line, zerolinecolor: c.line });
     const narrow = chart.clientWidth < 480;
+    // many names run down to the left: to the right the last would be cut
+    const names = new Set(plot.data.flatMap((d) => d.x || []).filter((x) => typeof x === "string"));
+    const slant = names.size > MOST_LEVEL ? { tickangle: -45 } : {};
     const legend = narrow ? { orientation: "h", y: -0.35, font: { size: 10 } } : {};
-    const layout = { ...plot.layout, xaxis: axis(plot.layout.xaxis), yaxis: axis(plot.layout.yaxis), legend: { ...plot.layout.legend, ...legend }, margin: { l: narrow ? 45 : 60, r: 10, t: 10, b: 60 }, paper_bgcolor: c.ground, plot_bgcolor: c.ground, font: { color: c.ink }, height: undefined };
+    const layout = { ...plot.layout, xaxis: { ...axis(plot.layout.xaxis), ...slant }, yaxis: axis(plot.layout.yaxis), legend: { ...plot.layout.legend, ...legend }, margin: { l: narrow ? 45 : 60, r: 10, t: 10, b: 60 }, paper_bgcolor: c.ground, plot_bgcolor: c.ground, font: { color: c.ink }, height: undefined };
     Plotly.newPlot(chart, plot.data, layout, { responsive: true, displaylogo: false, displayModeBar: false });
     if (!chart.nextElementSibling || !chart.nextElementSibling.classList.contains("save")) {
       const save = element("div", { class: "save" });

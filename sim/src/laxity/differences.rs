@@ -4,6 +4,7 @@ use super::columns::LaxityError;
 use super::format::Readings;
 use super::{LaxityTrial, Reference, Test};
 use crate::coordinate::{Free, Load};
+use notices::plain;
 
 /// Nominal flexions within this are one flexion [deg].
 const SAME_FLEXION: f64 = 0.5;
@@ -32,7 +33,12 @@ pub(super) fn resolve(trials: &mut [LaxityTrial], named: &[String], readings: Re
             let (here, there) = (t.nominal_flexion_deg, r.nominal_flexion_deg);
             return refuse(
                 t,
-                &format!("\"{}\" is at {there} deg, this trial at {here} deg; expected one flexion", r.trial),
+                &format!(
+                    "\"{}\" is at {} deg, this trial at {} deg; expected one flexion",
+                    r.trial,
+                    plain(there),
+                    plain(here)
+                ),
             );
         }
         if t.load == r.load {
@@ -87,7 +93,7 @@ fn by_flexion(trials: &[LaxityTrial], i: usize) -> Result<Option<usize>, LaxityE
             format!(
                 "its reading is a difference, but the file has no unloaded trial at {} deg; add a row with test neutral, this flexion and \
                  its loads (its readings may be empty)",
-                t.nominal_flexion_deg
+                plain(t.nominal_flexion_deg)
             ),
         )),
     }

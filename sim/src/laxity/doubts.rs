@@ -2,6 +2,7 @@
 
 use super::{LaxityTrial, SignDoubt};
 use crate::coordinate::{AP, Coordinate, FREE, IE, ML, SI, VV};
+use notices::plain;
 use std::collections::BTreeMap;
 
 /// Flexion may lie this far from the nominal one in the median of a test position [deg]; a published knee lies 16 off at 90 deg. Ours.
@@ -142,8 +143,9 @@ fn small_load(trials: &[LaxityTrial], (c, least): (Coordinate, f64)) -> Option<S
     (!own.is_empty() && largest < least).then(|| SignDoubt {
         column: c.load_column(),
         words: format!(
-            "{} is at most {largest} {} in the tests by that name. Expected more than {least}: is its unit another, or are columns exchanged?{} Declare the unit by [laxity_format.NAME.columns]",
+            "{} is at most {} {} in the tests by that name. Expected more than {least}: is its unit another, or are columns exchanged?{} Declare the unit by [laxity_format.NAME.columns]",
             c.load_column(),
+            plain(largest),
             c.load_unit(),
             likely_unit(c, largest)
         ),

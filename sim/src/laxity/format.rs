@@ -304,11 +304,8 @@ fn unmeasured(raw: &mut Raw, warnings: &mut Vec<Notice>) {
         }
     }
     if words > 0 {
-        warnings.push(
-            Kind::WordsForNothing
-                .notice(format!("{words} cells such as n/a or NaN are read as not measured"))
-                .count(words),
-        );
+        let what = if words == 1 { "cell such as n/a or NaN is" } else { "cells such as n/a or NaN are" };
+        warnings.push(Kind::WordsForNothing.notice(format!("{words} {what} read as not measured")).count(words));
     }
 }
 

@@ -8,7 +8,7 @@ use crate::coordinate::{AP, FREE, Free, IE, Load, VV};
 use crate::names::did_you_mean;
 use csv::StringRecord;
 use meshes::frame::Side;
-use notices::{Kind, Notice};
+use notices::{Kind, Notice, plain};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// The trials of a file and what is odd but not fatal in it.
@@ -103,7 +103,8 @@ fn columns(header: &StringRecord) -> Result<BTreeMap<String, usize>, LaxityError
         missing => Err(LaxityError::row(
             1,
             format!(
-                "missing column {}; other names are declared by [laxity_format.NAME.columns] in specimen.toml",
+                "{}missing column {}; other names are declared by [laxity_format.NAME.columns] in specimen.toml",
+                if found.is_empty() { "no column name stands there; " } else { "" },
                 missing.join(", ")
             ),
         )),
@@ -144,7 +145,7 @@ impl Row<'_> {
     fn bounded(&self, column: &str, largest: f64, unit: &str) -> Result<Option<f64>, LaxityError> {
         match self.number(column)? {
             Some(v) if v.abs() > largest => {
-                self.refuse(column, &format!("{v} {unit} is beyond {largest} {unit}; is it in another unit?"))
+                self.refuse(column, &format!("{} {unit} is beyond {largest} {unit}; is it in another unit?", plain(v)))
             }
             value => Ok(value),
         }
@@ -215,7 +216,7 @@ fn trial(row: &Row, warnings: &mut Vec<Notice>) -> Result<LaxityTrial, LaxityErr
 fn quadriceps(row: &Row) -> Result<f64, LaxityError> {
     match row.bounded(QUADRICEPS_COLUMN, LARGEST_QUADRICEPS_N, "N")? {
         Some(tension) if tension < 0.0 => {
-            row.refuse(QUADRICEPS_COLUMN, &format!("{tension} N; a tension is 0 or above"))
+            row.refuse(QUADRICEPS_COLUMN, &format!("{} N; a tension is 0 or above", plain(tension)))
         }
         tension => Ok(tension.unwrap_or(0.0)),
     }
@@ -260,20 +261,31 @@ fn flexion(row: &Row, nominal: f64, warnings: &mut Vec<Notice>) -> Result<f64, L
     let Some(fe) = row.bounded("fe_deg", 180.0, "deg")? else {
         warnings.push(
             Kind::NoFlexion
-                .notice(format!("row {}, column \"fe_deg\": not measured, nominal {nominal} deg taken", row.number))
+                .notice(format!(
+                    "row {}, column \"fe_deg\": not measured, nominal {} deg taken",
+                    row.number,
+                    plain(nominal)
+                ))
                 .row(row.number)
                 .column("fe_deg"),
         );
         return Ok(nominal);
     };
     if nominal.abs() >= 20.0 && (fe - nominal.to_radians()).abs() < 0.2 {
-        return row
-            .refuse("fe_deg", &format!("{fe} beside nominal {nominal} deg looks like radians; degrees expected"));
+        return row.refuse(
+            "fe_deg",
+            &format!("{} beside nominal {} deg looks like radians; degrees expected", plain(fe), plain(nominal)),
+        );
     }
     if (fe - nominal).abs() > 30.0 {
         warnings.push(
             Kind::FlexionFarFromNominal
-                .notice(format!("row {}, column \"fe_deg\": {fe} deg is far from nominal {nominal} deg", row.number))
+                .notice(format!(
+                    "row {}, column \"fe_deg\": {} deg is far from nominal {} deg",
+                    row.number,
+                    plain(fe),
+                    plain(nominal)
+                ))
                 .row(row.number)
                 .column("fe_deg"),
         );

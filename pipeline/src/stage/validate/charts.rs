@@ -18,6 +18,8 @@ type Told = (f64, Option<Band>);
 /// A line of a chart.
 struct Curve {
     name: String,
+    /// Its own in every chart, whatever other lines there are.
+    colour: &'static str,
     /// Place and value.
     points: Vec<(f64, Told)>,
 }
@@ -67,6 +69,7 @@ pub(super) fn contact(r: &TrialResult, side: &str, what: &str) -> Option<Told> {
 fn ligaments(s: &Source, rows: &[&TrialResult]) -> Vec<Curve> {
     let curve = |(g, (name, _)): (usize, &(&str, &[&str]))| Curve {
         name: (*name).to_owned(),
+        colour: COLOURS[g % COLOURS.len()],
         points: rows.iter().map(|r| (r.pose.fe_deg, ligament(s, r, g))).collect(),
     };
     let most = |c: &Curve| c.points.iter().map(|(_, (f, b))| b.map_or(*f, |b| b.upper.max(*f))).fold(0.0, f64::max);
@@ -74,11 +77,12 @@ fn ligaments(s: &Source, rows: &[&TrialResult]) -> Vec<Curve> {
 }
 
 fn compartments(rows: &[&TrialResult], what: &str) -> Vec<Curve> {
-    let of = |side: &str| Curve {
+    let of = |(side, colour): (&str, &'static str)| Curve {
         name: side.to_owned(),
+        colour,
         points: rows.iter().filter_map(|r| Some((r.pose.fe_deg, contact(r, side, what)?))).collect(),
     };
-    ["medial", "lateral"].map(of).into_iter().filter(|c| !c.points.is_empty()).collect()
+    [("medial", COLOURS[0]), ("lateral", COLOURS[1])].map(of).into_iter().filter(|c| !c.points.is_empty()).collect()
 }
 
 /// Lines over flexion, the band behind each.
@@ -93,15 +97,16 @@ fn against_flexion(
     if curves.is_empty() || rows.len() < 2 {
         return None;
     }
-    let axis = if unit == "N" { "force [N]" } else { unit };
+    let axis = if unit == "N" { "force [N]" } else { "peak pressure [MPa]" };
     let mut plot = Plot::new();
     let banded = curves.iter().any(|c| c.points.iter().any(|(_, (_, b))| b.is_some()));
-    for (curve, colour) in curves.iter().zip(COLOURS.iter().cycle()) {
-        band(&mut plot, curve, colour);
+    for curve in curves {
+        let colour = curve.colour;
+        band(&mut plot, curve);
         let line = |at: &(f64, Told)| at.1.1.map_or(at.1.0, |b| b.mean);
         let (x, y): (Vec<f64>, Vec<f64>) = curve.points.iter().map(|p| (p.0, line(p))).unzip();
         let trace = Scatter::new(x, y).mode(Mode::LinesMarkers).name(&curve.name);
-        plot.add_trace(trace.line(Line::new().color(*colour)).marker(Marker::new().color(*colour).size(5)));
+        plot.add_trace(trace.line(Line::new().color(colour)).marker(Marker::new().color(colour).size(5)));
     }
     plot.set_layout(layout("flexion [deg]", axis));
     let told: Vec<String> = curves.iter().filter_map(|c| most(c, unit)).collect();
@@ -146,7 +151,8 @@ pub(super) fn number(told: &Told) -> String {
 }
 
 /// The band of a curve as a filled strip.
-fn band(plot: &mut Plot, curve: &Curve, colour: &str) {
+fn band(plot: &mut Plot, curve: &Curve) {
+    let colour = curve.colour;
     let points: Vec<(f64, Band)> = curve.points.iter().filter_map(|(x, (_, b))| Some((*x, (*b)?))).collect();
     if points.is_empty() {
         return;
@@ -201,6 +207,14 @@ fn pivot(s: &Source) -> Option<Chart> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn every_ligament_has_a_colour_of_its_own() {
+        // ligaments() takes them by number
+        assert!(GROUPS.len() <= COLOURS.len());
+        let all: std::collections::BTreeSet<&str> = COLOURS[..GROUPS.len()].iter().copied().collect();
+        assert_eq!(all.len(), GROUPS.len());
+    }
 
     #[test]
     fn a_value_is_told_with_its_interval_where_there_is_one() {
