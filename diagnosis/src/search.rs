@@ -1,6 +1,7 @@
 //! The search for what is missing: baseline, screen, joint refits, one effect after another.
 
 mod kin;
+mod met;
 mod pairs;
 mod refit;
 mod steps;
@@ -17,6 +18,7 @@ use crate::problem::Problem;
 use crate::robust::Mixture;
 use crate::screen::{Marginal, Score, signatures};
 use crate::trial::at_row;
+use met::Met;
 use nalgebra::{DMatrix, DVector};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -25,7 +27,6 @@ use serde::{Deserialize, Serialize};
 use sim::coordinate::FREE;
 use sim::equilibrium::{self, starts_of};
 use steps::{Found, Given, HOPELESS};
-use wide::Met;
 
 /// How a diagnosis is made.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

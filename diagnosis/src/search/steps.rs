@@ -1,6 +1,6 @@
 //! The steps of a search: single effects, one more beside the best, one exchanged for another.
 
-use super::wide::Met;
+use super::met::Met;
 use super::{Screened, Searcher, Start, TRIES};
 use crate::candidate::Candidate;
 use crate::covariance::Readings;

@@ -11,25 +11,6 @@ const WORTH_BEGINNING: f64 = 1.0;
 /// How often a search begins again [-].
 const MOST_AGAIN: usize = 2;
 
-/// Fits of single effects that a search met: the best of each hypothesis, with its gain over nothing missing in the scatter of its time.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Met(Vec<(f64, Fit)>);
-
-impl Met {
-    /// The fits.
-    pub(super) fn fits(&self) -> impl Iterator<Item = &Fit> {
-        self.0.iter().map(|(_, fit)| fit)
-    }
-
-    fn take(&mut self, gain: f64, fit: &Fit) {
-        match self.0.iter_mut().find(|(_, own)| own.hypothesis == fit.hypothesis) {
-            Some(own) if own.0 < gain => *own = (gain, fit.clone()),
-            Some(_) => {}
-            None => self.0.push((gain, fit.clone())),
-        }
-    }
-}
-
 impl Searcher<'_> {
     /// Remembers the single effects among what was found.
     pub(super) fn meet(&self, found: &mut Found) {
