@@ -57,7 +57,7 @@ impl Known {
         mean(&self.samples.iter().map(|s| variance(s).sqrt()).collect::<Vec<_>>())
     }
 
-    /// Of intervals of 90 % [N]: width, and ten or twenty times what a truth lies outside.
+    /// Of intervals of 90 % [N]: width, and twenty times what a truth lies outside; the mean over drawers.
     fn score(&self) -> f64 {
         let of = |(samples, truth): (&Vec<f64>, &f64)| {
             let (low, high) = ends(samples, 0.9).unwrap();

@@ -216,7 +216,7 @@ fn told(chosen: &Chosen) -> TestTold {
     }
 }
 
-/// "134 N AP with 5 N m IE".
+/// "134 N AP, -5 N m IE".
 fn loads(chosen: &Chosen) -> String {
     let of = |c: &Coordinate| format!("{} {} {}", chosen.test.load[*c], c.load_unit(), c.name().to_uppercase());
     chosen.test.reads.iter().map(of).collect::<Vec<_>>().join(", ")
