@@ -98,6 +98,7 @@ kinds! {
     SidesExchanged Heavy "A meniscus on the other side of the joint.",
     GrownTogether Light "A second body that hangs on the femur.",
     NoFemoralHead Light "No centre of the femoral head.",
+    LandmarkName Heavy "A landmark by a name that nothing reads, near one that is read.",
     FibreCount Light "Another number of fibres than the literature's.",
     NoFibula Light "No fibular shaft to tell the side by.",
     NoColours Light "A scan without colours.",

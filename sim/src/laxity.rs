@@ -8,6 +8,7 @@ mod differences;
 mod doubts;
 mod format;
 mod numbers;
+mod outliers;
 mod read;
 mod signs;
 mod text;

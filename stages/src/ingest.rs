@@ -3,6 +3,7 @@
 mod bodies;
 mod file;
 mod held;
+mod landmark_names;
 mod merge;
 mod mri;
 mod picked;

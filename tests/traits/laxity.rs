@@ -2,6 +2,8 @@
 
 use super::{Dice, Trait};
 use crate::common::{text, write};
+use std::cell::Cell;
+use std::collections::BTreeMap;
 use std::path::Path;
 
 pub(super) const TABLE: &str = "laxity/rks.csv";
@@ -27,6 +29,35 @@ fn column(name: &'static str, change: fn(f64) -> f64) -> Box<dyn Fn(&Path)> {
     })
 }
 
+/// One column counted from the first trial of each flexion.
+fn at_each_flexion(name: &'static str) -> Box<dyn Fn(&Path)> {
+    Box::new(move |folder| {
+        let table = text(&folder.join(TABLE));
+        let mut lines = table.lines();
+        let at = lines.next().unwrap().split(',').position(|h| h == name).unwrap();
+        let mut first: BTreeMap<String, f64> = BTreeMap::new();
+        for line in lines {
+            let row: Vec<&str> = line.split(',').collect();
+            first.entry(row[2].to_owned()).or_insert_with(|| row[at].parse().unwrap());
+        }
+        cells(folder, |h, row, c| (h == name).then(|| (c.parse::<f64>().unwrap() - first[row[2]]).to_string()));
+    })
+}
+
+/// One reading off by an amount, in the first trial whose name begins so.
+fn jump(name: &'static str, trial: &'static str, by: f64) -> Box<dyn Fn(&Path)> {
+    Box::new(move |folder| {
+        let done = Cell::new(false);
+        cells(folder, |h, row, c| {
+            let here = h == name && row[0].starts_with(trial) && !done.get();
+            here.then(|| {
+                done.set(true);
+                (c.parse::<f64>().unwrap() + by).to_string()
+            })
+        });
+    })
+}
+
 fn whole(change: impl Fn(String) -> Vec<u8> + 'static) -> Box<dyn Fn(&Path)> {
     Box::new(move |folder| {
         let path = folder.join(TABLE);
@@ -43,7 +74,7 @@ pub(super) fn draw(dice: &mut Dice) -> Trait {
     };
     const TURNED: &[&str] = &["sign", "turned", "point that way"];
     const UNIT: &[&str] = &["unit", "beyond"];
-    match dice.below(21) {
+    match dice.below(29) {
         0 => of("flexion zeroed", &["zeroed"], {
             Box::new(|folder| {
                 cells(folder, |h, row, c| {
@@ -107,6 +138,14 @@ pub(super) fn draw(dice: &mut Dice) -> Trait {
                 });
             })
         }),
+        20 => of("ie_deg zeroed at each flexion", &["zeroed"], at_each_flexion("ie_deg")),
+        21 => of("ap_mm zeroed at each flexion", &["zeroed"], at_each_flexion("ap_mm")),
+        22 => of("ie_deg doubled", &["counted twice"], column("ie_deg", |x| 2.0 * x)),
+        23 => of("ie_deg halved", &["counted twice"], column("ie_deg", |x| x / 2.0)),
+        24 => of("kN in load_si_n", &["unit"], column("load_si_n", |x| x / 1000.0)),
+        25 => of("flexion from another zero", &["another zero"], column("fe_deg", |x| x + 11.0)),
+        26 => of("a jump of ap_mm", &["lies alone"], jump("ap_mm", "internal_60", 30.0)),
+        27 => of("a jump of vv_deg", &["lies alone"], jump("vv_deg", "valgus_60", -12.0)),
         19 => of("flexion counts negative", &["negative throughout", "beyond the model"], {
             Box::new(|folder| {
                 cells(folder, |h, _, c| {

@@ -16,6 +16,8 @@ pub(super) const WIDTH_MM: f64 = 85.0;
 const OFF_MM: f64 = 15.0;
 /// Ends of fibres this far off their bone in the median are told [mm]: the format's 4 mm of a rough point.
 const TOLD_MM: f64 = 4.0;
+/// Ends of fibres this far off one of the bones in the median are told [mm]: sites that three people mark differ by 2. Ours.
+const ONE_BONE_MM: f64 = 2.5;
 /// A change of unit, frame or columns is the cause where it brings points this near [mm], and to this share of how far they were [-]. Ours.
 const MENDED_MM: f64 = 6.0;
 const MENDED_SHARE: f64 = 0.3;
@@ -156,9 +158,28 @@ pub(super) fn fibres(
             "{path}: its points lie {far:.1} mm off their bones in the median, expected within {:.1}: check their frame (a shift?) and unit",
             TOLD_MM * bones.scale
         )).file(path));
+    } else {
+        warnings.extend(on_one_bone(path, &ends, bones));
     }
     single(path, fibres, bones, warnings);
     Ok(())
+}
+
+/// The bone off whose surface its ends of fibres lie, though the other's lie on theirs; `ends` are those on the femur, then those on the tibia.
+fn on_one_bone(path: &str, ends: &[Point], bones: &Bones) -> Option<Notice> {
+    let (femur, tibia) = ends.split_at(ends.len() / 2);
+    let far = |on: &SurfaceQuery, of: &[Point]| off(of, |p| *p, |_, p| on.nearest(p).distance);
+    let both = [("femur", far(&bones.femur, femur)), ("tibia", far(&bones.tibfib, tibia))];
+    let (bone, mm) = both.into_iter().max_by(|a, b| a.1.total_cmp(&b.1))?;
+    (mm > ONE_BONE_MM * bones.scale && femur.len() >= FEWEST).then(|| {
+        Kind::FibresOffBones
+            .notice(format!(
+                "{path}: its points on the {bone} lie {mm:.1} mm off that bone's surface in the median, expected within {:.1}: a shift, or points of another surface?",
+                ONE_BONE_MM * bones.scale
+            ))
+            .file(path)
+            .of(bone)
+    })
 }
 
 /// Names the fibres of which one end lies far off its bone.

@@ -2,7 +2,7 @@
 
 use super::file::OPTIONAL_PATHS;
 use super::space::turned;
-use super::{picked, slicer};
+use super::{landmark_names, picked, slicer};
 use crate::StageError;
 use crate::specimen::{IngestOptions, NamedPoint, PointFrame, RawSpecimen, SpecimenFile};
 use attachments::bundle::{BUNDLES, LIGAMENTS};
@@ -18,13 +18,10 @@ pub(super) fn landmarks(
     options: &IngestOptions,
     warnings: &mut Vec<Notice>,
 ) -> Result<Vec<NamedPoint>, StageError> {
-    named_points(
-        (raw, options.is_ras("points")),
-        file.points.landmarks.as_deref().unwrap_or(OPTIONAL_PATHS[0]),
-        "name",
-        |_| Ok(()),
-        warnings,
-    )
+    let path = file.points.landmarks.as_deref().unwrap_or(OPTIONAL_PATHS[0]);
+    let mut all = named_points((raw, options.is_ras("points")), path, "name", |_| Ok(()), warnings)?;
+    landmark_names::settle(path, &mut all, warnings)?;
+    Ok(all)
 }
 
 /// What is said where a file of landmarks lacks the one that frames build on: it may have been cut short.

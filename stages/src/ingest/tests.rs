@@ -63,6 +63,34 @@ fn a_scan_without_colours_is_told() {
 }
 
 #[test]
+fn landmarks_are_known_in_any_writing_and_told_where_only_nearly() {
+    let of = |rows: &str| {
+        let table = format!("name,frame,x_mm,y_mm,z_mm\na,ct,1,2,3\n{rows}\n");
+        ingest(&with_file("landmarks.csv", table.as_bytes()), &IngestOptions::default())
+    };
+    for name in ["FEMORAL_HEAD_CENTER", "Femoral head center", "femoral-head-center", "Femoral_Head_Center"] {
+        let specimen = of(&format!("{name},ct,0,0,400")).unwrap();
+        assert!(specimen.landmarks.iter().any(|l| l.name == "femoral_head_center"), "{name}");
+        assert!(specimen.warnings.iter().all(|w| !w.contains("femoral_head")), "{name}: {:?}", specimen.warnings);
+    }
+    for (name, meant) in [
+        ("hip centre", "femoral_head_center"),
+        ("femoral_head_centre", "femoral_head_center"),
+        ("medial_epicondyle", "epicondyle_medial"),
+        ("femur_lat_epicondyle", "epicondyle_lateral"),
+        ("ankle", "ankle_center"),
+    ] {
+        let told = of(&format!("{name},ct,0,0,400")).unwrap().warnings;
+        assert!(told.iter().any(|w| w.contains(name) && w.contains(&format!("mean {meant}?"))), "{name}: {told:?}");
+    }
+    // a pair of frames is for the registration
+    let pair = of("hip bolt,ct,0,0,4\nhip bolt,scan_femur,0,0,4").unwrap().warnings;
+    assert!(pair.iter().all(|w| !w.contains("hip bolt")), "{pair:?}");
+    let twice = of("femoral_head_center,ct,0,0,400\nFemoral head center,ct,0,0,401").unwrap_err().to_string();
+    assert!(twice.contains("one landmark"), "{twice}");
+}
+
+#[test]
 fn a_table_of_landmarks_without_the_femoral_head_is_told() {
     let told = |text: &str| {
         let specimen = ingest(&with_file("landmarks.csv", text.as_bytes()), &IngestOptions::default()).unwrap();

@@ -1,0 +1,165 @@
+//! Readings that lie alone: a trial that jumped, a coordinate that is zeroed at each position, flexion counted from another zero throughout.
+
+use super::{LaxityTrial, SignDoubt, Test};
+use crate::coordinate::{AP, Coordinate, FREE, Free, IE, ML, SI, VV};
+use std::collections::BTreeMap;
+
+/// How far a reading may lie from its neighbours': VV, IE [deg], ML, AP, SI [mm]. Ours: what one step of 30 deg of flexion changes beside the
+/// course of a knee, twice over.
+const JUMP: Free<f64> = Free([7.0, 20.0, 8.0, 12.0, 8.0]);
+/// A reading lies alone where it is this many times as far from its neighbours as the second farthest of its kind [-]. Ours.
+const ALONE: f64 = 2.5;
+/// Loads of one test belong together within this share of the largest [-].
+const SAME_LOAD: f64 = 0.15;
+/// Readings of a position that do not test a coordinate, from which on one of them can lie alone.
+const LEAST_OTHERS: usize = 4;
+/// Readings of a position from which on a zero among them says that they count from it.
+const LEAST_AT_A_POSITION: usize = 3;
+/// Positions that show how a file is zeroed.
+const LEAST_POSITIONS: usize = 2;
+/// A reading is fine where this many times it is no whole number: more than two decimals, which are 0 by chance in fewer than one of 1000 degrees.
+const ROUND: f64 = 100.0;
+/// Flexion that lies this far from nominal at every position counts from another zero [deg]; feet and cuffs hold a knee within 5.
+const OFFSET_DEG: f64 = 8.0;
+/// And does so alike at all of them within this [deg].
+const OFFSET_ALIKE_DEG: f64 = 2.0;
+
+/// Doubts about single readings and about zeros by position.
+pub(super) fn doubts(trials: &[LaxityTrial]) -> Vec<SignDoubt> {
+    let poses: Vec<&LaxityTrial> = trials.iter().filter(|t| t.reference.is_none()).collect();
+    let mut found: Vec<SignDoubt> = FREE.into_iter().filter_map(|c| along_flexion(&poses, c)).collect();
+    found.extend(FREE.into_iter().filter_map(|c| within_a_position(&poses, c)));
+    found.extend([VV, IE, ML, AP, SI].into_iter().filter_map(|c| zeroed(&poses, c)));
+    found.extend(flexion_offset(&poses));
+    found
+}
+
+fn position(t: &LaxityTrial) -> i64 {
+    t.nominal_flexion_deg.round() as i64
+}
+
+/// How far trials lie from what is expected.
+type Off<'a> = (f64, &'a LaxityTrial);
+
+/// The one of these that is farthest off, by far enough and far farther than any that may be `compared` with it.
+fn alone<'a>(off: &[Off<'a>], c: Coordinate, compared: impl Fn(&LaxityTrial, &LaxityTrial) -> bool) -> Option<Off<'a>> {
+    let (by, worst) = off.iter().copied().max_by(|a, b| a.0.abs().total_cmp(&b.0.abs()))?;
+    let others = off.iter().filter(|o| o.1.trial != worst.trial && compared(worst, o.1));
+    let next = others.map(|o| o.0.abs()).fold(0.0, f64::max);
+    (by.abs() > JUMP[c] && by.abs() > ALONE * next).then_some((by, worst))
+}
+
+/// A reading at the largest load of its test that lies far from those at the flexions beside it.
+fn along_flexion(poses: &[&LaxityTrial], c: Coordinate) -> Option<SignDoubt> {
+    let mut courses: BTreeMap<Test, BTreeMap<i64, &LaxityTrial>> = BTreeMap::new();
+    for t in poses.iter().filter(|t| t.measured[c].is_some()) {
+        let Some(own) = t.test.coordinate() else { continue };
+        let course = courses.entry(t.test).or_default();
+        let largest = course.entry(position(t)).or_insert(t);
+        if t.load[own].abs() > largest.load[own].abs() {
+            *largest = t;
+        }
+    }
+    let off = courses.values().flat_map(|course| {
+        let course: Vec<&LaxityTrial> = course.values().copied().collect();
+        course.windows(3).filter_map(|w| from_neighbours(w, c)).collect::<Vec<_>>()
+    });
+    let off: Vec<Off> = off.collect();
+    // the neighbours of a jump lie off by half of it
+    let (by, t) = alone(&off, c, |worst, other| worst.test != other.test)?;
+    Some(told(t, c, by, "the course of this test over flexion beside it"))
+}
+
+/// How far the middle of three lies from the line between its neighbours, where all are loaded alike.
+fn from_neighbours<'a>(three: &[&'a LaxityTrial], c: Coordinate) -> Option<Off<'a>> {
+    let [before, here, after] = three else { return None };
+    let own = here.test.coordinate()?;
+    let loads = three.iter().map(|t| t.load[own].abs());
+    let most = loads.clone().fold(0.0, f64::max);
+    let alike = loads.into_iter().all(|l| most - l <= SAME_LOAD * most);
+    let [x, y, z] = [before.measured[c]?, here.measured[c]?, after.measured[c]?];
+    let at = (here.nominal_flexion_deg - before.nominal_flexion_deg)
+        / (after.nominal_flexion_deg - before.nominal_flexion_deg);
+    alike.then_some((y - (x + at * (z - x)), here))
+}
+
+/// A reading of a coordinate that its trial does not test, far from the others at its position.
+fn within_a_position(poses: &[&LaxityTrial], c: Coordinate) -> Option<SignDoubt> {
+    let mut positions: BTreeMap<i64, Vec<Off>> = BTreeMap::new();
+    for t in poses.iter().filter(|t| t.test.coordinate() != Some(c)) {
+        if let Some(x) = t.measured[c] {
+            positions.entry(position(t)).or_default().push((x, t));
+        }
+    }
+    let found = positions.into_values().filter(|of| of.len() > LEAST_OTHERS).filter_map(|of| {
+        let mut sorted: Vec<f64> = of.iter().map(|o| o.0).collect();
+        sorted.sort_by(f64::total_cmp);
+        let median = sorted[sorted.len() / 2];
+        let off: Vec<Off> = of.into_iter().map(|(x, t)| (x - median, t)).collect();
+        alone(&off, c, |_, _| true)
+    });
+    let (by, t) = found.max_by(|a, b| a.0.abs().total_cmp(&b.0.abs()))?;
+    Some(told(t, c, by, "the other trials at this flexion"))
+}
+
+fn told(t: &LaxityTrial, c: Coordinate, by: f64, others: &str) -> SignDoubt {
+    SignDoubt {
+        column: c.column(),
+        words: format!(
+            "trial \"{}\" lies alone: its {} is {:.1} {unit}, {by:+.1} {unit} from {others}. Did it slip, or was its load not applied? Look at its record, and leave the row out if it is no reading",
+            t.trial,
+            c.column(),
+            t.measured[c].unwrap_or(0.0),
+            unit = c.unit()
+        ),
+    }
+}
+
+/// A coordinate that is exactly 0 in one trial of every position, among readings of many decimals: it counts from there.
+fn zeroed(poses: &[&LaxityTrial], c: Coordinate) -> Option<SignDoubt> {
+    let mut positions: BTreeMap<i64, Vec<(f64, &LaxityTrial)>> = BTreeMap::new();
+    for t in poses {
+        if let Some(x) = t.measured[c] {
+            positions.entry(position(t)).or_default().push((x, t));
+        }
+    }
+    let all: Vec<f64> = positions.values().flatten().map(|o| o.0).collect();
+    let fine = all.iter().filter(|x| ((*x * ROUND).round() - *x * ROUND).abs() > 1e-6).count();
+    let zeros: Vec<&LaxityTrial> =
+        positions.values().filter_map(|of| of.iter().find(|o| o.0.abs() < 1e-9).map(|o| o.1)).collect();
+    let long = positions.values().all(|of| of.len() >= LEAST_AT_A_POSITION);
+    let every = positions.len() >= LEAST_POSITIONS && zeros.len() == positions.len() && long;
+    let first = zeros.first().filter(|_| every && 2 * fine > all.len())?;
+    Some(SignDoubt {
+        column: c.column(),
+        words: format!(
+            "{} is exactly 0 in one trial of each of the {} positions, the first \"{}\": it is zeroed at each, and counted from there. Expected the pose of the tibia in the femur's frame; declare readings = \"difference\" if all count from the unloaded trial, or leave the column's cells empty",
+            c.column(),
+            positions.len(),
+            first.trial
+        ),
+    })
+}
+
+/// Flexion that lies off nominal by the same amount at every position.
+fn flexion_offset(poses: &[&LaxityTrial]) -> Option<SignDoubt> {
+    let mut positions: BTreeMap<i64, Vec<f64>> = BTreeMap::new();
+    poses.iter().for_each(|t| positions.entry(position(t)).or_default().push(t.fe_deg - t.nominal_flexion_deg));
+    let medians: Vec<f64> = positions
+        .into_values()
+        .map(|mut v| {
+            v.sort_by(f64::total_cmp);
+            v[v.len() / 2]
+        })
+        .collect();
+    let (low, high) = medians.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(*x), h.max(*x)));
+    let far = low > OFFSET_DEG || high < -OFFSET_DEG;
+    (medians.len() >= LEAST_POSITIONS && far && high - low < OFFSET_ALIKE_DEG).then(|| SignDoubt {
+        column: "fe_deg".into(),
+        words: format!(
+            "fe_deg lies {:+.0} deg from nominal_flexion_deg at all of {} positions alike: does it count from another zero than the femur's and tibia's frames? Expected the flexion in them, within {OFFSET_DEG} deg of nominal",
+            (low + high) / 2.0,
+            medians.len()
+        ),
+    })
+}
