@@ -19,6 +19,7 @@ use inference::knee::{Answers, Asked, Belief, ModelDiscrepancy, Quantity, Trials
 use inference::noise::Likelihood;
 use inference::parameter::Parameter;
 use inference::posterior::{Found, Sample, infer};
+use inference::temper::{Asks, temper};
 use nalgebra::{DMatrix, DVector};
 use notices::{Kind, Notice};
 use rayon::prelude::*;
@@ -37,8 +38,6 @@ pub(crate) const MODEL_DISCREPANCY: ModelDiscrepancy = ModelDiscrepancy {
     flexion_deg: 25.0,
     load: Load::new(6.0, 3.0, 60.0, 60.0, 60.0),
 };
-/// However many readings there are, they say no more than this many that were right but for their scatter [miller2019]; set on the bench's nulls.
-const READINGS_BELIEVED: f64 = 100.0;
 /// Repositioning of the knee between conditions, in measurement noises [-]; as the diagnosis has it.
 const REPOSITIONING: f64 = 0.4;
 /// Compression in imagined trials [N]; the paper's protocols.
@@ -277,7 +276,7 @@ fn likelihood(sources: &[(String, Targets)], trials: &Trials, options: &Calibrat
         }
     });
     out.common = common;
-    out.temper = 1.0 + rows.len() as f64 / READINGS_BELIEVED;
+    out.temper = temper(Asks::Sizes(rows.len()));
     out
 }
 

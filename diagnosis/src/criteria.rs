@@ -4,9 +4,11 @@
 //! nothing is hidden) it was set with, their seeds where they were kept, and the rate aimed at. *Declared*: a judgement that no data set yet tests; it says what for.
 //! Log Bayes factors and log odds are in nats.
 
-/// How many times less loud the data speak than their declared scatter says where an answer leaves no more than it should [-]. Declared: with several
-/// hundred readings evidence speaks louder than the scatter is known. It raises the threshold of a name, tempers weights, widens intervals of sizes.
-pub const TEMPER: f64 = 1.5;
+use inference::temper::{Asks, temper};
+
+/// How many times less loud the data speak than their declared scatter says where an answer leaves no more than it should [-]; why: [`Asks::Causes`]. It
+/// raises the threshold of a name, tempers weights, widens intervals of sizes.
+pub const TEMPER: f64 = temper(Asks::Causes);
 
 /// One thing that is missing in this many is in nobody's catalogue [-]. Declared.
 const MISSING_PER_UNKNOWN: f64 = 10.0;

@@ -37,5 +37,6 @@ pub mod parameter;
 pub mod posterior;
 pub mod random;
 pub mod shift;
+pub mod temper;
 
 pub use error::InferenceError;
