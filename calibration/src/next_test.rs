@@ -3,12 +3,13 @@
 
 use crate::plateau::Staying;
 use crate::posterior::{mean, variance};
-use inference::knee::{Answers, Asked, Trials};
+use inference::knee::{Answers, Trials};
 use inference::posterior::{Forward, Found};
+use inference::trial::Trial;
 use nalgebra::DVector;
 use serde::{Deserialize, Serialize};
 use sim::coordinate::{Coordinate, Free, Load};
-use sim::laxity::Test;
+use sim::laxity::{LaxityTrial, Test};
 
 /// Tests thought of, with the load along the test's coordinate [N m or N]: what an examiner's hand or an arthrometer applies.
 pub(crate) const TESTS: [(Test, f64); 6] = [
@@ -57,16 +58,12 @@ impl NextTest {
 }
 
 /// The unloaded knee and every test at each flexion; of each test, its place.
-fn plan(compression_n: f64) -> (Vec<Asked>, Vec<(Test, f64, f64)>) {
+fn plan(compression_n: f64) -> (Vec<Trial>, Vec<(Test, f64, f64)>) {
     let (mut asked, mut told) = (Vec::new(), Vec::new());
     for fe_deg in FLEXIONS_DEG {
-        let trial = |load: Load, reads: Free<bool>, from| Asked {
-            source: Some(0),
-            load,
-            fe_deg,
-            quadriceps_n: 0.0,
-            reads,
-            from,
+        let trial = |load: Load, reads: Free<bool>, from| {
+            let asked = LaxityTrial::asked(String::new(), Test::Neutral, fe_deg, load);
+            Trial { source: Some(0), reads, from, ..Trial::imagined(asked) }
         };
         let rest = Load::compression(compression_n);
         let zero = asked.len();
@@ -159,13 +156,14 @@ mod tests {
     #[test]
     fn every_test_reads_its_own_coordinate_from_the_unloaded_knee() {
         let (asked, told) = plan(20.0);
-        let reading: Vec<&Asked> = asked.iter().filter(|a| a.reads.0.contains(&true)).collect();
+        let reading: Vec<&Trial> = asked.iter().filter(|a| a.reads.0.contains(&true)).collect();
         assert_eq!((reading.len(), told.len()), (24, 24));
         for (a, (test, fe_deg, load)) in reading.iter().zip(&told) {
             let c = test.coordinate().unwrap();
-            assert!(a.reads[c] && a.fe_deg == *fe_deg && a.load[c] == *load);
+            assert!(a.reads[c] && a.record.fe_deg == *fe_deg && a.record.load[c] == *load);
             let zero = &asked[a.from.unwrap()];
-            assert!(zero.load == Load::compression(20.0) && zero.fe_deg == *fe_deg && zero.reads == Free::all(false));
+            let done = (zero.record.load, zero.record.fe_deg);
+            assert!(done == (Load::compression(20.0), *fe_deg) && zero.reads == Free::all(false));
         }
     }
 }

@@ -6,7 +6,8 @@ use crate::candidate::Candidate;
 use crate::error::DiagnosisError;
 use crate::jacobian::{At, Jacobian};
 use crate::problem::{Linear, Problem};
-use crate::trial::{Trial, row_of};
+use crate::trial::row_of;
+use inference::trial::Trial;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -103,7 +104,7 @@ impl Readings {
         let mut rows = Vec::new();
         let mut measured = Vec::new();
         for (i, t) in problem.trials.iter().enumerate().filter(|(i, _)| keep(*i)) {
-            for (c, value) in t.measured.each() {
+            for (c, value) in t.record.measured.each() {
                 if let Some(v) = value {
                     rows.push((i, c));
                     measured.push(*v);
@@ -209,7 +210,7 @@ fn scatter_of(bench: Bench, trial: &Trial, rest: &Equilibrium, with_thickness: b
         sides[0].iter().zip(&sides[1]).map(differs).collect()
     };
     let mut tilted = Six::zeros();
-    tilted[VV] = rest.q[VV] - trial.neutral[VV];
+    tilted[VV] = rest.q[VV] - trial.unloaded.q[VV];
     Scatter {
         loads: jacobian.loads(),
         attachments: jacobian.attachments(),
@@ -258,7 +259,7 @@ fn assemble(problem: &Problem, scatter: &[Scatter], floor: &Floor) -> DMatrix<f6
         for k in 0..=i {
             let (a, b) = (&scatter[i], &scatter[k]);
             let (ti, tk) = (&problem.trials[i], &problem.trials[k]);
-            let near = (-0.5 * ((ti.flexion - tk.flexion) / range).powi(2)).exp();
+            let near = (-0.5 * ((ti.flexion() - tk.flexion()) / range).powi(2)).exp();
             let contact = (1.0 + near) * floor.contact_share.powi(2);
             for c in FREE {
                 for d in FREE {

@@ -364,7 +364,7 @@ fn nameable(problem: &Problem) -> usize {
 
 /// The exchange with the names of its trials, where it is to be believed.
 fn told_exchange(problem: &Problem, exchange: Exchange) -> Option<Exchanged> {
-    let name = |i: usize| format!("{} {}", problem.sources[problem.trials[i].source], problem.trials[i].name);
+    let name = |i: usize| format!("{} {}", problem.source_of(&problem.trials[i]), problem.trials[i].record.trial);
     let trials = exchange.trials.map(name);
     let log_bayes_factor = exchange.log_bayes_factor;
     (log_bayes_factor > crate::criteria::mixed_up()).then_some(Exchanged { trials, log_bayes_factor })

@@ -7,13 +7,13 @@ use crate::fit::{Fit, within};
 use crate::jacobian::Jacobian;
 use crate::problem::{Problem, reading};
 use crate::robust::alone;
-use crate::trial::Trial;
+use inference::trial::Trial;
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use sim::coordinate::{AP, FREE, IE, Load, SI, Six, VV};
+use sim::coordinate::{AP, FREE, IE, Load, SI, VV};
 use sim::laxity::{LaxityTrial, Test};
 
 /// A test worth doing.
@@ -71,10 +71,10 @@ pub fn next_tests(problem: &Problem, rivals: &[(&Fit, f64)], seed: u64) -> Resul
     for (k, (plan, (_, linear))) in asked.iter().zip(&ranked).enumerate() {
         let sampled = told_by(problem, &drawn.iter().map(|of| &of[k]).collect::<Vec<_>>(), &weights);
         out.push(NextTest {
-            test: plan.test.name().into(),
-            flexion_deg: plan.nominal,
+            test: plan.record.test.name().into(),
+            flexion_deg: plan.record.nominal_flexion_deg,
             load: size(plan),
-            source: problem.sources[plan.source].clone(),
+            source: problem.source_of(plan).into(),
             expected_gain: linear.gain.min(sampled.gain),
             gives_way: linear.is_odd && sampled.is_odd,
         });
@@ -112,38 +112,38 @@ fn told_by(problem: &Problem, of: &[&Forecast], weights: &[f64]) -> Told {
 }
 
 fn size(plan: &Trial) -> f64 {
-    plan.test.coordinate().map_or(0.0, |c| plan.load[c] / c.to_force(1.0))
+    plan.record.test.coordinate().map_or(0.0, |c| plan.record.load[c])
 }
 
-/// Every test at five flexions in every apparatus, at usual loads.
+/// Compression in every test [N].
+const COMPRESSION_N: f64 = 50.0;
+
+/// Every test at four flexions in every apparatus, at usual loads.
 fn plans(problem: &Problem) -> Vec<Trial> {
     let tests = [
         (Test::Anterior, AP, 130.0),
         (Test::Posterior, AP, -130.0),
-        (Test::Internal, IE, -5000.0),
-        (Test::External, IE, 5000.0),
-        (Test::Varus, VV, -8000.0),
-        (Test::Valgus, VV, 8000.0),
-        (Test::Neutral, SI, 50.0),
+        (Test::Internal, IE, -5.0),
+        (Test::External, IE, 5.0),
+        (Test::Varus, VV, -8.0),
+        (Test::Valgus, VV, 8.0),
+        (Test::Neutral, SI, COMPRESSION_N),
     ];
     let mut out = Vec::new();
     for source in problem.asked() {
         for flexion in [0.0, 15.0, 45.0, 75.0] {
             for (test, coordinate, load) in tests {
-                let mut loads = Six::zeros();
-                loads[SI] = 50.0;
+                let mut loads = Load::compression(COMPRESSION_N);
                 loads[coordinate] = load;
                 let flexed = f64::to_radians(flexion);
                 let near = problem
                     .trials
                     .iter()
-                    .min_by(|a, b| (a.flexion - flexed).abs().total_cmp(&(b.flexion - flexed).abs()));
+                    .min_by(|a, b| (a.flexion() - flexed).abs().total_cmp(&(b.flexion() - flexed).abs()));
                 let name = format!("{}_{flexion}", test.name());
-                let asked = LaxityTrial::asked(name, test, flexion, Load::default());
-                let mut plan =
-                    Trial { source, sd: problem.usual_noise, load: loads, flexion: flexed, ..Trial::alone(&asked) };
-                near.into_iter().for_each(|t| plan.rest_at(t.unloaded()));
-                out.push(plan);
+                let asked = Trial::alone(LaxityTrial::asked(name, test, flexion, loads));
+                let unloaded = near.map_or(asked.unloaded.clone(), |t| t.unloaded.clone());
+                out.push(Trial { source: Some(source), sd: problem.usual_noise, unloaded, ..asked });
             }
         }
     }

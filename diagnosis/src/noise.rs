@@ -34,7 +34,7 @@ pub(crate) fn scales(
     let mut out = Vec::new();
     for (s, source) in problem.sources.iter().enumerate() {
         for c in FREE {
-            let own: Vec<f64> = problem.trials.iter().filter(|t| t.source == s).map(|t| t.sd[c]).collect();
+            let own: Vec<f64> = problem.trials.iter().filter(|t| t.source == Some(s)).map(|t| t.sd[c]).collect();
             if own.is_empty() {
                 continue;
             }
@@ -65,7 +65,7 @@ fn contrasts(
     let mut out = Vec::new();
     for condition in 0..conditions {
         let is_of = |i: usize, d: Coordinate| {
-            d == c && problem.trials[i].source == s && problem.trials[i].condition == condition
+            d == c && problem.trials[i].source == Some(s) && problem.trials[i].condition == condition
         };
         let rows: Vec<usize> =
             readings.rows.iter().enumerate().filter(|(_, at)| is_of(at.0, at.1)).map(|(r, _)| r).collect();
@@ -73,7 +73,7 @@ fn contrasts(
         if n < 3 {
             continue;
         }
-        let load = |r: usize| problem.trials[readings.rows[r].0].load.iter().map(|l| l * l).sum::<f64>().sqrt();
+        let load = |r: usize| problem.trials[readings.rows[r].0].load().iter().map(|l| l * l).sum::<f64>().sqrt();
         let smooth = DMatrix::from_fn(n, 2, |k, col| if col == 0 { 1.0 } else { load(rows[k]) });
         // directions across the mean and the slope: eigenvectors of the projection that takes both off
         let q = smooth.qr().q();

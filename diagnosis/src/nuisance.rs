@@ -10,7 +10,7 @@ use crate::error::DiagnosisError;
 use calibration::design::{Design, Kind, Variable};
 use calibration::options::CalibrateOptions;
 use inference::frames::{STEP, Terms, corrected};
-use inference::knee::{Quantity, models_at};
+use inference::knee::{Models, Quantity, models_at};
 use inference::parameter::{Parameter, Prior};
 use nalgebra::{Matrix6, Vector3};
 use sim::Model;
@@ -24,22 +24,6 @@ use std::collections::BTreeMap;
 pub const PRIOR: [f64; 3] = [0.03, 0.2, 0.3];
 /// Smallest standard deviation of a site that is an unknown of its own [mm]; less is in the scatter of each fibre's ends ([`crate::covariance::Floor`]).
 const LEAST_SITE_MM: f64 = 0.5;
-
-/// A knee at some values of its parameters: in the frames that all data sets share, then in those of each.
-#[derive(Clone, Debug)]
-pub struct Models(Vec<Model>);
-
-impl Models {
-    /// In the frames of a data set.
-    pub fn of(&self, source: usize) -> &Model {
-        self.0.get(source + 1).unwrap_or(&self.0[0])
-    }
-
-    /// In the frames of all.
-    pub fn shared(&self) -> &Model {
-        &self.0[0]
-    }
-}
 
 /// The nuisance parameters of a model.
 #[derive(Clone, Debug)]
@@ -160,7 +144,7 @@ impl Nuisances {
     ///
     /// Errors: values out of the model's range.
     pub fn apply(&self, assembled: &Model, unknowns: &[f64]) -> Result<Models, DiagnosisError> {
-        Ok(Models(models_at(assembled, &self.spec, &self.list, &self.values(unknowns))?))
+        Ok(models_at(assembled, &self.spec, &self.list, &self.values(unknowns))?)
     }
 
     /// Which of them are of a structure's own bundles: their strain, stiffness and sites.

@@ -5,7 +5,8 @@
 
 use crate::covariance::{Readings, Whitening};
 use crate::error::DiagnosisError;
-use crate::trial::{Trial, row_of};
+use crate::trial::row_of;
+use inference::trial::Trial;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use sim::coordinate::FREE;
 use sim::laxity::Test;
@@ -31,7 +32,7 @@ pub struct Mixture {
 struct Group {
     trial: usize,
     /// Data set and test: of each, one trial at most is an outlier. Several that are off together are no accident.
-    kin: (usize, Test),
+    kin: (Option<usize>, Test),
     first: usize,
     count: usize,
 }
@@ -58,7 +59,7 @@ impl Mixture {
             match groups.last_mut() {
                 Some(g) if g.trial == trial => g.count += 1,
                 _ => {
-                    let kin = (trials[trial].source, trials[trial].test);
+                    let kin = (trials[trial].source, trials[trial].record.test);
                     groups.push(Group { trial, kin, first: row, count: 1 });
                 }
             }
@@ -173,9 +174,13 @@ mod tests {
         let n = 60;
         let text = "trial,test,nominal_flexion_deg,load_vv_nm,load_ie_nm,load_ml_n,load_ap_n,load_si_n,fe_deg,vv_deg,ie_deg,ml_mm,ap_mm,si_mm\n\
             a,anterior,30,0,0,0,100,20,30,0,0,0,9,-21\n";
-        let trial = Trial::alone(&sim::laxity::read(text.as_bytes()).unwrap().trials[0]);
-        let trials: Vec<Trial> =
-            (0..20).map(|i| Trial { test: TESTS[i % 4], source: i / 10, ..trial.clone() }).collect();
+        let trial = Trial::alone(sim::laxity::read(text.as_bytes()).unwrap().trials.remove(0));
+        let of = |i: usize| {
+            let mut one = Trial { source: Some(i / 10), ..trial.clone() };
+            one.record.test = TESTS[i % 4];
+            one
+        };
+        let trials: Vec<Trial> = (0..20).map(of).collect();
         let scatter = DMatrix::from_fn(n, n, |a, b| if a == b { 1.0 } else { 0.2 });
         let readings = Readings { rows: (0..n).map(|r| (r / 3, FREE[r % 3])).collect(), measured: DVector::zeros(n) };
         Mixture::new(&readings, scatter, &trials).unwrap()
@@ -194,7 +199,7 @@ mod tests {
     fn a_trial_by_itself_costs_what_the_mixture_has_it_cost() {
         let text = "trial,test,nominal_flexion_deg,load_vv_nm,load_ie_nm,load_ml_n,load_ap_n,load_si_n,fe_deg,vv_deg,ie_deg,ml_mm,ap_mm,si_mm\n\
             a,anterior,30,0,0,0,100,20,30,0,0,0,9,-21\n";
-        let trial = Trial::alone(&sim::laxity::read(text.as_bytes()).unwrap().trials[0]);
+        let trial = Trial::alone(sim::laxity::read(text.as_bytes()).unwrap().trials.remove(0));
         // ten are needed for one to be set aside
         let trials: Vec<Trial> = vec![trial; 10];
         let all = Readings { rows: (0..50).map(|r| (r / 5, FREE[r % 5])).collect(), measured: DVector::zeros(50) };

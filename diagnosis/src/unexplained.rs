@@ -35,7 +35,7 @@ fn alone(searcher: &Searcher, search: &Search) -> Result<(Vec<DataSetAlone>, Opt
         return Ok((out, None));
     }
     for (s, source) in problem.sources.iter().enumerate() {
-        let readings = Readings::of(problem, &|i| problem.trials[i].source == s);
+        let readings = Readings::of(problem, &|i| problem.trials[i].source == Some(s));
         if readings.rows.is_empty() {
             continue;
         }

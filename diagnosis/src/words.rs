@@ -208,7 +208,7 @@ fn set_aside(problem: &Problem, search: &Search) -> String {
         .outliers
         .iter()
         .filter(|i| search.base.outliers.contains(i))
-        .map(|&i| format!("{} {}", problem.sources[problem.trials[i].source], problem.trials[i].name))
+        .map(|&i| format!("{} {}", problem.source_of(&problem.trials[i]), problem.trials[i].record.trial))
         .collect();
     let aside = if odd.is_empty() { String::new() } else { format!(" Set aside as outliers: {}.", odd.join(", ")) };
     if problem.astray.is_empty() {

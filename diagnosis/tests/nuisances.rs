@@ -82,8 +82,8 @@ fn the_frames_of_a_data_set_change_its_own_readings_alone() {
     for (k, p) in problem.nuisance.list.iter().enumerate() {
         let Quantity::Frame(Some(source), _) = p.quantity else { continue };
         own += 1;
-        for (i, trial) in problem.trials.iter().enumerate().filter(|(_, t)| t.source != source) {
-            assert_eq!(linear.slope.view((5 * i, k), (5, 1)).amax(), 0.0, "{} in {}", p.name, trial.name);
+        for (i, trial) in problem.trials.iter().enumerate().filter(|(_, t)| t.source != Some(source)) {
+            assert_eq!(linear.slope.view((5 * i, k), (5, 1)).amax(), 0.0, "{} in {}", p.name, trial.record.trial);
         }
     }
     assert_eq!(own, 24);

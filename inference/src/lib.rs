@@ -38,5 +38,6 @@ pub mod posterior;
 pub mod random;
 pub mod shift;
 pub mod temper;
+pub mod trial;
 
 pub use error::InferenceError;

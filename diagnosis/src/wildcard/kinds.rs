@@ -110,7 +110,7 @@ impl Kind {
             _ => None,
         };
         let loaded =
-            |d: Coordinate| problem.trials.iter().any(|t| problem.acts(self.scope, t.source) && t.load[d] != 0.0);
+            |d: Coordinate| problem.trials.iter().any(|t| problem.acts(self.scope, t.source) && t.load()[d] != 0.0);
         axis.is_none_or(loaded)
     }
 

@@ -1,7 +1,8 @@
 //! Derivatives of an answer by every parameter.
 
-use super::{Answer, Asked, Knee, Quantity, Trials, pressed, shares};
+use super::{Answer, Knee, Quantity, Trials, pressed, shares};
 use crate::frames::{STEP, Terms};
+use crate::trial::Trial;
 use nalgebra::{DMatrix, Matrix6};
 use sim::Model;
 use sim::SimError;
@@ -33,7 +34,7 @@ impl Trials<'_> {
         &self,
         knee: &Knee,
         model: &Model,
-        trial: &Asked,
+        trial: &Trial,
         found: sim::trials::Answer,
         near: &mut Nearby,
     ) -> Result<(Answer, Jacobian), SimError> {
@@ -62,7 +63,7 @@ impl Trials<'_> {
                 Quantity::Cartilage => self.by_cartilage(model, (&found, near), &s)?,
                 Quantity::Lean(coordinate, knot) => {
                     let mut load = Load::default();
-                    load[*coordinate] = force * shares(trial.fe_deg)[*knot];
+                    load[*coordinate] = force * shares(trial.record.fe_deg)[*knot];
                     by_loads(&s, &load)
                 }
                 Quantity::Resting(source, coordinate) => {
@@ -155,7 +156,7 @@ struct FrameJacobian<'a> {
     trials: &'a Trials<'a>,
     model: &'a Model,
     terms: &'a Terms,
-    trial: &'a Asked,
+    trial: &'a Trial,
     found: &'a sim::trials::Answer,
     gs: Six,
     tangent: nalgebra::LU<f64, nalgebra::Const<5>, nalgebra::Const<5>>,
@@ -166,7 +167,7 @@ impl<'a> FrameJacobian<'a> {
         trials: &'a Trials<'a>,
         model: &'a Model,
         terms: &'a Terms,
-        trial: &'a Asked,
+        trial: &'a Trial,
         found: &'a sim::trials::Answer,
     ) -> Result<FrameJacobian<'a>, SimError> {
         let free = free_block(&found.evaluation.hessian);
@@ -185,7 +186,7 @@ impl<'a> FrameJacobian<'a> {
         other.joint = self.trials.joint(&moved)?;
         let place = model.joint.pose(&found.state.q).femur;
         let mut q = other.joint.coordinates(&other.joint.grood_suntay_of(&place))?;
-        q[FE] = chain_flexion(&other, self.trial.fe_deg, self.trials.options)?;
+        q[FE] = chain_flexion(&other, self.trial.record.fe_deg, self.trials.options)?;
         let singular = || SimError::Solver("the tangent is singular: nothing holds the knee in one direction".into());
         // the pull there in the coordinates of the frames as they are, then as a wrench, then in the other frames' coordinates
         let there = other.joint.pose(&q);

@@ -1,8 +1,9 @@
 //! Readings of a knee in trials: poses, or displacements from the pose of another trial, as an apparatus shows them.
 
 use super::jacobian::Jacobian;
-use super::{Answer, Answers, Asked, Quantity, Trials};
+use super::{Answer, Answers, Quantity, Trials};
 use crate::posterior::Point;
+use crate::trial::Trial;
 use nalgebra::{DMatrix, DVector};
 use sim::coordinate::{Coordinate, FREE, Free};
 
@@ -10,7 +11,7 @@ impl Trials<'_> {
     /// Readings that count, in order: trial and coordinate.
     pub fn rows(&self) -> Vec<(usize, Coordinate)> {
         let of =
-            |(i, t): (usize, &Asked)| FREE.into_iter().filter(|&c| t.reads[c]).map(move |c| (i, c)).collect::<Vec<_>>();
+            |(i, t): (usize, &Trial)| FREE.into_iter().filter(|&c| t.reads[c]).map(move |c| (i, c)).collect::<Vec<_>>();
         self.trials.iter().enumerate().flat_map(of).collect()
     }
 
@@ -29,7 +30,7 @@ impl Trials<'_> {
         let t = &self.trials[trial];
         match (&p.quantity, t.from) {
             (Quantity::Compliance(source, of), Some(from)) if t.source == Some(*source) && *of == coordinate => {
-                t.load[coordinate] - self.trials[from].load[coordinate]
+                t.record.load[coordinate] - self.trials[from].record.load[coordinate]
             }
             _ => 0.0,
         }
