@@ -329,9 +329,9 @@ fn told(
     warnings.extend(few_samples(&found, options.inference.samples));
     warnings.extend(joint_was_better(question, &found.starts));
     let noise = noise(question, likelihood);
-    warnings.extend(noise.iter().filter_map(|n| n.odd(interval)));
+    warnings.extend(noise.iter().filter_map(|n| n.not_as_stated(interval)));
     let others: Vec<OtherEstimate> = (n_ligaments..values.len()).filter(is_told).map(estimate).collect();
-    warnings.extend(others.iter().filter_map(OtherEstimate::odd));
+    warnings.extend(others.iter().filter_map(OtherEstimate::outside_prior));
     let frames = frames(question, trials, samples);
     let found_values = values[..n_ligaments].to_vec();
     let last = last_forces(question.knee, trials, &values, nobody_measured.clone());

@@ -108,7 +108,7 @@ pub fn next_tests(
     let rows = of.rows();
     let mut out = Vec::new();
     for (r, (test, flexion_deg, load)) in told.into_iter().enumerate() {
-        let row: DVector<f64> = point.slope.row(r).transpose();
+        let row: DVector<f64> = point.jacobian.row(r).transpose();
         let reading: Vec<f64> = found.samples.iter().map(|s| row.dot(&(&s.z - mode))).collect();
         let own = scatter.as_ref().map_or(0.0, |s| s[(r, r)]) + sd[rows[r].1].powi(2);
         let narrowed = |(here, f): &(&[usize], Vec<f64>)| {

@@ -146,7 +146,7 @@ fn a_displacement_is_the_difference_of_two_poses_and_its_slopes_are_right() {
         };
         let numeric = (moved(h) - moved(-h)) / (2.0 * h);
         for c in FREE {
-            let (found, wanted) = (point.slope[(c.free_index(), k)], numeric[c.free_index()]);
+            let (found, wanted) = (point.jacobian[(c.free_index(), k)], numeric[c.free_index()]);
             assert!(
                 (found - wanted).abs() < 0.02 + 0.05 * wanted.abs(),
                 "{} {c}: {found} {wanted}",

@@ -127,7 +127,7 @@ fn promising(mut pairs: Vec<Pair>, bar: f64) -> Vec<Pair> {
 /// All pairs of readings of one coordinate near the same load and flexion, with their surprise on a straight line about a fit.
 fn pairs(problem: &Problem, search: &Search, fit: &Fit) -> Vec<Pair> {
     let readings = &search.readings;
-    let slope = readings.rows_of(&fit.linear.slope);
+    let slope = readings.rows_of(&fit.linear.jacobian);
     let scatter = readings.block_of(&search.covariance) + &slope * slope.transpose();
     let before = &fit.residual + &slope * fit.from_means();
     let mut out = Vec::new();
@@ -195,7 +195,7 @@ fn fitted(searcher: &Searcher, search: &Search, fit: &Fit, pair: Pair) -> Result
     let [alone, beside] = [&one, &other].map(|f| 0.5 * few.total(f));
     let (first, fit) = if alone <= beside { (0, one) } else { (1, other) };
     let at = row_of(1 - first, pair.dof);
-    let slope = fit.linear.slope.row(at).transpose();
+    let slope = fit.linear.jacobian.row(at).transpose();
     let spread = (slope.transpose() * &fit.posterior * &slope)[(0, 0)] + scatter[(at, at)];
     let witness = |k: usize| witness(whole, pair.trials[k], [a, b][k]);
     Ok(Contradiction {

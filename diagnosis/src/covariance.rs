@@ -317,7 +317,7 @@ pub fn remainders(
             x = (root * DVector::from_column_slice(&x)).iter().copied().collect();
         }
         let rests = problem.rests(&[], &x, &starts)?;
-        let first = &linear.slope * DVector::from_column_slice(&x);
+        let first = &linear.jacobian * DVector::from_column_slice(&x);
         for (i, rest) in rests.iter().enumerate() {
             let there = crate::problem::reading(rest);
             let left: Free<f64> = Free::from_fn(|c| there[c] - linear.value[row_of(i, c)] - first[row_of(i, c)]);
@@ -336,7 +336,7 @@ fn posterior_root(problem: &Problem, linear: &Linear, floor: &Floor) -> Result<O
     let given = vec![0.0; problem.nuisances()];
     let readings = Readings::of(problem, &|_| true);
     let scatter = readings.block_of(&covariance(problem, &[], &given, &linear.rests, floor)?);
-    let white = Whitening::new(scatter)?.white(&readings.rows_of(&linear.slope));
+    let white = Whitening::new(scatter)?.white(&readings.rows_of(&linear.jacobian));
     let curvature = DMatrix::identity(given.len(), given.len()) + white.tr_mul(&white);
     Ok(Cholesky::new(curvature).and_then(|c| Cholesky::new(c.inverse())).map(|c| c.l()))
 }

@@ -4,7 +4,7 @@ use crate::covariance::{Readings, Whitening};
 use crate::error::DiagnosisError;
 use crate::fit::Fit;
 use crate::problem::Problem;
-use crate::robust::Mixture;
+use crate::outlier::Mixture;
 use crate::search::Searcher;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
@@ -81,7 +81,7 @@ fn part(problem: &Problem, fit: &Fit, unseen: &Readings, cov: &DMatrix<f64>) -> 
     let block = unseen.block_of(cov);
     let mixture = Mixture::new(unseen, block.clone(), &problem.trials)?;
     let scatter: &Whitening = mixture.plain();
-    let slope = unseen.rows_of(&fit.linear.slope);
+    let slope = unseen.rows_of(&fit.linear.jacobian);
     let spread = &slope * &fit.posterior * slope.transpose();
     let half = scatter.white(&spread);
     let expected = unseen.rows.len() as f64 + scatter.white(&half.transpose()).trace();

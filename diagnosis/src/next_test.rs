@@ -6,7 +6,7 @@ use crate::error::DiagnosisError;
 use crate::fit::{Fit, within};
 use crate::jacobian::Jacobian;
 use crate::problem::{Problem, reading};
-use crate::robust::alone;
+use crate::outlier::alone;
 use inference::trial::Trial;
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rand::SeedableRng;
@@ -76,7 +76,7 @@ pub fn next_tests(problem: &Problem, rivals: &[(&Fit, f64)], seed: u64) -> Resul
             load: size(plan),
             source: problem.source_of(plan).into(),
             expected_gain: linear.gain.min(sampled.gain),
-            gives_way: linear.is_odd && sampled.is_odd,
+            gives_way: linear.is_outlier && sampled.is_outlier,
         });
     }
     out.sort_by(|a, b| b.expected_gain.total_cmp(&a.expected_gain));
@@ -89,14 +89,14 @@ pub fn next_tests(problem: &Problem, rivals: &[(&Fit, f64)], seed: u64) -> Resul
 struct Told {
     /// Log odds, weighed by belief.
     gain: f64,
-    /// Whether some two lie so far apart that either would call the other's trial odd.
-    is_odd: bool,
+    /// Whether some two lie so far apart that either would call the other's trial an outlier.
+    is_outlier: bool,
 }
 
 /// What one test tells between rivals of some weights, by what each predicts.
 fn told_by(problem: &Problem, of: &[&Forecast], weights: &[f64]) -> Told {
     let noise = DMatrix::from_diagonal(&DVector::from_row_slice(&problem.usual_noise.map(|sd| sd.powi(2)).0));
-    let mut told = Told { gain: 0.0, is_odd: false };
+    let mut told = Told { gain: 0.0, is_outlier: false };
     for a in 0..of.len() {
         for b in 0..a {
             let ((x, s), (y, u)) = (of[a], of[b]);
@@ -105,7 +105,7 @@ fn told_by(problem: &Problem, of: &[&Forecast], weights: &[f64]) -> Told {
             let cost = alone(squares, FREE.len());
             // either may be the true one
             told.gain += 2.0 * weights[a] * weights[b] * cost;
-            told.is_odd |= cost < 0.5 * squares;
+            told.is_outlier |= cost < 0.5 * squares;
         }
     }
     told

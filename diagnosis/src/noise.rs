@@ -12,7 +12,7 @@ use sim::coordinate::{Coordinate, FREE};
 
 /// Standard deviation of the log of a scale before the data: twice or half the stated noise is one away. As in the calibration.
 const PRIOR_LOG_SD: f64 = std::f64::consts::LN_2;
-/// Probability and width of outliers among the differences [-]; as in [`crate::robust`].
+/// Probability and width of outliers among the differences [-]; as in [`crate::outlier`].
 const OUTLIERS: (f64, f64) = (0.02, 100.0);
 /// Logs of scales that are tried, from a third to twenty times [-].
 const GRID: (f64, f64, usize) = (-1.1, 3.0, 165);
@@ -152,8 +152,8 @@ mod tests {
         let nothing = scale(&[]);
         assert!(nothing.gain == 0.0 && (nothing.scale - 1.0).abs() < 0.03 && nothing.interval.1 > 2.0);
         // one outlier makes no noise
-        let mut odd = drawn(1.0);
-        odd[3].value = 9.0;
-        assert!(scale(&odd).gain < OTHER_NOISE);
+        let mut jumped = drawn(1.0);
+        jumped[3].value = 9.0;
+        assert!(scale(&jumped).gain < OTHER_NOISE);
     }
 }

@@ -119,7 +119,7 @@ pub struct Linear {
     /// Five readings a trial [deg, mm].
     pub value: Vec<f64>,
     /// Derivatives by the unknowns: a row a reading.
-    pub slope: DMatrix<f64>,
+    pub jacobian: DMatrix<f64>,
     /// Where each trial rests.
     pub rests: Vec<Equilibrium>,
 }
@@ -499,12 +499,12 @@ impl Problem {
             columns
         };
         let rows: Vec<Vec<Free<f64>>> = knee.trials.par_iter().zip(&rests).map(by_unknowns).collect();
-        let slope = DMatrix::from_fn(5 * rows.len(), unknowns.len(), |r, c| {
+        let jacobian = DMatrix::from_fn(5 * rows.len(), unknowns.len(), |r, c| {
             let (i, d) = at_row(r);
             rows[i][c][d]
         });
         let value = rests.iter().flat_map(reading).collect();
-        Linear { value, slope, rests }
+        Linear { value, jacobian, rests }
     }
 }
 

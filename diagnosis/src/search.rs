@@ -15,7 +15,7 @@ use crate::criteria::{LEAST_BESIDE, LEAST_EVIDENCE, LEAST_FURTHER, NULLS_BELOW};
 use crate::error::DiagnosisError;
 use crate::fit::{Data, Fit};
 use crate::problem::Problem;
-use crate::robust::Mixture;
+use crate::outlier::Mixture;
 use crate::screen::{Marginal, Score, signatures};
 use crate::trial::at_row;
 use met::Met;

@@ -5,7 +5,7 @@ use crate::error::DiagnosisError;
 use crate::fit::Fit;
 use crate::held_out::{HeldOut, closed, held_out};
 use crate::report::{DataSetAlone, Tried, Unexplained, named};
-use crate::robust::Mixture;
+use crate::outlier::Mixture;
 use crate::search::{Search, Searcher, TRIES};
 use crate::verdict::temper;
 

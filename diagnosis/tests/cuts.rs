@@ -10,7 +10,7 @@ use diagnosis::diagnosis::{Calibration, Diagnosis, Verdict, diagnose};
 use diagnosis::fit::Data;
 use diagnosis::problem::{Problem, reading};
 use diagnosis::regret::regret;
-use diagnosis::robust::Mixture;
+use diagnosis::outlier::Mixture;
 use diagnosis::search::{DiagnosisOptions, Searcher, TRIES};
 use diagnosis::trial::Source;
 use inference::trial::Trial;

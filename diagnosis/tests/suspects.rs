@@ -5,8 +5,8 @@ use crate::common::asked::asked;
 use crate::common::deck::deck;
 use diagnosis::problem::{Problem, reading};
 use diagnosis::search::{DiagnosisOptions, Searcher};
-use diagnosis::wildcard::suspects::{SHARE, SWAY, impinging, larger, pulls, swayed};
-use diagnosis::wildcard::{Bone, Course, Wildcard, wildcard};
+use diagnosis::discrepancy::suspects::{SHARE, SWAY, impinging, larger, pulls, swayed};
+use diagnosis::discrepancy::{Bone, Course, Discrepancy, discrepancy};
 use needs_shared::needs_shared;
 use sim::coordinate::{AP, Coordinate, FE, FREE, IE, ML, SI, Six, VV};
 
@@ -53,10 +53,10 @@ fn measured(problem: &Problem, loads: &dyn Fn(usize) -> Six, misread: &dyn Fn(us
     deck("suspects", &asked(&TRIALS, &readings)).unwrap()
 }
 
-fn told(problem: &Problem) -> (Wildcard, String) {
+fn told(problem: &Problem) -> (Discrepancy, String) {
     let options = DiagnosisOptions { most_effects: 1, ..DiagnosisOptions::default() };
     let search = Searcher { problem, options: &options }.search().unwrap();
-    let field = wildcard(problem, (&search.readings, &search.covariance), &search.base).unwrap();
+    let field = discrepancy(problem, (&search.readings, &search.covariance), &search.base).unwrap();
     let words = field.words(problem);
     (field, words)
 }

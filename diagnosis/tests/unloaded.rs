@@ -70,7 +70,7 @@ fn derivatives_by_ligaments_and_contact_hold_what_moves_the_unloaded_pose() {
             let h = 0.01;
             for (r, (up, down)) in at(k, h).iter().zip(at(k, -h)).enumerate() {
                 let by_difference = (up - down) / (2.0 * h);
-                off += (by_difference - linear.slope[(r, k)]).powi(2);
+                off += (by_difference - linear.jacobian[(r, k)]).powi(2);
                 all += by_difference.powi(2);
             }
         }

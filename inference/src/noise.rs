@@ -110,14 +110,14 @@ impl Likelihood {
         if !shift.noise.is_empty() {
             residual -= &shift.noise;
         }
-        let slope = self.white_rows(&at.slope);
+        let jacobian = self.white_rows(&at.jacobian);
         let pull = &at.z - &shift.centre;
-        let mut gradient = slope.tr_mul(&residual) + &pull;
-        let mut hessian = slope.tr_mul(&slope);
-        let (belief, belief_slope) = shift.heard(at);
+        let mut gradient = jacobian.tr_mul(&residual) + &pull;
+        let mut hessian = jacobian.tr_mul(&jacobian);
+        let (belief, belief_jacobian) = shift.heard(at);
         if !belief.is_empty() {
-            gradient += belief_slope.tr_mul(&belief);
-            hessian += belief_slope.tr_mul(&belief_slope);
+            gradient += belief_jacobian.tr_mul(&belief);
+            hessian += belief_jacobian.tr_mul(&belief_jacobian);
         }
         (0..hessian.nrows()).for_each(|k| hessian[(k, k)] += 1.0);
         let value = 0.5 * (residual.norm_squared() + belief.norm_squared() + pull.norm_squared());
@@ -146,17 +146,17 @@ impl Likelihood {
     pub fn infer_scales(&mut self, at: &Linear, scale_noise: bool) -> Result<(), InferenceError> {
         self.let_go(&at.reading);
         if scale_noise {
-            let (belief, belief_slope) = Shift::none(at.z.len()).heard(at);
+            let (belief, belief_jacobian) = Shift::none(at.z.len()).heard(at);
             let (n, extra) = (self.sd.len(), belief.len());
             let rows = n + extra;
-            let mut slope = DMatrix::zeros(rows, at.slope.ncols());
-            slope.rows_mut(0, n).copy_from(&at.slope);
-            slope.rows_mut(n, extra).copy_from(&belief_slope);
+            let mut jacobian = DMatrix::zeros(rows, at.jacobian.ncols());
+            jacobian.rows_mut(0, n).copy_from(&at.jacobian);
+            jacobian.rows_mut(n, extra).copy_from(&belief_jacobian);
             let mut centred = DVector::zeros(rows);
             centred.rows_mut(0, n).copy_from(&(&self.measured - &at.reading));
             centred.rows_mut(n, extra).copy_from(&-&belief);
-            centred += &slope * &at.z;
-            let base = &slope * slope.transpose();
+            centred += &jacobian * &at.z;
+            let base = &jacobian * jacobian.transpose();
             for _ in 0..ROUNDS {
                 self.score(&base, &centred, n)?;
             }
@@ -209,19 +209,19 @@ mod tests {
     fn a_scale_of_noise_is_found_and_a_group_without_readings_keeps_its_prior() {
         let mut random = stream(3, 0);
         let n = 240;
-        let slope = DMatrix::from_fn(n, 20, |_, _| crate::random::normal(&mut random));
+        let jacobian = DMatrix::from_fn(n, 20, |_, _| crate::random::normal(&mut random));
         let z = normals(&mut random, 20);
         let scale = [2.0, 0.5];
         let group: Vec<usize> = (0..n).map(|i| i % 2).collect();
         let noise = DVector::from_fn(n, |i, _| 0.3 * scale[group[i]] * crate::random::normal(&mut random));
-        let mut likelihood = Likelihood::independent(&slope * &z + noise, vec![0.3; n], group);
+        let mut likelihood = Likelihood::independent(&jacobian * &z + noise, vec![0.3; n], group);
         likelihood.scale.push(1.0);
         likelihood.log_scale_sd.push(PRIOR_LOG_SD);
         let at = Linear {
             reading: DVector::zeros(n),
-            slope,
+            jacobian,
             belief: DVector::zeros(0),
-            belief_slope: DMatrix::zeros(0, 20),
+            belief_jacobian: DMatrix::zeros(0, 20),
             one_side: Vec::new(),
             z: DVector::zeros(20),
         };
@@ -248,9 +248,9 @@ mod tests {
             let none = DMatrix::zeros(n, 1);
             let at = Linear {
                 reading: DVector::zeros(n),
-                slope: none,
+                jacobian: none,
                 belief: DVector::zeros(0),
-                belief_slope: DMatrix::zeros(0, 1),
+                belief_jacobian: DMatrix::zeros(0, 1),
                 one_side: Vec::new(),
                 z: DVector::zeros(1),
             };

@@ -62,27 +62,27 @@ impl Trials<'_> {
     /// Answers and their derivatives as a point; `values` are those of the parameters, with their derivatives by the standard normal numbers.
     pub(super) fn point(&self, found: Vec<(Answer, Jacobian)>, values: &[(f64, f64)]) -> Point<Answers> {
         let (rows, n) = (self.rows(), values.len());
-        let slope = DMatrix::from_fn(rows.len(), n, |r, k| {
+        let jacobian = DMatrix::from_fn(rows.len(), n, |r, k| {
             let (trial, c) = rows[r];
             let of_knee: f64 =
                 self.parts(trial).map(|(i, sign)| sign * found[i].1.predicted[(c.free_index(), k)]).sum();
             (of_knee + self.load_step(&self.parameters[k], trial, c)) * values[k].1
         });
         let mut belief = DVector::zeros(self.beliefs.len());
-        let mut belief_slope = DMatrix::zeros(self.beliefs.len(), n);
+        let mut belief_jacobian = DMatrix::zeros(self.beliefs.len(), n);
         for (r, b) in self.beliefs.iter().enumerate() {
             let (answer, jacobian) = &found[b.trial];
             let force: f64 = b.bundles.iter().map(|&k| answer.forces_n[k]).sum();
             belief[r] = (force - b.mean_n) / b.sd_n;
             for k in 0..n {
                 let by: f64 = b.bundles.iter().map(|&m| jacobian.forces_n[(m, k)]).sum();
-                belief_slope[(r, k)] = by * values[k].1 / b.sd_n;
+                belief_jacobian[(r, k)] = by * values[k].1 / b.sd_n;
             }
         }
         let state: Answers = found.into_iter().map(|f| f.0).collect();
         let plain: Vec<f64> = values.iter().map(|v| v.0).collect();
         let reading = DVector::from_iterator(rows.len(), rows.iter().map(|&(i, c)| self.read(&plain, &state, i)[c]));
         let one_side = self.beliefs.iter().map(|b| b.only_above).collect();
-        Point { reading, slope, belief, belief_slope, one_side, state }
+        Point { reading, jacobian, belief, belief_jacobian, one_side, state }
     }
 }

@@ -1,6 +1,6 @@
 //! A field in words: which coordinate, at which flexion, at which load, where, and how large.
 
-use super::Wildcard;
+use super::Discrepancy;
 use super::kinds::{Bone, Course, FIELD, LOADS, amplitude};
 use super::suspects::{BESIDE, PULL, SHARE};
 use crate::candidate::Scope;
@@ -11,7 +11,7 @@ use sim::coordinate::{Coordinate, FE, IE, VV};
 const NAMES: [&str; 6] =
     ["flexion", "varus-valgus", "internal-external rotation", "medial-lateral", "anterior-posterior", "axial"];
 
-impl Wildcard {
+impl Discrepancy {
     /// In words.
     pub fn words(&self, problem: &Problem) -> String {
         let acts = |i: usize| problem.acts(self.scope, problem.trials[i].source);

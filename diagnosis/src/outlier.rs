@@ -214,24 +214,24 @@ mod tests {
     }
 
     #[test]
-    fn one_odd_trial_costs_a_limited_number_of_nats_however_odd() {
+    fn one_outlier_costs_a_limited_number_of_nats_however_far_it_is() {
         let mixture = mixture();
         let usual = DVector::from_fn(60, |r, _| (r as f64 * 1.7).sin());
-        let mut odd = usual.clone();
-        odd[30] += 30.0;
-        let weighed = mixture.weigh(&odd);
+        let mut jumped = usual.clone();
+        jumped[30] += 30.0;
+        let weighed = mixture.weigh(&jumped);
         assert_eq!(weighed.outliers, [10]);
         let extra = weighed.cost - mixture.weigh(&usual).cost;
         assert!(extra > 5.0 && extra < 25.0, "{extra}");
         // the cost is that of the scatter with the outlier wide
         let wide = weighed.whitening.unwrap();
         let price = 0.5 * (wide.log_determinant() - mixture.plain().log_determinant()) - SHARE.ln();
-        assert!((weighed.cost - 0.5 * wide.white_vector(&odd).norm_squared() - price).abs() < 1e-8);
+        assert!((weighed.cost - 0.5 * wide.white_vector(&jumped).norm_squared() - price).abs() < 1e-8);
         // several of one test that are off are no outliers: one is set aside, the others count
         for trial in [14, 18] {
-            odd[3 * trial] += 30.0;
+            jumped[3 * trial] += 30.0;
         }
-        let weighed = mixture.weigh(&odd);
+        let weighed = mixture.weigh(&jumped);
         assert_eq!(weighed.outliers.len(), 1);
         assert!(weighed.cost > 500.0);
     }
