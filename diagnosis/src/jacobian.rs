@@ -115,9 +115,13 @@ impl<'a> Jacobian<'a> {
     pub(crate) fn nuisances(&self, of: &Nuisances, unknowns: &[f64], joints: &[FrameSteps]) -> Vec<Free<f64>> {
         let source = self.trial.source;
         let values: Vec<(f64, f64)> = unknowns.iter().enumerate().take(of.len()).map(|(k, x)| of.at(k, *x)).collect();
-        let numbers: Vec<(Vec<Number>, f64)> =
+        let numbers: Vec<Option<(Vec<Number>, f64)>> =
             of.list.iter().zip(&values).map(|(p, value)| p.quantity.numbers(value.0)).collect();
-        let model = self.of_the_knee(|at| numbers.iter().map(|(n, factor)| self.by_numbers(at, n) * *factor).collect());
+        // what is no number of the model has another column below
+        let one = |at: &At, of: &Option<(Vec<Number>, f64)>| {
+            of.as_ref().map_or_else(Six::zeros, |(n, factor)| self.by_numbers(at, n) * *factor)
+        };
+        let model = self.of_the_knee(|at| numbers.iter().map(|of| one(at, of)).collect());
         let frames = source.and_then(|s| joints.get(s)).map_or([Free::all(0.0); 12], |steps| self.frames(steps));
         let by = |(k, felt): (usize, &Felt)| {
             let column = match felt {

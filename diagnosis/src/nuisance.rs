@@ -218,16 +218,13 @@ fn of_a_built_knee(
 
 /// A deck's own values, and its contact.
 fn of_a_deck(spec: &ModelSpec, design: &Design) -> Vec<Parameter<Quantity>> {
+    let names: Vec<String> = spec.bundles.iter().map(|b| b.name.clone()).collect();
     let one = |(v, own): (&Variable, f64)| {
-        let of = |name: &String| spec.bundles.iter().position(|b| b.name == *name);
-        let bundles: Vec<usize> = v.bundles.iter().filter_map(of).collect();
-        let (quantity, prior) = match v.kind {
-            Kind::ReferenceStrain => (Quantity::ReferenceStrain(bundles), Prior::Normal { mean: own, sd: PRIOR[0] }),
-            Kind::StiffnessNPerMm => {
-                (Quantity::Stiffness(bundles), Prior::LogNormal { median: own.max(LEAST_STIFFNESS), log_sd: PRIOR[1] })
-            }
+        let prior = match v.kind {
+            Kind::ReferenceStrain => Prior::Normal { mean: own, sd: PRIOR[0] },
+            Kind::StiffnessNPerMm => Prior::LogNormal { median: own.max(LEAST_STIFFNESS), log_sd: PRIOR[1] },
         };
-        Parameter { name: v.name(), quantity, prior }
+        Parameter { name: v.name(), quantity: v.quantity(&names), prior }
     };
     let mut list: Vec<_> = design.variables.iter().zip(design.values(spec)).map(one).collect();
     let prior = Prior::LogNormal { median: 1.0, log_sd: PRIOR[2] };

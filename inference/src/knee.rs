@@ -13,6 +13,7 @@ use crate::parameter::Parameter;
 use crate::posterior::{Forward, Point};
 use crate::trial::Trial;
 use jacobian::Jacobian;
+pub use jacobian::{ByOne, by_the_model};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -53,19 +54,35 @@ pub enum Quantity {
 }
 
 impl Quantity {
-    /// The model's own numbers that it is, and by how much each changes per unit where it has a value; none of what stands beside the model.
-    pub fn numbers(&self, value: f64) -> (Vec<Number>, f64) {
+    /// The model's own numbers that it is, and by how much each changes per unit where it has a value; `None` of what stands beside the model, whose
+    /// derivative is another.
+    pub fn numbers(&self, value: f64) -> Option<(Vec<Number>, f64)> {
         match self {
-            Quantity::ReferenceStrain(of) => (of.iter().map(|&b| Number::ReferenceStrain(b)).collect(), 1.0),
-            Quantity::Stiffness(of) => (of.iter().map(|&b| Number::Stiffness(b)).collect(), 1.0),
-            Quantity::Site(bundle, end, axis) => (vec![Number::Site(*bundle, *end, *axis)], 1.0),
+            Quantity::ReferenceStrain(of) => Some((of.iter().map(|&b| Number::ReferenceStrain(b)).collect(), 1.0)),
+            Quantity::Stiffness(of) => Some((of.iter().map(|&b| Number::Stiffness(b)).collect(), 1.0)),
+            Quantity::Site(bundle, end, axis) => Some((vec![Number::Site(*bundle, *end, *axis)], 1.0)),
             // the model counts from its own pressures
-            Quantity::ContactScale => (vec![Number::ContactScale], 1.0 / value),
+            Quantity::ContactScale => Some((vec![Number::ContactScale], 1.0 / value)),
             Quantity::Frame(..)
             | Quantity::Cartilage
             | Quantity::Lean(..)
             | Quantity::Compliance(..)
-            | Quantity::Resting(..) => (vec![], 0.0),
+            | Quantity::Resting(..) => None,
+        }
+    }
+
+    /// The data set whose frames it turns or shifts, or all; and the term. `None` of all that is no frame.
+    fn frame(&self) -> Option<(Option<usize>, usize)> {
+        match *self {
+            Quantity::Frame(source, term) => Some((source, term)),
+            Quantity::ReferenceStrain(_)
+            | Quantity::Stiffness(_)
+            | Quantity::Site(..)
+            | Quantity::ContactScale
+            | Quantity::Cartilage
+            | Quantity::Lean(..)
+            | Quantity::Compliance(..)
+            | Quantity::Resting(..) => None,
         }
     }
 }
@@ -358,10 +375,7 @@ impl Trials<'_> {
 
 /// How many data sets have frames of their own.
 fn framed_sources(parameters: &[Parameter<Quantity>]) -> usize {
-    let of = |p: &Parameter<Quantity>| match p.quantity {
-        Quantity::Frame(source, _) => source,
-        _ => None,
-    };
+    let of = |p: &Parameter<Quantity>| p.quantity.frame().and_then(|(source, _)| source);
     parameters.iter().filter_map(of).max().map_or(0, |s| s + 1)
 }
 
@@ -383,10 +397,10 @@ pub fn models_at(
 fn terms_at(parameters: &[Parameter<Quantity>], values: &[f64], sources: usize) -> Vec<Terms> {
     let mut terms = vec![[0.0; 12]; sources + 1];
     for (p, x) in parameters.iter().zip(values) {
-        match p.quantity {
-            Quantity::Frame(None, term) => terms.iter_mut().for_each(|t| t[term] += x),
-            Quantity::Frame(Some(source), term) => terms[source + 1][term] += x,
-            _ => {}
+        match p.quantity.frame() {
+            Some((None, term)) => terms.iter_mut().for_each(|t| t[term] += x),
+            Some((Some(source), term)) => terms[source + 1][term] += x,
+            None => {}
         }
     }
     terms

@@ -55,10 +55,10 @@ impl Trials<'_> {
                     if source.is_some() && *source != trial.source {
                         continue;
                     }
-                    if known[*term].is_none() {
-                        known[*term] = Some(frames.by(*term)?);
+                    match &known[*term] {
+                        Some(column) => column.clone(),
+                        None => known[*term].insert(frames.by(*term)?).clone(),
                     }
-                    known[*term].clone().unwrap_or_else(|| (Free::all(0.0), vec![0.0; bundles], Six::zeros()))
                 }
                 Quantity::Cartilage => self.by_cartilage(model, (&found, near), &s)?,
                 Quantity::Lean(coordinate, knot) => {
@@ -98,8 +98,11 @@ impl Trials<'_> {
     fn columns(&self, values: &[f64]) -> (Vec<Of>, Vec<(Range<usize>, f64)>) {
         let mut asked: Vec<Of> = FREE.map(Of::Load).to_vec();
         let place = self.parameters.iter().zip(values).map(|(p, x)| {
-            let (from, (numbers, factor)) = (asked.len(), p.quantity.numbers(*x));
-            asked.extend(numbers);
+            let from = asked.len();
+            let factor = p.quantity.numbers(*x).map_or(0.0, |(numbers, factor)| {
+                asked.extend(numbers);
+                factor
+            });
             (from..asked.len(), factor)
         });
         let place = place.collect();
@@ -127,6 +130,33 @@ impl Trials<'_> {
     fn thickness(&self, model: &Model) -> f64 {
         self.spec.contact.overclosure_mm.first().map_or(0.0, |x| x - model.contact.starts_at())
     }
+}
+
+/// Derivatives by one quantity: of VV, IE [deg], ML, AP, SI [mm], and of the bundle forces [N].
+pub type ByOne = (Free<f64>, Vec<f64>);
+
+/// Derivatives of an answer by quantities that are the model's own numbers, at their values, an entry a quantity.
+///
+/// # Errors
+/// A quantity that stands beside the model; one that it does not have; a singular tangent.
+pub fn by_the_model(
+    model: &Model,
+    found: &sim::trials::Answer,
+    at: impl Iterator<Item = (Quantity, f64)>,
+) -> Result<Vec<ByOne>, SimError> {
+    let (mut asked, mut place) = (Vec::new(), Vec::new());
+    for (quantity, x) in at {
+        let beside = || SimError::Input(format!("{quantity:?} is no number of the model"));
+        let (numbers, factor) = quantity.numbers(x).ok_or_else(beside)?;
+        place.push((asked.len()..asked.len() + numbers.len(), factor));
+        asked.extend(numbers);
+    }
+    let s = sensitivities(model, found, &asked)?;
+    let by = |of: &(Range<usize>, f64)| {
+        let (pose, forces_n, _) = sum(&s, of);
+        (pose, forces_n)
+    };
+    Ok(place.iter().map(by).collect())
 }
 
 /// The sum of some columns times a factor.
