@@ -16,7 +16,7 @@ use crate::unknown::{Unknown, Unknowns};
 use crate::unknowns::{KnownFrames, parameters};
 use crate::unmeasured::{self, Unmeasured, share_removed};
 use inference::knee::{Answers, Belief, ModelDiscrepancy, Quantity, Trials};
-use inference::noise::Likelihood;
+use inference::noise::{Likelihood, REPOSITIONING};
 use inference::parameter::Parameter;
 use inference::posterior::{Found, Sample, infer};
 use inference::temper::{Asks, temper};
@@ -39,8 +39,6 @@ pub(crate) const MODEL_DISCREPANCY: ModelDiscrepancy = ModelDiscrepancy {
     flexion_deg: 25.0,
     load: Load::new(6.0, 3.0, 60.0, 60.0, 60.0),
 };
-/// Repositioning of the knee between conditions, in measurement noises [-]; as the diagnosis has it.
-const REPOSITIONING: f64 = 0.4;
 /// Compression in imagined trials [N]; the paper's protocols.
 const COMPRESSION_N: f64 = 20.0;
 /// Drawer in imagined trials [N]; [andreassen2025, section 2.6.2].

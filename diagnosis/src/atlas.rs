@@ -3,7 +3,8 @@
 
 use crate::candidate::Candidate;
 use crate::catalogue::Catalogue;
-use crate::covariance::{Readings, Whitening, covariance, remainders};
+use crate::covariance::{Readings, covariance, remainders};
+use inference::whitening::Whitening;
 use crate::criteria::NAMED;
 use crate::diagnosis::not_testable;
 use crate::error::DiagnosisError;

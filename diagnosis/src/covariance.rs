@@ -7,8 +7,10 @@ use crate::error::DiagnosisError;
 use crate::jacobian::{At, Jacobian};
 use crate::problem::{Linear, Problem};
 use crate::trial::row_of;
+use inference::noise::{LOAD_N_NM, REPOSITIONING};
 use inference::trial::Trial;
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use inference::whitening::Whitening;
+use nalgebra::{Cholesky, DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -53,9 +55,9 @@ pub struct Floor {
 impl Default for Floor {
     fn default() -> Self {
         Floor {
-            force_n: 2.0,
-            moment_nm: 0.1,
-            repositioning: 0.4,
+            force_n: LOAD_N_NM.0,
+            moment_nm: LOAD_N_NM.1,
+            repositioning: REPOSITIONING,
             attachment_mm: 0.4,
             contact_share: 0.06,
             contact_range_deg: 25.0,
@@ -345,49 +347,4 @@ fn posterior_root(problem: &Problem, linear: &Linear, floor: &Floor) -> Result<O
 pub fn normal(random: &mut ChaCha8Rng) -> f64 {
     let (u, v): (f64, f64) = (random.random(), random.random());
     (-2.0 * (1.0 - u).max(1e-300).ln()).sqrt() * (2.0 * std::f64::consts::PI * v).cos()
-}
-
-/// A covariance in Cholesky's form.
-#[derive(Clone, Debug)]
-pub struct Whitening(Cholesky<f64, Dyn>);
-
-impl Whitening {
-    /// Factorises.
-    ///
-    /// Errors: a matrix that is not positive definite.
-    pub fn new(covariance: DMatrix<f64>) -> Result<Whitening, DiagnosisError> {
-        Cholesky::new(covariance)
-            .map(Whitening)
-            .ok_or_else(|| DiagnosisError::Data("the readings' covariance is not positive definite".into()))
-    }
-
-    /// Whitens the columns.
-    pub fn white(&self, m: &DMatrix<f64>) -> DMatrix<f64> {
-        self.0.l_dirty().solve_lower_triangular(m).unwrap_or_else(|| m.clone())
-    }
-
-    /// Whitens a vector.
-    pub fn white_vector(&self, v: &DVector<f64>) -> DVector<f64> {
-        self.0.l_dirty().solve_lower_triangular(v).unwrap_or_else(|| v.clone())
-    }
-
-    /// The inverse times a vector.
-    pub fn solve(&self, v: &DVector<f64>) -> DVector<f64> {
-        self.0.solve(v)
-    }
-
-    /// The inverse of the covariance.
-    pub fn inverse(&self) -> DMatrix<f64> {
-        self.0.inverse()
-    }
-
-    /// Log of the determinant.
-    pub fn log_determinant(&self) -> f64 {
-        2.0 * self.0.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>()
-    }
-
-    /// The lower factor.
-    pub fn lower(&self) -> DMatrix<f64> {
-        self.0.l()
-    }
 }

@@ -183,7 +183,7 @@ fn at_trials(parts: &[Part], weights: &DVector<f64>, trials: usize) -> Vec<Six> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::covariance::Whitening;
+    use inference::whitening::Whitening;
 
     /// Readings of `n` rows with a scatter of two in each, and a residual.
     fn marginal(residual: &DVector<f64>) -> (Marginal, Readings) {

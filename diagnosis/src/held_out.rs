@@ -1,6 +1,7 @@
 //! The gap on trials that no calibration has seen: whole conditions are left out in turn, baseline and hypothesis fitted to the rest.
 
-use crate::covariance::{Readings, Whitening};
+use crate::covariance::Readings;
+use inference::whitening::Whitening;
 use crate::error::DiagnosisError;
 use crate::fit::Fit;
 use crate::problem::Problem;

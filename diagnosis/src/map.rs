@@ -1,6 +1,7 @@
 //! Where model and data disagree: standardised mean residuals by data set, test, flexion, sign of the load and coordinate.
 
-use crate::covariance::{Whitening, normal};
+use crate::covariance::normal;
+use inference::whitening::Whitening;
 use crate::error::DiagnosisError;
 use crate::fit::Fit;
 use crate::problem::Problem;

@@ -1,7 +1,8 @@
 //! Which laxity test would tell the remaining answers apart: the symmetric divergence of what they predict [lopezfidalgo2007].
 
 use crate::bench::Bench;
-use crate::covariance::{Whitening, normal};
+use crate::covariance::normal;
+use inference::whitening::Whitening;
 use crate::error::DiagnosisError;
 use crate::fit::{Fit, within};
 use crate::jacobian::Jacobian;

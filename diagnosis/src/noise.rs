@@ -10,9 +10,10 @@ use crate::trial::{NoiseScale, row_of};
 use nalgebra::{DMatrix, DVector};
 use sim::coordinate::{Coordinate, FREE};
 
-/// Standard deviation of the log of a scale before the data: twice or half the stated noise is one away. As in the calibration.
+/// Standard deviation of the log of a scale before the data: twice or half the stated noise is one away. A calibration believes more in what is stated
+/// ([`inference::noise`]); here that has the benefit of the doubt in [`OTHER_NOISE`].
 const PRIOR_LOG_SD: f64 = std::f64::consts::LN_2;
-/// Probability and width of outliers among the differences [-]; as in [`crate::outlier`].
+/// Probability and width of outliers among the differences [-]: as wide as a trial's ([`crate::outlier`]), twice as many.
 const OUTLIERS: (f64, f64) = (0.02, 100.0);
 /// Logs of scales that are tried, from a third to twenty times [-].
 const GRID: (f64, f64, usize) = (-1.1, 3.0, 165);

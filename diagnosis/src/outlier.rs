@@ -3,7 +3,8 @@
 //! A trial's scatter is a mixture: as declared, or with a small probability ten times as wide [box1968]. Which trials are wide is chosen with the
 //! unknowns, at a price, so that one outlier costs a hypothesis a limited number of nats instead of hundreds, and does not bend its parameters.
 
-use crate::covariance::{Readings, Whitening};
+use crate::covariance::Readings;
+use inference::whitening::Whitening;
 use crate::error::DiagnosisError;
 use crate::trial::row_of;
 use inference::trial::Trial;

@@ -2,7 +2,8 @@
 
 use crate::bench::Bench;
 use crate::candidate::Candidate;
-use crate::covariance::{Readings, Whitening};
+use crate::covariance::Readings;
+use inference::whitening::Whitening;
 use crate::error::DiagnosisError;
 use crate::fit::{Fit, REACH};
 use crate::jacobian::Jacobian;

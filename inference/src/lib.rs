@@ -39,5 +39,6 @@ pub mod random;
 pub mod shift;
 pub mod temper;
 pub mod trial;
+pub mod whitening;
 
 pub use error::InferenceError;
