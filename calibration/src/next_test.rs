@@ -4,22 +4,14 @@
 use crate::plateau::Staying;
 use crate::posterior::{mean, variance};
 use inference::knee::{Answers, Trials};
+use inference::next_test::{BY_HAND, planned};
 use inference::posterior::{Forward, Found};
 use inference::trial::Trial;
 use nalgebra::DVector;
 use serde::{Deserialize, Serialize};
-use sim::coordinate::{Coordinate, Free, Load};
-use sim::laxity::{LaxityTrial, Test};
+use sim::coordinate::{Coordinate, Free};
+use sim::laxity::Test;
 
-/// Tests thought of, with the load along the test's coordinate [N m or N]: what an examiner's hand or an arthrometer applies.
-pub(crate) const TESTS: [(Test, f64); 6] = [
-    (Test::Anterior, 134.0),
-    (Test::Posterior, -134.0),
-    (Test::Internal, -5.0),
-    (Test::External, 5.0),
-    (Test::Varus, -10.0),
-    (Test::Valgus, 10.0),
-];
 /// Flexions thought of [deg].
 const FLEXIONS_DEG: [f64; 4] = [0.0, 30.0, 60.0, 90.0];
 /// So many tests are told [-].
@@ -61,19 +53,14 @@ impl NextTest {
 fn plan(compression_n: f64) -> (Vec<Trial>, Vec<(Test, f64, f64)>) {
     let (mut asked, mut told) = (Vec::new(), Vec::new());
     for fe_deg in FLEXIONS_DEG {
-        let trial = |load: Load, reads: Free<bool>, from| {
-            let asked = LaxityTrial::asked(String::new(), Test::Neutral, fe_deg, load);
-            Trial { source: Some(0), reads, from, ..Trial::imagined(asked) }
+        let trial = |parts: &[(Test, f64)], from| {
+            let reads = Free::from_fn(|c| parts.iter().any(|part| part.0.coordinate() == Some(c)));
+            Trial { source: Some(0), reads, from, ..Trial::imagined(planned(parts, fe_deg, compression_n)) }
         };
-        let rest = Load::compression(compression_n);
         let zero = asked.len();
-        asked.push(trial(rest, Free::all(false), None));
-        for (test, size) in TESTS {
-            let Some(c) = test.coordinate() else { continue };
-            let (mut load, mut reads) = (rest, Free::all(false));
-            load[c] = size;
-            reads[c] = true;
-            asked.push(trial(load, reads, Some(zero)));
+        asked.push(trial(&[], None));
+        for (test, size) in BY_HAND {
+            asked.push(trial(&[(test, size)], Some(zero)));
             told.push((test, fe_deg, size));
         }
     }
@@ -138,6 +125,7 @@ fn narrowed(x: &[f64], reading: &[f64], noise: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use sim::coordinate::Load;
     use inference::random::{normals, stream};
 
     #[test]

@@ -8,14 +8,14 @@ use crate::fit::{Fit, within};
 use crate::jacobian::Jacobian;
 use crate::problem::{Problem, reading};
 use crate::outlier::alone;
+use inference::next_test::{BY_APPARATUS, planned};
 use inference::trial::Trial;
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use sim::coordinate::{AP, FREE, IE, Load, SI, VV};
-use sim::laxity::{LaxityTrial, Test};
+use sim::coordinate::FREE;
 
 /// A test worth doing.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -118,31 +118,18 @@ fn size(plan: &Trial) -> f64 {
 
 /// Compression in every test [N].
 const COMPRESSION_N: f64 = 50.0;
+/// Flexions thought of [deg].
+const FLEXIONS_DEG: [f64; 4] = [0.0, 15.0, 45.0, 75.0];
 
 /// Every test at four flexions in every apparatus, at usual loads.
 fn plans(problem: &Problem) -> Vec<Trial> {
-    let tests = [
-        (Test::Anterior, AP, 130.0),
-        (Test::Posterior, AP, -130.0),
-        (Test::Internal, IE, -5.0),
-        (Test::External, IE, 5.0),
-        (Test::Varus, VV, -8.0),
-        (Test::Valgus, VV, 8.0),
-        (Test::Neutral, SI, COMPRESSION_N),
-    ];
     let mut out = Vec::new();
     for source in problem.asked() {
-        for flexion in [0.0, 15.0, 45.0, 75.0] {
-            for (test, coordinate, load) in tests {
-                let mut loads = Load::compression(COMPRESSION_N);
-                loads[coordinate] = load;
-                let flexed = f64::to_radians(flexion);
-                let near = problem
-                    .trials
-                    .iter()
-                    .min_by(|a, b| (a.flexion() - flexed).abs().total_cmp(&(b.flexion() - flexed).abs()));
-                let name = format!("{}_{flexion}", test.name());
-                let asked = Trial::alone(LaxityTrial::asked(name, test, flexion, loads));
+        for flexion in FLEXIONS_DEG {
+            let off = |t: &Trial| (t.flexion() - f64::to_radians(flexion)).abs();
+            let near = problem.trials.iter().min_by(|a, b| off(a).total_cmp(&off(b)));
+            for part in BY_APPARATUS {
+                let asked = Trial::alone(planned(&[part], flexion, COMPRESSION_N));
                 let unloaded = near.map_or(asked.unloaded.clone(), |t| t.unloaded.clone());
                 out.push(Trial { source: Some(source), sd: problem.usual_noise, unloaded, ..asked });
             }

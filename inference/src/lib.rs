@@ -32,6 +32,7 @@ pub mod frames;
 pub mod knee;
 pub mod least_squares;
 pub mod linear;
+pub mod next_test;
 pub mod noise;
 pub mod parameter;
 pub mod posterior;
