@@ -454,12 +454,8 @@ fn noise(question: &Question, likelihood: &Likelihood) -> Vec<NoiseEstimate> {
     let mut out = Vec::new();
     for (s, (name, targets)) in question.sources.iter().enumerate() {
         for c in FREE {
-            let of: Vec<f64> = targets
-                .trials
-                .iter()
-                .filter(|t| t.measured[c].is_some())
-                .map(|t| targets.noise(t)[c])
-                .collect();
+            let of: Vec<f64> =
+                targets.trials.iter().filter(|t| t.measured[c].is_some()).map(|t| targets.noise(t)[c]).collect();
             let group = noise_group(s, c);
             let (Some(scale), Some(sd)) = (likelihood.scale.get(group), likelihood.log_scale_sd.get(group)) else {
                 continue;

@@ -125,8 +125,8 @@ fn narrowed(x: &[f64], reading: &[f64], noise: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use sim::coordinate::Load;
     use inference::random::{normals, stream};
+    use sim::coordinate::Load;
 
     #[test]
     fn a_reading_narrows_as_much_as_it_tells() {

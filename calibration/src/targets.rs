@@ -113,8 +113,7 @@ pub fn targets(
     // a displacement is of two poses
     let poses = out.trials.len() + usize::from(out.trials.iter().any(|t| t.reference.is_some()));
     if poses < options.fewest.max(2) {
-        let have: Vec<String> =
-            out.trials.iter().map(|t| format!("row {} ({})", row(t), t.trial)).collect();
+        let have: Vec<String> = out.trials.iter().map(|t| format!("row {} ({})", row(t), t.trial)).collect();
         faults.insert(
             0,
             format!(

@@ -73,9 +73,14 @@ fn is_same(a: &Curve, b: &Curve) -> bool {
 fn through(problem: &Problem, cell: &Cell, given: &[f64], base: &Fit, answer: Option<&Fit>) -> Option<Curve> {
     let source = problem.sources.iter().position(|s| *s == cell.source)?;
     let c = Coordinate::named(&cell.dof)?;
-    let at = |t: &Trial| t.source == Some(source) && t.record.nominal_flexion_deg.round() == cell.nominal_flexion_deg.round();
-    let axis =
-        problem.trials.iter().filter(|t| at(t) && t.record.test.name() == cell.test).find_map(|t| t.record.test.coordinate())?;
+    let at = |t: &Trial| {
+        t.source == Some(source) && t.record.nominal_flexion_deg.round() == cell.nominal_flexion_deg.round()
+    };
+    let axis = problem
+        .trials
+        .iter()
+        .filter(|t| at(t) && t.record.test.name() == cell.test)
+        .find_map(|t| t.record.test.coordinate())?;
     let along = |t: &Trial| t.record.test.coordinate().is_none_or(|p| p == axis);
     let mut points: Vec<Point> = problem
         .trials

@@ -1,12 +1,12 @@
 //! The gap on trials that no calibration has seen: whole conditions are left out in turn, baseline and hypothesis fitted to the rest.
 
 use crate::covariance::Readings;
-use inference::whitening::Whitening;
 use crate::error::DiagnosisError;
 use crate::fit::Fit;
-use crate::problem::Problem;
 use crate::outlier::Mixture;
+use crate::problem::Problem;
 use crate::search::Searcher;
+use inference::whitening::Whitening;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 use sim::coordinate::Free;

@@ -1,12 +1,12 @@
 //! Where model and data disagree: standardised mean residuals by data set, test, flexion, sign of the load and coordinate.
 
 use crate::covariance::normal;
-use inference::whitening::Whitening;
 use crate::error::DiagnosisError;
 use crate::fit::Fit;
 use crate::problem::Problem;
 use crate::screen::Marginal;
 use crate::search::Search;
+use inference::whitening::Whitening;
 use nalgebra::{DMatrix, DVector};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;

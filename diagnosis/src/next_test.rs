@@ -2,14 +2,14 @@
 
 use crate::bench::Bench;
 use crate::covariance::normal;
-use inference::whitening::Whitening;
 use crate::error::DiagnosisError;
 use crate::fit::{Fit, within};
 use crate::jacobian::Jacobian;
-use crate::problem::{Problem, reading};
 use crate::outlier::alone;
+use crate::problem::{Problem, reading};
 use inference::next_test::{BY_APPARATUS, planned};
 use inference::trial::Trial;
+use inference::whitening::Whitening;
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;

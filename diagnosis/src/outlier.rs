@@ -4,10 +4,10 @@
 //! unknowns, at a price, so that one outlier costs a hypothesis a limited number of nats instead of hundreds, and does not bend its parameters.
 
 use crate::covariance::Readings;
-use inference::whitening::Whitening;
 use crate::error::DiagnosisError;
 use crate::trial::row_of;
 use inference::trial::Trial;
+use inference::whitening::Whitening;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use sim::coordinate::FREE;
 use sim::laxity::Test;

@@ -10,10 +10,10 @@ use crate::error::DiagnosisError;
 use crate::jacobian::Jacobian;
 use crate::nuisance::Nuisances;
 use crate::trial::{NoiseScale, PER_UNIT, Source, at_row, row_of, trials};
-use inference::knee::Models;
-use inference::trial::Trial;
 use calibration::design::Design;
 use calibration::options::CalibrateOptions;
+use inference::knee::Models;
+use inference::trial::Trial;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 use sim::Model;
@@ -344,9 +344,7 @@ impl Problem {
         if !departs {
             return Cow::Borrowed(trials);
         }
-        let moved = |(t, at): (&Trial, Start)| {
-            Trial { unloaded: at, ..t.clone() }
-        };
+        let moved = |(t, at): (&Trial, Start)| Trial { unloaded: at, ..t.clone() };
         Cow::Owned(trials.iter().zip(self.neutrals(trials, models)).map(moved).collect())
     }
 

@@ -3,12 +3,12 @@
 use crate::bench::Bench;
 use crate::candidate::Candidate;
 use crate::covariance::Readings;
-use inference::whitening::Whitening;
 use crate::error::DiagnosisError;
 use crate::fit::{Fit, REACH};
 use crate::jacobian::Jacobian;
 use crate::problem::Problem;
 use crate::trial::at_row;
+use inference::whitening::Whitening;
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rayon::prelude::*;
 use sim::coordinate::Free;

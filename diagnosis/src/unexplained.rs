@@ -4,8 +4,8 @@ use crate::covariance::Readings;
 use crate::error::DiagnosisError;
 use crate::fit::Fit;
 use crate::held_out::{HeldOut, closed, held_out};
-use crate::report::{DataSetAlone, Tried, Unexplained, named};
 use crate::outlier::Mixture;
+use crate::report::{DataSetAlone, Tried, Unexplained, named};
 use crate::search::{Search, Searcher, TRIES};
 use crate::verdict::temper;
 

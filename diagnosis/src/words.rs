@@ -2,12 +2,12 @@
 
 use crate::catalogue::Catalogue;
 use crate::criteria::{ANOTHER, discrepancy};
+use crate::discrepancy::Discrepancy;
 use crate::map::Cell;
 use crate::problem::Problem;
 use crate::report::Carried;
 use crate::report::{Answer, Diagnosis, Named, Verdict};
 use crate::search::Search;
-use crate::discrepancy::Discrepancy;
 use std::fmt::Write;
 
 /// The description of a diagnosis.
@@ -210,7 +210,8 @@ fn set_aside(problem: &Problem, search: &Search) -> String {
         .filter(|i| search.base.outliers.contains(i))
         .map(|&i| format!("{} {}", problem.source_of(&problem.trials[i]), problem.trials[i].record.trial))
         .collect();
-    let aside = if outliers.is_empty() { String::new() } else { format!(" Set aside as outliers: {}.", outliers.join(", ")) };
+    let aside =
+        if outliers.is_empty() { String::new() } else { format!(" Set aside as outliers: {}.", outliers.join(", ")) };
     if problem.astray.is_empty() {
         return aside;
     }

@@ -4,9 +4,9 @@
 use crate::common::asked::asked;
 use crate::common::deck::deck;
 use diagnosis::candidate::{Candidate, Scope};
+use diagnosis::discrepancy::{Discrepancy, discrepancy};
 use diagnosis::problem::{Problem, reading};
 use diagnosis::search::{DiagnosisOptions, Search, Searcher};
-use diagnosis::discrepancy::{Discrepancy, discrepancy};
 use needs_shared::needs_shared;
 use sim::coordinate::FREE;
 

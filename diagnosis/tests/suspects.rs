@@ -3,10 +3,10 @@
 
 use crate::common::asked::asked;
 use crate::common::deck::deck;
-use diagnosis::problem::{Problem, reading};
-use diagnosis::search::{DiagnosisOptions, Searcher};
 use diagnosis::discrepancy::suspects::{SHARE, SWAY, impinging, larger, pulls, swayed};
 use diagnosis::discrepancy::{Bone, Course, Discrepancy, discrepancy};
+use diagnosis::problem::{Problem, reading};
+use diagnosis::search::{DiagnosisOptions, Searcher};
 use needs_shared::needs_shared;
 use sim::coordinate::{AP, Coordinate, FE, FREE, IE, ML, SI, Six, VV};
 

@@ -4,11 +4,11 @@ use super::met::Met;
 use super::{Screened, Searcher, Start, TRIES};
 use crate::candidate::Candidate;
 use crate::covariance::Readings;
+use crate::discrepancy::discrepancy;
 use crate::error::DiagnosisError;
 use crate::fit::Fit;
 use crate::form::asks_for_more;
 use crate::problem::Linear;
-use crate::discrepancy::discrepancy;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 

@@ -15,7 +15,8 @@ impl Forward for Toy {
     fn at(&self, z: &DVector<f64>, _: Option<(&DVector<f64>, &())>) -> Option<Point<()>> {
         let s = &self.jacobian * z;
         let reading = s.map(|x| x + self.curve * x * x);
-        let jacobian = DMatrix::from_fn(s.len(), z.len(), |i, k| (1.0 + 2.0 * self.curve * s[i]) * self.jacobian[(i, k)]);
+        let jacobian =
+            DMatrix::from_fn(s.len(), z.len(), |i, k| (1.0 + 2.0 * self.curve * s[i]) * self.jacobian[(i, k)]);
         let none = DMatrix::zeros(0, z.len());
         Some(Point { reading, jacobian, belief_jacobian: none, ..Point::default() })
     }
