@@ -361,13 +361,13 @@ fn a_patella_under_tension_is_the_effect_and_has_a_slope_at_none() {
     let (effect, variant) = catalogue.find("quad_passive").unwrap();
     let asked = LaxityTrial::asked("a".into(), Test::Neutral, 0.0, Load::default());
     for own in [0.0, 40.0] {
-        let trial = Trial { quadriceps_n: own, ..Trial::alone(&asked) };
+        let trial = Trial::alone(LaxityTrial { quadriceps_n: own, ..asked.clone() });
         for flexion in [0.2, 0.8, 1.5] {
             let mut q = Six::zeros();
             q[FE] = flexion;
             let force = |tension: f64| {
                 let active = Active::new(effect, variant, &[tension, 0.0, 0.0]).unwrap();
-                active.force(&place.situation(&knee, &trial, &trial.load, &q))
+                active.force(&place.situation(&knee, &trial, &trial.load(), &q))
             };
             // what the model does under the tension
             let pulled = |tension: f64| -knee.with_quadriceps(tension).unwrap().evaluate(&q).gradient;

@@ -9,6 +9,7 @@ use crate::options::{CalibrateOptions, Method};
 use crate::posterior::{self, ForceEstimate, NoiseEstimate, OtherEstimate, ParameterEstimate, RestEstimate};
 use crate::problem::{Probes, Problem};
 use crate::recipe::Recipe;
+use crate::targets::row;
 use notices::Notice;
 use serde::{Deserialize, Serialize};
 use sim::coordinate::Free;
@@ -207,7 +208,8 @@ fn no_answer(problem: &Problem, start: &[f64]) -> CalibrationError {
     let answers = problem.experiment.answers(start, false);
     let first = answers.iter().enumerate().find_map(|(i, a)| a.as_ref().err().map(|e| (i, e.to_string())));
     let why = first.map_or("some trial has no answer at every point tried".to_owned(), |(i, e)| {
-        format!("row {} ({}): {e}", problem.targets.rows[i], problem.targets.trials[i].trial)
+        let target = &problem.targets.trials[i];
+        format!("row {} ({}): {e}", row(target), target.trial)
     });
     CalibrationError::Model(format!("no point has an answer to every trial: {why}"))
 }

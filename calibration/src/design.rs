@@ -3,6 +3,7 @@
 //! X1 to X14 are reference strains [-], X15 to X26 stiffnesses [N/mm]; X18 is shared by the three fibres of the superficial MCL.
 
 use crate::error::CalibrationError;
+use inference::knee::Quantity;
 use serde::{Deserialize, Serialize};
 use sim::spec::{BundleSpec, ModelSpec};
 use std::collections::BTreeMap;
@@ -44,6 +45,15 @@ pub struct Variable {
 }
 
 impl Variable {
+    /// What of a knee it is; `bundles` are the names of the model's.
+    pub fn quantity(&self, bundles: &[String]) -> Quantity {
+        let own = self.bundles.iter().filter_map(|b| bundles.iter().position(|name| name == b)).collect();
+        match self.kind {
+            Kind::ReferenceStrain => Quantity::ReferenceStrain(own),
+            Kind::StiffnessNPerMm => Quantity::Stiffness(own),
+        }
+    }
+
     /// The bundle's name, or the ligament's where several bundles share the variable (Table 4 says sMCL).
     pub fn bundle(&self) -> String {
         match self.bundles.as_slice() {

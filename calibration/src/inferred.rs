@@ -15,10 +15,12 @@ use crate::targets::Targets;
 use crate::unknown::{Unknown, Unknowns};
 use crate::unknowns::{KnownFrames, parameters};
 use crate::unmeasured::{self, Unmeasured, share_removed};
-use inference::knee::{Answers, Asked, Belief, ModelDiscrepancy, Quantity, Trials};
-use inference::noise::Likelihood;
+use inference::knee::{Answers, Belief, ModelDiscrepancy, Quantity, Trials};
+use inference::noise::{Likelihood, REPOSITIONING};
 use inference::parameter::Parameter;
 use inference::posterior::{Found, Sample, infer};
+use inference::temper::{Asks, temper};
+use inference::trial::{Trial, of_data_sets};
 use nalgebra::{DMatrix, DVector};
 use notices::{Kind, Notice};
 use rayon::prelude::*;
@@ -37,10 +39,6 @@ pub(crate) const MODEL_DISCREPANCY: ModelDiscrepancy = ModelDiscrepancy {
     flexion_deg: 25.0,
     load: Load::new(6.0, 3.0, 60.0, 60.0, 60.0),
 };
-/// However many readings there are, they say no more than this many that were right but for their scatter [miller2019]; set on the bench's nulls.
-const READINGS_BELIEVED: f64 = 100.0;
-/// Repositioning of the knee between conditions, in measurement noises [-]; as the diagnosis has it.
-const REPOSITIONING: f64 = 0.4;
 /// Compression in imagined trials [N]; the paper's protocols.
 const COMPRESSION_N: f64 = 20.0;
 /// Drawer in imagined trials [N]; [andreassen2025, section 2.6.2].
@@ -87,7 +85,7 @@ pub struct Posed<'a> {
     /// Everything that is not known.
     pub parameters: Vec<Parameter<Quantity>>,
     /// Measured trials, then imagined ones: drawers ([`drawer_names`]), then rests ([`REST_DEG`]), then those from whose poses displacements count.
-    pub asked: Vec<Asked>,
+    pub asked: Vec<Trial>,
     /// How many of them were measured.
     pub measured: usize,
     /// What is believed of forces.
@@ -130,7 +128,7 @@ impl<'a> Posed<'a> {
 
     /// Readings as measured, with their scatter.
     pub fn likelihood(&self) -> Likelihood {
-        likelihood(self.question.sources, &self.trials(None), self.question.options)
+        likelihood(&self.trials(None), self.question.options)
     }
 }
 
@@ -152,49 +150,24 @@ pub fn inferred(question: &Question) -> Result<Inferred, CalibrationError> {
 }
 
 /// Measured trials, then those imagined: drawers, then rests; then those from whose poses displacements count. And how many were measured.
-fn trials(sources: &[(String, Targets)]) -> (Vec<Asked>, usize) {
-    let mut out = Vec::new();
-    for (s, (_, targets)) in sources.iter().enumerate() {
-        for t in &targets.trials {
-            let reads = t.measured.map(|m| m.is_some());
-            out.push(Asked {
-                source: Some(s),
-                load: t.load,
-                fe_deg: t.fe_deg,
-                quadriceps_n: t.quadriceps_n,
-                reads,
-                from: None,
-            });
-        }
-    }
+fn trials(sources: &[(String, Targets)]) -> (Vec<Trial>, usize) {
+    let mut out = of_data_sets(sources.iter().map(|(_, t)| &t.trials[..]), |s, t| sources[s].1.noise(t));
     let measured = out.len();
-    let none = Free::all(false);
-    let imagined = |ap: f64, fe_deg: f64| Asked {
-        source: None,
-        load: Load::new(0.0, 0.0, 0.0, ap, COMPRESSION_N),
-        fe_deg,
-        quadriceps_n: 0.0,
-        reads: none,
-        from: None,
+    let imagined = |ap: f64, fe_deg: f64| {
+        let load = Load::new(0.0, 0.0, 0.0, ap, COMPRESSION_N);
+        Trial::imagined(LaxityTrial::asked(String::new(), Test::Neutral, fe_deg, load))
     };
     out.extend(DRAWERS_DEG.iter().map(|&f| imagined(DRAWER_N, f)));
     out.extend(DRAWERS_DEG.iter().map(|&f| imagined(-DRAWER_N, f)));
     out.extend(REST_DEG.iter().map(|&f| imagined(0.0, f)));
-    let all = sources.iter().enumerate().flat_map(|(s, (_, t))| t.trials.iter().map(move |t| (s, t)));
     let unloaded = out.len();
-    for (i, (s, t)) in all.enumerate() {
-        let Some(r) = &t.reference else { continue };
-        let asked = Asked {
-            source: Some(s),
-            load: r.load,
-            fe_deg: r.fe_deg,
-            quadriceps_n: t.quadriceps_n,
-            reads: none,
-            from: None,
-        };
-        let known = (unloaded..out.len()).find(|&k| out[k] == asked);
+    let done = |t: &Trial| (t.source, t.record.load, t.record.fe_deg, t.record.quadriceps_n);
+    for i in 0..measured {
+        let Some(zero) = out[i].record.unloaded() else { continue };
+        let zero = Trial { source: out[i].source, ..Trial::imagined(zero) };
+        let known = (unloaded..out.len()).find(|&k| done(&out[k]) == done(&zero));
         out[i].from = Some(known.unwrap_or(out.len()));
-        out.extend(known.is_none().then_some(asked));
+        out.extend(known.is_none().then_some(zero));
     }
     (out, measured)
 }
@@ -209,7 +182,7 @@ pub fn drawer_names() -> Vec<String> {
 fn beliefs(
     question: &Question,
     bundles: &[String],
-    asked: &[Asked],
+    asked: &[Trial],
     measured: usize,
 ) -> Result<Vec<Belief>, CalibrationError> {
     let mut out = Vec::new();
@@ -224,14 +197,13 @@ fn beliefs(
             _ => 0.0,
         };
         for f in &p.flexion_deg {
-            let same = |t: &Asked| t.fe_deg == *f && t.load[AP] == ap;
+            let same = |t: &Trial| t.record.fe_deg == *f && t.record.load[AP] == ap;
             if let Some(trial) = (measured..asked.len()).find(|&i| same(&asked[i])) {
                 let (mean_n, sd_n, only_above) = (p.mean_n, p.sd_n, p.only_above);
                 out.push(Belief { trial, bundles: of.clone(), mean_n, sd_n, only_above });
             }
         }
     }
-    let all: Vec<&LaxityTrial> = question.sources.iter().flat_map(|s| &s.1.trials).collect();
     for p in &question.options.loads {
         let index = p.bundles.iter().map(|name| {
             bundles.iter().position(|b| b == name).ok_or_else(|| {
@@ -239,7 +211,7 @@ fn beliefs(
             })
         });
         let index: Vec<usize> = index.collect::<Result<_, _>>()?;
-        for (trial, _) in all.iter().enumerate().filter(|(_, t)| p.applies(t)) {
+        for (trial, _) in asked[..measured].iter().enumerate().filter(|(_, t)| p.applies(&t.record)) {
             let mean_n = p.mean_n.or(p.most_n).unwrap_or(0.0);
             let only_above = p.mean_n.is_none();
             out.push(Belief { trial, bundles: index.clone(), mean_n, sd_n: p.sd_n, only_above });
@@ -254,30 +226,25 @@ fn noise_group(source: usize, c: Coordinate) -> usize {
 }
 
 /// Readings with their noise; repositioning in common to a condition.
-fn likelihood(sources: &[(String, Targets)], trials: &Trials, options: &CalibrateOptions) -> Likelihood {
-    let all: Vec<(usize, &LaxityTrial, Free<f64>)> = sources
-        .iter()
-        .enumerate()
-        .flat_map(|(s, (_, t))| t.trials.iter().zip(&t.noise).map(move |(t, n)| (s, t, *n)))
-        .collect();
-    let rows = trials.rows();
-    let measured = DVector::from_iterator(rows.len(), rows.iter().map(|&(i, c)| all[i].1.measured[c].unwrap_or(0.0)));
-    let sd: Vec<f64> = rows.iter().map(|&(i, c)| all[i].2[c]).collect();
-    let group: Vec<usize> = rows.iter().map(|&(i, c)| noise_group(all[i].0, c)).collect();
+fn likelihood(trials: &Trials, options: &CalibrateOptions) -> Likelihood {
+    let (rows, all) = (trials.rows(), trials.trials);
+    let read = |&(i, c): &(usize, Coordinate)| all[i].record.measured[c].unwrap_or(0.0);
+    let measured = DVector::from_iterator(rows.len(), rows.iter().map(read));
+    let sd: Vec<f64> = rows.iter().map(|&(i, c)| all[i].sd[c]).collect();
+    let group: Vec<usize> = rows.iter().map(|&(i, c)| noise_group(all[i].source.unwrap_or(0), c)).collect();
     let mut out = Likelihood::independent(measured, sd.clone(), group);
     out.robust = options.gradient.robust;
-    let condition = |i: usize| (all[i].0, all[i].1.test, (10.0 * all[i].1.nominal_flexion_deg).round() as i64);
     let common = DMatrix::from_fn(rows.len(), rows.len(), |a, b| {
         let ((i, c), (k, d)) = (rows[a], rows[b]);
-        match (all[i].1.reference.is_some(), all[k].1.reference.is_some()) {
-            _ if c != d || condition(i) != condition(k) => 0.0,
+        match (all[i].from.is_some(), all[k].from.is_some()) {
+            _ if c != d || all[i].condition != all[k].condition => 0.0,
             (true, true) => options.rig.offset[c].powi(2),
             (false, false) => REPOSITIONING.powi(2) * sd[a] * sd[b],
             _ => 0.0,
         }
     });
     out.common = common;
-    out.temper = 1.0 + rows.len() as f64 / READINGS_BELIEVED;
+    out.temper = temper(Asks::Sizes(rows.len()));
     out
 }
 
@@ -360,9 +327,9 @@ fn told(
     warnings.extend(few_samples(&found, options.inference.samples));
     warnings.extend(joint_was_better(question, &found.starts));
     let noise = noise(question, likelihood);
-    warnings.extend(noise.iter().filter_map(|n| n.odd(interval)));
+    warnings.extend(noise.iter().filter_map(|n| n.not_as_stated(interval)));
     let others: Vec<OtherEstimate> = (n_ligaments..values.len()).filter(is_told).map(estimate).collect();
-    warnings.extend(others.iter().filter_map(OtherEstimate::odd));
+    warnings.extend(others.iter().filter_map(OtherEstimate::outside_prior));
     let frames = frames(question, trials, samples);
     let found_values = values[..n_ligaments].to_vec();
     let last = last_forces(question.knee, trials, &values, nobody_measured.clone());
@@ -474,8 +441,8 @@ fn noise_of_a_test(question: &Question, likelihood: &Likelihood) -> Free<f64> {
     Free::from_fn(|c| match displaced {
         true => options.targets.noise_of_displacements[c].hypot(options.rig.offset[c]),
         false => {
-            let stated = targets.trials.iter().zip(&targets.noise).find(|(t, _)| t.measured[c].is_some());
-            let sd = stated.map_or(options.targets.noise[c], |n| n.1[c]);
+            let stated = targets.trials.iter().find(|t| t.measured[c].is_some());
+            let sd = stated.map_or(options.targets.noise[c], |t| targets.noise(t)[c]);
             std::f64::consts::SQRT_2 * sd * likelihood.scale.get(noise_group(0, c)).copied().unwrap_or(1.0)
         }
     })
@@ -487,13 +454,8 @@ fn noise(question: &Question, likelihood: &Likelihood) -> Vec<NoiseEstimate> {
     let mut out = Vec::new();
     for (s, (name, targets)) in question.sources.iter().enumerate() {
         for c in FREE {
-            let of: Vec<f64> = targets
-                .trials
-                .iter()
-                .zip(&targets.noise)
-                .filter(|(t, _)| t.measured[c].is_some())
-                .map(|n| n.1[c])
-                .collect();
+            let of: Vec<f64> =
+                targets.trials.iter().filter(|t| t.measured[c].is_some()).map(|t| targets.noise(t)[c]).collect();
             let group = noise_group(s, c);
             let (Some(scale), Some(sd)) = (likelihood.scale.get(group), likelihood.log_scale_sd.get(group)) else {
                 continue;

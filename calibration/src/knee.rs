@@ -5,6 +5,7 @@
 
 use crate::design::{Design, Kind};
 use crate::experiment::{Answer, Jacobian};
+use inference::knee::by_the_model;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use sim::SimError;
@@ -15,7 +16,6 @@ use sim::laxity::LaxityTrial;
 use sim::mesh::MeshValue;
 use sim::model::{BundleParameters, Model, compile_with};
 use sim::quasistatic::SolverOptions;
-use sim::sensitivity::{Parameter, sensitivities};
 use sim::spec::ModelSpec;
 use sim::trials::{TrialOptions, solve_trials};
 use std::collections::BTreeMap;
@@ -171,30 +171,18 @@ impl Questions<'_> {
         let found = solve_trials(&model, self.trials, self.options);
         let answer = |found: Result<sim::trials::Answer, SimError>| {
             let found = found?;
-            let jacobian = if jacobian { Some(self.jacobian(&model, &found)?) } else { None };
+            let jacobian = if jacobian { Some(self.jacobian(&model, &found, values)?) } else { None };
             Ok(Answer { predicted: found.predicted(), forces_n: found.forces_n, flags: found.flags, jacobian })
         };
         found.into_par_iter().map(answer).collect()
     }
 
-    /// Derivatives by design variables: of a shared one the sum over its bundles.
-    fn jacobian(&self, model: &Model, found: &sim::trials::Answer) -> Result<Jacobian, SimError> {
-        let bundles = model.bundles.len();
-        let all: Vec<Parameter> =
-            (0..bundles).map(Parameter::ReferenceStrain).chain((0..bundles).map(Parameter::Stiffness)).collect();
-        let s = sensitivities(model, found, &all)?;
-        let mut out = Jacobian { predicted: vec![], forces_n: vec![] };
-        for v in &self.design.variables {
-            let (mut pose, mut forces) = (Free::all(0.0), vec![0.0; bundles]);
-            for b in (0..bundles).filter(|&b| v.bundles.contains(&model.bundles[b].name)) {
-                let column = if v.kind == Kind::ReferenceStrain { b } else { bundles + b };
-                pose.iter_mut().zip(s.pose.column(column).iter()).for_each(|(x, d)| *x += d);
-                forces.iter_mut().zip(s.forces_n.column(column).iter()).for_each(|(x, d)| *x += d);
-            }
-            out.predicted.push(pose);
-            out.forces_n.push(forces);
-        }
-        Ok(out)
+    /// Derivatives by design variables.
+    fn jacobian(&self, model: &Model, found: &sim::trials::Answer, values: &[f64]) -> Result<Jacobian, SimError> {
+        let names = model.bundle_names();
+        let at = self.design.variables.iter().zip(values).map(|(v, x)| (v.quantity(&names), *x));
+        let (predicted, forces_n) = by_the_model(model, found, at)?.into_iter().unzip();
+        Ok(Jacobian { predicted, forces_n })
     }
 }
 

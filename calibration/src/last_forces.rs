@@ -2,19 +2,18 @@
 //! knee.
 
 use crate::knee::Knee;
-use inference::knee::{Asked, Trials, models_at};
-use sim::laxity::{LaxityTrial, Test};
+use inference::knee::{Trials, models_at};
+use sim::laxity::LaxityTrial;
 use sim::trials::solve_trials;
 use std::ops::Range;
 
 /// Bundle forces of the most probable knee in the trials at `places` by the final mechanics, as `simulate` has them; none where it has no equilibrium.
 pub(crate) fn last_forces(knee: &Knee, trials: &Trials, values: &[f64], places: Range<usize>) -> Vec<Option<Vec<f64>>> {
-    let plain = |t: &Asked| LaxityTrial::asked(String::new(), Test::Neutral, t.fe_deg, t.load);
-    let asked: Vec<LaxityTrial> = trials.trials[places].iter().map(plain).collect();
+    let asked: Vec<LaxityTrial> = trials.trials[places].iter().map(|t| t.record.clone()).collect();
     let Ok(models) = models_at(&knee.model, &knee.spec, trials.parameters, values) else {
         return vec![None; asked.len()];
     };
-    solve_trials(&models[0], &asked, &knee.options).into_iter().map(|a| a.ok().map(|a| a.forces_n)).collect()
+    solve_trials(models.shared(), &asked, &knee.options).into_iter().map(|a| a.ok().map(|a| a.forces_n)).collect()
 }
 
 /// Bundle forces of a sample in a trial, moved by what the final mechanics change of the most probable knee's.

@@ -3,22 +3,15 @@
 
 use crate::plateau::Staying;
 use crate::posterior::{mean, variance};
-use inference::knee::{Answers, Asked, Trials};
+use inference::knee::{Answers, Trials};
+use inference::next_test::{BY_HAND, planned};
 use inference::posterior::{Forward, Found};
+use inference::trial::Trial;
 use nalgebra::DVector;
 use serde::{Deserialize, Serialize};
-use sim::coordinate::{Coordinate, Free, Load};
+use sim::coordinate::{Coordinate, Free};
 use sim::laxity::Test;
 
-/// Tests thought of, with the load along the test's coordinate [N m or N]: what an examiner's hand or an arthrometer applies.
-pub(crate) const TESTS: [(Test, f64); 6] = [
-    (Test::Anterior, 134.0),
-    (Test::Posterior, -134.0),
-    (Test::Internal, -5.0),
-    (Test::External, 5.0),
-    (Test::Varus, -10.0),
-    (Test::Valgus, 10.0),
-];
 /// Flexions thought of [deg].
 const FLEXIONS_DEG: [f64; 4] = [0.0, 30.0, 60.0, 90.0];
 /// So many tests are told [-].
@@ -57,26 +50,17 @@ impl NextTest {
 }
 
 /// The unloaded knee and every test at each flexion; of each test, its place.
-fn plan(compression_n: f64) -> (Vec<Asked>, Vec<(Test, f64, f64)>) {
+fn plan(compression_n: f64) -> (Vec<Trial>, Vec<(Test, f64, f64)>) {
     let (mut asked, mut told) = (Vec::new(), Vec::new());
     for fe_deg in FLEXIONS_DEG {
-        let trial = |load: Load, reads: Free<bool>, from| Asked {
-            source: Some(0),
-            load,
-            fe_deg,
-            quadriceps_n: 0.0,
-            reads,
-            from,
+        let trial = |parts: &[(Test, f64)], from| {
+            let reads = Free::from_fn(|c| parts.iter().any(|part| part.0.coordinate() == Some(c)));
+            Trial { source: Some(0), reads, from, ..Trial::imagined(planned(parts, fe_deg, compression_n)) }
         };
-        let rest = Load::compression(compression_n);
         let zero = asked.len();
-        asked.push(trial(rest, Free::all(false), None));
-        for (test, size) in TESTS {
-            let Some(c) = test.coordinate() else { continue };
-            let (mut load, mut reads) = (rest, Free::all(false));
-            load[c] = size;
-            reads[c] = true;
-            asked.push(trial(load, reads, Some(zero)));
+        asked.push(trial(&[], None));
+        for (test, size) in BY_HAND {
+            asked.push(trial(&[(test, size)], Some(zero)));
             told.push((test, fe_deg, size));
         }
     }
@@ -111,7 +95,7 @@ pub fn next_tests(
     let rows = of.rows();
     let mut out = Vec::new();
     for (r, (test, flexion_deg, load)) in told.into_iter().enumerate() {
-        let row: DVector<f64> = point.slope.row(r).transpose();
+        let row: DVector<f64> = point.jacobian.row(r).transpose();
         let reading: Vec<f64> = found.samples.iter().map(|s| row.dot(&(&s.z - mode))).collect();
         let own = scatter.as_ref().map_or(0.0, |s| s[(r, r)]) + sd[rows[r].1].powi(2);
         let narrowed = |(here, f): &(&[usize], Vec<f64>)| {
@@ -142,6 +126,7 @@ fn narrowed(x: &[f64], reading: &[f64], noise: f64) -> f64 {
 mod tests {
     use super::*;
     use inference::random::{normals, stream};
+    use sim::coordinate::Load;
 
     #[test]
     fn a_reading_narrows_as_much_as_it_tells() {
@@ -159,13 +144,14 @@ mod tests {
     #[test]
     fn every_test_reads_its_own_coordinate_from_the_unloaded_knee() {
         let (asked, told) = plan(20.0);
-        let reading: Vec<&Asked> = asked.iter().filter(|a| a.reads.0.contains(&true)).collect();
+        let reading: Vec<&Trial> = asked.iter().filter(|a| a.reads.0.contains(&true)).collect();
         assert_eq!((reading.len(), told.len()), (24, 24));
         for (a, (test, fe_deg, load)) in reading.iter().zip(&told) {
             let c = test.coordinate().unwrap();
-            assert!(a.reads[c] && a.fe_deg == *fe_deg && a.load[c] == *load);
+            assert!(a.reads[c] && a.record.fe_deg == *fe_deg && a.record.load[c] == *load);
             let zero = &asked[a.from.unwrap()];
-            assert!(zero.load == Load::compression(20.0) && zero.fe_deg == *fe_deg && zero.reads == Free::all(false));
+            let done = (zero.record.load, zero.record.fe_deg);
+            assert!(done == (Load::compression(20.0), *fe_deg) && zero.reads == Free::all(false));
         }
     }
 }

@@ -99,7 +99,7 @@ pub struct OtherEstimate {
 
 impl OtherEstimate {
     /// A warning where it lies outside the interval it had before.
-    pub fn odd(&self) -> Option<Notice> {
+    pub fn outside_prior(&self) -> Option<Notice> {
         let outside = self.value < self.prior[0] || self.value > self.prior[1];
         outside.then(|| {
             notices::Kind::OutsidePrior
@@ -131,7 +131,7 @@ pub struct NoiseEstimate {
 
 impl NoiseEstimate {
     /// What is told where the interval does not hold what is stated, by a factor of 1.5 or more.
-    pub fn odd(&self, interval: f64) -> Option<Notice> {
+    pub fn not_as_stated(&self, interval: f64) -> Option<Notice> {
         let off = self.stated < self.lower || self.stated > self.upper;
         let far = self.inferred > 1.5 * self.stated || self.inferred < self.stated / 1.5;
         (off && far).then(|| {

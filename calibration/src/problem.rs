@@ -96,11 +96,12 @@ impl<'a> Problem<'a> {
         let mut rows: Vec<DVector<f64>> = Vec::new();
         for (i, answer) in answers.iter().enumerate() {
             let (answer, t) = (answer.as_ref().ok()?, &self.targets.trials[i]);
+            let noise = self.targets.noise(t);
             let jacobian = answer.jacobian.as_ref()?;
             let residual = crate::cost::residual(t, &answer.predicted);
             for (c, r) in residual.each() {
                 let Some(r) = r else { continue };
-                let sd = self.targets.noise[i][c] * noise_scale[c];
+                let sd = noise[c] * noise_scale[c];
                 let by = DVector::from_fn(n, |k, _| jacobian.predicted[k][c] * widths[k] / sd);
                 rows.push(by * huber(r / sd, self.robust));
             }
@@ -133,8 +134,9 @@ impl<'a> Problem<'a> {
     pub fn standardised(&self, predicted: &[Option<Free<f64>>]) -> Vec<Free<Option<f64>>> {
         let of = |i: usize| {
             let Some(p) = &predicted[i] else { return Free::all(None) };
-            let r = crate::cost::residual(&self.targets.trials[i], p);
-            Free::from_fn(|c| r[c].map(|r| r / self.targets.noise[i][c]))
+            let t = &self.targets.trials[i];
+            let (r, noise) = (crate::cost::residual(t, p), self.targets.noise(t));
+            Free::from_fn(|c| r[c].map(|r| r / noise[c]))
         };
         (0..predicted.len()).map(of).collect()
     }

@@ -12,10 +12,11 @@ use crate::unknown::{UNLIKE_STREAM, Unknown, Unknowns};
 use crate::unmeasured::force_sd;
 use attachments::groups::GROUPS;
 use inference::knee::predict::Prediction;
-use inference::knee::{Asked, Quantity, Trials, models_at};
+use inference::knee::{Quantity, Trials, models_at};
 use inference::parameter::{Parameter, Prior};
 use inference::posterior::Forward;
 use inference::random::{normals, stream};
+use inference::trial::Trial;
 use nalgebra::DVector;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -290,7 +291,7 @@ impl Samples {
         let at = |of: &dyn Fn(&Unknown) -> f64, near: Option<&[f64]>| {
             let values: Vec<f64> = unknowns.iter().map(of).collect();
             let models = models_at(&tuned, &self.counted_from, &parameters, &values)?;
-            let fixed = with_grafts(&models[0], &changed.grafts, cut, near)?;
+            let fixed = with_grafts(models.shared(), &changed.grafts, cut, near)?;
             Ok::<_, sim::SimError>(strains(&fixed, changed.grafts.len()))
         };
         let own = at(&|u| u.most_probable, None)?;
@@ -313,7 +314,7 @@ impl Samples {
         let model = with(&fixed.own)?;
         let unknowns = changed.unknowns(&self.of.unknowns, &searched.bundle_names());
         let parameters: Vec<Parameter<Quantity>> = unknowns.iter().map(as_it_stands).collect();
-        let asked: Vec<Asked> = question.trials.iter().map(|t| imagined(t, question.source)).collect();
+        let asked: Vec<Trial> = question.trials.iter().map(|t| imagined(t, question.source)).collect();
         let mut options = self.of.search.trials();
         options.dislocation_ap_mm = question.dislocation_ap_mm.unwrap_or(options.dislocation_ap_mm);
         let knee = Trials {
@@ -343,7 +344,7 @@ impl Samples {
             }
             let knee = Trials { model: own.as_ref().unwrap_or(&model), ..knee };
             let of = |knee: &Trials| knee.predicted(&z, near).unwrap_or_else(|_| vec![None; asked.len()]);
-            let pushed: Vec<Asked> = asked.iter().zip(&lacking[s]).map(|(asked, by)| under(asked, by)).collect();
+            let pushed: Vec<Trial> = asked.iter().zip(&lacking[s]).map(|(asked, by)| under(asked, by)).collect();
             let stays = |p: &Prediction| (!p.leaves_the_plateau).then_some(p.pose);
             let poses = of(&Trials { trials: &pushed, ..knee }).iter().map(|p| p.as_ref().and_then(stays)).collect();
             (of(&knee), poses)
@@ -424,14 +425,15 @@ fn as_it_stands(u: &Unknown) -> Parameter<Quantity> {
 }
 
 /// A trial with loads beside its own.
-fn under(asked: &Asked, by: &Load) -> Asked {
-    Asked { load: Load::from_fn(|c| asked.load[c] + by[c]), ..asked.clone() }
+fn under(asked: &Trial, by: &Load) -> Trial {
+    let mut out = asked.clone();
+    out.record.load = Load::from_fn(|c| asked.record.load[c] + by[c]);
+    out
 }
 
-/// A trial of no data set, all of whose coordinates are told.
-fn imagined(t: &LaxityTrial, source: Option<usize>) -> Asked {
-    let (load, fe_deg, quadriceps_n) = (t.load, t.fe_deg, t.quadriceps_n);
-    Asked { source, load, fe_deg, quadriceps_n, reads: Free::all(true), from: None }
+/// A trial all of whose coordinates are told.
+fn imagined(t: &LaxityTrial, source: Option<usize>) -> Trial {
+    Trial { source, reads: Free::all(true), ..Trial::alone(t.clone()) }
 }
 
 #[cfg(test)]

@@ -9,7 +9,7 @@ use crate::inferred::{DRAWER_N, DRAWERS_DEG, Question, inferred};
 use crate::knee::Knee;
 use crate::options::{CalibrateOptions, Method};
 use crate::problem::{Probes, Problem};
-use crate::targets::{Targets, targets};
+use crate::targets::{TargetOptions, Targets, targets};
 use crate::unknowns::KnownFrames;
 use notices::Notice;
 use serde::{Deserialize, Serialize};
@@ -113,7 +113,7 @@ impl Session {
             })?;
             sources.push((name.clone(), of));
         }
-        let targets = together(&sources);
+        let targets = together(&sources, &options.targets);
         let cost = CostFunction::new(&targets.trials, ct, &options.cost)?;
         let identity = Identity {
             model: model.to_owned(),
@@ -230,12 +230,10 @@ impl Session {
 }
 
 /// The targets of all data sets, one after the other; warnings say whose they are where there are several.
-fn together(sources: &[(String, Targets)]) -> Targets {
-    let mut out = Targets { trials: vec![], rows: vec![], noise: vec![], warnings: vec![] };
+fn together(sources: &[(String, Targets)], options: &TargetOptions) -> Targets {
+    let mut out = Targets::none(options);
     for (name, t) in sources {
         out.trials.extend(t.trials.iter().cloned());
-        out.rows.extend(&t.rows);
-        out.noise.extend(&t.noise);
         let told = |w: &Notice| if sources.len() > 1 { w.clone().whose(name) } else { w.clone() };
         out.warnings.extend(t.warnings.iter().map(told));
     }

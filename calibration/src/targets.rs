@@ -66,12 +66,12 @@ impl Default for TargetOptions {
 /// Trials to calibrate to.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Targets {
-    /// The trials, in the order of the file.
+    /// The trials, in the order of the file, each with its row.
     pub trials: Vec<LaxityTrial>,
-    /// Row of each in the file.
-    pub rows: Vec<usize>,
-    /// Measurement noise of each: VV, IE [deg], ML, AP, SI [mm], one standard deviation.
-    pub noise: Vec<Free<f64>>,
+    /// Measurement noise of a pose that has none of its own: VV, IE [deg], ML, AP, SI [mm], one standard deviation.
+    pub usual_noise: Free<f64>,
+    /// The same of a displacement.
+    pub usual_noise_of_displacements: Free<f64>,
     /// What is odd but not fatal, by row.
     pub warnings: Vec<Notice>,
 }
@@ -88,7 +88,7 @@ pub fn targets(
     options: &TargetOptions,
 ) -> Result<Targets, CalibrationError> {
     check(options)?;
-    let mut out = Targets { trials: vec![], rows: vec![], noise: vec![], warnings: vec![] };
+    let mut out = Targets::none(options);
     for i in of_set(measured, options.set, &mut out.warnings) {
         let mut t = measured[i].clone();
         for c in FREE {
@@ -104,10 +104,7 @@ pub fn targets(
         if !is_usable(&t, row, cost, &mut out.warnings) {
             continue;
         }
-        let usual = if t.reference.is_some() { options.noise_of_displacements } else { options.noise };
-        out.noise.push(Free::from_fn(|c| t.sd[c].unwrap_or(usual[c])));
-        out.trials.push(t);
-        out.rows.push(row);
+        out.trials.push(LaxityTrial { row: Some(row), ..t });
     }
     let mut faults = doubt::beyond_flexion(&out, options.flexion_deg);
     faults.extend(doubt::other_units(&out, ct));
@@ -116,8 +113,7 @@ pub fn targets(
     // a displacement is of two poses
     let poses = out.trials.len() + usize::from(out.trials.iter().any(|t| t.reference.is_some()));
     if poses < options.fewest.max(2) {
-        let have: Vec<String> =
-            out.trials.iter().zip(&out.rows).map(|(t, r)| format!("row {r} ({})", t.trial)).collect();
+        let have: Vec<String> = out.trials.iter().map(|t| format!("row {} ({})", row(t), t.trial)).collect();
         faults.insert(
             0,
             format!(
@@ -223,7 +219,27 @@ fn is_usable(t: &LaxityTrial, row: usize, cost: &CostOptions, warnings: &mut Vec
     true
 }
 
+/// Row of a target in its file.
+pub(crate) fn row(target: &LaxityTrial) -> usize {
+    target.row.unwrap_or_default()
+}
+
 impl Targets {
+    /// No trials yet.
+    pub(crate) fn none(options: &TargetOptions) -> Targets {
+        Targets {
+            trials: vec![],
+            usual_noise: options.noise,
+            usual_noise_of_displacements: options.noise_of_displacements,
+            warnings: vec![],
+        }
+    }
+
+    /// Measurement noise of a trial: its own, else the usual one.
+    pub fn noise(&self, t: &LaxityTrial) -> Free<f64> {
+        t.noise(if t.reference.is_some() { &self.usual_noise_of_displacements } else { &self.usual_noise })
+    }
+
     /// The trials without those of the given groups (test, nominal flexion), and those alone: to hold out whole conditions.
     pub fn split(&self, held_out: &[(Test, f64)]) -> (Targets, Targets) {
         let is_out = |t: &LaxityTrial| {
@@ -231,10 +247,7 @@ impl Targets {
         };
         let (mut kept, mut out) = (self.clone(), self.clone());
         for (part, wanted) in [(&mut kept, false), (&mut out, true)] {
-            let keep: Vec<usize> = (0..self.trials.len()).filter(|&i| is_out(&self.trials[i]) == wanted).collect();
-            part.trials = keep.iter().map(|&i| self.trials[i].clone()).collect();
-            part.rows = keep.iter().map(|&i| self.rows[i]).collect();
-            part.noise = keep.iter().map(|&i| self.noise[i]).collect();
+            part.trials.retain(|t| is_out(t) == wanted);
         }
         (kept, out)
     }

@@ -7,10 +7,10 @@ mod choice;
 mod wanted;
 
 use crate::error::CalibrationError;
-use crate::next_test::TESTS;
 use crate::samples::{Question, Samples};
 use choice::{Choice, Known};
 use inference::knee::predict::Prediction;
+use inference::next_test::{BY_HAND, planned};
 use nalgebra::DMatrix;
 use sim::coordinate::{Coordinate, Free, Load};
 use sim::laxity::{LaxityTrial, Test};
@@ -99,19 +99,15 @@ pub struct Asking<'a> {
 
 /// Every test at each flexion: single loads, then pairs of two coordinates where they may be combined.
 pub fn candidates(compression_n: f64, combined: bool) -> Vec<Candidate> {
-    let mut loads: Vec<Vec<(Test, f64)>> = TESTS.iter().map(|l| vec![*l]).collect();
-    for (k, a) in TESTS.iter().enumerate() {
-        let pairs = TESTS[k + 1..].iter().filter(|b| b.0.coordinate() != a.0.coordinate());
+    let mut loads: Vec<Vec<(Test, f64)>> = BY_HAND.iter().map(|l| vec![*l]).collect();
+    for (k, a) in BY_HAND.iter().enumerate() {
+        let pairs = BY_HAND[k + 1..].iter().filter(|b| b.0.coordinate() != a.0.coordinate());
         loads.extend(pairs.filter(|_| combined).map(|b| vec![*a, *b]));
     }
     let of = |fe: f64, parts: &[(Test, f64)]| {
-        let (mut load, mut reads) = (Load::compression(compression_n), Vec::new());
-        for (test, size) in parts {
-            let Some(c) = test.coordinate() else { continue };
-            load[c] = *size;
-            reads.push(c);
-        }
-        Candidate { tests: parts.iter().map(|p| p.0).collect(), flexion_deg: fe, load, reads }
+        let tests: Vec<Test> = parts.iter().map(|p| p.0).collect();
+        let reads = tests.iter().filter_map(|t| t.coordinate()).collect();
+        Candidate { tests, flexion_deg: fe, load: planned(parts, fe, compression_n).load, reads }
     };
     FLEXIONS_DEG.iter().flat_map(|fe| loads.iter().map(move |parts| of(*fe, parts))).collect()
 }

@@ -77,9 +77,7 @@ fn ligaments(
     uncertainty: &Uncertainty,
     options: &CalibrateOptions,
 ) -> Vec<Parameter<Quantity>> {
-    let index = |bundle: &String| names.iter().position(|n| n == bundle);
     let of = |v: &crate::design::Variable| {
-        let bundles: Vec<usize> = v.bundles.iter().filter_map(index).collect();
         let own = v.bundles.first().and_then(|b| uncertainty.ligaments.get(b));
         let strain = v.kind == Kind::ReferenceStrain;
         let pick = |l: &LigamentUncertainty| if strain { l.reference_strain } else { l.stiffness_n_per_mm };
@@ -96,8 +94,7 @@ fn ligaments(
             }
             None => general(),
         };
-        let quantity = if strain { Quantity::ReferenceStrain(bundles) } else { Quantity::Stiffness(bundles) };
-        Parameter { name: v.name(), quantity, prior }
+        Parameter { name: v.name(), quantity: v.quantity(names), prior }
     };
     design.variables.iter().map(of).collect()
 }

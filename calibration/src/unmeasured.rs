@@ -5,11 +5,12 @@ use crate::options::CalibrateOptions;
 use crate::plateau::Staying;
 use crate::posterior::{ForceEstimate, ends, mean, variance};
 use crate::unknown::UNLIKE_STREAM;
-use inference::knee::{Answers, Asked, Belief, Trials};
+use inference::knee::{Answers, Belief, Trials};
 use inference::noise::Likelihood;
 use inference::posterior::{Forward, Found, Options, infer};
 use inference::random::{normals, stream};
 use inference::shift::centre_of;
+use inference::trial::Trial;
 use nalgebra::DVector;
 use rayon::prelude::*;
 use sim::coordinate::Free;
@@ -180,8 +181,8 @@ fn told(all: &[(usize, f64)], unlike: &[DVector<f64>], bundle: usize, interval: 
 }
 
 /// The imagined trials, and measured ones of which something is believed, as mere loads; and the beliefs about them.
-fn imagined(trials: &Trials, places: Range<usize>) -> (Vec<Asked>, Vec<Belief>) {
-    let mere = |t: &Asked| Asked { reads: Free::all(false), from: None, ..t.clone() };
+fn imagined(trials: &Trials, places: Range<usize>) -> (Vec<Trial>, Vec<Belief>) {
+    let mere = |t: &Trial| Trial { reads: Free::all(false), from: None, ..t.clone() };
     let measured = places.start;
     let mut places: Vec<usize> = places.collect();
     places.extend((0..measured).filter(|i| trials.beliefs.iter().any(|b| b.trial == *i)));

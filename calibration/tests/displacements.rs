@@ -7,10 +7,11 @@ use calibration::knee::{Knee, SearchOptions, model_at};
 use calibration::options::CalibrateOptions;
 use calibration::priors::PriorTable;
 use calibration::session::{Outcome, Session};
-use inference::knee::{Asked, ModelDiscrepancy, Quantity, Trials};
+use inference::knee::{ModelDiscrepancy, Quantity, Trials};
 use inference::parameter::{Parameter, Prior};
 use inference::posterior::Forward;
 use inference::random::{normal, stream};
+use inference::trial::Trial;
 use nalgebra::DVector;
 use needs_shared::needs_shared;
 use sim::coordinate::{AP, FREE, Free, IE, Load, SI};
@@ -99,15 +100,12 @@ fn a_displacement_is_the_difference_of_two_poses_and_its_slopes_are_right() {
             prior: Prior::LogNormal { median: 1.0, log_sd: 1.0 },
         },
     ];
-    let asked = |ap: f64, from| Asked {
-        source: Some(0),
-        load: Load::new(0.0, 0.0, 0.0, ap, 20.0),
-        fe_deg: 30.0,
-        quadriceps_n: 0.0,
-        reads: Free::all(ap != 0.0),
-        from,
+    let asked = |ap: f64, from| {
+        let load = Load::new(0.0, 0.0, 0.0, ap, 20.0);
+        let alone = Trial::alone(LaxityTrial::asked(String::new(), Test::Neutral, 30.0, load));
+        Trial { source: Some(0), reads: Free::all(ap != 0.0), from, ..alone }
     };
-    let of = |trials: &[Asked], z: &DVector<f64>| {
+    let of = |trials: &[Trial], z: &DVector<f64>| {
         let trials = Trials {
             model: &knee.search_model().with_friction(0.0).expect("a model"),
             spec: &knee.spec,
@@ -148,7 +146,7 @@ fn a_displacement_is_the_difference_of_two_poses_and_its_slopes_are_right() {
         };
         let numeric = (moved(h) - moved(-h)) / (2.0 * h);
         for c in FREE {
-            let (found, wanted) = (point.slope[(c.free_index(), k)], numeric[c.free_index()]);
+            let (found, wanted) = (point.jacobian[(c.free_index(), k)], numeric[c.free_index()]);
             assert!(
                 (found - wanted).abs() < 0.02 + 0.05 * wanted.abs(),
                 "{} {c}: {found} {wanted}",
@@ -158,7 +156,7 @@ fn a_displacement_is_the_difference_of_two_poses_and_its_slopes_are_right() {
     }
     // what both trials of a pair share falls out of the scatter: the same trial twice has none
     let (_, twice) = of(
-        &[Asked { from: Some(1), ..asked(134.0, None) }, Asked { reads: Free::all(false), ..asked(134.0, None) }],
+        &[Trial { from: Some(1), ..asked(134.0, None) }, Trial { reads: Free::all(false), ..asked(134.0, None) }],
         &z,
     );
     assert!(twice[(3, 3)] < 0.2 * scatter[(3, 3)], "{} {}", twice[(3, 3)], scatter[(3, 3)]);

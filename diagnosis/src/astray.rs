@@ -2,7 +2,7 @@
 //! hangs in its ligaments. Two solvers of one model part there by degrees. So what such a trial reads is left out of every hypothesis alike, and told.
 
 use crate::problem::Problem;
-use crate::trial::Trial;
+use inference::trial::Trial;
 use sim::Model;
 use sim::coordinate::{SI, Six};
 use sim::flags::Flag;
@@ -28,9 +28,10 @@ fn is_out(model: &Model, q: &Six) -> bool {
 }
 
 /// Which of so many trials stay, those out of the joint given with their data sets: all of a set where most of it would go.
-fn staying(out: &[(usize, bool)]) -> Vec<bool> {
-    let count = |source: usize, only_out: bool| out.iter().filter(|(s, o)| *s == source && (*o || !only_out)).count();
-    let may_go = |source: usize| count(source, true) as f64 <= MOST * count(source, false) as f64;
+fn staying(out: &[(Option<usize>, bool)]) -> Vec<bool> {
+    let count =
+        |source: Option<usize>, only_out: bool| out.iter().filter(|(s, o)| *s == source && (*o || !only_out)).count();
+    let may_go = |source: Option<usize>| count(source, true) as f64 <= MOST * count(source, false) as f64;
     let stay: Vec<bool> = out.iter().map(|(source, is_out)| !is_out || !may_go(*source)).collect();
     if stay.iter().filter(|s| **s).count() < FEWEST { vec![true; out.len()] } else { stay }
 }
@@ -40,9 +41,10 @@ impl Problem {
     pub fn within_the_joint(mut self) -> Problem {
         let is_trial_out =
             |(t, q): (&Trial, Option<Six>)| (t.source, q.is_some_and(|q| is_out(self.models.of(t.source), &q)));
-        let out: Vec<(usize, bool)> = self.trials.iter().zip(self.held_coordinates()).map(is_trial_out).collect();
+        let out: Vec<(Option<usize>, bool)> =
+            self.trials.iter().zip(self.held_coordinates()).map(is_trial_out).collect();
         let stay = staying(&out);
-        let name = |t: &Trial| format!("{} {}", self.sources[t.source], t.name);
+        let name = |t: &Trial| format!("{} {}", self.source_of(t), t.record.trial);
         self.astray = self.trials.iter().zip(&stay).filter(|(_, s)| !**s).map(|(t, _)| name(t)).collect();
         self.keep(&stay);
         self
@@ -55,7 +57,8 @@ mod tests {
 
     #[test]
     fn a_few_trials_of_a_set_are_left_out_and_never_most_of_it() {
-        let set = |source: usize, out: usize, all: usize| (0..all).map(move |i| (source, i < out)).collect::<Vec<_>>();
+        let set =
+            |source: usize, out: usize, all: usize| (0..all).map(move |i| (Some(source), i < out)).collect::<Vec<_>>();
         let stay = staying(&[set(0, 3, 10), set(1, 6, 10), set(2, 0, 10)].concat());
         let of = |source: usize| stay[10 * source..10 * (source + 1)].iter().filter(|s| **s).count();
         assert_eq!([of(0), of(1), of(2)], [7, 10, 10]);

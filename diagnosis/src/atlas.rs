@@ -3,18 +3,19 @@
 
 use crate::candidate::Candidate;
 use crate::catalogue::Catalogue;
-use crate::covariance::{Readings, Whitening, covariance, remainders};
+use crate::covariance::{Readings, covariance, remainders};
 use crate::criteria::NAMED;
 use crate::diagnosis::not_testable;
 use crate::error::DiagnosisError;
 use crate::fit::Fit;
+use crate::outlier::Mixture;
 use crate::problem::Problem;
 use crate::report::{NotTestable, scope_name};
-use crate::robust::Mixture;
 use crate::screen::{Marginal, signatures};
 use crate::search::DiagnosisOptions;
 use crate::trial::Source;
 use calibration::options::CalibrateOptions;
+use inference::whitening::Whitening;
 use nalgebra::{Cholesky, DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 use sim::Model;
@@ -110,7 +111,7 @@ fn before_data(problem: &Problem, options: &DiagnosisOptions) -> Result<(Fit, DM
 pub struct Promise {
     /// Half the signature's square under the scatter with ligaments and contact marginalised.
     pub all: f64,
-    /// The same with trials that jump set aside, as the analysis sets them aside ([`crate::robust`]): an effect may throw a knee on the brink far, but so may
+    /// The same with trials that jump set aside, as the analysis sets them aside ([`crate::outlier`]): an effect may throw a knee on the brink far, but so may
     /// much else, and the analysis takes whichever branch is nearer.
     pub settled: f64,
 }
@@ -135,7 +136,7 @@ pub fn promise(
     }
     let (fit, cov) = before_data(&problem, options)?;
     let readings = Readings::of(&problem, &|_| true);
-    let slope = readings.rows_of(&fit.linear.slope);
+    let slope = readings.rows_of(&fit.linear.jacobian);
     let mixture = Mixture::new(&readings, readings.block_of(&cov) + &slope * slope.transpose(), &problem.trials)?;
     let all: Vec<f64> = signature.iter().flatten().copied().collect();
     let signature = readings.pick(&all);

@@ -1,10 +1,10 @@
 //! A trial put to a knee: the model's equilibria under its load and the effects of a hypothesis.
 
 use crate::effect::{Active, Place};
-use crate::trial::Trial;
+use inference::trial::Trial;
 use nalgebra::Matrix6;
 use sim::Model;
-use sim::coordinate::{SI, Six};
+use sim::coordinate::Six;
 use sim::equilibrium::{Ask, Equilibrium, Restraint, Rig, Start};
 use std::borrow::Cow;
 
@@ -45,7 +45,7 @@ impl Bench<'_> {
     pub fn pulled(&self, trial: &Trial) -> Cow<'_, Model> {
         let more: f64 = self.effects.iter().map(|e| e.tension(self.model, trial)).sum();
         // a model without a patella was refused where the question was put
-        self.model.pulled((trial.quadriceps_n + more).max(0.0)).unwrap_or(Cow::Borrowed(self.model))
+        self.model.pulled((trial.record.quadriceps_n + more).max(0.0)).unwrap_or(Cow::Borrowed(self.model))
     }
 
     /// The equilibrium under `trial`, from nearby coordinates.
@@ -60,12 +60,12 @@ impl Bench<'_> {
 
     /// Only compression and flexion: the pose from which the trial's load departs.
     pub fn neutral(&self, trial: &Trial) -> Equilibrium {
-        self.walk(&unloaded(trial))
+        self.walk(&trial.compressed())
     }
 
     /// The same from the trial's own unloaded pose.
     pub fn neutral_near(&self, trial: &Trial) -> Equilibrium {
-        self.settle(&unloaded(trial), &trial.unloaded())
+        self.settle(&trial.compressed(), &trial.unloaded)
     }
 
     /// The pose from `start` that reads next to what was `measured` (Grood-Suntay coordinates [rad, mm]), held there by springs that give way by about
@@ -101,16 +101,9 @@ impl Bench<'_> {
 }
 
 fn asked(trial: &Trial) -> Ask {
-    Ask { load: trial.load, flexion: trial.flexion }
+    Ask { load: trial.load(), flexion: trial.flexion() }
 }
 
 fn restraint(trial: &Trial, measured: &Six) -> Restraint {
     Restraint { to: *measured, gives: trial.sd, hold_n: HOLD_N }
-}
-
-/// A trial with its compression alone.
-fn unloaded(trial: &Trial) -> Trial {
-    let mut load = Six::zeros();
-    load[SI] = trial.load[SI];
-    Trial { load, ..trial.clone() }
 }

@@ -13,9 +13,12 @@ pub enum Scope {
 }
 
 impl Scope {
-    /// Whether it acts in a data set.
-    pub fn covers(self, source: usize) -> bool {
-        self == Scope::Both || self == Scope::Only(source)
+    /// Whether it acts in a data set; in a trial of none, where it acts in all.
+    pub fn covers(self, source: Option<usize>) -> bool {
+        match self {
+            Scope::Both => true,
+            Scope::Only(one) => source == Some(one),
+        }
     }
 }
 

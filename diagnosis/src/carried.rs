@@ -5,8 +5,8 @@ use crate::effect::{Active, Place};
 use crate::error::DiagnosisError;
 use crate::predict::acting;
 use crate::report::Carried;
-use crate::trial::Trial;
 use attachments::groups::{GROUPS, group_forces};
+use inference::trial::Trial;
 use sim::Model;
 use sim::coordinate::Load;
 use sim::laxity::{LaxityTrial, Test};
@@ -60,9 +60,9 @@ fn tests() -> Vec<(String, LaxityTrial)> {
 /// Forces of the groups [N] at rest under a trial; none where there is no rest.
 fn under(model: &Model, spec: &ModelSpec, effects: &[Active], trial: &LaxityTrial) -> Option<[f64; 9]> {
     let place = Place { femur: spec.frames.femur, tibia: spec.frames.tibia };
-    let mut trial = Trial::alone(trial);
+    let mut trial = Trial::alone(trial.clone());
     let plain = Bench { model, effects: &[], place: &place };
-    trial.rest_at(plain.neutral(&trial).start());
+    trial.unloaded = plain.neutral(&trial).start();
     let rest = Bench { effects, ..plain }.walk(&trial);
     let mut forces = model.bundle_forces(&model.fibre_states(&model.joint.pose(&rest.q)));
     let names = model.bundle_names();

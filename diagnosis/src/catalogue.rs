@@ -1,7 +1,7 @@
 //! The catalogue of effects: data shipped with the program, and what can be asked of it.
 
 use crate::error::DiagnosisError;
-use crate::trial::Trial;
+use inference::trial::Trial;
 use serde::{Deserialize, Serialize};
 use std::sync::LazyLock;
 
@@ -142,7 +142,7 @@ impl Effect {
     pub fn untestable(&self, trials: &[Trial]) -> Option<String> {
         match self.needs.as_deref() {
             Some("branch") => {
-                let has = |s: f64| trials.iter().any(|t| t.branch == Some(s));
+                let has = |s: f64| trials.iter().any(|t| t.branch() == Some(s));
                 (!(has(1.0) && has(-1.0))).then(|| "no unloading branch in the data (column branch)".to_owned())
             }
             Some("order") => {

@@ -9,7 +9,8 @@ use crate::error::DiagnosisError;
 use crate::fit::Fit;
 use crate::problem::Problem;
 use crate::search::{Search, Searcher, TRIES};
-use crate::trial::{Trial, row_of};
+use crate::trial::row_of;
+use inference::trial::Trial;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -126,7 +127,7 @@ fn promising(mut pairs: Vec<Pair>, bar: f64) -> Vec<Pair> {
 /// All pairs of readings of one coordinate near the same load and flexion, with their surprise on a straight line about a fit.
 fn pairs(problem: &Problem, search: &Search, fit: &Fit) -> Vec<Pair> {
     let readings = &search.readings;
-    let slope = readings.rows_of(&fit.linear.slope);
+    let slope = readings.rows_of(&fit.linear.jacobian);
     let scatter = readings.block_of(&search.covariance) + &slope * slope.transpose();
     let before = &fit.residual + &slope * fit.from_means();
     let mut out = Vec::new();
@@ -155,11 +156,12 @@ fn surprise([x, y]: [f64; 2], together: f64) -> f64 {
 /// Whether two trials are near each other: a reader may lay them side by side. Loading and unloading are not.
 fn are_near(a: &Trial, b: &Trial) -> bool {
     let near = |x: f64, y: f64, most: f64| (x - y).abs() <= most;
-    let branches = a.branch.zip(b.branch).is_none_or(|(a, b)| a == b);
+    let branches = a.record.branch.zip(b.record.branch).is_none_or(|(a, b)| a == b);
+    let loads = [a.load(), b.load()];
     branches
-        && near(a.flexion.to_degrees(), b.flexion.to_degrees(), NEAR_FLEXION_DEG)
-        && near(a.quadriceps_n, b.quadriceps_n, NEAR_QUADRICEPS_N)
-        && FREE.into_iter().zip(NEAR_LOADS).all(|(c, most)| near(a.load[c], b.load[c], c.to_force(most)))
+        && near(a.flexion().to_degrees(), b.flexion().to_degrees(), NEAR_FLEXION_DEG)
+        && near(a.record.quadriceps_n, b.record.quadriceps_n, NEAR_QUADRICEPS_N)
+        && FREE.into_iter().zip(NEAR_LOADS).all(|(c, most)| near(loads[0][c], loads[1][c], c.to_force(most)))
 }
 
 /// A pair weighed by knees that are fitted to either reading and to both: from where the fit at hand stands and from the model as given, and to both also
@@ -193,7 +195,7 @@ fn fitted(searcher: &Searcher, search: &Search, fit: &Fit, pair: Pair) -> Result
     let [alone, beside] = [&one, &other].map(|f| 0.5 * few.total(f));
     let (first, fit) = if alone <= beside { (0, one) } else { (1, other) };
     let at = row_of(1 - first, pair.dof);
-    let slope = fit.linear.slope.row(at).transpose();
+    let slope = fit.linear.jacobian.row(at).transpose();
     let spread = (slope.transpose() * &fit.posterior * &slope)[(0, 0)] + scatter[(at, at)];
     let witness = |k: usize| witness(whole, pair.trials[k], [a, b][k]);
     Ok(Contradiction {
@@ -215,11 +217,11 @@ fn scatter_of(search: &Search, trials: [usize; 2]) -> DMatrix<f64> {
 fn witness(problem: &Problem, trial: usize, value: f64) -> Witness {
     let t = &problem.trials[trial];
     Witness {
-        source: problem.sources[t.source].clone(),
-        row: t.row,
-        trial: t.name.clone(),
-        flexion_deg: t.flexion.to_degrees(),
-        loads: FREE.into_iter().map(|c| (c.load_column(), t.load[c] / c.to_force(1.0))).collect(),
+        source: problem.source_of(t).into(),
+        row: t.record.row,
+        trial: t.record.trial.clone(),
+        flexion_deg: t.flexion().to_degrees(),
+        loads: FREE.into_iter().map(|c| (c.load_column(), t.load()[c] / c.to_force(1.0))).collect(),
         value,
     }
 }

@@ -6,8 +6,11 @@ use crate::candidate::Candidate;
 use crate::error::DiagnosisError;
 use crate::jacobian::{At, Jacobian};
 use crate::problem::{Linear, Problem};
-use crate::trial::{Trial, row_of};
-use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
+use crate::trial::row_of;
+use inference::noise::{LOAD_N_NM, REPOSITIONING};
+use inference::trial::Trial;
+use inference::whitening::Whitening;
+use nalgebra::{Cholesky, DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -52,9 +55,9 @@ pub struct Floor {
 impl Default for Floor {
     fn default() -> Self {
         Floor {
-            force_n: 2.0,
-            moment_nm: 0.1,
-            repositioning: 0.4,
+            force_n: LOAD_N_NM.0,
+            moment_nm: LOAD_N_NM.1,
+            repositioning: REPOSITIONING,
             attachment_mm: 0.4,
             contact_share: 0.06,
             contact_range_deg: 25.0,
@@ -103,7 +106,7 @@ impl Readings {
         let mut rows = Vec::new();
         let mut measured = Vec::new();
         for (i, t) in problem.trials.iter().enumerate().filter(|(i, _)| keep(*i)) {
-            for (c, value) in t.measured.each() {
+            for (c, value) in t.record.measured.each() {
                 if let Some(v) = value {
                     rows.push((i, c));
                     measured.push(*v);
@@ -209,7 +212,7 @@ fn scatter_of(bench: Bench, trial: &Trial, rest: &Equilibrium, with_thickness: b
         sides[0].iter().zip(&sides[1]).map(differs).collect()
     };
     let mut tilted = Six::zeros();
-    tilted[VV] = rest.q[VV] - trial.neutral[VV];
+    tilted[VV] = rest.q[VV] - trial.unloaded.q[VV];
     Scatter {
         loads: jacobian.loads(),
         attachments: jacobian.attachments(),
@@ -258,7 +261,7 @@ fn assemble(problem: &Problem, scatter: &[Scatter], floor: &Floor) -> DMatrix<f6
         for k in 0..=i {
             let (a, b) = (&scatter[i], &scatter[k]);
             let (ti, tk) = (&problem.trials[i], &problem.trials[k]);
-            let near = (-0.5 * ((ti.flexion - tk.flexion) / range).powi(2)).exp();
+            let near = (-0.5 * ((ti.flexion() - tk.flexion()) / range).powi(2)).exp();
             let contact = (1.0 + near) * floor.contact_share.powi(2);
             for c in FREE {
                 for d in FREE {
@@ -316,7 +319,7 @@ pub fn remainders(
             x = (root * DVector::from_column_slice(&x)).iter().copied().collect();
         }
         let rests = problem.rests(&[], &x, &starts)?;
-        let first = &linear.slope * DVector::from_column_slice(&x);
+        let first = &linear.jacobian * DVector::from_column_slice(&x);
         for (i, rest) in rests.iter().enumerate() {
             let there = crate::problem::reading(rest);
             let left: Free<f64> = Free::from_fn(|c| there[c] - linear.value[row_of(i, c)] - first[row_of(i, c)]);
@@ -335,7 +338,7 @@ fn posterior_root(problem: &Problem, linear: &Linear, floor: &Floor) -> Result<O
     let given = vec![0.0; problem.nuisances()];
     let readings = Readings::of(problem, &|_| true);
     let scatter = readings.block_of(&covariance(problem, &[], &given, &linear.rests, floor)?);
-    let white = Whitening::new(scatter)?.white(&readings.rows_of(&linear.slope));
+    let white = Whitening::new(scatter)?.white(&readings.rows_of(&linear.jacobian));
     let curvature = DMatrix::identity(given.len(), given.len()) + white.tr_mul(&white);
     Ok(Cholesky::new(curvature).and_then(|c| Cholesky::new(c.inverse())).map(|c| c.l()))
 }
@@ -344,49 +347,4 @@ fn posterior_root(problem: &Problem, linear: &Linear, floor: &Floor) -> Result<O
 pub fn normal(random: &mut ChaCha8Rng) -> f64 {
     let (u, v): (f64, f64) = (random.random(), random.random());
     (-2.0 * (1.0 - u).max(1e-300).ln()).sqrt() * (2.0 * std::f64::consts::PI * v).cos()
-}
-
-/// A covariance in Cholesky's form.
-#[derive(Clone, Debug)]
-pub struct Whitening(Cholesky<f64, Dyn>);
-
-impl Whitening {
-    /// Factorises.
-    ///
-    /// Errors: a matrix that is not positive definite.
-    pub fn new(covariance: DMatrix<f64>) -> Result<Whitening, DiagnosisError> {
-        Cholesky::new(covariance)
-            .map(Whitening)
-            .ok_or_else(|| DiagnosisError::Data("the readings' covariance is not positive definite".into()))
-    }
-
-    /// Whitens the columns.
-    pub fn white(&self, m: &DMatrix<f64>) -> DMatrix<f64> {
-        self.0.l_dirty().solve_lower_triangular(m).unwrap_or_else(|| m.clone())
-    }
-
-    /// Whitens a vector.
-    pub fn white_vector(&self, v: &DVector<f64>) -> DVector<f64> {
-        self.0.l_dirty().solve_lower_triangular(v).unwrap_or_else(|| v.clone())
-    }
-
-    /// The inverse times a vector.
-    pub fn solve(&self, v: &DVector<f64>) -> DVector<f64> {
-        self.0.solve(v)
-    }
-
-    /// The inverse of the covariance.
-    pub fn inverse(&self) -> DMatrix<f64> {
-        self.0.inverse()
-    }
-
-    /// Log of the determinant.
-    pub fn log_determinant(&self) -> f64 {
-        2.0 * self.0.l_dirty().diagonal().iter().map(|x| x.ln()).sum::<f64>()
-    }
-
-    /// The lower factor.
-    pub fn lower(&self) -> DMatrix<f64> {
-        self.0.l()
-    }
 }

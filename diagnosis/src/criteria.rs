@@ -4,9 +4,11 @@
 //! nothing is hidden) it was set with, their seeds where they were kept, and the rate aimed at. *Declared*: a judgement that no data set yet tests; it says what for.
 //! Log Bayes factors and log odds are in nats.
 
-/// How many times less loud the data speak than their declared scatter says where an answer leaves no more than it should [-]. Declared: with several
-/// hundred readings evidence speaks louder than the scatter is known. It raises the threshold of a name, tempers weights, widens intervals of sizes.
-pub const TEMPER: f64 = 1.5;
+use inference::temper::{Asks, temper};
+
+/// How many times less loud the data speak than their declared scatter says where an answer leaves no more than it should [-]; why: [`Asks::Causes`]. It
+/// raises the threshold of a name, tempers weights, widens intervals of sizes.
+pub const TEMPER: f64 = temper(Asks::Causes);
 
 /// One thing that is missing in this many is in nobody's catalogue [-]. Declared.
 const MISSING_PER_UNKNOWN: f64 = 10.0;
@@ -38,13 +40,13 @@ pub fn predicted() -> f64 {
 /// Log Bayes factor from which fields of no name are believed. Derived in form, calibrated in fact: odds of [`SURE`] as loud as the data may speak, two to
 /// one for the field after the odds of [`MISSING_PER_UNKNOWN`]. The form was settled with 230 nulls in view, five of which had fields of 3.4 to 4.6: they
 /// are no independent check of it.
-pub fn nameless() -> f64 {
+pub fn discrepancy() -> f64 {
     TEMPER * SURE.ln()
 }
 
-/// Log Bayes factor from which two records are taken to be exchanged. Derived, as [`nameless`]: swapped records are in no catalogue either.
+/// Log Bayes factor from which two records are taken to be exchanged. Derived, as [`discrepancy`]: swapped records are in no catalogue either.
 pub fn mixed_up() -> f64 {
-    nameless()
+    discrepancy()
 }
 
 /// Surprise from which two readings contradict each other [nats], the likeliest of so many `pairs`; of one, where something is missing for certain. Derived: odds of [`SURE`] beyond the choice, as
@@ -127,7 +129,7 @@ mod tests {
             ("a further effect", LEAST_BESIDE),
             ("a further effect where much is left", LEAST_FURTHER),
             ("a further effect, on held-out trials", predicted()),
-            ("a field of no name", nameless()),
+            ("a field of no name", discrepancy()),
             ("exchanged records", mixed_up()),
             ("a field beside a decisive name", likelier()),
             ("a field in a name's place", ahead()),

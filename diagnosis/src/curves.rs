@@ -3,7 +3,8 @@
 use crate::fit::Fit;
 use crate::map::Cell;
 use crate::problem::Problem;
-use crate::trial::{Trial, row_of};
+use crate::trial::row_of;
+use inference::trial::Trial;
 use serde::{Deserialize, Serialize};
 use sim::coordinate::Coordinate;
 
@@ -72,10 +73,15 @@ fn is_same(a: &Curve, b: &Curve) -> bool {
 fn through(problem: &Problem, cell: &Cell, given: &[f64], base: &Fit, answer: Option<&Fit>) -> Option<Curve> {
     let source = problem.sources.iter().position(|s| *s == cell.source)?;
     let c = Coordinate::named(&cell.dof)?;
-    let at = |t: &Trial| t.source == source && t.nominal.round() == cell.nominal_flexion_deg.round();
-    let axis =
-        problem.trials.iter().filter(|t| at(t) && t.test.name() == cell.test).find_map(|t| t.test.coordinate())?;
-    let along = |t: &Trial| t.test.coordinate().is_none_or(|p| p == axis);
+    let at = |t: &Trial| {
+        t.source == Some(source) && t.record.nominal_flexion_deg.round() == cell.nominal_flexion_deg.round()
+    };
+    let axis = problem
+        .trials
+        .iter()
+        .filter(|t| at(t) && t.record.test.name() == cell.test)
+        .find_map(|t| t.record.test.coordinate())?;
+    let along = |t: &Trial| t.record.test.coordinate().is_none_or(|p| p == axis);
     let mut points: Vec<Point> = problem
         .trials
         .iter()
@@ -83,9 +89,9 @@ fn through(problem: &Problem, cell: &Cell, given: &[f64], base: &Fit, answer: Op
         .filter(|(_, t)| at(t) && along(t))
         .filter_map(|(i, t)| {
             Some(Point {
-                trial: t.name.clone(),
-                load: t.load[axis] / axis.to_force(1.0),
-                measured: t.measured[c]?,
+                trial: t.record.trial.clone(),
+                load: t.load()[axis] / axis.to_force(1.0),
+                measured: t.record.measured[c]?,
                 sd: t.sd[c],
                 given: given[row_of(i, c)],
                 without: base.linear.value[row_of(i, c)],

@@ -8,6 +8,7 @@ use crate::contradiction::contradictions;
 use crate::criteria::{DECISIVE_WEIGHT, LEFT_OUT, told_apart};
 use crate::curves::curves;
 use crate::detection::limits_of_detection;
+use crate::discrepancy::{Discrepancy, discrepancy};
 use crate::error::DiagnosisError;
 use crate::exchange::{Exchange, exchange};
 use crate::excluded::may_be_torn;
@@ -22,7 +23,6 @@ use crate::search::{DiagnosisOptions, Search, Searcher};
 use crate::trial::Source;
 use crate::unexplained::unexplained;
 use crate::verdict::{Candidature, by_names, temper, verdict, weights};
-use crate::wildcard::{Wildcard, wildcard};
 use calibration::options::CalibrateOptions;
 use sim::Model;
 use sim::coordinate::{FREE, Free};
@@ -148,9 +148,9 @@ struct Judged {
     /// What these trials cannot tell from its best.
     kin: Vec<Fit>,
     /// A field of no name beside the best.
-    wild: Wildcard,
+    field: Discrepancy,
     /// The same in its place, with its log Bayes factor.
-    alone: (Wildcard, f64),
+    alone: (Discrepancy, f64),
     exchange: Option<Exchange>,
     /// Nothing missing and the best on held-out trials.
     held_out: [HeldOut; 2],
@@ -201,8 +201,8 @@ fn judged_as_it_is(searcher: &Searcher, search: Search) -> Result<Judged, Diagno
     let best = search.rivals.first().unwrap_or(&search.base);
     let is_named = !best.hypothesis.is_empty() && is_believed(searcher, &search, best);
     let believed = if is_named { best } else { &search.base };
-    let wild = wildcard(problem, (&search.readings, &search.covariance), believed)?;
-    let alone = if is_named { in_place(searcher, &search, best)? } else { (wild.clone(), wild.log_bayes_factor) };
+    let field = discrepancy(problem, (&search.readings, &search.covariance), believed)?;
+    let alone = if is_named { in_place(searcher, &search, best)? } else { (field.clone(), field.log_bayes_factor) };
     let leaves = searcher.total(believed) / believed.residual.len() as f64;
     let exchange = exchange(problem, &search, believed, leaves.max(1.0))?;
     let scored = |fit: &Fit| held_out(searcher, &search.covariance, fit, folds, folds);
@@ -212,7 +212,7 @@ fn judged_as_it_is(searcher: &Searcher, search: Search) -> Result<Judged, Diagno
         believed,
         base: &search.base,
         is_named,
-        wild: wild.log_bayes_factor,
+        field: field.log_bayes_factor,
         alone: alone.1,
         names: nameable(problem),
         exchanged: exchange.map_or(f64::NEG_INFINITY, |e| e.log_bayes_factor),
@@ -221,12 +221,12 @@ fn judged_as_it_is(searcher: &Searcher, search: Search) -> Result<Judged, Diagno
         has_kin: kin.iter().any(|f| f.hypothesis != best.hypothesis),
     };
     let verdict = verdict(searcher, &weights(searcher, &search, believed), &of);
-    Ok(Judged { verdict, is_named, kin, wild, alone, exchange, held_out: [before, after], each: None, search })
+    Ok(Judged { verdict, is_named, kin, field, alone, exchange, held_out: [before, after], each: None, search })
 }
 
 fn conclude(searcher: &Searcher, judged: &Judged, spec: &ModelSpec) -> Result<Outcome, DiagnosisError> {
     let (problem, options) = (searcher.problem, searcher.options);
-    let Judged { search, kin, verdict, wild, exchange, .. } = judged;
+    let Judged { search, kin, verdict, field, exchange, .. } = judged;
     let (verdict, best, believed) = (*verdict, judged.best(), judged.believed());
     let rivals = weights(searcher, search, believed);
     let [before, after] = &judged.held_out;
@@ -268,7 +268,7 @@ fn conclude(searcher: &Searcher, judged: &Judged, spec: &ModelSpec) -> Result<Ou
         ligaments: absorbed(problem, &search.base, shown),
         ligament_forces: vec![],
         threshold,
-        wildcard: wild.log_bayes_factor,
+        wildcard: field.log_bayes_factor,
         wildcard_alone: Some(judged.alone.1),
         exchanged: exchange.and_then(|e| told_exchange(problem, e)),
         misfit: [&search.base, best].map(|f| searcher.total(f) / f.residual.len() as f64),
@@ -279,7 +279,7 @@ fn conclude(searcher: &Searcher, judged: &Judged, spec: &ModelSpec) -> Result<Ou
     let mut outcome = Outcome { diagnosis, components: vec![], model: None };
     outcome.add(problem, spec, [&search.base, best], temper(searcher, best))?;
     // what is told in words is all that is missing, not what the best answer leaves
-    let told = if verdict == Verdict::Unnamed { &judged.alone.0 } else { wild };
+    let told = if verdict == Verdict::Unnamed { &judged.alone.0 } else { field };
     outcome.diagnosis.description = crate::words::description(problem, &outcome.diagnosis, told, search);
     outcome.diagnosis.plain = crate::plain::plain(&problem.catalogue, &outcome.diagnosis);
     Ok(outcome)
@@ -327,14 +327,14 @@ fn to_tell_apart<'a>(
 /// answer with its effects taken out, whichever explains more. A field that moves the knee far is seen as it is from the latter alone. The former is told
 /// against nothing missing in the same linear terms, since that fit's own evidence may lie nats off them; the latter can only be told against it. The rests
 /// of a knee with a torn structure are those of that knee, whatever is taken out on a straight line: there the former alone is a field in the name's place.
-fn in_place(searcher: &Searcher, search: &Search, best: &Fit) -> Result<(Wildcard, f64), DiagnosisError> {
+fn in_place(searcher: &Searcher, search: &Search, best: &Fit) -> Result<(Discrepancy, f64), DiagnosisError> {
     let data = (&search.readings, &search.covariance);
-    let far = wildcard(searcher.problem, data, &search.base)?;
+    let far = discrepancy(searcher.problem, data, &search.base)?;
     if best.has_most_of_a_whole() {
         let gain = far.log_bayes_factor;
         return Ok((far, gain));
     }
-    let near = wildcard(searcher.problem, data, &searcher.stripped(best, &search.readings))?;
+    let near = discrepancy(searcher.problem, data, &searcher.stripped(best, &search.readings))?;
     let gains = [far.log_bayes_factor, near.log_evidence - search.base.log_evidence];
     Ok(if gains[1] > gains[0] { (near, gains[1]) } else { (far, gains[0]) })
 }
@@ -364,7 +364,7 @@ fn nameable(problem: &Problem) -> usize {
 
 /// The exchange with the names of its trials, where it is to be believed.
 fn told_exchange(problem: &Problem, exchange: Exchange) -> Option<Exchanged> {
-    let name = |i: usize| format!("{} {}", problem.sources[problem.trials[i].source], problem.trials[i].name);
+    let name = |i: usize| format!("{} {}", problem.source_of(&problem.trials[i]), problem.trials[i].record.trial);
     let trials = exchange.trials.map(name);
     let log_bayes_factor = exchange.log_bayes_factor;
     (log_bayes_factor > crate::criteria::mixed_up()).then_some(Exchanged { trials, log_bayes_factor })

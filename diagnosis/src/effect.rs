@@ -39,7 +39,7 @@ pub(crate) use turned_frame::turned;
 
 use crate::catalogue::Effect;
 use crate::error::DiagnosisError;
-use crate::trial::Trial;
+use inference::trial::Trial;
 use meshes::frame::AnatomicalFrame;
 use row::Fields;
 use serde::de::DeserializeOwned;
@@ -68,7 +68,7 @@ pub struct Situation<'a> {
     /// The trial.
     pub trial: &'a Trial,
     /// The load at this moment of it [N mm, N].
-    pub load: &'a Six,
+    pub load: Six,
     /// Chain coordinates [rad, mm].
     pub q: Six,
     /// The pose they are.
@@ -79,9 +79,9 @@ pub struct Situation<'a> {
 
 impl Place {
     /// The situation at `q`.
-    pub fn situation<'a>(&'a self, model: &'a Model, trial: &'a Trial, load: &'a Six, q: &Six) -> Situation<'a> {
+    pub fn situation<'a>(&'a self, model: &'a Model, trial: &'a Trial, load: &Six, q: &Six) -> Situation<'a> {
         let flexion = q[FE] + model.joint.ct_pose()[FE];
-        Situation { model, place: self, trial, load, q: *q, pose: model.joint.pose(q), flexion }
+        Situation { model, place: self, trial, load: *load, q: *q, pose: model.joint.pose(q), flexion }
     }
 }
 

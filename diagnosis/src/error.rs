@@ -18,6 +18,9 @@ pub enum DiagnosisError {
     /// The solver could not answer.
     #[error(transparent)]
     Sim(#[from] sim::SimError),
+    /// The inference has no answer.
+    #[error(transparent)]
+    Inference(#[from] inference::InferenceError),
     /// The experiment could not be set up.
     #[error(transparent)]
     Validation(#[from] calibration::CalibrationError),

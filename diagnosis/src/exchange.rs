@@ -3,8 +3,8 @@
 use crate::covariance::Readings;
 use crate::error::DiagnosisError;
 use crate::fit::Fit;
+use crate::outlier::Mixture;
 use crate::problem::{Problem, reading};
-use crate::robust::Mixture;
 use crate::search::Search;
 use nalgebra::DVector;
 use sim::coordinate::{Coordinate, Free};

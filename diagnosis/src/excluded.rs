@@ -96,7 +96,7 @@ fn slack(problem: &Problem, fit: &Fit, own: &[usize]) -> f64 {
 fn most(problem: &Problem, fit: &Fit, structure: &str) -> Result<f64, DiagnosisError> {
     let models = problem.models_at(&fit.unknowns)?;
     let names = models.shared().bundle_names();
-    let in_trial = |(trial, rest): (&crate::trial::Trial, &sim::equilibrium::Equilibrium)| {
+    let in_trial = |(trial, rest): (&inference::trial::Trial, &sim::equilibrium::Equilibrium)| {
         let model = models.of(trial.source);
         let forces = model.bundle_forces(&model.fibre_states(&model.joint.pose(&rest.q)));
         let own = names.iter().zip(&forces).filter(|(name, _)| crate::effect::belongs(name, structure));

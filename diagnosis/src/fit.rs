@@ -4,8 +4,8 @@ use crate::candidate::{Candidate, sized};
 use crate::catalogue::Parameter;
 use crate::covariance::Readings;
 use crate::error::DiagnosisError;
+use crate::outlier::{Mixture, Weighed};
 use crate::problem::{Linear, Problem};
-use crate::robust::{Mixture, Weighed};
 use inference::least_squares::{Bounds, Quadratic, Stop, descend};
 use nalgebra::{Cholesky, DMatrix, DVector};
 use sim::equilibrium::{Start, starts_of};
@@ -41,7 +41,7 @@ pub struct Fit {
     pub residual: DVector<f64>,
     /// Whitened sum of squares of the residual; an outlier's limited to what it costs.
     pub misfit: f64,
-    /// Trials that it does not explain, set aside ([`crate::robust`]).
+    /// Trials that it does not explain, set aside ([`crate::outlier`]).
     pub outliers: Vec<usize>,
     /// Log of the evidence, the scatter it was weighed with included; up to a constant common to all hypotheses fitted to the same readings.
     pub log_evidence: f64,
@@ -114,7 +114,7 @@ fn heavy_below(x: f64) -> f64 {
 /// How trials that no hypothesis explains are weighed.
 #[derive(Clone, Copy)]
 enum Weighing {
-    /// Set aside at a price ([`crate::robust`]).
+    /// Set aside at a price ([`crate::outlier`]).
     Mixed,
     /// Like all others.
     All,
@@ -145,7 +145,7 @@ impl Data<'_> {
         };
         let whitening = weighed.whitening.as_ref().unwrap_or(self.mixture.plain());
         let white = whitening.white_vector(&residual);
-        let slope = whitening.white(&self.readings.rows_of(&linear.slope));
+        let slope = whitening.white(&self.readings.rows_of(&linear.jacobian));
         let means = &self.problem.nuisance.mean;
         let prior: f64 = unknowns.iter().enumerate().map(|(k, x)| prior(k, means, *x).0).sum();
         let cost = weighed.cost + prior;

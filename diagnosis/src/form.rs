@@ -1,7 +1,7 @@
 //! What an effect of another form than the knee's own may leave of what it explains.
 
 use crate::candidate::Candidate;
-use crate::criteria::{BEYOND_BELIEF, nameless};
+use crate::criteria::{BEYOND_BELIEF, discrepancy};
 use crate::fit::Fit;
 
 /// What the form of an answer's effects, of `sizes` in units of their priors, may leave of what it explains [nats]: the square of the share by which
@@ -19,5 +19,5 @@ pub(crate) fn are_expected(sizes: &[f64]) -> bool {
 
 /// Whether a field of no name beside an answer asks for a further effect.
 pub(crate) fn asks_for_more(field: f64, fit: &Fit, nuisances: usize, evidence: f64) -> bool {
-    field > nameless().max(left_by_form(&fit.hypothesis, &fit.unknowns[nuisances..], evidence))
+    field > discrepancy().max(left_by_form(&fit.hypothesis, &fit.unknowns[nuisances..], evidence))
 }

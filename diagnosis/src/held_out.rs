@@ -1,11 +1,12 @@
 //! The gap on trials that no calibration has seen: whole conditions are left out in turn, baseline and hypothesis fitted to the rest.
 
-use crate::covariance::{Readings, Whitening};
+use crate::covariance::Readings;
 use crate::error::DiagnosisError;
 use crate::fit::Fit;
+use crate::outlier::Mixture;
 use crate::problem::Problem;
-use crate::robust::Mixture;
 use crate::search::Searcher;
+use inference::whitening::Whitening;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 use sim::coordinate::Free;
@@ -81,7 +82,7 @@ fn part(problem: &Problem, fit: &Fit, unseen: &Readings, cov: &DMatrix<f64>) -> 
     let block = unseen.block_of(cov);
     let mixture = Mixture::new(unseen, block.clone(), &problem.trials)?;
     let scatter: &Whitening = mixture.plain();
-    let slope = unseen.rows_of(&fit.linear.slope);
+    let slope = unseen.rows_of(&fit.linear.jacobian);
     let spread = &slope * &fit.posterior * slope.transpose();
     let half = scatter.white(&spread);
     let expected = unseen.rows.len() as f64 + scatter.white(&half.transpose()).trace();

@@ -4,7 +4,8 @@ use crate::bench::Bench;
 use crate::candidate::Candidate;
 use crate::effect::Active;
 use crate::nuisance::{Felt, FrameSteps, Nuisances, frame_change, wrench};
-use crate::trial::{PER_UNIT, Trial};
+use crate::trial::PER_UNIT;
+use inference::trial::Trial;
 use nalgebra::{Matrix6, Vector3};
 use sim::Model;
 use sim::contact::Nearby;
@@ -66,8 +67,8 @@ impl Root {
         let plain = Bench { effects: &[], ..*bench };
         let unloaded = plain.neutral_near(trial);
         let inverse = unloaded.tangent.try_inverse()?;
-        let holds = Bench { effects: &departing, ..*bench }.effects_tangent(trial, &trial.load, &rest.q);
-        let at = At::new(Start { q: trial.neutral, near: unloaded.near });
+        let holds = Bench { effects: &departing, ..*bench }.effects_tangent(trial, &trial.load(), &rest.q);
+        let at = At::new(Start { q: trial.unloaded.q, near: unloaded.near });
         Some(Root { at, lever: holds * inverse })
     }
 }
@@ -114,14 +115,18 @@ impl<'a> Jacobian<'a> {
     pub(crate) fn nuisances(&self, of: &Nuisances, unknowns: &[f64], joints: &[FrameSteps]) -> Vec<Free<f64>> {
         let source = self.trial.source;
         let values: Vec<(f64, f64)> = unknowns.iter().enumerate().take(of.len()).map(|(k, x)| of.at(k, *x)).collect();
-        let numbers: Vec<(Vec<Number>, f64)> =
+        let numbers: Vec<Option<(Vec<Number>, f64)>> =
             of.list.iter().zip(&values).map(|(p, value)| p.quantity.numbers(value.0)).collect();
-        let model = self.of_the_knee(|at| numbers.iter().map(|(n, factor)| self.by_numbers(at, n) * *factor).collect());
-        let frames = joints.get(source).map_or([Free::all(0.0); 12], |steps| self.frames(steps));
+        // what is no number of the model has another column below
+        let one = |at: &At, of: &Option<(Vec<Number>, f64)>| {
+            of.as_ref().map_or_else(Six::zeros, |(n, factor)| self.by_numbers(at, n) * *factor)
+        };
+        let model = self.of_the_knee(|at| numbers.iter().map(|of| one(at, of)).collect());
+        let frames = source.and_then(|s| joints.get(s)).map_or([Free::all(0.0); 12], |steps| self.frames(steps));
         let by = |(k, felt): (usize, &Felt)| {
             let column = match felt {
                 Felt::Model => model[k],
-                Felt::Frame(set, term) if set.is_none_or(|s| s == source) => frames[*term],
+                Felt::Frame(set, term) if set.is_none() || *set == source => frames[*term],
                 // the frames of another data set
                 Felt::Frame(..) => Free::all(0.0),
             };
@@ -143,7 +148,7 @@ impl<'a> Jacobian<'a> {
         if steps.iter().all(Option::is_none) {
             return [Free::all(0.0); 12];
         }
-        let effects = self.bench.effects_at(self.trial, &self.trial.load, &self.rest.q);
+        let effects = self.bench.effects_at(self.trial, &self.trial.load(), &self.rest.q);
         let at = self.loaded();
         let read = |gs: &Six| self.bench.effects.iter().fold(*gs, |gs, e| e.read(&gs, self.trial));
         let wrench = wrench(&at.pose, &(at.gradient - effects));
@@ -191,7 +196,7 @@ impl<'a> Jacobian<'a> {
             return vec![Free::all(0.0); candidate.size()];
         }
         let (trial, q) = (self.trial, &self.rest.q);
-        let here = self.bench.place.situation(self.bench.model, trial, &trial.load, q);
+        let here = self.bench.place.situation(self.bench.model, trial, &trial.load(), q);
         let gs = self.bench.model.joint.grood_suntay(q);
         (0..candidate.size())
             .map(|k| {

@@ -1,11 +1,12 @@
 //! Where model and data disagree: standardised mean residuals by data set, test, flexion, sign of the load and coordinate.
 
-use crate::covariance::{Whitening, normal};
+use crate::covariance::normal;
 use crate::error::DiagnosisError;
 use crate::fit::Fit;
 use crate::problem::Problem;
 use crate::screen::Marginal;
 use crate::search::Search;
+use inference::whitening::Whitening;
 use nalgebra::{DMatrix, DVector};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -92,7 +93,7 @@ fn cells(problem: &Problem, search: &Search, errors: &DVector<f64>, spread: &DMa
         .map(|(m, ((source, test, flexion, sign, c), _))| {
             let z = means[m] / sd[m];
             Cell {
-                source: problem.sources[*source].clone(),
+                source: source.map_or_else(String::new, |s| problem.sources[s].clone()),
                 test: test.name().to_owned(),
                 nominal_flexion_deg: *flexion as f64,
                 load_sign: *sign,
@@ -105,15 +106,15 @@ fn cells(problem: &Problem, search: &Search, errors: &DVector<f64>, spread: &DMa
         .collect()
 }
 
-type Key = (usize, sim::laxity::Test, i64, i8, Coordinate);
+type Key = (Option<usize>, sim::laxity::Test, i64, i8, Coordinate);
 
 fn members(problem: &Problem, search: &Search) -> Vec<(Key, Vec<usize>)> {
     let mut out: BTreeMap<Key, Vec<usize>> = BTreeMap::new();
     for (r, &(i, c)) in search.readings.rows.iter().enumerate() {
         let t = &problem.trials[i];
-        let load = t.test.coordinate().map_or(0.0, |p| t.load[p]);
+        let load = t.record.test.coordinate().map_or(0.0, |p| t.load()[p]);
         let sign = if load.abs() < 1e-6 { 0 } else { load.signum() as i8 };
-        out.entry((t.source, t.test, t.nominal.round() as i64, sign, c)).or_default().push(r);
+        out.entry((t.source, t.record.test, t.record.nominal_flexion_deg.round() as i64, sign, c)).or_default().push(r);
     }
     out.into_iter().collect()
 }

@@ -1,20 +1,21 @@
 //! Which laxity test would tell the remaining answers apart: the symmetric divergence of what they predict [lopezfidalgo2007].
 
 use crate::bench::Bench;
-use crate::covariance::{Whitening, normal};
+use crate::covariance::normal;
 use crate::error::DiagnosisError;
 use crate::fit::{Fit, within};
 use crate::jacobian::Jacobian;
+use crate::outlier::alone;
 use crate::problem::{Problem, reading};
-use crate::robust::alone;
-use crate::trial::Trial;
+use inference::next_test::{BY_APPARATUS, planned};
+use inference::trial::Trial;
+use inference::whitening::Whitening;
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use sim::coordinate::{AP, FREE, IE, Load, SI, Six, VV};
-use sim::laxity::{LaxityTrial, Test};
+use sim::coordinate::FREE;
 
 /// A test worth doing.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -71,12 +72,12 @@ pub fn next_tests(problem: &Problem, rivals: &[(&Fit, f64)], seed: u64) -> Resul
     for (k, (plan, (_, linear))) in asked.iter().zip(&ranked).enumerate() {
         let sampled = told_by(problem, &drawn.iter().map(|of| &of[k]).collect::<Vec<_>>(), &weights);
         out.push(NextTest {
-            test: plan.test.name().into(),
-            flexion_deg: plan.nominal,
+            test: plan.record.test.name().into(),
+            flexion_deg: plan.record.nominal_flexion_deg,
             load: size(plan),
-            source: problem.sources[plan.source].clone(),
+            source: problem.source_of(plan).into(),
             expected_gain: linear.gain.min(sampled.gain),
-            gives_way: linear.is_odd && sampled.is_odd,
+            gives_way: linear.is_outlier && sampled.is_outlier,
         });
     }
     out.sort_by(|a, b| b.expected_gain.total_cmp(&a.expected_gain));
@@ -89,14 +90,14 @@ pub fn next_tests(problem: &Problem, rivals: &[(&Fit, f64)], seed: u64) -> Resul
 struct Told {
     /// Log odds, weighed by belief.
     gain: f64,
-    /// Whether some two lie so far apart that either would call the other's trial odd.
-    is_odd: bool,
+    /// Whether some two lie so far apart that either would call the other's trial an outlier.
+    is_outlier: bool,
 }
 
 /// What one test tells between rivals of some weights, by what each predicts.
 fn told_by(problem: &Problem, of: &[&Forecast], weights: &[f64]) -> Told {
     let noise = DMatrix::from_diagonal(&DVector::from_row_slice(&problem.usual_noise.map(|sd| sd.powi(2)).0));
-    let mut told = Told { gain: 0.0, is_odd: false };
+    let mut told = Told { gain: 0.0, is_outlier: false };
     for a in 0..of.len() {
         for b in 0..a {
             let ((x, s), (y, u)) = (of[a], of[b]);
@@ -105,45 +106,32 @@ fn told_by(problem: &Problem, of: &[&Forecast], weights: &[f64]) -> Told {
             let cost = alone(squares, FREE.len());
             // either may be the true one
             told.gain += 2.0 * weights[a] * weights[b] * cost;
-            told.is_odd |= cost < 0.5 * squares;
+            told.is_outlier |= cost < 0.5 * squares;
         }
     }
     told
 }
 
 fn size(plan: &Trial) -> f64 {
-    plan.test.coordinate().map_or(0.0, |c| plan.load[c] / c.to_force(1.0))
+    plan.record.test.coordinate().map_or(0.0, |c| plan.record.load[c])
 }
 
-/// Every test at five flexions in every apparatus, at usual loads.
+/// Compression in every test [N].
+const COMPRESSION_N: f64 = 50.0;
+/// Flexions thought of [deg].
+const FLEXIONS_DEG: [f64; 4] = [0.0, 15.0, 45.0, 75.0];
+
+/// Every test at four flexions in every apparatus, at usual loads.
 fn plans(problem: &Problem) -> Vec<Trial> {
-    let tests = [
-        (Test::Anterior, AP, 130.0),
-        (Test::Posterior, AP, -130.0),
-        (Test::Internal, IE, -5000.0),
-        (Test::External, IE, 5000.0),
-        (Test::Varus, VV, -8000.0),
-        (Test::Valgus, VV, 8000.0),
-        (Test::Neutral, SI, 50.0),
-    ];
     let mut out = Vec::new();
     for source in problem.asked() {
-        for flexion in [0.0, 15.0, 45.0, 75.0] {
-            for (test, coordinate, load) in tests {
-                let mut loads = Six::zeros();
-                loads[SI] = 50.0;
-                loads[coordinate] = load;
-                let flexed = f64::to_radians(flexion);
-                let near = problem
-                    .trials
-                    .iter()
-                    .min_by(|a, b| (a.flexion - flexed).abs().total_cmp(&(b.flexion - flexed).abs()));
-                let name = format!("{}_{flexion}", test.name());
-                let asked = LaxityTrial::asked(name, test, flexion, Load::default());
-                let mut plan =
-                    Trial { source, sd: problem.usual_noise, load: loads, flexion: flexed, ..Trial::alone(&asked) };
-                near.into_iter().for_each(|t| plan.rest_at(t.unloaded()));
-                out.push(plan);
+        for flexion in FLEXIONS_DEG {
+            let off = |t: &Trial| (t.flexion() - f64::to_radians(flexion)).abs();
+            let near = problem.trials.iter().min_by(|a, b| off(a).total_cmp(&off(b)));
+            for part in BY_APPARATUS {
+                let asked = Trial::alone(planned(&[part], flexion, COMPRESSION_N));
+                let unloaded = near.map_or(asked.unloaded.clone(), |t| t.unloaded.clone());
+                out.push(Trial { source: Some(source), sd: problem.usual_noise, unloaded, ..asked });
             }
         }
     }

@@ -10,9 +10,10 @@ use crate::trial::{NoiseScale, row_of};
 use nalgebra::{DMatrix, DVector};
 use sim::coordinate::{Coordinate, FREE};
 
-/// Standard deviation of the log of a scale before the data: twice or half the stated noise is one away. As in the calibration.
+/// Standard deviation of the log of a scale before the data: twice or half the stated noise is one away. A calibration believes more in what is stated
+/// ([`inference::noise`]); here that has the benefit of the doubt in [`OTHER_NOISE`].
 const PRIOR_LOG_SD: f64 = std::f64::consts::LN_2;
-/// Probability and width of outliers among the differences [-]; as in [`crate::robust`].
+/// Probability and width of outliers among the differences [-]: as wide as a trial's ([`crate::outlier`]), twice as many.
 const OUTLIERS: (f64, f64) = (0.02, 100.0);
 /// Logs of scales that are tried, from a third to twenty times [-].
 const GRID: (f64, f64, usize) = (-1.1, 3.0, 165);
@@ -34,7 +35,7 @@ pub(crate) fn scales(
     let mut out = Vec::new();
     for (s, source) in problem.sources.iter().enumerate() {
         for c in FREE {
-            let own: Vec<f64> = problem.trials.iter().filter(|t| t.source == s).map(|t| t.sd[c]).collect();
+            let own: Vec<f64> = problem.trials.iter().filter(|t| t.source == Some(s)).map(|t| t.sd[c]).collect();
             if own.is_empty() {
                 continue;
             }
@@ -65,7 +66,7 @@ fn contrasts(
     let mut out = Vec::new();
     for condition in 0..conditions {
         let is_of = |i: usize, d: Coordinate| {
-            d == c && problem.trials[i].source == s && problem.trials[i].condition == condition
+            d == c && problem.trials[i].source == Some(s) && problem.trials[i].condition == condition
         };
         let rows: Vec<usize> =
             readings.rows.iter().enumerate().filter(|(_, at)| is_of(at.0, at.1)).map(|(r, _)| r).collect();
@@ -73,7 +74,7 @@ fn contrasts(
         if n < 3 {
             continue;
         }
-        let load = |r: usize| problem.trials[readings.rows[r].0].load.iter().map(|l| l * l).sum::<f64>().sqrt();
+        let load = |r: usize| problem.trials[readings.rows[r].0].load().iter().map(|l| l * l).sum::<f64>().sqrt();
         let smooth = DMatrix::from_fn(n, 2, |k, col| if col == 0 { 1.0 } else { load(rows[k]) });
         // directions across the mean and the slope: eigenvectors of the projection that takes both off
         let q = smooth.qr().q();
@@ -152,8 +153,8 @@ mod tests {
         let nothing = scale(&[]);
         assert!(nothing.gain == 0.0 && (nothing.scale - 1.0).abs() < 0.03 && nothing.interval.1 > 2.0);
         // one outlier makes no noise
-        let mut odd = drawn(1.0);
-        odd[3].value = 9.0;
-        assert!(scale(&odd).gain < OTHER_NOISE);
+        let mut jumped = drawn(1.0);
+        jumped[3].value = 9.0;
+        assert!(scale(&jumped).gain < OTHER_NOISE);
     }
 }

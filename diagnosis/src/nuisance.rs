@@ -10,7 +10,7 @@ use crate::error::DiagnosisError;
 use calibration::design::{Design, Kind, Variable};
 use calibration::options::CalibrateOptions;
 use inference::frames::{STEP, Terms, corrected};
-use inference::knee::{Quantity, models_at};
+use inference::knee::{Models, Quantity, models_at};
 use inference::parameter::{Parameter, Prior};
 use nalgebra::{Matrix6, Vector3};
 use sim::Model;
@@ -24,22 +24,6 @@ use std::collections::BTreeMap;
 pub const PRIOR: [f64; 3] = [0.03, 0.2, 0.3];
 /// Smallest standard deviation of a site that is an unknown of its own [mm]; less is in the scatter of each fibre's ends ([`crate::covariance::Floor`]).
 const LEAST_SITE_MM: f64 = 0.5;
-
-/// A knee at some values of its parameters: in the frames that all data sets share, then in those of each.
-#[derive(Clone, Debug)]
-pub struct Models(Vec<Model>);
-
-impl Models {
-    /// In the frames of a data set.
-    pub fn of(&self, source: usize) -> &Model {
-        self.0.get(source + 1).unwrap_or(&self.0[0])
-    }
-
-    /// In the frames of all.
-    pub fn shared(&self) -> &Model {
-        &self.0[0]
-    }
-}
 
 /// The nuisance parameters of a model.
 #[derive(Clone, Debug)]
@@ -160,7 +144,7 @@ impl Nuisances {
     ///
     /// Errors: values out of the model's range.
     pub fn apply(&self, assembled: &Model, unknowns: &[f64]) -> Result<Models, DiagnosisError> {
-        Ok(Models(models_at(assembled, &self.spec, &self.list, &self.values(unknowns))?))
+        Ok(models_at(assembled, &self.spec, &self.list, &self.values(unknowns))?)
     }
 
     /// Which of them are of a structure's own bundles: their strain, stiffness and sites.
@@ -234,16 +218,13 @@ fn of_a_built_knee(
 
 /// A deck's own values, and its contact.
 fn of_a_deck(spec: &ModelSpec, design: &Design) -> Vec<Parameter<Quantity>> {
+    let names: Vec<String> = spec.bundles.iter().map(|b| b.name.clone()).collect();
     let one = |(v, own): (&Variable, f64)| {
-        let of = |name: &String| spec.bundles.iter().position(|b| b.name == *name);
-        let bundles: Vec<usize> = v.bundles.iter().filter_map(of).collect();
-        let (quantity, prior) = match v.kind {
-            Kind::ReferenceStrain => (Quantity::ReferenceStrain(bundles), Prior::Normal { mean: own, sd: PRIOR[0] }),
-            Kind::StiffnessNPerMm => {
-                (Quantity::Stiffness(bundles), Prior::LogNormal { median: own.max(LEAST_STIFFNESS), log_sd: PRIOR[1] })
-            }
+        let prior = match v.kind {
+            Kind::ReferenceStrain => Prior::Normal { mean: own, sd: PRIOR[0] },
+            Kind::StiffnessNPerMm => Prior::LogNormal { median: own.max(LEAST_STIFFNESS), log_sd: PRIOR[1] },
         };
-        Parameter { name: v.name(), quantity, prior }
+        Parameter { name: v.name(), quantity: v.quantity(&names), prior }
     };
     let mut list: Vec<_> = design.variables.iter().zip(design.values(spec)).map(one).collect();
     let prior = Prior::LogNormal { median: 1.0, log_sd: PRIOR[2] };

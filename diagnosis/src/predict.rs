@@ -8,7 +8,7 @@ use crate::component::{Component, of_model};
 use crate::effect::{Active, Place};
 use crate::error::DiagnosisError;
 use crate::problem::reading;
-use crate::trial::Trial;
+use inference::trial::Trial;
 use rayon::prelude::*;
 use sim::Model;
 use sim::coordinate::Free;
@@ -38,9 +38,9 @@ pub fn displacements(model: &Model, spec: &ModelSpec, effects: &[Active], trials
     trials
         .par_iter()
         .map(|t| {
-            let mut trial = Trial::alone(t);
+            let mut trial = Trial::alone(t.clone());
             let plain = Bench { model, effects: &[], place: &place };
-            trial.rest_at(plain.neutral(&trial).start());
+            trial.unloaded = plain.neutral(&trial).start();
             let without = plain.walk(&trial);
             let with = Bench { effects, ..plain }.settle(&trial, &without.start());
             let (a, b) = (reading(&without), reading(&with));

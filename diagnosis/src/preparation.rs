@@ -104,7 +104,7 @@ fn taken_up(
         let mut fit: Fit = at.clone();
         let all: Vec<usize> = (0..problem.nuisances()).filter(|&k| known(&problem.nuisance.list[k])).collect();
         all.into_iter()
-            .for_each(|k| fit.linear.slope.set_column(k, &nalgebra::DVector::zeros(fit.linear.slope.nrows())));
+            .for_each(|k| fit.linear.jacobian.set_column(k, &nalgebra::DVector::zeros(fit.linear.jacobian.nrows())));
         Marginal::new(&fit, readings, cov)
     };
     let others = [

@@ -8,10 +8,12 @@ use crate::catalogue::Catalogue;
 use crate::effect::{Active, Place};
 use crate::error::DiagnosisError;
 use crate::jacobian::Jacobian;
-use crate::nuisance::{Models, Nuisances};
-use crate::trial::{NoiseScale, PER_UNIT, Source, Trial, at_row, row_of, trials};
+use crate::nuisance::Nuisances;
+use crate::trial::{NoiseScale, PER_UNIT, Source, at_row, row_of, trials};
 use calibration::design::Design;
 use calibration::options::CalibrateOptions;
+use inference::knee::Models;
+use inference::trial::Trial;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 use sim::Model;
@@ -106,7 +108,8 @@ struct Knee<'a> {
 
 impl Knee<'_> {
     fn bench(&self, trial: &Trial) -> Bench<'_> {
-        Bench { model: self.models.of(trial.source), effects: &self.effects[trial.source], place: self.place }
+        let effects = trial.source.map_or(&[][..], |s| &self.effects[s]);
+        Bench { model: self.models.of(trial.source), effects, place: self.place }
     }
 }
 
@@ -116,7 +119,7 @@ pub struct Linear {
     /// Five readings a trial [deg, mm].
     pub value: Vec<f64>,
     /// Derivatives by the unknowns: a row a reading.
-    pub slope: DMatrix<f64>,
+    pub jacobian: DMatrix<f64>,
     /// Where each trial rests.
     pub rests: Vec<Equilibrium>,
 }
@@ -143,7 +146,7 @@ impl Problem {
         let cartilage_mm = stated.map_or(0.0, |u| u.cartilage_mm);
         let usual_noise = calibrate.targets.noise;
         let trials = trials(sources, &usual_noise)?;
-        trials.iter().try_for_each(|t| model.pulled(t.quadriceps_n).map(drop))?;
+        trials.iter().try_for_each(|t| model.pulled(t.record.quadriceps_n).map(drop))?;
         let mut problem = Problem {
             model: models.shared().clone(),
             models,
@@ -189,7 +192,7 @@ impl Problem {
         for n in scales.iter().filter(|n| n.taken) {
             let place = (self.sources.iter().position(|s| *s == n.source), Coordinate::named(&n.coordinate));
             let (Some(source), Some(c)) = place else { continue };
-            self.trials.iter_mut().filter(|t| t.source == source).for_each(|t| t.sd[c] *= n.inferred / n.stated);
+            self.trials.iter_mut().filter(|t| t.source == Some(source)).for_each(|t| t.sd[c] *= n.inferred / n.stated);
         }
         self.noise = scales;
         self
@@ -198,7 +201,7 @@ impl Problem {
     /// Finds the unloaded pose of every trial.
     fn unload(&mut self) {
         let neutral: Vec<Start> = self.trials.par_iter().map(|t| self.plain(t).neutral(t).start()).collect();
-        self.trials.iter_mut().zip(neutral).for_each(|(t, at)| t.rest_at(at));
+        self.trials.iter_mut().zip(neutral).for_each(|(t, at)| t.unloaded = at);
     }
 
     /// The same question of a model that has effects already.
@@ -210,9 +213,9 @@ impl Problem {
 
     /// Grood-Suntay coordinates that a trial read [rad, mm]; what was not measured is taken from the unloaded pose.
     fn measured(&self, trial: &Trial) -> Six {
-        let mut gs = self.models.of(trial.source).joint.grood_suntay(&trial.neutral);
-        gs[FE] = trial.flexion;
-        for (c, value) in trial.measured.each() {
+        let mut gs = self.models.of(trial.source).joint.grood_suntay(&trial.unloaded.q);
+        gs[FE] = trial.flexion();
+        for (c, value) in trial.record.measured.each() {
             if let Some(v) = value {
                 gs[c] = v * PER_UNIT[c];
             }
@@ -275,9 +278,14 @@ impl Problem {
         out
     }
 
+    /// Name of a trial's data set.
+    pub fn source_of(&self, trial: &Trial) -> &str {
+        trial.source.map_or("", |s| &self.sources[s])
+    }
+
     /// Whether what has a scope acts in a data set: not in one that was measured before.
-    pub fn acts(&self, scope: Scope, source: usize) -> bool {
-        !self.before[source] && scope.covers(source)
+    pub fn acts(&self, scope: Scope, source: Option<usize>) -> bool {
+        source.is_none_or(|s| !self.before[s]) && scope.covers(source)
     }
 
     /// Data sets in which effects may act, those that were not measured before.
@@ -320,7 +328,7 @@ impl Problem {
     }
 
     /// The effects at work in a data set: those the model has, then the hypothesis'.
-    pub fn effects_in(&self, source: usize, hypothesis: &[Candidate], unknowns: &[f64]) -> Vec<Active> {
+    pub fn effects_in(&self, source: Option<usize>, hypothesis: &[Candidate], unknowns: &[f64]) -> Vec<Active> {
         let mut out: Vec<Active> =
             self.present.iter().filter(|(_, s)| s.covers(source)).map(|(a, _)| a.clone()).collect();
         let values = unknowns.get(self.nuisances()..).unwrap_or_default();
@@ -336,11 +344,7 @@ impl Problem {
         if !departs {
             return Cow::Borrowed(trials);
         }
-        let moved = |(t, at): (&Trial, Start)| {
-            let mut moved = t.clone();
-            moved.rest_at(at);
-            moved
-        };
+        let moved = |(t, at): (&Trial, Start)| Trial { unloaded: at, ..t.clone() };
         Cow::Owned(trials.iter().zip(self.neutrals(trials, models)).map(moved).collect())
     }
 
@@ -349,14 +353,14 @@ impl Problem {
         let moved = |t: &Trial| {
             let plain = Bench { model: models.of(t.source), effects: &[], place: &self.place };
             let rest = plain.neutral_near(t);
-            if rest.balanced { rest.start() } else { t.unloaded() }
+            if rest.balanced { rest.start() } else { t.unloaded.clone() }
         };
         trials.par_iter().map(moved).collect()
     }
 
     fn knee(&self, hypothesis: &[Candidate], unknowns: &[f64]) -> Result<Knee<'_>, DiagnosisError> {
         let models = self.models_at(unknowns)?;
-        let effects = (0..self.sources.len()).map(|s| self.effects_in(s, hypothesis, unknowns)).collect();
+        let effects = (0..self.sources.len()).map(|s| self.effects_in(Some(s), hypothesis, unknowns)).collect();
         let trials = self.unloaded_at(&self.trials, &models, hypothesis);
         Ok(Knee { models, effects, trials, place: &self.place })
     }
@@ -426,7 +430,7 @@ impl Problem {
     /// How far a rest of trial `i` is from what was measured: sum of squares in noises, half a degree or millimetre added to each.
     fn off(&self, i: usize, rest: &Equilibrium) -> f64 {
         let (there, t) = (reading(rest), &self.trials[i]);
-        FREE.into_iter().map(|c| t.measured[c].map_or(0.0, |m| ((there[c] - m) / (t.sd[c] + 0.5)).powi(2))).sum()
+        FREE.into_iter().map(|c| t.record.measured[c].map_or(0.0, |m| ((there[c] - m) / (t.sd[c] + 0.5)).powi(2))).sum()
     }
 
     /// Whether trials count as lost only far from what was measured.
@@ -493,12 +497,12 @@ impl Problem {
             columns
         };
         let rows: Vec<Vec<Free<f64>>> = knee.trials.par_iter().zip(&rests).map(by_unknowns).collect();
-        let slope = DMatrix::from_fn(5 * rows.len(), unknowns.len(), |r, c| {
+        let jacobian = DMatrix::from_fn(5 * rows.len(), unknowns.len(), |r, c| {
             let (i, d) = at_row(r);
             rows[i][c][d]
         });
         let value = rests.iter().flat_map(reading).collect();
-        Linear { value, slope, rests }
+        Linear { value, jacobian, rests }
     }
 }
 

@@ -2,12 +2,13 @@
 
 use crate::bench::Bench;
 use crate::candidate::Candidate;
-use crate::covariance::{Readings, Whitening};
+use crate::covariance::Readings;
 use crate::error::DiagnosisError;
 use crate::fit::{Fit, REACH};
 use crate::jacobian::Jacobian;
 use crate::problem::Problem;
 use crate::trial::at_row;
+use inference::whitening::Whitening;
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rayon::prelude::*;
 use sim::coordinate::Free;
@@ -69,8 +70,8 @@ impl Marginal {
     ///
     /// Errors: a covariance that is not positive definite.
     pub fn new(fit: &Fit, readings: &Readings, covariance: &DMatrix<f64>) -> Result<Marginal, DiagnosisError> {
-        let slope = readings.rows_of(&fit.linear.slope);
-        let covariance = crate::robust::widened(covariance, &fit.outliers);
+        let slope = readings.rows_of(&fit.linear.jacobian);
+        let covariance = crate::outlier::widened(covariance, &fit.outliers);
         let whitening = Whitening::new(readings.block_of(&covariance) + &slope * slope.transpose())?;
         let before = &fit.residual + slope * fit.from_means();
         Ok(Marginal { white: whitening.white_vector(&before), before, whitening })
@@ -90,7 +91,7 @@ impl Marginal {
         size: &DVector<f64>,
     ) -> DVector<f64> {
         let left = &self.before - readings.rows_of(signature) * size;
-        let from_means = readings.rows_of(&fit.linear.slope).tr_mul(&self.whitening.solve(&left));
+        let from_means = readings.rows_of(&fit.linear.jacobian).tr_mul(&self.whitening.solve(&left));
         from_means + DVector::from_column_slice(&fit.means)
     }
 }

@@ -14,8 +14,8 @@ use crate::covariance::{Floor, Readings, covariance, normal, remainders};
 use crate::criteria::{LEAST_BESIDE, LEAST_EVIDENCE, LEAST_FURTHER, NULLS_BELOW};
 use crate::error::DiagnosisError;
 use crate::fit::{Data, Fit};
+use crate::outlier::Mixture;
 use crate::problem::Problem;
-use crate::robust::Mixture;
 use crate::screen::{Marginal, Score, signatures};
 use crate::trial::at_row;
 use met::Met;
@@ -214,7 +214,7 @@ impl Searcher<'_> {
                 .problem
                 .trials
                 .iter()
-                .flat_map(|t| FREE.into_iter().filter(|c| t.measured[*c].is_some()).map(|c| t.sd[c]));
+                .flat_map(|t| FREE.into_iter().filter(|c| t.record.measured[*c].is_some()).map(|c| t.sd[c]));
             return -0.5 * fit.residual.iter().zip(noises).map(|(r, sd)| (r / sd).powi(2)).sum::<f64>();
         }
         weighed(fit, self.problem.asked().len())
@@ -401,7 +401,7 @@ impl Searcher<'_> {
         let trials = &self.problem.trials;
         let felt = |source: usize| {
             (0..signature.nrows())
-                .any(|r| trials[at_row(r).0].source == source && signature.row(r).iter().any(|v| *v != 0.0))
+                .any(|r| trials[at_row(r).0].source == Some(source) && signature.row(r).iter().any(|v| *v != 0.0))
         };
         candidate.effect.one_knee || candidate.scope != Scope::Both || self.problem.asked().into_iter().all(felt)
     }

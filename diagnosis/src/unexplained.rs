@@ -4,8 +4,8 @@ use crate::covariance::Readings;
 use crate::error::DiagnosisError;
 use crate::fit::Fit;
 use crate::held_out::{HeldOut, closed, held_out};
+use crate::outlier::Mixture;
 use crate::report::{DataSetAlone, Tried, Unexplained, named};
-use crate::robust::Mixture;
 use crate::search::{Search, Searcher, TRIES};
 use crate::verdict::temper;
 
@@ -35,7 +35,7 @@ fn alone(searcher: &Searcher, search: &Search) -> Result<(Vec<DataSetAlone>, Opt
         return Ok((out, None));
     }
     for (s, source) in problem.sources.iter().enumerate() {
-        let readings = Readings::of(problem, &|i| problem.trials[i].source == s);
+        let readings = Readings::of(problem, &|i| problem.trials[i].source == Some(s));
         if readings.rows.is_empty() {
             continue;
         }

@@ -4,7 +4,7 @@ use crate::candidate::Scope;
 use crate::catalogue::Effect;
 use crate::criteria::{
     ANOTHER, BEYOND_DOUBT_DEVIATIONS, CLOSES_MOST, CLOSES_NEARLY_ALL, DECISIVE_EXCESS, DECISIVE_WEIGHT, INTERVAL_90,
-    NO_SIZE, POOR_DEVIATIONS, PROBABLE_WEIGHT, STARTS_DIFFER, TEMPER, ahead, decided, likelier, mixed_up, nameless,
+    NO_SIZE, POOR_DEVIATIONS, PROBABLE_WEIGHT, STARTS_DIFFER, TEMPER, ahead, decided, discrepancy, likelier, mixed_up,
 };
 use crate::fit::Fit;
 use crate::form::{are_expected, left_by_form};
@@ -36,9 +36,9 @@ pub(crate) struct Candidature<'a> {
     pub base: &'a Fit,
     /// Whether the evidence passes the threshold.
     pub is_named: bool,
-    /// Log Bayes factor of a nameless field beside it [-].
-    pub wild: f64,
-    /// Log Bayes factor of a nameless field without it, against nothing missing [-].
+    /// Log Bayes factor of a field of no name beside it [-].
+    pub field: f64,
+    /// Log Bayes factor of a field of no name without it, against nothing missing [-].
     pub alone: f64,
     /// Effects that could be named [-].
     pub names: usize,
@@ -65,9 +65,9 @@ struct Grounds {
     form: f64,
     /// Whether its effects are of sizes that somebody would expect.
     is_expected: bool,
-    /// Log Bayes factor of a nameless field beside it [-].
-    wild: f64,
-    /// Log Bayes factor of a nameless field without it, against nothing missing [-].
+    /// Log Bayes factor of a field of no name beside it [-].
+    field: f64,
+    /// Log Bayes factor of a field of no name without it, against nothing missing [-].
     alone: f64,
     /// What its effects were chosen among [nats].
     choice: f64,
@@ -100,7 +100,7 @@ impl Grounds {
             is_named: of.is_named,
             form: left_by_form(&of.believed.hypothesis, sizes, evidence),
             is_expected: are_expected(sizes),
-            wild: of.wild,
+            field: of.field,
             alone: of.alone,
             choice: of.believed.hypothesis.len() as f64 * (of.names.max(1) as f64).ln(),
             by_chance: if is_built { INTERVAL_90 * STARTS_DIFFER } else { 0.0 },
@@ -114,11 +114,11 @@ impl Grounds {
     }
 
     /// Whether something is missing that the answer is not.
-    fn is_nameless(&self) -> bool {
+    fn is_unnamed(&self) -> bool {
         let deviations = self.excess / (2.0 * self.readings).sqrt();
         if !self.is_named {
             let loud = (1.0 + self.excess / self.readings).max(1.0);
-            return self.wild > nameless() * loud
+            return self.field > discrepancy() * loud
                 || self.exchanged > mixed_up()
                 || deviations > BEYOND_DOUBT_DEVIATIONS;
         }
@@ -126,8 +126,8 @@ impl Grounds {
         let mixed = self.exchanged > mixed_up().max(self.evidence);
         let in_place = self.in_place() > self.by_chance;
         let another = if self.is_expected { ANOTHER * self.evidence } else { 0.0 };
-        let nameless = self.wild > nameless().max(self.form).max(another) || in_place;
-        nameless || mixed || deviations > POOR_DEVIATIONS && self.closes < CLOSES_NEARLY_ALL
+        let unnamed = self.field > discrepancy().max(self.form).max(another) || in_place;
+        unnamed || mixed || deviations > POOR_DEVIATIONS && self.closes < CLOSES_NEARLY_ALL
     }
 
     /// By how much a field in the place of the answer is the likelier of the two [nats].
@@ -136,9 +136,9 @@ impl Grounds {
     }
 
     /// Whether it may be decisive: a named effect that leaves much is not the whole truth. A field weighs only where it is asked for.
-    fn may_decide(&self, wildcard: bool) -> bool {
-        let is_beside = self.wild > likelier() || self.in_place() > 0.0;
-        let rests = self.excess < DECISIVE_EXCESS * self.readings && !(wildcard && is_beside);
+    fn may_decide(&self, may_be_unnamed: bool) -> bool {
+        let is_beside = self.field > likelier() || self.in_place() > 0.0;
+        let rests = self.excess < DECISIVE_EXCESS * self.readings && !(may_be_unnamed && is_beside);
         self.weight >= DECISIVE_WEIGHT
             && self.evidence >= decided()
             && self.gain > 0.0
@@ -156,12 +156,12 @@ pub(crate) fn verdict(searcher: &Searcher, rivals: &[(&Fit, f64)], of: &Candidat
 }
 
 /// The rules; `stands` tells whether the answer keeps its size and its place under other priors and noise.
-fn judge(grounds: &Grounds, wildcard: bool, stands: impl FnOnce() -> bool) -> Verdict {
-    if wildcard && grounds.is_nameless() {
+fn judge(grounds: &Grounds, may_be_unnamed: bool, stands: impl FnOnce() -> bool) -> Verdict {
+    if may_be_unnamed && grounds.is_unnamed() {
         Verdict::Unnamed
     } else if !grounds.is_named {
         Verdict::None
-    } else if grounds.may_decide(wildcard) && stands() {
+    } else if grounds.may_decide(may_be_unnamed) && stands() {
         Verdict::Decisive
     } else if grounds.weight >= PROBABLE_WEIGHT {
         Verdict::Probable
@@ -235,7 +235,7 @@ mod tests {
         is_named: true,
         form: 0.0,
         is_expected: true,
-        wild: 0.0,
+        field: 0.0,
         alone: 0.0,
         choice: 0.0,
         by_chance: 0.0,
@@ -302,10 +302,10 @@ mod tests {
 
     #[test]
     fn a_name_beside_which_a_field_explains_more_is_none_but_for_a_form_that_may_differ() {
-        let beside = Grounds { wild: 5.0, ..CLEAN };
+        let beside = Grounds { field: 5.0, ..CLEAN };
         assert_eq!(judged(beside), Verdict::Unnamed);
-        assert_eq!(judged(Grounds { wild: 4.0, ..CLEAN }), Verdict::Probable);
-        assert_eq!(judged(Grounds { wild: 3.0, ..CLEAN }), Verdict::Decisive);
+        assert_eq!(judged(Grounds { field: 4.0, ..CLEAN }), Verdict::Probable);
+        assert_eq!(judged(Grounds { field: 3.0, ..CLEAN }), Verdict::Decisive);
         // so large a field is not decisive
         let formed = Grounds { form: 8.0, ..beside };
         assert_eq!(judged(formed), Verdict::Probable);
@@ -321,12 +321,12 @@ mod tests {
 
     #[test]
     fn a_field_that_earns_little_of_what_the_name_does_is_another_thing_that_is_missing() {
-        let strong = Grounds { evidence: 300.0, wild: 12.0, ..CLEAN };
+        let strong = Grounds { evidence: 300.0, field: 12.0, ..CLEAN };
         assert_eq!(judged(strong), Verdict::Probable);
         // as much as kin would leave, or beside a size that nobody would expect, it takes the name
-        assert_eq!(judged(Grounds { wild: 16.0, ..strong }), Verdict::Unnamed);
+        assert_eq!(judged(Grounds { field: 16.0, ..strong }), Verdict::Unnamed);
         assert_eq!(judged(Grounds { is_expected: false, ..strong }), Verdict::Unnamed);
-        assert_eq!(judged(Grounds { evidence: 80.0, wild: 5.0, ..CLEAN }), Verdict::Unnamed);
+        assert_eq!(judged(Grounds { evidence: 80.0, field: 5.0, ..CLEAN }), Verdict::Unnamed);
     }
 
     #[test]
@@ -343,10 +343,10 @@ mod tests {
     #[test]
     fn a_field_alone_must_earn_as_much_as_beside_a_name() {
         let nothing = Grounds { is_named: false, ..CLEAN };
-        assert_eq!(judged(Grounds { wild: 4.4, ..nothing }), Verdict::None);
-        assert_eq!(judged(Grounds { wild: 4.6, ..nothing }), Verdict::Unnamed);
+        assert_eq!(judged(Grounds { field: 4.4, ..nothing }), Verdict::None);
+        assert_eq!(judged(Grounds { field: 4.6, ..nothing }), Verdict::Unnamed);
         // where nothing missing leaves more than it should, the data speak less loud
-        assert_eq!(judged(Grounds { wild: 4.6, excess: 70.0, ..nothing }), Verdict::None);
+        assert_eq!(judged(Grounds { field: 4.6, excess: 70.0, ..nothing }), Verdict::None);
     }
 
     #[test]

@@ -1,17 +1,17 @@
 //! The verdict in sentences for a researcher who has read no manual.
 
 use crate::catalogue::Catalogue;
-use crate::criteria::{ANOTHER, nameless};
+use crate::criteria::{ANOTHER, discrepancy};
+use crate::discrepancy::Discrepancy;
 use crate::map::Cell;
 use crate::problem::Problem;
 use crate::report::Carried;
 use crate::report::{Answer, Diagnosis, Named, Verdict};
 use crate::search::Search;
-use crate::wildcard::Wildcard;
 use std::fmt::Write;
 
 /// The description of a diagnosis.
-pub(crate) fn description(problem: &Problem, d: &Diagnosis, wild: &Wildcard, search: &Search) -> String {
+pub(crate) fn description(problem: &Problem, d: &Diagnosis, field: &Discrepancy, search: &Search) -> String {
     let mut out = String::new();
     match d.verdict {
         Verdict::None => {
@@ -23,10 +23,10 @@ pub(crate) fn description(problem: &Problem, d: &Diagnosis, wild: &Wildcard, sea
             out += &nearest(problem, d, search);
             out += " Effects smaller than those of the table would more often have been missed than named.";
         }
-        Verdict::Unnamed if d.exchanged.as_ref().is_some_and(|e| e.log_bayes_factor > wild.log_bayes_factor) => {
+        Verdict::Unnamed if d.exchanged.as_ref().is_some_and(|e| e.log_bayes_factor > field.log_bayes_factor) => {
             out += "What disagrees is nothing that the catalogue has.";
         }
-        Verdict::Unnamed => out += &unnamed(problem, d, wild, search),
+        Verdict::Unnamed => out += &unnamed(problem, d, field, search),
         _ => {
             let how = match d.verdict {
                 Verdict::Decisive => "Decisive",
@@ -48,8 +48,8 @@ pub(crate) fn description(problem: &Problem, d: &Diagnosis, wild: &Wildcard, sea
                 g.floor,
                 100.0 * g.closed
             );
-            if d.wildcard > nameless() {
-                let (what, gain) = (wild.words(problem), d.wildcard);
+            if d.wildcard > discrepancy() {
+                let (what, gain) = (field.words(problem), d.wildcard);
                 let _ = write!(
                     out,
                     " Something else may be missing beside it. {what} That earns a log Bayes factor of {gain:.1}."
@@ -68,9 +68,9 @@ pub(crate) fn description(problem: &Problem, d: &Diagnosis, wild: &Wildcard, sea
 }
 
 /// What is missing where no effect of the catalogue is it.
-fn unnamed(problem: &Problem, d: &Diagnosis, wild: &Wildcard, search: &Search) -> String {
+fn unnamed(problem: &Problem, d: &Diagnosis, field: &Discrepancy, search: &Search) -> String {
     let mut out = String::from("Something is missing that the catalogue does not have. ");
-    out += &wild.words(problem);
+    out += &field.words(problem);
     let mut near: Vec<&str> = Vec::new();
     for (c, _) in &search.screened {
         if near.len() < 3 && !near.contains(&c.effect.title.as_str()) {
@@ -181,7 +181,7 @@ fn not_enough(problem: &Problem, d: &Diagnosis) -> String {
         return format!("{best} and leave {after:.1} times what noise and floor allow: not enough for a name.");
     }
     match (d.wildcard_alone, d.best_log_bayes_factor) {
-        (Some(alone), Some(own)) if d.wildcard <= nameless().max(ANOTHER * own) && d.exchanged.is_none() => format!(
+        (Some(alone), Some(own)) if d.wildcard <= discrepancy().max(ANOTHER * own) && d.exchanged.is_none() => format!(
             "{best} with a log Bayes factor of {own:.1}; what has no name explains as much, with {alone:.1}, though it was chosen among more: not enough for \
              a name."
         ),
@@ -204,13 +204,14 @@ fn mixed_up(d: &Diagnosis) -> String {
 /// Trials that neither nothing missing nor the best hypothesis explains.
 fn set_aside(problem: &Problem, search: &Search) -> String {
     let best = search.rivals.first().unwrap_or(&search.base);
-    let odd: Vec<String> = best
+    let outliers: Vec<String> = best
         .outliers
         .iter()
         .filter(|i| search.base.outliers.contains(i))
-        .map(|&i| format!("{} {}", problem.sources[problem.trials[i].source], problem.trials[i].name))
+        .map(|&i| format!("{} {}", problem.source_of(&problem.trials[i]), problem.trials[i].record.trial))
         .collect();
-    let aside = if odd.is_empty() { String::new() } else { format!(" Set aside as outliers: {}.", odd.join(", ")) };
+    let aside =
+        if outliers.is_empty() { String::new() } else { format!(" Set aside as outliers: {}.", outliers.join(", ")) };
     if problem.astray.is_empty() {
         return aside;
     }

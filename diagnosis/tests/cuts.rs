@@ -8,12 +8,13 @@ use diagnosis::catalogue::Catalogue;
 use diagnosis::covariance::{Floor, Readings, covariance};
 use diagnosis::diagnosis::{Calibration, Diagnosis, Verdict, diagnose};
 use diagnosis::fit::Data;
+use diagnosis::outlier::Mixture;
 use diagnosis::problem::{Problem, reading};
 use diagnosis::regret::regret;
-use diagnosis::robust::Mixture;
 use diagnosis::search::{DiagnosisOptions, Searcher, TRIES};
-use diagnosis::trial::{Source, Trial};
+use diagnosis::trial::Source;
 use inference::random::{normal, stream};
+use inference::trial::Trial;
 use needs_shared::needs_shared;
 use sim::coordinate::{AP, FREE, Free, SI};
 use sim::equilibrium::Equilibrium;
@@ -50,7 +51,7 @@ pub(crate) fn cut(structure: &str) -> Option<Problem> {
     let mut problem = question("cuts", &[("rks", &PLAN)])?;
     let readings = answered(&problem, structure);
     for (trial, there) in problem.trials.iter_mut().zip(readings) {
-        trial.measured = there;
+        trial.record.measured = there;
     }
     // poses held at what is measured are found anew
     Some(problem.with_present(vec![]))
@@ -114,9 +115,9 @@ fn of_a_cut_pcl_after(trials: &[Asked]) -> Option<Diagnosis> {
     let given = problem.rests(&[], &vec![0.0; problem.nuisances()], &[]).unwrap();
     let both = sources.iter_mut().flat_map(|s| &mut s.trials).zip(all).zip(problem.trials.iter().zip(&given));
     for ((own, there), (trial, rest)) in both {
-        let (whole, is_before) = (reading(rest), problem.before[trial.source]);
+        let (whole, is_before) = (reading(rest), problem.before[trial.source.unwrap()]);
         let near = FREE.into_iter().all(|c| there[c].is_some_and(|x| (x - whole[c]).abs() < 5.0 * trial.sd[c]));
-        assert!(near || !is_before, "{} {there:?} {whole:?}", trial.name);
+        assert!(near || !is_before, "{} {there:?} {whole:?}", trial.record.trial);
         own.measured = there;
     }
     let few = DiagnosisOptions { nulls: 50, most_effects: 1, shortlist: 2, folds: 2, ..DiagnosisOptions::default() };
@@ -166,7 +167,7 @@ fn what_is_held_is_known_and_costs_neither_a_prior_nor_a_width() {
     // trials that recalibrated ligaments fit, so that fits end by themselves
     let Some(mut problem) = question("held", &[("rks", &PLAN[6..])]) else { return };
     let readings = answered(&problem, "PCL");
-    problem.trials.iter_mut().zip(readings).for_each(|(trial, there)| trial.measured = there);
+    problem.trials.iter_mut().zip(readings).for_each(|(trial, there)| trial.record.measured = there);
     let problem = problem.with_present(vec![]);
     let given = vec![0.0; problem.nuisances()];
     let rests = problem.nearer(&[], &given, &[]).unwrap();
@@ -200,12 +201,12 @@ fn a_reading_of_a_knee_that_left_its_joint_is_left_out_and_told_and_a_shifted_or
     let Some(mut problem) = question("astray", &[("rks", &PLAN)]) else { return };
     let given = vec![0.0; problem.nuisances()];
     let there: Vec<_> = problem.rests(&[], &given, &[]).unwrap().iter().map(reading).collect();
-    problem.trials.iter_mut().zip(there).for_each(|(trial, there)| trial.measured = there.map(Some));
+    problem.trials.iter_mut().zip(there).for_each(|(trial, there)| trial.record.measured = there.map(Some));
     let far = |of: &dyn Fn(usize) -> bool, ap: f64, si: f64| {
         let mut moved = problem.clone();
         for (_, t) in moved.trials.iter_mut().enumerate().filter(|(i, _)| of(*i)) {
-            t.measured[AP] = t.measured[AP].map(|x| x + ap);
-            t.measured[SI] = t.measured[SI].map(|x| x + si);
+            t.record.measured[AP] = t.record.measured[AP].map(|x| x + ap);
+            t.record.measured[SI] = t.record.measured[SI].map(|x| x + si);
         }
         moved.with_present(vec![]).within_the_joint()
     };
@@ -213,7 +214,7 @@ fn a_reading_of_a_knee_that_left_its_joint_is_left_out_and_told_and_a_shifted_or
     assert!(usual.astray.is_empty() && usual.trials.len() == PLAN.len(), "{:?}", usual.astray);
     let one = far(&|i| i == 3, 30.0, 40.0);
     assert_eq!(one.astray, ["rks d_3"]);
-    assert!(one.trials.len() == PLAN.len() - 1 && one.trials.iter().all(|t| t.name != "d_3"));
+    assert!(one.trials.len() == PLAN.len() - 1 && one.trials.iter().all(|t| t.record.trial != "d_3"));
     // all of a set as far off: its origin is, not the knee
     assert!(far(&|_| true, 30.0, 40.0).astray.is_empty());
 }

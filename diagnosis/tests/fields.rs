@@ -4,9 +4,9 @@
 use crate::common::asked::asked;
 use crate::common::deck::deck;
 use diagnosis::candidate::{Candidate, Scope};
+use diagnosis::discrepancy::{Discrepancy, discrepancy};
 use diagnosis::problem::{Problem, reading};
 use diagnosis::search::{DiagnosisOptions, Search, Searcher};
-use diagnosis::wildcard::{Wildcard, wildcard};
 use needs_shared::needs_shared;
 use sim::coordinate::FREE;
 
@@ -39,9 +39,9 @@ fn compressed(size: f64) -> Option<Problem> {
     deck("fields", &asked(&TRIALS, &measured))
 }
 
-fn searched(problem: &Problem, options: &DiagnosisOptions) -> (Search, Wildcard) {
+fn searched(problem: &Problem, options: &DiagnosisOptions) -> (Search, Discrepancy) {
     let search = Searcher { problem, options }.search().unwrap();
-    let far = wildcard(problem, (&search.readings, &search.covariance), &search.base).unwrap();
+    let far = discrepancy(problem, (&search.readings, &search.covariance), &search.base).unwrap();
     (search, far)
 }
 
@@ -62,14 +62,14 @@ fn where_the_name_stands_a_field_that_does_the_same_earns_nearly_as_much() {
     assert_eq!(best.hypothesis[0].effect.id, "joint_compression");
     let searcher = Searcher { problem: &problem, options: &options };
     let stripped = searcher.stripped(best, &search.readings);
-    // what the catalogue has a name for is not nameless
-    let with_names = wildcard(&problem, (&search.readings, &search.covariance), &stripped).unwrap();
+    // what the catalogue has a name for is no field of no name
+    let with_names = discrepancy(&problem, (&search.readings, &search.covariance), &stripped).unwrap();
     let mut problem = problem.clone();
     problem.catalogue = problem.catalogue.without(&["joint_compression"]);
-    let near = wildcard(&problem, (&search.readings, &search.covariance), &stripped).unwrap();
+    let near = discrepancy(&problem, (&search.readings, &search.covariance), &stripped).unwrap();
     let named = best.log_evidence - search.base.log_evidence;
     let gains = [far.log_bayes_factor, near.log_evidence - search.base.log_evidence];
-    // half of what is nameless are smooth fields, one of ninety kinds is the name's own, in one of three sizes; a nat for priors of other forms. About
+    // half of what has no name are smooth fields, one of ninety kinds is the name's own, in one of three sizes; a nat for priors of other forms. About
     // the knee that nothing presses it would not do as well
     let price = (2.0f64 * 90.0 * 3.0).ln() + 1.0;
     assert!(gains[1] < named && gains[1] > named - price, "{named}, {gains:?}");

@@ -64,7 +64,7 @@ fn readings_change_with_each_parameter_as_their_derivatives_say() {
         let (up, down) = (at(k, h), at(k, -h));
         for r in 0..up.len() {
             let numeric = (up[r] - down[r]) / (2.0 * h);
-            let slope = linear.slope[(r, k)];
+            let slope = linear.jacobian[(r, k)];
             if (slope - numeric).abs() > 0.05 + 0.05 * numeric.abs() {
                 off.push(format!("{} row {r}: {slope:.3}, {numeric:.3}", p.name));
             }
@@ -82,8 +82,8 @@ fn the_frames_of_a_data_set_change_its_own_readings_alone() {
     for (k, p) in problem.nuisance.list.iter().enumerate() {
         let Quantity::Frame(Some(source), _) = p.quantity else { continue };
         own += 1;
-        for (i, trial) in problem.trials.iter().enumerate().filter(|(_, t)| t.source != source) {
-            assert_eq!(linear.slope.view((5 * i, k), (5, 1)).amax(), 0.0, "{} in {}", p.name, trial.name);
+        for (i, trial) in problem.trials.iter().enumerate().filter(|(_, t)| t.source != Some(source)) {
+            assert_eq!(linear.jacobian.view((5 * i, k), (5, 1)).amax(), 0.0, "{} in {}", p.name, trial.record.trial);
         }
     }
     assert_eq!(own, 24);

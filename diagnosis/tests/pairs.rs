@@ -41,7 +41,7 @@ fn question(hidden: &[(&str, &str, &[f64])]) -> Option<Problem> {
     let mut noise = || (0..4).map(|_| random.random::<f64>() - 0.5).sum::<f64>() * 3f64.sqrt();
     for (i, trial) in problem.trials.iter_mut().enumerate() {
         for c in FREE {
-            trial.measured[c] = Some(readings[row_of(i, c)] + trial.sd[c] * noise());
+            trial.record.measured[c] = Some(readings[row_of(i, c)] + trial.sd[c] * noise());
         }
     }
     // poses held at what is measured are found anew

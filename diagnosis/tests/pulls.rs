@@ -23,8 +23,8 @@ fn it_pulls_forward_near_extension_backward_in_flexion_and_back_into_the_groove(
     let tendon = Active::new(effect, variant, &[100.0, 0.0, 0.0]).unwrap();
     for (trial, flexion) in problem.trials.iter().zip(FLEXIONS) {
         let force =
-            |q: &sim::coordinate::Six| tendon.force(&problem.place.situation(&problem.model, trial, &trial.load, q));
-        let at_rest = force(&trial.neutral);
+            |q: &sim::coordinate::Six| tendon.force(&problem.place.situation(&problem.model, trial, &trial.load(), q));
+        let at_rest = force(&trial.unloaded.q);
         // against the shaft, [riener1999]: 20 deg forward in extension, 8 deg backward at 90 deg
         let forward = 100.0 * (20.0 - 28.0 * flexion / 90.0).to_radians().sin();
         assert!((at_rest[AP] - forward).abs() < 4.0, "{flexion} deg: {} N, {forward} N", at_rest[AP]);
@@ -33,14 +33,14 @@ fn it_pulls_forward_near_extension_backward_in_flexion_and_back_into_the_groove(
         let other = Active::new(effect, variant, &[100.0, 6.0, 0.0]).unwrap().force(&problem.place.situation(
             &problem.model,
             trial,
-            &trial.load,
-            &trial.neutral,
+            &trial.load(),
+            &trial.unloaded.q,
         ));
         let turned = (other[AP].atan2(other[SI]) - at_rest[AP].atan2(at_rest[SI])).to_degrees();
         assert!((turned - 6.0).abs() < 0.5, "{flexion} deg: {turned} deg further forward");
         // a tibia that has slipped aside, or turned, is drawn back
         for (k, by, stiffness) in [(ML, 2.0, 100.0 / 45.0), (IE, 0.05, 100.0 * 32.0 * 32.0 / 45.0)] {
-            let mut moved = trial.neutral;
+            let mut moved = trial.unloaded.q;
             moved[k] += by;
             let back = (at_rest[k] - force(&moved)[k]) / by;
             assert!(back > 0.5 * stiffness && back < 2.0 * stiffness, "{flexion} deg, coordinate {k}: {back}");
@@ -56,7 +56,7 @@ fn below_the_groove_it_hardly_turns_the_tibia_and_beside_it_to_the_other_side() 
     for (trial, flexion) in problem.trials.iter().zip(FLEXIONS) {
         let turns = |lateral: f64| {
             let tendon = Active::new(effect, variant, &[100.0, 0.0, lateral]).unwrap();
-            tendon.force(&problem.place.situation(&problem.model, trial, &trial.load, &trial.neutral))[IE]
+            tendon.force(&problem.place.situation(&problem.model, trial, &trial.load(), &trial.unloaded.q))[IE]
         };
         let beside = [-8.0, 8.0].map(|lateral| turns(lateral) - turns(0.0));
         // drawn back to the groove by 8 of 45 mm, at 32 mm in front of the axis: 569 N mm, and the forward part of the pull on a lever of 8 mm
@@ -73,7 +73,7 @@ fn the_weight_of_the_shank_pulls_with_the_sine_of_flexion_and_turns_by_its_lever
     for (trial, flexion) in problem.trials.iter().zip(FLEXIONS) {
         let force = |weight: f64, lever: f64| {
             let gravity = Active::new(effect, variant, &[weight, lever]).unwrap();
-            gravity.force(&problem.place.situation(&problem.model, trial, &trial.load, &trial.neutral))
+            gravity.force(&problem.place.situation(&problem.model, trial, &trial.load(), &trial.unloaded.q))
         };
         let pulled = force(12.0, 70.0);
         assert!((pulled[AP] + 12.0 * flexion.to_radians().sin()).abs() < 1e-3, "{flexion} deg: {}", pulled[AP]);
@@ -99,7 +99,7 @@ fn a_weight_that_no_shank_has_is_none() {
 fn a_missing_structure_is_taut_in_the_ct_pose_where_its_fits_start() {
     let Some(problem) = problem() else { return };
     let trial = &problem.trials[0];
-    let here = problem.place.situation(&problem.model, trial, &trial.load, &Six::zeros());
+    let here = problem.place.situation(&problem.model, trial, &trial.load(), &Six::zeros());
     let lines: Vec<_> = problem.candidates().into_iter().filter(|c| c.effect.id == "extra_bundle").collect();
     assert!(lines.iter().map(|c| c.variant).max() == Some(4));
     for line in lines {

@@ -52,7 +52,7 @@ const TRIALS: [(&str, f64, f64); 6] = [
 
 /// Varus of each trial over the measured one [deg].
 fn off(problem: &Problem, rests: &[Equilibrium]) -> Vec<f64> {
-    let measured = problem.trials.iter().map(|t| t.measured[VV].unwrap());
+    let measured = problem.trials.iter().map(|t| t.record.measured[VV].unwrap());
     measured.zip(rests).map(|(m, r)| (reading(r)[VV] - m).abs()).collect()
 }
 
@@ -155,7 +155,7 @@ fn springs_hold_what_is_read_however_much_it_misreads() {
     let effects = [Active::new(turned, 0, &[3.0, -2.0]).unwrap()];
     let bench = Bench { model: &problem.model, effects: &effects, place: &problem.place };
     for trial in &problem.trials {
-        let rest = bench.settle(trial, &trial.unloaded());
+        let rest = bench.settle(trial, &trial.unloaded);
         if !rest.balanced {
             continue;
         }
@@ -163,7 +163,7 @@ fn springs_hold_what_is_read_however_much_it_misreads() {
         let sought = problem.model.joint.coordinates(&rest.observed).unwrap();
         assert!((sought - rest.q)[1].abs().to_degrees() > 1.0, "the frame turns what is read");
         let held = bench.held(trial, &rest.observed, &Start::at(sought));
-        assert!((held.q - rest.q).amax() < 0.02 && held.miss.amax() < 20.0, "{}: {}", trial.name, held.miss);
+        assert!((held.q - rest.q).amax() < 0.02 && held.miss.amax() < 20.0, "{}: {}", trial.record.trial, held.miss);
     }
 }
 

@@ -3,10 +3,10 @@
 
 use crate::common::asked::asked;
 use crate::common::deck::deck;
+use diagnosis::discrepancy::suspects::{SHARE, SWAY, impinging, larger, pulls, swayed};
+use diagnosis::discrepancy::{Bone, Course, Discrepancy, discrepancy};
 use diagnosis::problem::{Problem, reading};
 use diagnosis::search::{DiagnosisOptions, Searcher};
-use diagnosis::wildcard::suspects::{SHARE, SWAY, impinging, larger, pulls, swayed};
-use diagnosis::wildcard::{Bone, Course, Wildcard, wildcard};
 use needs_shared::needs_shared;
 use sim::coordinate::{AP, Coordinate, FE, FREE, IE, ML, SI, Six, VV};
 
@@ -32,7 +32,10 @@ fn problem() -> Option<Problem> {
 /// The question of the same knee whose readings are what `misread` makes of the model's, and a little off.
 fn measured(problem: &Problem, loads: &dyn Fn(usize) -> Six, misread: &dyn Fn(usize, &Six) -> Six) -> Problem {
     let mut other = problem.clone();
-    other.trials.iter_mut().enumerate().for_each(|(i, t)| t.load += loads(i));
+    for (i, t) in other.trials.iter_mut().enumerate() {
+        let by = loads(i);
+        FREE.into_iter().for_each(|c| t.record.load[c] += by[c] / c.to_force(1.0));
+    }
     let rests = other.rests(&[], &vec![0.0; other.nuisances()], &[]).unwrap();
     let readings: Vec<[f64; 5]> = rests
         .iter()
@@ -50,10 +53,10 @@ fn measured(problem: &Problem, loads: &dyn Fn(usize) -> Six, misread: &dyn Fn(us
     deck("suspects", &asked(&TRIALS, &readings)).unwrap()
 }
 
-fn told(problem: &Problem) -> (Wildcard, String) {
+fn told(problem: &Problem) -> (Discrepancy, String) {
     let options = DiagnosisOptions { most_effects: 1, ..DiagnosisOptions::default() };
     let search = Searcher { problem, options: &options }.search().unwrap();
-    let field = wildcard(problem, (&search.readings, &search.covariance), &search.base).unwrap();
+    let field = discrepancy(problem, (&search.readings, &search.covariance), &search.base).unwrap();
     let words = field.words(problem);
     (field, words)
 }
@@ -63,7 +66,7 @@ fn a_knee_all_of_whose_lengths_are_larger_rests_as_much_farther_apart_and_turns_
     let Some(problem) = problem() else { return };
     let rests = problem.rests(&[], &vec![0.0; problem.nuisances()], &[]).unwrap();
     for (trial, rest) in problem.trials.iter().zip(&rests).take(3) {
-        let here = problem.place.situation(&problem.model, trial, &trial.load, &rest.q);
+        let here = problem.place.situation(&problem.model, trial, &trial.load(), &rest.q);
         let mut force = larger(&here, true);
         force[FE] = 0.0;
         let moved = rest.tangent.try_inverse().unwrap() * force;
@@ -71,10 +74,10 @@ fn a_knee_all_of_whose_lengths_are_larger_rests_as_much_farther_apart_and_turns_
         let then = problem.model.joint.grood_suntay(&(rest.q + moved));
         for j in [ML, AP, SI] {
             let by = then[j] - gs[j];
-            assert!((by - SHARE * gs[j]).abs() < 0.04, "{}: {j} by {by}, {}", trial.name, SHARE * gs[j]);
+            assert!((by - SHARE * gs[j]).abs() < 0.04, "{}: {j} by {by}, {}", trial.record.trial, SHARE * gs[j]);
         }
         for j in [VV, IE] {
-            assert!((then[j] - gs[j]).abs() < 0.006, "{}: {j} by {}", trial.name, then[j] - gs[j]);
+            assert!((then[j] - gs[j]).abs() < 0.006, "{}: {j} by {}", trial.record.trial, then[j] - gs[j]);
         }
     }
 }
@@ -97,9 +100,9 @@ fn a_tracker_sways_with_the_size_of_the_load_alone() {
 fn cruciates_that_press_on_each_other_have_an_energy_and_are_left_alone_where_they_are_clear() {
     let Some(problem) = problem() else { return };
     let trial = &problem.trials[1];
-    let force = |q: &Six, from: f64| impinging(&problem.place.situation(&problem.model, trial, &trial.load, q), from);
-    assert_eq!(force(&trial.neutral, -20.0), Six::zeros());
-    let q = trial.neutral;
+    let force = |q: &Six, from: f64| impinging(&problem.place.situation(&problem.model, trial, &trial.load(), q), from);
+    assert_eq!(force(&trial.unloaded.q, -20.0), Six::zeros());
+    let q = trial.unloaded.q;
     assert!(force(&q, 25.0).amax() > 1.0, "{}", force(&q, 25.0));
     let slope = |j: Coordinate| {
         let h = if j.turns() { 1e-3 } else { 0.05 };
@@ -128,7 +131,7 @@ fn a_pull_toward_the_thigh_presses_the_joint_and_closes_the_side_that_it_passes(
     for bone in [Bone::Femur, Bone::Tibia] {
         let at = |i: usize| {
             let trial = &problem.trials[i];
-            pulls(&problem.place.situation(&problem.model, trial, &trial.load, &trial.neutral), bone)
+            pulls(&problem.place.situation(&problem.model, trial, &trial.load(), &trial.unloaded.q), bone)
         };
         let [middle, medial, anterior] = at(0);
         assert!(middle[SI] > 55.0 && middle[SI] <= 60.1, "{middle}");
@@ -137,7 +140,7 @@ fn a_pull_toward_the_thigh_presses_the_joint_and_closes_the_side_that_it_passes(
     }
     // in flexion the thigh lies behind the tibia
     let trial = &problem.trials[2];
-    let bent = problem.place.situation(&problem.model, trial, &trial.load, &trial.neutral);
+    let bent = problem.place.situation(&problem.model, trial, &trial.load(), &trial.unloaded.q);
     assert!(pulls(&bent, Bone::Femur)[0][AP] < -30.0 && pulls(&bent, Bone::Tibia)[0][AP].abs() < 20.0);
 }
 
@@ -146,7 +149,7 @@ fn a_pull_along_a_line_of_no_name_is_told_as_one() {
     let Some(problem) = problem() else { return };
     let pull = |i: usize| {
         let trial = &problem.trials[i];
-        let here = problem.place.situation(&problem.model, trial, &trial.load, &trial.neutral);
+        let here = problem.place.situation(&problem.model, trial, &trial.load(), &trial.unloaded.q);
         let [middle, medial, _] = pulls(&here, Bone::Femur);
         middle * 2.5 + medial * 3.0
     };
@@ -159,7 +162,7 @@ fn a_pull_along_a_line_of_no_name_is_told_as_one() {
 #[needs_shared]
 fn a_tracker_that_sways_is_told_as_one() {
     let Some(problem) = problem() else { return };
-    let loads: Vec<Six> = problem.trials.iter().map(|t| t.load).collect();
+    let loads: Vec<Six> = problem.trials.iter().map(|t| t.load()).collect();
     let swaying = measured(&problem, &|_| Six::zeros(), &|i, gs| swayed(gs, &loads[i], Bone::Femur)[1] * 1.5);
     let (field, words) = told(&swaying);
     assert_eq!(field.course, Course::Sway(Bone::Femur), "{words}");
@@ -169,7 +172,7 @@ fn a_tracker_that_sways_is_told_as_one() {
 #[needs_shared]
 fn a_moment_near_extension_is_told_as_one() {
     let Some(problem) = problem() else { return };
-    let flexions: Vec<f64> = problem.trials.iter().map(|t| t.flexion.to_degrees()).collect();
+    let flexions: Vec<f64> = problem.trials.iter().map(|t| t.flexion().to_degrees()).collect();
     let home = |i: usize| Six::new(0.0, 0.0, 2500.0 * (1.0 - flexions[i] / 45.0).max(0.0), 0.0, 0.0, 0.0);
     let turned = measured(&problem, &home, &|_, _| Six::zeros());
     let (field, words) = told(&turned);

@@ -4,7 +4,6 @@
 use crate::common::deck::{Asked, deck};
 use diagnosis::candidate::{Candidate, Scope};
 use diagnosis::problem::Problem;
-use diagnosis::trial::Trial;
 use needs_shared::needs_shared;
 use sim::equilibrium::starts_of;
 
@@ -34,10 +33,10 @@ fn without_load_they_leave_the_knee_where_its_ligaments_do() {
     let Some(problem) = deck("unloaded", &unloaded) else { return };
     let x = others(&problem);
     let plain = problem.rests(&[], &x, &[]).unwrap();
-    let moved = plain.iter().zip(&problem.trials).map(|(r, t)| (r.q - t.neutral).amax()).fold(0.0, f64::max);
+    let moved = plain.iter().zip(&problem.trials).map(|(r, t)| (r.q - t.unloaded.q).amax()).fold(0.0, f64::max);
     assert!(moved > 0.5, "other ligaments rest elsewhere: {moved}");
     for (tissue, size) in tissues(&problem) {
-        let starts: Vec<_> = problem.trials.iter().map(Trial::unloaded).collect();
+        let starts: Vec<_> = problem.trials.iter().map(|t| t.unloaded.clone()).collect();
         let rests = problem.rests(std::slice::from_ref(&tissue), &[x.clone(), size].concat(), &starts).unwrap();
         for (a, b) in rests.iter().zip(&plain) {
             assert!(a.balanced && (a.q - b.q).amax() < 0.01, "{}: {}", tissue.name(), a.q - b.q);
@@ -71,7 +70,7 @@ fn derivatives_by_ligaments_and_contact_hold_what_moves_the_unloaded_pose() {
             let h = 0.01;
             for (r, (up, down)) in at(k, h).iter().zip(at(k, -h)).enumerate() {
                 let by_difference = (up - down) / (2.0 * h);
-                off += (by_difference - linear.slope[(r, k)]).powi(2);
+                off += (by_difference - linear.jacobian[(r, k)]).powi(2);
                 all += by_difference.powi(2);
             }
         }

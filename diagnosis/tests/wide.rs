@@ -10,7 +10,7 @@ use needs_shared::needs_shared;
 const ONE_VALLEY: f64 = 1.0;
 
 /// A knee whose torn PCL has no name, so that other effects are tried in its place.
-fn nameless() -> Option<Problem> {
+fn discrepancy() -> Option<Problem> {
     let mut problem = cut("PCL")?;
     // nor are effects that take long tried
     let slow = ["extra_bundle", "meniscus", "capsule_envelope", "mcl_wrap", "pcap_wrap", "itb", "quad_passive"];
@@ -20,7 +20,7 @@ fn nameless() -> Option<Problem> {
 
 #[needs_shared]
 fn what_the_table_of_tried_effects_found_is_never_ahead_of_the_search() {
-    let Some(problem) = nameless() else { return };
+    let Some(problem) = discrepancy() else { return };
     // so few are refitted that the search by itself stays behind
     let options = DiagnosisOptions { nulls: 50, most_effects: 1, shortlist: 1, ..DiagnosisOptions::default() };
     let searcher = Searcher { problem: &problem, options: &options };

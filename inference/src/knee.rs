@@ -11,7 +11,9 @@ use crate::error::InferenceError;
 use crate::frames::{Terms, corrected};
 use crate::parameter::Parameter;
 use crate::posterior::{Forward, Point};
+use crate::trial::Trial;
 use jacobian::Jacobian;
+pub use jacobian::{ByOne, by_the_model};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -20,7 +22,7 @@ use sim::SimError;
 use sim::contact::Nearby;
 use sim::coordinate::{Coordinate, FE, FREE, Free, Load, Six};
 use sim::joint::Joint;
-use sim::laxity::{LaxityTrial, Test};
+use sim::laxity::LaxityTrial;
 use sim::quasistatic::{Goal, close};
 use sim::sensitivity::{End, Parameter as Number};
 use sim::spec::ModelSpec;
@@ -52,42 +54,41 @@ pub enum Quantity {
 }
 
 impl Quantity {
-    /// The model's own numbers that it is, and by how much each changes per unit where it has a value; none of what stands beside the model.
-    pub fn numbers(&self, value: f64) -> (Vec<Number>, f64) {
+    /// The model's own numbers that it is, and by how much each changes per unit where it has a value; `None` of what stands beside the model, whose
+    /// derivative is another.
+    pub fn numbers(&self, value: f64) -> Option<(Vec<Number>, f64)> {
         match self {
-            Quantity::ReferenceStrain(of) => (of.iter().map(|&b| Number::ReferenceStrain(b)).collect(), 1.0),
-            Quantity::Stiffness(of) => (of.iter().map(|&b| Number::Stiffness(b)).collect(), 1.0),
-            Quantity::Site(bundle, end, axis) => (vec![Number::Site(*bundle, *end, *axis)], 1.0),
+            Quantity::ReferenceStrain(of) => Some((of.iter().map(|&b| Number::ReferenceStrain(b)).collect(), 1.0)),
+            Quantity::Stiffness(of) => Some((of.iter().map(|&b| Number::Stiffness(b)).collect(), 1.0)),
+            Quantity::Site(bundle, end, axis) => Some((vec![Number::Site(*bundle, *end, *axis)], 1.0)),
             // the model counts from its own pressures
-            Quantity::ContactScale => (vec![Number::ContactScale], 1.0 / value),
+            Quantity::ContactScale => Some((vec![Number::ContactScale], 1.0 / value)),
             Quantity::Frame(..)
             | Quantity::Cartilage
             | Quantity::Lean(..)
             | Quantity::Compliance(..)
-            | Quantity::Resting(..) => (vec![], 0.0),
+            | Quantity::Resting(..) => None,
+        }
+    }
+
+    /// The data set whose frames it turns or shifts, or all; and the term. `None` of all that is no frame.
+    fn frame(&self) -> Option<(Option<usize>, usize)> {
+        match *self {
+            Quantity::Frame(source, term) => Some((source, term)),
+            Quantity::ReferenceStrain(_)
+            | Quantity::Stiffness(_)
+            | Quantity::Site(..)
+            | Quantity::ContactScale
+            | Quantity::Cartilage
+            | Quantity::Lean(..)
+            | Quantity::Compliance(..)
+            | Quantity::Resting(..) => None,
         }
     }
 }
 
 /// Flexions between which leans of the bearing surface are interpolated [deg]; ours: contact wanders over a plateau's third in each.
 pub const KNOTS: [f64; 4] = [0.0, 30.0, 60.0, 90.0];
-
-/// A trial.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Asked {
-    /// Its data set; of none where it is only imagined.
-    pub source: Option<usize>,
-    /// Loads.
-    pub load: Load,
-    /// Flexion [deg].
-    pub fe_deg: f64,
-    /// Tension of the quadriceps [N].
-    pub quadriceps_n: f64,
-    /// Which coordinates are predictions that count.
-    pub reads: Free<bool>,
-    /// Place of the trial from whose pose the readings count; none where they are poses.
-    pub from: Option<usize>,
-}
 
 /// A belief about bundle forces in a trial.
 #[derive(Clone, Debug, PartialEq)]
@@ -113,7 +114,7 @@ pub struct Trials<'a> {
     /// Its parameters.
     pub parameters: &'a [Parameter<Quantity>],
     /// The trials.
-    pub trials: &'a [Asked],
+    pub trials: &'a [Trial],
     /// Beliefs about forces in them.
     pub beliefs: &'a [Belief],
     /// The path to the first answers.
@@ -140,7 +141,8 @@ pub struct ModelDiscrepancy {
 
 impl ModelDiscrepancy {
     /// How alike it is in two trials [-].
-    fn alike(&self, a: &Asked, b: &Asked) -> f64 {
+    fn alike(&self, a: &Trial, b: &Trial) -> f64 {
+        let (a, b) = (&a.record, &b.record);
         let loads = FREE.into_iter().map(|l| ((a.load[l] - b.load[l]) / self.load[l]).powi(2)).sum::<f64>();
         (-0.5 * (((a.fe_deg - b.fe_deg) / self.flexion_deg).powi(2) + loads)).exp()
     }
@@ -176,20 +178,40 @@ struct Start {
 /// Answers of all trials.
 pub type Answers = Vec<Answer>;
 
+/// A model at values of its parameters: in the frames that all data sets share, then in those of each that has its own.
+#[derive(Clone, Debug)]
+pub struct Models(Vec<Model>);
+
+impl Models {
+    /// In the frames of a data set; of none, in those of all.
+    pub fn of(&self, source: Option<usize>) -> &Model {
+        source.and_then(|s| self.0.get(s + 1)).unwrap_or(&self.0[0])
+    }
+
+    /// In the frames of all.
+    pub fn shared(&self) -> &Model {
+        &self.0[0]
+    }
+}
+
 /// A knee at values of its parameters.
 pub(crate) struct Knee {
-    /// In the frames of all, then in each data set's.
-    pub(crate) models: Vec<Model>,
-    pub(crate) terms: Vec<Terms>,
+    models: Models,
+    /// Of the frames of all, then of each data set's.
+    terms: Vec<Terms>,
     values: Vec<f64>,
 }
 
 impl Knee {
     /// The model a trial is put to, and its frames.
-    pub(crate) fn of(&self, trial: &Asked) -> (&Model, &Terms) {
-        let k = trial.source.map_or(0, |s| s + 1).min(self.models.len() - 1);
-        (&self.models[k], &self.terms[k])
+    pub(crate) fn of(&self, trial: &Trial) -> (&Model, &Terms) {
+        (self.models.of(trial.source), terms_of(&self.terms, trial.source))
     }
+}
+
+/// Turns and shifts of a data set's frames; of none, of those of all.
+fn terms_of(terms: &[Terms], source: Option<usize>) -> &Terms {
+    source.and_then(|s| terms.get(s + 1)).unwrap_or(&terms[0])
 }
 
 /// Share of each knot at a flexion.
@@ -240,8 +262,7 @@ impl Trials<'_> {
     /// Frames that make no joint.
     pub fn spec_at(&self, z: &DVector<f64>, source: Option<usize>) -> Result<ModelSpec, SimError> {
         let knee = self.knee(self.values(z).into_iter().map(|v| v.0).collect())?;
-        let index = source.map_or(0, |s| s + 1);
-        let (model, terms) = (&knee.models[index], &knee.terms[index]);
+        let (model, terms) = (knee.models.of(source), terms_of(&knee.terms, source));
         let mut out = self.spec.clone();
         out.frames = corrected(&self.spec.frames, self.spec.side, terms)?;
         for (b, p) in out.bundles.iter_mut().zip(model.parameters()) {
@@ -261,8 +282,8 @@ impl Trials<'_> {
     }
 
     /// A trial's load with what the knee bears beside it.
-    fn borne(&self, values: &[f64], trial: &Asked) -> Load {
-        let mut load = trial.load;
+    fn borne(&self, values: &[f64], trial: &Trial) -> Load {
+        let mut load = trial.record.load;
         for (p, x) in self.parameters.iter().zip(values) {
             if let Quantity::Resting(source, coordinate) = p.quantity
                 && trial.source == Some(source)
@@ -271,6 +292,11 @@ impl Trials<'_> {
             }
         }
         load
+    }
+
+    /// A trial as the solver has it, with what the knee bears beside its load.
+    fn bearing(&self, values: &[f64], trial: &Trial) -> LaxityTrial {
+        LaxityTrial { load: self.borne(values, trial), ..trial.record.clone() }
     }
 
     /// What the lean of the bearing surface adds to a trial's load, per newton of contact force.
@@ -291,8 +317,7 @@ impl Trials<'_> {
         for source in std::iter::once(None).chain((0..self.sources()).map(Some)) {
             let of: Vec<usize> = (0..self.trials.len()).filter(|&i| self.trials[i].source == source).collect();
             let Some(&first) = of.first() else { continue };
-            let borne = |i: usize| Asked { load: self.borne(&knee.values, &self.trials[i]), ..self.trials[i].clone() };
-            let trials: Vec<_> = of.iter().map(|&i| plain(&borne(i))).collect();
+            let trials: Vec<_> = of.iter().map(|&i| self.bearing(&knee.values, &self.trials[i])).collect();
             let model = knee.of(&self.trials[first]).0;
             for (i, answer) in of.into_iter().zip(solve_trials(model, &trials, self.options)) {
                 found[i] = answer.ok().map(|a| Start {
@@ -306,11 +331,11 @@ impl Trials<'_> {
     }
 
     /// An answer from coordinates close by.
-    fn answer(&self, knee: &Knee, trial: &Asked, start: Start) -> Result<(Answer, Jacobian), SimError> {
-        let model = &*knee.of(trial).0.pulled(trial.quadriceps_n)?;
-        let lean = self.lean(&knee.values, trial.fe_deg);
+    fn answer(&self, knee: &Knee, trial: &Trial, start: Start) -> Result<(Answer, Jacobian), SimError> {
+        let model = &*knee.of(trial).0.pulled(trial.record.quadriceps_n)?;
+        let lean = self.lean(&knee.values, trial.record.fe_deg);
         let goal = Goal {
-            flexion: chain_flexion(model, trial.fe_deg, self.options)?,
+            flexion: chain_flexion(model, trial.record.fe_deg, self.options)?,
             load: self.borne(&knee.values, trial).generalised() + lean * start.pressed,
             flow: None,
         };
@@ -331,7 +356,7 @@ impl Trials<'_> {
     }
 
     /// Where an answer is sought from: the other point's answer moved by what its derivatives say, in the frames of this point.
-    fn start(&self, knee: &Knee, before: &Knee, trial: &Asked, answer: &Answer) -> Result<Six, SimError> {
+    fn start(&self, knee: &Knee, before: &Knee, trial: &Trial, answer: &Answer) -> Result<Six, SimError> {
         let mut q = answer.q;
         for (k, (x, y)) in knee.values.iter().zip(&before.values).enumerate() {
             if x != y {
@@ -343,17 +368,14 @@ impl Trials<'_> {
         if terms != then {
             q = model.joint.coordinates(&model.joint.grood_suntay_of(&old.joint.pose(&q).femur))?;
         }
-        q[FE] = chain_flexion(model, trial.fe_deg, self.options)?;
+        q[FE] = chain_flexion(model, trial.record.fe_deg, self.options)?;
         Ok(q)
     }
 }
 
 /// How many data sets have frames of their own.
 fn framed_sources(parameters: &[Parameter<Quantity>]) -> usize {
-    let of = |p: &Parameter<Quantity>| match p.quantity {
-        Quantity::Frame(source, _) => source,
-        _ => None,
-    };
+    let of = |p: &Parameter<Quantity>| p.quantity.frame().and_then(|(source, _)| source);
     parameters.iter().filter_map(of).max().map_or(0, |s| s + 1)
 }
 
@@ -366,7 +388,7 @@ pub fn models_at(
     spec: &ModelSpec,
     parameters: &[Parameter<Quantity>],
     values: &[f64],
-) -> Result<Vec<Model>, SimError> {
+) -> Result<Models, SimError> {
     let terms = terms_at(parameters, values, framed_sources(parameters));
     in_frames(&model_at(model, spec, parameters, values)?, spec, &terms)
 }
@@ -375,17 +397,17 @@ pub fn models_at(
 fn terms_at(parameters: &[Parameter<Quantity>], values: &[f64], sources: usize) -> Vec<Terms> {
     let mut terms = vec![[0.0; 12]; sources + 1];
     for (p, x) in parameters.iter().zip(values) {
-        match p.quantity {
-            Quantity::Frame(None, term) => terms.iter_mut().for_each(|t| t[term] += x),
-            Quantity::Frame(Some(source), term) => terms[source + 1][term] += x,
-            _ => {}
+        match p.quantity.frame() {
+            Some((None, term)) => terms.iter_mut().for_each(|t| t[term] += x),
+            Some((Some(source), term)) => terms[source + 1][term] += x,
+            None => {}
         }
     }
     terms
 }
 
 /// A model in frames turned and shifted.
-fn in_frames(model: &Model, spec: &ModelSpec, terms: &[Terms]) -> Result<Vec<Model>, SimError> {
+fn in_frames(model: &Model, spec: &ModelSpec, terms: &[Terms]) -> Result<Models, SimError> {
     let framed = |t: &Terms| -> Result<Model, SimError> {
         let mut framed = model.clone();
         if t.iter().any(|x| *x != 0.0) {
@@ -393,7 +415,7 @@ fn in_frames(model: &Model, spec: &ModelSpec, terms: &[Terms]) -> Result<Vec<Mod
         }
         Ok(framed)
     };
-    terms.iter().map(framed).collect()
+    terms.iter().map(framed).collect::<Result<_, _>>().map(Models)
 }
 
 /// A model at values, in its own frames.
@@ -433,12 +455,6 @@ fn model_at(
     Ok(model)
 }
 
-/// A trial as the solver has it.
-fn plain(trial: &Asked) -> LaxityTrial {
-    let plain = LaxityTrial::asked(String::new(), Test::Neutral, trial.fe_deg, trial.load);
-    LaxityTrial { quadriceps_n: trial.quadriceps_n, ..plain }
-}
-
 /// Size of the contact force [N], over all pairs.
 fn pressed(wrench: &[(meshes::Vector, meshes::Vector)]) -> f64 {
     wrench.iter().map(|w| w.0).sum::<meshes::Vector>().norm()
@@ -461,7 +477,7 @@ impl Forward for Trials<'_> {
         let starts: Vec<Start> = match near {
             Some((other, answers)) => {
                 let before = self.knee(self.values(other).into_iter().map(|v| v.0).collect()).ok()?;
-                let start = |(t, a): (&Asked, &Answer)| {
+                let start = |(t, a): (&Trial, &Answer)| {
                     let q = self.start(&knee, &before, t, a).ok()?;
                     Some(Start { q, pressed: a.pressed, near: a.near.clone() })
                 };
@@ -498,22 +514,18 @@ mod tests {
             flexion_deg: 25.0,
             load: Load::new(6.0, 3.0, 60.0, 60.0, 60.0),
         };
-        let at = |ap: f64, fe_deg: f64| Asked {
-            source: None,
-            load: Load::new(0.0, 0.0, 0.0, ap, 20.0),
-            fe_deg,
-            quadriceps_n: 0.0,
-            reads: Free::all(true),
-            from: None,
+        let at = |ap: f64, fe_deg: f64| {
+            let load = Load::new(0.0, 0.0, 0.0, ap, 20.0);
+            Trial::alone(LaxityTrial::asked(String::new(), sim::laxity::Test::Neutral, fe_deg, load))
         };
-        let trials: Vec<Asked> =
+        let trials: Vec<Trial> =
             [-130.0, -60.0, 0.0, 60.0, 130.0].iter().flat_map(|&l| [0.0, 30.0, 90.0].map(|f| at(l, f))).collect();
         let n = trials.len();
         let alike = DMatrix::from_fn(n, n, |i, k| discrepancy.alike(&trials[i], &trials[k]));
         assert!((0..n).all(|i| (alike[(i, i)] - 1.0).abs() < 1e-12));
         assert!(alike[(0, 1)] > alike[(0, 2)] && alike[(0, 3)] > alike[(0, 6)]);
         assert!(alike.clone().symmetric_eigenvalues().min() > -1e-12);
-        let other = Asked { source: Some(1), ..trials[0].clone() };
+        let other = Trial { source: Some(1), ..trials[0].clone() };
         assert!((discrepancy.alike(&trials[0], &other) - 1.0).abs() < 1e-12, "whichever data set has them");
     }
 }

@@ -16,7 +16,7 @@
 //!     fn size(&self) -> usize { 1 }
 //!     fn at(&self, z: &DVector<f64>, _: Option<(&DVector<f64>, &())>) -> Option<Point<()>> {
 //!         let reading = DVector::from_element(2, z[0]);
-//!         Some(Point { reading, slope: DMatrix::from_element(2, 1, 1.0), ..Point::default() })
+//!         Some(Point { reading, jacobian: DMatrix::from_element(2, 1, 1.0), ..Point::default() })
 //!     }
 //! }
 //! let mut likelihood = Likelihood::independent(DVector::from_vec(vec![1.0, 1.2]), vec![1.0, 1.0], vec![0, 0]);
@@ -32,10 +32,14 @@ pub mod frames;
 pub mod knee;
 pub mod least_squares;
 pub mod linear;
+pub mod next_test;
 pub mod noise;
 pub mod parameter;
 pub mod posterior;
 pub mod random;
 pub mod shift;
+pub mod temper;
+pub mod trial;
+pub mod whitening;
 
 pub use error::InferenceError;

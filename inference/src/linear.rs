@@ -2,17 +2,17 @@
 
 use nalgebra::{DMatrix, DVector};
 
-/// The linear model of all that is known about a point: residuals as if the prior's centre were the point, slopes by the standard normal numbers.
+/// The linear model of all that is known about a point: residuals as if the prior's centre were the point, derivatives by the standard normal numbers.
 #[derive(Clone, Debug)]
 pub struct Linear {
     /// Predictions.
     pub reading: DVector<f64>,
-    /// Their slopes.
-    pub slope: DMatrix<f64>,
+    /// Their derivatives.
+    pub jacobian: DMatrix<f64>,
     /// Residuals of beliefs, of unit variance, on whatever side.
     pub belief: DVector<f64>,
-    /// Their slopes.
-    pub belief_slope: DMatrix<f64>,
+    /// Their derivatives.
+    pub belief_jacobian: DMatrix<f64>,
     /// Whether a belief counts where its residual is above zero alone.
     pub one_side: Vec<bool>,
     /// Where.
@@ -38,18 +38,18 @@ impl Shift {
         Shift { centre: DVector::zeros(n), noise: DVector::zeros(0), belief: DVector::zeros(0), both_sides: Vec::new() }
     }
 
-    /// Residuals of beliefs as they count, and their slopes.
+    /// Residuals of beliefs as they count, and their derivatives.
     pub fn heard(&self, at: &Linear) -> (DVector<f64>, DMatrix<f64>) {
-        let (mut residual, mut slope) = (at.belief.clone(), at.belief_slope.clone());
+        let (mut residual, mut jacobian) = (at.belief.clone(), at.belief_jacobian.clone());
         if !self.belief.is_empty() {
             residual -= &self.belief;
         }
         for (j, one_side) in at.one_side.iter().enumerate() {
             if *one_side && !self.both_sides.get(j).unwrap_or(&false) && residual[j] <= 0.0 {
                 residual[j] = 0.0;
-                slope.row_mut(j).fill(0.0);
+                jacobian.row_mut(j).fill(0.0);
             }
         }
-        (residual, slope)
+        (residual, jacobian)
     }
 }

@@ -19,12 +19,12 @@ use serde::{Deserialize, Serialize};
 pub struct Point<S> {
     /// Predictions of what was measured.
     pub reading: DVector<f64>,
-    /// Their slopes: a row a reading, a column a number.
-    pub slope: DMatrix<f64>,
+    /// Their derivatives: a row a reading, a column a number.
+    pub jacobian: DMatrix<f64>,
     /// Residuals of beliefs that are no parameters' (forces, say), of unit variance, on whatever side.
     pub belief: DVector<f64>,
-    /// Their slopes.
-    pub belief_slope: DMatrix<f64>,
+    /// Their derivatives.
+    pub belief_jacobian: DMatrix<f64>,
     /// Whether a belief counts where its residual is above zero alone.
     pub one_side: Vec<bool>,
     /// What the next point close by starts from, and what else is wanted of this one.
@@ -35,9 +35,9 @@ impl<S: Default> Default for Point<S> {
     fn default() -> Self {
         Point {
             reading: DVector::zeros(0),
-            slope: DMatrix::zeros(0, 0),
+            jacobian: DMatrix::zeros(0, 0),
             belief: DVector::zeros(0),
-            belief_slope: DMatrix::zeros(0, 0),
+            belief_jacobian: DMatrix::zeros(0, 0),
             one_side: Vec::new(),
             state: S::default(),
         }
@@ -250,9 +250,9 @@ fn linear<S>(point: &Point<S>, z: &DVector<f64>) -> Linear {
     let no_beliefs = point.belief.is_empty();
     Linear {
         reading: point.reading.clone(),
-        slope: point.slope.clone(),
+        jacobian: point.jacobian.clone(),
         belief: point.belief.clone(),
-        belief_slope: if no_beliefs { DMatrix::zeros(0, z.len()) } else { point.belief_slope.clone() },
+        belief_jacobian: if no_beliefs { DMatrix::zeros(0, z.len()) } else { point.belief_jacobian.clone() },
         one_side: point.one_side.clone(),
         z: z.clone(),
     }

@@ -21,7 +21,7 @@ const STILL: f64 = 1e-9;
 /// The normal posterior of the linear model without beliefs of one side.
 struct Normal<'a> {
     at: &'a Linear,
-    slope: DMatrix<f64>,
+    jacobian: DMatrix<f64>,
     residual: DVector<f64>,
     two: Vec<usize>,
     factor: Cholesky<f64, Dyn>,
@@ -29,22 +29,22 @@ struct Normal<'a> {
 
 impl<'a> Normal<'a> {
     fn new(likelihood: &Likelihood, at: &'a Linear) -> Option<Normal<'a>> {
-        let slope = likelihood.white_rows(&at.slope);
+        let jacobian = likelihood.white_rows(&at.jacobian);
         let residual = likelihood.white(&(&at.reading - &likelihood.measured));
         let two: Vec<usize> = (0..at.belief.len()).filter(|&j| !at.one_side[j]).collect();
-        let believed = at.belief_slope.select_rows(&two);
-        let mut precision = slope.tr_mul(&slope) + believed.tr_mul(&believed);
+        let believed = at.belief_jacobian.select_rows(&two);
+        let mut precision = jacobian.tr_mul(&jacobian) + believed.tr_mul(&believed);
         (0..precision.nrows()).for_each(|k| precision[(k, k)] += 1.0);
         let factor = Cholesky::new(precision)?;
-        Some(Normal { at, slope, residual, two, factor })
+        Some(Normal { at, jacobian, residual, two, factor })
     }
 
     /// Where the fit to the linear model ends under these draws.
     fn fit(&self, s: &Shift) -> DVector<f64> {
         let at = self.at;
-        let mut gradient = self.slope.tr_mul(&(&self.residual - &s.noise)) + &at.z - &s.centre;
+        let mut gradient = self.jacobian.tr_mul(&(&self.residual - &s.noise)) + &at.z - &s.centre;
         for &j in &self.two {
-            gradient += at.belief_slope.row(j).transpose() * (at.belief[j] - s.belief[j]);
+            gradient += at.belief_jacobian.row(j).transpose() * (at.belief[j] - s.belief[j]);
         }
         &at.z - self.factor.solve(&gradient)
     }
@@ -71,11 +71,11 @@ pub fn drawn(likelihood: &Likelihood, at: &Linear, seed: u64, s: u64) -> Option<
     let normal_part = Normal::new(likelihood, at)?;
     let first = normal_part.fit(&shift);
     let one: Vec<usize> =
-        (0..beliefs).filter(|&j| at.one_side[j] && at.belief_slope.row(j).norm_squared() > STILL).collect();
+        (0..beliefs).filter(|&j| at.one_side[j] && at.belief_jacobian.row(j).norm_squared() > STILL).collect();
     if one.is_empty() {
         return Some((shift, first));
     }
-    let rows = at.belief_slope.select_rows(&one);
+    let rows = at.belief_jacobian.select_rows(&one);
     let here = DVector::from_iterator(one.len(), one.iter().map(|&j| at.belief[j]));
     let mut random = stream(seed, STREAMS[2] + s);
     let unmoved = Shift { noise: DVector::zeros(readings), belief: DVector::zeros(beliefs), ..Shift::none(n) };
@@ -89,8 +89,8 @@ pub fn drawn(likelihood: &Likelihood, at: &Linear, seed: u64, s: u64) -> Option<
     // the draws of which the linear fit, without beliefs of one side, ends at `start`
     let by = &mean + &start - &first;
     shift.centre += &by;
-    shift.noise += &normal_part.slope * &by;
-    shift.belief += &at.belief_slope * &by;
+    shift.noise += &normal_part.jacobian * &by;
+    shift.belief += &at.belief_jacobian * &by;
     for (k, &j) in one.iter().enumerate() {
         shift.belief[j] = match taut.iter().position(|t| *t == k) {
             Some(place) => errors[place],

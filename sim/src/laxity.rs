@@ -167,6 +167,11 @@ impl LaxityTrial {
         })
     }
 
+    /// Standard deviation of each reading's noise: its own, else the `usual` one.
+    pub fn noise(&self, usual: &Free<f64>) -> Free<f64> {
+        Free::from_fn(|c| self.sd[c].unwrap_or(usual[c]))
+    }
+
     /// A coordinate's load less that of the trial from which readings count [N m, N].
     pub fn load_step(&self, coordinate: Coordinate) -> f64 {
         self.load[coordinate] - self.reference.as_ref().map_or(0.0, |r| r.load[coordinate])

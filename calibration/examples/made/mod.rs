@@ -4,9 +4,10 @@ use calibration::inferred::Posed;
 use calibration::knee::Knee;
 use calibration::options::CalibrateOptions;
 use calibration::targets::{Targets, targets};
-use inference::knee::{Answers, Asked, Belief, Trials};
+use inference::knee::{Answers, Belief, Trials};
 use inference::posterior::Forward;
 use inference::random::{normals, stream, uniform};
+use inference::trial::Trial;
 use nalgebra::DVector;
 use rayon::prelude::*;
 use sim::coordinate::Free;
@@ -59,9 +60,9 @@ pub(crate) fn laxity(file: &str) -> Vec<LaxityTrial> {
 }
 
 /// The trials that nobody measured, with what is believed of them.
-fn imagined(posed: &Posed) -> (Vec<Asked>, Vec<Belief>) {
+fn imagined(posed: &Posed) -> (Vec<Trial>, Vec<Belief>) {
     let asked = posed.asked[posed.measured..].iter().filter(|t| t.from.is_none() && t.source.is_none());
-    let asked = asked.map(|t| Asked { reads: Free::all(false), ..t.clone() }).collect();
+    let asked = asked.map(|t| Trial { reads: Free::all(false), ..t.clone() }).collect();
     let moved = |b: &Belief| Belief { trial: b.trial - posed.measured, ..b.clone() };
     (asked, posed.beliefs.iter().map(moved).collect())
 }

@@ -1,6 +1,6 @@
 //! Rows that cannot be what they say.
 
-use super::Targets;
+use super::{Targets, row};
 use notices::{Kind, plain};
 use sim::coordinate::{AP, Coordinate, FREE, Free, IE, Load, SI, VV};
 use sim::laxity::{LaxityTrial, Test};
@@ -21,14 +21,14 @@ const SAME_FLEXION: f64 = 2.0;
 
 /// Trials flexed beyond what the model is made for.
 pub(super) fn beyond_flexion(targets: &Targets, limits: [f64; 2]) -> Vec<String> {
-    let beyond = |t: &&(&LaxityTrial, usize)| !(limits[0]..=limits[1]).contains(&t.0.fe_deg);
-    let rows: Vec<(&LaxityTrial, usize)> = targets.trials.iter().zip(targets.rows.iter().copied()).collect();
-    rows.iter()
+    let beyond = |t: &&LaxityTrial| !(limits[0]..=limits[1]).contains(&t.fe_deg);
+    let trials = targets.trials.iter();
+    trials
         .filter(beyond)
-        .map(|(t, row)| {
+        .map(|t| {
             format!(
-                "row {row} ({}): fe_deg {} is beyond the model, which is made for {} to {} deg (option targets.flexion_deg)",
-                t.trial, plain(t.fe_deg), limits[0], limits[1]
+                "row {} ({}): fe_deg {} is beyond the model, which is made for {} to {} deg (option targets.flexion_deg)",
+                row(t), t.trial, plain(t.fe_deg), limits[0], limits[1]
             )
         })
         .collect()
@@ -67,21 +67,19 @@ pub(super) fn other_units(targets: &Targets, ct: &PoseSpec) -> Vec<String> {
 
 /// Row and measured value of a coordinate, of the tests under at least this load.
 fn loaded(targets: &Targets, c: Coordinate, tests: &[Test], least: f64) -> Vec<(usize, f64)> {
-    let rows = targets.trials.iter().zip(&targets.rows);
-    rows.filter(|(t, _)| tests.contains(&t.test) && t.load[c].abs() >= least)
-        .filter_map(|(t, &row)| t.measured[c].map(|v| (row, v)))
-        .collect()
+    let trials = targets.trials.iter().filter(|t| tests.contains(&t.test) && t.load[c].abs() >= least);
+    trials.filter_map(|t| t.measured[c].map(|v| (row(t), v))).collect()
 }
 
 /// Row and value of a coordinate where its pose is measured.
 fn measured(targets: &Targets, c: Coordinate) -> Vec<(usize, f64)> {
-    let poses = targets.trials.iter().zip(&targets.rows).filter(|(t, _)| t.reference.is_none());
-    poses.filter_map(|(t, &row)| t.measured[c].map(|v| (row, v))).collect()
+    let poses = targets.trials.iter().filter(|t| t.reference.is_none());
+    poses.filter_map(|t| t.measured[c].map(|v| (row(t), v))).collect()
 }
 
 /// Rows of one test, flexion, load and branch whose answers differ beyond all noise; smaller differences are warned of.
 pub(super) fn contradictions(targets: &mut Targets) -> Vec<String> {
-    let mut faults = Vec::new();
+    let (mut faults, mut warnings) = (Vec::new(), Vec::new());
     for i in 0..targets.trials.len() {
         for j in i + 1..targets.trials.len() {
             let (a, b) = (&targets.trials[i], &targets.trials[j]);
@@ -90,12 +88,12 @@ pub(super) fn contradictions(targets: &mut Targets) -> Vec<String> {
             }
             for (c, harmless) in HARMLESS.each() {
                 let (Some(x), Some(y)) = (a.measured[c], b.measured[c]) else { continue };
-                let sd = targets.noise[i][c].hypot(targets.noise[j][c]);
+                let sd = targets.noise(a)[c].hypot(targets.noise(b)[c]);
                 let gap = (x - y).abs();
                 let text = format!(
                     "rows {} and {} ({}, {}) repeat one load but differ by {gap:.2} in {}, {:.0} times their noise of {sd:.2}",
-                    targets.rows[i],
-                    targets.rows[j],
+                    row(a),
+                    row(b),
                     a.trial,
                     b.trial,
                     c.column(),
@@ -104,11 +102,12 @@ pub(super) fn contradictions(targets: &mut Targets) -> Vec<String> {
                 if gap > (REFUSE * sd).max(*harmless) {
                     faults.push(format!("{text}: one of them is wrong; correct or remove it"));
                 } else if gap > WARN * sd {
-                    targets.warnings.push(Kind::RepeatsDiffer.notice(text).row(targets.rows[j]));
+                    warnings.push(Kind::RepeatsDiffer.notice(text).row(row(b)));
                 }
             }
         }
     }
+    targets.warnings.extend(warnings);
     faults
 }
 
@@ -131,13 +130,14 @@ fn is_repeat(a: &LaxityTrial, b: &LaxityTrial) -> bool {
 pub(super) fn against_the_load(targets: &mut Targets) {
     type Condition = Vec<(f64, f64, f64, usize)>;
     let mut by_coordinate: BTreeMap<(Coordinate, i64, bool), Condition> = BTreeMap::new();
-    for ((t, row), noise) in targets.trials.iter().zip(&targets.rows).zip(&targets.noise) {
+    for t in &targets.trials {
         let Some(c) = t.test.coordinate() else { continue };
         let Some(value) = t.measured[c] else { continue };
         let key = (c, t.nominal_flexion_deg.round() as i64, t.reference.is_some());
         let condition = by_coordinate.entry(key).or_default();
-        condition.push((t.load[c], value, noise[c], *row));
-        condition.extend(t.reference.as_ref().map(|r| (r.load[c], 0.0, noise[c], *row)));
+        let (noise, row) = (targets.noise(t)[c], row(t));
+        condition.push((t.load[c], value, noise, row));
+        condition.extend(t.reference.as_ref().map(|r| (r.load[c], 0.0, noise, row)));
     }
     for ((c, flexion, _), rows) in by_coordinate {
         let least = rows.iter().fold(rows[0], |a, b| if b.0 < a.0 { *b } else { a });

@@ -18,8 +18,8 @@ const GOOD: &str = "a0,anterior,30,0,0,0,0,20,30,1,2,0,1,-20\na1,anterior,30,0,0
 #[test]
 fn good_rows_pass_and_keep_their_numbers() {
     let t = run(GOOD).unwrap();
-    assert_eq!((t.rows.as_slice(), t.warnings.len()), ([2, 3].as_slice(), 0));
-    assert_eq!(t.noise[0].0, [0.5, 0.5, 0.4, 0.4, 0.4]);
+    assert_eq!((t.trials.iter().map(row).collect::<Vec<_>>(), t.warnings.len()), (vec![2, 3], 0));
+    assert_eq!(t.noise(&t.trials[0]).0, [0.5, 0.5, 0.4, 0.4, 0.4]);
 }
 
 #[test]
@@ -62,7 +62,7 @@ fn flexion_beyond_the_model_is_refused_by_row() {
 fn missing_coordinates_are_warned_of_by_row() {
     let t = run(&format!("{GOOD}\nx,anterior,30,0,0,0,90,20,30,1,,0,4,-20\ny,anterior,30,0,0,0,50,20,30,1,,0,,-20"))
         .unwrap();
-    assert_eq!(t.rows, [2, 3, 4]);
+    assert_eq!(t.trials.iter().map(row).collect::<Vec<_>>(), [2, 3, 4]);
     assert!(t.warnings.iter().any(|w| w.contains("row 4 (x): ie_deg not measured")), "{:?}", t.warnings);
     assert!(t.warnings.iter().any(|w| w.contains("row 5 (y): left out")), "{:?}", t.warnings);
 }

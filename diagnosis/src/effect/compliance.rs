@@ -1,7 +1,7 @@
 //! `apparatus_compliance` and `bone_compliance`: what yields under load is read as motion, in proportion to the load.
 
 use super::Reading;
-use crate::trial::Trial;
+use inference::trial::Trial;
 use serde::Deserialize;
 use sim::coordinate::{AP, IE, Six, VV};
 
@@ -15,10 +15,10 @@ pub(super) struct Compliance {
 
 impl Reading for Compliance {
     fn read(&self, gs: &Six, trial: &Trial) -> Six {
-        let mut out = *gs;
-        out[AP] += self.ap_mm_per_100n * trial.load[AP] / 100.0;
-        out[IE] += self.ie_deg_per_nm.to_radians() * trial.load[IE] / 1000.0;
-        out[VV] += self.vv_deg_per_nm.to_radians() * trial.load[VV] / 1000.0;
+        let (mut out, load) = (*gs, trial.load());
+        out[AP] += self.ap_mm_per_100n * load[AP] / 100.0;
+        out[IE] += self.ie_deg_per_nm.to_radians() * load[IE] / 1000.0;
+        out[VV] += self.vv_deg_per_nm.to_radians() * load[VV] / 1000.0;
         out
     }
 }

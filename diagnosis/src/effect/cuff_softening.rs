@@ -1,7 +1,7 @@
 //! `cuff_softening`: a cuff gives way at small load and then holds.
 
 use super::Reading;
-use crate::trial::Trial;
+use inference::trial::Trial;
 use serde::Deserialize;
 use sim::coordinate::{AP, IE, Six};
 
@@ -18,9 +18,9 @@ pub(super) struct CuffSoftening {
 
 impl Reading for CuffSoftening {
     fn read(&self, gs: &Six, trial: &Trial) -> Six {
-        let mut out = *gs;
-        out[AP] += self.ap_mm * (trial.load[AP] / GIVES_N).tanh();
-        out[IE] += self.ie_deg.to_radians() * (trial.load[IE] / GIVES_N_MM).tanh();
+        let (mut out, load) = (*gs, trial.load());
+        out[AP] += self.ap_mm * (load[AP] / GIVES_N).tanh();
+        out[IE] += self.ie_deg.to_radians() * (load[IE] / GIVES_N_MM).tanh();
         out
     }
 }

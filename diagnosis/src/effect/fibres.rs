@@ -21,7 +21,7 @@ impl About {
     /// How far the knee is from there [rad, mm].
     pub(super) fn away(&self, here: &Situation) -> Six {
         match self {
-            About::Unloaded => here.q - here.trial.neutral,
+            About::Unloaded => here.q - here.trial.unloaded.q,
             About::Reference => here.q,
         }
     }
@@ -63,7 +63,7 @@ pub(super) fn wrapped(here: &Situation, structure: &str, longer: &dyn Fn(&Fibre,
         let side = |s: f64| {
             let mut q = here.q;
             q[j] += s * h;
-            energy(&here.place.situation(here.model, here.trial, here.load, &q))
+            energy(&here.place.situation(here.model, here.trial, &here.load, &q))
         };
         -(side(1.0) - side(-1.0)) / (2.0 * h)
     })

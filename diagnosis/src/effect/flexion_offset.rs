@@ -1,7 +1,7 @@
 //! `flexion_offset`: the knee was more flexed than recorded, by the same angle in every trial.
 
 use super::Reading;
-use crate::trial::Trial;
+use inference::trial::Trial;
 use serde::Deserialize;
 use sim::coordinate::{FE, Six};
 

@@ -13,7 +13,7 @@ pub(super) struct Friction {
 
 impl Force for Friction {
     fn force(&self, here: &Situation) -> Six {
-        let branch = here.trial.branch.unwrap_or(0.0);
+        let branch = here.trial.branch().unwrap_or(0.0);
         let way = |load: f64| if load == 0.0 { 0.0 } else { load.signum() };
         let mut out = Six::zeros();
         out[AP] = -branch * self.ap_n * way(here.load[AP]);

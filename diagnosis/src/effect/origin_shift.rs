@@ -1,7 +1,7 @@
 //! `origin_shift`: recorded translations carry a constant offset.
 
 use super::Reading;
-use crate::trial::Trial;
+use inference::trial::Trial;
 use serde::Deserialize;
 use sim::coordinate::{AP, ML, SI, Six};
 

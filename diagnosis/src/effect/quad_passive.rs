@@ -2,7 +2,7 @@
 
 use super::lines::point;
 use super::{Force, Situation};
-use crate::trial::Trial;
+use inference::trial::Trial;
 use serde::Deserialize;
 use sim::Model;
 use sim::coordinate::{FE, Six};
@@ -25,7 +25,7 @@ impl Force for QuadPassive {
     }
 
     fn tension(&self, model: &Model, trial: &Trial) -> f64 {
-        let seated = model.has_patella() && trial.quadriceps_n + self.force_n >= SEATED_N;
+        let seated = model.has_patella() && trial.record.quadriceps_n + self.force_n >= SEATED_N;
         if seated { self.force_n } else { 0.0 }
     }
 }
@@ -36,7 +36,7 @@ const SEATED_N: f64 = 10.0;
 /// What the patella does to the knee under a tension of the quadriceps [N], beside what it does under the trial's own. The patella's own geometry
 /// says where the tendon runs: the shape parameters have no part.
 fn patella(here: &Situation, tension: f64) -> Six {
-    let own = here.trial.quadriceps_n;
+    let own = here.trial.record.quadriceps_n;
     pull(here, own + tension) - pull(here, own)
 }
 
@@ -62,7 +62,7 @@ pub(super) fn patellar_tendon(here: &Situation, further: f64, lateral: f64) -> S
     let way = tibia.superior * angle.cos() + tibia.anterior * angle.sin();
     let [medial, anterior, superior] = TUBEROSITY;
     let tuberosity = point(tibia, [medial - lateral, anterior, superior]);
-    let mut unloaded = here.trial.neutral;
+    let mut unloaded = here.trial.unloaded.q;
     unloaded[FE] = here.q[FE];
     let unloaded = here.model.joint.pose(&unloaded).femur;
     let apex = unloaded.inverse_transform_point(&(tuberosity + way * TENDON_MM).into()).coords;

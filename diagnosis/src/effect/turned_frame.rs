@@ -1,7 +1,7 @@
 //! `femur_frame` and `tibia_frame`: poses read through frames that stand turned.
 
 use super::Reading;
-use crate::trial::Trial;
+use inference::trial::Trial;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use serde::Deserialize;
 use sim::coordinate::{AP, FE, IE, ML, SI, Six, VV};

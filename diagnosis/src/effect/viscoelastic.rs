@@ -15,6 +15,6 @@ impl Force for Viscoelastic {
     fn force(&self, here: &Situation) -> Six {
         let states = here.model.fibre_states(&here.pose);
         let pull = states.iter().fold(Six::zeros(), |sum, s| sum - s.line.gradient * s.response.force);
-        pull * (self.share * here.trial.branch.unwrap_or(0.0))
+        pull * (self.share * here.trial.branch().unwrap_or(0.0))
     }
 }

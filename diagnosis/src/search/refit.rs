@@ -6,7 +6,7 @@ use crate::candidate::{Candidate, Scope, sized};
 use crate::covariance::Readings;
 use crate::error::DiagnosisError;
 use crate::fit::Fit;
-use crate::robust::Mixture;
+use crate::outlier::Mixture;
 use crate::screen::Marginal;
 use nalgebra::DMatrix;
 use rayon::prelude::*;

@@ -4,11 +4,11 @@ use super::met::Met;
 use super::{Screened, Searcher, Start, TRIES};
 use crate::candidate::Candidate;
 use crate::covariance::Readings;
+use crate::discrepancy::discrepancy;
 use crate::error::DiagnosisError;
 use crate::fit::Fit;
 use crate::form::asks_for_more;
 use crate::problem::Linear;
-use crate::wildcard::wildcard;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
@@ -162,12 +162,12 @@ impl Searcher<'_> {
     /// Nothing missing, linear about the rests and the ligaments of a fit with an effect.
     pub fn stripped(&self, fit: &Fit, readings: &Readings) -> Fit {
         let (n, m) = (self.problem.nuisances(), fit.unknowns.len());
-        let effect = fit.linear.slope.columns(n, m - n) * DVector::from_column_slice(&fit.unknowns[n..]);
+        let effect = fit.linear.jacobian.columns(n, m - n) * DVector::from_column_slice(&fit.unknowns[n..]);
         Fit {
             hypothesis: vec![],
             unknowns: fit.unknowns[..n].to_vec(),
             means: fit.means[..n].to_vec(),
-            linear: Linear { slope: fit.linear.slope.columns(0, n).into_owned(), ..fit.linear.clone() },
+            linear: Linear { jacobian: fit.linear.jacobian.columns(0, n).into_owned(), ..fit.linear.clone() },
             residual: &fit.residual + readings.pick(effect.as_slice()),
             posterior: fit.posterior.view((0, 0), (n, n)).into_owned(),
             ..fit.clone()
@@ -261,7 +261,7 @@ impl Searcher<'_> {
         if !options.wildcard {
             return Ok((usual, false));
         }
-        let field = wildcard(self.problem, (given.readings, &found.cov), best)?.log_bayes_factor;
+        let field = discrepancy(self.problem, (given.readings, &found.cov), best)?.log_bayes_factor;
         let is_asked = asks_for_more(field, best, self.problem.nuisances(), evidence);
         Ok((if is_asked { usual.min(field) } else { usual }, is_asked))
     }

@@ -1,7 +1,8 @@
 //! Derivatives of an answer by every parameter.
 
-use super::{Answer, Asked, Knee, Quantity, Trials, pressed, shares};
+use super::{Answer, Knee, Quantity, Trials, pressed, shares};
 use crate::frames::{STEP, Terms};
+use crate::trial::Trial;
 use nalgebra::{DMatrix, Matrix6};
 use sim::Model;
 use sim::SimError;
@@ -33,7 +34,7 @@ impl Trials<'_> {
         &self,
         knee: &Knee,
         model: &Model,
-        trial: &Asked,
+        trial: &Trial,
         found: sim::trials::Answer,
         near: &mut Nearby,
     ) -> Result<(Answer, Jacobian), SimError> {
@@ -54,15 +55,15 @@ impl Trials<'_> {
                     if source.is_some() && *source != trial.source {
                         continue;
                     }
-                    if known[*term].is_none() {
-                        known[*term] = Some(frames.by(*term)?);
+                    match &known[*term] {
+                        Some(column) => column.clone(),
+                        None => known[*term].insert(frames.by(*term)?).clone(),
                     }
-                    known[*term].clone().unwrap_or_else(|| (Free::all(0.0), vec![0.0; bundles], Six::zeros()))
                 }
                 Quantity::Cartilage => self.by_cartilage(model, (&found, near), &s)?,
                 Quantity::Lean(coordinate, knot) => {
                     let mut load = Load::default();
-                    load[*coordinate] = force * shares(trial.fe_deg)[*knot];
+                    load[*coordinate] = force * shares(trial.record.fe_deg)[*knot];
                     by_loads(&s, &load)
                 }
                 Quantity::Resting(source, coordinate) => {
@@ -97,8 +98,11 @@ impl Trials<'_> {
     fn columns(&self, values: &[f64]) -> (Vec<Of>, Vec<(Range<usize>, f64)>) {
         let mut asked: Vec<Of> = FREE.map(Of::Load).to_vec();
         let place = self.parameters.iter().zip(values).map(|(p, x)| {
-            let (from, (numbers, factor)) = (asked.len(), p.quantity.numbers(*x));
-            asked.extend(numbers);
+            let from = asked.len();
+            let factor = p.quantity.numbers(*x).map_or(0.0, |(numbers, factor)| {
+                asked.extend(numbers);
+                factor
+            });
             (from..asked.len(), factor)
         });
         let place = place.collect();
@@ -128,6 +132,33 @@ impl Trials<'_> {
     }
 }
 
+/// Derivatives by one quantity: of VV, IE [deg], ML, AP, SI [mm], and of the bundle forces [N].
+pub type ByOne = (Free<f64>, Vec<f64>);
+
+/// Derivatives of an answer by quantities that are the model's own numbers, at their values, an entry a quantity.
+///
+/// # Errors
+/// A quantity that stands beside the model; one that it does not have; a singular tangent.
+pub fn by_the_model(
+    model: &Model,
+    found: &sim::trials::Answer,
+    at: impl Iterator<Item = (Quantity, f64)>,
+) -> Result<Vec<ByOne>, SimError> {
+    let (mut asked, mut place) = (Vec::new(), Vec::new());
+    for (quantity, x) in at {
+        let beside = || SimError::Input(format!("{quantity:?} is no number of the model"));
+        let (numbers, factor) = quantity.numbers(x).ok_or_else(beside)?;
+        place.push((asked.len()..asked.len() + numbers.len(), factor));
+        asked.extend(numbers);
+    }
+    let s = sensitivities(model, found, &asked)?;
+    let by = |of: &(Range<usize>, f64)| {
+        let (pose, forces_n, _) = sum(&s, of);
+        (pose, forces_n)
+    };
+    Ok(place.iter().map(by).collect())
+}
+
 /// The sum of some columns times a factor.
 fn sum(s: &Sensitivities, (columns, factor): &(Range<usize>, f64)) -> Column {
     let mut out = (Free::all(0.0), vec![0.0; s.forces_n.nrows()], Six::zeros());
@@ -155,7 +186,7 @@ struct FrameJacobian<'a> {
     trials: &'a Trials<'a>,
     model: &'a Model,
     terms: &'a Terms,
-    trial: &'a Asked,
+    trial: &'a Trial,
     found: &'a sim::trials::Answer,
     gs: Six,
     tangent: nalgebra::LU<f64, nalgebra::Const<5>, nalgebra::Const<5>>,
@@ -166,7 +197,7 @@ impl<'a> FrameJacobian<'a> {
         trials: &'a Trials<'a>,
         model: &'a Model,
         terms: &'a Terms,
-        trial: &'a Asked,
+        trial: &'a Trial,
         found: &'a sim::trials::Answer,
     ) -> Result<FrameJacobian<'a>, SimError> {
         let free = free_block(&found.evaluation.hessian);
@@ -185,7 +216,7 @@ impl<'a> FrameJacobian<'a> {
         other.joint = self.trials.joint(&moved)?;
         let place = model.joint.pose(&found.state.q).femur;
         let mut q = other.joint.coordinates(&other.joint.grood_suntay_of(&place))?;
-        q[FE] = chain_flexion(&other, self.trial.fe_deg, self.trials.options)?;
+        q[FE] = chain_flexion(&other, self.trial.record.fe_deg, self.trials.options)?;
         let singular = || SimError::Solver("the tangent is singular: nothing holds the knee in one direction".into());
         // the pull there in the coordinates of the frames as they are, then as a wrench, then in the other frames' coordinates
         let there = other.joint.pose(&q);

@@ -1,7 +1,8 @@
 //! What a knee known by samples does in trials that nobody measured: equilibria at every sample, found from those of a point close by.
 
-use super::{Answers, Asked, Knee, Trials, plain, pressed};
+use super::{Answers, Knee, Trials, pressed};
 use crate::random::{normals, stream};
+use crate::trial::Trial;
 use nalgebra::{Cholesky, DMatrix, DVector};
 use rayon::prelude::*;
 use sim::SimError;
@@ -44,7 +45,7 @@ impl Trials<'_> {
     ) -> Result<Vec<Option<Prediction>>, SimError> {
         let knee = self.knee(self.values(z).into_iter().map(|v| v.0).collect())?;
         let before = self.knee(self.values(near.0).into_iter().map(|v| v.0).collect())?;
-        let of = |(trial, answer): (&Asked, &super::Answer)| {
+        let of = |(trial, answer): (&Trial, &super::Answer)| {
             let start = self.start(&knee, &before, trial, answer).ok();
             let near = || answer.near.clone();
             let found = start.and_then(|q| self.prediction(&knee, trial, q, (answer.pressed, near())).ok());
@@ -57,9 +58,8 @@ impl Trials<'_> {
     }
 
     /// The answer along the path of a trial's loading, as coordinates and contact force.
-    fn along_the_path(&self, knee: &Knee, trial: &Asked) -> Result<(Six, f64), SimError> {
-        let borne = Asked { load: self.borne(&knee.values, trial), ..trial.clone() };
-        let found = solve_trial(knee.of(trial).0, &plain(&borne), self.options)?;
+    fn along_the_path(&self, knee: &Knee, trial: &Trial) -> Result<(Six, f64), SimError> {
+        let found = solve_trial(knee.of(trial).0, &self.bearing(&knee.values, trial), self.options)?;
         Ok((found.state.q, pressed(&found.evaluation.contact.wrench)))
     }
 
@@ -68,14 +68,14 @@ impl Trials<'_> {
     fn prediction(
         &self,
         knee: &Knee,
-        trial: &Asked,
+        trial: &Trial,
         start: Six,
         (force, mut near): (f64, Nearby),
     ) -> Result<Prediction, SimError> {
         let (model, _) = knee.of(trial);
-        let model = &*model.pulled(trial.quadriceps_n)?;
-        let lean = self.lean(&knee.values, trial.fe_deg);
-        let flexion = chain_flexion(model, trial.fe_deg, self.options)?;
+        let model = &*model.pulled(trial.record.quadriceps_n)?;
+        let lean = self.lean(&knee.values, trial.record.fe_deg);
+        let flexion = chain_flexion(model, trial.record.fe_deg, self.options)?;
         let borne = self.borne(&knee.values, trial).generalised();
         let goal = |force: f64| Goal { flexion, load: borne + lean * force, flow: None };
         let (mut start, mut force) = (start, force);
@@ -106,7 +106,7 @@ impl Trials<'_> {
         let knee = self.knee(self.values(z).into_iter().map(|v| v.0).collect()).ok();
         let of = |i: usize| {
             let trial = &self.trials[i];
-            let model = &*knee.as_ref()?.of(trial).0.pulled(trial.quadriceps_n).ok()?;
+            let model = &*knee.as_ref()?.of(trial).0.pulled(trial.record.quadriceps_n).ok()?;
             let q = &found[i].q;
             Some(self.is_off_the_plateau(model, &model.joint.grood_suntay(q), &model.evaluate(q)))
         };

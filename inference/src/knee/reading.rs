@@ -1,8 +1,9 @@
 //! Readings of a knee in trials: poses, or displacements from the pose of another trial, as an apparatus shows them.
 
 use super::jacobian::Jacobian;
-use super::{Answer, Answers, Asked, Quantity, Trials};
+use super::{Answer, Answers, Quantity, Trials};
 use crate::posterior::Point;
+use crate::trial::Trial;
 use nalgebra::{DMatrix, DVector};
 use sim::coordinate::{Coordinate, FREE, Free};
 
@@ -10,7 +11,7 @@ impl Trials<'_> {
     /// Readings that count, in order: trial and coordinate.
     pub fn rows(&self) -> Vec<(usize, Coordinate)> {
         let of =
-            |(i, t): (usize, &Asked)| FREE.into_iter().filter(|&c| t.reads[c]).map(move |c| (i, c)).collect::<Vec<_>>();
+            |(i, t): (usize, &Trial)| FREE.into_iter().filter(|&c| t.reads[c]).map(move |c| (i, c)).collect::<Vec<_>>();
         self.trials.iter().enumerate().flat_map(of).collect()
     }
 
@@ -29,7 +30,7 @@ impl Trials<'_> {
         let t = &self.trials[trial];
         match (&p.quantity, t.from) {
             (Quantity::Compliance(source, of), Some(from)) if t.source == Some(*source) && *of == coordinate => {
-                t.load[coordinate] - self.trials[from].load[coordinate]
+                t.record.load[coordinate] - self.trials[from].record.load[coordinate]
             }
             _ => 0.0,
         }
@@ -61,27 +62,27 @@ impl Trials<'_> {
     /// Answers and their derivatives as a point; `values` are those of the parameters, with their derivatives by the standard normal numbers.
     pub(super) fn point(&self, found: Vec<(Answer, Jacobian)>, values: &[(f64, f64)]) -> Point<Answers> {
         let (rows, n) = (self.rows(), values.len());
-        let slope = DMatrix::from_fn(rows.len(), n, |r, k| {
+        let jacobian = DMatrix::from_fn(rows.len(), n, |r, k| {
             let (trial, c) = rows[r];
             let of_knee: f64 =
                 self.parts(trial).map(|(i, sign)| sign * found[i].1.predicted[(c.free_index(), k)]).sum();
             (of_knee + self.load_step(&self.parameters[k], trial, c)) * values[k].1
         });
         let mut belief = DVector::zeros(self.beliefs.len());
-        let mut belief_slope = DMatrix::zeros(self.beliefs.len(), n);
+        let mut belief_jacobian = DMatrix::zeros(self.beliefs.len(), n);
         for (r, b) in self.beliefs.iter().enumerate() {
             let (answer, jacobian) = &found[b.trial];
             let force: f64 = b.bundles.iter().map(|&k| answer.forces_n[k]).sum();
             belief[r] = (force - b.mean_n) / b.sd_n;
             for k in 0..n {
                 let by: f64 = b.bundles.iter().map(|&m| jacobian.forces_n[(m, k)]).sum();
-                belief_slope[(r, k)] = by * values[k].1 / b.sd_n;
+                belief_jacobian[(r, k)] = by * values[k].1 / b.sd_n;
             }
         }
         let state: Answers = found.into_iter().map(|f| f.0).collect();
         let plain: Vec<f64> = values.iter().map(|v| v.0).collect();
         let reading = DVector::from_iterator(rows.len(), rows.iter().map(|&(i, c)| self.read(&plain, &state, i)[c]));
         let one_side = self.beliefs.iter().map(|b| b.only_above).collect();
-        Point { reading, slope, belief, belief_slope, one_side, state }
+        Point { reading, jacobian, belief, belief_jacobian, one_side, state }
     }
 }

@@ -58,7 +58,7 @@ impl Forward for Drawer {
     fn at(&self, z: &DVector<f64>, _: Option<(&DVector<f64>, &())>) -> Option<Point<()>> {
         const STEP: f64 = 1e-5;
         let (reading, belief) = self.answers(z);
-        let (mut slope, mut belief_slope) = (DMatrix::zeros(reading.len(), 4), DMatrix::zeros(belief.len(), 4));
+        let (mut jacobian, mut belief_jacobian) = (DMatrix::zeros(reading.len(), 4), DMatrix::zeros(belief.len(), 4));
         for k in 0..4 {
             let beside = |by: f64| {
                 let mut z = z.clone();
@@ -66,11 +66,11 @@ impl Forward for Drawer {
                 self.answers(&z)
             };
             let (up, down) = (beside(STEP), beside(-STEP));
-            slope.set_column(k, &((up.0 - down.0) / (2.0 * STEP)));
-            belief_slope.set_column(k, &((up.1 - down.1) / (2.0 * STEP)));
+            jacobian.set_column(k, &((up.0 - down.0) / (2.0 * STEP)));
+            belief_jacobian.set_column(k, &((up.1 - down.1) / (2.0 * STEP)));
         }
         let one_side = vec![false; belief.len()];
-        Some(Point { reading, slope, belief, belief_slope, one_side, state: () })
+        Some(Point { reading, jacobian, belief, belief_jacobian, one_side, state: () })
     }
     fn starts_anew(&self, _: usize) -> bool {
         true

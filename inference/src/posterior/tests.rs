@@ -3,28 +3,29 @@ use crate::random::normal;
 
 /// Readings that are linear in the numbers, by a matrix, with a slight curve.
 struct Toy {
-    slope: DMatrix<f64>,
+    jacobian: DMatrix<f64>,
     curve: f64,
 }
 
 impl Forward for Toy {
     type State = ();
     fn size(&self) -> usize {
-        self.slope.ncols()
+        self.jacobian.ncols()
     }
     fn at(&self, z: &DVector<f64>, _: Option<(&DVector<f64>, &())>) -> Option<Point<()>> {
-        let s = &self.slope * z;
+        let s = &self.jacobian * z;
         let reading = s.map(|x| x + self.curve * x * x);
-        let slope = DMatrix::from_fn(s.len(), z.len(), |i, k| (1.0 + 2.0 * self.curve * s[i]) * self.slope[(i, k)]);
+        let jacobian =
+            DMatrix::from_fn(s.len(), z.len(), |i, k| (1.0 + 2.0 * self.curve * s[i]) * self.jacobian[(i, k)]);
         let none = DMatrix::zeros(0, z.len());
-        Some(Point { reading, slope, belief_slope: none, ..Point::default() })
+        Some(Point { reading, jacobian, belief_jacobian: none, ..Point::default() })
     }
 }
 
 /// A toy of `rows` readings of `n` numbers; the last number is not touched.
 fn toy(rows: usize, n: usize, curve: f64, seed: u64) -> Toy {
     let mut random = stream(seed, 7);
-    Toy { slope: DMatrix::from_fn(rows, n, |_, k| if k + 1 == n { 0.0 } else { normal(&mut random) }), curve }
+    Toy { jacobian: DMatrix::from_fn(rows, n, |_, k| if k + 1 == n { 0.0 } else { normal(&mut random) }), curve }
 }
 
 fn likelihood(toy: &Toy, truth: &DVector<f64>, sd: f64, seed: u64) -> Likelihood {
@@ -49,9 +50,9 @@ fn a_linear_model_has_the_closed_forms_posterior() {
     l.robust = 1e9;
     let options = Options { scale_noise: false, samples: 2000, ..Options::default() };
     let found = infer(&toy, &mut l, &[], &options).unwrap();
-    let precision = DMatrix::identity(6, 6) + toy.slope.tr_mul(&toy.slope) / 0.25;
+    let precision = DMatrix::identity(6, 6) + toy.jacobian.tr_mul(&toy.jacobian) / 0.25;
     let covariance = precision.clone().try_inverse().unwrap();
-    let mean = &covariance * toy.slope.tr_mul(&l.measured) / 0.25;
+    let mean = &covariance * toy.jacobian.tr_mul(&l.measured) / 0.25;
     assert_eq!(found.modes.len(), 1);
     assert!((&found.modes[0].z - &mean).amax() < 1e-3, "{} {mean}", found.modes[0].z);
     for k in 0..6 {
@@ -119,8 +120,8 @@ impl Forward for Square {
         1
     }
     fn at(&self, z: &DVector<f64>, _: Option<(&DVector<f64>, &())>) -> Option<Point<()>> {
-        let (reading, slope) = (DVector::from_element(1, z[0] * z[0]), DMatrix::from_element(1, 1, 2.0 * z[0]));
-        Some(Point { reading, slope, belief_slope: DMatrix::zeros(0, 1), ..Point::default() })
+        let (reading, jacobian) = (DVector::from_element(1, z[0] * z[0]), DMatrix::from_element(1, 1, 2.0 * z[0]));
+        Some(Point { reading, jacobian, belief_jacobian: DMatrix::zeros(0, 1), ..Point::default() })
     }
     fn starts_anew(&self, _: usize) -> bool {
         self.anew
@@ -207,12 +208,12 @@ impl Forward for Believed {
         1
     }
     fn at(&self, z: &DVector<f64>, _: Option<(&DVector<f64>, &())>) -> Option<Point<()>> {
-        let of = |slope: f64| DMatrix::from_element(1, 1, slope);
+        let of = |jacobian: f64| DMatrix::from_element(1, 1, jacobian);
         Some(Point {
             reading: z * self.reading,
-            slope: of(self.reading),
+            jacobian: of(self.reading),
             belief: DVector::from_element(1, self.belief * z[0] - self.bound),
-            belief_slope: of(self.belief),
+            belief_jacobian: of(self.belief),
             one_side: vec![self.one_side],
             state: (),
         })
@@ -248,7 +249,7 @@ fn samples_are_as_wide_as_the_posterior_with_beliefs() {
                 let (mean, sd) = moments(&found.samples, 0);
                 let (exact, exact_sd) = toy.exact(0.7);
                 let told = format!(
-                    "slope {belief}, bound {bound}, one side {one_side}, reading {reading}: {mean:.3} {sd:.3}, exact {exact:.3} {exact_sd:.3}"
+                    "jacobian {belief}, bound {bound}, one side {one_side}, reading {reading}: {mean:.3} {sd:.3}, exact {exact:.3} {exact_sd:.3}"
                 );
                 assert!((0.95..1.05).contains(&(sd / exact_sd)), "{told}");
                 assert!((mean - exact).abs() < 0.08 * exact_sd, "{told}");

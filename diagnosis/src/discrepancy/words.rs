@@ -1,6 +1,6 @@
 //! A field in words: which coordinate, at which flexion, at which load, where, and how large.
 
-use super::Wildcard;
+use super::Discrepancy;
 use super::kinds::{Bone, Course, FIELD, LOADS, amplitude};
 use super::suspects::{BESIDE, PULL, SHARE};
 use crate::candidate::Scope;
@@ -11,7 +11,7 @@ use sim::coordinate::{Coordinate, FE, IE, VV};
 const NAMES: [&str; 6] =
     ["flexion", "varus-valgus", "internal-external rotation", "medial-lateral", "anterior-posterior", "axial"];
 
-impl Wildcard {
+impl Discrepancy {
     /// In words.
     pub fn words(&self, problem: &Problem) -> String {
         let acts = |i: usize| problem.acts(self.scope, problem.trials[i].source);
@@ -119,7 +119,7 @@ impl Wildcard {
 
     /// What coordinate `c` has for every unit of load along `d`.
     fn per_load(&self, problem: &Problem, acts: &dyn Fn(usize) -> bool, (c, d): (Coordinate, Coordinate)) -> String {
-        let load = |i: usize| problem.trials[i].load[d] / LOADS[d.index()];
+        let load = |i: usize| problem.trials[i].load()[d] / LOADS[d.index()];
         let most = (0..self.mean.len()).filter(|&i| acts(i)).max_by(|&a, &b| load(a).abs().total_cmp(&load(b).abs()));
         let by = most.filter(|&i| load(i) != 0.0).map_or(0.0, |i| self.mean[i][c] / load(i));
         let (per, own) = unit(self.is_force, c);
@@ -128,8 +128,8 @@ impl Wildcard {
     }
 
     fn by_flexion(&self, problem: &Problem, acts: &dyn Fn(usize) -> bool, c: Coordinate, start: &str) -> String {
-        let bent = |i: usize| problem.trials[i].nominal > 45.0;
-        let pushed = |i: usize| c != FE && problem.trials[i].load[c].abs() > 1e-6;
+        let bent = |i: usize| problem.trials[i].record.nominal_flexion_deg > 45.0;
+        let pushed = |i: usize| c != FE && problem.trials[i].load()[c].abs() > 1e-6;
         let mean = |keep: &dyn Fn(usize) -> bool| self.mean_of(&|i| acts(i) && keep(i), c);
         let (near, far) = (mean(&|i| !bent(i)), mean(&|i| bent(i)));
         let profile = if near * far < 0.0 {

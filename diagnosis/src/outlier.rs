@@ -3,9 +3,11 @@
 //! A trial's scatter is a mixture: as declared, or with a small probability ten times as wide [box1968]. Which trials are wide is chosen with the
 //! unknowns, at a price, so that one outlier costs a hypothesis a limited number of nats instead of hundreds, and does not bend its parameters.
 
-use crate::covariance::{Readings, Whitening};
+use crate::covariance::Readings;
 use crate::error::DiagnosisError;
-use crate::trial::{Trial, row_of};
+use crate::trial::row_of;
+use inference::trial::Trial;
+use inference::whitening::Whitening;
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use sim::coordinate::FREE;
 use sim::laxity::Test;
@@ -31,7 +33,7 @@ pub struct Mixture {
 struct Group {
     trial: usize,
     /// Data set and test: of each, one trial at most is an outlier. Several that are off together are no accident.
-    kin: (usize, Test),
+    kin: (Option<usize>, Test),
     first: usize,
     count: usize,
 }
@@ -58,7 +60,7 @@ impl Mixture {
             match groups.last_mut() {
                 Some(g) if g.trial == trial => g.count += 1,
                 _ => {
-                    let kin = (trials[trial].source, trials[trial].test);
+                    let kin = (trials[trial].source, trials[trial].record.test);
                     groups.push(Group { trial, kin, first: row, count: 1 });
                 }
             }
@@ -173,9 +175,13 @@ mod tests {
         let n = 60;
         let text = "trial,test,nominal_flexion_deg,load_vv_nm,load_ie_nm,load_ml_n,load_ap_n,load_si_n,fe_deg,vv_deg,ie_deg,ml_mm,ap_mm,si_mm\n\
             a,anterior,30,0,0,0,100,20,30,0,0,0,9,-21\n";
-        let trial = Trial::alone(&sim::laxity::read(text.as_bytes()).unwrap().trials[0]);
-        let trials: Vec<Trial> =
-            (0..20).map(|i| Trial { test: TESTS[i % 4], source: i / 10, ..trial.clone() }).collect();
+        let trial = Trial::alone(sim::laxity::read(text.as_bytes()).unwrap().trials.remove(0));
+        let of = |i: usize| {
+            let mut one = Trial { source: Some(i / 10), ..trial.clone() };
+            one.record.test = TESTS[i % 4];
+            one
+        };
+        let trials: Vec<Trial> = (0..20).map(of).collect();
         let scatter = DMatrix::from_fn(n, n, |a, b| if a == b { 1.0 } else { 0.2 });
         let readings = Readings { rows: (0..n).map(|r| (r / 3, FREE[r % 3])).collect(), measured: DVector::zeros(n) };
         Mixture::new(&readings, scatter, &trials).unwrap()
@@ -194,7 +200,7 @@ mod tests {
     fn a_trial_by_itself_costs_what_the_mixture_has_it_cost() {
         let text = "trial,test,nominal_flexion_deg,load_vv_nm,load_ie_nm,load_ml_n,load_ap_n,load_si_n,fe_deg,vv_deg,ie_deg,ml_mm,ap_mm,si_mm\n\
             a,anterior,30,0,0,0,100,20,30,0,0,0,9,-21\n";
-        let trial = Trial::alone(&sim::laxity::read(text.as_bytes()).unwrap().trials[0]);
+        let trial = Trial::alone(sim::laxity::read(text.as_bytes()).unwrap().trials.remove(0));
         // ten are needed for one to be set aside
         let trials: Vec<Trial> = vec![trial; 10];
         let all = Readings { rows: (0..50).map(|r| (r / 5, FREE[r % 5])).collect(), measured: DVector::zeros(50) };
@@ -209,24 +215,24 @@ mod tests {
     }
 
     #[test]
-    fn one_odd_trial_costs_a_limited_number_of_nats_however_odd() {
+    fn one_outlier_costs_a_limited_number_of_nats_however_far_it_is() {
         let mixture = mixture();
         let usual = DVector::from_fn(60, |r, _| (r as f64 * 1.7).sin());
-        let mut odd = usual.clone();
-        odd[30] += 30.0;
-        let weighed = mixture.weigh(&odd);
+        let mut jumped = usual.clone();
+        jumped[30] += 30.0;
+        let weighed = mixture.weigh(&jumped);
         assert_eq!(weighed.outliers, [10]);
         let extra = weighed.cost - mixture.weigh(&usual).cost;
         assert!(extra > 5.0 && extra < 25.0, "{extra}");
         // the cost is that of the scatter with the outlier wide
         let wide = weighed.whitening.unwrap();
         let price = 0.5 * (wide.log_determinant() - mixture.plain().log_determinant()) - SHARE.ln();
-        assert!((weighed.cost - 0.5 * wide.white_vector(&odd).norm_squared() - price).abs() < 1e-8);
+        assert!((weighed.cost - 0.5 * wide.white_vector(&jumped).norm_squared() - price).abs() < 1e-8);
         // several of one test that are off are no outliers: one is set aside, the others count
         for trial in [14, 18] {
-            odd[3 * trial] += 30.0;
+            jumped[3 * trial] += 30.0;
         }
-        let weighed = mixture.weigh(&odd);
+        let weighed = mixture.weigh(&jumped);
         assert_eq!(weighed.outliers.len(), 1);
         assert!(weighed.cost > 500.0);
     }

@@ -110,11 +110,11 @@ impl Kind {
             _ => None,
         };
         let loaded =
-            |d: Coordinate| problem.trials.iter().any(|t| problem.acts(self.scope, t.source) && t.load[d] != 0.0);
+            |d: Coordinate| problem.trials.iter().any(|t| problem.acts(self.scope, t.source) && t.load()[d] != 0.0);
         axis.is_none_or(loaded)
     }
 
-    /// Whether an effect of the catalogue does just this: what has a name there is not nameless.
+    /// Whether an effect of the catalogue does just this: what has a name there is none of these.
     pub(super) fn has_a_name(&self, catalogue: &Catalogue) -> bool {
         let name = match (self.is_force, self.course, self.only) {
             (true, Course::Constant, Some(IE | AP)) => "load_bias",
@@ -165,7 +165,7 @@ pub(super) fn kinds(sources: &[usize]) -> Vec<Kind> {
     out
 }
 
-/// How likely each kind is before any data: smooth fields are half of what is nameless, each group of suspects as likely as another.
+/// How likely each kind is before any data: smooth fields are half of what has no name, each group of suspects as likely as another.
 pub(super) fn shares(kinds: &[Kind]) -> Vec<f64> {
     let groups: Vec<usize> = kinds.iter().map(|k| k.course.group()).collect();
     let in_group = |g: usize| groups.iter().filter(|&&other| other == g).count() as f64;
@@ -200,7 +200,7 @@ mod tests {
     }
 
     #[test]
-    fn what_the_catalogue_has_a_name_for_is_not_nameless() {
+    fn what_the_catalogue_has_a_name_for_is_no_field_of_no_name() {
         let all = kinds(&[0]);
         let named = |catalogue: &Catalogue| all.iter().filter(|k| k.has_a_name(catalogue)).count();
         let shipped = Catalogue::shipped();

@@ -38,7 +38,7 @@ fn along(problem: &Problem, (fit, unloaded): (&Fit, &[Start]), kind: &Kind, c: C
         let at = |i: usize| if acts(i) { amplitude * value(i) } else { 0.0 };
         (0..n).map(|i| Six::from_fn(|k, _| if k == c.index() { at(i) } else { 0.0 })).collect()
     };
-    let load = |i: usize, d: Coordinate| problem.trials[i].load[d] / LOADS[d.index()];
+    let load = |i: usize, d: Coordinate| problem.trials[i].load()[d] / LOADS[d.index()];
     let moved = |i: usize| fit.linear.rests[i].q[c] - unloaded[i].q[c];
     match kind.course {
         Course::Constant => vec![column(&|_| 1.0)],
@@ -50,12 +50,12 @@ fn along(problem: &Problem, (fit, unloaded): (&Fit, &[Start]), kind: &Kind, c: C
             vec![column(&|i| -sign * (sign * moved(i) - from * farthest).max(0.0) / (0.5 * RANGES[c.index()]))]
         }
         Course::Near { bent } => {
-            let to = |i: usize| (problem.trials[i].flexion / MIDDLE - 1.0) * if bent { 1.0 } else { -1.0 };
+            let to = |i: usize| (problem.trials[i].flexion() / MIDDLE - 1.0) * if bent { 1.0 } else { -1.0 };
             vec![column(&|i| to(i).max(0.0))]
         }
         Course::Flexion | Course::Motion => {
             let correlation = DMatrix::from_fn(n, n, |i, k| {
-                let mut d = ((problem.trials[i].flexion - problem.trials[k].flexion) / RANGES[FE.index()]).powi(2);
+                let mut d = ((problem.trials[i].flexion() - problem.trials[k].flexion()) / RANGES[FE.index()]).powi(2);
                 if kind.course == Course::Motion {
                     d += ((moved(i) - moved(k)) / RANGES[c.index()]).powi(2);
                 }
@@ -78,7 +78,7 @@ fn sways(problem: &Problem, fit: &Fit, kind: &Kind, bone: Bone) -> Vec<Part> {
             return Six::zeros();
         }
         let gs = problem.models.of(trial.source).joint.grood_suntay(&fit.linear.rests[i].q);
-        let by = swayed(&gs, &trial.load, bone)[axis];
+        let by = swayed(&gs, &trial.load(), bone)[axis];
         let mut out = Six::zeros();
         out[FE] = by[FE].to_degrees();
         FREE.iter().zip(PER_UNIT).for_each(|(&c, unit)| out[c] = by[c] / unit);

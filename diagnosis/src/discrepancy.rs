@@ -1,7 +1,7 @@
 //! Candidate zero: fields of generalised forces, or of misreadings, of no name, from the same in every trial to smooth in flexion and motion, along the
 //! load or across it; and suspects that are no effects of the catalogue: one-sided stops, forces near extension or in flexion alone, trackers that sway,
 //! bones of another size, cruciates that press on each other, pulls along lines of no name. What the catalogue has a name for is not
-//! nameless. Where they explain what a named effect leaves, or more than it does, the answer is outside the catalogue.
+//! among them. Where they explain what a named effect leaves, or more than it does, the answer is outside the catalogue.
 
 mod kinds;
 mod parts;
@@ -14,8 +14,8 @@ use crate::covariance::Readings;
 use crate::error::DiagnosisError;
 use crate::fit::Fit;
 use crate::jacobian::Jacobian;
+use crate::outlier::price;
 use crate::problem::Problem;
-use crate::robust::price;
 use crate::screen::Marginal;
 use crate::trial::at_row;
 use nalgebra::{DMatrix, DVector};
@@ -29,9 +29,9 @@ use parts::parts;
 /// Sizes of a field over those amplitudes [-].
 const SIZES: [f64; 3] = [0.3, 1.0, 3.0];
 
-/// What the wildcard explains beyond a fit.
+/// What fields of no name explain beyond a fit.
 #[derive(Clone, Debug)]
-pub struct Wildcard {
+pub struct Discrepancy {
     /// Log Bayes factor of a field of unknown kind against the fit alone.
     pub log_bayes_factor: f64,
     /// Log evidence of the fit and a field of unknown kind, on the scale of [`Fit::log_evidence`]; linear about the fit.
@@ -88,11 +88,11 @@ fn responses(problem: &Problem, fit: &Fit) -> Result<Vec<Response>, DiagnosisErr
 /// Fields beside a fit to some readings of some scatter: what they explain together, each size as likely as another, and the mean of the likeliest.
 ///
 /// Errors: a model that cannot be evaluated.
-pub fn wildcard(
+pub fn discrepancy(
     problem: &Problem,
     (readings, covariance): (&Readings, &DMatrix<f64>),
     fit: &Fit,
-) -> Result<Wildcard, DiagnosisError> {
+) -> Result<Discrepancy, DiagnosisError> {
     let responses = responses(problem, fit)?;
     let marginal = Marginal::new(fit, readings, covariance)?;
     let is_one = |k: &Kind| k.is_felt(problem) && !k.has_a_name(&problem.catalogue);
@@ -115,7 +115,7 @@ pub fn wildcard(
     let spectrum = Spectrum::new(&marginal, readings, &signature(&of, &responses, kind.is_force));
     let weights = spectrum.weights(SIZES[k % SIZES.len()]);
     let log_bayes_factor = flat[k] + all.ln();
-    Ok(Wildcard {
+    Ok(Discrepancy {
         log_bayes_factor,
         log_evidence: log_bayes_factor + marginal.log_density() - price(fit.outliers.len()),
         is_force: kind.is_force,
@@ -183,7 +183,7 @@ fn at_trials(parts: &[Part], weights: &DVector<f64>, trials: usize) -> Vec<Six> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::covariance::Whitening;
+    use inference::whitening::Whitening;
 
     /// Readings of `n` rows with a scatter of two in each, and a residual.
     fn marginal(residual: &DVector<f64>) -> (Marginal, Readings) {

@@ -30,9 +30,9 @@ pub(super) fn acting(
 ) -> Vec<Part> {
     // a fit whose model cannot be made has been told of before its fields are asked for
     let Ok(models) = problem.models_at(&fit.unknowns) else { return vec![] };
-    let at = |(trial, rest): (&crate::trial::Trial, &sim::equilibrium::Equilibrium)| -> Vec<Six> {
+    let at = |(trial, rest): (&inference::trial::Trial, &sim::equilibrium::Equilibrium)| -> Vec<Six> {
         let acts = if problem.acts(kind.scope, trial.source) { 1.0 } else { 0.0 };
-        let forces = forces(&problem.place.situation(models.of(trial.source), trial, &trial.load, &rest.q));
+        let forces = forces(&problem.place.situation(models.of(trial.source), trial, &trial.load(), &rest.q));
         // flexion is prescribed: no force moves it
         forces.iter().map(|f| Six::from_fn(|c, _| if c == FE.index() { 0.0 } else { acts * f[c] })).collect()
     };
@@ -106,7 +106,7 @@ pub fn impinging(here: &Situation, from: f64) -> Six {
         let side = |s: f64| {
             let mut q = here.q;
             q[j] += s * h;
-            between(&here.place.situation(here.model, here.trial, here.load, &q)).unwrap_or(now)
+            between(&here.place.situation(here.model, here.trial, &here.load, &q)).unwrap_or(now)
         };
         CORD * over * (side(1.0) - side(-1.0)) / (2.0 * h)
     })
