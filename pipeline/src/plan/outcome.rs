@@ -137,7 +137,7 @@ pub(super) fn outcome_of(
     file: &PlanFile,
     samples: Option<(&Samples, &[usize])>,
 ) -> Result<Outcome, String> {
-    file.check()?;
+    file.check().map_err(|wrong| wrong.told)?;
     let asked = tests(&file.tests);
     let (knee, placed) = Knee::new(spec, surfaces, file, (&ContactOptions::default(), None))?;
     let best = knee.answers(&asked);
