@@ -13,7 +13,7 @@ const INTO_A_BUILD: [&str; 3] = ["build", "check", "credibility"];
 
 /// The folder of `--out`, and what the verb reads.
 #[derive(Clone, Debug, Default)]
-pub struct OutFolder {
+pub(crate) struct OutFolder {
     verb: String,
     out: Option<PathBuf>,
     /// Folders that are named, and those of models that are named.
@@ -22,7 +22,7 @@ pub struct OutFolder {
 
 impl OutFolder {
     /// Of a command line that clap has read.
-    pub fn of(command: &Command, matches: &ArgMatches) -> OutFolder {
+    pub(crate) fn of(command: &Command, matches: &ArgMatches) -> OutFolder {
         if let Some((name, inner)) = matches.subcommand() {
             let Some(verb) = command.find_subcommand(name) else { return OutFolder::default() };
             let within = OutFolder::of(verb, inner);
@@ -37,14 +37,20 @@ impl OutFolder {
         OutFolder {
             verb: String::new(),
             out: outs.into_iter().flat_map(values).next().map(PathBuf::from),
-            inputs: others.into_iter().flat_map(values).filter_map(|text| input(&text)).collect(),
+            // a word such as that of --source is no folder, though one may be called so
+            inputs: others
+                .into_iter()
+                .filter(|a| a.is_positional())
+                .flat_map(values)
+                .filter_map(|t| input(&t))
+                .collect(),
         }
     }
 
     /// Refuses a folder of a specimen, of a stage, of what is read; that of a build where the verb's results do not belong there.
     ///
     /// Errors: [`BuildError::Usage`], with the folder and another.
-    pub fn checked(&self) -> Result<(), BuildError> {
+    pub(crate) fn checked(&self) -> Result<(), BuildError> {
         let Some(out) = &self.out else { return Ok(()) };
         let Ok(place) = store::absolute(out) else { return Ok(()) };
         let belongs = self.verb.is_empty() || INTO_A_BUILD.contains(&self.verb.as_str());
@@ -129,9 +135,9 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let place = |name: &str| folder.path().join(name).display().to_string();
         let (knee, build, stage) = (place("knee"), place("knee/build"), place("knee/build/10-calibrate/joint"));
-        std::fs::create_dir_all(&stage).unwrap();
-        std::fs::write(place("knee/specimen.toml"), "").unwrap();
-        std::fs::write(place("knee/build/log.jsonl"), "").unwrap();
+        store::make_folder(Path::new(&stage)).unwrap();
+        store::write(Path::new(&place("knee/specimen.toml")), b"").unwrap();
+        store::write(Path::new(&place("knee/build/log.jsonl")), b"").unwrap();
         for verb in VERBS {
             let with = |out: &str| {
                 let words: Vec<String> = verb.iter().map(|w| w.replace("KNEE", &knee)).collect();
@@ -163,7 +169,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let own = folder.path().display().to_string();
         let model = folder.path().join("model.json").display().to_string();
-        std::fs::write(&model, "{}").unwrap();
+        store::write(Path::new(&model), b"{}").unwrap();
         for words in [
             &["calibrate", &model, "--targets", "kla=kla.csv"][..],
             &["validate", &own],
@@ -173,8 +179,11 @@ mod tests {
             assert!(error.contains("a folder that is read") && error.contains(words[0]), "{error}");
         }
         let deck = folder.path().join("deck.inp").display().to_string();
-        std::fs::write(&deck, "").unwrap();
+        store::write(Path::new(&deck), b"").unwrap();
         assert_eq!(told(&["import-abaqus", &deck, "--out", &own]), None);
+        // a data set that is called as the folder is none that is read
+        let of_set = ["calibrate", "KNEE", "--source", &own, "--targets", "kla=kla.csv", "--out", &own];
+        assert_eq!(told(&of_set), None, "the model.json there is not the one that is named");
         // a file for results is no folder
         assert_eq!(told(&["simulate", &own, "--protocol", "pivot-shift", "--out", &own]), None);
     }

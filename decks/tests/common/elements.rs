@@ -1,4 +1,5 @@
 //! The law of a table of elements: each is told, without effect or refused as the table says.
+#![allow(clippy::unwrap_used, reason = "tests")]
 
 use super::knees::told;
 use decks::known::{Class, Known};

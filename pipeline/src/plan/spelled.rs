@@ -289,7 +289,10 @@ restored_deg = 3
             told("[[graft]]", "[graft]"),
             "line 8: graft is a table; expected a table a graft, such as [[graft]]"
         );
-        assert!(told("\ntension_n", "\ntenshun_n").contains("no key graft[0].tenshun_n, did you mean tension_n"));
+        let misspelt = told("\ntension_n", "\ntenshun_n");
+        assert!(
+            misspelt.starts_with("line 19: no key graft[0].tenshun_n") && misspelt.contains("did you mean tension_n?")
+        );
         assert!(told("tibia = {", "# tibia = {").starts_with("line 8: graft[0].tibia is not there; expected a table"));
         assert!(told("[tests]", "[test]").starts_with("line 23: no key test"));
     }

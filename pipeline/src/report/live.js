@@ -135,7 +135,7 @@
     quiet = setTimeout(intervals, QUIET_MS);
   }
 
-  const intervalWords = ({ asked, lost, leaving, differing, bands }) => {
+  const intervalWords = ({ asked, lost, leaving, differing = [], bands }) => {
     if (!Object.keys(bands).length) return `In ${leaving} of ${asked} samples the femur leaves the plateau: no intervals are shown.`;
     const share = `${Math.round(100 * about.interval)} % intervals by ${asked - lost - leaving} of ${about.samples} samples of the calibration.`;
     const more = leaving ? [`In ${leaving} more the femur leaves the plateau.`] : [];
