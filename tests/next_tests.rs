@@ -55,6 +55,14 @@ fn what_cannot_be_asked_is_one_clear_error() {
     run(&["--for", "ACl"]).code(2).stderr(contains("did you mean ACL"));
     run(&["--for", "ACL", "--noise-mm", "0"]).code(2).stderr(contains("--noise-mm is 0"));
     run(&["--for", "ACL", "--count", "0"]).code(2);
+    for wrong in ["-1", "5001", "nan", "inf", "many"] {
+        let said = run(&["--for", "ACL", "--compression", wrong]).code(2);
+        said.stderr(contains("--compression")).stderr(contains("expected a number from 0 to"));
+    }
+    for wrong in ["-1", "1.5", "nan"] {
+        let said = run(&["--for", "ACL", "--samples", wrong]).code(2);
+        said.stderr(contains("--samples")).stderr(contains("expected a whole number, 0 or more"));
+    }
     run(&["--for", "ACL", "--without", "AGL"]).failure().stderr(contains("no bundle is named"));
     run(&["--for", "ACL", "--as-assembled"]).failure().stderr(contains("expected a calibrated knee"));
 }

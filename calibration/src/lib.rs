@@ -18,6 +18,7 @@ pub mod design;
 pub mod error;
 pub mod experiment;
 pub mod inferred;
+pub mod kinds;
 pub mod knee;
 mod last_forces;
 mod mechanics;

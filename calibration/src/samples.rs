@@ -5,6 +5,7 @@
 use crate::changed::{Changed, Fixed};
 use crate::error::CalibrationError;
 use crate::inferred::MODEL_DISCREPANCY;
+use crate::kinds::Kinds;
 use crate::mechanics::Mechanics;
 use crate::plateau::Staying;
 use crate::posterior::{ends, mean};
@@ -57,6 +58,8 @@ pub struct Bands {
     pub rows: Vec<Vec<(String, Band)>>,
     /// Samples whose femur leaves the plateau, by row.
     pub leaving: Vec<usize>,
+    /// Of the others, those that rest in another way than the most probable knee, by row.
+    pub kinds: Vec<Kinds>,
     /// Samples asked.
     pub asked: usize,
     /// Largest number of samples without an equilibrium in a row.
@@ -117,7 +120,12 @@ pub fn group_sums(bundles: &[String], forces_n: &[f64]) -> Vec<(String, f64)> {
 impl Bands {
     /// Of trials that no sample was asked.
     fn nothing(trials: usize) -> Bands {
-        Bands { rows: vec![vec![]; trials], leaving: vec![0; trials], ..Bands::default() }
+        Bands {
+            rows: vec![vec![]; trials],
+            leaving: vec![0; trials],
+            kinds: vec![Kinds::default(); trials],
+            ..Bands::default()
+        }
     }
 }
 
@@ -218,7 +226,13 @@ impl Samples {
         let rows = staying.iter().enumerate().map(row).collect();
         let leaving = staying.iter().map(|s| s.leaving).collect();
         let lost = staying.iter().map(|s| s.lost).max().unwrap_or(0);
-        Ok(Bands { rows, leaving, asked: found.len(), lost })
+        let stays = |p: &&Prediction| !p.leaves_the_plateau;
+        let kinds = place.iter().map(|i| {
+            let here = found.iter().filter_map(|f| f[*i].as_ref()).filter(stays);
+            Kinds::of(own[*i].as_ref().map(|p| &p.pose), here.map(|p| (p.pose, p.is_subluxed)))
+        });
+        let kinds = kinds.collect();
+        Ok(Bands { rows, leaving, kinds, asked: found.len(), lost })
     }
 
     /// Bands of readings of changes, an entry each, of the samples that stay on the plateau at both ends; `None` where fewer than two do.

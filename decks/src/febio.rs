@@ -13,6 +13,7 @@ mod mesh;
 mod sides;
 
 use crate::DeckError;
+use crate::elements::Judged;
 use crate::faces::{SOLID_MM, extent, thickened};
 use crate::import::{ImportedDeck, check_unit, ct_pose};
 use crate::opensim::Given;
@@ -45,7 +46,7 @@ pub fn import(main: &str, bytes: &[u8], given: &Given) -> Result<ImportedDeck, D
     let text = plain(main, bytes)?;
     let tree = Tree::new(main, &text, "a FEBio file (.feb)", Some(','))?;
     document(&tree)?;
-    let known::Judged { objects, told } = known::judge(&tree)?;
+    let Judged { objects, told } = known::TABLE.judge(&tree, tree.root())?;
     module(&tree, &objects)?;
     let mesh = Mesh::new(&tree, &objects)?;
     let bodies = Bodies::new(&tree, &mesh, &objects)?;

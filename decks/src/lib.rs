@@ -14,6 +14,7 @@
 mod axes;
 mod bodies;
 mod contact;
+mod elements;
 mod export;
 pub mod expression;
 mod faces;

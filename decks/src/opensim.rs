@@ -14,6 +14,7 @@ mod ligaments;
 mod places;
 
 use crate::DeckError;
+use crate::elements::Judged;
 pub use crate::faces::thickened;
 use crate::import::{ImportedDeck, check_unit, ct_pose};
 use crate::keyword::ReadFile;
@@ -52,7 +53,7 @@ pub fn import(main: &str, bytes: &[u8], read: &mut ReadFile, given: &Given) -> R
     let text = plain(main, bytes)?;
     let tree = Tree::new(main, &text, "an OpenSim model", None)?;
     let model = tree.model()?;
-    let known::Judged { objects, told } = known::judge(&tree, model)?;
+    let Judged { objects, told } = known::TABLE.judge(&tree, model)?;
     let mut files = Files { main, read };
     let places = places::Places::new(&tree, model, &objects)?;
     let forces = forces::forces(&tree, &places, &objects)?;

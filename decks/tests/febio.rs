@@ -1,17 +1,15 @@
 //! FEBio knees: laws of what is read, and what is told or refused.
 
+use crate::common::elements::{Law, each_is_what_the_table_says};
+use crate::common::knees::{N, answer, apart, ball, pressed, quads, told};
 use crate::febio_knee::{
-    CONTACT, FRAMES, LIGAMENTS, N, PENALTY, STIFFNESS, TOE_MM, ball, bare, curve, force, knee, layered, list, plateau,
-    pts, quads,
+    CONTACT, FRAMES, LIGAMENTS, PENALTY, STIFFNESS, TOE_MM, bare, curve, force, knee, layered, list, plateau, pts,
 };
 use decks::febio::{elements, import};
-use decks::known::Class;
 use decks::opensim::Given;
 use decks::{DeckError, ImportedDeck};
 use meshes::frame::Side;
-use sim::coordinate::Load;
 use sim::spec::{ContactSpec, LayerLaw};
-use sim::trials::{TrialOptions, solve};
 use std::fmt::Write;
 
 fn read_as(text: &str, given: &Given) -> Result<ImportedDeck, DeckError> {
@@ -22,29 +20,8 @@ fn read(text: &str) -> Result<ImportedDeck, DeckError> {
     read_as(text, &Given::default())
 }
 
-/// Where the knee stands under a load at a flexion, in Grood-Suntay coordinates, and its fibres' forces.
-fn answer(deck: &ImportedDeck, flexion: f64, load: &Load) -> (Vec<f64>, Vec<f64>) {
-    let model = sim::compile(&deck.spec, &deck.meshes).expect("a model");
-    let q = solve(&model, flexion, load, &TrialOptions::default()).expect("an equilibrium").state.q;
-    let forces = model.bundle_forces(&model.evaluate(&q).fibres);
-    (model.joint.grood_suntay(&q).as_slice().to_vec(), forces)
-}
-
-fn pressed(anterior: f64) -> Load {
-    Load::new(0.0, 0.0, 0.0, anterior, 50.0)
-}
-
-fn apart(a: &[f64], b: &[f64]) -> f64 {
-    assert_eq!(a.len(), b.len());
-    a.iter().zip(b).map(|(a, b)| (a - b).abs() / (1.0 + a.abs())).fold(0.0, f64::max)
-}
-
 fn pressure(c: &ContactSpec, d: f64) -> f64 {
     sim::contact::law::PressureLaw::new(&c.overclosure_mm, &c.pressure_mpa).expect("a law").at(d).1
-}
-
-fn told(deck: &ImportedDeck) -> String {
-    deck.spec.warnings.join("\n")
 }
 
 #[test]
@@ -289,29 +266,14 @@ fn every_element_of_the_table_is_what_the_table_says() {
         Some((tag, kind)) => format!("<{tag} type=\"{kind}\"/>"),
         None => format!("<{name}/>"),
     };
-    let of = |class: Class| elements().iter().filter(move |(_, e)| e.class == class).map(|(name, e)| (*name, e.why));
-    let line = |text: &str, part: &str| 1 + text[..text.find(part).unwrap()].matches('\n').count();
     let with = |part: &str| {
         let mut knee = knee();
         knee.more = format!("<Step><step>\n{part}</step></Step>");
         knee.text()
     };
-    let all = with(&of(Class::Told).map(|(name, _)| element(name) + "\n").collect::<String>());
-    let said = told(&read(&all).unwrap());
-    for (name, why) in of(Class::Told) {
-        let at = line(&all, &element(name));
-        let named = name.replacen(':', " ", 1);
-        // the first of one name is told with its line
-        assert!(said.contains(&format!("ball.feb:{at}: {named} is passed over: {why}")), "{name}: {said}");
-    }
-    let harmless = with(&of(Class::Harmless).map(|(name, _)| element(name)).collect::<String>());
-    assert_eq!(read(&harmless).unwrap().spec.warnings, read(&knee().text()).unwrap().spec.warnings);
-    for (name, why) in of(Class::Refused) {
-        let text = with(&element(name));
-        let e = read(&text).unwrap_err();
-        assert!(e.line == line(&text, &element(name)) && e.message.contains(why), "{name}: {e}");
-    }
-    let counts = [Class::Told, Class::Harmless, Class::Refused].map(|class| of(class).count());
+    let file = |part: Option<&str>| part.map_or_else(|| knee().text(), with);
+    let law = Law { table: elements(), file: "ball.feb", element: &element, with: &file, read: &read };
+    let counts = each_is_what_the_table_says(&law);
     assert!(counts[0] > 100 && counts[1] > 5 && counts[2] > 10, "{counts:?}");
     assert!(told(&read(&with("<Wonder/>")).unwrap()).contains("Wonder is passed over: FEBio 4 has no such element"));
     let e = read(&with("<contact type=\"sliding-elastc\" surface_pair=\"tf\"/>")).unwrap_err();

@@ -1,5 +1,6 @@
 //! A knee as FEBio has it, made in words.
 
+use crate::common::knees::{self, Ligament, ball, points, quads};
 use std::fmt::Write;
 
 /// A right knee as FEBio's format 4.0 has it: a ball of 30 mm on a flat plateau, six springs. x forwards, y to the head, z to the right.
@@ -17,7 +18,7 @@ pub(crate) struct Knee {
 }
 
 /// Name, femoral and tibial end [mm], lengthening at which it begins to pull [mm].
-pub(crate) const LIGAMENTS: [(&str, [f64; 3], [f64; 3], f64); 6] = [
+pub(crate) const LIGAMENTS: [Ligament; 6] = [
     ("ACLam1", [-15.0, 5.0, 5.0], [15.0, -31.0, 0.0], -1.0),
     ("ACLpl1", [-16.0, 0.0, 6.0], [8.0, -31.0, 2.0], -1.4),
     ("PCLal1", [5.0, 0.0, -5.0], [-22.0, -35.0, 0.0], -0.3),
@@ -32,28 +33,11 @@ pub(crate) const PENALTY: f64 = 4.0;
 pub(crate) const CONTACT: &str = "<contact name=\"tf\" type=\"sliding-elastic\" surface_pair=\"tf\"><laugon>PENALTY</laugon><penalty>4.0</penalty><auto_penalty>0</auto_penalty><two_pass>0</two_pass><search_radius>5</search_radius></contact>";
 pub(crate) const FRAMES: [(&str, [f64; 3]); 2] = [("femur", [0.0, 0.0, 0.0]), ("tibia", [0.0, -30.0, 0.0])];
 
-pub(crate) fn ball(radius: f64, u: f64, v: f64) -> [f64; 3] {
-    let (a, b) = (u * 1.1, v * 1.1);
-    [radius * a.sin() * b.cos(), -radius * a.cos() * b.cos(), radius * b.sin()]
-}
+/// Half the side of the plateau [mm].
+const HALF_MM: f64 = 30.0;
 
 pub(crate) fn plateau(height: f64, u: f64, v: f64) -> [f64; 3] {
-    [30.0 * u, height, 30.0 * v]
-}
-
-/// Steps of a grid a side.
-pub(crate) const N: usize = 60;
-
-/// Quads of a grid of points.
-pub(crate) fn quads(first: usize, turned: bool) -> Vec<[usize; 4]> {
-    let mut out = Vec::new();
-    for i in 0..N {
-        for j in 0..N {
-            let [a, b, c, d] = [(i, j), (i, j + 1), (i + 1, j + 1), (i + 1, j)].map(|(i, j)| first + i * (N + 1) + j);
-            out.push(if turned { [a, d, c, b] } else { [a, b, c, d] });
-        }
-    }
-    out
+    knees::plateau(HALF_MM, height, u, v)
 }
 
 pub(crate) fn list(nodes: &[usize]) -> String {
@@ -74,8 +58,7 @@ impl Knee {
 
     /// A face as quads of a shell of that material, and as the surface `NAME_surface`.
     pub(crate) fn face(&mut self, name: &str, at: impl Fn(f64, f64) -> [f64; 3], turned: bool) {
-        let grid = (0..=N).flat_map(|i| (0..=N).map(move |j| [i, j].map(|k| 2.0 * k as f64 / N as f64 - 1.0)));
-        let first = self.nodes(&format!("{name}_nodes"), grid.map(|[u, v]| at(u, v)));
+        let first = self.nodes(&format!("{name}_nodes"), points(at));
         let (mut elements, mut faces) = (String::new(), String::new());
         for q in quads(first, turned) {
             self.element += 1;
@@ -92,9 +75,8 @@ impl Knee {
 
     /// A layer of one hexahedron in depth, its inner nodes fixed to the bone of that material.
     fn layer(&mut self, name: &str, at: impl Fn(f64, f64, bool) -> [f64; 3], turned: bool) {
-        let grid = || (0..=N).flat_map(|i| (0..=N).map(move |j| [i, j].map(|k| 2.0 * k as f64 / N as f64 - 1.0)));
-        let outer = self.nodes(&format!("{name}_outer"), grid().map(|[u, v]| at(u, v, true)));
-        let inner = self.nodes(&format!("{name}_inner"), grid().map(|[u, v]| at(u, v, false)));
+        let outer = self.nodes(&format!("{name}_outer"), points(|u, v| at(u, v, true)));
+        let inner = self.nodes(&format!("{name}_inner"), points(|u, v| at(u, v, false)));
         let (mut elements, mut faces) = (String::new(), String::new());
         for (top, low) in quads(outer, turned).into_iter().zip(quads(inner, turned)) {
             self.element += 1;

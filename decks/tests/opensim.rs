@@ -1,12 +1,13 @@
 //! OpenSim knees: laws of what is read, and what is told or refused.
 
+use crate::common::elements::{Law, each_is_what_the_table_says};
+use crate::common::knees::{Ligament, answer, apart, ball, plateau, points, pressed, quads};
 use decks::known::Class;
 use decks::opensim::{Given, elements, import};
 use decks::{DeckError, ImportedDeck};
 use meshes::frame::Side;
-use sim::coordinate::{AP, FE, Load};
+use sim::coordinate::{AP, FE};
 use sim::spec::LayerLaw;
-use sim::trials::{TrialOptions, solve};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
@@ -53,7 +54,7 @@ LIGAMENTS
 "#;
 
 /// Name, femoral and tibial end [m], slack length [m].
-const LIGAMENTS: [(&str, [f64; 3], [f64; 3], f64); 6] = [
+const LIGAMENTS: [Ligament; 6] = [
     ("ACLam1", [-0.015, 0.005, 0.005], [0.015, -0.031, 0.0], 0.046),
     ("ACLpl1", [-0.016, 0.0, 0.006], [0.008, -0.031, 0.002], 0.038),
     ("PCLal1", [0.005, 0.0, -0.005], [-0.022, -0.035, 0.0], 0.044),
@@ -63,6 +64,8 @@ const LIGAMENTS: [(&str, [f64; 3], [f64; 3], f64); 6] = [
 ];
 const STIFFNESS_N: f64 = 4000.0;
 const TRANSITION: f64 = 0.06;
+/// Half the side of the plateau [m].
+const HALF_M: f64 = 0.03;
 
 fn point(body: &str, at: &[f64; 3]) -> String {
     format!(
@@ -78,54 +81,41 @@ fn ligament(name: &str, points: &str, slack: f64) -> String {
 }
 
 fn knee() -> String {
-    let one = |(name, femur, tibia, slack): &(&str, [f64; 3], [f64; 3], f64)| {
+    let one = |(name, femur, tibia, slack): &Ligament| {
         let points = point("/bodyset/femur_r", femur) + &point("/bodyset/tibia_r", tibia);
         ligament(name, &points, *slack)
     };
     KNEE.replace("LIGAMENTS", &LIGAMENTS.iter().map(one).collect::<String>())
 }
 
-/// A grid of points as OBJ; `at` gives a point of it [m] for two numbers from -1 to 1.
+/// A grid of points [m] as OBJ.
 fn grid(at: impl Fn(f64, f64) -> [f64; 3], turned: bool) -> Vec<u8> {
-    const N: usize = 60;
     let mut out = String::new();
-    for i in 0..=N {
-        for j in 0..=N {
-            let [x, y, z] = at(2.0 * i as f64 / N as f64 - 1.0, 2.0 * j as f64 / N as f64 - 1.0);
-            let _ = writeln!(out, "v {x:?} {y:?} {z:?}");
-        }
+    for [x, y, z] in points(at) {
+        let _ = writeln!(out, "v {x:?} {y:?} {z:?}");
     }
-    for i in 0..N {
-        for j in 0..N {
-            let [a, b, c, d] = [(i, j), (i, j + 1), (i + 1, j + 1), (i + 1, j)].map(|(i, j)| i * (N + 1) + j + 1);
-            let _ = match turned {
-                true => writeln!(out, "f {a} {d} {c}\nf {a} {c} {b}"),
-                false => writeln!(out, "f {a} {b} {c}\nf {a} {c} {d}"),
-            };
-        }
+    for [a, b, c, d] in quads(1, turned) {
+        let _ = writeln!(out, "f {a} {b} {c}\nf {a} {c} {d}");
     }
     out.into_bytes()
 }
 
-/// The lower part of a ball about the origin [m].
-fn ball(radius: f64) -> Vec<u8> {
-    let at = move |u: f64, v: f64| {
-        let (a, b) = (u * 1.1, v * 1.1);
-        [radius * a.sin() * b.cos(), -radius * a.cos() * b.cos(), radius * b.sin()]
-    };
-    grid(at, true)
+/// The lower part of a ball about the origin; its radius [m].
+fn lower(radius: f64) -> Vec<u8> {
+    grid(|u, v| ball(radius, u, v), true)
 }
 
-fn plateau(height: f64) -> Vec<u8> {
-    grid(move |u, v| [0.03 * u, height, 0.03 * v], false)
+/// A plateau at a height [m].
+fn flat(height: f64) -> Vec<u8> {
+    grid(|u, v| plateau(HALF_M, height, u, v), false)
 }
 
 fn files() -> BTreeMap<&'static str, Vec<u8>> {
     BTreeMap::from([
-        ("Geometry/femur.obj", ball(0.03)),
-        ("Geometry/tibia.obj", plateau(-0.03)),
-        ("Geometry/femur_back.obj", ball(0.028)),
-        ("Geometry/tibia_back.obj", plateau(-0.033)),
+        ("Geometry/femur.obj", lower(0.03)),
+        ("Geometry/tibia.obj", flat(-0.03)),
+        ("Geometry/femur_back.obj", lower(0.028)),
+        ("Geometry/tibia_back.obj", flat(-0.033)),
     ])
 }
 
@@ -140,21 +130,6 @@ fn read(text: &str) -> Result<ImportedDeck, DeckError> {
 }
 
 /// Where the knee stands under a load at a flexion, in Grood-Suntay coordinates, and its fibres' forces.
-fn answer(deck: &ImportedDeck, flexion: f64, load: &Load) -> (Vec<f64>, Vec<f64>) {
-    let model = sim::compile(&deck.spec, &deck.meshes).expect("a model");
-    let q = solve(&model, flexion, load, &TrialOptions::default()).expect("an equilibrium").state.q;
-    let forces = model.bundle_forces(&model.evaluate(&q).fibres);
-    (model.joint.grood_suntay(&q).as_slice().to_vec(), forces)
-}
-
-fn pressed(anterior: f64) -> Load {
-    Load::new(0.0, 0.0, 0.0, anterior, 50.0)
-}
-
-fn apart(a: &[f64], b: &[f64]) -> f64 {
-    assert_eq!(a.len(), b.len());
-    a.iter().zip(b).map(|(a, b)| (a - b).abs() / (1.0 + a.abs())).fold(0.0, f64::max)
-}
 
 #[test]
 fn a_knee_is_read_with_its_side_frames_law_and_ligaments() {
@@ -369,25 +344,11 @@ fn every_element_of_the_table_is_what_the_table_says() {
     let with = |part: &str| {
         knee().replace("<!--MORE-->", &format!("<ComponentSet><objects>\n{part}</objects></ComponentSet>"))
     };
-    let of = |class: Class| elements().iter().filter(move |(_, e)| e.class == class).map(|(name, e)| (*name, e.why));
-    let line = |text: &str, part: &str| 1 + text[..text.find(part).unwrap()].matches('\n').count();
     let element = |name: &str| format!("<{name} name=\"x\"/>");
-    // all that are told, a line each, in one file
-    let told = with(&of(Class::Told).map(|(name, _)| element(name) + "\n").collect::<String>());
-    let said = read(&told).unwrap().spec.warnings.join("\n");
-    for (name, why) in of(Class::Told) {
-        let at = line(&told, &element(name));
-        assert!(said.contains(&format!("ball.osim:{at}: {name} is passed over: {why}")), "{name}: {said}");
-    }
-    let harmless = with(&of(Class::Harmless).map(|(name, _)| element(name)).collect::<String>());
-    assert_eq!(read(&harmless).unwrap().spec.warnings, read(&knee()).unwrap().spec.warnings);
-    for (name, why) in of(Class::Refused) {
-        let text = with(&element(name));
-        let e = read(&text).unwrap_err();
-        assert!(e.line == line(&text, &element(name)) && e.message.contains(why), "{name}: {e}");
-    }
+    let file = |part: Option<&str>| part.map_or_else(knee, with);
+    let law = Law { table: elements(), file: "ball.osim", element: &element, with: &file, read: &read };
+    let counts = each_is_what_the_table_says(&law);
     assert!(elements().values().all(|e| (e.class == Class::Obeyed) != e.parts.is_empty()));
-    let counts = [Class::Told, Class::Harmless, Class::Refused].map(|class| of(class).count());
     assert!(counts[0] > 150 && counts[1] > 40 && counts[2] > 2, "{counts:?}");
     // an element that nobody knows is told; one that is nearly known is refused
     assert!(read(&with("<Wonder name=\"x\"/>")).unwrap().spec.warnings.join("").contains("no such element"));

@@ -157,6 +157,8 @@ pub struct Bands {
     pub lost: usize,
     /// Samples whose femur leaves the plateau.
     pub leaving: usize,
+    /// How many of the others rest in another way than the most probable knee, in sentences.
+    pub differing: Vec<String>,
 }
 
 impl Knee {
@@ -259,6 +261,7 @@ impl Knee {
             asked: found.asked,
             lost: found.lost,
             leaving: found.leaving.into_iter().sum(),
+            differing: found.kinds.iter().flat_map(|k| sentences(&k.flags(&result.flags, found.asked))).collect(),
         })
     }
 

@@ -92,7 +92,7 @@ pub(crate) fn add(loaded: &LoadedModel, results: &mut [TrialResult], asking: &As
     Ok(())
 }
 
-/// Gives results the bands of samples, and flags where samples leave the plateau and where the single model lies outside its interval.
+/// Gives results the bands of samples, and flags where samples leave the plateau or rest otherwise and where the single model lies outside its interval.
 pub(crate) fn by(samples: &Samples, loaded: &LoadedModel, results: &mut [TrialResult], asking: &Asking) -> Banded {
     let none = |why: String| Banded { warnings: vec![Kind::NoIntervals.notice(why)], ..Banded::default() };
     if !loaded.spec.components.is_empty() {
@@ -113,8 +113,11 @@ pub(crate) fn by(samples: &Samples, loaded: &LoadedModel, results: &mut [TrialRe
         Err(e) => return none(format!("no intervals: {e}")),
     };
     let (mut outside, mut told) = ([0; 2], 0);
-    for (((r, row), leaving), values) in results.iter_mut().zip(bands.rows).zip(bands.leaving).zip(&values) {
+    let rows = bands.rows.into_iter().zip(bands.leaving).zip(bands.kinds);
+    for ((r, ((row, leaving), kinds)), values) in results.iter_mut().zip(rows).zip(&values) {
         r.bands = row;
+        let differing = kinds.flags(&r.flags, bands.asked);
+        r.flags.extend(differing);
         r.flags.extend((leaving > 0).then_some(Flag::SamplesLeave { count: leaving, of: bands.asked }));
         let own = outside_of(r, values);
         told += r.bands.iter().filter(|(name, _)| is_pose_or_force(name)).count();

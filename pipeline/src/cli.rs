@@ -12,6 +12,7 @@ use crate::error::{BuildError, OUR_FAULT};
 use crate::exports::{self, Format, OpensimContact};
 use crate::import::{self, ImportArgs, ImportFebioArgs, ImportOpensimArgs};
 use crate::next_tests::{self, NextTestsArgs};
+use crate::out_folder::OutFolder;
 use crate::output::{self, Asked};
 use crate::plan::{self, PlanArgs};
 use crate::simulate::SimulateArgs;
@@ -221,13 +222,14 @@ fn with_negative_numbers(command: clap::Command) -> clap::Command {
 struct Call {
     cli: Cli,
     asked: Asked,
+    folder: OutFolder,
 }
 
 impl Call {
     fn read(words: impl IntoIterator<Item = OsString>) -> Result<Call, clap::Error> {
         let matches = command().try_get_matches_from(words)?;
         let cli = Cli::from_arg_matches(&matches).map_err(|e| e.format(&mut command()))?;
-        Ok(Call { cli, asked: output::asked(&matches) })
+        Ok(Call { cli, asked: output::asked(&matches), folder: OutFolder::of(&command(), &matches) })
     }
 }
 
@@ -336,6 +338,7 @@ pub fn simulate_args(words: impl IntoIterator<Item = OsString>) -> Result<Simula
 }
 
 fn answer(call: Call) -> Result<(Asked, Told), BuildError> {
+    call.folder.checked()?;
     let told = match (call.cli.verb, call.cli.build) {
         (Some(verb), _) => answer_verb(verb),
         (None, Some(build)) => run::run(known_folder(&build)?),

@@ -54,6 +54,24 @@ fn part(text: &str) -> Result<(String, f64), String> {
 pub struct ImportOpensimArgs {
     /// The model file (.osim), its meshes beside it or in its folder Geometry
     pub model: PathBuf,
+    /// Folder for model.json and its meshes, and what the file does not tell
+    #[command(flatten)]
+    pub knee: KneeArgs,
+}
+
+/// `build-model import-febio`.
+#[derive(Args, Clone, Debug)]
+pub struct ImportFebioArgs {
+    /// The file (.feb), of format 4.0, 3.0 or 2.5, in mm, N and MPa
+    pub model: PathBuf,
+    /// Folder for model.json and its meshes, and what the file does not tell
+    #[command(flatten)]
+    pub knee: KneeArgs,
+}
+
+/// Where a knee of another program goes, and what is said of it where its file does not tell it.
+#[derive(Args, Clone, Debug)]
+pub struct KneeArgs {
     /// Folder for model.json and its meshes
     #[arg(long)]
     pub out: PathBuf,
@@ -68,29 +86,11 @@ pub struct ImportOpensimArgs {
     pub side: Option<SideName>,
 }
 
-/// `build-model import-febio`.
-#[derive(Args, Clone, Debug)]
-pub struct ImportFebioArgs {
-    /// The file (.feb), of format 4.0, 3.0 or 2.5, in mm, N and MPa
-    pub model: PathBuf,
-    /// Folder for model.json and its meshes
-    #[arg(long)]
-    pub out: PathBuf,
-    /// The femur's rigid body, where names and contact do not tell it
-    #[arg(long, value_name = "BODY")]
-    pub femur: Option<String>,
-    /// The tibia's rigid body, where names and contact do not tell it
-    #[arg(long, value_name = "BODY")]
-    pub tibia: Option<String>,
-    /// Which knee, where ligaments and names do not tell it
-    #[arg(long)]
-    pub side: Option<SideName>,
-}
-
-/// What is said of a knee where its file does not tell it.
-fn given(femur: Option<&String>, tibia: Option<&String>, side: Option<SideName>) -> Given {
-    let side = side.map(|s| if s == SideName::Left { Side::Left } else { Side::Right });
-    Given { femur: femur.cloned(), tibia: tibia.cloned(), side }
+impl KneeArgs {
+    fn given(&self) -> Given {
+        let side = self.side.map(|s| if s == SideName::Left { Side::Left } else { Side::Right });
+        Given { femur: self.femur.clone(), tibia: self.tibia.clone(), side }
+    }
 }
 
 /// A deck's or model's fault, with its place.
@@ -158,20 +158,18 @@ pub fn import_abaqus(args: &ImportArgs) -> Result<Told, BuildError> {
 /// Writes the model of an OpenSim knee; gives the words to print.
 pub fn import_opensim(args: &ImportOpensimArgs) -> Result<Told, BuildError> {
     let (folder, main) = parted(&args.model);
-    let given = given(args.femur.as_ref(), args.tibia.as_ref(), args.side);
     let mut read = |name: &str| store::read_beside(folder, name).map_err(|e| e.to_string());
     let bytes = store::read(&args.model)?;
-    let knee = opensim::import(&main, &bytes, &mut read, &given).map_err(|e| fault(&args.model, &e))?;
-    written(knee, &args.out)
+    let knee = opensim::import(&main, &bytes, &mut read, &args.knee.given()).map_err(|e| fault(&args.model, &e))?;
+    written(knee, &args.knee.out)
 }
 
 /// Writes the model of a FEBio knee; gives the words to print.
 pub fn import_febio(args: &ImportFebioArgs) -> Result<Told, BuildError> {
     let (_, main) = parted(&args.model);
-    let given = given(args.femur.as_ref(), args.tibia.as_ref(), args.side);
     let bytes = store::read(&args.model)?;
-    let knee = febio::import(&main, &bytes, &given).map_err(|e| fault(&args.model, &e))?;
-    written(knee, &args.out)
+    let knee = febio::import(&main, &bytes, &args.knee.given()).map_err(|e| fault(&args.model, &e))?;
+    written(knee, &args.knee.out)
 }
 
 /// Writes a model into a folder.

@@ -37,6 +37,7 @@ mod numbers;
 pub mod open;
 pub mod option_docs;
 pub mod options;
+mod out_folder;
 pub mod output;
 pub mod paper;
 pub mod phantom;

@@ -3,6 +3,7 @@
 use crate::bands;
 use crate::error::BuildError;
 use crate::model_file::{self, LoadedModel};
+use crate::numbers::{between, count};
 use crate::simulate::SAMPLES;
 use crate::store;
 use crate::told::{ModelTold, Told};
@@ -18,6 +19,7 @@ use serde::Serialize;
 use sim::coordinate::{Coordinate, FREE, Free, Load, SI};
 use sim::laxity::{LaxityTrial, Test, trials_csv};
 use sim::names::did_you_mean;
+use sim::protocols::COMPRESSION_N;
 use std::fmt::Write;
 use std::path::PathBuf;
 
@@ -51,13 +53,13 @@ pub struct NextTestsArgs {
     #[arg(long, value_name = "MM")]
     pub noise_mm: Option<f64>,
     /// Compression of the joint in the tests [N]
-    #[arg(long, value_name = "N", default_value_t = 20.0)]
+    #[arg(long, value_name = "N", default_value_t = 20.0, value_parser = between(COMPRESSION_N))]
     pub compression: f64,
     /// Where the tests go as a table of trials, which `simulate --trials` reads
     #[arg(long, value_name = "TRIALS.csv")]
     pub out: Option<PathBuf>,
     /// Samples of the posterior
-    #[arg(long, value_name = "N", default_value_t = SAMPLES)]
+    #[arg(long, value_name = "N", default_value_t = SAMPLES, value_parser = count)]
     pub samples: usize,
     /// Threads; the result does not depend on it [default: all]
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
@@ -171,10 +173,6 @@ fn noise(args: &NextTestsArgs) -> Result<Free<f64>, BuildError> {
             return Err(BuildError::Usage(format!("{name} is {sd}; a number above 0 and below 100 was expected")));
         }
         FREE.into_iter().filter(|c| (c.unit() == "deg") == is_angle).for_each(|c| noise[c] = sd);
-    }
-    if !(0.0..=10_000.0).contains(&args.compression) {
-        let n = args.compression;
-        return Err(BuildError::Usage(format!("--compression is {n} N; 0 to 10000 was expected")));
     }
     Ok(noise)
 }

@@ -5,6 +5,7 @@ mod knee;
 mod outcome;
 mod page;
 mod sites;
+mod spelled;
 mod table;
 
 use crate::bands;

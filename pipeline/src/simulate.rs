@@ -289,8 +289,9 @@ fn told(
     let odd = results.iter().filter(|r| !r.flags.is_empty());
     let flagged: Vec<Flagged> = odd.map(flagged_row).collect();
     for r in results {
-        // that one knee is no middle of all is counted in the words
-        let odd = sentences(r.flags.iter().filter(|f| !f.is_of_the_single_model()));
+        // that one knee is no middle of all is counted in the words; a few samples of another kind stand in the table
+        let few = |f: &&Flag| matches!(f, Flag::SamplesDiffer { .. }) && !f.is_odd();
+        let odd = sentences(r.flags.iter().filter(|f| !f.is_of_the_single_model() && !few(f)));
         warnings.extend((!odd.is_empty()).then(|| Kind::RowFlagged.notice(odd.join("; ")).whose(&r.trial.trial)));
     }
     let data = SimulateTold {

@@ -31,6 +31,8 @@ cohort
     Many builds on one page and in tables.
 simulate, calibrate, validate, diagnose, export, import_abaqus, import_opensim, import_febio
     Work with a model.
+plan, next_tests, credibility
+    A reconstruction before it is done; which tests to do next; what speaks for a knee's model.
 read_surface, read_hexahedra, read_table
     Open single files of a build.
 run
@@ -38,7 +40,7 @@ run
 
 Classes
 -------
-Build, Model, Surface, Hexahedra, Frames, Calibration, Validation, Diagnosis, Check, Specimen, Cohort
+Build, Model, Surface, Hexahedra, Frames, Calibration, Validation, Diagnosis, Plan, NextTests, Credibility, Check, Specimen, Cohort
 
 Errors
 ------
@@ -69,6 +71,12 @@ _HOMES = {
     "Calibration": "_verbs",
     "Validation": "_verbs",
     "Diagnosis": "_verbs",
+    "plan": "_asked",
+    "next_tests": "_asked",
+    "credibility": "_asked",
+    "Plan": "_asked",
+    "NextTests": "_asked",
+    "Credibility": "_asked",
     "check": "_specimens",
     "init": "_specimens",
     "inspect": "_specimens",

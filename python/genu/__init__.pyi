@@ -1,3 +1,11 @@
+from genu._asked import (
+    Credibility as Credibility,
+    NextTests as NextTests,
+    Plan as Plan,
+    credibility as credibility,
+    next_tests as next_tests,
+    plan as plan,
+)
 from genu._build import Build as Build, Frames as Frames
 from genu._call import run as run
 from genu._errors import (

@@ -128,7 +128,12 @@ def toml(value: Any) -> str:
         return "{" + ", ".join(f"{k} = {toml(v)}" for k, v in value.items()) + "}"
     if isinstance(value, Sequence):
         return "[" + ", ".join(toml(v) for v in value) + "]"
-    raise TypeError(f"an option cannot be {type(value).__name__}: a number, text, bool, list or dict was expected")
+    raise TypeError(f"a value cannot be {type(value).__name__}: a number, text, bool, list or dict was expected")
+
+
+def toml_text(table: Mapping[str, Any]) -> str:
+    """A file of TOML, a line a key."""
+    return "".join(f"{key} = {toml(value)}\n" for key, value in table.items())
 
 
 def wanted(module: str, extra: str) -> Any:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from typing import Any, Callable, Literal, TypedDict, Union
+from typing import Any, Callable, Literal, Optional, Sequence, TypedDict, Union
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +19,16 @@ Method = Literal["posterior", "swarm-simplex"]
 Contact = Literal["elastic", "jam"]
 Format = Literal["abaqus", "febio", "opensim", "vtk", "stl", "ply", "glb"]
 Side = Literal["left", "right"]
+State = Literal["intact", "deficient", "reconstructed"]
+PlanTest = Literal[
+    "unloaded", "anterior drawer", "posterior drawer", "internal rotation", "external rotation", "varus", "valgus", "pivot shift",
+]
+Level = Literal["low", "medium", "high"]
+Grade = Literal["no-evidence", "weak", "adequate", "strong"]
+FactorName = Literal[
+    "code-verification", "calculation-verification", "model-form", "model-inputs", "comparator", "equivalence",
+    "output-comparison", "applicability",
+]
 Stage = Literal[
     "segment", "ingest", "register", "bones", "cartilage", "frames", "attachments", "hexmesh", "overclosure",
     "contact-law", "assemble", "calibrate", "validate", "diagnose",
@@ -44,3 +54,155 @@ class Option(TypedDict):
     source: str
     meaning: str
     choices: list[str]
+
+
+class Site(TypedDict, total=False):
+    """Where a graft leaves a bone: one of the first four keys, docs/plan.md."""
+
+    native: str
+    point_mm: Sequence[float]
+    quadrant_percent: Sequence[float]
+    plateau_percent: Sequence[float]
+    move_mm: Sequence[float]
+
+
+class _GraftPlaces(TypedDict):
+    name: str
+    femur: Site
+    tibia: Site
+
+
+class Graft(_GraftPlaces, total=False):
+    """A graft as graft.toml has it: a stiffness, or cross-section and modulus; a tension, or a slack length."""
+
+    stiffness_n_per_mm: float
+    cross_section_mm2: float
+    modulus_mpa: float
+    free_length_mm: float
+    toe_strain: float
+    tension_n: float
+    at_flexion_deg: float
+    slack_length_mm: float
+
+
+class PlanTests(TypedDict, total=False):
+    """How a planned knee is tested; each key has a default."""
+
+    flexions_deg: Sequence[float]
+    passive_deg: Sequence[float]
+    drawer_n: float
+    rotation_nm: float
+    varus_valgus_nm: float
+    pivot: Sequence[float]
+    compression_n: float
+    restored_mm: float
+    restored_deg: float
+
+
+class GraftPlan(TypedDict, total=False):
+    """graft.toml as a dict."""
+
+    name: str
+    cut: Sequence[str]
+    graft: Sequence[Graft]
+    tests: PlanTests
+
+
+class Value(TypedDict):
+    """A number of the most probable knee, with mean and 90 % interval over the samples where there are any."""
+
+    value: float
+    mean: Optional[float]
+    lower: Optional[float]
+    upper: Optional[float]
+
+
+class TestTold(TypedDict):
+    """A test of a plan. ``load`` is VV, IE [N m], ML, AP, SI [N]."""
+
+    test: PlanTest
+    flexion_deg: float
+    load: list[float]
+    states: dict[State, dict[str, Value]]
+    flags: dict[State, list[str]]
+    off: dict[str, Value]
+
+
+class GraftTold(TypedDict):
+    """A graft as it was put in."""
+
+    name: str
+    femur_mm: list[float]
+    tibia_mm: list[float]
+    quadrant_percent: Optional[list[float]]
+    plateau_percent: Optional[list[float]]
+    length_mm: float
+    slack_length_mm: float
+    stiffness_n_per_mm: float
+
+
+class Chance(TypedDict):
+    """How likely a planned knee is like the intact one: a share of the samples, None where there are none."""
+
+    of: str
+    chance: Optional[float]
+    most_probable: bool
+
+
+class NextTest(TypedDict):
+    """A laxity test to do next. ``load`` is VV, IE [N m], ML, AP, SI [N]; ``left`` the share of the spread that is left with it and those before."""
+
+    test: str
+    flexion_deg: float
+    load: list[float]
+    reads: list[str]
+    left: float
+
+
+class Spread(TypedDict):
+    """How well a number is known: standard deviations."""
+
+    quantity: str
+    now: float
+    then: float
+
+
+class Context(TypedDict, total=False):
+    """credibility.toml as a dict: what a model is for."""
+
+    question: str
+    context_of_use: str
+    influence: Level
+    consequence: Level
+    flexion_deg: Sequence[float]
+
+
+class Evidence(TypedDict):
+    """One number, what made it, and what it is worth."""
+
+    id: str
+    factor: FactorName
+    what: str
+    value: Optional[float]
+    unit: str
+    limits: list[float]
+    more_is_better: bool
+    grade: Grade
+    why: str
+    stage: Optional[str]
+    test: Optional[str]
+    file: str
+    digest: Optional[str]
+    date: Optional[str]
+    as_built: Optional[bool]
+
+
+class Factor(TypedDict):
+    """A factor of ASME V&V 40 with its evidence; ``enough`` is None where no risk is stated."""
+
+    factor: FactorName
+    name: str
+    question: str
+    grade: Grade
+    enough: Optional[bool]
+    evidence: list[Evidence]

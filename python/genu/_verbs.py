@@ -14,7 +14,7 @@ from genu._call import absolute, as_html, called, names, run, settings, spoken, 
 from genu._errors import GenuError, in_file
 from genu._model import Model, compiled, model_at
 from genu._tables import frame_of, read_table, table_at
-from genu._types import Contact, Format, Method, Path, Progress, Protocol, Solver, Stage
+from genu._types import Contact, Format, Method, Path, Progress, Protocol, Side, Solver, Stage
 
 # How a line begins that tells what is odd.
 ODD = "warning: "
@@ -497,7 +497,7 @@ def import_abaqus(deck: Path, out: Path) -> Model:
 
 
 def import_opensim(
-    file: Path, out: Path, *, femur: str | None = None, tibia: str | None = None, side: str | None = None
+    file: Path, out: Path, *, femur: str | None = None, tibia: str | None = None, side: Side | None = None
 ) -> Model:
     """Turn an OpenSim knee with JAM's ligaments and contact into a model in the folder ``out``.
 
@@ -521,7 +521,7 @@ def import_opensim(
 
 
 def import_febio(
-    file: Path, out: Path, *, femur: str | None = None, tibia: str | None = None, side: str | None = None
+    file: Path, out: Path, *, femur: str | None = None, tibia: str | None = None, side: Side | None = None
 ) -> Model:
     """Turn a FEBio knee of rigid bones, springs and sliding contact into a model in the folder ``out``.
 

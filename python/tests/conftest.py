@@ -66,3 +66,18 @@ def measured(model, trials):
         truth.bundle(name)["reference_strain"] += 0.04
     poses = genu.simulate(truth, trials)
     return poses[[c for c in poses.columns if not c.startswith("force_")]]
+
+
+@pytest.fixture(scope="session")
+def calibration(model, measured, tmp_path_factory):
+    seen = []
+    folder = tmp_path_factory.mktemp("calibrated")
+    found = genu.calibrate(
+        model,
+        measured,
+        folder,
+        options={"inference.samples": 16},
+        progress=lambda stage, share, message: seen.append(share),
+    )
+    assert seen and all(0 <= s <= 1 for s in seen)
+    return found

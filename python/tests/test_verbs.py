@@ -67,21 +67,6 @@ def test_models_are_saved_and_read_from_anywhere(model, trials, tmp_path):
         again.bundle("ACL")
 
 
-@pytest.fixture(scope="session")
-def calibration(model, measured, tmp_path_factory):
-    seen = []
-    folder = tmp_path_factory.mktemp("calibrated")
-    found = genu.calibrate(
-        model,
-        measured,
-        folder,
-        options={"inference.samples": 16},
-        progress=lambda stage, share, message: seen.append(share),
-    )
-    assert seen and all(0 <= s <= 1 for s in seen)
-    return found
-
-
 def test_calibrate_comes_nearer_and_tells_how_far(model, measured, calibration):
     # the fit moves the frames too, so what it predicts stands in its own table
     fit = calibration.table("fit")

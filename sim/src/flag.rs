@@ -1,10 +1,11 @@
 //! What may be odd about an answer, as a value. Its sentence is for people; whoever decides reads the value.
 
 use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
 use std::fmt::{self, Display, Formatter};
 
-/// Share of samples off the plateau from which on a row is odd [-]: then an end of its 90 % interval is of such a knee.
-const MOST_LEAVING: f64 = 0.05;
+/// Share of samples off the plateau, or of another kind, from which on a row is odd [-]: then an end of its 90 % interval is of such a knee.
+const MOST_ODD: f64 = 0.05;
 
 /// What is odd about an answer.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -46,12 +47,44 @@ pub enum Flag {
         /// Of how many.
         of: usize,
     },
+    /// So many samples of the posterior rest in another way than the most probable knee.
+    SamplesDiffer {
+        /// In which way.
+        how: Difference,
+        /// How many.
+        count: usize,
+        /// Of how many.
+        of: usize,
+    },
     /// No equilibrium was found.
     NoEquilibrium,
     /// The single most probable model lies outside its own interval in these columns.
     OutsideInterval(Vec<String>),
     /// Of the unloaded trial from which the readings count.
     Unloaded(Box<Flag>),
+}
+
+/// In which way samples rest that do not rest as the most probable knee does.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Difference {
+    /// They are subluxed, and it is not.
+    Subluxed,
+    /// It is subluxed, and they are not.
+    NotSubluxed,
+    /// A gap parts their poses from its own: they rest in another equilibrium.
+    Elsewhere,
+}
+
+impl Difference {
+    /// In words.
+    pub fn words(self) -> &'static str {
+        match self {
+            Difference::Subluxed => "are subluxed",
+            Difference::NotSubluxed => "are not subluxed",
+            Difference::Elsewhere => "rest elsewhere",
+        }
+    }
 }
 
 /// Why two solvers lie apart.
@@ -88,7 +121,9 @@ impl Flag {
     pub fn is_odd(&self) -> bool {
         match self {
             Flag::OutsideInterval(_) | Flag::Apart(Cause::Friction) => false,
-            Flag::SamplesLeave { count, of } => *count as f64 > MOST_LEAVING * *of as f64,
+            Flag::SamplesLeave { count, of } | Flag::SamplesDiffer { count, of, .. } => {
+                *count as f64 > MOST_ODD * *of as f64
+            }
             _ => true,
         }
     }
@@ -116,6 +151,7 @@ impl Display for Flag {
             Flag::Apart(cause) => write!(f, "solvers apart: {}", cause.words()),
             Flag::SamplesLeave { count, of } => write!(f, "{count} of {of} samples leave the plateau"),
             Flag::SamplesLost { count, of } => write!(f, "{count} of {of} samples have no equilibrium"),
+            Flag::SamplesDiffer { how, count, of } => write!(f, "{count} of {of} samples {}", how.words()),
             Flag::NoEquilibrium => f.write_str("no equilibrium"),
             Flag::OutsideInterval(columns) => write!(f, "outside its interval: {}", columns.join(" ")),
             Flag::Unloaded(flag) => write!(f, "unloaded: {flag}"),
@@ -128,20 +164,24 @@ pub fn sentences<'a>(flags: impl IntoIterator<Item = &'a Flag>) -> Vec<String> {
     flags.into_iter().map(Flag::to_string).collect()
 }
 
-/// The sentences of rows' flags, each once; of rows that differ in how many samples leave the plateau alone, the most.
+/// The sentences of rows' flags, each once; of rows that differ in a number of samples alone, the most.
 pub fn each_once<'a>(flags: impl Iterator<Item = &'a Flag>) -> Vec<String> {
-    let (mut found, mut leaving): (Vec<&Flag>, Vec<(usize, &Flag)>) = (Vec::new(), Vec::new());
+    let mut found: Vec<&Flag> = Vec::new();
+    let mut counted: BTreeMap<Option<Difference>, Vec<(usize, &Flag)>> = BTreeMap::new();
     for flag in flags {
         match flag {
-            Flag::SamplesLeave { count, .. } => leaving.push((*count, flag)),
+            Flag::SamplesLeave { count, .. } => counted.entry(None).or_default().push((*count, flag)),
+            Flag::SamplesDiffer { how, count, .. } => counted.entry(Some(*how)).or_default().push((*count, flag)),
             _ if !found.contains(&flag) => found.push(flag),
             _ => {}
         }
     }
-    let most = leaving.iter().max_by_key(|(count, _)| *count);
-    let told = most.map(|(_, flag)| match leaving.iter().all(|(_, other)| other == flag) {
-        true => flag.to_string(),
-        false => format!("in one pose {flag}, in others fewer"),
+    let told = counted.values().filter_map(|alike| {
+        let (_, most) = alike.iter().max_by_key(|(count, _)| *count)?;
+        Some(match alike.iter().all(|(_, other)| other == most) {
+            true => most.to_string(),
+            false => format!("in one pose {most}, in others fewer"),
+        })
     });
     sentences(found).into_iter().chain(told).collect()
 }
@@ -160,12 +200,25 @@ mod tests {
             told,
             ["rotated beyond any knee", "in one pose 11 of 48 samples leave the plateau, in others fewer"]
         );
+        let differ = |how, count| Flag::SamplesDiffer { how, count, of: 48 };
+        let mixed = [
+            differ(Difference::Elsewhere, 2),
+            leave(1),
+            differ(Difference::Subluxed, 3),
+            differ(Difference::Subluxed, 3),
+        ];
+        assert_eq!(
+            each_once(mixed.iter()),
+            ["1 of 48 samples leave the plateau", "3 of 48 samples are subluxed", "2 of 48 samples rest elsewhere"]
+        );
     }
 
     #[test]
     fn a_row_is_odd_where_an_end_of_its_interval_is_of_a_knee_off_the_plateau() {
         let leave = |count| Flag::SamplesLeave { count, of: 40 };
         assert!(Flag::Dislocated.is_odd() && leave(3).is_odd() && !leave(2).is_odd());
+        let differ = |count| Flag::SamplesDiffer { how: Difference::Subluxed, count, of: 40 };
+        assert!(differ(3).is_odd() && !differ(2).is_odd());
         assert!(!Flag::OutsideInterval(vec!["ap_mm".into()]).is_odd());
         assert!(Flag::Apart(Cause::Equilibria).is_odd() && !Flag::Apart(Cause::Friction).is_odd());
     }

@@ -5,7 +5,7 @@
 
 use crate::contact::rim::Bearing;
 use crate::coordinate::{AP, FE, IE, ML, SI, Six};
-pub use crate::flag::{Cause, Flag, each_once, sentences};
+pub use crate::flag::{Cause, Difference, Flag, each_once, sentences};
 use crate::model::{Evaluation, Model};
 
 /// Internal and external rotation to which living knees are turned by hand [deg], at 5 deg of flexion (those without ACL, the looser) and from 30 deg

@@ -25,6 +25,8 @@ pub struct Prediction {
     pub outputs: Vec<(String, f64)>,
     /// Whether the femur has left the plateau.
     pub leaves_the_plateau: bool,
+    /// Whether one compartment bears at its rim, the other within.
+    pub is_subluxed: bool,
 }
 
 /// Times that the contact force turned by a leaning surface is brought up to date [-]: a lean of some hundredths makes each error a hundred times less.
@@ -87,11 +89,13 @@ impl Trials<'_> {
         }
         let solved = increment_near(model, &State::at(start), &goal(force), &self.options.solver, true, &mut near)?;
         let gs = model.joint.grood_suntay(&solved.state.q);
+        let odd = flags(model, &gs, &solved.evaluation, self.options);
         Ok(Prediction {
             pose: pose_spec(&gs).free(),
             forces_n: model.bundle_forces(&solved.evaluation.fibres),
             outputs: model.outputs(&solved.evaluation),
-            leaves_the_plateau: self.is_off_the_plateau(model, &gs, &solved.evaluation),
+            leaves_the_plateau: odd.contains(&Flag::Dislocated),
+            is_subluxed: odd.contains(&Flag::Subluxed),
         })
     }
 

@@ -1,10 +1,12 @@
 //! graft.toml: what a surgeon cuts, what is put in, and how the knee is tested.
 
+use super::spelled;
 use crate::error::{BuildError, Place};
 use crate::store;
 use serde::{Deserialize, Serialize};
 use sim::graft::{COMPRESSION_N, FIXED_AT_DEG, STIFFNESSES_N_PER_MM, TENSIONS_N, TOE_STRAIN};
 use std::path::Path;
+use toml::de::DeTable;
 
 /// An example, as `build-model plan --example` prints it.
 pub const EXAMPLE: &str = include_str!("example.toml");
@@ -138,52 +140,79 @@ pub fn read(path: &Path) -> Result<PlanFile, BuildError> {
 
 /// A plan from its text; else the line at fault, where one is known, and what is wrong.
 pub fn parsed(text: &str) -> Result<PlanFile, (Option<usize>, String)> {
-    let file: PlanFile = toml::from_str(text).map_err(|e: toml::de::Error| {
-        let row = e.span().map(|s| text[..s.start.min(text.len())].matches('\n').count() + 1);
+    let unread = |e: toml::de::Error| {
+        let row = e.span().map(|s| spelled::line(text, s.start));
         (row, format!("{}; expected what `build-model plan --example` prints", e.message().trim()))
-    })?;
-    file.check().map_err(|what| (None, what))?;
+    };
+    let plan = DeTable::parse(text).map_err(unread)?.into_inner();
+    spelled::refuse(text, &plan)?;
+    let file: PlanFile = toml::from_str(text).map_err(unread)?;
+    file.check().map_err(|wrong| (spelled::line_of(text, &plan, &wrong.key), wrong.told))?;
     Ok(file)
 }
 
-/// Refuses a number outside a range.
-fn within(key: &str, x: f64, [least, most]: [f64; 2]) -> Result<(), String> {
+/// What means nothing in a plan.
+#[derive(Debug)]
+pub(super) struct Wrong {
+    /// Where: `graft.0.femur`.
+    key: String,
+    /// In a sentence.
+    pub(super) told: String,
+}
+
+impl Wrong {
+    fn at(key: impl Into<String>, told: impl Into<String>) -> Wrong {
+        Wrong { key: key.into(), told: told.into() }
+    }
+
+    /// The same in the plan's `place`, told with `whose` before it.
+    fn within(self, place: &str, whose: &str) -> Wrong {
+        let key = if self.key.is_empty() { place.to_owned() } else { format!("{place}.{}", self.key) };
+        Wrong { key, told: format!("{whose}{}", self.told) }
+    }
+}
+
+/// Refuses a number outside a range; `name` is what it is called, `key` where it stands.
+fn within(key: &str, name: &str, x: f64, [least, most]: [f64; 2]) -> Result<(), Wrong> {
     let ok = x >= least && x <= most;
-    if ok { Ok(()) } else { Err(format!("{key} is {x}, expected {least} to {most}")) }
+    if ok { Ok(()) } else { Err(Wrong::at(key, format!("{name} is {x}, expected {least} to {most}"))) }
 }
 
 impl PlanFile {
     /// Refuses what means nothing.
-    pub(super) fn check(&self) -> Result<(), String> {
-        self.tests.check()?;
+    pub(super) fn check(&self) -> Result<(), Wrong> {
+        self.tests.check().map_err(|wrong| wrong.within("tests", "tests."))?;
         for (k, g) in self.graft.iter().enumerate() {
+            let place = format!("graft.{k}");
             if g.name.trim().is_empty() || self.graft[..k].iter().any(|o| o.name == g.name) {
-                return Err(format!("graft[{k}].name is {:?}, expected a name that no other graft has", g.name));
+                let told = format!("graft[{k}].name is {:?}, expected a name that no other graft has", g.name);
+                return Err(Wrong::at(format!("{place}.name"), told));
             }
-            g.check().map_err(|what| format!("graft {:?}: {what}", g.name))?;
+            g.check().map_err(|wrong| wrong.within(&place, &format!("graft {:?}: ", g.name)))?;
         }
         Ok(())
     }
 }
 
 impl GraftFile {
-    fn check(&self) -> Result<(), String> {
-        let stiff = match (self.stiffness_n_per_mm, self.cross_section_mm2, self.modulus_mpa) {
-            (Some(k), None, None) => within("stiffness_n_per_mm", k, STIFFNESSES_N_PER_MM),
+    fn check(&self) -> Result<(), Wrong> {
+        let ranged = |key: &str, x: f64, range: [f64; 2]| within(key, key, x, range);
+        match (self.stiffness_n_per_mm, self.cross_section_mm2, self.modulus_mpa) {
+            (Some(k), None, None) => ranged("stiffness_n_per_mm", k, STIFFNESSES_N_PER_MM)?,
             (None, Some(a), Some(e)) => {
-                within("cross_section_mm2", a, [0.1, 1000.0]).and(within("modulus_mpa", e, [0.1, 10_000.0]))
+                ranged("cross_section_mm2", a, [0.1, 1000.0])?;
+                ranged("modulus_mpa", e, [0.1, 10_000.0])?;
             }
-            _ => Err("expected stiffness_n_per_mm, or cross_section_mm2 with modulus_mpa".into()),
-        };
-        stiff?;
-        match (self.tension_n, self.slack_length_mm) {
-            (Some(t), None) => within("tension_n", t, TENSIONS_N)?,
-            (None, Some(l)) => within("slack_length_mm", l, [1.0, 300.0])?,
-            _ => return Err("expected one of tension_n and slack_length_mm".into()),
+            _ => return Err(Wrong::at("", "expected stiffness_n_per_mm, or cross_section_mm2 with modulus_mpa")),
         }
-        within("at_flexion_deg", self.at_flexion_deg, FLEXIONS_DEG)?;
-        within("toe_strain", self.toe_strain, [1e-6, 0.2])?;
-        self.free_length_mm.map_or(Ok(()), |l| within("free_length_mm", l, [1.0, 500.0]))?;
+        match (self.tension_n, self.slack_length_mm) {
+            (Some(t), None) => ranged("tension_n", t, TENSIONS_N)?,
+            (None, Some(l)) => ranged("slack_length_mm", l, [1.0, 300.0])?,
+            _ => return Err(Wrong::at("", "expected one of tension_n and slack_length_mm")),
+        }
+        ranged("at_flexion_deg", self.at_flexion_deg, FLEXIONS_DEG)?;
+        ranged("toe_strain", self.toe_strain, [1e-6, 0.2])?;
+        self.free_length_mm.map_or(Ok(()), |l| ranged("free_length_mm", l, [1.0, 500.0]))?;
         self.femur.check("femur", "plateau_percent", self.femur.plateau_percent.is_some())?;
         self.tibia.check("tibia", "quadrant_percent", self.tibia.quadrant_percent.is_some())
     }
@@ -191,9 +220,10 @@ impl GraftFile {
 
 impl SiteFile {
     /// Refuses a site that is none, two, or on the other bone.
-    fn check(&self, bone: &str, others: &str, is_others: bool) -> Result<(), String> {
+    fn check(&self, bone: &str, others: &str, is_others: bool) -> Result<(), Wrong> {
         if is_others {
-            return Err(format!("{bone}.{others} is a place of the other bone"));
+            let at = format!("{bone}.{others}");
+            return Err(Wrong::at(&at, format!("{at} is a place of the other bone")));
         }
         let given = [
             self.native.is_some(),
@@ -203,29 +233,26 @@ impl SiteFile {
         ];
         if given.into_iter().filter(|g| *g).count() != 1 {
             let own = if bone == "femur" { "quadrant_percent" } else { "plateau_percent" };
-            return Err(format!(
-                "{bone} has {}, expected one of native, point_mm and {own}",
-                match given.contains(&true) {
-                    true => "several places",
-                    false => "no place",
-                }
-            ));
+            let has = if given.contains(&true) { "several places" } else { "no place" };
+            return Err(Wrong::at(bone, format!("{bone} has {has}, expected one of native, point_mm and {own}")));
         }
-        for p in self.quadrant_percent.iter().chain(&self.plateau_percent).flatten() {
-            within(&format!("{bone}, percent"), *p, [-10.0, 110.0])?;
+        let percents = [("quadrant_percent", self.quadrant_percent), ("plateau_percent", self.plateau_percent)];
+        for (key, p) in percents.iter().flat_map(|(key, pair)| pair.iter().flatten().map(move |p| (key, *p))) {
+            within(&format!("{bone}.{key}"), &format!("{bone}, percent"), p, [-10.0, 110.0])?;
         }
-        let numbers = self.point_mm.iter().flatten().chain(&self.move_mm);
-        numbers.into_iter().try_for_each(|x| within(&format!("{bone}, mm"), *x, [-5000.0, 5000.0]))
+        let lengths = [("point_mm", self.point_mm), ("move_mm", Some(self.move_mm))];
+        let mut all = lengths.iter().flat_map(|(key, three)| three.iter().flatten().map(move |x| (key, *x)));
+        all.try_for_each(|(key, x)| within(&format!("{bone}.{key}"), &format!("{bone}, mm"), x, [-5000.0, 5000.0]))
     }
 }
 
 impl TestsFile {
-    fn check(&self) -> Result<(), String> {
+    fn check(&self) -> Result<(), Wrong> {
         for (key, list) in [("flexions_deg", &self.flexions_deg), ("passive_deg", &self.passive_deg)] {
             if list.is_empty() || list.len() > 30 {
-                return Err(format!("tests.{key} has {} flexions, expected 1 to 30", list.len()));
+                return Err(Wrong::at(key, format!("{key} has {} flexions, expected 1 to 30", list.len())));
             }
-            list.iter().try_for_each(|x| within(&format!("tests.{key}"), *x, FLEXIONS_DEG))?;
+            list.iter().try_for_each(|x| within(key, key, *x, FLEXIONS_DEG))?;
         }
         for (key, x, most) in [
             ("drawer_n", self.drawer_n, 500.0),
@@ -235,9 +262,9 @@ impl TestsFile {
             ("restored_mm", self.restored_mm, 50.0),
             ("restored_deg", self.restored_deg, 50.0),
         ] {
-            within(&format!("tests.{key}"), x, [0.0, most])?;
+            within(key, key, x, [0.0, most])?;
         }
-        within("tests.pivot, flexion", self.pivot[0], FLEXIONS_DEG)?;
-        self.pivot[1..].iter().try_for_each(|x| within("tests.pivot, moment", *x, [0.0, 50.0]))
+        within("pivot", "pivot, flexion", self.pivot[0], FLEXIONS_DEG)?;
+        self.pivot[1..].iter().try_for_each(|x| within("pivot", "pivot, moment", *x, [0.0, 50.0]))
     }
 }

@@ -4,6 +4,7 @@ use super::file::PlanFile;
 use super::knee::{Answers, Asked, Found, Knee, Placed, STATES, columns, main_coordinate, pose_of, tests};
 use super::sites::{Bone, bones};
 use crate::told::ModelTold;
+use calibration::kinds::Kinds;
 use calibration::plateau::Staying;
 use calibration::samples::Samples;
 use notices::{Kind, Notice};
@@ -137,7 +138,7 @@ pub(super) fn outcome_of(
     file: &PlanFile,
     samples: Option<(&Samples, &[usize])>,
 ) -> Result<Outcome, String> {
-    file.check()?;
+    file.check().map_err(|wrong| wrong.told)?;
     let asked = tests(&file.tests);
     let (knee, placed) = Knee::new(spec, surfaces, file, (&ContactOptions::default(), None))?;
     let best = knee.answers(&asked);
@@ -317,7 +318,7 @@ fn test(file: &PlanFile, asked: &[Asked], t: usize, numbers: &Numbers, interval:
     told
 }
 
-/// What is odd about a state in a test: the most probable knee's flags, and how many samples have left the plateau.
+/// What is odd about a state in a test: the most probable knee's flags, and how many samples have left the plateau or rest in another way.
 fn odd(numbers: &Numbers, state: usize, t: usize) -> Vec<String> {
     let none = || vec![Flag::NoEquilibrium];
     let mut flags = numbers.best[state][t].as_ref().map_or_else(none, |f: &Found| f.flags.clone());
@@ -325,6 +326,11 @@ fn odd(numbers: &Numbers, state: usize, t: usize) -> Vec<String> {
     let leaving = of(&|f| f.as_ref().is_some_and(Found::leaves_the_plateau));
     let lost = of(&Option::is_none);
     let all = numbers.samples.len();
+    let found = numbers.samples.iter().filter_map(|a| a[state][t].as_ref());
+    let here = found.filter(|f| !f.leaves_the_plateau()).map(|f| (pose_of(f), f.flags.contains(&Flag::Subluxed)));
+    let own = numbers.mode.as_ref().and_then(|m| m[state][t].as_ref()).map(pose_of);
+    let differing = Kinds::of(own.as_ref(), here).flags(&flags, all);
+    flags.extend(differing);
     flags.extend((leaving > 0).then_some(Flag::SamplesLeave { count: leaving, of: all }));
     flags.extend((lost > 0).then_some(Flag::SamplesLost { count: lost, of: all }));
     sentences(&flags)

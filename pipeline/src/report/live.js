@@ -135,10 +135,11 @@
     quiet = setTimeout(intervals, QUIET_MS);
   }
 
-  const intervalWords = ({ asked, lost, leaving, bands }) => {
+  const intervalWords = ({ asked, lost, leaving, differing = [], bands }) => {
     if (!Object.keys(bands).length) return `In ${leaving} of ${asked} samples the femur leaves the plateau: no intervals are shown.`;
     const share = `${Math.round(100 * about.interval)} % intervals by ${asked - lost - leaving} of ${about.samples} samples of the calibration.`;
-    return leaving ? `${share} In ${leaving} more the femur leaves the plateau.` : share;
+    const more = leaving ? [`In ${leaving} more the femur leaves the plateau.`] : [];
+    return [share, ...more, ...differing.map((d) => `${d}.`)].join(" ");
   };
 
   async function intervals() {

@@ -1,0 +1,122 @@
+"""Plan, next tests, credibility: what the command tells, number for number; their errors."""
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+import genu
+
+pandas = pytest.importorskip("pandas")
+
+GRAFT = {
+    "cut": ["ACL"],
+    "graft": [
+        {
+            "name": "hamstring",
+            "femur": {"native": "ACL"},
+            "tibia": {"native": "ACL", "move_mm": [0, 0, 1.5]},
+            "stiffness_n_per_mm": 200,
+            "tension_n": 40,
+        }
+    ],
+    "tests": {"flexions_deg": [30], "passive_deg": [30]},
+}
+
+GRAFT_TOML = """
+cut = ["ACL"]
+
+[[graft]]
+name = "hamstring"
+femur = { native = "ACL" }
+tibia = { native = "ACL", move_mm = [0.0, 0.0, 1.5] }
+stiffness_n_per_mm = 200.0
+tension_n = 40.0
+
+[tests]
+flexions_deg = [30.0]
+passive_deg = [30.0]
+"""
+
+
+def command(*words):
+    """What the command prints as data, in a process of its own."""
+    run = subprocess.run([sys.executable, "-m", "genu", *map(str, words), "--json"], capture_output=True, text=True)
+    assert run.returncode == 0, run.stderr
+    return json.loads(run.stdout)
+
+
+def test_a_plan_has_the_commands_numbers(calibration, tmp_path):
+    (tmp_path / "graft.toml").write_text(GRAFT_TOML)
+    words = ["plan", calibration.model.file, tmp_path / "graft.toml", "--samples", 4, "--seed", 7]
+    told = command(*words, "--out", tmp_path / "command")
+    found = genu.plan(calibration, GRAFT, tmp_path / "python", samples=4, seed=7)
+    assert found.raw == told and found.samples == 4
+    assert genu.plan(calibration, tmp_path / "graft.toml", tmp_path / "file", samples=4, seed=7).raw == told
+    assert genu.plan(calibration, GRAFT, tmp_path / "other", samples=4, seed=8).raw != told
+    intact, deficient = (found.value("anterior drawer", 30, state) for state in ("intact", "deficient"))
+    assert deficient["value"] > intact["value"] > 0
+    assert intact["lower"] <= intact["mean"] <= intact["upper"]
+    rows = found.table().set_index(["test", "flexion_deg", "state", "quantity"])
+    assert rows.loc[("anterior drawer", 30, "deficient", "laxity"), "value"] == pytest.approx(deficient["value"], abs=1e-4)
+    assert found.grafts[0]["name"] == "hamstring" and os.path.isfile(found.page)
+    assert all(0 <= chance["chance"] <= 1 for chance in found.chances)
+
+
+def test_a_plan_at_fault_is_told_with_its_place(model, tmp_path):
+    with pytest.raises(genu.InputError, match="cut") as told:
+        genu.plan(model, {**GRAFT, "cut": ["XCL"]}, tmp_path / "none")
+    assert told.value.file == "graft"
+    (tmp_path / "graft.toml").write_text(GRAFT_TOML.replace("tension_n", "tenshun_n"))
+    with pytest.raises(genu.InputError, match="tenshun_n") as told:
+        genu.plan(model, tmp_path / "graft.toml", tmp_path / "none")
+    assert told.value.file == str(tmp_path / "graft.toml") and told.value.row == 9
+    found = genu.plan(model, GRAFT, tmp_path / "plan")
+    assert found.samples == 0 and found.value("varus", 30, "intact")["mean"] is None
+    with pytest.raises(KeyError, match="45 deg"):
+        found.value("varus", 45, "intact")
+
+
+def test_next_tests_are_those_of_the_command(calibration, tmp_path):
+    words = ["next-tests", calibration.model.file, "--for", "ACL", "--count", 3, "--compression", 40, "--noise-mm", 0.5, "--single"]
+    told = command(*words, "--out", tmp_path / "command.csv")
+    out = tmp_path / "python.csv"
+    found = genu.next_tests(calibration, "ACL", count=3, compression_n=40, noise_mm=0.5, single=True, out=out)
+    assert {**found.raw, "file": None} == {**told, "file": None} and found.raw["file"] == str(out)
+    assert out.read_bytes() == (tmp_path / "command.csv").read_bytes()
+    assert 0 < len(found.tests) <= 3 and all(0 < test["left"] < 1 for test in found.tests)
+    widest = max(found.spread, key=lambda spread: spread["now"])
+    assert 0 < widest["then"] < widest["now"]
+    # without a file of its own, and cut where the quantity is asked
+    other = genu.next_tests(calibration, "drawer", without="ACL", samples=12)
+    assert other.raw["file"] is None and other.samples <= 12 and other.raw["without"] == ["ACL"]
+    assert len(genu.simulate(calibration, found.trials)) == len(found.trials)
+
+
+def test_next_tests_say_what_they_cannot_answer(calibration, model, tmp_path):
+    with pytest.raises(genu.InputError, match="no samples of a posterior"):
+        genu.next_tests(model, "ACL")
+    with pytest.raises(genu.UsageError, match="did you mean pivot-shift"):
+        genu.next_tests(calibration, "pivot-shfit")
+    with pytest.raises(genu.UsageError, match="compression"):
+        genu.next_tests(calibration, "ACL", compression_n=-1)
+
+
+def test_credibility_is_that_of_the_command(build, tmp_path):
+    (tmp_path / "context.toml").write_text('question = "How loose is it?"\ninfluence = "medium"\nconsequence = "low"\n')
+    told = command("credibility", build.folder, "--context", tmp_path / "context.toml", "--out", tmp_path / "command")
+    context = {"question": "How loose is it?", "influence": "medium", "consequence": "low"}
+    found = genu.credibility(build, context=context, out=tmp_path / "python")
+    assert found.raw == told and found.risk == "medium"
+    assert (tmp_path / "python" / "credibility.json").read_bytes() == (tmp_path / "command" / "credibility.json").read_bytes()
+    assert os.path.isfile(found.page) and len(found.factors) == 8
+    assert found.grade("model-inputs") == found.factor("model-inputs")["grade"]
+    assert {e["factor"] for e in found.evidence} == {f["factor"] for f in found.factors if f["evidence"]}
+    # a folder of a build, and no context
+    assert genu.credibility(build.folder, out=tmp_path / "plain").risk is None
+    with pytest.raises(genu.InputError, match="influence"):
+        genu.credibility(build, context={"influence": "much"}, out=tmp_path / "none")
+    with pytest.raises(genu.InputError, match="no build"):
+        genu.credibility(tmp_path)
