@@ -40,7 +40,10 @@ pub(super) fn settle(path: &str, all: &mut [NamedPoint], warnings: &mut Vec<Noti
         let Some((known, _)) = KNOWN.iter().find(|n| n.0 == written && n.0 != all[k].name) else { continue };
         let twice = all.iter().any(|p| p.name == *known && p.frame == all[k].frame);
         if twice {
-            return Err(StageError::file(path, format_args!("`{}` and `{known}` are one landmark; keep one", all[k].name)));
+            return Err(StageError::file(
+                path,
+                format_args!("`{}` and `{known}` are one landmark; keep one", all[k].name),
+            ));
         }
         (*known).clone_into(&mut all[k].name);
     }
