@@ -1,5 +1,6 @@
 //! Readings that lie alone, coordinates zeroed at each position, flexion from another zero.
 #![allow(clippy::unwrap_used, reason = "tests")]
+#![expect(clippy::disallowed_methods, reason = "tests read the shared data")]
 
 use needs_shared::needs_shared;
 use sim::coordinate::{AP, Coordinate, IE, ML, SI, VV};
