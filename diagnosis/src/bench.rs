@@ -58,6 +58,16 @@ impl Bench<'_> {
         self.rigged(trial, |rig| rig.walk(&asked(trial)))
     }
 
+    /// The first part of that way, to the trial's flexion under its compression alone.
+    pub fn flexed(&self, trial: &Trial) -> Start {
+        self.rigged(trial, |rig| rig.flexed(&asked(trial)))
+    }
+
+    /// Its second part, from there to the trial's load.
+    pub fn loaded(&self, trial: &Trial, from: &Start) -> Equilibrium {
+        self.rigged(trial, |rig| rig.loaded(&asked(trial), from))
+    }
+
     /// Only compression and flexion: the pose from which the trial's load departs.
     pub fn neutral(&self, trial: &Trial) -> Equilibrium {
         self.walk(&trial.compressed())

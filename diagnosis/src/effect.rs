@@ -93,6 +93,10 @@ pub trait Force: Debug + Send + Sync {
     fn is_about_unloaded(&self) -> bool {
         false
     }
+    /// Whether it is the same in every trial of a data set: it knows the pose alone.
+    fn is_of_the_knee(&self) -> bool {
+        false
+    }
     /// Tension of the quadriceps [N] by which the model itself does in a trial what this effect does; where it is not zero the effect is no force
     /// beside the model.
     fn tension(&self, _model: &Model, _trial: &Trial) -> f64 {
@@ -211,6 +215,11 @@ impl Active {
     /// [`Force::is_about_unloaded`]; a reading departs from no pose.
     pub fn is_about_unloaded(&self) -> bool {
         matches!(self, Active::Force(f) if f.is_about_unloaded())
+    }
+
+    /// [`Force::is_of_the_knee`]; a reading is of an apparatus.
+    pub fn is_of_the_knee(&self) -> bool {
+        matches!(self, Active::Force(f) if f.is_of_the_knee())
     }
 
     /// [`Force::has_no_slope_at_zero`]; a reading has one.

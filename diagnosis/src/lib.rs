@@ -49,6 +49,7 @@ pub mod search;
 pub mod trial;
 pub(crate) mod unexplained;
 mod verdict;
+mod ways;
 pub mod words;
 
 pub use error::DiagnosisError;

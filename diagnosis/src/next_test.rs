@@ -1,12 +1,15 @@
 //! Which laxity test would tell the remaining answers apart: the symmetric divergence of what they predict [lopezfidalgo2007].
 
 use crate::bench::Bench;
+use crate::candidate::Candidate;
 use crate::covariance::normal;
+use crate::effect::Active;
 use crate::error::DiagnosisError;
 use crate::fit::{Fit, within};
 use crate::jacobian::Jacobian;
 use crate::outlier::alone;
 use crate::problem::{Problem, reading};
+use crate::ways::walked;
 use inference::next_test::{BY_APPARATUS, planned};
 use inference::trial::Trial;
 use inference::whitening::Whitening;
@@ -141,18 +144,25 @@ fn plans(problem: &Problem) -> Vec<Trial> {
 /// A prediction with its scatter.
 type Forecast = (DVector<f64>, DMatrix<f64>);
 
+/// The effects of a hypothesis at some unknowns, at work in each trial.
+fn effects_in(problem: &Problem, (hypothesis, unknowns): (&[Candidate], &[f64]), trials: &[Trial]) -> Vec<Vec<Active>> {
+    trials.iter().map(|t| problem.effects_in(t.source, hypothesis, unknowns)).collect()
+}
+
 /// Predictions of a fit with their posterior scatter.
 fn predictions(problem: &Problem, fit: &Fit, plans: &[Trial]) -> Result<Vec<Forecast>, DiagnosisError> {
     let models = problem.models_at(&fit.unknowns)?;
     let joints = problem.nuisance.joints(&fit.unknowns, problem.sources.len());
-    Ok(problem
-        .unloaded_at(plans, &models, &fit.hypothesis)
+    let plans = problem.unloaded_at(plans, &models, &fit.hypothesis);
+    let effects = effects_in(problem, (&fit.hypothesis, &fit.unknowns), &plans);
+    let bench = |i: usize| Bench { model: models.of(plans[i].source), effects: &effects[i], place: &problem.place };
+    let rests = walked(&plans, bench);
+    Ok(plans
         .par_iter()
-        .map(|plan| {
-            let effects = problem.effects_in(plan.source, &fit.hypothesis, &fit.unknowns);
-            let bench = Bench { model: models.of(plan.source), effects: &effects, place: &problem.place };
-            let rest = bench.walk(plan);
-            let jacobian = Jacobian::new(bench, plan, &rest);
+        .zip(&rests)
+        .enumerate()
+        .map(|(i, (plan, rest))| {
+            let jacobian = Jacobian::new(bench(i), plan, rest);
             let mut columns = jacobian.nuisances(&problem.nuisance, &fit.unknowns, &joints);
             let mut at = problem.nuisances();
             for c in &fit.hypothesis {
@@ -161,7 +171,7 @@ fn predictions(problem: &Problem, fit: &Fit, plans: &[Trial]) -> Result<Vec<Fore
                 columns.extend(jacobian.candidate(c, scaled, problem.acts(c.scope, plan.source)));
             }
             let j = DMatrix::from_fn(FREE.len(), columns.len(), |r, c| columns[c].0[r]);
-            (DVector::from_row_slice(&reading(&rest).0), &j * &fit.posterior * j.transpose())
+            (DVector::from_row_slice(&reading(rest).0), &j * &fit.posterior * j.transpose())
         })
         .collect())
 }
@@ -182,12 +192,10 @@ fn drawn(problem: &Problem, fit: &Fit, plans: &[Trial], seed: u64) -> Result<Vec
         .map(|x| {
             let models = problem.models_at(x)?;
             let trials = problem.unloaded_at(plans, &models, &fit.hypothesis);
-            let one = |plan: &Trial| {
-                let effects = problem.effects_in(plan.source, &fit.hypothesis, x);
-                let bench = Bench { model: models.of(plan.source), effects: &effects, place: &problem.place };
-                DVector::from_row_slice(&reading(&bench.walk(plan)).0)
-            };
-            Ok(trials.par_iter().map(one).collect())
+            let effects = effects_in(problem, (&fit.hypothesis, x), &trials);
+            let bench =
+                |i: usize| Bench { model: models.of(trials[i].source), effects: &effects[i], place: &problem.place };
+            Ok(walked(&trials, bench).iter().map(|rest| DVector::from_row_slice(&reading(rest).0)).collect())
         })
         .collect::<Result<_, DiagnosisError>>()?;
     Ok((0..plans.len()).map(|t| moments(&read.iter().map(|of| &of[t]).collect::<Vec<_>>())).collect())

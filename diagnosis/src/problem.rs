@@ -10,6 +10,7 @@ use crate::error::DiagnosisError;
 use crate::jacobian::Jacobian;
 use crate::nuisance::Nuisances;
 use crate::trial::{NoiseScale, PER_UNIT, Source, at_row, row_of, trials};
+use crate::ways::walked;
 use calibration::design::Design;
 use calibration::options::CalibrateOptions;
 use inference::knee::Models;
@@ -111,6 +112,15 @@ impl Knee<'_> {
         let effects = trial.source.map_or(&[][..], |s| &self.effects[s]);
         Bench { model: self.models.of(trial.source), effects, place: self.place }
     }
+
+    /// Rests of its trials from nearby poses, or the whole way where `starts` is empty.
+    fn rests(&self, starts: &[Start]) -> Vec<Equilibrium> {
+        if starts.is_empty() {
+            return walked(&self.trials, |i| self.bench(&self.trials[i]));
+        }
+        let rest = |(trial, start): (&Trial, &Start)| self.bench(trial).settle(trial, start);
+        self.trials.par_iter().zip(starts).map(rest).collect()
+    }
 }
 
 /// Predictions and derivatives at an answer.
@@ -200,8 +210,9 @@ impl Problem {
 
     /// Finds the unloaded pose of every trial.
     fn unload(&mut self) {
-        let neutral: Vec<Start> = self.trials.par_iter().map(|t| self.plain(t).neutral(t).start()).collect();
-        self.trials.iter_mut().zip(neutral).for_each(|(t, at)| t.unloaded = at);
+        let compressed: Vec<Trial> = self.trials.iter().map(Trial::compressed).collect();
+        let neutral = walked(&compressed, |i| self.plain(&compressed[i]));
+        self.trials.iter_mut().zip(neutral).for_each(|(t, at)| t.unloaded = at.start());
     }
 
     /// The same question of a model that has effects already.
@@ -373,11 +384,7 @@ impl Problem {
         starts: &[Start],
     ) -> Result<Vec<Equilibrium>, DiagnosisError> {
         let knee = self.knee(hypothesis, unknowns)?;
-        let rest = |(i, trial): (usize, &Trial)| match starts.get(i) {
-            Some(start) => knee.bench(trial).settle(trial, start),
-            None => knee.bench(trial).walk(trial),
-        };
-        Ok(knee.trials.par_iter().enumerate().map(rest).collect())
+        Ok(knee.rests(starts))
     }
 
     /// Rests from nearby poses; where that ends far from the measurement, also from the measured pose, and the nearer of the two: a loaded knee
@@ -392,11 +399,7 @@ impl Problem {
     }
 
     fn nearer_in(&self, knee: &Knee, starts: &[Start]) -> Vec<Equilibrium> {
-        let first = |(i, trial): (usize, &Trial)| match starts.get(i) {
-            Some(start) => knee.bench(trial).settle(trial, start),
-            None => knee.bench(trial).walk(trial),
-        };
-        let first: Vec<Equilibrium> = knee.trials.par_iter().enumerate().map(first).collect();
+        let first = knee.rests(starts);
         // where a hypothesis explains little of data that the model fits little of, rests count as they are: looking for others would be most of the work
         let as_they_are = self.lost == Lost::FarWhereLittleFits && self.fits_little(&first);
         let lost = if as_they_are || self.lost == Lost::Far { FAR } else { LOST };

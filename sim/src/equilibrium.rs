@@ -130,8 +130,12 @@ impl Rig<'_> {
 
     /// The whole way from the CT pose: compression, then flexion, then the load.
     pub fn walk(&self, ask: &Ask) -> Equilibrium {
-        let mut compression = Six::zeros();
-        compression[SI] = ask.load[SI];
+        self.loaded(ask, &self.flexed(ask))
+    }
+
+    /// The way from the CT pose to a flexion under compression alone. It is the same for every load of one flexion and compression.
+    pub fn flexed(&self, ask: &Ask) -> Start {
+        let compression = compression_of(ask);
         let from = self.model.joint.ct_pose()[FE];
         let steps = ((ask.flexion - from).abs() / FLEXION_STEP).ceil().max(1.0) as usize;
         let mut at = Start::at(Six::zeros());
@@ -139,6 +143,12 @@ impl Rig<'_> {
             let flexion = from + (ask.flexion - from) * k as f64 / steps as f64;
             at = self.settle(&Ask { load: compression, flexion }, &at).start();
         }
+        at
+    }
+
+    /// The way from there to the whole load.
+    pub fn loaded(&self, ask: &Ask, from: &Start) -> Equilibrium {
+        let (compression, mut at) = (compression_of(ask), from.clone());
         for part in [0.25, 0.5, 0.75] {
             let load = compression + (ask.load - compression) * part;
             at = self.settle(&Ask { load, ..*ask }, &at).start();
@@ -268,6 +278,13 @@ impl Restraint {
         }
         out
     }
+}
+
+/// The compression of a load alone.
+fn compression_of(ask: &Ask) -> Six {
+    let mut compression = Six::zeros();
+    compression[SI] = ask.load[SI];
+    compression
 }
 
 /// Searches that begin at these equilibria.

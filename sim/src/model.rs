@@ -371,6 +371,11 @@ impl Model {
         (0..self.fibres.len()).map(|f| self.drawn(f, pose, &mut cold, false).0).collect()
     }
 
+    /// One fibre at a pose.
+    pub fn fibre_state(&self, fibre: usize, pose: &Pose) -> FibreState {
+        self.drawn(fibre, pose, &mut Nearby::once(), false).0
+    }
+
     /// [`Model::fibre_states`], quicker where `near` knows how they lay close by. A fibre that is slack all the same may be told longer than it is.
     pub(crate) fn fibre_states_near(&self, pose: &Pose, near: &mut Nearby) -> Vec<FibreState> {
         (0..self.fibres.len()).map(|f| self.drawn(f, pose, near, true).0).collect()

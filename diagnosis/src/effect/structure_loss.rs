@@ -15,13 +15,19 @@ pub(super) struct StructureLoss {
 
 impl Force for StructureLoss {
     fn force(&self, here: &Situation) -> Six {
-        let states = here.model.fibre_states(&here.pose);
         let mut out = Six::zeros();
-        for (fibre, state) in here.model.fibres.iter().zip(&states) {
+        for (f, fibre) in here.model.fibres.iter().enumerate() {
             let lost = self.lost(&here.model.bundles[fibre.bundle].name);
-            out += state.line.gradient * (state.response.force * lost);
+            if lost != 0.0 {
+                let state = here.model.fibre_state(f, &here.pose);
+                out += state.line.gradient * (state.response.force * lost);
+            }
         }
         out
+    }
+
+    fn is_of_the_knee(&self) -> bool {
+        true
     }
 
     fn lost(&self, bundle: &str) -> f64 {
