@@ -22,8 +22,16 @@ import zlib
 DIRECT = urllib.request.build_opener(urllib.request.ProxyHandler({}))
 
 
+# what a script in the page may take, and longer than that, what an answer may [s]: other programs may hold the processors
+SCRIPT, ANSWER = 240, 270
+
+
 class NoBrowser(Exception):
     """Chromium does not start here."""
+
+
+class Refused(Exception):
+    """chromedriver cannot do what was asked: what it says, and what that was."""
 
 
 def free_port():
@@ -40,7 +48,7 @@ class Browser:
         self.driver = subprocess.Popen(["chromedriver", f"--port={self.port}"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         flags = ["--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--window-size=1300,1000", "--hide-scrollbars", "--no-proxy-server",
                  "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--host-resolver-rules=MAP * ~NOTFOUND"]
-        wanted = {"browserName": "chrome", "goog:chromeOptions": {"args": flags}, "goog:loggingPrefs": {"browser": "ALL", "performance": "ALL"}}
+        wanted = {"browserName": "chrome", "timeouts": {"script": 1000 * SCRIPT}, "goog:chromeOptions": {"args": flags}, "goog:loggingPrefs": {"browser": "ALL", "performance": "ALL"}}
         self.start(wanted)
 
     def start(self, wanted, seconds=60):
@@ -50,10 +58,7 @@ class Browser:
             try:
                 self.session = self.ask("", {"capabilities": {"alwaysMatch": wanted}}, "")["sessionId"]
                 return
-            except urllib.error.HTTPError as error:
-                with contextlib.suppress(ValueError, KeyError, OSError):
-                    why = json.load(error)["value"]["message"].splitlines()[0]
-            except OSError as error:
+            except (Refused, OSError) as error:
                 why = str(error)
             time.sleep(0.2)
         self.driver.kill()
@@ -64,8 +69,14 @@ class Browser:
         base = f"http://127.0.0.1:{self.port}/session" + (f"/{self.session}" if session is None else session)
         data = None if body is None else json.dumps(body).encode()
         request = urllib.request.Request(base + path, data, {"Content-Type": "application/json"})
-        with DIRECT.open(request, timeout=120) as answer:
-            return json.load(answer)["value"]
+        try:
+            with DIRECT.open(request, timeout=ANSWER) as answer:
+                return json.load(answer)["value"]
+        except urllib.error.HTTPError as error:
+            why = str(error)
+            with contextlib.suppress(ValueError, KeyError, OSError):
+                why = json.load(error)["value"]["message"].splitlines()[0]
+            raise Refused(f"{why}; asked for {path or 'a session'} {(data or b'')[:300].decode()}") from None
 
     def run(self, script, *arguments):
         return self.ask("/execute/sync", {"script": script, "args": list(arguments)})
