@@ -108,7 +108,7 @@ fn curves_come_nearer(told: &serde_json::Value) {
 fn nothing_is_named_where_nothing_is_hidden_whatever_the_number_of_threads() {
     let Some(case) = shared("diagnose", "blind/case_003") else { return };
     let Some(folder) = deck("diagnose") else { return };
-    fewer(&case, folder.path(), 2, &[]);
+    fewer(&case, folder.path(), 3, &[]);
     let [one, two] = ["1", "2"].map(|jobs| diagnose(folder.path(), folder.path(), jobs, &["--jobs", jobs]));
     assert_eq!(
         crate::common::differing(&crate::common::files(&one), &crate::common::files(&two)),
@@ -147,6 +147,9 @@ fn an_effect_hidden_in_a_phantom_is_named_and_sized_and_none_where_none_is_hidde
     };
     make(&hidden, &["--hide", "ham_tone"]);
     make(&plain, &[]);
+    // nothing hidden is found with fewer trials as well
+    let laxity = plain.join("laxity");
+    fewer(&laxity, &laxity, 2, &[]);
     build_model().arg(&hidden).args(["--to", "assemble", "--quiet"]).assert().success();
     let told = |laxity: &Path, out: &str| {
         let out = folder.path().join(out);
@@ -199,7 +202,7 @@ fn records_that_were_mixed_up_are_told_by_name() {
     let mixed = folder.path().join("mixed");
     let two = ["posterior_30deg_203.5", "external_60deg_7.5"];
     exchanged(&case, &mixed, "rks.csv", two);
-    fewer(&mixed, &mixed, 2, &two);
+    fewer(&mixed, &mixed, 3, &two);
     let told = json(&diagnose(folder.path(), &mixed, "told", &[]).join("diagnosis.json"));
     assert_eq!(told["verdict"], "unnamed");
     let mut names: Vec<&str> =
@@ -332,21 +335,23 @@ fn answered(model: &Path, asked: &Path, tension: f64, to: &Path) {
 fn tension_of_the_quadriceps_hidden_in_a_knee_with_a_patella_is_named_and_sized() {
     let (folder, model) = knee_with_a_patella();
     let asked = folder.path().join("knee/laxity/rks.csv");
-    let told = |tension: f64, name: &str| {
+    let fewer = folder.path().join("fewer.csv");
+    crate::common::write(&fewer, thinned(&text(&asked), 2, &[]));
+    let told = |tension: f64, asked: &Path, name: &str| {
         let measured = folder.path().join(format!("{name}.csv"));
-        answered(&model, &asked, tension, &measured);
+        answered(&model, asked, tension, &measured);
         let out = folder.path().join(name);
         let set = format!("rks={}", measured.display());
         build_model().arg("diagnose").arg(&model).args(["--measured", &set]).arg("--out").arg(&out).assert().success();
         json(&out.join("diagnosis.json"))
     };
-    let found = told(HIDDEN_N, "pulled");
+    let found = told(HIDDEN_N, &asked, "pulled");
     let first = &found["answers"][0]["effects"][0];
     assert_eq!(first["effect"], "quad_passive", "{}", found["description"]);
     let of = |what: &str| first["parameters"]["force_n"][what].as_f64().unwrap();
     assert!((of("value") - HIDDEN_N).abs() < 1.645 * of("sd") && of("sd") < 0.5 * HIDDEN_N, "{first}");
     assert!(found["gap"]["held_out"]["closed"].as_f64().unwrap() > 0.75, "{}", found["gap"]);
-    let none = told(0.0, "slack");
+    let none = told(0.0, &fewer, "slack");
     assert_eq!(none["verdict"], "none", "{}", none["description"]);
 }
 

@@ -371,4 +371,5 @@ fn in_a_browser(name: &str, page: &Path, expected: &Value) {
         return;
     }
     assert!(run.status.success(), "{said}");
+    eprintln!("{said}");
 }

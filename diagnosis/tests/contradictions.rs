@@ -48,19 +48,18 @@ fn changed(trial: usize, c: Coordinate, by: f64) -> Option<Diagnosis> {
 
 #[needs_shared]
 fn a_row_that_was_edited_is_named_first_with_its_twin_in_the_other_data_set() {
-    for (trial, c, by) in [(0, AP, 8.0), (6, IE, -12.0)] {
-        let Some(told) = changed(trial, c, by) else { return };
-        let first = told.contradictions.first().unwrap_or_else(|| panic!("{}", told.plain));
-        let rows = first.readings.each_ref().map(|w| (w.source.as_str(), w.row));
-        // the header is row 1
-        assert_eq!((first.dof.as_str(), rows), (c.name(), [("kla", Some(trial + 2)), ("rks", Some(trial + 2))]));
-        let [one, other] = first.readings.each_ref().map(|w| w.value);
-        assert!((other - one - by).abs() < 3.0 && (first.expected - one).abs() < 3.0 && first.sd < 3.0, "{first:?}");
-        let row = format!("row {} of rks", trial + 2);
-        assert!(told.plain.contains(&row), "{}", told.plain);
-        // the same rows stand in no other
-        assert!(told.contradictions[1..].iter().flat_map(|c| &c.readings).all(|w| w.row != Some(trial + 2)));
-    }
+    let (trial, c, by) = (6, IE, -12.0);
+    let Some(told) = changed(trial, c, by) else { return };
+    let first = told.contradictions.first().unwrap_or_else(|| panic!("{}", told.plain));
+    let rows = first.readings.each_ref().map(|w| (w.source.as_str(), w.row));
+    // the header is row 1
+    assert_eq!((first.dof.as_str(), rows), (c.name(), [("kla", Some(trial + 2)), ("rks", Some(trial + 2))]));
+    let [one, other] = first.readings.each_ref().map(|w| w.value);
+    assert!((other - one - by).abs() < 3.0 && (first.expected - one).abs() < 3.0 && first.sd < 3.0, "{first:?}");
+    let row = format!("row {} of rks", trial + 2);
+    assert!(told.plain.contains(&row), "{}", told.plain);
+    // the same rows stand in no other
+    assert!(told.contradictions[1..].iter().flat_map(|c| &c.readings).all(|w| w.row != Some(trial + 2)));
 }
 
 #[needs_shared]

@@ -24,7 +24,8 @@ fn question(hidden: &[(&str, &str, &[f64])]) -> Option<Problem> {
     let deck = decks::import("S192803_MAIN_LAXITY_Anterior_0deg_0.inp", &mut read).unwrap();
     let model = sim::compile(&deck.spec, &deck.meshes).unwrap();
     let sources = ["kla", "rks"].map(|name| {
-        Source::new(name, sim::laxity::read(&std::fs::read(case.join(format!("{name}.csv"))).unwrap()).unwrap().trials)
+        let trials = sim::laxity::read(&std::fs::read(case.join(format!("{name}.csv"))).unwrap()).unwrap().trials;
+        Source::new(name, trials.into_iter().step_by(2).collect())
     });
     let mut problem =
         Problem::new(&model, &deck.spec, &sources, &Catalogue::shipped(), &CalibrateOptions::default()).unwrap();
