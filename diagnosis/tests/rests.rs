@@ -63,6 +63,25 @@ fn loosened(problem: &Problem, by: f64) -> Vec<f64> {
 }
 
 #[needs_shared]
+fn a_way_that_trials_share_ends_where_the_way_of_each_alone_does() {
+    let Some(problem) = problem() else { return };
+    let candidates = problem.candidates();
+    // nothing missing, a structure lost, which knows no trial, and an effect that knows the trial
+    for (id, size) in [("", 0.0), ("structure_loss", 0.8), ("load_gain", 0.5)] {
+        let hypothesis: Vec<_> = candidates.iter().filter(|c| c.effect.id == id).take(1).cloned().collect();
+        assert_eq!(hypothesis.is_empty(), id.is_empty());
+        let mut x = vec![0.0; problem.nuisances()];
+        x.extend(hypothesis.iter().flat_map(|c| vec![size; c.size()]));
+        let (together, models) = (problem.rests(&hypothesis, &x, &[]).unwrap(), problem.models_at(&x).unwrap());
+        for (trial, rest) in problem.trials.iter().zip(&together) {
+            let effects = problem.effects_in(trial.source, &hypothesis, &x);
+            let bench = Bench { model: models.of(trial.source), effects: &effects, place: &problem.place };
+            assert_eq!(bench.walk(trial).q, rest.q, "{id}, {}", trial.record.trial);
+        }
+    }
+}
+
+#[needs_shared]
 fn a_knee_thrown_out_of_the_joint_is_led_back() {
     let Some(problem) = problem() else { return };
     let x = loosened(&problem, -0.8);
