@@ -411,6 +411,7 @@ class Live(Check):
         (self.folder / f"{name}.png").write_bytes(base64.b64decode(data))
 
     def shots(self):
+        """Pictures of the section at three widths, light and dark; nothing is wider than the screen."""
         for width in [400, 820, 1400]:
             for scheme in ["light", "dark"]:
                 self.shot(f"live-{width}-{scheme}", width, scheme)
