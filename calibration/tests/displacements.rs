@@ -7,6 +7,7 @@ use calibration::knee::{Knee, SearchOptions, model_at};
 use calibration::options::CalibrateOptions;
 use calibration::priors::PriorTable;
 use calibration::session::{Outcome, Session};
+use inference::frames::term_name;
 use inference::knee::{ModelDiscrepancy, Quantity, Trials};
 use inference::parameter::{Parameter, Prior};
 use inference::posterior::Forward;
@@ -79,6 +80,58 @@ fn quick() -> CalibrateOptions {
     let mut options = CalibrateOptions::default();
     (options.inference.starts, options.inference.finalists, options.inference.samples) = (2, 2, 16);
     options
+}
+
+/// Every turn and shift of the frames, of knees loaded in three ways, beside differences of knees solved again.
+#[needs_shared]
+fn derivatives_by_frames_are_those_of_knees_solved_again() {
+    let Some(knee) = knee("derivatives_by_frames") else { return };
+    let turned = |term| Parameter {
+        name: term_name(term),
+        quantity: Quantity::Frame(None, term),
+        prior: Prior::Normal { mean: 0.0, sd: 1.0 },
+    };
+    let parameters: Vec<_> = (0..12).map(turned).collect();
+    let asked = |vv: f64, ie, ap| {
+        let load = Load::new(vv, ie, 0.0, ap, 20.0);
+        let trial = Trial::alone(LaxityTrial::asked(String::new(), Test::Neutral, 30.0, load));
+        Trial { reads: Free::all(true), ..trial }
+    };
+    let trials = [asked(0.0, 0.0, 134.0), asked(8.0, 0.0, 0.0), asked(0.0, -5.0, 0.0)];
+    let model = knee.search_model().with_friction(0.0).expect("a model");
+    let asks = Trials {
+        model: &model,
+        spec: &knee.spec,
+        parameters: &parameters,
+        trials: &trials,
+        beliefs: &[],
+        options: knee.search_options(),
+        load_sd: Load::new(0.1, 0.1, 2.0, 2.0, 2.0),
+        discrepancy: ModelDiscrepancy {
+            sd: Load(Free::all(1.0)),
+            flexion_deg: 25.0,
+            load: Load::new(6.0, 3.0, 60.0, 60.0, 60.0),
+        },
+        on_fit: None,
+    };
+    let z = DVector::from_fn(12, |k, _| [0.5, -0.8, 1.1][k % 3]);
+    let point = asks.at(&z, None).expect("an answer");
+    let mut worst: f64 = 0.0;
+    for k in 0..12 {
+        let moved = |by: f64| {
+            let mut z = z.clone();
+            z[k] += by;
+            asks.at(&z, None).expect("an answer").reading
+        };
+        let numeric = (moved(0.1) - moved(-0.1)) / 0.2;
+        for (row, wanted) in numeric.iter().enumerate() {
+            let found = point.jacobian[(row, k)];
+
+            worst = worst.max((found - wanted).abs() / (1.0 + wanted.abs()));
+        }
+    }
+    println!("worst {worst}");
+    assert!(worst < 0.02, "{worst}");
 }
 
 /// The reading of the deck and its derivatives, beside the difference of its poses and differences of readings.

@@ -3,12 +3,13 @@
 use super::{Answer, Knee, Quantity, Trials, pressed, shares};
 use crate::frames::{STEP, Terms};
 use crate::trial::Trial;
+use meshes::Isometry;
 use nalgebra::{DMatrix, Matrix6};
 use sim::Model;
 use sim::SimError;
 use sim::contact::Nearby;
 use sim::coordinate::{FE, FREE, Free, Load, Six, free_block, free_part};
-use sim::joint::Pose;
+use sim::joint::{Joint, Pose};
 use sim::sensitivity::{Parameter as Of, Sensitivities, sensitivities};
 use sim::trials::{chain_flexion, pose_spec};
 use std::ops::Range;
@@ -181,14 +182,22 @@ fn by_loads(s: &Sensitivities, load: &Load) -> Column {
     out
 }
 
+/// Corrections by which coordinates are found in frames turned by [`STEP`]: each takes the error times the step; three leave less than
+/// differences do.
+const CHORDS: usize = 3;
+
 /// Derivatives by frames of one answer.
 struct FrameJacobian<'a> {
     trials: &'a Trials<'a>,
     model: &'a Model,
     terms: &'a Terms,
-    trial: &'a Trial,
     found: &'a sim::trials::Answer,
+    flexion: f64,
     gs: Six,
+    /// Of the coordinates by the Grood-Suntay coordinates.
+    by_gs: Matrix6<f64>,
+    /// Of the bundle forces by the coordinates: a row a bundle.
+    forces: DMatrix<f64>,
     tangent: nalgebra::LU<f64, nalgebra::Const<5>, nalgebra::Const<5>>,
 }
 
@@ -197,45 +206,64 @@ impl<'a> FrameJacobian<'a> {
         trials: &'a Trials<'a>,
         model: &'a Model,
         terms: &'a Terms,
-        trial: &'a Trial,
+        trial: &Trial,
         found: &'a sim::trials::Answer,
     ) -> Result<FrameJacobian<'a>, SimError> {
         let free = free_block(&found.evaluation.hessian);
         let tangent = (free + free.transpose()) * 0.5;
+        let flexion = chain_flexion(model, trial.record.fe_deg, trials.options)? + model.joint.ct_pose()[FE];
         let gs = model.joint.grood_suntay_of(&model.joint.pose(&found.state.q).femur);
-        Ok(FrameJacobian { trials, model, terms, trial, found, gs, tangent: tangent.lu() })
+        let by_gs = model.joint.grood_suntay_derivative(&found.state.q).try_inverse().ok_or_else(singular)?;
+        let mut forces = DMatrix::zeros(model.bundles.len(), 6);
+        for (fibre, state) in model.fibres.iter().zip(&found.evaluation.fibres) {
+            let mut row = forces.row_mut(fibre.bundle);
+            row += state.line.gradient.transpose() * state.response.stiffness;
+        }
+        Ok(FrameJacobian { trials, model, terms, found, flexion, gs, by_gs, forces, tangent: tangent.lu() })
     }
 
     /// By a turn or shift [per deg, per mm]: the same bones in the other frames, flexed to the trial's flexion and brought back to equilibrium by one
-    /// Newton step; forces there by the tangent at the answer.
+    /// Newton step; pull and forces there by their derivatives at the answer.
     fn by(&self, term: usize) -> Result<Column, SimError> {
         let (model, found) = (self.model, self.found);
         let mut moved = *self.terms;
         moved[term] += STEP;
-        let mut other = model.clone();
-        other.joint = self.trials.joint(&moved)?;
-        let place = model.joint.pose(&found.state.q).femur;
-        let mut q = other.joint.coordinates(&other.joint.grood_suntay_of(&place))?;
-        q[FE] = chain_flexion(&other, self.trial.record.fe_deg, self.trials.options)?;
-        let singular = || SimError::Solver("the tangent is singular: nothing holds the knee in one direction".into());
+        let other = self.trials.joint(&moved)?;
+        let mut q = self.coordinates(&other, &model.joint.pose(&found.state.q).femur);
+        q[FE] = self.flexion - other.ct_pose()[FE];
         // the pull there in the coordinates of the frames as they are, then as a wrench, then in the other frames' coordinates
-        let there = other.joint.pose(&q);
-        let same = model.joint.coordinates(&model.joint.grood_suntay_of(&there.femur))?;
-        let hessian = &found.evaluation.hessian;
-        let pull = found.evaluation.gradient + hessian * (same - found.state.q);
-        let wrench = screws(&model.joint.pose(&same)).transpose().lu().solve(&pull).ok_or_else(singular)?;
+        let there = other.pose(&q);
+        let away = self.away(&there.femur);
+        let pull = found.evaluation.gradient + found.evaluation.hessian * away;
+        let same = screws(&model.joint.pose(&(found.state.q + away))).transpose();
+        let wrench = same.lu().solve(&pull).ok_or_else(singular)?;
         let residual = screws(&there).transpose() * wrench - found.evaluation.gradient;
         let back = self.tangent.solve(&-free_part(&residual)).ok_or_else(singular)?;
         FREE.into_iter().for_each(|c| q[c] += back[c.free_index()]);
-        let (now, before) = (pose_spec(&other.joint.grood_suntay(&q)).free(), pose_spec(&self.gs).free());
-        let forces = other.bundle_forces(&other.fibre_states(&other.joint.pose(&q)));
+        let (now, before) = (pose_spec(&other.grood_suntay(&q)).free(), pose_spec(&self.gs).free());
+        let forces = &self.forces * (self.away(&other.pose(&q).femur) / STEP);
         Ok((
             Free::from_fn(|c| (now[c] - before[c]) / STEP),
-            forces.iter().zip(&found.forces_n).map(|(a, b)| (a - b) / STEP).collect(),
+            forces.iter().copied().collect(),
             // starts in other frames are found from the place of the bones
             Six::zeros(),
         ))
     }
+
+    /// Coordinates in another joint's frames, nearly the answer's, of a femur that stands nearly as in the answer.
+    fn coordinates(&self, other: &Joint, femur: &Isometry) -> Six {
+        let gs = other.grood_suntay_of(femur);
+        (0..CHORDS).fold(self.found.state.q, |q, _| q + self.by_gs * (gs - other.grood_suntay(&q)))
+    }
+
+    /// How far a femur nearly as in the answer stands from it, in the coordinates of the answer's frames.
+    fn away(&self, femur: &Isometry) -> Six {
+        self.by_gs * (self.model.joint.grood_suntay_of(femur) - self.gs)
+    }
+}
+
+fn singular() -> SimError {
+    SimError::Solver("the tangent is singular: nothing holds the knee in one direction".into())
 }
 
 /// Velocities of the femur by the coordinates, a column each: angular, then linear.

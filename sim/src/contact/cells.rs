@@ -5,6 +5,8 @@
 
 /// Cells looked at either way along each axis.
 const WINDOW: usize = 9;
+/// Square of the furthest that is known to be apart [grid spacings].
+const MOST_SQUARE: u8 = ((WINDOW - 1) * (WINDOW - 1)) as u8;
 /// Distances above which there is no contact, by when a law begins [mm]: as the surfaces lie, and with cartilage thicker by up to three standard
 /// deviations of its thickness. Laws that begin earlier still have no bounds.
 const HIGHEST: [f64; 2] = [0.1, 0.6];
@@ -13,8 +15,10 @@ const HIGHEST: [f64; 2] = [0.1, 0.6];
 #[derive(Clone, Debug, Default)]
 pub(super) struct Cells {
     spacing: f64,
-    /// Lower bounds of the distance to where the spline is below each of [`HIGHEST`] [grid spacings], at most `WINDOW - 1`.
-    apart: [Vec<f32>; 2],
+    /// Squares of lower bounds of the distance to where the spline is below each of [`HIGHEST`] [grid spacings], of at most `WINDOW - 1`.
+    apart: [Vec<u8>; 2],
+    /// Lower bounds [mm] by their squares.
+    bound: Vec<f64>,
     /// Planes below the spline, of the cells that are neither apart nor deep inside.
     under: Vec<Plane>,
 }
@@ -37,11 +41,12 @@ impl Cells {
         let apart = HIGHEST.map(|h| grid.apart((h * 1.001) as f32));
         let mut under = vec![Plane::default(); coefficients.len()];
         grid.each_cell(|at| {
-            if apart[1][at] == 0.0 && !grid.is_deep(at) {
+            if apart[1][at] == 0 && !grid.is_deep(at) {
                 under[at] = grid.plane(at, spacing as f32);
             }
         });
-        Cells { spacing, apart, under }
+        let bound = (0..=MOST_SQUARE).map(|s| f64::from(f32::from(s).sqrt()) * spacing).collect();
+        Cells { spacing, apart, bound, under }
     }
 
     /// Whether there are bounds for a law that begins at an overclosure `start` [mm].
@@ -51,22 +56,24 @@ impl Cells {
 
     /// Whether a cell may be in contact by the earliest law that has bounds.
     pub(super) fn may_touch(&self, at: usize) -> bool {
-        self.apart[1][at] == 0.0
+        self.apart[1][at] == 0
     }
 
     /// Lower bound of the distance [mm] from any point of a cell to anything deeper than `start`.
     #[inline]
     pub(super) fn apart(&self, at: usize, start: f64) -> f64 {
-        let apart = level(start).map(|k| self.apart[k][at]);
-        apart.map_or(0.0, |a| f64::from(a) * self.spacing)
+        level(start).map_or(0.0, |k| self.bound[usize::from(self.apart[k][at])])
     }
 
     /// Lower bound of the motion [mm] without which a point at an offset from a cell's node cannot come deeper than `start`.
     #[inline]
     pub(super) fn clearance(&self, at: usize, offset: &[f64; 3], start: f64) -> f64 {
         let apart = self.apart(at, start);
+        if apart > 0.0 {
+            return apart;
+        }
         let Plane { height, rise, steepest } = self.under[at];
-        if apart > 0.0 || steepest == 0.0 {
+        if steepest == 0.0 {
             return apart;
         }
         let above = f64::from(height)
@@ -107,9 +114,9 @@ impl Grid<'_> {
         }
     }
 
-    /// Of each cell a lower bound of the distance [grid spacings] to any cell where the spline may be below `highest`. Points of cells `n` apart
+    /// Of each cell the square of a lower bound of the distance [grid spacings] to any cell where the spline may be below `highest`. Points of cells `n` apart
     /// along an axis are at least `n - 1` spacings apart along it; the least sum of their squares is found axis by axis.
-    fn apart(&self, highest: f32) -> Vec<f32> {
+    fn apart(&self, highest: f32) -> Vec<u8> {
         let mut squares = vec![f32::INFINITY; self.coefficients.len()];
         self.each_cell(|at| {
             if self.coefficients[at] < highest || self.least(at, highest) < highest {
@@ -126,7 +133,8 @@ impl Grid<'_> {
                 squares.iter_mut().zip(&from[shift..]).for_each(|(s, v)| *s = s.min(v + add));
             }
         }
-        squares.iter().map(|s| s.sqrt().min(WINDOW as f32 - 1.0)).collect()
+        // sums of squares of whole numbers
+        squares.iter().map(|s| s.min(f32::from(MOST_SQUARE)) as u8).collect()
     }
 
     /// Three coefficients along x, the `n`-th of the nine rows around a cell's node.

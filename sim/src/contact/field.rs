@@ -7,6 +7,7 @@
 use super::cells::Cells;
 use crate::error::SimError;
 use crate::portable;
+use meshes::query::Nearest;
 use meshes::surface::TriMesh;
 use meshes::topology::Topology;
 use meshes::{Isometry, Point, Vector};
@@ -119,12 +120,21 @@ impl Field {
                     for bx in 0..blocks[0] {
                         let corner = [bx * BLOCK, by * BLOCK, bz * BLOCK];
                         let half = Vector::repeat((BLOCK as f64 - 1.0) / 2.0 * SPACING);
-                        let centre = exact.at(&(node(corner[0], corner[1], corner[2]) + half), thickness);
+                        let middle = node(corner[0], corner[1], corner[2]) + half;
+                        let mut last = (middle, exact.near(&middle, f64::INFINITY));
+                        let centre = exact.at(&middle, &last.1, thickness);
                         let near = centre.0 > -BAND[0] - reach && centre.0 < BAND[1] + reach;
                         for n in 0..BLOCK.pow(3) {
                             let (i, j, k) = (n % BLOCK, n / BLOCK % BLOCK, n / BLOCK / BLOCK);
                             let p = node(corner[0] + i, corner[1] + j, corner[2] + k);
-                            let (distance, thick) = if near { exact.at(&p, thickness) } else { centre };
+                            let (distance, thick) = if near {
+                                // no further from it than the point before by more than the way between
+                                let known = last.1.distance + (p - last.0).norm() + 1e-9;
+                                last = (p, exact.near(&p, known));
+                                exact.at(&p, &last.1, thickness)
+                            } else {
+                                centre
+                            };
                             let at = (k * ny + corner[1] + j) * nx + corner[0] + i;
                             slab[at] = distance as f32;
                             if let Some(slot) = below.get_mut(at) {
@@ -343,15 +353,19 @@ impl Exact {
         Ok(Exact { query, triangles: mesh.triangles.clone(), face, vertex, rim, rim_vertex })
     }
 
-    /// Distance, and at the nearest point of the surface the thickness, given at vertices; 0 without any.
-    fn at(&self, p: &Point, thickness: &[f64]) -> (f64, f64) {
-        let near = self.query.nearest(p);
-        let corners = self.triangles[near.triangle as usize];
-        let share = |k: usize| near.barycentric[k] * thickness.get(corners[k] as usize).copied().unwrap_or(0.0);
-        (self.distance(p, &near), (0..3).map(share).sum())
+    /// The nearest point of the surface, known to lie nearer than `known` [mm].
+    fn near(&self, p: &Point, known: f64) -> Nearest {
+        if known.is_finite() { self.query.nearest_within(p, known) } else { self.query.nearest(p) }
     }
 
-    fn distance(&self, p: &Point, near: &meshes::query::Nearest) -> f64 {
+    /// Distance, and at the nearest point of the surface the thickness, given at vertices; 0 without any.
+    fn at(&self, p: &Point, near: &Nearest, thickness: &[f64]) -> (f64, f64) {
+        let corners = self.triangles[near.triangle as usize];
+        let share = |k: usize| near.barycentric[k] * thickness.get(corners[k] as usize).copied().unwrap_or(0.0);
+        (self.distance(p, near), (0..3).map(share).sum())
+    }
+
+    fn distance(&self, p: &Point, near: &Nearest) -> f64 {
         let t = near.triangle as usize;
         let corner = self.triangles[t];
         let on: Vec<usize> = (0..3).filter(|&k| near.barycentric[k] > 1e-9).collect();
