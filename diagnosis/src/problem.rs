@@ -113,13 +113,16 @@ impl Knee<'_> {
         Bench { model: self.models.of(trial.source), effects, place: self.place }
     }
 
-    /// Rests of its trials from nearby poses, or the whole way where `starts` is empty.
+    /// Rests of its trials from nearby poses; the whole way where there is none.
     fn rests(&self, starts: &[Start]) -> Vec<Equilibrium> {
         if starts.is_empty() {
             return walked(&self.trials, |i| self.bench(&self.trials[i]));
         }
-        let rest = |(trial, start): (&Trial, &Start)| self.bench(trial).settle(trial, start);
-        self.trials.par_iter().zip(starts).map(rest).collect()
+        let rest = |(i, trial): (usize, &Trial)| {
+            let bench = self.bench(trial);
+            starts.get(i).map_or_else(|| bench.walk(trial), |start| bench.settle(trial, start))
+        };
+        self.trials.par_iter().enumerate().map(rest).collect()
     }
 }
 

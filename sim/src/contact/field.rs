@@ -98,7 +98,10 @@ impl Field {
         field.open = field.open_faces();
         if !thicknesses.is_empty() {
             field.thickness = field.prefiltered(&thicknesses);
+            field.thickness.push(0.0);
         }
+        // the last row is read to its register's end
+        field.coefficients.push(0.0);
         Ok(field)
     }
 
@@ -201,29 +204,30 @@ impl Field {
     }
 
     /// Lower bound of the distance [mm] from a point off the grid to anything deeper than `start`: to the nearest face behind which there may be contact.
-    #[cold]
+    #[inline(never)]
     fn beyond(&self, p: &[f64; 3], start: f64) -> f64 {
         let x: [f64; 3] = std::array::from_fn(|a| p[a] / SPACING - self.low[a]);
-        let inside: [f64; 3] = std::array::from_fn(|a| x[a].clamp(1.0, self.high[a]));
+        let off: [f64; 3] = std::array::from_fn(|a| (x[a] - x[a].clamp(1.0, self.high[a])).powi(2));
+        let bounds = Cells::bounds(start);
         let mut least = f64::INFINITY;
         for a in 0..3 {
-            for (side, face) in [1.0, self.high[a]].into_iter().enumerate() {
-                if self.open[a][side] || !Cells::bounds(start) {
-                    let square: f64 = (0..3).map(|b| (x[b] - if b == a { face } else { inside[b] }).powi(2)).sum();
-                    least = least.min(square);
+            let beside = off[(a + 1) % 3] + off[(a + 2) % 3];
+            for (face, open) in [1.0, self.high[a]].into_iter().zip(self.open[a]) {
+                if open || !bounds {
+                    least = least.min(beside + (x[a] - face).powi(2));
                 }
             }
         }
         least.sqrt() * SPACING
     }
 
-    /// Three coefficients along x, at `j`, `k` of the 27 around a cell's node.
-    #[inline]
-    fn row(&self, of: &[f32], at: usize, j: usize, k: usize) -> [f64; 3] {
+    /// Three coefficients along x, at `j`, `k` of the 27 around a cell's node, and the one after, which fills a processor's register.
+    #[inline(always)]
+    fn row(&self, of: &[f32], at: usize, j: usize, k: usize) -> Row {
         let [nx, ny, _] = self.size;
         let start = at + k * nx * ny + j * nx - nx * ny - nx - 1;
-        let row = &of[start..start + 3];
-        [f64::from(row[0]), f64::from(row[1]), f64::from(row[2])]
+        let row = &of[start..start + 4];
+        [f64::from(row[0]), f64::from(row[1]), f64::from(row[2]), f64::from(row[3])]
     }
 
     /// The grid cell of a local point and its offset from the nearest node; `None` outside.
@@ -275,35 +279,65 @@ impl Field {
         highest: f64,
     ) -> Option<Sample> {
         let [(wx, dx), (wy, dy), (wz, dz)] = *weights;
-        // rows along x are contracted first, then along y, then along z
-        let mut plane = [[0.0; 6]; 3];
-        for (k, slot) in plane.iter_mut().enumerate() {
+        // rows along x are summed along y, then along z, then contracted: a row at a time is what a processor does at once
+        let (mut value, mut slope, mut curve) = ([ZEROS; 3], [ZEROS; 3], [ZEROS; 3]);
+        for k in 0..3 {
             for j in 0..3 {
-                let [a, b, c] = self.row(of, at, j, k);
-                let (v, d, s) = (a * wx[0] + b * wx[1] + c * wx[2], a * dx[0] + b * dx[1] + c * dx[2], a - 2.0 * b + c);
-                slot[0] += v * wy[j];
-                slot[1] += d * wy[j];
-                slot[3] += v * dy[j];
+                let row = self.row(of, at, j, k);
+                add(&mut value[k], &row, wy[j]);
+                add(&mut slope[k], &row, dy[j]);
                 if CURVED {
-                    slot[2] += s * wy[j];
-                    slot[4] += d * dy[j];
-                    slot[5] += v * CURVE[j];
+                    add(&mut curve[k], &row, CURVE[j]);
                 }
             }
         }
-        let z = |n: usize, w: &[f64; 3]| plane[0][n] * w[0] + plane[1][n] * w[1] + plane[2][n] * w[2];
-        let distance = z(0, &wz);
+        let (here, by_y, by_z) = (sum(&value, &wz), sum(&slope, &wz), sum(&value, &dz));
+        let distance = along(&here, &wx);
         if distance > highest {
             return None;
         }
         let (g, h) = (1.0 / SPACING, 1.0 / (SPACING * SPACING));
         let hessian = if CURVED {
-            [z(2, &wz) * h, z(4, &wz) * h, z(1, &dz) * h, z(5, &wz) * h, z(3, &dz) * h, z(0, &CURVE) * h]
+            [
+                along(&here, &CURVE) * h,
+                along(&by_y, &dx) * h,
+                along(&by_z, &dx) * h,
+                along(&sum(&curve, &wz), &wx) * h,
+                along(&sum(&slope, &dz), &wx) * h,
+                along(&sum(&value, &CURVE), &wx) * h,
+            ]
         } else {
             [0.0; 6]
         };
-        Some(Sample { distance, gradient: [z(1, &wz) * g, z(3, &wz) * g, z(0, &dz) * g], hessian })
+        let gradient = [along(&here, &dx) * g, along(&by_y, &wx) * g, along(&by_z, &wx) * g];
+        Some(Sample { distance, gradient, hessian })
     }
+}
+
+/// Numbers at nodes along x; the last is of no use.
+type Row = [f64; 4];
+const ZEROS: Row = [0.0; 4];
+
+#[inline(always)]
+fn add(to: &mut Row, row: &Row, weight: f64) {
+    for (to, x) in to.iter_mut().zip(row) {
+        *to += x * weight;
+    }
+}
+
+/// The weighted sum of three rows.
+#[inline(always)]
+fn sum(rows: &[Row; 3], weights: &[f64; 3]) -> Row {
+    let mut out = ZEROS;
+    for (row, w) in rows.iter().zip(weights) {
+        add(&mut out, row, *w);
+    }
+    out
+}
+
+#[inline(always)]
+fn along(row: &Row, weights: &[f64; 3]) -> f64 {
+    row[0] * weights[0] + row[1] * weights[1] + row[2] * weights[2]
 }
 
 /// Second derivative of the spline's three weights.
