@@ -353,15 +353,19 @@ class Live(Check):
           const send = (type, dx) => view.plot.dispatchEvent(new PointerEvent(type, { bubbles: true, cancelable: true, isPrimary: true, pointerId: 1, pointerType: 'mouse', button: 0, clientX: b.left + place.x + dx, clientY: b.top + place.y }));
           const frame = () => new Promise(requestAnimationFrame), idle = async () => { do await frame(); while (s.dataset.busy || f.dataset.busy); };
           view.frame.setPointerCapture = () => {};
-          (async () => { send('pointerdown', 0); send('pointermove', 10); await idle(); const begin = performance.now(); let n = 0; for (; n < count && performance.now() - begin < 1000 * seconds; n++) { const t = performance.now(); send('pointermove', 10 + n); await idle(); out.push([performance.now() - t, Number(s.dataset.ms)]); } send('pointermove', 10 + count); await idle(); send('pointerup', 10 + count); return out; })().then(done)"""
-        before = self.spent()
-        times = self.browser.ask("/execute/async", {"script": drag, "args": [place, count, seconds]})
+          (async () => { send('pointerdown', 0); send('pointermove', 10); await idle(); const begin = performance.now(); let n = 0; for (; n < count && performance.now() - begin < 1000 * seconds; n++) { const t = performance.now(); send('pointermove', 10 + n); await idle(); out.push([performance.now() - t, Number(s.dataset.ms)]); } send('pointermove', 10 + count); await idle(); const drawn = [view.rough, view.plot.data.reduce((sum, t) => sum + (t.i ? t.i.length : 0), 0)]; send('pointerup', 10 + count); return [out, drawn]; })().then(done)"""
+        triangles = lambda: self.browser.run("return view.plot.data.reduce((sum, t) => sum + (t.i ? t.i.length : 0), 0)")
+        before, whole = self.spent(), triangles()
+        times, drawn = self.browser.ask("/execute/async", {"script": drag, "args": [place, count, seconds]})
         after, count = self.spent(), len(times)
         for k, words in enumerate(["frame of a drag", "trial in the worker"]):
             sorted_ = sorted(t[k] for t in times)
             print(f"{words}: median {sorted_[count // 2]:.0f} ms, 95 % {sorted_[int(0.95 * count)]:.0f} ms of {count}")
         print("processor time of a frame:", ", ".join(f"{name} {1000 * (after[name] - before[name]) / count:.0f} ms" for name in after))
-        self.expect(self.settled() and abs(self.load("ap")) > 20, f"a drag of {count} frames gives {self.load('ap')} N")
+        print(f"drawn with fewer corners: {drawn[0]}, {drawn[1]} triangles of {whole}")
+        self.expect(drawn[1] < 0.4 * whole if drawn[0] else drawn[1] == whole, f"a drag draws {drawn[1]} triangles of {whole}")
+        self.expect(self.settled() and self.wait("return !document.querySelector('#live figure').dataset.busy") and triangles() == whole, f"after a drag {triangles()} triangles of {whole}")
+        self.expect(abs(self.load("ap")) > 20, f"a drag of {count} frames gives {self.load('ap')} N")
 
     def axe(self):
         """No serious finding of axe-core on the page, light and dark; GENU_AXE names its axe.min.js, where it could be had."""

@@ -29,6 +29,22 @@ const geometry = (() => {
     return out;
   }
 
+  // a surface of fewer corners, for a picture that changes at once: those of a cell of `edges` mean edges become one. `of` numbers them on the surface
+  function coarse(s, edges) {
+    let sum = 0, tried = 0;
+    for (let t = 0; t < s.i.length; t += 17, tried++) sum += Math.hypot(...AXES.map((axis) => s[axis][s.i[t]] - s[axis][s.j[t]]));
+    const cell = (edges * sum) / Math.max(1, tried) || 1, first = new Map(), of = [];
+    const merged = Uint32Array.from(s.x, (_, n) => {
+      const key = AXES.map((axis) => Math.floor(s[axis][n] / cell)).join();
+      if (!first.has(key)) first.set(key, of.push(n) - 1);
+      return first.get(key);
+    });
+    const kept = [...s.i.keys()].map((t) => [merged[s.i[t]], merged[s.j[t]], merged[s.k[t]]]).filter(([a, b, c]) => a !== b && b !== c && c !== a);
+    const [x, y, z] = AXES.map((axis) => Float32Array.from(of, (n) => s[axis][n]));
+    const [i, j, k] = [0, 1, 2].map((c) => Uint32Array.from(kept, (t) => t[c]));
+    return { x, y, z, i, j, k, of };
+  }
+
   const apply = (p, m) => [0, 1, 2].map((r) => m[4 * r] * p[0] + m[4 * r + 1] * p[1] + m[4 * r + 2] * p[2] + m[4 * r + 3]);
 
   // ends of lines, broken after every second; with a number a line where there are any. Of a cut line two stumps are left
@@ -95,5 +111,5 @@ const geometry = (() => {
     return out;
   }
 
-  return { AXES, bytes, surface, apply, moved, segments, quadEdges, middles, pressures };
+  return { AXES, bytes, surface, coarse, apply, moved, segments, quadEdges, middles, pressures };
 })();

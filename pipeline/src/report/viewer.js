@@ -3,6 +3,8 @@
 (() => {
   const data = JSON.parse(document.getElementById("data").textContent);
   const MOST_LEVEL = 9; // names below an axis that have room side by side
+  const SLOW_MS = 40; // a picture that takes longer is drawn with fewer corners while the knee is pulled at
+  const ROUGH = { edges: 2.5, ratio: 0.6 }; // mean edges of a surface that become one then, about a sixth of its triangles, and pixels for one of the screen
   const MOST_LIVE = 3; // browsers give a page only so many WebGL contexts
   const SCALES = {
     distance: [[0, "#2166ac"], [0.25, "#f7f7f7"], [0.6, "#f4a582"], [1, "#b2182b"]],
@@ -16,6 +18,7 @@
   };
   const { AXES, bytes, apply, moved, segments, quadEdges, middles } = geometry;
   const surface = (pool, name) => geometry.surface(data, pool, name), pressures = (...of) => geometry.pressures(data, ...of);
+  const SHAPE = [...AXES, "i", "j", "k"];
   const PLANES = ["left to right", "back to front", "bottom to top"];
   // x is the patient's right, y forwards, z up
   const VIEWS = {
@@ -111,6 +114,7 @@
         share: Math.max(...AXES.map((_, k) => shown.high[k] - shown.low[k])) / this.size,
       };
       this.cut = { axis: -1, share: 0.5, far: false };
+      this.rough = this.wasRough = this.drafting = false;
       this.look(this.scene.from);
       this.queue = Promise.resolve();
       this.build();
@@ -366,28 +370,32 @@
       this.most = { n: Math.max(most.n, ...step.force), mpa: Math.max(most.mpa, ...Object.values(step.pressed || {}).flat().map((p) => p[1])) };
       const grown = !this.placedOnce || most.n !== this.most.n || most.mpa !== this.most.mpa;
       this.placedOnce = true;
+      const reshaped = this.rough !== this.wasRough;
+      this.wasRough = this.rough;
+      this.last = [step, high];
       const changes = this.scene.layers.flatMap((layer, n) => {
-        if (!layer.moves && !layer.presses) return [];
+        const shape = reshaped && this.reshapes(layer) ? this.shape(layer) : {};
+        if (!layer.moves && !layer.presses && !shape.i) return [];
         const at = layer.moves ? this.placed(layer, step) : {}, fibres = layer.moves === "fibres";
-        const pressure = layer.presses ? { intensity: pressures(this.pool, layer, step, high), cmax: this.most.mpa } : {};
-        return [[n, { ...at, ...pressure, "line.color": fibres ? at.color : undefined, "line.cmax": fibres ? this.most.n : undefined }]];
+        const pressure = layer.presses ? { intensity: this.pressed(layer, step, high), cmax: this.most.mpa } : {};
+        return [[n, { ...shape, ...at, ...pressure, "line.color": fibres ? at.color : undefined, "line.cmax": fibres ? this.most.n : undefined }]];
       });
       this.later("move", () => (!grown && this.redrawn(changes)) || this.restyled(changes));
     }
 
     // one change of all: what a layer does not have is left as it is
     restyled(changes) {
-      const keys = ["x", "y", "z", "line.color", "line.cmax", "intensity", "cmax"];
+      const keys = [...SHAPE, "line.color", "line.cmax", "intensity", "cmax"];
       return Plotly.restyle(this.plot, Object.fromEntries(keys.map((key) => [key, changes.map(([, own]) => own[key])])), changes.map(([n]) => n));
     }
 
     // the layers that changed and no others: plotly.js hands every surface to the graphics card again. False where it must look at all itself
     redrawn(changes) {
       const scene = (this.plot._fullLayout.scene || {})._scene, full = this.plot._fullData;
-      if (!scene || !scene.traces || !scene.glplot || changes.some(([n, own]) => own.x && own.x.length !== full[n].x.length)) return false;
+      if (!scene || !scene.traces || !scene.glplot || changes.some(([n, own]) => own.x && !own.i && own.x.length !== full[n].x.length)) return false;
       for (const [n, own] of changes) {
         for (const trace of [full[n], this.plot.data[n]]) {
-          for (const key of ["x", "y", "z", "intensity"]) if (own[key]) trace[key] = own[key];
+          for (const key of [...SHAPE, "intensity"]) if (own[key]) trace[key] = own[key];
           if (own["line.color"]) trace.line.color = own["line.color"];
         }
         const drawn = scene.traces[full[n].uid];
@@ -399,17 +407,41 @@
       return true;
     }
 
-    // while the knee is pulled at, as many pixels are drawn as the screen has; plotly.js draws twice as many each way
+    // while the knee is pulled at, as many pixels are drawn as the screen has, where plotly.js draws twice as many each way; and fewer corners where a
+    // picture takes long all the same, as without a graphics card
     draft(on) {
       const { glplot } = (this.plot._fullLayout.scene || {})._scene || {}, ratio = on ? Math.max(1, Math.min(2, devicePixelRatio)) : 2;
-      if (!glplot || glplot.pixelRatio === ratio) return;
+      if (!glplot || Boolean(on) === this.drafting) return;
+      this.drafting = Boolean(on);
       glplot.pixelRatio = ratio;
+      const begin = performance.now(), { gl } = glplot;
       glplot.redraw();
+      // what is read must have been drawn
+      if (on) gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
+      this.rough = on && performance.now() - begin > SLOW_MS;
+      if (this.rough) glplot.pixelRatio = ROUGH.ratio * ratio;
+      if (this.rough !== this.wasRough && this.last) this.place(...this.last);
+    }
+
+    // the surface of a layer, of fewer corners where that is enough
+    shape(layer) {
+      const full = surface(this.pool, layer.mesh);
+      if (!this.rough || !this.reshapes(layer)) return full;
+      this.fewer = this.fewer || new Map();
+      if (!this.fewer.has(layer.mesh)) this.fewer.set(layer.mesh, geometry.coarse(full, ROUGH.edges));
+      return this.fewer.get(layer.mesh);
+    }
+
+    reshapes(layer) { return layer.mesh && !layer.edges && !layer.scalar; }
+
+    pressed(layer, step, high) {
+      const all = pressures(this.pool, layer, step, high), { of } = this.shape(layer);
+      return of ? Float32Array.from(of, (n) => all[n]) : all;
     }
 
     placed(layer, step) {
-      if (layer.moves === "femur") return moved(surface(this.pool, layer.mesh), step.femur);
-      if (layer.moves === "measured") return moved(surface(this.pool, layer.mesh), step.measured || step.femur);
+      if (layer.moves === "femur") return moved(this.shape(layer), step.femur);
+      if (layer.moves === "measured") return moved(this.shape(layer), step.measured || step.femur);
       if (layer.moves === "names") return middles(layer.lines, step.femur);
       const lines = [...layer.lines, ...(step.grafts || [])];
       this.ends = lines.map((p, n) => (n % 2 ? p : apply(p, step.femur)));
