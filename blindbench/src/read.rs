@@ -99,6 +99,21 @@ mod tests {
     }
 
     #[test]
+    fn a_cut_takes_its_share_of_one_structure() {
+        let (whole, at) = (knee(), [0.01, 0.05, 0.4, 1.0, -13.0]);
+        let before = whole.tensions(0.0, &at);
+        assert!(before.values().all(|t| *t > 1.0), "{before:?}");
+        for (structure, share) in [("ACL", 0.4), ("ACL", 1.0), ("LCL", 0.25), ("CL", 0.5), ("AC", 0.5)] {
+            let mut cut = knee();
+            cut.weaken(structure, share);
+            for (name, tension) in cut.tensions(0.0, &at) {
+                let left = if name.split('_').next() == Some(structure) { 1.0 - share } else { 1.0 };
+                assert!((tension - left * before[&name]).abs() < 1e-9 * before[&name], "{structure} {share}: {name}");
+            }
+        }
+    }
+
+    #[test]
     fn a_knee_read_in_other_frames_is_the_same_knee() {
         let (knee, repeat) = (knee(), Repeat { turn_deg: 4.0, shift_mm: 3.0 });
         let drawn = repeat.drawn(&["kla".into(), "rks".into()], 3);
