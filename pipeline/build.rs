@@ -27,7 +27,13 @@ fn main() {
     println!("cargo:rustc-env=GENU_CODE_DIGEST={}", hasher.finalize().to_hex());
     println!("cargo:rustc-env=GENU_COMMIT={}", commit().unwrap_or_else(|| "no commit".into()));
     let out = PathBuf::from(std::env::var("OUT_DIR").expect("cargo gives a folder to build scripts"));
-    std::fs::write(out.join("option_comments.rs"), comments.source()).expect("the build folder can be written");
+    // in a package of this crate alone the sources of the others are not beside it: it brings what their comments say
+    let source = if Path::new("sim/src").exists() {
+        comments.source()
+    } else {
+        std::fs::read_to_string("pipeline/option_comments.rs").expect("the package holds the comments of options")
+    };
+    std::fs::write(out.join("option_comments.rs"), source).expect("the build folder can be written");
 }
 
 /// The commit the sources stand at, with `+` where they were changed since; nothing outside a repository.

@@ -24,6 +24,20 @@ fn the_kept_schemas_are_those_of_the_types() {
     }
 }
 
+/// A package of this crate alone has no other sources beside it: it brings what their comments say of the options. The same command writes them anew.
+#[test]
+fn the_kept_comments_of_options_are_those_of_the_sources() {
+    let (now, path) = (
+        include_str!(concat!(env!("OUT_DIR"), "/option_comments.rs")),
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("pipeline/option_comments.rs"),
+    );
+    if std::env::var_os("GENU_BLESS").is_some() {
+        std::fs::write(&path, now).unwrap();
+    }
+    let kept = std::fs::read_to_string(path).unwrap_or_default();
+    assert!(kept == now, "pipeline/option_comments.rs is not what the sources say; GENU_BLESS=1 writes it anew");
+}
+
 /// Whether `value` has what `schema` requires and nothing that it does not know; follows references and alternatives.
 pub(crate) fn obeys(value: &Value, schema: &Value, root: &Value) -> Result<(), String> {
     if let Some(reference) = schema["$ref"].as_str() {

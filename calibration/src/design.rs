@@ -98,7 +98,7 @@ static TABLE_3: LazyLock<Design> = LazyLock::new(|| {
         bundle: Vec<Row>,
     }
     let table: Table =
-        toml::from_str(include_str!("../../data/table3.toml")).expect("the table shipped with the program parses");
+        toml::from_str(attachments::bundle::TABLE_3).expect("the table shipped with the program parses");
     let mut by_number: BTreeMap<u32, Variable> = BTreeMap::new();
     for row in &table.bundle {
         for (kind, range) in

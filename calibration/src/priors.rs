@@ -9,14 +9,14 @@ use std::sync::LazyLock;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(try_from = "Given", into = "Given")]
 pub enum PriorTable {
-    /// data/priors.toml; `usual` says the same.
+    /// calibration/data/priors.toml; `usual` says the same.
     #[default]
     #[serde(rename = "true")]
     Usual,
     /// None: strains are even over Table 3, forces unknown; `none` says the same.
     #[serde(rename = "false")]
     None,
-    /// data/priors-published.toml: only what was read in its source.
+    /// calibration/data/priors-published.toml: only what was read in its source.
     #[serde(rename = "published")]
     Published,
 }
@@ -131,14 +131,17 @@ impl ForcePrior {
     }
 }
 
+/// The usual priors, as they are shipped.
+pub const USUAL: &str = include_str!("../data/priors.toml");
+
 /// The usual priors.
 pub static PRIORS: LazyLock<Priors> = LazyLock::new(|| {
-    toml::from_str(include_str!("../../data/priors.toml")).expect("the priors shipped with the program parse")
+    toml::from_str(USUAL).expect("the priors shipped with the program parse")
 });
 
 /// Priors of what was read in its source, and nothing else.
 static PUBLISHED: LazyLock<Priors> = LazyLock::new(|| {
-    toml::from_str(include_str!("../../data/priors-published.toml")).expect("the published priors parse")
+    toml::from_str(include_str!("../data/priors-published.toml")).expect("the published priors parse")
 });
 
 #[cfg(test)]

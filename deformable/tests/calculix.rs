@@ -1,6 +1,6 @@
 //! Deformable contact beside CalculiX (C3D8R, surface-to-surface penalty and mortar contact, neo-Hookean in both): two layers, and the plateau of a built knee.
 //!
-//! `GENU_BUILD=DIR/build cargo test --release -p deformable --test integration calculix -- --ignored --nocapture` with `ccx` of calculix-ccx on the path;
+//! `GENU_BUILD=DIR/build cargo test --release -p genu-deformable --test integration calculix -- --ignored --nocapture` with `ccx` of calculix-ccx on the path;
 //! without GENU_BUILD the layers alone. `GENU_LAYERS=3,4,6` are the elements through a layer's thickness, a mesh each; GENU_BUILD may be several
 //! builds with commas, coarse to fine. Of three meshes and more the limit of ever finer ones is printed too. `GENU_PENALTY=3000` takes another
 //! penalty for ours [MPa/mm]. `GENU_DECKS=DIR` writes CalculiX's decks and solves ours alone (`benches/peers/getfem_contact.py` reads them).

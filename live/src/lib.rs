@@ -16,3 +16,7 @@ pub mod web;
 pub use ask::answer;
 pub use knee::{Asked, Knee};
 pub use pack::{Packed, pack};
+
+/// This crate for a browser, compressed: made by `.ci/module`. A machine that installs the program may not have the target to make it.
+#[cfg(not(target_arch = "wasm32"))]
+pub const MODULE: &[u8] = include_bytes!("../module/live.wasm.gz");

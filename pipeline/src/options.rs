@@ -64,11 +64,7 @@ pub const MADE_WITH: &str = "Made with default options and tables of digest ";
 pub fn digest() -> Result<String, BuildError> {
     let options = serde_json::to_string(&BuildOptions::default()).map_err(|e| BuildError::Option(e.to_string()))?;
     let mut hasher = blake3::Hasher::new();
-    let tables = [
-        include_str!("../../data/table3.toml"),
-        include_str!("../../data/priors.toml"),
-        include_str!("../../data/published.toml"),
-    ];
+    let tables = [attachments::bundle::TABLE_3, calibration::priors::USUAL, validation::published::TABLES];
     for part in [options.as_str()].iter().chain(&tables) {
         hasher.update(part.as_bytes());
     }

@@ -1,6 +1,6 @@
 //! What menisci do in a model: share of a load in extension, laxity without them, time of a trial. The figures of docs/verification.md.
 //!
-//! `cargo run --release -p stages --example menisci -- [--times] [--fit0] MODEL.json...`; a model without menisci is given those of the atlas. `--times` prints times
+//! `cargo run --release -p genu-stages --example menisci -- [--times] [--fit0] MODEL.json...`; a model without menisci is given those of the atlas. `--times` prints times
 //! alone. `--fit0` fits the atlas' upper faces where the knee rests at 0 deg, which was tried and left.
 #![expect(clippy::print_stdout, clippy::disallowed_methods, reason = "reads models and prints figures for the reader")]
 

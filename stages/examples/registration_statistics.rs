@@ -1,6 +1,6 @@
 //! Mean errors of the registration over many draws of CT error, pose and coverage.
 //!
-//! `cargo run --release -p stages --example registration_statistics -- DRAWS SPECIMEN...`, each specimen a directory with
+//! `cargo run --release -p genu-stages --example registration_statistics -- DRAWS SPECIMEN...`, each specimen a directory with
 //! its truth or the id of a phantom. A row for each bone and kind of error: mean error [mm, deg], share within 0.06 mm and
 //! 0.09 deg, worst, root mean square of true over predicted error, share of those from a half to two.
 

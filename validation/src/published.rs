@@ -93,9 +93,12 @@ pub struct Rmsd {
     pub ap_forces_n: f64,
 }
 
+/// The tables of the paper, as they are shipped.
+pub const TABLES: &str = include_str!("../data/published.toml");
+
 /// The data file.
 static PUBLISHED: LazyLock<Published> = LazyLock::new(|| {
-    toml::from_str(include_str!("../../data/published.toml")).expect("the tables shipped with the program parse")
+    toml::from_str(TABLES).expect("the tables shipped with the program parse")
 });
 
 /// The paper's name of a specimen; `None` of any other.

@@ -18,9 +18,6 @@ use stages::bones::Bones;
 use stages::cartilage::Cartilage;
 use std::io::Write;
 
-/// The module from the crate `live`, made by `.ci/module`; a machine that installs the program may not have the target to make it.
-const MODULE: &[u8] = include_bytes!("../../../live/module/live.wasm.gz");
-
 /// What the reader of a page begins with.
 #[derive(Clone, Copy)]
 pub(crate) enum Begin<'a> {
@@ -127,7 +124,7 @@ impl LiveKnee {
         let part = |id: &str, bytes: &[u8]| {
             format!("<script type=\"application/gzip\" id=\"{id}\">{}</script>", STANDARD.encode(bytes))
         };
-        part("live-module", MODULE)
+        part("live-module", live::MODULE)
             + &part("live-knee", &self.knee)
             + &format!("<script type=\"text/plain\" id=\"live-worker\">{}</script>", include_str!("live_worker.js"))
             + &[include_str!("live_hand.js"), include_str!("live_graft.js"), include_str!("live.js")]

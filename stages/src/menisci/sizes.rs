@@ -1,4 +1,4 @@
-//! data/menisci.toml.
+//! stages/data/menisci.toml.
 
 use super::Compartment;
 use serde::Deserialize;
@@ -7,7 +7,7 @@ use std::sync::LazyLock;
 /// The table shipped with the program.
 pub(super) static SIZES: LazyLock<Sizes> = LazyLock::new(|| {
     #[expect(clippy::expect_used, reason = "the table is part of the program, and a test reads it")]
-    toml::from_str(include_str!("../../../data/menisci.toml")).expect("the table shipped with the program parses")
+    toml::from_str(include_str!("../../data/menisci.toml")).expect("the table shipped with the program parses")
 });
 
 /// Sizes and material.
