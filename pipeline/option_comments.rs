@@ -14,7 +14,7 @@ pub(super) static STRUCTS: &[Table] = &[
 ("law", "Law", "Force law of every bundle."),
 ("mass_tonne", "f64", "Mass of the moving body in explicit dynamics [tonne]; numerical, as in the published decks."),
 ("inertia_tonne_mm2", "f64", "Rotary inertia of the moving body in explicit dynamics [tonne mm2]; numerical, as in the published decks."),
-("own_law", "bool", "Whether the contact law was fitted to this knee's own cartilage; stage contact-law sets it."),
+("own_law", "bool", "Whether the contact law was fitted to this knee's own cartilage: the build says so, and no option does."),
 ("by_thickness", "bool", "Whether contact is by the cartilages' own thickness in place of the table; stage contact-law sets it where that fits better."),
 ("layer", "LayerMaterial", "The layers of contact by thickness."),
 ("wrap", "Vec<String>", "Ligaments or bundles that wrap over femur and tibia in place of running straight through them, or \"all\"; none: every fibre is straight."),
@@ -104,7 +104,7 @@ pub(super) static STRUCTS: &[Table] = &[
 ("area_weight", "f64", "Weight of the contact area at equal force beside the force at equal approach [-]."),
 ("friction", "f64", "Coulomb friction [-] [andreassen2025]."),
 ("penalty_mpa_per_mm", "f64", "Penalty: pressure over penetration [MPa/mm]."),
-("hourglass_stiffness", "f64", "Hourglass stiffness, the kappa of [flanagan1981] [-]."),
+("hourglass_stiffness", "f64", "Hourglass stiffness, often called kappa [-] [flanagan1981]."),
 ("all_fields", "bool", "Whether stress and pressure of every level are kept for files, or only those of the last level of each flexion."),
 ]),
 ("CostOptions", &[
@@ -203,8 +203,8 @@ pub(super) static STRUCTS: &[Table] = &[
 ]),
 ("OverclosureOptions", &[
 ("gap_mm", "f64", "Gap wanted everywhere between femoral and tibial cartilage [mm]."),
-("femur_share", "f64", "Share of the move that the femur takes where both cartilages are equally thick [-]; elsewhere the thicker takes more, in proportion; the tibia takes the rest. [andreassen2024] shares evenly."),
-("spread_mm", "f64", "Standard deviation of the kernel at the first iteration [mm]: about an element's edge, so that only what overlaps moves; [andreassen2024] starts near 10."),
+("femur_share", "f64", "Share of the move that the femur takes where both cartilages are equally thick [-]; elsewhere the thicker takes more, in proportion; the tibia takes the rest. The paper of the method shares evenly [andreassen2024]."),
+("spread_mm", "f64", "Standard deviation of the kernel at the first iteration [mm]: about an element's edge, so that only what overlaps moves; the paper of the method starts near 10 [andreassen2024]."),
 ("spread_reduction", "f64", "Factor on the spread from one iteration to the next [-]."),
 ("least_spread_mm", "f64", "The spread shrinks no further than this [mm]."),
 ("momentum", "f64", "Share of the last move added to the next [-]."),
@@ -292,7 +292,7 @@ pub(super) static STRUCTS: &[Table] = &[
 ("fewest", "usize", "Fewest trials that can be calibrated to [-]; ranges need two."),
 ]),
 ("TrialOptions", &[
-("settle_s", "f64", "Settling under compression [s]; [andreassen2025]'s test deck."),
+("settle_s", "f64", "Settling under compression [s], as in the published test deck [andreassen2025]."),
 ("settle_damping", "f64", "Dashpots on each translation [N s/mm] and rotation [N mm s/rad] while settling; [andreassen2025, section 2.4.5]."),
 ("load_s", "f64", "Flexing and loading [s]; the published decks'."),
 ("load_from", "f64", "Loads begin to change at this fraction of the flexing [-]; the published decks'."),

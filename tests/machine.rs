@@ -37,7 +37,12 @@ fn verbs_that_compute_tell_data_of_their_schemas() {
     let files = told["files"].as_array().unwrap();
     assert!(files.len() > 3 && files.iter().all(|f| out.path().join("stl").join(f.as_str().unwrap()).exists()));
 
+    // of an earlier run, which would be read as of this one
+    let stale = out.path().join("v/cross_prediction.csv");
+    std::fs::create_dir_all(stale.parent().unwrap()).unwrap();
+    write(&stale, "of another run");
     let told = run("validate", &[place, "--out", &path("v"), "--samples", "0"]);
+    assert!(!stale.exists());
     assert_eq!(told["models"].as_array().unwrap().len(), 3);
     assert!(told["differences"].as_array().unwrap().iter().all(|d| d["rmsd"].as_f64().unwrap() >= 0.0));
 

@@ -3,15 +3,19 @@
 
 use crate::common::write;
 use std::path::Path;
-use std::process::Command;
+use std::process::{Command, Output};
 use tempfile::TempDir;
 
 /// What the script prints of the pages of `root`.
 fn said(root: &Path, words: &[&str]) -> Option<String> {
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/words/made.py");
-    let run = Command::new("python3").arg(script).args(words).arg("--root").arg(root).output().ok()?;
+    let run = run(root, words)?;
     assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
     Some(String::from_utf8_lossy(&run.stdout).into_owned())
+}
+
+fn run(root: &Path, words: &[&str]) -> Option<Output> {
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/words/made.py");
+    Command::new("python3").arg(script).args(words).arg("--root").arg(root).output().ok()
 }
 
 #[test]
@@ -46,4 +50,33 @@ fn a_page_is_stale_where_the_code_that_made_it_changed_and_a_comment_changes_not
     );
     let again = said(root, &["--made", "docs/b.md"]).unwrap();
     assert!(again.contains("0 of 2 pages"), "{again}");
+}
+
+#[test]
+fn a_page_that_a_program_writes_is_held_to_it() {
+    let folder = TempDir::new().unwrap();
+    let root = folder.path();
+    for (name, text) in
+        [("one/src/lib.rs", "const A: f64 = 1.0;\n"), ("make.rs", "fn main() {}\n"), ("docs/a.md", "1.0\n")]
+    {
+        std::fs::create_dir_all(root.join(name).parent().unwrap()).unwrap();
+        write(&root.join(name), text);
+    }
+    write(
+        &root.join("docs/made.toml"),
+        "[[page]]\nname = \"docs/a.md\"\nby = \"make it\"\nwhole = true\ncrates = [\"one\"]\nmakers = [\"make.rs\"]\ndigests = {}\n",
+    );
+    let Some(made) = said(root, &["--made", "docs/a.md"]) else {
+        eprintln!("made: skipped, python3 is not there");
+        return;
+    };
+    assert!(made.contains("0 of 1 pages"), "{made}");
+    write(&root.join("make.rs"), "fn main() { panic!() }\n");
+    assert!(said(root, &["--check"]).unwrap().contains("what makes it changed since"));
+    write(&root.join("make.rs"), "fn main() {}\n");
+    write(&root.join("docs/a.md"), "1.1\n");
+    let refused = run(root, &["--check"]).unwrap();
+    assert!(!refused.status.success() && String::from_utf8_lossy(&refused.stderr).contains("by hand: docs/a.md"));
+    let nowhere = run(root, &["--made", "docs/a.md", "--at", "nosuchcommit"]).unwrap();
+    assert!(!nowhere.status.success() && String::from_utf8_lossy(&nowhere.stderr).contains("no sources of one"));
 }

@@ -341,6 +341,24 @@ fn a_model_changed_by_hand_loses_its_samples_and_a_stale_one_is_refused() {
 }
 
 #[test]
+fn an_option_that_a_command_does_not_hear_is_refused() {
+    let knee = specimen();
+    let laxity = format!("kla={}", knee.join("laxity/kla.csv").display());
+    for (verb, more, theirs) in [
+        ("validate", vec![], "validate"),
+        ("calibrate", vec!["--targets", laxity.as_str()], "calibrate"),
+        ("diagnose", vec!["--measured", laxity.as_str()], "calibrate"),
+    ] {
+        let mut command = build_model();
+        command.arg(verb).arg(knee).args(more).args(["--set", "assemble.friction=0.1", "--out"]);
+        let told = command.arg(knee.join("nowhere")).assert().code(2);
+        let said = String::from_utf8_lossy(&told.get_output().stderr).into_owned();
+        assert!(said.contains("assemble.friction") && said.contains(&format!("{theirs}.key=value")), "{verb}: {said}");
+        assert!(!knee.join("nowhere").exists());
+    }
+}
+
+#[test]
 fn a_calibration_to_laxity_that_is_no_longer_there_is_of_an_earlier_run() {
     let knee = TempDir::new().unwrap();
     crate::common::copy(specimen(), knee.path());

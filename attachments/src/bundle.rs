@@ -48,8 +48,7 @@ pub static BUNDLES: LazyLock<Vec<Bundle>> = LazyLock::new(|| {
     struct Table {
         bundle: Vec<Bundle>,
     }
-    let table: Table =
-        toml::from_str(TABLE_3).expect("the table shipped with the program parses");
+    let table: Table = toml::from_str(TABLE_3).expect("the table shipped with the program parses");
     table.bundle
 });
 

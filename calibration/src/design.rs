@@ -97,8 +97,7 @@ static TABLE_3: LazyLock<Design> = LazyLock::new(|| {
     struct Table {
         bundle: Vec<Row>,
     }
-    let table: Table =
-        toml::from_str(attachments::bundle::TABLE_3).expect("the table shipped with the program parses");
+    let table: Table = toml::from_str(attachments::bundle::TABLE_3).expect("the table shipped with the program parses");
     let mut by_number: BTreeMap<u32, Variable> = BTreeMap::new();
     for row in &table.bundle {
         for (kind, range) in

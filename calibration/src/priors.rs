@@ -135,9 +135,8 @@ impl ForcePrior {
 pub const USUAL: &str = include_str!("../data/priors.toml");
 
 /// The usual priors.
-pub static PRIORS: LazyLock<Priors> = LazyLock::new(|| {
-    toml::from_str(USUAL).expect("the priors shipped with the program parse")
-});
+pub static PRIORS: LazyLock<Priors> =
+    LazyLock::new(|| toml::from_str(USUAL).expect("the priors shipped with the program parse"));
 
 /// Priors of what was read in its source, and nothing else.
 static PUBLISHED: LazyLock<Priors> = LazyLock::new(|| {

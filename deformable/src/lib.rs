@@ -102,7 +102,7 @@ pub enum Face {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Options {
-    /// Hourglass stiffness, the kappa of [flanagan1981] [-]; 0 for none.
+    /// Hourglass stiffness, often called kappa [-]; 0 for none [flanagan1981].
     pub hourglass_stiffness: f64,
     /// Hourglass viscosity, share of density times dilatational wave speed [-]; 0 for none.
     pub hourglass_viscosity: f64,

@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """Says which pages have figures that an older program made.
 
-    python3 docs/words/made.py --check                 names pages whose crates changed since; ends with 0: figures may still hold
+    python3 docs/words/made.py --check                 names pages whose crates or makers changed since; ends with 0: figures may still hold.
+                                                       Ends with 1 where a page that a program writes whole (`whole`) was changed by hand
     python3 docs/words/made.py --made PAGE...          the page was made anew: keeps the digests of its crates as they are now
     python3 docs/words/made.py --made PAGE... --at C   the same as they were at the commit C
 
@@ -42,6 +43,22 @@ def now(root, crate):
     return found
 
 
+def makers(root, page):
+    """The files that make a page of what the crates give: programs and tests, by path or pattern."""
+    found = {}
+    for pattern in page.get("makers", []):
+        paths = [p for p in sorted(root.glob(pattern)) if p.is_file()]
+        if not paths:
+            sys.exit(f"docs/made.toml: {page['name']}: no file is {pattern}")
+        found |= {p.relative_to(root).as_posix(): p.read_bytes() for p in paths}
+    return found
+
+
+def as_made(root, page):
+    """The digest of a page itself."""
+    return hashlib.sha256((root / page["name"]).read_bytes()).hexdigest()[:DIGITS]
+
+
 def at(root, crate, commit):
     """A crate's files at a commit; none where it was not there."""
     run = subprocess.run(["git", "archive", commit, crate], cwd=root, capture_output=True, check=False)
@@ -63,17 +80,21 @@ def read(root):
 
 
 def check(root):
-    """Tells of every page; gives how many are stale."""
-    stale = 0
+    """Tells of every page; gives how many are stale, and which were changed by hand."""
+    stale, typed = 0, []
     for page in read(root):
         changed = [c for c in page["crates"] if page["digests"].get(c) != of_files(now(root, c))]
         missing = [c for c in page["crates"] if not now(root, c)]
         if missing or not (root / page["name"]).exists():
             sys.exit(f"docs/made.toml: {page['name']} or a crate of it is not there: {', '.join(missing)}")
+        if page.get("makers") and page["digests"].get("makers") != of_files(makers(root, page)):
+            changed.append("what makes it")
         stale += bool(changed)
+        if page.get("whole") and page["digests"].get("page") not in (None, as_made(root, page)):
+            typed.append(page["name"])
         state = f"stale: {', '.join(changed)} changed since; {page['by']}" if changed else "as its crates are"
         print(f"{page['name']}: {state}")
-    return stale
+    return stale, typed
 
 
 def made(root, names, commit):
@@ -86,7 +107,15 @@ def made(root, names, commit):
             sys.exit(f"{name}: not in docs/made.toml, which has {', '.join(known)}")
         crates = known[name]["crates"]
         files = {c: at(root, c, commit) if commit else now(root, c) for c in crates}
-        line = ", ".join(f'{c} = "{of_files(files[c])}"' for c in crates)
+        empty = [c for c in crates if not files[c]]
+        if empty:
+            sys.exit(f"{name}: no sources of {', '.join(empty)}" + (f" at {commit}: is it a commit?" if commit else ""))
+        if known[name].get("makers"):
+            files["makers"] = makers(root, known[name])
+        digests = {c: of_files(files[c]) for c in files}
+        if known[name].get("whole"):
+            digests["page"] = as_made(root, known[name])
+        line = ", ".join(f'{c} = "{digest}"' for c, digest in digests.items())
         begin = text.index(f'name = "{name}"')
         text = text[:begin] + re.sub(r"digests = \{.*\}", f"digests = {{ {line} }}", text[begin:], count=1)
     file.write_text(text)
@@ -102,8 +131,10 @@ def main():
     given = asked.parse_args()
     if given.made:
         made(given.root, given.made, given.at)
-    stale = check(given.root)
+    stale, typed = check(given.root)
     print(f"{stale} of {len(read(given.root))} pages have figures of an older program")
+    if typed:
+        sys.exit(f"changed by hand: {', '.join(typed)}. A program writes these pages whole: make them anew, then --made")
 
 
 if __name__ == "__main__":

@@ -3,7 +3,7 @@
 use crate::error::{BuildError, Place};
 use crate::interrupted;
 use crate::model_file::{self, LoadedModel};
-use crate::options::{Override, parse_override, resolve};
+use crate::options::{Override, only, parse_override, resolve};
 use crate::progress::Searching;
 use crate::record::{hash, json};
 use crate::store;
@@ -100,6 +100,7 @@ pub fn calibrate(args: &CalibrateArgs) -> Result<Told, BuildError> {
         // A second call in one process keeps the first pool; results do not depend on it.
         let _ = rayon::ThreadPoolBuilder::new().num_threads(jobs.into()).build_global();
     }
+    only(&args.overrides, "calibrate")?;
     let mut options = resolve(&BTreeMap::new(), &args.overrides, args.seed)?.calibrate;
     match args.method {
         Some(MethodName::Posterior) => options.method = Method::Posterior,

@@ -5,7 +5,7 @@ use crate::calibrate::Watch;
 use crate::diagnosis_files::{DIAGNOSIS, PAGE, as_json, files_of, prepared};
 use crate::error::{BuildError, Place};
 use crate::model_file::{self, LoadedModel};
-use crate::options::{BuildOptions, Override, parse_override, resolve};
+use crate::options::{BuildOptions, Override, only, parse_override, resolve};
 use crate::record::hash;
 use crate::report::diagnosis_page;
 use crate::report::live::Begin;
@@ -195,6 +195,7 @@ fn calibrate_options(args: &DiagnoseArgs, loaded: &LoadedModel) -> Result<Calibr
             given.insert("calibrate".to_owned(), calibrate);
         }
     }
+    only(&args.overrides, "calibrate")?;
     Ok(resolve(&given, &args.overrides, None)?.calibrate)
 }
 

@@ -287,13 +287,25 @@ mod tests {
     /// What a citation left where it was cut out, and what only a reader of the source can follow.
     fn odd(meaning: &str) -> bool {
         let left = ["(,", ",)", ", )", "()", "( )", "(;", ";)", ",,", "..", " ,", " ."];
-        left.iter().any(|w| meaning.contains(w)) || meaning.contains("::")
+        let ends = [" of.", " the.", " as.", " to.", " in.", " with.", " and.", " from."];
+        // a sentence begins with a capital, and nothing is owned by nobody
+        let begins_small = meaning.match_indices(". ").any(|(at, _)| meaning[at + 2..].starts_with(char::is_lowercase));
+        left.iter().chain(&ends).any(|w| meaning.contains(w))
+            || begins_small
+            || meaning.contains("::")
+            || meaning.contains(" 's ")
     }
 
     #[test]
     fn no_text_has_a_hole_where_a_citation_was_or_a_path_of_the_source() {
         assert!(
             odd("half the smallest (LCL 48 mm2, ) is 24") && odd("the diagnosis' (crate::rim)") && !odd("0.5 (ours)")
+        );
+        assert!(
+            odd("takes the rest. shares evenly.")
+                && odd("the kappa of.")
+                && odd("Settling; 's test deck.")
+                && !odd("All of it.")
         );
         let all = all().unwrap();
         let odd: Vec<&OptionDoc> = all.iter().filter(|o| odd(&o.meaning)).collect();

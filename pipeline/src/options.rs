@@ -116,6 +116,19 @@ pub fn resolve(
     Ok(options)
 }
 
+/// Refuses an option of another stage than the one that a command runs: nothing would hear it.
+///
+/// # Errors
+/// The first such option.
+pub fn only(overrides: &[Override], stage: &str) -> Result<(), BuildError> {
+    overrides.iter().find(|o| o.stage != stage).map_or(Ok(()), |o| {
+        Err(BuildError::Usage(format!(
+            "--set {}.{}: nothing here is of the stage {}; this command takes {stage}.key=value, a build takes all (build-model build SPECIMEN --set ...)",
+            o.stage, o.key, o.stage
+        )))
+    })
+}
+
 /// Whether the section of an override is as it should be once that one is left out. That one by its place: a NaN is no NaN's equal.
 fn is_well_without(o: &Override, specimen: &BTreeMap<String, Table>, all: &[Override], seed: Option<u64>) -> bool {
     let others: Vec<Override> = all.iter().filter(|x| !std::ptr::eq(*x, o)).cloned().collect();

@@ -81,13 +81,14 @@ impl<'a> RunLog<'a> {
 
     /// Runs or takes up a stage. What it is given and its section of the options are the key under which its value is kept.
     pub(crate) fn stage<S: Stage>(&mut self, inputs: S::Inputs<'_>) -> Result<Kept<S::Value>, BuildError> {
-        if self.records.last().is_some_and(|r| Some(&r.stage) == self.range.to.as_ref()) {
-            self.reached = true;
-        }
+        // by the order of all stages: a knee need not have the one that is named
+        let place = |name: &str| names().iter().position(|n| *n == name);
+        let (here, ends) = (place(S::NAME), [&self.range.from, &self.range.to].map(|n| n.as_deref().and_then(place)));
+        self.reached |= ends[1].is_some_and(|to| here > Some(to));
         if self.reached && self.range.plan {
             return Err(BuildError::Reached);
         }
-        self.forced |= self.range.from.as_deref() == Some(S::NAME);
+        self.forced |= ends[0].is_some_and(|from| here >= Some(from));
         let options = S::options(self.options);
         let key = key(S::NAME, section::<S>(self.options)?, inputs);
         if self.reached {

@@ -373,6 +373,6 @@ fn run_protocol(model: &Model, protocol: ProtocolName, args: &SimulateArgs) -> R
 fn read_trials(path: &Path) -> Result<(Vec<LaxityTrial>, Vec<Notice>), BuildError> {
     let (bytes, name) = (store::read(path)?, path.display().to_string());
     let table =
-        laxity::read(&bytes).map_err(|e| BuildError::at(Place::in_laxity(&name, &e), format!("{name}: {e}")))?;
+        laxity::read_asked(&bytes).map_err(|e| BuildError::at(Place::in_laxity(&name, &e), format!("{name}: {e}")))?;
     Ok((table.trials, table.warnings.into_iter().map(|w| w.in_file(&name)).collect()))
 }

@@ -4,7 +4,7 @@ use crate::bands::{self, Asking};
 use crate::error::BuildError;
 use crate::given::read_passive;
 use crate::model_file::{self, LoadedModel};
-use crate::options::{Override, parse_override, resolve};
+use crate::options::{Override, only, parse_override, resolve};
 use crate::simulate::{Solver as SolverName, of_model, with_columns};
 use crate::store;
 use crate::told::{DifferenceTold, ModelTold, SolversTold, Told, ValidateTold, schemas};
@@ -61,12 +61,16 @@ fn named(text: &str) -> Result<(String, PathBuf), String> {
     Ok((name.trim().to_owned(), PathBuf::from(path)))
 }
 
+/// Files that not every run writes.
+const NOT_ALWAYS: [&str; 3] = ["solvers.csv", "sensitivity.csv", "cross_prediction.csv"];
+
 /// Runs `validate`.
 pub fn validate(args: &ValidateArgs) -> Result<Told, BuildError> {
     if let Some(jobs) = args.jobs {
         // A second call in one process keeps the first pool; results do not depend on it.
         let _ = rayon::ThreadPoolBuilder::new().num_threads(jobs.into()).build_global();
     }
+    only(&args.overrides, "validate")?;
     let mut options = resolve(&BTreeMap::new(), &args.overrides, None)?.validate;
     options.samples = args.samples.unwrap_or(options.samples);
     options.solver = args.solver.map_or(options.solver, SolverName::solver);
@@ -104,7 +108,12 @@ pub fn validate(args: &ValidateArgs) -> Result<Told, BuildError> {
         sources.push(of);
     }
     let validation = Validation::new(sources, passive, warnings);
-    store::write_all(&store::make_folder(&args.out)?, &files_of(&validation)?)?;
+    let (folder, files) = (store::make_folder(&args.out)?, files_of(&validation)?);
+    store::write_all(&folder, &files)?;
+    // what an earlier run left there would be read as of this one
+    for name in NOT_ALWAYS.iter().filter(|name| files.iter().all(|(written, _)| written != *name)) {
+        store::remove_file(&folder.join(name));
+    }
     let data = ValidateTold {
         schema: schemas::VALIDATE,
         models: models.iter().map(|(_, model)| ModelTold::of(model)).collect(),

@@ -17,7 +17,7 @@ mod write;
 pub use between::{Named, against_model, between, repeated};
 pub use columns::LaxityError;
 pub use format::{Bone, Column, FullColumn, LaxityFormat, Readings};
-pub use read::{LaxityTable, read, read_as};
+pub use read::{LaxityTable, read, read_as, read_asked};
 pub use signs::{SignDoubt, sign_doubts};
 pub use write::{Band, TrialResult, force_column, protocol_csv, results_csv, trials_csv};
 

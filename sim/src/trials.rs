@@ -28,7 +28,7 @@ pub const FLEXION_DEG: [f64; 2] = [-30.0, 160.0];
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct TrialOptions {
-    /// Settling under compression [s]; [andreassen2025]'s test deck.
+    /// Settling under compression [s], as in the published test deck [andreassen2025].
     pub settle_s: f64,
     /// Dashpots on each translation [N s/mm] and rotation [N mm s/rad] while settling; [andreassen2025, section 2.4.5].
     pub settle_damping: f64,

@@ -43,7 +43,8 @@ pub struct AssembleOptions {
     pub mass_tonne: f64,
     /// Rotary inertia of the moving body in explicit dynamics [tonne mm2]; numerical, as in the published decks.
     pub inertia_tonne_mm2: f64,
-    /// Whether the contact law was fitted to this knee's own cartilage; stage contact-law sets it.
+    /// Whether the contact law was fitted to this knee's own cartilage: the build says so, and no option does.
+    #[serde(skip)]
     pub own_law: bool,
     /// Whether contact is by the cartilages' own thickness in place of the table; stage contact-law sets it where that fits better.
     pub by_thickness: bool,

@@ -69,7 +69,7 @@ pub struct ContactLawOptions {
     pub friction: f64,
     /// Penalty: pressure over penetration [MPa/mm].
     pub penalty_mpa_per_mm: f64,
-    /// Hourglass stiffness, the kappa of [flanagan1981] [-].
+    /// Hourglass stiffness, often called kappa [-] [flanagan1981].
     pub hourglass_stiffness: f64,
     /// Whether stress and pressure of every level are kept for files, or only those of the last level of each flexion.
     pub all_fields: bool,

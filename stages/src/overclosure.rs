@@ -19,10 +19,10 @@ pub struct OverclosureOptions {
     /// Gap wanted everywhere between femoral and tibial cartilage [mm].
     pub gap_mm: f64,
     /// Share of the move that the femur takes where both cartilages are equally thick [-]; elsewhere the thicker takes more, in
-    /// proportion; the tibia takes the rest. [andreassen2024] shares evenly.
+    /// proportion; the tibia takes the rest. The paper of the method shares evenly [andreassen2024].
     pub femur_share: f64,
     /// Standard deviation of the kernel at the first iteration [mm]: about an element's edge, so that only what overlaps moves;
-    /// [andreassen2024] starts near 10.
+    /// the paper of the method starts near 10 [andreassen2024].
     pub spread_mm: f64,
     /// Factor on the spread from one iteration to the next [-].
     pub spread_reduction: f64,

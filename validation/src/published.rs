@@ -97,9 +97,8 @@ pub struct Rmsd {
 pub const TABLES: &str = include_str!("../data/published.toml");
 
 /// The data file.
-static PUBLISHED: LazyLock<Published> = LazyLock::new(|| {
-    toml::from_str(TABLES).expect("the tables shipped with the program parse")
-});
+static PUBLISHED: LazyLock<Published> =
+    LazyLock::new(|| toml::from_str(TABLES).expect("the tables shipped with the program parse"));
 
 /// The paper's name of a specimen; `None` of any other.
 pub fn title(specimen: &str) -> Option<&'static str> {

@@ -99,7 +99,8 @@ pub struct FactorTold {
     pub name: &'static str,
     /// What it asks.
     pub question: &'static str,
-    /// The grade of its weakest evidence; of nothing, "no evidence".
+    /// The grade of its weakest evidence; at most weak where a piece is missing that every build makes, and at most adequate where one is missing that not
+    /// every knee has. Of nothing, "no evidence".
     pub grade: Grade,
     /// Whether that is what the model risk asks for; none where no risk is stated.
     pub enough: Option<bool>,
@@ -109,10 +110,31 @@ pub struct FactorTold {
 
 impl FactorTold {
     pub(super) fn of(factor: Factor, evidence: Vec<Evidence>, risk: Option<Level>) -> FactorTold {
-        let known = evidence.iter().map(|e| e.grade).filter(|g| *g != Grade::NoEvidence);
-        let grade = known.min().unwrap_or(Grade::NoEvidence);
+        let known = evidence.iter().any(|e| e.grade != Grade::NoEvidence);
+        let grade = evidence.iter().map(worth).min().filter(|_| known).unwrap_or(Grade::NoEvidence);
         let (name, question) = factor.words();
         FactorTold { factor, name, question, grade, enough: risk.map(|r| grade >= r.asks_for()), evidence }
+    }
+}
+
+/// Evidence that not every knee has: of stages that run where they are asked for, of a second data set, of menisci, of measured passive flexion, of a
+/// question that names flexions.
+const NOT_EVERY_KNEES: [&str; 7] = [
+    "contact-law",
+    "missing-effects",
+    "menisci-sensitivity",
+    "starts",
+    "cross-prediction",
+    "passive-flexion",
+    "flexion-range",
+];
+
+/// The best grade that a factor can have with this piece: what is missing is never to its advantage.
+fn worth(piece: &Evidence) -> Grade {
+    match piece.grade {
+        Grade::NoEvidence if NOT_EVERY_KNEES.contains(&piece.id) => Grade::Adequate,
+        Grade::NoEvidence => Grade::Weak,
+        grade => grade,
     }
 }
 
@@ -135,4 +157,46 @@ pub struct Told {
     pub factors: Vec<FactorTold>,
     /// Files that are not as their stage left them; what they hold is no evidence.
     pub changed: Vec<String>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn piece(id: &'static str, grade: Grade) -> Evidence {
+        Evidence {
+            id,
+            factor: Factor::ModelInputs,
+            what: String::new(),
+            value: None,
+            unit: "-".into(),
+            limits: [0.0, 1.0],
+            more_is_better: false,
+            grade,
+            why: String::new(),
+            stage: None,
+            test: None,
+            file: String::new(),
+            digest: None,
+            date: None,
+            as_built: None,
+        }
+    }
+
+    #[test]
+    fn what_is_missing_is_never_to_a_factors_advantage() {
+        let grades = [Grade::Strong, Grade::Adequate, Grade::Weak];
+        let of = |pieces: &[Evidence]| FactorTold::of(Factor::ModelInputs, pieces.to_vec(), None).grade;
+        for (id, at_most) in [("registration", Grade::Weak), ("cross-prediction", Grade::Adequate)] {
+            for (own, other) in grades.into_iter().flat_map(|own| grades.map(|other| (own, other))) {
+                let with = of(&[piece(id, own), piece("sites-marked", other)]);
+                let without = of(&[piece(id, Grade::NoEvidence), piece("sites-marked", other)]);
+                assert_eq!(without, at_most.min(other), "{id}");
+                assert!(without <= with.max(at_most), "{id}");
+            }
+        }
+        assert_eq!(of(&[piece("registration", Grade::NoEvidence)]), Grade::NoEvidence);
+        let ids = super::super::rows::ids();
+        assert!(NOT_EVERY_KNEES.iter().all(|id| ids.contains(id)), "{ids:?}");
+    }
 }

@@ -4,7 +4,7 @@ use super::columns::{LaxityError, QUADRICEPS_COLUMN, is_output, known_columns, r
 use super::differences;
 use super::format::{LaxityFormat, standard};
 use super::{Branch, LaxityTrial, TESTS, Test};
-use crate::coordinate::{AP, FREE, Free, IE, Load, VV};
+use crate::coordinate::{AP, Coordinate, FREE, Free, IE, Load, VV};
 use crate::names::did_you_mean;
 use csv::StringRecord;
 use meshes::frame::Side;
@@ -36,13 +36,32 @@ pub fn read(bytes: &[u8]) -> Result<LaxityTable, LaxityError> {
     read_as(bytes, &LaxityFormat::default(), Side::Right)
 }
 
+/// [`read`] for a model that is asked: columns of the pose may be absent, all together.
+///
+/// # Errors
+/// As [`read`].
+pub fn read_asked(bytes: &[u8]) -> Result<LaxityTable, LaxityError> {
+    read_in(bytes, &LaxityFormat::default(), Side::Right, Poses::MayBeAbsent)
+}
+
 /// Reads a laxity file in a laboratory's shape; `side` turns signs that name right and left.
 ///
 /// # Errors
 /// As [`read`]; also where the file is not as `format` says.
 pub fn read_as(bytes: &[u8], format: &LaxityFormat, side: Side) -> Result<LaxityTable, LaxityError> {
+    read_in(bytes, format, side, Poses::Expected)
+}
+
+/// Whether a file must have the columns of the pose.
+#[derive(Clone, Copy, PartialEq)]
+enum Poses {
+    Expected,
+    MayBeAbsent,
+}
+
+fn read_in(bytes: &[u8], format: &LaxityFormat, side: Side, poses: Poses) -> Result<LaxityTable, LaxityError> {
     let standard = standard(bytes, format, side)?;
-    let columns = columns(&standard.header)?;
+    let columns = columns(&standard.header, poses)?;
     let mut table = LaxityTable { trials: vec![], warnings: standard.warnings };
     let (mut names, mut counted_from) = (BTreeSet::new(), Vec::new());
     for (number, record) in &standard.rows {
@@ -81,8 +100,12 @@ fn branches(trials: &mut [LaxityTrial]) {
 }
 
 /// Column numbers by name; refuses what is unknown, missing or doubled.
-fn columns(header: &StringRecord) -> Result<BTreeMap<String, usize>, LaxityError> {
-    let required = required_columns();
+fn columns(header: &StringRecord, poses: Poses) -> Result<BTreeMap<String, usize>, LaxityError> {
+    let mut required = required_columns();
+    let of_the_pose = FREE.map(Coordinate::column);
+    if poses == Poses::MayBeAbsent && !header.iter().any(|name| of_the_pose.contains(&name.to_owned())) {
+        required.retain(|name| !of_the_pose.contains(name));
+    }
     let known = known_columns();
     let mut found = BTreeMap::new();
     for (i, name) in header.iter().enumerate() {

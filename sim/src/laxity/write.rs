@@ -228,7 +228,7 @@ fn line(cells: &[String]) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::read;
+    use super::super::{read, read_asked};
     use super::*;
 
     const HEADER: &str = "trial,test,nominal_flexion_deg,load_vv_nm,load_ie_nm,load_ml_n,load_ap_n,load_si_n,fe_deg,vv_deg,ie_deg,ml_mm,ap_mm,si_mm";
@@ -281,6 +281,19 @@ mod tests {
         assert!(!results_csv(&[], &[other]).contains("quadriceps") && !trials_csv(&trials[1..]).contains("quadriceps"));
         assert!(error(&with.replace(",60\n", ",-60\n")).contains("row 2, column \"load_quadriceps_n\": -60 N"));
         assert!(error(&with.replace(",60\n", ",60000\n")).contains("another unit"));
+    }
+
+    #[test]
+    fn a_model_may_be_asked_by_loads_alone() {
+        let poses = ",vv_deg,ie_deg,ml_mm,ap_mm,si_mm";
+        let row = "a,anterior,30,0,0,0,44,20,21\n";
+        let alone = format!("{}\n{row}", HEADER.replace(poses, ""));
+        let trial = read_asked(alone.as_bytes()).unwrap().trials.remove(0);
+        assert_eq!((trial.load[AP], trial.fe_deg, trial.measured), (44.0, 21.0, Free::all(None)));
+        assert!(error(&alone).contains("missing column vv_deg, ie_deg, ml_mm, ap_mm, si_mm"));
+        let one = format!("{}\n{}", HEADER.replace(poses, ",vv_deg"), row.replace("21\n", "21,1\n"));
+        let refused = read_asked(one.as_bytes()).unwrap_err().to_string();
+        assert!(refused.contains("missing column ie_deg"), "{refused}");
     }
 
     #[test]
