@@ -34,8 +34,10 @@ pub struct ExportedDeck {
 pub fn export(spec: &ModelSpec, meshes: &BTreeMap<String, MeshValue>) -> Result<ExportedDeck, SimError> {
     let mut warnings = Vec::new();
     let joint = Joint::new(&spec.frames, spec.side)?;
+    let geometry = parts::geometry(spec, meshes, &mut warnings)?;
     let mut files = vec![
-        ("geometry.inp".to_owned(), parts::geometry(spec, meshes, &mut warnings)?),
+        ("geometry.inp".to_owned(), geometry.meshes()),
+        ("bodies.inp".to_owned(), geometry.bodies),
         ("joint.inp".to_owned(), parts::joint(spec, &joint)),
         ("ligaments.inp".to_owned(), parts::ligaments(spec)?),
         ("contact.inp".to_owned(), parts::contact(spec)),
@@ -133,7 +135,7 @@ fn main_file(spec: &ModelSpec, protocol: &DeckProtocol) -> Result<String, SimErr
     if protocol.quirks.iter().any(|q| q.starts_with("flexion base 0")) {
         out += "*PARAMETER\nTF_KIN_BASEMRI_CYLINDRICAL_FE=0.0\n";
     }
-    out += "*INCLUDE, INPUT=geometry.inp\n*INCLUDE, INPUT=joint.inp\n*INCLUDE, INPUT=ligaments.inp\n";
+    out += "*INCLUDE, INPUT=geometry.inp\n*INCLUDE, INPUT=bodies.inp\n*INCLUDE, INPUT=joint.inp\n*INCLUDE, INPUT=ligaments.inp\n";
     if !spec.menisci.is_empty() {
         out += "*INCLUDE, INPUT=menisci.inp\n";
     }

@@ -1,6 +1,7 @@
 //! `open`: a report in the browser.
 
 use crate::error::BuildError;
+use crate::report::{REPORT, STOPPED};
 use crate::suggested::command_on;
 use crate::{inspect, store};
 use std::path::{Path, PathBuf};
@@ -46,17 +47,15 @@ fn address(page: &Path) -> Result<String, BuildError> {
 /// What a page with a live view has.
 const LIVE: &str = "id=\"live-module\"";
 
-/// report.html of a build or a diagnosis.
+/// The report of a build's or a diagnosis' last run: report.html, or what stands beside it where that run came less far.
 fn report(dir: &Path) -> Result<PathBuf, BuildError> {
-    let beside = dir.join("report.html");
-    if store::exists(&beside) {
-        return Ok(beside);
+    let last = |folder: &Path| [STOPPED, REPORT].map(|name| folder.join(name)).into_iter().find(|p| store::exists(p));
+    if let Some(page) = last(dir) {
+        return Ok(page);
     }
-    let page = inspect::build_folder(dir)?.join("report.html");
-    match store::exists(&page) {
-        true => Ok(page),
-        false => {
-            Err(BuildError::of_file(&page, format!("no {}; write it: {}", page.display(), command_on("report", dir))))
-        }
-    }
+    let build = inspect::build_folder(dir)?;
+    last(&build).ok_or_else(|| {
+        let page = build.join(REPORT);
+        BuildError::of_file(&page, format!("no {}; write it: {}", page.display(), command_on("report", dir)))
+    })
 }

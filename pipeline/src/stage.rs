@@ -29,6 +29,7 @@ pub(crate) use artifacts::Files;
 pub(crate) use assemble::{contact_surface, fibre_layers};
 pub(crate) use calibrate::{MOST_NOISE, PARTLY_NOISE};
 pub(crate) use layers::{CONTEXT_MM, bone_layers, ct_layers};
+pub(crate) use validate::BETWEEN_TEAMS;
 pub(crate) use validate::on_paper;
 pub(crate) use values::Values;
 

@@ -94,7 +94,7 @@ pub(crate) fn of_this_run(build: &Path, stage: &str, file: PathBuf) -> Result<Pa
     Err(BuildError::of_file(
         &file,
         format!(
-            "{} is of an earlier run, and the build was changed since; build again without --to ({}){assembled}",
+            "{} is of an earlier run: the build was changed since, and the last run did not come so far; go on ({}){assembled}",
             file.display(),
             building_again(build)
         ),

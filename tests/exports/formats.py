@@ -137,8 +137,8 @@ def febio_sections(root):
 
 
 def abaqus(folder):
-    """The geometry and fibres of the deck by meshio, which needs telling what connectors and masses are and that nodes may stand in several blocks
-    (CalculiX 2.20 knows no rigid triangles and no connectors, so it cannot read a knee deck)."""
+    """geometry.inp by meshio as it is; the fibres of the deck by meshio, which needs telling what connectors and masses are and that nodes may stand in
+    several blocks (CalculiX 2.20 knows no rigid triangles and no connectors, so it cannot read a knee deck)."""
     try:
         import meshio
         from meshio.abaqus import _abaqus
@@ -148,6 +148,7 @@ def abaqus(folder):
     import json
     import tempfile
 
+    alone = meshio.read(folder / "geometry.inp")
     _abaqus.abaqus_to_meshio_type.update({"MASS": "vertex", "ROTARYI": "vertex", "CONN3D2": "line"})
     (main,) = [p for p in folder.glob("*.inp") if "*STEP" in p.read_text()]
     included = [line.split("=")[1] for line in main.read_text().splitlines() if line.startswith("*INCLUDE") and "contact" not in line]
@@ -160,6 +161,10 @@ def abaqus(folder):
         deck.flush()
         mesh = meshio.read(deck.name)
     triangles = np.concatenate([c.data for c in mesh.cells if c.type == "triangle"])
+    for kind in ("triangle", "hexahedron"):
+        cells = [np.concatenate([m.points[c.data] for c in m.cells if c.type == kind]) for m in (alone, mesh)]
+        assert np.array_equal(*cells), kind
+    assert {"CART-FEMUR", "CART-TIBIA-MED", "CART-TIBIA-LAT", "BONE-FEMUR", "BONE-TIBIA"} <= set(alone.cell_sets), list(alone.cell_sets)
     model_path = pathlib.Path(sys.argv[3])
     model = json.loads(model_path.read_text())
     paths = [b["bone"] for b in model["bodies"]] + sorted({p[k] for p in model["contact"]["pairs"] for k in ("femur", "tibia")})

@@ -35,17 +35,35 @@ impl Labels {
     }
 }
 
+/// Meshes, and what they are as bodies: two files, so that a reader of meshes finds nothing else in the first.
+#[derive(Default)]
+pub(super) struct Geometry {
+    /// Nodes of all meshes, one block.
+    nodes: String,
+    /// Elements, a set a mesh.
+    elements: String,
+    /// Reference nodes, masses, rigid bodies, ties, sections and surfaces.
+    pub(super) bodies: String,
+}
+
+impl Geometry {
+    /// The file of the meshes.
+    pub(super) fn meshes(&self) -> String {
+        format!("*NODE\n{}{}", self.nodes, self.elements)
+    }
+}
+
 /// Bones, cartilages and contact faces, each a rigid body tied to its bone.
 pub(super) fn geometry(
     spec: &ModelSpec,
     meshes: &BTreeMap<String, MeshValue>,
     warnings: &mut Vec<Notice>,
-) -> Result<String, SimError> {
-    let mut out = String::new();
+) -> Result<Geometry, SimError> {
+    let mut out = Geometry::default();
     for (label, name) in [(TIBIA, "tibia"), (FEMUR, "femur")] {
         let origin = if label == FEMUR { &spec.frames.femur.origin } else { &spec.frames.tibia.origin };
-        let _ = writeln!(out, "** reference node of the {name}\n*NODE");
-        node(&mut out, label, origin);
+        let _ = writeln!(out.bodies, "** reference node of the {name}\n*NODE");
+        node(&mut out.bodies, label, origin);
     }
     let mut labels = Labels { next: 1_000_001 };
     for body in spec.bodies.iter().filter(|b| b.acts()) {
@@ -53,14 +71,14 @@ pub(super) fn geometry(
         let (reference, upper) = if femur { (FEMUR, "FEMUR") } else { (TIBIA, "TIBIA") };
         let bone = meshes.get(&body.bone).ok_or_else(|| missing(&body.bone))?;
         mesh_block(&mut out, &mut labels, &format!("BONE-{upper}"), bone);
-        let _ = writeln!(out, "*RIGID BODY, ELSET=BONE-{upper}, REF NODE={reference}");
-        point_mass(&mut out, reference, upper, [body.mass_tonne, body.inertia_tonne_mm2]);
+        let _ = writeln!(out.bodies, "*RIGID BODY, ELSET=BONE-{upper}, REF NODE={reference}");
+        point_mass(&mut out.bodies, reference, upper, [body.mass_tonne, body.inertia_tonne_mm2]);
         for path in &body.cartilage {
             match meshes.get(path) {
                 Some(mesh @ (MeshValue::Hex(_) | MeshValue::Tet(_))) => {
                     part(&mut out, &mut labels, &set_name("CART", path, femur), mesh, reference);
                     let set = set_name("CART", path, femur);
-                    let _ = writeln!(out, "*SOLID SECTION, ELSET={set}, MATERIAL=CARTILAGE\n1.0,");
+                    let _ = writeln!(out.bodies, "*SOLID SECTION, ELSET={set}, MATERIAL=CARTILAGE\n1.0,");
                 }
                 _ => warnings.push(
                     Kind::SolidMissing
@@ -70,7 +88,7 @@ pub(super) fn geometry(
             }
         }
     }
-    out += "*MATERIAL, NAME=CARTILAGE\n*DENSITY\n1.81e-8,\n*ELASTIC, TYPE=ISO\n12.0, 0.45\n";
+    out.bodies += "*MATERIAL, NAME=CARTILAGE\n*DENSITY\n1.81e-8,\n*ELASTIC, TYPE=ISO\n12.0, 0.45\n";
     let mut done = Vec::new();
     for pair in &spec.contact.pairs {
         for (path, femur) in [(&pair.femur, true), (&pair.tibia, false)] {
@@ -80,7 +98,7 @@ pub(super) fn geometry(
             let mesh = meshes.get(path).filter(|m| matches!(m, MeshValue::Surface(_))).ok_or_else(|| missing(path))?;
             let set = set_name("ART", path, femur);
             part(&mut out, &mut labels, &set, mesh, if femur { FEMUR } else { TIBIA });
-            let _ = writeln!(out, "*SURFACE, TYPE=ELEMENT, NAME=SURF-{set}\n{set}, SPOS");
+            let _ = writeln!(out.bodies, "*SURFACE, TYPE=ELEMENT, NAME=SURF-{set}\n{set}, SPOS");
             done.push(path.clone());
         }
     }
@@ -104,26 +122,25 @@ pub(super) fn set_name(prefix: &str, path: &str, femur: bool) -> String {
 }
 
 /// A mesh as a rigid body with its own reference node, tied to a bone's.
-fn part(out: &mut String, labels: &mut Labels, set: &str, mesh: &MeshValue, bone: u64) {
+fn part(out: &mut Geometry, labels: &mut Labels, set: &str, mesh: &MeshValue, bone: u64) {
     mesh_block(out, labels, set, mesh);
-    let reference = labels.take(1);
+    let (reference, out) = (labels.take(1), &mut out.bodies);
     let _ = writeln!(out, "*NODE");
     node(out, reference, &Point::origin());
     let _ = writeln!(out, "*RIGID BODY, ELSET={set}, REF NODE={reference}\n*MPC\nBEAM, {reference}, {bone}");
 }
 
-fn mesh_block(out: &mut String, labels: &mut Labels, set: &str, mesh: &MeshValue) {
+fn mesh_block(out: &mut Geometry, labels: &mut Labels, set: &str, mesh: &MeshValue) {
     let (points, kind, elements): (&[Point], &str, Vec<&[u32]>) = match mesh {
         MeshValue::Surface(m) => (&m.vertices, "R3D3", m.triangles.iter().map(|e| &e[..]).collect()),
         MeshValue::Hex(m) => (&m.nodes, "C3D8R", m.elements.iter().map(|e| &e[..]).collect()),
         MeshValue::Tet(m) => (&m.nodes, "C3D4", m.elements.iter().map(|e| &e[..]).collect()),
     };
     let first = labels.take(points.len());
-    let _ = writeln!(out, "*NODE");
     for (i, p) in points.iter().enumerate() {
-        node(out, first + i as u64, p);
+        node(&mut out.nodes, first + i as u64, p);
     }
-    let number = labels.take(elements.len());
+    let (number, out) = (labels.take(elements.len()), &mut out.elements);
     let _ = writeln!(out, "*ELEMENT, TYPE={kind}, ELSET={set}");
     for (i, e) in elements.iter().enumerate() {
         let nodes: Vec<String> = e.iter().map(|n| (first + u64::from(*n)).to_string()).collect();

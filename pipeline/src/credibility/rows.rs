@@ -5,7 +5,7 @@ use super::evidence::{Evidence, Factor};
 use super::grade::{Grade, grade, more_is_better};
 use super::of_program::of_program;
 use super::read::{Build, Read, Rows, largest, numbers, share, smallest};
-use crate::stage::{MOST_NOISE, PARTLY_NOISE};
+use crate::stage::{BETWEEN_TEAMS, MOST_NOISE, PARTLY_NOISE};
 use crate::which_model::JOINT;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -124,7 +124,7 @@ const ROWS: [Row; 33] = [
     Row {
         id: "misfit",
         factor: Factor::ModelForm,
-        what: "misfit of the calibration, in times the noise that was stated",
+        what: "misfit of the calibration, in times the noise that was stated, or taken where none is",
         unit: "-",
         limits: [MOST_NOISE, PARTLY_NOISE],
         why: "the report's own limits: beyond the first the model lacks something, beyond the second it is calibrated only in part",
@@ -397,8 +397,6 @@ const LAST_STRAIN: u32 = 14;
 
 const BONES: [&str; 2] = ["femur", "tibfib"];
 const PARTS: [&str; 3] = ["femur", "tibia_medial", "tibia_lateral"];
-/// Spread of passive flexion between five teams' models of one knee [mm or deg] (doi 10.1115/1.4063627).
-const BETWEEN_TEAMS: [(&str, f64); 3] = [("ap", 6.2), ("ie", 14.9), ("vv", 6.8)];
 
 /// All evidence of a build, and of the program that built it.
 pub(super) fn all(build: &Build, context: &Context) -> Vec<Evidence> {

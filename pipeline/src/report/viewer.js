@@ -29,7 +29,7 @@
     above: { eye: [0, 0, 1], up: [0, 1, 0] },
     below: { eye: [0, 0, -1], up: [0, 1, 0] },
   };
-  const DISTANCE = 1.9;
+  const DISTANCE = 1.9, VIEW_PX = 384; // the height of a view before it is there (style.css)
   const NO_3D = "This browser has no WebGL, so nothing can be turned here; the still pictures show the same.";
   const opened = [];
   const dark = matchMedia("(prefers-color-scheme: dark)");
@@ -172,7 +172,10 @@
     look(name) {
       const v = VIEWS[name];
       this.middle = [...this.focus.middle];
-      this.eye = v.eye.map((c, k) => this.middle[k] + c * DISTANCE * Math.max(0.3, this.focus.share));
+      // plotly.js sees 45 deg from bottom to top: a picture higher than it is wide sees less from side to side
+      const { clientWidth: wide, clientHeight: high } = this.plot || this.figure;
+      const narrow = Math.max(1, Math.min(2, (this.plot ? high : VIEW_PX) / (wide || VIEW_PX)));
+      this.eye = v.eye.map((c, k) => this.middle[k] + c * DISTANCE * narrow * Math.max(0.3, this.focus.share));
       this.up = [...v.up];
     }
 
@@ -566,6 +569,16 @@
     });
   });
   window.addEventListener("beforeprint", () => document.querySelectorAll("[data-chart]").forEach(draw));
+  // one page on paper: what is too long for it is set smaller, and never cut. It is measured out of sight: a browser that prints waits for nobody
+  const PAPER_MM = 188, LEAST_FIT = 0.6; // the width of A4 within the margins of style.css; below that nobody could read it
+  window.addEventListener("load", () => {
+    const sheet = document.querySelector(".sheet");
+    if (!sheet) return;
+    Object.assign(sheet.style, { display: "flex", position: "absolute", visibility: "hidden", width: `${PAPER_MM}mm` });
+    const share = sheet.clientHeight / sheet.scrollHeight;
+    sheet.removeAttribute("style");
+    if (share < 1) sheet.style.setProperty("--fit", Math.max(LEAST_FIT, 0.98 * share));
+  });
 
   // the paper's figures are SVG already; a PNG is drawn from it
   document.querySelectorAll("[data-svg]").forEach((figure) => {

@@ -3,7 +3,7 @@
 use super::calibrate::{Calibrate, Calibration, MISFIT, MOST_NOISE, PARTLY_NOISE, worst_misfit};
 use super::diagnose::{Diagnose, Diagnosed, both_hold};
 use super::list::{STAGES, heading};
-use super::validate::{Validate, predictions};
+use super::validate::{PROTOCOLS_END, Validate, predictions};
 use super::{Stage, Values};
 use crate::record::Failure;
 use crate::report::check::{Check, at_most};
@@ -112,7 +112,7 @@ fn calibrated(v: &Values, checks: &[Check], failure: Option<&Failure>) -> Answer
     let determined = found.parameters.iter().filter(|p| p.determined > 0.5).count();
     let told = if name == JOINT { main.sources.0.join(" and ") } else { name.to_owned() };
     let mut words = format!(
-        "One set of ligaments was fitted to {} measured loads ({told}). The model misses the measured positions by {} on average, up to {worst:.1} times the noise that was stated (limit {MOST_NOISE:.0}). The data settle {determined} of {} ligament parameters; the rest lean on the literature.",
+        "One set of ligaments was fitted to {} measured loads ({told}). The model misses the measured positions by {} on average, up to {worst:.1} times the noise that was taken (limit {MOST_NOISE:.0}). The data settle {determined} of {} ligament parameters; the rest lean on the literature.",
         main.trials.len(),
         rms.join(", "),
         found.parameters.len()
@@ -125,7 +125,8 @@ fn calibrated(v: &Values, checks: &[Check], failure: Option<&Failure>) -> Answer
         .collect();
     bad.iter().for_each(|c| words += &format!(" {} {}.", c.question, c.answer));
     let (standing, word) = match (at_most(worst, MOST_NOISE, 1), at_most(worst, PARTLY_NOISE, 1)) {
-        (true, _) if bad.is_empty() => (Standing::Good, "Yes"),
+        // what no reading settles was not calibrated, however well it fits
+        (true, _) if bad.is_empty() && determined > 0 => (Standing::Good, "Yes"),
         (true, _) => (Standing::Look, "Yes, but look"),
         (false, true) => (Standing::Look, "Yes, with a misfit"),
         (false, false) => (Standing::Look, "Only partly"),
@@ -153,9 +154,25 @@ fn why_partly(found: &Calibrated) -> String {
         named.map_or(n.coordinate.as_str(), |(_, words)| words).to_owned()
     };
     let worst = found.noise.iter().max_by(|a, b| share(a).total_cmp(&share(b)));
-    let what = worst.map_or("A coordinate".to_owned(), |n| format!("In {}, {}", n.source, plain(n)));
+    let beyond = found.noise.iter().filter(|n| !at_most(share(n), PARTLY_NOISE, 1)).count();
+    let what = match (worst, beyond) {
+        (Some(n), 2..) => format!(
+            "{beyond} of {} coordinates of the data sets are missed by more than {PARTLY_NOISE:.0} times the noise that was taken, most of all {} in {}",
+            found.noise.len(),
+            plain(n),
+            n.source
+        ),
+        (Some(n), _) => {
+            format!(
+                "In {}, {} is missed by more than {PARTLY_NOISE:.0} times the noise that was taken",
+                n.source,
+                plain(n)
+            )
+        }
+        (None, _) => format!("A coordinate is missed by more than {PARTLY_NOISE:.0} times the noise that was taken"),
+    };
     format!(
-        "{what} is missed by more than {PARTLY_NOISE:.0} times the noise that was stated: the model lacks something, the data sets contradict each other, or the stated noise is too small."
+        "{what}: the model lacks something, the data sets contradict each other, or more noise is in them than was taken."
     )
 }
 
@@ -180,9 +197,11 @@ fn predicts(v: &Values, checks: &[Check], failure: Option<&Failure>) -> Answer {
     // what the knee's own protocols could not be run to, or not with all samples, is no prediction
     let main = v.of::<Calibration>().and_then(Calibration::main).map(|(name, _)| name);
     let cut_off = |c: &&Check| c.stage == stage && c.good == Some(false) && c.model.as_deref() == main;
-    let odd: String =
-        checks.iter().filter(cut_off).map(|c| format!(" Not every protocol is sure: {}.", c.answer)).collect();
-    let words = words + &odd;
+    let odd: Vec<String> = checks.iter().filter(cut_off).map(unsure).collect();
+    let words = match odd.as_slice() {
+        [] => words,
+        all => format!("{words} It is not sure everywhere: {}. Stage {} tells where.", all.join("; "), heading(stage)),
+    };
     let (standing, word) = match (tested.len(), bad) {
         (_, 0) if !odd.is_empty() => (Standing::Look, "Yes, but look"),
         (_, 0) => (Standing::Good, "Yes"),
@@ -190,6 +209,14 @@ fn predicts(v: &Values, checks: &[Check], failure: Option<&Failure>) -> Answer {
         _ => (Standing::Look, "Not well"),
     };
     answer(standing, word, words)
+}
+
+/// What a check of the protocols found, for a reader who has a minute.
+fn unsure(check: &Check) -> String {
+    match check.question {
+        PROTOCOLS_END => "not all protocols run to their end with all samples".to_owned(),
+        _ => format!("the two solvers stand {}", check.answer),
+    }
 }
 
 fn missing(v: &Values, failure: Option<&Failure>) -> Answer {

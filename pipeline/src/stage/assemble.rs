@@ -13,10 +13,13 @@ use crate::report::check::{Check, KeyFigure};
 use crate::report::geometry::{Pool, thinned};
 use crate::report::picture::{BONE, Picture, picture};
 use crate::report::scene::{Layer, Scene, at, plain};
+use crate::validate::Validation;
 use attachments::groups::GROUPS;
 use meshes::render::Painted;
 use meshes::surface::TriMesh;
 use meshes::{Point, Vector};
+use sim::coordinate::FREE;
+use sim::laxity::LaxityTrial;
 use sim::menisci::hexahedra;
 use sim::spec::ModelSpec;
 use stages::StageError;
@@ -126,7 +129,8 @@ impl Stage for Assemble {
         let spec = main.unwrap_or(&assembled.spec);
         let fibres = &spec.fibres;
         layers.extend(fibre_layers(spec, pool));
-        layers.extend(moves.then(|| measured_femur(&layers)).flatten());
+        let was_measured = moves && are_poses_measured(v);
+        layers.extend(was_measured.then(|| measured_femur(&layers)).flatten());
         Some(Scene {
             id: "knee".into(),
             title: if moves { "The knee in motion" } else { "The assembled knee" }.into(),
@@ -136,10 +140,12 @@ impl Stage for Assemble {
                 assembled.spec.bundles.len(),
                 fibres.len(),
                 assembled.spec.contact.pairs.len(),
-                if moves {
-                    "; Play or the slider moves it through passive flexion, drawers, pivot shift and the measured loads. Fibres are coloured by force, cartilage by contact pressure; where a pose was measured, \"femur as measured\" shows it there, in green. The tibia stands still"
-                } else {
-                    ", as in CT"
+                match (moves, was_measured) {
+                    (true, true) =>
+                        "; Play or the slider moves it through passive flexion, drawers, pivot shift and the measured loads. Fibres are coloured by force, cartilage by contact pressure; where a pose was measured, \"femur as measured\" shows it there, in green. The tibia stands still",
+                    (true, false) =>
+                        "; Play or the slider moves it through passive flexion, drawers and pivot shift. Fibres are coloured by force, cartilage by contact pressure. No whole pose was measured. The tibia stands still",
+                    (false, _) => ", as in CT",
                 }
             ),
             from: "front",
@@ -215,6 +221,14 @@ pub(crate) fn fibre_layers(spec: &ModelSpec, pool: &Pool) -> [Layer; 2] {
         Layer { name: "fibres".into(), colour: "#c8102e", lines, moves: Some("fibres"), ..common() },
         Layer { name: "names".into(), colour: "#222222", lines: middles, labels, moves: Some("names"), ..common() },
     ]
+}
+
+/// Whether any whole pose was measured, under a load or in passive flexion: displacements alone place no bone.
+fn are_poses_measured(v: &Values) -> bool {
+    let is_pose = |t: &LaxityTrial| t.reference.is_none() && FREE.into_iter().all(|c| t.measured[c].is_some());
+    let main = v.of::<Calibration>().and_then(Calibration::main);
+    main.is_some_and(|(_, o)| o.trials.iter().any(is_pose))
+        || v.of::<Validation>().is_some_and(|validation| !validation.passive.is_empty())
 }
 
 /// The femur where it was measured, over the simulated one.

@@ -137,7 +137,7 @@ impl Stage for Calibrate {
         Some(KeyFigure {
             name: "largest misfit to measured laxity",
             value: format!("{worst:.1} times the noise"),
-            limit: format!("limit {MOST_NOISE:.0} times the stated noise"),
+            limit: format!("limit {MOST_NOISE:.0} times the noise that was taken"),
             good: Some(check::at_most(worst, MOST_NOISE, 1)),
         })
     }

@@ -103,7 +103,7 @@ pub(crate) fn both_hold(v: &Values, verdict: Verdict) -> Option<String> {
     let worst = v.of::<Calibration>()?.worst_misfit().filter(|w| !at_most(*w, MOST_NOISE, 1))?;
     (verdict == Verdict::None).then(|| {
         format!(
-            " The calibration misses by {worst:.1} times the noise that was stated, and both hold: the noise stated is that of reading alone, while the diagnosis also counts repositioning between tests and takes the noise that the data show. What is left over then has no pattern that it could tell from scatter."
+            " The calibration misses by {worst:.1} times the noise that was taken, and both hold: that is the noise of reading alone, while the diagnosis also counts repositioning between tests and takes the noise that the data show. What is left over then has no pattern that it could tell from scatter."
         )
     })
 }

@@ -4,7 +4,7 @@ mod charts;
 mod predictions;
 mod tables;
 
-pub(crate) use predictions::predictions;
+pub(crate) use predictions::{BETWEEN_TEAMS, predictions};
 
 use super::calibrate::Calibration;
 use super::{Files, Stage, Values, View, Work, reported};
@@ -37,6 +37,9 @@ use validation::figures;
 use validation::validate::Source;
 
 reported!(Validation);
+
+/// The question whether the protocols could be run.
+pub(crate) const PROTOCOLS_END: &str = "Do the protocols run to their end?";
 
 /// The stage.
 pub(crate) struct Validate;
@@ -131,7 +134,7 @@ impl Stage for Validate {
             let words: Vec<&str> = told.iter().map(|(_, words)| words.as_str()).collect();
             let odd = told.iter().any(|(odd, _)| *odd);
             out.push(Check {
-                question: "Do the protocols run to their end?",
+                question: PROTOCOLS_END,
                 answer: match (told.is_empty(), odd) {
                     (true, _) => "all of them".to_owned(),
                     (_, true) => format!("look at {}", words.join("; ")),

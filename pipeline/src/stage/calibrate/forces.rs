@@ -5,6 +5,7 @@ use super::{Calibrate, Check, Stage, check};
 use crate::report::chart::{COLOURS, Chart, layout};
 use crate::stage::View;
 use crate::store::BuildFolder;
+use crate::which_model::JOINT;
 use calibration::calibrate::Calibrated;
 use calibration::posterior::{FORCE_DETERMINED_N, ForceEstimate, mean};
 use calibration::session::ap_probes;
@@ -104,7 +105,9 @@ struct Force {
 
 /// A chart a source: the interval of every bundle's force in each trial.
 pub(super) fn charts(folder: &BuildFolder, samples: &dyn Fn(&str) -> usize) -> Vec<Chart> {
-    let files = folder.read_folder(&Calibrate.folder()).unwrap_or_default();
+    let mut files: Vec<_> = folder.read_folder(&Calibrate.folder()).unwrap_or_default().into_iter().collect();
+    // the knee first
+    files.sort_by_key(|(name, _)| !name.starts_with(&format!("{JOINT}/")));
     files
         .iter()
         .filter_map(|(name, bytes)| Some((name.strip_suffix("/forces.csv")?, rows(bytes)?)))
