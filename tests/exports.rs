@@ -93,8 +93,8 @@ fn surfaces_are_read_by_trimesh() {
 fn a_time_series_is_read_by_meshio() {
     let folder = TempDir::new().unwrap();
     let out = exported("vtk", &["--poses", &flexed_to("90", folder.path()).display().to_string()]);
-    // the series, and the two files that lie beside every export
-    assert_eq!(std::fs::read_dir(out.path()).unwrap().count(), 20 + 2);
+    // the series, and the three files that lie beside every export
+    assert_eq!(std::fs::read_dir(out.path()).unwrap().count(), 20 + 3);
     reads("a_time_series_is_read_by_meshio", "formats.py", &["vtk", &out.path().display().to_string()]);
 }
 

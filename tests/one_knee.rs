@@ -300,8 +300,13 @@ fn files_of_forces_have_one_name_for_the_single_model_and_one_for_the_mean() {
     {
         said(&["simulate"], knee, &["--protocol", protocol, "--out", path.to_str().unwrap()]);
         let simulated = columns(&text(&path));
+        let whole = columns(&text(&out.path().join("predictions.csv")));
         for (row, trial) in simulated["step"].iter().enumerate() {
             let own = format!("{name} {trial}");
+            let there = whole["trial"].iter().position(|t| *t == own).unwrap();
+            for column in ["ap_mm", "ie_deg_mean", "ap_mm_upper", "group_ACL_n_lower", "contact_medial_force_n_mean"] {
+                assert_eq!(whole[column][there], simulated[column][row], "{own}, {column}");
+            }
             let rows: Vec<usize> = (0..exported["trial"].len()).filter(|j| exported["trial"][*j] == own).collect();
             assert_eq!(rows.len(), bundles_of(&simulated), "{own}");
             for j in rows {

@@ -22,6 +22,7 @@ def use(check, page, expected):
     check.expect(len(verdict) > 20, f"the diagnosis is not on the page: {verdict}")
     for width, scheme in [(400, "light"), (1400, "dark")]:
         check.shot(f"diagnosis-{width}-{scheme}", width, scheme)
+    check.axe()
     check.quiet()
 
 

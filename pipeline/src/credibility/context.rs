@@ -37,8 +37,9 @@ impl Context {
             BuildError::at(Place { row, ..Place::of(file) }, told)
         })?;
         match context.flexion_deg {
-            Some([from, to]) if from.is_nan() || to.is_nan() || from > to => {
-                Err(BuildError::in_file(file, format!("flexion_deg = [{from}, {to}]; expected the smaller first")))
+            Some([from, to]) if !(from.is_finite() && to.is_finite() && from <= to) => {
+                let told = format!("flexion_deg = [{from}, {to}]; expected two numbers, the smaller first");
+                Err(BuildError::in_file(file, told))
             }
             _ => Ok(context),
         }

@@ -383,7 +383,9 @@ const RANGE: Row = Row {
         table(b, "calibrate", "MODEL/fit.csv", |rows| {
             let at = numbers(rows, "fe_deg");
             let (least, most) = (smallest(at.iter().copied())?, largest(at)?);
-            Some((to.min(most) - from.max(least)).max(0.0) / (to - from).max(f64::MIN_POSITIVE))
+            // one flexion alone is within what was measured, or it is not
+            let both = to.min(most) - from.max(least);
+            Some(if to > from { both.max(0.0) / (to - from) } else { f64::from(both >= 0.0) })
         })
     },
 };

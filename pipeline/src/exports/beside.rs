@@ -1,4 +1,4 @@
-//! What lies beside every export: which model it is of, and what its ligaments carry, with intervals where it has samples.
+//! What lies beside every export: which model it is of, what its ligaments carry and where it rests, with intervals where it has samples.
 
 use super::File;
 use crate::bands::Asking;
@@ -13,12 +13,13 @@ use calibration::session::ap_probes;
 use serde_json::json;
 use sim::Model;
 use sim::coordinate::Load;
-use sim::laxity::{Band, LaxityTrial, Test, TrialResult, force_column};
+use sim::laxity::{Band, LaxityTrial, Test, TrialResult, force_column, results_csv};
 use sim::protocols::{self, Protocol, ProtocolOptions};
 use sim::trials::{TrialOptions, solve_trials};
 use std::fmt::Write;
 
-/// `model.source.json`: the model that was exported; `ligament_forces.csv`: its ligament forces at rest, in drawers and in the paper's protocols.
+/// `model.source.json`: the model that was exported; `ligament_forces.csv`: its ligament forces at rest, in drawers and in the paper's protocols;
+/// `predictions.csv`: the same with poses, group sums and contact, as `simulate` tells them.
 pub(super) fn files(loaded: &LoadedModel) -> Result<Vec<File>, BuildError> {
     let spec = &loaded.spec;
     let (to, file) = (spec.calibrated.as_ref().map(|c| &c.to), loaded.place());
@@ -27,7 +28,12 @@ pub(super) fn files(loaded: &LoadedModel) -> Result<Vec<File>, BuildError> {
         "digest": crate::model_file::digest(loaded), "program": env!("CARGO_PKG_VERSION"),
     });
     let mut out = vec![("model.source.json".to_owned(), record::json(&told))];
-    out.extend(forces(loaded)?.map(|text| ("ligament_forces.csv".to_owned(), text.into_bytes())));
+    let Ok(model) = sim::compile(spec, &loaded.meshes) else { return Ok(out) };
+    let (bundles, results) = (model.bundle_names(), asked(loaded, &model)?);
+    if !results.is_empty() {
+        out.push(("ligament_forces.csv".to_owned(), forces(&bundles, &results).into_bytes()));
+        out.push(("predictions.csv".to_owned(), results_csv(&bundles, &results).into_bytes()));
+    }
     Ok(out)
 }
 
@@ -43,12 +49,11 @@ pub(super) fn label((name, bytes): &mut File, loaded: &LoadedModel) {
     }
 }
 
-/// Forces of every bundle [N] at rest, in drawers and in each protocol of the paper; a part without an equilibrium is left out, and none is no file.
-fn forces(loaded: &LoadedModel) -> Result<Option<String>, BuildError> {
-    let Ok(model) = sim::compile(&loaded.spec, &loaded.meshes) else { return Ok(None) };
+/// Answers at rest, in drawers and in each protocol of the paper, with bands; a part without an equilibrium is left out.
+fn asked(loaded: &LoadedModel, model: &Model) -> Result<Vec<TrialResult>, BuildError> {
     let bundles = model.bundle_names();
-    let mut text = String::new();
-    for (protocol, mut results) in parts(&model) {
+    let mut out = Vec::new();
+    for (protocol, mut results) in parts(model) {
         let pivot = protocol == Some(Protocol::PivotShift);
         let asking = Asking {
             bundles: &bundles,
@@ -58,18 +63,21 @@ fn forces(loaded: &LoadedModel) -> Result<Option<String>, BuildError> {
             dislocation_ap_mm: pivot.then_some(ProtocolOptions::default().pivot_dislocation_ap_mm),
         };
         bands::add(loaded, &mut results, &asking)?;
-        for r in &results {
-            for (bundle, value) in bundles.iter().zip(&r.forces_n) {
-                let _ = writeln!(
-                    text,
-                    "{},{bundle},{}",
-                    of_part(protocol, r),
-                    cells(*value, r.band(&force_column(bundle)))
-                );
-            }
+        results.iter_mut().for_each(|r| r.trial.trial = of_part(protocol, r));
+        out.extend(results);
+    }
+    Ok(out)
+}
+
+/// Forces of every bundle [N].
+fn forces(bundles: &[String], results: &[TrialResult]) -> String {
+    let mut text = format!("{HEADER}\n");
+    for r in results {
+        for (bundle, value) in bundles.iter().zip(&r.forces_n) {
+            let _ = writeln!(text, "{},{bundle},{}", r.trial.trial, cells(*value, r.band(&force_column(bundle))));
         }
     }
-    Ok((!text.is_empty()).then(|| format!("{HEADER}\n{text}")))
+    text
 }
 
 /// Columns as in forces.csv of a calibration: best estimate, its interval, then the mean of the samples and the single model.
