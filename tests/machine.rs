@@ -1,5 +1,6 @@
 //! What programs read: `--json` is data that obeys its schema, errors are data, warnings stand on standard error, `--quiet` is silence.
 #![allow(clippy::unwrap_used, reason = "tests")]
+#![expect(clippy::disallowed_methods, reason = "tests prepare files")]
 
 use crate::common::{build_model, text, write};
 use crate::one_knee;
