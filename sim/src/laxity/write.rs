@@ -229,8 +229,8 @@ fn line(cells: &[String]) -> String {
 #[cfg(test)]
 mod tests {
     use super::super::{read, read_asked};
-    use crate::coordinate::AP;
     use super::*;
+    use crate::coordinate::AP;
 
     const HEADER: &str = "trial,test,nominal_flexion_deg,load_vv_nm,load_ie_nm,load_ml_n,load_ap_n,load_si_n,fe_deg,vv_deg,ie_deg,ml_mm,ap_mm,si_mm";
 
