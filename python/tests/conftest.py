@@ -76,7 +76,7 @@ def calibration(model, measured, tmp_path_factory):
         model,
         measured,
         folder,
-        options={"inference.samples": 16},
+        options={"inference.samples": 24},
         progress=lambda stage, share, message: seen.append(share),
     )
     assert seen and all(0 <= s <= 1 for s in seen)

@@ -90,8 +90,8 @@ def test_next_tests_are_those_of_the_command(calibration, tmp_path):
     widest = max(found.spread, key=lambda spread: spread["now"])
     assert 0 < widest["then"] < widest["now"]
     # without a file of its own
-    other = genu.next_tests(calibration, "drawer", samples=12)
-    assert other.raw["file"] is None and other.samples <= 12 and other.raw["without"] == []
+    other = genu.next_tests(calibration, "drawer", samples=24)
+    assert other.raw["file"] is None and other.samples <= 24 and other.raw["without"] == []
     assert len(genu.simulate(calibration, found.trials)) == len(found.trials)
 
 
