@@ -68,7 +68,7 @@ fn run(raw: &RawSpecimen) -> Result<Vec<(String, f64)>, StageError> {
     let a = timed(&mut t, "attachments", || attachments(&s, &r, &b, &c, &f, &AttachmentsOptions::default()))?;
     let h = timed(&mut t, "hexmesh", || hexmesh(&c, &HexmeshOptions::default()))?;
     let o = timed(&mut t, "overclosure", || overclosure(&h, &OverclosureOptions::default()))?;
-    timed(&mut t, "assemble", || assemble((&s, &b, &c), &f, &a, &o, &AssembleOptions::default()))?;
+    timed(&mut t, "assemble", || assemble((&s, &b, &c), &f, &a, &o, None, &AssembleOptions::default()))?;
     Ok(t)
 }
 

@@ -14,7 +14,6 @@ pub(super) static STRUCTS: &[Table] = &[
 ("law", "Law", "Force law of every bundle."),
 ("mass_tonne", "f64", "Mass of the moving body in explicit dynamics [tonne]; numerical, as in the published decks."),
 ("inertia_tonne_mm2", "f64", "Rotary inertia of the moving body in explicit dynamics [tonne mm2]; numerical, as in the published decks."),
-("own_law", "bool", "Whether the contact law was fitted to this knee's own cartilage: the build says so, and no option does."),
 ("by_thickness", "bool", "Whether contact is by the cartilages' own thickness in place of the table; stage contact-law sets it where that fits better."),
 ("layer", "LayerMaterial", "The layers of contact by thickness."),
 ("wrap", "Vec<String>", "Ligaments or bundles that wrap over femur and tibia in place of running straight through them, or \"all\"; none: every fibre is straight."),

@@ -37,7 +37,7 @@ pub(crate) fn build(knee: &Knee) -> Result<Built, StageError> {
     let attachments = attachments(&specimen, &registration, &bones, &cartilage, &frames, &options)?;
     let hexes = hexmesh(&cartilage, &HexmeshOptions::default())?;
     let separated = overclosure(&hexes, &OverclosureOptions::default())?;
-    assemble((&specimen, &bones, &cartilage), &frames, &attachments, &separated, &AssembleOptions::default())?;
+    assemble((&specimen, &bones, &cartilage), &frames, &attachments, &separated, None, &AssembleOptions::default())?;
     let seconds = user_seconds() - start;
     Ok(Built { cartilage, frames, attachments, hexes, separated, seconds })
 }

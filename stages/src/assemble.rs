@@ -5,6 +5,7 @@ mod uncertainty;
 use crate::attachments::Attachments;
 use crate::bones::Bones;
 use crate::cartilage::Cartilage;
+use crate::contact_law::{ContactLaw, ContactRule};
 use crate::frames::Frames;
 use crate::menisci::{Laid, Menisci, MeniscusMetrics, first_slope, menisci};
 use crate::overclosure::Separated;
@@ -43,9 +44,6 @@ pub struct AssembleOptions {
     pub mass_tonne: f64,
     /// Rotary inertia of the moving body in explicit dynamics [tonne mm2]; numerical, as in the published decks.
     pub inertia_tonne_mm2: f64,
-    /// Whether the contact law was fitted to this knee's own cartilage: the build says so, and no option does.
-    #[serde(skip)]
-    pub own_law: bool,
     /// Whether contact is by the cartilages' own thickness in place of the table; stage contact-law sets it where that fits better.
     pub by_thickness: bool,
     /// The layers of contact by thickness.
@@ -114,7 +112,6 @@ impl Default for AssembleOptions {
             law: Law::Smooth,
             mass_tonne: 1e-5,
             inertia_tonne_mm2: 0.1,
-            own_law: false,
             by_thickness: false,
             layer: LayerMaterial::default(),
             wrap: Vec::new(),
@@ -173,14 +170,27 @@ pub struct MeshCount {
     pub triangles: usize,
 }
 
-/// Assembles the model.
+/// The options with a contact law that was fitted to this knee's own cartilage.
+fn with_law(options: &AssembleOptions, law: &ContactLaw) -> AssembleOptions {
+    AssembleOptions {
+        overclosure_mm: law.overclosure_mm.clone(),
+        pressure_mpa: law.pressure_mpa.clone(),
+        by_thickness: law.rules == ContactRule::Thickness,
+        layer: law.layer.as_ref().map_or_else(|| options.layer.clone(), |l| l.material.clone()),
+        ..options.clone()
+    }
+}
+
+/// Assembles the model. `law` is the contact law that was fitted to this knee; where it is none, that of the options stands.
 pub fn assemble(
     (specimen, bones, cartilage): (&Specimen, &Bones, &Cartilage),
     frames: &Frames,
     attachments: &Attachments,
     separated: &Separated,
+    law: Option<&ContactLaw>,
     options: &AssembleOptions,
 ) -> Result<Assembled, StageError> {
+    let options = &law.map_or_else(|| options.clone(), |law| with_law(options, law));
     check(specimen, options)?;
     let contact = PerCartilage {
         femur: articular_face(&separated.meshes.femur),
@@ -241,7 +251,7 @@ pub fn assemble(
         protocols: Vec::new(),
         components: Vec::new(),
         calibrated: None,
-        uncertainty: Some(uncertainty::uncertainty(specimen, attachments, options.own_law)),
+        uncertainty: Some(uncertainty::uncertainty(specimen, attachments, law.is_some())),
         patella: patella.as_ref().map(|p| p.spec.clone()),
         warnings: warnings.iter().chain(attachments.warnings.iter().filter(wraps)).map(|w| w.text.clone()).collect(),
     };

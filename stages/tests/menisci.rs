@@ -50,7 +50,7 @@ fn knee(raw: &RawSpecimen, options: &AssembleOptions) -> Knee {
     let sites = attachments(&specimen, &out, &bones, &cartilage, &frames, &AttachmentsOptions::default()).unwrap();
     let hexes = hexmesh(&cartilage, &HexmeshOptions::default()).unwrap();
     let separated = overclosure(&hexes, &OverclosureOptions::default()).unwrap();
-    let atlas = assemble((&specimen, &bones, &cartilage), &frames, &sites, &separated, options).unwrap();
+    let atlas = assemble((&specimen, &bones, &cartilage), &frames, &sites, &separated, None, options).unwrap();
     Knee { frames, cartilage, atlas }
 }
 

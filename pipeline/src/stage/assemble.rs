@@ -27,7 +27,7 @@ use stages::assemble::{AssembleOptions, Assembled, assemble};
 use stages::attachments::Attachments;
 use stages::bones::Bones;
 use stages::cartilage::Cartilage;
-use stages::contact_law::{ContactLaw, ContactRule};
+use stages::contact_law::ContactLaw;
 use stages::frames::Frames;
 use stages::menisci::MeniscusMetrics;
 use stages::overclosure::Separated;
@@ -65,14 +65,7 @@ impl Stage for Assemble {
         options: &AssembleOptions,
         _: &Work,
     ) -> Result<Assembled, StageError> {
-        let mut options = options.clone();
-        if let Some(law) = law {
-            (options.overclosure_mm, options.pressure_mpa) = (law.overclosure_mm.clone(), law.pressure_mpa.clone());
-            options.by_thickness = law.rules == ContactRule::Thickness;
-            options.layer = law.layer.as_ref().map_or(options.layer, |l| l.material.clone());
-            options.own_law = true;
-        }
-        assemble((s, b, c), f, a, h, &options)
+        assemble((s, b, c), f, a, h, law.map(|l| &**l), options)
     }
 
     /// model.json and the contact surfaces it names.
