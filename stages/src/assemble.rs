@@ -5,7 +5,6 @@ mod uncertainty;
 use crate::attachments::Attachments;
 use crate::bones::Bones;
 use crate::cartilage::Cartilage;
-use crate::contact_law::{ContactLaw, ContactRule};
 use crate::frames::Frames;
 use crate::menisci::{Laid, Menisci, MeniscusMetrics, first_slope, menisci};
 use crate::overclosure::Separated;
@@ -170,13 +169,26 @@ pub struct MeshCount {
     pub triangles: usize,
 }
 
-/// The options with a contact law that was fitted to this knee's own cartilage.
-fn with_law(options: &AssembleOptions, law: &ContactLaw) -> AssembleOptions {
+/// A contact law that was fitted to this knee's own cartilage; it stands in place of that of the options.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OwnLaw {
+    /// Overclosures, ascending from 0 [mm].
+    pub overclosure_mm: Vec<f64>,
+    /// Pressures at them [MPa].
+    pub pressure_mpa: Vec<f64>,
+    /// Whether contact is by the cartilages' own thickness.
+    pub by_thickness: bool,
+    /// The layers of contact by thickness, where they were fitted.
+    pub layer: Option<LayerMaterial>,
+}
+
+/// The options with a law of this knee's own.
+fn with_law(options: &AssembleOptions, law: OwnLaw) -> AssembleOptions {
     AssembleOptions {
-        overclosure_mm: law.overclosure_mm.clone(),
-        pressure_mpa: law.pressure_mpa.clone(),
-        by_thickness: law.rules == ContactRule::Thickness,
-        layer: law.layer.as_ref().map_or_else(|| options.layer.clone(), |l| l.material.clone()),
+        overclosure_mm: law.overclosure_mm,
+        pressure_mpa: law.pressure_mpa,
+        by_thickness: law.by_thickness,
+        layer: law.layer.unwrap_or_else(|| options.layer.clone()),
         ..options.clone()
     }
 }
@@ -187,9 +199,10 @@ pub fn assemble(
     frames: &Frames,
     attachments: &Attachments,
     separated: &Separated,
-    law: Option<&ContactLaw>,
+    law: Option<OwnLaw>,
     options: &AssembleOptions,
 ) -> Result<Assembled, StageError> {
+    let own_law = law.is_some();
     let options = &law.map_or_else(|| options.clone(), |law| with_law(options, law));
     check(specimen, options)?;
     let contact = PerCartilage {
@@ -251,7 +264,7 @@ pub fn assemble(
         protocols: Vec::new(),
         components: Vec::new(),
         calibrated: None,
-        uncertainty: Some(uncertainty::uncertainty(specimen, attachments, law.is_some())),
+        uncertainty: Some(uncertainty::uncertainty(specimen, attachments, own_law)),
         patella: patella.as_ref().map(|p| p.spec.clone()),
         warnings: warnings.iter().chain(attachments.warnings.iter().filter(wraps)).map(|w| w.text.clone()).collect(),
     };

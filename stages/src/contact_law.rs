@@ -5,6 +5,7 @@ mod layers;
 mod loading;
 mod pose;
 
+use crate::assemble::OwnLaw;
 use crate::frames::Frames;
 use crate::overclosure::Separated;
 use crate::specimen::Specimen;
@@ -152,6 +153,17 @@ pub struct ContactLaw {
     pub warnings: Vec<Notice>,
     /// For metrics.json.
     pub metrics: ContactLawMetrics,
+}
+
+impl From<&ContactLaw> for OwnLaw {
+    fn from(law: &ContactLaw) -> Self {
+        OwnLaw {
+            overclosure_mm: law.overclosure_mm.clone(),
+            pressure_mpa: law.pressure_mpa.clone(),
+            by_thickness: law.rules == ContactRule::Thickness,
+            layer: law.layer.as_ref().map(|l| l.material.clone()),
+        }
+    }
 }
 
 /// Figures of the fitted law, for metrics.json.

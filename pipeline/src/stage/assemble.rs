@@ -23,7 +23,7 @@ use sim::laxity::LaxityTrial;
 use sim::menisci::hexahedra;
 use sim::spec::ModelSpec;
 use stages::StageError;
-use stages::assemble::{AssembleOptions, Assembled, assemble};
+use stages::assemble::{AssembleOptions, Assembled, OwnLaw, assemble};
 use stages::attachments::Attachments;
 use stages::bones::Bones;
 use stages::cartilage::Cartilage;
@@ -65,7 +65,7 @@ impl Stage for Assemble {
         options: &AssembleOptions,
         _: &Work,
     ) -> Result<Assembled, StageError> {
-        assemble((s, b, c), f, a, h, law.map(|l| &**l), options)
+        assemble((s, b, c), f, a, h, law.map(|l| OwnLaw::from(&**l)), options)
     }
 
     /// model.json and the contact surfaces it names.
