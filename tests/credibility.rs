@@ -94,9 +94,11 @@ fn changes() -> Vec<(&'static str, &'static str, Change, &'static str)> {
         ("flexions", "10-calibrate/joint/fit.csv", Column("nominal_flexion_deg", "30"), "weak"),
         ("tests", "10-calibrate/joint/fit.csv", Column("test", "anterior"), "weak"),
         ("stated-noise", "10-calibrate/joint/noise.csv", Column("inferred", "99"), "weak"),
+        ("detectable-change", "10-calibrate/joint/noise.csv", Column("inferred", "9"), "weak"),
         ("frames", "10-calibrate/joint/frames.csv", Column("value", "9"), "weak"),
         ("fit", calibrated, Json("/joint/rms/vv_deg", json!(9.0)), "weak"),
         ("cross-prediction", "11-validate/cross_prediction.csv", Column("inside", "no"), "weak"),
+        ("cross-prediction-width", "11-validate/cross_prediction.csv", Column("upper", "999"), "weak"),
         ("forces-determined", "10-calibrate/joint/forces.csv", Column("determined", "0"), "weak"),
         ("flexion-range", "10-calibrate/joint/fit.csv", Column("fe_deg", "30"), "weak"),
     ]

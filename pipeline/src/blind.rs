@@ -1,6 +1,7 @@
 //! `blind`: data with hidden effects from an independent laboratory, answers to them, and their scores.
 
 use crate::error::BuildError;
+use crate::options::{Override, parse_override};
 use crate::which_model::WhichModel;
 use crate::{diagnose, diagnosis_files, model_file, store};
 use blindbench::frames::Repeat;
@@ -70,9 +71,9 @@ pub struct AnswerArgs {
     /// Where the answers go, a folder a case; answers that are there already are kept
     #[arg(long)]
     pub out: PathBuf,
-    /// Options of the diagnosis (TOML)
-    #[arg(long, value_name = "OPTIONS.toml")]
-    pub options: Option<PathBuf>,
+    /// Override an option of the diagnosis or of the knee's calibration
+    #[arg(long = "set", value_name = "diagnose.key=value", value_parser = parse_override)]
+    pub overrides: Vec<Override>,
     /// A part of the method taken away, to see what it is worth: into a folder of its own
     #[arg(long, value_enum)]
     pub ablation: Option<Ablation>,
@@ -299,10 +300,12 @@ fn bench(folder: &Path) -> Result<(Vec<String>, Vec<String>, serde_json::Value),
 
 fn answer(args: &AnswerArgs) -> Result<String, BuildError> {
     let (cases, sources, _) = bench(&args.bench)?;
-    let options = match (args.ablation, &args.options) {
-        (Some(_), Some(_)) => return Err(BuildError::Usage("--ablation and --options cannot be joined".into())),
-        (Some(ablation), None) => ablation.options(),
-        (None, path) => diagnose::options(path.as_deref())?,
+    let options = match args.ablation {
+        Some(_) if !args.overrides.is_empty() => {
+            return Err(BuildError::Usage("--ablation and --set cannot be joined".into()));
+        }
+        Some(ablation) => ablation.options(),
+        None => diagnose::options(&args.overrides)?,
     };
     let (mut kept, mut passed) = (0, 0);
     for case in &cases {
@@ -326,8 +329,7 @@ fn answer(args: &AnswerArgs) -> Result<String, BuildError> {
             out,
             atlas: false,
             without_effect,
-            options: None,
-            overrides: vec![],
+            overrides: args.overrides.clone(),
             jobs: None,
         };
         diagnose::run_with(&question, &options)?;

@@ -100,7 +100,7 @@ pub fn calibrate(args: &CalibrateArgs) -> Result<Told, BuildError> {
         // A second call in one process keeps the first pool; results do not depend on it.
         let _ = rayon::ThreadPoolBuilder::new().num_threads(jobs.into()).build_global();
     }
-    only(&args.overrides, "calibrate")?;
+    only(&args.overrides, &["calibrate"])?;
     let mut options = resolve(&BTreeMap::new(), &args.overrides, args.seed)?.calibrate;
     match args.method {
         Some(MethodName::Posterior) => options.method = Method::Posterior,

@@ -2,6 +2,7 @@
 
 mod context;
 mod evidence;
+mod figures;
 mod grade;
 mod of_program;
 mod page;

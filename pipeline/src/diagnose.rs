@@ -5,7 +5,7 @@ use crate::calibrate::Watch;
 use crate::diagnosis_files::{DIAGNOSIS, PAGE, as_json, files_of, prepared};
 use crate::error::{BuildError, Place};
 use crate::model_file::{self, LoadedModel};
-use crate::options::{BuildOptions, Override, only, parse_override, resolve};
+use crate::options::{BuildOptions, Override, deaf, only, parse_override, resolve};
 use crate::record::hash;
 use crate::report::diagnosis_page;
 use crate::report::live::Begin;
@@ -25,7 +25,7 @@ use notices::Notice;
 use schemars::JsonSchema;
 use serde::Serialize;
 use serde_json::Value;
-use sim::names::{did_you_mean, with_suggestion};
+use sim::names::did_you_mean;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -52,11 +52,9 @@ pub struct DiagnoseArgs {
     /// Leave an effect out of the catalogue; may be given more than once
     #[arg(long, value_name = "EFFECT", value_delimiter = ',')]
     pub without_effect: Vec<String>,
-    /// Options of the diagnosis (TOML)
-    #[arg(long, value_name = "OPTIONS.toml")]
-    pub options: Option<PathBuf>,
-    /// Override an option of the knee's calibration, whose priors, frames, noise and contact a diagnosis shares; else those of the build that the model lies in
-    #[arg(long = "set", value_name = "calibrate.key=value", value_parser = parse_override)]
+    /// Override an option of the diagnosis, or of the knee's calibration (calibrate.key=value): a diagnosis shares its priors, frames, noise and contact. Those
+    /// of the build that the model lies in hold else
+    #[arg(long = "set", value_name = "diagnose.key=value", value_parser = parse_override)]
     pub overrides: Vec<Override>,
     /// Threads; the result does not depend on it [default: all]
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
@@ -94,7 +92,7 @@ pub fn named_file(text: &str) -> Result<(String, PathBuf), String> {
 
 /// Diagnoses and writes; gives the words to print.
 pub fn run(args: &DiagnoseArgs) -> Result<Told, BuildError> {
-    run_with(args, &options(args.options.as_deref())?)
+    run_with(args, &options(&args.overrides)?)
 }
 
 /// [`run`] with options already read.
@@ -195,7 +193,6 @@ fn calibrate_options(args: &DiagnoseArgs, loaded: &LoadedModel) -> Result<Calibr
             given.insert("calibrate".to_owned(), calibrate);
         }
     }
-    only(&args.overrides, "calibrate")?;
     Ok(resolve(&given, &args.overrides, None)?.calibrate)
 }
 
@@ -277,14 +274,11 @@ fn catalogue(without: &[String]) -> Result<Catalogue, BuildError> {
     Ok(catalogue.without(&names))
 }
 
-/// Options of a file; the usual ones without.
-pub fn options(path: Option<&Path>) -> Result<DiagnosisOptions, BuildError> {
-    let Some(path) = path else { return Ok(DiagnosisOptions::default()) };
-    let text = store::read_text(path)?;
-    toml::from_str(&text).map_err(|e: toml::de::Error| {
-        let line = e.span().map_or(String::new(), |s| format!(" line {}", text[..s.start].matches('\n').count() + 1));
-        BuildError::Option(format!("{}{line}: {}", path.display(), with_suggestion(e.message())))
-    })
+/// Options of the diagnosis: the usual ones, then what was set.
+pub fn options(overrides: &[Override]) -> Result<DiagnosisOptions, BuildError> {
+    only(overrides, &["diagnose", "calibrate"])?;
+    deaf(overrides, "diagnose", "run", "this command always runs; in a build it says whether stage 12 does")?;
+    Ok(resolve(&BTreeMap::new(), overrides, None)?.diagnose)
 }
 
 /// Writes all files; gives diagnosis.json.

@@ -124,7 +124,7 @@ pub fn options(stage: Option<&str>, every: bool, json: bool) -> Result<String, B
     for o in chosen.iter().filter(|o| every || o.shown) {
         let unit = if o.unit.is_empty() { String::new() } else { format!(" [{}]", o.unit) };
         let _ = writeln!(text, "{} = {}{unit}", o.key, o.default);
-        let source = if o.source.is_empty() { String::new() } else { format!(" Source: {}.", o.source) };
+        let source = format!(" Source: {}.", o.source);
         let choices = if o.choices.is_empty() { String::new() } else { format!(" One of {}.", o.choices.join(", ")) };
         text += &wrapped(&format!("{}{choices}{source}", o.meaning));
     }
@@ -202,7 +202,8 @@ fn parted(comment: &str) -> (String, String, String) {
         rest = behind;
     }
     meaning += rest;
-    if ["Ours.", "ours.", "; ours", "Ours:", "Ours "].iter().any(|w| meaning.contains(w)) && sources.is_empty() {
+    // a default that cites nobody is a choice of this program
+    if sources.is_empty() {
         sources.push("ours".into());
     }
     for (from, to) in [("; ours.", "."), ("; ours,", ","), (" Ours.", "")] {

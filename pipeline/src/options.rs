@@ -116,17 +116,29 @@ pub fn resolve(
     Ok(options)
 }
 
-/// Refuses an option of another stage than the one that a command runs: nothing would hear it.
+/// Refuses an option of another stage than those that a command has a use for: nothing would hear it.
 ///
 /// # Errors
 /// The first such option.
-pub fn only(overrides: &[Override], stage: &str) -> Result<(), BuildError> {
-    overrides.iter().find(|o| o.stage != stage).map_or(Ok(()), |o| {
+pub fn only(overrides: &[Override], stages: &[&str]) -> Result<(), BuildError> {
+    overrides.iter().find(|o| !stages.contains(&o.stage.as_str())).map_or(Ok(()), |o| {
+        let takes: Vec<String> = stages.iter().map(|s| format!("{s}.key=value")).collect();
         Err(BuildError::Usage(format!(
-            "--set {}.{}: nothing here is of the stage {}; this command takes {stage}.key=value, a build takes all (build-model build SPECIMEN --set ...)",
-            o.stage, o.key, o.stage
+            "--set {}.{}: nothing here is of the stage {}; this command takes {}, a build takes all (build-model build SPECIMEN --set ...)",
+            o.stage, o.key, o.stage, takes.join(" and ")
         )))
     })
+}
+
+/// Refuses an option that the command at hand does not hear, with the reason.
+///
+/// # Errors
+/// Where it is among them.
+pub fn deaf(overrides: &[Override], stage: &str, key: &str, why: &str) -> Result<(), BuildError> {
+    match overrides.iter().any(|o| o.stage == stage && o.key == key) {
+        true => Err(BuildError::Usage(format!("--set {stage}.{key}: {why}"))),
+        false => Ok(()),
+    }
 }
 
 /// Whether the section of an override is as it should be once that one is left out. That one by its place: a NaN is no NaN's equal.

@@ -70,7 +70,7 @@ pub fn validate(args: &ValidateArgs) -> Result<Told, BuildError> {
         // A second call in one process keeps the first pool; results do not depend on it.
         let _ = rayon::ThreadPoolBuilder::new().num_threads(jobs.into()).build_global();
     }
-    only(&args.overrides, "validate")?;
+    only(&args.overrides, &["validate"])?;
     let mut options = resolve(&BTreeMap::new(), &args.overrides, None)?.validate;
     options.samples = args.samples.unwrap_or(options.samples);
     options.solver = args.solver.map_or(options.solver, SolverName::solver);

@@ -100,11 +100,14 @@ def names(given: Any) -> list[str]:
     return [given] if isinstance(given, str) else [str(name) for name in given]
 
 
-def settings(options: Optional[Mapping[str, Any]], stage: Optional[str] = None) -> list[str]:
-    """``--set`` for every option; ``{"hexmesh": {"edge_length_mm": 0.75}}`` or ``{"hexmesh.edge_length_mm": 0.75}``."""
+def settings(options: Optional[Mapping[str, Any]], *stages: str) -> list[str]:
+    """``--set`` for every option; ``{"hexmesh": {"edge_length_mm": 0.75}}`` or ``{"hexmesh.edge_length_mm": 0.75}``.
+
+    A key that names none of the stages is an option of the first of them; without stages every key names its own.
+    """
     words: list[str] = []
     for key, value in (options or {}).items():
-        path = key if stage is None or key == stage or key.startswith(f"{stage}.") else f"{stage}.{key}"
+        path = key if not stages or key.split(".")[0] in stages else f"{stages[0]}.{key}"
         if "." not in path and isinstance(value, Mapping):
             for inner, one in value.items():
                 words += ["--set", f"{path}.{inner}={toml(one)}"]

@@ -400,7 +400,7 @@ def diagnose(
     *,
     before: Optional[Mapping[str, Any]] = None,
     without_effect: Union[str, Sequence[str]] = (),
-    options: Optional[Path] = None,
+    options: Optional[Mapping[str, Any]] = None,
     jobs: Optional[int] = None,
     progress: Progress = None,
 ) -> Diagnosis:
@@ -418,8 +418,9 @@ def diagnose(
         What the same knee read before, whole or untreated, as `measured`: nothing is sought in it.
     without_effect : sequence of str
         Effects to leave out of the catalogue.
-    options : str or path-like, optional
-        Options of the diagnosis (TOML).
+    options : dict, optional
+        Options of the diagnosis by name, ``{"most_effects": 1}``; those of the knee's calibration with the stage before them,
+        ``{"calibrate": {"priors": "read"}}``.
     jobs, progress
         As in :func:`build`.
 
@@ -439,7 +440,7 @@ def diagnose(
     for name, table in (before or {}).items():
         words += ["--before", f"{name}={table_at(table, f'before {name}', files)}"]
     words += ["--without-effect", ",".join(names(without_effect))] if names(without_effect) else []
-    words += ["--options", absolute(options)] if options is not None else []
+    words += settings(options, "diagnose", "calibrate")
     called(words, files, jobs=jobs, progress=progress)
     return Diagnosis(place, _json(os.path.join(place, "diagnosis.json")), Model(place))
 

@@ -175,6 +175,14 @@ def test_diagnose_answers(model, measured, tmp_path):
     assert found.model.bundles == model.bundles
 
 
+def test_options_of_a_diagnosis_and_of_its_knee_are_heard_and_others_refused(model, measured, tmp_path):
+    fewer = {"most_effects": 0, "calibrate": {"priors": "none"}, "calibrate.seed": 3}
+    found = genu.diagnose(model, {"kla": measured}, tmp_path / "few", options=fewer)
+    assert found.verdict in {"unnamed", "none"} and not found.raw["answers"], "no effect may be named"
+    with pytest.raises(genu.UsageError, match="hexmesh"):
+        genu.diagnose(model, {"kla": measured}, tmp_path / "no", options={"hexmesh": {"layers": 3}})
+
+
 def test_a_model_tells_what_it_is_as_the_command_does(model, trials, tmp_path):
     trials.head(1).to_csv(tmp_path / "one.csv", index=False)
     words = ["simulate", model.file, "--trials", str(tmp_path / "one.csv"), "--out", str(tmp_path / "r.csv"), "--json"]

@@ -397,6 +397,8 @@ class Live(Check):
         self.browser.ask("/goog/cdp/execute", {"cmd": "Page.addScriptToEvaluateOnNewDocument", "params": {"source": "delete window.WebAssembly"}})
         self.browser.ask("/url", {"url": "about:blank"})
         self.browser.ask("/url", {"url": page.as_uri() + "#live"})
+        # the words of the page stand there until its script runs
+        self.wait("return document.querySelector('.live-note').textContent.includes('no WebAssembly')")
         said = self.browser.run("const n=document.querySelector('.live-note'); return [n.textContent, n.querySelector('a').getAttribute('href'), document.querySelectorAll('#live [data-preset]').length]")
         self.expect("no WebAssembly" in said[0] and said[1:] == ["#scene-a-knee", 0], f"without WebAssembly: {said}")
         self.expect(self.browser.run("return !!document.getElementById('scene-a-knee')"), "the stored motions are not there")

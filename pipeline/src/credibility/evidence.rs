@@ -119,12 +119,13 @@ impl FactorTold {
 
 /// Evidence that not every knee has: of stages that run where they are asked for, of a second data set, of menisci, of measured passive flexion, of a
 /// question that names flexions.
-const NOT_EVERY_KNEES: [&str; 7] = [
+const NOT_EVERY_KNEES: [&str; 8] = [
     "contact-law",
     "missing-effects",
     "menisci-sensitivity",
     "starts",
     "cross-prediction",
+    "cross-prediction-width",
     "passive-flexion",
     "flexion-range",
 ];
