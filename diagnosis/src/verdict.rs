@@ -227,6 +227,8 @@ mod tests {
     use super::*;
     use crate::candidate::Candidate;
     use crate::catalogue::Catalogue;
+    use crate::problem::Linear;
+    use nalgebra::{DMatrix, DVector};
 
     /// A clean answer: it leaves what noise does, and closes the gap.
     const CLEAN: Grounds = Grounds {
@@ -258,6 +260,32 @@ mod tests {
         assert_eq!(left_by_form(std::slice::from_ref(&band), &[6.0], 200.0), 0.0);
         assert_eq!(left_by_form(std::slice::from_ref(&frame), &[1.2, 0.3], 200.0), 0.0);
         assert_eq!(left_by_form(&[band, frame], &[1.2, 1.2, 0.3], 200.0), 0.0);
+    }
+
+    #[test]
+    fn fits_of_the_same_names_are_one_answer_whose_weight_is_their_sum() {
+        let fit = |id: &str, scope: Scope| {
+            let effect = Catalogue::shipped().effect.into_iter().find(|e| e.id == id).unwrap();
+            Fit {
+                hypothesis: vec![Candidate { effect, variant: 0, scope }],
+                unknowns: vec![],
+                means: vec![],
+                linear: Linear { value: vec![], jacobian: DMatrix::zeros(0, 0), rests: vec![] },
+                residual: DVector::zeros(0),
+                misfit: 0.0,
+                outliers: vec![],
+                log_evidence: 0.0,
+                posterior: DMatrix::zeros(0, 0),
+            }
+        };
+        let [band, again, kla] = [Scope::Both, Scope::Both, Scope::Only(0)].map(|s| fit("itb", s));
+        let frame = fit("femur_frame", Scope::Both);
+        let ranked = by_names(&[(&frame, 0.4), (&band, 0.2), (&again, 0.2), (&kla, 0.2)]);
+        let told: Vec<(String, f64)> = ranked.iter().map(|(f, w)| (f.hypothesis[0].name(), *w)).collect();
+        // what acts in one scope or in the other speaks for the effect
+        let expected =
+            [(band.hypothesis[0].name(), 0.4), (kla.hypothesis[0].name(), 0.2), (frame.hypothesis[0].name(), 0.4)];
+        assert_eq!(told, expected);
     }
 
     #[test]
