@@ -286,7 +286,7 @@ fn a_side_is_told_from_the_bones_or_given() {
     assert!(toml.contains("side = \"right\""), "{toml}");
 }
 
-#[test]
+#[needs_shared]
 fn surfaces_beside_a_label_map_are_not_taken_for_bones() {
     let Some(mri) = shared("surfaces_beside_a_label_map_are_not_taken_for_bones", "mri/kneeB") else { return };
     let folder = TempDir::new().unwrap();
