@@ -52,8 +52,8 @@ pub struct DiagnoseArgs {
     /// Leave an effect out of the catalogue; may be given more than once
     #[arg(long, value_name = "EFFECT", value_delimiter = ',')]
     pub without_effect: Vec<String>,
-    /// Override an option of the diagnosis, or of the knee's calibration (calibrate.key=value): a diagnosis shares its priors, frames, noise and contact. Those
-    /// of the build that the model lies in hold else
+    /// Override an option of the diagnosis, or of the knee's calibration (calibrate.key=value): a diagnosis shares its priors, frames, noise and contact. Of
+    /// the calibration, what is not set is as in the build that the model lies in
     #[arg(long = "set", value_name = "diagnose.key=value", value_parser = parse_override)]
     pub overrides: Vec<Override>,
     /// Threads; the result does not depend on it [default: all]
