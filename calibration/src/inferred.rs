@@ -5,7 +5,7 @@ use crate::cost::{CostFunction, residual};
 use crate::design::Design;
 use crate::error::CalibrationError;
 use crate::knee::Knee;
-use crate::last_forces::{last_forces, moved};
+use crate::last::{last_forces, last_readings, moved};
 use crate::next_test::next_tests;
 use crate::options::{CalibrateOptions, Method};
 use crate::plateau::Staying;
@@ -299,8 +299,7 @@ fn told(
     let values: Vec<f64> = trials.values(&mode.z).into_iter().map(|v| v.0).collect();
     let sources: Vec<&str> = question.sources.iter().map(|s| s.0.as_str()).collect();
     let measured = question.sources.iter().map(|s| s.1.trials.len()).sum::<usize>();
-    let read = |i: usize| Some(trials.read(&values, &mode.state, i));
-    let predicted: Vec<Option<Free<f64>>> = (0..measured).map(read).collect();
+    let predicted = last_readings(question.knee, trials, &mode.z, measured)?;
     let cost = question.cost.cost(&predicted).value;
     let names = drawer_names();
     let drawers = measured..measured + names.len();

@@ -20,7 +20,7 @@ pub mod experiment;
 pub mod inferred;
 pub mod kinds;
 pub mod knee;
-mod last_forces;
+mod last;
 mod mechanics;
 pub mod next_test;
 pub mod options;

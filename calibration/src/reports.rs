@@ -168,7 +168,7 @@ fn forces(found: &Calibrated, bundles: &[String]) -> String {
     out
 }
 
-/// fit.csv: measured, predicted and their difference, a row a trial.
+/// fit.csv: measured, predicted by the model that is handed on, and their difference, a row a trial.
 fn fit(outcome: &Outcome) -> String {
     let mut out = "trial,test,nominal_flexion_deg,fe_deg".to_owned();
     for c in FREE {
@@ -183,7 +183,7 @@ fn fit(outcome: &Outcome) -> String {
         let _ = write!(out, "{name},{},{},{}", t.test.name(), t.nominal_flexion_deg, t.fe_deg);
         let residuals = p.as_ref().map(|p| residual(t, p));
         for c in FREE {
-            let cell = |v: Option<f64>| v.map_or(String::new(), |v| format!("{v:.4}"));
+            let cell = |v: Option<f64>| v.map_or(String::new(), |v| format!("{v:.6}"));
             let _ = write!(
                 out,
                 ",{},{},{}",

@@ -1,6 +1,6 @@
 //! What is known of a knee's forces when nothing is measured: the prior with its beliefs, against which the data are counted.
 
-use crate::last_forces::moved;
+use crate::last::moved;
 use crate::options::CalibrateOptions;
 use crate::plateau::Staying;
 use crate::posterior::{ForceEstimate, ends, mean, variance};

@@ -55,7 +55,8 @@ pub fn import(main: &str, bytes: &[u8], given: &Given) -> Result<ImportedDeck, D
     let (ligaments, springs_told) = ligaments::ligaments(&tree, (&mesh, &bodies, &knee), &objects)?;
     let middles = sides::middles(&mesh, &contacts, &knee);
     let axes = frames::axes(&tree, (&mesh, &bodies, &knee), (&ligaments.fibres, middles), &objects, given.side)?;
-    let frames = FramesSpec { femur: axes.femur, tibia: axes.tibia, gs_ct_pose: PoseSpec::default(), chain: None };
+    let frames =
+        FramesSpec { femur: axes.femur, tibia: axes.tibia, gs_ct_pose: PoseSpec::default(), chain: None, grid: None };
     let contact = contact::contact(&tree, (&mesh, &bodies, &knee), &contacts, &frames)?;
     let mut warnings = told;
     warnings.extend([springs_told, axes.told, contact.told].into_iter().flatten());

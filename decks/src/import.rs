@@ -97,6 +97,7 @@ fn frames(model: &DeckModel, bodies: &Bodies) -> Result<FramesSpec, DeckError> {
         tibia: read(false)?,
         gs_ct_pose: PoseSpec::default(),
         chain: Some(bodies.chain),
+        grid: None,
     })
 }
 

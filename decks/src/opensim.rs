@@ -60,7 +60,8 @@ pub fn import(main: &str, bytes: &[u8], read: &mut ReadFile, given: &Given) -> R
     let knee = knee::Knee::find(&tree, &places, &forces, given)?;
     let ligaments = ligaments::ligaments(&tree, &places, &knee, &objects)?;
     let axes = knee::axes(&tree, &places, &knee, &ligaments.fibres, given.side)?;
-    let frames = FramesSpec { femur: axes.femur, tibia: axes.tibia, gs_ct_pose: PoseSpec::default(), chain: None };
+    let frames =
+        FramesSpec { femur: axes.femur, tibia: axes.tibia, gs_ct_pose: PoseSpec::default(), chain: None, grid: None };
     let contact = contact::contact(&knee, &forces, &frames, &mut files)?;
     let mut warnings = told;
     warnings.extend(model_told(&tree, &places, &knee, (model, &objects))?);

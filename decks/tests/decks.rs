@@ -18,8 +18,13 @@ fn knee() -> (ModelSpec, BTreeMap<String, MeshValue>) {
         anterior: Vector::new(0.0, -1.0, 0.0),
         superior: Vector::new(0.0, 0.0, 1.0),
     };
-    let mut frames =
-        FramesSpec { femur: frame(20.0), tibia: frame(-20.0), gs_ct_pose: PoseSpec::default(), chain: None };
+    let mut frames = FramesSpec {
+        femur: frame(20.0),
+        tibia: frame(-20.0),
+        gs_ct_pose: PoseSpec::default(),
+        chain: None,
+        grid: None,
+    };
     // A right knee in LPS: medial is +x, anterior -y, superior +z, a left-handed set.
     frames.tibia.anterior = Vector::new(0.0, -(0.1_f64.cos()), 0.1_f64.sin());
     frames.tibia.superior = Vector::new(0.0, 0.1_f64.sin(), 0.1_f64.cos());

@@ -43,6 +43,9 @@ pub fn corrected(frames: &FramesSpec, side: Side, terms: &Terms) -> Result<Frame
             superior: turn * frame.superior,
         };
     }
+    if terms.iter().any(|t| *t != 0.0) {
+        out.grid = Some(frames.tabulated());
+    }
     out.gs_ct_pose = pose_spec(&Joint::new(&out, side)?.ct_pose());
     Ok(out)
 }
@@ -61,7 +64,8 @@ mod tests {
             anterior: -Vector::y(),
             superior: Vector::z(),
         };
-        let frames = FramesSpec { femur: at(20.0), tibia: at(0.0), gs_ct_pose: PoseSpec::default(), chain: None };
+        let frames =
+            FramesSpec { femur: at(20.0), tibia: at(0.0), gs_ct_pose: PoseSpec::default(), chain: None, grid: None };
         let same = corrected(&frames, Side::Left, &[0.0; 12]).unwrap();
         let mut terms = [0.0; 12];
         (terms[10], terms[11]) = (3.0, 2.0);

@@ -295,7 +295,7 @@ impl Trials<'_> {
     }
 
     /// A trial as the solver has it, with what the knee bears beside its load.
-    fn bearing(&self, values: &[f64], trial: &Trial) -> LaxityTrial {
+    pub fn bearing(&self, values: &[f64], trial: &Trial) -> LaxityTrial {
         LaxityTrial { load: self.borne(values, trial), ..trial.record.clone() }
     }
 

@@ -179,12 +179,13 @@ impl Contact {
         }
         let mut sides: BTreeMap<(String, bool), Arc<Side>> = BTreeMap::new();
         let mut pairs = Vec::new();
+        let along = frames.tabulated();
         for pair in &spec.pairs {
             let mut both = Vec::new();
             for (name, moves) in [(&pair.femur, true), (&pair.tibia, false)] {
                 let key = (name.clone(), moves);
                 if !sides.contains_key(&key) {
-                    let frame = field::bone_frame(if moves { &frames.femur } else { &frames.tibia });
+                    let frame = field::bone_frame(if moves { &along.femur } else { &along.tibia });
                     sides.insert(key.clone(), side(name, spec, surfaces, frame, options)?);
                 }
                 both.push(sides[&key].clone());

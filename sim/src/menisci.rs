@@ -69,14 +69,14 @@ fn meniscus(m: &MeniscusSpec, spec: &ModelSpec, contact: &Contact) -> Result<Men
     let pair = pair.ok_or_else(|| {
         SimError::Spec(format!("menisci {}: {} and {} are not a pair of contact.pairs", m.name, m.femur, m.tibia))
     })?;
-    let wedges = shape::wedges(m);
+    let (wedges, tibia) = (shape::wedges(m), spec.frames.tabulated().tibia);
     Ok(Meniscus {
         name: m.name.clone(),
         links: links::links(m, &shape::parts(m)),
         wedges,
         femur: contact.pairs[pair].femur.clone(),
         tibia: contact.pairs[pair].tibia.clone(),
-        axes: [spec.frames.tibia.superior, -spec.frames.tibia.anterior],
+        axes: [tibia.superior, -tibia.anterior],
     })
 }
 

@@ -322,6 +322,34 @@ impl Model {
         Ok(model)
     }
 
+    /// The model of another specification of the same knee: with its frames, bundles, ends of fibres and contact law. Surfaces, friction and bodies in
+    /// between stay as they are. As [`compile`] makes it, to the last digit, where distances are tabulated in the same frames.
+    ///
+    /// # Errors
+    /// Bundles or fibres that are not as many; numbers out of range.
+    pub fn respecified(&self, spec: &ModelSpec) -> Result<Model, SimError> {
+        if spec.fibres.len() != self.fibres.len() {
+            let counts = (spec.fibres.len(), self.fibres.len());
+            return Err(SimError::Spec(format!("{} fibres, expected the model's {}", counts.0, counts.1)));
+        }
+        let of = |b: &BundleSpec| BundleParameters {
+            reference_strain: b.reference_strain,
+            stiffness_n_per_mm: b.stiffness_n_per_mm,
+            toe_strain: b.toe_strain,
+        };
+        let mut model = self.with_parameters(&spec.bundles.iter().map(of).collect::<Vec<_>>())?;
+        model.joint = Joint::new(&spec.frames, spec.side)?;
+        for (fibre, f) in model.fibres.iter_mut().zip(&spec.fibres) {
+            *fibre = fibre.with_ends(f.femur.coords, f.tibia.coords);
+        }
+        let contact = model.contact.with_law(&spec.contact.overclosure_mm, &spec.contact.pressure_mpa)?;
+        model.contact = match &spec.contact.layer {
+            Some(layer) => contact.with_layer(layer)?,
+            None => contact,
+        };
+        Ok(model)
+    }
+
     /// The model with a fibre's ends moved in the CT pose; the bundle's reference length stays.
     pub fn with_fibre_ends(&self, fibre: usize, femur: meshes::Point, tibia: meshes::Point) -> Result<Model, SimError> {
         let length = (femur - tibia).norm();

@@ -18,7 +18,8 @@ use crate::error::SimError;
 use crate::joint::{Joint, Pose, comes_first};
 use crate::ligament::Bundle;
 use crate::spec::{
-    BandSpec, BundleSpec, ContactSpec, FramesSpec, HeadSpec, ModelSpec, PairSpec, PatellaContactSpec, QuadricepsSpec,
+    BandSpec, BundleSpec, ContactSpec, FramesSpec, GridSpec, HeadSpec, ModelSpec, PairSpec, PatellaContactSpec,
+    QuadricepsSpec,
 };
 use line::{Cylinder, Length, straight};
 use meshes::surface::TriMesh;
@@ -276,7 +277,8 @@ impl Patella {
         options: &ContactOptions,
     ) -> Result<Option<Patella>, SimError> {
         let Some(own) = &spec.patella else { return Ok(None) };
-        let frames = FramesSpec { tibia: own.frame, chain: None, ..spec.frames.clone() };
+        let grid = spec.frames.grid.map(|g| GridSpec { tibia: own.frame, ..g });
+        let frames = FramesSpec { tibia: own.frame, chain: None, grid, ..spec.frames.clone() };
         let joint = Joint::new(&frames, spec.side).map_err(|e| SimError::Spec(format!("patella: {e}")))?;
         let knee = Joint::new(&spec.frames, spec.side)?;
         let coarse = ContactOptions { spacing_mm: COARSER * options.spacing_mm };

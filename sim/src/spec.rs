@@ -136,6 +136,27 @@ pub struct FramesSpec {
     /// The joint chain's axes as a deck gives them (their nodes are rounded); from the frames where absent.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub chain: Option<ChainSpec>,
+    /// Frames along whose axes distances from the surfaces are tabulated, where a calibration turned or shifted the frames above; absent: those above.
+    /// The contact of a calibrated model is so that of the model it began from, to the last digit, in the frames of every data set.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub grid: Option<GridSpec>,
+}
+
+/// Frames along whose axes distances are tabulated.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct GridSpec {
+    /// The femur's.
+    pub femur: AnatomicalFrame,
+    /// The tibia's.
+    pub tibia: AnatomicalFrame,
+}
+
+impl FramesSpec {
+    /// Frames along whose axes distances from the surfaces are tabulated.
+    pub fn tabulated(&self) -> GridSpec {
+        self.grid.unwrap_or(GridSpec { femur: self.femur, tibia: self.tibia })
+    }
 }
 
 /// Grood-Suntay coordinates, clinical signs.

@@ -91,6 +91,7 @@ pub(crate) fn bones(spec: &ModelSpec, meshes: &BTreeMap<String, MeshValue>) -> R
     if let Some(name) = wrap.over.iter().find(|name| !["femur", "tibia"].contains(&name.as_str())) {
         return Err(SimError::Spec(format!("wrap.over names {name:?}, expected \"femur\", \"tibia\"")));
     }
+    let along = spec.frames.tabulated();
     let bone = |name: &str| -> Result<Option<Obstacle>, SimError> {
         let of = |b: &&crate::spec::BodySpec| b.name == name && wrap.over.iter().any(|o| o == name);
         let Some(body) = spec.bodies.iter().find(of) else { return Ok(None) };
@@ -98,7 +99,7 @@ pub(crate) fn bones(spec: &ModelSpec, meshes: &BTreeMap<String, MeshValue>) -> R
             let told = format!("ligaments wrap over {}, which is not among the model's meshes", body.bone);
             return Err(SimError::Spec(told));
         };
-        let frame = bone_frame(if name == "femur" { &spec.frames.femur } else { &spec.frames.tibia });
+        let frame = bone_frame(if name == "femur" { &along.femur } else { &along.tibia });
         let wrapped = spec.fibres.iter().filter(|f| wrap.bundles.contains(&f.bundle));
         let mut heights = [f64::INFINITY, f64::NEG_INFINITY];
         for z in wrapped.flat_map(|f| [f.femur, f.tibia]).map(|p| (frame * p).z) {

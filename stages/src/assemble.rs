@@ -406,6 +406,7 @@ pub(crate) fn frames_spec(frames: &Frames) -> FramesSpec {
             si_mm: gs.si_mm,
         },
         chain: None,
+        grid: None,
     }
 }
 

@@ -223,7 +223,7 @@ pub fn grood_suntay(
     tibia: &AnatomicalFrame,
     side: Side,
 ) -> Result<GroodSuntayPose, StageError> {
-    let spec = FramesSpec { femur: *femur, tibia: *tibia, gs_ct_pose: PoseSpec::default(), chain: None };
+    let spec = FramesSpec { femur: *femur, tibia: *tibia, gs_ct_pose: PoseSpec::default(), chain: None, grid: None };
     let q = Joint::new(&spec, side).map_err(|e| StageError::Knee(e.to_string()))?.ct_pose();
     Ok(GroodSuntayPose {
         fe_deg: q[FE].to_degrees(),

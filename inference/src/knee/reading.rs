@@ -17,10 +17,16 @@ impl Trials<'_> {
 
     /// What is read in a trial at these values: VV, IE [deg], ML, AP, SI [mm].
     pub fn read(&self, values: &[f64], answers: &Answers, trial: usize) -> Free<f64> {
+        let zero = self.trials[trial].from.map(|from| answers[from].predicted);
+        self.reading(values, trial, &answers[trial].predicted, zero.as_ref())
+    }
+
+    /// What the apparatus reads of a pose in a trial, `zero` being the pose from which it counts: VV, IE [deg], ML, AP, SI [mm].
+    pub fn reading(&self, values: &[f64], trial: usize, pose: &Free<f64>, zero: Option<&Free<f64>>) -> Free<f64> {
         let of = |c: Coordinate| {
-            let zero = self.trials[trial].from.map_or(0.0, |from| answers[from].predicted[c]);
             let yields = |(p, x): (&crate::parameter::Parameter<Quantity>, &f64)| x * self.load_step(p, trial, c);
-            answers[trial].predicted[c] - zero + self.parameters.iter().zip(values).map(yields).sum::<f64>()
+            let apparatus = self.parameters.iter().zip(values).map(yields).sum::<f64>();
+            pose[c] - zero.map_or(0.0, |z| z[c]) + apparatus
         };
         Free::from_fn(of)
     }

@@ -12,7 +12,8 @@ fn frame() -> AnatomicalFrame {
 fn joint() -> Joint {
     let axis = |direction| AxisSpec { point: meshes::Point::origin(), direction };
     let chain = ChainSpec { si: axis(Vector::z()), ap: axis(Vector::y()), ml: axis(Vector::x()) };
-    let frames = FramesSpec { femur: frame(), tibia: frame(), gs_ct_pose: Default::default(), chain: Some(chain) };
+    let frames =
+        FramesSpec { femur: frame(), tibia: frame(), gs_ct_pose: Default::default(), chain: Some(chain), grid: None };
     Joint::new(&frames, Knee::Left).unwrap()
 }
 
@@ -73,7 +74,7 @@ fn layered_sphere_on_plate(law: LayerLaw, edge_spread: f64, spacing_mm: f64) -> 
         pairs: vec![pair],
         layer: Some(layer),
     };
-    let frames = FramesSpec { femur: frame(), tibia: frame(), gs_ct_pose: Default::default(), chain: None };
+    let frames = FramesSpec { femur: frame(), tibia: frame(), gs_ct_pose: Default::default(), chain: None, grid: None };
     let surfaces = surfaces.into_iter().map(|(name, mesh)| (name.to_owned(), mesh)).collect();
     Contact::between(&frames, &spec, &surfaces, &ContactOptions { spacing_mm }).unwrap()
 }
@@ -144,7 +145,7 @@ fn a_face_of_bare_bone_does_not_give_way_and_one_of_a_pair_must() {
             bony_faces: faces.iter().map(|(a, b)| ((*a).to_owned(), (*b).to_owned())).collect(),
         }),
     };
-    let frames = FramesSpec { femur: frame(), tibia: frame(), gs_ct_pose: Default::default(), chain: None };
+    let frames = FramesSpec { femur: frame(), tibia: frame(), gs_ct_pose: Default::default(), chain: None, grid: None };
     let sphere = icosphere(20.0, 5).moved(&Isometry::translation(0.0, 0.0, 19.7));
     let surfaces: BTreeMap<String, TriMesh> =
         [("sphere", sphere), ("plate", plate(24)), ("below", plate(24).moved(&Isometry::translation(0.0, 0.0, -2.2)))]

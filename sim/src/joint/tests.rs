@@ -18,6 +18,7 @@ pub(crate) fn frames(side: Side) -> FramesSpec {
         tibia: frame(Vector::new(-1.0, 54.9, -44.0), Vector::new(-0.01, 0.05, -0.06)),
         gs_ct_pose: Default::default(),
         chain: None,
+        grid: None,
     }
 }
 

@@ -18,7 +18,7 @@ fn frames() -> FramesSpec {
         anterior: -Vector::y(),
         superior: Vector::z(),
     };
-    FramesSpec { femur: frame, tibia: frame, gs_ct_pose: PoseSpec::default(), chain: None }
+    FramesSpec { femur: frame, tibia: frame, gs_ct_pose: PoseSpec::default(), chain: None, grid: None }
 }
 
 fn obstacle(mesh: &TriMesh) -> Obstacle {

@@ -42,7 +42,7 @@ impl Rig {
             id: "rig".into(),
             side: Side::Left,
             units: Units { length: "mm".into(), force: "N".into(), pressure: "MPa".into(), angle: "deg".into() },
-            frames: FramesSpec { femur: frame, tibia: frame, gs_ct_pose: PoseSpec::default(), chain: None },
+            frames: FramesSpec { femur: frame, tibia: frame, gs_ct_pose: PoseSpec::default(), chain: None, grid: None },
             bodies: vec![body("femur"), body("tibia")],
             contact: ContactSpec {
                 overclosure_mm: vec![0.0, 1.0],
