@@ -3,8 +3,8 @@
 use super::options::ExplicitOptions;
 use super::program::{Course, Drive, Step};
 use super::state::ExplicitState;
-use super::trial::{TrialSteps, result};
-use super::{run, unobserved};
+use super::trial::{REST, TrialSteps, result, run_to_rest};
+use super::unobserved;
 use crate::coordinate::{FE, FREE, Load, Six};
 use crate::deck::Curve;
 use crate::error::SimError;
@@ -13,9 +13,6 @@ use crate::model::Model;
 use crate::protocols::{Leg, Protocol, ProtocolOptions, paths};
 use crate::trials::{TrialOptions, chain_flexion};
 use rayon::prelude::*;
-
-/// Rest of a protocol's row after its loads are reached [s]: what the fibres' dashpots need to die away.
-const REST: f64 = 0.6;
 
 /// Runs a protocol to rest at each of its rows, which are those of [`crate::protocols::run`].
 ///
@@ -79,7 +76,8 @@ fn follow(
             program.steps.remove(0);
         }
         state = state.restarted();
-        run(model, &program, options, &mut state, &mut unobserved).map_err(|e| e.of_trial(&trial.trial))?;
+        run_to_rest((model, &program), (steps, &next), options, &mut state, &mut unobserved)
+            .map_err(|e| e.of_trial(&trial.trial))?;
         rows.push(result(model, trial, &state, trials));
         load = next;
     }

@@ -17,6 +17,10 @@ use serde::{Deserialize, Serialize};
 
 /// Faster than this a trial's end state is not at rest [mm/s, rad/s]: a hundredth of a millimetre takes a second.
 const MOVING: f64 = 0.01;
+/// How long loads and flexion are held before it is asked again whether the knee is at rest [s]: what the fibres' dashpots need to die away.
+pub(super) const REST: f64 = 0.6;
+/// How often they are held on at most [-]: a slack knee creeps for 5 s (the published S193761 without load); three times that.
+const MOST_RESTS: usize = 25;
 
 /// How a trial is laid out in time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -131,8 +135,35 @@ pub fn explicit_trial(
     let model = &*model.pulled(trial.quadriceps_n).map_err(named)?;
     let program = steps.program(&model.joint, trial.fe_deg, &trial.load.generalised()).map_err(named)?;
     let mut state = ExplicitState::at_rest();
-    run(model, &program, options, &mut state, observer).map_err(named)?;
+    let load = trial.load.generalised();
+    run_to_rest((model, &program), (steps, &load), options, &mut state, observer).map_err(named)?;
     Ok(result(model, trial, &state, &trials::TrialOptions::default()))
+}
+
+/// Runs a program, then holds flexion and `load`, to which it led, until the knee is at rest; one that is not after [`MOST_RESTS`] is left as it is.
+///
+/// Errors: as [`run`].
+pub(super) fn run_to_rest(
+    (model, program): (&Model, &Program),
+    (steps, load): (&TrialSteps, &Six),
+    options: &ExplicitOptions,
+    state: &mut ExplicitState,
+    observer: &mut Observer,
+) -> Result<(), SimError> {
+    run(model, program, options, state, observer)?;
+    let mut hold = steps.step("rest", REST, steps.load_damping);
+    for c in crate::coordinate::FREE {
+        hold.drive[c.index()] = Drive::Load(Course::constant(load[c]));
+    }
+    let hold = Program { steps: vec![hold] };
+    for _ in 0..MOST_RESTS {
+        if state.rate.amax() <= MOVING {
+            break;
+        }
+        *state = state.restarted();
+        run(model, &hold, options, state, observer)?;
+    }
+    Ok(())
 }
 
 /// What a trial or a protocol's row tells where a run stands.

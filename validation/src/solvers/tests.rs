@@ -169,3 +169,21 @@ fn rows_further_apart_than_they_may_are_flagged_with_the_cause() {
     );
     assert!((worst.difference() - 0.5).abs() < 1e-12);
 }
+
+/// Share of the usual damping of fibres by which a knee swings on beyond a row's rest [-].
+const LIGHT: f64 = 0.003;
+
+#[test]
+fn rows_of_a_knee_that_swings_on_are_held_until_it_rests() {
+    let (mut spec, _) = hung();
+    spec.bundles.iter_mut().for_each(|b| b.damping_n_s_per_mm *= LIGHT);
+    let model = sim::compile(&spec, &BTreeMap::new()).unwrap();
+    let options = few_rows();
+    let (quasi, _) = Source::simulated("hung", &spec, &model, &options).unwrap();
+    let (mut source, _) = explicit(&quasi, &model, &options).unwrap();
+    let told = hold_against(&mut source, &quasi, &model, &options).unwrap();
+    assert!(told.is_empty(), "{told:?}");
+    for (protocol, rows) in source.protocols() {
+        assert!(rows.iter().all(|r| !r.flags.contains(&Flag::Moving)), "{protocol} is told before it rests");
+    }
+}
