@@ -27,7 +27,9 @@ impl Mechanics {
         let of = |(name, from): &(String, f64)| {
             let to = last.iter().find(|l| l.0 == *name)?.1;
             let is_spread = ["_area_mm2", "_mean_mpa", "_peak_mpa"].iter().any(|end| name.ends_with(end));
-            let change = if is_spread && *from > 0.0 { Change::Times(to / from) } else { Change::Added(to - from) };
+            // a compartment that one of the two leaves unloaded has no factor
+            let has_factor = is_spread && *from > 0.0 && to > 0.0;
+            let change = if has_factor { Change::Times(to / from) } else { Change::Added(to - from) };
             Some((name.clone(), change))
         };
         Mechanics(search.iter().filter_map(of).collect())
@@ -49,11 +51,29 @@ impl Mechanics {
 
     /// A sample's prediction after the change.
     pub(crate) fn moved(&self, bundles: &[String], p: &Prediction) -> Prediction {
+        let mut outputs: Vec<(String, f64)> =
+            p.outputs.iter().map(|(name, x)| (name.clone(), self.of(name, *x))).collect();
+        unload(&mut outputs);
         Prediction {
             pose: Free::from_fn(|c| self.of(&c.column(), p.pose[c])),
             forces_n: bundles.iter().zip(&p.forces_n).map(|(b, f)| self.of(&force_column(b), *f)).collect(),
-            outputs: p.outputs.iter().map(|(name, x)| (name.clone(), self.of(name, *x))).collect(),
+            outputs,
             ..p.clone()
+        }
+    }
+}
+
+/// What is told of the size of a compartment's contact.
+const SIZES: [&str; 4] = ["_force_n", "_area_mm2", "_mean_mpa", "_peak_mpa"];
+
+/// A compartment that bears on no area, or no force, bears nothing: its force, area and pressures are 0 together.
+fn unload(outputs: &mut [(String, f64)]) {
+    let stem = |name: &str| SIZES.iter().find_map(|end| name.strip_suffix(end)).map(str::to_owned);
+    let empty = |(name, x): &(String, f64)| if *x <= 0.0 { stem(name) } else { None };
+    let unloaded: Vec<String> = outputs.iter().filter_map(empty).collect();
+    for (name, x) in outputs.iter_mut() {
+        if stem(name).is_some_and(|s| unloaded.contains(&s)) {
+            *x = 0.0;
         }
     }
 }
@@ -75,5 +95,33 @@ mod tests {
         assert_eq!(last(3.0, 30.0, 200.0), [2.5, 20.0, 100.0]);
         assert_eq!(last(-1.0, 4.0, 50.0), [-1.5, 0.0, 25.0]);
         assert!((change.of("ie_deg", 7.0) - 7.0).abs() < 1e-12, "what the final mechanics do not tell stays");
+    }
+
+    #[test]
+    fn a_compartment_bears_force_area_and_pressure_together_or_none() {
+        let told = |force: f64, area: f64, mean: f64, peak: f64| -> Vec<(String, f64)> {
+            let values = [force, area, mean, peak];
+            SIZES.iter().zip(values).map(|(end, x)| (format!("contact_medial{end}"), x)).collect()
+        };
+        let sample = |outputs: &[(String, f64)]| Prediction {
+            pose: Free::all(0.0),
+            forces_n: vec![],
+            outputs: outputs.to_vec(),
+            leaves_the_plateau: false,
+            is_subluxed: false,
+        };
+        let (loaded, heavier, none) =
+            (told(50.0, 40.0, 1.25, 3.0), told(90.0, 60.0, 1.5, 4.0), told(0.0, 0.0, 0.0, 0.0));
+        for [search, last] in [[&loaded, &none], [&none, &loaded], [&loaded, &heavier]] {
+            let change = Mechanics::between(search, last);
+            for from in [&loaded, &heavier, &none] {
+                let moved = change.moved(&[], &sample(from)).outputs;
+                let bears = moved.iter().map(|(_, x)| *x > 0.0).collect::<Vec<_>>();
+                assert!(bears.iter().all(|b| *b) || bears.iter().all(|b| !*b), "{moved:?}");
+            }
+            // the most probable knee ends at its final answer
+            let end = change.moved(&[], &sample(search)).outputs;
+            assert!(end.iter().zip(last).all(|(a, b)| (a.1 - b.1).abs() < 1e-12), "{end:?}");
+        }
     }
 }

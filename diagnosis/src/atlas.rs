@@ -81,7 +81,22 @@ pub fn atlas(
     let mut effects: Vec<AtlasRow> =
         (0..candidates.len()).map(|k| row(&problem, &candidates, (&raw, &kept), k)).collect();
     effects.sort_by(|a, b| b.expected_evidence.total_cmp(&a.expected_evidence));
-    Ok(Atlas { schema: "atlas/1".into(), effects, not_testable: not_testable(&problem) })
+    let (effects, unfelt): (Vec<AtlasRow>, Vec<AtlasRow>) = effects.into_iter().partition(|r| r.raw > UNFELT);
+    let mut not_testable = not_testable(&problem);
+    not_testable.extend(unfelt.into_iter().map(AtlasRow::untestable));
+    Ok(Atlas { schema: "atlas/1".into(), effects, not_testable })
+}
+
+/// A signature below this, in scatters, is none [-]: what is left of an effect that does nothing in these trials is the solver's own error; ours.
+const UNFELT: f64 = 1e-3;
+
+impl AtlasRow {
+    /// The same as what these data could never test.
+    fn untestable(self) -> NotTestable {
+        let of = self.variant.map_or(String::new(), |v| format!(" of {v}"));
+        let place = if self.scope == "both" { "any data set".to_owned() } else { self.scope };
+        NotTestable { effect: self.effect + &of, why: format!("it moves no reading of {place}") }
+    }
 }
 
 /// The model as given, and the scatter of its readings.
@@ -185,6 +200,13 @@ fn row(
     }
 }
 
+/// Sizes beyond so many prior standard deviations are told as beyond it [-]: no knee has one.
+const BEYOND: f64 = 10.0;
+
+fn size_in_words(detectable: f64) -> String {
+    if detectable > BEYOND { format!("> {BEYOND}") } else { format!("{detectable:.2}") }
+}
+
 /// The atlas as lines for a terminal.
 pub fn table(atlas: &Atlas) -> String {
     let mut out = format!(
@@ -194,7 +216,7 @@ pub fn table(atlas: &Atlas) -> String {
     for r in &atlas.effects {
         let _ = writeln!(
             out,
-            "{:<22} {:<18} {:<6} {:>6.2} {:>8.2} {:>7.0}% {:>9.1} {:>10.2}  {}",
+            "{:<22} {:<18} {:<6} {:>6.2} {:>8.2} {:>7.0}% {:>9.1} {:>10}  {}",
             r.effect,
             r.variant.as_deref().unwrap_or(""),
             r.scope,
@@ -202,7 +224,7 @@ pub fn table(atlas: &Atlas) -> String {
             r.retained,
             100.0 * r.absorbed,
             r.expected_evidence,
-            r.detectable,
+            size_in_words(r.detectable),
             r.confusable.join(", ")
         );
     }

@@ -5,7 +5,7 @@ use super::{Files, Stage, Values, Work, reported};
 use crate::kept::Kept;
 use crate::options::BuildOptions;
 use crate::record::json;
-use crate::report::check::{self, Check};
+use crate::report::check::Check;
 use crate::report::geometry::Pool;
 use crate::report::picture::{BONE, Picture, picture};
 use crate::report::scene::{Layer, Scene, at, plain, word};
@@ -20,6 +20,7 @@ use stages::cartilage::Cartilage;
 use stages::frames::Frames;
 use stages::register::Registration;
 use stages::specimen::Specimen;
+use std::collections::BTreeSet;
 use std::io;
 
 reported!(Attachments);
@@ -192,14 +193,15 @@ impl Stage for Attach {
 fn through_bone(a: &Attachments, limit: f64) -> Option<Check> {
     let depths = &a.metrics.through_bone_mm;
     let (bundle, most) = depths.iter().max_by(|a, b| a.1.total_cmp(b.1))?;
-    let deep = depths.values().filter(|d| !check::at_most(**d, limit, 1)).count();
+    let deep = depths.values().filter(|d| **d > limit).count();
+    let bundles: BTreeSet<&str> = a.fibres.iter().map(|f| f.bundle.as_str()).collect();
     Some(Check {
         question: "Do the fibres keep clear of bone?",
         answer: format!(
-            "{deep} of {} bundles run deeper in bone than {limit:.1} mm; the deepest is {bundle}, {most:.1} mm",
-            depths.len()
+            "{deep} of {} bundles run deeper in bone than {limit:.1} mm; the deepest is {bundle}, {most:.2} mm",
+            bundles.len()
         ),
-        good: Some(check::at_most(*most, limit, 1)),
+        good: Some(deep == 0),
         reaches: None,
         model: None,
         stage: Attach::NAME,

@@ -210,7 +210,7 @@ fn agreement(source: &Source) -> Option<Check> {
     let check = source.check.as_ref()?;
     let rows = || source.protocols().into_iter().flat_map(|(_, rows)| rows);
     let stopped = rows().filter(|r| r.flags.contains(&Flag::Stopped)).count();
-    let odd = rows().flat_map(|r| &r.flags).any(|f| matches!(f, Flag::Apart(_)) && f.is_odd());
+    let apart = rows().flat_map(|r| &r.flags).any(|f| matches!(f, Flag::Apart(_)));
     let told = ["mm", "deg", "N"].into_iter().filter_map(|unit| Some(largest(check.worst(unit)?)));
     let told: Vec<String> = told.collect();
     let stop = if stopped == 0 {
@@ -226,7 +226,7 @@ fn agreement(source: &Source) -> Option<Check> {
     Some(Check {
         question: "Do explicit dynamics and the quasi-static solver agree?",
         answer: answer + &stop,
-        good: Some(!odd && stopped == 0),
+        good: Some(!apart && stopped == 0),
         reaches: None,
         model: Some(source.name.clone()),
         stage: Validate::NAME,
