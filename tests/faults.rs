@@ -216,6 +216,52 @@ fn a_lock_and_a_full_device_are_the_machine_s_fault() {
     }
 }
 
+#[test]
+#[cfg(target_os = "linux")]
+fn what_goes_to_standard_output_is_written_or_the_machine_is_at_fault() {
+    let shell = |script: &str| {
+        let program = assert_cmd::cargo::cargo_bin("build-model");
+        let run = std::process::Command::new("bash").args(["-c", script]).arg(program).output().unwrap();
+        (run.status.code(), String::from_utf8_lossy(&run.stderr).into_owned())
+    };
+    for verb in ["options --json", "schema model", "completions bash", "--help"] {
+        let (code, words) = shell(&format!("\"$0\" {verb} > /dev/full"));
+        assert!(verb == "--help" || code == Some(3) && words.contains("standard output"), "{verb}: {code:?}, {words}");
+        // a reader that has seen enough is no fault
+        let (code, words) = shell(&format!("set -o pipefail; \"$0\" {verb} | head -c 1 > /dev/null"));
+        assert!(code == Some(0) && words.is_empty(), "{verb}: {code:?}, {words}");
+    }
+}
+
+#[test]
+#[cfg(unix)]
+fn folders_and_links_that_lead_nowhere_are_told() {
+    let folder = TempDir::new().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    for (link, to) in [("a", "b"), ("b", "a"), ("gone", "nowhere/far")] {
+        std::os::unix::fs::symlink(to, at(link)).unwrap();
+    }
+    let simulate = |out: &Path| {
+        build_model().args(["simulate", "--out"]).arg(out).arg(model()).arg("--trials").arg(asked()).assert()
+    };
+    simulate(&at("a")).code(1).stderr(predicates::str::contains("lead round in a ring"));
+    assert!(fs::symlink_metadata(at("a")).unwrap().is_symlink());
+    let build =
+        |out: &Path| build_model().arg(good()).arg("--out").arg(out).args(["--to", "ingest", "--quiet"]).assert();
+    build(&at("gone").join("build")).code(1).stderr(predicates::str::contains("which is not there"));
+    build(Path::new("-")).code(2).stderr(predicates::str::contains("standard output"));
+    assert!(!Path::new("-").exists());
+}
+
+#[test]
+#[cfg(target_os = "linux")]
+fn a_folder_that_may_not_be_written_is_the_machine_s_fault() {
+    // where even root may make nothing
+    let out = Path::new("/sys/kernel/genu");
+    let build = build_model().arg(good()).arg("--out").arg(out).args(["--to", "ingest", "--quiet"]).assert();
+    build.code(3).stderr(predicates::str::contains("cannot write to /sys/kernel/genu"));
+}
+
 /// A model that is not calibrated, and a trial to ask it.
 fn model() -> std::path::PathBuf {
     built().join("build/09-assemble/model.json")

@@ -125,6 +125,8 @@ fn an_error_is_data_with_its_file_row_and_column() {
 
     assert_eq!(run(&["simulate", &model, "--protocol", "pivot", "--out", &out])["code"], "usage");
     assert_eq!(run(&["simulate", &model, "--protocol", "pivot-shift", "--out", "/dev/full"])["code"], "machine");
+    let told = run(&[&model, "--set", "bones.edge_mm=-4", "--out", &out]);
+    assert_eq!((&told["code"], &told["key"], &told["value"]), (&"usage".into(), &"bones.edge_mm".into(), &"-4".into()));
     let told = run(&[&model, "--set", "register.error_limit_mm=0.001", "--from", "register", "--out", &out]);
     assert_eq!((&told["code"], &told["stage"]), (&"stage".into(), &"register".into()));
 }
@@ -145,7 +147,7 @@ fn quiet_is_silence_in_every_verb() {
         &["report", place],
         &["cohort", place, "--out", &path("cohort")],
     ] {
-        let run = build_model().args(arguments).arg("--quiet").assert().success();
+        let run = build_model().args(arguments).arg("-q").assert().success();
         assert!(run.get_output().stdout.is_empty() && run.get_output().stderr.is_empty(), "{arguments:?}");
     }
 }

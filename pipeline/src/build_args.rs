@@ -36,7 +36,7 @@ pub struct BuildArgs {
     #[arg(long)]
     pub seed: Option<u64>,
     /// Print nothing but errors
-    #[arg(long)]
+    #[arg(short, long)]
     pub quiet: bool,
     /// Print the log as JSON
     #[arg(long)]

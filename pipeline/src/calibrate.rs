@@ -62,7 +62,7 @@ pub struct CalibrateArgs {
     #[arg(long)]
     pub force: bool,
     /// Print nothing but errors
-    #[arg(long)]
+    #[arg(short, long)]
     pub quiet: bool,
 }
 

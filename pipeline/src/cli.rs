@@ -27,7 +27,6 @@ use clap::error::ErrorKind;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use sim::names::did_you_mean;
 use std::ffi::OsString;
-use std::io::Write;
 use std::panic::UnwindSafe;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -267,24 +266,28 @@ fn status(words: &[OsString], json: bool) -> u8 {
         Ok((asked, told)) => {
             let (out, err) = output::streams(&asked, &told);
             eprint!("{err}");
-            // A reader that has seen enough (`| head`) is no fault of the input.
-            let _ = match writes_to_standard_output(words) {
-                true => std::io::stderr().write_all(out.as_bytes()),
-                false => std::io::stdout().write_all(out.as_bytes()),
-            };
-            0
+            if writes_to_standard_output(words) {
+                eprint!("{out}");
+                return 0;
+            }
+            store::print(out.as_bytes()).map_or_else(|error| refused(&error, json), |()| 0)
         }
         Err(error) => {
             if let BuildError::Faults { table, .. } = &error {
-                let _ = std::io::stdout().write_all(table.as_bytes());
+                let _ = store::print(table.as_bytes());
             }
-            match json {
-                true => eprint!("{}", output::error_as_json(&error)),
-                false => eprintln!("build-model: {error}"),
-            }
-            error.exit_status()
+            refused(&error, json)
         }
     }
+}
+
+/// Tells an error, and gives the exit status.
+fn refused(error: &BuildError, json: bool) -> u8 {
+    match json {
+        true => eprint!("{}", output::error_as_json(error)),
+        false => eprintln!("build-model: {error}"),
+    }
+    error.exit_status()
 }
 
 /// Whether the result itself goes to standard output (`--out -`), so that what is told of it must not.

@@ -43,6 +43,18 @@ pub enum BuildError {
     /// A value of an options table is wrong.
     #[error("{0}")]
     Option(String),
+    /// An option is wrong, and it is known which.
+    #[error("{told}")]
+    Setting {
+        /// Its name with the stage's: `bones.edge_mm`.
+        key: String,
+        /// The value that was given.
+        value: String,
+        /// Whether it was given on the command line (exit status 2), or in specimen.toml (1).
+        on_line: bool,
+        /// The sentence.
+        told: String,
+    },
     /// The command line is wrong (exit status 2).
     #[error("{0}")]
     Usage(String),
@@ -145,7 +157,7 @@ impl BuildError {
     /// The exit status of the command: 1 the data are at fault, 2 wrong use of the command line, 3 the machine.
     pub fn exit_status(&self) -> u8 {
         match self {
-            BuildError::Usage(_) => 2,
+            BuildError::Usage(_) | BuildError::Setting { on_line: true, .. } => 2,
             BuildError::Machine { .. } => 3,
             _ => 1,
         }
@@ -175,14 +187,22 @@ impl BuildError {
         }
     }
 
+    /// The option at fault and the value it was given, where they are known.
+    pub fn setting(&self) -> Option<(&str, &str)> {
+        match self {
+            BuildError::Setting { key, value, .. } => Some((key, value)),
+            _ => None,
+        }
+    }
+
     /// The kind of fault in one word, for programs.
     pub fn code(&self) -> &'static str {
         match self {
             BuildError::Stage { .. } | BuildError::Unplanned(_) | BuildError::Reached => "stage",
             BuildError::File(_) | BuildError::At { .. } | BuildError::Faults { .. } => "file",
             BuildError::Machine { .. } => "machine",
-            BuildError::Option(_) => "option",
-            BuildError::Usage(_) => "usage",
+            BuildError::Option(_) | BuildError::Setting { on_line: false, .. } => "option",
+            BuildError::Usage(_) | BuildError::Setting { on_line: true, .. } => "usage",
         }
     }
 

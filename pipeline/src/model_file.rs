@@ -60,6 +60,14 @@ impl LoadedModel {
         parts[stage.unwrap_or(parts.len().saturating_sub(1))..].join("/")
     }
 
+    /// The stage of the build that made it; none of a model outside a build.
+    pub fn stage(&self) -> Option<String> {
+        let place = self.place();
+        let (number, stage) = place.split('/').next()?.split_once('-')?;
+        let is_folder = place.contains('/') && number.len() == 2 && number.bytes().all(|b| b.is_ascii_digit());
+        is_folder.then(|| stage.to_owned())
+    }
+
     /// The first digits of its digest, and what they are of: a file's own digest is another.
     fn told_digest(&self) -> String {
         format!("{} of model and surfaces", self.short_digest())

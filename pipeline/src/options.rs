@@ -80,6 +80,18 @@ pub struct Override {
     value: Value,
 }
 
+impl Override {
+    /// The error that it is.
+    fn is_wrong(&self, told: String) -> BuildError {
+        BuildError::Setting {
+            key: format!("{}.{}", self.stage, self.key),
+            value: self.value.to_string(),
+            on_line: true,
+            told,
+        }
+    }
+}
+
 /// Reads `stage.key=value`; the value in TOML's words, or a bare word for a string.
 pub fn parse_override(text: &str) -> Result<Override, String> {
     let (path, value) = text.split_once('=').ok_or("expected stage.key=value, such as hexmesh.edge_length_mm=0.75")?;
@@ -109,7 +121,7 @@ pub fn resolve(
     ranges::check(&options, &table).map_err(|fault| {
         let more = format!("{}; see build-model options {}", fault.what, fault.section);
         match overrides.iter().find(|o| o.stage == fault.section && is_well_without(o, specimen, overrides, seed)) {
-            Some(o) => BuildError::Usage(format!("--set {}.{}: {more}", o.stage, o.key)),
+            Some(o) => o.is_wrong(format!("--set {}.{}: {more}", o.stage, o.key)),
             None => BuildError::Option(format!("specimen.toml [options.{}]: {more}", fault.section)),
         }
     })?;
@@ -123,7 +135,7 @@ pub fn resolve(
 pub fn only(overrides: &[Override], stages: &[&str]) -> Result<(), BuildError> {
     overrides.iter().find(|o| !stages.contains(&o.stage.as_str())).map_or(Ok(()), |o| {
         let takes: Vec<String> = stages.iter().map(|s| format!("{s}.key=value")).collect();
-        Err(BuildError::Usage(format!(
+        Err(o.is_wrong(format!(
             "--set {}.{}: nothing here is of the stage {}; this command takes {}, a build takes all (build-model build SPECIMEN --set ...)",
             o.stage, o.key, o.stage, takes.join(" and ")
         )))
@@ -135,9 +147,9 @@ pub fn only(overrides: &[Override], stages: &[&str]) -> Result<(), BuildError> {
 /// # Errors
 /// Where it is among them.
 pub fn deaf(overrides: &[Override], stage: &str, key: &str, why: &str) -> Result<(), BuildError> {
-    match overrides.iter().any(|o| o.stage == stage && o.key == key) {
-        true => Err(BuildError::Usage(format!("--set {stage}.{key}: {why}"))),
-        false => Ok(()),
+    match overrides.iter().find(|o| o.stage == stage && o.key == key) {
+        Some(o) => Err(o.is_wrong(format!("--set {stage}.{key}: {why}"))),
+        None => Ok(()),
     }
 }
 
@@ -167,7 +179,12 @@ pub(crate) fn typed(
         .flat_map(|(stage, t)| t.iter().map(move |(k, v)| (stage.as_str(), k, v, "specimen.toml [options]")));
     let from_line = overrides.iter().map(|o| (o.stage.as_str(), &o.key, &o.value, "--set"));
     for (stage, key, value, place) in from_file.chain(from_line) {
-        let wrong = if place == "--set" { BuildError::Usage } else { BuildError::Option };
+        let wrong = |told: String| BuildError::Setting {
+            key: format!("{stage}.{key}"),
+            value: value.to_string(),
+            on_line: place == "--set",
+            told,
+        };
         let known: Vec<String> = table.keys().cloned().collect();
         let Some(Value::Table(options)) = table.get_mut(stage) else {
             let near = did_you_mean(stage, &known);

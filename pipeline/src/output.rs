@@ -32,7 +32,8 @@ pub fn with_flags(command: Command) -> Command {
             if verb.get_arguments().any(|a| a.get_long() == Some(long)) {
                 return verb;
             }
-            verb.arg(Arg::new(id).long(long).action(ArgAction::SetTrue).help(help))
+            let flag = Arg::new(id).long(long).action(ArgAction::SetTrue).help(help);
+            verb.arg(if id == QUIET { flag.short('q') } else { flag })
         })
     })
 }
@@ -129,6 +130,8 @@ pub fn error_as_json(error: &BuildError) -> String {
         file: place.map(|p| p.file.clone()),
         row: place.and_then(|p| p.row),
         column: place.and_then(|p| p.column.clone()),
+        key: error.setting().map(|s| s.0.to_owned()),
+        value: error.setting().map(|s| s.1.to_owned()),
         advice: advice(error.code()),
     })
 }
@@ -144,6 +147,8 @@ pub fn fault_as_json(what: &str) -> String {
         file: None,
         row: None,
         column: None,
+        key: None,
+        value: None,
         advice: advice("internal"),
     })
 }

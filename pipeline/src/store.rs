@@ -285,6 +285,20 @@ fn gather(folder: &Path, prefix: &str, files: &mut BTreeMap<String, Vec<u8>>) ->
 
 /// A file that stands where a folder is wanted, at the path or above it.
 fn in_the_way(path: &Path) -> Result<(), BuildError> {
+    if is_standard_output(path) {
+        let told = "- is standard output, and a folder was expected; name one, or ./- for a folder of that name";
+        return Err(BuildError::Usage(told.into()));
+    }
+    let leads_nowhere = |p: &&Path| p.is_symlink() && !p.exists();
+    if let Some(link) = path.ancestors().find(leads_nowhere) {
+        let to = fs::read_link(link).map(|to| to.display().to_string()).unwrap_or_default();
+        let told = format!(
+            "cannot write to {}: the link {} leads to {to}, which is not there; make it, or name another folder",
+            path.display(),
+            link.display()
+        );
+        return Err(BuildError::of_file(link, told));
+    }
     match path.ancestors().find(|p| p.exists()).filter(|p| !p.is_dir()) {
         None => Ok(()),
         Some(file) => Err(BuildError::of_file(
@@ -312,7 +326,7 @@ pub fn write_all(folder: &Path, files: &[(String, Vec<u8>)]) -> Result<(), Build
 pub fn write(path: &Path, bytes: &[u8]) -> Result<(), BuildError> {
     let wrong = |e: std::io::Error| fault(&e, path, format!("cannot write {}: {}", path.display(), words(&e)));
     if is_standard_output(path) {
-        return std::io::stdout().write_all(bytes).map_err(wrong);
+        return print(bytes);
     }
     match fs::metadata(path) {
         Ok(there) if there.is_dir() => {
@@ -328,7 +342,7 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<(), BuildError> {
         }
         _ => {}
     }
-    let path = &linked(path);
+    let path = &linked(path)?;
     let parent = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     fs::create_dir_all(parent).map_err(wrong)?;
     let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
@@ -339,19 +353,35 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<(), BuildError> {
     })
 }
 
+/// Writes to standard output. A reader that has seen enough (`| head`) is no fault.
+///
+/// # Errors
+/// The machine's: a full disk behind it.
+pub fn print(bytes: &[u8]) -> Result<(), BuildError> {
+    let mut out = std::io::stdout();
+    match out.write_all(bytes).and_then(|()| out.flush()) {
+        Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {
+            let told = format!("cannot write to standard output: {}", words(&e));
+            Err(BuildError::Machine { told, place: None })
+        }
+        _ => Ok(()),
+    }
+}
+
 /// Whether a path stands for standard output.
 pub fn is_standard_output(path: &Path) -> bool {
     path == Path::new("-")
 }
 
 /// Where a link leads, also one that leads to a file which is not there yet; the path itself where it is none.
-fn linked(path: &Path) -> PathBuf {
+fn linked(path: &Path) -> Result<PathBuf, BuildError> {
     let mut place = path.to_path_buf();
     for _ in 0..MOST_LINKS {
-        let Ok(next) = fs::read_link(&place) else { break };
+        let Ok(next) = fs::read_link(&place) else { return Ok(place) };
         place = place.parent().unwrap_or(Path::new("")).join(next);
     }
-    place
+    let told = format!("cannot write {}: its links lead round in a ring; name another file", path.display());
+    Err(BuildError::of_file(path, told))
 }
 
 /// Most links that are followed one after another, as Linux has it [-].

@@ -68,6 +68,8 @@ impl Told {
 pub struct ModelTold {
     /// The specimen's name.
     pub id: String,
+    /// The stage of the build that made it: assemble or calibrate; none of a model outside a build.
+    pub stage: Option<String>,
     /// What was done to it, in words: "calibrated to kla and rks together".
     pub standing: String,
     /// The data sets that it is calibrated to; empty where it is not.
@@ -83,6 +85,7 @@ impl ModelTold {
     pub fn of(loaded: &LoadedModel) -> ModelTold {
         ModelTold {
             id: loaded.spec.id.clone(),
+            stage: loaded.stage(),
             standing: standing(&loaded.spec),
             calibrated_to: loaded.spec.calibrated.as_ref().map(|c| c.to.clone()).unwrap_or_default(),
             file: loaded.file.display().to_string(),
@@ -251,6 +254,10 @@ pub struct ErrorTold {
     pub row: Option<usize>,
     /// Its column: a name of a table's header, or a number.
     pub column: Option<String>,
+    /// The option at fault, with its stage: `bones.edge_mm`.
+    pub key: Option<String>,
+    /// The value that it was given, as TOML has it.
+    pub value: Option<String>,
     /// What the kind of fault asks for.
     pub advice: &'static str,
 }

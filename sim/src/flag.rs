@@ -77,12 +77,15 @@ pub enum Difference {
 }
 
 impl Difference {
-    /// In words.
-    pub fn words(self) -> &'static str {
-        match self {
-            Difference::Subluxed => "are subluxed",
-            Difference::NotSubluxed => "are not subluxed",
-            Difference::Elsewhere => "rest elsewhere",
+    /// In words, of one sample or of several.
+    pub fn words(self, of_one: bool) -> &'static str {
+        match (self, of_one) {
+            (Difference::Subluxed, false) => "are subluxed",
+            (Difference::Subluxed, true) => "is subluxed",
+            (Difference::NotSubluxed, false) => "are not subluxed",
+            (Difference::NotSubluxed, true) => "is not subluxed",
+            (Difference::Elsewhere, false) => "rest elsewhere",
+            (Difference::Elsewhere, true) => "rests elsewhere",
         }
     }
 }
@@ -149,9 +152,11 @@ impl Display for Flag {
             Flag::Moving => f.write_str("still moving"),
             Flag::Stopped => f.write_str("explicit dynamics stopped early: the quasi-static answer"),
             Flag::Apart(cause) => write!(f, "solvers apart: {}", cause.words()),
+            Flag::SamplesLeave { count: 1, of } => write!(f, "1 of {of} samples leaves the plateau"),
             Flag::SamplesLeave { count, of } => write!(f, "{count} of {of} samples leave the plateau"),
+            Flag::SamplesLost { count: 1, of } => write!(f, "1 of {of} samples has no equilibrium"),
             Flag::SamplesLost { count, of } => write!(f, "{count} of {of} samples have no equilibrium"),
-            Flag::SamplesDiffer { how, count, of } => write!(f, "{count} of {of} samples {}", how.words()),
+            Flag::SamplesDiffer { how, count, of } => write!(f, "{count} of {of} samples {}", how.words(*count == 1)),
             Flag::NoEquilibrium => f.write_str("no equilibrium"),
             Flag::OutsideInterval(columns) => write!(f, "outside its interval: {}", columns.join(" ")),
             Flag::Unloaded(flag) => write!(f, "unloaded: {flag}"),
@@ -194,7 +199,7 @@ mod tests {
     fn rows_that_differ_in_a_count_alone_are_one_flag() {
         let leave = |count| Flag::SamplesLeave { count, of: 48 };
         let flags = [leave(1), Flag::Rotated, leave(11), Flag::Rotated];
-        assert_eq!(each_once(flags[..1].iter()), ["1 of 48 samples leave the plateau"]);
+        assert_eq!(each_once(flags[..1].iter()), ["1 of 48 samples leaves the plateau"]);
         let told = each_once(flags.iter());
         assert_eq!(
             told,
@@ -209,7 +214,7 @@ mod tests {
         ];
         assert_eq!(
             each_once(mixed.iter()),
-            ["1 of 48 samples leave the plateau", "3 of 48 samples are subluxed", "2 of 48 samples rest elsewhere"]
+            ["1 of 48 samples leaves the plateau", "3 of 48 samples are subluxed", "2 of 48 samples rest elsewhere"]
         );
     }
 

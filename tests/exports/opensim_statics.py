@@ -121,7 +121,7 @@ def main():
     opensim.Logger.setLevelString("Error")
     frames = json.load(open(model))["frames"]
     # a knee off its plateau has several equilibria; a ligament beyond its failure load has not
-    off = ("dislocated", "subluxed", "rotated", "leave the plateau")
+    off = ("dislocated", "subluxed", "rotated", "the plateau")
     whole = lambda r: all(r[p] for p in POSE) and not any(word in (r.get("flags") or "") for word in off)
     rows = [r for r in csv.DictReader(open(results)) if whole(r)]
     if len(rows) < least:

@@ -403,7 +403,7 @@ mod tests {
         assert!((ap(&with, 2).mean.unwrap() - ((36.0 + 90.0) / 10.0 + 0.5)).abs() < 1e-12);
         assert!((ap(&with, 0).mean.unwrap() - (36.0 + 91.0) / 10.0).abs() < 1e-12 && plain.mean == Some(4.0));
         assert!(with.is_left_out(9, 0) && !with.is_left_out(10, 0));
-        assert_eq!(odd(&with, 0, 0), ["1 of 11 samples leave the plateau"]);
+        assert_eq!(odd(&with, 0, 0), ["1 of 11 samples leaves the plateau"]);
         // of more than half off the plateau there is no interval, and the value stays
         let most: Vec<Answers> = (0..9).map(|k| knee(f64::from(k), [k < 5, false, false])).collect();
         let none = ap(&numbers(&most), 0);
