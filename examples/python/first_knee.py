@@ -75,10 +75,18 @@ ax.set(xlabel="anterior position of the tibia [mm]", ylabel="anterior force [N]"
 ax.legend(fontsize=8)
 figure.savefig(folder / "drawer.png", dpi=110)
 
+# %% What a laboratory measured, and what this model answers. It is not calibrated: curves and points lie apart.
+measured = pd.read_csv(folder / "laxity" / "kla.csv")
+answered = genu.simulate(model, measured)
+figure, axes = plt.subplots(1, 2, figsize=(10, 4), layout="constrained")
+genu.plots.laxity(answered, measured, "ie_deg", ax=axes[0])
+genu.plots.forces(genu.simulate(model, protocol="passive-flexion", to_flexion_deg=60), ["ACL", "PCL", "LCL", "sMCL"], ax=axes[1])
+figure.savefig(folder / "laxity.png", dpi=110)
+
 # %% What the ligaments carry. This knee is not calibrated: at 60 deg and more it may dislocate under the drawer.
 built = cases["as built"]
 forces = built[built["load_ap_n"] == built["load_ap_n"].max()].set_index("trial").filter(like="force_")
 forces.columns = [c.removeprefix("force_").removesuffix("_n") for c in forces.columns]
 print("Forces under the anterior drawer [N]:")
 print(forces.round(1).to_string())
-print(f"Look at {folder / 'thickness.png'}, {folder / 'drawer.png'} and {build.report}")
+print(f"Look at {folder / 'thickness.png'}, {folder / 'drawer.png'}, {folder / 'laxity.png'} and {build.report}")

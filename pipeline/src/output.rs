@@ -154,7 +154,7 @@ pub fn fault_as_json(what: &str) -> String {
 }
 
 /// What a kind of fault asks for.
-fn advice(code: &str) -> &'static str {
+pub fn advice(code: &str) -> &'static str {
     match code {
         "stage" => "correct what the message names, and build again; finished stages are kept",
         "machine" => "see to the disk, the rights or the lock, and run the same command again",

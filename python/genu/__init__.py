@@ -35,6 +35,8 @@ plan, next_tests, credibility
     A reconstruction before it is done; which tests to do next; what speaks for a knee's model.
 read_surface, read_hexahedra, read_table
     Open single files of a build.
+to_xarray; plots.laxity, plots.forces
+    Answers to a grid of trials as a dataset; pictures of answers.
 run
     Any command line of ``build-model``.
 
@@ -44,9 +46,10 @@ Build, Model, Surface, Hexahedra, Frames, Calibration, Validation, Diagnosis, Pl
 
 Errors
 ------
-GenuError, with ``file``, ``row``, ``column`` and ``stage``; StageError, InputError, MachineError, OptionError and UsageError are its kinds.
+GenuError, with ``file``, ``row``, ``column``, ``stage``, ``code`` and ``advice``. StageError, InputError, MachineError, OptionError and
+UsageError are its kinds.
 
-Only numpy is needed. pandas, trimesh, pyvista, meshio are imported when a function needs them:
+Only numpy is needed. pandas, trimesh, pyvista, meshio, matplotlib and xarray are imported when a function needs them:
 ``pip install "./python[all]"`` in a clone brings them.
 """
 
@@ -94,6 +97,7 @@ _HOMES = {
     "read_surface": "_meshes",
     "read_hexahedra": "_meshes",
     "read_table": "_tables",
+    "to_xarray": "_grid",
     "GenuError": "_errors",
     "StageError": "_errors",
     "InputError": "_errors",
@@ -102,11 +106,16 @@ _HOMES = {
     "UsageError": "_errors",
 }
 
-__all__ = ["__version__", *sorted(_HOMES)]
+# Modules of their own, imported when they are first named.
+_MODULES = {"plots"}
+
+__all__ = ["__version__", *sorted({*_HOMES, *_MODULES})]
 
 
 def __getattr__(name: str) -> Any:
     # numpy is imported with the first thing that needs it: the command and `import genu` start at once.
+    if name in _MODULES:
+        return importlib.import_module(f"genu.{name}")
     if name not in _HOMES:
         raise AttributeError(f"module 'genu' has no attribute {name!r}")
     value = getattr(importlib.import_module(f"genu.{_HOMES[name]}"), name)
@@ -115,4 +124,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted(set(globals()) | set(_HOMES))
+    return sorted(set(globals()) | set(_HOMES) | _MODULES)

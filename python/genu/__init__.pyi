@@ -1,3 +1,4 @@
+from genu import plots as plots
 from genu._asked import (
     Credibility as Credibility,
     NextTests as NextTests,
@@ -16,6 +17,7 @@ from genu._errors import (
     StageError as StageError,
     UsageError as UsageError,
 )
+from genu._grid import to_xarray as to_xarray
 from genu._meshes import Hexahedra as Hexahedra, Surface as Surface, read_hexahedra as read_hexahedra, read_surface as read_surface
 from genu._model import Model as Model
 from genu._specimens import (

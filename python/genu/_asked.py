@@ -13,8 +13,8 @@ from genu._call import Files, absolute, as_html, called, names, toml_text
 from genu._model import model_at
 from genu._tables import read_table
 from genu._types import (
-    Chance, Context, Evidence, Factor, FactorName, Grade, GraftPlan, GraftTold, Level, NextTest, Path, PlanTest, Progress, Spread, State,
-    TestTold, Value,
+    Chance, Context, Evidence, Factor, FactorName, Grade, Frame, GraftPlan, GraftTold, Level, ModelLike, NextTest, Path, Place, PlanTest, Progress,
+    Spread, State, TestTold, Value,
 )
 
 
@@ -99,7 +99,7 @@ class Plan:
                 return one["states"][state][quantity]
         raise KeyError(f"no {test} at {flexion_deg} deg in this plan")
 
-    def table(self) -> Any:
+    def table(self) -> Frame:
         """plan.csv as a pandas frame: a row a value."""
         return read_table(os.path.join(self.folder, "plan.csv"))
 
@@ -108,7 +108,7 @@ class Plan:
 
 
 def plan(
-    model: Any,
+    model: ModelLike,
     graft: Union[Path, GraftPlan],
     out: Path,
     *,
@@ -165,7 +165,7 @@ class NextTests:
     """
 
     raw: dict[str, Any] = field(repr=False)
-    trials: Any = field(repr=False)
+    trials: Frame = field(repr=False)
 
     @property
     def tests(self) -> list[NextTest]:
@@ -196,7 +196,7 @@ class NextTests:
 
 
 def next_tests(
-    model: Any,
+    model: ModelLike,
     quantity: str,
     *,
     without: Union[str, Sequence[str]] = (),
@@ -312,7 +312,7 @@ class Credibility:
         return as_html(f"genu.Credibility of {self.raw['knee']}", {f["name"]: f["grade"] for f in self.factors})
 
 
-def credibility(build: Any, *, context: Union[None, Path, Context] = None, out: Optional[Path] = None) -> Credibility:
+def credibility(build: Place, *, context: Union[None, Path, Context] = None, out: Optional[Path] = None) -> Credibility:
     """Tell what speaks for a knee's model, factor by factor as ASME V&V 40 asks.
 
     Parameters

@@ -9,12 +9,12 @@ from typing import Any, Literal, Optional
 
 import numpy as np
 
-from genu._call import as_html, wanted
+from genu._call import absolute, as_html, wanted
 from genu._errors import InputError, in_file
 from genu._meshes import Hexahedra, Surface, read_hexahedra, read_surface
 from genu._model import Model
 from genu._tables import read_table
-from genu._types import Floats, Path, Stage
+from genu._types import Floats, Frame, Place, Stage
 
 
 @dataclass(eq=False)
@@ -81,7 +81,7 @@ class Build:
 
     Parameters
     ----------
-    folder : str or path-like
+    folder : str or path-like, or what has a folder
         The folder of a build, or of the specimen that holds ``build/``.
 
     Attributes
@@ -95,8 +95,8 @@ class Build:
         No build there.
     """
 
-    def __init__(self, folder: Path) -> None:
-        given = os.path.abspath(os.fspath(folder))
+    def __init__(self, folder: Place) -> None:
+        given = absolute(folder)
         places = [os.path.join(given, "build"), given]
         found = [p for p in places if os.path.isfile(os.path.join(p, "log.jsonl"))]
         if not found:
@@ -190,7 +190,7 @@ class Build:
             raise InputError(f"{self.report} has no knee to pull at: its build was not calibrated; give laxity, and build to stage calibrate or farther")
         return View(page, height_px)
 
-    def summary(self) -> Any:
+    def summary(self) -> Frame:
         """The log as a pandas frame: a row a stage, with seconds, memory [MiB] and the number of warnings."""
         rows = [
             {
@@ -202,7 +202,8 @@ class Build:
             }
             for r in self.log
         ]
-        return wanted("pandas", "tables").DataFrame(rows)
+        frame: Frame = wanted("pandas", "tables").DataFrame(rows)
+        return frame
 
     def path(self, stage: Stage, *names: str) -> str:
         """The path of a stage's folder, or of a file in it.
@@ -265,7 +266,7 @@ class Build:
         """
         return read_hexahedra(self._one(stage, name, ".vtu"))
 
-    def table(self, stage: Stage, name: str) -> Any:
+    def table(self, stage: Stage, name: str) -> Frame:
         """A table of a stage as a pandas frame; ``name`` is the path below its folder without ``.csv``."""
         return read_table(self._one(stage, name, ".csv"))
 
@@ -286,19 +287,25 @@ class Build:
         return {bone: np.array(t["ct_from_scan"], dtype=np.float64) for bone, t in raw.items() if "ct_from_scan" in t}
 
     @property
-    def fibres(self) -> Any:
+    def fibres(self) -> Frame:
         """The ligament fibres as a pandas frame, ends [mm] in the CT frame."""
         return self.table("attachments", "fibres")
 
     @property
-    def sites(self) -> Any:
+    def sites(self) -> Frame:
         """The attachment sites as a pandas frame; ``centroid`` [mm] in the CT frame."""
-        return wanted("pandas", "tables").DataFrame(self.json("attachments", "sites"))
+        frame: Frame = wanted("pandas", "tables").DataFrame(self.json("attachments", "sites"))
+        return frame
 
     @property
     def model(self) -> Model:
         """The best known model: calibrated to all data together, else to the one data set, else assembled."""
         return Model(self.folder)
+
+    @property
+    def samples(self) -> Optional[Frame]:
+        """The posterior's samples of :attr:`model`, a row a sample, a column an unknown; None where there are none. See :attr:`Model.samples`."""
+        return self.model.samples
 
     @property
     def assembled(self) -> Model:

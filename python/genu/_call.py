@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Callable, Iterator, Mapping, Optional, Se
 from genu import _errors, _genu
 
 if TYPE_CHECKING:
-    from genu._types import Path, Progress
+    from genu._types import Place, Progress
 
 Watcher = Callable[[str, float, str], Any]
 # Files in memory, by the paths at which the program finds them.
@@ -90,9 +90,14 @@ def _bar() -> Iterator[Watcher]:
         yield watcher
 
 
-def absolute(path: Path) -> str:
-    """The path, so that no word of it is taken for a verb or an option."""
-    return os.path.abspath(os.fspath(path))
+def absolute(place: Place) -> str:
+    """The path, or the folder of what has one, so that no word of it is taken for a verb or an option."""
+    if isinstance(place, (str, os.PathLike)):
+        return os.path.abspath(os.fspath(place))
+    folder = getattr(place, "folder", None)
+    if not isinstance(folder, str):
+        raise TypeError(f"a path, or what has a folder (a build), was expected, not {type(place).__name__}")
+    return os.path.abspath(folder)
 
 
 def names(given: Any) -> list[str]:

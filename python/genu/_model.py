@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import json
 import os
+import secrets
 from typing import Any, Optional
 
 import numpy as np
@@ -13,7 +14,8 @@ from genu import _errors, _genu
 from genu._call import Files, as_html, wanted
 from genu._errors import InputError, in_file
 from genu._meshes import Surface, read_surface
-from genu._types import Floats, Path
+from genu._samples import frame_of_samples, samples_at
+from genu._types import Floats, Frame, ModelLike, Path
 
 
 class Model:
@@ -129,9 +131,34 @@ class Model:
                 return bundle
         raise KeyError(f"no bundle {name}; the model has {', '.join(self.bundles)}")
 
-    def parameters(self) -> Any:
+    def parameters(self) -> Frame:
         """The bundles as a pandas frame, a row each. A copy: edit by :meth:`bundle` or ``spec``."""
-        return wanted("pandas", "tables").DataFrame(copy.deepcopy(self.spec["bundles"]))
+        frame: Frame = wanted("pandas", "tables").DataFrame(copy.deepcopy(self.spec["bundles"]))
+        return frame
+
+    @property
+    def samples(self) -> Optional[Frame]:
+        """The posterior's samples as a pandas frame, a row a sample, a column an unknown; None where there are none.
+
+        Columns are called as in parameters.csv and frames.csv, such as ``"ACL_AM.reference_strain"`` [-] and
+        ``"femur.medial.turn_deg"``; docs/schema/samples.schema.json has the others with their units. ``attrs`` has
+        ``most_probable``, by column, and ``interval``, the share of the samples between the ends of an interval. A model
+        that was edited has none: the samples are those of its file. Whether the file itself was changed since is not asked
+        here; :func:`genu.simulate` says so in ``attrs["warnings"]``.
+
+        Raises
+        ------
+        InputError
+            samples.json beside the model cannot be read.
+        """
+        found = samples_at(self.folder) if self._may_have_samples() else None
+        return None if found is None else frame_of_samples(found)
+
+    @property
+    def sample_columns(self) -> Optional[dict[str, Floats]]:
+        """The posterior's samples as arrays by the name of the unknown, without pandas; as :attr:`samples`."""
+        found = samples_at(self.folder) if self._may_have_samples() else None
+        return None if found is None else found.columns
 
     def fibres(self) -> tuple[list[str], Floats]:
         """The fibres' bundle names and their ends.
@@ -165,30 +192,44 @@ class Model:
         Parameters
         ----------
         path : str or path-like
-            The file, or a folder for ``model.json``.
+            The file, or a folder for ``model.json``. Where it is a symbolic link, the file that it leads to is written,
+            and the link stays.
 
         Returns
         -------
         str
-            The file's path.
+            The path of the file that was written.
 
         Raises
         ------
         InputError
-            A number or a name in ``spec`` is none that a model.json may have.
+            A number or a name in ``spec`` is none that a model.json may have; at ``path`` there is something else than a file.
         """
         place = os.path.abspath(os.fspath(path))
         if not place.endswith(".json"):
             place = os.path.join(place, "model.json")
+        if os.path.islink(place):
+            place = os.path.realpath(place)
+        if os.path.lexists(place) and (os.path.islink(place) or not os.path.isfile(place)):
+            raise InputError(f"{place} is no regular file; nothing was written there, name another file", place=in_file(place))
         folder = os.path.dirname(place)
         os.makedirs(folder, exist_ok=True)
         own, there = os.path.realpath(self.folder), os.path.realpath(folder)  # links would break the way up
         text = _genu.moved(self._text(), own, there, _errors.made)
-        temporary = f"{place}.tmp"
-        with open(temporary, "w", encoding="utf-8") as file:
-            file.write(text)
-        os.replace(temporary, place)
+        temporary = f"{place}.{secrets.token_hex(4)}.tmp"
+        try:
+            with open(temporary, "x", encoding="utf-8") as file:
+                file.write(text)
+            os.replace(temporary, place)
+        finally:
+            if os.path.lexists(temporary):
+                os.remove(temporary)
         return place
+
+    def _may_have_samples(self) -> bool:
+        """Whether samples.json beside the file is of this model, as the command judges it."""
+        as_read = self.spec == self._as_read and os.path.basename(self.file) == "model.json"
+        return as_read and self.spec.get("calibrated") is not None
 
     def _text(self) -> str:
         """model.json with the numbers as they are now."""
@@ -241,19 +282,23 @@ def _plain(value: Any) -> Any:
     raise InputError(f"the model as edited: {value!r} is a {type(value).__name__}; a number, text, list or dict was expected")
 
 
-def model_at(model: Any, name: str = "model") -> tuple[str, Files]:
+def _meant(model: ModelLike) -> Model | str:
+    """The model itself, or the path that was given of it."""
+    if isinstance(model, (str, os.PathLike)):
+        return os.path.abspath(os.fspath(model))
+    found = model if isinstance(model, Model) else getattr(model, "model", None)  # a build, a calibration, a diagnosis
+    if not isinstance(found, Model):
+        raise TypeError(f"a model, what has one (a build), or a path was expected, not {type(model).__name__}")
+    return found
+
+
+def model_at(model: ModelLike, name: str = "model") -> tuple[str, Files]:
     """The path at which the program finds a model, and files in memory where it was edited."""
-    if isinstance(model, Model):
-        return model._given(name)
-    if hasattr(model, "model") and isinstance(model.model, Model):  # a build, a calibration, a diagnosis
-        return model_at(model.model, name)
-    return os.path.abspath(os.fspath(model)), {}
+    found = _meant(model)
+    return (found, {}) if isinstance(found, str) else found._given(name)
 
 
-def compiled(model: Any) -> _genu.Compiled:
+def compiled(model: ModelLike) -> _genu.Compiled:
     """A model, a build, a calibration or a path, ready to answer."""
-    if isinstance(model, Model):
-        return model._compiled()
-    if hasattr(model, "model") and isinstance(model.model, Model):
-        return model.model._compiled()
-    return _genu.Compiled(os.path.abspath(os.fspath(model)), _errors.made, {})
+    found = _meant(model)
+    return _genu.Compiled(found, _errors.made, {}) if isinstance(found, str) else found._compiled()

@@ -11,7 +11,7 @@ from genu._call import absolute, as_html, run
 from genu._arrays import Given, SurfaceLike, specimen_of
 from genu._errors import InputError
 from genu._tables import read_table
-from genu._types import Input, Option, Path, Side, Stage
+from genu._types import Frame, Input, Option, Path, Place, Side, Stage
 
 
 @dataclass
@@ -43,7 +43,7 @@ class Check:
         return as_html(f"genu.Check of {self.folder}", {i["input"]: f"{i['state']}: {i['found']}" for i in self.inputs})
 
 
-def check(specimen: Path, *, out: Optional[Path] = None) -> Check:
+def check(specimen: Place, *, out: Optional[Path] = None) -> Check:
     """Read and judge all inputs of a specimen; build nothing. Load against displacement goes into check.html.
 
     Parameters
@@ -171,13 +171,13 @@ def init(folder: Path, files: Union[Path, Sequence[Path]] = (), *, side: Optiona
     return Specimen(absolute(folder), run(*words))
 
 
-def inspect(build: Path, stage: Optional[Stage] = None) -> list[dict[str, Any]]:
+def inspect(build: Place, stage: Optional[Stage] = None) -> list[dict[str, Any]]:
     """What each stage of a build made: the lines of its log, each with its folder and files.
 
     Parameters
     ----------
-    build : str or path-like
-        The specimen's or the build's folder.
+    build : Build, str or path-like
+        A build, or the specimen's or the build's folder.
     stage : str, optional
         One stage only.
 
@@ -221,7 +221,7 @@ class Cohort:
         """Names of the tables."""
         return sorted(f[:-4] for f in os.listdir(self.folder) if f.endswith(".csv"))
 
-    def table(self, name: str) -> Any:
+    def table(self, name: str) -> Frame:
         """A table as a pandas frame."""
         return read_table(os.path.join(self.folder, f"{name}.csv"))
 
@@ -229,13 +229,13 @@ class Cohort:
         return as_html("genu.Cohort", {k["knee"]: f"{k['status']}, {len(k['outliers'])} outliers" for k in self.knees})
 
 
-def cohort(builds: Sequence[Path], out: Path) -> Cohort:
+def cohort(builds: Sequence[Place], out: Path) -> Cohort:
     """Put many builds on one page and into tidy tables.
 
     Parameters
     ----------
-    builds : sequence of paths
-        Folders of builds, or of the specimens that hold them. One that failed is a row like any other.
+    builds : sequence of builds or paths
+        Builds, their folders, or those of the specimens that hold them. One that failed is a row like any other.
     out : str or path-like
         Folder for cohort.html and the tables.
 

@@ -9,10 +9,10 @@ from typing import Any
 
 from genu._call import Files, wanted
 from genu._errors import InputError, in_file
-from genu._types import Path
+from genu._types import Frame, Path, Table
 
 
-def read_table(path: Path) -> Any:
+def read_table(path: Path) -> Frame:
     """Read a CSV table of a build as a pandas frame.
 
     Parameters
@@ -34,7 +34,8 @@ def read_table(path: Path) -> Any:
     path = os.fspath(path)
     if not os.path.isfile(path):
         raise InputError(f"cannot read {path}: no such file", place=in_file(path))
-    return pandas.read_csv(path)
+    frame: Frame = pandas.read_csv(path)
+    return frame
 
 
 def table_text(table: Any) -> str:
@@ -97,7 +98,7 @@ def _cell(value: Any) -> Any:
         return ""
 
 
-def table_at(table: Any, name: str, files: Files) -> str:
+def table_at(table: Table, name: str, files: Files) -> str:
     """The path at which the program finds a table: as given, or ``name``, whose text goes into ``files``."""
     if isinstance(table, (str, os.PathLike)):
         return os.path.abspath(os.fspath(table))
@@ -105,6 +106,7 @@ def table_at(table: Any, name: str, files: Files) -> str:
     return name
 
 
-def frame_of(text: str) -> Any:
+def frame_of(text: str) -> Frame:
     """The text of a CSV file as a pandas frame."""
-    return wanted("pandas", "tables").read_csv(io.StringIO(text))
+    frame: Frame = wanted("pandas", "tables").read_csv(io.StringIO(text))
+    return frame

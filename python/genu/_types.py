@@ -3,10 +3,20 @@
 from __future__ import annotations
 
 import os
-from typing import Any, Callable, Literal, Optional, Sequence, TypedDict, Union
+import typing
+from typing import TYPE_CHECKING, Any, Callable, Literal, Mapping, Optional, Sequence, TypedDict, Union
 
 import numpy as np
 import numpy.typing as npt
+
+if TYPE_CHECKING:
+    import pandas
+
+    from genu._model import Model
+
+    Frame = pandas.DataFrame
+else:
+    Frame = Any  # pandas is imported where a function needs it
 
 Path = Union[str, "os.PathLike[str]"]
 Array = npt.NDArray[Any]
@@ -33,6 +43,32 @@ Stage = Literal[
     "segment", "ingest", "register", "bones", "cartilage", "frames", "attachments", "hexmesh", "overclosure",
     "contact-law", "assemble", "calibrate", "validate", "diagnose",
 ]
+
+
+class HasFolder(typing.Protocol):
+    """What lies in a folder: a build, a specimen, a calibration."""
+
+    @property
+    def folder(self) -> str: ...
+
+
+class HasModel(typing.Protocol):
+    """What has a model: a build, a calibration, a diagnosis."""
+
+    @property
+    def model(self) -> Model: ...
+
+
+class WritesCsv(typing.Protocol):
+    """A frame of polars."""
+
+    def write_csv(self) -> Any: ...
+
+
+Place = Union[Path, HasFolder]
+ModelLike = Union["Model", HasModel, Path]
+# A frame of pandas or polars, a dict of columns, a list of dicts, or a path.
+Table = Union[Path, Frame, Mapping[Any, Any], Sequence[Mapping[Any, Any]], WritesCsv]
 
 
 class Input(TypedDict):

@@ -6,7 +6,7 @@ import json
 import os
 import warnings
 from dataclasses import dataclass, field
-from typing import Any, Mapping, Optional, Sequence, Union
+from typing import Any, Mapping, Optional, Sequence, Union, overload
 
 from genu import _errors
 from genu._build import Build
@@ -14,10 +14,7 @@ from genu._call import absolute, as_html, called, names, run, settings, spoken, 
 from genu._errors import GenuError, in_file
 from genu._model import Model, compiled, model_at
 from genu._tables import frame_of, read_table, table_at
-from genu._types import Contact, Format, Method, Path, Progress, Protocol, Side, Solver, Stage
-
-# How a line begins that tells what is odd.
-ODD = "warning: "
+from genu._types import Contact, Format, Frame, Method, ModelLike, Path, Place, Progress, Protocol, Side, Solver, Stage, Table
 
 
 def phantom(id: str, folder: Path, *, seed: int = 1, volume: bool = False) -> str:
@@ -50,7 +47,7 @@ def phantom(id: str, folder: Path, *, seed: int = 1, volume: bool = False) -> st
 
 
 def build(
-    specimen: Path,
+    specimen: Place,
     *,
     out: Optional[Path] = None,
     to: Optional[Stage] = None,
@@ -107,9 +104,37 @@ def build(
     return Build(out if out is not None else os.path.join(absolute(specimen), "build"))
 
 
+@overload
 def simulate(
-    model: Any,
-    trials: Any = None,
+    model: ModelLike,
+    trials: Table,
+    *,
+    protocol: None = None,
+    without: Union[str, Sequence[str]] = (),
+    solver: Solver = "quasistatic",
+    read_as: Optional[str] = None,
+    samples: Optional[int] = None,
+    jobs: Optional[int] = None,
+    progress: Progress = None,
+) -> Frame: ...
+@overload
+def simulate(
+    model: ModelLike,
+    trials: None = None,
+    *,
+    protocol: Protocol,
+    without: Union[str, Sequence[str]] = (),
+    solver: Solver = "quasistatic",
+    read_as: Optional[str] = None,
+    to_flexion_deg: Optional[float] = None,
+    compression_n: Optional[float] = None,
+    samples: Optional[int] = None,
+    jobs: Optional[int] = None,
+    progress: Progress = None,
+) -> Frame: ...
+def simulate(
+    model: ModelLike,
+    trials: Optional[Table] = None,
     *,
     protocol: Optional[Protocol] = None,
     without: Union[str, Sequence[str]] = (),
@@ -120,7 +145,7 @@ def simulate(
     samples: Optional[int] = None,
     jobs: Optional[int] = None,
     progress: Progress = None,
-) -> Any:
+) -> Frame:
     """Predict what a model does under the loads of trials or of a protocol.
 
     Parameters
@@ -203,12 +228,12 @@ class Calibration:
 
     folder: str
     model: Model = field(repr=False)
-    parameters: Any = field(repr=False)
-    history: Any = field(repr=False)
+    parameters: Frame = field(repr=False)
+    history: Frame = field(repr=False)
     metrics: dict[str, Any] = field(repr=False)
     words: str = field(repr=False, default="")
 
-    def table(self, name: str) -> Any:
+    def table(self, name: str) -> Frame:
         """Another table of the folder as a pandas frame, such as ``"forces"`` or ``"fit"``."""
         return read_table(os.path.join(self.folder, f"{name}.csv"))
 
@@ -218,8 +243,8 @@ class Calibration:
 
 
 def calibrate(
-    model: Any,
-    targets: Any,
+    model: ModelLike,
+    targets: Table,
     out: Path,
     *,
     method: Method = "posterior",
@@ -286,24 +311,25 @@ class Validation:
     """
 
     folder: str
-    differences: Any = field(repr=False)
+    differences: Frame = field(repr=False)
     words: str = field(repr=False, default="")
 
-    def protocol(self, model: str, name: str) -> Any:
+    def protocol(self, model: str, name: str) -> Frame:
         """A model's answers to ``"ap_laxity"``, ``"passive_flexion"``, ``"pivot_shift"`` or ``"pivot_shift_no_acl"``."""
         return read_table(os.path.join(self.folder, model, f"{name}.csv"))
 
-    def table(self, name: str) -> Any:
+    def table(self, name: str) -> Frame:
         """Another table of the folder as a pandas frame."""
         return read_table(os.path.join(self.folder, f"{name}.csv"))
 
 
 def validate(
-    models: Mapping[str, Any],
+    models: Mapping[str, ModelLike],
     out: Path,
     *,
-    passive: Optional[Mapping[str, Any]] = None,
-    solver: Optional[str] = None,
+    passive: Optional[Mapping[str, Table]] = None,
+    solver: Optional[Solver] = None,
+    samples: Optional[int] = None,
     options: Optional[Mapping[str, Any]] = None,
     jobs: Optional[int] = None,
     progress: Progress = None,
@@ -322,6 +348,8 @@ def validate(
         How the joint model is solved, or every model where none is joint; models of single data sets beside a joint one are quasi-static.
         With ``"explicit"``, the default, the quasi-static answer stands beside it: columns ``ap_mm_quasistatic`` and so on, and
         ``table("solvers")``.
+    samples : int, optional
+        Samples of the posterior by which mean and 90 % interval stand beside every value, where a model has any; 0 leaves them out.
     options : dict, optional
         Of stage ``validate``: ``{"ap_flexions_deg": [30, 60]}``.
     jobs, progress
@@ -340,6 +368,7 @@ def validate(
     words: list[Any] = ["validate", "--out", place, *settings(options, "validate")]
     if solver is not None:
         words += ["--solver", solver]
+    words += ["--samples", samples] if samples is not None else []
     for name, table in (passive or {}).items():
         words += ["--passive", f"{name}={table_at(table, f'passive {name}', files)}"]
     for name, model in models.items():
@@ -394,11 +423,11 @@ class Diagnosis:
 
 
 def diagnose(
-    model: Any,
-    measured: Mapping[str, Any],
+    model: ModelLike,
+    measured: Mapping[str, Table],
     out: Path,
     *,
-    before: Optional[Mapping[str, Any]] = None,
+    before: Optional[Mapping[str, Table]] = None,
     without_effect: Union[str, Sequence[str]] = (),
     options: Optional[Mapping[str, Any]] = None,
     jobs: Optional[int] = None,
@@ -446,7 +475,7 @@ def diagnose(
 
 
 def export(
-    model: Any, format: Format, out: Path, *, poses: Any = None, contact: Contact | None = None
+    model: ModelLike, format: Format, out: Path, *, poses: Optional[Table] = None, contact: Contact | None = None
 ) -> list[str]:
     """Write a model as another program reads it.
 
@@ -475,12 +504,11 @@ def export(
     """
     place = absolute(out)
     path, files = model_at(model)
-    words: list[Any] = ["export", path, "--format", format, "--out", place]
+    words: list[Any] = ["export", path, "--format", format, "--out", place, "--json"]
     words += ["--poses", table_at(poses, "poses", files)] if poses is not None else []
     words += ["--contact", contact] if contact is not None else []
-    for line in called(words, files).splitlines():
-        if line.startswith(ODD):
-            warnings.warn(line.removeprefix(ODD), stacklevel=2)
+    for odd in json.loads(called(words, files))["warnings"]:
+        warnings.warn(odd, stacklevel=2)
     return sorted(os.path.join(d, f) for d, _, fs in os.walk(place) for f in fs)
 
 

@@ -33,7 +33,7 @@ type How = (Option<usize>, Option<Py<PyAny>>);
 
 /// How a call is made: threads, who is told how far it is, files in memory, who makes exceptions.
 struct Calling {
-    /// `failure(kind, stage, message, (file, row, column), table)` makes the exception that is raised.
+    /// `failure(kind, stage, message, (file, row, column), table, {key, value, advice})` makes the exception that is raised.
     failure: Py<PyAny>,
     /// Number of threads; all where None.
     jobs: Option<usize>,
@@ -142,7 +142,11 @@ fn exception(py: Python<'_>, failure: &Py<PyAny>, error: &BuildError) -> PyErr {
         BuildError::Faults { table, .. } => Some(table.clone()),
         _ => None,
     };
-    match failure.call1(py, (error.code(), error.stopped_at(), error.to_string(), at, table)) {
+    let mut more = BTreeMap::from([("advice", genu::output::advice(error.code()).to_owned())]);
+    if let Some((key, value)) = error.setting() {
+        more.extend([("key", key.to_owned()), ("value", value.to_owned())]);
+    }
+    match failure.call1(py, (error.code(), error.stopped_at(), error.to_string(), at, table, more)) {
         Ok(made) => PyErr::from_value(made.into_bound(py)),
         Err(error) => error,
     }

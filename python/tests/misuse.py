@@ -6,6 +6,19 @@ model = genu.Model("model.json")
 genu.simulate(model, protocol="ap_laxity")  # wrong: protocol
 genu.simulate(model, protocol="pivot-shift", without=3)  # wrong: without
 genu.simulate(model, protocol="pivot-shift", solver="implicit")  # wrong: solver
+genu.simulate(model)  # wrong: neither trials nor a protocol
+genu.simulate(model, "kla.csv", protocol="pivot-shift")  # wrong: both
+genu.simulate(3, protocol="pivot-shift")  # wrong: model
+genu.simulate(model, 3)  # wrong: trials
+genu.simulate(model, "kla.csv", compression_n=30.0)  # wrong: a compression of trials
+genu.simulate(model, protocol="pivot-shift").no_such_method()  # wrong: a frame has none
+model.parameters().no_such_method()  # wrong: a frame has none
+genu.Build("knee").summary().no_such_method()  # wrong: a frame has none
+genu.inspect(3)  # wrong: build
+genu.cohort([3], "out")  # wrong: build
+genu.validate({"a": 3}, "out")  # wrong: model
+genu.validate({"a": model}, "out", solver="implicit")  # wrong: solver
+genu.plots.laxity(genu.read_table("a.csv"), coordinate="ap")  # wrong: coordinate
 genu.export(model, "obj", "out")  # wrong: format
 genu.calibrate(model, "kla.csv", "out", method="swarm")  # wrong: method
 genu.build("knee", to="bone")  # wrong: stage
@@ -20,7 +33,18 @@ genu.credibility("knee", context={"influence": "much"})  # wrong: level
 genu.credibility("knee").grade("inputs")  # wrong: factor
 
 genu.simulate(model, protocol="pivot-shift", without="ACL")
-genu.simulate(model, protocol="pivot-shift", without=["ACL", "LCL"])
+genu.simulate(model, protocol="pivot-shift", without=["ACL", "LCL"], compression_n=30.0)
+for trials in ("kla.csv", genu.read_table("kla.csv")):
+    genu.simulate(model, trials, read_as="kla", samples=8)
+genu.simulate(genu.Build("knee"), {"load_ap_n": [0.0, 100.0]})
+genu.simulate(genu.calibrate(model, "kla.csv", "out"), [{"load_ap_n": 100.0}])
+genu.simulate(genu.diagnose(model, {"kla": "kla.csv"}, "out"), genu.read_table("kla.csv").to_dict("records"))
+genu.inspect(genu.Build("knee"))
+genu.cohort([genu.Build("knee"), "other"], "out")
+genu.validate({"a": model, "b": "b/model.json"}, "out", samples=8, solver="explicit")
+samples = genu.Build("knee").samples
+if samples is not None:
+    genu.plots.forces(genu.simulate(model, protocol="passive-flexion"), "ACL").set_title(f"{len(samples)} samples")
 genu.build(genu.init("knee", ["femur.stl"]), to="bones", progress=True)
 genu.plan(model, {"cut": ["ACL"]}, "out", samples=0).value("anterior drawer", 30, "deficient")
 genu.credibility(genu.Build("knee"), context={"influence": "medium"}).grade("model-inputs")

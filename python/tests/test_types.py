@@ -27,4 +27,4 @@ def test_misuse_is_told_and_right_use_is_not(tmp_path):
     code, out = told("--cache-dir", str(tmp_path), script)
     found = {int(number) for number in re.findall(r"misuse\.py:(\d+): error", out)}
     assert found == wrong and code == 1, out
-    assert len(wrong) == 15
+    assert len(wrong) == 28
