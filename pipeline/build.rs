@@ -94,7 +94,7 @@ struct Comments {
 
 impl Comments {
     fn read(&mut self, source: &str) {
-        let (mut comment, mut rename, mut rename_all) = (String::new(), None, String::new());
+        let (mut comment, mut rename, mut rename_all, mut skipped) = (String::new(), None, String::new(), false);
         let mut open: Option<(bool, String, Vec<Member>)> = None;
         for line in source.lines() {
             let text = line.trim();
@@ -105,6 +105,7 @@ impl Comments {
             if text.starts_with("#[") {
                 rename_all = quoted(text, "rename_all = ").unwrap_or(rename_all);
                 rename = quoted(text, "rename = ").or(rename);
+                skipped |= text == "#[serde(skip)]";
                 continue;
             }
             let start = |word: &str| text.strip_prefix(word).and_then(|t| t.strip_suffix(" {")).map(str::to_owned);
@@ -133,7 +134,7 @@ impl Comments {
                     None if !*is_struct && plain => Some((cased(member, &rename_all), String::new())),
                     _ => None,
                 };
-                members.extend(pair.map(|(name, kind)| Member {
+                members.extend(pair.filter(|_| !skipped).map(|(name, kind)| Member {
                     name: rename.take().unwrap_or(name),
                     kind,
                     comment: comment.trim().to_owned(),
@@ -142,7 +143,7 @@ impl Comments {
                 rename_all.clear();
             }
             comment.clear();
-            rename = None;
+            (rename, skipped) = (None, false);
         }
     }
 

@@ -16,7 +16,7 @@ use calibration::options::CalibrateOptions;
 use calibration::posterior::{ends, mean, variance};
 use calibration::samples::{SCHEMA, Samples};
 use calibration::test_set::{Asking, Candidate, Wanted, candidates, test_set};
-use inference::posterior::{Forward, Options, infer};
+use inference::posterior::{Forward, PosteriorOptions, infer};
 use inference::random::{normals, stream};
 use nalgebra::DVector;
 use sim::coordinate::{Free, Load};
@@ -125,7 +125,7 @@ impl Bench<'_> {
             // the base trials have the same noise whatever comes after them
             likelihood.measured = &point.reading
                 + scatter.scattered(&normals(&mut stream(self.seed, STREAM + number), point.reading.len()));
-            let inference = Options { seed: self.seed + number, ..self.options.inference.clone() };
+            let inference = PosteriorOptions { seed: self.seed + number, ..self.options.inference.clone() };
             let found = infer(&trials, &mut likelihood, &[DVector::zeros(z.len())], &inference).ok()?;
             let names = posed.model.bundle_names();
             let of_group = |forces: &[f64]| {

@@ -16,7 +16,7 @@ use calibration::design::Design;
 use calibration::inferred::{Posed, Question, drawer_names};
 use calibration::options::CalibrateOptions;
 use inference::knee::Answers;
-use inference::posterior::{Forward, Options, infer};
+use inference::posterior::{Forward, PosteriorOptions, infer};
 use inference::random::{normals, stream, uniform};
 use nalgebra::DVector;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
@@ -123,7 +123,7 @@ fn places(
     scatter.temper = 1.0;
     scatter.prepare().ok()?;
     likelihood.measured = &point.reading + scatter.scattered(&normals(&mut random, point.reading.len()));
-    let inference = Options { seed: arguments.seed + number, ..options.inference.clone() };
+    let inference = PosteriorOptions { seed: arguments.seed + number, ..options.inference.clone() };
     let start = DVector::zeros(z.len());
     let found = infer(&analysis.trials(None), &mut likelihood, &[start], &inference).ok()?;
     let (of, judged) = (Judged::new(truth).values(z, &point.state), Judged::new(analysis));

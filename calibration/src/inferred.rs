@@ -140,7 +140,7 @@ pub fn inferred(question: &Question) -> Result<Inferred, CalibrationError> {
     let (options, posed) = (question.options, Posed::of(question)?);
     let mut starts = vec![start(question, &posed.parameters)];
     starts.extend(question.joint.map(|values| joint_start(values, &posed.parameters)));
-    let inference = inference::posterior::Options { seed: options.seed, ..options.inference.clone() };
+    let inference = inference::posterior::PosteriorOptions { seed: options.seed, ..options.inference.clone() };
     let (done, expected) = (AtomicUsize::new(0), inference.fits(starts.len()) + unmeasured::fits(options));
     let on_fit = || (question.on_fit)((done.fetch_add(1, Ordering::Relaxed) + 1).min(expected), expected);
     let trials = posed.trials(Some(&on_fit));

@@ -6,6 +6,7 @@ use crate::knee::SearchOptions;
 use crate::priors::PriorTable;
 use crate::rig::RigOptions;
 use crate::targets::TargetOptions;
+use inference::posterior::PosteriorOptions;
 use serde::{Deserialize, Serialize};
 use sim::laxity::{LaxityTrial, Test};
 use std::collections::BTreeMap;
@@ -48,7 +49,7 @@ pub struct CalibrateOptions {
     /// How answers are sought on the way.
     pub search: SearchOptions,
     /// The posterior: starts, fits, samples.
-    pub inference: inference::posterior::Options,
+    pub inference: PosteriorOptions,
     /// Intervals and outliers.
     pub gradient: GradientOptions,
     /// Seed of every random number.

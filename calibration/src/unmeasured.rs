@@ -7,7 +7,7 @@ use crate::posterior::{ForceEstimate, ends, mean, variance};
 use crate::unknown::UNLIKE_STREAM;
 use inference::knee::{Answers, Belief, Trials};
 use inference::noise::Likelihood;
-use inference::posterior::{Forward, Found, Options, infer};
+use inference::posterior::{Forward, Found, PosteriorOptions, infer};
 use inference::random::{normals, stream};
 use inference::shift::centre_of;
 use inference::trial::Trial;
@@ -153,9 +153,9 @@ impl Unmeasured {
 }
 
 /// How the knee is sought when nothing is measured: from its prior's centre alone.
-fn search(options: &CalibrateOptions) -> Options {
+fn search(options: &CalibrateOptions) -> PosteriorOptions {
     let of = options.inference.clone();
-    Options { starts: 0, finalists: 1, rounds: 0, scale_noise: false, seed: options.seed, ..of }
+    PosteriorOptions { starts: 0, finalists: 1, rounds: 0, scale_noise: false, seed: options.seed, ..of }
 }
 
 /// How many fits [`Unmeasured::of`] tells of.

@@ -199,7 +199,7 @@ fn absurd_sets_and_circles_are_refused() {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 300, failure_persistence: None, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig::with_cases(300))]
 
     #[test]
     fn mutated_decks_never_panic(file in 0..5_usize, edits in prop::collection::vec((any::<prop::sample::Index>(), 0..8_u8, any::<u8>()), 1..6)) {

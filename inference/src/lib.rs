@@ -6,7 +6,7 @@
 //!
 //! ```
 //! use inference::noise::Likelihood;
-//! use inference::posterior::{infer, Forward, Options, Point};
+//! use inference::posterior::{infer, Forward, PosteriorOptions, Point};
 //! use nalgebra::{DMatrix, DVector};
 //!
 //! /// One number, measured twice.
@@ -20,7 +20,7 @@
 //!     }
 //! }
 //! let mut likelihood = Likelihood::independent(DVector::from_vec(vec![1.0, 1.2]), vec![1.0, 1.0], vec![0, 0]);
-//! let found = infer(&Twice, &mut likelihood, &[], &Options { scale_noise: false, ..Options::default() }).unwrap();
+//! let found = infer(&Twice, &mut likelihood, &[], &PosteriorOptions { scale_noise: false, ..PosteriorOptions::default() }).unwrap();
 //! // Prior precision 1 and two readings of precision 1: mean 2.2 / 3, standard deviation 1 / sqrt(3). The search ends where a step promises less than
 //! // a set fall of the log probability, so the mode is right to a small part of that deviation.
 //! assert!((found.modes[0].z[0] - 2.2 / 3.0).abs() < 0.01 / 3f64.sqrt());

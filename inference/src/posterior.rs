@@ -52,7 +52,7 @@ pub trait Forward: Sync {
     fn size(&self) -> usize;
     /// The answer at a point, from another close by where there is one; `None` where it has none.
     fn at(&self, z: &DVector<f64>, near: Option<(&DVector<f64>, &Self::State)>) -> Option<Point<Self::State>>;
-    /// Told of every start, every fit of a round and every sample that has ended, on whatever thread; [`Options::fits`] says how many to expect. A sample
+    /// Told of every start, every fit of a round and every sample that has ended, on whatever thread; [`PosteriorOptions::fits`] says how many to expect. A sample
     /// that is tried again is told once.
     fn fitted(&self) {}
     /// Whether a sample's fit starts from its own draw of a number, not from a mode's.
@@ -68,7 +68,7 @@ pub trait Forward: Sync {
 /// How the posterior is sought.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields)]
-pub struct Options {
+pub struct PosteriorOptions {
     /// Starts drawn from the prior, beside those given [-]; ours.
     pub starts: usize,
     /// Most evaluations of each start [-]; ours.
@@ -90,9 +90,9 @@ pub struct Options {
     pub seed: u64,
 }
 
-impl Default for Options {
+impl Default for PosteriorOptions {
     fn default() -> Self {
-        Options {
+        PosteriorOptions {
             starts: 8,
             first_evaluations: 8,
             finalists: 3,
@@ -106,7 +106,7 @@ impl Default for Options {
     }
 }
 
-impl Options {
+impl PosteriorOptions {
     /// How many fits [`infer`] tells of from `given` starts: every start, the best of them anew in each round, samples. Fewer where one has no answer.
     pub fn fits(&self, given: usize) -> usize {
         let starts = given + 1 + self.starts;
@@ -177,7 +177,7 @@ pub fn infer<F: Forward>(
     forward: &F,
     likelihood: &mut Likelihood,
     given: &[DVector<f64>],
-    options: &Options,
+    options: &PosteriorOptions,
 ) -> Result<Found<F::State>, InferenceError> {
     likelihood.prepare()?;
     if !options.scale_noise {
@@ -317,7 +317,7 @@ fn samples<F: Forward>(
     likelihood: &Likelihood,
     (modes, lines): (&[Mode<F::State>], &[Option<Linear>]),
     far: f64,
-    options: &Options,
+    options: &PosteriorOptions,
 ) -> (Vec<Option<Sample<F::State>>>, usize) {
     let best = modes.iter().map(|m| m.log_evidence).fold(f64::NEG_INFINITY, f64::max);
     let weight = |m: &Mode<F::State>| {

@@ -91,7 +91,7 @@ fn places(knees: u64, drawer: &Drawer, noise_told: f64) -> Vec<[f64; 4]> {
         let measured = drawer.answers(&truth).0.map(|x| x + NOISE_MM * normal(&mut random));
         let mut l = Likelihood::independent(measured, vec![noise_told; 2], vec![0; 2]);
         l.robust = 1e9;
-        let options = Options { scale_noise: false, samples: 99, seed, ..Options::default() };
+        let options = PosteriorOptions { scale_noise: false, samples: 99, seed, ..PosteriorOptions::default() };
         let found = infer(drawer, &mut l, &[], &options).unwrap();
         let samples: Vec<[f64; 4]> = found.samples.iter().map(|s| Drawer::judged(&s.z)).collect();
         let truth = Drawer::judged(&truth);

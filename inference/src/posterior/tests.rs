@@ -48,7 +48,7 @@ fn a_linear_model_has_the_closed_forms_posterior() {
     let truth = normals(&mut stream(1, 9), 6);
     let mut l = likelihood(&toy, &truth, 0.5, 1);
     l.robust = 1e9;
-    let options = Options { scale_noise: false, samples: 2000, ..Options::default() };
+    let options = PosteriorOptions { scale_noise: false, samples: 2000, ..PosteriorOptions::default() };
     let found = infer(&toy, &mut l, &[], &options).unwrap();
     let precision = DMatrix::identity(6, 6) + toy.jacobian.tr_mul(&toy.jacobian) / 0.25;
     let covariance = precision.clone().try_inverse().unwrap();
@@ -69,7 +69,7 @@ fn what_the_data_do_not_touch_keeps_its_prior() {
     let toy = toy(30, 6, 0.05, 2);
     let truth = normals(&mut stream(2, 9), 6);
     let mut l = likelihood(&toy, &truth, 0.2, 2);
-    let found = infer(&toy, &mut l, &[], &Options { samples: 800, ..Options::default() }).unwrap();
+    let found = infer(&toy, &mut l, &[], &PosteriorOptions { samples: 800, ..PosteriorOptions::default() }).unwrap();
     let (mean, sd) = moments(&found.samples, 5);
     assert!(mean.abs() < 0.12 && (sd - 1.0).abs() < 0.1, "{mean} {sd}");
 }
@@ -81,7 +81,7 @@ fn intervals_hold_the_truth_as_often_as_they_say() {
         let toy = toy(24, 8, 0.03, seed);
         let truth = normals(&mut stream(seed, 9), 8);
         let mut l = likelihood(&toy, &truth, 0.5, seed);
-        let found = infer(&toy, &mut l, &[], &Options { samples: 60, starts: 2, seed, ..Options::default() }).unwrap();
+        let found = infer(&toy, &mut l, &[], &PosteriorOptions { samples: 60, starts: 2, seed, ..PosteriorOptions::default() }).unwrap();
         for k in 0..8 {
             let mut values: Vec<f64> = found.samples.iter().map(|s| s.z[k]).collect();
             values.sort_by(f64::total_cmp);
@@ -102,7 +102,7 @@ fn one_thread_and_several_give_the_same_bytes() {
         pool.install(|| {
             let toy = toy(24, 8, 0.05, 4);
             let mut l = likelihood(&toy, &normals(&mut stream(4, 9), 8), 0.5, 4);
-            let found = infer(&toy, &mut l, &[], &Options::default()).unwrap();
+            let found = infer(&toy, &mut l, &[], &PosteriorOptions::default()).unwrap();
             found.samples.iter().flat_map(|s| s.z.iter().map(|x| x.to_bits()).collect::<Vec<_>>()).collect::<Vec<_>>()
         })
     };
@@ -132,7 +132,7 @@ impl Forward for Square {
 fn samples_that_start_from_their_own_draws_reach_a_mode_that_no_start_found() {
     let above = |anew: bool| {
         let mut l = Likelihood::independent(DVector::from_element(1, 1.0), vec![0.1], vec![0]);
-        let options = Options { starts: 0, scale_noise: false, samples: 200, ..Options::default() };
+        let options = PosteriorOptions { starts: 0, scale_noise: false, samples: 200, ..PosteriorOptions::default() };
         let given = [DVector::from_element(1, 0.9)];
         let found = infer(&Square { anew }, &mut l, &given, &options).unwrap();
         assert!(found.samples.len() > 100);
@@ -149,7 +149,7 @@ fn readings_that_are_believed_less_widen_the_posterior_as_more_noise_would() {
         let mut l = likelihood(&toy, &normals(&mut stream(5, 9), 6), 0.5, 5);
         l.sd.fill(sd);
         (l.robust, l.temper) = (1e9, temper);
-        let found = infer(&toy, &mut l, &[], &Options { scale_noise: false, ..Options::default() }).unwrap();
+        let found = infer(&toy, &mut l, &[], &PosteriorOptions { scale_noise: false, ..PosteriorOptions::default() }).unwrap();
         found.modes[0].form.hessian.clone()
     };
     assert!((spread(4.0, 0.5) - spread(1.0, 1.0)).amax() < 1e-9);
@@ -159,7 +159,7 @@ fn readings_that_are_believed_less_widen_the_posterior_as_more_noise_would() {
 fn samples_that_all_end_far_from_a_fit_still_make_an_interval() {
     let toy = toy(40, 6, 0.6, 6);
     let mut l = likelihood(&toy, &normals(&mut stream(6, 9), 6), 0.01, 6);
-    let options = Options { samples: 40, sample_evaluations: 1, scale_noise: false, ..Options::default() };
+    let options = PosteriorOptions { samples: 40, sample_evaluations: 1, scale_noise: false, ..PosteriorOptions::default() };
     let found = infer(&toy, &mut l, &[], &options).unwrap();
     assert!(found.samples.len() >= 10, "{} of 40, {} stuck", found.samples.len(), found.stuck);
 }
@@ -188,7 +188,7 @@ fn as_many_fits_are_told_as_are_expected() {
     {
         let counted = Counted(toy(12, 4, 0.02, 4), 0.into());
         let mut l = likelihood(&counted.0, &normals(&mut stream(4, 9), 4), 0.3, 4);
-        let options = Options { starts, finalists, rounds, samples, sample_evaluations: each, ..Options::default() };
+        let options = PosteriorOptions { starts, finalists, rounds, samples, sample_evaluations: each, ..PosteriorOptions::default() };
         infer(&counted, &mut l, &[DVector::zeros(4)], &options).unwrap();
         assert_eq!(counted.1.into_inner(), options.fits(1));
     }
@@ -244,7 +244,7 @@ fn samples_are_as_wide_as_the_posterior_with_beliefs() {
                 let measured = DVector::from_element(1, 0.7);
                 let mut l = Likelihood::independent(measured, vec![1.0], vec![0]);
                 l.robust = 1e9;
-                let options = Options { scale_noise: false, samples: 4000, ..Options::default() };
+                let options = PosteriorOptions { scale_noise: false, samples: 4000, ..PosteriorOptions::default() };
                 let found = infer(&toy, &mut l, &[], &options).unwrap();
                 let (mean, sd) = moments(&found.samples, 0);
                 let (exact, exact_sd) = toy.exact(0.7);
