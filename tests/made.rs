@@ -80,3 +80,29 @@ fn a_page_that_a_program_writes_is_held_to_it() {
     let nowhere = run(root, &["--made", "docs/a.md", "--at", "nosuchcommit"]).unwrap();
     assert!(!nowhere.status.success() && String::from_utf8_lossy(&nowhere.stderr).contains("no sources of one"));
 }
+
+#[test]
+fn a_number_typed_into_a_table_is_told_and_words_are_not() {
+    let folder = TempDir::new().unwrap();
+    let root = folder.path();
+    for (name, text) in [("one/src/lib.rs", "const A: f64 = 1.0;\n"), ("docs/a.md", "Words.\n| what | 1.0 mm |\n")] {
+        std::fs::create_dir_all(root.join(name).parent().unwrap()).unwrap();
+        write(&root.join(name), text);
+    }
+    let table = "[[page]]\nname = \"docs/a.md\"\nby = \"make it\"\ncrates = [\"one\"]\ndigests = {}\n";
+    write(&root.join("docs/made.toml"), table);
+    let Some(made) = said(root, &["--made", "docs/a.md"]) else {
+        eprintln!("made: skipped, python3 is not there");
+        return;
+    };
+    assert!(made.contains("0 of 1 pages"), "{made}");
+    write(&root.join("docs/a.md"), "Other words.\n| which | 1.0 mm |\n");
+    assert!(run(root, &["--check"]).unwrap().status.success());
+    write(&root.join("docs/a.md"), "Other words.\n| which | 1.1 mm |\n");
+    let refused = run(root, &["--check"]).unwrap();
+    assert!(!refused.status.success() && String::from_utf8_lossy(&refused.stderr).contains("by hand: docs/a.md"));
+    // typed on purpose: which code made the rest is as it was known
+    write(&root.join("one/src/lib.rs"), "const A: f64 = 1.1;\n");
+    let kept = said(root, &["--typed", "docs/a.md"]).unwrap();
+    assert!(kept.contains("stale: one changed since"), "{kept}");
+}

@@ -154,8 +154,15 @@ fn a_label_map_gives_the_same_surfaces_in_every_format() {
         assert!(!found.is_empty());
         found
     };
-    let right = ingested(&kinds["nifti1"]);
+    let (right, right_voxels) = (ingested(&kinds["nifti1"]), voxels(out.path(), &kinds["nifti1"]));
     for (kind, name) in kinds.iter().filter(|k| k.0 != "nifti1") {
+        // the same voxels on the same grid give the same surfaces: one of each family is built
+        let read = voxels(out.path(), name);
+        let same = read.grid == right_voxels.grid && read.values == right_voxels.values;
+        println!("{kind}: the same voxels {same}");
+        if same && !["nrrd", "metaimage"].contains(&kind.as_str()) {
+            continue;
+        }
         let found = ingested(name);
         let other = differing(&right, &found);
         println!(

@@ -2,9 +2,11 @@
 """Says which pages have figures that an older program made.
 
     python3 docs/words/made.py --check                 names pages whose crates or makers changed since; ends with 0: figures may still hold.
-                                                       Ends with 1 where a page that a program writes whole (`whole`) was changed by hand
+                                                       Ends with 1 where a page that a program writes whole (`whole`) was changed by hand,
+                                                       or a number in a table of another page
     python3 docs/words/made.py --made PAGE...          the page was made anew: keeps the digests of its crates as they are now
     python3 docs/words/made.py --made PAGE... --at C   the same as they were at the commit C
+    python3 docs/words/made.py --typed PAGE...         numbers in its tables were typed on purpose, and the commit says where from: keeps them
 
 docs/made.toml has a page's crates and their digests. A digest is of the code and data of a crate, without blank lines and lines that are comments.
 Asked for is whether a figure was made by today's code, not whether it would be another: only making it anew tells that.
@@ -59,6 +61,18 @@ def as_made(root, page):
     return hashlib.sha256((root / page["name"]).read_bytes()).hexdigest()[:DIGITS]
 
 
+def figures(root, page):
+    """The digest of the numbers in a page's tables, in order."""
+    rows = [line for line in (root / page["name"]).read_text().splitlines() if line.lstrip().startswith("|")]
+    numbers = [number for row in rows for number in re.findall(r"\d+(?:\.\d+)?(?:e-?\d+)?", row)]
+    return hashlib.sha256(" ".join(numbers).encode()).hexdigest()[:DIGITS]
+
+
+def own(root, page):
+    """What is kept of a page itself: by which name, and its digest."""
+    return ("page", as_made(root, page)) if page.get("whole") else ("figures", figures(root, page))
+
+
 def at(root, crate, commit):
     """A crate's files at a commit; none where it was not there."""
     run = subprocess.run(["git", "archive", commit, crate], cwd=root, capture_output=True, check=False)
@@ -90,7 +104,9 @@ def check(root):
         if page.get("makers") and page["digests"].get("makers") != of_files(makers(root, page)):
             changed.append("what makes it")
         stale += bool(changed)
-        if page.get("whole") and page["digests"].get("page") not in (None, as_made(root, page)):
+        name, digest = own(root, page)
+        # a page that was never made has no digest yet
+        if page["digests"] and page["digests"].get(name) != digest:
             typed.append(page["name"])
         state = f"stale: {', '.join(changed)} changed since; {page['by']}" if changed else "as its crates are"
         print(f"{page['name']}: {state}")
@@ -113,11 +129,27 @@ def made(root, names, commit):
         if known[name].get("makers"):
             files["makers"] = makers(root, known[name])
         digests = {c: of_files(files[c]) for c in files}
-        if known[name].get("whole"):
-            digests["page"] = as_made(root, known[name])
-        line = ", ".join(f'{c} = "{digest}"' for c, digest in digests.items())
-        begin = text.index(f'name = "{name}"')
-        text = text[:begin] + re.sub(r"digests = \{.*\}", f"digests = {{ {line} }}", text[begin:], count=1)
+        digests |= dict([own(root, known[name])])
+        text = with_digests(text, name, digests)
+    file.write_text(text)
+
+
+def with_digests(text, name, digests):
+    """The table's text with a page's digests."""
+    line = ", ".join(f'{c} = "{digest}"' for c, digest in digests.items())
+    begin = text.index(f'name = "{name}"')
+    return text[:begin] + re.sub(r"digests = \{.*\}", f"digests = {{ {line} }}", text[begin:], count=1)
+
+
+def typed_on_purpose(root, names):
+    """Keeps the numbers of pages that no program writes whole; what made the rest stays as it is known."""
+    file = root / "docs/made.toml"
+    text = file.read_text()
+    known = {page["name"]: page for page in read(root)}
+    for name in names:
+        if name not in known or known[name].get("whole"):
+            sys.exit(f"{name}: no page of docs/made.toml whose numbers are typed")
+        text = with_digests(text, name, known[name]["digests"] | dict([own(root, known[name])]))
     file.write_text(text)
 
 
@@ -127,14 +159,20 @@ def main():
     asked.add_argument("--check", action="store_true")
     asked.add_argument("--made", nargs="+", metavar="PAGE")
     asked.add_argument("--at", metavar="COMMIT")
+    asked.add_argument("--typed", nargs="+", metavar="PAGE")
     asked.add_argument("--root", type=pathlib.Path, default=HERE)
     given = asked.parse_args()
     if given.made:
         made(given.root, given.made, given.at)
+    if given.typed:
+        typed_on_purpose(given.root, given.typed)
     stale, typed = check(given.root)
     print(f"{stale} of {len(read(given.root))} pages have figures of an older program")
     if typed:
-        sys.exit(f"changed by hand: {', '.join(typed)}. A program writes these pages whole: make them anew, then --made")
+        sys.exit(
+            f"changed by hand: {', '.join(typed)}. Make the page anew by what docs/made.toml names, then --made; "
+            "numbers typed on purpose, with their source in the commit, are kept by --typed"
+        )
 
 
 if __name__ == "__main__":
