@@ -12,6 +12,7 @@ use crate::bands;
 use crate::error::{BuildError, Place};
 use crate::model_file::{self, LoadedModel};
 use crate::record::json;
+use crate::report::html::LivePart;
 use crate::report::live::Begin;
 use crate::report::live_model::live_part;
 use crate::store;
@@ -79,16 +80,21 @@ pub fn plan(args: &PlanArgs) -> Result<Told, BuildError> {
         .map_err(|what| BuildError::At { place: Place::of(path), told: format!("{name}: {what}") })?;
     notices.append(&mut out.notices);
     (out.warnings, out.notices, out.model) = (notices::texts(&notices), notices, Some(ModelTold::of(&loaded)));
-    let begun = knee::begun(&loaded.spec, &loaded.meshes, &file);
-    let live =
-        begun.ok().and_then(|start| live_part(&loaded.spec, &loaded.meshes, samples.as_ref(), Begin::Plan(&start)));
+    let live = page::Live { part: live_of(&loaded, &file, samples.as_ref()), samples_asked: args.samples > 0 };
     let files = [
         ("plan.json".to_owned(), json(&out)),
         ("plan.csv".to_owned(), table::csv(&out).into_bytes()),
-        ("plan.html".to_owned(), page::page(&out, &loaded.label(), live.as_ref()).into_bytes()),
+        ("plan.html".to_owned(), page::page(&out, &loaded.label(), &live).into_bytes()),
     ];
     store::write_all(&args.out, &files)?;
     Ok(told(&out, &loaded, args))
+}
+
+/// The planned knee for the reader of the page; or why there is none.
+fn live_of(loaded: &LoadedModel, file: &PlanFile, samples: Option<&Samples>) -> Result<LivePart, String> {
+    let start = knee::begun(&loaded.spec, &loaded.meshes, file)?;
+    live_part(&loaded.spec, &loaded.meshes, samples, Begin::Plan(&start))
+        .ok_or_else(|| "a surface that the model names is not there as triangles".to_owned())
 }
 
 /// Numbers of the samples that are asked.

@@ -6,6 +6,7 @@ EXPECTED.json: {"about": ..., "lachman": reply, "cut": reply of the same with th
 
 import base64
 import contextlib
+import html
 import json
 import os
 import pathlib
@@ -16,7 +17,7 @@ import urllib.parse
 from report import Browser, Check, NoBrowser
 
 SHOWN = {"force": 0.051, "pose": 0.0051}  # half the last digit that the tables show, and rounding [N; deg, mm]
-TAB, ENTER, RIGHT, SHIFT, ESCAPE = "\ue004", "\ue007", "\ue014", "\ue008", "\ue00c"
+TAB, ENTER, LEFT, RIGHT, SHIFT, ESCAPE = "\ue004", "\ue007", "\ue012", "\ue014", "\ue008", "\ue00c"
 # `view` is what the page draws with; the figure hands it out when it is drawn
 CATCH = {"source": "document.addEventListener('shown', e => { if (e.target.closest('#live')) window.view = e.detail; }, true)"}
 # a free place on the tibia: no fibre near, and room to drag to the right of it
@@ -66,18 +67,29 @@ class Live(Check):
         return self.browser.run("return document.querySelector('.live-words').textContent")
 
     def state(self):
-        return self.browser.run("return document.getElementById('live-link').getAttribute('href')")
+        return self.browser.run("return document.getElementById('live').dataset.state")
+
+    def heard(self):
+        """What the page says of a number or a link that it could not take as it was."""
+        return self.browser.run("return document.querySelector('.live-heard').textContent")
+
+    def go(self, link):
+        self.browser.run("location.hash = arguments[0]", link)
+        self.expect(self.settled(), f"{link}: no answer")
 
     def first_minute(self, expected):
         """Lachman, cut the ACL, read the difference; undo and reset."""
         about = expected["about"]
+        self.expect("the tibia lies as it does at rest." in self.words(), f"at rest: {self.words()}")
         self.press_button("[data-preset='Lachman']")
         self.says(expected["lachman"], about, "Lachman")
         self.press_button("[data-cut='ACL']")
         self.says(expected["cut"], about, "Lachman without ACL")
         more = expected["cut"]["pose"]["ap_mm"] - expected["lachman"]["pose"]["ap_mm"]
         self.expect(f"{more:.1f} mm anterior" in self.words(), f"the difference of {more:.2f} mm is not in: {self.words()}")
-        self.expect("Cut: ACL_AM, ACL_PL" in self.words(), f"the cut is not in: {self.words()}")
+        self.expect("Cut: ACL." in self.words(), f"the cut is not in: {self.words()}")
+        names = self.browser.run("return document.querySelector('.live-names').textContent")
+        self.expect("PCAP: posterior capsule" in names, f"what the names stand for: {names}")
         self.press_button("[data-act='undo']")
         self.says(expected["lachman"], about, "undone")
         self.press_button("[data-act='reset']")
@@ -276,11 +288,41 @@ class Live(Check):
         self.expect(abs(self.cell("live-pose", "ap_mm", 1) - a) < 1e-9, "undo of a drag")
 
     def decimals(self):
-        """A decimal comma is a point; words are refused without harm."""
+        """A decimal comma is a point; words are refused without harm. A flexion beyond the slider is asked as far as the solver goes; what is held back is said."""
         typed = "const t=document.querySelectorAll('.live-slider input[type=text]')[arguments[0]]; t.value=arguments[1]; t.dispatchEvent(new Event('change')); return t.value"
         self.browser.run(typed, 2, "2,5")
         self.expect(self.settled() and "ie=2.5" in self.state(), f"2,5 N m becomes {self.state()}")
         self.expect(self.browser.run(typed, 2, "much") == "2.5", "a word in a number's place stays")
+        self.expect("\"much\" is no number" in self.heard(), f"a word in a number's place: {self.heard()}")
+        for given, slider in [("-5", "0"), ("133.25", "120")]:
+            self.browser.run(typed, 0, given)
+            self.expect(self.settled() and self.load("flexion") == float(given), f"{given} deg becomes {self.state()}")
+            shown = self.browser.run("const r=document.getElementById('live-flexion'); return [r.value, r.parentElement.querySelector('[type=text]').value]")
+            self.expect(shown == [slider, given] and not self.heard(), f"{given} deg: slider and number are {shown}, said is {self.heard()}")
+            told = f"At {float(given):.0f} deg"
+            self.expect(told in self.words(), f"{given} deg: {self.words()}")
+        self.browser.run(typed, 0, "-45")
+        self.expect(self.settled() and self.load("flexion") == -30, f"-45 deg becomes {self.state()}")
+        self.expect("-45 deg is beyond" in self.heard() and "it is -30 deg" in self.heard(), f"-45 deg: {self.heard()}")
+        self.press_button("[data-act='reset']")
+
+    def beyond(self):
+        """What goes beyond the calibration's trials is said, and that a femur has left its plateau takes the meaning of intervals."""
+        self.go("#live&flexion=150&ap=450")
+        text = self.words()
+        self.expect("beyond what was measured" in text and "flexion of 150 deg" in text and "pull forwards of 450 N" in text, f"beyond the calibration: {text}")
+        self.press_button("[data-preset='At rest']")
+        self.expect("beyond what was measured" not in self.words(), f"at rest: {self.words()}")
+        self.go("#live&flexion=30&ap=200&cut=ACL,PCL,LCL,sMCL,dMCL")
+        text, look = self.words(), "return [document.getElementById('live').classList.contains('off'), document.querySelector('#live-contact caption').textContent, document.querySelector(`#live-contact [data-row='contact_medial_peak_mpa']`).cells[2].textContent]"
+        if "No answer" in text:
+            self.expect(self.browser.run(look)[1].endswith("(grey: of the state before)"), f"without an answer: {self.browser.run(look)}")
+            self.press_button("[data-act='reset']")
+            return
+        self.expect("has left the plateau" in text and self.browser.run(look) == [True, "Contact of the cartilages (grey: the femur has left the plateau)", "not told"], f"off the plateau: {text} {self.browser.run(look)}")
+        self.expect(self.csv()["flags"][1].startswith("dislocated"), "the file does not tell that the femur has left the plateau")
+        self.press_button("[data-act='reset']")
+        self.expect(self.browser.run(look)[0] is False, "after Reset the numbers are grey")
 
     def link(self, page):
         """A link brings the state back, in a new page too."""
@@ -294,30 +336,108 @@ class Live(Check):
         self.expect(self.cell("live-ligaments", "LCL", 1) == forces, "the link gives other forces")
         self.browser.run("location.hash = '#live&flexion=9999&cut=NOBODY,LCL&strain=ACL_AM:x'")
         self.expect(self.settled(), "a strange link: no answer")
-        self.expect(self.state() == "#live&flexion=120&cut=LCL", f"a strange link gives {self.state()}")
+        self.expect(self.state() == "#live&flexion=160&cut=LCL", f"a strange link gives {self.state()}")
+        self.expect(all(words in self.heard() for words in ["9999 deg is beyond", "it is 160 deg", "NOBODY, ACL_AM:x"]), f"a strange link: {self.heard()}")
+        self.go("#live&flexion=-4")
+        self.expect(self.load("flexion") == -4 and not self.heard(), f"a link of -4 deg gives {self.state()}, {self.heard()}")
 
-    def file(self):
-        self.press_button("[data-preset='Lachman']")
+    def csv(self):
+        """Rows of the file by their names."""
         self.browser.run("document.querySelector(\"[data-act='csv']\").click()")
         text = self.browser.run("return document.getElementById('live').dataset.csv")
-        rows = {line.split(",")[0]: line.split(",") for line in text.splitlines()}
+        return {line.split(",")[0]: line.split(",") for line in text.splitlines()}
+
+    def file(self):
+        """The file holds what is shown, what was done to the knee, and how many samples say so."""
+        self.press_button("[data-preset='Lachman']")
+        self.wait("return Number(document.getElementById('live').dataset.samples) >= 8", seconds=120)
+        rows = self.csv()
         self.expect(rows["name"][1:] == ["value", "mean", "lower", "upper", "as_calibrated", "at_rest"], f"{rows['name']}")
         self.expect(abs(float(rows["ap_mm"][1]) - self.cell("live-pose", "ap_mm", 1)) <= SHOWN["pose"], "the file has another pose")
         self.expect(float(rows["load_ap_n"][1]) == 133, "the file has another load")
+        self.expect(rows["cut"][1] == "" and int(rows["samples_asked"][1]) >= 8 and {"flags", "beyond_calibration", "samples_lost", "samples_leaving"} <= set(rows), f"the file has {list(rows)}")
+        self.go("#live&flexion=30&cut=ACL&strain=LCL:0.02&stiffness=PFL:2")
+        self.press_button("[data-act='graft-there']")
+        rows = self.csv()
+        told = [rows[name][1] for name in ["cut", "added_strain_LCL", "stiffness_factor_PFL", "graft0_name", "graft0_tension_n"]]
+        self.expect(told[:4] == ["ACL_AM ACL_PL", "0.02", "2", "graft 1"] and float(told[4]) > 0, f"the file tells {told}")
+        self.press_button("[data-act='reset']")
 
-    def keyboard(self):
-        """Without a pointer: to the first test and the slider by Tab, chosen by Enter, moved by an arrow."""
-        self.browser.run("document.querySelector('[data-preset]').focus()")
-        self.browser.press(TAB)
+    def tabbed(self, selector, most=60):
+        """Goes on by Tab to a control."""
+        for _ in range(most):
+            if self.browser.run("return document.activeElement.matches(arguments[0])", selector):
+                return
+            self.browser.press(TAB)
+        self.expect(False, f"{selector} is not reached by {most} Tabs")
+
+    def entered(self, selector):
+        """Goes on by Tab to a control and presses Enter there."""
+        self.tabbed(selector)
         self.browser.press(ENTER)
-        self.expect(self.settled() and "ap=133" in self.state(), f"Enter on the second test gives {self.state()}")
-        self.browser.run("document.getElementById('live-ap').focus()")
+        self.expect(self.settled(), f"Enter on {selector}: no answer")
+
+    def keyboard(self, page, expected):
+        """By keys alone from the top of the page: a test, a slider, a cut, a graft, Undo, the link; on values."""
+        about = expected["about"]
+        self.browser.ask("/url", {"url": "about:blank"})
+        self.browser.ask("/url", {"url": page.as_uri()})
+        self.tabbed("nav a[href='#live']")
+        self.browser.press(ENTER)
+        self.expect(self.settled(120), "by the link to the section: the knee is not open")
+        self.entered("[data-preset='Lachman']")
+        self.says(expected["lachman"], about, "Lachman by keys")
+        self.tabbed("#live-ap")
         self.browser.press(RIGHT)
-        self.expect(self.settled() and "ap=134" in self.state(), f"an arrow on the slider gives {self.state()}")
+        self.expect(self.settled() and self.load("ap") == 134, f"an arrow on the slider gives {self.state()}")
+        self.browser.press(LEFT)
+        self.expect(self.settled(), "an arrow back: no answer")
+        self.entered("[data-cut='ACL']")
+        self.says(expected["cut"], about, "a cut by keys")
+        self.entered("[data-act='graft-there']")
+        bears = self.browser.run("return Number((document.querySelector(`#live-ligaments [data-row='graft0']`) || {cells: []}).cells[1]?.textContent)")
+        self.expect(bears > 5, f"a graft by keys bears {bears} N")
+        self.entered("[data-act='undo']")
+        self.says(expected["cut"], about, "a graft undone by keys")
+        self.entered("[data-act='undo']")
+        self.says(expected["lachman"], about, "a cut undone by keys")
+        self.entered("#live-link")
+        self.expect(self.browser.run("return location.hash") == self.state() and "ap=133" in self.state(), f"Enter on the link of {self.state()} goes to {self.browser.run('return location.hash')}")
         unnamed = self.browser.run("return [...document.querySelectorAll('#live input, #live button, #live a, #live summary')].filter(e => !(e.textContent.trim() || e.getAttribute('aria-label') || (e.labels && e.labels.length))).length")
         self.expect(unnamed == 0, f"{unnamed} controls without a name")
         status = self.browser.run("return document.querySelector('#live .unseen[role=status]').textContent")
         self.expect("mm" in status, f"a screen reader is told: {status}")
+        self.wait("return document.querySelector('#live figure').dataset.ready === 'yes'")
+
+    def frame(self, page):
+        """In a frame without an address, as a notebook has it, nothing takes the frame elsewhere, and the state is copied as text."""
+        around = self.folder / "frame.html"
+        around.write_text(f"<!doctype html><title>frame</title><iframe title='knee' style='width:100%;height:900px' srcdoc='{html.escape(page.read_text())}'></iframe>")
+        self.browser.ask("/url", {"url": around.as_uri()})
+        self.browser.ask("/frame", {"id": 0})
+        self.browser.run("location.hash = 'live&'; document.getElementById('live').scrollIntoView()")
+        self.expect(self.settled(120), "in a frame: the knee is not open")
+        self.press_button("[data-preset='Lachman']")
+        self.browser.run("document.getElementById('live-link').click()")
+        copies = self.wait("return document.querySelector('.live-heard').textContent.includes(arguments[0])", self.state(), seconds=10)
+        self.expect(copies and not self.browser.run("return document.querySelector('a#live-link')"), f"in a frame: {self.heard()}")
+        self.browser.run("document.querySelector('nav a').click()")
+        self.expect(self.browser.run("return location.href").startswith("about:srcdoc") and self.cell("live-pose", "ap_mm", 1) is not None, "a link in the page takes the frame elsewhere")
+        self.browser.ask("/frame", {"id": None})
+        around.unlink()
+
+    def calm(self, page):
+        """Whoever wants less motion gets a step of a motion a press."""
+        self.cdp("Emulation.setEmulatedMedia", {"features": [{"name": "prefers-reduced-motion", "value": "reduce"}]})
+        self.browser.ask("/url", {"url": "about:blank"})
+        self.browser.ask("/url", {"url": page.as_uri()})
+        self.browser.run("document.getElementById('scene-a-knee').scrollIntoView()")
+        self.wait("return document.querySelector('#scene-a-knee').dataset.ready === 'yes'")
+        press = "const f=document.querySelector('#scene-a-knee'), b=f.querySelector('.play'); b.click(); return [b.textContent, f.querySelector('.motion input').value]"
+        first = self.browser.run(press)
+        time.sleep(0.6)
+        self.expect([first, self.browser.run(press)] == [["Next step", "1"], ["Next step", "2"]], f"with less motion Play gives {first} and goes on")
+        self.cdp("Emulation.setEmulatedMedia", {"features": []})
 
     def spent(self):
         """Processor time of Chromium so far [s]: of the solver's workers, of the page's thread, of all that draws."""
@@ -393,15 +513,17 @@ class Live(Check):
         self.expect("external" in self.words(), f"after a broken worker: {self.words()}")
 
     def without(self, page):
-        """Without WebAssembly the section says so and points to the stored motions."""
-        self.browser.ask("/goog/cdp/execute", {"cmd": "Page.addScriptToEvaluateOnNewDocument", "params": {"source": "delete window.WebAssembly"}})
-        self.browser.ask("/url", {"url": "about:blank"})
-        self.browser.ask("/url", {"url": page.as_uri() + "#live"})
-        # the words of the page stand there until its script runs
-        self.wait("return document.querySelector('.live-note').textContent.includes('no WebAssembly')")
-        said = self.browser.run("const n=document.querySelector('.live-note'); return [n.textContent, n.querySelector('a').getAttribute('href'), document.querySelectorAll('#live [data-preset]').length]")
-        self.expect("no WebAssembly" in said[0] and said[1:] == ["#scene-a-knee", 0], f"without WebAssembly: {said}")
-        self.expect(self.browser.run("return !!document.getElementById('scene-a-knee')"), "the stored motions are not there")
+        """Without what the solver needs the section names it and points to the stored motions."""
+        for name in ["DecompressionStream", "Worker", "WebAssembly"]:
+            added = self.cdp("Page.addScriptToEvaluateOnNewDocument", {"source": f"delete window.{name}"})
+            self.browser.ask("/url", {"url": "about:blank"})
+            self.browser.ask("/url", {"url": page.as_uri() + "#live"})
+            # the words of the page stand there until its script runs
+            self.wait("return document.querySelector('.live-note').textContent.includes('This browser')")
+            said = self.browser.run("const n=document.querySelector('.live-note'); return [n.textContent, n.querySelector('a').getAttribute('href'), document.querySelectorAll('#live [data-preset]').length]")
+            self.expect(f"has no {name}, so" in said[0] and said[1:] == ["#scene-a-knee", 0], f"without {name}: {said}")
+            self.expect(self.browser.run("return !!document.getElementById('scene-a-knee')"), "the stored motions are not there")
+            self.cdp("Page.removeScriptToEvaluateOnNewDocument", {"identifier": added["identifier"]})
 
     def shot(self, name, width, scheme):
         cdp = self.cdp
@@ -445,8 +567,8 @@ def use(check, page, expected):
     print("opened after", browser.run("return document.getElementById('live').dataset.opened"), "ms")
     check.wait("return document.querySelector('#live figure').dataset.ready === 'yes'")
     about = expected["about"]
-    steps = [("first_minute", expected), ("intervals", about), ("slider",), ("hand",), ("clicks", about), ("grafts", page, expected), ("decimals",), ("file",),
-             ("keyboard",), ("frames",), ("axe",), ("broken",), ("shots",), ("link", page), ("without", page), ("quiet",)]
+    steps = [("first_minute", expected), ("intervals", about), ("slider",), ("hand",), ("clicks", about), ("grafts", page, expected), ("decimals",), ("beyond",), ("file",),
+             ("frames",), ("axe",), ("broken",), ("shots",), ("keyboard", page, expected), ("link", page), ("frame", page), ("calm", page), ("without", page), ("quiet",)]
     for name, *given in steps:
         begin = time.time()
         print(f"{name}:", flush=True)

@@ -4,7 +4,31 @@ usage: plan.py PLAN.html EXPECTED.json SCREENSHOTS_FOLDER
 EXPECTED.json: {"about": ..., "told": the answer to the plan's knee at rest}. Ends as report.py does: 0, 1 with a line a fault, 77.
 """
 
+import html
+import json
+import re
+
 import live
+
+START = re.compile('data-start="([^"]*)"')
+
+
+def more_grafts(check, page):
+    """All grafts of a plan are in, however many, and its compression is borne: the page again with five grafts and 50 N."""
+    text = page.read_text()
+    start = json.loads(html.unescape(START.search(text)[1]))
+    start["grafts"] = [{**start["grafts"][0], "name": f"g{n}"} for n in range(5)]
+    start["load"][4] = 50.0
+    other = check.folder / "five.html"
+    other.write_text(START.sub(lambda _: f'data-start="{html.escape(json.dumps(start))}"', text, count=1))
+    check.browser.ask("/url", {"url": other.as_uri()})
+    check.browser.run("document.getElementById('live').scrollIntoView()")
+    check.expect(check.settled(120), "five grafts: the knee is not open")
+    names = check.browser.run("return [...document.querySelectorAll('#live-ligaments [data-graft] th')].map(h => h.textContent)")
+    check.expect(names == [f"g{n}" for n in range(5)] and check.load("si") == 50, f"of five grafts and 50 N there are {names} and {check.load('si')} N")
+    check.press_button("[data-preset='Lachman']")
+    check.expect(check.load("si") == 50 and check.load("ap") == 133, f"a test on a plan of 50 N gives {check.state()}")
+    other.unlink()
 
 
 def use(check, page, expected):
@@ -25,12 +49,16 @@ def use(check, page, expected):
     check.expect("graft" not in check.state(), "a graft that was taken out is in")
     check.press_button("[data-act='reset']")
     check.says(told, about, "after Reset")
+    said = browser.run("return [document.querySelector('.live-said').textContent, !!document.querySelector('[data-unasked]')]")
+    check.expect(("No samples were asked for" in said[0]) == said[1], f"of samples it is said: {said}")
     # below the knee's middle lies the tibia, above it the femur [mm]
     at = "const p = liveHand.project(view, [0, 0, arguments[0]]); return (liveHand.bone(view, p.x, p.y) || {}).name"
     bones = [browser.run(at, z) for z in (-30, 40)]
     check.expect(bones == ["tibia", "femur"], f"the bones in the picture are {bones}")
     for width, scheme in [(400, "light"), (1400, "dark")]:
         check.shot(f"plan-{width}-{scheme}", width, scheme)
+    check.axe()
+    more_grafts(check, page)
     check.quiet()
 
 

@@ -14,8 +14,16 @@ const SIZE: (u32, u32) = (640, 320);
 /// A figure is as wide as its column, on the screen and on paper.
 const FIGURES: &str = "<style>.paper svg{max-width:100%;height:auto}</style>";
 
-/// The page; at its end its reader pulls at the knee, where the surfaces for that are there.
-pub(super) fn page(out: &Outcome, label: &str, live: Option<&LivePart>) -> String {
+/// What the page has of the knee that its reader pulls at.
+pub(super) struct Live {
+    /// The part; or why there is none.
+    pub(super) part: Result<LivePart, String>,
+    /// Whether samples were asked for.
+    pub(super) samples_asked: bool,
+}
+
+/// The page; at its end its reader pulls at the knee, or reads why not.
+pub(super) fn page(out: &Outcome, label: &str, live: &Live) -> String {
     let title = if out.plan.is_empty() { "Plan" } else { &out.plan };
     let mut text = head(&format!("{title}: plan"));
     text += FIGURES;
@@ -33,9 +41,22 @@ pub(super) fn page(out: &Outcome, label: &str, live: Option<&LivePart>) -> Strin
         let all: String = out.warnings.iter().map(|w| format!("<li>{}</li>", escaped(w))).collect();
         let _ = write!(text, "<h2>What is odd</h2><ul>{all}</ul>");
     }
-    text += live.map_or("", |l| &l.section);
+    text += &pulled(live);
     text += "</main>";
-    text + live.map_or("</body></html>\n", |l| &l.foot)
+    text + live.part.as_ref().map_or("</body></html>\n", |l| &l.foot)
+}
+
+/// The section in which the reader pulls at the knee.
+fn pulled(live: &Live) -> String {
+    match &live.part {
+        Ok(part) if live.samples_asked => part.section.clone(),
+        // by this the section says why it has no intervals (live.js)
+        Ok(part) => format!("<div data-unasked=\"samples\">{}</div>", part.section),
+        Err(why) => format!(
+            "<h2>Pull at the knee</h2><p>This page has no knee that can be pulled at: {}. The tables above hold all that the plan gave.</p>",
+            escaped(why)
+        ),
+    }
 }
 
 /// What a reader wants first.
@@ -183,7 +204,8 @@ fn figures(out: &Outcome) -> String {
 
 fn figure((title, axis): (&str, &str), all: &[Series]) -> String {
     let svg = draw(SIZE, |area| panel(area, (title, "flexion, deg", axis), all, true));
-    format!("<figure class=\"paper\">{svg}<figcaption>{title}, {axis}. Bars are 90 % intervals.</figcaption></figure>")
+    let bars = if all.iter().any(|s| !s.spread.is_empty()) { " Bars are 90 % intervals." } else { "" };
+    format!("<figure class=\"paper\">{svg}<figcaption>{title}, {axis}.{bars}</figcaption></figure>")
 }
 
 /// What a reader must know before believing any of it.
@@ -193,4 +215,20 @@ fn limits() -> String {
      <li>A graft is a straight line between its two places. It does not heal, creep or slip.</li>\
      <li>Intervals hold what is not known of this knee. What every such model lacks is not in them.</li></ul>"
         .into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_section_says_why_there_is_no_knee_or_no_interval() {
+        let section = |part: Result<&str, &str>, samples_asked| {
+            let of = |section: &str| LivePart { section: section.to_owned(), foot: String::new() };
+            pulled(&Live { part: part.map(of).map_err(str::to_owned), samples_asked })
+        };
+        assert_eq!(section(Ok("knee"), true), "knee");
+        assert_eq!(section(Ok("knee"), false), "<div data-unasked=\"samples\">knee</div>");
+        assert!(section(Err("no <bone>"), true).contains("can be pulled at: no &lt;bone&gt;. The"));
+    }
 }

@@ -3,27 +3,24 @@
 (() => {
   const section = document.getElementById("live");
   if (!section) return;
-  // loads act on the tibia; least, most and step of the sliders are ours: beyond any clinical test, within what was calibrated
+  // loads act on the tibia; least, most and step of the sliders are ours: as far as clinical tests go. A number that is typed or linked goes as far as
+  // `taken`, as a plan's tests do; a flexion as far as the solver takes it
   const SLIDERS = [
     { key: "flexion", words: "Flexion", unit: "deg", least: 0, most: 120, step: 1 },
-    { key: "ap", words: "Pull forwards (below 0: push backwards)", unit: "N", least: -200, most: 200, step: 1 },
-    { key: "ie", words: "Twist outwards (below 0: inwards)", unit: "N m", least: -12, most: 12, step: 0.1 },
-    { key: "vv", words: "Valgus bend (below 0: varus)", unit: "N m", least: -15, most: 15, step: 0.1 },
-    { key: "ml", words: "Push to the outer side (below 0: inner)", unit: "N", least: -100, most: 100, step: 1 },
-    { key: "si", words: "Compression", unit: "N", least: 0, most: 500, step: 1 },
+    { key: "ap", words: "Pull forwards (below 0: push backwards)", unit: "N", least: -200, most: 200, step: 1, taken: [-500, 500] },
+    { key: "ie", words: "Twist outwards (below 0: inwards)", unit: "N m", least: -12, most: 12, step: 0.1, taken: [-50, 50] },
+    { key: "vv", words: "Valgus bend (below 0: varus)", unit: "N m", least: -15, most: 15, step: 0.1, taken: [-50, 50] },
+    { key: "ml", words: "Push to the outer side (below 0: inner)", unit: "N", least: -100, most: 100, step: 1, taken: [-500, 500] },
+    { key: "si", words: "Compression", unit: "N", least: 0, most: 500, step: 1, taken: [0, 3000] },
   ];
   const COMPRESSION_N = 20; // as in the measured tests and the protocols
   const REST = { flexion: 30, vv: 0, ie: 0, ml: 0, ap: 0, si: COMPRESSION_N };
   // 133 N, 8 and 4 N m: the protocols of the validation; 5 N m for the dial test and 10 N m for the stress tests are ours
   const PRESETS = {
-    "At rest": { flexion: 30 },
-    Lachman: { flexion: 30, ap: 133 },
-    "Anterior drawer, 90 deg": { flexion: 90, ap: 133 },
-    "Posterior drawer, 90 deg": { flexion: 90, ap: -133 },
-    "Dial test, 30 deg": { flexion: 30, ie: 5 },
-    "Dial test, 90 deg": { flexion: 90, ie: 5 },
-    "Valgus stress, 30 deg": { flexion: 30, vv: 10 },
-    "Varus stress, 30 deg": { flexion: 30, vv: -10 },
+    "At rest": { flexion: 30 }, Lachman: { flexion: 30, ap: 133 },
+    "Anterior drawer, 90 deg": { flexion: 90, ap: 133 }, "Posterior drawer, 90 deg": { flexion: 90, ap: -133 },
+    "Dial test, 30 deg": { flexion: 30, ie: 5 }, "Dial test, 90 deg": { flexion: 90, ie: 5 },
+    "Valgus stress, 30 deg": { flexion: 30, vv: 10 }, "Varus stress, 30 deg": { flexion: 30, vv: -10 },
     "Pivot shift": { flexion: 30, vv: 8, ie: -4 },
   };
   const POSE = [
@@ -32,6 +29,12 @@
   ];
   const TOLD_FIRST = ["ap_mm", "ie_deg", "vv_deg", "ml_mm", "si_mm"];
   const CONTACT = [["force_n", "force", "N", 0], ["area_mm2", "area", "mm2", 0], ["mean_mpa", "mean pressure", "MPa", 2], ["peak_mpa", "peak pressure", "MPa", 2]];
+  // what the names of a knee's ligaments stand for
+  const NAMES = {
+    ACL: "anterior cruciate ligament", PCL: "posterior cruciate ligament", LCL: "lateral collateral ligament", sMCL: "superficial medial collateral ligament", dMCL: "deep medial collateral ligament",
+    ALS: "anterolateral structures", PFL: "popliteofibular ligament", POL: "posterior oblique ligament", PCAP: "posterior capsule",
+  };
+  const SPARE = { deg: 5, "N m": 0.5, N: 5, share: 0.1 }; // a trial so far beyond a calibration's is told; the rule of sim/src/reach.rs
   const LEAST_TOLD = 0.05; // a smaller change reads as none [mm, deg]
   const STRAIN = 0.1, STIFFNESS = 4; // how far a reader may change a ligament [-]
   const SAMPLES = [8, 32]; // intervals come early from few samples, then from more
@@ -47,12 +50,14 @@
   const fixed = (x, digits) => (Number.isFinite(x) ? (Math.abs(x) < 0.5 * 10 ** -digits ? 0 : x).toFixed(digits) : "");
   const clone = (s) => JSON.parse(JSON.stringify(s));
   const fresh = () => ({ ...REST, cut: [], strain: {}, stiffness: {}, grafts: [] });
-  // where the reader begins and Reset goes: the knee as it was calibrated, or a plan's
-  const begun = () => {
+  // where the reader begins and Reset goes: the knee as it was calibrated, or a plan's; `told` gets what could not be taken, in words
+  const begun = (told = []) => {
     if (!section.dataset.start) return fresh();
-    const { flexion_deg, cut, grafts } = JSON.parse(section.dataset.start);
-    return { ...fresh(), flexion: flexion_deg, cut, grafts: liveGraft.restored(JSON.stringify(grafts), about) };
+    const { flexion_deg, load: [vv, ie, ml, ap, si], cut, strain, stiffness, grafts } = JSON.parse(section.dataset.start);
+    return { ...fresh(), flexion: flexion_deg, vv, ie, ml, ap, si, cut, strain: strain || {}, stiffness: stiffness || {}, grafts: liveGraft.restored(JSON.stringify(grafts), about, told) };
   };
+  // in a frame, as of a notebook, an address is that of the page around it
+  const framed = window.self !== window.top;
 
   // ---- the workers
 
@@ -135,11 +140,16 @@
     quiet = setTimeout(intervals, QUIET_MS);
   }
 
+  // "3 of 32 samples are subluxed" as "3 are subluxed", "1 is subluxed"
+  const SINGULAR = { are: "is", rest: "rests", leave: "leaves", have: "has" };
+  const counted = (n, verb, rest) => `${n} ${n === 1 ? SINGULAR[verb] || verb : verb} ${rest}`;
+  const differs = (text) => { const found = text.match(/^(\d+) of \d+ samples (\S+) (.*)$/); return found ? counted(Number(found[1]), found[2], found[3]) : text; };
   const intervalWords = ({ asked, lost, leaving, differing = [], bands }) => {
-    if (!Object.keys(bands).length) return `In ${leaving} of ${asked} samples the femur leaves the plateau: no intervals are shown.`;
-    const share = `${Math.round(100 * about.interval)} % intervals by ${asked - lost - leaving} of ${about.samples} samples of the calibration.`;
-    const more = leaving ? [`In ${leaving} more the femur leaves the plateau.`] : [];
-    return [share, ...more, ...differing.map((d) => `${d}.`)].join(" ");
+    const here = asked - lost - leaving, out = [[leaving, "leave", "the plateau"], [lost, "have", "no equilibrium"]].filter(([n]) => n).map((away) => counted(...away));
+    if (isOff()) return "No intervals: the femur has left the plateau.";
+    if (!Object.keys(bands).length) return `No intervals are shown: of ${asked} samples ${out.join(" and ")}.`;
+    if (differing.length) out.push(`${out.length ? `of the ${here} that count ` : ""}${differing.map(differs).join(" and ")}`);
+    return `${Math.round(100 * about.interval)} % intervals by ${here === asked ? "" : `${here} of `}${asked} samples of the calibration${out.length ? `: ${out.join(", ")}` : ""}.`;
   };
 
   async function intervals() {
@@ -159,9 +169,10 @@
     }
   }
 
-  function change(next, remembered = true) {
+  function change(next, remembered = true, told = []) {
     if (remembered) past.push(clone(state));
     state = next;
+    heard.textContent = told.join(" ");
     controls();
     solve();
   }
@@ -169,42 +180,72 @@
   // ---- the answer
 
   const words = element("p", { class: "live-words" });
+  const heard = element("p", { class: "live-heard", role: "status" }); // what was done with a number or a link that could not be taken as it was
   const spoken = element("p", { class: "unseen", role: "status" });
   const said = element("p", { class: "live-said" });
   const towards = (of, [key, more, less, unit]) => (Math.abs(of) < LEAST_TOLD ? null : `${fixed(Math.abs(of), 1)} ${unit} ${of > 0 ? more : less}`);
   const pose = (key) => POSE.find((p) => p[0] === key);
-  const moves = (a, b) => TOLD_FIRST.map((key) => towards(a.pose[key] - b.pose[key], pose(key))).filter(Boolean).slice(0, 3).join(", ") || "not at all";
-  const FLAGS = { subluxed: "One compartment bears at the rim of its plateau.", dislocated: "The femur has left the plateau: the model does not know what comes next.", "patella out of balance": "The patella's forces do not balance.", "patella off the groove": "The patella lies beside its groove, or in the notch.", "patella snaps": "The patella rests elsewhere a degree of flexion further, or where it comes from the other side." };
+  const moves = (a, b) => TOLD_FIRST.map((key) => towards(a.pose[key] - b.pose[key], pose(key))).filter(Boolean).slice(0, 3).join(", ");
+  // the flags of sim/src/flag.rs in plain words
+  const FLAGS = {
+    subluxed: "One compartment bears at the rim of its plateau.", "rotated beyond any knee": "The tibia is turned further than knees turn.",
+    dislocated: "The femur has left the plateau: the model does not know what comes next.",
+    "several equilibria": "Under the same loads the knee may rest in another place, too.",
+    "no equilibrium": "No pose was found in which all forces cancel.", "still moving": "The knee has not come to rest.",
+    "patella out of balance": "The patella's forces do not balance.", "patella off the groove": "The patella lies beside its groove, or in the notch.",
+    "patella snaps": "The patella rests elsewhere a degree of flexion further, or where it comes from the other side.",
+    "explicit dynamics stopped early: the quasi-static answer": "The solver in time was stopped early: this is the answer without inertia.",
+  };
+  const flagWords = (f) => {
+    const torn = f.match(/^(.+) beyond its failure load$/), without = f.match(/^unloaded: (.+)$/);
+    return torn ? `${torn[1]} bears more than the load at which such a ligament fails.` : without ? `Without load: ${flagWords(without[1])}` : FLAGS[f] || `${f[0].toUpperCase()}${f.slice(1)}.`;
+  };
+  const isOff = () => Boolean(shown.told && !shown.told.fault && shown.told.flags.includes("dislocated"));
+  const brief = (s) => s.words.split(" (")[0].toLowerCase(), column = ({ key, unit }) => (key === "flexion" ? "flexion_deg" : `${key}_${unit === "N" ? "n" : "nm"}`);
+  // what is asked beyond the calibration's trials, by the rule of sim/src/reach.rs
+  const beyond = (s) => (!about.reach ? [] : SLIDERS.flatMap((slide) => {
+    const { key, unit } = slide, [low, high] = about.reach[column(slide)], digits = unit === "N m" ? 1 : 0;
+    const spare = (end) => (unit === "deg" ? SPARE.deg : Math.max(SPARE.share * Math.abs(end), SPARE[unit]));
+    const far = s[key] < low - spare(low) || s[key] > high + spare(high);
+    return far ? [`${brief(slide)} of ${s[key]} ${unit} (measured ${fixed(low, digits)} to ${fixed(high, digits)} ${unit})`] : [];
+  }));
+  // a ligament whose bundles are all cut by its own name
+  const cutWords = (cut) => [...groups()].flatMap(([name, own]) => (own.every((n) => cut.includes(n)) ? [name] : own.filter((n) => cut.includes(n)))).join(", ");
 
   function sentence() {
-    const { told, rest, intact, state: s } = shown;
-    if (told.fault) return `No answer: ${told.fault}. Undo, or choose smaller loads.`;
-    const flags = told.flags.map((f) => FLAGS[f] || f).join(" ");
-    let text = `At ${fixed(told.pose.fe_deg, 0)} deg the tibia goes ${rest.fault ? "to a pose without a rest to compare" : moves(told, rest)} from rest.`;
-    if (!isIntact(s) && !intact.fault) text += ` Against the knee as it was calibrated, under the same loads: ${moves(told, intact)}.`;
-    if (s.cut.length) text += ` Cut: ${s.cut.join(", ")}.`;
+    const { told, rest, intact, state: s } = shown, far = beyond(s);
+    if (told.fault) return `No answer: ${/no equilibrium/.test(told.fault) ? "no pose was found in which all forces cancel" : told.fault}. Undo, or choose smaller loads.`;
+    const gone = rest.fault ? "" : moves(told, rest), off = (a) => (a.flags.includes("dislocated") ? " (whose femur has left the plateau)" : "");
+    let text = `At ${fixed(told.pose.fe_deg, 0)} deg the tibia ${rest.fault ? "has no pose at rest to compare with" : gone ? `goes ${gone} from rest` : "lies as it does at rest"}.`;
+    if (!isIntact(s) && !intact.fault) text += ` Against the knee as it was calibrated${off(intact)}, under the same loads: ${moves(told, intact) || "no difference"}.`;
+    if (s.cut.length) text += ` Cut: ${cutWords(s.cut)}.`;
     s.grafts.forEach((g, k) => { text += ` ${g.name[0].toUpperCase()}${g.name.slice(1)} bears ${fixed(told.forces_n[about.bundles.length + k], 0)} N.`; });
-    return `${text} ${flags}`.trim();
+    if (far.length) text += ` This goes beyond what was measured on this knee: ${far.join(", ")}. The numbers here are extrapolated.`;
+    return [text, ...told.flags.map(flagWords)].join(" ");
   }
 
   function show() {
+    const { told, state: s } = shown;
     words.textContent = sentence();
-    words.classList.toggle("odd", Boolean(shown.told.fault || shown.told.flags.length));
-    if (shown.told.fault) return;
+    words.classList.toggle("odd", Boolean(told.fault || told.flags.length || beyond(s).length));
+    // numbers that are none of this state, or of no knee, are grey and say so
+    section.classList.toggle("off", Boolean(told.fault) || isOff());
+    section.querySelectorAll(".live-off").forEach((e) => { e.textContent = told.fault ? " (grey: of the state before)" : isOff() ? " (grey: the femur has left the plateau)" : ""; });
+    if (told.fault) return;
     poses();
     ligaments();
     contacts();
     picture();
   }
 
-  const band = (column) => shown.bands && shown.bands.bands[column];
-  const interval = (column, digits, off = 0) => { const b = band(column); return b ? `${fixed(b.lower - off, digits)} to ${fixed(b.upper - off, digits)}` : ""; };
+  const band = (name) => !isOff() && shown.bands && shown.bands.bands[name];
+  const interval = (name, digits) => { const b = band(name); return b ? `${fixed(b.lower, digits)} to ${fixed(b.upper, digits)}` : isOff() && about.samples ? "not told" : ""; };
   const cells = (row, texts) => texts.forEach((text, n) => { row.cells[n + 1].textContent = text; });
   // a head in brackets is for a screen reader alone
   const table = (id, caption, heads, rows) => {
     const body = element("tbody", {}, ...rows.map((r) => element("tr", { "data-row": r.key }, element("th", { scope: "row" }, r.words), ...heads.slice(1).map(() => element("td")))));
     const head = element("thead", {}, element("tr", {}, ...heads.map((h) => element("th", { scope: "col" }, h.startsWith("(") ? element("span", { class: "unseen" }, h.slice(1, -1)) : h))));
-    return element("div", { class: "wide" }, element("table", { id }, element("caption", {}, caption), head, body));
+    return element("div", { class: "wide" }, element("table", { id }, element("caption", {}, caption, element("span", { class: "live-off" })), head, body));
   };
 
   const poseTable = table("live-pose", "Pose of the tibia under the femur", ["(direction)", "pose", "90 % interval", "from rest", "against the calibrated knee"], POSE.map(([key, more, less, unit]) => ({ key, words: `${more}, ${unit} (${less} below 0)` })));
@@ -240,7 +281,7 @@
     const { told, intact, state: s } = shown;
     graftRows(s);
     const all = bundles(s);
-    mostForce = Math.max(mostForce, ...told.forces_n, ...(shown.bands ? all.map((b) => (band(`force_${b}_n`) || { upper: 0 }).upper) : []));
+    if (!isOff()) mostForce = Math.max(mostForce, ...told.forces_n, ...(shown.bands ? all.map((b) => (band(`force_${b}_n`) || { upper: 0 }).upper) : []));
     all.forEach((name, n) => {
       const row = ligamentTable.querySelector(`[data-row="${name}"]`), isCut = s.cut.includes(name), before = intact.fault ? NaN : intact.forces_n[n];
       cells(row, [fixed(told.forces_n[n], 1)]);
@@ -277,7 +318,11 @@
   let pulledFrom = null, grafts = null;
   const way = element("select", { id: "live-way" }, element("option", { value: "pull" }, "pulls at it"), element("option", { value: "turn" }, "turns it"), element("option", { value: "" }, "turns the picture"));
   const springs = element("input", { type: "checkbox", id: "live-springs" });
-  const stepped = (key, x) => { const { least, most, step } = SLIDERS.find((s) => s.key === key); return Number(Math.min(most, Math.max(least, Math.round(x / step) * step)).toFixed(3)); };
+  // by a step of its slider and within it, or no further beyond it than it was
+  const stepped = (key, from, by) => {
+    const { least, most, step } = SLIDERS.find((s) => s.key === key), x = Math.round((from + by) / step) * step;
+    return Number(Math.min(Math.max(most, from), Math.max(Math.min(least, from), x)).toFixed(3));
+  };
   const signed = (x, unit) => `${x > 0 ? "+" : ""}${fixed(x, unit === "N" ? 0 : 1)} ${unit}`;
 
   // meanwhile no intervals are sought, and fewer pixels drawn
@@ -289,7 +334,7 @@
     const b = pulledFrom;
     const added = turns ? { vv: -side() * about_y, ie: -side() * about_z } : { ap: y, ml: side() * x, si: z };
     const next = { ...clone(state), ...Object.fromEntries(SLIDERS.map(({ key }) => [key, b[key]])) };
-    for (const [key, by] of Object.entries(added)) next[key] = stepped(key, b[key] + by);
+    for (const [key, by] of Object.entries(added)) next[key] = stepped(key, b[key], by);
     change(next, false);
     if (turns) return { force: [x, y, z], words: `valgus ${signed(next.vv, "N m")}, external ${signed(next.ie, "N m")}` };
     const borne = [side() * (next.ml - b.ml), next.ap - b.ap, next.si - b.si];
@@ -332,17 +377,26 @@
     return b;
   };
 
-  function slider({ key, words: text, unit, least, most, step }) {
-    const range = element("input", { type: "range", id: `live-${key}`, min: least, max: most, step });
+  // a number within what is taken; what was done to it is told
+  const within = (name, x, [least, most], unit, told) => {
+    const out = Math.min(most, Math.max(least, x));
+    if (out !== x) told.push(`${name[0].toUpperCase()}${name.slice(1)}: ${x} ${unit} is beyond what can be asked (${least} to ${most} ${unit}), so it is ${out} ${unit}.`);
+    return out;
+  };
+  const taken = (slide, x, told) => within(brief(slide), x, slide.taken || about.flexion_deg, slide.unit, told);
+
+  function slider(slide) {
+    const { key, words: text, unit, least, most, step } = slide, range = element("input", { type: "range", id: `live-${key}`, min: least, max: most, step });
     const number = element("input", { type: "text", inputmode: "decimal", size: 6, "aria-label": `${text}, ${unit}` });
     let held = false;
     range.addEventListener("input", () => { heldOn(); change({ ...clone(state), [key]: Number(range.value) }, !held); held = true; });
     range.addEventListener("change", () => { held = false; letGo(); solve(); });
     // a comma is a decimal point, too
     number.addEventListener("change", () => {
-      const value = Number(number.value.trim().replace(",", "."));
-      if (Number.isFinite(value) && number.value.trim()) change({ ...clone(state), [key]: Math.min(most, Math.max(least, value)) });
-      else controls();
+      const given = number.value.trim(), value = Number(given.replace(",", ".")), told = [];
+      if (given && Number.isFinite(value)) { change({ ...clone(state), [key]: taken(slide, value, told) }, true, told); return; }
+      controls();
+      heard.textContent = `${given ? `"${given}"` : "Nothing"} is no number: ${brief(slide)} stays ${state[key]} ${unit}.`;
     });
     inputs[key] = { range, number, unit };
     return element("div", { class: "live-slider" }, element("label", { for: `live-${key}` }, text), range, number, ` ${unit}`);
@@ -388,20 +442,20 @@
 
   function build() {
     const presets = element("div", { role: "group", "aria-label": "Tests", class: "live-presets" });
-    for (const [name, loads] of Object.entries(PRESETS)) presets.append(button(name, () => change({ ...clone(state), ...REST, ...loads }), { "data-preset": name }));
+    for (const [name, loads] of Object.entries(PRESETS)) presets.append(button(name, () => change({ ...clone(state), ...REST, si: begun().si, ...loads }), { "data-preset": name }));
     const cuts = element("div", { role: "group", "aria-label": "Cut a ligament", class: "live-cuts" }, "Cut: ");
     for (const [name, names] of groups()) {
-      const b = button(name, () => toggled(names), { "data-cut": name, "aria-pressed": "false" });
+      const b = button(name, () => toggled(names), { "data-cut": name, "aria-pressed": "false", title: NAMES[name] || name });
       inputs[`cut ${name}`] = { paint: () => b.setAttribute("aria-pressed", String(names.every((n) => state.cut.includes(n)))) };
       cuts.append(b);
     }
     const acts = element("div", { role: "group", "aria-label": "State", class: "live-acts" },
-      button("Undo", () => { if (past.length) change(past.pop(), false); }, { "data-act": "undo" }), button("Reset", () => { if (view) view.most = null; grafts.stop(); change(begun()); }, { "data-act": "reset" }),
-      button("Save CSV", csv, { "data-act": "csv" }), element("a", { href: "#live", id: "live-link" }, "Link to this state"));
+      button("Undo", () => { if (past.length) change(past.pop(), false); }, { "data-act": "undo" }), button("Reset", () => { if (view) view.most = null; grafts.stop(); go(begun); }, { "data-act": "reset" }),
+      button("Save CSV", csv, { "data-act": "csv" }), framed ? button("Copy this state", copied, { id: "live-link" }) : element("a", { href: "#live", id: "live-link" }, "Link to this state"));
     const pointer = element("p", { class: "live-pointer" }, element("label", { for: "live-way" }, "A drag on the tibia "), way, " ", element("label", {}, springs, " and springs back"),
       element("span", {}, "With Shift a pull is a turn and a turn a pull. Escape takes it back. A click on a ligament cuts it."));
-    grafts = liveGraft.controls({ about, element, button, fixed, get: () => clone(state), change, femur: () => shown.told.femur, lines: () => fibreLines() });
-    section.querySelector(".live-controls").append(presets, ...SLIDERS.map(slider), pointer, cuts, grafts.html, acts, words, spoken);
+    grafts = liveGraft.controls({ about, element, button, fixed, get: () => clone(state), change, compression: () => begun().si, femur: () => shown.told.femur, lines: () => fibreLines() });
+    section.querySelector(".live-controls").append(presets, ...SLIDERS.map(slider), pointer, cuts, grafts.html, acts, heard, words, spoken);
     const rows = about.bundles.map(({ name }) => ({ key: name, words: name }));
     ligamentTable = table("live-ligaments", "Ligaments", ["(ligament)", "force, N", "(force as a bar)", "90 % interval, N", "strain, %", "as calibrated, N", "(cut or restore)", "(change)"], rows);
     ligamentTable.querySelectorAll("tbody tr").forEach((row) => {
@@ -419,7 +473,8 @@
     });
     const contact = ["medial", "lateral"].flatMap((side) => CONTACT.map(([what, text, unit]) => ({ key: `contact_${side}_${what}`, words: `${side} ${text}, ${unit}` })));
     contactTable = table("live-contact", "Contact of the cartilages", ["(of what)", "value", "90 % interval", "as calibrated"], contact);
-    section.querySelector(".live-answer").append(said, ligamentTable, element("div", { class: "live-two" }, poseTable, contactTable));
+    const known = element("p", { class: "live-names" }, `${[...groups().keys()].filter((g) => NAMES[g]).map((g) => `${g}: ${NAMES[g]}`).join("; ")}.`);
+    section.querySelector(".live-answer").append(said, ligamentTable, known, element("div", { class: "live-two" }, poseTable, contactTable));
   }
 
   function controls() {
@@ -430,9 +485,10 @@
       number.value = String(state[key]);
     }
     Object.values(inputs).forEach((i) => i.paint && i.paint());
-    const link = document.getElementById("live-link");
-    link.setAttribute("href", fragment(state));
-    said.textContent = about.samples ? "" : "This calibration left no samples, so there are no intervals.";
+    section.dataset.state = fragment(state);
+    if (!framed) document.getElementById("live-link").setAttribute("href", fragment(state));
+    const none = section.closest("[data-unasked]") ? "No samples were asked for" : about.reach ? "This calibration left no samples" : "This model has no samples of a calibration";
+    said.textContent = about.samples ? "" : `${none}, so there are no intervals.`;
   }
 
   // ---- link and file
@@ -443,36 +499,51 @@
     const more = [["cut", s.cut.join(",")], ["strain", pairs(s.strain)], ["stiffness", pairs(s.stiffness)], ["graft", s.grafts.length ? JSON.stringify(s.grafts) : ""]].filter(([, v]) => v);
     return "#live&" + new URLSearchParams([...parts, ...more]);
   };
-  // what does not fit this knee is left out
-  const restored = (hash) => {
-    const given = new URLSearchParams(hash.replace(/^#live&/, "")), out = fresh();
-    const is = (name) => about.bundles.some((b) => b.name === name);
-    for (const { key, least, most } of SLIDERS) {
-      const value = Number(given.get(key) ?? REST[key]);
-      if (Number.isFinite(value)) out[key] = Math.min(most, Math.max(least, value));
+  // what does not fit this knee is left out; `told` gets it in words. Without a state: where the reader begins
+  const restored = (hash, told) => {
+    if (hash === "#live&") return begun(told);
+    const given = new URLSearchParams(hash.replace(/^#live&/, "")), out = fresh(), odd = [];
+    const is = (name) => about.bundles.some((b) => b.name === name), parts = (key) => (given.get(key) || "").split(",").filter(Boolean), number = (text) => (text && text.trim() ? Number(text) : NaN);
+    for (const slide of SLIDERS.filter(({ key }) => given.has(key))) {
+      const { key } = slide, value = number(given.get(key));
+      if (Number.isFinite(value)) out[key] = taken(slide, value, told); else odd.push(`${key}=${given.get(key)}`);
     }
-    out.cut = (given.get("cut") || "").split(",").filter(is);
-    for (const [what, least, most] of [["strain", -STRAIN, STRAIN], ["stiffness", 1 / STIFFNESS, STIFFNESS]]) {
-      for (const [name, value] of (given.get(what) || "").split(",").map((p) => p.split(":"))) {
-        if (is(name) && Number.isFinite(Number(value))) out[what][name] = Math.min(most, Math.max(least, Number(value)));
+    const cut = parts("cut").flatMap((n) => (is(n) ? [n] : groups().get(n) || (odd.push(n), [])));
+    out.cut = about.bundles.map((b) => b.name).filter((n) => cut.includes(n));
+    for (const [what, ...range] of [["strain", -STRAIN, STRAIN], ["stiffness", 1 / STIFFNESS, STIFFNESS]]) {
+      for (const part of parts(what)) {
+        const [name, text] = part.split(":"), value = number(text);
+        if (is(name) && Number.isFinite(value)) out[what][name] = within(`${what} of ${name}`, value, range, what === "strain" ? "of its length" : "times its own", told); else odd.push(part);
       }
     }
-    out.grafts = liveGraft.restored(given.get("graft") || "[]", about);
+    out.grafts = liveGraft.restored(given.get("graft") || "[]", about, told);
+    if (odd.length) told.push(`Left out of the link, as this knee has no such thing: ${odd.join(", ")}.`);
     return out;
   };
+  // goes to what `from` gives, with what it tells
+  const go = (from) => { const told = []; change(from(told), true, told); };
+  async function copied() {
+    const text = fragment(state), how = "behind the address of the report to open it in this state";
+    try { await navigator.clipboard.writeText(text); heard.textContent = `Copied. Put it ${how}: ${text}`; } catch { heard.textContent = `Copy this and put it ${how}: ${text}`; }
+  }
 
   function csv() {
-    const { told, rest, intact, bands } = shown;
+    const { told, rest, intact, bands, state: s } = shown, quoted = (x) => (/[",\n]/.test(x) ? `"${x.replaceAll('"', '""')}"` : x);
+    const one = ([name, value]) => [name, quoted(String(value)), "", "", "", "", ""].join(",");
     const line = (name, of) => {
       const b = bands && bands.bands[name];
       return [name, ...[of(told), b && b.mean, b && b.lower, b && b.upper, of(intact), of(rest)].map((x) => (Number.isFinite(x) ? String(x) : ""))].join(",");
     };
-    const asks = SLIDERS.map(({ key }) => [key === "flexion" ? "asked_flexion_deg" : `load_${key}_${key === "vv" || key === "ie" ? "nm" : "n"}`, state[key], "", "", "", "", ""].join(","));
-    const lines = [...asks, ...Object.keys(told.pose).map((key) => line(key, (t) => t.pose && t.pose[key])),
-      ...bundles(state).map((b, n) => line(`force_${b}_n`, (t) => t.forces_n && t.forces_n[n])),
-      ...bundles(state).map((b, n) => line(`strain_${b}`, (t) => t.strains && (t.strains[n] ?? NaN))),
+    const asks = SLIDERS.map((slide) => [`${slide.key === "flexion" ? "asked" : "load"}_${column(slide)}`, s[slide.key]]);
+    const changed = Object.entries({ added_strain: s.strain, stiffness_factor: s.stiffness }).flatMap(([what, of]) => Object.entries(of).map(([name, x]) => [`${what}_${name}`, x]));
+    const done = [["cut", s.cut.join(" ")], ...changed, ...s.grafts.flatMap((g, k) => liveGraft.rows(g, k, told.grafts && told.grafts[k])),
+      ["flags", told.fault || told.flags.join("; ")], ["beyond_calibration", beyond(s).join("; ")], ["samples_of_calibration", about.samples],
+      ...["asked", "lost", "leaving"].map((key) => [`samples_${key}`, bands ? bands[key] : 0])];
+    const answered = told.fault ? [] : [...Object.keys(told.pose).map((key) => line(key, (t) => t.pose && t.pose[key])),
+      ...bundles(s).map((b, n) => line(`force_${b}_n`, (t) => t.forces_n && t.forces_n[n])),
+      ...bundles(s).map((b, n) => line(`strain_${b}`, (t) => t.strains && (t.strains[n] ?? NaN))),
       ...told.outputs.map(([name]) => line(name, (t) => t.outputs && output(t, name)))];
-    const text = ["name,value,mean,lower,upper,as_calibrated,at_rest", ...lines, ""].join("\n");
+    const text = ["name,value,mean,lower,upper,as_calibrated,at_rest", ...asks.map(one), ...done.map(one), ...answered, ""].join("\n");
     const link = element("a", { href: URL.createObjectURL(new Blob([text], { type: "text/csv" })), download: `${about.id}-live.csv` });
     section.dataset.csv = text;
     link.click();
@@ -496,7 +567,9 @@
     section.dataset.opened = (performance.now() - from).toFixed(0);
     note.remove();
     build();
-    state = location.hash.startsWith("#live&") ? restored(location.hash) : begun();
+    const told = [];
+    state = location.hash.startsWith("#live&") ? restored(location.hash, told) : begun(told);
+    heard.textContent = told.join(" ");
     controls();
     if (view) hand();
     await solve();
@@ -505,12 +578,23 @@
 
   const figure = section.querySelector("figure");
   figure.addEventListener("shown", (e) => { view = e.detail; if (grafts) hand(); if (shown.told && !shown.told.fault) picture(); });
-  const able = typeof WebAssembly === "object" && typeof Worker === "function" && typeof DecompressionStream === "function";
-  if (!able) {
-    note.firstElementChild.textContent = "This browser has no WebAssembly, so nothing can be pulled at.";
+  const needed = { WebAssembly: typeof WebAssembly === "object", Worker: typeof Worker === "function", DecompressionStream: typeof DecompressionStream === "function" };
+  const missing = Object.keys(needed).filter((name) => !needed[name]);
+  if (missing.length) {
+    note.firstElementChild.textContent = `This browser has no ${missing.join(" and no ")}, so nothing can be pulled at.`;
+    if (missing.length === 1) note.childNodes[1].data = note.childNodes[1].data.replace("Without them", "Without it");
     return;
   }
-  window.addEventListener("hashchange", () => { if (about && !about.fault && location.hash.startsWith("#live&")) { change(restored(location.hash)); section.scrollIntoView(); } });
+  window.addEventListener("hashchange", () => {
+    if (!about || about.fault || !location.hash.startsWith("#live&")) return;
+    go((told) => restored(location.hash, told));
+    section.scrollIntoView();
+  });
+  // a link within the page would take a frame to the page around it
+  if (framed) document.addEventListener("click", (e) => {
+    const link = e.target.closest("a[href^='#']"), to = link && document.getElementById(link.getAttribute("href").slice(1));
+    if (to) { e.preventDefault(); to.scrollIntoView(); }
+  });
   new IntersectionObserver((entries) => { if (entries.some((e) => e.isIntersecting)) start(); }, { rootMargin: "200px" }).observe(section);
   if (location.hash.startsWith("#live&")) { section.scrollIntoView(); start(); }
 })();

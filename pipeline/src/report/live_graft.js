@@ -1,7 +1,8 @@
 // Grafts of the live knee: put in by two clicks on the bones, or between the footprints of a ligament; listed, and as a plan has them.
 "use strict";
 const liveGraft = (() => {
-  const MOST = 4; // grafts at a time; ours
+  const MOST = 12; // grafts that a reader adds at most, as each takes time to fix; a plan or a link may have more. Ours
+  const COMPRESSION_N = 20; // what the knee bears while a graft is fixed, unless it is told (sim/src/graft.rs)
   const DIGITS = 100; // ends are kept to a hundredth of a millimetre
   const rounded = (p) => p.map((x) => Math.round(x * DIGITS) / DIGITS);
   const moved = (m, p) => [0, 1, 2].map((r) => m[4 * r] * p[0] + m[4 * r + 1] * p[1] + m[4 * r + 2] * p[2] + m[4 * r + 3]);
@@ -13,27 +14,35 @@ const liveGraft = (() => {
   };
   const inside = (x, [least, most]) => Math.min(most, Math.max(least, x));
 
-  // what a link says of grafts, as far as it makes sense
-  function restored(text, about) {
-    let given = [];
-    try { given = JSON.parse(text); } catch { return []; }
+  // what a link or a plan says of grafts, as far as it makes sense; `told` gets what is left out or held within a range, in words
+  function restored(text, about, told) {
+    let given = null;
+    try { given = JSON.parse(text); } catch { /* said below */ }
+    if (!Array.isArray(given)) { told.push("The grafts cannot be read, so none is in."); return []; }
     const point = (p) => Array.isArray(p) && p.length === 3 && p.every(Number.isFinite);
     const sound = (g) => g && typeof g === "object" && Array.isArray(g.ends) && g.ends.length && g.ends.every((e) => Array.isArray(e) && e.length === 2 && e.every(point)) && Number.isFinite(g.stiffness_n_per_mm)
       && g.drawn && (Number.isFinite(g.drawn.tension_n) ? Number.isFinite(g.drawn.at_flexion_deg) : Number.isFinite(g.drawn.slack_length_mm));
     const kept = ({ name, ends, stiffness_n_per_mm, toe_strain, like, drawn }) => {
-      const out = { name: String(name), ends, stiffness_n_per_mm: inside(stiffness_n_per_mm, about.graft.stiffnesses_n_per_mm), drawn: { ...drawn } };
+      const held = (what, x, range, unit) => {
+        const out = inside(x, range);
+        if (out !== x) told.push(`${name}: a ${what} of ${x} ${unit} is beyond ${range.join(" to ")} ${unit}, so it is ${out} ${unit}.`);
+        return out;
+      };
+      const out = { name: String(name), ends, stiffness_n_per_mm: held("stiffness", stiffness_n_per_mm, about.graft.stiffnesses_n_per_mm, "N/mm"), drawn: { ...drawn } };
       if (Number.isFinite(toe_strain)) out.toe_strain = toe_strain;
       if (about.bundles.some((b) => b.name === like)) out.like = like;
-      if ("tension_n" in drawn) out.drawn.tension_n = inside(drawn.tension_n, about.graft.tensions_n);
+      if ("tension_n" in drawn) out.drawn.tension_n = held("tension", drawn.tension_n, about.graft.tensions_n, "N");
       return out;
     };
-    return Array.isArray(given) ? given.filter(sound).slice(0, MOST).map(kept) : [];
+    const good = given.filter(sound);
+    if (good.length < given.length) told.push(`Of ${given.length} grafts ${given.length - good.length} cannot be read and ${given.length - good.length === 1 ? "is" : "are"} left out.`);
+    return good.map(kept);
   }
 
   // a place in CT, in the middle of the fibres of a bundle
   const middle = (points) => [0, 1, 2].map((k) => points.reduce((sum, p) => sum + p[k], 0) / points.length);
 
-  // `of` has: about, element(), button(), fixed(), get() the state, change(state), femur() its motion, lines() of the fibres in the page's axes
+  // `of` has: about, element(), button(), fixed(), compression() [N] under which a graft is fixed, get() the state, change(state), femur() its motion, lines() of the fibres in the page's axes
   function controls(of) {
     const { about, element, button, fixed } = of;
     const told = element("p", { class: "live-graft-said", role: "status" });
@@ -66,6 +75,7 @@ const liveGraft = (() => {
       let n = 1;
       while (names.includes(`graft ${n}`)) n++;
       const graft = { name: `graft ${n}`, ends: [ends.map(rounded)], stiffness_n_per_mm: stiffness.read(), drawn: { tension_n: tension.read(), at_flexion_deg: state.flexion } };
+      if (of.compression() !== COMPRESSION_N) graft.drawn.compression_n = of.compression();
       of.change({ ...state, grafts: [...state.grafts, graft] });
       stop(`The graft is in: ${graft.drawn.tension_n} N at ${graft.drawn.at_flexion_deg} deg of flexion.`);
     };
@@ -115,10 +125,20 @@ const liveGraft = (() => {
       const drawn = "tension_n" in g.drawn ? `tension_n = ${g.drawn.tension_n}\nat_flexion_deg = ${g.drawn.at_flexion_deg}` : `slack_length_mm = ${g.drawn.slack_length_mm}`;
       return `\n[[graft]]\nname = ${text(g.name)}\nfemur = ${end(0)}\ntibia = ${end(1)}\nstiffness_n_per_mm = ${g.stiffness_n_per_mm}\n${drawn}\n`;
     };
-    return `cut = ${list(state.cut.map(text))}\n${state.grafts.map(one).join("")}`;
+    // a plan has one compression for all
+    const borne = state.grafts.map((g) => g.drawn.compression_n).find((n) => Number.isFinite(n) && n !== COMPRESSION_N);
+    return `cut = ${list(state.cut.map(text))}\n${state.grafts.map(one).join("")}${borne === undefined ? "" : `\n[tests]\ncompression_n = ${borne}\n`}`;
+  }
+
+  // what a table has of a graft: names of rows and values; `fixed` is how the knee has it
+  function rows(g, k, fixed) {
+    const ends = ["femur", "tibia"].flatMap((bone, end) => middle(g.ends.map((e) => e[end])).map((x, n) => [`${bone}_${"xyz"[n]}_mm`, x]));
+    const all = [["name", g.name], ["stiffness_n_per_mm", g.stiffness_n_per_mm], ...Object.entries(g.drawn), ...ends];
+    if (fixed) all.push(["length_in_ct_mm", fixed.length_mm], ["slack_length_as_fixed_mm", fixed.slack_length_mm]);
+    return all.map(([what, value]) => [`graft${k}_${what}`, value]);
   }
 
   // the grafts in the page's axes, two ends a fibre, as the picture has them
   const lines = (grafts, about) => { const page = back(about.ct); return grafts.flatMap((g) => g.ends.flatMap((e) => e.map(page))); };
-  return { controls, restored, lines };
+  return { controls, restored, rows, lines };
 })();

@@ -8,15 +8,24 @@ const written = (bytes) => {
   new Uint8Array(doors.memory.buffer, at, bytes.length).set(bytes);
 };
 
+// what the calibration's trials reached, by the head of the pack (live/src/pack.rs); none of a knee that was not calibrated
+const reached = (pack) => {
+  const length = new DataView(pack.buffer, pack.byteOffset).getUint32(0, true);
+  const { spec } = JSON.parse(new TextDecoder().decode(pack.subarray(4, 4 + length)));
+  return (spec.calibrated && spec.calibrated.reach) || null;
+};
+
 // the memory may have grown while the knee was asked, so it is looked at anew
 const read = () => JSON.parse(new TextDecoder().decode(new Uint8Array(doors.memory.buffer, doors.reply(), doors.reply_length())));
 
 async function opened(module, knee) {
-  const [code, pack] = await Promise.all([unpacked(module), unpacked(knee)]);
+  const [code, bytes] = await Promise.all([unpacked(module), unpacked(knee)]);
+  const pack = new Uint8Array(bytes);
   doors = (await WebAssembly.instantiate(code)).instance.exports;
-  written(new Uint8Array(pack));
+  written(pack);
   doors.open();
-  return read();
+  const about = read();
+  return about.fault ? about : { ...about, reach: reached(pack) };
 }
 
 function asked(request) {

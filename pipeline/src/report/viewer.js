@@ -32,8 +32,8 @@
   const DISTANCE = 1.9, VIEW_PX = 384; // the height of a view before it is there (style.css)
   const NO_3D = "This browser has no WebGL, so nothing can be turned here; the still pictures show the same.";
   const opened = [];
-  const dark = matchMedia("(prefers-color-scheme: dark)");
-  const paper = matchMedia("print");
+  const [dark, paper, calm] = ["(prefers-color-scheme: dark)", "print", "(prefers-reduced-motion: reduce)"].map((asked) => matchMedia(asked));
+  const PLAY = calm.matches ? "Next step" : "Play"; // whoever wants less motion gets a step a press
   const colours = () => (dark.matches && !paper.matches ? { ground: "#16181b", ink: "#e6e6e6", line: "#5a606a" } : { ground: "#ffffff", ink: "#222222", line: "#cccccc" });
 
   const element = (name, attributes = {}, text = "") => {
@@ -311,8 +311,8 @@
       this.step = element("p", { class: "step", "aria-live": "polite" });
       this.which.addEventListener("input", () => { this.at.value = 0; this.overlay(); this.move(); });
       this.at.addEventListener("input", () => { this.halt(); this.move(); });
-      this.play = element("button", { type: "button", class: "play", "aria-pressed": "false" }, "Play");
-      this.play.addEventListener("click", () => (this.ticks ? this.halt() : this.run()));
+      this.play = element("button", { type: "button", class: "play", ...(calm.matches ? {} : { "aria-pressed": "false" }) }, PLAY);
+      this.play.addEventListener("click", () => (calm.matches ? this.forward() : this.ticks ? this.halt() : this.run()));
       const map = element("button", { type: "button", class: "map" }, "Pressure on the tibia");
       map.addEventListener("click", () => this.uncover());
       set.append(this.which, this.at, this.play);
@@ -324,18 +324,16 @@
       this.play.textContent = "Stop";
       this.play.setAttribute("aria-pressed", "true");
       this.step.setAttribute("aria-live", "off");
-      this.ticks = setInterval(() => {
-        if (this.closed) { this.halt(); return; }
-        if (this.figure.dataset.busy) return;
-        this.at.value = (Number(this.at.value) + 1) % (Number(this.at.max) + 1);
-        this.move();
-      }, 150);
+      this.ticks = setInterval(() => { if (this.closed) this.halt(); else if (!this.figure.dataset.busy) this.forward(); }, 150);
     }
 
+    forward() { this.at.value = (Number(this.at.value) + 1) % (Number(this.at.max) + 1); this.move(); }
+
     halt() {
+      if (!this.ticks) return;
       clearInterval(this.ticks);
       this.ticks = null;
-      this.play.textContent = "Play";
+      this.play.textContent = PLAY;
       this.play.setAttribute("aria-pressed", "false");
       this.step.setAttribute("aria-live", "polite");
     }
@@ -395,14 +393,16 @@
     // the layers that changed and no others: plotly.js hands every surface to the graphics card again. False where it must look at all itself
     redrawn(changes) {
       const scene = (this.plot._fullLayout.scene || {})._scene, full = this.plot._fullData;
-      if (!scene || !scene.traces || !scene.glplot || changes.some(([n, own]) => own.x && !own.i && own.x.length !== full[n].x.length)) return false;
+      // plotly.js has no points of a layer that was never shown; it takes them from the data when it is
+      const isShown = (n) => full[n].visible === true;
+      if (!scene || !scene.traces || !scene.glplot || changes.some(([n, own]) => isShown(n) && own.x && !own.i && own.x.length !== full[n].x.length)) return false;
       for (const [n, own] of changes) {
-        for (const trace of [full[n], this.plot.data[n]]) {
+        for (const trace of isShown(n) ? [full[n], this.plot.data[n]] : [this.plot.data[n]]) {
           for (const key of [...SHAPE, "intensity"]) if (own[key]) trace[key] = own[key];
           if (own["line.color"]) trace.line.color = own["line.color"];
         }
         const drawn = scene.traces[full[n].uid];
-        if (drawn && full[n].visible === true) drawn.update(full[n]);
+        if (drawn && isShown(n)) drawn.update(full[n]);
       }
       // plotly.js draws all once more to know what lies under the pointer; the live view knows it by itself
       for (const drawn of scene.glplot.objects) drawn.drawPick = null;
