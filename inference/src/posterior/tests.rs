@@ -81,7 +81,9 @@ fn intervals_hold_the_truth_as_often_as_they_say() {
         let toy = toy(24, 8, 0.03, seed);
         let truth = normals(&mut stream(seed, 9), 8);
         let mut l = likelihood(&toy, &truth, 0.5, seed);
-        let found = infer(&toy, &mut l, &[], &PosteriorOptions { samples: 60, starts: 2, seed, ..PosteriorOptions::default() }).unwrap();
+        let found =
+            infer(&toy, &mut l, &[], &PosteriorOptions { samples: 60, starts: 2, seed, ..PosteriorOptions::default() })
+                .unwrap();
         for k in 0..8 {
             let mut values: Vec<f64> = found.samples.iter().map(|s| s.z[k]).collect();
             values.sort_by(f64::total_cmp);
@@ -149,7 +151,8 @@ fn readings_that_are_believed_less_widen_the_posterior_as_more_noise_would() {
         let mut l = likelihood(&toy, &normals(&mut stream(5, 9), 6), 0.5, 5);
         l.sd.fill(sd);
         (l.robust, l.temper) = (1e9, temper);
-        let found = infer(&toy, &mut l, &[], &PosteriorOptions { scale_noise: false, ..PosteriorOptions::default() }).unwrap();
+        let found =
+            infer(&toy, &mut l, &[], &PosteriorOptions { scale_noise: false, ..PosteriorOptions::default() }).unwrap();
         found.modes[0].form.hessian.clone()
     };
     assert!((spread(4.0, 0.5) - spread(1.0, 1.0)).amax() < 1e-9);
@@ -159,7 +162,8 @@ fn readings_that_are_believed_less_widen_the_posterior_as_more_noise_would() {
 fn samples_that_all_end_far_from_a_fit_still_make_an_interval() {
     let toy = toy(40, 6, 0.6, 6);
     let mut l = likelihood(&toy, &normals(&mut stream(6, 9), 6), 0.01, 6);
-    let options = PosteriorOptions { samples: 40, sample_evaluations: 1, scale_noise: false, ..PosteriorOptions::default() };
+    let options =
+        PosteriorOptions { samples: 40, sample_evaluations: 1, scale_noise: false, ..PosteriorOptions::default() };
     let found = infer(&toy, &mut l, &[], &options).unwrap();
     assert!(found.samples.len() >= 10, "{} of 40, {} stuck", found.samples.len(), found.stuck);
 }
@@ -188,7 +192,14 @@ fn as_many_fits_are_told_as_are_expected() {
     {
         let counted = Counted(toy(12, 4, 0.02, 4), 0.into());
         let mut l = likelihood(&counted.0, &normals(&mut stream(4, 9), 4), 0.3, 4);
-        let options = PosteriorOptions { starts, finalists, rounds, samples, sample_evaluations: each, ..PosteriorOptions::default() };
+        let options = PosteriorOptions {
+            starts,
+            finalists,
+            rounds,
+            samples,
+            sample_evaluations: each,
+            ..PosteriorOptions::default()
+        };
         infer(&counted, &mut l, &[DVector::zeros(4)], &options).unwrap();
         assert_eq!(counted.1.into_inner(), options.fits(1));
     }
