@@ -50,7 +50,7 @@ fn the_papers_steps_end_where_the_quasi_static_path_does() {
         let miss = apart(&there, &quasi_static(&model, fe, &load));
         let balance = state.energies.balance_error();
         println!("{name}: {miss:.4} mm or deg apart, {} increments, balance {balance:.1e}", state.increments);
-        assert!(miss < 0.02 && balance < 0.01 && state.rate.amax() < 1e-6);
+        assert!(miss < 0.02 && balance < 1e-3 && state.rate.amax() < 1e-6);
     }
 }
 

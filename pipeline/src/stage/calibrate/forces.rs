@@ -12,7 +12,7 @@ use calibration::session::ap_probes;
 use plotly::common::{ErrorData, ErrorType, Marker, Mode};
 use plotly::layout::Axis;
 use plotly::{Plot, Scatter};
-use sim::laxity::Test;
+use sim::laxity::{LaxityTrial, Test};
 use stages::assemble::Assembled;
 use std::collections::BTreeMap;
 
@@ -52,8 +52,9 @@ pub(super) fn checks(name: &str, found: &Calibrated, assembled: Option<&Assemble
         out.push(Check {
             question: "Does a cruciate pull against a drawer that the other holds?",
             answer: format!(
-                "at most {most:.0} N, {bundle} under {} ({}; limit {MOST_ANTAGONIST_N:.0} N)",
-                f.trial,
+                "at most {most:.0} N, in {} under the {} ({}; limit {MOST_ANTAGONIST_N:.0} N)",
+                bundle.replace('_', " "),
+                probes.iter().find(|p| p.trial == f.trial).map_or(f.trial.clone(), drawer),
                 interval(f.interval_n)
             ),
             good: Some(check::at_most(most, MOST_ANTAGONIST_N, 0)),
@@ -80,6 +81,11 @@ pub(super) fn checks(name: &str, found: &Calibrated, assembled: Option<&Assemble
         });
     }
     out
+}
+
+/// A drawer in words.
+fn drawer(probe: &LaxityTrial) -> String {
+    format!("{} drawer at {:.0} deg", probe.test.name(), probe.fe_deg)
 }
 
 /// An interval in words.
