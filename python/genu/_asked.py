@@ -10,10 +10,10 @@ from typing import Any, Mapping, Optional, Sequence, Union
 
 from genu._build import Build
 from genu._call import Files, absolute, as_html, called, names, toml_text
-from genu._model import model_at
+from genu._model import ModelLike, model_at
 from genu._tables import read_table
 from genu._types import (
-    Chance, Context, Evidence, Factor, FactorName, Grade, Frame, GraftPlan, GraftTold, Level, ModelLike, NextTest, Path, Place, PlanTest, Progress,
+    Chance, Context, Evidence, Factor, FactorName, Grade, Frame, GraftPlan, GraftTold, Level, NextTest, Path, Place, PlanTest, Progress,
     Spread, State, TestTold, Value,
 )
 

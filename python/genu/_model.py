@@ -6,7 +6,7 @@ import copy
 import json
 import os
 import secrets
-from typing import Any, Optional
+from typing import Any, Optional, Protocol, Union
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from genu._call import Files, as_html, wanted
 from genu._errors import InputError, in_file
 from genu._meshes import Surface, read_surface
 from genu._samples import frame_of_samples, samples_at
-from genu._types import Floats, Frame, ModelLike, Path
+from genu._types import Floats, Frame, Path
 
 
 class Model:
@@ -273,6 +273,16 @@ class Model:
         rows = {"specimen": self.id, **told, "side": self.side, "file": self.file, "bundles": ", ".join(self.bundles)}
         edited = " (edited)" if self.spec != self._as_read else ""
         return as_html(f"genu.Model{edited}", {**rows, "fibres": len(self.spec["fibres"])})
+
+
+class HasModel(Protocol):
+    """What has a model: a build, a calibration, a diagnosis."""
+
+    @property
+    def model(self) -> Model: ...
+
+
+ModelLike = Union[Model, HasModel, Path]
 
 
 def _plain(value: Any) -> Any:

@@ -12,8 +12,6 @@ import numpy.typing as npt
 if TYPE_CHECKING:
     import pandas
 
-    from genu._model import Model
-
     Frame = pandas.DataFrame
 else:
     Frame = Any  # pandas is imported where a function needs it
@@ -52,13 +50,6 @@ class HasFolder(typing.Protocol):
     def folder(self) -> str: ...
 
 
-class HasModel(typing.Protocol):
-    """What has a model: a build, a calibration, a diagnosis."""
-
-    @property
-    def model(self) -> Model: ...
-
-
 class WritesCsv(typing.Protocol):
     """A frame of polars."""
 
@@ -66,7 +57,6 @@ class WritesCsv(typing.Protocol):
 
 
 Place = Union[Path, HasFolder]
-ModelLike = Union["Model", HasModel, Path]
 # A frame of pandas or polars, a dict of columns, a list of dicts, or a path.
 Table = Union[Path, Frame, Mapping[Any, Any], Sequence[Mapping[Any, Any]], WritesCsv]
 

@@ -12,9 +12,9 @@ from genu import _errors
 from genu._build import Build
 from genu._call import absolute, as_html, called, names, run, settings, spoken, watching
 from genu._errors import GenuError, in_file
-from genu._model import Model, compiled, model_at
+from genu._model import Model, ModelLike, compiled, model_at
 from genu._tables import frame_of, read_table, table_at
-from genu._types import Contact, Format, Frame, Method, ModelLike, Path, Place, Progress, Protocol, Side, Solver, Stage, Table
+from genu._types import Contact, Format, Frame, Method, Path, Place, Progress, Protocol, Side, Solver, Stage, Table
 
 
 def phantom(id: str, folder: Path, *, seed: int = 1, volume: bool = False) -> str:
