@@ -1,7 +1,7 @@
 //! A calibration from beginning to end: a recipe as a state that advances a step at a time, is saved between steps, and goes on
 //! from where it was saved to the same bytes.
 
-use crate::cost::FAILED;
+use crate::cost::{FAILED, rms};
 use crate::design::Design;
 use crate::error::CalibrationError;
 use crate::next_test::NextTest;
@@ -91,6 +91,9 @@ pub struct Calibrated {
     pub rms: Free<Option<f64>>,
     /// Predictions at the chosen values, a trial each [deg, mm].
     pub predicted: Vec<Option<Free<f64>>>,
+    /// Trials whose path of loading ends in another equilibrium than the one the search found, far from what was measured; `rms` is without them.
+    #[serde(default)]
+    pub elsewhere: Vec<usize>,
     /// Values found from different starts, with their cost, lowest first: what one start alone would have reported.
     pub rivals: Vec<(f64, Vec<f64>)>,
     /// Samples of the posterior, design values.
@@ -263,7 +266,8 @@ fn finish(checkpoint: &Checkpoint, problem: &Problem, probes: &Probes) -> Result
         next_tests: vec![],
         noise: vec![],
         noise_scale: found.noise_scale,
-        rms: rms(problem, &predicted),
+        rms: rms(&problem.targets.trials, &predicted, &[]),
+        elsewhere: vec![],
         predicted,
         rivals: found.rivals.iter().map(|(c, p)| (*c, design.at(p))).collect(),
         samples: found.samples.iter().map(|p| design.at(p)).collect(),
@@ -279,20 +283,6 @@ fn finish(checkpoint: &Checkpoint, problem: &Problem, probes: &Probes) -> Result
 fn judged(problem: &Problem, lowest: (f64, Vec<f64>)) -> (f64, Vec<f64>) {
     let values = problem.experiment.design.at(&lowest.1);
     (problem.cost.cost(&problem.in_full.predictions(&values)).value, lowest.1)
-}
-
-/// Root mean square of predicted minus measured, a coordinate each.
-fn rms(problem: &Problem, predicted: &[Option<Free<f64>>]) -> Free<Option<f64>> {
-    Free::from_fn(|c| {
-        let of: Vec<f64> = problem
-            .targets
-            .trials
-            .iter()
-            .zip(predicted)
-            .filter_map(|(t, p)| p.as_ref().and_then(|p| crate::cost::residual(t, p)[c]))
-            .collect();
-        (!of.is_empty()).then(|| (of.iter().map(|r| r * r).sum::<f64>() / of.len() as f64).sqrt())
-    })
 }
 
 #[cfg(test)]

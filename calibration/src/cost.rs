@@ -100,6 +100,21 @@ pub fn residual(trial: &LaxityTrial, predicted: &Free<f64>) -> Free<Option<f64>>
     Free::from_fn(|c| trial.measured[c].map(|m| predicted[c] - m))
 }
 
+/// Root mean square of predicted minus measured, a coordinate each [deg or mm]; trials without an answer and those `left_out` do not count. `None`
+/// where nothing was measured.
+pub fn rms<'a>(
+    trials: impl IntoIterator<Item = &'a LaxityTrial>,
+    predicted: &[Option<Free<f64>>],
+    left_out: &[usize],
+) -> Free<Option<f64>> {
+    let answered = trials.into_iter().zip(predicted).enumerate().filter(|(i, _)| !left_out.contains(i));
+    let residuals: Vec<_> = answered.filter_map(|(_, (t, p))| p.as_ref().map(|p| residual(t, p))).collect();
+    Free::from_fn(|c| {
+        let squares: Vec<f64> = residuals.iter().filter_map(|r| r[c]).map(|r| r * r).collect();
+        (!squares.is_empty()).then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
+    })
+}
+
 /// The p-th percentile by linear interpolation between the sorted values x_k at 100 (k - 1/2) / n, clamped at the ends: MATLAB's
 /// `prctile`, since the published calibration ran there.
 pub fn percentile(values: &[f64], p: f64) -> f64 {

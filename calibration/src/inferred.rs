@@ -1,11 +1,11 @@
 //! The default method: everything that is not known of the knee is inferred at once (crate `inference`), from one data set or several together.
 
 use crate::calibrate::Calibrated;
-use crate::cost::{CostFunction, residual};
+use crate::cost::{CostFunction, rms};
 use crate::design::Design;
 use crate::error::CalibrationError;
 use crate::knee::Knee;
-use crate::last::{last_forces, last_readings, moved};
+use crate::last::{LastReadings, last_forces, last_readings, moved};
 use crate::next_test::next_tests;
 use crate::options::{CalibrateOptions, Method};
 use crate::plateau::Staying;
@@ -295,11 +295,11 @@ fn told(
     let options = question.options;
     let interval = options.gradient.interval;
     let n_ligaments = question.design.len();
+    let measured = question.sources.iter().map(|s| s.1.trials.len()).sum::<usize>();
     let mode = &found.modes[0];
+    let LastReadings { predicted, elsewhere } = last_readings(question.knee, trials, &mode.z, (measured, &mode.state))?;
     let values: Vec<f64> = trials.values(&mode.z).into_iter().map(|v| v.0).collect();
     let sources: Vec<&str> = question.sources.iter().map(|s| s.0.as_str()).collect();
-    let measured = question.sources.iter().map(|s| s.1.trials.len()).sum::<usize>();
-    let predicted = last_readings(question.knee, trials, &mode.z, measured)?;
     let cost = question.cost.cost(&predicted).value;
     let names = drawer_names();
     let drawers = measured..measured + names.len();
@@ -354,8 +354,9 @@ fn told(
                 .fold(0.0, f64::max)
         }),
         noise,
-        rms: rms(question.sources, &predicted),
+        rms: rms(question.sources.iter().flat_map(|s| &s.1.trials), &predicted, &elsewhere),
         predicted,
+        elsewhere,
         rivals: found.modes.iter().map(|m| (-m.log_evidence, at(trials, &m.z, n_ligaments))).collect(),
         samples: samples.iter().map(|s| at(trials, &s.z, n_ligaments)).collect(),
         unknowns: unknowns(trials, &found, options),
@@ -490,17 +491,4 @@ fn frames(question: &Question, trials: &Trials, samples: &[Sample<Answers>]) -> 
         (0..12).map(|term| place(term).and_then(spread)).collect()
     };
     (0..question.sources.len()).map(|s| KnownFrames { shared: of(None), own: of(Some(s)) }).collect()
-}
-
-/// Root mean square of predicted minus measured, a coordinate each.
-fn rms(sources: &[(String, Targets)], predicted: &[Option<Free<f64>>]) -> Free<Option<f64>> {
-    let trials = sources.iter().flat_map(|s| &s.1.trials);
-    let mut squares: BTreeMap<Coordinate, Vec<f64>> = BTreeMap::new();
-    for (t, p) in trials.zip(predicted) {
-        let Some(p) = p else { continue };
-        for (c, r) in residual(t, p).each() {
-            squares.entry(c).or_default().extend(r.map(|r| r * r));
-        }
-    }
-    Free::from_fn(|c| squares.get(&c).filter(|s| !s.is_empty()).map(|s| mean(s).sqrt()))
 }

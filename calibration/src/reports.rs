@@ -7,6 +7,7 @@ use crate::posterior::is_outside;
 use crate::session::Outcome;
 use serde::{Deserialize, Serialize};
 use sim::coordinate::{Coordinate, FREE, Free};
+use sim::flags::Flag;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
@@ -175,9 +176,9 @@ fn fit(outcome: &Outcome) -> String {
         let name = c.column();
         let _ = write!(out, ",measured_{name},predicted_{name},residual_{name}");
     }
-    out.push('\n');
+    out += ",flags\n";
     let (sources, of) = &outcome.sources;
-    for ((t, p), s) in outcome.trials.iter().zip(&outcome.found.predicted).zip(of) {
+    for (i, ((t, p), s)) in outcome.trials.iter().zip(&outcome.found.predicted).zip(of).enumerate() {
         let named = if sources.len() > 1 { format!("{}/{}", sources[*s], t.trial) } else { t.trial.clone() };
         let name = if named.contains([',', '"']) { format!("\"{}\"", named.replace('"', "\"\"")) } else { named };
         let _ = write!(out, "{name},{},{},{}", t.test.name(), t.nominal_flexion_deg, t.fe_deg);
@@ -192,7 +193,8 @@ fn fit(outcome: &Outcome) -> String {
                 cell(residuals.and_then(|r| r[c]))
             );
         }
-        out.push('\n');
+        let flag = outcome.found.elsewhere.contains(&i).then_some(Flag::Several);
+        let _ = writeln!(out, ",{}", flag.map_or(String::new(), |f| f.to_string()));
     }
     out
 }

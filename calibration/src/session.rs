@@ -11,7 +11,7 @@ use crate::options::{CalibrateOptions, Method};
 use crate::problem::{Probes, Problem};
 use crate::targets::{TargetOptions, Targets, targets};
 use crate::unknowns::KnownFrames;
-use notices::Notice;
+use notices::{Kind, Notice};
 use serde::{Deserialize, Serialize};
 use sim::SimError;
 use sim::coordinate::Load;
@@ -219,10 +219,29 @@ impl Session {
         told
     }
 
+    /// Measured loads whose path ends elsewhere than the search has it.
+    fn elsewhere(&self, found: &Calibrated) -> Option<Notice> {
+        let all = self.sources.iter().flat_map(|(name, t)| t.trials.iter().map(move |trial| (name, &trial.trial)));
+        let all: Vec<(&String, &String)> = all.collect();
+        let named =
+            |&i: &usize| if self.sources.len() > 1 { format!("{}/{}", all[i].0, all[i].1) } else { all[i].1.clone() };
+        let names: Vec<String> = found.elsewhere.iter().map(named).collect();
+        (!names.is_empty()).then(|| {
+            let text = format!(
+                "the path of {} of {} measured loads ends in another equilibrium, far from the measured one ({}): the search, which begins close by, holds the knee where it was measured. These loads are not in the misfit; what the model says of loads near them is unreliable",
+                names.len(),
+                self.targets.trials.len(),
+                names.join(", ")
+            );
+            Kind::PathEndsElsewhere.notice(text).count(names.len())
+        })
+    }
+
     fn outcome(&self, found: Calibrated, spec: ModelSpec, frames: Vec<KnownFrames>) -> Outcome {
         let mut warnings = self.targets.warnings.clone();
         warnings.extend(found.warnings.iter().cloned());
         warnings.extend(self.sides(&found));
+        warnings.extend(self.elsewhere(&found));
         let names = self.sources.iter().map(|s| s.0.clone()).collect();
         let of = self.sources.iter().enumerate().flat_map(|(s, (_, t))| vec![s; t.trials.len()]).collect();
         Outcome { found, spec, trials: self.targets.trials.clone(), sources: (names, of), frames, warnings }

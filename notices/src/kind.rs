@@ -169,6 +169,7 @@ kinds! {
     RepeatsDiffer Light "Repeats of one load that differ.",
     AgainstTheLoad Heavy "A knee that moves against its load.",
     FewSamples Light "Few samples near a fit.",
+    PathEndsElsewhere Light "Measured loads whose path ends in another equilibrium than the search's.",
     JointWasBetter Light "A fit that the joint calibration improved.",
     NoiseStated Light "Another noise than the file states.",
     OutsidePrior Light "A value outside its interval before the data.",

@@ -4,7 +4,7 @@
 //! Flags change no number. Where the limits come from: docs/theory/solver.md.
 
 use crate::contact::rim::Bearing;
-use crate::coordinate::{AP, FE, IE, ML, SI, Six};
+use crate::coordinate::{AP, FE, IE, ML, SI, Six, VV};
 pub use crate::flag::{Cause, Difference, Flag, each_once, sentences};
 use crate::model::{Evaluation, Model};
 
@@ -15,6 +15,8 @@ const TURNS_DEG: [[f64; 2]; 2] = [[14.0, 41.0], [25.0, 45.0]];
 const TURNS_AT_DEG: [f64; 2] = [5.0, 30.0];
 /// A rotation is odd this far beyond those means [deg]; ours: for the scatter of persons and for another zero of the frames.
 const TURNS_SPARE_DEG: f64 = 15.0;
+/// Varus and valgus beyond this from the CT pose are odd [deg]; ours: knees without collateral and cruciate ligaments open by less.
+const OPENS_DEG: f64 = 25.0;
 /// A compartment that bears less of the load than this is not asked where [-]; ours.
 const LEAST_SHARE: f64 = 0.1;
 
@@ -45,7 +47,7 @@ pub struct Limits {
 /// What is odd about an answer at Grood-Suntay coordinates `gs` [rad, mm].
 pub fn flags(model: &Model, gs: &Six, evaluation: &Evaluation, limits: &Limits) -> Vec<Flag> {
     let mut out: Vec<Flag> = place(model, gs, evaluation, limits).into_iter().collect();
-    out.extend(is_turned_too_far(gs).then_some(Flag::Rotated));
+    out.extend(is_turned_too_far(model, gs).then_some(Flag::Rotated));
     out.extend(torn(model, evaluation));
     out.extend(patella(model, gs, evaluation));
     out
@@ -89,7 +91,10 @@ fn place(model: &Model, gs: &Six, evaluation: &Evaluation, limits: &Limits) -> O
 }
 
 /// Whether the tibia is turned further than knees turn.
-fn is_turned_too_far(gs: &Six) -> bool {
+fn is_turned_too_far(model: &Model, gs: &Six) -> bool {
+    if (gs[VV] - model.joint.ct_pose()[VV]).to_degrees().abs() > OPENS_DEG {
+        return true;
+    }
     let [low, high] = TURNS_AT_DEG;
     let along = ((gs[FE].to_degrees() - low) / (high - low)).clamp(0.0, 1.0);
     let [internal, external] =

@@ -76,3 +76,15 @@ fn what_was_not_measured_does_not_count_and_constant_coordinates_are_refused() {
     let bad = CostOptions { percentile: 175.0, ..CostOptions::default() };
     assert!(CostFunction::new(&trials, &CT, &bad).unwrap_err().to_string().contains("cost.percentile"));
 }
+
+#[test]
+fn a_trial_that_ends_elsewhere_is_not_in_the_misfit() {
+    let (trials, mut predicted) = page();
+    let whole = rms(&trials, &predicted, &[]);
+    [0, 3].iter().for_each(|&i| predicted[i].as_mut().unwrap()[VV] += 40.0);
+    assert!(rms(&trials, &predicted, &[]) != whole);
+    let left = rms(&trials, &predicted, &[0, 3]);
+    predicted[0] = None;
+    predicted[3] = None;
+    assert_eq!(left, rms(&trials, &predicted, &[]), "as if neither had been asked");
+}

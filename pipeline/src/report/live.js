@@ -188,7 +188,7 @@
   const moves = (a, b) => TOLD_FIRST.map((key) => towards(a.pose[key] - b.pose[key], pose(key))).filter(Boolean).slice(0, 3).join(", ");
   // the flags of sim/src/flag.rs in plain words
   const FLAGS = {
-    subluxed: "One compartment bears at the rim of its plateau.", "rotated beyond any knee": "The tibia is turned further than knees turn.",
+    subluxed: "One compartment bears at the rim of its plateau.", "rotated beyond any knee": "The tibia is turned or opened further than knees are.",
     dislocated: "The femur has left the plateau: the model does not know what comes next.",
     "several equilibria": "Under the same loads the knee may rest in another place, too.",
     "no equilibrium": "No pose was found in which all forces cancel.", "still moving": "The knee has not come to rest.",

@@ -16,6 +16,8 @@ use live::pressure::{Pressed, Surfaces};
 use meshes::Point;
 use meshes::surface::TriMesh;
 use serde::Serialize;
+use sim::coordinate::Free;
+use sim::flags::Flag;
 use sim::joint::{Joint, Pose};
 use sim::laxity::{LaxityTrial, TrialResult};
 use sim::model::Model;
@@ -148,9 +150,12 @@ impl Knee<'_> {
                 joint: Joint::new(&outcome.frames_of(s, frames).ok()?, outcome.spec.side).ok()?,
                 ..self.clone()
             };
-            let mine = outcome.trials.iter().zip(&outcome.found.predicted).zip(of).filter(|(_, of)| **of == s);
-            let steps: Vec<Step> =
-                mine.filter_map(|((t, p), _)| knee.trial(t, &pose(t, |c| p.as_ref().map(|p| p[c]))?)).collect();
+            let all = outcome.trials.iter().zip(&outcome.found.predicted).zip(of).enumerate();
+            let step = |(i, ((t, p), _)): (usize, ((&LaxityTrial, &Option<Free<f64>>), &usize))| {
+                let simulated = pose(t, |c| p.as_ref().map(|p| p[c]))?;
+                knee.trial(t, &simulated, outcome.found.elsewhere.contains(&i))
+            };
+            let steps: Vec<Step> = all.filter(|(_, (_, of))| **of == s).filter_map(step).collect();
             let name = match self.name {
                 JOINT => format!("{}: measured loads, {source}", self.name),
                 name => format!("{name}: measured loads"),
@@ -160,10 +165,11 @@ impl Knee<'_> {
         sources.iter().enumerate().filter_map(one).collect()
     }
 
-    fn trial(&self, t: &LaxityTrial, simulated: &PoseSpec) -> Option<Step> {
+    fn trial(&self, t: &LaxityTrial, simulated: &PoseSpec, elsewhere: bool) -> Option<Step> {
         let measured = pose(t, |c| t.measured[c])?;
+        let flags: Vec<Flag> = elsewhere.then_some(Flag::Several).into_iter().collect();
         let label = format!(
-            "{} {}, flexion {} deg: simulated AP {} mm, measured {}; IE {} deg, measured {}; VV {} deg, measured {}",
+            "{} {}, flexion {} deg: simulated AP {} mm, measured {}; IE {} deg, measured {}; VV {} deg, measured {}{}",
             t.trial,
             t.test.name(),
             fixed(t.fe_deg, 0),
@@ -172,7 +178,8 @@ impl Knee<'_> {
             fixed(simulated.ie_deg, 1),
             fixed(measured.ie_deg, 1),
             fixed(simulated.vv_deg, 1),
-            fixed(measured.vv_deg, 1)
+            fixed(measured.vv_deg, 1),
+            in_brackets(&flags)
         );
         let pose = self.pose(simulated)?;
         let force = self
@@ -184,7 +191,7 @@ impl Knee<'_> {
             femur: self.pool.motion(&pose.femur),
             measured: Some(self.pool.motion(&self.pose(&measured)?.femur)),
             force: force.unwrap_or_default(),
-            pressed: self.pressed(&pose),
+            pressed: if elsewhere { Pressed::default() } else { self.pressed(&pose, &flags) },
             pressure: BTreeMap::new(),
         })
     }
@@ -197,27 +204,23 @@ impl Knee<'_> {
             rounded(force.map_or(0.0, |n| n / count(bundle)), 10.0)
         };
         let p = &r.pose;
-        let flags = if r.flags.is_empty() {
-            String::new()
-        } else {
-            format!(" ({})", sim::flags::sentences(&r.flags).join(", "))
-        };
         let label = format!(
-            "{}: flexion {}, valgus {}, external {} deg; lateral {}, anterior {}, superior {} mm{flags}",
+            "{}: flexion {}, valgus {}, external {} deg; lateral {}, anterior {}, superior {} mm{}",
             r.trial.trial,
             fixed(p.fe_deg, 0),
             fixed(p.vv_deg, 1),
             fixed(p.ie_deg, 1),
             fixed(p.ml_mm, 1),
             fixed(p.ap_mm, 1),
-            fixed(p.si_mm, 1)
+            fixed(p.si_mm, 1),
+            in_brackets(&r.flags)
         );
         Some(Step {
             label,
             femur: self.pool.motion(&pose.femur),
             measured: measured.and_then(|m| Some(self.pool.motion(&self.pose(&m)?.femur))),
             force: self.spec.fibres.iter().map(|f| of_fibre(&f.bundle)).collect(),
-            pressed: self.pressed(&pose),
+            pressed: self.pressed(&pose, &r.flags),
             pressure: BTreeMap::new(),
         })
     }
@@ -227,9 +230,18 @@ impl Knee<'_> {
         Some(self.joint.pose(&q))
     }
 
-    fn pressed(&self, pose: &Pose) -> Pressed {
+    /// None of a femur off the plateau: it lies in what the page would show as pressure, and would set the scale of all others.
+    fn pressed(&self, pose: &Pose, flags: &[Flag]) -> Pressed {
+        if flags.contains(&Flag::Dislocated) {
+            return Pressed::default();
+        }
         self.contact.as_ref().map(|(m, surfaces)| surfaces.pressed(&m.contact, pose)).unwrap_or_default()
     }
+}
+
+/// What is odd, behind a label.
+fn in_brackets(flags: &[Flag]) -> String {
+    if flags.is_empty() { String::new() } else { format!(" ({})", sim::flags::sentences(flags).join(", ")) }
 }
 
 /// A pose at the trial's flexion, where all of it is there; `None` for readings that count from another trial.

@@ -117,6 +117,12 @@ fn calibrated(v: &Values, checks: &[Check], failure: Option<&Failure>) -> Answer
         rms.join(", "),
         found.parameters.len()
     );
+    if !found.elsewhere.is_empty() {
+        words += &format!(
+            " Under {} of these loads the model ends in another equilibrium, far from the measured position; they are not in this figure.",
+            found.elsewhere.len()
+        );
+    }
     let bad: Vec<&Check> = checks
         .iter()
         .filter(|c| {
@@ -126,7 +132,7 @@ fn calibrated(v: &Values, checks: &[Check], failure: Option<&Failure>) -> Answer
     bad.iter().for_each(|c| words += &format!(" {} {}.", c.question, c.answer));
     let (standing, word) = match (at_most(worst, MOST_NOISE, 1), at_most(worst, PARTLY_NOISE, 1)) {
         // what no reading settles was not calibrated, however well it fits
-        (true, _) if bad.is_empty() && determined > 0 => (Standing::Good, "Yes"),
+        (true, _) if bad.is_empty() && determined > 0 && found.elsewhere.is_empty() => (Standing::Good, "Yes"),
         (true, _) => (Standing::Look, "Yes, but look"),
         (false, true) => (Standing::Look, "Yes, with a misfit"),
         (false, false) => (Standing::Look, "Only partly"),

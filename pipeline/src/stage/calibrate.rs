@@ -155,9 +155,13 @@ impl Stage for Calibrate {
             out.push(Check {
                 question: MISFIT,
                 answer: format!(
-                    "misses by {} (root mean square of {} trials), up to {worst:.1} times the noise stated; {determined} of {} ligament parameters determined by the data",
+                    "misses by {} (root mean square of {} trials{}), up to {worst:.1} times the noise stated; {determined} of {} ligament parameters determined by the data",
                     rms.join(", "),
-                    outcome.trials.len(),
+                    outcome.trials.len() - found.elsewhere.len(),
+                    match found.elsewhere.len() {
+                        0 => String::new(),
+                        n => format!("; {n} more end in another equilibrium"),
+                    },
                     ligaments.len()
                 ),
                 good: Some(check::at_most(worst, MOST_NOISE, 1)),

@@ -3,7 +3,7 @@ use crate::verification::rig::Rig;
 use meshes::Point;
 use meshes::frame::Side;
 use sim::Model;
-use sim::coordinate::{AP, FE, IE, Load, ML, Six};
+use sim::coordinate::{AP, FE, IE, Load, ML, Six, VV};
 use sim::flags::Flag;
 use sim::trials::{TrialOptions, flags, solve};
 
@@ -74,6 +74,18 @@ fn a_rotation_is_odd_beyond_what_living_knees_turn() {
     };
     assert!(told(30.0, -66.0) && told(90.0, 66.0) && told(0.0, -35.0) && told(5.0, 57.0));
     assert!(!told(30.0, -38.0) && !told(60.0, 55.0) && !told(0.0, -25.0) && !told(0.0, 50.0));
+}
+
+#[test]
+fn varus_and_valgus_are_odd_far_from_the_ct_pose() {
+    let model = knee().compiled();
+    let evaluation = model.evaluate(&Six::zeros());
+    let told = |vv: f64| {
+        let mut gs = model.joint.ct_pose();
+        gs[VV] += vv.to_radians();
+        flags(&model, &gs, &evaluation, &TrialOptions::default()).contains(&Flag::Rotated)
+    };
+    assert!(told(39.0) && told(-26.0) && !told(24.0) && !told(-24.0));
 }
 
 #[test]
