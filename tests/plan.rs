@@ -5,13 +5,17 @@ use crate::common::{build_model, json, phantom, text, write};
 use crate::one_knee::specimen;
 use crate::schema::obeys;
 use genu::model_file::load;
-use genu::plan::{EXAMPLE, Outcome, PlanFile, Surfaces, TestsFile, outcome, parsed};
+use genu::plan::{EXAMPLE, Outcome, PlanFile, SiteFile, Surfaces, TestsFile, outcome, parsed};
 use meshes::frame::{AnatomicalFrame, Side};
 use meshes::{Point, Vector};
+use notices::Kind;
 use predicates::str::contains;
+use serde_json::Value;
+use sim::laxity::Test;
 use sim::mesh::MeshValue;
 use sim::spec::ModelSpec;
 use sim::trials::{TrialOptions, solve_trials};
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::OnceLock;
 use tempfile::TempDir;
@@ -200,6 +204,49 @@ fn files_hold_what_is_told_and_threads_change_nothing() {
     obeys(&told, &schema, &schema).unwrap();
     let page = text(&out.path().join("a/plan.html"));
     assert!(page.contains("<svg") && page.contains("hamstring") && !page.contains(" src=\"http"));
+    // the plan itself stands beside what came of it, and what the graft bears under each load
+    assert_eq!(serde_json::from_value::<PlanFile>(told["planned"].clone()).unwrap(), parsed(EXAMPLE).unwrap());
+    for words in ["What was planned", "with 80 N at 20 deg", "<td>134 N</td>", "<td>24.8 and 28.5</td>"] {
+        assert!(page.contains(words), "{words}");
+    }
+    let bears = page.split("What the grafts bear").nth(1).unwrap();
+    let loaded: Vec<&Value> = told["tests"].as_array().unwrap().iter().filter(|t| t["test"] != "unloaded").collect();
+    for t in loaded {
+        let force = t["states"]["reconstructed"]["graft_hamstring_n"]["value"].as_f64().unwrap();
+        let row = format!(
+            "<tr><td>{}</td><td>{}</td><td>{force:.0}</td></tr>",
+            t["test"].as_str().unwrap(),
+            t["flexion_deg"].as_f64().unwrap()
+        );
+        assert!(bears.contains(&row), "{row}");
+    }
+}
+
+#[test]
+fn a_graft_beside_an_uncut_knee_and_a_native_site_above_the_notch_are_told() {
+    let (_, spec, surfaces) = knee();
+    let kinds = |spec: &ModelSpec, plan: &PlanFile| {
+        let out = outcome(spec, surfaces, plan).unwrap();
+        out.notices
+            .iter()
+            .map(|n| n.kind)
+            .filter(|k| [Kind::NothingCut, Kind::GivenFar].contains(k))
+            .collect::<Vec<_>>()
+    };
+    let plan = single("", "slack_length_mm = 60");
+    assert!(kinds(spec, &plan).is_empty());
+    assert_eq!(kinds(spec, &PlanFile { cut: vec![], ..plan.clone() }), [Kind::NothingCut]);
+    // the ACL's own site is moved up, above the roof of the notch
+    let mut high = spec.clone();
+    let up = spec.frames.femur.superior * 25.0;
+    high.fibres.iter_mut().filter(|f| f.bundle.starts_with("ACL")).for_each(|f| f.femur += up);
+    // so long a ligament is given more slack
+    high.bundles.iter_mut().filter(|b| b.name.starts_with("ACL")).for_each(|b| b.reference_strain = 0.6);
+    assert_eq!(kinds(&high, &plan), [Kind::GivenFar]);
+    // a place that is given is no native one
+    let mut given = plan.clone();
+    given.graft[0].femur = SiteFile { quadrant_percent: Some([24.8, 28.5]), ..SiteFile::default() };
+    assert!(kinds(&high, &given).is_empty());
 }
 
 #[test]
@@ -233,6 +280,8 @@ fn a_plan_that_means_nothing_is_one_clear_error() {
             "mm off the bone",
         ),
         ("[tests]\nflexions_deg = []".to_owned(), "tests.flexions_deg has 0 flexions"),
+        (String::new(), "nothing is planned"),
+        ("name = \"rest\"\ncut = []\n[tests]\nflexions_deg = [30]".to_owned(), "line 2: nothing is planned"),
     ] {
         write(&file, &plan);
         let run =
@@ -269,4 +318,134 @@ fn samples_give_each_number_an_interval_and_each_promise_a_chance() {
     assert!(of("lower") < of("upper") && of("lower") <= of("mean") && of("mean") <= of("upper"));
     let chances = banded["chances"].as_array().unwrap();
     assert!(chances.iter().all(|c| (0.0..=1.0).contains(&c["chance"].as_f64().unwrap())) && chances.len() == 3);
+    // where not every sample is restored, it is told where most are not
+    for c in chances {
+        let fails = &c["fails"];
+        assert!(c["chance"] == 1.0 || !fails.is_null(), "{c}");
+        assert!(fails.is_null() || fails["samples"][0].as_u64() <= fails["samples"][1].as_u64(), "{c}");
+    }
+    // a force is never below nought, a mean lies in its interval
+    let mut forces = 0;
+    for t in banded["tests"].as_array().unwrap() {
+        for (name, v) in t["states"].as_object().unwrap().values().flat_map(|s| s.as_object().unwrap()) {
+            let Some([low, mean, high]) = ends(v) else { continue };
+            assert!(low <= mean && mean <= high && (!name.ends_with("_n") || low >= 0.0), "{}: {name} {v}", t["test"]);
+            forces += usize::from(name.ends_with("_n"));
+        }
+    }
+    assert!(forces > 50, "{forces}");
+    // a mean does not depend on the order in which the samples are asked
+    let (first, shuffled) = (run("c", &["--samples", "12"]), run("d", &["--samples", "12", "--seed", "3"]));
+    let means = |told: &Value| -> Vec<f64> {
+        let tests = told["tests"].as_array().unwrap();
+        tests.iter().filter_map(|t| t["states"]["deficient"]["ap_mm"]["mean"].as_f64()).collect()
+    };
+    let (first, shuffled) = (means(&first), means(&shuffled));
+    assert!(first.len() > 5 && first.len() == shuffled.len());
+    assert!(first.iter().zip(&shuffled).all(|(a, b)| (a - b).abs() < 1e-6), "{first:?} {shuffled:?}");
+}
+
+/// Lower end, mean and upper end of a value; none where it has no interval.
+fn ends(value: &Value) -> Option<[f64; 3]> {
+    Some([value["lower"].as_f64()?, value["mean"].as_f64()?, value["upper"].as_f64()?])
+}
+
+/// What `simulate` answers to the tests of a plan: a row a test, by column.
+fn simulated(tests: &[Value], more: &[&str]) -> Vec<BTreeMap<String, String>> {
+    let folder = TempDir::new().unwrap();
+    let (trials, out) = (folder.path().join("trials.csv"), folder.path().join("out.csv"));
+    let mut csv =
+        String::from("trial,test,nominal_flexion_deg,load_vv_nm,load_ie_nm,load_ml_n,load_ap_n,load_si_n,fe_deg\n");
+    for (k, t) in tests.iter().enumerate() {
+        let load: Vec<String> = t["load"].as_array().unwrap().iter().map(|x| x.as_f64().unwrap().to_string()).collect();
+        let fe = t["flexion_deg"].as_f64().unwrap();
+        csv += &format!("t{k},{},{fe},{},{fe}\n", Test::Neutral.name(), load.join(","));
+    }
+    write(&trials, csv);
+    build_model()
+        .arg("simulate")
+        .arg(specimen())
+        .arg("--trials")
+        .arg(&trials)
+        .args(more)
+        .arg("--out")
+        .arg(&out)
+        .assert()
+        .success();
+    let text = text(&out);
+    let mut lines = text.lines();
+    let header: Vec<&str> = lines.next().unwrap().split(',').collect();
+    let row = |l: &str| header.iter().zip(l.split(',')).map(|(n, cell)| ((*n).to_owned(), cell.to_owned())).collect();
+    lines.map(row).collect()
+}
+
+#[test]
+fn a_cut_knee_has_the_values_intervals_and_counts_of_simulate_without() {
+    // files have six digits, and a result's flexion is that of its pose, by the last bit beside the asked one
+    const TOLERANCE: f64 = 1e-3;
+    let out = TempDir::new().unwrap();
+    let file = out.path().join("graft.toml");
+    write(&file, "cut = [\"ACL\"]\n[tests]\nflexions_deg = [30, 90]\npassive_deg = [30]\n");
+    build_model()
+        .arg("plan")
+        .arg(specimen())
+        .arg(&file)
+        .args(["--samples", "8", "--out"])
+        .arg(out.path())
+        .assert()
+        .success();
+    let told = json(&out.path().join("plan.json"));
+    let tests = told["tests"].as_array().unwrap();
+    let mut intervals = 0;
+    for (state, more) in [("intact", &[][..]), ("deficient", &["--without", "ACL"][..])] {
+        let rows = simulated(tests, &[&["--samples", "8"][..], more].concat());
+        for (t, row) in tests.iter().zip(&rows) {
+            let place = format!("{} at {}, {state}", t["test"], t["flexion_deg"]);
+            for (name, value) in t["states"][state].as_object().unwrap().iter().filter(|(name, _)| *name != "laxity") {
+                for (key, end) in [("value", ""), ("mean", "_mean"), ("lower", "_lower"), ("upper", "_upper")] {
+                    let by_simulate = row[&format!("{name}{end}")].parse::<f64>().ok();
+                    let off = value[key].as_f64().zip(by_simulate).map(|(a, b)| (a - b).abs());
+                    assert_eq!(value[key].is_null(), by_simulate.is_none(), "{place}: {name} {key}");
+                    assert!(off.is_none_or(|x| x < TOLERANCE), "{place}: {name} {key} {value} {by_simulate:?}");
+                    intervals += usize::from(key == "lower" && off.is_some());
+                }
+            }
+            let flags: Vec<&str> = t["flags"][state].as_array().unwrap().iter().map(|f| f.as_str().unwrap()).collect();
+            // a plan does not tell of a single knee beside its interval, nor simulate by row of samples without equilibrium
+            let own = |f: &&str| !f.is_empty() && !f.starts_with("outside its interval") && !f.ends_with("equilibrium");
+            let by_simulate: Vec<&str> = row["flags"].split("; ").filter(own).collect();
+            assert_eq!(flags.into_iter().filter(own).collect::<Vec<_>>(), by_simulate, "{place}");
+        }
+    }
+    assert!(intervals > 100, "{intervals}");
+}
+
+#[test]
+fn a_test_without_equilibrium_leaves_the_intervals_of_the_others() {
+    let out = TempDir::new().unwrap();
+    let file = out.path().join("graft.toml");
+    // a knee without collateral ligaments has no equilibrium under a large varus or valgus moment
+    let cut = "cut = [\"sMCL\", \"dMCL\", \"LCL\", \"PFL\", \"POL\"]\n";
+    write(&file, format!("{cut}[tests]\nflexions_deg = [30]\npassive_deg = [30]\nvarus_valgus_nm = 50\n"));
+    build_model()
+        .arg("plan")
+        .arg(specimen())
+        .arg(&file)
+        .args(["--samples", "6", "--out"])
+        .arg(out.path())
+        .assert()
+        .success();
+    let told = json(&out.path().join("plan.json"));
+    let of = |test: &str| {
+        let t = told["tests"].as_array().unwrap().iter().find(|t| t["test"] == test).unwrap();
+        (t["states"]["deficient"]["ap_mm"].clone(), t["flags"]["deficient"].to_string())
+    };
+    let (none, flags) = of("valgus");
+    assert!(
+        none.is_null() && flags.contains("\"no equilibrium\"") && flags.contains("6 of 6 samples have no"),
+        "{flags}"
+    );
+    for test in ["unloaded", "anterior drawer"] {
+        assert!(ends(&of(test).0).is_some(), "{test}: {:?}", of(test));
+    }
 }

@@ -74,6 +74,37 @@ fn a_model_cut_short_is_one_clear_error() {
     refused("articular_femur");
 }
 
+/// A knee without collateral ligaments has no equilibrium under a large moment; the other rows are wanted all the same.
+#[test]
+fn a_trial_without_equilibrium_leaves_the_other_rows_as_they_are() {
+    let folder = TempDir::new().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let head = "trial,test,nominal_flexion_deg,load_vv_nm,load_ie_nm,load_ml_n,load_ap_n,load_si_n,fe_deg\n";
+    let (rest, lost, drawn) =
+        ("rest,neutral,30,0,0,0,0,20,30\n", "opened,valgus,30,60,0,0,0,20,30\n", "drawn,anterior,30,0,0,0,50,20,30\n");
+    let run = |name: &str, rows: &[&str]| {
+        let trials = path(&format!("{name}.csv"));
+        std::fs::write(&trials, head.to_owned() + &rows.concat()).unwrap();
+        let mut command = build_model();
+        command.arg("simulate").arg(specimen()).arg("--trials").arg(&trials);
+        command
+            .args(["--without", "sMCL,dMCL,LCL,PFL,POL", "--samples", "0", "--out"])
+            .arg(path(&format!("{name}.out")));
+        command.assert()
+    };
+    run("all", &[rest, lost, drawn])
+        .success()
+        .stderr(contains("1 of 3 trials has no equilibrium").and(contains("opened")));
+    run("two", &[rest, drawn]).success();
+    let told = ["trial", "fe_deg", "vv_deg", "ap_mm", "force_PCL_AL_n", "contact_medial_force_n", "flags"];
+    let (all, two) = (columns(&path("all.out"), &told), columns(&path("two.out"), &told));
+    assert_eq!([&all[0], &all[2]], [&two[0], &two[1]]);
+    assert_eq!(all[1], ["opened", "30.000000", "", "", "", "", "no equilibrium"]);
+    // where no row has an answer there is no file
+    run("none", &[lost]).code(1).stderr(contains("opened: no equilibrium"));
+    assert!(!path("none.out").exists());
+}
+
 /// A data set that a model does not know would be read as none at all.
 #[test]
 fn a_data_set_that_the_model_does_not_know_is_refused() {

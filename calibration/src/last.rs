@@ -2,6 +2,7 @@
 //! finds the knee has neither; samples are asked by the search's, and moved by what the final mechanics change of the most probable knee's.
 
 use crate::knee::Knee;
+use crate::mechanics::ELSEWHERE;
 use inference::knee::{Answers, Trials, models_at};
 use nalgebra::DVector;
 use sim::SimError;
@@ -27,9 +28,6 @@ pub(crate) struct LastReadings {
     /// Those of them whose path ends far from the equilibrium that the search, which begins close by, found.
     pub(crate) elsewhere: Vec<usize>,
 }
-
-/// How far from the search's equilibrium the path of loading ends in another [deg or mm]; ours: friction alone moves a slack knee by 3 mm.
-const ELSEWHERE: f64 = 8.0;
 
 /// Readings of the first `measured` trials at `z`, of which the search found the equilibria `near`.
 ///

@@ -4,13 +4,17 @@
 //! with friction, with all contact nodes, along the path of loading. The most probable knee is asked both ways, and every sample is moved by the difference.
 
 use inference::knee::predict::Prediction;
-use sim::coordinate::Free;
+use sim::coordinate::{Coordinate, FREE, Free};
 use sim::laxity::force_column;
 use std::collections::BTreeMap;
 
 /// What the final mechanics change of the search's answers to a trial, by column.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Mechanics(BTreeMap<String, Change>);
+
+/// Further apart than this in a coordinate the two rest in different equilibria [deg or mm], of which one says nothing of the other; ours: friction moves a
+/// slack knee by 3 mm.
+pub(crate) const ELSEWHERE: f64 = 8.0;
 
 /// A change of one number.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,8 +26,13 @@ enum Change {
 }
 
 impl Mechanics {
-    /// The change from what the search tells of a knee to what the final mechanics tell of it.
+    /// The change from what the search tells of a knee to what the final mechanics tell of it; none where they rest in different equilibria.
     pub(crate) fn between(search: &[(String, f64)], last: &[(String, f64)]) -> Mechanics {
+        let pose = |told: &[(String, f64)], c: Coordinate| told.iter().find(|t| t.0 == c.column()).map(|t| t.1);
+        let apart = |c: Coordinate| Some((pose(search, c)? - pose(last, c)?).abs());
+        if FREE.into_iter().filter_map(apart).any(|x| x > ELSEWHERE) {
+            return Mechanics::default();
+        }
         let of = |(name, from): &(String, f64)| {
             let to = last.iter().find(|l| l.0 == *name)?.1;
             let is_spread = ["_area_mm2", "_mean_mpa", "_peak_mpa"].iter().any(|end| name.ends_with(end));
@@ -95,6 +104,15 @@ mod tests {
         assert_eq!(last(3.0, 30.0, 200.0), [2.5, 20.0, 100.0]);
         assert_eq!(last(-1.0, 4.0, 50.0), [-1.5, 0.0, 25.0]);
         assert!((change.of("ie_deg", 7.0) - 7.0).abs() < 1e-12, "what the final mechanics do not tell stays");
+    }
+
+    #[test]
+    fn a_knee_that_rests_elsewhere_moves_no_sample() {
+        let (here, there) = (told(3.0, 30.0, 200.0), told(3.0 + 1.01 * ELSEWHERE, 0.0, 10.0));
+        let none = Mechanics::between(&here, &there);
+        assert_eq!([none.of("ap_mm", 3.0), none.of("force_ACL_AM_n", 30.0)], [3.0, 30.0]);
+        let change = Mechanics::between(&here, &told(5.0, 24.0, 100.0));
+        assert_eq!([change.of("ap_mm", 3.0), change.of("force_ACL_AM_n", 30.0)], [5.0, 24.0]);
     }
 
     #[test]

@@ -13,7 +13,7 @@ use crate::unknown::{UNLIKE_STREAM, Unknown, Unknowns};
 use crate::unmeasured::force_sd;
 use attachments::groups::GROUPS;
 use inference::knee::predict::Prediction;
-use inference::knee::{Quantity, Trials, models_at};
+use inference::knee::{Answers, Quantity, Trials, models_at};
 use inference::parameter::{Parameter, Prior};
 use inference::posterior::Forward;
 use inference::random::{normals, stream};
@@ -96,6 +96,20 @@ struct Drawn {
     pushed: Vec<Vec<Option<Free<f64>>>>,
 }
 
+/// What a sample answers to a trial, moved to the final mechanics: with friction, with all contact nodes, along the path of loading.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reached {
+    /// VV, IE [deg], ML, AP, SI [mm].
+    pub pose: Free<f64>,
+    /// The same under the loads that the model lacks, too; none without equilibrium or off the plateau.
+    pub pushed: Option<Free<f64>>,
+    /// Whether the femur has left the plateau.
+    pub leaves_the_plateau: bool,
+}
+
+/// What samples answer, by sample and trial; `None` where a sample has no equilibrium.
+pub type Each = Vec<Vec<Option<Reached>>>;
+
 /// A change of a coordinate from one trial to another, as an apparatus reads it: no zero of its frame counts.
 #[derive(Clone, Debug)]
 pub struct Change {
@@ -140,6 +154,15 @@ impl Samples {
         self.len() == 0
     }
 
+    /// The samples `which` alone, in that order.
+    pub fn only(&self, which: &[usize]) -> Samples {
+        let mut out = self.clone();
+        for u in &mut out.of.unknowns {
+            u.samples = which.iter().filter_map(|s| u.samples.get(*s).copied()).collect();
+        }
+        out
+    }
+
     /// The model that samples are asked of: merged contact nodes, no friction.
     ///
     /// # Errors
@@ -177,7 +200,7 @@ impl Samples {
     /// Bands of what the knee does in trials.
     ///
     /// # Errors
-    /// A model that does not compile; a most probable knee without equilibrium in a trial.
+    /// A model that does not compile; a most probable knee without equilibrium in any trial.
     pub fn bands(&self, meshes: &BTreeMap<String, MeshValue>, question: &Question) -> Result<Bands, CalibrationError> {
         if question.trials.is_empty() || self.is_empty() || question.most == 0 {
             return Ok(Bands::nothing(question.trials.len()));
@@ -188,7 +211,7 @@ impl Samples {
     /// [`Samples::bands`] by the model of [`Samples::searched`], for whoever asks more than once.
     ///
     /// # Errors
-    /// A name of no bundle; a most probable knee without equilibrium in a trial.
+    /// A name of no bundle; a most probable knee without equilibrium in any trial.
     pub fn bands_of(&self, searched: &Model, question: &Question) -> Result<Bands, CalibrationError> {
         self.bands_changed(searched, question, (&Changed::default(), &Fixed::default()))
     }
@@ -203,9 +226,22 @@ impl Samples {
         question: &Question,
         change: (&Changed, &Fixed),
     ) -> Result<Bands, CalibrationError> {
+        Ok(self.bands_and_each(searched, question, change)?.0)
+    }
+
+    /// [`Samples::bands_changed`], and what each sample answers: for whoever counts differences and shares of the samples.
+    ///
+    /// # Errors
+    /// As [`Samples::bands_of`].
+    pub fn bands_and_each(
+        &self,
+        searched: &Model,
+        question: &Question,
+        change: (&Changed, &Fixed),
+    ) -> Result<(Bands, Each), CalibrationError> {
         let trials = question.trials;
         if trials.is_empty() || self.is_empty() || question.most == 0 {
-            return Ok(Bands::nothing(trials.len()));
+            return Ok((Bands::nothing(trials.len()), vec![]));
         }
         let (each, place) = different(trials);
         let Drawn { names, own, found, pushed } =
@@ -214,6 +250,7 @@ impl Samples {
             (Some(last), Some(p)) => Mechanics::between(&told(&names, p), last),
             _ => Mechanics::default(),
         };
+        let mechanics: Vec<Mechanics> = (0..trials.len()).map(mechanics).collect();
         let leaves = |f: &Vec<Option<Prediction>>, i: usize| f[place[i]].as_ref().map(|p| p.leaves_the_plateau);
         let staying: Vec<Staying> =
             (0..trials.len()).map(|i| Staying::of(found.iter().map(|f| leaves(f, i)))).collect();
@@ -221,7 +258,7 @@ impl Samples {
             let here: Vec<(usize, &Prediction)> =
                 staying.here.iter().filter_map(|s| Some((*s, found[*s][place[i]].as_ref()?))).collect();
             let pushed: Vec<Option<Free<f64>>> = pushed.iter().map(|p| p[place[i]]).collect();
-            self.row(&names, &here, &pushed, &mechanics(i))
+            self.row(&names, &here, &pushed, &mechanics[i])
         };
         let rows = staying.iter().enumerate().map(row).collect();
         let leaving = staying.iter().map(|s| s.leaving).collect();
@@ -232,7 +269,11 @@ impl Samples {
             Kinds::of(own[*i].as_ref().map(|p| &p.pose), here.map(|p| (p.pose, p.is_subluxed)))
         });
         let kinds = kinds.collect();
-        Ok(Bands { rows, leaving, kinds, asked: found.len(), lost })
+        let of_sample = |(found, pushed): (&Vec<Option<Prediction>>, &Vec<Option<Free<f64>>>)| {
+            place.iter().zip(&mechanics).map(|(i, m)| reached(found, pushed, *i, m)).collect()
+        };
+        let each: Each = found.iter().zip(&pushed).map(of_sample).collect();
+        Ok((Bands { rows, leaving, kinds, asked: found.len(), lost }, each))
     }
 
     /// Bands of readings of changes, an entry each, of the samples that stay on the plateau at both ends; `None` where fewer than two do.
@@ -266,9 +307,7 @@ impl Samples {
             };
             let staying = Staying::of(found.iter().map(leaves));
             let (plain, drawn): (Vec<f64>, Vec<f64>) = staying.here.iter().filter_map(by).unzip();
-            let (lower, upper) = ends(&drawn, self.of.interval)?;
-            let mean = mean(&plain);
-            Some(Band { mean, lower: lower.min(mean), upper: upper.max(mean) })
+            band_of(&plain, &drawn, self.of.interval)
         };
         Ok(changes.iter().enumerate().map(band).collect())
     }
@@ -276,7 +315,7 @@ impl Samples {
     /// What each sample answers to trials, by sample and trial; `None` where it has no equilibrium. `searched` is the model of [`Samples::searched`].
     ///
     /// # Errors
-    /// A name of no bundle; a most probable knee without equilibrium in a trial.
+    /// A name of no bundle; a most probable knee without equilibrium in any trial.
     pub fn answers(
         &self,
         searched: &Model,
@@ -343,28 +382,33 @@ impl Samples {
             on_fit: None,
         };
         let mode = DVector::from_iterator(parameters.len(), unknowns.iter().map(|u| u.most_probable));
-        let answers = knee.at(&mode, None).ok_or_else(|| {
-            CalibrationError::Targets("the most probable knee has no equilibrium in one of the trials".into())
-        })?;
+        let (able, answers) = answered(&knee, &mode);
+        if able.is_empty() {
+            return Err(CalibrationError::Targets("the most probable knee has no equilibrium in any trial".into()));
+        }
         let used = self.len().min(question.most);
-        let near = (&mode, &answers.state);
+        let near = (&mode, &answers);
         let lacking = knee.lacking(self.of.seed ^ LACKING_SEED, used);
+        let of_able: Vec<Trial> = able.iter().map(|i| asked[*i].clone()).collect();
+        let knee = Trials { trials: &of_able, ..knee };
+        let all = asked.len();
         let at = |s: usize| {
             let z = DVector::from_iterator(parameters.len(), unknowns.iter().map(|u| u.samples[s]));
             // a graft is fixed in each sample's own knee
             let own = fixed.samples.get(s).and_then(Option::as_deref).and_then(|strains| with(strains).ok());
             if own.is_none() && !changed.grafts.is_empty() {
-                return (vec![None; asked.len()], vec![None; asked.len()]);
+                return (vec![None; all], vec![None; all]);
             }
             let knee = Trials { model: own.as_ref().unwrap_or(&model), ..knee };
-            let of = |knee: &Trials| knee.predicted(&z, near).unwrap_or_else(|_| vec![None; asked.len()]);
-            let pushed: Vec<Trial> = asked.iter().zip(&lacking[s]).map(|(asked, by)| under(asked, by)).collect();
+            let of = |knee: &Trials| knee.predicted(&z, near).unwrap_or_else(|_| vec![None; of_able.len()]);
+            let pushed: Vec<Trial> = of_able.iter().zip(&able).map(|(t, i)| under(t, &lacking[s][*i])).collect();
             let stays = |p: &Prediction| (!p.leaves_the_plateau).then_some(p.pose);
-            let poses = of(&Trials { trials: &pushed, ..knee }).iter().map(|p| p.as_ref().and_then(stays)).collect();
-            (of(&knee), poses)
+            let poses: Vec<Option<Free<f64>>> =
+                of(&Trials { trials: &pushed, ..knee }).iter().map(|p| p.as_ref().and_then(stays)).collect();
+            (spread(of(&knee), &able, all), spread(poses, &able, all))
         };
         let (found, pushed) = (0..used).into_par_iter().map(at).unzip();
-        let own = knee.predicted(&mode, near)?;
+        let own = spread(knee.predicted(&mode, near)?, &able, all);
         Ok(Drawn { names: model.bundle_names(), own, found, pushed })
     }
 
@@ -397,12 +441,30 @@ impl Samples {
             }
         }
         let band = |(name, values, drawn): (String, Vec<f64>, Vec<f64>)| {
-            let (lower, upper) = ends(&drawn, self.of.interval)?;
-            let mean = mean(&values);
-            Some((name, Band { mean, lower: lower.min(mean), upper: upper.max(mean) }))
+            Some((name, band_of(&values, &drawn, self.of.interval)?))
         };
         columns.into_iter().filter_map(band).collect()
     }
+}
+
+/// Answers of the most probable knee at `mode`, and the places of the trials that have one.
+fn answered(knee: &Trials, mode: &DVector<f64>) -> (Vec<usize>, Answers) {
+    let all = knee.trials;
+    if let Some(found) = knee.at(mode, None) {
+        return ((0..all.len()).collect(), found.state);
+    }
+    let one = |i: usize| {
+        let alone = Trials { trials: &all[i..=i], ..*knee };
+        Some((i, alone.at(mode, None)?.state.pop()?))
+    };
+    (0..all.len()).into_par_iter().filter_map(one).unzip()
+}
+
+/// Answers at their places among all trials; `None` at the others.
+fn spread<T: Clone>(answers: Vec<Option<T>>, places: &[usize], all: usize) -> Vec<Option<T>> {
+    let mut out = vec![None; all];
+    places.iter().zip(answers).for_each(|(i, answer)| out[*i] = answer);
+    out
 }
 
 /// Trials without repeats, and the place among them of each: samples have no friction, so a load answers alike on its way there and back.
@@ -417,6 +479,30 @@ fn different(trials: &[LaxityTrial]) -> (Vec<LaxityTrial>, Vec<usize>) {
     });
     let place = place.collect();
     (each, place)
+}
+
+/// Mean of what samples answer, and the interval of what they answer under the loads that the model lacks, too; `share` of them lie in it. None of fewer
+/// than two.
+pub fn band_of(plain: &[f64], drawn: &[f64], share: f64) -> Option<Band> {
+    let (lower, upper) = ends(drawn, share).filter(|_| plain.len() > 1)?;
+    let mean = mean(plain);
+    Some(Band { mean, lower: lower.min(mean), upper: upper.max(mean) })
+}
+
+/// A sample's answer to the trial at `place`, by the final mechanics.
+fn reached(
+    found: &[Option<Prediction>],
+    pushed: &[Option<Free<f64>>],
+    place: usize,
+    mechanics: &Mechanics,
+) -> Option<Reached> {
+    let p = found[place].as_ref()?;
+    let moved = |pose: &Free<f64>| Free::from_fn(|c| mechanics.of(&c.column(), pose[c]));
+    Some(Reached {
+        pose: moved(&p.pose),
+        pushed: pushed[place].as_ref().map(moved),
+        leaves_the_plateau: p.leaves_the_plateau,
+    })
 }
 
 /// Both ends of a change, by its number.
@@ -454,6 +540,14 @@ fn imagined(t: &LaxityTrial, source: Option<usize>) -> Trial {
 mod tests {
     use super::*;
     use sim::laxity::Test;
+
+    #[test]
+    fn one_sample_has_no_interval_and_two_have_one_that_holds_their_mean() {
+        assert!(band_of(&[1.0], &[0.5, 1.5], 0.9).is_none() && band_of(&[1.0, 2.0], &[], 0.9).is_none());
+        let two = band_of(&[4.0, 6.0], &[1.0, 2.0], 0.9);
+        assert!(two.is_some_and(|b| b.mean == 5.0 && b.lower <= 2.0 && b.upper == 5.0), "{two:?}");
+        assert_eq!(spread(vec![Some(1), None, Some(3)], &[0, 2, 4], 5), [Some(1), None, None, None, Some(3)]);
+    }
 
     #[test]
     fn a_load_on_its_way_back_is_asked_once_and_another_flexion_or_tension_by_itself() {

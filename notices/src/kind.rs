@@ -36,7 +36,7 @@ macro_rules! kinds {
 kinds! {
     // What readers of surfaces and pictures tell
     OneColour Light "Every vertex of a scan has one colour.",
-    CoarseNumbers Light "Numbers of single precision far from the origin.",
+    CoarseNumbers Light "Numbers in coarse steps: rounded, or of single precision far from the origin.",
     ColourScale Light "Colours read on another scale than usual.",
     ColoursUnused Light "Colours that only some vertices have.",
     NoTexture Light "A material without texture or colour.",
@@ -152,6 +152,7 @@ kinds! {
     RaisedColumns Light "Columns raised to the least thickness.",
     InvertedElements Heavy "Inverted elements.",
     SmallGap Light "A gap smaller than wanted.",
+    CartilagesApart Heavy "Cartilages that do not meet in the CT pose.",
     LiftedOff Light "Cartilage lifted off its bone.",
     // contact-law
     LawMisses Light "A fitted law that misses the model.",
@@ -182,6 +183,7 @@ kinds! {
     BeyondCalibration Light "Trials that ask for what the knee was not calibrated to.",
     ExplicitStopped Light "Explicit dynamics that were stopped early.",
     SolversApart Light "Rows in which the two solvers differ.",
+    NothingCut Light "A graft in a knee of which nothing is cut.",
     ModelChanged Light "A model changed since its calibration.",
     NoIntervals Light "Values without intervals.",
     CrossLeftOut Light "Ranges of one data set that the knee of another does not predict.",

@@ -1,9 +1,12 @@
 //! `plan`: a ligament's reconstruction on a knee, before it is done: intact, deficient and reconstructed side by side.
 
+mod chances;
 mod file;
 mod knee;
 mod outcome;
 mod page;
+mod planned;
+mod sampled;
 mod sites;
 mod spelled;
 mod table;
@@ -19,9 +22,10 @@ use crate::store;
 use crate::told::{ModelTold, Told};
 use crate::which_model::WhichModel;
 use calibration::samples::Samples;
+pub use chances::{ChanceTold, FailTold};
 use clap::Args;
 pub use file::{EXAMPLE, GraftFile, PlanFile, SiteFile, TestsFile, parsed, read};
-pub use outcome::{ChanceTold, GraftTold, Outcome, SCHEMA, Surfaces, TestTold, Value, outcome};
+pub use outcome::{GraftTold, Outcome, SCHEMA, Surfaces, TestTold, Value, outcome};
 use std::path::PathBuf;
 
 /// Samples asked unless told; ours: 90 % intervals of so many have ends of two samples or so.

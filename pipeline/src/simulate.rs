@@ -206,8 +206,8 @@ fn answers_to(
     };
     let model = cut.as_ref().unwrap_or(base);
     let names = model.bundle_names();
-    let mut results = match args.protocol {
-        Some(protocol) => run_protocol(model, protocol, args).map_err(|e| fault(&e))?,
+    let (mut results, lost) = match args.protocol {
+        Some(protocol) => (run_protocol(model, protocol, args).map_err(|e| fault(&e))?, vec![]),
         None => answers(model, &trials, args.solver).map_err(|e| fault(&e))?,
     };
     warnings.extend(beyond::calibration(&loaded.spec, results.iter().map(|r| &r.trial)));
@@ -221,6 +221,7 @@ fn answers_to(
         dislocation_ap_mm: pivot.then_some(ProtocolOptions::default().pivot_dislocation_ap_mm),
     };
     let by = banded(compiled, &mut results, &asking, (&mut words, &mut warnings))?;
+    warnings.extend(with_lost(&mut results, &lost, (trials.as_slice(), names.len())));
     let csv = match args.protocol {
         Some(_) => laxity::protocol_csv(&names, &results),
         None => laxity::results_csv(&names, &results),
@@ -291,7 +292,9 @@ fn told(
     for r in results {
         // that one knee is no middle of all is counted in the words; a few samples of another kind stand in the table
         let few = |f: &&Flag| matches!(f, Flag::SamplesDiffer { .. }) && !f.is_odd();
-        let odd = sentences(r.flags.iter().filter(|f| !f.is_of_the_single_model() && !few(f)));
+        // rows without equilibrium are told together
+        let together = |f: &&Flag| **f == Flag::NoEquilibrium;
+        let odd = sentences(r.flags.iter().filter(|f| !f.is_of_the_single_model() && !few(f) && !together(f)));
         warnings.extend((!odd.is_empty()).then(|| Kind::RowFlagged.notice(odd.join("; ")).whose(&r.trial.trial)));
     }
     let data = SimulateTold {
@@ -335,9 +338,15 @@ pub(crate) fn of_model(csv: &str, label: &str) -> Result<Vec<u8>, BuildError> {
     Ok(with_columns(csv, &[("model".to_owned(), vec![label.to_owned(); rows])])?.into_bytes())
 }
 
-/// The answers to all trials.
-fn answers(model: &Model, trials: &[LaxityTrial], solver: Solver) -> Result<Vec<TrialResult>, sim::SimError> {
-    match solver {
+/// The answers to the trials that have an equilibrium, and the places of those that have none.
+///
+/// Errors: a trial at fault; no equilibrium in any.
+fn answers(
+    model: &Model,
+    trials: &[LaxityTrial],
+    solver: Solver,
+) -> Result<(Vec<TrialResult>, Vec<usize>), sim::SimError> {
+    let each: Vec<Result<TrialResult, sim::SimError>> = match solver {
         Solver::Quasistatic => {
             let answers = solve_trials(model, trials, &TrialOptions::default());
             answers.into_iter().zip(trials).map(|(answer, t)| answer.map(|a| a.result(t))).collect()
@@ -347,7 +356,48 @@ fn answers(model: &Model, trials: &[LaxityTrial], solver: Solver) -> Result<Vec<
             let each = trials.par_iter().map(|t| explicit_trial(model, t, &steps, &options, &mut unobserved));
             each.collect()
         }
+    };
+    let (mut found, mut lost, mut why) = (vec![], vec![], None);
+    for (k, answer) in each.into_iter().enumerate() {
+        match answer {
+            Ok(result) => found.push(result),
+            Err(e @ sim::SimError::Solver(_)) => {
+                lost.push(k);
+                why = why.or(Some(e));
+            }
+            // what was asked is at fault
+            Err(e) => return Err(e),
+        }
     }
+    match why {
+        Some(e) if found.is_empty() => Err(e),
+        _ => Ok((found, lost)),
+    }
+}
+
+/// Puts the rows of trials without equilibrium in their places, and tells of them.
+fn with_lost(
+    results: &mut Vec<TrialResult>,
+    lost: &[usize],
+    (trials, bundles): (&[LaxityTrial], usize),
+) -> Option<Notice> {
+    for k in lost {
+        results.insert(*k, TrialResult::without_equilibrium(&trials[*k], bundles));
+    }
+    let names: Vec<&str> = lost.iter().map(|k| trials[*k].trial.as_str()).collect();
+    let counts_from =
+        |r: &TrialResult| r.trial.reference.as_ref().is_some_and(|from| names.contains(&from.trial.as_str()));
+    let is_found = |r: &TrialResult| !r.flags.contains(&Flag::NoEquilibrium);
+    for r in results.iter_mut().filter(|r| is_found(r) && counts_from(r)) {
+        r.flags.push(Flag::Unloaded(Box::new(Flag::NoEquilibrium)));
+    }
+    let (n, have) = (lost.len(), if lost.len() == 1 { "has" } else { "have" });
+    let text = format!(
+        "{n} of {} trials {have} no equilibrium, and no answer in the results: {}",
+        trials.len(),
+        names.join(", ")
+    );
+    (n > 0).then(|| Kind::RowFlagged.notice(text).count(n))
 }
 
 fn run_protocol(model: &Model, protocol: ProtocolName, args: &SimulateArgs) -> Result<Vec<TrialResult>, sim::SimError> {

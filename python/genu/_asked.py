@@ -54,6 +54,12 @@ class Plan:
         return found
 
     @property
+    def planned(self) -> dict[str, Any]:
+        """What was planned: graft.toml with the defaults of all that it leaves out."""
+        found: dict[str, Any] = self.raw["planned"]
+        return found
+
+    @property
     def chances(self) -> list[Chance]:
         """How likely the knee is restored."""
         found: list[Chance] = self.raw["chances"]

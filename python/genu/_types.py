@@ -165,6 +165,15 @@ class GraftTold(TypedDict):
     length_mm: float
     slack_length_mm: float
     stiffness_n_per_mm: float
+    like: Optional[str]
+
+
+class Fails(TypedDict):
+    """The test in which a planned knee is most often unlike the intact one; ``samples``: in how many, and of how many."""
+
+    test: str
+    flexion_deg: float
+    samples: Optional[list[int]]
 
 
 class Chance(TypedDict):
@@ -173,6 +182,7 @@ class Chance(TypedDict):
     of: str
     chance: Optional[float]
     most_probable: bool
+    fails: Optional[Fails]
 
 
 class NextTest(TypedDict):

@@ -475,7 +475,13 @@ def diagnose(
 
 
 def export(
-    model: ModelLike, format: Format, out: Path, *, poses: Optional[Table] = None, contact: Contact | None = None
+    model: ModelLike,
+    format: Format,
+    out: Path,
+    *,
+    poses: Optional[Table] = None,
+    contact: Contact | None = None,
+    force: bool = False,
 ) -> list[str]:
     """Write a model as another program reads it.
 
@@ -492,6 +498,8 @@ def export(
     contact : {"elastic", "jam"}, optional
         Contact of an OpenSim model: ElasticFoundationForce, which OpenSim itself has, or Smith2018ArticularContactForce, for
         OpenSim with JAM, which :func:`import_opensim` reads. The first where none is given.
+    force : bool
+        Write over files that were edited since an earlier export wrote them.
 
     Returns
     -------
@@ -507,6 +515,7 @@ def export(
     words: list[Any] = ["export", path, "--format", format, "--out", place, "--json"]
     words += ["--poses", table_at(poses, "poses", files)] if poses is not None else []
     words += ["--contact", contact] if contact is not None else []
+    words += ["--force"] if force else []
     for odd in json.loads(called(words, files))["warnings"]:
         warnings.warn(odd, stacklevel=2)
     return sorted(os.path.join(d, f) for d, _, fs in os.walk(place) for f in fs)

@@ -3,6 +3,8 @@
 use super::spelled;
 use crate::error::{BuildError, Place};
 use crate::store;
+use notices::{Kind, Notice};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use sim::graft::{COMPRESSION_N, FIXED_AT_DEG, STIFFNESSES_N_PER_MM, TENSIONS_N, TOE_STRAIN};
 use std::path::Path;
@@ -15,7 +17,7 @@ pub const EXAMPLE: &str = include_str!("example.toml");
 const FLEXIONS_DEG: [f64; 2] = [-10.0, 140.0];
 
 /// What graft.toml says.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct PlanFile {
     /// What the plan is called.
@@ -33,7 +35,7 @@ pub struct PlanFile {
 }
 
 /// A graft, or one bundle of one.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GraftFile {
     /// Its name.
@@ -63,7 +65,7 @@ pub struct GraftFile {
 }
 
 /// A place on a bone: one of the first four keys.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct SiteFile {
     /// Footprint of a ligament or bundle of the knee.
@@ -79,7 +81,7 @@ pub struct SiteFile {
 }
 
 /// How the knee is tested.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct TestsFile {
     /// Flexions of the drawers and turns [deg].
@@ -190,7 +192,19 @@ impl PlanFile {
             }
             g.check().map_err(|wrong| wrong.within(&place, &format!("graft {:?}: ", g.name)))?;
         }
+        if self.cut.is_empty() && self.graft.is_empty() {
+            let told =
+                "nothing is planned: it cuts nothing and puts nothing in; expected cut = [\"ACL\"], or a [[graft]]";
+            return Err(Wrong::at("cut", told));
+        }
         Ok(())
+    }
+
+    /// What is unusual about a plan that means something.
+    pub(super) fn odd(&self) -> Vec<Notice> {
+        let is_uncut = self.cut.is_empty() && !self.graft.is_empty();
+        let text = "nothing is cut: what is put in stands beside all of the knee's own ligaments; expected cut = [\"ACL\"], or what it replaces";
+        is_uncut.then(|| Kind::NothingCut.notice(text)).into_iter().collect()
     }
 }
 

@@ -4,17 +4,15 @@ use super::file::{GraftFile, PlanFile, TestsFile};
 use super::sites::{Bone, bones};
 use meshes::Point;
 use sim::SimError;
-use sim::contact::{ContactOptions, Nearby};
-use sim::coordinate::{AP, FE, FREE, Free, IE, Load, Six, VV};
+use sim::coordinate::{AP, FREE, Free, IE, Load, VV};
 use sim::flags::Flag;
 use sim::graft::{Drawn, FIXED_AT_DEG, Graft, TENSION_N, bundle_name, with_grafts};
-use sim::laxity::{LaxityTrial, Test};
+use sim::laxity::{LaxityTrial, Test, force_column};
 use sim::ligament::mean_length;
 use sim::mesh::MeshValue;
-use sim::model::{Model, compile_with};
-use sim::quasistatic::{Goal, State, increment_near};
+use sim::model::{Model, compile};
 use sim::spec::{BundleSpec, ModelSpec};
-use sim::trials::{Answer, TrialOptions, chain_flexion, flags, pose_spec, solve, solve_trials};
+use sim::trials::{TrialOptions, solve_trials};
 use std::collections::BTreeMap;
 
 /// The states of a plan, in their order.
@@ -28,7 +26,7 @@ pub(super) struct Placed {
     /// [N/mm].
     pub(super) stiffness: f64,
     /// The bundle whose place it takes fibre by fibre, where it does.
-    whole: Option<String>,
+    pub(super) whole: Option<String>,
 }
 
 /// A test: its name, flexion, loads.
@@ -47,33 +45,39 @@ pub(super) struct Knee {
     pub(super) models: [Model; 3],
     /// Slack length of each graft as it was fixed [mm].
     pub(super) slack_mm: Vec<f64>,
-    /// Numbers of the grafts' bundles.
-    grafts: Vec<usize>,
+    /// The grafts as they are put in.
+    pub(super) grafts: Vec<Graft>,
+    /// Bundles that are cut.
+    pub(super) cut: Vec<String>,
 }
 
-/// What one test gave: columns in the order of [`columns`], and flags.
+/// What one test gave.
 #[derive(Clone, Debug)]
 pub(super) struct Found {
-    pub(super) gs: Six,
-    pub(super) values: Vec<f64>,
+    /// VV, IE [deg], ML, AP, SI [mm].
+    pub(super) pose: Free<f64>,
+    /// Every number by the name of its column in results.
+    pub(super) told: Vec<(String, f64)>,
     pub(super) flags: Vec<Flag>,
 }
 
 impl Found {
-    /// Whether the femur has left the plateau.
-    pub(super) fn leaves_the_plateau(&self) -> bool {
-        self.flags.contains(&Flag::Dislocated)
+    /// A number by the name of its column in results.
+    pub(super) fn value(&self, column: &str) -> Option<f64> {
+        self.told.iter().find(|(name, _)| name == column).map(|(_, x)| *x)
     }
 }
 
 /// The answers of a knee: by state and test.
 pub(super) type Answers = [Vec<Option<Found>>; 3];
 
-/// Names of the columns: pose, contact, grafts.
-pub(super) fn columns(file: &PlanFile) -> Vec<String> {
+/// Names of the columns that a plan tells: its own, and that of results.
+pub(super) fn columns(file: &PlanFile) -> Vec<[String; 2]> {
     let pose = FREE.map(|c| c.column()).into_iter();
     let contact = ["contact_medial_force_n", "contact_lateral_force_n"].map(str::to_owned);
-    pose.chain(contact).chain(file.graft.iter().map(|g| format!("graft_{}_n", g.name))).collect()
+    let same = pose.chain(contact).map(|name| [name.clone(), name]);
+    let grafts = file.graft.iter().enumerate();
+    same.chain(grafts.map(|(k, g)| [format!("graft_{}_n", g.name), force_column(&bundle_name(k))])).collect()
 }
 
 /// The tests of a plan.
@@ -214,7 +218,7 @@ pub(super) fn begun(
 }
 
 impl Knee {
-    /// Cuts, puts in and fixes. `friction` and `contact` are those of the whole plan's knee.
+    /// Cuts, puts in and fixes.
     ///
     /// # Errors
     /// A site that is none, a tension that is out of reach, a knee without equilibrium: a sentence.
@@ -222,28 +226,20 @@ impl Knee {
         spec: &ModelSpec,
         surfaces: &BTreeMap<String, MeshValue>,
         file: &PlanFile,
-        (contact, friction): (&ContactOptions, Option<f64>),
     ) -> Result<(Knee, Vec<Placed>), String> {
         let told = |e: SimError| e.to_string();
         let bones = bones(spec, surfaces)?;
         let placed = file.graft.iter().map(|g| placed(spec, &bones, g)).collect::<Result<Vec<_>, _>>()?;
-        let mut model = compile_with(spec, surfaces, contact).map_err(told)?;
-        if let Some(friction) = friction {
-            model = model.with_friction(friction).map_err(told)?;
-        }
+        let model = compile(spec, surfaces).map_err(told)?;
         let names: Vec<String> = (0..file.graft.len()).map(bundle_name).collect();
         let cut = cut(spec, file)?;
         let grafts: Vec<Graft> =
             file.graft.iter().zip(&placed).map(|(g, p)| for_solver(g, p, file.tests.compression_n)).collect();
         let model = with_grafts(&model, &grafts, &cut, None).map_err(told)?;
         let [intact, deficient, reconstructed] =
-            [names.clone(), [names.clone(), cut.clone()].concat(), cut].map(|out| model.without(&out).map_err(told));
-        let first = spec.bundles.len();
-        let knee = Knee {
-            models: [intact?, deficient?, reconstructed?],
-            slack_mm: model.bundles[first..].iter().map(|b| b.slack_length()).collect(),
-            grafts: (first..first + names.len()).collect(),
-        };
+            [names.clone(), [names, cut.clone()].concat(), cut.clone()].map(|out| model.without(&out).map_err(told));
+        let slack = model.bundles[spec.bundles.len()..].iter().map(|b| b.slack_length()).collect();
+        let knee = Knee { models: [intact?, deficient?, reconstructed?], slack_mm: slack, grafts, cut };
         Ok((knee, placed))
     }
 
@@ -252,55 +248,13 @@ impl Knee {
         let trials: Vec<LaxityTrial> = asked.iter().map(|a| a.trial.clone()).collect();
         [0, 1, 2].map(|state| {
             let model = &self.models[state];
+            let bundles = model.bundle_names();
             let answers = solve_trials(model, &trials, &TrialOptions::default());
-            answers.into_iter().map(|a| a.ok().map(|a| self.found(model, &a))).collect()
+            let found = answers.into_iter().zip(&trials).map(|(answer, trial)| {
+                let result = answer.ok()?.result(trial);
+                Some(Found { pose: result.predicted(), told: result.columns(&bundles), flags: result.flags })
+            });
+            found.collect()
         })
     }
-
-    /// The same from the answers of a knee that is nearly this one; where there is no equilibrium close by, along the path.
-    pub(super) fn answers_near(&self, asked: &[Asked], near: &Answers) -> Answers {
-        let options = TrialOptions::default();
-        [0, 1, 2].map(|state| {
-            let model = &self.models[state];
-            let of = |(a, from): (&Asked, &Option<Found>)| {
-                let close = from.as_ref().and_then(|f| close_by(model, &a.trial, &f.gs, &options).ok());
-                let answer = close.or_else(|| solve(model, a.trial.fe_deg, &a.trial.load, &options).ok());
-                answer.map(|answer| self.found(model, &answer))
-            };
-            asked.iter().zip(&near[state]).map(of).collect()
-        })
-    }
-
-    /// The columns of an answer.
-    fn found(&self, model: &Model, answer: &Answer) -> Found {
-        let mut values: Vec<f64> = answer.pose.free().iter().copied().collect();
-        let contact = model.contact.compartments(&answer.evaluation.pose, model.joint.tibia());
-        values.extend(contact.iter().map(|c| c.force.norm()));
-        values.extend(self.grafts.iter().map(|g| answer.forces_n[*g]));
-        Found { gs: model.joint.grood_suntay(&answer.state.q), values, flags: answer.flags.clone() }
-    }
-}
-
-/// An equilibrium sought from a pose close by.
-fn close_by(model: &Model, trial: &LaxityTrial, gs: &Six, options: &TrialOptions) -> Result<Answer, SimError> {
-    let flexion = chain_flexion(model, trial.fe_deg, options)?;
-    let mut from = State::at(model.joint.coordinates(gs)?);
-    from.q[FE] = flexion;
-    let goal = Goal { flexion, load: trial.load.generalised(), flow: None };
-    let solved = increment_near(model, &from, &goal, &options.solver, true, &mut Nearby::default())?;
-    let gs = model.joint.grood_suntay(&solved.state.q);
-    Ok(Answer {
-        pose: pose_spec(&gs),
-        forces_n: model.bundle_forces(&solved.evaluation.fibres),
-        outputs: vec![],
-        flags: flags(model, &gs, &solved.evaluation, options),
-        state: solved.state,
-        evaluation: solved.evaluation,
-        evaluations: solved.evaluations,
-    })
-}
-
-/// Poses of the free coordinates, as five columns.
-pub(super) fn pose_of(found: &Found) -> Free<f64> {
-    Free::from_fn(|c| found.values[c.free_index()])
 }

@@ -1,19 +1,18 @@
 //! What comes of a plan: every state in every test, with mean and interval by samples, and the chance that the knee is like the intact one.
 
-use super::file::PlanFile;
-use super::knee::{Answers, Asked, Found, Knee, Placed, STATES, columns, main_coordinate, pose_of, tests};
+use super::chances::{ChanceTold, chances};
+use super::file::{GraftFile, PlanFile};
+use super::knee::{Answers, Asked, Found, Knee, Placed, STATES, columns, main_coordinate, tests};
+use super::sampled::{At, Sampled};
 use super::sites::{Bone, bones};
 use crate::told::ModelTold;
-use calibration::kinds::Kinds;
-use calibration::plateau::Staying;
 use calibration::samples::Samples;
 use notices::{Kind, Notice};
-use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::Serialize;
-use sim::contact::ContactOptions;
 use sim::coordinate::{AP, Coordinate, IE, VV};
 use sim::flags::{Flag, sentences};
+use sim::laxity::Band;
 use sim::ligament::mean_length;
 use sim::mesh::MeshValue;
 use sim::spec::ModelSpec;
@@ -31,6 +30,8 @@ pub struct Outcome {
     pub plan: String,
     /// The knee.
     pub model: Option<ModelTold>,
+    /// What was planned: the file of the plan as it was read, with the defaults of all that it leaves out.
+    pub planned: PlanFile,
     /// Bundles that are cut.
     pub cut: Vec<String>,
     /// The grafts, as fixed.
@@ -68,6 +69,8 @@ pub struct GraftTold {
     pub slack_length_mm: f64,
     /// [N/mm].
     pub stiffness_n_per_mm: f64,
+    /// The bundle whose fibres, force law and reference length it takes over; none: one line, with a toe and then its stiffness.
+    pub like: Option<String>,
 }
 
 /// A number and what is known of it.
@@ -100,24 +103,16 @@ pub struct TestTold {
     pub off: BTreeMap<String, Value>,
 }
 
-/// A chance.
-#[derive(Clone, Debug, Serialize, JsonSchema)]
-pub struct ChanceTold {
-    /// What must hold, in words.
-    pub of: String,
-    /// Share of the samples in which it holds, of those whose intact knee stays on the plateau [-]; absent without samples.
-    pub chance: Option<f64>,
-    /// Whether it holds in the most probable knee.
-    pub most_probable: bool,
+impl Value {
+    fn of(value: f64, band: Option<Band>) -> Value {
+        Value { value, mean: band.map(|b| b.mean), lower: band.map(|b| b.lower), upper: band.map(|b| b.upper) }
+    }
 }
 
-/// All numbers of a plan: of the most probable knee, of the same by the samples' mechanics, of each sample.
+/// All numbers of a plan: of the most probable knee, and of the samples.
 pub(super) struct Numbers {
     pub(super) best: Answers,
-    pub(super) mode: Option<Answers>,
-    pub(super) samples: Vec<Answers>,
-    /// The same without answers that do not count ([`calibration::plateau`]).
-    pub(super) counted: Vec<Answers>,
+    pub(super) sampled: Option<Sampled>,
 }
 
 /// The surfaces of a model by name.
@@ -140,32 +135,32 @@ pub(super) fn outcome_of(
 ) -> Result<Outcome, String> {
     file.check().map_err(|wrong| wrong.told)?;
     let asked = tests(&file.tests);
-    let (knee, placed) = Knee::new(spec, surfaces, file, (&ContactOptions::default(), None))?;
-    let best = knee.answers(&asked);
-    let mut numbers = Numbers { best, mode: None, samples: vec![], counted: vec![] };
-    let mut notices = vec![];
-    if let Some((samples, which)) = samples {
-        drawn(samples, which, (surfaces, file), &asked, &mut numbers, &mut notices)?;
-    }
-    let interval = samples.map_or(0.9, |(s, _)| s.of.interval);
-    let told: Vec<TestTold> = (0..asked.len()).map(|t| test(file, &asked, t, &numbers, interval)).collect();
-    for t in &told {
-        let odd = t.flags.iter().filter(|(_, f)| !f.is_empty());
-        notices.extend(odd.map(|(state, f)| {
-            let row = format!("{}, {} deg, {state}", t.test, t.flexion_deg);
-            Kind::RowFlagged.notice(f.join("; ")).whose(&row)
-        }));
-    }
+    let (knee, placed) = Knee::new(spec, surfaces, file)?;
+    let mut numbers = Numbers { best: knee.answers(&asked), sampled: None };
     let bones = bones(spec, surfaces)?;
+    let mut notices = file.odd();
     let grafts = file.graft.iter().zip(&placed).zip(&knee.slack_mm);
+    let grafts: Vec<GraftTold> = grafts.map(|((g, p), slack)| graft(g, p, *slack, &bones)).collect();
+    notices.extend(file.graft.iter().zip(&grafts).filter_map(|(g, told)| above_the_notch(g, told)));
+    let only = samples.map(|(s, which)| s.only(which));
+    if let Some(only) = &only {
+        match Sampled::of(only, (surfaces, &knee), &asked, &numbers.best) {
+            Ok(sampled) => numbers.sampled = Some(sampled),
+            Err(e) => notices.push(Kind::NoIntervals.notice(format!("no intervals: {e}"))),
+        }
+    }
+    notices.extend(not_operated(&numbers));
+    let told: Vec<TestTold> = (0..asked.len()).map(|t| test(file, &asked, t, &numbers)).collect();
+    notices.extend(told.iter().flat_map(flagged));
     Ok(Outcome {
         schema: SCHEMA,
         plan: file.name.clone(),
         model: None,
-        cut: super::knee::cut(spec, file)?,
-        grafts: grafts.map(|((g, p), slack)| graft(&g.name, p, *slack, &bones)).collect(),
-        samples: numbers.samples.len(),
-        interval,
+        planned: file.clone(),
+        cut: knee.cut,
+        grafts,
+        samples: numbers.sampled.as_ref().map_or(0, Sampled::len),
+        interval: only.as_ref().map_or(0.9, |s| s.of.interval),
         tests: told,
         chances: chances(file, &asked, &numbers),
         warnings: notices::texts(&notices),
@@ -173,119 +168,84 @@ pub(super) fn outcome_of(
     })
 }
 
-/// The answers of samples, from those of the most probable knee.
-fn drawn(
-    samples: &Samples,
-    which: &[usize],
-    (surfaces, file): (&Surfaces, &PlanFile),
-    asked: &[Asked],
-    numbers: &mut Numbers,
-    notices: &mut Vec<Notice>,
-) -> Result<(), String> {
-    let told = |e: calibration::error::CalibrationError| e.to_string();
-    let searched = samples.searched(surfaces).map_err(told)?;
-    let (mode, each) = samples.knees(&searched, which).map_err(told)?;
-    let coarse = ContactOptions { spacing_mm: samples.of.search.contact_spacing_mm };
-    // the samples' knees have no friction
-    let one = |spec: &ModelSpec, near: &Answers| -> Result<Answers, String> {
-        let (knee, _) = Knee::new(spec, surfaces, file, (&coarse, Some(0.0)))?;
-        Ok(knee.answers_near(asked, near))
+/// What is odd in the rows of a test.
+fn flagged(t: &TestTold) -> Vec<Notice> {
+    let odd = t.flags.iter().filter(|(_, f)| !f.is_empty());
+    let notice = |(state, f): (&String, &Vec<String>)| {
+        let row = format!("{}, {} deg, {state}", t.test, t.flexion_deg);
+        Kind::RowFlagged.notice(f.join("; ")).whose(&row)
     };
-    let mode = one(&mode, &numbers.best)?;
-    let found: Vec<Result<Answers, String>> = each.par_iter().map(|spec| one(spec, &mode)).collect();
-    let lost: Vec<&String> = found.iter().filter_map(|f| f.as_ref().err()).collect();
-    if let Some(first) = lost.first() {
-        let text = format!("{} of {} samples could not be operated on: {first}", lost.len(), which.len());
-        notices.push(Kind::SamplesLost.notice(text).count(lost.len()));
-    }
-    numbers.samples = found.into_iter().filter_map(Result::ok).collect();
-    numbers.counted = on_the_plateau(&numbers.samples);
-    numbers.mode = Some(mode);
-    Ok(())
+    odd.map(notice).collect()
 }
 
-fn graft(name: &str, placed: &Placed, slack: f64, bones: &[Bone; 2]) -> GraftTold {
+/// Samples in which a graft could not be fixed.
+fn not_operated(numbers: &Numbers) -> Option<Notice> {
+    let sampled = numbers.sampled.as_ref()?;
+    let (lost, all) = (sampled.not_operated(), sampled.len());
+    let text = format!("{lost} of {all} samples could not be operated on: no equilibrium when the graft is fixed");
+    (lost > 0).then(|| Kind::SamplesLost.notice(text).count(lost))
+}
+
+/// A native site of the ACL that the quadrant method does not know: it lies on the inner wall of the lateral condyle, below the roof of the notch.
+fn above_the_notch(graft: &GraftFile, told: &GraftTold) -> Option<Notice> {
+    let of = graft.femur.native.as_ref().filter(|name| *name == "ACL" || name.starts_with("ACL_"))?;
+    let [depth, height] = told.quadrant_percent?;
+    let is_off = [depth, height].iter().any(|p| !(0.0..=100.0).contains(p));
+    let place = if height < 0.0 { "above the roof of the notch" } else { "beyond the lateral condyle" };
+    let text = format!(
+        "graft {:?}: its femoral site, native {of}, has depth {depth:.0} % and height {height:.0} % by the quadrant method: {place}; expected 0 to \
+         100, about 25 and 28 for an ACL. Look at the marks of the femur, or give quadrant_percent",
+        graft.name
+    );
+    is_off.then(|| Kind::GivenFar.notice(text))
+}
+
+/// Percentages to a millionth: the rest is of the arithmetic.
+fn rounded(percent: Option<[f64; 2]>) -> Option<[f64; 2]> {
+    percent.map(|both| both.map(|p| (p * 1e6).round() / 1e6))
+}
+
+fn graft(file: &GraftFile, placed: &Placed, slack: f64, bones: &[Bone; 2]) -> GraftTold {
     let mean = |end: usize| {
         let sum: meshes::Vector = placed.ends.iter().map(|e| e[end].coords).sum();
         meshes::Point::from(sum / placed.ends.len().max(1) as f64)
     };
     let [femur, tibia] = [mean(0), mean(1)];
     GraftTold {
-        name: name.to_owned(),
+        name: file.name.clone(),
         femur_mm: femur.coords.into(),
         tibia_mm: tibia.coords.into(),
-        quadrant_percent: bones[0].percent(&femur),
-        plateau_percent: bones[1].percent(&tibia),
+        quadrant_percent: rounded(bones[0].percent(&femur)),
+        plateau_percent: rounded(bones[1].percent(&tibia)),
         length_mm: mean_length(&placed.ends),
         slack_length_mm: slack,
         stiffness_n_per_mm: placed.stiffness,
+        like: placed.whole.clone(),
     }
 }
 
 impl Numbers {
-    /// A number of the answers and what the samples say of it: they are moved by what the most probable knee differs by from itself under their
-    /// mechanics (friction, mesh).
-    fn value(&self, of: &dyn Fn(&Answers) -> Option<f64>, interval: f64) -> Option<Value> {
-        let value = of(&self.best)?;
-        let moved = self.moved(of);
-        if moved.len() < 2 {
-            return Some(Value { value, mean: None, lower: None, upper: None });
-        }
-        let mean = moved.iter().sum::<f64>() / moved.len() as f64;
-        let mut sorted = moved;
-        sorted.sort_by(f64::total_cmp);
-        let tail = 0.5 * (1.0 - interval);
-        let (lower, upper) = (quantile(&sorted, tail), quantile(&sorted, 1.0 - tail));
-        Some(Value { value, mean: Some(mean), lower: Some(lower.min(mean)), upper: Some(upper.max(mean)) })
+    /// A column of results and what the samples say of it.
+    fn value(&self, at: At, column: &str) -> Option<Value> {
+        let value = self.best[at[0]][at[1]].as_ref()?.value(column)?;
+        Some(Value::of(value, self.sampled.as_ref().and_then(|s| s.band(at, column))))
     }
 
-    /// A number by sample, moved.
-    fn moved(&self, of: &dyn Fn(&Answers) -> Option<f64>) -> Vec<f64> {
-        let by = match (of(&self.best), self.mode.as_ref().and_then(of)) {
-            (Some(best), Some(mode)) => best - mode,
-            _ => 0.0,
-        };
-        self.counted.iter().filter_map(of).map(|x| x + by).collect()
+    /// How far a coordinate comes from one answer to another, and what the samples say of it.
+    fn change(&self, c: Coordinate, from: At, to: At) -> Option<Value> {
+        let value = self.best_change(c, from, to)?;
+        Some(Value::of(value, self.sampled.as_ref().and_then(|s| s.change(c, from, to))))
     }
 
-    /// Whether a sample says nothing of a knee that is restored in a test: its intact knee is off the plateau there.
-    fn is_left_out(&self, sample: usize, test: usize) -> bool {
-        self.samples[sample][0][test].is_some() && self.counted[sample][0][test].is_none()
+    /// The same of the most probable knee alone.
+    pub(super) fn best_change(&self, c: Coordinate, from: At, to: At) -> Option<f64> {
+        let pose = |at: At| self.best[at[0]][at[1]].as_ref().map(|f| f.pose);
+        Some(pose(to)?[c] - pose(from)?[c])
     }
 }
 
-/// The answers of samples that count: those of knees that stay on the plateau, by state and test.
-fn on_the_plateau(samples: &[Answers]) -> Vec<Answers> {
-    let mut out = samples.to_vec();
-    let tests = samples.first().map_or(0, |a| a[0].len());
-    for (state, test) in (0..STATES.len()).flat_map(|s| (0..tests).map(move |t| (s, t))) {
-        let staying = Staying::of(samples.iter().map(|a| a[state][test].as_ref().map(Found::leaves_the_plateau)));
-        let left_out = out.iter_mut().enumerate().filter(|(sample, _)| !staying.here.contains(sample));
-        left_out.for_each(|(_, answers)| answers[state][test] = None);
-    }
-    out
-}
-
-/// A quantile of sorted numbers, between neighbours in proportion.
-fn quantile(sorted: &[f64], share: f64) -> f64 {
-    let at = share * (sorted.len() - 1) as f64;
-    let (low, high) = (at.floor() as usize, at.ceil() as usize);
-    sorted[low] + (sorted[high] - sorted[low]) * (at - low as f64)
-}
-
-/// A column of an answer.
-fn column(answers: &Answers, state: usize, test: usize, k: usize) -> Option<f64> {
-    answers[state][test].as_ref().map(|f| f.values[k])
-}
-
-/// By how far the reconstructed knee lies from the intact one in a coordinate.
-fn off(answers: &Answers, test: usize, c: Coordinate) -> Option<f64> {
-    let at = |state: usize| answers[state][test].as_ref().map(pose_of);
-    Some(at(2)?[c] - at(0)?[c])
-}
-
-fn test(file: &PlanFile, asked: &[Asked], t: usize, numbers: &Numbers, interval: f64) -> TestTold {
-    let (one, names) = (&asked[t], columns(file));
+fn test(file: &PlanFile, asked: &[Asked], t: usize, numbers: &Numbers) -> TestTold {
+    let one = &asked[t];
     let main = main_coordinate(one.kind);
     let mut told = TestTold {
         test: one.kind.to_owned(),
@@ -297,116 +257,65 @@ fn test(file: &PlanFile, asked: &[Asked], t: usize, numbers: &Numbers, interval:
     };
     for (state, name) in STATES.into_iter().enumerate() {
         let mut values = BTreeMap::new();
-        for (k, column_name) in names.iter().enumerate() {
+        for [own, column] in columns(file) {
             // a graft is none where it is not in
-            if state == 2 || !column_name.starts_with("graft_") {
-                let value = numbers.value(&|a| column(a, state, t, k), interval);
-                values.extend(value.map(|v| (column_name.clone(), v)));
+            if state == 2 || !own.starts_with("graft_") {
+                let value = numbers.value([state, t], &column);
+                values.extend(value.map(|v| (own, v)));
             }
         }
-        if let Some(rest) = one.rest {
-            let k = main.free_index();
-            let change = |a: &Answers| Some(column(a, state, t, k)? - column(a, state, rest, k)?);
-            values.extend(numbers.value(&change, interval).map(|v| ("laxity".to_owned(), v)));
-        }
+        let laxity = one.rest.and_then(|rest| numbers.change(main, [state, rest], [state, t]));
+        values.extend(laxity.map(|v| ("laxity".to_owned(), v)));
         told.states.insert(name.to_owned(), values);
-        told.flags.insert(name.to_owned(), odd(numbers, state, t));
+        told.flags.insert(name.to_owned(), odd(numbers, [state, t]));
     }
     for c in [AP, IE, VV] {
-        told.off.extend(numbers.value(&|a| off(a, t, c), interval).map(|v| (c.column(), v)));
+        told.off.extend(numbers.change(c, [0, t], [2, t]).map(|v| (c.column(), v)));
     }
     told
 }
 
 /// What is odd about a state in a test: the most probable knee's flags, and how many samples have left the plateau or rest in another way.
-fn odd(numbers: &Numbers, state: usize, t: usize) -> Vec<String> {
+fn odd(numbers: &Numbers, at: At) -> Vec<String> {
     let none = || vec![Flag::NoEquilibrium];
-    let mut flags = numbers.best[state][t].as_ref().map_or_else(none, |f: &Found| f.flags.clone());
-    let of = |is: &dyn Fn(&Option<Found>) -> bool| numbers.samples.iter().filter(|a| is(&a[state][t])).count();
-    let leaving = of(&|f| f.as_ref().is_some_and(Found::leaves_the_plateau));
-    let lost = of(&Option::is_none);
-    let all = numbers.samples.len();
-    let found = numbers.samples.iter().filter_map(|a| a[state][t].as_ref());
-    let here = found.filter(|f| !f.leaves_the_plateau()).map(|f| (pose_of(f), f.flags.contains(&Flag::Subluxed)));
-    let own = numbers.mode.as_ref().and_then(|m| m[state][t].as_ref()).map(pose_of);
-    let differing = Kinds::of(own.as_ref(), here).flags(&flags, all);
-    flags.extend(differing);
-    flags.extend((leaving > 0).then_some(Flag::SamplesLeave { count: leaving, of: all }));
-    flags.extend((lost > 0).then_some(Flag::SamplesLost { count: lost, of: all }));
+    let mut flags = numbers.best[at[0]][at[1]].as_ref().map_or_else(none, |f: &Found| f.flags.clone());
+    if let Some(sampled) = &numbers.sampled {
+        let (bands, all) = (&sampled.states[at[0]].bands, sampled.len());
+        let (leaving, lost) = (bands.leaving[at[1]], sampled.lost(at));
+        let differing = bands.kinds[at[1]].flags(&flags, all);
+        flags.extend(differing);
+        flags.extend((leaving > 0).then_some(Flag::SamplesLeave { count: leaving, of: all }));
+        flags.extend((lost > 0).then_some(Flag::SamplesLost { count: lost, of: all }));
+    }
     sentences(&flags)
-}
-
-/// The chances of a plan: of the forward drawer alone, and of every test.
-fn chances(file: &PlanFile, asked: &[Asked], numbers: &Numbers) -> Vec<ChanceTold> {
-    let (mm, deg) = (file.tests.restored_mm, file.tests.restored_deg);
-    let limits = [(AP, mm), (IE, deg), (VV, deg)];
-    let chance = |of: String, limits: &[(Coordinate, f64)], holds: &dyn Fn(&Asked) -> bool| {
-        let tests: Vec<usize> = (0..asked.len()).filter(|t| holds(&asked[*t])).collect();
-        // a knee is restored where each coordinate of each test is within its limit; the samples are moved as all numbers are. One whose intact knee is
-        // off the plateau is left out; one that is off it only with its graft is not restored
-        let mut restored = vec![Some(true); numbers.samples.len()];
-        let mut best = true;
-        for (t, (c, most)) in tests.iter().flat_map(|t| limits.iter().map(move |l| (*t, *l))) {
-            let of = |a: &Answers| off(a, t, c);
-            best &= of(&numbers.best).is_some_and(|x| x.abs() <= most);
-            let by = of(&numbers.best).zip(numbers.mode.as_ref().and_then(of)).map_or(0.0, |(b, m)| b - m);
-            for (sample, restored) in restored.iter_mut().enumerate() {
-                let a = &numbers.samples[sample];
-                let stays = a[2][t].as_ref().is_some_and(|f| !f.leaves_the_plateau());
-                let near = stays && of(a).is_some_and(|x| (x + by).abs() <= most);
-                *restored = restored.filter(|_| !numbers.is_left_out(sample, t)).map(|r| r && near);
-            }
-        }
-        let count = |wanted: bool| restored.iter().filter(|r| **r == Some(wanted)).count();
-        let n = count(true) + count(false);
-        let share = (n > 0).then(|| count(true) as f64 / n as f64);
-        ChanceTold { of, chance: share, most_probable: best }
-    };
-    vec![
-        chance(format!("anterior drawer within {mm} mm of the intact knee at every flexion"), &limits[..1], &|a| {
-            a.kind == "anterior drawer"
-        }),
-        chance(format!("pivot shift within {mm} mm and {deg} deg"), &limits, &|a| a.kind == "pivot shift"),
-        chance(format!("every loaded test within {mm} mm and {deg} deg"), &limits, &|a| a.kind != "unloaded"),
-    ]
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::sampled::tests::{pose, sampled};
     use super::*;
-    use sim::coordinate::Six;
-
-    /// A knee that in every state of one test has this AP, reconstructed a little more; off the plateau where that is asked for.
-    fn knee(ap: f64, off_plateau: [bool; 3]) -> Answers {
-        [0, 1, 2].map(|state: usize| {
-            let mut values = vec![0.0; 7];
-            values[AP.free_index()] = ap + if state == 2 { 0.5 } else { 0.0 };
-            let flags = if off_plateau[state] { vec![Flag::Dislocated] } else { vec![] };
-            vec![Some(Found { gs: Six::zeros(), values, flags })]
-        })
-    }
 
     #[test]
-    fn a_sample_off_the_plateau_has_no_place_in_a_plans_intervals_and_chances() {
-        let mut samples: Vec<Answers> = (0..9).map(|k| knee(f64::from(k), [false; 3])).collect();
-        let numbers = |samples: &[Answers]| Numbers {
-            best: knee(4.0, [false; 3]),
-            mode: None,
-            samples: samples.to_vec(),
-            counted: on_the_plateau(samples),
+    fn a_sample_off_the_plateau_has_no_place_in_a_plans_differences_and_is_counted() {
+        // intact and deficient rest at 0 to 8 mm, reconstructed half a mm further; two more are off the plateau
+        let off = |state: usize, s: usize| (state == 0 && s == 9) || (state == 2 && s == 10);
+        let at =
+            |state: usize, s: usize| pose(if s < 9 { s as f64 } else { 90.0 } + if state == 2 { 0.5 } else { 0.0 });
+        let best = [0, 1, 2].map(|state| {
+            let ap = if state == 2 { 4.5 } else { 4.0 };
+            vec![Some(Found { pose: pose(ap), told: vec![("ap_mm".into(), ap)], flags: vec![] })]
+        });
+        let numbers = |count: usize, off: &dyn Fn(usize, usize) -> bool| Numbers {
+            best: best.clone(),
+            sampled: Some(sampled(count, &at, off)),
         };
-        let ap = |n: &Numbers, state: usize| n.value(&|a| column(a, state, 0, AP.free_index()), 0.9).unwrap();
-        let plain = ap(&numbers(&samples), 0);
-        samples.push(knee(90.0, [true, false, false]));
-        samples.push(knee(91.0, [false, false, true]));
-        let with = numbers(&samples);
-        assert!((ap(&with, 2).mean.unwrap() - ((36.0 + 90.0) / 10.0 + 0.5)).abs() < 1e-12);
-        assert!((ap(&with, 0).mean.unwrap() - (36.0 + 91.0) / 10.0).abs() < 1e-12 && plain.mean == Some(4.0));
-        assert!(with.is_left_out(9, 0) && !with.is_left_out(10, 0));
-        assert_eq!(odd(&with, 0, 0), ["1 of 11 samples leaves the plateau"]);
+        let with = numbers(11, &off);
+        let change = with.change(AP, [0, 0], [2, 0]).unwrap();
+        assert!([change.value, change.mean.unwrap(), change.lower.unwrap()].iter().all(|x| (x - 0.5).abs() < 1e-12));
+        assert_eq!(odd(&with, [0, 0]), ["1 of 11 samples leaves the plateau"]);
+        assert!(odd(&with, [1, 0]).is_empty());
         // of more than half off the plateau there is no interval, and the value stays
-        let most: Vec<Answers> = (0..9).map(|k| knee(f64::from(k), [k < 5, false, false])).collect();
-        let none = ap(&numbers(&most), 0);
-        assert_eq!((none.value, none.mean, none.lower), (4.0, None, None));
+        let none = numbers(9, &|state, s| state == 0 && s < 5).change(AP, [0, 0], [2, 0]).unwrap();
+        assert_eq!((none.value, none.mean, none.lower), (0.5, None, None));
     }
 }

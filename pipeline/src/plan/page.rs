@@ -2,6 +2,7 @@
 
 use super::knee::STATES;
 use super::outcome::{Outcome, TestTold, Value};
+use super::planned::planned;
 use super::table::{chance, shown, unit, value};
 use crate::report::html::LivePart;
 use crate::report::{escaped, head};
@@ -29,10 +30,12 @@ pub(super) fn page(out: &Outcome, label: &str, live: &Live) -> String {
     text += FIGURES;
     let _ = write!(text, "<header><h1>{}</h1><p>{}</p></header><main id=\"stages\">", escaped(title), escaped(label));
     text += &summary(out);
+    text += &planned(out);
     text += &grafts(out);
     text += "<h2>How far the knee gives</h2><p>From its own unloaded pose, in mm or deg. Behind each number stands its 90 % interval where the model has \
              samples.</p>";
     text += &laxities(out);
+    text += &bears(out);
     text += &figures(out);
     text += "<h2>Against the intact knee, under the same load</h2><p>Reconstructed less intact: forward, external and valgus count as more.</p>";
     text += &differences(out);
@@ -72,12 +75,12 @@ fn summary(out: &Outcome) -> String {
     }
     text += "</p><ul>";
     for c in &out.chances {
-        let _ = write!(text, "<li>{}: {}</li>", escaped(&c.of), chance(c.chance, c.most_probable));
+        let _ = write!(text, "<li>{}: {}</li>", escaped(&c.of), chance(c));
     }
     text + "</ul>"
 }
 
-fn table(header: &[String], rows: impl Iterator<Item = Vec<String>>) -> String {
+pub(super) fn table(header: &[String], rows: impl Iterator<Item = Vec<String>>) -> String {
     let cells =
         |tag: &str, row: &[String]| row.iter().map(|c| format!("<{tag}>{}</{tag}>", escaped(c))).collect::<String>();
     let body: String = rows.map(|r| format!("<tr>{}</tr>", cells("td", &r))).collect();
@@ -87,7 +90,7 @@ fn table(header: &[String], rows: impl Iterator<Item = Vec<String>>) -> String {
     )
 }
 
-fn words(all: &[&str]) -> Vec<String> {
+pub(super) fn words(all: &[&str]) -> Vec<String> {
     all.iter().map(|w| (*w).to_owned()).collect()
 }
 
@@ -95,7 +98,7 @@ fn grafts(out: &Outcome) -> String {
     if out.grafts.is_empty() {
         return "<h2>Grafts</h2><p>None.</p>".into();
     }
-    let percent = |p: Option<[f64; 2]>| p.map_or("none".into(), |[a, b]| format!("{a:.0} and {b:.0}"));
+    let percent = |p: Option<[f64; 2]>| p.map_or("none".into(), |[a, b]| format!("{a:.1} and {b:.1}"));
     let rows = out.grafts.iter().map(|g| {
         vec![
             g.name.clone(),
@@ -115,6 +118,20 @@ fn grafts(out: &Outcome) -> String {
         "stiffness, N/mm",
     ]);
     format!("<h2>Grafts</h2>{}", table(&header, rows))
+}
+
+/// What each graft bears in the loaded tests; the figures have the unloaded ones.
+fn bears(out: &Outcome) -> String {
+    if out.grafts.is_empty() {
+        return String::new();
+    }
+    let rows = out.tests.iter().filter(|t| t.test != "unloaded").map(|t| {
+        let forces = out.grafts.iter().map(|g| shown(value(t, STATES[2], &format!("graft_{}_n", g.name)), 0));
+        [t.test.clone(), format!("{}", t.flexion_deg)].into_iter().chain(forces).collect::<Vec<String>>()
+    });
+    let grafts = out.grafts.iter().map(|g| format!("{}, N", g.name));
+    let header: Vec<String> = words(&["test", "flexion, deg"]).into_iter().chain(grafts).collect();
+    format!("<h2>What the grafts bear</h2>{}", table(&header, rows))
 }
 
 fn laxities(out: &Outcome) -> String {
@@ -213,7 +230,7 @@ fn limits() -> String {
     "<h2>What this does not know</h2><ul>\
      <li>It is a model of one knee, no advice. Nobody has held a plan against an operated knee.</li>\
      <li>A graft is a straight line between its two places. It does not heal, creep or slip.</li>\
-     <li>Intervals hold what is not known of this knee. What every such model lacks is not in them.</li></ul>"
+     <li>Intervals hold what is not known of this knee, and loads that the model may lack. What every such model lacks of a graft is not in them.</li></ul>"
         .into()
 }
 

@@ -1,5 +1,6 @@
 //! A plan as a tidy table, and as lines for a terminal.
 
+use super::chances::{ChanceTold, FailTold};
 use super::knee::{STATES, main_coordinate};
 use super::outcome::{Outcome, TestTold, Value};
 use std::fmt::Write;
@@ -71,16 +72,26 @@ pub(super) fn words(out: &Outcome) -> String {
         );
     }
     for c in &out.chances {
-        let _ = writeln!(text, "{}: {}", c.of, chance(c.chance, c.most_probable));
+        let _ = writeln!(text, "{}: {}", c.of, chance(c));
     }
     text
 }
 
 /// A chance in words.
-pub(super) fn chance(share: Option<f64>, most_probable: bool) -> String {
-    let best = if most_probable { "yes" } else { "no" };
-    match share {
+pub(super) fn chance(c: &ChanceTold) -> String {
+    let best = if c.most_probable { "yes" } else { "no" };
+    let share = match c.chance {
         Some(p) => format!("in {:.0} % of the samples; most probable knee: {best}", 100.0 * p),
         None => format!("most probable knee: {best}"),
+    };
+    share + &c.fails.as_ref().map_or(String::new(), fails)
+}
+
+/// Where it fails most often, in words.
+fn fails(f: &FailTold) -> String {
+    let place = format!("{} at {} deg", f.test, f.flexion_deg);
+    match f.samples {
+        Some([fails, all]) => format!("; fails most often in {place}: in {fails} of {all} samples"),
+        None => format!("; furthest off in {place}"),
     }
 }

@@ -40,6 +40,20 @@ pub struct Band {
 }
 
 impl TrialResult {
+    /// Of a trial without equilibrium, in a model of so many bundles: all that is predicted is NaN, and a flag says why.
+    pub fn without_equilibrium(trial: &LaxityTrial, bundles: usize) -> TrialResult {
+        let none = f64::NAN;
+        let pose = PoseSpec { fe_deg: trial.fe_deg, vv_deg: none, ie_deg: none, ml_mm: none, ap_mm: none, si_mm: none };
+        TrialResult {
+            trial: trial.clone(),
+            pose,
+            forces_n: vec![none; bundles],
+            outputs: vec![],
+            flags: vec![Flag::NoEquilibrium],
+            bands: vec![],
+        }
+    }
+
     /// The band of a column, where samples were asked.
     pub fn band(&self, column: &str) -> Option<Band> {
         self.bands.iter().find(|(name, _)| name == column).map(|(_, b)| *b)
@@ -261,6 +275,37 @@ mod tests {
         assert_eq!(back.trials[0].measured.0, [Some(0.25), Some(-1.0), Some(2.0), Some(3.0), Some(-19.0)]);
         assert_eq!(back.trials[0].trial, "a, b");
         assert!(protocol_csv(&["ACL_AM".into()], &[]).starts_with("fe_deg,vv_deg,ie_deg,ml_mm,ap_mm,si_mm,"));
+    }
+
+    #[test]
+    fn a_trial_without_equilibrium_is_a_row_of_empty_cells_that_reads_back_as_nothing_measured() {
+        let rows = "rest,neutral,30,0,0,0,0,20,30,1,2,3,4,5\npulled,anterior,30,0,0,0,44,20,30,1,2,3,4,5";
+        let mut trials = read(csv(rows).as_bytes()).unwrap().trials;
+        let pose = PoseSpec { fe_deg: 30.0, ap_mm: 7.0, ..PoseSpec::default() };
+        let found = |trial: &LaxityTrial| TrialResult {
+            trial: trial.clone(),
+            pose,
+            forces_n: vec![9.0],
+            outputs: vec![("contact_medial_force_n".to_owned(), 12.0)],
+            flags: vec![],
+            bands: vec![],
+        };
+        let lost = TrialResult::without_equilibrium(&trials[0], 1);
+        let text = results_csv(&["ACL".into()], &[lost.clone(), found(&trials[1])]);
+        // five coordinates, branch, order, time, a force, an output
+        let row = text.lines().nth(1).unwrap();
+        assert!(
+            row.starts_with("rest,neutral,30.") && row.ends_with(&format!("{}no equilibrium", ",".repeat(11))),
+            "{text}"
+        );
+        let back = read(text.as_bytes()).unwrap().trials;
+        assert_eq!((back[0].measured, back[0].load), (Free::all(None), trials[0].load));
+        assert_eq!(back[1].measured[AP], Some(7.0));
+        // what counts from it has no displacement, its forces stay
+        let (name, load, fe_deg) = (trials[0].trial.clone(), trials[0].load, trials[0].fe_deg);
+        trials[1].reference = Some(super::super::Reference { trial: name, load, fe_deg });
+        let text = results_csv(&["ACL".into()], &[lost, found(&trials[1])]);
+        assert!(text.contains(&format!(",30.000000{}rest,9.000000,12.000000,", ",".repeat(9))), "{text}");
     }
 
     #[test]
