@@ -48,6 +48,12 @@ impl Bench<'_> {
         self.model.pulled((trial.record.quadriceps_n + more).max(0.0)).unwrap_or(Cow::Borrowed(self.model))
     }
 
+    /// Share of a bundle's force that the effects leave it [-].
+    pub fn left(&self, bundle: usize) -> f64 {
+        let name = &self.model.bundles[bundle].name;
+        1.0 - self.effects.iter().map(|e| e.lost(name)).sum::<f64>()
+    }
+
     /// The equilibrium under `trial`, from nearby coordinates.
     pub fn settle(&self, trial: &Trial, start: &Start) -> Equilibrium {
         self.rigged(trial, |rig| rig.settle(&asked(trial), start))

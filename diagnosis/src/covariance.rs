@@ -15,7 +15,6 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use sim::Model;
 use sim::coordinate::{AP, Coordinate, FREE, Free, ML, Six, VV};
 use sim::equilibrium::{Equilibrium, Start, starts_of};
 use sim::joint::Pose;
@@ -153,12 +152,14 @@ struct Scatter {
 /// Contact force at which another exponent of its law changes nothing [N]; the law's scale is free beside it.
 const REFERENCE: f64 = 100.0;
 
-/// What all fibres gain in tension as their toes become wider ([`sim::ligament::Bundle::gain_by_wider_toe`]), as generalised forces.
-fn wider_toe(model: &Model, states: &[FibreState]) -> Six {
+/// What all fibres gain in tension as their toes become wider ([`sim::ligament::Bundle::gain_by_wider_toe`]), as generalised forces; of what effects
+/// leave of them.
+fn wider_toe(bench: &Bench, states: &[FibreState]) -> Six {
+    let model = bench.model;
     model.fibres.iter().zip(states).filter(|(_, s)| s.response.force > 0.0).fold(Six::zeros(), |sum, (fibre, state)| {
         let b = &model.bundles[fibre.bundle];
         let stretch = state.line.length - fibre.initial_length + b.initial_stretch();
-        sum + state.line.gradient * b.gain_by_wider_toe(stretch)
+        sum + state.line.gradient * (b.gain_by_wider_toe(stretch) * bench.left(fibre.bundle))
     })
 }
 
@@ -203,7 +204,7 @@ fn scatter_of(bench: Bench, trial: &Trial, rest: &Equilibrium, with_thickness: b
             let more = (f.norm() / REFERENCE).max(1e-6).ln();
             pushed(&(f * more, m * more), &there.pose)
         };
-        vec![there.contact.wrench.iter().map(steeper).sum(), wider_toe(model, &there.fibres)]
+        vec![there.contact.wrench.iter().map(steeper).sum(), wider_toe(&bench, &there.fibres)]
     });
     let thickness = |at: &At| {
         let pose = &jacobian.at(at).pose;

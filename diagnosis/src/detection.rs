@@ -8,7 +8,8 @@ use crate::screen::{Marginal, Score, signatures};
 use crate::search::{Search, log_prior};
 
 /// Sizes, parameter by parameter, whose expected log Bayes factor just reaches `threshold`: linear about nothing missing, ligaments and contact
-/// marginalised. Shapes, and effects without a slope at nothing, have none.
+/// marginalised. Shapes, and effects without a slope at nothing, have none. Nor has a loss that no share of would: which whole tears such trials
+/// would miss is found off that straight line (excluded.rs).
 ///
 /// Errors: a model that cannot be evaluated.
 pub fn limits_of_detection(

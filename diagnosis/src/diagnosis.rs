@@ -251,6 +251,7 @@ fn conclude(searcher: &Searcher, judged: &Judged, spec: &ModelSpec) -> Result<Ou
         plain: String::new(),
         description: String::new(),
         before: names_before(problem),
+        left_out: crate::report::left_out(problem),
         contradictions: contradictions(searcher, search, shown, verdict == Verdict::Unnamed)?,
         unexplained: unexplained(searcher, search, before, judged.each.as_deref())?,
         may_be_torn: open.iter().map(|(t, _)| t.clone()).collect(),

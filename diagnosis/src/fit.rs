@@ -267,6 +267,17 @@ fn whole(hypothesis: &[Candidate], nuisances: usize) -> Option<usize> {
     parameters.zip(nuisances..).find(|(p, _)| p.whole.is_some()).map(|(_, k)| k)
 }
 
+/// Share of belief that an effect takes the whole, against a part of it, where it stands at a value with a standard deviation [-]; none of what is
+/// never whole. The data's density at the whole over that of a part is the posterior's density there over the prior's (Savage and Dickey's ratio
+/// [dickey1971]).
+pub(crate) fn share_at_whole((value, sd): (f64, f64), of: &Parameter) -> Option<f64> {
+    let (x, s, at) = (value / of.sd, (sd / of.sd).max(1e-9), of.whole? / of.sd);
+    let within = Bounds { low: if of.one_sided { 0.0 } else { -REACH }, high: at };
+    let nearer = prior(0, &[], at).0 - s.ln() - 0.5 * ((at - x) / s).powi(2);
+    let log_odds = nearer - log_share(within, x, s) + (TORN / (1.0 - TORN)).ln();
+    Some(1.0 / (1.0 + (-log_odds).exp()))
+}
+
 /// Log evidence of an effect of which the share [`TORN`] of the prior stands at the whole.
 fn shared(part: f64, whole: f64) -> f64 {
     let (part, whole) = (part + (1.0 - TORN).ln(), whole + TORN.ln());
@@ -380,6 +391,35 @@ mod tests {
         assert!((shared(10.0, f64::NEG_INFINITY) - (10.0 + (1.0 - TORN).ln())).abs() < 1e-12);
         assert!((shared(-1e9, 10.0) - (10.0 + TORN.ln())).abs() < 1e-12);
         assert!((shared(7.0, 7.0) - 7.0).abs() < 1e-12);
+    }
+
+    #[test]
+    fn the_share_of_a_tear_is_what_the_density_of_the_data_makes_it() {
+        let effect =
+            crate::catalogue::Catalogue::shipped().effect.into_iter().find(|e| e.id == "structure_loss").unwrap();
+        let of = &effect.parameter[0];
+        let whole = of.whole.unwrap() / of.sd;
+        // data normal about `middle`, in units of the prior: of a tear, and the mean over the prior of a part
+        let by_sums = |middle: f64, sd: f64| {
+            let data = |x: f64| (-0.5 * ((x - middle) / sd).powi(2)).exp();
+            let at = |i: i32| whole * (f64::from(i) + 0.5) / 4000.0;
+            let believed = |x: f64| (-prior(0, &[], x).0).exp();
+            let (part, all) =
+                (0..4000).map(at).fold((0.0, 0.0), |s, x| (s.0 + data(x) * believed(x), s.1 + believed(x)));
+            data(whole) / (data(whole) + part / all)
+        };
+        for (middle, sd) in [(2.0_f64, 0.1_f64), (2.0, 0.4), (1.8, 0.1), (1.8, 0.4), (1.5, 0.2), (1.0, 0.4), (0.5, 0.2)]
+        {
+            let x = (0..50).fold(middle, |x, _| {
+                let (_, slope, curvature) = prior(0, &[], x);
+                x - ((x - middle) / sd.powi(2) + slope) / (sd.powi(-2) + curvature)
+            });
+            let own = (sd.powi(-2) + prior(0, &[], x).2).powf(-0.5);
+            let told = share_at_whole((of.sd * x, of.sd * own), of).unwrap();
+            assert!((told - by_sums(middle, sd)).abs() < 0.05, "{middle} {sd}: {told} {}", by_sums(middle, sd));
+        }
+        let whole_less = Parameter { whole: None, ..of.clone() };
+        assert_eq!(share_at_whole((1.0, 0.1), &whole_less), None);
     }
 
     #[test]

@@ -135,11 +135,15 @@ impl<'a> Jacobian<'a> {
         of.felt.iter().enumerate().map(by).collect()
     }
 
-    /// What some numbers of the model, all by one unit, put out of balance at a pose [N mm, N].
+    /// What some numbers of the model, all by one unit, put out of balance at a pose [N mm, N]. What effects take from a bundle its numbers do not move:
+    /// a torn ligament's strain, stiffness and sites are felt nowhere. No effect acts on the unloaded knee.
     fn by_numbers(&self, at: &At, numbers: &[Number]) -> Six {
         let model = self.bench.model;
-        let one =
-            |n: &Number| out_of_balance(model, self.at(at), *n).expect("a parameter is of bundles that the model has");
+        let is_loaded = std::ptr::eq(at, &self.loaded);
+        let one = |n: &Number| {
+            let left = if is_loaded { bundle_of(model, *n).map_or(1.0, |b| self.bench.left(b)) } else { 1.0 };
+            out_of_balance(model, self.at(at), *n).expect("a parameter is of bundles that the model has") * left
+        };
         numbers.iter().map(one).sum()
     }
 
@@ -224,6 +228,15 @@ impl<'a> Jacobian<'a> {
                 }
             })
             .collect()
+    }
+}
+
+/// The bundle that a number of the model is of; none where it is of no bundle.
+fn bundle_of(model: &Model, number: Number) -> Option<usize> {
+    match number {
+        Number::ReferenceStrain(b) | Number::Stiffness(b) | Number::Site(b, ..) => Some(b),
+        Number::Attachment(fibre, ..) => Some(model.fibres[fibre].bundle),
+        Number::Load(_) | Number::Flexion | Number::ContactScale => None,
     }
 }
 

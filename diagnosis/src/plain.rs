@@ -1,18 +1,17 @@
 //! The answer in plain words, before any number of statistics: what it means, and what would tell.
 
 use crate::catalogue::Catalogue;
+use crate::fit::share_at_whole;
 use crate::next_test::NextTest;
 use crate::plain_unnamed::{closing, contradictions, meaning, noise};
-use crate::report::{Answer, Carried, Diagnosis, MayBeTorn, Named, Verdict};
-use crate::words::{figures, with_unit};
+use crate::report::{Answer, Carried, Diagnosis, LeftOut, MayBeTorn, Named, Verdict};
+use crate::words::{figures, from_before, listed, next_tells, place_of, with_unit};
 use std::fmt::Write;
 
 /// Expected log odds below which no single test is worth calling one that would tell [nats]: odds of less than three to one.
 const WOULD_TELL: f64 = 1.0;
 /// Flexion up to which a forward drawer is a Lachman test [deg].
 const LACHMAN_DEG: f64 = 30.0;
-/// Most structures that are listed as left open [-].
-const MOST_OPEN: usize = 4;
 /// Ligament force in the report's tests from which it is told as unlikely [N]: twice the drawer of 133 N. Ours: in cadavers the ACL carries about the load of a
 /// drawer [sakane1997].
 const UNLIKELY_N: f64 = 267.0;
@@ -31,7 +30,8 @@ pub(crate) fn plain(catalogue: &Catalogue, d: &Diagnosis) -> String {
     if d.answers.is_empty() {
         out += &noise(&d.noise);
     }
-    for more in [test(d), unlikely(&d.ligament_forces)].iter().filter(|m| !m.is_empty()) {
+    let aside = d.left_out.as_ref().map_or(String::new(), left_out);
+    for more in [test(d), unlikely(&d.ligament_forces), from_before(d), aside].iter().filter(|m| !m.is_empty()) {
         let _ = write!(out, "\n{more}");
     }
     out
@@ -62,29 +62,47 @@ fn unnamed(catalogue: &Catalogue, d: &Diagnosis) -> String {
     out
 }
 
+/// What `none` means: whether all is explained, and which tears such trials would not have named.
 fn nothing(d: &Diagnosis) -> String {
-    let mut out = String::from("Nothing is missing from the model that these trials show.");
+    let worst = d.map.iter().filter(|c| c.significant).max_by(|a, b| a.z.abs().total_cmp(&b.z.abs()));
+    let mut out = worst.map_or("Nothing is missing from the model that these trials show.".to_owned(), |c| {
+        format!(
+            "The model misses these trials in places by more than noise, most in {}. No effect of the catalogue explains that.",
+            place_of(c)
+        )
+    });
     let (slack, open): (Vec<&MayBeTorn>, Vec<&MayBeTorn>) = d.may_be_torn.iter().partition(|t| t.is_slackened());
-    for t in slack {
-        let _ = write!(
-            out,
-            " But it fits only with a slacker {} than the model as given has ({:.0} N at most in these trials, not {:.0} N): that is torn, or slack by {:.0} % of its \
-             length or more, and these trials cannot tell which.",
-            t.structure,
-            t.now_n,
-            t.given_n,
-            100.0 * t.slack
-        );
-    }
-    let open: Vec<&str> = open.iter().take(MOST_OPEN).map(|t| t.structure.as_str()).collect();
-    if let Some((last, others)) = open.split_last() {
-        let list = if others.is_empty() { (*last).to_owned() } else { format!("{} or {last}", others.join(", ")) };
-        let _ = write!(out, " They would not have shown a torn {list}: slacker ligaments fit as well.");
+    slack.iter().for_each(|t| out += &slackened(t, d.threshold));
+    let open: Vec<&str> = open.iter().map(|t| t.structure.as_str()).collect();
+    if !open.is_empty() {
+        let _ = write!(out, " A whole tear of the {} would not be named by these trials.", listed(&open, "or"));
     }
     if !d.may_be_torn.is_empty() && d.before.is_empty() {
-        out += " What the same knee read while it was whole would tell, too (--before NAME=FILE).";
+        out += " What the same knee read while it was whole would tell (--before NAME=FILE).";
     }
     out
+}
+
+/// That the model fits only with a structure slacker than it was given, and what that may be.
+fn slackened(t: &MayBeTorn, threshold: f64) -> String {
+    let MayBeTorn { structure, now_n, given_n, slack, .. } = t;
+    let by = format!("slack by {:.0} % of its length or more", 100.0 * slack);
+    let what = match (t.fits_worse_torn, t.would_be_missed(threshold)) {
+        (false, _) => format!("torn, or {by}, and these trials cannot tell which"),
+        (true, false) => format!("{by}; torn, it fits worse"),
+        (true, true) => format!("{by}. Torn, it fits worse, but these trials would not name a whole tear of it"),
+    };
+    format!(
+        " But it fits only with a slacker {structure} than the model as given has ({now_n:.0} N at most in these trials, not {given_n:.0} N): \
+         that is {what}."
+    )
+}
+
+/// That trials were left out, and how many.
+fn left_out(of: &LeftOut) -> String {
+    let (out, all) = (of.trials.len(), of.of);
+    let (were, there) = if out == 1 { ("was", "it") } else { ("were", "each") };
+    format!("{out} of {all} trials {were} left out, since the knee lies out of its joint in {there}.")
 }
 
 fn answer(catalogue: &Catalogue, a: &Answer) -> String {
@@ -101,7 +119,11 @@ fn effect(catalogue: &Catalogue, e: &Named) -> String {
         let (low, high) = value.interval(Some(of));
         let percent = |x: f64| 100.0 * x / whole;
         return if high >= whole {
-            format!("the {about} is torn{place}, or has lost {:.0} % or more of what it carries", percent(low))
+            let weight = share_at_whole((value.value, value.sd), of).unwrap_or_default();
+            format!(
+                "the {about} is torn{place} (weight {weight:.2}), or has lost {:.0} % or more of what it carries",
+                percent(low)
+            )
         } else {
             format!("the {about} has lost {:.0} to {:.0} % of what it carries{place}", percent(low), percent(high))
         };
@@ -130,17 +152,17 @@ fn capital(text: &str) -> String {
 fn test(d: &Diagnosis) -> String {
     let is_open = d.answers.len() > 1 || matches!(d.verdict, Verdict::Unnamed) || !d.may_be_torn.is_empty();
     let Some(best) = d.next_tests.first().filter(|_| is_open) else { return String::new() };
+    let what = next_tells(d);
     if best.expected_gain < WOULD_TELL {
+        // log odds are no words for a head: so many to one
         return format!(
-            "No single test of usual load would tell; the best is {} (it changes the log odds by {} at most).",
+            "No single test of usual load would tell {what}. The best, {}, makes one at most {} times as likely against the other as it is now.",
             told(best),
-            figures(best.expected_gain)
+            figures(best.expected_gain.exp())
         );
     }
-    let about = d.may_be_torn.iter().find(|t| t.is_slackened()).or(d.may_be_torn.first());
-    let which = about.map_or(String::new(), |t| format!(" of the {}", t.structure));
     let careful = if best.gives_way { " The knee may give way in it: begin with less load." } else { "" };
-    format!("{} would tell{which}.{careful}", capital(&told(best)))
+    format!("{} would tell {what}.{careful}", capital(&told(best)))
 }
 
 /// A test as a clinician calls it.
@@ -179,8 +201,152 @@ mod tests {
     #[test]
     fn a_loss_is_told_as_a_tear_only_where_all_may_be_lost() {
         let words = |value, sd| effect(&Catalogue::shipped(), &lost("ACL", value, sd));
-        assert_eq!(words(1.0, 0.05), "the ACL is torn, or has lost 92 % or more of what it carries");
+        // of what may be all, the share of a tear stands beside the interval of a part
+        assert_eq!(words(1.0, 0.05), "the ACL is torn (weight 0.98), or has lost 92 % or more of what it carries");
         assert_eq!(words(0.5, 0.1), "the ACL has lost 34 to 66 % of what it carries");
+    }
+
+    fn torn(structure: &str) -> MayBeTorn {
+        MayBeTorn {
+            structure: structure.into(),
+            log_odds: -1.0,
+            given_n: 150.0,
+            now_n: 150.0,
+            slack: 0.067,
+            against_given: 0.0,
+            fits_worse_torn: false,
+            would_earn: Some(1.0),
+        }
+    }
+
+    fn none(may_be_torn: Vec<MayBeTorn>) -> Diagnosis {
+        let gap = crate::report::Gap {
+            before: 1.0,
+            after: 1.0,
+            floor: 1.0,
+            closed: 0.0,
+            rmse_before: std::collections::BTreeMap::new(),
+            rmse_after: std::collections::BTreeMap::new(),
+        };
+        Diagnosis {
+            schema: "diagnosis/1".into(),
+            verdict: Verdict::None,
+            answers: vec![],
+            plain: String::new(),
+            description: String::new(),
+            added: vec![],
+            gap: crate::report::GapReport { held_out: gap, control: None },
+            map: vec![],
+            map_after: vec![],
+            map_left_out: vec![],
+            curves: vec![],
+            not_testable: vec![],
+            without: vec![],
+            missable: vec![],
+            next_tests: vec![],
+            noise: vec![],
+            ligaments: vec![],
+            ligament_forces: vec![],
+            threshold: 5.0,
+            wildcard: 0.0,
+            wildcard_alone: None,
+            exchanged: None,
+            left_out: None,
+            before: vec![],
+            contradictions: vec![],
+            unexplained: None,
+            may_be_torn,
+            misfit: [1.0, 1.0],
+            best: vec![],
+            best_log_bayes_factor: None,
+            provenance: None,
+        }
+    }
+
+    fn head(d: &Diagnosis) -> String {
+        plain(&Catalogue::shipped(), d)
+    }
+
+    #[test]
+    fn where_nothing_is_named_each_tear_that_would_be_missed_is_told() {
+        let open = none(["ACL", "sMCL", "POL"].map(torn).into());
+        assert!(head(&open).contains("A whole tear of the ACL, sMCL or POL would not be named by these trials."));
+        let closed = head(&none(vec![]));
+        assert_eq!(closed, "Nothing is missing from the model that these trials show.");
+    }
+
+    #[test]
+    fn a_slack_ligament_is_told_whether_or_not_a_tear_of_it_fits() {
+        let slack = MayBeTorn { now_n: 40.0, against_given: 14.0, ..torn("PCL") };
+        for (fits_worse_torn, would_earn, words) in [
+            (false, 1.0, "that is torn, or slack by 7 % of its length or more, and these trials cannot tell which."),
+            (
+                true,
+                1.0,
+                "that is slack by 7 % of its length or more. Torn, it fits worse, but these trials would not name",
+            ),
+            (true, 60.0, "that is slack by 7 % of its length or more; torn, it fits worse."),
+        ] {
+            let told = head(&none(vec![MayBeTorn { fits_worse_torn, would_earn: Some(would_earn), ..slack.clone() }]));
+            assert!(told.contains("a slacker PCL") && told.contains(words), "{told}");
+        }
+    }
+
+    #[test]
+    fn a_misfit_beyond_noise_is_told_before_all_else() {
+        let cell = |z: f64, significant| crate::map::Cell {
+            source: "rks".into(),
+            test: "posterior".into(),
+            nominal_flexion_deg: 30.0,
+            load_sign: -1,
+            dof: "ie".into(),
+            z,
+            mean: 1.0,
+            significant,
+        };
+        let within = head(&Diagnosis { map: vec![cell(2.0, false)], ..none(vec![]) });
+        assert!(within.starts_with("Nothing is missing"), "{within}");
+        let beyond = head(&Diagnosis { map: vec![cell(2.0, false), cell(3.8, true)], ..none(vec![torn("PCL")]) });
+        assert!(beyond.contains("IE of rks posterior at 30 deg") && !beyond.contains("Nothing is missing"), "{beyond}");
+        assert!(beyond.contains("A whole tear of the PCL"), "{beyond}");
+    }
+
+    #[test]
+    fn trials_that_were_left_out_and_data_from_before_stand_in_the_head_of_any_verdict() {
+        let trials = vec!["rks valgus_60deg_10".to_owned(), "kla anterior_90deg_89".to_owned()];
+        for verdict in [Verdict::None, Verdict::Unnamed, Verdict::Decisive] {
+            let left_out = Some(LeftOut { trials: trials.clone(), of: 54 });
+            let told = head(&Diagnosis { verdict, left_out, before: vec!["kla0".into()], ..none(vec![]) });
+            assert!(told.contains("2 of 54 trials were left out") && told.contains("before (kla0)"), "{told}");
+            let told = head(&Diagnosis { verdict, ..none(vec![]) });
+            assert!(!told.contains("left out") && !told.contains("before (kla0"), "{told}");
+        }
+    }
+
+    #[test]
+    fn a_test_says_what_it_would_tell_and_no_head_speaks_of_log_odds() {
+        let best = |expected_gain| NextTest {
+            test: "posterior".into(),
+            flexion_deg: 75.0,
+            load: -130.0,
+            source: "kla".into(),
+            expected_gain,
+            gives_way: false,
+        };
+        for gain in [0.14, 5.6] {
+            let told = head(&Diagnosis { next_tests: vec![best(gain)], ..none(vec![torn("PCL")]) });
+            assert!(told.contains("would tell whether the PCL is torn") && !told.contains("log odds"), "{told}");
+            assert_eq!(told.contains("No single test"), gain < 1.0, "{told}");
+        }
+    }
+
+    #[test]
+    fn tests_are_said_to_tell_answers_apart_where_there_are_answers_alone() {
+        for may_be_torn in [vec![], vec![torn("LCL")]] {
+            assert_ne!(next_tells(&none(may_be_torn.clone())), "the answers apart");
+            let told = next_tells(&Diagnosis { verdict: Verdict::OneOf, ..none(may_be_torn) });
+            assert_eq!(told, "the answers apart");
+        }
     }
 
     #[test]

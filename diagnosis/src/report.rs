@@ -76,6 +76,12 @@ pub struct MayBeTorn {
     pub slack: f64,
     /// What the data hold against the structure as it was given [nats].
     pub against_given: f64,
+    /// Whether these data speak against the tear, by odds that tell answers apart.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub fits_worse_torn: bool,
+    /// Log Bayes factor that a whole tear would earn in such trials, told without noise; of the structures that injuries take most, alone [nats].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub would_earn: Option<f64>,
 }
 
 impl MayBeTorn {
@@ -83,6 +89,28 @@ impl MayBeTorn {
     pub fn is_slackened(&self) -> bool {
         self.given_n >= CARRIED_N && self.now_n < self.given_n && self.against_given >= NAMED
     }
+
+    /// Whether such trials would miss a whole tear of it: it earns less than a name takes (`threshold`).
+    pub fn would_be_missed(&self, threshold: f64) -> bool {
+        self.would_earn.is_some_and(|earns| earns < threshold)
+    }
+}
+
+/// Trials whose readings lie out of the joint, of which no hypothesis is asked.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct LeftOut {
+    /// Data set and name of each.
+    pub trials: Vec<String>,
+    /// Trials that there are, these included [-].
+    pub of: usize,
+}
+
+/// The trials that a question was asked without; none where it was asked with all.
+pub(crate) fn left_out(problem: &Problem) -> Option<LeftOut> {
+    let trials = problem.astray.clone();
+    let of = problem.trials.len() + trials.len();
+    (!trials.is_empty()).then_some(LeftOut { trials, of })
 }
 
 /// A size below which an effect would more often have been missed than named.
@@ -331,6 +359,9 @@ pub struct Diagnosis {
     /// Two trials whose readings fit each other's place, where there are such.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exchanged: Option<Exchanged>,
+    /// Trials that were left out, where there are such.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub left_out: Option<LeftOut>,
     /// Data sets that were measured before what is asked about.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub before: Vec<String>,
@@ -340,7 +371,7 @@ pub struct Diagnosis {
     /// Why nothing is named, where the verdict is `unnamed`.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub unexplained: Option<Unexplained>,
-    /// Where nothing is missing: structures that may be torn all the same, those first that carry most in the model as given.
+    /// Where nothing is named: structures that may be torn, or slack, or whose whole tear would be missed; those first that injuries take most.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub may_be_torn: Vec<MayBeTorn>,
     /// Whitened sum of squares of nothing missing and of the best hypothesis, over the number of readings [-].

@@ -3,10 +3,10 @@
 use crate::catalogue::Catalogue;
 use crate::criteria::{ANOTHER, discrepancy};
 use crate::discrepancy::Discrepancy;
+use crate::fit::share_at_whole;
 use crate::map::Cell;
 use crate::problem::Problem;
-use crate::report::Carried;
-use crate::report::{Answer, Diagnosis, Named, Verdict};
+use crate::report::{Absorbed, Answer, Carried, Diagnosis, Gap, Named, Verdict};
 use crate::search::Search;
 use std::fmt::Write;
 
@@ -34,20 +34,12 @@ pub(crate) fn description(problem: &Problem, d: &Diagnosis, field: &Discrepancy,
                 _ => "One of several, the likeliest",
             };
             if let Some(a) = d.answers.first() {
-                let _ = write!(out, "{how}: {}.", answer(problem, a));
+                let _ = write!(out, "{how}: {}.", answer(&problem.catalogue, d, a));
             }
             for rival in d.answers.iter().skip(1) {
-                let _ = write!(out, " Or: {} (weight {:.2}).", answer(problem, rival), rival.weight);
+                let _ = write!(out, " Or: {} (weight {:.2}).", answer(&problem.catalogue, d, rival), rival.weight);
             }
-            let g = &d.gap.held_out;
-            let _ = write!(
-                out,
-                " On trials that no calibration had seen the error falls from {:.2} to {:.2} (noise {:.2}), {:.0} % of the gap.",
-                g.before,
-                g.after,
-                g.floor,
-                100.0 * g.closed
-            );
+            out += &shrunk(&d.gap.held_out);
             if d.wildcard > discrepancy() {
                 let (what, gain) = (field.words(problem), d.wildcard);
                 let _ = write!(
@@ -57,12 +49,16 @@ pub(crate) fn description(problem: &Problem, d: &Diagnosis, field: &Discrepancy,
             }
         }
     }
+    let before = from_before(d);
+    if !before.is_empty() {
+        let _ = write!(out, " {before}");
+    }
     out += &to_tell(d);
     out += &mixed_up(d);
     out += &set_aside(problem, search);
     out += &worst(&d.map);
     out += &shifts(d);
-    out += &unburdened(d);
+    out += &unburdened(&problem.catalogue, d);
     out += " This is a hypothesis to be checked at the bench, not a finding.";
     out
 }
@@ -86,22 +82,67 @@ fn nearest(problem: &Problem, d: &Diagnosis, search: &Search) -> String {
     let sources = problem.asked().len();
     let earned =
         |f: &crate::fit::Fit| crate::search::weighed(f, sources) - crate::search::weighed(&search.base, sources);
-    let asked = format!("{:.1} are asked for", d.threshold);
     match (search.rivals.first(), search.screened.first()) {
         (Some(best), _) if !d.best.is_empty() => {
-            let names: Vec<String> = d.best.iter().map(|e| named(&problem.catalogue, e)).collect();
-            let earned = earned(best);
-            format!(" The nearest, {}, changes the log odds by {earned:.1}; {asked}.", names.join("; together with "))
+            let names: Vec<String> = d.best.iter().map(|e| named(&problem.catalogue, d, e)).collect();
+            short_of_a_name(&names.join("; together with "), earned(best), d.threshold)
         }
-        (_, Some((c, gain))) => {
-            format!(" The nearest effect, {}, changes the log odds by {gain:.1} only; {asked}.", c.effect.title)
-        }
+        (_, Some((c, gain))) => short_of_a_name(&c.effect.title, *gain, d.threshold),
         _ => String::new(),
     }
 }
 
-fn answer(problem: &Problem, a: &Answer) -> String {
-    a.effects.iter().map(|e| named(&problem.catalogue, e)).collect::<Vec<_>>().join("; together with ")
+/// That an effect comes nearest and is not enough for a name: first what that means, then its log odds and those that a name takes.
+fn short_of_a_name(what: &str, log_odds: f64, needed: f64) -> String {
+    let means = if log_odds > 0.0 { "likelier with it, but not by enough for a name" } else { "no likelier with it" };
+    format!(" What comes nearest is {what}. The data are {means} (log odds {log_odds:.1}; a name takes {needed:.1}).")
+}
+
+/// By how much the error on unseen trials falls, and how much of what it could fall that is.
+fn shrunk(g: &Gap) -> String {
+    format!(
+        " On trials that no calibration had seen the error falls by {:.2}, from {:.2} to {:.2}; noise alone leaves {:.2}, so that is {:.0} % of what \
+         it could fall.",
+        g.before - g.after,
+        g.before,
+        g.after,
+        g.floor,
+        100.0 * g.closed
+    )
+}
+
+/// How data from before count; nothing where there are none.
+pub(crate) fn from_before(d: &Diagnosis) -> String {
+    if d.before.is_empty() {
+        return String::new();
+    }
+    format!(
+        "The data from before ({}) are fitted with the same ligaments, and with no effect: what is told is of the data since.",
+        d.before.join(", ")
+    )
+}
+
+fn answer(catalogue: &Catalogue, d: &Diagnosis, a: &Answer) -> String {
+    a.effects.iter().map(|e| named(catalogue, d, e)).collect::<Vec<_>>().join("; together with ")
+}
+
+/// What the next tests are to tell.
+pub fn next_tells(d: &Diagnosis) -> String {
+    let torn = d.may_be_torn.iter().find(|t| t.is_slackened()).or(d.may_be_torn.first());
+    match (torn, d.verdict) {
+        (Some(t), Verdict::None) => format!("whether the {} is torn", t.structure),
+        (None, Verdict::None) => "whether what comes nearest is there".into(),
+        (_, Verdict::Unnamed) => "which effect comes nearest".into(),
+        _ => "the answers apart".into(),
+    }
+}
+
+/// Names as a list: "ACL, PCL or POL".
+pub fn listed(names: &[&str], last: &str) -> String {
+    match names.split_last() {
+        Some((end, others)) if !others.is_empty() => format!("{} {last} {end}", others.join(", ")),
+        _ => names.concat(),
+    }
 }
 
 /// The test that would tell the answers apart best, where there are several or none.
@@ -117,23 +158,29 @@ fn to_tell(d: &Diagnosis) -> String {
 }
 
 /// An effect in words: its title, where, and its sizes.
-fn named(catalogue: &Catalogue, e: &Named) -> String {
+fn named(catalogue: &Catalogue, d: &Diagnosis, e: &Named) -> String {
     let title = catalogue.find(&e.effect).map_or(e.effect.clone(), |(f, _)| f.title.clone());
     let about = e
         .variant
         .as_ref()
         .map_or(String::new(), |v| if v.starts_with("about ") { format!(" {v}") } else { format!(" of {v}") });
-    let place = if e.scope == "both" { "in all data sets".to_owned() } else { format!("in {}", e.scope) };
+    let all = if d.before.is_empty() { "in all data sets" } else { "in all data sets since" };
+    let place = if e.scope == "both" { all.to_owned() } else { format!("in {}", e.scope) };
     format!("{title}{about} {place}, {}", sizes(catalogue, e, "90 % ").join(", "))
 }
 
-/// Each parameter of an effect with its 90 % interval, told as such by `label`.
+/// Each parameter of an effect with its 90 % interval, told as such by `label`. Of what may be whole the interval is that of a part, and the share of
+/// the whole stands beside it.
 pub fn sizes(catalogue: &Catalogue, e: &Named, label: &str) -> Vec<String> {
     let found = catalogue.find(&e.effect).ok().map(|(f, _)| f);
     let one = |(k, v): (&String, &crate::report::Value)| {
-        let (low, high) = v.interval(found.and_then(|f| f.parameter.iter().find(|p| p.key == *k)));
+        let of = found.and_then(|f| f.parameter.iter().find(|p| p.key == *k));
+        let (low, high) = v.interval(of);
         let size = with_unit(v.value, &v.unit);
-        format!("{k} {size} ({label}{} to {})", figures(low), figures(high))
+        let is_open = |p: &&crate::catalogue::Parameter| p.whole.is_some_and(|whole| high >= whole);
+        let share = of.filter(is_open).and_then(|p| share_at_whole((v.value, v.sd), p));
+        let all = share.map_or(String::new(), |w| format!("; all of it with weight {w:.2}"));
+        format!("{k} {size} ({label}{} to {}{all})", figures(low), figures(high))
     };
     e.parameters.iter().map(one).collect()
 }
@@ -224,30 +271,39 @@ fn worst(map: &[Cell]) -> String {
     if cells.is_empty() {
         return String::new();
     }
-    let list: Vec<String> = cells
-        .iter()
-        .take(3)
-        .map(|c| {
-            let load = if c.load_sign == 0 { ", unloaded" } else { "" };
-            format!("{} of {} {} at {} deg{load} ({:+.1} sd)", c.dof, c.source, c.test, c.nominal_flexion_deg, c.z)
-        })
-        .collect();
+    let list: Vec<String> = cells.iter().take(3).map(|c| format!("{} ({:+.1} sd)", place_of(c), c.z)).collect();
     format!(" With ligaments alone recalibrated the model misses most in {}.", list.join(", "))
+}
+
+/// A cell's coordinate and condition.
+pub(crate) fn place_of(c: &Cell) -> String {
+    let load = if c.load_sign == 0 { ", unloaded" } else { "" };
+    format!("{} of {} {} at {} deg{load}", c.dof.to_uppercase(), c.source, c.test, c.nominal_flexion_deg)
 }
 
 /// Change of a ligament's force that is worth a sentence [N].
 const TOLD: f64 = 10.0;
 
 /// The ligament force that the answer changes most.
-fn unburdened(d: &Diagnosis) -> String {
+fn unburdened(catalogue: &Catalogue, d: &Diagnosis) -> String {
     let by = |c: &&Carried| (c.with_n - c.without_n).abs();
     let most = d.ligament_forces.iter().max_by(|a, b| by(a).total_cmp(&by(b))).filter(|c| by(c) >= TOLD);
-    most.map_or(String::new(), |c| {
-        format!(
-            " Under {}, {} carries {:.0} N by the answer, {:.0} N without it.",
-            c.test, c.ligament, c.with_n, c.without_n
-        )
-    })
+    let Some(Carried { ligament, test, without_n, with_n }) = most else { return String::new() };
+    let is_torn = d.answers.first().is_some_and(|a| a.effects.iter().any(|e| may_be_torn(catalogue, e, ligament)));
+    let torn = if is_torn { ", and nothing where it is torn" } else { "" };
+    format!(
+        " Under {test}, {ligament} carries {with_n:.0} N with the likeliest size of the answer{torn}; without the answer {without_n:.0} N."
+    )
+}
+
+/// Whether an effect may be that all of a ligament is lost.
+fn may_be_torn(catalogue: &Catalogue, e: &Named, ligament: &str) -> bool {
+    let Ok((found, _)) = catalogue.find(&e.effect) else { return false };
+    let reaches = |p: &crate::catalogue::Parameter| {
+        let value = e.parameters.get(&p.key);
+        p.whole.zip(value).is_some_and(|(whole, v)| v.interval(Some(p)).1 >= whole)
+    };
+    e.variant.as_deref() == Some(ligament) && found.parameter.iter().any(reaches)
 }
 
 fn shifts(d: &Diagnosis) -> String {
@@ -256,16 +312,16 @@ fn shifts(d: &Diagnosis) -> String {
     if d.answers.is_empty() || list.is_empty() {
         return String::new();
     }
-    let told: Vec<String> = list
-        .iter()
-        .take(3)
-        .map(|l| {
-            // a reference strain moves by thousandths
-            let places = if l.parameter == "reference_strain" { 3 } else { 1 };
-            format!("{} {} {:.places$} to {:.places$}", l.bundle, parameter(&l.parameter), l.without, l.with)
-        })
-        .collect();
-    format!(" The ligaments had taken up part of it: with the effect {}.", told.join(", "))
+    let told: Vec<String> = list.iter().take(3).map(|l| shift(l)).collect();
+    format!(" The ligaments had taken up part of it: {}.", told.join("; "))
+}
+
+/// A ligament's parameter without the answer and with it.
+fn shift(l: &Absorbed) -> String {
+    // a reference strain moves by thousandths
+    let places = if l.parameter == "reference_strain" { 3 } else { 1 };
+    let (bundle, parameter) = (&l.bundle, parameter(&l.parameter));
+    format!("{bundle} {parameter} {:.places$} without the effect, {:.places$} with it", l.without, l.with)
 }
 
 #[cfg(test)]
@@ -282,13 +338,63 @@ mod tests {
 
     #[test]
     fn an_interval_ends_where_its_parameter_does() {
-        assert_eq!(told("structure_loss", "loss", 1.0, 0.168, "-"), "loss 1.00 (0.724 to 1.00)");
+        assert_eq!(
+            told("structure_loss", "loss", 1.0, 0.168, "-"),
+            "loss 1.00 (0.724 to 1.00; all of it with weight 0.94)"
+        );
         assert_eq!(told("load_gain", "gain", -0.7, 0.2, "-"), "gain -0.700 (-0.750 to -0.371)");
         assert_eq!(told("gravity", "weight_n", 55.0, 10.0, "N"), "weight_n 55.0 N (38.5 to 60.0)");
         assert_eq!(told("joint_compression", "si_n", 50.0, 100.0, "N"), "si_n 50.0 N (0 to 214)");
         // what nothing bounds, and what the catalogue does not know
         assert_eq!(told("flexion_offset", "fe_deg", 5.0, 10.0, "deg"), "fe_deg 5.00 deg (-11.4 to 21.4)");
         assert_eq!(told("ghost", "loss", 1.0, 1.0, "-"), "loss 1.00 (-0.645 to 2.65)");
+    }
+
+    #[test]
+    fn the_share_of_a_tear_is_told_where_the_interval_reaches_all_of_it_alone() {
+        assert!(!told("structure_loss", "loss", 0.5, 0.1, "-").contains("weight"));
+        assert!(told("structure_loss", "loss", 0.9, 0.2, "-").contains("all of it with weight 0."));
+    }
+
+    #[test]
+    fn what_came_nearest_is_told_in_words_before_its_log_odds() {
+        let (for_it, against) = (short_of_a_name("gravity", 2.1, 4.95), short_of_a_name("gravity", -1.3, 4.95));
+        assert!(for_it.contains("likelier with it, but not by enough") && against.contains("no likelier with it"));
+        let at = |text: &str, words: &str| text.find(words).unwrap();
+        assert!([for_it, against].iter().all(|text| at(text, "likelier") < at(text, "log odds")));
+    }
+
+    #[test]
+    fn what_a_gap_shrinks_by_stands_beside_its_share() {
+        let (before, after, floor, closed) = (0.87, 0.81, 0.81, 1.0);
+        let rmse = std::collections::BTreeMap::new;
+        let told = shrunk(&Gap { before, after, floor, closed, rmse_before: rmse(), rmse_after: rmse() });
+        assert!(told.contains("falls by 0.06, from 0.87 to 0.81") && told.contains("100 %"), "{told}");
+    }
+
+    #[test]
+    fn a_parameter_that_moved_is_told_without_the_effect_and_with_it() {
+        let (bundle, parameter) = ("ACL_AM".to_owned(), "reference_strain".to_owned());
+        let told = shift(&Absorbed { bundle, parameter, given: 1.06, without: 0.957, with: 1.061, sd: 0.01 });
+        assert_eq!(told, "ACL_AM reference strain 0.957 without the effect, 1.061 with it");
+    }
+
+    #[test]
+    fn a_torn_ligament_is_never_said_to_carry_something_without_a_word_of_the_tear() {
+        let lost = |loss: f64| {
+            let parameters = [("loss".to_owned(), Value { value: loss, sd: 0.1, unit: "-".into() })].into();
+            Named { effect: "structure_loss".into(), scope: "both".into(), variant: Some("ACL".into()), parameters }
+        };
+        let catalogue = Catalogue::shipped();
+        assert!(may_be_torn(&catalogue, &lost(0.99), "ACL") && !may_be_torn(&catalogue, &lost(0.99), "PCL"));
+        assert!(!may_be_torn(&catalogue, &lost(0.5), "ACL"));
+    }
+
+    #[test]
+    fn a_list_of_names_ends_in_its_last_word() {
+        let list = ["ACL", "PCL", "POL"];
+        let told = [1, 2, 3].map(|n| listed(&list[..n], "or"));
+        assert_eq!(told, ["ACL", "ACL or PCL", "ACL, PCL or POL"]);
     }
 
     #[test]

@@ -8,7 +8,7 @@ use diagnosis::carried::LEAST_N;
 use diagnosis::catalogue::Catalogue;
 use diagnosis::map::Cell;
 use diagnosis::report::{Carried, Diagnosis, Missable, Named, Verdict};
-use diagnosis::words::{parameter, sizes, with_unit};
+use diagnosis::words::{listed, next_tells, parameter, sizes, with_unit};
 use sim::coordinate::FREE;
 use sim::protocols::ProtocolOptions;
 use std::collections::BTreeMap;
@@ -55,6 +55,7 @@ fn body(model: &str, d: &Diagnosis) -> String {
     }
     let _ = write!(out, "<div class=\"verdict\">{}</div>", escaped(&d.description));
     contradicting(&mut out, d);
+    left_out(&mut out, d);
     answers(&mut out, d);
     meanings(&mut out, d);
     why_unnamed(&mut out, d);
@@ -93,6 +94,18 @@ fn provenance(d: &Diagnosis) -> String {
         let _ = write!(out, "<tr><td>data: {}</td><td>{}</td></tr>", escaped(name), escaped(digest));
     }
     out + "</table><p class=\"note\">Digests are BLAKE3, of the model with its surfaces and of each data file.</p>"
+}
+
+/// The trials of which no hypothesis was asked.
+fn left_out(out: &mut String, d: &Diagnosis) {
+    let Some(of) = &d.left_out else { return };
+    let _ = write!(
+        out,
+        "<h2>Trials that were left out</h2><p>{} of {}, since the knee lies out of its joint there: {}.</p>",
+        of.trials.len(),
+        of.of,
+        escaped(&of.trials.join(", "))
+    );
 }
 
 fn answers(out: &mut String, d: &Diagnosis) {
@@ -219,7 +232,12 @@ fn bars(out: &mut String, d: &Diagnosis) {
             let _ = write!(out, "<td>{v:.2}</td>");
         }
     }
-    let _ = write!(out, "</tr></table><p>{:.0} % of the gap is closed.", 100.0 * g.closed);
+    let _ = write!(
+        out,
+        "</tr></table><p>The error falls by {:.2}: {:.0} % of what noise and floor let it fall.",
+        g.before - g.after,
+        100.0 * g.closed
+    );
     if let Some(c) = &d.gap.control {
         let _ = write!(out, " As a control, {} closes {:.0} %.", escaped(&c.effect), 100.0 * c.closed);
     }
@@ -294,7 +312,8 @@ fn next(out: &mut String, d: &Diagnosis) {
     if d.next_tests.is_empty() {
         return;
     }
-    *out += "<h2>Next: tests that would tell the answers apart</h2><table><tr><th>test</th><th>flexion</th><th>load</th><th>apparatus</th><th>expected gain</th></tr>";
+    let _ = write!(out, "<h2>Next: tests that would tell {}</h2>", escaped(&next_tells(d)));
+    *out += "<p class=\"note\">Expected gain: log odds that such a test adds [nats]. Less than 1 tells little.</p><table><tr><th>test</th><th>flexion</th><th>load</th><th>apparatus</th><th>expected gain</th></tr>";
     for t in &d.next_tests {
         let _ = write!(
             out,
@@ -342,6 +361,15 @@ fn missed(out: &mut String, d: &Diagnosis) {
         *out += "</tr>";
     }
     *out += "</table>";
+    let missed: Vec<&str> =
+        d.may_be_torn.iter().filter(|t| t.would_be_missed(d.threshold)).map(|t| t.structure.as_str()).collect();
+    if !missed.is_empty() {
+        let _ = write!(
+            out,
+            "<p>A loss without a size here may be missed even where it is whole. These trials would not name a whole tear of the {}: fitted without noise, it earns less than a name takes.</p>",
+            escaped(&listed(&missed, "or"))
+        );
+    }
 }
 
 /// The page of an atlas.
