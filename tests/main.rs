@@ -2,8 +2,10 @@
 
 mod architecture;
 mod bibliography;
+mod blind;
 mod calibrated;
 mod cli;
+mod cohort;
 mod common;
 mod contact_law;
 mod corruptions;

@@ -1,11 +1,13 @@
 //! Effects that can be hidden, in forms of their own: not the catalogue's.
 
 use crate::asked::{Asked, Hidden, Size};
+use crate::further::{self, AXES};
 use crate::pose::{Five, about, pose};
 use crate::unknown;
 use nalgebra::Vector3;
 
-/// What may be hidden: name, parameter, typical size, whether only positive.
+/// What may be hidden: name, parameter, typical size, whether only positive. Draws of earlier sets take turns among these; the other kinds of the
+/// catalogue are [`crate::further::FURTHER`].
 pub const KINDS: [(&str, &[Size]); 15] = [
     ("femur_frame", &[("vv_deg", 3.5, false), ("ie_deg", 5.0, false)]),
     ("tibia_frame", &[("vv_deg", 3.5, false), ("ie_deg", 5.0, false)]),
@@ -40,6 +42,14 @@ pub(crate) fn cut(kind: &str, share: f64) -> Option<Hidden> {
 /// The tibial tuberosity: lateral, anterior, superior [mm].
 const TUBEROSITY: [f64; 3] = [-3.0, 33.0, -32.0];
 
+/// Where the hamstrings begin: medial, anterior, superior of the femur's origin [mm].
+const ISCHIUM: Vector3<f64> = Vector3::new(25.0, -45.0, 370.0);
+/// Where the medial and the lateral ones end on the shank [mm].
+const HAMSTRINGS: [[f64; 3]; 2] = [[24.0, -12.0, -25.0], [-36.0, -18.0, -20.0]];
+
+/// Drawer load that wakes the muscles [N], and the load over which they wake [N].
+const WAKES_N: [f64; 2] = [40.0, 15.0];
+
 /// Where the patellar tendon leaves the patella, which rolls round the trochlea as the knee flexes [mm].
 fn patella(flexion: f64) -> Vector3<f64> {
     let rolled = 0.09 + 1.17 * flexion;
@@ -51,6 +61,14 @@ impl Hidden {
     pub(crate) fn cuts(&self) -> Option<(&'static str, f64)> {
         let structure = CUT.get(self.value("structure") as usize)?;
         (self.effect == CUT_EFFECT).then_some((*structure, self.value("loss")))
+    }
+
+    /// The structure or the axis that it is about, by its name in catalogues, where an effect of that name may be about several.
+    pub fn variant(&self) -> Option<&'static str> {
+        match self.effect.as_str() {
+            "load_sign" => AXES.get(self.value("axis") as usize).map(|axis| axis.0),
+            _ => self.cuts().map(|(structure, _)| structure),
+        }
     }
 
     /// What it changes of the load or flexion that the knee truly gets.
@@ -65,7 +83,7 @@ impl Hidden {
             }
             "load_gain" => out.load.iter_mut().for_each(|l| *l *= 1.0 + self.value("gain")),
             "joint_compression" => out.load[4] += self.value("si_n"),
-            _ => {}
+            _ => out = further::true_load(self, asked),
         }
         out
     }
@@ -93,7 +111,7 @@ impl Hidden {
                 }
                 out = crate::pose::read(&p);
             }
-            _ => {}
+            _ => out = further::misread(self, asked, &out),
         }
         out
     }
@@ -121,9 +139,8 @@ impl Hidden {
         match self.effect.as_str() {
             "quad_passive" => self.value("force_n") * length(patella(asked.flexion), tibial(TUBEROSITY)),
             "ham_tone" => {
-                let ischium = Vector3::new(25.0, -45.0, 370.0);
-                tone(self.value("med_n"), length(ischium, tibial([24.0, -12.0, -25.0])), 400.0)
-                    + tone(self.value("lat_n"), length(ischium, tibial([-36.0, -18.0, -20.0])), 400.0)
+                tone(self.value("med_n"), length(ISCHIUM, tibial(HAMSTRINGS[0])), 400.0)
+                    + tone(self.value("lat_n"), length(ISCHIUM, tibial(HAMSTRINGS[1])), 400.0)
             }
             "gastroc_tone" => {
                 let heads = [22.0, -20.0].map(|x| length(Vector3::new(x, -24.0, 12.0), tibial([0.0, -45.0, -360.0])));
@@ -146,8 +163,20 @@ impl Hidden {
                 let stretch = length(femur, tibia) - 38.0;
                 0.5 * self.value("k") * stretch.max(0.0).powi(2)
             }
-            _ => unknown::stored(self, asked, (&p, c, &d)),
+            "guarding_reflex" => {
+                let hamstrings =
+                    0.55 * length(ISCHIUM, tibial(HAMSTRINGS[0])) + 0.45 * length(ISCHIUM, tibial(HAMSTRINGS[1]));
+                self.answer(asked.load[3]) * (length(patella(asked.flexion), tibial(TUBEROSITY)) + hamstrings)
+            }
+            _ => unknown::stored(self, asked, (&p, c, &d)) + further::stored(self, &p),
         }
+    }
+
+    /// Pull of the muscles that answer a drawer load [N]: hardly any below the load that wakes them, in proportion to what is beyond it above.
+    fn answer(&self, drawer: f64) -> f64 {
+        let [wakes, over] = WAKES_N;
+        let beyond = |load: f64| 0.5 * (load - wakes + (load - wakes).hypot(over));
+        self.value("share") * (beyond(drawer.abs()) - beyond(0.0))
     }
 
     /// Ten springs on the rim of each compartment, each resisting what slides outward past a millimetre; the half of them that a slide
@@ -189,6 +218,21 @@ mod tests {
             let stiffness = slid(ap + 1.0) - 2.0 * slid(ap) + slid(ap - 1.0);
             assert!((stiffness - 24.0).abs() < 1e-9, "two compartments of 12 N/mm, and {stiffness}");
         }
+    }
+
+    #[test]
+    fn muscles_answer_a_drawer_once_it_wakes_them() {
+        let hidden = Hidden { effect: "guarding_reflex".into(), parameters: [("share".to_string(), 0.5)].into() };
+        let at = |n: f64| hidden.answer(n);
+        assert!(at(0.0) == 0.0 && at(20.0) < 2.0 && (at(133.0) - 46.5).abs() < 2.0, "{} {}", at(20.0), at(133.0));
+        assert_eq!(at(133.0), at(-133.0));
+        // they press the joint together, and pull the shank back in flexion
+        let c = [0.0, 0.0, 0.0, 0.0, -21.0];
+        let pull = |load: f64, flexion: f64, j: usize| {
+            -hidden.energy(&Asked { flexion, load: [0.0, 0.0, 0.0, load, 0.0] }, &c, &c).1[j]
+        };
+        assert!(pull(133.0, 0.5, 4) > 60.0 && pull(0.0, 0.5, 4).abs() < 1e-6, "{}", pull(133.0, 0.5, 4));
+        assert!(pull(133.0, 1.5, 3) < -20.0, "{}", pull(133.0, 1.5, 3));
     }
 
     #[test]

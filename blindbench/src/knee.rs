@@ -2,6 +2,7 @@
 
 use crate::BenchError;
 use crate::frames::Frames;
+use crate::over::Over;
 use crate::pose::{Five, Pose, components, pose, read};
 use meshes::Point;
 use meshes::frame::AnatomicalFrame;
@@ -11,6 +12,8 @@ use nalgebra::{Matrix3, Vector3};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::collections::BTreeMap;
+
+mod changed;
 
 /// A bundle as a model describes it.
 #[derive(Clone, Debug)]
@@ -57,9 +60,39 @@ pub struct Unlike {
     pub strains: BTreeMap<String, [f64; 2]>,
 }
 
+/// How widely the laws of a knee are drawn about those of the one that it is copied from, as standard deviations.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Spread {
+    /// Of the logarithm of a bundle's stiffness [-].
+    pub stiffness: f64,
+    /// Of a bundle's reference strain [-].
+    pub strain: f64,
+    /// Of the logarithm of the contact's stiffness [-].
+    pub contact: f64,
+    /// Factor on the standard deviations of [`Unlike::strains`] [-].
+    pub stated: f64,
+    /// Standard deviations beyond which no strain of [`Unlike::strains`] is drawn [-].
+    pub farthest: f64,
+}
+
+impl Default for Spread {
+    /// Narrower than the analysis supposes. A strain beyond two of its stated standard deviations is nobody's.
+    fn default() -> Spread {
+        Spread { stiffness: 0.15, strain: 0.022, contact: 0.2, stated: 1.0, farthest: 2.0 }
+    }
+}
+
+impl Spread {
+    /// One and a half times as wide as the analysis supposes, which is 0.2, 0.03 and 0.3, and without an end. Stated strains have a deviation of 0.05
+    /// or so: 1.2 of it, and `strain` beside it, are 1.5 of it in all.
+    pub fn wide() -> Spread {
+        Spread { stiffness: 0.3, strain: 0.045, contact: 0.45, stated: 1.2, farthest: f64::INFINITY }
+    }
+}
+
 impl KneeInput {
     /// A knee that differs from this one as the build of a model may differ from the knee.
-    pub fn unlike(&self, by: &Unlike, seed: u64) -> KneeInput {
+    pub fn unlike(&self, by: &Unlike, spread: &Spread, seed: u64) -> KneeInput {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let mut three = |sd: [f64; 3]| Vector3::from_fn(|k, _| sd[k] * normal(&mut random));
         let mut out = self.clone();
@@ -79,8 +112,8 @@ impl KneeInput {
                 *fibre = (fibre.0 + femur, fibre.1 + tibia);
             }
             if let Some([mean, sd]) = by.strains.get(&b.name) {
-                // a strain beyond two of its standard deviations is nobody's
-                b.reference_strain = mean + sd * three([1.0; 3]).x.clamp(-2.0, 2.0);
+                let drawn = (spread.stated * three([1.0; 3]).x).clamp(-spread.farthest, spread.farthest);
+                b.reference_strain = mean + sd * drawn;
             }
         }
         for part in &mut out.tibia {
@@ -98,7 +131,17 @@ struct Fibre {
     femur: Vector3<f64>,
     /// In the tibia's.
     tibia: Vector3<f64>,
+    /// Its straight length in the CT pose [mm].
     initial: f64,
+    /// Bone that it runs over.
+    over: Option<Over>,
+}
+
+impl Fibre {
+    /// By how much it is longer than straight [mm].
+    fn longer(&self, p: &Pose) -> f64 {
+        self.over.map_or(0.0, |over| over.longer(p, &self.femur, &self.tibia))
+    }
 }
 
 /// Strain, stiffness of a bundle and its share of fibres.
@@ -130,12 +173,12 @@ struct Contact {
     slope: f64,
 }
 
-fn axes(f: &AnatomicalFrame) -> Matrix3<f64> {
+pub(crate) fn axes(f: &AnatomicalFrame) -> Matrix3<f64> {
     Matrix3::from_columns(&[f.medial, f.anterior, f.superior])
 }
 
 /// A point of the CT in a frame.
-fn local(f: &AnatomicalFrame, p: &Point) -> Vector3<f64> {
+pub(crate) fn local(f: &AnatomicalFrame, p: &Point) -> Vector3<f64> {
     axes(f).transpose() * (p - f.origin)
 }
 
@@ -151,6 +194,14 @@ impl Knee {
     ///
     /// Errors: an empty surface, a bundle without fibres.
     pub fn drawn(input: &KneeInput, seed: u64) -> Result<Knee, BenchError> {
+        Knee::drawn_within(input, &Spread::default(), seed)
+    }
+
+    /// [`Knee::drawn`], as widely as told.
+    ///
+    /// # Errors
+    /// As [`Knee::drawn`].
+    pub fn drawn_within(input: &KneeInput, spread: &Spread, seed: u64) -> Result<Knee, BenchError> {
         let mut random = ChaCha8Rng::seed_from_u64(seed);
         let (femur, tibia) = &input.frames;
         let (mut bundles, mut fibres) = (Vec::new(), Vec::new());
@@ -159,14 +210,14 @@ impl Knee {
             if b.fibres.is_empty() {
                 return Err(BenchError::Knee(format!("bundle {} has no fibres", b.name)));
             }
-            let mut stretch = (0.15 * normal(&mut random)).exp();
+            let mut stretch = (spread.stiffness * normal(&mut random)).exp();
             if b.name.starts_with("sMCL") {
                 stretch = *shared.get_or_insert(stretch);
             }
             let count = 5 + (random.random::<f64>() * 3.0) as usize;
             bundles.push(Bundle {
                 name: b.name.clone(),
-                strain: b.reference_strain + 0.022 * normal(&mut random),
+                strain: b.reference_strain + spread.strain * normal(&mut random),
                 stiffness: b.stiffness * stretch,
                 length: b.reference_length,
                 count: count as f64,
@@ -181,7 +232,7 @@ impl Knee {
                     middle + Vector3::from_fn(|_, _| 0.6 * normal(&mut random))
                 };
                 let (f, t) = (end(0, femur), end(1, tibia));
-                fibres.push(Fibre { bundle: bundles.len() - 1, femur: f, tibia: t, initial: 0.0 });
+                fibres.push(Fibre { bundle: bundles.len() - 1, femur: f, tibia: t, initial: 0.0, over: None });
             }
         }
         let ct = Pose {
@@ -192,13 +243,18 @@ impl Knee {
             f.initial = (ct.turn * f.tibia + ct.origin - f.femur).norm();
         }
         let contact = Contact::new(input)?;
-        let contact_scale = (0.2 * normal(&mut random)).exp();
+        let contact_scale = (spread.contact * normal(&mut random)).exp();
         Ok(Knee { bundles, fibres, contact, contact_scale, ct: read(&ct) })
     }
 
     /// The same knee, read in other frames.
     pub(crate) fn in_frames(&self, frames: &Frames) -> Result<Knee, BenchError> {
-        let moved = |f: &Fibre| Fibre { femur: frames.point(0, &f.femur), tibia: frames.point(1, &f.tibia), ..*f };
+        let moved = |f: &Fibre| Fibre {
+            femur: frames.point(0, &f.femur),
+            tibia: frames.point(1, &f.tibia),
+            over: f.over.map(|over| over.in_frames(frames)),
+            ..*f
+        };
         let mut mesh = self.contact.mesh.clone();
         mesh.vertices.iter_mut().for_each(|p| *p = Point::from(frames.point(0, &p.coords)));
         let femur =
@@ -211,12 +267,6 @@ impl Knee {
             contact_scale: self.contact_scale,
             ct: read(&frames.pose(&pose(self.ct[0], &components(&self.ct)))),
         })
-    }
-
-    /// Takes a share of its stiffness from a structure: all bundles of that name.
-    pub(crate) fn weaken(&mut self, structure: &str, loss: f64) {
-        let of = |name: &str| name.strip_prefix(structure).is_some_and(|rest| rest.is_empty() || rest.starts_with('_'));
-        self.bundles.iter_mut().filter(|b| of(&b.name)).for_each(|b| b.stiffness *= 1.0 - loss);
     }
 
     /// The nodes that may come into contact near a pose, and how far each is from the femur.
@@ -236,19 +286,7 @@ impl Knee {
     pub(crate) fn energy(&self, flexion: f64, c: &Five, near: &[(usize, f64)], moved: f64) -> (f64, Five) {
         let p = pose(flexion, c);
         let moves = moves(flexion, c, &p);
-        let (mut energy, mut slope) = (0.0, [0.0; 5]);
-        for f in &self.fibres {
-            let b = &self.bundles[f.bundle];
-            let arm = p.turn * f.tibia;
-            let way = arm + p.origin - f.femur;
-            let length = way.norm().max(1e-9);
-            let slack = b.length / b.strain;
-            let (e, force) = toe(length - f.initial + b.length - slack, slack, b.stiffness / b.count);
-            energy += e;
-            for (s, (turning, shift)) in slope.iter_mut().zip(&moves) {
-                *s += force * way.dot(&(turning.cross(&arm) + shift)) / length;
-            }
-        }
+        let (mut energy, mut slope) = self.stretched((flexion, c), &p, &moves);
         for (node, area) in near.iter().filter(|n| n.1 <= moved).map(|n| &self.contact.nodes[n.0]) {
             let arm = p.turn * node;
             let at = Point::from(arm + p.origin);
@@ -270,6 +308,50 @@ impl Knee {
         }
         (energy, slope)
     }
+
+    /// Energy of ligaments [N mm], and its slope by the five components.
+    fn stretched(
+        &self,
+        (flexion, c): (f64, &Five),
+        p: &Pose,
+        moves: &[(Vector3<f64>, Vector3<f64>); 5],
+    ) -> (f64, Five) {
+        let beside = self.fibres.iter().any(|f| f.over.is_some()).then(|| beside(flexion, c));
+        let (mut energy, mut slope) = (0.0, [0.0; 5]);
+        for f in &self.fibres {
+            let b = &self.bundles[f.bundle];
+            let arm = p.turn * f.tibia;
+            let way = arm + p.origin - f.femur;
+            let length = way.norm().max(1e-9);
+            let slack = b.length / b.strain;
+            let longer = f.longer(p);
+            let (e, force) = toe(length + longer - f.initial + b.length - slack, slack, b.stiffness / b.count);
+            energy += e;
+            for (s, (turning, shift)) in slope.iter_mut().zip(moves) {
+                *s += force * way.dot(&(turning.cross(&arm) + shift)) / length;
+            }
+            if let (Some(beside), true) = (&beside, longer > 0.0 && force > 0.0) {
+                for ((s, [up, down]), step) in slope.iter_mut().zip(beside).zip(STEPS) {
+                    *s += force * (f.longer(up) - f.longer(down)) / (2.0 * step);
+                }
+            }
+        }
+        (energy, slope)
+    }
+}
+
+/// Steps of differences by VV, IE [rad], ML, AP, SI [mm].
+const STEPS: Five = [1e-5, 1e-5, 1e-4, 1e-4, 1e-4];
+
+/// Poses a step up and a step down each component.
+fn beside(flexion: f64, c: &Five) -> [[Pose; 2]; 5] {
+    std::array::from_fn(|j| {
+        [1.0, -1.0].map(|sign| {
+            let mut there = *c;
+            there[j] += sign * STEPS[j];
+            pose(flexion, &there)
+        })
+    })
 }
 
 impl Knee {
@@ -281,7 +363,8 @@ impl Knee {
             let b = &self.bundles[f.bundle];
             let length = (p.turn * f.tibia + p.origin - f.femur).norm();
             let slack = b.length / b.strain;
-            let force = toe(length - f.initial + b.length - slack, slack, b.stiffness / b.count).1;
+            let stretch = length + f.longer(&p) - f.initial + b.length - slack;
+            let force = toe(stretch, slack, b.stiffness / b.count).1;
             *out.entry(b.name.clone()).or_default() += force;
         }
         out
@@ -370,5 +453,47 @@ mod tests {
         }
         // far out: the line with its root at a strain of 0.03
         assert!((toe(5.0, 30.0, 50.0).1 - 50.0 * (5.0 - 0.9)).abs() < 1e-6);
+    }
+
+    /// Standard deviations of the logarithm of stiffnesses over the given ones, of strains less the given ones, and of the logarithm of the contact's
+    /// stiffness, over many draws.
+    fn widths(spread: &Spread) -> [f64; 3] {
+        let input = crate::flat::input();
+        let mut sums = [[0.0; 2]; 3];
+        let mut add = |k: usize, x: f64| {
+            sums[k][0] += x * x;
+            sums[k][1] += 1.0;
+        };
+        for seed in 0..600 {
+            let knee = Knee::drawn_within(&input, spread, seed).unwrap();
+            for (b, given) in knee.bundles.iter().zip(&input.bundles) {
+                add(0, (b.stiffness / given.stiffness).ln());
+                add(1, b.strain - given.reference_strain);
+            }
+            add(2, knee.contact_scale.ln());
+        }
+        sums.map(|[squares, count]| (squares / count).sqrt())
+    }
+
+    #[test]
+    fn knees_are_drawn_as_widely_as_told() {
+        for spread in [Spread::default(), Spread::wide()] {
+            let told = [spread.stiffness, spread.strain, spread.contact];
+            for (is, told) in widths(&spread).into_iter().zip(told) {
+                assert!((is / told - 1.0).abs() < 0.12, "{is} against {told}");
+            }
+        }
+    }
+
+    #[test]
+    fn stated_strains_have_an_end_but_where_they_are_wide() {
+        let by = Unlike { strains: [("LCL".to_owned(), [1.0, 0.05])].into(), ..Unlike::default() };
+        let farthest = |spread: &Spread| {
+            let input = crate::flat::input();
+            let of = |seed: u64| (input.unlike(&by, spread, seed).bundles[1].reference_strain - 1.0).abs() / 0.05;
+            (0..400).map(of).fold(0.0, f64::max)
+        };
+        assert!((farthest(&Spread::default()) - 2.0).abs() < 1e-9);
+        assert!(farthest(&Spread::wide()) > 2.5);
     }
 }

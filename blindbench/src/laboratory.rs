@@ -2,18 +2,21 @@
 
 use crate::BenchError;
 use crate::asked::{Asked, Hidden};
+use crate::draw::effects;
 use crate::frames::{Frames, Repeat};
-use crate::hidden::{KINDS, cut};
-use crate::knee::{Knee, KneeInput, normal};
+use crate::knee::{Knee, KneeInput, Spread, normal};
 use crate::pose::components;
 use crate::read::Read;
 use crate::rest::{Path, rest};
-use crate::unknown::{self, UNKNOWN};
+use crate::tissue;
+use crate::unknown;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+
+pub use crate::draw::{every_kind, kinds};
 
 /// A trial to be done.
 #[derive(Clone, Debug, PartialEq)]
@@ -52,6 +55,9 @@ pub struct Truth {
     /// Frames in which each data set reads poses, from the knee's own; none where all read in those.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub frames: BTreeMap<String, Frames>,
+    /// In what knee and laboratory differ from what the analysis supposes, beside laws of contact and fibres; none where nobody wrote it down.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub differs: Option<Vec<String>>,
     /// What the effects change of the readings without noise: a row a trial, VV, IE [deg], ML, AP, SI [mm].
     pub signature: Vec<[f64; 5]>,
     /// Root mean square of it in noises, and the evidence an analysis can expect (filled in by the scorer).
@@ -93,20 +99,46 @@ pub struct Case {
     pub truth: Truth,
 }
 
-/// What a case is to be: drawn from a number so that kinds take turns.
-pub fn kinds(count: usize) -> Vec<String> {
-    (0..count)
-        .map(|k| match k % 6 {
-            0 | 3 => "null".to_owned(),
-            4 if k % 12 == 4 => "compound".to_owned(),
-            4 => "unknown".to_owned(),
-            _ => KINDS[(k / 6 * 3 + k % 6) % KINDS.len()].0.to_owned(),
-        })
-        .collect()
+/// How a laboratory, and the knees that it draws, differ from the usual ones.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Ways {
+    /// How well the frames of data sets repeat.
+    pub repeat: Repeat,
+    /// How widely the knee's laws are drawn.
+    pub spread: Spread,
+    /// Noise of the tracker beside what the plan states.
+    pub noise: Noise,
+    /// What the truth tells of it: in what knee and laboratory differ from what the analysis supposes.
+    pub differs: Option<Vec<String>>,
 }
+
+/// How a tracker's noise differs from what its laboratory states.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Noise {
+    /// Factor on that of VV and IE [-].
+    pub turns: f64,
+    /// A drift through the trials of a data set, in their order: its standard deviation in noises [-].
+    pub drift: f64,
+}
+
+impl Default for Noise {
+    fn default() -> Noise {
+        Noise { turns: 1.0, drift: 0.0 }
+    }
+}
+
+impl Noise {
+    /// That of the second laboratory: twice as noisy in rotations as it states, and it drifts.
+    pub const SECOND: Noise = Noise { turns: 2.0, drift: 0.7 };
+}
+
+/// Trials after which a drift is forgotten by 63 % [-].
+const FORGOTTEN: f64 = 8.0;
 
 /// Tells the knee's draws from the laboratory's.
 const DRAWN: u64 = 0x9e37_79b9;
+/// Tells the drift's draws from all others.
+const DRIFTS: u64 = 0x85eb_ca6b;
 
 /// Makes a case of a kind; `size` is a factor on the sizes of its effects.
 ///
@@ -118,25 +150,25 @@ pub fn make(
     (kind, size): (&str, f64),
     seed: u64,
 ) -> Result<Case, BenchError> {
-    make_read(input, plan, name, (kind, size), (seed, &Repeat::default()))
+    make_by(input, plan, name, (kind, size), (seed, &Ways::default()))
 }
 
-/// [`make`], each data set read in frames of its own.
+/// [`make`] in a laboratory of other ways.
 ///
 /// # Errors
 /// As [`make`].
-pub fn make_read(
+pub fn make_by(
     input: &KneeInput,
     plan: &[Planned],
     name: &str,
     (kind, size): (&str, f64),
-    (seed, repeat): (u64, &Repeat),
+    (seed, ways): (u64, &Ways),
 ) -> Result<Case, BenchError> {
     if plan.is_empty() {
         return Err(BenchError::Plan("no trials".into()));
     }
     let mut random = ChaCha8Rng::seed_from_u64(seed);
-    let knee = Knee::drawn(input, seed ^ DRAWN)?;
+    let knee = Knee::drawn_within(input, &ways.spread, seed ^ DRAWN)?;
     let mut sources: Vec<String> = Vec::new();
     for p in plan {
         if !sources.contains(&p.source) {
@@ -145,12 +177,11 @@ pub fn make_read(
     }
     let effects = effects((kind, size), &sources, &mut random)?;
     let path = path(&knee, plan);
-    let share: f64 = effects.iter().filter(|(h, _)| h.effect == "x_ct_scale").map(|(h, _)| h.value("share")).sum();
-    let cuts: Vec<(&str, f64)> = effects.iter().filter_map(|(h, _)| h.cuts()).collect();
-    let subject = if share == 0.0 && cuts.is_empty() { None } else { Some(subject(input, share, &cuts, seed)?) };
-    // a knee that lacks a structure rests elsewhere without load, too
-    let own = subject.as_ref().filter(|_| !cuts.is_empty()).map(|knee| self::path(knee, plan));
-    let frames = repeat.drawn(&sources, seed);
+    let subject = subject(input, &effects, &ways.spread, seed)?;
+    // a knee of other tissues rests elsewhere without load, too
+    let is_other = effects.iter().any(|(h, _)| tissue::changes(h));
+    let own = subject.as_ref().filter(|_| is_other).map(|knee| self::path(knee, plan));
+    let frames = ways.repeat.drawn(&sources, seed);
     let read = |of| Read::new(of, &frames, &|knee| self::path(knee, plan));
     let subject = read((subject.as_ref().unwrap_or(&knee), own.as_ref().unwrap_or(&path)))?;
     let with = simulate(&subject, plan, &effects, &mut random, true);
@@ -174,62 +205,32 @@ pub fn make_read(
         forces_n: drawers(&knee, &path),
         beyond: beyond(&knee, &path),
         frames,
+        differs: ways.differs.clone(),
         signature,
         strength: Strength { raw_rms_sd: (squares / (5 * plan.len()) as f64).sqrt(), ..Strength::default() },
     };
-    Ok(Case { readings: noisy(with, plan, &mut random), truth })
+    Ok(Case { readings: noisy(with, plan, &ways.noise, (&mut random, seed)), truth })
 }
 
-/// The knee that is put to the tests where it is not the one in the CT: of another size by a share, or with structures that lost a share of theirs.
-fn subject(input: &KneeInput, share: f64, cuts: &[(&str, f64)], seed: u64) -> Result<Knee, BenchError> {
-    let mut knee = if share == 0.0 {
-        Knee::drawn(input, seed ^ DRAWN)?
-    } else {
-        Knee::drawn(&unknown::true_size(input, share), seed ^ DRAWN)?
-    };
-    cuts.iter().for_each(|(structure, loss)| knee.weaken(structure, *loss));
-    Ok(knee)
-}
-
-fn effects(
-    (kind, factor): (&str, f64),
-    sources: &[String],
-    random: &mut ChaCha8Rng,
-) -> Result<Vec<(Hidden, String)>, BenchError> {
-    if let Some(cut) = cut(kind, factor) {
-        return Ok(vec![(cut, "both".into())]);
+/// The knee that is put to the tests where it is not the one in the CT: of another size by a share, or with other tissues.
+fn subject(
+    input: &KneeInput,
+    effects: &[(Hidden, String)],
+    spread: &Spread,
+    seed: u64,
+) -> Result<Option<Knee>, BenchError> {
+    let share: f64 = effects.iter().filter(|(h, _)| h.effect == "x_ct_scale").map(|(h, _)| h.value("share")).sum();
+    let is_other = effects.iter().any(|(h, _)| tissue::changes(h));
+    if share == 0.0 && !is_other {
+        return Ok(None);
     }
-    let names: Vec<String> = match kind {
-        "null" => vec![],
-        "unknown" => vec![UNKNOWN[(random.random::<f64>() * UNKNOWN.len() as f64) as usize].0.to_owned()],
-        "compound" => {
-            let first = (random.random::<f64>() * KINDS.len() as f64) as usize;
-            let second = (first + 1 + (random.random::<f64>() * (KINDS.len() - 1) as f64) as usize) % KINDS.len();
-            vec![KINDS[first].0.to_owned(), KINDS[second].0.to_owned()]
-        }
-        other => vec![other.to_owned()],
+    let mut knee = if share == 0.0 {
+        Knee::drawn_within(input, spread, seed ^ DRAWN)?
+    } else {
+        Knee::drawn_within(&unknown::true_size(input, share), spread, seed ^ DRAWN)?
     };
-    names
-        .into_iter()
-        .map(|effect| {
-            let tissue = ["meniscus", "capsule_envelope", "extra_bundle"].contains(&effect.as_str());
-            let known = KINDS.iter().map(|k| (k.0, k.1, tissue)).chain(UNKNOWN).find(|k| k.0 == effect);
-            let Some((_, keys, of_the_knee)) = known else {
-                return Err(BenchError::Plan(format!("no effect is called {effect}")));
-            };
-            let parameters = keys
-                .iter()
-                .map(|(key, size, positive)| {
-                    let sign = if *positive || random.random::<bool>() { 1.0 } else { -1.0 };
-                    ((*key).to_owned(), sign * factor * size * (0.6 + 0.8 * random.random::<f64>()))
-                })
-                .collect();
-            let places = sources.len() as f64 + 1.0;
-            let place = (random.random::<f64>() * places) as usize;
-            let scope = if of_the_knee { None } else { sources.get(place) };
-            Ok((Hidden { effect, parameters }, scope.cloned().unwrap_or_else(|| "both".into())))
-        })
-        .collect()
+    effects.iter().try_for_each(|(h, _)| tissue::change(&mut knee, h))?;
+    Ok(Some(knee))
 }
 
 /// Tensions in drawers of 133 N with 20 N of compression [andreassen2025, section 2.6.2].
@@ -315,16 +316,83 @@ fn simulate(
     out
 }
 
-/// Tracking noise, correlated within a condition, with an outlier in a hundred.
-fn noisy(mut readings: Vec<[f64; 5]>, plan: &[Planned], random: &mut ChaCha8Rng) -> Vec<[f64; 5]> {
+/// Tracking noise, correlated within a condition, with an outlier in a hundred, and with a drift where the laboratory has one.
+fn noisy(
+    mut readings: Vec<[f64; 5]>,
+    plan: &[Planned],
+    noise: &Noise,
+    (random, seed): (&mut ChaCha8Rng, u64),
+) -> Vec<[f64; 5]> {
     let mut shared: BTreeMap<(String, String), [f64; 5]> = BTreeMap::new();
-    for (r, p) in readings.iter_mut().zip(plan) {
+    for ((r, p), drift) in readings.iter_mut().zip(plan).zip(drifts(plan, noise, seed)) {
         let key = (p.source.clone(), p.condition.clone());
         let common = *shared.entry(key).or_insert_with(|| std::array::from_fn(|_| normal(random)));
         let outlier = if random.random::<f64>() < 0.01 { 4.0 } else { 1.0 };
         for c in 0..5 {
-            r[c] += p.sd[c] * (0.4 * common[c] + outlier * normal(random));
+            let sd = if c < 2 { noise.turns * p.sd[c] } else { p.sd[c] };
+            r[c] += sd * (0.4 * common[c] + outlier * normal(random) + drift[c]);
         }
     }
     readings
+}
+
+/// How far each trial's readings have drifted, in noises: each data set by itself, in the order of its trials.
+fn drifts(plan: &[Planned], noise: &Noise, seed: u64) -> Vec<[f64; 5]> {
+    let mut random = ChaCha8Rng::seed_from_u64(seed ^ DRIFTS);
+    let kept = (-1.0 / FORGOTTEN).exp();
+    let fresh = (1.0 - kept * kept).sqrt();
+    let mut last: BTreeMap<&str, [f64; 5]> = BTreeMap::new();
+    let mut out = Vec::with_capacity(plan.len());
+    for p in plan {
+        let step: [f64; 5] = std::array::from_fn(|_| normal(&mut random));
+        let now: [f64; 5] = match last.get(p.source.as_str()) {
+            Some(before) => std::array::from_fn(|c| kept * before[c] + fresh * step[c]),
+            None => step,
+        };
+        last.insert(&p.source, now);
+        out.push(now.map(|d| noise.drift * d));
+    }
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Readings of a knee that stays at zero, each trial a condition of its own.
+    fn still(noise: &Noise) -> Vec<[f64; 5]> {
+        let trial = |k: usize| Planned {
+            source: "kla".into(),
+            condition: k.to_string(),
+            flexion_deg: 30.0,
+            load: [0.0; 5],
+            sd: [0.5, 0.5, 0.4, 0.4, 0.4],
+        };
+        let plan: Vec<Planned> = (0..4000).map(trial).collect();
+        noisy(vec![[0.0; 5]; plan.len()], &plan, noise, (&mut ChaCha8Rng::seed_from_u64(3), 3))
+    }
+
+    /// Standard deviation of a component in its noises, and correlation between neighbours.
+    fn figures(readings: &[[f64; 5]], c: usize, sd: f64) -> [f64; 2] {
+        let mean_of = |products: Vec<f64>| products.iter().sum::<f64>() / products.len() as f64;
+        let square = mean_of(readings.iter().map(|r| r[c] * r[c]).collect());
+        let beside = mean_of(readings.windows(2).map(|w| w[0][c] * w[1][c]).collect());
+        [square.sqrt() / sd, beside / square]
+    }
+
+    #[test]
+    fn the_second_laboratory_is_twice_as_noisy_in_rotations_and_drifts() {
+        let [first, second] = [Noise::default(), Noise::SECOND].map(|noise| still(&noise));
+        for (c, sd) in [(0, 0.5), (1, 0.5), (2, 0.4), (3, 0.4), (4, 0.4)] {
+            let [a, b] = [&first, &second].map(|readings| figures(readings, c, sd));
+            // 0.4 of each condition, an outlier of four in a hundred; then the drift
+            let [plain, drifting] = [1.31f64, 1.31 + 0.49].map(f64::sqrt);
+            let turns = if c < 2 { 2.0 } else { 1.0 };
+            assert!(
+                (a[0] / plain - 1.0).abs() < 0.08 && (b[0] / (turns * drifting) - 1.0).abs() < 0.08,
+                "{c}: {a:?} {b:?}"
+            );
+            assert!(a[1].abs() < 0.08 && b[1] > 0.15, "{c}: neighbours {a:?} {b:?}");
+        }
+    }
 }

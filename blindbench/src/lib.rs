@@ -12,14 +12,21 @@
 //! ```
 
 pub mod asked;
+mod draw;
 pub mod frames;
+pub mod further;
 pub mod hidden;
 pub mod knee;
 pub mod laboratory;
+mod over;
 mod pose;
 mod read;
+pub mod reliability;
 mod rest;
 pub mod score;
+mod share;
+pub mod surfaces;
+mod tissue;
 pub mod unknown;
 
 /// Why the laboratory cannot work.
@@ -32,3 +39,6 @@ pub enum BenchError {
     #[error("plan: {0}")]
     Plan(String),
 }
+
+#[cfg(test)]
+mod flat;

@@ -57,45 +57,19 @@ impl<'a> Read<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::knee::{BundleInput, KneeInput};
-    use crate::pose::{components, pose, read};
-    use meshes::Point;
-    use meshes::frame::AnatomicalFrame;
-    use meshes::surface::TriMesh;
-    use nalgebra::Vector3;
+    use crate::flat;
+    use crate::pose::{Five, components, pose, read};
 
-    /// A flat femur above a flat tibia, and two bundles.
     fn knee() -> Knee {
-        let frame = |z: f64| AnatomicalFrame {
-            origin: Point::new(0.0, 0.0, z),
-            medial: -Vector3::x(),
-            anterior: -Vector3::y(),
-            superior: Vector3::z(),
-        };
-        let flat = |z: f64, up: bool| {
-            let at = |k: usize| Point::new((k % 9) as f64 * 5.0 - 20.0, (k / 9) as f64 * 5.0 - 20.0, z);
-            let square = |k: usize| {
-                let [a, b, c, d] = [k, k + 1, k + 9, k + 10].map(|k| k as u32);
-                if up { [[a, b, d], [a, d, c]] } else { [[a, d, b], [a, c, d]] }
-            };
-            let squares = (0..72).filter(|k| k % 9 < 8);
-            TriMesh { vertices: (0..81).map(at).collect(), triangles: squares.flat_map(square).collect() }
-        };
-        let bundle = |name: &str, x: f64| BundleInput {
-            name: name.into(),
-            reference_strain: 1.05,
-            stiffness: 60.0,
-            reference_length: 30.0,
-            fibres: vec![(Point::new(x, 4.0, 12.0), Point::new(x, -6.0, -15.0))],
-        };
-        let input = KneeInput {
-            frames: (frame(8.0), frame(-2.0)),
-            bundles: vec![bundle("ACL_AM", 9.0), bundle("LCL", -21.0)],
-            femur: flat(0.0, false),
-            tibia: vec![flat(-0.3, true)],
-            contact_slope: 8.0,
-        };
-        Knee::drawn(&input, 5).unwrap()
+        Knee::drawn(&flat::input(), 5).unwrap()
+    }
+
+    /// The same with a structure over the tibia's rim and one over the condyles.
+    fn wrapped() -> Knee {
+        let mut out = knee();
+        out.lay_over_rim("LCL", 4.0);
+        out.lay_over_condyles("ACL", 5.0);
+        out
     }
 
     #[test]
@@ -115,11 +89,14 @@ mod tests {
 
     #[test]
     fn a_knee_read_in_other_frames_is_the_same_knee() {
-        let (knee, repeat) = (knee(), Repeat { turn_deg: 4.0, shift_mm: 3.0 });
-        let drawn = repeat.drawn(&["kla".into(), "rks".into()], 3);
+        let drawn = Repeat { turn_deg: 4.0, shift_mm: 3.0 }.drawn(&["kla".into(), "rks".into()], 3);
         assert_ne!(drawn["kla"], drawn["rks"]);
-        let frames = drawn["kla"];
-        let framed = knee.in_frames(&frames).unwrap();
+        assert!(Repeat::default().drawn(&["kla".into()], 3).is_empty());
+        [knee(), wrapped()].iter().for_each(|knee| same_in_frames(knee, &drawn["kla"]));
+    }
+
+    fn same_in_frames(knee: &Knee, frames: &Frames) {
+        let framed = knee.in_frames(frames).unwrap();
         let mut pressed = 0;
         for (flexion, c) in [(0.0, [0.01, 0.05, 0.4, 1.0, -9.6]), (0.3, [-0.02, -0.1, 1.0, -2.0, -9.5])] {
             let there = read(&frames.pose(&pose(flexion, &c)));
@@ -128,12 +105,33 @@ mod tests {
                 assert!((a - b).abs() < 1e-9 * (1.0 + a), "{a} {b}");
             }
             let energy = |k: &Knee, f: f64, c| k.energy(f, c, &k.near(f, c), 1.0).0;
-            let (a, b) = (energy(&knee, flexion, &c), energy(&framed, turned, &own));
+            let (a, b) = (energy(knee, flexion, &c), energy(&framed, turned, &own));
             assert!((a - b).abs() < 1e-7 * (1.0 + a.abs()), "{a} {b}");
             pressed += usize::from(knee.near(flexion, &c).iter().any(|n| n.1 == 0.0));
             assert!((there[2] - c[1]).abs() > 1e-3, "it reads otherwise");
         }
         assert!(pressed > 0, "contact is among what is compared");
-        assert!(Repeat::default().drawn(&["kla".into()], 3).is_empty());
+    }
+
+    #[test]
+    fn fibres_over_bone_pull_more_and_their_force_is_the_slope_of_their_energy() {
+        let (straight, wrapped) = (knee(), wrapped());
+        for c in [[0.01, 0.05, 0.4, 1.0, -9.6], [-0.03, -0.1, -0.5, 2.0, -8.5]] {
+            let near = wrapped.near(0.1, &c);
+            let at = |c: &Five| wrapped.energy(0.1, c, &near, 1.0);
+            let (_, slope) = at(&c);
+            for j in 0..5 {
+                let h = if j < 2 { 1e-5 } else { 1e-4 };
+                let side = |sign: f64| {
+                    let mut there = c;
+                    there[j] += sign * h;
+                    at(&there).0
+                };
+                let is = (side(1.0) - side(-1.0)) / (2.0 * h);
+                assert!((is - slope[j]).abs() < 1e-3 * (1.0 + is.abs()), "{j}: {is} against {}", slope[j]);
+            }
+            let [a, b] = [&straight, &wrapped].map(|k| k.tensions(0.1, &c).values().sum::<f64>());
+            assert!(b > a, "{b} N over bone, {a} N straight");
+        }
     }
 }

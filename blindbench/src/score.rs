@@ -1,7 +1,12 @@
 //! Scoring: answers against sealed truths, with intervals.
 
+use crate::asked::Hidden;
+use crate::laboratory::Truth;
+use crate::reliability::{Bin, bins, calibration_error};
 use serde::{Deserialize, Serialize};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
+
+pub use crate::share::Share;
 
 /// What an answer said, reduced to what is scored.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -10,6 +15,10 @@ pub struct Said {
     pub verdict: String,
     /// Each rival answer's effects with their scopes, best first.
     pub answers: Vec<Vec<(String, String)>>,
+    /// Share of belief of each rival answer [-].
+    pub weights: Vec<f64>,
+    /// The structure or axis that each effect of the first answer is about, where it may be about several.
+    pub variants: BTreeMap<String, String>,
     /// Value and standard deviation of the first answer's parameters, by effect and key.
     pub sizes: BTreeMap<(String, String), (f64, f64)>,
     /// Share of the gap closed.
@@ -23,41 +32,33 @@ pub struct Said {
 }
 
 impl Said {
+    /// Whether an answer says just what is hidden: each effect in its scope, and nothing beside.
+    fn is_right(answer: &[(String, String)], truth: &Truth) -> bool {
+        let hidden: BTreeSet<(&str, &str)> = truth.effects.iter().map(|(e, s, _)| (e.as_str(), s.as_str())).collect();
+        let told: BTreeSet<(&str, &str)> = answer.iter().map(|(e, s)| (e.as_str(), s.as_str())).collect();
+        hidden == told && answer.len() == truth.effects.len()
+    }
+
+    /// Whether it was not allowed to name an effect; where sites are struck, those of each ligament are.
+    fn is_struck(&self, effect: &str) -> bool {
+        let rest = |without: &String| effect.strip_prefix(without.as_str());
+        self.without.iter().filter_map(rest).any(|r| r.is_empty() || r.starts_with('_'))
+    }
+
+    /// Weight of each answer, and whether it is right; none where the name was struck, since the truth could not be told.
+    fn believed(&self, truth: &Truth) -> Vec<(f64, bool)> {
+        if truth.effects.iter().any(|e| self.is_struck(&e.0)) {
+            return vec![];
+        }
+        self.answers.iter().zip(&self.weights).map(|(a, w)| (*w, Said::is_right(a, truth))).collect()
+    }
+
     /// By how much a hidden effect's own name explains more [nats], where it may be named (`whole`), than the best that was found without it does; none
     /// where it is in no answer even then.
     fn loses(&self, whole: &Said, effect: &str) -> Option<f64> {
         let named = whole.answers.iter().zip(&whole.evidence).filter(|(a, _)| a.iter().any(|e| e.0 == effect));
         let own = named.map(|(_, e)| *e).max_by(f64::total_cmp)?;
         Some(own - self.best?.max(0.0))
-    }
-}
-
-/// A share of cases.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Share {
-    /// Hits.
-    pub hits: usize,
-    /// Cases.
-    pub of: usize,
-}
-
-impl Share {
-    fn count(&mut self, hit: bool) {
-        self.of += 1;
-        self.hits += usize::from(hit);
-    }
-
-    /// 95 % interval [wilson1927].
-    pub fn interval(&self) -> (f64, f64) {
-        if self.of == 0 {
-            return (0.0, 1.0);
-        }
-        let (n, z) = (self.of as f64, 1.96f64);
-        let p = self.hits as f64 / n;
-        let middle = p + z * z / (2.0 * n);
-        let half = z * (p * (1.0 - p) / n + z * z / (4.0 * n * n)).sqrt();
-        let scale = 1.0 + z * z / n;
-        (((middle - half) / scale).max(0.0), ((middle + half) / scale).min(1.0))
     }
 }
 
@@ -72,6 +73,12 @@ pub struct Score {
     pub closed: Vec<f64>,
     /// Cases that went wrong.
     pub failures: Vec<String>,
+    /// Weights of all answers, by how large they are, against how many of those answers are right.
+    #[serde(default)]
+    pub reliability: Vec<Bin>,
+    /// Expected calibration error of the weights [-]; none where no answer was given.
+    #[serde(default)]
+    pub calibration_error: Option<f64>,
 }
 
 /// Strata of expected evidence: strong from 10, moderate from 3.
@@ -114,11 +121,14 @@ fn family(effect: &str) -> char {
 
 /// Scores answers against truths; of cases whose effect was struck from the catalogue also by what the catalogue lost with it, where `whole` has an
 /// answer that might name it.
-pub fn score(cases: &[(crate::laboratory::Truth, Said)], whole: &BTreeMap<String, Said>) -> Score {
+pub fn score(cases: &[(Truth, Said)], whole: &BTreeMap<String, Said>) -> Score {
     let mut out = Score::default();
+    let believed: Vec<(f64, bool)> = cases.iter().flat_map(|(truth, said)| said.believed(truth)).collect();
+    out.reliability = bins(&believed);
+    out.calibration_error = calibration_error(&out.reliability);
     for (truth, said) in cases {
         one(&mut out, truth, said);
-        let hidden = truth.effects.first().filter(|e| said.without.contains(&e.0) && said.best.is_some());
+        let hidden = truth.effects.first().filter(|e| said.is_struck(&e.0) && said.best.is_some());
         if let (Some((effect, _, _)), Some(whole)) = (hidden, whole.get(&truth.case)) {
             let lost = lost(said.loses(whole, effect));
             let share = out.shares.entry(format!("struck, {lost}: flagged")).or_default();
@@ -138,9 +148,63 @@ fn lost(nats: Option<f64>) -> &'static str {
     }
 }
 
-fn one(out: &mut Score, truth: &crate::laboratory::Truth, said: &Said) {
+/// Whether a bench's knee and laboratory are what the analysis supposes.
+fn class(truth: &Truth) -> Option<&'static str> {
+    let differs = truth.differs.as_ref()?;
+    Some(if differs.is_empty() { "if the model is right" } else { "when it is not" })
+}
+
+/// One effect of the catalogue, or one that was struck from it; whether the answer is confidently wrong.
+fn single(out: &mut Score, truth: &Truth, said: &Said) -> bool {
     let mut hit = |key: String, ok: bool| out.shares.entry(key).or_default().count(ok);
     let first: Vec<&String> = said.answers.first().map(|a| a.iter().map(|e| &e.0).collect()).unwrap_or_default();
+    let has = |e: &String| said.answers.iter().flatten().any(|a| a.0 == *e);
+    let sure = said.verdict == "decisive";
+    let Some((effect, scope, parameters)) = truth.effects.first() else { return false };
+    let s = stratum(truth.strength.expected_evidence);
+    if said.is_struck(effect) {
+        hit(format!("{s}, struck from the catalogue: flagged"), said.verdict == "unnamed");
+        hit(format!("{s}, struck from the catalogue: misnamed"), sure);
+        return false;
+    }
+    let named = first.contains(&effect);
+    let wrong = sure && !named;
+    hit(format!("{s}: named first"), named);
+    hit(format!("{s}: in the first three"), said.answers.iter().take(3).flatten().any(|a| a.0 == *effect));
+    if s == "strong" {
+        hit(format!("strong, {effect}: named first"), named);
+    }
+    hit(format!("{s}, {}: named first", settled(truth.strength.settled_evidence)), named);
+    hit(format!("{s}: family first"), first.iter().any(|e| family(e) == family(effect)));
+    if !said.answers.is_empty() {
+        hit(format!("{s}: in the set, where one is reported"), has(effect));
+    }
+    hit(format!("{s}: confidently wrong"), wrong);
+    if let Some(class) = class(truth) {
+        hit(format!("{class}: confidently wrong"), wrong);
+    }
+    if named {
+        let hidden = Hidden { effect: effect.clone(), parameters: parameters.clone() };
+        if let (Some(of), Some(told)) = (hidden.variant(), said.variants.get(effect)) {
+            hit(format!("{s}: structure or axis right"), of == told);
+        }
+        let right = said.answers[0].iter().any(|a| a.0 == *effect && a.1 == *scope);
+        hit(format!("{s}: scope right"), right);
+        for (key, true_value) in parameters {
+            if let Some((value, sd)) = said.sizes.get(&(effect.clone(), key.clone())) {
+                out.size_errors.push((value - true_value).abs() / true_value.abs().max(1e-9));
+                hit(format!("{s}: 90 % interval covers"), (value - true_value).abs() <= 1.645 * sd);
+            }
+        }
+        if s == "strong" {
+            out.closed.push(said.closed);
+        }
+    }
+    wrong
+}
+
+fn one(out: &mut Score, truth: &Truth, said: &Said) {
+    let mut hit = |key: String, ok: bool| out.shares.entry(key).or_default().count(ok);
     let has = |e: &String| said.answers.iter().flatten().any(|a| a.0 == *e);
     let sure = said.verdict == "decisive";
     let mut wrong = false;
@@ -148,6 +212,9 @@ fn one(out: &mut Score, truth: &crate::laboratory::Truth, said: &Said) {
         "null" => {
             wrong = said.verdict != "none";
             hit("null: alarmed".into(), wrong);
+            if let Some(class) = class(truth) {
+                hit(format!("null, {class}: alarmed"), wrong);
+            }
         }
         // drawn among all of them, or made by its own name: no catalogue has it
         kind if kind == "unknown" || kind.starts_with("x_") => {
@@ -162,37 +229,7 @@ fn one(out: &mut Score, truth: &crate::laboratory::Truth, said: &Said) {
             hit("compound: one right".into(), right >= 1);
             hit("compound: both right".into(), right >= 2);
         }
-        _ => {
-            let Some((effect, scope, parameters)) = truth.effects.first() else { return };
-            let s = stratum(truth.strength.expected_evidence);
-            if said.without.contains(effect) {
-                hit(format!("{s}, struck from the catalogue: flagged"), said.verdict == "unnamed");
-                hit(format!("{s}, struck from the catalogue: misnamed"), sure);
-                return;
-            }
-            let named = first.contains(&effect);
-            wrong = sure && !named;
-            hit(format!("{s}: named first"), named);
-            hit(format!("{s}, {}: named first", settled(truth.strength.settled_evidence)), named);
-            hit(format!("{s}: family first"), first.iter().any(|e| family(e) == family(effect)));
-            if !said.answers.is_empty() {
-                hit(format!("{s}: in the set, where one is reported"), has(effect));
-            }
-            hit(format!("{s}: confidently wrong"), wrong);
-            if named {
-                let right = said.answers[0].iter().any(|a| a.0 == *effect && a.1 == *scope);
-                hit(format!("{s}: scope right"), right);
-                for (key, true_value) in parameters {
-                    if let Some((value, sd)) = said.sizes.get(&(effect.clone(), key.clone())) {
-                        out.size_errors.push((value - true_value).abs() / true_value.abs().max(1e-9));
-                        hit(format!("{s}: 90 % interval covers"), (value - true_value).abs() <= 1.645 * sd);
-                    }
-                }
-                if s == "strong" {
-                    out.closed.push(said.closed);
-                }
-            }
-        }
+        _ => wrong = single(out, truth, said),
     }
     if wrong {
         out.failures.push(format!(
@@ -208,7 +245,9 @@ fn one(out: &mut Score, truth: &crate::laboratory::Truth, said: &Said) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::laboratory::{Strength, Truth};
+    use crate::laboratory::Strength;
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
 
     #[test]
     fn an_effect_that_may_not_be_named_is_to_be_flagged() {
@@ -221,6 +260,7 @@ mod tests {
             forces_n: BTreeMap::default(),
             beyond: BTreeMap::new(),
             frames: BTreeMap::new(),
+            differs: None,
             signature: vec![],
             strength: Strength { expected_evidence: 30.0, settled_evidence: 12.0, ..Strength::default() },
         };
@@ -247,6 +287,7 @@ mod tests {
             forces_n: BTreeMap::default(),
             beyond: BTreeMap::new(),
             frames: BTreeMap::new(),
+            differs: None,
             signature: vec![],
             strength: strength(evidence),
         };
@@ -277,6 +318,7 @@ mod tests {
             forces_n: BTreeMap::default(),
             beyond: BTreeMap::new(),
             frames: BTreeMap::new(),
+            differs: None,
             signature: vec![],
             strength: Strength::default(),
         };
@@ -314,5 +356,131 @@ mod tests {
         let many = Share { hits: 300, of: 400 };
         assert!(few.interval().0 < 0.75 && few.interval().1 > 0.75);
         assert!(many.interval().1 - many.interval().0 < few.interval().1 - few.interval().0);
+    }
+
+    /// A truth: name, kind, hidden effects with scopes, expected evidence, and in what its bench differs.
+    fn truth(kind: &str, effects: &[(&str, &str)], evidence: f64, differs: &[&str]) -> Truth {
+        let hidden = |(e, s): &(&str, &str)| ((*e).to_owned(), (*s).to_owned(), BTreeMap::new());
+        Truth {
+            case: kind.into(),
+            kind: kind.into(),
+            effects: effects.iter().map(hidden).collect(),
+            ligaments: BTreeMap::new(),
+            contact_scale: 1.0,
+            forces_n: BTreeMap::default(),
+            beyond: BTreeMap::new(),
+            frames: BTreeMap::new(),
+            differs: Some(differs.iter().map(|d| (*d).to_owned()).collect()),
+            signature: vec![],
+            strength: Strength { expected_evidence: evidence, ..Strength::default() },
+        }
+    }
+
+    /// An answer: verdict, and rivals of one effect each with their weights.
+    fn said(verdict: &str, rivals: &[(&str, &str, f64)]) -> Said {
+        Said {
+            verdict: verdict.into(),
+            answers: rivals.iter().map(|(e, s, _)| vec![((*e).to_owned(), (*s).to_owned())]).collect(),
+            weights: rivals.iter().map(|r| r.2).collect(),
+            ..Said::default()
+        }
+    }
+
+    /// A list whose figures are counted from how it is made: of each ten single effects, right ones are first, second and fourth; of nulls, each fifth
+    /// alarms where the model is right and each second where it is not. A seed shuffles them.
+    #[test]
+    fn every_figure_of_a_made_list_of_answers_is_as_it_was_made() {
+        let itb = |scope: &str, evidence: f64| truth("itb", &[("itb", scope)], evidence, &[]);
+        let right = ("itb", "kla", 0.85);
+        let rival = |name: &'static str, weight: f64| (name, "kla", weight);
+        let mut list = Vec::new();
+        for k in 0..40 {
+            let rivals = match k % 10 {
+                0..=5 => vec![right, rival("ham_tone", 0.15)],
+                6 | 7 => vec![rival("ham_tone", 0.55), ("itb", "kla", 0.45)],
+                8 => vec![rival("a", 0.3), rival("b", 0.3), rival("c", 0.2), ("itb", "kla", 0.2)],
+                _ => vec![rival("gravity", 0.96)],
+            };
+            let verdict = match k % 10 {
+                0..=5 => "probable",
+                9 => "decisive",
+                _ => "one_of",
+            };
+            list.push((itb("kla", 20.0), said(verdict, &rivals)));
+        }
+        for k in 0..20 {
+            for (differs, every) in [(&[][..], 5), (&["wide"][..], 2)] {
+                let answer = if k % every == 0 { said("probable", &[("itb", "rks", 0.75)]) } else { said("none", &[]) };
+                list.push((truth("null", &[], 0.0, differs), answer));
+            }
+        }
+        let mut random = ChaCha8Rng::seed_from_u64(9);
+        for k in (1..list.len()).rev() {
+            list.swap(k, (random.random::<f64>() * (k + 1) as f64) as usize);
+        }
+        let score = score(&list, &BTreeMap::new());
+        let expected = [
+            ("strong: named first", 24, 40),
+            ("strong, itb: named first", 24, 40),
+            ("strong: in the first three", 32, 40),
+            ("strong: in the set, where one is reported", 36, 40),
+            ("strong: confidently wrong", 4, 40),
+            ("strong: scope right", 24, 24),
+            ("null: alarmed", 14, 40),
+            ("null, if the model is right: alarmed", 4, 20),
+            ("null, when it is not: alarmed", 10, 20),
+            ("if the model is right: confidently wrong", 4, 40),
+        ];
+        for (name, hits, of) in expected {
+            assert_eq!(score.shares.get(name), Some(&Share { hits, of }), "{name}");
+        }
+        // all answers by tenths of weight: tenth, weight, right, all
+        let bins =
+            [(1, 0.15, 0, 24), (2, 0.2, 4, 8), (3, 0.3, 0, 8), (4, 0.45, 8, 8), (5, 0.55, 0, 8), (7, 0.75, 0, 14)];
+        let bins: Vec<_> = bins.into_iter().chain([(8, 0.85, 24, 24), (9, 0.96, 0, 4)]).collect();
+        assert_eq!(score.reliability.len(), bins.len());
+        for (bin, (tenth, weight, hits, of)) in score.reliability.iter().zip(&bins) {
+            assert!(
+                (bin.from - f64::from(*tenth) / 10.0).abs() < 1e-9 && (bin.weight - weight).abs() < 1e-9,
+                "{bin:?}"
+            );
+            assert_eq!(bin.right, Share { hits: *hits, of: *of }, "{bin:?}");
+        }
+        let apart: f64 = bins.iter().map(|(_, w, hits, of)| (w * *of as f64 - *hits as f64).abs()).sum();
+        let all: usize = bins.iter().map(|b| b.3).sum();
+        assert!((score.calibration_error.unwrap() - apart / all as f64).abs() < 1e-9);
+        // Wilson's interval of 4 in 20, from a table
+        let (low, high) = score.shares["null, if the model is right: alarmed"].interval();
+        assert!((low - 0.0807).abs() < 5e-4 && (high - 0.4160).abs() < 5e-4, "{low} {high}");
+    }
+
+    #[test]
+    fn a_cut_of_one_ligament_that_is_told_as_anothers_is_counted() {
+        let mut of = truth("cut_PCL", &[("structure_loss", "both")], 30.0, &[]);
+        of.effects[0].2 = [("loss".to_owned(), 1.0), ("structure".to_owned(), 1.0)].into();
+        let named = |structure: &str| Said {
+            variants: [("structure_loss".to_owned(), structure.to_owned())].into(),
+            ..said("decisive", &[("structure_loss", "both", 0.99)])
+        };
+        let score = score(&[(of.clone(), named("PCL")), (of, named("ACL"))], &BTreeMap::new());
+        assert_eq!(score.shares["strong: structure or axis right"], Share { hits: 1, of: 2 });
+    }
+
+    #[test]
+    fn an_answer_is_right_where_it_says_what_is_hidden_and_nothing_beside() {
+        let of = truth("compound", &[("itb", "kla"), ("meniscus", "both")], 30.0, &[]);
+        let pair = |e: &str, s: &str| (e.to_owned(), s.to_owned());
+        assert!(Said::is_right(&[pair("meniscus", "both"), pair("itb", "kla")], &of));
+        for wrong in [
+            vec![pair("itb", "kla")],
+            vec![pair("itb", "rks"), pair("meniscus", "both")],
+            vec![pair("itb", "kla"), pair("meniscus", "both"), pair("gravity", "kla")],
+        ] {
+            assert!(!Said::is_right(&wrong, &of), "{wrong:?}");
+        }
+        let struck = Said { without: vec!["itb".into()], ..said("probable", &[("gravity", "kla", 0.8)]) };
+        assert!(struck.believed(&of).is_empty());
+        let sites = Said { without: vec!["attachment".into()], ..Said::default() };
+        assert!(sites.is_struck("attachment_ACL") && sites.is_struck("attachment") && !sites.is_struck("itb"));
     }
 }
