@@ -6,6 +6,7 @@
 
 mod labels;
 mod laxity;
+mod words;
 
 use crate::common::{build_model, copy, json, phantom, read, text, write};
 use formats::{ply, read_surface, stl};
@@ -33,7 +34,7 @@ impl Dice {
     }
 }
 
-/// What is done to an input, and words of which a warning or refusal has one.
+/// What is done to an input, and phrases of which a warning or refusal has one, by whole words; a last `*` stands for any ending.
 struct Trait {
     name: String,
     words: &'static [&'static str],
@@ -49,12 +50,12 @@ fn changes(dice: &mut Dice) -> Vec<(&'static str, fn(Point, f64) -> Point, f64, 
         ("centimetres", |p, _| p / 10.0, 0.0, &["centimetres", "unit"]),
         ("inches", |p, _| p / 25.4, 0.0, &["inches", "unit"]),
         ("RAS", |p, _| Point::new(-p.x, -p.y, p.z), 0.0, &["RAS", "frame", "half turn"]),
-        ("mirrored", |p, _| Point::new(-p.x, p.y, p.z), 0.0, &["mirror", "frame", "side", "knee"]),
-        ("columns y, x, z", |p, _| Point::new(p.y, p.x, p.z), 0.0, &["column", "frame", "order"]),
-        ("columns z, y, x", |p, _| Point::new(p.z, p.y, p.x), 0.0, &["column", "frame", "order"]),
-        ("shift in x", |p, s| Point::new(p.x + s, p.y, p.z), sign, &["shift", "frame", "mm off", "lie", "apart"]),
-        ("shift in y", |p, s| Point::new(p.x, p.y + s, p.z), sign, &["shift", "frame", "mm off", "lie", "apart"]),
-        ("scale", |p, _| p * 1.3, 0.0, &["scale", "unit", "mm off", "frame", "adults"]),
+        ("mirrored", |p, _| Point::new(-p.x, p.y, p.z), 0.0, &["mirror*", "frame", "side"]),
+        ("columns y, x, z", |p, _| Point::new(p.y, p.x, p.z), 0.0, &["column*", "frame", "order"]),
+        ("columns z, y, x", |p, _| Point::new(p.z, p.y, p.x), 0.0, &["column*", "frame", "order"]),
+        ("shift in x", |p, s| Point::new(p.x + s, p.y, p.z), sign, &["shift*", "frame", "mm off", "lie", "apart"]),
+        ("shift in y", |p, s| Point::new(p.x, p.y + s, p.z), sign, &["shift*", "frame", "mm off", "lie", "apart"]),
+        ("scale", |p, _| p * 1.3, 0.0, &["scale*", "unit", "mm off", "frame", "adults"]),
     ]
 }
 
@@ -91,6 +92,51 @@ fn save(path: &Path, surface: &ColouredMesh) {
     match surface.colours.is_empty() {
         true => stl::write(&mut bytes, &surface.mesh).unwrap(),
         false => ply::write_coloured(&mut bytes, surface).unwrap(),
+    }
+    write(path, bytes);
+}
+
+/// How a scan's program writes colours: the type of a channel, the number of full colour.
+#[derive(Clone, Copy)]
+struct Depth {
+    name: &'static str,
+    channel: &'static str,
+    full: f32,
+}
+
+/// Colour depths of programs: a byte's numbers in 16 bits, a camera's 12 bits in them, fractions, and a byte's numbers as fractions.
+const DEPTHS: [Depth; 5] = [
+    Depth { name: "of 16 bits", channel: "ushort", full: 65535.0 },
+    Depth { name: "of 8 bits in 16", channel: "ushort", full: 255.0 },
+    Depth { name: "of 12 bits in 16", channel: "ushort", full: 4095.0 },
+    Depth { name: "from 0 to 1", channel: "float", full: 1.0 },
+    Depth { name: "from 0 to 255 as fractions", channel: "float", full: 255.0 },
+];
+
+/// The scan with its colours written in another depth.
+fn with_depth(path: &Path, depth: Depth) {
+    let scan = read_surface("a.ply", &read(path), &BTreeMap::new()).unwrap();
+    let mut out = format!("ply\nformat binary_little_endian 1.0\nelement vertex {}\n", scan.mesh.vertices.len());
+    out += "property float x\nproperty float y\nproperty float z\n";
+    for name in ["red", "green", "blue"] {
+        out += &format!("property {} {name}\n", depth.channel);
+    }
+    let triangles = &scan.mesh.triangles;
+    out += &format!("element face {}\nproperty list uchar int vertex_indices\nend_header\n", triangles.len());
+    let mut bytes = out.into_bytes();
+    for (p, colour) in scan.mesh.vertices.iter().zip(&scan.colours) {
+        bytes.extend(p.coords.iter().flat_map(|x| (*x as f32).to_le_bytes()));
+        for c in colour {
+            let value = f32::from(*c) / 255.0 * depth.full;
+            match depth.channel {
+                "float" => bytes.extend(value.to_le_bytes()),
+                _ => bytes.extend((value.round() as u16).to_le_bytes()),
+            }
+        }
+    }
+    for t in triangles {
+        bytes.push(3);
+        bytes.extend(t.iter().flat_map(|v| v.to_le_bytes()));
     }
     write(path, bytes);
 }
@@ -153,7 +199,7 @@ fn draw(dice: &mut Dice, built: &Path) -> Trait {
         7 => {
             ("scans/femur.ply".into(), words, Box::new(move |d| surface(&d.join("scans/femur.ply"), |p| change(p, by))))
         }
-        _ => match dice.below(6) {
+        _ => match dice.below(7) {
             0 => (
                 "femur_* and tibia_* exchanged".into(),
                 &["exchanged"],
@@ -183,7 +229,7 @@ fn draw(dice: &mut Dice, built: &Path) -> Trait {
             ),
             2 => (
                 "frames of marks exchanged".into(),
-                &["frame", "scan"],
+                &["frame"],
                 Box::new(|d| {
                     let path = d.join("marks.csv");
                     let words = text(&path)
@@ -194,18 +240,26 @@ fn draw(dice: &mut Dice, built: &Path) -> Trait {
                 }),
             ),
             3 => (
-                "colours of 16 bits in a byte's range, red and blue exchanged".into(),
-                &["colour"],
+                "red and blue exchanged".into(),
+                &["colour*"],
                 Box::new(|d| {
                     let mut scan = read_surface("a.ply", &read(&d.join("scans/femur.ply")), &BTreeMap::new()).unwrap();
                     scan.colours.iter_mut().for_each(|c| c.swap(0, 2));
                     save(&d.join("scans/femur.ply"), &scan);
                 }),
             ),
-            4 => ("UTF-16".into(), &["UTF"], Box::new(move |d| wide(&d.join("marks.csv")))),
+            4 => {
+                let depth = DEPTHS[dice.below(DEPTHS.len())];
+                (
+                    format!("colours {}", depth.name),
+                    &["colour*"],
+                    Box::new(move |d| with_depth(&d.join("scans/femur.ply"), depth)),
+                )
+            }
+            5 => ("UTF-16".into(), &["UTF"], Box::new(move |d| wide(&d.join("marks.csv")))),
             _ => (
                 "scans exchanged".into(),
-                &["scan", "bone", "exchanged"],
+                &["same bone", "frame", "exchanged"],
                 Box::new(|d| {
                     let [a, b] = ["scans/femur.ply", "scans/tibfib.ply"].map(|n| d.join(n));
                     let (x, y) = (read(&a), read(&b));
@@ -266,8 +320,15 @@ enum Verdict {
     Silent,
 }
 
-fn named(words: &str, drawn: &Trait) -> bool {
-    drawn.words.iter().any(|w| words.to_lowercase().contains(&w.to_lowercase()))
+fn named(said: &str, drawn: &Trait) -> bool {
+    let sentences = words::sentences(said);
+    drawn.words.iter().any(|phrase| words::has(&sentences, phrase))
+}
+
+/// Whether letters of a word, of a file's name or of a key alone would have named it.
+fn by_accident(said: &str, drawn: &Trait) -> bool {
+    let bare = |phrase: &&'static str| said.to_lowercase().contains(&phrase.to_lowercase().replace('*', ""));
+    !named(said, drawn) && drawn.words.iter().any(bare)
 }
 
 fn refused(words: &str, drawn: &Trait) -> Verdict {
@@ -379,7 +440,8 @@ fn no_trait_makes_a_wrong_model_without_a_word() {
         };
         *ends.entry(name).or_default() += 1;
         if matches!(verdict, Verdict::Unnamed | Verdict::Silent) {
-            println!("{name} {i}: {}\n{words}", drawn.name);
+            let accident = if by_accident(&words, &drawn) { ", told by accident alone" } else { "" };
+            println!("{name} {i}{accident}: {}\n{words}", drawn.name);
             wrong.push(format!("{i} {}", drawn.name));
         }
     }

@@ -20,6 +20,8 @@ use std::io::{self, Write};
 
 /// Width of a knee [mm], the middle extent of a bone along the axes.
 const KNEE_WIDTH_MM: f64 = 85.0;
+/// How wide knees of adults are, as messages say it [mm].
+const ADULTS: &str = "60 to 110 mm";
 /// Narrower and wider bones are no knee in mm: no unit's knee lies between these. Ours.
 const NARROWEST_MM: f64 = 15.0;
 const WIDEST_MM: f64 = 600.0;
@@ -43,6 +45,10 @@ pub struct ImportedDeck {
 /// # Errors
 /// The file and line that cannot be read, or what the deck lacks of the above.
 pub fn import(main: &str, read: &mut ReadFile) -> Result<ImportedDeck, DeckError> {
+    import_whole(main, read).map_err(|e| e.of_deck(main))
+}
+
+fn import_whole(main: &str, read: &mut ReadFile) -> Result<ImportedDeck, DeckError> {
     let deck = read_blocks(main, read)?;
     let model = DeckModel::new(&deck)?;
     let bodies = Bodies::of(&model)?;
@@ -172,7 +178,15 @@ fn geometry(
             return Err(DeckError::whole(format!("no rigid bone surface (R3D3) is tied to the {name}")));
         };
         let surface = rigid_surface(model, bone)?;
-        check_unit(name, &surface)?;
+        check_unit(name, &surface).map_err(|e| {
+            let first = model.elsets.get(*bone).and_then(|set| set.first());
+            match first.map(|&e| model.elements[e].at) {
+                Some(at) => {
+                    model.error(at, format!("{} (this line holds the first element of its set {bone})", e.message))
+                }
+                None => e,
+            }
+        })?;
         let query =
             SurfaceQuery::new(&surface).ok_or_else(|| DeckError::whole(format!("the {name} has no triangle")))?;
         let mut cartilage = Vec::new();
@@ -221,10 +235,10 @@ pub(crate) fn check_unit(name: &str, bone: &TriMesh) -> Result<(), DeckError> {
     let knee = |mm: f64| (KNEE_WIDTH_MM / 3.0..KNEE_WIDTH_MM * 3.0).contains(&(width * mm));
     Err(DeckError::whole(match units.iter().find(|(_, mm)| knee(*mm)) {
         Some((unit, mm)) => format!(
-            "the {name} is {width:.3} wide, which is a knee in {unit}; expected mm, N, s, tonne, MPa: multiply the nodes by {mm}, and put forces, tables and masses into these units too"
+            "the {name} is {width:.3} mm wide as its numbers stand, where a knee is {ADULTS} wide: they are in {unit}; expected mm, N, s, tonne, MPa: multiply the nodes by {mm}, and put forces, tables and masses into these units too"
         ),
         None => format!(
-            "the {name} is {width:.3} wide; expected a knee in mm ({NARROWEST_MM} to {WIDEST_MM}): check the unit"
+            "the {name} is {width:.3} mm wide as its numbers stand, where a knee is {ADULTS} wide; expected {NARROWEST_MM} to {WIDEST_MM} mm: check the unit"
         ),
     }))
 }

@@ -39,9 +39,9 @@ pub use variant::{lower_cartilage, replace_fibres};
 
 /// What is wrong with a deck: file, line, what was expected.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("{file}:{line}: {message}")]
+#[error("{file}{}: {message}", after_colon(*line))]
 pub struct DeckError {
-    /// The file; empty when the deck as a whole is at fault.
+    /// The file; the main one when the deck as a whole is at fault.
     pub file: String,
     /// Line in it, from 1; 0 when the deck as a whole is at fault.
     pub line: usize,
@@ -49,9 +49,22 @@ pub struct DeckError {
     pub message: String,
 }
 
+/// A line's number after the file's name; nothing where no line is at fault.
+fn after_colon(line: usize) -> String {
+    if line == 0 { String::new() } else { format!(":{line}") }
+}
+
+/// Stands for a deck's name where it is not known.
+const SOME_DECK: &str = "deck";
+
 impl DeckError {
     /// A fault of the deck as a whole.
     fn whole(message: impl Into<String>) -> DeckError {
-        DeckError { file: "deck".into(), line: 0, message: message.into() }
+        DeckError { file: SOME_DECK.into(), line: 0, message: message.into() }
+    }
+
+    /// With the deck's own name, where none was known.
+    fn of_deck(self, name: &str) -> DeckError {
+        if self.file == SOME_DECK { DeckError { file: name.to_owned(), ..self } } else { self }
     }
 }

@@ -162,6 +162,12 @@ fn a_deck_in_another_unit_is_refused_with_the_factor() {
         .collect::<String>();
     let told = read(metres.as_bytes()).unwrap_err().to_string();
     assert!(told.contains("metres") && told.contains("1000"), "{told}");
+    // the file, a line of it that holds an element, and what the number is in
+    let (place, words) = told.split_once(": ").unwrap();
+    let (file, line) = place.rsplit_once(':').unwrap();
+    let cells = metres.lines().nth(line.parse::<usize>().unwrap() - 1).unwrap().split(',').count();
+    assert!(file.ends_with(".inp") && cells >= 4, "{told}");
+    assert!(words.contains(" mm wide as its numbers stand, where a knee is 60 to 110 mm wide"), "{told}");
 }
 
 /// The deck with a ligament of springs, and what *SPRING says of it.

@@ -245,3 +245,78 @@ fn what_cannot_be_read_is_refused_with_its_mend() {
         assert!(words.iter().all(|w| said.contains(w)), "{said}");
     }
 }
+
+/// The standard file with a column's cells in its lines (from 0, the header not counted) as another program writes them.
+fn rewritten(column: &str, change: impl Fn(usize, &str) -> String) -> String {
+    let csv = trials_csv(&made());
+    let (header, rows) = csv.split_once('\n').unwrap();
+    let at = header.split(',').position(|h| h == column).unwrap();
+    let row = |(k, line): (usize, &str)| {
+        let cells: Vec<String> = line
+            .split(',')
+            .enumerate()
+            .map(|(i, cell)| if i == at { change(k, cell) } else { cell.to_owned() })
+            .collect();
+        cells.join(",") + "\n"
+    };
+    format!("{header}\n{}", rows.lines().enumerate().map(row).collect::<String>())
+}
+
+#[test]
+fn a_typeset_minus_is_a_minus() {
+    let right = read(trials_csv(&made()).as_bytes()).unwrap();
+    for minus in ['\u{2212}', '\u{2013}', '\u{fe63}', '\u{ff0d}'] {
+        let csv = trials_csv(&made()).replace(",-", &format!(",{minus}"));
+        assert_eq!(read(csv.as_bytes()).unwrap(), right, "{minus}");
+    }
+    // alone it says that nothing was read
+    let blank = read(rewritten("ml_mm", |_, _| "\u{2014}".into()).as_bytes()).unwrap();
+    assert!(blank.trials.iter().all(|t| t.measured[ML].is_none()));
+}
+
+#[test]
+fn cells_of_other_programs_are_refused_with_their_cause() {
+    let of = |column: &str, text: &'static str| {
+        rewritten(column, move |k, cell| if k == 4 { text.into() } else { cell.into() })
+    };
+    let header = trials_csv(&made()).lines().next().unwrap().to_owned();
+    let twice = trials_csv(&made()) + &header + "\n" + trials_csv(&made()).split_once('\n').unwrap().1;
+    for (csv, row, words) in [
+        (of("ml_mm", "(2.341)"), 6, "write -2.341"),
+        (of("ml_mm", "2.341-"), 6, "write -2.341"),
+        (of("ap_mm", "5. Mai"), 6, "date"),
+        (of("ap_mm", "05.05.2026"), 6, "date"),
+        (of("ap_mm", "5.15 mm"), 6, "take \"mm\" out"),
+        (of("ap_mm", "-999"), 6, "code for not measured; leave the cell empty"),
+        (of("fe_deg", "-9999"), 6, "code for not measured; leave the cell empty"),
+        (of("nominal_flexion_deg", ""), 6, "merged cells"),
+        (of("test", ""), 6, "merged cells"),
+        (twice, 20, "a second header"),
+    ] {
+        let said = read(csv.as_bytes()).unwrap_err().to_string();
+        assert!(said.starts_with(&format!("row {row}")) && said.contains(words), "{said}");
+    }
+    // above all rows an empty cell is no merged one
+    let first = rewritten("nominal_flexion_deg", |k, cell| if k == 0 { String::new() } else { cell.into() });
+    assert!(!read(first.as_bytes()).unwrap_err().to_string().contains("merged"));
+    // another unit is still told as one
+    let said = read(of("ap_mm", "-998").as_bytes()).unwrap_err().to_string();
+    assert!(said.contains("another unit") && !said.contains("code"), "{said}");
+}
+
+#[test]
+fn one_cause_in_many_rows_is_one_notice_with_their_count() {
+    let turned = rewritten(
+        "load_ap_n",
+        |k, cell| {
+            if k < 12 { cell.into() } else { (-cell.parse::<f64>().unwrap()).to_string() }
+        },
+    );
+    let found = read(turned.as_bytes()).unwrap();
+    let against: Vec<_> = found.warnings.iter().filter(|w| w.kind == notices::Kind::LoadAgainstTest).collect();
+    assert_eq!(against.len(), 1, "{:?}", found.warnings);
+    assert_eq!((against[0].row, against[0].count), (Some(14), Some(2)));
+    assert!(against[0].text.contains("1 more rows alike, the last 15, all at 90 deg"), "{}", against[0].text);
+    let empty = read(rewritten("load_ml_n", |_, _| String::new()).as_bytes()).unwrap();
+    assert_eq!(empty.warnings.iter().map(|w| w.count).collect::<Vec<_>>(), [Some(18)]);
+}

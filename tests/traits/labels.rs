@@ -1,4 +1,4 @@
-//! Traits of label maps: unit, axes, labels, crop.
+//! Traits of label maps: unit, axes, labels, crop, order of layers.
 
 use super::{Dice, Trait};
 use crate::common::{read, text, write};
@@ -39,6 +39,67 @@ fn changed(change: impl Fn(Labels) -> Labels + 'static) -> Box<dyn Fn(&Path)> {
     Box::new(move |folder| save(folder, &change(map(folder))))
 }
 
+/// The structures of the map: their label, and their name in a segmentation of 3D Slicer.
+const SEGMENTS: [(u8, &str); 6] =
+    [(1, "Femoral cartilage"), (2, "Medial"), (3, "Lateral"), (5, "Femur"), (6, "Tibia"), (7, "Patella")];
+/// Orders of layers: another one that the header states; another one, with the header as it was; the layers one after the other and not
+/// beside each other at each voxel.
+const LAYER_ORDERS: [(&str, &[&str]); 3] = [
+    ("in another order", &["layer*"]),
+    ("exchanged under their header", &["label", "layer*"]),
+    ("one after the other", &["axes", "layer*"]),
+];
+
+/// The map as a segmentation of 3D Slicer, a layer a structure. The layers are turned round by so many places, in one of the orders.
+fn layers(by: usize, order: usize) -> Trait {
+    let (name, words) = LAYER_ORDERS[order];
+    let apply = move |folder: &Path| {
+        let map = map(folder);
+        let turned = |k: usize| (k + by) % SEGMENTS.len();
+        // the structure of layer k is that of segment turned(k)
+        let layers: Vec<Vec<u8>> = (0..SEGMENTS.len())
+            .map(|k| {
+                let label = SEGMENTS[turned(k)].0;
+                map.values.iter().map(|v| if *v == label { label } else { 0 }).collect()
+            })
+            .collect();
+        let layer_of = |segment: usize| match order {
+            1 => segment,
+            _ => (0..SEGMENTS.len()).find(|k| turned(*k) == segment).unwrap(),
+        };
+        write(&folder.join("mri/labels.seg.nrrd"), nrrd(&map, &layers, layer_of, order == 2));
+        let toml = text(&folder.join("specimen.toml")).replace(MAP, "mri/labels.seg.nrrd");
+        write(&folder.join("specimen.toml"), toml);
+        std::fs::remove_file(folder.join(MAP)).unwrap();
+    };
+    Trait { name: format!("layers {name} of {MAP}, by {by}"), words, apply: Box::new(apply) }
+}
+
+/// An NRRD of layers: beside each other at each voxel, or one `after` the other.
+fn nrrd(map: &Labels, layers: &[Vec<u8>], layer_of: impl Fn(usize) -> usize, after: bool) -> Vec<u8> {
+    let g = &map.grid;
+    let axis = |k: usize| format!("({},{},{})", g.axes[(0, k)], g.axes[(1, k)], g.axes[(2, k)]);
+    let in_order =
+        |list: String, space: String| if after { format!("{space} {list}") } else { format!("{list} {space}") };
+    let sizes = in_order(layers.len().to_string(), g.size.map(|n| n.to_string()).join(" "));
+    let directions = in_order("none".into(), [0, 1, 2].map(axis).join(" "));
+    let kinds = in_order("list".into(), "domain domain domain".into());
+    let mut head = format!(
+        "NRRD0004\ntype: uchar\ndimension: 4\nspace: left-posterior-superior\nsizes: {sizes}\nspace directions: {directions}\nkinds: {kinds}\nencoding: raw\nspace origin: ({},{},{})\n",
+        g.origin.x, g.origin.y, g.origin.z
+    );
+    for (k, (label, name)) in SEGMENTS.iter().enumerate() {
+        head +=
+            &format!("Segment{k}_Name:={name}\nSegment{k}_LabelValue:={label}\nSegment{k}_Layer:={}\n", layer_of(k));
+    }
+    head.push('\n');
+    let voxels: Vec<u8> = match after {
+        true => layers.concat(),
+        false => (0..map.values.len()).flat_map(|v| layers.iter().map(move |layer| layer[v])).collect(),
+    };
+    [head.into_bytes(), voxels].concat()
+}
+
 /// Draws a trait of the label map.
 pub(super) fn draw(dice: &mut Dice) -> Trait {
     let axis = dice.below(3);
@@ -54,13 +115,13 @@ pub(super) fn draw(dice: &mut Dice) -> Trait {
             m
         }),
     };
-    match dice.below(10) {
+    match dice.below(13) {
         0 => scaled("metres", 1e-3, &["metres"]),
         1 => scaled("centimetres", 0.1, &["centimetres"]),
-        2 => scaled("spacing of another picture", 1.4, &["adults'", "unit"]),
+        2 => scaled("spacing of another picture", 1.4, &["adults", "unit"]),
         3 => Trait {
             name: format!("axis {axis} flipped in {MAP}"),
-            words: &["mirror", "side", "flip"],
+            words: &["mirror*", "side", "flip*"],
             apply: changed(move |m| {
                 let n = m.grid.size;
                 reordered(&m, n, |mut v| {
@@ -71,7 +132,7 @@ pub(super) fn draw(dice: &mut Dice) -> Trait {
         },
         4 => Trait {
             name: format!("axes {axis} and {} exchanged in {MAP}", (axis + 1) % 3),
-            words: &["mirror", "side", "transposed", "axes", "adults'"],
+            words: &["mirror*", "side", "transposed", "axes", "adults"],
             apply: changed(move |m| {
                 let mut size = m.grid.size;
                 size.swap(axis, (axis + 1) % 3);
@@ -83,7 +144,7 @@ pub(super) fn draw(dice: &mut Dice) -> Trait {
         },
         5 => Trait {
             name: format!("labels {a} and {b} exchanged in {MAP}"),
-            words: &["exchange", "label"],
+            words: &["exchange*", "label", "labels"],
             apply: changed(move |mut m| {
                 let other = |l: u8| {
                     if l == a {
@@ -100,7 +161,7 @@ pub(super) fn draw(dice: &mut Dice) -> Trait {
         },
         6 => Trait {
             name: format!("{low} and {high} slices cropped along {axis} of {MAP}"),
-            words: &["cut", "crop", "border"],
+            words: &["cut", "crop*", "border*"],
             apply: changed(move |m| {
                 let (mut from, mut to) = ([0; 3], m.grid.size.map(|n| n - 1));
                 from[axis] += low;
@@ -122,7 +183,7 @@ pub(super) fn draw(dice: &mut Dice) -> Trait {
         }
         8 => Trait {
             name: format!("one condyle's cartilage missing in {MAP}"),
-            words: &["condyle"],
+            words: &["condyle*"],
             apply: changed(move |mut m| {
                 let all: Vec<usize> = (0..m.values.len()).filter(|i| m.values[*i] == 1).collect();
                 let middle = all.iter().map(|i| m.grid.voxel(*i)[0]).sum::<usize>() / all.len();
@@ -130,6 +191,7 @@ pub(super) fn draw(dice: &mut Dice) -> Trait {
                 m
             }),
         },
+        9..12 => layers(1 + dice.below(SEGMENTS.len() - 1), dice.below(LAYER_ORDERS.len())),
         _ => Trait {
             name: "side of the living knee".into(),
             words: &["side"],

@@ -58,6 +58,30 @@ fn jump(name: &'static str, trial: &'static str, by: f64) -> Box<dyn Fn(&Path)> 
     })
 }
 
+/// The columns of loads.
+const LOADS: [&str; 5] = ["load_vv_nm", "load_ie_nm", "load_ml_n", "load_ap_n", "load_si_n"];
+
+/// Columns so many rows lower than the others; the first rows get what the last ones had.
+fn shifted(names: &'static [&'static str], by: usize) -> Box<dyn Fn(&Path)> {
+    Box::new(move |folder| {
+        let table = text(&folder.join(TABLE));
+        let header: Vec<&str> = table.lines().next().unwrap().split(',').collect();
+        let rows: Vec<Vec<&str>> = table.lines().skip(1).map(|l| l.split(',').collect()).collect();
+        let mut out = header.join(",") + "\n";
+        for (k, row) in rows.iter().enumerate() {
+            let above = &rows[(k + rows.len() - by) % rows.len()];
+            let cell = |(at, name): (usize, &&str)| if names.contains(name) { above[at] } else { row[at] };
+            out += &(header.iter().enumerate().map(cell).collect::<Vec<_>>().join(",") + "\n");
+        }
+        write(&folder.join(TABLE), out);
+    })
+}
+
+/// A number as bookkeepers write it.
+fn bracketed(cell: &str) -> String {
+    cell.strip_prefix('-').map_or(cell.to_owned(), |digits| format!("({digits})"))
+}
+
 fn whole(change: impl Fn(String) -> Vec<u8> + 'static) -> Box<dyn Fn(&Path)> {
     Box::new(move |folder| {
         let path = folder.join(TABLE);
@@ -74,7 +98,7 @@ pub(super) fn draw(dice: &mut Dice) -> Trait {
     };
     const TURNED: &[&str] = &["sign", "turned", "point that way"];
     const UNIT: &[&str] = &["unit", "beyond"];
-    match dice.below(29) {
+    match dice.below(37) {
         0 => of("flexion zeroed", &["zeroed"], {
             Box::new(|folder| {
                 cells(folder, |h, row, c| {
@@ -103,8 +127,8 @@ pub(super) fn draw(dice: &mut Dice) -> Trait {
         8 => of("kN in load_ap_n", &["unit"], column("load_ap_n", |x| x / 1000.0)),
         9 => of("N mm in load_ie_nm", UNIT, column("load_ie_nm", |x| x * 1000.0)),
         10 => of("radians in fe_deg", &["nominal", "rad"], column("fe_deg", f64::to_radians)),
-        11 => of("decimal commas", &["comma"], whole(|t| t.replace(',', ";").replace('.', ",").into_bytes())),
-        12 => of("decimal commas among commas", &["comma"], {
+        11 => of("decimal commas", &["comma*"], whole(|t| t.replace(',', ";").replace('.', ",").into_bytes())),
+        12 => of("decimal commas among commas", &["comma*"], {
             whole(|t| {
                 let mut lines = t.lines();
                 let header = lines.next().unwrap().to_owned();
@@ -116,7 +140,7 @@ pub(super) fn draw(dice: &mut Dice) -> Trait {
             whole(|t| [0xff, 0xfe].into_iter().chain(t.encode_utf16().flat_map(u16::to_le_bytes)).collect())
         }),
         14 => of("Latin-1", &["Latin"], whole(|t| [b"# 30 \xb0\n".to_vec(), t.into_bytes()].concat())),
-        15 => of("thousands", &["thousand"], {
+        15 => of("thousands", &["thousand*"], {
             whole(|t| t.replace(',', "\t").replacen("\t50.000000\t", "\t1,050\t", 3).into_bytes())
         }),
         16 => of("ml_mm and ap_mm exchanged", &["exchanged"], {
@@ -146,6 +170,25 @@ pub(super) fn draw(dice: &mut Dice) -> Trait {
         25 => of("flexion from another zero", &["another zero"], column("fe_deg", |x| x + 11.0)),
         26 => of("a jump of ap_mm", &["lies alone"], jump("ap_mm", "internal_60", 30.0)),
         27 => of("a jump of vv_deg", &["lies alone"], jump("vv_deg", "valgus_60", -12.0)),
+        28 => of("si_mm of one test from another zero", &["another zero"], {
+            Box::new(|folder| {
+                let off = |c: &str| (c.parse::<f64>().unwrap() + 25.0).to_string();
+                cells(folder, |h, row, c| (h == "si_mm" && row[1] == "anterior").then(|| off(c)));
+            })
+        }),
+        29 => of("loads a row late", &["out of step"], shifted(&LOADS, 1)),
+        30 => of("names of tests two rows late", &["out of step"], shifted(&["test"], 2)),
+        31 => of("ap_mm in whole cm", &["steps"], column("ap_mm", |x| (x / 10.0).round() * 10.0)),
+        32 => of("fe_deg a tenth short", &["in proportion"], column("fe_deg", |x| 0.9 * x)),
+        33 => of("typeset minus", &["minus"], whole(|t| t.replace(",-", ",\u{2212}").into_bytes())),
+        34 => of("negative numbers in brackets", &["brackets"], {
+            Box::new(|folder| cells(folder, |h, _, c| (h == "ml_mm").then(|| bracketed(c))))
+        }),
+        35 => of("a code for missing readings", &["code"], {
+            Box::new(|folder| {
+                cells(folder, |h, row, _| (h == "ie_deg" && row[0].starts_with("varus_30")).then(|| "-999".to_owned()));
+            })
+        }),
         19 => of("flexion counts negative", &["negative throughout", "beyond the model"], {
             Box::new(|folder| {
                 cells(folder, |h, _, c| {

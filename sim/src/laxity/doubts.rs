@@ -5,12 +5,12 @@ use crate::coordinate::{AP, Coordinate, FREE, IE, ML, SI, VV};
 use notices::plain;
 use std::collections::BTreeMap;
 
-/// Flexion may lie this far from the nominal one in the median of a test position [deg]; a published knee lies 16 off at 90 deg. Ours.
-const MOST_OFF_NOMINAL_DEG: f64 = 20.0;
 /// Coordinates that are all nothing together in a trial; three at once are no coincidence. Ours.
 const LEAST_ZEROS: usize = 3;
 /// A coordinate this many times as far moved as the one that the test loads was exchanged for it [-]. Ours: coupled motion is less.
 const EXCHANGED: f64 = 2.0;
+/// A coordinate that tests load, and one that may stand in its column.
+const PAIRS: [(Coordinate, Coordinate); 3] = [(AP, ML), (AP, SI), (IE, VV)];
 /// Fewest trials of a coordinate's tests from which its range is taken.
 const LEAST_TRIALS: usize = 4;
 /// Below these, the largest load of a coordinate's tests is of another unit: VV, IE [N m], AP [N]. Arthrometers begin at 67 N (15 lbf), robots at
@@ -64,8 +64,22 @@ const WORKING_LOAD: [(Coordinate, f64); 3] = [(VV, 5.0), (IE, 2.5), (AP, 60.0)];
 
 /// What looks zeroed, scaled or exchanged.
 pub(super) fn doubts(trials: &[LaxityTrial]) -> Vec<SignDoubt> {
-    let mut found: Vec<SignDoubt> = flexion_zero(trials).into_iter().collect();
+    let unlike = super::order::unlike(trials);
+    // readings whose cause is known need no other word
+    let mut known = super::numbers::codes(trials);
+    if unlike.is_none() {
+        known.extend(super::outliers::of_one_test(trials));
+    }
+    let column = |d: &SignDoubt| known.iter().all(|k| k.column != d.column);
+    let more: Vec<SignDoubt> = more(trials, &known).into_iter().filter(column).collect();
+    unlike.into_iter().chain(known).chain(more).collect()
+}
+
+/// What is told of a column that no other cause explains.
+fn more(trials: &[LaxityTrial], known: &[SignDoubt]) -> Vec<SignDoubt> {
+    let mut found: Vec<SignDoubt> = super::flexion::doubt(trials).into_iter().collect();
     found.extend(pose_zero(trials));
+    found.extend(super::order::unloaded_differ(trials));
     found.extend(super::numbers::doubts(trials));
     found.extend(super::outliers::doubts(trials));
     found.extend(no_compression(trials));
@@ -75,27 +89,9 @@ pub(super) fn doubts(trials: &[LaxityTrial]) -> Vec<SignDoubt> {
     found.extend([VV, IE, AP].into_iter().filter_map(|c| large_motion(trials, c)));
     found.extend(far_origin(trials));
     found.extend(USUAL_MEAN.iter().filter_map(|usual| far_mean(trials, *usual)));
-    found.extend([(AP, ML), (AP, SI), (IE, VV)].iter().filter_map(|pair| exchanged(trials, *pair)));
+    let pairs = PAIRS.iter().filter(|(_, other)| known.iter().all(|k| k.column != other.column()));
+    found.extend(pairs.filter_map(|pair| exchanged(trials, *pair)));
     found
-}
-
-/// Flexion far from nominal at a whole test position: counted from there, or from another zero.
-fn flexion_zero(trials: &[LaxityTrial]) -> Option<SignDoubt> {
-    let mut off: BTreeMap<i64, Vec<f64>> = BTreeMap::new();
-    for t in trials {
-        off.entry(t.nominal_flexion_deg.round() as i64).or_default().push(t.fe_deg - t.nominal_flexion_deg);
-    }
-    let medians = off.into_iter().map(|(nominal, mut values)| {
-        values.sort_by(f64::total_cmp);
-        (nominal, values[values.len() / 2])
-    });
-    let (nominal, worst) = medians.max_by(|a, b| a.1.abs().total_cmp(&b.1.abs()))?;
-    (worst.abs() > MOST_OFF_NOMINAL_DEG).then(|| SignDoubt {
-        column: "fe_deg".into(),
-        words: format!(
-            "fe_deg lies {worst:+.0} deg from nominal_flexion_deg in the median at {nominal} deg. Expected the flexion of the knee, within {MOST_OFF_NOMINAL_DEG} deg: it may be zeroed, counted from the test position; add that position to fe_deg"
-        ),
-    })
 }
 
 /// A trial whose whole pose is nothing: poses are counted from it.

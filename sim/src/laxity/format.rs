@@ -248,6 +248,10 @@ fn raw(bytes: &[u8], format: &LaxityFormat, warnings: &mut Vec<Notice>) -> Resul
     for (i, record) in reader.records().enumerate() {
         let row = i + 2;
         let record = record.map_err(|e| LaxityError::row(row, format!("{e}{}", comma_hint(&e, separator))))?;
+        let record: StringRecord = record.iter().map(text::with_minus).collect();
+        if is_header(&header, &record) {
+            return Err(LaxityError::row(row, SECOND_HEADER.into()));
+        }
         match record.iter().all(str::is_empty) {
             true => blank += 1,
             false => rows.push((row, record)),
@@ -273,6 +277,17 @@ fn raw(bytes: &[u8], format: &LaxityFormat, warnings: &mut Vec<Notice>) -> Resul
     drop_index(&mut raw, warnings);
     unmeasured(&mut raw, warnings);
     Ok(raw)
+}
+
+/// Cells of a row that are the header's own from which on it is a second header.
+const LEAST_NAMES: usize = 3;
+/// What is said of it.
+const SECOND_HEADER: &str = "a second header: two tables stand one below the other; expected one header and a row a trial. Take this row out; where the trials below it are the same ones, take these out too";
+
+/// Whether a row holds the names of the columns again.
+fn is_header(header: &StringRecord, row: &StringRecord) -> bool {
+    let same = |(name, cell): &(&str, &str)| !name.is_empty() && name.eq_ignore_ascii_case(cell);
+    header.iter().zip(row.iter()).filter(same).count() >= LEAST_NAMES
 }
 
 /// Leaves out a first column that only counts the rows, as other programs write their index.
@@ -512,7 +527,7 @@ fn fill(names: &mut Vec<String>, rows: &mut [(usize, Vec<String>)], format: &Lax
 }
 
 /// The largest loads of the usual tests: VV, IE [N m], AP [N]; 10, 5 and 133 in the paper's protocols [andreassen2025, section 2.6].
-const USUAL_LOADS: [(Coordinate, f64, Test, Test); 3] = [
+pub(super) const USUAL_LOADS: [(Coordinate, f64, Test, Test); 3] = [
     (VV, 10.0, Test::Varus, Test::Valgus),
     (IE, 5.0, Test::Internal, Test::External),
     (AP, 133.0, Test::Posterior, Test::Anterior),

@@ -1,8 +1,8 @@
-//! What the numbers themselves show: zeros that stand for nothing, loads that are round in another unit.
+//! What the numbers themselves show: zeros and nines that stand for nothing, coarse steps, loads that are round in another unit.
 
-use super::{LaxityTrial, SignDoubt};
-use crate::coordinate::{AP, Coordinate, FREE, IE, VV};
-use std::collections::BTreeMap;
+use super::{LaxityTrial, SignDoubt, text};
+use crate::coordinate::{AP, Coordinate, FREE, Free, IE, VV};
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Readings from which on zeros among them are looked at.
 const LEAST_READINGS: usize = 6;
@@ -21,6 +21,10 @@ const NEAR: f64 = 1.5e-4;
 /// Round loads: as read in N m and N, to two decimals; and what tests apply in the other unit, in steps of 0.05. Ours.
 const STEP_READ: f64 = 0.01;
 const STEP_MEANT: f64 = 0.05;
+/// Steps of readings that are told, the coarsest first [mm] or [deg]: half a drawer and more. Ours; instruments read in steps of 1 and less.
+const STEPS: [f64; 2] = [10.0, 5.0];
+/// The least of them that is told: VV, IE [deg], ML, AP, SI [mm]. Ours: a knee rotates by 30 deg and more, and goniometers have 5.
+const LEAST_STEP: Free<f64> = Free([5.0, 10.0, 5.0, 5.0, 5.0]);
 /// Units in which loads may be given, and what they are in N m or N.
 const MOMENTS: [(&str, f64); 3] =
     [("ft lbf", 1.355_817_948_331_4), ("lbf in", 0.112_984_829_027_616_7), ("kgf m", 9.806_65)];
@@ -30,7 +34,47 @@ const FORCES: [(&str, f64); 2] = [("lbf", 4.448_221_615_260_5), ("kgf", 9.806_65
 pub(super) fn doubts(trials: &[LaxityTrial]) -> Vec<SignDoubt> {
     let zeros = FREE.iter().filter_map(|c| zeros(trials, *c));
     let units = [(&[VV, IE][..], &MOMENTS[..]), (&[AP][..], &FORCES[..])];
-    zeros.chain(units.iter().filter_map(|(of, units)| round_elsewhere(trials, of, units))).collect()
+    let steps = FREE.iter().filter_map(|c| steps(trials, *c));
+    zeros.chain(units.iter().filter_map(|(of, units)| round_elsewhere(trials, of, units))).chain(steps).collect()
+}
+
+/// Readings of nines alone, which stand for a missing one.
+pub(super) fn codes(trials: &[LaxityTrial]) -> Vec<SignDoubt> {
+    let one = |c: Coordinate| {
+        let found = |t: &&LaxityTrial| t.measured[c].is_some_and(text::is_code);
+        let first = trials.iter().find(found)?;
+        Some(SignDoubt {
+            column: c.column(),
+            words: format!(
+                "{} is exactly {} in {} of {} readings, the first in trial \"{}\": a code for not measured? Expected an empty cell where nothing was read",
+                c.column(),
+                first.measured[c].unwrap_or(0.0),
+                trials.iter().filter(found).count(),
+                trials.iter().filter(|t| t.measured[c].is_some()).count(),
+                first.trial
+            ),
+        })
+    };
+    FREE.into_iter().filter_map(one).collect()
+}
+
+/// Readings that are all whole multiples of a coarse step: rounded, or written in cm.
+fn steps(trials: &[LaxityTrial], c: Coordinate) -> Option<SignDoubt> {
+    let given: Vec<f64> = trials.iter().filter_map(|t| t.measured[c]).collect();
+    let whole = |step: f64| given.iter().all(|x| ((x / step).round() * step - x).abs() < 1e-9);
+    let step = STEPS.into_iter().find(|s| *s >= LEAST_STEP[c] && whole(*s))?;
+    let different: BTreeSet<i64> = given.iter().map(|x| (x / step).round() as i64).collect();
+    // a coordinate that is held is one number throughout
+    (given.len() >= LEAST_READINGS && different.len() > 1).then(|| SignDoubt {
+        column: c.column(),
+        words: format!(
+            "{} comes in steps of {step} {unit}: all of {} readings are whole multiples of it. A knee's laxity is of that size, so that little of it is left. Were they rounded, or written in whole {larger}? Expected readings to a tenth",
+            c.column(),
+            given.len(),
+            unit = c.unit(),
+            larger = if c.unit() == "mm" { "cm" } else { "tens" }
+        ),
+    })
 }
 
 /// Whether the trial loads what it tests: without load a displacement may well be 0.

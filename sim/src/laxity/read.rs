@@ -3,6 +3,7 @@
 use super::columns::{LaxityError, QUADRICEPS_COLUMN, is_output, known_columns, required_columns, sd_column};
 use super::differences;
 use super::format::{LaxityFormat, standard};
+use super::text;
 use super::{Branch, LaxityTrial, TESTS, Test};
 use crate::coordinate::{AP, Coordinate, FREE, Free, IE, Load, VV};
 use crate::names::did_you_mean;
@@ -64,8 +65,8 @@ fn read_in(bytes: &[u8], format: &LaxityFormat, side: Side, poses: Poses) -> Res
     let columns = columns(&standard.header, poses)?;
     let mut table = LaxityTable { trials: vec![], warnings: standard.warnings };
     let (mut names, mut counted_from) = (BTreeSet::new(), Vec::new());
-    for (number, record) in &standard.rows {
-        let row = Row { number: *number, columns: &columns, record, called: &standard.called };
+    for (k, (number, record)) in standard.rows.iter().enumerate() {
+        let row = Row { number: *number, is_first: k == 0, columns: &columns, record, called: &standard.called };
         let trial = trial(&row, &mut table.warnings)?;
         if !names.insert(trial.trial.clone()) {
             return row.refuse("trial", &format!("\"{}\" stands in an earlier row; names must differ", trial.trial));
@@ -80,7 +81,44 @@ fn read_in(bytes: &[u8], format: &LaxityFormat, side: Side, poses: Poses) -> Res
         branches(&mut table.trials);
     }
     differences::resolve(&mut table.trials, &counted_from, format.readings)?;
+    table.warnings = merged(table.warnings, &table.trials);
     Ok(table)
+}
+
+/// Notices that differ in their row alone as one, which says of how many rows and where they are: one cause is one line.
+fn merged(warnings: Vec<Notice>, trials: &[LaxityTrial]) -> Vec<Notice> {
+    let mut groups: Vec<Vec<Notice>> = Vec::new();
+    for w in warnings {
+        let alike = |g: &&mut Vec<Notice>| {
+            let first = &g[0];
+            first.row.is_some() && w.row.is_some() && (first.kind, &first.column) == (w.kind, &w.column)
+        };
+        match groups.iter_mut().find(alike) {
+            Some(group) => group.push(w),
+            None => groups.push(vec![w]),
+        }
+    }
+    let together = |group: Vec<Notice>| {
+        let rows: BTreeSet<usize> = group.iter().filter_map(|w| w.row).collect();
+        let count = group.len();
+        let first = group.into_iter().next()?;
+        if count == 1 {
+            return Some(first);
+        }
+        let at = trials.iter().filter(|t| t.row.is_some_and(|r| rows.contains(&r)));
+        let flexions: BTreeSet<i64> = at.map(|t| t.nominal_flexion_deg.round() as i64).collect();
+        let all: BTreeSet<i64> = trials.iter().map(|t| t.nominal_flexion_deg.round() as i64).collect();
+        let only = flexions.first().filter(|_| flexions.len() == 1 && all.len() > 1);
+        let text = format!(
+            "{} (and {} more rows alike, the last {}{})",
+            first.text,
+            count - 1,
+            rows.last().copied().unwrap_or_default(),
+            only.map_or(String::new(), |f| format!(", all at {f} deg"))
+        );
+        Some(Notice { text, ..first.count(count) })
+    };
+    groups.into_iter().filter_map(together).collect()
 }
 
 /// Loading while the load of a test grows from row to row at one flexion, unloading while it falls.
@@ -137,6 +175,8 @@ fn columns(header: &StringRecord, poses: Poses) -> Result<BTreeMap<String, usize
 /// A row, its number in the file and the names of its cells.
 struct Row<'a> {
     number: usize,
+    /// Whether no trial stands above it.
+    is_first: bool,
     columns: &'a BTreeMap<String, usize>,
     record: &'a StringRecord,
     called: &'a BTreeMap<String, String>,
@@ -153,13 +193,25 @@ impl Row<'_> {
         Err(LaxityError::cell(self.number, format!("\"{column}\"{theirs}"), what.into()))
     }
 
+    /// What an empty cell below a filled one is in a sheet; the row above had one, else it had been refused.
+    fn if_merged(&self) -> &'static str {
+        if self.is_first {
+            ""
+        } else {
+            ". The row above has one: merged cells keep it in their first row alone; unmerge them and fill it down"
+        }
+    }
+
     /// A finite number; `None` for an empty cell.
     fn number(&self, column: &str) -> Result<Option<f64>, LaxityError> {
         match self.text(column) {
             "" => Ok(None),
             text => match text.parse::<f64>() {
                 Ok(value) if value.is_finite() => Ok(Some(value)),
-                _ => self.refuse(column, &format!("\"{text}\" is not a finite number (decimal point, no unit)")),
+                _ => {
+                    let why = text::no_number(text);
+                    self.refuse(column, &format!("\"{text}\" is not a finite number (decimal point, no unit){why}"))
+                }
             },
         }
     }
@@ -167,6 +219,9 @@ impl Row<'_> {
     /// A number no larger than `largest`, else it is taken for another unit.
     fn bounded(&self, column: &str, largest: f64, unit: &str) -> Result<Option<f64>, LaxityError> {
         match self.number(column)? {
+            Some(v) if v.abs() > largest && text::is_code(v) => {
+                self.refuse(column, &format!("{} {unit} is a code for not measured; leave the cell empty", plain(v)))
+            }
             Some(v) if v.abs() > largest => {
                 self.refuse(column, &format!("{} {unit} is beyond {largest} {unit}; is it in another unit?", plain(v)))
             }
@@ -184,7 +239,9 @@ fn trial(row: &Row, warnings: &mut Vec<Notice>) -> Result<LaxityTrial, LaxityErr
     let test = test(row)?;
     let nominal = match row.bounded("nominal_flexion_deg", 180.0, "deg")? {
         Some(value) => value,
-        None => return row.refuse("nominal_flexion_deg", "empty; expected degrees"),
+        None => {
+            return row.refuse("nominal_flexion_deg", &format!("empty; expected degrees{}", row.if_merged()));
+        }
     };
     let mut load = Load::default();
     let (mut measured, mut sd) = (Free::all(None), Free::all(None));
@@ -247,6 +304,9 @@ fn quadriceps(row: &Row) -> Result<f64, LaxityError> {
 
 fn test(row: &Row) -> Result<Test, LaxityError> {
     let text = row.text("test");
+    if text.is_empty() {
+        return row.refuse("test", &format!("empty; expected the name of a test{}", row.if_merged()));
+    }
     match TESTS.iter().find(|(_, name)| *name == text) {
         Some((test, _)) => Ok(*test),
         None => row.refuse(

@@ -40,6 +40,10 @@ const NEAR_SUPPLEMENT_DEG: f64 = 20.0;
 
 /// What looks turned round, coordinate by coordinate. A file whose loads, displacements and names of tests are all turned is not found.
 pub fn sign_doubts(trials: &[LaxityTrial]) -> Vec<SignDoubt> {
+    // what else looks odd follows from it
+    if let Some(shifted) = super::order::shifted(trials) {
+        return vec![shifted];
+    }
     let mut doubts: Vec<SignDoubt> = WORDS.iter().filter_map(|w| axis(trials, *w)).collect();
     doubts.extend(flexion(trials));
     let mean = |of: &dyn Fn(&LaxityTrial) -> Option<f64>| {

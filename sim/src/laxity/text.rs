@@ -77,10 +77,20 @@ fn titles(text: &str, known: &[String]) -> usize {
     text.lines().take(MOST_TITLES).position(|line| names(line) >= LEAST_NAMES).unwrap_or(0)
 }
 
+/// A number with the sign that typesetting sets for minus: the hyphen, as numbers are read. Other cells stay as they are.
+pub(super) fn with_minus(cell: &str) -> Cow<'_, str> {
+    let rest = cell.strip_prefix(['\u{2212}', '\u{2013}', '\u{fe63}', '\u{ff0d}']).map(str::trim_start);
+    let number = |rest: &&str| rest.starts_with(|c: char| c.is_ascii_digit() || c == '.' || c == ',');
+    rest.filter(number).map_or(Cow::Borrowed(cell), |rest| Cow::Owned(format!("-{rest}")))
+}
+
 /// Whether a cell says that nothing was measured, in the words of other programs.
 pub(super) fn says_nothing(cell: &str) -> bool {
-    ["n/a", "na", "nan", "#n/a", "null", "none", "-", "--", "nil", "<na>", "missing"]
-        .contains(&cell.trim().to_ascii_lowercase().as_str())
+    [
+        "n/a", "na", "nan", "#n/a", "null", "none", "-", "--", "\u{2212}", "\u{2013}", "\u{2014}", "nil", "<na>",
+        "missing",
+    ]
+    .contains(&cell.trim().to_ascii_lowercase().as_str())
 }
 
 /// Whether commas in the cells are decimal: told where both readings are possible.
@@ -113,3 +123,40 @@ pub(super) fn decimal_comma<'a>(cells: impl Iterator<Item = &'a str>) -> Result<
         _ => Ok(true),
     }
 }
+
+/// Numbers that instruments and spreadsheets write where nothing was measured.
+const CODES: [f64; 6] = [99.0, 99.9, 99.99, 999.0, 9999.0, 99999.0];
+
+/// Whether a number is a code for a missing one: of nines alone.
+pub(super) fn is_code(x: f64) -> bool {
+    CODES.contains(&x.abs())
+}
+
+/// Why a cell is no number, where that shows.
+pub(super) fn no_number(cell: &str) -> String {
+    let starts = |t: &str| t.starts_with(|c: char| c.is_ascii_digit() || "+-.".contains(c));
+    let number = |t: &str| t.trim().parse::<f64>().is_ok();
+    if let Some(inner) = cell.strip_prefix('(').and_then(|c| c.strip_suffix(')')).filter(|c| number(c)) {
+        return format!("; a number in brackets is negative in bookkeeping: write -{}", inner.trim());
+    }
+    if let Some(rest) = cell.strip_suffix(['-', '\u{2212}']).filter(|c| number(c)) {
+        return format!("; its sign stands behind it: write -{}", rest.trim());
+    }
+    let parts: Vec<&str> = cell.split(['.', '-', '/']).map(str::trim).collect();
+    let of_a_date = |p: &&str| [1, 2, 4].contains(&p.len()) && p.chars().all(|c| c.is_ascii_digit());
+    let named = starts(cell) && MONTHS.iter().any(|m| cell.to_lowercase().contains(m));
+    if named || parts.len() == 3 && parts.iter().all(of_a_date) {
+        return "; a spreadsheet took it for a date: set the cells to numbers and write it again".into();
+    }
+    let unit = cell.trim_start_matches(|c: char| c.is_ascii_digit() || "+-., ".contains(c));
+    if starts(cell) && !unit.is_empty() && !unit.contains(|c: char| c.is_ascii_digit()) {
+        return format!("; take \"{unit}\" out of the cells, and declare a unit by [laxity_format.NAME.columns]");
+    }
+    String::new()
+}
+
+/// Beginnings of the months' names as spreadsheets write them, in a few languages.
+const MONTHS: [&str; 17] = [
+    "jan", "feb", "mar", "m\u{e4}r", "apr", "may", "mai", "jun", "jul", "aug", "sep", "oct", "okt", "nov", "dec",
+    "dez", "d\u{e9}c",
+];

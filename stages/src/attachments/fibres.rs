@@ -117,7 +117,8 @@ pub(super) fn warn_of_lengths(fibres: &[Fibre], scale: f64, warnings: &mut Vec<N
         let mean = lengths.iter().sum::<f64>() / lengths.len() as f64;
         if !(least..=most).contains(&mean) {
             warnings.push(Kind::FibreLength.notice(format!(
-                "the fibres of {ligament} are {mean:.0} mm long in the mean, outside the {least:.0} to {most:.0} mm of knees of this size: look at its two sites in the report, or mark them"
+                "the fibres of {ligament} are {mean:.0} mm long in the mean, outside the {least:.0} to {most:.0} mm of knees of this size: look at its two sites in the report, or mark them{}",
+                if mean > most { ". Bones that lie apart in CT make ligaments long, too" } else { "" }
             )).of(ligament));
         }
     }

@@ -218,3 +218,24 @@ fn cartilages_apart_stay_as_they_are() {
     assert_eq!(apart.meshes, hexes.meshes);
     assert_eq!(apart.metrics.iterations, 0);
 }
+
+#[test]
+fn cartilages_that_do_not_meet_are_told_with_their_gap() {
+    for (gap, said) in
+        [(-0.2, None), (0.0, None), (1.0, None), (1.8, None), (3.0, Some(3.0)), (6.0, Some(6.0)), (20.0, Some(12.0))]
+    {
+        let hexes = hexmesh(&knee(gap), &HexmeshOptions::default()).unwrap();
+        let apart = overclosure(&hexes, &OverclosureOptions::default()).unwrap();
+        let told: Vec<&str> = apart
+            .warnings
+            .iter()
+            .filter(|w| w.kind == notices::Kind::CartilagesApart)
+            .map(|w| w.text.as_str())
+            .collect();
+        let number = |text: &str| text.split(' ').find_map(|word| word.parse::<f64>().ok()).unwrap();
+        match said {
+            None => assert!(told.is_empty(), "{gap}: {told:?}"),
+            Some(mm) => assert!(told.len() == 1 && (number(told[0]) - mm).abs() < 0.15, "{gap}: {told:?}"),
+        }
+    }
+}

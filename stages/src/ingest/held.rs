@@ -25,6 +25,8 @@ const MENDED_SHARE: f64 = 0.3;
 const FEWEST: usize = 3;
 /// Fibres, or the spread of landmarks, of less than this are of another unit [mm]: the shortest ligament of a knee is 8 mm long.
 const SHORTEST_MM: f64 = 2.0;
+/// That ligament, as the message says it [mm].
+const SHORTEST_LIGAMENT_MM: f64 = 8.0;
 /// A patella farther than this from the femur is not where it belongs [mm]; the widest gap of a knee at rest is a few millimetres.
 const PATELLA_MM: f64 = 25.0;
 /// Share of a patella's corners that may lie inside the femur without a word [-].
@@ -125,6 +127,7 @@ pub(super) fn fibres(
         return Ok(());
     }
     let refuse = |what: String| Err(StageError::file(path, what));
+    warnings.extend(coarse(path, fibres));
     let ends: Vec<Point> = fibres.iter().map(|f| f.femur).chain(fibres.iter().map(|f| f.tibia)).collect();
     let count = fibres.len();
     let on = |i: usize, p: &Point| {
@@ -134,7 +137,10 @@ pub(super) fn fibres(
     let mut lengths: Vec<f64> = fibres.iter().map(|f| (f.femur - f.tibia).norm()).collect();
     let length = percentile(&mut lengths, 0.5);
     if length < SHORTEST_MM * bones.scale {
-        return refuse(format!("its fibres are {length:.3} long in the median; {}", shrunk(&ends, bones.scale, on)));
+        return refuse(format!(
+            "its fibres are {length:.3} mm long in the median as their numbers stand, where the shortest ligament of a knee is {SHORTEST_LIGAMENT_MM:.0} mm; {}",
+            shrunk(&ends, bones.scale, on)
+        ));
     }
     let far = off(&ends, |p| *p, on);
     let swapped = off(&ends, |p| *p, crossed);
@@ -163,6 +169,23 @@ pub(super) fn fibres(
     }
     single(path, fibres, bones, warnings);
     Ok(())
+}
+
+/// Steps that are told, the coarsest first [mm]: a site is known to 1 mm, and half a step is lost. Ours.
+const STEPS_MM: [f64; 3] = [10.0, 5.0, 2.0];
+
+/// Fibres whose numbers are all whole multiples of a coarse step: rounded, or written in whole centimetres.
+fn coarse(path: &str, fibres: &[Fibre]) -> Option<Notice> {
+    let numbers = || fibres.iter().flat_map(|f| f.femur.iter().chain(f.tibia.iter()).copied().collect::<Vec<f64>>());
+    let whole = |step: f64| numbers().all(|x| ((x / step).round() * step - x).abs() < 1e-6);
+    let step = STEPS_MM.into_iter().find(|step| fibres.len() >= FEWEST && whole(*step))?;
+    Some(
+        Kind::CoarseNumbers
+            .notice(format!(
+                "{path}: all its coordinates come in steps of {step} mm: rounded, or written in whole cm? A site is a few millimetres large; expected tenths of a millimetre"
+            ))
+            .file(path),
+    )
 }
 
 /// The bone off whose surface its ends of fibres lie, though the other's lie on theirs; `ends` are those on the femur, then those on the tibia.

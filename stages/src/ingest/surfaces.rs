@@ -242,10 +242,12 @@ pub(super) fn check_unit(width: f64, options: &IngestOptions) -> Result<(), Stri
     let unit = units.iter().find(|(_, mm)| (0.5..2.0).contains(&(width * mm / KNEE_WIDTH_MM)));
     Err(match unit {
         Some((name, mm)) => format!(
-            "the bone is {width:.3} wide, which is a knee in {name}; expected millimetres: multiply the coordinates by {mm} (export in mm)"
+            "the bone is {width:.3} mm wide as its numbers stand, where adults' are {:.0} to {:.0} mm: it is a knee in {name}; expected millimetres: multiply the coordinates by {mm} (export in mm)",
+            ADULT_MM.start(),
+            ADULT_MM.end()
         ),
         None => format!(
-            "the bone is {width:.3} wide; expected a knee in millimetres, {} to {}: check the unit and that the file holds this bone alone",
+            "the bone is {width:.3} mm wide as its numbers stand; expected a knee in millimetres, {} to {} mm: check the unit and that the file holds this bone alone",
             options.least_width_mm, options.greatest_width_mm
         ),
     })

@@ -156,10 +156,30 @@ fn wrong_points_are_refused_with_file_and_line() {
 }
 
 #[test]
+fn coordinates_in_coarse_steps_are_told_with_the_step() {
+    let head = "bundle,fibre,femur_x_mm,femur_y_mm,femur_z_mm,tibia_x_mm,tibia_y_mm,tibia_z_mm\n";
+    let places = [[0.0, 3.7, 41.8], [41.9, -2.9, 1.3], [-5.3, 41.6, 0.0], [12.4, -40.1, 0.9]];
+    for step in [10.0, 5.0, 2.0, 1.0, 0.1] {
+        let round = |x: f64| (x / step).round() * step;
+        let row = |(k, p): (usize, &[f64; 3])| {
+            let [x, y, z] = p.map(round);
+            format!("LCL,{},{x},{y},{z},{},{},{}\n", k + 1, round(-p[0]), round(-p[1]), round(-p[2]))
+        };
+        let text = head.to_owned() + &places.iter().enumerate().map(row).collect::<String>();
+        let specimen = ingest(&with_file("attachments.csv", text.as_bytes()), &IngestOptions::default()).unwrap();
+        let told = |w: &&notices::Notice| w.kind == notices::Kind::CoarseNumbers && w.contains("steps of");
+        let said: Vec<&notices::Notice> = specimen.warnings.iter().filter(told).collect();
+        assert_eq!(said.len(), usize::from(step > 1.0), "{step}: {said:?}");
+        assert!(said.iter().all(|w| w.contains(&format!("steps of {step} mm"))), "{said:?}");
+    }
+}
+
+#[test]
 fn a_knee_in_another_unit_is_recognised() {
     for (radius, unit) in [(0.042, "metres"), (4.2, "centimetres"), (1.65, "inches"), (42000.0, "micrometres")] {
         let said = refusal(&with_file("ct/femur.stl", &stl_of(&ball(radius))));
         assert!(said.contains(&format!("a knee in {unit}; expected millimetres: multiply")), "{said}");
+        assert!(said.contains(" mm wide as its numbers stand, where adults' are 60 to 110 mm"), "{said}");
     }
     assert!(refusal(&with_file("ct/femur.stl", &stl_of(&ball(900.0)))).contains("check the unit"));
 }
