@@ -224,6 +224,23 @@ fn what_is_in_the_way_of_an_export_is_named() {
 }
 
 #[test]
+fn what_was_changed_in_an_export_is_written_over_by_force_alone() {
+    let out = exported("stl", &[]);
+    let edited = out.path().join("femur_bone.stl");
+    let run = |more: &[&str]| {
+        let mut run = build_model();
+        run.arg("export").arg(model()).args(["--format", "stl", "--out"]).arg(out.path()).args(more).assert()
+    };
+    let before = std::fs::read(&edited).unwrap();
+    run(&[]).success();
+    write(&edited, "by hand");
+    run(&[]).code(1).stderr(predicates::str::contains("femur_bone.stl is not as the last export here left it"));
+    assert_eq!(std::fs::read(&edited).unwrap(), b"by hand");
+    run(&["--force"]).success();
+    assert_eq!(std::fs::read(&edited).unwrap(), before);
+}
+
+#[test]
 fn opensim_finds_the_same_equilibrium() {
     let out = exported("opensim", &[]);
     let folder = out.path().display().to_string();

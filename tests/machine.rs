@@ -6,6 +6,7 @@ use crate::common::{build_model, text, write};
 use crate::one_knee;
 use crate::schema::obeys;
 use serde_json::Value;
+use std::path::Path;
 use tempfile::TempDir;
 
 /// A value of the program's output, held against the schema that the program tells.
@@ -95,6 +96,38 @@ fn what_was_found_and_written_is_data_too() {
     let deck = out.path().join("deck").join(main.unwrap()).display().to_string();
     let told = run("import", &["import-abaqus", &deck, "--out", &path("model")]);
     assert!(told["fibres"].as_u64().unwrap() >= 30 && out.path().join("model/model.json").exists());
+}
+
+#[test]
+fn a_report_is_data_of_its_page_its_stages_and_what_stopped_it() {
+    let (knee, other) = (crate::common::phantom("S192803-phantom"), TempDir::new().unwrap());
+    let [place, second] = [knee.path(), other.path()].map(|p| p.display().to_string());
+    let build = |more: &[&str]| build_model().args(["build", &place, "--quiet"]).args(more).assert();
+    build(&["--to", "ingest"]).success();
+    build(&["--to", "ingest", "--out", &second]).success();
+    let run = |more: &[&str]| {
+        let run = build_model().args(["report", &place, "--json"]).args(more).assert().success();
+        held("report", &run.get_output().stdout)
+    };
+    let own = knee.path().join("build");
+    let there = |told: &Value, name: &str| {
+        let path = Path::new(told.as_str().unwrap());
+        assert!(path.exists() && path == own.join(name), "{told}");
+    };
+    let told = run(&[]);
+    there(&told["page"], "report.html");
+    there(&told["methods"], "methods.md");
+    let record: Value = serde_json::from_str(text(&own.join("log.jsonl")).lines().next().unwrap()).unwrap();
+    let (stage, digest) = (&told["stages"][0]["stage"], &told["stages"][0]["digest"]);
+    assert_eq!((stage, digest), (&"ingest".into(), &record["digest"]));
+    assert!(told["stages"].as_array().unwrap().len() == 1 && told["failed"].is_null(), "{told}");
+
+    let told = run(&["--compare", &second]);
+    there(&told["page"], "compare.html");
+    assert_eq!((&told["compared_with"], &told["methods"]), (&second.as_str().into(), &Value::Null));
+
+    build(&["--to", "register", "--set", "register.error_limit_mm=0.001"]).code(1);
+    assert_eq!(run(&[])["failed"]["stage"], "register");
 }
 
 #[test]

@@ -169,6 +169,9 @@ enum Verb {
         /// Folder for the files
         #[arg(long)]
         out: PathBuf,
+        /// Write over files there that were changed since an export wrote them
+        #[arg(long)]
+        force: bool,
     },
     /// Predict what a model does under the loads of laxity trials or of a protocol
     Simulate(SimulateArgs),
@@ -381,8 +384,8 @@ fn answer_verb(verb: Verb) -> Result<Told, BuildError> {
         Verb::ImportAbaqus(args) => import::import_abaqus(&args),
         Verb::ImportOpensim(args) => import::import_opensim(&args),
         Verb::ImportFebio(args) => import::import_febio(&args),
-        Verb::Export { model, which, format, contact, poses, out } => {
-            exports::export((&model, &which), (format, contact), poses.as_deref(), &out)
+        Verb::Export { model, which, format, contact, poses, out, force } => {
+            exports::export((&model, &which), (format, contact), poses.as_deref(), &out, force)
         }
         Verb::Simulate(args) => simulate::simulate(&args),
         Verb::Calibrate(args) => calibrate::calibrate(&args),
@@ -394,7 +397,7 @@ fn answer_verb(verb: Verb) -> Result<Told, BuildError> {
         Verb::Cohort(args) => cohort::cohort(&args),
         Verb::Schema { name } => words(schema::schema(&name)),
         Verb::Blind(verb) => words(blind::run(&verb)),
-        Verb::Report { dir, compare } => words(report::rewrite(&dir, compare.as_deref())),
+        Verb::Report { dir, compare } => report::rewrite(&dir, compare.as_deref()),
     }
 }
 

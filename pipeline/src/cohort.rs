@@ -13,6 +13,8 @@ use std::path::{Path, PathBuf};
 mod knee;
 mod outliers;
 mod page;
+mod quantity;
+mod regions;
 mod table;
 mod tables;
 

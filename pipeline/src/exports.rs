@@ -16,6 +16,7 @@ use sim::spec::BundleSpec;
 use std::path::Path;
 
 mod beside;
+mod edited;
 mod febio;
 mod gltf;
 mod opensim;
@@ -53,12 +54,14 @@ pub enum OpensimContact {
 /// A file name and what is in it.
 type File = (String, Vec<u8>);
 
-/// `export`: a model as other programs read it, in `out`; `poses` (results of `simulate`) make a time series of VTK files.
+/// `export`: a model as other programs read it, in `out`; `poses` (results of `simulate`) make a time series of VTK files. Files there that were changed
+/// since an export wrote them are written over by `force` alone.
 pub fn export(
     (model, which): (&Path, &WhichModel),
     (format, contact): (Format, Option<OpensimContact>),
     poses: Option<&Path>,
     out: &Path,
+    force: bool,
 ) -> Result<Told, BuildError> {
     if poses.is_some() && format != Format::Vtk {
         return Err(BuildError::Usage("--poses goes with --format vtk".into()));
@@ -113,6 +116,7 @@ pub fn export(
     }
     files.iter_mut().for_each(|file| beside::label(file, &loaded));
     files.extend(beside::files(&loaded)?);
+    edited::guarded(out, &mut files, force)?;
     store::write_all(out, &files)?;
     let names: Vec<String> = files.into_iter().map(|(name, _)| name).collect();
     let words = format!("{}{} in {}\n", loaded.line(), names.join(", "), out.display());

@@ -329,6 +329,20 @@ mod tests {
     }
 
     #[test]
+    fn a_default_is_a_value_of_its_type_beside_its_text() {
+        let all = all().unwrap();
+        for o in &all {
+            let read = format!("x = {}", o.default).parse::<TomlTable>().ok();
+            let value = read.and_then(|t| serde_json::to_value(&t["x"]).ok()).unwrap_or_default();
+            assert_eq!(value, o.value, "{} = {}", o.key, o.default);
+        }
+        type Json = serde_json::Value;
+        for is in [Json::is_boolean, Json::is_u64, Json::is_f64, Json::is_string, Json::is_array] {
+            assert!(all.iter().any(|o| is(&o.value)));
+        }
+    }
+
+    #[test]
     fn a_comment_is_parted_into_meaning_unit_and_source() {
         let told = parted("Wanted edge in the plane [mm]; 0.5 to 1 in use [stimpson2007]. Ours.");
         assert_eq!(told, ("Wanted edge in the plane; 0.5 to 1 in use.".into(), "mm".into(), "stimpson2007".into()));

@@ -5,6 +5,9 @@ use crate::inspect;
 use crate::record::{self, Failure, Record};
 use crate::stage::list::heading;
 use crate::store::{self, BuildFolder};
+use crate::told::{Told, schemas};
+use schemars::JsonSchema;
+use serde::Serialize;
 use serde_json::json;
 use std::path::Path;
 
@@ -41,28 +44,71 @@ pub(crate) mod page_parts {
     pub(crate) use super::{head, plotly_js};
 }
 
+/// `report --json`.
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+pub struct ReportTold {
+    /// report/1
+    pub schema: &'static str,
+    /// The build's folder.
+    pub build: String,
+    /// The page that was written: report.html, report-stopped.html beside the report of a whole build, or compare.html.
+    pub page: String,
+    /// The other build's folder, where two are compared.
+    pub compared_with: Option<String>,
+    /// The text with versions, options and digests that belongs to the page; null of a comparison.
+    pub methods: Option<String>,
+    /// What stopped the build; null where nothing did.
+    pub failed: Option<Failure>,
+    /// The stages that the page shows, in order.
+    pub stages: Vec<ShownStage>,
+}
+
+/// A stage on the page.
+#[derive(Clone, Debug, Serialize, JsonSchema)]
+pub struct ShownStage {
+    /// Its name.
+    pub stage: String,
+    /// Digest of its value.
+    pub digest: String,
+    /// How many warnings it has.
+    pub warnings: usize,
+}
+
 /// Writes the report of the build in or below `dir` again, or with `other` the comparison of the two builds.
-pub fn rewrite(dir: &Path, other: Option<&Path>) -> Result<String, BuildError> {
+pub fn rewrite(dir: &Path, other: Option<&Path>) -> Result<Told, BuildError> {
     let build = inspect::build_folder(dir)?;
     let folder = BuildFolder::open(&build)?;
     let records = inspect::records(&build)?;
-    let name = match other {
+    let failure = inspect::failure(&build);
+    let other = other.map(inspect::build_folder).transpose()?;
+    let name = match &other {
         None => {
             let whole = !store::exists(&build.join(STOPPED));
-            write(&folder, &records, inspect::failure(&build).as_ref(), whole)?
+            write(&folder, &records, failure.as_ref(), whole)?
         }
         Some(other) => {
-            let other = inspect::build_folder(other)?;
-            let second = BuildFolder::open(&other)?;
+            let second = BuildFolder::open(other)?;
             let page = compare::page(
-                [(&folder, &record::current(&records)), (&second, &record::current(&inspect::records(&other)?))],
-                [&build, &other],
+                [(&folder, &record::current(&records)), (&second, &record::current(&inspect::records(other)?))],
+                [&build, other],
             )?;
             folder.write_file("compare.html", page.as_bytes())?;
             "compare.html"
         }
     };
-    Ok(format!("{}\n", build.join(name).display()))
+    let place = |name: &str| build.join(name).display().to_string();
+    let shown =
+        |r: &Record| ShownStage { stage: r.stage.clone(), digest: r.digest.clone(), warnings: r.warnings.len() };
+    let data = ReportTold {
+        schema: schemas::REPORT,
+        build: build.display().to_string(),
+        page: place(name),
+        methods: other.is_none().then(|| place(METHODS[usize::from(name == STOPPED)])),
+        compared_with: other.map(|o| o.display().to_string()),
+        failed: failure,
+        stages: record::current(&records).iter().map(shown).collect(),
+    };
+    Ok(Told::words(format!("{}\n", place(name))).with(&data))
 }
 
 /// The report of a build.

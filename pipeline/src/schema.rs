@@ -13,6 +13,7 @@ use crate::output::{OUTPUT, Output};
 use crate::phantom::PhantomTold;
 use crate::plan;
 use crate::record::Record;
+use crate::report::ReportTold;
 use crate::told::{CalibrateTold, ErrorTold, ExportTold, SimulateTold, ValidateTold, schemas};
 use schemars::{JsonSchema, schema_for};
 use serde_json::Value;
@@ -26,7 +27,7 @@ struct Entry {
     make: fn() -> Value,
 }
 
-const ALL: [Entry; 21] = [
+const ALL: [Entry; 22] = [
     Entry { name: "model", version: "model/1", what: "model.json", make: made::<sim::spec::ModelSpec> },
     Entry {
         name: "diagnosis",
@@ -59,6 +60,7 @@ const ALL: [Entry; 21] = [
         what: "import-abaqus, import-opensim and import-febio --json",
         make: made::<ImportTold>,
     },
+    Entry { name: "report", version: schemas::REPORT, what: "report --json", make: made::<ReportTold> },
     Entry { name: "cohort", version: schemas::COHORT, what: "cohort --json", make: made::<CohortTold> },
     Entry {
         name: "credibility",
@@ -75,7 +77,7 @@ fn made<T: JsonSchema>() -> Value {
 }
 
 /// The names of the schemas.
-pub fn names() -> [&'static str; 21] {
+pub fn names() -> [&'static str; 22] {
     ALL.map(|e| e.name)
 }
 

@@ -282,6 +282,8 @@ pub mod schemas {
     pub const DIAGNOSE: &str = "diagnose/1";
     /// Of [`crate::cohort::CohortTold`].
     pub const COHORT: &str = "cohort/1";
+    /// Of [`crate::report::ReportTold`].
+    pub const REPORT: &str = "report/1";
     /// Of [`super::ErrorTold`].
     pub const ERROR: &str = "error/1";
 }

@@ -5,6 +5,7 @@ mod field;
 mod mri;
 mod parting;
 mod region;
+pub mod regions;
 mod solid;
 mod thin_rim;
 mod vertices;

@@ -2,6 +2,7 @@
 
 mod atlas;
 mod centreline;
+mod lying;
 mod segmented;
 mod sizes;
 
@@ -113,8 +114,11 @@ pub struct MeniscusMetrics {
     pub width_mm: [f64; 3],
     /// Mean height of their periphery [mm].
     pub height_mm: [f64; 3],
-    /// Share of its plateau that it covers, seen from above [-].
+    /// Share of its plateau's cartilage that lies under it, seen from above [-].
     pub coverage: f64,
+    /// How far its body stands out over the rim of that cartilage [mm]; negative where it ends within. None where its body does not lie there.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub extrusion_mm: Option<f64>,
 }
 
 /// Volume that differs by more than this share from that of the segmented body is told [-].
@@ -160,7 +164,7 @@ fn meniscus(
         None => (atlas::sections(&plateau, size, of_atlas), of_atlas),
     };
     let spec = spec(between, body.is_some(), slope, roots, sections);
-    let metrics = metrics(&spec, body, between, plateau.area);
+    let metrics = metrics(&spec, body, between);
     laid.warnings.extend(odd_volume(&metrics));
     laid.menisci.push(spec);
     laid.metrics.push(metrics);
@@ -227,7 +231,7 @@ fn spec(between: &Between, own: bool, slope: f64, roots: [Point; 2], sections: V
     }
 }
 
-fn metrics(m: &MeniscusSpec, body: Option<&TriMesh>, between: &Between, plateau_mm2: f64) -> MeniscusMetrics {
+fn metrics(m: &MeniscusSpec, body: Option<&TriMesh>, between: &Between) -> MeniscusMetrics {
     let mesh = sim::menisci::hexahedra(m);
     let volume: f64 = (0..mesh.elements.len()).map(|e| mesh.element_volume(e)).sum();
     let thirds = |of: fn(&SectionSpec) -> f64| {
@@ -237,16 +241,6 @@ fn metrics(m: &MeniscusSpec, body: Option<&TriMesh>, between: &Between, plateau_
             third.iter().map(of).sum::<f64>() / third.len() as f64
         })
     };
-    let last = m.sections[0].lower.len() - 1;
-    let up = &between.frame.superior;
-    let covered: f64 = m
-        .sections
-        .windows(2)
-        .map(|w| {
-            let across = (w[1].lower[last] - w[0].lower[0]).cross(&(w[1].lower[0] - w[0].lower[last]));
-            0.5 * across.dot(up).abs()
-        })
-        .sum();
     MeniscusMetrics {
         name: m.name.clone(),
         source: m.source.clone(),
@@ -254,7 +248,8 @@ fn metrics(m: &MeniscusSpec, body: Option<&TriMesh>, between: &Between, plateau_
         segmented_mm3: body.map(TriMesh::volume),
         width_mm: thirds(|s| (s.lower[s.lower.len() - 1] - s.lower[0]).norm()),
         height_mm: thirds(|s| (s.upper[s.upper.len() - 1] - s.lower[s.lower.len() - 1]).norm()),
-        coverage: covered / plateau_mm2,
+        coverage: lying::coverage(m, between),
+        extrusion_mm: lying::extrusion_mm(m, between),
     }
 }
 

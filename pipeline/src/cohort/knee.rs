@@ -1,5 +1,7 @@
 //! One build as the cohort sees it: the files that FORMAT.md fixes, nothing of the program's own.
 
+use super::quantity::Quantity;
+use super::regions;
 use crate::again::building_again;
 use crate::inspect;
 use crate::record::{Failure, Record, current};
@@ -24,18 +26,6 @@ impl Status {
             Status::Failed { .. } => "failed",
         }
     }
-}
-
-/// A number that knees are compared by.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Quantity {
-    /// Stage it is of.
-    pub(super) stage: &'static str,
-    /// Its name, which ends with its unit.
-    pub(super) name: String,
-    /// Of which part: a bone, a cartilage, a bundle; empty for the whole knee.
-    pub(super) part: String,
-    pub(super) value: f64,
 }
 
 /// Rows of a CSV file of the build with the source they belong to.
@@ -96,6 +86,8 @@ const PARTS: [(&str, &[&str]); 3] = [
     ("cartilage", &["volume_mm3", "thickness_mean_mm", "thickness_p95_mm", "area_articular_mm2"]),
     ("hexmesh", &["scaled_jacobian_min"]),
 ];
+/// The same of its menisci, where they act.
+const OF_MENISCI: [&str; 2] = ["extrusion_mm", "coverage"];
 const POSE: [&str; 6] = ["fe_deg", "vv_deg", "ie_deg", "ml_mm", "ap_mm", "si_mm"];
 const PROTOCOLS: [&str; 4] = ["ap_laxity", "passive_flexion", "pivot_shift", "pivot_shift_no_acl"];
 
@@ -183,6 +175,12 @@ impl Knee {
             if record.stage == "frames" {
                 POSE.iter().for_each(|n| self.add("frames", &format!("pose_{n}"), "", &m["gs_ct_pose"][*n]));
             }
+            for (name, meniscus) in named(&m["menisci"]).filter(|_| record.stage == "assemble") {
+                OF_MENISCI.iter().for_each(|n| self.add("assemble", n, name, &meniscus[*n]));
+            }
+            if record.stage == "hexmesh" {
+                self.quantities.extend(regions::of_build(folder));
+            }
         }
         let calibrate = folder.join(folder_name("calibrate"));
         for source in store::list(&calibrate) {
@@ -233,6 +231,11 @@ impl Knee {
     pub(super) fn report(&self) -> Option<PathBuf> {
         self.folder.as_ref().map(|f| f.join("report.html")).filter(|p| store::exists(p))
     }
+}
+
+/// The members of a list with their names.
+fn named(list: &Value) -> impl Iterator<Item = (&str, &Value)> {
+    list.as_array().into_iter().flatten().filter_map(|m| Some((m["name"].as_str()?, m)))
 }
 
 fn read_json(path: &Path) -> Value {

@@ -1,6 +1,7 @@
 //! Which knees stand out, and in what.
 
-use super::knee::{Knee, Quantity};
+use super::knee::Knee;
+use super::quantity::Quantity;
 use std::collections::BTreeMap;
 
 /// Fewer knees than this have no outliers: their scatter is not known.

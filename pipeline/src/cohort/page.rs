@@ -2,6 +2,7 @@
 
 use super::knee::{Knee, Rows, Status};
 use super::outliers::{Outlier, by_quantity, median};
+use super::regions::{self, parted};
 use super::table::Table;
 use crate::model_file::between;
 use crate::report::page_parts::{COLOURS, escaped, head, layout, plotly_js};
@@ -199,10 +200,16 @@ fn strips(knees: &[Knee], outliers: &[Outlier]) -> Vec<Strip> {
     let mut groups: BTreeMap<(&str, String, bool), Vec<Dot>> = BTreeMap::new();
     for ((stage, name, part), values) in by_quantity(knees) {
         let coordinate = name.strip_prefix("pose_");
-        let (title, category) = match (coordinate, part.is_empty()) {
+        let region = parted(stage, &name, &part);
+        if region.is_some() && name != regions::MEAN {
+            continue; // of regions, the tables have these too
+        }
+        let (title, category) = match (coordinate, region) {
             (Some(c), _) => (format!("pose in CT [{}]", if c.ends_with("_mm") { "mm" } else { "deg" }), c.to_owned()),
-            (None, true) => (name.clone(), String::new()),
-            (None, false) => (name.clone(), part.clone()),
+            (None, Some((cartilage, region))) => {
+                (format!("{name} of {} by region", cartilage.replace('_', " ")), region.replace('_', " "))
+            }
+            (None, None) => (name.clone(), part.clone()),
         };
         let dots = groups.entry((stage, title, coordinate.is_some())).or_default();
         for (knee, value) in values {

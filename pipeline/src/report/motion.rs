@@ -16,7 +16,6 @@ use live::pressure::{Pressed, Surfaces};
 use meshes::Point;
 use meshes::surface::TriMesh;
 use serde::Serialize;
-use sim::coordinate::Free;
 use sim::flags::Flag;
 use sim::joint::{Joint, Pose};
 use sim::laxity::{LaxityTrial, TrialResult};
@@ -150,12 +149,13 @@ impl Knee<'_> {
                 joint: Joint::new(&outcome.frames_of(s, frames).ok()?, outcome.spec.side).ok()?,
                 ..self.clone()
             };
-            let all = outcome.trials.iter().zip(&outcome.found.predicted).zip(of).enumerate();
-            let step = |(i, ((t, p), _)): (usize, ((&LaxityTrial, &Option<Free<f64>>), &usize))| {
-                let simulated = pose(t, |c| p.as_ref().map(|p| p[c]))?;
+            let step = |i: usize| {
+                let (t, p) = (&outcome.trials[i], outcome.found.predicted[i].as_ref());
+                let simulated = pose(t, |c| p.map(|p| p[c]))?;
                 knee.trial(t, &simulated, outcome.found.elsewhere.contains(&i))
             };
-            let steps: Vec<Step> = all.filter(|(_, (_, of))| **of == s).filter_map(step).collect();
+            let mine = (0..outcome.trials.len()).filter(|&i| of[i] == s);
+            let steps: Vec<Step> = mine.filter_map(step).collect();
             let name = match self.name {
                 JOINT => format!("{}: measured loads, {source}", self.name),
                 name => format!("{name}: measured loads"),

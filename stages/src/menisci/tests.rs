@@ -87,11 +87,48 @@ fn a_mirrored_knee_has_mirrored_menisci() {
         tibia_lateral: turned(&c.tibia_lateral),
     };
     let mirror = AnatomicalFrame { medial: Vector::x(), ..frame() };
+    let figures =
+        |c: &PerCartilage<TriMesh>, frame: &AnatomicalFrame| menisci(c, frame, 6.5, &BTreeMap::new()).unwrap().metrics;
+    for (a, b) in figures(&c, &frame()).iter().zip(&figures(&other, &mirror)) {
+        let off = [a.coverage - b.coverage, a.extrusion_mm.unwrap() - b.extrusion_mm.unwrap()];
+        assert!(off.iter().all(|d| d.abs() < 1e-6), "{a:?} {b:?}");
+    }
     for (a, b) in here.iter().zip(of_atlas(&other, &mirror).unwrap()) {
         for (s, t) in a.sections.iter().zip(&b.sections) {
             let off = s.upper.iter().chain(&s.lower).zip(t.upper.iter().chain(&t.lower));
             assert!(off.map(|(p, q)| (p - Point::new(-q.x, q.y, q.z)).norm()).fold(0.0, f64::max) < 1e-6);
         }
+    }
+}
+
+#[test]
+fn a_meniscus_moved_outwards_stands_out_by_as_much_and_covers_less() {
+    let (c, frame) = (cartilages(), frame());
+    let laid = menisci(&c, &frame, 6.5, &BTreeMap::new()).unwrap();
+    for ((m, figures), (compartment, tibia)) in laid
+        .menisci
+        .iter()
+        .zip(&laid.metrics)
+        .zip([(Compartment::Medial, &c.tibia_medial), (Compartment::Lateral, &c.tibia_lateral)])
+    {
+        let between = Between { femur: &c.femur, tibia, frame: &frame, compartment };
+        let own = figures.extrusion_mm.unwrap();
+        assert!((-1.5..=0.01).contains(&own), "the atlas' menisci end at the rim: {figures:?}");
+        assert!((figures.coverage - SIZES.of(compartment).coverage).abs() < 0.05, "{figures:?}");
+        for by in [2.0, 6.0, -3.0] {
+            let mut moved = m.clone();
+            let points = moved.sections.iter_mut().flat_map(|s| s.lower.iter_mut().chain(&mut s.upper));
+            points.for_each(|p| *p += between.outwards() * by);
+            let out = lying::extrusion_mm(&moved, &between).unwrap();
+            assert!((out - own - by).abs() < 1e-9, "{by}: {own} to {out}");
+            let covers = lying::coverage(&moved, &between);
+            assert!(by < 0.0 || covers < figures.coverage - 0.02, "{by}: {covers} of {}", figures.coverage);
+        }
+        // far in front of the plateau no section lies beside its middle, and none covers it
+        let mut away = m.clone();
+        let points = away.sections.iter_mut().flat_map(|s| s.lower.iter_mut().chain(&mut s.upper));
+        points.for_each(|p| *p += frame.anterior * 100.0);
+        assert_eq!((lying::extrusion_mm(&away, &between), lying::coverage(&away, &between)), (None, 0.0));
     }
 }
 

@@ -7,7 +7,8 @@ use crate::stage::View;
 use crate::store::BuildFolder;
 use crate::which_model::JOINT;
 use calibration::calibrate::Calibrated;
-use calibration::posterior::{FORCE_DETERMINED_N, ForceEstimate, mean};
+use calibration::posterior::FORCE_DETERMINED_N;
+use calibration::reports::{error_words, shares_of_forces};
 use calibration::session::ap_probes;
 use plotly::common::{ErrorData, ErrorType, Marker, Mode};
 use plotly::layout::Axis;
@@ -64,15 +65,16 @@ pub(super) fn checks(name: &str, found: &Calibrated, assembled: Option<&Assemble
         });
     }
     let open = forces.clone().filter(|(f, ..)| f.most_n() > FORCE_DETERMINED_N && !f.is_determined()).count();
-    let share = |of: fn(&ForceEstimate) -> f64| 100.0 * mean(&forces.clone().map(|(f, ..)| of(f)).collect::<Vec<_>>());
-    let (by_data, by_belief) = (share(|f| f.determined), share(|f| f.believed));
+    let [by_data, by_belief] = shares_of_forces(found);
     let all = forces.count();
     if all > 0 {
+        let error = error_words(found);
+        let error = if error.is_empty() { error } else { format!("; {error}") };
         let next = found.next_tests.first().map_or(String::new(), |t| format!("; {}", t.words()));
         out.push(Check {
             question: "Which ligament forces does laxity leave open?",
             answer: format!(
-                "{open} of {all} bundle forces under drawers have a 90 % interval that reaches more than {FORCE_DETERMINED_N:.0} N from the value; the measurements removed {by_data:.0} % of the variance that the forces had without them, after beliefs about forces had removed {by_belief:.0} %{next}"
+                "{open} of {all} bundle forces under drawers have a 90 % interval that reaches more than {FORCE_DETERMINED_N:.0} N from the value; the measurements removed {by_data:.0} % of the variance that the forces had without them, after beliefs about forces had removed {by_belief:.0} %{error}{next}"
             ),
             good: None,
             reaches: None,
