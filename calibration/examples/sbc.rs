@@ -2,7 +2,8 @@
 //!
 //! `sbc MODEL.json DATA.csv... [--knees N] [--seed S] [--wide F] [--shipped] [--truth MODEL.json] [--lean DEG] [--form MM] [--spacing MM]`: DATA are data sets whose loads and
 //! coordinates are asked; what was measured in them is not read. A truth is drawn from the prior times the beliefs, by elliptical slices of the model
-//! itself [murray2010], and none is left out. Readings scatter as the likelihood says, with scales of the noise from their prior.
+//! itself [murray2010], and none is left out. Ten chains draw a tenth of them each, so another N asks other knees.
+//! Readings scatter as the likelihood says, with scales of the noise from their prior.
 //! `--wide`: numbers of the truths are that many times as wide. `--shipped`: readings count as in a build (tempered), else as their scatter says.
 //! `--spacing`: contact nodes nearer than this are merged, in truth and analysis alike: coarser is quicker.
 //! `--truth`: the truth's mechanics are another model's. `--lean`, `--form`: its plateaus lean about the AP axis, and undulate over 20 mm.

@@ -1,6 +1,9 @@
 //! What the data determine: intervals of parameters and bundle forces, and how much narrower they are than the ranges alone would have
 //! them.
 
+pub(crate) mod share;
+
+use self::share::{Removed, Spread};
 use crate::cost::FAILED;
 use crate::design::{Design, Kind};
 use crate::experiment::Experiment;
@@ -49,7 +52,8 @@ pub struct ParameterEstimate {
     pub upper: f64,
     /// The range it was sought in.
     pub range: [f64; 2],
-    /// Share of the range's variance that the data removed, 0 (only the range is known) to 1 (determined) [-].
+    /// Share of the variance with nothing measured that the data removed, 0 (no more than chance may give) to 1 (determined) [-]; by the recipes of
+    /// the range's, cut off at 0.
     pub determined: f64,
 }
 
@@ -72,9 +76,13 @@ pub struct ForceEstimate {
     /// Samples whose femur leaves the plateau in the trial, which do not count; 0 by the recipes, which do not look.
     pub leaving: usize,
     /// Share of the variance with nothing measured which the data removed, 0 to 1 [-]: of all that is believed before, by an inference; of parameters
-    /// spread over their ranges, by the recipes.
+    /// spread over their ranges, by the recipes. 0 where chance alone may give as much, by so few samples.
     pub determined: f64,
-    /// Share of the parameters' own variance which beliefs about forces removed before anything was measured, 0 to 1 [-]; 0 by the recipes.
+    /// The same share as the samples have it, below zero where the variance has grown [-]; `None` where there is nothing to compare.
+    #[serde(default)]
+    pub removed: Option<f64>,
+    /// Share of the parameters' own variance which beliefs about forces removed before anything was measured, 0 to 1 [-]; 0 by the recipes, and where
+    /// chance alone may give as much.
     pub believed: f64,
     /// Mean and ends of the interval with nothing measured [N]; `None` by the recipes and without samples.
     pub unmeasured: Option<[f64; 3]>,
@@ -93,7 +101,7 @@ pub struct OtherEstimate {
     pub upper: f64,
     /// Interval of the same probability before anything was measured.
     pub prior: [f64; 2],
-    /// Share of the prior's variance that the data removed [-].
+    /// Share of the prior's variance that the data removed [-]; 0 where chance alone may give as much.
     pub determined: f64,
 }
 
@@ -179,10 +187,10 @@ const SHOWN: f64 = 1e-3;
 pub const FORCE_DETERMINED_N: f64 = 15.0;
 
 impl ForceEstimate {
-    /// Whether there is an interval, and it stays within [`FORCE_DETERMINED_N`] of the value.
+    /// Whether there is an interval of less scatter than with nothing measured, and it stays within [`FORCE_DETERMINED_N`] of the value.
     pub fn is_determined(&self) -> bool {
         let near = |end: f64| self.value_n.is_some_and(|v| (end - v).abs() <= FORCE_DETERMINED_N);
-        self.determined > 0.0 && self.interval_n.is_some_and(|ends| ends.into_iter().all(near))
+        self.removed.unwrap_or(self.determined) > 0.0 && self.interval_n.is_some_and(|ends| ends.into_iter().all(near))
     }
 
     /// Whether the single most probable model lies outside the interval of the samples: it is one knee, and no middle of theirs.
@@ -285,8 +293,7 @@ pub fn forces(probes: &Probes, design: &Design, point: &[f64], found: &Found, in
             if here.max(upper_n) < 1.0 {
                 continue;
             }
-            let (a, b) = (variance(&posterior), variance(&prior));
-            let determined = if posterior.len() < 2 || b <= 0.0 { 0.0 } else { (1.0 - a / b).clamp(0.0, 1.0) };
+            let removed = Removed::of(Spread::of(&posterior), Spread::of(&prior));
             out.push(ForceEstimate {
                 trial: name.clone(),
                 bundle,
@@ -295,7 +302,8 @@ pub fn forces(probes: &Probes, design: &Design, point: &[f64], found: &Found, in
                 mode_n: value_n,
                 interval_n: Some([lower_n.min(here), upper_n.max(here)]),
                 leaving: 0,
-                determined,
+                determined: removed.map_or(0.0, Removed::told),
+                removed: removed.map(|r| r.share),
                 believed: 0.0,
                 unmeasured: None,
             });
@@ -370,6 +378,7 @@ mod tests {
             interval_n,
             leaving: 0,
             determined: 0.5,
+            removed: Some(0.5),
             believed: 0.0,
             unmeasured: None,
         };

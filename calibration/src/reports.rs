@@ -3,7 +3,7 @@
 use crate::calibrate::Calibrated;
 use crate::cost::residual;
 use crate::options::Method;
-use crate::posterior::is_outside;
+use crate::posterior::{ForceEstimate, error_of_ends, is_outside, mean};
 use crate::session::Outcome;
 use serde::{Deserialize, Serialize};
 use sim::coordinate::{Coordinate, FREE, Free};
@@ -145,11 +145,12 @@ pub fn history(costs: &[f64]) -> String {
 }
 
 /// forces.csv: bundle forces in the AP tests with their intervals, and whether those stay within 15 N of the value; then what beliefs removed of the
-/// variance before the measurements, and mean and interval with nothing measured; then the samples' mean and the single most probable model, whether that
-/// lies outside the interval, and how many samples leave the plateau.
+/// variance before the measurements, and mean and interval with nothing measured; then the samples' mean and the single most probable model, whether
+/// that lies outside the interval, and how many samples leave the plateau. `determined` and `believed` are 0 where chance may give as much: a 0 may
+/// also be a variance that has grown. `removed`, the last column, is the data's share as the samples have it, below zero where it has grown.
 fn forces(found: &Calibrated, bundles: &[String]) -> String {
     let mut out = "trial,bundle,value_n,lower_n,upper_n,determined,within_15_n".to_owned();
-    out += ",believed,unmeasured_n,unmeasured_lower_n,unmeasured_upper_n,mean_n,mode_n,outside,leaving\n";
+    out += ",believed,unmeasured_n,unmeasured_lower_n,unmeasured_upper_n,mean_n,mode_n,outside,leaving,removed\n";
     for f in &found.forces {
         let name = bundles.get(f.bundle).map_or("", String::as_str);
         let cell = |x: Option<f64>| x.map_or(String::new(), |v| format!("{v:.3}"));
@@ -158,12 +159,13 @@ fn forces(found: &Calibrated, bundles: &[String]) -> String {
         let before = f.unmeasured.map_or(",,".to_owned(), |[v, a, b]| format!("{v:.3},{a:.3},{b:.3}"));
         let _ = writeln!(
             out,
-            "{trial},{name},{value},{},{:.3},{within},{:.3},{before},{mean},{mode},{},{}",
+            "{trial},{name},{value},{},{:.3},{within},{:.3},{before},{mean},{mode},{},{},{}",
             ends(f.interval_n),
             f.determined,
             f.believed,
             f.mode_is_outside(),
-            f.leaving
+            f.leaving,
+            cell(f.removed)
         );
     }
     out
@@ -257,6 +259,19 @@ pub fn metrics(outcome: &Outcome) -> CalibrationMetrics {
     }
 }
 
+/// How far an end of an interval may be off, by so few samples; empty where there is none.
+pub fn error_words(found: &Calibrated) -> String {
+    let n = found.samples.len();
+    let told = |e: f64| format!("an end of an interval errs by {:.0} % of half of it, by {n} samples", 100.0 * e);
+    error_of_ends(n, found.unknowns.interval).map_or(String::new(), told)
+}
+
+/// Share of the forces' variance in the drawers that data removed, and share that beliefs had removed before, each a mean over all forces [%].
+pub fn shares_of_forces(found: &Calibrated) -> [f64; 2] {
+    let share = |of: fn(&ForceEstimate) -> f64| 100.0 * mean(&found.forces.iter().map(of).collect::<Vec<_>>());
+    [share(|f| f.determined), share(|f| f.believed)]
+}
+
 /// What was found, for the terminal.
 pub fn words(outcome: &Outcome) -> String {
     let found = &outcome.found;
@@ -285,8 +300,29 @@ pub fn words(outcome: &Outcome) -> String {
             100.0 * p.determined
         );
     }
+    text += &words_of_forces(found);
+    text
+}
+
+/// What data and beliefs did to the forces in the drawers, how sure an interval is, and which test would narrow them most.
+fn words_of_forces(found: &Calibrated) -> String {
+    let mut text = String::new();
+    if found.forces.iter().any(|f| f.unmeasured.is_some()) {
+        let [by_data, by_belief] = shares_of_forces(found);
+        let _ = writeln!(
+            text,
+            "  forces in drawers: {by_data:.0} % of their variance removed by the data, after {by_belief:.0} % by beliefs (forces.csv)"
+        );
+    }
+    let error = error_words(found);
+    if !error.is_empty() {
+        let _ = writeln!(text, "  {error}");
+    }
     if let Some(t) = found.next_tests.first() {
         let _ = writeln!(text, "  forces in drawers: {} (next_tests.csv)", t.words());
     }
     text
 }
+
+#[cfg(test)]
+mod tests;

@@ -41,9 +41,9 @@ pub struct TargetOptions {
     pub flexion_deg: [f64; 2],
     /// Which coordinates count, whatever the method: any of vv, ie, ml, ap, si.
     pub coordinates: Vec<String>,
-    /// Measurement noise where the file gives none: VV, IE [deg], ML, AP, SI [mm], one standard deviation; the published data's.
+    /// Measurement noise where the file gives none [deg, mm]: VV, IE, ML, AP, SI, one standard deviation; the published data's.
     pub noise: Free<f64>,
-    /// The same of displacements from another trial's pose; arthrometers on living knees scatter by more.
+    /// The same of displacements from another trial's pose [deg, mm]; arthrometers on living knees scatter by more.
     pub noise_of_displacements: Free<f64>,
     /// Fewest trials that can be calibrated to [-]; ranges need two.
     pub fewest: usize,

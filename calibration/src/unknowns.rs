@@ -70,7 +70,7 @@ fn normal(name: String, quantity: Quantity, mean: f64, sd: f64) -> Parameter<Qua
     Parameter { name, quantity, prior: Prior::Normal { mean, sd } }
 }
 
-/// Reference strains and stiffnesses: the model's own prior, else the physiological one within Table 3, else Table 3.
+/// Reference strains and stiffnesses: the model's own prior, else the usual one within Table 3, else Table 3.
 fn ligaments(
     names: &[String],
     design: &Design,

@@ -3,6 +3,7 @@
 use crate::last::moved;
 use crate::options::CalibrateOptions;
 use crate::plateau::Staying;
+use crate::posterior::share::{Removed, Spread};
 use crate::posterior::{ForceEstimate, ends, mean, variance};
 use crate::unknown::UNLIKE_STREAM;
 use inference::knee::{Answers, Belief, Trials};
@@ -16,8 +17,8 @@ use rayon::prelude::*;
 use sim::coordinate::Free;
 use std::ops::Range;
 
-/// Samples of the knee before it was measured. They are drawn by the same random numbers as those of the posterior: of data that say nothing both are the
-/// same, so no share is told for chance.
+/// Samples of the knee before it was measured. They have the posterior's streams of random numbers, but modes of their own, and slices of beliefs
+/// that soon part from its. So of data that say nothing both sets are as if drawn apart, and what chance gives is not told ([`Removed::told`]).
 #[derive(Default)]
 pub(crate) struct Unmeasured {
     /// Numbers of each sample.
@@ -60,9 +61,11 @@ pub(crate) fn force_sd(force_n: f64) -> f64 {
     (UNLIKE_N * force_n + (UNLIKE_SHARE * force_n).powi(2)).max(0.0).sqrt()
 }
 
-/// Share of a variance that values have lost [-]; 0 where nothing is known of them.
+/// Share of a variance that values have lost, beyond what chance gives [-]; 0 where nothing is known of them. `before` is of as many samples of a
+/// number that is normal before anything is known.
 pub(crate) fn share_removed(values: &[f64], before: f64) -> f64 {
-    if values.len() < 2 || before <= 0.0 { 0.0 } else { (1.0 - variance(values) / before).clamp(0.0, 1.0) }
+    let before = Spread::of_normal(before, values.len());
+    Removed::of(Spread::of(values), Some(before)).map_or(0.0, Removed::told)
 }
 
 impl Unmeasured {
@@ -100,7 +103,7 @@ impl Unmeasured {
     }
 
     /// Bundle forces in the drawers: mean and interval over the samples that stay on the plateau (`leaves`, by sample and trial), moved to the final
-    /// mechanics' `last` ones, and the same with nothing measured.
+    /// mechanics' `last` ones, and the same with nothing measured. Shares are of forces by the search's mechanics, of which all samples are.
     pub(crate) fn forces(
         &self,
         found: &Found<Answers>,
@@ -117,33 +120,32 @@ impl Unmeasured {
             let mode = &found.modes[0].state[measured + i].forces_n;
             let to_last = |forces_n: &[f64]| moved(forces_n, mode, last[i].as_ref());
             let chosen = to_last(mode);
-            let staying = [
-                Staying::of(leaves.iter().map(|l| l[i])),
-                self::staying(&self.drawn, i),
-                self::staying(&self.alone, i),
-            ];
-            let moved = |s: usize| to_last(&found.samples[s].state[measured + i].forces_n);
-            let after: Vec<(usize, Vec<f64>)> = staying[0].here.iter().map(|&s| (s, moved(s))).collect();
+            let staying = Staying::of(leaves.iter().map(|l| l[i]));
+            let searched = |s: usize| &found.samples[s].state[measured + i].forces_n;
+            let moved: Vec<(usize, Vec<f64>)> = staying.here.iter().map(|&s| (s, to_last(searched(s)))).collect();
             for bundle in 0..bundles {
-                let told = |all: Vec<(usize, f64)>| told(&all, &unlike, bundle, interval);
-                let of = |all: &[InDrawers], here: &Staying| {
-                    here.here.iter().map(|&s| (s, all[s].forces_n[i][bundle])).collect::<Vec<_>>()
+                let of = |all: &[InDrawers]| {
+                    let here = self::staying(all, i).here.into_iter();
+                    told(here.map(|s| (s, all[s].forces_n[i][bundle])), (&unlike, bundle), interval)
                 };
-                let after = told(after.iter().map(|(s, f)| (*s, f[bundle])).collect());
-                let before = told(of(&self.drawn, &staying[1]));
-                let alone = told(of(&self.alone, &staying[2]));
-                let has_none = staying[0].leaving > 0 && after.mean.is_none();
+                let after = told(moved.iter().map(|(s, f)| (*s, f[bundle])), (&unlike, bundle), interval);
+                let as_asked = scattered(staying.here.iter().map(|&s| (s, searched(s)[bundle])), (&unlike, bundle));
+                let (before, alone) = (of(&self.drawn), of(&self.alone));
+                let by_data = Removed::of(Spread::of(&as_asked), Spread::of(&before.scattered));
+                let by_beliefs = Removed::of(Spread::of(&before.scattered), Spread::of(&alone.scattered));
+                let has_none = staying.leaving > 0 && after.mean.is_none();
+                let value = after.mean.unwrap_or(chosen[bundle]);
                 out.push(ForceEstimate {
                     trial: name.clone(),
                     bundle,
-                    value_n: Some(after.mean.unwrap_or(chosen[bundle])),
+                    value_n: Some(value),
                     mean_n: after.mean,
                     mode_n: Some(chosen[bundle]),
-                    interval_n: (!has_none)
-                        .then(|| after.interval.unwrap_or([after.mean.unwrap_or(chosen[bundle]); 2])),
-                    leaving: staying[0].leaving,
-                    determined: share_removed(&after.scattered, variance(&before.scattered)),
-                    believed: share_removed(&before.scattered, variance(&alone.scattered)),
+                    interval_n: (!has_none).then(|| after.interval.unwrap_or([value; 2])),
+                    leaving: staying.leaving,
+                    determined: by_data.map_or(0.0, Removed::told),
+                    removed: by_data.map(|r| r.share),
+                    believed: by_beliefs.map_or(0.0, Removed::told),
                     unmeasured: before.mean.zip(before.interval).map(|(mean, [lower, upper])| [mean, lower, upper]),
                 });
             }
@@ -171,11 +173,16 @@ struct Told {
     scattered: Vec<f64>,
 }
 
-/// Mean and interval of a bundle's force in samples by their numbers, each scattered as another simulator would have it.
-fn told(all: &[(usize, f64)], unlike: &[DVector<f64>], bundle: usize, interval: f64) -> Told {
-    let plain: Vec<f64> = all.iter().map(|(_, f)| *f).collect();
+/// Forces of a bundle in samples by their numbers, each scattered as another simulator would have it.
+fn scattered(forces: impl Iterator<Item = (usize, f64)>, (unlike, bundle): (&[DVector<f64>], usize)) -> Vec<f64> {
+    forces.map(|(s, f)| (f + force_sd(f) * unlike[s][bundle]).max(0.0)).collect()
+}
+
+/// Their mean and interval.
+fn told(forces: impl Iterator<Item = (usize, f64)> + Clone, of: (&[DVector<f64>], usize), interval: f64) -> Told {
+    let plain: Vec<f64> = forces.clone().map(|(_, f)| f).collect();
     let mean = (!plain.is_empty()).then(|| mean(&plain));
-    let scattered: Vec<f64> = all.iter().map(|(s, f)| (f + force_sd(*f) * unlike[*s][bundle]).max(0.0)).collect();
+    let scattered = scattered(forces, of);
     let ends = mean.zip(ends(&scattered, interval));
     Told { mean, interval: ends.map(|(m, (lower, upper))| [lower.min(m), upper.max(m)]), scattered }
 }

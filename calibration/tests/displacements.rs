@@ -245,6 +245,30 @@ fn a_constant_in_both_poses_changes_nothing_and_both_kinds_of_reading_agree() {
     assert!(rms < 1.2, "{rms}");
 }
 
+/// Readings with a noise of 500 deg and mm remove nothing of a variance, and no share is told. With their own noise they remove something.
+#[needs_shared]
+fn of_readings_that_say_nothing_no_share_is_told() {
+    let Some(knee) = knee("of_readings_that_say_nothing_no_share_is_told") else { return };
+    let (poses, _) = made(&knee, 0.3);
+    let mut options = quick();
+    options.inference.samples = CalibrateOptions::default().inference.samples;
+    let told = |sd: f64| {
+        let trials: Vec<LaxityTrial> =
+            poses.iter().map(|t| LaxityTrial { sd: Free::all(Some(sd)), ..t.clone() }).collect();
+        let found = calibrated(&knee, &trials, &options).found;
+        let mean = calibration::posterior::mean;
+        let forces: Vec<f64> = found.forces.iter().map(|f| f.determined).collect();
+        let parameters: Vec<f64> = found.parameters.iter().map(|p| p.determined).collect();
+        let signed = found.forces.iter().all(|f| f.determined == 0.0 || f.removed == Some(f.determined));
+        assert!(signed, "a share is told as it is, or not at all");
+        println!("noise {sd}: forces {:.3}, parameters {:.3}", mean(&forces), mean(&parameters));
+        [mean(&forces), mean(&parameters)]
+    };
+    let (nothing, something) = (told(500.0), told(0.3));
+    assert!(nothing.iter().all(|share| *share < 0.05), "{nothing:?}");
+    assert!(something[0] > 2.0 * nothing[0].max(0.02), "{something:?} beside {nothing:?}");
+}
+
 /// One drawer and rotation at two flexions: no parameter at a bound, and a bundle that nothing loads keeps its prior.
 #[needs_shared]
 fn few_displacements_move_what_they_touch_and_no_more() {
