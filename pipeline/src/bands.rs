@@ -168,7 +168,7 @@ fn outside_of(r: &TrialResult, values: &[(String, f64)]) -> Vec<String> {
 }
 
 /// True of columns of poses, bundles and sums of bundles: the others have less scatter than another simulator would give them.
-fn is_pose_or_force(column: &str) -> bool {
+pub(crate) fn is_pose_or_force(column: &str) -> bool {
     column.starts_with("force_") || column.starts_with("group_") || FREE.iter().any(|c| c.column() == column)
 }
 

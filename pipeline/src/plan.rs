@@ -3,6 +3,7 @@
 mod chances;
 mod file;
 mod knee;
+mod numbers;
 mod outcome;
 mod page;
 mod planned;
@@ -25,7 +26,9 @@ use calibration::samples::Samples;
 pub use chances::{ChanceTold, FailTold};
 use clap::Args;
 pub use file::{EXAMPLE, GraftFile, PlanFile, SiteFile, TestsFile, parsed, read};
-pub use outcome::{GraftTold, Outcome, SCHEMA, Surfaces, TestTold, Value, outcome};
+pub use knee::Surfaces;
+pub use numbers::Value;
+pub use outcome::{GraftTold, Outcome, SCHEMA, TestTold, outcome};
 use std::path::PathBuf;
 
 /// Samples asked unless told; ours: 90 % intervals of so many have ends of two samples or so.

@@ -2,7 +2,7 @@
 
 use super::file::PlanFile;
 use super::knee::Asked;
-use super::outcome::Numbers;
+use super::numbers::Numbers;
 use super::sampled::Sampled;
 use schemars::JsonSchema;
 use serde::Serialize;

@@ -15,6 +15,9 @@ use sim::spec::{BundleSpec, ModelSpec};
 use sim::trials::{TrialOptions, solve_trials};
 use std::collections::BTreeMap;
 
+/// The surfaces of a model by name.
+pub type Surfaces = BTreeMap<String, MeshValue>;
+
 /// The states of a plan, in their order.
 pub(super) const STATES: [&str; 3] = ["intact", "deficient", "reconstructed"];
 

@@ -2,19 +2,19 @@
 
 use super::chances::{ChanceTold, chances};
 use super::file::{GraftFile, PlanFile};
-use super::knee::{Answers, Asked, Found, Knee, Placed, STATES, columns, main_coordinate, tests};
+use super::knee::{Asked, Found, Knee, Placed, STATES, Surfaces, columns, main_coordinate, tests};
+use super::numbers::{Numbers, Value};
 use super::sampled::{At, Sampled};
 use super::sites::{Bone, bones};
+use crate::bands::is_pose_or_force;
 use crate::told::ModelTold;
 use calibration::samples::Samples;
 use notices::{Kind, Notice};
 use schemars::JsonSchema;
 use serde::Serialize;
-use sim::coordinate::{AP, Coordinate, IE, VV};
+use sim::coordinate::{AP, IE, VV};
 use sim::flags::{Flag, sentences};
-use sim::laxity::Band;
 use sim::ligament::mean_length;
-use sim::mesh::MeshValue;
 use sim::spec::ModelSpec;
 use std::collections::BTreeMap;
 
@@ -73,19 +73,6 @@ pub struct GraftTold {
     pub like: Option<String>,
 }
 
-/// A number and what is known of it.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, JsonSchema)]
-pub struct Value {
-    /// Of the most probable knee.
-    pub value: f64,
-    /// Mean over the samples.
-    pub mean: Option<f64>,
-    /// Lower end of the interval.
-    pub lower: Option<f64>,
-    /// Its upper end.
-    pub upper: Option<f64>,
-}
-
 /// A test.
 #[derive(Clone, Debug, Serialize, JsonSchema)]
 pub struct TestTold {
@@ -102,21 +89,6 @@ pub struct TestTold {
     /// By how far the reconstructed knee lies from the intact one under the same load.
     pub off: BTreeMap<String, Value>,
 }
-
-impl Value {
-    fn of(value: f64, band: Option<Band>) -> Value {
-        Value { value, mean: band.map(|b| b.mean), lower: band.map(|b| b.lower), upper: band.map(|b| b.upper) }
-    }
-}
-
-/// All numbers of a plan: of the most probable knee, and of the samples.
-pub(super) struct Numbers {
-    pub(super) best: Answers,
-    pub(super) sampled: Option<Sampled>,
-}
-
-/// The surfaces of a model by name.
-pub type Surfaces = BTreeMap<String, MeshValue>;
 
 /// What comes of a plan for a knee that is known without scatter.
 ///
@@ -224,26 +196,6 @@ fn graft(file: &GraftFile, placed: &Placed, slack: f64, bones: &[Bone; 2]) -> Gr
     }
 }
 
-impl Numbers {
-    /// A column of results and what the samples say of it.
-    fn value(&self, at: At, column: &str) -> Option<Value> {
-        let value = self.best[at[0]][at[1]].as_ref()?.value(column)?;
-        Some(Value::of(value, self.sampled.as_ref().and_then(|s| s.band(at, column))))
-    }
-
-    /// How far a coordinate comes from one answer to another, and what the samples say of it.
-    fn change(&self, c: Coordinate, from: At, to: At) -> Option<Value> {
-        let value = self.best_change(c, from, to)?;
-        Some(Value::of(value, self.sampled.as_ref().and_then(|s| s.change(c, from, to))))
-    }
-
-    /// The same of the most probable knee alone.
-    pub(super) fn best_change(&self, c: Coordinate, from: At, to: At) -> Option<f64> {
-        let pose = |at: At| self.best[at[0]][at[1]].as_ref().map(|f| f.pose);
-        Some(pose(to)?[c] - pose(from)?[c])
-    }
-}
-
 fn test(file: &PlanFile, asked: &[Asked], t: usize, numbers: &Numbers) -> TestTold {
     let one = &asked[t];
     let main = main_coordinate(one.kind);
@@ -266,8 +218,10 @@ fn test(file: &PlanFile, asked: &[Asked], t: usize, numbers: &Numbers) -> TestTo
         }
         let laxity = one.rest.and_then(|rest| numbers.change(main, [state, rest], [state, t]));
         values.extend(laxity.map(|v| ("laxity".to_owned(), v)));
+        let outside = values.iter().filter(|(name, v)| is_pose_or_force(name) && v.is_outside());
+        let outside = outside.map(|(name, _)| name.clone()).collect();
         told.states.insert(name.to_owned(), values);
-        told.flags.insert(name.to_owned(), odd(numbers, [state, t]));
+        told.flags.insert(name.to_owned(), odd(numbers, [state, t], outside));
     }
     for c in [AP, IE, VV] {
         told.off.extend(numbers.change(c, [0, t], [2, t]).map(|v| (c.column(), v)));
@@ -275,8 +229,9 @@ fn test(file: &PlanFile, asked: &[Asked], t: usize, numbers: &Numbers) -> TestTo
     told
 }
 
-/// What is odd about a state in a test: the most probable knee's flags, and how many samples have left the plateau or rest in another way.
-fn odd(numbers: &Numbers, at: At) -> Vec<String> {
+/// What is odd about a state in a test: the most probable knee's flags, how many samples have left the plateau or rest in another way, and what of the
+/// knee lies `outside` of its interval.
+fn odd(numbers: &Numbers, at: At, outside: Vec<String>) -> Vec<String> {
     let none = || vec![Flag::NoEquilibrium];
     let mut flags = numbers.best[at[0]][at[1]].as_ref().map_or_else(none, |f: &Found| f.flags.clone());
     if let Some(sampled) = &numbers.sampled {
@@ -287,6 +242,7 @@ fn odd(numbers: &Numbers, at: At) -> Vec<String> {
         flags.extend((leaving > 0).then_some(Flag::SamplesLeave { count: leaving, of: all }));
         flags.extend((lost > 0).then_some(Flag::SamplesLost { count: lost, of: all }));
     }
+    flags.extend((!outside.is_empty()).then_some(Flag::OutsideInterval(outside)));
     sentences(&flags)
 }
 
@@ -312,8 +268,8 @@ mod tests {
         let with = numbers(11, &off);
         let change = with.change(AP, [0, 0], [2, 0]).unwrap();
         assert!([change.value, change.mean.unwrap(), change.lower.unwrap()].iter().all(|x| (x - 0.5).abs() < 1e-12));
-        assert_eq!(odd(&with, [0, 0]), ["1 of 11 samples leaves the plateau"]);
-        assert!(odd(&with, [1, 0]).is_empty());
+        assert_eq!(odd(&with, [0, 0], vec![]), ["1 of 11 samples leaves the plateau"]);
+        assert!(odd(&with, [1, 0], vec![]).is_empty());
         // of more than half off the plateau there is no interval, and the value stays
         let none = numbers(9, &|state, s| state == 0 && s < 5).change(AP, [0, 0], [2, 0]).unwrap();
         assert_eq!((none.value, none.mean, none.lower), (0.5, None, None));

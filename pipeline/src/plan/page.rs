@@ -1,7 +1,8 @@
 //! plan.html: one page to print. Plain words, tables, figures; nothing is loaded from elsewhere.
 
 use super::knee::STATES;
-use super::outcome::{Outcome, TestTold, Value};
+use super::numbers::Value;
+use super::outcome::{Outcome, TestTold};
 use super::planned::planned;
 use super::table::{chance, shown, unit, value};
 use crate::report::html::LivePart;

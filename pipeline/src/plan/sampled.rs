@@ -1,7 +1,6 @@
 //! What the samples of the posterior say of a plan. They are asked as `simulate` asks them, so that both tell the same.
 
-use super::knee::{Answers, Asked, Knee};
-use super::outcome::Surfaces;
+use super::knee::{Answers, Asked, Knee, Surfaces};
 use calibration::changed::{Changed, Fixed};
 use calibration::plateau::Staying;
 use calibration::samples::{Bands, Each, Question, Reached, Samples, band_of};

@@ -2,7 +2,8 @@
 
 use super::chances::{ChanceTold, FailTold};
 use super::knee::{STATES, main_coordinate};
-use super::outcome::{Outcome, TestTold, Value};
+use super::numbers::Value;
+use super::outcome::{Outcome, TestTold};
 use std::fmt::Write;
 
 /// A number with its interval: "7.1 (6.0 to 8.3)".
