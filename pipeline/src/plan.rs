@@ -2,6 +2,7 @@
 
 mod chances;
 mod file;
+mod html;
 mod knee;
 mod numbers;
 mod outcome;

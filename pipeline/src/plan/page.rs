@@ -1,5 +1,6 @@
 //! plan.html: one page to print. Plain words, tables, figures; nothing is loaded from elsewhere.
 
+use super::html::{table, words};
 use super::knee::STATES;
 use super::numbers::Value;
 use super::outcome::{Outcome, TestTold};
@@ -79,20 +80,6 @@ fn summary(out: &Outcome) -> String {
         let _ = write!(text, "<li>{}: {}</li>", escaped(&c.of), chance(c));
     }
     text + "</ul>"
-}
-
-pub(super) fn table(header: &[String], rows: impl Iterator<Item = Vec<String>>) -> String {
-    let cells =
-        |tag: &str, row: &[String]| row.iter().map(|c| format!("<{tag}>{}</{tag}>", escaped(c))).collect::<String>();
-    let body: String = rows.map(|r| format!("<tr>{}</tr>", cells("td", &r))).collect();
-    format!(
-        "<div class=\"wide\"><table><thead><tr>{}</tr></thead><tbody>{body}</tbody></table></div>",
-        cells("th", header)
-    )
-}
-
-pub(super) fn words(all: &[&str]) -> Vec<String> {
-    all.iter().map(|w| (*w).to_owned()).collect()
 }
 
 fn grafts(out: &Outcome) -> String {

@@ -1,8 +1,8 @@
 //! The part of the page that says what was planned: places, laws and fixing of the grafts, loads of the tests.
 
 use super::file::{GraftFile, PlanFile, SiteFile, TestsFile};
+use super::html::{table, words};
 use super::outcome::{GraftTold, Outcome};
-use super::page::{table, words};
 
 /// The section.
 pub(super) fn planned(out: &Outcome) -> String {
