@@ -179,9 +179,8 @@ fn fit(outcome: &Outcome) -> String {
         let _ = write!(out, ",measured_{name},predicted_{name},residual_{name}");
     }
     out += ",flags\n";
-    let (sources, of) = &outcome.sources;
-    for (i, ((t, p), s)) in outcome.trials.iter().zip(&outcome.found.predicted).zip(of).enumerate() {
-        let named = if sources.len() > 1 { format!("{}/{}", sources[*s], t.trial) } else { t.trial.clone() };
+    for (i, (t, p)) in outcome.trials.iter().zip(&outcome.found.predicted).enumerate() {
+        let named = outcome.name_of(i);
         let name = if named.contains([',', '"']) { format!("\"{}\"", named.replace('"', "\"\"")) } else { named };
         let _ = write!(out, "{name},{},{},{}", t.test.name(), t.nominal_flexion_deg, t.fe_deg);
         let residuals = p.as_ref().map(|p| residual(t, p));

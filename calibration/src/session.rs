@@ -63,6 +63,12 @@ pub struct Outcome {
 }
 
 impl Outcome {
+    /// A target by its name, with its data set's where there are several.
+    pub fn name_of(&self, target: usize) -> String {
+        let ((names, of), trial) = (&self.sources, &self.trials[target].trial);
+        if names.len() > 1 { format!("{}/{trial}", names[of[target]]) } else { trial.clone() }
+    }
+
     /// The frames in which a data set reads poses: `assembled`, those of the model before its calibration, with the most probable turns and shifts of all
     /// data sets and its own. A recipe takes frames as given.
     ///

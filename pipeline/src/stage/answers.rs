@@ -119,8 +119,9 @@ fn calibrated(v: &Values, checks: &[Check], failure: Option<&Failure>) -> Answer
     );
     if !found.elsewhere.is_empty() {
         words += &format!(
-            " Under {} of these loads the model ends in another equilibrium, far from the measured position; they are not in this figure.",
-            found.elsewhere.len()
+            " Under {} of these loads ({}) the model ends in another equilibrium, far from the measured position; they are not in this figure.",
+            found.elsewhere.len(),
+            found.elsewhere.iter().map(|&i| main.name_of(i)).collect::<Vec<_>>().join(", ")
         );
     }
     let bad: Vec<&Check> = checks
