@@ -172,31 +172,6 @@ impl Samples {
         Ok(compile_with(&self.counted_from, meshes, &coarse)?.with_friction(0.0)?)
     }
 
-    /// The most probable knee and the samples `which`, as specifications: ligaments, sites, frames and contact of each. How the bearing surface leans
-    /// has no place in one and is left out. `searched` is the model of [`Samples::searched`].
-    ///
-    /// # Errors
-    /// Frames that make no joint.
-    pub fn knees(&self, searched: &Model, which: &[usize]) -> Result<(ModelSpec, Vec<ModelSpec>), CalibrationError> {
-        let parameters: Vec<Parameter<Quantity>> = self.of.unknowns.iter().map(as_it_stands).collect();
-        let knee = Trials {
-            model: searched,
-            spec: &self.counted_from,
-            parameters: &parameters,
-            trials: &[],
-            beliefs: &[],
-            options: &self.of.search.trials(),
-            load_sd: Load::default(),
-            discrepancy: MODEL_DISCREPANCY,
-            on_fit: None,
-        };
-        let at = |of: &dyn Fn(&Unknown) -> f64| {
-            knee.spec_at(&DVector::from_iterator(parameters.len(), self.of.unknowns.iter().map(of)), None)
-        };
-        let samples = which.iter().map(|s| at(&|u: &Unknown| u.samples[*s])).collect::<Result<_, _>>()?;
-        Ok((at(&|u: &Unknown| u.most_probable)?, samples))
-    }
-
     /// Bands of what the knee does in trials.
     ///
     /// # Errors

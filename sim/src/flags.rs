@@ -15,7 +15,7 @@ const TURNS_DEG: [[f64; 2]; 2] = [[14.0, 41.0], [25.0, 45.0]];
 const TURNS_AT_DEG: [f64; 2] = [5.0, 30.0];
 /// A rotation is odd this far beyond those means [deg]; ours: for the scatter of persons and for another zero of the frames.
 const TURNS_SPARE_DEG: f64 = 15.0;
-/// Varus and valgus beyond this from the CT pose are odd [deg]; ours: knees without collateral and cruciate ligaments open by less.
+/// Varus and valgus beyond this from the CT pose are odd [deg]; ours, no source was read.
 const OPENS_DEG: f64 = 25.0;
 /// A compartment that bears less of the load than this is not asked where [-]; ours.
 const LEAST_SHARE: f64 = 0.1;
