@@ -62,7 +62,7 @@ pub(super) static STRUCTS: &[Table] = &[
 ("targets", "TargetOptions", "Which trials, and what makes them usable."),
 ("cost", "CostOptions", "How the cost is counted."),
 ("ranges", "BTreeMap<String, [f64; 2]>", "Ranges instead of Table 3's [- or N/mm], by name (\"X3\" or \"LCL.reference_strain\")."),
-("priors", "PriorTable", "Which priors are used, of reference strains and of forces in drawers and at rest: calibration/data/priors.toml (also `usual`; most of it from memory of the literature, not read), none of them (also `none`), or what was read in its source (docs/theory/priors.md). Without, strains are even over Table 3. The paper's recipe never uses them."),
+("priors", "PriorTable", "Which priors are used, of reference strains and of forces in drawers and at rest: calibration/data/priors.toml (also `usual`; most of it from memory of the literature, not read), none of them (also `none`), only what was read in its source (`published`), or that with the usual values where nothing was read (`read`; docs/theory/priors.md). Without, strains are even over Table 3. The paper's recipe never uses them."),
 ("loads", "Vec<LoadPrior>", "What else is believed of ligament loads; nothing by default."),
 ("swarm", "SwarmOptions", "The paper's recipe."),
 ("frames", "FrameOptions", "How far the frames of the measurements may stand from the model's; the paper's recipe and imported decks take them as given."),
@@ -327,6 +327,7 @@ pub(super) static CHOICES: &[Table] = &[
 ("true", "", "calibration/data/priors.toml; `usual` says the same."),
 ("false", "", "None: strains are even over Table 3, forces unknown; `none` says the same."),
 ("published", "", "calibration/data/priors-published.toml: only what was read in its source."),
+("read", "", "calibration/data/priors-read.toml: what was read in a source, the usual where nothing was."),
 ]),
 ("TargetSet", &[
 ("all", "", "Every trial."),

@@ -447,3 +447,29 @@ fn poses_read_as_a_data_set_are_in_its_frames() {
     }
     assert!(apart("kla", &shared) > FRAMES_MOVE, "{:.3}: the frames of all data sets would do", apart("kla", &shared));
 }
+
+#[test]
+fn the_interval_of_a_row_does_not_depend_on_which_others_are_asked() {
+    let (knee, out) = (specimen(), TempDir::new().unwrap());
+    let all = text(&knee.join("laxity/kla.csv"));
+    let (header, rows) = all.split_once('\n').unwrap();
+    let rows: Vec<&str> = rows.lines().take(5).collect();
+    let asked = |name: &str, rows: &[&str]| {
+        let (trials, file) = (out.path().join(format!("{name}_trials.csv")), out.path().join(name));
+        write(&trials, format!("{header}\n{}\n", rows.join("\n")));
+        said(&["simulate"], knee, &["--trials", trials.to_str().unwrap(), "--out", file.to_str().unwrap()]);
+        columns(&text(&file))
+    };
+    let together = asked("together.csv", &rows);
+    let turned = asked("turned.csv", &rows.iter().rev().copied().collect::<Vec<_>>());
+    let alone = asked("alone.csv", &rows[2..3]);
+    let ends: Vec<&String> = together.keys().filter(|c| c.ends_with("_lower") || c.ends_with("_upper")).collect();
+    assert!(ends.iter().any(|c| *c == "ap_mm_lower") && ends.len() > 40, "{ends:?}");
+    for column in ends {
+        let cells = &together[column];
+        for (k, cell) in cells.iter().enumerate() {
+            assert_eq!(*cell, turned[column][cells.len() - 1 - k], "{column}, row {k}, in the other order");
+        }
+        assert_eq!(cells[2], alone[column][0], "{column}, alone");
+    }
+}

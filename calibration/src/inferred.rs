@@ -15,7 +15,8 @@ use crate::targets::Targets;
 use crate::unknown::{Unknown, Unknowns};
 use crate::unknowns::{KnownFrames, parameters};
 use crate::unmeasured::{self, Unmeasured, share_removed};
-use inference::knee::{Answers, Belief, ModelDiscrepancy, Quantity, Trials};
+use inference::knee::{Answers, Belief, Quantity, Trials};
+use inference::lacking::ModelDiscrepancy;
 use inference::noise::{Likelihood, REPOSITIONING};
 use inference::parameter::Parameter;
 use inference::posterior::{Found, Sample, infer};
@@ -199,7 +200,7 @@ fn beliefs(
         for f in &p.flexion_deg {
             let same = |t: &Trial| t.record.fe_deg == *f && t.record.load[AP] == ap;
             if let Some(trial) = (measured..asked.len()).find(|&i| same(&asked[i])) {
-                let (mean_n, sd_n, only_above) = (p.mean_n, p.sd_n, p.only_above);
+                let (mean_n, sd_n, only_above) = (p.mean_n, question.options.priors.sd_at_each_n(p), p.only_above);
                 out.push(Belief { trial, bundles: of.clone(), mean_n, sd_n, only_above });
             }
         }
@@ -408,6 +409,7 @@ fn estimate(
         upper: high.max(value),
         prior: [prior_lower, prior_upper],
         determined,
+        z: mode,
     }
 }
 

@@ -36,7 +36,7 @@ pub struct CalibrateOptions {
     /// Ranges instead of Table 3's [- or N/mm], by name ("X3" or "LCL.reference_strain").
     pub ranges: BTreeMap<String, [f64; 2]>,
     /// Which priors are used, of reference strains and of forces in drawers and at rest: calibration/data/priors.toml (also `usual`; most of it from memory of the literature, not read), none of them
-    /// (also `none`), or what was read in its source (docs/theory/priors.md). Without, strains are even over Table 3. The paper's recipe never uses them.
+    /// (also `none`), only what was read in its source (`published`), or that with the usual values where nothing was read (`read`; docs/theory/priors.md). Without, strains are even over Table 3. The paper's recipe never uses them.
     pub priors: PriorTable,
     /// What else is believed of ligament loads; nothing by default.
     pub loads: Vec<LoadPrior>,

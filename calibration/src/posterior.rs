@@ -103,6 +103,9 @@ pub struct OtherEstimate {
     pub prior: [f64; 2],
     /// Share of the prior's variance that the data removed [-]; 0 where chance alone may give as much.
     pub determined: f64,
+    /// How far the value lies from its prior's middle, in the prior's standard deviations [-].
+    #[serde(default)]
+    pub z: f64,
 }
 
 impl OtherEstimate {

@@ -19,11 +19,14 @@ pub enum PriorTable {
     /// calibration/data/priors-published.toml: only what was read in its source.
     #[serde(rename = "published")]
     Published,
+    /// calibration/data/priors-read.toml: what was read in a source, the usual where nothing was.
+    #[serde(rename = "read")]
+    Read,
 }
 
 /// A table as options name it.
 #[derive(Serialize, Deserialize)]
-#[serde(untagged, expecting = "expected true, false, or a table of priors: usual, none, published")]
+#[serde(untagged, expecting = "expected true, false, or a table of priors: usual, none, published, read")]
 enum Given {
     Switch(bool),
     Name(String),
@@ -41,7 +44,10 @@ impl TryFrom<Given> for PriorTable {
             "usual" | "true" => Ok(PriorTable::Usual),
             "none" | "false" => Ok(PriorTable::None),
             "published" => Ok(PriorTable::Published),
-            _ => Err(format!("no table of priors is called {name:?}; expected true, false, usual, none or published")),
+            "read" => Ok(PriorTable::Read),
+            _ => Err(format!(
+                "no table of priors is called {name:?}; expected true, false, usual, none, published or read"
+            )),
         }
     }
 }
@@ -52,6 +58,7 @@ impl From<PriorTable> for Given {
             PriorTable::Usual => Given::Switch(true),
             PriorTable::None => Given::Switch(false),
             PriorTable::Published => Given::Name("published".into()),
+            PriorTable::Read => Given::Name("read".into()),
         }
     }
 }
@@ -63,12 +70,21 @@ impl PriorTable {
             PriorTable::Usual => Some(&PRIORS),
             PriorTable::None => None,
             PriorTable::Published => Some(&PUBLISHED),
+            PriorTable::Read => Some(&READ),
         }
     }
 
     /// What it believes of forces.
     pub fn forces(self) -> &'static [ForcePrior] {
         self.priors().map_or(&[], |p| &p.force)
+    }
+
+    /// The standard deviation with which a belief of the table counts at each of its flexions [N]. What a ligament does in a drawer is one property of a knee: two
+    /// knees of [andreassen2025, table 5] do at 60 and 90 deg as at 30. So it counts once, however many flexions the table names: the sum of the precisions is
+    /// that of one belief.
+    pub fn sd_at_each_n(self, of: &ForcePrior) -> f64 {
+        let same = self.forces().iter().filter(|f| (&f.ligament, f.test) == (&of.ligament, of.test));
+        of.sd_n * (same.map(|f| f.flexion_deg.len()).sum::<usize>() as f64).sqrt()
     }
 
     /// What it believes of a bundle's reference strain.
@@ -97,7 +113,7 @@ pub struct StrainPrior {
     pub sd: f64,
     /// Where it comes from.
     pub source: String,
-    /// How it was read: text, abstract, model (a published model's file), memory.
+    /// How it was read: text, abstract, model (a published model's file), ours (no source says it), memory.
     pub read: String,
 }
 
@@ -120,7 +136,7 @@ pub struct ForcePrior {
     pub only_above: bool,
     /// Where it comes from.
     pub source: String,
-    /// How it was read: text, abstract, model (a published model's file), memory.
+    /// How it was read: text, abstract, model (a published model's file), ours (no source says it), memory.
     pub read: String,
 }
 
@@ -143,11 +159,21 @@ static PUBLISHED: LazyLock<Priors> = LazyLock::new(|| {
     toml::from_str(include_str!("../data/priors-published.toml")).expect("the published priors parse")
 });
 
+/// Priors of what was read in its source, and the usual where nothing was.
+static READ: LazyLock<Priors> = LazyLock::new(|| {
+    toml::from_str(include_str!("../data/priors-read.toml")).expect("the priors that were read parse")
+});
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::design::{Design, Kind};
     use crate::options::CalibrateOptions;
+
+    /// All ways in which a figure was read.
+    const WAYS: [&str; 5] = ["text", "abstract", "model", "ours", "memory"];
+    /// The tables, in the order of the page's columns.
+    const TABLES: [PriorTable; 3] = [PriorTable::Usual, PriorTable::Published, PriorTable::Read];
 
     fn check(table: &Priors, ways: &[&str]) {
         let design = Design::table3();
@@ -156,17 +182,45 @@ mod tests {
             let v = design.variables.iter().find(of).unwrap();
             assert!(v.lower < prior.mean && prior.mean < v.upper && prior.sd > 0.0, "{bundle}");
             assert!(ways.contains(&prior.read.as_str()), "{bundle}: {}", prior.read);
+            assert_eq!(prior.read == "ours", prior.source.starts_with("ours"), "{bundle}: {}", prior.source);
         }
         let names: Vec<String> = design.variables.iter().flat_map(|v| v.bundles.clone()).collect();
         for f in &table.force {
             assert!(names.iter().any(|n| f.is_of(n)), "{}", f.ligament);
             assert!(f.sd_n > 0.0 && ways.contains(&f.read.as_str()), "{}: {}", f.ligament, f.read);
+            assert_eq!(f.read == "ours", f.source.starts_with("ours"), "{}: {}", f.ligament, f.source);
         }
+    }
+
+    /// A table's beliefs about forces, one by one: ligament, test and flexion.
+    fn beliefs(table: &Priors) -> BTreeMap<(String, String, String), &ForcePrior> {
+        let each = |f: &ForcePrior, deg: &f64| (f.ligament.clone(), f.test.name().to_string(), deg.to_string());
+        let mut out = BTreeMap::new();
+        for f in &table.force {
+            for deg in &f.flexion_deg {
+                assert!(out.insert(each(f, deg), f).is_none(), "{} at {deg} deg is believed twice", f.ligament);
+            }
+        }
+        out
+    }
+
+    /// Cells of the page's table below this line, a row each.
+    fn rows(header: &str) -> Vec<Vec<String>> {
+        let below = include_str!("../../docs/theory/priors.md")
+            .lines()
+            .skip_while(|l| *l != header)
+            .skip(2)
+            .take_while(|l| l.starts_with('|'));
+        let rows: Vec<Vec<String>> =
+            below.map(|l| l.trim_matches('|').split('|').map(|c| c.trim().to_owned()).collect()).collect();
+        assert!(!rows.is_empty(), "no table below {header}");
+        rows
     }
 
     #[test]
     fn every_bundle_has_a_usual_prior_within_table_3_and_every_belief_a_ligament() {
-        check(&PRIORS, &["text", "abstract", "memory"]);
+        check(&PRIORS, &WAYS);
+        check(&READ, &WAYS);
         for v in Design::table3().variables.iter().filter(|v| v.kind == Kind::ReferenceStrain) {
             assert!(PRIORS.reference_strain.contains_key(&v.bundles[0]), "{}", v.name());
         }
@@ -179,6 +233,75 @@ mod tests {
     }
 
     #[test]
+    fn a_belief_of_a_drawer_counts_once_however_many_flexions_it_names() {
+        for table in TABLES {
+            let mut precisions: BTreeMap<(&str, &str), (f64, [f64; 2])> = BTreeMap::new();
+            for f in table.forces() {
+                let (sum, ends) = precisions.entry((&f.ligament, f.test.name())).or_insert((0.0, [f64::INFINITY, 0.0]));
+                *sum += f.flexion_deg.len() as f64 / table.sd_at_each_n(f).powi(2);
+                let own = 1.0 / f.sd_n.powi(2);
+                *ends = [ends[0].min(own), ends[1].max(own)];
+            }
+            for (about, (sum, [least, most])) in precisions {
+                let once = least * (1.0 - 1e-12) <= sum && sum <= most * (1.0 + 1e-12);
+                assert!(once, "{about:?}: {sum} is not between {least} and {most}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_table_of_what_was_read_is_the_usual_one_wherever_nothing_was() {
+        let unread = |read: &str| read == "ours" || read == "memory";
+        for (bundle, usual) in &PRIORS.reference_strain {
+            let now = &READ.reference_strain[bundle];
+            let same = (now.mean, now.sd) == (usual.mean, usual.sd);
+            assert!(same || !unread(&now.read), "{bundle} differs, and nobody says so: {}", now.source);
+        }
+        let now = beliefs(&READ);
+        for (about, usual) in beliefs(&PRIORS) {
+            let of = |f: &ForcePrior| (f.mean_n, f.sd_n, f.only_above);
+            let read = now.get(&about).copied().unwrap_or_else(|| panic!("{about:?} is no more believed"));
+            assert!(of(read) == of(usual) || !unread(&read.read), "{about:?} differs, and nobody says so");
+        }
+        assert_ne!(*READ, *PRIORS);
+    }
+
+    #[test]
+    fn the_page_has_the_strains_of_each_table() {
+        let rows = rows("| bundle | usual | published | read |");
+        let told: Vec<&String> = rows.iter().map(|r| &r[0]).collect();
+        for bundle in PRIORS.reference_strain.keys() {
+            assert_eq!(told.iter().filter(|b| **b == bundle).count(), 1, "{bundle}");
+        }
+        for row in &rows {
+            for (table, cell) in TABLES.iter().zip(&row[1..]) {
+                let prior = table.reference_strain(&row[0]);
+                let now = prior.map_or("even".to_owned(), |p| format!("{} ± {}, {}", p.mean, p.sd, p.read));
+                assert_eq!(*cell, now, "{} of {table:?}", row[0]);
+            }
+        }
+    }
+
+    #[test]
+    fn the_page_has_the_forces_of_each_table() {
+        let rows = rows("| ligament | drawer | flexion, deg | usual | published | read |");
+        for (t, table) in TABLES.iter().enumerate() {
+            let mut left = beliefs(table.priors().unwrap());
+            for row in &rows {
+                for deg in row[2].split(", ") {
+                    let about = (row[0].clone(), row[1].clone(), deg.to_owned());
+                    let now = left.remove(&about).map_or("none".to_owned(), |f| {
+                        let side = if f.only_above { ", one-sided" } else { " ±" };
+                        format!("{}{side} {}, {}", f.mean_n, f.sd_n, f.read)
+                    });
+                    assert_eq!(row[3 + t], now, "{about:?} of {table:?}");
+                }
+            }
+            assert!(left.is_empty(), "{table:?}: not on the page: {:?}", left.keys());
+        }
+    }
+
+    #[test]
     fn options_name_a_table_and_an_unknown_name_is_one_error() {
         let parse = |value: &str| toml::from_str::<CalibrateOptions>(&format!("priors = {value}"));
         for (value, table) in [
@@ -187,12 +310,16 @@ mod tests {
             ("false", PriorTable::None),
             ("\"none\"", PriorTable::None),
             ("\"published\"", PriorTable::Published),
+            ("\"read\"", PriorTable::Read),
         ] {
             assert_eq!(parse(value).unwrap().priors, table, "{value}");
         }
         for value in ["\"publishd\"", "1", "[true]"] {
             let told = parse(value).unwrap_err().message().to_owned();
-            assert!(told.contains("true, false") && told.contains("published"), "{value}: {told}");
+            assert!(
+                told.contains("true, false") && told.contains("published") && told.contains("read"),
+                "{value}: {told}"
+            );
         }
     }
 
@@ -200,7 +327,7 @@ mod tests {
     fn options_are_written_as_they_were_before_there_were_tables() {
         let written = |priors| toml::to_string(&CalibrateOptions { priors, ..Default::default() }).unwrap();
         assert!(toml::to_string(&CalibrateOptions::default()).unwrap().contains("\npriors = true\n"));
-        for table in [PriorTable::Usual, PriorTable::None, PriorTable::Published] {
+        for table in [PriorTable::Usual, PriorTable::None, PriorTable::Published, PriorTable::Read] {
             let again: CalibrateOptions = toml::from_str(&written(table)).unwrap();
             assert_eq!(again.priors, table);
         }

@@ -55,13 +55,13 @@ pub fn parameters(found: &Calibrated) -> String {
 
 /// frames.csv: turns and shifts of the frames, of all data sets and of each its own, and what else is no ligament's.
 fn frames(found: &Calibrated) -> String {
-    let mut out = "name,value,lower,upper,prior_lower,prior_upper,determined\n".to_owned();
+    let mut out = "name,value,lower,upper,prior_lower,prior_upper,determined,z\n".to_owned();
     for p in &found.others {
         let (prior, name) = (p.prior, &p.name);
         let _ = writeln!(
             out,
-            "{name},{:.4},{:.4},{:.4},{:.3},{:.3},{:.3}",
-            p.value, p.lower, p.upper, prior[0], prior[1], p.determined
+            "{name},{:.4},{:.4},{:.4},{:.3},{:.3},{:.3},{:.2}",
+            p.value, p.lower, p.upper, prior[0], prior[1], p.determined, p.z
         );
     }
     out

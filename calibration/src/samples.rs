@@ -14,6 +14,7 @@ use crate::unmeasured::force_sd;
 use attachments::groups::GROUPS;
 use inference::knee::predict::Prediction;
 use inference::knee::{Answers, Quantity, Trials, models_at};
+use inference::lacking::Lacking;
 use inference::parameter::{Parameter, Prior};
 use inference::posterior::Forward;
 use inference::random::{normals, stream};
@@ -363,7 +364,7 @@ impl Samples {
         }
         let used = self.len().min(question.most);
         let near = (&mode, &answers);
-        let lacking = knee.lacking(self.of.seed ^ LACKING_SEED, used);
+        let lacking: Vec<Lacking> = (0..used).map(|s| knee.discrepancy.drawn(self.of.seed ^ LACKING_SEED, s)).collect();
         let of_able: Vec<Trial> = able.iter().map(|i| asked[*i].clone()).collect();
         let knee = Trials { trials: &of_able, ..knee };
         let all = asked.len();
@@ -376,7 +377,7 @@ impl Samples {
             }
             let knee = Trials { model: own.as_ref().unwrap_or(&model), ..knee };
             let of = |knee: &Trials| knee.predicted(&z, near).unwrap_or_else(|_| vec![None; of_able.len()]);
-            let pushed: Vec<Trial> = of_able.iter().zip(&able).map(|(t, i)| under(t, &lacking[s][*i])).collect();
+            let pushed: Vec<Trial> = of_able.iter().map(|t| under(t, &lacking[s].in_trial(&t.record))).collect();
             let stays = |p: &Prediction| (!p.leaves_the_plateau).then_some(p.pose);
             let poses: Vec<Option<Free<f64>>> =
                 of(&Trials { trials: &pushed, ..knee }).iter().map(|p| p.as_ref().and_then(stays)).collect();

@@ -9,6 +9,7 @@ mod reading;
 
 use crate::error::InferenceError;
 use crate::frames::{Terms, corrected};
+use crate::lacking::ModelDiscrepancy;
 use crate::parameter::Parameter;
 use crate::posterior::{Forward, Point};
 use crate::trial::Trial;
@@ -20,7 +21,7 @@ use serde::{Deserialize, Serialize};
 use sim::Model;
 use sim::SimError;
 use sim::contact::Nearby;
-use sim::coordinate::{Coordinate, FE, FREE, Free, Load, Six};
+use sim::coordinate::{Coordinate, FE, Free, Load, Six};
 use sim::joint::Joint;
 use sim::laxity::LaxityTrial;
 use sim::quasistatic::{Goal, close};
@@ -125,27 +126,6 @@ pub struct Trials<'a> {
     pub discrepancy: ModelDiscrepancy,
     /// Told of every fit of an inference that has ended.
     pub on_fit: Option<&'a (dyn Fn() + Sync)>,
-}
-
-/// Model discrepancy: what a model lacks of a knee, as loads that nobody applied [kennedy2001]: alike in trials of like flexion and load, whichever data set has them, and
-/// so as large in millimetres as the knee is slack.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ModelDiscrepancy {
-    /// Standard deviation of those loads.
-    pub sd: Load,
-    /// Flexion over which they change [deg].
-    pub flexion_deg: f64,
-    /// Applied loads over which they change.
-    pub load: Load,
-}
-
-impl ModelDiscrepancy {
-    /// How alike it is in two trials [-].
-    fn alike(&self, a: &Trial, b: &Trial) -> f64 {
-        let (a, b) = (&a.record, &b.record);
-        let loads = FREE.into_iter().map(|l| ((a.load[l] - b.load[l]) / self.load[l]).powi(2)).sum::<f64>();
-        (-0.5 * (((a.fe_deg - b.fe_deg) / self.flexion_deg).powi(2) + loads)).exp()
-    }
 }
 
 /// An answer to a trial and what moves it.
@@ -500,32 +480,5 @@ impl Forward for Trials<'_> {
 
     fn scatter(&self, state: &Answers) -> Option<DMatrix<f64>> {
         Some(self.shared_scatter(state))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn what_a_model_lacks_is_alike_in_like_trials_and_makes_a_covariance() {
-        let discrepancy = ModelDiscrepancy {
-            sd: Load::new(1.0, 1.0, 1.0, 1.0, 1.0),
-            flexion_deg: 25.0,
-            load: Load::new(6.0, 3.0, 60.0, 60.0, 60.0),
-        };
-        let at = |ap: f64, fe_deg: f64| {
-            let load = Load::new(0.0, 0.0, 0.0, ap, 20.0);
-            Trial::alone(LaxityTrial::asked(String::new(), sim::laxity::Test::Neutral, fe_deg, load))
-        };
-        let trials: Vec<Trial> =
-            [-130.0, -60.0, 0.0, 60.0, 130.0].iter().flat_map(|&l| [0.0, 30.0, 90.0].map(|f| at(l, f))).collect();
-        let n = trials.len();
-        let alike = DMatrix::from_fn(n, n, |i, k| discrepancy.alike(&trials[i], &trials[k]));
-        assert!((0..n).all(|i| (alike[(i, i)] - 1.0).abs() < 1e-12));
-        assert!(alike[(0, 1)] > alike[(0, 2)] && alike[(0, 3)] > alike[(0, 6)]);
-        assert!(alike.clone().symmetric_eigenvalues().min() > -1e-12);
-        let other = Trial { source: Some(1), ..trials[0].clone() };
-        assert!((discrepancy.alike(&trials[0], &other) - 1.0).abs() < 1e-12, "whichever data set has them");
     }
 }

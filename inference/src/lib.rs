@@ -30,6 +30,7 @@ mod box_step;
 pub mod error;
 pub mod frames;
 pub mod knee;
+pub mod lacking;
 pub mod least_squares;
 pub mod linear;
 pub mod next_test;

@@ -1,13 +1,12 @@
 //! What a knee known by samples does in trials that nobody measured: equilibria at every sample, found from those of a point close by.
 
 use super::{Answers, Knee, Trials, pressed};
-use crate::random::{normals, stream};
 use crate::trial::Trial;
-use nalgebra::{Cholesky, DMatrix, DVector};
+use nalgebra::DVector;
 use rayon::prelude::*;
 use sim::SimError;
 use sim::contact::Nearby;
-use sim::coordinate::{FREE, Free, Load, Six};
+use sim::coordinate::{Free, Six};
 use sim::flags::Flag;
 use sim::model::{Evaluation, Model};
 use sim::quasistatic::{Goal, State, close, increment_near};
@@ -31,9 +30,6 @@ pub struct Prediction {
 
 /// Times that the contact force turned by a leaning surface is brought up to date [-]: a lean of some hundredths makes each error a hundred times less.
 const LEAN_ROUNDS: usize = 2;
-
-/// Added to the diagonal of a covariance of trials that are alike, of unit variance [-]: so small that no draw shows it.
-const JITTER: f64 = 1e-9;
 
 impl Trials<'_> {
     /// Predictions of all trials at values `z`, from the answers at `near`; `None` where the knee has no equilibrium.
@@ -115,23 +111,5 @@ impl Trials<'_> {
             Some(self.is_off_the_plateau(model, &model.joint.grood_suntay(q), &model.evaluate(q)))
         };
         places.map(of).collect()
-    }
-
-    /// Loads that the model lacks in the trials ([`super::ModelDiscrepancy`]), a draw for each of `draws`, by draw and trial. A knee bears them beside the trial's: in a
-    /// slack knee they reach as far as its ligaments let them, which no compliance tells.
-    pub fn lacking(&self, seed: u64, draws: usize) -> Vec<Vec<Load>> {
-        let n = self.trials.len();
-        let alike = DMatrix::from_fn(n, n, |i, k| {
-            self.discrepancy.alike(&self.trials[i], &self.trials[k]) + if i == k { JITTER } else { 0.0 }
-        });
-        let Some(factor) = Cholesky::new(alike).map(Cholesky::unpack) else {
-            return vec![vec![Load::default(); n]; draws];
-        };
-        let draw = |s: usize| {
-            let mut random = stream(seed, s as u64);
-            let loads = FREE.map(|l| &factor * normals(&mut random, n) * self.discrepancy.sd[l]);
-            (0..n).map(|i| Load::from_fn(|l| loads[l.free_index()][i])).collect()
-        };
-        (0..draws).into_par_iter().map(draw).collect()
     }
 }

@@ -50,7 +50,8 @@ impl Trials<'_> {
     /// Covariance of the readings by loads that are not as recorded, and by loads that the model lacks.
     pub(super) fn shared_scatter(&self, state: &Answers) -> DMatrix<f64> {
         let (rows, n) = (self.rows(), self.trials.len());
-        let alike = DMatrix::from_fn(n, n, |i, k| self.discrepancy.alike(&self.trials[i], &self.trials[k]));
+        let alike =
+            DMatrix::from_fn(n, n, |i, k| self.discrepancy.alike(&self.trials[i].record, &self.trials[k].record));
         let size = |i: usize, k: usize, l: Coordinate| {
             let own = if i == k { self.load_sd[l].powi(2) } else { 0.0 };
             own + alike[(i, k)] * self.discrepancy.sd[l].powi(2)
