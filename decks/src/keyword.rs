@@ -126,6 +126,8 @@ impl Reader<'_, '_> {
         self.deck.files.push(name.to_owned());
         self.stack.push(name.to_owned());
         let (text, _) = sim::text::decoded(&bytes);
+        // an old Macintosh ends lines by a carriage return alone
+        let text = if text.contains('\n') { text.into_owned() } else { text.replace('\r', "\n") };
         let mut lines = text.lines().enumerate().peekable();
         while let Some((i, line)) = lines.next() {
             let mut line = line.trim().to_owned();

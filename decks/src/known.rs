@@ -30,10 +30,20 @@ pub enum Class {
 pub struct Known {
     /// What becomes of it.
     pub class: Class,
-    /// Of an obeyed one: its parts (parameters, properties) that are read, or change nothing.
+    /// Of an obeyed one: its parts (parameters, properties) that are read, or change nothing; of a parameter with `=` at this value alone.
     pub parts: Vec<&'static str>,
     /// Of another: why, as the message says it.
     pub why: &'static str,
+}
+
+impl Known {
+    /// Whether a parameter is read or changes nothing; where the table has its values (`OP=ADD`), whether this value does.
+    fn has(&self, name: &str, value: &str) -> bool {
+        self.parts.iter().any(|part| match part.split_once('=') {
+            Some((of, known)) => of == name && known.eq_ignore_ascii_case(value),
+            None => *part == name,
+        })
+    }
 }
 
 static KEYWORDS: LazyLock<BTreeMap<&'static str, Known>> = LazyLock::new(|| rows(TABLE, '+'));
@@ -81,8 +91,12 @@ pub(super) fn judge(deck: &DeckText) -> Result<Vec<Notice>, DeckError> {
                 tell(format!("*{} is passed over: {}", block.keyword, known.why));
             }
             Some(known) if known.class == Class::Obeyed => {
-                let odd = block.options.keys().filter(|p| !known.parts.contains(&p.as_str()));
-                odd.for_each(|p| tell(format!("*{}: the parameter {p} is passed over", block.keyword)));
+                let odd = block.options.iter().filter(|(name, value)| !known.has(name, value));
+                odd.for_each(|(name, value)| {
+                    let of_value = known.parts.iter().any(|part| part.split_once('=').is_some_and(|(n, _)| n == name));
+                    let value = if of_value { format!("={value}") } else { String::new() };
+                    tell(format!("*{}: the parameter {name}{value} is passed over", block.keyword));
+                });
             }
             Some(_) => {}
             None => tell(unknown(deck, block)?),

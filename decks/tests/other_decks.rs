@@ -259,3 +259,38 @@ fn every_keyword_of_the_manual_is_obeyed_harmless_told_or_refused() {
     let flag = read(KNEE.replacen("*ELSET, ELSET=FIBRES", "*ELSET, ELSET=FIBRES, STRANGE=1", 1).as_bytes()).unwrap();
     assert!(flag.warnings.iter().any(|w| w.contains("STRANGE")), "{:?}", flag.warnings);
 }
+
+#[test]
+fn values_of_parameters_that_are_not_obeyed_are_told_and_others_are_not() {
+    let plain = read(KNEE.as_bytes()).unwrap();
+    for (keyword, parameter, told) in [
+        ("*CONTACT PAIR, CPSET=PAIR_1", "OP=DELETE", true),
+        ("*CONTACT PAIR, CPSET=PAIR_1", "OP=ADD", false),
+        ("*CONNECTOR MOTION, OP=NEW", "TYPE=VELOCITY", true),
+        ("*CONNECTOR MOTION, OP=NEW", "type=displacement", false),
+        ("*CONNECTOR DAMPING, COMPONENT=1", "TYPE=STRUCTURAL", true),
+        ("*RIGID BODY, ELSET=BONE-FEMUR", "POSITION=CENTER OF MASS", true),
+        ("*RIGID BODY, ELSET=BONE-FEMUR", "POSITION=INPUT", false),
+        ("*AMPLITUDE, NAME=FLEX_RAMP", "TIME=TOTAL TIME", true),
+        ("*STEP, NAME=FLEX", "NLGEOM=NO", true),
+        ("*STEP, NAME=FLEX", "NLGEOM", false),
+        ("*STEP, NAME=FLEX", "NLGEOM=YES", false),
+    ] {
+        let deck = read(KNEE.replacen(keyword, &format!("{keyword}, {parameter}"), 1).as_bytes()).unwrap();
+        let new: Vec<_> = deck.warnings.iter().filter(|w| !plain.warnings.contains(w)).collect();
+        let named = new.iter().any(|w| w.contains(&format!("the parameter {parameter} is passed over")));
+        assert_eq!(named, told, "{keyword}, {parameter}: {new:?}");
+        assert!(told || new.is_empty(), "{keyword}, {parameter}: {new:?}");
+    }
+    let critical = KNEE.replacen("DEFINITION=DAMPING COEFFICIENT", "DEFINITION=CRITICAL DAMPING FRACTION", 1);
+    let words = notices::texts(&read(critical.as_bytes()).unwrap().warnings).join("\n");
+    assert!(words.contains("DEFINITION=CRITICAL DAMPING FRACTION"), "{words}");
+}
+
+#[test]
+fn lines_may_end_as_any_system_ends_them() {
+    let plain = read(KNEE.as_bytes()).unwrap();
+    for end in ["\r\n", "\r"] {
+        assert_eq!(read(KNEE.replace('\n', end).as_bytes()).unwrap(), plain, "{end:?}");
+    }
+}

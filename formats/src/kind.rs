@@ -13,7 +13,7 @@ pub enum Kind {
     Dicom,
     /// Points of 3D Slicer or MeshLab.
     Markups,
-    /// A table of text.
+    /// A table: text, a workbook, channels.
     Table,
     /// What another file names: a material library, a texture, a picture's detached voxels.
     Companion,
@@ -52,7 +52,7 @@ pub fn kind_of(name: &str, bytes: &[u8]) -> Kind {
         Kind::Markups
     } else if ends(&[".mtl", ".png", ".jpg", ".jpeg", ".raw", ".zraw"]) {
         Kind::Companion
-    } else if ends(&[".csv", ".tsv", ".txt", ".xlsx"]) {
+    } else if ends(&[".csv", ".tsv", ".txt", ".xlsx", ".tdms"]) {
         Kind::Table
     } else {
         match surface_format(name, bytes) {
@@ -82,6 +82,7 @@ mod tests {
             ("F.pp", b"<!DOCTYPE PickedPoints>\n", Kind::Markups),
             ("kla.xlsx", b"PK\x03\x04", Kind::Table),
             ("kla.csv", b"trial,test\n", Kind::Table),
+            ("okn.TDMS", b"TDSm", Kind::Table),
             ("a.mtl", b"newmtl a\n", Kind::Companion),
         ] {
             assert_eq!(kind_of(name, bytes), wanted, "{name}");

@@ -72,7 +72,7 @@ pub fn read_surface_told(
                 .notice(format!("all its vertices have one colour ({first:?}): no outline can be found on it")),
         );
     }
-    notes.extend(coarse(&read.mesh.vertices));
+    notes.extend(coarse(&read.mesh.vertices).or_else(|| rounded(&read.mesh.vertices)));
     Ok((read, notes))
 }
 
@@ -89,6 +89,20 @@ fn coarse(vertices: &[Point]) -> Option<Notice> {
             "its numbers are of single precision and lie up to {farthest:.0} from the origin, so they come in steps of {step:.2} mm: move the surface near the origin before it is exported"
         ))
     })
+}
+
+/// Steps of rounded coordinates that are told, the coarsest first [mm]: cartilage is 2 mm thick, and half a step is lost. Ours.
+const ROUNDED_MM: [f64; 2] = [1.0, 0.5];
+/// Surfaces of fewer vertices may be made of round numbers, as boxes are.
+const LEAST_ROUNDED: usize = 1000;
+
+/// Coordinates that are all whole multiples of a step: written without their decimals, or taken from a grid.
+fn rounded(vertices: &[Point]) -> Option<Notice> {
+    let whole = |step: f64| vertices.iter().flat_map(|p| p.coords.iter()).all(|x| (x / step).fract() == 0.0);
+    let step = ROUNDED_MM.into_iter().find(|step| vertices.len() >= LEAST_ROUNDED && whole(*step))?;
+    Some(Kind::CoarseNumbers.notice(format!(
+        "all its coordinates come in steps of {step} mm: rounded, written without decimals, or the corners of voxels? Expected hundredths of a millimetre: export it with more decimals"
+    )))
 }
 
 /// What a colour's numbers run to, by the largest of them: 1, 255 or 65535.

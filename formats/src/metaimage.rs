@@ -103,18 +103,29 @@ fn number(text: &str) -> Result<Number, FormatError> {
 }
 
 fn grid(fields: &BTreeMap<String, String>) -> Result<Grid, FormatError> {
-    let numbers = |names: &[&str]| -> Option<Vec<f64>> {
-        let text = names.iter().find_map(|n| fields.get(*n))?;
-        text.split_whitespace().map(|x| x.parse().ok()).collect()
+    let numbers = |names: &[&str]| -> Result<Option<Vec<f64>>, FormatError> {
+        let Some((name, text)) = names.iter().find_map(|n| Some((*n, fields.get(*n)?))) else { return Ok(None) };
+        let all: Option<Vec<f64>> =
+            text.split_whitespace().map(|x| x.parse::<f64>().ok().filter(|x| x.is_finite())).collect();
+        match all {
+            Some(all) => Ok(Some(all)),
+            None => {
+                refuse(format!("{name} = {text:.60} has no numbers; expected them with decimal points, spaces between"))
+            }
+        }
     };
-    let dims = numbers(&["DimSize"]).unwrap_or_default();
+    let dims = numbers(&["DimSize"])?.unwrap_or_default();
     if dims.len() != 3 || dims.iter().any(|n| n.fract() != 0.0 || !(1.0..1e6).contains(n)) {
         return refuse(format!("DimSize is {dims:?}; expected one volume of three axes"));
     }
-    let spacing = numbers(&["ElementSpacing", "ElementSize"]).unwrap_or_else(|| vec![1.0; 3]);
-    let turn = numbers(&["TransformMatrix", "Orientation", "Rotation"])
+    let Some(spacing) = numbers(&["ElementSpacing", "ElementSize"])? else {
+        return refuse(
+            "the header has no ElementSpacing, so no one knows how large a voxel is; save the volume with it",
+        );
+    };
+    let turn = numbers(&["TransformMatrix", "Orientation", "Rotation"])?
         .unwrap_or_else(|| vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]);
-    let origin = numbers(&["Offset", "Position", "Origin"]).unwrap_or_else(|| vec![0.0; 3]);
+    let origin = numbers(&["Offset", "Position", "Origin"])?.unwrap_or_else(|| vec![0.0; 3]);
     if spacing.len() != 3 || turn.len() != 9 || origin.len() != 3 {
         return refuse("ElementSpacing, TransformMatrix or Offset have not 3, 9 and 3 numbers");
     }

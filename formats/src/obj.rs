@@ -114,9 +114,9 @@ fn parse(bytes: &[u8]) -> Result<Parsed, FormatError> {
         };
         let refuse = |what: String| FormatError(format!("line {}: {what}", number + 1));
         match keyword {
-            "v" => obj.vertex(rest).ok_or_else(|| {
-                refuse(format!("expected `v x y z`, found `{}`{}", short(&whole), decimal_commas(rest)))
-            })?,
+            "v" => obj
+                .vertex(rest)
+                .ok_or_else(|| refuse(format!("expected `v x y z`, found `{}`{}", short(&whole), odd_numbers(rest))))?,
             "vt" => match numbers(rest).as_deref() {
                 Some(&[u, v] | &[u, v, _]) => obj.texture_coordinates.push([u, v]),
                 Some(&[u]) => obj.texture_coordinates.push([u, 0.0]),
@@ -157,11 +157,14 @@ fn short(line: &str) -> String {
     line.chars().take(60).collect()
 }
 
-/// What is said of words that are numbers once their commas are points.
-fn decimal_commas(rest: &str) -> &'static str {
-    match rest.contains(',') && numbers(&rest.replace(',', ".")).is_some() {
-        true => ": decimal commas; export it with decimal points (an English locale)",
-        false => "",
+/// What is said of words that are numbers once their commas are points, or their exponents are written with E.
+pub(super) fn odd_numbers(rest: &str) -> &'static str {
+    if rest.contains(',') && numbers(&rest.replace(',', ".")).is_some() {
+        ": decimal commas; export it with decimal points (an English locale)"
+    } else if rest.contains(['d', 'D']) && numbers(&rest.replace(['d', 'D'], "E")).is_some() {
+        ": exponents with D, as Fortran writes them; export it with E"
+    } else {
+        ""
     }
 }
 
@@ -212,7 +215,8 @@ fn index(word: &str, count: usize, what: &str) -> Result<u32, String> {
     let value: i64 = word.parse().map_err(|_| format!("expected a {what} number, found `{}`", short(word)))?;
     let zero_based = if value < 0 { count as i64 + value } else { value - 1 };
     if value == 0 || zero_based < 0 || zero_based >= count as i64 {
-        return Err(format!("names {what} {value}, but {count} stand above it"));
+        let hint = if value == 0 { ": its program counts from 0; OBJ counts from 1" } else { "" };
+        return Err(format!("names {what} {value}, but {count} stand above it{hint}"));
     }
     u32::try_from(zero_based).map_err(|_| format!("{what} {value} is too large"))
 }

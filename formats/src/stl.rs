@@ -106,7 +106,11 @@ fn read_ascii(bytes: &[u8]) -> Result<TriMesh, FormatError> {
             "outer" | "endloop" => {}
             "vertex" if corners.len() < 3 => match coordinates(words) {
                 Some(p) => corners.push(p),
-                None => return refuse(format!("expected `vertex x y z`, found `{}`", line.trim())),
+                None => {
+                    let rest = line.trim().split_once(char::is_whitespace).map_or("", |(_, rest)| rest);
+                    let odd = super::obj::odd_numbers(rest);
+                    return refuse(format!("expected `vertex x y z`, found `{}`{odd}", short(line.trim())));
+                }
             },
             "endfacet" => match *corners.as_slice() {
                 [a, b, c] => {

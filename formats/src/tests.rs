@@ -456,3 +456,56 @@ fn an_obj_with_decimal_commas_is_named() {
     let error = read_surface("a.obj", b"v a,b c d\n", &BTreeMap::new()).unwrap_err().0;
     assert!(!error.contains("commas"), "{error}");
 }
+
+#[test]
+fn an_ascii_stl_with_other_numbers_is_named_by_them() {
+    let facet = |corner: &str| {
+        format!(
+            "solid a\nfacet normal 0 0 1\nouter loop\nvertex {corner}\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid a\n"
+        )
+    };
+    let read = |corner: &str| read_surface("a.stl", facet(corner).as_bytes(), &BTreeMap::new());
+    for (corner, words) in
+        [("-7,428046e+01 0,5 1,5", "decimal commas"), ("-7.428D+01 0.5d0 1.5", "exponents with D"), ("a b c", "found")]
+    {
+        let error = read(corner).unwrap_err().0;
+        assert!(error.contains("line 4") && error.contains(words), "{error}");
+    }
+    let error = read("a,b d 1").unwrap_err().0;
+    assert!(!error.contains("commas") && !error.contains("exponents"), "{error}");
+    assert!(read("-7.428046e+01 0.5 1.5").is_ok());
+}
+
+#[test]
+fn an_obj_that_counts_from_0_is_named() {
+    let told = |faces: &str| {
+        let text = format!("v 0 0 0\nv 1 0 0\nv 0 1 0\n{faces}\n");
+        read_surface("a.obj", text.as_bytes(), &BTreeMap::new()).err().map_or(String::new(), |e| e.0)
+    };
+    assert!(told("f 0 1 2").contains("counts from 0"), "{}", told("f 0 1 2"));
+    assert!(told("f 1 2 4").contains("stand above it") && !told("f 1 2 4").contains("counts from 0"));
+    assert!(told("f 1 2 3").is_empty());
+}
+
+#[test]
+fn rounded_coordinates_of_a_surface_are_told_with_the_step() {
+    // a sheet of 40 x 40 vertices that rises and falls
+    let sheet = |step: f64| {
+        let mut text = String::new();
+        for (i, j) in (0..40).flat_map(|i| (0..40).map(move |j| (i, j))) {
+            let p = [f64::from(i) * 2.0, f64::from(j) * 2.0, 5.0 * (0.3 * f64::from(i + j)).sin()];
+            let [x, y, z] = p.map(|x| (x / step).round() * step);
+            text += &format!("v {x} {y} {z}\n");
+        }
+        for (i, j) in (0..39).flat_map(|i| (0..39).map(move |j| (i, j))) {
+            let v = 40 * i + j + 1;
+            text += &format!("f {v} {} {}\n", v + 40, v + 1);
+        }
+        let (_, notes) = read_surface_told("a.obj", text.as_bytes(), &BTreeMap::new()).unwrap();
+        notes.into_iter().map(|n| n.text).filter(|t| t.contains("steps of")).collect::<Vec<_>>()
+    };
+    for (step, told) in [(1.0, "steps of 1 mm"), (0.5, "steps of 0.5 mm")] {
+        assert!(sheet(step).len() == 1 && sheet(step)[0].contains(told), "{:?}", sheet(step));
+    }
+    assert!(sheet(0.001).is_empty(), "{:?}", sheet(0.001));
+}

@@ -13,7 +13,7 @@ use meshes::query::SurfaceQuery;
 use schemars::JsonSchema;
 use serde::Serialize;
 use stages::StageError;
-use stages::anatomy::{AnatomyReport, check_anatomy};
+use stages::anatomy::{SideEvidence, check_anatomy};
 use stages::ingest::{self, OPTIONAL_PATHS, of_knee};
 use stages::segment::look;
 use stages::specimen::{NamedPoint, PointFrame, RawSpecimen, Specimen, SpecimenFile};
@@ -236,7 +236,7 @@ fn whole(file: &SpecimenFile, raw: &RawSpecimen, options: &BuildOptions, items: 
         Err(e) => return items.push(Item::new("specimen", State::Fault, e.to_string(), "")),
     };
     match check_anatomy(&specimen) {
-        Ok(report) => items.extend(anatomy(&report)),
+        Ok(report) => items.push(side(report.side, file.specimen.side)),
         Err(e) => items.push(Item::new("specimen.side", State::Fault, e.to_string(), "")),
     }
     for (k, input, cost) in [
@@ -267,22 +267,23 @@ fn whole(file: &SpecimenFile, raw: &RawSpecimen, options: &BuildOptions, items: 
     }
 }
 
-fn anatomy(report: &AnatomyReport) -> Vec<Item> {
-    let side = match report.side {
-        Some(s) => Item::new(
-            "specimen.side",
-            if s.confidence > 0.5 { State::Ok } else { State::Look },
-            format!("the bones show a {:?} knee, certainty {:.0} %", s.side, 100.0 * s.confidence).to_lowercase(),
-            "",
-        ),
-        None => Item::new(
+/// Which side the bones show, against the one that is given.
+fn side(shown: Option<SideEvidence>, given: Side) -> Item {
+    let Some(s) = shown else {
+        return Item::new(
             "specimen.side",
             State::Look,
             ingest::NO_FIBULA,
             "the side cannot be checked; LCL and PFL are left out where their sites are missing",
-        ),
+        );
     };
-    vec![side]
+    let agrees = s.side == given;
+    Item::new(
+        "specimen.side",
+        if s.confidence > 0.5 && agrees { State::Ok } else { State::Look },
+        format!("the bones show a {:?} knee, certainty {:.0} %", s.side, 100.0 * s.confidence).to_lowercase(),
+        if agrees { "" } else { "specimen.toml says the other side: look at it, and at what the bones' files hold" },
+    )
 }
 
 /// Points of a table: how many, and whether they lie at their surfaces.
@@ -341,5 +342,25 @@ fn passive(file: &SpecimenFile, raw: &RawSpecimen, items: &mut Vec<Item>) {
                 Err(e) => Item::new(&input, State::Fault, e.to_string(), ""),
             },
         });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bones_that_show_the_other_side_are_looked_at_whatever_the_certainty() {
+        for given in [Side::Left, Side::Right] {
+            for shown in [Side::Left, Side::Right] {
+                for confidence in [0.1, 0.52, 0.9] {
+                    let item = side(Some(SideEvidence { side: shown, confidence }), given);
+                    let ok = shown == given && confidence > 0.5;
+                    assert_eq!(item.state == State::Ok, ok, "{item:?}");
+                    assert_eq!(item.cost.contains("the other side"), shown != given, "{item:?}");
+                }
+            }
+        }
+        assert_eq!(side(None, Side::Left).state, State::Look);
     }
 }

@@ -219,6 +219,172 @@ fn unloaded_trials_that_differ_are_told_as_loads_out_of_step() {
     );
 }
 
+/// The poses of these trials so many rows lower, or higher where negative; their flexion with them or not.
+fn late(right: &[LaxityTrial], by: isize, with_flexion: bool) -> Vec<LaxityTrial> {
+    let from = |k: usize| &right[(k as isize - by).rem_euclid(right.len() as isize) as usize];
+    let one = |(k, t): (usize, &LaxityTrial)| {
+        let fe_deg = if with_flexion { from(k).fe_deg } else { t.fe_deg };
+        LaxityTrial { measured: from(k).measured, fe_deg, ..t.clone() }
+    };
+    right.iter().enumerate().map(one).collect()
+}
+
+/// Four tests in five steps of load at each flexion; the readings saturate.
+fn stepped_tests() -> Vec<LaxityTrial> {
+    let tests = made().into_iter().filter(|t| [Some(AP), Some(IE)].contains(&t.test.coordinate()));
+    let steps = tests.flat_map(|t| {
+        (0..5).map(move |k| {
+            let mut step = t.clone();
+            let share = f64::from(k) / 4.0;
+            step.trial = format!("{} {k}", t.trial);
+            // as far as the full load moves it
+            for (c, moved) in [(AP, 0.03 * t.load[AP]), (IE, 1.8137 * t.load[IE])] {
+                let slack = 1.0 + t.nominal_flexion_deg / 90.0;
+                step.load[c] = share * t.load[c];
+                step.measured[c] = t.measured[c].map(|x| x - slack * moved * (1.0 - share.sqrt()));
+            }
+            step
+        })
+    });
+    steps.collect()
+}
+
+#[test]
+fn poses_of_other_rows_are_one_line_that_says_by_how_many() {
+    for (rows, what) in [(made(), "a trial a test"), (stepped_tests(), "tests in steps")] {
+        assert!(sign_doubts(&rows).is_empty(), "{what}: {:?}", sign_doubts(&rows));
+        for by in [-2, -1, 1, 2, 3] {
+            let all = sign_doubts(&late(&rows, by, false));
+            assert_eq!(all, sign_doubts(&late(&rows, by, true)), "flexion lags with the poses: {by}");
+            let many = if by == 1 || by == -1 { "row" } else { "rows" };
+            let place = format!("stands {} {many} {} it", by.abs(), if by > 0 { "below" } else { "above" });
+            let told = all.len() == 1 && all[0].words.contains("out of step") && all[0].words.contains(&place);
+            assert!(told, "{what} {by}: {all:?}");
+        }
+    }
+    // signs that are turned are no lag
+    for c in [VV, IE, AP] {
+        let turned = told(|_, t| t.measured[c] = t.measured[c].map(|x| -x));
+        assert!(turned.iter().all(|d| !d.1.contains("out of step")), "{turned:?}");
+    }
+}
+
+#[test]
+fn loads_a_row_late_among_steps_are_told_with_one_row() {
+    let right = stepped_tests();
+    for by in [1, 2] {
+        let mut lags = right.clone();
+        for (k, t) in lags.iter_mut().enumerate() {
+            t.load = right[(k + right.len() - by) % right.len()].load;
+        }
+        let all = sign_doubts(&lags);
+        let place = if by == 1 { "stand 1 row below it" } else { "stand 2 rows below it" };
+        assert!(all.len() == 1 && all[0].words.contains(place), "{by}: {all:?}");
+    }
+}
+
+#[test]
+fn flexion_of_other_rows_is_one_line_that_says_by_how_many() {
+    let mut rows = made();
+    rows.sort_by_key(|t| (t.test, t.nominal_flexion_deg as i64));
+    for order in [made(), rows] {
+        for by in [-1, 1] {
+            let mut changed = order.clone();
+            for (k, t) in changed.iter_mut().enumerate() {
+                t.fe_deg = order[(k as isize - by).rem_euclid(order.len() as isize) as usize].fe_deg;
+            }
+            let all = sign_doubts(&changed);
+            let place = if by > 0 { "stand 1 row below it" } else { "stand 1 row above it" };
+            let told = all.len() == 1 && all[0].column == "fe_deg" && all[0].words.contains(place);
+            assert!(told, "{by}: {all:?}");
+        }
+        // from another zero it fits the next position's nominal flexion, and is no lag
+        let mut zeroed = order.clone();
+        zeroed.iter_mut().for_each(|t| t.fe_deg -= 30.0);
+        assert!(sign_doubts(&zeroed).iter().all(|d| !d.words.contains("out of step")), "{:?}", sign_doubts(&zeroed));
+    }
+}
+
+#[test]
+fn flexions_that_names_do_not_say_are_told() {
+    let named = |by: usize| {
+        let right = made();
+        told(|k, t| {
+            let from = &right[(k + right.len() - by) % right.len()];
+            t.trial = format!("{}_{}deg_{k}", t.test.name(), t.nominal_flexion_deg);
+            (t.nominal_flexion_deg, t.fe_deg) = (from.nominal_flexion_deg, from.fe_deg);
+        })
+    };
+    let of = |by: usize| named(by).into_iter().filter(|d| d.0 == "nominal_flexion_deg").collect::<Vec<_>>();
+    assert!(named(0).is_empty(), "{:?}", named(0));
+    assert!(of(1)[0].1.starts_with("4 trials are filed under another flexion"), "{:?}", named(1));
+    // an angle in a name that is no flexion
+    let other = told(|k, t| t.trial = format!("{} {}deg {k}", t.test.name(), 5 * (k % 3)));
+    assert!(other.is_empty(), "{other:?}");
+}
+
+#[test]
+fn nominal_flexion_in_radians_is_told() {
+    let radians = told(|_, t| {
+        t.nominal_flexion_deg = t.nominal_flexion_deg.to_radians();
+        t.fe_deg = t.fe_deg.to_radians();
+    });
+    let first = radians.iter().find(|d| d.0 == "nominal_flexion_deg");
+    assert!(first.is_some_and(|d| d.1.contains("radians? It would be 90 deg")), "{radians:?}");
+    let straight = told(|_, t| t.nominal_flexion_deg = 0.0);
+    assert!(straight.iter().all(|d| d.0 != "nominal_flexion_deg"), "{straight:?}");
+}
+
+#[test]
+fn trials_that_are_written_twice_are_told_and_repeats_are_not() {
+    let twice = |change: f64| {
+        let mut trials = made();
+        let more: Vec<LaxityTrial> = trials[..3].to_vec();
+        trials.extend(more.into_iter().map(|mut t| {
+            t.trial += "_again";
+            t.measured[AP] = t.measured[AP].map(|x| x + change);
+            t
+        }));
+        sign_doubts(&trials)
+    };
+    let all = twice(0.0);
+    assert!(all.len() == 1 && all[0].words.starts_with("3 trials hold the loads and readings"), "{all:?}");
+    assert!(twice(0.001).is_empty(), "{:?}", twice(0.001));
+}
+
+#[test]
+fn readings_that_are_exchanged_are_one_line_in_place_of_turned_signs() {
+    for (a, b) in [(IE, VV), (AP, SI)] {
+        let all = told(|_, t| (t.measured[a], t.measured[b]) = (t.measured[b], t.measured[a]));
+        let both: Vec<_> = all.iter().filter(|d| d.0 == a.column() || d.0 == b.column()).collect();
+        assert!(both.len() == 1 && both[0].1.contains("are the two columns exchanged?"), "{all:?}");
+        assert!(both[0].1.contains(&a.column()) && both[0].1.contains(&b.column()), "{all:?}");
+    }
+}
+
+#[test]
+fn ml_in_another_unit_is_told_and_one_that_is_held_is_not() {
+    for by in [0.1, 0.001] {
+        let all = told(|_, t| t.measured[ML] = t.measured[ML].map(|x| by * x));
+        assert!(all.iter().any(|d| d.0 == "ml_mm" && d.1.contains("unit")), "{by}: {all:?}");
+    }
+    assert!(told(|_, t| t.measured[ML] = Some(0.0)).is_empty());
+    assert!(told(|_, t| t.measured[ML] = None).is_empty());
+}
+
+#[test]
+fn rounded_readings_of_several_coordinates_are_one_line() {
+    for step in [10.0, 12.7] {
+        let all = told(|_, t| {
+            for c in [ML, AP, SI] {
+                t.measured[c] = t.measured[c].map(|x| (x / step).round() * step);
+            }
+        });
+        let words = format!("ap_mm comes in steps of {step} mm");
+        assert!(all.len() == 1 && all[0].1.contains(&words), "{step}: {all:?}");
+    }
+}
+
 #[test]
 fn readings_in_coarse_steps_are_told_with_the_step() {
     for (c, step, coarse) in

@@ -224,6 +224,18 @@ fn what_cannot_be_read_is_refused_with_its_mend() {
         ("", standard.replacen("load_ap_n", "Fap", 1), ["unknown column \"Fap\"", "laxity_format"]),
         (
             "",
+            standard.replacen("ml_mm", "ml_cm", 1),
+            ["\"ml_cm\": it is ml_mm in cm", "ml_mm = { name = \"ml_cm\", unit = \"cm\" }"],
+        ),
+        (
+            "",
+            standard.replacen("load_vv_nm", "load_vv_nmm", 1).replacen(",fe_deg", ",fe_rad", 1),
+            ["it is load_vv_nm in nmm", "; fe_deg = { name = \"fe_rad\", unit = \"rad\" }"],
+        ),
+        ("", standard.replacen("ml_mm", "ML [mm]", 1), ["it is ml_mm by another name", "ml_mm = \"ML [mm]\""]),
+        ("", standard.replacen("load_ap_n", "Load AP (lbf)", 1), ["it is load_ap_n in lbf", "unit = \"lbf\""]),
+        (
+            "",
             standard.replacen("anterior_0,anterior,", "anterior_0,anterior,5,", 1),
             ["row 2", "save the table with semicolons"],
         ),
@@ -243,6 +255,29 @@ fn what_cannot_be_read_is_refused_with_its_mend() {
     ] {
         let said = refused(format, &csv);
         assert!(words.iter().all(|w| said.contains(w)), "{said}");
+    }
+}
+
+#[test]
+fn the_line_that_is_told_for_a_column_reads_the_file() {
+    let right = made();
+    for (column, name, factor) in [
+        ("ml_mm", "ml_cm", 0.1),
+        ("ap_mm", "AP [in]", 1.0 / 25.4),
+        ("load_ie_nm", "load_ie_nmm", 1000.0),
+        ("si_mm", "SI mm", 1.0),
+    ] {
+        let csv = rewritten(column, |_, cell| (cell.parse::<f64>().unwrap() * factor).to_string());
+        let csv = csv.replacen(column, name, 1);
+        let said = read(csv.as_bytes()).unwrap_err().to_string();
+        let line = said.split_once("in specimen.toml: ").unwrap().1;
+        let format = toml::from_str::<LaxityFormat>(&format!("[columns]\n{line}")).unwrap();
+        let found = read_as(csv.as_bytes(), &format, Side::Right).unwrap().trials;
+        let same = |a: &LaxityTrial, b: &LaxityTrial| {
+            let near = |x: f64, y: f64| (x - y).abs() < 1e-6;
+            FREE.into_iter().all(|c| near(a.measured[c].unwrap(), b.measured[c].unwrap()) && near(a.load[c], b.load[c]))
+        };
+        assert!(found.len() == right.len() && found.iter().zip(&right).all(|(a, b)| same(a, b)), "{name}: {said}");
     }
 }
 

@@ -196,3 +196,15 @@ fn flexion_that_counts_negative_throughout_is_told() {
     let told = doubted(&turned);
     assert!(matches!(&told[..], [(c, words)] if c == "fe_deg" && words.contains("negative throughout")), "{told:?}");
 }
+
+#[test]
+fn drawers_in_another_unit_in_one_set_are_told_as_that_and_not_as_an_offset() {
+    for by in [2.54, 1.0 / 2.54, 10.0, 0.1, 1.3] {
+        let (a, mut b) = (made(1.0), made(1.4));
+        b.iter_mut().for_each(|t| t.measured[AP] = t.measured[AP].map(|x| by * x));
+        let all = between(&[("kla", &a), ("rks", &b)]);
+        let of_ap: Vec<&str> = all.iter().filter(|d| d.column == "ap_mm").map(|d| d.words.as_str()).collect();
+        let named = of_ap.len() == 1 && of_ap[0].contains("moves forwards") && of_ap[0].contains("unit");
+        assert!(if by == 1.3 { of_ap.is_empty() } else { named }, "{by}: {all:?}");
+    }
+}

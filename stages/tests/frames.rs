@@ -280,6 +280,26 @@ fn a_tibia_turned_as_no_knee_at_rest_is_warned_of() {
     assert!(told(&turned));
 }
 
+#[test]
+fn a_tibia_shifted_as_no_knee_at_rest_is_warned_of() {
+    let told = |s: &Specimen| of(s).warnings.iter().any(|w| w.contains("shifted against the femur"));
+    let plain = bare(phantom("right-phantom"));
+    assert!(!told(&plain));
+    let f = of(&plain).tibia;
+    for (way, mm, warned) in [
+        (f.medial, 9.0, true),
+        (f.medial, -9.0, true),
+        (f.anterior, 14.0, true),
+        (f.anterior, -14.0, true),
+        (f.medial, 3.0, false),
+        (f.superior, 3.0, false),
+    ] {
+        let mut moved = plain.clone();
+        moved.ct.tibfib.vertices.iter_mut().for_each(|p| *p += way * mm);
+        assert_eq!(told(&moved), warned, "{way:?} {mm}");
+    }
+}
+
 /// Tibiae cut this far below the joint show no shaft.
 const SHORT_MM: f64 = 38.0;
 

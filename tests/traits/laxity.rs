@@ -61,6 +61,9 @@ fn jump(name: &'static str, trial: &'static str, by: f64) -> Box<dyn Fn(&Path)> 
 /// The columns of loads.
 const LOADS: [&str; 5] = ["load_vv_nm", "load_ie_nm", "load_ml_n", "load_ap_n", "load_si_n"];
 
+/// The columns of poses.
+const POSES: [&str; 5] = ["vv_deg", "ie_deg", "ml_mm", "ap_mm", "si_mm"];
+
 /// Columns so many rows lower than the others; the first rows get what the last ones had.
 fn shifted(names: &'static [&'static str], by: usize) -> Box<dyn Fn(&Path)> {
     Box::new(move |folder| {
@@ -98,7 +101,7 @@ pub(super) fn draw(dice: &mut Dice) -> Trait {
     };
     const TURNED: &[&str] = &["sign", "turned", "point that way"];
     const UNIT: &[&str] = &["unit", "beyond"];
-    match dice.below(37) {
+    match dice.below(47) {
         0 => of("flexion zeroed", &["zeroed"], {
             Box::new(|folder| {
                 cells(folder, |h, row, c| {
@@ -196,6 +199,28 @@ pub(super) fn draw(dice: &mut Dice) -> Trait {
                 });
             })
         }),
+        37 => of("poses a row late", &["out of step"], shifted(&POSES, 1)),
+        38 => of("flexion a row late", &["out of step"], shifted(&["fe_deg"], 1)),
+        39 => of("both flexions a row late", &["names say"], shifted(&["nominal_flexion_deg", "fe_deg"], 1)),
+        40 => of("radians in both flexions", &["radians"], {
+            Box::new(|folder| {
+                let radians = |c: &str| c.parse::<f64>().unwrap().to_radians().to_string();
+                cells(folder, |h, _, c| (h == "fe_deg" || h == "nominal_flexion_deg").then(|| radians(c)));
+            })
+        }),
+        41 => of("trials pasted twice", &["twice"], {
+            whole(|t| {
+                let again = t.lines().skip(1).map(|row| format!("again_{row}\n")).collect::<String>();
+                (t.clone() + &again).into_bytes()
+            })
+        }),
+        42 => of("ap_mm in quarters of an inch", &["steps"], column("ap_mm", |x| (x / 6.35).round() * 6.35)),
+        43 => of("centimetres in ml_mm", &["unit"], column("ml_mm", |x| x / 10.0)),
+        44 => of("ap_mm times 2.54", &["unit"], column("ap_mm", |x| 2.54 * x)),
+        45 => of("vv_deg and ie_deg exchanged", &["exchanged"], {
+            whole(|t| t.replacen(",vv_deg,ie_deg", ",ie_deg,vv_deg", 1).into_bytes())
+        }),
+        46 => of("a unit in the header", &["in cm"], whole(|t| t.replacen("ml_mm", "ml_cm", 1).into_bytes())),
         _ => of("load_vv_nm and load_ie_nm exchanged", &["exchanged", "unit", "point that way"], {
             whole(|t| t.replacen("load_vv_nm,load_ie_nm", "load_ie_nm,load_vv_nm", 1).into_bytes())
         }),

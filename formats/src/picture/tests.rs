@@ -84,6 +84,24 @@ fn metaimage_is_read_as_itk_writes_it() {
 }
 
 #[test]
+fn a_metaimage_without_the_size_of_its_voxels_or_with_words_for_numbers_is_refused() {
+    let head = "ObjectType = Image\nNDims = 3\nTransformMatrix = 1 0 0 0 1 0 0 0 1\nOffset = 1 2 3\nElementSpacing = 0.5 0.4 0.7\nDimSize = 4 3 2\nElementType = MET_UCHAR\nElementDataFile = LOCAL\n";
+    let read = |head: &str| read_labels("a.mha", &[head.as_bytes(), &voxels()].concat(), &none());
+    assert!(read(head).is_ok(), "{:?}", read(head).err());
+    for (from, to, word) in [
+        ("ElementSpacing = 0.5 0.4 0.7\n", "", "no ElementSpacing"),
+        // as a program writes them where commas are decimal
+        ("0.5 0.4 0.7", "0,5 0,4 0,7", "ElementSpacing = 0,5"),
+        ("0.5 0.4 0.7", "nan 0.4 0.7", "ElementSpacing = nan"),
+        ("Offset = 1 2 3", "Offset = 1,5 2,5 3,5", "Offset = 1,5"),
+        ("1 0 0 0 1 0 0 0 1", "1 0 0 0 1 0 0 0 x", "TransformMatrix"),
+    ] {
+        let told = read(&head.replacen(from, to, 1)).unwrap_err().0;
+        assert!(told.contains(word), "{word}: {told}");
+    }
+}
+
+#[test]
 fn headers_that_lie_and_cut_files_are_refused() {
     let whole = nrrd("LPS", "gzip", "", &packed_gzip(&voxels()));
     for n in 0..whole.len() {

@@ -21,6 +21,12 @@ const LEAST_SPREAD_MM: f64 = 0.25;
 const MOST_OFFSET: [(Coordinate, f64); 5] = [(VV, 4.0), (IE, 10.0), (ML, 3.5), (AP, 6.0), (SI, 3.5)];
 /// Rotations per load of two apparatuses on one knee differ by less than this factor [-]; a hand-held one and a robot differ by 1.5 on a published knee. Ours.
 const MOST_LOOSER: f64 = 1.7;
+/// Forward drawers per load of two apparatuses on one knee differ by less than this factor [-]. Ours: of two published knees and three phantoms by 1.6.
+const MOST_LOOSER_DRAWER: f64 = 1.9;
+/// A force of less along AP is none, as a robot's that tests another coordinate [N].
+const NO_DRAWER_N: f64 = 10.0;
+/// A drawer of less in all shows no factor [mm].
+const LEAST_DRAWER_MM: f64 = 0.5;
 /// Share of the larger load that the smaller one must be for ranges to be compared: a knee stiffens [-]. Ours.
 const COMPARABLE_LOAD: f64 = 0.6;
 /// Flexions at which an offset must be the same way. Ours: at one alone the knee may differ.
@@ -42,7 +48,14 @@ pub fn repeated<'a>(sets: &[Named<'a>]) -> Option<[&'a str; 2]> {
 /// left out.
 pub fn between(sets: &[Named]) -> Vec<SignDoubt> {
     let pairs = sets.iter().enumerate().flat_map(|(k, a)| sets[k + 1..].iter().map(move |b| (*a, *b)));
-    pairs.flat_map(|(a, b)| side(a, b).into_iter().chain(offsets(a, b)).chain(looser(a, b))).collect()
+    let of_pair = |(a, b): (Named, Named)| {
+        let drawer = looser_drawer(a, b);
+        // a column in another unit lies off as well
+        let explained = |d: &SignDoubt| drawer.as_ref().is_none_or(|known| known.column != d.column);
+        let offsets: Vec<SignDoubt> = offsets(a, b).into_iter().filter(explained).collect();
+        side(a, b).into_iter().chain(offsets).chain(drawer).chain(looser(a, b)).collect::<Vec<_>>()
+    };
+    pairs.flat_map(of_pair).collect()
 }
 
 /// A coordinate's means in both sets, where both have them.
@@ -167,6 +180,48 @@ fn looser(a: Named, b: Named) -> Vec<SignDoubt> {
         })
     };
     [IE, VV].into_iter().filter_map(one).collect()
+}
+
+/// Forward drawers that are far larger for their loads in one set, over all flexions that both test.
+fn looser_drawer(a: Named, b: Named) -> Option<SignDoubt> {
+    let [of_a, of_b] = [drawers(a.1), drawers(b.1)];
+    let shared = of_a.iter().filter_map(|(flexion, x)| of_b.get(flexion).map(|y| [*x, *y]));
+    let alike = |[[_, p], [_, q]]: &[[f64; 2]; 2]| p.min(*q) >= COMPARABLE_LOAD * p.max(*q);
+    let pairs: Vec<[[f64; 2]; 2]> = shared.filter(alike).collect();
+    let sum = |set: usize, of: usize| pairs.iter().map(|pair| pair[set][of]).sum::<f64>();
+    let [(x, p), (y, q)] = [0, 1].map(|set| (sum(set, 0), sum(set, 1)));
+    let factor = (x / p) / (y / q);
+    let shown = x > LEAST_DRAWER_MM && y > LEAST_DRAWER_MM;
+    (shown && factor.max(factor.recip()) > MOST_LOOSER_DRAWER).then(|| {
+        let n = pairs.len() as f64;
+        let words = format!(
+            "laxity.{} and laxity.{}: ap_mm moves forwards by {:.1} mm under {:.0} N in the first and by {:.1} mm under {:.0} N in the second, in the mean of {n} flexions: is one of them in another unit (in, cm), or counted twice, or of another knee?",
+            a.0,
+            b.0,
+            x / n,
+            p / n,
+            y / n,
+            q / n
+        );
+        SignDoubt { column: AP.column(), words }
+    })
+}
+
+/// The largest forward drawer [mm] from the middle of the trials without one, and its force [N], by nominal flexion [deg].
+fn drawers(trials: &[LaxityTrial]) -> BTreeMap<i64, [f64; 2]> {
+    let mut positions: BTreeMap<i64, Vec<[f64; 2]>> = BTreeMap::new();
+    for t in trials.iter().filter(|t| t.reference.is_none()) {
+        if let Some(x) = t.measured[AP] {
+            positions.entry(t.nominal_flexion_deg.round() as i64).or_default().push([t.load[AP], x]);
+        }
+    }
+    let drawer = |(flexion, of): (i64, Vec<[f64; 2]>)| {
+        let [force, end] = of.iter().copied().max_by(|a, b| a[0].total_cmp(&b[0])).filter(|f| f[0] > NO_DRAWER_N)?;
+        let mut rest: Vec<f64> = of.iter().filter(|p| p[0].abs() < NO_DRAWER_N).map(|p| p[1]).collect();
+        rest.sort_by(f64::total_cmp);
+        Some((flexion, [end - rest.get(rest.len() / 2)?, force]))
+    };
+    positions.into_iter().filter_map(drawer).collect()
 }
 
 /// Range of a coordinate in its own tests and the lesser of the largest loads both ways, by nominal flexion [deg], where both ways are loaded.

@@ -20,13 +20,39 @@ const SHARE_ALIKE: f64 = 0.02;
 /// Shares within which a sensor may be off [-]; beyond them flexion is counted from the position, or is in another unit.
 const SENSOR_SHARE: [f64; 2] = [0.5, 2.0];
 
+/// Nominal flexions up to this [rad], with one beyond the least, are angles in radians: 160 deg and 17 deg. Ours: no file tests at 3 deg alone.
+const MOST_RAD: f64 = 2.8;
+const LEAST_RAD: f64 = 0.3;
+
+/// Nominal flexions that are small and fractional at all positions.
+fn radians(trials: &[LaxityTrial]) -> Option<SignDoubt> {
+    let [low, high] = ends(trials.iter().map(|t| t.nominal_flexion_deg));
+    let fractional = trials.iter().any(|t| t.nominal_flexion_deg.fract() != 0.0);
+    (low > -LEAST_RAD && (LEAST_RAD..=MOST_RAD).contains(&high) && fractional).then(|| SignDoubt {
+        column: "nominal_flexion_deg".into(),
+        words: format!(
+            "nominal_flexion_deg is at most {high:.4} deg in all of {} trials: is its unit radians? It would be {:.0} deg then. Expected degrees, here and in fe_deg: declare columns.nominal_flexion_deg = {{ name = \"nominal_flexion_deg\", unit = \"rad\" }}, and the same for fe_deg",
+            trials.len(),
+            high.to_degrees()
+        ),
+    })
+}
+
 /// Whether flexion is off, and how: the likeliest of the ways.
 pub(super) fn doubt(trials: &[LaxityTrial]) -> Option<SignDoubt> {
+    if let Some(radians) = radians(trials) {
+        return Some(radians);
+    }
     let poses: Vec<&LaxityTrial> = trials.iter().filter(|t| t.reference.is_none()).collect();
     let all: Vec<&LaxityTrial> = trials.iter().collect();
     let (of_poses, of_all) = (medians(&poses), medians(&all));
     let words = offset(&of_poses).or_else(|| in_proportion(&of_poses)).or_else(|| far(&of_all))?;
     Some(SignDoubt { column: "fe_deg".into(), words })
+}
+
+/// Whether flexion is off by as much at every position.
+pub(super) fn is_offset(trials: &[LaxityTrial]) -> bool {
+    offset(&medians(&trials.iter().collect::<Vec<_>>())).is_some()
 }
 
 /// Nominal and measured flexion of each position, the measured one in the median [deg].

@@ -127,7 +127,7 @@ const UNITS: [(&str, &[&str], f64); 18] = [
 ];
 
 /// Quantity and factor of a unit.
-fn unit(text: &str) -> Option<(&'static str, f64)> {
+pub(super) fn unit(text: &str) -> Option<(&'static str, f64)> {
     let text = text.trim().trim_matches(|c| "[]()".contains(c)).trim().to_lowercase();
     UNITS.iter().find(|(_, names, _)| names.contains(&text.as_str())).map(|(quantity, _, factor)| (*quantity, *factor))
 }
@@ -140,7 +140,7 @@ fn bracketed(name: &str) -> Option<&str> {
 }
 
 /// The standard unit of a standard column; `None` for words and counts.
-fn standard_unit(column: &str) -> Option<&'static str> {
+pub(super) fn standard_unit(column: &str) -> Option<&'static str> {
     let last = column.rsplit('_').next()?;
     ["deg", "mm", "nm", "n", "s"].into_iter().find(|u| *u == last)
 }
@@ -422,7 +422,11 @@ fn places(
     if !left.is_empty() {
         warnings.push(
             Kind::UnnamedColumns
-                .notice(format!("columns that the format does not name are left out: {}", left.join(", ")))
+                .notice(format!(
+                    "columns that the format does not name are left out: {}{}",
+                    left.join(", "),
+                    super::headers::left_out(&left)
+                ))
                 .count(left.len()),
         );
     }
@@ -536,7 +540,7 @@ pub(super) const USUAL_LOADS: [(Coordinate, f64, Test, Test); 3] = [
 const NO_LOAD: f64 = 0.05;
 
 /// The test that loads make: by the load that is largest beside its usual size.
-fn test_of(loads: &Load) -> Test {
+pub(super) fn test_of(loads: &Load) -> Test {
     let share = |(i, usual, minus, plus): &(Coordinate, f64, Test, Test)| {
         (loads[*i].abs() / usual, if loads[*i] < 0.0 { *minus } else { *plus })
     };

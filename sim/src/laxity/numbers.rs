@@ -1,7 +1,8 @@
 //! What the numbers themselves show: zeros and nines that stand for nothing, coarse steps, loads that are round in another unit.
 
-use super::{LaxityTrial, SignDoubt, text};
+use super::{LaxityTrial, SignDoubt, Test, text};
 use crate::coordinate::{AP, Coordinate, FREE, Free, IE, VV};
+use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Readings from which on zeros among them are looked at.
@@ -14,6 +15,8 @@ const ROUND: f64 = 100.0;
 const OUTSIDE: f64 = 0.5;
 /// Others of its test and flexion with which a zero is compared.
 const LEAST_OTHERS: usize = 3;
+/// Readings with decimals that two trials must share to be one written twice: whole numbers agree by chance. Ours.
+const LEAST_FINE: usize = 3;
 /// Different loads that must all be round in the other unit [-]: of a number with four digits one in 50 is by chance. Ours.
 const LEAST_LOADS: usize = 2;
 /// How near a load is to a round number [-], as written with four digits.
@@ -21,8 +24,10 @@ const NEAR: f64 = 1.5e-4;
 /// Round loads: as read in N m and N, to two decimals; and what tests apply in the other unit, in steps of 0.05. Ours.
 const STEP_READ: f64 = 0.01;
 const STEP_MEANT: f64 = 0.05;
-/// Steps of readings that are told, the coarsest first [mm] or [deg]: half a drawer and more. Ours; instruments read in steps of 1 and less.
-const STEPS: [f64; 2] = [10.0, 5.0];
+/// Steps of readings that are told, the coarsest first [mm] or [deg]: half a drawer and more, in cm, or in inches, their halves and quarters.
+/// Ours; instruments read in steps of 1 and less.
+const STEPS_MM: [f64; 5] = [25.4, 12.7, 10.0, 6.35, 5.0];
+const STEPS_DEG: [f64; 2] = [10.0, 5.0];
 /// The least of them that is told: VV, IE [deg], ML, AP, SI [mm]. Ours: a knee rotates by 30 deg and more, and goniometers have 5.
 const LEAST_STEP: Free<f64> = Free([5.0, 10.0, 5.0, 5.0, 5.0]);
 /// Units in which loads may be given, and what they are in N m or N.
@@ -34,8 +39,8 @@ const FORCES: [(&str, f64); 2] = [("lbf", 4.448_221_615_260_5), ("kgf", 9.806_65
 pub(super) fn doubts(trials: &[LaxityTrial]) -> Vec<SignDoubt> {
     let zeros = FREE.iter().filter_map(|c| zeros(trials, *c));
     let units = [(&[VV, IE][..], &MOMENTS[..]), (&[AP][..], &FORCES[..])];
-    let steps = FREE.iter().filter_map(|c| steps(trials, *c));
-    zeros.chain(units.iter().filter_map(|(of, units)| round_elsewhere(trials, of, units))).chain(steps).collect()
+    let round = units.iter().filter_map(|(of, units)| round_elsewhere(trials, of, units));
+    zeros.chain(round).chain(twice(trials)).collect()
 }
 
 /// Readings of nines alone, which stand for a missing one.
@@ -58,21 +63,65 @@ pub(super) fn codes(trials: &[LaxityTrial]) -> Vec<SignDoubt> {
     FREE.into_iter().filter_map(one).collect()
 }
 
-/// Readings that are all whole multiples of a coarse step: rounded, or written in cm.
-fn steps(trials: &[LaxityTrial], c: Coordinate) -> Option<SignDoubt> {
-    let given: Vec<f64> = trials.iter().filter_map(|t| t.measured[c]).collect();
+/// Readings of a coordinate that are all whole multiples of a coarse step.
+struct Rounded {
+    of: Coordinate,
+    step: f64,
+    readings: usize,
+    /// A coordinate that is held is one number throughout.
+    varies: bool,
+}
+
+fn rounded(trials: &[LaxityTrial], of: Coordinate) -> Option<Rounded> {
+    let given: Vec<f64> = trials.iter().filter_map(|t| t.measured[of]).collect();
     let whole = |step: f64| given.iter().all(|x| ((x / step).round() * step - x).abs() < 1e-9);
-    let step = STEPS.into_iter().find(|s| *s >= LEAST_STEP[c] && whole(*s))?;
+    let steps = if of.unit() == "mm" { &STEPS_MM[..] } else { &STEPS_DEG[..] };
+    let step = steps.iter().copied().find(|s| *s >= LEAST_STEP[of] && whole(*s))?;
     let different: BTreeSet<i64> = given.iter().map(|x| (x / step).round() as i64).collect();
-    // a coordinate that is held is one number throughout
-    (given.len() >= LEAST_READINGS && different.len() > 1).then(|| SignDoubt {
-        column: c.column(),
+    let enough = given.len() >= LEAST_READINGS;
+    enough.then_some(Rounded { of, step, readings: given.len(), varies: different.len() > 1 })
+}
+
+/// Columns that are rounded coarsely, and the one line that says so: rounded, or written in cm or inches.
+pub(super) fn coarse(trials: &[LaxityTrial]) -> (Vec<String>, Option<SignDoubt>) {
+    let all: Vec<Rounded> = FREE.into_iter().filter_map(|c| rounded(trials, c)).collect();
+    let varies: Vec<&Rounded> = all.iter().filter(|r| r.varies).collect();
+    let Some(first) = varies.first() else { return (Vec::new(), None) };
+    let one = |r: &&Rounded| format!("{} comes in steps of {} {}", r.of.column(), r.step, r.of.unit());
+    let words = format!(
+        "{}: all of {} readings are whole multiples of it. A knee's laxity is of that size, so that little of it is left. Were they rounded, or written in whole cm, inches or tens? Expected readings to a tenth",
+        varies.iter().map(one).collect::<Vec<_>>().join(", "),
+        first.readings
+    );
+    (all.iter().map(|r| r.of.column()).collect(), Some(SignDoubt { column: first.of.column(), words }))
+}
+
+/// What two trials have in common where one was written twice: test, flexion, loads and readings, number by number.
+type Written = (Test, u64, [u64; 5], [Option<u64>; 5]);
+
+/// Trials that hold the loads and readings of an earlier one, to the last digit. Samples of a log have times and are none.
+fn twice(trials: &[LaxityTrial]) -> Option<SignDoubt> {
+    let fine = |t: &LaxityTrial| t.measured.iter().flatten().filter(|x| x.fract() != 0.0).count() >= LEAST_FINE;
+    let mut seen: BTreeMap<Written, &LaxityTrial> = BTreeMap::new();
+    let mut found: Vec<[&LaxityTrial; 2]> = Vec::new();
+    for t in trials.iter().filter(|t| t.time_s.is_none() && fine(t)) {
+        let loads = FREE.map(|c| t.load[c].to_bits());
+        let readings = FREE.map(|c| t.measured[c].map(f64::to_bits));
+        match seen.entry((t.test, t.fe_deg.to_bits(), loads, readings)) {
+            Entry::Occupied(first) => found.push([*first.get(), t]),
+            Entry::Vacant(place) => {
+                place.insert(t);
+            }
+        }
+    }
+    let [a, b] = found.first()?;
+    Some(SignDoubt {
+        column: "trial".into(),
         words: format!(
-            "{} comes in steps of {step} {unit}: all of {} readings are whole multiples of it. A knee's laxity is of that size, so that little of it is left. Were they rounded, or written in whole {larger}? Expected readings to a tenth",
-            c.column(),
-            given.len(),
-            unit = c.unit(),
-            larger = if c.unit() == "mm" { "cm" } else { "tens" }
+            "{} trials hold the loads and readings of an earlier one to the last digit, the first \"{}\" those of \"{}\": were rows pasted twice? Each trial counts as a measurement of its own. Expected each measurement once",
+            found.len(),
+            b.trial,
+            a.trial
         ),
     })
 }

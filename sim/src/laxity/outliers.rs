@@ -91,7 +91,7 @@ fn other_zero(poses: &[&LaxityTrial], c: Coordinate) -> Option<SignDoubt> {
     Some(SignDoubt {
         column: c.column(),
         words: format!(
-            "in the {} trials {} lies {:+.0} {unit} from the other tests at that flexion, at all of {} flexions: they count from another zero. Expected within {:.0} {unit}: take the offset off, or leave the column's cells of that test empty",
+            "in the {} trials {} lies {:+.0} {unit} from the other tests at that flexion, at all of {} flexions: they count from another zero, or the whole column is in another unit. Expected within {:.0} {unit}: take the offset off, declare the unit, or leave the column's cells of that test empty",
             test.name(),
             c.column(),
             steps.iter().sum::<f64>() / steps.len() as f64,

@@ -12,6 +12,8 @@ use meshes::frame::Side;
 use notices::{Kind, Notice, plain};
 use std::collections::{BTreeMap, BTreeSet};
 
+mod branches;
+
 /// The trials of a file and what is odd but not fatal in it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct LaxityTable {
@@ -78,7 +80,7 @@ fn read_in(bytes: &[u8], format: &LaxityFormat, side: Side, poses: Poses) -> Res
         return Err(LaxityError::File("no trial below the header; expected one row per measured trial".into()));
     }
     if format.branch_from_load {
-        branches(&mut table.trials);
+        branches::branches(&mut table.trials);
     }
     differences::resolve(&mut table.trials, &counted_from, format.readings)?;
     table.warnings = merged(table.warnings, &table.trials);
@@ -121,22 +123,6 @@ fn merged(warnings: Vec<Notice>, trials: &[LaxityTrial]) -> Vec<Notice> {
     groups.into_iter().filter_map(together).collect()
 }
 
-/// Loading while the load of a test grows from row to row at one flexion, unloading while it falls.
-fn branches(trials: &mut [LaxityTrial]) {
-    for i in 1..trials.len() {
-        let (before, here) = (&trials[i - 1], &trials[i]);
-        let Some(c) = here.test.coordinate() else { continue };
-        if before.test == here.test && before.nominal_flexion_deg == here.nominal_flexion_deg {
-            let grows = here.load[c].abs() >= before.load[c].abs();
-            let first = before.branch.is_none();
-            trials[i].branch = Some(if grows { Branch::Loading } else { Branch::Unloading });
-            if first {
-                trials[i - 1].branch = Some(Branch::Loading);
-            }
-        }
-    }
-}
-
 /// Column numbers by name; refuses what is unknown, missing or doubled.
 fn columns(header: &StringRecord, poses: Poses) -> Result<BTreeMap<String, usize>, LaxityError> {
     let mut required = required_columns();
@@ -148,11 +134,14 @@ fn columns(header: &StringRecord, poses: Poses) -> Result<BTreeMap<String, usize
     let mut found = BTreeMap::new();
     for (i, name) in header.iter().enumerate() {
         if !known.contains(name) && !is_output(name) {
-            let what = format!(
-                "unknown column \"{name}\"{}; expected one of {}. Other names are declared by [laxity_format.NAME.columns] in specimen.toml",
-                did_you_mean(name, &known),
-                known.iter().cloned().collect::<Vec<_>>().join(", ")
-            );
+            let what = match super::headers::declared(name, header.iter()) {
+                Some(is) => format!("unknown column \"{name}\": {is}"),
+                None => format!(
+                    "unknown column \"{name}\"{}; expected one of {}. Other names are declared by [laxity_format.NAME.columns] in specimen.toml",
+                    did_you_mean(name, &known),
+                    known.iter().cloned().collect::<Vec<_>>().join(", ")
+                ),
+            };
             return Err(LaxityError::cell(1, (i + 1).to_string(), what));
         }
         if found.insert(name.to_owned(), i).is_some() {

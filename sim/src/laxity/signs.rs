@@ -1,6 +1,7 @@
 //! Whether the signs of a laxity file are the clinical ones, judged by what every knee does: it goes where it is pushed.
 
 use super::LaxityTrial;
+use super::motion::LEAST_SPREAD;
 use super::read::agrees;
 use crate::coordinate::{AP, Coordinate, IE, SI, VV};
 use notices::{Kind, Notice};
@@ -22,8 +23,6 @@ impl SignDoubt {
     }
 }
 
-/// Loads that differ by less show no direction: VV, IE [N m], AP [N]. A fifth of the smallest of the paper's loads. Ours.
-const LEAST_SPREAD: [(Coordinate, f64); 3] = [(VV, 1.0), (IE, 0.5), (AP, 10.0)];
 /// Words for the positive and the negative sign of each loaded coordinate.
 const WORDS: [(Coordinate, &str, &str); 3] =
     [(VV, "valgus", "varus"), (IE, "external", "internal"), (AP, "anterior", "posterior")];
@@ -41,9 +40,12 @@ const NEAR_SUPPLEMENT_DEG: f64 = 20.0;
 /// What looks turned round, coordinate by coordinate. A file whose loads, displacements and names of tests are all turned is not found.
 pub fn sign_doubts(trials: &[LaxityTrial]) -> Vec<SignDoubt> {
     // what else looks odd follows from it
-    if let Some(shifted) = super::order::shifted(trials) {
-        return vec![shifted];
+    let out_of_step = super::order::shifted(trials).or_else(|| super::lag::late(trials));
+    if let Some(out_of_step) = out_of_step.or_else(|| super::lag::flexion(trials)) {
+        return vec![out_of_step];
     }
+    let exchanged = super::exchanged::sure(trials);
+    let of_both: Vec<String> = exchanged.iter().flat_map(|(_, both)| both.map(Coordinate::column)).collect();
     let mut doubts: Vec<SignDoubt> = WORDS.iter().filter_map(|w| axis(trials, *w)).collect();
     doubts.extend(flexion(trials));
     let mean = |of: &dyn Fn(&LaxityTrial) -> Option<f64>| {
@@ -71,7 +73,9 @@ pub fn sign_doubts(trials: &[LaxityTrial]) -> Vec<SignDoubt> {
         super::doubts::doubts(trials).into_iter().filter(|d| doubts.iter().all(|known| known.column != d.column));
     let more: Vec<SignDoubt> = more.collect();
     doubts.extend(more);
-    doubts
+    // nor does one that stands in another's place
+    doubts.retain(|d| !of_both.contains(&d.column));
+    exchanged.into_iter().map(|(doubt, _)| doubt).chain(doubts).collect()
 }
 
 /// One loaded coordinate: whether displacement follows load, and load follows the names of the tests.

@@ -4,6 +4,11 @@ use super::columns::{LaxityError, known_columns};
 use notices::{Kind, Notice};
 use std::borrow::Cow;
 
+mod robot;
+mod tdms;
+#[cfg(test)]
+mod tests;
+
 /// Lines above the header that may be titles or comments.
 const MOST_TITLES: usize = 50;
 /// Cells of a line that are names of columns, from which on it is the header.
@@ -26,6 +31,10 @@ pub(super) fn text<'a>(
     (skip_lines, declared): (usize, &[String]),
     warnings: &mut Vec<Notice>,
 ) -> Result<Text<'a>, LaxityError> {
+    if tdms::is_tdms(bytes) {
+        let body = robot::table(bytes, declared, warnings)?;
+        return Ok(Text { body: Cow::Owned(body), separator: Some('\t') });
+    }
     let mut known: Vec<String> = known_columns().into_iter().collect();
     known.extend(declared.iter().cloned());
     let table = crate::text::table(bytes, &known).map_err(|kind| {

@@ -188,6 +188,12 @@ fn coarse(path: &str, fibres: &[Fibre]) -> Option<Notice> {
     )
 }
 
+/// An end lies off its bone alone where it is so many times as far off as most ends of its table are, and so many mm: a slip in one number. Ours.
+const ALONE: f64 = 5.0;
+const ALONE_MM: f64 = 6.0;
+/// Most ends: this share of them [-].
+const MOST_ENDS: f64 = 0.8;
+
 /// The bone off whose surface its ends of fibres lie, though the other's lie on theirs; `ends` are those on the femur, then those on the tibia.
 fn on_one_bone(path: &str, ends: &[Point], bones: &Bones) -> Option<Notice> {
     let (femur, tibia) = ends.split_at(ends.len() / 2);
@@ -207,13 +213,15 @@ fn on_one_bone(path: &str, ends: &[Point], bones: &Bones) -> Option<Notice> {
 
 /// Names the fibres of which one end lies far off its bone.
 fn single(path: &str, fibres: &[Fibre], bones: &Bones, warnings: &mut Vec<Notice>) {
-    let limit = OFF_MM * bones.scale;
     let ends = fibres.iter().flat_map(|f| [(f, "femur", &bones.femur, f.femur), (f, "tibia", &bones.tibfib, f.tibia)]);
-    let lost: Vec<String> = ends
-        .filter_map(|(f, name, bone, p)| {
-            let far = bone.nearest(&p).distance;
-            (far > limit).then(|| format!("{} {} ({far:.0} mm off the {name})", f.bundle, f.fibre))
-        })
+    let off: Vec<(&Fibre, &str, f64)> = ends.map(|(f, name, bone, p)| (f, name, bone.nearest(&p).distance)).collect();
+    let mut others: Vec<f64> = off.iter().map(|(_, _, far)| *far).collect();
+    let alone = (ALONE * percentile(&mut others, MOST_ENDS)).max(ALONE_MM * bones.scale);
+    let limit = if fibres.len() > FEWEST { alone.min(OFF_MM * bones.scale) } else { OFF_MM * bones.scale };
+    let lost: Vec<String> = off
+        .iter()
+        .filter(|(_, _, far)| *far > limit)
+        .map(|(f, name, far)| format!("{} {} ({far:.0} mm off the {name})", f.bundle, f.fibre))
         .collect();
     if !lost.is_empty() {
         let shown = lost.iter().take(5).cloned().collect::<Vec<_>>().join(", ");

@@ -175,6 +175,34 @@ fn coordinates_in_coarse_steps_are_told_with_the_step() {
 }
 
 #[test]
+fn one_end_of_a_fibre_off_its_bone_is_told_whichever_it_is() {
+    let head = "bundle,fibre,femur_x_mm,femur_y_mm,femur_z_mm,tibia_x_mm,tibia_y_mm,tibia_z_mm\n";
+    let places = [[0.0, 3.7, 41.8], [41.9, -2.9, 1.3], [-5.3, 41.6, 0.0], [12.4, -40.1, 0.9]];
+    // `out` moves one end, and `all` each, away from the ball on which they lie
+    let said = |moved: usize, out: f64, all: f64| {
+        let at = |k: usize, p: [f64; 3], sign: f64| {
+            let by = sign * (1.0 + (all + if k == moved { out } else { 0.0 }) / 42.0);
+            p.map(|x| format!("{:.3}", by * x)).join(",")
+        };
+        let row =
+            |(k, p): (usize, &[f64; 3])| format!("LCL,{},{},{}\n", k + 1, at(2 * k, *p, 1.0), at(2 * k + 1, *p, -1.0));
+        let text = head.to_owned() + &places.iter().enumerate().map(row).collect::<String>();
+        let specimen = ingest(&with_file("attachments.csv", text.as_bytes()), &IngestOptions::default()).unwrap();
+        let told = |w: &notices::Notice| w.kind == notices::Kind::FibreEndsOffBone;
+        specimen.warnings.into_iter().filter(told).map(|w| w.text).collect::<Vec<_>>()
+    };
+    for moved in 0..2 * places.len() {
+        let words = said(moved, 10.0, 0.0);
+        let end = format!("LCL {} (10 mm off the {})", moved / 2 + 1, ["femur", "tibia"][moved % 2]);
+        let named = |w: &String| w.contains("1 ends of fibres lie off their bone") && w.contains(&end);
+        assert!(words.len() == 1 && words.iter().all(named), "{moved}: {words:?}");
+        assert!(said(moved, 4.0, 0.0).is_empty());
+        // where all lie off a little, one that lies off more is not alone
+        assert!(said(moved, 5.0, 2.0).is_empty());
+    }
+}
+
+#[test]
 fn a_knee_in_another_unit_is_recognised() {
     for (radius, unit) in [(0.042, "metres"), (4.2, "centimetres"), (1.65, "inches"), (42000.0, "micrometres")] {
         let said = refusal(&with_file("ct/femur.stl", &stl_of(&ball(radius))));
