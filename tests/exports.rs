@@ -147,6 +147,75 @@ fn an_abaqus_deck_has_the_hexahedra_of_stage_8_and_comes_back_with_the_same_forc
     assert!(apart < 1e-6, "{apart}");
 }
 
+#[test]
+fn every_row_of_a_laxity_file_becomes_a_main_file_of_the_deck() {
+    let folder = TempDir::new().unwrap();
+    let results = loaded(folder.path());
+    // what simulate was asked, and what it answered: both say which loads and flexions
+    for table in [results.with_file_name("trials.csv"), results] {
+        let out = exported("abaqus", &["--poses", &table.display().to_string()]);
+        let names: Vec<String> =
+            std::fs::read_dir(out.path()).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect();
+        let rows = std::fs::read_to_string(&table).unwrap().lines().count() - 1;
+        assert_eq!((rows, names.iter().filter(|n| n.contains("_trial_")).count()), (16, 16), "{names:?}");
+        for (flexion, ap) in [(20.0, 60.0), (90.0, -60.0)] {
+            let ending = format!("_trial_{}_{flexion}.inp", if ap > 0.0 { "anterior" } else { "posterior" });
+            let main = names.iter().find(|n| n.ends_with(&ending)).unwrap();
+            let read = |name: &str| std::fs::read(out.path().join(name)).map_err(|e| e.to_string());
+            let back = decks::import(main, &mut |name: &str| read(name)).unwrap().spec;
+            let joint = sim::joint::Joint::new(&back.frames, back.side).unwrap();
+            let program = sim::explicit::deck_program(&joint, back.frames.chain.as_ref(), &back.protocols[0]);
+            let step = program.steps.last().unwrap();
+            let at_end = |c: sim::coordinate::Coordinate| match &step.drive[c.index()] {
+                sim::explicit::Drive::Load(course) | sim::explicit::Drive::Motion(course) => course.at(step.duration_s),
+            };
+            assert!((at_end(sim::coordinate::AP) - ap).abs() < 1e-9 * ap.abs(), "{main}");
+            let turned = flexion - joint.ct_pose()[sim::coordinate::FE].to_degrees();
+            assert!((at_end(sim::coordinate::FE).to_degrees() - turned).abs() < 1e-6, "{main}");
+        }
+    }
+}
+
+/// Bundles and a knee with names that mean something to XML, to OpenSim's paths or to Abaqus.
+fn oddly_named() -> PathBuf {
+    let path = model().with_file_name("oddly_named.json");
+    let mut spec = json(model());
+    spec["id"] = "K & \"1\" <left>".into();
+    let names: Vec<serde_json::Value> = spec["bundles"].as_array().unwrap().iter().map(|b| b["name"].clone()).collect();
+    // the last four: collateral and cruciate ligaments show an importer the side
+    for (odd, k) in ["A & B", "<C>", "D/E \"f\"", "a*b"].into_iter().zip(names.len() - 4..) {
+        spec["bundles"][k]["name"] = odd.into();
+        for fibre in spec["fibres"].as_array_mut().unwrap() {
+            if fibre["bundle"] == names[k] {
+                fibre["bundle"] = odd.into();
+            }
+        }
+    }
+    write(&path, serde_json::to_vec(&spec).unwrap());
+    path
+}
+
+#[test]
+fn names_of_any_kind_come_back_from_every_format() {
+    let count = |path: &Path| ["bundles", "fibres"].map(|key| json(path)[key].as_array().unwrap().len());
+    let model = oddly_named();
+    let [plain, jam]: [&[&str]; 2] = [&[], &["--contact", "jam"]];
+    let formats = [
+        ("febio", plain, "import-febio", "model.feb"),
+        ("opensim", jam, "import-opensim", "model.osim"),
+        ("abaqus", plain, "import-abaqus", "_settle_flex.inp"),
+    ];
+    for (format, more, import, ending) in formats {
+        let [out, back] = [TempDir::new().unwrap(), TempDir::new().unwrap()];
+        let mut run = build_model();
+        run.arg("export").arg(&model).args(["--format", format, "--out"]).arg(out.path()).args(more).assert().success();
+        let files = std::fs::read_dir(out.path()).unwrap().map(|e| e.unwrap().path());
+        let main = files.into_iter().find(|p| p.display().to_string().ends_with(ending)).unwrap();
+        build_model().arg(import).arg(main).arg("--out").arg(back.path()).assert().success();
+        assert_eq!(count(&back.path().join("model.json")), count(&model), "{format}");
+    }
+}
+
 /// Forces of one model at one pose, read from two places, agree to within this share [-]: numbers are written so that they come back.
 const SAME_SHARE: f64 = 1e-9;
 
@@ -267,6 +336,49 @@ fn with_straight_contact(folder: &Path) -> PathBuf {
     model["contact"]["pressure_mpa"] = vec![0.0, slope].into();
     write(&path, serde_json::to_vec(&model).unwrap());
     path
+}
+
+/// Pulls of the quadriceps at flexions where the patella lies in its groove [N].
+const PULLED: [(u32, u32); 3] = [(20, 50), (30, 100), (60, 200)];
+
+#[test]
+fn opensim_finds_the_patella_where_it_rests_and_its_tendon_as_tight() {
+    let folder = TempDir::new().unwrap();
+    let knee = folder.path().join("knee");
+    copy(built(), &knee);
+    let mut build = build_model();
+    build.arg("build").arg(&knee).args(["--to", "assemble", "--quiet", "--set", "assemble.patella=generic"]);
+    build.assert().success();
+    let model = knee.join("build/09-assemble/model.json");
+    let mut trials =
+        "trial,test,nominal_flexion_deg,load_vv_nm,load_ie_nm,load_ml_n,load_ap_n,load_si_n,load_quadriceps_n,\
+        fe_deg,vv_deg,ie_deg,ml_mm,ap_mm,si_mm\n"
+            .to_string();
+    for (flexion, tension) in PULLED {
+        trials += &format!("pulled_{flexion},neutral,{flexion},0,0,0,0,100,{tension},{flexion},,,,,\n");
+    }
+    let [asked, found] = ["trials.csv", "results.csv"].map(|name| folder.path().join(name));
+    write(&asked, trials);
+    build_model().arg("simulate").arg(&model).arg("--trials").arg(&asked).arg("--out").arg(&found).assert().success();
+    for contact in ["elastic", "jam"] {
+        let out = folder.path().join(contact);
+        let mut run = build_model();
+        run.arg("export").arg(&model).args(["--format", "opensim", "--contact", contact, "--out"]).arg(&out);
+        run.assert().success().stderr(predicates::str::contains("the patella is a body there"));
+        let osim = std::fs::read_to_string(out.join("model.osim")).unwrap();
+        for part in ["<Body name=\"patella\">", "<FreeJoint name=\"patellofemoral\">", "name=\"patella_on_trochlea\""] {
+            assert_eq!(osim.matches(part).count(), 1, "{contact}: {part}");
+        }
+    }
+    // JAM's contact is not OpenSim's own
+    let [elastic, model, found] = [&folder.path().join("elastic"), &model, &found].map(|p| p.display().to_string());
+    reads("opensim_finds_the_patella", "opensim_patella.py", &[&elastic, &model, &found]);
+    // an importer finds the knee alone, and tells of the rest
+    let back = folder.path().join("back");
+    let jam = folder.path().join("jam/model.osim");
+    build_model().arg("import-opensim").arg(jam).arg("--out").arg(&back).assert().success();
+    let count = |path: &Path| ["bundles", "fibres"].map(|key| json(path)[key].as_array().unwrap().len());
+    assert_eq!(count(&back.join("model.json")), count(Path::new(&model)));
 }
 
 /// Both models answer the same loaded trials alike, within so many mm, deg or N and that share.

@@ -3,11 +3,14 @@
 mod menisci;
 mod parts;
 
+use crate::names::written_names;
+use crate::programs;
 use meshes::frame::Side;
 use notices::{Kind, Notice};
 use sim::SimError;
 use sim::deck::{Amplitude, ChainCoordinate, Control, ControlKind, Curve, DeckProtocol, DeckStep};
 use sim::joint::Joint;
+use sim::laxity::LaxityTrial;
 use sim::mesh::MeshValue;
 use sim::spec::ModelSpec;
 use std::collections::BTreeMap;
@@ -27,12 +30,26 @@ pub struct ExportedDeck {
 /// Writes `spec` as an Abaqus deck; `meshes` by the paths that `spec` names.
 ///
 /// Bones and contact faces become rigid triangles (R3D3), cartilage C3D8R or C3D4; a cartilage mesh that is not given is
-/// left out with a warning, since contact does not need it. A model without protocols gets one: settle under 20 N, flex to 30 deg.
+/// left out with a warning, since contact does not need it. The main files are the model's own protocols; where it has none, settling under 20 N
+/// and flexion to 30 deg. After them come the paper's protocols: AP laxity at each flexion, passive flexion, pivot shift.
 ///
 /// # Errors
 /// A bone or contact face that is not given or is no surface; frames that make no joint; amplitudes of one name that differ.
 pub fn export(spec: &ModelSpec, meshes: &BTreeMap<String, MeshValue>) -> Result<ExportedDeck, SimError> {
+    export_with(spec, meshes, &[])
+}
+
+/// [`export`] with a main file more for each of the trials: settled, then flexed and loaded as the trial says.
+///
+/// # Errors
+/// As [`export`].
+pub fn export_with(
+    spec: &ModelSpec,
+    meshes: &BTreeMap<String, MeshValue>,
+    trials: &[LaxityTrial],
+) -> Result<ExportedDeck, SimError> {
     let mut warnings = Vec::new();
+    let spec = &renamed(spec, &mut warnings);
     let joint = Joint::new(&spec.frames, spec.side)?;
     let geometry = parts::geometry(spec, meshes, &mut warnings)?;
     let mut files = vec![
@@ -59,14 +76,56 @@ pub fn export(spec: &ModelSpec, meshes: &BTreeMap<String, MeshValue>) -> Result<
                 .count(spec.components.len()),
         );
     }
-    let given = if spec.protocols.is_empty() { vec![settle_and_flex(spec, &joint)] } else { spec.protocols.clone() };
-    let mut mains = Vec::new();
-    for protocol in &given {
-        let name = format!("{}.inp", file_stem(&protocol.name));
-        files.push((name.clone(), main_file(spec, protocol)?));
+    let mut mains: Vec<String> = Vec::new();
+    for protocol in all_protocols(spec, &joint, trials) {
+        let name = free_name(&file_stem(&protocol.name), &mains);
+        files.push((name.clone(), main_file(spec, &protocol)?));
         mains.push(name);
     }
+    warnings.extend(without_quadriceps(trials));
     Ok(ExportedDeck { files, mains, warnings })
+}
+
+/// The model with its bundles called as a deck can call them: Abaqus reads commas, brackets and stars as its own, and takes no heed of case.
+fn renamed(spec: &ModelSpec, warnings: &mut Vec<Notice>) -> ModelSpec {
+    let names = written_names(spec, |c| c.is_ascii_alphanumeric() || c == '_');
+    let name = |ours: &String| names.get(ours).unwrap_or(ours).clone();
+    let mut out = spec.clone();
+    out.bundles.iter_mut().for_each(|b| b.name = name(&b.name));
+    out.fibres.iter_mut().for_each(|f| f.bundle = name(&f.bundle));
+    out.toe_end_multiple = spec.toe_end_multiple.iter().map(|(key, value)| (name(key), *value)).collect();
+    let changed: Vec<String> =
+        names.iter().filter(|(a, b)| a != b).map(|(a, b)| format!("{a} is called {b}")).collect();
+    if !changed.is_empty() {
+        let text = format!("names of bundles that a deck cannot have: {}", changed.join(", "));
+        warnings.push(Kind::NotInFormat.notice(text).count(changed.len()));
+    }
+    out
+}
+
+/// The model's own protocols or the one for a model that brings none, those of the paper that it does not bring itself, then the trials.
+fn all_protocols(spec: &ModelSpec, joint: &Joint, trials: &[LaxityTrial]) -> Vec<DeckProtocol> {
+    let own = if spec.protocols.is_empty() { vec![settle_and_flex(spec, joint)] } else { spec.protocols.clone() };
+    let of_the_paper = programs::of_the_paper(spec, joint);
+    let brought = |name: &str| own.iter().any(|p| file_stem(&p.name).eq_ignore_ascii_case(&file_stem(name)));
+    let more: Vec<DeckProtocol> = of_the_paper.into_iter().filter(|p| !brought(&p.name)).collect();
+    let of_trials = trials.iter().map(|t| programs::of_trial(spec, joint, t));
+    own.iter().cloned().chain(more).chain(of_trials).collect()
+}
+
+/// A main file's name that none has yet, whatever the case of its letters: "a b" and "A/B" are one name for a file system.
+fn free_name(stem: &str, taken: &[String]) -> String {
+    let is_free = |name: &String| !taken.iter().any(|t| t.eq_ignore_ascii_case(name));
+    let numbered = (2..).map(|n| format!("{stem}_{n}.inp"));
+    std::iter::once(format!("{stem}.inp")).chain(numbered).find(is_free).unwrap_or_default()
+}
+
+/// What is said of trials in which the quadriceps pull.
+fn without_quadriceps(trials: &[LaxityTrial]) -> Option<Notice> {
+    let pulled = trials.iter().filter(|t| t.quadriceps_n != 0.0).count();
+    let text =
+        format!("{pulled} trials have a pull of the quadriceps; their decks are without it, as no deck has a patella");
+    (pulled > 0).then(|| Kind::NotInFormat.notice(text).count(pulled))
 }
 
 /// The number in at most 20 characters, Abaqus' limit: shortest exact where that fits.
@@ -127,8 +186,10 @@ fn settle_and_flex(spec: &ModelSpec, joint: &Joint) -> DeckProtocol {
 
 /// The file that is run: includes, amplitudes, steps.
 fn main_file(spec: &ModelSpec, protocol: &DeckProtocol) -> Result<String, SimError> {
-    let mut out =
-        format!("*HEADING\n{}\n** mm, N, s, tonne, MPa, rad\n", spec.id.replace(['\n', '\r', ','], " ").trim());
+    let mut out = format!(
+        "*HEADING\n{}\n** mm, N, s, tonne, MPa, rad\n",
+        spec.id.replace(['\n', '\r', ',', '<', '>', '*'], " ").trim()
+    );
     for quirk in &protocol.quirks {
         let _ = writeln!(out, "** {quirk}");
     }

@@ -26,15 +26,18 @@ pub mod known;
 mod ligaments;
 mod lines;
 pub mod model;
+mod names;
 pub mod opensim;
 mod place;
+mod programs;
 mod sets;
 mod steps;
 mod tree;
 mod variant;
 
-pub use export::{ExportedDeck, export};
+pub use export::{ExportedDeck, export, export_with};
 pub use import::{ImportedDeck, import};
+pub use names::written_names;
 pub use variant::{lower_cartilage, replace_fibres};
 
 /// What is wrong with a deck: file, line, what was expected.

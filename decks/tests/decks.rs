@@ -11,7 +11,7 @@ use sim::mesh::MeshValue;
 use sim::spec::*;
 use std::collections::BTreeMap;
 
-fn knee() -> (ModelSpec, BTreeMap<String, MeshValue>) {
+pub(crate) fn knee() -> (ModelSpec, BTreeMap<String, MeshValue>) {
     let frame = |z: f64| AnatomicalFrame {
         origin: Point::new(0.5, 0.25, z),
         medial: Vector::new(1.0, 0.0, 0.0),
@@ -93,7 +93,7 @@ fn knee() -> (ModelSpec, BTreeMap<String, MeshValue>) {
     (spec, meshes)
 }
 
-fn read_back(files: &BTreeMap<String, String>, main: &str) -> Result<ImportedDeck, decks::DeckError> {
+pub(crate) fn read_back(files: &BTreeMap<String, String>, main: &str) -> Result<ImportedDeck, decks::DeckError> {
     import(main, &mut |name: &str| {
         files.get(name).map(|t| t.clone().into_bytes()).ok_or_else(|| "no such file".to_owned())
     })

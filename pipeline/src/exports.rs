@@ -7,14 +7,14 @@ use crate::told::{ExportTold, ModelTold, Told, schemas};
 use crate::which_model::WhichModel;
 use decks::opensim::thickened;
 use meshes::Isometry;
-use meshes::hex::HexMesh;
 use meshes::surface::TriMesh;
 use notices::{Kind, Notice};
 use sim::ligament::{Bundle, of_fibres};
-use sim::mesh::{MeshValue, TetMesh};
+use sim::mesh::MeshValue;
 use sim::spec::BundleSpec;
 use std::path::Path;
 
+mod abaqus;
 mod beside;
 mod edited;
 mod febio;
@@ -51,11 +51,14 @@ pub enum OpensimContact {
     Jam,
 }
 
+/// What is said of a patella that acts, in an OpenSim model.
+const PATELLA_OFF: &str = "the patella is a body there, locked and with its forces switched off, as it acts under a pull of the quadriceps alone: unlock its coordinates, set appliesForce of its forces, and give each head the whole tension as its control; the bone beside the trochlea is left out";
+
 /// A file name and what is in it.
 type File = (String, Vec<u8>);
 
-/// `export`: a model as other programs read it, in `out`; `poses` (results of `simulate`) make a time series of VTK files. Files there that were changed
-/// since an export wrote them are written over by `force` alone.
+/// `export`: a model as other programs read it, in `out`. `poses` (results of `simulate`) make a time series of VTK files, or a main file a row of an
+/// Abaqus deck. Files there that were changed since an export wrote them are written over by `force` alone.
 pub fn export(
     (model, which): (&Path, &WhichModel),
     (format, contact): (Format, Option<OpensimContact>),
@@ -63,28 +66,17 @@ pub fn export(
     out: &Path,
     force: bool,
 ) -> Result<Told, BuildError> {
-    if poses.is_some() && format != Format::Vtk {
-        return Err(BuildError::Usage("--poses goes with --format vtk".into()));
+    if poses.is_some() && ![Format::Vtk, Format::Abaqus].contains(&format) {
+        return Err(BuildError::Usage("--poses goes with --format vtk or abaqus".into()));
     }
     if contact.is_some() && format != Format::Opensim {
         return Err(BuildError::Usage("--contact goes with --format opensim".into()));
     }
     let contact = contact.unwrap_or_default();
     let mut loaded = load_which(model, which)?;
-    let lacking = if format == Format::Abaqus { solids(&mut loaded)? } else { vec![] };
     let left = left_out(&loaded.spec, "export");
     let (mut files, mut warnings): (Vec<File>, Vec<Notice>) = match (format, poses) {
-        (Format::Abaqus, _) => {
-            let deck = decks::export(&loaded.spec, &loaded.meshes).map_err(|e| BuildError::in_file(model, e))?;
-            let warnings =
-                deck.warnings.into_iter().filter(|w| !lacking.iter().any(|path| w.file.as_ref() == Some(path)));
-            let lacking = lacking.iter().map(|path| {
-                Kind::SolidMissing.notice(format!(
-                    "{path} is not there: its cartilage is left out of the deck as a solid (contact does not need it)"
-                )).file(path)
-            });
-            (texts(deck.files), warnings.chain(lacking).collect())
-        }
+        (Format::Abaqus, asked) => abaqus::files(&mut loaded, model, asked)?,
         (Format::Febio, _) => (febio::files(&loaded)?, febio::warnings(&loaded)),
         (Format::Opensim, _) => (opensim::files(&loaded, contact)?, opensim::warnings(&loaded, contact)),
         (Format::Vtk, None) => {
@@ -100,7 +92,16 @@ pub fn export(
         let beside = carried(&loaded)?;
         if !beside.is_empty() {
             let but = if loaded.spec.menisci.is_empty() { "" } else { "; the menisci that act are parts of their own" };
-            warnings.push(Kind::NotInFormat.notice(format!("patella and menisci lie in carried/ as surfaces in the model's frame; no contact or ligament of the model knows them{but}")));
+            let known =
+                if loaded.spec.patella.is_some() { "" } else { "; no contact or ligament of the model knows them" };
+            let text = format!("patella and menisci lie in carried/ as surfaces in the model's frame{known}{but}");
+            warnings.push(Kind::NotInFormat.notice(text));
+        }
+        if loaded.spec.patella.is_some() {
+            warnings.push(Kind::NotInFormat.notice(match format {
+                Format::Opensim => PATELLA_OFF,
+                _ => "the patella acts in the model under a pull of the quadriceps; here it is left out",
+            }));
         }
         files.extend(beside);
         if let Some(wraps) = loaded.wraps() {
@@ -129,33 +130,6 @@ pub fn export(
         notices: warnings.clone(),
     };
     Ok(Told::words(words).odd(warnings).with(&data))
-}
-
-/// Reads the cartilage solids that the model names into its meshes; gives the paths of those that are not there.
-fn solids(model: &mut LoadedModel) -> Result<Vec<String>, BuildError> {
-    let named: Vec<String> =
-        model.spec.bodies.iter().filter(|b| b.acts()).flat_map(|b| b.cartilage.iter().cloned()).collect();
-    let mut lacking = Vec::new();
-    for name in named {
-        let place = model.folder.join(&name);
-        if !store::exists(&place) {
-            lacking.push(name);
-            continue;
-        }
-        let read = formats::vtk::read_solids(&store::read(&place)?).map_err(|e| BuildError::in_file(&place, e))?;
-        let mesh = match read.tetrahedra.is_empty() {
-            true => MeshValue::Hex(HexMesh { nodes: read.nodes, elements: read.hexahedra, ..HexMesh::default() }),
-            false if read.hexahedra.is_empty() => {
-                MeshValue::Tet(TetMesh { nodes: read.nodes, elements: read.tetrahedra })
-            }
-            false => {
-                let what = "hexahedra and tetrahedra in one mesh; expected one kind throughout";
-                return Err(BuildError::in_file(&place, what));
-            }
-        };
-        model.meshes.insert(name, mesh);
-    }
-    Ok(lacking)
 }
 
 fn texts(files: Vec<(String, String)>) -> Vec<File> {

@@ -150,7 +150,10 @@ def abaqus(folder):
 
     alone = meshio.read(folder / "geometry.inp")
     _abaqus.abaqus_to_meshio_type.update({"MASS": "vertex", "ROTARYI": "vertex", "CONN3D2": "line"})
-    (main,) = [p for p in folder.glob("*.inp") if "*STEP" in p.read_text()]
+    mains = sorted(p for p in folder.glob("*.inp") if "*STEP" in p.read_text())
+    # the paper's protocols: three flexions of AP laxity, passive flexion, the pivot shift; and settling with flexion
+    assert len(mains) == 6, mains
+    (main,) = [p for p in mains if p.stem.endswith("_settle_flex")]
     included = [line.split("=")[1] for line in main.read_text().splitlines() if line.startswith("*INCLUDE") and "contact" not in line]
     blocks = [("*" + b).splitlines() for name in included for b in (folder / name).read_text().replace("\n**", "\n#").split("\n*")]
     blocks = [[line.lstrip("*") if k else "*" + line.lstrip("*") for k, line in enumerate(b) if not line.startswith("#")] for b in blocks]

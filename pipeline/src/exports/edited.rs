@@ -36,7 +36,7 @@ pub(super) fn guarded(out: &Path, files: &mut [File], force: bool) -> Result<(),
             "{} is not as the last export here left it, so it is not written over; give a new folder, move that file away, or add --force",
             place.display()
         );
-        return Err(BuildError::of_file(&place, told));
+        return Err(BuildError::edited(&place, told));
     }
     digests.extend(files.iter().filter(|f| f.0 != SOURCE).map(|(name, bytes)| (name.clone(), record::hash(bytes))));
     for (_, bytes) in files.iter_mut().filter(|f| f.0 == SOURCE) {
@@ -96,7 +96,9 @@ mod tests {
                 if name == SOURCE {
                     continue; // it is the program's own
                 }
-                let told = refused.unwrap_err().to_string();
+                let error = refused.unwrap_err();
+                assert!(crate::output::advice(&error).contains("--force"));
+                let told = error.to_string();
                 assert!(told.contains(&path.display().to_string()) && told.contains("--force"), "{told}");
                 assert_eq!(store::read(&path).unwrap(), b"by hand");
             }

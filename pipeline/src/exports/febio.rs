@@ -7,6 +7,7 @@ mod menisci;
 use super::{File, bent, contact_name, contact_stiffness, law_of, named};
 use crate::error::BuildError;
 use crate::model_file::LoadedModel;
+use crate::report::html::escaped;
 use meshes::Point;
 use notices::{Kind, Notice};
 use sim::spec::BundleSpec;
@@ -214,7 +215,7 @@ fn fibres(model: &LoadedModel, nodes: usize) -> Result<Fibres, BuildError> {
             )));
         };
         let count = all.iter().filter(|f| f.bundle == fibre.bundle).count();
-        let name = format!("{}_{}", bundle.name, k + 1);
+        let name = escaped(&format!("{}_{}", bundle.name, k + 1));
         let _ = writeln!(
             out.sets,
             "<DiscreteSet name=\"{name}\"><delem>{},{}</delem></DiscreteSet>",

@@ -8,6 +8,7 @@
 use super::{File, OpensimContact, bent, contact_name, contact_stiffness, law_of, named, thickened};
 use crate::error::BuildError;
 use crate::model_file::LoadedModel;
+use crate::report::html::escaped;
 use decks::opensim::ANATOMICAL;
 use meshes::frame::{AnatomicalFrame, Side};
 use meshes::surface::TriMesh;
@@ -25,6 +26,7 @@ const THICKENED_MM: f64 = 4.0;
 const LINK_KG: f64 = 0.01;
 
 mod jam;
+mod patella;
 
 /// What the file does otherwise than the model.
 pub(super) fn warnings(model: &LoadedModel, contact: OpensimContact) -> Vec<Notice> {
@@ -54,7 +56,9 @@ const COMPARED_TOES: f64 = 4.0;
 pub(super) fn files(model: &LoadedModel, contact: OpensimContact) -> Result<Vec<File>, BuildError> {
     let fault = |e: sim::SimError| BuildError::in_file(&model.folder, e);
     let joint = Joint::new(&model.spec.frames, model.spec.side).map_err(fault)?;
-    let mut files = vec![("model.osim".to_owned(), document(model, &joint, contact)?.into_bytes())];
+    let patella = patella::parts(model, contact);
+    let mut files = vec![("model.osim".to_owned(), document(model, &joint, contact, &patella)?.into_bytes())];
+    files.extend(patella.files);
     if contact == OpensimContact::Jam {
         files.extend(jam::backs(model).map(|(name, mesh)| (format!("Geometry/{name}"), obj(mesh).into_bytes())));
     }
@@ -66,8 +70,14 @@ pub(super) fn files(model: &LoadedModel, contact: OpensimContact) -> Result<Vec<
     Ok(files)
 }
 
-fn document(model: &LoadedModel, joint: &Joint, law: OpensimContact) -> Result<String, BuildError> {
-    let id = model.spec.id.replace(['<', '>', '&', '"'], "_");
+fn document(
+    model: &LoadedModel,
+    joint: &Joint,
+    law: OpensimContact,
+    patella: &patella::Parts,
+) -> Result<String, BuildError> {
+    let id: String = model.spec.id.chars().map(|c| if is_of_a_name(c) { c } else { '_' }).collect();
+    let id = escaped(&id);
     let mut out = format!(
         "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<OpenSimDocument Version=\"40600\">\n<Model name=\"{id}\">\n\
          <gravity>0 0 0</gravity><length_units>meters</length_units><force_units>N</force_units>\n\
@@ -84,13 +94,16 @@ fn document(model: &LoadedModel, joint: &Joint, law: OpensimContact) -> Result<S
         let shown = if is_femur { geometry(model, true, "/bodyset/femur") } else { String::new() };
         let frame = |name: &str| anatomical(&model.spec.frames.femur, model.spec.side, name);
         let frame = if is_femur { frame("/bodyset/femur") } else { String::new() };
+        let wraps = if is_femur { patella.wraps.as_str() } else { "" };
         let _ = writeln!(
             out,
-            "<Body name=\"{name}\">{frame}<mass>{mass:?}</mass><mass_center>0 0 0</mass_center><inertia>{inertia:?} {inertia:?} {inertia:?} 0 0 0</inertia><attached_geometry>{shown}</attached_geometry></Body>"
+            "<Body name=\"{name}\">{frame}<mass>{mass:?}</mass><mass_center>0 0 0</mass_center><inertia>{inertia:?} {inertia:?} {inertia:?} 0 0 0</inertia>{wraps}<attached_geometry>{shown}</attached_geometry></Body>"
         );
     }
+    out += &patella.body;
     out += "</objects></BodySet>\n<JointSet name=\"jointset\"><objects>\n";
     out += &joints(joint);
+    out += &patella.joint;
     out += "</objects></JointSet>\n<ContactGeometrySet name=\"contactgeometryset\"><objects>\n";
     for n in named(model).iter().filter(|n| !n.bone) {
         let frame = if n.femur { "/bodyset/femur" } else { "/ground" };
@@ -104,28 +117,43 @@ fn document(model: &LoadedModel, joint: &Joint, law: OpensimContact) -> Result<S
             n.name
         );
     }
+    out += &patella.geometry;
     out += "</objects></ContactGeometrySet>\n<ForceSet name=\"forceset\"><objects>\n";
     out += &ligaments(model)?;
     out += &match law {
         OpensimContact::Elastic => contact(model),
         OpensimContact::Jam => jam::forces(model),
     };
+    out += &patella.forces;
     out += "</objects></ForceSet>\n</Model>\n</OpenSimDocument>\n";
     Ok(out)
 }
 
+/// Whether a name of OpenSim may have a letter: these part its paths, or are refused.
+fn is_of_a_name(c: char) -> bool {
+    !c.is_whitespace() && !c.is_control() && !"\\/*+".contains(c)
+}
+
 /// A frame as OpenSim has one: x forwards, y to the head, z to the right.
 fn anatomical(frame: &AnatomicalFrame, side: Side, body: &str) -> String {
-    let right = if side == Side::Left { frame.medial } else { -frame.medial };
-    let turn = Matrix3::from_columns(&[frame.anterior, frame.superior, right]);
-    // x-y-z angles; the first is taken off before the others are read, so that they are exact where the second is a right angle
-    let x = (-turn[(1, 2)]).atan2(turn[(2, 2)]);
-    let rest = Rotation3::from_axis_angle(&Vector::x_axis(), -x).into_inner() * turn;
-    let (y, z) = (rest[(0, 2)].atan2(rest[(2, 2)]), rest[(1, 0)].atan2(rest[(1, 1)]));
+    let [x, y, z] = angles(&turned(frame, side));
     format!(
         "<components><PhysicalOffsetFrame name=\"{ANATOMICAL}\"><socket_parent>{body}</socket_parent><translation>{}</translation><orientation>{x:?} {y:?} {z:?}</orientation></PhysicalOffsetFrame></components>",
         metres(&frame.origin)
     )
+}
+
+/// Forwards, to the head and to the right: what a frame's axes are for OpenSim.
+fn turned(frame: &AnatomicalFrame, side: Side) -> Matrix3<f64> {
+    let right = if side == Side::Left { frame.medial } else { -frame.medial };
+    Matrix3::from_columns(&[frame.anterior, frame.superior, right])
+}
+
+/// The x-y-z angles of a rotation [rad]; the first is taken off before the others are read, so that they are exact where the second is a right angle.
+fn angles(turn: &Matrix3<f64>) -> [f64; 3] {
+    let x = (-turn[(1, 2)]).atan2(turn[(2, 2)]);
+    let rest = Rotation3::from_axis_angle(&Vector::x_axis(), -x).into_inner() * turn;
+    [x, rest[(0, 2)].atan2(rest[(2, 2)]), rest[(1, 0)].atan2(rest[(1, 1)])]
 }
 
 /// The chain: the axes' rotations and shifts turned so that coordinates have clinical signs.
@@ -183,6 +211,7 @@ fn axes(kind: &str, coordinate: &str, along: &Vector) -> String {
 fn ligaments(model: &LoadedModel) -> Result<String, BuildError> {
     let mut out = String::new();
     let mut number = std::collections::BTreeMap::new();
+    let names = decks::written_names(&model.spec, is_of_a_name);
     for fibre in &model.spec.fibres {
         let Some(bundle) = model.spec.bundles.iter().find(|b| b.name == fibre.bundle) else {
             return Err(BuildError::File(format!(
@@ -215,7 +244,7 @@ fn ligaments(model: &LoadedModel) -> Result<String, BuildError> {
             "<Blankevoort1991Ligament name=\"{0}_{n}\"><linear_stiffness>{stiffness:?}</linear_stiffness><transition_strain>{transition:?}</transition_strain>\
              <damping_coefficient>0</damping_coefficient><slack_length>{1:?}</slack_length>\
              <path><GeometryPath name=\"path\"><PathPointSet name=\"PathPointSet\"><objects>{2}{3}</objects></PathPointSet></GeometryPath></path></Blankevoort1991Ligament>",
-            bundle.name,
+            escaped(&names[&bundle.name]),
             slack * 1e-3,
             point("tibia", "/ground", &fibre.tibia),
             point("femur", "/bodyset/femur", &fibre.femur)

@@ -51,6 +51,12 @@ pub(super) fn markups(path: &Path, bytes: Vec<u8>, filled: &mut Filled) -> Place
 pub(super) fn table(path: &Path, bytes: Vec<u8>, known: &BTreeMap<Role, TriMesh>, filled: &mut Filled) -> Placed {
     let from = path.display().to_string();
     let names = COLUMNS.map(String::from);
+    if from.to_lowercase().ends_with(".tdms") {
+        let stem = path.file_stem().map(|s| s.to_string_lossy().to_lowercase()).unwrap_or_default();
+        let to = format!("laxity/{stem}.tdms");
+        filled.paths.insert(("laxity".into(), stem), to.clone());
+        return Placed { from, to: Some(to), why: "channels of a robot or an apparatus".into(), line: None, bytes };
+    }
     let (text, ending) = match sim::text::table(&bytes, &names) {
         // a workbook's rows as they would stand in a CSV
         Ok(table) if table.separator.is_some() => (table.text.replace(';', ","), "xlsx"),

@@ -10,7 +10,6 @@ use meshes::surface::TriMesh;
 use sim::contact::layer::confined_modulus;
 use sim::mesh::MeshValue;
 use sim::spec::{LayerLaw, LayerSpec};
-use std::fmt::Write;
 
 /// Thickness of each layer [mm] and Poisson's ratio [-] where the model has a table: usual ones of cartilage [blankevoort1991b].
 const THICKNESS_MM: f64 = 2.0;
@@ -44,22 +43,27 @@ pub(super) fn mesh(model: &LoadedModel, named: &Named<'_>, frame: &str) -> Strin
         .find(|(path, femur)| *femur == named.femur && contact_name(model, path, *femur) == *name)
         .map(|(path, _)| path);
     let layer = model.spec.contact.layer.as_ref();
-    let (modulus, poisson) = match layer {
-        Some(l) => (l.youngs_modulus_mpa, l.poissons_ratio),
-        None => {
-            let confined = contact_stiffness(model) * 2.0 * THICKNESS_MM;
-            (confined / confined_modulus(1.0, POISSONS_RATIO), POISSONS_RATIO)
-        }
-    };
+    let Some(layer) = layer else { return by_table(name, frame, contact_stiffness(model)) };
     let back = |l: &LayerSpec| {
         path.filter(|p| l.bony_faces.contains_key(*p)).map(|p| (back_file(model, p), l.least_thickness_mm))
     };
-    let varying = layer.and_then(back).map_or(String::new(), |(file, least)| {
+    let varying = back(layer).map_or(String::new(), |(file, least)| {
         format!(
             "<use_variable_thickness>true</use_variable_thickness><mesh_back_file>{file}</mesh_back_file><min_thickness>{:?}</min_thickness><max_thickness>{THICKEST_M:?}</max_thickness>",
             least * 1e-3
         )
     });
+    written(name, frame, [layer.youngs_modulus_mpa, layer.poissons_ratio], &varying)
+}
+
+/// A contact mesh that presses by the end of a table [MPa/mm], as one of two alike.
+pub(super) fn by_table(name: &str, frame: &str, stiffness: f64) -> String {
+    let confined = stiffness * 2.0 * THICKNESS_MM;
+    written(name, frame, [confined / confined_modulus(1.0, POISSONS_RATIO), POISSONS_RATIO], "")
+}
+
+/// With modulus [MPa] and Poisson's ratio [-].
+fn written(name: &str, frame: &str, [modulus, poisson]: [f64; 2], varying: &str) -> String {
     format!(
         "<Smith2018ContactMesh name=\"{name}\"><socket_frame>{frame}</socket_frame><location>0 0 0</location><orientation>0 0 0</orientation>\
          <socket_scale_frame>{frame}</socket_scale_frame><mesh_file>{name}.obj</mesh_file><elastic_modulus>{:?}</elastic_modulus><poissons_ratio>{poisson:?}</poissons_ratio>\
@@ -76,12 +80,15 @@ pub(super) fn forces(model: &LoadedModel) -> String {
     let mut out = String::new();
     for (k, pair) in model.spec.contact.pairs.iter().enumerate() {
         let (femur, tibia) = (contact_name(model, &pair.femur, true), contact_name(model, &pair.tibia, false));
-        let _ = writeln!(
-            out,
-            "<Smith2018ArticularContactForce name=\"contact_{}\"><socket_target_mesh>/contactgeometryset/{tibia}</socket_target_mesh><socket_casting_mesh>/contactgeometryset/{femur}</socket_casting_mesh>\
-             <min_proximity>0</min_proximity><max_proximity>{DEEPEST_M:?}</max_proximity><elastic_foundation_formulation>{law}</elastic_foundation_formulation><use_lumped_contact_model>true</use_lumped_contact_model></Smith2018ArticularContactForce>",
-            k + 1
-        );
+        out += &force(&format!("contact_{}", k + 1), [&femur, &tibia], (law, ""));
     }
     out
+}
+
+/// A contact force by one mesh on another; `more` stands before its numbers.
+pub(super) fn force(name: &str, [casting, target]: [&str; 2], (law, more): (&str, &str)) -> String {
+    format!(
+        "<Smith2018ArticularContactForce name=\"{name}\">{more}<socket_target_mesh>/contactgeometryset/{target}</socket_target_mesh><socket_casting_mesh>/contactgeometryset/{casting}</socket_casting_mesh>\
+         <min_proximity>0</min_proximity><max_proximity>{DEEPEST_M:?}</max_proximity><elastic_foundation_formulation>{law}</elastic_foundation_formulation><use_lumped_contact_model>true</use_lumped_contact_model></Smith2018ArticularContactForce>\n"
+    )
 }
