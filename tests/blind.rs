@@ -20,16 +20,18 @@ fn size(kind: &str) -> f64 {
     if kind.ends_with("_wrap") { 1.0 } else { 2.0 }
 }
 
-/// Drawer, rotation and tilt both ways in extension, where the capsule is taut, and in flexion, by a tracker without noise.
+/// Drawer, rotation and tilt both ways in extension, where the capsule is taut, and in flexion, and there drawers of a turned knee, by a tracker without noise.
 fn plan() -> Vec<Planned> {
-    let at = |flexion: f64, axis: usize, size: f64| {
-        let mut load = [0.0, 0.0, 0.0, 0.0, 20.0];
-        load[axis] += size;
-        let condition = format!("{flexion} {axis} {size}");
+    let under = |flexion: f64, [vv, ie, ap]: [f64; 3]| {
+        let condition = format!("{flexion} {vv} {ie} {ap}");
+        let load = [vv, ie, 0.0, ap, 20.0];
         Planned { source: "all".into(), condition, flexion_deg: flexion, load, sd: [1e-6; 5] }
     };
-    let loads = [(3, 134.0), (3, -134.0), (1, 5.0), (1, -5.0), (0, 10.0), (0, -10.0)];
-    [-5.0, 80.0].into_iter().flat_map(|flexion| loads.map(|(axis, size)| at(flexion, axis, size))).collect()
+    let each = [[0.0, 0.0, 134.0], [0.0, 5.0, 0.0], [10.0, 0.0, 0.0]];
+    let loads = each.into_iter().flat_map(|load| [load, load.map(|x| -x)]);
+    let single = [-5.0, 80.0].into_iter().flat_map(|flexion| loads.clone().map(move |load| (flexion, load)));
+    let turned = [5.0, -5.0].map(|ie| (80.0, [0.0, ie, 134.0]));
+    single.chain(turned).map(|(flexion, load)| under(flexion, load)).collect()
 }
 
 /// What can be hidden beside the first fifteen kinds, by the name that is asked for.
@@ -188,4 +190,16 @@ fn a_kind_that_nobody_knows_is_refused_with_the_names_that_there_are() {
     for option in ["--wide", "--surfaces", "--laboratory", "--every-kind", "attachment_ACL"] {
         assert!(said.contains(option), "{option}: {said}");
     }
+}
+
+#[test]
+fn an_answer_tells_its_regret_where_that_is_asked_and_never_with_the_truth_struck() {
+    let help = build_model().args(["blind", "answer", "--help"]).assert().success();
+    assert!(String::from_utf8(help.get_output().stdout.clone()).unwrap().contains("--regret"));
+    let folder = TempDir::new().unwrap();
+    let mut both = build_model();
+    both.args(["blind", "answer"]).arg(built().join("build/09-assemble/model.json")).arg(folder.path());
+    let refused = both.args(["--regret", "--struck", "--out"]).arg(folder.path().join("answers")).assert().failure();
+    let said = String::from_utf8(refused.get_output().stderr.clone()).unwrap();
+    assert!(said.contains("--regret") && said.contains("--struck"), "{said}");
 }

@@ -149,7 +149,7 @@ mod tests {
 
     #[test]
     fn every_kind_has_its_turn_and_one_that_nobody_knows_is_told_the_others() {
-        let all: BTreeSet<String> = every_kind(30).into_iter().collect();
+        let all: BTreeSet<String> = every_kind(34).into_iter().collect();
         assert_eq!(all.len(), KINDS.len() + FURTHER.len() + 1);
         let mut random = ChaCha8Rng::seed_from_u64(1);
         let told = effects(("gravitty", 1.0), &["kla".to_owned()], &mut random).unwrap_err().to_string();

@@ -1,13 +1,13 @@
 //! Effects of the catalogue beside the first fifteen kinds, in forms of the laboratory's own.
 
 use crate::asked::{Asked, Hidden, Size};
-use crate::pose::{Pose, about, components, pose, read};
+use crate::pose::{Five, Pose, about, components, pose, read};
 use nalgebra::Vector3;
 
 /// Name, parameters, and whether it belongs to the knee, thus to every data set. Sizes are about those that an analysis expects.
 ///
 /// A `structure_loss` has its share drawn from 0.3 to 1. A `load_sign` is turned in full. A lever does not grow with the size that is asked for.
-pub const FURTHER: [(&str, &[Size], bool); 10] = [
+pub const FURTHER: [(&str, &[Size], bool); 13] = [
     ("structure_loss", &[("loss", 1.0, true)], true),
     ("attachment", &[("femur_ap_mm", 4.0, false), ("femur_si_mm", 4.0, false), ("tibia_ap_mm", 4.0, false)], true),
     ("mcl_wrap", &[("offset_mm", 5.0, true)], true),
@@ -26,6 +26,9 @@ pub const FURTHER: [(&str, &[Size], bool); 10] = [
     ("load_sign", &[("turned", 1.0, true)], false),
     ("gravity", &[("weight_n", 15.0, true), (LEVER, 40.0, false)], false),
     ("guarding_reflex", &[("share", 0.4, true)], false),
+    ("load_axis", &[("turns", 0.7, true)], false),
+    ("strap_tissue", &[("calf_mm_per_100n", 3.0, true), ("offset_mm", 2.0, false)], false),
+    ("foot_turn", &[("out_deg", 6.0, true), ("in_deg", 8.0, true)], false),
 ];
 
 /// A parameter that shapes an effect: the size that is asked for does not change it.
@@ -46,6 +49,12 @@ const SOFT: f64 = 0.9;
 /// Loads AP [N] and IE [N mm] at which 63 % of a cuff's slack is taken up.
 const SLACK: [f64; 2] = [15.0, 375.0];
 
+/// Share of what the calf gives way to a forward pull that the shin does to a push back [-].
+const SHIN: f64 = 0.1;
+
+/// Moment at which foot and ankle have turned by half of what they ever do [N mm].
+const HALF_TURNED: f64 = 1500.0;
+
 /// The load that the knee truly gets.
 pub(crate) fn true_load(hidden: &Hidden, asked: &Asked) -> Asked {
     let mut out = *asked;
@@ -54,6 +63,21 @@ pub(crate) fn true_load(hidden: &Hidden, asked: &Asked) -> Asked {
         out.load[axis] *= 1.0 - 2.0 * hidden.value("turned");
     }
     out
+}
+
+/// The load on a knee that was read at rest, where a strap or a handle turns with the shank: drawers and sideways forces along the shank's own axes, and
+/// of moments of varus and valgus the part about the axis of the tests. None where nothing turns.
+pub(crate) fn following(hidden: &[Hidden], asked: &Asked, at: &[f64; 6]) -> Option<Five> {
+    let turns: f64 = hidden.iter().filter(|h| h.effect == "load_axis").map(|h| h.value("turns")).sum();
+    if turns == 0.0 {
+        return None;
+    }
+    let shank = pose(at[0], &components(at)).turn;
+    let floating = Vector3::new(0.0, at[0].cos(), -at[0].sin());
+    let [vv, ie, ml, ap, si] = asked.load;
+    let force = shank * Vector3::new(-ml, ap, 0.0);
+    let along = [shank.column(1).dot(&floating) * vv, ie, -force.x, force.dot(&floating), si];
+    Some(std::array::from_fn(|j| asked.load[j] + turns * (along[j] - asked.load[j])))
 }
 
 /// What is read of FE, VV, IE [rad], ML, AP, SI [mm] where something between bone and sensor gives way.
@@ -72,6 +96,15 @@ pub(crate) fn misread(hidden: &Hidden, asked: &Asked, reading: &[f64; 6]) -> [f6
         "cuff_softening" => {
             out[4] += hidden.value("ap_mm") * play(ap, SLACK[0]);
             out[2] += (hidden.value("ie_deg") * play(ie, SLACK[1])).to_radians();
+        }
+        "strap_tissue" => {
+            let gives = if ap > 0.0 { 1.0 } else { SHIN };
+            out[4] +=
+                hidden.value("offset_mm") + gives * hidden.value("calf_mm_per_100n") * yields(ap, FULL[0]) / 100.0;
+        }
+        "foot_turn" => {
+            let end = hidden.value(if ie > 0.0 { "out_deg" } else { "in_deg" });
+            out[2] += (end * ie / (ie.abs() + HALF_TURNED)).to_radians();
         }
         // the shaft bends about its own axes, between the joint and the sensor
         "bone_compliance" => {
@@ -142,6 +175,33 @@ mod tests {
         assert!(ap(20.0) > 2.0 && ap(20.0) < 2.6, "{}", ap(20.0));
         let ie = misread(&h, &loaded([0.0, 5000.0, 0.0, 0.0, 0.0]), &READING)[2] - READING[2];
         assert!((ie.to_degrees() - 4.0).abs() < 0.01);
+    }
+
+    #[test]
+    fn a_calf_gives_way_and_a_shin_hardly_and_a_foot_turns_each_way_by_its_own() {
+        let strap = hidden("strap_tissue", &[("calf_mm_per_100n", 3.0), ("offset_mm", -2.0)]);
+        let ap = |n: f64| misread(&strap, &loaded([0.0, 0.0, 0.0, n, 0.0]), &READING)[4] - READING[4];
+        assert!((ap(0.0) + 2.0).abs() < 1e-9 && (ap(100.0) - 1.0).abs() < 1e-9 && (ap(-100.0) + 2.3).abs() < 1e-9);
+        let foot = hidden("foot_turn", &[("out_deg", 6.0), ("in_deg", 9.0)]);
+        let ie = |nmm: f64| (misread(&foot, &loaded([0.0, nmm, 0.0, 0.0, 0.0]), &READING)[2] - READING[2]).to_degrees();
+        assert!(
+            ie(0.0).abs() < 1e-9 && ie(1500.0) > 2.9 && ie(5000.0) < 6.0 && ie(-5000.0) < -6.5 && ie(-5000.0) > -9.0
+        );
+    }
+
+    #[test]
+    fn a_strap_that_turns_with_the_shank_pulls_to_where_the_foot_points() {
+        let strap = [hidden("load_axis", &[("turns", 1.0)])];
+        let drawer = loaded([0.0, 0.0, 0.0, 133.0, 20.0]);
+        let at = |ie: f64| following(&strap, &drawer, &[0.5, 0.0, ie, 1.0, 8.0, -21.0]).unwrap();
+        assert!(following(&[hidden("gravity", &[("weight_n", 9.0)])], &drawer, &READING).is_none());
+        for (j, (is, asked)) in at(0.0).into_iter().zip(drawer.load).enumerate() {
+            assert!((is - asked).abs() < 1e-9, "{j}: a straight shank gets what was asked for");
+        }
+        // 45 N at 20 deg, lateral where the foot points outwards
+        let (out, inwards) = (at(20f64.to_radians()), at(-20f64.to_radians()));
+        assert!((out[2] - 45.5).abs() < 0.1 && (inwards[2] + 45.5).abs() < 0.1, "{out:?} {inwards:?}");
+        assert!((out[3] - inwards[3]).abs() < 1e-9 && (out[2].hypot(out[3]) - 133.0).abs() < 1e-9, "{out:?}");
     }
 
     #[test]

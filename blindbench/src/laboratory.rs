@@ -7,7 +7,7 @@ use crate::frames::{Frames, Repeat};
 use crate::knee::{Knee, KneeInput, Spread, normal};
 use crate::pose::components;
 use crate::read::Read;
-use crate::rest::{Path, rest};
+use crate::rest::{Path, rest, rest_followed};
 use crate::tissue;
 use crate::unknown;
 use rand::{RngExt, SeedableRng};
@@ -298,11 +298,11 @@ fn simulate(
             (0..5).for_each(|j| asked.load[j] += noise[j]);
             let loaded = asked;
             let misread = |r: &[f64; 6]| here.iter().fold(*r, |r, h| h.misread(&loaded, &r));
-            let mut seen = misread(&rest(knee, &here, &asked, path));
+            let mut seen = misread(&rest_followed(knee, &here, &asked, path));
             // the flexion that is recorded is the one that is read
             if (seen[0] - recorded).abs() > 1e-6 {
                 asked.flexion += recorded - seen[0];
-                seen = misread(&rest(knee, &here, &asked, path));
+                seen = misread(&rest_followed(knee, &here, &asked, path));
             }
             [seen[1].to_degrees(), seen[2].to_degrees(), seen[3], seen[4], seen[5]]
         })

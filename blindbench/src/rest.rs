@@ -1,6 +1,7 @@
 //! Where the knee comes to rest: least energy by a quasi-Newton descent [nocedal2006, algorithm 6.1], following the load.
 
 use crate::asked::{Asked, Hidden};
+use crate::further::following;
 use crate::knee::Knee;
 use crate::pose::{Five, components, pose, read};
 use nalgebra::{Matrix5, Vector5};
@@ -45,6 +46,25 @@ pub(crate) fn rest(knee: &Knee, hidden: &[Hidden], asked: &Asked, path: &Path) -
         at = least(knee, hidden, &Asked { flexion, load }, at, &neutral, &mut inverse);
     }
     read(&pose(flexion, &at))
+}
+
+/// Rounds in which a load that turns with the shank and the knee's rest under it are found in turn [-], and the rotation at which they agree [rad].
+const ROUNDS: usize = 8;
+const AGREED: f64 = 1e-4;
+
+/// [`rest`] under a load that may turn with the shank.
+pub(crate) fn rest_followed(knee: &Knee, hidden: &[Hidden], asked: &Asked, path: &Path) -> [f64; 6] {
+    let mut at = rest(knee, hidden, asked, path);
+    for _ in 0..ROUNDS {
+        let Some(load) = following(hidden, asked, &at) else { break };
+        let next = rest(knee, hidden, &Asked { load, ..*asked }, path);
+        let moved = (next[2] - at[2]).abs();
+        at = next;
+        if moved < AGREED {
+            break;
+        }
+    }
+    at
 }
 
 /// A first guess of the inverse stiffness.

@@ -29,6 +29,8 @@ pub struct Said {
     pub evidence: Vec<f64>,
     /// Log Bayes factor of the best that was found, whether it is an answer or not [nats].
     pub best: Option<f64>,
+    /// By how much its search stayed behind a fit that starts at the truth [nats]; none where nobody asked.
+    pub regret: Option<f64>,
 }
 
 impl Said {
@@ -79,7 +81,14 @@ pub struct Score {
     /// Expected calibration error of the weights [-]; none where no answer was given.
     #[serde(default)]
     pub calibration_error: Option<f64>,
+    /// By how much each search stayed behind the truth, where that was asked [nats].
+    #[serde(default)]
+    pub regrets: Vec<f64>,
 }
+
+/// Regret up to which a search has found what there is [nats]. Declared: a fit ends where a step gains less than a twentieth of a nat, and starts of two
+/// fits of one hypothesis leave up to a nat between them.
+const FOUND: f64 = 2.0;
 
 /// Strata of expected evidence: strong from 10, moderate from 3.
 fn stratum(evidence: f64) -> &'static str {
@@ -112,6 +121,9 @@ fn family(effect: &str) -> char {
         | "joint_compression"
         | "apparatus_compliance"
         | "cuff_softening"
+        | "strap_tissue"
+        | "foot_turn"
+        | "load_axis"
         | "gravity" => 'L',
         "quad_passive" | "ham_tone" | "gastroc_tone" | "itb" | "guarding_reflex" => 'U',
         "friction" | "viscoelastic" | "preconditioning" | "drift" => 'H',
@@ -128,6 +140,13 @@ pub fn score(cases: &[(Truth, Said)], whole: &BTreeMap<String, Said>) -> Score {
     out.calibration_error = calibration_error(&out.reliability);
     for (truth, said) in cases {
         one(&mut out, truth, said);
+        if let Some(regret) = said.regret {
+            let strength = stratum(truth.strength.expected_evidence);
+            for of in ["regret".to_owned(), format!("{strength}: regret")] {
+                out.shares.entry(format!("{of} of {FOUND:.0} nats or less")).or_default().count(regret <= FOUND);
+            }
+            out.regrets.push(regret);
+        }
         let hidden = truth.effects.first().filter(|e| said.is_struck(&e.0) && said.best.is_some());
         if let (Some((effect, _, _)), Some(whole)) = (hidden, whole.get(&truth.case)) {
             let lost = lost(said.loses(whole, effect));
@@ -452,6 +471,22 @@ mod tests {
         // Wilson's interval of 4 in 20, from a table
         let (low, high) = score.shares["null, if the model is right: alarmed"].interval();
         assert!((low - 0.0807).abs() < 5e-4 && (high - 0.4160).abs() < 5e-4, "{low} {high}");
+    }
+
+    #[test]
+    fn a_search_that_stays_behind_the_truth_is_counted_where_that_was_asked() {
+        let of = |evidence: f64| truth("itb", &[("itb", "kla")], evidence, &[]);
+        let behind = |regret: Option<f64>| Said { regret, ..said("probable", &[("itb", "kla", 0.8)]) };
+        let list = [(20.0, Some(0.0)), (20.0, Some(2.5)), (5.0, Some(1.9)), (20.0, None)];
+        let list: Vec<_> = list.into_iter().map(|(evidence, regret)| (of(evidence), behind(regret))).collect();
+        let score = score(&list, &BTreeMap::new());
+        let share = |name: &str| score.shares.get(name).copied();
+        assert_eq!(share("regret of 2 nats or less"), Some(Share { hits: 2, of: 3 }));
+        assert_eq!(share("strong: regret of 2 nats or less"), Some(Share { hits: 1, of: 2 }));
+        assert_eq!(score.regrets, [0.0, 2.5, 1.9]);
+        // nobody asked: no row of it
+        let silent = super::score(&list[3..], &BTreeMap::new());
+        assert!(silent.regrets.is_empty() && silent.shares.keys().all(|name| !name.contains("regret")));
     }
 
     #[test]

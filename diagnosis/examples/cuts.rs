@@ -14,7 +14,7 @@ use calibration::session::Session;
 use diagnosis::catalogue::Catalogue;
 use diagnosis::diagnosis::{Calibration, Diagnosis, diagnose_beside};
 use diagnosis::nuisance::is_built;
-use diagnosis::regret::Regret;
+use diagnosis::regret::{Hidden, Regret};
 use diagnosis::report::Named;
 use diagnosis::search::DiagnosisOptions;
 use diagnosis::trial::Source;
@@ -177,10 +177,11 @@ fn main() {
         let known = if has_before { &first } else { &sources };
         let mode = is_built(&spec).then(|| mode(&knee, known, &calibrate, options.seed));
         sources.extend(first);
-        let truth = if loss > 0.0 { vec![("structure_loss", ligament, vec![loss])] } else { vec![] };
+        let truth = if loss > 0.0 { vec![Hidden::of_all("structure_loss", ligament, ("loss", loss))] } else { vec![] };
         let calibration = Calibration { options: &calibrate, mode: mode.as_ref() };
-        let (d, regret) =
+        let (outcome, regret) =
             diagnose_beside(&model, &spec, &sources, &Catalogue::shipped(), &options, calibration, &truth).unwrap();
+        let d = outcome.diagnosis;
         let trials = sources.iter().map(|s| s.trials.len()).sum();
         println!("{}", row((ligament, loss, seed), trials, &d, regret, begun.elapsed().as_secs_f64()));
         if std::env::var_os("CUTS_TEXT").is_some() {

@@ -214,7 +214,8 @@ fn scatter_of(search: &Search, trials: [usize; 2]) -> DMatrix<f64> {
     DMatrix::from_fn(2 * n, 2 * n, |r, k| search.covariance[(at(r), at(k))])
 }
 
-fn witness(problem: &Problem, trial: usize, value: f64) -> Witness {
+/// A reading of a trial with its place.
+pub(crate) fn witness(problem: &Problem, trial: usize, value: f64) -> Witness {
     let t = &problem.trials[trial];
     Witness {
         source: problem.source_of(t).into(),

@@ -14,6 +14,7 @@ use crate::exchange::{Exchange, exchange};
 use crate::excluded::may_be_torn;
 use crate::fit::Fit;
 use crate::held_out::{HeldOut, closed, held_out};
+use crate::jumped::{Jumped, jumped};
 use crate::map::{map, map_left_out};
 use crate::next_test::next_tests;
 use crate::preparation::prepared;
@@ -105,7 +106,7 @@ pub fn diagnose(
     conclude(&searcher, &judged(&searcher, searcher.search()?)?, spec)
 }
 
-/// A diagnosis beside the truth, for benches: what it told, and how far its search stayed behind.
+/// A diagnosis beside the truth, for benches: what it told, and how far its search stayed behind; no such figure without a truth.
 ///
 /// Errors: as [`diagnose`], a truth that is not in the catalogue.
 #[expect(clippy::too_many_arguments, reason = "those of a diagnosis, and the truth")]
@@ -117,12 +118,12 @@ pub fn diagnose_beside(
     options: &DiagnosisOptions,
     calibration: Calibration,
     truth: &[Hidden],
-) -> Result<(Diagnosis, Option<Regret>), DiagnosisError> {
+) -> Result<(Outcome, Option<Regret>), DiagnosisError> {
     let problem = asked((model, spec), sources, catalogue, options, calibration)?;
     let searcher = Searcher { problem: &problem, options };
     let judged = judged(&searcher, searcher.search()?)?;
     let regret = regret(&problem, (&searcher, &judged.search), truth)?;
-    Ok((conclude(&searcher, &judged, spec)?.diagnosis, regret))
+    Ok((conclude(&searcher, &judged, spec)?, regret))
 }
 
 /// The question, ready to be searched.
@@ -154,7 +155,7 @@ struct Judged {
     exchange: Option<Exchange>,
     /// Nothing missing and the best on held-out trials.
     held_out: [HeldOut; 2],
-    /// Each effect by itself, where the verdict is `unnamed`.
+    /// Each effect by itself and the best pairs, where the verdict is `unnamed`.
     each: Option<Vec<Fit>>,
 }
 
@@ -187,7 +188,8 @@ fn judged(searcher: &Searcher, search: Search) -> Result<Judged, DiagnosisError>
     let out = if is_new {
         judged_as_it_is(searcher, wide)?
     } else {
-        searcher.take_in(&mut first.search, &each);
+        let single: Vec<Fit> = each.iter().filter(|f| f.hypothesis.len() == 1).cloned().collect();
+        searcher.take_in(&mut first.search, &single);
         first
     };
     let each = (out.verdict == Verdict::Unnamed).then_some(each);
@@ -281,7 +283,8 @@ fn conclude(searcher: &Searcher, judged: &Judged, spec: &ModelSpec) -> Result<Ou
     outcome.add(problem, spec, [&search.base, best], temper(searcher, best))?;
     // what is told in words is all that is missing, not what the best answer leaves
     let told = if verdict == Verdict::Unnamed { &judged.alone.0 } else { field };
-    outcome.diagnosis.description = crate::words::description(problem, &outcome.diagnosis, told, search);
+    let jumped: Vec<String> = jumped(problem, search).iter().map(Jumped::words).collect();
+    outcome.diagnosis.description = crate::words::description(problem, &outcome.diagnosis, told, search, &jumped);
     outcome.diagnosis.plain = crate::plain::plain(&problem.catalogue, &outcome.diagnosis);
     Ok(outcome)
 }

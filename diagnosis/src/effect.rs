@@ -10,6 +10,7 @@ mod drift;
 mod extra_bundle;
 mod fibres;
 mod flexion_offset;
+mod foot_turn;
 mod friction;
 mod gastroc_tone;
 mod gravity;
@@ -18,6 +19,7 @@ mod ham_tone;
 mod itb;
 mod joint_compression;
 mod lines;
+mod load_axis;
 mod load_bias;
 mod load_gain;
 mod load_misalign;
@@ -29,6 +31,7 @@ mod pcap_wrap;
 mod preconditioning;
 mod quad_passive;
 mod row;
+mod strap_tissue;
 mod structure_loss;
 mod turned_frame;
 mod viscoelastic;
@@ -130,7 +133,7 @@ pub enum Active {
 type Make = fn(Fields) -> Result<Active, RowError>;
 
 /// The type of each effect by its name in the catalogue.
-const TYPES: [(&str, Make); 29] = [
+const TYPES: [(&str, Make); 32] = [
     ("apparatus_compliance", reading::<compliance::Compliance>),
     ("attachment", force::<attachment::Attachment>),
     ("bone_compliance", reading::<compliance::Compliance>),
@@ -140,6 +143,7 @@ const TYPES: [(&str, Make); 29] = [
     ("extra_bundle", force::<extra_bundle::ExtraBundle>),
     ("femur_frame", reading::<turned_frame::FemurFrame>),
     ("flexion_offset", reading::<flexion_offset::FlexionOffset>),
+    ("foot_turn", reading::<foot_turn::FootTurn>),
     ("friction", force::<friction::Friction>),
     ("gastroc_tone", force::<gastroc_tone::GastrocTone>),
     ("gravity", force::<gravity::Gravity>),
@@ -147,6 +151,7 @@ const TYPES: [(&str, Make); 29] = [
     ("ham_tone", force::<ham_tone::HamTone>),
     ("itb", force::<itb::Itb>),
     ("joint_compression", force::<joint_compression::JointCompression>),
+    ("load_axis", force::<load_axis::LoadAxis>),
     ("load_bias", force::<load_bias::LoadBias>),
     ("load_gain", force::<load_gain::LoadGain>),
     ("load_misalign", force::<load_misalign::LoadMisalign>),
@@ -157,6 +162,7 @@ const TYPES: [(&str, Make); 29] = [
     ("pcap_wrap", force::<pcap_wrap::PcapWrap>),
     ("preconditioning", force::<preconditioning::Preconditioning>),
     ("quad_passive", force::<quad_passive::QuadPassive>),
+    ("strap_tissue", reading::<strap_tissue::StrapTissue>),
     ("structure_loss", force::<structure_loss::StructureLoss>),
     ("tibia_frame", reading::<turned_frame::TibiaFrame>),
     ("viscoelastic", force::<viscoelastic::Viscoelastic>),
@@ -248,6 +254,60 @@ impl Active {
 mod tests {
     use super::*;
     use crate::catalogue::Catalogue;
+    use sim::coordinate::{AP, IE, Load};
+    use sim::laxity::{LaxityTrial, Test};
+
+    /// A trial under loads of every axis, all of one sign.
+    fn loaded(sign: f64) -> Trial {
+        let load = Load::new(8.0 * sign, 5.0 * sign, 30.0 * sign, 100.0 * sign, 20.0);
+        Trial::alone(LaxityTrial::asked("a".into(), Test::Anterior, 30.0, load))
+    }
+
+    /// A pose in clinical coordinates: it has no side [rad, mm].
+    const POSE: Six = Six::new(0.52, 0.05, -0.2, 1.5, 9.0, -21.0);
+
+    #[test]
+    fn a_misreading_of_no_size_changes_nothing_and_a_small_one_goes_with_its_size() {
+        let catalogue = Catalogue::shipped();
+        let mut asked = 0;
+        for effect in &catalogue.effect {
+            let sizes = effect.parameter.len();
+            let of = |values: &[f64]| Active::new(effect, 0, values).unwrap();
+            if sizes == 0 || !of(&vec![0.0; sizes]).has_reading() {
+                continue;
+            }
+            for trial in [-1.0, 1.0].map(loaded) {
+                let none = of(&vec![0.0; sizes]).read(&POSE, &trial);
+                assert!((none - POSE).amax() < 1e-12, "{}: {none}", effect.id);
+                for (k, p) in effect.parameter.iter().enumerate() {
+                    let by = |share: f64| {
+                        let mut values = vec![0.0; sizes];
+                        values[k] = share * p.sd;
+                        of(&values).read(&POSE, &trial) - POSE
+                    };
+                    // the slope at nothing, which a screen takes, is that of small sizes to either side
+                    let [less, more] = [-1e-3, 1e-3].map(by);
+                    assert!((less + more).amax() < 1e-5, "{} {}: {less} {more}", effect.id, p.key);
+                    asked += usize::from(more.amax() > 0.0);
+                }
+            }
+        }
+        assert!(asked > 20, "{asked} sizes were felt");
+    }
+
+    #[test]
+    fn tissue_under_a_strap_gives_way_forwards_alone_and_a_foot_turns_each_way_by_its_own() {
+        let catalogue = Catalogue::shipped();
+        let read = |name: &str, values: &[f64], sign: f64| {
+            let (effect, variant) = catalogue.find(name).unwrap();
+            Active::new(effect, variant, values).unwrap().read(&POSE, &loaded(sign)) - POSE
+        };
+        assert!((read("strap_tissue", &[4.0, 1.0], 1.0)[AP] - 5.0).abs() < 1e-12);
+        assert!((read("strap_tissue", &[4.0, 1.0], -1.0)[AP] - 1.0).abs() < 1e-12);
+        let turns = |sign: f64| read("foot_turn", &[6.0, 9.0], sign)[IE].to_degrees();
+        // at 5 N m most of it has turned
+        assert!(turns(1.0) > 4.5 && turns(1.0) < 6.0 && turns(-1.0) < -6.75 && turns(-1.0) > -9.0, "{}", turns(-1.0));
+    }
 
     #[test]
     fn every_row_has_a_type_and_every_type_a_row() {

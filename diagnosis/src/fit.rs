@@ -234,9 +234,11 @@ impl Data<'_> {
             log_evidence += log_share(bounds[k], here.unknowns[k], posterior[(k, k)].sqrt().max(1e-9));
         }
         if let Some(k) = whole(hypothesis, self.problem.nuisances()).filter(is_sought) {
-            let at_whole = here.unknowns[k] >= bounds[k].high - AT_BOUND;
+            let (x, sd) = (here.unknowns[k], posterior[(k, k)].sqrt().max(1e-9));
             let alone = || self.given(&here, &[self.held, &[k]].concat()).0;
-            log_evidence = shared(log_evidence, if at_whole { alone() } else { f64::NEG_INFINITY });
+            let is_at_whole = x >= bounds[k].high - AT_BOUND;
+            log_evidence =
+                if is_at_whole { shared(log_evidence, alone()) } else { or_whole(log_evidence, bounds[k], (x, sd)) };
         }
         let means = self.problem.means(here.unknowns.len());
         Fit {
@@ -273,9 +275,20 @@ fn whole(hypothesis: &[Candidate], nuisances: usize) -> Option<usize> {
 pub(crate) fn share_at_whole((value, sd): (f64, f64), of: &Parameter) -> Option<f64> {
     let (x, s, at) = (value / of.sd, (sd / of.sd).max(1e-9), of.whole? / of.sd);
     let within = Bounds { low: if of.one_sided { 0.0 } else { -REACH }, high: at };
-    let nearer = prior(0, &[], at).0 - s.ln() - 0.5 * ((at - x) / s).powi(2);
-    let log_odds = nearer - log_share(within, x, s) + (TORN / (1.0 - TORN)).ln();
+    let log_odds = nearer_whole(within, (x, s)) + (TORN / (1.0 - TORN)).ln();
     Some(1.0 / (1.0 + (-log_odds).exp()))
+}
+
+/// Log of the data's density at the whole, the end of the bounds, over that of a part, where a size stands at `x` with a standard deviation `sd`, in units
+/// of its prior: the posterior's density there over the prior's, each over what lies within the bounds.
+fn nearer_whole(within: Bounds, (x, sd): (f64, f64)) -> f64 {
+    let at = within.high;
+    prior(0, &[], at).0 - sd.ln() - 0.5 * ((at - x) / sd).powi(2) - log_share(within, x, sd)
+}
+
+/// Log evidence of an effect that may be whole where a fit ends at a part of it: the whole counts by what its density makes of that of the `part`.
+fn or_whole(part: f64, within: Bounds, size: (f64, f64)) -> f64 {
+    shared(part, part + nearer_whole(within, size))
 }
 
 /// Log evidence of an effect of which the share [`TORN`] of the prior stands at the whole.
@@ -393,33 +406,62 @@ mod tests {
         assert!((shared(7.0, 7.0) - 7.0).abs() < 1e-12);
     }
 
+    /// Data normal about a size with a standard deviation, in units of the prior, and where a fit of them ends.
+    const MADE: [(f64, f64); 7] = [(2.0, 0.1), (2.0, 0.4), (1.8, 0.1), (1.8, 0.4), (1.5, 0.2), (1.0, 0.4), (0.5, 0.2)];
+
+    fn loss() -> Parameter {
+        let effects = crate::catalogue::Catalogue::shipped().effect;
+        effects.into_iter().find(|e| e.id == "structure_loss").unwrap().parameter.remove(0)
+    }
+
+    /// Densities of made data, by sums: at the whole, and the mean over the prior of a part.
+    fn by_sums(whole: f64, (middle, sd): (f64, f64)) -> [f64; 2] {
+        let data = |x: f64| (-0.5 * ((x - middle) / sd).powi(2)).exp();
+        let at = |i: i32| whole * (f64::from(i) + 0.5) / 4000.0;
+        let believed = |x: f64| (-prior(0, &[], x).0).exp();
+        let (part, all) = (0..4000).map(at).fold((0.0, 0.0), |s, x| (s.0 + data(x) * believed(x), s.1 + believed(x)));
+        [data(whole), part / all]
+    }
+
+    /// Where a fit of made data ends, with its standard deviation.
+    fn end((middle, sd): (f64, f64)) -> (f64, f64) {
+        let x = (0..50).fold(middle, |x, _| {
+            let (_, slope, curvature) = prior(0, &[], x);
+            x - ((x - middle) / sd.powi(2) + slope) / (sd.powi(-2) + curvature)
+        });
+        (x, (sd.powi(-2) + prior(0, &[], x).2).powf(-0.5))
+    }
+
     #[test]
     fn the_share_of_a_tear_is_what_the_density_of_the_data_makes_it() {
-        let effect =
-            crate::catalogue::Catalogue::shipped().effect.into_iter().find(|e| e.id == "structure_loss").unwrap();
-        let of = &effect.parameter[0];
+        let of = &loss();
         let whole = of.whole.unwrap() / of.sd;
-        // data normal about `middle`, in units of the prior: of a tear, and the mean over the prior of a part
-        let by_sums = |middle: f64, sd: f64| {
-            let data = |x: f64| (-0.5 * ((x - middle) / sd).powi(2)).exp();
-            let at = |i: i32| whole * (f64::from(i) + 0.5) / 4000.0;
-            let believed = |x: f64| (-prior(0, &[], x).0).exp();
-            let (part, all) =
-                (0..4000).map(at).fold((0.0, 0.0), |s, x| (s.0 + data(x) * believed(x), s.1 + believed(x)));
-            data(whole) / (data(whole) + part / all)
-        };
-        for (middle, sd) in [(2.0_f64, 0.1_f64), (2.0, 0.4), (1.8, 0.1), (1.8, 0.4), (1.5, 0.2), (1.0, 0.4), (0.5, 0.2)]
-        {
-            let x = (0..50).fold(middle, |x, _| {
-                let (_, slope, curvature) = prior(0, &[], x);
-                x - ((x - middle) / sd.powi(2) + slope) / (sd.powi(-2) + curvature)
-            });
-            let own = (sd.powi(-2) + prior(0, &[], x).2).powf(-0.5);
+        for made in MADE {
+            let [torn, part] = by_sums(whole, made);
+            let (x, own) = end(made);
             let told = share_at_whole((of.sd * x, of.sd * own), of).unwrap();
-            assert!((told - by_sums(middle, sd)).abs() < 0.05, "{middle} {sd}: {told} {}", by_sums(middle, sd));
+            assert!((told - torn / (torn + part)).abs() < 0.05, "{made:?}: {told} of {torn} {part}");
         }
         let whole_less = Parameter { whole: None, ..of.clone() };
         assert_eq!(share_at_whole((1.0, 0.1), &whole_less), None);
+    }
+
+    #[test]
+    fn a_fit_that_ends_at_a_part_has_the_evidence_of_a_tear_too() {
+        let of = &loss();
+        let whole = of.whole.unwrap() / of.sd;
+        let within = Bounds { low: 0.0, high: whole };
+        for made in MADE {
+            let [torn, part] = by_sums(whole, made);
+            let size = end(made);
+            let (told, all) = (or_whole(part.ln(), within, size), (TORN * torn + (1.0 - TORN) * part).ln());
+            assert!((told - all).abs() < 0.1, "{made:?}: {told} {all}");
+            // what a part explains by itself is never lost but for its share of the prior
+            assert!(told >= part.ln() + (1.0 - TORN).ln() - 1e-12, "{made:?}");
+        }
+        // where it stands makes no step at the end of the bounds: next to the whole it counts as much
+        let at = |x: f64| or_whole(0.0, within, (x, 0.3));
+        assert!((at(whole) - at(whole - 1e-5)).abs() < 1e-3);
     }
 
     #[test]

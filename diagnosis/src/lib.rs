@@ -31,6 +31,7 @@ pub mod fit;
 mod form;
 pub mod held_out;
 pub mod jacobian;
+mod jumped;
 pub mod map;
 pub mod next_test;
 pub mod noise;

@@ -3,7 +3,7 @@
 use crate::catalogue::Catalogue;
 use crate::fit::share_at_whole;
 use crate::next_test::NextTest;
-use crate::plain_unnamed::{closing, contradictions, meaning, noise};
+use crate::plain_unnamed::{closing, closing_most, contradictions, meaning, noise};
 use crate::report::{Answer, Carried, Diagnosis, LeftOut, MayBeTorn, Named, Verdict};
 use crate::words::{figures, from_before, listed, next_tells, place_of, with_unit};
 use std::fmt::Write;
@@ -58,6 +58,16 @@ fn unnamed(catalogue: &Catalogue, d: &Diagnosis) -> String {
     let mut out = meaning(d);
     if !near.is_empty() {
         let _ = write!(out, "\nThe nearest, though not good enough: {}{}.", near.join(", with "), closing(d));
+    }
+    let others: Vec<String> = closing_most(d)
+        .into_iter()
+        .map(|(effects, share)| {
+            let names: Vec<String> = effects.iter().map(|e| bare(effect(catalogue, e))).collect();
+            format!("{} ({:.0} %)", names.join(", with "), 100.0 * share)
+        })
+        .collect();
+    if !others.is_empty() {
+        let _ = write!(out, "\nOf what is less likely, these close most of that gap: {}.", others.join("; or "));
     }
     out
 }
@@ -188,7 +198,7 @@ fn unlikely(forces: &[Carried]) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::Value;
+    use crate::report::{Tried, Unexplained, Value};
 
     fn lost(structure: &str, value: f64, sd: f64) -> Named {
         let parameters = [("loss".to_owned(), Value { value, sd, unit: "-".into() })].into();
@@ -307,6 +317,39 @@ mod tests {
         let beyond = head(&Diagnosis { map: vec![cell(2.0, false), cell(3.8, true)], ..none(vec![torn("PCL")]) });
         assert!(beyond.contains("IE of rks posterior at 30 deg") && !beyond.contains("Nothing is missing"), "{beyond}");
         assert!(beyond.contains("A whole tear of the PCL"), "{beyond}");
+    }
+
+    #[test]
+    fn what_closes_most_of_the_gap_stands_in_the_head_beside_the_nearest() {
+        let named = |effect: &&str| Named {
+            effect: (*effect).into(),
+            scope: "kla".into(),
+            variant: None,
+            parameters: std::collections::BTreeMap::new(),
+        };
+        let tried = |names: &[&str], unseen: f64| Tried {
+            effects: names.iter().map(named).collect(),
+            closes: 0.3,
+            closes_held_out: Some(unseen),
+            log_bayes_factor: 10.0,
+        };
+        let nearest = ["capsule_envelope", "tibia_frame"];
+        let head_of = |others: Vec<Tried>| {
+            let tried = [vec![tried(&nearest, 0.67)], others].concat();
+            let unexplained = Some(Unexplained { data_sets: vec![], two_knees: None, tried });
+            let best = nearest.iter().map(named).collect();
+            head(&Diagnosis { verdict: Verdict::Unnamed, best, unexplained, ..none(vec![]) })
+        };
+        let told = head_of(vec![
+            tried(&["femur_frame"], 0.56),
+            tried(&["tibia_frame", "load_gain"], 1.0),
+            tried(&["gravity"], 0.13),
+        ]);
+        assert!(told.contains("it closes 67 % of that gap"), "{told}");
+        let others = "turned tibial frame in kla, with scale of the recorded load in kla (100 %); or turned femoral frame in kla (56 %).";
+        assert!(told.contains(others) && !told.contains("(13 %)"), "{told}");
+        // where no other closes most of it, there is no word of others
+        assert!(!head_of(vec![tried(&["gravity"], 0.13)]).contains("close most"));
     }
 
     #[test]

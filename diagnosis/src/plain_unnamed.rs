@@ -2,7 +2,7 @@
 
 use crate::contradiction::{Contradiction, Witness};
 use crate::report::Diagnosis;
-use crate::report::{DataSetAlone, Tried, Unexplained};
+use crate::report::{DataSetAlone, Named, Tried, Unexplained};
 use crate::trial::NoiseScale;
 use crate::words::{figures, with_unit};
 use sim::coordinate::{AP, Coordinate, IE, ML, VV};
@@ -96,8 +96,9 @@ fn best(why: &Unexplained) -> String {
     let unseen = |t: &&Tried| t.closes_held_out.is_some();
     let most = single.clone().filter(unseen).max_by(|a, b| share(a).total_cmp(&share(b)));
     let Some(most) = most else { return String::new() };
+    let pairs = if single.clone().count() < why.tried.len() { ", and the likeliest two by two" } else { "" };
     format!(
-        "\nEach of {} effects of the catalogue was fitted from both ends: of the likeliest, none closes more than {:.0} % of the gap on trials that it was not fitted to.",
+        "\nEach of {} effects of the catalogue was fitted from both ends{pairs}: of the likeliest, none alone closes more than {:.0} % of the gap on trials that it was not fitted to.",
         single.count(),
         100.0 * share(most).max(0.0)
     )
@@ -105,10 +106,30 @@ fn best(why: &Unexplained) -> String {
 
 /// What the best that was found closes on trials that it was not fitted to; nothing where nobody asked.
 pub(crate) fn closing(d: &Diagnosis) -> String {
-    let of_best = |t: &&Tried| t.effects.iter().map(|e| &e.effect).eq(d.best.iter().map(|e| &e.effect));
+    let of_best =
+        |t: &&Tried| t.effects.iter().map(|e| (&e.effect, &e.scope)).eq(d.best.iter().map(|e| (&e.effect, &e.scope)));
     let found = d.unexplained.iter().flat_map(|why| &why.tried).find(of_best);
     let Some(unseen) = found.and_then(|t| t.closes_held_out) else { return String::new() };
     format!("; it closes {:.0} % of that gap", 100.0 * unseen.max(0.0))
+}
+
+/// Share of the gap on unseen trials that is most of it [-].
+const MOST_OF_IT: f64 = 0.5;
+/// Answers beside the best that are told as closing most of it, at most [-].
+const OTHERS: usize = 2;
+
+/// Answers beside the best that close most of the gap on trials that they were not fitted to, with their shares, the largest first.
+pub(crate) fn closing_most(d: &Diagnosis) -> Vec<(&[Named], f64)> {
+    let is_best = |t: &Tried| {
+        let place = |e: &Named| (e.effect.clone(), e.scope.clone());
+        t.effects.iter().map(place).eq(d.best.iter().map(place))
+    };
+    let rows = d.unexplained.iter().flat_map(|why| &why.tried).filter(|t| !is_best(t));
+    let shares = rows.filter_map(|t| Some((t.effects.as_slice(), t.closes_held_out?)));
+    let mut out: Vec<(&[Named], f64)> = shares.filter(|(_, share)| *share >= MOST_OF_IT).collect();
+    out.sort_by(|a, b| b.1.total_cmp(&a.1));
+    out.truncate(OTHERS);
+    out
 }
 
 fn share(t: &Tried) -> f64 {
@@ -147,10 +168,15 @@ fn scatter(n: &NoiseScale) -> String {
 mod tests {
     use super::*;
     use sim::coordinate::FREE;
+    use std::collections::BTreeMap;
 
     fn witness(source: &str, row: Option<usize>, ap: f64, value: f64) -> Witness {
         let loads = FREE.into_iter().map(|c| (c.load_column(), if c == AP { ap } else { 0.0 })).collect();
         Witness { source: source.into(), row, trial: "Anterior_90deg_40".into(), flexion_deg: 74.1, loads, value }
+    }
+
+    fn named(effect: &str) -> Named {
+        Named { effect: effect.into(), scope: "kla".into(), variant: None, parameters: BTreeMap::new() }
     }
 
     #[test]
@@ -181,6 +207,23 @@ mod tests {
         let odd = agreement(&[set("kla", 1.1, 4.0), set("rks", 5.0, 6.0)]);
         assert!(odd.contains("all readings of rks, even alone") && !odd.contains("of kla,"), "{odd}");
         assert_eq!(agreement(&[]), "");
+    }
+
+    #[test]
+    fn what_single_effects_close_is_told_apart_from_what_two_close() {
+        let tried = |names: &[&str], unseen: f64| Tried {
+            effects: names.iter().map(|name| named(name)).collect(),
+            closes: 0.3,
+            closes_held_out: Some(unseen),
+            log_bayes_factor: 10.0,
+        };
+        let told = |tried: Vec<Tried>| best(&Unexplained { data_sets: vec![], two_knees: None, tried });
+        let alone = vec![tried(&["gravity"], 0.56), tried(&["itb"], 0.2)];
+        let both = [alone.clone(), vec![tried(&["gravity", "itb"], 0.67)]].concat();
+        let (alone, both) = (told(alone), told(both));
+        assert!(alone.contains("Each of 2 effects") && !alone.contains("two by two"), "{alone}");
+        assert!(both.contains("Each of 2 effects") && both.contains("two by two"), "{both}");
+        assert!(both.contains("none alone closes more than 56 %"), "{both}");
     }
 
     #[test]

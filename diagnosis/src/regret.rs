@@ -7,13 +7,38 @@ use crate::error::DiagnosisError;
 use crate::fit::Fit;
 use crate::problem::Problem;
 use crate::search::{Search, Searcher, TRIES};
+use serde::{Deserialize, Serialize};
 use sim::equilibrium::starts_of;
+use std::collections::BTreeMap;
 
-/// An effect that is there in all data sets: its name, its variant, and its parameters in the catalogue's units.
-pub type Hidden<'a> = (&'a str, &'a str, Vec<f64>);
+/// An effect that is there, as whoever made the data tells it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Hidden {
+    /// Its name in answers.
+    pub effect: String,
+    /// The structure or axis that it is about; the effect's first where nobody tells.
+    pub variant: Option<String>,
+    /// A data set, or "both".
+    pub scope: String,
+    /// Its parameters by name, in the catalogue's units. Of others that the catalogue has, a fit takes what it usually starts from.
+    pub values: BTreeMap<String, f64>,
+}
+
+impl Hidden {
+    /// In all data sets, with one parameter.
+    pub fn of_all(effect: &str, variant: &str, (key, value): (&str, f64)) -> Hidden {
+        Hidden {
+            effect: effect.to_owned(),
+            variant: Some(variant.to_owned()),
+            scope: "both".to_owned(),
+            values: [(key.to_owned(), value)].into(),
+        }
+    }
+}
 
 /// Log Bayes factors against nothing missing, in the scatter at the best answer [nats].
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Regret {
     /// Of the best answer that was found.
     pub found: f64,
@@ -33,14 +58,27 @@ impl Regret {
     }
 }
 
-/// The hidden effects as a hypothesis, with sizes in units of their priors.
-fn hypothesis(catalogue: &Catalogue, truth: &[Hidden]) -> Result<(Vec<Candidate>, Vec<f64>), DiagnosisError> {
+/// The hidden effects as a hypothesis, with sizes in units of their priors; `sources` are the names of the data sets.
+fn hypothesis(
+    catalogue: &Catalogue,
+    sources: &[String],
+    truth: &[Hidden],
+) -> Result<(Vec<Candidate>, Vec<f64>), DiagnosisError> {
     let (mut out, mut sizes) = (Vec::new(), Vec::new());
-    for (name, structure, values) in truth {
-        let (effect, variant) = catalogue.find(name)?;
-        let variant = effect.variants.iter().position(|v| v == structure).unwrap_or(variant);
-        sizes.extend(effect.parameter.iter().zip(values).map(|(p, v)| v / p.sd));
-        out.push(Candidate { effect: effect.clone(), variant, scope: Scope::Both });
+    for hidden in truth {
+        let (effect, first) = catalogue.find(&hidden.effect)?;
+        let told = hidden.variant.as_ref().and_then(|told| effect.variants.iter().position(|v| v == told));
+        let scope = match sources.iter().position(|s| *s == hidden.scope) {
+            Some(one) => Scope::Only(one),
+            None if hidden.scope == "both" => Scope::Both,
+            None => return Err(DiagnosisError::Component(format!("there is no data set {:?}", hidden.scope))),
+        };
+        let candidate = Candidate { effect: effect.clone(), variant: told.unwrap_or(first), scope };
+        let usual = candidate.typical();
+        sizes.extend(
+            effect.parameter.iter().zip(usual).map(|(p, usual)| hidden.values.get(&p.key).map_or(usual, |v| v / p.sd)),
+        );
+        out.push(candidate);
     }
     Ok((out, sizes))
 }
@@ -56,7 +94,7 @@ pub fn regret(
     if truth.is_empty() {
         return Ok(None);
     }
-    let (hypothesis, sizes) = hypothesis(&problem.catalogue, truth)?;
+    let (hypothesis, sizes) = hypothesis(&problem.catalogue, &problem.sources, truth)?;
     let start = [&problem.nuisance.given[..], &sizes].concat();
     let rests = starts_of(&problem.nearer(&hypothesis, &start, &[])?);
     let own = searcher.fit(&hypothesis, &start, &rests, &search.covariance, &search.readings, TRIES)?;
@@ -120,9 +158,22 @@ mod tests {
     }
 
     #[test]
-    fn what_is_hidden_is_told_in_the_catalogues_units() {
-        let (of, sizes) = hypothesis(&Catalogue::shipped(), &[("structure_loss", "PCL", vec![1.0])]).unwrap();
-        assert_eq!((of[0].variant_name().as_deref(), sizes), (Some("PCL"), vec![2.0]));
-        assert!(hypothesis(&Catalogue::shipped(), &[("ghost", "", vec![1.0])]).is_err());
+    fn what_is_hidden_is_told_in_the_catalogues_units_and_where_it_is_hidden() {
+        let sources = ["kla".to_owned(), "rks".to_owned()];
+        let of = |hidden: Hidden| hypothesis(&Catalogue::shipped(), &sources, &[hidden]);
+        let cut = Hidden::of_all("structure_loss", "PCL", ("loss", 1.0));
+        let (told, sizes) = of(cut.clone()).unwrap();
+        assert_eq!((told[0].variant_name().as_deref(), told[0].scope, sizes), (Some("PCL"), Scope::Both, vec![2.0]));
+        let (told, _) = of(Hidden { scope: "rks".into(), ..cut.clone() }).unwrap();
+        assert_eq!(told[0].scope, Scope::Only(1));
+        // what a maker's own form does not have starts where fits do; what the catalogue does not have is no matter
+        let values = [("k".to_owned(), 30.0), ("structure".to_owned(), 1.0)].into();
+        let bundle = Hidden { effect: "extra_bundle".into(), variant: None, scope: "both".into(), values };
+        let (told, sizes) = of(bundle).unwrap();
+        let mut usual = told[0].typical();
+        usual[0] = 0.5;
+        assert_eq!((told[0].variant, sizes), (0, usual));
+        assert!(of(Hidden { effect: "ghost".into(), ..cut.clone() }).is_err());
+        assert!(of(Hidden { scope: "mri".into(), ..cut }).is_err());
     }
 }

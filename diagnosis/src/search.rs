@@ -1,5 +1,6 @@
 //! The search for what is missing: baseline, screen, joint refits, one effect after another.
 
+mod joined;
 mod kin;
 mod met;
 mod pairs;

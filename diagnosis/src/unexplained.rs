@@ -9,8 +9,9 @@ use crate::report::{DataSetAlone, Tried, Unexplained, named};
 use crate::search::{Search, Searcher, TRIES};
 use crate::verdict::temper;
 
-/// Effects whose share is asked on held-out trials, too, the likeliest first [-]: each costs a refit a fold. One that earns nothing is not asked.
-const HELD_OUT: usize = 5;
+/// Rows whose share is asked on held-out trials, too, the likeliest first [-]: five effects and three pairs. Each costs a refit a fold. A row that earns
+/// nothing is not asked.
+const HELD_OUT: usize = 8;
 
 /// Why nothing is named, where each effect was tried by itself; `before` is the score of nothing missing on held-out trials.
 ///
@@ -62,7 +63,13 @@ fn alone(searcher: &Searcher, search: &Search) -> Result<(Vec<DataSetAlone>, Opt
 /// Each effect by itself, and what was found together.
 fn tried(searcher: &Searcher, search: &Search, before: &HeldOut, each: &[Fit]) -> Result<Vec<Tried>, DiagnosisError> {
     let mut fits = each.to_vec();
-    fits.extend(search.rivals.iter().find(|f| f.hypothesis.len() > 1).cloned());
+    if let Some(found) = search.rivals.iter().find(|f| f.hypothesis.len() > 1) {
+        let is_it = |f: &Fit| {
+            f.hypothesis.len() == found.hypothesis.len() && f.hypothesis.iter().all(|c| found.hypothesis.contains(c))
+        };
+        fits.retain(|f| !is_it(f));
+        fits.push(found.clone());
+    }
     fits.sort_by(|a, b| searcher.gain(b, &search.base).total_cmp(&searcher.gain(a, &search.base)));
     let folds = searcher.options.folds;
     let one = |(k, fit): (usize, &Fit)| {

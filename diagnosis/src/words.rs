@@ -10,8 +10,14 @@ use crate::report::{Absorbed, Answer, Carried, Diagnosis, Gap, Named, Verdict};
 use crate::search::Search;
 use std::fmt::Write;
 
-/// The description of a diagnosis.
-pub(crate) fn description(problem: &Problem, d: &Diagnosis, field: &Discrepancy, search: &Search) -> String {
+/// The description of a diagnosis; `jumped` are the trials that were set aside, each in words.
+pub(crate) fn description(
+    problem: &Problem,
+    d: &Diagnosis,
+    field: &Discrepancy,
+    search: &Search,
+    jumped: &[String],
+) -> String {
     let mut out = String::new();
     match d.verdict {
         Verdict::None => {
@@ -55,7 +61,7 @@ pub(crate) fn description(problem: &Problem, d: &Diagnosis, field: &Discrepancy,
     }
     out += &to_tell(d);
     out += &mixed_up(d);
-    out += &set_aside(problem, search);
+    out += &set_aside(problem, jumped);
     out += &worst(&d.map);
     out += &shifts(d);
     out += &unburdened(&problem.catalogue, d);
@@ -248,17 +254,10 @@ fn mixed_up(d: &Diagnosis) -> String {
     })
 }
 
-/// Trials that neither nothing missing nor the best hypothesis explains.
-fn set_aside(problem: &Problem, search: &Search) -> String {
-    let best = search.rivals.first().unwrap_or(&search.base);
-    let outliers: Vec<String> = best
-        .outliers
-        .iter()
-        .filter(|i| search.base.outliers.contains(i))
-        .map(|&i| format!("{} {}", problem.source_of(&problem.trials[i]), problem.trials[i].record.trial))
-        .collect();
+/// Trials that neither nothing missing nor the best hypothesis explains, and trials that were left out.
+fn set_aside(problem: &Problem, jumped: &[String]) -> String {
     let aside =
-        if outliers.is_empty() { String::new() } else { format!(" Set aside as outliers: {}.", outliers.join(", ")) };
+        if jumped.is_empty() { String::new() } else { format!(" Set aside as outliers: {}.", jumped.join("; ")) };
     if problem.astray.is_empty() {
         return aside;
     }

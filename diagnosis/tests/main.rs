@@ -1,11 +1,13 @@
 //! The integration tests of diagnosis, one program: each further one would link everything again.
 
+mod apparatus;
 mod common;
 mod components;
 mod contradictions;
 mod cuts;
 mod fields;
 mod fits;
+mod jumps;
 mod mirrored;
 mod nuisances;
 mod pairs;

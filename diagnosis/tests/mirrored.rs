@@ -32,7 +32,7 @@ fn frame(f: &AnatomicalFrame) -> AnatomicalFrame {
 }
 
 /// The knee of the other side.
-fn mirrored(mut deck: ImportedDeck) -> ImportedDeck {
+pub(crate) fn mirrored(mut deck: ImportedDeck) -> ImportedDeck {
     let spec = &mut deck.spec;
     spec.side = if spec.side == Side::Left { Side::Right } else { Side::Left };
     spec.frames.femur = frame(&spec.frames.femur);

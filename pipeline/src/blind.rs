@@ -23,6 +23,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 mod hard;
+mod regret;
 
 use hard::Hard;
 pub use hard::Laboratory;
@@ -99,6 +100,9 @@ pub struct AnswerArgs {
     /// Strike from the catalogue what is hidden in each case, and answer cases of a single effect alone: the truth is opened for its name, no more
     #[arg(long)]
     pub struck: bool,
+    /// Tell beside each new answer by how much its search stayed behind a fit that starts at the truth (regret.json). The search does not see the truth
+    #[arg(long, conflicts_with = "struck")]
+    pub regret: bool,
 }
 
 /// A part of the method taken away.
@@ -361,16 +365,28 @@ fn answer(args: &AnswerArgs) -> Result<String, BuildError> {
             overrides: args.overrides.clone(),
             jobs: None,
         };
-        diagnose::run_with(&question, &options)?;
+        let truth = if args.regret { truth_of(&args.bench, case)? } else { vec![] };
+        let (_, behind) = diagnose::run_beside(&question, &options, &truth)?;
+        regret::write(&question.out, behind.as_ref())?;
     }
     let answers = cases.len() - passed;
     Ok(format!("{answers} answers in {}, {kept} of them there before\n", args.out.display()))
 }
 
+/// A case's truth, its seal not asked.
+fn unsealed(bench: &Path, case: &str) -> Result<Truth, BuildError> {
+    serde_json::from_slice(&store::read(&bench.join(format!("{case}.truth.json")))?)
+        .map_err(|e| BuildError::File(format!("{case}: {e}")))
+}
+
+/// What is hidden in a case, as the search is held against it.
+fn truth_of(bench: &Path, case: &str) -> Result<Vec<diagnosis::regret::Hidden>, BuildError> {
+    Ok(regret::hidden(&unsealed(bench, case)?, &diagnosis::catalogue::Catalogue::shipped()))
+}
+
 /// The name of a case's effect, where the catalogue has it and nothing else is hidden.
 fn hidden_alone(bench: &Path, case: &str) -> Result<Vec<String>, BuildError> {
-    let truth: Truth = serde_json::from_slice(&store::read(&bench.join(format!("{case}.truth.json")))?)
-        .map_err(|e| BuildError::File(format!("{case}: {e}")))?;
+    let truth = unsealed(bench, case)?;
     let catalogue = diagnosis::catalogue::Catalogue::shipped();
     Ok(match &truth.effects[..] {
         // sites of one ligament are struck with those of all
@@ -448,7 +464,7 @@ fn said(answers: &Path, case: &str) -> Result<Option<Said>, BuildError> {
     }
     let diagnosis: Diagnosis =
         serde_json::from_slice(&store::read(&path)?).map_err(|e| BuildError::in_file(&path, e))?;
-    Ok(Some(reduced(&diagnosis)))
+    Ok(Some(Said { regret: regret::read(&answers.join(case))?, ..reduced(&diagnosis) }))
 }
 
 fn reduced(d: &Diagnosis) -> Said {
@@ -473,6 +489,7 @@ fn reduced(d: &Diagnosis) -> Said {
         without: d.without.clone(),
         evidence: d.answers.iter().map(|a| a.log_bayes_factor).collect(),
         best: d.best_log_bayes_factor,
+        regret: None,
     }
 }
 
@@ -501,14 +518,17 @@ fn reliability(s: &Score) -> String {
     out
 }
 
+/// The value below which a part of some values lies.
+fn middle(v: &[f64], part: f64) -> f64 {
+    let mut v = v.to_vec();
+    v.sort_by(f64::total_cmp);
+    v.get(((v.len() as f64 - 1.0) * part).max(0.0) as usize).copied().unwrap_or(f64::NAN)
+}
+
 fn table(s: &Score) -> String {
-    let mut out: String = s.shares.iter().map(|(name, share)| line(name, share)).collect();
+    let mut out = regret::words(&s.regrets);
+    out.extend(s.shares.iter().map(|(name, share)| line(name, share)));
     out += &reliability(s);
-    let middle = |v: &[f64], part: f64| {
-        let mut v = v.to_vec();
-        v.sort_by(f64::total_cmp);
-        v.get(((v.len() as f64 - 1.0) * part).max(0.0) as usize).copied().unwrap_or(f64::NAN)
-    };
     out += &format!(
         "size error: median {:.2}; gap closed (strong): median {:.2}, lower quartile {:.2}\n",
         middle(&s.size_errors, 0.5),

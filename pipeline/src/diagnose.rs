@@ -18,7 +18,8 @@ use calibration::options::{CalibrateOptions, Method};
 use clap::Args;
 use diagnosis::catalogue::Catalogue;
 use diagnosis::component::Provenance;
-use diagnosis::diagnosis::{Calibration, Diagnosis, Outcome, diagnose};
+use diagnosis::diagnosis::{Calibration, Diagnosis, Outcome, diagnose_beside};
+use diagnosis::regret::{Hidden, Regret};
 use diagnosis::search::DiagnosisOptions;
 use diagnosis::trial::Source;
 use notices::Notice;
@@ -97,6 +98,15 @@ pub fn run(args: &DiagnoseArgs) -> Result<Told, BuildError> {
 
 /// [`run`] with options already read.
 pub fn run_with(args: &DiagnoseArgs, options: &DiagnosisOptions) -> Result<Told, BuildError> {
+    Ok(run_beside(args, options, &[])?.0)
+}
+
+/// [`run_with`] beside the truth, for benches: also how far the search stayed behind it, where there is one.
+pub fn run_beside(
+    args: &DiagnoseArgs,
+    options: &DiagnosisOptions,
+    truth: &[Hidden],
+) -> Result<(Told, Option<Regret>), BuildError> {
     if let Some(jobs) = args.jobs {
         // A second call in one process keeps the first pool; results do not depend on it.
         let _ = rayon::ThreadPoolBuilder::new().num_threads(jobs.into()).build_global();
@@ -141,15 +151,15 @@ pub fn run_with(args: &DiagnoseArgs, options: &DiagnosisOptions) -> Result<Told,
         let page = diagnosis_page::atlas(&loaded.spec.id, &atlas);
         let files = [("atlas.json".to_owned(), json.clone()), ("atlas.html".to_owned(), page.into_bytes())];
         store::write_all(&args.out, &files)?;
-        return Ok(tell(diagnosis::atlas::table(&atlas), "atlas.html", &json));
+        return Ok((tell(diagnosis::atlas::table(&atlas), "atlas.html", &json), None));
     }
     let start = start(&loaded, &start_from, options.seed, &calibrate)?;
     let calibration = Calibration { options: &calibrate, mode: start.as_ref() };
-    let outcome = diagnose(&model, &loaded.spec, &sources, &catalogue, options, calibration)
-        .and_then(|o| o.with_provenance(&provenance))
+    let (outcome, regret) = diagnose_beside(&model, &loaded.spec, &sources, &catalogue, options, calibration, truth)
+        .and_then(|(outcome, regret)| Ok((outcome.with_provenance(&provenance)?, regret)))
         .map_err(|e| fault(&e))?;
     let json = write(args, &loaded, &outcome)?;
-    Ok(tell(in_words(&outcome.diagnosis, &args.out.join(PAGE)), PAGE, &json))
+    Ok((tell(in_words(&outcome.diagnosis, &args.out.join(PAGE)), PAGE, &json), regret))
 }
 
 /// What is told at the end: plain words, the numbers, the page.

@@ -107,16 +107,17 @@ impl Searcher<'_> {
             let data = (given.readings, &found.cov);
             out.extend(self.refits(at, data, given.candidates, (&list, PAIRS), found.base.log_evidence)?);
         }
-        // a part that has no size of its own is none: what such a pair has more is another valley of the ligaments
-        let n = self.problem.nuisances();
-        out.retain(|f| {
-            let mut at = n;
-            f.hypothesis.iter().all(|c| {
-                at += c.size();
-                f.own_evidence_of(at - c.size(), c.size()) > 0.0
-            })
-        });
+        out.retain(|f| self.each_has_a_size(f));
         Ok(out)
+    }
+
+    /// Whether each effect of a fit has a size of its own. A part that has none is none: what such a fit has more is another valley of the ligaments.
+    pub(super) fn each_has_a_size(&self, fit: &Fit) -> bool {
+        let mut at = self.problem.nuisances();
+        fit.hypothesis.iter().all(|c| {
+            at += c.size();
+            fit.own_evidence_of(at - c.size(), c.size()) > 0.0
+        })
     }
 }
 

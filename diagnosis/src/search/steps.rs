@@ -44,6 +44,11 @@ fn left_by_forms(hypothesis: &[Candidate], evidence: f64) -> f64 {
     hypothesis.iter().map(|c| c.effect.form_share).fold(0.0, f64::max).powi(2) * evidence
 }
 
+/// Whether two hypotheses have the same effects, in whatever order.
+fn are_the_same(one: &[Candidate], other: &[Candidate]) -> bool {
+    one.len() == other.len() && one.iter().all(|c| other.contains(c))
+}
+
 /// What every step works with.
 #[derive(Clone, Copy)]
 pub(super) struct Given<'a> {
@@ -196,15 +201,33 @@ impl Searcher<'_> {
             return Ok((found, false));
         };
         let taken = more.rivals.remove(k);
+        let proven = taken.hypothesis.clone();
         more.rivals.insert(0, taken);
-        let more = self.refitted(more, given)?;
+        let mut more = self.refitted(more, given)?;
         let without = self.in_scatter(&best, given.readings, &more.cov)?;
+        self.keep_proven(&mut more, &proven, &without)?;
         let is_longer = |f: &Fit| f.hypothesis.len() > best.hypothesis.len();
         if more.rivals.first().is_some_and(|f| is_longer(f) && self.log(f) >= self.log(&without) + least) {
             return Ok((more, true));
         }
         let rivals: Vec<Fit> = std::iter::once(without).chain(found.rivals.into_iter().skip(1)).collect();
         Ok((self.refitted(Found { rivals, ..more }, given)?, false))
+    }
+
+    /// Takes fits with an effect more from the front until one stands there that predicts what it has not seen: in the scatter at the one that did (`proven`)
+    /// others may be ahead of it that did not, or that nobody asked.
+    fn keep_proven(&self, more: &mut Found, proven: &[Candidate], without: &Fit) -> Result<(), DiagnosisError> {
+        while let Some(first) = more.rivals.first() {
+            let is_longer = first.hypothesis.len() > without.hypothesis.len();
+            if !is_longer || are_the_same(&first.hypothesis, proven) {
+                break;
+            }
+            if self.first_that_predicts((std::slice::from_ref(first), without), &more.cov, 0..1)?.is_some() {
+                break;
+            }
+            more.rivals.remove(0);
+        }
+        Ok(())
     }
 
     /// Which of some fits in a scatter, sorted, has an effect more than the best, predicts unseen trials better by it, and is worth it by most.
@@ -325,6 +348,18 @@ mod tests {
         assert_eq!(left_by_forms(&[of("femur_frame"), of("load_gain")], 5000.0), 0.0);
         assert!((left_by_forms(&[of("femur_frame"), of("meniscus")], 500.0) - 20.0).abs() < 1e-9);
         assert_eq!(left_by_forms(&[], 500.0), 0.0);
+    }
+
+    #[test]
+    fn effects_are_the_same_in_whatever_order_and_in_their_scopes() {
+        let of = |id: &str, scope: Scope| {
+            let effect = Catalogue::shipped().effect.into_iter().find(|e| e.id == id).unwrap();
+            Candidate { effect, variant: 0, scope }
+        };
+        let (one, other) = (of("itb", Scope::Both), of("load_gain", Scope::Only(0)));
+        assert!(are_the_same(&[one.clone(), other.clone()], &[other.clone(), one.clone()]));
+        assert!(!are_the_same(&[one.clone(), other.clone()], &[one.clone(), of("load_gain", Scope::Only(1))]));
+        assert!(!are_the_same(std::slice::from_ref(&one), &[one.clone(), other]));
     }
 
     #[test]

@@ -20,7 +20,7 @@ impl Searcher<'_> {
     }
 
     /// The search, and each effect of the catalogue by itself, the likeliest first. Where one of these is ahead of the best that the search has, the search
-    /// begins again from them, so that it is never behind.
+    /// begins again from them, so that it is never behind. Then each two of the likeliest are tried together; the best pairs stand behind the single effects.
     ///
     /// Errors: a model that cannot be evaluated.
     pub fn widened(&self, mut search: Search) -> Result<(Search, Vec<Fit>), DiagnosisError> {
@@ -28,14 +28,25 @@ impl Searcher<'_> {
         for _ in 0..MOST_AGAIN {
             let Some(again) = self.begun_again(&search, &alone)? else { break };
             search = again;
-            let in_its_scatter: Vec<Fit> = alone
-                .par_iter()
-                .map(|f| self.in_scatter(f, &search.readings, &search.covariance))
-                .collect::<Result<_, DiagnosisError>>()?;
-            alone = self.at_their_ends(&search, in_its_scatter)?;
+            alone = self.tried_again(&search, &alone)?;
+        }
+        let pairs = self.pairs_tried(&search, &alone)?;
+        if let Some(paired) = self.with_a_pair(&search, &pairs)? {
+            search = paired;
+            alone = self.tried_again(&search, &alone)?;
         }
         self.take_in(&mut search, &alone);
+        alone.extend(self.pairs_told(&search, &pairs)?);
         Ok((search, alone))
+    }
+
+    /// The rows of a table in the scatter of a search.
+    fn tried_again(&self, search: &Search, alone: &[Fit]) -> Result<Vec<Fit>, DiagnosisError> {
+        let in_its_scatter: Vec<Fit> = alone
+            .par_iter()
+            .map(|f| self.in_scatter(f, &search.readings, &search.covariance))
+            .collect::<Result<_, DiagnosisError>>()?;
+        self.at_their_ends(search, in_its_scatter)
     }
 
     /// The search begun again beside fits of single effects, where the first of them is ahead of its best; none where that effect does not last in the scatter

@@ -60,7 +60,7 @@ pub(super) fn why_unnamed(out: &mut String, d: &Diagnosis) {
 /// What each effect of the catalogue explains.
 fn each_effect(out: &mut String, why: &diagnosis::report::Unexplained) {
     let catalogue = Catalogue::shipped();
-    *out += "<h2>What each effect of the catalogue would explain</h2><p class=\"note\">Each was fitted with the ligaments from both ends: beside recalibrated ligaments, and from the force that is out of balance at the measured poses. Its best end counts. Closes: share of what recalibrated ligaments leave beyond noise, on the trials that were fitted, and for the likeliest on trials that were not.</p><table><tr><th>effect</th><th>where</th><th>size (90 % interval)</th><th>closes</th><th>on other trials</th><th>log Bayes factor</th></tr>";
+    *out += "<h2>What each effect of the catalogue would explain</h2><p class=\"note\">Each was fitted with the ligaments from both ends: beside recalibrated ligaments, and from the force that is out of balance at the measured poses. Its best end counts. The likeliest were also fitted two by two; of these the best stands here. Closes: share of what recalibrated ligaments leave beyond noise, on the trials that were fitted, and for the likeliest on trials that were not.</p><table><tr><th>effect</th><th>where</th><th>size (90 % interval)</th><th>closes</th><th>on other trials</th><th>log Bayes factor</th></tr>";
     for t in &why.tried {
         let name = |e: &Named| {
             let about = e.variant.as_ref().map(|v| format!(" ({v})")).unwrap_or_default();
@@ -69,7 +69,7 @@ fn each_effect(out: &mut String, why: &diagnosis::report::Unexplained) {
         let all =
             |of: &dyn Fn(&Named) -> String, between: &str| t.effects.iter().map(of).collect::<Vec<_>>().join(between);
         let size = |e: &Named| sizes(&catalogue, e, "").iter().map(|s| escaped(s)).collect::<Vec<_>>().join("<br>");
-        let unseen = t.closes_held_out.map_or(String::new(), |x| format!("{:.0} %", 100.0 * x));
+        let unseen = t.closes_held_out.map_or(String::new(), on_other_trials);
         let _ = write!(
             out,
             "<tr><td>{}</td><td>{}</td><td>{}</td><td>{:.0} %</td><td>{unseen}</td><td>{:.1}</td></tr>",
@@ -81,6 +81,11 @@ fn each_effect(out: &mut String, why: &diagnosis::report::Unexplained) {
         );
     }
     *out += "</table>";
+}
+
+/// A share that an effect closes on trials that it was not fitted to, in words: one below nothing is no share.
+fn on_other_trials(share: f64) -> String {
+    if share < 0.0 { "none: they fit worse with it".to_owned() } else { format!("{:.0} %", 100.0 * share) }
 }
 
 /// Noise as stated and as the data have it, where they differ.
@@ -102,4 +107,18 @@ pub(super) fn noise(out: &mut String, d: &Diagnosis) {
         );
     }
     *out += "</table>";
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_effect_that_makes_other_trials_worse_closes_no_share_of_them() {
+        assert_eq!(on_other_trials(0.557), "56 %");
+        assert_eq!(on_other_trials(0.0), "0 %");
+        assert!(
+            [-0.02, -1.0].iter().all(|x| on_other_trials(*x).starts_with("none") && !on_other_trials(*x).contains('-'))
+        );
+    }
 }
