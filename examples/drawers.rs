@@ -1,7 +1,8 @@
-//! The 90 N drawer of models, intact and without ACL, beside cadavers: `cargo run --release --example drawers -- MODEL...`
+//! The 90 N drawer of models beside cadavers: intact, without ACL, and without ACL and ALS. `cargo run --release --example drawers -- MODEL...`
 //!
-//! Prints a table a model: how far the tibia comes forward of its unloaded pose, the cadavers' mean and scatter, by how many scatters the model is off.
-//! The cadavers are twelve knees [drawer2020, table 1]. docs/drawers.md holds the tables.
+//! Prints a table a model: how far the tibia comes forward of its unloaded pose, the cadavers' mean and scatter, how many scatters off the model is.
+//! The cadavers are twelve knees [drawer2020, table 1]. Last stands the drawer at which it gives way without ACL.
+//! docs/drawers.md holds the tables.
 #![expect(clippy::print_stderr, clippy::print_stdout, reason = "a table for the reader")]
 
 use genu::error::BuildError;
@@ -13,18 +14,22 @@ use sim::trials::{Answer, TrialOptions, solve_trials};
 use std::path::Path;
 use std::process::ExitCode;
 
-/// Flexion [deg], then mean and standard deviation of the drawer [mm] of the intact knee and of that without ACL.
-const CADAVERS: [(f64, [[f64; 2]; 2]); 10] = [
-    (0.0, [[4.0, 1.4], [10.0, 2.9]]),
-    (10.0, [[5.4, 1.8], [12.4, 2.1]]),
-    (20.0, [[5.9, 2.3], [13.2, 2.2]]),
-    (30.0, [[6.0, 2.5], [12.9, 2.5]]),
-    (40.0, [[5.6, 2.5], [11.8, 2.7]]),
-    (50.0, [[5.2, 2.5], [10.4, 2.9]]),
-    (60.0, [[4.7, 2.4], [9.4, 2.7]]),
-    (70.0, [[4.2, 2.3], [8.5, 2.6]]),
-    (80.0, [[3.9, 2.2], [7.9, 2.6]]),
-    (90.0, [[3.7, 2.3], [7.7, 2.5]]),
+/// A state of a knee: its name, what is cut. What the cadavers' table calls ALL, the anterolateral ligament, a model has as ALS.
+const STATES: [(&str, &[&str]); 3] =
+    [("intact", &[]), ("without ACL", &["ACL"]), ("without ACL and ALS", &["ACL", "ALS"])];
+
+/// Flexion [deg], then mean and standard deviation of the drawer [mm] in each state.
+const CADAVERS: [(f64, [[f64; 2]; 3]); 10] = [
+    (0.0, [[4.0, 1.4], [10.0, 2.9], [10.3, 2.9]]),
+    (10.0, [[5.4, 1.8], [12.4, 2.1], [12.8, 1.9]]),
+    (20.0, [[5.9, 2.3], [13.2, 2.2], [14.0, 2.2]]),
+    (30.0, [[6.0, 2.5], [12.9, 2.5], [13.6, 2.2]]),
+    (40.0, [[5.6, 2.5], [11.8, 2.7], [12.5, 3.1]]),
+    (50.0, [[5.2, 2.5], [10.4, 2.9], [11.2, 3.3]]),
+    (60.0, [[4.7, 2.4], [9.4, 2.7], [10.1, 3.3]]),
+    (70.0, [[4.2, 2.3], [8.5, 2.6], [9.2, 3.3]]),
+    (80.0, [[3.9, 2.2], [7.9, 2.6], [8.5, 2.9]]),
+    (90.0, [[3.7, 2.3], [7.7, 2.5], [8.3, 3.1]]),
 ];
 
 /// The drawer [N]; the cadavers'.
@@ -33,6 +38,10 @@ const DRAWER_N: f64 = 90.0;
 const COMPRESSION_N: f64 = 20.0;
 /// Scatters within which a model is like the cadavers [-].
 const ALIKE: f64 = 2.0;
+/// The drawer is raised by so much at a time, so often, to find where the knee gives way [N], [-]; ours.
+const STEPS: (f64, u8) = (10.0, 15);
+/// A knee gives way where its tibia comes so much further within a step [mm]; ours: S192803 without ACL never does.
+const GIVES_MM: f64 = 5.0;
 
 fn main() -> ExitCode {
     let models: Vec<String> = std::env::args().skip(1).collect();
@@ -53,41 +62,66 @@ fn table(path: &Path) -> Result<(), BuildError> {
     let loaded = model_file::load(path)?;
     let fault = |e: sim::SimError| BuildError::File(format!("{}: {e}", path.display()));
     let intact = compile(&loaded.spec, &loaded.meshes).map_err(fault)?;
-    let cut = intact.without(&["ACL".into()]).map_err(fault)?;
+    // a model that has no ALS is not asked without it
+    let has_als = loaded.spec.bundles.iter().any(|b| b.name == "ALS");
+    let states = &STATES[..if has_als { 3 } else { 2 }];
     println!("\n{}, {}\n", loaded.label(), if loaded.spec.menisci.is_empty() { "no menisci" } else { "menisci" });
-    println!("| flexion deg | intact mm | cadavers | off by sd | without ACL mm | cadavers | off by sd | flags |");
-    println!("|---|---|---|---|---|---|---|---|");
-    let answers = [drawn(&intact).map_err(fault)?, drawn(&cut).map_err(fault)?];
-    let mut alike = [0; 2];
+    let heads: String = states.iter().map(|(name, _)| format!(" {name} mm | cadavers | off by sd |")).collect();
+    println!("| flexion deg |{heads} gives way at N | flags |\n|---|{}---|---|", "---|---|---|".repeat(states.len()));
+    let mut answers = Vec::new();
+    for (_, cut) in states {
+        let cut: Vec<String> = cut.iter().map(|name| (*name).to_owned()).collect();
+        answers.push(drawn(&intact.without(&cut).map_err(fault)?).map_err(fault)?);
+    }
+    let gives = gives_way(&intact.without(&["ACL".into()]).map_err(fault)?);
+    let mut alike = vec![0; states.len()];
     for (k, (flexion, cadavers)) in CADAVERS.iter().enumerate() {
         let mut row = format!("| {flexion} ");
-        for (state, [mean, sd]) in cadavers.iter().enumerate() {
-            let [rest, drawn] = &answers[state][k];
+        for (state, of) in answers.iter().enumerate() {
+            let ([rest, drawn], [mean, sd]) = (&of[k], cadavers[state]);
             let drawer = drawn.predicted()[AP] - rest.predicted()[AP];
             let off = (drawer - mean) / sd;
             alike[state] += usize::from(off.abs() <= ALIKE);
             row += &format!("| {drawer:.1} | {mean} ({sd}) | {off:+.1} ");
         }
-        let told = |k: usize, name: &str, a: &Answer| match a.flags.is_empty() {
+        let told = |state: &str, name: &str, a: &Answer| match a.flags.is_empty() {
             true => None,
-            false => Some(format!("{} {name}: {}", ["intact", "cut"][k], sim::flags::sentences(&a.flags).join(", "))),
+            false => Some(format!("{state}, {name}: {}", sim::flags::sentences(&a.flags).join(", "))),
         };
-        let flags = (0..2).flat_map(|s| {
-            let [rest, drawn] = &answers[s][k];
-            [told(s, "unloaded", rest), told(s, "drawn", drawn)]
+        let flags = states.iter().zip(&answers).flat_map(|((state, _), of)| {
+            let [rest, drawn] = &of[k];
+            [told(state, "unloaded", rest), told(state, "drawn", drawn)]
         });
-        println!("{row}| {} |", flags.flatten().collect::<Vec<_>>().join("; "));
+        println!("{row}| {} | {} |", gives[k], flags.flatten().collect::<Vec<_>>().join("; "));
     }
-    println!("\nwithin {ALIKE} sd: intact {} of 10, without ACL {} of 10", alike[0], alike[1]);
+    let sums: Vec<String> = states.iter().zip(&alike).map(|((name, _), n)| format!("{name} {n} of 10")).collect();
+    println!("\nwithin {ALIKE} sd: {}", sums.join(", "));
     Ok(())
+}
+
+/// A drawer at a flexion.
+fn asked(fe: f64, ap: f64) -> LaxityTrial {
+    let load = Load::new(0.0, 0.0, 0.0, ap, COMPRESSION_N);
+    LaxityTrial::asked(format!("{fe} deg, {ap} N"), Test::Anterior, fe, load)
+}
+
+/// The drawer at which the knee gives way, at each flexion, in words.
+fn gives_way(model: &Model) -> Vec<String> {
+    let (step, count) = STEPS;
+    let at = |(fe, _): &(f64, [[f64; 2]; 3])| {
+        let trials: Vec<LaxityTrial> = (0..=count).map(|k| asked(*fe, step * f64::from(k))).collect();
+        let answers = solve_trials(model, &trials, &TrialOptions::default());
+        let ap: Vec<Option<f64>> = answers.into_iter().map(|a| a.ok().map(|a| a.predicted()[AP])).collect();
+        // a step to a drawer without equilibrium has no length
+        let gives = |pair: &[Option<f64>]| pair[0].zip(pair[1]).is_some_and(|(a, b)| b - a > GIVES_MM);
+        let first = ap.windows(2).position(gives).map(|k| trials[k + 1].load[AP]);
+        first.map_or(format!("over {}", step * f64::from(count)), |n| format!("{n}"))
+    };
+    CADAVERS.iter().map(at).collect()
 }
 
 /// Unloaded and drawn at each flexion.
 fn drawn(model: &Model) -> Result<Vec<[Answer; 2]>, sim::SimError> {
-    let asked = |fe: f64, ap: f64| {
-        let load = Load::new(0.0, 0.0, 0.0, ap, COMPRESSION_N);
-        LaxityTrial::asked(format!("{fe} deg, {ap} N"), Test::Anterior, fe, load)
-    };
     let trials: Vec<LaxityTrial> =
         CADAVERS.iter().flat_map(|(fe, _)| [asked(*fe, 0.0), asked(*fe, DRAWER_N)]).collect();
     let mut answers = solve_trials(model, &trials, &TrialOptions::default()).into_iter();

@@ -279,6 +279,16 @@ fn a_plan_that_means_nothing_is_one_clear_error() {
                 .replace("femur = { native = \"ACL\" }", "femur = { point_mm = [900, 0, 0] }"),
             "mm off the bone",
         ),
+        (
+            graft(&format!("{stiff}tension_n = 40"))
+                .replace("femur = { native = \"ACL\"", "femur = { native = \"ACL\", move_mm = [0, 200, 0]"),
+            "femur.move_mm is 200, expected -30 to 30",
+        ),
+        (
+            graft(&format!("{stiff}tension_n = 40"))
+                .replace("tibia = { native = \"ACL\"", "tibia = { native = \"ACL\", move_mm = [0, 0, -30.5]"),
+            "tibia.move_mm is -30.5, expected -30 to 30",
+        ),
         ("[tests]\nflexions_deg = []".to_owned(), "tests.flexions_deg has 0 flexions"),
         (String::new(), "nothing is planned"),
         ("name = \"rest\"\ncut = []\n[tests]\nflexions_deg = [30]".to_owned(), "line 2: nothing is planned"),
@@ -448,4 +458,68 @@ fn a_test_without_equilibrium_leaves_the_intervals_of_the_others() {
     for test in ["unloaded", "anterior drawer"] {
         assert!(ends(&of(test).0).is_some(), "{test}: {:?}", of(test));
     }
+}
+
+#[test]
+fn every_command_that_asks_samples_asks_as_many_unless_told() {
+    let default = |command: &str| {
+        let done = build_model().args([command, "--help"]).assert().success();
+        let said = String::from_utf8_lossy(&done.get_output().stdout).into_owned();
+        let after = said.split("--samples <N>").nth(1).unwrap().to_owned();
+        after.split("[default: ").nth(1).unwrap().split(']').next().unwrap().to_owned()
+    };
+    assert!(default("simulate").parse::<usize>().unwrap() > 0);
+    for command in ["plan", "next-tests"] {
+        assert_eq!(default(command), default("simulate"), "{command}");
+    }
+}
+
+/// A number of plan.json.
+fn number(value: &Value) -> f64 {
+    value["value"].as_f64().unwrap()
+}
+
+#[test]
+fn the_planned_field_of_each_map_is_the_plan_and_more_tension_bears_more() {
+    let (folder, ..) = knee();
+    let out = TempDir::new().unwrap();
+    let file = out.path().join("graft.toml");
+    let few = EXAMPLE.replace("flexions_deg = [0.0, 30.0, 60.0, 90.0]", "flexions_deg = [30.0]");
+    let few = few.replace("passive_deg = [0.0, 15.0, 30.0, 45.0, 60.0, 75.0, 90.0]", "passive_deg = [20.0, 90.0]");
+    let run = |to: &str, plan: &str, more: &[&str]| {
+        write(&file, plan);
+        let mut c = build_model();
+        c.arg("plan").arg(folder.path()).arg(&file).arg("--out").arg(out.path().join(to)).args(more).assert()
+    };
+    run("a", &few, &["--map"]).success().stdout(contains("map.csv"));
+    let told = json(&out.path().join("a/plan.json"));
+    let tests = told["tests"].as_array().unwrap();
+    let most = |kind: &str, of: &dyn Fn(&Value) -> f64| {
+        tests.iter().filter(|t| t["test"] == kind).map(|t| of(t).abs()).fold(0.0, f64::max)
+    };
+    let off = most("anterior drawer", &|t| number(&t["off"]["ap_mm"]));
+    let force = most("unloaded", &|t| number(&t["states"]["reconstructed"]["graft_hamstring_n"]));
+    let map = text(&out.path().join("a/map.csv"));
+    let rows: Vec<Vec<&str>> = map.lines().skip(1).map(|l| l.split(',').collect()).collect();
+    // five by five sites; four tensions at four flexions, the planned ones among them
+    assert_eq!(rows.len(), 25 + 16, "{map}");
+    for planned in [["femoral site", "0", "0", "", ""], ["tension", "", "", "20", "80"]] {
+        let row = rows.iter().find(|r| r[..5] == planned).unwrap();
+        let found = [7, 8].map(|k| row[k].parse::<f64>().unwrap());
+        // the file has four digits; another order of the same steps moves the last bits of an equilibrium
+        assert!((found[0] - off).abs() < 1e-3 && (found[1] - force).abs() < 0.01, "{row:?}: {off} {force}");
+    }
+    for flexion in ["0", "20", "45", "90"] {
+        let of = rows.iter().filter(|r| r[0] == "tension" && r[3] == flexion);
+        let forces: Vec<f64> = of.filter_map(|r| r[8].parse().ok()).collect();
+        assert!(forces.len() > 1 && forces.is_sorted(), "{flexion} deg: {forces:?}");
+    }
+    let page = |to: &str| text(&out.path().join(to).join("plan.html"));
+    assert!(page("a").contains("Other sites and tensions") && page("a").contains("tension: most that the graft bears"));
+    run("b", &few, &[]).success();
+    assert!(!page("b").contains("Other sites and tensions") && !out.path().join("b/map.csv").exists());
+    // a map changes no number of the plan
+    assert_eq!(json(&out.path().join("b/plan.json")), told);
+    run("c", "cut = [\"ACL\"]", &["--map"]).code(1).stderr(contains("there is no graft to map"));
+    assert!(!out.path().join("c").exists());
 }

@@ -2,8 +2,10 @@
 
 mod chances;
 mod file;
+mod heat;
 mod html;
 mod knee;
+mod map;
 mod numbers;
 mod outcome;
 mod page;
@@ -20,6 +22,7 @@ use crate::record::json;
 use crate::report::html::LivePart;
 use crate::report::live::Begin;
 use crate::report::live_model::live_part;
+use crate::simulate::SAMPLES;
 use crate::store;
 use crate::told::{ModelTold, Told};
 use crate::which_model::WhichModel;
@@ -31,9 +34,6 @@ pub use knee::Surfaces;
 pub use numbers::Value;
 pub use outcome::{GraftTold, Outcome, SCHEMA, TestTold, outcome};
 use std::path::PathBuf;
-
-/// Samples asked unless told; ours: 90 % intervals of so many have ends of two samples or so.
-const SAMPLES: usize = 32;
 
 /// `build-model plan`.
 #[derive(Args, Clone, Debug)]
@@ -56,6 +56,9 @@ pub struct PlanArgs {
     /// Draws which samples are asked, where fewer are asked than there are; without it the first
     #[arg(long)]
     pub seed: Option<u64>,
+    /// Also map what other femoral sites and tensions of the first graft would do, of the most probable knee: map.csv, and coloured maps in plan.html
+    #[arg(long)]
+    pub map: bool,
     /// Print an example of graft.toml, with every key, and do nothing else
     #[arg(long)]
     pub example: bool,
@@ -84,16 +87,18 @@ pub fn plan(args: &PlanArgs) -> Result<Told, BuildError> {
     let which = samples.as_ref().map(|s| (s, chosen(s, args)));
     let asked = which.as_ref().map(|(s, w)| (*s, w.as_slice()));
     let name = path.display().to_string();
-    let mut out = outcome::outcome_of(&loaded.spec, &loaded.meshes, &file, asked)
-        .map_err(|what| BuildError::At { place: Place::of(path), told: format!("{name}: {what}") })?;
+    let fault = |what: String| BuildError::At { place: Place::of(path), told: format!("{name}: {what}") };
+    let mut out = outcome::outcome_of(&loaded.spec, &loaded.meshes, &file, asked).map_err(fault)?;
     notices.append(&mut out.notices);
     (out.warnings, out.notices, out.model) = (notices::texts(&notices), notices, Some(ModelTold::of(&loaded)));
     let live = page::Live { part: live_of(&loaded, &file, samples.as_ref()), samples_asked: args.samples > 0 };
-    let files = [
+    let maps = if args.map { map::maps(&loaded.spec, &loaded.meshes, &file).map_err(fault)? } else { vec![] };
+    let mut files = vec![
         ("plan.json".to_owned(), json(&out)),
         ("plan.csv".to_owned(), table::csv(&out).into_bytes()),
-        ("plan.html".to_owned(), page::page(&out, &loaded.label(), &live).into_bytes()),
+        ("plan.html".to_owned(), page::page(&out, &loaded.label(), (maps.as_slice(), &live)).into_bytes()),
     ];
+    files.extend(args.map.then(|| ("map.csv".to_owned(), map::csv(&maps).into_bytes())));
     store::write_all(&args.out, &files)?;
     Ok(told(&out, &loaded, args))
 }
@@ -120,6 +125,7 @@ fn chosen(samples: &Samples, args: &PlanArgs) -> Vec<usize> {
 fn told(out: &Outcome, loaded: &LoadedModel, args: &PlanArgs) -> Told {
     let mut words = loaded.line();
     words += &table::words(out);
-    words += &format!("plan.json, plan.csv and plan.html in {}\n", args.out.display());
+    let map = if args.map { "map.csv, " } else { "" };
+    words += &format!("{map}plan.json, plan.csv and plan.html in {}\n", args.out.display());
     Told::words(words).odd(out.notices.clone()).with(out)
 }

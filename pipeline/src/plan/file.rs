@@ -15,6 +15,11 @@ pub const EXAMPLE: &str = include_str!("example.toml");
 
 /// Flexions that may be asked [deg].
 const FLEXIONS_DEG: [f64; 2] = [-10.0, 140.0];
+/// A point may have such coordinates in the frame of the CT [mm]; ours: a scanner's table is shorter.
+const POINTS_MM: [f64; 2] = [-5000.0, 5000.0];
+/// A place may be moved so far along each axis [mm]; ours: no footprint lies further from another of its bone's notch or plateau, and what is moved
+/// further is laid back on another part of the bone.
+const MOVES_MM: [f64; 2] = [-30.0, 30.0];
 
 /// What graft.toml says.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -254,9 +259,10 @@ impl SiteFile {
         for (key, p) in percents.iter().flat_map(|(key, pair)| pair.iter().flatten().map(move |p| (key, *p))) {
             within(&format!("{bone}.{key}"), &format!("{bone}, percent"), p, [-10.0, 110.0])?;
         }
-        let lengths = [("point_mm", self.point_mm), ("move_mm", Some(self.move_mm))];
-        let mut all = lengths.iter().flat_map(|(key, three)| three.iter().flatten().map(move |x| (key, *x)));
-        all.try_for_each(|(key, x)| within(&format!("{bone}.{key}"), &format!("{bone}, mm"), x, [-5000.0, 5000.0]))
+        let lengths = [("point_mm", self.point_mm, POINTS_MM), ("move_mm", Some(self.move_mm), MOVES_MM)];
+        let mut all =
+            lengths.iter().flat_map(|(key, three, most)| three.iter().flatten().map(move |x| (key, *x, *most)));
+        all.try_for_each(|(key, x, most)| within(&format!("{bone}.{key}"), &format!("{bone}.{key}"), x, most))
     }
 }
 

@@ -1,7 +1,9 @@
 //! plan.html: one page to print. Plain words, tables, figures; nothing is loaded from elsewhere.
 
+use super::heat;
 use super::html::{table, words};
 use super::knee::STATES;
+use super::map::Map;
 use super::numbers::Value;
 use super::outcome::{Outcome, TestTold};
 use super::planned::planned;
@@ -25,8 +27,8 @@ pub(super) struct Live {
     pub(super) samples_asked: bool,
 }
 
-/// The page; at its end its reader pulls at the knee, or reads why not.
-pub(super) fn page(out: &Outcome, label: &str, live: &Live) -> String {
+/// The page, with the maps that were asked for; at its end its reader pulls at the knee, or reads why not.
+pub(super) fn page(out: &Outcome, label: &str, (maps, live): (&[Map], &Live)) -> String {
     let title = if out.plan.is_empty() { "Plan" } else { &out.plan };
     let mut text = head(&format!("{title}: plan"));
     text += FIGURES;
@@ -41,6 +43,7 @@ pub(super) fn page(out: &Outcome, label: &str, live: &Live) -> String {
     text += &figures(out);
     text += "<h2>Against the intact knee, under the same load</h2><p>Reconstructed less intact: forward, external and valgus count as more.</p>";
     text += &differences(out);
+    text += &heat::section(maps);
     text += &limits();
     if !out.warnings.is_empty() {
         let all: String = out.warnings.iter().map(|w| format!("<li>{}</li>", escaped(w))).collect();
