@@ -1,13 +1,17 @@
 //! `credibility`: what speaks for a knee's model, factor by factor in the order of ASME V&V 40, each number with its file and digest.
 
+mod answers;
 mod context;
 mod evidence;
 mod figures;
 mod grade;
 mod of_program;
 mod page;
+mod questions;
 mod read;
+mod row;
 mod rows;
+mod untargeted;
 
 pub use context::Context;
 pub use evidence::{Evidence, Factor, FactorTold, Told as CredibilityTold};

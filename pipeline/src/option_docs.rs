@@ -1,7 +1,7 @@
 //! `options`: every option with its default, unit, source and meaning, as its comment in the source says.
 
 use crate::error::BuildError;
-use crate::options::BuildOptions;
+use crate::options::{BuildOptions, range, range_words};
 use serde::Serialize;
 use sim::names::did_you_mean;
 use std::fmt::Write;
@@ -26,6 +26,8 @@ pub struct OptionDoc {
     pub value: serde_json::Value,
     /// Its unit; `-` for a number without one, empty where it is no number.
     pub unit: String,
+    /// Least and most that it may be, each number of a list alike; null where it is no number. Another option may ask for more.
+    pub range: Option<[f64; 2]>,
     /// Where the default comes from: a key of docs/bibliography.bib, or `ours`.
     pub source: String,
     /// What it does.
@@ -126,7 +128,8 @@ pub fn options(stage: Option<&str>, every: bool, json: bool) -> Result<String, B
         let _ = writeln!(text, "{} = {}{unit}", o.key, o.default);
         let source = format!(" Source: {}.", o.source);
         let choices = if o.choices.is_empty() { String::new() } else { format!(" One of {}.", o.choices.join(", ")) };
-        text += &wrapped(&format!("{}{choices}{source}", o.meaning));
+        let range = o.range.map_or(String::new(), |range| format!(" Range: {}.", range_words(range)));
+        text += &wrapped(&format!("{}{choices}{range}{source}", o.meaning));
     }
     if more > 0 {
         let of = stage.map_or(String::new(), |s| format!(" {s}"));
@@ -164,13 +167,18 @@ fn walk(prefix: &str, name: &str, defaults: Option<&Value>, found: &mut Vec<Opti
             walk(&key, kind, default, found);
             continue;
         }
-        let (meaning, unit, source) = parted(comment);
+        let (meaning, mut unit, source) = parted(comment);
+        // a seed has no unit, whether its comment says so or not
+        if unit.is_empty() && key.ends_with(".seed") {
+            "-".clone_into(&mut unit);
+        }
         // of two choices with one name, that which has the default
         let is_default = |c: &&Table| default.is_some_and(|d| c.1.iter().any(|m| d.as_str() == Some(m.0)));
         let mut named = comments::CHOICES.iter().filter(|(n, _)| n == kind);
         let choices = named.clone().find(is_default).or(named.next()).map_or(&[][..], |(_, m)| m);
         found.push(OptionDoc {
             shown: SHOWN.contains(&key.as_str()),
+            range: range(&key, default),
             key,
             default: default.map_or("none".to_owned(), Value::to_string),
             value: default.and_then(|d| serde_json::to_value(d).ok()).unwrap_or_default(),
@@ -267,12 +275,16 @@ mod tests {
                 "{leaf} is not among the options shown"
             );
         }
-        let number = |o: &OptionDoc| o.default.parse::<f64>().is_ok() && o.default != "0" && !o.key.contains("seed");
+        let is_number =
+            |v: &serde_json::Value| v.is_number() || v.as_array().is_some_and(|a| a.iter().any(|v| v.is_number()));
         let of = |lacks: &dyn Fn(&OptionDoc) -> bool| -> Vec<&str> {
             all.iter().filter(|o| lacks(o)).map(|o| o.key.as_str()).collect()
         };
         assert_eq!(of(&|o| o.meaning.is_empty()), [""; 0], "options without a meaning");
-        assert_eq!(of(&|o| number(o) && o.unit.is_empty()), [""; 0], "options without a unit");
+        assert_eq!(of(&|o| o.range.is_some() && o.unit.is_empty()), [""; 0], "options without a unit");
+        assert_eq!(of(&|o| is_number(&o.value) && o.range.is_none()), [""; 0], "numbers without a range");
+        assert_eq!(of(&|o| o.range.is_some_and(|[a, b]| a > b)), [""; 0], "ranges the wrong way round");
+        assert_eq!(of(&|o| o.source.is_empty()), [""; 0], "options without a source or ours");
     }
 
     #[test]

@@ -1,6 +1,9 @@
 //! Options: the defaults of the program, overridden by specimen.toml, overridden by `--set stage.key=value`.
 
+mod held;
 mod ranges;
+
+pub(crate) use ranges::{range, words as range_words};
 
 use crate::error::BuildError;
 use calibration::options::CalibrateOptions;
@@ -294,6 +297,82 @@ mod tests {
         ] {
             let error = resolve(&BTreeMap::new(), &[set(text)], None).unwrap_err().to_string();
             assert!(error.contains(named), "{error}");
+        }
+    }
+
+    /// Options whose ends another option moves: a width or thickness below another, ascending lists, counts of one swarm, what one method hears.
+    const BOUND: [&str; 14] = [
+        "ingest.least_width_mm",
+        "ingest.greatest_width_mm",
+        "hexmesh.min_thickness_mm",
+        "hexmesh.max_thickness_mm",
+        "contact-law.force_n",
+        "contact-law.least_force_n",
+        "contact-law.overclosure_mm",
+        "assemble.overclosure_mm",
+        "assemble.pressure_mpa",
+        "calibrate.swarm.particles",
+        "calibrate.swarm.swarm_evaluations",
+        "calibrate.gradient.samples",
+        "validate.from_flexion_deg",
+        "validate.to_flexion_deg",
+    ];
+
+    /// An option set to a number; of a list all its numbers.
+    fn set_to(key: &str, default: &Value, number: f64) -> Override {
+        let one = |like: &Value| match like {
+            Value::Integer(_) => Value::Integer(number as i64),
+            _ => Value::Float(number),
+        };
+        let value = match default {
+            Value::Array(all) => Value::Array(all.iter().map(one).collect()),
+            other => one(other),
+        };
+        let (stage, key) = key.split_once('.').unwrap();
+        Override { stage: stage.into(), key: key.into(), value }
+    }
+
+    /// Whether an option may be a number: of whole ones, those next to it.
+    fn is_taken(o: &crate::option_docs::OptionDoc, number: f64) -> bool {
+        let default =
+            format!("x = {}", o.default).parse::<Table>().map_or(Value::Float(0.0), |mut t| t.remove("x").unwrap());
+        resolve(&BTreeMap::new(), &[set_to(&o.key, &default, number)], None).is_ok()
+    }
+
+    #[test]
+    fn the_range_that_is_told_is_the_range_that_is_taken() {
+        let all = crate::option_docs::all().unwrap();
+        let mut faults = Vec::new();
+        for o in &all {
+            let Some([least, most]) = o.range else { continue };
+            let whole = o.value.is_i64() || o.value.as_array().is_some_and(|a| a.iter().any(serde_json::Value::is_i64));
+            // far enough outside that a whole number is another one
+            let step = |x: f64| if whole { 1.0 } else { 1e-6 * x.abs().max(1e-9) };
+            let outside = [least - step(least), most + step(most)];
+            let beyond: Vec<f64> = outside.into_iter().filter(|x| x.abs() < 1e18 && is_taken(o, *x)).collect();
+            let inside = [least, most].into_iter().filter(|x| x.abs() < 1e12 && !BOUND.contains(&o.key.as_str()));
+            let refused: Vec<f64> = inside.filter(|x| !is_taken(o, *x)).collect();
+            if !beyond.is_empty() || !refused.is_empty() {
+                faults.push(format!("{}: told {least:e} to {most:e}; takes {beyond:?}, refuses {refused:?}", o.key));
+            }
+        }
+        assert!(faults.is_empty(), "{}", faults.join("\n"));
+        assert!(BOUND.iter().all(|key| all.iter().any(|o| o.key == *key && o.range.is_some())));
+    }
+
+    #[test]
+    fn a_range_reads_as_it_is_meant() {
+        let told = [
+            ([0.0, 10.0], "0 to 10"),
+            ([held::ABOVE_0, 1.0], "above 0 to 1"),
+            ([0.0, held::BELOW_1], "0 to below 1"),
+            ([held::ABOVE_0, 1e12], "above 0"),
+            ([0.2, 1e12], "0.2 or more"),
+            ([-1e12, 1e12], "any number"),
+            ([1e-9, 0.1], "1e-9 to 0.1"),
+        ];
+        for (range, words) in told {
+            assert_eq!(range_words(range), words);
         }
     }
 

@@ -80,13 +80,15 @@ pub struct Evidence {
     pub stage: Option<String>,
     /// The test that made it; none of what the build made.
     pub test: Option<String>,
+    /// blake3 of the code of that test when it made the number, without blank lines and comments; none of what the build made.
+    pub test_digest: Option<String>,
     /// The file that holds it.
     pub file: String,
     /// blake3 of that file.
     pub digest: Option<String>,
     /// The day on which that file was written.
     pub date: Option<String>,
-    /// Whether the file is as the stage left it.
+    /// Whether the file is as the stage left it; false where it is gone.
     pub as_built: Option<bool>,
 }
 
@@ -117,23 +119,29 @@ impl FactorTold {
     }
 }
 
-/// Evidence that not every knee has: of stages that run where they are asked for, of a second data set, of menisci, of measured passive flexion, of a
-/// question that names flexions.
-const NOT_EVERY_KNEES: [&str; 8] = [
+/// Evidence that not every knee has: of a scan beside a CT, of stages that run where they are asked for, of a second data set, of menisci,
+/// of measured passive flexion, of a question that names flexions.
+const NOT_EVERY_KNEES: [&str; 13] = [
+    "registration",
     "contact-law",
     "missing-effects",
     "menisci-sensitivity",
+    "menisci-forces",
     "starts",
+    "starts-stiffness",
     "cross-prediction",
     "cross-prediction-width",
+    "other-flexions",
+    "other-directions",
     "passive-flexion",
     "flexion-range",
 ];
 
-/// The best grade that a factor can have with this piece: what is missing is never to its advantage.
+/// The best grade that a factor can have with this piece: what is missing is never to its advantage. What was changed or taken away after the
+/// build is not what this knee never had.
 fn worth(piece: &Evidence) -> Grade {
     match piece.grade {
-        Grade::NoEvidence if NOT_EVERY_KNEES.contains(&piece.id) => Grade::Adequate,
+        Grade::NoEvidence if piece.as_built.is_none() && NOT_EVERY_KNEES.contains(&piece.id) => Grade::Adequate,
         Grade::NoEvidence => Grade::Weak,
         grade => grade,
     }
@@ -177,6 +185,7 @@ mod tests {
             why: String::new(),
             stage: None,
             test: None,
+            test_digest: None,
             file: String::new(),
             digest: None,
             date: None,
@@ -188,7 +197,7 @@ mod tests {
     fn what_is_missing_is_never_to_a_factors_advantage() {
         let grades = [Grade::Strong, Grade::Adequate, Grade::Weak];
         let of = |pieces: &[Evidence]| FactorTold::of(Factor::ModelInputs, pieces.to_vec(), None).grade;
-        for (id, at_most) in [("registration", Grade::Weak), ("cross-prediction", Grade::Adequate)] {
+        for (id, at_most) in [("fibres-in-bone", Grade::Weak), ("cross-prediction", Grade::Adequate)] {
             for (own, other) in grades.into_iter().flat_map(|own| grades.map(|other| (own, other))) {
                 let with = of(&[piece(id, own), piece("sites-marked", other)]);
                 let without = of(&[piece(id, Grade::NoEvidence), piece("sites-marked", other)]);
@@ -196,8 +205,18 @@ mod tests {
                 assert!(without <= with.max(at_most), "{id}");
             }
         }
-        assert_eq!(of(&[piece("registration", Grade::NoEvidence)]), Grade::NoEvidence);
+        assert_eq!(of(&[piece("fibres-in-bone", Grade::NoEvidence)]), Grade::NoEvidence);
         let ids = super::super::rows::ids();
         assert!(NOT_EVERY_KNEES.iter().all(|id| ids.contains(id)), "{ids:?}");
+    }
+
+    /// A number that speaks against the model could be struck out otherwise, by a change of its file or without it.
+    #[test]
+    fn what_was_changed_or_taken_away_leaves_its_factor_weak() {
+        for id in NOT_EVERY_KNEES {
+            let struck = Evidence { as_built: Some(false), ..piece(id, Grade::NoEvidence) };
+            let all = vec![struck, piece("sites-marked", Grade::Strong)];
+            assert_eq!(FactorTold::of(Factor::ModelInputs, all, None).grade, Grade::Weak, "{id}");
+        }
     }
 }

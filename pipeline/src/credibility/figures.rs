@@ -3,9 +3,11 @@
 use super::read::{Build, Read, Rows, largest, numbers, share, smallest};
 use crate::stage::BETWEEN_TEAMS;
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::RangeInclusive;
 
-/// Reference strains are the design variables up to this number; stiffnesses follow [andreassen2025, table 3].
-const LAST_STRAIN: u32 = 14;
+/// Design variables that are reference strains, and those that are stiffnesses, by their numbers [andreassen2025, table 3].
+const STRAINS: RangeInclusive<u32> = 1..=14;
+const STIFFNESSES: RangeInclusive<u32> = 15..=26;
 
 /// A number of a stage's metrics.json, at each of some paths of two keys; `*` is every key, an empty key ends the path.
 pub(super) fn metrics(
@@ -56,14 +58,31 @@ pub(super) fn sensitive(build: &Build, changed: &str) -> Option<(f64, Read)> {
     })
 }
 
+/// The largest change of a bundle's force, in drawers and pivot shift, by what is changed.
+pub(super) fn force_moved(build: &Build, changed: &str) -> Option<(f64, Read)> {
+    table(build, "validate", "sensitivity.csv", |rows| {
+        let own = rows.iter().filter(|r| r.get("changed").is_some_and(|c| c == changed));
+        largest(own.filter_map(|r| cell(r, "force_n")))
+    })
+}
+
 /// How far the ends of several starts lie apart in a reference strain, of its least [%]; none of one start.
-pub(super) fn spread_of_starts(rows: &Rows) -> Option<f64> {
-    let strains = (1..=LAST_STRAIN).map(|k| numbers(rows, &format!("X{k}")));
+pub(super) fn strains_of_starts(rows: &Rows) -> Option<f64> {
+    spread_of_starts(rows, STRAINS)
+}
+
+/// The same in a stiffness.
+pub(super) fn stiffnesses_of_starts(rows: &Rows) -> Option<f64> {
+    spread_of_starts(rows, STIFFNESSES)
+}
+
+fn spread_of_starts(rows: &Rows, variables: RangeInclusive<u32>) -> Option<f64> {
+    let each = variables.map(|k| numbers(rows, &format!("X{k}")));
     let spread = |all: Vec<f64>| {
         let (least, most) = (smallest(all.iter().copied())?, largest(all)?);
         (least > 0.0).then(|| 100.0 * (most - least) / least)
     };
-    if rows.len() < 2 { None } else { largest(strains.filter_map(spread)) }
+    if rows.len() < 2 { None } else { largest(each.filter_map(spread)) }
 }
 
 /// The share of rows that end oddly; none of a table that does not tell.
@@ -127,9 +146,10 @@ mod tests {
     fn starts_that_end_apart_are_told_and_one_start_tells_nothing() {
         let row =
             |x: &str, y: &str| BTreeMap::from([("X1".to_owned(), x.to_owned()), ("X15".to_owned(), y.to_owned())]);
-        let two = vec![row("1.00", "50"), row("1.03", "99")];
-        assert!((spread_of_starts(&two).unwrap() - 3.0).abs() < 1e-9, "stiffnesses do not count");
-        assert_eq!(spread_of_starts(&two[..1].to_vec()), None);
+        let two = vec![row("1.00", "50"), row("1.03", "60")];
+        assert!((strains_of_starts(&two).unwrap() - 3.0).abs() < 1e-9, "stiffnesses do not count");
+        assert!((stiffnesses_of_starts(&two).unwrap() - 20.0).abs() < 1e-9, "strains do not count");
+        assert_eq!(strains_of_starts(&two[..1].to_vec()), None);
     }
 
     #[test]

@@ -26,6 +26,8 @@ struct Found {
     why: String,
     page: String,
     test: String,
+    /// Of the code of the test when it made the value.
+    test_digest: String,
     date: String,
 }
 
@@ -60,6 +62,7 @@ pub(super) fn of_program() -> Vec<Evidence> {
             why: f.why,
             stage: None,
             test: Some(f.test),
+            test_digest: Some(f.test_digest),
             digest: Some(crate::record::hash(text.as_bytes())),
             date: Some(f.date),
             as_built: Some(stands),

@@ -1,5 +1,6 @@
 //! credibility.html: one page without network, in the order of the standard.
 
+use super::answers::{Answer, answers};
 use super::context::Context;
 use super::evidence::{Evidence, FactorTold, Told};
 use super::grade::{Grade, Level};
@@ -23,6 +24,7 @@ pub(super) fn page(told: &Told) -> String {
     );
     html += &context(told);
     html += &overview(told);
+    html += &questions(told);
     html += "<main id=\"stages\">";
     told.factors.iter().for_each(|f| html += &factor(f));
     html + "</main></body></html>\n"
@@ -85,6 +87,19 @@ fn overview(told: &Told) -> String {
     html
 }
 
+/// What the published knees left open, answered for this one.
+fn questions(told: &Told) -> String {
+    let evidence: Vec<&Evidence> = told.factors.iter().flat_map(|f| &f.evidence).collect();
+    let row = |Answer { question, word, numbers }: Answer| {
+        let cells = [word, numbers].map(|cell| format!("<td>{}</td>", escaped(&cell))).concat();
+        format!("<tr><th scope=\"row\">{}</th>{cells}</tr>", escaped(question))
+    };
+    let rows: String = answers(&evidence).into_iter().map(row).collect();
+    format!(
+        "<h2>What published knees left open, for this one</h2><table class=\"overview\"><thead><tr><th>question</th><th>answer</th><th>numbers</th></tr></thead><tbody>{rows}</tbody></table><p>Little, some and much are the grades strong, adequate and weak of the numbers below. Nothing was calibrated again.</p>"
+    )
+}
+
 fn anchor(f: &FactorTold) -> String {
     f.name.to_lowercase().replace(' ', "-")
 }
@@ -120,16 +135,25 @@ fn row(e: &Evidence) -> String {
 
 /// Stage or test, file, digest, day.
 fn made_by(e: &Evidence) -> String {
-    let Some(digest) = &e.digest else { return "nothing".into() };
+    let Some(digest) = &e.digest else {
+        let words = if e.as_built == Some(false) { "nothing: <strong>its file is gone</strong>" } else { "nothing" };
+        return words.to_owned();
+    };
     let by = match (&e.stage, &e.test) {
         (Some(stage), _) => format!("stage {}", escaped(stage)),
-        (None, Some(test)) => format!("test {}", escaped(test)),
+        (None, Some(test)) => {
+            format!("test {}, {}", escaped(test), short(e.test_digest.as_deref().unwrap_or_default()))
+        }
         (None, None) => String::new(),
     };
     let day = e.date.as_deref().unwrap_or("day not known");
     let changed = if e.as_built == Some(false) { "; <strong>changed since</strong>" } else { "" };
-    let short: String = digest.chars().take(SHOWN).collect();
-    format!("{by}; <code>{}</code>, {short}, {day}{changed}", escaped(&e.file))
+    format!("{by}; <code>{}</code>, {}, {day}{changed}", escaped(&e.file), short(digest))
+}
+
+/// The first characters of a digest.
+fn short(digest: &str) -> String {
+    digest.chars().take(SHOWN).collect()
 }
 
 fn unit(unit: &str) -> &str {

@@ -7,7 +7,7 @@ use crate::stage::list::folder_name;
 use crate::store;
 use crate::which_model::JOINT;
 use serde_json::Value;
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
@@ -25,6 +25,8 @@ pub(super) struct Build {
     /// Digests that each stage sealed, by stage.
     seals: BTreeMap<String, BTreeMap<String, String>>,
     changed: RefCell<BTreeSet<String>>,
+    /// Whether a file was asked for that is gone; see [`Build::was_lost`].
+    lost: Cell<bool>,
 }
 
 /// A file of a stage as it was read.
@@ -75,6 +77,7 @@ impl Build {
                 &word("program", "code").chars().take(12).collect::<String>()
             ),
             changed: RefCell::default(),
+            lost: Cell::new(false),
         })
     }
 
@@ -89,16 +92,29 @@ impl Build {
         };
         let file = format!("{}/{name}", folder_name(stage));
         let path = self.folder.join(&file);
-        let text = if store::exists(&path) { store::read_text(&path).ok()? } else { return None };
+        let seal = self.seals.get(stage);
+        let Ok(text) = store::read_text(&path) else {
+            // a stage that ran and has no seal any more may have left the file, too
+            if seal.is_none_or(|s| s.contains_key(&name)) {
+                self.changed.borrow_mut().insert(file);
+                self.lost.set(true);
+            }
+            return None;
+        };
         let digest = hash(text.as_bytes());
-        let as_built = self.seals.get(stage).and_then(|s| s.get(&name)).is_some_and(|sealed| *sealed == digest);
+        let as_built = seal.and_then(|s| s.get(&name)).is_some_and(|sealed| *sealed == digest);
         if !as_built {
             self.changed.borrow_mut().insert(file.clone());
         }
         Some(Read { stage: stage.to_owned(), file, digest, date: store::written_on(&path), as_built, text })
     }
 
-    /// Files that were read and are not as their stage left them.
+    /// Whether a file that its stage left was asked for and is gone, since this was asked last.
+    pub(super) fn was_lost(&self) -> bool {
+        self.lost.replace(false)
+    }
+
+    /// Files that were asked for and are not as their stage left them, or gone.
     pub(super) fn changed(&self) -> Vec<String> {
         self.changed.borrow().iter().cloned().collect()
     }

@@ -1,34 +1,20 @@
-//! Every piece of evidence: which number, from which file, and from where on it speaks for the model. The one table of limits.
+//! Every piece of evidence: which number, from which file, and from where on it speaks for the model. With [`super::questions`] the one table of limits.
 
 use super::context::Context;
 use super::evidence::{Evidence, Factor};
 use super::figures::{
-    cell, detectable, half_width, kinds, metrics, odd, of_model, passive, sensitive, spread_of_starts, stopped, table,
+    cell, detectable, half_width, kinds, metrics, odd, of_model, passive, sensitive, stopped, strains_of_starts, table,
 };
-use super::grade::{Grade, grade, more_is_better};
 use super::of_program::of_program;
-use super::read::{Build, Read, largest, numbers, share, smallest};
+use super::questions::QUESTIONS;
+use super::read::{Build, largest, numbers, share, smallest};
+use super::row::Row;
 use crate::stage::{MOST_NOISE, PARTLY_NOISE};
 use crate::which_model::JOINT;
 use std::collections::BTreeMap;
 
-/// Reads a number of a build.
-type Take = fn(&Build, &Context) -> Option<(f64, Read)>;
-
-/// A number of the build and its limits.
-struct Row {
-    id: &'static str,
-    factor: Factor,
-    what: &'static str,
-    unit: &'static str,
-    /// From where on it is strong, and adequate. Where the first is the larger, more is better.
-    limits: [f64; 2],
-    why: &'static str,
-    take: Take,
-}
-
 /// All numbers of a build. Limits that are not of a source are ours.
-const ROWS: [Row; 35] = [
+static ROWS: [Row; 35] = [
     Row {
         id: "element-quality",
         factor: Factor::CalculationVerification,
@@ -244,7 +230,7 @@ const ROWS: [Row; 35] = [
         unit: "%",
         limits: [2.0, 4.6],
         why: "4.6 % is what two data sets of one knee differ by [andreassen2025, table 4]; there is none of one start alone",
-        take: |b, _| table(b, "calibrate", "MODEL/starts.csv", spread_of_starts),
+        take: |b, _| table(b, "calibrate", "MODEL/starts.csv", strains_of_starts),
     },
     Row {
         id: "measured",
@@ -392,7 +378,7 @@ const ROWS: [Row; 35] = [
 ];
 
 /// What depends on the stated context, too.
-const RANGE: Row = Row {
+static RANGE: Row = Row {
     id: "flexion-range",
     factor: Factor::Applicability,
     what: "share of the flexions asked about (flexion_deg of the context) that were measured",
@@ -422,49 +408,30 @@ const PARTS: [&str; 3] = ["femur", "tibia_medial", "tibia_lateral"];
 /// All evidence of a build, and of the program that built it.
 pub(super) fn all(build: &Build, context: &Context) -> Vec<Evidence> {
     let mut out = of_program();
-    out.extend(ROWS.iter().chain([&RANGE]).map(|row| row.evidence(build, context)));
+    out.extend(every().map(|row| row.evidence(build, context)));
     out
+}
+
+/// Every row.
+fn every() -> impl Iterator<Item = &'static Row> {
+    ROWS.iter().chain(&QUESTIONS).chain([&RANGE])
 }
 
 /// Names of the numbers of a build.
 #[cfg(test)]
 pub(super) fn ids() -> Vec<&'static str> {
-    ROWS.iter().chain([&RANGE]).map(|row| row.id).collect()
-}
-
-impl Row {
-    fn evidence(&self, build: &Build, context: &Context) -> Evidence {
-        let found = (self.take)(build, context);
-        let value = found.as_ref().map(|(value, _)| *value);
-        let sound = found.as_ref().is_some_and(|(_, read)| read.as_built);
-        let read = found.map(|(_, read)| read);
-        Evidence {
-            id: self.id,
-            factor: self.factor,
-            what: self.what.into(),
-            value,
-            unit: self.unit.into(),
-            limits: self.limits,
-            more_is_better: more_is_better(self.limits),
-            grade: value.filter(|_| sound).map_or(Grade::NoEvidence, |v| grade(v, self.limits)),
-            why: self.why.into(),
-            stage: read.as_ref().map(|r| r.stage.clone()),
-            test: None,
-            as_built: read.as_ref().map(|r| r.as_built),
-            digest: read.as_ref().map(|r| r.digest.clone()),
-            date: read.as_ref().and_then(|r| r.date.clone()),
-            file: read.map(|r| r.file).unwrap_or_default(),
-        }
-    }
+    every().map(|row| row.id).collect()
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::evidence::FactorTold;
+    use super::super::grade::{Grade, grade, more_is_better};
     use super::*;
 
     #[test]
     fn a_number_beyond_a_limit_loses_a_grade_and_one_that_is_none_has_none() {
-        for row in ROWS.iter().chain([&RANGE]) {
+        for row in every() {
             let [strong, adequate] = row.limits;
             let worse = if more_is_better(row.limits) { -1.0 } else { 1.0 };
             let step = 1e-6 * (1.0 + strong.abs());
@@ -473,17 +440,45 @@ mod tests {
             assert_eq!(grade(adequate + worse * step, row.limits), Grade::Weak, "{}", row.id);
             assert_eq!(grade(f64::NAN, row.limits), Grade::NoEvidence);
         }
-        let mut ids: Vec<&str> = ROWS.iter().map(|r| r.id).collect();
+        let (mut ids, count) = (ids(), every().count());
         ids.sort_unstable();
         ids.dedup();
-        assert_eq!(ids.len(), ROWS.len());
+        assert_eq!(ids.len(), count);
     }
 
     #[test]
     fn every_factor_has_a_row() {
         for factor in super::super::evidence::FACTORS {
-            let here = of_program().iter().any(|e| e.factor == factor) || ROWS.iter().any(|r| r.factor == factor);
+            let here = of_program().iter().any(|e| e.factor == factor) || every().any(|r| r.factor == factor);
             assert!(here, "{factor:?}");
+        }
+    }
+
+    /// Evidence of a factor, each number on its own limit for strong.
+    fn at_their_limits(factor: Factor) -> Vec<Evidence> {
+        let program = of_program().into_iter().filter(|e| e.factor == factor);
+        let build = every().filter(|r| r.factor == factor).map(|r| r.told(None, None, false));
+        let at = |e: Evidence| Evidence { value: Some(e.limits[0]), grade: grade(e.limits[0], e.limits), ..e };
+        program.chain(build).map(at).collect()
+    }
+
+    #[test]
+    fn one_tolerance_that_is_tightened_takes_its_factor_down() {
+        for factor in super::super::evidence::FACTORS {
+            let pieces = at_their_limits(factor);
+            let of = |all: Vec<Evidence>| FactorTold::of(factor, all, None).grade;
+            assert_eq!(of(pieces.clone()), Grade::Strong, "{factor:?}");
+            for (k, piece) in pieces.iter().enumerate() {
+                let [strong, adequate] = piece.limits;
+                let step = 1e-6 * (1.0 + strong.abs()) * if piece.more_is_better { 1.0 } else { -1.0 };
+                let with = |limits: [f64; 2]| {
+                    let mut all = pieces.clone();
+                    all[k].grade = grade(strong, limits);
+                    of(all)
+                };
+                assert!(with([strong + step, adequate]) < Grade::Strong, "{}", piece.id);
+                assert_eq!(with([strong + 2.0 * step, strong + step]), Grade::Weak, "{}", piece.id);
+            }
         }
     }
 }

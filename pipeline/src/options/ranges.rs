@@ -1,10 +1,12 @@
 //! Ranges of options: all sections are judged together, before anything is read or built with them.
 
 use super::BuildOptions;
+use super::held::{ABOVE_0, BELOW_1, HELD};
 use toml::{Table, Value};
 
 /// Ranges that no stage's own check holds: a key, least and most. A key of a list is that of each of its numbers.
-const RANGES: [(&str, f64, f64); 45] = [
+pub(super) const RANGES: [(&str, f64, f64); 54] = [
+    ("segment.neck_share", ABOVE_0, 1.0),
     ("segment.threshold", -3e4, 1e6),
     ("ingest.least_width_mm", 1.0, 1e3),
     ("ingest.greatest_width_mm", 1.0, 1e4),
@@ -25,7 +27,10 @@ const RANGES: [(&str, f64, f64); 45] = [
     ("attachments.span", 0.0, 1.0),
     ("attachments.place_reach", 0.0, 10.0),
     ("attachments.marks.gap_fraction_max", 0.0, 1.0),
-    ("hexmesh.least_scaled_jacobian", -1.0, 1.0),
+    ("hexmesh.least_scaled_jacobian", -1.0, BELOW_1),
+    ("overclosure.volume_change_max", 0.0, 1.0),
+    // from an inverted element to a cube
+    ("overclosure.scaled_jacobian_fall_max", 0.0, 2.0),
     ("contact-law.flexions_deg", -15.0, 130.0),
     ("contact-law.youngs_modulus_mpa", 0.01, 1e4),
     ("contact-law.poissons_ratio", 0.0, 0.499),
@@ -33,6 +38,8 @@ const RANGES: [(&str, f64, f64); 45] = [
     ("contact-law.penalty_mpa_per_mm", 1e-3, 1e6),
     ("assemble.friction", 0.0, 1.0),
     ("assemble.toe_strain", 1e-6, 0.5),
+    ("assemble.patellofemoral.toe_strain", 1e-6, 0.5),
+    ("assemble.patellofemoral.retinacular_strain", 0.5, 1.5),
     ("assemble.mass_tonne", 1e-9, 1.0),
     ("assemble.inertia_tonne_mm2", 1e-9, 1e6),
     ("assemble.layer.youngs_modulus_mpa", 0.01, 1e4),
@@ -42,6 +49,10 @@ const RANGES: [(&str, f64, f64); 45] = [
     ("calibrate.targets.flexion_deg", -30.0, 160.0),
     ("calibrate.search.contact_spacing_mm", 0.1, 20.0),
     ("validate.ap_flexions_deg", -30.0, 160.0),
+    ("validate.from_flexion_deg", -30.0, 160.0),
+    ("validate.to_flexion_deg", -30.0, 160.0),
+    ("validate.pivot_flexion_deg", -30.0, 160.0),
+    ("validate.trials.rim_share", 0.0, 1.0),
     ("validate.explicit.longest_increment_s", 1e-9, 0.1),
     ("validate.explicit.safety", 0.01, 1.0),
     ("validate.explicit.mass_scale", 1e-6, 1e9),
@@ -53,10 +64,7 @@ const RANGES: [(&str, f64, f64); 45] = [
 ];
 
 /// Numbers of either sign that the checks of their own stages hold, or that may be anything.
-const SIGNED: [&str; 10] = [
-    "validate.from_flexion_deg",
-    "validate.to_flexion_deg",
-    "validate.pivot_flexion_deg",
+const SIGNED: [&str; 7] = [
     "validate.pivot_valgus_nm",
     "validate.pivot_internal_nm",
     "diagnose.least_evidence",
@@ -99,19 +107,59 @@ fn numbers(section: &str, key: &str, value: &Value) -> Result<(), Fault> {
     if let Some((_, least, most)) = RANGES.iter().find(|r| r.0 == key) {
         return match (*least..=*most).contains(&number) {
             true => Ok(()),
-            false => fault(format!("{least} to {most}")),
+            false => fault(words([*least, *most])),
         };
     }
     if !number.is_finite() {
         return fault("a finite number".into());
     }
-    let signed =
-        SIGNED.iter().any(|s| key.strip_prefix(s).is_some_and(|rest| rest.is_empty() || rest.starts_with('.')));
-    match (signed || number >= 0.0, key.ends_with("seed") || number.abs() <= MOST) {
+    match (is_signed(key) || number >= 0.0, key.ends_with("seed") || number.abs() <= MOST) {
         (false, _) => fault("a number that is not negative".into()),
         (_, false) => fault(format!("at most {MOST:e}")),
         _ => Ok(()),
     }
+}
+
+/// Whether a key, or the table above it, may have numbers of either sign.
+fn is_signed(key: &str) -> bool {
+    SIGNED.iter().any(|s| key.strip_prefix(s).is_some_and(|rest| rest.is_empty() || rest.starts_with('.')))
+}
+
+/// Least and most that an option may be, by its key and default; none of what is no number. Another option may ask for more.
+pub(crate) fn range(key: &str, default: Option<&Value>) -> Option<[f64; 2]> {
+    if let Some((_, least, most)) = RANGES.iter().chain(&HELD).find(|r| r.0 == key) {
+        return Some([*least, *most]);
+    }
+    let first = match default? {
+        Value::Array(all) => all.first()?,
+        value => value,
+    };
+    let most = if key.ends_with("seed") { i64::MAX as f64 } else { MOST };
+    match first {
+        Value::Float(_) | Value::Integer(_) => Some([if is_signed(key) { -most } else { 0.0 }, most]),
+        _ => None,
+    }
+}
+
+/// A range in words.
+pub(crate) fn words([least, most]: [f64; 2]) -> String {
+    let low = if least == ABOVE_0 { "above 0".to_owned() } else { told(least) };
+    // what is not taken itself ends a range from below
+    let (high, open) = match most.next_up() {
+        round if told(round).len() < told(most).len() => (told(round), "below "),
+        _ => (told(most), ""),
+    };
+    match (least <= -MOST, most >= MOST) {
+        (true, true) => "any number".to_owned(),
+        (_, true) if least == ABOVE_0 => low,
+        (_, true) => format!("{low} or more"),
+        _ => format!("{low} to {open}{high}"),
+    }
+}
+
+/// A number as it was written: by its power of ten where it is very small or large.
+fn told(x: f64) -> String {
+    if x != 0.0 && !(1e-4..1e7).contains(&x.abs()) { format!("{x:e}") } else { format!("{x}") }
 }
 
 /// What each stage demands of its options before it works.
