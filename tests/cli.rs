@@ -1,7 +1,8 @@
 //! The command line: verbs, exit statuses, words.
 #![allow(clippy::unwrap_used, reason = "tests")]
 
-use crate::common::{build_model, phantom};
+use crate::common::{build_model, json, phantom, read, write};
+use crate::one_knee;
 use predicates::str::contains;
 use tempfile::TempDir;
 
@@ -63,4 +64,90 @@ fn json_and_quiet_print_nothing_else() {
     assert!(run.stderr.is_empty());
     let run = build_model().arg(specimen.path()).args(["--to", "ingest", "--quiet"]).output().unwrap();
     assert!(run.stdout.is_empty() && run.stderr.is_empty());
+}
+
+/// Verbs with results at --out, each with the file that is edited there; the words that are the same for all come after.
+const WITH_RESULTS: [(&[&str], &str); 5] = [
+    (&["simulate", "--protocol", "pivot-shift", "--samples", "0"], ""),
+    (&["validate", "--samples", "0"], "compare.csv"),
+    (&["credibility"], "credibility.json"),
+    (&["cohort"], "cohort.html"),
+    (&["export", "--format", "stl"], "femur_bone.stl"),
+];
+
+#[test]
+fn what_was_edited_stays_in_every_verb_until_forced() {
+    let out = TempDir::new().unwrap();
+    let knee = one_knee::specimen().display().to_string();
+    for (words, inner) in WITH_RESULTS {
+        let place = out.path().join(words[0]);
+        let file = if inner.is_empty() { place.clone() } else { place.join(inner) };
+        let run = |more: &[&str]| {
+            let mut command = build_model();
+            command.args(words).arg(&knee).arg("--out").arg(&place).args(more).assert()
+        };
+        run(&[]).success();
+        run(&[]).success();
+        write(&file, "by hand");
+        let told = run(&["--json"]).code(1);
+        let error: serde_json::Value = serde_json::from_slice(&told.get_output().stderr).unwrap();
+        assert_eq!((&error["code"], &error["file"]), (&"file".into(), &file.display().to_string().into()), "{error}");
+        for part in ["message", "advice"] {
+            assert!(error[part].as_str().unwrap().contains("--force"), "{error}");
+        }
+        assert_eq!(read(&file), b"by hand", "{words:?}");
+        run(&["--force"]).success();
+        assert_ne!(read(&file), b"by hand", "{words:?}");
+    }
+}
+
+#[test]
+#[cfg(unix)]
+fn a_file_of_others_is_no_result() {
+    let out = TempDir::new().unwrap();
+    let (file, link) = (out.path().join("notes.csv"), out.path().join("link.csv"));
+    write(&file, "years of work");
+    std::os::unix::fs::symlink("notes.csv", &link).unwrap();
+    for place in [&file, &link] {
+        let mut command = build_model();
+        command.arg("simulate").arg(one_knee::specimen()).args([
+            "--protocol",
+            "pivot-shift",
+            "--samples",
+            "0",
+            "--out",
+        ]);
+        command.arg(place).assert().code(1).stderr(contains("--force"));
+        assert_eq!(read(&file), b"years of work");
+    }
+}
+
+#[test]
+fn details_go_to_standard_error_and_change_nothing_else() {
+    let out = TempDir::new().unwrap();
+    let knee = one_knee::specimen().display().to_string();
+    let commands: [&[&str]; 4] = [&["inspect", &knee], &["options"], &["credibility", &knee], &["cohort", &knee]];
+    for words in commands {
+        let place = out.path().join(words[0]).display().to_string();
+        let more: &[&str] = if ["inspect", "options"].contains(&words[0]) { &[] } else { &["--out", &place] };
+        let run = |flag: &[&str]| {
+            let done = build_model().args(words).args(more).args(flag).assert().success();
+            let texts = [&done.get_output().stdout, &done.get_output().stderr];
+            texts.map(|bytes| String::from_utf8(bytes.clone()).unwrap())
+        };
+        let ([plain, _], [same, told]) = (run(&[]), run(&["-v"]));
+        assert_eq!(plain, same, "{words:?}");
+        let details: Vec<&str> = told.lines().filter(|l| l.get(8..11) == Some(" s ")).collect();
+        assert!(details[0].contains("build-model") && details.last().unwrap().contains("ends with 0"), "{told}");
+        assert!(words[0] == "options" || details.iter().any(|l| l.contains("reads ")), "{told}");
+        assert_eq!(details.iter().any(|l| l.contains("writes ")), !more.is_empty(), "{told}");
+    }
+    let specimen = phantom("S193761-phantom");
+    let run = build_model().arg(specimen.path()).args(["--to", "ingest", "--verbose"]).assert().success();
+    let told = String::from_utf8_lossy(&run.get_output().stderr).into_owned();
+    for part in ["specimen.toml", "ingest begins", "ingest is done", "01-ingest", "ends with 0"] {
+        assert!(told.contains(part), "{part}: {told}");
+    }
+    build_model().arg(specimen.path()).args(["-v", "-q"]).assert().code(2);
+    assert!(json(&specimen.path().join("build/01-ingest/metrics.json")).is_object());
 }

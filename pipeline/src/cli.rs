@@ -15,7 +15,9 @@ use crate::next_tests::{self, NextTestsArgs};
 use crate::out_folder::OutFolder;
 use crate::output::{self, Asked};
 use crate::plan::{self, PlanArgs};
+use crate::progress::detail;
 use crate::simulate::SimulateArgs;
+use crate::store::written::Rule;
 use crate::told::Told;
 use crate::validate::ValidateArgs;
 use crate::which_model::WhichModel;
@@ -163,7 +165,7 @@ enum Verb {
         /// Contact of an OpenSim model [default: elastic]
         #[arg(long)]
         contact: Option<OpensimContact>,
-        /// Poses for a time series (results of simulate or a protocol; with --format vtk)
+        /// Poses for a time series (results of simulate or a protocol; with --format vtk), or trials of which each becomes a deck (with --format abaqus)
         #[arg(long, value_name = "RESULTS.csv")]
         poses: Option<PathBuf>,
         /// Folder for the files
@@ -209,7 +211,7 @@ enum Verb {
 
 /// The command line as clap knows it, for completions and the manual.
 pub fn command() -> clap::Command {
-    with_negative_numbers(output::with_flags(Cli::command()))
+    with_negative_numbers(output::with_details(output::with_flags(Cli::command())))
 }
 
 /// Takes "-1" behind an option for its value, which then is refused for what it is; else it were an argument that is not known.
@@ -265,7 +267,18 @@ fn guarded(work: impl FnOnce() -> u8 + UnwindSafe) -> u8 {
 
 /// Runs the command line, prints what came of it, and gives the exit status.
 fn status(words: &[OsString], json: bool) -> u8 {
-    match answer(parsed(words)) {
+    let call = parsed(words);
+    if call.asked.is_verbose() {
+        detail::begin(VERSION);
+    }
+    let status = printed(answer(call), words, json);
+    detail::end(status, store::peak_memory_mib());
+    status
+}
+
+/// Prints what a command told, or its error; gives the exit status.
+fn printed(told: Result<(Asked, Told), BuildError>, words: &[OsString], json: bool) -> u8 {
+    match told {
         Ok((asked, told)) => {
             let (out, err) = output::streams(&asked, &told);
             eprint!("{err}");
@@ -345,11 +358,12 @@ pub fn simulate_args(words: impl IntoIterator<Item = OsString>) -> Result<Simula
 
 fn answer(call: Call) -> Result<(Asked, Told), BuildError> {
     call.folder.checked()?;
-    let told = match (call.cli.verb, call.cli.build) {
+    let kept = call.folder.kept()?;
+    let told = Rule::holds(kept, || match (call.cli.verb, call.cli.build) {
         (Some(verb), _) => answer_verb(verb),
         (None, Some(build)) => run::run(known_folder(&build)?),
         (None, None) => Err(BuildError::Usage("a specimen folder was expected; see --help".into())),
-    }?;
+    })?;
     Ok((call.asked, told))
 }
 

@@ -32,6 +32,14 @@ pub enum BuildError {
         /// The sentence, which names the place too.
         told: String,
     },
+    /// A file stands where a result goes, and it would be lost: it was edited, or is another's. `--force` writes over it.
+    #[error("{told}")]
+    Edited {
+        /// The file.
+        place: Place,
+        /// The sentence, with what to do.
+        told: String,
+    },
     /// The machine does not give what is needed: the disk is full, a folder may not be written, another program holds a lock (exit status 3).
     #[error("{told}")]
     Machine {
@@ -173,6 +181,11 @@ impl BuildError {
         BuildError::At { place: Place::of(file), told }
     }
 
+    /// A file that is not written over without `--force`.
+    pub fn edited(file: &Path, told: String) -> BuildError {
+        BuildError::Edited { place: Place::of(file), told }
+    }
+
     /// An error at a place.
     pub fn at(place: Place, told: String) -> BuildError {
         BuildError::At { place, told }
@@ -181,7 +194,7 @@ impl BuildError {
     /// The place at fault, where it is known.
     pub fn place(&self) -> Option<&Place> {
         match self {
-            BuildError::At { place, .. } => Some(place),
+            BuildError::At { place, .. } | BuildError::Edited { place, .. } => Some(place),
             BuildError::Stage { place, .. } | BuildError::Machine { place, .. } => place.as_ref(),
             _ => None,
         }
@@ -199,7 +212,9 @@ impl BuildError {
     pub fn code(&self) -> &'static str {
         match self {
             BuildError::Stage { .. } | BuildError::Unplanned(_) | BuildError::Reached => "stage",
-            BuildError::File(_) | BuildError::At { .. } | BuildError::Faults { .. } => "file",
+            BuildError::File(_) | BuildError::At { .. } | BuildError::Edited { .. } | BuildError::Faults { .. } => {
+                "file"
+            }
             BuildError::Machine { .. } => "machine",
             BuildError::Option(_) | BuildError::Setting { on_line: false, .. } => "option",
             BuildError::Usage(_) | BuildError::Setting { on_line: true, .. } => "usage",

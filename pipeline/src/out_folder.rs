@@ -3,7 +3,9 @@
 use crate::error::BuildError;
 use crate::stage::list::{folder_name, names};
 use crate::store;
+use crate::store::written::Rule;
 use crate::suggested::quoted;
+use clap::parser::ValueSource;
 use clap::{Arg, ArgMatches, Command};
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
@@ -11,11 +13,35 @@ use std::path::{Path, PathBuf};
 /// Verbs whose results belong to a build.
 const INTO_A_BUILD: [&str; 3] = ["build", "check", "credibility"];
 
+/// Verbs that write over nothing at `--out` but what they wrote there and nobody changed since. An export sees to its own files, a build to its
+/// stages.
+pub(crate) const KEEPS_EDITS: [&str; 11] = [
+    "calibrate",
+    "cohort",
+    "credibility",
+    "diagnose",
+    "import-abaqus",
+    "import-febio",
+    "import-opensim",
+    "next-tests",
+    "plan",
+    "simulate",
+    "validate",
+];
+
+/// The id of `--force` where a verb has none of its own.
+pub(crate) const FORCE: &str = "write_over";
+
 /// The folder of `--out`, and what the verb reads.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct OutFolder {
     verb: String,
     out: Option<PathBuf>,
+    /// The file of `--out`, of a verb that writes one.
+    file: Option<PathBuf>,
+    /// Whether `--out` is named on the line; else it is where results usually go.
+    is_named: bool,
+    force: bool,
     /// Folders that are named, and those of models that are named.
     inputs: Vec<PathBuf>,
 }
@@ -32,11 +58,15 @@ impl OutFolder {
             let raw = matches.try_get_raw(arg.get_id().as_str()).ok().flatten();
             raw.into_iter().flatten().map(OsStr::to_owned).collect::<Vec<_>>()
         };
-        let (outs, others): (Vec<&Arg>, Vec<&Arg>) =
-            command.get_arguments().partition(|a| a.get_long() == Some("out") && is_folder(a));
+        let (outs, others): (Vec<&Arg>, Vec<&Arg>) = command.get_arguments().partition(|a| a.get_long() == Some("out"));
+        let out = |folder: bool| outs.iter().filter(|a| is_folder(a) == folder).flat_map(|a| values(a)).next();
+        let is_named = |a: &&Arg| matches.value_source(a.get_id().as_str()) == Some(ValueSource::CommandLine);
         OutFolder {
             verb: String::new(),
-            out: outs.into_iter().flat_map(values).next().map(PathBuf::from),
+            out: out(true).map(PathBuf::from),
+            file: out(false).map(PathBuf::from),
+            is_named: outs.iter().any(is_named),
+            force: is_set(matches, FORCE) || is_set(matches, "force"),
             // a word such as that of --source is no folder, though one may be called so
             inputs: others
                 .into_iter()
@@ -72,7 +102,41 @@ impl OutFolder {
             quoted(out)
         )))
     }
+
+    /// What may be written over at `--out`; `None` of a verb that sees to it itself, or has no results.
+    pub(crate) fn rule(&self) -> Option<Rule> {
+        if !KEEPS_EDITS.contains(&self.verb.as_str()) {
+            return None;
+        }
+        let of = |path: &Option<PathBuf>, folder: bool| path.as_deref().map(|p| Rule::of(p, folder, self.force));
+        of(&self.out, true).or_else(|| of(&self.file, false))
+    }
+
+    /// The same, after a look at results that are there: a long search is not begun for what cannot be kept.
+    ///
+    /// Errors: a result that was edited; a model that is not known as a result, where the verb leaves one.
+    pub(crate) fn kept(&self) -> Result<Option<Rule>, BuildError> {
+        let rule = self.rule();
+        if let Some(rule) = rule.as_ref().filter(|_| self.is_named) {
+            rule.unedited()?;
+            if LEAVES_A_MODEL.contains(&self.verb.as_str()) {
+                rule.may_write(MODEL)?;
+            }
+        }
+        Ok(rule)
+    }
 }
+
+/// Whether a flag is there and set.
+pub(crate) fn is_set(matches: &ArgMatches, id: &str) -> bool {
+    matches.try_get_one::<bool>(id).ok().flatten().copied().unwrap_or(false)
+}
+
+/// Verbs that leave a model in the folder of `--out`, whatever they find.
+const LEAVES_A_MODEL: [&str; 4] = ["calibrate", "import-abaqus", "import-febio", "import-opensim"];
+
+/// Its name.
+const MODEL: &str = "model.json";
 
 /// Whether an argument is a folder: files have a name with an ending.
 fn is_folder(arg: &Arg) -> bool {
@@ -162,6 +226,45 @@ mod tests {
         found.sort_unstable();
         known.sort_unstable();
         assert_eq!(found, known);
+    }
+
+    #[test]
+    fn verbs_with_results_keep_edits_and_force_is_heard() {
+        let of = |words: &[&str]| {
+            let all = command();
+            let matches = all.clone().try_get_matches_from([&["build-model"], words].concat()).unwrap();
+            OutFolder::of(&all, &matches).rule()
+        };
+        let others = ["build", "check", "export", "man"]; // stages, an own page, own digests, pages of the program
+        for verb in VERBS {
+            let rule = |more: &[&str]| of(&[verb, &["--out", "results"], more].concat());
+            assert_eq!(rule(&[]).is_none(), others.contains(&verb[0]), "{verb:?}");
+            if rule(&[]).is_some() {
+                assert_eq!(rule(&["--force"]), Some(Rule::of(Path::new("results"), true, true)), "{verb:?}");
+            }
+        }
+        for verb in [&["simulate", "KNEE", "--protocol", "pivot-shift"][..], &["next-tests", "KNEE", "--for", "ACL"]] {
+            let rule = |more: &[&str]| of(&[verb, &["--out", "a.csv"], more].concat());
+            assert_eq!(rule(&[]), Some(Rule::of(Path::new("a.csv"), false, false)), "{verb:?}");
+            assert_eq!(rule(&["--force"]), Some(Rule::of(Path::new("a.csv"), false, true)), "{verb:?}");
+        }
+        assert_eq!(of(&["credibility", "KNEE"]), None, "the build's own page");
+    }
+
+    #[test]
+    fn no_search_begins_for_a_model_that_could_not_be_kept() {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().display().to_string();
+        store::write(&folder.path().join("model.json"), b"{}").unwrap();
+        let all = command();
+        for verb in VERBS.iter().filter(|v| LEAVES_A_MODEL.contains(&v[0])) {
+            let of = |more: &[&str]| {
+                let words = [&["build-model"], *verb, &["--out", &out], more].concat();
+                OutFolder::of(&all, &all.clone().try_get_matches_from(words).unwrap()).kept()
+            };
+            assert!(of(&[]).unwrap_err().to_string().contains("--force"), "{verb:?}");
+            assert!(of(&["--force"]).is_ok(), "{verb:?}");
+        }
     }
 
     #[test]

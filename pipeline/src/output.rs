@@ -1,6 +1,7 @@
 //! What is printed where: words on standard output and warnings on standard error; with `--json` data on the one and errors as data on the other.
 
 use crate::error::{BuildError, OUR_FAULT};
+use crate::out_folder::{FORCE, KEEPS_EDITS, is_set};
 use crate::told::{ErrorTold, Told, schemas};
 use clap::{Arg, ArgAction, ArgMatches, Command};
 use notices::Notice;
@@ -12,10 +13,12 @@ use std::ffi::OsString;
 const JSON: &str = "output_as_json";
 /// The same of `--quiet`.
 const QUIET: &str = "print_nothing";
+/// Of `--verbose`.
+const VERBOSE: &str = "tell_details";
 /// Verbs without the flags: a schema is JSON, a script and a manual are for others than people.
 const OTHERS: [&str; 4] = ["schema", "completions", "man", "help"];
 
-/// Gives `--json` and `--quiet` to every verb that has none of its own.
+/// Gives `--json`, `--quiet` and `--verbose` to every verb that has none of its own, and `--force` to those that keep edits.
 pub fn with_flags(command: Command) -> Command {
     command.mut_subcommands(|verb| {
         if verb.has_subcommands() {
@@ -28,14 +31,36 @@ pub fn with_flags(command: Command) -> Command {
             (JSON, "json", "Print its output as JSON, and errors as JSON on standard error"),
             (QUIET, "quiet", "Print nothing but errors"),
         ];
-        flags.into_iter().fold(verb, |verb, (id, long, help)| {
-            if verb.get_arguments().any(|a| a.get_long() == Some(long)) {
+        let verb = flags.into_iter().fold(verb, |verb, (id, long, help)| {
+            if has(&verb, long) {
                 return verb;
             }
             let flag = Arg::new(id).long(long).action(ArgAction::SetTrue).help(help);
             verb.arg(if id == QUIET { flag.short('q') } else { flag })
-        })
+        });
+        with_details(with_force(verb))
     })
+}
+
+fn has(verb: &Command, long: &str) -> bool {
+    verb.get_arguments().any(|a| a.get_long() == Some(long))
+}
+
+/// Gives `--verbose` to a verb, or to the command line without one.
+pub fn with_details(verb: Command) -> Command {
+    let help = "Tell on standard error what is read, done and written, and when";
+    let quiet = verb.get_arguments().find(|a| a.get_long() == Some("quiet")).map(|a| a.get_id().clone());
+    let flag = Arg::new(VERBOSE).short('v').long("verbose").action(ArgAction::SetTrue).help(help);
+    verb.arg(quiet.into_iter().fold(flag, |flag, id| flag.conflicts_with(id)))
+}
+
+/// Gives `--force` to a verb that keeps edits of its results.
+fn with_force(verb: Command) -> Command {
+    if !KEEPS_EDITS.contains(&verb.get_name()) || has(&verb, "force") {
+        return verb;
+    }
+    let help = "Write over files at --out that were changed since, or that this program did not write";
+    verb.arg(Arg::new(FORCE).long("force").action(ArgAction::SetTrue).help(help))
 }
 
 /// How the output of a verb is wanted.
@@ -44,17 +69,26 @@ pub struct Asked {
     verb: String,
     json: bool,
     quiet: bool,
+    verbose: bool,
+}
+
+impl Asked {
+    /// Whether details of the work are wanted.
+    pub fn is_verbose(&self) -> bool {
+        self.verbose
+    }
 }
 
 /// What was asked of the output, for a verb that does not see to it itself.
 pub fn asked(matches: &ArgMatches) -> Asked {
-    let Some((verb, inner)) = matches.subcommand() else { return Asked::default() };
+    let verbose = is_set(matches, VERBOSE);
+    let Some((verb, inner)) = matches.subcommand() else { return Asked { verbose, ..Asked::default() } };
     let within = asked(inner);
     if !within.verb.is_empty() {
         return Asked { verb: format!("{verb} {}", within.verb), ..within };
     }
-    let flag = |id: &str| inner.try_get_one::<bool>(id).ok().flatten().copied().unwrap_or(false);
-    Asked { verb: verb.to_owned(), json: flag(JSON), quiet: flag(QUIET) || flag("quiet") }
+    let quiet = is_set(inner, QUIET) || is_set(inner, "quiet");
+    Asked { verb: verb.to_owned(), json: is_set(inner, JSON), quiet, verbose: within.verbose }
 }
 
 /// Whether the words of a command line ask for JSON; told of a line that cannot be read, too.
@@ -132,7 +166,7 @@ pub fn error_as_json(error: &BuildError) -> String {
         column: place.and_then(|p| p.column.clone()),
         key: error.setting().map(|s| s.0.to_owned()),
         value: error.setting().map(|s| s.1.to_owned()),
-        advice: advice(error.code()),
+        advice: advice(error),
     })
 }
 
@@ -149,12 +183,20 @@ pub fn fault_as_json(what: &str) -> String {
         column: None,
         key: None,
         value: None,
-        advice: advice("internal"),
+        advice: advice_of("internal"),
     })
 }
 
+/// What an error asks for.
+pub fn advice(error: &BuildError) -> &'static str {
+    match error {
+        BuildError::Edited { .. } => "move the file away, name another folder, or add --force to write over it",
+        other => advice_of(other.code()),
+    }
+}
+
 /// What a kind of fault asks for.
-pub fn advice(code: &str) -> &'static str {
+fn advice_of(code: &str) -> &'static str {
     match code {
         "stage" => "correct what the message names, and build again; finished stages are kept",
         "machine" => "see to the disk, the rights or the lock, and run the same command again",
@@ -175,7 +217,7 @@ mod tests {
     #[test]
     fn warnings_are_apart_from_the_rest() {
         let told = Told::words("2 rows in b\n").odd(vec![Kind::DeckOdd.notice("a: odd")]);
-        let asked = |json, quiet| Asked { verb: "init".into(), json, quiet };
+        let asked = |json, quiet| Asked { verb: "init".into(), json, quiet, verbose: false };
         assert_eq!(streams(&asked(false, false), &told), ("2 rows in b\n".into(), "warning: a: odd\n".into()));
         assert_eq!(streams(&asked(false, true), &told), (String::new(), String::new()));
         let (out, err) = streams(&asked(true, true), &told);
@@ -190,9 +232,10 @@ mod tests {
         let all = crate::cli::command();
         let mut seen = 0;
         for verb in all.get_subcommands().filter(|v| !OTHERS.contains(&v.get_name()) && !v.has_subcommands()) {
-            for flag in ["json", "quiet"] {
-                assert!(verb.get_arguments().any(|a| a.get_long() == Some(flag)), "{} --{flag}", verb.get_name());
+            for flag in ["json", "quiet", "verbose"] {
+                assert!(has(verb, flag), "{} --{flag}", verb.get_name());
             }
+            assert!(has(verb, "force") || !KEEPS_EDITS.contains(&verb.get_name()), "{}", verb.get_name());
             seen += 1;
         }
         assert!(seen > 10);

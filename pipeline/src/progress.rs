@@ -1,5 +1,7 @@
 //! Progress on standard error, and only where that is a terminal; and to a watcher, where a program asks for it.
 
+pub mod detail;
+
 use crate::record::Record;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use std::cell::RefCell;
@@ -57,7 +59,7 @@ pub struct Progress {
 impl Progress {
     /// A bar over `stages` stages, hidden when `quiet` or when standard error is not a terminal.
     pub fn new(quiet: bool, stages: usize) -> Progress {
-        let visible = !quiet && std::io::stderr().is_terminal();
+        let visible = !quiet && !detail::is_on() && std::io::stderr().is_terminal();
         let target = if visible { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
         let bar = ProgressBar::with_draw_target(Some(stages as u64), target);
         if let Ok(style) = ProgressStyle::with_template("{bar:20} {pos}/{len} {msg} {elapsed}") {
@@ -70,12 +72,14 @@ impl Progress {
     /// A stage begins.
     pub fn start(&self, stage: &str) {
         self.bar.set_message(stage.to_string());
+        detail::tell(|| format!("{stage} begins"));
         tell(self.watcher.as_ref(), stage, share(&self.bar), "begins");
     }
 
     /// A line above the bar.
     pub fn note(&self, line: &str) {
         self.bar.println(line);
+        detail::tell(|| line.to_owned());
     }
 
     /// Tells how far a long stage has come, beside the bar.
@@ -83,6 +87,7 @@ impl Progress {
         let (bar, watcher) = (self.bar.clone(), self.watcher.clone());
         move |words| {
             bar.set_message(words.to_string());
+            detail::step(|| words.to_owned());
             let stage = words.split_whitespace().next().unwrap_or_default();
             tell(watcher.as_ref(), stage, share(&bar), words);
         }
@@ -93,6 +98,7 @@ impl Progress {
         self.bar.inc(1);
         let state = if record.cached { "unchanged".to_string() } else { format!("{:.1} s", record.seconds) };
         self.bar.println(format!("{:12} {state}", record.stage));
+        detail::tell(|| format!("{} is done: {state}, {} MiB", record.stage, record.peak_memory_mib));
         tell(self.watcher.as_ref(), &record.stage, share(&self.bar), &state);
     }
 }
@@ -125,7 +131,7 @@ pub struct Searching {
 impl Searching {
     /// A bar, hidden when `quiet` or when standard error is not a terminal.
     pub fn new(quiet: bool, what: &str) -> Searching {
-        let visible = !quiet && std::io::stderr().is_terminal();
+        let visible = !quiet && !detail::is_on() && std::io::stderr().is_terminal();
         let target = if visible { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
         let bar = ProgressBar::with_draw_target(Some(1000), target);
         if let Ok(style) = ProgressStyle::with_template("{prefix} {bar:20} {msg}") {
@@ -140,6 +146,7 @@ impl Searching {
         self.bar.set_position((share * 1000.0) as u64);
         let words = format!("{message}{}", left(self.begun, share));
         self.bar.set_message(words.clone());
+        detail::step(|| format!("{}: {:.0} %, {words}", self.what, 100.0 * share));
         tell(self.watcher.as_ref(), &self.what, share, &words);
     }
 }

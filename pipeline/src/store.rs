@@ -4,8 +4,10 @@
 pub mod given;
 #[cfg(feature = "fetch")]
 pub mod part;
+pub mod written;
 
 use crate::error::{BuildError, Place};
+use crate::progress::detail;
 use crate::suggested::{command, command_on};
 use sim::names::did_you_mean;
 use stages::specimen::{RawSpecimen, SpecimenFile};
@@ -37,6 +39,7 @@ pub fn read(path: &Path) -> Result<Vec<u8>, BuildError> {
     if bytes.len() as u64 > LARGEST_FILE {
         return Err(wrong(format!("it is larger than {} GiB; is it the right file?", LARGEST_FILE >> 30)));
     }
+    detail::tell(|| format!("reads {} ({} bytes)", path.display(), bytes.len()));
     Ok(bytes)
 }
 
@@ -225,6 +228,7 @@ impl BuildFolder {
 
     /// Replaces the folder `name` by one with `files` in it, whole or not at all.
     pub fn write_folder(&self, name: &str, files: &[(String, Vec<u8>)]) -> Result<(), BuildError> {
+        detail::tell(|| format!("writes {} ({} files)", self.root.join(name).display(), files.len()));
         let temporary = self.root.join(format!(".tmp-{name}"));
         let target = self.root.join(name);
         let result = fill(&temporary, files).and_then(|()| {
@@ -312,18 +316,28 @@ fn in_the_way(path: &Path) -> Result<(), BuildError> {
     }
 }
 
-/// Writes files below `folder`, making folders as needed (for commands whose output is not a build).
+/// Writes files below `folder`, making folders as needed (for commands whose output is not a build). Under a [`written::Rule`] of the folder
+/// all of them are looked at before.
 pub fn write_all(folder: &Path, files: &[(String, Vec<u8>)]) -> Result<(), BuildError> {
     in_the_way(folder)?;
+    if written::wrote_all(folder, files)? {
+        return Ok(());
+    }
     for (name, bytes) in files {
         write(&folder.join(name), bytes)?;
     }
     Ok(())
 }
 
-/// Writes one file whole or not at all, making its folder as needed. A link is followed, `-` is standard output, and a device or a pipe is written to:
-/// nothing that is not a file is replaced by one.
+/// Writes one file whole or not at all, making its folder as needed. A link is followed, `-` is standard output, and a device or a pipe is
+/// written to: nothing that is not a file is replaced by one. A [`written::Rule`] of the file holds.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<(), BuildError> {
+    if written::wrote_file(path, bytes)? { Ok(()) } else { put(path, bytes) }
+}
+
+/// Writes one file, whatever stands there.
+fn put(path: &Path, bytes: &[u8]) -> Result<(), BuildError> {
+    detail::tell(|| format!("writes {} ({} bytes)", path.display(), bytes.len()));
     let wrong = |e: std::io::Error| fault(&e, path, format!("cannot write {}: {}", path.display(), words(&e)));
     if is_standard_output(path) {
         return print(bytes);

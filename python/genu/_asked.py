@@ -120,6 +120,7 @@ def plan(
     *,
     samples: Optional[int] = None,
     seed: Optional[int] = None,
+    force: bool = False,
     jobs: Optional[int] = None,
     progress: Progress = None,
 ) -> Plan:
@@ -137,6 +138,8 @@ def plan(
         Samples of the posterior by which mean and 90 % interval are told, where the model has any; 0 leaves them out.
     seed : int, optional
         Draws which samples are asked; the first where None.
+    force : bool
+        Write over files in ``out`` that were changed since, or that no such call wrote; else they are an :class:`InputError`.
     jobs, progress
         As in :func:`build`.
 
@@ -155,6 +158,7 @@ def plan(
     words: list[Any] = ["plan", path, _toml_at(graft, "graft", files), "--out", place, "--json"]
     words += ["--samples", samples] if samples is not None else []
     words += ["--seed", seed] if seed is not None else []
+    words += ["--force"] if force else []
     return Plan(place, json.loads(called(words, files, jobs=jobs, progress=progress)))
 
 
@@ -213,6 +217,7 @@ def next_tests(
     compression_n: Optional[float] = None,
     samples: Optional[int] = None,
     out: Optional[Path] = None,
+    force: bool = False,
     jobs: Optional[int] = None,
     progress: Progress = None,
 ) -> NextTests:
@@ -238,6 +243,8 @@ def next_tests(
         Samples of the posterior.
     out : str or path-like, optional
         Also write the trials to this file (CSV).
+    force : bool
+        Write over that file where it was changed since, or where no such call wrote it; else it is an :class:`InputError`.
     jobs, progress
         As in :func:`build`.
 
@@ -256,6 +263,7 @@ def next_tests(
     words: list[Any] = ["next-tests", path, "--for", quantity, "--json"]
     words += ["--without", ",".join(names(without))] if names(without) else []
     words += ["--single"] if single else []
+    words += ["--force"] if force else []
     given = {"count": count, "noise-deg": noise_deg, "noise-mm": noise_mm, "compression": compression_n, "samples": samples}
     for name, value in given.items():
         words += [f"--{name}", value] if value is not None else []
@@ -318,7 +326,9 @@ class Credibility:
         return as_html(f"genu.Credibility of {self.raw['knee']}", {f["name"]: f["grade"] for f in self.factors})
 
 
-def credibility(build: Place, *, context: Union[None, Path, Context] = None, out: Optional[Path] = None) -> Credibility:
+def credibility(
+    build: Place, *, context: Union[None, Path, Context] = None, out: Optional[Path] = None, force: bool = False
+) -> Credibility:
     """Tell what speaks for a knee's model, factor by factor as ASME V&V 40 asks.
 
     Parameters
@@ -330,6 +340,8 @@ def credibility(build: Place, *, context: Union[None, Path, Context] = None, out
         ``{"influence": "medium", "consequence": "low"}``. Where None, credibility.toml of the specimen, if it is there.
     out : str or path-like, optional
         Folder for credibility.html and credibility.json; that of the build where None.
+    force : bool
+        Write over files in ``out`` that were changed since, or that no such call wrote; else they are an :class:`InputError`.
 
     Returns
     -------
@@ -345,4 +357,5 @@ def credibility(build: Place, *, context: Union[None, Path, Context] = None, out
     words: list[Any] = ["credibility", found.folder, "--json"]
     words += ["--context", _toml_at(context, "context", files)] if context is not None else []
     words += ["--out", absolute(out)] if out is not None else []
+    words += ["--force"] if force else []
     return Credibility(absolute(out) if out is not None else found.folder, json.loads(called(words, files)))

@@ -229,7 +229,7 @@ class Cohort:
         return as_html("genu.Cohort", {k["knee"]: f"{k['status']}, {len(k['outliers'])} outliers" for k in self.knees})
 
 
-def cohort(builds: Sequence[Place], out: Path) -> Cohort:
+def cohort(builds: Sequence[Place], out: Path, *, force: bool = False) -> Cohort:
     """Put many builds on one page and into tidy tables.
 
     Parameters
@@ -238,6 +238,8 @@ def cohort(builds: Sequence[Place], out: Path) -> Cohort:
         Builds, their folders, or those of the specimens that hold them. One that failed is a row like any other.
     out : str or path-like
         Folder for cohort.html and the tables.
+    force : bool
+        Write over files in ``out`` that were changed since, or that no such call wrote; else they are an :class:`InputError`.
 
     Returns
     -------
@@ -249,5 +251,5 @@ def cohort(builds: Sequence[Place], out: Path) -> Cohort:
         No build in any of them.
     """
     place = absolute(out)
-    found = json.loads(run("cohort", *(absolute(b) for b in builds), "--out", place, "--json"))
+    found = json.loads(run("cohort", *(absolute(b) for b in builds), "--out", place, "--json", *(["--force"] if force else [])))
     return Cohort(place, found["knees"])

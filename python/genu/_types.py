@@ -77,6 +77,7 @@ class Option(TypedDict):
     default: str
     value: Any
     unit: str
+    range: Optional[list[float]]
     source: str
     meaning: str
     choices: list[str]
@@ -229,6 +230,7 @@ class Evidence(TypedDict):
     test: Optional[str]
     file: str
     digest: Optional[str]
+    test_digest: Optional[str]
     date: Optional[str]
     as_built: Optional[bool]
 

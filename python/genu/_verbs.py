@@ -268,7 +268,10 @@ def calibrate(
         ``"posterior"`` or ``"swarm-simplex"`` (the paper's recipe).
     options : dict, optional
         Of stage ``calibrate``: ``{"inference.starts": 3}``.
-    seed, force, jobs, progress
+    force : bool
+        Begin anew where an interrupted calibration could be taken up, and write over files in ``out`` that were changed since, or that no such
+        call wrote; else they are an :class:`InputError`.
+    seed, jobs, progress
         As in :func:`build`. An interrupted calibration is taken up by the same call.
 
     Returns
@@ -331,6 +334,7 @@ def validate(
     solver: Optional[Solver] = None,
     samples: Optional[int] = None,
     options: Optional[Mapping[str, Any]] = None,
+    force: bool = False,
     jobs: Optional[int] = None,
     progress: Progress = None,
 ) -> Validation:
@@ -352,6 +356,8 @@ def validate(
         Samples of the posterior by which mean and 90 % interval stand beside every value, where a model has any; 0 leaves them out.
     options : dict, optional
         Of stage ``validate``: ``{"ap_flexions_deg": [30, 60]}``.
+    force : bool
+        Write over files in ``out`` that were changed since, or that no such call wrote; else they are an :class:`InputError`.
     jobs, progress
         As in :func:`build`.
 
@@ -369,6 +375,7 @@ def validate(
     if solver is not None:
         words += ["--solver", solver]
     words += ["--samples", samples] if samples is not None else []
+    words += ["--force"] if force else []
     for name, table in (passive or {}).items():
         words += ["--passive", f"{name}={table_at(table, f'passive {name}', files)}"]
     for name, model in models.items():
@@ -430,6 +437,7 @@ def diagnose(
     before: Optional[Mapping[str, Table]] = None,
     without_effect: Union[str, Sequence[str]] = (),
     options: Optional[Mapping[str, Any]] = None,
+    force: bool = False,
     jobs: Optional[int] = None,
     progress: Progress = None,
 ) -> Diagnosis:
@@ -450,6 +458,8 @@ def diagnose(
     options : dict, optional
         Options of the diagnosis by name, ``{"most_effects": 1}``; those of the knee's calibration with the stage before them,
         ``{"calibrate": {"priors": "read"}}``.
+    force : bool
+        Write over files in ``out`` that were changed since, or that no such call wrote; else they are an :class:`InputError`.
     jobs, progress
         As in :func:`build`.
 
@@ -469,6 +479,7 @@ def diagnose(
     for name, table in (before or {}).items():
         words += ["--before", f"{name}={table_at(table, f'before {name}', files)}"]
     words += ["--without-effect", ",".join(names(without_effect))] if names(without_effect) else []
+    words += ["--force"] if force else []
     words += settings(options, "diagnose", "calibrate")
     called(words, files, jobs=jobs, progress=progress)
     return Diagnosis(place, _json(os.path.join(place, "diagnosis.json")), Model(place))
@@ -521,8 +532,17 @@ def export(
     return sorted(os.path.join(d, f) for d, _, fs in os.walk(place) for f in fs)
 
 
-def import_abaqus(deck: Path, out: Path) -> Model:
+def import_abaqus(deck: Path, out: Path, *, force: bool = False) -> Model:
     """Turn a published Abaqus knee deck into a model in the folder ``out``.
+
+    Parameters
+    ----------
+    deck : str or path-like
+        Its main file.
+    out : str or path-like
+        Folder for the model.
+    force : bool
+        Write over files in ``out`` that were changed since, or that no such call wrote; else they are an :class:`InputError`.
 
     Raises
     ------
@@ -530,12 +550,12 @@ def import_abaqus(deck: Path, out: Path) -> Model:
         The deck cannot be read; ``file`` and ``row`` say where.
     """
     place = absolute(out)
-    run("import-abaqus", absolute(deck), "--out", place)
+    run("import-abaqus", absolute(deck), "--out", place, *(["--force"] if force else []))
     return Model(place)
 
 
 def import_opensim(
-    file: Path, out: Path, *, femur: str | None = None, tibia: str | None = None, side: Side | None = None
+    file: Path, out: Path, *, femur: str | None = None, tibia: str | None = None, side: Side | None = None, force: bool = False
 ) -> Model:
     """Turn an OpenSim knee with JAM's ligaments and contact into a model in the folder ``out``.
 
@@ -549,17 +569,19 @@ def import_opensim(
         Names of the bodies, where names and contact do not tell them.
     side : {"left", "right"}, optional
         Which knee, where ligaments and names do not tell it.
+    force : bool
+        Write over files in ``out`` that were changed since, or that no such call wrote; else they are an :class:`InputError`.
 
     Raises
     ------
     InputError
         The file cannot be read; ``file`` and ``row`` say where.
     """
-    return _imported("import-opensim", file, out, (femur, tibia, side))
+    return _imported("import-opensim", file, out, (femur, tibia, side), force)
 
 
 def import_febio(
-    file: Path, out: Path, *, femur: str | None = None, tibia: str | None = None, side: Side | None = None
+    file: Path, out: Path, *, femur: str | None = None, tibia: str | None = None, side: Side | None = None, force: bool = False
 ) -> Model:
     """Turn a FEBio knee of rigid bones, springs and sliding contact into a model in the folder ``out``.
 
@@ -573,21 +595,24 @@ def import_febio(
         Names of the rigid bodies, where names and contact do not tell them.
     side : {"left", "right"}, optional
         Which knee, where ligaments and names do not tell it.
+    force : bool
+        Write over files in ``out`` that were changed since, or that no such call wrote; else they are an :class:`InputError`.
 
     Raises
     ------
     InputError
         The file cannot be read; ``file`` and ``row`` say where.
     """
-    return _imported("import-febio", file, out, (femur, tibia, side))
+    return _imported("import-febio", file, out, (femur, tibia, side), force)
 
 
-def _imported(verb: str, file: Path, out: Path, given: tuple[str | None, str | None, str | None]) -> Model:
+def _imported(verb: str, file: Path, out: Path, given: tuple[str | None, str | None, str | None], force: bool) -> Model:
     """A model by one of the imports that take bodies and a side."""
     place = absolute(out)
     words: list[Any] = [verb, absolute(file), "--out", place]
     for name, value in zip(("--femur", "--tibia", "--side"), given, strict=True):
         words += [name, value] if value is not None else []
+    words += ["--force"] if force else []
     run(*words)
     return Model(place)
 

@@ -142,7 +142,7 @@ fn exception(py: Python<'_>, failure: &Py<PyAny>, error: &BuildError) -> PyErr {
         BuildError::Faults { table, .. } => Some(table.clone()),
         _ => None,
     };
-    let mut more = BTreeMap::from([("advice", genu::output::advice(error.code()).to_owned())]);
+    let mut more = BTreeMap::from([("advice", genu::output::advice(error).to_owned())]);
     if let Some((key, value)) = error.setting() {
         more.extend([("key", key.to_owned()), ("value", value.to_owned())]);
     }

@@ -1,4 +1,4 @@
-"""Calls that are wrong: mypy tells each before anything runs (test_types.py). Nobody runs this file."""
+"""Calls that are wrong: mypy and pyright tell each before anything runs (test_types.py). Nobody runs this file."""
 
 import genu
 

@@ -123,3 +123,22 @@ def test_credibility_is_that_of_the_command(build, tmp_path):
         genu.credibility(build, context={"influence": "much"}, out=tmp_path / "none")
     with pytest.raises(genu.InputError, match="no build"):
         genu.credibility(tmp_path)
+
+
+def test_a_result_that_was_edited_stays_until_forced(build, tmp_path):
+    verbs = {
+        "cohort.html": lambda out, **more: genu.cohort([build], out, **more),
+        "credibility.json": lambda out, **more: genu.credibility(build, out=out, **more),
+    }
+    for name, verb in verbs.items():
+        file = tmp_path / name / name
+        for _ in range(2):
+            verb(file.parent)
+        file.write_text("by hand")
+        with pytest.raises(genu.InputError, match="--force") as raised:
+            verb(file.parent)
+        assert raised.value.file == str(file) and "--force" in raised.value.advice
+        assert file.read_text() == "by hand"
+        verb(file.parent, force=True)
+        assert file.read_text() != "by hand"
+        verb(file.parent)

@@ -1,5 +1,6 @@
 """Types: strict in the package, and wrong words are told before anything runs."""
 
+import importlib.util
 import os
 import re
 import subprocess
@@ -7,24 +8,34 @@ import sys
 
 import pytest
 
-pytest.importorskip("mypy")
+SCRIPT = os.path.join(os.path.dirname(__file__), "misuse.py")
 
 
-def told(*words):
-    run = subprocess.run([sys.executable, "-m", "mypy", "--strict", *words], capture_output=True, text=True)
+def told(module, *words):
+    if importlib.util.find_spec(module) is None:
+        pytest.skip(f"{module} is not installed")
+    run = subprocess.run([sys.executable, "-m", module, *words], capture_output=True, text=True)
     return run.returncode, run.stdout
 
 
+def wrong():
+    with open(SCRIPT, encoding="utf-8") as file:
+        return {number for number, line in enumerate(file, 1) if "# wrong:" in line}
+
+
 def test_the_package_is_strictly_typed(tmp_path):
-    code, out = told("--cache-dir", str(tmp_path), "-p", "genu")
+    code, out = told("mypy", "--strict", "--cache-dir", str(tmp_path), "-p", "genu")
     assert code == 0, out
 
 
 def test_misuse_is_told_and_right_use_is_not(tmp_path):
-    script = os.path.join(os.path.dirname(__file__), "misuse.py")
-    with open(script, encoding="utf-8") as file:
-        wrong = {number for number, line in enumerate(file, 1) if "# wrong:" in line}
-    code, out = told("--cache-dir", str(tmp_path), script)
+    code, out = told("mypy", "--strict", "--cache-dir", str(tmp_path), SCRIPT)
     found = {int(number) for number in re.findall(r"misuse\.py:(\d+): error", out)}
-    assert found == wrong and code == 1, out
-    assert len(wrong) == 28
+    assert found == wrong() and code == 1, out
+    assert len(found) == 28
+
+
+def test_pyright_tells_the_same():
+    code, out = told("pyright", "--pythonpath", sys.executable, SCRIPT)
+    found = {int(number) for number in re.findall(r"misuse\.py:(\d+):\d+ - error", out)}
+    assert found == wrong() and code == 1, out
