@@ -15,6 +15,7 @@ use sim::coordinate::{FREE, Free, Load};
 use sim::graft::{COMPRESSION_N, Drawn, Graft, TOE_STRAIN};
 use sim::laxity::read;
 use std::collections::BTreeMap;
+use std::ffi::OsStr;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -22,6 +23,8 @@ use tempfile::TempDir;
 
 /// Module and library may differ by what two compilers make of a sine [mm, deg, N].
 const TOLERANCE: f64 = 1e-6;
+/// The types of a page's scripts: of the language, and of what a browser gives.
+const PAGE: &str = "es2022,dom,dom.iterable";
 /// The last digit of a results file [mm, deg, N].
 const DIGIT: f64 = 1e-6;
 /// A report grows by no more than this [bytes].
@@ -44,11 +47,43 @@ fn report() -> String {
 
 #[test]
 fn open_goes_to_the_knee_in_the_report() {
-    let folder = specimen();
-    let told = build_model().arg("open").arg(folder).args(["--print", "--view"]).assert().success();
-    let told = text_of(&told.get_output().stdout);
-    assert!(told.starts_with("file:///") && told.trim_end().ends_with("build/report.html#live&"), "{told}");
-    assert!(!told.trim_end().contains(' '), "{told}");
+    opens_at_the_knee(specimen(), "build/report.html");
+}
+
+/// `open` finds the page of a folder, and with --view the knee in it, as an address.
+fn opens_at_the_knee(folder: &Path, page: &str) {
+    let said = |more: &[&str]| {
+        let run = build_model().arg("open").arg(folder).arg("--print").args(more).assert().success();
+        text_of(&run.get_output().stdout).trim_end().to_owned()
+    };
+    let plain = said(&[]);
+    assert!(Path::new(&plain).ends_with(page), "{plain}");
+    let told = said(&["--view"]);
+    assert!(told.starts_with("file:///") && told.ends_with(&format!("{page}#live&")), "{told}");
+    assert!(!told.contains(' '), "{told}");
+}
+
+#[test]
+fn a_page_without_a_knee_says_why_in_the_words_of_its_kind() {
+    let out = TempDir::new().unwrap();
+    let told = |page: &str, beside: &[&str]| {
+        let folder = out.path().join(format!("of {page} and {}", beside.len()));
+        std::fs::create_dir(&folder).unwrap();
+        for name in [&[page][..], beside].concat() {
+            write(&folder.join(name), "<html></html>");
+        }
+        let run = build_model().arg("open").arg(&folder).args(["--print", "--view"]).assert().failure();
+        let said = text_of(&run.get_output().stderr);
+        assert!(said.contains(page) && said.contains("has no knee to pull at: "), "{said}");
+        said.split("has no knee to pull at: ").nth(1).unwrap().to_owned()
+    };
+    let all = [
+        told("plan.html", &["plan.json"]),
+        told("report.html", &["diagnosis.json"]),
+        told("report.html", &["log.jsonl", "run.toml"]),
+    ];
+    assert!(all[2].contains("not calibrated") && !all[0].contains("laxity") && !all[1].contains("laxity"), "{all:?}");
+    assert!(all[0] != all[1] && all[0].contains("the page says why"), "{all:?}");
 }
 
 fn text_of(bytes: &[u8]) -> String {
@@ -245,6 +280,7 @@ fn the_page_of_a_plan_carries_the_knee_with_its_grafts() {
     assert!((told.forces_n.last().unwrap() - 40.0).abs() < 0.5, "{:?}", told.forces_n);
     let slack = plan["grafts"][0]["slack_length_mm"].as_f64().unwrap();
     assert!((told.grafts[0].slack_length_mm - slack).abs() <= TOLERANCE);
+    opens_at_the_knee(&to, "plan/plan.html");
     in_a_browser("plan.py", &to.join("plan.html"), &serde_json::json!({"told": told, "about": knee.about()}));
 }
 
@@ -327,11 +363,68 @@ pub(crate) fn page_answers_as_its_model(folder: &Path) {
     }
     let told = asked.map(|a| serde_json::to_value(knee.told(&a).unwrap()).unwrap());
     let expected = serde_json::json!({"about": knee.about(), "rest": told[0], "lachman": told[1]});
+    opens_at_the_knee(folder, "report.html");
     in_a_browser("diagnosis.py", &folder.join("report.html"), &expected);
 }
 
 fn script(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/browser").join(name)
+}
+
+/// What the check of types says of files that run with the types of `lib`: nothing where they keep them. `all`: each parameter must have one.
+fn types_of(tsc: &OsStr, lib: &str, all: bool, files: &[PathBuf]) -> String {
+    let strict = ["--noEmit", "--allowJs", "--checkJs", "--strict", "--target", "es2022", "--lib", lib];
+    let any = ["--noImplicitAny", if all { "true" } else { "false" }];
+    let run = Command::new("node").arg(tsc).args(strict).args(any).args(files).output().unwrap();
+    let said = text_of(&[run.stdout, run.stderr].concat());
+    assert_eq!(run.status.success(), said.is_empty(), "{said}");
+    said
+}
+
+#[test]
+fn the_scripts_of_a_page_keep_their_types_and_those_of_the_library() {
+    // where TypeScript could be had
+    let Some(tsc) = std::env::var_os("GENU_TSC") else {
+        eprintln!("the_scripts_of_a_page_keep_their_types_and_those_of_the_library: skipped, GENU_TSC names no tsc");
+        return;
+    };
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("pipeline/src/report");
+    let named = |names: &[&str]| names.iter().map(|n| folder.join(n)).collect::<Vec<_>>();
+    let worker = named(&["live_worker.js"]);
+    let files = std::fs::read_dir(&folder).unwrap().map(|f| f.unwrap().path());
+    let scripts = files.filter(|f| f.extension().is_some_and(|e| e == "js") && !worker.contains(f));
+    let page: Vec<PathBuf> = scripts.chain(named(&["page.d.ts"])).collect();
+    assert!(page.len() > 7, "{page:?}");
+    assert_eq!(types_of(&tsc, PAGE, false, &page), "");
+    // these have a type at each parameter
+    let hands = named(&["live_words.js", "live_hand.js", "live_graft.js", "live_draft.js", "page.d.ts"]);
+    assert_eq!(types_of(&tsc, PAGE, true, &hands), "");
+    assert_eq!(types_of(&tsc, "es2022,webworker", true, &worker), "");
+    // what the page takes a reply for is what the library gives, no key more and none less
+    let knee = Knee::open(&part(&report(), "live-knee").1).unwrap();
+    let asked = grafted(&plan_of_the_knee());
+    let replies = [
+        ("LiveAsked", serde_json::to_value(&asked).unwrap()),
+        ("LiveAboutKnee", serde_json::to_value(knee.about()).unwrap()),
+        ("LiveTold", serde_json::to_value(knee.told(&asked).unwrap()).unwrap()),
+        ("LiveBands", serde_json::to_value(knee.bands(&asked, 4).unwrap()).unwrap()),
+    ];
+    let out = TempDir::new().unwrap();
+    let file = out.path().join("replies.ts");
+    let says = |kind: &str, value: &Value| {
+        write(&file, format!("const reply: {kind} = {value};\n"));
+        types_of(&tsc, PAGE, true, &[file.clone(), folder.join("page.d.ts")])
+    };
+    for (kind, reply) in &replies {
+        assert_eq!(says(kind, reply), "", "{kind}");
+        // one key away is seen, and one key more
+        let key = reply.as_object().unwrap().keys().next().unwrap().clone();
+        let (mut less, mut more) = (reply.clone(), reply.clone());
+        less.as_object_mut().unwrap().remove(&key);
+        more["unheard_of"] = true.into();
+        assert!(says(kind, &less).contains(&key), "{kind} without {key}");
+        assert!(says(kind, &more).contains("unheard_of"), "{kind} with a key more");
+    }
 }
 
 #[test]

@@ -5,7 +5,6 @@ EXPECTED.json: {"about": ..., "lachman": reply, "cut": reply of the same with th
 """
 
 import base64
-import contextlib
 import html
 import json
 import os
@@ -90,10 +89,21 @@ class Live(Check):
         self.expect("Cut: ACL." in self.words(), f"the cut is not in: {self.words()}")
         names = self.browser.run("return document.querySelector('.live-names').textContent")
         self.expect("PCAP: posterior capsule" in names, f"what the names stand for: {names}")
+        self.beside("first minute", [("Lachman", "[data-preset='Lachman']"), ("ACL", "[data-cut='ACL']")])
         self.press_button("[data-act='undo']")
         self.says(expected["lachman"], about, "undone")
         self.press_button("[data-act='reset']")
         self.expect(self.state() == "#live&flexion=30", f"reset leaves {self.state()}")
+
+    def beside(self, name, buttons):
+        """What a button does is read beside it: with the button in the upper half of a screen the whole sentence is seen, at three widths."""
+        seen = """document.querySelector(arguments[0]).scrollIntoView({block: 'start'}); window.scrollBy(0, -innerHeight / 4); const r = document.querySelector('.live-words').getBoundingClientRect();
+          return [r.top >= 0 && r.bottom <= innerHeight + 1, [0.1, 0.9].every(s => document.elementFromPoint(r.left + r.width / 2, r.top + s * r.height)?.closest('.live-words'))]"""
+        for width, height in [(400, 800), (820, 1100), (1400, 900)]:
+            self.cdp("Emulation.setDeviceMetricsOverride", {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False})
+            for words, button in buttons:
+                self.expect(self.browser.run(seen, button) == [True, True], f"{name}, {width} px: from the button {words} the sentence is not seen")
+        self.cdp("Emulation.clearDeviceMetricsOverride", {})
 
     def intervals(self, about):
         """Bands come by themselves and enclose the means' side of the table; with changed ligaments there are none."""
@@ -439,27 +449,6 @@ class Live(Check):
         self.expect([first, self.browser.run(press)] == [["Next step", "1"], ["Next step", "2"]], f"with less motion Play gives {first} and goes on")
         self.cdp("Emulation.setEmulatedMedia", {"features": []})
 
-    def spent(self):
-        """Processor time of Chromium so far [s]: of the solver's workers, of the page's thread, of all that draws."""
-        parents, out = {}, {"solver": 0.0, "page": 0.0, "drawing": 0.0}
-        for folder in pathlib.Path("/proc").glob("[0-9]*"):
-            with contextlib.suppress(OSError):
-                parents[int(folder.name)] = int((folder / "stat").read_text().rsplit(")", 1)[1].split()[1])
-        mine = lambda pid: pid == self.browser.driver.pid or (pid in parents and mine(parents[pid]))
-        for pid in filter(mine, parents):
-            with contextlib.suppress(OSError):
-                kind = (pathlib.Path("/proc") / str(pid) / "cmdline").read_text()
-                for task in (pathlib.Path("/proc") / str(pid) / "task").iterdir():
-                    name, rest = (task / "stat").read_text().split("(", 1)[1].rsplit(")", 1)
-                    ticks = sum(map(int, rest.split()[11:13])) / os.sysconf("SC_CLK_TCK")
-                    if "DedicatedWorker" in name:
-                        out["solver"] += ticks
-                    elif "--type=renderer" in kind and int(task.name) == pid:
-                        out["page"] += ticks
-                    elif "--type=gpu-process" in kind:
-                        out["drawing"] += ticks
-        return out
-
     def frames(self):
         """Tells what a frame of a drag by the pointer takes, each drawn before the next. Without a graphics card the processor draws, and other programs may
         hold it: the drag ends after twenty frames or ten seconds. GENU_FRAMES sets how many frames, 60 for a measurement, which has a minute."""
@@ -473,16 +462,19 @@ class Live(Check):
           const send = (type, dx) => view.plot.dispatchEvent(new PointerEvent(type, { bubbles: true, cancelable: true, isPrimary: true, pointerId: 1, pointerType: 'mouse', button: 0, clientX: b.left + place.x + dx, clientY: b.top + place.y }));
           const frame = () => new Promise(requestAnimationFrame), idle = async () => { do await frame(); while (s.dataset.busy || f.dataset.busy); };
           view.frame.setPointerCapture = () => {};
-          (async () => { send('pointerdown', 0); send('pointermove', 10); await idle(); const begin = performance.now(); let n = 0; for (; n < count && performance.now() - begin < 1000 * seconds; n++) { const t = performance.now(); send('pointermove', 10 + n); await idle(); out.push([performance.now() - t, Number(s.dataset.ms)]); } send('pointermove', 10 + count); await idle(); const drawn = [view.rough, view.plot.data.reduce((sum, t) => sum + (t.i ? t.i.length : 0), 0)]; send('pointerup', 10 + count); return [out, drawn]; })().then(done)"""
+          (async () => { send('pointerdown', 0); send('pointermove', 10); await idle(); const gl = view.plot._fullLayout.scene._scene.glplot.gl, read = gl.readPixels; let reads = 0; gl.readPixels = (...of) => { reads++; return read.apply(gl, of); }; const begin = performance.now(); let n = 0; for (; n < count && performance.now() - begin < 1000 * seconds; n++) { const t = performance.now(); send('pointermove', 10 + n); await idle(); out.push([performance.now() - t, Number(s.dataset.ms)]); } send('pointermove', 10 + count); await idle(); const drawn = [view.rough, view.plot.data.reduce((sum, t) => sum + (t.i ? t.i.length : 0), 0), reads, gl.getContextAttributes().antialias, view.byProcessor]; gl.readPixels = read; send('pointerup', 10 + count); return [out, drawn]; })().then(done)"""
         triangles = lambda: self.browser.run("return view.plot.data.reduce((sum, t) => sum + (t.i ? t.i.length : 0), 0)")
-        before, whole = self.spent(), triangles()
+        before, whole = self.browser.spent(), triangles()
         times, drawn = self.browser.ask("/execute/async", {"script": drag, "args": [place, count, seconds]})
-        after, count = self.spent(), len(times)
+        after, count = self.browser.spent(), len(times)
         for k, words in enumerate(["frame of a drag", "trial in the worker"]):
             sorted_ = sorted(t[k] for t in times)
             print(f"{words}: median {sorted_[count // 2]:.0f} ms, 95 % {sorted_[int(0.95 * count)]:.0f} ms of {count}")
         print("processor time of a frame:", ", ".join(f"{name} {1000 * (after[name] - before[name]) / count:.0f} ms" for name in after))
-        print(f"drawn with fewer corners: {drawn[0]}, {drawn[1]} triangles of {whole}")
+        print(f"drawn with fewer corners: {bool(drawn[0])}, {drawn[1]} triangles of {whole}")
+        self.expect(drawn[2] == 0, f"{drawn[2]} pictures are read back while the knee is pulled at: each waits for all that was drawn")
+        self.expect(not (drawn[3] and drawn[4]), "the processor draws, and smooths edges that are drawn fourfold already")
+        self.expect(not drawn[4] or drawn[0], "the processor draws all corners while the knee is pulled at")
         self.expect(drawn[1] < 0.4 * whole if drawn[0] else drawn[1] == whole, f"a drag draws {drawn[1]} triangles of {whole}")
         self.expect(self.settled() and self.wait("return !document.querySelector('#live figure').dataset.busy") and triangles() == whole, f"after a drag {triangles()} triangles of {whole}")
         self.expect(abs(self.load("ap")) > 20, f"a drag of {count} frames gives {self.load('ap')} N")

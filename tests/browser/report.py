@@ -8,6 +8,7 @@ and with status 77 and the reason where chromium cannot be started.
 import base64
 import contextlib
 import json
+import os
 import pathlib
 import socket
 import struct
@@ -41,13 +42,13 @@ def free_port():
 
 
 class Browser:
-    """A WebDriver session [https://www.w3.org/TR/webdriver2/]."""
+    """A WebDriver session [https://www.w3.org/TR/webdriver2/]; `more` are further flags of chromium."""
 
-    def __init__(self):
+    def __init__(self, more=()):
         self.port = free_port()
         self.driver = subprocess.Popen(["chromedriver", f"--port={self.port}"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         flags = ["--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--window-size=1300,1000", "--hide-scrollbars", "--no-proxy-server",
-                 "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--host-resolver-rules=MAP * ~NOTFOUND"]
+                 "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--host-resolver-rules=MAP * ~NOTFOUND", *more]
         wanted = {"browserName": "chrome", "timeouts": {"script": 1000 * SCRIPT}, "goog:chromeOptions": {"args": flags}, "goog:loggingPrefs": {"browser": "ALL", "performance": "ALL"}}
         self.start(wanted)
 
@@ -90,6 +91,27 @@ class Browser:
     def press(self, key):
         actions = [{"type": "keyDown", "value": key}, {"type": "keyUp", "value": key}]
         self.ask("/actions", {"actions": [{"type": "key", "id": "keyboard", "actions": actions}]})
+
+    def spent(self):
+        """Processor time of Chromium so far [s]: of the solver's workers, of the page's thread, of all that draws."""
+        parents, out = {}, {"solver": 0.0, "page": 0.0, "drawing": 0.0}
+        for folder in pathlib.Path("/proc").glob("[0-9]*"):
+            with contextlib.suppress(OSError):
+                parents[int(folder.name)] = int((folder / "stat").read_text().rsplit(")", 1)[1].split()[1])
+        mine = lambda pid: pid == self.driver.pid or (pid in parents and mine(parents[pid]))
+        for pid in filter(mine, parents):
+            with contextlib.suppress(OSError):
+                kind = (pathlib.Path("/proc") / str(pid) / "cmdline").read_text()
+                for task in (pathlib.Path("/proc") / str(pid) / "task").iterdir():
+                    name, rest = (task / "stat").read_text().split("(", 1)[1].rsplit(")", 1)
+                    ticks = sum(map(int, rest.split()[11:13])) / os.sysconf("SC_CLK_TCK")
+                    if "DedicatedWorker" in name:
+                        out["solver"] += ticks
+                    elif "--type=renderer" in kind and int(task.name) == pid:
+                        out["page"] += ticks
+                    elif "--type=gpu-process" in kind:
+                        out["drawing"] += ticks
+        return out
 
     def close(self):
         with contextlib.suppress(OSError):

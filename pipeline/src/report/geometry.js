@@ -45,12 +45,14 @@ const geometry = (() => {
     return { x, y, z, i, j, k, of };
   }
 
+  /** Numbers by axis; null breaks a line. @type {() => Record<string, (number | null)[]>} */
+  const lists = () => ({ x: [], y: [], z: [] });
   const apply = (p, m) => [0, 1, 2].map((r) => m[4 * r] * p[0] + m[4 * r + 1] * p[1] + m[4 * r + 2] * p[2] + m[4 * r + 3]);
 
   // ends of lines, broken after every second; with a number a line where there are any. Of a cut line two stumps are left
   const STUMP = 0.25;
   function segments(lines, m, force, cut) {
-    const out = { x: [], y: [], z: [], color: [] };
+    const out = { ...lists(), color: lists().x };
     const put = (a, b, f) => {
       AXES.forEach((axis, k) => out[axis].push(a[k], b[k], null));
       out.color.push(f, f, f);
@@ -65,7 +67,7 @@ const geometry = (() => {
 
   // edges of quads whose two triangles follow each other, each once
   function quadEdges(s) {
-    const out = { x: [], y: [], z: [] }, seen = new Set();
+    const out = lists(), seen = new Set();
     for (let t = 0; t + 1 < s.i.length; t += 2) {
       const ring = [s.i[t], s.j[t], s.k[t], s.k[t + 1]];
       ring.forEach((a, n) => {
@@ -80,7 +82,7 @@ const geometry = (() => {
 
   // where names stand: in the middle of each line, pushed outwards from the middle of all
   function middles(lines, m) {
-    const out = { x: [], y: [], z: [] }, all = [];
+    const out = lists(), all = [];
     for (let n = 0; n < lines.length; n += 2) {
       const a = m ? apply(lines[n], m) : lines[n];
       all.push(a.map((v, k) => (v + lines[n + 1][k]) / 2));
@@ -99,6 +101,20 @@ const geometry = (() => {
     return out;
   }
 
+  // the box around all that is drawn, and around where a motion takes it
+  function bounds(traces, motion) {
+    const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
+    const grow = (k, v) => { if (v !== null) { low[k] = Math.min(low[k], v); high[k] = Math.max(high[k], v); } };
+    for (const t of traces) AXES.forEach((axis, k) => t[axis].forEach((v) => grow(k, v)));
+    if (motion) {
+      const corners = [0, 1, 2, 3, 4, 5, 6, 7].map((n) => [0, 1, 2].map((k) => ((n >> k) & 1 ? high[k] : low[k])));
+      // the far end of a long bone may leave the picture; a third of its reach does not
+      const reach = motion.flatMap((m) => m.steps).flatMap((s) => corners.map((c) => apply(c, s.femur)));
+      for (const p of reach) p.forEach((v, k) => grow(k, Math.max(low[k] - 60, Math.min(high[k] + 60, v))));
+    }
+    return { low: low.map((v) => v - 1), high: high.map((v) => v + 1) };
+  }
+
   // pressure at every corner of a surface: the few that are pressed are told
   function pressures(data, pool, layer, step, high) {
     const out = new Float32Array(surface(data, pool, layer.mesh).x.length);
@@ -111,5 +127,5 @@ const geometry = (() => {
     return out;
   }
 
-  return { AXES, bytes, surface, coarse, apply, moved, segments, quadEdges, middles, pressures };
+  return { AXES, bytes, surface, coarse, apply, moved, segments, quadEdges, middles, bounds, pressures };
 })();

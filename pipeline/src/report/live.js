@@ -5,6 +5,7 @@
   if (!section) return;
   // loads act on the tibia; least, most and step of the sliders are ours: as far as clinical tests go. A number that is typed or linked goes as far as
   // `taken`, as a plan's tests do; a flexion as far as the solver takes it
+  /** @type {LiveSlider[]} */
   const SLIDERS = [
     { key: "flexion", words: "Flexion", unit: "deg", least: 0, most: 120, step: 1 },
     { key: "ap", words: "Pull forwards (below 0: push backwards)", unit: "N", least: -200, most: 200, step: 1, taken: [-500, 500] },
@@ -23,17 +24,15 @@
     "Valgus stress, 30 deg": { flexion: 30, vv: 10 }, "Varus stress, 30 deg": { flexion: 30, vv: -10 },
     "Pivot shift": { flexion: 30, vv: 8, ie: -4 },
   };
+  /** @type {[keyof LiveTold["pose"], string, string, string][]} */
   const POSE = [
     ["vv_deg", "valgus", "varus", "deg"], ["ie_deg", "external", "internal", "deg"],
     ["ml_mm", "lateral", "medial", "mm"], ["ap_mm", "anterior", "posterior", "mm"], ["si_mm", "superior", "inferior", "mm"],
   ];
+  /** @type {(keyof LiveTold["pose"])[]} */
   const TOLD_FIRST = ["ap_mm", "ie_deg", "vv_deg", "ml_mm", "si_mm"];
   const CONTACT = [["force_n", "force", "N", 0], ["area_mm2", "area", "mm2", 0], ["mean_mpa", "mean pressure", "MPa", 2], ["peak_mpa", "peak pressure", "MPa", 2]];
-  // what the names of a knee's ligaments stand for
-  const NAMES = {
-    ACL: "anterior cruciate ligament", PCL: "posterior cruciate ligament", LCL: "lateral collateral ligament", sMCL: "superficial medial collateral ligament", dMCL: "deep medial collateral ligament",
-    ALS: "anterolateral structures", PFL: "popliteofibular ligament", POL: "posterior oblique ligament", PCAP: "posterior capsule",
-  };
+  /** @type {Record<string, number>} */
   const SPARE = { deg: 5, "N m": 0.5, N: 5, share: 0.1 }; // a trial so far beyond a calibration's is told; the rule of sim/src/reach.rs
   const LEAST_TOLD = 0.05; // a smaller change reads as none [mm, deg]
   const STRAIN = 0.1, STIFFNESS = 4; // how far a reader may change a ligament [-]
@@ -48,9 +47,12 @@
     return e;
   };
   const fixed = (x, digits) => (Number.isFinite(x) ? (Math.abs(x) < 0.5 * 10 ** -digits ? 0 : x).toFixed(digits) : "");
+  /** @type {<T>(s: T) => T} */
   const clone = (s) => JSON.parse(JSON.stringify(s));
+  /** @returns {LiveState} */
   const fresh = () => ({ ...REST, cut: [], strain: {}, stiffness: {}, grafts: [] });
   // where the reader begins and Reset goes: the knee as it was calibrated, or a plan's; `told` gets what could not be taken, in words
+  /** @type {(told?: string[]) => LiveState} */
   const begun = (told = []) => {
     if (!section.dataset.start) return fresh();
     const { flexion_deg, load: [vv, ie, ml, ap, si], cut, strain, stiffness, grafts } = JSON.parse(section.dataset.start);
@@ -95,27 +97,43 @@
 
   // ---- what is asked
 
-  let state = fresh(), about = null, solver = null, sampler = null, view = null;
-  const past = [];
-  const shown = { told: null, rest: null, intact: null, bands: null };
+  let state = fresh();
+  // what is not there yet is asked for by no one: `start` and `shown` come first
+  const none = /** @type {any} */ (null);
+  /** @type {LiveAbout} */
+  let about = none;
+  /** @type {Solver} */
+  let solver = none;
+  let sampler = /** @type {Solver | null} */ (null);
+  let view = /** @type {LiveView | null} */ (null);
+  const past = /** @type {LiveState[]} */ ([]);
+  const back = () => { const last = past.pop(); if (last) change(last, false); };
+  /** @type {{ told: LiveReply, rest: LiveReply, intact: LiveReply, bands: LiveBands | null, state: LiveState }} */
+  const shown = { told: none, rest: none, intact: none, bands: null, state };
+  /** @type {Map<string, LiveReply>} */
   const kept = new Map();
+  /** @type {(s: LiveState) => LiveAsked} */
   const asked = (s) => ({ flexion_deg: s.flexion, load: [s.vv, s.ie, s.ml, s.ap, s.si], cut: s.cut, strain: s.strain, stiffness: s.stiffness, grafts: s.grafts });
+  /** @type {(s: LiveState) => LiveState} */
   const intactOf = (s) => ({ ...s, cut: [], strain: {}, stiffness: {}, grafts: [] });
+  /** @type {(s: LiveState) => LiveState} */
   const restOf = (s) => ({ ...fresh(), flexion: s.flexion, si: s.si });
+  /** @type {(s: LiveState) => boolean} */
   const isIntact = (s) => !(Object.keys(s.strain).length + Object.keys(s.stiffness).length + s.cut.length + s.grafts.length);
   // every bundle of a state with its place in the answer's lists
   const bundles = (s) => [...about.bundles.map((b) => b.name), ...s.grafts.map((_, k) => `graft${k}`)];
 
+  /** @type {(s: LiveState) => Promise<LiveReply>} */
   async function answer(s) {
     const key = JSON.stringify(asked(s));
     if (!kept.has(key)) {
       const reply = await solver.ask({ trial: asked(s) });
       if (!reply.fault) section.dataset.ms = solver.ms.toFixed(1);
       if (reply.broken) { solver = solver.again(); return reply; }
-      if (kept.size >= KEPT) kept.delete(kept.keys().next().value);
+      if (kept.size >= KEPT) kept.delete([...kept.keys()][0]);
       kept.set(key, reply);
     }
-    return kept.get(key);
+    return /** @type {LiveReply} */ (kept.get(key));
   }
 
   let running = false, again = false, quiet = 0;
@@ -140,18 +158,6 @@
     quiet = setTimeout(intervals, QUIET_MS);
   }
 
-  // "3 of 32 samples are subluxed" as "3 are subluxed", "1 is subluxed"
-  const SINGULAR = { are: "is", rest: "rests", leave: "leaves", have: "has" };
-  const counted = (n, verb, rest) => `${n} ${n === 1 ? SINGULAR[verb] || verb : verb} ${rest}`;
-  const differs = (text) => { const found = text.match(/^(\d+) of \d+ samples (\S+) (.*)$/); return found ? counted(Number(found[1]), found[2], found[3]) : text; };
-  const intervalWords = ({ asked, lost, leaving, differing = [], bands }) => {
-    const here = asked - lost - leaving, out = [[leaving, "leave", "the plateau"], [lost, "have", "no equilibrium"]].filter(([n]) => n).map((away) => counted(...away));
-    if (isOff()) return "No intervals: the femur has left the plateau.";
-    if (!Object.keys(bands).length) return `No intervals are shown: of ${asked} samples ${out.join(" and ")}.`;
-    if (differing.length) out.push(`${out.length ? `of the ${here} that count ` : ""}${differing.map(differs).join(" and ")}`);
-    return `${Math.round(100 * about.interval)} % intervals by ${here === asked ? "" : `${here} of `}${asked} samples of the calibration${out.length ? `: ${out.join(", ")}` : ""}.`;
-  };
-
   async function intervals() {
     delete section.dataset.samples;
     if (!about.samples || shown.told.fault || section.dataset.pulling) return;
@@ -162,13 +168,14 @@
       if (bands.broken) sampler = sampler.again();
       if (mine !== JSON.stringify(state) || section.dataset.busy) return;
       shown.bands = bands.fault ? null : bands;
-      said.textContent = bands.fault || intervalWords(bands);
+      said.textContent = bands.fault || liveWords.intervals(bands, about.interval, isOff());
       show();
       section.dataset.bandsMs = (performance.now() - from).toFixed(0);
       section.dataset.samples = bands.fault ? 0 : bands.asked;
     }
   }
 
+  /** @type {(next: LiveState, remembered?: boolean, told?: string[]) => void} */
   function change(next, remembered = true, told = []) {
     if (remembered) past.push(clone(state));
     state = next;
@@ -184,31 +191,20 @@
   const spoken = element("p", { class: "unseen", role: "status" });
   const said = element("p", { class: "live-said" });
   const towards = (of, [key, more, less, unit]) => (Math.abs(of) < LEAST_TOLD ? null : `${fixed(Math.abs(of), 1)} ${unit} ${of > 0 ? more : less}`);
-  const pose = (key) => POSE.find((p) => p[0] === key);
+  const pose = (key) => POSE.filter((p) => p[0] === key)[0];
+  /** @type {(a: LiveReply, b: LiveReply) => string} */
   const moves = (a, b) => TOLD_FIRST.map((key) => towards(a.pose[key] - b.pose[key], pose(key))).filter(Boolean).slice(0, 3).join(", ");
-  // the flags of sim/src/flag.rs in plain words
-  const FLAGS = {
-    subluxed: "One compartment bears at the rim of its plateau.", "rotated beyond any knee": "The tibia is turned or opened further than knees are.",
-    dislocated: "The femur has left the plateau: the model does not know what comes next.",
-    "several equilibria": "Under the same loads the knee may rest in another place, too.",
-    "no equilibrium": "No pose was found in which all forces cancel.", "still moving": "The knee has not come to rest.",
-    "patella out of balance": "The patella's forces do not balance.", "patella off the groove": "The patella lies beside its groove, or in the notch.",
-    "patella snaps": "The patella rests elsewhere a degree of flexion further, or where it comes from the other side.",
-    "explicit dynamics stopped early: the quasi-static answer": "The solver in time was stopped early: this is the answer without inertia.",
-  };
-  const flagWords = (f) => {
-    const torn = f.match(/^(.+) beyond its failure load$/), without = f.match(/^unloaded: (.+)$/);
-    return torn ? `${torn[1]} bears more than the load at which such a ligament fails.` : without ? `Without load: ${flagWords(without[1])}` : FLAGS[f] || `${f[0].toUpperCase()}${f.slice(1)}.`;
-  };
   const isOff = () => Boolean(shown.told && !shown.told.fault && shown.told.flags.includes("dislocated"));
   const brief = (s) => s.words.split(" (")[0].toLowerCase(), column = ({ key, unit }) => (key === "flexion" ? "flexion_deg" : `${key}_${unit === "N" ? "n" : "nm"}`);
   // what is asked beyond the calibration's trials, by the rule of sim/src/reach.rs
-  const beyond = (s) => (!about.reach ? [] : SLIDERS.flatMap((slide) => {
+  /** @type {(s: LiveState) => string[]} */
+  const beyond = (s) => SLIDERS.flatMap((slide) => {
+    if (!about.reach) return [];
     const { key, unit } = slide, [low, high] = about.reach[column(slide)], digits = unit === "N m" ? 1 : 0;
     const spare = (end) => (unit === "deg" ? SPARE.deg : Math.max(SPARE.share * Math.abs(end), SPARE[unit]));
     const far = s[key] < low - spare(low) || s[key] > high + spare(high);
     return far ? [`${brief(slide)} of ${s[key]} ${unit} (measured ${fixed(low, digits)} to ${fixed(high, digits)} ${unit})`] : [];
-  }));
+  });
   // a ligament whose bundles are all cut by its own name
   const cutWords = (cut) => [...groups()].flatMap(([name, own]) => (own.every((n) => cut.includes(n)) ? [name] : own.filter((n) => cut.includes(n)))).join(", ");
 
@@ -221,7 +217,7 @@
     if (s.cut.length) text += ` Cut: ${cutWords(s.cut)}.`;
     s.grafts.forEach((g, k) => { text += ` ${g.name[0].toUpperCase()}${g.name.slice(1)} bears ${fixed(told.forces_n[about.bundles.length + k], 0)} N.`; });
     if (far.length) text += ` This goes beyond what was measured on this knee: ${far.join(", ")}. The numbers here are extrapolated.`;
-    return [text, ...told.flags.map(flagWords)].join(" ");
+    return [text, ...told.flags.map(liveWords.flag)].join(" ");
   }
 
   function show() {
@@ -238,6 +234,7 @@
     picture();
   }
 
+  /** @type {(name: string) => LiveBand | false | null} */
   const band = (name) => !isOff() && shown.bands && shown.bands.bands[name];
   const interval = (name, digits) => { const b = band(name); return b ? `${fixed(b.lower, digits)} to ${fixed(b.upper, digits)}` : isOff() && about.samples ? "not told" : ""; };
   const cells = (row, texts) => texts.forEach((text, n) => { row.cells[n + 1].textContent = text; });
@@ -320,16 +317,16 @@
   const springs = element("input", { type: "checkbox", id: "live-springs" });
   // by a step of its slider and within it, or no further beyond it than it was
   const stepped = (key, from, by) => {
-    const { least, most, step } = SLIDERS.find((s) => s.key === key), x = Math.round((from + by) / step) * step;
+    const { least, most, step } = SLIDERS.filter((s) => s.key === key)[0], x = Math.round((from + by) / step) * step;
     return Number(Math.min(Math.max(most, from), Math.max(Math.min(least, from), x)).toFixed(3));
   };
   const signed = (x, unit) => `${x > 0 ? "+" : ""}${fixed(x, unit === "N" ? 0 : 1)} ${unit}`;
 
   // meanwhile no intervals are sought, and fewer pixels drawn
-  const heldOn = () => { section.dataset.pulling = "yes"; if (view && !view.closed) view.draft(true); };
-  const letGo = () => { delete section.dataset.pulling; if (view && !view.closed) view.draft(false); };
+  const heldOn = () => { section.dataset.pulling = "yes"; if (view && !view.closed) liveDraft.begin(view); };
+  const letGo = () => { delete section.dataset.pulling; if (view && !view.closed) liveDraft.end(view); };
 
-  // the loads of a pull, added to those before it and held within the sliders
+  /** The loads of a pull, added to those before it and held within the sliders. @type {(pull: LivePull, turns: boolean) => { force: Triple, words: string }} */
   function pulled({ force: [x, y, z], moment: [, about_y, about_z] }, turns) {
     const b = pulledFrom;
     const added = turns ? { vv: -side() * about_y, ie: -side() * about_z } : { ap: y, ml: side() * x, si: z };
@@ -337,12 +334,12 @@
     for (const [key, by] of Object.entries(added)) next[key] = stepped(key, b[key], by);
     change(next, false);
     if (turns) return { force: [x, y, z], words: `valgus ${signed(next.vv, "N m")}, external ${signed(next.ie, "N m")}` };
-    const borne = [side() * (next.ml - b.ml), next.ap - b.ap, next.si - b.si];
+    const borne = /** @type {Triple} */ ([side() * (next.ml - b.ml), next.ap - b.ap, next.si - b.si]);
     return { force: borne, words: `${fixed(Math.hypot(...borne), 0)} N: forwards ${signed(next.ap, "N")}, outwards ${signed(next.ml, "N")}, up ${signed(next.si, "N")}` };
   }
 
   function hand() {
-    liveHand.attach(view, {
+    if (view) liveHand.attach(view, {
       way: () => (about && !about.fault && shown.told ? way.value : ""),
       placing: () => grafts.placing(),
       began: () => { pulledFrom = clone(state); past.push(clone(state)); heldOn(); },
@@ -350,7 +347,7 @@
       ended: (kept) => {
         letGo();
         // Escape, or let go of a spring: as before, and nothing to undo
-        if (!kept || springs.checked) change(past.pop(), false); else solve();
+        if (!kept || springs.checked) back(); else solve();
       },
       clicked: ({ bone, fibre }) => {
         if (!shown.told || shown.told.fault || grafts.clicked(bone) || fibre < 0) return;
@@ -445,12 +442,12 @@
     for (const [name, loads] of Object.entries(PRESETS)) presets.append(button(name, () => change({ ...clone(state), ...REST, si: begun().si, ...loads }), { "data-preset": name }));
     const cuts = element("div", { role: "group", "aria-label": "Cut a ligament", class: "live-cuts" }, "Cut: ");
     for (const [name, names] of groups()) {
-      const b = button(name, () => toggled(names), { "data-cut": name, "aria-pressed": "false", title: NAMES[name] || name });
+      const b = button(name, () => toggled(names), { "data-cut": name, "aria-pressed": "false", title: liveWords.NAMES[name] || name });
       inputs[`cut ${name}`] = { paint: () => b.setAttribute("aria-pressed", String(names.every((n) => state.cut.includes(n)))) };
       cuts.append(b);
     }
     const acts = element("div", { role: "group", "aria-label": "State", class: "live-acts" },
-      button("Undo", () => { if (past.length) change(past.pop(), false); }, { "data-act": "undo" }), button("Reset", () => { if (view) view.most = null; grafts.stop(); go(begun); }, { "data-act": "reset" }),
+      button("Undo", back, { "data-act": "undo" }), button("Reset", () => { if (view) view.most = null; grafts.stop(); go(begun); }, { "data-act": "reset" }),
       button("Save CSV", csv, { "data-act": "csv" }), framed ? button("Copy this state", copied, { id: "live-link" }) : element("a", { href: "#live", id: "live-link" }, "Link to this state"));
     const pointer = element("p", { class: "live-pointer" }, element("label", { for: "live-way" }, "A drag on the tibia "), way, " ", element("label", {}, springs, " and springs back"),
       element("span", {}, "With Shift a pull is a turn and a turn a pull. Escape takes it back. A click on a ligament cuts it."));
@@ -473,7 +470,7 @@
     });
     const contact = ["medial", "lateral"].flatMap((side) => CONTACT.map(([what, text, unit]) => ({ key: `contact_${side}_${what}`, words: `${side} ${text}, ${unit}` })));
     contactTable = table("live-contact", "Contact of the cartilages", ["(of what)", "value", "90 % interval", "as calibrated"], contact);
-    const known = element("p", { class: "live-names" }, `${[...groups().keys()].filter((g) => NAMES[g]).map((g) => `${g}: ${NAMES[g]}`).join("; ")}.`);
+    const known = element("p", { class: "live-names" }, `${[...groups().keys()].filter((g) => liveWords.NAMES[g]).map((g) => `${g}: ${liveWords.NAMES[g]}`).join("; ")}.`);
     section.querySelector(".live-answer").append(said, ligamentTable, known, element("div", { class: "live-two" }, poseTable, contactTable));
   }
 
@@ -494,12 +491,14 @@
   // ---- link and file
 
   const pairs = (map) => Object.entries(map).map(([k, v]) => `${k}:${v}`).join(",");
+  /** @type {(s: LiveState) => string} */
   const fragment = (s) => {
-    const parts = SLIDERS.filter(({ key }) => s[key] !== REST[key] || key === "flexion").map(({ key }) => [key, s[key]]);
+    const parts = SLIDERS.filter(({ key }) => s[key] !== REST[key] || key === "flexion").map(({ key }) => [key, String(s[key])]);
     const more = [["cut", s.cut.join(",")], ["strain", pairs(s.strain)], ["stiffness", pairs(s.stiffness)], ["graft", s.grafts.length ? JSON.stringify(s.grafts) : ""]].filter(([, v]) => v);
     return "#live&" + new URLSearchParams([...parts, ...more]);
   };
   // what does not fit this knee is left out; `told` gets it in words. Without a state: where the reader begins
+  /** @type {(hash: string, told: string[]) => LiveState} */
   const restored = (hash, told) => {
     if (hash === "#live&") return begun(told);
     const given = new URLSearchParams(hash.replace(/^#live&/, "")), out = fresh(), odd = [];
@@ -510,10 +509,10 @@
     }
     const cut = parts("cut").flatMap((n) => (is(n) ? [n] : groups().get(n) || (odd.push(n), [])));
     out.cut = about.bundles.map((b) => b.name).filter((n) => cut.includes(n));
-    for (const [what, ...range] of [["strain", -STRAIN, STRAIN], ["stiffness", 1 / STIFFNESS, STIFFNESS]]) {
+    for (const [what, least, most] of /** @type {["strain" | "stiffness", number, number][]} */ ([["strain", -STRAIN, STRAIN], ["stiffness", 1 / STIFFNESS, STIFFNESS]])) {
       for (const part of parts(what)) {
         const [name, text] = part.split(":"), value = number(text);
-        if (is(name) && Number.isFinite(value)) out[what][name] = within(`${what} of ${name}`, value, range, what === "strain" ? "of its length" : "times its own", told); else odd.push(part);
+        if (is(name) && Number.isFinite(value)) out[what][name] = within(`${what} of ${name}`, value, [least, most], what === "strain" ? "of its length" : "times its own", told); else odd.push(part);
       }
     }
     out.grafts = liveGraft.restored(given.get("graft") || "[]", about, told);
@@ -529,6 +528,7 @@
 
   function csv() {
     const { told, rest, intact, bands, state: s } = shown, quoted = (x) => (/[",\n]/.test(x) ? `"${x.replaceAll('"', '""')}"` : x);
+    /** @type {(row: any[]) => string} */
     const one = ([name, value]) => [name, quoted(String(value)), "", "", "", "", ""].join(",");
     const line = (name, of) => {
       const b = bands && bands.bands[name];
@@ -558,7 +558,7 @@
     try {
       solver = new Solver();
       about = await solver.opened;
-    } catch (error) { about = { fault: String(error) }; }
+    } catch (error) { about = { ...about, fault: String(error) }; }
     if (about.fault) {
       const stored = document.getElementById("scene-a-knee") ? " The motions that were stored with the report show it: see the knee in 3D above." : "";
       note.textContent = `The knee cannot be opened here (${about.fault}).${stored}`;
@@ -592,7 +592,7 @@
   });
   // a link within the page would take a frame to the page around it
   if (framed) document.addEventListener("click", (e) => {
-    const link = e.target.closest("a[href^='#']"), to = link && document.getElementById(link.getAttribute("href").slice(1));
+    const link = e.target instanceof Element && e.target.closest("a[href^='#']"), to = link && document.getElementById((link.getAttribute("href") || "").slice(1));
     if (to) { e.preventDefault(); to.scrollIntoView(); }
   });
   new IntersectionObserver((entries) => { if (entries.some((e) => e.isIntersecting)) start(); }, { rootMargin: "200px" }).observe(section);

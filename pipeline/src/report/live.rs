@@ -18,6 +18,15 @@ use stages::bones::Bones;
 use stages::cartilage::Cartilage;
 use std::io::Write;
 
+/// What runs on the page beside its viewer, in this order: the last uses the others.
+const SCRIPTS: [&str; 5] = [
+    include_str!("live_words.js"),
+    include_str!("live_hand.js"),
+    include_str!("live_draft.js"),
+    include_str!("live_graft.js"),
+    include_str!("live.js"),
+];
+
 /// What the reader of a page begins with.
 #[derive(Clone, Copy)]
 pub(crate) enum Begin<'a> {
@@ -127,9 +136,7 @@ impl LiveKnee {
         part("live-module", live::MODULE)
             + &part("live-knee", &self.knee)
             + &format!("<script type=\"text/plain\" id=\"live-worker\">{}</script>", include_str!("live_worker.js"))
-            + &[include_str!("live_hand.js"), include_str!("live_graft.js"), include_str!("live.js")]
-                .map(|script| format!("<script>{script}</script>"))
-                .concat()
+            + &SCRIPTS.map(|script| format!("<script>{script}</script>")).concat()
     }
 }
 

@@ -3,8 +3,7 @@
 (() => {
   const data = JSON.parse(document.getElementById("data").textContent);
   const MOST_LEVEL = 9; // names below an axis that have room side by side
-  const SLOW_MS = 40; // a picture that takes longer is drawn with fewer corners while the knee is pulled at
-  const ROUGH = { edges: 2.5, ratio: 0.6 }; // mean edges of a surface that become one then, about a sixth of its triangles, and pixels for one of the screen
+  const SOFTWARE = /swiftshader|llvmpipe|softpipe|software|basic render/i; // what draws where there is no graphics card
   const MOST_LIVE = 3; // browsers give a page only so many WebGL contexts
   const SCALES = {
     distance: [[0, "#2166ac"], [0.25, "#f7f7f7"], [0.6, "#f4a582"], [1, "#b2182b"]],
@@ -16,7 +15,7 @@
     pressure: [[0, "#9cc3e0"], [0.02, "#ffffb2"], [0.25, "#fecc5c"], [0.5, "#fd8d3c"], [0.75, "#f03b20"], [1, "#8e0021"]],
     force: [[0, "#9aa0a6"], [0.02, "#2c7bb6"], [0.5, "#fdae61"], [1, "#d7191c"]],
   };
-  const { AXES, bytes, apply, moved, segments, quadEdges, middles } = geometry;
+  const { AXES, bytes, apply, moved, segments, quadEdges, middles, bounds } = geometry;
   const surface = (pool, name) => geometry.surface(data, pool, name), pressures = (...of) => geometry.pressures(data, ...of);
   const SHAPE = [...AXES, "i", "j", "k"];
   const PLANES = ["left to right", "back to front", "bottom to top"];
@@ -84,25 +83,21 @@
   const mostPressure = (motion) => Math.max(0.1, ...motion.map((m) => m.most_mpa || 0));
   const mostForce = (motion) => Math.max(1, ...motion.flatMap((m) => m.steps.flatMap((s) => s.force)));
 
-  function bounds(traces, motion) {
-    const low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
-    const grow = (k, v) => { if (v !== null) { low[k] = Math.min(low[k], v); high[k] = Math.max(high[k], v); } };
-    for (const t of traces) AXES.forEach((axis, k) => t[axis].forEach((v) => grow(k, v)));
-    if (motion) {
-      const corners = [0, 1, 2, 3, 4, 5, 6, 7].map((n) => [0, 1, 2].map((k) => ((n >> k) & 1 ? high[k] : low[k])));
-      // the far end of a long bone may leave the picture; a third of its reach does not
-      const reach = motion.flatMap((m) => m.steps).flatMap((s) => corners.map((c) => apply(c, s.femur)));
-      for (const p of reach) p.forEach((v, k) => grow(k, Math.max(low[k] - 60, Math.min(high[k] + 60, v))));
-    }
-    return { low: low.map((v) => v - 1), high: high.map((v) => v + 1) };
-  }
-
   // ---- a scene
 
   class View {
+    /** Place, middle and upward direction of the eye. @type {number[]} */
+    eye = [];
+    /** @type {number[]} */
+    middle = [];
+    /** @type {number[]} */
+    up = [];
+
     constructor(figure) {
       this.figure = figure;
-      [this.pool, this.id] = figure.dataset.scene.split("/");
+      const [pool, id] = figure.dataset.scene.split("/");
+      this.pool = pool;
+      this.id = id;
       this.scene = data[this.pool].scenes.find((s) => s.id === this.id);
       this.motion = this.scene.moves ? data[this.pool].motions : null;
       this.traces = this.scene.layers.map((l) => trace(this.pool, l, this.motion));
@@ -114,7 +109,9 @@
         share: Math.max(...AXES.map((_, k) => shown.high[k] - shown.low[k])) / this.size,
       };
       this.cut = { axis: -1, share: 0.5, far: false };
-      this.rough = this.wasRough = this.drafting = false;
+      this.rough = this.wasRough = 0; // mean edges of a surface that are drawn as one; 0 as it is
+      this.drafting = false;
+      this.byProcessor = byProcessor;
       this.look(this.scene.from);
       this.queue = Promise.resolve();
       this.build();
@@ -379,7 +376,7 @@
         if (!layer.moves && !layer.presses && !shape.i) return [];
         const at = layer.moves ? this.placed(layer, step) : {}, fibres = layer.moves === "fibres";
         const pressure = layer.presses ? { intensity: this.pressed(layer, step, high), cmax: this.most.mpa } : {};
-        return [[n, { ...shape, ...at, ...pressure, "line.color": fibres ? at.color : undefined, "line.cmax": fibres ? this.most.n : undefined }]];
+        return [[n, { ...shape, ...at, ...pressure, "line.color": "color" in at ? at.color : undefined, "line.cmax": fibres ? this.most.n : undefined }]];
       });
       this.later("move", () => (!grown && this.redrawn(changes)) || this.restyled(changes));
     }
@@ -404,26 +401,20 @@
         const drawn = scene.traces[full[n].uid];
         if (drawn && isShown(n)) drawn.update(full[n]);
       }
-      // plotly.js draws all once more to know what lies under the pointer; the live view knows it by itself
-      for (const drawn of scene.glplot.objects) drawn.drawPick = null;
+      // plotly.js draws all once more to know what lies under the pointer, and waits for it; the live view knows it by itself. Once that picture is blank
+      for (const drawn of scene.glplot.objects) {
+        drawn.drawPick = null;
+        if (this.unpicked) drawn.dirty = false;
+      }
+      this.unpicked = true;
       scene.glplot.redraw();
       return true;
     }
 
-    // while the knee is pulled at, as many pixels are drawn as the screen has, where plotly.js draws twice as many each way; and fewer corners where a
-    // picture takes long all the same, as without a graphics card
-    draft(on) {
-      const { glplot } = (this.plot._fullLayout.scene || {})._scene || {}, ratio = on ? Math.max(1, Math.min(2, devicePixelRatio)) : 2;
-      if (!glplot || Boolean(on) === this.drafting) return;
-      this.drafting = Boolean(on);
-      glplot.pixelRatio = ratio;
-      const begin = performance.now(), { gl } = glplot;
-      glplot.redraw();
-      // what is read must have been drawn
-      if (on) gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
-      this.rough = on && performance.now() - begin > SLOW_MS;
-      if (this.rough) glplot.pixelRatio = ROUGH.ratio * ratio;
+    // the picture anew, as where its surfaces have other corners than before
+    again() {
       if (this.rough !== this.wasRough && this.last) this.place(...this.last);
+      else this.plot._fullLayout.scene._scene.glplot.redraw();
     }
 
     // the surface of a layer, of fewer corners where that is enough
@@ -431,7 +422,7 @@
       const full = surface(this.pool, layer.mesh);
       if (!this.rough || !this.reshapes(layer)) return full;
       this.fewer = this.fewer || new Map();
-      if (!this.fewer.has(layer.mesh)) this.fewer.set(layer.mesh, geometry.coarse(full, ROUGH.edges));
+      if (!this.fewer.has(layer.mesh)) this.fewer.set(layer.mesh, geometry.coarse(full, this.rough));
       return this.fewer.get(layer.mesh);
     }
 
@@ -459,7 +450,7 @@
 
     close(words) {
       this.closed = true;
-      clearInterval(this.ticks);
+      clearInterval(this.ticks || undefined);
       Plotly.purge(this.plot);
       this.tools.remove();
       this.frame.remove();
@@ -472,14 +463,21 @@
   }
 
   // without WebGL the stills stay: plotly would put a slab of words in their place
-  const drawsIn3d = (() => {
+  const [drawsIn3d, byProcessor] = (() => {
     try {
-      const gl = document.createElement("canvas").getContext("webgl");
-      const lose = gl && gl.getExtension("WEBGL_lose_context");
+      const gl = document.createElement("canvas").getContext("webgl"), names = gl && gl.getExtension("WEBGL_debug_renderer_info");
+      const drawer = names ? gl.getParameter(names.UNMASKED_RENDERER_WEBGL) : "", lose = gl && gl.getExtension("WEBGL_lose_context");
       if (lose) lose.loseContext();
-      return Boolean(gl);
-    } catch { return false; }
+      return [Boolean(gl), SOFTWARE.test(drawer)];
+    } catch { return [false, false]; }
   })();
+  // plotly.js draws two pixels each way for one of the screen, which smooths edges already. It has them smoothed besides, which takes a processor half its time
+  if (byProcessor) {
+    const { getContext } = HTMLCanvasElement.prototype;
+    HTMLCanvasElement.prototype.getContext = /** @type {any} */ (function (kind, given) {
+      return getContext.call(this, kind, given && kind.startsWith("webgl") ? { ...given, antialias: false } : given);
+    });
+  }
 
   function open(figure) {
     if (opened.some((v) => v.figure === figure)) return;
@@ -527,7 +525,7 @@
 
   const seen = new IntersectionObserver((entries) => {
     for (const e of entries) {
-      const on = e.isIntersecting, at = e.target;
+      const on = e.isIntersecting, at = /** @type {any} */ (e.target);
       if (at.dataset.chart) { if (on) draw(at); continue; }
       clearTimeout(at.waits);
       if (on && !at.dataset.shut) at.waits = setTimeout(() => open(at), 150);
