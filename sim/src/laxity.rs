@@ -18,6 +18,7 @@ mod outliers;
 mod read;
 mod signs;
 mod text;
+mod units;
 mod write;
 
 pub use between::{Named, against_model, between, repeated};

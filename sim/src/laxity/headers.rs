@@ -1,7 +1,7 @@
 //! Names of columns that are a standard one by another name or in another unit: told with the line that declares them.
 
 use super::columns::known_columns;
-use super::format::unit;
+use super::units::unit;
 
 /// The standard column that a name means, the unit that it says, and that unit's factor to the standard one; none where it means none.
 fn meant(name: &str) -> Option<(String, String, f64)> {
