@@ -43,7 +43,10 @@ fn verbs_that_compute_tell_data_of_their_schemas() {
     let stale = out.path().join("v/cross_prediction.csv");
     std::fs::create_dir_all(stale.parent().unwrap()).unwrap();
     write(&stale, "of another run");
-    let told = run("validate", &[place, "--out", &path("v"), "--samples", "0"]);
+    let mut refused = build_model();
+    refused.args(["validate", place, "--out", &path("v"), "--samples", "0"]).assert().code(1);
+    assert_eq!(text(&stale), "of another run", "a file of others is not removed unasked");
+    let told = run("validate", &[place, "--out", &path("v"), "--samples", "0", "--force"]);
     assert!(!stale.exists());
     assert_eq!(told["models"].as_array().unwrap().len(), 3);
     assert!(told["differences"].as_array().unwrap().iter().all(|d| d["rmsd"].as_f64().unwrap() >= 0.0));

@@ -518,11 +518,6 @@ fn status_mib(key: &str) -> Option<f64> {
     line.split_whitespace().nth(1)?.parse::<f64>().ok().map(|kib| kib / 1024.0)
 }
 
-/// Removes a file of an earlier run, where it is there. A link goes, not what it points at.
-pub(crate) fn remove_file(path: &Path) {
-    let _ = fs::remove_file(path);
-}
-
 fn remove(path: &Path) {
     let _ = if path.is_dir() { fs::remove_dir_all(path) } else { fs::remove_file(path) };
 }

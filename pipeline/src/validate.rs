@@ -109,11 +109,10 @@ pub fn validate(args: &ValidateArgs) -> Result<Told, BuildError> {
     }
     let validation = Validation::new(sources, passive, warnings);
     let (folder, files) = (store::make_folder(&args.out)?, files_of(&validation)?);
-    store::write_all(&folder, &files)?;
-    // what an earlier run left there would be read as of this one
     for name in NOT_ALWAYS.iter().filter(|name| files.iter().all(|(written, _)| written != *name)) {
-        store::remove_file(&folder.join(name));
+        store::written::removed(&folder, name)?;
     }
+    store::write_all(&folder, &files)?;
     let data = ValidateTold {
         schema: schemas::VALIDATE,
         models: models.iter().map(|(_, model)| ModelTold::of(model)).collect(),

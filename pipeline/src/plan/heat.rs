@@ -10,15 +10,15 @@ const FIELD: [f64; 2] = [76.0, 40.0];
 const ROOM: [f64; 2] = [84.0, 48.0];
 /// Colour of the most, as the first of a figure's colours [okabe2008]; the least is white.
 const MOST: [f64; 3] = [0.0, 114.0, 178.0];
-/// From this share of the most on a number is white on its field [-]; ours.
-const DARK: f64 = 0.6;
+/// From this share of the most on a number is white on its field [-]: there white has the larger contrast, above 4.5 on either side.
+const DARK: f64 = 0.93;
 
 /// The section of the maps; nothing where there are none.
 pub(super) fn section(maps: &[Map]) -> String {
     let Some(first) = maps.first() else { return String::new() };
     let mut text = format!(
         "<h2>Other sites and tensions</h2><p>What the most probable knee would do if the graft {} left the femur elsewhere, or were fixed otherwise. \
-         All else is as planned. These numbers have no intervals. The framed field is the plan.</p><div class=\"charts\">",
+         All else is as planned. These numbers have no intervals. The framed field is the plan. The stronger the colour, the more.</p><div class=\"charts\">",
         escaped(&first.graft)
     );
     for map in maps {
@@ -142,6 +142,16 @@ mod tests {
             svg.contains(&format!("<rect x=\"{}\" y=\"1.5\"", ROOM[0] + 1.5))
                 && svg.matches("fill=\"none\"").count() == 1
         );
+        assert!(page.contains("The stronger the colour, the more."));
+        // a number can be read on every colour: WCAG asks for a contrast of 4.5
+        let light = |c: f64| if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) };
+        for part in 0..=100 {
+            let share = f64::from(part) / 100.0;
+            let [r, g, b] = MOST.map(|c| light((255.0 + share * (c - 255.0)).round() / 255.0));
+            let on = 0.2126 * r + 0.7152 * g + 0.0722 * b + 0.05;
+            let contrast = if share > DARK { 1.05 / on } else { on / 0.05 };
+            assert!(contrast >= 4.5, "{share}: {contrast}");
+        }
         let shares = [1.0, 2.0, 3.0].map(|v| share(v, [1.0, 3.0]));
         assert!(shares == [0.0, 0.5, 1.0] && share(2.0, [2.0, 2.0]) == 0.0);
     }

@@ -2,6 +2,7 @@
 
 use super::{is_standard_output, linked, list, put, read};
 use crate::error::BuildError;
+use crate::progress::detail;
 use std::cell::RefCell;
 use std::collections::BTreeSet;
 use std::fs;
@@ -73,6 +74,18 @@ impl Rule {
     }
 }
 
+/// Removes a result of an earlier command from a folder of results, where it is there: it would be read as of this one.
+///
+/// Errors: a file that is not known as such a result, under a rule of the folder.
+pub(crate) fn removed(folder: &Path, name: &str) -> Result<(), BuildError> {
+    if let Some(rule) = rule(folder, true) {
+        rule.may_write(name)?;
+    }
+    let _ = fs::remove_file(folder.join(KEPT).join(name));
+    let _ = fs::remove_file(folder.join(name));
+    Ok(())
+}
+
 /// The rule that holds on this thread for a folder of results, or for a file.
 fn rule(place: &Path, is_folder: bool) -> Option<Rule> {
     let same = |r: &Rule| r.is_folder == is_folder && (r.out == place || (is_folder && is_one(&r.out, place)));
@@ -126,7 +139,25 @@ impl Own {
 
     fn keep(&self, digests: &BTreeSet<String>) -> Result<(), BuildError> {
         let lines: String = digests.iter().map(|d| format!("{d}\n")).collect();
+        self.share_folder();
         put(&self.place_of_digests(), lines.as_bytes())
+    }
+
+    /// Who may write results beside each other may keep their digests, too: a new folder of digests has the permissions of that of the results.
+    fn share_folder(&self) {
+        let kept = self.base.join(KEPT);
+        let base = if self.base.as_os_str().is_empty() { Path::new(".") } else { self.base.as_path() };
+        let is_new = fs::create_dir_all(base).is_ok() && fs::create_dir(&kept).is_ok();
+        if let Some(there) = fs::metadata(base).ok().filter(|_| is_new) {
+            let _ = fs::set_permissions(&kept, there.permissions());
+        }
+    }
+
+    /// The same; a digest that cannot be kept loses no result. The next command then asks for `--force`.
+    fn keep_if_possible(&self, digests: &BTreeSet<String>) {
+        if let Err(error) = self.keep(digests) {
+            detail::tell(|| format!("the digest of {} is not kept: {error}", self.path().display()));
+        }
     }
 
     /// The digest of what is there; none of no file and of an empty one, in which nothing can be lost.
@@ -161,9 +192,12 @@ impl Own {
     fn write(&self, bytes: &[u8]) -> Result<(), BuildError> {
         let new = BTreeSet::from([hash(bytes)]);
         let there = self.there().ok().flatten().filter(|there| !new.contains(there));
-        self.keep(&new.iter().cloned().chain(there.clone()).collect())?;
+        self.keep_if_possible(&new.iter().cloned().chain(there.clone()).collect());
         put(&self.path(), bytes)?;
-        if there.is_some() { self.keep(&new) } else { Ok(()) }
+        if there.is_some() {
+            self.keep_if_possible(&new);
+        }
+        Ok(())
     }
 }
 
@@ -270,6 +304,36 @@ mod tests {
             store::write(&file.path(), b"by hand").unwrap();
             assert!(looked().is_err());
             Rule::of(&place, is_folder, true).unedited().unwrap();
+        }
+    }
+
+    #[test]
+    fn a_digest_that_cannot_be_kept_loses_no_result() {
+        for is_folder in [true, false] {
+            let folder = tempfile::tempdir().unwrap();
+            // a file in the way of their folder, as another person's folder is
+            store::write(&folder.path().join(KEPT), b"notes").unwrap();
+            command(folder.path(), is_folder, "one", false).unwrap();
+            assert_eq!(read(&folder.path().join("a.json")).unwrap(), files("one")[0].1);
+            assert!(command(folder.path(), is_folder, "two", false).is_err());
+            command(folder.path(), is_folder, "two", true).unwrap();
+            assert_eq!(read(&folder.path().join("a.json")).unwrap(), files("two")[0].1);
+            assert_eq!(read(&folder.path().join(KEPT)).unwrap(), b"notes");
+        }
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn who_may_write_a_result_beside_another_may_keep_its_digest() {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = tempfile::tempdir().unwrap();
+        for mode in [0o777, 0o770] {
+            let shared = folder.path().join(format!("{mode:o}"));
+            fs::create_dir(&shared).unwrap();
+            fs::set_permissions(&shared, fs::Permissions::from_mode(mode)).unwrap();
+            command(&shared, false, "one", false).unwrap();
+            let kept = fs::metadata(shared.join(KEPT)).unwrap().permissions().mode();
+            assert_eq!(kept & 0o777, mode);
         }
     }
 
