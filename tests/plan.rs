@@ -434,7 +434,7 @@ fn a_cut_knee_has_the_values_intervals_and_counts_of_simulate_without() {
 fn a_test_without_equilibrium_leaves_the_intervals_of_the_others() {
     let out = TempDir::new().unwrap();
     let file = out.path().join("graft.toml");
-    // a knee without collateral ligaments has no equilibrium under a large varus or valgus moment
+    // samples without collateral ligaments have no equilibrium under a large varus or valgus moment
     let cut = "cut = [\"sMCL\", \"dMCL\", \"LCL\", \"PFL\", \"POL\"]\n";
     write(&file, format!("{cut}[tests]\nflexions_deg = [30]\npassive_deg = [30]\nvarus_valgus_nm = 50\n"));
     build_model()
@@ -451,10 +451,7 @@ fn a_test_without_equilibrium_leaves_the_intervals_of_the_others() {
         (t["states"]["deficient"]["ap_mm"].clone(), t["flags"]["deficient"].to_string())
     };
     let (none, flags) = of("valgus");
-    assert!(
-        none.is_null() && flags.contains("\"no equilibrium\"") && flags.contains("6 of 6 samples have no"),
-        "{flags}"
-    );
+    assert!(ends(&none).is_none() && flags.contains("6 of 6 samples have no equilibrium"), "{flags} {none}");
     for test in ["unloaded", "anterior drawer"] {
         assert!(ends(&of(test).0).is_some(), "{test}: {:?}", of(test));
     }
