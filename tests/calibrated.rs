@@ -22,7 +22,7 @@ const COORDINATES: [&str; 5] = ["vv_deg", "ie_deg", "ml_mm", "ap_mm", "si_mm"];
 /// S193761's data are another simulator's. Two simulators of one knee differ in nine trials of ten by less than 1.6 mm AP and 3.9 deg IE (a static
 /// against Abaqus's model of S192803), so by 1.0 mm and 2.4 deg root mean square; for the others no such figure is known, and twice the noise of KLA (0.5
 /// deg, 0.4 mm) stands: 1.0 deg, 2.4 deg, 0.8 mm, 1.0 mm, 0.8 mm. A calibration that knows that simulators differ believes its readings less and fits them
-/// less closely. With default options it misses AP by 1.03 and 1.13 mm and VV of RKS by 1.18 deg (docs/results.md): short of those figures. So 1.4 times
+/// less closely. With default options it misses AP by 1.07 and 1.04 mm and VV of RKS by 1.13 deg (docs/results.md): short of those figures. So 1.4 times
 /// as much passes here. That factor was set after these misses were seen; it keeps watch and proves nothing. The bands are narrower.
 const SYNTHETIC: [Limit; 2] = [("kla", [1.4, 3.4, 1.1, 1.4, 1.1]), ("rks", [1.4, 3.4, 1.1, 1.4, 1.1])];
 
@@ -149,7 +149,6 @@ fn synthetic_data_are_met_and_every_file_is_there() {
     let Some(specimen) = shared("synthetic_data_are_met", "specimens/S193761") else { return };
     let out = built(&specimen);
     check_bands("S193761", out.path());
-    check_limits(out.path(), SYNTHETIC);
     for source in ["kla", "rks"] {
         let parameters = text(&out.path().join(format!("10-calibrate/{source}/parameters.csv")));
         assert!(parameters.starts_with("design_variable,bundle,kind,value,lower,upper"));
@@ -172,6 +171,14 @@ fn synthetic_data_are_met_and_every_file_is_there() {
     for file in ["table4.csv", "table5.csv", "table6.csv", "table7.csv", "tables.md", "figure5.svg", "figure7.svg"] {
         assert!(!text(&out.path().join("11-validate").join(file)).is_empty(), "{file}");
     }
+    as_its_users_calibrate_it(&specimen, out.path());
+    check_limits(out.path(), SYNTHETIC);
+}
+
+/// Calibrates a built specimen again with default options: limits are of these. With few starts three of six seeds miss more.
+fn as_its_users_calibrate_it(specimen: &Path, out: &Path) {
+    let mut command = build_model();
+    command.arg(specimen).arg("--out").arg(out).args(["--quiet", "--to", "calibrate"]).assert().success();
 }
 
 #[needs_shared]
@@ -179,9 +186,7 @@ fn measured_data_are_met_as_well_as_by_the_published_calibration() {
     let Some(specimen) = shared("measured_data_are_met", "specimens/S192803") else { return };
     let out = built(&specimen);
     check_bands("S192803", out.path());
-    // as its users calibrate it
-    let mut command = build_model();
-    command.arg(&specimen).arg("--out").arg(out.path()).args(["--quiet", "--to", "calibrate"]).assert().success();
+    as_its_users_calibrate_it(&specimen, out.path());
     check_limits(out.path(), MEASURED);
 }
 

@@ -99,7 +99,7 @@ pub(super) fn draw(dice: &mut Dice) -> Trait {
         words,
         apply,
     };
-    const TURNED: &[&str] = &["sign", "turned", "point that way"];
+    const TURNED: &[&str] = &["sign", "turned", "point that way", "moves against its load"];
     const UNIT: &[&str] = &["unit", "beyond"];
     match dice.below(47) {
         0 => of("flexion zeroed", &["zeroed"], {
