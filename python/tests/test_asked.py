@@ -80,10 +80,10 @@ def test_a_plan_at_fault_is_told_with_its_place(model, tmp_path):
 
 
 def test_next_tests_are_those_of_the_command(calibration, tmp_path):
-    words = ["next-tests", calibration.model.file, "--for", "ACL", "--count", 3, "--compression", 40, "--noise-mm", 0.5, "--single"]
+    words = ["next-tests", calibration.model.file, "--for", "LCL", "--count", 3, "--compression", 40, "--noise-mm", 0.5, "--single"]
     told = command(*words, "--out", tmp_path / "command.csv")
     out = tmp_path / "python.csv"
-    found = genu.next_tests(calibration, "ACL", count=3, compression_n=40, noise_mm=0.5, single=True, out=out)
+    found = genu.next_tests(calibration, "LCL", count=3, compression_n=40, noise_mm=0.5, single=True, out=out)
     assert {**found.raw, "file": None} == {**told, "file": None} and found.raw["file"] == str(out)
     assert out.read_bytes() == (tmp_path / "command.csv").read_bytes()
     assert 0 < len(found.tests) <= 3 and all(0 < test["left"] < 1 for test in found.tests)
