@@ -144,7 +144,10 @@ pub fn next_tests(args: &NextTestsArgs) -> Result<Told, BuildError> {
         compression_n: args.compression,
         most: args.samples,
     };
-    let found = test_set(&samples, &searched, &asking).map_err(fault)?;
+    let mut found = test_set(&samples, &searched, &asking).map_err(fault)?;
+    if is_settled(&found) {
+        found.tests.clear();
+    }
     if let Some(out) = &args.out {
         store::write(out, trials_csv(&trials(&found)).as_bytes())?;
     }
@@ -214,6 +217,14 @@ fn told(chosen: &Chosen) -> TestTold {
     }
 }
 
+/// A standard deviation below this reads as none [N, mm, deg]: of a force, that of a ligament that is slack in all samples.
+const NO_SPREAD: f64 = 5e-3;
+
+/// Whether there is nothing to narrow.
+fn is_settled(found: &TestSet) -> bool {
+    found.spread.iter().all(|(_, now, _)| *now < NO_SPREAD)
+}
+
 /// "134 N AP, -5 N m IE".
 fn loads(chosen: &Chosen) -> String {
     let of = |c: &Coordinate| format!("{} {} {}", chosen.test.load[*c], c.load_unit(), c.name().to_uppercase());
@@ -224,7 +235,9 @@ fn loads(chosen: &Chosen) -> String {
 fn words(found: &TestSet, loaded: &LoadedModel, args: &NextTestsArgs) -> String {
     let mut text = loaded.line();
     let cut = if args.without.is_empty() { String::new() } else { format!(" without {}", args.without.join(", ")) };
-    if found.tests.is_empty() {
+    if is_settled(found) {
+        let _ = writeln!(text, "{}{cut} is the same in all samples, so no test narrows it", args.wanted);
+    } else if found.tests.is_empty() {
         let _ = writeln!(text, "no test of {} would narrow {}{cut} by 2 % or more", found.thought_of, args.wanted);
     } else {
         let _ = writeln!(text, "tests that narrow {}{cut} most, of {} tests:", args.wanted, found.thought_of);
@@ -281,6 +294,15 @@ mod tests {
         let told = wanted("pivot-shfit", &bundles).unwrap_err().to_string();
         assert!(told.contains("did you mean pivot-shift"), "{told}");
         assert!(wanted("PCL", &bundles).is_err(), "the model has none");
+    }
+
+    #[test]
+    fn a_quantity_that_no_sample_varies_is_settled_and_one_that_some_do_is_not() {
+        let with = |spread: &[f64]| {
+            let spread = spread.iter().map(|now| ("force".to_owned(), *now, *now)).collect();
+            is_settled(&TestSet { tests: vec![], spread, samples: 48, thought_of: 90 })
+        };
+        assert!(with(&[0.0, 1e-12]) && !with(&[0.0, 0.1]));
     }
 
     #[test]
