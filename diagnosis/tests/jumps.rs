@@ -3,6 +3,7 @@
 
 use crate::common::asked::asked;
 use crate::common::deck::{published, source};
+use crate::suspects::TRIALS;
 use calibration::options::CalibrateOptions;
 use diagnosis::catalogue::Catalogue;
 use diagnosis::diagnosis::{Calibration, diagnose};
@@ -10,21 +11,6 @@ use diagnosis::problem::{Problem, reading};
 use diagnosis::search::DiagnosisOptions;
 use needs_shared::needs_shared;
 use sim::coordinate::{FREE, IE};
-
-const TRIALS: [(&str, f64, [f64; 4]); 12] = [
-    ("neutral", 0.0, [0.0; 4]),
-    ("neutral", 30.0, [0.0; 4]),
-    ("neutral", 60.0, [0.0; 4]),
-    ("anterior", 15.0, [0.0, 0.0, 0.0, 80.0]),
-    ("anterior", 60.0, [0.0, 0.0, 0.0, 80.0]),
-    ("posterior", 15.0, [0.0, 0.0, 0.0, -80.0]),
-    ("posterior", 60.0, [0.0, 0.0, 0.0, -80.0]),
-    ("internal", 0.0, [0.0, 3.0, 0.0, 0.0]),
-    ("internal", 30.0, [0.0, 3.0, 0.0, 0.0]),
-    ("external", 30.0, [0.0, -3.0, 0.0, 0.0]),
-    ("valgus", 30.0, [6.0, 0.0, 0.0, 0.0]),
-    ("varus", 30.0, [-6.0, 0.0, 0.0, 0.0]),
-];
 
 /// The trial that jumps, and by how much [deg]: 24 of its noises.
 const JUMPS: (usize, f64) = (4, 12.0);

@@ -10,7 +10,7 @@ use diagnosis::search::{DiagnosisOptions, Searcher};
 use needs_shared::needs_shared;
 use sim::coordinate::{AP, Coordinate, FE, FREE, IE, ML, SI, Six, VV};
 
-const TRIALS: [(&str, f64, [f64; 4]); 12] = [
+pub(crate) const TRIALS: [(&str, f64, [f64; 4]); 12] = [
     ("neutral", 0.0, [0.0; 4]),
     ("neutral", 30.0, [0.0; 4]),
     ("neutral", 60.0, [0.0; 4]),

@@ -19,6 +19,7 @@ mod read;
 mod signs;
 mod text;
 mod units;
+mod usual_tests;
 mod write;
 
 pub use between::{Named, against_model, between, repeated};

@@ -3,11 +3,11 @@
 //!
 //! A file in another shape is turned into the standard one, cell by cell, before it is read.
 
-use super::Test;
 use super::columns::{LaxityError, is_output, known_columns};
 use super::text;
 use super::units::{bracketed, standard_unit, unit, units_of};
-use crate::coordinate::{AP, Coordinate, FREE, Free, IE, Load, VV};
+use super::usual_tests::test_of;
+use crate::coordinate::{Coordinate, FREE, Free, Load};
 use crate::names::did_you_mean;
 use csv::StringRecord;
 use meshes::frame::Side;
@@ -484,22 +484,4 @@ fn fill(names: &mut Vec<String>, rows: &mut [(usize, Vec<String>)], format: &Lax
         }
     }
     Ok(())
-}
-
-/// The largest loads of the usual tests: VV, IE [N m], AP [N]; 10, 5 and 133 in the paper's protocols [andreassen2025, section 2.6].
-pub(super) const USUAL_LOADS: [(Coordinate, f64, Test, Test); 3] = [
-    (VV, 10.0, Test::Varus, Test::Valgus),
-    (IE, 5.0, Test::Internal, Test::External),
-    (AP, 133.0, Test::Posterior, Test::Anterior),
-];
-/// Share of its usual size below which a load counts as none.
-const NO_LOAD: f64 = 0.05;
-
-/// The test that loads make: by the load that is largest beside its usual size.
-pub(super) fn test_of(loads: &Load) -> Test {
-    let share = |(i, usual, minus, plus): &(Coordinate, f64, Test, Test)| {
-        (loads[*i].abs() / usual, if loads[*i] < 0.0 { *minus } else { *plus })
-    };
-    let most = USUAL_LOADS.iter().map(share).max_by(|a, b| a.0.total_cmp(&b.0));
-    most.filter(|(share, _)| *share >= NO_LOAD).map_or(Test::Neutral, |(_, test)| test)
 }

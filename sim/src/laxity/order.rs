@@ -1,7 +1,7 @@
 //! Whether the names of tests, the loads and the poses of a file belong together, row by row: a column that lags, or was sorted alone.
 
-use super::format::USUAL_LOADS;
 use super::lag::{LIKELIER, follows_in};
+use super::usual_tests::USUAL_LOADS;
 use super::{LaxityTrial, SignDoubt, Test};
 use crate::coordinate::{AP, Coordinate, IE, Load, ML, SI, VV};
 use std::collections::BTreeMap;

@@ -6,8 +6,8 @@
 use super::tdms::{self, Channel};
 use crate::coordinate::{AP, Coordinate, FE, FREE, Free, IE, Load, ML, SI, VV};
 use crate::laxity::columns::{LaxityError, required_columns};
-use crate::laxity::format::test_of;
 use crate::laxity::units::{standard_unit, unit};
+use crate::laxity::usual_tests::test_of;
 use crate::laxity::{Branch, Test};
 use notices::{Kind, Notice};
 use std::collections::BTreeMap;
