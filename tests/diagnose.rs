@@ -225,6 +225,19 @@ fn an_effect_struck_from_the_catalogue_is_unnamed_and_an_unknown_one_is_refused(
     let best = told["best_log_bayes_factor"].as_f64().unwrap();
     let tried = told["unexplained"]["tried"].as_array().unwrap();
     assert!(!tried.is_empty() && tried.iter().all(|t| t["log_bayes_factor"].as_f64().unwrap() <= best), "{tried:?}");
+    // each was asked as if it were the answer: the likeliest is none, what earns a name was asked on other trials, and all leave something
+    let against = |t: &serde_json::Value| -> Vec<String> {
+        t["against"].as_array().into_iter().flatten().map(|a| a.as_str().unwrap().to_owned()).collect()
+    };
+    assert!(!against(&tried[0]).is_empty(), "{}", tried[0]);
+    for row in tried {
+        let earns_a_name = !against(row).contains(&"earns_too_little".to_owned());
+        assert!(!earns_a_name || row["closes_held_out"].is_number(), "{row}");
+        assert!(row["leaves"].as_f64().unwrap() > 0.0, "{row}");
+    }
+    let left = told["unexplained"]["left"].as_array().unwrap();
+    let z: Vec<f64> = left.iter().map(|l| l["z"].as_f64().unwrap().abs()).collect();
+    assert!(!z.is_empty() && z.is_sorted_by(|a, b| a >= b), "{left:?}");
     assert!(text(&out.join("report.html")).contains("What came nearest"));
     let refused = build_model()
         .arg("diagnose")

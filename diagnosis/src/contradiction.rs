@@ -28,8 +28,8 @@ const NEAR_QUADRICEPS_N: f64 = 50.0;
 const FITTED: usize = 12;
 /// Of them with the same trial at most [-].
 const FITTED_OF_A_TRIAL: usize = 3;
-/// Contradictions that are told at most [-].
-const MOST: usize = 3;
+/// Contradictions that are told at most [-]; the head of a page has the first three.
+const MOST: usize = 6;
 
 /// One of two readings.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -64,6 +64,32 @@ pub struct Contradiction {
     pub sd: f64,
     /// What both cost the best knee more than the first alone: half the square of the standard deviations by which the second is off [nats].
     pub surprise: f64,
+    /// Measurement noise of either reading, as the diagnosis takes it [deg or mm]; answers of earlier versions have none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub noise: Option<[f64; 2]>,
+    /// Standard deviations by which the second is off, by the surprise [-]; answers of earlier versions have none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub z: Option<f64>,
+    /// How many readings near it either contradicts, the other one included, on a straight line [-]; answers of earlier versions have none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub contradicts: Option<[usize; 2]>,
+}
+
+/// Of how many more readings than the other a row must contradict to be the one that is off, as a factor [-]. Declared.
+const OFF_BY_MOST: usize = 2;
+
+impl Contradiction {
+    /// Standard deviations by which the second reading is off [-].
+    pub fn deviations(&self) -> f64 {
+        self.z.unwrap_or((2.0 * self.surprise.max(0.0)).sqrt())
+    }
+
+    /// Which of the two readings is off, by how many of those near it either contradicts; none where that does not tell.
+    pub fn odd_one(&self) -> Option<usize> {
+        let [first, second] = self.contradicts?;
+        let is_far = |one: usize, other: usize| one >= OFF_BY_MOST * other.max(1);
+        if is_far(second, first) { Some(1) } else { is_far(first, second).then_some(0) }
+    }
 }
 
 /// Two readings by their places among all, the first trial first.
@@ -93,10 +119,11 @@ pub(crate) fn contradictions(
     let searcher = &Searcher { problem: &problem, options: searcher.options };
     let pairs = pairs(&problem, search, fit);
     let bar = contradicted(if is_missing { 1 } else { pairs.len() });
+    let counts = counts(&pairs, search.readings.rows.len(), bar);
     let likely = promising(pairs, bar);
     let mut found: Vec<(Pair, Contradiction)> = likely
         .into_par_iter()
-        .map(|pair| Ok((pair, fitted(searcher, search, fit, pair)?)))
+        .map(|pair| Ok((pair, fitted(searcher, search, fit, (pair, pair.rows.map(|r| counts[r])))?)))
         .collect::<Result<_, DiagnosisError>>()?;
     found.retain(|(_, c)| c.surprise >= bar);
     found.sort_by(|a, b| b.1.surprise.total_cmp(&a.1.surprise));
@@ -108,6 +135,13 @@ pub(crate) fn contradictions(
         }
     }
     Ok(told.into_iter().map(|(_, c)| c).collect())
+}
+
+/// Of each reading how many pairs with it pass a bar on a straight line.
+fn counts(pairs: &[Pair], readings: usize, bar: f64) -> Vec<usize> {
+    let mut out = vec![0; readings];
+    pairs.iter().filter(|p| p.surprise >= bar).flat_map(|p| p.rows).for_each(|r| out[r] += 1);
+    out
 }
 
 /// Those that may pass the bar on a straight line, the most promising first.
@@ -165,8 +199,13 @@ fn are_near(a: &Trial, b: &Trial) -> bool {
 }
 
 /// A pair weighed by knees that are fitted to either reading and to both: from where the fit at hand stands and from the model as given, and to both also
-/// from where either alone ends.
-fn fitted(searcher: &Searcher, search: &Search, fit: &Fit, pair: Pair) -> Result<Contradiction, DiagnosisError> {
+/// from where either alone ends. Of either reading `counts` has how many it contradicts.
+fn fitted(
+    searcher: &Searcher,
+    search: &Search,
+    fit: &Fit,
+    (pair, counts): (Pair, [usize; 2]),
+) -> Result<Contradiction, DiagnosisError> {
     let whole = searcher.problem;
     let mut problem = whole.clone();
     problem.keep(&(0..whole.trials.len()).map(|t| pair.trials.contains(&t)).collect::<Vec<_>>());
@@ -198,12 +237,17 @@ fn fitted(searcher: &Searcher, search: &Search, fit: &Fit, pair: Pair) -> Result
     let slope = fit.linear.jacobian.row(at).transpose();
     let spread = (slope.transpose() * &fit.posterior * &slope)[(0, 0)] + scatter[(at, at)];
     let witness = |k: usize| witness(whole, pair.trials[k], [a, b][k]);
+    let noise = pair.trials.map(|t| whole.trials[t].sd[pair.dof]);
+    let surprise = 0.5 * few.total(&both) - alone.min(beside);
     Ok(Contradiction {
         dof: pair.dof.name().to_owned(),
         readings: [witness(first), witness(1 - first)],
         expected: fit.linear.value[at],
         sd: spread.max(0.0).sqrt(),
-        surprise: 0.5 * few.total(&both) - alone.min(beside),
+        surprise,
+        noise: Some([noise[first], noise[1 - first]]),
+        z: Some((2.0 * surprise.max(0.0)).sqrt()),
+        contradicts: Some([counts[first], counts[1 - first]]),
     })
 }
 
@@ -230,6 +274,60 @@ pub(crate) fn witness(problem: &Problem, trial: usize, value: f64) -> Witness {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_row_that_contradicts_all_near_it_is_the_odd_one_and_of_two_alike_neither_is() {
+        let readings = 5;
+        // reading 3 against all others, and nothing else; one pair stays below the bar
+        let pair = |a: usize, b: usize, surprise: f64| Pair {
+            rows: [a, b],
+            trials: [a, b],
+            dof: sim::coordinate::IE,
+            surprise,
+        };
+        let pairs: Vec<Pair> =
+            [0usize, 1, 2, 4].map(|k| pair(k.min(3), k.max(3), 9.0)).into_iter().chain([pair(0, 1, 2.0)]).collect();
+        let found = counts(&pairs, readings, 4.5);
+        assert_eq!(found, [1, 1, 1, 4, 1]);
+        let odd = |contradicts: [usize; 2]| told(Some(contradicts)).odd_one();
+        for other in [0, 1, 2, 4] {
+            assert_eq!(odd([found[other], found[3]]), Some(1));
+            assert_eq!(odd([found[3], found[other]]), Some(0));
+        }
+        assert_eq!((odd([1, 1]), odd([2, 3]), odd([0, 1])), (None, None, None));
+        // an answer of an earlier version does not tell
+        assert_eq!(told(None).odd_one(), None);
+    }
+
+    #[test]
+    fn a_surprise_is_half_the_square_of_the_deviations_that_are_told() {
+        for surprise in [0.0, 4.5, 12.5, 38.0] {
+            let of = Contradiction { surprise, ..told(None) };
+            assert!((0.5 * of.deviations().powi(2) - surprise).abs() < 1e-12);
+        }
+    }
+
+    fn told(contradicts: Option<[usize; 2]>) -> Contradiction {
+        let witness = |source: &str| Witness {
+            source: source.into(),
+            row: Some(2),
+            trial: "a".into(),
+            flexion_deg: 30.0,
+            loads: BTreeMap::new(),
+            value: 1.0,
+        };
+        let readings = ["kla", "rks"].map(witness);
+        Contradiction {
+            dof: "ie".into(),
+            readings,
+            expected: 0.0,
+            sd: 1.0,
+            surprise: 9.0,
+            noise: None,
+            z: None,
+            contradicts,
+        }
+    }
 
     #[test]
     fn two_readings_that_would_go_together_and_do_not_are_of_no_one_knee() {

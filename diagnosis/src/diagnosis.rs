@@ -1,5 +1,6 @@
 //! The diagnosis: where, which, added, shrunk, next; and the verdict in words.
 
+use crate::against::{in_place, is_believed, nameable};
 use crate::candidate::Candidate;
 use crate::carried::carried;
 use crate::catalogue::Catalogue;
@@ -170,10 +171,19 @@ impl Judged {
         if self.is_named { self.best() } else { &self.search.base }
     }
 
+    /// Log Bayes factor of two trials exchanged; none where no two would do better [-].
+    fn exchanged(&self) -> f64 {
+        odds_of(self.exchange)
+    }
+
     /// What the best gains on held-out trials.
     fn gain(&self) -> f64 {
         self.held_out[1].gain_over(&self.held_out[0])
     }
+}
+
+fn odds_of(exchange: Option<Exchange>) -> f64 {
+    exchange.map_or(f64::NEG_INFINITY, |e| e.log_bayes_factor)
 }
 
 /// A search with its verdict. Before nothing is named, each effect is tried by itself from all its starts; where that finds a better answer, it is judged.
@@ -217,7 +227,7 @@ fn judged_as_it_is(searcher: &Searcher, search: Search) -> Result<Judged, Diagno
         field: field.log_bayes_factor,
         alone: alone.1,
         names: nameable(problem),
-        exchanged: exchange.map_or(f64::NEG_INFINITY, |e| e.log_bayes_factor),
+        exchanged: odds_of(exchange),
         gain: after.gain_over(&before),
         closes: closed(&before, &after),
         has_kin: kin.iter().any(|f| f.hypothesis != best.hypothesis),
@@ -255,7 +265,7 @@ fn conclude(searcher: &Searcher, judged: &Judged, spec: &ModelSpec) -> Result<Ou
         before: names_before(problem),
         left_out: crate::report::left_out(problem),
         contradictions: contradictions(searcher, search, shown, verdict == Verdict::Unnamed)?,
-        unexplained: unexplained(searcher, search, before, judged.each.as_deref())?,
+        unexplained: unexplained(searcher, search, (before, judged.exchanged()), judged.each.as_deref())?,
         may_be_torn: open.iter().map(|(t, _)| t.clone()).collect(),
         added: vec![],
         gap: GapReport { held_out: gap(before, shrunk), control },
@@ -317,6 +327,10 @@ fn to_tell_apart<'a>(
             Some(fits) => alike(fits.iter().collect()),
             None => alike(std::iter::once(base).chain(rivals.iter().take(1).map(|(f, _)| *f)).collect()),
         },
+        // of one rival alone the question is whether it is there
+        Verdict::Unnamed if rivals.len() < 2 => {
+            alike(std::iter::once(base).chain(rivals.iter().map(|(f, _)| *f)).collect())
+        }
         Verdict::Unnamed => alike(rivals.iter().map(|(f, _)| *f).collect()),
         _ if kin.is_empty() => rivals.to_vec(),
         _ => {
@@ -325,22 +339,6 @@ fn to_tell_apart<'a>(
             alike(first.chain(rivals.iter().skip(1).map(|(f, _)| *f).filter(|f| is_kin(f))).collect())
         }
     }
-}
-
-/// A field of no name in the place of an answer and its log Bayes factor against nothing missing: linear about nothing missing, or about the rests of the
-/// answer with its effects taken out, whichever explains more. A field that moves the knee far is seen as it is from the latter alone. The former is told
-/// against nothing missing in the same linear terms, since that fit's own evidence may lie nats off them; the latter can only be told against it. The rests
-/// of a knee with a torn structure are those of that knee, whatever is taken out on a straight line: there the former alone is a field in the name's place.
-fn in_place(searcher: &Searcher, search: &Search, best: &Fit) -> Result<(Discrepancy, f64), DiagnosisError> {
-    let data = (&search.readings, &search.covariance);
-    let far = discrepancy(searcher.problem, data, &search.base)?;
-    if best.has_most_of_a_whole() {
-        let gain = far.log_bayes_factor;
-        return Ok((far, gain));
-    }
-    let near = discrepancy(searcher.problem, data, &searcher.stripped(best, &search.readings))?;
-    let gains = [far.log_bayes_factor, near.log_evidence - search.base.log_evidence];
-    Ok(if gains[1] > gains[0] { (near, gains[1]) } else { (far, gains[0]) })
 }
 
 /// What would have been missed, and which structures may be torn, each with two fits.
@@ -359,13 +357,6 @@ fn names_before(problem: &Problem) -> Vec<String> {
     problem.sources.iter().zip(&problem.before).filter(|(_, b)| **b).map(|(name, _)| name.clone()).collect()
 }
 
-/// How many effects the data could name.
-fn nameable(problem: &Problem) -> usize {
-    let mut ids: Vec<String> = problem.candidates().into_iter().map(|c| c.effect.id).collect();
-    ids.dedup();
-    ids.len()
-}
-
 /// The exchange with the names of its trials, where it is to be believed.
 fn told_exchange(problem: &Problem, exchange: Exchange) -> Option<Exchanged> {
     let name = |i: usize| format!("{} {}", problem.source_of(&problem.trials[i]), problem.trials[i].record.trial);
@@ -378,11 +369,6 @@ fn told_exchange(problem: &Problem, exchange: Exchange) -> Option<Exchanged> {
 fn left_out(catalogue: &Catalogue) -> Vec<String> {
     let has = |id: &String| catalogue.effect.iter().any(|e| e.id == *id);
     Catalogue::shipped().effect.into_iter().map(|e| e.id).filter(|id| !has(id)).collect()
-}
-
-/// Whether an effect's evidence, as loud as the data may speak, passes the threshold.
-fn is_believed(searcher: &Searcher, search: &Search, best: &Fit) -> bool {
-    searcher.gain(best, &search.base) >= search.threshold * temper(searcher, best)
 }
 
 /// The smallest set of answers with 95 % of the belief, and the kin of the first; the first gains `gain` over `before` on held-out trials, what the others gain is found here.
@@ -477,4 +463,27 @@ fn absorbed(problem: &Problem, base: &Fit, with: &Fit) -> Vec<Absorbed> {
         })
     };
     problem.design.variables.iter().enumerate().filter_map(one).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bare;
+    use crate::candidate::Scope;
+
+    #[test]
+    fn where_nothing_is_named_tests_tell_rivals_apart_and_one_alone_from_nothing_missing() {
+        let base = bare::fit(vec![]);
+        let all = ["itb", "gravity", "load_gain"].map(|id| bare::fit(vec![bare::candidate(id, Scope::Both)]));
+        for count in 0..=all.len() {
+            let rivals: Vec<(&Fit, f64)> = all.iter().take(count).map(|f| (f, 0.1)).collect();
+            let asked = to_tell_apart(Verdict::Unnamed, &base, (&rivals, &[]), None);
+            // any rival is asked about, none for the sake of its weight
+            assert!(rivals.iter().all(|(f, _)| asked.iter().any(|(a, _)| a.hypothesis == f.hypothesis)));
+            assert!(asked.iter().all(|(_, weight)| (weight * asked.len() as f64 - 1.0).abs() < 1e-12));
+            // a test tells two things apart: beside one rival the other is nothing missing
+            assert_eq!(asked.len() >= 2, count >= 1, "{count}");
+            assert_eq!(asked.iter().any(|(a, _)| a.hypothesis.is_empty()), count < 2, "{count}");
+        }
+    }
 }

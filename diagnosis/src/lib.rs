@@ -9,8 +9,11 @@
 //! assert!(catalogue.find("meniscus").is_ok());
 //! ```
 
+mod against;
 mod astray;
 pub mod atlas;
+#[cfg(test)]
+mod bare;
 pub mod bench;
 pub mod candidate;
 pub mod carried;

@@ -3,7 +3,7 @@
 use crate::catalogue::Catalogue;
 use crate::fit::share_at_whole;
 use crate::next_test::NextTest;
-use crate::plain_unnamed::{closing, closing_most, contradictions, meaning, noise};
+use crate::plain_unnamed::{closing, closing_most, contradictions, leaves_most, meaning, noise};
 use crate::report::{Answer, Carried, Diagnosis, LeftOut, MayBeTorn, Named, Verdict};
 use crate::words::{figures, from_before, listed, next_tells, place_of, with_unit};
 use std::fmt::Write;
@@ -58,6 +58,7 @@ fn unnamed(catalogue: &Catalogue, d: &Diagnosis) -> String {
     let mut out = meaning(d);
     if !near.is_empty() {
         let _ = write!(out, "\nThe nearest, though not good enough: {}{}.", near.join(", with "), closing(d));
+        out += &leaves_most(d);
     }
     let others: Vec<String> = closing_most(d)
         .into_iter()
@@ -331,12 +332,14 @@ mod tests {
             effects: names.iter().map(named).collect(),
             closes: 0.3,
             closes_held_out: Some(unseen),
+            leaves: Some(3.2),
             log_bayes_factor: 10.0,
+            against: vec![crate::report::Against::LeavesTooMuch],
         };
         let nearest = ["capsule_envelope", "tibia_frame"];
         let head_of = |others: Vec<Tried>| {
             let tried = [vec![tried(&nearest, 0.67)], others].concat();
-            let unexplained = Some(Unexplained { data_sets: vec![], two_knees: None, tried });
+            let unexplained = Some(Unexplained { data_sets: vec![], two_knees: None, tried, left: vec![] });
             let best = nearest.iter().map(named).collect();
             head(&Diagnosis { verdict: Verdict::Unnamed, best, unexplained, ..none(vec![]) })
         };

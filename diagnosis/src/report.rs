@@ -2,7 +2,7 @@
 
 use crate::candidate::{Candidate, Scope};
 use crate::catalogue::Parameter;
-use crate::contradiction::Contradiction;
+use crate::contradiction::{Contradiction, Witness};
 use crate::criteria::{INTERVAL_90, NAMED};
 use crate::curves::Curve;
 use crate::fit::Fit;
@@ -274,6 +274,39 @@ pub struct DataSetAlone {
     pub cost: f64,
     /// What the one knee of all data sets leaves of it [-].
     pub together: f64,
+    /// What the best answer that was found leaves of it [-]; answers of earlier versions have none.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub with_best: Option<f64>,
+}
+
+/// What stands against a fit as an answer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum Against {
+    /// It earns less than a name takes.
+    EarnsTooLittle,
+    /// It leaves more than noise does, and closes too little of the gap on trials that it was not fitted to.
+    LeavesTooMuch,
+    /// Beside it something of no name is missing too.
+    FieldBeside,
+    /// In its place something of no name does better.
+    FieldInItsPlace,
+    /// Two records seem to be exchanged.
+    RecordsMixedUp,
+}
+
+/// A reading that the best answer that was found leaves most of.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Left {
+    /// Coordinate: vv, ie, ml, ap or si.
+    pub dof: String,
+    /// The reading with its place.
+    pub reading: Witness,
+    /// What that answer gives there [deg or mm].
+    pub expected: f64,
+    /// What is left over its standard deviation, noise and floor [-].
+    pub z: f64,
 }
 
 /// What the best fit of an effect, or of several, explains.
@@ -284,11 +317,17 @@ pub struct Tried {
     pub effects: Vec<Named>,
     /// Share that it closes of what recalibrated ligaments leave beyond noise [-].
     pub closes: f64,
-    /// The same on trials that it was not fitted to; of the likeliest alone [-].
+    /// The same on trials that it was not fitted to; of the likeliest, and of all that earn a name [-].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub closes_held_out: Option<f64>,
+    /// Sum of squares that it leaves, ligaments and frames included, over the number of readings; answers of earlier versions have none [-].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub leaves: Option<f64>,
     /// Log Bayes factor against nothing missing [-].
     pub log_bayes_factor: f64,
+    /// What stands against it, asked as if it were the answer; empty where nothing does, and in answers of earlier versions.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub against: Vec<Against>,
 }
 
 /// Why nothing is named.
@@ -302,6 +341,16 @@ pub struct Unexplained {
     pub two_knees: Option<f64>,
     /// Each effect of the catalogue, fitted from both ends, and the best that was found together; the likeliest first.
     pub tried: Vec<Tried>,
+    /// What the best that was found leaves most of, a reading a trial; answers of earlier versions have none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub left: Vec<Left>,
+}
+
+impl Unexplained {
+    /// Whether no effect of the catalogue is enough: each was fitted, and something stands against each.
+    pub fn is_proven(&self) -> bool {
+        !self.tried.is_empty() && self.tried.iter().all(|t| !t.against.is_empty())
+    }
 }
 
 /// diagnosis.json.

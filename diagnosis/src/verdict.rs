@@ -8,7 +8,7 @@ use crate::criteria::{
 };
 use crate::fit::Fit;
 use crate::form::{are_expected, left_by_form};
-use crate::report::Verdict;
+use crate::report::{Against, Verdict};
 use crate::search::{Search, Searcher};
 
 /// How many times less loud the data speak than their declared scatter says: the floor is known no better than this, and a misfit shows that it is
@@ -115,19 +115,35 @@ impl Grounds {
 
     /// Whether something is missing that the answer is not.
     fn is_unnamed(&self) -> bool {
-        let deviations = self.excess / (2.0 * self.readings).sqrt();
-        if !self.is_named {
-            let loud = (1.0 + self.excess / self.readings).max(1.0);
-            return self.field > discrepancy() * loud
-                || self.exchanged > mixed_up()
-                || deviations > BEYOND_DOUBT_DEVIATIONS;
+        if self.is_named {
+            return !self.against().is_empty();
         }
+        let loud = (1.0 + self.excess / self.readings).max(1.0);
+        self.field > discrepancy() * loud || self.exchanged > mixed_up() || self.deviations() > BEYOND_DOUBT_DEVIATIONS
+    }
+
+    /// What stands against the answer; nothing where it may be named.
+    fn against(&self) -> Vec<Against> {
+        if !self.is_named {
+            return vec![Against::EarnsTooLittle];
+        }
+        let leaves = self.deviations() > POOR_DEVIATIONS && self.closes < CLOSES_NEARLY_ALL;
+        let another = if self.is_expected { ANOTHER * self.evidence } else { 0.0 };
+        let beside = self.field > discrepancy().max(self.form).max(another);
         // two records mixed up beside a name leave it its name; a name that has earned less than they would is owed to them
         let mixed = self.exchanged > mixed_up().max(self.evidence);
-        let in_place = self.in_place() > self.by_chance;
-        let another = if self.is_expected { ANOTHER * self.evidence } else { 0.0 };
-        let unnamed = self.field > discrepancy().max(self.form).max(another) || in_place;
-        unnamed || mixed || deviations > POOR_DEVIATIONS && self.closes < CLOSES_NEARLY_ALL
+        let all = [
+            (Against::LeavesTooMuch, leaves),
+            (Against::FieldBeside, beside),
+            (Against::FieldInItsPlace, self.in_place() > self.by_chance),
+            (Against::RecordsMixedUp, mixed),
+        ];
+        all.into_iter().filter(|(_, stands)| *stands).map(|(what, _)| what).collect()
+    }
+
+    /// Standard deviations of the sum of squares that the answer leaves beyond the number of readings [-].
+    fn deviations(&self) -> f64 {
+        self.excess / (2.0 * self.readings).sqrt()
     }
 
     /// By how much a field in the place of the answer is the likelier of the two [nats].
@@ -146,6 +162,11 @@ impl Grounds {
             && !self.has_kin
             && rests
     }
+}
+
+/// What stands against an answer, whichever answers there are beside it.
+pub(crate) fn against(searcher: &Searcher, of: &Candidature) -> Vec<Against> {
+    Grounds::new(searcher, &[], of).against()
 }
 
 /// How sure the answer is.
@@ -225,10 +246,9 @@ pub(crate) fn by_names<'a>(rivals: &[(&'a Fit, f64)]) -> Vec<(&'a Fit, f64)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::bare;
     use crate::candidate::Candidate;
     use crate::catalogue::Catalogue;
-    use crate::problem::Linear;
-    use nalgebra::{DMatrix, DVector};
 
     /// A clean answer: it leaves what noise does, and closes the gap.
     const CLEAN: Grounds = Grounds {
@@ -264,20 +284,7 @@ mod tests {
 
     #[test]
     fn fits_of_the_same_names_are_one_answer_whose_weight_is_their_sum() {
-        let fit = |id: &str, scope: Scope| {
-            let effect = Catalogue::shipped().effect.into_iter().find(|e| e.id == id).unwrap();
-            Fit {
-                hypothesis: vec![Candidate { effect, variant: 0, scope }],
-                unknowns: vec![],
-                means: vec![],
-                linear: Linear { value: vec![], jacobian: DMatrix::zeros(0, 0), rests: vec![] },
-                residual: DVector::zeros(0),
-                misfit: 0.0,
-                outliers: vec![],
-                log_evidence: 0.0,
-                posterior: DMatrix::zeros(0, 0),
-            }
-        };
+        let fit = |id: &str, scope: Scope| bare::fit(vec![bare::candidate(id, scope)]);
         let [band, again, kla] = [Scope::Both, Scope::Both, Scope::Only(0)].map(|s| fit("itb", s));
         let frame = fit("femur_frame", Scope::Both);
         let ranked = by_names(&[(&frame, 0.4), (&band, 0.2), (&again, 0.2), (&kla, 0.2)]);
@@ -312,6 +319,28 @@ mod tests {
         assert_eq!(judged(Grounds { weight: 0.9, ..CLEAN }), Verdict::Probable);
         assert_eq!(judged(Grounds { weight: 0.5, ..CLEAN }), Verdict::OneOf);
         assert_eq!(judged(Grounds { is_named: false, ..CLEAN }), Verdict::None);
+    }
+
+    #[test]
+    fn a_named_answer_is_unnamed_where_something_stands_against_it_alone_and_each_reason_is_told() {
+        use Against::{EarnsTooLittle, FieldBeside, FieldInItsPlace, LeavesTooMuch, RecordsMixedUp};
+        assert!(CLEAN.against().is_empty());
+        let leaves = Grounds { excess: 500.0, closes: 0.7, ..CLEAN };
+        let reasons = [
+            (leaves, LeavesTooMuch),
+            (Grounds { field: 47.0, ..CLEAN }, FieldBeside),
+            (Grounds { alone: 90.0, ..CLEAN }, FieldInItsPlace),
+            (Grounds { exchanged: 90.0, ..CLEAN }, RecordsMixedUp),
+        ];
+        for (grounds, reason) in reasons {
+            assert_eq!(grounds.against(), [reason]);
+            assert_eq!(judged(grounds), Verdict::Unnamed, "{reason:?}");
+        }
+        // what closes nearly all of the gap on other trials may leave much
+        assert!(Grounds { closes: 0.95, ..leaves }.against().is_empty());
+        // several stand beside each other; what earns too little is asked no further
+        assert_eq!(Grounds { field: 47.0, ..leaves }.against(), [LeavesTooMuch, FieldBeside]);
+        assert_eq!(Grounds { is_named: false, field: 47.0, ..leaves }.against(), [EarnsTooLittle]);
     }
 
     #[test]

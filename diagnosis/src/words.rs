@@ -186,9 +186,28 @@ pub fn sizes(catalogue: &Catalogue, e: &Named, label: &str) -> Vec<String> {
         let is_open = |p: &&crate::catalogue::Parameter| p.whole.is_some_and(|whole| high >= whole);
         let share = of.filter(is_open).and_then(|p| share_at_whole((v.value, v.sd), p));
         let all = share.map_or(String::new(), |w| format!("; all of it with weight {w:.2}"));
-        format!("{k} {size} ({label}{} to {}{all})", figures(low), figures(high))
+        format!("{} {size} ({label}{} to {}{all})", parameter_of_effect(k), figures(low), figures(high))
     };
     e.parameters.iter().map(one).collect()
+}
+
+/// Endings of the keys of parameters that are units: these stand behind the number.
+const UNITS: [&str; 7] = ["_mm_per_100n", "_deg_per_nm", "_percent", "_deg", "_mm", "_nm", "_n"];
+
+/// A parameter of an effect in words, without its unit: "femur AP" of `femur_ap_mm`.
+pub fn parameter_of_effect(key: &str) -> String {
+    let bare = UNITS.iter().filter_map(|unit| key.strip_suffix(*unit)).min_by_key(|left| left.len()).unwrap_or(key);
+    let word = |part: &str| match part {
+        "vv" | "ie" | "ml" | "ap" | "si" => part.to_uppercase(),
+        "fe" => "flexion".into(),
+        "in" => "inwards".into(),
+        "out" => "outwards".into(),
+        "k" => "stiffness".into(),
+        "lat" => "lateral".into(),
+        "med" => "medial".into(),
+        other => other.into(),
+    };
+    bare.split('_').map(word).collect::<Vec<String>>().join(" ")
 }
 
 /// A number with its unit.
@@ -342,11 +361,30 @@ mod tests {
             "loss 1.00 (0.724 to 1.00; all of it with weight 0.94)"
         );
         assert_eq!(told("load_gain", "gain", -0.7, 0.2, "-"), "gain -0.700 (-0.750 to -0.371)");
-        assert_eq!(told("gravity", "weight_n", 55.0, 10.0, "N"), "weight_n 55.0 N (38.5 to 60.0)");
-        assert_eq!(told("joint_compression", "si_n", 50.0, 100.0, "N"), "si_n 50.0 N (0 to 214)");
+        assert_eq!(told("gravity", "weight_n", 55.0, 10.0, "N"), "weight 55.0 N (38.5 to 60.0)");
+        assert_eq!(told("joint_compression", "si_n", 50.0, 100.0, "N"), "SI 50.0 N (0 to 214)");
         // what nothing bounds, and what the catalogue does not know
-        assert_eq!(told("flexion_offset", "fe_deg", 5.0, 10.0, "deg"), "fe_deg 5.00 deg (-11.4 to 21.4)");
+        assert_eq!(told("flexion_offset", "fe_deg", 5.0, 10.0, "deg"), "flexion 5.00 deg (-11.4 to 21.4)");
         assert_eq!(told("ghost", "loss", 1.0, 1.0, "-"), "loss 1.00 (-0.645 to 2.65)");
+    }
+
+    #[test]
+    fn a_parameter_is_told_in_words_with_its_unit_behind_the_number_alone() {
+        for effect in Catalogue::shipped().effect {
+            let mut told: Vec<String> = effect.parameter.iter().map(|p| parameter_of_effect(&p.key)).collect();
+            for (words, p) in told.iter().zip(&effect.parameter) {
+                assert!(!words.contains('_') && !words.is_empty(), "{}: {words}", p.key);
+                // no unit is left in it, and no word that reads as a preposition
+                let units = ["deg", "mm", "n", "nm", "percent", "in", "out", "k"];
+                assert!(words.split(' ').all(|w| !units.contains(&w)), "{}: {words}", p.key);
+            }
+            // what an effect has several of stays several
+            told.sort();
+            told.dedup();
+            assert_eq!(told.len(), effect.parameter.len(), "{}", effect.id);
+        }
+        assert_eq!(told("foot_turn", "in_deg", 5.0, 2.0, "deg"), "inwards 5.00 deg (1.71 to 8.29)");
+        assert!(told("attachment", "femur_ap_mm", 5.0, 2.0, "mm").starts_with("femur AP 5.00 mm ("));
     }
 
     #[test]

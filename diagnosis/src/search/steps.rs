@@ -49,6 +49,22 @@ fn are_the_same(one: &[Candidate], other: &[Candidate]) -> bool {
     one.len() == other.len() && one.iter().all(|c| other.contains(c))
 }
 
+/// Takes fits of more than so many effects from the front until one stands there that is the one `proven`, or that predicts what it has not seen.
+fn drop_unproven(
+    rivals: &mut Vec<Fit>,
+    (proven, effects): (&[Candidate], usize),
+    predicts: impl Fn(&Fit) -> Result<bool, DiagnosisError>,
+) -> Result<(), DiagnosisError> {
+    while let Some(first) = rivals.first() {
+        let is_longer = first.hypothesis.len() > effects;
+        if !is_longer || are_the_same(&first.hypothesis, proven) || predicts(first)? {
+            break;
+        }
+        rivals.remove(0);
+    }
+    Ok(())
+}
+
 /// What every step works with.
 #[derive(Clone, Copy)]
 pub(super) struct Given<'a> {
@@ -217,17 +233,11 @@ impl Searcher<'_> {
     /// Takes fits with an effect more from the front until one stands there that predicts what it has not seen: in the scatter at the one that did (`proven`)
     /// others may be ahead of it that did not, or that nobody asked.
     fn keep_proven(&self, more: &mut Found, proven: &[Candidate], without: &Fit) -> Result<(), DiagnosisError> {
-        while let Some(first) = more.rivals.first() {
-            let is_longer = first.hypothesis.len() > without.hypothesis.len();
-            if !is_longer || are_the_same(&first.hypothesis, proven) {
-                break;
-            }
-            if self.first_that_predicts((std::slice::from_ref(first), without), &more.cov, 0..1)?.is_some() {
-                break;
-            }
-            more.rivals.remove(0);
-        }
-        Ok(())
+        let (rivals, cov) = (&mut more.rivals, &more.cov);
+        let predicts = |fit: &Fit| -> Result<bool, DiagnosisError> {
+            Ok(self.first_that_predicts((std::slice::from_ref(fit), without), cov, 0..1)?.is_some())
+        };
+        drop_unproven(rivals, (proven, without.hypothesis.len()), predicts)
     }
 
     /// Which of some fits in a scatter, sorted, has an effect more than the best, predicts unseen trials better by it, and is worth it by most.
@@ -336,6 +346,7 @@ impl Searcher<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::bare;
     use crate::candidate::Scope;
     use crate::catalogue::Catalogue;
 
@@ -360,6 +371,30 @@ mod tests {
         assert!(are_the_same(&[one.clone(), other.clone()], &[other.clone(), one.clone()]));
         assert!(!are_the_same(&[one.clone(), other.clone()], &[one.clone(), of("load_gain", Scope::Only(1))]));
         assert!(!are_the_same(std::slice::from_ref(&one), &[one.clone(), other]));
+    }
+
+    #[test]
+    fn an_effect_beside_a_name_stays_where_it_was_proven_or_predicts_and_else_the_name_alone() {
+        let of = |id: &str| bare::candidate(id, Scope::Both);
+        let name = || bare::fit(vec![of("itb")]);
+        let beside = |id: &str| bare::fit(vec![of("itb"), of(id)]);
+        // what is left in front of a name and an effect beside it, of which those beside it predict that have these names
+        let left = |ahead: &[&str], proven: &str, predict: &[&str]| {
+            let mut rivals: Vec<Fit> = ahead.iter().map(|id| beside(id)).chain([name()]).collect();
+            let predicts = |f: &Fit| Ok(predict.iter().any(|id| f.hypothesis[1].effect.id == *id));
+            drop_unproven(&mut rivals, (&[of(proven), of("itb")], 1), predicts).unwrap();
+            rivals[0].hypothesis.iter().map(|c| c.effect.id.clone()).collect::<Vec<_>>()
+        };
+        // a bundle that nobody proved and that predicts nothing gives way to what was proven behind it
+        assert_eq!(left(&["extra_bundle", "gravity"], "gravity", &[]), ["itb", "gravity"]);
+        // where nothing was proven, the name stands alone; where the bundle predicts, it stays
+        assert_eq!(left(&["extra_bundle"], "gravity", &[]), ["itb"]);
+        assert_eq!(left(&["extra_bundle"], "gravity", &["extra_bundle"]), ["itb", "extra_bundle"]);
+        assert_eq!(left(&["extra_bundle"], "extra_bundle", &[]), ["itb", "extra_bundle"]);
+        // nothing behind the first that stays is asked
+        let mut rivals = vec![name(), beside("extra_bundle")];
+        drop_unproven(&mut rivals, (&[], 1), |_| Err(DiagnosisError::Model("asked".into()))).unwrap();
+        assert_eq!(rivals.len(), 2);
     }
 
     #[test]

@@ -8,7 +8,7 @@ use diagnosis::carried::LEAST_N;
 use diagnosis::catalogue::Catalogue;
 use diagnosis::map::Cell;
 use diagnosis::report::{Carried, Diagnosis, Missable, Named, Verdict};
-use diagnosis::words::{listed, next_tells, parameter, sizes, with_unit};
+use diagnosis::words::{listed, next_tells, parameter, parameter_of_effect, sizes, with_unit};
 use sim::coordinate::FREE;
 use sim::protocols::ProtocolOptions;
 use std::collections::BTreeMap;
@@ -224,7 +224,9 @@ fn bars(out: &mut String, d: &Diagnosis) {
     }
     *out += "</table><table><tr><th>root mean square</th>";
     for k in g.rmse_before.keys() {
-        let _ = write!(out, "<th>{k}</th>");
+        // "VV [deg]" of vv_deg
+        let (coordinate, unit) = k.split_once('_').unwrap_or((k.as_str(), ""));
+        let _ = write!(out, "<th>{} [{unit}]</th>", coordinate.to_uppercase());
     }
     for (name, values) in [("before", &g.rmse_before), ("after", &g.rmse_after)] {
         let _ = write!(out, "</tr><tr><td>{name}</td>");
@@ -342,7 +344,7 @@ fn missed(out: &mut String, d: &Diagnosis) {
         if !rows.last().is_some_and(|(r, _)| r.effect == m.effect && r.variant == m.variant) {
             rows.push((m, BTreeMap::new()));
         }
-        let size = format!("{} {}", m.parameter, with_unit(m.size, &m.unit));
+        let size = format!("{} {}", parameter_of_effect(&m.parameter), with_unit(m.size, &m.unit));
         rows.last_mut().expect("pushed above").1.entry(&m.scope).or_default().push(size);
     }
     *out += "<h2>What would have been missed</h2><p class=\"note\">Half of such data would have revealed an effect of this size, were it alone; ligaments and contact recalibrated, linear.</p><table class=\"words\"><tr><th>effect</th>";

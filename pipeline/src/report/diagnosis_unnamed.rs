@@ -4,7 +4,7 @@ use super::html::escaped;
 use diagnosis::catalogue::Catalogue;
 use diagnosis::contradiction::Witness;
 use diagnosis::plain_unnamed::{load, row};
-use diagnosis::report::{Diagnosis, Named};
+use diagnosis::report::{Against, Diagnosis, Left, Named};
 use diagnosis::words::sizes;
 use std::fmt::Write;
 
@@ -13,13 +13,13 @@ pub(super) fn contradicting(out: &mut String, d: &Diagnosis) {
     if d.contradictions.is_empty() {
         return;
     }
-    *out += "<h2>Rows that contradict each other</h2><p class=\"note\">Near the same load and flexion, and yet of no one knee of the model, whatever its ligaments, sites and frames. Expected: what a knee that gives the first reading gives in the second trial, with its standard deviation. Surprise: half the square of the standard deviations by which the second is off, in nats. Look at the records of these rows first: their signs, their loads, the order of their labels, what was done to the knee between them.</p><table class=\"words\"><tr><th>coordinate</th><th>first</th><th>reads</th><th>second</th><th>reads</th><th>expected</th><th>surprise</th></tr>";
+    *out += "<h2>Rows that contradict each other</h2><p class=\"note\">Near the same load and flexion, and yet of no one knee of the model, whatever its ligaments, sites and frames. Expected: what a knee that gives the first reading gives in the second trial, with its standard deviation. Off: by how much the second differs from that, and that in standard deviations (z; half its square is the surprise in nats). Noise: of either reading. Contradicts: how many readings near it each row contradicts; the row that contradicts most others is the odd one. Look at the records of these rows first: their signs, their loads, the order of their labels, what was done to the knee between them.</p><table class=\"words\"><tr><th>coordinate</th><th>first</th><th>reads</th><th>second</th><th>reads</th><th>expected</th><th>off</th><th>z</th><th>noise</th><th>contradicts</th></tr>";
     for c in &d.contradictions {
         let place = |w: &Witness| escaped(&format!("{}, {}: {}, {:.1} deg", row(w), w.trial, load(w), w.flexion_deg));
         let [one, other] = &c.readings;
         let _ = write!(
             out,
-            "<tr><td>{}</td><td>{}</td><td>{:.1}</td><td>{}</td><td>{:.1}</td><td>{:.1} (sd {:.1})</td><td>{:.0}</td></tr>",
+            "<tr><td>{}</td><td>{}</td><td>{:.1}</td><td>{}</td><td>{:.1}</td><td>{:.1} (sd {:.1})</td><td>{:.1}</td><td>{:.1}</td><td>{}</td><td>{}</td></tr>",
             c.dof.to_uppercase(),
             place(one),
             one.value,
@@ -27,7 +27,10 @@ pub(super) fn contradicting(out: &mut String, d: &Diagnosis) {
             other.value,
             c.expected,
             c.sd,
-            c.surprise
+            other.value - c.expected,
+            c.deviations(),
+            c.noise.map_or(String::new(), |[a, b]| format!("{a:.2}; {b:.2}")),
+            c.contradicts.map_or(String::new(), |[a, b]| format!("{a}; {b}"))
         );
     }
     *out += "</table>";
@@ -37,16 +40,17 @@ pub(super) fn contradicting(out: &mut String, d: &Diagnosis) {
 pub(super) fn why_unnamed(out: &mut String, d: &Diagnosis) {
     let Some(why) = &d.unexplained else { return };
     if !why.data_sets.is_empty() {
-        *out += "<h2>One knee, or one for each data set</h2><p class=\"note\">Sum of squares over the number of readings: about 1 where a knee of the model fits.</p><table><tr><th>data set</th><th>readings</th><th>by a knee of its own</th><th>what that knee costs by its priors</th><th>by the knee of all</th></tr>";
+        *out += "<h2>One knee, or one for each data set</h2><p class=\"note\">Sum of squares over the number of readings: about 1 where a knee of the model fits.</p><table><tr><th>data set</th><th>readings</th><th>by a knee of its own</th><th>what that knee costs by its priors</th><th>by the knee of all</th><th>by the best answer</th></tr>";
         for s in &why.data_sets {
             let _ = write!(
                 out,
-                "<tr><td>{}</td><td>{}</td><td>{:.2}</td><td>{:.2}</td><td>{:.2}</td></tr>",
+                "<tr><td>{}</td><td>{}</td><td>{:.2}</td><td>{:.2}</td><td>{:.2}</td><td>{}</td></tr>",
                 escaped(&s.source),
                 s.readings,
                 s.alone,
                 s.cost,
-                s.together
+                s.together,
+                s.with_best.map_or(String::new(), |x| format!("{x:.2}"))
             );
         }
         *out += "</table>";
@@ -55,12 +59,46 @@ pub(super) fn why_unnamed(out: &mut String, d: &Diagnosis) {
         }
     }
     each_effect(out, why);
+    left(out, &why.left);
+}
+
+/// The readings that even the best answer leaves most of.
+fn left(out: &mut String, of: &[Left]) {
+    if of.is_empty() {
+        return;
+    }
+    *out += "<h2>What even the best of them leaves</h2><p class=\"note\">The readings that are furthest off, one a trial. z: what is left over its standard deviation, noise and floor.</p><table class=\"words\"><tr><th>coordinate</th><th>row</th><th>reads</th><th>the best answer gives</th><th>z</th></tr>";
+    for l in of {
+        let w = &l.reading;
+        let _ = write!(
+            out,
+            "<tr><td>{}</td><td>{}</td><td>{:.1}</td><td>{:.1}</td><td>{:+.1}</td></tr>",
+            l.dof.to_uppercase(),
+            escaped(&format!("{}, {}: {}, {:.1} deg", row(w), w.trial, load(w), w.flexion_deg)),
+            w.value,
+            l.expected,
+            l.z
+        );
+    }
+    *out += "</table>";
+}
+
+/// What stands against a row, in words.
+fn stands_against(of: &[Against]) -> String {
+    let words = |a: &Against| match a {
+        Against::EarnsTooLittle => "earns too little",
+        Against::LeavesTooMuch => "leaves too much",
+        Against::FieldBeside => "something of no name beside it",
+        Against::FieldInItsPlace => "something of no name in its place",
+        Against::RecordsMixedUp => "two records exchanged",
+    };
+    of.iter().map(words).collect::<Vec<_>>().join("; ")
 }
 
 /// What each effect of the catalogue explains.
 fn each_effect(out: &mut String, why: &diagnosis::report::Unexplained) {
     let catalogue = Catalogue::shipped();
-    *out += "<h2>What each effect of the catalogue would explain</h2><p class=\"note\">Each was fitted with the ligaments from both ends: beside recalibrated ligaments, and from the force that is out of balance at the measured poses. Its best end counts. The likeliest were also fitted two by two; of these the best stands here. Closes: share of what recalibrated ligaments leave beyond noise, on the trials that were fitted, and for the likeliest on trials that were not.</p><table><tr><th>effect</th><th>where</th><th>size (90 % interval)</th><th>closes</th><th>on other trials</th><th>log Bayes factor</th></tr>";
+    *out += "<h2>What each effect of the catalogue would explain</h2><p class=\"note\">Each was fitted with the ligaments from both ends: beside recalibrated ligaments, and from the force that is out of balance at the measured poses. Its best end counts. The likeliest were also fitted two by two; of these the best stand here. Each row is asked as if it were the answer: the last column says what stands against it. Leaves: in units of what noise leaves, the cost of ligaments, sites and frames included; an answer leaves about 1. Closes: share of what recalibrated ligaments leave beyond noise, on the trials that were fitted, and for the likeliest on trials that were not.</p><table><tr><th>effect</th><th>where</th><th>size (90 % interval)</th><th>closes</th><th>on other trials</th><th>leaves</th><th>log Bayes factor</th><th>against it</th></tr>";
     for t in &why.tried {
         let name = |e: &Named| {
             let about = e.variant.as_ref().map(|v| format!(" ({v})")).unwrap_or_default();
@@ -72,12 +110,14 @@ fn each_effect(out: &mut String, why: &diagnosis::report::Unexplained) {
         let unseen = t.closes_held_out.map_or(String::new(), on_other_trials);
         let _ = write!(
             out,
-            "<tr><td>{}</td><td>{}</td><td>{}</td><td>{:.0} %</td><td>{unseen}</td><td>{:.1}</td></tr>",
+            "<tr><td>{}</td><td>{}</td><td>{}</td><td>{:.0} %</td><td>{unseen}</td><td>{}</td><td>{:.1}</td><td>{}</td></tr>",
             all(&name, " + "),
             all(&|e| escaped(&e.scope), " + "),
             all(&size, "<br>"),
             100.0 * t.closes,
-            t.log_bayes_factor
+            t.leaves.map_or(String::new(), |x| format!("{x:.1}")),
+            t.log_bayes_factor,
+            stands_against(&t.against)
         );
     }
     *out += "</table>";
@@ -112,6 +152,23 @@ pub(super) fn noise(out: &mut String, d: &Diagnosis) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn each_reason_against_a_row_has_words_of_its_own() {
+        let all = [
+            Against::EarnsTooLittle,
+            Against::LeavesTooMuch,
+            Against::FieldBeside,
+            Against::FieldInItsPlace,
+            Against::RecordsMixedUp,
+        ];
+        let mut told: Vec<String> = all.iter().map(|a| stands_against(&[*a])).collect();
+        assert_eq!(stands_against(&all), told.join("; "));
+        told.sort();
+        told.dedup();
+        assert_eq!(told.len(), all.len());
+        assert_eq!(stands_against(&[]), "");
+    }
 
     #[test]
     fn an_effect_that_makes_other_trials_worse_closes_no_share_of_them() {
