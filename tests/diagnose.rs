@@ -2,9 +2,9 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use crate::common::{build_model, built, json, shared, text, thinned};
-use diagnosis::catalogue::Catalogue;
+use diagnosis::effect::catalogue::Catalogue;
 use diagnosis::effect::{Active, Place};
-use diagnosis::trial::Trial;
+use diagnosis::problem::trial::Trial;
 use needs_shared::needs_shared;
 use rand::{RngExt, SeedableRng};
 use sim::coordinate::{FE, Load, Six};

@@ -11,13 +11,13 @@
 use calibration::knee::Knee;
 use calibration::options::CalibrateOptions;
 use calibration::session::Session;
-use diagnosis::catalogue::Catalogue;
 use diagnosis::diagnosis::{Calibration, Diagnosis, diagnose_beside};
-use diagnosis::nuisance::is_built;
-use diagnosis::regret::{Hidden, Regret};
+use diagnosis::effect::catalogue::Catalogue;
+use diagnosis::problem::nuisance::is_built;
+use diagnosis::problem::trial::Source;
 use diagnosis::report::Named;
 use diagnosis::search::DiagnosisOptions;
-use diagnosis::trial::Source;
+use diagnosis::search::regret::{Hidden, Regret};
 use inference::random::{normal, stream};
 use sim::coordinate::Free;
 use sim::flags::Flag;
@@ -163,7 +163,7 @@ fn main() {
     let (ligament, loss) = args[3].split_once('=').map_or((args[3].as_str(), 1.0), |(l, s)| (l, s.parse().unwrap()));
     let loss = if ["none", "read"].contains(&ligament) { 0.0 } else { loss };
     let (options, calibrate) = (DiagnosisOptions::default(), CalibrateOptions::default());
-    let model = diagnosis::rim::prepared(&spec, &meshes, &calibrate.search).unwrap();
+    let model = diagnosis::problem::rim::prepared(&spec, &meshes, &calibrate.search).unwrap();
     let knee = Knee::new(spec.clone(), &meshes, &calibrate.search).unwrap();
     let has_before = std::env::var_os("CUTS_BEFORE").is_some();
     println!("{HEAD}");

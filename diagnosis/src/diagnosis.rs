@@ -1,30 +1,32 @@
 //! The diagnosis: where, which, added, shrunk, next; and the verdict in words.
 
-use crate::against::{in_place, is_believed, nameable};
-use crate::candidate::Candidate;
-use crate::carried::carried;
-use crate::catalogue::Catalogue;
-use crate::component::{Component, Provenance, augmented, components};
-use crate::contradiction::contradictions;
+pub mod atlas;
+
 use crate::criteria::{DECISIVE_WEIGHT, LEFT_OUT, told_apart};
-use crate::curves::curves;
-use crate::detection::limits_of_detection;
 use crate::discrepancy::{Discrepancy, discrepancy};
+use crate::effect::candidate::Candidate;
+use crate::effect::catalogue::Catalogue;
 use crate::error::DiagnosisError;
-use crate::exchange::{Exchange, exchange};
-use crate::excluded::may_be_torn;
 use crate::fit::Fit;
-use crate::held_out::{HeldOut, closed, held_out};
-use crate::jumped::{Jumped, jumped};
-use crate::map::{map, map_left_out};
-use crate::next_test::next_tests;
-use crate::preparation::prepared;
+use crate::fit::next_test::next_tests;
 use crate::problem::Problem;
-use crate::regret::{Hidden, Regret, regret};
+use crate::problem::trial::Source;
+use crate::report::against::{in_place, is_believed, nameable};
+use crate::report::carried::carried;
+use crate::report::component::{Component, Provenance, augmented, components};
+use crate::report::detection::limits_of_detection;
+use crate::report::excluded::may_be_torn;
+use crate::report::jumped::{Jumped, jumped};
+use crate::report::preparation::prepared;
+use crate::report::unexplained::unexplained;
+use crate::report::verdict::{Candidature, by_names, temper, verdict, weights};
+use crate::search::contradiction::contradictions;
+use crate::search::curves::curves;
+use crate::search::exchange::{Exchange, exchange};
+use crate::search::held_out::{HeldOut, closed, held_out};
+use crate::search::map::{map, map_left_out};
+use crate::search::regret::{Hidden, Regret, regret};
 use crate::search::{DiagnosisOptions, Search, Searcher};
-use crate::trial::Source;
-use crate::unexplained::unexplained;
-use crate::verdict::{Candidature, by_names, temper, verdict, weights};
 use calibration::options::CalibrateOptions;
 use sim::Model;
 use sim::coordinate::{FREE, Free};
@@ -136,7 +138,7 @@ fn asked(
     calibration: Calibration,
 ) -> Result<Problem, DiagnosisError> {
     let problem = Problem::new(model, spec, sources, catalogue, calibration.options)?;
-    let present = crate::component::present(spec, &problem.sources, &Catalogue::shipped())?;
+    let present = crate::report::component::present(spec, &problem.sources, &Catalogue::shipped())?;
     let problem = if present.is_empty() { problem } else { problem.with_present(present) };
     prepared(problem, options, calibration.mode)
 }
@@ -294,8 +296,9 @@ fn conclude(searcher: &Searcher, judged: &Judged, spec: &ModelSpec) -> Result<Ou
     // what is told in words is all that is missing, not what the best answer leaves
     let told = if verdict == Verdict::Unnamed { &judged.alone.0 } else { field };
     let jumped: Vec<String> = jumped(problem, search).iter().map(Jumped::words).collect();
-    outcome.diagnosis.description = crate::words::description(problem, &outcome.diagnosis, told, search, &jumped);
-    outcome.diagnosis.plain = crate::plain::plain(&problem.catalogue, &outcome.diagnosis);
+    outcome.diagnosis.description =
+        crate::report::words::description(problem, &outcome.diagnosis, told, search, &jumped);
+    outcome.diagnosis.plain = crate::report::plain::plain(&problem.catalogue, &outcome.diagnosis);
     Ok(outcome)
 }
 
@@ -436,11 +439,11 @@ fn control(
 
 /// Effects that these data cannot test.
 pub fn not_testable(problem: &Problem) -> Vec<NotTestable> {
-    let why = |e: &crate::catalogue::Effect| {
+    let why = |e: &crate::effect::catalogue::Effect| {
         e.untestable(&problem.trials).map(|why| NotTestable { effect: e.id.clone(), why })
     };
     let mut out: Vec<NotTestable> = problem.catalogue.effect.iter().filter_map(why).collect();
-    out.extend(crate::preparation::told(problem));
+    out.extend(crate::report::preparation::told(problem));
     out
 }
 
@@ -468,8 +471,8 @@ fn absorbed(problem: &Problem, base: &Fit, with: &Fit) -> Vec<Absorbed> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bare;
-    use crate::candidate::Scope;
+    use crate::effect::candidate::Scope;
+    use crate::fit::bare;
 
     #[test]
     fn where_nothing_is_named_tests_tell_rivals_apart_and_one_alone_from_nothing_missing() {

@@ -3,7 +3,10 @@
 //! An effect is a small type in a file of its own. Its fields have the names of the parameters in its row of the catalogue.
 
 mod attachment;
+pub mod bench;
+pub mod candidate;
 mod capsule_envelope;
+pub mod catalogue;
 mod compliance;
 mod cuff_softening;
 mod drift;
@@ -35,12 +38,13 @@ mod strap_tissue;
 mod structure_loss;
 mod turned_frame;
 mod viscoelastic;
+pub(crate) mod ways;
 
 pub(crate) use fibres::{belongs, fibre_pull};
 pub(crate) use lines::pull;
 pub(crate) use turned_frame::turned;
 
-use crate::catalogue::Effect;
+use crate::effect::catalogue::Effect;
 use crate::error::DiagnosisError;
 use inference::trial::Trial;
 use meshes::frame::AnatomicalFrame;
@@ -253,7 +257,7 @@ impl Active {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::catalogue::Catalogue;
+    use crate::effect::catalogue::Catalogue;
     use sim::coordinate::{AP, IE, Load};
     use sim::laxity::{LaxityTrial, Test};
 

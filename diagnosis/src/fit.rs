@@ -1,10 +1,16 @@
 //! The most probable ligaments, contact and effects under a hypothesis, and the evidence for it (Laplace's approximation).
 
-use crate::candidate::{Candidate, sized};
-use crate::catalogue::Parameter;
-use crate::covariance::Readings;
+#[cfg(test)]
+pub(crate) mod bare;
+pub(crate) mod form;
+pub mod next_test;
+pub mod screen;
+
+use crate::effect::candidate::{Candidate, sized};
+use crate::effect::catalogue::Parameter;
 use crate::error::DiagnosisError;
-use crate::outlier::{Mixture, Weighed};
+use crate::problem::covariance::Readings;
+use crate::problem::outlier::{Mixture, Weighed};
 use crate::problem::{Linear, Problem};
 use inference::least_squares::{Bounds, Quadratic, Stop, descend};
 use nalgebra::{Cholesky, DMatrix, DVector};
@@ -41,7 +47,7 @@ pub struct Fit {
     pub residual: DVector<f64>,
     /// Whitened sum of squares of the residual; an outlier's limited to what it costs.
     pub misfit: f64,
-    /// Trials that it does not explain, set aside ([`crate::outlier`]).
+    /// Trials that it does not explain, set aside ([`crate::problem::outlier`]).
     pub outliers: Vec<usize>,
     /// Log of the evidence, the scatter it was weighed with included; up to a constant common to all hypotheses fitted to the same readings.
     pub log_evidence: f64,
@@ -114,7 +120,7 @@ fn heavy_below(x: f64) -> f64 {
 /// How trials that no hypothesis explains are weighed.
 #[derive(Clone, Copy)]
 enum Weighing {
-    /// Set aside at a price ([`crate::outlier`]).
+    /// Set aside at a price ([`crate::problem::outlier`]).
     Mixed,
     /// Like all others.
     All,
@@ -410,7 +416,7 @@ mod tests {
     const MADE: [(f64, f64); 7] = [(2.0, 0.1), (2.0, 0.4), (1.8, 0.1), (1.8, 0.4), (1.5, 0.2), (1.0, 0.4), (0.5, 0.2)];
 
     fn loss() -> Parameter {
-        let effects = crate::catalogue::Catalogue::shipped().effect;
+        let effects = crate::effect::catalogue::Catalogue::shipped().effect;
         effects.into_iter().find(|e| e.id == "structure_loss").unwrap().parameter.remove(0)
     }
 
@@ -467,8 +473,9 @@ mod tests {
     #[test]
     fn what_may_be_whole_has_a_point_of_its_own_wherever_it_stands() {
         let of = |id: &str| {
-            let effect = crate::catalogue::Catalogue::shipped().effect.into_iter().find(|e| e.id == id).unwrap();
-            Candidate { effect, variant: 0, scope: crate::candidate::Scope::Both }
+            let effect =
+                crate::effect::catalogue::Catalogue::shipped().effect.into_iter().find(|e| e.id == id).unwrap();
+            Candidate { effect, variant: 0, scope: crate::effect::candidate::Scope::Both }
         };
         assert_eq!(whole(&[of("structure_loss")], 5), Some(5));
         assert_eq!(whole(&[of("load_gain")], 5), None);

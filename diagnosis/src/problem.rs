@@ -1,16 +1,25 @@
 //! The question: a model, trials, and what may differ; predictions and their derivatives at any answer.
 //!
-//! Unknowns stand in units of their prior: the nuisance parameters of the knee ([`crate::nuisance`]), then the parameters of the effects.
+//! Unknowns stand in units of their prior: the nuisance parameters of the knee ([`crate::problem::nuisance`]), then the parameters of the effects.
 
-use crate::bench::Bench;
-use crate::candidate::{Candidate, Scope, sized};
-use crate::catalogue::Catalogue;
+pub(crate) mod astray;
+pub mod covariance;
+pub mod jacobian;
+pub mod noise;
+pub mod nuisance;
+pub mod outlier;
+pub mod rim;
+pub mod trial;
+
+use crate::effect::bench::Bench;
+use crate::effect::candidate::{Candidate, Scope, sized};
+use crate::effect::catalogue::Catalogue;
+use crate::effect::ways::walked;
 use crate::effect::{Active, Place};
 use crate::error::DiagnosisError;
-use crate::jacobian::Jacobian;
-use crate::nuisance::Nuisances;
-use crate::trial::{NoiseScale, PER_UNIT, Source, at_row, row_of, trials};
-use crate::ways::walked;
+use crate::problem::jacobian::Jacobian;
+use crate::problem::nuisance::Nuisances;
+use crate::problem::trial::{NoiseScale, PER_UNIT, Source, at_row, row_of, trials};
 use calibration::design::Design;
 use calibration::options::CalibrateOptions;
 use inference::knee::Models;

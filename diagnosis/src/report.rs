@@ -1,15 +1,29 @@
 //! The values of a report: diagnosis.json.
 
-use crate::candidate::{Candidate, Scope};
-use crate::catalogue::Parameter;
-use crate::contradiction::{Contradiction, Witness};
+pub(crate) mod against;
+pub mod carried;
+pub mod component;
+pub mod detection;
+pub mod excluded;
+pub(crate) mod jumped;
+pub(crate) mod plain;
+pub mod plain_unnamed;
+pub mod predict;
+pub mod preparation;
+pub(crate) mod unexplained;
+pub(crate) mod verdict;
+pub mod words;
+
 use crate::criteria::{INTERVAL_90, NAMED};
-use crate::curves::Curve;
+use crate::effect::candidate::{Candidate, Scope};
+use crate::effect::catalogue::Parameter;
 use crate::fit::Fit;
-use crate::map::Cell;
-use crate::next_test::NextTest;
+use crate::fit::next_test::NextTest;
 use crate::problem::Problem;
-use crate::trial::NoiseScale;
+use crate::problem::trial::NoiseScale;
+use crate::search::contradiction::{Contradiction, Witness};
+use crate::search::curves::Curve;
+use crate::search::map::Cell;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 

@@ -1,24 +1,30 @@
 //! The search for what is missing: baseline, screen, joint refits, one effect after another.
 
+pub mod contradiction;
+pub mod curves;
+pub mod exchange;
+pub mod held_out;
 mod joined;
 mod kin;
+pub mod map;
 mod met;
 mod pairs;
 mod refit;
+pub mod regret;
 mod steps;
 mod tried;
 mod unseen;
 mod wide;
 
-use crate::candidate::{Candidate, Scope, sized};
-use crate::covariance::{Floor, Readings, covariance, normal, remainders};
 use crate::criteria::{LEAST_BESIDE, LEAST_EVIDENCE, LEAST_FURTHER, NULLS_BELOW};
+use crate::effect::candidate::{Candidate, Scope, sized};
 use crate::error::DiagnosisError;
+use crate::fit::screen::{Marginal, Score, signatures};
 use crate::fit::{Data, Fit};
-use crate::outlier::Mixture;
 use crate::problem::Problem;
-use crate::screen::{Marginal, Score, signatures};
-use crate::trial::at_row;
+use crate::problem::covariance::{Floor, Readings, covariance, normal, remainders};
+use crate::problem::outlier::Mixture;
+use crate::problem::trial::at_row;
 use met::Met;
 use nalgebra::{DMatrix, DVector};
 use rand::SeedableRng;

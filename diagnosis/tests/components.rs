@@ -2,10 +2,10 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use crate::common::shared;
-use diagnosis::carried::carried;
-use diagnosis::component::Component;
 use diagnosis::diagnosis::Value;
-use diagnosis::predict::{acting, apply, taken_off};
+use diagnosis::report::carried::carried;
+use diagnosis::report::component::Component;
+use diagnosis::report::predict::{acting, apply, taken_off};
 use needs_shared::needs_shared;
 use sim::coordinate::AP;
 use sim::laxity::{LaxityTrial, TrialResult};

@@ -3,8 +3,8 @@
 
 use crate::common::deck::{Asked, published, source};
 use calibration::options::CalibrateOptions;
-use diagnosis::catalogue::Catalogue;
 use diagnosis::diagnosis::{Calibration, Diagnosis, Verdict, diagnose};
+use diagnosis::effect::catalogue::Catalogue;
 use diagnosis::problem::{Problem, reading};
 use diagnosis::report::Against;
 use diagnosis::search::DiagnosisOptions;

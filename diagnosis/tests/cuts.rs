@@ -3,16 +3,16 @@
 
 use crate::common::deck::{Asked, published, question, source};
 use calibration::options::CalibrateOptions;
-use diagnosis::candidate::Candidate;
-use diagnosis::catalogue::Catalogue;
-use diagnosis::covariance::{Floor, Readings, covariance};
 use diagnosis::diagnosis::{Calibration, Diagnosis, Verdict, diagnose};
+use diagnosis::effect::candidate::Candidate;
+use diagnosis::effect::catalogue::Catalogue;
 use diagnosis::fit::Data;
-use diagnosis::outlier::Mixture;
+use diagnosis::problem::covariance::{Floor, Readings, covariance};
+use diagnosis::problem::outlier::Mixture;
+use diagnosis::problem::trial::Source;
 use diagnosis::problem::{Problem, reading};
-use diagnosis::regret::{Hidden, regret};
+use diagnosis::search::regret::{Hidden, regret};
 use diagnosis::search::{DiagnosisOptions, Searcher, TRIES};
-use diagnosis::trial::Source;
 use inference::random::{normal, stream};
 use inference::trial::Trial;
 use needs_shared::needs_shared;

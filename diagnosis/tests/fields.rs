@@ -3,8 +3,8 @@
 
 use crate::common::asked::asked;
 use crate::common::deck::deck;
-use diagnosis::candidate::{Candidate, Scope};
 use diagnosis::discrepancy::{Discrepancy, discrepancy};
+use diagnosis::effect::candidate::{Candidate, Scope};
 use diagnosis::problem::{Problem, reading};
 use diagnosis::search::{DiagnosisOptions, Search, Searcher};
 use needs_shared::needs_shared;

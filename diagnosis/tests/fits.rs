@@ -4,14 +4,14 @@
 use crate::common::shared;
 use calibration::design::Kind;
 use calibration::options::CalibrateOptions;
-use diagnosis::candidate::Candidate;
-use diagnosis::catalogue::Catalogue;
-use diagnosis::covariance::{Floor, Readings, covariance};
-use diagnosis::nuisance::PRIOR;
+use diagnosis::effect::candidate::Candidate;
+use diagnosis::effect::catalogue::Catalogue;
 use diagnosis::problem::Problem;
+use diagnosis::problem::covariance::{Floor, Readings, covariance};
+use diagnosis::problem::nuisance::PRIOR;
+use diagnosis::problem::trial::Source;
 use diagnosis::report::scope_name;
 use diagnosis::search::{DiagnosisOptions, Searcher, TRIES};
-use diagnosis::trial::Source;
 use nalgebra::DMatrix;
 use needs_shared::needs_shared;
 use sim::equilibrium::starts_of;
@@ -22,7 +22,8 @@ use std::path::Path;
 fn question(case: &Path, deck: &Path) -> (Problem, Vec<f64>) {
     let mut read = |name: &str| std::fs::read(deck.join(name)).map_err(|e| e.to_string());
     let deck = decks::import("S192803_MAIN_LAXITY_Anterior_0deg_0.inp", &mut read).unwrap();
-    let model = diagnosis::rim::prepared(&deck.spec, &deck.meshes, &CalibrateOptions::default().search).unwrap();
+    let model =
+        diagnosis::problem::rim::prepared(&deck.spec, &deck.meshes, &CalibrateOptions::default().search).unwrap();
     let sources = ["kla", "rks"].map(|name| {
         Source::new(name, sim::laxity::read(&std::fs::read(case.join(format!("{name}.csv"))).unwrap()).unwrap().trials)
     });

@@ -5,8 +5,8 @@ use crate::common::asked::asked;
 use crate::common::deck::{published, source};
 use crate::suspects::TRIALS;
 use calibration::options::CalibrateOptions;
-use diagnosis::catalogue::Catalogue;
 use diagnosis::diagnosis::{Calibration, diagnose};
+use diagnosis::effect::catalogue::Catalogue;
 use diagnosis::problem::{Problem, reading};
 use diagnosis::search::DiagnosisOptions;
 use needs_shared::needs_shared;
@@ -19,7 +19,7 @@ const JUMPS: (usize, f64) = (4, 12.0);
 fn a_trial_that_jumped_is_told_by_its_row_and_no_other_is() {
     let Some(deck) = published("jumps") else { return };
     let (catalogue, calibrate) = (Catalogue::shipped(), CalibrateOptions::default());
-    let model = diagnosis::rim::prepared(&deck.spec, &deck.meshes, &calibrate.search).unwrap();
+    let model = diagnosis::problem::rim::prepared(&deck.spec, &deck.meshes, &calibrate.search).unwrap();
     let of = |measured: &[[f64; 5]]| [source("rks", &asked(&TRIALS, measured))];
     let anywhere = of(&[[0.0, 0.0, 0.0, 0.0, -21.0]; 12]);
     let problem = Problem::new(&model, &deck.spec, &anywhere, &catalogue, &calibrate).unwrap();

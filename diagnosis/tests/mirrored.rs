@@ -4,10 +4,10 @@
 use crate::common::shared;
 use calibration::options::CalibrateOptions;
 use decks::ImportedDeck;
-use diagnosis::catalogue::Catalogue;
 use diagnosis::diagnosis::{Calibration, Diagnosis, diagnose};
+use diagnosis::effect::catalogue::Catalogue;
+use diagnosis::problem::trial::Source;
 use diagnosis::search::DiagnosisOptions;
-use diagnosis::trial::Source;
 use meshes::frame::{AnatomicalFrame, Side};
 use meshes::{Point, Vector};
 use needs_shared::needs_shared;
@@ -64,7 +64,7 @@ fn answer(deck: &ImportedDeck, case: &Path) -> Diagnosis {
     });
     let few = DiagnosisOptions { nulls: 50, most_effects: 1, shortlist: 2, folds: 2, ..DiagnosisOptions::default() };
     let (options, calibrate) = (few, CalibrateOptions::default());
-    let model = diagnosis::rim::prepared(&deck.spec, &deck.meshes, &calibrate.search).unwrap();
+    let model = diagnosis::problem::rim::prepared(&deck.spec, &deck.meshes, &calibrate.search).unwrap();
     let calibration = Calibration { options: &calibrate, mode: None };
     diagnose(&model, &deck.spec, &sources, &Catalogue::shipped(), &options, calibration).unwrap().diagnosis
 }

@@ -3,9 +3,9 @@
 
 use crate::common::shared;
 use calibration::options::CalibrateOptions;
-use diagnosis::catalogue::Catalogue;
+use diagnosis::effect::catalogue::Catalogue;
 use diagnosis::problem::Problem;
-use diagnosis::trial::Source;
+use diagnosis::problem::trial::Source;
 use inference::knee::Quantity;
 use inference::parameter::Prior;
 use needs_shared::needs_shared;

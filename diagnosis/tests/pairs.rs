@@ -3,13 +3,13 @@
 
 use crate::common::shared;
 use calibration::options::CalibrateOptions;
-use diagnosis::candidate::Candidate;
-use diagnosis::catalogue::Catalogue;
+use diagnosis::effect::candidate::Candidate;
+use diagnosis::effect::catalogue::Catalogue;
 use diagnosis::problem::Problem;
+use diagnosis::problem::trial::Source;
+use diagnosis::problem::trial::row_of;
 use diagnosis::report::scope_name;
 use diagnosis::search::{DiagnosisOptions, Searcher};
-use diagnosis::trial::Source;
-use diagnosis::trial::row_of;
 use needs_shared::needs_shared;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;

@@ -2,9 +2,9 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use crate::common::deck::{deck, question};
-use diagnosis::candidate::Scope;
-use diagnosis::catalogue::Catalogue;
 use diagnosis::effect::Active;
+use diagnosis::effect::candidate::Scope;
+use diagnosis::effect::catalogue::Catalogue;
 use diagnosis::problem::Problem;
 use needs_shared::needs_shared;
 use sim::coordinate::{AP, IE, ML, SI, Six, VV};

@@ -3,10 +3,10 @@
 
 use crate::common::deck::{Asked, deck};
 use calibration::design::Kind;
-use diagnosis::bench::Bench;
-use diagnosis::catalogue::Catalogue;
-use diagnosis::covariance::{Floor, remainders};
 use diagnosis::effect::Active;
+use diagnosis::effect::bench::Bench;
+use diagnosis::effect::catalogue::Catalogue;
+use diagnosis::problem::covariance::{Floor, remainders};
 use diagnosis::problem::{Problem, reading};
 use nalgebra::Matrix6;
 use needs_shared::needs_shared;

@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use crate::common::deck::{Asked, deck};
-use diagnosis::candidate::{Candidate, Scope};
+use diagnosis::effect::candidate::{Candidate, Scope};
 use diagnosis::problem::Problem;
 use needs_shared::needs_shared;
 use sim::equilibrium::starts_of;

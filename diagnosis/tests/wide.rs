@@ -4,7 +4,7 @@
 use crate::common::asked::asked;
 use crate::common::deck::deck;
 use crate::cuts::cut;
-use diagnosis::candidate::{Candidate, Scope};
+use diagnosis::effect::candidate::{Candidate, Scope};
 use diagnosis::fit::Fit;
 use diagnosis::problem::{Problem, reading};
 use diagnosis::search::{DiagnosisOptions, Searcher, TRIES};

@@ -11,10 +11,10 @@ use calibration::options::CalibrateOptions;
 use calibration::priors::PRIORS;
 use calibration::targets::TargetOptions;
 use clap::{Args, Subcommand};
-use diagnosis::covariance::Floor;
 use diagnosis::diagnosis::Diagnosis;
+use diagnosis::problem::covariance::Floor;
+use diagnosis::problem::trial::Source;
 use diagnosis::search::DiagnosisOptions;
-use diagnosis::trial::Source;
 use sim::coordinate::{FREE, Free};
 use sim::laxity::{LaxityTrial, TrialResult, results_csv};
 use sim::mesh::MeshValue;
@@ -380,14 +380,14 @@ fn unsealed(bench: &Path, case: &str) -> Result<Truth, BuildError> {
 }
 
 /// What is hidden in a case, as the search is held against it.
-fn truth_of(bench: &Path, case: &str) -> Result<Vec<diagnosis::regret::Hidden>, BuildError> {
-    Ok(regret::hidden(&unsealed(bench, case)?, &diagnosis::catalogue::Catalogue::shipped()))
+fn truth_of(bench: &Path, case: &str) -> Result<Vec<diagnosis::search::regret::Hidden>, BuildError> {
+    Ok(regret::hidden(&unsealed(bench, case)?, &diagnosis::effect::catalogue::Catalogue::shipped()))
 }
 
 /// The name of a case's effect, where the catalogue has it and nothing else is hidden.
 fn hidden_alone(bench: &Path, case: &str) -> Result<Vec<String>, BuildError> {
     let truth = unsealed(bench, case)?;
-    let catalogue = diagnosis::catalogue::Catalogue::shipped();
+    let catalogue = diagnosis::effect::catalogue::Catalogue::shipped();
     Ok(match &truth.effects[..] {
         // sites of one ligament are struck with those of all
         [(effect, _, _)] => catalogue.find(effect).map(|(known, _)| known.id.clone()).into_iter().collect(),
@@ -445,7 +445,7 @@ fn opened(args: &ScoreArgs) -> Result<Vec<Truth>, BuildError> {
             let (data, _) = diagnose::sources(&measured)?;
             let promise = {
                 let signature: Vec<Free<f64>> = truth.signature.iter().copied().map(Free).collect();
-                diagnosis::atlas::promise(&model, &loaded.spec, &data, &signature, (&options, &calibrate))
+                diagnosis::diagnosis::atlas::promise(&model, &loaded.spec, &data, &signature, (&options, &calibrate))
             }
             .map_err(|e| BuildError::File(format!("{case}: {e}")))?;
             truth.strength.expected_evidence = promise.all;

@@ -181,7 +181,7 @@ fn without_components(
     *text += &model_file::taken_in(&model.spec, name)?;
     let fault = |e: &dyn std::fmt::Display| BuildError::in_file(&model.folder, e);
     let knee = sim::compile(&model.spec, &model.meshes).map_err(|e| fault(&e))?;
-    diagnosis::predict::taken_off(&knee, &model.spec, name, &trials).map_err(|e| fault(&e))
+    diagnosis::report::predict::taken_off(&knee, &model.spec, name, &trials).map_err(|e| fault(&e))
 }
 
 /// Reads measured laxity, and what is odd of it.

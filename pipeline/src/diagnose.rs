@@ -16,12 +16,12 @@ use crate::told::{ModelTold, Told, schemas};
 use crate::which_model::WhichModel;
 use calibration::options::{CalibrateOptions, Method};
 use clap::Args;
-use diagnosis::catalogue::Catalogue;
-use diagnosis::component::Provenance;
 use diagnosis::diagnosis::{Calibration, Diagnosis, Outcome, diagnose_beside};
-use diagnosis::regret::{Hidden, Regret};
+use diagnosis::effect::catalogue::Catalogue;
+use diagnosis::problem::trial::Source;
+use diagnosis::report::component::Provenance;
 use diagnosis::search::DiagnosisOptions;
-use diagnosis::trial::Source;
+use diagnosis::search::regret::{Hidden, Regret};
 use notices::Notice;
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -145,13 +145,14 @@ pub fn run_beside(
     let provenance = provenance(args, &loaded, &catalogue)?;
     if args.atlas {
         calibrated_first(args, &loaded)?;
-        let atlas = diagnosis::atlas::atlas(&model, &loaded.spec, &sources, &catalogue, (options, &calibrate))
-            .map_err(|e| fault(&e))?;
+        let atlas =
+            diagnosis::diagnosis::atlas::atlas(&model, &loaded.spec, &sources, &catalogue, (options, &calibrate))
+                .map_err(|e| fault(&e))?;
         let json = as_json(&atlas)?;
         let page = diagnosis_page::atlas(&loaded.spec.id, &atlas);
         let files = [("atlas.json".to_owned(), json.clone()), ("atlas.html".to_owned(), page.into_bytes())];
         store::write_all(&args.out, &files)?;
-        return Ok((tell(diagnosis::atlas::table(&atlas), "atlas.html", &json), None));
+        return Ok((tell(diagnosis::diagnosis::atlas::table(&atlas), "atlas.html", &json), None));
     }
     let start = start(&loaded, &start_from, options.seed, &calibrate)?;
     let calibration = Calibration { options: &calibrate, mode: start.as_ref() };
@@ -179,7 +180,7 @@ fn calibrating(args: &DiagnoseArgs, loaded: &LoadedModel) -> String {
 
 /// Refuses an atlas of a built knee whose ligaments nobody calibrated: what is slack or taut there says nothing of the knee.
 fn calibrated_first(args: &DiagnoseArgs, loaded: &LoadedModel) -> Result<(), BuildError> {
-    if loaded.spec.calibrated.is_some() || !diagnosis::nuisance::is_built(&loaded.spec) {
+    if loaded.spec.calibrated.is_some() || !diagnosis::problem::nuisance::is_built(&loaded.spec) {
         return Ok(());
     }
     Err(BuildError::of_file(
@@ -216,7 +217,7 @@ fn start(
     seed: u64,
     calibrate: &CalibrateOptions,
 ) -> Result<Option<BTreeMap<String, f64>>, BuildError> {
-    if !diagnosis::nuisance::is_built(&loaded.spec) {
+    if !diagnosis::problem::nuisance::is_built(&loaded.spec) {
         return Ok(None);
     }
     let measured: Vec<_> = sources.iter().map(|s| (s.name.clone(), s.trials.clone())).collect();

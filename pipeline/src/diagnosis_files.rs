@@ -5,8 +5,8 @@ use crate::model_file::LoadedModel;
 use crate::report::diagnosis_page;
 use crate::report::html::LivePart;
 use calibration::options::CalibrateOptions;
-use diagnosis::component::Component;
 use diagnosis::diagnosis::Diagnosis;
+use diagnosis::report::component::Component;
 use sim::spec::ModelSpec;
 
 /// The page of a diagnosis.
@@ -19,7 +19,7 @@ pub(crate) fn prepared(
     loaded: &LoadedModel,
     calibrate: &CalibrateOptions,
 ) -> Result<sim::Model, diagnosis::DiagnosisError> {
-    diagnosis::rim::prepared(&loaded.spec, &loaded.meshes, &calibrate.search)
+    diagnosis::problem::rim::prepared(&loaded.spec, &loaded.meshes, &calibrate.search)
 }
 
 /// diagnosis.json, report.html, components/ and model.json, which is `spec`: with what was added or as it was.

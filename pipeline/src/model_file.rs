@@ -229,7 +229,7 @@ pub fn left_out(spec: &ModelSpec, verb: &str) -> Option<Notice> {
 
 /// What a verb takes into its predictions of a model's added effects, and what it leaves out; empty where there are none.
 pub fn taken_in(spec: &ModelSpec, data_set: Option<&str>) -> Result<String, BuildError> {
-    let acting = diagnosis::predict::acting(spec, data_set).map_err(|e| BuildError::File(e.to_string()))?;
+    let acting = diagnosis::report::predict::acting(spec, data_set).map_err(|e| BuildError::File(e.to_string()))?;
     let mut text = String::new();
     for (c, _) in &acting {
         let note = if c.kept == "session" { " (it belongs to the session, not to the knee)" } else { "" };

@@ -211,7 +211,8 @@ fn answers_to(
         None => answers(model, &trials, args.solver).map_err(|e| fault(&e))?,
     };
     warnings.extend(beyond::calibration(&loaded.spec, results.iter().map(|r| &r.trial)));
-    diagnosis::predict::apply(model, &loaded.spec, args.read_as.as_deref(), &mut results).map_err(|e| fault(&e))?;
+    diagnosis::report::predict::apply(model, &loaded.spec, args.read_as.as_deref(), &mut results)
+        .map_err(|e| fault(&e))?;
     let pivot = args.protocol == Some(ProtocolName::PivotShift);
     let asking = Asking {
         bundles: &names,

@@ -237,10 +237,11 @@ fn with_effects(mut source: Source, spec: &ModelSpec, model: &Model) -> Result<S
         r.outputs.extend(group_sums(&bundles, &r.forces_n));
     }
     for rows in [&mut source.ap_laxity, &mut source.passive_flexion, &mut source.pivot_shift] {
-        diagnosis::predict::apply(model, spec, None, rows).map_err(|e| BuildError::File(format!("{name}: {e}")))?;
+        diagnosis::report::predict::apply(model, spec, None, rows)
+            .map_err(|e| BuildError::File(format!("{name}: {e}")))?;
     }
     let cut = model.without(&["ACL".to_owned()]).unwrap_or_else(|_| model.clone());
-    diagnosis::predict::apply(&cut, spec, None, &mut source.pivot_shift_no_acl)
+    diagnosis::report::predict::apply(&cut, spec, None, &mut source.pivot_shift_no_acl)
         .map_err(|e| BuildError::File(format!("{name}: {e}")))?;
     Ok(source)
 }

@@ -1,7 +1,7 @@
 //! Kinds of field: what one follows, in which coordinates, where.
 
-use crate::candidate::Scope;
-use crate::catalogue::Catalogue;
+use crate::effect::candidate::Scope;
+use crate::effect::catalogue::Catalogue;
 use crate::problem::Problem;
 use sim::coordinate::{AP, Coordinate, FE, FREE, IE, ML, SI, Six, VV};
 

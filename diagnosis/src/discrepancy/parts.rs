@@ -4,7 +4,7 @@ use super::kinds::{Bone, Course, Kind, LOADS, MIDDLE, Part, amplitude};
 use super::suspects::{acting, impinging, larger, pulls, swayed};
 use crate::fit::Fit;
 use crate::problem::Problem;
-use crate::trial::PER_UNIT;
+use crate::problem::trial::PER_UNIT;
 use nalgebra::DMatrix;
 use sim::coordinate::{Coordinate, FE, FREE, Six};
 use sim::equilibrium::Start;

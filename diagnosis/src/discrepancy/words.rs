@@ -3,7 +3,7 @@
 use super::Discrepancy;
 use super::kinds::{Bone, Course, FIELD, LOADS, amplitude};
 use super::suspects::{BESIDE, PULL, SHARE};
-use crate::candidate::Scope;
+use crate::effect::candidate::Scope;
 use crate::problem::Problem;
 use sim::coordinate::{Coordinate, FE, IE, VV};
 

@@ -1,6 +1,6 @@
 //! A row of the catalogue with values, as the fields of an effect's type.
 
-use crate::catalogue::Effect;
+use crate::effect::catalogue::Effect;
 use serde::de::value::{Error, MapDeserializer, StrDeserializer};
 use serde::de::{Deserializer, IntoDeserializer, Visitor};
 use serde::forward_to_deserialize_any;

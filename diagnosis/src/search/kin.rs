@@ -2,10 +2,10 @@
 
 use super::refit::proposed;
 use super::{FEW, Search, Searcher, TRIES};
-use crate::candidate::Candidate;
-use crate::covariance::Readings;
+use crate::effect::candidate::Candidate;
 use crate::error::DiagnosisError;
 use crate::fit::Fit;
+use crate::problem::covariance::Readings;
 use nalgebra::DVector;
 
 /// Most members of a set whose kin are looked for [-].

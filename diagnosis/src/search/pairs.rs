@@ -2,10 +2,10 @@
 
 use super::steps::{Found, Given};
 use super::{Screened, Searcher, Start, WIDTH};
-use crate::candidate::{Candidate, sized};
+use crate::effect::candidate::{Candidate, sized};
 use crate::error::DiagnosisError;
 use crate::fit::Fit;
-use crate::screen::{Marginal, Score, signatures};
+use crate::fit::screen::{Marginal, Score, signatures};
 use nalgebra::{Cholesky, DMatrix, DVector};
 
 /// Pairs of each screen that are refitted [-].

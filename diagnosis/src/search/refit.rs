@@ -2,12 +2,12 @@
 
 use super::steps::OVERTAKEN;
 use super::{FEW, Screened, Searcher, TRIES, is_in};
-use crate::candidate::{Candidate, Scope, sized};
-use crate::covariance::Readings;
+use crate::effect::candidate::{Candidate, Scope, sized};
 use crate::error::DiagnosisError;
 use crate::fit::Fit;
-use crate::outlier::Mixture;
-use crate::screen::Marginal;
+use crate::fit::screen::Marginal;
+use crate::problem::covariance::Readings;
+use crate::problem::outlier::Mixture;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 

@@ -2,13 +2,13 @@
 
 use super::met::Met;
 use super::{Screened, Searcher, Start, TRIES};
-use crate::candidate::Candidate;
-use crate::covariance::Readings;
 use crate::discrepancy::discrepancy;
+use crate::effect::candidate::Candidate;
 use crate::error::DiagnosisError;
 use crate::fit::Fit;
-use crate::form::asks_for_more;
+use crate::fit::form::asks_for_more;
 use crate::problem::Linear;
+use crate::problem::covariance::Readings;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
@@ -346,9 +346,9 @@ impl Searcher<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bare;
-    use crate::candidate::Scope;
-    use crate::catalogue::Catalogue;
+    use crate::effect::candidate::Scope;
+    use crate::effect::catalogue::Catalogue;
+    use crate::fit::bare;
 
     #[test]
     fn a_further_effect_must_earn_what_a_form_may_leave_and_a_frame_leaves_nothing() {

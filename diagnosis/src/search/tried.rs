@@ -2,10 +2,10 @@
 
 use super::refit::start_with;
 use super::{Screened, Search, Searcher, TRIES};
-use crate::candidate::Candidate;
-use crate::covariance::Readings;
+use crate::effect::candidate::Candidate;
 use crate::error::DiagnosisError;
 use crate::fit::Fit;
+use crate::problem::covariance::Readings;
 use nalgebra::DMatrix;
 use rayon::prelude::*;
 

@@ -4,7 +4,7 @@ use super::Searcher;
 use crate::criteria::predicted;
 use crate::error::DiagnosisError;
 use crate::fit::Fit;
-use crate::held_out::held_out;
+use crate::search::held_out::held_out;
 use nalgebra::DMatrix;
 
 /// Most fits that are asked, the most worth first [-]: each costs a refit a fold.

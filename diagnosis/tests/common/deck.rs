@@ -2,9 +2,9 @@
 use crate::common::shared;
 use calibration::options::CalibrateOptions;
 use decks::ImportedDeck;
-use diagnosis::catalogue::Catalogue;
+use diagnosis::effect::catalogue::Catalogue;
 use diagnosis::problem::Problem;
-use diagnosis::trial::Source;
+use diagnosis::problem::trial::Source;
 
 /// A trial of the published deck: name, test, flexion [deg], load (varus-valgus, internal-external [N m], medial-lateral, anterior-posterior [N]) beside a
 /// compression of 50 N, and what was measured (VV, IE [deg], ML, AP, SI [mm]).

@@ -6,7 +6,7 @@ use blindbench::knee::{KneeInput, Spread};
 use blindbench::laboratory::{Noise, Ways};
 use blindbench::surfaces::Surfaces;
 use calibration::options::CalibrateOptions;
-use diagnosis::trial::Source;
+use diagnosis::problem::trial::Source;
 use sim::coordinate::{AP, IE, ML, VV};
 
 /// Who measures.

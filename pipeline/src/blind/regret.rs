@@ -5,8 +5,8 @@ use crate::error::BuildError;
 use crate::store;
 use blindbench::asked::Hidden as Made;
 use blindbench::laboratory::Truth;
-use diagnosis::catalogue::Catalogue;
-use diagnosis::regret::{Hidden, Regret};
+use diagnosis::effect::catalogue::Catalogue;
+use diagnosis::search::regret::{Hidden, Regret};
 use std::path::Path;
 
 /// The file beside an answer.

@@ -1,6 +1,6 @@
 //! The curves of a diagnosis as a picture.
 
-use diagnosis::curves::{Curve, Point};
+use diagnosis::search::curves::{Curve, Point};
 use sim::coordinate::Coordinate;
 use validation::plot::{INK, Series, colour, draw, panel};
 

@@ -3,12 +3,12 @@
 use super::diagnosis_curves::picture;
 use super::diagnosis_unnamed::{contradicting, noise, why_unnamed};
 use super::html::{LivePart, escaped, head};
-use diagnosis::atlas::{Atlas, table};
-use diagnosis::carried::LEAST_N;
-use diagnosis::catalogue::Catalogue;
-use diagnosis::map::Cell;
+use diagnosis::diagnosis::atlas::{Atlas, table};
+use diagnosis::effect::catalogue::Catalogue;
+use diagnosis::report::carried::LEAST_N;
+use diagnosis::report::words::{listed, next_tells, parameter, parameter_of_effect, sizes, with_unit};
 use diagnosis::report::{Carried, Diagnosis, Missable, Named, Verdict};
-use diagnosis::words::{listed, next_tells, parameter, parameter_of_effect, sizes, with_unit};
+use diagnosis::search::map::Cell;
 use sim::coordinate::FREE;
 use sim::protocols::ProtocolOptions;
 use std::collections::BTreeMap;

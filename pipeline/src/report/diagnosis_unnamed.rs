@@ -1,11 +1,11 @@
 //! Of the page of a diagnosis: rows that contradict each other, what each effect of the catalogue explains where none is enough, noise other than stated.
 
 use super::html::escaped;
-use diagnosis::catalogue::Catalogue;
-use diagnosis::contradiction::Witness;
-use diagnosis::plain_unnamed::{load, row};
+use diagnosis::effect::catalogue::Catalogue;
+use diagnosis::report::plain_unnamed::{load, row};
+use diagnosis::report::words::sizes;
 use diagnosis::report::{Against, Diagnosis, Left, Named};
-use diagnosis::words::sizes;
+use diagnosis::search::contradiction::Witness;
 use std::fmt::Write;
 
 /// Readings that no one knee gives.

@@ -1,0 +1,180 @@
+//! Where nothing is named: structures that may be torn all the same. Recalibrated ligaments take a tear up where a slack structure does as well, and a
+//! structure that no trial loads is never missed. What these trials leave open is told, with the test that would close it. So is each structure whose
+//! whole tear such trials would not name: that nothing is named then says nothing of it.
+
+use crate::criteria::told_apart;
+use crate::effect::candidate::{Candidate, Scope};
+use crate::effect::catalogue::Effect;
+use crate::error::DiagnosisError;
+use crate::fit::Fit;
+use crate::problem::Problem;
+use crate::problem::covariance::Readings;
+use crate::report::MayBeTorn;
+use crate::report::verdict::temper;
+use crate::search::{Search, Searcher, TRIES};
+use inference::knee::Quantity;
+use rayon::prelude::*;
+
+/// Structures that injuries take most, in the order in which they are told: what a surgeon asks about. Of these it is found what a tear would earn.
+const INJURED: [&str; 4] = ["ACL", "PCL", "sMCL", "LCL"];
+
+/// Such structures, those first that injuries take most, then those that carry most, each with two fits: as it was given, and torn.
+///
+/// Errors: a model that cannot be evaluated.
+pub(crate) fn may_be_torn(searcher: &Searcher, search: &Search) -> Result<Vec<(MayBeTorn, [Fit; 2])>, DiagnosisError> {
+    let (problem, base) = (searcher.problem, &search.base);
+    let given = searcher.standing(&[], problem.nuisance.given.clone(), &search.readings)?;
+    let candidates = structures(problem);
+    let all: Vec<_> = candidates
+        .par_iter()
+        .filter_map(|c| Some((c, c.variant_name()?)))
+        .map(|(c, structure)| one(searcher, search, &given, (c, structure)))
+        .collect::<Result<_, DiagnosisError>>()?;
+    let named = search.threshold * temper(searcher, search.rivals.first().unwrap_or(base));
+    let mut out: Vec<_> = all.into_iter().filter(|(t, _)| is_open(t, named)).collect();
+    out.sort_by(|a, b| place(&a.0).cmp(&place(&b.0)).then(b.0.given_n.total_cmp(&a.0.given_n)));
+    Ok(out)
+}
+
+/// Whether a structure may be torn, or could be torn without a name in such trials, where a name takes so much.
+fn is_open(t: &MayBeTorn, named: f64) -> bool {
+    !t.fits_worse_torn || t.would_be_missed(named)
+}
+
+/// Where a structure stands among those that injuries take most; behind them all others.
+fn place(t: &MayBeTorn) -> usize {
+    INJURED.iter().position(|s| *s == t.structure).unwrap_or(INJURED.len())
+}
+
+/// A loss of each structure that the model has, whether or not these trials could name it.
+fn structures(problem: &Problem) -> Vec<Candidate> {
+    let may_be_whole = |e: &&Effect| e.parameter.iter().any(|p| p.whole.is_some());
+    let all = problem.catalogue.effect.iter().filter(may_be_whole).flat_map(|effect| {
+        let of = |variant| Candidate { effect: effect.clone(), variant, scope: Scope::Both };
+        (0..effect.variants.len()).map(of)
+    });
+    let has = |c: &Candidate| c.variant_name().is_some_and(|s| !problem.nuisance.of_structure(&s).is_empty());
+    all.filter(has).collect()
+}
+
+fn one(
+    searcher: &Searcher,
+    search: &Search,
+    given: &Fit,
+    (candidate, structure): (&Candidate, String),
+) -> Result<(MayBeTorn, [Fit; 2]), DiagnosisError> {
+    let (problem, base) = (searcher.problem, &search.base);
+    let [given_n, now_n] = [most(problem, given, &structure)?, most(problem, base, &structure)?];
+    let own = problem.nuisance.of_structure(&structure);
+    let start = searcher.put_back(base, candidate);
+    let as_given = searcher.fit_holding((&[], &own), (&start, &base.coordinates()), search)?;
+    let mut torn = fit_torn(searcher, search, candidate, start)?;
+    if torn.log_evidence < base.log_evidence {
+        let other = fit_torn(searcher, search, candidate, problem.nuisance.given.clone())?;
+        torn = if other.log_evidence > torn.log_evidence { other } else { torn };
+    }
+    let log_odds = torn.log_evidence - base.log_evidence;
+    let is_injured = INJURED.contains(&structure.as_str());
+    let would_earn = if is_injured { Some(would_earn(searcher, search, candidate)?) } else { None };
+    let told = MayBeTorn {
+        structure,
+        log_odds,
+        fits_worse_torn: log_odds <= -told_apart() * temper(searcher, base),
+        would_earn,
+        given_n,
+        now_n,
+        slack: slack(problem, base, &own),
+        against_given: base.log_evidence - as_given.log_evidence,
+    };
+    Ok((told, [as_given, torn]))
+}
+
+/// What a whole tear would earn in such trials [nats]: both sides are fitted to what the recalibrated knee would read without noise, the structure
+/// put back as it was given and then torn. Nothing missing is fitted from that knee and from where it fits the data at hand.
+fn would_earn(searcher: &Searcher, search: &Search, candidate: &Candidate) -> Result<f64, DiagnosisError> {
+    let knee = searcher.put_back(&search.base, candidate);
+    let start = torn_from(candidate, knee.clone());
+    let hypothesis = std::slice::from_ref(candidate);
+    let at = searcher.standing(hypothesis, start.clone(), &search.readings)?;
+    let readings = Readings { measured: search.readings.pick(&at.linear.value), ..search.readings.clone() };
+    let rests = at.coordinates();
+    let fit = |of: &[Candidate], from: &[f64]| searcher.fit(of, from, &rests, &search.covariance, &readings, TRIES);
+    let torn = fit(hypothesis, &start)?;
+    let whole = [fit(&[], &knee)?, fit(&[], &search.base.unknowns)?];
+    Ok(whole.iter().map(|f| searcher.gain(&torn, f)).fold(f64::INFINITY, f64::min))
+}
+
+/// The unknowns of a knee with all of a structure lost.
+fn torn_from(candidate: &Candidate, knee: Vec<f64>) -> Vec<f64> {
+    let whole = candidate.effect.parameter.iter().map(|p| p.whole.unwrap_or(0.0) / p.sd);
+    knee.into_iter().chain(whole).collect()
+}
+
+/// A fit with all of a structure lost, from a knee. The loss is held, so that its evidence is that of the tear, whatever the prior of one.
+fn fit_torn(
+    searcher: &Searcher,
+    search: &Search,
+    candidate: &Candidate,
+    knee: Vec<f64>,
+) -> Result<Fit, DiagnosisError> {
+    let nuisances = knee.len();
+    let start = torn_from(candidate, knee);
+    let torn = searcher.standing(std::slice::from_ref(candidate), start, &search.readings)?;
+    let sizes: Vec<usize> = (nuisances..torn.unknowns.len()).collect();
+    searcher.fit_holding((&torn.hypothesis, &sizes), (&torn.unknowns, &torn.coordinates()), search)
+}
+
+/// The largest fall of a reference strain among some unknowns, from the model as given to a fit [-].
+fn slack(problem: &Problem, fit: &Fit, own: &[usize]) -> f64 {
+    let nuisance = &problem.nuisance;
+    let is_strain = |k: &&usize| matches!(nuisance.list[**k].quantity, Quantity::ReferenceStrain(_));
+    let fall = |&k: &usize| nuisance.at(k, nuisance.given[k]).0 - nuisance.at(k, fit.unknowns[k]).0;
+    own.iter().filter(is_strain).map(fall).fold(0.0, f64::max)
+}
+
+/// The most that a structure carries in any trial at a fit [N].
+fn most(problem: &Problem, fit: &Fit, structure: &str) -> Result<f64, DiagnosisError> {
+    let models = problem.models_at(&fit.unknowns)?;
+    let names = models.shared().bundle_names();
+    let in_trial = |(trial, rest): (&inference::trial::Trial, &sim::equilibrium::Equilibrium)| {
+        let model = models.of(trial.source);
+        let forces = model.bundle_forces(&model.fibre_states(&model.joint.pose(&rest.q)));
+        let own = names.iter().zip(&forces).filter(|(name, _)| crate::effect::belongs(name, structure));
+        own.map(|(_, f)| f).sum::<f64>()
+    };
+    Ok(problem.trials.iter().zip(&fit.linear.rests).map(in_trial).fold(0.0, f64::max))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn structure(name: &str, fits_worse_torn: bool, would_earn: Option<f64>) -> MayBeTorn {
+        let structure = name.to_owned();
+        let (log_odds, given_n, now_n, slack) = (0.0, 100.0, 100.0, 0.0);
+        MayBeTorn { structure, log_odds, given_n, now_n, slack, against_given: 0.0, fits_worse_torn, would_earn }
+    }
+
+    #[test]
+    fn a_structure_is_closed_only_where_the_data_speak_against_its_tear_and_would_have_named_it() {
+        for (earns, is_missed) in [(Some(3.0), true), (Some(60.0), false), (None, false)] {
+            assert!(is_open(&structure("PCL", false, earns), 5.0));
+            assert_eq!(is_open(&structure("PCL", true, earns), 5.0), is_missed);
+            // one that the data want slacker is no exception
+            let slack = MayBeTorn { now_n: 40.0, against_given: 14.0, ..structure("PCL", true, earns) };
+            assert!(is_open(&slack, 5.0) == is_missed && !slack.is_slackened());
+        }
+    }
+
+    #[test]
+    fn what_injuries_take_most_is_told_first() {
+        let mut told = ["POL", "LCL", "ACL", "PCAP", "sMCL", "PCL"].map(|name| structure(name, false, None));
+        told.sort_by_key(place);
+        let first: Vec<&str> = told.iter().take(4).map(|t| t.structure.as_str()).collect();
+        assert_eq!(first, INJURED);
+        // each is a structure that the catalogue may call lost
+        let losses =
+            crate::effect::catalogue::Catalogue::shipped().effect.into_iter().find(|e| e.id == "structure_loss");
+        assert!(losses.is_some_and(|e| INJURED.iter().all(|s| e.variants.iter().any(|v| v == s))));
+    }
+}

@@ -1,0 +1,421 @@
+//! The answer in plain words, before any number of statistics: what it means, and what would tell.
+
+use crate::effect::catalogue::Catalogue;
+use crate::fit::next_test::NextTest;
+use crate::fit::share_at_whole;
+use crate::report::plain_unnamed::{closing, closing_most, contradictions, leaves_most, meaning, noise};
+use crate::report::words::{figures, from_before, listed, next_tells, place_of, with_unit};
+use crate::report::{Answer, Carried, Diagnosis, LeftOut, MayBeTorn, Named, Verdict};
+use std::fmt::Write;
+
+/// Expected log odds below which no single test is worth calling one that would tell [nats]: odds of less than three to one.
+const WOULD_TELL: f64 = 1.0;
+/// Flexion up to which a forward drawer is a Lachman test [deg].
+const LACHMAN_DEG: f64 = 30.0;
+/// Ligament force in the report's tests from which it is told as unlikely [N]: twice the drawer of 133 N. Ours: in cadavers the ACL carries about the load of a
+/// drawer [sakane1997].
+const UNLIKELY_N: f64 = 267.0;
+
+/// The head of a diagnosis in plain words: what it means first; then a line for each thing to know or to do.
+pub(crate) fn plain(catalogue: &Catalogue, d: &Diagnosis) -> String {
+    let mut out = match d.verdict {
+        Verdict::None => nothing(d),
+        Verdict::Unnamed => unnamed(catalogue, d),
+        _ => named(catalogue, d),
+    };
+    if d.verdict != Verdict::Unnamed {
+        out += &contradictions(&d.contradictions);
+    }
+    // beside an answer, what is rough may be the answer's own
+    if d.answers.is_empty() {
+        out += &noise(&d.noise);
+    }
+    let aside = d.left_out.as_ref().map_or(String::new(), left_out);
+    for more in [test(d), unlikely(&d.ligament_forces), from_before(d), aside].iter().filter(|m| !m.is_empty()) {
+        let _ = write!(out, "\n{more}");
+    }
+    out
+}
+
+fn named(catalogue: &Catalogue, d: &Diagnosis) -> String {
+    let answers: Vec<String> = d.answers.iter().map(|a| answer(catalogue, a)).collect();
+    let Some((first, others)) = answers.split_first() else { return String::new() };
+    let mut out = match d.verdict {
+        Verdict::Decisive => format!("{}.", capital(first)),
+        Verdict::Probable => format!("Most likely {first}."),
+        _ => format!("{}.", capital(first)),
+    };
+    if !others.is_empty() {
+        let how = if d.verdict == Verdict::OneOf { "Or" } else { "These data alone would not exclude that" };
+        let _ = write!(out, " {how} {}.", others.join(", or "));
+    }
+    out
+}
+
+fn unnamed(catalogue: &Catalogue, d: &Diagnosis) -> String {
+    let bare = |words: String| words.trim_start_matches("there is").trim_start_matches([':', ' ']).to_owned();
+    let near: Vec<String> = d.best.iter().map(|e| bare(effect(catalogue, e))).collect();
+    let mut out = meaning(d);
+    if !near.is_empty() {
+        let _ = write!(out, "\nThe nearest, though not good enough: {}{}.", near.join(", with "), closing(d));
+        out += &leaves_most(d);
+    }
+    let others: Vec<String> = closing_most(d)
+        .into_iter()
+        .map(|(effects, share)| {
+            let names: Vec<String> = effects.iter().map(|e| bare(effect(catalogue, e))).collect();
+            format!("{} ({:.0} %)", names.join(", with "), 100.0 * share)
+        })
+        .collect();
+    if !others.is_empty() {
+        let _ = write!(out, "\nOf what is less likely, these close most of that gap: {}.", others.join("; or "));
+    }
+    out
+}
+
+/// What `none` means: whether all is explained, and which tears such trials would not have named.
+fn nothing(d: &Diagnosis) -> String {
+    let worst = d.map.iter().filter(|c| c.significant).max_by(|a, b| a.z.abs().total_cmp(&b.z.abs()));
+    let mut out = worst.map_or("Nothing is missing from the model that these trials show.".to_owned(), |c| {
+        format!(
+            "The model misses these trials in places by more than noise, most in {}. No effect of the catalogue explains that.",
+            place_of(c)
+        )
+    });
+    let (slack, open): (Vec<&MayBeTorn>, Vec<&MayBeTorn>) = d.may_be_torn.iter().partition(|t| t.is_slackened());
+    for (k, t) in slack.iter().enumerate() {
+        let _ = write!(out, " {} it fits only with {}", if k == 0 { "But" } else { "And" }, slackened(t));
+    }
+    let open: Vec<&str> = open.iter().map(|t| t.structure.as_str()).collect();
+    if !open.is_empty() {
+        let _ = write!(out, " A whole tear of the {} would not be named by these trials.", listed(&open, "or"));
+    }
+    if !d.may_be_torn.is_empty() && d.before.is_empty() {
+        out += " What the same knee read while it was whole would tell (--before NAME=FILE).";
+    }
+    out
+}
+
+/// A structure slacker than it was given, with which alone the model fits, and what that may be.
+fn slackened(t: &MayBeTorn) -> String {
+    let MayBeTorn { structure, now_n, given_n, slack, .. } = t;
+    format!(
+        "a slacker {structure} than the model as given has ({now_n:.0} N at most in these trials, not {given_n:.0} N): that is torn, or slack by \
+         {:.0} % of its length or more, and these trials cannot tell which.",
+        100.0 * slack
+    )
+}
+
+/// That trials were left out, and how many.
+fn left_out(of: &LeftOut) -> String {
+    let (out, all) = (of.trials.len(), of.of);
+    let (were, there) = if out == 1 { ("was", "it") } else { ("were", "each") };
+    format!("{out} of {all} trials {were} left out, since the knee lies out of its joint in {there}.")
+}
+
+fn answer(catalogue: &Catalogue, a: &Answer) -> String {
+    a.effects.iter().map(|e| effect(catalogue, e)).collect::<Vec<_>>().join(", and ")
+}
+
+/// An effect as a clause.
+fn effect(catalogue: &Catalogue, e: &Named) -> String {
+    let place = if e.scope == "both" { String::new() } else { format!(" in {}", e.scope) };
+    let Ok((found, _)) = catalogue.find(&e.effect) else { return format!("{}{place}", e.effect) };
+    let about = e.variant.as_deref().filter(|v| !v.starts_with("about ")).unwrap_or("ligament");
+    let share = found.parameter.iter().find_map(|p| Some((e.parameters.get(&p.key)?, p, p.whole?)));
+    if let Some((value, of, whole)) = share {
+        let (low, high) = value.interval(Some(of));
+        let percent = |x: f64| 100.0 * x / whole;
+        return if high >= whole {
+            let weight = share_at_whole((value.value, value.sd), of).unwrap_or_default();
+            format!(
+                "the {about} is torn{place} (weight {weight:.2}), or has lost {:.0} % or more of what it carries",
+                percent(low)
+            )
+        } else {
+            format!("the {about} has lost {:.0} to {:.0} % of what it carries{place}", percent(low), percent(high))
+        };
+    }
+    if found.id == "attachment" {
+        let off = e.parameters.values().map(|v| v.value * v.value).sum::<f64>().sqrt();
+        return format!("the {about} is attached {off:.0} mm from where the model has it");
+    }
+    let main = found
+        .parameter
+        .iter()
+        .filter(|p| !p.shape)
+        .filter_map(|p| e.parameters.get(&p.key))
+        .max_by(|a, b| (a.value / a.sd).abs().total_cmp(&(b.value / b.sd).abs()));
+    let size = main.map_or(String::new(), |v| format!(" ({})", with_unit(v.value, &v.unit)));
+    let article = if found.title.starts_with("a ") { "there is" } else { "there is:" };
+    format!("{article} {}{place}{size}", found.title)
+}
+
+fn capital(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map_or(String::new(), |first| first.to_uppercase().chain(letters).collect())
+}
+
+/// The test that would tell, where an answer is open.
+fn test(d: &Diagnosis) -> String {
+    let is_open = d.answers.len() > 1 || matches!(d.verdict, Verdict::Unnamed) || !d.may_be_torn.is_empty();
+    let Some(best) = d.next_tests.first().filter(|_| is_open) else { return String::new() };
+    let what = next_tells(d);
+    if best.expected_gain < WOULD_TELL {
+        // log odds are no words for a head: so many to one
+        return format!(
+            "No single test of usual load would tell {what}. The best, {}, makes one at most {} times as likely against the other as it is now.",
+            told(best),
+            figures(best.expected_gain.exp())
+        );
+    }
+    let careful = if best.gives_way { " The knee may give way in it: begin with less load." } else { "" };
+    format!("{} would tell {what}.{careful}", capital(&told(best)))
+}
+
+/// A test as a clinician calls it.
+fn told(t: &NextTest) -> String {
+    let load = t.load.abs();
+    let name = match t.test.as_str() {
+        "anterior" if t.flexion_deg <= LACHMAN_DEG => format!("a Lachman test ({load:.0} N forward"),
+        "anterior" => format!("an anterior drawer ({load:.0} N"),
+        "posterior" => format!("a posterior drawer ({load:.0} N"),
+        "internal" | "external" => format!("an {} rotation ({load:.0} N m", t.test),
+        "varus" | "valgus" => format!("a {} test ({load:.0} N m", t.test),
+        other => format!("a {other} trial (unloaded"),
+    };
+    format!("{name} at {:.0} deg, in {})", t.flexion_deg, t.source)
+}
+
+/// The unlikeliest load that an answer puts into a ligament.
+fn unlikely(forces: &[Carried]) -> String {
+    let is_unlikely = |c: &&Carried| c.with_n >= UNLIKELY_N && c.with_n > c.without_n;
+    let most = forces.iter().filter(is_unlikely).max_by(|a, b| a.with_n.total_cmp(&b.with_n));
+    most.map_or(String::new(), |c| {
+        format!("Beware: the answer has the {} carry {:.0} N under {}, an unlikely load.", c.ligament, c.with_n, c.test)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::{Tried, Unexplained, Value};
+
+    fn lost(structure: &str, value: f64, sd: f64) -> Named {
+        let parameters = [("loss".to_owned(), Value { value, sd, unit: "-".into() })].into();
+        Named { effect: "structure_loss".into(), scope: "both".into(), variant: Some(structure.into()), parameters }
+    }
+
+    #[test]
+    fn a_loss_is_told_as_a_tear_only_where_all_may_be_lost() {
+        let words = |value, sd| effect(&Catalogue::shipped(), &lost("ACL", value, sd));
+        // of what may be all, the share of a tear stands beside the interval of a part
+        assert_eq!(words(1.0, 0.05), "the ACL is torn (weight 0.98), or has lost 92 % or more of what it carries");
+        assert_eq!(words(0.5, 0.1), "the ACL has lost 34 to 66 % of what it carries");
+    }
+
+    fn torn(structure: &str) -> MayBeTorn {
+        MayBeTorn {
+            structure: structure.into(),
+            log_odds: -1.0,
+            given_n: 150.0,
+            now_n: 150.0,
+            slack: 0.067,
+            against_given: 0.0,
+            fits_worse_torn: false,
+            would_earn: Some(1.0),
+        }
+    }
+
+    fn none(may_be_torn: Vec<MayBeTorn>) -> Diagnosis {
+        let gap = crate::report::Gap {
+            before: 1.0,
+            after: 1.0,
+            floor: 1.0,
+            closed: 0.0,
+            rmse_before: std::collections::BTreeMap::new(),
+            rmse_after: std::collections::BTreeMap::new(),
+        };
+        Diagnosis {
+            schema: "diagnosis/1".into(),
+            verdict: Verdict::None,
+            answers: vec![],
+            plain: String::new(),
+            description: String::new(),
+            added: vec![],
+            gap: crate::report::GapReport { held_out: gap, control: None },
+            map: vec![],
+            map_after: vec![],
+            map_left_out: vec![],
+            curves: vec![],
+            not_testable: vec![],
+            without: vec![],
+            missable: vec![],
+            next_tests: vec![],
+            noise: vec![],
+            ligaments: vec![],
+            ligament_forces: vec![],
+            threshold: 5.0,
+            wildcard: 0.0,
+            wildcard_alone: None,
+            exchanged: None,
+            left_out: None,
+            before: vec![],
+            contradictions: vec![],
+            unexplained: None,
+            may_be_torn,
+            misfit: [1.0, 1.0],
+            best: vec![],
+            best_log_bayes_factor: None,
+            provenance: None,
+        }
+    }
+
+    fn head(d: &Diagnosis) -> String {
+        plain(&Catalogue::shipped(), d)
+    }
+
+    #[test]
+    fn where_nothing_is_named_each_tear_that_would_be_missed_is_told() {
+        let open = none(["ACL", "sMCL", "POL"].map(torn).into());
+        assert!(head(&open).contains("A whole tear of the ACL, sMCL or POL would not be named by these trials."));
+        let closed = head(&none(vec![]));
+        assert_eq!(closed, "Nothing is missing from the model that these trials show.");
+    }
+
+    #[test]
+    fn a_slack_ligament_is_told_where_a_tear_of_it_fits_and_no_other() {
+        let slack = MayBeTorn { now_n: 40.0, against_given: 14.0, ..torn("PCL") };
+        let told = head(&none(vec![slack.clone(), MayBeTorn { structure: "LCL".into(), ..slack.clone() }]));
+        assert!(
+            told.contains("But it fits only with a slacker PCL")
+                && told.contains("And it fits only with a slacker LCL"),
+            "{told}"
+        );
+        assert!(
+            told.contains("that is torn, or slack by 7 % of its length or more, and these trials cannot tell which."),
+            "{told}"
+        );
+        // calibrations of one knee differ: less force alone is no finding where a tear fits worse
+        let told = head(&none(vec![MayBeTorn { fits_worse_torn: true, would_earn: Some(1.0), ..slack }]));
+        assert!(!told.contains("slacker") && told.contains("A whole tear of the PCL would not be named"), "{told}");
+    }
+
+    #[test]
+    fn a_misfit_beyond_noise_is_told_before_all_else() {
+        let cell = |z: f64, significant| crate::search::map::Cell {
+            source: "rks".into(),
+            test: "posterior".into(),
+            nominal_flexion_deg: 30.0,
+            load_sign: -1,
+            dof: "ie".into(),
+            z,
+            mean: 1.0,
+            significant,
+        };
+        let within = head(&Diagnosis { map: vec![cell(2.0, false)], ..none(vec![]) });
+        assert!(within.starts_with("Nothing is missing"), "{within}");
+        let beyond = head(&Diagnosis { map: vec![cell(2.0, false), cell(3.8, true)], ..none(vec![torn("PCL")]) });
+        assert!(beyond.contains("IE of rks posterior at 30 deg") && !beyond.contains("Nothing is missing"), "{beyond}");
+        assert!(beyond.contains("A whole tear of the PCL"), "{beyond}");
+    }
+
+    #[test]
+    fn what_closes_most_of_the_gap_stands_in_the_head_beside_the_nearest() {
+        let named = |effect: &&str| Named {
+            effect: (*effect).into(),
+            scope: "kla".into(),
+            variant: None,
+            parameters: std::collections::BTreeMap::new(),
+        };
+        let tried = |names: &[&str], unseen: f64| Tried {
+            effects: names.iter().map(named).collect(),
+            closes: 0.3,
+            closes_held_out: Some(unseen),
+            leaves: Some(3.2),
+            log_bayes_factor: 10.0,
+            against: vec![crate::report::Against::LeavesTooMuch],
+        };
+        let nearest = ["capsule_envelope", "tibia_frame"];
+        let head_of = |others: Vec<Tried>| {
+            let tried = [vec![tried(&nearest, 0.67)], others].concat();
+            let unexplained = Some(Unexplained { data_sets: vec![], two_knees: None, tried, left: vec![] });
+            let best = nearest.iter().map(named).collect();
+            head(&Diagnosis { verdict: Verdict::Unnamed, best, unexplained, ..none(vec![]) })
+        };
+        let told = head_of(vec![
+            tried(&["femur_frame"], 0.56),
+            tried(&["tibia_frame", "load_gain"], 1.0),
+            tried(&["gravity"], 0.13),
+        ]);
+        assert!(told.contains("it closes 67 % of that gap"), "{told}");
+        let others = "turned tibial frame in kla, with scale of the recorded load in kla (100 %); or turned femoral frame in kla (56 %).";
+        assert!(told.contains(others) && !told.contains("(13 %)"), "{told}");
+        // where no other closes most of it, there is no word of others
+        assert!(!head_of(vec![tried(&["gravity"], 0.13)]).contains("close most"));
+    }
+
+    #[test]
+    fn trials_that_were_left_out_and_data_from_before_stand_in_the_head_of_any_verdict() {
+        let trials = vec!["rks valgus_60deg_10".to_owned(), "kla anterior_90deg_89".to_owned()];
+        for verdict in [Verdict::None, Verdict::Unnamed, Verdict::Decisive] {
+            let left_out = Some(LeftOut { trials: trials.clone(), of: 54 });
+            let told = head(&Diagnosis { verdict, left_out, before: vec!["kla0".into()], ..none(vec![]) });
+            assert!(told.contains("2 of 54 trials were left out") && told.contains("before (kla0)"), "{told}");
+            let told = head(&Diagnosis { verdict, ..none(vec![]) });
+            assert!(!told.contains("left out") && !told.contains("before (kla0"), "{told}");
+        }
+    }
+
+    #[test]
+    fn a_test_says_what_it_would_tell_and_no_head_speaks_of_log_odds() {
+        let best = |expected_gain| NextTest {
+            test: "posterior".into(),
+            flexion_deg: 75.0,
+            load: -130.0,
+            source: "kla".into(),
+            expected_gain,
+            gives_way: false,
+        };
+        for gain in [0.14, 5.6] {
+            let told = head(&Diagnosis { next_tests: vec![best(gain)], ..none(vec![torn("PCL")]) });
+            assert!(told.contains("would tell whether the PCL is torn") && !told.contains("log odds"), "{told}");
+            assert_eq!(told.contains("No single test"), gain < 1.0, "{told}");
+        }
+    }
+
+    #[test]
+    fn tests_are_said_to_tell_answers_apart_where_there_are_answers_alone() {
+        for may_be_torn in [vec![], vec![torn("LCL")]] {
+            assert_ne!(next_tells(&none(may_be_torn.clone())), "the answers apart");
+            let told = next_tells(&Diagnosis { verdict: Verdict::OneOf, ..none(may_be_torn) });
+            assert_eq!(told, "the answers apart");
+        }
+    }
+
+    #[test]
+    fn a_forward_drawer_is_a_lachman_test_near_extension_alone() {
+        let at = |flexion_deg| NextTest {
+            test: "anterior".into(),
+            flexion_deg,
+            load: 130.0,
+            source: "kla".into(),
+            expected_gain: 4.0,
+            gives_way: false,
+        };
+        assert_eq!(told(&at(15.0)), "a Lachman test (130 N forward at 15 deg, in kla)");
+        assert_eq!(told(&at(75.0)), "an anterior drawer (130 N at 75 deg, in kla)");
+    }
+
+    #[test]
+    fn a_load_that_the_answer_itself_puts_into_a_ligament_is_told_where_nobody_has_seen_it() {
+        let carried = |without_n, with_n| Carried {
+            ligament: "PCL".into(),
+            test: "133 N forward at 30 deg".into(),
+            without_n,
+            with_n,
+        };
+        assert!(unlikely(&[carried(20.0, 361.0)]).contains("361 N under 133 N forward"));
+        assert_eq!(unlikely(&[carried(20.0, 140.0), carried(400.0, 361.0)]), "");
+    }
+}
