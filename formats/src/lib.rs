@@ -137,6 +137,8 @@ pub fn surface_format(name: &str, bytes: &[u8]) -> Result<SurfaceFormat, FormatE
         return refuse("the file is a web page, perhaps an error page saved in place of the download");
     } else if starts(b"PK\x03\x04") {
         return refuse("the file is a zip archive (or 3MF): unpack or export it");
+    } else if starts(b"\x1f\x8b") {
+        return refuse("the file is packed (gzip): unpack it");
     } else if starts(b"glTF") {
         return refuse("the file is glTF: export it");
     } else if [&b"OFF"[..], b"COFF", b"NOFF"].iter().any(|word| starts(word)) {

@@ -35,12 +35,35 @@ pub fn read_labels(bytes: &[u8]) -> Result<Labels, FormatError> {
 
 /// Whether the header says where its voxels lie, by qform or sform.
 pub fn says_place(bytes: &[u8]) -> bool {
+    header_of(bytes).is_none_or(|header| header.qform || header.sform)
+}
+
+/// How far apart the header's sform and qform place one corner of the picture, at most [mm]; none where it has not both.
+pub fn places_apart(bytes: &[u8]) -> Option<f64> {
+    let header = header_of(bytes).filter(|h| h.sform && h.qform)?;
+    let pixel = Vector::from_fn(|k, _| header.pixdim[k + 1]);
+    let by_sform = Matrix3::from_fn(|r, c| header.rows[4 * r + c]);
+    let turn = by_sform - qform(&header, &pixel);
+    let shift = Vector::from_fn(|r, _| header.rows[4 * r + 3]) - Vector::from(header.offset);
+    let last: [f64; 3] = [1, 2, 3].map(|k| header.dims.get(k).map_or(0.0, |n| (n - 1).max(0) as f64));
+    let corner = |bits: usize| Vector::from_fn(|k, _| if (bits >> k) & 1 == 1 { last[k] } else { 0.0 });
+    let far = (0..8).map(|bits| (turn * corner(bits) + shift).norm()).fold(0.0, f64::max);
+    let mm = match header.units {
+        1 => 1000.0,
+        3 => 0.001,
+        _ => 1.0,
+    };
+    (mm * far).is_finite().then_some(mm * far)
+}
+
+/// The header of a file, packed or not; none of another file.
+fn header_of(bytes: &[u8]) -> Option<Header> {
     let mut head = Vec::with_capacity(HEADER_2);
     let read = match bytes.starts_with(&[0x1f, 0x8b]) {
         true => MultiGzDecoder::new(bytes).take(HEADER_2 as u64).read_to_end(&mut head),
         false => bytes.take(HEADER_2 as u64).read_to_end(&mut head),
     };
-    read.is_err() || parse(&head).map_or(true, |header| header.qform || header.sform)
+    read.ok().and_then(|_| parse(&head).ok())
 }
 
 /// Writes a volume gzipped, in whole numbers of 16 bits where all values are such, else in f32.
@@ -107,7 +130,7 @@ fn open(bytes: &[u8]) -> Result<Raw, FormatError> {
     let rest = header.dims.get(4..=axes.clamp(3, 7) as usize).unwrap_or_default();
     if !(3..=7).contains(&axes) || header.dims[1..4].iter().any(|n| *n < 1) || rest.iter().any(|n| *n != 1) {
         return refuse(format!(
-            "the volume has axes {axes} and sizes {:?}; expected one volume of three axes",
+            "the volume has axes {axes} and sizes {:?}; expected one volume of three axes (a structure a volume, one-hot or in probabilities: write them as numbers of one label map)",
             &header.dims[1..]
         ));
     }
@@ -436,5 +459,35 @@ mod tests {
         assert!(one != other.is_ok());
         let told = if one { other.unwrap_err().0 } else { String::new() };
         assert!(!one || told.contains("mirrors"), "{told}");
+    }
+
+    #[test]
+    fn a_volume_a_structure_is_refused_with_what_to_write() {
+        let mut bytes = plain(&volume());
+        (bytes[40], bytes[48]) = (4, 6);
+        let told = read(&bytes).unwrap_err().0;
+        assert!(told.contains("expected one volume") && told.contains("one label map"), "{told}");
+    }
+
+    #[test]
+    fn two_placements_of_one_header_are_measured_against_each_other() {
+        let mut bytes = plain(&volume());
+        assert_eq!(places_apart(&bytes), None, "no qform");
+        // a qform of the same axes, as near as a quaternion has them
+        let axes = Matrix3::from_diagonal(&Vector::new(0.75, 0.75, 0.6));
+        let square = Volume { grid: Grid { axes, ..volume().grid }, values: volume().values };
+        let mut same = plain(&square);
+        same[252] = 1;
+        // half a turn about the superior axis, as our frame lies in NIfTI's
+        same[264..268].copy_from_slice(&1f32.to_le_bytes());
+        let offset = [12.5f32, -7.25, 103.0];
+        for (k, x) in offset.into_iter().enumerate() {
+            same[268 + 4 * k..272 + 4 * k].copy_from_slice(&x.to_le_bytes());
+        }
+        assert!(places_apart(&same).unwrap() < 1e-4, "{:?}", places_apart(&same));
+        same[268..272].copy_from_slice(&32.5f32.to_le_bytes());
+        assert!((places_apart(&same).unwrap() - 20.0).abs() < 1e-4, "{:?}", places_apart(&same));
+        bytes[40] = 0;
+        assert_eq!(places_apart(&bytes[..100]), None);
     }
 }

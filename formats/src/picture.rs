@@ -100,7 +100,19 @@ pub fn read_labels(name: &str, bytes: &[u8], files: &BTreeMap<String, Vec<u8>>) 
             Kind::NoHeaderPlace.notice("the header says not where its voxels lie (qform and sform are 0), so no one knows which way is left: axes are taken as right, anterior, superior"),
         );
     }
+    map.notes.extend(two_places(bytes));
     Ok(map)
+}
+
+/// sform and qform of one header that place its voxels farther apart than this are told [mm]: a voxel's size. Ours.
+const PLACES_MM: f64 = 1.0;
+
+/// What is told of a NIfTI whose header places its voxels twice, at two places.
+fn two_places(bytes: &[u8]) -> Option<Notice> {
+    let mm = nifti::places_apart(bytes).filter(|mm| *mm > PLACES_MM)?;
+    Some(Kind::NoHeaderPlace.notice(format!(
+        "the header's sform and qform place its voxels up to {mm:.0} mm apart: the sform is taken, and other programs take the qform. Look whether the bones lie where the other files of this knee have them; else export the picture anew"
+    )))
 }
 
 /// Whether the content says that it is NRRD, MetaImage or NIfTI that is not packed.

@@ -213,7 +213,7 @@ fn least_bytes(data_type: &PropertyType) -> usize {
 
 fn check_vertex(element: &ElementDef) -> Result<(), FormatError> {
     for key in ["x", "y", "z"] {
-        if !element.properties.contains_key(key) {
+        if !element.properties.keys().any(|name| name.eq_ignore_ascii_case(key)) {
             return Err(FormatError(format!("the PLY's vertices have no property `{key}`")));
         }
     }
@@ -294,9 +294,9 @@ struct Vertex {
 impl Vertex {
     fn set(&mut self, name: &str, value: f64) -> PropertyAccessResult {
         match name {
-            "x" => self.position[0] = value,
-            "y" => self.position[1] = value,
-            "z" => self.position[2] = value,
+            "x" | "X" => self.position[0] = value,
+            "y" | "Y" => self.position[1] = value,
+            "z" | "Z" => self.position[2] = value,
             "s" | "u" | "texture_u" => self.texture.get_or_insert([0.0; 2])[0] = value,
             "t" | "v" | "texture_v" => self.texture.get_or_insert([0.0; 2])[1] = value,
             _ => {

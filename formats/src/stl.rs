@@ -25,11 +25,15 @@ pub fn read(bytes: &[u8]) -> Result<TriMesh, FormatError> {
             bytes.len()
         )));
     } else {
-        let count = u64::from(count(bytes));
+        let (count, length) = (u64::from(count(bytes)), bytes.len() as u64);
+        let counted = HEADER as u64 + FACET as u64 * count;
+        let cause = if length < counted {
+            "it was cut short or is no STL; export or copy it again"
+        } else {
+            "its program left the count unfilled or wrote more behind the triangles, or it is no STL; open it in MeshLab and export it again"
+        };
         return Err(FormatError(format!(
-            "the header counts {count} triangles, which take {} bytes, but the file has {}: it was cut short or is no STL; export or copy it again",
-            HEADER as u64 + FACET as u64 * count,
-            bytes.len()
+            "the header counts {count} triangles, which take {counted} bytes, but the file has {length}: {cause}"
         )));
     };
     refuse_not_finite(&mesh.vertices)?;

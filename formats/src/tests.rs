@@ -112,6 +112,9 @@ fn an_stl_that_lies_is_refused_with_the_place() {
         bytes[80..84].copy_from_slice(&count.to_le_bytes());
         assert!(message(read_any("a.stl", &bytes)).contains(&format!("counts {count} triangles")));
     }
+    let appended = [binary_stl(&cuboid([1.0; 3])), vec![0; 100]].concat();
+    assert!(message(read_any("a.stl", &appended)).contains("wrote more behind the triangles"));
+    assert!(message(read_any("a.stl", &appended[..600])).contains("cut short"));
     let mut bytes = binary_stl(&cuboid([1.0; 3]));
     bytes[84 + 12..84 + 16].copy_from_slice(&f32::NAN.to_le_bytes());
     assert!(message(read_any("a.stl", &bytes)).contains("vertex 1 has a coordinate that is not a finite number"));
@@ -129,6 +132,22 @@ fn an_stl_that_lies_is_refused_with_the_place() {
         let said = message(read_any("a.stl", text.as_bytes()));
         assert!(said.contains(expected), "{said}");
     }
+}
+
+#[test]
+fn a_ply_with_capital_coordinates_is_read_and_a_packed_surface_named() {
+    let scan = ColouredMesh { mesh: cuboid([1.0, 2.0, 3.0]), colours: Vec::new() };
+    let mut plain = Vec::new();
+    ply::write(&mut plain, &scan.mesh, &[]).unwrap();
+    let header = plain.windows(10).position(|w| w == b"end_header").unwrap();
+    let capital = String::from_utf8(plain[..header].to_vec()).unwrap();
+    let capital = ["x", "y", "z"]
+        .iter()
+        .fold(capital, |text, axis| text.replacen(&format!(" {axis}\n"), &format!(" {}\n", axis.to_uppercase()), 1));
+    assert!(capital.contains(" X\n") && capital.contains(" Z\n"), "{capital}");
+    let bytes = [capital.as_bytes(), &plain[header..]].concat();
+    assert_eq!(read_any("a.ply", &bytes).unwrap().mesh, read_any("a.ply", &plain).unwrap().mesh);
+    assert!(message(read_any("a.stl.gz", b"\x1f\x8b\x08\x00")).contains("packed (gzip): unpack it"));
 }
 
 #[test]

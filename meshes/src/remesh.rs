@@ -54,6 +54,7 @@ pub fn remesh(mesh: &TriMesh, labels: &[u32], options: &RemeshOptions) -> Result
         relax(&mut edges, &shape);
         if round + 1 == options.rounds {
             flip_for_angle(&mut edges);
+            mend_slivers(&mut edges, options.edge_mm);
         }
     }
     Ok(edges.compacted())
@@ -196,6 +197,50 @@ fn flip_for_angle(edges: &mut HalfEdges) {
         {
             edges.flip(h);
         }
+    }
+}
+
+/// Triangles of less quality than this are slivers [-]: needles of 15 degrees and less. Four published bones and their phantoms have none below 0.7 but for a few such.
+const SLIVER: f64 = 0.45;
+/// Mending a sliver may leave another beside it; this many passes at most [-].
+const PASSES: usize = 3;
+
+/// Removes slivers that the last move left: three points that it laid onto one straight feature. The longest edge turns; where it cannot, a corner
+/// goes along a feature, or into a neighbour.
+fn mend_slivers(edges: &mut HalfEdges, edge_mm: f64) {
+    for _ in 0..PASSES {
+        let slivers: Vec<u32> = (0..edges.dead.len() as u32).filter(|&t| is_sliver(edges, t)).collect();
+        if slivers.is_empty() {
+            return;
+        }
+        for t in slivers {
+            // a neighbour's mending may have removed or mended it
+            if is_sliver(edges, t) {
+                mend_sliver(edges, t, edge_mm);
+            }
+        }
+    }
+}
+
+fn is_sliver(edges: &HalfEdges, t: u32) -> bool {
+    let [a, b, c] = [0, 1, 2].map(|k| edges.points[edges.start[(3 * t + k) as usize] as usize]);
+    !edges.dead[t as usize] && shape_quality(&a, &b, &c) < SLIVER
+}
+
+fn mend_sliver(edges: &mut HalfEdges, t: u32, edge_mm: f64) {
+    let mut sides = [0, 1, 2].map(|k| 3 * t + k);
+    sides.sort_by(|x, y| edges.length(*y).total_cmp(&edges.length(*x)).then(x.cmp(y)));
+    let longest = sides[0];
+    let turned = longest.min(edges.twin[longest as usize]);
+    if let Some(corners) = flippable(edges, turned)
+        && flip_is_sound(edges, corners, 1.05)
+    {
+        return edges.flip(turned);
+    }
+    let both_ways = sides.into_iter().rev().flat_map(|h| [h, edges.twin[h as usize]]);
+    let found = both_ways.collect::<Vec<_>>().into_iter().find(|&h| may_collapse(edges, h, 2.0 * edge_mm));
+    if let Some(h) = found {
+        edges.collapse(h);
     }
 }
 

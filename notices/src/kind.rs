@@ -174,6 +174,7 @@ kinds! {
     JointWasBetter Light "A fit that the joint calibration improved.",
     NoiseStated Light "Another noise than the file states.",
     OutsidePrior Light "A value outside its interval before the data.",
+    PriorUnused Light "A shared prior of numbers that the knee has not.",
     NoDerivatives Light "No derivatives at the best point.",
     CalibratedAlready Light "A model that is calibrated already.",
     // simulate, validate, diagnose

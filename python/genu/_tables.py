@@ -44,8 +44,10 @@ def table_text(table: Any) -> str:
     Raises
     ------
     InputError
-        Columns of unequal length; a row that is no dict.
+        Columns of unequal length, or with rows of other names or in another order; a row that is no dict.
     """
+    if hasattr(table, "collect") and not hasattr(table, "write_csv"):  # a lazy frame of polars
+        table = table.collect()
     if hasattr(table, "to_csv"):
         return str(_with_index(table).to_csv(index=False))
     if hasattr(table, "write_csv"):  # polars
@@ -58,6 +60,7 @@ def table_text(table: Any) -> str:
             longest = max(lengths.values())
             short = ", ".join(f"{name} has {n}" for name, n in lengths.items() if n != longest)
             raise InputError(f"the table's columns are of unequal length: {short}, the others have {longest}")
+        _same_rows({name: table[name] for name in names})
         rows = [dict(zip(names, values)) for values in zip(*columns)]
     else:
         rows = [_row(row) for row in table]
@@ -74,6 +77,18 @@ def _with_index(frame: Any) -> Any:
     """The frame, with a named index as columns: it was one before ``set_index``."""
     names = [name for name in getattr(getattr(frame, "index", None), "names", []) if name is not None]
     return frame.reset_index() if names and not set(names) & set(frame.columns) else frame
+
+
+def _same_rows(columns: dict[Any, Any]) -> None:
+    """Refuses series whose indexes differ: taken as they stand, their rows would not belong together."""
+    indexed = [(name, list(column.index)) for name, column in columns.items() if hasattr(column, "iloc")]
+    for name, index in indexed[1:]:
+        first, own = indexed[0]
+        if index != own:
+            raise InputError(
+                f"the table's columns {first} and {name} have different indexes, so that their rows do not belong together; "
+                "give one frame, or columns without an index (to_list)"
+            )
 
 
 def _column(name: Any, values: Any) -> list[Any]:

@@ -2,6 +2,7 @@
 
 mod labels;
 
+pub(crate) use labels::key_of;
 pub use labels::{LabelGuesses, guess_labels};
 
 use crate::anatomy::{SideEvidence, detect_side, looks_swapped};

@@ -328,10 +328,11 @@ fn believe(fitted: &fit::Fitted, scan: &bare::Scan, options: &RegisterOptions) -
         )
     });
     let what = format!(
-        "the scan does not fit the CT bone: bare bone kept out of the fit lies {} (rms, limit {:.2}) from it, {:.0} % \
+        "the scan does not fit the CT bone: bare bone kept out of the fit lies {} from it and that of the fit {} (rms, limit {:.2}), {:.0} % \
          of the bone-like scan lies on it (limit {:.0} %), predicted mean error {} (limit {:.2}){place}; \
          check that scan and CT are the same bone of the same knee, in mm, at one scale (the distance of slices counts, too) and not mirrored (two columns exchanged mirror a bone)",
         length(fitted.held_out_rms),
+        length(fitted.rms),
         options.rms_limit_mm,
         100.0 * fitted.inlier_fraction,
         100.0 * options.inlier_limit,

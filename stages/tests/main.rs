@@ -5,6 +5,7 @@ mod bones;
 mod cartilage;
 mod common;
 mod frames;
+mod joint;
 mod menisci;
 mod mri;
 mod patella;

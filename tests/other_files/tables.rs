@@ -271,3 +271,22 @@ fn units_and_angles_of_laxity_are_named() {
     let (code, said) = checked(with_laxity("k.csv", &widest).path());
     assert!(code == 0 && said.contains("18 trials"), "{said}");
 }
+
+#[test]
+fn landmarks_in_the_table_that_3d_slicer_exports_are_read_in_the_frame_of_its_columns() {
+    for (axes, sign) in [("l,p,s", 1.0), ("r,a,s", -1.0)] {
+        let folder = knee(&BUILT);
+        let mut out = format!("label,{axes},defined,selected,visible,locked,description\n");
+        for line in text(&folder.path().join("landmarks.csv")).lines().filter(|l| l.contains(",ct,")) {
+            let cells: Vec<&str> = line.split(',').collect();
+            let p: Vec<f64> = cells[2..].iter().map(|c| c.parse().unwrap()).collect();
+            let _ = writeln!(out, "\"{}\",{},{},{},1,1,1,0,\"\"", cells[0], sign * p[0], sign * p[1], p[2]);
+        }
+        std::fs::remove_file(folder.path().join("landmarks.csv")).unwrap();
+        write(&folder.path().join("lm.csv"), out);
+        change(folder.path(), "landmarks.csv", "lm.csv");
+        let (code, words) = checked(folder.path());
+        assert_eq!(code, 0, "{axes}: {words}");
+        holds(&words, &["12 in ct"]);
+    }
+}

@@ -101,7 +101,7 @@ pub(super) fn draw(dice: &mut Dice) -> Trait {
     };
     const TURNED: &[&str] = &["sign", "turned", "point that way", "moves against its load"];
     const UNIT: &[&str] = &["unit", "beyond"];
-    match dice.below(47) {
+    match dice.below(54) {
         0 => of("flexion zeroed", &["zeroed"], {
             Box::new(|folder| {
                 cells(folder, |h, row, c| {
@@ -221,6 +221,25 @@ pub(super) fn draw(dice: &mut Dice) -> Trait {
             whole(|t| t.replacen(",vv_deg,ie_deg", ",ie_deg,vv_deg", 1).into_bytes())
         }),
         46 => of("a unit in the header", &["in cm"], whole(|t| t.replacen("ml_mm", "ml_cm", 1).into_bytes())),
+        48 => of("a sensor of moments not zeroed", &["zeroed"], column("load_ie_nm", |x| x + 1.5)),
+        49 => of("a sensor of forces not zeroed", &["zeroed"], column("load_ap_n", |x| x - 25.0)),
+        50 => of("sizes in ie_deg", &["signs dropped"], column("ie_deg", f64::abs)),
+        51 => of("both flexions ten deg off the names", &["names"], {
+            Box::new(|folder| {
+                let ten = |c: &str| (c.parse::<f64>().unwrap() + 10.0).to_string();
+                cells(folder, |h, _, c| (h == "fe_deg" || h == "nominal_flexion_deg").then(|| ten(c)));
+            })
+        }),
+        52 => of("a web page", &["web page"], {
+            whole(|t| format!("<table><tr><td>{}</td></tr></table>", t.replace(',', "</td><td>")).into_bytes())
+        }),
+        53 => of("a table on its side", &["its side"], {
+            whole(|t| {
+                let rows: Vec<Vec<&str>> = t.lines().map(|line| line.split(',').collect()).collect();
+                let column = |k: usize| rows.iter().map(|row| row[k]).collect::<Vec<_>>().join(",") + "\n";
+                (0..rows[0].len()).map(column).collect::<String>().into_bytes()
+            })
+        }),
         _ => of("load_vv_nm and load_ie_nm exchanged", &["exchanged", "unit", "point that way"], {
             whole(|t| t.replacen("load_vv_nm,load_ie_nm", "load_ie_nm,load_vv_nm", 1).into_bytes())
         }),

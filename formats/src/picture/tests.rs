@@ -123,3 +123,20 @@ fn headers_that_lie_and_cut_files_are_refused() {
         assert!(told.contains(word), "{word}: {told}");
     }
 }
+
+#[test]
+fn a_nifti_header_with_two_placements_is_told_with_their_distance() {
+    use std::io::Read as _;
+    let grid = Grid { size: [4, 3, 2], origin: Point::new(0.0, 0.0, 0.0), axes: nalgebra::Matrix3::identity() };
+    let mut packed = Vec::new();
+    nifti::write_labels(&mut packed, &Labels { grid, values: voxels() }).unwrap();
+    let mut bytes = Vec::new();
+    flate2::read::GzDecoder::new(&packed[..]).read_to_end(&mut bytes).unwrap();
+    let said = |bytes: &[u8]| notices::texts(&read_labels("a.nii", bytes, &none()).unwrap().notes).join("\n");
+    // a qform beside the sform: half a turn about the superior axis, as our frame lies in NIfTI's
+    bytes[252] = 1;
+    bytes[264..268].copy_from_slice(&1f32.to_le_bytes());
+    assert_eq!(said(&bytes), "");
+    bytes[268..272].copy_from_slice(&5f32.to_le_bytes());
+    assert!(said(&bytes).contains("sform and qform place its voxels up to 5 mm apart"), "{}", said(&bytes));
+}

@@ -138,25 +138,31 @@ fn measured(map: &LabelMap) -> (Vec<Label>, BTreeMap<(u8, u8), usize>) {
 fn named(map: &LabelMap) -> BTreeMap<&'static str, u8> {
     let mut found = BTreeMap::new();
     for (name, label) in &map.names {
-        let name = name.to_lowercase();
-        let has = |part: &str| name.contains(part);
-        let (medial, lateral) = (has("med"), has("lat"));
-        let key = match (has("cart"), has("menis"), has("fem"), has("tib"), has("pat"), has("fib")) {
-            (true, _, true, _, _, _) => "femoral_cartilage",
-            (true, _, _, true, _, _) if medial => "tibial_cartilage_medial",
-            (true, _, _, true, _, _) if lateral => "tibial_cartilage_lateral",
-            (true, _, _, _, true, _) => "patellar_cartilage",
-            (_, true, ..) if medial => "meniscus_medial",
-            (_, true, ..) if lateral => "meniscus_lateral",
-            (false, false, true, ..) => "femur",
-            (false, false, _, true, ..) => "tibia",
-            (false, false, _, _, _, true) => "fibula",
-            (false, false, _, _, true, _) => "patella",
-            _ => continue,
-        };
-        found.entry(key).or_insert(*label);
+        if let Some(key) = key_of(name) {
+            found.entry(key).or_insert(*label);
+        }
     }
     found
+}
+
+/// The key of `[segmentation]` that a segment's name means; none where it means none, or may mean two.
+pub(crate) fn key_of(name: &str) -> Option<&'static str> {
+    let name = name.to_lowercase();
+    let has = |part: &str| name.contains(part);
+    let (medial, lateral) = (has("med"), has("lat"));
+    Some(match (has("cart"), has("menis"), has("fem"), has("tib"), has("pat"), has("fib")) {
+        (true, _, true, _, _, _) => "femoral_cartilage",
+        (true, _, _, true, _, _) if medial => "tibial_cartilage_medial",
+        (true, _, _, true, _, _) if lateral => "tibial_cartilage_lateral",
+        (true, _, _, _, true, _) => "patellar_cartilage",
+        (_, true, ..) if medial => "meniscus_medial",
+        (_, true, ..) if lateral => "meniscus_lateral",
+        (false, false, true, ..) => "femur",
+        (false, false, _, true, ..) => "tibia",
+        (false, false, _, _, _, true) => "fibula",
+        (false, false, _, _, true, _) => "patella",
+        _ => return None,
+    })
 }
 
 #[cfg(test)]

@@ -9,6 +9,7 @@ use meshes::query::SurfaceQuery;
 use meshes::surface::{ColouredMesh, TriMesh};
 use meshes::{Point, Vector};
 use notices::{Kind, Notice};
+use std::collections::BTreeSet;
 
 /// Width of the knee that the lengths below are meant for [mm]; they grow with the femur's.
 pub(super) const WIDTH_MM: f64 = 85.0;
@@ -128,6 +129,7 @@ pub(super) fn fibres(
     }
     let refuse = |what: String| Err(StageError::file(path, what));
     warnings.extend(coarse(path, fibres));
+    warnings.extend(copies(path, fibres));
     let ends: Vec<Point> = fibres.iter().map(|f| f.femur).chain(fibres.iter().map(|f| f.tibia)).collect();
     let count = fibres.len();
     let on = |i: usize, p: &Point| {
@@ -185,6 +187,25 @@ fn coarse(path: &str, fibres: &[Fibre]) -> Option<Notice> {
                 "{path}: all its coordinates come in steps of {step} mm: rounded, or written in whole cm? A site is a few millimetres large; expected tenths of a millimetre"
             ))
             .file(path),
+    )
+}
+
+/// Fibres that stand at the same two points as one above them: one line, given several times.
+fn copies(path: &str, fibres: &[Fibre]) -> Option<Notice> {
+    let mut seen = BTreeSet::new();
+    let place = |f: &Fibre| [f.femur, f.tibia].map(|p| [p.x, p.y, p.z].map(f64::to_bits));
+    let again: Vec<&Fibre> = fibres.iter().filter(|f| !seen.insert(place(f))).collect();
+    let first = again.first()?;
+    Some(
+        Kind::FibreCount
+            .notice(format!(
+                "{path}: {} of its fibres stand at the same two points as one above them, the first {} {}: was a line copied? Expected each fibre at its own place in the site",
+                again.len(),
+                first.bundle,
+                first.fibre
+            ))
+            .file(path)
+            .count(again.len()),
     )
 }
 

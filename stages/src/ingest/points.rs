@@ -159,6 +159,8 @@ fn named_points(
 struct Row<'a> {
     path: &'a str,
     line: u64,
+    /// What stands between cells.
+    separator: u8,
     cells: Vec<String>,
 }
 
@@ -171,7 +173,9 @@ impl Row<'_> {
         let mut place = [0.0; 3];
         for (k, value) in place.iter_mut().enumerate() {
             let cell = &self.cells[at + k];
-            *value = match cell.parse::<f64>() {
+            // between other cells than commas, a comma in a number is its decimal point
+            let plain = if self.separator == b',' { cell.clone() } else { cell.replace(',', ".") };
+            *value = match plain.parse::<f64>() {
                 Ok(x) if x.is_finite() => x,
                 _ => {
                     let hint = if cell.contains(',') { "; write a decimal point, not a comma" } else { "" };
@@ -181,6 +185,20 @@ impl Row<'_> {
         }
         Ok(Point::from(place))
     }
+}
+
+/// What stands between the cells of a header: commas, else semicolons, else tabs.
+fn separator(text: &str) -> u8 {
+    let header = text.lines().next().unwrap_or("");
+    [b',', b';', b'\t'].into_iter().find(|c| header.contains(char::from(*c))).unwrap_or(b',')
+}
+
+/// What is said of a column in another unit than mm, as its name says.
+fn in_unit(name: &str, columns: &[&str]) -> Option<String> {
+    let (axis, unit) = name.rsplit_once('_')?;
+    let factor = [("m", 1000.0), ("cm", 10.0), ("in", 25.4), ("um", 0.001)].into_iter().find(|(u, _)| *u == unit)?.1;
+    let column = columns.iter().find(|c| c.strip_suffix("_mm") == Some(axis))?;
+    Some(format!(": it is in {unit}, by its name; multiply it by {factor} and call it {column}"))
 }
 
 fn rows<'a>(
@@ -196,7 +214,7 @@ fn rows<'a>(
         StageError::file(path, format_args!("{kind}; save the table as UTF-8 CSV with header {expected}"))
     })?;
     warnings.extend(table.notes.into_iter().map(|what| what.in_file(path)));
-    let separator = table.separator.map_or(b',', |c| c as u8);
+    let separator = table.separator.map_or_else(|| separator(&table.text), |c| c as u8);
     let mut reader = csv::ReaderBuilder::new()
         .delimiter(separator)
         .trim(csv::Trim::All)
@@ -204,11 +222,12 @@ fn rows<'a>(
         .from_reader(table.text.as_bytes());
     let header = reader.headers().map_err(|e| StageError::file(path, e))?.clone();
     let refuse = |what: String| StageError::line(path, 1, format_args!("{what}; expected the header {expected}"));
-    if header.len() == 1 && header.get(0).is_some_and(|h| h.contains(';') || h.contains('\t')) {
+    if header.len() == 1 && header.get(0).is_some_and(|h| h.contains(['|', ' '])) {
         return Err(refuse("the columns are not separated by commas".into()));
     }
     if let Some(unknown) = header.iter().find(|h| !columns.contains(h)) {
-        return Err(refuse(format!("unknown column `{unknown}`{}", did_you_mean(unknown, columns.iter().copied()))));
+        let hint = in_unit(unknown, columns).unwrap_or_else(|| did_you_mean(unknown, columns.iter().copied()));
+        return Err(refuse(format!("unknown column `{unknown}`{hint}")));
     }
     let mut place = Vec::new();
     for column in columns {
@@ -218,7 +237,7 @@ fn rows<'a>(
     for record in reader.records() {
         let record = record.map_err(|e| StageError::file(path, e))?;
         let line = record.position().map_or(0, csv::Position::line);
-        let mut row = Row { path, line, cells: Vec::new() };
+        let mut row = Row { path, line, separator, cells: Vec::new() };
         if record.len() != header.len() {
             return Err(row.refuse(&format!("{} cells; expected {} ({expected})", record.len(), header.len())));
         }

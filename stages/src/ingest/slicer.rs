@@ -1,4 +1,5 @@
-//! Points as 3D Slicer keeps them: .mrk.json and .fcsv. They are turned to LPS from what the file states.
+//! Points as 3D Slicer keeps them: .mrk.json, .fcsv, and the table that it exports (label, l, p, s or r, a, s).
+//! They are turned to LPS from what the file states.
 
 use crate::StageError;
 use meshes::Point;
@@ -21,7 +22,55 @@ pub(super) fn read(path: &str, bytes: &[u8]) -> Option<Result<Vec<Placed>, Stage
     if lower.ends_with(".json") || text.trim_start().starts_with('{') {
         return Some(markups(text).map_err(fail));
     }
+    if let Some((columns, turn)) = exported(text) {
+        return Some(table(text, columns, turn).map_err(fail));
+    }
     (lower.ends_with(".fcsv") || text.starts_with("# Markups")).then(|| fiducials(text).map_err(fail))
+}
+
+/// Tabs of a line from which on they stand between its cells: a label and three coordinates have three.
+const LEAST_TABS: usize = 3;
+
+/// The cells of a line, between commas or tabs.
+fn cells(line: &str) -> csv::StringRecord {
+    let separator = if line.matches('\t').count() >= LEAST_TABS { b'\t' } else { b',' };
+    let mut reader = csv::ReaderBuilder::new()
+        .has_headers(false)
+        .delimiter(separator)
+        .trim(csv::Trim::All)
+        .from_reader(line.as_bytes());
+    reader.records().next().and_then(Result::ok).unwrap_or_default()
+}
+
+/// The columns of a table that 3D Slicer exports, and the sign of x and y that turns it to LPS; none of another table.
+fn exported(text: &str) -> Option<([&'static str; 3], f64)> {
+    let header = cells(text.lines().next()?);
+    let has = |name: &str| header.iter().any(|c| c.eq_ignore_ascii_case(name));
+    let known = [(["l", "p", "s"], 1.0), (["r", "a", "s"], -1.0)];
+    known.into_iter().find(|(axes, _)| has("label") && axes.iter().all(|a| has(a)))
+}
+
+/// The points of an exported table; one that is announced and not placed (`defined` is 0) is left out.
+fn table(text: &str, columns: [&str; 3], turn: f64) -> Result<Vec<Placed>, String> {
+    let mut lines = text.lines().enumerate();
+    let header = lines.next().map(|(_, line)| cells(line)).unwrap_or_default();
+    let at = |name: &str| header.iter().position(|c| c.eq_ignore_ascii_case(name));
+    let mut points = Vec::new();
+    for (k, line) in lines.filter(|(_, line)| !line.trim().is_empty()) {
+        let (row, place) = (cells(line), format!("line {}", k + 1));
+        let cell = |name: &str| at(name).and_then(|i| row.get(i)).unwrap_or_default();
+        if cell("defined") == "0" {
+            continue;
+        }
+        let mut values = [0.0; 3];
+        for (value, name) in values.iter_mut().zip(columns) {
+            let read = cell(name).parse::<f64>().ok().filter(|x| x.is_finite());
+            *value = read.ok_or_else(|| format!("{place}: {name} is `{}`; expected a number in mm", cell(name)))?;
+        }
+        let [x, y, z] = values;
+        points.push(Placed { name: cell("label").to_string(), point: Point::new(turn * x, turn * y, z), place });
+    }
+    Ok(points)
 }
 
 #[derive(Deserialize)]
@@ -121,9 +170,8 @@ fn fiducials(text: &str) -> Result<Vec<Placed>, String> {
         if line.trim().is_empty() {
             continue;
         }
-        let mut reader = csv::ReaderBuilder::new().has_headers(false).trim(csv::Trim::All).from_reader(line.as_bytes());
-        let cells = reader.records().next().and_then(Result::ok).unwrap_or_default();
-        let cell = |name: &str| columns.iter().position(|c| c == name).and_then(|k| cells.get(k));
+        let row = cells(line);
+        let cell = |name: &str| columns.iter().position(|c| c == name).and_then(|k| row.get(k));
         let number = |name: &str| {
             cell(name).and_then(|x| x.parse::<f64>().ok()).filter(|x| x.is_finite()).ok_or_else(|| {
                 format!("{place}: {name} is `{}`; expected a number in mm", cell(name).unwrap_or_default())
@@ -170,5 +218,22 @@ mod tests {
             assert!(told.contains(word), "{told}");
         }
         assert!(read("landmarks.csv", b"name,frame,x_mm,y_mm,z_mm\n").is_none());
+    }
+
+    #[test]
+    fn an_exported_table_is_read_in_the_frame_that_its_columns_name() {
+        let read_one = |text: &str| read("a.csv", text.as_bytes()).unwrap();
+        let rows = "\"ACL, a\",1,2,3,1,1,1,0,\"\"\nPCL,0,0,0,0,1,1,0,\"\"\n";
+        for (axes, sign) in [("l,p,s", 1.0), ("r,a,s", -1.0)] {
+            let text = format!("label,{axes},defined,selected,visible,locked,description\n{rows}");
+            let tabs = text.replace("\"ACL, a\"", "ACL; a").replace(',', "\t").replace("ACL; a", "ACL, a");
+            for text in [text, tabs] {
+                let points = read_one(&text).unwrap();
+                assert_eq!(points.len(), 1, "{text}");
+                assert_eq!((points[0].name.as_str(), points[0].point), ("ACL, a", Point::new(sign, 2.0 * sign, 3.0)));
+            }
+        }
+        let told = read_one("label,l,p,s\nACL,1,two,3\n").err().unwrap().to_string();
+        assert!(told.contains("line 2: p is `two`"), "{told}");
     }
 }

@@ -133,7 +133,9 @@ fn wrong_points_are_refused_with_file_and_line() {
         (format!("{header}a,ct,1,2,nan\n"), "line 2: z_mm is `nan`"),
         (format!("{header}a,ct,1,2\n"), "line 2: 4 cells; expected 5"),
         (format!("{header}a,ct,1,2,3\na,ct,1,2,3\n"), "line 3: a stands twice in frame ct"),
-        ("name;frame;x_mm;y_mm;z_mm\n".into(), "not separated by commas"),
+        ("name|frame|x_mm|y_mm|z_mm\n".into(), "not separated by commas"),
+        ("name,frame,x_cm,y_cm,z_cm\n".into(), "multiply it by 10 and call it x_mm"),
+        ("name,frame,x_m,y_m,z_m\n".into(), "multiply it by 1000 and call it x_mm"),
         ("name,frame,x,y_mm,z_mm\n".into(), "unknown column `x`"),
         ("name,frame,x_mm,y_mm\n".into(), "no column `z_mm`"),
     ];
@@ -153,6 +155,37 @@ fn wrong_points_are_refused_with_file_and_line() {
     assert!(specimen.warnings.iter().any(|w| w.contains("gives LCL 1 fibres")));
     let said = refusal(&with_file("attachments.csv", format!("{head}LCL,0,1,2,3,4,5,6\n").as_bytes()));
     assert!(said.contains("line 2: fibre is `0`"), "{said}");
+}
+
+#[test]
+fn points_between_semicolons_or_tabs_are_read_with_their_decimal_commas() {
+    let commas = "name,frame,x_mm,y_mm,z_mm\na,ct,1.5,-2.25,3\n";
+    let right = ingest(&with_file("landmarks.csv", commas.as_bytes()), &IngestOptions::default()).unwrap().landmarks;
+    assert_eq!(right[0].point, Point::new(1.5, -2.25, 3.0));
+    for separator in [";", "\t"] {
+        let points = commas.replace(',', separator);
+        for text in [points.clone(), points.replace('.', ",")] {
+            let read = ingest(&with_file("landmarks.csv", text.as_bytes()), &IngestOptions::default()).unwrap();
+            assert_eq!(read.landmarks, right, "{text}");
+        }
+    }
+    // among commas a comma is no decimal point
+    let said = refusal(&with_file("landmarks.csv", b"name,frame,x_mm,y_mm,z_mm\na,ct,\"1,5\",2,3\n"));
+    assert!(said.contains("decimal point"), "{said}");
+}
+
+#[test]
+fn a_fibre_given_twice_is_told_and_fibres_beside_each_other_are_not() {
+    let head = "bundle,fibre,femur_x_mm,femur_y_mm,femur_z_mm,tibia_x_mm,tibia_y_mm,tibia_z_mm\n";
+    let rows = "LCL,1,0,0,42,0,42,0\nLCL,2,0,0,42,42,0,0\n";
+    let told = |last: &str| {
+        let raw = with_file("attachments.csv", format!("{head}{rows}{last}").as_bytes());
+        let found = ingest(&raw, &IngestOptions::default()).unwrap().warnings;
+        found.into_iter().find(|w| w.contains("at the same two points")).map(|w| w.text)
+    };
+    let words = told("LCL,3,0,0,42,0,42,0\n").unwrap();
+    assert!(words.contains("1 of its fibres") && words.contains("the first LCL 3"), "{words}");
+    assert_eq!(told("LCL,3,0,42,0,0,0,42\n"), None);
 }
 
 #[test]

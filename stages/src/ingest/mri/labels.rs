@@ -2,6 +2,7 @@
 
 use super::Read;
 use super::clean::{Mended, clean};
+use crate::guess::key_of;
 use crate::ingest::surfaces;
 use crate::specimen::MriMetrics;
 use crate::specimen::{IngestOptions, RawSpecimen};
@@ -152,9 +153,24 @@ fn structures(
             }
             return Err(format!("segmentation.{key}: no voxel has label {number}; the file has {there}"));
         }
+        warnings.extend(called_otherwise(map, (key, label), number));
         found.insert(key, number);
     }
     Ok(found)
+}
+
+/// What is told of a number of the table whose segment has another structure's name in the file.
+fn called_otherwise(map: &LabelMap, (key, label): (&str, &LabelName), number: u8) -> Option<Notice> {
+    let LabelName::Number(n) = label else { return None };
+    let (name, _) = map.names.iter().find(|(_, own)| *own == number)?;
+    let other = key_of(name).filter(|other| *other != key)?;
+    Some(
+        Kind::UnnamedLabels
+            .notice(format!(
+                "segmentation.{key} = {n}, but the file calls this segment \"{name}\", which is {other}: were two numbers exchanged, or two names? Look at the segment, and name it in place of its number"
+            ))
+            .of(key),
+    )
 }
 
 /// The label that a number of the table means: in a file of several layers, that of the segment with this label value.
@@ -253,7 +269,7 @@ impl Found<'_> {
                 let part = size(key).unwrap_or(0.0);
                 if part > LARGEST_PART * whole {
                     return Err(self.fail(format!(
-                        "{key} ({part:.0} mm3) is too large beside {bone} ({whole:.0} mm3): were their labels exchanged?"
+                        "{key} ({part:.0} mm3) is too large beside {bone} ({whole:.0} mm3): were their labels exchanged, or does the picture cut off the {bone}?"
                     )));
                 }
             }
@@ -382,4 +398,36 @@ fn joined(a: &Part, b: &Part) -> Part {
         }
     }
     Part { grid, inside }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use meshes::volume::Grid;
+    use meshes::{Point, Vector};
+    use nalgebra::Matrix3;
+
+    #[test]
+    fn a_number_whose_segment_has_another_structure_s_name_is_told() {
+        let axes = Matrix3::from_diagonal(&Vector::new(1.0, 1.0, 1.0));
+        let grid = Grid { size: [1, 1, 2], origin: Point::new(0.0, 0.0, 0.0), axes };
+        let of = |names: &[(&str, u8)]| LabelMap {
+            labels: Labels { grid: grid.clone(), values: vec![5, 6] },
+            names: names.iter().map(|(name, label)| ((*name).to_owned(), *label)).collect(),
+            overlapping: 0,
+            stated: Vec::new(),
+            notes: Vec::new(),
+        };
+        let said = |names: &[(&str, u8)], key: &str, label: LabelName| {
+            called_otherwise(&of(names), (key, &label), 5).map(|notice| notice.text)
+        };
+        let exchanged = [("Femoral bone", 6), ("Tibia", 5)];
+        let told = said(&exchanged, "femur", LabelName::Number(5)).unwrap();
+        assert!(told.contains("segmentation.femur = 5") && told.contains("\"Tibia\", which is tibia"), "{told}");
+        // who names the segment means it
+        assert_eq!(said(&exchanged, "femur", LabelName::Name("Tibia".into())), None);
+        for right in [&[("Femur", 5), ("Tibia", 6)][..], &[("Segment_5", 5)], &[("Fat pad", 5)], &[]] {
+            assert_eq!(said(right, "femur", LabelName::Number(5)), None, "{right:?}");
+        }
+    }
 }
