@@ -100,7 +100,9 @@ fn a_time_series_is_read_by_meshio() {
 
 #[test]
 fn a_febio_file_is_well_formed_and_every_name_in_it_defined() {
-    let out = exported("febio", &[]);
+    let folder = TempDir::new().unwrap();
+    let table = loaded(folder.path()).with_file_name("trials.csv");
+    let out = exported("febio", &["--poses", &table.display().to_string()]);
     reads("a_febio_file", "formats.py", &["febio", &out.path().display().to_string()]);
 }
 
@@ -176,6 +178,63 @@ fn every_row_of_a_laxity_file_becomes_a_main_file_of_the_deck() {
     }
 }
 
+/// The rows of steps.csv, cells by column.
+fn steps_of(folder: &Path) -> Vec<BTreeMap<String, String>> {
+    let mut reader = csv::Reader::from_path(folder.join("steps.csv")).unwrap();
+    let header: Vec<String> = reader.headers().unwrap().iter().map(str::to_owned).collect();
+    let cells = |r: csv::StringRecord| header.iter().cloned().zip(r.iter().map(str::to_owned)).collect();
+    reader.records().map(|r| cells(r.unwrap())).collect()
+}
+
+/// The programs whose files know flexions and loads, and the endings of their files.
+const LOADED_FORMATS: [(&str, &str); 3] = [("abaqus", ".inp"), ("febio", ".feb"), ("opensim", ".osim")];
+
+#[test]
+fn every_format_has_the_same_steps_and_lists_the_row_that_each_is_of() {
+    let folder = TempDir::new().unwrap();
+    let table = loaded(folder.path());
+    let (path, asked) = (table.display().to_string(), std::fs::read_to_string(&table).unwrap());
+    let names: Vec<&str> = asked.lines().map(|line| line.split(',').next().unwrap()).collect();
+    let mut known: Option<Vec<BTreeMap<String, String>>> = None;
+    for (format, ending) in LOADED_FORMATS {
+        let out = exported(format, &["--poses", &path]);
+        let mut rows = steps_of(out.path());
+        for row in &mut rows {
+            let file = row["file"].clone();
+            assert!(out.path().join(&file).is_file(), "{format}: {file}");
+            // the row of the table, its header being row 1
+            let named = row["row"].parse::<usize>().ok().map_or("", |n| names[n - 1]);
+            assert_eq!(
+                (named, row["table"].is_empty()),
+                (row["trial"].as_str(), named.is_empty()),
+                "{format}: {row:?}"
+            );
+            // the same names, behind that of the knee's own file where it has one
+            let own = file.strip_suffix(ending).unwrap();
+            let own = if format == "abaqus" { own } else { own.strip_prefix("model_").unwrap() };
+            row.insert("file".into(), own.to_owned());
+        }
+        // a row for each trial; the protocols have none, and the header is none
+        let of: std::collections::BTreeSet<&String> = rows.iter().map(|r| &r["row"]).collect();
+        assert_eq!(of.len(), names.len(), "{format}");
+        assert_eq!(*known.get_or_insert_with(|| rows.clone()), rows, "{format}");
+    }
+}
+
+#[test]
+fn protocols_and_trials_in_opensim_hold_what_was_asked_and_end_where_ours_do() {
+    let folder = TempDir::new().unwrap();
+    let results = loaded(folder.path());
+    let text = std::fs::read_to_string(&results).unwrap();
+    let wanted = |line: &&str| ["trial,", "anterior_60,", "external_40,"].iter().any(|name| line.starts_with(*name));
+    let few = folder.path().join("few.csv");
+    write(&few, text.lines().filter(wanted).map(|line| format!("{line}\n")).collect::<String>());
+    let few = few.display().to_string();
+    let out = exported("opensim", &["--poses", &few]);
+    let [osim, spec] = [out.path(), model()].map(|p| p.display().to_string());
+    reads("protocols_and_trials_in_opensim", "opensim_steps.py", &[&osim, &spec, &few]);
+}
+
 /// Bundles and a knee with names that mean something to XML, to OpenSim's paths or to Abaqus.
 fn oddly_named() -> PathBuf {
     let path = model().with_file_name("oddly_named.json");
@@ -213,6 +272,9 @@ fn names_of_any_kind_come_back_from_every_format() {
         let main = files.into_iter().find(|p| p.display().to_string().ends_with(ending)).unwrap();
         build_model().arg(import).arg(main).arg("--out").arg(back.path()).assert().success();
         assert_eq!(count(&back.path().join("model.json")), count(&model), "{format}");
+        if format == "febio" {
+            assert_eq!(json(&back.path().join("model.json"))["id"], json(&model)["id"]);
+        }
     }
 }
 
@@ -307,6 +369,30 @@ fn what_was_changed_in_an_export_is_written_over_by_force_alone() {
     assert_eq!(std::fs::read(&edited).unwrap(), b"by hand");
     run(&["--force"]).success();
     assert_eq!(std::fs::read(&edited).unwrap(), before);
+}
+
+#[test]
+fn trials_of_an_earlier_export_do_not_stay_beside_a_later_one() {
+    let folder = TempDir::new().unwrap();
+    let table = folder.path().join("trials.csv");
+    // loads and one column of flexion are enough, as for simulate
+    let rows = "trial,test,nominal_flexion_deg,load_vv_nm,load_ie_nm,load_ml_n,load_ap_n,load_si_n\n\
+        a,anterior,30,0,0,0,60,50\nb,posterior,60,0,0,0,-60,50\n";
+    write(&table, rows);
+    let out = exported("febio", &["--poses", &table.display().to_string()]);
+    let file_of = |trial: &str| {
+        let steps = steps_of(out.path());
+        steps.into_iter().find(|row| row["trial"] == trial).map(|row| row["file"].clone()).unwrap()
+    };
+    let [untouched, edited] = ["a", "b"].map(file_of);
+    write(&out.path().join(&edited), "by hand");
+    let mut run = build_model();
+    run.arg("export").arg(model()).args(["--format", "febio", "--out"]).arg(out.path());
+    run.assert().success().stdout(predicates::str::contains(&untouched)).stderr(predicates::str::contains(&edited));
+    assert!(!out.path().join(&untouched).exists() && out.path().join("model.feb").exists());
+    assert_eq!(std::fs::read_to_string(out.path().join(&edited)).unwrap(), "by hand");
+    let kept = json(&out.path().join("model.source.json"));
+    assert!(kept["files"].get(&untouched).is_none() && kept["files"].get("model.feb").is_some());
 }
 
 #[test]
@@ -468,7 +554,7 @@ fn contact_goes_with_opensim_alone_and_a_file_that_is_none_is_told() {
 }
 
 #[test]
-fn poses_go_with_vtk_alone_and_bad_ones_are_told() {
+fn poses_go_with_some_formats_and_bad_ones_are_told() {
     let folder = TempDir::new().unwrap();
     let bad = folder.path().join("bad.csv");
     write(&bad, "fe_deg,vv_deg\n1,2\n");
@@ -478,5 +564,7 @@ fn poses_go_with_vtk_alone_and_bad_ones_are_told() {
         run
     };
     run("vtk").assert().code(1).stderr(predicates::str::contains("no column ie_deg"));
-    run("stl").assert().code(2);
+    for format in ["stl", "ply", "glb"] {
+        run(format).assert().code(2).stderr(predicates::str::contains("--poses goes with --format"));
+    }
 }

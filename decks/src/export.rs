@@ -104,7 +104,7 @@ fn renamed(spec: &ModelSpec, warnings: &mut Vec<Notice>) -> ModelSpec {
 }
 
 /// The model's own protocols or the one for a model that brings none, those of the paper that it does not bring itself, then the trials.
-fn all_protocols(spec: &ModelSpec, joint: &Joint, trials: &[LaxityTrial]) -> Vec<DeckProtocol> {
+pub(crate) fn all_protocols(spec: &ModelSpec, joint: &Joint, trials: &[LaxityTrial]) -> Vec<DeckProtocol> {
     let own = if spec.protocols.is_empty() { vec![settle_and_flex(spec, joint)] } else { spec.protocols.clone() };
     let of_the_paper = programs::of_the_paper(spec, joint);
     let brought = |name: &str| own.iter().any(|p| file_stem(&p.name).eq_ignore_ascii_case(&file_stem(name)));
@@ -114,7 +114,7 @@ fn all_protocols(spec: &ModelSpec, joint: &Joint, trials: &[LaxityTrial]) -> Vec
 }
 
 /// A main file's name that none has yet, whatever the case of its letters: "a b" and "A/B" are one name for a file system.
-fn free_name(stem: &str, taken: &[String]) -> String {
+pub(crate) fn free_name(stem: &str, taken: &[String]) -> String {
     let is_free = |name: &String| !taken.iter().any(|t| t.eq_ignore_ascii_case(name));
     let numbered = (2..).map(|n| format!("{stem}_{n}.inp"));
     std::iter::once(format!("{stem}.inp")).chain(numbered).find(is_free).unwrap_or_default()
@@ -138,7 +138,7 @@ fn number(x: f64) -> String {
     if scientific.len() <= 20 { scientific } else { format!("{x:.12e}") }
 }
 
-fn file_stem(name: &str) -> String {
+pub(crate) fn file_stem(name: &str) -> String {
     name.chars().map(|c| if c.is_ascii_alphanumeric() || "_-.".contains(c) { c } else { '_' }).collect()
 }
 

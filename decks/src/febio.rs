@@ -33,6 +33,8 @@ use std::collections::BTreeMap;
 
 /// Formats that are read.
 const VERSIONS: [&str; 3] = ["4.0", "3.0", "2.5"];
+/// What a comment begins with that holds the model's id: FEBio has no place for it.
+pub const MODEL: &str = "model: ";
 /// Units in which a file may state that it is: mm, N, s, and so MPa.
 const UNITS: &str = "mm-N-s";
 /// Mass [tonne] and rotary inertia [tonne mm2] of a bone: a dissected knee's femur of 1 kg, 0.01 kg m2. Ours; only explicit dynamics reads it.
@@ -70,7 +72,7 @@ pub fn import(main: &str, bytes: &[u8], given: &Given) -> Result<ImportedDeck, D
     warnings.extend(crate::held::ends(&ligaments.fibres, bones.each_ref().map(Option::as_ref)));
     let mut spec = ModelSpec {
         schema: "model/1".into(),
-        id: identity(main),
+        id: identity(&tree, main),
         side: axes.side,
         units: Units { length: "mm".into(), force: "N".into(), pressure: "MPa".into(), angle: "deg".into() },
         frames,
@@ -90,6 +92,7 @@ pub fn import(main: &str, bytes: &[u8], given: &Given) -> Result<ImportedDeck, D
     };
     let fault = |message: String| DeckError { file: main.to_owned(), line: 0, message };
     spec.frames.gs_ct_pose = ct_pose(&spec).map_err(|e| fault(e.message))?;
+    crate::usual::wide(&spec.contact, &meshes).map_err(|e| fault(e.message))?;
     // what a simulation would refuse is refused here, where the file is known
     sim::compile(&spec, &meshes).map_err(|e| fault(e.to_string()))?;
     Ok(ImportedDeck { spec, meshes, warnings })
@@ -139,8 +142,13 @@ fn module(tree: &Tree<'_>, objects: &[Node<'_, '_>]) -> Result<(), DeckError> {
     Ok(())
 }
 
-/// The name of the file.
-fn identity(main: &str) -> String {
+/// The model's id as an export left it in a comment, else the name of the file.
+fn identity(tree: &Tree<'_>, main: &str) -> String {
+    let comments = tree.root().children().filter(Node::is_comment);
+    let mut told = comments.filter_map(|c| c.text()?.trim().strip_prefix(MODEL.trim_end()).map(str::trim));
+    if let Some(id) = told.find(|id| !id.is_empty()) {
+        return id.to_owned();
+    }
     let file = main.rsplit(['/', '\\']).next().unwrap_or(main);
     file.strip_suffix(".feb").unwrap_or(file).to_owned()
 }

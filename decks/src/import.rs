@@ -6,7 +6,7 @@ use super::held;
 use super::keyword::{ReadFile, read_blocks};
 use super::ligaments::{Ligaments, ligaments};
 use super::model::{DeckModel, Interaction};
-use super::{DeckError, steps};
+use super::{DeckError, steps, usual};
 use meshes::Vector;
 use meshes::frame::{AnatomicalFrame, Side};
 use meshes::query::SurfaceQuery;
@@ -54,7 +54,8 @@ fn import_whole(main: &str, read: &mut ReadFile) -> Result<ImportedDeck, DeckErr
     let bodies = Bodies::of(&model)?;
     let stem = main.rsplit(['/', '\\']).next().unwrap_or(main);
     let stem = stem.strip_suffix(".inp").unwrap_or(stem);
-    let Ligaments { bundles, fibres, toe_end_multiple, mut warnings } = ligaments(&model, &bodies, &deck.parameters)?;
+    let Ligaments { bundles, fibres, toe_end_multiple, mut warnings, .. } =
+        ligaments(&model, &bodies, &deck.parameters)?;
     let mut meshes = BTreeMap::new();
     let (body_specs, contact) = geometry(&model, &bodies, &mut meshes, &mut warnings)?;
     let bone = |k: usize| match body_specs.get(k).and_then(|b| meshes.get(&b.bone)) {
@@ -62,6 +63,9 @@ fn import_whole(main: &str, read: &mut ReadFile) -> Result<ImportedDeck, DeckErr
         _ => None,
     };
     warnings.extend(held::ends(&fibres, [bone(0), bone(1)]));
+    usual::wide(&contact, &meshes)?;
+    warnings.extend(usual::other_laws(&model));
+    warnings.extend(usual::told(&contact, &body_specs));
     let frames = frames(&model, &bodies)?;
     let side = side(&frames, &fibres)?;
     let protocol = steps::protocol(&deck, &bodies, stem)?;
@@ -87,6 +91,7 @@ fn import_whole(main: &str, read: &mut ReadFile) -> Result<ImportedDeck, DeckErr
     };
     let across = fibre_sides(&spec.fibres)?;
     orient(&mut spec, &across);
+    warnings.extend(usual::sides(&spec.frames, &meshes, &across));
     spec.frames.gs_ct_pose = ct_pose(&spec)?;
     spec.warnings = notices::texts(&warnings);
     Ok(ImportedDeck { spec, meshes, warnings })
@@ -209,7 +214,9 @@ fn geometry(
                 cartilage.push(format!("meshes/{part}.vtu"));
                 meshes.insert(format!("meshes/{part}.vtu"), solid.mesh);
             } else if paired(set) {
-                faces.insert((*set).clone(), rigid_surface(model, set)?);
+                let face = rigid_surface(model, set)?;
+                let turned = is_turned(model, set);
+                faces.insert((*set).clone(), if turned { face.flipped() } else { face });
             }
         }
         let path = format!("meshes/{name}.ply");
@@ -241,6 +248,12 @@ pub(crate) fn check_unit(name: &str, bone: &TriMesh) -> Result<(), DeckError> {
             "the {name} is {width:.3} mm wide as its numbers stand, where a knee is {ADULTS} wide; expected {NARROWEST_MM} to {WIDEST_MM} mm: check the unit"
         ),
     }))
+}
+
+/// Whether a contact surface is the other side of its elements: `SNEG`, against their normals.
+fn is_turned(model: &DeckModel, elset: &str) -> bool {
+    let mut parts = model.pairs.iter().flat_map(|p| &p.surfaces).filter_map(|name| model.surfaces.get(name)).flatten();
+    parts.any(|(set, face)| set == elset && face == "SNEG")
 }
 
 /// The first element set of a surface, or the set of that name.
@@ -301,11 +314,14 @@ fn contact(
                 ),
             ));
         }
+        usual::law(model, pair)?;
         law = law.or_else(|| model.interactions.get(&pair.interaction));
         pairs.push(PairSpec { femur: path(femur), tibia: path(tibia) });
     }
     let Some(law) = law.filter(|l| l.table.len() >= 2) else {
-        return Err(DeckError::whole("no contact pair with a tabular pressure-overclosure law"));
+        return Err(DeckError::whole(
+            "no contact pair with a tabular pressure-overclosure law; expected *CONTACT PAIR of two surfaces (general contact, *CONTACT, is not read)",
+        ));
     };
     if law.table.windows(2).any(|w| w[1][1] <= w[0][1]) {
         return Err(DeckError::whole("the pressure-overclosure table's overclosures do not ascend"));

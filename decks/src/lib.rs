@@ -21,6 +21,7 @@ mod faces;
 pub mod febio;
 mod held;
 mod import;
+mod imposed;
 pub mod keyword;
 pub mod known;
 mod ligaments;
@@ -33,10 +34,12 @@ mod programs;
 mod sets;
 mod steps;
 mod tree;
+mod usual;
 mod variant;
 
 pub use export::{ExportedDeck, export, export_with};
 pub use import::{ImportedDeck, import};
+pub use imposed::{Imposed, ImposedPoint, ImposedStep, imposed};
 pub use names::written_names;
 pub use variant::{lower_cartilage, replace_fibres};
 

@@ -44,6 +44,8 @@ pub(super) struct Ligaments {
     pub(super) toe_end_multiple: BTreeMap<String, f64>,
     /// Element labels' order: bundle name and places of its elements, for reports.
     pub(super) warnings: Vec<Notice>,
+    /// The set by which each element is a fibre.
+    owner: BTreeMap<usize, String>,
 }
 
 /// A set of connectors or springs that is a bundle: its place in Table 3, its name there, its own and its law.
@@ -109,6 +111,13 @@ fn read_bundle(
     }
     let elements = model.elsets.get(&f.set.elset).map_or(&[][..], Vec::as_slice);
     for &e in elements {
+        if let Some(other) = out.owner.insert(e, f.set.elset.clone()) {
+            let what = format!(
+                "this element is a fibre of the sets {other} and {}, each with a section of its own; expected one section an element, else its force counts twice",
+                f.set.elset
+            );
+            return Err(model.error(model.elements[e].at, what));
+        }
         out.fibres.push(fibre(model, bodies, &name, &model.elements[e])?);
     }
     let law = bundle(&name, &f.stem, f.behaviour, elements.len(), parameters, &mut out.warnings);

@@ -492,6 +492,10 @@ impl DeckModel {
         let first = rows.first().and_then(|r| r.first()).copied().unwrap_or(0.0);
         let interaction = self.interactions.entry(name.to_owned()).or_default();
         match block.keyword.as_str() {
+            "FRICTION" | "CONTACT DAMPING" if first < 0.0 => {
+                let line = block.rows().next().map_or(block.line, |(line, _)| line);
+                return Err(deck.error(block, line, format!("{first} is negative; expected 0 or more")));
+            }
             "FRICTION" => interaction.friction = first,
             "CONTACT DAMPING" => interaction.damping = first,
             _ if block.option("PRESSURE-OVERCLOSURE").as_deref() == Some("tabular") => {

@@ -4,7 +4,7 @@ use super::keyword::{Block, DeckText};
 use super::model::{DeckModel, label};
 use super::place::{Scoped, Scopes};
 use crate::DeckError;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// All sets of a deck together list no more members than this.
 const MOST_MEMBERS: u64 = 20_000_000;
@@ -95,9 +95,9 @@ impl DeckModel {
             }
         }
         if nodes {
-            self.nsets.entry(name).or_default().extend(members);
+            add(self.nsets.entry(name).or_default(), members);
         } else {
-            self.elsets.entry(name).or_default().extend(places);
+            add(self.elsets.entry(name).or_default(), places);
         }
         Ok(())
     }
@@ -276,8 +276,14 @@ impl DeckModel {
     }
 }
 
+/// Adds members that a set has not yet: a set holds each once, however often it is listed.
+fn add<T: Copy + Ord>(set: &mut Vec<T>, members: Vec<T>) {
+    let mut there: BTreeSet<T> = set.iter().copied().collect();
+    set.extend(members.into_iter().filter(|m| there.insert(*m)));
+}
+
 /// Copies what only one instance has to its short name; names that several have are noted.
-fn short<T: Clone>(map: &mut BTreeMap<String, T>, ambiguous: &mut std::collections::BTreeSet<String>) {
+fn short<T: Clone>(map: &mut BTreeMap<String, T>, ambiguous: &mut BTreeSet<String>) {
     let mut seen: BTreeMap<String, Vec<String>> = BTreeMap::new();
     for full in map.keys() {
         if let Some((_, name)) = full.split_once('.') {

@@ -114,6 +114,42 @@ fn a_right_knee_with_both_laws_goes_out_and_comes_back() {
     assert!((ours.pose(&q).femur * Point::origin() - theirs.pose(&q).femur * Point::origin()).norm() < 1e-9);
 }
 
+/// Cartilage that a calibration made thicker or thinner than its surfaces begins to press before they touch, or after.
+#[test]
+fn a_law_that_begins_before_surfaces_touch_goes_out_and_comes_back() {
+    let back = |begin: f64| {
+        let (mut spec, meshes) = knee();
+        spec.contact.overclosure_mm.iter_mut().for_each(|mm| *mm += begin);
+        let out = export(&spec, &meshes).unwrap();
+        let back = read_back(&out.files.into_iter().collect(), &out.mains[0]).unwrap();
+        assert_eq!(back.spec.contact, spec.contact, "{begin}");
+        back.warnings
+    };
+    let plain = back(0.0);
+    // up to three standard deviations of the thickness nothing is odd; pressure where they touch is 0.13 MPa and more
+    for begin in [-0.0246, -0.1, -0.19, 0.02] {
+        assert_eq!(back(begin), plain, "{begin}");
+    }
+}
+
+/// More than that is no cartilage's: another sign or unit, most likely.
+#[test]
+fn a_law_that_begins_long_before_surfaces_touch_is_told() {
+    for (begin, told) in [(-0.1, false), (-0.6, false), (-0.61, true), (-5.0, true)] {
+        let (mut spec, meshes) = knee();
+        spec.contact.overclosure_mm = vec![begin, 0.05, 0.2];
+        let out = export(&spec, &meshes).unwrap();
+        let back = read_back(&out.files.into_iter().collect(), &out.mains[0]).unwrap();
+        let words = notices::texts(&back.warnings).join("\n");
+        assert_eq!(
+            words.contains(&format!("presses from {} mm before surfaces touch", -begin)),
+            told,
+            "{begin}: {words}"
+        );
+        assert_eq!(back.spec.contact, spec.contact, "{begin}");
+    }
+}
+
 /// A meniscus of three sections, on the first pair.
 fn meniscus(spec: &ModelSpec) -> MeniscusSpec {
     let section = |x: f64| SectionSpec {
@@ -182,13 +218,13 @@ fn hexahedra_of_a_meniscus_are_sound_left_and_right() {
 fn absurd_sets_and_circles_are_refused() {
     let circle = BTreeMap::from([("a".to_owned(), "*INCLUDE, INPUT=a\n".to_owned())]);
     assert!(read_back(&circle, "a").unwrap_err().message.contains("leads back"));
-    for text in ["*NSET, NSET=x, GENERATE\n1, 18446744073709551615, 1\n".to_owned(), {
-        let double = "*ELSET, ELSET=x\nx, x\n".repeat(60);
-        format!("*NODE\n1, 0, 0, 0\n*ELEMENT, TYPE=MASS, ELSET=x\n1, 1\n{double}")
-    }] {
-        let error = read_back(&BTreeMap::from([("a".to_owned(), text)]), "a").unwrap_err();
-        assert!(error.message.contains("more than"), "{error}");
-    }
+    let error = |text: &str| read_back(&BTreeMap::from([("a".to_owned(), text.to_owned())]), "a").unwrap_err();
+    let absurd = error("*NSET, NSET=x, GENERATE\n1, 18446744073709551615, 1\n");
+    assert!(absurd.message.contains("more than"), "{absurd}");
+    // a set that names itself twice does not grow: an element is in it or not
+    let double = "*ELSET, ELSET=x\nx, x\n".repeat(60);
+    let read = error(&format!("*NODE\n1, 0, 0, 0\n*ELEMENT, TYPE=MASS, ELSET=x\n1, 1\n{double}"));
+    assert!(read.message.contains("held fixed"), "{read}");
     // Includes that fan out are stopped by the size of the whole.
     let mut files = BTreeMap::new();
     for k in 0..15 {

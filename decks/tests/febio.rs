@@ -40,6 +40,20 @@ fn a_knee_is_read_with_its_side_frames_law_and_ligaments() {
 }
 
 #[test]
+fn a_model_keeps_the_id_that_its_file_tells_and_else_has_the_files_name() {
+    let text = knee().text();
+    let root = text.find("<febio_spec").unwrap();
+    let at = root + text[root..].find('>').unwrap() + 1;
+    let of = |comment: &str| read(&format!("{}{comment}{}", &text[..at], &text[at..])).unwrap().spec.id;
+    for comment in ["", "<!-- of a knee -->", "<!-- model: -->"] {
+        assert_eq!(of(comment), "ball", "{comment}");
+    }
+    for id in ["S1", "K & \"1\" <left>, of two"] {
+        assert_eq!(of(&format!("<!-- {}{id} -->", decks::febio::MODEL)), id);
+    }
+}
+
+#[test]
 fn a_fibre_pulls_as_its_curve_says_by_every_measure() {
     let length = |k: usize| {
         let (_, a, b, _) = LIGAMENTS[k];

@@ -294,3 +294,152 @@ fn lines_may_end_as_any_system_ends_them() {
         assert_eq!(read(KNEE.replace('\n', end).as_bytes()).unwrap(), plain, "{end:?}");
     }
 }
+
+/// The rows of the deck's contact law, as it writes them.
+const LAW: &str = "0.0, 0.0\n0.3, 0.05\n1.3, 0.2\n";
+
+/// The warnings of a changed deck that the deck as it was has not.
+fn new_warnings(changed: &str) -> String {
+    let plain = read(KNEE.as_bytes()).unwrap().warnings;
+    let new = read(changed.as_bytes()).unwrap().warnings;
+    notices::texts(&new.into_iter().filter(|w| !plain.contains(w)).collect::<Vec<_>>()).join("\n")
+}
+
+/// Pressures and overclosures, each times a factor.
+fn law(pressure: f64, overclosure: f64) -> String {
+    let row = |line: &str| {
+        let cells: Vec<f64> = line.split(", ").map(|c| c.parse().unwrap()).collect();
+        format!("{}, {}\n", cells[0] * pressure, cells[1] * overclosure)
+    };
+    KNEE.replacen(LAW, &LAW.lines().map(row).collect::<String>(), 1)
+}
+
+#[test]
+fn pressures_friction_and_masses_of_another_unit_are_told() {
+    assert!(KNEE.contains(LAW), "the corpus has another law");
+    for (pressure, overclosure) in [(1e3, 1.0), (1e6, 1.0), (1e-3, 1.0), (1.0, 1e-3), (1.0, 100.0)] {
+        let told = new_warnings(&law(pressure, overclosure));
+        assert!(told.contains("check the unit of its pressures"), "{pressure}, {overclosure}: {told}");
+    }
+    // a stiffer or softer cartilage is one
+    for factor in [0.2, 5.0] {
+        assert_eq!(new_warnings(&law(factor, 1.0)), "", "{factor}");
+    }
+    for mass in ["3.", "3000."] {
+        let told = new_warnings(&KNEE.replacen("1e-5,", &format!("{mass},"), 1));
+        assert!(told.contains("femur: a mass of") && told.contains("tonne, not kg"), "{told}");
+    }
+    assert_eq!(new_warnings(&KNEE.replacen("1e-5,", "0.005,", 1)), "");
+    let told = new_warnings(&KNEE.replacen("*FRICTION\n0.03,", "*FRICTION\n3.,", 1));
+    assert!(told.contains("friction of 3"), "{told}");
+}
+
+#[test]
+fn a_law_that_presses_from_afar_or_less_where_it_is_deeper_is_refused() {
+    for (rows, word) in [
+        ("0.1, 0.0\n0.3, 0.05\n1.3, 0.2\n", "without overclosure"),
+        ("0.1, -0.1\n0.3, 0.05\n1.3, 0.2\n", "0.1 mm before surfaces touch"),
+        ("0.0, 0.0\n1.3, 0.05\n0.3, 0.2\n", "falls from 1.3 to 0.3"),
+        ("0.3, 0.05\n", "two rows or more"),
+    ] {
+        let told = read(KNEE.replacen(LAW, rows, 1).as_bytes()).unwrap_err();
+        assert!(told.message.contains(word) && told.line > 1, "{told}");
+    }
+    // the published decks begin with next to nothing
+    let published = KNEE.replacen(LAW, "0.0, -0.01\n1e-7, 0.0\n0.3, 0.05\n1.3, 0.2\n", 1);
+    assert_eq!(new_warnings(&published), "");
+}
+
+#[test]
+fn a_friction_or_damping_below_0_is_refused_at_its_line() {
+    let damping = "*CONTACT DAMPING, DEFINITION=DAMPING COEFFICIENT\n";
+    for keyword in ["*FRICTION\n", damping] {
+        let at = KNEE.find(keyword).unwrap() + keyword.len();
+        let line = 1 + KNEE[..at].matches('\n').count();
+        let with = |cell: &str| {
+            let end = at + KNEE[at..].find('\n').unwrap();
+            read(format!("{}{cell}{}", &KNEE[..at], &KNEE[end..]).as_bytes())
+        };
+        for cell in ["-0.03,", "-1e-9"] {
+            let told = with(cell).unwrap_err();
+            assert!(
+                told.line == line && told.message.contains("negative; expected 0 or more"),
+                "{keyword}{cell}: {told}"
+            );
+        }
+        assert!(with("0.").is_ok() && with("").is_ok(), "{keyword}");
+    }
+}
+
+#[test]
+fn each_contact_pair_has_its_law_and_all_have_one() {
+    let unknown = read(KNEE.replacen("INTERACTION=RIGID_INTERACT", "INTERACTION=NONE_SUCH", 1).as_bytes()).unwrap_err();
+    assert!(unknown.message.contains("none_such is not defined") && unknown.line > 1, "{unknown}");
+    let second = |name: &str, factor: f64| {
+        let rows = format!("0., 0.\n{}, 0.05\n{}, 0.2\n", 0.3 * factor, 1.3 * factor);
+        let law = format!(
+            "*SURFACE INTERACTION, NAME={name}\n*SURFACE BEHAVIOR, PRESSURE-OVERCLOSURE=TABULAR\n{rows}*FRICTION\n0.03,\n*CONTACT DAMPING, DEFINITION=DAMPING COEFFICIENT\n0.001,\n"
+        );
+        let pair = format!("*CONTACT PAIR, INTERACTION={name}\nSURF-ART-TIBIA-MED, SURF-ART-FEMUR\n");
+        KNEE.replacen("*BOUNDARY, OP=NEW", &format!("{law}{pair}*BOUNDARY, OP=NEW"), 1)
+    };
+    let told = new_warnings(&second("STIFF", 4.0));
+    assert!(told.contains("different laws") && told.contains("stiff"), "{told}");
+    assert_eq!(new_warnings(&second("SAME", 1.0)), "");
+}
+
+#[test]
+fn an_element_counts_once_however_often_sets_list_it() {
+    let plain = read(KNEE.as_bytes()).unwrap();
+    let section = "*CONNECTOR SECTION, ELSET=LCL_1D, BEHAVIOR=LCL_BEHAVIOR";
+    let again = KNEE.replacen(section, &format!("*ELSET, ELSET=LCL_1D\n2001, 2003, 2001\n{section}"), 1);
+    assert_eq!(read(again.as_bytes()).unwrap().spec, plain.spec);
+    // two sections of one element are two forces, which Abaqus refuses
+    let second =
+        "*ELSET, ELSET=LIGAMENTS\nLCL_1D\n*CONNECTOR SECTION, ELSET=LIGAMENTS, BEHAVIOR=LCL_BEHAVIOR\nAXIAL,\n";
+    let told = read(KNEE.replacen(section, &format!("{second}{section}"), 1).as_bytes()).unwrap_err();
+    assert!(told.message.contains("ligaments") && told.message.contains("lcl_1d") && told.line > 1, "{told}");
+}
+
+/// Balls in contact, as FEBio writes them.
+const BALLS: &str = include_str!("../../tests/corpus/ball.feb");
+
+#[test]
+fn a_node_far_off_is_refused_before_the_space_up_to_it_is_sampled() {
+    let read = |y: &str| {
+        let text =
+            BALLS.replacen("<node id=\"159\">30,-30,7.5</node>", &format!("<node id=\"159\">30,{y},7.5</node>"), 1);
+        decks::febio::import("ball.feb", text.as_bytes(), &Default::default())
+    };
+    assert!(BALLS.contains("<node id=\"159\">30,-30,7.5</node>"), "the corpus has another node");
+    assert!(read("-30").is_ok());
+    for far in ["-900", "3000", "-9000", "1e6"] {
+        let told = read(far).unwrap_err().to_string();
+        assert!(told.contains("mm across"), "{far}: {told}");
+    }
+}
+
+#[test]
+fn a_surface_on_the_other_side_of_its_elements_is_turned() {
+    let plain = read(KNEE.as_bytes()).unwrap();
+    let header = "*ELEMENT, TYPE=R3D3, ELSET=ART-FEMUR\n";
+    let start = KNEE.find(header).unwrap() + header.len();
+    let end = start + KNEE[start..].find('*').unwrap();
+    let row = |line: &str| {
+        let cells: Vec<&str> = line.split(", ").collect();
+        format!("{}, {}, {}, {}\n", cells[0], cells[1], cells[3], cells[2])
+    };
+    let turned: String = KNEE[start..end].lines().map(row).collect();
+    let inward = format!("{}{turned}{}", &KNEE[..start], &KNEE[end..]);
+    assert_ne!(read(inward.as_bytes()).unwrap().meshes, plain.meshes);
+    let other_side = inward.replacen("ART-FEMUR, SPOS", "ART-FEMUR, SNEG", 1);
+    assert_eq!(read(other_side.as_bytes()).unwrap().meshes, plain.meshes);
+}
+
+#[test]
+fn axes_of_a_frame_in_another_order_are_told() {
+    let axes = "1002, 100.5, 0.25, 20.0\n1003, 0.5, -99.75, 20.0";
+    assert!(KNEE.contains(axes), "the corpus has another frame");
+    let told = new_warnings(&KNEE.replacen(axes, "1003, 100.5, 0.25, 20.0\n1002, 0.5, -99.75, 20.0", 1));
+    assert!(told.contains("femur: the medial axis of its frame lies 90 deg"), "{told}");
+}

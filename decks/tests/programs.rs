@@ -2,9 +2,10 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 
 use crate::decks::{knee, read_back};
-use decks::{ExportedDeck, export, export_with};
+use decks::{ExportedDeck, export, export_with, imposed};
 use meshes::frame::Side;
 use sim::coordinate::{ALL, FE, Load, Six};
+use sim::deck::{ChainCoordinate, ControlKind};
 use sim::explicit::{Drive, deck_program};
 use sim::joint::Joint;
 use sim::laxity::{LaxityTrial, Test};
@@ -135,4 +136,49 @@ fn every_trial_becomes_a_deck_of_its_own() {
     trials[1].quadriceps_n = 100.0;
     let told = export_with(&spec, &meshes, &trials).unwrap().warnings;
     assert!(told.iter().any(|w| w.contains("quadriceps") && w.count == Some(1)), "{told:?}");
+}
+
+#[test]
+fn what_other_programs_are_told_is_what_the_decks_impose() {
+    let load = Load::new(10.0, -2.0, 3.0, -100.0, 20.0);
+    let trials = [LaxityTrial { row: Some(7), ..LaxityTrial::asked("a b".into(), Test::Neutral, 15.0, load) }];
+    for mut spec in [knee().0, left()] {
+        spec.id = format!("{:?}", spec.side).to_lowercase();
+        let deck = export_with(&spec, &knee().1, &trials).unwrap();
+        let told = imposed(&spec, &trials).unwrap();
+        let mains: Vec<String> = told.iter().map(|i| format!("{}.inp", i.stem)).collect();
+        assert_eq!(mains, deck.mains);
+        for (i, main) in told.iter().zip(&mains) {
+            assert!(i.holds_flexion_alone && i.points.windows(2).all(|w| w[0].time_s < w[1].time_s), "{main}");
+            let found = ends(&model_of(&deck, main));
+            assert_eq!(found.len(), i.steps.len(), "{main}");
+            for (step, (turn, load)) in i.steps.iter().zip(found) {
+                let (point, asked) = (&i.points[step.end], i.points[step.end].load.generalised());
+                assert!((point.time_s - step.to_s).abs() < 1e-9 && step.from_s < step.to_s, "{main}: {step:?}");
+                assert!((point.fe_deg - turn).abs() < SAME, "{main}: {} deg, {turn} in the deck", point.fe_deg);
+                assert!((load - asked).amax() <= SAME * asked.amax(), "{main}: {asked:?}, {load:?} in the deck");
+            }
+        }
+        let of_trial: Vec<_> = told.iter().filter_map(|i| i.trial.clone()).collect();
+        assert_eq!(of_trial, [("a b".to_owned(), Some(7))]);
+    }
+}
+
+#[test]
+fn a_protocol_that_moves_more_than_flexion_is_known_by_it() {
+    let (spec, meshes) = knee();
+    let deck = export(&spec, &meshes).unwrap();
+    let back = model_of(&deck, &format!("{}_ap_laxity_30deg.inp", spec.id));
+    let is_own = |spec: &ModelSpec| imposed(spec, &[]).unwrap()[0].holds_flexion_alone;
+    assert!(is_own(&back));
+    let (motion, load) = (ControlKind::Motion, ControlKind::Load);
+    for (coordinate, kind) in
+        [(ChainCoordinate::Ap, motion), (ChainCoordinate::Si, motion), (ChainCoordinate::Fe, load)]
+    {
+        let mut other = back.clone();
+        for control in other.protocols[0].steps.iter_mut().flat_map(|s| &mut s.controls) {
+            control.kind = if control.coordinate == coordinate { kind } else { control.kind };
+        }
+        assert!(other != back && !is_own(&other), "{coordinate:?}");
+    }
 }

@@ -21,6 +21,7 @@ mod febio;
 mod gltf;
 mod opensim;
 mod series;
+mod steps;
 
 /// What a model can be exported as.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -57,8 +58,8 @@ const PATELLA_OFF: &str = "the patella is a body there, locked and with its forc
 /// A file name and what is in it.
 type File = (String, Vec<u8>);
 
-/// `export`: a model as other programs read it, in `out`. `poses` (results of `simulate`) make a time series of VTK files, or a main file a row of an
-/// Abaqus deck. Files there that were changed since an export wrote them are written over by `force` alone.
+/// `export`: a model as other programs read it, in `out`. `poses` (results of `simulate`) make a time series of VTK files, or a file a row of a deck, of
+/// FEBio and of OpenSim. Files there that were changed since an export wrote them are written over by `force` alone.
 pub fn export(
     (model, which): (&Path, &WhichModel),
     (format, contact): (Format, Option<OpensimContact>),
@@ -66,8 +67,8 @@ pub fn export(
     out: &Path,
     force: bool,
 ) -> Result<Told, BuildError> {
-    if poses.is_some() && ![Format::Vtk, Format::Abaqus].contains(&format) {
-        return Err(BuildError::Usage("--poses goes with --format vtk or abaqus".into()));
+    if poses.is_some() && ![Format::Vtk, Format::Abaqus, Format::Febio, Format::Opensim].contains(&format) {
+        return Err(BuildError::Usage("--poses goes with --format vtk, abaqus, febio or opensim".into()));
     }
     if contact.is_some() && format != Format::Opensim {
         return Err(BuildError::Usage("--contact goes with --format opensim".into()));
@@ -75,52 +76,24 @@ pub fn export(
     let contact = contact.unwrap_or_default();
     let mut loaded = load_which(model, which)?;
     let left = left_out(&loaded.spec, "export");
-    let (mut files, mut warnings): (Vec<File>, Vec<Notice>) = match (format, poses) {
-        (Format::Abaqus, asked) => abaqus::files(&mut loaded, model, asked)?,
-        (Format::Febio, _) => (febio::files(&loaded)?, febio::warnings(&loaded)),
-        (Format::Opensim, _) => (opensim::files(&loaded, contact)?, opensim::warnings(&loaded, contact)),
-        (Format::Vtk, None) => {
-            (texts(sim::vtk::export(&loaded.spec, &loaded.meshes, &Isometry::identity(), &[])), Vec::new())
-        }
-        (Format::Vtk, Some(poses)) => (series::files(&loaded, poses, &store::read(poses)?)?, Vec::new()),
-        (Format::Stl, _) => (surfaces(&loaded, "stl")?, Vec::new()),
-        (Format::Ply, _) => (surfaces(&loaded, "ply")?, Vec::new()),
-        (Format::Glb, _) => (vec![("model.glb".to_owned(), gltf::glb(&loaded))], Vec::new()),
-    };
+    let (mut files, mut warnings) = written(&mut loaded, model, (format, contact), poses)?;
     warnings.splice(0..0, left);
     if [Format::Abaqus, Format::Febio, Format::Opensim].contains(&format) {
-        let beside = carried(&loaded)?;
-        if !beside.is_empty() {
-            let but = if loaded.spec.menisci.is_empty() { "" } else { "; the menisci that act are parts of their own" };
-            let known =
-                if loaded.spec.patella.is_some() { "" } else { "; no contact or ligament of the model knows them" };
-            let text = format!("patella and menisci lie in carried/ as surfaces in the model's frame{known}{but}");
-            warnings.push(Kind::NotInFormat.notice(text));
-        }
-        if loaded.spec.patella.is_some() {
-            warnings.push(Kind::NotInFormat.notice(match format {
-                Format::Opensim => PATELLA_OFF,
-                _ => "the patella acts in the model under a pull of the quadriceps; here it is left out",
-            }));
-        }
-        files.extend(beside);
-        if let Some(wraps) = loaded.wraps() {
-            warnings.push(Kind::NotInFormat.notice(format!("{wraps} in the model; they are straight lines here")));
-        }
-        let by_thickness = format == Format::Opensim && contact == OpensimContact::Jam;
-        if loaded.spec.contact.layer.is_some() && !by_thickness {
-            warnings.push(
-                Kind::NotInFormat
-                    .notice("contact is that of the table: no such format knows the model's law by thickness"),
-            );
-        }
+        let carried = carried(&loaded)?;
+        warnings.extend(left_behind(&loaded, (format, contact), !carried.is_empty()));
+        files.extend(carried);
     }
     files.iter_mut().for_each(|file| beside::label(file, &loaded));
+    // before the answers beside them, which take long
+    edited::looked_at(out, &files, &beside::ANSWERS, force)?;
     files.extend(beside::files(&loaded)?);
-    edited::guarded(out, &mut files, force)?;
+    let earlier = edited::guarded(out, &mut files, force)?;
     store::write_all(out, &files)?;
+    earlier.removed(out);
+    let went = earlier.line();
+    warnings.extend(earlier.notices);
     let names: Vec<String> = files.into_iter().map(|(name, _)| name).collect();
-    let words = format!("{}{} in {}\n", loaded.line(), names.join(", "), out.display());
+    let words = format!("{}{} in {}\n{went}", loaded.line(), names.join(", "), out.display());
     let data = ExportTold {
         schema: schemas::EXPORT,
         model: ModelTold::of(&loaded),
@@ -130,6 +103,66 @@ pub fn export(
         notices: warnings.clone(),
     };
     Ok(Told::words(words).odd(warnings).with(&data))
+}
+
+/// The files of a format, and what they cannot have.
+fn written(
+    loaded: &mut LoadedModel,
+    model: &Path,
+    (format, contact): (Format, OpensimContact),
+    poses: Option<&Path>,
+) -> Result<(Vec<File>, Vec<Notice>), BuildError> {
+    Ok(match (format, poses) {
+        (Format::Abaqus, asked) => abaqus::files(loaded, model, asked)?,
+        (Format::Febio, asked) => {
+            let (imposed, mut warnings) = steps::by_flexion(loaded, asked)?;
+            let mut files = febio::files(loaded, &imposed)?;
+            files.push(steps::list(&imposed, febio::ENDING, asked));
+            warnings.extend(febio::warnings(loaded));
+            (files, warnings)
+        }
+        (Format::Opensim, asked) => {
+            let (imposed, mut warnings) = steps::by_flexion(loaded, asked)?;
+            let mut files = opensim::files(loaded, contact, &imposed)?;
+            files.push(steps::list(&imposed, opensim::ENDING, asked));
+            warnings.extend(opensim::warnings(loaded, contact));
+            (files, warnings)
+        }
+        (Format::Vtk, None) => {
+            (texts(sim::vtk::export(&loaded.spec, &loaded.meshes, &Isometry::identity(), &[])), Vec::new())
+        }
+        (Format::Vtk, Some(poses)) => (series::files(loaded, poses, &store::read(poses)?)?, Vec::new()),
+        (Format::Stl, _) => (surfaces(loaded, "stl")?, Vec::new()),
+        (Format::Ply, _) => (surfaces(loaded, "ply")?, Vec::new()),
+        (Format::Glb, _) => (vec![("model.glb".to_owned(), gltf::glb(loaded))], Vec::new()),
+    })
+}
+
+/// What a solver's files leave out of the model.
+fn left_behind(loaded: &LoadedModel, (format, contact): (Format, OpensimContact), is_carried: bool) -> Vec<Notice> {
+    let mut warnings = Vec::new();
+    if is_carried {
+        let but = if loaded.spec.menisci.is_empty() { "" } else { "; the menisci that act are parts of their own" };
+        let known = if loaded.spec.patella.is_some() { "" } else { "; no contact or ligament of the model knows them" };
+        let text = format!("patella and menisci lie in carried/ as surfaces in the model's frame{known}{but}");
+        warnings.push(Kind::NotInFormat.notice(text));
+    }
+    if loaded.spec.patella.is_some() {
+        warnings.push(Kind::NotInFormat.notice(match format {
+            Format::Opensim => PATELLA_OFF,
+            _ => "the patella acts in the model under a pull of the quadriceps; here it is left out",
+        }));
+    }
+    if let Some(wraps) = loaded.wraps() {
+        warnings.push(Kind::NotInFormat.notice(format!("{wraps} in the model; they are straight lines here")));
+    }
+    let by_thickness = format == Format::Opensim && contact == OpensimContact::Jam;
+    if loaded.spec.contact.layer.is_some() && !by_thickness {
+        warnings.push(
+            Kind::NotInFormat.notice("contact is that of the table: no such format knows the model's law by thickness"),
+        );
+    }
+    warnings
 }
 
 fn texts(files: Vec<(String, String)>) -> Vec<File> {

@@ -1,6 +1,7 @@
 //! Grafts: bundles that are put into a knee and drawn to a tension where they are fixed.
 
 use crate::coordinate::Load;
+use crate::equilibrium::{Ask, Rig, Start};
 use crate::error::SimError;
 use crate::ligament::mean_length;
 use crate::model::Model;
@@ -32,7 +33,8 @@ const MET_N: f64 = 0.2;
 const MOST_STEPS: usize = 40;
 /// Ratio of length in CT to slack length at which a graft is slack [-], and from which it is drawn shorter; ours.
 const SLACK: [f64; 2] = [0.5, 0.8];
-/// A graft is made shorter by this factor at a time [-], near a known answer by the second; ours.
+/// A graft is made shorter by this factor at a time [-]; ours. Near a known answer the first is the second of these, and each is the square of the
+/// one before, up to the first of these.
 const SHORTER: [f64; 2] = [1.04, 1.01];
 /// A graft is made shorter up to this ratio of its length in CT to its slack length [-]; ours: a loose knee follows it far.
 const MOST_STRAIN: f64 = 3.0;
@@ -106,12 +108,9 @@ pub fn with_grafts(model: &Model, grafts: &[Graft], cut: &[String], near: Option
         // those that follow are not in yet
         let away: Vec<String> = (k + 1..grafts.len()).map(bundle_name).collect();
         let knee = out.without(&[cut, &away].concat())?;
-        let force = |strain: f64| {
-            let knee = with_strain(&knee, first + k, strain)?;
-            let answer = solve(&knee, at_flexion_deg, &Load::compression(compression_n), &TrialOptions::default())?;
-            Ok(answer.forces_n[first + k])
-        };
-        let strain = sought(force, tension_n, near.and_then(|n| n.get(k)).copied());
+        let compression = Load::compression(compression_n);
+        let drawing = Drawing { knee: &knee, bundle: first + k, at_flexion_deg, compression };
+        let strain = drawing.strain(tension_n, near.and_then(|n| n.get(k)).copied());
         let strain = strain.map_err(|e| e.of(&format!("graft {:?}: fixed at {at_flexion_deg} deg", graft.name)))?;
         out = with_strain(&out, first + k, strain)?;
     }
@@ -169,6 +168,52 @@ fn with_strain(model: &Model, bundle: usize, strain: f64) -> Result<Model, SimEr
     model.with_parameters(&parameters)
 }
 
+/// A knee with a graft that is being drawn: the bundle of this number, at a flexion [deg] and under a compression.
+struct Drawing<'a> {
+    knee: &'a Model,
+    bundle: usize,
+    at_flexion_deg: f64,
+    compression: Load,
+}
+
+impl Drawing<'_> {
+    /// The reference strain [-] at which it bears a tension [N] along the path of loading.
+    ///
+    /// Without friction an equilibrium does not remember its way. So from a strain that is near, the search goes from one equilibrium to the next. That is
+    /// quicker. What it finds holds where the path of loading gives the same tension.
+    fn strain(&self, tension_n: f64, near: Option<f64>) -> Result<f64, SimError> {
+        if near.is_some() && self.knee.contact.friction == 0.0 {
+            let mut at = None;
+            let found = sought(|strain| self.force_beside(strain, &mut at), tension_n, near);
+            let is_met = |strain: &f64| self.force(*strain).is_ok_and(|n| (n - tension_n).abs() < MET_N);
+            if let Some(strain) = found.ok().filter(is_met) {
+                return Ok(strain);
+            }
+        }
+        sought(|strain| self.force(strain), tension_n, near)
+    }
+
+    /// What it bears at a reference strain, along the path of loading [N].
+    fn force(&self, strain: f64) -> Result<f64, SimError> {
+        let knee = with_strain(self.knee, self.bundle, strain)?;
+        let answer = solve(&knee, self.at_flexion_deg, &self.compression, &TrialOptions::default())?;
+        Ok(answer.forces_n[self.bundle])
+    }
+
+    /// The same in the equilibrium next to the last one, where there is one; `last` becomes the one that is found.
+    fn force_beside(&self, strain: f64, last: &mut Option<Start>) -> Result<f64, SimError> {
+        let knee = with_strain(self.knee, self.bundle, strain)?;
+        let rig = Rig { model: &knee, field: None, reading: None };
+        let ask = Ask { load: self.compression.generalised(), flexion: self.at_flexion_deg.to_radians() };
+        let found = rig.settle(&ask, &last.take().unwrap_or_else(|| rig.flexed(&ask)));
+        if !found.balanced {
+            return Err(SimError::Solver("no equilibrium beside the last one".into()));
+        }
+        *last = Some(found.start());
+        Ok(knee.bundle_forces(&knee.evaluate(&found.q).fibres)[self.bundle])
+    }
+}
+
 /// The reference strain [-] at which a graft bears its tension [N]; `force` gives what it bears at one.
 fn sought(
     mut force: impl FnMut(f64) -> Result<f64, SimError>,
@@ -176,7 +221,8 @@ fn sought(
     near: Option<f64>,
 ) -> Result<f64, SimError> {
     let mut at = |strain: f64| Ok::<f64, SimError>(force(strain)? - tension_n);
-    let step = SHORTER[usize::from(near.is_some())];
+    let mut step = SHORTER[usize::from(near.is_some())];
+    let longer = |step: f64| (step * step).min(SHORTER[0]);
     let [mut low, mut high] = near.map_or(SLACK, |e| [e / step, e]);
     // slack at first; then shorter and shorter until it bears more than is asked
     let (mut under, mut over) = (-tension_n, at(high)?);
@@ -184,12 +230,14 @@ fn sought(
         under = at(low)?;
         while under >= 0.0 && low > SLACK[0] {
             (high, over) = (low, under);
+            step = longer(step);
             low /= step;
             under = at(low)?;
         }
     }
     while over < 0.0 {
         (low, under) = (high, over);
+        step = longer(step);
         high *= step;
         if high > MOST_STRAIN {
             let told = format!("tension_n {tension_n} is out of reach; expected less, or a stiffer graft");

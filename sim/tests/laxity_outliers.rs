@@ -436,3 +436,86 @@ fn the_published_knee_s_valgus_at_60_deg_lies_alone() {
     assert_eq!(all.len(), 1, "{all:?}");
     assert!(all[0].words.contains("Valgus_60deg") && all[0].column == "vv_deg", "{}", all[0].words);
 }
+
+#[test]
+fn rounded_readings_are_counted_over_all_the_columns_that_the_line_names() {
+    let all = told(|k, t| {
+        for c in [IE, AP] {
+            t.measured[c] = t.measured[c].map(|x| (x / 10.0).round() * 10.0);
+        }
+        if k == 0 {
+            t.measured[AP] = None;
+        }
+    });
+    let line = all.iter().find(|d| d.1.contains("comes in steps")).unwrap();
+    assert!(line.1.contains("ie_deg") && line.1.contains("ap_mm") && line.1.contains("their 47 readings"), "{all:?}");
+}
+
+#[test]
+fn a_load_that_every_test_of_others_has_is_told_as_a_sensor_that_was_not_zeroed() {
+    for (c, by) in [(VV, 2.0), (VV, -2.0), (IE, 1.5), (IE, -1.5), (ML, 25.0), (AP, 20.0), (AP, -20.0)] {
+        let all = told(|_, t| t.load[c] += by);
+        let named = all.iter().any(|d| d.0 == c.load_column() && d.1.contains("not zeroed"));
+        assert!(named, "{c:?} {by}: {all:?}");
+        // noise about 0, and a load that one test alone adds on purpose
+        let noise = told(|k, t| t.load[c] += if k % 2 == 0 { by } else { -by });
+        let one = told(|_, t| t.load[c] += if t.trial.starts_with("internal") { by } else { 0.0 });
+        for all in [noise, one] {
+            assert!(all.iter().all(|d| !d.1.contains("not zeroed")), "{c:?} {by}: {all:?}");
+        }
+    }
+}
+
+#[test]
+fn sizes_in_place_of_readings_with_signs_are_told() {
+    let from = |t: &LaxityTrial| sim::laxity::Reference { trial: "n".into(), load: t.load, fe_deg: t.fe_deg };
+    for (c, signs, zero) in [
+        (VV, "Expected valgus +, varus -", 0.3),
+        (IE, "Expected external +, internal -", 1.0),
+        (AP, "Expected anterior +, posterior -", 5.0),
+    ] {
+        let size = |t: &mut LaxityTrial, from: f64| t.measured[c] = t.measured[c].map(|x| (x - from).abs());
+        // of poses: at some flexions, or at all, the knee seems to move against its load
+        let poses = [zero, 2.0 * zero].map(|zero| told(|_, t| size(t, zero)));
+        // of displacements: backwards and inwards is forwards and outwards
+        let displaced = told(|_, t| {
+            t.reference = Some(sim::laxity::Reference { load: sim::coordinate::Load::default(), ..from(t) });
+            size(t, zero);
+        });
+        for all in poses.iter().chain([&displaced]) {
+            let own: Vec<&String> = all.iter().filter(|d| d.0 == c.column()).map(|d| &d.1).collect();
+            let told = format!("were signs dropped, and sizes written? {signs}");
+            assert!(own.iter().any(|words| words.ends_with(&told)), "{c:?}: {all:?}");
+            // turning sizes mends nothing
+            assert!(own.iter().all(|words| !words.contains("declare") && !words.contains("?.")), "{c:?}: {own:?}");
+        }
+        // readings that are turned are
+        let turned = told(|_, t| t.measured[c] = t.measured[c].map(|x| -x));
+        assert!(turned.iter().any(|d| d.0 == c.column() && d.1.contains("declare columns.")), "{c:?}: {turned:?}");
+    }
+    // a knee whose tibia stands forwards has no reading below 0
+    assert!(told(|_, t| t.measured[AP] = t.measured[AP].map(|x| x + 5.0)).is_empty());
+}
+
+#[test]
+fn names_that_say_other_flexions_by_as_much_in_all_trials_are_told() {
+    let name = |t: &mut LaxityTrial| t.trial = format!("{}_{}deg", t.test.name(), t.nominal_flexion_deg);
+    assert!(told(|_, t| name(t)).is_empty());
+    let all = told(|_, t| {
+        name(t);
+        t.nominal_flexion_deg += 10.0;
+        t.fe_deg += 10.0;
+    });
+    let named = |d: &(String, String)| d.0 == "nominal_flexion_deg" && d.1.contains("the names of all 24 trials say");
+    assert!(all.iter().any(named), "{all:?}");
+}
+
+#[test]
+fn a_nominal_flexion_that_neither_names_nor_measured_flexion_have_is_told() {
+    let all = told(|_, t| {
+        t.trial = format!("{}_{}deg", t.test.name(), t.nominal_flexion_deg);
+        t.nominal_flexion_deg = if t.nominal_flexion_deg == 60.0 { 45.0 } else { t.nominal_flexion_deg };
+    });
+    let named = |d: &(String, String)| d.0 == "nominal_flexion_deg" && d.1.contains("nominal 45 deg, 60 by its name");
+    assert!(all.iter().any(named), "{all:?}");
+}

@@ -3,7 +3,7 @@
 
 use meshes::frame::Side;
 use sim::coordinate::{AP, Coordinate, FREE, IE, ML, SI, VV};
-use sim::laxity::{LaxityFormat, LaxityTable, LaxityTrial, read, read_as, sign_doubts, trials_csv};
+use sim::laxity::{LaxityFormat, LaxityTable, LaxityTrial, read, read_as, read_asked, sign_doubts, trials_csv};
 
 /// AP drawers and VV, IE moments at three flexions: made of slopes, so that every sign is known. `(load, displacement)` by coordinate.
 fn made() -> Vec<LaxityTrial> {
@@ -322,6 +322,20 @@ fn cells_of_other_programs_are_refused_with_their_cause() {
         (of("ap_mm", "5. Mai"), 6, "date"),
         (of("ap_mm", "05.05.2026"), 6, "date"),
         (of("ap_mm", "5.15 mm"), 6, "take \"mm\" out"),
+        (of("ap_mm", "#DIV/0!"), 6, "a formula of the sheet failed"),
+        (of("ap_mm", "Err:502"), 6, "a formula of the sheet failed"),
+        (of("nominal_flexion_deg", "#WERT!"), 6, "a formula of the sheet failed"),
+        (of("trial", "#REF!"), 6, "is no name; a formula of the sheet failed"),
+        (of("trial", "#NAME?"), 6, "is no name; a formula of the sheet failed"),
+        (of("trial", "Err:508"), 6, "is no name; a formula of the sheet failed"),
+        (of("ap_mm", "#####"), 6, "widen the column"),
+        (of("ap_mm", "'-5.15"), 6, "write -5.15"),
+        (of("ap_mm", "<5"), 6, "a bound or a guess"),
+        (of("ap_mm", "5.15 \u{b1} 0.2"), 6, "in the column sd_"),
+        (of("load_ap_n", "1\u{a0}050.5"), 6, "write 1050.5"),
+        (of("load_ap_n", "1'050"), 6, "write 1050"),
+        (of("load_ap_n", "1.05D+02"), 6, "write 1.05E+02"),
+        (of("ap_mm", "\"5,15\""), 6, "decimal comma"),
         (of("ap_mm", "-999"), 6, "code for not measured; leave the cell empty"),
         (of("fe_deg", "-9999"), 6, "code for not measured; leave the cell empty"),
         (of("nominal_flexion_deg", ""), 6, "merged cells"),
@@ -337,6 +351,78 @@ fn cells_of_other_programs_are_refused_with_their_cause() {
     // another unit is still told as one
     let said = read(of("ap_mm", "-998").as_bytes()).unwrap_err().to_string();
     assert!(said.contains("another unit") && !said.contains("code"), "{said}");
+    // a name may have a mark or a number
+    for name in ["#5", "#5!", "knee #2", "Err 5", "again?"] {
+        assert_eq!(read(of("trial", name).as_bytes()).unwrap().trials[4].trial, name);
+    }
+}
+
+const FLEXIONS: [&str; 2] = ["nominal_flexion_deg", "fe_deg"];
+
+/// Trials that are only loads, with these columns of flexion; `cell` is what stands in a row (from 0) and such a column.
+fn only_loads(columns: &[&'static str], separator: &str, cell: impl Fn(usize, &str) -> String) -> String {
+    let tests =
+        [("rest", "neutral", 0), ("pulled", "anterior", 100), ("pushed", "posterior", -100), ("again", "anterior", 60)];
+    let line = |before: [&str; 2], flexions: Vec<String>, loads: [&str; 5]| {
+        let cells = before.map(String::from).into_iter().chain(flexions).chain(loads.map(String::from));
+        cells.collect::<Vec<_>>().join(separator) + "\n"
+    };
+    let names = columns.iter().map(|c| (*c).to_owned()).collect();
+    let mut file = line(["trial", "test"], names, ["load_vv_nm", "load_ie_nm", "load_ml_n", "load_ap_n", "load_si_n"]);
+    for (k, (name, test, ap)) in tests.into_iter().enumerate() {
+        let flexions = columns.iter().map(|c| cell(k, c)).collect();
+        file += &line([name, test], flexions, ["0", "0", "0", &ap.to_string(), "20"]);
+    }
+    file
+}
+
+/// Flexions of these trials [deg].
+const ASKED_DEG: [&str; 4] = ["30", "62.5", "0", "90"];
+
+/// What is asked by loads and one flexion is what is asked by loads and the same flexion twice, row by row.
+#[test]
+fn one_flexion_asks_what_both_ask() {
+    for separator in [",", ";", "\t"] {
+        let both = only_loads(&FLEXIONS, separator, |k, _| ASKED_DEG[k].into());
+        let asked = read_asked(both.as_bytes()).unwrap();
+        assert_eq!(asked.trials[1].fe_deg, 62.5);
+        for own in FLEXIONS {
+            let one = only_loads(&[own], separator, |k, _| ASKED_DEG[k].into());
+            assert_eq!(read_asked(one.as_bytes()).unwrap(), asked, "{own} {separator:?}");
+            assert!(read(one.as_bytes()).is_err(), "what was measured needs both");
+        }
+        // each row has both, the first or the second
+        for which in 0..3_usize.pow(4) {
+            let given = |k: usize| which / 3_usize.pow(k as u32) % 3;
+            let cell = |k: usize, column: &str| {
+                let left_out = given(k) > 0 && column == FLEXIONS[given(k) % 2];
+                if left_out { String::new() } else { ASKED_DEG[k].to_owned() }
+            };
+            let mixed = only_loads(&FLEXIONS, separator, cell);
+            assert_eq!(read_asked(mixed.as_bytes()).unwrap().trials, asked.trials, "{mixed}");
+        }
+    }
+}
+
+#[test]
+fn a_flexion_at_fault_is_told_by_the_column_that_the_file_has() {
+    let said = |columns: &[&'static str], bad: &str| {
+        let file = only_loads(columns, ",", |k, _| if k == 2 { bad.into() } else { ASKED_DEG[k].into() });
+        read_asked(file.as_bytes()).unwrap_err().to_string()
+    };
+    for (own, other) in [(FLEXIONS[0], FLEXIONS[1]), (FLEXIONS[1], FLEXIONS[0])] {
+        for (bad, words) in
+            [("400", "beyond 180 deg"), ("bent", "not a finite number"), ("", "empty; expected degrees")]
+        {
+            let said = said(&[own], bad);
+            let named = said.starts_with(&format!("row 4, column \"{own}\"")) && !said.contains(other);
+            assert!(named && said.contains(words), "{own}: {said}");
+        }
+    }
+    let empty = said(&FLEXIONS, "");
+    assert!(empty.contains("empty, as \"fe_deg\" is; expected degrees"), "{empty}");
+    let neither = said(&[], "");
+    assert!(neither.contains("missing column nominal_flexion_deg or fe_deg;"), "{neither}");
 }
 
 #[test]
@@ -354,4 +440,22 @@ fn one_cause_in_many_rows_is_one_notice_with_their_count() {
     assert!(against[0].text.contains("1 more rows alike, the last 15, all at 90 deg"), "{}", against[0].text);
     let empty = read(rewritten("load_ml_n", |_, _| String::new()).as_bytes()).unwrap();
     assert_eq!(empty.warnings.iter().map(|w| w.count).collect::<Vec<_>>(), [Some(18)]);
+}
+
+#[test]
+fn tables_of_another_shape_are_refused_with_what_they_are() {
+    let csv = trials_csv(&made());
+    let rows: Vec<Vec<&str>> = csv.lines().map(|line| line.split(',').collect()).collect();
+    let column = |k: usize| rows.iter().map(|row| row[k]).collect::<Vec<_>>().join(",") + "\n";
+    let on_its_side: String = (0..rows[0].len()).map(column).collect();
+    let page = format!("<table><tr><td>{}</td></tr></table>", csv.replace(',', "</td><td>"));
+    for (text, words) in [
+        (csv.replace(',', "|"), "parted by another sign"),
+        (csv.replace(',', "  "), "parted by another sign"),
+        (on_its_side, "lies on its side"),
+        (page, "web page"),
+    ] {
+        let said = read(text.as_bytes()).unwrap_err().to_string();
+        assert!(said.contains(words), "{words}: {said}");
+    }
 }

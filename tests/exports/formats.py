@@ -83,6 +83,99 @@ def febio(folder):
     assert {b.get("node_set") for b in root.find("Boundary")} <= {s.get("name") for s in mesh.findall("NodeSet")}
     print(f"febio: {len(nodes)} nodes, {len(elements)} elements, {len(sets)} springs, {len(pairs)} contact pairs; every name is defined")
     febio_sections(root)
+    febio_steps(folder, root)
+
+
+def steps_of(folder):
+    """The rows of steps.csv by file."""
+    import csv
+
+    files = {}
+    for row in csv.DictReader((folder / "steps.csv").open()):
+        files.setdefault(row["file"], []).append(row)
+    return files
+
+
+LOADS = ["load_vv_nm", "load_ie_nm", "load_ml_n", "load_ap_n", "load_si_n"]
+
+
+def febio_steps(folder, knee):
+    """A file a protocol: it takes the knee from model.feb, holds steps.csv's flexions and loads, and its joints turn, shift and push in clinical senses."""
+    try:
+        import numpy as np
+    except ImportError:
+        missing("numpy")
+    # as pyfebio read them, the knee's own sections are cut short
+    knee = xml.parse(folder / "model.feb").getroot()
+    points = {int(n.get("id")): np.array([float(x) for x in n.text.split(",")]) for n in knee.find("Mesh").iter("node")}
+    sets = {s.get("name"): [points[int(n)] for n in s.text.split(",")] for s in knee.find("Mesh").findall("NodeSet")}
+    frames = {}
+    for bone in ("femur", "tibia"):
+        origin, *ends = sets[f"{bone}_anatomical"]
+        frames[bone] = origin, np.column_stack([(e - origin) / 100 for e in ends])
+
+    def turned(axis, angle):
+        x, y, z = axis
+        k = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        return np.eye(3) + np.sin(angle) * k + (1 - np.cos(angle)) * k @ k
+
+    def coordinates(joints, moved):
+        """Grood-Suntay coordinates [rad, mm] where each joint turns and shifts its second body [grood1983]."""
+        r, p = np.eye(3), np.zeros(3)
+        for j, (angle, shift) in zip(joints, moved):
+            own = turned(j["axis"], angle)
+            r, p = r @ own, r @ (j["origin"] - own @ j["origin"] + shift * j["axis"]) + p
+        (fo, fa), (to, ta) = frames["femur"], frames["tibia"]
+        f = r @ fa
+        m, t = f.T @ ta, f.T @ (to - (r @ fo + p))
+        fe, vv, ie = np.arctan2(m[1, 2], m[2, 2]), np.arcsin(m[0, 2]), np.arctan2(-m[0, 1], m[0, 0])
+        return np.array([fe, vv, ie, -t[0], t[1] * np.cos(fe) - t[2] * np.sin(fe), m[:, 2] @ t])
+
+    files = steps_of(folder)
+    assert set(files) == {p.name for p in folder.glob("*.feb")} - {"model.feb"} and len(files) >= 6, list(files)
+    order = ["Module", "Globals", "Material", "Mesh", "MeshDomains", "Boundary", "Rigid", "Contact", "Discrete", "Step", "LoadData", "Output"]
+    for name, rows in files.items():
+        root = xml.parse(folder / name).getroot()
+        assert [s.tag for s in root] == order, [s.tag for s in root]
+        for k, section in enumerate(list(root)):
+            if section.get("from"):
+                assert section.get("from") == "model.feb" and not len(section) and not section.text
+                root[k] = knee.find(section.tag)
+        assert [int(m.get("id")) for m in root.find("Material")] == list(range(1, 1 + len(root.find("Material")))), name
+        materials = {m.get("name") for m in root.find("Material")}
+        curves = {c.get("id"): np.array([[float(x) for x in p.text.split(",")] for p in c.iter("pt")]) for c in root.find("LoadData")}
+        assert len(curves) == 6 and all((np.diff(c[:, 0]) > 0).all() for c in curves.values()), name
+        joints = []
+        for c in root.find("Rigid").findall("rigid_connector"):
+            text = {e.tag: e.text for e in c}
+            lc = {e.tag: (e.get("lc"), float(e.text)) for e in c if e.get("lc")}
+            vector = lambda tag: np.array([float(x) for x in text[tag].split(",")])
+            assert {text["body_a"], text["body_b"]} <= materials and abs(np.linalg.norm(vector("joint_axis")) - 1) < 1e-9
+            joints.append({"origin": vector("joint_origin"), "axis": vector("joint_axis"), "first": text["body_a"], "second": text["body_b"], "lc": lc})
+        chain = [joints[0]["first"]] + [j["second"] for j in joints]
+        assert (chain[0], chain[-1], len(set(chain))) == ("tibia", "femur", 4) and all(a["second"] == b["first"] for a, b in zip(joints, joints[1:]))
+        rest = coordinates(joints, [(0, 0)] * 3)
+        for k, j in enumerate(joints):
+            for n, tags in enumerate((("moment", "rotation"), ("force",))):
+                (tag,) = [t for t in tags if t in j["lc"]]
+                curve, value = j["lc"][tag]
+                moved = [[0.0, 0.0] for _ in joints]
+                moved[k][n] = 1e-4
+                change = (coordinates(joints, moved) - rest)[int(curve) - 1] / 1e-4
+                # a force pushes the first body, a rotation turns the second
+                sense = value if tag == "rotation" else -value
+                assert abs(value) == 1 and change * sense > 0.9, (name, tag, curve, change, value)
+        assert len(root.find("Step")) == len(rows), name
+        for row, step in zip(rows, root.find("Step")):
+            steps, size = (float(step.find("Control").findtext(t)) for t in ("time_steps", "step_size"))
+            assert step.get("name") == row["name"] and abs(steps * size - (float(row["to_s"]) - float(row["from_s"]))) < 1e-5
+            at = lambda id: np.interp(float(row["to_s"]), *curves[id].T)
+            moved = [(j["lc"]["rotation"][1] * at(j["lc"]["rotation"][0]) if "rotation" in j["lc"] else 0, 0) for j in joints]
+            assert abs(np.degrees(coordinates(joints, moved)[0]) - float(row["fe_deg"])) < 1e-3, (name, row)
+            found = [at(str(k + 2)) / (1000 if k < 2 else 1) for k in range(5)]
+            assert np.allclose(found, [float(row[c]) for c in LOADS], atol=1e-5), (name, row, found)
+    print(f"febio: {len(files)} protocols hold the flexions and loads of steps.csv, in clinical senses")
+    febio_sections(root)
 
 
 def febio_sections(root):
@@ -104,7 +197,8 @@ def febio_sections(root):
         force.set("type", "math")
         force[:] = [xml.fromstring("<math>x</math>")]
     for rigid in root.find("Rigid"):
-        del rigid.attrib["name"]
+        if rigid.tag != "rigid_connector":
+            del rigid.attrib["name"]
 
     def read(section):
         kind = getattr(importlib.import_module(f"pyfebio.{section.tag.lower()}"), section.tag)

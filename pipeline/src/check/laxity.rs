@@ -44,7 +44,7 @@ pub(super) fn judge(
                         &input,
                         State::Look,
                         doubt.words,
-                        "a build calibrates to the signs as they stand",
+                        "a build calibrates to the readings as they stand",
                     ));
                 }
                 let (trials, thinner) = crate::thin::thinned(table.trials.clone());

@@ -1,12 +1,11 @@
 //! An Abaqus deck: the model's files, a main file a protocol, and with `--poses` one for each row of a laxity file or of results.
 
-use super::{File, texts};
-use crate::error::{BuildError, Place};
+use super::{File, steps, texts};
+use crate::error::BuildError;
 use crate::model_file::LoadedModel;
 use crate::store;
 use meshes::hex::HexMesh;
 use notices::{Kind, Notice};
-use sim::laxity::{self, LaxityTrial};
 use sim::mesh::{MeshValue, TetMesh};
 use std::path::Path;
 
@@ -17,7 +16,7 @@ pub(super) fn files(
     asked: Option<&Path>,
 ) -> Result<(Vec<File>, Vec<Notice>), BuildError> {
     let lacking = solids(loaded)?;
-    let (trials, mut warnings) = asked.map_or(Ok((vec![], vec![])), trials)?;
+    let (trials, mut warnings) = steps::trials(asked)?;
     let written = decks::export_with(&loaded.spec, &loaded.meshes, &trials);
     let deck = written.map_err(|e| BuildError::in_file(model, e))?;
     let others = deck.warnings.into_iter().filter(|w| !lacking.iter().any(|path| w.file.as_ref() == Some(path)));
@@ -27,15 +26,10 @@ pub(super) fn files(
             format!("{path} is not there: its cartilage is left out of the deck as a solid (contact does not need it)");
         Kind::SolidMissing.notice(text).file(path)
     }));
-    Ok((texts(deck.files), warnings))
-}
-
-/// The trials of a file, and what is odd in it.
-fn trials(path: &Path) -> Result<(Vec<LaxityTrial>, Vec<Notice>), BuildError> {
-    let (bytes, name) = (store::read(path)?, path.display().to_string());
-    let read = laxity::read_asked(&bytes);
-    let table = read.map_err(|e| BuildError::at(Place::in_laxity(&name, &e), format!("{name}: {e}")))?;
-    Ok((table.trials, table.warnings.into_iter().map(|w| w.in_file(&name)).collect()))
+    let imposed = decks::imposed(&loaded.spec, &trials).map_err(|e| BuildError::in_file(model, e))?;
+    let mut files = texts(deck.files);
+    files.push(steps::list(&imposed, ".inp", asked));
+    Ok((files, warnings))
 }
 
 /// Reads the cartilage solids that the model names into its meshes; gives the paths of those that are not there.

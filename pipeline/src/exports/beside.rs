@@ -18,6 +18,9 @@ use sim::protocols::{self, Protocol, ProtocolOptions};
 use sim::trials::{TrialOptions, solve_trials};
 use std::fmt::Write;
 
+/// Files that hold answers: forces of ligaments, and all that is predicted.
+pub(super) const ANSWERS: [&str; 2] = ["ligament_forces.csv", "predictions.csv"];
+
 /// `model.source.json`: the model that was exported; `ligament_forces.csv`: its ligament forces at rest, in drawers and in the paper's protocols;
 /// `predictions.csv`: the same with poses, group sums and contact, as `simulate` tells them.
 pub(super) fn files(loaded: &LoadedModel) -> Result<Vec<File>, BuildError> {
@@ -31,8 +34,8 @@ pub(super) fn files(loaded: &LoadedModel) -> Result<Vec<File>, BuildError> {
     let Ok(model) = sim::compile(spec, &loaded.meshes) else { return Ok(out) };
     let (bundles, results) = (model.bundle_names(), asked(loaded, &model)?);
     if !results.is_empty() {
-        out.push(("ligament_forces.csv".to_owned(), forces(&bundles, &results).into_bytes()));
-        out.push(("predictions.csv".to_owned(), results_csv(&bundles, &results).into_bytes()));
+        let texts = [forces(&bundles, &results), results_csv(&bundles, &results)];
+        out.extend(ANSWERS.into_iter().zip(texts).map(|(name, text)| (name.to_owned(), text.into_bytes())));
     }
     Ok(out)
 }

@@ -1,17 +1,21 @@
 //! FEBio, format version 4.0 <https://help.febio.org>: rigid bones and cartilage faces, fibres as nonlinear springs, sliding contact by penalty. mm, N, MPa.
 //!
-//! The tibia is fixed. The femur does not turn and 20 N of compression press it on, a start on which loads of one's own are put.
+//! The tibia is fixed. In model.feb the femur does not turn and 20 N of compression press it on, a start on which loads of one's own are put. Protocols and
+//! trials are files beside it, which take the knee from it.
 
 mod menisci;
+mod steps;
 
 use super::{File, bent, contact_name, contact_stiffness, law_of, named};
 use crate::error::BuildError;
 use crate::model_file::LoadedModel;
 use crate::report::html::escaped;
+use decks::Imposed;
 use meshes::Point;
 use notices::{Kind, Notice};
 use sim::spec::BundleSpec;
 use std::fmt::Write;
+pub(super) use steps::ENDING;
 
 /// Compression that presses the femur on [N].
 const COMPRESSION_N: f64 = 20.0;
@@ -33,8 +37,21 @@ pub(super) fn warnings(model: &LoadedModel) -> Vec<Notice> {
     out
 }
 
-/// model.feb.
-pub(super) fn files(model: &LoadedModel) -> Result<Vec<File>, BuildError> {
+/// What FEBio writes of the knee.
+const OUTPUT: &str = "<Output><logfile><rigid_body_data data=\"x;y;z;qx;qy;qz;qw;Fx;Fy;Fz;Mx;My;Mz\"/></logfile>\
+     <plotfile type=\"febio\"><var type=\"displacement\"/><var type=\"contact pressure\"/></plotfile></Output>";
+
+/// The file of the knee itself.
+const KNEE: &str = "model.feb";
+
+/// model.feb, and a file a protocol or trial.
+pub(super) fn files(model: &LoadedModel, imposed: &[Imposed]) -> Result<Vec<File>, BuildError> {
+    let mut out = vec![(KNEE.to_owned(), knee(model)?.into_bytes())];
+    out.extend(steps::files(model, imposed)?);
+    Ok(out)
+}
+
+fn knee(model: &LoadedModel) -> Result<String, BuildError> {
     let (mut nodes, mut elements, mut surfaces) = (String::new(), String::new(), String::new());
     let mut domains = String::new();
     let (mut node, mut element) = (0, 0);
@@ -75,14 +92,16 @@ pub(super) fn files(model: &LoadedModel) -> Result<Vec<File>, BuildError> {
             "<SurfacePair name=\"{f}_on_{t}\"><primary>{f}_surface</primary><secondary>{t}_surface</secondary></SurfacePair>"
         );
     }
-    let text = format!(
-        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<febio_spec version=\"4.0\">\n<Module type=\"solid\"/>\n\
+    Ok(format!(
+        "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<febio_spec version=\"4.0\">\n<!-- {}{} -->\n<Module type=\"solid\"/>\n\
          <Control><analysis>STATIC</analysis><time_steps>20</time_steps><step_size>0.05</step_size><solver type=\"solid\"><symmetric_stiffness>non-symmetric</symmetric_stiffness></solver></Control>\n\
          <Globals><Constants><T>0</T><R>0</R><Fc>0</Fc></Constants></Globals>\n\
          <Material>{}{}</Material>\n<Mesh>\n{nodes}{}{}{}{elements}{}{surfaces}{}{}{}{}{pairs}{}</Mesh>\n<MeshDomains>\n{domains}{}</MeshDomains>\n\
          <Boundary>{}{}{}</Boundary>\n<Rigid>{}</Rigid>\n<Contact>{}{}</Contact>\n<Discrete>{}{}{}</Discrete>\n<LoadData>\n{}</LoadData>\n\
-         <Output><logfile><rigid_body_data data=\"x;y;z;qx;qy;qz;qw;Fx;Fy;Fz;Mx;My;Mz\"/></logfile>\
-         <plotfile type=\"febio\"><var type=\"displacement\"/><var type=\"contact pressure\"/></plotfile></Output>\n</febio_spec>\n",
+         {OUTPUT}\n</febio_spec>\n",
+        decks::febio::MODEL,
+        // two hyphens end a comment of XML
+        model.spec.id.replace("--", "- -").replace(['\n', '\r'], " "),
         materials(model),
         between.materials,
         fibres.nodes,
@@ -105,8 +124,7 @@ pub(super) fn files(model: &LoadedModel) -> Result<Vec<File>, BuildError> {
         fibres.discrete,
         between.discrete,
         fibres.curves
-    );
-    Ok(vec![("model.feb".into(), text.into_bytes())])
+    ))
 }
 
 fn materials(model: &LoadedModel) -> String {
@@ -118,17 +136,20 @@ fn materials(model: &LoadedModel) -> String {
         .concat()
 }
 
+/// The tibia stays where it is.
+const FIXED: &str = "<rigid_bc name=\"tibia fixed\" type=\"rigid_fixed\"><rb>tibia</rb><Rx_dof>1</Rx_dof><Ry_dof>1</Ry_dof><Rz_dof>1</Rz_dof>\
+     <Ru_dof>1</Ru_dof><Rv_dof>1</Rv_dof><Rw_dof>1</Rw_dof></rigid_bc>";
+
 /// The tibia is fixed, the femur pressed on by the compression and kept from turning: FEBio's rigid joints are left to whoever loads it otherwise.
 fn rigid(model: &LoadedModel) -> String {
     let down = -model.spec.frames.tibia.superior * COMPRESSION_N;
-    let fixed = "<rigid_bc name=\"tibia fixed\" type=\"rigid_fixed\"><rb>tibia</rb><Rx_dof>1</Rx_dof><Ry_dof>1</Ry_dof><Rz_dof>1</Rz_dof><Ru_dof>1</Ru_dof><Rv_dof>1</Rv_dof><Rw_dof>1</Rw_dof></rigid_bc>\
-                 <rigid_bc name=\"femur does not turn\" type=\"rigid_fixed\"><rb>femur</rb><Rx_dof>0</Rx_dof><Ry_dof>0</Ry_dof><Rz_dof>0</Rz_dof><Ru_dof>1</Ru_dof><Rv_dof>1</Rv_dof><Rw_dof>1</Rw_dof></rigid_bc>";
+    let turning = "<rigid_bc name=\"femur does not turn\" type=\"rigid_fixed\"><rb>femur</rb><Rx_dof>0</Rx_dof><Ry_dof>0</Ry_dof><Rz_dof>0</Rz_dof><Ru_dof>1</Ru_dof><Rv_dof>1</Rv_dof><Rw_dof>1</Rw_dof></rigid_bc>";
     let loads: String = [("Rx", down.x), ("Ry", down.y), ("Rz", down.z)]
         .map(|(dof, n)| {
             format!("<rigid_load name=\"compression {dof}\" type=\"rigid_force\"><rb>femur</rb><dof>{dof}</dof><value lc=\"1\">{n:.6}</value><load_type>0</load_type><relative>0</relative></rigid_load>")
         })
         .concat();
-    fixed.to_owned() + &loads
+    format!("{FIXED}{turning}{loads}")
 }
 
 /// Penalty by which a contact of two passes presses as the model does [MPa/mm]: each pass adds its own force.

@@ -9,6 +9,7 @@ use super::{File, OpensimContact, bent, contact_name, contact_stiffness, law_of,
 use crate::error::BuildError;
 use crate::model_file::LoadedModel;
 use crate::report::html::escaped;
+use decks::Imposed;
 use decks::opensim::ANATOMICAL;
 use meshes::frame::{AnatomicalFrame, Side};
 use meshes::surface::TriMesh;
@@ -19,6 +20,8 @@ use sim::coordinate::{AP, FE, IE, ML, SI, Six, VV};
 use sim::joint::Joint;
 use sim::spec::BundleSpec;
 use std::fmt::Write;
+use steps::Driven;
+pub(super) use steps::ENDING;
 
 /// How far the back of a contact mesh lies behind its face [mm]; a point deeper than half of it would be pushed out at the back.
 const THICKENED_MM: f64 = 4.0;
@@ -27,6 +30,7 @@ const LINK_KG: f64 = 0.01;
 
 mod jam;
 mod patella;
+mod steps;
 
 /// What the file does otherwise than the model.
 pub(super) fn warnings(model: &LoadedModel, contact: OpensimContact) -> Vec<Notice> {
@@ -52,12 +56,21 @@ fn other_laws(model: &LoadedModel) -> Option<String> {
 /// Stretch up to which laws are compared, in toe strains [-]: ligaments fail soon after.
 const COMPARED_TOES: f64 = 4.0;
 
-/// model.osim and Geometry/.
-pub(super) fn files(model: &LoadedModel, contact: OpensimContact) -> Result<Vec<File>, BuildError> {
+/// model.osim and Geometry/, and a model a protocol or trial with the script that takes them through.
+pub(super) fn files(
+    model: &LoadedModel,
+    contact: OpensimContact,
+    imposed: &[Imposed],
+) -> Result<Vec<File>, BuildError> {
     let fault = |e: sim::SimError| BuildError::in_file(&model.folder, e);
     let joint = Joint::new(&model.spec.frames, model.spec.side).map_err(fault)?;
     let patella = patella::parts(model, contact);
-    let mut files = vec![("model.osim".to_owned(), document(model, &joint, contact, &patella)?.into_bytes())];
+    let written = |driven: &Driven| document(model, &joint, (contact, &patella), driven);
+    let mut files = vec![("model.osim".to_owned(), written(&Driven::default())?.into_bytes())];
+    for i in imposed {
+        files.push((format!("{}{ENDING}", i.stem), written(&Driven::of(i))?.into_bytes()));
+    }
+    files.push((steps::SCRIPT.0.to_owned(), steps::SCRIPT.1.as_bytes().to_vec()));
     files.extend(patella.files);
     if contact == OpensimContact::Jam {
         files.extend(jam::backs(model).map(|(name, mesh)| (format!("Geometry/{name}"), obj(mesh).into_bytes())));
@@ -73,8 +86,8 @@ pub(super) fn files(model: &LoadedModel, contact: OpensimContact) -> Result<Vec<
 fn document(
     model: &LoadedModel,
     joint: &Joint,
-    law: OpensimContact,
-    patella: &patella::Parts,
+    (law, patella): (OpensimContact, &patella::Parts),
+    driven: &Driven,
 ) -> Result<String, BuildError> {
     let id: String = model.spec.id.chars().map(|c| if is_of_a_name(c) { c } else { '_' }).collect();
     let id = escaped(&id);
@@ -102,7 +115,7 @@ fn document(
     }
     out += &patella.body;
     out += "</objects></BodySet>\n<JointSet name=\"jointset\"><objects>\n";
-    out += &joints(joint);
+    out += &joints(joint, &driven.flexion);
     out += &patella.joint;
     out += "</objects></JointSet>\n<ContactGeometrySet name=\"contactgeometryset\"><objects>\n";
     for n in named(model).iter().filter(|n| !n.bone) {
@@ -125,7 +138,8 @@ fn document(
         OpensimContact::Jam => jam::forces(model),
     };
     out += &patella.forces;
-    out += "</objects></ForceSet>\n</Model>\n</OpenSimDocument>\n";
+    out += &driven.forces;
+    let _ = write!(out, "</objects></ForceSet>\n{}</Model>\n</OpenSimDocument>\n", driven.controllers);
     Ok(out)
 }
 
@@ -156,8 +170,8 @@ fn angles(turn: &Matrix3<f64>) -> [f64; 3] {
     [x, rest[(0, 2)].atan2(rest[(2, 2)]), rest[(1, 0)].atan2(rest[(1, 1)])]
 }
 
-/// The chain: the axes' rotations and shifts turned so that coordinates have clinical signs.
-fn joints(joint: &Joint) -> String {
+/// The chain: the axes' rotations and shifts turned so that coordinates have clinical signs; `flexion` is what stands in the coordinate of that name.
+fn joints(joint: &Joint, flexion: &str) -> String {
     let screws = joint.pose(&Six::zeros()).screws;
     let links = [
         ("tibial_axis", "/ground", "/bodyset/link_tibial", IE, SI, ["external", "superior"]),
@@ -175,14 +189,15 @@ fn joints(joint: &Joint) -> String {
         let _ = writeln!(
             out,
             "<CustomJoint name=\"{name}\"><socket_parent_frame>{name}_parent</socket_parent_frame><socket_child_frame>{name}_child</socket_child_frame>\
-             <coordinates><Coordinate name=\"{0}\"><range>-3.2 3.2</range></Coordinate><Coordinate name=\"{1}\"><range>-0.2 0.2</range></Coordinate></coordinates>\
+             <coordinates><Coordinate name=\"{0}\"><range>-3.2 3.2</range>{6}</Coordinate><Coordinate name=\"{1}\"><range>-0.2 0.2</range></Coordinate></coordinates>\
              <frames>{2}{3}</frames>\n<SpatialTransform>{4}{5}</SpatialTransform></CustomJoint>",
             coordinates[0],
             coordinates[1],
             frame("parent", parent),
             frame("child", child),
             axes("rotation", coordinates[0], &screws[turn.index()].angular),
-            axes("translation", coordinates[1], &screws[shift.index()].linear)
+            axes("translation", coordinates[1], &screws[shift.index()].linear),
+            if turn == FE { flexion } else { "" }
         );
     }
     out

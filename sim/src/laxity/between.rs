@@ -32,10 +32,20 @@ const COMPARABLE_LOAD: f64 = 0.6;
 /// Flexions at which an offset must be the same way. Ours: at one alone the knee may differ.
 const LEAST_FLEXIONS: usize = 2;
 
+/// Readings, flexions and loads that differ by less are the same [deg, mm, N m, N]: one file by coordinates and by poses differs in the last digits
+/// that were written. Ours.
+const SAME: f64 = 1e-3;
+
 /// The first two data sets that hold the same measurements: one file was given twice. Names of trials may differ.
 pub fn repeated<'a>(sets: &[Named<'a>]) -> Option<[&'a str; 2]> {
+    let near = |x: f64, y: f64| (x - y).abs() < SAME;
     let same = |a: &LaxityTrial, b: &LaxityTrial| {
-        (a.test, a.load, a.fe_deg, a.measured) == (b.test, b.load, b.fe_deg, b.measured)
+        let loads = a.load.iter().zip(b.load.iter()).all(|(x, y)| near(*x, *y));
+        let readings = a.measured.iter().zip(b.measured.iter()).all(|both| match both {
+            (Some(x), Some(y)) => near(*x, *y),
+            (x, y) => x.is_none() && y.is_none(),
+        });
+        a.test == b.test && near(a.fe_deg, b.fe_deg) && loads && readings
     };
     let told = |trials: &[LaxityTrial]| trials.iter().any(|t| t.measured.iter().any(|m| m.is_some_and(|x| x != 0.0)));
     let mut pairs = sets.iter().enumerate().flat_map(|(k, a)| sets[k + 1..].iter().map(move |b| (a, b)));
@@ -240,4 +250,41 @@ fn both_ways(trials: &[LaxityTrial], c: Coordinate) -> BTreeMap<i64, [f64; 2]> {
         (y != x).then_some((flexion, [(y - x).abs(), p.min(q)]))
     };
     ends.into_iter().filter_map(both).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::coordinate::{FREE, Load};
+
+    /// A drawer at some flexions.
+    fn made() -> Vec<LaxityTrial> {
+        let one = |fe: f64| {
+            let load = Load::from_fn(|c| if c == AP { 60.0 } else { 0.0 });
+            let mut trial = LaxityTrial::asked(format!("at_{fe}"), Test::Anterior, fe, load);
+            trial.measured = Free::from_fn(|c| Some(fe / 10.0 + c.index() as f64));
+            trial
+        };
+        [0.0, 30.0, 60.0].map(one).to_vec()
+    }
+
+    /// Last digits make no other measurement; what an apparatus can tell apart does.
+    #[test]
+    fn one_file_is_found_again_whatever_its_last_digits_are() {
+        let a = made();
+        let found = |change: &dyn Fn(&mut LaxityTrial)| {
+            let mut b = a.clone();
+            change(&mut b[1]);
+            repeated(&[("one", &a), ("other", &b)]).is_some()
+        };
+        for sign in [-1.0, 1.0] {
+            assert!(found(&|t| t.fe_deg += sign * SAME / 2.0) && !found(&|t| t.fe_deg += sign * SAME * 2.0));
+            for c in FREE {
+                let moved = |by: f64| found(&|t| t.measured[c] = t.measured[c].map(|x| x + sign * by));
+                assert!(moved(SAME / 2.0) && !moved(SAME * 2.0), "{c}");
+                assert!(!found(&|t| t.load[c] += sign), "{c}");
+                assert!(!found(&|t| t.measured[c] = None), "{c}");
+            }
+        }
+    }
 }

@@ -1,10 +1,10 @@
 //! Whether a laxity file's zeros, units and columns are the expected ones, judged by what every knee does.
 
 use super::motion::{LEAST_MOTION, USUAL_MEAN, USUAL_SI_MM, WORKING_LOAD, mean, range, tests};
-use super::{LaxityTrial, SignDoubt};
+use super::{LaxityTrial, SignDoubt, Test};
 use crate::coordinate::{AP, Coordinate, FREE, IE, ML, SI, VV};
 use notices::plain;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Coordinates that are all nothing together in a trial; three at once are no coincidence. Ours.
 const LEAST_ZEROS: usize = 3;
@@ -49,6 +49,12 @@ const MOST_MOTION: [(Coordinate, f64, f64); 8] = [
 const LEAST_COMPRESSION_N: f64 = 1.0;
 /// ML moves by more than this over the loaded tests of a position [mm]: in two published knees and their phantoms by 2.7 to 12. Ours.
 const LEAST_ML_MM: f64 = 1.0;
+/// A load along a coordinate that no trial of other tests is without: more than these in each of them is a sensor that was not zeroed. VV, IE [N m],
+/// ML, AP [N]. Twice what a published robot leaves there in the median, and above its noise. Ours.
+const LEAST_TARE: [(Coordinate, f64); 4] = [(VV, 1.0), (IE, 0.75), (ML, 15.0), (AP, 8.0)];
+/// Trials of other tests, and how many such tests, from which on a load that all have in common shows.
+const LEAST_BESIDE: usize = 6;
+const LEAST_TESTS_BESIDE: usize = 2;
 /// Trials of a position from which on its ML shows that: all six tests, or one in steps.
 const LEAST_OF_A_POSITION: usize = 6;
 
@@ -74,6 +80,7 @@ fn more(trials: &[LaxityTrial], known: &[SignDoubt]) -> Vec<SignDoubt> {
     found.extend(super::numbers::doubts(trials));
     found.extend(super::outliers::doubts(trials));
     found.extend(no_compression(trials));
+    found.extend(LEAST_TARE.iter().filter_map(|limit| tare(trials, *limit)));
     found.extend(LEAST_LOAD.iter().filter_map(|limit| small_load(trials, *limit)));
     found.extend(LEAST_MOTION.iter().filter_map(|limit| small_motion(trials, *limit)));
     found.extend(MOST_LOAD.iter().filter_map(|limit| large_load(trials, *limit)));
@@ -99,6 +106,27 @@ fn pose_zero(trials: &[LaxityTrial]) -> Option<SignDoubt> {
         words: format!(
             "the pose of trial \"{}\" is 0 in every coordinate: poses are zeroed there, counted from that trial. Expected the pose of the tibia in the femur's frame; declare readings = \"difference\" if they count from the unloaded trial",
             first.trial
+        ),
+    })
+}
+
+/// A load that all trials have which do not test its coordinate: what the sensor reads of nothing.
+fn tare(trials: &[LaxityTrial], (c, least): (Coordinate, f64)) -> Option<SignDoubt> {
+    let beside: Vec<&LaxityTrial> = trials.iter().filter(|t| t.test.coordinate() != Some(c)).collect();
+    let tests: BTreeSet<Test> = beside.iter().map(|t| t.test).collect();
+    let mut loads: Vec<f64> = beside.iter().map(|t| t.load[c]).collect();
+    loads.sort_by(f64::total_cmp);
+    let (low, high) = (*loads.first()?, *loads.last()?);
+    let enough = loads.len() >= LEAST_BESIDE && tests.len() >= LEAST_TESTS_BESIDE;
+    (enough && (low > least || high < -least)).then(|| SignDoubt {
+        column: c.load_column(),
+        words: format!(
+            "{} is {:+.2} {unit} in the median of the {} trials that do not test {}, and 0 in none of them: was the sensor not zeroed (tare, or the limb's weight)? Expected 0 where nothing is applied: take it off the whole column",
+            c.load_column(),
+            loads[loads.len() / 2],
+            loads.len(),
+            c.name().to_uppercase(),
+            unit = c.load_unit()
         ),
     })
 }

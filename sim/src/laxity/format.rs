@@ -5,9 +5,10 @@
 
 use super::columns::{LaxityError, is_output, known_columns};
 use super::text;
+use super::tracked::{Cells, Tracked, to_coordinates};
 use super::units::{bracketed, standard_unit, unit, units_of};
 use super::usual_tests::test_of;
-use crate::coordinate::{Coordinate, FREE, Free, Load};
+use crate::coordinate::{ALL, Coordinate, FREE, Free, Load};
 use crate::names::did_you_mean;
 use csv::StringRecord;
 use meshes::frame::Side;
@@ -41,6 +42,8 @@ pub struct LaxityFormat {
     pub loads_on: Bone,
     /// Flexions that trials are filed under [deg], where the file has no such column: the nearest is taken.
     pub nominal_flexions_deg: Vec<f64>,
+    /// Poses of tracked bodies in place of coordinates, and what turns them into these.
+    pub tracked: Option<Tracked>,
     /// What the readings are; with `difference` each loaded trial counts from the unloaded one of its flexion.
     pub readings: Readings,
 }
@@ -159,7 +162,16 @@ struct Raw {
 /// Turns a file into the standard columns.
 pub(super) fn standard(bytes: &[u8], format: &LaxityFormat, side: Side) -> Result<Standard, LaxityError> {
     let mut warnings = Vec::new();
-    let raw = raw(bytes, format, &mut warnings)?;
+    let mut raw = raw(bytes, format, &mut warnings)?;
+    if let Some(tracked) = &format.tracked {
+        let other = |c: &Coordinate| format.columns.get(&c.column()).is_some_and(|of| of.name() != c.column());
+        if let Some(c) = ALL.into_iter().find(other) {
+            return Err(LaxityError::File(format!("columns.{} and poses of bodies: leave one out", c.column())));
+        }
+        let Raw { header, units, rows, decimal_comma } = &mut raw;
+        let mut cells = Cells { header, units, rows, decimal_comma: *decimal_comma };
+        to_coordinates(&mut cells, tracked, side, &mut warnings)?;
+    }
     let declared = *format != LaxityFormat::default();
     let places = places(&raw, format, declared, side, &mut warnings)?;
     let mut names: Vec<String> = places.iter().map(|p| p.column.clone()).collect();

@@ -2,6 +2,28 @@
 
 use super::columns::known_columns;
 use super::units::unit;
+use csv::StringRecord;
+
+/// Names of columns in one cell, or below each other, from which on a table has another shape.
+const LEAST_NAMES: usize = 3;
+
+/// What is said of a table of another shape: a web page, cells that are not parted, rows and columns exchanged.
+pub(super) fn other_shape<'a>(header: &StringRecord, first_cells: impl Iterator<Item = &'a str>) -> Option<String> {
+    let known = known_columns();
+    let first = header.get(0)?.trim();
+    if first.starts_with('<') {
+        return Some("the file is a web page with a table in it; open it in a spreadsheet and save it as CSV".into());
+    }
+    let between = |c: char| !(c.is_alphanumeric() || c == '_');
+    let inside = first.split(between).filter(|word| known.contains(*word)).count();
+    if header.len() == 1 && inside >= LEAST_NAMES {
+        return Some("its cells are parted by another sign; expected commas, semicolons or tabs between them".into());
+    }
+    let below = first_cells.filter(|cell| known.contains(*cell)).count();
+    (known.contains(first) && below >= LEAST_NAMES).then(|| {
+        format!("the table lies on its side: {below} names of columns stand below \"{first}\"; transpose it, so that each trial is a row")
+    })
+}
 
 /// The standard column that a name means, the unit that it says, and that unit's factor to the standard one; none where it means none.
 fn meant(name: &str) -> Option<(String, String, f64)> {

@@ -28,6 +28,8 @@ const LEAST_FAR: usize = 2;
 const MOST_STAY: f64 = 0.1;
 /// A name's flexion may lie this far from nominal [deg].
 const NEAR_DEG: f64 = 5.0;
+/// Names lie off nominal alike within this [deg]: rounding.
+const ALIKE_DEG: f64 = 1.0;
 /// Names with a flexion, from which on they are compared.
 const LEAST_NAMES: usize = 4;
 
@@ -151,15 +153,55 @@ fn named_deg(name: &str) -> Option<f64> {
     digits.parse().ok()
 }
 
+/// By how much nominal flexion lies off what the names say, where it does so alike in all of them and the names have several flexions [deg].
+fn shifted_names(named: &[(&LaxityTrial, f64)]) -> Option<f64> {
+    let off = |(t, deg): &(&LaxityTrial, f64)| t.nominal_flexion_deg - deg;
+    let first = off(named.first()?);
+    let alike = named.iter().all(|n| (off(n) - first).abs() < ALIKE_DEG);
+    let several = named.iter().any(|n| (n.1 - named[0].1).abs() > NEAR_DEG);
+    (alike && several && first.abs() > NEAR_DEG).then_some(first)
+}
+
+/// Trials whose names and measured flexion agree, and whose nominal flexion is another.
+fn by_names_and_flexion(named: &[(&LaxityTrial, f64)]) -> Option<SignDoubt> {
+    let odd = |(t, deg): &&(&LaxityTrial, f64)| {
+        (t.nominal_flexion_deg - deg).abs() > NEAR_DEG && (t.fe_deg - deg).abs() <= NEAR_DEG
+    };
+    let off: Vec<&(&LaxityTrial, f64)> = named.iter().filter(odd).collect();
+    let (first, deg) = off.first().filter(|_| off.len() >= LEAST_FAR)?;
+    Some(SignDoubt {
+        column: "nominal_flexion_deg".into(),
+        words: format!(
+            "{} trials are filed under another flexion than their names say and fe_deg is, the first \"{}\": nominal {:.0} deg, {deg:.0} by its name, {:.0} measured. Expected the flexion of the test in all three",
+            off.len(),
+            first.trial,
+            first.nominal_flexion_deg,
+            first.fe_deg
+        ),
+    })
+}
+
 /// Trials that are filed under another flexion than their names say, where names and column have the same flexions.
 pub(super) fn names(trials: &[LaxityTrial]) -> Option<SignDoubt> {
     let named: Vec<(&LaxityTrial, f64)> = trials.iter().filter_map(|t| Some((t, named_deg(&t.trial)?))).collect();
     let has = |t: &LaxityTrial, deg: f64| (t.nominal_flexion_deg - deg).abs() <= NEAR_DEG;
     let known = |(_, deg): &(&LaxityTrial, f64)| named.iter().any(|(t, _)| has(t, *deg));
     let used = |(t, _): &(&LaxityTrial, f64)| named.iter().any(|(_, deg)| has(t, *deg));
-    let comparable = named.len() >= LEAST_NAMES && named.iter().all(known) && named.iter().all(used);
+    let enough = named.len() >= LEAST_NAMES;
+    if let Some(by) = shifted_names(&named).filter(|_| enough) {
+        return Some(SignDoubt {
+            column: "nominal_flexion_deg".into(),
+            words: format!(
+                "nominal_flexion_deg lies {by:+.0} deg from the flexion that the names of all {} trials say: it counts from another zero than they do. Expected the flexion of the knee in both",
+                named.len()
+            ),
+        });
+    }
+    let comparable = enough && named.iter().all(known) && named.iter().all(used);
     let off: Vec<&(&LaxityTrial, f64)> = named.iter().filter(|(t, deg)| !has(t, *deg)).collect();
-    let (first, _) = off.first().filter(|_| comparable && off.len() >= LEAST_FAR)?;
+    let Some((first, _)) = off.first().filter(|_| comparable && off.len() >= LEAST_FAR) else {
+        return by_names_and_flexion(&named).filter(|_| enough);
+    };
     Some(SignDoubt {
         column: "nominal_flexion_deg".into(),
         words: format!(

@@ -89,9 +89,9 @@ pub(super) fn coarse(trials: &[LaxityTrial]) -> (Vec<String>, Option<SignDoubt>)
     let Some(first) = varies.first() else { return (Vec::new(), None) };
     let one = |r: &&Rounded| format!("{} comes in steps of {} {}", r.of.column(), r.step, r.of.unit());
     let words = format!(
-        "{}: all of {} readings are whole multiples of it. A knee's laxity is of that size, so that little of it is left. Were they rounded, or written in whole cm, inches or tens? Expected readings to a tenth",
+        "{}: all of their {} readings are whole multiples. A knee's laxity is of that size, so that little of it is left. Were they rounded, or written in whole cm, inches or tens? Expected readings to a tenth",
         varies.iter().map(one).collect::<Vec<_>>().join(", "),
-        first.readings
+        varies.iter().map(|r| r.readings).sum::<usize>()
     );
     (all.iter().map(|r| r.of.column()).collect(), Some(SignDoubt { column: first.of.column(), words }))
 }

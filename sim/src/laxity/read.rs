@@ -13,6 +13,7 @@ use notices::{Kind, Notice, plain};
 use std::collections::{BTreeMap, BTreeSet};
 
 mod branches;
+mod failed;
 
 /// The trials of a file and what is odd but not fatal in it.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -27,6 +28,8 @@ pub struct LaxityTable {
 const LARGEST_LOAD: Load = Load::new(150.0, 150.0, 2000.0, 2000.0, 5000.0);
 /// Tension of the quadriceps beyond this is taken for another unit [N].
 const LARGEST_QUADRICEPS_N: f64 = 10_000.0;
+/// Flexion beyond this is taken for another unit [deg].
+const MOST_FLEXION_DEG: f64 = 180.0;
 /// Coordinates beyond these are taken for another unit or frame: VV, IE [deg], ML, AP, SI [mm].
 const LARGEST_VALUE: Free<f64> = Free([90.0, 120.0, 150.0, 150.0, 300.0]);
 
@@ -39,7 +42,10 @@ pub fn read(bytes: &[u8]) -> Result<LaxityTable, LaxityError> {
     read_as(bytes, &LaxityFormat::default(), Side::Right)
 }
 
-/// [`read`] for a model that is asked: columns of the pose may be absent, all together.
+/// Flexion as it was measured and as it was meant. What a model is asked needs one of them.
+const FLEXIONS: [&str; 2] = ["nominal_flexion_deg", "fe_deg"];
+
+/// [`read`] for a model that is asked: columns of the pose may be absent, all together. One flexion stands for the other, in a file or in a row.
 ///
 /// # Errors
 /// As [`read`].
@@ -55,7 +61,7 @@ pub fn read_as(bytes: &[u8], format: &LaxityFormat, side: Side) -> Result<Laxity
     read_in(bytes, format, side, Poses::Expected)
 }
 
-/// Whether a file must have the columns of the pose.
+/// Whether a file must have the columns of the pose, and both of flexion.
 #[derive(Clone, Copy, PartialEq)]
 enum Poses {
     Expected,
@@ -64,11 +70,17 @@ enum Poses {
 
 fn read_in(bytes: &[u8], format: &LaxityFormat, side: Side, poses: Poses) -> Result<LaxityTable, LaxityError> {
     let standard = standard(bytes, format, side)?;
+    let first_cells = standard.rows.iter().filter_map(|(_, record)| record.get(0));
+    if let Some(what) = super::headers::other_shape(&standard.header, first_cells) {
+        return Err(LaxityError::File(what));
+    }
     let columns = columns(&standard.header, poses)?;
     let mut table = LaxityTable { trials: vec![], warnings: standard.warnings };
     let (mut names, mut counted_from) = (BTreeSet::new(), Vec::new());
     for (k, (number, record)) in standard.rows.iter().enumerate() {
-        let row = Row { number: *number, is_first: k == 0, columns: &columns, record, called: &standard.called };
+        let is_asked = poses == Poses::MayBeAbsent;
+        let (number, is_first) = (*number, k == 0);
+        let row = Row { number, is_first, is_asked, columns: &columns, record, called: &standard.called };
         let trial = trial(&row, &mut table.warnings)?;
         if !names.insert(trial.trial.clone()) {
             return row.refuse("trial", &format!("\"{}\" stands in an earlier row; names must differ", trial.trial));
@@ -123,13 +135,27 @@ fn merged(warnings: Vec<Notice>, trials: &[LaxityTrial]) -> Vec<Notice> {
     groups.into_iter().filter_map(together).collect()
 }
 
-/// Column numbers by name; refuses what is unknown, missing or doubled.
-fn columns(header: &StringRecord, poses: Poses) -> Result<BTreeMap<String, usize>, LaxityError> {
+/// The columns that a file with this header must have.
+fn required(header: &StringRecord, poses: Poses) -> Vec<String> {
     let mut required = required_columns();
+    if poses == Poses::Expected {
+        return required;
+    }
     let of_the_pose = FREE.map(Coordinate::column);
-    if poses == Poses::MayBeAbsent && !header.iter().any(|name| of_the_pose.contains(&name.to_owned())) {
+    if !header.iter().any(|name| of_the_pose.contains(&name.to_owned())) {
         required.retain(|name| !of_the_pose.contains(name));
     }
+    required.retain(|name| !FLEXIONS.contains(&name.as_str()));
+    if !header.iter().any(|name| FLEXIONS.contains(&name)) {
+        // no column has this name, so that it is told as missing
+        required.push(FLEXIONS.join(" or "));
+    }
+    required
+}
+
+/// Column numbers by name; refuses what is unknown, missing or doubled.
+fn columns(header: &StringRecord, poses: Poses) -> Result<BTreeMap<String, usize>, LaxityError> {
+    let required = required(header, poses);
     let known = known_columns();
     let mut found = BTreeMap::new();
     for (i, name) in header.iter().enumerate() {
@@ -166,6 +192,8 @@ struct Row<'a> {
     number: usize,
     /// Whether no trial stands above it.
     is_first: bool,
+    /// Whether a model is asked, so that one flexion is enough.
+    is_asked: bool,
     columns: &'a BTreeMap<String, usize>,
     record: &'a StringRecord,
     called: &'a BTreeMap<String, String>,
@@ -198,7 +226,10 @@ impl Row<'_> {
             text => match text.parse::<f64>() {
                 Ok(value) if value.is_finite() => Ok(Some(value)),
                 _ => {
-                    let why = text::no_number(text);
+                    let why = match failed::is_error(text) {
+                        true => "; a formula of the sheet failed: mend it, or leave the cell empty".to_owned(),
+                        false => text::no_number(text),
+                    };
                     self.refuse(column, &format!("\"{text}\" is not a finite number (decimal point, no unit){why}"))
                 }
             },
@@ -225,13 +256,11 @@ fn trial(row: &Row, warnings: &mut Vec<Notice>) -> Result<LaxityTrial, LaxityErr
     if name.is_empty() {
         return row.refuse("trial", "empty; every trial needs a name");
     }
+    if failed::is_error(&name) {
+        return row.refuse("trial", &format!("\"{name}\" is no name; a formula of the sheet failed: write the name"));
+    }
     let test = test(row)?;
-    let nominal = match row.bounded("nominal_flexion_deg", 180.0, "deg")? {
-        Some(value) => value,
-        None => {
-            return row.refuse("nominal_flexion_deg", &format!("empty; expected degrees{}", row.if_merged()));
-        }
-    };
+    let nominal = nominal(row)?;
     let mut load = Load::default();
     let (mut measured, mut sd) = (Free::all(None), Free::all(None));
     for c in FREE {
@@ -328,9 +357,26 @@ fn order(row: &Row) -> Result<Option<i64>, LaxityError> {
     }
 }
 
-/// The prescribed flexion: as measured, else nominal with a warning.
+/// Flexion as it was meant; where a model is asked and it is not given, the other one.
+fn nominal(row: &Row) -> Result<f64, LaxityError> {
+    let asked = if row.is_asked { &FLEXIONS[..] } else { &FLEXIONS[..1] };
+    for column in asked {
+        if let Some(value) = row.bounded(column, MOST_FLEXION_DEG, "deg")? {
+            return Ok(value);
+        }
+    }
+    // of a column that the file has
+    let own: Vec<&str> = asked.iter().copied().filter(|column| row.columns.contains_key(*column)).collect();
+    let both = if own.len() > 1 { format!(", as \"{}\" is", own[1]) } else { String::new() };
+    row.refuse(own.first().unwrap_or(&FLEXIONS[0]), &format!("empty{both}; expected degrees{}", row.if_merged()))
+}
+
+/// The prescribed flexion: as measured, else nominal with a warning; without one where no column is for it.
 fn flexion(row: &Row, nominal: f64, warnings: &mut Vec<Notice>) -> Result<f64, LaxityError> {
-    let Some(fe) = row.bounded("fe_deg", 180.0, "deg")? else {
+    if !row.columns.contains_key("fe_deg") {
+        return Ok(nominal);
+    }
+    let Some(fe) = row.bounded("fe_deg", MOST_FLEXION_DEG, "deg")? else {
         warnings.push(
             Kind::NoFlexion
                 .notice(format!(

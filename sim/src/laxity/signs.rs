@@ -1,27 +1,10 @@
 //! Whether the signs of a laxity file are the clinical ones, judged by what every knee does: it goes where it is pushed.
 
-use super::LaxityTrial;
 use super::motion::LEAST_SPREAD;
 use super::read::agrees;
+use super::{LaxityTrial, SignDoubt};
 use crate::coordinate::{AP, Coordinate, IE, SI, VV};
-use notices::{Kind, Notice};
 use std::collections::BTreeMap;
-
-/// A convention that looks turned round.
-#[derive(Clone, Debug, PartialEq)]
-pub struct SignDoubt {
-    /// The standard column that is most likely turned.
-    pub column: String,
-    /// What was seen, and what to declare, in a sentence.
-    pub words: String,
-}
-
-impl SignDoubt {
-    /// The doubt as a notice.
-    pub fn notice(self) -> Notice {
-        Kind::SignDoubt.notice(self.words).column(&self.column)
-    }
-}
 
 /// Words for the positive and the negative sign of each loaded coordinate.
 const WORDS: [(Coordinate, &str, &str); 3] =
@@ -85,16 +68,20 @@ fn axis(trials: &[LaxityTrial], (c, plus, minus): (Coordinate, &str, &str)) -> O
     let against = mine.iter().filter(|t| !agrees(t.test, &t.load)).count();
     let misnamed = 2 * against > mine.len();
     let (with, opposed) = slopes(trials, c);
+    let dropped = dropped(trials, c, opposed);
     let declare = |column: &str| format!("declare columns.{column} = {{ name = \"...\", positive = \"{minus}\" }}");
     let seen = format!("{} of {} tests by name have a {load} of the other sign", against, mine.len());
     let words = match (opposed > with, misnamed) {
-        (true, false) => {
-            format!(
-                "the knee moves against its load in {value} at {opposed} of {} flexions. Expected {plus} +: {}",
-                with + opposed,
-                declare(&value)
-            )
-        }
+        // turning sizes mends nothing
+        (true, false) if dropped => format!(
+            "the knee moves against its load in {value} at {opposed} of {} flexions, and no reading is below 0: were signs dropped, and sizes written? Expected {plus} +, {minus} -",
+            with + opposed
+        ),
+        (true, false) => format!(
+            "the knee moves against its load in {value} at {opposed} of {} flexions. Expected {plus} +: {}",
+            with + opposed,
+            declare(&value)
+        ),
         (true, true) => {
             format!(
                 "{seen}, and the knee moves against it. Expected {plus} +: {}, or loads_on = \"femur\"",
@@ -107,12 +94,25 @@ fn axis(trials: &[LaxityTrial], (c, plus, minus): (Coordinate, &str, &str)) -> O
                 declare(&load)
             )
         }
+        (false, false) if dropped => format!(
+            "no reading of {value} is below 0, and the knee moves against its load in some: were signs dropped, and sizes written? Expected {plus} +, {minus} -"
+        ),
         (false, false) => return None,
     };
     Some(SignDoubt {
-        column: if opposed > with && !misnamed { value } else { load },
+        column: if (opposed > with || dropped) && !misnamed { value } else { load },
         words: format!("{}: {words}", c.name().to_uppercase()),
     })
+}
+
+/// Whether readings are sizes without their signs: none is below 0, though the knee is pushed both ways and moves against its load in some.
+fn dropped(trials: &[LaxityTrial], c: Coordinate, opposed: usize) -> bool {
+    let own = || trials.iter().filter(move |t| t.test.coordinate() == Some(c) && t.load[c] != 0.0);
+    let both_ways = own().any(|t| t.load[c] > 0.0) && own().any(|t| t.load[c] < 0.0);
+    let sizes = trials.iter().filter_map(|t| t.measured[c]).all(|x| x >= 0.0);
+    // displacements count from the unloaded pose, so that each shows its sign
+    let against = own().any(|t| t.reference.is_some() && t.load[c] < 0.0 && t.measured[c].is_some_and(|x| x > 0.0));
+    both_ways && sizes && (opposed > 0 || against)
 }
 
 /// At how many nominal flexions displacement rises with load, and at how many it falls, beyond doubt.

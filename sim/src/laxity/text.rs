@@ -151,6 +151,9 @@ pub(super) fn no_number(cell: &str) -> String {
     if let Some(rest) = cell.strip_suffix(['-', '\u{2212}']).filter(|c| number(c)) {
         return format!("; its sign stands behind it: write -{}", rest.trim());
     }
+    if let Some(why) = of_a_sheet(cell) {
+        return why;
+    }
     let parts: Vec<&str> = cell.split(['.', '-', '/']).map(str::trim).collect();
     let of_a_date = |p: &&str| [1, 2, 4].contains(&p.len()) && p.chars().all(|c| c.is_ascii_digit());
     let named = starts(cell) && MONTHS.iter().any(|m| cell.to_lowercase().contains(m));
@@ -162,6 +165,41 @@ pub(super) fn no_number(cell: &str) -> String {
         return format!("; take \"{unit}\" out of the cells, and declare a unit by [laxity_format.NAME.columns]");
     }
     String::new()
+}
+
+/// Why a cell is no number, where a spreadsheet or another program wrote it so.
+fn of_a_sheet(cell: &str) -> Option<String> {
+    let number = |t: &str| t.trim().parse::<f64>().is_ok();
+    if cell.starts_with('#') {
+        let narrow = cell.chars().all(|c| c == '#');
+        let what = if narrow {
+            "the sheet's column was too narrow to show it: widen the column and write it again"
+        } else {
+            "a formula of the sheet failed: mend it, or leave the cell empty"
+        };
+        return Some(format!("; {what}"));
+    }
+    if let Some(rest) = cell.strip_prefix(['\'', '\u{2018}', '\u{2019}']).filter(|rest| number(rest)) {
+        return Some(format!("; an apostrophe makes text of it in a sheet: write {rest}"));
+    }
+    if cell.starts_with(['<', '>', '~', '\u{2264}', '\u{2265}', '\u{2248}']) {
+        return Some("; a bound or a guess is no reading: leave the cell empty, or write what was read".into());
+    }
+    if cell.contains(['\u{b1}']) || cell.contains("+/-") {
+        return Some(
+            "; its scatter stands beside it: write the reading alone, and the scatter in the column sd_...".into(),
+        );
+    }
+    let plain: String = cell.chars().filter(|c| !c.is_whitespace() && !['\'', '\u{2019}', '_'].contains(c)).collect();
+    if plain != cell && number(&plain) {
+        return Some(format!("; its digits are parted, as thousands are: write {plain}"));
+    }
+    if cell.matches(',').count() == 1 && number(&cell.replace(',', ".")) {
+        return Some(format!("; a decimal comma: write {}", cell.replace(',', ".")));
+    }
+    let exponent = cell.replace(['D', 'd'], "E");
+    (exponent != cell && number(&exponent))
+        .then(|| format!("; its exponent has a D, as Fortran writes it: write {exponent}"))
 }
 
 /// Beginnings of the months' names as spreadsheets write them, in a few languages.

@@ -12,6 +12,7 @@ use crate::laxity::{Branch, Test};
 use notices::{Kind, Notice};
 use std::collections::BTreeMap;
 use std::fmt::Write;
+use std::ops::Range;
 
 /// The groups of poses, in the order in which they are looked for; of loads; and of the loads asked for.
 const POSES: [&str; 2] = ["State.Knee JCS", "State.JCS"];
@@ -62,7 +63,7 @@ pub(super) fn table(bytes: &[u8], declared: &[String], warnings: &mut Vec<Notice
         None => {
             let names: Vec<String> = file.channels.iter().map(called).collect();
             Err(LaxityError::File(format!(
-                "a TDMS file without held loads in the groups {ASKED}, {LOADS} and {}; name its channels in [laxity_format.NAME.columns]; it has {}",
+                "a TDMS file without loads held for {LEAST_HELD} samples in the groups {ASKED}, {LOADS} and {}; name its channels in [laxity_format.NAME.columns]; it has {}",
                 POSES[0],
                 names.join(", ")
             )))
@@ -96,7 +97,9 @@ struct Robot {
     pose: Series,
     load: Series,
     asked: Series,
-    holds: Vec<std::ops::Range<usize>>,
+    holds: Vec<Range<usize>>,
+    /// Where loads stand still for too short a time to be read.
+    short: Vec<Range<usize>>,
 }
 
 /// A reading: the mean over the end of a hold.
@@ -123,12 +126,14 @@ impl Robot {
             return Ok(None);
         }
         let samples = [&pose, &load, &asked].into_iter().flat_map(BTreeMap::values).map(Vec::len).min().unwrap_or(0);
-        let holds = holds(&asked, samples);
-        Ok((!holds.is_empty()).then_some(Robot { pose, load, asked, holds }))
+        let still = still(&asked, samples);
+        let short = short(&still);
+        let holds: Vec<Range<usize>> = still.into_iter().filter(|hold| hold.len() >= LEAST_HELD).collect();
+        Ok((!holds.is_empty()).then_some(Robot { pose, load, asked, holds, short }))
     }
 
     /// The mean over the end of a hold, without samples that miss a number; none where all do.
-    fn reading(&self, hold: &std::ops::Range<usize>) -> Option<Reading> {
+    fn reading(&self, hold: &Range<usize>) -> Option<Reading> {
         let read = ((hold.len() as f64 * READ_SHARE).ceil() as usize).clamp(1, hold.len());
         let at = |s: &Series, c: Coordinate, k: usize| s.get(&c).map_or(0.0, |values| values[k]);
         let is_whole = |k: &usize| self.pose.values().chain(self.load.values()).all(|values| values[*k].is_finite());
@@ -187,6 +192,14 @@ fn told(robot: &Robot, readings: usize, [alone, again]: [usize; 2]) -> Vec<Notic
         let text = format!("{lacking} holds have no sample with all numbers, and are left out");
         out.push(Kind::RowLeftOut.notice(text).count(lacking));
     }
+    if let Some(first) = robot.short.first() {
+        let count = robot.short.len();
+        let text = format!(
+            "{count} holds of the loads asked for are shorter than {LEAST_HELD} samples, and are left out; the first begins at sample {}",
+            first.start + 1
+        );
+        out.push(Kind::RowLeftOut.notice(text).count(count));
+    }
     if alone > 0 {
         let text = format!(
             "{alone} holds are at a flexion without an unloaded hold; their poses count from a pose of the robot's own, not from the CT's frames"
@@ -244,19 +257,27 @@ fn series(channels: &[Channel], group: &str, column: impl Fn(Coordinate) -> Stri
     Ok(out)
 }
 
-/// Where all loads asked for stand still for long enough.
-fn holds(asked: &Series, samples: usize) -> Vec<std::ops::Range<usize>> {
+/// Where all loads asked for stand still, each sample of a ramp by itself.
+fn still(asked: &Series, samples: usize) -> Vec<Range<usize>> {
     let differ = |a: f64, b: f64| (a - b).abs() >= STEADY || a.is_nan() || b.is_nan();
     let moves = |k: usize| asked.values().any(|values| differ(values[k], values[k - 1]));
     let mut out = Vec::new();
     let mut start = 0;
     for k in 1..=samples {
         if k == samples || moves(k) {
-            if k - start >= LEAST_HELD {
-                out.push(start..k);
-            }
+            out.push(start..k);
             start = k;
         }
     }
     out
+}
+
+/// Of these those that are too short to be read, yet twice as long as what is beside them: a ramp in steps has stands alike.
+fn short(still: &[Range<usize>]) -> Vec<Range<usize>> {
+    let stands_out = |k: usize| {
+        let mut beside = [k.checked_sub(1), Some(k + 1)].into_iter().flatten().filter_map(|n| still.get(n));
+        beside.all(|other| 2 * other.len() <= still[k].len())
+    };
+    let is_short = |k: &usize| (2..LEAST_HELD).contains(&still[*k].len()) && stands_out(*k);
+    (0..still.len()).filter(is_short).map(|k| still[k].clone()).collect()
 }

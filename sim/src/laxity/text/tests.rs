@@ -318,6 +318,53 @@ fn a_robots_file_becomes_a_reading_a_hold_with_both_branches() {
     );
 }
 
+/// A robot's file that holds loads [N] for so many samples each, after ramps of steps of so many samples.
+fn held(holds: &[(f64, usize)], step: usize) -> Vec<u8> {
+    let mut asked: Vec<f64> = Vec::new();
+    for (load, samples) in holds {
+        let from = asked.last().copied().unwrap_or(0.0);
+        asked.extend((1..RAMP).flat_map(|k| vec![from + (load - from) * k as f64 / RAMP as f64; step]));
+        asked.extend(vec![*load; *samples]);
+    }
+    let all = |x: f64| vec![x; asked.len()];
+    let of = |path: &'static str, unit: &'static str, values: Vec<f64>| (path, F64, unit, values);
+    let channels = [
+        of("/'Kinetics.JCS.Desired'/'Anterior'", "N", asked.clone()),
+        of("/'State.JCS Load'/'Lateral Drawer'", "N", all(0.0)),
+        of("/'State.JCS Load'/'Anterior Drawer'", "N", asked.clone()),
+        of("/'State.JCS Load'/'Compression'", "N", all(20.0)),
+        of("/'State.JCS Load'/'Varus Torque'", "Nm", all(0.0)),
+        of("/'State.JCS Load'/'External Rotation Torque'", "Nm", all(0.0)),
+        of("/'State.Knee JCS'/'Medial'", "mm", all(2.0)),
+        of("/'State.Knee JCS'/'Anterior'", "mm", asked.clone()),
+        of("/'State.Knee JCS'/'Superior'", "mm", all(-20.0)),
+        of("/'State.Knee JCS'/'Flexion'", "deg", all(30.0)),
+        of("/'State.Knee JCS'/'Valgus'", "deg", all(1.0)),
+        of("/'State.Knee JCS'/'External Rotation'", "deg", all(0.0)),
+    ];
+    ORDERS[0].segment(&channels, Says::Everything, 1)
+}
+
+#[test]
+fn holds_too_short_to_be_read_are_counted_and_steps_of_a_ramp_are_none() {
+    // ramps sample by sample, and as a slower program gives them
+    for step in [1, 3] {
+        for (short, told) in [(0, None), (1, Some(1)), (3, Some(3))] {
+            let mut holds = vec![(0.0, 60), (50.0, 60)];
+            holds.extend((0..short).map(|k| (80.0 + 10.0 * f64::from(k), 19)));
+            holds.push((20.0, 60));
+            let table = laxity::read(&held(&holds, step)).unwrap();
+            assert_eq!(table.trials.len(), 3, "{step} {short}");
+            let notice = table.warnings.iter().find(|w| w.contains("shorter than 20 samples"));
+            assert_eq!(notice.and_then(|w| w.count), told, "{step} {short}: {:?}", table.warnings);
+        }
+        // from 20 samples on it is one
+        let whole = laxity::read(&held(&[(0.0, 60), (50.0, 20)], step)).unwrap();
+        assert_eq!(whole.trials.len(), 2);
+        assert!(!whole.warnings.iter().any(|w| w.contains("shorter than")), "{:?}", whole.warnings);
+    }
+}
+
 #[test]
 fn names_of_the_other_sense_and_other_units_say_the_same() {
     let plain = laxity::read(&robot(false, false)).unwrap().trials;
