@@ -4,9 +4,15 @@
 
 use crate::common::{build_model, json, read, text, write};
 use crate::one_knee;
+use crate::schema::obeys;
+use assert_cmd::Command;
+use calibration::evidence::Evidence;
+use calibration::options::CalibrateOptions;
+use calibration::samples::Samples;
+use calibration::shared::{SCHEMA, Shared, SharedNumber, SharedPrior};
 use serde_json::Value;
 use std::collections::BTreeSet;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use tempfile::TempDir;
 
 /// Rows of quantities.csv without the knee's name: stage, quantity, part, value, unit.
@@ -86,4 +92,267 @@ fn menisci_are_figures_of_a_knee_where_they_act() {
     let before = quantities(knee, &out.path().join("before"));
     assert!(before.iter().all(|r| r[0] != "assemble"));
     assert!(rows.iter().all(|r| r[1] != "thickness_sd_mm") && before.iter().any(|r| r[1] == "thickness_sd_mm"));
+}
+
+/// What the tests say of one number: its value where it was measured.
+const LCL: (&str, f64) = ("LCL.reference_strain", 0.97);
+
+/// The samples of the built knee.
+fn samples(build: &Path) -> Samples {
+    serde_json::from_slice(&read(&build.join("10-calibrate/joint/samples.json"))).unwrap()
+}
+
+/// A build of another name in `folder`, with what a later verb reads of it; its data say that the LCL's strain is that of [`LCL`].
+fn like_it(knee: &Path, folder: &Path, id: &str) -> PathBuf {
+    let place = folder.join(id);
+    let from = knee.join("build");
+    let joint = place.join("build/10-calibrate/joint");
+    std::fs::create_dir_all(&joint).unwrap();
+    for file in ["run.toml", "log.jsonl", "10-calibrate/joint/model.json"] {
+        write(&place.join("build").join(file), read(&from.join(file)));
+    }
+    let mut all = samples(&from);
+    all.counted_from.id = id.into();
+    for u in all.of.unknowns.iter_mut().filter(|u| u.name == LCL.0) {
+        let count = u.samples.len() as f64;
+        u.samples.iter_mut().enumerate().for_each(|(k, x)| *x = LCL.1 + 0.002 * (k as f64 / count - 0.5));
+    }
+    write(&joint.join("samples.json"), serde_json::to_vec(&all).unwrap());
+    place
+}
+
+/// `cohort infer` of these.
+fn infer(builds: &[&Path], out: &Path) -> Command {
+    let mut command = build_model();
+    command.args(["cohort", "infer"]).args(builds).arg("--out").arg(out);
+    command
+}
+
+#[test]
+fn knees_are_told_what_the_others_measured_and_not_what_they_did() {
+    let (knee, folder) = (one_knee::specimen(), TempDir::new().unwrap());
+    let [a, b, c] = ["A", "B", "C"].map(|id| like_it(knee, folder.path(), id));
+    let out = folder.path().join("shared");
+    let run = infer(&[&a, &b, &c], &out).arg("--json").assert().success();
+    let told: Value = serde_json::from_slice(&run.get_output().stdout).unwrap();
+    let schema: Value = serde_json::from_str(&genu::schema::schema("cohort-infer").unwrap()).unwrap();
+    obeys(&told, &schema, &schema).unwrap();
+    let side = json(&a.join("build/10-calibrate/joint/model.json"))["side"].as_str().unwrap().to_owned();
+    for (k, id) in ["A", "B", "C"].into_iter().enumerate() {
+        let prior: Shared = serde_json::from_slice(&read(&out.join(format!("shared_prior_{id}.json")))).unwrap();
+        let own = format!("{id} {side}");
+        assert_eq!(
+            (prior.knee.as_deref(), prior.from.len(), prior.from.contains(&own)),
+            (Some(own.as_str()), 2, false)
+        );
+        let lcl = prior.numbers.iter().find(|n| n.name == LCL.0).expect("the others measured it");
+        let off = |values: [f64; 3]| (values[1] - LCL.1).abs();
+        assert!(
+            off(lcl.after) < off(lcl.before) && lcl.after[2] - lcl.after[0] < lcl.before[2] - lcl.before[0],
+            "{lcl:?}"
+        );
+        assert_eq!(
+            told["knees"][k]["prior"]["file"].as_str().map(Path::new),
+            Some(&*out.join(format!("shared_prior_{id}.json")))
+        );
+    }
+    let another: Shared = serde_json::from_slice(&read(&out.join("shared_prior.json"))).unwrap();
+    assert_eq!((another.knee, another.from.len()), (None, 3));
+    let table = text(&out.join("infer.csv"));
+    for (name, others) in [("A", 2), ("B", 2), ("C", 2), ("", 3)] {
+        let line = format!("{name},{},{others},", LCL.0);
+        assert!(table.lines().any(|l| l.starts_with(&line)), "{line} {table}");
+        let own = table.lines().skip(1).map(|l| l.split(',').collect::<Vec<_>>()).filter(|l| l[0] == name);
+        for row in own {
+            let informed: usize = row[2].parse().unwrap();
+            assert!((1..=others).contains(&informed), "{row:?}");
+        }
+    }
+    // another order of the knees is the same prior, all but rounding
+    let turned = folder.path().join("turned");
+    infer(&[&c, &a, &b], &turned).assert().success();
+    let mean = |out: &Path| {
+        let prior: Shared = serde_json::from_slice(&read(&out.join("shared_prior_B.json"))).unwrap();
+        prior.numbers.iter().find(|n| n.name == LCL.0).unwrap().mean
+    };
+    assert!((mean(&out) - mean(&turned)).abs() < 1e-9);
+}
+
+#[test]
+fn knees_that_cannot_share_are_refused_with_what_to_do() {
+    let (knee, folder) = (one_knee::specimen(), TempDir::new().unwrap());
+    let [a, b] = ["A", "B"].map(|id| like_it(knee, folder.path(), id));
+    let refused = |builds: &[&Path], status: i32| {
+        let run = infer(builds, &folder.path().join("out")).assert().code(status);
+        String::from_utf8(run.get_output().stderr.clone()).unwrap()
+    };
+    assert!(refused(&[&a], 2).contains("two or more"));
+    assert!(refused(&[&a, &a.join("build")], 1).contains("each knee once"));
+    assert!(refused(&[&a, folder.path()], 1).contains("model"));
+    let run = b.join("build/run.toml");
+    let usual = text(&run);
+    write(&run, usual.replace("turn_deg = 1.5", "turn_deg = 0.5"));
+    let told = refused(&[&a, &b], 1);
+    assert!(
+        told.contains("calibrate.frames.offset_turn_deg") && told.contains("the same options of all knees"),
+        "{told}"
+    );
+    // one with data of others in it
+    let shared = Shared { schema: SCHEMA.into(), knee: None, from: vec!["C left".into()], numbers: vec![] };
+    let mut options: toml::Table = usual.parse().unwrap();
+    let calibrate = options["options"]["calibrate"].as_table_mut().unwrap();
+    calibrate.insert("shared_prior".into(), String::from(SharedPrior::Read(Box::new(shared))).into());
+    write(&run, options.to_string());
+    assert!(refused(&[&a, &b], 1).contains("calibrate.shared_prior"));
+    // and one of a version that did not keep what was known before
+    write(&run, &usual);
+    let mut old = json(&b.join("build/10-calibrate/joint/samples.json"));
+    for u in old["unknowns"].as_array_mut().unwrap() {
+        u.as_object_mut().unwrap().remove("before");
+    }
+    write(&b.join("build/10-calibrate/joint/samples.json"), old.to_string());
+    assert!(refused(&[&a, &b], 1).contains("build it again"));
+}
+
+#[test]
+fn of_a_pair_each_is_told_as_many_numbers_as_the_other_says_by_itself() {
+    let (knee, folder) = (one_knee::specimen(), TempDir::new().unwrap());
+    let [a, b] = ["A", "B"].map(|id| like_it(knee, folder.path(), id));
+    // B is as it was measured, so that its data say something else
+    let mut own = samples(&knee.join("build"));
+    own.counted_from.id = "B".into();
+    write(&b.join("build/10-calibrate/joint/samples.json"), serde_json::to_vec(&own).unwrap());
+    let run = infer(&[&a, &b], &folder.path().join("out")).arg("--json").assert().success();
+    let told: Value = serde_json::from_slice(&run.get_output().stdout).unwrap();
+    let of = |k: usize| &told["knees"][k];
+    for (k, other) in [(0, 1), (1, 0)] {
+        let numbers = of(k)["prior"]["numbers"].as_array().unwrap().len() as u64;
+        assert_eq!(of(other)["informed"].as_u64(), Some(numbers), "{k}");
+    }
+}
+
+#[test]
+fn the_next_command_has_the_options_of_the_build_and_a_model_is_called_by_its_id() {
+    let (knee, folder) = (one_knee::specimen(), TempDir::new().unwrap());
+    let [a, b] = ["A", "B"].map(|id| like_it(knee, folder.path(), id));
+    let changed = |place: &Path, friction: f64| {
+        let file = place.join("build/run.toml");
+        let mut run: toml::Table = text(&file).parse().unwrap();
+        let assemble = run["options"]["assemble"].as_table_mut().unwrap();
+        assemble.insert("friction".into(), friction.into());
+        assemble.insert("patella".into(), "on".into());
+        write(&file, run.to_string());
+        write(&place.join("specimen.toml"), read(&knee.join("specimen.toml")));
+    };
+    let out = folder.path().join("out");
+    changed(&a, 0.01);
+    changed(&b, 0.02);
+    let run = infer(&[&a, &b], &out).assert().code(1);
+    let told = String::from_utf8(run.get_output().stderr.clone()).unwrap();
+    assert!(told.contains("assemble.friction is 0.02, and 0.01"), "{told}");
+    changed(&b, 0.01);
+    let run = infer(&[&a, &b], &out).arg("--json").assert().success();
+    let told: Value = serde_json::from_slice(&run.get_output().stdout).unwrap();
+    for k in 0..2 {
+        let next = told["knees"][k]["next"].as_str().expect("its specimen lies around its build");
+        for set in ["assemble.friction=0.01", "assemble.patella=on", "calibrate.shared_prior="] {
+            assert!(next.contains(&format!(" --set {set}")), "{next}");
+        }
+    }
+    let models = [&a, &b].map(|place| place.join("build/10-calibrate/joint/model.json"));
+    let by_model = folder.path().join("by_model");
+    infer(&[&models[0], &models[1]], &by_model).assert().success();
+    for id in ["A", "B"] {
+        let name = format!("shared_prior_{id}.json");
+        assert_eq!(read(&by_model.join(&name)), read(&out.join(&name)));
+    }
+    // both knees of one person
+    let both = ["left", "right"].map(|side| {
+        let place = like_it(knee, &folder.path().join(side), "A");
+        let joint = place.join("build/10-calibrate/joint");
+        let mut own = json(&joint.join("samples.json"));
+        own["counted_from"]["side"] = side.into();
+        write(&joint.join("samples.json"), own.to_string());
+        joint.join("model.json")
+    });
+    let of_both = folder.path().join("both");
+    infer(&[&both[0], &both[1]], &of_both).assert().success();
+    assert!(["left", "right"].iter().all(|side| of_both.join(format!("shared_prior_A_{side}.json")).exists()));
+}
+
+#[test]
+fn a_prior_of_another_knee_stops_a_build_at_its_start_and_a_search_that_is_kept_outlives_a_refusal() {
+    let (knee, folder) = (one_knee::specimen(), TempDir::new().unwrap());
+    let other = Some("another left".to_owned());
+    let shared = Shared { schema: SCHEMA.into(), knee: other, from: vec!["other left".into()], numbers: vec![] };
+    let file = folder.path().join("prior.json");
+    write(&file, serde_json::to_vec(&shared).unwrap());
+    let set = format!("calibrate.shared_prior={}", file.display());
+    let (out, kla, rks) = (folder.path().join("out"), knee.join("laxity/kla.csv"), knee.join("laxity/rks.csv"));
+    let refused = |command: &mut Command| {
+        let run = command.assert().code(1);
+        String::from_utf8(run.get_output().stderr.clone()).unwrap()
+    };
+    let calibrate = || {
+        let mut command = build_model();
+        command.args(["calibrate", "--as-assembled"]).arg(knee).arg("--targets").arg(&kla).arg("--out").arg(&out);
+        command
+    };
+    // a plan runs no stage: what it refuses is refused before all of them
+    let told =
+        [refused(build_model().arg(knee).args(["--plan", "--set", &set])), refused(calibrate().args(["--set", &set]))];
+    for told in told {
+        assert!(told.contains("calibrate.shared_prior: ") && told.contains("it is for another left"), "{told}");
+    }
+    // a recipe takes one data set
+    let kept = out.join("checkpoint.cbor");
+    std::fs::create_dir_all(&out).unwrap();
+    write(&kept, "a search");
+    let told = refused(calibrate().arg("--targets").arg(&rks).args(["--method", "swarm-simplex", "--anew"]));
+    assert!(told.contains("one data set"), "{told}");
+    assert_eq!(read(&kept), b"a search");
+}
+
+#[test]
+fn a_calibration_takes_the_shared_prior_up_and_its_content_is_in_the_key_of_the_stage() {
+    let (knee, folder) = (one_knee::specimen(), TempDir::new().unwrap());
+    let evidence = Evidence::of(&samples(&knee.join("build")), &CalibrateOptions::default()).unwrap();
+    let own = &evidence.numbers.iter().find(|p| p.name == LCL.0).unwrap().prior;
+    let (mean, sd) = (own.z_of(LCL.1), 0.02);
+    let line = |name: &str, before: [f64; 3]| SharedNumber { name: name.into(), mean, sd, before, after: before };
+    let before = [-1.0, 0.0, 1.0].map(|z| own.at(z).0);
+    let numbers = vec![line(LCL.0, before), line("XCL.reference_strain", before)];
+    let shared = Shared { schema: SCHEMA.into(), knee: None, from: vec!["other left".into()], numbers };
+    let file = folder.path().join("prior.json");
+    write(&file, serde_json::to_vec(&shared).unwrap());
+    let quick = ["inference.starts=1", "inference.finalists=1", "inference.rounds=1", "inference.samples=12"];
+    let set = |command: &mut Command, more: bool| {
+        let more = more.then(|| format!("shared_prior={}", file.display()));
+        for one in quick.iter().map(|s| (*s).to_owned()).chain(more) {
+            command.args(["--set", &format!("calibrate.{one}")]);
+        }
+    };
+    let plan = |more: bool| {
+        let mut command = build_model();
+        set(command.arg(knee).args(["--plan", "--to", "calibrate"]), more);
+        String::from_utf8(command.assert().success().get_output().stdout.clone()).unwrap()
+    };
+    let of_stage = |plan: String| plan.lines().find(|l| l.starts_with("calibrate")).unwrap().to_owned();
+    assert!(of_stage(plan(false)).contains("unchanged") && of_stage(plan(true)).contains("would run"));
+    let out = folder.path().join("out");
+    let mut command = build_model();
+    command.args(["calibrate", "--as-assembled"]).arg(knee).arg("--targets").arg(knee.join("laxity/kla.csv"));
+    set(command.arg("--anew").arg("--out").arg(&out), true);
+    // another search was kept there: it is not taken up, and is gone at the end
+    std::fs::create_dir_all(&out).unwrap();
+    write(&out.join("checkpoint.cbor"), "another search");
+    let run = command.assert().success();
+    assert!(!out.join("checkpoint.cbor").exists());
+    let warned = String::from_utf8(run.get_output().stderr.clone()).unwrap();
+    let unused =
+        warned.lines().find(|l| l.contains("of the shared prior are not used")).unwrap_or_else(|| panic!("{warned}"));
+    assert!(unused.contains("1 of 2") && unused.contains("XCL.reference_strain"), "{unused}");
+    let found: Samples = serde_json::from_slice(&read(&out.join("samples.json"))).unwrap();
+    let lcl = found.of.unknowns.iter().find(|u| u.name == LCL.0).unwrap();
+    assert!(lcl.samples.iter().chain(&lcl.before).all(|x| (x - LCL.1).abs() < 0.02), "{lcl:?}");
 }

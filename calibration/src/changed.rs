@@ -96,6 +96,7 @@ mod tests {
             quantity: Quantity::ReferenceStrain(vec![0, 2]),
             most_probable: 1.0,
             samples: vec![0.9, 1.1],
+            before: vec![],
         };
         let other = Unknown { quantity: Quantity::Stiffness(vec![2]), samples: vec![50.0, 70.0], ..shared.clone() };
         let bundles = ["A", "B", "C"].map(str::to_owned);

@@ -11,6 +11,7 @@ use crate::options::{CalibrateOptions, Method};
 use crate::plateau::Staying;
 use crate::posterior::{NoiseEstimate, OtherEstimate, ParameterEstimate, RestEstimate, ends, mean, variance};
 use crate::rig;
+use crate::shared::{SharedPrior, Sort};
 use crate::targets::Targets;
 use crate::unknown::{Unknown, Unknowns};
 use crate::unknowns::{KnownFrames, parameters};
@@ -279,6 +280,13 @@ fn joint_was_better(question: &Question, starts: &[f64]) -> Option<Notice> {
     })
 }
 
+/// What is told of numbers of a shared prior that are not used.
+fn prior_unused(question: &Question) -> Option<Notice> {
+    let Some(SharedPrior::Read(shared)) = &question.options.shared_prior else { return None };
+    let own = CalibrateOptions { shared_prior: None, ..question.options.clone() };
+    shared.unused(&parameters(&question.knee.spec, question.design, &[], &own, question.frames))
+}
+
 /// What is told where few of the samples asked for ended near a fit.
 fn few_samples(found: &Found<Answers>, asked: usize) -> Option<Notice> {
     let got = found.samples.len();
@@ -326,6 +334,7 @@ fn told(
     let mut warnings = Vec::new();
     warnings.extend(few_samples(&found, options.inference.samples));
     warnings.extend(joint_was_better(question, &found.starts));
+    warnings.extend(prior_unused(question));
     let noise = noise(question, likelihood);
     warnings.extend(noise.iter().filter_map(|n| n.not_as_stated(interval)));
     let others: Vec<OtherEstimate> = (n_ligaments..values.len()).filter(is_told).map(estimate).collect();
@@ -360,7 +369,7 @@ fn told(
         elsewhere,
         rivals: found.modes.iter().map(|m| (-m.log_evidence, at(trials, &m.z, n_ligaments))).collect(),
         samples: samples.iter().map(|s| at(trials, &s.z, n_ligaments)).collect(),
-        unknowns: unknowns(trials, &found, options),
+        unknowns: with_before(unknowns(trials, &found, options), trials, &unmeasured),
         evaluations: found.evaluations,
         history: found.starts.clone(),
         warnings,
@@ -378,9 +387,20 @@ pub fn unknowns(trials: &Trials, found: &Found<Answers>, options: &CalibrateOpti
         quantity: p.quantity.clone(),
         most_probable: p.prior.at(found.modes[0].z[k]).0,
         samples: found.samples.iter().map(|s| p.prior.at(s.z[k]).0).collect(),
+        before: vec![],
     };
     let unknowns = trials.parameters.iter().enumerate().map(of).collect();
     Unknowns { unknowns, seed: options.seed, interval: options.gradient.interval, search: options.search.clone() }
+}
+
+/// The same with what was known before the measurement, of numbers that knees can share.
+fn with_before(mut of: Unknowns, trials: &Trials, unmeasured: &Unmeasured) -> Unknowns {
+    for (k, (u, p)) in of.unknowns.iter_mut().zip(trials.parameters).enumerate() {
+        if Sort::of(&p.quantity).is_some() {
+            u.before = unmeasured.values(k, &p.prior);
+        }
+    }
+    of
 }
 
 /// Values of the ligaments at a point.

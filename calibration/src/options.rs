@@ -5,6 +5,7 @@ use crate::error::CalibrationError;
 use crate::knee::SearchOptions;
 use crate::priors::PriorTable;
 use crate::rig::RigOptions;
+use crate::shared::SharedPrior;
 use crate::targets::TargetOptions;
 use inference::posterior::PosteriorOptions;
 use serde::{Deserialize, Serialize};
@@ -38,6 +39,10 @@ pub struct CalibrateOptions {
     /// Which priors are used, of reference strains and of forces in drawers and at rest: calibration/data/priors.toml (also `usual`; most of it from memory of the literature, not read), none of them
     /// (also `none`), only what was read in its source (`published`), or that with the usual values where nothing was read (`read`; docs/theory/priors.md). Without, strains are even over Table 3. The paper's recipe never uses them.
     pub priors: PriorTable,
+    /// What other knees of a laboratory say of this one's ligaments, contact and cartilage, in place of their own priors: a file shared_prior_KNEE.json that
+    /// `build-model cohort infer` writes. A relative path counts from the folder in which the program runs. The method posterior alone takes it [gelman2013].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub shared_prior: Option<SharedPrior>,
     /// What else is believed of ligament loads; nothing by default.
     pub loads: Vec<LoadPrior>,
     /// The paper's recipe.
@@ -145,6 +150,9 @@ impl CalibrateOptions {
         if self.method == Method::Posterior && own.scale_noise != usual.scale_noise {
             return refused("gradient.scale_noise is not heard by the method posterior: set inference.scale_noise");
         }
+        if self.method != Method::Posterior && self.shared_prior.is_some() {
+            return refused("shared_prior is not heard by a recipe: leave it out, or set method to posterior");
+        }
         Ok(())
     }
 
@@ -233,6 +241,11 @@ mod tests {
             options.method = Method::SwarmSimplex;
             assert!(options.check().is_ok());
         }
+        let mut options = CalibrateOptions { method: Method::SwarmSimplex, ..CalibrateOptions::default() };
+        options.shared_prior = Some(SharedPrior::File("a.json".into()));
+        assert!(options.check().unwrap_err().to_string().contains("shared_prior"));
+        options.method = Method::Posterior;
+        assert!(options.check().is_ok());
         // the calibration has one seed
         let text = toml::to_string(&CalibrateOptions::default()).unwrap();
         assert_eq!(text.matches("seed = ").count(), 1, "{text}");

@@ -9,6 +9,7 @@ use crate::inferred::{DRAWER_N, DRAWERS_DEG, Question, inferred};
 use crate::knee::Knee;
 use crate::options::{CalibrateOptions, Method};
 use crate::problem::{Probes, Problem};
+use crate::shared::SharedPrior;
 use crate::targets::{TargetOptions, Targets, targets};
 use crate::unknowns::KnownFrames;
 use notices::{Kind, Notice};
@@ -103,6 +104,15 @@ impl Session {
         options: &CalibrateOptions,
     ) -> Result<Session, CalibrationError> {
         options.check()?;
+        match &options.shared_prior {
+            Some(SharedPrior::Read(shared)) => shared.is_for(spec)?,
+            Some(SharedPrior::File(path)) => {
+                return Err(CalibrationError::Option(format!(
+                    "shared_prior: {path} was not read; give what stands in it"
+                )));
+            }
+            None => {}
+        }
         if measured.len() > 1 && options.method != Method::Posterior {
             let what = "method: a recipe takes one data set; several together are for the method posterior";
             return Err(CalibrationError::Option(what.into()));

@@ -22,6 +22,10 @@ pub struct Unknown {
     pub most_probable: f64,
     /// Its value in each sample.
     pub samples: Vec<f64>,
+    /// Its value in each sample with nothing measured, of numbers that knees can share; empty of others. These samples are not those of the posterior,
+    /// one by one, and there need not be as many.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub before: Vec<f64>,
 }
 
 /// What samples hold of a knee; `10-calibrate/SOURCE/samples.json` has it beside the model that it is counted from.

@@ -3,6 +3,7 @@
 use crate::design::{Design, Kind};
 use crate::options::{CalibrateOptions, FrameOptions};
 use crate::priors::PriorTable;
+use crate::shared::SharedPrior;
 use inference::frames::term_name;
 use inference::knee::{KNOTS, Quantity};
 use inference::parameter::{Parameter, Prior};
@@ -21,7 +22,8 @@ pub struct KnownFrames {
     pub own: Vec<Option<(f64, f64)>>,
 }
 
-/// The parameters of a knee measured in `sources` data sets. `frames`, where given, are of the one data set there is.
+/// The parameters of a knee measured in `sources` data sets. `frames`, where given, are of the one data set there is. What other knees say of a number, where
+/// the options have it, stands in place of its own prior.
 pub fn parameters(
     spec: &ModelSpec,
     design: &Design,
@@ -58,6 +60,9 @@ pub fn parameters(
                 out.push(normal(name, Quantity::Lean(coordinate, knot), 0.0, sd));
             }
         }
+    }
+    if let Some(SharedPrior::Read(shared)) = &options.shared_prior {
+        shared.applied(&mut out);
     }
     out
 }

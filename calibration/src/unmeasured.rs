@@ -8,6 +8,7 @@ use crate::posterior::{ForceEstimate, ends, mean, variance};
 use crate::unknown::UNLIKE_STREAM;
 use inference::knee::{Answers, Belief, Trials};
 use inference::noise::Likelihood;
+use inference::parameter::Prior;
 use inference::posterior::{Forward, Found, PosteriorOptions, infer};
 use inference::random::{normals, stream};
 use inference::shift::centre_of;
@@ -95,6 +96,11 @@ impl Unmeasured {
             drawn,
             alone: alone.into_iter().flatten().collect(),
         }
+    }
+
+    /// Values of a parameter in each sample, by its place.
+    pub(crate) fn values(&self, k: usize, prior: &Prior) -> Vec<f64> {
+        self.z.iter().map(|z| prior.at(z[k]).0).collect()
     }
 
     /// Variance of a number with nothing measured [-]; 1, the prior's own, where there are no samples.

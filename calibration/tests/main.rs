@@ -4,3 +4,4 @@ mod common;
 mod displacements;
 mod published_knee;
 mod published_targets;
+mod small_knee;

@@ -16,6 +16,7 @@ use calibration::options::{CalibrateOptions, Method};
 use calibration::reports;
 use calibration::samples::{SCHEMA, Samples};
 use calibration::session::{Joint, Outcome, Session};
+use calibration::shared::called;
 use clap::Args;
 use notices::{Kind, Notice};
 use sim::laxity::{self, LaxityTrial};
@@ -60,7 +61,7 @@ pub struct CalibrateArgs {
     pub jobs: Option<u16>,
     /// Begin anew even if an interrupted calibration can be taken up
     #[arg(long)]
-    pub force: bool,
+    pub anew: bool,
     /// Print nothing but errors
     #[arg(short, long)]
     pub quiet: bool,
@@ -108,6 +109,7 @@ pub fn calibrate(args: &CalibrateArgs) -> Result<Told, BuildError> {
         None => {}
     }
     let model = model_file::load_which(&args.model, &args.which)?;
+    crate::cohort::shared::read_in(&mut options, &called(&model.spec))?;
     let (mut sources, mut told) = (Vec::new(), Told { words: model.line(), ..Told::default() });
     if let Some(c) = &model.spec.calibrated {
         told.warnings.push(Kind::CalibratedAlready.notice(format!(
@@ -130,10 +132,8 @@ pub fn calibrate(args: &CalibrateArgs) -> Result<Told, BuildError> {
     told.warnings.extend(laxity::between(&sets).into_iter().map(laxity::SignDoubt::notice));
     let out = store::make_folder(&args.out)?;
     let kept = out.join(CHECKPOINT);
-    if args.force {
-        store::discard(&kept);
-    }
-    let saved = if store::exists(&kept) { Some(store::read(&kept)?) } else { None };
+    // one that is begun anew writes over the search that was kept, and not before it has something to keep
+    let saved = if !args.anew && store::exists(&kept) { Some(store::read(&kept)?) } else { None };
     let what = args.targets.iter().map(|t| t.1.display().to_string()).collect::<Vec<_>>().join(", ");
     let mut keep = |bytes: &[u8]| store::write(&kept, bytes);
     let bar = Searching::new(args.quiet, &what);

@@ -10,24 +10,27 @@ use serde::Serialize;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+mod infer;
 mod knee;
 mod outliers;
 mod page;
 mod quantity;
 mod regions;
+pub(crate) mod shared;
 mod table;
 mod tables;
 
+pub use infer::InferTold;
 use knee::{Knee, Status};
 use outliers::Outlier;
 
 /// `build-model cohort`.
 #[derive(Args, Clone, Debug)]
 pub struct CohortArgs {
-    /// Folders of builds, or of the specimens that hold them
+    /// Folders of builds, or of the specimens that hold them. `infer` before them: what the others say of each knee, as a prior for its calibration
     #[arg(required = true, value_name = "BUILD")]
     pub builds: Vec<PathBuf>,
-    /// Folder for cohort.html and the tables (CSV and Parquet)
+    /// Folder for cohort.html and the tables (CSV and Parquet); after `infer` for the priors and infer.csv
     #[arg(long)]
     pub out: PathBuf,
 }
@@ -77,6 +80,10 @@ pub struct FailedTold {
 ///
 /// A build that failed, or is not there, is a row like any other. Errors: no build at all, files that cannot be written.
 pub fn cohort(args: &CohortArgs) -> Result<Told, BuildError> {
+    // a folder of that name is ./infer
+    if let Some((_, builds)) = args.builds.split_first().filter(|(first, _)| *first == Path::new(INFER)) {
+        return infer::infer(builds, &args.out);
+    }
     let knees: Vec<Knee> =
         names(&args.builds).iter().zip(&args.builds).map(|(n, place)| Knee::read(n, place)).collect();
     if knees.iter().all(|k| k.folder.is_none()) {
@@ -105,6 +112,9 @@ pub fn cohort(args: &CohortArgs) -> Result<Told, BuildError> {
     store::write_all(&out, &files)?;
     Ok(Told::words(words(&knees, &outliers, &out)).with(&as_data(&knees, &outliers, &files, &out)))
 }
+
+/// The word that asks for a shared prior in place of the page.
+const INFER: &str = "infer";
 
 /// Two of the knees that are one build; it would weigh twice among the others.
 fn twice(knees: &[Knee]) -> Option<(usize, usize)> {

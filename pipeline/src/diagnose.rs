@@ -204,7 +204,9 @@ fn calibrate_options(args: &DiagnoseArgs, loaded: &LoadedModel) -> Result<Calibr
             given.insert("calibrate".to_owned(), calibrate);
         }
     }
-    Ok(resolve(&given, &args.overrides, None)?.calibrate)
+    let mut options = resolve(&given, &args.overrides, None)?.calibrate;
+    crate::cohort::shared::read_in(&mut options, &calibration::shared::called(&loaded.spec))?;
+    Ok(options)
 }
 
 /// Folders from that of a build's model up to the build's own: joint, 10-calibrate, the build [-].

@@ -14,6 +14,7 @@ use crate::suggested::command_on;
 use crate::told::Told;
 use crate::which_model::{WhichModel, chosen};
 use crate::{inspect, interrupted, report};
+use calibration::shared::called_by;
 use stages::specimen::{RawSpecimen, SpecimenFile};
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -31,6 +32,7 @@ pub fn run(args: &BuildArgs) -> Result<Told, BuildError> {
         return Err(BuildError::Usage("--to segment: the specimen has surfaces and no CT volume ([ct] volume)".into()));
     }
     let mut options = resolve(&file.options, &args.overrides, args.seed)?;
+    crate::cohort::shared::read_in(&mut options.calibrate, &called_by(&file.specimen.id, file.specimen.side))?;
     if args.to.as_deref() == Some("contact-law") && !options.contact_law.fit {
         return Err(BuildError::Usage("--to contact-law: the stage runs only with --set contact-law.fit=true".into()));
     }

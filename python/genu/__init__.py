@@ -27,8 +27,8 @@ init, check, phantom
     Make a specimen's folder, judge its inputs; make a synthetic specimen.
 build, inspect, options
     Make a build from a specimen's folder; what its stages made; what may be set.
-cohort
-    Many builds on one page and in tables.
+cohort, cohort_infer
+    Many builds on one page and in tables; what each knee's calibration says to the others.
 simulate, calibrate, validate, diagnose, export, import_abaqus, import_opensim, import_febio
     Work with a model.
 plan, next_tests, credibility
@@ -85,6 +85,7 @@ _HOMES = {
     "inspect": "_specimens",
     "options": "_specimens",
     "cohort": "_specimens",
+    "cohort_infer": "_specimens",
     "Check": "_specimens",
     "Specimen": "_specimens",
     "Cohort": "_specimens",

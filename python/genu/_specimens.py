@@ -253,3 +253,31 @@ def cohort(builds: Sequence[Place], out: Path, *, force: bool = False) -> Cohort
     place = absolute(out)
     found = json.loads(run("cohort", *(absolute(b) for b in builds), "--out", place, "--json", *(["--force"] if force else [])))
     return Cohort(place, found["knees"])
+
+
+def cohort_infer(builds: Sequence[Place], out: Path, *, force: bool = False) -> list[dict[str, Any]]:
+    """Tell each knee what the calibrations of the others say of its ligaments, contact and cartilage.
+
+    Parameters
+    ----------
+    builds : sequence of builds or paths
+        Calibrated builds of two knees or more, with the same options of calibration.
+    out : str or path-like
+        Folder for the files of priors and infer.csv.
+    force : bool
+        Write over files in ``out`` that were changed since, or that no such call wrote; else they are an :class:`InputError`.
+
+    Returns
+    -------
+    list of dict
+        A knee each: ``knee``, ``specimen``, ``model``, ``informed``, ``prior`` (``file``, ``shares``, ``numbers``) and ``next``, the command
+        that builds it with that prior. In Python: ``genu.build(specimen, options={"calibrate.shared_prior": prior["file"]})``.
+
+    Raises
+    ------
+    InputError
+        A build without a calibration, with other options, or twice; fewer than two knees.
+    """
+    words = [*(absolute(b) for b in builds), "--out", absolute(out), "--json", *(["--force"] if force else [])]
+    found: list[dict[str, Any]] = json.loads(run("cohort", "infer", *words))["knees"]
+    return found

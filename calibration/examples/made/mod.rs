@@ -1,4 +1,5 @@
 //! Made knees: truths from the prior times the beliefs, for programs that calibrate them.
+#![allow(dead_code, reason = "each example uses its part")]
 
 use calibration::inferred::Posed;
 use calibration::knee::Knee;
@@ -60,27 +61,37 @@ pub(crate) fn laxity(file: &str) -> Vec<LaxityTrial> {
 }
 
 /// The trials that nobody measured, with what is believed of them.
-fn imagined(posed: &Posed) -> (Vec<Trial>, Vec<Belief>) {
+pub(crate) fn imagined(posed: &Posed) -> (Vec<Trial>, Vec<Belief>) {
     let asked = posed.asked[posed.measured..].iter().filter(|t| t.from.is_none() && t.source.is_none());
     let asked = asked.map(|t| Trial { reads: Free::all(false), ..t.clone() }).collect();
     let moved = |b: &Belief| Belief { trial: b.trial - posed.measured, ..b.clone() };
     (asked, posed.beliefs.iter().map(moved).collect())
 }
 
-/// Truths of one chain: numbers of the prior times what is believed.
-fn chain(trials: &Trials, (seed, chain): (u64, u64), count: usize, wide: f64) -> Vec<DVector<f64>> {
+/// Where truths are drawn before beliefs are heard: numbers are normal, of these means and standard deviations.
+pub(crate) struct Population {
+    pub(crate) mean: DVector<f64>,
+    pub(crate) sd: DVector<f64>,
+}
+
+/// Truths of one chain: numbers of a population times what is believed.
+fn chain(trials: &Trials, (seed, chain): (u64, u64), count: usize, of: &Population) -> Vec<DVector<f64>> {
     let mut random = stream(seed, STREAM + chain);
     let n = trials.size();
-    let believed = |z: &DVector<f64>, near: Option<(&DVector<f64>, &Answers)>| {
-        let point = trials.at(z, near).or_else(|| trials.at(z, None))?;
+    // slices go about the mean
+    let believed = |from_mean: &DVector<f64>, near: Option<(&DVector<f64>, &Answers)>| {
+        let z = &of.mean + from_mean;
+        let near = near.map(|(other, answers)| (&of.mean + other, answers));
+        let near = near.as_ref().map(|(other, answers)| (other, *answers));
+        let point = trials.at(&z, near).or_else(|| trials.at(&z, None))?;
         let heard = point.belief.iter().zip(&point.one_side).map(|(r, one)| if *one { r.max(0.0) } else { *r });
         Some((-0.5 * heard.map(|r| r * r).sum::<f64>(), point.state))
     };
-    let mut z = normals(&mut random, n) * wide;
+    let mut z = normals(&mut random, n).component_mul(&of.sd);
     let mut last = believed(&z, None);
     let mut out = Vec::new();
     for slice in 0..BURN_IN + count * THIN {
-        let other = normals(&mut random, n) * wide;
+        let other = normals(&mut random, n).component_mul(&of.sd);
         let least = last.as_ref().map_or(f64::NEG_INFINITY, |l| l.0) + uniform(&mut random).ln();
         let mut angle = TAU * uniform(&mut random);
         let (mut low, mut high) = (angle - TAU, angle);
@@ -102,7 +113,7 @@ fn chain(trials: &Trials, (seed, chain): (u64, u64), count: usize, wide: f64) ->
             angle = low + (high - low) * uniform(&mut random);
         }
         if slice >= BURN_IN && (slice + 1 - BURN_IN).is_multiple_of(THIN) {
-            out.push(z.clone());
+            out.push(&of.mean + &z);
         }
     }
     out
@@ -110,9 +121,15 @@ fn chain(trials: &Trials, (seed, chain): (u64, u64), count: usize, wide: f64) ->
 
 /// Truths of a question, `count` of them; numbers `wide` times as wide as the prior's.
 pub(crate) fn truths(posed: &Posed, (seed, count, wide): (u64, usize, f64)) -> Vec<DVector<f64>> {
+    let n = posed.parameters.len();
+    truths_of(posed, (seed, count), &Population { mean: DVector::zeros(n), sd: DVector::from_element(n, wide) })
+}
+
+/// Truths of a population, `count` of them or a few more.
+pub(crate) fn truths_of(posed: &Posed, (seed, count): (u64, usize), of: &Population) -> Vec<DVector<f64>> {
     let (asked, beliefs) = imagined(posed);
     let of_beliefs = Trials { trials: &asked, beliefs: &beliefs, ..posed.trials(None) };
     let each = count.div_ceil(CHAINS);
-    let of = |c| chain(&of_beliefs, (seed, c), each, wide);
-    (0..CHAINS as u64).into_par_iter().flat_map(of).collect()
+    let each_of = |c| chain(&of_beliefs, (seed, c), each, of);
+    (0..CHAINS as u64).into_par_iter().flat_map(each_of).collect()
 }

@@ -4,6 +4,7 @@ use super::html::escaped;
 use crate::options::BuildOptions;
 use crate::record::Record;
 use crate::stage::list::heading;
+use calibration::shared::SharedPrior;
 use std::fmt::Write;
 use toml::{Table, Value};
 
@@ -118,7 +119,19 @@ fn leaves(prefix: &str, value: &Value, out: &mut Vec<[String; 2]>) {
             let key = |k: &str| if prefix.is_empty() { k.to_owned() } else { format!("{prefix}.{k}") };
             table.iter().for_each(|(k, v)| leaves(&key(k), v, out));
         }
-        other => out.push([prefix.to_owned(), other.to_string()]),
+        other => out.push([prefix.to_owned(), shown(prefix, other)]),
+    }
+}
+
+/// The option whose value is the text of a whole file.
+const SHARED_PRIOR: &str = "calibrate.shared_prior";
+
+/// How a value stands in a table: as run.toml has it. Of a shared prior only whose it is, since its text is long.
+fn shown(key: &str, value: &Value) -> String {
+    let text = value.as_str().filter(|_| key == SHARED_PRIOR);
+    match text.map(|text| SharedPrior::try_from(text.to_owned())) {
+        Some(Ok(SharedPrior::Read(shared))) => shared.in_words(),
+        _ => value.to_string(),
     }
 }
 
@@ -141,5 +154,27 @@ mod tests {
         let methods = Methods::read(run.as_bytes(), &[]).unwrap();
         assert_eq!(methods.changed, [["hexmesh.layers".to_owned(), "4".to_owned(), "3".to_owned()]]);
         assert!(methods.markdown().contains("| hexmesh.layers | 4 | 3 |") && methods.html().contains("id=\"methods\""));
+    }
+
+    #[test]
+    fn of_a_shared_prior_a_table_says_whose_it_is_and_not_its_text() {
+        let line = r#"{"name": "N", "mean": -0.5, "sd": 0.8, "before": [0.9, 1.0, 1.1], "after": [0.8, 0.9, 1.0]}"#;
+        for (from, numbers, wanted) in [
+            (r#""B left""#, vec![line], "what B left says of 1 number"),
+            (r#""B left", "C right""#, vec![], "what B left, C right say of 0 numbers"),
+        ] {
+            let text =
+                format!(r#"{{"schema": "shared-prior/1", "from": [{from}], "numbers": [{}]}}"#, numbers.join(", "));
+            let shared = SharedPrior::Read(Box::new(serde_json::from_str(&text).unwrap()));
+            let mut options = BuildOptions::default();
+            options.calibrate.shared_prior = Some(shared);
+            let run = serde_json::json!({
+                "program": {"version": "1", "code": "ab"}, "specimen": {"id": "K"}, "inputs": {"a": "b"}, "options": options,
+            });
+            let methods = Methods::read(toml::to_string(&run).unwrap().as_bytes(), &[]).unwrap();
+            assert_eq!(methods.changed, [[SHARED_PRIOR.to_owned(), wanted.to_owned(), "none".to_owned()]]);
+            let text = methods.markdown();
+            assert!(text.contains(wanted) && !text.contains("shared-prior/1"), "{text}");
+        }
     }
 }
