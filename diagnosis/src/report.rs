@@ -303,7 +303,7 @@ pub enum Against {
     LeavesTooMuch,
     /// Beside it something of no name is missing too.
     FieldBeside,
-    /// In its place something of no name does better.
+    /// It is not enough better than something of no name in its place.
     FieldInItsPlace,
     /// Two records seem to be exchanged.
     RecordsMixedUp,

@@ -13,6 +13,7 @@ mod nuisances;
 mod pairs;
 mod pulls;
 mod rests;
+mod small_knee;
 mod suspects;
 mod unloaded;
 mod wide;

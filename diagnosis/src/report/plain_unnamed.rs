@@ -1,15 +1,23 @@
 //! What `unnamed` means, in plain words: whether the data agree with each other, which rows do not, and that no effect of the catalogue is enough.
 
+mod noise;
+
 use crate::criteria::NAMED;
-use crate::problem::trial::NoiseScale;
 use crate::report::words::{figures, with_unit};
 use crate::report::{Against, DataSetAlone, Diagnosis, Left, Named, Tried, Unexplained};
 use crate::search::contradiction::{Contradiction, Witness};
 use sim::coordinate::{AP, Coordinate, IE, ML, VV};
 use std::fmt::Write;
 
+pub(crate) use noise::noise;
+
 /// Sum of squares over the number of readings up to which a knee fits a data set [-]. Ours: twice what noise and floor leave.
 const FITS: f64 = 2.0;
+/// Share by which a fit may leave more than the fit of nothing missing, and still have converged [-]. Ours: each effect can be nothing, so that a
+/// converged fit leaves no more; ends of one search part by less than this.
+const CONVERGED: f64 = 0.001;
+/// Share of a gap from which a row closes all of it [-]: it rounds to 100 %.
+const ALL_OF_IT: f64 = 0.995;
 /// Forces and moments that are none: VV, IE [N m], ML, AP [N]; what a robot leaves where it is asked for nothing.
 const NO_LOAD: [(Coordinate, f64); 4] = [(VV, 1.0), (IE, 1.0), (ML, 10.0), (AP, 10.0)];
 
@@ -24,13 +32,14 @@ const OPEN_IN_HEAD: usize = 3;
 pub(crate) fn meaning(d: &Diagnosis) -> String {
     let missing = "Something is missing from the model that no effect of the catalogue explains.";
     let Some(why) = &d.unexplained else { return missing.into() };
-    let agreement = agreement(&why.data_sets);
+    let agreement = agreement(&why.data_sets, why.two_knees);
     let first = if agreement.is_empty() { missing.into() } else { agreement };
-    first + &to_repeat(&d.contradictions) + &contradictions(&d.contradictions) + &best(why)
+    first + &to_repeat(&d.contradictions) + &contradictions(&d.contradictions) + &best(why, d.misfit[0])
 }
 
-/// Whether each data set is a knee's, and all are one knee's; nothing where the data sets say nothing of it.
-fn agreement(sets: &[DataSetAlone]) -> String {
+/// Whether each data set is a knee's, and all are one knee's; nothing where the data sets say nothing of it, or one knee does for all.
+/// `two_knees`: log odds for a knee each.
+fn agreement(sets: &[DataSetAlone], two_knees: Option<f64>) -> String {
     let (fitted, odd): (Vec<&DataSetAlone>, Vec<&DataSetAlone>) = sets.iter().partition(|s| s.alone + s.cost <= FITS);
     let list = |of: &[&DataSetAlone]| {
         let each: Vec<String> = of.iter().map(|s| format!("{} {}", s.source, figures(s.alone))).collect();
@@ -42,11 +51,14 @@ fn agreement(sets: &[DataSetAlone]) -> String {
     };
     match (fitted.is_empty(), odd.is_empty()) {
         (true, true) => String::new(),
-        (false, true) => format!(
-            "The data sets contradict each other. Each alone is a knee of the model (left over, in units of what noise leaves: {}), but no one knee is both ({}).",
-            list(&fitted),
-            together()
-        ),
+        (false, true) => apart(sets, two_knees).map_or(String::new(), |apart| {
+            format!(
+                "The data sets contradict each other. Each alone is a knee of the model (left over, in units of what noise leaves: {}), \
+                 but {apart} ({}).",
+                list(&fitted),
+                together()
+            )
+        }),
         _ => format!(
             "No knee of the model gives all readings of {}, even alone (left over, in units of what noise leaves: {}; with all data sets: {}).{}",
             odd.iter().map(|s| s.source.as_str()).collect::<Vec<_>>().join(" or of "),
@@ -55,6 +67,17 @@ fn agreement(sets: &[DataSetAlone]) -> String {
             odd.iter().map(|s| scatter_asked(s)).collect::<String>()
         ),
     }
+}
+
+/// By what data sets that are each a knee's are not one knee's: what one knee leaves of them, else the odds for a knee each.
+/// None where neither tells.
+fn apart(sets: &[DataSetAlone], two_knees: Option<f64>) -> Option<String> {
+    let over: Vec<&str> = sets.iter().filter(|s| s.together > FITS).map(|s| s.source.as_str()).collect();
+    if !over.is_empty() {
+        return Some(format!("no one knee is both: it leaves too much of {}", over.join(" and of ")));
+    }
+    let odds = two_knees.filter(|odds| *odds >= NAMED)?;
+    Some(format!("a knee each is likelier than one knee, by {} nats, though that leaves little", figures(odds)))
 }
 
 /// How much more a data set would have to scatter before a knee of its own fits it: what it leaves is a square.
@@ -129,7 +152,8 @@ pub fn load(w: &Witness) -> String {
 }
 
 /// That none of the catalogue is enough, what stands against each, and what the best of them closes.
-fn best(why: &Unexplained) -> String {
+/// `nothing`: what is left where nothing is missing.
+fn best(why: &Unexplained, nothing: f64) -> String {
     let (single, several): (Vec<&Tried>, Vec<&Tried>) = why.tried.iter().partition(|t| t.effects.len() == 1);
     if single.is_empty() {
         return String::new();
@@ -138,7 +162,7 @@ fn best(why: &Unexplained) -> String {
     let mut out =
         format!("\nEach of {} effects of the catalogue was fitted from its own best start{pairs}", single.len());
     if why.is_proven() {
-        let _ = write!(out, ", and none is enough: {}", stands_against(&why.tried).join("; "));
+        out += &proof(&why.tried, nothing);
     }
     out += ".";
     if let Some(most) = most_unseen(&single) {
@@ -149,6 +173,31 @@ fn best(why: &Unexplained) -> String {
         );
     }
     out + &open(&why.tried) + &between(why)
+}
+
+/// That none is enough, by the fits that converged; of the others that they prove nothing.
+fn proof(tried: &[Tried], nothing: f64) -> String {
+    let (lost, sound): (Vec<&Tried>, Vec<&Tried>) = tried.iter().partition(|t| did_not_converge(t, nothing));
+    if sound.is_empty() {
+        return ". None of these fits converged, so they prove nothing".into();
+    }
+    let against = stands_against(&sound).join("; ");
+    if lost.is_empty() {
+        return format!(", and none is enough: {against}");
+    }
+    let names: Vec<String> =
+        lost.iter().map(|t| t.effects.iter().map(|e| e.effect.as_str()).collect::<Vec<_>>().join(" with ")).collect();
+    let (lost, sound) = (lost.len(), sound.len());
+    format!(
+        ", and none is enough of the {sound} fits that converged: {against}. Left out of the proof, since they did not converge: {lost} ({})",
+        names.join(", ")
+    )
+}
+
+/// Whether a row leaves more than the fit of nothing missing (`nothing`) does. It had that fit to fall back on, so it did not converge.
+/// An answer of an earlier version does not tell.
+pub fn did_not_converge(row: &Tried, nothing: f64) -> bool {
+    row.leaves.is_some_and(|leaves| leaves > nothing * (1.0 + CONVERGED))
 }
 
 /// How much of what the data sets differ by the likeliest row explains with one knee; nothing where one knee does as well as one for each.
@@ -168,14 +217,15 @@ fn between(why: &Unexplained) -> String {
     )
 }
 
-/// The largest share of the gap that any of some rows closes on unseen trials, in words; none where nobody asked.
+/// The largest share of the gap that any of some rows closes on unseen trials, in words; none where nobody asked, or where it is all.
 fn most_unseen(of: &[&Tried]) -> Option<String> {
     let shares = of.iter().filter_map(|t| t.closes_held_out);
-    shares.max_by(f64::total_cmp).map(|most| format!("{:.0} %", 100.0 * most.max(0.0)))
+    let most = shares.max_by(f64::total_cmp).filter(|most| *most < ALL_OF_IT)?;
+    Some(format!("{:.0} %", 100.0 * most.max(0.0)))
 }
 
 /// What stands against the rows of a table, each with how many they are; a row may have several.
-fn stands_against(tried: &[Tried]) -> Vec<String> {
+fn stands_against(tried: &[&Tried]) -> Vec<String> {
     let of = |what: Against| tried.iter().filter(move |t| t.against.contains(&what));
     let least = of(Against::LeavesTooMuch).filter_map(|t| t.leaves).min_by(f64::total_cmp);
     let least = least.map_or(String::new(), |x| format!(", {x:.1} times what noise leaves at the least"));
@@ -183,7 +233,7 @@ fn stands_against(tried: &[Tried]) -> Vec<String> {
         (Against::EarnsTooLittle, "earns less than a name takes".to_owned()),
         (Against::LeavesTooMuch, format!("leaves too much and closes too little on other trials{least}")),
         (Against::FieldBeside, "leaves something that has no name".to_owned()),
-        (Against::FieldInItsPlace, "does no better than something that has no name".to_owned()),
+        (Against::FieldInItsPlace, "is not enough better than something that has no name".to_owned()),
         (Against::RecordsMixedUp, "does worse than an exchange of two records".to_owned()),
     ];
     let told = |(what, words): (Against, String)| {
@@ -212,10 +262,19 @@ fn open(tried: &[Tried]) -> String {
 
 /// Where even the best that was found leaves most; nothing where nobody asked.
 pub(crate) fn leaves_most(d: &Diagnosis) -> String {
-    d.unexplained.as_ref().map_or(String::new(), leaves_most_of)
+    let is_too_much = best_row(d).is_some_and(|t| t.against.contains(&Against::LeavesTooMuch));
+    d.unexplained.as_ref().map_or(String::new(), |why| leaves_most_of(why, is_too_much))
 }
 
-fn leaves_most_of(why: &Unexplained) -> String {
+/// The row of the best that was found, where it was tried.
+fn best_row(d: &Diagnosis) -> Option<&Tried> {
+    let is_best =
+        |t: &&Tried| t.effects.iter().map(|e| (&e.effect, &e.scope)).eq(d.best.iter().map(|e| (&e.effect, &e.scope)));
+    d.unexplained.iter().flat_map(|why| &why.tried).find(is_best)
+}
+
+/// The same of a table; `is_too_much` where that stands against the best.
+fn leaves_most_of(why: &Unexplained, is_too_much: bool) -> String {
     if why.left.is_empty() {
         return String::new();
     }
@@ -229,15 +288,17 @@ fn leaves_most_of(why: &Unexplained) -> String {
     let by_set: Vec<String> = why.data_sets.iter().filter_map(of_set).collect();
     let units = "in units of what noise leaves";
     let sets = if by_set.is_empty() { String::new() } else { format!(" ({}, {units})", by_set.join(", ")) };
-    format!("\nEven it leaves too much{sets}, most in these rows: {}.", told.join("; "))
+    let told = told.join("; ");
+    if is_too_much {
+        format!("\nEven it leaves too much{sets}, most in these rows: {told}.")
+    } else {
+        format!("\nWhat it leaves{sets} is most in these rows: {told}.")
+    }
 }
 
 /// What the best that was found closes on trials that it was not fitted to; nothing where nobody asked.
 pub(crate) fn closing(d: &Diagnosis) -> String {
-    let of_best =
-        |t: &&Tried| t.effects.iter().map(|e| (&e.effect, &e.scope)).eq(d.best.iter().map(|e| (&e.effect, &e.scope)));
-    let found = d.unexplained.iter().flat_map(|why| &why.tried).find(of_best);
-    let Some(unseen) = found.and_then(|t| t.closes_held_out) else { return String::new() };
+    let Some(unseen) = best_row(d).and_then(|t| t.closes_held_out) else { return String::new() };
     format!("; it closes {:.0} % of that gap", 100.0 * unseen.max(0.0))
 }
 
@@ -258,34 +319,6 @@ pub(crate) fn closing_most(d: &Diagnosis) -> Vec<(&[Named], f64)> {
     out.sort_by(|a, b| b.1.total_cmp(&a.1));
     out.truncate(OTHERS);
     out
-}
-
-/// What scatters more than its file states, as a finding; nothing where all is as stated, or less.
-pub(crate) fn noise(of: &[NoiseScale]) -> String {
-    let mut out = String::new();
-    let mut told: Vec<&str> = Vec::new();
-    let is_more = |n: &&NoiseScale| n.taken && n.inferred > n.stated;
-    for set in of.iter().filter(is_more) {
-        if told.contains(&set.source.as_str()) {
-            continue;
-        }
-        told.push(&set.source);
-        let own = of.iter().filter(is_more).filter(|n| n.source == set.source);
-        let each: Vec<String> = own.map(scatter).collect();
-        let _ = write!(
-            out,
-            "\n{} scatters between neighbouring loads more than its file states: {}.",
-            set.source,
-            each.join(", ")
-        );
-    }
-    out
-}
-
-/// "VV by 3.18 deg (stated: 0.500)".
-fn scatter(n: &NoiseScale) -> String {
-    let unit = Coordinate::named(&n.coordinate).map_or("", Coordinate::unit);
-    format!("{} by {} (stated: {})", n.coordinate.to_uppercase(), with_unit(n.inferred, unit), figures(n.stated))
 }
 
 #[cfg(test)]
@@ -355,14 +388,38 @@ mod tests {
             together,
             with_best: None,
         };
-        assert!(agreement(&[set("kla", 1.1, 4.0), set("rks", 1.3, 6.0)]).contains("Each alone is a knee"));
-        let odd = agreement(&[set("kla", 1.1, 4.0), set("rks", 5.0, 6.0)]);
+        let told = agreement(&[set("kla", 1.1, 1.5), set("rks", 1.3, 6.0)], None);
+        assert!(told.contains("Each alone is a knee") && told.contains("too much of rks (kla 1.50"), "{told}");
+        let odd = agreement(&[set("kla", 1.1, 4.0), set("rks", 5.0, 6.0)], None);
         assert!(odd.contains("all readings of rks, even alone") && !odd.contains("of kla,"), "{odd}");
         // what is left is a square: at twice the bar a knee fits data that scatter by a root of two more
         let asked = scatter_asked(&DataSetAlone { cost: 0.0, ..set("rks", 2.0 * FITS, 6.0) });
         assert!(asked.contains("scattered 1.41 times"), "{asked}");
         assert!(odd.contains("fit rks if") && !odd.contains("fit kla if"), "{odd}");
-        assert_eq!(agreement(&[]), "");
+        assert_eq!(agreement(&[], None), "");
+    }
+
+    /// The head never says the opposite of the odds and of what one knee leaves, which stand beside it.
+    #[test]
+    fn data_sets_contradict_each_other_only_where_the_odds_or_what_one_knee_leaves_say_so() {
+        let set = |source: &str, together| DataSetAlone {
+            source: source.into(),
+            readings: 100,
+            alone: 0.9,
+            cost: 0.1,
+            together,
+            with_best: None,
+        };
+        for odds in [None, Some(-16.0), Some(0.9 * NAMED), Some(1.1 * NAMED)] {
+            for (one, other) in [(0.97, 1.22), (0.97, 1.1 * FITS), (1.1 * FITS, 1.1 * FITS)] {
+                let told = agreement(&[set("kla", one), set("rks", other)], odds);
+                let (likelier, over) = (odds.is_some_and(|x| x >= NAMED), other > FITS);
+                assert_eq!(told.contains("contradict each other"), likelier || over, "{odds:?} {other}: {told}");
+                assert_eq!(told.contains("no one knee is both"), over, "{odds:?} {other}: {told}");
+                assert_eq!(told.contains("too much of kla"), one > FITS, "{odds:?} {one}: {told}");
+                assert_eq!(told.is_empty(), !likelier && !over, "{told}");
+            }
+        }
     }
 
     #[test]
@@ -375,14 +432,23 @@ mod tests {
             log_bayes_factor: 10.0,
             against: vec![Against::LeavesTooMuch],
         };
-        let told = |tried: Vec<Tried>| best(&Unexplained { data_sets: vec![], two_knees: None, tried, left: vec![] });
+        let told =
+            |tried: Vec<Tried>| best(&Unexplained { data_sets: vec![], two_knees: None, tried, left: vec![] }, NOTHING);
         let alone = vec![tried(&["gravity"], 0.56), tried(&["itb"], 0.2)];
         let both = [alone.clone(), vec![tried(&["gravity", "itb"], 0.67)]].concat();
         let (alone, both) = (told(alone), told(both));
         assert!(alone.contains("Each of 2 effects") && !alone.contains("two by two"), "{alone}");
         assert!(both.contains("Each of 2 effects") && both.contains("two by two"), "{both}");
         assert!(both.contains("none alone closes more than 56 %") && both.contains("no pair more than 67 %"), "{both}");
+        // that none closes more than all says nothing
+        for (unseen, is_told) in [(0.99, true), (0.996, false), (1.0, false)] {
+            let told = told(vec![tried(&["gravity"], unseen)]);
+            assert_eq!(told.contains("none alone closes"), is_told, "{unseen}: {told}");
+        }
     }
+
+    /// What the fit of nothing missing leaves, in these tests [-]: more than any of their rows.
+    const NOTHING: f64 = 5.5;
 
     /// A row of the table.
     fn tried(effect: &str, leaves: f64, against: &[Against]) -> Tried {
@@ -407,7 +473,7 @@ mod tests {
         ];
         let proven = of(rows.clone());
         assert!(proven.is_proven());
-        let told = best(&proven);
+        let told = best(&proven, NOTHING);
         let parts = [
             "none is enough: earns less than a name takes (1 of them)",
             "on other trials, 3.2 times what noise leaves at the least (2 of them)",
@@ -420,14 +486,35 @@ mod tests {
             let mut open = rows.clone();
             open[k].against.clear();
             let open = of(open);
-            let told = best(&open);
+            let told = best(&open, NOTHING);
             assert!(!open.is_proven() && !told.contains("none is enough"), "{told}");
             assert!(told.contains("No proof") && told.contains(&rows[k].effects[0].effect), "{told}");
         }
         // a table of an earlier version tells neither
         let earlier = of(rows.into_iter().map(|t| Tried { against: vec![], ..t }).collect());
-        assert!(!earlier.is_proven() && !best(&earlier).contains("No proof"));
+        assert!(!earlier.is_proven() && !best(&earlier, NOTHING).contains("No proof"));
         assert!(!of(vec![]).is_proven());
+    }
+
+    /// An effect may be nothing: a fit that leaves more than nothing added has not found its best end, whatever it leaves.
+    #[test]
+    fn a_fit_that_leaves_more_than_nothing_added_is_named_and_proves_nothing() {
+        let rows = ["load_gain", "itb", "mcl_wrap"].map(|e| tried(e, 1.0, &[Against::EarnsTooLittle]));
+        for lost in 0..=rows.len() {
+            let mut tried = rows.to_vec();
+            tried.iter_mut().take(lost).for_each(|t| t.leaves = Some(1.2));
+            assert_eq!(tried.iter().filter(|t| did_not_converge(t, 1.1)).count(), lost);
+            let told = best(&Unexplained { data_sets: vec![], two_knees: None, tried, left: vec![] }, 1.1);
+            let sound = rows.len() - lost;
+            assert_eq!(told.contains(&format!("earns less than a name takes ({sound} of them)")), sound > 0, "{told}");
+            assert_eq!(told.contains("none is enough"), sound > 0, "{told}");
+            assert_eq!(told.contains("converge"), lost > 0, "{told}");
+            if (1..rows.len()).contains(&lost) {
+                assert!(rows[..lost].iter().all(|t| told.contains(&t.effects[0].effect)), "{told}");
+                assert!(rows[lost..].iter().all(|t| !told.contains(&t.effects[0].effect)), "{told}");
+            }
+        }
+        assert!(!did_not_converge(&Tried { leaves: None, ..rows[0].clone() }, 1.1), "an earlier answer does not tell");
     }
 
     #[test]
@@ -484,33 +571,16 @@ mod tests {
         };
         let why =
             Unexplained { data_sets: vec![set], two_knees: None, tried: vec![], left: (9..14).map(left).collect() };
-        let told = leaves_most_of(&why);
+        let told = leaves_most_of(&why, true);
         assert!(
-            told.contains("rks 4.25") && told.contains("row 9 of rks reads -31.5 deg of IE, it gives -20.1 deg"),
+            told.contains("Even it leaves too much (rks 4.25")
+                && told.contains("row 9 of rks reads -31.5 deg of IE, it gives -20.1 deg"),
             "{told}"
         );
         assert_eq!(told.matches(" reads ").count(), LEFT_IN_HEAD, "{told}");
-        assert_eq!(leaves_most_of(&Unexplained { left: vec![], ..why }), "");
-    }
-
-    #[test]
-    fn noise_other_than_stated_is_a_finding_and_noise_as_stated_is_none() {
-        let of = |coordinate: &str, inferred, taken| NoiseScale {
-            source: "kla".into(),
-            coordinate: coordinate.into(),
-            stated: 0.5,
-            inferred,
-            lower: 0.8 * inferred,
-            upper: 1.2 * inferred,
-            taken,
-        };
-        let told = noise(&[of("vv", 4.0, true), of("ml", 0.52, false), of("ap", 0.2, true)]);
-        assert!(
-            told.contains("kla scatters")
-                && told.contains("VV by 4.00 deg (stated: 0.500)")
-                && !told.contains("ML")
-                && !told.contains("AP")
-        );
-        assert_eq!(noise(&[of("ml", 0.52, false)]), "");
+        // where something else stands against it, what it leaves is not called too much
+        let told = leaves_most_of(&why, false);
+        assert!(told.contains("What it leaves (rks 4.25") && !told.contains("too much"), "{told}");
+        assert_eq!(leaves_most_of(&Unexplained { left: vec![], ..why }, true), "");
     }
 }

@@ -26,7 +26,7 @@ const DARK: &str = "@media screen and (prefers-color-scheme:dark){svg{filter:inv
 /// The page of a diagnosis of `model`; at its end its reader pulls at the knee, where the surfaces for that are there.
 pub(crate) fn page(model: &str, d: &Diagnosis, live: Option<&LivePart>) -> String {
     if let Some(live) = live {
-        let head = head(&format!("What is missing: {model}"));
+        let head = begun(model);
         let header = format!("<header><h1>{}: diagnosis</h1></header>", escaped(model));
         return format!("{head}{header}<main id=\"stages\">{}{}</main>{}", part(model, d), live.section, live.foot);
     }
@@ -35,6 +35,11 @@ pub(crate) fn page(model: &str, d: &Diagnosis, live: Option<&LivePart>) -> Strin
         escaped(model),
         body(model, d)
     )
+}
+
+/// How a page of its own begins; it has no stages to skip to.
+fn begun(model: &str) -> String {
+    head(&format!("What is missing: {model}")).replace("To the stages", "To the diagnosis")
 }
 
 /// The same as a part of another page: a tree of its own, so that neither page's style reaches the other; its headings stand below the section's.
@@ -376,8 +381,22 @@ fn missed(out: &mut String, d: &Diagnosis) {
 
 /// The page of an atlas.
 pub(crate) fn atlas(model: &str, found: &Atlas) -> String {
-    let text = escaped(&table(found));
+    let (model, text) = (escaped(model), escaped(&table(found)));
     format!(
         "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><title>What could be named: {model}</title><body><h1>What could be named: {model}</h1><p>Sizes are one prior standard deviation of each effect; raw and retained are root mean square signatures in scatters, before and after ligaments and contact are recalibrated; detectable is the size, in prior standard deviations, that half of such data would reveal.</p><pre>{text}</pre></body></html>"
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_page_of_a_diagnosis_skips_to_the_diagnosis() {
+        for model in ["knee1", "the knee"] {
+            let told = begun(model);
+            assert!(told.contains(">To the diagnosis</a>") && !told.contains("To the stages"), "{told}");
+            assert!(told.contains(&format!("What is missing: {model}")), "{told}");
+        }
+    }
 }

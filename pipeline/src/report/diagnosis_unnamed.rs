@@ -2,9 +2,9 @@
 
 use super::html::escaped;
 use diagnosis::effect::catalogue::Catalogue;
-use diagnosis::report::plain_unnamed::{load, row};
+use diagnosis::report::plain_unnamed::{did_not_converge, load, row};
 use diagnosis::report::words::sizes;
-use diagnosis::report::{Against, Diagnosis, Left, Named};
+use diagnosis::report::{Against, Diagnosis, Left, Named, Tried};
 use diagnosis::search::contradiction::Witness;
 use std::fmt::Write;
 
@@ -58,7 +58,7 @@ pub(super) fn why_unnamed(out: &mut String, d: &Diagnosis) {
             let _ = write!(out, "<p>Log odds for a knee of its own in each data set, against one knee: {odds:.0}.</p>");
         }
     }
-    each_effect(out, why);
+    each_effect(out, why, d.misfit[0]);
     left(out, &why.left);
 }
 
@@ -83,22 +83,29 @@ fn left(out: &mut String, of: &[Left]) {
     *out += "</table>";
 }
 
-/// What stands against a row, in words.
+/// What stands against a row; of one that did not converge, that it is no part of the proof.
+fn against(row: &Tried, nothing: f64) -> String {
+    let lost = did_not_converge(row, nothing).then(|| "did not converge: left out of the proof".to_owned());
+    let told = lost.into_iter().chain(Some(stands_against(&row.against)).filter(|words| !words.is_empty()));
+    told.collect::<Vec<_>>().join("; ")
+}
+
+/// What stands against it as an answer, in words.
 fn stands_against(of: &[Against]) -> String {
     let words = |a: &Against| match a {
         Against::EarnsTooLittle => "earns too little",
         Against::LeavesTooMuch => "leaves too much",
         Against::FieldBeside => "something of no name beside it",
-        Against::FieldInItsPlace => "something of no name in its place",
+        Against::FieldInItsPlace => "not enough better than something of no name",
         Against::RecordsMixedUp => "two records exchanged",
     };
     of.iter().map(words).collect::<Vec<_>>().join("; ")
 }
 
-/// What each effect of the catalogue explains.
-fn each_effect(out: &mut String, why: &diagnosis::report::Unexplained) {
+/// What each effect of the catalogue explains; `nothing`: what is left where nothing is missing.
+fn each_effect(out: &mut String, why: &diagnosis::report::Unexplained, nothing: f64) {
     let catalogue = Catalogue::shipped();
-    *out += "<h2>What each effect of the catalogue would explain</h2><p class=\"note\">Each was fitted with the ligaments from both ends: beside recalibrated ligaments, and from the force that is out of balance at the measured poses. Its best end counts. The likeliest were also fitted two by two; of these the best stand here. Each row is asked as if it were the answer: the last column says what stands against it. Leaves: in units of what noise leaves, the cost of ligaments, sites and frames included; an answer leaves about 1. Closes: share of what recalibrated ligaments leave beyond noise, on the trials that were fitted, and for the likeliest on trials that were not.</p><table><tr><th>effect</th><th>where</th><th>size (90 % interval)</th><th>closes</th><th>on other trials</th><th>leaves</th><th>log Bayes factor</th><th>against it</th></tr>";
+    *out += "<h2>What each effect of the catalogue would explain</h2><p class=\"note\">Each was fitted with the ligaments from both ends: beside recalibrated ligaments, and from the force that is out of balance at the measured poses. Its best end counts. The likeliest were also fitted two by two; of these the best stand here. Each row is asked as if it were the answer: the last column says what stands against it. Leaves: in units of what noise leaves, the cost of ligaments, sites and frames included; an answer leaves about 1. A fit that leaves more than one with nothing added did not converge. Closes: share of what recalibrated ligaments leave beyond noise, on the trials that were fitted, and for the likeliest on trials that were not.</p><table><tr><th>effect</th><th>where</th><th>size (90 % interval)</th><th>closes</th><th>on other trials</th><th>leaves</th><th>log Bayes factor</th><th>against it</th></tr>";
     for t in &why.tried {
         let name = |e: &Named| {
             let about = e.variant.as_ref().map(|v| format!(" ({v})")).unwrap_or_default();
@@ -117,7 +124,7 @@ fn each_effect(out: &mut String, why: &diagnosis::report::Unexplained) {
             100.0 * t.closes,
             t.leaves.map_or(String::new(), |x| format!("{x:.1}")),
             t.log_bayes_factor,
-            stands_against(&t.against)
+            against(t, nothing)
         );
     }
     *out += "</table>";
@@ -168,6 +175,28 @@ mod tests {
         told.dedup();
         assert_eq!(told.len(), all.len());
         assert_eq!(stands_against(&[]), "");
+    }
+
+    /// Whatever stands against it, a row that leaves more than nothing added does is told as such, and no other row is.
+    #[test]
+    fn a_row_that_did_not_converge_says_so() {
+        for reasons in [vec![], vec![Against::EarnsTooLittle], vec![Against::LeavesTooMuch, Against::FieldBeside]] {
+            for (leaves, is_lost) in
+                [(None, false), (Some(1.05), false), (Some(1.10), false), (Some(1.12), true), (Some(3.3), true)]
+            {
+                let row = Tried {
+                    effects: vec![],
+                    closes: 0.0,
+                    closes_held_out: None,
+                    leaves,
+                    log_bayes_factor: -5.0,
+                    against: reasons.clone(),
+                };
+                let told = against(&row, 1.10);
+                assert_eq!(told.contains("did not converge: left out of the proof"), is_lost, "{leaves:?}: {told}");
+                assert!(told.ends_with(&stands_against(&reasons)) && !told.ends_with("; "), "{told}");
+            }
+        }
     }
 
     #[test]
