@@ -43,7 +43,14 @@ def use(check, page, expected):
     force = lambda: check.cell("live-ligaments", "graft0", 1)
     check.says(told, about, "as planned")
     check.expect(abs(force() - told["forces_n"][-1]) <= live.SHOWN["force"], f"the graft bears {force()}, expected {told['forces_n'][-1]}")
+    # rest is this knee without load, with its cuts and grafts: the page counts from where its tables do
+    check.press_button("[data-preset='At rest']")
+    rest = check.cell("live-pose", "ap_mm", 1)
+    off = max(abs(check.cell("live-pose", name, 4)) for name in ["ap_mm", "ie_deg", "ml_mm"])
+    check.expect(check.cell("live-pose", "ap_mm", 3) == 0 and off > 0.05, f"the planned knee at rest is not at its own rest, or lies as the intact one: {off}")
     check.press_button("[data-preset='Lachman']")
+    gone = check.cell("live-pose", "ap_mm", 1) - rest
+    check.expect(gone > 0.1 and abs(check.cell("live-pose", "ap_mm", 3) - gone) <= 2 * live.SHOWN["pose"], f"from rest the page tells {check.cell('live-pose', 'ap_mm', 3)} mm, its poses {gone}")
     check.expect(force() > told["forces_n"][-1] + 5, f"under Lachman the graft bears {force()}")
     check.press_button("[data-take='0']")
     check.expect("graft" not in check.state(), "a graft that was taken out is in")

@@ -21,6 +21,9 @@ const POINTS_MM: [f64; 2] = [-5000.0, 5000.0];
 /// further is laid back on another part of the bone.
 const MOVES_MM: [f64; 2] = [-30.0, 30.0];
 
+/// A site's percentages lie within these [%]; ours: a tenth beyond the wall of the notch, or the plateau, is on their edge yet.
+pub(super) const PERCENTS: [f64; 2] = [-10.0, 110.0];
+
 /// What graft.toml says.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -257,7 +260,7 @@ impl SiteFile {
         }
         let percents = [("quadrant_percent", self.quadrant_percent), ("plateau_percent", self.plateau_percent)];
         for (key, p) in percents.iter().flat_map(|(key, pair)| pair.iter().flatten().map(move |p| (key, *p))) {
-            within(&format!("{bone}.{key}"), &format!("{bone}, percent"), p, [-10.0, 110.0])?;
+            within(&format!("{bone}.{key}"), &format!("{bone}, percent"), p, PERCENTS)?;
         }
         let lengths = [("point_mm", self.point_mm, POINTS_MM), ("move_mm", Some(self.move_mm), MOVES_MM)];
         let mut all =

@@ -1,8 +1,8 @@
 //! A knee with its grafts: put in, fixed, tested intact, deficient and reconstructed.
 
 use super::file::{GraftFile, PlanFile, TestsFile};
-use super::sites::{Bone, bones};
-use meshes::Point;
+use super::sites::{Bone, WALL_PERCENT, bones};
+use meshes::{Point, Vector};
 use sim::SimError;
 use sim::coordinate::{AP, FREE, Free, IE, Load, VV};
 use sim::flags::Flag;
@@ -30,6 +30,10 @@ pub(super) struct Placed {
     pub(super) stiffness: f64,
     /// The bundle whose place it takes fibre by fibre, where it does.
     pub(super) whole: Option<String>,
+    /// Where the knee's own ACL lies by the quadrant method [%], where that is not on the wall of the notch: the graft was laid there.
+    pub(super) off_the_wall: Option<[f64; 2]>,
+    /// How far its femoral and its tibial site were moved along the bone; of several fibres the least [mm].
+    pub(super) went_mm: [f64; 2],
 }
 
 /// A test: its name, flexion, loads.
@@ -149,6 +153,30 @@ fn ends<'a>(spec: &'a ModelSpec, bundles: &'a [&BundleSpec], end: usize) -> impl
     own.map(move |f| [f.femur, f.tibia][end])
 }
 
+/// The middle of points.
+fn centre(points: &[Point]) -> Point {
+    Point::from(points.iter().map(|p| p.coords).sum::<Vector>() / points.len().max(1) as f64)
+}
+
+/// The cruciate that a graft on the wall of the notch stands for.
+const ACL: &str = "ACL";
+
+/// Whether a ligament's or bundle's name is of the ACL.
+pub(super) fn is_acl(name: &str) -> bool {
+    name.strip_prefix(ACL).is_some_and(|rest| rest.is_empty() || rest.starts_with('_'))
+}
+
+/// The way of the whole ACL's footprint on the femur to the wall of the notch, and its percentages by the quadrant method: where `native` is of the
+/// ACL, and its footprint not on that wall. The literature's place falls on the back of some femurs, and a mark may be wrong.
+fn off_the_wall(spec: &ModelSpec, femur: &Bone, native: Option<&String>) -> Option<(Vector, [f64; 2])> {
+    native.filter(|name| is_acl(name))?;
+    let own: Vec<Point> = ends(spec, &meant(spec, ACL).ok()?, 0).collect();
+    let centre = (!own.is_empty()).then(|| centre(&own))?;
+    let percent = femur.percent(&centre)?;
+    let is_off = percent.iter().any(|p| !WALL_PERCENT.contains(p));
+    if is_off { Some((femur.to_the_wall(&centre)?, percent)) } else { None }
+}
+
 /// Places a graft in a knee.
 pub(super) fn placed(spec: &ModelSpec, bones: &[Bone; 2], graft: &GraftFile) -> Result<Placed, String> {
     let fault = |e: String| format!("graft {:?}: {e}", graft.name);
@@ -160,20 +188,30 @@ pub(super) fn placed(spec: &ModelSpec, bones: &[Bone; 2], graft: &GraftFile) -> 
         },
         _ => None,
     };
-    let lines = if let Some(one) = whole {
+    let off = off_the_wall(spec, &bones[0], sites[0].native.as_ref());
+    let native = |end: usize, p: Point| match off {
+        Some((way, _)) if end == 0 => bones[0].on_the_wall(p, way),
+        _ => p,
+    };
+    let (lines, went_mm) = if let Some(one) = whole {
         let all = [one];
-        let moved =
-            |end: usize| ends(spec, &all, end).map(|p| bones[end].moved(p, sites[end].move_mm)).collect::<Vec<_>>();
-        moved(0).into_iter().zip(moved(1)).map(|(a, b)| [a, b]).collect()
+        let moved = |end: usize| {
+            let own = ends(spec, &all, end).map(|p| native(end, p));
+            own.map(|p| bones[end].moved(p, sites[end].move_mm)).collect::<Vec<_>>()
+        };
+        let (femur, tibia) = (moved(0), moved(1));
+        let least = |own: &[(Point, f64)]| own.iter().map(|(_, went)| *went).reduce(f64::min).unwrap_or(0.0);
+        let went = [least(&femur), least(&tibia)];
+        (femur.into_iter().zip(tibia).map(|((a, _), (b, _))| [a, b]).collect::<Vec<_>>(), went)
     } else {
         let at = |end: usize| {
             bones[end].place(sites[end], |name| {
-                let own = meant(spec, name)?;
-                let all: Vec<Point> = ends(spec, &own, end).collect();
-                Ok(Point::from(all.iter().map(|p| p.coords).sum::<meshes::Vector>() / all.len() as f64))
+                let own: Vec<Point> = ends(spec, &meant(spec, name)?, end).collect();
+                Ok(native(end, centre(&own)))
             })
         };
-        vec![[at(0).map_err(fault)?, at(1).map_err(fault)?]]
+        let ((femur, from), (tibia, to)) = (at(0).map_err(fault)?, at(1).map_err(fault)?);
+        (vec![[femur, tibia]], [from, to])
     };
     let length = mean_length(&lines);
     let stiffness = match (graft.stiffness_n_per_mm, graft.cross_section_mm2, graft.modulus_mpa) {
@@ -181,7 +219,8 @@ pub(super) fn placed(spec: &ModelSpec, bones: &[Bone; 2], graft: &GraftFile) -> 
         (_, Some(area), Some(modulus)) => area * modulus / graft.free_length_mm.unwrap_or(length),
         _ => return Err(fault("it has no stiffness".into())),
     };
-    Ok(Placed { ends: lines, stiffness, whole: whole.map(|b| b.name.clone()) })
+    let off_the_wall = off.map(|(_, percent)| percent);
+    Ok(Placed { ends: lines, stiffness, whole: whole.map(|b| b.name.clone()), off_the_wall, went_mm })
 }
 
 /// A graft for the solver.

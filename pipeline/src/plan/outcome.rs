@@ -1,11 +1,11 @@
 //! What comes of a plan: every state in every test, with mean and interval by samples, and the chance that the knee is like the intact one.
 
 use super::chances::{ChanceTold, chances};
-use super::file::{GraftFile, PlanFile};
-use super::knee::{Asked, Found, Knee, Placed, STATES, Surfaces, columns, main_coordinate, tests};
+use super::file::{GraftFile, PERCENTS, PlanFile};
+use super::knee::{Asked, Found, Knee, Placed, STATES, Surfaces, columns, is_acl, main_coordinate, tests};
 use super::numbers::{Numbers, Value};
 use super::sampled::{At, Sampled};
-use super::sites::{Bone, bones};
+use super::sites::{ACL_PERCENT, Bone, bones};
 use crate::bands::is_pose_or_force;
 use crate::told::ModelTold;
 use calibration::samples::Samples;
@@ -113,7 +113,9 @@ pub(super) fn outcome_of(
     let mut notices = file.odd();
     let grafts = file.graft.iter().zip(&placed).zip(&knee.slack_mm);
     let grafts: Vec<GraftTold> = grafts.map(|((g, p), slack)| graft(g, p, *slack, &bones)).collect();
-    notices.extend(file.graft.iter().zip(&grafts).filter_map(|(g, told)| above_the_notch(g, told)));
+    notices.extend(file.graft.iter().zip(&placed).filter_map(|(g, p)| laid_on_the_wall(g, p)));
+    let moved = file.graft.iter().zip(&placed).zip(&grafts);
+    notices.extend(moved.flat_map(|((g, p), told)| moved_away(g, p, told)));
     let only = samples.map(|(s, which)| s.only(which));
     if let Some(only) = &only {
         match Sampled::of(only, (surfaces, &knee), &asked, &numbers.best) {
@@ -158,18 +160,52 @@ fn not_operated(numbers: &Numbers) -> Option<Notice> {
     (lost > 0).then(|| Kind::SamplesLost.notice(text).count(lost))
 }
 
-/// A native site of the ACL that the quadrant method does not know: it lies on the inner wall of the lateral condyle, below the roof of the notch.
-fn above_the_notch(graft: &GraftFile, told: &GraftTold) -> Option<Notice> {
-    let of = graft.femur.native.as_ref().filter(|name| *name == "ACL" || name.starts_with("ACL_"))?;
-    let [depth, height] = told.quadrant_percent?;
-    let is_off = [depth, height].iter().any(|p| !(0.0..=100.0).contains(p));
+/// A native site of an ACL that the quadrant method does not know: it is not on the inner wall of the lateral condyle, below the roof of the notch.
+fn laid_on_the_wall(graft: &GraftFile, placed: &Placed) -> Option<Notice> {
+    let [depth, height] = placed.off_the_wall?;
     let place = if height < 0.0 { "above the roof of the notch" } else { "beyond the lateral condyle" };
+    let [by_depth, by_height] = ACL_PERCENT;
     let text = format!(
-        "graft {:?}: its femoral site, native {of}, has depth {depth:.0} % and height {height:.0} % by the quadrant method: {place}; expected 0 to \
-         100, about 25 and 28 for an ACL. Look at the marks of the femur, or give quadrant_percent",
+        "graft {:?}: on the femur the model's own ACL has depth {depth:.0} % and height {height:.0} % by the quadrant method: {place}; expected 0 to \
+         100. So the graft begins at {by_depth} and {by_height} %, where dissected ones do. Look at the marks of the femur, or give quadrant_percent",
         graft.name
     );
-    is_off.then(|| Kind::GivenFar.notice(text))
+    Some(Kind::GivenFar.notice(text))
+}
+
+/// A moved site is told of where it went this much less far than it was asked to [mm]; ours: what a drill can be aimed by.
+const SHORT_MM: f64 = 1.0;
+
+/// Sites that ended before they were moved as far as was asked, and moved sites of an ACL that no file could ask for by their percentages.
+fn moved_away(graft: &GraftFile, placed: &Placed, told: &GraftTold) -> Vec<Notice> {
+    let ends = [
+        ("femur", &graft.femur, told.quadrant_percent, "by the quadrant method"),
+        ("tibia", &graft.tibia, told.plateau_percent, "of the plateau"),
+    ];
+    let mut out = Vec::new();
+    for ((bone, site, percent, by), went) in ends.into_iter().zip(placed.went_mm) {
+        let asked = site.move_mm.iter().map(|x| x * x).sum::<f64>().sqrt();
+        if asked == 0.0 {
+            continue;
+        }
+        let name = &graft.name;
+        if asked - went > SHORT_MM {
+            out.push(Kind::GivenFar.notice(format!(
+                "graft {name:?}: {bone}.move_mm asks for {asked:.1} mm along the bone, and the site went {went:.1} mm: there the bone turns away. \
+                 Look at where it lies"
+            )));
+        }
+        let is_of_acl =
+            site.native.as_deref().is_some_and(is_acl) || site.quadrant_percent.or(site.plateau_percent).is_some();
+        let is_off = |both: &[f64; 2]| both.iter().any(|p| !(PERCENTS[0]..=PERCENTS[1]).contains(p));
+        if let Some([first, second]) = percent.filter(|both| is_of_acl && is_off(both)) {
+            let [least, most] = PERCENTS;
+            out.push(Kind::GivenFar.notice(format!(
+                "graft {name:?}: {bone}.move_mm took its site to {first:.0} and {second:.0} % {by}; expected {least} to {most}, as for a typed site"
+            )));
+        }
+    }
+    out
 }
 
 /// Percentages to a millionth: the rest is of the arithmetic.

@@ -1,7 +1,7 @@
 //! plan.html: one page to print. Plain words, tables, figures; nothing is loaded from elsewhere.
 
 use super::heat;
-use super::html::{table, words};
+use super::html::{STYLE, table, words};
 use super::knee::STATES;
 use super::map::Map;
 use super::numbers::Value;
@@ -30,14 +30,16 @@ pub(super) struct Live {
 /// The page, with the maps that were asked for; at its end its reader pulls at the knee, or reads why not.
 pub(super) fn page(out: &Outcome, label: &str, (maps, live): (&[Map], &Live)) -> String {
     let title = if out.plan.is_empty() { "Plan" } else { &out.plan };
-    let mut text = head(&format!("{title}: plan"));
+    let mut text = head(&format!("{title}: plan")).replace("To the stages", "To the plan");
     text += FIGURES;
+    text += STYLE;
     let _ = write!(text, "<header><h1>{}</h1><p>{}</p></header><main id=\"stages\">", escaped(title), escaped(label));
     text += &summary(out);
     text += &planned(out);
     text += &grafts(out);
-    text += "<h2>How far the knee gives</h2><p>From its own unloaded pose, in mm or deg. Behind each number stands its 90 % interval where the model has \
-             samples.</p>";
+    text += "<h2>How far the knee gives</h2><p>From rest, in mm or deg: each knee from its own pose under the compression alone, at the same flexion. So an \
+             arthrometer counts, and what two knees differ by is the side-to-side difference. Behind each number stands its 90 % interval where the \
+             model has samples.</p>";
     text += &laxities(out);
     text += &bears(out);
     text += &figures(out);

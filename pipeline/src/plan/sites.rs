@@ -23,6 +23,14 @@ const PLATEAU_BAND_MM: f64 = 6.0;
 const OFF_BONE_MM: f64 = 5.0;
 /// A ray across a knee [mm].
 const REACH_MM: f64 = 200.0;
+/// A place moves along the bone by steps of at most this [mm]; ours: below the edges of a bone's triangles.
+const STEP_MM: f64 = 0.5;
+/// Where less than this share of a direction lies along the bone, the bone goes no further that way [-]; ours: 18 deg off a right angle.
+const ALONG: f64 = 0.3;
+/// Where dissected footprints of the ACL lie by the quadrant method: depth, height [%] [bernard1997].
+pub(super) const ACL_PERCENT: [f64; 2] = [24.8, 28.5];
+/// What the quadrant method knows as the inner wall of the lateral condyle: its grid, depth and height alike [%] [bernard1997].
+pub(super) const WALL_PERCENT: std::ops::RangeInclusive<f64> = 0.0..=100.0;
 
 /// A bone with its frame.
 pub(super) struct Bone<'a> {
@@ -67,12 +75,12 @@ impl Bone<'_> {
         self.frame.origin + self.frame.anterior * a + self.frame.superior * s - self.frame.medial * l
     }
 
-    /// The place that a file's site means; `native` gives the footprint's centre of a ligament on this bone.
+    /// The place that a file's site means, and how far it was moved [mm]; `native` gives the footprint's centre of a ligament on this bone.
     pub(super) fn place(
         &self,
         site: &SiteFile,
         native: impl Fn(&str) -> Result<Point, String>,
-    ) -> Result<Point, String> {
+    ) -> Result<(Point, f64), String> {
         let on = match (&site.native, site.point_mm, site.quadrant_percent, site.plateau_percent) {
             (Some(name), ..) => native(name)?,
             (_, Some(p), ..) => {
@@ -93,13 +101,47 @@ impl Bone<'_> {
         Ok(self.moved(on, site.move_mm))
     }
 
-    /// A place moved forwards, upwards, lateral [mm], and put back on the bone.
-    pub(super) fn moved(&self, p: Point, by: [f64; 3]) -> Point {
-        if by == [0.0; 3] {
-            return p;
+    /// A place moved along the bone: forwards, upwards, lateral, as far as a ruler on it measures [mm]. It ends where the bone turns away.
+    /// Beside it stands how far it went [mm].
+    pub(super) fn moved(&self, p: Point, by: [f64; 3]) -> (Point, f64) {
+        let way = self.frame.anterior * by[0] + self.frame.superior * by[1] - self.frame.medial * by[2];
+        let far = way.norm();
+        if far == 0.0 {
+            return (p, 0.0);
         }
-        let [a, s, l] = self.placed(&p);
-        self.query.nearest(&self.at([a + by[0], s + by[1], l + by[2]])).point
+        let (way, steps) = (way / far, (far / STEP_MM).ceil());
+        let (mut near, mut went) = (self.query.nearest(&p), 0.0);
+        for _ in 0..steps as usize {
+            let normal = self.query.smooth_normal(&near);
+            let along = way - normal * way.dot(&normal);
+            let share = along.norm();
+            if share < ALONG {
+                break;
+            }
+            let next = self.query.nearest(&(near.point + along * (far / steps / share)));
+            went += (next.point - near.point).norm();
+            near = next;
+        }
+        (near.point, went)
+    }
+
+    /// The inner wall of the lateral condyle at a place's depth and height; none where the midline is within the bone there, or nothing lies lateral.
+    fn wall(&self, p: &Point) -> Option<Point> {
+        let [a, s, _] = self.placed(p);
+        let hit = self.query.ray(&self.at([a, s, 0.0]), &-self.frame.medial, REACH_MM)?;
+        // a ray that begins within the bone comes out at its other side
+        (self.query.normal(hit.triangle).dot(&self.frame.medial) > 0.0).then_some(hit.point)
+    }
+
+    /// The way from the centre of an ACL's footprint to where dissected ones lie on the wall; none on a femur that shows no such wall.
+    pub(super) fn to_the_wall(&self, centre: &Point) -> Option<Vector> {
+        Some(self.by_quadrant(ACL_PERCENT).ok()? - centre)
+    }
+
+    /// A point of a footprint after this way, laid on the wall; beyond the wall's edges, on the bone.
+    pub(super) fn on_the_wall(&self, p: Point, way: Vector) -> Point {
+        let p = p + way;
+        self.wall(&p).unwrap_or_else(|| self.query.nearest(&p).point)
     }
 
     /// The grid of the quadrant method on this femur.
@@ -157,10 +199,8 @@ impl Bone<'_> {
         let q = self.quadrant()?;
         let flat =
             q.origin + q.axes[0] * (q.size[0] * percent[0] / 100.0) + q.axes[1] * (q.size[1] * percent[1] / 100.0);
-        let [a, s, _] = self.placed(&flat);
-        let hit = self.query.ray(&self.at([a, s, 0.0]), &-self.frame.medial, REACH_MM);
-        hit.map(|h| h.point).ok_or(format!(
-            "femur.quadrant_percent [{}, {}] meets no bone lateral of the midline; expected about [25, 28] for an ACL",
+        self.wall(&flat).ok_or(format!(
+            "femur.quadrant_percent [{}, {}] meets no wall of the notch lateral of the midline; expected about [25, 28] for an ACL",
             percent[0], percent[1]
         ))
     }

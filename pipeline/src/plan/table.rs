@@ -6,14 +6,24 @@ use super::numbers::Value;
 use super::outcome::{Outcome, TestTold};
 use std::fmt::Write;
 
+/// A number with so many digits behind the point; what rounds to nothing has no sign.
+pub(super) fn fixed(x: f64, digits: usize) -> String {
+    let told = format!("{x:.digits$}");
+    match told.strip_prefix('-') {
+        Some(size) if size.chars().all(|c| c == '0' || c == '.') => size.to_owned(),
+        _ => told,
+    }
+}
+
 /// A number with its interval: "7.1 (6.0 to 8.3)".
 pub(super) fn shown(v: Option<&Value>, digits: usize) -> String {
     match v {
         None => "none".into(),
         Some(Value { value, lower: Some(low), upper: Some(high), .. }) => {
-            format!("{value:.digits$} ({low:.digits$} to {high:.digits$})")
+            let [value, low, high] = [value, low, high].map(|x| fixed(*x, digits));
+            format!("{value} ({low} to {high})")
         }
-        Some(v) => format!("{:.digits$}", v.value),
+        Some(v) => fixed(v.value, digits),
     }
 }
 
@@ -94,5 +104,25 @@ fn fails(f: &FailTold) -> String {
     match f.samples {
         Some([fails, all]) => format!("; fails most often in {place}: in {fails} of {all} samples"),
         None => format!("; furthest off in {place}"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_rounds_to_nothing_has_no_sign_and_all_else_keeps_its_own() {
+        for digits in 0..4 {
+            let step = 10.0_f64.powi(-(digits as i32));
+            for x in [0.0, 1e-9, 0.4 * step] {
+                assert_eq!(fixed(-x, digits), fixed(x, digits), "{x} {digits}");
+            }
+            for x in [0.6 * step, step, 12.0] {
+                assert_eq!(fixed(-x, digits), format!("-{}", fixed(x, digits)), "{x} {digits}");
+            }
+        }
+        let v = Value { value: -0.04, mean: Some(-0.01), lower: Some(-2.0), upper: Some(-0.001) };
+        assert_eq!(shown(Some(&v), 1), "0.0 (-2.0 to 0.0)");
     }
 }

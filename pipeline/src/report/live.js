@@ -116,8 +116,8 @@
   const asked = (s) => ({ flexion_deg: s.flexion, load: [s.vv, s.ie, s.ml, s.ap, s.si], cut: s.cut, strain: s.strain, stiffness: s.stiffness, grafts: s.grafts });
   /** @type {(s: LiveState) => LiveState} */
   const intactOf = (s) => ({ ...s, cut: [], strain: {}, stiffness: {}, grafts: [] });
-  /** @type {(s: LiveState) => LiveState} */
-  const restOf = (s) => ({ ...fresh(), flexion: s.flexion, si: s.si });
+  /** The same knee, as it is cut, changed and grafted, under its compression alone: from there the page of a plan counts, too. @type {(s: LiveState) => LiveState} */
+  const restOf = (s) => ({ ...s, vv: 0, ie: 0, ml: 0, ap: 0 });
   /** @type {(s: LiveState) => boolean} */
   const isIntact = (s) => !(Object.keys(s.strain).length + Object.keys(s.stiffness).length + s.cut.length + s.grafts.length);
   // every bundle of a state with its place in the answer's lists
@@ -245,7 +245,7 @@
     return element("div", { class: "wide" }, element("table", { id }, element("caption", {}, caption, element("span", { class: "live-off" })), head, body));
   };
 
-  const poseTable = table("live-pose", "Pose of the tibia under the femur", ["(direction)", "pose", "90 % interval", "from rest", "against the calibrated knee"], POSE.map(([key, more, less, unit]) => ({ key, words: `${more}, ${unit} (${less} below 0)` })));
+  const poseTable = table("live-pose", "Pose of the tibia under the femur. Rest is this knee, with what was cut or put in, under the compression alone.", ["(direction)", "pose", "90 % interval", "from rest", "against the calibrated knee"], POSE.map(([key, more, less, unit]) => ({ key, words: `${more}, ${unit} (${less} below 0)` })));
   function poses() {
     const { told, rest, intact } = shown;
     poseTable.querySelectorAll("tbody tr").forEach((row) => {
