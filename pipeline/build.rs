@@ -87,7 +87,8 @@ struct Member {
 /// Comments of public structs and enums, by name. The sources are as rustfmt leaves them, so that lines are enough to go by.
 #[derive(Default)]
 struct Comments {
-    structs: BTreeMap<String, Vec<Member>>,
+    /// Several may have one name; of options only one may.
+    structs: BTreeMap<String, Vec<Vec<Member>>>,
     /// Two enums may have one name.
     choices: Vec<(String, Vec<Member>)>,
 }
@@ -112,7 +113,7 @@ impl Comments {
             if line == "}" {
                 if let Some((is_struct, name, members)) = open.take() {
                     if is_struct {
-                        self.structs.entry(name).or_insert(members);
+                        self.structs.entry(name).or_default().push(members);
                     } else {
                         self.choices.push((name, members));
                     }
@@ -151,7 +152,13 @@ impl Comments {
     fn source(&self) -> String {
         let (mut reached, mut next) = (BTreeMap::new(), vec!["BuildOptions".to_owned()]);
         while let Some(name) = next.pop() {
-            let Some(members) = self.structs.get(&name).filter(|_| !reached.contains_key(&name)) else { continue };
+            let Some(found) = self.structs.get(&name).filter(|_| !reached.contains_key(&name)) else { continue };
+            let [members] = found.as_slice() else {
+                panic!(
+                    "{} structs are called {name}: the options of one would get the comments of another",
+                    found.len()
+                );
+            };
             next.extend(members.iter().map(|m| m.kind.clone()));
             reached.insert(name, members);
         }

@@ -63,6 +63,7 @@ pub(super) static STRUCTS: &[Table] = &[
 ("cost", "CostOptions", "How the cost is counted."),
 ("ranges", "BTreeMap<String, [f64; 2]>", "Ranges instead of Table 3's [- or N/mm], by name (\"X3\" or \"LCL.reference_strain\")."),
 ("priors", "PriorTable", "Which priors are used, of reference strains and of forces in drawers and at rest: calibration/data/priors.toml (also `usual`; most of it from memory of the literature, not read), none of them (also `none`), only what was read in its source (`published`), or that with the usual values where nothing was read (`read`; docs/theory/priors.md). Without, strains are even over Table 3. The paper's recipe never uses them."),
+("shared_prior", "Option<SharedPrior>", "What other knees of a laboratory say of this one's ligaments, contact and cartilage, in place of their own priors: a file shared_prior_KNEE.json that `build-model cohort infer` writes. A relative path counts from the folder in which the program runs. The method posterior alone takes it [gelman2013]."),
 ("loads", "Vec<LoadPrior>", "What else is believed of ligament loads; nothing by default."),
 ("swarm", "SwarmOptions", "The paper's recipe."),
 ("frames", "FrameOptions", "How far the frames of the measurements may stand from the model's; the paper's recipe and imported decks take them as given."),

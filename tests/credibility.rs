@@ -108,6 +108,8 @@ fn changes() -> Vec<(&'static str, &'static str, Change, &'static str)> {
         ("cross-prediction-width", "11-validate/cross_prediction.csv", Column("upper", "999"), "weak"),
         ("other-flexions", "11-validate/cross_prediction.csv", Column("inside", "no"), "weak"),
         ("other-directions", "11-validate/cross_prediction.csv", Column("inside", "no"), "weak"),
+        ("other-flexions-width", "11-validate/cross_prediction.csv", Column("upper", "999"), "weak"),
+        ("other-directions-width", "11-validate/cross_prediction.csv", Column("upper", "999"), "weak"),
         ("forces-determined", "10-calibrate/joint/forces.csv", Column("determined", "0.9"), "strong"),
         ("flexion-range", "10-calibrate/joint/fit.csv", Column("fe_deg", "30"), "weak"),
     ]
@@ -133,6 +135,11 @@ fn a_changed_number_changes_what_it_is_worth_and_an_unsealed_file_is_no_evidence
         let broken = told(folder.path());
         assert_eq!(evidence(&broken, id)["grade"], "no-evidence", "{id}");
         assert!(broken["changed"].as_array().unwrap().contains(&json!(file)), "{id}");
+        // an answer that has lost its numbers says by which file
+        for (was, now) in as_built["answers"].as_array().unwrap().iter().zip(broken["answers"].as_array().unwrap()) {
+            let is_lost = was["lacking"].is_null() && now["lacking"].is_string();
+            assert!(!is_lost || now["lacking"].as_str().unwrap().contains(file), "{file}: {now}");
+        }
         let mut seals: Value = serde_json::from_str(&sealed).unwrap();
         seals["files"][name] = json!(digest(&path));
         write(&seal, seals.to_string());
@@ -142,6 +149,51 @@ fn a_changed_number_changes_what_it_is_worth_and_an_unsealed_file_is_no_evidence
         write(&seal, sealed);
     }
     assert_eq!(told(folder.path()), as_built, "all is as it was");
+}
+
+/// Intervals of ranges that are not asked about may be as wide as they like; those that are asked about decide.
+#[test]
+fn a_prediction_of_other_flexions_is_as_wide_as_its_own_ranges() {
+    let folder = TempDir::new().unwrap();
+    copy(specimen(), folder.path());
+    let (stage, name) = ("11-validate", "cross_prediction.csv");
+    let (path, seal) = (
+        folder.path().join("build").join(stage).join(name),
+        folder.path().join("build").join(stage).join("stage.json"),
+    );
+    let whole = text(&path);
+    let as_built = told(folder.path());
+    let before = evidence(&as_built, "other-flexions-width").clone();
+    let asked: Vec<f64> = before["flexions_deg"].as_array().unwrap().iter().map(|fe| fe.as_f64().unwrap()).collect();
+    for is_asked in [false, true] {
+        let mut lines = whole.lines();
+        let header = lines.next().unwrap();
+        let place = |column: &str| header.split(',').position(|c| c == column).unwrap();
+        let (flexion, upper) = (place("flexion [deg]"), place("upper"));
+        let mut changed = 0;
+        let mut other = format!("{header}\n");
+        for line in lines {
+            let mut cells: Vec<&str> = line.split(',').collect();
+            if asked.contains(&cells[flexion].parse().unwrap()) == is_asked {
+                cells[upper] = "999";
+                changed += 1;
+            }
+            other += &(cells.join(",") + "\n");
+        }
+        assert!(changed > 0, "{whole}");
+        write(&path, other);
+        let mut seals: Value = serde_json::from_str(&text(&seal)).unwrap();
+        seals["files"][name] = json!(digest(&path));
+        write(&seal, seals.to_string());
+        let after = told(folder.path());
+        let width = evidence(&after, "other-flexions-width");
+        let answer = after["answers"].as_array().unwrap().iter().find(|a| a["id"] == "other-flexions").unwrap();
+        if is_asked {
+            assert_eq!((&width["grade"], &answer["verdict"]), (&json!("weak"), &json!("too-wide")), "{answer}");
+        } else {
+            assert_eq!((&width["value"], &width["grade"]), (&before["value"], &before["grade"]));
+        }
+    }
 }
 
 /// Files of stages that the page's numbers come from.
@@ -257,7 +309,7 @@ fn the_page_is_whole_in_order_and_says_what_is_not_known() {
     assert_eq!(names, ORDER);
     let lacking =
         ["contact-law", "missing-effects", "menisci-sensitivity", "menisci-forces", "starts", "starts-stiffness"];
-    for id in lacking.into_iter().chain(["passive-flexion", "flexion-range"]) {
+    for id in lacking.into_iter().chain(["starts-fit", "passive-flexion", "flexion-range"]) {
         let e = evidence(&bare, id);
         assert!(e["grade"] == "no-evidence" && e["value"].is_null() && e["digest"].is_null(), "{e}");
     }
@@ -273,9 +325,13 @@ fn the_page_is_whole_in_order_and_says_what_is_not_known() {
         .collect();
     assert!(places.is_sorted() && page.matches("not stated").count() >= 6 && page.contains("no evidence"));
     assert!(page.find("Question").unwrap() < page.find("Context of use").unwrap());
-    for question in
-        ["Do menisci change", "contact law?", "start of the search", "at flexions predicted", "in directions predicted"]
-    {
+    for question in [
+        "Do menisci change",
+        "contact law change",
+        "start of the search",
+        "at flexions predicted",
+        "in directions predicted",
+    ] {
         assert_eq!(page.matches(question).count(), 1, "{question}");
     }
     for factor in bare["factors"].as_array().unwrap() {
@@ -290,6 +346,83 @@ fn the_page_is_whole_in_order_and_says_what_is_not_known() {
     let again = page.clone();
     told(folder.path());
     assert_eq!(text(&folder.path().join("build/credibility.html")), again);
+}
+
+/// The cells of a page's row by its id: heading first, as they read.
+fn cells(page: &str, id: &str) -> Vec<String> {
+    let row = page.split(&format!("<tr id=\"{id}\">")).nth(1).unwrap_or_else(|| panic!("{id} is not on the page"));
+    let row = row.split("</tr>").next().unwrap();
+    let ends = [("&lt;", "<"), ("&gt;", ">"), ("&quot;", "\""), ("&#39;", "'"), ("&amp;", "&")];
+    let plain = |cell: &str| {
+        let inner = cell.rsplit_once('>').map_or(cell, |(_, inner)| inner);
+        ends.iter().fold(inner.to_owned(), |text, (from, to)| text.replace(from, to))
+    };
+    row.split("</td>").flat_map(|part| part.split("</th>")).filter(|part| !part.is_empty()).map(plain).collect()
+}
+
+/// Holds the answers of credibility.json against the page, and against the evidence that they name.
+fn holds_answers(folder: &Path, told: &Value) {
+    let page = text(&folder.join("build/credibility.html"));
+    let answers = told["answers"].as_array().unwrap();
+    assert_eq!((answers.len(), page.matches("<tr id=\"answer-").count()), (7, 7));
+    for answer in answers {
+        let word = |key: &str| answer[key].as_str().unwrap();
+        let row = cells(&page, &format!("answer-{}", word("id")));
+        assert_eq!(row[..2], [word("question"), word("answer")], "{answer}");
+        let (numbers, flexions) = (answer["numbers"].as_array().unwrap(), answer["flexions_deg"].as_array().unwrap());
+        assert_eq!(numbers.is_empty(), answer["lacking"].is_string(), "{answer}");
+        assert!(
+            !numbers.is_empty() || answer["verdict"] == "not-known" && row[2].starts_with(word("lacking")),
+            "{row:?}"
+        );
+        for number in numbers {
+            let own = evidence(told, number["id"].as_str().unwrap());
+            for key in ["value", "unit", "grade"] {
+                assert_eq!(number[key], own[key], "{number}");
+            }
+            assert!(row[2].contains(&format!("{} ", number["name"].as_str().unwrap())), "{number}: {row:?}");
+            assert!(own["flexions_deg"].as_array().unwrap().iter().all(|fe| flexions.contains(fe)), "{own}");
+        }
+        let count = if flexions.is_empty() { "none".to_owned() } else { format!("{}: ", flexions.len()) };
+        assert!(row[3].starts_with(&count), "{row:?}");
+        assert!(numbers.is_empty() || !flexions.is_empty(), "in how many flexions was it decided? {answer}");
+    }
+}
+
+#[test]
+fn the_page_and_the_file_answer_alike() {
+    let folder = TempDir::new().unwrap();
+    copy(specimen(), folder.path());
+    let bare = told(folder.path());
+    holds_answers(folder.path(), &bare);
+    // three ends of the search: one as good as the best, one that does not fit
+    let stage = folder.path().join("build/10-calibrate");
+    let starts = stage.join("joint/starts.csv");
+    let whole = text(&starts);
+    let mut lines = whole.lines();
+    let (header, first) = (lines.next().unwrap(), lines.next().unwrap());
+    let (cost, values) = first.split_once(',').unwrap();
+    let cost: f64 = cost.parse().unwrap();
+    let (strain, others) = values.split_once(',').unwrap();
+    let other: f64 = 1.03 * strain.parse::<f64>().unwrap();
+    write(
+        &starts,
+        format!("{header}\n{cost},{values}\n{},{other},{others}\n{},9.9,{others}\n", cost + 1.0, cost + 50.0),
+    );
+    let mut seals = json(&stage.join("stage.json"));
+    seals["files"]["joint/starts.csv"] = json!(digest(&starts));
+    write(&stage.join("stage.json"), seals.to_string());
+    let told = told(folder.path());
+    holds_answers(folder.path(), &told);
+    let of = |told: &Value| told["answers"].as_array().unwrap().iter().find(|a| a["id"] == "starts").unwrap().clone();
+    let (before, after) = (of(&bare), of(&told));
+    assert_eq!((&before["verdict"], &before["did_not_fit"]), (&json!("not-known"), &json!(0)));
+    assert_eq!((&after["verdict"], &after["did_not_fit"]), (&json!("some"), &json!(1)), "{after}");
+    let spread = evidence(&told, "starts")["value"].as_f64().unwrap();
+    assert!((spread - 3.0).abs() < 0.01, "{spread} %: what does not fit counts for nothing");
+    // and is not to the model's advantage
+    let share = evidence(&told, "starts-fit");
+    assert!((share["value"].as_f64().unwrap() - 2.0 / 3.0).abs() < 1e-9 && share["grade"] == "adequate", "{share}");
 }
 
 #[test]

@@ -52,6 +52,66 @@ fn a_page_is_stale_where_the_code_that_made_it_changed_and_a_comment_changes_not
     assert!(again.contains("0 of 2 pages"), "{again}");
 }
 
+/// What makes no figure leaves a page as it is; where that is not plain, the page is called stale.
+#[test]
+fn a_crates_own_tests_change_no_figure_and_code_beside_them_does() {
+    let folder = TempDir::new().unwrap();
+    let root = folder.path();
+    let code = "pub fn a() -> f64 {\n    1.0\n}\n\n";
+    let tests =
+        "#[cfg(test)]\nmod tests {\n    #[test]\n    fn a() {\n        assert!(super::a() > 0.5);\n    }\n}\n\n";
+    let one =
+        "#[cfg(test)]\n#[allow(dead_code)]\n// why\npub(crate) fn ids(\n    a: u8,\n) -> Vec<u8> {\n    vec![a]\n}\n\n";
+    let apart = "#[cfg(test)]\nmod toy;\n\n";
+    let last = "pub fn z() -> f64 {\n    2.0\n}\n";
+    let (library, toy, data) =
+        (root.join("one/src/lib.rs"), root.join("one/src/toy/inner.rs"), root.join("one/data/table.toml"));
+    let base = format!("{code}{last}");
+    for (path, text) in
+        [(&library, base.as_str()), (&data, "# a remark\na = 1\n"), (&root.join("docs/a.md"), "1.0\n"), (&toy, "")]
+    {
+        std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+        write(path, text);
+    }
+    std::fs::remove_file(&toy).unwrap();
+    let table = "[[page]]\nname = \"docs/a.md\"\nby = \"make it\"\ncrates = [\"one\"]\ndigests = {}\n";
+    write(&root.join("docs/made.toml"), table);
+    if said(root, &["--made", "docs/a.md"]).is_none() {
+        eprintln!("made: skipped, python3 is not there");
+        return;
+    }
+    let is_stale = |source: &str| {
+        write(&library, source);
+        said(root, &["--check"]).unwrap().contains("1 of 1 pages")
+    };
+    for same in [
+        base.clone(),
+        format!("{code}{last}\n{tests}"),
+        format!("{code}{one}{last}"),
+        format!("{code}{tests}{one}{last}"),
+        format!("{code}{apart}{last}"),
+    ] {
+        assert!(!is_stale(&same), "{same}");
+    }
+    for other in [
+        base.replace("2.0", "3.0"),
+        format!("{code}{tests}{one}{}", last.replace("2.0", "3.0")),
+        format!("{code}#[cfg(test)]\nconst A: f64 =\n    1.0;\npub const B: f64 = 1.0;\n{last}"),
+        format!("{code}#[cfg(any(test, feature = \"x\"))]\n{one}{last}"),
+        format!("{code}mod toy;\n\n{last}"),
+    ] {
+        assert!(is_stale(&other), "{other}");
+    }
+    // a file is of the tests where its module is declared so
+    write(&toy, "pub const TOY: f64 = 1.0;\n");
+    assert!(!is_stale(&format!("{code}{apart}{last}")) && is_stale(&base));
+    std::fs::remove_file(&toy).unwrap();
+    for (text, stale) in [("\na = 1\n", false), ("a = 2\n", true), ("b = \"\"\"\n# data\n\"\"\"\na = 1\n", true)] {
+        write(&data, text);
+        assert_eq!(is_stale(&base), stale, "{text}");
+    }
+}
+
 #[test]
 fn a_page_that_a_program_writes_is_held_to_it() {
     let folder = TempDir::new().unwrap();

@@ -8,6 +8,7 @@ mod cli;
 mod cohort;
 mod common;
 mod contact_law;
+mod corpus;
 mod corruptions;
 mod credibility;
 mod dependencies;

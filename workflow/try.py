@@ -1,4 +1,4 @@
-"""Tries the workflow on phantoms: kills it on the way, runs it again, and compares with single builds.
+"""Tries the workflow on phantoms: kills it on the way, runs it again, edits what it left, and compares with single builds.
 
 One knee is broken on purpose (a row of its landmarks is cut). Ends with status 1 and a line for each fault.
 Needs nothing beyond Python's own library.
@@ -90,6 +90,16 @@ def main():
     expect(len(reports) == len(knees) - 1, f"{len(reports)} reports of knees that were built")
     third = subprocess.run([*words, "--dry-run", "--quiet"], cwd=a.folder, capture_output=True, text=True)
     expect("Nothing to be done" in third.stdout + third.stderr, f"a third run would build again: {third.stdout}")
+    # what somebody edited stays, the page and a table alike, until it may be written over
+    for edited in (cohort / "cohort.html", cohort / "knees.csv"):
+        edited.write_text("by hand", encoding="utf-8")
+        refused = subprocess.run([*words, "--forcerun", "cohort"], cwd=a.folder, capture_output=True, text=True)
+        told = refused.stdout + refused.stderr
+        is_told = f"{edited.name} was changed since it was written" in told
+        expect(refused.returncode != 0 and is_told, f"an edit of {edited.name} is not told: {told[-500:]}")
+        expect(edited.is_file() and edited.read_bytes() == b"by hand", f"an edit of {edited.name} was lost")
+        forced = subprocess.run([*words, "force=true", "--forcerun", "cohort"], cwd=a.folder, capture_output=True, text=True)
+        expect(forced.returncode == 0 and edited.read_bytes() != b"by hand", f"{edited.name} is not written over by force: {forced.stderr[-500:]}")
     for knee in [k for k in knees if k != broken][-a.compare :]:
         alone = a.folder / "alone" / knee
         run(a.folder / "specimens" / knee, "--out", alone, "--quiet", *(["--to", a.to] if a.to else []))

@@ -8,7 +8,8 @@
     python3 docs/words/made.py --made PAGE... --at C   the same as they were at the commit C
     python3 docs/words/made.py --typed PAGE...         numbers in its tables were typed on purpose, and the commit says where from: keeps them
 
-docs/made.toml has a page's crates and their digests. A digest is of the code and data of a crate, without blank lines and lines that are comments.
+docs/made.toml has a page's crates and their digests. A digest is of the code and data of a crate, without what makes no figure: blank lines,
+lines that are comments, and the crate's own tests. Where it is not plain that a line is one of these, it counts: a page is rather called stale.
 Asked for is whether a figure was made by today's code, not whether it would be another: only making it anew tells that.
 """
 import argparse
@@ -25,13 +26,69 @@ HERE = pathlib.Path(__file__).resolve().parent.parent.parent
 DIGITS = 16  # hexadecimal digits of a digest that are kept
 
 
+def of_tests(path, text):
+    """Where the modules lie that a source declares for its crate's tests alone: without the ending of a file."""
+    place = path.removesuffix(".rs")
+    if place.split("/")[-1] in ("lib", "main", "mod"):
+        place = place.rpartition("/")[0]
+    return {f"{place}/{name}" for name in re.findall(r"^#\[cfg\(test\)\]\n(?:pub(?:\([a-z]+\))? )?mod (\w+);$", text, re.MULTILINE)}
+
+
+def indent(line):
+    """How many blanks a line begins with."""
+    return len(line) - len(line.lstrip())
+
+
+def behind(lines, begin):
+    """The place behind an item that begins there, as rustfmt leaves it: its last line closes it, and begins as far in as its first."""
+    if lines[begin].rstrip().endswith((";", ",", "}")):
+        return begin + 1
+    own = indent(lines[begin])
+    for k in range(begin + 1, len(lines)):
+        line = lines[k].strip()
+        if not line or indent(lines[k]) > own:
+            continue
+        if indent(lines[k]) == own and line[0] in "})]" and not line.endswith("{"):
+            return k + 1
+        # a head of several lines goes on so; all else is of another item
+        if not (indent(lines[k]) == own and (line[0] in ")]{" or line.startswith("where"))):
+            return k
+    return len(lines)
+
+
+def without_tests(lines):
+    """The lines of a Rust source without the items that are for its tests alone."""
+    kept, k = [], 0
+    while k < len(lines):
+        if lines[k].strip() != "#[cfg(test)]":
+            kept.append(lines[k])
+            k += 1
+            continue
+        k += 1
+        while k < len(lines) and lines[k].strip().startswith(("#[", "//")):
+            k += 1
+        k = behind(lines, k) if k < len(lines) else k
+    return kept
+
+
+def code(path, text):
+    """The lines of a file that can change a figure."""
+    lines, remark = text.splitlines(), "//"
+    if path.endswith(".rs"):
+        lines = without_tests(lines)
+    elif '"""' not in text and "'''" not in text:
+        # in a string of several lines it would be data
+        remark = "#"
+    return [line.strip() for line in lines if line.strip() and not line.strip().startswith(remark)]
+
+
 def of_files(files):
     """The digest of files by path."""
-    whole = hashlib.sha256()
-    for path in sorted(files):
-        lines = files[path].decode("utf-8", "replace").splitlines()
-        code = [line.strip() for line in lines if line.strip() and not line.strip().startswith("//")]
-        whole.update("\n".join([path, *code]).encode())
+    whole, texts = hashlib.sha256(), {path: files[path].decode("utf-8", "replace") for path in sorted(files)}
+    tests = {place for path, text in texts.items() if path.endswith(".rs") for place in of_tests(path, text)}
+    for path, text in texts.items():
+        if not any(path == f"{place}.rs" or path.startswith(f"{place}/") for place in tests):
+            whole.update("\n".join([path, *code(path, text)]).encode())
     return whole.hexdigest()[:DIGITS]
 
 

@@ -125,6 +125,40 @@ fn no_test_passes_in_silence_where_the_shared_data_are_absent() {
     assert!(silent.is_empty(), "#[test] in place of #[needs_shared]:\n{}", silent.join("\n"));
 }
 
+/// Where the page begins that counts the tests that run without the shared data, and how many crates it has at least [-].
+const COUNTED: (&str, usize) = ("## Tests without the shared data", 6);
+
+/// Sources of a crate's tests.
+fn sources_of(root: &Path, name: &str) -> Vec<PathBuf> {
+    let folders = match name {
+        "genu" => ["pipeline/src".to_owned(), "tests".to_owned()],
+        _ => [format!("{name}/src"), format!("{name}/tests")],
+    };
+    let mut files = Vec::new();
+    folders.iter().for_each(|folder| rust_files(&root.join(folder), &mut files));
+    files
+}
+
+/// Fails where tests that need no data are taken away, or ask for data from then on.
+#[test]
+fn there_are_no_fewer_tests_without_the_shared_data_than_the_page_counts() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
+    let page = std::fs::read_to_string(root.join("docs/verification.md")).unwrap();
+    let table = page.split(COUNTED.0).nth(1).and_then(|rest| rest.split("\n## ").next()).unwrap();
+    let mut rows = 0;
+    for line in table.lines().filter(|line| line.starts_with("| `")) {
+        let cells: Vec<&str> = line.split('|').map(str::trim).collect();
+        let name = cells[1].trim_matches('`');
+        let of = |file: &PathBuf| functions(file, &std::fs::read_to_string(file).unwrap());
+        let all: Vec<Function> = sources_of(root, name).iter().flat_map(of).collect();
+        let free = all.iter().filter(|f| f.has("#[test]") && !f.has("#[ignore")).count();
+        let [before, now] = [2, 3].map(|k| cells[k].parse::<usize>().unwrap());
+        assert!(free >= now && now >= before, "{name}: the page counts {now}, there are {free}");
+        rows += 1;
+    }
+    assert!(rows >= COUNTED.1, "the page counts {rows} crates");
+}
+
 #[test]
 fn a_test_that_asks_is_found_through_its_helpers_and_others_are_not() {
     let common = format!("pub(crate) fn deck() {{\n    let dir = {LOOKS}(1);\n}}\n");

@@ -10,6 +10,7 @@ use crate::suggested::command_on;
 use clap::Args;
 use meshes::frame::Side;
 use meshes::query::SurfaceQuery;
+use notices::Notice;
 use schemars::JsonSchema;
 use serde::Serialize;
 use stages::StageError;
@@ -61,11 +62,25 @@ pub struct Item {
     pub found: String,
     /// What is lost without it, or what to do.
     pub cost: String,
+    /// The notices that `found` tells, as values.
+    #[serde(skip)]
+    notices: Vec<Notice>,
 }
 
 impl Item {
     fn new(input: &str, state: State, found: impl Into<String>, cost: &str) -> Item {
-        Item { input: input.into(), state, found: found.into(), cost: cost.into() }
+        Item { input: input.into(), state, found: found.into(), cost: cost.into(), notices: vec![] }
+    }
+
+    /// The same, which tells these notices.
+    fn telling(self, notices: Vec<Notice>) -> Item {
+        Item { notices, ..self }
+    }
+
+    /// Whether it tells this notice, in whatever words.
+    fn tells(&self, notice: &Notice) -> bool {
+        let wordless = |n: &Notice| Notice { text: String::new(), ..n.clone() };
+        self.notices.iter().any(|own| wordless(own) == wordless(notice))
     }
 }
 
@@ -171,7 +186,7 @@ fn geometry(file: &SpecimenFile, raw: &RawSpecimen, options: &BuildOptions) -> V
                 } else {
                     ""
                 };
-                Item::new(&judged.key, state, found, cost)
+                Item::new(&judged.key, state, found, cost).telling(judged.warnings)
             }
         });
     }
@@ -261,7 +276,7 @@ fn whole(file: &SpecimenFile, raw: &RawSpecimen, options: &BuildOptions, items: 
         });
     }
     for warning in &specimen.warnings {
-        if !items.iter().any(|i| i.found.contains(warning.text.as_str())) {
+        if !items.iter().any(|i| i.tells(warning)) {
             items.push(Item::new("specimen", State::Look, warning.text.clone(), "a build goes on"));
         }
     }
@@ -348,6 +363,7 @@ fn passive(file: &SpecimenFile, raw: &RawSpecimen, items: &mut Vec<Item>) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use notices::Kind;
 
     #[test]
     fn bones_that_show_the_other_side_are_looked_at_whatever_the_certainty() {
@@ -362,5 +378,25 @@ mod tests {
             }
         }
         assert_eq!(side(None, Side::Left).state, State::Look);
+    }
+
+    /// What an item tells is told once, however a stage words it; another finding is not hidden by a sentence that is part of one.
+    #[test]
+    fn what_an_item_tells_goes_by_its_values_and_not_by_its_words() {
+        let spikes =
+            |file: &str, count: usize| Kind::Spikes.notice("far off").file(file).count(count).at([1.0, 2.0, 3.0]);
+        let own = vec![spikes("a.ply", 3), Kind::HoleFilled.notice("a hole was filled").of("femur")];
+        let item = Item::new("ct.femur", State::Look, "far off; a hole was filled", "").telling(own.clone());
+        for notice in &own {
+            for words in ["", "reworded", "far off", "a hole"] {
+                assert!(item.tells(&Notice { text: words.to_owned(), ..notice.clone() }), "{notice:?} as {words:?}");
+            }
+        }
+        for other in
+            [spikes("b.ply", 3), spikes("a.ply", 4), Kind::Specks.notice("far off"), Kind::HoleFilled.notice("a hole")]
+        {
+            assert!(!item.tells(&other), "{other:?}");
+        }
+        assert!(!Item::new("ct.femur", State::Look, "far off", "").tells(&own[0]), "words alone tell nothing");
     }
 }

@@ -165,7 +165,7 @@ enum Verb {
         /// Contact of an OpenSim model [default: elastic]
         #[arg(long)]
         contact: Option<OpensimContact>,
-        /// Poses for a time series (results of simulate or a protocol; with --format vtk), or trials of which each becomes a deck (with --format abaqus)
+        /// Poses for a time series (results of simulate or a protocol; with --format vtk), or trials of which each becomes a file (with --format abaqus, febio or opensim)
         #[arg(long, value_name = "RESULTS.csv")]
         poses: Option<PathBuf>,
         /// Folder for the files

@@ -11,11 +11,14 @@ mod questions;
 mod read;
 mod row;
 mod rows;
+mod told;
 mod untargeted;
 
+pub use answers::{Answer, AnswerNumber, Verdict};
 pub use context::Context;
-pub use evidence::{Evidence, Factor, FactorTold, Told as CredibilityTold};
+pub use evidence::{Evidence, Factor, FactorTold};
 pub use grade::{Grade, Level};
+pub use told::Told as CredibilityTold;
 
 use crate::error::BuildError;
 use crate::inspect;
@@ -77,6 +80,9 @@ fn judged(folder: &Path, context: &Context) -> Result<CredibilityTold, BuildErro
         let evidence: Vec<Evidence> = rows.iter().filter(|r| r.factor == factor).cloned().collect();
         FactorTold::of(factor, evidence, risk)
     };
+    let factors = FACTORS.map(of).to_vec();
+    let told: Vec<&Evidence> = factors.iter().flat_map(|f| &f.evidence).collect();
+    let answers = answers::answers(&told, figures::did_not_fit(&build));
     Ok(CredibilityTold {
         schema: SCHEMA,
         knee: build.knee.clone(),
@@ -84,7 +90,8 @@ fn judged(folder: &Path, context: &Context) -> Result<CredibilityTold, BuildErro
         program: build.program.clone(),
         context: context.clone(),
         model_risk: risk,
-        factors: FACTORS.map(of).to_vec(),
+        factors,
+        answers,
         changed: build.changed(),
     })
 }

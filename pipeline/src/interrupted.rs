@@ -43,13 +43,16 @@ fn words(kept: Option<String>, command: &[String]) -> String {
     }
 }
 
-/// The command that goes on: as it was given, without what would begin anew.
+/// The command that goes on: as it was given, without what would begin anew. `--force` begins a build anew; to `calibrate` it says what may
+/// be written over.
 fn again(given: &[String]) -> String {
     let mut out = Vec::new();
     let mut words = given.iter();
+    let is_search = given.first().is_some_and(|verb| verb == "calibrate");
     while let Some(w) = words.next() {
         match w.as_str() {
-            "--force" => {}
+            "--anew" => {}
+            "--force" if !is_search => {}
             "--from" => {
                 words.next();
             }
@@ -75,5 +78,8 @@ mod tests {
             "Kept in my knee/build. Go on: build-model build 'my knee' --set bones.edge_mm=2"
         );
         assert!(words(None, &given).contains("Nothing is kept"));
+        let search = ["calibrate", "knee", "--force", "--targets", "kla.csv", "--anew", "--out", "c"].map(String::from);
+        let told = words(Some("The search is kept".into()), &search);
+        assert!(told.ends_with("build-model calibrate knee --force --targets kla.csv --out c"), "{told}");
     }
 }

@@ -167,7 +167,8 @@ fn walk(prefix: &str, name: &str, defaults: Option<&Value>, found: &mut Vec<Opti
             walk(&key, kind, default, found);
             continue;
         }
-        let (meaning, mut unit, source) = parted(comment);
+        // numbers of a list may have a unit each
+        let (meaning, mut unit, source) = parted(comment, default.is_some_and(Value::is_array));
         // a seed has no unit, whether its comment says so or not
         if unit.is_empty() && key.ends_with(".seed") {
             "-".clone_into(&mut unit);
@@ -190,8 +191,8 @@ fn walk(prefix: &str, name: &str, defaults: Option<&Value>, found: &mut Vec<Opti
     }
 }
 
-/// A comment's meaning, the unit in its brackets, and its source.
-fn parted(comment: &str) -> (String, String, String) {
+/// A comment's meaning, the unit in its brackets, and its source. Of a list it may tell a unit for each number: all are its unit, in their order.
+fn parted(comment: &str, is_list: bool) -> (String, String, String) {
     let (mut meaning, mut unit, mut sources) = (String::new(), String::new(), Vec::new());
     let mut rest = comment;
     while let Some((before, after)) = rest.split_once('[') {
@@ -204,6 +205,10 @@ fn parted(comment: &str) -> (String, String, String) {
             meaning += inner.trim_matches('`');
         } else if unit.is_empty() {
             inner.clone_into(&mut unit);
+        } else if is_list {
+            if !unit.split(", ").any(|known| known == inner) {
+                unit += &format!(", {inner}");
+            }
         } else {
             meaning += &format!("[{inner}]");
         }
@@ -250,6 +255,8 @@ fn wrapped(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::options::{parse_override, typed};
+    use std::collections::BTreeMap;
 
     /// Tables whose keys are the names of coordinates or bundles.
     const NAMED_TABLES: [&str; 2] = ["calibrate.cost.weights", "calibrate.ranges"];
@@ -329,14 +336,53 @@ mod tests {
         let odd: Vec<&OptionDoc> = all.iter().filter(|o| odd(&o.meaning)).collect();
         assert!(odd.is_empty(), "{odd:?}");
         // the cut itself leaves no hole
-        assert_eq!(parted("Half (LCL 48 mm2, [laprade2003]) is 24 [mm2].").0, "Half (LCL 48 mm2) is 24.");
-        assert_eq!(parted("Half ([laprade2003]) is 24 [mm2].").0, "Half is 24.");
+        assert_eq!(parted("Half (LCL 48 mm2, [laprade2003]) is 24 [mm2].", false).0, "Half (LCL 48 mm2) is 24.");
+        assert_eq!(parted("Half ([laprade2003]) is 24 [mm2].", false).0, "Half is 24.");
     }
 
     #[test]
     fn a_default_is_among_its_choices() {
         for o in all().unwrap().iter().filter(|o| !o.choices.is_empty() && o.default != "none") {
             assert!(o.choices.contains(&o.default.trim_matches('"').to_owned()), "{}: {:?}", o.key, o.choices);
+        }
+    }
+
+    /// The options with one set to a word, or what is said against it.
+    fn with_word(key: &str, word: &str) -> Result<BuildOptions, String> {
+        let line = parse_override(&format!("{key}={word}")).unwrap();
+        typed(&BTreeMap::new(), &[line], None).map_err(|e| e.to_string())
+    }
+
+    /// What is told comes from comments, what is taken from types: the two must not part.
+    #[test]
+    fn the_choices_that_are_told_are_those_that_are_taken() {
+        let all = all().unwrap();
+        let mut asked = 0;
+        for o in &all {
+            let refused = with_word(&o.key, "\"no-such-word\"").err();
+            let choices: Vec<BuildOptions> =
+                o.choices.iter().map(|c| with_word(&o.key, &format!("\"{c}\"")).unwrap()).collect();
+            let Some(said) = refused.filter(|said| !choices.is_empty() || said.contains("unknown variant")) else {
+                assert!(choices.is_empty(), "{} takes any word, and tells {:?}", o.key, o.choices);
+                continue;
+            };
+            // every second part stands between two marks
+            let named = said.split('`').skip(1).step_by(2).filter(|word| *word != "no-such-word");
+            for word in named {
+                let meant = with_word(&o.key, &format!("\"{word}\"")).unwrap();
+                assert!(choices.contains(&meant), "{}: {word} is not among {:?}", o.key, o.choices);
+            }
+            asked += 1;
+        }
+        assert!(asked > 8, "{asked} options have choices");
+    }
+
+    #[test]
+    fn an_option_that_is_told_is_one_that_is_heard() {
+        for o in all().unwrap() {
+            // no option is a list of a list of a switch: its type refuses it, and only an unknown name is refused as such
+            let said = with_word(&o.key, "[[true]]").unwrap_err();
+            assert!(!said.contains("unknown field") && said.contains(&o.key), "{said}");
         }
     }
 
@@ -356,7 +402,30 @@ mod tests {
 
     #[test]
     fn a_comment_is_parted_into_meaning_unit_and_source() {
-        let told = parted("Wanted edge in the plane [mm]; 0.5 to 1 in use [stimpson2007]. Ours.");
+        let told = parted("Wanted edge in the plane [mm]; 0.5 to 1 in use [stimpson2007]. Ours.", false);
         assert_eq!(told, ("Wanted edge in the plane; 0.5 to 1 in use.".into(), "mm".into(), "stimpson2007".into()));
+    }
+
+    #[test]
+    fn the_index_of_the_pages_names_every_schema() {
+        let index = include_str!("../../docs/index.md");
+        let line = index.lines().find(|l| l.contains("`build-model schema NAME`")).unwrap();
+        let missing: Vec<&str> =
+            crate::schema::names().into_iter().filter(|name| !line.contains(&format!("`{name}`"))).collect();
+        assert_eq!(missing, [""; 0], "schemas that docs/index.md does not name");
+    }
+
+    #[test]
+    fn a_list_has_the_units_of_all_its_numbers() {
+        let told = parted("Turn [deg], shift [mm] and tilt [deg].", true);
+        assert_eq!((told.0.as_str(), told.1.as_str()), ("Turn, shift and tilt.", "deg, mm"));
+        // of one number the others are beside it
+        assert_eq!(parted("A turn [deg] for each shift [mm].", false).1, "deg");
+        let all = all().unwrap();
+        let lists = all.iter().filter(|o| o.value.is_array());
+        let left: Vec<&str> = lists.filter(|o| o.meaning.contains('[')).map(|o| o.key.as_str()).collect();
+        assert_eq!(left, [""; 0], "lists with a unit left in their words");
+        let limits = all.iter().find(|o| o.key == "frames.given_limits").unwrap();
+        assert_eq!(limits.unit, "deg, mm");
     }
 }

@@ -300,64 +300,80 @@ mod tests {
         }
     }
 
-    /// Options whose ends another option moves: a width or thickness below another, ascending lists, counts of one swarm, what one method hears.
-    const BOUND: [&str; 14] = [
-        "ingest.least_width_mm",
-        "ingest.greatest_width_mm",
-        "hexmesh.min_thickness_mm",
-        "hexmesh.max_thickness_mm",
-        "contact-law.force_n",
-        "contact-law.least_force_n",
-        "contact-law.overclosure_mm",
-        "assemble.overclosure_mm",
-        "assemble.pressure_mpa",
-        "calibrate.swarm.particles",
-        "calibrate.swarm.swarm_evaluations",
-        "calibrate.gradient.samples",
-        "validate.from_flexion_deg",
-        "validate.to_flexion_deg",
+    /// Options whose ends another option moves: what is set beside them at the lower end, and at the upper.
+    const BESIDE: [(&str, &str, &str); 11] = [
+        ("ingest.least_width_mm", "", "ingest.greatest_width_mm=1e4"),
+        ("ingest.greatest_width_mm", "ingest.least_width_mm=1", ""),
+        ("hexmesh.min_thickness_mm", "", "hexmesh.max_thickness_mm=1e12"),
+        ("hexmesh.max_thickness_mm", "hexmesh.min_thickness_mm=0", ""),
+        ("contact-law.force_n", "contact-law.least_force_n=1", ""),
+        ("contact-law.least_force_n", "", "contact-law.force_n=5e3"),
+        ("calibrate.swarm.particles", "", "calibrate.swarm.swarm_evaluations=1000000000000"),
+        ("calibrate.swarm.swarm_evaluations", "calibrate.swarm.particles=2", ""),
+        ("calibrate.gradient.samples", "calibrate.method=swarm-simplex", "calibrate.method=swarm-simplex"),
+        ("validate.from_flexion_deg", "", "validate.to_flexion_deg=160"),
+        ("validate.to_flexion_deg", "validate.from_flexion_deg=-30", ""),
     ];
 
-    /// An option set to a number; of a list all its numbers.
+    /// Lists whose numbers rise.
+    const RISING: [&str; 3] = ["contact-law.overclosure_mm", "assemble.overclosure_mm", "assemble.pressure_mpa"];
+
+    /// An option set to a number; of a list all its numbers, of one that rises the first where it is 0 or less, else the last.
     fn set_to(key: &str, default: &Value, number: f64) -> Override {
-        let one = |like: &Value| match like {
-            Value::Integer(_) => Value::Integer(number as i64),
-            _ => Value::Float(number),
+        let one = |like: &Value, x: f64| match like {
+            Value::Integer(_) => Value::Integer(x as i64),
+            _ => Value::Float(x),
+        };
+        let of_list = |k: usize, many: usize| match (RISING.contains(&key), number > 0.0) {
+            (false, _) => number,
+            (true, false) => number + k as f64,
+            (true, true) => number * k as f64 / (many - 1) as f64,
         };
         let value = match default {
-            Value::Array(all) => Value::Array(all.iter().map(one).collect()),
-            other => one(other),
+            Value::Array(all) => {
+                Value::Array(all.iter().enumerate().map(|(k, v)| one(v, of_list(k, all.len()))).collect())
+            }
+            other => one(other, number),
         };
         let (stage, key) = key.split_once('.').unwrap();
         Override { stage: stage.into(), key: key.into(), value }
     }
 
-    /// Whether an option may be a number: of whole ones, those next to it.
-    fn is_taken(o: &crate::option_docs::OptionDoc, number: f64) -> bool {
+    /// Whether an option may be a number beside what is set for it.
+    fn is_taken(o: &crate::option_docs::OptionDoc, number: f64, beside: &str) -> bool {
         let default =
             format!("x = {}", o.default).parse::<Table>().map_or(Value::Float(0.0), |mut t| t.remove("x").unwrap());
-        resolve(&BTreeMap::new(), &[set_to(&o.key, &default, number)], None).is_ok()
+        let beside = Some(beside).filter(|b| !b.is_empty()).map(|b| parse_override(b).unwrap());
+        let all: Vec<Override> = beside.into_iter().chain([set_to(&o.key, &default, number)]).collect();
+        resolve(&BTreeMap::new(), &all, None).is_ok()
     }
 
+    /// Every number in turn: both ends of its range are taken, what is next to them outside is refused. No option is let off.
     #[test]
     fn the_range_that_is_told_is_the_range_that_is_taken() {
         let all = crate::option_docs::all().unwrap();
-        let mut faults = Vec::new();
+        let (mut faults, mut walked) = (Vec::new(), 0);
         for o in &all {
             let Some([least, most]) = o.range else { continue };
+            let (_, at_least, at_most) = BESIDE.iter().find(|b| b.0 == o.key).unwrap_or(&("", "", ""));
             let whole = o.value.is_i64() || o.value.as_array().is_some_and(|a| a.iter().any(serde_json::Value::is_i64));
             // far enough outside that a whole number is another one
             let step = |x: f64| if whole { 1.0 } else { 1e-6 * x.abs().max(1e-9) };
-            let outside = [least - step(least), most + step(most)];
-            let beyond: Vec<f64> = outside.into_iter().filter(|x| x.abs() < 1e18 && is_taken(o, *x)).collect();
-            let inside = [least, most].into_iter().filter(|x| x.abs() < 1e12 && !BOUND.contains(&o.key.as_str()));
-            let refused: Vec<f64> = inside.filter(|x| !is_taken(o, *x)).collect();
-            if !beyond.is_empty() || !refused.is_empty() {
-                faults.push(format!("{}: told {least:e} to {most:e}; takes {beyond:?}, refuses {refused:?}", o.key));
+            let ends = [(least, least - step(least), at_least), (most, most + step(most), at_most)];
+            for (end, outside, beside) in ends {
+                // next to the largest seeds there is no other number of so many digits
+                let beyond = outside.abs() < 1e18 && is_taken(o, outside, beside);
+                if beyond || !is_taken(o, end, beside) {
+                    let how = if beyond { "takes more" } else { "refuses its end" };
+                    faults.push(format!("{}: told {least:e} to {most:e}; {how} at {end:e}", o.key));
+                }
+                walked += 1;
             }
         }
         assert!(faults.is_empty(), "{}", faults.join("\n"));
-        assert!(BOUND.iter().all(|key| all.iter().any(|o| o.key == *key && o.range.is_some())));
+        assert_eq!(walked, 2 * all.iter().filter(|o| o.range.is_some()).count());
+        let mut keys = BESIDE.iter().map(|b| b.0).chain(RISING);
+        assert!(keys.all(|key| all.iter().any(|o| o.key == key && o.range.is_some())));
     }
 
     #[test]
@@ -370,6 +386,8 @@ mod tests {
             ([0.2, 1e12], "0.2 or more"),
             ([-1e12, 1e12], "any number"),
             ([1e-9, 0.1], "1e-9 to 0.1"),
+            ([1.0_f64.next_up(), 1e4], "above 1 to 10000"),
+            ([0.0, 1e12_f64.next_down()], "0 or more"),
         ];
         for (range, words) in told {
             assert_eq!(range_words(range), words);

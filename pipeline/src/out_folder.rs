@@ -1,11 +1,12 @@
 //! Where results may go: into a folder of their own, not among what is read.
 
+mod leaves;
+
 use crate::error::BuildError;
 use crate::stage::list::{folder_name, names};
 use crate::store;
-use crate::store::written::Rule;
+use crate::store::written::{Leaves, Rule};
 use crate::suggested::quoted;
-use clap::parser::ValueSource;
 use clap::{Arg, ArgMatches, Command};
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
@@ -39,8 +40,8 @@ pub(crate) struct OutFolder {
     out: Option<PathBuf>,
     /// The file of `--out`, of a verb that writes one.
     file: Option<PathBuf>,
-    /// Whether `--out` is named on the line; else it is where results usually go.
-    is_named: bool,
+    /// What the verb leaves in the folder.
+    leaves: Leaves,
     force: bool,
     /// Folders that are named, and those of models that are named.
     inputs: Vec<PathBuf>,
@@ -52,7 +53,10 @@ impl OutFolder {
         if let Some((name, inner)) = matches.subcommand() {
             let Some(verb) = command.find_subcommand(name) else { return OutFolder::default() };
             let within = OutFolder::of(verb, inner);
-            return if within.verb.is_empty() { OutFolder { verb: name.to_owned(), ..within } } else { within };
+            if !within.verb.is_empty() {
+                return within;
+            }
+            return OutFolder { verb: name.to_owned(), leaves: leaves::of(name, inner), ..within };
         }
         let values = |arg: &Arg| {
             let raw = matches.try_get_raw(arg.get_id().as_str()).ok().flatten();
@@ -60,12 +64,11 @@ impl OutFolder {
         };
         let (outs, others): (Vec<&Arg>, Vec<&Arg>) = command.get_arguments().partition(|a| a.get_long() == Some("out"));
         let out = |folder: bool| outs.iter().filter(|a| is_folder(a) == folder).flat_map(|a| values(a)).next();
-        let is_named = |a: &&Arg| matches.value_source(a.get_id().as_str()) == Some(ValueSource::CommandLine);
         OutFolder {
             verb: String::new(),
             out: out(true).map(PathBuf::from),
             file: out(false).map(PathBuf::from),
-            is_named: outs.iter().any(is_named),
+            leaves: Leaves::default(),
             force: is_set(matches, FORCE) || is_set(matches, "force"),
             // a word such as that of --source is no folder, though one may be called so
             inputs: others
@@ -112,18 +115,26 @@ impl OutFolder {
         of(&self.out, true).or_else(|| of(&self.file, false))
     }
 
-    /// The same, after a look at results that are there: a long search is not begun for what cannot be kept.
+    /// The same, after a look at what is there: a long search is not begun for what cannot be kept.
     ///
-    /// Errors: a result that was edited; a model that is not known as a result, where the verb leaves one.
+    /// Errors: a file that the verb would write over, and that no earlier command left so; a file where a folder is wanted, or a folder where
+    /// a file is.
     pub(crate) fn kept(&self) -> Result<Option<Rule>, BuildError> {
         let rule = self.rule();
-        if let Some(rule) = rule.as_ref().filter(|_| self.is_named) {
-            rule.unedited()?;
-            if LEAVES_A_MODEL.contains(&self.verb.as_str()) {
-                rule.may_write(MODEL)?;
+        if let Some(rule) = rule.as_ref().filter(|_| !self.leaves_nothing()) {
+            match (&self.out, &self.file) {
+                (Some(folder), _) => store::may_be_folder(folder)?,
+                (None, Some(file)) => store::may_be_file(file)?,
+                (None, None) => {}
             }
+            rule.is_free(&self.leaves)?;
         }
         Ok(rule)
+    }
+
+    /// Whether the verb writes nothing this time: an example goes to standard output.
+    fn leaves_nothing(&self) -> bool {
+        self.out.is_some() && self.leaves == Leaves::default()
     }
 }
 
@@ -131,12 +142,6 @@ impl OutFolder {
 pub(crate) fn is_set(matches: &ArgMatches, id: &str) -> bool {
     matches.try_get_one::<bool>(id).ok().flatten().copied().unwrap_or(false)
 }
-
-/// Verbs that leave a model in the folder of `--out`, whatever they find.
-const LEAVES_A_MODEL: [&str; 4] = ["calibrate", "import-abaqus", "import-febio", "import-opensim"];
-
-/// Its name.
-const MODEL: &str = "model.json";
 
 /// Whether an argument is a folder: files have a name with an ending.
 fn is_folder(arg: &Arg) -> bool {
@@ -251,20 +256,57 @@ mod tests {
         assert_eq!(of(&["credibility", "KNEE"]), None, "the build's own page");
     }
 
-    #[test]
-    fn no_search_begins_for_a_model_that_could_not_be_kept() {
-        let folder = tempfile::tempdir().unwrap();
-        let out = folder.path().display().to_string();
-        store::write(&folder.path().join("model.json"), b"{}").unwrap();
+    /// What is at `--out` of a command line, after the look before the work.
+    fn looked(words: &[&str]) -> Result<Option<Rule>, BuildError> {
         let all = command();
-        for verb in VERBS.iter().filter(|v| LEAVES_A_MODEL.contains(&v[0])) {
-            let of = |more: &[&str]| {
-                let words = [&["build-model"], *verb, &["--out", &out], more].concat();
-                OutFolder::of(&all, &all.clone().try_get_matches_from(words).unwrap()).kept()
-            };
-            assert!(of(&[]).unwrap_err().to_string().contains("--force"), "{verb:?}");
-            assert!(of(&["--force"]).is_ok(), "{verb:?}");
+        OutFolder::of(&all, &all.clone().try_get_matches_from([&["build-model"], words].concat()).unwrap()).kept()
+    }
+
+    #[test]
+    fn no_work_begins_for_results_that_could_not_be_kept() {
+        let all = command();
+        let mut seen = 0;
+        for verb in VERBS.iter().filter(|v| KEEPS_EDITS.contains(&v[0])) {
+            let matches =
+                all.clone().try_get_matches_from([&["build-model"], *verb, &["--out", "x"]].concat()).unwrap();
+            let leaves = OutFolder::of(&all, &matches).leaves;
+            assert!(!leaves.sure.is_empty(), "{verb:?}");
+            for name in &leaves.sure {
+                let folder = tempfile::tempdir().unwrap();
+                let out = folder.path().display().to_string();
+                let words = [*verb, &["--out", &out]].concat();
+                store::write(&folder.path().join("notes.txt"), b"of others, in the way of nothing").unwrap();
+                assert!(looked(&words).is_ok(), "{verb:?}");
+                let file = folder.path().join(name);
+                store::write(&file, b"by hand").unwrap();
+                let told = looked(&words).unwrap_err().to_string();
+                assert!(told.contains("--force") && told.contains(&file.display().to_string()), "{verb:?}: {told}");
+                assert!(looked(&[&words[..], &["--force"]].concat()).is_ok(), "{verb:?}");
+                seen += 1;
+            }
         }
+        assert!(seen > 40, "{seen}");
+    }
+
+    #[test]
+    fn a_file_in_place_of_a_folder_and_a_folder_in_place_of_a_file_are_told_before_the_work() {
+        let folder = tempfile::tempdir().unwrap();
+        let (file, own) = (folder.path().join("file"), folder.path().display().to_string());
+        store::write(&file, b"by hand").unwrap();
+        for verb in VERBS.iter().filter(|v| KEEPS_EDITS.contains(&v[0])) {
+            let words = [*verb, &["--force", "--out"]].concat();
+            for out in [file.clone(), file.join("deeper")] {
+                let out = out.display().to_string();
+                let told = looked(&[&words[..], &[out.as_str()]].concat()).unwrap_err().to_string();
+                assert!(told.contains("is a file, a folder was expected"), "{verb:?}: {told}");
+            }
+        }
+        for verb in [&["simulate", "KNEE", "--protocol", "pivot-shift"][..], &["next-tests", "KNEE", "--for", "ACL"]] {
+            let told = looked(&[verb, &["--force", "--out", &own]].concat()).unwrap_err().to_string();
+            assert!(told.contains("it is a folder, name a file"), "{verb:?}: {told}");
+            assert!(looked(&[verb, &["--out", "-"]].concat()).is_ok(), "{verb:?}: standard output");
+        }
+        assert!(looked(&["plan", "--example", "--out", &file.display().to_string()]).is_ok(), "nothing is written");
     }
 
     #[test]

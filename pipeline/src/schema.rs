@@ -1,7 +1,7 @@
 //! `schema`: what other programs may rely on in the files that the program writes, generated from the types that write them.
 
 use crate::check;
-use crate::cohort::CohortTold;
+use crate::cohort::{CohortTold, InferTold};
 use crate::diagnose::DiagnoseTold;
 use crate::error::BuildError;
 use crate::import::ImportTold;
@@ -27,7 +27,7 @@ struct Entry {
     make: fn() -> Value,
 }
 
-const ALL: [Entry; 22] = [
+const ALL: [Entry; 24] = [
     Entry { name: "model", version: "model/1", what: "model.json", make: made::<sim::spec::ModelSpec> },
     Entry {
         name: "diagnosis",
@@ -62,6 +62,13 @@ const ALL: [Entry; 22] = [
     },
     Entry { name: "report", version: schemas::REPORT, what: "report --json", make: made::<ReportTold> },
     Entry { name: "cohort", version: schemas::COHORT, what: "cohort --json", make: made::<CohortTold> },
+    Entry { name: "cohort-infer", version: InferTold::SCHEMA, what: "cohort infer --json", make: made::<InferTold> },
+    Entry {
+        name: "shared-prior",
+        version: calibration::shared::SCHEMA,
+        what: "shared_prior_KNEE.json",
+        make: made::<calibration::shared::Shared>,
+    },
     Entry {
         name: "credibility",
         version: crate::credibility::SCHEMA,
@@ -77,7 +84,7 @@ fn made<T: JsonSchema>() -> Value {
 }
 
 /// The names of the schemas.
-pub fn names() -> [&'static str; 22] {
+pub fn names() -> [&'static str; 24] {
     ALL.map(|e| e.name)
 }
 

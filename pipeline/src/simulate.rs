@@ -33,7 +33,7 @@ pub struct SimulateArgs {
     /// Which model of a build
     #[command(flatten)]
     pub which: WhichModel,
-    /// Laxity trials (CSV); each is simulated
+    /// Laxity trials (CSV); each is simulated. Of trials that are only loads a flexion is enough beside them
     #[arg(long, value_name = "LAXITY.csv")]
     pub trials: Option<PathBuf>,
     /// A validation protocol

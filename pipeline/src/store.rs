@@ -316,6 +316,19 @@ fn in_the_way(path: &Path) -> Result<(), BuildError> {
     }
 }
 
+/// Refuses a path at which no folder can be: a file stands there or above it.
+pub(crate) fn may_be_folder(path: &Path) -> Result<(), BuildError> {
+    in_the_way(path)
+}
+
+/// Refuses a path at which no file can be: a folder stands there.
+pub(crate) fn may_be_file(path: &Path) -> Result<(), BuildError> {
+    if !is_standard_output(path) && path.is_dir() {
+        return Err(BuildError::of_file(path, format!("cannot write {}: it is a folder, name a file", path.display())));
+    }
+    Ok(())
+}
+
 /// Writes files below `folder`, making folders as needed (for commands whose output is not a build). Under a [`written::Rule`] of the folder
 /// all of them are looked at before.
 pub fn write_all(folder: &Path, files: &[(String, Vec<u8>)]) -> Result<(), BuildError> {
@@ -342,13 +355,8 @@ fn put(path: &Path, bytes: &[u8]) -> Result<(), BuildError> {
     if is_standard_output(path) {
         return print(bytes);
     }
+    may_be_file(path)?;
     match fs::metadata(path) {
-        Ok(there) if there.is_dir() => {
-            return Err(BuildError::of_file(
-                path,
-                format!("cannot write {}: it is a folder, name a file", path.display()),
-            ));
-        }
         // a pipe among them, whose link leads to no path
         Ok(there) if !there.is_file() => {
             let device = File::options().write(true).open(path);

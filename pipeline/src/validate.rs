@@ -89,6 +89,7 @@ pub fn validate(args: &ValidateArgs) -> Result<Told, BuildError> {
         }
         models.push((name, model));
     }
+    store::written::are_free(&args.out, protocol_files(&models))?;
     let mut warnings = Vec::new();
     let mut sources = Vec::new();
     for (name, model) in &models {
@@ -124,6 +125,19 @@ pub fn validate(args: &ValidateArgs) -> Result<Told, BuildError> {
     };
     let words = text + &words(&validation) + &format!("Results are in {}\n", args.out.display());
     Ok(Told::words(words).odd(validation.warnings).with(&data))
+}
+
+/// The protocols, as files are called.
+const PROTOCOLS: [&str; 4] = ["ap_laxity", "passive_flexion", "pivot_shift", "pivot_shift_no_acl"];
+
+/// Files of answers that a validation of these models leaves: looked at before minutes of work.
+fn protocol_files(models: &[(String, LoadedModel)]) -> Vec<String> {
+    let is_one_knee = models.iter().all(|(_, m)| m.spec.id == models[0].1.spec.id);
+    let label = |(name, model): &(String, LoadedModel)| match is_one_knee {
+        true => name.clone(),
+        false => format!("{}-{name}", model.spec.id),
+    };
+    models.iter().map(label).flat_map(|label| PROTOCOLS.map(|p| format!("{label}/{p}.csv"))).collect()
 }
 
 fn difference(d: &Difference) -> DifferenceTold {

@@ -250,6 +250,7 @@ def calibrate(
     method: Method = "posterior",
     options: Optional[Mapping[str, Any]] = None,
     seed: Optional[int] = None,
+    anew: bool = False,
     force: bool = False,
     jobs: Optional[int] = None,
     progress: Progress = None,
@@ -268,9 +269,10 @@ def calibrate(
         ``"posterior"`` or ``"swarm-simplex"`` (the paper's recipe).
     options : dict, optional
         Of stage ``calibrate``: ``{"inference.starts": 3}``.
+    anew : bool
+        Begin anew where an interrupted calibration could be taken up.
     force : bool
-        Begin anew where an interrupted calibration could be taken up, and write over files in ``out`` that were changed since, or that no such
-        call wrote; else they are an :class:`InputError`.
+        Write over files in ``out`` that were changed since, or that no such call wrote; else they are an :class:`InputError`.
     seed, jobs, progress
         As in :func:`build`. An interrupted calibration is taken up by the same call.
 
@@ -287,6 +289,7 @@ def calibrate(
     words: list[Any] = ["calibrate", start, "--targets", table_at(targets, "targets", files)]
     words += ["--out", place, "--method", method, *settings(options, "calibrate")]
     words += ["--seed", seed] if seed is not None else []
+    words += ["--anew"] if anew else []
     words += ["--force"] if force else []
     told = called(words, files, jobs=jobs, progress=progress)
     return Calibration(
@@ -505,7 +508,8 @@ def export(
     out : str or path-like
         Folder for the files.
     poses : pandas.DataFrame, str or path-like, optional
-        Results of :func:`simulate`, for a time series (with ``"vtk"``).
+        Results of :func:`simulate`, for a time series (with ``"vtk"``); or trials, of which each becomes a file (with ``"abaqus"``,
+        ``"febio"`` or ``"opensim"``).
     contact : {"elastic", "jam"}, optional
         Contact of an OpenSim model: ElasticFoundationForce, which OpenSim itself has, or Smith2018ArticularContactForce, for
         OpenSim with JAM, which :func:`import_opensim` reads. The first where none is given.

@@ -1,5 +1,6 @@
 """Plan, next tests, credibility: what the command tells, number for number; their errors."""
 
+import inspect
 import json
 import os
 import subprocess
@@ -123,6 +124,49 @@ def test_credibility_is_that_of_the_command(build, tmp_path):
         genu.credibility(build, context={"influence": "much"}, out=tmp_path / "none")
     with pytest.raises(genu.InputError, match="no build"):
         genu.credibility(tmp_path)
+
+
+def test_every_function_with_a_folder_for_results_may_be_forced():
+    functions = {name: getattr(genu, name) for name in genu.__all__ if inspect.isfunction(getattr(genu, name))}
+    takes = {name: inspect.signature(function).parameters for name, function in functions.items()}
+    found = {name for name, parameters in takes.items() if "out" in parameters}
+    assert {"calibrate", "cohort", "export", "plan", "validate"} <= found
+    # check writes a page of its own, as a build does
+    assert {name for name in found if "force" not in takes[name]} == {"check"}
+    assert {name for name, parameters in takes.items() if "anew" in parameters} == {"calibrate"}
+
+
+def test_what_cannot_be_kept_is_told_before_the_model_is_read(tmp_path):
+    nowhere = tmp_path / "nowhere" / "model.json"
+    trials = {"load_ap_n": [0.0, 100.0]}
+    for name, call in {
+        "validate/compare.csv": lambda out: genu.validate({"a": nowhere}, out),
+        "calibrate/model.json": lambda out: genu.calibrate(nowhere, trials, out),
+        "diagnose/diagnosis.json": lambda out: genu.diagnose(nowhere, {"kla": trials}, out),
+        "plan/plan.json": lambda out: genu.plan(nowhere, {"cut": ["ACL"]}, out),
+        "cohort/knees.csv": lambda out: genu.cohort([tmp_path / "nothing"], out),
+    }.items():
+        file = tmp_path / name
+        file.parent.mkdir()
+        with pytest.raises(genu.InputError) as raised:
+            call(file.parent)
+        assert "--force" not in str(raised.value)
+        file.write_text("by hand")
+        with pytest.raises(genu.InputError, match="--force") as raised:
+            call(file.parent)
+        assert raised.value.file == str(file) and file.read_text() == "by hand"
+
+
+def test_a_search_is_taken_up_unless_it_is_to_begin_anew(model, measured, tmp_path):
+    saved, own = tmp_path / "checkpoint.cbor", tmp_path / "model.json"
+    saved.write_bytes(b"of another search")
+    for force in (False, True):
+        with pytest.raises(genu.InputError, match="checkpoint"):
+            genu.calibrate(model, measured, tmp_path, force=force)
+    own.write_text("by hand")
+    with pytest.raises(genu.InputError, match="--force"):
+        genu.calibrate(model, measured, tmp_path, anew=True)
+    assert saved.read_bytes() == b"of another search" and own.read_text() == "by hand"
 
 
 def test_a_result_that_was_edited_stays_until_forced(build, tmp_path):

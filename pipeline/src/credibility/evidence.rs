@@ -1,6 +1,5 @@
 //! Factors, grades and pieces of evidence.
 
-use super::context::Context;
 use super::grade::{Grade, Level};
 use schemars::JsonSchema;
 use serde::Serialize;
@@ -90,6 +89,11 @@ pub struct Evidence {
     pub date: Option<String>,
     /// Whether the file is as the stage left it; false where it is gone.
     pub as_built: Option<bool>,
+    /// Flexions of the rows that it was taken from [deg]; told of what answers an open question.
+    pub flexions_deg: Vec<f64>,
+    /// Files that it was asked of, and that are not as their stages left them; the page has them in one list.
+    #[serde(skip)]
+    pub astray: Vec<String>,
 }
 
 /// A factor with its evidence.
@@ -121,7 +125,7 @@ impl FactorTold {
 
 /// Evidence that not every knee has: of a scan beside a CT, of stages that run where they are asked for, of a second data set, of menisci,
 /// of measured passive flexion, of a question that names flexions.
-const NOT_EVERY_KNEES: [&str; 13] = [
+const NOT_EVERY_KNEES: [&str; 16] = [
     "registration",
     "contact-law",
     "missing-effects",
@@ -129,10 +133,13 @@ const NOT_EVERY_KNEES: [&str; 13] = [
     "menisci-forces",
     "starts",
     "starts-stiffness",
+    "starts-fit",
     "cross-prediction",
     "cross-prediction-width",
     "other-flexions",
+    "other-flexions-width",
     "other-directions",
+    "other-directions-width",
     "passive-flexion",
     "flexion-range",
 ];
@@ -145,27 +152,6 @@ fn worth(piece: &Evidence) -> Grade {
         Grade::NoEvidence => Grade::Weak,
         grade => grade,
     }
-}
-
-/// credibility.json.
-#[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
-pub struct Told {
-    /// credibility/1
-    pub schema: &'static str,
-    /// The specimen.
-    pub knee: String,
-    /// The calibrated model that is judged; none where none is calibrated.
-    pub model: Option<String>,
-    /// Version and source digest of the program that built it.
-    pub program: String,
-    /// Question, context of use, risk, as stated.
-    pub context: Context,
-    /// Model risk; none where it is not stated.
-    pub model_risk: Option<Level>,
-    /// The factors, in order.
-    pub factors: Vec<FactorTold>,
-    /// Files that are not as their stage left them; what they hold is no evidence.
-    pub changed: Vec<String>,
 }
 
 #[cfg(test)]
@@ -190,6 +176,8 @@ mod tests {
             digest: None,
             date: None,
             as_built: None,
+            flexions_deg: vec![],
+            astray: vec![],
         }
     }
 

@@ -1,6 +1,6 @@
 //! How a number of evidence is read from a stage's files.
 
-use super::read::{Build, Read, Rows, largest, numbers, share, smallest};
+use super::read::{Build, Read, Rows, flexions, largest, numbers, share, smallest};
 use crate::stage::BETWEEN_TEAMS;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::RangeInclusive;
@@ -52,28 +52,88 @@ pub(super) fn cell(row: &BTreeMap<String, String>, column: &str) -> Option<f64> 
 
 /// The largest move of AP in a drawer by what is changed.
 pub(super) fn sensitive(build: &Build, changed: &str) -> Option<(f64, Read)> {
-    table(build, "validate", "sensitivity.csv", |rows| {
-        let own = rows.iter().filter(|r| r.get("changed").is_some_and(|c| c == changed));
-        largest(own.filter(|r| r.get("drawer").is_some_and(|d| d == "yes")).filter_map(|r| cell(r, "ap_mm")))
-    })
+    moved(build, changed, "ap_mm", |r| r.get("drawer").is_some_and(|d| d == "yes"))
 }
 
 /// The largest change of a bundle's force, in drawers and pivot shift, by what is changed.
 pub(super) fn force_moved(build: &Build, changed: &str) -> Option<(f64, Read)> {
-    table(build, "validate", "sensitivity.csv", |rows| {
-        let own = rows.iter().filter(|r| r.get("changed").is_some_and(|c| c == changed));
-        largest(own.filter_map(|r| cell(r, "force_n")))
-    })
+    moved(build, changed, "force_n", |_| true)
 }
 
-/// How far the ends of several starts lie apart in a reference strain, of its least [%]; none of one start.
-pub(super) fn strains_of_starts(rows: &Rows) -> Option<f64> {
-    spread_of_starts(rows, STRAINS)
+/// The largest number of a column of sensitivity.csv by what is changed, and the flexions of its rows.
+fn moved(
+    build: &Build,
+    changed: &str,
+    column: &str,
+    counts: fn(&BTreeMap<String, String>) -> bool,
+) -> Option<(f64, Read)> {
+    let mut read = build.file("validate", "sensitivity.csv")?;
+    let mut rows = read.rows();
+    rows.retain(|r| r.get("changed").is_some_and(|c| c == changed) && counts(r) && cell(r, column).is_some());
+    read.flexions_deg = flexions(&rows, "flexion_deg");
+    Some((largest(numbers(&rows, column))?, read))
+}
+
+/// How much less likely than the best an end of the search may be and still be another answer [nats]: 6 are 400 times less likely by the
+/// noise that is told. The samples of the posterior leave out the same ends.
+const FITS_NATS: f64 = 6.0;
+
+/// The ends of the search: those that fit as well as the best within the noise that is told, and how many do not. A recipe's cost is of no
+/// noise: all its ends are taken.
+fn fitting(rows: Rows, is_of_noise: bool) -> (Rows, usize) {
+    let least = smallest(numbers(&rows, "cost")).filter(|_| is_of_noise);
+    let fits = |r: &BTreeMap<String, String>| {
+        least.is_none_or(|least| cell(r, "cost").is_some_and(|c| c <= least + FITS_NATS))
+    };
+    let (inside, outside): (Rows, Rows) = rows.into_iter().partition(fits);
+    (inside, outside.len())
+}
+
+/// The ends of a calibration's search.
+struct Ends {
+    /// Those that fit as well as the best.
+    fits: Rows,
+    /// How many do not.
+    others: usize,
+    /// Whether they were judged by the noise that is told.
+    is_of_noise: bool,
+    /// Their file, with the flexions that they were fitted in.
+    read: Read,
+}
+
+fn ends(build: &Build) -> Option<Ends> {
+    let mut read = build.file("calibrate", "MODEL/starts.csv")?;
+    let metrics = build.file("calibrate", "metrics.json")?;
+    let fit = build.file("calibrate", "MODEL/fit.csv")?;
+    read.as_built &= metrics.as_built && fit.as_built;
+    read.flexions_deg = flexions(&fit.rows(), "nominal_flexion_deg");
+    let is_of_noise = metrics.json()[build.model.as_ref()?]["method"] == "posterior";
+    let (fits, others) = fitting(read.rows(), is_of_noise);
+    Some(Ends { fits, others, is_of_noise, read })
+}
+
+/// How many ends of the search do not fit as well as the best; none where it is not known.
+pub(super) fn did_not_fit(build: &Build) -> Option<usize> {
+    ends(build).filter(|ends| ends.read.as_built && ends.is_of_noise).map(|ends| ends.others)
+}
+
+/// The share of the search's ends that fit as well as the best, itself among them; none of one end, and of a recipe.
+pub(super) fn ends_that_fit(build: &Build) -> Option<(f64, Read)> {
+    let Ends { fits, others, is_of_noise, read } = ends(build)?;
+    let all = fits.len() + others;
+    (is_of_noise && all > 1).then(|| (fits.len() as f64 / all as f64, read))
+}
+
+/// How far the ends of several starts lie apart in a reference strain, of its least [%]; none of one end that fits.
+pub(super) fn strains_of_starts(build: &Build) -> Option<(f64, Read)> {
+    let ends = ends(build)?;
+    Some((spread_of_starts(&ends.fits, STRAINS)?, ends.read))
 }
 
 /// The same in a stiffness.
-pub(super) fn stiffnesses_of_starts(rows: &Rows) -> Option<f64> {
-    spread_of_starts(rows, STIFFNESSES)
+pub(super) fn stiffnesses_of_starts(build: &Build) -> Option<(f64, Read)> {
+    let ends = ends(build)?;
+    Some((spread_of_starts(&ends.fits, STIFFNESSES)?, ends.read))
 }
 
 fn spread_of_starts(rows: &Rows, variables: RangeInclusive<u32>) -> Option<f64> {
@@ -147,9 +207,36 @@ mod tests {
         let row =
             |x: &str, y: &str| BTreeMap::from([("X1".to_owned(), x.to_owned()), ("X15".to_owned(), y.to_owned())]);
         let two = vec![row("1.00", "50"), row("1.03", "60")];
-        assert!((strains_of_starts(&two).unwrap() - 3.0).abs() < 1e-9, "stiffnesses do not count");
-        assert!((stiffnesses_of_starts(&two).unwrap() - 20.0).abs() < 1e-9, "strains do not count");
-        assert_eq!(strains_of_starts(&two[..1].to_vec()), None);
+        assert!((spread_of_starts(&two, STRAINS).unwrap() - 3.0).abs() < 1e-9, "stiffnesses do not count");
+        assert!((spread_of_starts(&two, STIFFNESSES).unwrap() - 20.0).abs() < 1e-9, "strains do not count");
+        assert_eq!(spread_of_starts(&two[..1].to_vec(), STRAINS), None);
+    }
+
+    /// A worse fit is no other answer: it is counted, and moves nothing. Costs are known up to a constant alone.
+    #[test]
+    fn an_end_that_does_not_fit_within_the_noise_is_no_alternative() {
+        let row = |(cost, x): (f64, f64)| {
+            BTreeMap::from([("cost".to_owned(), cost.to_string()), ("X1".to_owned(), x.to_string())])
+        };
+        for best in [-40.0, 0.0, 214.9] {
+            for worse in [0.0, 2.0, 5.9, 6.1, 20.0, 1e4] {
+                let rows: Rows = [(best + worse, 1.1), (best, 1.0), (best + 1.0, 1.02)].map(row).to_vec();
+                let (fits, others) = fitting(rows.clone(), true);
+                let spread = spread_of_starts(&fits, STRAINS).unwrap();
+                let (told, counted) = if worse > FITS_NATS { (2.0, 1) } else { (10.0, 0) };
+                assert!((spread - told).abs() < 1e-9 && others == counted, "{best} {worse}: {spread} % {others}");
+                assert_eq!(fitting(rows, false).1, 0, "a recipe's cost has no noise");
+            }
+        }
+        assert!(fitting(vec![], true).0.is_empty());
+    }
+
+    #[test]
+    fn flexions_are_each_told_once_in_order() {
+        let row = |fe: &str| BTreeMap::from([("flexion_deg".to_owned(), fe.to_owned())]);
+        let rows = vec![row("90"), row("0"), row("90.0"), row("30"), row("")];
+        assert_eq!(flexions(&rows, "flexion_deg"), [0.0, 30.0, 90.0]);
+        assert!(flexions(&rows, "other").is_empty());
     }
 
     #[test]

@@ -66,7 +66,9 @@ pub(super) fn of_program() -> Vec<Evidence> {
             digest: Some(crate::record::hash(text.as_bytes())),
             date: Some(f.date),
             as_built: Some(stands),
+            flexions_deg: vec![],
             file: f.page,
+            astray: vec![],
         })
     };
     found().into_iter().filter_map(one).collect()

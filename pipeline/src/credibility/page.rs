@@ -1,9 +1,10 @@
 //! credibility.html: one page without network, in the order of the standard.
 
-use super::answers::{Answer, answers};
+use super::answers::Answer;
 use super::context::Context;
-use super::evidence::{Evidence, FactorTold, Told};
+use super::evidence::{Evidence, FactorTold};
 use super::grade::{Grade, Level};
+use super::told::Told;
 use crate::report::page_parts::{escaped, head};
 use std::fmt::Write;
 
@@ -89,15 +90,20 @@ fn overview(told: &Told) -> String {
 
 /// What the published knees left open, answered for this one.
 fn questions(told: &Told) -> String {
-    let evidence: Vec<&Evidence> = told.factors.iter().flat_map(|f| &f.evidence).collect();
-    let row = |Answer { question, word, numbers }: Answer| {
-        let cells = [word, numbers].map(|cell| format!("<td>{}</td>", escaped(&cell))).concat();
-        format!("<tr><th scope=\"row\">{}</th>{cells}</tr>", escaped(question))
+    let row = |a: &Answer| {
+        let cells = [a.answer.clone(), a.numbers_in_words(), a.flexions_in_words()];
+        let cells = cells.map(|cell| format!("<td>{}</td>", escaped(&cell))).concat();
+        format!("<tr id=\"{}\"><th scope=\"row\">{}</th>{cells}</tr>", answer_anchor(a.id), escaped(a.question))
     };
-    let rows: String = answers(&evidence).into_iter().map(row).collect();
+    let rows: String = told.answers.iter().map(row).collect();
     format!(
-        "<h2>What published knees left open, for this one</h2><table class=\"overview\"><thead><tr><th>question</th><th>answer</th><th>numbers</th></tr></thead><tbody>{rows}</tbody></table><p>Little, some and much are the grades strong, adequate and weak of the numbers below. Nothing was calibrated again.</p>"
+        "<h2>What published knees left open, for this one</h2><table class=\"overview\"><thead><tr><th>question</th><th>answer</th><th>numbers</th><th>decided in flexions</th></tr></thead><tbody>{rows}</tbody></table><p>Little, some and much are the grades strong, adequate and weak of the numbers below. Nothing was calibrated again. An end of the search that fits worse than the noise allows is no other answer: it is told as one that did not fit.</p>"
     )
+}
+
+/// Where an answer stands on the page.
+fn answer_anchor(id: &str) -> String {
+    format!("answer-{id}")
 }
 
 fn anchor(f: &FactorTold) -> String {

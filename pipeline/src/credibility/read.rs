@@ -25,6 +25,8 @@ pub(super) struct Build {
     /// Digests that each stage sealed, by stage.
     seals: BTreeMap<String, BTreeMap<String, String>>,
     changed: RefCell<BTreeSet<String>>,
+    /// Those of them that were asked for since [`Build::astray`] was asked last.
+    astray: RefCell<BTreeSet<String>>,
     /// Whether a file was asked for that is gone; see [`Build::was_lost`].
     lost: Cell<bool>,
 }
@@ -38,6 +40,8 @@ pub(super) struct Read {
     pub(super) date: Option<String>,
     pub(super) as_built: bool,
     pub(super) text: String,
+    /// Flexions of the rows that a number is taken from [deg], ascending; empty where they have none.
+    pub(super) flexions_deg: Vec<f64>,
 }
 
 /// A table's rows by column.
@@ -77,6 +81,7 @@ impl Build {
                 &word("program", "code").chars().take(12).collect::<String>()
             ),
             changed: RefCell::default(),
+            astray: RefCell::default(),
             lost: Cell::new(false),
         })
     }
@@ -96,7 +101,7 @@ impl Build {
         let Ok(text) = store::read_text(&path) else {
             // a stage that ran and has no seal any more may have left the file, too
             if seal.is_none_or(|s| s.contains_key(&name)) {
-                self.changed.borrow_mut().insert(file);
+                self.tell_changed(file);
                 self.lost.set(true);
             }
             return None;
@@ -104,14 +109,32 @@ impl Build {
         let digest = hash(text.as_bytes());
         let as_built = seal.and_then(|s| s.get(&name)).is_some_and(|sealed| *sealed == digest);
         if !as_built {
-            self.changed.borrow_mut().insert(file.clone());
+            self.tell_changed(file.clone());
         }
-        Some(Read { stage: stage.to_owned(), file, digest, date: store::written_on(&path), as_built, text })
+        Some(Read {
+            stage: stage.to_owned(),
+            file,
+            digest,
+            date: store::written_on(&path),
+            as_built,
+            text,
+            flexions_deg: vec![],
+        })
     }
 
     /// Whether a file that its stage left was asked for and is gone, since this was asked last.
     pub(super) fn was_lost(&self) -> bool {
         self.lost.replace(false)
+    }
+
+    fn tell_changed(&self, file: String) {
+        self.astray.borrow_mut().insert(file.clone());
+        self.changed.borrow_mut().insert(file);
+    }
+
+    /// Files that were asked for since this was asked last, and are not as their stage left them, or gone.
+    pub(super) fn astray(&self) -> Vec<String> {
+        self.astray.take().into_iter().collect()
     }
 
     /// Files that were asked for and are not as their stage left them, or gone.
@@ -133,6 +156,15 @@ impl Read {
         let row = |r: csv::StringRecord| header.iter().cloned().zip(r.iter().map(str::to_owned)).collect();
         reader.records().flatten().map(row).collect()
     }
+}
+
+/// The flexions of rows [deg], each once, ascending.
+pub(super) fn flexions<'a>(rows: impl IntoIterator<Item = &'a BTreeMap<String, String>>, column: &str) -> Vec<f64> {
+    let each = rows.into_iter().filter_map(|r| r.get(column)?.parse::<f64>().ok());
+    let mut all: Vec<f64> = each.filter(|fe| fe.is_finite()).collect();
+    all.sort_unstable_by(f64::total_cmp);
+    all.dedup();
+    all
 }
 
 /// The numbers of a column.

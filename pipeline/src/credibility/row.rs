@@ -25,8 +25,9 @@ impl Row {
     pub(super) fn evidence(&self, build: &Build, context: &Context) -> Evidence {
         // what an earlier row did not find is not this one's
         build.was_lost();
+        build.astray();
         let (value, read) = (self.take)(build, context).unzip();
-        self.told(value, read, build.was_lost())
+        Evidence { astray: build.astray(), ..self.told(value, read, build.was_lost()) }
     }
 
     /// The evidence of a number and the file that it was read from; `gone` where a file that its stage left was not found.
@@ -48,7 +49,9 @@ impl Row {
             as_built: (gone || read.is_some()).then_some(sound),
             digest: read.as_ref().map(|r| r.digest.clone()),
             date: read.as_ref().and_then(|r| r.date.clone()),
+            flexions_deg: read.as_ref().map(|r| r.flexions_deg.clone()).unwrap_or_default(),
             file: read.map(|r| r.file).unwrap_or_default(),
+            astray: vec![],
         }
     }
 }

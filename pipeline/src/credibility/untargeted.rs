@@ -1,6 +1,7 @@
 //! What a knee predicts of loads that its own data did not have: other flexions, other directions.
 
-use super::read::{Build, Read, Rows, share};
+use super::figures::half_width;
+use super::read::{Build, Read, Rows, flexions, share};
 use std::collections::{BTreeMap, BTreeSet};
 
 type Row = BTreeMap<String, String>;
@@ -13,16 +14,43 @@ const NO_LOAD: f64 = 0.1;
 
 /// The share within their intervals of ranges at flexions that the predicting knee's data did not load.
 pub(super) fn at_other_flexions(build: &Build) -> Option<(f64, Read)> {
-    inside(build, |range, own| flexion(range, "flexion [deg]").is_some_and(|fe| own.iter().all(|(_, f)| *f != fe)))
+    of_ranges(build, is_at_another_flexion, within)
 }
 
-/// The same of ranges in directions that these data did not load at any flexion.
+/// How wide those intervals are.
+pub(super) fn width_at_other_flexions(build: &Build) -> Option<(f64, Read)> {
+    of_ranges(build, is_at_another_flexion, half_width)
+}
+
+/// The share of ranges in directions that these data did not load at any flexion.
 pub(super) fn in_other_directions(build: &Build) -> Option<(f64, Read)> {
-    inside(build, |range, own| spanned(range).iter().any(|kind| own.iter().all(|(k, _)| k != kind)))
+    of_ranges(build, is_in_another_direction, within)
 }
 
-/// The share within their intervals of the ranges that are chosen by the tests of the knee that predicts them.
-fn inside(build: &Build, is_chosen: fn(&Row, &Tests) -> bool) -> Option<(f64, Read)> {
+/// How wide those intervals are.
+pub(super) fn width_in_other_directions(build: &Build) -> Option<(f64, Read)> {
+    of_ranges(build, is_in_another_direction, half_width)
+}
+
+fn is_at_another_flexion(range: &Row, own: &Tests) -> bool {
+    flexion(range, "flexion [deg]").is_some_and(|fe| own.iter().all(|(_, f)| *f != fe))
+}
+
+fn is_in_another_direction(range: &Row, own: &Tests) -> bool {
+    spanned(range).iter().any(|kind| own.iter().all(|(k, _)| k != kind))
+}
+
+/// The share of ranges within their intervals.
+fn within(ranges: &Rows) -> Option<f64> {
+    share(ranges, |r| r.get("inside").is_some_and(|i| i == "yes"))
+}
+
+/// A number of the ranges that are chosen by the tests of the knee that predicts them.
+fn of_ranges(
+    build: &Build,
+    is_chosen: fn(&Row, &Tests) -> bool,
+    number: fn(&Rows) -> Option<f64>,
+) -> Option<(f64, Read)> {
     let mut read = build.file("validate", "cross_prediction.csv")?;
     let rows = read.rows();
     let models: BTreeSet<&String> = rows.iter().filter_map(|r| r.get("model")).collect();
@@ -33,7 +61,8 @@ fn inside(build: &Build, is_chosen: fn(&Row, &Tests) -> bool) -> Option<(f64, Re
         let own = loaded(&fit.rows());
         chosen.extend(rows.iter().filter(|r| r.get("model") == Some(model) && is_chosen(r, &own)).cloned());
     }
-    Some((share(&chosen, |r| r.get("inside").is_some_and(|i| i == "yes"))?, read))
+    read.flexions_deg = flexions(&chosen, "flexion [deg]");
+    Some((number(&chosen)?, read))
 }
 
 /// The tests of a data set that load the knee.

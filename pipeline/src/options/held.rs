@@ -9,7 +9,7 @@ pub(super) const BELOW_1: f64 = 1.0_f64.next_down();
 const OPEN: f64 = 1e12;
 
 /// A key, least and most. A key of a list is that of each of its numbers.
-pub(super) const HELD: [(&str, f64, f64); 58] = [
+pub(super) const HELD: [(&str, f64, f64); 62] = [
     ("segment.closing_mm", 0.0, 5.0),
     ("segment.least_bone_mm3", ABOVE_0, OPEN),
     ("segment.edge_reach_mm", ABOVE_0, OPEN),
@@ -22,6 +22,9 @@ pub(super) const HELD: [(&str, f64, f64); 58] = [
     ("cartilage.edge_mm", 0.2, OPEN),
     ("hexmesh.edge_length_mm", 0.2, 3.0),
     ("hexmesh.layers", 1.0, 10.0),
+    // the greatest thickness is above the least
+    ("hexmesh.min_thickness_mm", 0.0, OPEN.next_down()),
+    ("hexmesh.max_thickness_mm", ABOVE_0, OPEN),
     ("overclosure.femur_share", 0.0, 1.0),
     ("overclosure.spread_mm", 0.05, 100.0),
     ("overclosure.spread_reduction", 0.0, 1.0),
@@ -29,9 +32,13 @@ pub(super) const HELD: [(&str, f64, f64); 58] = [
     ("overclosure.momentum", 0.0, BELOW_1),
     ("overclosure.height_kept", 0.0, 1.0),
     ("contact-law.force_n", 10.0, 5000.0),
+    // below the force itself
+    ("contact-law.least_force_n", 0.0, 5000.0_f64.next_down()),
     ("contact-law.levels", 3.0, 100.0),
     ("contact-law.area_weight", 0.0, 10.0),
     ("calibrate.swarm.particles", 2.0, OPEN),
+    // each particle has one
+    ("calibrate.swarm.swarm_evaluations", 2.0, OPEN),
     ("calibrate.swarm.simplex_size", ABOVE_0, 0.5_f64.next_down()),
     ("calibrate.frames.turn_sd_deg", 0.0, 20.0),
     ("calibrate.frames.shift_sd_mm", 0.0, 20.0),

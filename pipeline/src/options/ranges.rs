@@ -5,11 +5,12 @@ use super::held::{ABOVE_0, BELOW_1, HELD};
 use toml::{Table, Value};
 
 /// Ranges that no stage's own check holds: a key, least and most. A key of a list is that of each of its numbers.
-pub(super) const RANGES: [(&str, f64, f64); 54] = [
+pub(super) const RANGES: [(&str, f64, f64); 57] = [
     ("segment.neck_share", ABOVE_0, 1.0),
     ("segment.threshold", -3e4, 1e6),
     ("ingest.least_width_mm", 1.0, 1e3),
-    ("ingest.greatest_width_mm", 1.0, 1e4),
+    // above the least
+    ("ingest.greatest_width_mm", 1.0_f64.next_up(), 1e4),
     ("ingest.label_blur", 0.0, 10.0),
     ("ingest.label_edge_mm", 0.1, 10.0),
     ("register.held_out_of", 2.0, 1e3),
@@ -46,7 +47,11 @@ pub(super) const RANGES: [(&str, f64, f64); 54] = [
     ("assemble.layer.poissons_ratio", 0.0, 0.499),
     ("assemble.layer.least_thickness_mm", 0.01, 10.0),
     ("calibrate.cost.percentile", 0.0, 100.0),
+    ("calibrate.cost.limit_mm", ABOVE_0, MOST),
     ("calibrate.targets.flexion_deg", -30.0, 160.0),
+    // a misfit is divided by its noise
+    ("calibrate.targets.noise", ABOVE_0, MOST),
+    ("calibrate.targets.noise_of_displacements", ABOVE_0, MOST),
     ("calibrate.search.contact_spacing_mm", 0.1, 20.0),
     ("validate.ap_flexions_deg", -30.0, 160.0),
     ("validate.from_flexion_deg", -30.0, 160.0),
@@ -143,15 +148,19 @@ pub(crate) fn range(key: &str, default: Option<&Value>) -> Option<[f64; 2]> {
 
 /// A range in words.
 pub(crate) fn words([least, most]: [f64; 2]) -> String {
-    let low = if least == ABOVE_0 { "above 0".to_owned() } else { told(least) };
-    // what is not taken itself ends a range from below
+    // what is not taken itself begins a range from above, and ends one from below
+    let (low, is_above) = match least.next_down() {
+        _ if least == ABOVE_0 => ("above 0".to_owned(), true),
+        round if told(round).len() < told(least).len() => (format!("above {}", told(round)), true),
+        _ => (told(least), false),
+    };
     let (high, open) = match most.next_up() {
         round if told(round).len() < told(most).len() => (told(round), "below "),
         _ => (told(most), ""),
     };
-    match (least <= -MOST, most >= MOST) {
+    match (least <= -MOST, most.next_up() >= MOST) {
         (true, true) => "any number".to_owned(),
-        (_, true) if least == ABOVE_0 => low,
+        (_, true) if is_above => low,
         (_, true) => format!("{low} or more"),
         _ => format!("{low} to {open}{high}"),
     }
@@ -178,4 +187,30 @@ fn together(o: &BuildOptions) -> Result<(), Fault> {
     of("calibrate", o.calibrate.check())?;
     of("validate", sim::protocols::check(&o.validate))?;
     of("validate", o.validate.trials.check())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::{parse_override, resolve};
+    use std::collections::BTreeMap;
+
+    /// What calibrate refuses when it works is refused before a build begins.
+    #[test]
+    fn a_noise_of_0_is_refused_in_each_coordinate() {
+        let set = |text: &str| resolve(&BTreeMap::new(), &[parse_override(text).unwrap()], None);
+        for key in ["calibrate.targets.noise", "calibrate.targets.noise_of_displacements"] {
+            for k in 0..5 {
+                for odd in ["0.0", "-0.5"] {
+                    let noise =
+                        |x: &'static str| (0..5).map(|i| if i == k { x } else { "0.5" }).collect::<Vec<_>>().join(", ");
+                    let said = set(&format!("{key}=[{}]", noise(odd))).unwrap_err().to_string();
+                    assert!(said.contains(key) && said.contains("expected above 0"), "{said}");
+                    assert!(set(&format!("{key}=[{}]", noise("1e-3"))).is_ok(), "{key}");
+                }
+            }
+        }
+        let said = set("calibrate.cost.limit_mm=0").unwrap_err().to_string();
+        assert!(said.contains("calibrate.cost.limit_mm") && said.contains("expected above 0"), "{said}");
+        assert!(set("calibrate.cost.limit_mm=1e-3").is_ok());
+    }
 }

@@ -48,30 +48,60 @@ impl Rule {
         work()
     }
 
-    /// Refuses results that were changed by hand, before any work is done for their sake.
+    /// Refuses what could not be written at the end, before any work is done for its sake: a file that no earlier command left so. Files of
+    /// other names are no concern of the command.
     ///
     /// Errors: the first such file, with what to do.
-    pub fn unedited(&self) -> Result<(), BuildError> {
+    pub fn is_free(&self, leaves: &Leaves) -> Result<(), BuildError> {
         if self.force {
             return Ok(());
         }
+        if !self.is_folder {
+            return file_at(&self.out)?.map_or(Ok(()), |file| file.is_free(None));
+        }
         let own = |name: String| Own { base: self.out.clone(), name };
-        let results: Vec<Own> = match self.is_folder {
-            true => below(&self.out.join(KEPT), "").into_iter().map(own).collect(),
-            false => file_at(&self.out)?.into_iter().filter(|f| !f.kept().is_empty()).collect(),
-        };
-        results.iter().try_for_each(|f| f.is_free(None))
+        leaves.sure.iter().cloned().map(&own).try_for_each(|f| f.is_free(None))?;
+        let may = |name: &String| leaves.perhaps.iter().any(|pattern| is_like(pattern, name));
+        let known = below(&self.out.join(KEPT), "");
+        known.into_iter().filter(may).map(&own).try_for_each(|f| f.is_free(None))
     }
 
     /// Refuses a file in the folder that is not known as a result, whatever is to be written there.
     ///
     /// Errors: the file, with what to do.
-    pub fn may_write(&self, name: &str) -> Result<(), BuildError> {
+    fn may_write(&self, name: &str) -> Result<(), BuildError> {
         if self.force || !self.is_folder {
             return Ok(());
         }
         Own { base: self.out.clone(), name: name.to_owned() }.is_free(None)
     }
+}
+
+/// What a command leaves in the folder of `--out`, as far as it is known before the work.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Leaves {
+    /// Files that it writes, or removes where they are of an earlier run, whatever comes of the work.
+    pub sure: Vec<String>,
+    /// Files that it may write: `*` stands for what the work tells. Of them results that were changed count, and not what others put there.
+    pub perhaps: Vec<String>,
+}
+
+/// Whether a name is of a pattern, in which one `*` may stand for any letters.
+fn is_like(pattern: &str, name: &str) -> bool {
+    match pattern.split_once('*') {
+        Some((before, after)) => {
+            name.len() >= before.len() + after.len() && name.starts_with(before) && name.ends_with(after)
+        }
+        None => name == pattern,
+    }
+}
+
+/// Refuses files of a folder that could not be written at the end, by names that a command knows once it has read its input.
+///
+/// Errors: the first such file, with what to do.
+pub(crate) fn are_free(folder: &Path, names: impl IntoIterator<Item = String>) -> Result<(), BuildError> {
+    let Some(rule) = rule(folder, true) else { return Ok(()) };
+    names.into_iter().try_for_each(|name| rule.may_write(&name))
 }
 
 /// Removes a result of an earlier command from a folder of results, where it is there: it would be read as of this one.
@@ -235,15 +265,28 @@ mod tests {
         ["a.json", "kla/b.csv"].map(|n| (n.to_owned(), format!("{n} {text}").into_bytes())).to_vec()
     }
 
-    /// One command: into a folder, or into the file a.json of it.
-    fn command(out: &Path, is_folder: bool, text: &str, force: bool) -> Result<(), BuildError> {
-        let place = if is_folder { out.to_path_buf() } else { out.join("a.json") };
-        let rule = Rule::of(&place, is_folder, force);
-        rule.unedited()?;
-        Rule::holds(Some(rule), || match is_folder {
+    /// What such a command leaves in a folder.
+    fn leaves() -> Leaves {
+        Leaves { sure: ["a.json", "kla/b.csv"].map(String::from).to_vec(), perhaps: vec!["kla/c-*.csv".into()] }
+    }
+
+    fn place(out: &Path, is_folder: bool) -> PathBuf {
+        if is_folder { out.to_path_buf() } else { out.join("a.json") }
+    }
+
+    /// The end of one command: into a folder, or into the file a.json of it.
+    fn written(out: &Path, is_folder: bool, text: &str, force: bool) -> Result<(), BuildError> {
+        let place = place(out, is_folder);
+        Rule::holds(Some(Rule::of(&place, is_folder, force)), || match is_folder {
             true => store::write_all(&place, &files(text)),
             false => store::write(&place, &files(text)[0].1),
         })
+    }
+
+    /// One command, with the look before its work.
+    fn command(out: &Path, is_folder: bool, text: &str, force: bool) -> Result<(), BuildError> {
+        Rule::of(&place(out, is_folder), is_folder, force).is_free(&leaves())?;
+        written(out, is_folder, text, force)
     }
 
     #[test]
@@ -255,9 +298,10 @@ mod tests {
                 command(folder.path(), is_folder, text, false).unwrap();
                 assert_eq!(read(&folder.path().join("a.json")).unwrap(), files(text)[0].1);
             }
-            // the same bytes by another hand are no loss
+            // the same bytes by another hand are no loss, which is known once there are new ones
             fs::remove_dir_all(folder.path().join(KEPT)).unwrap();
-            command(folder.path(), is_folder, "one", false).unwrap();
+            assert!(command(folder.path(), is_folder, "one", false).is_err());
+            written(folder.path(), is_folder, "one", false).unwrap();
             command(folder.path(), is_folder, "two", false).unwrap();
         }
     }
@@ -272,11 +316,14 @@ mod tests {
                     command(folder.path(), is_folder, "one", false).unwrap();
                 }
                 store::write(&path, b"by hand").unwrap();
-                let error = command(folder.path(), is_folder, "two", false).unwrap_err();
-                let (told, advice) = (error.to_string(), crate::output::advice(&error));
-                assert!(told.contains(&path.display().to_string()) && told.contains("--force"), "{told}");
-                assert!(advice.contains("--force") && error.exit_status() == 1, "{advice}");
-                assert_eq!(read(&path).unwrap(), b"by hand");
+                // before the work, and again when its results are to be written
+                let looked = Rule::of(&place(folder.path(), is_folder), is_folder, false).is_free(&leaves());
+                for error in [looked.unwrap_err(), written(folder.path(), is_folder, "two", false).unwrap_err()] {
+                    let (told, advice) = (error.to_string(), crate::output::advice(&error));
+                    assert!(told.contains(&path.display().to_string()) && told.contains("--force"), "{told}");
+                    assert!(advice.contains("--force") && error.exit_status() == 1, "{advice}");
+                    assert_eq!(read(&path).unwrap(), b"by hand");
+                }
                 // nothing else was begun
                 let other = folder.path().join(if edited == "a.json" { "kla/b.csv" } else { "a.json" });
                 assert!(!store::exists(&other) || read(&other).unwrap().ends_with(b"one"), "{edited}");
@@ -291,8 +338,8 @@ mod tests {
         for is_folder in [true, false] {
             let folder = tempfile::tempdir().unwrap();
             command(folder.path(), is_folder, "one", false).unwrap();
-            let place = if is_folder { folder.path().to_path_buf() } else { folder.path().join("a.json") };
-            let looked = || Rule::of(&place, is_folder, false).unedited();
+            let place = place(folder.path(), is_folder);
+            let looked = || Rule::of(&place, is_folder, false).is_free(&leaves());
             looked().unwrap();
             // stopped before, and behind, the file itself
             let file = Own { base: folder.path().to_path_buf(), name: "a.json".into() };
@@ -303,8 +350,38 @@ mod tests {
             looked().unwrap();
             store::write(&file.path(), b"by hand").unwrap();
             assert!(looked().is_err());
-            Rule::of(&place, is_folder, true).unedited().unwrap();
+            Rule::of(&place, is_folder, true).is_free(&leaves()).unwrap();
         }
+    }
+
+    #[test]
+    fn a_folder_stops_a_command_by_what_it_would_write_alone() {
+        let names = ["a.json", "kla/b.csv", "kla/c-1.csv", "kla/d.csv", "c-1.csv"];
+        for (name, is_known) in names.into_iter().flat_map(|name| [(name, true), (name, false)]) {
+            let folder = tempfile::tempdir().unwrap();
+            if is_known {
+                let all = names.map(|n| (n.to_owned(), b"of a command".to_vec()));
+                let rule = Rule::of(folder.path(), true, false);
+                Rule::holds(Some(rule), || store::write_all(folder.path(), &all)).unwrap();
+            }
+            store::write(&folder.path().join(name), b"by hand").unwrap();
+            let would = leaves().sure.iter().any(|n| n == name) || (is_known && name == "kla/c-1.csv");
+            let looked = Rule::of(folder.path(), true, false).is_free(&leaves());
+            assert_eq!(looked.is_err(), would, "{name}, known: {is_known}");
+            let asked = |name: &str| {
+                Rule::holds(Some(Rule::of(folder.path(), true, false)), || are_free(folder.path(), [name.to_owned()]))
+            };
+            assert!(asked(name).is_err() && asked("none.csv").is_ok(), "{name}");
+            assert!(are_free(folder.path(), [name.to_owned()]).is_ok(), "no rule holds");
+        }
+    }
+
+    #[test]
+    fn a_pattern_is_of_names_with_both_of_its_ends() {
+        let told = ["c/*-1.toml", "a.csv"]
+            .map(|p| ["c/x-1.toml", "c/-1.toml", "c/x-2.toml", "x-1.toml", "a.csv"].map(|n| is_like(p, n)));
+        assert_eq!(told, [[true, true, false, false, false], [false, false, false, false, true]]);
+        assert!(!is_like("ab*ba", "aba"), "the ends must not share a letter");
     }
 
     #[test]
