@@ -290,7 +290,8 @@ fn side(shown: Option<SideEvidence>, given: Side) -> Item {
             State::Look,
             ingest::NO_FIBULA,
             "the side cannot be checked; LCL and PFL are left out where their sites are missing",
-        );
+        )
+        .telling(vec![ingest::no_fibula()]);
     };
     let agrees = s.side == given;
     Item::new(

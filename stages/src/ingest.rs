@@ -148,6 +148,11 @@ fn hold(
 /// What is said where nothing tells left from right.
 pub const NO_FIBULA: &str = "no fibular shaft was found: nothing shows whether the side in specimen.toml is right";
 
+/// The notice of it.
+pub fn no_fibula() -> Notice {
+    Kind::NoFibula.notice(NO_FIBULA)
+}
+
 /// Holds given frames and bodies that are carried along against the bones.
 fn hold_bodies(
     file: &SpecimenFile,
@@ -159,7 +164,7 @@ fn hold_bodies(
     if let Some(axes) = bodies::axes(&sources.ct.femur, &sources.ct.tibfib, side) {
         bodies::grown_together(&sources.ct.femur, &axes, "the femur", warnings);
         if axes.fibula.is_none() {
-            warnings.push(Kind::NoFibula.notice(NO_FIBULA));
+            warnings.push(no_fibula());
         }
     }
     if let (Some(given), Some(table), Some(bones)) = (given, &file.frames, held::Bones::of(&sources.ct)) {

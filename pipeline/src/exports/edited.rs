@@ -229,7 +229,7 @@ mod tests {
                 export(out, of_model("A", &[&main, &first, &second]), false).unwrap();
                 store::write(&out.join(&second), b"by hand").unwrap();
                 let earlier = export(out, of_model(model, &[&main]), false).unwrap();
-                assert_eq!(earlier.gone, [first.clone()]);
+                assert_eq!(earlier.gone, std::slice::from_ref(&first));
                 assert!(earlier.line().contains(&first));
                 assert!(!store::exists(&out.join(&first)) && store::exists(&out.join(&main)));
                 assert_eq!(store::read(&out.join(&second)).unwrap(), b"by hand");
