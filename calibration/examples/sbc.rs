@@ -6,6 +6,7 @@
 //! Readings scatter as the likelihood says, with scales of the noise from their prior.
 //! `--wide`: numbers of the truths are that many times as wide. `--shipped`: readings count as in a build (tempered), else as their scatter says.
 //! `--spacing`: contact nodes nearer than this are merged, in truth and analysis alike: coarser is quicker.
+//! Of each knee it tells the shape of the tail of the samples' importance weights, and how many samples they are worth [vehtari2024].
 //! `--truth`: the truth's mechanics are another model's. `--lean`, `--form`: its plateaus lean about the AP axis, and undulate over 20 mm.
 #![expect(clippy::disallowed_methods, reason = "reads and prints")]
 #![allow(clippy::print_stdout, clippy::unwrap_used, reason = "an example")]
@@ -19,6 +20,7 @@ use calibration::options::CalibrateOptions;
 use inference::knee::Answers;
 use inference::posterior::{Forward, PosteriorOptions, infer};
 use inference::random::{normals, stream, uniform};
+use inference::weights::Weighed;
 use nalgebra::DVector;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
@@ -105,13 +107,13 @@ fn place(truth: f64, samples: &[f64], random: &mut rand_chacha::ChaCha8Rng) -> f
     (below + uniform(random) * (equal + 1.0)) / (samples.len() as f64 + 1.0)
 }
 
-/// A made knee calibrated: places of what is judged, and how many samples there were.
+/// A made knee calibrated: places of what is judged, how many samples there were, and what their weights say.
 fn places(
     (analysis, truth): (&Posed, &Posed),
     z: &DVector<f64>,
     (arguments, number): (&Arguments, u64),
     options: &CalibrateOptions,
-) -> Option<(Vec<f64>, usize)> {
+) -> Option<(Vec<f64>, usize, Option<Weighed>)> {
     let made = truth.trials(None);
     let point = made.at(z, None)?;
     let mut likelihood = analysis.likelihood();
@@ -131,7 +133,9 @@ fn places(
     let samples: Vec<Vec<f64>> = found.samples.iter().map(|s| judged.values(&s.z, &s.state)).collect();
     let mut ties = stream(arguments.seed, STREAMS[1] + number);
     let column = |k: usize| samples.iter().map(|s| s[k]).collect::<Vec<f64>>();
-    Some((of.iter().enumerate().map(|(k, t)| place(*t, &column(k), &mut ties)).collect(), samples.len()))
+    let weights: Vec<f64> = found.samples.iter().filter_map(|s| s.log_weight).collect();
+    let places = of.iter().enumerate().map(|(k, t)| place(*t, &column(k), &mut ties)).collect();
+    Some((places, samples.len(), Weighed::of(&weights)))
 }
 
 fn tell(names: &[String], all: &[Vec<f64>]) {
@@ -191,10 +195,16 @@ fn main() {
     let mut all = Vec::new();
     for (number, z) in truths.iter().take(arguments.knees).enumerate() {
         match places((&analysis, &truth), z, (&arguments, number as u64), &options) {
-            Some((places, samples)) => {
+            Some((places, samples, weighed)) => {
                 let told: Vec<String> = places.iter().map(|p| format!("{p:.2}")).collect();
+                let worth = weighed.map_or_else(String::new, |w| {
+                    format!(
+                        " (k-hat {:.2} of {:.2}, worth {:.1}, spread {:.1})",
+                        w.k_hat, w.limit, w.effective_samples, w.spread
+                    )
+                });
                 println!(
-                    "knee {number}: {samples} samples, {:.0} s: {}",
+                    "knee {number}: {samples} samples{worth}, {:.0} s: {}",
                     begun.elapsed().as_secs_f64(),
                     told.join(" ")
                 );

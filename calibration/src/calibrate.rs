@@ -10,6 +10,7 @@ use crate::posterior::{self, ForceEstimate, NoiseEstimate, OtherEstimate, Parame
 use crate::problem::{Probes, Problem};
 use crate::recipe::Recipe;
 use crate::targets::row;
+use inference::weights::Weighed;
 use notices::Notice;
 use serde::{Deserialize, Serialize};
 use sim::coordinate::Free;
@@ -101,6 +102,9 @@ pub struct Calibrated {
     /// The same samples with every unknown; empty where a recipe was followed.
     #[serde(default)]
     pub unknowns: crate::unknown::Unknowns,
+    /// What the importance weights of the samples say of them; `None` where a recipe was followed, and of too few samples.
+    #[serde(default)]
+    pub weighed: Option<Weighed>,
     /// Evaluations spent.
     pub evaluations: usize,
     /// What the method lowers, in order: the cost of every evaluation, or half the sum of squares that each start left.
@@ -272,6 +276,7 @@ fn finish(checkpoint: &Checkpoint, problem: &Problem, probes: &Probes) -> Result
         rivals: found.rivals.iter().map(|(c, p)| (*c, design.at(p))).collect(),
         samples: found.samples.iter().map(|p| design.at(p)).collect(),
         unknowns: Default::default(),
+        weighed: None,
         evaluations: history.len(),
         history,
         warnings: found.warnings,

@@ -23,6 +23,7 @@ use inference::parameter::Parameter;
 use inference::posterior::{Found, Sample, infer};
 use inference::temper::{Asks, temper};
 use inference::trial::{Trial, of_data_sets};
+use inference::weights::Weighed;
 use nalgebra::{DMatrix, DVector};
 use notices::{Kind, Notice};
 use rayon::prelude::*;
@@ -370,6 +371,7 @@ fn told(
         rivals: found.modes.iter().map(|m| (-m.log_evidence, at(trials, &m.z, n_ligaments))).collect(),
         samples: samples.iter().map(|s| at(trials, &s.z, n_ligaments)).collect(),
         unknowns: with_before(unknowns(trials, &found, options), trials, &unmeasured),
+        weighed: Weighed::of(&samples.iter().filter_map(|s| s.log_weight).collect::<Vec<_>>()),
         evaluations: found.evaluations,
         history: found.starts.clone(),
         warnings,

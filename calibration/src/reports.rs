@@ -220,8 +220,14 @@ fn points(found: &Calibrated, starts: bool) -> String {
 pub struct CalibrationMetrics {
     /// Cost of the calibrated model.
     pub cost: f64,
+    /// How many samples of equal weight the samples are worth by their importance weights [-]; `None` of a recipe and of too few.
+    #[serde(default)]
+    pub effective_samples: Option<f64>,
     /// Evaluations of the model.
     pub evaluations: usize,
+    /// Shape of the tail of these weights [-] [vehtari2024]; `None` where one sample outweighs all.
+    #[serde(default)]
+    pub k_hat: Option<f64>,
     /// Lowest cost that was met.
     pub lowest_cost: f64,
     /// The method.
@@ -247,7 +253,9 @@ pub fn metrics(outcome: &Outcome) -> CalibrationMetrics {
     let by_column = |v: Free<Option<f64>>| v.each().filter_map(|(c, x)| Some((c.column(), (*x)?))).collect();
     CalibrationMetrics {
         cost: found.cost,
+        effective_samples: found.weighed.map(|w| w.effective_samples),
         evaluations: found.evaluations,
+        k_hat: found.weighed.map(|w| w.k_hat).filter(|k| k.is_finite()),
         lowest_cost: found.lowest_cost.0,
         method: found.method,
         noise_scale: by_column(found.noise_scale.map(Some)),

@@ -41,6 +41,7 @@ pub mod random;
 pub mod shift;
 pub mod temper;
 pub mod trial;
+pub mod weights;
 pub mod whitening;
 
 pub use error::InferenceError;

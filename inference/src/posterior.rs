@@ -10,6 +10,7 @@ use crate::linear::{Linear, Shift};
 use crate::noise::Likelihood;
 use crate::random::{normals, stream};
 use crate::shift::drawn;
+use crate::weights::log_weight;
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -138,6 +139,8 @@ pub struct Sample<S> {
     pub mode: usize,
     /// Half the squared residuals there [-].
     pub half_sum: f64,
+    /// Logarithm of its weight, up to what all samples share [-]: 0 in a linear model ([`crate::weights`]).
+    pub log_weight: Option<f64>,
 }
 
 /// What was found.
@@ -215,7 +218,7 @@ pub fn infer<F: Forward>(
         }
     }
     let modes = modes(likelihood, fits);
-    let line = |m: &Mode<F::State>| forward.at(&m.z, Some((&m.z, &m.state))).map(|p| linear(&p, &m.z));
+    let line = |m: &Mode<F::State>| forward.at(&m.z, Some((&m.z, &m.state))).map(|p| linear(p, &m.z).0);
     let lines: Vec<Option<Linear>> = modes.par_iter().map(line).collect();
     let drawn = likelihood.measured.len() + lines.iter().flatten().map(|l| l.belief.len()).max().unwrap_or(0);
     let far = limit(&modes[0], drawn);
@@ -242,36 +245,39 @@ fn infer_noise<F: Forward>(
     if let Some(shared) = forward.scatter(&point.state) {
         likelihood.share(shared);
     }
-    likelihood.infer_scales(&linear(&point, &best.z), scale_noise)
+    likelihood.infer_scales(&linear(point, &best.z).0, scale_noise)
 }
 
-fn linear<S>(point: &Point<S>, z: &DVector<f64>) -> Linear {
+/// A point as the linear model of all that is known about it, and what it left.
+fn linear<S>(point: Point<S>, z: &DVector<f64>) -> (Linear, S) {
     // a model without beliefs need not say of how many numbers they are
     let no_beliefs = point.belief.is_empty();
-    Linear {
-        reading: point.reading.clone(),
-        jacobian: point.jacobian.clone(),
-        belief: point.belief.clone(),
-        belief_jacobian: if no_beliefs { DMatrix::zeros(0, z.len()) } else { point.belief_jacobian.clone() },
-        one_side: point.one_side.clone(),
+    let linear = Linear {
+        reading: point.reading,
+        jacobian: point.jacobian,
+        belief: point.belief,
+        belief_jacobian: if no_beliefs { DMatrix::zeros(0, z.len()) } else { point.belief_jacobian },
+        one_side: point.one_side,
         z: z.clone(),
-    }
+    };
+    (linear, point.state)
 }
 
-/// A fit from a start, near a state where there is one.
+/// A fit from a start, near a state where there is one; it leaves the linear model of where it ended, too.
 fn fit<F: Forward>(
     forward: &F,
     likelihood: &Likelihood,
     (start, close, near): (&DVector<f64>, &DVector<f64>, Option<&F::State>),
     shift: &Shift,
     stop: Stop,
-) -> Option<Least<F::State>> {
-    let evaluate = |z: &DVector<f64>, last: Option<(&DVector<f64>, &F::State)>| {
-        let from = last.or(near.map(|s| (close, s)));
+) -> Option<Least<(F::State, Linear)>> {
+    let evaluate = |z: &DVector<f64>, last: Option<(&DVector<f64>, &(F::State, Linear))>| {
+        let from = last.map(|(z, (state, _))| (z, state)).or(near.map(|s| (close, s)));
         // far from what is close by there may be an answer all the same
         let point = forward.at(z, from).or_else(|| if last.is_none() { forward.at(z, None) } else { None })?;
-        let form = likelihood.form(&linear(&point, z), shift);
-        form.value.is_finite().then_some((form, point.state))
+        let (at, state) = linear(point, z);
+        let form = likelihood.form(&at, shift);
+        form.value.is_finite().then_some((form, (state, at)))
     };
     descend(start.clone(), &[], evaluate, stop)
 }
@@ -285,7 +291,7 @@ fn told_fit<F: Forward>(
 ) -> Option<Least<F::State>> {
     let found = fit(forward, likelihood, from, &Shift::none(forward.size()), stop);
     forward.fitted();
-    found
+    found.map(|f| Least { z: f.z, form: f.form, state: f.state.0, evaluations: f.evaluations, converged: f.converged })
 }
 
 /// Modes of fits, the most probable first, each once.
@@ -360,7 +366,12 @@ fn samples<F: Forward>(
             spent += again.as_ref().map_or(0, |f| f.evaluations);
             let found = [first, again].into_iter().flatten().min_by(|a, b| a.form.value.total_cmp(&b.form.value));
             forward.fitted();
-            (found.map(|f| Sample { z: f.z, state: f.state, mode, half_sum: f.form.value }), spent)
+            let sample = found.map(|f| {
+                let (state, at) = f.state;
+                let log_weight = lines[mode].as_ref().and_then(|m| log_weight(&own, (&at, m), &shift));
+                Sample { z: f.z, state, mode, half_sum: f.form.value, log_weight }
+            });
+            (sample, spent)
         })
         .collect();
     let spent = drawn.iter().map(|d| d.1).sum();
@@ -371,3 +382,5 @@ fn samples<F: Forward>(
 mod simulated;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod weighed;

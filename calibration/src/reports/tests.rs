@@ -40,6 +40,7 @@ fn calibrated(method: Method, forces: Vec<ForceEstimate>, samples: usize) -> Cal
         rivals: vec![],
         samples: vec![vec![]; samples],
         unknowns: Unknowns { interval, ..Unknowns::default() },
+        weighed: None,
         evaluations: 1,
         history: vec![],
         mode: BTreeMap::new(),

@@ -2,7 +2,7 @@ use super::*;
 use crate::random::normal;
 
 /// Readings that are linear in the numbers, by a matrix, with a slight curve.
-struct Toy {
+pub(super) struct Toy {
     jacobian: DMatrix<f64>,
     curve: f64,
 }
@@ -23,12 +23,12 @@ impl Forward for Toy {
 }
 
 /// A toy of `rows` readings of `n` numbers; the last number is not touched.
-fn toy(rows: usize, n: usize, curve: f64, seed: u64) -> Toy {
+pub(super) fn toy(rows: usize, n: usize, curve: f64, seed: u64) -> Toy {
     let mut random = stream(seed, 7);
     Toy { jacobian: DMatrix::from_fn(rows, n, |_, k| if k + 1 == n { 0.0 } else { normal(&mut random) }), curve }
 }
 
-fn likelihood(toy: &Toy, truth: &DVector<f64>, sd: f64, seed: u64) -> Likelihood {
+pub(super) fn likelihood(toy: &Toy, truth: &DVector<f64>, sd: f64, seed: u64) -> Likelihood {
     let mut random = stream(seed, 8);
     let reading = toy.at(truth, None).unwrap().reading;
     let rows = reading.len();
