@@ -6,11 +6,12 @@ use meshes::query::SurfaceQuery;
 use meshes::{Point, Vector};
 use nalgebra::{Matrix3, SymmetricEigen};
 
-/// Which way a ligament's fibres are counted on a bone: medial, anterior and superior components.
+/// Which ways a ligament's fibres are counted on a bone: the first that the axis of its site does not lie across decides.
 ///
 /// Femoral ACL: AM proximal, PL distal; tibial: AM anterior [harner1999]. PCL: AL distal and anterior on the femur, anterior, lateral
-/// and superior on the tibia [amis2006]. Capsule from medial to lateral; all others from anterior to posterior.
-pub fn counting_direction(ligament: &str, bone: Bone, frame: &AnatomicalFrame) -> Vector {
+/// and superior on the tibia [amis2006]. Capsule from medial to lateral; all others from anterior to posterior. After that come superior, medial
+/// and anterior, ours: no axis lies across all three, and they turn with the side, so that the order does not depend on it.
+pub fn counting_directions(ligament: &str, bone: Bone, frame: &AnatomicalFrame) -> [Vector; 4] {
     let [m, a, s] = match (ligament, bone) {
         ("ACL", Bone::Femur) => [0.0, 0.2, 1.0],
         ("PCL", Bone::Femur) => [0.0, 0.8, -0.6],
@@ -18,35 +19,35 @@ pub fn counting_direction(ligament: &str, bone: Bone, frame: &AnatomicalFrame) -
         ("PCAP_M" | "PCAP_L", _) => [1.0, 0.0, 0.0],
         _ => [0.0, 1.0, 0.0],
     };
-    (m * frame.medial + a * frame.anterior + s * frame.superior).normalize()
+    let wished = (m * frame.medial + a * frame.anterior + s * frame.superior).normalize();
+    [wished, frame.superior, frame.medial, frame.anterior]
 }
 
-/// Cosine below which a region's major axis has no clear sense of counting [-].
+/// Cosine below which a region's major axis lies across a way of counting [-].
 const UNCLEAR: f64 = 0.3;
 /// A line this long stands for a site that is known as a point only [mm].
 const POINT_SPAN: f64 = 6.0;
 
 /// `count` points on `bone`, equidistant along the major axis of the site's region over the share `span` of its length, counted along
-/// `direction`; and whether that sense is clear.
+/// the first of `directions` that the axis does not lie across; and whether that is the very first.
 ///
 /// Source: [andreassen2025, sec. 2.4.4], where the axis is drawn by eye; ours is the first principal axis.
-pub fn ends(site: &Site, bone: &SurfaceQuery, count: usize, direction: &Vector, span: f64) -> (Vec<Point>, bool) {
+pub fn ends(site: &Site, bone: &SurfaceQuery, count: usize, directions: &[Vector; 4], span: f64) -> (Vec<Point>, bool) {
     let normal = bone.smooth_normal(&bone.nearest(&site.centroid));
-    let (mut axis, reach) = major_axis(site, direction, &normal);
-    let cosine = axis.dot(direction);
-    if cosine < 0.0 {
-        axis = -axis;
-    }
-    let (low, high) = if cosine < 0.0 { (-reach.1, -reach.0) } else { reach };
+    let wished = &directions[0];
+    let (axis, reach) = major_axis(site, wished, &normal);
+    let is_clear = |direction: &Vector| axis.dot(direction).abs() >= UNCLEAR;
+    let counted = directions.iter().find(|d| is_clear(d)).unwrap_or(wished);
+    let (along, (low, high)) = if axis.dot(counted) < 0.0 { (-axis, (-reach.1, -reach.0)) } else { (axis, reach) };
     let (middle, half) = (f64::midpoint(low, high), span * (high - low) / 2.0);
     let points = (0..count)
         .map(|i| {
             let t = if count > 1 { 1.0 - 2.0 * i as f64 / (count - 1) as f64 } else { 0.0 };
-            let flat = site.centroid + axis * (middle + t * half);
+            let flat = site.centroid + along * (middle + t * half);
             onto(&flat, &normal, bone)
         })
         .collect();
-    (points, cosine.abs() >= UNCLEAR)
+    (points, is_clear(wished))
 }
 
 /// Unit major axis and how far the region reaches along it from the centroid [mm].
@@ -105,9 +106,12 @@ mod tests {
     use crate::site::Source;
     use meshes::shapes::icosphere;
 
-    fn oval(bone: &SurfaceQuery) -> Site {
+    /// A region of 8 by 4 mm on the top of a ball, its long axis turned from x by `turn` [rad].
+    fn oval(bone: &SurfaceQuery, turn: f64) -> Site {
+        let turned =
+            |x: f64, y: f64| Point::new(x * turn.cos() - y * turn.sin(), x * turn.sin() + y * turn.cos(), 40.0);
         let region: Vec<Point> = (-4..=4)
-            .flat_map(|i| (-2..=2).map(move |j| Point::new(f64::from(i), f64::from(j), 40.0)))
+            .flat_map(|i| (-2..=2).map(move |j| turned(f64::from(i), f64::from(j))))
             .map(|p| bone.nearest(&p).point)
             .collect();
         let centroid = bone.nearest(&Point::new(0.0, 0.0, 40.0)).point;
@@ -122,19 +126,37 @@ mod tests {
         }
     }
 
+    /// A direction, then superior, medial and anterior along z, x and y.
+    fn from(wished: Vector) -> [Vector; 4] {
+        [wished, Vector::z(), Vector::x(), Vector::y()]
+    }
+
     #[test]
     fn ends_are_equidistant_spanning_counted_and_on_the_bone() {
         let bone = SurfaceQuery::new(&icosphere(40.0, 5)).unwrap();
-        let (points, clear) = ends(&oval(&bone), &bone, 3, &Vector::x(), 1.0);
+        let site = oval(&bone, 0.0);
+        let (points, clear) = ends(&site, &bone, 3, &from(Vector::x()), 1.0);
         assert!(clear);
         assert!(
             (points[0].x - 4.0).abs() < 0.1 && points[1].x.abs() < 0.1 && (points[2].x + 4.0).abs() < 0.1,
             "{points:?}"
         );
         assert!(points.iter().all(|p| bone.nearest(p).distance < 1e-9));
-        let (turned, _) = ends(&oval(&bone), &bone, 3, &-Vector::x(), 1.0);
+        let (turned, _) = ends(&site, &bone, 3, &from(-Vector::x()), 1.0);
         assert!((turned[0] - points[2]).norm() < 1e-9);
-        assert!(!ends(&oval(&bone), &bone, 2, &Vector::y(), 1.0).1);
+        assert!(!ends(&site, &bone, 2, &from(Vector::y()), 1.0).1);
+    }
+
+    #[test]
+    fn an_axis_across_the_way_of_counting_has_one_order_however_it_tilts() {
+        let bone = SurfaceQuery::new(&icosphere(40.0, 5)).unwrap();
+        for medial in [Vector::x(), -Vector::x()] {
+            for turn in [-0.2, -0.05, 0.0, 0.05, 0.2] {
+                let directions = [Vector::y(), Vector::z(), medial, Vector::y()];
+                let (points, clear) = ends(&oval(&bone, turn), &bone, 2, &directions, 1.0);
+                assert!(!clear && (points[0] - points[1]).dot(&medial) > 6.0, "{turn}: {points:?}");
+            }
+        }
     }
 
     #[test]

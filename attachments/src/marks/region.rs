@@ -192,10 +192,20 @@ fn clipped(surface: &Inked, normals: &[Vector], depth: &BTreeMap<u32, f64>, leve
                 polygon.push(p + (q - p) * ((level - d) / (e - d)));
             }
         }
-        let normal = smooth_normal(mesh, normals, &near, &polygon[0]);
-        pieces.extend(polygon.windows(2).skip(1).map(|pair| Piece { corners: [polygon[0], pair[0], pair[1]], normal }));
+        let middle = Point::from(polygon.iter().map(|p| p.coords).sum::<Vector>() / polygon.len() as f64);
+        let normal = smooth_normal(mesh, normals, &near, &middle);
+        pieces.extend(parted(&polygon).into_iter().map(|corners| Piece { corners, normal }));
     }
     pieces
+}
+
+/// The triangles of a polygon of three or four corners: four are parted along the shorter diagonal. So they are the same wherever it begins and
+/// whichever way it goes round: the mirror image of a scan has the mirrored region.
+fn parted(polygon: &[Point]) -> Vec<[Point; 3]> {
+    match *polygon {
+        [a, b, c, d] if (d - b).norm_squared() < (c - a).norm_squared() => vec![[a, b, d], [b, c, d]],
+        _ => polygon.windows(2).skip(1).map(|pair| [polygon[0], pair[0], pair[1]]).collect(),
+    }
 }
 
 fn smooth_normal(mesh: &TriMesh, normals: &[Vector], near: &[u32], p: &Point) -> Vector {
@@ -204,4 +214,33 @@ fn smooth_normal(mesh: &TriMesh, normals: &[Vector], near: &[u32], p: &Point) ->
         .filter(|&&v| (mesh.vertices[v as usize] - p).norm_squared() < NORMAL_RADIUS * NORMAL_RADIUS)
         .fold(Vector::zeros(), |s, &v| s + normals[v as usize]);
     sum.try_normalize(0.0).unwrap_or_else(Vector::zeros)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_polygon_is_parted_alike_wherever_it_begins_and_whichever_way_it_goes() {
+        let corners = [[0.0, 0.0], [3.0, 0.2], [2.5, 1.0], [-0.5, 1.3]].map(|[x, y]| Point::new(x, y, 0.0));
+        let middles = |polygon: &[Point]| {
+            let mut all: Vec<[f64; 2]> =
+                parted(polygon).iter().map(|c| [0, 1].map(|k| c.iter().map(|p| p[k]).sum::<f64>() / 3.0)).collect();
+            all.sort_by(|a, b| a[0].total_cmp(&b[0]));
+            all
+        };
+        let first = middles(&corners);
+        assert_eq!(first.len(), 2);
+        for start in 0..4 {
+            let mut turned = corners;
+            turned.rotate_left(start);
+            for _ in 0..2 {
+                let same = middles(&turned);
+                let off = first.iter().zip(&same).map(|(a, b)| (a[0] - b[0]).hypot(a[1] - b[1])).fold(0.0, f64::max);
+                assert!(off < 1e-12, "{start}: {off}");
+                turned.reverse();
+            }
+        }
+        assert_eq!(parted(&corners[..3]), vec![[corners[0], corners[1], corners[2]]]);
+    }
 }

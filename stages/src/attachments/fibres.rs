@@ -3,7 +3,7 @@
 use super::{AttachmentsOptions, Side};
 use crate::PerBone;
 use attachments::bundle::{BUNDLES, Bundle, LIGAMENTS};
-use attachments::layout::{counting_direction, ends, uncross};
+use attachments::layout::{counting_directions, ends, uncross};
 use attachments::lengths::usual_range_mm;
 use attachments::site::{Bone, Fibre, Site, Source};
 use meshes::{Point, Vector};
@@ -77,7 +77,7 @@ fn laid(
     let (Some(upper), Some(lower)) = (site(Bone::Femur), site(Bone::Tibfib)) else { return Vec::new() };
     let count = bundles.iter().map(|b| b.fibres).sum();
     let along = |side: &Side, site: &Site| {
-        ends(site, side.query, count, &counting_direction(ligament, side.bone, side.frame), options.span)
+        ends(site, side.query, count, &counting_directions(ligament, side.bone, side.frame), options.span)
     };
     let (mut femur, clear_above) = along(&sides.femur, upper);
     let (mut tibia, clear_below) = along(&sides.tibfib, lower);
