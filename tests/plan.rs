@@ -21,6 +21,7 @@ use std::sync::OnceLock;
 use tempfile::TempDir;
 
 mod sites;
+mod sweep;
 
 /// A phantom, assembled: its ligaments are the table's.
 fn knee() -> &'static (TempDir, ModelSpec, Surfaces) {

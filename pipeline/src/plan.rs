@@ -2,6 +2,7 @@
 
 mod chances;
 mod file;
+mod ground;
 mod heat;
 mod html;
 mod knee;
@@ -13,6 +14,7 @@ mod planned;
 mod sampled;
 mod sites;
 mod spelled;
+mod sweep;
 mod table;
 
 use crate::bands;
@@ -34,20 +36,21 @@ pub use knee::Surfaces;
 pub use numbers::Value;
 pub use outcome::{GraftTold, Outcome, SCHEMA, TestTold, outcome};
 use std::path::PathBuf;
+pub use sweep::{BestTold, SCHEMA as SWEEP_SCHEMA, SweepTold};
 
 /// `build-model plan`.
 #[derive(Args, Clone, Debug)]
 pub struct PlanArgs {
     /// model.json, or the folder of a build or specimen: then its joint calibrated model, else that of its one data set, else the assembled one
-    #[arg(required_unless_present = "example")]
+    #[arg(required_unless_present_any = ["example", "sweep_example"])]
     pub model: Option<PathBuf>,
     /// What is cut and what is put in; see --example
-    #[arg(value_name = "graft.toml", required_unless_present = "example")]
+    #[arg(value_name = "graft.toml", required_unless_present_any = ["example", "sweep_example"])]
     pub plan: Option<PathBuf>,
     /// Which model of a build
     #[command(flatten)]
     pub which: WhichModel,
-    /// Folder for plan.json, plan.csv and plan.html
+    /// Folder for plan.json, plan.csv and plan.html; of a sweep for sweep.csv and sweep.html
     #[arg(long, default_value = "plan")]
     pub out: PathBuf,
     /// Samples of the posterior, where the model has any: mean and 90 % interval stand beside every value; 0: the one model alone
@@ -59,18 +62,30 @@ pub struct PlanArgs {
     /// Also map what other femoral sites and tensions of the first graft would do, of the most probable knee: map.csv, and coloured maps in plan.html
     #[arg(long)]
     pub map: bool,
+    /// Ask many plans that differ in the choices of one graft, all combinations of the lists in this file; see --sweep-example
+    #[arg(long, value_name = "sweep.toml", conflicts_with = "map")]
+    pub sweep: Option<PathBuf>,
+    /// Print an example of sweep.toml, with every key, and do nothing else
+    #[arg(long)]
+    pub sweep_example: bool,
     /// Print an example of graft.toml, with every key, and do nothing else
     #[arg(long)]
     pub example: bool,
     /// Threads; the result does not depend on it [default: all]
     #[arg(long, value_parser = clap::value_parser!(u16).range(1..=1024))]
     pub jobs: Option<u16>,
+    /// Print nothing but errors
+    #[arg(short, long)]
+    pub quiet: bool,
 }
 
 /// Plans, and writes what comes of it.
 pub fn plan(args: &PlanArgs) -> Result<Told, BuildError> {
     if args.example {
         return Ok(Told { words: EXAMPLE.to_owned(), ..Told::default() });
+    }
+    if args.sweep_example {
+        return Ok(Told { words: sweep::EXAMPLE.to_owned(), ..Told::default() });
     }
     let (Some(model), Some(path)) = (&args.model, &args.plan) else {
         return Err(BuildError::Usage("a model and a graft.toml were expected; see --help".into()));
@@ -81,10 +96,16 @@ pub fn plan(args: &PlanArgs) -> Result<Told, BuildError> {
     }
     // a fault of the plan is told before a model is read for it
     let file = read(path)?;
+    let sweep =
+        args.sweep.as_deref().map(|place| Ok::<_, BuildError>((sweep::read(place, &file)?, place))).transpose()?;
     let loaded = model_file::load_which(model, &args.which)?;
     let (samples, mut notices) = if args.samples > 0 { bands::of(&loaded)? } else { (None, vec![]) };
     notices.extend(model_file::left_out(&loaded.spec, "plan"));
     let which = samples.as_ref().map(|s| (s, chosen(s, args)));
+    if let Some((sweep, place)) = &sweep {
+        let only = which.as_ref().map(|(s, w)| s.only(w));
+        return sweep::swept(args, (sweep, place), (&file, &loaded), (only, notices));
+    }
     let asked = which.as_ref().map(|(s, w)| (*s, w.as_slice()));
     let name = path.display().to_string();
     let fault = |what: String| BuildError::At { place: Place::of(path), told: format!("{name}: {what}") };

@@ -27,7 +27,7 @@ struct Entry {
     make: fn() -> Value,
 }
 
-const ALL: [Entry; 24] = [
+const ALL: [Entry; 25] = [
     Entry { name: "model", version: "model/1", what: "model.json", make: made::<sim::spec::ModelSpec> },
     Entry {
         name: "diagnosis",
@@ -42,6 +42,7 @@ const ALL: [Entry; 24] = [
         make: made::<calibration::samples::Samples>,
     },
     Entry { name: "plan", version: plan::SCHEMA, what: "plan.json and plan --json", make: made::<plan::Outcome> },
+    Entry { name: "sweep", version: plan::SWEEP_SCHEMA, what: "plan --sweep --json", make: made::<plan::SweepTold> },
     Entry { name: "next-tests", version: next_tests::SCHEMA, what: "next-tests --json", make: made::<NextTestsTold> },
     Entry { name: "log", version: "log/1", what: "a line of log.jsonl", make: made::<Record> },
     Entry { name: "simulate", version: schemas::SIMULATE, what: "simulate --json", make: made::<SimulateTold> },
@@ -84,7 +85,7 @@ fn made<T: JsonSchema>() -> Value {
 }
 
 /// The names of the schemas.
-pub fn names() -> [&'static str; 24] {
+pub fn names() -> [&'static str; 25] {
     ALL.map(|e| e.name)
 }
 

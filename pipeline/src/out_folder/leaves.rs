@@ -76,7 +76,8 @@ pub(super) fn of(verb: &str, matches: &ArgMatches) -> Leaves {
             sure = owned(OF_DIAGNOSIS[usize::from(is_atlas)]);
             perhaps = if is_atlas { vec![] } else { owned(&["components/*.toml"]) };
         }
-        "plan" if is_set(matches, "example") => sure = vec![],
+        "plan" if is_set(matches, "example") || is_set(matches, "sweep_example") => sure = vec![],
+        "plan" if matches.try_contains_id("sweep").unwrap_or(false) => sure = owned(&["sweep.csv", "sweep.html"]),
         "plan" if is_set(matches, "map") => sure.push("map.csv".to_owned()),
         _ => {}
     }
@@ -113,6 +114,9 @@ mod tests {
         let plan = ["plan", "KNEE", "graft.toml"];
         assert!(!has(&plan, "map.csv") && has(&[&plan[..], &["--map"]].concat(), "map.csv"));
         assert_eq!(left(&["plan", "--example"]), Leaves::default());
+        let sweep = [&plan[..], &["--sweep", "sweep.toml"]].concat();
+        assert!(has(&sweep, "sweep.csv") && !has(&sweep, "plan.json") && !has(&plan, "sweep.csv"));
+        assert_eq!(left(&["plan", "--sweep-example"]), Leaves::default());
         let diagnose = ["diagnose", "KNEE", "--measured", "kla=kla.csv", "--out", "d"];
         let atlas = [&diagnose[..], &["--atlas"]].concat();
         assert!(has(&diagnose, "model.json") && !has(&diagnose, "atlas.json"));

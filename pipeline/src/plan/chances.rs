@@ -98,10 +98,23 @@ impl Wanted<'_> {
     }
 }
 
+/// The chance that a knee is like the intact one in a single test, by all limits; none without samples.
+pub(super) fn chance_of(file: &PlanFile, asked: &[Asked], test: usize, numbers: &Numbers) -> Option<f64> {
+    let wanted = Wanted { numbers, tests: vec![test], limits: limits(file).to_vec() };
+    numbers.sampled.as_ref()?;
+    wanted.told(String::new(), asked).chance
+}
+
+/// How far off a knee may be that is like the intact one.
+fn limits(file: &PlanFile) -> [(Coordinate, f64); 3] {
+    let (mm, deg) = (file.tests.restored_mm, file.tests.restored_deg);
+    [(AP, mm), (IE, deg), (VV, deg)]
+}
+
 /// The chances of a plan: of the forward drawer alone, of the pivot shift, and of every test.
 pub(super) fn chances(file: &PlanFile, asked: &[Asked], numbers: &Numbers) -> Vec<ChanceTold> {
     let (mm, deg) = (file.tests.restored_mm, file.tests.restored_deg);
-    let limits = [(AP, mm), (IE, deg), (VV, deg)];
+    let limits = limits(file);
     let chance = |of: String, limits: &[(Coordinate, f64)], is_meant: &dyn Fn(&Asked) -> bool| {
         let tests = (0..asked.len()).filter(|t| is_meant(&asked[*t])).collect();
         Wanted { numbers, tests, limits: limits.to_vec() }.told(of, asked)

@@ -34,7 +34,7 @@ pub(super) fn section(maps: &[Map]) -> String {
 }
 
 /// A map as SVG.
-fn heat(map: &Map, title: &str, digits: usize, value: impl Fn(&Cell) -> Option<f64>) -> String {
+pub(super) fn heat(map: &Map, title: &str, digits: usize, value: impl Fn(&Cell) -> Option<f64>) -> String {
     let [across, up] = [0, 1].map(|k| values(map, k));
     let (width, height) = (FIELD[0] * across.len() as f64, FIELD[1] * up.len() as f64);
     let all: Vec<f64> = map.cells.iter().filter_map(&value).collect();

@@ -1,18 +1,15 @@
-//! A knee with its grafts: put in, fixed, tested intact, deficient and reconstructed.
+//! A knee and what a plan does to it: what is cut, where grafts run, which tests it is put to.
 
 use super::file::{GraftFile, PlanFile, TestsFile};
 use super::sites::{Bone, WALL_PERCENT, bones};
 use meshes::{Point, Vector};
-use sim::SimError;
 use sim::coordinate::{AP, FREE, Free, IE, Load, VV};
 use sim::flags::Flag;
-use sim::graft::{Drawn, FIXED_AT_DEG, Graft, TENSION_N, bundle_name, with_grafts};
+use sim::graft::{Drawn, FIXED_AT_DEG, Graft, TENSION_N, bundle_name};
 use sim::laxity::{LaxityTrial, Test, force_column};
 use sim::ligament::mean_length;
 use sim::mesh::MeshValue;
-use sim::model::{Model, compile};
 use sim::spec::{BundleSpec, ModelSpec};
-use sim::trials::{TrialOptions, solve_trials};
 use std::collections::BTreeMap;
 
 /// The surfaces of a model by name.
@@ -44,18 +41,6 @@ pub(super) struct Asked {
     pub(super) kind: &'static str,
     /// The unloaded test of the same flexion.
     pub(super) rest: Option<usize>,
-}
-
-/// A knee ready to be asked.
-pub(super) struct Knee {
-    /// In the order of [`STATES`].
-    pub(super) models: [Model; 3],
-    /// Slack length of each graft as it was fixed [mm].
-    pub(super) slack_mm: Vec<f64>,
-    /// The grafts as they are put in.
-    pub(super) grafts: Vec<Graft>,
-    /// Bundles that are cut.
-    pub(super) cut: Vec<String>,
 }
 
 /// What one test gave.
@@ -257,46 +242,4 @@ pub(super) fn begun(
         grafts: file.graft.iter().map(one).collect::<Result<_, _>>()?,
         ..live::Asked::default()
     })
-}
-
-impl Knee {
-    /// Cuts, puts in and fixes.
-    ///
-    /// # Errors
-    /// A site that is none, a tension that is out of reach, a knee without equilibrium: a sentence.
-    pub(super) fn new(
-        spec: &ModelSpec,
-        surfaces: &BTreeMap<String, MeshValue>,
-        file: &PlanFile,
-    ) -> Result<(Knee, Vec<Placed>), String> {
-        let told = |e: SimError| e.to_string();
-        let bones = bones(spec, surfaces)?;
-        let placed = file.graft.iter().map(|g| placed(spec, &bones, g)).collect::<Result<Vec<_>, _>>()?;
-        let model = compile(spec, surfaces).map_err(told)?;
-        let names: Vec<String> = (0..file.graft.len()).map(bundle_name).collect();
-        let cut = cut(spec, file)?;
-        let grafts: Vec<Graft> =
-            file.graft.iter().zip(&placed).map(|(g, p)| for_solver(g, p, file.tests.compression_n)).collect();
-        let model = with_grafts(&model, &grafts, &cut, None).map_err(told)?;
-        let [intact, deficient, reconstructed] =
-            [names.clone(), [names, cut.clone()].concat(), cut.clone()].map(|out| model.without(&out).map_err(told));
-        let slack = model.bundles[spec.bundles.len()..].iter().map(|b| b.slack_length()).collect();
-        let knee = Knee { models: [intact?, deficient?, reconstructed?], slack_mm: slack, grafts, cut };
-        Ok((knee, placed))
-    }
-
-    /// Asks every state every test, along the paths of loading.
-    pub(super) fn answers(&self, asked: &[Asked]) -> Answers {
-        let trials: Vec<LaxityTrial> = asked.iter().map(|a| a.trial.clone()).collect();
-        [0, 1, 2].map(|state| {
-            let model = &self.models[state];
-            let bundles = model.bundle_names();
-            let answers = solve_trials(model, &trials, &TrialOptions::default());
-            let found = answers.into_iter().zip(&trials).map(|(answer, trial)| {
-                let result = answer.ok()?.result(trial);
-                Some(Found { pose: result.predicted(), told: result.columns(&bundles), flags: result.flags })
-            });
-            found.collect()
-        })
-    }
 }

@@ -1,11 +1,12 @@
 //! What comes of a plan: every state in every test, with mean and interval by samples, and the chance that the knee is like the intact one.
 
-use super::chances::{ChanceTold, chances};
+use super::chances::{ChanceTold, chance_of, chances};
 use super::file::{GraftFile, PERCENTS, PlanFile};
-use super::knee::{Asked, Found, Knee, Placed, STATES, Surfaces, columns, is_acl, main_coordinate, tests};
+use super::ground::{Before, Ground, Knee};
+use super::knee::{Asked, Found, Placed, STATES, Surfaces, columns, is_acl, main_coordinate};
 use super::numbers::{Numbers, Value};
 use super::sampled::{At, Sampled};
-use super::sites::{ACL_PERCENT, Bone, bones};
+use super::sites::{ACL_PERCENT, Bone};
 use crate::bands::is_pose_or_force;
 use crate::told::ModelTold;
 use calibration::samples::Samples;
@@ -88,6 +89,9 @@ pub struct TestTold {
     pub flags: BTreeMap<String, Vec<String>>,
     /// By how far the reconstructed knee lies from the intact one under the same load.
     pub off: BTreeMap<String, Value>,
+    /// Share of the samples in which the reconstructed knee lies within the limits of AP, IE and VV of the intact one in this test, of those whose
+    /// intact knee stays on the plateau [-]; absent without samples.
+    pub chance: Option<f64>,
 }
 
 /// What comes of a plan for a knee that is known without scatter.
@@ -106,40 +110,65 @@ pub(super) fn outcome_of(
     samples: Option<(&Samples, &[usize])>,
 ) -> Result<Outcome, String> {
     file.check().map_err(|wrong| wrong.told)?;
-    let asked = tests(&file.tests);
-    let (knee, placed) = Knee::new(spec, surfaces, file)?;
-    let mut numbers = Numbers { best: knee.answers(&asked), sampled: None };
-    let bones = bones(spec, surfaces)?;
-    let mut notices = file.odd();
-    let grafts = file.graft.iter().zip(&placed).zip(&knee.slack_mm);
-    let grafts: Vec<GraftTold> = grafts.map(|((g, p), slack)| graft(g, p, *slack, &bones)).collect();
-    notices.extend(file.graft.iter().zip(&placed).filter_map(|(g, p)| laid_on_the_wall(g, p)));
-    let moved = file.graft.iter().zip(&placed).zip(&grafts);
-    notices.extend(moved.flat_map(|((g, p), told)| moved_away(g, p, told)));
+    let ground = Ground::new(spec, surfaces, file)?;
+    let knee = ground.operated(file)?;
     let only = samples.map(|(s, which)| s.only(which));
-    if let Some(only) = &only {
-        match Sampled::of(only, (surfaces, &knee), &asked, &numbers.best) {
-            Ok(sampled) => numbers.sampled = Some(sampled),
-            Err(e) => notices.push(Kind::NoIntervals.notice(format!("no intervals: {e}"))),
-        }
-    }
+    let before = ground.before(surfaces, only);
+    Ok(outcome_on(&ground, &before, (file, &knee)).0)
+}
+
+/// What comes of a plan on a knee of which is known what it does before a graft is in; and of how many samples it says less than of the others.
+pub(super) fn outcome_on(ground: &Ground, before: &Before, (file, knee): (&PlanFile, &Knee)) -> (Outcome, Left) {
+    let (asked, placed) = (&ground.asked, &knee.placed);
+    let mut notices = file.odd();
+    let grafts = file.graft.iter().zip(placed).zip(&knee.slack_mm);
+    let grafts: Vec<GraftTold> = grafts.map(|((g, p), slack)| graft(g, p, *slack, &ground.bones)).collect();
+    notices.extend(file.graft.iter().zip(placed).filter_map(|(g, p)| laid_on_the_wall(g, p)));
+    let moved = file.graft.iter().zip(placed).zip(&grafts);
+    notices.extend(moved.flat_map(|((g, p), told)| moved_away(g, p, told)));
+    let (numbers, fault) = ground.numbers(before, knee);
+    notices.extend(fault.map(|e| Kind::NoIntervals.notice(format!("no intervals: {e}"))));
     notices.extend(not_operated(&numbers));
-    let told: Vec<TestTold> = (0..asked.len()).map(|t| test(file, &asked, t, &numbers)).collect();
+    let told: Vec<TestTold> = (0..asked.len()).map(|t| test(file, asked, t, &numbers)).collect();
     notices.extend(told.iter().flat_map(flagged));
-    Ok(Outcome {
+    let out = Outcome {
         schema: SCHEMA,
         plan: file.name.clone(),
         model: None,
         planned: file.clone(),
-        cut: knee.cut,
+        cut: ground.cut.clone(),
         grafts,
         samples: numbers.sampled.as_ref().map_or(0, Sampled::len),
-        interval: only.as_ref().map_or(0.9, |s| s.of.interval),
+        interval: before.interval,
         tests: told,
-        chances: chances(file, &asked, &numbers),
+        chances: chances(file, asked, &numbers),
         warnings: notices::texts(&notices),
         notices,
-    })
+    };
+    (out, Left::of(&numbers))
+}
+
+/// Samples that say less of the reconstructed knee than the others.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Left {
+    /// That leave the plateau, in the test in which most do.
+    pub(super) leaving: usize,
+    /// That have no equilibrium, in the test in which most have none.
+    pub(super) lost: usize,
+    /// In which no graft could be fixed.
+    pub(super) not_operated: usize,
+}
+
+impl Left {
+    fn of(numbers: &Numbers) -> Left {
+        let Some(sampled) = &numbers.sampled else { return Left::default() };
+        let tests = numbers.best[2].len();
+        Left {
+            leaving: sampled.states[2].bands.leaving.iter().copied().max().unwrap_or(0),
+            lost: (0..tests).map(|t| sampled.lost([2, t])).max().unwrap_or(0),
+            not_operated: sampled.not_operated(),
+        }
+    }
 }
 
 /// What is odd in the rows of a test.
@@ -242,6 +271,7 @@ fn test(file: &PlanFile, asked: &[Asked], t: usize, numbers: &Numbers) -> TestTo
         states: BTreeMap::new(),
         flags: BTreeMap::new(),
         off: BTreeMap::new(),
+        chance: chance_of(file, asked, t, numbers),
     };
     for (state, name) in STATES.into_iter().enumerate() {
         let mut values = BTreeMap::new();

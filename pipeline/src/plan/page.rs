@@ -17,7 +17,7 @@ use validation::plot::{Series, colour, draw, panel};
 const SIZE: (u32, u32) = (640, 320);
 
 /// A figure is as wide as its column, on the screen and on paper.
-const FIGURES: &str = "<style>.paper svg{max-width:100%;height:auto}</style>";
+pub(super) const FIGURES: &str = "<style>.paper svg{max-width:100%;height:auto}</style>";
 
 /// What the page has of the knee that its reader pulls at.
 pub(super) struct Live {
@@ -219,7 +219,7 @@ fn figure((title, axis): (&str, &str), all: &[Series]) -> String {
 }
 
 /// What a reader must know before believing any of it.
-fn limits() -> String {
+pub(super) fn limits() -> String {
     "<h2>What this does not know</h2><ul>\
      <li>It is a model of one knee, no advice. Nobody has held a plan against an operated knee.</li>\
      <li>A graft is a straight line between its two places. It does not heal, creep or slip.</li>\

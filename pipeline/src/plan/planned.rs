@@ -68,7 +68,7 @@ fn fixing(g: &GraftFile, file: &PlanFile) -> String {
 }
 
 /// The tests: what is done, its load, its flexions.
-fn loads(t: &TestsFile) -> Vec<Vec<String>> {
+pub(super) fn loads(t: &TestsFile) -> Vec<Vec<String>> {
     let flexions = list(&t.flexions_deg);
     let [fe, valgus, internal] = t.pivot;
     let row = |test: &str, load: String, flexions: &str| vec![test.to_owned(), load, flexions.to_owned()];

@@ -1,11 +1,13 @@
 //! What the samples of the posterior say of a plan. They are asked as `simulate` asks them, so that both tell the same.
 
-use super::knee::{Answers, Asked, Knee, Surfaces};
+use super::knee::{Found, Surfaces};
 use calibration::changed::{Changed, Fixed};
 use calibration::plateau::Staying;
 use calibration::samples::{Bands, Each, Question, Reached, Samples, band_of};
 use sim::coordinate::Coordinate;
+use sim::graft::Graft;
 use sim::laxity::{Band, LaxityTrial};
+use sim::model::Model;
 
 /// What the samples answer in one state.
 #[derive(Clone, Debug, Default)]
@@ -26,46 +28,75 @@ pub(super) struct Sampled {
 /// Place of an answer: state and test.
 pub(super) type At = [usize; 2];
 
-impl Sampled {
-    /// Asks the samples every test in every state. `best` has the answers of the most probable knee by the final mechanics.
+/// What all plans have in common that cut the same of one knee: the samples, the model that they are asked of, and what they answer before a graft is in.
+pub(super) struct SampledBefore {
+    samples: Samples,
+    searched: Model,
+    /// Intact, deficient.
+    states: [OfState; 2],
+}
+
+impl SampledBefore {
+    /// Asks the samples every test, intact and deficient. `best` has the answers of the most probable knee by the final mechanics.
+    ///
+    /// # Errors
+    /// A model that does not compile; a most probable knee without equilibrium in all tests: a sentence.
+    pub(super) fn of(
+        samples: Samples,
+        surfaces: &Surfaces,
+        (trials, cut): (&[LaxityTrial], &[String]),
+        best: [&[Option<Found>]; 2],
+    ) -> Result<SampledBefore, String> {
+        let searched = samples.searched(surfaces).map_err(|e| e.to_string())?;
+        let unchanged = (&Changed::default(), &Fixed::default());
+        let intact = asked_of(&samples, &searched, (trials, &[]), (unchanged, best[0]))?;
+        let deficient = asked_of(&samples, &searched, (trials, cut), (unchanged, best[1]))?;
+        Ok(SampledBefore { samples, searched, states: [intact, deficient] })
+    }
+
+    /// The same with grafts that are fixed in each sample: all three states. `best` has what the most probable knee answers with them.
     ///
     /// # Errors
     /// A most probable knee that the search's mechanics cannot operate on, or without equilibrium in all tests: a sentence.
-    pub(super) fn of(
-        samples: &Samples,
-        (surfaces, knee): (&Surfaces, &Knee),
-        asked: &[Asked],
-        best: &Answers,
+    pub(super) fn with(
+        &self,
+        grafts: &[Graft],
+        (trials, cut): (&[LaxityTrial], &[String]),
+        best: &[Option<Found>],
     ) -> Result<Sampled, String> {
-        let searched = samples.searched(surfaces).map_err(|e| e.to_string())?;
-        let trials: Vec<LaxityTrial> = asked.iter().map(|a| a.trial.clone()).collect();
-        let (most, unchanged) = (samples.len(), (Changed::default(), Fixed::default()));
-        let state = |k: usize, without: &[String], (changed, fixed): (&Changed, &Fixed)| {
-            let values: Vec<Vec<(String, f64)>> =
-                best[k].iter().map(|f| f.as_ref().map_or(vec![], |f| f.told.clone())).collect();
-            let question = Question {
-                trials: &trials,
-                without,
-                source: None,
-                most,
-                dislocation_ap_mm: None,
-                values: Some(&values),
-            };
-            let told = samples.bands_and_each(&searched, &question, (changed, fixed));
-            told.map(|(bands, each)| OfState { bands, each }).map_err(|e| e.to_string())
-        };
-        let intact = state(0, &[], (&unchanged.0, &unchanged.1))?;
-        let deficient = state(1, &knee.cut, (&unchanged.0, &unchanged.1))?;
-        let reconstructed = if knee.grafts.is_empty() {
+        let [intact, deficient] = self.states.clone();
+        let reconstructed = if grafts.is_empty() {
             deficient.clone()
         } else {
-            let changed = Changed { grafts: knee.grafts.clone(), ..Changed::default() };
-            let fixed = samples.fixed(&searched, (&changed, &knee.cut), most).map_err(|e| e.to_string())?;
-            state(2, &knee.cut, (&changed, &fixed))?
+            let changed = Changed { grafts: grafts.to_vec(), ..Changed::default() };
+            let most = self.samples.len();
+            let fixed = self.samples.fixed(&self.searched, (&changed, cut), most).map_err(|e| e.to_string())?;
+            asked_of(&self.samples, &self.searched, (trials, cut), ((&changed, &fixed), best))?
         };
-        Ok(Sampled { states: [intact, deficient, reconstructed], interval: samples.of.interval })
+        Ok(Sampled { states: [intact, deficient, reconstructed], interval: self.interval() })
     }
 
+    /// Share of the samples between the ends of an interval [-].
+    pub(super) fn interval(&self) -> f64 {
+        self.samples.of.interval
+    }
+}
+
+/// What the samples answer in one state.
+fn asked_of(
+    samples: &Samples,
+    searched: &Model,
+    (trials, without): (&[LaxityTrial], &[String]),
+    (change, best): ((&Changed, &Fixed), &[Option<Found>]),
+) -> Result<OfState, String> {
+    let values: Vec<Vec<(String, f64)>> = best.iter().map(|f| f.as_ref().map_or(vec![], |f| f.told.clone())).collect();
+    let question =
+        Question { trials, without, source: None, most: samples.len(), dislocation_ap_mm: None, values: Some(&values) };
+    let told = samples.bands_and_each(searched, &question, change);
+    told.map(|(bands, each)| OfState { bands, each }).map_err(|e| e.to_string())
+}
+
+impl Sampled {
     /// How many samples there are.
     pub(super) fn len(&self) -> usize {
         self.states[0].each.len()

@@ -8,6 +8,7 @@ use meshes::{Point, Vector};
 use sim::mesh::MeshValue;
 use sim::spec::ModelSpec;
 use std::collections::BTreeMap;
+use std::sync::OnceLock;
 
 /// The notch's roof is looked for so near the midline [mm]; ours: a notch is 15 to 25 mm wide.
 const STRIP_MM: f64 = 4.0;
@@ -38,10 +39,13 @@ pub(super) struct Bone<'a> {
     pub(super) frame: &'a AnatomicalFrame,
     mesh: &'a TriMesh,
     query: SurfaceQuery,
+    /// Found once: a sweep asks for them a thousand times.
+    grid: OnceLock<Result<Quadrant, String>>,
+    plateau: OnceLock<[[f64; 2]; 2]>,
 }
 
 /// The grid of the quadrant method: origin, axes deep to shallow and roof to below, and what 100 % is of each [mm].
-pub(super) struct Quadrant {
+struct Quadrant {
     origin: Point,
     axes: [Vector; 2],
     size: [f64; 2],
@@ -58,7 +62,7 @@ pub(super) fn bones<'a>(
             return Err(format!("the model's bone {} is no surface", body.bone));
         };
         let query = SurfaceQuery::new(mesh).ok_or(format!("the model's bone {} has no triangles", body.bone))?;
-        Ok(Bone { name, frame, mesh, query })
+        Ok(Bone { name, frame, mesh, query, grid: OnceLock::new(), plateau: OnceLock::new() })
     };
     Ok([bone("femur", &spec.frames.femur)?, bone("tibia", &spec.frames.tibia)?])
 }
@@ -148,7 +152,11 @@ impl Bone<'_> {
     ///
     /// The roof of the notch is the line through what looks downwards and backwards in the midline; depth and height are the extents of the lateral
     /// condyle below it, along and across it [bernard1997].
-    pub(super) fn quadrant(&self) -> Result<Quadrant, String> {
+    fn quadrant(&self) -> Result<&Quadrant, String> {
+        self.grid.get_or_init(|| self.measured_quadrant()).as_ref().map_err(Clone::clone)
+    }
+
+    fn measured_quadrant(&self) -> Result<Quadrant, String> {
         let normals = self.mesh.triangle_normals();
         let (mut weight, mut mean, mut spread) = (0.0, [0.0; 2], [0.0; 3]);
         for (t, n) in normals.iter().enumerate() {
@@ -221,6 +229,10 @@ impl Bone<'_> {
 
     /// Ends of the plateau [mm]: back and front, medial and lateral.
     fn edges(&self) -> [[f64; 2]; 2] {
+        *self.plateau.get_or_init(|| self.measured_edges())
+    }
+
+    fn measured_edges(&self) -> [[f64; 2]; 2] {
         let mut ends = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
         for p in &self.mesh.vertices {
             let [a, s, l] = self.placed(p);

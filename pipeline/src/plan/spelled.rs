@@ -5,7 +5,7 @@ use toml::Spanned;
 use toml::de::{DeArray, DeTable, DeValue};
 
 /// What a key may hold.
-enum Kind {
+pub(super) enum Kind {
     Text,
     Texts,
     Number,
@@ -16,14 +16,14 @@ enum Kind {
 }
 
 /// A key: its name, what it may hold, and how that is written.
-struct Key {
-    name: &'static str,
+pub(super) struct Key {
+    pub(super) name: &'static str,
     kind: Kind,
     such: &'static str,
     is_needed: bool,
 }
 
-const fn key(name: &'static str, kind: Kind, such: &'static str) -> Key {
+pub(super) const fn key(name: &'static str, kind: Kind, such: &'static str) -> Key {
     Key { name, kind, such, is_needed: false }
 }
 
@@ -161,8 +161,13 @@ fn judge(path: &str, table: &DeTable, from: usize, keys: &[Key], faults: &mut Ve
 
 /// Refuses a plan with a value of another kind, an unknown key or none where one is needed: the line and the first of its faults.
 pub(super) fn refuse(text: &str, plan: &DeTable) -> Result<(), (Option<usize>, String)> {
+    refuse_by(text, plan, PLAN)
+}
+
+/// The same of a file that has these keys.
+pub(super) fn refuse_by(text: &str, file: &DeTable, keys: &[Key]) -> Result<(), (Option<usize>, String)> {
     let mut faults = Vec::new();
-    judge("", plan, 0, PLAN, &mut faults);
+    judge("", file, 0, keys, &mut faults);
     match faults.into_iter().min_by_key(|f| f.0) {
         Some((at, told)) => Err((Some(line(text, at)), told)),
         None => Ok(()),

@@ -1,0 +1,189 @@
+//! sweep.html: one page to print, with the maps of two choices and the best plans.
+
+use super::file::Sweep;
+use super::row::{Row, ranked};
+use super::{BEST, SweepTold};
+use crate::plan::file::PlanFile;
+use crate::plan::heat::heat;
+use crate::plan::html::{STYLE, table, words};
+use crate::plan::map::{Cell, Map};
+use crate::plan::page::{FIGURES, limits};
+use crate::plan::planned::loads;
+use crate::plan::table::{fixed, shown};
+use crate::report::{escaped, head};
+use std::collections::BTreeMap;
+use std::fmt::Write;
+
+/// What a map shows: its column, words, digits behind the point, and what its numbers are multiplied by.
+const SHOWN: [(&str, &str, usize, f64); 3] = [
+    ("chance", "every loaded test like the intact knee, % of the samples", 0, 100.0),
+    ("anterior_drawer_most_off_mm", "furthest from the intact knee in the anterior drawers, AP, mm", 1, 1.0),
+    ("unloaded_force_n", "most that the graft bears unloaded, N", 0, 1.0),
+];
+
+/// A map has at most so many fields [-]; ours: a sheet of paper has room for their numbers.
+const MOST_FIELDS: usize = 400;
+
+/// The page.
+pub(super) fn page(sweep: &Sweep, base: &PlanFile, rows: &[Row], (told, label): (&SweepTold, &str)) -> String {
+    let title = if base.name.is_empty() { "Many plans" } else { &base.name };
+    let mut text = head(&format!("{title}: many plans")).replace("To the stages", "To the plans");
+    text += FIGURES;
+    text += STYLE;
+    let _ = write!(text, "<header><h1>{}</h1><p>{}</p></header><main id=\"stages\">", escaped(title), escaped(label));
+    text += &summary(told);
+    text += &varied(sweep, base);
+    text += &maps(sweep, base, rows);
+    text += &best(sweep, rows);
+    let _ = write!(
+        text,
+        "<h2>How the knee is tested</h2>{}",
+        table(&words(&["test", "load", "flexion, deg"]), loads(&base.tests).into_iter())
+    );
+    text += &limits();
+    if !told.warnings.is_empty() {
+        let all: String = told.warnings.iter().map(|w| format!("<li>{}</li>", escaped(w))).collect();
+        let _ = write!(text, "<h2>What is odd</h2><ul>{all}</ul>");
+    }
+    text + "</main></body></html>\n"
+}
+
+/// What a reader wants first.
+fn summary(told: &SweepTold) -> String {
+    let samples = match told.samples {
+        0 => "The knee is taken as known: no intervals and no chances.".to_owned(),
+        n => format!("Each was done to {n} knees that fit the measurements."),
+    };
+    let lost = match told.plans - told.done {
+        0 => String::new(),
+        n => format!(" {n} could not be done; sweep.csv says why."),
+    };
+    format!(
+        "<h2>In short</h2><p>{} plans of the graft {}. {samples}{lost} Every number of every plan is in sweep.csv. A row there is what the command \
+         plan tells of that one plan.</p>",
+        told.plans,
+        escaped(&told.graft)
+    )
+}
+
+/// What is varied, and what graft.toml has of it.
+fn varied(sweep: &Sweep, base: &PlanFile) -> String {
+    let own = base.graft.get(sweep.graft);
+    let rows = sweep.varied.iter().map(|(choice, values)| {
+        let list: Vec<String> = values.iter().map(f64::to_string).collect();
+        let planned = own.and_then(|g| choice.of(g)).map_or("none".into(), |x| x.to_string());
+        vec![choice.label.to_owned(), list.join(", "), planned]
+    });
+    format!("<h2>What is varied</h2>{}", table(&words(&["choice", "values", "in the plan"]), rows))
+}
+
+/// Maps over two choices; nothing where only one is varied.
+fn maps(sweep: &Sweep, base: &PlanFile, rows: &[Row]) -> String {
+    let Some(pair) = sweep.map else { return String::new() };
+    let [across, up] = pair.map(|k| &sweep.varied[k]);
+    if across.1.len() * up.1.len() > MOST_FIELDS {
+        return "<h2>Maps</h2><p>There are too many values for a map. sweep.csv has them all.</p>".into();
+    }
+    // the first of the ranked is the best with its two values
+    let mut best: BTreeMap<[u64; 2], &Row> = BTreeMap::new();
+    for row in ranked(rows) {
+        best.entry(pair.map(|k| row.values[k].to_bits())).or_insert(row);
+    }
+    let own = base.graft.get(sweep.graft);
+    let planned = [across, up].map(|(c, _)| own.and_then(|g| c.of(g)).unwrap_or(f64::NAN));
+    let mut text = String::new();
+    for (column, what, digits, times) in SHOWN {
+        let number = |at: [f64; 2]| {
+            let row = best.get(&at.map(f64::to_bits))?;
+            row.number(column).map(|x| [times * x, 0.0])
+        };
+        let places = up.1.iter().flat_map(|y| across.1.iter().map(move |x| [*x, *y]));
+        let cells: Vec<Cell> = places.map(|at| Cell { at, quadrant_percent: None, found: number(at) }).collect();
+        if cells.iter().all(|c| c.found.is_none()) {
+            continue;
+        }
+        let axes = [across.0.label, up.0.label];
+        let graft = own.map_or(String::new(), |g| g.name.clone());
+        let map = Map { of: "sweep", graft, axes, planned, cells };
+        let svg = heat(&map, what, digits, |c| c.found.map(|f| f[0]));
+        let _ = write!(text, "<figure class=\"paper\">{svg}<figcaption>{what}</figcaption></figure>");
+    }
+    format!(
+        "<h2>Maps</h2><p>Where other choices are varied, too, a field tells of the best plan with its two values. The stronger the colour, the more. A framed \
+         field has the values of the plan.</p><div class=\"charts\">{text}</div>"
+    )
+}
+
+/// The best plans.
+fn best(sweep: &Sweep, rows: &[Row]) -> String {
+    let all = ranked(rows);
+    let percent = |r: &Row, column: &str, best: &str| match (r.number(column), r.number(best)) {
+        (Some(p), _) => format!("{} %", fixed(100.0 * p, 0)),
+        (_, Some(x)) => (if x > 0.0 { "yes" } else { "no" }).to_owned(),
+        _ => "none".to_owned(),
+    };
+    let line = |r: &&Row| {
+        let mut cells = vec![r.rank.map_or(String::new(), |n| n.to_string()), r.plan.to_string()];
+        cells.extend(r.values.iter().map(f64::to_string));
+        cells.push(percent(r, "chance", "restored"));
+        cells.push(percent(r, "chance_drawer", "restored_drawer"));
+        cells.push(r.number("anterior_drawer_most_off_mm").map_or("none".into(), |x| fixed(x, 1)));
+        cells.push(shown(r.value("unloaded_force_n").as_ref(), 0));
+        cells.extend(
+            ["medial", "lateral"].map(|side| shown(r.value(&format!("unloaded_{side}_contact_n")).as_ref(), 0)),
+        );
+        cells.push(r.number("samples_leaving").map_or(String::new(), |x| fixed(x, 0)));
+        cells
+    };
+    let mut header = words(&["rank", "plan"]);
+    header.extend(sweep.varied.iter().map(|(c, _)| c.label.to_owned()));
+    header.extend(words(&[
+        "every test like the intact knee",
+        "anterior drawers like it",
+        "furthest off in them, mm",
+        "most graft force unloaded, N",
+        "most medial contact unloaded, N",
+        "most lateral contact unloaded, N",
+        "samples that leave the plateau",
+    ]));
+    let many = all.len().min(BEST);
+    format!(
+        "<h2>The best {many}</h2><p>Ranked by the chance that every loaded test is like the intact knee, then by that of the anterior drawers, then by how far \
+         off they are. Behind a number stands its 90 % interval where the model has samples.</p>{}",
+        table(&header, all.iter().take(BEST).map(line))
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::file::parsed;
+    use super::super::row::{rank, tests::row};
+    use super::*;
+    use crate::plan::file;
+
+    #[test]
+    fn a_field_tells_of_the_best_plan_with_its_values_and_the_table_begins_with_the_best() {
+        let base = file::parsed(file::EXAMPLE).unwrap();
+        let text = "femur_depth_percent = [20, 24.8]\ntension_n = [40, 80]\nat_flexion_deg = [0, 20]\nmap = [\"femur_depth_percent\", \"tension_n\"]\n";
+        let sweep = parsed(text, &base).unwrap();
+        let chances = [0.11, 0.22, 0.33, 0.44, 0.55, 0.66, 0.77, 0.07];
+        let mut rows: Vec<Row> =
+            sweep.all().iter().zip(chances).enumerate().map(|(k, (v, p))| row(k + 1, v, p, 1.0)).collect();
+        rank(&mut rows);
+        let maps = maps(&sweep, &base, &rows);
+        // of two flexions of fixing the better one
+        for percent in [22, 44, 66, 77] {
+            assert_eq!(maps.matches(&format!(">{percent}<")).count(), 1, "{percent}");
+        }
+        // a map that nobody could read is none
+        let many: Vec<String> = (1..=21).map(|n| n.to_string()).collect();
+        let text = format!("femur_depth_percent = [{0}]\ntension_n = [{0}]", many.join(","));
+        assert!(super::maps(&parsed(&text, &base).unwrap(), &base, &rows).contains("too many values for a map"));
+        // without a force in the rows there is no map of it; the planned field is framed in the others
+        assert_eq!((maps.matches("<svg").count(), maps.matches("fill=\"none\"").count()), (2, 2));
+        let best = best(&sweep, &rows);
+        let first = best.split("<tbody>").nth(1).unwrap();
+        assert!(first.starts_with("<tr><td data-head=\"rank\">1</td><td data-head=\"plan\">7</td>"), "{first}");
+        assert!(first.contains(">77 %</td>"));
+    }
+}

@@ -1,0 +1,228 @@
+//! A plan of a sweep as a row of numbers, and how the rows are ranked.
+
+use super::file::Sweep;
+use crate::plan::numbers::Value;
+use crate::plan::outcome::{Left, Outcome, TestTold};
+use notices::Kind;
+use std::cmp::Ordering;
+
+/// What follows the name of a number of the most probable knee: that number, mean and interval of the samples.
+const ENDS: [&str; 4] = ["", "_mean", "_lower", "_upper"];
+
+/// A plan of a sweep.
+#[derive(Clone, Debug)]
+pub(super) struct Row {
+    /// Its number, from 1 on, in the order of the values of the choices.
+    pub(super) plan: usize,
+    /// Its place among all, from 1 on; none where it could not be done.
+    pub(super) rank: Option<usize>,
+    /// Values of the choices.
+    pub(super) values: Vec<f64>,
+    /// Every number by its column.
+    pub(super) numbers: Vec<(String, Option<f64>)>,
+    /// What is odd.
+    pub(super) flags: Vec<String>,
+    /// Why it could not be done.
+    pub(super) fault: Option<String>,
+}
+
+impl Row {
+    /// Of what came of a plan.
+    pub(super) fn of(plan: usize, values: Vec<f64>, found: Result<(Outcome, Left), String>, graft: usize) -> Row {
+        let (numbers, flags, fault) = match found {
+            Ok((out, left)) => (numbers(&out, left, graft), flags(&out), None),
+            Err(why) => (vec![], vec![], Some(why)),
+        };
+        Row { plan, rank: None, values, numbers, flags, fault }
+    }
+
+    /// A number by its column.
+    pub(super) fn number(&self, column: &str) -> Option<f64> {
+        self.numbers.iter().find(|(name, _)| name == column).and_then(|(_, x)| *x)
+    }
+
+    /// A number with what the samples say of it.
+    pub(super) fn value(&self, column: &str) -> Option<Value> {
+        let [value, mean, lower, upper] = ENDS.map(|end| self.number(&format!("{column}{end}")));
+        Some(Value { value: value?, mean, lower, upper })
+    }
+
+    /// What it is ranked by, the more the better: the chance that every test is like the intact knee, that of the anterior drawer, and how near that is.
+    fn worth(&self) -> [f64; 3] {
+        let or_best = |chance: &str, best: &str| self.number(chance).or(self.number(best)).unwrap_or(-1.0);
+        let far = self.number("anterior_drawer_most_off_mm").unwrap_or(f64::INFINITY);
+        [or_best("chance", "restored"), or_best("chance_drawer", "restored_drawer"), -far]
+    }
+}
+
+/// Gives rows their ranks: the best first, and of equals the one with the lesser values.
+pub(super) fn rank(rows: &mut [Row]) {
+    let mut order: Vec<usize> = (0..rows.len()).filter(|k| rows[*k].fault.is_none()).collect();
+    let compared = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x.total_cmp(y)).find(|o| o.is_ne());
+    order.sort_by(|a, b| {
+        let (a, b) = (&rows[*a], &rows[*b]);
+        let by_worth = compared(&b.worth(), &a.worth());
+        by_worth.or_else(|| compared(&a.values, &b.values)).unwrap_or(Ordering::Equal)
+    });
+    for (place, k) in order.into_iter().enumerate() {
+        rows[k].rank = Some(place + 1);
+    }
+}
+
+/// The rows in the order of their ranks; those without one are left out.
+pub(super) fn ranked(rows: &[Row]) -> Vec<&Row> {
+    let mut out: Vec<&Row> = rows.iter().filter(|r| r.rank.is_some()).collect();
+    out.sort_by_key(|r| r.rank);
+    out
+}
+
+/// Every number of a plan by its column.
+fn numbers(out: &Outcome, left: Left, graft: usize) -> Vec<(String, Option<f64>)> {
+    let mut all: Vec<(String, Option<f64>)> = Vec::new();
+    let own = out.grafts.get(graft);
+    let percent = |of: Option<[f64; 2]>, k: usize| of.map(|both| both[k]);
+    let (quadrant, plateau) = (own.and_then(|g| g.quadrant_percent), own.and_then(|g| g.plateau_percent));
+    all.push(("quadrant_depth_percent".into(), percent(quadrant, 0)));
+    all.push(("quadrant_height_percent".into(), percent(quadrant, 1)));
+    all.push(("plateau_front_percent".into(), percent(plateau, 0)));
+    all.push(("plateau_medial_percent".into(), percent(plateau, 1)));
+    all.push(("length_mm".into(), own.map(|g| g.length_mm)));
+    all.push(("slack_length_mm".into(), own.map(|g| g.slack_length_mm)));
+    // the chances of a plan come in this order
+    for (name, c) in ["_drawer", "_pivot_shift", ""].iter().zip(&out.chances) {
+        all.push((format!("restored{name}"), Some(f64::from(u8::from(c.most_probable)))));
+        all.push((format!("chance{name}"), c.chance));
+    }
+    let loaded = || out.tests.iter().filter(|t| t.test != "unloaded");
+    all.extend(loaded().map(|t| (format!("chance_{}", called(t)), t.chance)));
+    let drawers = || loaded().filter(|t| t.test.ends_with("drawer"));
+    for kind in ["anterior drawer", "posterior drawer"] {
+        let off =
+            drawers().filter(|t| t.test == kind).map(|t| t.off.get("ap_mm").map(|v| v.mean.unwrap_or(v.value).abs()));
+        // one without equilibrium is far off, however far that is
+        let most = off.collect::<Option<Vec<f64>>>().and_then(|all| all.into_iter().reduce(f64::max));
+        all.push((format!("{}_most_off_mm", kind.replace(' ', "_")), most));
+    }
+    for t in drawers() {
+        push(&mut all, &format!("{}_off_mm", called(t)), t.off.get("ap_mm"));
+    }
+    let force = own.map(|g| format!("graft_{}_n", g.name)).unwrap_or_default();
+    let [graft, medial, lateral] =
+        [force.as_str(), "contact_medial_force_n", "contact_lateral_force_n"].map(|q| most(out, q));
+    push(&mut all, "unloaded_force_n", graft.map(|(_, v)| v));
+    all.push(("unloaded_force_at_deg".into(), graft.map(|(t, _)| t.flexion_deg)));
+    push(&mut all, "unloaded_medial_contact_n", medial.map(|(_, v)| v));
+    push(&mut all, "unloaded_lateral_contact_n", lateral.map(|(_, v)| v));
+    let counts =
+        [("samples", out.samples), ("samples_leaving", left.leaving), ("samples_without_equilibrium", left.lost)];
+    let counts = counts.into_iter().chain([("samples_not_operated", left.not_operated)]);
+    all.extend(counts.map(|(name, n)| (name.to_owned(), Some(n as f64))));
+    all
+}
+
+/// A test as it stands in the name of a column: `anterior_drawer_30`.
+fn called(t: &TestTold) -> String {
+    format!("{}_{}", t.test.replace(' ', "_"), t.flexion_deg)
+}
+
+/// A number with mean and interval.
+fn push(all: &mut Vec<(String, Option<f64>)>, name: &str, value: Option<&Value>) {
+    let four =
+        [value.map(|v| v.value), value.and_then(|v| v.mean), value.and_then(|v| v.lower), value.and_then(|v| v.upper)];
+    all.extend(ENDS.iter().zip(four).map(|(end, x)| (format!("{name}{end}"), x)));
+}
+
+/// The unloaded test in which a quantity of the reconstructed knee is the most; of equals the first.
+fn most<'a>(out: &'a Outcome, quantity: &str) -> Option<(&'a TestTold, &'a Value)> {
+    let unloaded = out.tests.iter().filter(|t| t.test == "unloaded");
+    let all = unloaded.filter_map(|t| Some((t, t.states.get("reconstructed")?.get(quantity)?)));
+    all.reduce(|best, one| if one.1.value > best.1.value { one } else { best })
+}
+
+/// What is odd of a plan: of its grafts, and of the reconstructed knee by test. What is odd without a graft is the same of all plans.
+fn flags(out: &Outcome) -> Vec<String> {
+    let of_plan = out.notices.iter().filter(|n| n.kind != Kind::RowFlagged).map(ToString::to_string);
+    let of_test = |t: &TestTold| {
+        let own = t.flags.get("reconstructed").filter(|f| !f.is_empty())?;
+        Some(format!("{}, {} deg: {}", t.test, t.flexion_deg, own.join(", ")))
+    };
+    of_plan.chain(out.tests.iter().filter_map(of_test)).collect()
+}
+
+/// Columns of sweep.csv.
+pub(super) fn columns(sweep: &Sweep, rows: &[Row]) -> Vec<String> {
+    let keys = sweep.varied.iter().map(|(c, _)| c.key.to_owned());
+    let numbers = rows.iter().find(|r| r.fault.is_none()).map_or(&[][..], |r| &r.numbers);
+    let head = ["plan", "rank"].map(str::to_owned).into_iter().chain(keys);
+    head.chain(numbers.iter().map(|(name, _)| name.clone())).chain(["flags", "fault"].map(str::to_owned)).collect()
+}
+
+/// sweep.csv: a row a plan.
+pub(super) fn csv(sweep: &Sweep, rows: &[Row]) -> Vec<u8> {
+    let columns = columns(sweep, rows);
+    let mut text = columns.join(",") + "\n";
+    let numbers = columns.len() - sweep.varied.len() - 4;
+    let quoted = |words: &str| format!("\"{}\"", words.replace('"', "\"\""));
+    let in_words = |words: &str| if words.contains([',', '"', '\n']) { quoted(words) } else { words.to_owned() };
+    for row in rows {
+        let head = [Some(row.plan), row.rank].map(|n| n.map_or(String::new(), |n| n.to_string()));
+        let values = row.values.iter().map(f64::to_string);
+        let own =
+            (0..numbers).map(|k| row.numbers.get(k).and_then(|(_, x)| *x).map_or(String::new(), |x| format!("{x:.4}")));
+        let tail = [in_words(&row.flags.join("; ")), in_words(row.fault.as_deref().unwrap_or(""))];
+        let cells: Vec<String> = head.into_iter().chain(values).chain(own).chain(tail).collect();
+        text += &cells.join(",");
+        text.push('\n');
+    }
+    text.into_bytes()
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::super::file::parsed;
+    use super::*;
+    use crate::plan::file;
+
+    /// A row with a chance and a distance.
+    pub(in super::super) fn row(plan: usize, values: &[f64], chance: f64, off: f64) -> Row {
+        let numbers = [("chance", chance), ("chance_drawer", 0.5), ("anterior_drawer_most_off_mm", off)];
+        let numbers = numbers.map(|(name, x)| (name.to_owned(), Some(x))).to_vec();
+        Row { plan, rank: None, values: values.to_vec(), numbers, flags: vec![], fault: None }
+    }
+
+    #[test]
+    fn the_likeliest_comes_first_then_the_nearest_and_no_order_of_rows_changes_that() {
+        let lost = Row { numbers: vec![], fault: Some("none".into()), ..row(5, &[50.0], 0.0, 0.0) };
+        let rows = [
+            row(1, &[10.0], 0.2, 1.0),
+            row(2, &[20.0], 0.9, 3.0),
+            row(3, &[30.0], 0.9, 2.0),
+            row(4, &[40.0], 0.2, 1.0),
+            lost,
+        ];
+        let ranks = |order: &[usize]| {
+            let mut rows: Vec<Row> = order.iter().map(|k| rows[*k].clone()).collect();
+            rank(&mut rows);
+            let mut ranks: Vec<_> = rows.iter().map(|r| (r.plan, r.rank)).collect();
+            ranks.sort();
+            ranks
+        };
+        let by_hand = [(1, Some(3)), (2, Some(2)), (3, Some(1)), (4, Some(4)), (5, None)];
+        for order in [[0, 1, 2, 3, 4], [4, 3, 2, 1, 0], [3, 0, 4, 2, 1]] {
+            assert_eq!(ranks(&order), by_hand);
+        }
+    }
+
+    #[test]
+    fn every_row_has_a_cell_for_each_column_and_words_with_commas_are_quoted() {
+        let sweep = parsed("tension_n = [40, 80]", &file::parsed(file::EXAMPLE).unwrap()).unwrap();
+        let mut odd = row(1, &[40.0], 0.25, 2.0);
+        odd.flags = vec!["a, \"b\"".into(), "c".into()];
+        let lost = Row { numbers: vec![], fault: Some("out of reach".into()), ..row(2, &[80.0], 0.0, 0.0) };
+        let text = String::from_utf8(csv(&sweep, &[odd, lost])).unwrap();
+        let lines: Vec<&str> = text.lines().collect();
+        assert_eq!(lines[0], "plan,rank,tension_n,chance,chance_drawer,anterior_drawer_most_off_mm,flags,fault");
+        assert_eq!(lines[1], "1,,40,0.2500,0.5000,2.0000,\"a, \"\"b\"\"; c\",");
+        assert_eq!(lines[2], "2,,80,,,,,out of reach");
+    }
+}
