@@ -174,6 +174,40 @@ fn a_hard_bench_is_the_same_when_made_again_and_its_truth_tells_what_is_hard() {
 }
 
 #[test]
+fn what_the_knee_read_before_is_the_same_knee_on_another_day_and_its_case_is_as_without() {
+    let folder = TempDir::new().unwrap();
+    let [plain, with] = ["plain", "with"].map(|name| folder.path().join(name));
+    bench(&plain, &["--kind", "null"]);
+    bench(&with, &["--kind", "null", "--before"]);
+    assert_eq!(json(&with.join("bench.json"))["before"], true);
+    assert!(json(&plain.join("bench.json")).get("before").is_none());
+    let readings = |file: &Path| -> Vec<f64> {
+        let table = text(file);
+        let head: Vec<String> = table.lines().next().unwrap().split(',').map(str::to_owned).collect();
+        let read = ["vv_deg", "ie_deg", "ml_mm", "ap_mm", "si_mm"];
+        let columns: Vec<usize> = read.map(|name| head.iter().position(|c| c == name).unwrap()).to_vec();
+        let row = |line: &str| {
+            let cells: Vec<&str> = line.split(',').collect();
+            columns.iter().map(|c| cells[*c].parse::<f64>().unwrap()).collect::<Vec<_>>()
+        };
+        table.lines().skip(1).flat_map(row).collect()
+    };
+    for source in ["kla", "rks"] {
+        let case = with.join("case_0001");
+        let now = text(&case.join(format!("{source}.csv")));
+        assert_eq!(now, text(&plain.join(format!("case_0001/{source}.csv"))));
+        let [one, other] =
+            [source.to_owned(), format!("{source}_before")].map(|name| readings(&case.join(format!("{name}.csv"))));
+        assert_eq!(one.len(), other.len());
+        // noise alone lies between the days of a whole knee: that of the tracker, and that of the loads, which a soft rotation shows
+        let mut off: Vec<f64> =
+            one.iter().zip(&other).enumerate().map(|(k, (a, b))| ((a - b) / NOISE[k % 5]).abs()).collect();
+        off.sort_by(f64::total_cmp);
+        assert!((0.01..3.0).contains(&off[off.len() / 2]), "{off:?}");
+    }
+}
+
+#[test]
 fn a_kind_that_nobody_knows_is_refused_with_the_names_that_there_are() {
     let folder = TempDir::new().unwrap();
     let model = built().join("build/09-assemble/model.json");
@@ -187,7 +221,7 @@ fn a_kind_that_nobody_knows_is_refused_with_the_names_that_there_are() {
     assert!(said.contains("gravitty") && said.contains("guarding_reflex") && said.contains("cut_ACL"), "{said}");
     let help = build_model().args(["blind", "make", "--help"]).assert().success();
     let said = String::from_utf8(help.get_output().stdout.clone()).unwrap();
-    for option in ["--wide", "--surfaces", "--laboratory", "--every-kind", "attachment_ACL"] {
+    for option in ["--cuts", "--before", "--wide", "--surfaces", "--laboratory", "--every-kind", "attachment_ACL"] {
         assert!(said.contains(option), "{option}: {said}");
     }
 }

@@ -28,6 +28,12 @@ pub fn every_kind(count: usize) -> Vec<String> {
     (0..count).map(|k| of(k).to_owned()).collect()
 }
 
+/// So many cuts of each structure that can be cut, in turn, and as many whole knees: each round begins with one.
+pub fn cuts(of_each: usize) -> Vec<String> {
+    let round = || std::iter::once("null".to_owned()).chain(CUT.iter().map(|s| format!("cut_{s}")));
+    (0..of_each).flat_map(|_| round()).collect()
+}
+
 /// The effects of a kind with their scopes; `factor` is on their sizes.
 ///
 /// Errors: an unknown kind.
@@ -114,6 +120,21 @@ mod tests {
     fn drawn(kind: &str, factor: f64, seed: u64) -> (Hidden, String) {
         let sources = ["kla".to_owned(), "rks".to_owned()];
         effects((kind, factor), &sources, &mut ChaCha8Rng::seed_from_u64(seed)).unwrap().remove(0)
+    }
+
+    #[test]
+    fn a_bench_of_cuts_has_as_many_of_each_structure_as_whole_knees_in_whatever_part_of_it() {
+        let of = |kinds: &[String], kind: &str| kinds.iter().filter(|k| *k == kind).count();
+        let all = cuts(7);
+        assert_eq!(all.len(), 7 * (CUT.len() + 1));
+        for kind in CUT.iter().map(|s| format!("cut_{s}")).chain(["null".to_owned()]) {
+            assert_eq!(of(&all, &kind), 7, "{kind}");
+            // a bench that is stopped after whole rounds is one of fewer
+            assert_eq!(of(&all[..10], &kind), 2, "{kind}");
+        }
+        let structures: BTreeSet<String> = all.iter().filter_map(|k| Some(cut(k, 1.0)?.cuts()?.0.to_owned())).collect();
+        assert_eq!(structures.len(), CUT.len());
+        assert!(cuts(0).is_empty());
     }
 
     #[test]

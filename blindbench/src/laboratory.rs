@@ -16,7 +16,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-pub use crate::draw::{every_kind, kinds};
+pub use crate::draw::{cuts, every_kind, kinds};
 
 /// A trial to be done.
 #[derive(Clone, Debug, PartialEq)]
@@ -110,6 +110,8 @@ pub struct Ways {
     pub noise: Noise,
     /// What the truth tells of it: in what knee and laboratory differ from what the analysis supposes.
     pub differs: Option<Vec<String>>,
+    /// Another day with the same knee and the same frames: its noise is drawn anew. 0 is the usual day [-].
+    pub day: u64,
 }
 
 /// How a tracker's noise differs from what its laboratory states.
@@ -167,7 +169,7 @@ pub fn make_by(
     if plan.is_empty() {
         return Err(BenchError::Plan("no trials".into()));
     }
-    let mut random = ChaCha8Rng::seed_from_u64(seed);
+    let mut random = ChaCha8Rng::seed_from_u64(seed ^ ways.day);
     let knee = Knee::drawn_within(input, &ways.spread, seed ^ DRAWN)?;
     let mut sources: Vec<String> = Vec::new();
     for p in plan {
@@ -209,7 +211,7 @@ pub fn make_by(
         signature,
         strength: Strength { raw_rms_sd: (squares / (5 * plan.len()) as f64).sqrt(), ..Strength::default() },
     };
-    Ok(Case { readings: noisy(with, plan, &ways.noise, (&mut random, seed)), truth })
+    Ok(Case { readings: noisy(with, plan, &ways.noise, (&mut random, seed ^ ways.day)), truth })
 }
 
 /// The knee that is put to the tests where it is not the one in the CT: of another size by a share, or with other tissues.

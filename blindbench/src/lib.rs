@@ -12,6 +12,7 @@
 //! ```
 
 pub mod asked;
+mod cuts;
 mod draw;
 pub mod frames;
 pub mod further;

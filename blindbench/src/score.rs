@@ -1,6 +1,7 @@
 //! Scoring: answers against sealed truths, with intervals.
 
 use crate::asked::Hidden;
+use crate::cuts;
 use crate::laboratory::Truth;
 use crate::reliability::{Bin, bins, calibration_error};
 use serde::{Deserialize, Serialize};
@@ -19,6 +20,9 @@ pub struct Said {
     pub weights: Vec<f64>,
     /// The structure or axis that each effect of the first answer is about, where it may be about several.
     pub variants: BTreeMap<String, String>,
+    /// What it reports as possible, the likeliest first: its answers, then what it does not exclude beside them. Of each the effects with the structures that
+    /// they are about. That nothing is missing is none of it.
+    pub reported: Vec<Vec<(String, Option<String>)>>,
     /// Value and standard deviation of the first answer's parameters, by effect and key.
     pub sizes: BTreeMap<(String, String), (f64, f64)>,
     /// Share of the gap closed.
@@ -81,6 +85,9 @@ pub struct Score {
     /// Expected calibration error of the weights [-]; none where no answer was given.
     #[serde(default)]
     pub calibration_error: Option<f64>,
+    /// Of each cut and of each whole knee: how many states beside the truth the answer reports as possible [-].
+    #[serde(default)]
+    pub beside: Vec<f64>,
     /// By how much each search stayed behind the truth, where that was asked [nats].
     #[serde(default)]
     pub regrets: Vec<f64>,
@@ -140,6 +147,7 @@ pub fn score(cases: &[(Truth, Said)], whole: &BTreeMap<String, Said>) -> Score {
     out.calibration_error = calibration_error(&out.reliability);
     for (truth, said) in cases {
         one(&mut out, truth, said);
+        cuts::count(&mut out, truth, said);
         if let Some(regret) = said.regret {
             let strength = stratum(truth.strength.expected_evidence);
             for of in ["regret".to_owned(), format!("{strength}: regret")] {

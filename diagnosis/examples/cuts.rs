@@ -15,7 +15,7 @@ use diagnosis::diagnosis::{Calibration, Diagnosis, diagnose_beside};
 use diagnosis::effect::catalogue::Catalogue;
 use diagnosis::problem::nuisance::is_built;
 use diagnosis::problem::trial::Source;
-use diagnosis::report::Named;
+use diagnosis::report::{Named, NotExcluded};
 use diagnosis::search::DiagnosisOptions;
 use diagnosis::search::regret::{Hidden, Regret};
 use inference::random::{normal, stream};
@@ -116,6 +116,16 @@ fn loss_found(d: &Diagnosis, ligament: &str) -> Option<f64> {
     found.parameters.get("loss").map(|v| v.value)
 }
 
+/// A state that is not excluded, with its log odds.
+fn state(of: &NotExcluded) -> String {
+    let name = match &of.torn {
+        Some(structure) => format!("{structure} torn"),
+        None if of.effects.is_empty() => "nothing".to_owned(),
+        None => told(&of.effects),
+    };
+    format!("{name} {:.1}", of.log_odds)
+}
+
 /// The row of a cut.
 fn row(
     (ligament, loss, seed): (&str, f64, u64),
@@ -146,13 +156,14 @@ fn row(
         format!("{:.1} {:.1}", d.wildcard, d.wildcard_alone.unwrap_or_default()),
         format!("{:.2} {:.2}", d.misfit[0], d.misfit[1]),
         test,
+        d.not_excluded.iter().map(state).collect::<Vec<_>>().join(", "),
         format!("{seconds:.0}"),
     ];
     format!("| {} |", cells.join(" | "))
 }
 
 /// What stands in a row.
-const HEAD: &str = "| cut | share | seed | trials | verdict | first | others of the set | loss found | information | truth earns | best earns | regret | truth leaves | field beside, in place | left before, after | next test | s |";
+const HEAD: &str = "| cut | share | seed | trials | verdict | first | others of the set | loss found | information | truth earns | best earns | regret | truth leaves | field beside, in place | left before, after | next test | not excluded, log odds | s |";
 
 fn main() {
     let args: Vec<String> = std::env::args().skip(1).collect();

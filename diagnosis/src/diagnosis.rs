@@ -17,6 +17,7 @@ use crate::report::component::{Component, Provenance, augmented, components};
 use crate::report::detection::limits_of_detection;
 use crate::report::excluded::may_be_torn;
 use crate::report::jumped::{Jumped, jumped};
+use crate::report::not_excluded::not_excluded;
 use crate::report::preparation::prepared;
 use crate::report::unexplained::unexplained;
 use crate::report::verdict::{Candidature, by_names, temper, verdict, weights};
@@ -256,6 +257,7 @@ fn conclude(searcher: &Searcher, judged: &Judged, spec: &ModelSpec) -> Result<Ou
     let (missable, open) = left_open(searcher, search, verdict, threshold)?;
     let first = open.iter().find(|(t, _)| t.is_slackened()).or(open.first()).map(|(_, fits)| fits);
     let rival_fits = to_tell_apart(verdict, &search.base, (&rivals, kin), first);
+    let may_be_torn: Vec<MayBeTorn> = open.iter().map(|(t, _)| t.clone()).collect();
     let residuals = map(problem, search, &search.base)?;
     let drawn = curves(problem, &residuals, &search.given, &search.base, (!answers.is_empty()).then_some(best));
     let diagnosis = Diagnosis {
@@ -268,7 +270,8 @@ fn conclude(searcher: &Searcher, judged: &Judged, spec: &ModelSpec) -> Result<Ou
         left_out: crate::report::left_out(problem),
         contradictions: contradictions(searcher, search, shown, verdict == Verdict::Unnamed)?,
         unexplained: unexplained(searcher, search, (before, judged.exchanged()), judged.each.as_deref())?,
-        may_be_torn: open.iter().map(|(t, _)| t.clone()).collect(),
+        not_excluded: not_excluded(searcher, search, verdict, &may_be_torn)?,
+        may_be_torn,
         added: vec![],
         gap: GapReport { held_out: gap(before, shrunk), control },
         map: residuals,

@@ -6,6 +6,7 @@ pub mod component;
 pub mod detection;
 pub mod excluded;
 pub(crate) mod jumped;
+pub mod not_excluded;
 pub(crate) mod plain;
 pub mod plain_unnamed;
 pub mod predict;
@@ -26,6 +27,8 @@ use crate::search::curves::Curve;
 use crate::search::map::Cell;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+
+pub use not_excluded::NotExcluded;
 
 /// How sure the answer is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
@@ -361,9 +364,11 @@ pub struct Unexplained {
 }
 
 impl Unexplained {
-    /// Whether no effect of the catalogue is enough: each was fitted, and something stands against each.
-    pub fn is_proven(&self) -> bool {
-        !self.tried.is_empty() && self.tried.iter().all(|t| !t.against.is_empty())
+    /// Whether no effect of the catalogue is enough: each was fitted, and something stands against each. What did not converge proves nothing: where no fit
+    /// did, nothing is proven. `nothing`: what is left where nothing is missing, over the number of readings [-].
+    pub fn is_proven(&self, nothing: f64) -> bool {
+        let is_sound = |t: &&Tried| !plain_unnamed::did_not_converge(t, nothing);
+        self.tried.iter().any(|t| is_sound(&t)) && self.tried.iter().all(|t| !t.against.is_empty())
     }
 }
 
@@ -438,6 +443,9 @@ pub struct Diagnosis {
     /// Where nothing is named: structures that may be torn, or slack, or whose whole tear would be missed; those first that injuries take most.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub may_be_torn: Vec<MayBeTorn>,
+    /// What these data do not exclude, the likeliest first, whatever the verdict; answers of earlier versions have none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub not_excluded: Vec<NotExcluded>,
     /// Whitened sum of squares of nothing missing and of the best hypothesis, over the number of readings [-].
     pub misfit: [f64; 2],
     /// The best hypothesis' effects, whether named or not.

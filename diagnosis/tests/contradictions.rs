@@ -90,7 +90,7 @@ fn where_no_effect_is_enough_each_is_asked_as_the_answer_and_what_stands_against
     let Some(told) = told_of(&all.without(&others), WILD, (0, AP, 0.0)) else { return };
     assert_eq!(told.verdict, Verdict::Unnamed, "{}", told.plain);
     let why = told.unexplained.unwrap();
-    assert!(why.is_proven() && told.plain.contains("none is enough"), "{}", told.plain);
+    assert!(why.is_proven(told.misfit[0]) && told.plain.contains("none is enough"), "{}", told.plain);
     assert!(told.plain.contains("scattered") && told.plain.contains("times as widely"), "{}", told.plain);
     for row in &why.tried {
         let earns_a_name = !row.against.contains(&Against::EarnsTooLittle);

@@ -114,6 +114,11 @@ fn a_cut_is_told_in_plain_words_with_what_looks_like_it_and_the_test_that_would_
     assert!(names.clone().any(|n| n.0 == "attachment_PCL"), "{}", told.plain);
     assert_ne!(told.verdict, Verdict::Decisive, "{}", told.plain);
     assert!(told.plain.contains("PCL is torn") && told.plain.contains("osterior drawer"), "{}", told.plain);
+    // what is named is in the set of what is not excluded, the best at nothing
+    let is_pcl = |e: &diagnosis::report::Named| e.variant.as_deref() == Some("PCL");
+    let pcl = told.not_excluded.iter().filter(|n| n.effects.iter().any(is_pcl)).count();
+    let top = told.not_excluded.iter().any(|n| n.log_odds == 0.0);
+    assert!(pcl > 0 && top, "{:?}", told.not_excluded);
 }
 
 /// The diagnosis of a deck whose PCL is cut, under some trials, beside what the whole knee read in them before.
@@ -160,6 +165,13 @@ fn of_a_whole_knee_the_tears_that_its_trials_would_miss_are_told_and_no_other() 
         told.plain
     );
     assert!(told.may_be_torn.iter().all(|t| !t.is_slackened()), "{:?}", told.may_be_torn);
+    // one list has that nothing is missing, and each tear that fits as well; a tear that fits worse is not in it
+    assert!(told.not_excluded.iter().any(|n| n.effects.is_empty()), "{:?}", told.not_excluded);
+    for t in &told.may_be_torn {
+        let listed = told.not_excluded.iter().find(|n| n.torn.as_ref() == Some(&t.structure));
+        assert_eq!(listed.map(|n| n.log_odds), (!t.fits_worse_torn).then_some(t.log_odds), "{t:?}");
+    }
+    assert!(told.not_excluded.windows(2).all(|w| w[0].log_odds >= w[1].log_odds), "{:?}", told.not_excluded);
     let smcl = told.may_be_torn.iter().find(|t| t.structure == "sMCL").unwrap();
     assert!(smcl.would_be_missed(told.threshold), "{smcl:?}");
     // and the test that would show it

@@ -5,7 +5,7 @@ use crate::options::{Override, parse_override};
 use crate::which_model::WhichModel;
 use crate::{diagnose, diagnosis_files, model_file, store};
 use blindbench::knee::{BundleInput, KneeInput, Unlike};
-use blindbench::laboratory::{Case, Planned, Truth, every_kind, kinds, make_by};
+use blindbench::laboratory::{Case, Planned, Truth, Ways, cuts, every_kind, kinds, make_by};
 use blindbench::score::{Said, Score, Share, score};
 use calibration::options::CalibrateOptions;
 use calibration::priors::PRIORS;
@@ -63,6 +63,12 @@ pub struct MakeArgs {
     /// Every kind of the catalogue takes its turn, also those that earlier benches left out, with a null before each five
     #[arg(long, conflicts_with = "kind")]
     pub every_kind: bool,
+    /// So many cuts of each of ACL, PCL, sMCL and LCL, in turn, and as many whole knees; --size is the share that is lost
+    #[arg(long, value_name = "COUNT", conflicts_with_all = ["kind", "every_kind", "count"], value_parser = clap::value_parser!(u32).range(1..=20_000))]
+    pub cuts: Option<u32>,
+    /// Each case also has what the same knee read before, with nothing hidden in it, on another day; answer takes that as --before
+    #[arg(long)]
+    pub before: bool,
     /// Factor on the sizes of effects: below 1 for weak ones
     #[arg(long, default_value_t = 1.0)]
     pub size: f64,
@@ -159,37 +165,52 @@ fn make_cases(args: &MakeArgs) -> Result<String, BuildError> {
     let sources: Vec<Source> = sources.into_iter().map(|s| args.laboratory.plans(s)).collect();
     let hard = Hard::of(args);
     let plan: Vec<Planned> = sources.iter().flat_map(|s| s.trials.iter().map(|t| planned(&s.name, t))).collect();
-    let kinds = match &args.kind {
-        Some(kind) => vec![kind.clone(); args.count as usize],
-        None if args.every_kind => every_kind(args.count as usize),
-        None => kinds(args.count as usize),
+    let kinds = match (&args.kind, args.cuts) {
+        (Some(kind), _) => vec![kind.clone(); args.count as usize],
+        (None, Some(of_each)) => cuts(of_each as usize),
+        (None, None) if args.every_kind => every_kind(args.count as usize),
+        (None, None) => kinds(args.count as usize),
     };
     let mut seals = BTreeMap::new();
     for (k, kind) in kinds.iter().enumerate() {
         let name = format!("case_{:04}", k + 1);
         let seed = args.seed.wrapping_mul(1_000_003).wrapping_add(k as u64);
-        let case = drawn((&loaded.spec, &input), &plan, &name, (kind, args.size), (seed, &hard))?;
-        let mut readings = case.readings.iter();
-        for source in &sources {
-            let results: Vec<TrialResult> =
-                source.trials.iter().zip(readings.by_ref()).map(|(t, r)| result(t, &Free(*r))).collect();
-            store::write(
-                &args.out.join(&name).join(format!("{}.csv", source.name)),
-                results_csv(&[], &results).as_bytes(),
-            )?;
+        let (case, first) = drawn((&loaded.spec, &input), &plan, &name, (kind, args.size), (seed, &hard))?;
+        write_readings(&args.out.join(&name), &sources, &case, "")?;
+        if let Some(first) = &first {
+            write_readings(&args.out.join(&name), &sources, first, BEFORE)?;
         }
         let truth = serde_json::to_vec_pretty(&case.truth).map_err(|e| BuildError::File(e.to_string()))?;
         seals.insert(name.clone(), crate::record::hash(&truth));
         store::write(&args.out.join(format!("{name}.truth.json")), &truth)?;
         // after every case, so that a bench that is stopped can be answered and scored as far as it came
         let names: Vec<&String> = sources.iter().map(|s| &s.name).collect();
-        let manifest = serde_json::json!({"schema": "bench/1", "sources": names, "seals": seals});
+        let mut manifest = serde_json::json!({"schema": "bench/1", "sources": names, "seals": seals});
+        if args.before {
+            manifest["before"] = true.into();
+        }
         let text = serde_json::to_vec_pretty(&manifest).map_err(|e| BuildError::File(e.to_string()))?;
         store::write(&args.out.join("bench.json"), &text)?;
     }
     Ok(format!("{} cases in {}\n", kinds.len(), args.out.display()))
 }
 
+/// Ending of the name of a file with what the same knee read before.
+const BEFORE: &str = "_before";
+
+/// Writes the readings of a case, a file a data set.
+fn write_readings(folder: &Path, sources: &[Source], case: &Case, ending: &str) -> Result<(), BuildError> {
+    let mut readings = case.readings.iter();
+    for source in sources {
+        let results: Vec<TrialResult> =
+            source.trials.iter().zip(readings.by_ref()).map(|(t, r)| result(t, &Free(*r))).collect();
+        store::write(&folder.join(format!("{}{ending}.csv", source.name)), results_csv(&[], &results).as_bytes())?;
+    }
+    Ok(())
+}
+
+/// Tells the noise of the day before from that of the day of a case.
+const OTHER_DAY: u64 = 0x27d4_eb2f;
 /// Tells the draws of the laboratory's knee from those of its day.
 const UNLIKE: u64 = 0x5bd1_e995;
 /// Tells one draw of a case's knee from the next.
@@ -202,21 +223,27 @@ const INTACT_DEG: f64 = 20.0;
 const INTACT_N: f64 = 300.0;
 
 /// A case of the model's knee. A model that says what it does not know is not its knee: the laboratory's differs from it by that much. Such a knee, and one
-/// of wide laws or other surfaces, is drawn until it is one that holds together.
+/// of wide laws or other surfaces, is drawn until it is one that holds together. With it comes what the same knee read before, where that was asked for.
 fn drawn(
     (spec, input): (&sim::spec::ModelSpec, &KneeInput),
     plan: &[Planned],
     name: &str,
     kind: (&str, f64),
     (seed, hard): (u64, &Hard),
-) -> Result<Case, BuildError> {
+) -> Result<(Case, Option<Case>), BuildError> {
     let by = unlike(spec);
     let ways = hard.ways(by.is_some());
-    let made = |input: &KneeInput, plan: &[Planned], kind: (&str, f64), seed: u64| {
-        make_by(input, plan, name, kind, (seed, &ways)).map_err(|e| BuildError::File(e.to_string()))
+    let made_by = |input: &KneeInput, plan: &[Planned], kind: (&str, f64), (seed, ways): (u64, &Ways)| {
+        make_by(input, plan, name, kind, (seed, ways)).map_err(|e| BuildError::File(e.to_string()))
+    };
+    let made =
+        |input: &KneeInput, plan: &[Planned], kind: (&str, f64), seed: u64| made_by(input, plan, kind, (seed, &ways));
+    let first = |knee: &KneeInput, seed: u64| {
+        let day = Ways { day: OTHER_DAY, ..ways.clone() };
+        hard.has_before().then(|| made_by(knee, plan, ("null", 1.0), (seed, &day))).transpose()
     };
     if by.is_none() && !hard.draws_knees() {
-        return made(input, plan, kind, seed);
+        return Ok((made(input, plan, kind, seed)?, first(input, seed)?));
     }
     let draws = DRAWS[usize::from(hard.draws_knees())];
     for draw in 0..draws {
@@ -229,14 +256,21 @@ fn drawn(
             continue;
         }
         let case = made(&knee, plan, kind, seed)?;
-        let opens = case.readings.iter().map(|r| r[0].abs()).fold(0.0, f64::max);
+        let opens = opens(&case, kind.0);
         if opens <= INTACT_DEG && carries(&case) <= INTACT_N {
-            return Ok(case);
+            return Ok((case, first(&knee, seed)?));
         }
     }
     Err(BuildError::File(format!(
         "{name}: none of {draws} knees that were drawn holds together (varus and valgus within {INTACT_DEG} deg, bundles below {INTACT_N} N)"
     )))
+}
+
+/// How far a case's knee opens in varus or valgus [deg]. A knee that is cut is asked as it was whole, without what the cut changes: cut, it may open wide.
+fn opens(case: &Case, kind: &str) -> f64 {
+    let is_cut = kind.starts_with("cut_");
+    let whole = |(r, s): (&[f64; 5], &[f64; 5])| if is_cut { r[0] - s[0] } else { r[0] };
+    case.readings.iter().zip(&case.truth.signature).map(whole).map(f64::abs).fold(0.0, f64::max)
 }
 
 /// The most that a bundle of a case's knee carries in a drawer, without effects [N].
@@ -332,7 +366,8 @@ fn bench(folder: &Path) -> Result<(Vec<String>, Vec<String>, serde_json::Value),
 }
 
 fn answer(args: &AnswerArgs) -> Result<String, BuildError> {
-    let (cases, sources, _) = bench(&args.bench)?;
+    let (cases, sources, manifest) = bench(&args.bench)?;
+    let has_before = manifest["before"].as_bool().unwrap_or(false);
     let options = match args.ablation {
         Some(_) if !args.overrides.is_empty() => {
             return Err(BuildError::Usage("--ablation and --set cannot be joined".into()));
@@ -353,12 +388,14 @@ fn answer(args: &AnswerArgs) -> Result<String, BuildError> {
             continue;
         }
         let folder = args.bench.join(case);
-        let measured = sources.iter().map(|s| (s.clone(), folder.join(format!("{s}.csv")))).collect();
+        let files = |ending: &str| -> Vec<(String, PathBuf)> {
+            sources.iter().map(|s| (s.clone(), folder.join(format!("{s}{ending}.csv")))).collect()
+        };
         let question = diagnose::DiagnoseArgs {
             which: WhichModel::default(),
             model: args.model.clone(),
-            measured,
-            before: vec![],
+            measured: files(""),
+            before: if has_before { files(BEFORE) } else { vec![] },
             out,
             atlas: false,
             without_effect,
@@ -484,6 +521,7 @@ fn reduced(d: &Diagnosis) -> Said {
         answers: d.answers.iter().map(names).collect(),
         weights: d.answers.iter().map(|a| a.weight).collect(),
         variants,
+        reported: reported(d),
         sizes,
         closed: d.gap.held_out.closed,
         without: d.without.clone(),
@@ -491,6 +529,19 @@ fn reduced(d: &Diagnosis) -> Said {
         best: d.best_log_bayes_factor,
         regret: None,
     }
+}
+
+/// What a diagnosis reports as possible: its answers, then what it does not exclude beside them; not that nothing is missing.
+fn reported(d: &Diagnosis) -> Vec<Vec<(String, Option<String>)>> {
+    let states = d.answers.iter().map(|a| &a.effects).chain(d.not_excluded.iter().map(|n| &n.effects));
+    let mut out: Vec<Vec<(String, Option<String>)>> = Vec::new();
+    for effects in states.filter(|effects| !effects.is_empty()) {
+        let state = effects.iter().map(|e| (e.effect.clone(), e.variant.clone())).collect();
+        if !out.contains(&state) {
+            out.push(state);
+        }
+    }
+    out
 }
 
 /// A share in words: its name, its count, its interval.
@@ -528,6 +579,12 @@ fn middle(v: &[f64], part: f64) -> f64 {
 fn table(s: &Score) -> String {
     let mut out = regret::words(&s.regrets);
     out.extend(s.shares.iter().map(|(name, share)| line(name, share)));
+    if !s.beside.is_empty() {
+        let [half, most] = [0.5, 0.9].map(|part| middle(&s.beside, part));
+        out += &format!(
+            "states reported beside the truth, of cuts and whole knees: median {half:.0}, nine of ten to {most:.0}\n"
+        );
+    }
     out += &reliability(s);
     out += &format!(
         "size error: median {:.2}; gap closed (strong): median {:.2}, lower quartile {:.2}\n",

@@ -3,6 +3,7 @@
 use crate::effect::catalogue::Catalogue;
 use crate::fit::next_test::NextTest;
 use crate::fit::share_at_whole;
+use crate::report::not_excluded::in_words;
 use crate::report::plain_unnamed::{closing, closing_most, contradictions, leaves_most, meaning, noise};
 use crate::report::words::{figures, from_before, listed, next_tells, place_of, with_unit};
 use crate::report::{Answer, Carried, Diagnosis, LeftOut, MayBeTorn, Named, Verdict};
@@ -31,10 +32,23 @@ pub(crate) fn plain(catalogue: &Catalogue, d: &Diagnosis) -> String {
         out += &noise(&d.noise);
     }
     let aside = d.left_out.as_ref().map_or(String::new(), left_out);
-    for more in [test(d), unlikely(&d.ligament_forces), from_before(d), aside].iter().filter(|m| !m.is_empty()) {
+    for more in
+        [not_excluded(d), test(d), unlikely(&d.ligament_forces), from_before(d), aside].iter().filter(|m| !m.is_empty())
+    {
         let _ = write!(out, "\n{more}");
     }
     out
+}
+
+/// What the data do not exclude beside what the head says already; nothing where no tear is among it.
+fn not_excluded(d: &Diagnosis) -> String {
+    if d.not_excluded.iter().all(|n| n.torn.is_none()) {
+        return String::new();
+    }
+    let told = in_words(&d.not_excluded);
+    let list = listed(&told.iter().map(String::as_str).collect::<Vec<_>>(), "or");
+    let beside = if d.answers.is_empty() { "" } else { " either" };
+    format!("These trials do not exclude{beside}: {list}.")
 }
 
 fn named(catalogue: &Catalogue, d: &Diagnosis) -> String {
@@ -264,6 +278,7 @@ mod tests {
             contradictions: vec![],
             unexplained: None,
             may_be_torn,
+            not_excluded: vec![],
             misfit: [1.0, 1.0],
             best: vec![],
             best_log_bayes_factor: None,
@@ -299,6 +314,59 @@ mod tests {
         // calibrations of one knee differ: less force alone is no finding where a tear fits worse
         let told = head(&none(vec![MayBeTorn { fits_worse_torn: true, would_earn: Some(1.0), ..slack }]));
         assert!(!told.contains("slacker") && told.contains("A whole tear of the PCL would not be named"), "{told}");
+    }
+
+    #[test]
+    fn a_name_that_a_field_in_its_place_is_not_told_from_stays_possible_in_the_first_sentence() {
+        use crate::report::Against::{FieldInItsPlace, LeavesTooMuch};
+        let named = Named {
+            effect: "joint_compression".into(),
+            scope: "both".into(),
+            variant: None,
+            parameters: std::collections::BTreeMap::new(),
+        };
+        let first = |against: Vec<crate::report::Against>, field: f64| {
+            let row = Tried {
+                effects: vec![named.clone()],
+                closes: 1.0,
+                closes_held_out: None,
+                leaves: Some(0.9),
+                log_bayes_factor: 7.2,
+                against,
+            };
+            let why = Unexplained { data_sets: vec![], two_knees: None, tried: vec![row], left: vec![] };
+            let of = Diagnosis {
+                verdict: Verdict::Unnamed,
+                best: vec![named.clone()],
+                best_log_bayes_factor: Some(7.2),
+                wildcard_alone: Some(field),
+                unexplained: Some(why),
+                ..none(vec![])
+            };
+            head(&of).lines().next().unwrap_or_default().to_owned()
+        };
+        assert!(first(vec![FieldInItsPlace], 7.0).contains("do not tell which"));
+        // a field that is far ahead, or anything else against the name, leaves it out
+        assert!(!first(vec![FieldInItsPlace], 17.0).contains("do not tell which"));
+        assert!(!first(vec![LeavesTooMuch, FieldInItsPlace], 7.0).contains("do not tell which"));
+    }
+
+    #[test]
+    fn what_is_not_excluded_has_a_line_of_its_own_where_a_tear_is_among_it_and_else_none() {
+        let state = |torn: Option<&str>, log_odds| crate::report::NotExcluded {
+            effects: vec![],
+            torn: torn.map(str::to_owned),
+            log_odds,
+        };
+        let open = Diagnosis {
+            not_excluded: vec![state(None, 0.0), state(Some("sMCL"), -0.2), state(Some("POL"), -1.2)],
+            ..none(vec![])
+        };
+        let told = head(&open);
+        let line = "These trials do not exclude: nothing missing, a torn sMCL or a torn POL.";
+        assert!(told.lines().any(|l| l == line), "{told}");
+        let whole = Diagnosis { not_excluded: vec![state(None, 0.0)], ..none(vec![]) };
+        assert!(!head(&whole).contains("not exclude"));
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 mod noise;
 
-use crate::criteria::NAMED;
+use crate::criteria::{NAMED, TEMPER, told_apart};
 use crate::report::words::{figures, with_unit};
 use crate::report::{Against, DataSetAlone, Diagnosis, Left, Named, Tried, Unexplained};
 use crate::search::contradiction::{Contradiction, Witness};
@@ -30,11 +30,23 @@ const OPEN_IN_HEAD: usize = 3;
 
 /// What `unnamed` means: first that, then what to do, then what it rests on.
 pub(crate) fn meaning(d: &Diagnosis) -> String {
-    let missing = "Something is missing from the model that no effect of the catalogue explains.";
+    let missing = if is_between(d) {
+        "Something is missing from the model: what comes nearest below, or something that no effect of the catalogue explains. These data do not tell which."
+    } else {
+        "Something is missing from the model that no effect of the catalogue explains."
+    };
     let Some(why) = &d.unexplained else { return missing.into() };
     let agreement = agreement(&why.data_sets, why.two_knees);
     let first = if agreement.is_empty() { missing.into() } else { agreement };
     first + &to_repeat(&d.contradictions) + &contradictions(&d.contradictions) + &best(why, d.misfit[0])
+}
+
+/// Whether the best that was found and a field of no name in its place are not told apart, and nothing else stands against it. The field may be the likelier
+/// of the two, so there is no name; but it does not exclude one that earns as much to within the odds that tell answers apart.
+fn is_between(d: &Diagnosis) -> bool {
+    let alone_against = best_row(d).is_some_and(|t| t.against == [Against::FieldInItsPlace]);
+    let ahead = d.wildcard_alone.zip(d.best_log_bayes_factor).map(|(field, name)| field - name);
+    alone_against && ahead.is_some_and(|nats| nats < told_apart() * TEMPER)
 }
 
 /// Whether each data set is a knee's, and all are one knee's; nothing where the data sets say nothing of it, or one knee does for all.
@@ -161,8 +173,10 @@ fn best(why: &Unexplained, nothing: f64) -> String {
     let pairs = if several.is_empty() { "" } else { ", and the likeliest two by two" };
     let mut out =
         format!("\nEach of {} effects of the catalogue was fitted from its own best start{pairs}", single.len());
-    if why.is_proven() {
+    if why.is_proven(nothing) {
         out += &proof(&why.tried, nothing);
+    } else if single.iter().chain(&several).all(|t| did_not_converge(t, nothing)) {
+        out += ". None of these fits converged, so they prove nothing";
     }
     out += ".";
     if let Some(most) = most_unseen(&single) {
@@ -178,9 +192,6 @@ fn best(why: &Unexplained, nothing: f64) -> String {
 /// That none is enough, by the fits that converged; of the others that they prove nothing.
 fn proof(tried: &[Tried], nothing: f64) -> String {
     let (lost, sound): (Vec<&Tried>, Vec<&Tried>) = tried.iter().partition(|t| did_not_converge(t, nothing));
-    if sound.is_empty() {
-        return ". None of these fits converged, so they prove nothing".into();
-    }
     let against = stands_against(&sound).join("; ");
     if lost.is_empty() {
         return format!(", and none is enough: {against}");
@@ -472,7 +483,7 @@ mod tests {
             tried("itb", 4.9, &[EarnsTooLittle]),
         ];
         let proven = of(rows.clone());
-        assert!(proven.is_proven());
+        assert!(proven.is_proven(NOTHING));
         let told = best(&proven, NOTHING);
         let parts = [
             "none is enough: earns less than a name takes (1 of them)",
@@ -487,13 +498,13 @@ mod tests {
             open[k].against.clear();
             let open = of(open);
             let told = best(&open, NOTHING);
-            assert!(!open.is_proven() && !told.contains("none is enough"), "{told}");
+            assert!(!open.is_proven(NOTHING) && !told.contains("none is enough"), "{told}");
             assert!(told.contains("No proof") && told.contains(&rows[k].effects[0].effect), "{told}");
         }
         // a table of an earlier version tells neither
         let earlier = of(rows.into_iter().map(|t| Tried { against: vec![], ..t }).collect());
-        assert!(!earlier.is_proven() && !best(&earlier, NOTHING).contains("No proof"));
-        assert!(!of(vec![]).is_proven());
+        assert!(!earlier.is_proven(NOTHING) && !best(&earlier, NOTHING).contains("No proof"));
+        assert!(!of(vec![]).is_proven(NOTHING));
     }
 
     /// An effect may be nothing: a fit that leaves more than nothing added has not found its best end, whatever it leaves.
@@ -504,8 +515,9 @@ mod tests {
             let mut tried = rows.to_vec();
             tried.iter_mut().take(lost).for_each(|t| t.leaves = Some(1.2));
             assert_eq!(tried.iter().filter(|t| did_not_converge(t, 1.1)).count(), lost);
-            let told = best(&Unexplained { data_sets: vec![], two_knees: None, tried, left: vec![] }, 1.1);
-            let sound = rows.len() - lost;
+            let table = Unexplained { data_sets: vec![], two_knees: None, tried, left: vec![] };
+            let (told, sound) = (best(&table, 1.1), rows.len() - lost);
+            assert_eq!(table.is_proven(1.1), sound > 0, "{lost}");
             assert_eq!(told.contains(&format!("earns less than a name takes ({sound} of them)")), sound > 0, "{told}");
             assert_eq!(told.contains("none is enough"), sound > 0, "{told}");
             assert_eq!(told.contains("converge"), lost > 0, "{told}");

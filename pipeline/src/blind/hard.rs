@@ -53,6 +53,7 @@ pub(super) struct Hard {
     wide: bool,
     surfaces: bool,
     laboratory: Laboratory,
+    before: bool,
 }
 
 /// Tells the draws of surfaces from all others.
@@ -68,7 +69,13 @@ impl Hard {
             wide: args.wide,
             surfaces: args.surfaces,
             laboratory: args.laboratory,
+            before: args.before,
         }
+    }
+
+    /// Whether a case also has what the knee read before.
+    pub(super) fn has_before(&self) -> bool {
+        self.before
     }
 
     /// Whether a knee is drawn that may not hold together.
@@ -85,6 +92,7 @@ impl Hard {
             spread: if self.wide { Spread::wide() } else { Spread::default() },
             noise: if second { Noise::SECOND } else { Noise::default() },
             differs: Some(all.into_iter().filter(|d| d.0).map(|d| d.1.to_owned()).collect()),
+            day: 0,
         }
     }
 
@@ -129,7 +137,13 @@ mod tests {
 
     #[test]
     fn a_truth_tells_in_what_its_bench_differs() {
-        let plain = Hard { repeat: Repeat::default(), wide: false, surfaces: false, laboratory: Laboratory::First };
+        let plain = Hard {
+            repeat: Repeat::default(),
+            wide: false,
+            surfaces: false,
+            laboratory: Laboratory::First,
+            before: false,
+        };
         assert_eq!(plain.ways(false), Ways { differs: Some(vec![]), ..Ways::default() });
         let hard = Hard { wide: true, surfaces: true, laboratory: Laboratory::Second, ..plain };
         let ways = hard.ways(true);

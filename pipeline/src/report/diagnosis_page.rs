@@ -62,6 +62,7 @@ fn body(model: &str, d: &Diagnosis) -> String {
     contradicting(&mut out, d);
     left_out(&mut out, d);
     answers(&mut out, d);
+    not_excluded(&mut out, d);
     meanings(&mut out, d);
     why_unnamed(&mut out, d);
     noise(&mut out, d);
@@ -120,17 +121,12 @@ fn answers(out: &mut String, d: &Diagnosis) {
     let catalogue = Catalogue::shipped();
     *out += "<h2>Which: the answers</h2><table><tr><th>effect</th><th>where</th><th>size (90 % interval)</th><th>weight</th><th>log Bayes factor</th><th>held-out gain</th></tr>";
     for a in &d.answers {
-        let names: Vec<String> = a
-            .effects
-            .iter()
-            .map(|e| format!("{}{}", e.effect, e.variant.as_ref().map(|v| format!(" ({v})")).unwrap_or_default()))
-            .collect();
         let places: Vec<&str> = a.effects.iter().map(|e| e.scope.as_str()).collect();
         let sizes: Vec<String> = a.effects.iter().flat_map(|e| sizes(&catalogue, e, "")).map(|t| escaped(&t)).collect();
         let _ = write!(
             out,
             "<tr><td>{}</td><td>{}</td><td>{}</td><td>{:.2}</td><td>{:.1}</td><td>{:.1}</td></tr>",
-            escaped(&names.join(" + ")),
+            escaped(&names_of(&a.effects)),
             escaped(&places.join(" + ")),
             sizes.join("<br>"),
             a.weight,
@@ -139,6 +135,44 @@ fn answers(out: &mut String, d: &Diagnosis) {
         );
     }
     *out += "</table>";
+}
+
+/// What the data do not exclude, whatever the verdict; nothing where that is one state alone, which the head tells.
+fn not_excluded(out: &mut String, d: &Diagnosis) {
+    if d.not_excluded.len() < 2 {
+        return;
+    }
+    let (catalogue, nothing_is_named) = (Catalogue::shipped(), d.verdict == Verdict::None);
+    let against = if nothing_is_named { "nothing missing" } else { "the best that was found" };
+    let _ = write!(
+        out,
+        "<h2>What these data do not exclude</h2><p class=\"note\">Each state was fitted by itself, the ligaments recalibrated beside it. Log odds [nats] against {against}, of a tear before any prior of one: 0 is as likely, 1 nearly three times as likely. A state stands here unless the data speak against it by the odds that tell answers apart (twenty to one, as loud as the data may speak). That a tear stands here is no finding: these trials do not feel it enough to tell.</p><table class=\"words\"><tr><th>state</th><th>where</th><th>size (90 % interval)</th><th>log odds</th></tr>"
+    );
+    for n in &d.not_excluded {
+        let (place, size, name) = match &n.torn {
+            Some(structure) => (String::new(), String::new(), format!("{structure} torn")),
+            None if n.effects.is_empty() => (String::new(), String::new(), "nothing missing".to_owned()),
+            None => {
+                let places: Vec<&str> = n.effects.iter().map(|e| e.scope.as_str()).collect();
+                let sizes: Vec<String> =
+                    n.effects.iter().flat_map(|e| sizes(&catalogue, e, "")).map(|t| escaped(&t)).collect();
+                (escaped(&places.join(" + ")), sizes.join("<br>"), names_of(&n.effects))
+            }
+        };
+        let _ = write!(
+            out,
+            "<tr><td>{}</td><td>{place}</td><td>{size}</td><td>{:+.1}</td></tr>",
+            escaped(&name),
+            n.log_odds
+        );
+    }
+    *out += "</table>";
+}
+
+/// Effects by their names and the structures that they are about.
+fn names_of(effects: &[Named]) -> String {
+    let name = |e: &Named| format!("{}{}", e.effect, e.variant.as_ref().map(|v| format!(" ({v})")).unwrap_or_default());
+    effects.iter().map(name).collect::<Vec<_>>().join(" + ")
 }
 
 /// What the answers mean in plain words, for the joint, and how to check them at the bench; where nothing is named, what came nearest.
