@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, reason = "tests")]
 #![expect(clippy::disallowed_methods, reason = "tests prepare files")]
 
-use crate::common::{build_model, json, read, text, write};
+use crate::common::{build_model, copy, json, read, text, write};
 use crate::one_knee;
 use crate::schema::obeys;
 use assert_cmd::Command;
@@ -198,7 +198,7 @@ fn knees_that_cannot_share_are_refused_with_what_to_do() {
         "{told}"
     );
     // one with data of others in it
-    let shared = Shared { schema: SCHEMA.into(), knee: None, from: vec!["C left".into()], numbers: vec![] };
+    let shared = Shared { schema: SCHEMA.into(), knee: None, from: vec!["C left".into()], file: None, numbers: vec![] };
     let mut options: toml::Table = usual.parse().unwrap();
     let calibrate = options["options"]["calibrate"].as_table_mut().unwrap();
     calibrate.insert("shared_prior".into(), String::from(SharedPrior::Read(Box::new(shared))).into());
@@ -284,7 +284,8 @@ fn the_next_command_has_the_options_of_the_build_and_a_model_is_called_by_its_id
 fn a_prior_of_another_knee_stops_a_build_at_its_start_and_a_search_that_is_kept_outlives_a_refusal() {
     let (knee, folder) = (one_knee::specimen(), TempDir::new().unwrap());
     let other = Some("another left".to_owned());
-    let shared = Shared { schema: SCHEMA.into(), knee: other, from: vec!["other left".into()], numbers: vec![] };
+    let shared =
+        Shared { schema: SCHEMA.into(), knee: other, from: vec!["other left".into()], file: None, numbers: vec![] };
     let file = folder.path().join("prior.json");
     write(&file, serde_json::to_vec(&shared).unwrap());
     let set = format!("calibrate.shared_prior={}", file.display());
@@ -313,22 +314,31 @@ fn a_prior_of_another_knee_stops_a_build_at_its_start_and_a_search_that_is_kept_
     assert_eq!(read(&kept), b"a search");
 }
 
-#[test]
-fn a_calibration_takes_the_shared_prior_up_and_its_content_is_in_the_key_of_the_stage() {
-    let (knee, folder) = (one_knee::specimen(), TempDir::new().unwrap());
+/// A prior that says of the knee what [`LCL`] has, and tells of one number that no knee has.
+fn made_prior(knee: &Path) -> Shared {
     let evidence = Evidence::of(&samples(&knee.join("build")), &CalibrateOptions::default()).unwrap();
     let own = &evidence.numbers.iter().find(|p| p.name == LCL.0).unwrap().prior;
     let (mean, sd) = (own.z_of(LCL.1), 0.02);
     let line = |name: &str, before: [f64; 3]| SharedNumber { name: name.into(), mean, sd, before, after: before };
     let before = [-1.0, 0.0, 1.0].map(|z| own.at(z).0);
     let numbers = vec![line(LCL.0, before), line("XCL.reference_strain", before)];
-    let shared = Shared { schema: SCHEMA.into(), knee: None, from: vec!["other left".into()], numbers };
+    Shared { schema: SCHEMA.into(), knee: None, from: vec!["other left".into()], file: None, numbers }
+}
+
+/// Settings of a rough calibration that ends soon.
+const QUICK: [&str; 4] = ["inference.starts=1", "inference.finalists=1", "inference.rounds=1", "inference.samples=12"];
+
+/// What a reader is told of a model that this prior is in.
+const DEPENDENT: &str = "The prior of 2 numbers is what 1 other knee says (prior.json: other left), so the result is not independent of that knee.";
+
+#[test]
+fn a_calibration_takes_the_shared_prior_up_and_its_content_is_in_the_key_of_the_stage() {
+    let (knee, folder) = (one_knee::specimen(), TempDir::new().unwrap());
     let file = folder.path().join("prior.json");
-    write(&file, serde_json::to_vec(&shared).unwrap());
-    let quick = ["inference.starts=1", "inference.finalists=1", "inference.rounds=1", "inference.samples=12"];
+    write(&file, serde_json::to_vec(&made_prior(knee)).unwrap());
     let set = |command: &mut Command, more: bool| {
         let more = more.then(|| format!("shared_prior={}", file.display()));
-        for one in quick.iter().map(|s| (*s).to_owned()).chain(more) {
+        for one in QUICK.iter().map(|s| (*s).to_owned()).chain(more) {
             command.args(["--set", &format!("calibrate.{one}")]);
         }
     };
@@ -355,4 +365,44 @@ fn a_calibration_takes_the_shared_prior_up_and_its_content_is_in_the_key_of_the_
     let found: Samples = serde_json::from_slice(&read(&out.join("samples.json"))).unwrap();
     let lcl = found.of.unknowns.iter().find(|u| u.name == LCL.0).unwrap();
     assert!(lcl.samples.iter().chain(&lcl.before).all(|x| (x - LCL.1).abs() < 0.02), "{lcl:?}");
+    let model = json(&out.join("model.json"));
+    let prior = &model["calibrated"]["shared_prior"];
+    assert_eq!((prior["file"].as_str(), prior["numbers"].as_u64()), (Some("prior.json"), Some(2)));
+    assert_eq!(prior["from"], serde_json::json!(["other left"]));
+    let printed = String::from_utf8(run.get_output().stdout.clone()).unwrap();
+    assert!(printed.contains(DEPENDENT), "{printed}");
+}
+
+#[test]
+fn a_build_with_a_shared_prior_says_on_every_page_that_it_is_not_independent() {
+    let folder = TempDir::new().unwrap();
+    let (knee, file) = (folder.path().join("knee"), folder.path().join("prior.json"));
+    copy(one_knee::specimen(), &knee);
+    write(&file, serde_json::to_vec(&made_prior(&knee)).unwrap());
+    let mut command = build_model();
+    command.arg(&knee).args(["--quiet", "--to", "calibrate"]);
+    let shared = format!("shared_prior={}", file.display());
+    for set in QUICK.into_iter().chain([shared.as_str()]) {
+        command.args(["--set", &format!("calibrate.{set}")]);
+    }
+    command.assert().success();
+    build_model().arg("credibility").arg(&knee).arg("--quiet").assert().success();
+    let build = knee.join("build");
+    for model in ["joint", "kla", "rks"] {
+        let model = json(&build.join(format!("10-calibrate/{model}/model.json")));
+        assert_eq!(model["calibrated"]["shared_prior"]["from"], serde_json::json!(["other left"]));
+    }
+    let credibility = json(&build.join("credibility.json"));
+    let prior = &credibility["shared_prior"];
+    assert_eq!((prior["file"].as_str(), prior["numbers"].as_u64()), (Some("prior.json"), Some(2)), "{prior}");
+    for page in ["report.html", "methods.md", "credibility.html"] {
+        assert!(text(&build.join(page)).contains(DEPENDENT), "{page}");
+    }
+    // on the report's first screen, before any stage
+    let report = text(&build.join("report.html"));
+    let (first, _) = report.split_once("<main").unwrap();
+    assert!(first.contains(DEPENDENT), "{first}");
+    // and a knee that had none says nothing
+    let own = text(&one_knee::specimen().join("build/report.html"));
+    assert!(!own.contains("id=\"shared-prior\""));
 }

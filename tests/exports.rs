@@ -508,6 +508,22 @@ fn a_knee_written_for_febio_comes_back_and_answers_as_it_did() {
 }
 
 #[test]
+fn a_febio_protocol_that_is_imported_names_the_file_that_has_the_knee() {
+    let out = exported("febio", &[]);
+    let files = std::fs::read_dir(out.path()).unwrap().map(|f| f.unwrap().path());
+    let protocols: Vec<_> = files
+        .filter(|f| f.extension().is_some_and(|e| e == "feb") && f.file_name().is_some_and(|n| n != "model.feb"))
+        .collect();
+    assert!(protocols.len() > 1, "{protocols:?}");
+    for protocol in protocols {
+        let back = out.path().join("back");
+        let run = build_model().arg("import-febio").arg(&protocol).arg("--out").arg(&back).assert();
+        run.code(1).stderr(predicates::str::contains("import model.feb in place of this one"));
+        assert!(!back.exists());
+    }
+}
+
+#[test]
 fn a_file_that_is_no_febio_knee_is_told_and_writes_nothing() {
     let folder = TempDir::new().unwrap();
     let out = folder.path().join("m");

@@ -211,6 +211,7 @@ fn prior(shapes: &[Shape], all: &[Evidence], (k, of): (usize, &Averaged)) -> Sha
         schema: SCHEMA.to_owned(),
         knee: all.get(k).map(|e| e.knee.clone()),
         from: all.iter().enumerate().filter(|(i, _)| *i != k).map(|(_, e)| e.knee.clone()).collect(),
+        file: None,
         numbers: shapes.iter().zip(&of.groups).flat_map(|(s, g)| s.numbers.iter().zip(g)).filter_map(number).collect(),
     }
 }

@@ -108,6 +108,10 @@ pub struct Shared {
     pub knee: Option<String>,
     /// The knees that it comes from.
     pub from: Vec<String>,
+    /// Name of the file that it was read from; a file itself need not say it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[schemars(skip)]
+    pub file: Option<String>,
     /// Numbers of which they say anything.
     pub numbers: Vec<SharedNumber>,
 }
@@ -176,11 +180,12 @@ impl Shared {
         Ok(self)
     }
 
-    /// Whose data are in it, and of how much they tell, in a few words.
+    /// Its file, whose data are in it, and of how much they tell, in a few words.
     pub fn in_words(&self) -> String {
         let say = if self.from.len() == 1 { "says" } else { "say" };
         let numbers = if self.numbers.len() == 1 { "number" } else { "numbers" };
-        format!("what {} {say} of {} {numbers}", self.from.join(", "), self.numbers.len())
+        let file = self.file.as_ref().map_or(String::new(), |file| format!("{file}: "));
+        format!("{file}what {} {say} of {} {numbers}", self.from.join(", "), self.numbers.len())
     }
 
     /// Refuses one that is for another knee, or that a knee's own data are in.

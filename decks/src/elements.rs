@@ -2,7 +2,7 @@
 
 use crate::DeckError;
 use crate::known::{Class, Counted, Known, rows};
-use crate::tree::{Tree, name_of, shown};
+use crate::tree::{Tree, brief, name_of, shown};
 use notices::Notice;
 use roxmltree::Node;
 use sim::names::did_you_mean;
@@ -21,7 +21,7 @@ pub(crate) struct Program {
     pub(crate) part: &'static str,
     /// Whether the parts hold elements; else they hold numbers alone, and attributes (`@name`) are parts, too.
     pub(crate) parts_hold_elements: bool,
-    /// An attribute by which an element stands in another file, and what is said of it.
+    /// An attribute by which an element stands in another file, and what is said of it; the file's name stands for `{}`.
     pub(crate) elsewhere: Option<(&'static str, &'static str)>,
 }
 
@@ -71,8 +71,10 @@ impl Table {
                 told.tell(tree, object, self.unknown(tree, object, &key)?);
                 continue;
             };
-            if let Some((_, what)) = self.program.elsewhere.filter(|(by, _)| object.attribute(*by).is_some()) {
-                return Err(tree.error(object, what));
+            if let Some((file, what)) =
+                self.program.elsewhere.and_then(|(by, what)| Some((object.attribute(by)?, what)))
+            {
+                return Err(tree.error(object, what.replace("{}", &brief(file))));
             }
             match known.class {
                 Class::Refused => {

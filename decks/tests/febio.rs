@@ -334,7 +334,10 @@ fn what_cannot_be_read_is_refused_with_its_line() {
         (change("<interpolate>LINEAR", "<interpolate>STEP"), "expected interpolate LINEAR"),
         (change("<pt>", "<pt>1e9,1</pt><pt>"), "ascend"),
         (change("<force type=\"point\">", "<force type=\"math\">"), "expected a curve of points"),
-        (change("<Mesh>", "<Mesh from=\"other.feb\">"), "stands in another file"),
+        (
+            change("<Mesh>", "<Mesh from=\"other.feb\">"),
+            "<Mesh>: stands in another file (from=\"other.feb\"): import other.feb",
+        ),
         (change("type=\"quad4\" name=\"femur_part\"", "type=\"blob\" name=\"femur_part\""), "its type is \"blob\""),
         (
             whole

@@ -166,6 +166,7 @@ kinds! {
     // calibrate
     RowLeftOut Heavy "A row without a coordinate that counts.",
     RowInPart Light "A row that lacks a coordinate.",
+    TrackedElsewhere Heavy "Landmarks or frames of tracked bodies that are not the build's.",
     SetLacks Light "Tests that a set of targets lacks.",
     RepeatsDiffer Light "Repeats of one load that differ.",
     AgainstTheLoad Heavy "A knee that moves against its load.",

@@ -1,5 +1,6 @@
 //! `calibrate`: ligament parameters from laxity data.
 
+use crate::cohort::shared;
 use crate::error::{BuildError, Place};
 use crate::interrupted;
 use crate::model_file::{self, LoadedModel};
@@ -109,7 +110,7 @@ pub fn calibrate(args: &CalibrateArgs) -> Result<Told, BuildError> {
         None => {}
     }
     let model = model_file::load_which(&args.model, &args.which)?;
-    crate::cohort::shared::read_in(&mut options, &called(&model.spec))?;
+    shared::read_in(&mut options, &called(&model.spec))?;
     let (mut sources, mut told) = (Vec::new(), Told { words: model.line(), ..Told::default() });
     if let Some(c) = &model.spec.calibrated {
         told.warnings.push(Kind::CalibratedAlready.notice(format!(
@@ -154,6 +155,9 @@ pub fn calibrate(args: &CalibrateArgs) -> Result<Told, BuildError> {
     told.warnings.extend(outcome.warnings.iter().cloned());
     told.words += &reports::words(&outcome);
     told.words += &reports::outside_words(&outcome.found);
+    if let Some(words) = shared::of_options(&options).as_ref().and_then(shared::sentence) {
+        told.line(&words);
+    }
     told.line(&format!("The model is {}", out.join("model.json").display()));
     let data = CalibrateTold {
         schema: schemas::CALIBRATE,
@@ -242,7 +246,8 @@ pub fn run(
     let mut outcome = outcome.map_err(fault)?;
     let to = sources.iter().map(|s| s.0.clone()).collect();
     let reach = ReachSpec::of(sources.iter().flat_map(|s| &s.1));
-    outcome.spec.calibrated = Some(CalibratedSpec { to, from: hash(&json(&model.spec)), reach });
+    let shared_prior = shared::of_options(options);
+    outcome.spec.calibrated = Some(CalibratedSpec { to, from: hash(&json(&model.spec)), reach, shared_prior });
     Ok(outcome)
 }
 

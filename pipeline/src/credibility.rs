@@ -87,6 +87,7 @@ fn judged(folder: &Path, context: &Context) -> Result<CredibilityTold, BuildErro
         schema: SCHEMA,
         knee: build.knee.clone(),
         model: build.model.clone(),
+        shared_prior: figures::shared_prior(&build),
         program: build.program.clone(),
         context: context.clone(),
         model_risk: risk,

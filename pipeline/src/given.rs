@@ -5,7 +5,7 @@ use crate::kept::{Kept, Read};
 use crate::record::hash;
 use notices::{Kind, Notice};
 use serde::Serialize;
-use sim::laxity::{LaxityTrial, Named, SignDoubt};
+use sim::laxity::{LaxityTrial, Named, SignDoubt, Tracked};
 use stages::ingest::{named, paths_named_in};
 use stages::specimen::{CtPaths, RawSpecimen, SpecimenFile};
 use std::collections::{BTreeMap, BTreeSet};
@@ -35,6 +35,9 @@ pub struct Measured {
     pub laxity: BTreeMap<String, Vec<LaxityTrial>>,
     /// Of each laxity file, by data set.
     pub digests: BTreeMap<String, String>,
+    /// Bodies that were tracked, by data set: they are held against the build's bones and frames, which the reader of the file does not know.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub tracked: BTreeMap<String, Tracked>,
     /// What is odd in the files.
     pub warnings: Vec<Notice>,
 }
@@ -108,7 +111,8 @@ pub fn measured(file: &SpecimenFile, raw: &RawSpecimen) -> Result<(Kept<Measured
             )
         })
     };
-    let (mut laxity, mut digests, mut warnings) = (BTreeMap::new(), BTreeMap::new(), Vec::new());
+    let (mut laxity, mut digests, mut tracked, mut warnings) =
+        (BTreeMap::new(), BTreeMap::new(), BTreeMap::new(), Vec::new());
     for (name, path) in &file.laxity {
         let found = bytes("laxity", name, path)?;
         let format = file.laxity_format.get(name).cloned().unwrap_or_default();
@@ -116,6 +120,7 @@ pub fn measured(file: &SpecimenFile, raw: &RawSpecimen) -> Result<(Kept<Measured
             .map_err(|e| BuildError::at(Place::in_laxity(path, &e), format!("{path}: {e}")))?;
         warnings.extend(told(path, &table));
         digests.insert(name.clone(), hash(found));
+        tracked.extend(format.tracked.map(|bodies| (name.clone(), bodies)));
         let (trials, thinner) = crate::thin::thinned(table.trials);
         warnings.extend(thinner.map(|what| what.in_file(path)));
         laxity.insert(name.clone(), trials);
@@ -130,7 +135,7 @@ pub fn measured(file: &SpecimenFile, raw: &RawSpecimen) -> Result<(Kept<Measured
     for (name, path) in &file.passive {
         passive.push(read_passive(name, path, bytes("passive", name, path)?)?);
     }
-    Ok((Kept::read(Measured { laxity, digests, warnings })?, Kept::read(PassiveFlexion(passive))?))
+    Ok((Kept::read(Measured { laxity, digests, tracked, warnings })?, Kept::read(PassiveFlexion(passive))?))
 }
 
 /// What is said of a file that is given as two data sets; none where each is its own.

@@ -26,6 +26,7 @@ from genu._specimens import (
     Specimen as Specimen,
     check as check,
     cohort as cohort,
+    cohort_infer as cohort_infer,
     init as init,
     inspect as inspect,
     options as options,

@@ -11,7 +11,7 @@ from genu._call import absolute, as_html, run
 from genu._arrays import Given, SurfaceLike, specimen_of
 from genu._errors import InputError
 from genu._tables import read_table
-from genu._types import Frame, Input, Option, Path, Place, Side, Stage
+from genu._types import Frame, InferKnee, Input, Option, Path, Place, Side, Stage
 
 
 @dataclass
@@ -255,7 +255,7 @@ def cohort(builds: Sequence[Place], out: Path, *, force: bool = False) -> Cohort
     return Cohort(place, found["knees"])
 
 
-def cohort_infer(builds: Sequence[Place], out: Path, *, force: bool = False) -> list[dict[str, Any]]:
+def cohort_infer(builds: Sequence[Place], out: Path, *, force: bool = False) -> list[InferKnee]:
     """Tell each knee what the calibrations of the others say of its ligaments, contact and cartilage.
 
     Parameters
@@ -272,6 +272,7 @@ def cohort_infer(builds: Sequence[Place], out: Path, *, force: bool = False) -> 
     list of dict
         A knee each: ``knee``, ``specimen``, ``model``, ``informed``, ``prior`` (``file``, ``shares``, ``numbers``) and ``next``, the command
         that builds it with that prior. In Python: ``genu.build(specimen, options={"calibrate.shared_prior": prior["file"]})``.
+        A knee built so is not independent of the others, and says so: ``model.spec["calibrated"]["shared_prior"]``.
 
     Raises
     ------
@@ -279,5 +280,5 @@ def cohort_infer(builds: Sequence[Place], out: Path, *, force: bool = False) -> 
         A build without a calibration, with other options, or twice; fewer than two knees.
     """
     words = [*(absolute(b) for b in builds), "--out", absolute(out), "--json", *(["--force"] if force else [])]
-    found: list[dict[str, Any]] = json.loads(run("cohort", "infer", *words))["knees"]
+    found: list[InferKnee] = json.loads(run("cohort", "infer", *words))["knees"]
     return found

@@ -83,6 +83,35 @@ class Option(TypedDict):
     choices: list[str]
 
 
+class SharedNumber(TypedDict):
+    """What other knees say of a number: in standard deviations of its own prior, and as values at -1, 0 and 1 of them."""
+
+    name: str
+    mean: float
+    sd: float
+    before: list[float]
+    after: list[float]
+
+
+class SharedPrior(TypedDict):
+    """What other knees say of a knee: the file, the share of the variance in common by sort of numbers, and what the file holds."""
+
+    file: str
+    shares: dict[Literal["strain", "stiffness", "other"], float]
+    numbers: list[SharedNumber]
+
+
+class InferKnee(TypedDict):
+    """A knee, as :func:`genu.cohort_infer` tells it. ``next`` is the command that builds it with its prior."""
+
+    knee: str
+    specimen: str
+    model: str
+    informed: int
+    prior: SharedPrior
+    next: Optional[str]
+
+
 class Site(TypedDict, total=False):
     """Where a graft leaves a bone: one of the first four keys, docs/plan.md."""
 

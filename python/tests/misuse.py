@@ -31,6 +31,11 @@ genu.plan(model, "graft.toml", "out").value("drawer", 30, "intact")  # wrong: te
 genu.next_tests(model, "ACL", count="six")  # wrong: count
 genu.credibility("knee", context={"influence": "much"})  # wrong: level
 genu.credibility("knee").grade("inputs")  # wrong: factor
+genu.cohort_infer([3, 4], "out")  # wrong: build
+genu.cohort_infer(["a", "b"], "out")[0]["files"]  # wrong: key
+genu.export(model, "opensim", "out", contact="hertz")  # wrong: contact
+genu.import_febio("knee.feb", "out", side="medial")  # wrong: side
+genu.Model("model.json", source=3)  # wrong: source
 
 genu.simulate(model, protocol="pivot-shift", without="ACL")
 genu.simulate(model, protocol="pivot-shift", without=["ACL", "LCL"], compression_n=30.0)
@@ -41,6 +46,10 @@ genu.simulate(genu.calibrate(model, "kla.csv", "out"), [{"load_ap_n": 100.0}])
 genu.simulate(genu.diagnose(model, {"kla": "kla.csv"}, "out"), genu.read_table("kla.csv").to_dict("records"))
 genu.inspect(genu.Build("knee"))
 genu.cohort([genu.Build("knee"), "other"], "out")
+for told in genu.cohort_infer([genu.Build("knee"), "other"], "out"):
+    genu.build(told["knee"], options={"calibrate.shared_prior": told["prior"]["file"]})
+genu.simulate(genu.import_febio("knee.feb", "out", side="left"), protocol="ap-laxity")
+genu.export(model, "opensim", "out", contact="jam", poses=genu.read_table("kla.csv"))
 genu.validate({"a": model, "b": "b/model.json"}, "out", samples=8, solver="explicit")
 samples = genu.Build("knee").samples
 if samples is not None:

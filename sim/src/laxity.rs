@@ -18,6 +18,7 @@ mod outliers;
 mod read;
 mod sign_doubt;
 mod signs;
+mod stated;
 mod text;
 mod tracked;
 mod units;
@@ -30,7 +31,7 @@ pub use format::{Bone, Column, FullColumn, LaxityFormat, Readings};
 pub use read::{LaxityTable, read, read_as, read_asked};
 pub use sign_doubt::SignDoubt;
 pub use signs::sign_doubts;
-pub use tracked::{Tracked, TrackedBone};
+pub use tracked::{BuiltBone, Tracked, TrackedBone};
 pub use write::{Band, TrialResult, force_column, protocol_csv, results_csv, trials_csv};
 
 use crate::coordinate::{AP, Coordinate, Free, IE, Load, VV};

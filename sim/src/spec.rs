@@ -89,6 +89,24 @@ pub struct CalibratedSpec {
     /// How far the trials of those data sets reached; absent in models of before it was kept.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reach: Option<ReachSpec>,
+    /// What other knees gave as its prior; absent: nothing did.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub shared_prior: Option<SharedPriorSpec>,
+}
+
+/// A prior that other knees gave a calibration. What such a model tells is not independent of those knees.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, schemars::JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct SharedPriorSpec {
+    /// Name of its file; absent where its text was given.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub file: Option<String>,
+    /// blake3 digest of that file as `cohort infer` wrote it.
+    pub digest: String,
+    /// The knees whose data are in it: id and side of each.
+    pub from: Vec<String>,
+    /// Numbers of which it tells anything.
+    pub numbers: usize,
 }
 
 /// Least and most of the flexions and loads of a calibration's trials.

@@ -127,14 +127,8 @@ fn grid(groups: &[Group]) -> Vec<Shares> {
     out
 }
 
-/// What the others say of each of `knees` knees in turn, then, last, all of them of a knee that is not among them. Each knee's own message counts
+/// What all knees but one say, for each that is left out; nobody left out: what all of them say. The message of the knee that is left out counts
 /// nowhere in what it is told: not in the mean, nor in how much is shared.
-pub fn averaged(groups: &[Group], knees: usize) -> Vec<Averaged> {
-    let whom: Vec<Option<usize>> = (0..knees).map(Some).chain([None]).collect();
-    told_to(groups, &whom)
-}
-
-/// What all knees but one say, for each that is left out; nobody left out: what all of them say.
 pub fn told_to(groups: &[Group], whom: &[Option<usize>]) -> Vec<Averaged> {
     let mut sums: Vec<Sum> = whom.iter().map(|_| Sum::default()).collect();
     for shares in grid(groups) {

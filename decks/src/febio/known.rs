@@ -14,7 +14,10 @@ const FEBIO: Program = Program {
     unknown: "FEBio 4 has no such element of solids",
     part: "parameter",
     parts_hold_elements: false,
-    elsewhere: Some(("from", "stands in another file (from); expected one file: save the model by FEBio Studio")),
+    elsewhere: Some((
+        "from",
+        "stands in another file (from=\"{}\"): import {} in place of this one, if it has the whole knee as model.feb of export has; else save the model as one file by FEBio Studio",
+    )),
 };
 
 /// The table, a line an element.

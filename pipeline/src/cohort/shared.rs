@@ -1,9 +1,11 @@
 //! The file of a shared prior, as a calibration takes it up.
 
 use crate::error::{BuildError, Place};
+use crate::record::{hash, json};
 use crate::store;
 use calibration::options::CalibrateOptions;
 use calibration::shared::{Shared, SharedPrior};
+use sim::spec::SharedPriorSpec;
 use std::path::Path;
 
 /// Its option.
@@ -17,7 +19,7 @@ const KEY: &str = "calibrate.shared_prior";
 pub(crate) fn read_in(options: &mut CalibrateOptions, knee: &str) -> Result<(), BuildError> {
     let (named, shared) = match &options.shared_prior {
         None => return Ok(()),
-        Some(SharedPrior::File(path)) => (path.clone(), Box::new(read(path)?)),
+        Some(SharedPrior::File(path)) => (path.clone(), Box::new(Shared { file: name_of(path), ..read(path)? })),
         Some(SharedPrior::Read(shared)) => (IN_PLACE.to_owned(), shared.clone()),
     };
     shared.is_for_knee(knee).map_err(|what| wrong(&named, format!("{KEY}: {named}: {what}")))?;
@@ -27,6 +29,51 @@ pub(crate) fn read_in(options: &mut CalibrateOptions, knee: &str) -> Result<(), 
 
 /// How a shared prior is named whose text stands in the option itself.
 const IN_PLACE: &str = "the text of a shared prior";
+
+/// The last part of a path.
+fn name_of(path: &str) -> Option<String> {
+    Some(Path::new(path).file_name()?.to_string_lossy().into_owned())
+}
+
+/// What a model says of the prior that other knees gave its calibration; nothing where none did.
+pub(crate) fn of_options(options: &CalibrateOptions) -> Option<SharedPriorSpec> {
+    match &options.shared_prior {
+        Some(SharedPrior::Read(shared)) => Some(of(shared)),
+        Some(SharedPrior::File(_)) | None => None,
+    }
+}
+
+/// The same of a shared prior.
+pub(crate) fn of(shared: &Shared) -> SharedPriorSpec {
+    let as_written = Shared { file: None, ..shared.clone() };
+    SharedPriorSpec {
+        file: shared.file.clone(),
+        digest: hash(&json(&as_written)),
+        from: shared.from.clone(),
+        numbers: shared.numbers.len(),
+    }
+}
+
+/// Knees that a sentence names; of more it tells how many there are.
+const NAMED: usize = 3;
+
+/// The sentence for a reader: which file, how many knees informed the prior, and that the result is not independent of them. Nothing of a prior that tells
+/// of no number: nothing came from it.
+pub(crate) fn sentence(prior: &SharedPriorSpec) -> Option<String> {
+    let is_one = prior.from.len() == 1;
+    let knees = if is_one { "1 other knee says".to_owned() } else { format!("{} other knees say", prior.from.len()) };
+    let names = Some(prior.from.join(", ")).filter(|names| prior.from.len() <= NAMED && !names.is_empty());
+    let sources: Vec<String> = prior.file.clone().into_iter().chain(names).collect();
+    let sources = if sources.is_empty() { String::new() } else { format!(" ({})", sources.join(": ")) };
+    let numbers = if prior.numbers == 1 { "number" } else { "numbers" };
+    let those = if is_one { "that knee" } else { "those knees" };
+    (prior.numbers > 0).then(|| {
+        format!(
+            "The prior of {} {numbers} is what {knees}{sources}, so the result is not independent of {those}.",
+            prior.numbers
+        )
+    })
+}
 
 /// The option is at fault, with this value.
 fn wrong(value: &str, told: String) -> BuildError {
@@ -78,6 +125,29 @@ mod tests {
         let before = options.clone();
         read_in(&mut options, "A left").unwrap();
         assert_eq!(options, before);
+    }
+
+    #[test]
+    fn a_model_says_which_file_it_was_and_whose_data_are_in_it() {
+        let folder = tempfile::tempdir().unwrap();
+        let prior: Shared = serde_json::from_str(WELL).unwrap();
+        // the digest is that of the file as cohort infer writes it, whatever stands between its words
+        let told = of_options(&read_of(folder.path(), WELL).unwrap()).unwrap();
+        assert_eq!((told.file.as_deref(), told.digest.clone()), (Some("a.json"), hash(&json(&prior))));
+        assert_eq!((told.from.join(","), told.numbers), ("B left".to_owned(), 1));
+        assert_eq!(of_options(&CalibrateOptions::default()), None);
+        let words = sentence(&told).unwrap();
+        assert_eq!(
+            words,
+            "The prior of 1 number is what 1 other knee says (a.json: B left), so the result is not independent of that knee."
+        );
+        let many = (0..30).map(|k| format!("K{k} left")).collect();
+        let words = sentence(&SharedPriorSpec { file: None, from: many, numbers: 14, ..told.clone() }).unwrap();
+        assert_eq!(
+            words,
+            "The prior of 14 numbers is what 30 other knees say, so the result is not independent of those knees."
+        );
+        assert_eq!(sentence(&SharedPriorSpec { numbers: 0, ..told }), None);
     }
 
     #[test]

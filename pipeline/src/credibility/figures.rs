@@ -2,6 +2,7 @@
 
 use super::read::{Build, Read, Rows, flexions, largest, numbers, share, smallest};
 use crate::stage::BETWEEN_TEAMS;
+use sim::spec::{ModelSpec, SharedPriorSpec};
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::RangeInclusive;
 
@@ -72,6 +73,12 @@ fn moved(
     rows.retain(|r| r.get("changed").is_some_and(|c| c == changed) && counts(r) && cell(r, column).is_some());
     read.flexions_deg = flexions(&rows, "flexion_deg");
     Some((largest(numbers(&rows, column))?, read))
+}
+
+/// The prior that other knees gave the calibration of the model that is judged, as its model.json says.
+pub(super) fn shared_prior(build: &Build) -> Option<SharedPriorSpec> {
+    let model: ModelSpec = serde_json::from_str(&build.file("calibrate", "MODEL/model.json")?.text).ok()?;
+    model.calibrated?.shared_prior
 }
 
 /// How much less likely than the best an end of the search may be and still be another answer [nats]: 6 are 400 times less likely by the

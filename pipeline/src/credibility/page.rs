@@ -5,6 +5,7 @@ use super::context::Context;
 use super::evidence::{Evidence, FactorTold};
 use super::grade::{Grade, Level};
 use super::told::Told;
+use crate::cohort::shared::sentence;
 use crate::report::page_parts::{escaped, head};
 use std::fmt::Write;
 
@@ -44,7 +45,7 @@ fn context(told: &Told) -> String {
             if risk == Level::High { "" } else { " or better" }
         )
     };
-    let rows = [
+    let mut rows = vec![
         ("Question", text(question)),
         ("Context of use", text(context_of_use)),
         ("Flexions asked about", flexion_deg.map_or("not stated".into(), |[a, b]| format!("{a} to {b} deg"))),
@@ -54,6 +55,7 @@ fn context(told: &Told) -> String {
         ("Model", told.model.as_deref().map_or("not calibrated".to_owned(), |m| format!("calibrated, {}", escaped(m)))),
         ("Built by", format!("Genu {}", escaped(&told.program))),
     ];
+    rows.extend(told.shared_prior.as_ref().and_then(sentence).map(|words| ("Prior of other knees", escaped(&words))));
     let rows: String = rows.iter().map(|(k, v)| format!("<tr><th scope=\"row\">{k}</th><td>{v}</td></tr>")).collect();
     format!("<h2>What is asked</h2><table>{rows}</table>")
 }

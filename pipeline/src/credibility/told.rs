@@ -6,6 +6,7 @@ use super::evidence::FactorTold;
 use super::grade::Level;
 use schemars::JsonSchema;
 use serde::Serialize;
+use sim::spec::SharedPriorSpec;
 
 /// credibility.json.
 #[derive(Clone, Debug, PartialEq, Serialize, JsonSchema)]
@@ -16,6 +17,9 @@ pub struct Told {
     pub knee: String,
     /// The calibrated model that is judged; none where none is calibrated.
     pub model: Option<String>,
+    /// Other knees whose data are in the prior of its calibration; none where no knee's are. It is not independent of those knees, and what is
+    /// found of them is no evidence for it.
+    pub shared_prior: Option<SharedPriorSpec>,
     /// Version and source digest of the program that built it.
     pub program: String,
     /// Question, context of use, risk, as stated.

@@ -12,6 +12,7 @@ use super::motion::{self, Motion};
 use super::scene::{Scene, named_places};
 use super::sheet::Sheet;
 use super::warnings::{self, Group};
+use crate::cohort::shared;
 use crate::options::BuildOptions;
 use crate::record::{Failure, Record};
 use crate::stage::list::{Assemble, Calibration, STAGES, Validate, folder_name, heading, named};
@@ -155,6 +156,7 @@ impl<'a> Body<'a> {
         let mut stills = Assemble.stills(&self.values);
         stills.truncate(3);
         let (answers, verdict) = (self.four(&checks, failure), self.built(&checks, failure).1);
+        let verdict = [Some(verdict), self.shared_prior()].into_iter().flatten().collect::<Vec<_>>().join(" ");
         let forces = on_paper(&self.values);
         Sheet { id: &id, synthetic, verdict: &verdict, answers, stills, forces }.html()
     }
@@ -176,12 +178,21 @@ impl<'a> Body<'a> {
         }
     }
 
+    /// Whose data are in the prior of the knee's calibration, where other knees gave it.
+    fn shared_prior(&self) -> Option<String> {
+        let (_, outcome) = self.values.of::<Calibration>()?.main_first().next()?;
+        shared::sentence(outcome.spec.calibrated.as_ref()?.shared_prior.as_ref()?)
+    }
+
     /// The verdict, and what a failed build says.
     fn sentence(&self, checks: &[Check], failure: Option<&Failure>) -> String {
         let (class, words) = self.built(checks, failure);
         let mut html = format!("<p class=\"verdict {class}\" id=\"verdict\"><strong>{}</strong></p>", escaped(&words));
         if let Some(f) = failure {
             let _ = write!(html, "<p class=\"failure\">{}</p>", escaped(&f.message));
+        }
+        if let Some(words) = self.shared_prior() {
+            let _ = write!(html, "<p id=\"shared-prior\">{}</p>", escaped(&words));
         }
         html
     }

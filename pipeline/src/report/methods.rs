@@ -1,10 +1,11 @@
 //! How a model was made, in words and tables that the supplement of a paper can take: versions, options, digests.
 
 use super::html::escaped;
+use crate::cohort::shared;
 use crate::options::BuildOptions;
 use crate::record::Record;
 use crate::stage::list::heading;
-use calibration::shared::SharedPrior;
+use calibration::shared::{Shared, SharedPrior};
 use std::fmt::Write;
 use toml::{Table, Value};
 
@@ -21,6 +22,8 @@ pub(super) struct Methods {
     options: Vec<[String; 2]>,
     /// Stage and digest of its result.
     stages: Vec<(String, String)>,
+    /// Whose data are in the prior of the calibration, where other knees gave it.
+    shared_prior: Option<String>,
 }
 
 /// A table: its title, its header, its rows.
@@ -46,6 +49,7 @@ impl Methods {
             changed: changed.map(|o| [o[0].clone(), o[1].clone(), default(&o[0])]).collect(),
             options,
             stages: records.iter().map(|r| (heading(&r.stage), r.digest.clone())).collect(),
+            shared_prior: shared_prior(&run).and_then(|s| shared::sentence(&shared::of(&s))),
         })
     }
 
@@ -54,9 +58,10 @@ impl Methods {
             0 => "All options have the values that this version has by default.".to_owned(),
             n => format!("{n} options differ from the defaults of this version; the table names them."),
         };
+        let shared = self.shared_prior.as_ref().map_or(String::new(), |words| format!(" {words}"));
         format!(
             "The model of {} was built with Genu {} (digest of the source {}). It was made by {} stages from {} files. {options} \
-             The same inputs and options give the same model, byte for byte, on any number of threads. Digests are blake3.",
+             The same inputs and options give the same model, byte for byte, on any number of threads. Digests are blake3.{shared}",
             self.id,
             self.version,
             &self.code[..self.code.len().min(16)],
@@ -123,6 +128,15 @@ fn leaves(prefix: &str, value: &Value, out: &mut Vec<[String; 2]>) {
     }
 }
 
+/// The shared prior that run.toml has among its options.
+fn shared_prior(run: &Table) -> Option<Box<Shared>> {
+    let text = run.get("options")?.get("calibrate")?.get("shared_prior")?.as_str()?;
+    match SharedPrior::try_from(text.to_owned()).ok()? {
+        SharedPrior::Read(shared) => Some(shared),
+        SharedPrior::File(_) => None,
+    }
+}
+
 /// The option whose value is the text of a whole file.
 const SHARED_PRIOR: &str = "calibrate.shared_prior";
 
@@ -175,6 +189,10 @@ mod tests {
             assert_eq!(methods.changed, [[SHARED_PRIOR.to_owned(), wanted.to_owned(), "none".to_owned()]]);
             let text = methods.markdown();
             assert!(text.contains(wanted) && !text.contains("shared-prior/1"), "{text}");
+            // what tells of no number is nobody's prior
+            let dependent = "so the result is not independent of that knee.";
+            assert_eq!(text.contains(dependent), numbers.len() == 1, "{text}");
+            assert_eq!(methods.html().contains(dependent), numbers.len() == 1);
         }
     }
 }

@@ -22,7 +22,7 @@ use calibration::reports;
 use calibration::session::{Joint, Outcome, Session};
 use notices::Notice;
 use serde::{Deserialize, Serialize};
-use sim::laxity::LaxityTrial;
+use sim::laxity::{BuiltBone, LaxityTrial};
 use stages::assemble::Assembled;
 use stages::bones::Bones;
 use stages::cartilage::Cartilage;
@@ -104,8 +104,9 @@ impl Stage for Calibrate {
         work: &Work,
     ) -> Result<Calibration, BuildError> {
         let model = assembled_model(assembled, bones, cartilage);
+        let elsewhere = tracked_elsewhere(measured, assembled, bones);
         let mut made = calibrate_all(&model, &measured.laxity, options, work)?;
-        made.warnings.splice(0..0, measured.warnings.iter().cloned());
+        made.warnings.splice(0..0, measured.warnings.iter().cloned().chain(elsewhere));
         Ok(made)
     }
 
@@ -173,6 +174,16 @@ impl Stage for Calibrate {
         }
         out
     }
+}
+
+/// What is told of tracked bodies whose landmarks or frames are not the build's.
+fn tracked_elsewhere(measured: &Measured, assembled: &Assembled, bones: &Bones) -> Vec<Notice> {
+    let (frames, surfaces) = (&assembled.spec.frames, &bones.surfaces);
+    let built = [
+        BuiltBone { frame: &frames.femur, surface: &surfaces.femur },
+        BuiltBone { frame: &frames.tibia, surface: &surfaces.tibfib },
+    ];
+    measured.tracked.iter().flat_map(|(name, of)| of.held(built).into_iter().map(move |n| n.whose(name))).collect()
 }
 
 /// The largest misfit of a coordinate, in times the stated noise.

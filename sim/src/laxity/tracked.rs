@@ -19,8 +19,11 @@ use notices::{Kind, Notice};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
+mod held;
 #[cfg(test)]
 mod tests;
+
+pub use held::BuiltBone;
 
 /// Points that lie off their landmarks by more in the root mean square are refused [mm]: a probe's tip is placed within 1 to 3. Ours.
 const MOST_RMS_MM: f64 = 5.0;

@@ -3,6 +3,12 @@
 use super::*;
 use inference::random::{normal, normals, stream};
 
+/// What the others say of each of the first `knees` knees in turn, then, last, all of them of a knee that is not among them.
+fn averaged(groups: &[Group], knees: usize) -> Vec<Averaged> {
+    let whom: Vec<Option<usize>> = (0..knees).map(Some).chain([None]).collect();
+    told_to(groups, &whom)
+}
+
 const SORTS: [Sort; 2] = [Sort::Strain, Sort::Stiffness];
 
 /// Messages of knees that measured one combination of two numbers each, better or worse.
