@@ -4,6 +4,8 @@
 #![expect(clippy::type_complexity, reason = "a table of segments")]
 
 mod bodies;
+mod decks;
+mod stated;
 mod tables;
 
 use crate::common::{build_model, copy, json, phantom, read, text, write};

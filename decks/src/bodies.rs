@@ -75,8 +75,13 @@ impl Bodies {
         let roots: Vec<u64> = model.fixed.iter().map(|n| groups.root(*n)).collect();
         let [tibia] = roots[..] else {
             return Err(DeckError::whole(format!(
-                "{} bodies held fixed by *BOUNDARY, expected one (the tibia's reference node, ENCASTRE)",
-                roots.len()
+                "{} bodies held fixed by *BOUNDARY, expected one (the tibia's reference node, ENCASTRE){}",
+                roots.len(),
+                if roots.is_empty() && !model.has_step {
+                    "; the deck has no *STEP: was the file cut short?"
+                } else {
+                    ""
+                }
             )));
         };
         let mut links: Vec<(&Connector, u64, u64)> = Vec::new();

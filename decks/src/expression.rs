@@ -21,6 +21,14 @@ pub fn evaluate(text: &str, names: &BTreeMap<String, f64>) -> Result<f64, String
     if value.is_finite() { Ok(value) } else { Err(format!("\"{}\" is not finite", text.trim())) }
 }
 
+/// Whether a cell is a number with an exponent without its letter, 1.5+2 for 150, as Nastran writes it: Abaqus wants E or D there, and a sum is none of its numbers.
+pub(crate) fn lacks_its_letter(text: &str) -> bool {
+    let digits = |t: &str| !t.is_empty() && t.chars().all(|c| c.is_ascii_digit());
+    let Some((number, exponent)) = text.trim().rsplit_once(['+', '-']) else { return false };
+    let Some((whole, part)) = number.trim_start_matches(['+', '-']).split_once('.') else { return false };
+    digits(exponent) && (digits(whole) || digits(part)) && [whole, part].iter().all(|t| t.is_empty() || digits(t))
+}
+
 /// A number as decks write it: Fortran exponents allowed, infinities not.
 pub fn number(text: &str) -> Option<f64> {
     let text = text.trim();

@@ -70,6 +70,8 @@ pub fn import(main: &str, bytes: &[u8], given: &Given) -> Result<ImportedDeck, D
     let mut meshes = contact.meshes;
     let (specs, bones) = bones(&tree, (&mesh, &bodies, &knee), &contact.spec, &mut meshes, &mut warnings)?;
     warnings.extend(crate::held::ends(&ligaments.fibres, bones.each_ref().map(Option::as_ref)));
+    warnings.extend(crate::held::copies(&ligaments.fibres));
+    warnings.extend(crate::usual::whole(&ligaments.bundles, &contact.spec, &specs));
     let mut spec = ModelSpec {
         schema: "model/1".into(),
         id: identity(&tree, main),

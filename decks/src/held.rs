@@ -4,6 +4,7 @@ use meshes::query::SurfaceQuery;
 use meshes::surface::TriMesh;
 use notices::{Kind, Notice};
 use sim::spec::FibreSpec;
+use std::collections::BTreeSet;
 
 /// An end this far off its bone lies elsewhere, in a knee of [`WIDTH_MM`] [mm]; as of attachments.csv, half as far again as a rough point. Ours.
 const OFF_MM: f64 = 15.0;
@@ -37,6 +38,20 @@ pub(crate) fn ends(fibres: &[FibreSpec], bones: [Option<&TriMesh>; 2]) -> Option
     })
 }
 
+/// Fibres that stand at the same two points as one before them: an element that is there twice pulls twice.
+pub(crate) fn copies(fibres: &[FibreSpec]) -> Option<Notice> {
+    let mut seen = BTreeSet::new();
+    let place = |f: &FibreSpec| [f.femur, f.tibia].map(|p| [p.x, p.y, p.z].map(f64::to_bits));
+    let again: Vec<&FibreSpec> = fibres.iter().filter(|f| !seen.insert(place(f))).collect();
+    let first = again.first()?;
+    let text = format!(
+        "{} fibres stand at the same two points as one before them, the first of {}: is an element there twice? Each pulls by itself",
+        again.len(),
+        first.bundle
+    );
+    Some(Kind::FibreCount.notice(text).of(&first.bundle).count(again.len()))
+}
+
 fn limit(bone: &TriMesh) -> f64 {
     let Some((low, high)) = bone.bounds() else { return OFF_MM };
     let mut extents: Vec<f64> = (high - low).iter().copied().collect();
@@ -67,5 +82,8 @@ mod tests {
         let told = ends(&[fibre("LCL", -42.0, -58.0), fibre("ACL", -62.5, -58.0)], both).unwrap();
         assert!(told.text.contains("1 ends") && told.text.contains("ACL (20 mm off the femur)"), "{}", told.text);
         assert!(ends(&[fibre("ACL", -62.5, -58.0)], [None, Some(&tibia)]).is_none());
+        let twice = [fibre("LCL", -42.0, -58.0), fibre("ACL", -42.0, -57.0), fibre("LCL2", -42.0, -58.0)];
+        assert!(copies(&twice[..2]).is_none());
+        assert!(copies(&twice).unwrap().text.contains("1 fibres stand at the same two points"));
     }
 }

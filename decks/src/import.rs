@@ -63,6 +63,8 @@ fn import_whole(main: &str, read: &mut ReadFile) -> Result<ImportedDeck, DeckErr
         _ => None,
     };
     warnings.extend(held::ends(&fibres, [bone(0), bone(1)]));
+    warnings.extend(held::copies(&fibres));
+    warnings.extend(usual::strains(&bundles));
     usual::wide(&contact, &meshes)?;
     warnings.extend(usual::other_laws(&model));
     warnings.extend(usual::told(&contact, &body_specs));

@@ -1,6 +1,6 @@
 //! From files to keyword blocks: includes followed, parameters evaluated and put in, comments dropped.
 
-use super::expression::{evaluate, lookup, number};
+use super::expression::{evaluate, lacks_its_letter, lookup, number};
 use crate::DeckError;
 use std::collections::BTreeMap;
 
@@ -78,6 +78,9 @@ impl DeckText {
         }
         match number(cell) {
             Some(value) => Ok(value),
+            None if lacks_its_letter(cell) => {
+                Err(self.error(block, line, format!("\"{cell}\" lacks the letter of its exponent; write it with E")))
+            }
             None => evaluate(cell, &self.parameters)
                 .map_err(|e| self.error(block, line, format!("\"{cell}\" is not a number: {e}"))),
         }

@@ -32,7 +32,7 @@ pub(super) fn bundle_name(stem: &str) -> Option<String> {
 }
 
 /// Stiffness of a bundle beyond which the unit is doubted [N/mm]: ten times either way of Table 3's ranges; ours.
-const USUAL_N_PER_MM: RangeInclusive<f64> = 0.7..=2500.0;
+pub(super) const USUAL_N_PER_MM: RangeInclusive<f64> = 0.7..=2500.0;
 /// Toe strain where the deck states none [-].
 const TOE_STRAIN: f64 = 0.03;
 

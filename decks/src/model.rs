@@ -109,6 +109,8 @@ pub struct DeckModel {
     pub pairs: Vec<Pair>,
     /// Nodes held in all directions.
     pub fixed: Vec<u64>,
+    /// Whether the deck has a step: one without was cut short.
+    pub(super) has_step: bool,
     /// What is odd but not fatal.
     pub warnings: Vec<Notice>,
     /// The assembly and its instances.
@@ -138,7 +140,8 @@ impl DeckModel {
     pub fn new(deck: &DeckText) -> Result<DeckModel, DeckError> {
         let warnings = super::known::judge(deck)?;
         let (blocks, scopes) = place::flat(deck)?;
-        let mut model = DeckModel { warnings, scopes, files: deck.files.clone(), ..DeckModel::default() };
+        let has_step = deck.blocks.iter().any(|b| b.keyword == "STEP");
+        let mut model = DeckModel { has_step, warnings, scopes, files: deck.files.clone(), ..DeckModel::default() };
         model.read_nodes(deck, &blocks)?;
         for at in blocks.iter().filter(|at| at.block.keyword == "ELEMENT") {
             model.read_elements(deck, at)?;
@@ -222,6 +225,9 @@ impl DeckModel {
             for (x, cell) in p.iter_mut().zip(cells.iter().skip(1)) {
                 *x = deck.number(block, line, cell)?;
             }
+            if let Some(what) = not_a_normal(&deck.numbers(block, line, cells.get(4..).unwrap_or(&[]))?) {
+                return Err(deck.error(block, line, what));
+            }
             let p = self.scopes.place(at.scope, &(system * place::cartesian(deck, block, p)?));
             if self.nodes.insert(id, p).is_some_and(|old| (old - p).norm() > SAME_PLACE_MM) {
                 let what = "nodes are defined a second time at another place; the last one is taken, as Abaqus does";
@@ -300,6 +306,12 @@ impl DeckModel {
             return Err(deck.error(block, block.line, "ELSET= and REF NODE= expected"));
         };
         let node = self.node(deck, at, block.line, &node)?;
+        for (line, cells) in block.rows() {
+            if deck.numbers(block, line, &cells)?.first().is_some_and(|thickness| *thickness != 0.0) {
+                let what = "rigid bodies have a thickness, half of which Abaqus puts before their surface in contact; here they have none";
+                self.tell(deck, block, line, what.into());
+            }
+        }
         let mut named = false;
         if let Some(set) = block.option("ELSET") {
             let set = self.element_set(deck, at, block.line, &set)?;
@@ -344,7 +356,10 @@ impl DeckModel {
         if let Some((line, cells)) = block.rows().next() {
             let value = deck.number(block, line, cells.first().unwrap_or(&""))?;
             let table = if block.keyword == "MASS" { &mut self.mass } else { &mut self.inertia };
-            table.insert(set, value);
+            if table.insert(set, value).is_some_and(|old| old.to_bits() != value.to_bits()) {
+                let what = format!("sets have a second *{}; the last one is taken", block.keyword);
+                self.tell(deck, block, line, what);
+            }
         }
         Ok(())
     }
@@ -397,6 +412,15 @@ impl DeckModel {
             return Err(deck.error(block, block.line, "ELSET= is missing"));
         };
         let elset = self.element_set(deck, at, block.line, &set)?;
+        if let Some((line, cells)) = block.rows().next()
+            && let Some(second) = cells.get(1).filter(|c| !c.is_empty())
+        {
+            let what = format!(
+                "connector sections have a second type of connection, {}; only the first is read",
+                second.to_uppercase()
+            );
+            self.tell(deck, block, line, what);
+        }
         let mut rows = block.rows();
         let mut first = || rows.next().and_then(|(_, c)| c.first().map(|s| s.to_lowercase()));
         let kind = first().unwrap_or_default();
@@ -475,11 +499,20 @@ impl DeckModel {
         for (line, cells) in block.rows() {
             rows.push(deck.numbers(block, line, &cells)?);
         }
+        if rows.iter().any(|r| r.len() > 2) {
+            let what =
+                format!("*{} depend on temperature or fields (further columns), which is not read", block.keyword);
+            self.tell(deck, block, block.line, what);
+        }
         let behaviour = self.behaviours.entry(name.to_owned()).or_default();
+        let before = behaviour.clone();
         if block.keyword == "CONNECTOR DAMPING" {
             behaviour.damping = rows.first().and_then(|r| r.first()).copied().unwrap_or(0.0);
         } else {
             behaviour.elastic = rows.iter().filter(|r| r.len() >= 2).map(|r| [r[0], r[1]]).collect();
+        }
+        if before.elastic != behaviour.elastic && !before.elastic.is_empty() {
+            self.tell(deck, block, block.line, second_time("tables of a connector behavior"));
         }
         Ok(())
     }
@@ -490,7 +523,17 @@ impl DeckModel {
             rows.push(deck.numbers(block, line, &cells)?);
         }
         let first = rows.first().and_then(|r| r.first()).copied().unwrap_or(0.0);
+        let columns = if block.keyword == "SURFACE BEHAVIOR" { 2 } else { 1 };
+        let further = |r: &Vec<f64>| r.iter().skip(columns).any(|x| *x != 0.0);
+        if rows.iter().any(further) || columns == 1 && rows.len() > 1 {
+            let what = format!(
+                "*{} depend on further numbers (slip, pressure, temperature), which are not read",
+                block.keyword
+            );
+            self.tell(deck, block, block.line, what);
+        }
         let interaction = self.interactions.entry(name.to_owned()).or_default();
+        let before = interaction.clone();
         match block.keyword.as_str() {
             "FRICTION" | "CONTACT DAMPING" if first < 0.0 => {
                 let line = block.rows().next().map_or(block.line, |(line, _)| line);
@@ -503,8 +546,31 @@ impl DeckModel {
             }
             _ => return Err(deck.error(block, block.line, "only PRESSURE-OVERCLOSURE=TABULAR is understood")),
         }
+        if before.table != interaction.table && !before.table.is_empty() {
+            self.tell(deck, block, block.line, second_time("tables of a surface interaction"));
+        }
         Ok(())
     }
+}
+
+/// What is said of a definition that stands in the deck already, otherwise.
+fn second_time(what: &str) -> String {
+    format!("{what} are given a second time, otherwise; the last one is taken for the whole deck")
+}
+
+/// The length of a normal of a node may be off by so much [-]: a few digits.
+const NORMAL: f64 = 0.02;
+
+/// What is said of numbers behind a node's coordinates that are no normal of length 1, as halves of numbers with decimal commas are not.
+fn not_a_normal(further: &[f64]) -> Option<String> {
+    let length = further.iter().map(|x| x * x).sum::<f64>().sqrt();
+    let is_normal = length == 0.0 || further.len() <= 3 && (length - 1.0).abs() < NORMAL;
+    (!is_normal).then(|| {
+        format!(
+            "the node has {} numbers behind its coordinates, which are no direction of length 1: are they decimal commas? Write decimal points; expected label, x, y, z",
+            further.len()
+        )
+    })
 }
 
 pub(super) fn name_of(deck: &DeckText, block: &Block) -> Result<String, DeckError> {

@@ -70,6 +70,8 @@ pub fn import(main: &str, bytes: &[u8], read: &mut ReadFile, given: &Given) -> R
     let (bodies, bones) =
         bodies((&tree, &places, &knee), (&objects, &contact.spec), (&mut meshes, &mut warnings), &mut files)?;
     warnings.extend(crate::held::ends(&ligaments.fibres, bones.each_ref().map(Option::as_ref)));
+    warnings.extend(crate::held::copies(&ligaments.fibres));
+    warnings.extend(crate::usual::whole(&ligaments.bundles, &contact.spec, &bodies));
     let mut spec = ModelSpec {
         schema: "model/1".into(),
         id: identity(main, model),

@@ -7,6 +7,9 @@ use crate::DeckError;
 use sim::deck::{Amplitude, ChainCoordinate, Control, ControlKind, Curve, DeckProtocol, DeckStep};
 use std::collections::BTreeMap;
 
+/// A joint turns by no more than this [rad], 200 deg. Ours.
+const MOST_TURN: f64 = 3.5;
+
 /// Reads the steps; `None` where the deck has none.
 pub(super) fn protocol(deck: &DeckText, bodies: &Bodies, name: &str) -> Result<Option<DeckProtocol>, DeckError> {
     let mut amplitudes: BTreeMap<String, Amplitude> = BTreeMap::new();
@@ -132,6 +135,13 @@ fn controls(
         let magnitude = deck.number(block, line, cells.get(2).unwrap_or(&""))?;
         // such an amplitude holds the values themselves, whatever the magnitude
         let magnitude = if absolute { 1.0 } else { magnitude };
+        let turns = matches!(coordinate, ChainCoordinate::Ie | ChainCoordinate::Vv | ChainCoordinate::Fe);
+        let factors = amplitude.iter().flat_map(|a| &a.points).map(|p| p[1].abs());
+        let most = magnitude.abs() * factors.reduce(f64::max).unwrap_or(1.0);
+        if turns && kind == ControlKind::Motion && most > MOST_TURN {
+            let what = format!("a motion turns by {most} rad; expected {MOST_TURN} at most: is it in degrees?");
+            return Err(deck.error(block, line, what));
+        }
         step.controls.retain(|c| c.coordinate != coordinate || c.kind != kind);
         step.controls.push(Control { coordinate, kind, magnitude, amplitude: amplitude.clone() });
     }

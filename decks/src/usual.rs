@@ -2,11 +2,12 @@
 
 use crate::DeckError;
 use crate::faces::extent;
+use crate::ligaments::USUAL_N_PER_MM;
 use crate::model::{DeckModel, Pair};
 use meshes::Vector;
 use notices::{Kind, Notice};
 use sim::mesh::MeshValue;
-use sim::spec::{BodySpec, ContactSpec, FramesSpec};
+use sim::spec::{BodySpec, BundleSpec, ContactSpec, FramesSpec};
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
 
@@ -108,7 +109,7 @@ pub(super) fn other_laws(model: &DeckModel) -> Option<Notice> {
 }
 
 /// What is told of a contact law and of masses that no knee in mm, N, s, tonne and MPa has.
-pub(super) fn told(contact: &ContactSpec, bodies: &[BodySpec]) -> Vec<Notice> {
+pub(crate) fn told(contact: &ContactSpec, bodies: &[BodySpec]) -> Vec<Notice> {
     let mut found = Vec::from_iter(early(contact));
     let last = contact.pressure_mpa.last().zip(contact.overclosure_mm.last()).filter(|(_, mm)| **mm > 0.0);
     if let Some(slope) = last.map(|(mpa, mm)| mpa / mm).filter(|slope| !USUAL_MPA_PER_MM.contains(slope)) {
@@ -137,6 +138,63 @@ pub(super) fn told(contact: &ContactSpec, bodies: &[BodySpec]) -> Vec<Notice> {
             )).of(&body.name));
         }
     }
+    found
+}
+
+/// Reference strains beyond these are of no fibre that the file's pose may have [-]: Table 3 of [andreassen2025] has 0.55 to 1.25, and a ligament
+/// tears at 1.3. Ours.
+const USUAL_STRAIN: RangeInclusive<f64> = 0.45..=1.35;
+/// The middle of a knee's bundles is stiffer than this [N/mm]: Table 3's ranges begin at 10 and end at 200. Ours.
+const LEAST_MIDDLE_N_PER_MM: f64 = 5.0;
+/// Bundles that are named; more are counted.
+const SHOWN: usize = 5;
+
+/// What is told of bundles that are slack, or torn, in the pose of the file.
+pub(crate) fn strains(bundles: &[BundleSpec]) -> Option<Notice> {
+    let odd: Vec<&BundleSpec> = bundles.iter().filter(|b| !USUAL_STRAIN.contains(&b.reference_strain)).collect();
+    let shown: Vec<String> =
+        odd.iter().take(SHOWN).map(|b| format!("{} ({:.2})", b.name, b.reference_strain)).collect();
+    let [least, most] = [USUAL_STRAIN.start(), USUAL_STRAIN.end()];
+    (!odd.is_empty()).then(|| {
+        let text = format!(
+            "{} bundles are {least} times as long as their slack length or less, or {most} times or more, in the pose of the file: {}. Check their slack lengths or tables, the places of their ends, and the pose",
+            odd.len(),
+            shown.join(", ")
+        );
+        Kind::OddStiffness.notice(text).count(odd.len())
+    })
+}
+
+/// What is told of bundles whose stiffness no ligament has, one by one or all together.
+fn stiffness(bundles: &[BundleSpec]) -> Vec<Notice> {
+    let [low, high] = [USUAL_N_PER_MM.start(), USUAL_N_PER_MM.end()];
+    let mut found: Vec<Notice> = bundles
+        .iter()
+        .filter(|b| !USUAL_N_PER_MM.contains(&b.stiffness_n_per_mm))
+        .map(|b| {
+            Kind::OddStiffness
+                .notice(format!(
+                    "{}: a stiffness of {:.3} N/mm, where ligaments have {low} to {high}: check the unit of its force",
+                    b.name, b.stiffness_n_per_mm
+                ))
+                .of(&b.name)
+        })
+        .collect();
+    let mut all: Vec<f64> = bundles.iter().map(|b| b.stiffness_n_per_mm).collect();
+    all.sort_by(f64::total_cmp);
+    if let Some(middle) = all.get(all.len() / 2).filter(|k| **k < LEAST_MIDDLE_N_PER_MM) {
+        found.push(Kind::OddStiffness.notice(format!(
+            "ligaments: their stiffness is {middle:.3} N/mm in the median, where a knee's is above {LEAST_MIDDLE_N_PER_MM}: is it given in N/mm where the force at a strain of 1 is asked for (N), or in another unit?"
+        )));
+    }
+    found
+}
+
+/// What is told of the numbers of a knee that another program's file holds.
+pub(crate) fn whole(bundles: &[BundleSpec], contact: &ContactSpec, bodies: &[BodySpec]) -> Vec<Notice> {
+    let mut found = told(contact, bodies);
+    found.extend(strains(bundles));
+    found.extend(stiffness(bundles));
     found
 }
 

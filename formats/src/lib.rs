@@ -145,6 +145,14 @@ pub fn surface_format(name: &str, bytes: &[u8]) -> Result<SurfaceFormat, FormatE
         return refuse("the file is OFF: open it in MeshLab and export it");
     } else if starts(b"<x3d") || starts(b"#VRML") || starts(b"#Inventor") {
         return refuse("the file is X3D, VRML or Inventor: open it in MeshLab and export it");
+    } else if starts(b"ISO-10303-21") {
+        return refuse("the file is STEP, a solid of a CAD program: export its surface as a mesh");
+    } else if (starts(b"*HEADING") || starts(b"*NODE") || starts(b"**")) && !stl::looks_binary(bytes) {
+        return refuse(
+            "the file is an Abaqus deck: `build-model import-abaqus` reads a whole knee; export the bone alone as a mesh",
+        );
+    } else if starts(b"$MeshFormat") || starts(b"<?xml") && body.windows(11).take(500).any(|w| w == b"<febio_spec") {
+        return refuse("the file is a mesh of Gmsh or FEBio: export its surface");
     }
     if starts(b"ply\n") || starts(b"ply\r") {
         Ok(SurfaceFormat::Ply)
@@ -248,7 +256,10 @@ pub(crate) fn cut_polygon(
     Ok(())
 }
 
-/// The index of the first vertex that is not a finite number, as an error.
+/// A coordinate beyond this is a damaged number [mm]: maps of a country in micrometres reach 1e13. Ours.
+const FARTHEST: f64 = 1e14;
+
+/// The first vertex that is not a finite number, or lies nowhere, as an error.
 pub(crate) fn refuse_not_finite(vertices: &[Point]) -> Result<(), FormatError> {
     match vertices.iter().position(|p| !p.coords.iter().all(|x| x.is_finite())) {
         Some(v) => Err(FormatError(format!(
@@ -258,7 +269,14 @@ pub(crate) fn refuse_not_finite(vertices: &[Point]) -> Result<(), FormatError> {
             vertices[v].y,
             vertices[v].z
         ))),
-        None => Ok(()),
+        None => match vertices.iter().position(|p| p.coords.amax() > FARTHEST) {
+            Some(v) => Err(FormatError(format!(
+                "vertex {} has a coordinate of size {:e}: a damaged number; export the surface again, or copy the file again",
+                v + 1,
+                vertices[v].coords.amax()
+            ))),
+            None => Ok(()),
+        },
     }
 }
 

@@ -1,6 +1,7 @@
 //! `check`: reads and judges every input of a specimen without building, and says what each missing thing costs.
 
 mod laxity;
+mod names;
 mod page;
 
 use crate::error::BuildError;
@@ -93,6 +94,11 @@ pub fn check(args: &CheckArgs) -> Result<String, BuildError> {
     let (file, raw) = store::read_specimen(&args.dir)?;
     let options = resolve(&file.options, &[], None)?;
     let mut items = geometry(&file, &raw, &options);
+    let cost = "the side is taken from specimen.toml, whatever the id says";
+    items.extend(
+        names::of_id(&file.specimen.id, file.specimen.side)
+            .map(|found| Item::new("specimen.id", State::Look, found, cost)),
+    );
     let measured = laxity::judge(&file, &raw, &options, &mut items);
     passive(&file, &raw, &mut items);
     if let Some(folder) = &args.write_laxity {

@@ -7,6 +7,7 @@ mod landmark_names;
 mod merge;
 mod mri;
 mod picked;
+mod plausible;
 mod points;
 mod slicer;
 mod space;
@@ -102,6 +103,7 @@ pub fn ingest_file(file: &SpecimenFile, raw: &RawSpecimen, options: &IngestOptio
     space::check(&sources.ct, [&landmarks, &marks])?;
     hold(file, &sources, [&landmarks, &marks], &given_fibres, &mut warnings)?;
     hold_bodies(file, &sources, given_frames.as_ref(), &mut warnings)?;
+    plausible::check(file, &landmarks, &sources.ct, &mut warnings)?;
     let metrics = IngestMetrics {
         landmarks: landmarks.len(),
         marks: marks.len(),

@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use tempfile::TempDir;
 
 /// The specimen with one laxity file of these bytes.
-fn with_laxity(name: &str, bytes: &[u8]) -> TempDir {
+pub(super) fn with_laxity(name: &str, bytes: &[u8]) -> TempDir {
     let folder = knee(&BUILT);
     std::fs::create_dir_all(folder.path().join("laxity")).unwrap();
     let toml = text(&folder.path().join("specimen.toml"));
@@ -17,7 +17,7 @@ fn with_laxity(name: &str, bytes: &[u8]) -> TempDir {
 }
 
 /// Laxity of a knee: three flexions, both ways of three loads.
-fn laxity(row: impl Fn(&str, f64) -> String) -> String {
+pub(super) fn laxity(row: impl Fn(&str, f64) -> String) -> String {
     let mut out = String::from(
         "trial,test,nominal_flexion_deg,load_vv_nm,load_ie_nm,load_ml_n,load_ap_n,load_si_n,fe_deg,vv_deg,ie_deg,ml_mm,ap_mm,si_mm\n",
     );
@@ -29,7 +29,7 @@ fn laxity(row: impl Fn(&str, f64) -> String) -> String {
     out
 }
 
-fn plain(test: &str, flexion: f64, fe: f64) -> String {
+pub(super) fn plain(test: &str, flexion: f64, fe: f64) -> String {
     let s = |plus: &str, minus: &str| f64::from(i8::from(test == plus)) - f64::from(i8::from(test == minus));
     let (ap, ie, vv) = (s("anterior", "posterior"), s("external", "internal"), s("valgus", "varus"));
     format!(

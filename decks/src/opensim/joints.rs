@@ -11,6 +11,9 @@ use std::collections::BTreeMap;
 /// Points of a spline are no more than this. Ours.
 const MOST_POINTS: usize = 10_000;
 
+/// A joint is turned by no more than this in a model's default pose [rad], 200 deg. Ours.
+const MOST_TURN: f64 = 3.5;
+
 /// A frame: its body, and where it is in that.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Frame {
@@ -89,6 +92,12 @@ pub(super) fn joint<'a, 'i>(
         "CustomJoint" => custom(tree, node, &coordinates)?,
         class => plain(class, &values),
     };
+    if let Some(turn) = axes.iter().filter(|a| a.turns).map(|a| a.amounts[0].abs()).find(|turn| *turn > MOST_TURN) {
+        let what = format!(
+            "its coordinates' default values turn it by {turn} rad; expected {MOST_TURN} at most: are they in degrees?"
+        );
+        return Err(tree.error(node, what));
+    }
     if parent.body == child.body {
         return Err(tree.error(node, "joins a body with itself; expected two bodies"));
     }

@@ -1,6 +1,6 @@
 //! Laxity files of a specimen: what they hold, what a calibration leaves out, and whether their signs are the clinical ones.
 
-use super::{Item, State};
+use super::{Item, State, names};
 use crate::given;
 use crate::options::BuildOptions;
 use calibration::targets::targets;
@@ -39,13 +39,11 @@ pub(super) fn judge(
             Err(e) => items.push(Item::new(&input, State::Fault, format!("{path}: {e}"), "")),
             Ok(table) => {
                 items.push(summary(&input, &table.trials, &table.warnings));
+                let cost = "a build calibrates to the readings as they stand";
+                let said = names::of_laxity(path, &table.trials, file.specimen.side);
+                items.extend(said.into_iter().map(|found| Item::new(&input, State::Look, found, cost)));
                 for doubt in sign_doubts(&table.trials) {
-                    items.push(Item::new(
-                        &input,
-                        State::Look,
-                        doubt.words,
-                        "a build calibrates to the readings as they stand",
-                    ));
+                    items.push(Item::new(&input, State::Look, doubt.words, cost));
                 }
                 let (trials, thinner) = crate::thin::thinned(table.trials.clone());
                 let cost = "a calibration takes the readings, not the rows";

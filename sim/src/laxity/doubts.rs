@@ -78,6 +78,7 @@ fn more(trials: &[LaxityTrial], known: &[SignDoubt]) -> Vec<SignDoubt> {
     found.extend(pose_zero(trials));
     found.extend(super::order::unloaded_differ(trials));
     found.extend(super::numbers::doubts(trials));
+    found.extend(super::stated::doubts(trials));
     found.extend(super::outliers::doubts(trials));
     found.extend(no_compression(trials));
     found.extend(LEAST_TARE.iter().filter_map(|limit| tare(trials, *limit)));

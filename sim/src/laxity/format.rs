@@ -211,7 +211,8 @@ fn raw(bytes: &[u8], format: &LaxityFormat, warnings: &mut Vec<Notice>) -> Resul
     };
     let mut reader =
         csv::ReaderBuilder::new().delimiter(separator).trim(csv::Trim::All).from_reader(text.body.as_bytes());
-    let header = reader.headers().map_err(|e| LaxityError::row(1, e.to_string()))?.clone();
+    let header = reader.headers().map_err(|e| LaxityError::row(1, e.to_string()))?;
+    let header: StringRecord = header.iter().map(text::visible).collect();
     if separator == b',' && format.decimal == Some(',') {
         return Err(LaxityError::File("separator and decimal are both a comma; save the table with semicolons".into()));
     }
@@ -220,7 +221,8 @@ fn raw(bytes: &[u8], format: &LaxityFormat, warnings: &mut Vec<Notice>) -> Resul
     for (i, record) in reader.records().enumerate() {
         let row = i + 2;
         let record = record.map_err(|e| LaxityError::row(row, format!("{e}{}", comma_hint(&e, separator))))?;
-        let record: StringRecord = record.iter().map(text::with_minus).collect();
+        let visible: StringRecord = record.iter().map(text::visible).collect();
+        let record: StringRecord = visible.iter().map(text::with_minus).collect();
         if is_header(&header, &record) {
             return Err(LaxityError::row(row, SECOND_HEADER.into()));
         }
@@ -301,6 +303,9 @@ fn comma_hint(error: &csv::Error, separator: u8) -> &'static str {
     match error.kind() {
         csv::ErrorKind::UnequalLengths { expected_len, len, .. } if separator == b',' && len > expected_len => {
             "; decimal commas among commas cannot be told apart: save the table with semicolons between cells"
+        }
+        csv::ErrorKind::UnequalLengths { expected_len, len, .. } if len < expected_len => {
+            "; is it a note or a sum below the table? Leave it out; else give the row all its cells"
         }
         _ => "",
     }

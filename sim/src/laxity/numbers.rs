@@ -40,7 +40,8 @@ pub(super) fn doubts(trials: &[LaxityTrial]) -> Vec<SignDoubt> {
     let zeros = FREE.iter().filter_map(|c| zeros(trials, *c));
     let units = [(&[VV, IE][..], &MOMENTS[..]), (&[AP][..], &FORCES[..])];
     let round = units.iter().filter_map(|(of, units)| round_elsewhere(trials, of, units));
-    zeros.chain(round).chain(twice(trials)).collect()
+    let ended = FREE.iter().filter_map(|c| ended(trials, *c));
+    zeros.chain(round).chain(twice(trials)).chain(ended).collect()
 }
 
 /// Readings of nines alone, which stand for a missing one.
@@ -122,6 +123,44 @@ fn twice(trials: &[LaxityTrial]) -> Option<SignDoubt> {
             found.len(),
             b.trial,
             a.trial
+        ),
+    })
+}
+
+/// Readings at one end of a coordinate's range that are one number, from which on the instrument ended there; and what share of all they are [-].
+/// Ours: readings with three decimals and more agree by chance in fewer than one of 1000.
+const LEAST_AT_AN_END: usize = 3;
+const SHARE_AT_AN_END: f64 = 0.1;
+
+/// Readings of the loaded coordinate that end at one number, though the knee is otherwise in other poses: an instrument at its stop, or numbers that were
+/// clipped.
+fn ended(trials: &[LaxityTrial], c: Coordinate) -> Option<SignDoubt> {
+    // samples of a log stand still in their holds
+    let poses = trials.iter().filter(|t| t.reference.is_none() && t.time_s.is_none() && t.test.coordinate() == Some(c));
+    let poses: Vec<(f64, Free<Option<f64>>)> = poses.filter_map(|t| Some((t.measured[c]?, t.measured))).collect();
+    let given: Vec<f64> = poses.iter().map(|p| p.0).collect();
+    let fine = given.iter().filter(|x| ((*x * ROUND).round() - *x * ROUND).abs() > 1e-6).count();
+    if 2 * fine <= given.len() {
+        return None;
+    }
+    let ends = [f64::min as fn(f64, f64) -> f64, f64::max].map(|f| given.iter().copied().reduce(f).unwrap_or(0.0));
+    let there = |end: f64| {
+        let at_end = poses.iter().filter(|p| p.0.to_bits() == end.to_bits());
+        at_end.map(|p| FREE.map(|c| p.1[c].map(f64::to_bits))).collect::<BTreeSet<_>>().len()
+    };
+    let at_stop = |end: &f64| {
+        let count = there(*end);
+        *end != 0.0 && count >= LEAST_AT_AN_END && count as f64 >= SHARE_AT_AN_END * given.len() as f64
+    };
+    let end = ends.into_iter().find(at_stop).filter(|_| ends[0] < ends[1])?;
+    Some(SignDoubt {
+        column: c.column(),
+        words: format!(
+            "{} is exactly {end} {} in {} of {} readings, and none lies beyond: did the instrument reach its stop, or were readings clipped there? Leave cells empty where the range had ended",
+            c.column(),
+            c.unit(),
+            there(end),
+            given.len()
         ),
     })
 }

@@ -12,6 +12,7 @@ use meshes::frame::Side;
 use notices::{Kind, Notice, plain};
 use std::collections::{BTreeMap, BTreeSet};
 
+mod beside;
 mod branches;
 mod failed;
 
@@ -82,6 +83,7 @@ fn read_in(bytes: &[u8], format: &LaxityFormat, side: Side, poses: Poses) -> Res
         let (number, is_first) = (*number, k == 0);
         let row = Row { number, is_first, is_asked, columns: &columns, record, called: &standard.called };
         let trial = trial(&row, &mut table.warnings)?;
+        table.warnings.extend(beside::excluded(number, row.text("flags")));
         if !names.insert(trial.trial.clone()) {
             return row.refuse("trial", &format!("\"{}\" stands in an earlier row; names must differ", trial.trial));
         }
@@ -96,6 +98,7 @@ fn read_in(bytes: &[u8], format: &LaxityFormat, side: Side, poses: Poses) -> Res
     }
     differences::resolve(&mut table.trials, &counted_from, format.readings)?;
     table.warnings = merged(table.warnings, &table.trials);
+    table.warnings.extend(beside::summaries(&table.trials));
     Ok(table)
 }
 
@@ -153,6 +156,10 @@ fn required(header: &StringRecord, poses: Poses) -> Vec<String> {
     required
 }
 
+/// What is said of a column without a name.
+const NAMELESS: &str =
+    "the column has no name: name it, or leave it out (notes and row numbers of other programs are no part of a table)";
+
 /// Column numbers by name; refuses what is unknown, missing or doubled.
 fn columns(header: &StringRecord, poses: Poses) -> Result<BTreeMap<String, usize>, LaxityError> {
     let required = required(header, poses);
@@ -161,6 +168,7 @@ fn columns(header: &StringRecord, poses: Poses) -> Result<BTreeMap<String, usize
     for (i, name) in header.iter().enumerate() {
         if !known.contains(name) && !is_output(name) {
             let what = match super::headers::declared(name, header.iter()) {
+                _ if name.is_empty() => NAMELESS.to_owned(),
                 Some(is) => format!("unknown column \"{name}\": {is}"),
                 None => format!(
                     "unknown column \"{name}\"{}; expected one of {}. Other names are declared by [laxity_format.NAME.columns] in specimen.toml",
@@ -322,6 +330,9 @@ fn quadriceps(row: &Row) -> Result<f64, LaxityError> {
 
 fn test(row: &Row) -> Result<Test, LaxityError> {
     let text = row.text("test");
+    if text.is_empty() && beside::is_summary(row.text("trial")) {
+        return row.refuse("test", "empty, and the row sums up others by its name: leave it out of the table");
+    }
     if text.is_empty() {
         return row.refuse("test", &format!("empty; expected the name of a test{}", row.if_merged()));
     }
@@ -330,7 +341,7 @@ fn test(row: &Row) -> Result<Test, LaxityError> {
         None => row.refuse(
             "test",
             &format!(
-                "unknown test \"{text}\"{}; expected one of {}",
+                "unknown test \"{text}\"{}; expected one of {}. Other words are declared by tests = {{ \"{text}\" = \"...\" }} below [laxity_format.NAME] in specimen.toml",
                 did_you_mean(text, TESTS.map(|(_, name)| name)),
                 TESTS.map(|(_, name)| name).join(", ")
             ),
@@ -350,11 +361,19 @@ fn branch(row: &Row) -> Result<Option<Branch>, LaxityError> {
 fn order(row: &Row) -> Result<Option<i64>, LaxityError> {
     match row.text("order") {
         "" => Ok(None),
-        text => match text.parse() {
-            Ok(value) => Ok(Some(value)),
-            Err(_) => row.refuse("order", &format!("\"{text}\" is not a whole number")),
+        text => match text.parse().ok().or_else(|| whole(text)) {
+            Some(value) => Ok(Some(value)),
+            None => row.refuse("order", &format!("\"{text}\" is not a whole number")),
         },
     }
+}
+
+/// Whole numbers beyond this have lost digits as fractions.
+const MOST_WHOLE: f64 = 9e15;
+
+/// A whole number that is written as a fraction, as programs do whose column has gaps: 3.0.
+fn whole(text: &str) -> Option<i64> {
+    text.parse::<f64>().ok().filter(|x| x.fract() == 0.0 && x.abs() < MOST_WHOLE).map(|x| x as i64)
 }
 
 /// Flexion as it was meant; where a model is asked and it is not given, the other one.

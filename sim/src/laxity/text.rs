@@ -86,6 +86,15 @@ fn titles(text: &str, known: &[String]) -> usize {
     text.lines().take(MOST_TITLES).position(|line| names(line) >= LEAST_NAMES).unwrap_or(0)
 }
 
+/// A cell without the letters that nobody sees: zero-width spaces and joiners, and marks of byte order, as web pages and chats put in.
+pub(super) fn visible(cell: &str) -> Cow<'_, str> {
+    let unseen = |c: char| matches!(c, '\u{200b}'..='\u{200d}' | '\u{2060}' | '\u{feff}');
+    match cell.contains(unseen) {
+        true => Cow::Owned(cell.replace(unseen, "").trim().to_owned()),
+        false => Cow::Borrowed(cell),
+    }
+}
+
 /// A number with the sign that typesetting sets for minus: the hyphen, as numbers are read. Other cells stay as they are.
 pub(super) fn with_minus(cell: &str) -> Cow<'_, str> {
     let rest = cell.strip_prefix(['\u{2212}', '\u{2013}', '\u{fe63}', '\u{ff0d}']).map(str::trim_start);
@@ -163,6 +172,12 @@ pub(super) fn no_number(cell: &str) -> String {
     let unit = cell.trim_start_matches(|c: char| c.is_ascii_digit() || "+-., ".contains(c));
     if starts(cell) && !unit.is_empty() && !unit.contains(|c: char| c.is_ascii_digit()) {
         return format!("; take \"{unit}\" out of the cells, and declare a unit by [laxity_format.NAME.columns]");
+    }
+    if cell.chars().any(|c| c.is_numeric() && !c.is_ascii()) {
+        return "; its digits are of another script or width: type them as 0 to 9".into();
+    }
+    if unit.is_empty() && cell.matches('.').count() > 1 {
+        return "; it has two decimal marks: where one parts thousands, leave it out".into();
     }
     String::new()
 }

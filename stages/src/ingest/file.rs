@@ -16,7 +16,8 @@ pub const OPTIONAL_PATHS: [&str; 3] = ["landmarks.csv", "marks.csv", "attachment
 pub fn parse_specimen_file(text: &str) -> Result<SpecimenFile, StageError> {
     let text = text.strip_prefix('\u{feff}').unwrap_or(text);
     let file: SpecimenFile = toml::from_str(text).map_err(|e| {
-        let what = format!("{}{}", with_suggestion(&e.message().trim().replace('\n', "; ")), unquoted(text, &e));
+        let what = with_suggestion(&e.message().trim().replace('\n', "; "));
+        let what = format!("{what}{}{}", unquoted(text, &e), typed(text, &e));
         match e.span() {
             Some(span) => {
                 let before = text.get(..span.start).unwrap_or(text);
@@ -74,14 +75,30 @@ pub fn parse_specimen_file(text: &str) -> Result<SpecimenFile, StageError> {
     Ok(file)
 }
 
+/// The key and the value of the line at fault.
+fn at_fault<'a>(text: &'a str, e: &toml::de::Error) -> Option<(&'a str, &'a str)> {
+    let line = e.span().and_then(|s| text.get(..s.start)).map_or(0, |before| before.matches('\n').count());
+    let (key, value) = text.lines().nth(line)?.split_once('=')?;
+    Some((key.trim(), value.split('#').next().unwrap_or("").trim()))
+}
+
+/// What is said of quotes of typesetting, and of a decimal comma.
+fn typed(text: &str, e: &toml::de::Error) -> String {
+    let Some((key, value)) = at_fault(text, e) else { return String::new() };
+    if value.starts_with(['\u{201c}', '\u{201d}', '\u{201e}', '\u{2018}', '\u{2019}', '\u{ab}']) {
+        return "; its quotes are those of printed text: type \" in their place".into();
+    }
+    let plain = value.replace(',', ".");
+    let is_decimal = value.matches(',').count() == 1 && !value.contains('.') && plain.parse::<f64>().is_ok();
+    if is_decimal { format!("; write a decimal point: {key} = {plain}") } else { String::new() }
+}
+
 /// What a line with an unquoted word should be.
 fn unquoted(text: &str, e: &toml::de::Error) -> String {
-    let line = e.span().and_then(|s| text.get(..s.start)).map_or(0, |before| before.matches('\n').count());
-    let Some((key, value)) = text.lines().nth(line).and_then(|l| l.split_once('=')) else { return String::new() };
-    let value = value.split('#').next().unwrap_or("").trim();
+    let Some((key, value)) = at_fault(text, e) else { return String::new() };
     let word = !value.is_empty() && value.chars().all(|c| c.is_alphanumeric() || "_-./".contains(c));
     match word && e.message().contains("quoted") {
-        true => format!("; write {} = \"{value}\"", key.trim()),
+        true => format!("; write {key} = \"{value}\""),
         false => String::new(),
     }
 }

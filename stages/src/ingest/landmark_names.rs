@@ -30,6 +30,33 @@ fn meant(name: &str) -> Option<&'static str> {
     KNOWN.iter().find_map(says).or_else(|| nearest(&plain, KNOWN.map(|k| k.0)))
 }
 
+/// Further names that a later stage reads.
+const OTHERS: [&str; 3] = ["eminence_medial", "eminence_lateral", "tibial_tuberosity"];
+/// Landmarks of frame ct from which on a table of which none is read is told: one or two may be there for another program.
+const LEAST_UNREAD: usize = 3;
+
+/// What is told where nothing reads any landmark of frame ct: none has a name that is read, and none has its pair in a scan.
+pub(super) fn none_read(path: &str, all: &[NamedPoint]) -> Option<Notice> {
+    let own: Vec<&NamedPoint> = all.iter().filter(|p| p.frame == PointFrame::Ct).collect();
+    let read = |p: &&&NamedPoint| {
+        let named = KNOWN.iter().any(|k| k.0 == p.name) || OTHERS.contains(&p.name.as_str());
+        named || all.iter().any(|q| q.frame != PointFrame::Ct && q.name == p.name)
+    };
+    let first = own.first().filter(|_| own.len() >= LEAST_UNREAD && own.iter().filter(read).count() == 0)?;
+    let names: Vec<&str> = KNOWN.iter().map(|k| k.0).collect();
+    Some(
+        Kind::LandmarkName
+            .notice(format!(
+                "{path}: nothing reads any of its {} landmarks of frame ct, the first `{}`: none has a name of those that frames build on ({}), and none has a fellow of its name in a scan",
+                own.len(),
+                first.name,
+                names.join(", ")
+            ))
+            .file(path)
+            .count(own.len()),
+    )
+}
+
 /// Takes names that are known but for their writing, and tells those that nothing reads though they are near a known one.
 ///
 /// # Errors

@@ -1,6 +1,7 @@
 //! What MRI gives in place of scans: a label map, or surfaces of cartilage.
 
 mod clean;
+mod gaps;
 mod labels;
 mod surfaces;
 mod tibial;

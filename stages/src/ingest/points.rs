@@ -21,6 +21,10 @@ pub(super) fn landmarks(
     let path = file.points.landmarks.as_deref().unwrap_or(OPTIONAL_PATHS[0]);
     let mut all = named_points((raw, options.is_ras("points")), path, "name", |_| Ok(()), warnings)?;
     landmark_names::settle(path, &mut all, warnings)?;
+    // tracked bodies are tied to landmarks of any names
+    if file.laxity_format.values().all(|format| format.tracked.is_none()) {
+        warnings.extend(landmark_names::none_read(path, &all));
+    }
     Ok(all)
 }
 

@@ -101,9 +101,11 @@ struct ControlPoint {
 }
 
 fn markups(text: &str) -> Result<Vec<Placed>, String> {
-    let file: File = serde_json::from_str(text)
-        .map_err(|e| format!("line {}: {e}; expected the markups of 3D Slicer (.mrk.json)", e.line()))?;
+    let file: File = serde_json::from_str(text).map_err(|e| {
+        format!("line {}: {e}; expected the markups of 3D Slicer (.mrk.json){}", e.line(), no_json(text))
+    })?;
     let mut points = Vec::new();
+    let mut unplaced = 0usize;
     for markup in file.markups {
         let system =
             markup.coordinate_system.map_or("LPS".into(), |s| s.as_str().map_or(s.to_string(), str::to_string));
@@ -116,6 +118,7 @@ fn markups(text: &str) -> Result<Vec<Placed>, String> {
             let place = format!("point {}", k + 1);
             // A point that was announced and not placed has no position.
             if p.position_status.as_deref().is_some_and(|s| s != "defined") {
+                unplaced += 1;
                 continue;
             }
             match p.position.as_deref() {
@@ -127,7 +130,20 @@ fn markups(text: &str) -> Result<Vec<Placed>, String> {
             }
         }
     }
-    Ok(points)
+    match points.is_empty() && unplaced > 0 {
+        true => Err(format!(
+            "all {unplaced} points are announced and none is placed (positionStatus): place them in 3D Slicer and save them again"
+        )),
+        false => Ok(points),
+    }
+}
+
+/// What is said of a word that other programs write for a number and JSON has not.
+fn no_json(text: &str) -> &'static str {
+    match ["NaN", "Infinity"].iter().any(|word| text.contains(word)) {
+        true => "; JSON has no NaN and no Infinity: take out the points that were not measured",
+        false => "",
+    }
 }
 
 /// The length of `coordinateUnits` [mm]: a unit of UCUM, alone or first in a list with the code's system and its name.

@@ -21,6 +21,8 @@ const SPIKE_MM: f64 = 1.0;
 /// Fewer triangles make no bone.
 const LEAST_TRIANGLES: usize = 100;
 
+/// A piece beside a bone with more of the triangles is a body of its own, no speck [-]. Ours: a patella has a tenth of a femur's.
+const LARGE_PIECE: f64 = 0.08;
 /// Share of the triangles that face inwards, from which on the whole surface does [-].
 const INSIDE_OUT: f64 = 0.9;
 /// What is said of such a surface: a mirror turns a surface inside out, and so do two columns that are exchanged.
@@ -84,7 +86,16 @@ pub(super) fn checked(
     }
     let bodies = if key == "ct.tibfib" { 2 } else { 1 };
     if topology.components > bodies {
-        warn(notices::Kind::PiecesBeside, topology.components - bodies, "loose pieces besides the bone");
+        let share = share_of(&topology, bodies);
+        // an inner shell is told as what it is
+        let what = match share > LARGE_PIECE && repairs.cavities == 0 {
+            true => format!(
+                "loose pieces besides the bone, of which the largest has {:.0} % of all triangles: another bone, or a table? Give each bone a file of its own",
+                100.0 * share
+            ),
+            false => "loose pieces besides the bone".into(),
+        };
+        warn(notices::Kind::PiecesBeside, topology.components - bodies, &what);
     }
     if key.starts_with("scans.") && topology.boundary_edges == 0 {
         warnings.push(
@@ -111,6 +122,12 @@ pub(super) fn checked(
         merged: vec![],
     };
     Ok((surface, counts))
+}
+
+/// The share of all triangles that the largest piece beside so many bodies has [-]; components are in order of size.
+fn share_of(topology: &Topology, bodies: usize) -> f64 {
+    let own = topology.component_of_triangle.iter().filter(|c| **c as usize == bodies).count();
+    own as f64 / topology.component_of_triangle.len().max(1) as f64
 }
 
 /// Why a file is no surface, and where a file of its kind belongs.

@@ -2,6 +2,7 @@
 
 use super::Read;
 use super::clean::{Mended, clean};
+use super::gaps;
 use crate::guess::key_of;
 use crate::ingest::surfaces;
 use crate::specimen::MriMetrics;
@@ -25,6 +26,8 @@ const SPECK_SHARE: f64 = 0.02;
 const CARTILAGE_SPECK_SHARE: f64 = 0.05;
 /// Largest volume of a part over that of the femur or tibia beside it [-]: a patella has 0.3 of a tibia that the picture cuts off early. Ours.
 const LARGEST_PART: f64 = 0.7;
+/// More specks of one structure than these are of a picture that was resampled, or of noise [-]: drawn by hand or by a net a structure has a few dozen. Ours.
+const MOST_SPECKS: usize = 500;
 /// The structures that are larger than every other.
 const BONES: [&str; 2] = ["femur", "tibia"];
 /// Smallest cartilage [mm3]; a worn plateau's has 500.
@@ -245,7 +248,7 @@ impl Found<'_> {
         let (mended, second) = clean(&mut part, most, share, bone);
         if bone && second > SECOND_KNEE {
             return Err(self.fail(format!(
-                "label {} ({}) is in two pieces, the second {:.0} % of the first; expected one knee: crop the picture to it, or give each knee labels of its own",
+                "label {} ({}) is in two pieces, the second {:.0} % of the first; expected one knee: crop the picture to it, or give each knee labels of its own. A slice that was left without labels parts a bone, too: label it",
                 of.labels[0], of.key, 100.0 * second
             )));
         }
@@ -305,9 +308,12 @@ impl Found<'_> {
         let mut volumes = BTreeMap::new();
         let mut given = Vec::new();
         let mut covers = Vec::new();
-        for (key, bone) in
-            [("femoral_cartilage", &femur), ("tibial_cartilage_medial", &tibfib), ("tibial_cartilage_lateral", &tibfib)]
-        {
+        let of_tibia: &[&'static str] = &["tibia", "fibula"];
+        for (key, bone, names) in [
+            ("femoral_cartilage", &femur, &["femur"][..]),
+            ("tibial_cartilage_medial", &tibfib, of_tibia),
+            ("tibial_cartilage_lateral", &tibfib, of_tibia),
+        ] {
             let cartilage = self.part(&self.structure(&[key]), 50, CARTILAGE_SPECK_SHARE, warnings)?;
             let size = cartilage.inside.iter().filter(|i| **i).count() as f64 * voxel;
             volumes.insert(key.into(), size);
@@ -316,6 +322,8 @@ impl Found<'_> {
                     "{key} has {size:.0} mm3; expected {least:.0} mm3 or more: check which label it is"
                 )));
             }
+            let [own, bones] = [self.structure(&[key]).labels, self.structure(names).labels];
+            warnings.extend(gaps::apart(self.path, key, self.map, &own, &bones));
             given.push(size);
             covers.push(self.outline(key, &joined(bone, &cartilage))?);
         }
@@ -363,9 +371,14 @@ fn tell(path: &str, of: &Structure, mended: &Mended, warnings: &mut Vec<Notice>)
     }
     if let [first, ..] = mended.specks_mm3[..] {
         let n = mended.specks_mm3.len();
+        let resampled = if n > MOST_SPECKS {
+            ": so many are no drawing's; was the map resampled with its numbers mixed (linear, not nearest neighbour), or not smoothed?"
+        } else {
+            ""
+        };
         warnings.push(
             Kind::LoosePieces
-                .notice(format!("{path}: {n} loose pieces of {key} left out, the largest of {first:.1} mm3"))
+                .notice(format!("{path}: {n} loose pieces of {key} left out, the largest of {first:.1} mm3{resampled}"))
                 .file(path)
                 .of(key)
                 .count(n),
