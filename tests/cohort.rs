@@ -380,7 +380,7 @@ fn a_build_with_a_shared_prior_says_on_every_page_that_it_is_not_independent() {
     copy(one_knee::specimen(), &knee);
     write(&file, serde_json::to_vec(&made_prior(&knee)).unwrap());
     let mut command = build_model();
-    command.arg(&knee).args(["--quiet", "--to", "calibrate"]);
+    command.arg(&knee).arg("--quiet");
     let shared = format!("shared_prior={}", file.display());
     for set in QUICK.into_iter().chain([shared.as_str()]) {
         command.args(["--set", &format!("calibrate.{set}")]);

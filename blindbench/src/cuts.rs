@@ -3,7 +3,7 @@
 use crate::asked::Hidden;
 use crate::hidden::{CUT, CUT_EFFECT};
 use crate::laboratory::Truth;
-use crate::score::{Said, Score};
+use crate::said::{Said, Score};
 
 /// Whether a state has a loss of a structure among its effects.
 fn is_loss_of(state: &[(String, Option<String>)], structure: &str) -> bool {

@@ -24,6 +24,7 @@ mod pose;
 mod read;
 pub mod reliability;
 mod rest;
+mod said;
 pub mod score;
 mod share;
 pub mod surfaces;
